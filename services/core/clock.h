@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// Time. Leases, rates and deadlines use the monotonic clock; wall-clock stamps are only for people.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+
+namespace etude {
+
+using MonotonicClock = std::chrono::steady_clock;
+
+/// Nanoseconds of the monotonic clock (meaningful within one host only).
+inline std::uint64_t MonotonicNs() {
+  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(
+                                        MonotonicClock::now().time_since_epoch())
+                                        .count());
+}
+
+/// Seconds of CPU-independent elapsed time, for measuring.
+class Stopwatch {
+ public:
+  double Seconds() const {
+    return std::chrono::duration<double>(MonotonicClock::now() - start_).count();
+  }
+  void Restart() { start_ = MonotonicClock::now(); }
+
+ private:
+  MonotonicClock::time_point start_ = MonotonicClock::now();
+};
+
+/// Wall-clock seconds since the epoch; only for stamps that people or TensorBoard read.
+double WallSeconds();
+/// "1:23:45" or "2:05".
+std::string FormatDuration(double seconds);
+
+}  // namespace etude

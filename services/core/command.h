@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// What every program of Etude does the same way: exit codes, the one catch-all, common options.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "services/core/result.h"
+
+namespace etude {
+
+/// 0 done; 2 usage (bad flag, file or key); 3 the machine cannot (no GL, no DDS, disk full);
+/// 1 anything else.
+enum ExitCode : int { kExitOk = 0, kExitFailure = 1, kExitUsage = 2, kExitMachine = 3 };
+
+int ExitCodeFor(const Error& error);
+
+/// Runs a program's body: installs the stop signals and the log, prints an Error once as
+/// "NAME: message", and turns what libraries throw past their owners into exit code 1.
+int RunMain(const std::string& name, const std::function<Status()>& body);
+
+/// Etude's version, "0.1.0"; peers of another version are refused by name.
+std::string Version();
+
+}  // namespace etude

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/core/file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+namespace etude {
+namespace {
+
+// A file descriptor that closes itself.
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) : fd_(fd) {}
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+// write(2) until all is written; false with errno set on failure
+bool WriteAll(int fd, const std::uint8_t* data, std::size_t size) {
+  while (size > 0) {
+    const ssize_t written = ::write(fd, data, size);
+    if (written < 0) {
+      if (errno == EINTR) continue;
+      return false;
+    }
+    data += written;
+    size -= static_cast<std::size_t>(written);
+  }
+  return true;
+}
+
+template <class Container>
+Result<Container> ReadWhole(const Path& path, std::uint64_t max_bytes) {
+  Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (file.get() < 0) return Fail(ErrnoError("open", path, errno));
+  struct stat info {};
+  if (::fstat(file.get(), &info) != 0) return Fail(ErrnoError("stat", path, errno));
+  if (static_cast<std::uint64_t>(info.st_size) > max_bytes)
+    return Fail(Code::kExhausted,
+                fmt::format("read '{}': {} bytes, more than the limit of {}", path.string(),
+                            info.st_size, max_bytes));
+  Container content;
+  content.resize(static_cast<std::size_t>(info.st_size));
+  std::size_t done = 0;
+  while (done < content.size()) {
+    const ssize_t got = ::read(file.get(), content.data() + done, content.size() - done);
+    if (got < 0) {
+      if (errno == EINTR) continue;
+      return Fail(ErrnoError("read", path, errno));
+    }
+    if (got == 0) break;
+    done += static_cast<std::size_t>(got);
+  }
+  content.resize(done);
+  return content;
+}
+
+}  // namespace
+
+Error ErrnoError(std::string_view attempted, const Path& path, int error_number) {
+  Code code = Code::kInternal;
+  switch (error_number) {
+    case ENOENT: code = Code::kNotFound; break;
+    case ENOSPC:
+    case EDQUOT:
+    case EROFS:
+    case EACCES:
+    case EPERM:
+    case EIO:
+    case EMFILE: code = Code::kUnavailable; break;
+    default: break;
+  }
+  return {code, fmt::format("{} '{}': {}", attempted, path.string(), std::strerror(error_number))};
+}
+
+Result<std::string> ReadTextFile(const Path& path, std::uint64_t max_bytes) {
+  return ReadWhole<std::string>(path, max_bytes);
+}
+
+Result<std::vector<std::uint8_t>> ReadBinaryFile(const Path& path, std::uint64_t max_bytes) {
+  return ReadWhole<std::vector<std::uint8_t>>(path, max_bytes);
+}
+
+Status MakeFolders(const Path& folder) {
+  if (folder.empty()) return {};
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return Fail(ErrnoError("make folder", folder, error.value()));
+  return {};
+}
+
+Status SyncFolder(const Path& folder) {
+  const Path name = folder.empty() ? Path(".") : folder;
+  Descriptor handle(::open(name.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (handle.get() < 0) return Fail(ErrnoError("open folder", name, errno));
+  if (::fsync(handle.get()) != 0) return Fail(ErrnoError("fsync folder", name, errno));
+  return {};
+}
+
+Status SyncFile(const Path& path) {
+  Descriptor handle(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (handle.get() < 0) return Fail(ErrnoError("open", path, errno));
+  if (::fsync(handle.get()) != 0) return Fail(ErrnoError("fsync", path, errno));
+  return {};
+}
+
+Status WriteFileAtomically(const Path& path, std::span<const std::uint8_t> bytes) {
+  ETUDE_RETURN_IF_ERROR(MakeFolders(path.parent_path()));
+  const Path temporary = path.string() + fmt::format(".tmp-{}", ::getpid());
+  {
+    Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+    if (file.get() < 0) return Fail(ErrnoError("create", temporary, errno));
+    if (!WriteAll(file.get(), bytes.data(), bytes.size()) || ::fsync(file.get()) != 0) {
+      const int error_number = errno;
+      ::unlink(temporary.c_str());
+      return Fail(ErrnoError("write", path, error_number));
+    }
+  }
+  if (::rename(temporary.c_str(), path.c_str()) != 0) {
+    const int error_number = errno;
+    ::unlink(temporary.c_str());
+    return Fail(ErrnoError("rename to", path, error_number));
+  }
+  return SyncFolder(path.parent_path());
+}
+
+Status WriteFileAtomically(const Path& path, std::string_view text) {
+  return WriteFileAtomically(
+      path, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+}
+
+Result<LineAppender> LineAppender::Open(const Path& path) {
+  ETUDE_RETURN_IF_ERROR(MakeFolders(path.parent_path()));
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  if (fd < 0) return Fail(ErrnoError("open", path, errno));
+  LineAppender appender(path, fd);
+
+  // end a line that a crash left torn, so that the next one stands alone
+  struct stat info {};
+  char last = '\n';
+  if (::fstat(fd, &info) == 0 && info.st_size > 0 && ::pread(fd, &last, 1, info.st_size - 1) == 1 &&
+      last != '\n') {
+    ETUDE_RETURN_IF_ERROR(appender.Append(""));
+  }
+  return appender;
+}
+
+LineAppender::LineAppender(LineAppender&& other) noexcept
+    : path_(std::move(other.path_)), fd_(std::exchange(other.fd_, -1)) {}
+
+LineAppender& LineAppender::operator=(LineAppender&& other) noexcept {
+  std::swap(path_, other.path_);
+  std::swap(fd_, other.fd_);
+  return *this;
+}
+
+LineAppender::~LineAppender() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+Status LineAppender::Append(std::string_view line) {
+  std::string text(line);
+  text += '\n';
+  if (!WriteAll(fd_, reinterpret_cast<const std::uint8_t*>(text.data()), text.size()))
+    return Fail(ErrnoError("append to", path_, errno));
+  return {};
+}
+
+Status LineAppender::Sync() {
+  if (::fsync(fd_) != 0) return Fail(ErrnoError("fsync", path_, errno));
+  return {};
+}
+
+bool IsPlainName(std::string_view name) {
+  return !name.empty() && name.size() <= 64 && std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+  });
+}
+
+}  // namespace etude

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// Durable files: what these functions report as written is on the disk.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "services/core/result.h"
+
+namespace etude {
+
+using Path = std::filesystem::path;
+
+/// `errno`'s text with what was attempted: "write '/d/x': No space left on device". Disk full and
+/// permission become kUnavailable, a missing file kNotFound.
+Error ErrnoError(std::string_view attempted, const Path& path, int error_number);
+
+/// @error kNotFound, kUnavailable; kExhausted when larger than `max_bytes`.
+Result<std::string> ReadTextFile(const Path& path, std::uint64_t max_bytes = 1ull << 30);
+Result<std::vector<std::uint8_t>> ReadBinaryFile(const Path& path,
+                                                 std::uint64_t max_bytes = 1ull << 34);
+
+/// Writes a whole file so that a reader sees the old one or the new one, never a part: temporary name
+/// in the same folder, fsync, rename, fsync of the folder. Makes missing parent folders.
+/// On error the old file is unchanged and no temporary file is left.
+Status WriteFileAtomically(const Path& path, std::span<const std::uint8_t> bytes);
+Status WriteFileAtomically(const Path& path, std::string_view text);
+
+/// Makes a rename or a new file in `folder` durable.
+Status SyncFolder(const Path& folder);
+/// fsyncs an existing file.
+Status SyncFile(const Path& path);
+Status MakeFolders(const Path& folder);
+
+/// Appends whole lines to a text file, e.g. JSONL; opened once, each Append is one write(2).
+/// Not thread-safe.
+class LineAppender {
+ public:
+  static Result<LineAppender> Open(const Path& path);
+  LineAppender(LineAppender&& other) noexcept;
+  LineAppender& operator=(LineAppender&& other) noexcept;
+  ~LineAppender();
+
+  /// Writes `line` and a newline. A torn last line of an earlier crash is ended first, at Open.
+  Status Append(std::string_view line);
+  Status Sync();
+
+ private:
+  LineAppender(Path path, int fd) : path_(std::move(path)), fd_(fd) {}
+  Path path_;
+  int fd_ = -1;
+};
+
+/// True when `name` is fit to be a campaign, run or object name: [a-z0-9_-]{1,64}. Keeps names from
+/// being paths.
+bool IsPlainName(std::string_view name);
+
+}  // namespace etude

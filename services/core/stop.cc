@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/core/stop.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+
+#include "services/core/check.h"
+
+namespace etude {
+namespace {
+
+std::atomic<bool> stop_requested{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+// a pipe that becomes readable with the stop, so that waiting needs no polling interval
+int* StopPipe() {
+  static int fds[2] = {-1, -1};
+  static const bool opened = [] {
+    ETUDE_CHECK(::pipe2(fds, O_CLOEXEC | O_NONBLOCK) == 0, "errno={}", errno);
+    return true;
+  }();
+  (void)opened;
+  return fds;
+}
+
+void OnSignal(int signal_number) {
+  if (stop_requested.load()) {
+    ::signal(signal_number, SIG_DFL);
+    ::raise(signal_number);
+    return;
+  }
+  RequestStop();
+}
+
+}  // namespace
+
+void InstallStopSignals() {
+  StopPipe();
+  struct sigaction action {};
+  action.sa_handler = OnSignal;
+  ::sigaction(SIGINT, &action, nullptr);
+  ::sigaction(SIGTERM, &action, nullptr);
+  ::signal(SIGPIPE, SIG_IGN);
+}
+
+bool StopRequested() { return stop_requested.load(std::memory_order_relaxed); }
+
+void RequestStop() {
+  const int saved_errno = errno;
+  stop_requested.store(true);
+  const char byte = 1;
+  // a full pipe is already readable
+  [[maybe_unused]] const auto written = ::write(StopPipe()[1], &byte, 1);
+  errno = saved_errno;
+}
+
+bool WaitForStop(std::chrono::nanoseconds timeout) {
+  if (StopRequested()) return true;
+  pollfd readable{StopPipe()[0], POLLIN, 0};
+  const auto ns = timeout.count();
+  const timespec duration{ns / 1'000'000'000, ns % 1'000'000'000};
+  ::ppoll(&readable, 1, &duration, nullptr);
+  return StopRequested();
+}
+
+}  // namespace etude

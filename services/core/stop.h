@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// Asking a process to stop: SIGINT and SIGTERM set one flag; long work looks at it and drains.
+#pragma once
+
+#include <chrono>
+
+namespace etude {
+
+/// Installs handlers for SIGINT and SIGTERM that request a stop (a second signal ends the process at
+/// once) and ignores SIGPIPE. Call once, first thing in main.
+void InstallStopSignals();
+
+/// True after a signal or RequestStop(). Async-signal-safe, thread-safe.
+bool StopRequested();
+void RequestStop();
+
+/// Waits until a stop is requested or `timeout` is over; returns StopRequested().
+bool WaitForStop(std::chrono::nanoseconds timeout);
+
+}  // namespace etude

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/episode/campaign_spec.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "services/core/check.h"
+#include "services/core/hash.h"
+#include "services/core/rng.h"
+
+namespace etude {
+namespace {
+
+const std::vector<std::string> kModes{"demonstrate", "rollout"};
+const std::vector<std::string> kRobots{"ur5"};
+const std::vector<std::string> kTasks{"pick", "push", "put_down"};
+const std::vector<std::string> kObjects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};
+
+void CheckKnown(const char* key, const std::string& value, const std::vector<std::string>& known,
+                std::vector<std::string>& errors) {
+  if (std::find(known.begin(), known.end(), value) != known.end()) return;
+  const std::string nearest = NearestMatch(value, known);
+  errors.push_back(fmt::format("{}: '{}' is not known{}; known: {}", key, value,
+                               nearest.empty() ? "" : fmt::format(", did you mean '{}'?", nearest),
+                               fmt::join(known, ", ")));
+}
+
+}  // namespace
+
+Status CampaignSpec::Validate() const {
+  std::vector<std::string> errors;
+  const auto require = [&](bool good, const std::string& message) {
+    if (!good) errors.push_back(message);
+  };
+  require(IsPlainName(name), fmt::format("name: '{}' must match [a-z0-9_-]{{1,64}}", name));
+  CheckKnown("mode", mode, kModes, errors);
+  CheckKnown("robot", robot, kRobots, errors);
+  require(!tasks.empty(), "tasks: at least one");
+  for (const auto& task : tasks) CheckKnown("tasks", task, kTasks, errors);
+  require(task_weights.empty() || task_weights.size() == tasks.size(),
+          fmt::format("task_weights: {} for {} tasks", task_weights.size(), tasks.size()));
+  for (double weight : task_weights)
+    require(std::isfinite(weight) && weight > 0, fmt::format("task_weights: {} must be > 0", weight));
+  require(!objects.empty() && objects.size() <= 6, "objects: between 1 and 6 of them");
+  for (const auto& object : objects) CheckKnown("objects", object, kObjects, errors);
+  require(std::set<std::string>(objects.begin(), objects.end()).size() == objects.size(),
+          "objects: each at most once");
+  require(episodes >= 1 && episodes <= 10'000'000, fmt::format("episodes: {} not in 1..10^7", episodes));
+  require(image_stride >= 1 && image_stride <= 125,
+          fmt::format("image_stride: {} not in 1..125", image_stride));
+  require(max_attempts >= 1 && max_attempts <= 1000,
+          fmt::format("max_attempts: {} not in 1..1000", max_attempts));
+  const auto pixels_ok = [](int n) { return n >= 16 && n <= 2048; };
+  require(pixels_ok(camera.width) && pixels_ok(camera.height),
+          fmt::format("camera: {}x{} not in 16..2048", camera.width, camera.height));
+  require(camera.fovy_deg > 1 && camera.fovy_deg < 170, "camera.fovy_deg: not in 1..170");
+  require(camera.position.size() == 3, "camera.position: three numbers");
+  require(camera.euler.size() == 3, "camera.euler: three numbers");
+  const auto in_range = [&](const char* key, double value, double high) {
+    require(value >= 0 && value <= high, fmt::format("randomization.{}: {} not in 0..{}", key, value, high));
+  };
+  in_range("yaw", randomization.yaw, 3.2);
+  in_range("start_position", randomization.start_position, 0.3);
+  in_range("start_orientation", randomization.start_orientation, 0.8);
+  in_range("disturbance", randomization.disturbance, 0.2);
+  in_range("disturbance_probability", randomization.disturbance_probability, 1);
+  in_range("light", randomization.light, 1);
+  if (mode == "rollout") {
+    require(IsPlainName(rollout.run), fmt::format("rollout.run: '{}' must be a run's name", rollout.run));
+    require(rollout.replan_steps >= 1 && rollout.replan_steps <= 120,
+            fmt::format("rollout.replan_steps: {} not in 1..120", rollout.replan_steps));
+    require(rollout.max_steps >= 1 && rollout.max_steps <= 100'000,
+            fmt::format("rollout.max_steps: {} not in 1..100000", rollout.max_steps));
+  }
+  require(split.train >= 0 && split.valid >= 0 && split.test >= 0 &&
+              split.train + split.valid + split.test > 0,
+          "split: fractions must be >= 0 and not all 0");
+  if (errors.empty()) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("campaign '{}': {}", name, fmt::join(errors, "; ")));
+}
+
+std::string SpecHash(const CampaignSpec& spec) {
+  OrderedJson json = ToJson(spec);
+  for (const char* key : {"name", "episodes", "split", "max_attempts"}) json.erase(key);
+  return Sha256Hex(json.dump());
+}
+
+std::uint64_t EpisodeSeed(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt) {
+  return MixSeed({spec.seed, index, attempt}, "episode");
+}
+
+std::string TaskOf(const CampaignSpec& spec, std::uint64_t index) {
+  ETUDE_CHECK(!spec.tasks.empty());
+  if (spec.task_weights.empty()) return spec.tasks[index % spec.tasks.size()];
+
+  // Largest deficit first (as in smooth weighted round-robin): after any prefix, every task's count is
+  // within one of its share. The pattern repeats once all shares are whole numbers; 1000 is a bound.
+  double total = 0;
+  for (double weight : spec.task_weights) total += weight;
+  std::vector<double> credit(spec.tasks.size(), 0.0);
+  std::size_t chosen = 0;
+  for (std::uint64_t i = 0; i <= index % 1000; ++i) {
+    for (std::size_t k = 0; k < credit.size(); ++k) credit[k] += spec.task_weights[k] / total;
+    chosen = static_cast<std::size_t>(std::max_element(credit.begin(), credit.end()) - credit.begin());
+    credit[chosen] -= 1.0;
+  }
+  return spec.tasks[chosen];
+}
+
+std::string SplitOf(const CampaignSpec& spec, std::uint64_t index) {
+  const double total = spec.split.train + spec.split.valid + spec.split.test;
+  const double draw = Rng(MixSeed({spec.seed, index}, "split")).Uniform() * total;
+  if (draw < spec.split.train) return "train";
+  return draw < spec.split.train + spec.split.valid ? "valid" : "test";
+}
+
+}  // namespace etude
