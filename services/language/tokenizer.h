@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// Text -> feature ids for the default language encoder: hashed words, character n-grams and word pairs,
+// so that typos and unseen words still land near what was learned (after fastText, Bojanowski et al. 2017).
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace etude::language {
+
+struct TokenizerConfig {
+  int buckets = 8192;      ///< ids are in [0, buckets)
+  int min_ngram = 3;       ///< characters, on "<word>"
+  int max_ngram = 5;
+  int max_words = 32;      ///< longer sentences are cut
+};
+
+/// One word's features: the word itself, its character n-grams, and the pair with the word before it.
+using WordFeatures = std::vector<std::int64_t>;
+
+/// Normalises (lower case, punctuation to spaces, collapsed spaces) and hashes. Pure, thread-safe, the
+/// same on every machine. An empty sentence gives one word with one feature.
+std::vector<WordFeatures> Tokenize(std::string_view sentence, const TokenizerConfig& config);
+
+/// "  Pick UP the Coke-can! " -> "pick up the coke can"
+std::string Normalize(std::string_view sentence);
+
+}  // namespace etude::language

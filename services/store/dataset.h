@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// A dataset on disk: robomimic's HDF5 layout, one file an episode. The file's existence is the commit.
+//
+//   DATASET/
+//     dataset.json                campaign spec as resolved, schema version, statistics; by rename
+//     episodes/000/000123.hdf5    one episode: temp name -> fsync -> rename -> fsync folder
+//     dataset.hdf5                /data/demo_<i> external links to the files above; /mask/{train,valid,test}
+//     attempts.jsonl              every failed attempt: index, attempt, seed, outcome, details
+//     quarantine/                 what verify moved aside
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "services/core/file.h"
+#include "services/core/result.h"
+#include "services/episode/campaign_spec.h"
+#include "services/episode/episode.h"
+
+namespace etude::store {
+
+inline constexpr int kSchemaVersion = 1;
+
+/// DATASET/episodes/000/000123.hdf5
+Path EpisodePath(const Path& dataset, std::uint64_t index);
+
+/// The one writer of a dataset (a lock file keeps a second one out). Thread safety: one thread at a time.
+class DatasetWriter {
+ public:
+  /// Makes the dataset, or opens it to resume. Temporary files of a crash are removed.
+  /// @error kInvalidArgument when it was made from another spec (says which keys differ), kUnavailable
+  /// when another process writes it or the disk refuses.
+  static Result<DatasetWriter> Open(const Path& dataset, const CampaignSpec& spec);
+  DatasetWriter(DatasetWriter&&) noexcept;
+  DatasetWriter& operator=(DatasetWriter&&) noexcept;
+  ~DatasetWriter();
+
+  const std::set<std::uint64_t>& committed() const;
+  bool Contains(std::uint64_t index) const;
+
+  /// Durable when it returns. On error nothing of the episode is visible and the dataset is as before;
+  /// kUnavailable (disk full) may be tried again.
+  Status Commit(const Episode& episode);
+  /// Appends to attempts.jsonl.
+  Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
+                       const std::string& details_json);
+  /// Rewrites dataset.hdf5 (links and masks) and dataset.json (statistics), each by rename. Call now and
+  /// then and at the end; everything in it is derived from the episode files.
+  Status WriteMaster();
+
+ private:
+  struct Impl;
+  explicit DatasetWriter(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Where one frame's zlib stream lies in its episode file.
+struct FrameLocation {
+  std::uint64_t offset = 0;
+  std::uint32_t size = 0;
+};
+
+/// An episode without its pictures, plus where they are: what a trainer keeps in memory.
+struct EpisodeRecord {
+  Path path;
+  Episode episode;                                      ///< cameras have no frames
+  std::vector<std::vector<FrameLocation>> frames;       ///< [camera][frame]
+};
+
+/// Reads a dataset, also while it grows. Const methods are thread-safe.
+class DatasetReader {
+ public:
+  /// @error kNotFound, kCorrupt (dataset.json), kInvalidArgument for a newer schema.
+  static Result<DatasetReader> Open(const Path& dataset);
+
+  const Path& path() const { return path_; }
+  const CampaignSpec& spec() const { return spec_; }
+  /// Indices of the episode files there now, ascending (reads the folders).
+  Result<std::vector<std::uint64_t>> List() const;
+  /// @error kCorrupt with the file and what is wrong; other files are not affected.
+  Result<EpisodeRecord> Read(std::uint64_t index) const;
+  /// The whole episode, with pictures (still deflated).
+  Result<Episode> ReadWhole(std::uint64_t index) const;
+
+ private:
+  Path path_;
+  CampaignSpec spec_;
+};
+
+/// Inflates one zlib stream (libdeflate) into exactly `size` bytes. Thread-safe.
+/// @error kCorrupt
+Status InflateFrame(std::span<const std::uint8_t> stream, std::span<std::uint8_t> pixels);
+/// zlib stream of `pixels` at a fast level; deterministic. Thread-safe.
+std::vector<std::uint8_t> DeflateFrame(std::span<const std::uint8_t> pixels);
+
+/// Reads frames by file offset, with no HDF5 and no lock: pread + inflate. Thread-safe.
+class FrameReader {
+ public:
+  /// @error kCorrupt, kNotFound
+  static Status Read(const Path& file, const FrameLocation& location, std::span<std::uint8_t> pixels);
+};
+
+struct VerifyReport {
+  std::uint64_t good = 0;
+  struct Bad {
+    Path path;
+    std::string reason;
+  };
+  std::vector<Bad> bad;
+};
+
+enum class Quarantine { kNo, kYes };
+
+/// Reads every byte of every episode (checksums, every frame inflated, row counts). With kYes bad files
+/// are moved to quarantine/, so that a collector that resumes makes them again.
+Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine);
+
+/// SHA-256 over (index, content) of every episode in order: independent of who made it and when.
+Result<std::string> HashDataset(const Path& dataset);
+
+/// Counts per task, target, split; steps, frames, bytes; failures by reason; feature table.
+Result<OrderedJson> DatasetInfo(const Path& dataset);
+
+}  // namespace etude::store

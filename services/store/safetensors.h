@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// safetensors files: u64 header size | JSON header | packed little-endian tensors. No code is ever run
+// from a file. Source: the format's README (huggingface/safetensors).
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "services/core/file.h"
+#include "services/core/result.h"
+
+namespace etude::store {
+
+enum class DType { kF32, kF16, kBF16, kF64, kI64, kI32, kU8, kBool };
+
+std::size_t SizeOf(DType dtype);
+std::string_view ToString(DType dtype);  ///< "F32", ...
+
+struct Tensor {
+  DType dtype = DType::kF32;
+  std::vector<std::int64_t> shape;
+  std::vector<std::uint8_t> data;   ///< row-major, little-endian
+};
+
+struct Safetensors {
+  std::map<std::string, std::string> metadata;   ///< __metadata__
+  std::map<std::string, Tensor> tensors;
+};
+
+/// The bytes are a pure function of the content (names in order, header padded to 8).
+std::vector<std::uint8_t> EncodeSafetensors(const Safetensors& content);
+
+/// @error kCorrupt: header too long (limit 100 MB), not JSON, offsets out of range, overlapping or with
+/// holes, duplicate names, sizes that do not fit shape and dtype. Nothing is allocated before it is checked.
+Result<Safetensors> DecodeSafetensors(std::span<const std::uint8_t> bytes);
+
+Status WriteSafetensors(const Path& path, const Safetensors& content);
+Result<Safetensors> ReadSafetensors(const Path& path);
+
+}  // namespace etude::store
