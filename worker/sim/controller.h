@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Operational-space control of the tool (Khatib 1987): torques that move E like a unit-mass spring-damper.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "services/episode/pose.h"
+
+namespace etude::sim {
+
+struct ControllerConfig {
+  double kp = 400;             ///< 1/s^2, position stiffness
+  double kv = 40;              ///< 1/s, damping (critical: 2 sqrt(kp))
+  double ko = 400;             ///< 1/s^2, orientation stiffness
+  double max_linear = 0.5;     ///< m/s: errors are saturated so that the spring never drives faster
+  double max_angular = 2.0;    ///< rad/s
+  double null_kv = 10;         ///< 1/s, joint damping in the null space
+};
+
+/// What the controller needs to know at one instant. All in world.
+struct ControlState {
+  Pose X_WE;
+  Eigen::VectorXd v;        ///< (n) joint velocities
+  Eigen::MatrixXd J;        ///< (6, n) geometric Jacobian of E, linear rows first
+  Eigen::MatrixXd M;        ///< (n, n) joint-space inertia
+  Eigen::VectorXd bias;     ///< (n) Coriolis, centrifugal, gravity
+};
+
+/// Joint torques (n), N m:
+///   tau = J^T Lambda (kp e_p + kv (V_ref - J v)) + bias + N^T(-null_kv M v)
+/// with Lambda = (J M^-1 J^T)^-1 (damped near singularities) and the full rotation vector as error.
+Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X_WE_target,
+                                        const Eigen::Matrix<double, 6, 1>& V_WE_target,
+                                        const ControllerConfig& config);
+
+}  // namespace etude::sim

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// Headless rendering: EGL (surfaceless) and, where that fails, OSMesa; software is good enough.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "worker/sim/world.h"
+
+namespace etude::sim {
+
+struct RendererConfig {
+  std::string backend = "auto";   ///< auto | egl | osmesa
+  int samples = 0;                ///< multisamples; 0 is 2.5x faster than 4 (measured)
+  bool shadows = false;
+};
+
+/// A GL context, its framebuffer and MuJoCo's render state. Use from the thread that made it only.
+class Renderer {
+ public:
+  /// @error kUnavailable: no GL; says what was tried and which package to install.
+  static Result<Renderer> Open(std::shared_ptr<const Scene> scene, const RendererConfig& config = {});
+  Renderer(Renderer&&) noexcept;
+  Renderer& operator=(Renderer&&) noexcept;
+  ~Renderer();
+
+  /// Picture of the scene's camera: RGB, camera.height * camera.width * 3 bytes, top row first.
+  void Render(const World& world, std::span<std::uint8_t> rgb);
+  /// A view for people from a free camera looking at `lookat` (videos, README pictures).
+  void RenderView(const World& world, const Camera& view, std::span<std::uint8_t> rgb);
+  /// Segmentation of the scene's camera: body id per pixel, -1 background; top row first.
+  void RenderSegmentation(const World& world, std::span<std::int32_t> body_ids);
+
+  const std::string& backend() const;      ///< "egl" | "osmesa"
+  const std::string& gl_renderer() const;  ///< what the driver calls itself
+
+ private:
+  struct Impl;
+  explicit Renderer(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace etude::sim

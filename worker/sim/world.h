@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+// The state of one simulation. One World per thread; the Scene is shared.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "services/episode/action.h"
+#include "worker/sim/scene.h"
+
+namespace etude::sim {
+
+/// Physics runs at 500 Hz: 4 steps per control step of 8 ms.
+inline constexpr int kPhysicsStepsPerControl = 4;
+
+class World {
+ public:
+  explicit World(std::shared_ptr<const Scene> scene);
+  World(World&&) noexcept;
+  ~World();
+
+  const Scene& scene() const { return *scene_; }
+
+  /// Everything to the model's initial state: home arm, open gripper, zero velocities and warm starts.
+  /// After Reset the future depends only on what is set and commanded next.
+  void Reset();
+  void SetArm(const Eigen::VectorXd& q);
+  void SetObject(const std::string& name, const Pose& X_WO);
+  /// Recomputes positions and contacts after Set*, without moving time.
+  void Forward();
+
+  /// One control step (8 ms): operational-space control towards `target` (see controller.h), then
+  /// kPhysicsStepsPerControl physics steps with the torques recomputed at each.
+  /// @param V_WE  feed-forward of the path, linear m/s then angular rad/s; zero to hold
+  void Step(const Waypoint& target, const Eigen::Matrix<double, 6, 1>& V_WE);
+
+  Eigen::VectorXd q() const;                 ///< arm joints (nq), rad
+  Eigen::VectorXd v() const;                 ///< arm joints (nv), rad/s
+  Eigen::VectorXd gripper_q() const;         ///< driven gripper joints
+  Pose X_WE() const;                         ///< tool site in world
+  Pose ObjectPose(const std::string& name) const;
+  std::vector<float> StateVector() const;    ///< qpos and qvel
+  double time() const;                       ///< s
+  /// False once MuJoCo warned of NaN, a huge value or a full buffer since Reset: the attempt is void.
+  bool healthy() const;
+
+  /// Names of bodies in contact with `body` now.
+  std::vector<std::string> ContactsOf(const std::string& body) const;
+  /// True when the two fingers both touch `object`.
+  bool Grasped(const std::string& object) const;
+
+  struct State;                              ///< holds the mjData
+  State& state() { return *state_; }
+  const State& state() const { return *state_; }
+
+ private:
+  std::shared_ptr<const Scene> scene_;
+  std::unique_ptr<State> state_;
+};
+
+/// Kinematics of the arm apart from the simulation (own mjData). One per thread.
+class Kinematics {
+ public:
+  explicit Kinematics(std::shared_ptr<const Scene> scene);
+  Kinematics(Kinematics&&) noexcept;
+  ~Kinematics();
+
+  /// Tool pose at q (nq).
+  Pose X_WE(const Eigen::VectorXd& q);
+  /// Geometric Jacobian of the tool at q: (6, nq), linear rows first, in world.
+  Eigen::MatrixXd Jacobian(const Eigen::VectorXd& q);
+  /// Pose of every body of `bodies` at q with the gripper at `gripper` (0 open .. 1 closed).
+  std::vector<Pose> BodyPoses(const Eigen::VectorXd& q, double gripper,
+                              const std::vector<std::string>& bodies);
+  /// Inverse kinematics near `q_seed` (damped least squares within joint limits).
+  /// @returns the solution, or nothing when it does not come within 0.5 mm and 2 mrad.
+  std::optional<Eigen::VectorXd> Solve(const Pose& X_WE, const Eigen::VectorXd& q_seed);
+
+ private:
+  struct State;
+  std::shared_ptr<const Scene> scene_;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace etude::sim
