@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+// A policy as data: the module graph, the encoders and their sizes. trainer/experiments/*.yaml are such
+// files, and so is every ablation. No torch here.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "services/core/config.h"
+
+namespace etude::policy {
+
+/// One layer of an image encoder: conv (+ norm + ReLU), or a residual block of two 3x3 convs.
+struct ImageLayer {
+  std::string kind = "conv";     ///< conv | residual
+  int channels = 32;
+  int kernel = 3;                ///< conv only
+  int stride = 1;                ///< conv only
+  std::string norm = "batch";    ///< batch | instance | none
+  std::string padding = "zeros"; ///< zeros | reflect
+
+  template <class V>
+  void Visit(V& v) {
+    v("kind", kind);
+    v("channels", channels);
+    v("kernel", kernel);
+    v("stride", stride);
+    v("norm", norm);
+    v("padding", padding);
+  }
+};
+
+struct ImageConfig {
+  /// Region of the camera's picture that the network sees, px: u0, v0, width, height.
+  std::vector<int> crop{41, 75, 144, 80};
+  std::vector<ImageLayer> layers;
+  std::string position = "fourier";  ///< fourier (absolute pixel coordinates) | index (the original's)
+
+  template <class V>
+  void Visit(V& v) {
+    v("crop", crop);
+    v("layers", layers);
+    v("position", position);
+  }
+};
+
+struct LanguageConfig {
+  std::string encoder = "default";   ///< default (trained along) | clip:DIR
+  int buckets = 8192;                ///< hashed features, see services/language/tokenizer.h
+  int width = 64;                    ///< word vector
+  int hidden = 128;
+
+  template <class V>
+  void Visit(V& v) {
+    v("encoder", encoder);
+    v("buckets", buckets);
+    v("width", width);
+    v("hidden", hidden);
+  }
+};
+
+/// What a module decodes its register into.
+struct DecoderConfig {
+  /// Label it is trained on (trainer/data/labels.h): target_class, target_pixel, target_position, target_pose,
+  /// ee_pixel, ee_position, ee_pose, displacement, trajectory. Empty: no decoder.
+  std::string target;
+  std::vector<int> hidden;           ///< widths of hidden layers
+  /// What it reads, concatenated: register, soft_argmax, joints, language, pixel:MODULE, position:MODULE
+  /// (decoded outputs of modules of a lower level).
+  std::vector<std::string> inputs{"register"};
+  /// trajectory only: waypoints are offsets from this module's decoded position; empty: absolute.
+  std::string relative_to;
+  double weight = 1;                 ///< of its loss
+
+  template <class V>
+  void Visit(V& v) {
+    v("target", target);
+    v("hidden", hidden);
+    v("inputs", inputs);
+    v("relative_to", relative_to);
+    v("weight", weight);
+  }
+};
+
+/// A subtask: a query attends, is supervised where to attend, and decodes.
+struct ModuleConfig {
+  std::string name;                  ///< LANG, EE2D, TAR2D, ...
+  int level = 1;                     ///< order of evaluation; also the curriculum's subtask by default
+  std::string query;                 ///< "" own learned register; else a module of a lower level
+  /// Keys it may read: image, language, joints, self, and modules of lower levels; "all" = everything.
+  std::vector<std::string> reads{"all"};
+  /// Supervised attention: the summed attention on this key set is driven to 1. language, joints, self,
+  /// MODULE, or image@LABEL with a pixel label (image@target_pixel). Empty: not supervised.
+  std::vector<std::string> attend;
+  double attend_weight = 1;
+  DecoderConfig decoder;
+
+  template <class V>
+  void Visit(V& v) {
+    v("name", name);
+    v("level", level);
+    v("query", query);
+    v("reads", reads);
+    v("attend", attend);
+    v("attend_weight", attend_weight);
+    v("decoder", decoder);
+  }
+};
+
+struct PolicyConfig {
+  std::string name = "compact";
+  ImageConfig image;
+  LanguageConfig language;
+  std::vector<int> joint_hidden{128, 128};   ///< joint encoder, then `width`
+  int width = 64;                            ///< d, of every token and register
+  int heads = 4;
+  std::string attention = "module";          ///< module (own parameters) | shared (the paper's, per level)
+  std::string attention_loss = "log";        ///< log (bounded gradients) | mse (the original's (sum - 1)^2)
+  std::string activation = "silu";           ///< silu | selu | relu, of decoders and joint encoder
+  std::vector<std::string> objects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};  ///< LANG's classes
+  std::string precision = "bf16";            ///< bf16 (autocast, convolutions) | float32
+  std::vector<ModuleConfig> modules;
+
+  template <class V>
+  void Visit(V& v) {
+    v("name", name);
+    v("image", image);
+    v("language", language);
+    v("joint_hidden", joint_hidden);
+    v("width", width);
+    v("heads", heads);
+    v("attention", attention);
+    v("attention_loss", attention_loss);
+    v("activation", activation);
+    v("objects", objects);
+    v("precision", precision);
+    v("modules", modules);
+  }
+
+  /// All problems at once: names, levels (no cycles), reads, labels, sizes.
+  Status Validate() const;
+};
+
+}  // namespace etude::policy
