@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// The owner of a campaign: leases work, checks and commits episodes, acknowledges what is durable.
+//
+//   ETUDE_ASSIGN_OR_RETURN(auto collector, Collector::Open(participant, spec, "out/data"));
+//   ETUDE_RETURN_IF_ERROR(collector.Run());   // or on a thread of its own, as the trainer does
+//
+// Promises: an episode is acknowledged only after it is durable; an index is committed once; a collector
+// that is killed and started again on the same folder continues, with larger fencing tokens.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "services/bus/participant.h"
+#include "services/campaign/sink.h"
+#include "services/core/file.h"
+#include "services/core/result.h"
+#include "services/episode/campaign_spec.h"
+
+namespace etude::campaign {
+
+struct CollectorOptions {
+  std::chrono::milliseconds lease{10'000};         ///< a worker silent for this long loses its work
+  std::chrono::milliseconds status_every{1'000};
+  std::chrono::milliseconds master_every{30'000};  ///< dataset.hdf5 and statistics
+  std::chrono::milliseconds retry_commit{1'000};   ///< after a full disk
+  std::chrono::milliseconds linger{2'000};         ///< at the end, to tell workers that it is done
+  std::uint64_t max_in_flight = 1024;              ///< leases out at once
+};
+
+/// A snapshot of how far a campaign is.
+struct CollectorProgress {
+  std::uint64_t committed = 0, total = 0, given_up = 0;
+  std::uint64_t attempts = 0;                      ///< committed + failed, this and earlier runs
+  std::map<std::string, std::uint64_t> failures;   ///< typed reason -> count
+  std::uint64_t lost_leases = 0;                   ///< workers that died or fell silent
+  std::uint64_t stale_results = 0;                 ///< refused: an old fencing token
+  std::uint64_t duplicates = 0;
+  std::uint64_t refused = 0;                       ///< episodes that did not fit
+  std::uint32_t workers = 0;                       ///< heard within the last seconds
+  double episodes_per_minute = 0;                  ///< over the last minute
+  double eta_s = 0;                                ///< 0: unknown
+  double elapsed_s = 0;
+  std::string error;                               ///< e.g. disk full: committing waits
+  bool complete = false;
+};
+
+/// Thread safety: Run() from one thread; everything else from any.
+class Collector {
+ public:
+  /// Opens (or resumes) the folder by spec.mode and joins the bus under partition spec.name.
+  /// @error of the store (kInvalidArgument: made from another spec; kUnavailable: locked, disk) or the bus.
+  static Result<Collector> Open(const bus::Participant& participant, const CampaignSpec& spec,
+                                const Path& folder, const CollectorOptions& options = {});
+  /// With a sink of the caller's own.
+  static Result<Collector> Open(const bus::Participant& participant, const CampaignSpec& spec,
+                                std::unique_ptr<EpisodeSink> sink, const CollectorOptions& options = {});
+  Collector(Collector&&) noexcept;
+  Collector& operator=(Collector&&) noexcept;
+  ~Collector();
+
+  /// Blocks until every index is committed or given up, Stop() is called or the process is asked to stop.
+  /// Always leaves the folder complete in itself (master file written). A stop is no error.
+  Status Run();
+  void Stop();
+
+  CollectorProgress progress() const;
+  /// The caller knows that `worker` is dead (it was its child): its lease is free at once.
+  void ForgetWorker(const std::string& worker);
+
+ private:
+  struct Impl;
+  explicit Collector(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace etude::campaign

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// Who works on what: leases of (index, attempt) with fencing tokens. Pure: time is an argument, nothing
+// is sent or stored, so every property is testable without a bus.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "services/core/clock.h"
+
+namespace etude::campaign {
+
+struct LeaseTableConfig {
+  std::uint64_t total = 0;            ///< indices 0 .. total-1
+  std::uint32_t max_attempts = 10;    ///< failed attempts per index; then it is given up
+  std::uint64_t max_in_flight = 1024; ///< leases out at once
+  std::chrono::nanoseconds duration{std::chrono::seconds(10)};  ///< without renewal
+  /// High half of every token. Grows with each start of the collector, so that tokens of an earlier life
+  /// are smaller than all of this one's.
+  std::uint64_t epoch = 1;
+};
+
+/// What a worker may do next.
+struct Grant {
+  enum class Kind { kWork, kWait, kDone };
+  Kind kind = Kind::kWait;
+  std::uint64_t index = 0;
+  std::uint32_t attempt = 0;
+  std::uint64_t token = 0;
+};
+
+/// How a result or a report stands to the lease it names.
+enum class Standing {
+  kCurrent,    ///< the newest lease of its index
+  kCommitted,  ///< the index is already committed
+  kStale,      ///< a newer token was issued, or the lease was ended: refuse
+};
+
+/// Leases every index until it is committed or given up. Invariants: at most one token of an index is
+/// current; tokens grow strictly; attempt k+1 is leased only after attempt k failed with a current token,
+/// so that which attempt is committed does not depend on who worked when. Not thread-safe.
+class LeaseTable {
+ public:
+  using Time = MonotonicClock::time_point;
+
+  explicit LeaseTable(const LeaseTableConfig& config);
+
+  /// Resuming: what an earlier life of the collector left. Call before the first Request.
+  void RestoreCommitted(std::uint64_t index);
+  void RestoreFailures(std::uint64_t index, std::uint32_t failures, std::uint32_t next_attempt);
+
+  /// Work for `worker`: the lease it already holds (renewed), else the lowest free index.
+  Grant Request(const std::string& worker, Time now);
+  /// A heartbeat that names `token`; false when that lease is not current.
+  bool Renew(std::uint64_t index, std::uint64_t token, Time now);
+  /// Makes leases that were not renewed in time free again; returns how many. Their tokens stay current
+  /// until the index is leased again: a late result is then still the newest there is.
+  int Expire(Time now);
+
+  Standing Check(std::uint64_t index, std::uint32_t attempt, std::uint64_t token) const;
+
+  /// The index is durable. Any token of it is stale from now on.
+  void Commit(std::uint64_t index);
+  enum class Retry { kNextAttempt, kSameAttempt };
+  /// A failed attempt with a current token (Check first). Frees the index with the next attempt, or gives
+  /// it up when max_attempts have failed.
+  void Fail(std::uint64_t index, Retry retry);
+  /// The holder of the current token gives the work back undone: free again, nothing counted.
+  void HandBack(std::uint64_t index);
+  /// The worker is known to be dead: as HandBack for the leases it holds, but each counts as a loss.
+  void ForgetWorker(const std::string& worker);
+
+  bool complete() const { return committed_count_ + given_up_ == config_.total; }
+  std::uint64_t committed() const { return committed_count_; }
+  std::uint64_t given_up() const { return given_up_; }
+  std::uint64_t in_flight() const { return live_.size(); }
+  /// Leases that ended without a word of their holder.
+  std::uint64_t lost() const { return lost_; }
+
+ private:
+  struct Entry {
+    std::uint32_t attempt = 0;
+    std::uint32_t failures = 0;
+    std::uint32_t losses = 0;      ///< leases that expired; such an index yields to others
+    std::uint64_t token = 0;       ///< newest, 0: none or ended
+    bool live = false;             ///< leased now
+    bool closed = false;           ///< committed or given up
+    Time deadline{};
+    std::string worker;
+  };
+
+  Entry& EntryOf(std::uint64_t index);
+  const Entry* Find(std::uint64_t index) const;
+  void Free(std::uint64_t index, Entry& entry);
+  void Close(std::uint64_t index, Entry& entry);
+  void EndLease(std::uint64_t index, Entry& entry);
+  std::optional<std::uint64_t> NextFree();
+
+  LeaseTableConfig config_;
+  std::uint64_t counter_ = 0;        ///< low half of the last token
+  std::uint64_t next_fresh_ = 0;     ///< indices from here on were never leased or restored ...
+  std::unordered_map<std::uint64_t, Entry> entries_;  ///< ... unless they are in here
+  std::set<std::pair<std::uint32_t, std::uint64_t>> free_;  ///< (losses, index) given back
+  std::set<std::uint64_t> live_;
+  std::map<std::string, std::uint64_t> holder_;       ///< worker -> index
+  std::unordered_map<std::uint64_t, bool> committed_; ///< closed as committed
+  std::uint64_t committed_count_ = 0, given_up_ = 0, lost_ = 0;
+};
+
+}  // namespace etude::campaign

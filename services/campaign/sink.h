@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where a collector puts what arrives: a dataset of demonstrations, or the report of an evaluation.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <set>
+#include <string>
+
+#include "services/core/file.h"
+#include "services/core/result.h"
+#include "services/episode/campaign_spec.h"
+#include "services/episode/episode.h"
+
+namespace etude::campaign {
+
+/// The durable end of a campaign. Called from one thread at a time.
+class EpisodeSink {
+ public:
+  virtual ~EpisodeSink() = default;
+
+  /// Folder of the sink; the collector keeps its epoch there.
+  virtual const Path& folder() const = 0;
+  /// Indices that are durable already.
+  virtual const std::set<std::uint64_t>& committed() const = 0;
+  /// Durable when it returns. On error nothing of the episode is visible.
+  /// @error kInvalidArgument, kCorrupt: the episode is at fault and is refused; anything else (disk
+  /// full) is tried again.
+  virtual Status Commit(const Episode& episode) = 0;
+  virtual Status RecordFailure(std::uint64_t index, std::uint32_t attempt,
+                               const std::string& outcome, const std::string& details_json) = 0;
+  /// Rewrites what is derived (master file, statistics). Now and then, and at the end.
+  virtual Status WriteMaster() = 0;
+};
+
+/// Mode demonstrate: a store::DatasetWriter.
+Result<std::unique_ptr<EpisodeSink>> OpenDatasetSink(const Path& dataset, const CampaignSpec& spec);
+/// Mode rollout: FOLDER/eval.json, rewritten with every episode, and FOLDER/rollouts, a dataset of them.
+Result<std::unique_ptr<EpisodeSink>> OpenEvalSink(const Path& folder, const CampaignSpec& spec);
+/// By spec.mode.
+Result<std::unique_ptr<EpisodeSink>> OpenSink(const Path& folder, const CampaignSpec& spec);
+
+}  // namespace etude::campaign
