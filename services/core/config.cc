@@ -72,6 +72,16 @@ Result<OrderedJson> NodeToJson(const YAML::Node& node, const std::string& origin
   return Fail(Code::kInternal, where() + ": unknown YAML node");
 }
 
+// nlohmann's serializer is the one that must accept the text later, so it is the judge here
+bool IsUtf8(const std::string& text) {
+  try {
+    (void)OrderedJson(text).dump();
+    return true;
+  } catch (const OrderedJson::exception&) {
+    return false;
+  }
+}
+
 int EditDistance(const std::string& a, const std::string& b) {
   std::vector<int> row(b.size() + 1);
   std::iota(row.begin(), row.end(), 0);
@@ -118,6 +128,7 @@ void EmitYaml(const OrderedJson& json, YAML::Emitter& out) {
 }  // namespace
 
 Result<OrderedJson> ParseYaml(const std::string& text, const std::string& origin) {
+  if (!IsUtf8(text)) return Fail(Code::kInvalidArgument, origin + ": not UTF-8 text");
   try {
     return NodeToJson(YAML::Load(text), origin, 0);
   } catch (const YAML::Exception& error) {
@@ -186,7 +197,8 @@ void ConfigReader::Finish() {
 
 std::string TypeError(const std::string& path, const char* expected, const OrderedJson& found) {
   return fmt::format("{}: expected {}, found {}", path.empty() ? "the file" : "'" + path + "'",
-                     expected, found.dump());
+                     expected,
+                     found.dump(-1, ' ', false, OrderedJson::error_handler_t::replace));
 }
 
 Error ConfigError(const std::string& origin, const std::vector<std::string>& errors) {

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/core/clock.cc
+#include "services/core/clock.h"
+
+#include <gtest/gtest.h>
+
+namespace etude {
+namespace {
+
+TEST(FormatDuration, ReadsLikeAClock) {
+  EXPECT_EQ(FormatDuration(5), "0:05");
+  EXPECT_EQ(FormatDuration(125.4), "2:05");
+  EXPECT_EQ(FormatDuration(3600 + 23 * 60 + 45), "1:23:45");
+  EXPECT_EQ(FormatDuration(-1), "0:00");
+}
+
+TEST(MonotonicNs, NeverGoesBack) {
+  std::uint64_t last = MonotonicNs();
+  for (int i = 0; i < 1000; ++i) {
+    const std::uint64_t now = MonotonicNs();
+    ASSERT_GE(now, last);
+    last = now;
+  }
+}
+
+}  // namespace
+}  // namespace etude

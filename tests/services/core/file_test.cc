@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/core/file.cc
+#include "services/core/file.h"
+
+#include <gmock/gmock.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <fstream>
+
+namespace etude {
+namespace {
+
+using ::testing::HasSubstr;
+
+class FileTest : public ::testing::Test {
+ protected:
+  FileTest() {
+    char name[] = "/tmp/etude-file-test-XXXXXX";
+    folder_ = ::mkdtemp(name);
+  }
+  ~FileTest() override { std::filesystem::remove_all(folder_); }
+  Path folder_;
+};
+
+TEST_F(FileTest, WritesWholeAndReadsBack) {
+  const Path path = folder_ / "a" / "b.txt";
+  ASSERT_TRUE(WriteFileAtomically(path, std::string_view("first")));
+  ASSERT_TRUE(WriteFileAtomically(path, std::string_view("second")));
+  EXPECT_EQ(ReadTextFile(path).value(), "second");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(path.parent_path()), {}), 1);
+}
+
+TEST_F(FileTest, ErrorsNameFileAndCause) {
+  const auto missing = ReadTextFile(folder_ / "none");
+  EXPECT_EQ(missing.error().code, Code::kNotFound);
+  EXPECT_THAT(missing.error().message, HasSubstr("none"));
+  ASSERT_TRUE(WriteFileAtomically(folder_ / "large", std::string(1000, 'x')));
+  EXPECT_EQ(ReadTextFile(folder_ / "large", 10).error().code, Code::kExhausted);
+}
+
+TEST_F(FileTest, AFullDiskLeavesTheOldFile) {
+  const Path path = folder_ / "kept";
+  ASSERT_TRUE(WriteFileAtomically(path, std::string_view("old")));
+  const pid_t child = ::fork();
+  if (child == 0) {
+    // a file size limit stands for a full disk: write(2) fails in the middle
+    ::signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit{4096, 4096};
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+    const Status status = WriteFileAtomically(path, std::string(100'000, 'x'));
+    ::_exit(status ? 1 : 0);
+  }
+  int wait_status = 0;
+  ASSERT_EQ(::waitpid(child, &wait_status, 0), child);
+  EXPECT_EQ(wait_status, 0);
+  EXPECT_EQ(ReadTextFile(path).value(), "old");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), {}), 1);
+}
+
+TEST_F(FileTest, AppenderEndsATornLine) {
+  const Path path = folder_ / "log.jsonl";
+  {
+    std::ofstream torn(path);
+    torn << "{\"a\":1}\n{\"b\":";
+  }
+  {
+    auto appender = LineAppender::Open(path);
+    ASSERT_TRUE(appender.has_value());
+    ASSERT_TRUE(appender->Append("{\"c\":3}"));
+    ASSERT_TRUE(appender->Sync());
+  }
+  EXPECT_EQ(ReadTextFile(path).value(), "{\"a\":1}\n{\"b\":\n{\"c\":3}\n");
+}
+
+TEST(PlainName, KeepsPathsOut) {
+  EXPECT_TRUE(IsPlainName("quickstart-2"));
+  for (const char* bad : {"", "..", "a/b", "A", "a b", "\xc3\xa9"}) EXPECT_FALSE(IsPlainName(bad)) << bad;
+  EXPECT_FALSE(IsPlainName(std::string(65, 'a')));
+  EXPECT_FALSE(IsPlainName(std::string_view("a\0b", 3)));
+}
+
+}  // namespace
+}  // namespace etude
