@@ -30,7 +30,8 @@ struct Safetensors {
   std::map<std::string, Tensor> tensors;
 };
 
-/// The bytes are a pure function of the content (names in order, header padded to 8).
+/// The bytes are a pure function of the content: wide types first, then names in order, so that every
+/// tensor is aligned to its type; header padded to 8. Sizes must fit shapes and dtypes (checked).
 std::vector<std::uint8_t> EncodeSafetensors(const Safetensors& content);
 
 /// @error kCorrupt: header too long (limit 100 MB), not JSON, offsets out of range, overlapping or with

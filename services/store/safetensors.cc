@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/store/safetensors.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstring>
+#include <optional>
+
+#include "services/core/check.h"
+#include "services/episode/bounded_json.h"
+
+namespace etude::store {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "sizes are copied as they lie in memory");
+
+constexpr std::uint64_t kMaxHeader = 100'000'000;
+constexpr std::size_t kMaxRank = 16;
+constexpr std::string_view kMetadata = "__metadata__";
+
+struct DTypeInfo {
+  DType dtype;
+  std::string_view name;
+  std::size_t size;
+};
+constexpr std::array<DTypeInfo, 8> kDTypes{{{DType::kF32, "F32", 4},
+                                            {DType::kF16, "F16", 2},
+                                            {DType::kBF16, "BF16", 2},
+                                            {DType::kF64, "F64", 8},
+                                            {DType::kI64, "I64", 8},
+                                            {DType::kI32, "I32", 4},
+                                            {DType::kU8, "U8", 1},
+                                            {DType::kBool, "BOOL", 1}}};
+
+tl::unexpected<Error> Corrupt(std::string message) {
+  return Fail(Code::kCorrupt, "safetensors: " + std::move(message));
+}
+
+const DTypeInfo& InfoOf(DType dtype) {
+  const auto it = std::find_if(kDTypes.begin(), kDTypes.end(),
+                               [&](const DTypeInfo& info) { return info.dtype == dtype; });
+  ETUDE_CHECK(it != kDTypes.end());
+  return *it;
+}
+
+// Bytes that a tensor of this shape takes; nothing when it is absurd.
+std::optional<std::uint64_t> BytesOf(DType dtype, const std::vector<std::int64_t>& shape) {
+  std::uint64_t bytes = SizeOf(dtype);
+  for (const std::int64_t extent : shape)
+    if (extent < 0 || __builtin_mul_overflow(bytes, static_cast<std::uint64_t>(extent), &bytes))
+      return std::nullopt;
+  return bytes;
+}
+
+// A tensor as the header tells it; its data are bytes [begin, end) of the buffer.
+struct Entry {
+  std::string name;
+  DType dtype = DType::kF32;
+  std::vector<std::int64_t> shape;
+  std::uint64_t begin = 0;
+  std::uint64_t end = 0;
+};
+
+Result<Entry> ReadEntry(const std::string& name, const OrderedJson& json) {
+  const auto bad = [&](std::string_view what) {
+    return Corrupt(fmt::format("tensor '{}': {}", name.substr(0, 200), what));
+  };
+  if (!json.is_object() || json.size() != 3 || !json.contains("dtype") || !json.contains("shape") ||
+      !json.contains("data_offsets"))
+    return bad("not {dtype, shape, data_offsets}");
+  const auto& dtype = json["dtype"];
+  const auto known = std::find_if(kDTypes.begin(), kDTypes.end(), [&](const DTypeInfo& info) {
+    return dtype.is_string() && dtype.get_ref<const std::string&>() == info.name;
+  });
+  if (known == kDTypes.end()) return bad("a dtype that is not known");
+  const auto& shape = json["shape"];
+  const auto& offsets = json["data_offsets"];
+  const auto are_unsigned = [](const OrderedJson& list) {
+    return list.is_array() && std::all_of(list.begin(), list.end(), [](const OrderedJson& item) {
+      return item.is_number_unsigned() && item.get<std::uint64_t>() <= INT64_MAX;
+    });
+  };
+  if (!are_unsigned(shape) || shape.size() > kMaxRank) return bad("shape");
+  if (!are_unsigned(offsets) || offsets.size() != 2) return bad("data_offsets");
+  Entry entry{name, known->dtype, shape.get<std::vector<std::int64_t>>(),
+              offsets[0].get<std::uint64_t>(), offsets[1].get<std::uint64_t>()};
+  const auto bytes = BytesOf(entry.dtype, entry.shape);
+  if (!bytes || entry.begin > entry.end || entry.end - entry.begin != *bytes)
+    return bad("data_offsets do not fit shape and dtype");
+  return entry;
+}
+
+Status ReadMetadata(const OrderedJson& json, std::map<std::string, std::string>& metadata) {
+  if (!json.is_object()) return Corrupt("__metadata__ is not a map");
+  for (const auto& [key, value] : json.items()) {
+    if (!value.is_string()) return Corrupt(fmt::format("__metadata__: '{}' is not text", key));
+    metadata.emplace(key, value.get<std::string>());
+  }
+  return {};
+}
+
+// In the order of their data: from 0 to the end of the buffer, no holes, no overlaps.
+Status CheckCover(std::vector<Entry>& entries, std::uint64_t buffer_size) {
+  std::stable_sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
+    return std::pair(a.begin, a.end) < std::pair(b.begin, b.end);
+  });
+  std::uint64_t cursor = 0;
+  for (const auto& entry : entries) {
+    if (entry.begin != cursor || entry.end > buffer_size)
+      return Corrupt(fmt::format("tensor '{}': data at {}..{}, expected at {} of {}",
+                                 entry.name.substr(0, 200), entry.begin, entry.end, cursor, buffer_size));
+    cursor = entry.end;
+  }
+  if (cursor != buffer_size)
+    return Corrupt(fmt::format("{} bytes of data, the header tells of {}", buffer_size, cursor));
+  return {};
+}
+
+}  // namespace
+
+std::size_t SizeOf(DType dtype) { return InfoOf(dtype).size; }
+std::string_view ToString(DType dtype) { return InfoOf(dtype).name; }
+
+std::vector<std::uint8_t> EncodeSafetensors(const Safetensors& content) {
+  OrderedJson json = OrderedJson::object();
+  if (!content.metadata.empty()) json[std::string(kMetadata)] = content.metadata;
+
+  // wide types first, then by name, so that every tensor starts aligned to its own size
+  std::vector<const std::pair<const std::string, Tensor>*> order;
+  for (const auto& item : content.tensors) order.push_back(&item);
+  std::stable_sort(order.begin(), order.end(), [](const auto* a, const auto* b) {
+    return SizeOf(a->second.dtype) > SizeOf(b->second.dtype);
+  });
+  std::uint64_t offset = 0;
+  for (const auto* item : order) {
+    const auto& [name, tensor] = *item;
+    ETUDE_CHECK(name != kMetadata && BytesOf(tensor.dtype, tensor.shape) == tensor.data.size(),
+                "tensor '{}' of {} bytes", name, tensor.data.size());
+    json[name] = {{"dtype", ToString(tensor.dtype)},
+                  {"shape", tensor.shape},
+                  {"data_offsets", {offset, offset + tensor.data.size()}}};
+    offset += tensor.data.size();
+  }
+  std::string header = json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+  header.resize((header.size() + 7) / 8 * 8, ' ');
+
+  const std::uint64_t header_size = header.size();
+  std::vector<std::uint8_t> bytes;
+  bytes.reserve(sizeof(header_size) + header.size() + offset);
+  const auto* size_bytes = reinterpret_cast<const std::uint8_t*>(&header_size);
+  bytes.insert(bytes.end(), size_bytes, size_bytes + sizeof(header_size));
+  bytes.insert(bytes.end(), header.begin(), header.end());
+  for (const auto* item : order)
+    bytes.insert(bytes.end(), item->second.data.begin(), item->second.data.end());
+  return bytes;
+}
+
+Result<Safetensors> DecodeSafetensors(std::span<const std::uint8_t> bytes) {
+  std::uint64_t header_size = 0;
+  if (bytes.size() < sizeof(header_size)) return Corrupt("shorter than 8 bytes");
+  std::memcpy(&header_size, bytes.data(), sizeof(header_size));
+  const auto rest = bytes.subspan(sizeof(header_size));
+  if (header_size > kMaxHeader || header_size > rest.size())
+    return Corrupt(fmt::format("a header of {} bytes in a file of {}", header_size, bytes.size()));
+  const std::string_view header(reinterpret_cast<const char*>(rest.data()), header_size);
+  if (!header.starts_with('{')) return Corrupt("the header does not start with '{'");
+  const auto json = ParseBoundedJson(header, /*max_depth=*/4);
+  if (!json || !json->is_object()) return Corrupt("the header is not a JSON map without duplicates");
+  const auto buffer = rest.subspan(header_size);
+
+  Safetensors content;
+  std::vector<Entry> entries;
+  for (const auto& [name, item] : json->items()) {
+    if (name == kMetadata) {
+      ETUDE_RETURN_IF_ERROR(ReadMetadata(item, content.metadata));
+      continue;
+    }
+    ETUDE_ASSIGN_OR_RETURN(entries.emplace_back(), ReadEntry(name, item));
+  }
+  ETUDE_RETURN_IF_ERROR(CheckCover(entries, buffer.size()));
+  for (auto& entry : entries) {
+    const auto data = buffer.subspan(entry.begin, entry.end - entry.begin);
+    content.tensors.emplace(
+        std::move(entry.name),
+        Tensor{entry.dtype, std::move(entry.shape), {data.begin(), data.end()}});
+  }
+  return content;
+}
+
+Status WriteSafetensors(const Path& path, const Safetensors& content) {
+  return WriteFileAtomically(path, EncodeSafetensors(content));
+}
+
+Result<Safetensors> ReadSafetensors(const Path& path) {
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path));
+  auto content = DecodeSafetensors(bytes);
+  if (!content) return Fail(content.error().Wrap(fmt::format("read '{}'", path.string())));
+  return content;
+}
+
+}  // namespace etude::store
