@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "services/core/file.h"
+
+namespace etude {
+
+/// A new empty folder under the system's temporary folder; removed with all its content.
+class TemporaryFolder {
+ public:
+  TemporaryFolder();
+  ~TemporaryFolder();
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+
+  const Path& path() const { return path_; }
+  Path operator/(const Path& name) const { return path_ / name; }
+
+ private:
+  Path path_;
+};
+
+}  // namespace etude
