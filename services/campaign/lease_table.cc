@@ -125,8 +125,7 @@ void LeaseTable::Commit(std::uint64_t index) {
   Entry& entry = EntryOf(index);
   if (entry.closed) return;
   Close(index, entry);
-  committed_[index] = true;
-  ++committed_count_;
+  committed_.insert(index);
 }
 
 void LeaseTable::Fail(std::uint64_t index, Retry retry) {

@@ -10,6 +10,8 @@
 #include <set>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
+#include <utility>
 #include <vector>
 
 #include "services/core/clock.h"
@@ -76,8 +78,8 @@ class LeaseTable {
   /// The worker is known to be dead: as HandBack for the leases it holds, but each counts as a loss.
   void ForgetWorker(const std::string& worker);
 
-  bool complete() const { return committed_count_ + given_up_ == config_.total; }
-  std::uint64_t committed() const { return committed_count_; }
+  bool complete() const { return committed_.size() + given_up_ == config_.total; }
+  std::uint64_t committed() const { return committed_.size(); }
   std::uint64_t given_up() const { return given_up_; }
   std::uint64_t in_flight() const { return live_.size(); }
   /// Leases that ended without a word of their holder.
@@ -109,8 +111,8 @@ class LeaseTable {
   std::set<std::pair<std::uint32_t, std::uint64_t>> free_;  ///< (losses, index) given back
   std::set<std::uint64_t> live_;
   std::map<std::string, std::uint64_t> holder_;       ///< worker -> index
-  std::unordered_map<std::uint64_t, bool> committed_; ///< closed as committed
-  std::uint64_t committed_count_ = 0, given_up_ = 0, lost_ = 0;
+  std::unordered_set<std::uint64_t> committed_;        ///< closed as committed
+  std::uint64_t given_up_ = 0, lost_ = 0;
 };
 
 }  // namespace etude::campaign

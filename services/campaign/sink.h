@@ -19,7 +19,7 @@ class EpisodeSink {
  public:
   virtual ~EpisodeSink() = default;
 
-  /// Folder of the sink; the collector keeps its epoch there.
+  /// Folder of episodes/ and attempts.jsonl; the collector keeps its epoch there.
   virtual const Path& folder() const = 0;
   /// Indices that are durable already.
   virtual const std::set<std::uint64_t>& committed() const = 0;

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// What earlier lives of a collector left in its folder: the epoch of the fencing tokens and the failed
+// attempts.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include "services/core/file.h"
+#include "services/core/result.h"
+
+namespace etude::campaign {
+
+/// One more than the last epoch handed out for `folder` (1 at first), durable before it is returned.
+/// @error kCorrupt when FOLDER/collector.json is not readable, kUnavailable when it cannot be written.
+Result<std::uint64_t> NextEpoch(const Path& folder);
+
+struct History {
+  struct Index {
+    std::uint32_t failures = 0;
+    std::uint32_t next_attempt = 0;   ///< one after the largest that failed for good
+  };
+  std::map<std::uint64_t, Index> indices;
+  std::map<std::string, std::uint64_t> failures;   ///< typed reason -> count
+  std::uint64_t total = 0;
+};
+
+/// attempts.jsonl. Lines that are torn or not understood are skipped: the attempt is made again.
+/// A line that stands twice (a crash between recording and leasing) counts once, unless the same attempt
+/// may fail again by its nature (policy_error).
+History ReadHistory(const Path& folder);
+
+}  // namespace etude::campaign

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// A child process: started with its output in a log file, ended with SIGTERM and, where that does not help,
+// SIGKILL. A child never outlives the thread that started it.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "services/core/file.h"
+#include "services/core/result.h"
+
+namespace etude::campaign {
+
+struct ProcessOptions {
+  std::vector<std::string> argv;                   ///< argv[0] is the program's path
+  Path log;                                        ///< stdout and stderr are appended; empty: inherited
+  std::map<std::string, std::string> environment;  ///< beside the parent's
+};
+
+/// Owns one child in a process group of its own, so that Ctrl-C on the terminal reaches only the parent,
+/// which then drains its children. The kernel ends the child when the thread that started it dies: start
+/// children from threads that live as long as they should. Not thread-safe.
+class Process {
+ public:
+  /// @error kNotFound, kUnavailable: the program or the log cannot be opened.
+  static Result<Process> Start(const ProcessOptions& options);
+  Process(Process&& other) noexcept;
+  Process& operator=(Process&& other) noexcept;
+  /// Ends the child at once (SIGKILL) when it still runs.
+  ~Process();
+
+  pid_t pid() const { return pid_; }
+  /// Exit code once it has ended, 128 + signal when a signal ended it.
+  std::optional<int> Poll();
+  bool running() { return !Poll().has_value(); }
+  /// Waits at most `timeout`.
+  std::optional<int> Wait(std::chrono::milliseconds timeout);
+  /// Sends a signal to the child's group.
+  void Signal(int signal_number);
+  /// SIGTERM, then SIGKILL after `patience`; returns the exit code.
+  int Stop(std::chrono::milliseconds patience);
+
+ private:
+  explicit Process(pid_t pid) : pid_(pid) {}
+  pid_t pid_ = -1;
+  std::optional<int> exit_code_;
+};
+
+/// The folder of this program; its siblings (etude-worker, ...) lie beside it.
+Path ProgramFolder();
+/// FOLDER/name. @error kUnavailable when it is not there or not executable; says how to build it.
+Result<Path> FindSibling(const std::string& name);
+
+}  // namespace etude::campaign

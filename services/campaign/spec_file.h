@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// Campaign files as commands read them, and what commands say about a campaign.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "services/campaign/collector.h"
+#include "services/episode/campaign_spec.h"
+
+namespace etude::campaign {
+
+struct SpecArguments {
+  std::string file;                          ///< YAML
+  std::optional<std::uint64_t> episodes, seed;
+  std::vector<std::string> overrides;        ///< "a.b=c"
+};
+
+/// File, then overrides, then --episodes and --seed; validated.
+/// @error kNotFound, kInvalidArgument (all problems at once)
+Result<CampaignSpec> LoadSpec(const SpecArguments& arguments);
+
+/// "120/400 episodes  31.2/min  expert 98.4 %  2 workers  ETA 9:05  failures: plan_failed 2".
+std::string ProgressLine(const CollectorProgress& progress);
+/// A small table for the end.
+std::string SummaryText(const CollectorProgress& progress);
+
+}  // namespace etude::campaign
