@@ -14,6 +14,21 @@ std::uint64_t UnsignedOr0(const OrderedJson& json, const char* key) {
   return json.contains(key) && json[key].is_number_unsigned() ? json[key].get<std::uint64_t>() : 0;
 }
 
+using ErrorMap = std::map<std::string, double>;
+
+// mean over rollouts of their own means, so that a long failure does not outweigh short successes
+OrderedJson MeanErrors(const std::vector<const RolloutRow*>& rows, ErrorMap RolloutRow::*errors) {
+  OrderedJson json = OrderedJson::object();
+  for (const auto& module : kReportedModules) {
+    std::vector<double> means;
+    for (const auto* row : rows)
+      if (const auto it = (row->*errors).find(module); it != (row->*errors).end())
+        means.push_back(it->second);
+    if (!means.empty()) json[module] = Mean(means);
+  }
+  return json;
+}
+
 OrderedJson Summarise(const std::string& task, const std::vector<const RolloutRow*>& rows) {
   std::uint64_t successes = 0;
   for (const auto* row : rows) successes += row->success;
@@ -25,13 +40,8 @@ OrderedJson Summarise(const std::string& task, const std::vector<const RolloutRo
       {"success", rows.empty() ? 0.0 : static_cast<double>(successes) / static_cast<double>(rows.size())},
       {"low", interval.low},
       {"high", interval.high}};
-  summary["error_cm"] = OrderedJson::object();
-  for (const auto& module : kReportedModules) {
-    std::vector<double> means;
-    for (const auto* row : rows)
-      if (const auto it = row->error_cm.find(module); it != row->error_cm.end()) means.push_back(it->second);
-    if (!means.empty()) summary["error_cm"][module] = Mean(means);
-  }
+  summary["error_cm"] = MeanErrors(rows, &RolloutRow::error_cm);
+  summary["error_before_contact_cm"] = MeanErrors(rows, &RolloutRow::error_before_contact_cm);
   return summary;
 }
 
@@ -41,8 +51,8 @@ OrderedJson RowJson(const RolloutRow& row) {
                    {"instruction", row.instruction}, {"success", row.success},
                    {"outcome", row.outcome},      {"steps", row.steps},
                    {"decisions", row.decisions},  {"checkpoint_step", row.checkpoint_step}};
-  json["error_cm"] = OrderedJson::object();
-  for (const auto& [module, error] : row.error_cm) json["error_cm"][module] = error;
+  json["error_cm"] = row.error_cm;
+  json["error_before_contact_cm"] = row.error_before_contact_cm;
   return json;
 }
 
@@ -59,17 +69,22 @@ RolloutRow RowOf(const Episode& rollout) {
   row.outcome = rollout.outcome;
   row.steps = rollout.steps();
   if (!rollout.details.is_object() || !rollout.details.contains("decisions")) return row;
-  std::map<std::string, std::vector<double>> errors;
+  std::map<std::string, std::vector<double>> all, before;
   for (const auto& decision : rollout.details["decisions"]) {
     if (!decision.is_object()) continue;
     ++row.decisions;
     row.checkpoint_step = UnsignedOr0(decision, "checkpoint_step");
-    if (!decision.contains("error_cm") || !decision["error_cm"].is_object()) continue;
-    for (const auto& [module, error] : decision["error_cm"].items())
-      if (error.is_number() && std::isfinite(error.get<double>()))
-        errors[module].push_back(error.get<double>());
+    const bool touched = decision.contains("touched") && decision["touched"] == true;
+    for (const auto& module : kReportedModules) {
+      if (!decision.contains(module) || !decision[module].is_number()) continue;
+      const double error_cm = 100 * decision[module].get<double>();
+      if (!std::isfinite(error_cm)) continue;
+      all[module].push_back(error_cm);
+      if (!touched) before[module].push_back(error_cm);
+    }
   }
-  for (const auto& [module, values] : errors) row.error_cm[module] = Mean(values);
+  for (const auto& [module, values] : all) row.error_cm[module] = Mean(values);
+  for (const auto& [module, values] : before) row.error_before_contact_cm[module] = Mean(values);
   return row;
 }
 

@@ -30,14 +30,16 @@ struct RolloutRow {
   /// Module -> mean error over the rollout's decisions, cm; a module without a number is absent (a rollout
   /// that never had to decide, or a policy without that module).
   std::map<std::string, double> error_cm;
+  std::map<std::string, double> error_before_contact_cm;   ///< of the decisions before the arm touched the target
 };
 
 /// Reads what the worker recorded in episode.details: "decisions" is a list with one map a decision:
-/// {"step": n, "checkpoint_step": n, "error_cm": {"TAR3D": x, ...}}. Numbers that are not finite are left out.
+/// {"step": n, "checkpoint_step": n, "touched": bool, "TAR3D": m, "EE3D": m, "DISP": m}. What is missing or not
+/// finite is left out.
 RolloutRow RowOf(const Episode& rollout);
 
 /// {"per_task": [...], "overall": {...}, "per_episode": [...]}: n, successes, success (fraction), Wilson's
-/// low and high, error_cm per module (mean over rollouts of their means).
+/// low and high, error_cm and error_before_contact_cm per module (mean over rollouts of their means).
 OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, RolloutRow>& rows);
 
 /// The report as a table for a terminal.

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/campaign/history.cc
+#include "services/campaign/history.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/temporary_folder.h"
+
+namespace etude::campaign {
+namespace {
+
+TEST(NextEpoch, GrowsWithEveryStart) {
+  TemporaryFolder folder;
+  EXPECT_EQ(NextEpoch(folder.path()).value(), 1u);
+  EXPECT_EQ(NextEpoch(folder.path()).value(), 2u);
+  EXPECT_EQ(NextEpoch(folder.path()).value(), 3u);
+}
+
+TEST(NextEpoch, RefusesAFileThatItDoesNotUnderstand) {
+  TemporaryFolder folder;
+  for (const char* text : {"", "{", "[]", "{\"epoch\": -1}", "{\"epoch\": \"2\"}", "{\"epoch\": 4294967295}"}) {
+    ASSERT_TRUE(WriteFileAtomically(folder / "collector.json", std::string_view(text)));
+    const auto epoch = NextEpoch(folder.path());
+    ASSERT_FALSE(epoch) << text;
+    EXPECT_EQ(epoch.error().code, Code::kCorrupt) << text;
+    EXPECT_EQ(ReadTextFile(folder / "collector.json").value(), text) << "left as it was";
+  }
+}
+
+TEST(ReadHistory, CountsEachFailedAttemptOnce) {
+  TemporaryFolder folder;
+  const std::string_view lines = R"({"index": 3, "attempt": 0, "seed": 9, "outcome": "plan_failed"}
+{"index": 3, "attempt": 1, "seed": 9, "outcome": "dropped"}
+{"index": 3, "attempt": 1, "seed": 9, "outcome": "dropped"}
+{"index": 5, "attempt": 0, "outcome": "policy_error"}
+{"index": 5, "attempt": 0, "outcome": "policy_error"}
+not json
+{"index": -1, "attempt": 0, "outcome": "x"}
+{"index": 7, "attempt": 0}
+{"index": 8, "att)";
+  ASSERT_TRUE(WriteFileAtomically(folder / "attempts.jsonl", lines));
+
+  const History history = ReadHistory(folder.path());
+
+  ASSERT_EQ(history.indices.size(), 2u);
+  EXPECT_EQ(history.indices.at(3).failures, 2u);
+  EXPECT_EQ(history.indices.at(3).next_attempt, 2u);
+  EXPECT_EQ(history.indices.at(5).failures, 2u) << "a policy that does not answer may fail again";
+  EXPECT_EQ(history.indices.at(5).next_attempt, 0u);
+  EXPECT_EQ(history.total, 4u);
+  EXPECT_EQ(history.failures.at("dropped"), 1u);
+}
+
+TEST(ReadHistory, IsEmptyWithoutAFile) {
+  TemporaryFolder folder;
+  EXPECT_TRUE(ReadHistory(folder.path()).indices.empty());
+}
+
+}  // namespace
+}  // namespace etude::campaign

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/campaign/process.cc
+#include "services/campaign/process.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include "tests/support/temporary_folder.h"
+
+namespace etude::campaign {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(Process, GivesTheExitCode) {
+  auto process = Process::Start({{"/bin/sh", "-c", "exit 7"}, {}, {}});
+  ASSERT_TRUE(process) << process.error().message;
+  EXPECT_EQ(process->Wait(10s), 7);
+  EXPECT_EQ(process->Wait(0s), 7) << "and keeps it";
+}
+
+TEST(Process, WritesItsOutputIntoTheLogWithTheGivenEnvironment) {
+  TemporaryFolder folder;
+  auto process = Process::Start(
+      {{"/bin/sh", "-c", "echo out $WORD; echo err >&2"}, folder / "logs/a.log", {{"WORD", "etude"}}});
+  ASSERT_TRUE(process) << process.error().message;
+  EXPECT_EQ(process->Wait(10s), 0);
+  EXPECT_EQ(ReadTextFile(folder / "logs/a.log").value(), "out etude\nerr\n");
+}
+
+TEST(Process, ReportsAProgramThatIsNotThere) {
+  const auto process = Process::Start({{"/no/such/program"}, {}, {}});
+  ASSERT_FALSE(process);
+  EXPECT_NE(process.error().message.find("/no/such/program"), std::string::npos);
+}
+
+TEST(Process, StopEndsAChildThatIgnoresSigterm) {
+  TemporaryFolder folder;
+  auto process = Process::Start(
+      {{"/bin/sh", "-c", "trap '' TERM; echo ready; while :; do sleep 0.05; done"}, folder / "log", {}});
+  ASSERT_TRUE(process);
+  while (ReadTextFile(folder / "log").value_or("") != "ready\n") process->Wait(5ms);
+  EXPECT_EQ(process->Stop(100ms), 128 + SIGKILL);
+}
+
+TEST(Process, IsEndedWithItsOwner) {
+  pid_t pid = 0;
+  {
+    auto process = Process::Start({{"/bin/sh", "-c", "sleep 1000"}, {}, {}});
+    ASSERT_TRUE(process);
+    pid = process->pid();
+    EXPECT_TRUE(process->running());
+  }
+  EXPECT_EQ(::kill(pid, 0), -1);
+}
+
+TEST(FindSibling, SaysHowToBuildWhatIsMissing) {
+  const auto sibling = FindSibling("etude-no-such-program");
+  ASSERT_FALSE(sibling);
+  EXPECT_EQ(sibling.error().code, Code::kUnavailable);
+  EXPECT_NE(sibling.error().message.find("cmake --build"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace etude::campaign
