@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// The curriculum: which subtasks are trained now, and why it went on.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "services/core/config.h"
+#include "services/core/result.h"
+
+namespace etude::curriculum {
+
+struct CurriculumConfig {
+  bool enabled = true;  ///< false: every subtask from the start
+  /// A module has converged when the best error of the last `patience` evaluations is not better
+  /// than the best before them by this fraction.
+  double improvement = 0.1;
+  int patience = 2;  ///< evaluations, >= 1
+  /// The last subtask starts at the latest at this fraction of the run; the earlier ones share it
+  /// equally.
+  double latest_last = 0.2;
+  /// Module -> error (1 - accuracy, px, m) that is good enough whatever the trend.
+  std::map<std::string, double> goals;
+
+  template <class V>
+  void Visit(V& v) {
+    v("enabled", enabled);
+    v("improvement", improvement);
+    v("patience", patience);
+    v("latest_last", latest_last);
+    v("goals", goals);
+  }
+
+  void Check(std::vector<std::string>& errors) const;
+};
+
+/// One subtask: the modules of one level.
+struct Subtask {
+  int level = 1;
+  std::vector<std::string> modules;
+
+  std::string Name() const;  ///< "EE2D+TAR2D"
+};
+
+enum class Cause { kGoal, kConverged, kBudget };
+std::string_view ToString(Cause cause);
+
+/// One step forward, kept for the record.
+struct Advance {
+  int from = 0, to = 0;  ///< counts of subtasks in training, 1-based
+  std::uint64_t step = 0;
+  Cause cause = Cause::kConverged;
+  std::string reason;  ///< for people: "EE2D 0.31 px: improved by 4 % in 2 evaluations"
+};
+
+/// Pure state machine. Invariants: stage() never falls, grows by one at a time and is in [1,
+/// stages()].
+class Scheduler {
+ public:
+  /// @param subtasks  by ascending level, at least one
+  Scheduler(const CurriculumConfig& config, std::vector<Subtask> subtasks);
+
+  int stage() const { return stage_; }  ///< subtasks 1..stage() are trained
+  int stages() const { return static_cast<int>(subtasks_.size()); }
+  /// Modules of this level and below are trained.
+  int level() const { return subtasks_[static_cast<std::size_t>(stage_ - 1)].level; }
+  std::string StageName() const { return subtasks_[static_cast<std::size_t>(stage_ - 1)].Name(); }
+  const std::vector<Advance>& advances() const { return advances_; }
+
+  /// A validation result. @param progress  of the run, [0, 1]   @param errors  module -> error,
+  /// lower is better; modules that are missing or not finite count as not converged.
+  std::optional<Advance> Observe(std::uint64_t step, double progress,
+                                 const std::map<std::string, double>& errors);
+  /// Only looks at the budget; call as often as you like.
+  std::optional<Advance> Tick(std::uint64_t step, double progress);
+
+  OrderedJson Save() const;
+  /// @error kCorrupt when it does not fit; the scheduler is unchanged then.
+  Status Restore(const OrderedJson& state);
+
+ private:
+  double Budget() const;
+  Advance Go(std::uint64_t step, Cause cause, std::string reason);
+
+  CurriculumConfig config_;
+  std::vector<Subtask> subtasks_;
+  int stage_ = 1;
+  std::map<std::string, std::vector<double>> history_;  // errors since the stage began
+  std::vector<Advance> advances_;
+};
+
+}  // namespace etude::curriculum

@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/data/batch.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+
+#include "services/core/rng.h"
+#include "trainer/data/episode_labels.h"
+
+namespace etude::data {
+
+void DataConfig::Check(std::vector<std::string>& errors) const {
+  const auto require = [&](bool good, std::string message) {
+    if (!good) errors.push_back("data." + std::move(message));
+  };
+  require(batch >= 1 && batch <= 4096, fmt::format("batch: {} not in 1..4096", batch));
+  require(sentences >= 1 && sentences <= 64, fmt::format("sentences: {} not in 1..64", sentences));
+  require(sentence_variants >= 1,
+          fmt::format("sentence_variants: {} must be >= 1", sentence_variants));
+  require(varied >= 0 && noisy >= 0 && varied + noisy <= 1,
+          "varied, noisy: fractions with a sum of at most 1");
+  require(jitter >= 0 && jitter <= 64, fmt::format("jitter: {} not in 0..64", jitter));
+  for (double x : {brightness, contrast, colour})
+    require(x >= 0 && x < 1, fmt::format("brightness, contrast, colour: {} not in 0..1", x));
+  require(cache_mb >= 0, "cache_mb: must be >= 0");
+  require(threads >= 1 && threads <= 256, fmt::format("threads: {} not in 1..256", threads));
+  require(prefetch >= 1 && prefetch <= 1024, fmt::format("prefetch: {} not in 1..1024", prefetch));
+  require(min_episodes >= 1, "min_episodes: must be >= 1");
+  require(refresh_s > 0, "refresh_s: must be > 0");
+}
+
+// how one picture is cut and coloured
+struct BatchMaker::View {
+  int u = 0, v = 0;  // of the crop in the camera's picture, px
+  bool coloured = false;
+  std::array<std::array<std::uint8_t, 256>, 3> channel{};  // colour maps
+};
+
+namespace {
+
+// the crop with the jitter's margin, inside the picture
+Region Margin(const Region& crop, int jitter, int picture_width, int picture_height) {
+  const int u = std::max(0, std::min(crop.u, crop.u - jitter)),
+            v = std::max(0, std::min(crop.v, crop.v - jitter));
+  const int right =
+      std::max(crop.u + crop.width, std::min(picture_width, crop.u + crop.width + jitter));
+  const int bottom =
+      std::max(crop.v + crop.height, std::min(picture_height, crop.v + crop.height + jitter));
+  return {u, v, right - u, bottom - v};
+}
+
+language::Style DrawStyle(const DataConfig& config, Rng& rng) {
+  const double draw = rng.Uniform();
+  if (draw < config.noisy) return language::Style::kNoisy;
+  return draw < config.noisy + config.varied ? language::Style::kVaried
+                                             : language::Style::kTemplate;
+}
+
+// sentences of a batch, each distinct one once
+class SentenceBook {
+ public:
+  SentenceBook(const language::Grammar& grammar, const DataConfig& config, std::uint64_t seed,
+               Augment augment)
+      : grammar_(grammar), config_(config), seed_(seed), augment_(augment) {}
+
+  std::int64_t Find(const language::Command& command, std::uint64_t variant,
+                    std::vector<std::string>& sentences) {
+    const auto key = fmt::format("{}/{}/{}", command.task, command.target, variant);
+    if (const auto it = by_key_.find(key); it != by_key_.end()) return it->second;
+    Rng rng(MixSeed({seed_}, key));
+    const auto style =
+        augment_ == Augment::kYes ? DrawStyle(config_, rng) : language::Style::kTemplate;
+    std::string sentence = grammar_.Sample(command, style, rng);
+    const auto [it, fresh] =
+        by_text_.emplace(sentence, static_cast<std::int64_t>(sentences.size()));
+    if (fresh) sentences.push_back(std::move(sentence));
+    return by_key_[key] = it->second;
+  }
+
+ private:
+  const language::Grammar& grammar_;
+  const DataConfig& config_;
+  std::uint64_t seed_;
+  Augment augment_;
+  std::map<std::string, std::int64_t> by_key_, by_text_;
+};
+
+void SetShape(LabelArray& label, std::vector<std::int64_t> shape,
+              std::vector<std::int64_t> valid_shape, bool is_class) {
+  std::size_t size = 1, valid_size = 1;
+  for (auto n : shape) size *= static_cast<std::size_t>(n);
+  for (auto n : valid_shape) valid_size *= static_cast<std::size_t>(n);
+  label.shape = std::move(shape);
+  label.valid_shape = std::move(valid_shape);
+  label.values.assign(is_class ? 0 : size, 0.0f);
+  label.classes.assign(is_class ? size : 0, 0);
+  label.valid.assign(valid_size, 1);
+}
+
+void PutPoint(const PointLabel& point, std::string_view prefix, std::size_t row, bool pixel_valid,
+              bool valid, std::map<std::string, LabelArray>& labels) {
+  const auto put = [&](const char* name, const float* values, std::size_t columns, bool good) {
+    LabelArray& label = labels.at(std::string(prefix) + name);
+    std::copy_n(values, good ? columns : 0,
+                label.values.begin() + static_cast<std::ptrdiff_t>(row * columns));
+    label.valid[row] = good;
+  };
+  put("_pixel", point.pixel.data(), 2, pixel_valid);
+  put("_position", point.pose.data(), 3, valid);
+  put("_pose", point.pose.data(), kPoseSize, valid);
+}
+
+}  // namespace
+
+BatchMaker::BatchMaker(const DataConfig& config, Region crop, std::vector<std::string> objects,
+                       std::vector<std::string> tasks,
+                       std::shared_ptr<const language::Grammar> grammar, int picture_width,
+                       int picture_height)
+    : config_(config),
+      crop_(crop),
+      objects_(std::move(objects)),
+      tasks_(std::move(tasks)),
+      grammar_(std::move(grammar)),
+      cache_(
+          std::make_unique<FrameCache>(Margin(crop, config.jitter, picture_width, picture_height),
+                                       static_cast<std::size_t>(config.cache_mb) << 20)) {}
+
+BatchMaker::View BatchMaker::DrawView(const Sample& sample, Augment augment) const {
+  View view{crop_.u, crop_.v};
+  if (augment == Augment::kNo) return view;
+  Rng rng(MixSeed({sample.seed}, "view"));
+  const Region& region = cache_->region();
+  const auto place = [&](int low, int high) {
+    return low + static_cast<int>(rng.Below(static_cast<std::uint64_t>(high - low + 1)));
+  };
+  view.u = place(region.u, region.u + region.width - crop_.width);
+  view.v = place(region.v, region.v + region.height - crop_.height);
+
+  const double bias = 255 * rng.Uniform(-config_.brightness, config_.brightness);
+  const double gain = 1 + rng.Uniform(-config_.contrast, config_.contrast);
+  for (auto& map : view.channel) {
+    const double own = gain * (1 + rng.Uniform(-config_.colour, config_.colour));
+    for (int x = 0; x < 256; ++x)
+      map[static_cast<std::size_t>(x)] = static_cast<std::uint8_t>(
+          std::clamp(std::lround(own * (x - 128) + 128 + bias), 0l, 255l));
+  }
+  view.coloured = true;
+  return view;
+}
+
+void BatchMaker::CopyPixels(const std::uint8_t* region, const View& view, std::uint8_t* out) const {
+  const Region& whole = cache_->region();
+  const std::size_t row = static_cast<std::size_t>(crop_.width) * 3;
+  for (int y = 0; y < crop_.height; ++y) {
+    const std::uint8_t* in =
+        region +
+        (static_cast<std::size_t>(view.v - whole.v + y) * whole.width + (view.u - whole.u)) * 3;
+    std::uint8_t* to = out + row * y;
+    if (!view.coloured) {
+      std::memcpy(to, in, row);
+      continue;
+    }
+    for (std::size_t x = 0; x < row; x += 3) {
+      to[x] = view.channel[0][in[x]];
+      to[x + 1] = view.channel[1][in[x + 1]];
+      to[x + 2] = view.channel[2][in[x + 2]];
+    }
+  }
+}
+
+void BatchMaker::Allocate(std::size_t size, int joints, Batch& batch) const {
+  const auto B = static_cast<std::int64_t>(size), S = static_cast<std::int64_t>(config_.sentences);
+  batch.size = static_cast<int>(size);
+  batch.sentences_each = config_.sentences;
+  batch.height = crop_.height;
+  batch.width = crop_.width;
+  batch.joints_each = joints;
+  batch.images.resize(size * crop_.bytes());
+  batch.crop_origin.assign(size * 2, 0);
+  batch.joints.assign(size * static_cast<std::size_t>(joints), 0);
+  batch.sentences.clear();
+  batch.sentence_index.assign(static_cast<std::size_t>(B * S), 0);
+  batch.frames.clear();
+  SetShape(batch.labels["target_class"], {B, S}, {B, S}, true);
+  SetShape(batch.labels["target_pixel"], {B, S, 2}, {B, S}, false);
+  SetShape(batch.labels["target_position"], {B, S, 3}, {B, S}, false);
+  SetShape(batch.labels["target_pose"], {B, S, kPoseSize}, {B, S}, false);
+  SetShape(batch.labels["ee_pixel"], {B, 1, 2}, {B, 1}, false);
+  SetShape(batch.labels["ee_position"], {B, 1, 3}, {B, 1}, false);
+  SetShape(batch.labels["ee_pose"], {B, 1, kPoseSize}, {B, 1}, false);
+  SetShape(batch.labels["displacement"], {B, S, 3}, {B, S}, false);
+  SetShape(batch.labels["trajectory"], {B, 1, kWaypoints, kWaypointSize}, {B, 1, kWaypoints},
+           false);
+}
+
+void BatchMaker::FillLabels(const Episode& episode, int step, std::size_t b, const View& view,
+                            const std::vector<language::Command>& commands, Batch& batch) const {
+  const auto seen = [&](const std::array<float, 2>& pixel) {
+    return pixel[0] >= view.u && pixel[1] >= view.v && pixel[0] < view.u + crop_.width &&
+           pixel[1] < view.v + crop_.height;
+  };
+  const PointLabel hand = LabelHand(episode, step);
+  PutPoint(hand, "ee", b, seen(hand.pixel), true, batch.labels);
+
+  for (std::size_t s = 0; s < commands.size(); ++s) {
+    const std::size_t row = b * commands.size() + s;
+    const auto known = std::find(objects_.begin(), objects_.end(), commands[s].target);
+    auto& classes = batch.labels.at("target_class");
+    classes.valid[row] = known != objects_.end();
+    classes.classes[row] = classes.valid[row] ? known - objects_.begin() : 0;
+
+    const PointLabel target = LabelObject(*episode.FindObject(commands[s].target), step);
+    const bool finite =
+        std::isfinite(target.pose[0] + target.pose[1] + target.pose[2] + target.pose[3]);
+    PutPoint(target, "target", row, finite && seen(target.pixel), finite, batch.labels);
+    auto& displacement = batch.labels.at("displacement");
+    displacement.valid[row] = finite;
+    for (std::size_t i = 0; finite && i < 3; ++i)
+      displacement.values[row * 3 + i] = target.pose[i] - hand.pose[i];
+  }
+  const TrajectoryLabel trajectory = LabelTrajectory(episode, step);
+  auto& label = batch.labels.at("trajectory");
+  std::copy(trajectory.values.begin(), trajectory.values.end(),
+            label.values.begin() + static_cast<std::ptrdiff_t>(b * trajectory.values.size()));
+  std::copy(trajectory.valid.begin(), trajectory.valid.end(),
+            label.valid.begin() + static_cast<std::ptrdiff_t>(b * kWaypoints));
+}
+
+Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& samples,
+                        std::uint64_t step, Augment augment, FrameScratch& scratch, Batch& batch,
+                        std::size_t* bad) const {
+  if (samples.empty()) return Fail(Code::kNotFound, "make a batch: the split has no frames");
+  const Episode& first = snapshot.episodes()[samples[0].frame.episode]->episode();
+  Allocate(samples.size(), first.joint_pos.columns + first.gripper_qpos.columns, batch);
+  batch.step = step;
+  SentenceBook book(*grammar_, config_, samples[0].seed, augment);
+  for (std::size_t b = 0; b < samples.size(); ++b) {
+    if (bad) *bad = b;
+    const EpisodeEntry& entry = *snapshot.episodes()[samples[b].frame.episode];
+    const Episode& episode = entry.episode();
+    const int row = entry.StepOf(samples[b].frame.frame);
+    const View view = DrawView(samples[b], augment);
+    ETUDE_ASSIGN_OR_RETURN(const std::uint8_t* region,
+                           cache_->Get(entry, samples[b].frame.frame, scratch));
+    CopyPixels(region, view, batch.images.data() + b * crop_.bytes());
+    batch.crop_origin[2 * b] = static_cast<float>(view.u);
+    batch.crop_origin[2 * b + 1] = static_cast<float>(view.v);
+
+    const auto arm = episode.joint_pos.row(row), gripper = episode.gripper_qpos.row(row);
+    if (static_cast<int>(arm.size() + gripper.size()) != batch.joints_each)
+      return Fail(Code::kCorrupt,
+                  fmt::format("'{}': {} joints, others have {}", entry.record.path.string(),
+                              arm.size() + gripper.size(), batch.joints_each));
+    auto joints = batch.joints.begin() + static_cast<std::ptrdiff_t>(b) * batch.joints_each;
+    std::copy(gripper.begin(), gripper.end(), std::copy(arm.begin(), arm.end(), joints));
+
+    const auto commands = DrawCommands(episode, tasks_, config_.sentences, samples[b].seed);
+    Rng rng(MixSeed({samples[b].seed}, "variants"));
+    for (std::size_t s = 0; s < commands.size(); ++s)
+      batch.sentence_index[b * commands.size() + s] =
+          book.Find(commands[s], rng.Below(static_cast<std::uint64_t>(config_.sentence_variants)),
+                    batch.sentences);
+    FillLabels(episode, row, b, view, commands, batch);
+    batch.frames.push_back(samples[b].frame);
+  }
+  return {};
+}
+
+}  // namespace etude::data

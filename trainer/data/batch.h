@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// One batch as plain arrays, and how it is made from samples.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "services/language/grammar.h"
+#include "trainer/data/frame_cache.h"
+#include "trainer/data/sampler.h"
+
+namespace etude::data {
+
+struct DataConfig {
+  int batch = 64;             ///< pictures a step
+  int sentences = 6;          ///< S: commands asked about each picture; 1 switches relabelling off
+  int sentence_variants = 4;  ///< wordings of one command within a batch (each is encoded once)
+  double varied = 0.4;        ///< fraction of sentences with synonyms and free word order
+  double noisy = 0.3;         ///< fraction that has typing errors too; the rest are plain templates
+  int jitter = 4;             ///< +- px, random place of the crop
+  double brightness = 0.06;   ///< +- fraction of 255
+  double contrast = 0.08;     ///< +- fraction
+  double colour = 0.04;       ///< +- fraction, of each channel on its own
+  int cache_mb = 6000;        ///< decoded crops kept in memory
+  int threads = 1;            ///< that make batches
+  int prefetch = 4;           ///< batches made ahead
+  int min_episodes = 24;      ///< training waits for this many when the dataset still grows
+  double refresh_s = 5;       ///< how often a growing dataset is looked at
+
+  template <class V>
+  void Visit(V& v) {
+    v("batch", batch);
+    v("sentences", sentences);
+    v("sentence_variants", sentence_variants);
+    v("varied", varied);
+    v("noisy", noisy);
+    v("jitter", jitter);
+    v("brightness", brightness);
+    v("contrast", contrast);
+    v("colour", colour);
+    v("cache_mb", cache_mb);
+    v("threads", threads);
+    v("prefetch", prefetch);
+    v("min_episodes", min_episodes);
+    v("refresh_s", refresh_s);
+  }
+
+  /// Appends every problem to `errors`.
+  void Check(std::vector<std::string>& errors) const;
+};
+
+/// (shape...) floats, or int64 for target_class; `valid` has one byte a sample (or a waypoint).
+struct LabelArray {
+  std::vector<std::int64_t> shape;
+  std::vector<float> values;
+  std::vector<std::int64_t> classes;
+  std::vector<std::int64_t> valid_shape;
+  std::vector<std::uint8_t> valid;
+};
+
+/// B pictures with S sentences each. Labels by the names of labels.h.
+struct Batch {
+  std::uint64_t step = 0;
+  int size = 0, sentences_each = 0, height = 0, width = 0, joints_each = 0;
+  std::vector<std::uint8_t> images;          ///< (B, h, w, 3)
+  std::vector<float> crop_origin;            ///< (B, 2) px
+  std::vector<float> joints;                 ///< (B, J)
+  std::vector<std::string> sentences;        ///< D distinct ones
+  std::vector<std::int64_t> sentence_index;  ///< (B, S)
+  std::map<std::string, LabelArray> labels;
+  std::vector<FrameRef> frames;  ///< (B) where each picture comes from
+};
+
+enum class Augment { kNo, kYes };
+
+/// Makes batches. Const methods are thread-safe.
+class BatchMaker {
+ public:
+  /// @param crop     u0, v0, width, height of the picture the policy sees, px
+  /// @param objects  classes of target_class
+  /// @param picture_width, picture_height  of the camera; the jitter is cut to what fits
+  BatchMaker(const DataConfig& config, Region crop, std::vector<std::string> objects,
+             std::vector<std::string> tasks, std::shared_ptr<const language::Grammar> grammar,
+             int picture_width, int picture_height);
+
+  /// Fills `batch` (its buffers are used again) from `samples` of `snapshot`. With kNo the crop
+  /// stands still, colours are as rendered and sentences are plain templates.
+  /// @error of reading a frame; `bad` (if given) gets the number of the sample.
+  Status Make(const Snapshot& snapshot, const std::vector<Sample>& samples, std::uint64_t step,
+              Augment augment, FrameScratch& scratch, Batch& batch,
+              std::size_t* bad = nullptr) const;
+
+  const FrameCache& cache() const { return *cache_; }
+
+ private:
+  struct View;
+  View DrawView(const Sample& sample, Augment augment) const;
+  void CopyPixels(const std::uint8_t* region, const View& view, std::uint8_t* out) const;
+  void FillLabels(const Episode& episode, int step, std::size_t b, const View& view,
+                  const std::vector<language::Command>& commands, Batch& batch) const;
+  void Allocate(std::size_t size, int joints, Batch& batch) const;
+
+  DataConfig config_;
+  Region crop_;
+  std::vector<std::string> objects_, tasks_;
+  std::shared_ptr<const language::Grammar> grammar_;
+  std::unique_ptr<FrameCache> cache_;
+};
+
+}  // namespace etude::data

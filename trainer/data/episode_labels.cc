@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/data/episode_labels.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "services/core/check.h"
+#include "services/episode/pose.h"
+
+namespace etude::data {
+namespace {
+
+std::array<float, kPoseSize> PoseVector(const Pose& pose) {
+  const auto values = ToVector({pose, 0});
+  std::array<float, kPoseSize> result{};
+  std::copy_n(values.begin(), kPoseSize, result.begin());
+  return result;
+}
+
+Pose ReadPose(std::span<const float> position, std::span<const float> wxyz) {
+  const Eigen::Quaterniond q(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
+  return {{position[0], position[1], position[2]}, q.normalized()};
+}
+
+// commanded pose and gripper of row t, the last row when t lies behind the end
+Waypoint CommandAt(const Episode& episode, int t) {
+  const auto row = episode.actions_abs.row(std::min(t, episode.actions_abs.rows() - 1));
+  return {{{row[0], row[1], row[2]}, FromEuler({row[3], row[4], row[5]})}, row[6]};
+}
+
+}  // namespace
+
+PointLabel LabelObject(const ObjectTrack& object, int step) {
+  const auto pose = object.pose.row(step);
+  const auto pixel = object.pixel.row(step);
+  return {{pixel[0], pixel[1]}, PoseVector(ReadPose(pose.first(3), pose.subspan(3)))};
+}
+
+PointLabel LabelHand(const Episode& episode, int step) {
+  const auto pixel = episode.eef_pixel.row(step);
+  return {{pixel[0], pixel[1]},
+          PoseVector(ReadPose(episode.eef_pos.row(step), episode.eef_quat.row(step)))};
+}
+
+bool Supervised(const Episode& episode, int step) {
+  const auto t = static_cast<std::size_t>(step);
+  return t >= episode.supervise.size() || episode.supervise[t] != 0;
+}
+
+TrajectoryLabel LabelTrajectory(const Episode& episode, int step) {
+  ETUDE_CHECK(step >= 0 && step < episode.steps(), "step={} of {}", step, episode.steps());
+  TrajectoryLabel label;
+  int checked = step;  // every step before this one is supervised
+  bool valid = true;
+  for (int k = 0; k < kWaypoints; ++k) {
+    const double at = step + WaypointStep(k);
+    const int below = static_cast<int>(std::floor(at));
+    const int above = static_cast<int>(std::ceil(at));
+    for (; valid && checked <= above && checked < episode.steps(); ++checked)
+      valid = Supervised(episode, checked);
+    label.valid[k] = valid;
+
+    // between two commands: straight in position, slerp in orientation, the past gripper
+    Waypoint waypoint = CommandAt(episode, below);
+    const Waypoint next = CommandAt(episode, above);
+    const double t = at - below;
+    waypoint.X_WE.p = (1 - t) * waypoint.X_WE.p + t * next.X_WE.p;
+    waypoint.X_WE.q = waypoint.X_WE.q.slerp(t, next.X_WE.q);
+    const auto values = ToVector(waypoint);
+    std::copy(values.begin(), values.end(), label.values.begin() + k * kWaypointSize);
+  }
+  return label;
+}
+
+}  // namespace etude::data

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decoded crops in memory. A hit costs nothing; a miss reads the file and inflates the frame once.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <shared_mutex>
+#include <unordered_map>
+#include <vector>
+
+#include "trainer/data/dataset.h"
+
+namespace etude::data {
+
+/// Rectangle of a picture, px.
+struct Region {
+  int u = 0, v = 0, width = 0, height = 0;
+  std::size_t bytes() const { return static_cast<std::size_t>(width) * height * 3; }
+};
+
+/// Buffers of one thread.
+struct FrameScratch {
+  std::vector<std::uint8_t> whole, region;
+};
+
+/// Keeps what it decoded until `max_bytes` are used, then keeps what it has: with uniform sampling
+/// no replacement strategy has more hits. Thread-safe.
+class FrameCache {
+ public:
+  /// `region` of every picture of the first camera.
+  FrameCache(Region region, std::size_t max_bytes) : region_(region), max_bytes_(max_bytes) {}
+
+  const Region& region() const { return region_; }
+  /// Pixels of the region, (height, width, 3) row-major; valid while the cache lives, or until
+  /// `scratch` is used again. @error kCorrupt, kNotFound from reading; kInvalidArgument when the
+  /// picture is too small.
+  Result<const std::uint8_t*> Get(const EpisodeEntry& entry, std::uint32_t frame,
+                                  FrameScratch& scratch);
+
+  std::size_t bytes() const { return bytes_; }
+  std::uint64_t hits() const { return hits_; }
+  std::uint64_t misses() const { return misses_; }
+
+ private:
+  struct Slots {
+    explicit Slots(std::size_t n) : pixels(n) {}
+    std::vector<std::atomic<const std::uint8_t*>> pixels;
+  };
+  Slots& SlotsOf(const EpisodeEntry& entry);
+  std::uint8_t* Allocate();
+
+  Region region_;
+  std::size_t max_bytes_;
+  std::shared_mutex slots_mutex_;
+  std::unordered_map<std::uint64_t, std::unique_ptr<Slots>> slots_;
+  std::mutex blocks_mutex_;
+  std::vector<std::unique_ptr<std::uint8_t[]>> blocks_;
+  std::size_t used_in_block_ = 0;
+  std::atomic<std::size_t> bytes_{0};
+  std::atomic<std::uint64_t> hits_{0}, misses_{0};
+};
+
+}  // namespace etude::data

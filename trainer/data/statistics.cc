@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/data/statistics.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "trainer/data/episode_labels.h"
+
+namespace etude::data {
+namespace {
+
+constexpr double kMinJointStd = 0.05;     // rad
+constexpr double kMinPositionStd = 0.02;  // m
+// more frames than this change nothing in the third digit
+constexpr std::size_t kFrames = 20000;
+
+// sums of values and squares, a column each
+class Moments {
+ public:
+  explicit Moments(std::size_t columns) : sum_(columns), square_(columns) {}
+
+  void Add(std::size_t column, double value) {
+    sum_[column] += value;
+    square_[column] += value * value;
+    if (column == 0) ++count_;
+  }
+  std::vector<float> Mean() const {
+    std::vector<float> mean;
+    for (double sum : sum_) mean.push_back(static_cast<float>(sum / static_cast<double>(count_)));
+    return mean;
+  }
+  std::vector<float> Std(double least) const {
+    std::vector<float> std_dev;
+    for (std::size_t i = 0; i < sum_.size(); ++i) {
+      const double n = static_cast<double>(count_), mean = sum_[i] / n;
+      std_dev.push_back(static_cast<float>(
+          std::max(least, std::sqrt(std::max(0.0, square_[i] / n - mean * mean)))));
+    }
+    return std_dev;
+  }
+  std::vector<float> RootMeanSquare(double least) const {
+    std::vector<float> rms;
+    for (double square : square_)
+      rms.push_back(static_cast<float>(
+          count_ ? std::max(least, std::sqrt(square / static_cast<double>(count_))) : 1.0));
+    return rms;
+  }
+
+ private:
+  std::vector<double> sum_, square_;
+  std::size_t count_ = 0;
+};
+
+struct AllMoments {
+  explicit AllMoments(std::size_t joints) : joint(joints) {}
+  Moments joint, position{3}, displacement{3}, offset{3};
+
+  void AddFrame(const Episode& episode, int step) {
+    std::size_t j = 0;
+    for (float q : episode.joint_pos.row(step)) joint.Add(j++, q);
+    for (float q : episode.gripper_qpos.row(step)) joint.Add(j++, q);
+
+    const auto hand = episode.eef_pos.row(step);
+    for (int i = 0; i < 3; ++i) position.Add(i, hand[i]);
+    for (const auto& object : episode.objects) {
+      const auto pose = object.pose.row(step);
+      for (int i = 0; i < 3; ++i) position.Add(i, pose[i]);
+      for (int i = 0; i < 3; ++i) displacement.Add(i, pose[i] - hand[i]);
+    }
+    const TrajectoryLabel label = LabelTrajectory(episode, step);
+    for (int k = 0; k < kWaypoints; ++k)
+      for (int i = 0; label.valid[k] && i < 3; ++i)
+        offset.Add(i, label.values[k * kWaypointSize + i] - hand[i]);
+  }
+};
+
+}  // namespace
+
+Result<Statistics> ComputeStatistics(const Snapshot& snapshot) {
+  const std::size_t frames = snapshot.frame_count(Split::kTrain);
+  if (frames == 0)
+    return Fail(Code::kNotFound, fmt::format("the training split has no frame ({} episodes in all)",
+                                             snapshot.episodes().size()));
+  const auto& first = snapshot.frames(Split::kTrain).begin()->second.front();
+  const Episode& any = snapshot.episodes()[first.episode]->episode();
+  const int joints = any.joint_pos.columns + any.gripper_qpos.columns;
+
+  AllMoments moments(static_cast<std::size_t>(joints));
+  const std::size_t stride = std::max<std::size_t>(1, frames / kFrames);
+  std::size_t count = 0;
+  for (const auto& [task, refs] : snapshot.frames(Split::kTrain)) {
+    for (const FrameRef& ref : refs) {
+      if (count++ % stride != 0) continue;
+      const EpisodeEntry& entry = *snapshot.episodes()[ref.episode];
+      const Episode& episode = entry.episode();
+      if (episode.joint_pos.columns + episode.gripper_qpos.columns != joints)
+        return Fail(Code::kCorrupt,
+                    fmt::format("episode {} has {} joints, others {}", entry.index,
+                                episode.joint_pos.columns + episode.gripper_qpos.columns, joints));
+      moments.AddFrame(episode, entry.StepOf(ref.frame));
+    }
+  }
+  return Statistics{moments.joint.Mean(),
+                    moments.joint.Std(kMinJointStd),
+                    moments.position.Mean(),
+                    moments.position.Std(kMinPositionStd),
+                    moments.displacement.RootMeanSquare(kMinPositionStd),
+                    moments.offset.RootMeanSquare(kMinPositionStd)};
+}
+
+}  // namespace etude::data
