@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/task/attempt.h"
+
+#include <gmock/gmock.h>
+
+#include <set>
+
+#include "services/episode/codec.h"
+
+namespace etude::task {
+namespace {
+
+CampaignSpec QuickSpec(const std::string& task) {
+  CampaignSpec spec;
+  spec.tasks = {task};
+  spec.seed = 20;
+  spec.image_stride = 125;  // the pictures cost more than everything else
+  spec.camera.width = spec.camera.height = 64;
+  return spec;
+}
+
+AttemptRunner OpenOrDie(const CampaignSpec& spec) {
+  auto runner = AttemptRunner::Open(spec);
+  if (!runner) ADD_FAILURE() << runner.error().message;
+  return std::move(runner).value();
+}
+
+// First success of `index`, as a campaign would retry.
+AttemptResult FirstSuccess(AttemptRunner& runner, std::uint64_t index) {
+  AttemptResult result;
+  for (std::uint32_t attempt = 0; attempt < 5; ++attempt) {
+    result = runner.Demonstrate(index, attempt);
+    if (result.outcome == AttemptOutcome::kSuccess) break;
+  }
+  return result;
+}
+
+class Demonstrate : public testing::TestWithParam<const char*> {};
+
+TEST_P(Demonstrate, SucceedsOnSeededScenes) {
+  AttemptRunner runner = OpenOrDie(QuickSpec(GetParam()));
+  int successes = 0;
+  const int scenes = 12;
+  for (int index = 0; index < scenes; ++index) {
+    const auto result = runner.Demonstrate(index, 0);
+    successes += result.outcome == AttemptOutcome::kSuccess;
+    if (result.outcome != AttemptOutcome::kSuccess) {
+      EXPECT_FALSE(result.reason.empty());
+      EXPECT_EQ(result.episode.steps(), 0) << "a failed attempt is no episode";
+    }
+  }
+  EXPECT_GE(successes, scenes - 1);
+}
+
+TEST_P(Demonstrate, RecordsEveryTrackAtTheControlRate) {
+  const CampaignSpec spec = QuickSpec(GetParam());
+  AttemptRunner runner = OpenOrDie(spec);
+  const auto result = FirstSuccess(runner, 3);
+  ASSERT_EQ(result.outcome, AttemptOutcome::kSuccess) << result.reason;
+  const Episode& episode = result.episode;
+  const int T = episode.steps();
+  ASSERT_GT(T, 60);
+  for (const Track* track : {&episode.joint_pos, &episode.joint_vel, &episode.gripper_qpos,
+                             &episode.eef_pos, &episode.eef_quat, &episode.eef_pixel,
+                             &episode.actions_abs, &episode.states})
+    EXPECT_EQ(track->rows(), T);
+  EXPECT_EQ(static_cast<int>(episode.phase.size()), T);
+  EXPECT_EQ(static_cast<int>(episode.supervise.size()), T);
+  ASSERT_EQ(episode.cameras.size(), 1u);
+  EXPECT_EQ(static_cast<int>(episode.cameras[0].frames.size()),
+            (T + spec.image_stride - 1) / spec.image_stride);
+  EXPECT_EQ(episode.objects.size(), spec.objects.size());
+  EXPECT_NE(episode.FindObject(episode.target), nullptr);
+  EXPECT_TRUE(episode.success);
+  EXPECT_FALSE(episode.instruction.empty());
+  EXPECT_EQ(episode.task, GetParam());
+  EXPECT_EQ(episode.spec_sha256, SpecHash(spec));
+  // every stage was played, in the order of its first step
+  std::vector<int> order;
+  for (auto phase : episode.phase)
+    if (std::find(order.begin(), order.end(), phase) == order.end()) order.push_back(phase);
+  EXPECT_EQ(order.size(), episode.stage_names.size());
+}
+
+TEST_P(Demonstrate, CommandsAreSmoothWhereTheyAreSupervised) {
+  AttemptRunner runner = OpenOrDie(QuickSpec(GetParam()));
+  const auto result = FirstSuccess(runner, 1);
+  ASSERT_EQ(result.outcome, AttemptOutcome::kSuccess) << result.reason;
+  const Track& actions = result.episode.actions_abs;
+  for (int t = 1; t < actions.rows(); ++t) {
+    Eigen::Vector3d step;
+    for (int i = 0; i < 3; ++i) step[i] = actions.row(t)[i] - actions.row(t - 1)[i];
+    EXPECT_LT(step.norm() * kControlRate, 1.0) << t;
+  }
+}
+
+TEST_P(Demonstrate, IsAPureFunctionOfSpecIndexAndAttempt) {
+  const CampaignSpec spec = QuickSpec(GetParam());
+  AttemptRunner runner = OpenOrDie(spec);
+  const auto first = FirstSuccess(runner, 5);
+  ASSERT_EQ(first.outcome, AttemptOutcome::kSuccess) << first.reason;
+  const std::uint32_t attempt = first.episode.attempt;
+  const auto bytes = EncodeEpisode(first.episode);
+  runner.Demonstrate(9, 0);  // something else in between
+  EXPECT_EQ(EncodeEpisode(runner.Demonstrate(5, attempt).episode), bytes);
+  AttemptRunner fresh = OpenOrDie(spec);
+  EXPECT_EQ(EncodeEpisode(fresh.Demonstrate(5, attempt).episode), bytes);
+}
+
+INSTANTIATE_TEST_SUITE_P(Tasks, Demonstrate, testing::Values("pick", "push", "put_down"),
+                         [](const auto& info) { return std::string(info.param); });
+
+TEST(Attempt, DisturbancesAreMarkedAndRecoveredFrom) {
+  CampaignSpec spec = QuickSpec("pick");
+  spec.randomization.disturbance_probability = 1;
+  AttemptRunner runner = OpenOrDie(spec);
+  int pushed = 0, successes = 0;
+  for (int index = 0; index < 6; ++index) {
+    const auto result = runner.Demonstrate(index, 0);
+    if (result.outcome != AttemptOutcome::kSuccess) continue;
+    ++successes;
+    const auto& supervise = result.episode.supervise;
+    const auto off = std::count(supervise.begin(), supervise.end(), 0);
+    const int pushes = result.episode.details["pushes"].get<int>();
+    EXPECT_GE(off, 20 * pushes);
+    EXPECT_LE(off, 30 * pushes);
+    pushed += pushes;
+  }
+  EXPECT_GE(successes, 5);
+  EXPECT_GE(pushed, 6);
+}
+
+TEST(Attempt, WithoutDisturbancesEveryStepIsSupervised) {
+  CampaignSpec spec = QuickSpec("push");
+  spec.randomization.disturbance_probability = 0;
+  AttemptRunner runner = OpenOrDie(spec);
+  const auto result = FirstSuccess(runner, 2);
+  ASSERT_EQ(result.outcome, AttemptOutcome::kSuccess) << result.reason;
+  EXPECT_THAT(result.episode.supervise, testing::Each(1));
+}
+
+TEST(Attempt, RefusesABadSpec) {
+  CampaignSpec spec;
+  spec.robot = "ur6";
+  const auto runner = AttemptRunner::Open(spec);
+  ASSERT_FALSE(runner.has_value());
+  EXPECT_EQ(runner.error().code, Code::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace etude::task

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+// Success of the expert over seeded scenes, per task: expert_success [scenes per task] [seed] [task...]
+// Prints one line per failed attempt, then per task success, steps and where the time went.
+#include <fmt/format.h>
+
+#include <cstdlib>
+#include <map>
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "services/core/statistics.h"
+#include "worker/task/attempt.h"
+
+namespace {
+
+using namespace etude;
+
+struct Tally {
+  std::uint64_t trials = 0, successes = 0, disturbed = 0, pushes = 0;
+  std::vector<double> steps;
+  std::map<std::string, int> planned;
+  double plan_s = 0, step_s = 0, render_s = 0, deflate_s = 0;
+};
+
+void Count(const task::AttemptResult& result, Tally& tally) {
+  ++tally.trials;
+  tally.plan_s += result.plan_s;
+  tally.step_s += result.step_s;
+  tally.render_s += result.render_s;
+  tally.deflate_s += result.deflate_s;
+  if (result.outcome != task::AttemptOutcome::kSuccess) return;
+  ++tally.successes;
+  const Episode& episode = result.episode;
+  tally.steps.push_back(episode.steps());
+  tally.disturbed += !episode.details["disturbed_objects"].empty();
+  tally.pushes += episode.details["pushes"].get<std::uint64_t>();
+  for (const auto& stage : episode.details["planned"]) {
+    std::string kind = stage["kind"].get<std::string>();
+    if (stage["detour"].get<bool>()) kind = "detour";
+    ++tally.planned[stage["stage"].get<std::string>() + "/" + kind];
+  }
+}
+
+void Print(const std::string& name, const Tally& tally) {
+  const Interval interval = WilsonInterval(tally.successes, tally.trials);
+  const double n = static_cast<double>(tally.trials);
+  fmt::print("{}: {}/{} = {:.1f} % [{:.1f}, {:.1f}], steps mean {:.0f} min {:.0f} max {:.0f}, "
+             "{} with others moved, {} pushes\n",
+             name, tally.successes, tally.trials, 100 * tally.successes / n, 100 * interval.low,
+             100 * interval.high, Mean(tally.steps), Quantile(tally.steps, 0),
+             Quantile(tally.steps, 1), tally.disturbed, tally.pushes);
+  fmt::print("  ms an episode: plan {:.1f} step {:.1f} render {:.1f} deflate {:.1f}\n",
+             1e3 * tally.plan_s / n, 1e3 * tally.step_s / n, 1e3 * tally.render_s / n,
+             1e3 * tally.deflate_s / n);
+  for (const auto& [kind, count] : tally.planned) fmt::print("  {} {}\n", kind, count);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const int scenes = argc > 1 ? std::atoi(argv[1]) : 300;
+  const std::uint64_t seed = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 1;
+  std::vector<std::string> tasks(argv + std::min(argc, 3), argv + argc);
+  if (tasks.empty()) tasks = {"pick", "push", "put_down"};
+  const char* stride = std::getenv("ETUDE_STRIDE");
+  bool good = true;
+  for (const auto& name : tasks) {
+    CampaignSpec spec;
+    spec.tasks = {name};
+    spec.seed = seed;
+    spec.image_stride = stride ? std::atoi(stride) : 125;
+    auto runner = task::AttemptRunner::Open(spec);
+    if (!runner) {
+      fmt::print(stderr, "expert_success: {}\n", runner.error().message);
+      return 3;
+    }
+    Tally tally;
+    for (int index = 0; index < scenes; ++index) {
+      const auto result = runner->Demonstrate(index, 0);
+      Count(result, tally);
+      if (result.outcome != task::AttemptOutcome::kSuccess)
+        fmt::print("{} {}: {}: {}\n", name, index, task::ToString(result.outcome), result.reason);
+    }
+    Print(name, tally);
+    good = good && tally.successes >= 0.97 * tally.trials;
+  }
+  return good ? 0 : 1;
+}

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rollouts driven by scripted policies: one that knows the expert's commands, and some that misbehave.
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "worker/task/attempt.h"
+
+namespace etude::task {
+namespace {
+
+CampaignSpec RolloutSpecOf(const std::string& task) {
+  CampaignSpec spec;
+  spec.mode = "rollout";
+  spec.tasks = {task};
+  spec.seed = 31;
+  spec.image_stride = 50;
+  spec.camera.width = spec.camera.height = 64;
+  spec.randomization.disturbance_probability = 0;
+  spec.rollout.run = "oracle";
+  spec.rollout.max_steps = 900;
+  return spec;
+}
+
+// Answers the commands of a demonstration of the same scene, from where the clock stands.
+class Playback {
+ public:
+  Playback(const Episode& episode, int replan_steps) : episode_(episode), replan_(replan_steps) {}
+
+  PolicyAnswer operator()(const PolicyQuestion&) {
+    PolicyAnswer answer;
+    for (int k = 0; k < kWaypoints; ++k) {
+      const int t = std::min<int>(asked_ * replan_ + static_cast<int>(WaypointStep(k)),
+                                  episode_.steps() - 1);
+      const auto row = episode_.actions_abs.row(t);
+      Waypoint waypoint;
+      waypoint.X_WE = {{row[0], row[1], row[2]}, FromEuler({row[3], row[4], row[5]})};
+      waypoint.gripper = row[6];
+      answer.waypoints.push_back(waypoint);
+    }
+    const int now = std::min(asked_ * replan_, episode_.steps() - 1);
+    const auto hand = episode_.eef_pos.row(now);
+    answer.modules["EE3D"]["position"] = {hand[0], hand[1], hand[2]};
+    const auto object = episode_.FindObject(episode_.target)->pose.row(0);
+    answer.modules["TAR3D"]["position"] = {object[0], object[1], object[2] + 0.02};
+    answer.checkpoint_step = 7;
+    ++asked_;
+    return answer;
+  }
+
+ private:
+  const Episode& episode_;
+  int replan_;
+  int asked_ = 0;
+};
+
+class RolloutOf : public testing::TestWithParam<const char*> {};
+
+TEST_P(RolloutOf, OracleSucceeds) {
+  const CampaignSpec spec = RolloutSpecOf(GetParam());
+  auto runner = AttemptRunner::Open(spec);
+  ASSERT_TRUE(runner.has_value()) << runner.error().message;
+  int successes = 0, tried = 0;
+  for (int index = 0; index < 4; ++index) {
+    const auto demonstration = runner->Demonstrate(index, 0);
+    if (demonstration.outcome != AttemptOutcome::kSuccess) continue;
+    ++tried;
+    const auto rollout =
+        runner->Rollout(index, Playback(demonstration.episode, spec.rollout.replan_steps));
+    ASSERT_TRUE(rollout.has_value());
+    successes += rollout->outcome == AttemptOutcome::kSuccess;
+    EXPECT_EQ(rollout->episode.success, rollout->outcome == AttemptOutcome::kSuccess);
+    EXPECT_EQ(rollout->episode.target, demonstration.episode.target);
+    const auto& details = rollout->episode.details;
+    EXPECT_EQ(details["steps"].get<int>(), rollout->episode.steps());
+    const auto& first = details["decisions"][0];
+    EXPECT_LT(first["EE3D"].get<double>(), 1e-4);
+    EXPECT_NEAR(first["TAR3D"].get<double>(), 0.02, 1e-3);
+    EXPECT_FALSE(first.contains("DISP")) << "the policy did not say it";
+    EXPECT_EQ(first["checkpoint_step"].get<int>(), 7);
+  }
+  EXPECT_GE(tried, 3);
+  EXPECT_GE(successes, tried - (std::string(GetParam()) == "put_down" ? 1 : 0));
+}
+
+INSTANTIATE_TEST_SUITE_P(Tasks, RolloutOf, testing::Values("pick", "push", "put_down"),
+                         [](const auto& info) { return std::string(info.param); });
+
+PolicyAnswer Stay(const Eigen::Vector3d& p) {
+  PolicyAnswer answer;
+  answer.waypoints.assign(kWaypoints, Waypoint{{p, FromEuler({3.14, 0, 1.57})}, 0});
+  return answer;
+}
+
+TEST(Rollout, EndsAtTheStepLimitWhenNothingHappens) {
+  CampaignSpec spec = RolloutSpecOf("pick");
+  spec.rollout.max_steps = 120;
+  spec.rollout.record = false;
+  auto runner = AttemptRunner::Open(spec);
+  ASSERT_TRUE(runner.has_value()) << runner.error().message;
+  int asked = 0;
+  const auto rollout = runner->Rollout(0, [&](const PolicyQuestion& question) -> Result<PolicyAnswer> {
+    ++asked;
+    EXPECT_FALSE(question.instruction.empty());
+    EXPECT_EQ(question.rgb.size(), 64u * 64u * 3u);
+    EXPECT_GE(question.joints.size(), 7u);
+    return Stay({-0.11, 0.13, 0.2});
+  });
+  ASSERT_TRUE(rollout.has_value());
+  EXPECT_EQ(rollout->outcome, AttemptOutcome::kTimeout);
+  EXPECT_EQ(rollout->episode.outcome, "timeout");
+  EXPECT_FALSE(rollout->episode.success);
+  EXPECT_EQ(rollout->episode.steps(), 120);
+  EXPECT_EQ(asked, 8) << "one question every 15 steps";
+  EXPECT_TRUE(rollout->episode.cameras[0].frames.empty());
+}
+
+TEST(Rollout, RefusesGarbage) {
+  auto runner = AttemptRunner::Open(RolloutSpecOf("pick"));
+  ASSERT_TRUE(runner.has_value()) << runner.error().message;
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  PolicyAnswer bad = Stay({0, 0.2, 0.2});
+  bad.waypoints[5].X_WE.p.x() = nan;
+  for (const PolicyAnswer& answer : {bad, PolicyAnswer{}, Stay({0, 400, 0})}) {
+    const auto rollout = runner->Rollout(1, [&](const PolicyQuestion&) { return answer; });
+    ASSERT_TRUE(rollout.has_value());
+    EXPECT_EQ(rollout->outcome, AttemptOutcome::kPolicyError);
+    EXPECT_FALSE(rollout->reason.empty());
+    EXPECT_EQ(rollout->episode.outcome, "policy_error");
+  }
+}
+
+TEST(Rollout, HandsThePolicysErrorOn) {
+  auto runner = AttemptRunner::Open(RolloutSpecOf("pick"));
+  ASSERT_TRUE(runner.has_value()) << runner.error().message;
+  const auto rollout = runner->Rollout(
+      1, [](const PolicyQuestion&) -> Result<PolicyAnswer> { return Fail(Code::kTimeout, "no one"); });
+  ASSERT_FALSE(rollout.has_value());
+  EXPECT_EQ(rollout.error().code, Code::kTimeout);
+}
+
+}  // namespace
+}  // namespace etude::task

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/task/stage.h"
+
+#include <gmock/gmock.h>
+
+#include <numbers>
+
+namespace etude::task {
+namespace {
+
+struct Fixture {
+  Fixture() {
+    CampaignSpec spec;
+    auto built = sim::Scene::Build(spec);
+    EXPECT_TRUE(built.has_value()) << built.error().message;
+    scene = *built;
+    kinematics.emplace(scene);
+    shapes.emplace(*scene, *kinematics);
+    now = {&*shapes, "coke", {{0.1, 0.3, shapes->object("coke").rest_height}, {}},
+           {{-0.1, 0.13, 0.08}, LevelHand()}, std::nullopt};
+    now.X_WO.q.setIdentity();
+  }
+  std::shared_ptr<const sim::Scene> scene;
+  std::optional<sim::Kinematics> kinematics;
+  std::optional<Shapes> shapes;
+  Situation now;
+};
+
+const Stage& Find(const std::vector<Stage>& stages, const std::string& name) {
+  for (const auto& stage : stages)
+    if (stage.name == name) return stage;
+  ADD_FAILURE() << name;
+  return stages[0];
+}
+
+TEST(StagesOf, EndWithAWaitAndGripAsTheyShould) {
+  for (const char* task : {"pick", "push", "put_down"}) {
+    const auto stages = StagesOf(task);
+    EXPECT_FALSE(stages.back().moves()) << task;
+    EXPECT_FALSE(stages.back().blends) << task;
+    for (const auto& stage : stages)
+      EXPECT_TRUE(!stage.holds || (stage.closed && stage.touches_target)) << task << stage.name;
+  }
+}
+
+TEST(Shapes, HandIsLevelAtHomeAndMeasured) {
+  Fixture f;
+  const Pose home = f.kinematics->X_WE(f.scene->arm().q_home);
+  EXPECT_LT(AngleBetween(home.q, LevelHand()), 0.15);
+  EXPECT_GT(f.shapes->ahead_open(), -0.05);
+  EXPECT_LT(f.shapes->ahead_open(), 0.06);
+}
+
+TEST(Shapes, HeightOnTableIsTheRestHeightWhenUpright) {
+  Fixture f;
+  for (const auto& object : f.scene->objects()) {
+    EXPECT_NEAR(f.shapes->HeightOnTable(object.name, Eigen::Quaterniond::Identity()),
+                object.rest_height, 2e-3)
+        << object.name;
+    const double lying = f.shapes->HeightOnTable(object.name, FromEuler({-std::numbers::pi / 2, 0, 0}));
+    EXPECT_NEAR(lying, object.half_extent.y(), 4e-3) << object.name;
+  }
+}
+
+TEST(Stages, ReachPutsTheTipsJustBeyondTheAxis) {
+  Fixture f;
+  const auto stages = StagesOf("pick");
+  const Pose goal = Find(stages, "reach").goal(f.now);
+  const double beyond = goal.p.y() + f.shapes->ahead_open() - f.now.X_WO.p.y();
+  EXPECT_GT(beyond, 0.005);
+  EXPECT_LT(beyond, f.shapes->object("coke").half_extent.y());
+  EXPECT_NEAR(goal.p.x(), f.now.X_WO.p.x(), 1e-12);
+}
+
+TEST(Stages, AHandOnTheLineDoesNotBackOff) {
+  Fixture f;
+  const auto stages = StagesOf("pick");
+  const auto& approach = Find(stages, "approach");
+  const double far = approach.goal(f.now).p.y();
+  f.now.X_WE.p = {f.now.X_WO.p.x() + 0.01, f.now.X_WO.p.y() - 0.11, f.now.X_WO.p.z()};
+  EXPECT_GT(approach.goal(f.now).p.y(), far + 0.02);
+}
+
+TEST(Stages, TurningHalfWayLeavesHalfOfTheWayBack) {
+  Fixture f;
+  const auto stages = StagesOf("put_down");
+  const auto& turn = Find(stages, "turn");
+  f.now.X_WE = {{0.1, 0.3, 0.2}, LevelHand()};
+  const Pose goal = turn.goal(f.now);
+  f.now.X_WE = {{0.1, 0.5 * (0.3 + goal.p.y()), 0.2}, LevelHand().slerp(0.5, TurnedHand())};
+  EXPECT_LT((turn.goal(f.now).p - goal.p).norm(), 1e-6);
+}
+
+TEST(Stages, PlaceBringsTheObjectJustAboveTheTable) {
+  Fixture f;
+  const auto stages = StagesOf("put_down");
+  const auto& place = Find(stages, "place");
+  for (const auto& object : f.scene->objects()) {
+    f.now.target = object.name;
+    f.now.X_WO.p.z() = object.rest_height;
+    const Pose grasp = Find(stages, "reach").goal(f.now);
+    f.now.X_EO = grasp.inverse() * f.now.X_WO;
+    f.now.X_WE = {{0.1, 0.15, 0.2}, TurnedHand()};
+    const Pose X_WO = place.goal(f.now) * *f.now.X_EO;
+    const double gap = X_WO.p.z() - f.shapes->HeightOnTable(object.name, X_WO.q);
+    EXPECT_GE(gap, 0.001) << object.name;
+    EXPECT_LE(gap, 0.006) << object.name;
+  }
+}
+
+}  // namespace
+}  // namespace etude::task

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "worker/task/rollout.h"
+
+namespace etude::task {
+namespace {
+
+std::vector<Waypoint> Line(const Eigen::Vector3d& from, const Eigen::Vector3d& velocity,
+                           double gripper = 0) {
+  std::vector<Waypoint> waypoints(kWaypoints);
+  for (int k = 0; k < kWaypoints; ++k) {
+    waypoints[k].X_WE.p = from + velocity * (WaypointStep(k) / kControlRate);
+    waypoints[k].gripper = gripper;
+  }
+  return waypoints;
+}
+
+TEST(Tracker, FollowsALineWithItsVelocity) {
+  Tracker tracker({}, false);
+  tracker.Follow(Line({0, 0, 0}, {0.2, 0, 0}));
+  Command command;
+  for (int i = 0; i <= 50; ++i) command = tracker.Next();
+  EXPECT_NEAR(command.target.X_WE.p.x(), 0.2 * 50 / kControlRate, 1e-9);
+  EXPECT_NEAR(command.V_WE[0], 0.2, 1e-6);
+  EXPECT_NEAR(command.V_WE.tail<5>().norm(), 0, 1e-9);
+}
+
+TEST(Tracker, NeverJumps) {
+  Tracker tracker({}, false);
+  auto far = Line({1, 0, 0}, {9, 0, 0});
+  for (auto& waypoint : far) waypoint.X_WE.q = FromEuler({2, 0, 0});
+  tracker.Follow(far);
+  Pose last;
+  for (int i = 0; i < 100; ++i) {
+    const Command command = tracker.Next();
+    EXPECT_LE((command.target.X_WE.p - last.p).norm(), 0.8 / kControlRate + 1e-9);
+    EXPECT_LE(AngleBetween(command.target.X_WE.q, last.q), 3.0 / kControlRate + 1e-6);
+    EXPECT_LE(command.V_WE.head<3>().norm(), 0.8 + 1e-9);
+    last = command.target.X_WE;
+  }
+}
+
+TEST(Tracker, HoldsTheLastWaypointWhenTheAnswerRunsOut) {
+  Tracker tracker({}, false);
+  tracker.Follow(Line({0, 0, 0}, {0.1, 0, 0}));
+  Command command;
+  for (int i = 0; i < 400; ++i) command = tracker.Next();
+  EXPECT_NEAR(command.target.X_WE.p.x(), 0.1 * (kHorizonSteps - 1) / kControlRate, 1e-9);
+  EXPECT_NEAR(command.V_WE.norm(), 0, 1e-9);
+}
+
+TEST(Tracker, GripperHasHysteresis) {
+  Tracker tracker({}, false);
+  const auto closed_at = [&](double gripper) {
+    tracker.Follow(Line({0, 0, 0}, {0, 0, 0}, gripper));
+    return tracker.Next().target.gripper > 0.5;
+  };
+  EXPECT_FALSE(closed_at(0.55));
+  EXPECT_TRUE(closed_at(0.65));
+  EXPECT_TRUE(closed_at(0.45));
+  EXPECT_FALSE(closed_at(0.35));
+}
+
+TEST(RefusalOf, AcceptsASaneAnswer) { EXPECT_EQ(RefusalOf({Line({0, 0.3, 0.1}, {0, 0, 0})}), ""); }
+
+TEST(RefusalOf, NamesWhatIsWrong) {
+  EXPECT_NE(RefusalOf({}), "");
+  PolicyAnswer nan{Line({0, 0, 0}, {0, 0, 0})};
+  nan.waypoints[3].X_WE.p.y() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(RefusalOf(nan), "waypoint 3 is not finite");
+  PolicyAnswer infinite{Line({0, 0, 0}, {0, 0, 0})};
+  infinite.waypoints[11].gripper = std::numeric_limits<double>::infinity();
+  EXPECT_NE(RefusalOf(infinite), "");
+  EXPECT_NE(RefusalOf({Line({0, 5, 0}, {0, 0, 0})}), "");
+  PolicyAnswer squeezed{Line({0, 0, 0}, {0, 0, 0})};
+  squeezed.waypoints[0].X_WE.q.coeffs() *= 0.5;
+  EXPECT_NE(RefusalOf(squeezed), "");
+}
+
+}  // namespace
+}  // namespace etude::task

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/task/chain.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace etude::task {
+namespace {
+
+constexpr int kFollowStride = 10;  // steps between two solutions while following a motion
+constexpr double kKeepBehind = 0.10;  // m between hand and the objects that it passes
+constexpr double kPassing = 0.12;     // m beside the path where an object counts as passed
+
+int RampSteps(const plan::Limits& limits) {
+  return static_cast<int>(std::ceil(limits.linear / limits.linear_accel * kControlRate));
+}
+
+}  // namespace
+
+plan::Motion Join(const plan::Motion& a, const plan::Motion& b, int overlap) {
+  overlap = std::clamp(overlap, 0, std::min(a.steps(), b.steps()));
+  plan::Motion joined = a;
+  const int first = a.steps() - overlap;
+  for (int i = 0; i < overlap; ++i) {
+    Pose& X_WE = joined.X_WE[first + i];
+    X_WE.p += b.X_WE[i].p - b.X_WE[0].p;
+    X_WE.q = (b.X_WE[i].q * b.X_WE[0].q.conjugate() * X_WE.q).normalized();
+    joined.V_WE[first + i] += b.V_WE[i];
+  }
+  joined.X_WE.insert(joined.X_WE.end(), b.X_WE.begin() + overlap, b.X_WE.end());
+  joined.V_WE.insert(joined.V_WE.end(), b.V_WE.begin() + overlap, b.V_WE.end());
+  return joined;
+}
+
+StagePlanner::StagePlanner(std::shared_ptr<const sim::Scene> scene, collide::Checker* checker)
+    : kinematics_(scene), checker_(checker), planner_(scene) {}
+
+std::optional<Eigen::VectorXd> StagePlanner::EndOf(const plan::Motion& motion,
+                                                   const Eigen::VectorXd& q_start) {
+  Eigen::VectorXd q = q_start;
+  for (int i = 0; i < motion.steps(); ++i) {
+    if (i % kFollowStride != 0 && i + 1 != motion.steps()) continue;
+    const auto next = kinematics_.Solve(motion.X_WE[i], q);
+    if (!next) return std::nullopt;
+    q = *next;
+  }
+  return q;
+}
+
+PlannedStage StagePlanner::Plan(const Eigen::VectorXd& q_start, const Pose& goal,
+                                const Stage& stage,
+                                const std::vector<Eigen::Vector3d>& obstacles,
+                                std::uint64_t seed) {
+  if (auto straight = ThroughPoints(q_start, {goal}, stage, seed)) return *straight;
+  if (!stage.straight_only)
+    if (auto detour = Detour(q_start, goal, stage, obstacles, seed)) return *detour;
+  PlannedStage sampled;
+  const plan::Request request{.q_start = q_start,
+                              .X_WE_goal = goal,
+                              .limits = stage.limits,
+                              .straight_only = stage.straight_only};
+  sampled.outcome = planner_.Plan(request, *checker_, seed);
+  if (!sampled.planned()) return sampled;
+  if (const auto q_end = EndOf(sampled.outcome.motion, q_start)) {
+    sampled.q_end = *q_end;
+  } else {
+    sampled.outcome.kind = plan::OutcomeKind::kNotSmooth;
+    sampled.outcome.reason = "inverse kinematics lost on the path";
+  }
+  return sampled;
+}
+
+std::optional<PlannedStage> StagePlanner::ThroughPoints(const Eigen::VectorXd& q_start,
+                                                        const std::vector<Pose>& points,
+                                                        const Stage& stage, std::uint64_t seed) {
+  PlannedStage planned;
+  planned.q_end = q_start;
+  std::uint64_t checks = 0;
+  for (const Pose& point : points) {
+    const plan::Request request{.q_start = planned.q_end,
+                                .X_WE_goal = point,
+                                .limits = stage.limits,
+                                .straight_only = true};
+    plan::Outcome next = planner_.Plan(request, *checker_, seed);
+    checks += next.checks;
+    if (!next.planned()) return std::nullopt;
+    const auto q_end = EndOf(next.motion, planned.q_end);
+    if (!q_end) return std::nullopt;
+    if (planned.outcome.motion.steps() == 0) {
+      planned.outcome = std::move(next);
+    } else {
+      JoinIfFree(planned.outcome.motion, next.motion, stage.limits, planned.q_end);
+    }
+    planned.q_end = *q_end;
+  }
+  planned.outcome.checks = checks;
+  return planned;
+}
+
+std::optional<PlannedStage> StagePlanner::Detour(const Eigen::VectorXd& q_start, const Pose& goal,
+                                                 const Stage& stage,
+                                                 const std::vector<Eigen::Vector3d>& obstacles,
+                                                 std::uint64_t seed) {
+  const Pose start = kinematics_.X_WE(q_start);
+  const double left = std::min(start.p.x(), goal.p.x()) - kPassing;
+  const double right = std::max(start.p.x(), goal.p.x()) + kPassing;
+  double y = std::min(start.p.y(), goal.p.y());
+  for (const auto& p : obstacles)
+    if (p.x() > left && p.x() < right) y = std::min(y, p.y() - kKeepBehind);
+  Pose before = goal, beside = start;
+  before.p.y() = beside.p.y() = y;
+  if (auto one = ThroughPoints(q_start, {before, goal}, stage, seed)) {
+    one->detour = true;
+    return one;
+  }
+  auto two = ThroughPoints(q_start, {beside, before, goal}, stage, seed);
+  if (two) two->detour = true;
+  return two;
+}
+
+int StagePlanner::JoinIfFree(plan::Motion& a, const plan::Motion& b, const plan::Limits& limits,
+                             const Eigen::VectorXd& q_corner) {
+  const int overlap = std::min({RampSteps(limits), a.steps() / 2, b.steps() / 2});
+  plan::Motion joined = Join(a, b, overlap);
+  const int first = a.steps() - overlap;
+  Eigen::VectorXd q = q_corner;
+  for (int i = first + overlap / 4; i < a.steps(); i += std::max(1, overlap / 4)) {
+    const auto next = kinematics_.Solve(joined.X_WE[i], q);
+    if (!next || checker_->Check(*next)) {
+      a = Join(a, b, 0);
+      return 0;
+    }
+    q = *next;
+  }
+  a = std::move(joined);
+  return overlap;
+}
+
+}  // namespace etude::task

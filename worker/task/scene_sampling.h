@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// What varies from episode to episode: where the objects stand, where the arm starts. All draws come from
+// one seeded stream, so that a scene is a function of its seed.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "services/core/rng.h"
+#include "services/episode/campaign_spec.h"
+#include "worker/collide/checker.h"
+
+namespace etude::task {
+
+/// Objects stand at least this far apart, and this far along x too (distinct columns of the picture).
+inline constexpr double kMinimumDistance = 0.10;  // m
+
+/// A part of the table that one object is put into.
+struct LocationBox {
+  double x_min, x_max, y_min, y_max;  ///< m, world
+};
+/// Six of them, from the robot's left to its right.
+const std::vector<LocationBox>& LocationBoxes();
+
+struct PlacedObject {
+  std::string name;
+  Pose X_WO;
+};
+
+/// Objects upright, each in a box of its own, turned by up to +-`yaw` (rad) about the vertical.
+/// @returns nothing when no arrangement was found within a fixed number of draws.
+std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects,
+                                                      double yaw, Rng& rng);
+
+/// Arm configuration near home whose hand is moved by uniform offsets, free of collisions.
+/// @pre `checker` knows the objects; its gripper is open
+/// @returns nothing when none was found within a fixed number of draws.
+std::optional<Eigen::VectorXd> DrawStart(const sim::ArmInfo& arm,
+                                         const RandomizationSpec& randomization,
+                                         sim::Kinematics& kinematics, collide::Checker& checker,
+                                         Rng& rng);
+
+/// The object that episode `index` is about: the same for all its attempts, so that a hard object is not
+/// swapped for an easy one by a retry.
+std::string TargetOf(const CampaignSpec& spec, std::uint64_t index);
+
+}  // namespace etude::task

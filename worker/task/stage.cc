@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/task/stage.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "services/core/check.h"
+
+namespace etude::task {
+namespace {
+
+constexpr double kBehind = 0.15;        // m, hand behind the object before it reaches
+constexpr double kNearest = 0.09;       // m, the least of it when the hand is already on the line
+constexpr double kOnLine = 0.04;        // m off the line at most to count as on it
+constexpr double kGraspAbove = 0.01;    // m above the body's origin
+constexpr double kPadHalfLength = 0.018;  // m, fingertips pass the object's axis by this
+constexpr double kLiftHeight = 0.20;    // m of the tool
+constexpr double kTurnBack = 0.15;      // m towards the robot while turning
+constexpr double kPushFurther = 0.11;   // m that the object is pushed
+constexpr double kPlaceGap = 0.002;     // m between object and table when it is released
+constexpr double kFingerGap = 0.005;    // m between fingertips and table
+
+// Fingertips beyond the object's axis when it is grasped: pads centred on it, but never beyond its far
+// side, so that it can be laid down without the tips touching the table.
+double TipsBeyondAxis(const Situation& now) {
+  const double half_depth = now.shapes->object(now.target).half_extent.y();
+  return std::clamp(half_depth - 0.006, 0.010, kPadHalfLength);
+}
+
+double GraspY(const Situation& now) {
+  return now.X_WO.p.y() + TipsBeyondAxis(now) - now.shapes->ahead_open();
+}
+
+Pose BehindObject(const Situation& now) {
+  const Eigen::Vector3d& p = now.X_WO.p;
+  const double height = p.z() + kGraspAbove;
+  const double aside = std::hypot(now.X_WE.p.x() - p.x(), now.X_WE.p.z() - height);
+  const double far = p.y() - kBehind, near = p.y() - kNearest;
+  // A hand that is on the line already goes on from where it is instead of backing off.
+  const double y = aside < kOnLine ? std::clamp(now.X_WE.p.y() + 0.01, far, near) : far;
+  return {{p.x(), y - now.shapes->ahead_open(), height}, LevelHand()};
+}
+
+Pose AroundObject(const Situation& now) {
+  return {{now.X_WO.p.x(), GraspY(now), now.X_WO.p.z() + kGraspAbove}, LevelHand()};
+}
+
+Pose BeyondObject(const Situation& now) {
+  const double half_depth = now.shapes->object(now.target).half_extent.y();
+  const double touch = now.X_WO.p.y() - half_depth - now.shapes->ahead_closed();
+  return {{now.X_WO.p.x(), touch + kPushFurther, now.X_WO.p.z() + kGraspAbove}, LevelHand()};
+}
+
+Pose Lifted(const Situation& now) {
+  return {{now.X_WE.p.x(), now.X_WE.p.y(), kLiftHeight}, LevelHand()};
+}
+
+Pose Turned(const Situation& now) {
+  // A hand that is part of the way round has moved back by that part already.
+  const double left = AngleBetween(now.X_WE.q, TurnedHand()) / (std::numbers::pi / 2);
+  const double y = now.X_WE.p.y() - kTurnBack * std::clamp(left, 0.0, 1.0);
+  return {{now.X_WE.p.x(), y, kLiftHeight}, TurnedHand()};
+}
+
+Pose OnTable(const Situation& now) {
+  ETUDE_CHECK(now.X_EO.has_value());
+  const Pose X_WO = Pose{Eigen::Vector3d::Zero(), TurnedHand()} * *now.X_EO;  // for a hand at the origin
+  const double object = now.shapes->HeightOnTable(now.target, X_WO.q) - X_WO.p.z() + kPlaceGap;
+  const double tips = std::max(now.shapes->ahead_open(), now.shapes->ahead_closed()) + kFingerGap;
+  return {{now.X_WE.p.x(), now.X_WE.p.y(), std::max(object, tips)}, TurnedHand()};
+}
+
+Pose Above(const Situation& now) {
+  return {{now.X_WE.p.x(), now.X_WE.p.y(), kLiftHeight}, TurnedHand()};
+}
+
+plan::Limits Speed(double linear, double linear_accel, double angular, double angular_accel) {
+  return {.linear = linear,
+          .angular = angular,
+          .linear_accel = linear_accel,
+          .angular_accel = angular_accel};
+}
+
+Stage Approach(bool closed) {
+  return {.name = "approach", .goal = BehindObject, .closed = closed,
+          .limits = Speed(0.55, 2.5, 2.0, 8.0), .blends = true, .disturbable = true, .calm = 0.03};
+}
+
+Stage Reach() {
+  return {.name = "reach", .goal = AroundObject, .limits = Speed(0.35, 1.8, 1.5, 6.0),
+          .straight_only = true, .touches_target = true, .disturbable = true, .calm = 0.08,
+          .back_to = 1};
+}
+
+Stage Grasp() {
+  return {.name = "grasp", .closed = true, .touches_target = true, .min_steps = 12, .max_steps = 80,
+          .done = [](const sim::World& world, const std::string& target) {
+            return world.Grasped(target);
+          }};
+}
+
+Stage Lift(bool blends) {
+  return {.name = "lift", .goal = Lifted, .closed = true, .limits = Speed(0.40, 1.5, 1.2, 5.0),
+          .touches_target = true, .holds = true, .blends = blends, .disturbable = true,
+          .calm = 0.05};
+}
+
+Stage Push() {
+  return {.name = "push", .goal = BeyondObject, .closed = true, .limits = Speed(0.25, 1.2, 1.2, 5.0),
+          .straight_only = true, .touches_target = true, .disturbable = true, .calm = 0.20,
+          .back_to = 1};
+}
+
+Stage Turn() {
+  return {.name = "turn", .goal = Turned, .closed = true, .limits = Speed(0.40, 1.5, 2.0, 8.0),
+          .touches_target = true, .holds = true, .disturbable = true, .calm = 0.04};
+}
+
+Stage Place() {
+  return {.name = "place", .goal = OnTable, .closed = true, .limits = Speed(0.25, 1.0, 1.2, 5.0),
+          .straight_only = true, .touches_target = true, .holds = true, .disturbable = true,
+          .calm = 0.07};
+}
+
+Stage Wait(std::string name, bool closed, int steps) {
+  return {.name = std::move(name), .closed = closed, .touches_target = true, .min_steps = steps,
+          .max_steps = steps};
+}
+
+Stage Retreat() {
+  return {.name = "retreat", .goal = Above, .limits = Speed(0.40, 1.5, 1.2, 5.0),
+          .straight_only = true, .touches_target = true};
+}
+
+}  // namespace
+
+std::vector<Stage> StagesOf(const std::string& task) {
+  if (task == "pick") return {Approach(false), Reach(), Grasp(), Lift(false), Wait("hold", true, 24)};
+  if (task == "push") return {Approach(true), Push(), Wait("hold", true, 24)};
+  ETUDE_CHECK(task == "put_down", "task={}", task);
+  return {Approach(false), Reach(), Grasp(), Lift(true), Turn(), Place(),
+          Wait("release", false, 16), Retreat(), Wait("hold", false, 24)};
+}
+
+}  // namespace etude::task

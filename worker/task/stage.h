@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tasks as sequences of typed stages. Every goal is a function of what can be seen now (hand, object), not
+// of what happened before: a policy without memory can then imitate it.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "worker/plan/planner.h"
+#include "worker/task/shapes.h"
+
+namespace etude::task {
+
+/// What a stage's goal may depend on.
+struct Situation {
+  const Shapes* shapes = nullptr;
+  std::string target;
+  Pose X_WO;                  ///< target now
+  Pose X_WE;                  ///< hand (reference) now
+  std::optional<Pose> X_EO;   ///< target in the hand, while held
+};
+
+struct Stage {
+  std::string name;
+  /// Tool pose to move to; empty for a stage that waits where the hand is.
+  std::function<Pose(const Situation&)> goal;
+  bool closed = false;          ///< gripper command
+  plan::Limits limits;
+  bool straight_only = false;   ///< a detour would be worse than a failure
+  bool touches_target = false;  ///< contact of hand and target is wanted
+  bool holds = false;           ///< the target moves with the hand
+  bool blends = false;          ///< runs into the next stage without stopping
+  bool disturbable = false;     ///< a push off the path may happen
+  double calm = 0;              ///< m before the goal where no push begins
+  int back_to = 0;              ///< stages to go back after a push (realign before reaching again)
+  int min_steps = 0;            ///< waiting stages: control steps, at least and
+  int max_steps = 0;            ///< at most, until `done`
+  std::function<bool(const sim::World&, const std::string& target)> done;
+
+  bool moves() const { return static_cast<bool>(goal); }
+};
+
+/// The stages of `task` (pick | push | put_down).
+std::vector<Stage> StagesOf(const std::string& task);
+
+}  // namespace etude::task
