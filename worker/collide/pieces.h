@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// A geometry of the scene with its shapes and where it is now. Internal to worker/collide.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <optional>
+#include <string>
+
+#include "worker/collide/narrowphase.h"
+
+namespace etude::collide::internal {
+
+enum class Role { kArm, kObject, kStatic };
+
+Eigen::Isometry3d ToIsometry(const Pose& pose);
+
+/// One convex piece of a body.
+class Piece {
+ public:
+  Piece(const sim::Geometry& geometry, Role role, int body);
+
+  /// Moves the piece with its body and recomputes the world's AABB.
+  void Place(const Eigen::Isometry3d& X_WB);
+  /// Makes the shape grown by `margin` (m); a convex mesh has none.
+  void SetMargin(double margin);
+
+  Role role() const { return role_; }
+  int body() const { return body_; }
+  const std::string& body_name() const { return geometry_.body; }
+  const Shape& shape() const { return shape_; }
+  const std::optional<Shape>& inflated() const { return inflated_; }
+  const Eigen::Isometry3d& X_WG() const { return X_WG_; }
+  const Eigen::Vector3d& lower() const { return lower_; }
+  const Eigen::Vector3d& upper() const { return upper_; }
+
+ private:
+  Eigen::Vector3d HalfExtent() const;
+
+  sim::Geometry geometry_;
+  Role role_;
+  int body_;
+  Shape shape_;
+  std::optional<Shape> inflated_;
+  Eigen::Isometry3d X_BG_;
+  Eigen::Vector3d center_, half_;  ///< AABB of the vertices in G, kConvex only
+  Eigen::Isometry3d X_WG_ = Eigen::Isometry3d::Identity();
+  Eigen::Vector3d lower_ = Eigen::Vector3d::Zero(), upper_ = Eigen::Vector3d::Zero();
+};
+
+/// Largest gap of the two AABBs along an axis, a lower bound of the distance; negative when they overlap.
+double AabbGap(const Piece& a, const Piece& b);
+/// True when the pieces are closer than the margin last set (see the folder's README on inflation).
+bool Near(const Piece& a, const Piece& b, double margin);
+
+}  // namespace etude::collide::internal
