@@ -18,7 +18,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "blobs are copied as they lie in memory");
 
 constexpr std::string_view kMagic = "ETUDEEP1";
-constexpr std::size_t kPrefix = 12;                  // magic and header size
+constexpr std::size_t kPrefix = 12;  // magic and header size
 constexpr std::uint32_t kMaxHeader = 8u << 20;
 constexpr int kMaxDepth = 40;
 constexpr int kFormat = 1;
@@ -112,7 +112,8 @@ class FieldReader {
   }
   std::uint64_t Unsigned(const char* key, std::uint64_t max = UINT64_MAX) {
     const auto& value = Get(key);
-    if (value.is_number_unsigned() && value.get<std::uint64_t>() <= max) return value.get<std::uint64_t>();
+    if (value.is_number_unsigned() && value.get<std::uint64_t>() <= max)
+      return value.get<std::uint64_t>();
     Complain(key);
     return 0;
   }
@@ -137,8 +138,10 @@ class FieldReader {
   std::vector<std::string> Texts(const char* key, std::size_t max_items) {
     std::vector<std::string> texts;
     for (const auto& item : List(key, max_items)) {
-      if (!item.is_string()) Complain(key);
-      else texts.push_back(item.get<std::string>());
+      if (!item.is_string())
+        Complain(key);
+      else
+        texts.push_back(item.get<std::string>());
     }
     return texts;
   }
@@ -146,7 +149,8 @@ class FieldReader {
   std::array<double, N> Numbers(const char* key) {
     std::array<double, N> numbers{};
     const auto& list = List(key, N);
-    if (list.size() != N) Complain(key);
+    if (list.size() != N)
+      Complain(key);
     else
       for (std::size_t i = 0; i < N; ++i) numbers[i] = Number(list[i], key);
     return numbers;
@@ -207,8 +211,10 @@ class BlobReader {
 
   void Finish() {
     if (!error_.empty()) return;
-    if (next_ != entries_.size()) error_ = "more arrays than expected";
-    else if (!left_.empty()) error_ = fmt::format("{} bytes after the last blob", left_.size());
+    if (next_ != entries_.size())
+      error_ = "more arrays than expected";
+    else if (!left_.empty())
+      error_ = fmt::format("{} bytes after the last blob", left_.size());
   }
 
  private:
@@ -270,7 +276,8 @@ void ReadTracks(BlobReader& blobs, Episode& episode) {
   episode.supervise.assign(supervise.begin(), supervise.end());
 }
 
-void ReadFrames(const OrderedJson& camera, BlobReader& blobs, CameraTrack& track, std::string& error) {
+void ReadFrames(const OrderedJson& camera, BlobReader& blobs, CameraTrack& track,
+                std::string& error) {
   FieldReader fields(camera, error);
   for (const auto& size : fields.List("frames", kMaxSteps)) {
     if (!size.is_number_unsigned()) fields.Complain("frames");
@@ -286,11 +293,13 @@ Result<OrderedJson> ReadHeader(Bytes bytes, std::size_t& header_end) {
     return Fail(Code::kCorrupt, "episode: these bytes do not start as an episode does");
   std::memcpy(&header_size, bytes.data() + kMagic.size(), sizeof(header_size));
   if (header_size > kMaxHeader || header_size > bytes.size() - kPrefix)
-    return Fail(Code::kCorrupt, fmt::format("episode: header of {} bytes in {}", header_size, bytes.size()));
+    return Fail(Code::kCorrupt,
+                fmt::format("episode: header of {} bytes in {}", header_size, bytes.size()));
   header_end = kPrefix + header_size;
-  auto json = ParseBoundedJson(
-      {reinterpret_cast<const char*>(bytes.data()) + kPrefix, header_size}, kMaxDepth);
-  if (!json || !json->is_object()) return Fail(Code::kCorrupt, "episode: the header is not a JSON map");
+  auto json = ParseBoundedJson({reinterpret_cast<const char*>(bytes.data()) + kPrefix, header_size},
+                               kMaxDepth);
+  if (!json || !json->is_object())
+    return Fail(Code::kCorrupt, "episode: the header is not a JSON map");
   return std::move(*json);
 }
 

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Episode <-> bytes on the bus. Layout (little-endian):
 //   8 bytes "ETUDEEP1" | u32 header size | JSON header | blobs back to back
-// The header has every scalar and string, for each array {name, dtype, shape, offset, size}, and for each
-// camera the sizes of its frames, which follow the arrays. The bytes are a pure function of the episode. A
-// decoder trusts nothing: every length is checked against what is left before anything is allocated.
+// The header has every scalar and string, for each array {name, dtype, shape, offset, size}, and
+// for each camera the sizes of its frames, which follow the arrays. The bytes are a pure function
+// of the episode. A decoder trusts nothing: every length is checked against what is left before
+// anything is allocated.
 #pragma once
 
 #include <cstdint>
@@ -26,17 +27,18 @@ inline std::int64_t FrameCount(std::int64_t steps, int image_stride) {
   return (steps + image_stride - 1) / image_stride;
 }
 
-/// Everything that later readers rely on: at least one step, T rows in every track (`states` may be absent),
-/// finite values (but pixels, NaN behind the camera), unit quaternions, plain unique names of objects and
-/// cameras, phases that have a name, and for each camera either no frame or FrameCount() of them.
-/// Whether the frames inflate is not looked at.
+/// Everything that later readers rely on: at least one step, T rows in every track (`states` may be
+/// absent), finite values (but pixels, NaN behind the camera), unit quaternions, plain unique names
+/// of objects and cameras, phases that have a name, and for each camera either no frame or
+/// FrameCount() of them. Whether the frames inflate is not looked at.
 /// @error kInvalidArgument with the first thing that does not fit.
 Status ValidateEpisode(const Episode& episode);
 
 /// The episode should be valid (DecodeEpisode refuses others). Text that is not UTF-8 is replaced.
 std::vector<std::uint8_t> EncodeEpisode(const Episode& episode);
 
-/// @error kCorrupt with what does not fit: magic, header, sizes, row counts that differ from T, NaN.
+/// @error kCorrupt with what does not fit: magic, header, sizes, row counts that differ from T,
+/// NaN.
 Result<Episode> DecodeEpisode(std::span<const std::uint8_t> bytes);
 
 }  // namespace etude

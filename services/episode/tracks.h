@@ -10,8 +10,9 @@ namespace etude {
 
 inline constexpr int kAnyColumns = 0;  ///< as many as the robot or the model has
 
-/// Calls fn(name, track, columns) for each track of the low-dimensional part, in a fixed order. `Track&`
-/// is const when the episode is. Objects' tracks are named "objects/NAME/pose" and ".../pixel".
+/// Calls fn(name, track, columns) for each track of the low-dimensional part, in a fixed order.
+/// `Track&` is const when the episode is. Objects' tracks are named "objects/NAME/pose" and
+/// ".../pixel".
 template <class AnyEpisode, class Function>
 void VisitTracks(AnyEpisode& episode, Function&& fn) {
   fn("joint_pos", episode.joint_pos, kAnyColumns);

@@ -22,11 +22,16 @@ tl::unexpected<Error> Bad(std::string message) {
 
 Status CheckTexts(const Episode& episode) {
   const std::pair<const char*, const std::string*> texts[] = {
-      {"campaign", &episode.campaign},         {"spec_sha256", &episode.spec_sha256},
-      {"scene_sha256", &episode.scene_sha256}, {"version", &episode.version},
-      {"robot", &episode.robot},               {"task", &episode.task},
-      {"target", &episode.target},             {"reference", &episode.reference},
-      {"instruction", &episode.instruction},   {"outcome", &episode.outcome}};
+      {"campaign", &episode.campaign},
+      {"spec_sha256", &episode.spec_sha256},
+      {"scene_sha256", &episode.scene_sha256},
+      {"version", &episode.version},
+      {"robot", &episode.robot},
+      {"task", &episode.task},
+      {"target", &episode.target},
+      {"reference", &episode.reference},
+      {"instruction", &episode.instruction},
+      {"outcome", &episode.outcome}};
   const auto good = [](const std::string& text) {
     return text.size() <= kMaxText && text.find('\0') == std::string::npos;
   };
@@ -56,7 +61,8 @@ Status CheckNames(const Episode& episode) {
 bool AreUnit(const Track& track, int first) {
   for (int t = 0; t < track.rows(); ++t) {
     double sum = 0;
-    for (int i = first; i < first + 4; ++i) sum += static_cast<double>(track.row(t)[i]) * track.row(t)[i];
+    for (int i = first; i < first + 4; ++i)
+      sum += static_cast<double>(track.row(t)[i]) * track.row(t)[i];
     if (std::abs(sum - 1) > 2e-3) return false;
   }
   return true;
@@ -70,8 +76,8 @@ Status CheckTrack(const std::string& name, const Track& track, int columns, std:
   if (track.values.size() != steps * static_cast<std::size_t>(track.columns))
     return Bad(fmt::format("{}: {} values are not {} rows of {}", name, track.values.size(), steps,
                            track.columns));
-  if (!name.ends_with("pixel") &&
-      !std::all_of(track.values.begin(), track.values.end(), [](float x) { return std::isfinite(x); }))
+  if (!name.ends_with("pixel") && !std::all_of(track.values.begin(), track.values.end(),
+                                               [](float x) { return std::isfinite(x); }))
     return Bad(name + ": a value is not finite");
   if (name == "eef_quat" && !AreUnit(track, 0)) return Bad(name + ": not a unit quaternion");
   if (name.ends_with("/pose") && !AreUnit(track, 3)) return Bad(name + ": not a unit quaternion");
@@ -79,7 +85,8 @@ Status CheckTrack(const std::string& name, const Track& track, int columns, std:
 }
 
 Status CheckPhases(const Episode& episode, std::size_t steps) {
-  if (episode.phase.size() != steps) return Bad(fmt::format("phase: {} rows, not {}", episode.phase.size(), steps));
+  if (episode.phase.size() != steps)
+    return Bad(fmt::format("phase: {} rows, not {}", episode.phase.size(), steps));
   if (episode.supervise.size() != steps)
     return Bad(fmt::format("supervise: {} rows, not {}", episode.supervise.size(), steps));
   const std::size_t stages = std::max<std::size_t>(episode.stage_names.size(), 1);
@@ -114,7 +121,8 @@ Status CheckCamera(const CameraTrack& track, std::int64_t frame_count) {
 
 Status ValidateEpisode(const Episode& episode) {
   const auto steps = static_cast<std::int64_t>(episode.eef_pos.values.size() / 3);
-  if (steps < 1 || steps > kMaxSteps) return Bad(fmt::format("{} steps, not 1..{}", steps, kMaxSteps));
+  if (steps < 1 || steps > kMaxSteps)
+    return Bad(fmt::format("{} steps, not 1..{}", steps, kMaxSteps));
   if (episode.image_stride < 1 || episode.image_stride > 1000)
     return Bad(fmt::format("image_stride: {} not in 1..1000", episode.image_stride));
   ETUDE_RETURN_IF_ERROR(CheckTexts(episode));

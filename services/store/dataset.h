@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// A dataset on disk: robomimic's HDF5 layout, one file an episode. The file's existence is the commit.
+// A dataset on disk: robomimic's HDF5 layout, one file an episode. The file's existence is the
+// commit.
 //
 //   DATASET/
 //     dataset.json                campaign spec as resolved, schema version, statistics; by rename
 //     episodes/000/000123.hdf5    one episode: temp name -> fsync -> rename -> fsync folder
-//     dataset.hdf5                /data/demo_<i> external links to the files above; /mask/{train,valid,test}
-//     attempts.jsonl              every failed attempt: index, attempt, seed, outcome, details
-//     quarantine/                 what verify moved aside
+//     dataset.hdf5                /data/demo_<i> external links to the files above;
+//     /mask/{train,valid,test} attempts.jsonl              every failed attempt: index, attempt,
+//     seed, outcome, details quarantine/                 what verify moved aside
 #pragma once
 
 #include <cstdint>
@@ -29,12 +30,13 @@ inline constexpr int kSchemaVersion = 1;
 /// DATASET/episodes/000/000123.hdf5
 Path EpisodePath(const Path& dataset, std::uint64_t index);
 
-/// The one writer of a dataset (a lock file keeps a second one out). Thread safety: one thread at a time.
+/// The one writer of a dataset (a lock file keeps a second one out). Thread safety: one thread at a
+/// time.
 class DatasetWriter {
  public:
   /// Makes the dataset, or opens it to resume. Temporary files of a crash are removed.
-  /// @error kInvalidArgument when it was made from another spec (says which keys differ), kUnavailable
-  /// when another process writes it or the disk refuses.
+  /// @error kInvalidArgument when it was made from another spec (says which keys differ),
+  /// kUnavailable when another process writes it or the disk refuses.
   static Result<DatasetWriter> Open(const Path& dataset, const CampaignSpec& spec);
   DatasetWriter(DatasetWriter&&) noexcept;
   DatasetWriter& operator=(DatasetWriter&&) noexcept;
@@ -43,14 +45,14 @@ class DatasetWriter {
   const std::set<std::uint64_t>& committed() const;
   bool Contains(std::uint64_t index) const;
 
-  /// Durable when it returns. On error nothing of the episode is visible and the dataset is as before;
-  /// kUnavailable (disk full) may be tried again.
+  /// Durable when it returns. On error nothing of the episode is visible and the dataset is as
+  /// before; kUnavailable (disk full) may be tried again.
   Status Commit(const Episode& episode);
   /// Appends to attempts.jsonl.
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json);
-  /// Rewrites dataset.hdf5 (links and masks) and dataset.json (statistics), each by rename. Call now and
-  /// then and at the end; everything in it is derived from the episode files.
+  /// Rewrites dataset.hdf5 (links and masks) and dataset.json (statistics), each by rename. Call
+  /// now and then and at the end; everything in it is derived from the episode files.
   Status WriteMaster();
 
  private:
@@ -68,8 +70,8 @@ struct FrameLocation {
 /// An episode without its pictures, plus where they are: what a trainer keeps in memory.
 struct EpisodeRecord {
   Path path;
-  Episode episode;                                      ///< cameras have no frames
-  std::vector<std::vector<FrameLocation>> frames;       ///< [camera][frame]
+  Episode episode;                                 ///< cameras have no frames
+  std::vector<std::vector<FrameLocation>> frames;  ///< [camera][frame]
 };
 
 /// Reads a dataset, also while it grows. Const methods are thread-safe.
@@ -102,7 +104,8 @@ std::vector<std::uint8_t> DeflateFrame(std::span<const std::uint8_t> pixels);
 class FrameReader {
  public:
   /// @error kCorrupt, kNotFound
-  static Status Read(const Path& file, const FrameLocation& location, std::span<std::uint8_t> pixels);
+  static Status Read(const Path& file, const FrameLocation& location,
+                     std::span<std::uint8_t> pixels);
 };
 
 struct VerifyReport {
@@ -116,8 +119,8 @@ struct VerifyReport {
 
 enum class Quarantine { kNo, kYes };
 
-/// Reads every byte of every episode (checksums, every frame inflated, row counts). With kYes bad files
-/// are moved to quarantine/, so that a collector that resumes makes them again.
+/// Reads every byte of every episode (checksums, every frame inflated, row counts). With kYes bad
+/// files are moved to quarantine/, so that a collector that resumes makes them again.
 Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine);
 
 /// SHA-256 over (index, content) of every episode in order: independent of who made it and when.

@@ -32,8 +32,8 @@ Status ReadAt(const Path& file, std::uint64_t offset, std::span<std::uint8_t> by
   std::size_t done = 0;
   int error_number = 0;
   while (done < bytes.size()) {
-    const ssize_t got = ::pread(fd, bytes.data() + done, bytes.size() - done,
-                                static_cast<off_t>(offset + done));
+    const ssize_t got =
+        ::pread(fd, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) error_number = errno;
     if (got <= 0) break;
@@ -42,8 +42,8 @@ Status ReadAt(const Path& file, std::uint64_t offset, std::span<std::uint8_t> by
   ::close(fd);
   if (error_number != 0) return Fail(ErrnoError("read", file, error_number));
   if (done < bytes.size())
-    return Fail(Code::kCorrupt, fmt::format("read '{}': it ends at {} inside a frame", file.string(),
-                                            offset + done));
+    return Fail(Code::kCorrupt, fmt::format("read '{}': it ends at {} inside a frame",
+                                            file.string(), offset + done));
   return {};
 }
 
@@ -67,8 +67,7 @@ std::vector<std::uint8_t> DeflateFrame(std::span<const std::uint8_t> pixels) {
   thread_local const std::unique_ptr<libdeflate_compressor, FreeCompressor> compressor(
       libdeflate_alloc_compressor(kDeflateLevel));
   ETUDE_CHECK(compressor != nullptr);
-  std::vector<std::uint8_t> stream(
-      libdeflate_zlib_compress_bound(compressor.get(), pixels.size()));
+  std::vector<std::uint8_t> stream(libdeflate_zlib_compress_bound(compressor.get(), pixels.size()));
   const std::size_t size = libdeflate_zlib_compress(compressor.get(), pixels.data(), pixels.size(),
                                                     stream.data(), stream.size());
   ETUDE_CHECK(size > 0, "{} bytes into {}", pixels.size(), stream.size());

@@ -80,8 +80,8 @@ Result<Entry> ReadEntry(const std::string& name, const OrderedJson& json) {
   const auto& offsets = json["data_offsets"];
   const auto are_unsigned = [](const OrderedJson& list) {
     return list.is_array() && std::all_of(list.begin(), list.end(), [](const OrderedJson& item) {
-      return item.is_number_unsigned() && item.get<std::uint64_t>() <= INT64_MAX;
-    });
+             return item.is_number_unsigned() && item.get<std::uint64_t>() <= INT64_MAX;
+           });
   };
   if (!are_unsigned(shape) || shape.size() > kMaxRank) return bad("shape");
   if (!are_unsigned(offsets) || offsets.size() != 2) return bad("data_offsets");
@@ -111,7 +111,8 @@ Status CheckCover(std::vector<Entry>& entries, std::uint64_t buffer_size) {
   for (const auto& entry : entries) {
     if (entry.begin != cursor || entry.end > buffer_size)
       return Corrupt(fmt::format("tensor '{}': data at {}..{}, expected at {} of {}",
-                                 entry.name.substr(0, 200), entry.begin, entry.end, cursor, buffer_size));
+                                 entry.name.substr(0, 200), entry.begin, entry.end, cursor,
+                                 buffer_size));
     cursor = entry.end;
   }
   if (cursor != buffer_size)
@@ -168,7 +169,8 @@ Result<Safetensors> DecodeSafetensors(std::span<const std::uint8_t> bytes) {
   const std::string_view header(reinterpret_cast<const char*>(rest.data()), header_size);
   if (!header.starts_with('{')) return Corrupt("the header does not start with '{'");
   const auto json = ParseBoundedJson(header, /*max_depth=*/4);
-  if (!json || !json->is_object()) return Corrupt("the header is not a JSON map without duplicates");
+  if (!json || !json->is_object())
+    return Corrupt("the header is not a JSON map without duplicates");
   const auto buffer = rest.subspan(header_size);
 
   Safetensors content;

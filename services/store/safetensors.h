@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// safetensors files: u64 header size | JSON header | packed little-endian tensors. No code is ever run
-// from a file. Source: the format's README (huggingface/safetensors).
+// safetensors files: u64 header size | JSON header | packed little-endian tensors. No code is ever
+// run from a file. Source: the format's README (huggingface/safetensors).
 #pragma once
 
 #include <cstdint>
@@ -22,20 +22,22 @@ std::string_view ToString(DType dtype);  ///< "F32", ...
 struct Tensor {
   DType dtype = DType::kF32;
   std::vector<std::int64_t> shape;
-  std::vector<std::uint8_t> data;   ///< row-major, little-endian
+  std::vector<std::uint8_t> data;  ///< row-major, little-endian
 };
 
 struct Safetensors {
-  std::map<std::string, std::string> metadata;   ///< __metadata__
+  std::map<std::string, std::string> metadata;  ///< __metadata__
   std::map<std::string, Tensor> tensors;
 };
 
-/// The bytes are a pure function of the content: wide types first, then names in order, so that every
-/// tensor is aligned to its type; header padded to 8. Sizes must fit shapes and dtypes (checked).
+/// The bytes are a pure function of the content: wide types first, then names in order, so that
+/// every tensor is aligned to its type; header padded to 8. Sizes must fit shapes and dtypes
+/// (checked).
 std::vector<std::uint8_t> EncodeSafetensors(const Safetensors& content);
 
-/// @error kCorrupt: header too long (limit 100 MB), not JSON, offsets out of range, overlapping or with
-/// holes, duplicate names, sizes that do not fit shape and dtype. Nothing is allocated before it is checked.
+/// @error kCorrupt: header too long (limit 100 MB), not JSON, offsets out of range, overlapping or
+/// with holes, duplicate names, sizes that do not fit shape and dtype. Nothing is allocated before
+/// it is checked.
 Result<Safetensors> DecodeSafetensors(std::span<const std::uint8_t> bytes);
 
 Status WriteSafetensors(const Path& path, const Safetensors& content);

@@ -53,7 +53,8 @@ std::vector<std::uint8_t> Draw(const Camera& camera, std::vector<Disc> discs) {
         const double radius = std::max(1.0, camera.focal() * disc.radius / depth(disc));
         if ((Eigen::Vector2d(u + 0.5, v + 0.5) - center).norm() <= radius) color = disc.color;
       }
-      std::copy(color.begin(), color.end(), &pixels[3 * (static_cast<std::size_t>(v) * camera.width + u)]);
+      std::copy(color.begin(), color.end(),
+                &pixels[3 * (static_cast<std::size_t>(v) * camera.width + u)]);
     }
   }
   return pixels;
@@ -81,8 +82,8 @@ std::vector<Vector3d> Places(std::size_t count, Rng& rng) {
 void PushStep(Episode& episode, const Vector3d& p_WE, const Vector3d& next, double closed) {
   const Camera& camera = episode.cameras[0].camera;
   const auto joint = [](const Vector3d& p) {
-    return std::array<double, 6>{std::atan2(p.y(), p.x() + 1), p.x(), p.y() - p.x(),
-                                 p.z(),                        p.y(), std::sin(p.z() + p.x())};
+    return std::array<double, 6>{std::atan2(p.y(), p.x() + 1), p.x(), p.y() - p.x(), p.z(), p.y(),
+                                 std::sin(p.z() + p.x())};
   };
   const auto q = joint(p_WE);
   const auto q_next = joint(next);

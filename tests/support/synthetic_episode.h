@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small episodes without a simulator, for tests of everything that stores, sends or learns from them.
+// Small episodes without a simulator, for tests of everything that stores, sends or learns from
+// them.
 #pragma once
 
 #include <array>
@@ -16,10 +17,11 @@ CampaignSpec SyntheticSpec(int width = 32, int height = 32);
 
 /// A deterministic, valid episode: pure in (spec, index, steps).
 ///
-/// The hand moves from a drawn start to the target object and lifts it; joint positions are a smooth
-/// one-to-one function of the hand's position, so that a policy can learn one from the other. All objects of
-/// the spec lie in view at drawn places. Each picture shows a bright disc of the object's own colour
-/// (SyntheticColor) around its exact projection, and a white one just above the hand.
+/// The hand moves from a drawn start to the target object and lifts it; joint positions are a
+/// smooth one-to-one function of the hand's position, so that a policy can learn one from the
+/// other. All objects of the spec lie in view at drawn places. Each picture shows a bright disc of
+/// the object's own colour (SyntheticColor) around its exact projection, and a white one just above
+/// the hand.
 Episode MakeSyntheticEpisode(const CampaignSpec& spec, std::uint64_t index, int steps = 50);
 
 /// RGB of an object's disc.

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// Making a file appear whole, durable, or not at all.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+
+#include "services/core/file.h"
+#include "services/core/result.h"
+
+namespace etude::store::internal {
+
+/// What a temporary file's name ends with; a crash may leave some behind.
+inline constexpr std::string_view kTemporarySuffix = ".tmp";
+
+/// Writes `path` under a temporary name, fsyncs, renames, fsyncs the folder (and parents that it
+/// makes). On error neither the file nor the temporary one is there. @error kUnavailable when the
+/// disk refuses.
+Status CommitFile(const Path& path, std::span<const std::uint8_t> bytes);
+
+/// Where a crash may strike between two system calls of CommitFile.
+enum class CommitPoint { kCreated, kWritten, kSynced, kRenamed, kDone };
+
+/// For crash tests: called at each point, when set. Not thread-safe.
+void SetCommitProbe(std::function<void(CommitPoint)> probe);
+
+}  // namespace etude::store::internal

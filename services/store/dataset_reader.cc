@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include "services/store/dataset.h"
+#include "services/store/episode_file.h"
+#include "services/store/layout.h"
+
+namespace etude::store {
+namespace {
+
+constexpr std::uint64_t kMaxFile = 4ull << 30;
+
+struct Loaded {
+  std::vector<std::uint8_t> bytes;
+  internal::EpisodeFile file;
+};
+
+Result<Loaded> Load(const Path& path, std::uint64_t index) {
+  Loaded loaded;
+  ETUDE_ASSIGN_OR_RETURN(loaded.bytes, ReadBinaryFile(path, kMaxFile));
+  auto file = internal::DecodeEpisodeFile(loaded.bytes);
+  if (!file) return Fail(file.error().Wrap(fmt::format("read '{}'", path.string())));
+  loaded.file = std::move(*file);
+  if (loaded.file.episode.index != index)
+    return Fail(Code::kCorrupt, fmt::format("read '{}': it holds episode {}", path.string(),
+                                            loaded.file.episode.index));
+  return loaded;
+}
+
+}  // namespace
+
+Result<DatasetReader> DatasetReader::Open(const Path& dataset) {
+  ETUDE_ASSIGN_OR_RETURN(auto description, internal::ReadDatasetFile(dataset));
+  DatasetReader reader;
+  reader.path_ = dataset;
+  reader.spec_ = std::move(description.spec);
+  return reader;
+}
+
+Result<std::vector<std::uint64_t>> DatasetReader::List() const {
+  ETUDE_ASSIGN_OR_RETURN(const auto files, internal::ListEpisodeFolder(path_));
+  std::set<std::uint64_t> indices;  // beyond a million, paths do not sort as numbers do
+  for (const auto& path : files)
+    if (const auto index = internal::IndexOf(path)) indices.insert(*index);
+  return std::vector<std::uint64_t>(indices.begin(), indices.end());
+}
+
+Result<EpisodeRecord> DatasetReader::Read(std::uint64_t index) const {
+  const Path path = EpisodePath(path_, index);
+  ETUDE_ASSIGN_OR_RETURN(auto loaded, Load(path, index));
+  return EpisodeRecord{path, std::move(loaded.file.episode), std::move(loaded.file.frames)};
+}
+
+Result<Episode> DatasetReader::ReadWhole(std::uint64_t index) const {
+  ETUDE_ASSIGN_OR_RETURN(auto loaded, Load(EpisodePath(path_, index), index));
+  return internal::WithFrames(std::move(loaded.file), loaded.bytes);
+}
+
+}  // namespace etude::store

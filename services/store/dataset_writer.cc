@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <fstream>
+#include <map>
+#include <utility>
+
+#include "services/core/log.h"
+#include "services/store/commit_file.h"
+#include "services/store/dataset.h"
+#include "services/store/episode_file.h"
+#include "services/store/layout.h"
+#include "services/store/master_file.h"
+#include "services/store/summary.h"
+
+namespace etude::store {
+namespace {
+
+using AttemptId = std::pair<std::uint64_t, std::uint32_t>;
+
+// What a crash between writing and renaming left behind.
+Status RemoveTemporaries(const Path& dataset, const std::vector<Path>& episode_files) {
+  std::error_code error;
+  for (const auto& path : episode_files)
+    if (path.extension() == internal::kTemporarySuffix) std::filesystem::remove(path, error);
+  for (std::filesystem::directory_iterator it(dataset, error), end; !error && it != end;
+       it.increment(error))
+    if (it->path().filename().string().find(".tmp-") != std::string::npos)
+      std::filesystem::remove(it->path(), error);
+  if (error) return Fail(ErrnoError("remove temporary files in", dataset, error.value()));
+  return {};
+}
+
+// A new dataset only in a folder that has nothing which we did not put there.
+Status CheckFresh(const Path& dataset) {
+  std::error_code error;
+  for (std::filesystem::directory_iterator it(dataset, error), end; !error && it != end;
+       it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    if (name == internal::kLock || name.starts_with(internal::kDatasetJson)) continue;
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format(
+            "'{}' has no {} but holds '{}': not a dataset, and not empty; choose another folder",
+            dataset.string(), internal::kDatasetJson, name));
+  }
+  if (error) return Fail(ErrnoError("list", dataset, error.value()));
+  return {};
+}
+
+Status CheckSpec(const Path& dataset, const CampaignSpec& made_from, const CampaignSpec& now) {
+  const auto differences = internal::SpecDifferences(made_from, now);
+  if (differences.empty()) return {};
+  return Fail(
+      Code::kInvalidArgument,
+      fmt::format("dataset '{}' was made from another spec; different: {}; use its own spec or "
+                  "another folder",
+                  dataset.string(), fmt::join(differences, ", ")));
+}
+
+std::set<AttemptId> RecordedAttempts(const Path& dataset) {
+  std::set<AttemptId> attempts;
+  std::ifstream file(dataset / internal::kAttempts);
+  for (std::string line; std::getline(file, line);) {
+    const Json json = Json::parse(line, nullptr, /*allow_exceptions=*/false);
+    const auto number = [&](const char* key) {
+      return json.is_object() && json.contains(key) && json[key].is_number_unsigned();
+    };
+    if (number("index") && number("attempt"))
+      attempts.emplace(json["index"].get<std::uint64_t>(), json["attempt"].get<std::uint32_t>());
+  }
+  return attempts;
+}
+
+}  // namespace
+
+struct DatasetWriter::Impl {
+  Path dataset;
+  CampaignSpec spec;
+  std::string spec_sha256;
+  internal::DatasetLock lock;
+  LineAppender attempts;
+  std::set<AttemptId> recorded = {};
+  std::set<std::uint64_t> committed = {};
+  std::map<std::uint64_t, internal::EpisodeSummary> summaries =
+      {};  // of those committed, read when needed
+
+  Status Summarize();
+};
+
+DatasetWriter::DatasetWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+DatasetWriter::DatasetWriter(DatasetWriter&&) noexcept = default;
+DatasetWriter& DatasetWriter::operator=(DatasetWriter&&) noexcept = default;
+DatasetWriter::~DatasetWriter() = default;
+
+Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpec& spec) {
+  ETUDE_RETURN_IF_ERROR(MakeFolders(dataset));
+  ETUDE_ASSIGN_OR_RETURN(auto lock, internal::DatasetLock::Take(dataset));
+
+  // the description says what the dataset is; it is the first thing that is made
+  internal::DatasetFile description{spec};
+  auto found = internal::ReadDatasetFile(dataset);
+  if (found) {
+    ETUDE_RETURN_IF_ERROR(CheckSpec(dataset, found->spec, spec));
+    description.statistics = found->statistics;
+  } else if (found.error().code == Code::kNotFound) {
+    ETUDE_RETURN_IF_ERROR(CheckFresh(dataset));
+  } else {
+    return Fail(found.error());
+  }
+  if (!found || ToJson(found->spec) != ToJson(spec))
+    ETUDE_RETURN_IF_ERROR(internal::WriteDatasetFile(dataset, description));
+
+  ETUDE_ASSIGN_OR_RETURN(const auto files, internal::ListEpisodeFolder(dataset));
+  ETUDE_RETURN_IF_ERROR(RemoveTemporaries(dataset, files));
+  ETUDE_ASSIGN_OR_RETURN(auto attempts, LineAppender::Open(dataset / internal::kAttempts));
+  auto impl = std::unique_ptr<Impl>(
+      new Impl{dataset, spec, SpecHash(spec), std::move(lock), std::move(attempts)});
+  impl->recorded = RecordedAttempts(dataset);
+  for (const auto& path : files)
+    if (const auto index = internal::IndexOf(path)) impl->committed.insert(*index);
+  return DatasetWriter(std::move(impl));
+}
+
+const std::set<std::uint64_t>& DatasetWriter::committed() const { return impl_->committed; }
+
+bool DatasetWriter::Contains(std::uint64_t index) const { return impl_->committed.contains(index); }
+
+Status DatasetWriter::Commit(const Episode& episode) {
+  if (Contains(episode.index)) return {};
+  const auto context = [&] {
+    return fmt::format("commit episode {} to '{}'", episode.index, impl_->dataset.string());
+  };
+  if (episode.spec_sha256 != impl_->spec_sha256)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("{}: it was made from another spec ({}, not {})", context(),
+                            episode.spec_sha256, impl_->spec_sha256));
+  const auto bytes = internal::EncodeEpisodeFile(episode);
+  if (!bytes) return Fail(bytes.error().Wrap(context()));
+  if (Status done = internal::CommitFile(EpisodePath(impl_->dataset, episode.index), *bytes); !done)
+    return Fail(done.error().Wrap(context()));
+  std::uint64_t frames = 0;
+  for (const auto& camera : episode.cameras) frames += camera.frames.size();
+  impl_->committed.insert(episode.index);
+  impl_->summaries[episode.index] = internal::Summarize(episode, frames, bytes->size());
+  return {};
+}
+
+Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt,
+                                    const std::string& outcome, const std::string& details_json) {
+  if (impl_->recorded.contains({index, attempt})) return {};  // made again after a crash
+  OrderedJson details = OrderedJson::parse(details_json, nullptr, /*allow_exceptions=*/false);
+  if (details.is_discarded()) details = details_json;
+  const OrderedJson line = {{"index", index},
+                            {"attempt", attempt},
+                            {"seed", EpisodeSeed(impl_->spec, index, attempt)},
+                            {"outcome", outcome},
+                            {"details", std::move(details)}};
+  ETUDE_RETURN_IF_ERROR(
+      impl_->attempts.Append(line.dump(-1, ' ', false, OrderedJson::error_handler_t::replace)));
+  impl_->recorded.emplace(index, attempt);
+  return {};
+}
+
+// Reads what an earlier run committed. A file that cannot be read stays out of the master file.
+Status DatasetWriter::Impl::Summarize() {
+  if (summaries.size() == committed.size()) return {};
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
+  for (const std::uint64_t index : committed) {
+    if (summaries.contains(index)) continue;
+    const auto record = reader.Read(index);
+    if (record)
+      summaries[index] = internal::Summarize(*record);
+    else
+      Log().warn("left out of the master file: {}", record.error().message);
+  }
+  return {};
+}
+
+Status DatasetWriter::WriteMaster() {
+  ETUDE_RETURN_IF_ERROR(impl_->Summarize());
+  ETUDE_RETURN_IF_ERROR(impl_->attempts.Sync());
+  ETUDE_RETURN_IF_ERROR(internal::WriteMasterFile(impl_->dataset, impl_->spec, impl_->summaries));
+  OrderedJson statistics = internal::StatisticsOf(impl_->spec, impl_->summaries);
+  statistics["failed_attempts"] = internal::FailuresByOutcome(impl_->dataset);
+  return internal::WriteDatasetFile(impl_->dataset, {impl_->spec, std::move(statistics)});
+}
+
+}  // namespace etude::store

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// One episode <-> the bytes of its HDF5 file; format.md tells the layout. A file is an HDF5 file
+// followed by a seal, one line of text with the SHA-256 of all before it. HDF5 readers ignore what
+// follows their data, and a damaged file is recognised before HDF5 looks at it.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "services/core/result.h"
+#include "services/episode/episode.h"
+#include "services/store/dataset.h"
+
+namespace etude::store::internal {
+
+/// Bounds that scale actions_abs (x, y, z in m, roll, pitch, yaw in rad, gripper) to actions in
+/// [-1, 1].
+inline constexpr double kActionLow[7] = {
+    -1.5, -1.5, -0.5, -3.14159265358979, -3.14159265358979, -3.14159265358979, 0};
+inline constexpr double kActionHigh[7] = {
+    1.5, 1.5, 1.5, 3.14159265358979, 3.14159265358979, 3.14159265358979, 1};
+
+/// The bytes are a pure function of the episode.
+/// @error kInvalidArgument when the episode is not valid or a frame does not inflate to its size.
+Result<std::vector<std::uint8_t>> EncodeEpisodeFile(const Episode& episode);
+
+struct EpisodeFile {
+  Episode episode;                                 ///< cameras have no frames
+  std::vector<std::vector<FrameLocation>> frames;  ///< [camera][frame]; offsets into the file
+  std::string content_sha256;                      ///< as the writer saw it, see ContentHash
+};
+
+/// @error kCorrupt: the seal is missing or broken, or the content is not an episode.
+Result<EpisodeFile> DecodeEpisodeFile(std::span<const std::uint8_t> bytes);
+/// Copies the frames out of `bytes`, the same that were decoded.
+Episode WithFrames(EpisodeFile file, std::span<const std::uint8_t> bytes);
+
+/// SHA-256 of the encoded episode: of what it says, not of how the file lies.
+std::string ContentHash(const Episode& episode);
+
+/// Every frame is a zlib stream of its camera's size. @error kCorrupt
+Status CheckFrames(const Episode& episode);
+
+void AppendSeal(std::vector<std::uint8_t>& bytes);
+/// The bytes without their seal. @error kCorrupt
+Result<std::span<const std::uint8_t>> CheckSeal(std::span<const std::uint8_t> bytes);
+
+/// "/data/demo_12"
+std::string DemoGroup(std::uint64_t index);
+/// What robomimic wants to know of the environment, as JSON.
+std::string EnvArgs();
+
+}  // namespace etude::store::internal

@@ -1,0 +1,318 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/store/hdf.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace etude::store::internal {
+namespace {
+
+std::mutex hdf_mutex;
+
+constexpr std::size_t kGrowth = 1 << 20;  // bytes by which a file in memory grows
+
+// What HDF5 says went wrong, outermost first; "" when it says nothing.
+std::string HdfMessage() {
+  std::string text;
+  const auto collect = [](unsigned depth, const H5E_error2_t* error, void* out) -> herr_t {
+    if (depth == 0 && error->desc != nullptr) *static_cast<std::string*>(out) = error->desc;
+    return 0;
+  };
+  H5Ewalk2(H5E_DEFAULT, H5E_WALK_DOWNWARD, collect, &text);
+  H5Eclear2(H5E_DEFAULT);
+  return text.empty() ? "" : fmt::format(" (HDF5: {})", text);
+}
+
+// file access in memory only, format of HDF5 1.8 so that every reader of today opens it
+Hid MemoryAccess() {
+  Hid access(H5Pcreate(H5P_FILE_ACCESS));
+  if (access.get() < 0 || H5Pset_fapl_core(access.get(), kGrowth, false) < 0 ||
+      H5Pset_libver_bounds(access.get(), H5F_LIBVER_V18, H5F_LIBVER_V18) < 0)
+    return {};
+  return access;
+}
+
+Hid TextType() {
+  Hid type(H5Tcopy(H5T_C_S1));
+  if (type) {
+    H5Tset_size(type.get(), H5T_VARIABLE);
+    H5Tset_cset(type.get(), H5T_CSET_UTF8);
+  }
+  return type;
+}
+
+Hid Space(const Shape& shape) {
+  if (shape.empty()) return Hid(H5Screate(H5S_SCALAR));
+  const std::vector<hsize_t> extents(shape.begin(), shape.end());
+  return Hid(H5Screate_simple(static_cast<int>(extents.size()), extents.data(), nullptr));
+}
+
+}  // namespace
+
+HdfLock::HdfLock() : lock_(hdf_mutex) { H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); }
+
+// ------------------------------------------------------------------------------------------ writer
+
+HdfWriter::HdfWriter()
+    : link_(H5Pcreate(H5P_LINK_CREATE)),
+      group_(H5Pcreate(H5P_GROUP_CREATE)),
+      dataset_(H5Pcreate(H5P_DATASET_CREATE)) {
+  const Hid creation(H5Pcreate(H5P_FILE_CREATE));
+  const Hid access = MemoryAccess();
+
+  // no time of day in the file; attributes and few links stay in the object's own header
+  const bool good = link_ && group_ && dataset_ && creation && access &&
+                    H5Pset_obj_track_times(creation.get(), false) >= 0 &&
+                    H5Pset_obj_track_times(group_.get(), false) >= 0 &&
+                    H5Pset_obj_track_times(dataset_.get(), false) >= 0 &&
+                    H5Pset_attr_phase_change(group_.get(), 128, 64) >= 0 &&
+                    H5Pset_link_phase_change(group_.get(), 64, 32) >= 0 &&
+                    H5Pset_create_intermediate_group(link_.get(), 1) >= 0;
+  if (Check(good, "set up")) {
+    file_ = Hid(H5Fcreate("new.hdf5", H5F_ACC_TRUNC, creation.get(), access.get()));
+    Check(bool(file_), "create a file in memory");
+  }
+}
+
+bool HdfWriter::Check(bool good, const std::string& what) {
+  if (!good && failed_.empty()) failed_ = what + HdfMessage();
+  return failed_.empty();
+}
+
+void HdfWriter::Group(const std::string& path) {
+  if (!failed_.empty()) return;
+  // parents first: those that HDF5 makes on the way would not have our properties
+  for (std::size_t slash = path.find('/', 1);; slash = path.find('/', slash + 1)) {
+    const std::string part = path.substr(0, slash);
+    if (H5Lexists(file_.get(), part.c_str(), H5P_DEFAULT) <= 0) {
+      const Hid made(H5Gcreate2(file_.get(), part.c_str(), link_.get(), group_.get(), H5P_DEFAULT));
+      if (!Check(bool(made), "create group " + part)) return;
+    }
+    if (slash == std::string::npos) return;
+  }
+}
+
+void HdfWriter::Attribute(const std::string& object, const char* name, std::string_view text) {
+  if (!failed_.empty()) return;
+  const Hid type = TextType();
+  const std::string terminated(text);
+  const char* value = terminated.c_str();
+  WriteAttribute(object, name, {}, type.get(), type.get(), &value);
+}
+
+void HdfWriter::WriteAttribute(const std::string& object, const char* name, const Shape& shape,
+                               hid_t native, hid_t file, const void* data) {
+  if (!failed_.empty()) return;
+  const Hid space = Space(shape);
+  const Hid attribute(H5Acreate_by_name(file_.get(), object.c_str(), name, file, space.get(),
+                                        H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
+  Check(attribute && H5Awrite(attribute.get(), native, data) >= 0,
+        fmt::format("write attribute {} of {}", name, object));
+}
+
+void HdfWriter::WriteArray(const std::string& path, const Shape& shape, hid_t native, hid_t file,
+                           const void* data, std::size_t count) {
+  if (!failed_.empty()) return;
+  std::uint64_t expected = 1;
+  for (const auto extent : shape) expected *= extent;
+  const std::string what = "write array " + path;
+  if (!Check(expected == count, what + ": its size does not fit its shape")) return;
+  Group(path.substr(0, path.rfind('/')));
+  const Hid space = Space(shape);
+  const Hid array(H5Dcreate2(file_.get(), path.c_str(), file, space.get(), link_.get(),
+                             dataset_.get(), H5P_DEFAULT));
+  if (!Check(bool(array), what) || count == 0) return;
+  Check(H5Dwrite(array.get(), native, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0, what);
+}
+
+void HdfWriter::Frames(const std::string& path, int height, int width,
+                       const std::vector<std::vector<std::uint8_t>>& streams) {
+  if (!failed_.empty()) return;
+  Group(path.substr(0, path.rfind('/')));
+  const auto h = static_cast<std::uint64_t>(height);
+  const auto w = static_cast<std::uint64_t>(width);
+  const Hid space = Space({streams.size(), h, w, 3});
+  const hsize_t chunk[4] = {1, h, w, 3};
+  const Hid creation(H5Pcopy(dataset_.get()));
+  const bool ready = creation && H5Pset_chunk(creation.get(), 4, chunk) >= 0 &&
+                     H5Pset_fill_time(creation.get(), H5D_FILL_TIME_NEVER) >= 0 &&
+                     H5Pset_deflate(creation.get(), 1) >= 0;
+  if (!Check(ready, "lay out pictures " + path)) return;
+  const Hid array(H5Dcreate2(file_.get(), path.c_str(), H5T_STD_U8LE, space.get(), link_.get(),
+                             creation.get(), H5P_DEFAULT));
+  if (!Check(bool(array), "create pictures " + path)) return;
+  for (std::size_t k = 0; k < streams.size() && failed_.empty(); ++k) {
+    const hsize_t at[4] = {k, 0, 0, 0};
+    Check(
+        H5Dwrite_chunk(array.get(), H5P_DEFAULT, 0, at, streams[k].size(), streams[k].data()) >= 0,
+        fmt::format("write frame {} of {}", k, path));
+  }
+}
+
+void HdfWriter::FixedStrings(const std::string& path, const std::vector<std::string>& texts) {
+  if (!failed_.empty()) return;
+  std::size_t length = 1;
+  for (const auto& text : texts) length = std::max(length, text.size());
+  std::string packed(texts.size() * length, '\0');
+  for (std::size_t i = 0; i < texts.size(); ++i)
+    std::copy(texts[i].begin(), texts[i].end(),
+              packed.begin() + static_cast<std::ptrdiff_t>(i * length));
+  const Hid type(H5Tcopy(H5T_C_S1));
+  if (!Check(type && H5Tset_size(type.get(), length) >= 0 &&
+                 H5Tset_strpad(type.get(), H5T_STR_NULLPAD) >= 0,
+             "make a string type"))
+    return;
+  WriteArray(path, {texts.size()}, type.get(), type.get(), packed.data(), texts.size());
+}
+
+void HdfWriter::ExternalLink(const std::string& path, const std::string& file,
+                             const std::string& object) {
+  if (!failed_.empty()) return;
+  Check(H5Lcreate_external(file.c_str(), object.c_str(), file_.get(), path.c_str(), link_.get(),
+                           H5P_DEFAULT) >= 0,
+        "link " + path);
+}
+
+Result<std::vector<std::uint8_t>> HdfWriter::Finish() {
+  std::vector<std::uint8_t> bytes;
+  if (failed_.empty()) {
+    Check(H5Fflush(file_.get(), H5F_SCOPE_LOCAL) >= 0, "flush");
+    const ssize_t size = H5Fget_file_image(file_.get(), nullptr, 0);
+    if (Check(size > 0, "measure the file")) {
+      bytes.resize(static_cast<std::size_t>(size));
+      Check(H5Fget_file_image(file_.get(), bytes.data(), bytes.size()) == size, "copy the file");
+    }
+  }
+  file_ = Hid();
+  if (!failed_.empty()) return Fail(Code::kInternal, "make an HDF5 file: " + failed_);
+  return bytes;
+}
+
+// ------------------------------------------------------------------------------------------ reader
+
+HdfReader::HdfReader(std::span<const std::uint8_t> bytes) : size_(bytes.size()) {
+  const Hid access = MemoryAccess();
+  // HDF5 copies the image; the parameter is not const only for its C callers' sake
+  const bool ready =
+      access &&
+      H5Pset_file_image(access.get(), const_cast<std::uint8_t*>(bytes.data()), bytes.size()) >= 0;
+  if (!Check(ready, "read bytes")) return;
+  file_ = Hid(H5Fopen("image.hdf5", H5F_ACC_RDONLY, access.get()));
+  Check(bool(file_), "open");
+}
+
+bool HdfReader::Check(bool good, const std::string& what) {
+  if (!good && failed_.empty()) failed_ = what + HdfMessage();
+  return failed_.empty();
+}
+
+std::string HdfReader::Text(const std::string& object, const char* name) {
+  if (!failed_.empty()) return {};
+  const std::string what = fmt::format("read attribute {} of {}", name, object);
+  const Hid attribute(H5Aopen_by_name(file_.get(), object.c_str(), name, H5P_DEFAULT, H5P_DEFAULT));
+  if (!Check(bool(attribute), what)) return {};
+  const Hid type(H5Aget_type(attribute.get()));
+  const Hid space(H5Aget_space(attribute.get()));
+  const bool is_text = type && space && H5Tget_class(type.get()) == H5T_STRING &&
+                       H5Tis_variable_str(type.get()) > 0 &&
+                       H5Sget_simple_extent_npoints(space.get()) == 1;
+  if (!Check(is_text, what + ": not one text")) return {};
+  const Hid memory = TextType();
+  char* value = nullptr;
+  if (!Check(H5Aread(attribute.get(), memory.get(), &value) >= 0, what)) return {};
+  std::string text = value == nullptr ? "" : value;
+  H5free_memory(value);
+  return text;
+}
+
+void HdfReader::ReadAttribute(const std::string& object, const char* name, hid_t native,
+                              std::size_t count, void* data) {
+  if (!failed_.empty()) return;
+  const std::string what = fmt::format("read attribute {} of {}", name, object);
+  const Hid attribute(H5Aopen_by_name(file_.get(), object.c_str(), name, H5P_DEFAULT, H5P_DEFAULT));
+  if (!Check(bool(attribute), what)) return;
+  const Hid space(H5Aget_space(attribute.get()));
+  const bool fits =
+      space && H5Sget_simple_extent_npoints(space.get()) == static_cast<hssize_t>(count);
+  if (!Check(fits, what + ": not as many values as expected")) return;
+  Check(H5Aread(attribute.get(), native, data) >= 0, what);
+}
+
+Hid HdfReader::OpenArray(const std::string& path, std::size_t rank, std::size_t width,
+                         Shape& shape) {
+  shape.assign(rank, 0);
+  if (!failed_.empty()) return {};
+  Hid dataset(H5Dopen2(file_.get(), path.c_str(), H5P_DEFAULT));
+  if (!Check(bool(dataset), "open array " + path)) return {};
+  const Hid space(H5Dget_space(dataset.get()));
+  const bool right_rank =
+      space && H5Sget_simple_extent_ndims(space.get()) == static_cast<int>(rank);
+  if (!Check(right_rank, fmt::format("array {}: not of rank {}", path, rank))) return {};
+  std::vector<hsize_t> extents(rank);
+  H5Sget_simple_extent_dims(space.get(), extents.data(), nullptr);
+  shape.assign(extents.begin(), extents.end());
+
+  // contiguous arrays lie in the file, so they cannot be larger; pictures are never read through
+  // here
+  std::uint64_t bytes = width;
+  for (const auto extent : shape)
+    if (__builtin_mul_overflow(bytes, extent, &bytes)) bytes = UINT64_MAX;
+  Check(width == 0 || bytes <= size_, fmt::format("array {}: larger than its file", path));
+  return dataset;
+}
+
+void HdfReader::ReadArray(const Hid& dataset, const std::string& path, hid_t native, void* data) {
+  if (!failed_.empty()) return;
+  Check(H5Dread(dataset.get(), native, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0,
+        "read array " + path);
+}
+
+std::vector<FrameLocation> HdfReader::FrameLocations(const std::string& path, Shape& shape) {
+  const Hid dataset = OpenArray(path, 4, 0, shape);
+  std::vector<FrameLocation> locations;
+  if (!failed_.empty()) return locations;
+
+  // laid out as HdfWriter::Frames does: one frame a chunk, each at least a byte of the file
+  const Hid creation(H5Dget_create_plist(dataset.get()));
+  hsize_t chunk[4] = {};
+  const bool laid_out = creation && H5Pget_layout(creation.get()) == H5D_CHUNKED &&
+                        H5Pget_chunk(creation.get(), 4, chunk) == 4 && chunk[0] == 1 &&
+                        chunk[1] == shape[1] && chunk[2] == shape[2] && chunk[3] == shape[3] &&
+                        shape[0] <= size_;
+  if (!Check(laid_out, "pictures " + path + ": not one frame a chunk")) return locations;
+  locations.reserve(shape[0]);
+  for (std::uint64_t k = 0; k < shape[0] && failed_.empty(); ++k) {
+    const hsize_t at[4] = {k, 0, 0, 0};
+    unsigned mask = 0;
+    haddr_t offset = HADDR_UNDEF;
+    hsize_t size = 0;
+    const bool found = H5Dget_chunk_info_by_coord(dataset.get(), at, &mask, &offset, &size) >= 0 &&
+                       offset != HADDR_UNDEF && mask == 0 && size > 0 && size <= size_ &&
+                       offset <= size_ - size && size <= UINT32_MAX;
+    if (Check(found, fmt::format("pictures {}: frame {} is not there", path, k)))
+      locations.push_back({offset, static_cast<std::uint32_t>(size)});
+  }
+  return locations;
+}
+
+std::vector<std::string> HdfReader::Children(const std::string& group) {
+  std::vector<std::string> names;
+  if (!failed_.empty()) return names;
+  const auto collect = [](hid_t, const char* name, const H5L_info_t*, void* out) -> herr_t {
+    static_cast<std::vector<std::string>*>(out)->emplace_back(name);
+    return 0;
+  };
+  Check(H5Literate_by_name(file_.get(), group.c_str(), H5_INDEX_NAME, H5_ITER_INC, nullptr, collect,
+                           &names, H5P_DEFAULT) >= 0,
+        "list group " + group);
+  return names;
+}
+
+Status HdfReader::Finish() const {
+  if (!failed_.empty()) return Fail(Code::kCorrupt, failed_);
+  return {};
+}
+
+}  // namespace etude::store::internal

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/store/layout.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <set>
+#include <utility>
+
+#include "services/store/dataset.h"
+
+namespace etude::store {
+
+Path EpisodePath(const Path& dataset, std::uint64_t index) {
+  return dataset / internal::kEpisodes / fmt::format("{:03d}", index / 1000) /
+         fmt::format("{:06d}.hdf5", index);
+}
+
+}  // namespace etude::store
+
+namespace etude::store::internal {
+namespace {
+
+namespace fs = std::filesystem;
+
+tl::unexpected<Error> ListError(const Path& folder, const std::error_code& error) {
+  return Fail(Code::kUnavailable, fmt::format("list '{}': {}", folder.string(), error.message()));
+}
+
+Result<std::vector<Path>> ListFolder(const Path& folder) {
+  std::vector<Path> paths;
+  std::error_code error;
+  fs::directory_iterator it(folder, error);
+  if (error == std::errc::no_such_file_or_directory) return paths;
+  for (; !error && it != fs::directory_iterator(); it.increment(error)) paths.push_back(it->path());
+  if (error) return ListError(folder, error);
+  std::sort(paths.begin(), paths.end());
+  return paths;
+}
+
+// {"a": {"b": 1}} -> "a.b" -> 1; lists are values
+void Flatten(const OrderedJson& json, const std::string& prefix,
+             std::vector<std::pair<std::string, OrderedJson>>& out) {
+  for (const auto& [key, value] : json.items()) {
+    const std::string path = prefix.empty() ? key : prefix + "." + key;
+    if (value.is_object())
+      Flatten(value, path, out);
+    else
+      out.emplace_back(path, value);
+  }
+}
+
+}  // namespace
+
+std::optional<std::uint64_t> IndexOf(const Path& path) {
+  const std::string stem = path.stem().string();
+  std::uint64_t index = 0;
+  const auto [end, error] = std::from_chars(stem.data(), stem.data() + stem.size(), index);
+  if (error != std::errc() || end != stem.data() + stem.size()) return std::nullopt;
+  const Path expected = EpisodePath("", index);
+  if (path.filename() != expected.filename() ||
+      path.parent_path().filename() != expected.parent_path().filename())
+    return std::nullopt;
+  return index;
+}
+
+Result<std::vector<Path>> ListEpisodeFolder(const Path& dataset) {
+  ETUDE_ASSIGN_OR_RETURN(const auto folders, ListFolder(dataset / kEpisodes));
+  std::vector<Path> files;
+  for (const auto& folder : folders) {
+    std::error_code ignored;
+    if (!fs::is_directory(folder, ignored)) continue;
+    ETUDE_ASSIGN_OR_RETURN(const auto paths, ListFolder(folder));
+    files.insert(files.end(), paths.begin(), paths.end());
+  }
+  return files;
+}
+
+Result<DatasetLock> DatasetLock::Take(const Path& dataset) {
+  const Path path = dataset / kLock;
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (fd < 0) return Fail(ErrnoError("open", path, errno));
+  DatasetLock lock(fd);
+  if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK) return Fail(ErrnoError("lock", path, errno));
+    std::array<char, 128> owner{};
+    const ssize_t size = ::pread(fd, owner.data(), owner.size(), 0);
+    return Fail(
+        Code::kUnavailable,
+        fmt::format(
+            "dataset '{}' is being written by another process ({}); stop it first",
+            dataset.string(),
+            std::string_view(owner.data(), static_cast<std::size_t>(std::max<ssize_t>(size, 0)))));
+  }
+  std::array<char, 64> host{};
+  ::gethostname(host.data(), host.size() - 1);
+  const std::string owner = fmt::format("pid {} on {}", ::getpid(), host.data());
+
+  // only for the message above; a full disk must not keep anyone out
+  if (::ftruncate(fd, 0) == 0) (void)!::pwrite(fd, owner.data(), owner.size(), 0);
+  return lock;
+}
+
+DatasetLock::DatasetLock(DatasetLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+
+DatasetLock& DatasetLock::operator=(DatasetLock&& other) noexcept {
+  std::swap(fd_, other.fd_);
+  return *this;
+}
+
+DatasetLock::~DatasetLock() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+Result<DatasetFile> ReadDatasetFile(const Path& dataset) {
+  const Path path = dataset / kDatasetJson;
+  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(path, 64 << 20));
+  const OrderedJson json = OrderedJson::parse(text, nullptr, /*allow_exceptions=*/false);
+  const auto corrupt = [&](const std::string& what) {
+    return Fail(Code::kCorrupt, fmt::format("read '{}': {}", path.string(), what));
+  };
+  if (!json.is_object() || !json.contains("schema_version") || !json.contains("spec"))
+    return corrupt("not a dataset's description");
+  const auto& version = json["schema_version"];
+  if (!version.is_number_integer()) return corrupt("schema_version is not a number");
+  if (version.get<std::int64_t>() != kSchemaVersion)
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("dataset '{}' has schema version {}, this program reads {}; use the version of "
+                    "Etude that made it",
+                    dataset.string(), version.dump(), kSchemaVersion));
+  auto spec = FromJson<CampaignSpec>(json["spec"], path.string());
+  if (!spec) return corrupt(spec.error().message);
+  return DatasetFile{std::move(*spec), json.value("statistics", OrderedJson::object())};
+}
+
+Status WriteDatasetFile(const Path& dataset, const DatasetFile& content) {
+  const OrderedJson json = {{"schema_version", kSchemaVersion},
+                            {"spec_sha256", SpecHash(content.spec)},
+                            {"spec", ToJson(content.spec)},
+                            {"statistics", content.statistics}};
+  return WriteFileAtomically(dataset / kDatasetJson, json.dump(2) + "\n");
+}
+
+std::vector<std::string> SpecDifferences(const CampaignSpec& made_from, const CampaignSpec& now) {
+  if (SpecHash(made_from) == SpecHash(now)) return {};
+  std::vector<std::pair<std::string, OrderedJson>> before, after;
+  Flatten(ToJson(made_from), "", before);
+  Flatten(ToJson(now), "", after);
+  std::vector<std::string> differences;
+  for (std::size_t i = 0; i < std::min(before.size(), after.size()); ++i) {
+    const auto& [key, value] = before[i];
+    const bool free =
+        key == "name" || key == "episodes" || key == "max_attempts" || key.starts_with("split.");
+    if (!free && value != after[i].second)
+      differences.push_back(
+          fmt::format("{} ({}, now {})", key, value.dump(), after[i].second.dump()));
+  }
+  return differences;
+}
+
+}  // namespace etude::store::internal

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// Names in a dataset's folder, its lock and its dataset.json.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "services/core/file.h"
+#include "services/core/result.h"
+#include "services/episode/campaign_spec.h"
+
+namespace etude::store::internal {
+
+inline constexpr const char* kDatasetJson = "dataset.json";
+inline constexpr const char* kMasterFile = "dataset.hdf5";
+inline constexpr const char* kAttempts = "attempts.jsonl";
+inline constexpr const char* kEpisodes = "episodes";
+inline constexpr const char* kQuarantine = "quarantine";
+inline constexpr const char* kLock = ".lock";
+
+/// The episode whose file `path` is, by its name and folder; nothing for any other name.
+std::optional<std::uint64_t> IndexOf(const Path& path);
+
+/// Paths of all regular files two levels under episodes/, sorted. @error kUnavailable
+Result<std::vector<Path>> ListEpisodeFolder(const Path& dataset);
+
+/// Keeps other writers out as long as it lives.
+class DatasetLock {
+ public:
+  /// @error kUnavailable when another one holds it (names the process), or the folder is not
+  /// writable.
+  static Result<DatasetLock> Take(const Path& dataset);
+  DatasetLock(DatasetLock&& other) noexcept;
+  DatasetLock& operator=(DatasetLock&& other) noexcept;
+  ~DatasetLock();
+
+ private:
+  explicit DatasetLock(int fd) : fd_(fd) {}
+  int fd_ = -1;
+};
+
+/// Content of dataset.json.
+struct DatasetFile {
+  CampaignSpec spec;
+  OrderedJson statistics = OrderedJson::object();
+};
+
+/// @error kNotFound, kCorrupt, kInvalidArgument (another schema version)
+Result<DatasetFile> ReadDatasetFile(const Path& dataset);
+Status WriteDatasetFile(const Path& dataset, const DatasetFile& content);
+
+/// Keys of the spec that an episode's bytes depend on and that differ, as "seed (1, now 2)".
+std::vector<std::string> SpecDifferences(const CampaignSpec& made_from, const CampaignSpec& now);
+
+}  // namespace etude::store::internal

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/store/summary.h"
+
+#include <fstream>
+#include <system_error>
+
+#include "services/episode/action.h"
+#include "services/episode/codec.h"
+#include "services/episode/tracks.h"
+#include "services/store/layout.h"
+
+namespace etude::store::internal {
+
+EpisodeSummary Summarize(const Episode& episode, std::uint64_t frames, std::uint64_t bytes) {
+  EpisodeSummary summary;
+  summary.task = episode.task;
+  summary.target = episode.target;
+  summary.outcome = episode.outcome;
+  summary.success = episode.success;
+  summary.steps = static_cast<std::uint64_t>(episode.steps());
+  summary.samples = static_cast<std::uint64_t>(FrameCount(episode.steps(), episode.image_stride));
+  summary.frames = frames;
+  summary.bytes = bytes;
+  return summary;
+}
+
+EpisodeSummary Summarize(const EpisodeRecord& record) {
+  std::uint64_t frames = 0;
+  for (const auto& camera : record.frames) frames += camera.size();
+  std::error_code error;
+  const auto bytes = std::filesystem::file_size(record.path, error);
+  return Summarize(record.episode, frames, error ? 0 : bytes);
+}
+
+OrderedJson StatisticsOf(const CampaignSpec& spec,
+                         const std::map<std::uint64_t, EpisodeSummary>& episodes) {
+  std::map<std::string, std::uint64_t> tasks, targets, outcomes;
+  std::map<std::string, std::uint64_t> splits{{"train", 0}, {"valid", 0}, {"test", 0}};
+  EpisodeSummary sum;
+  std::uint64_t successes = 0;
+  for (const auto& [index, episode] : episodes) {
+    ++tasks[episode.task];
+    ++targets[episode.target];
+    ++outcomes[episode.outcome];
+    ++splits[SplitOf(spec, index)];
+    successes += episode.success ? 1 : 0;
+    sum.steps += episode.steps;
+    sum.samples += episode.samples;
+    sum.frames += episode.frames;
+    sum.bytes += episode.bytes;
+  }
+  return {{"episodes", episodes.size()}, {"successes", successes},
+          {"steps", sum.steps},          {"seconds", static_cast<double>(sum.steps) / kControlRate},
+          {"samples", sum.samples},      {"frames", sum.frames},
+          {"bytes", sum.bytes},          {"tasks", tasks},
+          {"targets", targets},          {"splits", splits},
+          {"outcomes", outcomes}};
+}
+
+OrderedJson FeatureTable(const Episode& episode) {
+  OrderedJson table = OrderedJson::array();
+  const auto add = [&](const std::string& name, const char* dtype, OrderedJson shape, double rate) {
+    table.push_back(
+        {{"name", name}, {"dtype", dtype}, {"shape", std::move(shape)}, {"rate_hz", rate}});
+  };
+  VisitTracks(episode, [&](const std::string& name, const Track& track, int) {
+    add("control/" + name, "float32", {"T", track.columns}, kControlRate);
+  });
+  add("control/phase", "uint8", OrderedJson::array({"T"}), kControlRate);
+  add("control/supervise", "uint8", OrderedJson::array({"T"}), kControlRate);
+  for (const auto& [camera, frames] : episode.cameras)
+    add("obs/" + camera.name + "_image", "uint8", {"N", camera.height, camera.width, 3},
+        kControlRate / episode.image_stride);
+  return table;
+}
+
+std::map<std::string, std::uint64_t> FailuresByOutcome(const Path& dataset) {
+  std::map<std::string, std::uint64_t> failures;
+  std::ifstream file(dataset / kAttempts);
+  for (std::string line; std::getline(file, line);) {
+    const Json json = Json::parse(line, nullptr, /*allow_exceptions=*/false);
+    if (json.is_object() && json.contains("outcome") && json["outcome"].is_string())
+      ++failures[json["outcome"].get<std::string>()];
+  }
+  return failures;
+}
+
+}  // namespace etude::store::internal

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is counted of a dataset.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include "services/store/dataset.h"
+
+namespace etude::store::internal {
+
+struct EpisodeSummary {
+  std::string task, target, outcome;
+  bool success = false;
+  std::uint64_t steps = 0;
+  std::uint64_t samples = 0;  ///< images' rate, robomimic's num_samples
+  std::uint64_t frames = 0;   ///< of all cameras
+  std::uint64_t bytes = 0;    ///< of the file
+};
+
+EpisodeSummary Summarize(const Episode& episode, std::uint64_t frames, std::uint64_t bytes);
+/// Of the file of `record`.
+EpisodeSummary Summarize(const EpisodeRecord& record);
+
+/// Counts by task, target, split; sums; see DatasetInfo.
+OrderedJson StatisticsOf(const CampaignSpec& spec,
+                         const std::map<std::uint64_t, EpisodeSummary>& episodes);
+
+/// What an episode has: [{"name", "dtype", "shape", "rate_hz"}, ...]; the first extent is of time.
+OrderedJson FeatureTable(const Episode& episode);
+
+/// Failed attempts by outcome, as attempts.jsonl tells; lines that do not parse are left out.
+std::map<std::string, std::uint64_t> FailuresByOutcome(const Path& dataset);
+
+}  // namespace etude::store::internal

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <functional>
+#include <thread>
+
+#include "services/core/hash.h"
+#include "services/store/commit_file.h"
+#include "services/store/dataset.h"
+#include "services/store/episode_file.h"
+#include "services/store/layout.h"
+#include "services/store/summary.h"
+
+namespace etude::store {
+namespace {
+
+// Calls work(i) for all i < n on as many threads as the machine has; order is free.
+void ForEach(std::size_t n, const std::function<void(std::size_t)>& work) {
+  std::atomic<std::size_t> next{0};
+  const auto run = [&] {
+    for (std::size_t i = next++; i < n; i = next++) work(i);
+  };
+  const std::size_t threads =
+      std::min<std::size_t>({std::max(1u, std::thread::hardware_concurrency()), 8, n});
+  std::vector<std::jthread> pool;
+  for (std::size_t t = 1; t < threads; ++t) pool.emplace_back(run);
+  run();
+}
+
+// @error what is wrong with the file of episode `index`
+Status VerifyEpisode(const DatasetReader& reader, std::uint64_t index) {
+  const Path path = EpisodePath(reader.path(), index);
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path));
+  ETUDE_ASSIGN_OR_RETURN(auto file, internal::DecodeEpisodeFile(bytes));
+  const std::string content_sha256 = file.content_sha256;
+  const Episode episode = internal::WithFrames(std::move(file), bytes);
+  if (episode.index != index)
+    return Fail(Code::kCorrupt, fmt::format("it holds episode {}", episode.index));
+  if (episode.spec_sha256 != SpecHash(reader.spec()))
+    return Fail(Code::kCorrupt, "made from another spec than the dataset");
+  if (internal::ContentHash(episode) != content_sha256)
+    return Fail(Code::kCorrupt, "content and its SHA-256 differ");
+  return internal::CheckFrames(episode);
+}
+
+// quarantine/000123.hdf5, or the first of 000123.hdf5.1, .2, ... that is free
+Status MoveToQuarantine(const Path& dataset, const Path& file) {
+  const Path folder = dataset / internal::kQuarantine;
+  ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
+  Path to = folder / file.filename();
+  for (int n = 1; std::filesystem::exists(to); ++n)
+    to = folder / fmt::format("{}.{}", file.filename().string(), n);
+  std::error_code error;
+  std::filesystem::rename(file, to, error);
+  if (error) return Fail(ErrnoError("quarantine", file, error.value()));
+  ETUDE_RETURN_IF_ERROR(SyncFolder(folder));
+  ETUDE_RETURN_IF_ERROR(SyncFolder(file.parent_path()));
+  return SyncFolder(dataset);
+}
+
+Status CheckFile(const DatasetReader& reader, const Path& path) {
+  const auto index = internal::IndexOf(path);
+  if (!index) return Fail(Code::kCorrupt, "not an episode's name");
+  return VerifyEpisode(reader, *index);
+}
+
+}  // namespace
+
+Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
+  std::optional<internal::DatasetLock> lock;  // moving files away under a writer would confuse it
+  if (quarantine == Quarantine::kYes) {
+    ETUDE_ASSIGN_OR_RETURN(lock, internal::DatasetLock::Take(dataset));
+  }
+  ETUDE_ASSIGN_OR_RETURN(auto files, internal::ListEpisodeFolder(dataset));
+  std::erase_if(files,
+                [](const Path& path) { return path.extension() == internal::kTemporarySuffix; });
+
+  std::vector<Status> found(files.size());
+  ForEach(files.size(), [&](std::size_t i) { found[i] = CheckFile(reader, files[i]); });
+  VerifyReport report;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    if (found[i]) {
+      ++report.good;
+      continue;
+    }
+    report.bad.push_back({files[i], found[i].error().message});
+    if (quarantine == Quarantine::kYes) ETUDE_RETURN_IF_ERROR(MoveToQuarantine(dataset, files[i]));
+  }
+  return report;
+}
+
+Result<std::string> HashDataset(const Path& dataset) {
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
+  ETUDE_ASSIGN_OR_RETURN(const auto indices, reader.List());
+  std::vector<Result<std::string>> hashes(indices.size());
+  ForEach(indices.size(), [&](std::size_t i) {
+    const auto episode = reader.ReadWhole(indices[i]);
+    if (episode)
+      hashes[i] = internal::ContentHash(*episode);
+    else
+      hashes[i] = Fail(episode.error());
+  });
+  Sha256 hash;
+  for (std::size_t i = 0; i < indices.size(); ++i) {
+    if (!hashes[i]) return Fail(hashes[i].error());
+    hash.Update(fmt::format("{} {}\n", indices[i], *hashes[i]));
+  }
+  return ToHex(hash.Finish());
+}
+
+Result<OrderedJson> DatasetInfo(const Path& dataset) {
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
+  ETUDE_ASSIGN_OR_RETURN(const auto indices, reader.List());
+  std::map<std::uint64_t, internal::EpisodeSummary> summaries;
+  OrderedJson unreadable = OrderedJson::array();
+  OrderedJson features = OrderedJson::array();
+  for (const std::uint64_t index : indices) {
+    const auto record = reader.Read(index);
+    if (!record) {
+      unreadable.push_back(record.error().message);
+      continue;
+    }
+    summaries[index] = internal::Summarize(*record);
+    if (features.empty()) features = internal::FeatureTable(record->episode);
+  }
+  return OrderedJson{{"schema_version", kSchemaVersion},
+                     {"name", reader.spec().name},
+                     {"spec_sha256", SpecHash(reader.spec())},
+                     {"wanted_episodes", reader.spec().episodes},
+                     {"statistics", internal::StatisticsOf(reader.spec(), summaries)},
+                     {"failed_attempts", internal::FailuresByOutcome(dataset)},
+                     {"unreadable", std::move(unreadable)},
+                     {"features", std::move(features)}};
+}
+
+}  // namespace etude::store
