@@ -94,9 +94,11 @@ struct ObjectManifest {
   std::uint64_t size = 0;
   std::uint32_t chunk_size = 0;
   std::uint32_t chunk_count = 0;
-  std::vector<std::uint8_t> sha256;  ///< 32 bytes
+  std::vector<std::uint8_t> sha256;  ///< 32 bytes; empty when `crc32c` is used instead
+  std::vector<std::uint8_t> crc32c;  ///< 16 bytes (services/bus/checksum.h), for streams of frames
   std::uint64_t token = 0;           ///< fencing token of the lease; 0 if none
   std::string meta_json;
+  std::vector<std::uint8_t> data;    ///< the whole object when it fits into one chunk, else empty
 };
 
 struct ObjectChunk {
@@ -117,6 +119,7 @@ struct ObjectAck {
   std::uint32_t received = 0;        ///< chunks received in order from 0 (opens the sender's window)
   std::vector<std::uint32_t> missing;
   std::string reason;                ///< for kRefused
+  std::vector<std::uint64_t> also;   ///< more ids of the same sender with the same answer
 };
 
 // ---- policy.idl -----------------------------------------------------------------------------------

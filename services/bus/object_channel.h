@@ -23,10 +23,17 @@ namespace etude::bus {
 
 inline constexpr std::uint32_t kMaxChunkSize = 512 * 1024;
 
+/// How an object is verified at the receiving end.
+enum class Integrity : std::uint8_t {
+  kSha256,   ///< also an identity: what datasets and checkpoints are named by
+  kCrc32c,   ///< striped CRC-32C: finds faults at memory speed; for streams of camera frames
+};
+
 struct SendOptions {
   std::uint32_t chunk_size = 128 * 1024;          ///< bytes, <= kMaxChunkSize
   std::uint32_t window = 32;                      ///< chunks in flight without progress
   std::chrono::milliseconds resend_after{500};    ///< without any ack: send what is missing again
+  Integrity integrity = Integrity::kSha256;
 };
 
 /// How the receiver judged an object.
@@ -35,7 +42,14 @@ struct Verdict {
   std::string reason;
 };
 
-/// Sends objects and waits for their acknowledgement. Thread safety: one thread at a time.
+struct Sent {
+  std::uint64_t id = 0;
+  Verdict verdict;
+};
+
+/// Sends objects and waits for their acknowledgement: one at a time (Send), or several in flight
+/// (Begin, Next). An object that fits into one chunk travels as a single sample.
+/// Thread safety: one thread at a time.
 class ObjectSender {
  public:
   static Result<ObjectSender> Open(const Participant& participant, const std::string& partition,
@@ -51,6 +65,17 @@ class ObjectSender {
   Result<Verdict> Send(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
                        const std::string& meta_json, std::chrono::nanoseconds timeout);
 
+  /// Starts an object and sends what the window allows. `bytes` must stay valid and unchanged until its
+  /// verdict came from Next, or Cancel. The caller bounds the number begun with in_flight().
+  Status Begin(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
+               const std::string& meta_json);
+  /// Goes on sending, and returns the next verdict; nothing after `timeout` or a stop request.
+  std::optional<Sent> Next(std::chrono::nanoseconds timeout);
+  /// Forgets an object that was begun; the receiver may still have got it.
+  void Cancel(std::uint64_t id);
+  std::size_t in_flight() const;
+  int matched_receivers() const;
+
  private:
   struct Impl;
   explicit ObjectSender(std::unique_ptr<Impl> impl);
@@ -65,6 +90,7 @@ struct ReceivedObject {
 struct ReceiveOptions {
   std::uint64_t max_object_size = 1ull << 30;   ///< larger manifests are refused before allocation
   std::uint64_t max_memory = 2ull << 30;        ///< of all unfinished objects together; others wait
+  std::uint32_t ack_batch = 1;                  ///< kDone verdicts of a sender that travel together
 };
 
 /// Receives objects of one channel from any number of senders. Thread safety: one thread at a time.
@@ -79,10 +105,14 @@ class ObjectReceiver {
   /// The next verified object, or nothing within `timeout` (or a stop request). Objects whose hash does
   /// not fit are refused here and counted.
   std::optional<ReceivedObject> Receive(std::chrono::nanoseconds timeout);
+  /// The same into an object whose memory is used again; false when there is none.
+  bool Receive(ReceivedObject& object, std::chrono::nanoseconds timeout);
   /// Tells the sender. kDone only after the object is durable. Repeats of an acknowledged object are
-  /// answered with the same verdict without another Receive.
+  /// answered with the same verdict without another Receive. With `ack_batch` > 1 a kDone leaves with
+  /// others, at the latest when Receive next has to wait.
   Status Acknowledge(const ObjectManifest& manifest, const Verdict& verdict);
   std::uint64_t corrupt_objects() const;
+  std::uint64_t malformed_samples() const;
 
  private:
   struct Impl;

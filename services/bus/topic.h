@@ -12,6 +12,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -57,6 +58,8 @@ class Reader {
   /// Blocks until data is there, `timeout` is over, or a stop is requested; true when data is there.
   bool Wait(std::chrono::nanoseconds timeout);
   int matched_writers() const;
+  /// Samples dropped because a field was out of its bounds.
+  std::uint64_t malformed() const;
 
  private:
   struct Impl;

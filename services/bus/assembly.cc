@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/bus/assembly.h"
+
+#include <algorithm>
+
+#include "services/bus/object_channel.h"
+
+namespace etude::bus {
+
+std::uint32_t ChunkCount(std::uint64_t size, std::uint32_t chunk_size) {
+  return static_cast<std::uint32_t>((size + chunk_size - 1) / chunk_size);
+}
+
+bool ShapeIsSound(std::uint64_t size, std::uint32_t chunk_size, std::uint32_t chunk_count) {
+  constexpr std::uint64_t kMaxSize = 1ull << 40;
+  return chunk_size > 0 && chunk_size <= kMaxChunkSize && size <= kMaxSize &&
+         (size + chunk_size - 1) / chunk_size == chunk_count;
+}
+
+std::span<const std::uint8_t> ChunkOf(std::span<const std::uint8_t> bytes, std::uint32_t chunk_size,
+                                      std::uint32_t index) {
+  const std::size_t begin = std::size_t{index} * chunk_size;
+  return bytes.subspan(begin, std::min<std::size_t>(chunk_size, bytes.size() - begin));
+}
+
+Assembly::Assembly(std::uint64_t size, std::uint32_t chunk_size, bool hashed)
+    : size_(size), chunk_size_(chunk_size), count_(ChunkCount(size, chunk_size)), hashed_(hashed) {
+  bytes_.reserve(size);
+}
+
+Assembly::Added Assembly::Add(std::uint32_t index, std::span<const std::uint8_t> data) {
+  if (index >= count_) return Added::kMalformed;
+  const std::uint64_t begin = std::uint64_t{index} * chunk_size_;
+  if (data.size() != std::min<std::uint64_t>(chunk_size_, size_ - begin)) return Added::kMalformed;
+  if (index < next_ || early_.contains(index)) return Added::kRepeat;
+  if (index > next_) {
+    early_.emplace(index, std::vector<std::uint8_t>(data.begin(), data.end()));
+    return Added::kNew;
+  }
+  Append(data);
+  for (auto it = early_.begin(); it != early_.end() && it->first == next_; it = early_.erase(it)) {
+    Append(it->second);
+  }
+  return Added::kNew;
+}
+
+void Assembly::Append(std::span<const std::uint8_t> data) {
+  if (hashed_) hash_.Update(data);
+  bytes_.insert(bytes_.end(), data.begin(), data.end());
+  ++next_;
+}
+
+std::vector<std::uint32_t> Assembly::Missing(std::size_t at_most) const {
+  std::vector<std::uint32_t> missing;
+  for (std::uint32_t i = next_; i < count_ && missing.size() < at_most; ++i) {
+    if (!early_.contains(i)) missing.push_back(i);
+  }
+  return missing;
+}
+
+}  // namespace etude::bus

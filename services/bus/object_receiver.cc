@@ -1,0 +1,444 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <deque>
+#include <map>
+
+#include "services/bus/assembly.h"
+#include "services/bus/checksum.h"
+#include "services/bus/object_channel.h"
+#include "services/bus/serialized.h"
+#include "services/bus/typed.h"
+#include "services/core/clock.h"
+#include "services/core/log.h"
+#include "services/core/stop.h"
+
+namespace etude::bus {
+namespace {
+
+using Clock = MonotonicClock;
+
+constexpr std::uint32_t kAckEvery = 8;         // chunks
+constexpr std::size_t kMaxMissing = 1024;      // indices in one ack
+constexpr std::size_t kJudgedKept = 1024;      // verdicts remembered for each sender
+constexpr std::size_t kMaxPeers = 4096;
+constexpr std::chrono::seconds kForgetAfter{60};  // an unfinished object nobody sends any more
+
+struct Entry {
+  enum class State { kReceiving, kReady, kJudging, kJudged };
+  State state = State::kReceiving;
+  ObjectManifest manifest;              // data is empty
+  std::optional<Assembly> assembly;     // kReceiving
+  std::vector<std::uint8_t> bytes;      // kReady
+  Verdict verdict;                      // kJudged
+  std::uint32_t acknowledged = 0;       // chunks reported to the sender
+  Clock::time_point heard;
+};
+
+struct Peer {
+  std::map<std::uint64_t, Entry> objects;
+  std::deque<std::uint64_t> judged;     // oldest first
+  std::vector<std::uint64_t> done;      // kDone verdicts not yet sent
+  Clock::time_point heard;
+};
+
+struct ObjectKey {
+  std::string sender;
+  std::uint64_t id = 0;
+};
+
+bool Equal(std::span<const std::uint8_t> a, const std::vector<std::uint8_t>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end());
+}
+
+bool IsSame(const ManifestView& view, const ObjectManifest& manifest) {
+  return view.size == manifest.size && view.chunk_size == manifest.chunk_size &&
+         Equal(view.sha256, manifest.sha256) && Equal(view.crc32c, manifest.crc32c);
+}
+
+bool ViewIsSound(const ManifestView& view) {
+  const bool has_sha = view.sha256.size() == 32 && view.crc32c.empty();
+  const bool has_crc = view.crc32c.size() == 16 && view.sha256.empty();
+  return (has_sha || has_crc) && ShapeIsSound(view.size, view.chunk_size, view.chunk_count) &&
+         (view.data.empty() || view.data.size() == view.size) && view.meta_json.size() <= kMaxText;
+}
+
+ObjectManifest ToManifest(const ManifestView& view) {
+  ObjectManifest manifest;
+  manifest.channel = view.channel;
+  manifest.sender = view.sender;
+  manifest.id = view.id;
+  manifest.size = view.size;
+  manifest.chunk_size = view.chunk_size;
+  manifest.chunk_count = view.chunk_count;
+  manifest.sha256.assign(view.sha256.begin(), view.sha256.end());
+  manifest.crc32c.assign(view.crc32c.begin(), view.crc32c.end());
+  manifest.token = view.token;
+  manifest.meta_json = view.meta_json;
+  return manifest;
+}
+
+bool Fits(const ObjectManifest& manifest, std::span<const std::uint8_t> bytes) {
+  if (!manifest.crc32c.empty()) return Equal(StripedCrc32c(bytes), manifest.crc32c);
+  return Equal(Sha256Of(bytes), manifest.sha256);
+}
+
+}  // namespace
+
+struct ObjectReceiver::Impl {
+  std::string channel;
+  ReceiveOptions options;
+  Endpoint manifests;
+  Endpoint chunks;
+  Endpoint acks;
+  Waiter waiter;
+  std::map<std::string, Peer, std::less<>> peers;
+  std::deque<ObjectKey> ready;
+  std::vector<ObjectKey> unreported;              // progress that the sender does not know
+  std::vector<std::vector<std::uint8_t>> spares;  // buffers to use again
+  std::uint64_t memory = 0;                       // of unfinished and ready objects
+  std::uint64_t corrupt = 0;
+  std::uint64_t malformed = 0;
+  Clock::time_point next_cleaning;
+
+  Status OpenAll(const Participant& participant, const std::string& partition);
+  int Drain();
+  int DrainManifests();
+  void OnManifest(const ManifestView& view);
+  void AnswerKnown(const ManifestView& view, Entry& entry);
+  void Start(const ManifestView& view, Peer& peer);
+  void StartWhole(const ManifestView& view, Entry& entry);
+  void OnChunk(const ChunkView& view);
+  void OnComplete(Entry& entry);
+  void RefuseCorrupt(const ObjectManifest& manifest);
+  void SendAck(ObjectAck ack);
+  void SendProgress(Entry& entry, AckKind kind);
+  void FlushProgress();
+  void FlushDone(const std::string& sender, Peer& peer);
+  void FlushAllDone();
+  void Remember(Peer& peer, Entry& entry, const Verdict& verdict);
+  void Clean();
+  Entry* Find(std::string_view sender, std::uint64_t id);
+  bool Receive(ReceivedObject& object, std::chrono::nanoseconds timeout);
+  bool Pop(ReceivedObject& object);
+};
+
+Status ObjectReceiver::Impl::OpenAll(const Participant& participant, const std::string& partition) {
+  const std::string own = partition + "/" + channel;
+  // acks first: a sender that finds our readers can then be answered
+  ETUDE_ASSIGN_OR_RETURN(acks, OpenWriterOf<ObjectAck>(participant, own));
+  ETUDE_ASSIGN_OR_RETURN(chunks, OpenReaderOf<ObjectChunk>(participant, own));
+  ETUDE_ASSIGN_OR_RETURN(manifests, OpenReaderOf<ObjectManifest>(participant, own));
+  ETUDE_RETURN_IF_ERROR(waiter.Open(participant));
+  ETUDE_RETURN_IF_ERROR(waiter.AddReader(manifests));
+  return waiter.AddReader(chunks);
+}
+
+Entry* ObjectReceiver::Impl::Find(std::string_view sender, std::uint64_t id) {
+  const auto peer = peers.find(sender);
+  if (peer == peers.end()) return nullptr;
+  const auto entry = peer->second.objects.find(id);
+  return entry == peer->second.objects.end() ? nullptr : &entry->second;
+}
+
+int ObjectReceiver::Impl::DrainManifests() {
+  return TakeSerialized(manifests, 64, [this](std::span<const std::uint8_t> cdr) {
+    ManifestView view;
+    if (!Parse(cdr, view) || !ViewIsSound(view)) ++malformed;
+    else if (view.channel == channel) OnManifest(view);
+  });
+}
+
+// Returns the number of samples taken.
+int ObjectReceiver::Impl::Drain() {
+  const int announced = DrainManifests();
+  const int taken = TakeSerialized(chunks, 64, [this](std::span<const std::uint8_t> cdr) {
+    ChunkView view;
+    if (!Parse(cdr, view) || view.data.empty()) ++malformed;
+    else if (view.channel == channel) OnChunk(view);
+  });
+  return announced + taken;
+}
+
+void ObjectReceiver::Impl::OnManifest(const ManifestView& view) {
+  auto found = peers.find(view.sender);
+  if (found == peers.end()) found = peers.emplace(std::string(view.sender), Peer{}).first;
+  Peer& peer = found->second;
+  peer.heard = Clock::now();
+  const auto known = peer.objects.find(view.id);
+  if (known != peer.objects.end()) {
+    Entry& entry = known->second;
+    const bool changed = entry.state == Entry::State::kReceiving && !IsSame(view, entry.manifest);
+    if (!changed) return AnswerKnown(view, entry);
+    memory -= entry.manifest.size;
+    peer.objects.erase(known);
+  }
+  Start(view, peer);
+}
+
+void ObjectReceiver::Impl::AnswerKnown(const ManifestView& view, Entry& entry) {
+  entry.heard = Clock::now();
+  switch (entry.state) {
+    case Entry::State::kReceiving:
+      if (view.data.size() == view.size && view.size > 0) return StartWhole(view, entry);
+      return SendProgress(entry, AckKind::kMissing);
+    case Entry::State::kReady:
+    case Entry::State::kJudging:
+      return SendProgress(entry, AckKind::kProgress);
+    case Entry::State::kJudged: {
+      ObjectAck ack;
+      ack.sender = view.sender;
+      ack.id = view.id;
+      ack.kind = entry.verdict.kind;
+      ack.reason = entry.verdict.reason;
+      return SendAck(std::move(ack));
+    }
+  }
+}
+
+void ObjectReceiver::Impl::Start(const ManifestView& view, Peer& peer) {
+  if (view.size > options.max_object_size) {
+    Entry& entry = peer.objects[view.id];
+    entry.manifest = ToManifest(view);
+    Remember(peer, entry,
+             {AckKind::kRefused,
+              fmt::format("{} bytes, at most {} are taken", view.size, options.max_object_size)});
+    return AnswerKnown(view, entry);
+  }
+  // no room: say nothing, and the sender announces it again
+  if (memory > 0 && memory + view.size > options.max_memory) return;
+  memory += view.size;
+  Entry& entry = peer.objects[view.id];
+  entry.manifest = ToManifest(view);
+  entry.heard = Clock::now();
+  if (view.data.size() == view.size) return StartWhole(view, entry);
+  entry.assembly.emplace(view.size, view.chunk_size, view.crc32c.empty());
+  SendProgress(entry, AckKind::kMissing);
+}
+
+void ObjectReceiver::Impl::StartWhole(const ManifestView& view, Entry& entry) {
+  if (!Fits(entry.manifest, view.data)) return RefuseCorrupt(entry.manifest);
+  if (!spares.empty()) {
+    entry.bytes = std::move(spares.back());
+    spares.pop_back();
+  }
+  entry.bytes.assign(view.data.begin(), view.data.end());
+  entry.assembly.reset();
+  entry.acknowledged = entry.manifest.chunk_count;
+  entry.state = Entry::State::kReady;
+  ready.push_back({entry.manifest.sender, entry.manifest.id});
+}
+
+void ObjectReceiver::Impl::OnChunk(const ChunkView& view) {
+  Entry* entry = Find(view.sender, view.id);
+  if (entry == nullptr) {  // the manifest travels on another topic and may be just behind
+    DrainManifests();
+    entry = Find(view.sender, view.id);
+  }
+  if (entry == nullptr || entry->state != Entry::State::kReceiving) return;
+  entry->heard = Clock::now();
+  const auto added = entry->assembly->Add(view.index, view.data);
+  if (added == Assembly::Added::kMalformed) ++malformed;
+  if (added != Assembly::Added::kNew) return;
+  if (entry->assembly->complete()) return OnComplete(*entry);
+  const std::uint32_t unreported_chunks = entry->assembly->next() - entry->acknowledged;
+  if (unreported_chunks >= kAckEvery) return SendProgress(*entry, AckKind::kProgress);
+  if (unreported_chunks == 1) unreported.push_back({std::string(view.sender), view.id});
+}
+
+void ObjectReceiver::Impl::OnComplete(Entry& entry) {
+  const bool hashed = entry.manifest.crc32c.empty();
+  if (hashed && !Equal(entry.assembly->Digest(), entry.manifest.sha256)) {
+    return RefuseCorrupt(entry.manifest);
+  }
+  entry.bytes = entry.assembly->TakeBytes();
+  if (!hashed && !Fits(entry.manifest, entry.bytes)) return RefuseCorrupt(entry.manifest);
+  entry.assembly.reset();
+  entry.state = Entry::State::kReady;
+  ready.push_back({entry.manifest.sender, entry.manifest.id});
+  SendProgress(entry, AckKind::kProgress);
+}
+
+// Not remembered: the sender may try again with the same id.
+void ObjectReceiver::Impl::RefuseCorrupt(const ObjectManifest& manifest) {
+  ++corrupt;
+  Log().warn("object refused: its bytes do not fit its checksum channel={} sender={} id={}", channel,
+             manifest.sender, manifest.id);
+  ObjectAck ack;
+  ack.sender = manifest.sender;
+  ack.id = manifest.id;
+  ack.kind = AckKind::kRefused;
+  ack.reason = "the bytes do not fit the checksum";
+  memory -= manifest.size;
+  peers.find(ack.sender)->second.objects.erase(ack.id);
+  SendAck(std::move(ack));
+}
+
+void ObjectReceiver::Impl::SendAck(ObjectAck ack) {
+  ack.channel = channel;
+  // a lost ack is asked for again by the sender's next announcement
+  if (auto written = WriteMessage(acks, ack); !written) {
+    Log().warn("ack not sent: {}", written.error().message);
+  }
+}
+
+void ObjectReceiver::Impl::SendProgress(Entry& entry, AckKind kind) {
+  ObjectAck ack;
+  ack.sender = entry.manifest.sender;
+  ack.id = entry.manifest.id;
+  ack.kind = kind;
+  ack.received = entry.assembly ? entry.assembly->next() : entry.manifest.chunk_count;
+  if (kind == AckKind::kMissing) ack.missing = entry.assembly->Missing(kMaxMissing);
+  entry.acknowledged = ack.received;
+  SendAck(std::move(ack));
+}
+
+void ObjectReceiver::Impl::FlushProgress() {
+  for (const auto& key : unreported) {
+    Entry* const entry = Find(key.sender, key.id);
+    if (entry == nullptr || entry->state != Entry::State::kReceiving) continue;
+    if (entry->assembly->next() > entry->acknowledged) SendProgress(*entry, AckKind::kProgress);
+  }
+  unreported.clear();
+}
+
+void ObjectReceiver::Impl::FlushDone(const std::string& sender, Peer& peer) {
+  if (peer.done.empty()) return;
+  ObjectAck ack;
+  ack.sender = sender;
+  ack.kind = AckKind::kDone;
+  ack.id = peer.done.front();
+  ack.also.assign(peer.done.begin() + 1, peer.done.end());
+  peer.done.clear();
+  SendAck(std::move(ack));
+}
+
+void ObjectReceiver::Impl::FlushAllDone() {
+  if (options.ack_batch <= 1) return;
+  for (auto& [sender, peer] : peers) FlushDone(sender, peer);
+}
+
+void ObjectReceiver::Impl::Remember(Peer& peer, Entry& entry, const Verdict& verdict) {
+  if (entry.state != Entry::State::kJudged) peer.judged.push_back(entry.manifest.id);
+  entry.state = Entry::State::kJudged;
+  entry.verdict = verdict;
+  while (peer.judged.size() > kJudgedKept) {
+    peer.objects.erase(peer.judged.front());
+    peer.judged.pop_front();
+  }
+}
+
+// Frees what dead senders left behind.
+void ObjectReceiver::Impl::Clean() {
+  const auto now = Clock::now();
+  if (now < next_cleaning) return;
+  next_cleaning = now + std::chrono::seconds(5);
+  for (auto& [sender, peer] : peers) {
+    std::erase_if(peer.objects, [&](const auto& item) {
+      const Entry& entry = item.second;
+      if (entry.state != Entry::State::kReceiving || now - entry.heard < kForgetAfter) return false;
+      memory -= entry.manifest.size;
+      return true;
+    });
+  }
+  while (peers.size() > kMaxPeers) {
+    const auto oldest = std::min_element(peers.begin(), peers.end(), [](const auto& a, const auto& b) {
+      return a.second.heard < b.second.heard;
+    });
+    const bool only_judged = oldest->second.objects.size() == oldest->second.judged.size();
+    if (!only_judged) return;
+    peers.erase(oldest);
+  }
+}
+
+bool ObjectReceiver::Impl::Pop(ReceivedObject& object) {
+  if (ready.empty()) return false;
+  const ObjectKey key = std::move(ready.front());
+  ready.pop_front();
+  Entry& entry = *Find(key.sender, key.id);
+  entry.state = Entry::State::kJudging;
+  memory -= entry.manifest.size;
+  object.manifest = entry.manifest;
+  std::swap(object.bytes, entry.bytes);
+  if (entry.bytes.capacity() > 0 && entry.bytes.capacity() <= 2 * kMaxChunkSize &&
+      spares.size() < 256) {
+    spares.push_back(std::move(entry.bytes));
+  }
+  entry.bytes = {};
+  return true;
+}
+
+bool ObjectReceiver::Impl::Receive(ReceivedObject& object, std::chrono::nanoseconds timeout) {
+  const auto now = Clock::now();
+  const auto latest = Clock::time_point::max();
+  const auto end = timeout > latest - now ? latest : now + timeout;
+  for (;;) {
+    if (Pop(object)) return true;
+    const int taken = Drain();
+    if (taken > 0) continue;
+    FlushProgress();
+    FlushAllDone();
+    Clean();
+    const auto left = end - Clock::now();
+    if (left.count() <= 0 || StopRequested()) return false;
+    waiter.Wait(std::min<std::chrono::nanoseconds>(left, std::chrono::seconds(5)));
+  }
+}
+
+ObjectReceiver::ObjectReceiver(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+ObjectReceiver::ObjectReceiver(ObjectReceiver&&) noexcept = default;
+ObjectReceiver& ObjectReceiver::operator=(ObjectReceiver&&) noexcept = default;
+ObjectReceiver::~ObjectReceiver() {
+  if (impl_) impl_->FlushAllDone();
+}
+
+Result<ObjectReceiver> ObjectReceiver::Open(const Participant& participant,
+                                            const std::string& partition, const std::string& channel,
+                                            const ReceiveOptions& options) {
+  auto impl = std::make_unique<Impl>();
+  impl->channel = channel;
+  impl->options = options;
+  impl->options.ack_batch = std::clamp<std::uint32_t>(options.ack_batch, 1, 1024);
+  ETUDE_RETURN_IF_ERROR(impl->OpenAll(participant, partition));
+  return ObjectReceiver(std::move(impl));
+}
+
+std::optional<ReceivedObject> ObjectReceiver::Receive(std::chrono::nanoseconds timeout) {
+  ReceivedObject object;
+  if (!impl_->Receive(object, timeout)) return std::nullopt;
+  return object;
+}
+
+bool ObjectReceiver::Receive(ReceivedObject& object, std::chrono::nanoseconds timeout) {
+  return impl_->Receive(object, timeout);
+}
+
+Status ObjectReceiver::Acknowledge(const ObjectManifest& manifest, const Verdict& verdict) {
+  const auto peer = impl_->peers.find(manifest.sender);
+  if (peer != impl_->peers.end()) {
+    const auto entry = peer->second.objects.find(manifest.id);
+    if (entry != peer->second.objects.end()) {
+      impl_->Remember(peer->second, entry->second, verdict);
+      if (verdict.kind == AckKind::kDone && impl_->options.ack_batch > 1) {
+        peer->second.done.push_back(manifest.id);
+        if (peer->second.done.size() >= impl_->options.ack_batch) {
+          impl_->FlushDone(peer->first, peer->second);
+        }
+        return {};
+      }
+    }
+  }
+  ObjectAck ack;
+  ack.channel = impl_->channel;
+  ack.sender = manifest.sender;
+  ack.id = manifest.id;
+  ack.kind = verdict.kind;
+  ack.reason = verdict.reason;
+  return WriteMessage(impl_->acks, ack);
+}
+
+std::uint64_t ObjectReceiver::corrupt_objects() const { return impl_->corrupt; }
+std::uint64_t ObjectReceiver::malformed_samples() const { return impl_->malformed; }
+
+}  // namespace etude::bus

@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/bus/participant.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cstdlib>
+#include <map>
+#include <mutex>
+#include <random>
+
+#include "services/bus/local_profile.h"
+#include "services/bus/participant_state.h"
+#include "services/core/file.h"
+#include "services/core/log.h"
+
+namespace etude::bus {
+namespace {
+
+// Cyclone explains its failures only in its log: keep the last explanation for our message.
+struct DdsLog {
+  std::mutex mutex;
+  std::string last_error;
+};
+
+DdsLog& GetDdsLog() {
+  static auto* const log = new DdsLog;  // outlives DDS's threads on purpose
+  return *log;
+}
+
+void OnDdsLog(void*, const dds_log_data_t* data) {
+  std::string text(data->message, data->size);
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  const bool is_error = (data->priority & (DDS_LC_FATAL | DDS_LC_ERROR)) != 0;
+  if (is_error) {
+    auto& log = GetDdsLog();
+    const std::scoped_lock lock(log.mutex);
+    log.last_error = text;
+  }
+  if (is_error || (data->priority & DDS_LC_WARNING) != 0) Log().warn("dds: {}", text);
+}
+
+std::string TakeLastDdsError() {
+  auto& log = GetDdsLog();
+  const std::scoped_lock lock(log.mutex);
+  return std::exchange(log.last_error, {});
+}
+
+std::string Advice(const std::string& explanation) {
+  if (explanation.find("participant index") != std::string::npos) {
+    return "; raise Discovery/MaxAutoParticipantIndex in the profile, end other processes of this "
+           "domain, or use another domain";
+  }
+  if (explanation.find("interface") != std::string::npos ||
+      explanation.find("address") != std::string::npos) {
+    return "; name an existing interface in the profile's General/Interfaces (see 'ip address' and "
+           "deploy/dds)";
+  }
+  if (explanation.find("receive buffer") != std::string::npos) {
+    return "; run 'sysctl -w net.core.rmem_max=4194304' or lower SocketReceiveBufferSize";
+  }
+  return "; check the profile (see deploy/dds)";
+}
+
+Error OpenError(dds_return_t code, const ParticipantConfig& config, std::string_view what) {
+  const std::string explanation = TakeLastDdsError();
+  Error error = DdsError(code, fmt::format("{} of DDS domain {}", what, config.domain));
+  error.code = Code::kUnavailable;
+  if (!explanation.empty()) error.message += ": " + explanation;
+  error.message += Advice(explanation);
+  return error;
+}
+
+// The text of the profile: inline XML, a file's, the environment's, or the built-in one.
+Result<std::string> ProfileText(const std::string& profile) {
+  if (profile.empty()) {
+    const char* const uri = std::getenv("CYCLONEDDS_URI");
+    return std::string(uri != nullptr && *uri != '\0' ? uri : kLocalProfile);
+  }
+  const auto first = std::find_if_not(profile.begin(), profile.end(),
+                                      [](unsigned char c) { return std::isspace(c) != 0; });
+  if (first != profile.end() && *first == '<') return profile;
+  auto text = ReadTextFile(profile, 1 << 20);
+  if (!text) {
+    Error error = std::move(text).error().Wrap("DDS profile");
+    error.code = Code::kUnavailable;
+    return Fail(std::move(error));
+  }
+  return std::move(*text);
+}
+
+struct Domains {
+  std::mutex mutex;
+  struct Item {
+    std::weak_ptr<Entity> domain;
+    std::string profile;
+  };
+  std::map<std::uint32_t, Item> by_id;
+};
+
+Domains& GetDomains() {
+  static auto* const domains = new Domains;
+  return *domains;
+}
+
+// A process has a domain once; participants with the same profile share it.
+Result<std::shared_ptr<Entity>> OpenDomain(const ParticipantConfig& config,
+                                           const std::string& profile) {
+  auto& domains = GetDomains();
+  const std::scoped_lock lock(domains.mutex);
+  auto& item = domains.by_id[config.domain];
+  if (auto domain = item.domain.lock()) {
+    if (item.profile != profile) {
+      return Fail(Code::kUnavailable,
+                  fmt::format("open DDS domain {}: this process already has it open with another "
+                              "profile",
+                              config.domain));
+    }
+    return domain;
+  }
+  dds_set_log_sink(OnDdsLog, nullptr);
+  TakeLastDdsError();
+  const dds_entity_t handle = dds_create_domain(config.domain, profile.c_str());
+  if (handle < 0) return Fail(OpenError(handle, config, "open"));
+  auto domain = std::make_shared<Entity>(handle);
+  item = {domain, profile};
+  return domain;
+}
+
+void WarnAboutReceiveBuffer() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    auto text = ReadTextFile("/proc/sys/net/core/rmem_max", 64);
+    if (!text) return;
+    if (std::strtoull(text->c_str(), nullptr, 10) < 4'194'304) {
+      Log().warn("socket buffers are limited: bursts are slower; run 'sysctl -w "
+                 "net.core.rmem_max=4194304' rmem_max={}",
+                 text->substr(0, text->find('\n')));
+    }
+  });
+}
+
+Result<Endpoint> OpenEndpoint(const Participant& participant, const std::string& partition,
+                              const dds_topic_descriptor_t& type, const std::string& topic,
+                              const TopicQos& topic_qos, bool is_writer) {
+  ETUDE_RETURN_IF_ERROR(CheckPartition(partition));
+  Endpoint out;
+  out.state = participant.state();
+  out.is_writer = is_writer;
+  const dds_entity_t parent = out.state->participant.get();
+  const Qos qos = MakeQos(topic_qos);
+  const Qos group_qos = MakePartitionQos(partition);
+  const std::string what = fmt::format("{} of topic '{}' in partition '{}'",
+                                       is_writer ? "writer" : "reader", topic, partition);
+  ETUDE_ASSIGN_OR_RETURN(
+      out.group, CheckEntity(is_writer ? dds_create_publisher(parent, group_qos.get(), nullptr)
+                                       : dds_create_subscriber(parent, group_qos.get(), nullptr),
+                             what));
+  ETUDE_ASSIGN_OR_RETURN(out.topic, CheckEntity(dds_create_topic(parent, &type, topic.c_str(),
+                                                                 qos.get(), nullptr),
+                                                what));
+  const dds_entity_t group = out.group.get();
+  ETUDE_ASSIGN_OR_RETURN(
+      out.endpoint,
+      CheckEntity(is_writer ? dds_create_writer(group, out.topic.get(), qos.get(), nullptr)
+                            : dds_create_reader(group, out.topic.get(), qos.get(), nullptr),
+                  what));
+  return out;
+}
+
+}  // namespace
+
+Error DdsError(dds_return_t code, std::string_view attempted) {
+  Code kind = Code::kUnavailable;
+  if (code == DDS_RETCODE_TIMEOUT) kind = Code::kTimeout;
+  if (code == DDS_RETCODE_BAD_PARAMETER) kind = Code::kInvalidArgument;
+  if (code == DDS_RETCODE_OUT_OF_RESOURCES) kind = Code::kExhausted;
+  return {kind, fmt::format("{}: {}", attempted, dds_strretcode(code))};
+}
+
+Result<Participant> Participant::Open(const ParticipantConfig& config) {
+  if (config.domain > 230) {
+    return Fail(Code::kInvalidArgument,
+                fmt::format("DDS domain {}: expected 0 to 230", config.domain));
+  }
+  ETUDE_ASSIGN_OR_RETURN(const std::string profile, ProfileText(config.profile));
+  auto state = std::make_shared<State>();
+  ETUDE_ASSIGN_OR_RETURN(state->domain, OpenDomain(config, profile));
+  const dds_entity_t handle = dds_create_participant(config.domain, nullptr, nullptr);
+  if (handle < 0) return Fail(OpenError(handle, config, "join"));
+  state->participant = Entity(handle);
+  state->id = config.domain;
+  WarnAboutReceiveBuffer();
+  return Participant(std::move(state));
+}
+
+Participant::Participant(std::shared_ptr<State> state) : state_(std::move(state)) {}
+Participant::Participant(Participant&&) noexcept = default;
+Participant& Participant::operator=(Participant&&) noexcept = default;
+Participant::~Participant() = default;
+
+std::uint32_t Participant::domain() const { return state_->id; }
+
+Result<Endpoint> OpenWriter(const Participant& participant, const std::string& partition,
+                            const dds_topic_descriptor_t& type, const std::string& topic,
+                            const TopicQos& qos) {
+  return OpenEndpoint(participant, partition, type, topic, qos, true);
+}
+
+Result<Endpoint> OpenReader(const Participant& participant, const std::string& partition,
+                            const dds_topic_descriptor_t& type, const std::string& topic,
+                            const TopicQos& qos) {
+  return OpenEndpoint(participant, partition, type, topic, qos, false);
+}
+
+int MatchedReaders(const Endpoint& writer) {
+  dds_publication_matched_status_t status{};
+  dds_get_publication_matched_status(writer.get(), &status);
+  return static_cast<int>(status.current_count);
+}
+
+int MatchedWriters(const Endpoint& reader) {
+  dds_subscription_matched_status_t status{};
+  dds_get_subscription_matched_status(reader.get(), &status);
+  return static_cast<int>(status.current_count);
+}
+
+std::string UniquePeerName() {
+  char host[65] = {};
+  if (::gethostname(host, sizeof(host) - 1) != 0) std::snprintf(host, sizeof(host), "host");
+  std::random_device device;
+  return fmt::format("{}-{}-{:04x}", host, ::getpid(), device() & 0xffffu);
+}
+
+}  // namespace etude::bus

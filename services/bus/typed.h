@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writing and taking messages at an endpoint. Internal to services/bus.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "services/bus/participant_state.h"
+#include "services/bus/wire.h"
+
+namespace etude::bus {
+
+/// The wire struct borrows the message's memory.
+template <class Message>
+Result<typename Traits<Message>::Wire> Encode(const Message& message) {
+  typename Traits<Message>::Wire wire{};
+  Encoder encoder;
+  Fields(encoder, message, wire);
+  std::string problem = encoder.problem();
+  if (problem.empty() && !IsSound(message)) problem = "its sizes contradict each other";
+  if (!problem.empty()) {
+    return Fail(Code::kInvalidArgument,
+                fmt::format("write on topic '{}': {}", Traits<Message>::kTopic, problem));
+  }
+  return wire;
+}
+
+template <class Message>
+Status WriteMessage(const Endpoint& writer, const Message& message) {
+  ETUDE_ASSIGN_OR_RETURN(const auto wire, Encode(message));
+  const dds_return_t code = dds_write(writer.get(), &wire);
+  if (code == DDS_RETCODE_OK) return {};
+  return Fail(DdsError(code, fmt::format("write on topic '{}'", Traits<Message>::kTopic)));
+}
+
+template <class Message>
+std::vector<Message> TakeMessages(const Endpoint& reader, int at_most, std::uint64_t& malformed) {
+  constexpr int kBatch = 32;
+  std::vector<Message> messages;
+  while (static_cast<int>(messages.size()) < at_most) {
+    void* samples[kBatch] = {};
+    dds_sample_info_t infos[kBatch];
+    const int wanted = std::min(kBatch, at_most - static_cast<int>(messages.size()));
+    const dds_return_t count =
+        dds_take(reader.get(), samples, infos, kBatch, static_cast<std::uint32_t>(wanted));
+    if (count <= 0) break;
+    for (int i = 0; i < count; ++i) {
+      if (!infos[i].valid_data) continue;  // an instance's end
+      Message message;
+      Decoder decoder;
+      Fields(decoder, message, *static_cast<const typename Traits<Message>::Wire*>(samples[i]));
+      if (decoder.ok() && IsSound(message)) messages.push_back(std::move(message));
+      else ++malformed;
+    }
+    dds_return_loan(reader.get(), samples, count);
+  }
+  return messages;
+}
+
+template <class Message>
+Result<Endpoint> OpenWriterOf(const Participant& participant, const std::string& partition) {
+  using T = Traits<Message>;
+  return OpenWriter(participant, partition, T::descriptor(), T::kTopic, T::kQos);
+}
+
+template <class Message>
+Result<Endpoint> OpenReaderOf(const Participant& participant, const std::string& partition) {
+  using T = Traits<Message>;
+  return OpenReader(participant, partition, T::descriptor(), T::kTopic, T::kQos);
+}
+
+}  // namespace etude::bus

@@ -1,0 +1,328 @@
+// SPDX-License-Identifier: Apache-2.0
+// Between the structs of messages.h and idlc's C structs. One field list a message serves both
+// directions. Internal to services/bus.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <vector>
+
+#include "campaign.h"
+#include "object.h"
+#include "policy.h"
+#include "services/bus/messages.h"
+#include "services/bus/qos.h"
+#include "train.h"
+
+namespace etude::bus {
+
+inline constexpr std::size_t kMaxText = 4u << 20;  ///< bytes of a text without a bound in the IDL
+
+/// Wire type, descriptor, topic name and QoS of a message.
+template <class Message>
+struct Traits;
+
+/// Fills a C struct that borrows the message's memory: it must not be freed with dds_sample_free, and
+/// the message must outlive it.
+class Encoder {
+ public:
+  template <std::size_t kSize>
+  void operator()(const char* name, const std::string& from, char (&to)[kSize]) {
+    if (!CheckText(name, from, kSize - 1)) return;
+    std::memcpy(to, from.c_str(), from.size() + 1);
+  }
+  void operator()(const char* name, const std::string& from, char*& to) {
+    if (CheckText(name, from, kMaxText)) to = const_cast<char*>(from.c_str());
+  }
+  template <class T>
+    requires std::is_arithmetic_v<T>
+  void operator()(const char*, const T& from, T& to) {
+    to = from;
+  }
+  template <class E>
+    requires std::is_enum_v<E>
+  void operator()(const char*, const E& from, std::uint8_t& to, E) {
+    to = static_cast<std::uint8_t>(from);
+  }
+  template <class T, class Sequence>
+  void operator()(const char* name, const std::vector<T>& from, Sequence& to, std::size_t bound) {
+    if (from.size() > bound) return Refuse(name, from.size(), bound);
+    to._maximum = to._length = static_cast<std::uint32_t>(from.size());
+    to._buffer = const_cast<T*>(from.data());
+    to._release = false;
+  }
+  /// Empty, or what does not fit.
+  const std::string& problem() const { return problem_; }
+
+ private:
+  bool CheckText(const char* name, const std::string& text, std::size_t bound);
+  void Refuse(const char* name, std::size_t size, std::size_t bound);
+  std::string problem_;
+};
+
+/// Copies a C struct into a message and checks every length.
+class Decoder {
+ public:
+  template <std::size_t kSize>
+  void operator()(const char*, std::string& to, const char (&from)[kSize]) {
+    const std::size_t size = ::strnlen(from, kSize);
+    if (size == kSize) ok_ = false;
+    else to.assign(from, size);
+  }
+  template <class Pointer>
+    requires std::is_pointer_v<Pointer>
+  void operator()(const char*, std::string& to, const Pointer& from) {
+    if (from == nullptr) return to.clear();
+    const std::size_t size = ::strnlen(from, kMaxText + 1);
+    if (size > kMaxText) ok_ = false;
+    else to.assign(from, size);
+  }
+  template <class T>
+    requires std::is_arithmetic_v<T>
+  void operator()(const char*, T& to, const T& from) {
+    to = from;
+  }
+  template <class E>
+    requires std::is_enum_v<E>
+  void operator()(const char*, E& to, const std::uint8_t& from, E last) {
+    if (from > static_cast<std::uint8_t>(last)) ok_ = false;
+    else to = static_cast<E>(from);
+  }
+  template <class T, class Sequence>
+  void operator()(const char*, std::vector<T>& to, const Sequence& from, std::size_t bound) {
+    if (from._length > bound || (from._length > 0 && from._buffer == nullptr)) {
+      ok_ = false;
+      return;
+    }
+    to.assign(from._buffer, from._buffer + from._length);
+    if constexpr (std::is_floating_point_v<T>) {
+      for (const T value : to) ok_ = ok_ && std::isfinite(value);
+    }
+  }
+  bool ok() const { return ok_; }
+
+ private:
+  bool ok_ = true;
+};
+
+/// The checks that go beyond a single field.
+bool IsSound(const ObjectManifest& manifest);
+bool IsSound(const ObjectChunk& chunk);
+bool IsSound(const Observation& observation);
+template <class Message>
+bool IsSound(const Message&) {
+  return true;
+}
+
+// The field lists. F is an Encoder (M const) or a Decoder.
+
+#define ETUDE_FIELD(name) f(#name, m.name, w.name)
+#define ETUDE_FIELD_UP_TO(name, bound) f(#name, m.name, w.name, bound)
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w)
+  requires std::is_same_v<std::remove_const_t<M>, CampaignAnnouncement>
+{
+  ETUDE_FIELD(campaign);
+  ETUDE_FIELD(spec_json);
+  ETUDE_FIELD(spec_sha256);
+  ETUDE_FIELD(version);
+  ETUDE_FIELD(epoch);
+  ETUDE_FIELD(complete);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w)
+  requires std::is_same_v<std::remove_const_t<M>, WorkRequest>
+{
+  ETUDE_FIELD(campaign);
+  ETUDE_FIELD(worker);
+  ETUDE_FIELD(request_id);
+  ETUDE_FIELD(version);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w)
+  requires std::is_same_v<std::remove_const_t<M>, Lease>
+{
+  ETUDE_FIELD(campaign);
+  ETUDE_FIELD(worker);
+  ETUDE_FIELD(request_id);
+  ETUDE_FIELD_UP_TO(kind, LeaseKind::kRefused);
+  ETUDE_FIELD(index);
+  ETUDE_FIELD(attempt);
+  ETUDE_FIELD(token);
+  ETUDE_FIELD(duration_ns);
+  ETUDE_FIELD(reason);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w)
+  requires std::is_same_v<std::remove_const_t<M>, WorkerStatus>
+{
+  ETUDE_FIELD(campaign);
+  ETUDE_FIELD(worker);
+  ETUDE_FIELD(host);
+  ETUDE_FIELD(phase);
+  ETUDE_FIELD(index);
+  ETUDE_FIELD(attempt);
+  ETUDE_FIELD(token);
+  ETUDE_FIELD(episodes);
+  ETUDE_FIELD(failures);
+  ETUDE_FIELD(steps_per_second);
+  ETUDE_FIELD(frames_per_second);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w)
+  requires std::is_same_v<std::remove_const_t<M>, AttemptReport>
+{
+  ETUDE_FIELD(campaign);
+  ETUDE_FIELD(worker);
+  ETUDE_FIELD(index);
+  ETUDE_FIELD(attempt);
+  ETUDE_FIELD(token);
+  ETUDE_FIELD(outcome);
+  ETUDE_FIELD(details_json);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w)
+  requires std::is_same_v<std::remove_const_t<M>, CampaignStatus>
+{
+  ETUDE_FIELD(campaign);
+  ETUDE_FIELD(committed);
+  ETUDE_FIELD(total);
+  ETUDE_FIELD(attempts);
+  ETUDE_FIELD(given_up);
+  ETUDE_FIELD(workers);
+  ETUDE_FIELD(episodes_per_minute);
+  ETUDE_FIELD(eta_s);
+  ETUDE_FIELD(failures_json);
+  ETUDE_FIELD(error);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w)
+  requires std::is_same_v<std::remove_const_t<M>, ObjectManifest>
+{
+  ETUDE_FIELD(channel);
+  ETUDE_FIELD(sender);
+  ETUDE_FIELD(id);
+  ETUDE_FIELD(size);
+  ETUDE_FIELD(chunk_size);
+  ETUDE_FIELD(chunk_count);
+  ETUDE_FIELD_UP_TO(sha256, 32);
+  ETUDE_FIELD_UP_TO(crc32c, 16);
+  ETUDE_FIELD(token);
+  ETUDE_FIELD(meta_json);
+  ETUDE_FIELD_UP_TO(data, 512 * 1024);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w)
+  requires std::is_same_v<std::remove_const_t<M>, ObjectChunk>
+{
+  ETUDE_FIELD(channel);
+  ETUDE_FIELD(sender);
+  ETUDE_FIELD(id);
+  ETUDE_FIELD(index);
+  ETUDE_FIELD_UP_TO(data, 512 * 1024);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w)
+  requires std::is_same_v<std::remove_const_t<M>, ObjectAck>
+{
+  ETUDE_FIELD(channel);
+  ETUDE_FIELD(sender);
+  ETUDE_FIELD(id);
+  ETUDE_FIELD_UP_TO(kind, AckKind::kMissing);
+  ETUDE_FIELD(received);
+  ETUDE_FIELD_UP_TO(missing, 1024);
+  ETUDE_FIELD(reason);
+  ETUDE_FIELD_UP_TO(also, 1024);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w)
+  requires std::is_same_v<std::remove_const_t<M>, Observation>
+{
+  ETUDE_FIELD(run);
+  ETUDE_FIELD(session);
+  ETUDE_FIELD(request_id);
+  ETUDE_FIELD(instruction);
+  ETUDE_FIELD_UP_TO(joints, 64);
+  ETUDE_FIELD(width);
+  ETUDE_FIELD(height);
+  ETUDE_FIELD_UP_TO(image, 16u << 20);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w)
+  requires std::is_same_v<std::remove_const_t<M>, Action>
+{
+  ETUDE_FIELD(run);
+  ETUDE_FIELD(session);
+  ETUDE_FIELD(request_id);
+  ETUDE_FIELD(error);
+  ETUDE_FIELD(checkpoint_step);
+  ETUDE_FIELD(checkpoint_sha256);
+  ETUDE_FIELD_UP_TO(waypoints, 4096);
+  ETUDE_FIELD(modules_json);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w)
+  requires std::is_same_v<std::remove_const_t<M>, TrainStatus>
+{
+  ETUDE_FIELD(run);
+  ETUDE_FIELD(step);
+  ETUDE_FIELD(stage);
+  ETUDE_FIELD(stages);
+  ETUDE_FIELD(stage_name);
+  ETUDE_FIELD(loss);
+  ETUDE_FIELD(samples_per_second);
+  ETUDE_FIELD(data_wait);
+  ETUDE_FIELD(episodes);
+  ETUDE_FIELD(eta_s);
+  ETUDE_FIELD(checkpoint_step);
+  ETUDE_FIELD(metrics_json);
+  ETUDE_FIELD(finished);
+}
+
+#undef ETUDE_FIELD
+#undef ETUDE_FIELD_UP_TO
+
+#define ETUDE_TRAITS(Name, topic_name, topic_qos)                                        \
+  template <>                                                                            \
+  struct Traits<Name> {                                                                  \
+    using Wire = etude_wire_##Name;                                                      \
+    static const dds_topic_descriptor_t& descriptor() { return etude_wire_##Name##_desc; } \
+    static constexpr const char* kTopic = topic_name;                                    \
+    static constexpr TopicQos kQos = topic_qos;                                          \
+  };
+
+ETUDE_TRAITS(CampaignAnnouncement, "etude/campaign/announcement", kState)
+ETUDE_TRAITS(WorkRequest, "etude/campaign/request", kEvents)
+ETUDE_TRAITS(Lease, "etude/campaign/lease", kEvents)
+ETUDE_TRAITS(WorkerStatus, "etude/campaign/worker", kNewest)
+ETUDE_TRAITS(AttemptReport, "etude/campaign/report", kEvents)
+ETUDE_TRAITS(CampaignStatus, "etude/campaign/status", kState)
+ETUDE_TRAITS(ObjectManifest, "etude/object/manifest", kEvents)
+ETUDE_TRAITS(ObjectChunk, "etude/object/chunk", kEvents)
+ETUDE_TRAITS(ObjectAck, "etude/object/ack", kEvents)
+ETUDE_TRAITS(Observation, "etude/policy/observation", kNewest)
+ETUDE_TRAITS(Action, "etude/policy/action", kNewest)
+ETUDE_TRAITS(TrainStatus, "etude/train/status", kState)
+
+#undef ETUDE_TRAITS
+
+inline constexpr char kPublishedManifestTopic[] = "etude/object/published_manifest";
+inline constexpr char kPublishedChunkTopic[] = "etude/object/published_chunk";
+
+}  // namespace etude::bus
