@@ -26,6 +26,9 @@ struct ControlState {
   Eigen::VectorXd bias;     ///< (n) Coriolis, centrifugal, gravity
 };
 
+/// Rotation vector (axis times angle, angle in [0, pi]) that turns `from` into `to`, in world.
+Eigen::Vector3d RotationVector(const Eigen::Quaterniond& from, const Eigen::Quaterniond& to);
+
 /// Joint torques (n), N m:
 ///   tau = J^T Lambda (kp e_p + kv (V_ref - J v)) + bias + N^T(-null_kv M v)
 /// with Lambda = (J M^-1 J^T)^-1 (damped near singularities) and the full rotation vector as error.

@@ -19,6 +19,7 @@ struct RendererConfig {
 };
 
 /// A GL context, its framebuffer and MuJoCo's render state. Use from the thread that made it only.
+/// A picture is a function of the world's state, the light gain and the GL driver: the same bytes each time.
 class Renderer {
  public:
   /// @error kUnavailable: no GL; says what was tried and which package to install.
@@ -26,6 +27,9 @@ class Renderer {
   Renderer(Renderer&&) noexcept;
   Renderer& operator=(Renderer&&) noexcept;
   ~Renderer();
+
+  /// Multiplies the colour of every light from now on; (1, 1, 1) is the scene as described.
+  void SetLightGain(const Eigen::Vector3d& gain);
 
   /// Picture of the scene's camera: RGB, camera.height * camera.width * 3 bytes, top row first.
   void Render(const World& world, std::span<std::uint8_t> rgb);

@@ -31,7 +31,9 @@ struct ArmInfo {
   Eigen::VectorXd q_min, q_max;           ///< (nq), rad
   Eigen::VectorXd torque_limit;           ///< (nu), N m
   std::vector<std::string> gripper_joints;
-  std::vector<std::string> bodies;        ///< bodies that move with the arm, base to fingers
+  std::vector<std::string> bodies;        ///< bodies of the robot, base to fingers (the base stands still)
+  std::vector<std::string> finger_bodies; ///< the two that close on an object
+  double gripper_closed = 0;              ///< driven gripper joint when closed on air (0 is open)
   std::string tool_site;                  ///< frame E
 };
 
@@ -51,7 +53,8 @@ class Scene {
   const ArmInfo& arm() const { return arm_; }
   const std::vector<ObjectInfo>& objects() const { return objects_; }   ///< order of spec.objects
   const Camera& camera() const { return camera_; }
-  /// Every collision piece: robot, table ("world") and objects.
+  /// Every collision piece: robot, table ("world") and objects, taken from the compiled model. The table
+  /// is an infinite plane in the simulation and a slab with its top at z = 0 here.
   const std::vector<Geometry>& geometry() const { return geometry_; }
   const std::string& mjcf() const { return mjcf_; }
   const std::string& sha256() const { return sha256_; }                 ///< of MJCF and assets

@@ -26,14 +26,16 @@ class World {
   /// Everything to the model's initial state: home arm, open gripper, zero velocities and warm starts.
   /// After Reset the future depends only on what is set and commanded next.
   void Reset();
-  void SetArm(const Eigen::VectorXd& q);
+  void SetArm(const Eigen::VectorXd& q);      ///< at rest there; call Forward() after the last Set*
   void SetObject(const std::string& name, const Pose& X_WO);
   /// Recomputes positions and contacts after Set*, without moving time.
   void Forward();
 
   /// One control step (8 ms): operational-space control towards `target` (see controller.h), then
   /// kPhysicsStepsPerControl physics steps with the torques recomputed at each.
-  /// @param V_WE  feed-forward of the path, linear m/s then angular rad/s; zero to hold
+  /// @param target  pose of E that is due at the end of this control step
+  /// @param V_WE  feed-forward of the path, linear m/s then angular rad/s; zero to hold. Inside the step
+  ///              the path is taken as straight: `target` moved back by V_WE.
   void Step(const Waypoint& target, const Eigen::Matrix<double, 6, 1>& V_WE);
 
   Eigen::VectorXd q() const;                 ///< arm joints (nq), rad

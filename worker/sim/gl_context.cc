@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/sim/gl_context.h"
+
+#define EGL_EGLEXT_PROTOTYPES 0
+#include <EGL/egl.h>
+#include <EGL/eglext.h>
+#include <GL/osmesa.h>
+#include <dlfcn.h>
+#include <fmt/format.h>
+
+#include <array>
+#include <cstdint>
+#include <cstdlib>
+#include <utility>
+#include <vector>
+
+#include "services/core/check.h"
+#include "services/core/log.h"
+
+namespace etude::sim {
+namespace {
+
+/// A shared library opened at run time. MuJoCo looks for GL functions in whichever of libGL, libEGL and
+/// libOSMesa the process has loaded, so a library whose context failed is unloaded again.
+class Library {
+ public:
+  explicit Library(const char* name) : handle_(dlopen(name, RTLD_NOW | RTLD_GLOBAL)) {
+    if (!handle_) error_ = dlerror();
+  }
+  ~Library() {
+    if (handle_) dlclose(handle_);
+  }
+  Library(Library&& other) noexcept
+      : handle_(std::exchange(other.handle_, nullptr)), complete_(other.complete_) {}
+  explicit operator bool() const { return handle_ != nullptr; }
+  const std::string& error() const { return error_; }
+
+  template <class Function>
+  void Load(const char* name, Function& function) {
+    function = reinterpret_cast<Function>(dlsym(handle_, name));
+    complete_ = complete_ && function;
+  }
+  bool complete() const { return complete_; }
+
+ private:
+  void* handle_;
+  std::string error_;
+  bool complete_ = true;
+};
+
+struct Egl {
+  Library library{"libEGL.so.1"};
+  decltype(&eglGetPlatformDisplay) GetPlatformDisplay = nullptr;
+  decltype(&eglInitialize) Initialize = nullptr;
+  decltype(&eglBindAPI) BindApi = nullptr;
+  decltype(&eglChooseConfig) ChooseConfig = nullptr;
+  decltype(&eglCreateContext) CreateContext = nullptr;
+  decltype(&eglDestroyContext) DestroyContext = nullptr;
+  decltype(&eglMakeCurrent) MakeCurrent = nullptr;
+  decltype(&eglGetCurrentContext) GetCurrentContext = nullptr;
+  decltype(&eglGetProcAddress) GetProcAddress = nullptr;
+  decltype(&eglGetError) GetError = nullptr;
+
+  Egl() {
+    if (!library) return;
+    library.Load("eglGetPlatformDisplay", GetPlatformDisplay);
+    library.Load("eglInitialize", Initialize);
+    library.Load("eglBindAPI", BindApi);
+    library.Load("eglChooseConfig", ChooseConfig);
+    library.Load("eglCreateContext", CreateContext);
+    library.Load("eglDestroyContext", DestroyContext);
+    library.Load("eglMakeCurrent", MakeCurrent);
+    library.Load("eglGetCurrentContext", GetCurrentContext);
+    library.Load("eglGetProcAddress", GetProcAddress);
+    library.Load("eglGetError", GetError);
+  }
+};
+
+class EglContext : public GlContext {
+ public:
+  EglContext(Egl egl, EGLDisplay display, EGLContext context)
+      : egl_(std::move(egl)), display_(display), context_(context) {}
+  // the display is shared by all contexts of the process and lives as long as it
+  ~EglContext() override {
+    if (egl_.GetCurrentContext() == context_)
+      egl_.MakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+    egl_.DestroyContext(display_, context_);
+  }
+
+  void MakeCurrent() override {
+    if (egl_.GetCurrentContext() == context_) return;
+    ETUDE_CHECK(egl_.MakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_), "EGL error {:#x}",
+                egl_.GetError());
+  }
+  const std::string& backend() const override {
+    static const std::string name = "egl";
+    return name;
+  }
+
+  static Result<std::unique_ptr<GlContext>> Open();
+
+ protected:
+  void* Function(const char* name) const override {
+    return reinterpret_cast<void*>(egl_.GetProcAddress(name));
+  }
+
+ private:
+  Egl egl_;
+  EGLDisplay display_;
+  EGLContext context_;
+};
+
+/// Displays without a window system: Mesa's surfaceless one (software or any render node), then the GPUs
+/// that the driver lists itself.
+std::vector<EGLDisplay> Displays(const Egl& egl) {
+  std::vector<EGLDisplay> displays;
+  displays.push_back(egl.GetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr));
+  const auto query = reinterpret_cast<PFNEGLQUERYDEVICESEXTPROC>(egl.GetProcAddress("eglQueryDevicesEXT"));
+  std::array<EGLDeviceEXT, 16> devices{};
+  EGLint count = 0;
+  if (query && query(static_cast<EGLint>(devices.size()), devices.data(), &count))
+    for (EGLint i = 0; i < count; ++i)
+      displays.push_back(egl.GetPlatformDisplay(EGL_PLATFORM_DEVICE_EXT, devices[i], nullptr));
+  std::erase(displays, EGL_NO_DISPLAY);
+  return displays;
+}
+
+/// A desktop-GL context on `display`, or EGL_NO_CONTEXT.
+EGLContext ContextOn(const Egl& egl, EGLDisplay display) {
+  EGLint major = 0, minor = 0, count = 0;
+  if (!egl.Initialize(display, &major, &minor)) return EGL_NO_CONTEXT;
+  const EGLint wanted[] = {EGL_SURFACE_TYPE, 0, EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT, EGL_NONE};
+  EGLConfig config = nullptr;
+  if (!egl.ChooseConfig(display, wanted, &config, 1, &count) || count < 1) return EGL_NO_CONTEXT;
+  if (!egl.BindApi(EGL_OPENGL_API)) return EGL_NO_CONTEXT;
+  const EGLint attributes[] = {EGL_NONE};  // compatibility profile: MuJoCo draws with the old pipeline
+  const EGLContext context = egl.CreateContext(display, config, EGL_NO_CONTEXT, attributes);
+  if (context == EGL_NO_CONTEXT) return context;
+  if (egl.MakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context)) return context;
+  egl.DestroyContext(display, context);
+  return EGL_NO_CONTEXT;
+}
+
+Result<std::unique_ptr<GlContext>> EglContext::Open() {
+  Egl egl;
+  if (!egl.library) return Fail(Code::kUnavailable, egl.library.error());
+  if (!egl.library.complete()) return Fail(Code::kUnavailable, "libEGL.so.1 is older than EGL 1.5");
+  const std::vector<EGLDisplay> displays = Displays(egl);
+  for (const EGLDisplay display : displays) {
+    const EGLContext context = ContextOn(egl, display);
+    if (context != EGL_NO_CONTEXT)
+      return std::make_unique<EglContext>(std::move(egl), display, context);
+  }
+  return Fail(Code::kUnavailable,
+              fmt::format("none of {} surfaceless or device displays gave a desktop OpenGL context "
+                          "(last EGL error {:#x})", displays.size(), egl.GetError()));
+}
+
+struct OsMesa {
+  Library library{"libOSMesa.so.8"};
+  decltype(&OSMesaCreateContextAttribs) Create = nullptr;
+  decltype(&OSMesaDestroyContext) Destroy = nullptr;
+  decltype(&OSMesaMakeCurrent) MakeCurrent = nullptr;
+  decltype(&OSMesaGetCurrentContext) GetCurrent = nullptr;
+  decltype(&OSMesaGetProcAddress) GetProcAddress = nullptr;
+
+  OsMesa() {
+    if (!library) return;
+    library.Load("OSMesaCreateContextAttribs", Create);
+    library.Load("OSMesaDestroyContext", Destroy);
+    library.Load("OSMesaMakeCurrent", MakeCurrent);
+    library.Load("OSMesaGetCurrentContext", GetCurrent);
+    library.Load("OSMesaGetProcAddress", GetProcAddress);
+  }
+};
+
+class OsMesaGlContext : public GlContext {
+ public:
+  OsMesaGlContext(OsMesa mesa, OSMesaContext context) : mesa_(std::move(mesa)), context_(context) {}
+  ~OsMesaGlContext() override { mesa_.Destroy(context_); }
+
+  void MakeCurrent() override {
+    if (mesa_.GetCurrent() == context_) return;
+    ETUDE_CHECK(Bind(), "OSMesaMakeCurrent failed");
+  }
+  const std::string& backend() const override {
+    static const std::string name = "osmesa";
+    return name;
+  }
+
+  static Result<std::unique_ptr<GlContext>> Open() {
+    OsMesa mesa;
+    if (!mesa.library) return Fail(Code::kUnavailable, mesa.library.error());
+    if (!mesa.library.complete()) return Fail(Code::kUnavailable, "libOSMesa.so.8 is too old");
+    const int attributes[] = {OSMESA_FORMAT, OSMESA_RGBA, OSMESA_DEPTH_BITS, 24, OSMESA_STENCIL_BITS, 8,
+                              OSMESA_PROFILE, OSMESA_COMPAT_PROFILE, 0};
+    const OSMesaContext context = mesa.Create(attributes, nullptr);
+    if (!context) return Fail(Code::kUnavailable, "OSMesa made no context");
+    auto opened = std::make_unique<OsMesaGlContext>(std::move(mesa), context);
+    if (!opened->Bind()) return Fail(Code::kUnavailable, "OSMesa's context could not be made current");
+    return opened;
+  }
+
+ protected:
+  void* Function(const char* name) const override {
+    return reinterpret_cast<void*>(mesa_.GetProcAddress(name));
+  }
+
+ private:
+  /// OSMesa wants a default framebuffer; we draw into our own, so a tiny one does.
+  bool Bind() {
+    return mesa_.MakeCurrent(context_, pixels_.data(), GL_UNSIGNED_BYTE, kSide, kSide) == GL_TRUE;
+  }
+
+  static constexpr int kSide = 16;
+  OsMesa mesa_;
+  OSMesaContext context_;
+  std::array<std::uint8_t, kSide * kSide * 4> pixels_{};
+};
+
+}  // namespace
+
+std::string GlContext::DriverName() const {
+  using GetString = const GLubyte*(GLAPIENTRY*)(GLenum);
+  const auto get = reinterpret_cast<GetString>(Function("glGetString"));
+  const GLubyte* name = get ? get(GL_RENDERER) : nullptr;
+  return name ? reinterpret_cast<const char*>(name) : "unknown";
+}
+
+Result<std::unique_ptr<GlContext>> GlContext::Open(const std::string& backend) {
+  if (backend != "auto" && backend != "egl" && backend != "osmesa")
+    return Fail(Code::kInvalidArgument,
+                fmt::format("renderer backend '{}' is not known; known: auto, egl, osmesa", backend));
+  // Mesa's rasteriser threads only get in the way of one worker per core (measured); must be set before
+  // the first context. A user's own setting wins.
+  setenv("LP_NUM_THREADS", "0", 0);
+  std::string tried;
+  if (backend != "osmesa") {
+    auto context = EglContext::Open();
+    if (context) return context;
+    tried += "\n  EGL: " + context.error().message;
+  }
+  if (backend != "egl") {
+    auto context = OsMesaGlContext::Open();
+    if (context) return context;
+    tried += "\n  OSMesa: " + context.error().message;
+  }
+  return Fail(Code::kUnavailable,
+              "no off-screen OpenGL for rendering. Tried:" + tried +
+                  "\nInstall Mesa's drivers: apt install libegl1 libgl1-mesa-dri libosmesa6");
+}
+
+}  // namespace etude::sim

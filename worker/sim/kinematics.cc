@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+
+#include "services/core/check.h"
+#include "worker/sim/controller.h"
+#include "worker/sim/model.h"
+
+namespace etude::sim {
+namespace {
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+constexpr int kIterations = 120;
+constexpr double kDamping = 1e-3;       ///< m (and rad): steps shrink only very near a singularity
+constexpr double kLargestStep = 0.35;   ///< rad per joint and iteration
+constexpr double kDonePosition = 1e-6, kDoneAngle = 1e-6;      ///< stop refining
+constexpr double kGoodPosition = 0.5e-3, kGoodAngle = 2e-3;    ///< accept
+/// Second tries start away from the seed by these much in turn; fixed, so that the answer is a function.
+constexpr std::array kNudges{0.0, 0.25, -0.25, 0.6, -0.6};
+
+Vector6d ErrorOf(const Pose& now, const Pose& target) {
+  Vector6d error;
+  error << target.p - now.p, RotationVector(now.q, target.q);
+  return error;
+}
+
+}  // namespace
+
+struct Kinematics::State {
+  DataPtr data;
+  std::vector<double> scratch;
+  Eigen::MatrixXd J;
+};
+
+Kinematics::Kinematics(std::shared_ptr<const Scene> scene)
+    : scene_(std::move(scene)), state_(std::make_unique<State>()) {
+  state_->data = scene_->model().NewData();
+  scene_->model().SetHome(state_->data.get());
+}
+Kinematics::Kinematics(Kinematics&&) noexcept = default;
+Kinematics::~Kinematics() = default;
+
+Pose Kinematics::X_WE(const Eigen::VectorXd& q) {
+  const Scene::Model& model = scene_->model();
+  model.SetArm(state_->data.get(), q);
+  mj_kinematics(model.mj.get(), state_->data.get());
+  return model.ToolPose(state_->data.get());
+}
+
+Eigen::MatrixXd Kinematics::Jacobian(const Eigen::VectorXd& q) {
+  X_WE(q);
+  mj_comPos(scene_->model().mj.get(), state_->data.get());
+  scene_->model().ToolJacobian(state_->data.get(), state_->scratch, state_->J);
+  return state_->J;
+}
+
+std::vector<Pose> Kinematics::BodyPoses(const Eigen::VectorXd& q, double gripper,
+                                        const std::vector<std::string>& bodies) {
+  const Scene::Model& model = scene_->model();
+  model.SetGripper(state_->data.get(), gripper);
+  X_WE(q);
+  std::vector<Pose> poses;
+  poses.reserve(bodies.size());
+  for (const std::string& body : bodies)
+    poses.push_back(model.BodyPose(state_->data.get(), model.BodyId(body)));
+  return poses;
+}
+
+std::optional<Eigen::VectorXd> Kinematics::Solve(const Pose& X_WE_target, const Eigen::VectorXd& q_seed) {
+  const ArmInfo& arm = scene_->arm();
+  for (const double nudge : kNudges) {
+    Eigen::VectorXd q = q_seed;
+    for (Eigen::Index i = 0; i < q.size(); ++i) q[i] += (i % 2 ? -nudge : nudge);
+    for (int iteration = 0; iteration < kIterations; ++iteration) {
+      q = q.cwiseMax(arm.q_min).cwiseMin(arm.q_max);
+      const Vector6d error = ErrorOf(X_WE(q), X_WE_target);
+      if (error.head<3>().norm() < kDonePosition && error.tail<3>().norm() < kDoneAngle) return q;
+      mj_comPos(scene_->model().mj.get(), state_->data.get());
+      scene_->model().ToolJacobian(state_->data.get(), state_->scratch, state_->J);
+      const Eigen::MatrixXd& J = state_->J;
+      // more damping while far away: linearisation is poor there
+      const double damping = kDamping + 0.05 * std::min(1.0, error.squaredNorm());
+      const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
+      Eigen::VectorXd step = J.transpose() * normal.ldlt().solve(error);
+      step *= std::min(1.0, kLargestStep / std::max(step.cwiseAbs().maxCoeff(), 1e-12));
+      q += step;
+    }
+    q = q.cwiseMax(arm.q_min).cwiseMin(arm.q_max);
+    const Vector6d error = ErrorOf(X_WE(q), X_WE_target);
+    if (error.head<3>().norm() < kGoodPosition && error.tail<3>().norm() < kGoodAngle) return q;
+  }
+  return std::nullopt;
+}
+
+}  // namespace etude::sim

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// Private to worker/sim: MuJoCo's model and data, and the addresses of what we use in them.
+#pragma once
+
+#include <mujoco/mujoco.h>
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "worker/assets/scene_description.h"
+#include "worker/sim/controller.h"
+#include "worker/sim/scene.h"
+#include "worker/sim/world.h"
+
+namespace etude::sim {
+
+struct ModelDeleter {
+  void operator()(mjModel* model) const { mj_deleteModel(model); }
+};
+struct DataDeleter {
+  void operator()(mjData* data) const { mj_deleteData(data); }
+};
+using ModelPtr = std::unique_ptr<mjModel, ModelDeleter>;
+using DataPtr = std::unique_ptr<mjData, DataDeleter>;
+
+struct Scene::Model {
+  ModelPtr mj;
+  assets::RobotModel robot;
+  std::vector<int> arm_q, arm_v, arm_u;      ///< addresses in qpos, qvel, ctrl
+  std::vector<int> gripper_q;                ///< driven joints
+  int gripper_u = -1;
+  std::vector<std::pair<int, double>> coupled_q;   ///< address, factor of the driven joint
+  int tool_site = -1;
+  std::vector<int> finger_bodies;
+  struct FreeBody {
+    int body = -1, q = -1, v = -1;
+  };
+  std::map<std::string, FreeBody> objects;
+
+  int BodyId(const std::string& name) const;  ///< checked
+  DataPtr NewData() const;                    ///< checked
+  /// Home arm, open gripper into `data`'s qpos.
+  void SetHome(mjData* data) const;
+  /// Arm joints into qpos.
+  void SetArm(mjData* data, const Eigen::VectorXd& q) const;
+  /// All gripper joints into qpos; `gripper` is 0 open .. 1 closed.
+  void SetGripper(mjData* data, double gripper) const;
+  Pose ToolPose(const mjData* data) const;
+  Pose BodyPose(const mjData* data, int body) const;
+  /// (6, n) of the tool, linear rows first. `scratch` holds 6 * nv numbers.
+  void ToolJacobian(const mjData* data, std::vector<double>& scratch, Eigen::MatrixXd& J) const;
+};
+
+struct World::State {
+  DataPtr mj;
+  ControllerConfig config;
+  ControlState control;                       ///< scratch of Step, kept for its memory
+  std::vector<double> scratch, full_inertia;
+
+  void ReadControl(const Scene::Model& model);
+};
+
+/// MuJoCo's errors abort with a log line, its warnings go to the log. Once per process; thread-safe.
+void InstallHandlers();
+
+}  // namespace etude::sim

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/sim/renderer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "services/core/check.h"
+#include "worker/sim/gl_context.h"
+#include "worker/sim/model.h"
+
+namespace etude::sim {
+namespace {
+
+constexpr int kMaxGeoms = 512;
+
+/// MuJoCo's GL resources: textures, meshes, an off-screen framebuffer of a fixed size.
+class RenderContext {
+ public:
+  RenderContext(const mjModel* model, int width, int height, int samples) {
+    // the size is read from the model, which is shared and constant: a copy for the call
+    ModelPtr sized(mj_copyModel(nullptr, model));
+    sized->vis.global.offwidth = width;
+    sized->vis.global.offheight = height;
+    sized->vis.quality.offsamples = samples;
+    mjr_defaultContext(&con_);
+    mjr_makeContext(sized.get(), &con_, mjFONTSCALE_100);
+    mjr_setBuffer(mjFB_OFFSCREEN, &con_);
+  }
+  ~RenderContext() { mjr_freeContext(&con_); }
+  RenderContext(const RenderContext&) = delete;
+  RenderContext& operator=(const RenderContext&) = delete;
+
+  bool Fits(int width, int height) const { return con_.offWidth >= width && con_.offHeight >= height; }
+  const mjrContext* get() const { return &con_; }
+  bool offscreen() const { return con_.currentBuffer == mjFB_OFFSCREEN; }
+  void Use() { mjr_setBuffer(mjFB_OFFSCREEN, &con_); }
+
+ private:
+  mjrContext con_;
+};
+
+/// GL's first row is the bottom one.
+template <class T>
+void FlipRows(T* pixels, int width, int height) {
+  for (int y = 0; y < height / 2; ++y)
+    std::swap_ranges(pixels + static_cast<std::size_t>(y) * width,
+                     pixels + static_cast<std::size_t>(y + 1) * width,
+                     pixels + static_cast<std::size_t>(height - 1 - y) * width);
+}
+
+/// Points both eyes of `camera` as `view` says; MuJoCo draws the mean of the two.
+void Aim(mjvScene& scene, const Camera& view) {
+  const Eigen::Matrix3d R = view.X_WC.q.toRotationMatrix();
+  for (mjvGLCamera& eye : scene.camera) {
+    for (int k = 0; k < 3; ++k) {
+      eye.pos[k] = static_cast<float>(view.X_WC.p[k]);
+      eye.forward[k] = static_cast<float>(-R(k, 2));
+      eye.up[k] = static_cast<float>(R(k, 1));
+    }
+    eye.frustum_center = 0;
+    eye.frustum_top = static_cast<float>(eye.frustum_near * std::tan(view.fovy / 2));
+    eye.frustum_bottom = -eye.frustum_top;
+  }
+}
+
+}  // namespace
+
+struct Renderer::Impl {
+  std::shared_ptr<const Scene> scene;
+  RendererConfig config;
+  std::unique_ptr<GlContext> gl;            // before what lives in it
+  std::unique_ptr<RenderContext> frame;     // of the scene's camera
+  std::unique_ptr<RenderContext> view;      // of larger views, made when first wanted
+  mjvScene drawing{};
+  mjvOption option{};
+  mjvCamera camera{};
+  std::string gl_renderer;
+  Eigen::Vector3d light_gain = Eigen::Vector3d::Ones();
+  std::vector<std::uint8_t> segments;
+
+  ~Impl() {
+    mjv_freeScene(&drawing);
+    if (gl) gl->MakeCurrent();
+  }
+
+  Status Init();
+  void Update(const World& world);
+  void Draw(RenderContext& context, int width, int height, std::uint8_t* rgb);
+};
+
+Status Renderer::Impl::Init() {
+  const Scene::Model& model = scene->model();
+  const Camera& view = scene->camera();
+  frame = std::make_unique<RenderContext>(model.mj.get(), view.width, view.height, config.samples);
+  if (!frame->offscreen())
+    return Fail(Code::kUnavailable, fmt::format("the {} driver has no off-screen framebuffer of {}x{} px",
+                                                gl->backend(), view.width, view.height));
+  mjv_defaultScene(&drawing);
+  mjv_makeScene(model.mj.get(), &drawing, kMaxGeoms);
+  drawing.flags[mjRND_SHADOW] = config.shadows;
+  drawing.flags[mjRND_REFLECTION] = 0;
+  drawing.flags[mjRND_SKYBOX] = 0;
+  drawing.flags[mjRND_HAZE] = 0;
+  drawing.flags[mjRND_FOG] = 0;
+  mjv_defaultOption(&option);
+  mjv_defaultCamera(&camera);
+  camera.type = mjCAMERA_FIXED;
+  camera.fixedcamid = mj_name2id(model.mj.get(), mjOBJ_CAMERA, view.name.c_str());
+  ETUDE_CHECK(camera.fixedcamid >= 0, "camera {}", view.name);
+  return {};
+}
+
+void Renderer::Impl::Update(const World& world) {
+  ETUDE_CHECK(&world.scene() == scene.get(), "the world belongs to another scene");
+  gl->MakeCurrent();
+  // MuJoCo asks for mutable data but changes nothing without perturbations
+  mjv_updateScene(scene->model().mj.get(), world.state().mj.get(), &option, nullptr, &camera, mjCAT_ALL,
+                  &drawing);
+  if (light_gain.isOnes(0)) return;
+  for (int i = 0; i < drawing.nlight; ++i)
+    for (int k = 0; k < 3; ++k)
+      for (float* part : {drawing.lights[i].ambient, drawing.lights[i].diffuse, drawing.lights[i].specular})
+        part[k] *= static_cast<float>(light_gain[k]);
+}
+
+void Renderer::Impl::Draw(RenderContext& context, int width, int height, std::uint8_t* rgb) {
+  const mjrRect area{0, 0, width, height};
+  context.Use();
+  mjr_render(area, &drawing, context.get());
+  mjr_readPixels(rgb, nullptr, area, context.get());
+  FlipRows(rgb, width * 3, height);
+}
+
+Renderer::Renderer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Renderer::Renderer(Renderer&&) noexcept = default;
+Renderer& Renderer::operator=(Renderer&&) noexcept = default;
+Renderer::~Renderer() = default;
+
+Result<Renderer> Renderer::Open(std::shared_ptr<const Scene> scene, const RendererConfig& config) {
+  InstallHandlers();
+  auto impl = std::make_unique<Impl>();
+  impl->scene = std::move(scene);
+  impl->config = config;
+  ETUDE_ASSIGN_OR_RETURN(impl->gl, GlContext::Open(config.backend));
+  ETUDE_RETURN_IF_ERROR(impl->Init());
+  impl->gl_renderer = impl->gl->DriverName();
+  return Renderer(std::move(impl));
+}
+
+void Renderer::SetLightGain(const Eigen::Vector3d& gain) { impl_->light_gain = gain; }
+
+void Renderer::Render(const World& world, std::span<std::uint8_t> rgb) {
+  const Camera& view = impl_->scene->camera();
+  ETUDE_CHECK(rgb.size() == static_cast<std::size_t>(view.width) * view.height * 3, "{} bytes", rgb.size());
+  impl_->Update(world);
+  impl_->Draw(*impl_->frame, view.width, view.height, rgb.data());
+}
+
+void Renderer::RenderView(const World& world, const Camera& view, std::span<std::uint8_t> rgb) {
+  ETUDE_CHECK(rgb.size() == static_cast<std::size_t>(view.width) * view.height * 3, "{} bytes", rgb.size());
+  impl_->Update(world);
+  Aim(impl_->drawing, view);
+  RenderContext* context = impl_->frame.get();
+  if (!context->Fits(view.width, view.height)) {
+    if (!impl_->view || !impl_->view->Fits(view.width, view.height)) {
+      impl_->view.reset();
+      impl_->view = std::make_unique<RenderContext>(impl_->scene->model().mj.get(), view.width, view.height,
+                                                    impl_->config.samples);
+    }
+    context = impl_->view.get();
+  }
+  impl_->Draw(*context, view.width, view.height, rgb.data());
+}
+
+void Renderer::RenderSegmentation(const World& world, std::span<std::int32_t> body_ids) {
+  const Camera& view = impl_->scene->camera();
+  const std::size_t pixels = static_cast<std::size_t>(view.width) * view.height;
+  ETUDE_CHECK(body_ids.size() == pixels, "{} ids", body_ids.size());
+  impl_->Update(world);
+  mjvScene& drawing = impl_->drawing;
+  impl_->segments.resize(pixels * 3);
+  drawing.flags[mjRND_SEGMENT] = drawing.flags[mjRND_IDCOLOR] = 1;
+  impl_->Draw(*impl_->frame, view.width, view.height, impl_->segments.data());
+  drawing.flags[mjRND_SEGMENT] = drawing.flags[mjRND_IDCOLOR] = 0;
+  // colours are segment ids plus one; ids are in the drawn order, not the model's
+  std::vector<std::int32_t> body_of(static_cast<std::size_t>(drawing.ngeom) + 1, -1);
+  for (int i = 0; i < drawing.ngeom; ++i) {
+    const mjvGeom& geom = drawing.geoms[i];
+    if (geom.objtype == mjOBJ_GEOM && geom.segid >= 0 && geom.segid < drawing.ngeom)
+      body_of[geom.segid + 1] = impl_->scene->model().mj->geom_bodyid[geom.objid];
+  }
+  const std::uint8_t* rgb = impl_->segments.data();
+  for (std::size_t i = 0; i < pixels; ++i, rgb += 3) {
+    const std::size_t id = rgb[0] | rgb[1] << 8 | rgb[2] << 16;
+    body_ids[i] = id < body_of.size() ? body_of[id] : -1;
+  }
+}
+
+const std::string& Renderer::backend() const { return impl_->gl->backend(); }
+const std::string& Renderer::gl_renderer() const { return impl_->gl_renderer; }
+
+}  // namespace etude::sim

@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/sim/scene.h"
+
+#include <fmt/format.h>
+
+#include <cstdlib>
+#include <cstring>
+#include <mutex>
+
+#include "services/core/check.h"
+#include "services/core/log.h"
+#include "worker/sim/model.h"
+
+namespace etude::sim {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kTableHalf = 2.0;       ///< m: beyond the arm's reach
+constexpr double kTableThickness = 0.1;  ///< m
+
+void OnError(const char* message) {
+  Log().critical("MuJoCo stopped: {}", message);
+  std::abort();
+}
+
+void OnWarning(const char* message) { Log().debug("MuJoCo warned: {}", message); }
+
+/// mjVFS is 4 MB: on the heap, freed with its files.
+struct Files {
+  Files() : vfs(std::make_unique<mjVFS>()) { mj_defaultVFS(vfs.get()); }
+  ~Files() { mj_deleteVFS(vfs.get()); }
+  void Add(const std::string& name, const void* bytes, std::size_t size) {
+    const int status = mj_makeEmptyFileVFS(vfs.get(), name.c_str(), static_cast<int>(size));
+    ETUDE_CHECK(status == 0, "file {} of {} bytes, status {}", name, size, status);
+    const int index = mj_findFileVFS(vfs.get(), name.c_str());
+    ETUDE_CHECK(index >= 0, "file {}", name);
+    std::memcpy(vfs->filedata[index], bytes, size);
+  }
+  std::unique_ptr<mjVFS> vfs;
+};
+
+Result<ModelPtr> Compile(const assets::SceneDescription& description) {
+  static std::mutex mutex;  // MuJoCo keeps the last XML in a global
+  const std::lock_guard lock(mutex);
+  Files files;
+  for (const auto& file : description.files) files.Add(file.name, file.bytes.data(), file.bytes.size());
+  files.Add("scene.xml", description.mjcf.data(), description.mjcf.size());
+  char message[1000] = "";
+  ModelPtr model(mj_loadXML("scene.xml", files.vfs.get(), message, sizeof message));
+  if (!model)
+    return Fail(Code::kInternal, fmt::format("MuJoCo {} refused the composed scene: {}",
+                                             mj_versionString(), message));
+  if (message[0]) Log().warn("MuJoCo on the composed scene: {}", message);
+  return model;
+}
+
+int Id(const mjModel* model, mjtObj type, const std::string& name) {
+  const int id = mj_name2id(model, type, name.c_str());
+  ETUDE_CHECK(id >= 0, "the scene has no {}", name);
+  return id;
+}
+
+void FillAddresses(Scene::Model& model, const assets::SceneDescription& description) {
+  const mjModel* mj = model.mj.get();
+  model.robot = description.robot;
+  for (const std::string& name : model.robot.joints) {
+    const int joint = Id(mj, mjOBJ_JOINT, name);
+    model.arm_q.push_back(mj->jnt_qposadr[joint]);
+    model.arm_v.push_back(mj->jnt_dofadr[joint]);
+    model.arm_u.push_back(Id(mj, mjOBJ_ACTUATOR, name));
+  }
+  for (const std::string& name : model.robot.gripper_joints)
+    model.gripper_q.push_back(mj->jnt_qposadr[Id(mj, mjOBJ_JOINT, name)]);
+  model.gripper_u = Id(mj, mjOBJ_ACTUATOR, model.robot.gripper_joints.at(0));
+  for (const auto& coupled : model.robot.coupled_joints)
+    model.coupled_q.emplace_back(mj->jnt_qposadr[Id(mj, mjOBJ_JOINT, coupled.joint)], coupled.factor);
+  model.tool_site = Id(mj, mjOBJ_SITE, model.robot.tool_site);
+  for (const std::string& name : model.robot.finger_bodies)
+    model.finger_bodies.push_back(Id(mj, mjOBJ_BODY, name));
+  for (const auto& object : description.objects) {
+    const int joint = Id(mj, mjOBJ_JOINT, object.name);
+    model.objects[object.name] = {Id(mj, mjOBJ_BODY, object.name), mj->jnt_qposadr[joint],
+                                  mj->jnt_dofadr[joint]};
+  }
+}
+
+Pose PoseOf(const mjtNum* pos, const mjtNum* quat) {
+  return {Vector3d(pos[0], pos[1], pos[2]), Eigen::Quaterniond(quat[0], quat[1], quat[2], quat[3])};
+}
+
+/// Corners of a mesh's convex hull, in the mesh's (and so the geom's) frame.
+std::vector<Vector3d> HullVertices(const mjModel* mj, int mesh) {
+  ETUDE_CHECK(mj->mesh_graphadr[mesh] >= 0, "mesh {} has no hull", mesh);
+  const int* graph = mj->mesh_graph + mj->mesh_graphadr[mesh];
+  const int count = graph[0];
+  const int* ids = graph + 2 + count;  // numvert, numface, vert_edgeadr[numvert], vert_globalid[numvert]
+  const float* vertices = mj->mesh_vert + 3 * mj->mesh_vertadr[mesh];
+  std::vector<Vector3d> hull;
+  for (int i = 0; i < count; ++i) hull.push_back(Eigen::Map<const Eigen::Vector3f>(vertices + 3 * ids[i]).cast<double>());
+  return hull;
+}
+
+Geometry MakeGeometry(const mjModel* mj, int geom) {
+  Geometry piece;
+  piece.body = mj_id2name(mj, mjOBJ_BODY, mj->geom_bodyid[geom]);
+  const char* name = mj_id2name(mj, mjOBJ_GEOM, geom);
+  piece.name = name ? name : fmt::format("{}/{}", piece.body, geom - mj->body_geomadr[mj->geom_bodyid[geom]]);
+  piece.X_BG = PoseOf(mj->geom_pos + 3 * geom, mj->geom_quat + 4 * geom);
+  const mjtNum* size = mj->geom_size + 3 * geom;
+  piece.size = Vector3d(size[0], size[1], size[2]);
+  switch (mj->geom_type[geom]) {
+    case mjGEOM_PLANE:  // the half space below, as a slab as large as anything can reach
+      piece.shape = Geometry::Shape::kBox;
+      piece.size = Vector3d(kTableHalf, kTableHalf, kTableThickness / 2);
+      piece.X_BG.p -= piece.X_BG.q * Vector3d(0, 0, kTableThickness / 2);
+      break;
+    case mjGEOM_BOX: piece.shape = Geometry::Shape::kBox; break;
+    case mjGEOM_SPHERE: piece.shape = Geometry::Shape::kSphere; break;
+    case mjGEOM_CAPSULE: piece.shape = Geometry::Shape::kCapsule; break;
+    case mjGEOM_CYLINDER: piece.shape = Geometry::Shape::kCylinder; break;
+    case mjGEOM_MESH:
+      piece.shape = Geometry::Shape::kConvex;
+      piece.vertices = HullVertices(mj, mj->geom_dataid[geom]);
+      break;
+    default: ETUDE_CHECK(false, "geom {} has type {}", piece.name, mj->geom_type[geom]);
+  }
+  return piece;
+}
+
+ArmInfo MakeArm(const Scene::Model& model) {
+  const mjModel* mj = model.mj.get();
+  const auto n = static_cast<Eigen::Index>(model.arm_q.size());
+  ArmInfo arm;
+  arm.joints = model.robot.joints;
+  arm.q_home = Eigen::VectorXd::Map(model.robot.q_home.data(), n);
+  arm.q_min.resize(n);
+  arm.q_max.resize(n);
+  arm.torque_limit.resize(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const int joint = Id(mj, mjOBJ_JOINT, arm.joints[i]);
+    arm.q_min[i] = mj->jnt_range[2 * joint];
+    arm.q_max[i] = mj->jnt_range[2 * joint + 1];
+    arm.torque_limit[i] = mj->actuator_ctrlrange[2 * model.arm_u[i] + 1];
+  }
+  arm.gripper_joints = model.robot.gripper_joints;
+  arm.bodies = model.robot.bodies;
+  arm.finger_bodies = model.robot.finger_bodies;
+  arm.gripper_closed = model.robot.gripper_closed;
+  arm.tool_site = model.robot.tool_site;
+  return arm;
+}
+
+}  // namespace
+
+void InstallHandlers() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    mju_user_error = OnError;
+    mju_user_warning = OnWarning;  // without it MuJoCo writes MUJOCO_LOG.TXT where it stands
+  });
+}
+
+int Scene::Model::BodyId(const std::string& name) const { return Id(mj.get(), mjOBJ_BODY, name); }
+
+DataPtr Scene::Model::NewData() const {
+  DataPtr data(mj_makeData(mj.get()));
+  ETUDE_CHECK(data != nullptr, "no memory for mjData");
+  return data;
+}
+
+void Scene::Model::SetHome(mjData* data) const {
+  SetArm(data, Eigen::VectorXd::Map(robot.q_home.data(), static_cast<Eigen::Index>(robot.q_home.size())));
+  SetGripper(data, 0);
+}
+
+void Scene::Model::SetArm(mjData* data, const Eigen::VectorXd& q) const {
+  ETUDE_CHECK(q.size() == static_cast<Eigen::Index>(arm_q.size()), "{} joints given, the arm has {}",
+              q.size(), arm_q.size());
+  for (std::size_t i = 0; i < arm_q.size(); ++i) data->qpos[arm_q[i]] = q[static_cast<Eigen::Index>(i)];
+}
+
+void Scene::Model::SetGripper(mjData* data, double gripper) const {
+  const double driven = gripper * robot.gripper_closed;
+  for (const int address : gripper_q) data->qpos[address] = driven;
+  for (const auto& [address, factor] : coupled_q) data->qpos[address] = factor * driven;
+}
+
+Pose Scene::Model::ToolPose(const mjData* data) const {
+  using Rows = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  return {Vector3d::Map(data->site_xpos + 3 * tool_site),
+          Eigen::Quaterniond(Eigen::Matrix3d(Rows::Map(data->site_xmat + 9 * tool_site))).normalized()};
+}
+
+Pose Scene::Model::BodyPose(const mjData* data, int body) const {
+  return PoseOf(data->xpos + 3 * body, data->xquat + 4 * body);
+}
+
+void Scene::Model::ToolJacobian(const mjData* data, std::vector<double>& scratch, Eigen::MatrixXd& J) const {
+  const int nv = mj->nv;
+  scratch.resize(6 * static_cast<std::size_t>(nv));
+  mj_jacSite(mj.get(), data, scratch.data(), scratch.data() + 3 * nv, tool_site);
+  J.resize(6, static_cast<Eigen::Index>(arm_v.size()));
+  for (int row = 0; row < 6; ++row)
+    for (std::size_t i = 0; i < arm_v.size(); ++i)
+      J(row, static_cast<Eigen::Index>(i)) = scratch[row * nv + arm_v[i]];
+}
+
+Scene::Scene() : model_(std::make_unique<Model>()) {}
+Scene::~Scene() = default;
+
+Result<std::shared_ptr<const Scene>> Scene::Build(const CampaignSpec& spec) {
+  InstallHandlers();
+  ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description, assets::DescribeScene(spec));
+  std::shared_ptr<Scene> scene(new Scene);
+  ETUDE_ASSIGN_OR_RETURN(scene->model_->mj, Compile(description));
+  FillAddresses(*scene->model_, description);
+  scene->arm_ = MakeArm(*scene->model_);
+  for (const auto& object : description.objects)
+    scene->objects_.push_back({object.name, object.half_extent, object.rest_height, object.mass});
+  const mjModel* mj = scene->model_->mj.get();
+  for (int geom = 0; geom < mj->ngeom; ++geom)
+    if (mj->geom_contype[geom] || mj->geom_conaffinity[geom])
+      scene->geometry_.push_back(MakeGeometry(mj, geom));
+  scene->camera_ = description.camera;
+  scene->mjcf_ = std::move(description.mjcf);
+  scene->sha256_ = std::move(description.sha256);
+  return std::shared_ptr<const Scene>(std::move(scene));
+}
+
+}  // namespace etude::sim

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/sim/world.h"
+
+#include <algorithm>
+
+#include "services/core/check.h"
+#include "worker/sim/controller.h"
+#include "worker/sim/model.h"
+
+namespace etude::sim {
+namespace {
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+
+/// `X` moved by the twist V (world) for `seconds`.
+Pose Advanced(const Pose& X, const Vector6d& V, double seconds) {
+  const Eigen::Vector3d turn = V.tail<3>() * seconds;
+  const double angle = turn.norm();
+  if (angle < 1e-12) return {X.p + V.head<3>() * seconds, X.q};
+  return {X.p + V.head<3>() * seconds,
+          (Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) * X.q).normalized()};
+}
+
+const Scene::Model::FreeBody& Find(const Scene::Model& model, const std::string& object) {
+  const auto found = model.objects.find(object);
+  ETUDE_CHECK(found != model.objects.end(), "the scene has no object '{}'", object);
+  return found->second;
+}
+
+}  // namespace
+
+World::World(std::shared_ptr<const Scene> scene)
+    : scene_(std::move(scene)), state_(std::make_unique<State>()) {
+  state_->mj = scene_->model().NewData();
+  state_->full_inertia.resize(static_cast<std::size_t>(scene_->model().mj->nv) * scene_->model().mj->nv);
+  Reset();
+}
+World::World(World&&) noexcept = default;
+World::~World() = default;
+
+void World::Reset() {
+  mj_resetData(scene_->model().mj.get(), state_->mj.get());
+  scene_->model().SetHome(state_->mj.get());
+  Forward();
+}
+
+void World::SetArm(const Eigen::VectorXd& q) {
+  scene_->model().SetArm(state_->mj.get(), q);
+  for (const int address : scene_->model().arm_v) state_->mj->qvel[address] = 0;
+}
+
+void World::SetObject(const std::string& name, const Pose& X_WO) {
+  const auto& body = Find(scene_->model(), name);
+  const Eigen::Quaterniond q = X_WO.q.normalized();
+  const double values[7] = {X_WO.p.x(), X_WO.p.y(), X_WO.p.z(), q.w(), q.x(), q.y(), q.z()};
+  std::copy_n(values, 7, state_->mj->qpos + body.q);
+  std::fill_n(state_->mj->qvel + body.v, 6, 0.0);
+}
+
+// Between calls the data is always as after mj_step1: everything that follows from position and velocity
+// is current, so that poses, contacts and pictures belong to the same instant as q and v.
+void World::Forward() { mj_step1(scene_->model().mj.get(), state_->mj.get()); }
+
+void World::Step(const Waypoint& target, const Vector6d& V_WE) {
+  const Scene::Model& model = scene_->model();
+  mjModel* mj = model.mj.get();
+  mjData* data = state_->mj.get();
+  const double torque = target.gripper > 0.5 ? model.robot.close_torque : model.robot.open_torque;
+  for (int step = 0; step < kPhysicsStepsPerControl; ++step) {
+    // the target is due at the end of the control step: earlier, the path was that much behind
+    const double remaining = (kPhysicsStepsPerControl - step) * mj->opt.timestep;
+    const Pose X_now = Advanced(target.X_WE, V_WE, -remaining);
+    state_->ReadControl(model);
+    const Eigen::VectorXd tau = OperationalSpaceTorques(state_->control, X_now, V_WE, state_->config);
+    for (std::size_t i = 0; i < model.arm_u.size(); ++i)
+      data->ctrl[model.arm_u[i]] = tau[static_cast<Eigen::Index>(i)];
+    data->ctrl[model.gripper_u] = torque;
+    mj_step2(mj, data);
+    mj_step1(mj, data);
+  }
+}
+
+void World::State::ReadControl(const Scene::Model& model) {
+  const mjModel* mjm = model.mj.get();
+  const auto n = static_cast<Eigen::Index>(model.arm_v.size());
+  control.X_WE = model.ToolPose(mj.get());
+  model.ToolJacobian(mj.get(), scratch, control.J);
+  mj_fullM(mjm, full_inertia.data(), mj->qM);
+  control.v.resize(n);
+  control.bias.resize(n);
+  control.M.resize(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    control.v[i] = mj->qvel[model.arm_v[i]];
+    control.bias[i] = mj->qfrc_bias[model.arm_v[i]] - mj->qfrc_passive[model.arm_v[i]];
+    for (Eigen::Index j = 0; j < n; ++j)
+      control.M(i, j) = full_inertia[static_cast<std::size_t>(model.arm_v[i]) * mjm->nv + model.arm_v[j]];
+  }
+}
+
+Eigen::VectorXd World::q() const {
+  const auto& addresses = scene_->model().arm_q;
+  Eigen::VectorXd values(addresses.size());
+  for (std::size_t i = 0; i < addresses.size(); ++i)
+    values[static_cast<Eigen::Index>(i)] = state_->mj->qpos[addresses[i]];
+  return values;
+}
+
+Eigen::VectorXd World::v() const {
+  const auto& addresses = scene_->model().arm_v;
+  Eigen::VectorXd values(addresses.size());
+  for (std::size_t i = 0; i < addresses.size(); ++i)
+    values[static_cast<Eigen::Index>(i)] = state_->mj->qvel[addresses[i]];
+  return values;
+}
+
+Eigen::VectorXd World::gripper_q() const {
+  const auto& addresses = scene_->model().gripper_q;
+  Eigen::VectorXd values(addresses.size());
+  for (std::size_t i = 0; i < addresses.size(); ++i)
+    values[static_cast<Eigen::Index>(i)] = state_->mj->qpos[addresses[i]];
+  return values;
+}
+
+Pose World::X_WE() const { return scene_->model().ToolPose(state_->mj.get()); }
+
+Pose World::ObjectPose(const std::string& name) const {
+  return scene_->model().BodyPose(state_->mj.get(), Find(scene_->model(), name).body);
+}
+
+std::vector<float> World::StateVector() const {
+  const mjModel* mj = scene_->model().mj.get();
+  std::vector<float> values;
+  values.reserve(mj->nq + mj->nv);
+  values.insert(values.end(), state_->mj->qpos, state_->mj->qpos + mj->nq);
+  values.insert(values.end(), state_->mj->qvel, state_->mj->qvel + mj->nv);
+  return values;
+}
+
+double World::time() const { return state_->mj->time; }
+
+bool World::healthy() const {
+  for (const int kind : {mjWARN_INERTIA, mjWARN_CONTACTFULL, mjWARN_CNSTRFULL, mjWARN_BADQPOS,
+                         mjWARN_BADQVEL, mjWARN_BADQACC, mjWARN_BADCTRL})
+    if (state_->mj->warning[kind].number > 0) return false;
+  return true;
+}
+
+std::vector<std::string> World::ContactsOf(const std::string& body) const {
+  const mjModel* mj = scene_->model().mj.get();
+  const int id = scene_->model().BodyId(body);
+  std::vector<std::string> names;
+  for (int i = 0; i < state_->mj->ncon; ++i) {
+    const mjContact& contact = state_->mj->contact[i];
+    const int a = mj->geom_bodyid[contact.geom1], b = mj->geom_bodyid[contact.geom2];
+    if (a != id && b != id) continue;
+    names.emplace_back(mj_id2name(mj, mjOBJ_BODY, a == id ? b : a));
+  }
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return names;
+}
+
+bool World::Grasped(const std::string& object) const {
+  const std::vector<std::string> touching = ContactsOf(object);
+  const auto& fingers = scene_->arm().finger_bodies;
+  return std::all_of(fingers.begin(), fingers.end(), [&](const std::string& finger) {
+    return std::binary_search(touching.begin(), touching.end(), finger);
+  });
+}
+
+}  // namespace etude::sim
