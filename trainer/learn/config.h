@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+// Everything a training run is made of, as one file (trainer/experiments/*.yaml).
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "services/core/config.h"
+#include "trainer/curriculum/scheduler.h"
+#include "trainer/data/batch.h"
+#include "trainer/policy/config.h"
+
+namespace etude::learn {
+
+/// AdamW (Loshchilov & Hutter 2019), linear warm-up, cosine over the run.
+struct OptimizerConfig {
+  double lr = 3e-3;
+  double beta1 = 0.9;
+  double beta2 = 0.98;
+  double epsilon = 1e-8;
+  double weight_decay = 0.01;  ///< of matrices and kernels, not of vectors
+  int warmup_steps = 100;
+  std::string schedule = "cosine";  ///< cosine | constant
+  double final_lr = 0.01;           ///< fraction of lr at the end of the cosine
+  double clip = 1;                  ///< global gradient norm; 0: not clipped
+
+  template <class V>
+  void Visit(V& v) {
+    v("lr", lr);
+    v("beta1", beta1);
+    v("beta2", beta2);
+    v("epsilon", epsilon);
+    v("weight_decay", weight_decay);
+    v("warmup_steps", warmup_steps);
+    v("schedule", schedule);
+    v("final_lr", final_lr);
+    v("clip", clip);
+  }
+};
+
+struct EvalConfig {
+  int every_steps = 250;
+  int frames = 384;  ///< of the validation split, spread over tasks, episodes and phases
+
+  template <class V>
+  void Visit(V& v) {
+    v("every_steps", every_steps);
+    v("frames", frames);
+  }
+};
+
+struct CheckpointConfig {
+  int every_steps = 500;  ///< besides the end, every new stage and every new best
+  int keep = 3;           ///< newest files kept, besides the best
+
+  template <class V>
+  void Visit(V& v) {
+    v("every_steps", every_steps);
+    v("keep", keep);
+  }
+};
+
+struct ThreadsConfig {
+  /// Copies of the network, each on its own part of the batch with its own thread; gradients are
+  /// averaged. Small networks run faster so than with threads inside each operation. 0: one a core.
+  int replicas = 0;
+  int intra_op = 1;  ///< threads inside an operation, per replica
+
+  template <class V>
+  void Visit(V& v) {
+    v("replicas", replicas);
+    v("intra_op", intra_op);
+  }
+};
+
+struct TrainConfig {
+  std::string name = "compact";
+  std::uint64_t seed = 1;
+  std::uint64_t steps = 0;  ///< 0: no limit by steps
+  double minutes = 0;  ///< 0: no limit by time; time of training, without waiting for first data
+  double ema = 0;      ///< decay of the averaged weights used in evaluation and checkpoints; 0: off
+  OptimizerConfig optimizer;
+  data::DataConfig data;
+  curriculum::CurriculumConfig curriculum;
+  EvalConfig eval;
+  CheckpointConfig checkpoint;
+  ThreadsConfig threads;
+  std::vector<std::string> freeze;  ///< modules whose own parameters stay as they are
+  policy::PolicyConfig policy;      ///< in a file also the name of a file in policies/ beside it
+
+  template <class V>
+  void Visit(V& v) {
+    v("name", name);
+    v("seed", seed);
+    v("steps", steps);
+    v("minutes", minutes);
+    v("ema", ema);
+    v("optimizer", optimizer);
+    v("data", data);
+    v("curriculum", curriculum);
+    v("eval", eval);
+    v("checkpoint", checkpoint);
+    v("threads", threads);
+    v("freeze", freeze);
+    v("policy", policy);
+  }
+
+  /// All problems at once.
+  Status Validate() const;
+};
+
+/// `name_or_file`: a path, or the name of a file in `experiments` ("compact"). `policy: NAME` in it
+/// (or as an override) is replaced by the content of policies/NAME.yaml beside the file or in
+/// `experiments`, after which policy.a.b=c works too.
+/// @error kNotFound with the names there are; kInvalidArgument as LoadConfig and Validate.
+Result<TrainConfig> LoadTrainConfig(const std::string& name_or_file, const Path& experiments,
+                                    const std::vector<std::string>& overrides);
+
+/// The folder of the experiments: `share`/experiments when `share` is given, else the nearest
+/// trainer/experiments or share/etude/experiments above `executable`. @error kNotFound.
+Result<Path> FindExperiments(const std::string& share, const Path& executable);
+
+}  // namespace etude::learn

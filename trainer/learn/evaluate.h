@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// Validation: what each module gets wrong, in units that people use.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "trainer/data/batch.h"
+#include "trainer/policy/policy.h"
+
+namespace etude::learn {
+
+struct Evaluation {
+  /// For people and files: "TAR2D.px", "TAR3D.cm", "LANG.accuracy" (0..1), "CTRL.cm" (mean over
+  /// waypoints), "CTRL.first_cm", "CTRL.deg", "CTRL.gripper" (accuracy, 0..1), "EE2D.hit" (the most
+  /// attended patch is the true one, 0..1), "loss".
+  std::map<std::string, double> metrics;
+  /// Module -> error in base units (1 - accuracy, px, m): lower is better; what the curriculum
+  /// looks at.
+  std::map<std::string, double> errors;
+  int frames = 0;
+};
+
+/// Runs modules of level <= `level` over `samples` without augmentation, in evaluation mode; the
+/// policy is back in training mode afterwards. Accuracies of relabelled sentences count as much as
+/// the demonstrated one's.
+/// @error of reading frames; kNotFound when there are no samples.
+Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker,
+                            const data::Snapshot& snapshot,
+                            const std::vector<data::Sample>& samples, int level, int batch);
+
+}  // namespace etude::learn

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/learn/metrics_log.h"
+
+#include <cmath>
+
+#include "services/core/clock.h"
+#include "services/core/config.h"
+
+namespace etude::learn {
+
+Result<MetricsLog> MetricsLog::Open(const Path& out) {
+  ETUDE_ASSIGN_OR_RETURN(auto lines, LineAppender::Open(out / "metrics.jsonl"));
+  ETUDE_ASSIGN_OR_RETURN(auto advances, LineAppender::Open(out / "curriculum.jsonl"));
+  ETUDE_ASSIGN_OR_RETURN(auto events, EventFile::Open(out));
+  return MetricsLog(std::move(lines), std::move(advances), std::move(events));
+}
+
+Status MetricsLog::Write(const std::string& kind, std::uint64_t step, double elapsed_s,
+                         const std::map<std::string, double>& scalars) {
+  OrderedJson line{
+      {"kind", kind}, {"step", step}, {"elapsed_s", elapsed_s}, {"time", WallSeconds()}};
+  std::map<std::string, double> tagged;
+  for (const auto& [name, value] : scalars) {
+    tagged[kind + "/" + name] = value;
+    if (std::isfinite(value))
+      line[name] = value;
+    else
+      line[name] = nullptr;  // JSON has no NaN
+  }
+  ETUDE_RETURN_IF_ERROR(lines_.Append(line.dump()));
+  return events_.Write(step, tagged);
+}
+
+Status MetricsLog::WriteAdvance(const curriculum::Advance& advance, const std::string& stage_name) {
+  const OrderedJson line{{"step", advance.step},
+                         {"from", advance.from},
+                         {"to", advance.to},
+                         {"name", stage_name},
+                         {"cause", ToString(advance.cause)},
+                         {"reason", advance.reason}};
+  ETUDE_RETURN_IF_ERROR(advances_.Append(line.dump()));
+  return lines_.Append(OrderedJson{
+      {"kind", "stage"},
+      {"step", advance.step},
+      {"stage", advance.to},
+      {"name", stage_name},
+      {"reason",
+       advance.reason}}.dump());
+}
+
+Status MetricsLog::Sync() {
+  ETUDE_RETURN_IF_ERROR(lines_.Sync());
+  return advances_.Sync();
+}
+
+}  // namespace etude::learn

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/learn/optimizer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "services/core/check.h"
+#include "trainer/learn/adamw_kernel.h"
+
+namespace etude::learn {
+namespace {
+
+// a view into `flat` with the shape and the (dense, maybe channels-last) strides of `like`
+torch::Tensor ViewLike(const torch::Tensor& flat, std::size_t offset, const torch::Tensor& like) {
+  return flat.as_strided(like.sizes(), like.strides(), static_cast<std::int64_t>(offset));
+}
+
+}  // namespace
+
+double LearningRate(const OptimizerConfig& config, std::uint64_t step, double progress) {
+  const double warmup = config.warmup_steps > 0
+                            ? std::min(1.0, (static_cast<double>(step) + 1) / config.warmup_steps)
+                            : 1.0;
+  if (config.schedule == "constant") return config.lr * warmup;
+  const double cosine = 0.5 * (1 + std::cos(std::numbers::pi * std::clamp(progress, 0.0, 1.0)));
+  return config.lr * warmup * (config.final_lr + (1 - config.final_lr) * cosine);
+}
+
+Optimizer::Optimizer(const OptimizerConfig& config,
+                     std::vector<std::shared_ptr<policy::Policy>> replicas,
+                     const std::set<std::string>& frozen)
+    : config_(config) {
+  const torch::NoGradGuard no_grad;
+  std::size_t total = 0;
+  for (const auto& item : replicas.at(0)->named_parameters()) {
+    if (frozen.contains(item.key())) continue;
+    ETUDE_CHECK(item.value().scalar_type() == torch::kFloat32 &&
+                    item.value().is_non_overlapping_and_dense(),
+                "{}", item.key());
+    const auto count = static_cast<std::size_t>(item.value().numel());
+    segments_.push_back({item.key(), total, count, item.value().dim() >= 2});
+    total += (count + 15) / 16 * 16;  // 64-byte alignment of each
+  }
+  const auto options = torch::TensorOptions().dtype(torch::kFloat32);
+  parameters_ = torch::zeros(static_cast<std::int64_t>(total), options);
+  first_ = torch::zeros_like(parameters_);
+  second_ = torch::zeros_like(parameters_);
+  steps_ = torch::zeros(static_cast<std::int64_t>(segments_.size()), torch::kInt64);
+
+  for (std::size_t r = 0; r < replicas.size(); ++r) {
+    gradients_.push_back(torch::zeros_like(parameters_));
+    auto named = replicas[r]->named_parameters();
+    for (const auto& name : frozen)
+      if (auto* parameter = named.find(name)) parameter->set_requires_grad(false);
+    for (const auto& segment : segments_) {
+      auto& parameter = named[segment.name];
+      auto view = ViewLike(parameters_, segment.offset, parameter);
+      if (r == 0) view.copy_(parameter);
+      parameter.set_data(view);
+      parameter.mutable_grad() = ViewLike(gradients_[r], segment.offset, parameter);
+    }
+  }
+}
+
+void Optimizer::ZeroGradients() {
+  const torch::NoGradGuard no_grad;
+  for (auto& gradient : gradients_) gradient.zero_();
+}
+
+Optimizer::Outcome Optimizer::Step(double lr) {
+  const auto n = static_cast<std::size_t>(parameters_.numel());
+  float* gradient = gradients_[0].data_ptr<float>();
+  for (std::size_t r = 1; r < gradients_.size(); ++r)
+    AddInto(n, gradients_[r].data_ptr<float>(), gradient);
+
+  std::vector<double> squares;
+  double total = 0;
+  for (const auto& segment : segments_) {
+    squares.push_back(SumOfSquares(gradient + segment.offset, segment.count));
+    total += squares.back();
+  }
+  const double average = 1.0 / static_cast<double>(gradients_.size());
+  const double norm = std::sqrt(total) * average;
+  if (!std::isfinite(norm)) return {norm};
+
+  const double clip = config_.clip > 0 && norm > config_.clip ? config_.clip / norm : 1.0;
+  auto* steps = steps_.data_ptr<std::int64_t>();
+  for (std::size_t i = 0; i < segments_.size(); ++i) {
+    if (squares[i] == 0) continue;
+    const Segment& segment = segments_[i];
+    const auto t = static_cast<double>(++steps[i]);
+    AdamwStep step;
+    step.lr = static_cast<float>(lr);
+    step.beta1 = static_cast<float>(config_.beta1);
+    step.beta2 = static_cast<float>(config_.beta2);
+    step.epsilon = static_cast<float>(config_.epsilon);
+    step.decay = segment.decay ? static_cast<float>(config_.weight_decay) : 0.0f;
+    step.correction1 = static_cast<float>(1 - std::pow(config_.beta1, t));
+    step.correction2 = static_cast<float>(1 - std::pow(config_.beta2, t));
+    step.scale = static_cast<float>(clip * average);
+    UpdateAdamw(
+        step, segment.count, gradient + segment.offset, first_.data_ptr<float>() + segment.offset,
+        second_.data_ptr<float>() + segment.offset, parameters_.data_ptr<float>() + segment.offset);
+  }
+  return {norm};
+}
+
+void Optimizer::UpdateAverage(double decay) {
+  if (decay <= 0) return;
+  if (!average_.defined()) {
+    average_ = parameters_.clone();
+    average_steps_ = torch::zeros(1, torch::kInt64);
+  }
+  // early on the average is short, so that the start does not weigh on it
+  const auto t = static_cast<double>(++average_steps_.data_ptr<std::int64_t>()[0]);
+  const double now = std::min(decay, (1 + t) / (10 + t));
+  Average(static_cast<std::size_t>(parameters_.numel()), static_cast<float>(now),
+          parameters_.data_ptr<float>(), average_.data_ptr<float>());
+}
+
+void Optimizer::ExchangeAverage() {
+  if (!average_.defined()) return;
+  float* parameters = parameters_.data_ptr<float>();
+  std::swap_ranges(parameters, parameters + parameters_.numel(), average_.data_ptr<float>());
+}
+
+std::map<std::string, torch::Tensor> Optimizer::StateTensors() const {
+  std::map<std::string, torch::Tensor> tensors{
+      {"parameters", parameters_}, {"first", first_}, {"second", second_}, {"steps", steps_}};
+  if (average_.defined()) {
+    tensors["average"] = average_;
+    tensors["average_steps"] = average_steps_;
+  }
+  return tensors;
+}
+
+Status Optimizer::LoadStateTensors(const std::map<std::string, torch::Tensor>& tensors) {
+  const torch::NoGradGuard no_grad;
+  for (const auto& [name, own] : StateTensors()) {
+    if (name.starts_with("average")) continue;
+    const auto it = tensors.find(name);
+    if (it == tensors.end() || it->second.sizes() != own.sizes() ||
+        it->second.scalar_type() != own.scalar_type())
+      return Fail(Code::kCorrupt,
+                  fmt::format("optimizer state '{}' is missing or has another size", name));
+  }
+  const bool has_average = tensors.contains("average") && tensors.contains("average_steps");
+  if (has_average && tensors.at("average").sizes() != parameters_.sizes())
+    return Fail(Code::kCorrupt, "optimizer state 'average' has another size");
+  for (auto& [name, own] : StateTensors())
+    if (!name.starts_with("average")) own.copy_(tensors.at(name));
+  if (has_average) {
+    average_ = tensors.at("average").clone();
+    average_steps_ = tensors.at("average_steps").clone();
+  }
+  return {};
+}
+
+}  // namespace etude::learn

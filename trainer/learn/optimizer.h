@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// AdamW over one flat buffer: parameters of all replicas share their storage, gradients of each
+// replica lie in one array, so that averaging, clipping, the update and saving are single passes
+// over memory.
+#pragma once
+
+#include <torch/torch.h>
+
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "trainer/learn/config.h"
+#include "trainer/policy/policy.h"
+
+namespace etude::learn {
+
+/// Learning rate of step `step` (from 0) when `progress` of the run is over.
+double LearningRate(const OptimizerConfig& config, std::uint64_t step, double progress);
+
+/// Not thread-safe, but replicas may run backward side by side (each has its own gradients).
+class Optimizer {
+ public:
+  /// Moves the parameters of `replicas` (same network, same weights) into shared storage.
+  /// Parameters named in `frozen` get no gradient and no update.
+  Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<policy::Policy>> replicas,
+            const std::set<std::string>& frozen);
+
+  void ZeroGradients();
+  struct Outcome {
+    double gradient_norm = 0;  ///< before clipping; not finite: nothing was updated
+  };
+  /// Averages the replicas' gradients and updates. A parameter whose gradient is exactly zero (its
+  /// module is not trained yet) is left alone: no decay, no step of its bias correction.
+  Outcome Step(double lr);
+
+  /// Averaged weights (decay 0: none). `ExchangeAverage` swaps them with the parameters; call it in
+  /// pairs.
+  void UpdateAverage(double decay);
+  void ExchangeAverage();
+
+  std::int64_t size() const { return parameters_.numel(); }
+  std::map<std::string, torch::Tensor> StateTensors() const;
+  /// @error kCorrupt when something is missing or has another size; nothing is changed then.
+  Status LoadStateTensors(const std::map<std::string, torch::Tensor>& tensors);
+
+ private:
+  struct Segment {
+    std::string name;
+    std::size_t offset = 0, count = 0;
+    bool decay = false;
+  };
+  OptimizerConfig config_;
+  std::vector<Segment> segments_;
+  torch::Tensor parameters_, first_, second_, steps_;  // (N) each; steps_: int64, one a segment
+  torch::Tensor average_, average_steps_;              // (N), (1); undefined: off
+  std::vector<torch::Tensor> gradients_;               // (N), one a replica
+};
+
+}  // namespace etude::learn

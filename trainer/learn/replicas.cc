@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/learn/replicas.h"
+
+#include <ATen/Parallel.h>
+#include <pthread.h>
+
+#include <exception>
+
+#include "trainer/learn/tensors.h"
+
+namespace etude::learn {
+
+Replicas::Replicas(std::vector<std::shared_ptr<policy::Policy>> policies)
+    : policies_(std::move(policies)), losses_(policies_.size()), errors_(policies_.size()) {
+  for (std::size_t r = 1; r < policies_.size(); ++r) threads_.emplace_back([this, r] { Work(r); });
+}
+
+Replicas::~Replicas() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  start_.notify_all();
+  for (auto& thread : threads_) thread.join();
+}
+
+void Replicas::RunPart(std::size_t replica) {
+  const int n = size(), r = static_cast<int>(replica);
+  const int first = batch_->size * r / n, last = batch_->size * (r + 1) / n;
+  errors_[replica].clear();
+  losses_[replica] = {};
+  if (first == last) return;
+  try {
+    const Part part = PartOf(*batch_, first, last);
+    auto& policy = *policies_[replica];
+    const auto outputs = policy.Forward(part.inputs, level_);
+    const auto loss = policy.Loss(part.inputs, outputs, part.labels, level_);
+    loss.total.backward();
+    losses_[replica] = {loss.total.item<double>(), loss.terms};
+  } catch (const std::exception& error) {
+    errors_[replica] = error.what();
+  }
+}
+
+void Replicas::Work(std::size_t replica) {
+  pthread_setname_np(pthread_self(), "replica");
+  std::uint64_t seen = 0;
+  std::unique_lock lock(mutex_);
+  while (true) {
+    start_.wait(lock, [&] { return stop_ || round_ != seen; });
+    if (stop_) return;
+    seen = round_;
+    lock.unlock();
+    RunPart(replica);
+    lock.lock();
+    if (--running_ == 0) done_.notify_one();
+  }
+}
+
+Result<BatchLoss> Replicas::Backward(data::Batch& batch, int level) {
+  batch_ = &batch;
+  level_ = level;
+  {
+    const std::lock_guard lock(mutex_);
+    ++round_;
+    running_ = threads_.size();
+  }
+  start_.notify_all();
+  RunPart(0);
+  {
+    std::unique_lock lock(mutex_);
+    done_.wait(lock, [&] { return running_ == 0; });
+  }
+  BatchLoss mean;
+  for (std::size_t r = 0; r < policies_.size(); ++r) {
+    if (!errors_[r].empty()) return Fail(Code::kInternal, "forward and backward: " + errors_[r]);
+    mean.total += losses_[r].total / size();
+    for (const auto& [name, value] : losses_[r].terms) mean.terms[name] += value / size();
+  }
+  return mean;
+}
+
+}  // namespace etude::learn

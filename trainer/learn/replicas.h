@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// Forward and backward of one batch on several copies of the network, side by side.
+#pragma once
+
+#include <condition_variable>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "trainer/data/batch.h"
+#include "trainer/policy/policy.h"
+
+namespace etude::learn {
+
+/// Mean over the replicas.
+struct BatchLoss {
+  double total = 0;
+  std::map<std::string, double> terms;
+};
+
+/// Owns the threads of replicas 1.. (replica 0 runs on the caller's). The result does not depend on
+/// timing: every replica has its own part of the batch and its own gradients. Not thread-safe.
+class Replicas {
+ public:
+  explicit Replicas(std::vector<std::shared_ptr<policy::Policy>> policies);
+  ~Replicas();
+  Replicas(const Replicas&) = delete;
+  Replicas& operator=(const Replicas&) = delete;
+
+  policy::Policy& front() { return *policies_.front(); }
+  int size() const { return static_cast<int>(policies_.size()); }
+  /// Loss of modules of level <= `level`, and its gradients.
+  Result<BatchLoss> Backward(data::Batch& batch, int level);
+
+ private:
+  void RunPart(std::size_t replica);
+  void Work(std::size_t replica);
+
+  std::vector<std::shared_ptr<policy::Policy>> policies_;
+  data::Batch* batch_ = nullptr;
+  int level_ = 0;
+  std::vector<BatchLoss> losses_;
+  std::vector<std::string> errors_;
+
+  std::mutex mutex_;
+  std::condition_variable start_, done_;
+  std::uint64_t round_ = 0;
+  std::size_t running_ = 0;
+  bool stop_ = false;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace etude::learn

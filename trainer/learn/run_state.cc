@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/learn/run_state.h"
+
+#include <fmt/format.h>
+
+#include "services/core/command.h"
+#include "services/store/safetensors.h"
+#include "trainer/learn/tensors.h"
+
+namespace etude::learn {
+namespace {
+
+constexpr char kFormat[] = "etude training state 1";
+
+Status PutTensors(const std::string& prefix, const std::map<std::string, torch::Tensor>& tensors,
+                  store::Safetensors& file) {
+  for (const auto& [name, tensor] : tensors) {
+    ETUDE_ASSIGN_OR_RETURN(file.tensors[prefix + name], ToStore(tensor));
+  }
+  return {};
+}
+
+}  // namespace
+
+Status SaveRunState(const Path& path, const RunState& state) {
+  store::Safetensors file;
+  ETUDE_RETURN_IF_ERROR(PutTensors("policy.", state.policy, file));
+  ETUDE_RETURN_IF_ERROR(PutTensors("optimizer.", state.optimizer, file));
+  ETUDE_RETURN_IF_ERROR(PutTensors("", {{"rng", state.rng}}, file));
+  const OrderedJson run{{"step", state.step},
+                        {"elapsed_s", state.elapsed_s},
+                        {"curriculum", state.curriculum},
+                        {"architecture", state.architecture},
+                        {"best_stage", state.best_stage},
+                        {"best_score", state.best_score},
+                        {"checkpoint_step", state.checkpoint_step}};
+  file.metadata = {{"format", kFormat}, {"version", Version()}, {"run", run.dump()}};
+  return store::WriteSafetensors(path, file);
+}
+
+Result<RunState> LoadRunState(const Path& path) {
+  ETUDE_ASSIGN_OR_RETURN(const auto file, store::ReadSafetensors(path));
+  const auto meta = [&](const char* key) {
+    const auto it = file.metadata.find(key);
+    return it == file.metadata.end() ? std::string() : it->second;
+  };
+  if (meta("format") != kFormat)
+    return Fail(Code::kCorrupt, fmt::format("'{}' is not a training state", path.string()));
+  if (meta("version") != Version())
+    return Fail(Code::kInvalidArgument, fmt::format("'{}' was written by version {}, this is {}",
+                                                    path.string(), meta("version"), Version()));
+  RunState state;
+  for (const auto& [name, tensor] : file.tensors) {
+    if (name.starts_with("policy."))
+      state.policy[name.substr(7)] = FromStore(tensor);
+    else if (name.starts_with("optimizer."))
+      state.optimizer[name.substr(10)] = FromStore(tensor);
+    else if (name == "rng")
+      state.rng = FromStore(tensor);
+  }
+  try {
+    const auto run = OrderedJson::parse(meta("run"));
+    state.step = run.at("step");
+    state.elapsed_s = run.at("elapsed_s");
+    state.curriculum = run.at("curriculum");
+    state.architecture = run.at("architecture");
+    state.best_stage = run.at("best_stage");
+    state.best_score = run.at("best_score");
+    state.checkpoint_step = run.at("checkpoint_step");
+  } catch (const nlohmann::json::exception& error) {
+    return Fail(Code::kCorrupt, fmt::format("'{}': {}", path.string(), error.what()));
+  }
+  return state;
+}
+
+}  // namespace etude::learn

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a run needs to go on bit for bit: one safetensors file.
+#pragma once
+
+#include <torch/torch.h>
+
+#include <map>
+#include <string>
+
+#include "services/core/config.h"
+#include "services/core/file.h"
+
+namespace etude::learn {
+
+struct RunState {
+  std::map<std::string, torch::Tensor>
+      policy;  ///< Policy::StateTensors, raw (not averaged) weights
+  std::map<std::string, torch::Tensor> optimizer;  ///< Optimizer::StateTensors
+  torch::Tensor rng;                               ///< torch's default generator
+  std::uint64_t step = 0;
+  double elapsed_s = 0;      ///< of training, all runs together
+  OrderedJson curriculum;    ///< Scheduler::Save
+  std::string architecture;  ///< policy::ArchitectureHash
+  int best_stage = 0;
+  double best_score = 0;  ///< of the best checkpoint so far, lower is better
+  std::uint64_t checkpoint_step = 0;
+};
+
+/// By rename: a reader sees the old one or the new one.
+Status SaveRunState(const Path& path, const RunState& state);
+/// @error kNotFound, kCorrupt (says what); kInvalidArgument when it was written by another version.
+Result<RunState> LoadRunState(const Path& path);
+
+}  // namespace etude::learn

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// Between plain arrays and tensors.
+#pragma once
+
+#include <torch/torch.h>
+
+#include <map>
+#include <string>
+
+#include "services/store/safetensors.h"
+#include "trainer/data/batch.h"
+#include "trainer/data/statistics.h"
+#include "trainer/policy/policy.h"
+
+namespace etude::learn {
+
+/// What the network sees of pictures [first, last) of `batch`, and what it should say. Tensors
+/// share the batch's memory: it must outlive them and stay unchanged.
+struct Part {
+  policy::Inputs inputs;
+  policy::Labels labels;
+};
+Part PartOf(data::Batch& batch, int first, int last);
+
+policy::Normalization ToNormalization(const data::Statistics& statistics);
+
+/// @error kInvalidArgument for a dtype that safetensors or torch does not have.
+Result<store::Tensor> ToStore(const torch::Tensor& tensor);
+torch::Tensor FromStore(const store::Tensor& tensor);
+
+}  // namespace etude::learn
