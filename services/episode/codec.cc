@@ -320,15 +320,18 @@ std::vector<std::uint8_t> EncodeEpisode(const Episode& episode) {
   std::size_t total = kPrefix + header.size() + arrays.size;
   for (const auto& track : episode.cameras)
     for (const auto& frame : track.frames) total += frame.size();
-  std::vector<std::uint8_t> bytes;
-  bytes.reserve(total);
-  bytes.insert(bytes.end(), kMagic.begin(), kMagic.end());
-  const auto* size_bytes = reinterpret_cast<const std::uint8_t*>(&header_size);
-  bytes.insert(bytes.end(), size_bytes, size_bytes + sizeof(header_size));
-  bytes.insert(bytes.end(), header.begin(), header.end());
-  for (const Bytes blob : arrays.blobs) bytes.insert(bytes.end(), blob.begin(), blob.end());
+  std::vector<std::uint8_t> bytes(total);
+  std::uint8_t* cursor = bytes.data();
+  const auto append = [&](const void* data, std::size_t size) {
+    if (size > 0) std::memcpy(cursor, data, size);
+    cursor += size;
+  };
+  append(kMagic.data(), kMagic.size());
+  append(&header_size, sizeof(header_size));
+  append(header.data(), header.size());
+  for (const Bytes blob : arrays.blobs) append(blob.data(), blob.size());
   for (const auto& track : episode.cameras)
-    for (const auto& frame : track.frames) bytes.insert(bytes.end(), frame.begin(), frame.end());
+    for (const auto& frame : track.frames) append(frame.data(), frame.size());
   return bytes;
 }
 

@@ -149,13 +149,15 @@ std::vector<std::uint8_t> EncodeSafetensors(const Safetensors& content) {
   header.resize((header.size() + 7) / 8 * 8, ' ');
 
   const std::uint64_t header_size = header.size();
-  std::vector<std::uint8_t> bytes;
-  bytes.reserve(sizeof(header_size) + header.size() + offset);
-  const auto* size_bytes = reinterpret_cast<const std::uint8_t*>(&header_size);
-  bytes.insert(bytes.end(), size_bytes, size_bytes + sizeof(header_size));
-  bytes.insert(bytes.end(), header.begin(), header.end());
-  for (const auto* item : order)
-    bytes.insert(bytes.end(), item->second.data.begin(), item->second.data.end());
+  std::vector<std::uint8_t> bytes(sizeof(header_size) + header.size() + offset);
+  std::uint8_t* cursor = bytes.data();
+  const auto append = [&](const void* data, std::size_t size) {
+    if (size > 0) std::memcpy(cursor, data, size);
+    cursor += size;
+  };
+  append(&header_size, sizeof(header_size));
+  append(header.data(), header.size());
+  for (const auto* item : order) append(item->second.data.data(), item->second.data.size());
   return bytes;
 }
 

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/episode/pose.cc
+#include "services/episode/pose.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "services/core/rng.h"
+
+namespace etude {
+namespace {
+
+Eigen::Vector3d RandomAngles(Rng& rng) {
+  return {rng.Uniform(-3.1, 3.1), rng.Uniform(-1.5, 1.5), rng.Uniform(-3.1, 3.1)};
+}
+
+TEST(Pose, EulerAnglesComposeAsRotationsAboutXThenYThenZ) {
+  Rng rng(1);
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::Vector3d a = RandomAngles(rng);
+    Eigen::Matrix3d rx, ry, rz;
+    rx << 1, 0, 0, 0, std::cos(a[0]), -std::sin(a[0]), 0, std::sin(a[0]), std::cos(a[0]);
+    ry << std::cos(a[1]), 0, std::sin(a[1]), 0, 1, 0, -std::sin(a[1]), 0, std::cos(a[1]);
+    rz << std::cos(a[2]), -std::sin(a[2]), 0, std::sin(a[2]), std::cos(a[2]), 0, 0, 0, 1;
+
+    const Eigen::Matrix3d R = FromEuler(a).toRotationMatrix();
+
+    EXPECT_LT((R - rx * ry * rz).norm(), 1e-12);
+    EXPECT_LT((ToEuler(FromEuler(a)) - a).norm(), 1e-9);
+  }
+}
+
+TEST(Pose, ProductAndInverseAreThoseOfHomogeneousMatrices) {
+  Rng rng(2);
+  const auto matrix = [](const Pose& X) {
+    Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
+    m.topLeftCorner<3, 3>() = X.q.toRotationMatrix();
+    m.topRightCorner<3, 1>() = X.p;
+    return m;
+  };
+  for (int i = 0; i < 50; ++i) {
+    const Pose X_AB{Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal()), FromEuler(RandomAngles(rng))};
+    const Pose X_BC{Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal()), FromEuler(RandomAngles(rng))};
+
+    EXPECT_LT((matrix(X_AB * X_BC) - matrix(X_AB) * matrix(X_BC)).norm(), 1e-12);
+    EXPECT_LT((matrix(X_AB.inverse()) - matrix(X_AB).inverse()).norm(), 1e-12);
+  }
+}
+
+TEST(Pose, AngleBetweenIsTheAngleOfTheRotation) {
+  const Eigen::Quaterniond a = FromEuler({0.1, 0.2, 0.3});
+  const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()));
+
+  EXPECT_NEAR(AngleBetween(a, a * turn), 0.7, 1e-9);
+  EXPECT_NEAR(AngleBetween(a, Eigen::Quaterniond(-a.coeffs())), 0, 1e-6);
+}
+
+}  // namespace
+}  // namespace etude
