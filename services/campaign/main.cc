@@ -42,7 +42,8 @@ int main(int argc, char** argv) {
   app.add_option("--out", arguments.out, "dataset folder")->required();
   app.add_option("--episodes", arguments.spec.episodes, "instead of the file's count");
   app.add_option("--seed", arguments.spec.seed, "instead of the file's seed");
-  app.add_option("--set", arguments.spec.overrides, "KEY=VALUE of the campaign, e.g. camera.width=84");
+  app.add_option("--set", arguments.spec.overrides, "KEY=VALUE of the campaign, e.g. camera.width=84")
+      ->allow_extra_args(false);
   app.add_option("--lease", arguments.lease_s, "seconds of silence after which a worker's work goes to another")
       ->check(CLI::Range(0.5, 3600.0));
   app.add_option("--domain", arguments.domain, "DDS domain")->check(CLI::Range(0, 230));

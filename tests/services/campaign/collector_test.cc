@@ -8,11 +8,13 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <functional>
 #include <thread>
 
 #include "services/bus/object_channel.h"
 #include "services/bus/topic.h"
 #include "services/campaign/process.h"
+#include "services/core/clock.h"
 #include "services/core/rng.h"
 #include "services/store/dataset.h"
 #include "tests/services/campaign/fake_work.h"

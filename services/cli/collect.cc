@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// `etude collect`: a collector and local workers until the dataset is complete.
+#include <fmt/format.h>
+
+#include "services/campaign/spec_file.h"
+#include "services/cli/command_line.h"
+#include "services/cli/hosted_campaign.h"
+#include "services/cli/progress.h"
+#include "services/core/stop.h"
+
+namespace etude::cli {
+namespace {
+
+struct Arguments {
+  campaign::SpecArguments spec;
+  std::string out;
+  int workers = DefaultWorkers();
+  BusArguments bus;
+};
+
+Status Collect(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(arguments.spec));
+  ETUDE_ASSIGN_OR_RETURN(const auto participant,
+                         bus::Participant::Open({arguments.bus.domain, arguments.bus.profile}));
+  ETUDE_ASSIGN_OR_RETURN(auto hosted, HostedCampaign::Start(participant, spec,
+                                                            {.bus = arguments.bus,
+                                                             .workers = arguments.workers,
+                                                             .out = arguments.out,
+                                                             .logs = Path(arguments.out) / "logs"}));
+  {
+    ProgressDisplay display;
+    while (!hosted->ended() && !StopRequested()) {
+      ETUDE_RETURN_IF_ERROR(hosted->Supervise());
+      if (display.due()) display.Show(campaign::ProgressLine(hosted->progress()));
+      WaitForStop(std::chrono::milliseconds(100));
+    }
+  }
+  ETUDE_RETURN_IF_ERROR(hosted->Finish());
+  const auto progress = hosted->progress();
+  fmt::print("{} {}\n{}\n", progress.complete ? "complete:" : "stopped, run again to continue:", arguments.out,
+             campaign::SummaryText(progress));
+  return {};
+}
+
+}  // namespace
+
+void AddCollect(CLI::App& app, Body& body) {
+  auto* command = app.add_subcommand("collect", "collect demonstrations on this machine: a collector and N workers");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("spec", arguments->spec.file, "campaign file (YAML), see deploy/campaigns/")->required();
+  command->add_option("--out", arguments->out, "dataset folder; run again, it resumes")->required();
+  command->add_option("--workers", arguments->workers, "local workers, 0 for only those of other hosts")
+      ->check(CLI::Range(0, 100))->capture_default_str();
+  command->add_option("--episodes", arguments->spec.episodes, "instead of the file's count");
+  command->add_option("--seed", arguments->spec.seed, "instead of the file's seed");
+  AddOverrides(*command, arguments->spec.overrides, "image_stride=1");
+  arguments->bus.Add(*command);
+  command->callback([arguments, &body] { body = [arguments] { return Collect(*arguments); }; });
+}
+
+}  // namespace etude::cli

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the commands of `etude` share: how they are declared, and their common options.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "services/core/result.h"
+
+namespace etude::cli {
+
+/// Filled in by the command that was chosen; main runs it.
+using Body = std::function<Status()>;
+
+/// Where on the bus.
+struct BusArguments {
+  std::uint32_t domain = 0;
+  std::string profile;
+
+  void Add(CLI::App& app) {
+    app.add_option("--domain", domain, "DDS domain")->check(CLI::Range(0, 230));
+    app.add_option("--profile", profile, "Cyclone DDS XML file (default: this machine only)");
+  }
+  /// The same, for a child's command line.
+  std::vector<std::string> Flags() const {
+    std::vector<std::string> flags{"--domain", std::to_string(domain)};
+    if (!profile.empty()) flags.insert(flags.end(), {"--profile", profile});
+    return flags;
+  }
+};
+
+/// Adds `--set KEY=VALUE`, repeatable.
+inline void AddOverrides(CLI::App& app, std::vector<std::string>& overrides, const char* example) {
+  app.add_option("--set", overrides, std::string("KEY=VALUE over the file's, e.g. ") + example)
+      ->allow_extra_args(false)
+      ->type_name("KEY=VALUE");
+}
+
+void AddCollect(CLI::App& app, Body& body);
+void AddEval(CLI::App& app, Body& body);
+void AddUp(CLI::App& app, Body& body);
+void AddDataset(CLI::App& app, Body& body);
+void AddCheckpoint(CLI::App& app, Body& body);
+void AddDoctor(CLI::App& app, Body& body);
+
+/// Commands that are programs of their own: worker, collector, train, policy. Name -> program, and what
+/// `etude --help` says of it.
+struct OwnProgram {
+  const char* command;
+  const char* program;
+  const char* description;
+};
+const std::vector<OwnProgram>& OwnPrograms();
+/// Replaces this process by `program` with `arguments`; only returns on error.
+Status ExecSibling(const std::string& program, const std::vector<std::string>& arguments);
+
+}  // namespace etude::cli

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// `etude dataset info|verify|hash`.
+#include <fmt/format.h>
+
+#include "services/cli/command_line.h"
+#include "services/core/config.h"
+#include "services/store/dataset.h"
+
+namespace etude::cli {
+namespace {
+
+Status Info(const std::string& dataset, bool as_json) {
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson info, store::DatasetInfo(dataset));
+  fmt::print("{}", as_json ? info.dump(1) + "\n" : ToYaml(info));
+  return {};
+}
+
+Status Verify(const std::string& dataset, bool keep) {
+  ETUDE_ASSIGN_OR_RETURN(const auto report,
+                         store::Verify(dataset, keep ? store::Quarantine::kNo : store::Quarantine::kYes));
+  for (const auto& bad : report.bad) fmt::print("bad   {}: {}\n", bad.path.string(), bad.reason);
+  fmt::print("{} good, {} bad\n", report.good, report.bad.size());
+  if (report.bad.empty()) return {};
+  return Fail(Code::kCorrupt,
+              fmt::format("{} of {} episodes are damaged{}", report.bad.size(), report.good + report.bad.size(),
+                          keep ? "; without --keep they are moved to quarantine/"
+                               : ", moved to quarantine/; `etude collect` makes them again"));
+}
+
+Status Hash(const std::string& dataset) {
+  ETUDE_ASSIGN_OR_RETURN(const std::string hash, store::HashDataset(dataset));
+  fmt::print("{}\n", hash);
+  return {};
+}
+
+}  // namespace
+
+void AddDataset(CLI::App& app, Body& body) {
+  auto* command = app.add_subcommand("dataset", "look at a dataset, verify it, hash it");
+  command->require_subcommand(1);
+  auto dataset = std::make_shared<std::string>();
+  auto as_json = std::make_shared<bool>(false), keep = std::make_shared<bool>(false);
+  const auto add = [&](const char* name, const char* description) {
+    auto* sub = command->add_subcommand(name, description);
+    sub->add_option("dataset", *dataset, "dataset folder")->required();
+    return sub;
+  };
+  auto* info = add("info", "episodes per task, target and split, steps, frames, bytes, failures, features");
+  info->add_flag("--json", *as_json, "as JSON");
+  info->callback([=, &body] { body = [=] { return Info(*dataset, *as_json); }; });
+  auto* verify = add("verify", "read every byte; damaged episodes are moved to quarantine/");
+  verify->add_flag("--keep", *keep, "only report, move nothing");
+  verify->callback([=, &body] { body = [=] { return Verify(*dataset, *keep); }; });
+  auto* hash = add("hash", "SHA-256 of the content, the same whoever collected it");
+  hash->callback([=, &body] { body = [=] { return Hash(*dataset); }; });
+}
+
+}  // namespace etude::cli

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// `etude doctor`: can this machine run Etude? Each check is ok, or says what to do.
+#include <fmt/format.h>
+#include <sys/statvfs.h>
+
+#include <fstream>
+
+#include "services/bus/topic.h"
+#include "services/campaign/process.h"
+#include "services/cli/command_line.h"
+#include "services/core/clock.h"
+#include "services/core/file.h"
+
+namespace etude::cli {
+namespace {
+
+using namespace std::chrono_literals;
+
+struct Finding {
+  enum class Kind { kOk, kAdvice, kMissing } kind = Kind::kOk;
+  std::string text;
+};
+
+Finding Ok(std::string text) { return {Finding::Kind::kOk, std::move(text)}; }
+Finding Advice(std::string text) { return {Finding::Kind::kAdvice, std::move(text)}; }
+Finding Missing(std::string text) { return {Finding::Kind::kMissing, std::move(text)}; }
+
+std::string Trimmed(std::string text) {
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  return text;
+}
+
+// Asks a sibling's own doctor.
+Finding AskProgram(const std::string& name) {
+  const auto program = campaign::FindSibling(name);
+  if (!program) return Missing(program.error().message);
+  const Path log = std::filesystem::temp_directory_path() / fmt::format("{}-doctor-{}.txt", name, ::getpid());
+  auto process = campaign::Process::Start({{program->string(), "doctor"}, log, {{"ETUDE_LOG", "error"}}});
+  if (!process) return Missing(process.error().message);
+  const auto exit_code = process->Wait(60s);
+  const std::string text = Trimmed(ReadTextFile(log).value_or(""));
+  std::error_code ignored;
+  std::filesystem::remove(log, ignored);
+  if (!exit_code) return Missing(fmt::format("{} doctor did not end within 60 s", name));
+  return *exit_code == 0 ? Ok(text) : Missing(text.empty() ? fmt::format("exit code {}", *exit_code) : text);
+}
+
+// A message to ourselves and back.
+Finding CheckBus(const BusArguments& arguments) {
+  auto participant = bus::Participant::Open({arguments.domain, arguments.profile});
+  if (!participant) return Missing(participant.error().message);
+  const std::string partition = "doctor-" + bus::UniquePeerName();
+  auto reader = bus::Reader<bus::WorkRequest>::Open(*participant, partition);
+  if (!reader) return Missing(reader.error().message);
+  auto writer = bus::Writer<bus::WorkRequest>::Open(*participant, partition);
+  if (!writer) return Missing(writer.error().message);
+  if (!writer->WaitForReaders(1, 5s)) return Missing("a writer and a reader in one process do not find each other");
+  Stopwatch elapsed;
+  if (const Status sent = writer->Write({"doctor", "doctor", 1, "1"}); !sent) return Missing(sent.error().message);
+  if (!reader->Wait(5s) || reader->Take().empty()) return Missing("a message to this process did not arrive within 5 s");
+  return Ok(fmt::format("domain {}, a message there in {:.2f} ms", arguments.domain, 1e3 * elapsed.Seconds()));
+}
+
+Finding CheckSocketBuffer() {
+  std::ifstream file("/proc/sys/net/core/rmem_max");
+  std::uint64_t bytes = 0;
+  if (!(file >> bytes)) return Advice("cannot read /proc/sys/net/core/rmem_max");
+  constexpr std::uint64_t kWanted = 4u << 20;
+  if (bytes >= kWanted) return Ok(fmt::format("net.core.rmem_max = {} bytes", bytes));
+  return Advice(fmt::format("net.core.rmem_max = {} bytes; large objects travel faster with: sudo sysctl -w "
+                            "net.core.rmem_max={}",
+                            bytes, kWanted));
+}
+
+Finding CheckDisk() {
+  struct statvfs info {};
+  const Path here = std::filesystem::current_path();
+  if (::statvfs(here.c_str(), &info) != 0) return Advice("cannot look at the disk of " + here.string());
+  const double free_gb = static_cast<double>(info.f_bavail) * static_cast<double>(info.f_frsize) / 1e9;
+  // an episode is about 2 MB
+  if (free_gb >= 5) return Ok(fmt::format("{:.0f} GB free in {}", free_gb, here.string()));
+  return Advice(fmt::format("only {:.1f} GB free in {}; 1000 episodes take about 2 GB", free_gb, here.string()));
+}
+
+Status Doctor(const BusArguments& arguments) {
+  int missing = 0;
+  const auto report = [&](const char* what, const Finding& finding) {
+    const char* word = finding.kind == Finding::Kind::kOk ? "ok" : finding.kind == Finding::Kind::kAdvice ? "note" : "MISSING";
+    std::string text = finding.text;
+    for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 19) text.insert(at + 1, 18, ' ');
+    fmt::print("{:<9} {:<7} {}\n", what, word, text);
+    std::fflush(stdout);
+    missing += finding.kind == Finding::Kind::kMissing;
+  };
+  report("rendering", AskProgram("etude-worker"));
+  report("bus", CheckBus(arguments));
+  report("torch", AskProgram("etude-trainer"));
+  report("sockets", CheckSocketBuffer());
+  report("disk", CheckDisk());
+  if (missing == 0) return {};
+  return Fail(Code::kUnavailable, fmt::format("{} of what Etude needs is missing on this machine, see above", missing));
+}
+
+}  // namespace
+
+void AddDoctor(CLI::App& app, Body& body) {
+  auto* command = app.add_subcommand("doctor", "check rendering, bus, torch, sockets and disk of this machine");
+  auto arguments = std::make_shared<BusArguments>();
+  arguments->Add(*command);
+  command->callback([arguments, &body] { body = [arguments] { return Doctor(*arguments); }; });
+}
+
+}  // namespace etude::cli

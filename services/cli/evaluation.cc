@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/cli/evaluation.h"
+
+#include <fmt/format.h>
+
+#include "services/campaign/eval_report.h"
+#include "services/campaign/spec_file.h"
+#include "services/cli/video.h"
+#include "services/core/hash.h"
+#include "services/core/log.h"
+#include "services/core/rng.h"
+#include "services/core/stop.h"
+
+namespace etude::cli {
+
+CampaignSpec EvaluationSpec(const CampaignSpec& base, const EvaluationOptions& options) {
+  CampaignSpec spec = base;
+  // the same folder has the same name, so that it can be resumed; two folders do not meet on the bus
+  const Path folder = std::filesystem::weakly_canonical(std::filesystem::absolute(options.out));
+  spec.name = "eval-" + Sha256Hex(folder.string()).substr(0, 12);
+  spec.mode = "rollout";
+  spec.tasks = options.tasks;
+  spec.task_weights.clear();
+  if (spec.tasks == std::vector<std::string>{"pick", "push", "put_down"}) spec.task_weights = {4, 3, 3};
+  spec.episodes = options.episodes;
+  spec.seed = MixSeed({options.seed}, "evaluation");
+  spec.max_attempts = 3;
+  spec.rollout.run = options.run;
+  return spec;
+}
+
+namespace {
+
+std::string RolloutLine(const campaign::CollectorProgress& progress, const Path& out) {
+  std::string line = fmt::format("rollouts {}/{}", progress.committed, progress.total);
+  const auto text = ReadTextFile(out / "eval.json");
+  const OrderedJson report = text ? OrderedJson::parse(*text, nullptr, false) : OrderedJson();
+  if (report.is_object() && report.contains("overall") && progress.committed > 0)
+    line += fmt::format("  success {:.1f} %", 100 * report["overall"]["success"].get<double>());
+  line += fmt::format("  {:.1f}/min  {} workers", progress.episodes_per_minute, progress.workers);
+  if (progress.eta_s > 0) line += "  ETA " + FormatDuration(progress.eta_s);
+  if (!progress.failures.empty())
+    for (const auto& [reason, count] : progress.failures) line += fmt::format("  {} {}", reason, count);
+  if (!progress.error.empty()) line += "  WAITING: " + progress.error;
+  return line;
+}
+
+}  // namespace
+
+Result<OrderedJson> Evaluate(const bus::Participant& participant, const CampaignSpec& spec,
+                             const EvaluationOptions& options, const HostOptions& host,
+                             ProgressDisplay& display, const std::function<Status()>& watch) {
+  ETUDE_ASSIGN_OR_RETURN(auto hosted, HostedCampaign::Start(participant, spec, host));
+  while (!hosted->ended() && !StopRequested()) {
+    ETUDE_RETURN_IF_ERROR(hosted->Supervise());
+    ETUDE_RETURN_IF_ERROR(watch());
+    if (display.due()) display.Show(RolloutLine(hosted->progress(), options.out));
+    WaitForStop(std::chrono::milliseconds(100));
+  }
+  ETUDE_RETURN_IF_ERROR(hosted->Finish());
+  if (hosted->progress().given_up > 0)
+    Log().warn("{} rollouts could not be run and are not in the table; see {}/rollouts/attempts.jsonl",
+               hosted->progress().given_up, options.out.string());
+
+  // the rollouts are what counts: without videos the report still stands
+  const auto videos = WriteVideos(options.out / "rollouts", options.out / "videos", options.videos);
+  if (!videos) Log().warn("no videos: {}", videos.error().message);
+  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(options.out / "eval.json"));
+  return OrderedJson::parse(text, nullptr, false);
+}
+
+}  // namespace etude::cli

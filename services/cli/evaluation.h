@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rollouts of a policy on fresh scenes: what `eval` and `up` have in common.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "services/bus/participant.h"
+#include "services/cli/hosted_campaign.h"
+#include "services/cli/progress.h"
+#include "services/core/config.h"
+#include "services/core/file.h"
+#include "services/core/result.h"
+#include "services/episode/campaign_spec.h"
+
+namespace etude::cli {
+
+struct EvaluationOptions {
+  std::string run;                       ///< name under which the policy answers
+  std::vector<std::string> tasks{"pick", "push", "put_down"};
+  std::uint64_t episodes = 80;
+  std::uint64_t seed = 1;
+  int videos = 12;                       ///< at most so many mp4 files, failures first
+  Path out;
+};
+
+/// The rollout campaign of an evaluation, from a campaign whose scenes it shares. All three tasks are weighted
+/// 4:3:3 (80 = 32 pick, 24 push, 24 put down). The seed is mixed with a constant of evaluations, so that no
+/// rollout's scene is one that a collection with any seed drew.
+CampaignSpec EvaluationSpec(const CampaignSpec& base, const EvaluationOptions& options);
+
+/// Runs the campaign with local workers and writes OUT/eval.json as it goes, then OUT/videos.
+/// @param watch  called a few times a second; an error ends the evaluation (e.g. the policy died)
+/// @returns the report (see campaign::EvalReport). A stop request is no error: the report has what is done.
+Result<OrderedJson> Evaluate(const bus::Participant& participant, const CampaignSpec& spec,
+                             const EvaluationOptions& options, const HostOptions& host,
+                             ProgressDisplay& display, const std::function<Status()>& watch);
+
+}  // namespace etude::cli

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/cli/hosted_campaign.h"
+
+#include <atomic>
+#include <thread>
+
+namespace etude::cli {
+
+struct HostedCampaign::Host {
+  campaign::Collector collector;
+  Status status;
+  std::atomic<bool> ended{false};
+  std::thread thread;
+
+  explicit Host(campaign::Collector opened) : collector(std::move(opened)) {
+    thread = std::thread([this] {
+      status = collector.Run();
+      ended.store(true);
+    });
+  }
+  ~Host() { Join(); }
+  void Join() {
+    if (!thread.joinable()) return;
+    collector.Stop();
+    thread.join();
+  }
+};
+
+Result<std::unique_ptr<HostedCampaign>> HostedCampaign::Start(const bus::Participant& participant,
+                                                              const CampaignSpec& spec,
+                                                              const HostOptions& options) {
+  ETUDE_ASSIGN_OR_RETURN(auto collector, campaign::Collector::Open(participant, spec, options.out));
+  // nothing is there to be done: no workers are needed
+  const auto before = collector.progress();
+  std::unique_ptr<HostedCampaign> hosted(new HostedCampaign);
+  hosted->host_ = std::make_unique<Host>(std::move(collector));
+  if (options.workers < 1 || before.complete) return hosted;
+  campaign::Collector& running = hosted->host_->collector;
+  ETUDE_ASSIGN_OR_RETURN(
+      auto pool, WorkerPool::Start({.workers = options.workers,
+                                    .campaign = spec.name,
+                                    .bus = options.bus,
+                                    .logs = options.logs,
+                                    .on_end = [&running](const std::string& name) { running.ForgetWorker(name); }}));
+  hosted->pool_.emplace(std::move(pool));
+  return hosted;
+}
+
+HostedCampaign::~HostedCampaign() {
+  if (pool_) pool_->Stop();
+}
+
+bool HostedCampaign::ended() const { return host_->ended.load(); }
+
+Status HostedCampaign::Supervise() {
+  if (!pool_ || ended() || progress().complete) return {};
+  return pool_->Supervise();
+}
+
+Status HostedCampaign::Finish() {
+  if (pool_) pool_->Stop();
+  host_->Join();
+  return host_->status;
+}
+
+campaign::CollectorProgress HostedCampaign::progress() const { return host_->collector.progress(); }
+
+}  // namespace etude::cli

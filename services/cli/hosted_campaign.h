@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// A collector in this process and its local workers: what collect, eval and up have in common.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "services/bus/participant.h"
+#include "services/campaign/collector.h"
+#include "services/cli/worker_pool.h"
+#include "services/core/file.h"
+#include "services/core/result.h"
+#include "services/episode/campaign_spec.h"
+
+namespace etude::cli {
+
+struct HostOptions {
+  BusArguments bus;
+  int workers = 1;      ///< 0: only others' workers
+  Path out;             ///< what the collector opens
+  Path logs;
+};
+
+/// Runs the collector on a thread of its own and supervises the workers from the caller's.
+class HostedCampaign {
+ public:
+  static Result<std::unique_ptr<HostedCampaign>> Start(const bus::Participant& participant,
+                                                       const CampaignSpec& spec, const HostOptions& options);
+  /// Drains: workers end first, then the collector.
+  ~HostedCampaign();
+
+  /// Call a few times a second. @error of the workers (WorkerPool::Supervise) or of the collector.
+  Status Supervise();
+  /// True when the collector has ended: complete, or stopped.
+  bool ended() const;
+  /// Ends workers and collector; returns the collector's own status.
+  Status Finish();
+  campaign::CollectorProgress progress() const;
+
+ private:
+  HostedCampaign() = default;
+  struct Host;
+  std::unique_ptr<Host> host_;
+  std::optional<WorkerPool> pool_;
+};
+
+}  // namespace etude::cli

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/cli/service.h"
+
+#include <fmt/format.h>
+
+#include "services/cli/worker_pool.h"
+#include "services/core/command.h"
+#include "services/core/log.h"
+
+namespace etude::cli {
+
+using namespace std::chrono_literals;
+
+Result<Service> Service::Start(const ServiceOptions& options) {
+  Service service(options);
+  ETUDE_RETURN_IF_ERROR(service.Launch());
+  return service;
+}
+
+Status Service::Launch() {
+  ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling(options_.program));
+  campaign::ProcessOptions process;
+  process.argv = {program.string()};
+  process.argv.insert(process.argv.end(), options_.arguments.begin(), options_.arguments.end());
+  if (restarts_ > 0)
+    process.argv.insert(process.argv.end(), options_.restart_arguments.begin(), options_.restart_arguments.end());
+  process.log = options_.log;
+  ETUDE_ASSIGN_OR_RETURN(auto started, campaign::Process::Start(process));
+  process_.emplace(std::move(started));
+  return {};
+}
+
+Status Service::Supervise() {
+  if (done_) return {};
+  if (!process_) return MonotonicClock::now() < start_again_ ? Status() : Launch();
+  const auto exit_code = process_->Poll();
+  if (!exit_code) return {};
+  process_.reset();
+  if (*exit_code == kExitOk) {
+    done_ = true;
+    return {};
+  }
+  if (*exit_code == kExitUsage || *exit_code == kExitMachine || ++restarts_ > options_.max_restarts)
+    return Fail(*exit_code == kExitMachine ? Code::kUnavailable : Code::kInternal,
+                fmt::format("{} ended with exit code {}. From {}:{}", options_.program, *exit_code,
+                            options_.log.string(), LogTail(options_.log)));
+  Log().warn("{} ended with exit code {}, it is started again", options_.program, *exit_code);
+  start_again_ = MonotonicClock::now() + 1s * restarts_;
+  return {};
+}
+
+void Service::Stop(std::chrono::milliseconds patience) {
+  if (process_) process_->Stop(patience);
+  process_.reset();
+  done_ = true;
+}
+
+}  // namespace etude::cli

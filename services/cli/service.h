@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// A supervised child that is not a worker: trainer or policy server.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "services/campaign/process.h"
+#include "services/core/clock.h"
+#include "services/core/result.h"
+
+namespace etude::cli {
+
+struct ServiceOptions {
+  std::string program;                     ///< a sibling: etude-trainer
+  std::vector<std::string> arguments;
+  std::vector<std::string> restart_arguments;  ///< appended when it is started again: --resume
+  Path log;
+  int max_restarts = 5;
+};
+
+/// One child, started again when it dies of something that may pass.
+class Service {
+ public:
+  static Result<Service> Start(const ServiceOptions& options);
+  /// Call a few times a second. @error when it ended with exit code 2 or 3, or too often; the message has the
+  /// log's last lines.
+  Status Supervise();
+  /// It ended by itself with exit code 0.
+  bool done() const { return done_; }
+  void Stop(std::chrono::milliseconds patience);
+
+ private:
+  explicit Service(ServiceOptions options) : options_(std::move(options)) {}
+  Status Launch();
+
+  ServiceOptions options_;
+  std::optional<campaign::Process> process_;
+  MonotonicClock::time_point start_again_{};
+  int restarts_ = 0;
+  bool done_ = false;
+};
+
+}  // namespace etude::cli

@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: Apache-2.0
+// `etude up`: collection, training, policy server and rollouts on this machine, supervised.
+#include <fmt/format.h>
+
+#include <optional>
+
+#include "services/bus/topic.h"
+#include "services/campaign/eval_report.h"
+#include "services/campaign/spec_file.h"
+#include "services/cli/command_line.h"
+#include "services/cli/evaluation.h"
+#include "services/cli/service.h"
+#include "services/cli/up_config.h"
+#include "services/core/log.h"
+#include "services/core/stop.h"
+
+namespace etude::cli {
+namespace {
+
+using namespace std::chrono_literals;
+
+// a trainer saves its state and its last checkpoint when it is told to stop
+constexpr auto kTrainerPatience = 60s;
+constexpr auto kPolicyPatience = 5s;
+
+struct Arguments {
+  std::string file;
+  std::vector<std::string> overrides;
+  std::optional<std::uint64_t> episodes;
+  std::optional<double> minutes;
+  std::optional<int> workers;
+  std::optional<std::uint32_t> domain;
+  std::string out;
+  bool keep_running = false;
+  std::string profile;
+};
+
+// The system and its life: collect and train side by side, then roll out.
+class System {
+ public:
+  System(UpConfig config, CampaignSpec spec, BusArguments bus, bus::Participant participant,
+         bus::Reader<bus::TrainStatus> train_statuses)
+      : config_(std::move(config)),
+        spec_(std::move(spec)),
+        bus_(std::move(bus)),
+        out_(config_.out),
+        participant_(std::move(participant)),
+        train_statuses_(std::move(train_statuses)) {}
+
+  Status Run(bool keep_running);
+
+ private:
+  Status CollectAndTrain();
+  Status StartTraining();
+  Status Tick();
+  Status RollOut();
+  void Drain();
+  std::string Line();
+  std::string TrainLine() const;
+  void PrintWhere() const;
+
+  UpConfig config_;
+  CampaignSpec spec_;
+  BusArguments bus_;
+  Path out_;
+  bus::Participant participant_;
+  bus::Reader<bus::TrainStatus> train_statuses_;
+  std::optional<bus::TrainStatus> train_;
+  std::unique_ptr<HostedCampaign> collection_;
+  std::optional<campaign::CollectorProgress> collected_;   // final, once collection has ended
+  std::optional<Service> trainer_, policy_;
+  Stopwatch since_start_;
+  ProgressDisplay display_;
+};
+
+Status System::StartTraining() {
+  const Path run = out_ / "run" / config_.train.run;
+  ServiceOptions trainer;
+  trainer.program = "etude-trainer";
+  trainer.arguments = {"--data",   (out_ / "dataset").string(), "--config", config_.train.config,
+                       "--out",    run.string(),                "--minutes", fmt::format("{}", config_.train.minutes),
+                       "--follow"};
+  for (const auto& text : config_.train.set) trainer.arguments.insert(trainer.arguments.end(), {"--set", text});
+  const auto flags = bus_.Flags();
+  trainer.arguments.insert(trainer.arguments.end(), flags.begin(), flags.end());
+  trainer.restart_arguments = {"--resume"};
+  // an earlier `up` on the same folder was stopped: go on from there
+  if (std::filesystem::exists(run / "training_state.safetensors")) trainer.arguments.push_back("--resume");
+  trainer.log = out_ / "logs" / "trainer.log";
+  ETUDE_ASSIGN_OR_RETURN(auto started, Service::Start(trainer));
+  trainer_.emplace(std::move(started));
+
+  ServiceOptions policy;
+  policy.program = "etude-policy";
+  policy.arguments = {"--subscribe", config_.train.run};
+  policy.arguments.insert(policy.arguments.end(), flags.begin(), flags.end());
+  policy.log = out_ / "logs" / "policy.log";
+  ETUDE_ASSIGN_OR_RETURN(auto serving, Service::Start(policy));
+  policy_.emplace(std::move(serving));
+  display_.Say(fmt::format("[{}] training starts: run '{}' in {}", FormatDuration(since_start_.Seconds()),
+                           config_.train.run, run.string()));
+  return {};
+}
+
+// Everything that is watched all the time.
+Status System::Tick() {
+  if (collection_) ETUDE_RETURN_IF_ERROR(collection_->Supervise());
+  if (trainer_) ETUDE_RETURN_IF_ERROR(trainer_->Supervise());
+  if (policy_) ETUDE_RETURN_IF_ERROR(policy_->Supervise());
+  for (auto& status : train_statuses_.Take())
+    if (status.run == config_.train.run) train_ = std::move(status);
+  return {};
+}
+
+Status System::CollectAndTrain() {
+  ETUDE_ASSIGN_OR_RETURN(collection_,
+                         HostedCampaign::Start(participant_, spec_,
+                                               {.bus = bus_,
+                                                .workers = config_.workers,
+                                                .out = out_ / "dataset",
+                                                .logs = out_ / "logs"}));
+  const std::uint64_t enough = std::min(config_.train.start_episodes, spec_.episodes);
+  while (!StopRequested() && !(trainer_ && trainer_->done())) {
+    ETUDE_RETURN_IF_ERROR(Tick());
+    if (collection_) {
+      const auto progress = collection_->progress();
+      if (!trainer_ && (progress.committed >= enough || progress.complete)) ETUDE_RETURN_IF_ERROR(StartTraining());
+      if (collection_->ended()) {
+        ETUDE_RETURN_IF_ERROR(collection_->Finish());
+        collected_ = collection_->progress();
+        collection_.reset();
+        display_.Say(fmt::format("[{}] collected:\n{}", FormatDuration(since_start_.Seconds()),
+                                 campaign::SummaryText(*collected_)));
+      }
+    }
+    if (display_.due()) display_.Show(Line());
+    WaitForStop(100ms);
+  }
+  return {};
+}
+
+std::string System::TrainLine() const {
+  if (!train_) return "training: starting";
+  const auto& train = *train_;
+  std::string line = fmt::format("training: step {}  stage {}/{} {}  loss {:.4f}  {:.0f} samples/s", train.step,
+                                 train.stage, train.stages, train.stage_name, train.loss, train.samples_per_second);
+  if (train.checkpoint_step > 0) line += fmt::format("  checkpoint {}", train.checkpoint_step);
+  if (train.eta_s > 0) line += "  ETA " + FormatDuration(train.eta_s);
+  return line;
+}
+
+std::string System::Line() {
+  std::string line = fmt::format("[{}] ", FormatDuration(since_start_.Seconds()));
+  if (collection_) line += campaign::ProgressLine(collection_->progress());
+  if (collection_ && trainer_) line += " | ";
+  if (trainer_) line += TrainLine();
+  return line;
+}
+
+Status System::RollOut() {
+  const std::uint64_t step = train_ ? train_->checkpoint_step : 0;
+  EvaluationOptions evaluation{.run = config_.train.run,
+                               .tasks = config_.eval.tasks,
+                               .episodes = config_.eval.episodes,
+                               .seed = config_.eval.seed,
+                               .videos = config_.eval.videos,
+                               // a new policy gets a new folder; the same one is resumed
+                               .out = out_ / "eval" / fmt::format("step-{:06}", step)};
+  const CampaignSpec spec = EvaluationSpec(spec_, evaluation);
+  ETUDE_RETURN_IF_ERROR(spec.Validate());
+  display_.Say(fmt::format("[{}] rolling out {} episodes", FormatDuration(since_start_.Seconds()), spec.episodes));
+  ETUDE_ASSIGN_OR_RETURN(
+      const OrderedJson report,
+      Evaluate(participant_, spec, evaluation,
+               {.bus = bus_, .workers = config_.workers, .out = evaluation.out, .logs = out_ / "logs"}, display_,
+               [this] { return Tick(); }));
+  if (StopRequested()) return {};
+  display_.Say("");
+  fmt::print("{}", campaign::EvalTable(report));
+  fmt::print("evaluation  {}/eval.json\nvideos      {}/videos\n", evaluation.out.string(), evaluation.out.string());
+  return {};
+}
+
+void System::Drain() {
+  if (collection_) (void)collection_->Finish();
+  if (trainer_) trainer_->Stop(kTrainerPatience);
+  if (policy_) policy_->Stop(kPolicyPatience);
+}
+
+void System::PrintWhere() const {
+  fmt::print("dataset     {}\nrun         {}\nlogs        {}\nelapsed     {}\n", (out_ / "dataset").string(),
+             (out_ / "run" / config_.train.run).string(), (out_ / "logs").string(),
+             FormatDuration(since_start_.Seconds()));
+  std::fflush(stdout);
+}
+
+Status System::Run(bool keep_running) {
+  const Status done = [&]() -> Status {
+    ETUDE_RETURN_IF_ERROR(CollectAndTrain());
+    if (StopRequested()) return {};
+    return RollOut();
+  }();
+  if (done && keep_running && !StopRequested()) {
+    PrintWhere();
+    display_.Say(fmt::format("policy '{}' serves on domain {}; Ctrl-C ends it", config_.train.run, bus_.domain));
+    while (!WaitForStop(200ms)) ETUDE_RETURN_IF_ERROR(Tick());
+  }
+  if (StopRequested()) display_.Say("draining: what is committed stays, run again to continue");
+  Drain();
+  if (done && !keep_running) PrintWhere();
+  return done;
+}
+
+Result<UpConfig> Load(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(auto config, LoadConfig<UpConfig>(arguments.file, arguments.overrides));
+  if (config.campaign.empty())
+    return Fail(Code::kInvalidArgument, fmt::format("{}: campaign: name a campaign file", arguments.file));
+  if (!IsPlainName(config.train.run))
+    return Fail(Code::kInvalidArgument,
+                fmt::format("{}: train.run: '{}' must match [a-z0-9_-]{{1,64}}", arguments.file, config.train.run));
+  config.campaign = (Path(arguments.file).parent_path() / config.campaign).lexically_normal().string();
+  if (!arguments.out.empty()) config.out = arguments.out;
+  if (arguments.minutes) config.train.minutes = *arguments.minutes;
+  if (arguments.workers) config.workers = *arguments.workers;
+  if (arguments.domain) config.domain = *arguments.domain;
+  if (config.workers == 0) config.workers = DefaultWorkers();
+  return config;
+}
+
+Status Up(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const UpConfig config, Load(arguments));
+  ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec,
+                         campaign::LoadSpec({config.campaign, arguments.episodes, {}, config.campaign_set}));
+  for (const char* program : {"etude-worker", "etude-trainer", "etude-policy"})
+    ETUDE_RETURN_IF_ERROR(campaign::FindSibling(program));
+  OrderedJson resolved = ToJson(config);
+  resolved["episodes"] = spec.episodes;
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(Path(config.out) / "up.yaml", ToYaml(resolved)));
+
+  const BusArguments bus{config.domain, arguments.profile};
+  ETUDE_ASSIGN_OR_RETURN(auto participant, bus::Participant::Open({bus.domain, bus.profile}));
+  ETUDE_ASSIGN_OR_RETURN(auto statuses,
+                         bus::Reader<bus::TrainStatus>::Open(participant, config.train.run));
+  System system(config, spec, bus, std::move(participant), std::move(statuses));
+  return system.Run(arguments.keep_running);
+}
+
+}  // namespace
+
+void AddUp(CLI::App& app, Body& body) {
+  auto* command = app.add_subcommand("up", "the whole loop on this machine: collect, train, serve, roll out");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("config", arguments->file, "what to run (YAML), e.g. deploy/up/quickstart.yaml")->required();
+  command->add_option("--episodes", arguments->episodes, "demonstrations, instead of the campaign file's count");
+  command->add_option("--minutes", arguments->minutes, "of training");
+  command->add_option("--out", arguments->out, "folder for dataset, run, evaluation and logs; resumes what is there");
+  command->add_option("--workers", arguments->workers, "local workers")->check(CLI::Range(1, 100));
+  command->add_flag("--keep-running", arguments->keep_running, "keep the policy server up at the end, until Ctrl-C");
+  command->add_option("--domain", arguments->domain, "DDS domain")->check(CLI::Range(0, 230));
+  command->add_option("--profile", arguments->profile, "Cyclone DDS XML file");
+  AddOverrides(*command, arguments->overrides, "train.config=paper");
+  command->callback([arguments, &body] { body = [arguments] { return Up(*arguments); }; });
+}
+
+}  // namespace etude::cli

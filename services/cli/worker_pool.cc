@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/cli/worker_pool.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <deque>
+#include <fstream>
+#include <thread>
+
+#include "services/bus/participant.h"
+#include "services/core/command.h"
+#include "services/core/log.h"
+
+namespace etude::cli {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto kPatience = 8s;       // of Stop, until SIGKILL
+constexpr auto kHealthyAfter = 20s;  // a life this long resets the back-off
+constexpr auto kAtOnce = 10s;        // exit code 3 before this: the machine cannot
+
+MonotonicClock::duration BackOff(int deaths) {
+  return std::min<MonotonicClock::duration>(10s, 250ms * (1 << std::min(deaths, 6)));
+}
+
+}  // namespace
+
+int DefaultWorkers() { return static_cast<int>(std::max(1u, std::thread::hardware_concurrency())); }
+
+std::string LogTail(const Path& log, int lines) {
+  std::ifstream file(log);
+  std::deque<std::string> tail;
+  for (std::string line; std::getline(file, line);) {
+    tail.push_back(line);
+    if (static_cast<int>(tail.size()) > lines) tail.pop_front();
+  }
+  std::string text;
+  for (const auto& line : tail) text += "\n    " + line;
+  return text;
+}
+
+Result<WorkerPool> WorkerPool::Start(const WorkerPoolOptions& options) {
+  WorkerPool pool(options);
+  ETUDE_ASSIGN_OR_RETURN(pool.program_, campaign::FindSibling("etude-worker"));
+  pool.slots_.resize(static_cast<std::size_t>(options.workers));
+  for (std::size_t k = 0; k < pool.slots_.size(); ++k) ETUDE_RETURN_IF_ERROR(pool.StartSlot(k));
+  return pool;
+}
+
+Status WorkerPool::StartSlot(std::size_t k) {
+  Slot& slot = slots_[k];
+  slot.name = fmt::format("{}-w{}", bus::UniquePeerName(), k);
+  campaign::ProcessOptions process;
+  process.argv = {program_.string(), "--campaign", options_.campaign, "--name", slot.name};
+  const auto flags = options_.bus.Flags();
+  process.argv.insert(process.argv.end(), flags.begin(), flags.end());
+  process.log = options_.logs / fmt::format("worker-{}.log", k);
+  ETUDE_ASSIGN_OR_RETURN(auto started, campaign::Process::Start(process));
+  slot.process.emplace(std::move(started));
+  slot.started = MonotonicClock::now();
+  return {};
+}
+
+void WorkerPool::OnEnd(Slot& slot, int exit_code) {
+  const auto now = MonotonicClock::now();
+  const auto life = now - slot.started;
+  slot.process.reset();
+  if (options_.on_end) options_.on_end(slot.name);
+  if (exit_code == kExitOk) {
+    slot.finished = true;
+    return;
+  }
+  if (exit_code == kExitMachine && life < kAtOnce) {
+    slot.finished = slot.unable = true;
+    return;
+  }
+  slot.deaths = life > kHealthyAfter ? 1 : slot.deaths + 1;
+  slot.start_again = now + BackOff(slot.deaths);
+  Log().warn("worker={} ended with exit code {}, it is started again", slot.name, exit_code);
+}
+
+Status WorkerPool::Supervise() {
+  for (std::size_t k = 0; k < slots_.size(); ++k) {
+    Slot& slot = slots_[k];
+    if (slot.finished) continue;
+    if (slot.process) {
+      if (const auto exit_code = slot.process->Poll()) OnEnd(slot, *exit_code);
+    } else if (MonotonicClock::now() >= slot.start_again) {
+      ++restarts_;
+      ETUDE_RETURN_IF_ERROR(StartSlot(k));
+    }
+  }
+  const bool unable = std::all_of(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.unable; });
+  if (slots_.empty() || !unable) return {};
+  const Path log = options_.logs / "worker-0.log";
+  return Fail(Code::kUnavailable, fmt::format("no worker can run on this machine; try `etude doctor`. From {}:{}",
+                                              log.string(), LogTail(log)));
+}
+
+void WorkerPool::Stop() {
+  for (auto& slot : slots_)
+    if (slot.process) slot.process->Signal(SIGTERM);
+  const auto deadline = MonotonicClock::now() + kPatience;
+  for (auto& slot : slots_) {
+    if (!slot.process) continue;
+    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(deadline - MonotonicClock::now());
+    slot.process->Stop(std::max(left, 0ms));
+    slot.process.reset();
+    slot.finished = true;
+  }
+}
+
+}  // namespace etude::cli

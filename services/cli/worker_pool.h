@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// N local worker processes, supervised: restarted with back-off when they die.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "services/campaign/process.h"
+#include "services/cli/command_line.h"
+#include "services/core/clock.h"
+#include "services/core/file.h"
+#include "services/core/result.h"
+
+namespace etude::cli {
+
+struct WorkerPoolOptions {
+  int workers = 1;
+  std::string campaign;
+  BusArguments bus;
+  Path logs;                                    ///< LOGS/worker-0.log, ...
+  /// Told the bus name of a worker that has ended, so that its lease is free at once.
+  std::function<void(const std::string&)> on_end;
+};
+
+/// Owns the processes. Use from one thread that outlives it (children end with the thread that made them).
+class WorkerPool {
+ public:
+  static Result<WorkerPool> Start(const WorkerPoolOptions& options);
+
+  /// Call a few times a second: restarts what died.
+  /// @error kUnavailable when the machine cannot run workers at all (all ended with exit code 3 at once);
+  /// the message has the log's last lines.
+  Status Supervise();
+  /// SIGTERM to all, SIGKILL after a few seconds.
+  void Stop();
+  int restarts() const { return restarts_; }
+
+ private:
+  struct Slot {
+    std::optional<campaign::Process> process;
+    std::string name;         // on the bus
+    MonotonicClock::time_point started{}, start_again{};
+    int deaths = 0;           // in a row
+    bool finished = false;    // went home by itself, or never can
+    bool unable = false;
+  };
+
+  explicit WorkerPool(WorkerPoolOptions options) : options_(std::move(options)) {}
+  Status StartSlot(std::size_t k);
+  void OnEnd(Slot& slot, int exit_code);
+
+  WorkerPoolOptions options_;
+  Path program_;
+  std::vector<Slot> slots_;
+  int restarts_ = 0;
+};
+
+/// Number of workers to start when the user does not say: one a core.
+int DefaultWorkers();
+/// The last lines of a log file, indented; for error messages.
+std::string LogTail(const Path& log, int lines = 5);
+
+}  // namespace etude::cli

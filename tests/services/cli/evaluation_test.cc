@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/cli/evaluation.cc
+#include "services/cli/evaluation.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <set>
+
+namespace etude::cli {
+namespace {
+
+EvaluationOptions Options(const Path& out) {
+  EvaluationOptions options;
+  options.run = "demo";
+  options.out = out;
+  return options;
+}
+
+TEST(EvaluationSpec, EightyRolloutsAre32And24And24) {
+  const CampaignSpec spec = EvaluationSpec(CampaignSpec{}, Options("out/a"));
+  ASSERT_TRUE(spec.Validate()) << spec.Validate().error().message;
+  EXPECT_EQ(spec.mode, "rollout");
+  std::map<std::string, int> counts;
+  for (std::uint64_t i = 0; i < spec.episodes; ++i) ++counts[TaskOf(spec, i)];
+  EXPECT_EQ(counts, (std::map<std::string, int>{{"pick", 32}, {"push", 24}, {"put_down", 24}}));
+}
+
+TEST(EvaluationSpec, SeedsNeverMeetThoseOfACollection) {
+  std::set<std::uint64_t> collected;
+  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    CampaignSpec spec;
+    spec.seed = seed;
+    for (std::uint64_t i = 0; i < 100; ++i)
+      for (std::uint32_t attempt = 0; attempt < 3; ++attempt) collected.insert(EpisodeSeed(spec, i, attempt));
+  }
+  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    auto options = Options("out/a");
+    options.seed = seed;
+    const CampaignSpec spec = EvaluationSpec(CampaignSpec{}, options);
+    EXPECT_GT(spec.seed, 1'000'000u) << "a seed that nobody types";
+    for (std::uint64_t i = 0; i < 100; ++i) EXPECT_FALSE(collected.contains(EpisodeSeed(spec, i, 0)));
+  }
+}
+
+TEST(EvaluationSpec, KeepsTheScenesOfItsCampaignAndNamesItselfByFolder) {
+  CampaignSpec base;
+  base.camera.width = 96;
+  base.objects = {"coke", "milk"};
+  auto options = Options("out/a");
+  options.tasks = {"push"};
+  const CampaignSpec spec = EvaluationSpec(base, options);
+  EXPECT_EQ(spec.camera.width, 96);
+  EXPECT_EQ(spec.objects, base.objects);
+  EXPECT_TRUE(spec.task_weights.empty());
+  EXPECT_EQ(spec.name, EvaluationSpec(base, Options("out/../out/a")).name);
+  EXPECT_NE(spec.name, EvaluationSpec(base, Options("out/b")).name);
+}
+
+}  // namespace
+}  // namespace etude::cli

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+// etude-worker: joins a campaign and makes its episodes, with the expert or with a policy at the controls.
+#include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <optional>
+
+#include "services/campaign/worker_client.h"
+#include "services/core/clock.h"
+#include "services/core/command.h"
+#include "services/core/log.h"
+#include "services/core/stop.h"
+#include "services/episode/codec.h"
+#include "worker/policy_client.h"
+#include "worker/task/attempt.h"
+
+namespace etude {
+namespace {
+
+struct Arguments {
+  campaign::WorkerOptions worker;
+  std::uint32_t domain = 0;
+  std::string profile;
+  sim::RendererConfig renderer;
+};
+
+campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete) {
+  campaign::WorkResult result;
+  result.outcome = task::ToString(attempt.outcome);
+  result.steps = static_cast<std::uint64_t>(attempt.episode.steps());
+  for (const auto& camera : attempt.episode.cameras) result.frames += camera.frames.size();
+  if (attempt.outcome == task::AttemptOutcome::kSuccess || always_complete) {
+    result.episode = EncodeEpisode(attempt.episode);
+    return result;
+  }
+  result.details_json = OrderedJson{{"reason", attempt.reason},
+                                    {"plan_s", attempt.plan_s},
+                                    {"step_s", attempt.step_s},
+                                    {"render_s", attempt.render_s},
+                                    {"deflate_s", attempt.deflate_s}}
+                            .dump();
+  return result;
+}
+
+campaign::WorkFunction Demonstrate(std::shared_ptr<task::AttemptRunner> runner) {
+  return [runner](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
+    return ResultOf(runner->Demonstrate(item.index, item.attempt), false);
+  };
+}
+
+campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner,
+                               std::shared_ptr<PolicyClient> policy) {
+  const task::PolicyFunction ask = [policy](const task::PolicyQuestion& question) { return policy->Ask(question); };
+  return [runner, ask](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
+    auto attempt = runner->Rollout(item.index, ask);
+    if (attempt && attempt->outcome == task::AttemptOutcome::kSceneInvalid)
+      return campaign::WorkResult{.outcome = std::string(task::ToString(attempt->outcome))};
+    if (attempt) return ResultOf(std::move(*attempt), true);
+    // the policy did not answer: not the rollout's failure, it is tried again
+    const std::string outcome = StopRequested() ? campaign::kHandedBack : campaign::kPolicyError;
+    return campaign::WorkResult{.outcome = outcome,
+                                .details_json = OrderedJson{{"reason", attempt.error().message}}.dump()};
+  };
+}
+
+Status Work(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const auto participant,
+                         bus::Participant::Open({arguments.domain, arguments.profile}));
+  ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, arguments.worker));
+  return client.Run([&](const CampaignSpec& spec) -> Result<campaign::WorkFunction> {
+    ETUDE_ASSIGN_OR_RETURN(auto opened, task::AttemptRunner::Open(spec, arguments.renderer));
+    auto runner = std::make_shared<task::AttemptRunner>(std::move(opened));
+    Log().info("joined campaign={} mode={} worker={}", spec.name, spec.mode, client.name());
+    if (spec.mode != "rollout") return Demonstrate(runner);
+    ETUDE_ASSIGN_OR_RETURN(auto policy, PolicyClient::Open(participant, spec.rollout.run, client.name()));
+    return RollOut(runner, std::make_shared<PolicyClient>(std::move(policy)));
+  });
+}
+
+// Renders one picture and says with what.
+Status Doctor(const Arguments& arguments) {
+  const CampaignSpec spec;
+  ETUDE_ASSIGN_OR_RETURN(const auto scene, sim::Scene::Build(spec));
+  ETUDE_ASSIGN_OR_RETURN(auto renderer, sim::Renderer::Open(scene, arguments.renderer));
+  sim::World world(scene);
+  world.Reset();
+  world.Forward();
+  std::vector<std::uint8_t> rgb(static_cast<std::size_t>(scene->camera().width) * scene->camera().height * 3);
+  renderer.Render(world, rgb);
+  Stopwatch elapsed;
+  renderer.Render(world, rgb);
+  const auto [low, high] = std::minmax_element(rgb.begin(), rgb.end());
+  if (*high - *low < 32)
+    return Fail(Code::kUnavailable,
+                fmt::format("render a picture with {}: it is blank (values {} .. {}); install libgl1-mesa-dri, or "
+                            "try --gl osmesa",
+                            renderer.backend(), *low, *high));
+  fmt::print("{} on {}, a picture in {:.1f} ms\n", renderer.backend(), renderer.gl_renderer(),
+             1e3 * elapsed.Seconds());
+  return {};
+}
+
+}  // namespace
+}  // namespace etude
+
+int main(int argc, char** argv) {
+  // llvmpipe is fastest without threads of its own when every core has a worker
+  ::setenv("LP_NUM_THREADS", "0", 0);
+  etude::Arguments arguments;
+  CLI::App app("Joins a campaign and makes episodes until it is complete.", "etude worker");
+  app.add_option("--campaign", arguments.worker.campaign, "name of the campaign to join");
+  app.add_option("--domain", arguments.domain, "DDS domain")->check(CLI::Range(0, 230));
+  app.add_option("--profile", arguments.profile, "Cyclone DDS XML file");
+  app.add_option("--name", arguments.worker.name, "unique name on the bus");
+  app.add_flag("--once", arguments.worker.once, "one attempt, then home");
+  app.add_option("--gl", arguments.renderer.backend, "auto | egl | osmesa")
+      ->check(CLI::IsMember({"auto", "egl", "osmesa"}));
+  auto* doctor = app.add_subcommand("doctor", "render one picture and say with what");
+  app.require_subcommand(0, 1);
+  try {
+    app.parse(argc, argv);
+    if (!*doctor && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
+  }
+  return etude::RunMain("etude-worker",
+                        [&] { return *doctor ? etude::Doctor(arguments) : etude::Work(arguments); });
+}
