@@ -2,7 +2,7 @@
 // Procedural triangle meshes: surfaces of revolution and extrusions, with normals and texture coordinates.
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
 #include <string>
