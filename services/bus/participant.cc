@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdlib>
+#include <fstream>
 #include <map>
 #include <mutex>
 #include <random>
@@ -132,12 +133,12 @@ Result<std::shared_ptr<Entity>> OpenDomain(const ParticipantConfig& config,
 void WarnAboutReceiveBuffer() {
   static std::once_flag once;
   std::call_once(once, [] {
-    auto text = ReadTextFile("/proc/sys/net/core/rmem_max", 64);
-    if (!text) return;
-    if (std::strtoull(text->c_str(), nullptr, 10) < 4'194'304) {
+    std::ifstream file("/proc/sys/net/core/rmem_max");
+    std::uint64_t bytes = 0;
+    if (file >> bytes && bytes < 4'194'304) {
       Log().warn("socket buffers are limited: bursts are slower; run 'sysctl -w "
                  "net.core.rmem_max=4194304' rmem_max={}",
-                 text->substr(0, text->find('\n')));
+                 bytes);
     }
   });
 }
@@ -151,6 +152,8 @@ Result<Endpoint> OpenEndpoint(const Participant& participant, const std::string&
   out.is_writer = is_writer;
   const dds_entity_t parent = out.state->participant.get();
   const Qos qos = MakeQos(topic_qos);
+  // the same for writers and readers of a topic, which may both be in this process
+  const Qos shared_qos = MakeQos({topic_qos.transient_local, 1});
   const Qos group_qos = MakePartitionQos(partition);
   const std::string what = fmt::format("{} of topic '{}' in partition '{}'",
                                        is_writer ? "writer" : "reader", topic, partition);
@@ -159,7 +162,7 @@ Result<Endpoint> OpenEndpoint(const Participant& participant, const std::string&
                                        : dds_create_subscriber(parent, group_qos.get(), nullptr),
                              what));
   ETUDE_ASSIGN_OR_RETURN(out.topic, CheckEntity(dds_create_topic(parent, &type, topic.c_str(),
-                                                                 qos.get(), nullptr),
+                                                                 shared_qos.get(), nullptr),
                                                 what));
   const dds_entity_t group = out.group.get();
   ETUDE_ASSIGN_OR_RETURN(

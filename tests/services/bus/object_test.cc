@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <map>
+#include <thread>
+
+#include "services/bus/object_channel.h"
+#include "services/bus/topic.h"
+#include "services/core/hash.h"
+#include "tests/services/bus/two_processes.h"
+
+namespace etude::bus {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint32_t kDomain = 73;
+
+// Receives and acknowledges in a thread until it is destroyed.
+class Collector {
+ public:
+  Collector(const Participant& participant, const std::string& partition,
+            const ReceiveOptions& options = {})
+      : receiver_(std::move(*ObjectReceiver::Open(participant, partition, "episode", options))) {
+    thread_ = std::thread([this] { Run(); });
+  }
+  ~Collector() {
+    done_ = true;
+    thread_.join();
+  }
+  const std::map<std::string, std::vector<ReceivedObject>>& Stop() {
+    done_ = true;
+    if (thread_.joinable()) thread_.join();
+    thread_ = std::thread([] {});
+    return objects_;
+  }
+  std::uint64_t corrupt() const { return receiver_.corrupt_objects(); }
+
+ private:
+  void Run() {
+    while (!done_) {
+      auto object = receiver_.Receive(20ms);
+      if (!object) continue;
+      EXPECT_TRUE(receiver_.Acknowledge(object->manifest, {AckKind::kDone, ""}));
+      objects_[object->manifest.sender].push_back(std::move(*object));
+    }
+  }
+  ObjectReceiver receiver_;
+  std::atomic<bool> done_{false};
+  std::map<std::string, std::vector<ReceivedObject>> objects_;
+  std::thread thread_;
+};
+
+class EveryIntegrity : public testing::TestWithParam<Integrity> {};
+INSTANTIATE_TEST_SUITE_P(Both, EveryIntegrity, testing::Values(Integrity::kSha256, Integrity::kCrc32c));
+
+TEST_P(EveryIntegrity, ObjectsOfManySizesArriveWhole) {
+  const auto peers = OpenTwo(kDomain);
+  Collector collector(peers.b, "sizes");
+  SendOptions options;
+  options.chunk_size = 4096;
+  options.window = 8;
+  options.integrity = GetParam();
+  auto sender = ObjectSender::Open(peers.a, "sizes", "episode", "s", options);
+  ASSERT_TRUE(sender);
+  const std::vector<std::size_t> sizes{0, 1, 4095, 4096, 4097, 8192, 100'000, 1'000'003};
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    const auto verdict = sender->Send(i, MakeBytes(sizes[i], 1), 40 + i, "{\"i\":1}", 20s);
+    ASSERT_TRUE(verdict) << verdict.error().message;
+    EXPECT_EQ(verdict->kind, AckKind::kDone);
+  }
+  const auto& objects = collector.Stop().at("s");
+  ASSERT_EQ(objects.size(), sizes.size());
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    EXPECT_EQ(objects[i].bytes, MakeBytes(sizes[i], 1)) << sizes[i];
+    EXPECT_EQ(objects[i].manifest.id, i);
+    EXPECT_EQ(objects[i].manifest.token, 40 + i);
+    EXPECT_EQ(objects[i].manifest.meta_json, "{\"i\":1}");
+    EXPECT_EQ(objects[i].manifest.sha256.size(), GetParam() == Integrity::kSha256 ? 32u : 0u);
+  }
+}
+
+TEST(ObjectChannel, ManyInFlightAtOnce) {
+  const auto peers = OpenTwo(kDomain);
+  ReceiveOptions receive;
+  receive.ack_batch = 16;
+  Collector collector(peers.b, "flight", receive);
+  SendOptions options;
+  options.chunk_size = 16 * 1024;
+  options.window = 16;
+  auto sender = ObjectSender::Open(peers.a, "flight", "episode", "s", options);
+  ASSERT_TRUE(sender);
+  constexpr std::uint64_t kCount = 300;
+  const auto bytes = MakeBytes(40'000, 3);
+  std::vector<bool> answered(kCount, false);
+  for (std::uint64_t begun = 0, done = 0; done < kCount;) {
+    for (; begun < kCount && sender->in_flight() < 20; ++begun) {
+      const std::size_t size = begun % 3 == 0 ? bytes.size() : 10'000;
+      ASSERT_TRUE(sender->Begin(begun, {bytes.data(), size}, 0, ""));
+    }
+    const auto sent = sender->Next(20s);
+    ASSERT_TRUE(sent);
+    EXPECT_EQ(sent->verdict.kind, AckKind::kDone);
+    EXPECT_FALSE(answered[sent->id]);
+    answered[sent->id] = true;
+    ++done;
+  }
+  EXPECT_EQ(sender->in_flight(), 0u);
+  EXPECT_EQ(collector.Stop().at("s").size(), kCount);
+}
+
+TEST(ObjectChannel, TwoSendersAtOnce) {
+  const auto peers = OpenTwo(kDomain);
+  Collector collector(peers.b, "two");
+  std::vector<std::thread> threads;
+  for (const char* name : {"left", "right"}) {
+    threads.emplace_back([&peers, name] {
+      SendOptions options;
+      options.chunk_size = 32 * 1024;
+      auto sender = ObjectSender::Open(peers.a, "two", "episode", name, options);
+      ASSERT_TRUE(sender);
+      for (std::uint64_t id = 0; id < 10; ++id) {
+        const auto bytes = MakeBytes(300'000 + id, *name);
+        const auto verdict = sender->Send(id, bytes, 0, "", 20s);
+        ASSERT_TRUE(verdict) << verdict.error().message;
+        EXPECT_EQ(verdict->kind, AckKind::kDone);
+      }
+    });
+  }
+  for (auto& thread : threads) thread.join();
+  const auto& objects = collector.Stop();
+  for (const char* name : {"left", "right"}) {
+    ASSERT_EQ(objects.at(name).size(), 10u);
+    for (std::uint64_t id = 0; id < 10; ++id) {
+      EXPECT_EQ(objects.at(name)[id].bytes, MakeBytes(300'000 + id, *name));
+    }
+  }
+}
+
+TEST(ObjectChannel, RepeatsAreAnsweredWithoutAnotherReceive) {
+  const auto peers = OpenTwo(kDomain);
+  Collector collector(peers.b, "repeat");
+  const auto bytes = MakeBytes(500'000, 4);
+  for (int round = 0; round < 3; ++round) {  // a worker that did not see the ack sends again
+    auto sender = ObjectSender::Open(peers.a, "repeat", "episode", "same");
+    ASSERT_TRUE(sender);
+    const auto verdict = sender->Send(7, bytes, 0, "", 20s);
+    ASSERT_TRUE(verdict) << verdict.error().message;
+    EXPECT_EQ(verdict->kind, AckKind::kDone);
+  }
+  EXPECT_EQ(collector.Stop().at("same").size(), 1u);
+}
+
+TEST(ObjectChannel, TheVerdictsAndReasonsTravel) {
+  const auto peers = OpenTwo(kDomain);
+  auto receiver = ObjectReceiver::Open(peers.b, "verdict", "episode");
+  auto sender = ObjectSender::Open(peers.a, "verdict", "episode", "s");
+  ASSERT_TRUE(receiver && sender);
+  const auto bytes = MakeBytes(200'000, 5);
+  ASSERT_TRUE(sender->Begin(1, bytes, 9, ""));
+  std::optional<ReceivedObject> object;
+  while (!object) {
+    EXPECT_FALSE(sender->Next(10ms));
+    object = receiver->Receive(10ms);
+  }
+  ASSERT_TRUE(receiver->Acknowledge(object->manifest, {AckKind::kRefused, "token 9 is fenced off"}));
+  const auto sent = sender->Next(20s);
+  ASSERT_TRUE(sent);
+  EXPECT_EQ(sent->verdict.kind, AckKind::kRefused);
+  EXPECT_EQ(sent->verdict.reason, "token 9 is fenced off");
+}
+
+TEST(ObjectChannel, OversizeIsRefusedBeforeAnyMemory) {
+  const auto peers = OpenTwo(kDomain);
+  ReceiveOptions receive;
+  receive.max_object_size = 100'000;
+  Collector collector(peers.b, "large", receive);
+  SendOptions options;
+  options.chunk_size = 16 * 1024;
+  auto sender = ObjectSender::Open(peers.a, "large", "episode", "s", options);
+  ASSERT_TRUE(sender);
+  const auto verdict = sender->Send(1, MakeBytes(100'001, 1), 0, "", 20s);
+  ASSERT_TRUE(verdict) << verdict.error().message;
+  EXPECT_EQ(verdict->kind, AckKind::kRefused);
+  EXPECT_NE(verdict->reason.find("100001"), std::string::npos) << verdict->reason;
+  const auto fits = sender->Send(2, MakeBytes(100'000, 1), 0, "", 20s);
+  ASSERT_TRUE(fits);
+  EXPECT_EQ(fits->kind, AckKind::kDone);
+  EXPECT_EQ(collector.Stop().at("s").size(), 1u);
+}
+
+TEST(ObjectChannel, AManifestMayNotReserveMoreThanAllowed) {
+  const auto peers = OpenTwo(kDomain);
+  auto receiver = ObjectReceiver::Open(peers.b, "liar", "episode");
+  auto manifests = Writer<ObjectManifest>::Open(peers.a, "liar/episode");
+  auto acks = Reader<ObjectAck>::Open(peers.a, "liar/episode");
+  ASSERT_TRUE(receiver && manifests && acks);
+  ASSERT_TRUE(manifests->WaitForReaders(1, 10s));
+  ObjectManifest manifest;
+  manifest.channel = "episode";
+  manifest.sender = "liar";
+  manifest.size = 1ull << 39;
+  manifest.chunk_size = kMaxChunkSize;
+  manifest.chunk_count = static_cast<std::uint32_t>(manifest.size / kMaxChunkSize);
+  manifest.sha256.assign(32, 0);
+  std::vector<ObjectAck> answers;
+  while (answers.empty()) {
+    ASSERT_TRUE(manifests->Write(manifest));
+    EXPECT_FALSE(receiver->Receive(20ms));
+    if (acks->Wait(20ms)) answers = acks->Take();
+  }
+  EXPECT_EQ(answers[0].kind, AckKind::kRefused);
+}
+
+TEST(ObjectChannel, OthersWaitWhenMemoryIsFull) {
+  const auto peers = OpenTwo(kDomain);
+  ReceiveOptions receive;
+  receive.max_memory = 300'000;  // one object of the two
+  Collector collector(peers.b, "memory", receive);
+  std::vector<std::thread> threads;
+  for (const char* name : {"left", "right"}) {
+    threads.emplace_back([&peers, name] {
+      SendOptions options;
+      options.chunk_size = 16 * 1024;
+      options.window = 2;
+      options.resend_after = 50ms;
+      auto sender = ObjectSender::Open(peers.a, "memory", "episode", name, options);
+      ASSERT_TRUE(sender);
+      for (std::uint64_t id = 0; id < 3; ++id) {
+        const auto verdict = sender->Send(id, MakeBytes(250'000, *name), 0, "", 30s);
+        ASSERT_TRUE(verdict) << verdict.error().message;
+        EXPECT_EQ(verdict->kind, AckKind::kDone);
+      }
+    });
+  }
+  for (auto& thread : threads) thread.join();
+  EXPECT_EQ(collector.Stop().at("left").size(), 3u);
+  EXPECT_EQ(collector.Stop().at("right").size(), 3u);
+}
+
+TEST(ObjectChannel, SendTimesOutWithoutAReceiverAndMaySendAgain) {
+  const auto peers = OpenTwo(kDomain);
+  auto sender = ObjectSender::Open(peers.a, "alone", "episode", "s");
+  ASSERT_TRUE(sender);
+  const auto bytes = MakeBytes(300'000, 6);
+  const auto nobody = sender->Send(1, bytes, 0, "", 50ms);
+  ASSERT_FALSE(nobody);
+  EXPECT_EQ(nobody.error().code, Code::kTimeout);
+  EXPECT_EQ(sender->in_flight(), 0u);
+  Collector collector(peers.b, "alone");
+  const auto verdict = sender->Send(1, bytes, 0, "", 20s);
+  ASSERT_TRUE(verdict) << verdict.error().message;
+  EXPECT_EQ(collector.Stop().at("s").at(0).bytes, bytes);
+}
+
+TEST(ObjectChannel, RefusesBadOptions) {
+  const auto peers = OpenTwo(kDomain);
+  SendOptions options;
+  options.chunk_size = kMaxChunkSize + 1;
+  EXPECT_FALSE(ObjectSender::Open(peers.a, "p", "c", "s", options));
+  options = {};
+  options.window = 0;
+  EXPECT_FALSE(ObjectSender::Open(peers.a, "p", "c", "s", options));
+}
+
+}  // namespace
+}  // namespace etude::bus

@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <map>
+#include <thread>
+
+#include "services/bus/object_channel.h"
+#include "services/bus/typed.h"
+#include "services/core/hash.h"
+#include "tests/services/bus/two_processes.h"
+
+namespace etude::bus {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint32_t kDomain = 74;
+
+SendOptions SmallChunks() {
+  SendOptions options;
+  options.chunk_size = 10'000;
+  return options;
+}
+
+TEST(Published, EverySizeArrives) {
+  const auto peers = OpenTwo(kDomain);
+  auto publisher = ObjectPublisher::Open(peers.a, "sizes", SmallChunks());
+  auto subscriber = ObjectSubscriber::Open(peers.b, "sizes", "latest");
+  ASSERT_TRUE(publisher && subscriber);
+  std::uint64_t version = 0;
+  for (const std::size_t size : {0u, 1u, 9'999u, 10'000u, 10'001u, 2'000'000u, 20'000u}) {
+    const auto bytes = MakeBytes(size, 1);
+    const auto published = publisher->Publish("latest", ++version, bytes, "{\"step\":3}");
+    ASSERT_TRUE(published) << published.error().message;
+    const auto object = subscriber->Wait(20s);
+    ASSERT_TRUE(object) << size;
+    EXPECT_EQ(object->version, version);
+    EXPECT_EQ(object->bytes, bytes);
+    EXPECT_EQ(object->sha256, Sha256Hex(bytes));
+    EXPECT_EQ(object->meta_json, "{\"step\":3}");
+    EXPECT_EQ(object->channel, "latest");
+  }
+  EXPECT_EQ(subscriber->corrupt_objects(), 0u);
+  EXPECT_EQ(publisher->matched_subscribers(), 1);
+}
+
+TEST(Published, ALateSubscriberGetsTheNewestOfEachChannel) {
+  const auto peers = OpenTwo(kDomain);
+  auto publisher = ObjectPublisher::Open(peers.a, "late", SmallChunks());
+  ASSERT_TRUE(publisher);
+  for (std::uint64_t version = 0; version < 5; ++version) {
+    ASSERT_TRUE(publisher->Publish("latest", version, MakeBytes(300'000 - version * 50'000, 1), ""));
+  }
+  ASSERT_TRUE(publisher->Publish("best", 2, MakeBytes(70'000, 2), ""));
+  auto all = ObjectSubscriber::Open(peers.b, "late", "");
+  auto best = ObjectSubscriber::Open(peers.b, "late", "best");
+  ASSERT_TRUE(all && best);
+  std::map<std::string, std::uint64_t> newest;
+  while (newest["latest"] != 4 || newest["best"] != 2) {
+    const auto object = all->Wait(20s);
+    ASSERT_TRUE(object);
+    EXPECT_GE(object->version, newest[object->channel]);
+    newest[object->channel] = object->version;
+    if (object->channel == "latest") {
+      EXPECT_EQ(object->bytes, MakeBytes(300'000 - object->version * 50'000, 1));
+    }
+  }
+  const auto only = best->Wait(20s);
+  ASSERT_TRUE(only);
+  EXPECT_EQ(only->channel, "best");
+  EXPECT_FALSE(best->Wait(50ms));
+}
+
+// A publisher by hand that stops in the middle of a version.
+TEST(Published, ALateSubscriberGetsTheCompleteVersionWhileTheNextIsUnderWay) {
+  const auto peers = OpenTwo(kDomain);
+  auto publisher = ObjectPublisher::Open(peers.a, "half", SmallChunks());
+  ASSERT_TRUE(publisher);
+  ASSERT_TRUE(publisher->Publish("latest", 1, MakeBytes(100'000, 1), ""));
+  ASSERT_TRUE(publisher->Publish("latest", 2, MakeBytes(100'000, 2), ""));
+  const auto chunks = OpenWriter(peers.a, "half", etude_wire_PublishedChunk_desc,
+                                 kPublishedChunkTopic, kPublishedWriter);
+  ASSERT_TRUE(chunks);
+  const auto part = MakeBytes(10'000, 3);
+  for (std::uint32_t index = 0; index < 5; ++index) {
+    etude_wire_PublishedChunk wire{};
+    std::snprintf(wire.channel, sizeof(wire.channel), "latest");
+    std::snprintf(wire.publisher, sizeof(wire.publisher), "other");
+    wire.version = 3;
+    wire.size = 100'000;
+    wire.chunk_size = 10'000;
+    wire.index = index;
+    wire.data._length = wire.data._maximum = 10'000;
+    wire.data._buffer = const_cast<std::uint8_t*>(part.data());
+    ASSERT_EQ(dds_write(chunks->get(), &wire), DDS_RETCODE_OK);
+  }
+  auto subscriber = ObjectSubscriber::Open(peers.b, "half", "latest");
+  ASSERT_TRUE(subscriber);
+  std::uint64_t newest = 0;
+  while (newest != 2) {  // version 1 may come first
+    const auto object = subscriber->Wait(20s);
+    ASSERT_TRUE(object);
+    EXPECT_EQ(object->bytes, MakeBytes(100'000, static_cast<std::uint32_t>(object->version)));
+    newest = object->version;
+  }
+  EXPECT_FALSE(subscriber->Wait(50ms));
+}
+
+TEST(Published, ASlowSubscriberSkipsSupersededVersions) {
+  const auto peers = OpenTwo(kDomain);
+  auto publisher = ObjectPublisher::Open(peers.a, "slow", SmallChunks());
+  auto subscriber = ObjectSubscriber::Open(peers.b, "slow", "latest");
+  ASSERT_TRUE(publisher && subscriber);
+  ASSERT_TRUE(publisher->Publish("latest", 1, MakeBytes(50'000, 1), ""));
+  ASSERT_TRUE(subscriber->Wait(20s));
+  for (std::uint64_t version = 2; version <= 20; ++version) {
+    const auto bytes = MakeBytes(50'000, static_cast<std::uint32_t>(version));
+    ASSERT_TRUE(publisher->Publish("latest", version, bytes, ""));
+  }
+  std::uint64_t last = 1;
+  int seen = 0;
+  while (last < 20) {
+    const auto object = subscriber->Wait(20s);
+    ASSERT_TRUE(object);
+    EXPECT_GT(object->version, last);
+    EXPECT_EQ(object->bytes, MakeBytes(50'000, static_cast<std::uint32_t>(object->version)));
+    last = object->version;
+    ++seen;
+  }
+  EXPECT_LE(seen, 19);
+  EXPECT_EQ(subscriber->corrupt_objects(), 0u);
+}
+
+TEST(Published, TwoSubscribersAndLostPackets) {
+  const auto peers = OpenTwo(kDomain, 20);
+  auto publisher = ObjectPublisher::Open(peers.a, "loss");
+  auto one = ObjectSubscriber::Open(peers.b, "loss", "latest");
+  auto two = ObjectSubscriber::Open(peers.b, "loss", "latest");
+  ASSERT_TRUE(publisher && one && two);
+  const auto bytes = MakeBytes(3'000'000, 9);
+  std::thread publishing([&] { EXPECT_TRUE(publisher->Publish("latest", 1, bytes, "")); });
+  for (auto* subscriber : {&*one, &*two}) {
+    const auto object = subscriber->Wait(60s);
+    ASSERT_TRUE(object);
+    EXPECT_EQ(object->bytes, bytes);
+  }
+  publishing.join();
+}
+
+TEST(Published, VersionsMustGrow) {
+  const auto peers = OpenTwo(kDomain);
+  auto publisher = ObjectPublisher::Open(peers.a, "grow");
+  ASSERT_TRUE(publisher);
+  ASSERT_TRUE(publisher->Publish("latest", 5, {}, ""));
+  for (const std::uint64_t version : {5u, 4u}) {
+    const auto again = publisher->Publish("latest", version, {}, "");
+    ASSERT_FALSE(again);
+    EXPECT_EQ(again.error().code, Code::kInvalidArgument);
+  }
+  EXPECT_TRUE(publisher->Publish("best", 1, {}, ""));
+  EXPECT_TRUE(publisher->Publish("latest", 6, {}, ""));
+}
+
+TEST(Published, TooLargeIsNotTaken) {
+  const auto peers = OpenTwo(kDomain);
+  auto publisher = ObjectPublisher::Open(peers.a, "large", SmallChunks());
+  ReceiveOptions options;
+  options.max_object_size = 100'000;
+  auto subscriber = ObjectSubscriber::Open(peers.b, "large", "", options);
+  ASSERT_TRUE(publisher && subscriber);
+  ASSERT_TRUE(publisher->Publish("latest", 1, MakeBytes(100'001, 1), ""));
+  ASSERT_TRUE(publisher->Publish("latest", 2, MakeBytes(100'000, 2), ""));
+  const auto object = subscriber->Wait(20s);
+  ASSERT_TRUE(object);
+  EXPECT_EQ(object->version, 2u);
+}
+
+TEST(Published, ARestartedPublisherGoesOn) {
+  const auto peers = OpenTwo(kDomain);
+  auto subscriber = ObjectSubscriber::Open(peers.b, "again", "");
+  ASSERT_TRUE(subscriber);
+  for (std::uint64_t version = 1; version <= 2; ++version) {
+    auto publisher = ObjectPublisher::Open(peers.a, "again", SmallChunks());
+    ASSERT_TRUE(publisher);
+    const auto bytes = MakeBytes(200'000, static_cast<std::uint32_t>(version));
+    ASSERT_TRUE(publisher->Publish("latest", version, bytes, ""));
+    const auto object = subscriber->Wait(20s);
+    ASSERT_TRUE(object);
+    EXPECT_EQ(object->version, version);
+    EXPECT_EQ(object->bytes, bytes);
+  }
+}
+
+}  // namespace
+}  // namespace etude::bus

@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/bus/topic.h"
+
+#include <gtest/gtest.h>
+
+#include "services/bus/wire.h"
+#include "tests/services/bus/two_processes.h"
+
+namespace etude::bus {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint32_t kDomain = 70;
+
+// Gives each field a value of its own, through the same field lists that the wire uses.
+class Filler {
+ public:
+  template <class T, class... Rest>
+  void operator()(const char* name, T& field, Rest&...) {
+    Fill(name, field);
+  }
+  template <class T, class W, class B>
+  void operator()(const char* name, T& field, W&, B) {
+    Fill(name, field);
+  }
+
+ private:
+  void Fill(const char* name, std::string& field) { field = std::string(name) + std::to_string(++n_); }
+  void Fill(const char*, bool& field) { field = true; }
+  template <class T>
+    requires std::is_arithmetic_v<T>
+  void Fill(const char*, T& field) {
+    field = static_cast<T>(++n_ * 1000003);
+  }
+  template <class E>
+    requires std::is_enum_v<E>
+  void Fill(const char*, E& field) {
+    field = static_cast<E>(2);
+  }
+  template <class T>
+  void Fill(const char*, std::vector<T>& field) {
+    for (int i = 0; i < 5; ++i) field.push_back(static_cast<T>(++n_));
+  }
+  int n_ = 0;
+};
+
+// Compares two messages by what would go on the wire.
+class Lister {
+ public:
+  template <class T, class... Rest>
+  void operator()(const char* name, T& field, Rest&...) {
+    List(name, field);
+  }
+  template <class T, class W, class B>
+  void operator()(const char* name, T& field, W&, B) {
+    List(name, field);
+  }
+  std::vector<std::string> fields;
+
+ private:
+  template <class T>
+  void List(const char* name, const T& field) {
+    std::string text = std::string(name) + "=";
+    if constexpr (std::is_same_v<T, std::string>) {
+      text += field;
+    } else if constexpr (std::is_enum_v<T>) {
+      text += std::to_string(static_cast<int>(field));
+    } else if constexpr (std::is_arithmetic_v<T>) {
+      text += std::to_string(field);
+    } else {
+      for (const auto item : field) text += std::to_string(item) + ",";
+    }
+    fields.push_back(text);
+  }
+};
+
+template <class Message>
+std::vector<std::string> List(Message message) {
+  typename Traits<Message>::Wire wire{};
+  Lister lister;
+  Fields(lister, message, wire);
+  return lister.fields;
+}
+
+template <class Message>
+Message MakeMessage() {
+  Message message;
+  typename Traits<Message>::Wire wire{};
+  Filler filler;
+  Fields(filler, message, wire);
+  if constexpr (std::is_same_v<Message, Observation>) {
+    message.width = 3;
+    message.height = 2;
+    message.image.resize(18, 7);
+  } else if constexpr (std::is_same_v<Message, ObjectManifest>) {
+    message.size = 5;
+    message.chunk_size = 4;
+    message.chunk_count = 2;
+    message.sha256.assign(32, 9);
+    message.crc32c.clear();
+  }
+  return message;
+}
+
+template <class Message>
+class EveryMessage : public testing::Test {};
+
+using Messages =
+    testing::Types<CampaignAnnouncement, WorkRequest, Lease, WorkerStatus, AttemptReport,
+                   CampaignStatus, ObjectManifest, ObjectChunk, ObjectAck, Observation, Action,
+                   TrainStatus>;
+TYPED_TEST_SUITE(EveryMessage, Messages);
+
+TYPED_TEST(EveryMessage, ArrivesAsItWasWritten) {
+  const auto peers = OpenTwo(kDomain);
+  auto writer = Writer<TypeParam>::Open(peers.a, "round");
+  auto reader = Reader<TypeParam>::Open(peers.b, "round");
+  ASSERT_TRUE(writer && reader);
+  ASSERT_TRUE(writer->WaitForReaders(1, 10s));
+  const auto message = MakeMessage<TypeParam>();
+  const auto written = writer->Write(message);
+  ASSERT_TRUE(written) << written.error().message;
+  ASSERT_TRUE(reader->Wait(10s));
+  const auto taken = reader->Take();
+  ASSERT_EQ(taken.size(), 1u);
+  EXPECT_EQ(List(taken[0]), List(message));
+  EXPECT_EQ(reader->malformed(), 0u);
+  EXPECT_EQ(reader->matched_writers(), 1);
+}
+
+TYPED_TEST(EveryMessage, ArrivesEmptyOrIsRefused) {
+  constexpr bool kMayBeEmpty =
+      !std::is_same_v<TypeParam, ObjectManifest> && !std::is_same_v<TypeParam, ObjectChunk>;
+  const auto peers = OpenTwo(kDomain);
+  auto writer = Writer<TypeParam>::Open(peers.a, "empty");
+  auto reader = Reader<TypeParam>::Open(peers.b, "empty");
+  ASSERT_TRUE(writer && reader);
+  ASSERT_TRUE(writer->WaitForReaders(1, 10s));
+  ASSERT_EQ(writer->Write(TypeParam{}).has_value(), kMayBeEmpty);
+  if (!kMayBeEmpty) return;
+  ASSERT_TRUE(reader->Wait(10s));
+  const auto taken = reader->Take();
+  ASSERT_EQ(taken.size(), 1u);
+  EXPECT_EQ(List(taken[0]), List(TypeParam{}));
+}
+
+TEST(Topic, LateJoinerGetsTheNewestState) {
+  const auto peers = OpenTwo(kDomain);
+  auto writer = Writer<CampaignStatus>::Open(peers.a, "late");
+  ASSERT_TRUE(writer);
+  for (const char* campaign : {"one", "two"}) {
+    for (std::uint64_t i = 1; i <= 3; ++i) {
+      CampaignStatus status;
+      status.campaign = campaign;
+      status.committed = i;
+      ASSERT_TRUE(writer->Write(status));
+    }
+  }
+  auto reader = Reader<CampaignStatus>::Open(peers.b, "late");
+  ASSERT_TRUE(reader);
+  std::vector<CampaignStatus> all;
+  while (all.size() < 2 && reader->Wait(10s)) {
+    for (auto& status : reader->Take()) all.push_back(status);
+  }
+  ASSERT_EQ(all.size(), 2u);
+  for (const auto& status : all) EXPECT_EQ(status.committed, 3u) << status.campaign;
+}
+
+TEST(Topic, DisposedStateIsNotGivenToLateJoiners) {
+  const auto peers = OpenTwo(kDomain);
+  auto writer = Writer<CampaignAnnouncement>::Open(peers.a, "gone");
+  ASSERT_TRUE(writer);
+  CampaignAnnouncement gone;
+  gone.campaign = "gone";
+  CampaignAnnouncement here;
+  here.campaign = "here";
+  ASSERT_TRUE(writer->Write(gone));
+  ASSERT_TRUE(writer->Dispose(gone));
+  ASSERT_TRUE(writer->Write(here));
+  auto reader = Reader<CampaignAnnouncement>::Open(peers.b, "gone");
+  ASSERT_TRUE(reader);
+  std::vector<CampaignAnnouncement> all;
+  while (all.empty() && reader->Wait(10s)) all = reader->Take();
+  ASSERT_EQ(all.size(), 1u);
+  EXPECT_EQ(all[0].campaign, "here");
+}
+
+TEST(Topic, PartitionsAreApart) {
+  const auto peers = OpenTwo(kDomain);
+  auto writer = Writer<WorkRequest>::Open(peers.a, "mine");
+  auto mine = Reader<WorkRequest>::Open(peers.b, "mine");
+  auto other = Reader<WorkRequest>::Open(peers.b, "other");
+  ASSERT_TRUE(writer && mine && other);
+  ASSERT_TRUE(writer->WaitForReaders(1, 10s));
+  ASSERT_TRUE(writer->Write({"c", "w", 1, "v"}));
+  ASSERT_TRUE(mine->Wait(10s));
+  EXPECT_EQ(mine->Take().size(), 1u);
+  EXPECT_EQ(writer->matched_readers(), 1);
+  EXPECT_EQ(other->matched_writers(), 0);
+  EXPECT_TRUE(other->Take().empty());
+}
+
+TEST(Topic, EventsAreNotReplaced) {
+  const auto peers = OpenTwo(kDomain);
+  auto writer = Writer<WorkRequest>::Open(peers.a, "events");
+  auto reader = Reader<WorkRequest>::Open(peers.b, "events");
+  ASSERT_TRUE(writer && reader);
+  ASSERT_TRUE(writer->WaitForReaders(1, 10s));
+  constexpr std::uint64_t kCount = 500;
+  for (std::uint64_t i = 0; i < kCount; ++i) ASSERT_TRUE(writer->Write({"c", "w", i, "v"}));
+  std::vector<WorkRequest> all;
+  while (all.size() < kCount && reader->Wait(10s)) {
+    for (auto& request : reader->Take(7)) all.push_back(request);  // leaves some for the next Wait
+  }
+  ASSERT_EQ(all.size(), kCount);
+  for (std::uint64_t i = 0; i < kCount; ++i) EXPECT_EQ(all[i].request_id, i);
+}
+
+TEST(Topic, WaitEndsWithTheTimeout) {
+  const auto peers = OpenTwo(kDomain);
+  auto reader = Reader<WorkRequest>::Open(peers.a, "silence");
+  ASSERT_TRUE(reader);
+  EXPECT_FALSE(reader->Wait(1ms));
+  EXPECT_FALSE(reader->Wait(0ms));
+}
+
+TEST(Topic, RefusesWhatDoesNotFitTheWire) {
+  const auto peers = OpenTwo(kDomain);
+  auto writer = Writer<WorkRequest>::Open(peers.a, "long");
+  ASSERT_TRUE(writer);
+  const auto too_long = writer->Write({"c", std::string(129, 'w'), 1, "v"});
+  ASSERT_FALSE(too_long);
+  EXPECT_EQ(too_long.error().code, Code::kInvalidArgument);
+  EXPECT_NE(too_long.error().message.find("worker has 129"), std::string::npos)
+      << too_long.error().message;
+  EXPECT_FALSE(writer->Write({"c", std::string("a\0b", 3), 1, "v"}));
+  EXPECT_TRUE(writer->Write({"c", std::string(128, 'w'), 1, "v"}));
+}
+
+TEST(Topic, RefusesWildcardPartitions) {
+  const auto peers = OpenTwo(kDomain);
+  for (const char* name : {"", "a*", "a?", "[a]", "a b"}) {
+    const auto writer = Writer<WorkRequest>::Open(peers.a, name);
+    ASSERT_FALSE(writer) << name;
+    EXPECT_EQ(writer.error().code, Code::kInvalidArgument);
+  }
+}
+
+}  // namespace
+}  // namespace etude::bus
