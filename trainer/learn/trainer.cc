@@ -117,6 +117,7 @@ struct Trainer::Impl {
   std::unique_ptr<MetricsLog> log;
   std::unique_ptr<data::Loader> loader;
 
+  int joints = 0;
   std::uint64_t step = 0;     // steps done
   double elapsed_before = 0;  // s, of earlier runs
   Stopwatch watch;
@@ -163,6 +164,7 @@ Status Trainer::Impl::Build() {
   ETUDE_RETURN_IF_ERROR(AwaitData(*dataset, config, options.follow));
   const auto snapshot = dataset->snapshot();
   ETUDE_ASSIGN_OR_RETURN(const auto statistics, data::ComputeStatistics(*snapshot));
+  joints = static_cast<int>(statistics.joint_mean.size());
   ETUDE_ASSIGN_OR_RETURN(auto grammar, language::Grammar::Load());
 
   const auto& crop = config.policy.image.crop;
@@ -341,6 +343,7 @@ Status Trainer::Impl::SaveNow(bool best) {
   request.metrics = last.metrics;
   request.dataset = dataset->snapshot()->Fingerprint();
   request.train_episodes = dataset->snapshot()->episode_count(data::Split::kTrain);
+  request.joints = joints;
   request.config = &config;
   optimizer->ExchangeAverage();
   request.tensors = replicas->front().StateTensors();

@@ -44,6 +44,7 @@ struct CheckpointRequest {
   std::map<std::string, double> metrics;
   std::string dataset;  ///< fingerprint of the training split
   std::uint64_t train_episodes = 0;
+  int joints = 0;                          ///< arm and gripper joints of an observation
   const TrainConfig* config = nullptr;
   std::map<std::string, torch::Tensor>
       tensors;  ///< Policy::StateTensors, averaged weights when ema > 0
