@@ -36,12 +36,16 @@ struct ImageConfig {
   std::vector<int> crop{41, 75, 144, 80};
   std::vector<ImageLayer> layers;
   std::string position = "fourier";  ///< fourier (absolute pixel coordinates) | index (the original's)
+  double pixel_mean = 60;            ///< 0..255; pixels enter as (x - mean) / scale
+  double pixel_scale = 60;           ///< > 0
 
   template <class V>
   void Visit(V& v) {
     v("crop", crop);
     v("layers", layers);
     v("position", position);
+    v("pixel_mean", pixel_mean);
+    v("pixel_scale", pixel_scale);
   }
 };
 
@@ -66,11 +70,15 @@ struct DecoderConfig {
   /// ee_pixel, ee_position, ee_pose, displacement, trajectory. Empty: no decoder.
   std::string target;
   std::vector<int> hidden;           ///< widths of hidden layers
-  /// What it reads, concatenated: register, soft_argmax, joints, language, pixel:MODULE, position:MODULE
-  /// (decoded outputs of modules of a lower level).
+  /// What it reads, concatenated. Of its own: register, soft_argmax (per head and their mean), joints
+  /// (normalised), language (the sentence's token). Of an earlier module M: register:M, soft_argmax:M, class:M
+  /// (probabilities), pixel:M, position:M, displacement:M (decoded, normalised), and waves:position:M,
+  /// waves:displacement:M (sines and cosines of several wavelengths, for decisions about millimetres).
   std::vector<std::string> inputs{"register"};
   /// trajectory only: waypoints are offsets from this module's decoded position; empty: absolute.
   std::string relative_to;
+  /// Decoded inputs carry no gradient back into the modules that they come from.
+  bool detach = true;
   double weight = 1;                 ///< of its loss
 
   template <class V>
@@ -79,6 +87,7 @@ struct DecoderConfig {
     v("hidden", hidden);
     v("inputs", inputs);
     v("relative_to", relative_to);
+    v("detach", detach);
     v("weight", weight);
   }
 };
@@ -87,13 +96,16 @@ struct DecoderConfig {
 struct ModuleConfig {
   std::string name;                  ///< LANG, EE2D, TAR2D, ...
   int level = 1;                     ///< order of evaluation; also the curriculum's subtask by default
-  std::string query;                 ///< "" own learned register; else a module of a lower level
-  /// Keys it may read: image, language, joints, self, and modules of lower levels; "all" = everything.
+  std::string query;                 ///< "" own learned register; else an earlier module
+  /// Keys it may read: image, language, joints, self, and earlier modules (of lower levels, or of its own level
+  /// and above it in the list); "all" = image, language, joints and every module of lower levels.
   std::vector<std::string> reads{"all"};
   /// Supervised attention: the summed attention on this key set is driven to 1. language, joints, self,
   /// MODULE, or image@LABEL with a pixel label (image@target_pixel). Empty: not supervised.
   std::vector<std::string> attend;
   double attend_weight = 1;
+  /// Registers that it reads carry no gradient back (control noise cannot spoil grounding); tokens do.
+  bool detach = false;
   DecoderConfig decoder;
 
   template <class V>
@@ -104,6 +116,7 @@ struct ModuleConfig {
     v("reads", reads);
     v("attend", attend);
     v("attend_weight", attend_weight);
+    v("detach", detach);
     v("decoder", decoder);
   }
 };

@@ -36,11 +36,14 @@ struct Inputs {
 /// A bool tensor "<name>.valid" of shape (B, S|1) masks samples.
 using Labels = std::map<std::string, torch::Tensor>;
 
-/// What one module said. S' is S, or 1 where nothing it reads depends on the sentence.
+/// What one module said. S' is S, or 1 where nothing it reads depends on the sentence, and for trajectories
+/// while training (they are labelled for s = 0 only).
 struct ModuleOutput {
   torch::Tensor reg;             ///< (B, S', d) its register
   torch::Tensor attention;       ///< (B, S', K) head-mean over its keys; image tokens first when it reads them
   torch::Tensor soft_argmax;     ///< (B, S', 2) px in the camera's picture, when it reads the image
+  torch::Tensor head_soft_argmax;   ///< (B, S', heads, 2) px, the same of each head
+  torch::Tensor gripper_logits;  ///< (B, S', 12), when it decodes a trajectory
   /// Decoded, in SI units, as a person reads it: "class" logits, "pixel" (2), "position" (3), "pose" (9),
   /// "displacement" (3), "trajectory" (12, 10) absolute with the gripper as a probability.
   std::map<std::string, torch::Tensor> decoded;
@@ -49,7 +52,7 @@ using Outputs = std::map<std::string, ModuleOutput>;
 
 struct LossTerms {
   torch::Tensor total;                          ///< scalar
-  std::map<std::string, double> terms;          ///< "LANG.attention", "TAR3D.decode", ... (detached)
+  std::map<std::string, double> terms;          ///< "LANG.attention", "TAR3D.decode", ...; they sum to total
 };
 
 /// Thread safety: forward in eval mode under NoGradGuard from several threads; training from one.
@@ -63,10 +66,13 @@ class Policy : public torch::nn::Module {
   const PolicyConfig& config() const;
   /// Evaluates the modules of level <= `level` (all when 0).
   Outputs Forward(const Inputs& inputs, int level = 0);
-  /// Losses of every module of level <= `level` that `outputs` holds.
+  /// Losses of every module of level <= `level` that `outputs` holds. A label that is absent adds nothing.
   LossTerms Loss(const Inputs& inputs, const Outputs& outputs, const Labels& labels, int level = 0);
 
   int levels() const;
+  /// What attention's columns are: "image" stands for all image tokens, then language, joints, self, modules.
+  /// `module` is one of config().modules.
+  std::vector<std::string> KeysOf(const std::string& module) const;
   /// Row-major grid of image tokens: rows, columns.
   std::pair<int, int> grid() const;
   /// Name -> parameter or buffer, normalisation included: what a checkpoint stores.

@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/policy/config.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "services/core/hash.h"
+#include "trainer/data/labels.h"
+#include "trainer/policy/names.h"
+
+namespace etude::policy {
+namespace {
+
+using Errors = std::vector<std::string>;
+
+/// "unknown X 'word'", with the nearest of the candidates.
+std::string Unknown(std::string_view what, const std::string& word, const Errors& candidates) {
+  const std::string nearest = NearestMatch(word, candidates);
+  return fmt::format("unknown {} '{}'{}", what, word,
+                     nearest.empty() ? "" : fmt::format(", did you mean '{}'?", nearest));
+}
+
+void CheckChoice(const std::string& key, const std::string& value, const Errors& choices,
+                 Errors& errors) {
+  if (std::find(choices.begin(), choices.end(), value) == choices.end())
+    errors.push_back(fmt::format("{}: '{}' is not one of {}", key, value, fmt::join(choices, ", ")));
+}
+
+void CheckRange(const std::string& key, int value, int low, int high, Errors& errors) {
+  if (value < low || value > high)
+    errors.push_back(fmt::format("{}: {} is not in [{}, {}]", key, value, low, high));
+}
+
+void CheckImage(const ImageConfig& image, Errors& errors) {
+  if (image.crop.size() != 4 || image.crop[2] < 8 || image.crop[3] < 8 || image.crop[2] > 4096 ||
+      image.crop[3] > 4096)
+    errors.push_back("image.crop: needs u0, v0, width, height in px, sides in [8, 4096]");
+  if (!(image.pixel_scale > 0)) errors.push_back("image.pixel_scale: must be > 0");
+  CheckChoice("image.position", image.position, {"fourier", "index"}, errors);
+  if (image.layers.empty()) errors.push_back("image.layers: needs at least one layer");
+  int channels = 3;
+  for (std::size_t i = 0; i < image.layers.size(); ++i) {
+    const ImageLayer& layer = image.layers[i];
+    const std::string at = fmt::format("image.layers[{}]", i);
+    CheckChoice(at + ".kind", layer.kind, {"conv", "residual"}, errors);
+    CheckChoice(at + ".norm", layer.norm, {"batch", "instance", "none"}, errors);
+    CheckChoice(at + ".padding", layer.padding, {"zeros", "reflect"}, errors);
+    CheckRange(at + ".channels", layer.channels, 1, 4096, errors);
+    CheckRange(at + ".kernel", layer.kernel, 1, 15, errors);
+    CheckRange(at + ".stride", layer.stride, 1, 8, errors);
+    if (layer.kernel % 2 == 0) errors.push_back(at + ".kernel: must be odd");
+    if (layer.kind == "residual" && (layer.stride != 1 || layer.channels != channels))
+      errors.push_back(at + ": a residual layer keeps size and channels");
+    channels = layer.channels;
+  }
+}
+
+void CheckSizes(const PolicyConfig& config, Errors& errors) {
+  CheckRange("width", config.width, 1, 4096, errors);
+  CheckRange("heads", config.heads, 1, 64, errors);
+  if (config.heads > 0 && config.width % config.heads != 0)
+    errors.push_back(fmt::format("heads: {} does not divide width {}", config.heads, config.width));
+  for (const int hidden : config.joint_hidden) CheckRange("joint_hidden", hidden, 1, 65536, errors);
+  CheckChoice("attention", config.attention, {"module", "shared"}, errors);
+  CheckChoice("attention_loss", config.attention_loss, {"log", "mse"}, errors);
+  CheckChoice("activation", config.activation, {"silu", "selu", "relu"}, errors);
+  CheckChoice("precision", config.precision, {"bf16", "float32"}, errors);
+  if (config.language.encoder != "default" && !config.language.encoder.starts_with("clip:"))
+    errors.push_back(fmt::format("language.encoder: '{}' is neither default nor clip:DIR",
+                                 config.language.encoder));
+  CheckRange("language.buckets", config.language.buckets, 16, 1 << 24, errors);
+  CheckRange("language.width", config.language.width, 1, 4096, errors);
+  CheckRange("language.hidden", config.language.hidden, 1, 65536, errors);
+  const std::set<std::string> distinct(config.objects.begin(), config.objects.end());
+  if (distinct.size() != config.objects.size()) errors.push_back("objects: a name stands twice");
+}
+
+/// Checks the modules one by one, in the order of evaluation, against those that stand before them.
+class GraphChecker {
+ public:
+  GraphChecker(const PolicyConfig& config, Errors& errors) : config_(config), errors_(errors) {}
+
+  void Run() {
+    if (config_.modules.empty()) errors_.push_back("modules: needs at least one module");
+    for (const ModuleConfig* module : EvaluationOrder(config_)) {
+      CheckModule(*module);
+      earlier_.push_back(module);
+    }
+  }
+
+ private:
+  const ModuleConfig* Earlier(const std::string& name) const {
+    for (const ModuleConfig* module : earlier_)
+      if (module->name == name) return module;
+    return nullptr;
+  }
+
+  Errors EarlierNames() const {
+    Errors names;
+    for (const ModuleConfig* module : earlier_) names.push_back(module->name);
+    return names;
+  }
+
+  void Report(const ModuleConfig& module, const std::string& problem) {
+    errors_.push_back(fmt::format("modules.{}.{}", module.name, problem));
+  }
+
+  /// Reports a name that is not an earlier module; says so when it is a later one.
+  bool CheckEarlier(const ModuleConfig& module, const std::string& key, const std::string& name) {
+    if (Earlier(name) != nullptr) return true;
+    const bool exists =
+        std::any_of(config_.modules.begin(), config_.modules.end(),
+                    [&](const ModuleConfig& other) { return other.name == name; });
+    Report(module, key + ": " +
+                       (exists ? fmt::format("'{}' is not evaluated before it (level)", name)
+                               : Unknown("module", name, EarlierNames())));
+    return false;
+  }
+
+  void CheckModule(const ModuleConfig& module) {
+    const bool word = !module.name.empty() &&
+                      std::all_of(module.name.begin(), module.name.end(), [](unsigned char c) {
+                        return std::isalnum(c) != 0 || c == '_';
+                      });
+    if (!word || IsReservedName(module.name))
+      errors_.push_back(fmt::format("modules: '{}' is not a module's name", module.name));
+    if (Earlier(module.name) != nullptr) Report(module, "name: stands twice");
+    CheckRange(fmt::format("modules.{}.level", module.name), module.level, 1, 64, errors_);
+    if (!module.query.empty()) CheckEarlier(module, "query", module.query);
+    const Errors reads = CheckReads(module);
+    for (const std::string& item : module.attend) CheckAttend(module, item, reads);
+    if (!(module.attend_weight >= 0)) Report(module, "attend_weight: must be >= 0");
+    CheckDecoder(module);
+  }
+
+  Errors CheckReads(const ModuleConfig& module) {
+    if (module.reads.empty()) Report(module, "reads: needs at least one key");
+    const Errors reads = ResolveReads(config_, module);
+    if (std::set<std::string>(reads.begin(), reads.end()).size() != reads.size())
+      Report(module, "reads: a key stands twice");
+    for (const std::string& key : reads)
+      if (!IsReservedName(key)) CheckEarlier(module, "reads", key);
+    return reads;
+  }
+
+  void CheckAttend(const ModuleConfig& module, const std::string& item, const Errors& reads) {
+    const auto at = item.find('@');
+    const std::string key = item.substr(0, at);
+    if (std::find(reads.begin(), reads.end(), key) == reads.end())
+      Report(module, "attend: " + Unknown("key", key, reads) + " (it must be among reads)");
+    if ((key == "image") != (at != std::string::npos))
+      Report(module, fmt::format("attend: '{}' must be KEY, or image@LABEL", item));
+    if (at == std::string::npos) return;
+    const std::string label = item.substr(at + 1);
+    if (!IsLabel(label) || DecodeKind(label) != "pixel")
+      Report(module, "attend: " + Unknown("pixel label", label, Labels("pixel")));
+  }
+
+  static Errors Labels(std::string_view kind) {
+    Errors labels;
+    for (const std::string_view label : data::kLabelNames)
+      if (kind.empty() || DecodeKind(std::string(label)) == kind) labels.emplace_back(label);
+    return labels;
+  }
+
+  static bool IsLabel(const std::string& label) {
+    return std::find(data::kLabelNames.begin(), data::kLabelNames.end(), label) !=
+           data::kLabelNames.end();
+  }
+
+  void CheckDecoder(const ModuleConfig& module) {
+    const DecoderConfig& decoder = module.decoder;
+    if (decoder.target.empty()) return;
+    if (!IsLabel(decoder.target)) {
+      Report(module, "decoder.target: " + Unknown("label", decoder.target, Labels("")));
+      return;
+    }
+    if (decoder.target == "target_class" && config_.objects.empty())
+      Report(module, "decoder.target: target_class needs objects");
+    if (decoder.inputs.empty()) Report(module, "decoder.inputs: needs at least one");
+    if (!(decoder.weight >= 0)) Report(module, "decoder.weight: must be >= 0");
+    for (const int hidden : decoder.hidden)
+      CheckRange(fmt::format("modules.{}.decoder.hidden", module.name), hidden, 1, 65536, errors_);
+    for (const std::string& input : decoder.inputs) CheckInput(module, input);
+    if (decoder.relative_to.empty()) return;
+    if (decoder.target != "trajectory")
+      Report(module, "decoder.relative_to: is for trajectories only");
+    if (CheckEarlier(module, "decoder.relative_to", decoder.relative_to) &&
+        !Decodes(*Earlier(decoder.relative_to), "position"))
+      Report(module, fmt::format("decoder.relative_to: '{}' decodes no position",
+                                 decoder.relative_to));
+  }
+
+  void CheckInput(const ModuleConfig& module, const std::string& text) {
+    const DecoderInput input = ParseDecoderInput(text);
+    static const Errors kKinds{"register", "soft_argmax", "joints",   "language",
+                               "class",    "pixel",       "position", "displacement"};
+    if (std::find(kKinds.begin(), kKinds.end(), input.kind) == kKinds.end()) {
+      Report(module, "decoder.inputs: " + Unknown("input", input.kind, kKinds));
+      return;
+    }
+    const bool decoded = input.kind != "register" && input.kind != "soft_argmax" &&
+                         input.kind != "joints" && input.kind != "language";
+    const bool global = input.kind == "joints" || input.kind == "language";
+    if (input.waves && input.kind != "position" && input.kind != "displacement")
+      Report(module, fmt::format("decoder.inputs: '{}': waves are of a position or displacement", text));
+    if (decoded && input.module.empty())
+      Report(module, fmt::format("decoder.inputs: '{}' must name a module, {}:MODULE", text, input.kind));
+    if (global && !input.module.empty())
+      Report(module, fmt::format("decoder.inputs: '{}' belongs to no module", text));
+    const ModuleConfig* source = &module;
+    if (!input.module.empty() && !global) {
+      if (!CheckEarlier(module, "decoder.inputs", input.module)) return;
+      source = Earlier(input.module);
+    }
+    if (decoded && !Decodes(*source, input.kind))
+      Report(module, fmt::format("decoder.inputs: '{}': that module decodes no {}", text, input.kind));
+    const Errors reads = ResolveReads(config_, *source);
+    if (input.kind == "soft_argmax" && std::find(reads.begin(), reads.end(), "image") == reads.end())
+      Report(module, fmt::format("decoder.inputs: '{}': that module does not read the image", text));
+  }
+
+  const PolicyConfig& config_;
+  Errors& errors_;
+  std::vector<const ModuleConfig*> earlier_;
+};
+
+}  // namespace
+
+bool IsReservedName(const std::string& name) {
+  return name == "image" || name == "language" || name == "joints" || name == "self" || name == "all";
+}
+
+std::vector<const ModuleConfig*> EvaluationOrder(const PolicyConfig& config) {
+  std::vector<const ModuleConfig*> order;
+  for (const ModuleConfig& module : config.modules) order.push_back(&module);
+  std::stable_sort(order.begin(), order.end(), [](const ModuleConfig* a, const ModuleConfig* b) {
+    return a->level < b->level;
+  });
+  return order;
+}
+
+std::vector<std::string> ResolveReads(const PolicyConfig& config, const ModuleConfig& module) {
+  if (std::find(module.reads.begin(), module.reads.end(), "all") == module.reads.end())
+    return module.reads;
+  std::vector<std::string> reads{"image", "language", "joints"};
+  for (const ModuleConfig* other : EvaluationOrder(config))
+    if (other->level < module.level) reads.push_back(other->name);
+  return reads;
+}
+
+std::string DecodeKind(const std::string& label) {
+  const auto underscore = label.rfind('_');
+  return underscore == std::string::npos ? label : label.substr(underscore + 1);
+}
+
+bool Decodes(const ModuleConfig& module, const std::string& kind) {
+  const std::string own = DecodeKind(module.decoder.target);
+  return own == kind || (kind == "position" && own == "pose");
+}
+
+DecoderInput ParseDecoderInput(const std::string& text) {
+  DecoderInput input;
+  std::string rest = text;
+  if (rest.starts_with("waves:")) {
+    input.waves = true;
+    rest = rest.substr(6);
+  }
+  const auto colon = rest.find(':');
+  input.kind = rest.substr(0, colon);
+  if (colon != std::string::npos) input.module = rest.substr(colon + 1);
+  return input;
+}
+
+Status PolicyConfig::Validate() const {
+  Errors errors;
+  CheckImage(image, errors);
+  CheckSizes(*this, errors);
+  GraphChecker(*this, errors).Run();
+  if (errors.empty()) return {};
+  return Fail(internal::ConfigError("policy " + name, errors));
+}
+
+std::string ArchitectureHash(const PolicyConfig& config) {
+  // what does not shape a weight is left out: supervision, weights of losses, gradient paths, precision
+  OrderedJson json = ToJson(config);
+  for (const char* key : {"name", "attention_loss", "precision"}) json.erase(key);
+  for (auto& module : json["modules"]) {
+    for (const char* key : {"attend", "attend_weight", "detach"}) module.erase(key);
+    for (const char* key : {"weight", "detach"}) module["decoder"].erase(key);
+  }
+  return Sha256Hex(json.dump());
+}
+
+}  // namespace etude::policy
