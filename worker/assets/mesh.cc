@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/assets/mesh.h"
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <cstring>
 #include <numbers>

@@ -96,6 +96,7 @@ std::string Arm(Links& links, const std::string& hand) {
   const Vector3d side = 0.0165 * z;    // and the forearm nearly in line with it
   std::string text;
   text += Open("base", {{0, -0.3, 0}, Eigen::Quaterniond::Identity()});
+  text += CylinderInertial(4.0, 0.075, 0.04, 0.02 * z, z);  // stands still: only its pose matters
   text += links.Housing(0.075, 0.0 * z, 0.022 * z, "ur_dark") + links.Housing(0.060, 0.022 * z, 0.040 * z, "ur_grey");
 
   text += Open("shoulder", {}) + Hinge(0);

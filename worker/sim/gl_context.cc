@@ -48,6 +48,12 @@ class Library {
   bool complete_ = true;
 };
 
+bool IsLoaded(const char* name) {
+  void* handle = dlopen(name, RTLD_LAZY | RTLD_NOLOAD);
+  if (handle) dlclose(handle);
+  return handle != nullptr;
+}
+
 struct Egl {
   Library library{"libEGL.so.1"};
   decltype(&eglGetPlatformDisplay) GetPlatformDisplay = nullptr;
@@ -189,6 +195,11 @@ class OsMesaGlContext : public GlContext {
   }
 
   static Result<std::unique_ptr<GlContext>> Open() {
+    for (const char* other : {"libGLX.so.0", "libGL.so.1", "libEGL.so.1"})
+      if (IsLoaded(other))
+        return Fail(Code::kUnavailable,
+                    fmt::format("{} is loaded in this process, and MuJoCo would take its functions; "
+                                "choose backend osmesa from the start", other));
     OsMesa mesa;
     if (!mesa.library) return Fail(Code::kUnavailable, mesa.library.error());
     if (!mesa.library.complete()) return Fail(Code::kUnavailable, "libOSMesa.so.8 is too old");

@@ -145,6 +145,8 @@ bool World::healthy() const {
   return true;
 }
 
+int World::BodyId(const std::string& name) const { return scene_->model().BodyId(name); }
+
 std::vector<std::string> World::ContactsOf(const std::string& body) const {
   const mjModel* mj = scene_->model().mj.get();
   const int id = scene_->model().BodyId(body);

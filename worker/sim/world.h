@@ -48,6 +48,8 @@ class World {
   /// False once MuJoCo warned of NaN, a huge value or a full buffer since Reset: the attempt is void.
   bool healthy() const;
 
+  /// MuJoCo's number of a body, as in Renderer::RenderSegmentation; 0 is "world".
+  int BodyId(const std::string& name) const;
   /// Names of bodies in contact with `body` now.
   std::vector<std::string> ContactsOf(const std::string& body) const;
   /// True when the two fingers both touch `object`.

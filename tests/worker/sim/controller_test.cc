@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/sim/controller.h"
+
+#include <Eigen/LU>
+#include <cmath>
+
+#include "services/core/rng.h"
+#include "tests/worker/sim/scene_fixture.h"
+
+namespace etude::sim {
+namespace {
+
+Eigen::MatrixXd RandomMatrix(Rng& rng, int rows, int cols) {
+  Eigen::MatrixXd m(rows, cols);
+  for (double& value : m.reshaped()) value = rng.Normal();
+  return m;
+}
+
+ControlState RandomState(Rng& rng, int n) {
+  const Eigen::MatrixXd half = RandomMatrix(rng, n, n);
+  ControlState state;
+  state.M = half * half.transpose() + Eigen::MatrixXd::Identity(n, n);
+  state.J = RandomMatrix(rng, 6, n) + 2 * Eigen::MatrixXd::Identity(6, n);
+  state.v = 0.01 * RandomMatrix(rng, n, 1);
+  state.bias = RandomMatrix(rng, n, 1);
+  return state;
+}
+
+TEST(RotationVector, IsTheFullAngle) {
+  const Eigen::Vector3d axis = Eigen::Vector3d(1, -2, 0.5).normalized();
+  const Eigen::Quaterniond from = FromEuler({0.3, -0.7, 2.0});
+  for (const double angle : {0.0, 1e-9, 0.1, 1.5, 3.1}) {
+    const Eigen::Quaterniond to(Eigen::AngleAxisd(angle, axis) * from);
+    EXPECT_LT((RotationVector(from, to) - angle * axis).norm(), 1e-8) << angle;
+    const Eigen::Quaterniond twin(-to.w(), -to.x(), -to.y(), -to.z());
+    EXPECT_LT((RotationVector(from, twin) - angle * axis).norm(), 1e-8) << angle;
+  }
+}
+
+// Closed form: M vdot + bias = tau gives the tool exactly kp e + kv (V_ref - V), whatever M, J and bias.
+TEST(Controller, MakesTheToolAUnitMass) {
+  Rng rng(5);
+  const ControllerConfig config;
+  for (const int n : {6, 7, 9}) {
+    const ControlState state = RandomState(rng, n);
+    const Eigen::Vector3d e_p(0.01, -0.02, 0.005), e_r(0.02, 0.05, -0.03);
+    const Pose target{state.X_WE.p + e_p, Eigen::Quaterniond(Eigen::AngleAxisd(e_r.norm(), e_r.normalized()))};
+    Vector6d V;
+    V << 0.1, 0.2, -0.1, 0.3, 0, -0.2;
+    const Eigen::VectorXd tau = OperationalSpaceTorques(state, target, V, config);
+    const Eigen::VectorXd acceleration = state.J * state.M.ldlt().solve(tau - state.bias);
+    Vector6d expected = config.kv * (V - state.J * state.v);
+    expected.head<3>() += config.kp * e_p;
+    expected.tail<3>() += config.ko * e_r;
+    EXPECT_LT((acceleration - expected).norm(), 1e-6 * expected.norm()) << "n = " << n;
+  }
+}
+
+TEST(Controller, DampsTheNullSpaceOnly) {
+  Rng rng(6);
+  const ControllerConfig config;
+  ControlState state = RandomState(rng, 8);
+  const Eigen::MatrixXd null = state.J.fullPivLu().kernel();
+  state.v = null.col(0);
+  const Eigen::VectorXd tau = OperationalSpaceTorques(state, state.X_WE, Vector6d::Zero(), config);
+  const Eigen::VectorXd vdot = state.M.ldlt().solve(tau - state.bias);
+  EXPECT_LT((vdot + config.null_kv * state.v).norm(), 1e-6 * vdot.norm());
+}
+
+TEST(Controller, SaturatesTheSpring) {
+  Rng rng(7);
+  const ControllerConfig config;
+  ControlState state = RandomState(rng, 6);
+  state.v.setZero();
+  const Pose far{{10, 0, 0}, state.X_WE.q};
+  const Eigen::VectorXd tau = OperationalSpaceTorques(state, far, Vector6d::Zero(), config);
+  const Eigen::VectorXd acceleration = state.J * state.M.ldlt().solve(tau - state.bias);
+  EXPECT_NEAR(acceleration[0], config.kv * config.max_linear, 1e-6);
+}
+
+TEST(Controller, StaysFiniteWhenSingular) {
+  Rng rng(8);
+  ControlState state = RandomState(rng, 6);
+  state.J.row(2).setZero();
+  const Pose target{{0.02, 0.02, 0.02}, state.X_WE.q};
+  const Eigen::VectorXd tau = OperationalSpaceTorques(state, target, Vector6d::Zero(), {});
+  EXPECT_TRUE(tau.allFinite());
+  EXPECT_LT((tau - state.bias).norm(), 1e4);
+}
+
+// In free space a 5 mm step must follow the recursion of a critically damped unit mass at 500 Hz.
+TEST(Controller, StepResponseInTheSimulationIsSecondOrder) {
+  const ControllerConfig config;
+  for (int axis = 0; axis < 3; ++axis) {
+    World world(FullScene());
+    const Pose start = world.X_WE();
+    Pose target = start;
+    target.p[axis] += 0.005;
+    double x = 0, v = 0;
+    for (int step = 0; step < 60; ++step) {
+      world.Step({target, 0}, Vector6d::Zero());
+      for (int k = 0; k < kPhysicsStepsPerControl; ++k) {
+        v += 0.002 * (config.kp * (0.005 - x) - config.kv * v);
+        x += 0.002 * v;
+      }
+      Eigen::Vector3d expected = start.p;
+      expected[axis] += x;
+      ASSERT_LT((world.X_WE().p - expected).norm(), 0.02 * 0.005) << "axis " << axis << " step " << step;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace etude::sim

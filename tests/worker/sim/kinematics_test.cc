@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "services/core/rng.h"
+#include "tests/worker/sim/scene_fixture.h"
+#include "worker/sim/controller.h"
+
+namespace etude::sim {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+/// The tool by the published Denavit-Hartenberg table, independent of the MJCF.
+Eigen::Isometry3d ByTable(const Eigen::VectorXd& q) {
+  const std::array<double, 6> a{0, -0.425, -0.39225, 0, 0, 0};
+  const std::array<double, 6> d{0.089159, 0, 0, 0.10915, 0.09465, 0.0823};
+  const std::array<double, 6> alpha{kPi / 2, 0, 0, kPi / 2, -kPi / 2, 0};
+  Eigen::Isometry3d T(Eigen::Translation3d(0, -0.3, 0));
+  for (int i = 0; i < 6; ++i)
+    T = T * Eigen::AngleAxisd(q[i], Eigen::Vector3d::UnitZ()) * Eigen::Translation3d(a[i], 0, d[i]) *
+        Eigen::AngleAxisd(alpha[i], Eigen::Vector3d::UnitX());
+  return T * Eigen::Translation3d(0, 0, 0.177);
+}
+
+Eigen::VectorXd RandomJoints(Rng& rng, double span) {
+  Eigen::VectorXd q(6);
+  for (int i = 0; i < 6; ++i) q[i] = rng.Uniform(-span, span);
+  return q;
+}
+
+TEST(Kinematics, AgreesWithPublishedTable) {
+  Kinematics kinematics(FullScene());
+  Rng rng(1);
+  for (int k = 0; k < 1000; ++k) {
+    const Eigen::VectorXd q = RandomJoints(rng, 2 * kPi);
+    const Pose X = kinematics.X_WE(q);
+    const Eigen::Isometry3d T = ByTable(q);
+    ASSERT_LT((X.p - T.translation()).norm(), 1e-6) << "q = " << q.transpose();
+    // E looks back along the hand's z and opens along its x
+    ASSERT_LT((X.q * Eigen::Vector3d::UnitX() + T.linear().col(2)).norm(), 1e-6);
+    ASSERT_LT((X.q * Eigen::Vector3d::UnitY() - T.linear().col(0)).norm(), 1e-6);
+  }
+}
+
+TEST(Kinematics, HomeIsLowLevelAndAhead) {
+  Kinematics kinematics(FullScene());
+  const Pose X = kinematics.X_WE(FullScene()->arm().q_home);
+  EXPECT_LT((X.p - Eigen::Vector3d(-0.10915, 0.133, 0.074)).norm(), 1e-6);
+  EXPECT_LT(AngleBetween(X.q, FromEuler({kPi, 0, kPi / 2})), 1e-6);
+  // approaching along +y, fingers left and right along x
+  EXPECT_LT((X.q * -Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitY()).norm(), 1e-6);
+  EXPECT_LT((X.q * Eigen::Vector3d::UnitY() + Eigen::Vector3d::UnitX()).norm(), 1e-6);
+}
+
+TEST(Kinematics, JacobianIsTheDerivative) {
+  Kinematics kinematics(FullScene());
+  Rng rng(2);
+  for (int k = 0; k < 100; ++k) {
+    const Eigen::VectorXd q = RandomJoints(rng, kPi);
+    const Eigen::MatrixXd J = kinematics.Jacobian(q);
+    ASSERT_EQ(J.rows(), 6);
+    ASSERT_EQ(J.cols(), 6);
+    const double h = 1e-6;
+    for (int i = 0; i < 6; ++i) {
+      Eigen::VectorXd low = q, high = q;
+      low[i] -= h;
+      high[i] += h;
+      const Pose a = kinematics.X_WE(low), b = kinematics.X_WE(high);
+      Vector6d difference;
+      difference << (b.p - a.p) / (2 * h), RotationVector(a.q, b.q) / (2 * h);
+      ASSERT_LT((difference - J.col(i)).norm(), 1e-6) << "joint " << i;
+    }
+  }
+}
+
+TEST(Kinematics, SolvesPosesThatItReached) {
+  Kinematics kinematics(FullScene());
+  const ArmInfo& arm = FullScene()->arm();
+  Rng rng(3);
+  for (int k = 0; k < 200; ++k) {
+    const Eigen::VectorXd q = arm.q_home + RandomJoints(rng, 0.6);
+    const Pose X = kinematics.X_WE(q);
+    const auto solution = kinematics.Solve(X, arm.q_home);
+    ASSERT_TRUE(solution) << "q = " << q.transpose();
+    const Pose found = kinematics.X_WE(*solution);
+    EXPECT_LT((found.p - X.p).norm(), 0.5e-3);
+    EXPECT_LT(AngleBetween(found.q, X.q), 2e-3);
+    EXPECT_TRUE(((*solution - arm.q_min).array() >= 0).all() && ((arm.q_max - *solution).array() >= 0).all());
+    EXPECT_EQ(*kinematics.Solve(X, arm.q_home), *solution) << "a function of its arguments";
+  }
+}
+
+TEST(Kinematics, ReachesTheWholeTable) {
+  Kinematics kinematics(FullScene());
+  const ArmInfo& arm = FullScene()->arm();
+  for (const double roll : {kPi, kPi / 2})
+    for (double x = -0.43; x <= 0.431; x += 0.086)
+      for (double y = 0.10; y <= 0.421; y += 0.08)
+        for (const double z : {0.05, 0.20}) {
+          if (std::hypot(x, y + 0.3) > 0.80) continue;
+          const Pose X{{x, y, z}, FromEuler({roll, 0, kPi / 2})};
+          EXPECT_TRUE(kinematics.Solve(X, arm.q_home)) << x << " " << y << " " << z << " roll " << roll;
+        }
+}
+
+TEST(Kinematics, SaysNoWhenOutOfReach) {
+  Kinematics kinematics(FullScene());
+  const Pose X{{0, 1.2, 0.2}, FromEuler({kPi, 0, kPi / 2})};
+  EXPECT_FALSE(kinematics.Solve(X, FullScene()->arm().q_home));
+}
+
+TEST(Kinematics, FingersCloseInParallel) {
+  Kinematics kinematics(FullScene());
+  const auto& arm = FullScene()->arm();
+  double gap_before = 1;
+  for (const double gripper : {0.0, 0.25, 0.5, 0.75, 1.0}) {
+    const auto poses = kinematics.BodyPoses(arm.q_home, gripper, {"left_finger", "right_finger", "gripper", "world"});
+    EXPECT_LT(AngleBetween(poses[0].q, poses[2].q), 1e-9);
+    EXPECT_LT(AngleBetween(poses[1].q, poses[2].q), 1e-9);
+    const double gap = (poses[0].p - poses[1].p).norm() - 2 * 0.0105;
+    if (gripper == 0) {
+      EXPECT_NEAR(gap, 0.085, 1e-3);
+    }
+    if (gripper == 1) {
+      EXPECT_NEAR(gap, 0.0, 2e-3);
+    }
+    EXPECT_GE(gap, 0);
+    EXPECT_LT(gap, gap_before);
+    gap_before = gap;
+    EXPECT_LT(poses[3].p.norm(), 1e-12);
+  }
+}
+
+}  // namespace
+}  // namespace etude::sim

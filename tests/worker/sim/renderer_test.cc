@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/sim/renderer.h"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <numeric>
+
+#include "tests/worker/sim/scene_fixture.h"
+
+namespace etude::sim {
+namespace {
+
+using Picture = std::vector<std::uint8_t>;
+
+Renderer OpenOrDie() {
+  auto renderer = Renderer::Open(FullScene());
+  if (!renderer) {
+    ADD_FAILURE() << renderer.error().message;
+    std::abort();
+  }
+  return std::move(*renderer);
+}
+
+Picture Blank(const Camera& camera) { return Picture(static_cast<std::size_t>(camera.width) * camera.height * 3); }
+
+Picture Take(Renderer& renderer, const World& world) {
+  Picture picture = Blank(FullScene()->camera());
+  renderer.Render(world, picture);
+  return picture;
+}
+
+double Mean(const Picture& picture) {
+  return std::accumulate(picture.begin(), picture.end(), 0.0) / static_cast<double>(picture.size());
+}
+
+/// Mean pixel (u, v) of a body's mask, NaN without one.
+Eigen::Vector2d Centroid(const std::vector<std::int32_t>& ids, int width, std::int32_t id) {
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  int count = 0;
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    if (ids[i] != id) continue;
+    sum += Eigen::Vector2d(static_cast<double>(i % width) + 0.5, static_cast<double>(i / width) + 0.5);
+    ++count;
+  }
+  return sum / count;
+}
+
+TEST(Renderer, SameStateSameBytes) {
+  World world(FullScene());
+  Renderer renderer = OpenOrDie();
+  EXPECT_THAT(renderer.backend(), testing::AnyOf("egl", "osmesa"));
+  EXPECT_FALSE(renderer.gl_renderer().empty());
+  const Picture first = Take(renderer, world);
+  EXPECT_GT(Mean(first), 20);
+  EXPECT_EQ(Take(renderer, world), first);
+
+  // views, segmentation and another renderer in between change nothing
+  Camera view = FullScene()->camera();
+  view.width = 320;
+  view.height = 256;
+  Picture large = Blank(view);
+  renderer.RenderView(world, view, large);
+  std::vector<std::int32_t> ids(224 * 224);
+  renderer.RenderSegmentation(world, ids);
+  Renderer other = OpenOrDie();
+  EXPECT_EQ(Take(other, world), first);
+  EXPECT_EQ(Take(renderer, world), first);
+
+  world.Step({world.X_WE(), 0}, Vector6d::Zero());
+  world.SetObject("coke", {{0.1, 0.1, 0.2}, Eigen::Quaterniond::Identity()});
+  world.Forward();
+  EXPECT_NE(Take(renderer, world), first);
+  world.Reset();
+  EXPECT_EQ(Take(renderer, world), first);
+}
+
+TEST(Renderer, ProjectionAgreesWithTheCamera) {
+  World world(FullScene());
+  Renderer renderer = OpenOrDie();
+  const Camera& camera = FullScene()->camera();
+  std::vector<std::int32_t> ids(static_cast<std::size_t>(camera.width) * camera.height);
+  // bodies are numbered as MuJoCo does: find each by what its neighbourhood shows when it alone is moved away
+  for (const std::string name : {"cube", "coke", "pepsi"})
+    for (const Eigen::Vector2d& at : {Eigen::Vector2d(-0.35, 0.2), {0.0, 0.45}, {0.35, 0.3}}) {
+      world.Reset();
+      for (const ObjectInfo& object : FullScene()->objects())
+        world.SetObject(object.name, {{0, -3, 1}, Eigen::Quaterniond::Identity()});
+      const Pose X{{at.x(), at.y(), 0.10}, Eigen::Quaterniond::Identity()};
+      world.SetObject(name, X);
+      world.Forward();
+      renderer.RenderSegmentation(world, ids);
+      const Eigen::Vector2d seen = Centroid(ids, camera.width, world.BodyId(name));
+      EXPECT_LT((seen - camera.Project(X.p)).norm(), 1.0) << name << " at " << at.transpose();
+    }
+}
+
+TEST(Renderer, TopRowIsFar) {
+  World world(FullScene());
+  Renderer renderer = OpenOrDie();
+  std::vector<std::int32_t> ids(224 * 224);
+  renderer.RenderSegmentation(world, ids);
+  EXPECT_TRUE(std::all_of(ids.begin(), ids.begin() + 224, [](int id) { return id == -1; })) << "background above";
+  const auto base = Centroid(ids, 224, world.BodyId("shoulder"));
+  const auto can = Centroid(ids, 224, world.BodyId("coke"));
+  EXPECT_LT(base.y(), can.y()) << "the robot stands behind the objects";
+}
+
+TEST(Renderer, ViewOfTheSceneCameraIsThePicture) {
+  World world(FullScene());
+  Renderer renderer = OpenOrDie();
+  const Picture picture = Take(renderer, world);
+  Picture view = Blank(FullScene()->camera());
+  renderer.RenderView(world, FullScene()->camera(), view);
+  double difference = 0;
+  for (std::size_t i = 0; i < view.size(); ++i) difference += std::abs(int{view[i]} - int{picture[i]});
+  EXPECT_LT(difference / static_cast<double>(view.size()), 0.1);
+}
+
+TEST(Renderer, LightGainDarkensAndComesBack) {
+  World world(FullScene());
+  Renderer renderer = OpenOrDie();
+  const Picture normal = Take(renderer, world);
+  renderer.SetLightGain({0.6, 0.6, 0.6});
+  EXPECT_LT(Mean(Take(renderer, world)), 0.8 * Mean(normal));
+  renderer.SetLightGain({1, 1, 1});
+  EXPECT_EQ(Take(renderer, world), normal);
+}
+
+TEST(Renderer, RefusesUnknownBackend) {
+  const auto renderer = Renderer::Open(FullScene(), {.backend = "vulkan"});
+  ASSERT_FALSE(renderer);
+  EXPECT_EQ(renderer.error().code, Code::kInvalidArgument);
+  EXPECT_THAT(renderer.error().message, testing::HasSubstr("osmesa"));
+}
+
+}  // namespace
+}  // namespace etude::sim
