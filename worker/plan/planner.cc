@@ -32,6 +32,9 @@ constexpr double kJump = 0.5;            // rad a step: another branch of the ki
 constexpr double kSlowest = 0.2;         // of the asked speed; slower is as good as not smooth
 constexpr int kGoalTries = 16;           // seeds of inverse kinematics for another arm configuration
 constexpr int kShortcuts = 60;
+constexpr int kPaceRounds = 6;
+// more than the margin is kept while sampling, else smoothing has no room where shortcuts graze
+constexpr double kRoom = 0.01;           // m
 constexpr double kSingular = 0.1;        // of the manipulability at home
 // a quarter of `resolution` between the states of what is returned
 constexpr int kFiner = 4;
@@ -70,12 +73,18 @@ struct Planner::Impl {
     bool complete = false;
     double reached = 0;  ///< parameter of the last q
   };
+  struct Strain {
+    double excess = 0;   ///< joint speed over its limit
+    double s = 0;        ///< where on the line
+    int joint = 0;
+  };
   // One call of Plan.
   struct Call {
     const Request& request;
     Checker& checker;
     Rng rng;
     double margin = 0;
+    double room = 0;    ///< kept beyond the margin while sampling
     double least = 0;   ///< manipulability below this is singular; signed like the start's
     Outcome outcome{};
   };
@@ -88,6 +97,8 @@ struct Planner::Impl {
   bool CheckStart(Call& call);
   Track Follow(const ToolLine& line, const Eigen::VectorXd& q_start);
   bool LineIsFree(Call& call, const Track& track);
+  static Strain WorstStrain(const internal::LineMotion& timed, const Track& track,
+                            double joint_limit);
   bool TimeLine(Call& call, const ToolLine& line, const Track& track);
   std::optional<Eigen::VectorXd> FindGoal(Call& call, const Track& track);
   void Detour(Call& call, const Eigen::VectorXd& q_goal);
@@ -162,44 +173,46 @@ bool Planner::Impl::LineIsFree(Call& call, const Track& track) {
   return true;
 }
 
-bool Planner::Impl::TimeLine(Call& call, const ToolLine& line, const Track& track) {
+// Where a timed line asks most of a joint, relative to its speed limit.
+Planner::Impl::Strain Planner::Impl::WorstStrain(const internal::LineMotion& timed, const Track& track,
+                                                 double joint_limit) {
   const int spans = static_cast<int>(track.q.size()) - 1;
-  const sim::ArmInfo& arm = scene->arm();
-  double slower = 1;
-  // slowing down moves the samples, so the second round sees what the first has left
-  for (int round = 0; round < 3; ++round) {
-    Limits limits = call.request.limits;
-    limits.linear *= slower;
-    limits.angular *= slower;
-    internal::LineMotion timed = MoveAlong(line, limits, call.request.start_speed);
+  Strain worst;
+  for (std::size_t k = 0; k < timed.s.size(); ++k) {
+    const int span = std::clamp(static_cast<int>(timed.s[k] * spans), 0, spans - 1);
+    const Eigen::VectorXd rate = (track.q[span + 1] - track.q[span]) * (spans * timed.ds[k]);
+    int joint = 0;
+    const double excess = rate.cwiseAbs().maxCoeff(&joint) / joint_limit;
+    if (excess > worst.excess) worst = {excess, timed.s[k], joint};
+  }
+  return worst;
+}
 
-    double excess = 0, worst_s = 0;
-    int worst_joint = 0;
-    for (std::size_t k = 0; k < timed.s.size(); ++k) {
-      const int span = std::clamp(static_cast<int>(timed.s[k] * spans), 0, spans - 1);
-      const Eigen::VectorXd rate = (track.q[span + 1] - track.q[span]) * (spans * timed.ds[k]);
-      int joint = 0;
-      const double speed = rate.cwiseAbs().maxCoeff(&joint) / limits.joint;
-      if (speed <= excess) continue;
-      excess = speed;
-      worst_s = timed.s[k];
-      worst_joint = joint;
-    }
-    if (excess <= 1 + 1e-9) {
+bool Planner::Impl::TimeLine(Call& call, const ToolLine& line, const Track& track) {
+  const Limits& asked = call.request.limits;
+  double pace = 1;
+  // slowing down moves the samples, so a further round sees what the one before has left
+  for (int round = 0; round < kPaceRounds; ++round) {
+    Limits limits = asked;
+    limits.linear *= pace;
+    limits.angular *= pace;
+    internal::LineMotion timed = MoveAlong(line, limits, call.request.start_speed);
+    const Strain worst = WorstStrain(timed, track, asked.joint);
+    if (worst.excess <= 1) {
       call.outcome.kind = OutcomeKind::kStraight;
-      call.outcome.reason = slower < 1 ? fmt::format("straight, slowed to {:.0f} %", 100 * slower)
-                                       : "straight";
+      call.outcome.reason = pace < 1 ? fmt::format("slowed to {:.0f} %", 100 * pace) : "free";
       call.outcome.motion = std::move(timed.motion);
       return true;
     }
-    slower /= excess * 1.001;
-    if (slower < kSlowest)
+    pace /= worst.excess * 1.005;
+    if (pace < kSlowest)
       return Fail(call.outcome, OutcomeKind::kNotSmooth,
                   fmt::format("{} would turn at {:.1f} rad/s at {:.0f} % of the straight path",
-                              arm.joints[worst_joint], excess * limits.joint, 100 * worst_s));
+                              scene->arm().joints[worst.joint], worst.excess * asked.joint,
+                              100 * worst.s));
   }
   return Fail(call.outcome, OutcomeKind::kNotSmooth,
-              fmt::format("joints exceed {} rad/s from the given start speed", call.request.limits.joint));
+              fmt::format("joints exceed {} rad/s from the given start speed", asked.joint));
 }
 
 bool Planner::Impl::IsRegular(const Call& call, const Eigen::VectorXd& q) {
@@ -248,7 +261,7 @@ bool Planner::Impl::SegmentIsFree(Call& call, const Eigen::VectorXd& a, const Ei
   // singularities are wide against the steps of a tree: both ends and thirds tell
   for (const double along : {1.0, 1.0 / 3, 2.0 / 3})
     if (!IsRegular(call, a + (b - a) * along)) return false;
-  return !call.checker.CheckSegment(a, b, resolution, call.margin);
+  return !call.checker.CheckSegment(a, b, resolution, call.margin + call.room);
 }
 
 bool Planner::Impl::CurveIsFree(Call& call, const JointCurve& curve) {
@@ -282,6 +295,11 @@ void Planner::Impl::Detour(Call& call, const Eigen::VectorXd& q_goal) {
   const Eigen::VectorXd& q_start = call.request.q_start;
   const sim::ArmInfo& arm = scene->arm();
   double resolution = config.resolution;
+  for (call.room = kRoom; call.room > 1e-3; call.room /= 2)
+    if (!call.checker.Check(q_start, call.margin + call.room) &&
+        !call.checker.Check(q_goal, call.margin + call.room))
+      break;
+  if (call.room <= 1e-3) call.room = 0;
   internal::SamplingProblem problem;
   problem.q_start = q_start;
   problem.q_goal = q_goal;
@@ -292,19 +310,22 @@ void Planner::Impl::Detour(Call& call, const Eigen::VectorXd& q_goal) {
   problem.lower = problem.lower.cwiseMin(q_start).cwiseMin(q_goal);
   problem.upper = problem.upper.cwiseMax(q_start).cwiseMax(q_goal);
   problem.is_free = [&](const Eigen::VectorXd& q) {
-    return IsRegular(call, q) && !call.checker.Check(q, call.margin);
+    return IsRegular(call, q) && !call.checker.Check(q, call.margin + call.room);
   };
   problem.is_segment_free = [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
     return SegmentIsFree(call, a, b, resolution);
   };
 
-  // a path that slips between the states checked is found by Smooth; the second search looks closer
+  // Smooth finds a path that slips between the states checked; the second search looks closer, and
+  // through gaps that the first one's room had closed
   bool found = false;
-  for (int round = 0; round < 2; ++round, resolution /= kFiner) {
-    problem.max_samples = config.max_iterations - outcome.samples;
+  for (int round = 0; round < 2; ++round, resolution /= kFiner, call.room /= kFiner) {
+    // the first search may use half of the budget
+    problem.max_samples = round == 0 ? (config.max_iterations + 1) / 2
+                                     : config.max_iterations - outcome.samples;
     const internal::SamplingResult result = internal::SamplePath(problem, call.rng);
     outcome.samples += result.samples;
-    if (result.path.empty()) break;
+    if (result.path.empty()) continue;
     found = true;
     const auto shorter = internal::Shortcut(result.path, kShortcuts, call.rng, problem.is_segment_free);
     if (!Smooth(call, shorter)) continue;

@@ -93,15 +93,17 @@ ob::SpaceInformationPtr MakeSpace(const SamplingProblem& problem, Rng& rng, int&
     bounds.setHigh(i, problem.upper[i]);
   }
   space->setBounds(bounds);
-  space->setStateSamplerAllocator([&](const ob::StateSpace* of) -> ob::StateSamplerPtr {
-    return std::make_shared<Sampler>(of, problem, rng, samples);
-  });
   auto information = std::make_shared<ob::SpaceInformation>(space);
   information->setStateValidityChecker([&problem, size](const ob::State* state) {
     return problem.is_free(ToVector(state, size));
   });
   information->setMotionValidator(std::make_shared<SegmentValidator>(information.get(), problem));
   information->setup();
+
+  // only now: setting up draws states to size the cells of projections that are not used
+  space->setStateSamplerAllocator([&](const ob::StateSpace* of) -> ob::StateSamplerPtr {
+    return std::make_shared<Sampler>(of, problem, rng, samples);
+  });
   return information;
 }
 

@@ -69,6 +69,7 @@ TEST_F(CheckerTest, TestsDistantPairsOfTheArmAndLeavesOutNeighbours) {
 TEST_F(CheckerTest, SeesAnObjectAtTheHand) {
   Pose X_WO = kinematics_.X_WE(q_home_);
   X_WO.q.setIdentity();
+  checker_.SetGripper(1);  // open fingers have room for a can
   EXPECT_FALSE(checker_.Check(q_home_));
 
   checker_.SetObject("coke", X_WO);

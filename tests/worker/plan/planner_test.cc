@@ -195,6 +195,7 @@ TEST_F(PlannerTest, StartSpeedCarriesOver) {
 
 TEST_F(PlannerTest, SaysWhenTheGoalIsInsideAnObject) {
   const Request request = ToTheSide(0.2, 0.1, 0);
+  checker_.SetGripper(1);  // open fingers have room for it
   checker_.SetObject("bottle", Standing("bottle", request.X_WE_goal.p));
   const Outcome outcome = planner_.Plan(request, checker_, 1);
 
@@ -204,6 +205,7 @@ TEST_F(PlannerTest, SaysWhenTheGoalIsInsideAnObject) {
 
 TEST_F(PlannerTest, AllowedContactsAndHeldObjectsDoNotBlock) {
   const Request request = ToTheSide(0.2, 0.1, 0);
+  checker_.SetGripper(0.5);
   checker_.SetObject("bottle", Standing("bottle", request.X_WE_goal.p));
   checker_.Allow({"bottle"});
   EXPECT_EQ(planner_.Plan(request, checker_, 1).kind, OutcomeKind::kStraight);
@@ -212,7 +214,6 @@ TEST_F(PlannerTest, AllowedContactsAndHeldObjectsDoNotBlock) {
   checker_.Allow({});
   Pose X_EO;
   X_EO.q = X_WE_home_.q.conjugate();
-  checker_.SetGripper(0.5);
   checker_.Attach("bottle", X_EO);
   EXPECT_EQ(planner_.Plan(request, checker_, 1).kind, OutcomeKind::kStraight);
   Eigen::Vector3d beyond = request.X_WE_goal.p;
@@ -232,6 +233,7 @@ TEST_F(PlannerTest, SaysWhenTheGoalIsOutOfReach) {
 }
 
 TEST_F(PlannerTest, SaysWhenTheStartIsInCollision) {
+  checker_.SetGripper(1);
   checker_.SetObject("bottle", Standing("bottle", X_WE_home_.p));
   const Outcome outcome = planner_.Plan(ToTheSide(0.2, 0.1, 0.1), checker_, 1);
 
@@ -240,7 +242,8 @@ TEST_F(PlannerTest, SaysWhenTheStartIsInCollision) {
 }
 
 TEST_F(PlannerTest, LeavesAStartThatIsNearerThanTheMargin) {
-  // the fingers pass the bottle at less than the margin; up and away is still allowed
+  // the fingers are nearer to the bottle than the margin; up and away is still allowed
+  checker_.SetGripper(1);
   Pose X_WO = Standing("bottle", X_WE_home_.p);
   while (checker_.SetObject("bottle", X_WO), checker_.Check(q_home_)) X_WO.p.y() += 0.0005;
   ASSERT_TRUE(checker_.Check(q_home_, 0.002));
