@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames a second through sim::Renderer against a bare MuJoCo loop with the same flags in the same GL
-// context, interleaved in blocks so that both see the same machine. One frame is update, render, read.
+// Frames a second through sim::Renderer against a bare MuJoCo loop with the same flags in the same
+// GL context, interleaved in blocks so that both see the same machine. One frame is update, render,
+// read.
 #include <chrono>
 #include <cstdio>
 #include <vector>
@@ -18,14 +19,16 @@ using Clock = std::chrono::steady_clock;
 /// The loop as MuJoCo's own samples write it.
 class Bare {
  public:
-  explicit Bare(const Scene& scene) : model_(scene.model().mj.get()), area_{0, 0, scene.camera().width, scene.camera().height} {
+  explicit Bare(const Scene& scene)
+      : model_(scene.model().mj.get()), area_{0, 0, scene.camera().width, scene.camera().height} {
     mjv_defaultOption(&option_);
     mjv_defaultCamera(&camera_);
     camera_.type = mjCAMERA_FIXED;
     camera_.fixedcamid = 0;
     mjv_defaultScene(&scene_);
     mjv_makeScene(model_, &scene_, 512);
-    for (const int flag : {mjRND_SHADOW, mjRND_REFLECTION, mjRND_SKYBOX, mjRND_HAZE, mjRND_FOG}) scene_.flags[flag] = 0;
+    for (const int flag : {mjRND_SHADOW, mjRND_REFLECTION, mjRND_SKYBOX, mjRND_HAZE, mjRND_FOG})
+      scene_.flags[flag] = 0;
     mjr_defaultContext(&context_);
     mjr_makeContext(model_, &context_, mjFONTSCALE_100);
   }
@@ -69,7 +72,8 @@ int Run() {
   auto renderer = Renderer::Open(*scene);
   if (!renderer) return std::fprintf(stderr, "%s\n", renderer.error().message.c_str()), 3;
   World world(*scene);
-  std::vector<std::uint8_t> rgb(static_cast<std::size_t>((*scene)->camera().width) * (*scene)->camera().height * 3);
+  std::vector<std::uint8_t> rgb(static_cast<std::size_t>((*scene)->camera().width) *
+                                (*scene)->camera().height * 3);
   std::vector<double> ours, theirs, ratios;
   {
     Bare bare(**scene);
@@ -88,8 +92,10 @@ int Run() {
     }
   }
   std::fprintf(stderr, "%s, %s\n", renderer->backend().c_str(), renderer->gl_renderer().c_str());
-  std::printf("{\"name\": \"render\", \"value\": %.1f, \"unit\": \"frames/s\", \"baseline\": %.1f, \"ratio\": %.3f}\n",
-              Quantile(ours, 0.5), Quantile(theirs, 0.5), Quantile(ratios, 0.5));
+  std::printf(
+      "{\"name\": \"render\", \"value\": %.1f, \"unit\": \"frames/s\", \"baseline\": %.1f, "
+      "\"ratio\": %.3f}\n",
+      Quantile(ours, 0.5), Quantile(theirs, 0.5), Quantile(ratios, 0.5));
   return 0;
 }
 

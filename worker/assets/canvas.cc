@@ -32,15 +32,29 @@ const std::map<char, Glyph>& Glyphs() {
       {'o', {.60, {arc(.27, .3, .24, .3, 0, 2 * kPi)}}},
       {'k', {.60, {{{.06, 0}, {.06, 1}}, {{.48, .58}, {.08, .26}}, {{.18, .33}, {.52, 0}}}}},
       {'e', {.60, {{{.05, .32}, {.48, .32}}, arc(.27, .3, .23, .3, 0, 1.8 * kPi)}}},
-      {'P', {.74, {{{.08, 0}, {.08, 1}}, {{.08, 1}, {.36, 1}}, {{.08, .45}, {.36, .45}},
-                   arc(.36, .725, .26, .275, -.5 * kPi, .5 * kPi)}}},
-      {'E', {.68, {{{.08, 0}, {.08, 1}}, {{.08, 1}, {.56, 1}}, {{.08, .5}, {.48, .5}},
-                   {{.08, 0}, {.56, 0}}}}},
-      {'S', {.70, {arc(.33, .745, .25, .255, .15 * kPi, 1.5 * kPi),
-                   arc(.33, .245, .25, .245, -.85 * kPi, .5 * kPi)}}},
+      {'P',
+       {.74,
+        {{{.08, 0}, {.08, 1}},
+         {{.08, 1}, {.36, 1}},
+         {{.08, .45}, {.36, .45}},
+         arc(.36, .725, .26, .275, -.5 * kPi, .5 * kPi)}}},
+      {'E',
+       {.68,
+        {{{.08, 0}, {.08, 1}},
+         {{.08, 1}, {.56, 1}},
+         {{.08, .5}, {.48, .5}},
+         {{.08, 0}, {.56, 0}}}}},
+      {'S',
+       {.70,
+        {arc(.33, .745, .25, .255, .15 * kPi, 1.5 * kPi),
+         arc(.33, .245, .25, .245, -.85 * kPi, .5 * kPi)}}},
       {'I', {.34, {{{.12, 0}, {.12, 1}}}}},
-      {'M', {.95, {{{.08, 0}, {.08, 1}}, {{.08, 1}, {.43, .3}}, {{.43, .3}, {.78, 1}},
-                   {{.78, 1}, {.78, 0}}}}},
+      {'M',
+       {.95,
+        {{{.08, 0}, {.08, 1}},
+         {{.08, 1}, {.43, .3}},
+         {{.43, .3}, {.78, 1}},
+         {{.78, 1}, {.78, 0}}}}},
       {'L', {.62, {{{.08, 0}, {.08, 1}}, {{.08, 0}, {.52, 0}}}}},
       {'K', {.72, {{{.08, 0}, {.08, 1}}, {{.58, 1}, {.1, .42}}, {{.25, .58}, {.6, 0}}}}},
   };
@@ -48,7 +62,8 @@ const std::map<char, Glyph>& Glyphs() {
 }
 
 double Hash(std::int64_t x, std::int64_t y, std::uint32_t seed) {
-  std::uint64_t h = seed * 0x9E3779B97F4A7C15ull + static_cast<std::uint64_t>(x) * 0xBF58476D1CE4E5B9ull +
+  std::uint64_t h = seed * 0x9E3779B97F4A7C15ull +
+                    static_cast<std::uint64_t>(x) * 0xBF58476D1CE4E5B9ull +
                     static_cast<std::uint64_t>(y) * 0x94D049BB133111EBull;
   h ^= h >> 31;
   h *= 0xD6E8FEB86659FD93ull;
@@ -94,7 +109,9 @@ Stroke Arc(const Vector2d& centre, const Vector2d& radii, double a, double b) {
 }
 
 Canvas::Canvas(int width, int height, const Color& background)
-    : width_(width), height_(height), pixels_(static_cast<std::size_t>(width) * height, background) {}
+    : width_(width),
+      height_(height),
+      pixels_(static_cast<std::size_t>(width) * height, background) {}
 
 void Canvas::Paint(const Shape& shape, const Color& color) {
   for (int y = 0; y < height_; ++y)
@@ -104,8 +121,8 @@ void Canvas::Paint(const Shape& shape, const Color& color) {
     }
 }
 
-void Canvas::Write(const std::string& text, const Vector2d& origin, double size, double stroke_width,
-                   double slant, const Color& color) {
+void Canvas::Write(const std::string& text, const Vector2d& origin, double size,
+                   double stroke_width, double slant, const Color& color) {
   std::vector<Stroke> strokes;
   double x = 0;
   for (const char letter : text) {

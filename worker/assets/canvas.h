@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small picture with anti-aliased shapes, for procedural textures. Deterministic: no library draws here.
+// A small picture with anti-aliased shapes, for procedural textures. Deterministic: no library
+// draws here.
 #pragma once
 
 #include <Eigen/Core>
@@ -32,10 +33,10 @@ class Canvas {
   Color& at(int x, int y) { return pixels_[static_cast<std::size_t>(y) * width_ + x]; }
 
   void Paint(const Shape& shape, const Color& color);
-  /// Writes `text` (letters of the brands and labels we need) in strokes: `origin` is the left end of the
-  /// base line, `size` the height of a capital, `slant` the shift per height.
-  void Write(const std::string& text, const Eigen::Vector2d& origin, double size, double stroke_width,
-             double slant, const Color& color);
+  /// Writes `text` (letters of the brands and labels we need) in strokes: `origin` is the left end
+  /// of the base line, `size` the height of a capital, `slant` the shift per height.
+  void Write(const std::string& text, const Eigen::Vector2d& origin, double size,
+             double stroke_width, double slant, const Color& color);
   /// Width of that text in px.
   static double TextWidth(const std::string& text, double size);
 

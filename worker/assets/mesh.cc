@@ -20,17 +20,35 @@ const double kCreaseCosine = std::cos(40.0 * std::numbers::pi / 180);
 std::vector<Vector2d> SegmentNormals(const std::vector<ProfilePoint>& profile) {
   std::vector<Vector2d> normals;
   for (std::size_t i = 0; i + 1 < profile.size(); ++i) {
-    const Vector2d along(profile[i + 1].radius - profile[i].radius, profile[i + 1].z - profile[i].z);
+    const Vector2d along(profile[i + 1].radius - profile[i].radius,
+                         profile[i + 1].z - profile[i].z);
     ETUDE_CHECK(along.norm() > 0, "profile point {} is repeated", i);
     normals.push_back(Vector2d(along.y(), -along.x()).normalized());
   }
   return normals;
 }
 
-/// The normal that segment `own` shows at its end shared with `other`: shared when the corner is blunt.
+/// The normal that segment `own` shows at its end shared with `other`: shared when the corner is
+/// blunt.
 Vector2d Smooth(const Vector2d& own, const Vector2d* other) {
   if (!other || own.dot(*other) < kCreaseCosine) return own;
   return (own + *other).normalized();
+}
+
+/// The two flat ends of a prism; the texture spans the polygon's bounding box.
+void AddEnds(const std::vector<Vector2d>& polygon, double half_length, const Vector2d& low,
+             const Vector2d& span, Mesh& mesh) {
+  std::vector<Vector3d> front, back;
+  std::vector<Vector2d> front_uv, back_uv;
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Vector2d &p = polygon[i], &q = polygon[polygon.size() - 1 - i];
+    front.emplace_back(p.x(), -half_length, p.y());
+    front_uv.emplace_back((p.x() - low.x()) / span.x(), 1 - (p.y() - low.y()) / span.y());
+    back.emplace_back(q.x(), half_length, q.y());
+    back_uv.emplace_back(1 - (q.x() - low.x()) / span.x(), 1 - (q.y() - low.y()) / span.y());
+  }
+  mesh.AddPolygon(front, front_uv);
+  mesh.AddPolygon(back, back_uv);
 }
 
 void Put(std::vector<std::uint8_t>& bytes, float value) {
@@ -110,26 +128,17 @@ Mesh Extrude(const std::vector<Vector2d>& polygon, double half_length, bool smoo
   const Vector2d span = high - low;
   const auto row = [&](const Vector2d& p) { return (high.y() - p.y()) / span.y(); };
   Mesh mesh;
-  std::vector<Vector3d> front, back;
-  std::vector<Vector2d> front_uv, back_uv;
-  for (int i = 0; i < n; ++i) {
-    const Vector2d& p = polygon[i];
-    const Vector2d& q = polygon[n - 1 - i];
-    front.emplace_back(p.x(), -half_length, p.y());
-    front_uv.emplace_back((p.x() - low.x()) / span.x(), row(p));
-    back.emplace_back(q.x(), half_length, q.y());
-    back_uv.emplace_back((high.x() - q.x()) / span.x(), row(q));
-  }
-  mesh.AddPolygon(front, front_uv);
-  mesh.AddPolygon(back, back_uv);
+  AddEnds(polygon, half_length, low, span, mesh);
   const auto outward = [&](int i) {  // of edge i -> i + 1, in (x, z)
     const Vector2d along = polygon[(i + 1) % n] - polygon[i];
     return Vector2d(along.y(), -along.x()).normalized();
   };
   for (int i = 0; i < n; ++i) {
     const Vector2d &p = polygon[i], &q = polygon[(i + 1) % n];
-    const Vector2d own = outward(i), before = outward((i + n - 1) % n), after = outward((i + 1) % n);
-    const Vector2d at_p = smooth ? Smooth(own, &before) : own, at_q = smooth ? Smooth(own, &after) : own;
+    const Vector2d own = outward(i), before = outward((i + n - 1) % n),
+                   after = outward((i + 1) % n);
+    const Vector2d at_p = smooth ? Smooth(own, &before) : own;
+    const Vector2d at_q = smooth ? Smooth(own, &after) : own;
     const int first = static_cast<int>(mesh.positions.size());
     mesh.AddPolygon({{p.x(), -half_length, p.y()},
                      {p.x(), half_length, p.y()},
@@ -146,7 +155,8 @@ Mesh Extrude(const std::vector<Vector2d>& polygon, double half_length, bool smoo
 
 std::vector<std::uint8_t> ToMsh(const Mesh& mesh) {
   const auto count = static_cast<std::int32_t>(mesh.positions.size());
-  ETUDE_CHECK(mesh.normals.size() == mesh.positions.size() && mesh.uv.size() == mesh.positions.size());
+  ETUDE_CHECK(mesh.normals.size() == mesh.positions.size() &&
+              mesh.uv.size() == mesh.positions.size());
   std::vector<std::uint8_t> bytes;
   bytes.reserve(16 + count * 32 + mesh.faces.size() * 12);
   for (const std::int32_t n : {count, count, count, static_cast<std::int32_t>(mesh.faces.size())})

@@ -13,7 +13,7 @@ namespace etude::assets {
 
 /// A file that MJCF names, held in memory.
 struct AssetFile {
-  std::string name;                  ///< "can.msh" (a mesh) or "coke.tex" (a texture)
+  std::string name;  ///< "can.msh" (a mesh) or "coke.tex" (a texture)
   std::vector<std::uint8_t> bytes;
 };
 
@@ -21,11 +21,11 @@ struct AssetFile {
 struct ObjectModel {
   std::string name;
   Eigen::Vector3d half_extent = Eigen::Vector3d::Zero();  ///< m, of the upright AABB
-  double rest_height = 0;             ///< body origin above the lowest point, m
-  double mass = 0;                    ///< kg
-  std::string materials;              ///< MJCF <material> elements
-  std::string geoms;                  ///< MJCF: class "visual" to look at, class "object" to collide
-  std::vector<AssetFile> files;       ///< meshes and textures; shared names have equal bytes
+  double rest_height = 0;                                 ///< body origin above the lowest point, m
+  double mass = 0;                                        ///< kg
+  std::string materials;                                  ///< MJCF <material> elements
+  std::string geoms;             ///< MJCF: class "visual" to look at, class "object" to collide
+  std::vector<AssetFile> files;  ///< meshes and textures; shared names have equal bytes
 };
 
 /// cube, coke, pepsi, milk, bread, bottle

@@ -32,8 +32,8 @@ Mesh CanMesh(double rest_height) {
                         {r * .78, .002, .99},
                         {r * .84, 0, .98},
                         {r, .006, .94},
-                        {r, h - .008, .11},
-                        {r * .90, h - .001, .08},
+                        {r, h - .006, .11},
+                        {r * .90, h - .0005, .08},
                         {r * .86, h, .06},
                         {r * .82, h - .002, .04},
                         {0, h - .002, 0}},
@@ -42,11 +42,11 @@ Mesh CanMesh(double rest_height) {
 }
 
 Mesh MilkMesh(double rest_height) {
-  const double w = kMilkHalf, low = -rest_height, side = kMilkShoulder + low, ridge = kMilkRidge + low,
-               top = kMilkHeight + low, f = kMilkFin;
+  const double w = kMilkHalf, low = -rest_height, side = kMilkShoulder + low,
+               ridge = kMilkRidge + low, top = kMilkHeight + low, f = kMilkFin;
   Mesh mesh;
-  const auto wall = [&](double ax, double ay, double bx, double by, double z0, double z1, double row1,
-                        double row0) {
+  const auto wall = [&](double ax, double ay, double bx, double by, double z0, double z1,
+                        double row1, double row0) {
     mesh.AddPolygon({{ax, ay, z0}, {bx, by, z0}, {bx, by, z1}, {ax, ay, z1}}, Rows(row1, row0));
   };
   wall(w, -w, w, w, low, side, .2, 1);
@@ -79,8 +79,8 @@ Mesh BreadMesh(double rest_height) {
   constexpr int kTop = 10;
   const double low = -rest_height, side = kBreadSide + low, rise = kBreadHeight - kBreadSide;
   const double bevel = 0.004;
-  std::vector<Vector2d> outline{{-kBreadHalfX + bevel, low}, {kBreadHalfX - bevel, low},
-                                {kBreadHalfX, low + bevel}};
+  std::vector<Vector2d> outline{
+      {-kBreadHalfX + bevel, low}, {kBreadHalfX - bevel, low}, {kBreadHalfX, low + bevel}};
   for (int i = 0; i <= kTop; ++i) {
     const double angle = std::numbers::pi * i / kTop;
     // a flattened arch (superellipse): a loaf's crust, not a barrel
@@ -103,28 +103,40 @@ Mesh BottleMesh(double rest_height) {
                         {r * .82, kBottleShoulder + .013, .4},
                         {r * .60, kBottleShoulder + .022, .3},
                         {n, kBottleNeck + .002, .2},
-                        {n, kBottleHeight - .012, 0}},
+                        {n, kBottleHeight - .012, 0},
+                        {0, kBottleHeight - .012, 0}},
                        rest_height),
                kAround);
 }
 
 Mesh BottleLabelMesh(double rest_height) {
   const double r = kBottleRadius + 0.0003;
-  return Lathe(Lowered({{kBottleRadius - .001, .032, 1}, {r, .033, 1}, {r, .062, 0},
-                        {kBottleRadius - .001, .063, 0}}, rest_height), kAround);
+  return Lathe(Lowered({{kBottleRadius - .001, .032, 1},
+                        {r, .033, 1},
+                        {r, .062, 0},
+                        {kBottleRadius - .001, .063, 0}},
+                       rest_height),
+               kAround);
 }
 
 Mesh BottleCapMesh(double rest_height) {
   const double r = kBottleNeckRadius + .0008, h = kBottleHeight;
-  return Lathe(Lowered({{0, h - .013, 1}, {r, h - .013, 1}, {r, h - .0015, 0}, {r - .0015, h, 0},
-                        {0, h, 0}}, rest_height), kHullAround);
+  return Lathe(
+      Lowered({{0, h - .013, 1}, {r, h - .013, 1}, {r, h - .0015, 0}, {r - .0015, h, 0}, {0, h, 0}},
+              rest_height),
+      kHullAround);
 }
 
 Mesh BottleShoulderHull(double rest_height) {
   const double r = kBottleRadius, s = kBottleShoulder;
-  return Lathe(Lowered({{0, s, 1}, {r, s, 1}, {r * .93, s + .008, 1}, {r * .72, s + .018, 1},
-                        {kBottleNeckRadius, kBottleNeck + .001, 0}, {0, kBottleNeck + .001, 0}},
-                       rest_height), kHullAround);
+  return Lathe(Lowered({{0, s, 1},
+                        {r, s, 1},
+                        {r * .93, s + .008, 1},
+                        {r * .72, s + .018, 1},
+                        {kBottleNeckRadius, kBottleNeck + .001, 0},
+                        {0, kBottleNeck + .001, 0}},
+                       rest_height),
+               kHullAround);
 }
 
 }  // namespace etude::assets

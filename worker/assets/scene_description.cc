@@ -13,9 +13,9 @@
 namespace etude::assets {
 namespace {
 
-// 500 Hz; elliptic cones with a stiff tangential part keep a grasp from creeping, Newton solves them in a
-// few iterations. Robot pieces (type 2) meet table and objects (type 1), never each other: keeping the arm
-// off itself is the planner's business.
+// 500 Hz; elliptic cones with a stiff tangential part keep a grasp from creeping, Newton solves
+// them in a few iterations. Robot pieces (type 2) meet table and objects (type 1), never each
+// other: keeping the arm off itself is the planner's business.
 constexpr const char* kHead = R"(<mujoco model="etude">
 <compiler angle="radian" autolimits="true" inertiafromgeom="auto"/>
 <option timestep="{timestep}" integrator="Euler" solver="Newton" iterations="60" tolerance="1e-10" cone="elliptic" impratio="10"/>
@@ -68,20 +68,25 @@ Result<Camera> MakeCamera(const CameraSpec& spec) {
 
 std::string World(const SceneDescription& scene, const CameraSpec& camera) {
   std::string text =
-      "<light name=\"sun\" directional=\"true\" pos=\"-0.5 0.5 3\" dir=\"-0.10 -0.45 -1\" castshadow=\"false\" "
+      "<light name=\"sun\" directional=\"true\" pos=\"-0.5 0.5 3\" dir=\"-0.10 -0.45 -1\" "
+      "castshadow=\"false\" "
       "ambient=\"0.02 0.02 0.02\" diffuse=\"0.52 0.52 0.52\" specular=\"0.2 0.2 0.2\"/>\n";
   // fovy is in degrees whatever the compiler's angle
   text += fmt::format("<camera name=\"{}\" mode=\"fixed\" fovy=\"{}\"{}/>\n", scene.camera.name,
                       camera.fovy_deg, PoseAttributes(scene.camera.X_WC));
-  text += "<geom name=\"table\" type=\"plane\" size=\"0.75 0.75 0.05\" material=\"table\" contype=\"1\" "
-          "conaffinity=\"3\" friction=\"0.9 0.005 0.0001\" solref=\"0.006 1\" solimp=\"0.95 0.99 0.001\"/>\n";
+  text +=
+      "<geom name=\"table\" type=\"plane\" size=\"0.75 0.75 0.05\" material=\"table\" "
+      "contype=\"1\" "
+      "conaffinity=\"3\" friction=\"0.9 0.005 0.0001\" solref=\"0.006 1\" solimp=\"0.95 0.99 "
+      "0.001\"/>\n";
   text += scene.robot.body;
-  const double spacing = 0.14, first = -spacing * (static_cast<double>(scene.objects.size()) - 1) / 2;
+  const double spacing = 0.14,
+               first = -spacing * (static_cast<double>(scene.objects.size()) - 1) / 2;
   for (std::size_t i = 0; i < scene.objects.size(); ++i) {
     const ObjectModel& object = scene.objects[i];
-    text += fmt::format("<body name=\"{0}\" pos=\"{1} 0.3 {2}\">\n<freejoint name=\"{0}\"/>\n{3}</body>\n",
-                        object.name, first + spacing * static_cast<double>(i), object.rest_height,
-                        object.geoms);
+    text += fmt::format(
+        "<body name=\"{0}\" pos=\"{1} 0.3 {2}\">\n<freejoint name=\"{0}\"/>\n{3}</body>\n",
+        object.name, first + spacing * static_cast<double>(i), object.rest_height, object.geoms);
   }
   return text;
 }
@@ -113,10 +118,13 @@ Result<SceneDescription> DescribeScene(const CampaignSpec& spec) {
     offered.insert(offered.end(), object.files.begin(), object.files.end());
     scene.objects.push_back(std::move(object));
   }
-  std::string mjcf = fmt::format(kHead, fmt::arg("timestep", kTimestep), fmt::arg("width", spec.camera.width),
-                                 fmt::arg("height", spec.camera.height));
+  std::string mjcf =
+      fmt::format(kHead, fmt::arg("timestep", kTimestep), fmt::arg("width", spec.camera.width),
+                  fmt::arg("height", spec.camera.height));
   mjcf += "<asset>\n" + Assets(offered, scene.files) + scene.robot.materials;
-  mjcf += "<material name=\"table\" texture=\"wood\" texrepeat=\"1 1\" specular=\"0\" shininess=\"0\"/>\n";
+  mjcf +=
+      "<material name=\"table\" texture=\"wood\" texrepeat=\"1 1\" specular=\"0\" "
+      "shininess=\"0\"/>\n";
   for (const ObjectModel& object : scene.objects) mjcf += object.materials;
   mjcf += "</asset>\n<worldbody>\n" + World(scene, spec.camera) + "</worldbody>\n";
   mjcf += "<equality>\n" + scene.robot.equality + "</equality>\n";

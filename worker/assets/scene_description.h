@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A whole scene as text and files in memory, composed from a campaign's choice of robot, objects, camera.
+// A whole scene as text and files in memory, composed from a campaign's choice of robot, objects,
+// camera.
 #pragma once
 
 #include <string>
@@ -15,11 +16,11 @@ namespace etude::assets {
 
 struct SceneDescription {
   std::string mjcf;
-  std::vector<AssetFile> files;        ///< everything that the MJCF names, once each
+  std::vector<AssetFile> files;  ///< everything that the MJCF names, once each
   RobotModel robot;
-  std::vector<ObjectModel> objects;    ///< in the order of the spec
+  std::vector<ObjectModel> objects;  ///< in the order of the spec
   Camera camera;
-  std::string sha256;                  ///< of MJCF, file names and contents
+  std::string sha256;  ///< of MJCF, file names and contents
 };
 
 /// Physics step, s.

@@ -13,7 +13,8 @@ namespace {
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
-/// Mobility (1/kg, 1/(kg m^2)) below which a direction counts as lost: a singular arm cannot push there.
+/// Mobility (1/kg, 1/(kg m^2)) below which a direction counts as lost: a singular arm cannot push
+/// there.
 constexpr double kLeastMobility = 5e-3;
 
 /// `v`, no longer than `limit`.
@@ -45,10 +46,12 @@ Eigen::Vector3d RotationVector(const Eigen::Quaterniond& from, const Eigen::Quat
 }
 
 Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X_WE_target,
-                                        const Vector6d& V_WE_target, const ControllerConfig& config) {
+                                        const Vector6d& V_WE_target,
+                                        const ControllerConfig& config) {
   const Eigen::Index n = state.v.size();
-  ETUDE_CHECK(state.J.rows() == 6 && state.J.cols() == n && state.M.rows() == n && state.M.cols() == n &&
-              state.bias.size() == n, "n={}", n);
+  ETUDE_CHECK(state.J.rows() == 6 && state.J.cols() == n && state.M.rows() == n &&
+                  state.M.cols() == n && state.bias.size() == n,
+              "n={}", n);
   const Matrix6d mobility = state.J * state.M.llt().solve(state.J.transpose());
   const Matrix6d inertia = TaskInertia(mobility);
   const Vector6d V_WE = state.J * state.v;
@@ -59,7 +62,8 @@ Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X
   acceleration.tail<3>() += config.ko * Saturated(RotationVector(state.X_WE.q, X_WE_target.q),
                                                   config.max_angular * config.kv / config.ko);
 
-  // N^T (-k M v) = -k (M v - J^T Lambda J v): what is left of joint damping once the tool's motion is taken out
+  // N^T (-k M v) = -k (M v - J^T Lambda J v): what is left of joint damping once the tool's motion
+  // is taken out
   const Vector6d wrench = inertia * (acceleration + config.null_kv * V_WE);
   return state.J.transpose() * wrench + state.bias - config.null_kv * (state.M * state.v);
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Operational-space control of the tool (Khatib 1987): torques that move E like a unit-mass spring-damper.
+// Operational-space control of the tool (Khatib 1987): torques that move E like a unit-mass
+// spring-damper.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,21 +10,21 @@
 namespace etude::sim {
 
 struct ControllerConfig {
-  double kp = 400;             ///< 1/s^2, position stiffness
-  double kv = 40;              ///< 1/s, damping (critical: 2 sqrt(kp))
-  double ko = 400;             ///< 1/s^2, orientation stiffness
-  double max_linear = 0.5;     ///< m/s: errors are saturated so that the spring never drives faster
-  double max_angular = 2.0;    ///< rad/s
-  double null_kv = 10;         ///< 1/s, joint damping in the null space
+  double kp = 400;           ///< 1/s^2, position stiffness
+  double kv = 40;            ///< 1/s, damping (critical: 2 sqrt(kp))
+  double ko = 400;           ///< 1/s^2, orientation stiffness
+  double max_linear = 0.5;   ///< m/s: errors are saturated so that the spring never drives faster
+  double max_angular = 2.0;  ///< rad/s
+  double null_kv = 10;       ///< 1/s, joint damping in the null space
 };
 
 /// What the controller needs to know at one instant. All in world.
 struct ControlState {
   Pose X_WE;
-  Eigen::VectorXd v;        ///< (n) joint velocities
-  Eigen::MatrixXd J;        ///< (6, n) geometric Jacobian of E, linear rows first
-  Eigen::MatrixXd M;        ///< (n, n) joint-space inertia
-  Eigen::VectorXd bias;     ///< (n) Coriolis, centrifugal, gravity
+  Eigen::VectorXd v;     ///< (n) joint velocities
+  Eigen::MatrixXd J;     ///< (6, n) geometric Jacobian of E, linear rows first
+  Eigen::MatrixXd M;     ///< (n, n) joint-space inertia
+  Eigen::VectorXd bias;  ///< (n) Coriolis, centrifugal, gravity
 };
 
 /// Rotation vector (axis times angle, angle in [0, pi]) that turns `from` into `to`, in world.

@@ -20,18 +20,21 @@
 namespace etude::sim {
 namespace {
 
-/// A shared library opened at run time. MuJoCo looks for GL functions in whichever of libGL, libEGL and
-/// libOSMesa the process has loaded, so a library whose context failed is unloaded again.
+/// A shared library opened at run time. MuJoCo looks for GL functions in whichever of libGL, libEGL
+/// and libOSMesa the process has loaded, so a library whose context failed is unloaded again; one
+/// that works stays for good (Pin), since MuJoCo keeps what it found.
 class Library {
  public:
-  explicit Library(const char* name) : handle_(dlopen(name, RTLD_NOW | RTLD_GLOBAL)) {
+  explicit Library(const char* name) : name_(name), handle_(dlopen(name, RTLD_NOW | RTLD_GLOBAL)) {
     if (!handle_) error_ = dlerror();
   }
   ~Library() {
     if (handle_) dlclose(handle_);
   }
   Library(Library&& other) noexcept
-      : handle_(std::exchange(other.handle_, nullptr)), complete_(other.complete_) {}
+      : name_(other.name_),
+        handle_(std::exchange(other.handle_, nullptr)),
+        complete_(other.complete_) {}
   explicit operator bool() const { return handle_ != nullptr; }
   const std::string& error() const { return error_; }
 
@@ -41,8 +44,10 @@ class Library {
     complete_ = complete_ && function;
   }
   bool complete() const { return complete_; }
+  void Pin() const { dlopen(name_, RTLD_NOW | RTLD_NODELETE); }
 
  private:
+  const char* name_;
   void* handle_;
   std::string error_;
   bool complete_ = true;
@@ -95,8 +100,8 @@ class EglContext : public GlContext {
 
   void MakeCurrent() override {
     if (egl_.GetCurrentContext() == context_) return;
-    ETUDE_CHECK(egl_.MakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_), "EGL error {:#x}",
-                egl_.GetError());
+    ETUDE_CHECK(egl_.MakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_),
+                "EGL error {:#x}", egl_.GetError());
   }
   const std::string& backend() const override {
     static const std::string name = "egl";
@@ -116,12 +121,14 @@ class EglContext : public GlContext {
   EGLContext context_;
 };
 
-/// Displays without a window system: Mesa's surfaceless one (software or any render node), then the GPUs
-/// that the driver lists itself.
+/// Displays without a window system: Mesa's surfaceless one (software or any render node), then the
+/// GPUs that the driver lists itself.
 std::vector<EGLDisplay> Displays(const Egl& egl) {
   std::vector<EGLDisplay> displays;
-  displays.push_back(egl.GetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr));
-  const auto query = reinterpret_cast<PFNEGLQUERYDEVICESEXTPROC>(egl.GetProcAddress("eglQueryDevicesEXT"));
+  displays.push_back(
+      egl.GetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr));
+  const auto query =
+      reinterpret_cast<PFNEGLQUERYDEVICESEXTPROC>(egl.GetProcAddress("eglQueryDevicesEXT"));
   std::array<EGLDeviceEXT, 16> devices{};
   EGLint count = 0;
   if (query && query(static_cast<EGLint>(devices.size()), devices.data(), &count))
@@ -139,7 +146,8 @@ EGLContext ContextOn(const Egl& egl, EGLDisplay display) {
   EGLConfig config = nullptr;
   if (!egl.ChooseConfig(display, wanted, &config, 1, &count) || count < 1) return EGL_NO_CONTEXT;
   if (!egl.BindApi(EGL_OPENGL_API)) return EGL_NO_CONTEXT;
-  const EGLint attributes[] = {EGL_NONE};  // compatibility profile: MuJoCo draws with the old pipeline
+  const EGLint attributes[] = {
+      EGL_NONE};  // compatibility profile: MuJoCo draws with the old pipeline
   const EGLContext context = egl.CreateContext(display, config, EGL_NO_CONTEXT, attributes);
   if (context == EGL_NO_CONTEXT) return context;
   if (egl.MakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context)) return context;
@@ -154,12 +162,14 @@ Result<std::unique_ptr<GlContext>> EglContext::Open() {
   const std::vector<EGLDisplay> displays = Displays(egl);
   for (const EGLDisplay display : displays) {
     const EGLContext context = ContextOn(egl, display);
-    if (context != EGL_NO_CONTEXT)
-      return std::make_unique<EglContext>(std::move(egl), display, context);
+    if (context == EGL_NO_CONTEXT) continue;
+    egl.library.Pin();
+    return std::make_unique<EglContext>(std::move(egl), display, context);
   }
   return Fail(Code::kUnavailable,
               fmt::format("none of {} surfaceless or device displays gave a desktop OpenGL context "
-                          "(last EGL error {:#x})", displays.size(), egl.GetError()));
+                          "(last EGL error {:#x})",
+                          displays.size(), egl.GetError()));
 }
 
 struct OsMesa {
@@ -197,18 +207,29 @@ class OsMesaGlContext : public GlContext {
   static Result<std::unique_ptr<GlContext>> Open() {
     for (const char* other : {"libGLX.so.0", "libGL.so.1", "libEGL.so.1"})
       if (IsLoaded(other))
-        return Fail(Code::kUnavailable,
-                    fmt::format("{} is loaded in this process, and MuJoCo would take its functions; "
-                                "choose backend osmesa from the start", other));
+        return Fail(
+            Code::kUnavailable,
+            fmt::format("{} is loaded in this process, and MuJoCo would take its functions; "
+                        "choose backend osmesa from the start",
+                        other));
     OsMesa mesa;
     if (!mesa.library) return Fail(Code::kUnavailable, mesa.library.error());
     if (!mesa.library.complete()) return Fail(Code::kUnavailable, "libOSMesa.so.8 is too old");
-    const int attributes[] = {OSMESA_FORMAT, OSMESA_RGBA, OSMESA_DEPTH_BITS, 24, OSMESA_STENCIL_BITS, 8,
-                              OSMESA_PROFILE, OSMESA_COMPAT_PROFILE, 0};
+    const int attributes[] = {OSMESA_FORMAT,
+                              OSMESA_RGBA,
+                              OSMESA_DEPTH_BITS,
+                              24,
+                              OSMESA_STENCIL_BITS,
+                              8,
+                              OSMESA_PROFILE,
+                              OSMESA_COMPAT_PROFILE,
+                              0};
     const OSMesaContext context = mesa.Create(attributes, nullptr);
     if (!context) return Fail(Code::kUnavailable, "OSMesa made no context");
+    mesa.library.Pin();
     auto opened = std::make_unique<OsMesaGlContext>(std::move(mesa), context);
-    if (!opened->Bind()) return Fail(Code::kUnavailable, "OSMesa's context could not be made current");
+    if (!opened->Bind())
+      return Fail(Code::kUnavailable, "OSMesa's context could not be made current");
     return opened;
   }
 
@@ -240,10 +261,11 @@ std::string GlContext::DriverName() const {
 
 Result<std::unique_ptr<GlContext>> GlContext::Open(const std::string& backend) {
   if (backend != "auto" && backend != "egl" && backend != "osmesa")
-    return Fail(Code::kInvalidArgument,
-                fmt::format("renderer backend '{}' is not known; known: auto, egl, osmesa", backend));
-  // Mesa's rasteriser threads only get in the way of one worker per core (measured); must be set before
-  // the first context. A user's own setting wins.
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("renderer backend '{}' is not known; known: auto, egl, osmesa", backend));
+  // Mesa's rasteriser threads only get in the way of one worker per core (measured); must be set
+  // before the first context. A user's own setting wins.
   setenv("LP_NUM_THREADS", "0", 0);
   std::string tried;
   if (backend != "osmesa") {

@@ -2,6 +2,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "services/core/check.h"
 #include "worker/sim/controller.h"
@@ -13,18 +14,27 @@ namespace {
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
-constexpr int kIterations = 120;
-constexpr double kDamping = 1e-3;       ///< m (and rad): steps shrink only very near a singularity
-constexpr double kLargestStep = 0.35;   ///< rad per joint and iteration
-constexpr double kDonePosition = 1e-6, kDoneAngle = 1e-6;      ///< stop refining
-constexpr double kGoodPosition = 0.5e-3, kGoodAngle = 2e-3;    ///< accept
-/// Second tries start away from the seed by these much in turn; fixed, so that the answer is a function.
-constexpr std::array kNudges{0.0, 0.25, -0.25, 0.6, -0.6};
+constexpr int kIterations = 100, kLeapIterations = 4;
+constexpr double kDamping = 1e-3;      ///< m (and rad): steps shrink only very near a singularity
+constexpr double kLargestStep = 0.35;  ///< rad per joint and iteration
+constexpr double kDonePosition = 1e-6, kDoneAngle = 1e-6;    ///< stop refining
+constexpr double kGoodPosition = 0.5e-3, kGoodAngle = 2e-3;  ///< accept
+/// Far targets are approached by poses no further apart than this, so that the arm stays in its
+/// branch (elbow and wrist as in the seed): what follows only the tool's pose cannot change branch
+/// on the way.
+constexpr double kLeapPosition = 0.05, kLeapAngle = 0.25;
+/// Later tries start away from the seed by these much in turn; fixed, so that the answer is a
+/// function.
+constexpr std::array kNudges{0.0, 0.2, -0.2, 0.5, -0.5};
 
 Vector6d ErrorOf(const Pose& now, const Pose& target) {
   Vector6d error;
   error << target.p - now.p, RotationVector(now.q, target.q);
   return error;
+}
+
+bool Within(const Vector6d& error, double position, double angle) {
+  return error.head<3>().norm() < position && error.tail<3>().norm() < angle;
 }
 
 }  // namespace
@@ -69,30 +79,46 @@ std::vector<Pose> Kinematics::BodyPoses(const Eigen::VectorXd& q, double gripper
   return poses;
 }
 
-std::optional<Eigen::VectorXd> Kinematics::Solve(const Pose& X_WE_target, const Eigen::VectorXd& q_seed) {
-  const ArmInfo& arm = scene_->arm();
+std::optional<Eigen::VectorXd> Kinematics::Solve(const Pose& X_WE_target,
+                                                 const Eigen::VectorXd& q_seed) {
   for (const double nudge : kNudges) {
     Eigen::VectorXd q = q_seed;
     for (Eigen::Index i = 0; i < q.size(); ++i) q[i] += (i % 2 ? -nudge : nudge);
-    for (int iteration = 0; iteration < kIterations; ++iteration) {
-      q = q.cwiseMax(arm.q_min).cwiseMin(arm.q_max);
-      const Vector6d error = ErrorOf(X_WE(q), X_WE_target);
-      if (error.head<3>().norm() < kDonePosition && error.tail<3>().norm() < kDoneAngle) return q;
-      mj_comPos(scene_->model().mj.get(), state_->data.get());
-      scene_->model().ToolJacobian(state_->data.get(), state_->scratch, state_->J);
-      const Eigen::MatrixXd& J = state_->J;
-      // more damping while far away: linearisation is poor there
-      const double damping = kDamping + 0.05 * std::min(1.0, error.squaredNorm());
-      const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
-      Eigen::VectorXd step = J.transpose() * normal.ldlt().solve(error);
-      step *= std::min(1.0, kLargestStep / std::max(step.cwiseAbs().maxCoeff(), 1e-12));
-      q += step;
-    }
-    q = q.cwiseMax(arm.q_min).cwiseMin(arm.q_max);
-    const Vector6d error = ErrorOf(X_WE(q), X_WE_target);
-    if (error.head<3>().norm() < kGoodPosition && error.tail<3>().norm() < kGoodAngle) return q;
+    if (Approach(X_WE_target, q)) return q;
   }
   return std::nullopt;
+}
+
+bool Kinematics::Approach(const Pose& target, Eigen::VectorXd& q) {
+  const Pose start = X_WE(q);
+  const Vector6d whole = ErrorOf(start, target);
+  const int leaps = static_cast<int>(std::ceil(std::max(
+      {whole.head<3>().norm() / kLeapPosition, whole.tail<3>().norm() / kLeapAngle, 1.0})));
+  for (int i = 1; i < leaps; ++i) {
+    const double f = static_cast<double>(i) / leaps;
+    // where the straight line is out of reach the nearest pose does: only the end counts
+    Refine({start.p + f * (target.p - start.p), start.q.slerp(f, target.q)}, kLeapIterations, q);
+  }
+  return Refine(target, kIterations, q);
+}
+
+bool Kinematics::Refine(const Pose& target, int iterations, Eigen::VectorXd& q) {
+  const ArmInfo& arm = scene_->arm();
+  for (int iteration = 0; iteration <= iterations; ++iteration) {
+    q = q.cwiseMax(arm.q_min).cwiseMin(arm.q_max);
+    const Vector6d error = ErrorOf(X_WE(q), target);
+    if (Within(error, kDonePosition, kDoneAngle)) return true;
+    if (iteration == iterations) return Within(error, kGoodPosition, kGoodAngle);
+    mj_comPos(scene_->model().mj.get(), state_->data.get());
+    scene_->model().ToolJacobian(state_->data.get(), state_->scratch, state_->J);
+    const Eigen::MatrixXd& J = state_->J;
+    // more damping while far away: linearisation is poor there
+    const double damping = kDamping + 0.05 * std::min(1.0, error.squaredNorm());
+    const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
+    const Eigen::VectorXd step = J.transpose() * normal.ldlt().solve(error);
+    q += step * std::min(1.0, kLargestStep / std::max(step.cwiseAbs().maxCoeff(), 1e-12));
+  }
+  return false;
 }
 
 }  // namespace etude::sim

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "worker/assets/scene_description.h"
@@ -28,16 +29,17 @@ using DataPtr = std::unique_ptr<mjData, DataDeleter>;
 struct Scene::Model {
   ModelPtr mj;
   assets::RobotModel robot;
-  std::vector<int> arm_q, arm_v, arm_u;      ///< addresses in qpos, qvel, ctrl
-  std::vector<int> gripper_q;                ///< driven joints
+  std::vector<int> arm_q, arm_v, arm_u;  ///< addresses in qpos, qvel, ctrl
+  std::vector<int> gripper_q;            ///< driven joints
   int gripper_u = -1;
-  std::vector<std::pair<int, double>> coupled_q;   ///< address, factor of the driven joint
+  std::vector<std::pair<int, double>> coupled_q;  ///< address, factor of the driven joint
   int tool_site = -1;
   std::vector<int> finger_bodies;
   struct FreeBody {
     int body = -1, q = -1, v = -1;
   };
   std::map<std::string, FreeBody> objects;
+  std::unordered_map<std::string, int> bodies;  ///< all, by name: MuJoCo's own search is linear
 
   int BodyId(const std::string& name) const;  ///< checked
   DataPtr NewData() const;                    ///< checked
@@ -56,13 +58,14 @@ struct Scene::Model {
 struct World::State {
   DataPtr mj;
   ControllerConfig config;
-  ControlState control;                       ///< scratch of Step, kept for its memory
+  ControlState control;  ///< scratch of Step, kept for its memory
   std::vector<double> scratch, full_inertia;
 
   void ReadControl(const Scene::Model& model);
 };
 
-/// MuJoCo's errors abort with a log line, its warnings go to the log. Once per process; thread-safe.
+/// MuJoCo's errors abort with a log line, its warnings go to the log. Once per process;
+/// thread-safe.
 void InstallHandlers();
 
 }  // namespace etude::sim

@@ -13,17 +13,19 @@
 namespace etude::sim {
 
 struct RendererConfig {
-  std::string backend = "auto";   ///< auto | egl | osmesa
-  int samples = 0;                ///< multisamples; 0 is 2.5x faster than 4 (measured)
+  std::string backend = "auto";  ///< auto | egl | osmesa
+  int samples = 0;               ///< multisamples; 0 is 2.5x faster than 4 (measured)
   bool shadows = false;
 };
 
 /// A GL context, its framebuffer and MuJoCo's render state. Use from the thread that made it only.
-/// A picture is a function of the world's state, the light gain and the GL driver: the same bytes each time.
+/// A picture is a function of the world's state, the light gain and the GL driver: the same bytes
+/// each time.
 class Renderer {
  public:
   /// @error kUnavailable: no GL; says what was tried and which package to install.
-  static Result<Renderer> Open(std::shared_ptr<const Scene> scene, const RendererConfig& config = {});
+  static Result<Renderer> Open(std::shared_ptr<const Scene> scene,
+                               const RendererConfig& config = {});
   Renderer(Renderer&&) noexcept;
   Renderer& operator=(Renderer&&) noexcept;
   ~Renderer();

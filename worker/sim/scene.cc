@@ -44,7 +44,8 @@ Result<ModelPtr> Compile(const assets::SceneDescription& description) {
   static std::mutex mutex;  // MuJoCo keeps the last XML in a global
   const std::lock_guard lock(mutex);
   Files files;
-  for (const auto& file : description.files) files.Add(file.name, file.bytes.data(), file.bytes.size());
+  for (const auto& file : description.files)
+    files.Add(file.name, file.bytes.data(), file.bytes.size());
   files.Add("scene.xml", description.mjcf.data(), description.mjcf.size());
   char message[1000] = "";
   ModelPtr model(mj_loadXML("scene.xml", files.vfs.get(), message, sizeof message));
@@ -74,10 +75,13 @@ void FillAddresses(Scene::Model& model, const assets::SceneDescription& descript
     model.gripper_q.push_back(mj->jnt_qposadr[Id(mj, mjOBJ_JOINT, name)]);
   model.gripper_u = Id(mj, mjOBJ_ACTUATOR, model.robot.gripper_joints.at(0));
   for (const auto& coupled : model.robot.coupled_joints)
-    model.coupled_q.emplace_back(mj->jnt_qposadr[Id(mj, mjOBJ_JOINT, coupled.joint)], coupled.factor);
+    model.coupled_q.emplace_back(mj->jnt_qposadr[Id(mj, mjOBJ_JOINT, coupled.joint)],
+                                 coupled.factor);
   model.tool_site = Id(mj, mjOBJ_SITE, model.robot.tool_site);
   for (const std::string& name : model.robot.finger_bodies)
     model.finger_bodies.push_back(Id(mj, mjOBJ_BODY, name));
+  for (int body = 0; body < mj->nbody; ++body)
+    model.bodies.emplace(mj_id2name(mj, mjOBJ_BODY, body), body);
   for (const auto& object : description.objects) {
     const int joint = Id(mj, mjOBJ_JOINT, object.name);
     model.objects[object.name] = {Id(mj, mjOBJ_BODY, object.name), mj->jnt_qposadr[joint],
@@ -94,10 +98,12 @@ std::vector<Vector3d> HullVertices(const mjModel* mj, int mesh) {
   ETUDE_CHECK(mj->mesh_graphadr[mesh] >= 0, "mesh {} has no hull", mesh);
   const int* graph = mj->mesh_graph + mj->mesh_graphadr[mesh];
   const int count = graph[0];
-  const int* ids = graph + 2 + count;  // numvert, numface, vert_edgeadr[numvert], vert_globalid[numvert]
+  const int* ids =
+      graph + 2 + count;  // numvert, numface, vert_edgeadr[numvert], vert_globalid[numvert]
   const float* vertices = mj->mesh_vert + 3 * mj->mesh_vertadr[mesh];
   std::vector<Vector3d> hull;
-  for (int i = 0; i < count; ++i) hull.push_back(Eigen::Map<const Eigen::Vector3f>(vertices + 3 * ids[i]).cast<double>());
+  for (int i = 0; i < count; ++i)
+    hull.push_back(Eigen::Map<const Eigen::Vector3f>(vertices + 3 * ids[i]).cast<double>());
   return hull;
 }
 
@@ -105,7 +111,9 @@ Geometry MakeGeometry(const mjModel* mj, int geom) {
   Geometry piece;
   piece.body = mj_id2name(mj, mjOBJ_BODY, mj->geom_bodyid[geom]);
   const char* name = mj_id2name(mj, mjOBJ_GEOM, geom);
-  piece.name = name ? name : fmt::format("{}/{}", piece.body, geom - mj->body_geomadr[mj->geom_bodyid[geom]]);
+  piece.name =
+      name ? name
+           : fmt::format("{}/{}", piece.body, geom - mj->body_geomadr[mj->geom_bodyid[geom]]);
   piece.X_BG = PoseOf(mj->geom_pos + 3 * geom, mj->geom_quat + 4 * geom);
   const mjtNum* size = mj->geom_size + 3 * geom;
   piece.size = Vector3d(size[0], size[1], size[2]);
@@ -115,15 +123,24 @@ Geometry MakeGeometry(const mjModel* mj, int geom) {
       piece.size = Vector3d(kTableHalf, kTableHalf, kTableThickness / 2);
       piece.X_BG.p -= piece.X_BG.q * Vector3d(0, 0, kTableThickness / 2);
       break;
-    case mjGEOM_BOX: piece.shape = Geometry::Shape::kBox; break;
-    case mjGEOM_SPHERE: piece.shape = Geometry::Shape::kSphere; break;
-    case mjGEOM_CAPSULE: piece.shape = Geometry::Shape::kCapsule; break;
-    case mjGEOM_CYLINDER: piece.shape = Geometry::Shape::kCylinder; break;
+    case mjGEOM_BOX:
+      piece.shape = Geometry::Shape::kBox;
+      break;
+    case mjGEOM_SPHERE:
+      piece.shape = Geometry::Shape::kSphere;
+      break;
+    case mjGEOM_CAPSULE:
+      piece.shape = Geometry::Shape::kCapsule;
+      break;
+    case mjGEOM_CYLINDER:
+      piece.shape = Geometry::Shape::kCylinder;
+      break;
     case mjGEOM_MESH:
       piece.shape = Geometry::Shape::kConvex;
       piece.vertices = HullVertices(mj, mj->geom_dataid[geom]);
       break;
-    default: ETUDE_CHECK(false, "geom {} has type {}", piece.name, mj->geom_type[geom]);
+    default:
+      ETUDE_CHECK(false, "geom {} has type {}", piece.name, mj->geom_type[geom]);
   }
   return piece;
 }
@@ -161,7 +178,11 @@ void InstallHandlers() {
   });
 }
 
-int Scene::Model::BodyId(const std::string& name) const { return Id(mj.get(), mjOBJ_BODY, name); }
+int Scene::Model::BodyId(const std::string& name) const {
+  const auto found = bodies.find(name);
+  ETUDE_CHECK(found != bodies.end(), "the scene has no body '{}'", name);
+  return found->second;
+}
 
 DataPtr Scene::Model::NewData() const {
   DataPtr data(mj_makeData(mj.get()));
@@ -170,14 +191,16 @@ DataPtr Scene::Model::NewData() const {
 }
 
 void Scene::Model::SetHome(mjData* data) const {
-  SetArm(data, Eigen::VectorXd::Map(robot.q_home.data(), static_cast<Eigen::Index>(robot.q_home.size())));
+  SetArm(data,
+         Eigen::VectorXd::Map(robot.q_home.data(), static_cast<Eigen::Index>(robot.q_home.size())));
   SetGripper(data, 0);
 }
 
 void Scene::Model::SetArm(mjData* data, const Eigen::VectorXd& q) const {
-  ETUDE_CHECK(q.size() == static_cast<Eigen::Index>(arm_q.size()), "{} joints given, the arm has {}",
-              q.size(), arm_q.size());
-  for (std::size_t i = 0; i < arm_q.size(); ++i) data->qpos[arm_q[i]] = q[static_cast<Eigen::Index>(i)];
+  ETUDE_CHECK(q.size() == static_cast<Eigen::Index>(arm_q.size()),
+              "{} joints given, the arm has {}", q.size(), arm_q.size());
+  for (std::size_t i = 0; i < arm_q.size(); ++i)
+    data->qpos[arm_q[i]] = q[static_cast<Eigen::Index>(i)];
 }
 
 void Scene::Model::SetGripper(mjData* data, double gripper) const {
@@ -188,15 +211,17 @@ void Scene::Model::SetGripper(mjData* data, double gripper) const {
 
 Pose Scene::Model::ToolPose(const mjData* data) const {
   using Rows = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  return {Vector3d::Map(data->site_xpos + 3 * tool_site),
-          Eigen::Quaterniond(Eigen::Matrix3d(Rows::Map(data->site_xmat + 9 * tool_site))).normalized()};
+  return {
+      Vector3d::Map(data->site_xpos + 3 * tool_site),
+      Eigen::Quaterniond(Eigen::Matrix3d(Rows::Map(data->site_xmat + 9 * tool_site))).normalized()};
 }
 
 Pose Scene::Model::BodyPose(const mjData* data, int body) const {
   return PoseOf(data->xpos + 3 * body, data->xquat + 4 * body);
 }
 
-void Scene::Model::ToolJacobian(const mjData* data, std::vector<double>& scratch, Eigen::MatrixXd& J) const {
+void Scene::Model::ToolJacobian(const mjData* data, std::vector<double>& scratch,
+                                Eigen::MatrixXd& J) const {
   const int nv = mj->nv;
   scratch.resize(6 * static_cast<std::size_t>(nv));
   mj_jacSite(mj.get(), data, scratch.data(), scratch.data() + 3 * nv, tool_site);

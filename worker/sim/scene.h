@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A compiled MuJoCo scene: robot, table, objects, camera and light, composed as MJCF from worker/assets.
-// Immutable after Build and shared by any number of Worlds. Only worker/sim includes mujoco/*.
+// A compiled MuJoCo scene: robot, table, objects, camera and light, composed as MJCF from
+// worker/assets. Immutable after Build and shared by any number of Worlds. Only worker/sim includes
+// mujoco/*.
 #pragma once
 
 #include <memory>
@@ -17,49 +18,51 @@ namespace etude::sim {
 struct Geometry {
   enum class Shape { kBox, kSphere, kCapsule, kCylinder, kConvex };
   std::string name;
-  std::string body;                       ///< body it is fixed to, e.g. "forearm", "coke", "world"
+  std::string body;  ///< body it is fixed to, e.g. "forearm", "coke", "world"
   Shape shape = Shape::kBox;
-  Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< box: half sizes; sphere: radius; capsule, cylinder:
-                                                   ///< radius, half length along z
+  Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< box: half sizes; sphere: radius; capsule,
+                                                   ///< cylinder: radius, half length along z
   Pose X_BG;                              ///< geometry in its body
   std::vector<Eigen::Vector3d> vertices;  ///< kConvex only, in G
 };
 
 struct ArmInfo {
-  std::vector<std::string> joints;        ///< arm joints, in order (data, never a constant count)
-  Eigen::VectorXd q_home;                 ///< (nq)
-  Eigen::VectorXd q_min, q_max;           ///< (nq), rad
-  Eigen::VectorXd torque_limit;           ///< (nu), N m
+  std::vector<std::string> joints;  ///< arm joints, in order (data, never a constant count)
+  Eigen::VectorXd q_home;           ///< (nq)
+  Eigen::VectorXd q_min, q_max;     ///< (nq), rad
+  Eigen::VectorXd torque_limit;     ///< (nu), N m
   std::vector<std::string> gripper_joints;
-  std::vector<std::string> bodies;        ///< bodies of the robot, base to fingers (the base stands still)
-  std::vector<std::string> finger_bodies; ///< the two that close on an object
-  double gripper_closed = 0;              ///< driven gripper joint when closed on air (0 is open)
-  std::string tool_site;                  ///< frame E
+  std::vector<std::string>
+      bodies;  ///< bodies of the robot, base to fingers (the base stands still)
+  std::vector<std::string> finger_bodies;  ///< the two that close on an object
+  double gripper_closed = 0;               ///< driven gripper joint when closed on air (0 is open)
+  std::string tool_site;                   ///< frame E
 };
 
 struct ObjectInfo {
   std::string name;
-  Eigen::Vector3d half_extent;            ///< m, of the upright AABB
-  double rest_height = 0;                 ///< body origin above the table when it stands upright, m
-  double mass = 0;                        ///< kg
+  Eigen::Vector3d half_extent;  ///< m, of the upright AABB
+  double rest_height = 0;       ///< body origin above the table when it stands upright, m
+  double mass = 0;              ///< kg
 };
 
 class Scene {
  public:
-  /// @error kInvalidArgument: unknown robot or object; kInternal: MuJoCo refuses the MJCF (its message).
+  /// @error kInvalidArgument: unknown robot or object; kInternal: MuJoCo refuses the MJCF (its
+  /// message).
   static Result<std::shared_ptr<const Scene>> Build(const CampaignSpec& spec);
   ~Scene();
 
   const ArmInfo& arm() const { return arm_; }
-  const std::vector<ObjectInfo>& objects() const { return objects_; }   ///< order of spec.objects
+  const std::vector<ObjectInfo>& objects() const { return objects_; }  ///< order of spec.objects
   const Camera& camera() const { return camera_; }
-  /// Every collision piece: robot, table ("world") and objects, taken from the compiled model. The table
-  /// is an infinite plane in the simulation and a slab with its top at z = 0 here.
+  /// Every collision piece: robot, table ("world") and objects, taken from the compiled model. The
+  /// table is an infinite plane in the simulation and a slab with its top at z = 0 here.
   const std::vector<Geometry>& geometry() const { return geometry_; }
   const std::string& mjcf() const { return mjcf_; }
-  const std::string& sha256() const { return sha256_; }                 ///< of MJCF and assets
+  const std::string& sha256() const { return sha256_; }  ///< of MJCF and assets
 
-  struct Model;                                                          ///< holds the mjModel
+  struct Model;  ///< holds the mjModel
   const Model& model() const { return *model_; }
 
  private:

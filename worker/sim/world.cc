@@ -32,7 +32,8 @@ const Scene::Model::FreeBody& Find(const Scene::Model& model, const std::string&
 World::World(std::shared_ptr<const Scene> scene)
     : scene_(std::move(scene)), state_(std::make_unique<State>()) {
   state_->mj = scene_->model().NewData();
-  state_->full_inertia.resize(static_cast<std::size_t>(scene_->model().mj->nv) * scene_->model().mj->nv);
+  state_->full_inertia.resize(static_cast<std::size_t>(scene_->model().mj->nv) *
+                              scene_->model().mj->nv);
   Reset();
 }
 World::World(World&&) noexcept = default;
@@ -57,8 +58,8 @@ void World::SetObject(const std::string& name, const Pose& X_WO) {
   std::fill_n(state_->mj->qvel + body.v, 6, 0.0);
 }
 
-// Between calls the data is always as after mj_step1: everything that follows from position and velocity
-// is current, so that poses, contacts and pictures belong to the same instant as q and v.
+// Between calls the data is always as after mj_step1: everything that follows from position and
+// velocity is current, so that poses, contacts and pictures belong to the same instant as q and v.
 void World::Forward() { mj_step1(scene_->model().mj.get(), state_->mj.get()); }
 
 void World::Step(const Waypoint& target, const Vector6d& V_WE) {
@@ -71,7 +72,8 @@ void World::Step(const Waypoint& target, const Vector6d& V_WE) {
     const double remaining = (kPhysicsStepsPerControl - step) * mj->opt.timestep;
     const Pose X_now = Advanced(target.X_WE, V_WE, -remaining);
     state_->ReadControl(model);
-    const Eigen::VectorXd tau = OperationalSpaceTorques(state_->control, X_now, V_WE, state_->config);
+    const Eigen::VectorXd tau =
+        OperationalSpaceTorques(state_->control, X_now, V_WE, state_->config);
     for (std::size_t i = 0; i < model.arm_u.size(); ++i)
       data->ctrl[model.arm_u[i]] = tau[static_cast<Eigen::Index>(i)];
     data->ctrl[model.gripper_u] = torque;
@@ -93,7 +95,8 @@ void World::State::ReadControl(const Scene::Model& model) {
     control.v[i] = mj->qvel[model.arm_v[i]];
     control.bias[i] = mj->qfrc_bias[model.arm_v[i]] - mj->qfrc_passive[model.arm_v[i]];
     for (Eigen::Index j = 0; j < n; ++j)
-      control.M(i, j) = full_inertia[static_cast<std::size_t>(model.arm_v[i]) * mjm->nv + model.arm_v[j]];
+      control.M(i, j) =
+          full_inertia[static_cast<std::size_t>(model.arm_v[i]) * mjm->nv + model.arm_v[j]];
   }
 }
 

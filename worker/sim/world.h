@@ -23,10 +23,10 @@ class World {
 
   const Scene& scene() const { return *scene_; }
 
-  /// Everything to the model's initial state: home arm, open gripper, zero velocities and warm starts.
-  /// After Reset the future depends only on what is set and commanded next.
+  /// Everything to the model's initial state: home arm, open gripper, zero velocities and warm
+  /// starts. After Reset the future depends only on what is set and commanded next.
   void Reset();
-  void SetArm(const Eigen::VectorXd& q);      ///< at rest there; call Forward() after the last Set*
+  void SetArm(const Eigen::VectorXd& q);  ///< at rest there; call Forward() after the last Set*
   void SetObject(const std::string& name, const Pose& X_WO);
   /// Recomputes positions and contacts after Set*, without moving time.
   void Forward();
@@ -34,18 +34,20 @@ class World {
   /// One control step (8 ms): operational-space control towards `target` (see controller.h), then
   /// kPhysicsStepsPerControl physics steps with the torques recomputed at each.
   /// @param target  pose of E that is due at the end of this control step
-  /// @param V_WE  feed-forward of the path, linear m/s then angular rad/s; zero to hold. Inside the step
+  /// @param V_WE  feed-forward of the path, linear m/s then angular rad/s; zero to hold. Inside the
+  /// step
   ///              the path is taken as straight: `target` moved back by V_WE.
   void Step(const Waypoint& target, const Eigen::Matrix<double, 6, 1>& V_WE);
 
-  Eigen::VectorXd q() const;                 ///< arm joints (nq), rad
-  Eigen::VectorXd v() const;                 ///< arm joints (nv), rad/s
-  Eigen::VectorXd gripper_q() const;         ///< driven gripper joints
-  Pose X_WE() const;                         ///< tool site in world
+  Eigen::VectorXd q() const;          ///< arm joints (nq), rad
+  Eigen::VectorXd v() const;          ///< arm joints (nv), rad/s
+  Eigen::VectorXd gripper_q() const;  ///< driven gripper joints
+  Pose X_WE() const;                  ///< tool site in world
   Pose ObjectPose(const std::string& name) const;
-  std::vector<float> StateVector() const;    ///< qpos and qvel
-  double time() const;                       ///< s
-  /// False once MuJoCo warned of NaN, a huge value or a full buffer since Reset: the attempt is void.
+  std::vector<float> StateVector() const;  ///< qpos and qvel
+  double time() const;                     ///< s
+  /// False once MuJoCo warned of NaN, a huge value or a full buffer since Reset: the attempt is
+  /// void.
   bool healthy() const;
 
   /// MuJoCo's number of a body, as in Renderer::RenderSegmentation; 0 is "world".
@@ -55,7 +57,7 @@ class World {
   /// True when the two fingers both touch `object`.
   bool Grasped(const std::string& object) const;
 
-  struct State;                              ///< holds the mjData
+  struct State;  ///< holds the mjData
   State& state() { return *state_; }
   const State& state() const { return *state_; }
 
@@ -78,12 +80,17 @@ class Kinematics {
   /// Pose of every body of `bodies` at q with the gripper at `gripper` (0 open .. 1 closed).
   std::vector<Pose> BodyPoses(const Eigen::VectorXd& q, double gripper,
                               const std::vector<std::string>& bodies);
-  /// Inverse kinematics near `q_seed` (damped least squares within joint limits).
+  /// Inverse kinematics from `q_seed` (damped least squares within joint limits). Follows the
+  /// straight line from the seed's pose, so that the answer is in the seed's branch; a function of
+  /// its arguments.
   /// @returns the solution, or nothing when it does not come within 0.5 mm and 2 mrad.
   std::optional<Eigen::VectorXd> Solve(const Pose& X_WE, const Eigen::VectorXd& q_seed);
 
  private:
   struct State;
+  bool Approach(const Pose& target, Eigen::VectorXd& q);
+  bool Refine(const Pose& target, int iterations, Eigen::VectorXd& q);
+
   std::shared_ptr<const Scene> scene_;
   std::unique_ptr<State> state_;
 };

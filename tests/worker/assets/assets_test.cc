@@ -28,7 +28,7 @@ std::vector<NamedMesh> AllMeshes() {
   const double box = 4 * kMilkHalf * kMilkHalf * kMilkShoulder;
   const double roof = 2 * kMilkHalf * (kMilkRidge - kMilkShoulder) * (kMilkHalf + kMilkFin);
   const double fin = 4 * kMilkHalf * kMilkFin * (kMilkHeight - kMilkRidge);
-  return {{"can", CanMesh(0.04), can, 0.06},
+  return {{"can", CanMesh(0.04), can, 0.07},
           {"milk", MilkMesh(0.061), box + roof + fin, 1e-6},
           {"milk_gable", MilkGableHull(0.061), roof, 1e-6},
           {"bread", BreadMesh(0.0363), 0, 0},
@@ -51,7 +51,8 @@ TEST(Mesh, IsClosedAndFacesOutwards) {
     double area = 0;
     for (const auto& f : mesh.faces) {
       const Vector3d a = (mesh.positions[f[1]] - mesh.positions[f[0]])
-                             .cross(mesh.positions[f[2]] - mesh.positions[f[0]]) / 2;
+                             .cross(mesh.positions[f[2]] - mesh.positions[f[0]]) /
+                         2;
       sum += a;
       area += a.norm();
     }
@@ -67,7 +68,8 @@ TEST(Mesh, NormalsAgreeWithFaces) {
   for (const auto& [name, mesh, volume, tolerance] : AllMeshes())
     for (const auto& f : mesh.faces) {
       const Vector3d normal = (mesh.positions[f[1]] - mesh.positions[f[0]])
-                                  .cross(mesh.positions[f[2]] - mesh.positions[f[0]]).normalized();
+                                  .cross(mesh.positions[f[2]] - mesh.positions[f[0]])
+                                  .normalized();
       for (const int i : f) {
         EXPECT_NEAR(mesh.normals[i].norm(), 1, 1e-9) << name;
         EXPECT_GT(mesh.normals[i].dot(normal), 0.7) << name << " vertex " << i;
@@ -90,8 +92,8 @@ TEST(Mesh, MshHasCountsThenNumbers) {
 }
 
 TEST(Objects, StandOnTheirLowestPointWithinTheirBox) {
-  const std::map<std::string, Mesh> meshes{{"coke", CanMesh(0.04)}, {"milk", MilkMesh(0.061)},
-                                           {"bread", BreadMesh(0.0363)}};
+  const std::map<std::string, Mesh> meshes{
+      {"coke", CanMesh(0.04)}, {"milk", MilkMesh(0.061)}, {"bread", BreadMesh(0.0363)}};
   for (const auto& [name, mesh] : meshes) {
     const auto object = MakeObject(name);
     ASSERT_TRUE(object) << object.error().message;
@@ -120,8 +122,8 @@ Color MeanColor(Canvas canvas) {
 }
 
 TEST(Textures, AreTheColourOfTheirThing) {
-  const Color coke = MeanColor(CokeTexture()), pepsi = MeanColor(PepsiTexture()), milk = MeanColor(MilkTexture()),
-              bread = MeanColor(BreadTexture());
+  const Color coke = MeanColor(CokeTexture()), pepsi = MeanColor(PepsiTexture()),
+              milk = MeanColor(MilkTexture()), bread = MeanColor(BreadTexture());
   EXPECT_GT(coke[0], 1.5 * coke[1]);
   EXPECT_GT(coke[0], 1.5 * coke[2]);
   EXPECT_GT(pepsi[2], 1.3 * pepsi[0]);
@@ -148,7 +150,8 @@ TEST(SceneDescription, IsAPureFunctionOfTheSpec) {
   EXPECT_EQ(a->sha256, b->sha256);
   EXPECT_EQ(a->sha256.size(), 64u);
   spec.seed = 99;
-  EXPECT_EQ(DescribeScene(spec)->sha256, a->sha256) << "the seed places objects, it does not change the scene";
+  EXPECT_EQ(DescribeScene(spec)->sha256, a->sha256)
+      << "the seed places objects, it does not change the scene";
   spec.objects = {"coke", "pepsi"};
   const auto two = DescribeScene(spec);
   EXPECT_NE(two->sha256, a->sha256);

@@ -18,8 +18,10 @@ TEST_P(Grasp, HoldsThroughLiftTurnAndSwing) {
   World world(FullScene());
   Kinematics kinematics(FullScene());
   const Pose X_WO = world.ObjectPose(object);
-  const Eigen::Quaterniond level = FromEuler({kPi, 0, kPi / 2}), down = FromEuler({kPi / 2, 0, kPi / 2});
-  const auto ready = kinematics.Solve({X_WO.p + Eigen::Vector3d(0, -0.15, 0.01), level}, FullScene()->arm().q_home);
+  const Eigen::Quaterniond level = FromEuler({kPi, 0, kPi / 2}),
+                           down = FromEuler({kPi / 2, 0, kPi / 2});
+  const auto ready = kinematics.Solve({X_WO.p + Eigen::Vector3d(0, -0.15, 0.01), level},
+                                      FullScene()->arm().q_home);
   ASSERT_TRUE(ready);
   world.SetArm(*ready);
   world.Forward();

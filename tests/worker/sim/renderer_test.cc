@@ -22,7 +22,9 @@ Renderer OpenOrDie() {
   return std::move(*renderer);
 }
 
-Picture Blank(const Camera& camera) { return Picture(static_cast<std::size_t>(camera.width) * camera.height * 3); }
+Picture Blank(const Camera& camera) {
+  return Picture(static_cast<std::size_t>(camera.width) * camera.height * 3);
+}
 
 Picture Take(Renderer& renderer, const World& world) {
   Picture picture = Blank(FullScene()->camera());
@@ -40,7 +42,8 @@ Eigen::Vector2d Centroid(const std::vector<std::int32_t>& ids, int width, std::i
   int count = 0;
   for (std::size_t i = 0; i < ids.size(); ++i) {
     if (ids[i] != id) continue;
-    sum += Eigen::Vector2d(static_cast<double>(i % width) + 0.5, static_cast<double>(i / width) + 0.5);
+    sum +=
+        Eigen::Vector2d(static_cast<double>(i % width) + 0.5, static_cast<double>(i / width) + 0.5);
     ++count;
   }
   return sum / count;
@@ -80,7 +83,8 @@ TEST(Renderer, ProjectionAgreesWithTheCamera) {
   Renderer renderer = OpenOrDie();
   const Camera& camera = FullScene()->camera();
   std::vector<std::int32_t> ids(static_cast<std::size_t>(camera.width) * camera.height);
-  // bodies are numbered as MuJoCo does: find each by what its neighbourhood shows when it alone is moved away
+  // bodies are numbered as MuJoCo does: find each by what its neighbourhood shows when it alone is
+  // moved away
   for (const std::string name : {"cube", "coke", "pepsi"})
     for (const Eigen::Vector2d& at : {Eigen::Vector2d(-0.35, 0.2), {0.0, 0.45}, {0.35, 0.3}}) {
       world.Reset();
@@ -100,7 +104,8 @@ TEST(Renderer, TopRowIsFar) {
   Renderer renderer = OpenOrDie();
   std::vector<std::int32_t> ids(224 * 224);
   renderer.RenderSegmentation(world, ids);
-  EXPECT_TRUE(std::all_of(ids.begin(), ids.begin() + 224, [](int id) { return id == -1; })) << "background above";
+  EXPECT_TRUE(std::all_of(ids.begin(), ids.begin() + 224, [](int id) { return id == -1; }))
+      << "background above";
   const auto base = Centroid(ids, 224, world.BodyId("shoulder"));
   const auto can = Centroid(ids, 224, world.BodyId("coke"));
   EXPECT_LT(base.y(), can.y()) << "the robot stands behind the objects";
@@ -113,7 +118,8 @@ TEST(Renderer, ViewOfTheSceneCameraIsThePicture) {
   Picture view = Blank(FullScene()->camera());
   renderer.RenderView(world, FullScene()->camera(), view);
   double difference = 0;
-  for (std::size_t i = 0; i < view.size(); ++i) difference += std::abs(int{view[i]} - int{picture[i]});
+  for (std::size_t i = 0; i < view.size(); ++i)
+    difference += std::abs(int{view[i]} - int{picture[i]});
   EXPECT_LT(difference / static_cast<double>(view.size()), 0.1);
 }
 

@@ -31,8 +31,8 @@ void MoveTo(World& world, const Pose& end, double speed, double gripper, int hol
   const Pose start = world.X_WE();
   const double distance = (end.p - start.p).norm();
   const double turn = AngleBetween(start.q, end.q);
-  // trapezoid with 1.5 m/s^2 in the path parameter s of 0..length (m, or 0.4 m a radian)
-  const double length = std::max(distance, 0.4 * turn), acceleration = 1.5, dt = 0.008;
+  // trapezoid with 1 m/s^2 in the path parameter s of 0..length (m, or 0.4 m a radian)
+  const double length = std::max(distance, 0.4 * turn), acceleration = 1.0, dt = 0.008;
   double s = 0, v = 0;
   const Eigen::AngleAxisd whole(end.q * start.q.conjugate());
   for (int step = 0; s < length && step < 5000; ++step) {
