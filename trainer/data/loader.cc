@@ -3,6 +3,8 @@
 
 #include <pthread.h>
 
+#include <bit>
+
 #include "services/core/log.h"
 
 namespace etude::data {
@@ -43,10 +45,12 @@ Result<std::unique_ptr<Batch>> Loader::MakeStep(std::uint64_t step, FrameScratch
     if (samples.empty() || status.error().code == Code::kInvalidArgument ||
         retry > kMaxReplacements)
       return Fail(status.error().Wrap(fmt::format("make batch {}", step)));
-    Log().warn("replaced a picture that cannot be read: {}", status.error().message);
     samples[bad] = DrawBatch(*snapshot, Split::kTrain, seed_, step, config_.batch, retry)[bad];
     const std::lock_guard lock(mutex_);
-    ++replaced_;
+    // 1, 2, 4, 8, ...: a bad file would otherwise be a line a batch
+    if (std::has_single_bit(++replaced_))
+      Log().warn("replaced a picture that cannot be read (count={}): {}", replaced_,
+                 status.error().message);
   }
 }
 

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/data/batch.cc and trainer/data/frame_cache.cc
+#include "trainer/data/batch.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+
+#include "tests/support/temporary_folder.h"
+#include "tests/trainer/data/synthetic_dataset.h"
+
+namespace etude::data {
+namespace {
+
+class BatchTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    spec_ = SyntheticSpec(64, 48);
+    AddSyntheticEpisodes(folder_ / "d", spec_, 0, 12);
+    auto dataset = Dataset::Open(folder_ / "d");
+    ASSERT_TRUE(dataset) << dataset.error().message;
+    dataset_ = *dataset;
+    ASSERT_TRUE(dataset_->Refresh());
+    auto grammar = language::Grammar::Load();
+    ASSERT_TRUE(grammar);
+    grammar_ = std::make_shared<const language::Grammar>(std::move(*grammar));
+  }
+
+  BatchMaker Maker(const DataConfig& config = {}) const {
+    return BatchMaker(config, crop_, spec_.objects, spec_.tasks, grammar_, 64, 48);
+  }
+  Batch Make(const BatchMaker& maker, Augment augment, std::uint64_t step = 0) const {
+    const auto snapshot = dataset_->snapshot();
+    Batch batch;
+    FrameScratch scratch;
+    const Status made = maker.Make(*snapshot, DrawBatch(*snapshot, Split::kTrain, 7, step, 16),
+                                   step, augment, scratch, batch);
+    EXPECT_TRUE(made) << made.error().message;
+    return batch;
+  }
+
+  TemporaryFolder folder_;
+  CampaignSpec spec_;
+  Region crop_{10, 6, 40, 32};
+  std::shared_ptr<Dataset> dataset_;
+  std::shared_ptr<const language::Grammar> grammar_;
+};
+
+TEST_F(BatchTest, CopiesTheCropOfTheRecordedPicture) {
+  const Batch batch = Make(Maker(), Augment::kNo);
+  const auto snapshot = dataset_->snapshot();
+
+  for (int b = 0; b < batch.size; ++b) {
+    const auto& entry = *snapshot->episodes()[batch.frames[b].episode];
+    std::vector<std::uint8_t> whole(64 * 48 * 3);
+    ASSERT_TRUE(store::FrameReader::Read(entry.record.path,
+                                         entry.record.frames[0][batch.frames[b].frame], whole));
+    for (int y = 0; y < crop_.height; ++y)
+      for (int x = 0; x < crop_.width; ++x)
+        for (int c = 0; c < 3; ++c)
+          ASSERT_EQ(batch.images[static_cast<std::size_t>(
+                        ((b * crop_.height + y) * crop_.width + x) * 3 + c)],
+                    whole[static_cast<std::size_t>(((crop_.v + y) * 64 + crop_.u + x) * 3 + c)]);
+    EXPECT_EQ(batch.crop_origin[2 * b], 10);
+    EXPECT_EQ(batch.crop_origin[2 * b + 1], 6);
+  }
+}
+
+TEST_F(BatchTest, MovesTheCropWithItsOriginAndKeepsLabelsAbsolute) {
+  DataConfig config;
+  config.brightness = config.contrast = config.colour = 0;
+  const Batch still = Make(Maker(config), Augment::kNo), moved = Make(Maker(config), Augment::kYes);
+
+  int places = 0;
+  for (int b = 0; b < moved.size; ++b) {
+    const int du = static_cast<int>(moved.crop_origin[2 * b]) - crop_.u;
+    const int dv = static_cast<int>(moved.crop_origin[2 * b + 1]) - crop_.v;
+    ASSERT_LE(std::abs(du), 4);
+    ASSERT_LE(std::abs(dv), 4);
+    places += du != 0 || dv != 0;
+    // pixel (20, 15) of the moved crop is pixel (20 + du, 15 + dv) of the still one
+    const auto at = [&](const Batch& batch, int x, int y) {
+      return batch.images[static_cast<std::size_t>(((b * crop_.height + y) * crop_.width + x) * 3)];
+    };
+    EXPECT_EQ(at(moved, 20, 15), at(still, 20 + du, 15 + dv));
+  }
+  EXPECT_GT(places, 10);
+  EXPECT_EQ(moved.labels.at("target_position").values, still.labels.at("target_position").values);
+}
+
+TEST_F(BatchTest, IsTheSameWhateverTheCacheAndTheBufferHold) {
+  const BatchMaker cold = Maker(), warm = Maker();
+  DataConfig no_cache;
+  no_cache.cache_mb = 0;
+  Make(warm, Augment::kYes, 3);
+
+  const Batch a = Make(cold, Augment::kYes, 5), b = Make(warm, Augment::kYes, 5),
+              c = Make(Maker(no_cache), Augment::kYes, 5);
+  const Batch again = Make(warm, Augment::kYes, 5);
+
+  EXPECT_GT(warm.cache().hits(), 0u);
+  for (const Batch* other : {&b, &c, &again}) {
+    EXPECT_EQ(a.images, other->images);
+    EXPECT_EQ(a.sentences, other->sentences);
+    EXPECT_EQ(a.sentence_index, other->sentence_index);
+    EXPECT_EQ(a.joints, other->joints);
+    for (const auto& [name, label] : a.labels) {
+      EXPECT_EQ(label.values, other->labels.at(name).values) << name;
+      EXPECT_EQ(label.valid, other->labels.at(name).valid) << name;
+    }
+  }
+}
+
+TEST_F(BatchTest, StopsKeepingCropsAtItsBound) {
+  DataConfig config;
+  config.cache_mb = 0;
+  const BatchMaker maker = Maker(config);
+  Make(maker, Augment::kYes);
+  Make(maker, Augment::kYes);
+
+  EXPECT_EQ(maker.cache().bytes(), 0u);
+  EXPECT_EQ(maker.cache().hits(), 0u);
+}
+
+TEST_F(BatchTest, LabelsTheObjectThatEachSentenceNames) {
+  const Batch batch = Make(Maker(), Augment::kYes);
+  const auto snapshot = dataset_->snapshot();
+  const auto& classes = batch.labels.at("target_class");
+  const auto& position = batch.labels.at("target_position");
+  const auto& displacement = batch.labels.at("displacement");
+
+  for (int b = 0; b < batch.size; ++b) {
+    const auto& entry = *snapshot->episodes()[batch.frames[b].episode];
+    const int t = entry.StepOf(batch.frames[b].frame);
+    for (int s = 0; s < 6; ++s) {
+      const int row = b * 6 + s;
+      ASSERT_TRUE(classes.valid[row]);
+      const auto& object = spec_.objects[static_cast<std::size_t>(classes.classes[row])];
+      if (s == 0) {
+        EXPECT_EQ(object, entry.episode().target);
+      }
+      const auto pose = entry.episode().FindObject(object)->pose.row(t);
+      for (int i = 0; i < 3; ++i) {
+        EXPECT_EQ(position.values[row * 3 + i], pose[i]);
+        EXPECT_NEAR(displacement.values[row * 3 + i], pose[i] - entry.episode().eef_pos.row(t)[i],
+                    1e-6);
+      }
+    }
+  }
+}
+
+TEST_F(BatchTest, NamesEachSentenceOnce) {
+  const Batch batch = Make(Maker(), Augment::kYes);
+  const std::set<std::string> distinct(batch.sentences.begin(), batch.sentences.end());
+
+  EXPECT_EQ(distinct.size(), batch.sentences.size());
+  EXPECT_LE(batch.sentences.size(), 3u * 6u * 4u);
+  for (auto index : batch.sentence_index)
+    ASSERT_LT(index, static_cast<std::int64_t>(batch.sentences.size()));
+}
+
+TEST_F(BatchTest, MasksPixelsOutsideTheCrop) {
+  crop_ = {0, 0, 16, 16};
+  DataConfig config;
+  config.jitter = 0;
+  const Batch batch = Make(Maker(config), Augment::kNo);
+  const auto& label = batch.labels.at("target_pixel");
+
+  int outside = 0;
+  for (std::size_t row = 0; row < label.valid.size(); ++row) {
+    const bool in = label.values[2 * row] < 16 && label.values[2 * row + 1] < 16;
+    EXPECT_TRUE(in || !label.valid[row]);
+    outside += !label.valid[row];
+  }
+  EXPECT_GT(outside, 0);
+}
+
+TEST_F(BatchTest, RefusesACropThatDoesNotFitThePicture) {
+  const BatchMaker maker({}, {40, 0, 64, 48}, spec_.objects, spec_.tasks, grammar_, 64, 48);
+  const auto snapshot = dataset_->snapshot();
+  Batch batch;
+  FrameScratch scratch;
+
+  const Status made = maker.Make(*snapshot, DrawBatch(*snapshot, Split::kTrain, 7, 0, 2), 0,
+                                 Augment::kNo, scratch, batch);
+
+  ASSERT_FALSE(made);
+  EXPECT_EQ(made.error().code, Code::kInvalidArgument);
+}
+
+TEST(DataConfig, NamesEveryProblem) {
+  DataConfig config;
+  config.batch = 0;
+  config.varied = 0.9;
+  config.noisy = 0.9;
+  std::vector<std::string> errors;
+  config.Check(errors);
+  EXPECT_EQ(errors.size(), 2u);
+}
+
+}  // namespace
+}  // namespace etude::data

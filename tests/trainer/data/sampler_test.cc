@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/data/sampler.cc
+#include "trainer/data/sampler.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "tests/support/synthetic_episode.h"
+
+namespace etude::data {
+namespace {
+
+// a snapshot without files; episodes of task `pick` are ten times as many as the others'
+Snapshot Unbalanced() {
+  CampaignSpec spec = SyntheticSpec();
+  spec.task_weights = {10, 1, 1};
+  std::vector<std::shared_ptr<const EpisodeEntry>> episodes;
+  for (std::uint64_t i = 0; i < 24; ++i) {
+    auto entry = std::make_shared<EpisodeEntry>();
+    entry->index = i;
+    entry->split = i % 6 == 5 ? Split::kValid : Split::kTrain;
+    entry->record.episode = MakeSyntheticEpisode(spec, i, 30);
+    entry->record.frames.resize(1);
+    entry->record.frames[0].resize(entry->record.episode.cameras[0].frames.size());
+    episodes.push_back(std::move(entry));
+  }
+  return Snapshot(std::move(episodes));
+}
+
+bool Same(const std::vector<Sample>& a, const std::vector<Sample>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const Sample& x, const Sample& y) {
+    return x.seed == y.seed && x.frame.episode == y.frame.episode && x.frame.frame == y.frame.frame;
+  });
+}
+
+TEST(DrawBatch, DependsOnSeedAndStepOnly) {
+  const Snapshot a = Unbalanced(), b = Unbalanced();
+
+  EXPECT_TRUE(Same(DrawBatch(a, Split::kTrain, 1, 5, 32), DrawBatch(b, Split::kTrain, 1, 5, 32)));
+  EXPECT_FALSE(Same(DrawBatch(a, Split::kTrain, 1, 5, 32), DrawBatch(a, Split::kTrain, 1, 6, 32)));
+  EXPECT_FALSE(Same(DrawBatch(a, Split::kTrain, 1, 5, 32), DrawBatch(a, Split::kTrain, 2, 5, 32)));
+  EXPECT_FALSE(
+      Same(DrawBatch(a, Split::kTrain, 1, 5, 32), DrawBatch(a, Split::kTrain, 1, 5, 32, 1)));
+}
+
+TEST(DrawBatch, TakesTasksInTurnsHoweverRareTheyAre) {
+  const Snapshot snapshot = Unbalanced();
+  std::map<std::string, int> counts;
+  for (std::uint64_t step = 0; step < 30; ++step)
+    for (const auto& sample : DrawBatch(snapshot, Split::kTrain, 1, step, 10))
+      ++counts[snapshot.episodes()[sample.frame.episode]->episode().task];
+
+  ASSERT_EQ(counts.size(), 3u);
+  for (const auto& [task, count] : counts) EXPECT_EQ(count, 100) << task;
+}
+
+TEST(DrawBatch, StaysInItsSplit) {
+  const Snapshot snapshot = Unbalanced();
+  for (std::uint64_t step = 0; step < 20; ++step)
+    for (const auto& sample : DrawBatch(snapshot, Split::kTrain, 1, step, 16))
+      EXPECT_EQ(snapshot.episodes()[sample.frame.episode]->split, Split::kTrain);
+}
+
+TEST(SpreadFrames, VisitsEveryEpisodeOnceThereIsRoom) {
+  const Snapshot snapshot = Unbalanced();
+  std::set<std::uint32_t> seen;
+  std::set<std::pair<std::uint32_t, std::uint32_t>> frames;
+  for (const auto& sample : SpreadFrames(snapshot, Split::kValid, 1, 1000)) {
+    seen.insert(sample.frame.episode);
+    frames.insert({sample.frame.episode, sample.frame.frame});
+  }
+  EXPECT_EQ(seen.size(), snapshot.episode_count(Split::kValid));
+  EXPECT_EQ(frames.size(), snapshot.frame_count(Split::kValid));
+  EXPECT_LE(SpreadFrames(snapshot, Split::kValid, 1, 9).size(), 9u);
+}
+
+TEST(Snapshot, LeavesOutFramesThatShowNoTarget) {
+  auto entry = std::make_shared<EpisodeEntry>();
+  entry->record.episode = MakeSyntheticEpisode(SyntheticSpec(), 0, 50);
+  entry->record.frames.resize(1);
+  entry->record.frames[0].resize(10);
+  Episode& episode = entry->record.episode;
+  for (auto& object : episode.objects)
+    if (object.name == episode.target)
+      object.pixel.values[2 * 5] = -3;  // frame 1 is control step 5
+
+  const Snapshot snapshot({entry});
+
+  const auto& refs = snapshot.frames(Split::kTrain).at(episode.task);
+  EXPECT_EQ(refs.size(), 9u);
+  for (const auto& ref : refs) EXPECT_NE(ref.frame, 1u);
+}
+
+TEST(DrawCommands, StartsWithTheDemonstratedOneAndRelabelsTheOthers) {
+  const Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 2);
+  const std::vector<std::string> tasks{"pick", "push", "put_down"};
+
+  const auto commands = DrawCommands(episode, tasks, 6, 99);
+
+  ASSERT_EQ(commands.size(), 6u);
+  EXPECT_EQ(commands[0].task, episode.task);
+  EXPECT_EQ(commands[0].target, episode.target);
+  std::set<std::string> targets;
+  for (const auto& command : commands) targets.insert(command.target);
+  EXPECT_EQ(targets.size(), 6u);  // every object of the scene once
+}
+
+TEST(DrawCommands, StartsAgainWhenTheSceneIsSmall) {
+  CampaignSpec spec = SyntheticSpec();
+  spec.objects = {"cube", "coke"};
+  const Episode episode = MakeSyntheticEpisode(spec, 2);
+
+  const auto commands = DrawCommands(episode, {"pick"}, 5, 1);
+
+  ASSERT_EQ(commands.size(), 5u);
+  for (const auto& command : commands) EXPECT_NE(episode.FindObject(command.target), nullptr);
+}
+
+}  // namespace
+}  // namespace etude::data
