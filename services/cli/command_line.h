@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -25,11 +26,11 @@ struct BusArguments {
     app.add_option("--domain", domain, "DDS domain")->check(CLI::Range(0, 230));
     app.add_option("--profile", profile, "Cyclone DDS XML file (default: this machine only)");
   }
-  /// The same, for a child's command line.
-  std::vector<std::string> Flags() const {
-    std::vector<std::string> flags{"--domain", std::to_string(domain)};
-    if (!profile.empty()) flags.insert(flags.end(), {"--profile", profile});
-    return flags;
+  /// The same for a child: its command line, and its environment.
+  std::vector<std::string> Flags() const { return {"--domain", std::to_string(domain)}; }
+  std::map<std::string, std::string> Environment() const {
+    if (profile.empty()) return {};
+    return {{"CYCLONEDDS_URI", profile}};
   }
 };
 

@@ -38,6 +38,7 @@ Result<ServiceOptions> PolicyService(Arguments& arguments) {
   }
   const auto flags = arguments.bus.Flags();
   service.arguments.insert(service.arguments.end(), flags.begin(), flags.end());
+  service.environment = arguments.bus.Environment();
   return service;
 }
 

@@ -24,6 +24,7 @@ Status Service::Launch() {
   process.argv.insert(process.argv.end(), options_.arguments.begin(), options_.arguments.end());
   if (restarts_ > 0)
     process.argv.insert(process.argv.end(), options_.restart_arguments.begin(), options_.restart_arguments.end());
+  process.environment = options_.environment;
   process.log = options_.log;
   ETUDE_ASSIGN_OR_RETURN(auto started, campaign::Process::Start(process));
   process_.emplace(std::move(started));

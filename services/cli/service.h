@@ -2,6 +2,7 @@
 // A supervised child that is not a worker: trainer or policy server.
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,6 +17,7 @@ struct ServiceOptions {
   std::string program;                     ///< a sibling: etude-trainer
   std::vector<std::string> arguments;
   std::vector<std::string> restart_arguments;  ///< appended when it is started again: --resume
+  std::map<std::string, std::string> environment;
   Path log;
   int max_restarts = 5;
 };

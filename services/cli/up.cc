@@ -78,14 +78,15 @@ Status System::StartTraining() {
   ServiceOptions trainer;
   trainer.program = "etude-trainer";
   trainer.arguments = {"--data",   (out_ / "dataset").string(), "--config", config_.train.config,
-                       "--out",    run.string(),                "--minutes", fmt::format("{}", config_.train.minutes),
-                       "--follow"};
+                       "--out",    run.string(),                "--name",   config_.train.run,
+                       "--minutes", fmt::format("{}", config_.train.minutes), "--follow"};
   for (const auto& text : config_.train.set) trainer.arguments.insert(trainer.arguments.end(), {"--set", text});
   const auto flags = bus_.Flags();
   trainer.arguments.insert(trainer.arguments.end(), flags.begin(), flags.end());
   trainer.restart_arguments = {"--resume"};
   // an earlier `up` on the same folder was stopped: go on from there
   if (std::filesystem::exists(run / "training_state.safetensors")) trainer.arguments.push_back("--resume");
+  trainer.environment = bus_.Environment();
   trainer.log = out_ / "logs" / "trainer.log";
   ETUDE_ASSIGN_OR_RETURN(auto started, Service::Start(trainer));
   trainer_.emplace(std::move(started));
@@ -94,6 +95,7 @@ Status System::StartTraining() {
   policy.program = "etude-policy";
   policy.arguments = {"--subscribe", config_.train.run};
   policy.arguments.insert(policy.arguments.end(), flags.begin(), flags.end());
+  policy.environment = bus_.Environment();
   policy.log = out_ / "logs" / "policy.log";
   ETUDE_ASSIGN_OR_RETURN(auto serving, Service::Start(policy));
   policy_.emplace(std::move(serving));

@@ -2,6 +2,7 @@
 #include "services/cli/worker_pool.h"
 
 #include <fmt/format.h>
+#include <signal.h>
 
 #include <algorithm>
 #include <deque>
@@ -56,6 +57,7 @@ Status WorkerPool::StartSlot(std::size_t k) {
   process.argv = {program_.string(), "--campaign", options_.campaign, "--name", slot.name};
   const auto flags = options_.bus.Flags();
   process.argv.insert(process.argv.end(), flags.begin(), flags.end());
+  process.environment = options_.bus.Environment();
   process.log = options_.logs / fmt::format("worker-{}.log", k);
   ETUDE_ASSIGN_OR_RETURN(auto started, campaign::Process::Start(process));
   slot.process.emplace(std::move(started));

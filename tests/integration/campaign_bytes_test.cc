@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// A campaign is a pure function of its spec: the same bytes from one real worker, from three, and from three
+// that are killed at random.
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <cstdlib>
+#include <thread>
+
+#include "services/campaign/collector.h"
+#include "services/campaign/process.h"
+#include "services/core/clock.h"
+#include "services/core/rng.h"
+#include "services/store/dataset.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::campaign {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint32_t kDomain = 82;
+
+CampaignSpec Spec() {
+  CampaignSpec spec;
+  spec.name = "bytes";
+  spec.episodes = 6;
+  spec.image_stride = 25;
+  spec.camera.width = spec.camera.height = 96;
+  return spec;
+}
+
+Path WorkerProgram() {
+  const char* folder = std::getenv("ETUDE_BIN");
+  return (folder ? Path(folder) : ProgramFolder().parent_path() / "bin") / "etude-worker";
+}
+
+struct Chaos {
+  int workers = 1;
+  int kills = 0;
+  std::uint64_t seed = 0;
+};
+
+class CampaignBytes : public testing::Test {
+ protected:
+  Process StartWorker(const Path& log) {
+    auto process = Process::Start(
+        {{WorkerProgram().string(), "--campaign", "bytes", "--domain", std::to_string(kDomain)}, log, {}});
+    EXPECT_TRUE(process) << (process ? "" : process.error().message);
+    return std::move(*process);
+  }
+
+  // Collects the campaign; returns index -> the file's bytes.
+  std::map<std::uint64_t, std::vector<std::uint8_t>> Collect(const Path& dataset, const Chaos& chaos) {
+    auto participant = bus::Participant::Open({kDomain, ""});
+    EXPECT_TRUE(participant) << participant.error().message;
+    CollectorOptions options;
+    options.lease = 3s;
+    auto collector = Collector::Open(*participant, Spec(), dataset, options);
+    EXPECT_TRUE(collector) << collector.error().message;
+    std::thread thread([&] { EXPECT_TRUE(collector->Run()); });
+    std::vector<Process> workers;
+    for (int k = 0; k < chaos.workers; ++k) workers.push_back(StartWorker(dataset / "worker.log"));
+
+    Rng rng(chaos.seed);
+    const auto give_up = MonotonicClock::now() + 120s;
+    int kills = 0;
+    auto next_kill = MonotonicClock::now() + 2500ms;
+    while (!collector->progress().complete && MonotonicClock::now() < give_up) {
+      std::this_thread::sleep_for(10ms);
+      if (kills == chaos.kills || MonotonicClock::now() < next_kill) continue;
+      Process& victim = workers[rng.Below(workers.size())];
+      victim.Signal(SIGKILL);
+      victim.Wait(5s);
+      victim = StartWorker(dataset / "worker.log");
+      ++kills;
+      next_kill = MonotonicClock::now() + std::chrono::milliseconds(700 + rng.Below(2000));
+    }
+    EXPECT_TRUE(collector->progress().complete) << ReadTextFile(dataset / "worker.log").value_or("");
+    if (chaos.kills > 0) {
+      EXPECT_GE(kills, 1) << "the campaign was over before anything was killed";
+    }
+    collector->Stop();
+    thread.join();
+    return Files(dataset);
+  }
+
+  static std::map<std::uint64_t, std::vector<std::uint8_t>> Files(const Path& dataset) {
+    std::map<std::uint64_t, std::vector<std::uint8_t>> files;
+    for (std::uint64_t i = 0; i < Spec().episodes; ++i)
+      files[i] = ReadBinaryFile(store::EpisodePath(dataset, i)).value_or(std::vector<std::uint8_t>{});
+    return files;
+  }
+};
+
+TEST_F(CampaignBytes, AreTheSameFromOneWorkerThreeAndThreeThatAreKilled) {
+  TemporaryFolder folder;
+  const auto one = Collect(folder / "one", {.workers = 1});
+  for (const auto& [index, bytes] : one) ASSERT_FALSE(bytes.empty()) << index;
+  const std::string hash = store::HashDataset(folder / "one").value();
+
+  const auto three = Collect(folder / "three", {.workers = 3});
+  EXPECT_EQ(store::HashDataset(folder / "three").value(), hash);
+  EXPECT_TRUE(three == one) << "the files themselves are equal, byte for byte";
+
+  const auto killed = Collect(folder / "killed", {.workers = 3, .kills = 6, .seed = 11});
+  EXPECT_EQ(store::HashDataset(folder / "killed").value(), hash);
+  EXPECT_TRUE(killed == one);
+}
+
+}  // namespace
+}  // namespace etude::campaign
