@@ -155,4 +155,7 @@ struct PolicyConfig {
   Status Validate() const;
 };
 
+/// SHA-256 of what weights must fit: the resolved config's network part.
+std::string ArchitectureHash(const PolicyConfig& config);
+
 }  // namespace etude::policy

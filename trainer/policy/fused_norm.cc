@@ -15,6 +15,13 @@ using torch::Tensor;
 
 constexpr auto kChannelsLast = torch::MemoryFormat::ChannelsLast;
 
+/// torch's Function takes absent tensors only so.
+using Optional = c10::optional<Tensor>;
+
+struct Running {
+  Tensor mean, var;
+};
+
 /// How the rows of x fall into groups that share statistics, and groups into tasks for threads.
 struct Rows {
   explicit Rows(const Tensor& x, bool per_image)
@@ -69,9 +76,9 @@ Moments AddUp(const Rows& rows, const std::vector<float>& first, const std::vect
 
 /// (groups, C) mean and 1 / standard deviation of x; running statistics follow.
 std::pair<Tensor, Tensor> Statistics(const FusedNorm& norm, const Rows& rows, const Tensor& x,
-                                     Tensor& running_mean, Tensor& running_var) {
+                                     Running& running) {
   if (!norm.training)
-    return {running_mean.view({1, -1}), (running_var + norm.epsilon).rsqrt().view({1, -1})};
+    return {running.mean.view({1, -1}), (running.var + norm.epsilon).rsqrt().view({1, -1})};
   // sums around a value near the mean (the first row) do not cancel
   const Tensor shift = torch::empty({rows.groups, rows.channels});
   const Tensor by_row = x.permute({0, 2, 3, 1}).reshape({rows.groups, rows.per_group, rows.channels});
@@ -94,20 +101,22 @@ std::pair<Tensor, Tensor> Statistics(const FusedNorm& norm, const Rows& rows, co
     inverse.data_ptr<float>()[i] = static_cast<float>(1 / std::sqrt(var + norm.epsilon));
     variance.data_ptr<float>()[i] = static_cast<float>(var * count / std::max(1.0, count - 1));
   }
-  if (running_mean.defined()) {
-    running_mean.lerp_(mean.view(-1), norm.momentum);
-    running_var.lerp_(variance.view(-1), norm.momentum);
+  if (running.mean.defined()) {
+    running.mean.lerp_(mean.view(-1), norm.momentum);
+    running.var.lerp_(variance.view(-1), norm.momentum);
   }
   return {mean, inverse};
 }
 
 class Function : public torch::autograd::Function<Function> {
  public:
-  static Tensor forward(torch::autograd::AutogradContext* context, const Tensor& x, const Tensor& weight,
-                        const Tensor& bias, const Tensor& residual, const FusedNorm& norm,
-                        Tensor running_mean, Tensor running_var) {
+  static Tensor forward(torch::autograd::AutogradContext* context, const Tensor& x,
+                        const Optional& maybe_weight, const Optional& maybe_bias,
+                        const Optional& maybe_residual, const FusedNorm& norm, Running running) {
+    const Tensor weight = maybe_weight.value_or(Tensor()), bias = maybe_bias.value_or(Tensor());
+    const Tensor residual = maybe_residual.value_or(Tensor());
     const Rows rows(x, norm.per_image && norm.training);
-    const auto [mean, inverse] = Statistics(norm, rows, x, running_mean, running_var);
+    const auto [mean, inverse] = Statistics(norm, rows, x, running);
     const Tensor scale = (weight.defined() ? inverse * weight : inverse).contiguous();
     Tensor offset = -mean * scale;
     if (bias.defined()) offset = offset + bias;
@@ -153,8 +162,7 @@ class Function : public torch::autograd::Function<Function> {
     });
     return {dx,       weight.defined() ? product.sum(0) : Tensor(),
             weight.defined() ? sum.sum(0) : Tensor(), residual_grad,
-            Tensor(), Tensor(),
-            Tensor()};
+            Tensor(), Tensor()};
   }
 
  private:
@@ -193,7 +201,9 @@ torch::Tensor FusedNormRelu(const FusedNorm& norm, const torch::Tensor& x, const
   const Tensor like_x = residual.defined()
                             ? residual.to(x.scalar_type()).contiguous(kChannelsLast)
                             : residual;
-  return Function::apply(x, weight, bias, like_x, norm, running_mean, running_var);
+  const auto optional = [](const Tensor& tensor) { return tensor.defined() ? Optional(tensor) : c10::nullopt; };
+  return Function::apply(x, optional(weight), optional(bias), optional(like_x), norm,
+                         Running{running_mean, running_var});
 }
 
 }  // namespace etude::policy

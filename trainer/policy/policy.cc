@@ -216,6 +216,10 @@ Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
   return tokens;
 }
 
+Tensor Policy::EncodeSentences(const std::vector<std::string>& sentences) {
+  return impl_->language->Forward(sentences);
+}
+
 Outputs Policy::Forward(const Inputs& inputs, int level) {
   Impl& p = *impl_;
   if (level == 0) level = levels();

@@ -64,6 +64,8 @@ class Policy : public torch::nn::Module {
   ~Policy() override;
 
   const PolicyConfig& config() const;
+  /// The tokens of sentences, (D, d): what Forward computes for inputs.sentences.
+  torch::Tensor EncodeSentences(const std::vector<std::string>& sentences);
   /// Evaluates the modules of level <= `level` (all when 0).
   Outputs Forward(const Inputs& inputs, int level = 0);
   /// Losses of every module of level <= `level` that `outputs` holds. A label that is absent adds nothing.
@@ -88,8 +90,5 @@ class Policy : public torch::nn::Module {
   explicit Policy(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
-
-/// SHA-256 of what weights must fit: the resolved config's network part.
-std::string ArchitectureHash(const PolicyConfig& config);
 
 }  // namespace etude::policy
