@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Collision checks per second and planning times in the tabletop scene, on one core. Prints one JSON
-// line each: {"name", "value", "unit", "baseline", "ratio"}; the baseline of a check is its kinematics
-// alone, that of a plan is a straight one.
+// Collision checks per second and planning times in the tabletop scene, on one core. Prints one
+// JSON line each: {"name", "value", "unit", "baseline", "ratio"}; the baseline of a check is its
+// kinematics alone, that of a plan is a straight one.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,8 +15,10 @@ namespace etude {
 namespace {
 
 void Print(const std::string& name, double value, const std::string& unit, double baseline) {
-  fmt::print("{{\"name\": \"{}\", \"value\": {:.4g}, \"unit\": \"{}\", \"baseline\": {:.4g}, \"ratio\": {:.3g}}}\n",
-             name, value, unit, baseline, value / baseline);
+  fmt::print(
+      "{{\"name\": \"{}\", \"value\": {:.4g}, \"unit\": \"{}\", \"baseline\": {:.4g}, \"ratio\": "
+      "{:.3g}}}\n",
+      name, value, unit, baseline, value / baseline);
 }
 
 double Quantile(std::vector<double> values, double quantile) {
@@ -70,7 +72,8 @@ void MeasurePlans(const std::shared_ptr<const sim::Scene>& scene, collide::Check
   int failed = 0;
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     request.X_WE_goal = X_WE;
-    request.X_WE_goal.p += Eigen::Vector3d(rng.Uniform(-0.3, 0.3), rng.Uniform(0.05, 0.3), rng.Uniform(0, 0.15));
+    request.X_WE_goal.p +=
+        Eigen::Vector3d(rng.Uniform(-0.3, 0.3), rng.Uniform(0.05, 0.3), rng.Uniform(0, 0.15));
     Stopwatch watch;
     const plan::Outcome outcome = planner.Plan(request, checker, seed);
     const double ms = 1e3 * watch.Seconds();

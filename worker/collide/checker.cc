@@ -38,10 +38,10 @@ struct Checker::Impl {
   std::shared_ptr<const sim::Scene> scene;
   sim::Kinematics kinematics;
   ArmStructure structure;
-  std::vector<Piece> pieces;              ///< of the arm first, from the tool to the base
+  std::vector<Piece> pieces;  ///< of the arm first, from the tool to the base
   int arm_pieces = 0;
-  Eigen::MatrixXi self_tested;            ///< by arm body; the last column is the world
-  std::map<std::string, Pose> objects;    ///< X_WO of those that were set
+  Eigen::MatrixXi self_tested;          ///< by arm body; the last column is the world
+  std::map<std::string, Pose> objects;  ///< X_WO of those that were set
   std::set<std::string> body_names;
   std::set<std::string> allowed;
   std::string held;
@@ -49,13 +49,14 @@ struct Checker::Impl {
   double gripper = 0;
   double margin = 0;
   bool pairs_valid = false;
-  std::vector<PiecePair> pairs;           ///< in the order they are tested
-  int first_self_pair = 0;                ///< pairs from here on are self collision
+  std::vector<PiecePair> pairs;  ///< in the order they are tested
+  int first_self_pair = 0;       ///< pairs from here on are self collision
   std::uint64_t checks = 0;
 };
 
 Checker::Impl::Impl(std::shared_ptr<const sim::Scene> scene_in)
-    : scene(std::move(scene_in)), kinematics(scene),
+    : scene(std::move(scene_in)),
+      kinematics(scene),
       structure(internal::FindStructure(scene->arm(), kinematics)) {
   AddPieces();
   PlaceStatics();
@@ -260,8 +261,8 @@ std::optional<Collision> Checker::CheckSegment(const Eigen::VectorXd& a, const E
                                                double resolution, double margin) {
   ETUDE_CHECK(resolution > 0, "resolution={}", resolution);
   if (auto collision = Check(b, margin)) return collision;
-  const auto steps = static_cast<std::uint32_t>(
-      std::ceil((b - a).cwiseAbs().maxCoeff() / resolution));
+  const auto steps =
+      static_cast<std::uint32_t>(std::ceil((b - a).cwiseAbs().maxCoeff() / resolution));
   if (steps == 0) return std::nullopt;
 
   // numbers with their bits reversed visit the halves, then the quarters, and so on

@@ -17,12 +17,12 @@
 namespace etude::collide {
 
 struct Collision {
-  std::string body_a, body_b;   ///< arm body (or held object) first
-  double distance = 0;          ///< m; 0 when they penetrate
+  std::string body_a, body_b;  ///< arm body (or held object) first
+  double distance = 0;         ///< m; 0 when they penetrate
 };
 
-/// Answers for one arm in one scene. Verdicts are a pure function of what was set and of q: no state is
-/// kept from one query to the next. One per thread (it owns kinematics and FCL objects).
+/// Answers for one arm in one scene. Verdicts are a pure function of what was set and of q: no
+/// state is kept from one query to the next. One per thread (it owns kinematics and FCL objects).
 class Checker {
  public:
   explicit Checker(std::shared_ptr<const sim::Scene> scene);
@@ -33,21 +33,22 @@ class Checker {
   void SetObject(const std::string& name, const Pose& X_WO);
   /// Gripper opening used for the fingers' pose, 0 open .. 1 closed.
   void SetGripper(double gripper);
-  /// Contacts of the arm with these bodies are wanted (the target while it is grasped or pushed); replaces
-  /// the former list. What the arm holds is still checked against all others.
+  /// Contacts of the arm with these bodies are wanted (the target while it is grasped or pushed);
+  /// replaces the former list. What the arm holds is still checked against all others.
   void Allow(std::set<std::string> bodies);
-  /// Object that moves with the tool: X_EO. Its contacts with the table and with the gripper are allowed.
-  /// Nothing to detach: the object then is where it was last set. One object at most is held.
+  /// Object that moves with the tool: X_EO. Its contacts with the table and with the gripper are
+  /// allowed. Nothing to detach: the object then is where it was last set. One object at most is
+  /// held.
   void Attach(const std::string& object, const std::optional<Pose>& X_EO);
 
   /// First collision at q, nothing when free. `margin` (m) inflates: pairs closer than it collide.
   std::optional<Collision> Check(const Eigen::VectorXd& q, double margin = 0.0);
-  /// The straight joint-space segment a -> b, both ends included, at steps of at most `resolution` rad
-  /// (largest joint), by bisection. The collision found is not the first along the way.
+  /// The straight joint-space segment a -> b, both ends included, at steps of at most `resolution`
+  /// rad (largest joint), by bisection. The collision found is not the first along the way.
   std::optional<Collision> CheckSegment(const Eigen::VectorXd& a, const Eigen::VectorXd& b,
                                         double resolution = 0.02, double margin = 0.0);
-  /// Nearest pair between arm (and what it holds) and the rest, self-collision and allowed pairs apart.
-  /// Infinite distance and empty names when there is no such pair.
+  /// Nearest pair between arm (and what it holds) and the rest, self-collision and allowed pairs
+  /// apart. Infinite distance and empty names when there is no such pair.
   Collision Nearest(const Eigen::VectorXd& q);
   /// Configurations checked since construction.
   std::uint64_t checks() const;

@@ -79,8 +79,8 @@ double Distance(const Shape& a, const Eigen::Isometry3d& X_WA, const Shape& b,
   static const fcl::DistanceRequestd kRequest;
   fcl::DistanceResultd result;
   try {
-    const double distance = fcl::distance(a.fcl().geometry.get(), X_WA, b.fcl().geometry.get(), X_WB,
-                                          kRequest, result);
+    const double distance =
+        fcl::distance(a.fcl().geometry.get(), X_WA, b.fcl().geometry.get(), X_WB, kRequest, result);
     return std::max(0.0, distance);
   } catch (const std::exception&) {
     return 0;

@@ -14,8 +14,12 @@ Eigen::Isometry3d ToIsometry(const Pose& pose) {
 }
 
 Piece::Piece(const sim::Geometry& geometry, Role role, int body)
-    : geometry_(geometry), role_(role), body_(body), shape_(geometry, 0),
-      X_BG_(ToIsometry(geometry.X_BG)), center_(Eigen::Vector3d::Zero()),
+    : geometry_(geometry),
+      role_(role),
+      body_(body),
+      shape_(geometry, 0),
+      X_BG_(ToIsometry(geometry.X_BG)),
+      center_(Eigen::Vector3d::Zero()),
       half_(Eigen::Vector3d::Zero()) {
   if (geometry.shape == sim::Geometry::Shape::kConvex) {
     Eigen::Vector3d lower = geometry.vertices.front(), upper = lower;

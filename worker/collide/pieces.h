@@ -47,7 +47,8 @@ class Piece {
   Eigen::Vector3d lower_ = Eigen::Vector3d::Zero(), upper_ = Eigen::Vector3d::Zero();
 };
 
-/// Largest gap of the two AABBs along an axis, a lower bound of the distance; negative when they overlap.
+/// Largest gap of the two AABBs along an axis, a lower bound of the distance; negative when they
+/// overlap.
 double AabbGap(const Piece& a, const Piece& b);
 /// True when the pieces are closer than the margin last set (see the folder's README on inflation).
 bool Near(const Piece& a, const Piece& b, double margin);

@@ -47,7 +47,8 @@ std::vector<Eigen::VectorXd> SpreadConfigurations(const sim::ArmInfo& arm, int c
   std::vector<Eigen::VectorXd> spread;
   for (int i = 0; i < count; ++i) {
     Eigen::VectorXd q(lower.size());
-    for (int joint = 0; joint < q.size(); ++joint) q[joint] = rng.Uniform(lower[joint], upper[joint]);
+    for (int joint = 0; joint < q.size(); ++joint)
+      q[joint] = rng.Uniform(lower[joint], upper[joint]);
     spread.push_back(q);
   }
   return spread;
@@ -63,7 +64,8 @@ ArmStructure FindStructure(const sim::ArmInfo& arm, sim::Kinematics& kinematics)
   // the tool's body: the last that keeps the tool's pose when the arm and the gripper move
   const Eigen::VectorXd q_moved = SpreadConfigurations(arm, 2).back();
   const Pose X_WE = kinematics.X_WE(q), X_WE_moved = kinematics.X_WE(q_moved);
-  const std::vector<Pose> open = Poses(kinematics, arm, q, 0), closed = Poses(kinematics, arm, q, 1);
+  const std::vector<Pose> open = Poses(kinematics, arm, q, 0),
+                          closed = Poses(kinematics, arm, q, 1);
   const std::vector<Pose> moved = Poses(kinematics, arm, q_moved, 0);
   structure.tool_body = -1;
   for (int body = 0; body < n; ++body) {

@@ -7,8 +7,8 @@
 
 namespace etude::plan::internal {
 
-/// Uniform cubic B-spline, twice continuously differentiable, through the first and the last point of a
-/// polyline; it leaves the polyline at corners by less than `spacing`.
+/// Uniform cubic B-spline, twice continuously differentiable, through the first and the last point
+/// of a polyline; it leaves the polyline at corners by less than `spacing`.
 class JointCurve {
  public:
   struct State {
@@ -18,7 +18,7 @@ class JointCurve {
   /// @param polyline  at least 2 points   @param spacing  rad between control points, > 0
   JointCurve(const std::vector<Eigen::VectorXd>& polyline, double spacing);
 
-  State At(double u) const;  ///< u in [0, 1]
+  State At(double u) const;                  ///< u in [0, 1]
   double length() const { return length_; }  ///< rad, of the polyline
 
  private:

@@ -24,7 +24,9 @@ double Rate(const ToolLine& line, double linear, double angular) {
 }  // namespace
 
 ToolLine::ToolLine(const Pose& X_WE_start, const Pose& X_WE_goal)
-    : X_WS_(X_WE_start), X_WG_(X_WE_goal), p_SG_W_(X_WE_goal.p - X_WE_start.p),
+    : X_WS_(X_WE_start),
+      X_WG_(X_WE_goal),
+      p_SG_W_(X_WE_goal.p - X_WE_start.p),
       axis_W_(Eigen::Vector3d::UnitX()) {
   Eigen::Quaterniond turn = X_WG_.q * X_WS_.q.conjugate();
   if (turn.w() < 0) turn.coeffs() *= -1;

@@ -26,16 +26,16 @@ using internal::ToolLine;
 namespace {
 
 // steps of the tool along a line between two solutions of inverse kinematics
-constexpr double kLinearStep = 0.005;    // m
-constexpr double kAngularStep = 0.03;    // rad
-constexpr double kJump = 0.5;            // rad a step: another branch of the kinematics
-constexpr double kSlowest = 0.2;         // of the asked speed; slower is as good as not smooth
-constexpr int kGoalTries = 16;           // seeds of inverse kinematics for another arm configuration
+constexpr double kLinearStep = 0.005;  // m
+constexpr double kAngularStep = 0.03;  // rad
+constexpr double kJump = 0.5;          // rad a step: another branch of the kinematics
+constexpr double kSlowest = 0.2;       // of the asked speed; slower is as good as not smooth
+constexpr int kGoalTries = 8;         // seeds of inverse kinematics for another arm configuration
 constexpr int kShortcuts = 60;
 constexpr int kPaceRounds = 6;
 // more than the margin is kept while sampling, else smoothing has no room where shortcuts graze
-constexpr double kRoom = 0.01;           // m
-constexpr double kSingular = 0.1;        // of the manipulability at home
+constexpr double kRoom = 0.01;     // m
+constexpr double kSingular = 0.1;  // of the manipulability at home
 // a quarter of `resolution` between the states of what is returned
 constexpr int kFiner = 4;
 
@@ -54,13 +54,20 @@ double Manipulability(const Eigen::MatrixXd& J) {
 
 std::string_view ToString(OutcomeKind kind) {
   switch (kind) {
-    case OutcomeKind::kStraight: return "straight";
-    case OutcomeKind::kSampled: return "sampled";
-    case OutcomeKind::kGoalUnreachable: return "goal_unreachable";
-    case OutcomeKind::kGoalInCollision: return "goal_in_collision";
-    case OutcomeKind::kStartInCollision: return "start_in_collision";
-    case OutcomeKind::kNoPath: return "no_path";
-    case OutcomeKind::kNotSmooth: return "not_smooth";
+    case OutcomeKind::kStraight:
+      return "straight";
+    case OutcomeKind::kSampled:
+      return "sampled";
+    case OutcomeKind::kGoalUnreachable:
+      return "goal_unreachable";
+    case OutcomeKind::kGoalInCollision:
+      return "goal_in_collision";
+    case OutcomeKind::kStartInCollision:
+      return "start_in_collision";
+    case OutcomeKind::kNoPath:
+      return "no_path";
+    case OutcomeKind::kNotSmooth:
+      return "not_smooth";
   }
   ETUDE_CHECK(false, "kind {}", static_cast<int>(kind));
   return "";
@@ -74,8 +81,8 @@ struct Planner::Impl {
     double reached = 0;  ///< parameter of the last q
   };
   struct Strain {
-    double excess = 0;   ///< joint speed over its limit
-    double s = 0;        ///< where on the line
+    double excess = 0;  ///< joint speed over its limit
+    double s = 0;       ///< where on the line
     int joint = 0;
   };
   // One call of Plan.
@@ -84,13 +91,16 @@ struct Planner::Impl {
     Checker& checker;
     Rng rng;
     double margin = 0;
-    double room = 0;    ///< kept beyond the margin while sampling
-    double least = 0;   ///< manipulability below this is singular; signed like the start's
+    double room = 0;        ///< kept beyond the margin while sampling
+    double resolution = 0;  ///< while sampling
+    double least = 0;       ///< manipulability below this is singular; signed like the start's
     Outcome outcome{};
   };
 
   Impl(std::shared_ptr<const sim::Scene> scene_in, const PlannerConfig& config_in)
-      : scene(std::move(scene_in)), config(config_in), kinematics(scene),
+      : scene(std::move(scene_in)),
+        config(config_in),
+        kinematics(scene),
         home_manipulability(std::abs(Manipulability(kinematics.Jacobian(scene->arm().q_home)))) {}
 
   void Plan(Call& call);
@@ -101,12 +111,13 @@ struct Planner::Impl {
                             double joint_limit);
   bool TimeLine(Call& call, const ToolLine& line, const Track& track);
   std::optional<Eigen::VectorXd> FindGoal(Call& call, const Track& track);
+  double FindRoom(Call& call, const Eigen::VectorXd& q_goal);
+  internal::SamplingProblem MakeProblem(Call& call, const Eigen::VectorXd& q_goal);
   void Detour(Call& call, const Eigen::VectorXd& q_goal);
   bool Smooth(Call& call, const std::vector<Eigen::VectorXd>& path);
   bool CurveIsFree(Call& call, const JointCurve& curve);
   bool IsRegular(const Call& call, const Eigen::VectorXd& q);
-  bool SegmentIsFree(Call& call, const Eigen::VectorXd& a, const Eigen::VectorXd& b,
-                     double resolution);
+  bool SegmentIsFree(Call& call, const Eigen::VectorXd& a, const Eigen::VectorXd& b);
 
   std::shared_ptr<const sim::Scene> scene;
   PlannerConfig config;
@@ -127,7 +138,8 @@ bool Fail(Outcome& outcome, OutcomeKind kind, std::string reason) {
 bool Planner::Impl::CheckStart(Call& call) {
   const Eigen::VectorXd& q_start = call.request.q_start;
   if (const auto collision = call.checker.Check(q_start))
-    return Fail(call.outcome, OutcomeKind::kStartInCollision, Touches(*collision) + " at the start");
+    return Fail(call.outcome, OutcomeKind::kStartInCollision,
+                Touches(*collision) + " at the start");
 
   // a start within the margin may leave, but not come nearer
   call.margin = call.request.margin;
@@ -141,8 +153,8 @@ bool Planner::Impl::CheckStart(Call& call) {
 }
 
 Planner::Impl::Track Planner::Impl::Follow(const ToolLine& line, const Eigen::VectorXd& q_start) {
-  const int steps = std::max(1, static_cast<int>(std::ceil(
-                                    std::max(line.length() / kLinearStep, line.angle() / kAngularStep))));
+  const int steps = std::max(1, static_cast<int>(std::ceil(std::max(line.length() / kLinearStep,
+                                                                    line.angle() / kAngularStep))));
   Track track;
   track.q.push_back(q_start);
   for (int step = 1; step <= steps; ++step) {
@@ -174,8 +186,8 @@ bool Planner::Impl::LineIsFree(Call& call, const Track& track) {
 }
 
 // Where a timed line asks most of a joint, relative to its speed limit.
-Planner::Impl::Strain Planner::Impl::WorstStrain(const internal::LineMotion& timed, const Track& track,
-                                                 double joint_limit) {
+Planner::Impl::Strain Planner::Impl::WorstStrain(const internal::LineMotion& timed,
+                                                 const Track& track, double joint_limit) {
   const int spans = static_cast<int>(track.q.size()) - 1;
   Strain worst;
   for (std::size_t k = 0; k < timed.s.size(); ++k) {
@@ -206,10 +218,10 @@ bool Planner::Impl::TimeLine(Call& call, const ToolLine& line, const Track& trac
     }
     pace /= worst.excess * 1.005;
     if (pace < kSlowest)
-      return Fail(call.outcome, OutcomeKind::kNotSmooth,
-                  fmt::format("{} would turn at {:.1f} rad/s at {:.0f} % of the straight path",
-                              scene->arm().joints[worst.joint], worst.excess * asked.joint,
-                              100 * worst.s));
+      return Fail(
+          call.outcome, OutcomeKind::kNotSmooth,
+          fmt::format("{} would turn at {:.1f} rad/s at {:.0f} % of the straight path",
+                      scene->arm().joints[worst.joint], worst.excess * asked.joint, 100 * worst.s));
   }
   return Fail(call.outcome, OutcomeKind::kNotSmooth,
               fmt::format("joints exceed {} rad/s from the given start speed", asked.joint));
@@ -225,13 +237,16 @@ std::optional<Eigen::VectorXd> Planner::Impl::FindGoal(Call& call, const Track& 
   const Pose& X_WE_goal = call.request.X_WE_goal;
   const Eigen::VectorXd& q_start = call.request.q_start;
   const sim::ArmInfo& arm = scene->arm();
-  Fail(call.outcome, OutcomeKind::kGoalUnreachable,
-       fmt::format("no inverse kinematics at ({:.3f}, {:.3f}, {:.3f}) m; the straight path ends at {:.0f} %",
-                   X_WE_goal.p.x(), X_WE_goal.p.y(), X_WE_goal.p.z(), 100 * track.reached));
+  Fail(
+      call.outcome, OutcomeKind::kGoalUnreachable,
+      fmt::format(
+          "no inverse kinematics at ({:.3f}, {:.3f}, {:.3f}) m; the straight path ends at {:.0f} %",
+          X_WE_goal.p.x(), X_WE_goal.p.y(), X_WE_goal.p.z(), 100 * track.reached));
 
   const auto accept = [&](const Eigen::VectorXd& q) {
     if (const auto collision = call.checker.Check(q, call.margin))
-      return Fail(call.outcome, OutcomeKind::kGoalInCollision, Touches(*collision) + " at the goal");
+      return Fail(call.outcome, OutcomeKind::kGoalInCollision,
+                  Touches(*collision) + " at the goal");
     if (IsRegular(call, q)) return true;
     if (call.outcome.kind != OutcomeKind::kGoalInCollision)
       Fail(call.outcome, OutcomeKind::kNotSmooth, "the goal lies beyond a singularity of the arm");
@@ -249,19 +264,19 @@ std::optional<Eigen::VectorXd> Planner::Impl::FindGoal(Call& call, const Track& 
   if (const auto q = kinematics.Solve(X_WE_goal, arm.q_home); q && accept(*q)) return q;
   for (int i = 0; i < kGoalTries; ++i) {
     Eigen::VectorXd seed = q_start;
-    for (double& value : seed) value += call.rng.Uniform(-std::numbers::pi / 2, std::numbers::pi / 2);
+    for (double& value : seed)
+      value += call.rng.Uniform(-std::numbers::pi / 2, std::numbers::pi / 2);
     seed = seed.cwiseMax(arm.q_min).cwiseMin(arm.q_max);
     if (const auto q = kinematics.Solve(X_WE_goal, seed); q && accept(*q)) return q;
   }
   return std::nullopt;
 }
 
-bool Planner::Impl::SegmentIsFree(Call& call, const Eigen::VectorXd& a, const Eigen::VectorXd& b,
-                                  double resolution) {
+bool Planner::Impl::SegmentIsFree(Call& call, const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
   // singularities are wide against the steps of a tree: both ends and thirds tell
   for (const double along : {1.0, 1.0 / 3, 2.0 / 3})
     if (!IsRegular(call, a + (b - a) * along)) return false;
-  return !call.checker.CheckSegment(a, b, resolution, call.margin + call.room);
+  return !call.checker.CheckSegment(a, b, call.resolution, call.margin + call.room);
 }
 
 bool Planner::Impl::CurveIsFree(Call& call, const JointCurve& curve) {
@@ -289,45 +304,56 @@ bool Planner::Impl::Smooth(Call& call, const std::vector<Eigen::VectorXd>& path)
   return false;
 }
 
-void Planner::Impl::Detour(Call& call, const Eigen::VectorXd& q_goal) {
-  Outcome& outcome = call.outcome;
-  const std::string blocked = outcome.reason;
+// As much as start and goal can keep, up to kRoom.
+double Planner::Impl::FindRoom(Call& call, const Eigen::VectorXd& q_goal) {
+  constexpr double kLeast = 1e-3;
+  for (double room = kRoom; room > kLeast; room /= 2)
+    if (!call.checker.Check(call.request.q_start, call.margin + room) &&
+        !call.checker.Check(q_goal, call.margin + room))
+      return room;
+  return 0;
+}
+
+internal::SamplingProblem Planner::Impl::MakeProblem(Call& call, const Eigen::VectorXd& q_goal) {
   const Eigen::VectorXd& q_start = call.request.q_start;
   const sim::ArmInfo& arm = scene->arm();
-  double resolution = config.resolution;
-  for (call.room = kRoom; call.room > 1e-3; call.room /= 2)
-    if (!call.checker.Check(q_start, call.margin + call.room) &&
-        !call.checker.Check(q_goal, call.margin + call.room))
-      break;
-  if (call.room <= 1e-3) call.room = 0;
   internal::SamplingProblem problem;
   problem.q_start = q_start;
   problem.q_goal = q_goal;
-  // half a turn around start and goal: joints that may turn further need not
-  problem.lower = (q_start.cwiseMin(q_goal).array() - std::numbers::pi).matrix().cwiseMax(arm.q_min);
-  problem.upper = (q_start.cwiseMax(q_goal).array() + std::numbers::pi).matrix().cwiseMin(arm.q_max);
-  // a start a hair beyond a limit must still be inside
-  problem.lower = problem.lower.cwiseMin(q_start).cwiseMin(q_goal);
-  problem.upper = problem.upper.cwiseMax(q_start).cwiseMax(q_goal);
-  problem.is_free = [&](const Eigen::VectorXd& q) {
+
+  // half a turn around start and goal: joints that may turn further need not; a start a hair beyond
+  // a limit must still be inside
+  const Eigen::VectorXd low = q_start.cwiseMin(q_goal), high = q_start.cwiseMax(q_goal);
+  problem.lower = (low.array() - std::numbers::pi).matrix().cwiseMax(arm.q_min).cwiseMin(low);
+  problem.upper = (high.array() + std::numbers::pi).matrix().cwiseMin(arm.q_max).cwiseMax(high);
+  problem.is_free = [this, &call](const Eigen::VectorXd& q) {
     return IsRegular(call, q) && !call.checker.Check(q, call.margin + call.room);
   };
-  problem.is_segment_free = [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
-    return SegmentIsFree(call, a, b, resolution);
+  problem.is_segment_free = [this, &call](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+    return SegmentIsFree(call, a, b);
   };
+  return problem;
+}
+
+void Planner::Impl::Detour(Call& call, const Eigen::VectorXd& q_goal) {
+  Outcome& outcome = call.outcome;
+  const std::string blocked = outcome.reason;
+  internal::SamplingProblem problem = MakeProblem(call, q_goal);
+  call.room = FindRoom(call, q_goal);
+  call.resolution = config.resolution;
 
   // Smooth finds a path that slips between the states checked; the second search looks closer, and
-  // through gaps that the first one's room had closed
+  // through gaps that the first one's room had closed. Each may use half of the budget.
   bool found = false;
-  for (int round = 0; round < 2; ++round, resolution /= kFiner, call.room /= kFiner) {
-    // the first search may use half of the budget
-    problem.max_samples = round == 0 ? (config.max_iterations + 1) / 2
-                                     : config.max_iterations - outcome.samples;
+  for (int round = 0; round < 2; ++round, call.resolution /= kFiner, call.room /= kFiner) {
+    problem.max_samples =
+        round == 0 ? (config.max_iterations + 1) / 2 : config.max_iterations - outcome.samples;
     const internal::SamplingResult result = internal::SamplePath(problem, call.rng);
     outcome.samples += result.samples;
     if (result.path.empty()) continue;
     found = true;
-    const auto shorter = internal::Shortcut(result.path, kShortcuts, call.rng, problem.is_segment_free);
+    const auto shorter =
+        internal::Shortcut(result.path, kShortcuts, call.rng, problem.is_segment_free);
     if (!Smooth(call, shorter)) continue;
     outcome.reason = "around: " + blocked;
     return;
@@ -347,8 +373,9 @@ void Planner::Impl::Plan(Call& call) {
   if (!q_goal) return;
 
   if (!track.complete)
-    Fail(call.outcome, OutcomeKind::kNoPath,
-         fmt::format("no inverse kinematics at {:.0f} % of the straight path", 100 * track.reached));
+    Fail(
+        call.outcome, OutcomeKind::kNoPath,
+        fmt::format("no inverse kinematics at {:.0f} % of the straight path", 100 * track.reached));
   else if (*q_goal != track.q.back())
     Fail(call.outcome, OutcomeKind::kNoPath, call.outcome.reason + " of the straight path");
   else if (LineIsFree(call, track) && TimeLine(call, line, track))

@@ -20,8 +20,8 @@ constexpr double kJointAccelPerSpeed = 8;
 
 // Limits along the curve at one grid point, in its parameter u.
 struct Bound {
-  double rate2 = 0;   ///< largest squared rate of u
-  double accel = 0;   ///< largest second derivative of u at that rate
+  double rate2 = 0;  ///< largest squared rate of u
+  double accel = 0;  ///< largest second derivative of u at that rate
 };
 
 struct Measure {
@@ -53,7 +53,8 @@ std::vector<Bound> Bounds(const JointCurve& curve, sim::Kinematics& kinematics,
   std::vector<Bound> bounds;
   for (int i = 0; i <= grid; ++i) {
     const int before = std::max(0, i - 1), after = std::min(grid, i + 1);
-    const Vector6 bend = (twists[after] - twists[before]) * (static_cast<double>(grid) / (after - before));
+    const Vector6 bend =
+        (twists[after] - twists[before]) * (static_cast<double>(grid) / (after - before));
     bounds.push_back(BoundOf(
         {{twists[i].head<3>().norm(), bend.head<3>().norm(), limits.linear, limits.linear_accel},
          {twists[i].tail<3>().norm(), bend.tail<3>().norm(), limits.angular, limits.angular_accel},

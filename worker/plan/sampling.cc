@@ -23,8 +23,8 @@ namespace ob = ompl::base;
 constexpr double kRange = 0.6;  ///< rad, longest edge of a tree; short ones are blocked less often
 
 Eigen::VectorXd ToVector(const ob::State* state, int size) {
-  return Eigen::Map<const Eigen::VectorXd>(
-      state->as<ob::RealVectorStateSpace::StateType>()->values, size);
+  return Eigen::Map<const Eigen::VectorXd>(state->as<ob::RealVectorStateSpace::StateType>()->values,
+                                           size);
 }
 
 void FromVector(const Eigen::VectorXd& q, ob::State* state) {
@@ -94,9 +94,8 @@ ob::SpaceInformationPtr MakeSpace(const SamplingProblem& problem, Rng& rng, int&
   }
   space->setBounds(bounds);
   auto information = std::make_shared<ob::SpaceInformation>(space);
-  information->setStateValidityChecker([&problem, size](const ob::State* state) {
-    return problem.is_free(ToVector(state, size));
-  });
+  information->setStateValidityChecker(
+      [&problem, size](const ob::State* state) { return problem.is_free(ToVector(state, size)); });
   information->setMotionValidator(std::make_shared<SegmentValidator>(information.get(), problem));
   information->setup();
 

@@ -15,7 +15,7 @@ struct SamplingProblem {
   Eigen::VectorXd lower, upper;  ///< box that states are drawn from; holds start and goal
   std::function<bool(const Eigen::VectorXd&)> is_free;
   std::function<bool(const Eigen::VectorXd&, const Eigen::VectorXd&)> is_segment_free;
-  int max_samples = 0;           ///< budget: states drawn
+  int max_samples = 0;  ///< budget: states drawn
 };
 
 struct SamplingResult {

@@ -4,8 +4,8 @@
 
 namespace etude::plan::internal {
 
-/// Trapezoid over [0, length] whose duration is a whole number of periods: the cruise speed is lowered
-/// until it is. Units are those of `length`.
+/// Trapezoid over [0, length] whose duration is a whole number of periods: the cruise speed is
+/// lowered until it is. Units are those of `length`.
 class SpeedProfile {
  public:
   struct State {
@@ -20,7 +20,7 @@ class SpeedProfile {
 
  private:
   double length_, start_speed_, accel_, period_;
-  double cruise_ = 0;       ///< 0: no cruise, a cubic from start_speed to rest
+  double cruise_ = 0;  ///< 0: no cruise, a cubic from start_speed to rest
   double duration_ = 0;
   int steps_ = 0;
 };

@@ -148,7 +148,8 @@ TEST_F(CheckerTest, SegmentAgreesWithDenseSampling) {
     for (double& value : a) value += rng.Uniform(-0.6, 0.6);
     for (double& value : b) value += rng.Uniform(-0.6, 0.6);
     bool dense = false;
-    for (int k = 0; k <= 400 && !dense; ++k) dense = checker_.Check(a + (b - a) * k / 400.0).has_value();
+    for (int k = 0; k <= 400 && !dense; ++k)
+      dense = checker_.Check(a + (b - a) * k / 400.0).has_value();
 
     const bool segment = checker_.CheckSegment(a, b, 0.01).has_value();
     if (segment) {

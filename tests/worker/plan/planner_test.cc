@@ -60,8 +60,7 @@ class PlannerTest : public testing::Test {
   // A bottle on the way that ToTheSide(0.25, 0.1, 0) takes.
   Request Blocked() {
     const Request request = ToTheSide(0.25, 0.1, 0);
-    checker_.SetObject("bottle",
-                       Standing("bottle", (X_WE_home_.p + request.X_WE_goal.p) / 2));
+    checker_.SetObject("bottle", Standing("bottle", (X_WE_home_.p + request.X_WE_goal.p) / 2));
     return request;
   }
 
@@ -162,7 +161,8 @@ TEST_F(PlannerTest, GoesAroundAnObjectWithoutTouchingIt) {
           checker_.CheckSegment(joints[k - 1], joints[k], PlannerConfig{}.resolution / 4);
       ASSERT_FALSE(collision) << collision->body_a << " " << collision->body_b << " at " << k;
       ASSERT_LE((joints[k] - joints[k - 1]).cwiseAbs().maxCoeff(),
-                request.limits.joint * kPeriod * 1.1) << k;
+                request.limits.joint * kPeriod * 1.1)
+          << k;
     }
   }
 }
@@ -174,6 +174,31 @@ TEST_F(PlannerTest, SampledVelocitiesAreTheDerivativesOfThePoses) {
   for (int k = 1; k + 1 < motion.steps(); ++k) {
     const Eigen::Vector3d linear = (motion.X_WE[k + 1].p - motion.X_WE[k - 1].p) / (2 * kPeriod);
     EXPECT_LT((linear - motion.V_WE[k].head<3>()).norm(), 0.006) << k;
+  }
+}
+
+TEST_F(PlannerTest, TheSimulatedArmFollowsSampledMotionsWithoutTouching) {
+  const Request request = Blocked();
+  sim::World world(scene_);
+  for (std::uint64_t seed = 0; seed < 5; ++seed) {
+    const Outcome outcome = planner_.Plan(request, checker_, seed);
+    ASSERT_EQ(outcome.kind, OutcomeKind::kSampled) << outcome.reason;
+
+    world.Reset();
+    double x = 1;
+    for (const sim::ObjectInfo& object : scene_->objects())
+      world.SetObject(object.name, Standing(object.name, {x += 0.2, 1, 0}));
+    world.SetObject("bottle", Standing("bottle", (X_WE_home_.p + request.X_WE_goal.p) / 2));
+    world.SetArm(q_home_);
+    world.Forward();
+    double farthest = 0;
+    for (int k = 0; k < outcome.motion.steps(); ++k) {
+      world.Step({outcome.motion.X_WE[k], 0}, outcome.motion.V_WE[k]);
+      farthest = std::max(farthest, (world.X_WE().p - outcome.motion.X_WE[k].p).norm());
+      for (const std::string& other : world.ContactsOf("bottle")) ASSERT_EQ(other, "world") << k;
+    }
+    EXPECT_LT(farthest, 0.003);
+    EXPECT_TRUE(world.healthy());
   }
 }
 
@@ -261,9 +286,10 @@ TEST_F(PlannerTest, GivesUpWhenTheBudgetIsUsedUp) {
   const char* names[] = {"bottle", "milk", "coke", "pepsi", "bread", "cube"};
   for (int i = 0; i < 6; ++i) {
     const double angle = 2 * M_PI * i / 6;
-    checker_.SetObject(names[i], Standing(names[i], request.X_WE_goal.p +
-                                                        0.09 * Eigen::Vector3d(std::cos(angle),
-                                                                               std::sin(angle), 0)));
+    checker_.SetObject(
+        names[i],
+        Standing(names[i], request.X_WE_goal.p +
+                               0.09 * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0)));
   }
   const Outcome outcome = planner.Plan(request, checker_, 1);
   ASSERT_FALSE(outcome.planned()) << outcome.reason;
@@ -304,8 +330,7 @@ TEST_F(PlannerTest, SameSeedSameBitsWhateverWasPlannedBefore) {
   EXPECT_EQ(again.samples, first.samples);
 
   collide::Checker fresh_checker(scene_);
-  fresh_checker.SetObject("bottle",
-                          Standing("bottle", (X_WE_home_.p + request.X_WE_goal.p) / 2));
+  fresh_checker.SetObject("bottle", Standing("bottle", (X_WE_home_.p + request.X_WE_goal.p) / 2));
   Planner fresh(scene_);
   EXPECT_EQ(Bits(fresh.Plan(request, fresh_checker, 5).motion), Bits(first.motion));
 }
