@@ -54,13 +54,20 @@ TEST_P(Grasp, HoldsThroughLiftTurnAndSwing) {
   RecordProperty("slip_mm", std::to_string((X_EO_end.p - X_EO.p).norm() * 1e3));
   RecordProperty("finger_rad", std::to_string(before));
 
-  // lay it down and let go: it stays where it lies
-  MoveTo(world, {{0, 0.25, 0.20}, down}, 0.3, 1, 10, kIgnore);
-  for (double z = 0.20; z > 0.02 && world.ContactsOf(object).size() < 3; z -= 0.001)
-    world.Step({{{0, 0.25, z}, down}, 1}, Vector6d::Zero());
-  const Pose let_go = world.X_WE();
-  for (int i = 0; i < 60; ++i) world.Step({let_go, 0}, Vector6d::Zero());
-  EXPECT_FALSE(world.Grasped(object)) << "released";
+  // let go just above the table, on its side: it stays where it falls
+  MoveTo(world, {{0, 0.13, 0.20}, down}, 0.3, 1, 10, kIgnore);
+  MoveTo(world, {{0, 0.13, 0.03}, down}, 0.3, 1, 10, kIgnore);
+  const Pose held = world.ObjectPose(object);
+  MoveTo(world, {{0, 0.13, 0.03}, down}, 0.3, 0, 15, kIgnore);
+  MoveTo(world, {{0, 0.13, 0.20}, down}, 0.3, 0, 60, kIgnore);
+  EXPECT_FALSE(world.Grasped(object));
+  const Pose fallen = world.ObjectPose(object);
+  EXPECT_LT((fallen.p - held.p).head<2>().norm(), 0.03);
+  EXPECT_GT(std::acos((fallen.q * Eigen::Vector3d::UnitZ()).z()), 75 * kPi / 180)
+      << "lies on its side";
+  MoveTo(world, {{0, 0.13, 0.20}, down}, 0.3, 0, 60, kIgnore);
+  EXPECT_LT((world.ObjectPose(object).p - fallen.p).norm(), 1e-3) << "at rest";
+  EXPECT_TRUE(world.healthy());
 }
 
 INSTANTIATE_TEST_SUITE_P(EveryObject, Grasp,
