@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/learn/replicas.h"
 
-#include <ATen/Parallel.h>
+#include <dlfcn.h>
 #include <pthread.h>
 
 #include <exception>
@@ -9,6 +9,13 @@
 #include "trainer/learn/tensors.h"
 
 namespace etude::learn {
+
+void SetBlasThreads(int threads) {
+  using SetThreads = void (*)(int);
+  if (const auto set =
+          reinterpret_cast<SetThreads>(::dlsym(RTLD_DEFAULT, "openblas_set_num_threads")))
+    set(threads);
+}
 
 Replicas::Replicas(std::vector<std::shared_ptr<policy::Policy>> policies)
     : policies_(std::move(policies)), losses_(policies_.size()), errors_(policies_.size()) {

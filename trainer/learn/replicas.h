@@ -16,6 +16,11 @@
 
 namespace etude::learn {
 
+/// Threads of OpenBLAS, which are separate from torch's. With replicas side by side they must be as
+/// few as the threads inside an operation: two callers otherwise spin for one pool (45 % of the
+/// time with two replicas). No effect with another BLAS.
+void SetBlasThreads(int threads);
+
 /// Mean over the replicas.
 struct BatchLoss {
   double total = 0;

@@ -180,6 +180,7 @@ Status Trainer::Impl::Build() {
       dataset->spec().tasks, std::make_shared<const language::Grammar>(std::move(grammar)),
       camera.width, camera.height);
 
+  SetBlasThreads(config.threads.intra_op);
   int copies = config.threads.replicas;
   if (copies == 0) copies = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::vector<std::shared_ptr<policy::Policy>> policies;
