@@ -31,6 +31,23 @@ constexpr auto kPresence = 5s;
 // commits looked at for the rate
 constexpr auto kRateWindow = 60s;
 
+// how long Open looks for another collector of the same name
+constexpr auto kLookAround = 300ms;
+
+// Two collectors of one name would both judge every episode.
+Status CheckAlone(const bus::Participant& participant, const std::string& campaign) {
+  ETUDE_ASSIGN_OR_RETURN(auto reader, bus::Reader<bus::CampaignAnnouncement>::Open(participant, campaign));
+  const auto deadline = MonotonicClock::now() + kLookAround;
+  while (MonotonicClock::now() < deadline && reader.Wait(deadline - MonotonicClock::now()))
+    for (const auto& other : reader.Take())
+      if (other.campaign == campaign && !other.complete)
+        return Fail(Code::kUnavailable,
+                    fmt::format("collect campaign '{}': another collector of it is running on domain {}; end it, "
+                                "or choose another `name` or --domain",
+                                campaign, participant.domain()));
+  return {};
+}
+
 double SecondsBetween(Time a, Time b) { return std::chrono::duration<double>(b - a).count(); }
 
 }  // namespace
@@ -385,6 +402,7 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
 Result<Collector> Collector::Open(const bus::Participant& participant, const CampaignSpec& spec,
                                   std::unique_ptr<EpisodeSink> sink, const CollectorOptions& options) {
   ETUDE_RETURN_IF_ERROR(spec.Validate());
+  ETUDE_RETURN_IF_ERROR(CheckAlone(participant, spec.name));
   ETUDE_ASSIGN_OR_RETURN(const std::uint64_t epoch, NextEpoch(sink->folder()));
   LeaseTable table({spec.episodes, static_cast<std::uint32_t>(spec.max_attempts),
                     options.max_in_flight, options.lease, epoch});

@@ -52,7 +52,8 @@ struct CollectorProgress {
 class Collector {
  public:
   /// Opens (or resumes) the folder by spec.mode and joins the bus under partition spec.name.
-  /// @error of the store (kInvalidArgument: made from another spec; kUnavailable: locked, disk) or the bus.
+  /// @error of the store (kInvalidArgument: made from another spec; kUnavailable: locked, disk) or the bus;
+  /// kUnavailable when a collector of the same campaign is already on the domain.
   static Result<Collector> Open(const bus::Participant& participant, const CampaignSpec& spec,
                                 const Path& folder, const CollectorOptions& options = {});
   /// With a sink of the caller's own.

@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <atomic>
+#include <algorithm>
 #include <condition_variable>
 #include <mutex>
 #include <optional>
@@ -147,12 +147,15 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
 
 // Asks until answered; the collector may be away for a while.
 Result<bus::Lease> WorkerClient::Impl::Ask() {
+  // the first answers may be lost while both sides still discover each other
+  auto patience = std::min<std::chrono::milliseconds>(100ms, options.ask_again);
   while (!StopRequested()) {
     const std::uint64_t id = ++request_id;
     if (const Status asked = requests.Write({options.campaign, options.name, id, options.version});
         !asked)
       Log().debug("request: {}", asked.error().message);
-    const auto deadline = MonotonicClock::now() + options.ask_again;
+    const auto deadline = MonotonicClock::now() + patience;
+    patience = std::min(2 * patience, options.ask_again);
     while (MonotonicClock::now() < deadline && !StopRequested()) {
       if (!leases.Wait(deadline - MonotonicClock::now())) break;
       for (auto& lease : leases.Take())

@@ -2,6 +2,9 @@
 // `etude eval`: rollouts of a checkpoint, or of a run that is being trained.
 #include <fmt/format.h>
 
+#include <optional>
+
+#include "services/bus/topic.h"
 #include "services/campaign/eval_report.h"
 #include "services/campaign/spec_file.h"
 #include "services/cli/command_line.h"
@@ -33,13 +36,23 @@ Result<ServiceOptions> PolicyService(Arguments& arguments) {
     arguments.evaluation.run = "eval-" + Sha256Hex(*bytes).substr(0, 12);
     service.arguments = {"--checkpoint", arguments.checkpoint, "--run", arguments.evaluation.run};
   } else {
-    arguments.evaluation.run = arguments.subscribe;
+    // a run's name, or its folder
+    arguments.evaluation.run = Path(arguments.subscribe).filename().string();
+    if (!IsPlainName(arguments.evaluation.run))
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("--subscribe '{}': the name of a run, or its folder", arguments.subscribe));
     service.arguments = {"--subscribe", arguments.subscribe};
   }
   const auto flags = arguments.bus.Flags();
   service.arguments.insert(service.arguments.end(), flags.begin(), flags.end());
   service.environment = arguments.bus.Environment();
   return service;
+}
+
+// True when a policy server answers for this run already: then it is asked, and none of our own.
+Result<bool> AlreadyServed(const bus::Participant& participant, const std::string& run) {
+  ETUDE_ASSIGN_OR_RETURN(const auto observations, bus::Writer<bus::Observation>::Open(participant, run));
+  return observations.WaitForReaders(1, std::chrono::milliseconds(500));
 }
 
 Result<CampaignSpec> Spec(const Arguments& arguments) {
@@ -60,7 +73,14 @@ Status Eval(Arguments arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, Spec(arguments));
   ETUDE_ASSIGN_OR_RETURN(const auto participant,
                          bus::Participant::Open({arguments.bus.domain, arguments.bus.profile}));
-  ETUDE_ASSIGN_OR_RETURN(auto policy, Service::Start(service));
+  std::optional<Service> policy;
+  ETUDE_ASSIGN_OR_RETURN(const bool served, AlreadyServed(participant, spec.rollout.run));
+  if (served) {
+    fmt::print(stderr, "asking the policy server of run '{}' that is running\n", spec.rollout.run);
+  } else {
+    ETUDE_ASSIGN_OR_RETURN(auto started, Service::Start(service));
+    policy.emplace(std::move(started));
+  }
   const HostOptions host{.bus = arguments.bus,
                          .workers = arguments.workers,
                          .out = arguments.out,
@@ -69,9 +89,9 @@ Status Eval(Arguments arguments) {
   {
     ProgressDisplay display;
     ETUDE_ASSIGN_OR_RETURN(report, Evaluate(participant, spec, arguments.evaluation, host, display,
-                                            [&] { return policy.Supervise(); }));
+                                            [&] { return policy ? policy->Supervise() : Status(); }));
   }
-  policy.Stop(std::chrono::seconds(5));
+  if (policy) policy->Stop(std::chrono::seconds(5));
   if (StopRequested()) fmt::print("stopped, run again to continue\n");
   fmt::print("{}report {}/eval.json  videos {}/videos\n", campaign::EvalTable(report), arguments.out, arguments.out);
   return {};
@@ -83,7 +103,7 @@ void AddEval(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand("eval", "roll a policy out on fresh scenes: success per task, errors, videos");
   auto arguments = std::make_shared<Arguments>();
   auto* checkpoint = command->add_option("--checkpoint", arguments->checkpoint, "a .safetensors file");
-  auto* subscribe = command->add_option("--subscribe", arguments->subscribe, "a run's checkpoints on the bus");
+  auto* subscribe = command->add_option("--subscribe", arguments->subscribe, "a run's checkpoints on the bus: its name, or its folder");
   checkpoint->excludes(subscribe);
   EvaluationOptions& evaluation = arguments->evaluation;
   command->add_option("--episodes", evaluation.episodes, "rollouts")->capture_default_str();

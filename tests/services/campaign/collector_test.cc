@@ -210,6 +210,21 @@ TEST_F(CollectorTest, WorkersOfAnotherVersionAreRefusedWithTheReason) {
   EXPECT_EQ(running->progress().committed, 0u);
 }
 
+TEST_F(CollectorTest, ASecondCollectorOfTheSameCampaignIsRefused) {
+  const CampaignSpec spec = Spec("twice", 4);
+  auto collector = Open(spec, folder_ / "data");
+  ASSERT_TRUE(collector);
+  Running running(std::move(*collector));
+  auto statuses = bus::Reader<bus::CampaignStatus>::Open(*participant_, spec.name);
+  ASSERT_TRUE(statuses);
+  ASSERT_TRUE(WaitFor([&] { return !statuses->Take().empty(); }));
+
+  const auto second = Open(spec, folder_ / "other");
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().code, Code::kUnavailable);
+  EXPECT_NE(second.error().message.find("another collector"), std::string::npos) << second.error().message;
+}
+
 TEST_F(CollectorTest, TerminatedWorkerHandsItsWorkBack) {
   const CampaignSpec spec = Spec("drain", 4);
   auto collector = Open(spec, folder_ / "data");
