@@ -22,7 +22,7 @@ struct Arguments {
 
 // a run may be named by its name or by its folder
 std::string RunName(const std::string& text) {
-  return IsPlainName(text) ? text : publish::RunNameOf(text);
+  return text.empty() || IsPlainName(text) ? text : publish::RunNameOf(text);
 }
 
 Status Serve(const Arguments& arguments) {

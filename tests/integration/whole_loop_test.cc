@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+// The whole system for real and in small: `etude up` with a collector, two workers, a trainer that follows the growing
+// dataset, checkpoints on DDS, a policy server that subscribes, and workers that roll its answers out.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+
+#include "services/campaign/process.h"
+#include "services/core/file.h"
+#include "services/store/dataset.h"
+#include "services/store/safetensors.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude {
+namespace {
+
+constexpr int kDomain = 88;
+
+Path Binary(const char* name) {
+  const char* folder = std::getenv("ETUDE_BIN");
+  return (folder ? Path(folder) : campaign::ProgramFolder().parent_path() / "bin") / name;
+}
+
+int RunCommand(const std::string& command) {
+  const int status = std::system(command.c_str());
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+class WholeLoop : public testing::Test {
+ protected:
+  TemporaryFolder temporary_;
+  Path folder_ = temporary_.path();
+  Path out_ = folder_ / "out";
+  Path log_ = folder_ / "up.log";
+
+  void WriteConfigs() {
+    std::ofstream(folder_ / "campaign.yaml") << "name: loop\nepisodes: 16\nsplit: {train: 0.7, valid: 0.3}\n";
+    std::ofstream(folder_ / "up.yaml")
+        << "campaign: campaign.yaml\nworkers: 2\ntrain:\n  run: loop\n  start_episodes: 6\n"
+           "  set: [data.batch=16, eval.every_steps=40, eval.frames=48, checkpoint.every_steps=40]\n"
+           "eval:\n  episodes: 3\n  videos: 2\n";
+  }
+};
+
+TEST_F(WholeLoop, CollectsTrainsPublishesServesAndRollsOut) {
+  WriteConfigs();
+  const std::string up = Binary("etude").string() + " up " + (folder_ / "up.yaml").string() + " --out " +
+                         out_.string() + " --minutes 0.6 --domain " + std::to_string(kDomain) +
+                         " --set eval.seed=3 > " + log_.string() + " 2>&1";
+  ASSERT_EQ(RunCommand(up), 0) << ReadTextFile(log_).value_or("");
+
+  // every demonstration is there and whole
+  const Path dataset = out_ / "dataset";
+  const auto report = store::Verify(dataset, store::Quarantine::kNo);
+  ASSERT_TRUE(report.has_value()) << report.error().message;
+  EXPECT_EQ(report->good, 16u);
+  EXPECT_TRUE(report->bad.empty());
+
+  // a checkpoint was written that any reader of the format understands
+  const auto checkpoint = store::ReadSafetensors(out_ / "run" / "checkpoints" / "latest.safetensors");
+  ASSERT_TRUE(checkpoint.has_value()) << checkpoint.error().message;
+  EXPECT_GT(checkpoint->tensors.size(), 10u);
+
+  // every rollout ended in a success or in a reason, driven by that run's policy
+  const auto eval_text = ReadTextFile(out_ / "eval" / "eval.json");
+  ASSERT_TRUE(eval_text.has_value());
+  const Json eval = Json::parse(*eval_text);
+  ASSERT_EQ(eval.at("per_episode").size(), 3u);
+  for (const auto& episode : eval.at("per_episode")) EXPECT_NE(episode.value("outcome", ""), "policy_error");
+}
+
+}  // namespace
+}  // namespace etude
