@@ -30,7 +30,7 @@ constexpr double kLinearStep = 0.005;  // m
 constexpr double kAngularStep = 0.03;  // rad
 constexpr double kJump = 0.5;          // rad a step: another branch of the kinematics
 constexpr double kSlowest = 0.2;       // of the asked speed; slower is as good as not smooth
-constexpr int kGoalTries = 8;         // seeds of inverse kinematics for another arm configuration
+constexpr int kGoalTries = 8;          // seeds of inverse kinematics for another arm configuration
 constexpr int kShortcuts = 60;
 constexpr int kPaceRounds = 6;
 // more than the margin is kept while sampling, else smoothing has no room where shortcuts graze
