@@ -23,6 +23,8 @@ struct FreeDecompressor {
   void operator()(libdeflate_decompressor* d) const { libdeflate_free_decompressor(d); }
 };
 
+constexpr std::uint64_t kMaxOffset = 1ull << 60;
+
 // More than any zlib stream of `size` bytes takes.
 std::uint64_t StreamBound(std::size_t size) { return size + size / 256 + 64; }
 
@@ -77,9 +79,10 @@ std::vector<std::uint8_t> DeflateFrame(std::span<const std::uint8_t> pixels) {
 
 Status FrameReader::Read(const Path& file, const FrameLocation& location,
                          std::span<std::uint8_t> pixels) {
-  if (location.size > StreamBound(pixels.size()))
-    return Fail(Code::kCorrupt, fmt::format("read '{}': a frame of {} bytes for {} of pixels",
-                                            file.string(), location.size, pixels.size()));
+  if (location.size > StreamBound(pixels.size()) || location.offset > kMaxOffset)
+    return Fail(Code::kCorrupt,
+                fmt::format("read '{}': a frame of {} bytes at {} for {} of pixels", file.string(),
+                            location.size, location.offset, pixels.size()));
   thread_local std::vector<std::uint8_t> stream;
   stream.resize(location.size);
   ETUDE_RETURN_IF_ERROR(ReadAt(file, location.offset, stream));

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
+#include <cstring>
 #include <utility>
 
 namespace etude::store::internal {
@@ -13,14 +15,14 @@ std::mutex hdf_mutex;
 
 constexpr std::size_t kGrowth = 1 << 20;  // bytes by which a file in memory grows
 
-// What HDF5 says went wrong, outermost first; "" when it says nothing.
+// What HDF5 says went wrong, innermost: there the cause stands. "" when it says nothing.
 std::string HdfMessage() {
   std::string text;
   const auto collect = [](unsigned depth, const H5E_error2_t* error, void* out) -> herr_t {
     if (depth == 0 && error->desc != nullptr) *static_cast<std::string*>(out) = error->desc;
     return 0;
   };
-  H5Ewalk2(H5E_DEFAULT, H5E_WALK_DOWNWARD, collect, &text);
+  H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, collect, &text);
   H5Eclear2(H5E_DEFAULT);
   return text.empty() ? "" : fmt::format(" (HDF5: {})", text);
 }
@@ -32,6 +34,44 @@ Hid MemoryAccess() {
       H5Pset_libver_bounds(access.get(), H5F_LIBVER_V18, H5F_LIBVER_V18) < 0)
     return {};
   return access;
+}
+
+// HDF5's callbacks around the memory of a file, so that its last state outlives H5Fclose.
+// (H5Fget_file_image of an open file clears flags in the superblock without correcting its
+// checksum.)
+void* AllocateImage(std::size_t size, H5FD_file_image_op_t, void*) { return std::calloc(1, size); }
+
+void* CopyImage(void* to, const void* from, std::size_t size, H5FD_file_image_op_t, void*) {
+  return std::memcpy(to, from, size);
+}
+
+void* ResizeImage(void* image, std::size_t size, H5FD_file_image_op_t, void* context) {
+  auto& sink = *static_cast<FileImage*>(context);
+  auto* resized = static_cast<std::uint8_t*>(std::realloc(image, size));
+  if (resized == nullptr) return nullptr;
+  if (size > sink.size) std::memset(resized + sink.size, 0, size - sink.size);
+  sink.size = size;
+  return resized;
+}
+
+herr_t FreeImage(void* image, H5FD_file_image_op_t operation, void* context) {
+  auto& sink = *static_cast<FileImage*>(context);
+  const auto* bytes = static_cast<const std::uint8_t*>(image);
+  if (operation == H5FD_FILE_IMAGE_OP_FILE_CLOSE) sink.bytes.assign(bytes, bytes + sink.size);
+  std::free(image);
+  return 0;
+}
+
+bool KeepImage(hid_t access, FileImage* sink) {
+  H5FD_file_image_callbacks_t callbacks{};
+  callbacks.image_malloc = AllocateImage;
+  callbacks.image_memcpy = CopyImage;
+  callbacks.image_realloc = ResizeImage;
+  callbacks.image_free = FreeImage;
+  callbacks.udata_copy = [](void* context) { return context; };
+  callbacks.udata_free = [](void*) -> herr_t { return 0; };
+  callbacks.udata = sink;
+  return H5Pset_file_image_callbacks(access, &callbacks) >= 0;
 }
 
 Hid TextType() {
@@ -56,7 +96,8 @@ HdfLock::HdfLock() : lock_(hdf_mutex) { H5Eset_auto2(H5E_DEFAULT, nullptr, nullp
 // ------------------------------------------------------------------------------------------ writer
 
 HdfWriter::HdfWriter()
-    : link_(H5Pcreate(H5P_LINK_CREATE)),
+    : image_(std::make_unique<FileImage>()),
+      link_(H5Pcreate(H5P_LINK_CREATE)),
       group_(H5Pcreate(H5P_GROUP_CREATE)),
       dataset_(H5Pcreate(H5P_DATASET_CREATE)) {
   const Hid creation(H5Pcreate(H5P_FILE_CREATE));
@@ -64,6 +105,7 @@ HdfWriter::HdfWriter()
 
   // no time of day in the file; attributes and few links stay in the object's own header
   const bool good = link_ && group_ && dataset_ && creation && access &&
+                    KeepImage(access.get(), image_.get()) &&
                     H5Pset_obj_track_times(creation.get(), false) >= 0 &&
                     H5Pset_obj_track_times(group_.get(), false) >= 0 &&
                     H5Pset_obj_track_times(dataset_.get(), false) >= 0 &&
@@ -176,18 +218,18 @@ void HdfWriter::ExternalLink(const std::string& path, const std::string& file,
 }
 
 Result<std::vector<std::uint8_t>> HdfWriter::Finish() {
-  std::vector<std::uint8_t> bytes;
+  hsize_t size = 0;
   if (failed_.empty()) {
-    Check(H5Fflush(file_.get(), H5F_SCOPE_LOCAL) >= 0, "flush");
-    const ssize_t size = H5Fget_file_image(file_.get(), nullptr, 0);
-    if (Check(size > 0, "measure the file")) {
-      bytes.resize(static_cast<std::size_t>(size));
-      Check(H5Fget_file_image(file_.get(), bytes.data(), bytes.size()) == size, "copy the file");
-    }
+    const bool known =
+        H5Fflush(file_.get(), H5F_SCOPE_LOCAL) >= 0 && H5Fget_filesize(file_.get(), &size) >= 0;
+    Check(known, "flush");
   }
-  file_ = Hid();
+  for (Hid* id : {&file_, &link_, &group_, &dataset_}) *id = Hid();
+  lock_.Release();
+  if (failed_.empty() && image_->bytes.size() < size) failed_ = "close";
   if (!failed_.empty()) return Fail(Code::kInternal, "make an HDF5 file: " + failed_);
-  return bytes;
+  image_->bytes.resize(size);  // memory grows in steps
+  return std::move(image_->bytes);
 }
 
 // ------------------------------------------------------------------------------------------ reader
@@ -310,7 +352,9 @@ std::vector<std::string> HdfReader::Children(const std::string& group) {
   return names;
 }
 
-Status HdfReader::Finish() const {
+Status HdfReader::Finish() {
+  file_ = Hid();
+  lock_.Release();
   if (!failed_.empty()) return Fail(Code::kCorrupt, failed_);
   return {};
 }

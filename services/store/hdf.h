@@ -8,6 +8,7 @@
 #include <hdf5.h>
 
 #include <cstdint>
+#include <memory>
 #include <mutex>
 #include <span>
 #include <string>
@@ -43,12 +44,19 @@ class Hid {
 class HdfLock {
  public:
   HdfLock();
+  void Release() { lock_.unlock(); }
 
  private:
-  std::lock_guard<std::mutex> lock_;
+  std::unique_lock<std::mutex> lock_;
 };
 
 using Shape = std::vector<std::uint64_t>;
+
+/// A file's memory while HDF5 has it, and its bytes once HDF5 has closed it.
+struct FileImage {
+  std::size_t size = 0;
+  std::vector<std::uint8_t> bytes;
+};
 
 /// Native type of T's values in memory, little-endian type of the same width in the file.
 template <class T>
@@ -85,7 +93,7 @@ class HdfWriter {
   void FixedStrings(const std::string& path, const std::vector<std::string>& texts);
   void ExternalLink(const std::string& path, const std::string& file, const std::string& object);
 
-  /// The file's bytes. @error kInternal with the first call that failed.
+  /// The file's bytes; call once, last. @error kInternal with the first call that failed.
   Result<std::vector<std::uint8_t>> Finish();
 
  private:
@@ -97,6 +105,7 @@ class HdfWriter {
   bool Check(bool good, const std::string& what);
 
   HdfLock lock_;
+  std::unique_ptr<FileImage> image_;
   Hid file_, link_, group_, dataset_;  // the file; creation property lists
   std::string failed_;
 };
@@ -136,8 +145,8 @@ class HdfReader {
   /// Names in a group, in alphabetical order.
   std::vector<std::string> Children(const std::string& group);
 
-  /// @error kCorrupt with the first call that failed.
-  Status Finish() const;
+  /// Closes the file; call once, last. @error kCorrupt with the first call that failed.
+  Status Finish();
 
  private:
   Hid OpenArray(const std::string& path, std::size_t rank, std::size_t width, Shape& shape);
