@@ -51,10 +51,16 @@ PlannedStage StagePlanner::Plan(const Eigen::VectorXd& q_start, const Pose& goal
                                 const Stage& stage,
                                 const std::vector<Eigen::Vector3d>& obstacles,
                                 std::uint64_t seed) {
-  if (auto straight = ThroughPoints(q_start, {goal}, stage, seed)) return *straight;
-  if (!stage.straight_only)
-    if (auto detour = Detour(q_start, goal, stage, obstacles, seed)) return *detour;
+  std::string blocked;
+  if (auto straight = ThroughPoints(q_start, {goal}, stage, seed, blocked)) return *straight;
+  if (!stage.straight_only) {
+    if (auto detour = Detour(q_start, goal, stage, obstacles, seed)) {
+      detour->blocked = blocked;
+      return *detour;
+    }
+  }
   PlannedStage sampled;
+  sampled.blocked = blocked;
   const plan::Request request{.q_start = q_start,
                               .X_WE_goal = goal,
                               .limits = stage.limits,
@@ -72,7 +78,8 @@ PlannedStage StagePlanner::Plan(const Eigen::VectorXd& q_start, const Pose& goal
 
 std::optional<PlannedStage> StagePlanner::ThroughPoints(const Eigen::VectorXd& q_start,
                                                         const std::vector<Pose>& points,
-                                                        const Stage& stage, std::uint64_t seed) {
+                                                        const Stage& stage, std::uint64_t seed,
+                                                        std::string& why) {
   PlannedStage planned;
   planned.q_end = q_start;
   std::uint64_t checks = 0;
@@ -83,9 +90,11 @@ std::optional<PlannedStage> StagePlanner::ThroughPoints(const Eigen::VectorXd& q
                                 .straight_only = true};
     plan::Outcome next = planner_.Plan(request, *checker_, seed);
     checks += next.checks;
-    if (!next.planned()) return std::nullopt;
-    const auto q_end = EndOf(next.motion, planned.q_end);
-    if (!q_end) return std::nullopt;
+    const auto q_end = next.planned() ? EndOf(next.motion, planned.q_end) : std::nullopt;
+    if (!q_end) {
+      why = next.planned() ? "inverse kinematics lost on the path" : next.reason;
+      return std::nullopt;
+    }
     if (planned.outcome.motion.steps() == 0) {
       planned.outcome = std::move(next);
     } else {
@@ -109,11 +118,12 @@ std::optional<PlannedStage> StagePlanner::Detour(const Eigen::VectorXd& q_start,
     if (p.x() > left && p.x() < right) y = std::min(y, p.y() - kKeepBehind);
   Pose before = goal, beside = start;
   before.p.y() = beside.p.y() = y;
-  if (auto one = ThroughPoints(q_start, {before, goal}, stage, seed)) {
+  std::string why;
+  if (auto one = ThroughPoints(q_start, {before, goal}, stage, seed, why)) {
     one->detour = true;
     return one;
   }
-  auto two = ThroughPoints(q_start, {beside, before, goal}, stage, seed);
+  auto two = ThroughPoints(q_start, {beside, before, goal}, stage, seed, why);
   if (two) two->detour = true;
   return two;
 }

@@ -21,6 +21,7 @@ struct PlannedStage {
   plan::Outcome outcome;
   Eigen::VectorXd q_end;
   bool detour = false;      ///< straight pieces around the others
+  std::string blocked;      ///< why the straight line would not do; empty when it did
   bool planned() const { return outcome.planned(); }
 };
 
@@ -47,9 +48,10 @@ class StagePlanner {
                                      const Stage& stage,
                                      const std::vector<Eigen::Vector3d>& obstacles,
                                      std::uint64_t seed);
+  /// `why` gets the reason when it returns nothing.
   std::optional<PlannedStage> ThroughPoints(const Eigen::VectorXd& q_start,
                                             const std::vector<Pose>& points, const Stage& stage,
-                                            std::uint64_t seed);
+                                            std::uint64_t seed, std::string& why);
   /// Follows the motion with inverse kinematics; nothing when it is lost on the way.
   std::optional<Eigen::VectorXd> EndOf(const plan::Motion& motion, const Eigen::VectorXd& q_start);
 

@@ -104,7 +104,8 @@ Verdict Expert::PlanPiece(int first, Piece& piece) {
                         {"detour", planned.detour},
                         {"samples", planned.outcome.samples},
                         {"checks", planned.outcome.checks},
-                        {"steps", motion.steps()}});
+                        {"steps", motion.steps()},
+                        {"blocked", planned.blocked}});
     piece.last = i;
     if (!stage.blends) return {};
     q = planned.q_end;
@@ -129,6 +130,7 @@ Expert::Interruption Expert::DrawInterruption(const Piece& piece) {
     const Push push = DrawPush(randomization_, push_rng_);
     plan::Motion motion = PushMotion(piece.motion, at, push);
     UpdateChecker(stage);
+    if (!stage.holds) checker_->Allow({});  // a push must not hit what the stage will touch
     const auto q = planner_->Solve(motion.X_WE.front(), session_->world().q());
     if (!q || !PushIsFree(motion, *q, planner_->kinematics(), *checker_)) continue;
     // One push a piece: a later stage keeps its chance for the piece that is planned afterwards.

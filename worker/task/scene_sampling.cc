@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/task/scene_sampling.h"
 
+#include <Eigen/SVD>
 #include <cmath>
 
 #include "services/core/check.h"
@@ -12,6 +13,7 @@ constexpr int kArrangements = 100;    // whole arrangements tried
 constexpr int kDrawsPerObject = 100;  // places tried for one object of an arrangement
 constexpr int kStartDraws = 100;
 constexpr double kStartMargin = 0.005;  // m kept free around the arm where it starts
+constexpr double kStartDexterity = 0.06;  // m (home has 0.11): the arm can leave in any direction
 
 bool FarEnough(const Eigen::Vector3d& p, const std::vector<PlacedObject>& placed) {
   for (const auto& other : placed) {
@@ -47,6 +49,12 @@ Eigen::Vector3d DrawOffset(double size, Rng& rng) {
   return {x, y, rng.Uniform(-size, size)};
 }
 
+// Smallest singular value of the tool's Jacobian: the worst ratio of tool speed to joint speed.
+double Dexterity(sim::Kinematics& kinematics, const Eigen::VectorXd& q) {
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(kinematics.Jacobian(q));
+  return svd.singularValues().minCoeff();
+}
+
 }  // namespace
 
 const std::vector<LocationBox>& LocationBoxes() {
@@ -77,7 +85,7 @@ std::optional<Eigen::VectorXd> DrawStart(const sim::ArmInfo& arm,
     const Eigen::Vector3d turn = DrawOffset(randomization.start_orientation, rng);
     const Pose X_WE{X_WE_home.p + shift, FromEuler(turn) * X_WE_home.q};
     const auto q = kinematics.Solve(X_WE, arm.q_home);
-    if (q && !checker.Check(*q, kStartMargin)) return q;
+    if (q && Dexterity(kinematics, *q) > kStartDexterity && !checker.Check(*q, kStartMargin)) return q;
   }
   return std::nullopt;
 }

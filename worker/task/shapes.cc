@@ -43,6 +43,7 @@ Shapes::Shapes(const sim::Scene& scene, sim::Kinematics& kinematics) : objects_(
   for (const auto& piece : scene.geometry()) pieces_[piece.body].push_back(piece);
   ahead_open_ = Ahead(scene, kinematics, 0);
   ahead_closed_ = Ahead(scene, kinematics, 1);
+  base_y_ = kinematics.BodyPoses(scene.arm().q_home, 0, {scene.arm().bodies.front()})[0].p.y();
 }
 
 double Shapes::Ahead(const sim::Scene& scene, sim::Kinematics& kinematics, double gripper) const {

@@ -27,6 +27,9 @@ class Shapes {
   double ahead_open() const { return ahead_open_; }
   double ahead_closed() const { return ahead_closed_; }
 
+  /// y of the first joint's vertical axis, m; its x is 0.
+  double base_y() const { return base_y_; }
+
   /// Size and mass of one object. @pre the scene has it
   const sim::ObjectInfo& object(const std::string& name) const;
   /// Centre of the upright bounding box in the body's frame, m.
@@ -39,7 +42,7 @@ class Shapes {
 
   std::vector<sim::ObjectInfo> objects_;
   std::map<std::string, std::vector<sim::Geometry>> pieces_;
-  double ahead_open_ = 0, ahead_closed_ = 0;
+  double ahead_open_ = 0, ahead_closed_ = 0, base_y_ = 0;
 };
 
 }  // namespace etude::task

@@ -10,13 +10,17 @@
 namespace etude::task {
 namespace {
 
-constexpr double kBehind = 0.15;        // m, hand behind the object before it reaches
-constexpr double kNearest = 0.09;       // m, the least of it when the hand is already on the line
+// Fingertips behind the object's axis before it reaches. Further back, the wrist of an arm that reaches for
+// a near object comes too close to the shoulder's axis.
+constexpr double kBehind = 0.085;       // m
+constexpr double kNearest = 0.065;      // m, the least of it when the hand is already on the line
 constexpr double kOnLine = 0.04;        // m off the line at most to count as on it
 constexpr double kGraspAbove = 0.01;    // m above the body's origin
+constexpr double kLowestHand = 0.058;   // m of the level hand: its wrist needs 0.05
 constexpr double kPadHalfLength = 0.018;  // m, fingertips pass the object's axis by this
-constexpr double kLiftHeight = 0.20;    // m of the tool
+constexpr double kLiftHeight = 0.17;    // m of the tool
 constexpr double kTurnBack = 0.15;      // m towards the robot while turning
+constexpr double kTurnedReach = 0.56;   // m from the base's axis that the hand can point down
 constexpr double kPushFurther = 0.11;   // m that the object is pushed
 constexpr double kPlaceGap = 0.002;     // m between object and table when it is released
 constexpr double kFingerGap = 0.005;    // m between fingertips and table
@@ -29,12 +33,17 @@ double TipsBeyondAxis(const Situation& now) {
 }
 
 double GraspY(const Situation& now) {
-  return now.X_WO.p.y() + TipsBeyondAxis(now) - now.shapes->ahead_open();
+  // The fingers swing forward as they close: what counts is where the tips end up.
+  return now.X_WO.p.y() + TipsBeyondAxis(now) - now.shapes->ahead_closed();
+}
+
+double GraspHeight(const Situation& now) {
+  return std::max(now.X_WO.p.z() + kGraspAbove, kLowestHand);
 }
 
 Pose BehindObject(const Situation& now) {
   const Eigen::Vector3d& p = now.X_WO.p;
-  const double height = p.z() + kGraspAbove;
+  const double height = GraspHeight(now);
   const double aside = std::hypot(now.X_WE.p.x() - p.x(), now.X_WE.p.z() - height);
   const double far = p.y() - kBehind, near = p.y() - kNearest;
   // A hand that is on the line already goes on from where it is instead of backing off.
@@ -43,13 +52,13 @@ Pose BehindObject(const Situation& now) {
 }
 
 Pose AroundObject(const Situation& now) {
-  return {{now.X_WO.p.x(), GraspY(now), now.X_WO.p.z() + kGraspAbove}, LevelHand()};
+  return {{now.X_WO.p.x(), GraspY(now), GraspHeight(now)}, LevelHand()};
 }
 
 Pose BeyondObject(const Situation& now) {
   const double half_depth = now.shapes->object(now.target).half_extent.y();
   const double touch = now.X_WO.p.y() - half_depth - now.shapes->ahead_closed();
-  return {{now.X_WO.p.x(), touch + kPushFurther, now.X_WO.p.z() + kGraspAbove}, LevelHand()};
+  return {{now.X_WO.p.x(), touch + kPushFurther, GraspHeight(now)}, LevelHand()};
 }
 
 Pose Lifted(const Situation& now) {
@@ -59,8 +68,11 @@ Pose Lifted(const Situation& now) {
 Pose Turned(const Situation& now) {
   // A hand that is part of the way round has moved back by that part already.
   const double left = AngleBetween(now.X_WE.q, TurnedHand()) / (std::numbers::pi / 2);
-  const double y = now.X_WE.p.y() - kTurnBack * std::clamp(left, 0.0, 1.0);
-  return {{now.X_WE.p.x(), y, kLiftHeight}, TurnedHand()};
+  const double x = now.X_WE.p.x();
+  const double back = now.X_WE.p.y() - kTurnBack * std::clamp(left, 0.0, 1.0);
+  const double within =
+      std::sqrt(std::max(0.0, kTurnedReach * kTurnedReach - x * x)) + now.shapes->base_y();
+  return {{x, std::min(back, within), kLiftHeight}, TurnedHand()};
 }
 
 Pose OnTable(const Situation& now) {
@@ -75,21 +87,24 @@ Pose Above(const Situation& now) {
   return {{now.X_WE.p.x(), now.X_WE.p.y(), kLiftHeight}, TurnedHand()};
 }
 
+constexpr double kJointSpeed = 3.1;     // rad/s, of every joint of the UR5
+
 plan::Limits Speed(double linear, double linear_accel, double angular, double angular_accel) {
   return {.linear = linear,
           .angular = angular,
           .linear_accel = linear_accel,
-          .angular_accel = angular_accel};
+          .angular_accel = angular_accel,
+          .joint = kJointSpeed};
 }
 
 Stage Approach(bool closed) {
   return {.name = "approach", .goal = BehindObject, .closed = closed,
-          .limits = Speed(0.55, 2.5, 2.0, 8.0), .blends = true, .disturbable = true, .calm = 0.03};
+          .limits = Speed(0.70, 3.5, 2.4, 12.0), .blends = true, .disturbable = true, .calm = 0.03};
 }
 
 Stage Reach() {
-  return {.name = "reach", .goal = AroundObject, .limits = Speed(0.35, 1.8, 1.5, 6.0),
-          .straight_only = true, .touches_target = true, .disturbable = true, .calm = 0.08,
+  return {.name = "reach", .goal = AroundObject, .limits = Speed(0.35, 2.0, 1.5, 8.0),
+          .straight_only = true, .touches_target = true, .disturbable = true, .calm = 0.06,
           .back_to = 1};
 }
 
@@ -101,24 +116,24 @@ Stage Grasp() {
 }
 
 Stage Lift(bool blends) {
-  return {.name = "lift", .goal = Lifted, .closed = true, .limits = Speed(0.40, 1.5, 1.2, 5.0),
+  return {.name = "lift", .goal = Lifted, .closed = true, .limits = Speed(0.45, 2.5, 1.5, 8.0),
           .touches_target = true, .holds = true, .blends = blends, .disturbable = true,
           .calm = 0.05};
 }
 
 Stage Push() {
-  return {.name = "push", .goal = BeyondObject, .closed = true, .limits = Speed(0.25, 1.2, 1.2, 5.0),
-          .straight_only = true, .touches_target = true, .disturbable = true, .calm = 0.20,
+  return {.name = "push", .goal = BeyondObject, .closed = true, .limits = Speed(0.28, 1.5, 1.5, 8.0),
+          .straight_only = true, .touches_target = true, .disturbable = true, .calm = 0.15,
           .back_to = 1};
 }
 
 Stage Turn() {
-  return {.name = "turn", .goal = Turned, .closed = true, .limits = Speed(0.40, 1.5, 2.0, 8.0),
+  return {.name = "turn", .goal = Turned, .closed = true, .limits = Speed(0.45, 2.0, 2.4, 10.0),
           .touches_target = true, .holds = true, .disturbable = true, .calm = 0.04};
 }
 
 Stage Place() {
-  return {.name = "place", .goal = OnTable, .closed = true, .limits = Speed(0.25, 1.0, 1.2, 5.0),
+  return {.name = "place", .goal = OnTable, .closed = true, .limits = Speed(0.35, 1.6, 1.5, 8.0),
           .straight_only = true, .touches_target = true, .holds = true, .disturbable = true,
           .calm = 0.07};
 }
@@ -129,18 +144,18 @@ Stage Wait(std::string name, bool closed, int steps) {
 }
 
 Stage Retreat() {
-  return {.name = "retreat", .goal = Above, .limits = Speed(0.40, 1.5, 1.2, 5.0),
+  return {.name = "retreat", .goal = Above, .limits = Speed(0.45, 2.5, 1.5, 8.0),
           .straight_only = true, .touches_target = true};
 }
 
 }  // namespace
 
 std::vector<Stage> StagesOf(const std::string& task) {
-  if (task == "pick") return {Approach(false), Reach(), Grasp(), Lift(false), Wait("hold", true, 24)};
-  if (task == "push") return {Approach(true), Push(), Wait("hold", true, 24)};
+  if (task == "pick") return {Approach(false), Reach(), Grasp(), Lift(false), Wait("hold", true, 20)};
+  if (task == "push") return {Approach(true), Push(), Wait("hold", true, 20)};
   ETUDE_CHECK(task == "put_down", "task={}", task);
   return {Approach(false), Reach(), Grasp(), Lift(true), Turn(), Place(),
-          Wait("release", false, 16), Retreat(), Wait("hold", false, 24)};
+          Wait("release", false, 14), Retreat(), Wait("hold", false, 20)};
 }
 
 }  // namespace etude::task

@@ -19,7 +19,8 @@ using namespace etude;
 struct Tally {
   std::uint64_t trials = 0, successes = 0, disturbed = 0, pushes = 0;
   std::vector<double> steps;
-  std::map<std::string, int> planned;
+  std::map<std::string, int> planned, blocked;
+  std::map<std::string, std::uint64_t> stage_steps;
   double plan_s = 0, step_s = 0, render_s = 0, deflate_s = 0;
 };
 
@@ -33,11 +34,14 @@ void Count(const task::AttemptResult& result, Tally& tally) {
   ++tally.successes;
   const Episode& episode = result.episode;
   tally.steps.push_back(episode.steps());
+  for (auto phase : episode.phase) ++tally.stage_steps[episode.stage_names[phase]];
   tally.disturbed += !episode.details["disturbed_objects"].empty();
   tally.pushes += episode.details["pushes"].get<std::uint64_t>();
   for (const auto& stage : episode.details["planned"]) {
     std::string kind = stage["kind"].get<std::string>();
     if (stage["detour"].get<bool>()) kind = "detour";
+    const std::string blocked = stage["blocked"].get<std::string>();
+    if (!blocked.empty()) ++tally.blocked[blocked];
     ++tally.planned[stage["stage"].get<std::string>() + "/" + kind];
   }
 }
@@ -53,7 +57,11 @@ void Print(const std::string& name, const Tally& tally) {
   fmt::print("  ms an episode: plan {:.1f} step {:.1f} render {:.1f} deflate {:.1f}\n",
              1e3 * tally.plan_s / n, 1e3 * tally.step_s / n, 1e3 * tally.render_s / n,
              1e3 * tally.deflate_s / n);
+  for (const auto& [stage, steps] : tally.stage_steps)
+    fmt::print("  {} {:.0f} steps", stage, static_cast<double>(steps) / tally.successes);
+  fmt::print("\n");
   for (const auto& [kind, count] : tally.planned) fmt::print("  {} {}\n", kind, count);
+  for (const auto& [why, count] : tally.blocked) fmt::print("  blocked {}: {}\n", count, why);
 }
 
 }  // namespace

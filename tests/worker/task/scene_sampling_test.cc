@@ -61,7 +61,9 @@ TEST(PlaceObjects, IsAFunctionOfTheSeed) {
 
 TEST(PlaceObjects, ZeroYawStandsStraight) {
   Rng rng(3);
-  for (const auto& object : *PlaceObjects(SixObjects(), 0.0, rng))
+  const auto placed = PlaceObjects(SixObjects(), 0.0, rng);
+  ASSERT_TRUE(placed.has_value());
+  for (const auto& object : *placed)
     EXPECT_NEAR(AngleBetween(object.X_WO.q, Eigen::Quaterniond::Identity()), 0, 1e-9);
 }
 

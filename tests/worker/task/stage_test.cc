@@ -66,7 +66,7 @@ TEST(Stages, ReachPutsTheTipsJustBeyondTheAxis) {
   Fixture f;
   const auto stages = StagesOf("pick");
   const Pose goal = Find(stages, "reach").goal(f.now);
-  const double beyond = goal.p.y() + f.shapes->ahead_open() - f.now.X_WO.p.y();
+  const double beyond = goal.p.y() + f.shapes->ahead_closed() - f.now.X_WO.p.y();
   EXPECT_GT(beyond, 0.005);
   EXPECT_LT(beyond, f.shapes->object("coke").half_extent.y());
   EXPECT_NEAR(goal.p.x(), f.now.X_WO.p.x(), 1e-12);
