@@ -26,7 +26,7 @@ inline constexpr std::uint32_t kMaxChunkSize = 512 * 1024;
 /// How an object is verified at the receiving end.
 enum class Integrity : std::uint8_t {
   kSha256,   ///< also an identity: what datasets and checkpoints are named by
-  kCrc32c,   ///< striped CRC-32C: finds faults at memory speed; for streams of camera frames
+  kCrc32c,   ///< finds faults at the speed of a copy; for streams of camera frames
 };
 
 struct SendOptions {
@@ -87,6 +87,12 @@ struct ReceivedObject {
   std::vector<std::uint8_t> bytes;   ///< verified against manifest.sha256
 };
 
+/// The same without a copy. Both are valid until the next call of ReceiveView or Receive.
+struct ObjectView {
+  const ObjectManifest* manifest = nullptr;
+  std::span<const std::uint8_t> bytes;
+};
+
 struct ReceiveOptions {
   std::uint64_t max_object_size = 1ull << 30;   ///< larger manifests are refused before allocation
   std::uint64_t max_memory = 2ull << 30;        ///< of all unfinished objects together; others wait
@@ -107,6 +113,8 @@ class ObjectReceiver {
   std::optional<ReceivedObject> Receive(std::chrono::nanoseconds timeout);
   /// The same into an object whose memory is used again; false when there is none.
   bool Receive(ReceivedObject& object, std::chrono::nanoseconds timeout);
+  /// The same where it lies: an object of one chunk is not copied out of DDS's memory.
+  std::optional<ObjectView> ReceiveView(std::chrono::nanoseconds timeout);
   /// Tells the sender. kDone only after the object is durable. Repeats of an acknowledged object are
   /// answered with the same verdict without another Receive. With `ack_batch` > 1 a kDone leaves with
   /// others, at the latest when Receive next has to wait.

@@ -4,9 +4,10 @@
 #include <algorithm>
 #include <deque>
 #include <map>
+#include <utility>
 
 #include "services/bus/assembly.h"
-#include "services/bus/checksum.h"
+#include "services/bus/manifest_intake.h"
 #include "services/bus/object_channel.h"
 #include "services/bus/serialized.h"
 #include "services/bus/typed.h"
@@ -30,7 +31,9 @@ struct Entry {
   State state = State::kReceiving;
   ObjectManifest manifest;              // data is empty
   std::optional<Assembly> assembly;     // kReceiving
-  std::vector<std::uint8_t> bytes;      // kReady
+  std::vector<std::uint8_t> bytes;      // kReady, of an object that came in chunks
+  Serialized whole;                     // kReady, of one that came in its manifest: DDS's own memory
+  std::span<const std::uint8_t> whole_bytes;
   Verdict verdict;                      // kJudged
   std::uint32_t acknowledged = 0;       // chunks reported to the sender
   Clock::time_point heard;
@@ -57,13 +60,6 @@ bool IsSame(const ManifestView& view, const ObjectManifest& manifest) {
          Equal(view.sha256, manifest.sha256) && Equal(view.crc32c, manifest.crc32c);
 }
 
-bool ViewIsSound(const ManifestView& view) {
-  const bool has_sha = view.sha256.size() == 32 && view.crc32c.empty();
-  const bool has_crc = view.crc32c.size() == 16 && view.sha256.empty();
-  return (has_sha || has_crc) && ShapeIsSound(view.size, view.chunk_size, view.chunk_count) &&
-         (view.data.empty() || view.data.size() == view.size) && view.meta_json.size() <= kMaxText;
-}
-
 ObjectManifest ToManifest(const ManifestView& view) {
   ObjectManifest manifest;
   manifest.channel = view.channel;
@@ -80,7 +76,7 @@ ObjectManifest ToManifest(const ManifestView& view) {
 }
 
 bool Fits(const ObjectManifest& manifest, std::span<const std::uint8_t> bytes) {
-  if (!manifest.crc32c.empty()) return Equal(StripedCrc32c(bytes), manifest.crc32c);
+  if (!manifest.crc32c.empty()) return Equal(CrcBytes(bytes), manifest.crc32c);
   return Equal(Sha256Of(bytes), manifest.sha256);
 }
 
@@ -89,14 +85,15 @@ bool Fits(const ObjectManifest& manifest, std::span<const std::uint8_t> bytes) {
 struct ObjectReceiver::Impl {
   std::string channel;
   ReceiveOptions options;
-  Endpoint manifests;
+  std::unique_ptr<ManifestIntake> manifests;
   Endpoint chunks;
   Endpoint acks;
   Waiter waiter;
   std::map<std::string, Peer, std::less<>> peers;
   std::deque<ObjectKey> ready;
   std::vector<ObjectKey> unreported;              // progress that the sender does not know
-  std::vector<std::vector<std::uint8_t>> spares;  // buffers to use again
+  ReceivedObject current;                         // what ReceiveView shows
+  Serialized current_whole;
   std::uint64_t memory = 0;                       // of unfinished and ready objects
   std::uint64_t corrupt = 0;
   std::uint64_t malformed = 0;
@@ -105,10 +102,10 @@ struct ObjectReceiver::Impl {
   Status OpenAll(const Participant& participant, const std::string& partition);
   int Drain();
   int DrainManifests();
-  void OnManifest(const ManifestView& view);
-  void AnswerKnown(const ManifestView& view, Entry& entry);
-  void Start(const ManifestView& view, Peer& peer);
-  void StartWhole(const ManifestView& view, Entry& entry);
+  void OnManifest(TakenManifest& taken);
+  void AnswerKnown(TakenManifest& taken, Entry& entry);
+  void Start(TakenManifest& taken, Peer& peer);
+  void StartWhole(TakenManifest& taken, Entry& entry);
   void OnChunk(const ChunkView& view);
   void OnComplete(Entry& entry);
   void RefuseCorrupt(const ObjectManifest& manifest);
@@ -121,7 +118,8 @@ struct ObjectReceiver::Impl {
   void Clean();
   Entry* Find(std::string_view sender, std::uint64_t id);
   bool Receive(ReceivedObject& object, std::chrono::nanoseconds timeout);
-  bool Pop(ReceivedObject& object);
+  bool WaitReady(std::chrono::nanoseconds timeout);
+  bool Pop(ReceivedObject& object, Serialized& whole, std::span<const std::uint8_t>& whole_bytes);
 };
 
 Status ObjectReceiver::Impl::OpenAll(const Participant& participant, const std::string& partition) {
@@ -129,9 +127,9 @@ Status ObjectReceiver::Impl::OpenAll(const Participant& participant, const std::
   // acks first: a sender that finds our readers can then be answered
   ETUDE_ASSIGN_OR_RETURN(acks, OpenWriterOf<ObjectAck>(participant, own));
   ETUDE_ASSIGN_OR_RETURN(chunks, OpenReaderOf<ObjectChunk>(participant, own));
-  ETUDE_ASSIGN_OR_RETURN(manifests, OpenReaderOf<ObjectManifest>(participant, own));
+  ETUDE_ASSIGN_OR_RETURN(manifests, ManifestIntake::Open(participant, own));
   ETUDE_RETURN_IF_ERROR(waiter.Open(participant));
-  ETUDE_RETURN_IF_ERROR(waiter.AddReader(manifests));
+  ETUDE_RETURN_IF_ERROR(manifests->Attach(waiter));
   return waiter.AddReader(chunks);
 }
 
@@ -143,25 +141,27 @@ Entry* ObjectReceiver::Impl::Find(std::string_view sender, std::uint64_t id) {
 }
 
 int ObjectReceiver::Impl::DrainManifests() {
-  return TakeSerialized(manifests, 64, [this](std::span<const std::uint8_t> cdr) {
-    ManifestView view;
-    if (!Parse(cdr, view) || !ViewIsSound(view)) ++malformed;
-    else if (view.channel == channel) OnManifest(view);
-  });
+  auto taken = manifests->Take();
+  for (auto& item : taken) {
+    if (!item.is_sound) ++malformed;
+    else if (item.view.channel == channel) OnManifest(item);
+  }
+  return static_cast<int>(taken.size());
 }
 
 // Returns the number of samples taken.
 int ObjectReceiver::Impl::Drain() {
   const int announced = DrainManifests();
-  const int taken = TakeSerialized(chunks, 64, [this](std::span<const std::uint8_t> cdr) {
+  const int taken = TakeSerialized(chunks, 64, [this](Serialized& sample) {
     ChunkView view;
-    if (!Parse(cdr, view) || view.data.empty()) ++malformed;
+    if (!Parse(sample.bytes(), view) || view.data.empty()) ++malformed;
     else if (view.channel == channel) OnChunk(view);
   });
   return announced + taken;
 }
 
-void ObjectReceiver::Impl::OnManifest(const ManifestView& view) {
+void ObjectReceiver::Impl::OnManifest(TakenManifest& taken) {
+  const ManifestView& view = taken.view;
   auto found = peers.find(view.sender);
   if (found == peers.end()) found = peers.emplace(std::string(view.sender), Peer{}).first;
   Peer& peer = found->second;
@@ -170,18 +170,19 @@ void ObjectReceiver::Impl::OnManifest(const ManifestView& view) {
   if (known != peer.objects.end()) {
     Entry& entry = known->second;
     const bool changed = entry.state == Entry::State::kReceiving && !IsSame(view, entry.manifest);
-    if (!changed) return AnswerKnown(view, entry);
+    if (!changed) return AnswerKnown(taken, entry);
     memory -= entry.manifest.size;
     peer.objects.erase(known);
   }
-  Start(view, peer);
+  Start(taken, peer);
 }
 
-void ObjectReceiver::Impl::AnswerKnown(const ManifestView& view, Entry& entry) {
+void ObjectReceiver::Impl::AnswerKnown(TakenManifest& taken, Entry& entry) {
+  const ManifestView& view = taken.view;
   entry.heard = Clock::now();
   switch (entry.state) {
     case Entry::State::kReceiving:
-      if (view.data.size() == view.size && view.size > 0) return StartWhole(view, entry);
+      if (view.data.size() == view.size && view.size > 0) return StartWhole(taken, entry);
       return SendProgress(entry, AckKind::kMissing);
     case Entry::State::kReady:
     case Entry::State::kJudging:
@@ -197,14 +198,15 @@ void ObjectReceiver::Impl::AnswerKnown(const ManifestView& view, Entry& entry) {
   }
 }
 
-void ObjectReceiver::Impl::Start(const ManifestView& view, Peer& peer) {
+void ObjectReceiver::Impl::Start(TakenManifest& taken, Peer& peer) {
+  const ManifestView& view = taken.view;
   if (view.size > options.max_object_size) {
     Entry& entry = peer.objects[view.id];
     entry.manifest = ToManifest(view);
     Remember(peer, entry,
              {AckKind::kRefused,
               fmt::format("{} bytes, at most {} are taken", view.size, options.max_object_size)});
-    return AnswerKnown(view, entry);
+    return AnswerKnown(taken, entry);
   }
   // no room: say nothing, and the sender announces it again
   if (memory > 0 && memory + view.size > options.max_memory) return;
@@ -212,18 +214,16 @@ void ObjectReceiver::Impl::Start(const ManifestView& view, Peer& peer) {
   Entry& entry = peer.objects[view.id];
   entry.manifest = ToManifest(view);
   entry.heard = Clock::now();
-  if (view.data.size() == view.size) return StartWhole(view, entry);
+  if (view.data.size() == view.size) return StartWhole(taken, entry);
   entry.assembly.emplace(view.size, view.chunk_size, view.crc32c.empty());
   SendProgress(entry, AckKind::kMissing);
 }
 
-void ObjectReceiver::Impl::StartWhole(const ManifestView& view, Entry& entry) {
-  if (!Fits(entry.manifest, view.data)) return RefuseCorrupt(entry.manifest);
-  if (!spares.empty()) {
-    entry.bytes = std::move(spares.back());
-    spares.pop_back();
-  }
-  entry.bytes.assign(view.data.begin(), view.data.end());
+void ObjectReceiver::Impl::StartWhole(TakenManifest& taken, Entry& entry) {
+  const bool fits = taken.view.crc32c.empty() ? Fits(entry.manifest, taken.view.data) : taken.crc_fits;
+  if (!fits) return RefuseCorrupt(entry.manifest);
+  entry.whole_bytes = taken.view.data;
+  entry.whole = std::move(taken.sample);
   entry.assembly.reset();
   entry.acknowledged = entry.manifest.chunk_count;
   entry.state = Entry::State::kReady;
@@ -352,7 +352,9 @@ void ObjectReceiver::Impl::Clean() {
   }
 }
 
-bool ObjectReceiver::Impl::Pop(ReceivedObject& object) {
+// The oldest verified object. Its bytes are those of `whole`, or, when that is empty, `object.bytes`.
+bool ObjectReceiver::Impl::Pop(ReceivedObject& object, Serialized& whole,
+                               std::span<const std::uint8_t>& whole_bytes) {
   if (ready.empty()) return false;
   const ObjectKey key = std::move(ready.front());
   ready.pop_front();
@@ -360,23 +362,19 @@ bool ObjectReceiver::Impl::Pop(ReceivedObject& object) {
   entry.state = Entry::State::kJudging;
   memory -= entry.manifest.size;
   object.manifest = entry.manifest;
-  std::swap(object.bytes, entry.bytes);
-  if (entry.bytes.capacity() > 0 && entry.bytes.capacity() <= 2 * kMaxChunkSize &&
-      spares.size() < 256) {
-    spares.push_back(std::move(entry.bytes));
-  }
-  entry.bytes = {};
+  whole = std::exchange(entry.whole, {});
+  whole_bytes = std::exchange(entry.whole_bytes, {});
+  if (whole.bytes().empty()) object.bytes = std::exchange(entry.bytes, {});
   return true;
 }
 
-bool ObjectReceiver::Impl::Receive(ReceivedObject& object, std::chrono::nanoseconds timeout) {
+// Until an object is ready; false after `timeout` or on a stop request.
+bool ObjectReceiver::Impl::WaitReady(std::chrono::nanoseconds timeout) {
   const auto now = Clock::now();
   const auto latest = Clock::time_point::max();
   const auto end = timeout > latest - now ? latest : now + timeout;
-  for (;;) {
-    if (Pop(object)) return true;
-    const int taken = Drain();
-    if (taken > 0) continue;
+  while (ready.empty()) {
+    if (Drain() > 0) continue;
     FlushProgress();
     FlushAllDone();
     Clean();
@@ -384,6 +382,16 @@ bool ObjectReceiver::Impl::Receive(ReceivedObject& object, std::chrono::nanoseco
     if (left.count() <= 0 || StopRequested()) return false;
     waiter.Wait(std::min<std::chrono::nanoseconds>(left, std::chrono::seconds(5)));
   }
+  return true;
+}
+
+bool ObjectReceiver::Impl::Receive(ReceivedObject& object, std::chrono::nanoseconds timeout) {
+  if (!WaitReady(timeout)) return false;
+  Serialized whole;
+  std::span<const std::uint8_t> whole_bytes;
+  Pop(object, whole, whole_bytes);
+  if (!whole.bytes().empty()) object.bytes.assign(whole_bytes.begin(), whole_bytes.end());
+  return true;
 }
 
 ObjectReceiver::ObjectReceiver(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -412,6 +420,15 @@ std::optional<ReceivedObject> ObjectReceiver::Receive(std::chrono::nanoseconds t
 
 bool ObjectReceiver::Receive(ReceivedObject& object, std::chrono::nanoseconds timeout) {
   return impl_->Receive(object, timeout);
+}
+
+std::optional<ObjectView> ObjectReceiver::ReceiveView(std::chrono::nanoseconds timeout) {
+  impl_->current_whole.Release();
+  if (!impl_->WaitReady(timeout)) return std::nullopt;
+  std::span<const std::uint8_t> bytes;
+  impl_->Pop(impl_->current, impl_->current_whole, bytes);
+  if (impl_->current_whole.bytes().empty()) bytes = impl_->current.bytes;
+  return ObjectView{&impl_->current.manifest, bytes};
 }
 
 Status ObjectReceiver::Acknowledge(const ObjectManifest& manifest, const Verdict& verdict) {

@@ -5,7 +5,7 @@
 #include <deque>
 
 #include "services/bus/assembly.h"
-#include "services/bus/checksum.h"
+#include "services/bus/manifest_intake.h"
 #include "services/bus/object_channel.h"
 #include "services/bus/typed.h"
 #include "services/core/clock.h"
@@ -116,14 +116,13 @@ Flight ObjectSender::Impl::MakeFlight(std::uint64_t id, std::span<const std::uin
     const auto digest = Sha256Of(bytes);
     manifest.sha256.assign(digest.begin(), digest.end());
   } else {
-    const auto crc = StripedCrc32c(bytes);
+    const auto crc = CrcBytes(bytes);
     manifest.crc32c.assign(crc.begin(), crc.end());
   }
   return flight;
 }
 
 void ObjectSender::Impl::Pump() {
-  CheckReceivers();
   if (receivers == 0 || !AnnounceOverdue()) return;
   std::uint32_t in_window = 0;
   for (const auto& flight : flights) in_window += flight.in_window();
@@ -276,6 +275,7 @@ std::optional<Sent> ObjectSender::Impl::Next(std::chrono::nanoseconds timeout,
   for (;;) {
     if (auto sent = PopVerdict(only)) return sent;
     TakeAcks();
+    CheckReceivers();
     Pump();
     if (auto sent = PopVerdict(only)) return sent;
     const auto now = Clock::now();
@@ -317,6 +317,7 @@ Status ObjectSender::Begin(std::uint64_t id, std::span<const std::uint8_t> bytes
     return Fail(wire.error().Wrap(fmt::format("begin object {}", id)));
   }
   impl_->flights.push_back(std::move(flight));
+  if (impl_->receivers == 0) impl_->CheckReceivers();
   impl_->Pump();
   return {};
 }

@@ -92,9 +92,9 @@ int ObjectSubscriber::Impl::DrainManifests() {
 }
 
 int ObjectSubscriber::Impl::Drain() {
-  const int taken = TakeSerialized(chunks, 64, [this](std::span<const std::uint8_t> cdr) {
+  const int taken = TakeSerialized(chunks, 64, [this](Serialized& sample) {
     PublishedChunkView view;
-    if (!Parse(cdr, view) || view.slot > 1 || view.data.empty()) ++malformed;
+    if (!Parse(sample.bytes(), view) || view.slot > 1 || view.data.empty()) ++malformed;
     else OnChunk(view);
   });
   return taken + DrainManifests();

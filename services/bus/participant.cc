@@ -2,6 +2,7 @@
 #include "services/bus/participant.h"
 
 #include <fmt/format.h>
+#include <malloc.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -130,6 +131,16 @@ Result<std::shared_ptr<Entity>> OpenDomain(const ParticipantConfig& config,
   return domain;
 }
 
+// Each chunk is a malloc and a free of hundreds of kilobytes on either side. By default glibc gives such
+// memory back to the kernel every time, and the page faults cost more than the copies.
+void KeepChunksOnTheHeap() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    ::mallopt(M_MMAP_THRESHOLD, 4 << 20);
+    ::mallopt(M_TRIM_THRESHOLD, 64 << 20);
+  });
+}
+
 void WarnAboutReceiveBuffer() {
   static std::once_flag once;
   std::call_once(once, [] {
@@ -196,6 +207,7 @@ Result<Participant> Participant::Open(const ParticipantConfig& config) {
   state->participant = Entity(handle);
   state->id = config.domain;
   WarnAboutReceiveBuffer();
+  KeepChunksOnTheHeap();
   return Participant(std::move(state));
 }
 

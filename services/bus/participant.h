@@ -20,6 +20,7 @@ struct ParticipantConfig {
 /// One DDS participant. Thread-safe; must outlive every Writer and Reader made from it (they share it).
 class Participant {
  public:
+  /// The first one also tells malloc to keep up to 64 MB of freed memory (see participant.cc).
   /// @error kUnavailable: no interface, no free participant index, bad profile; says which and what to do.
   static Result<Participant> Open(const ParticipantConfig& config = {});
   Participant(Participant&&) noexcept;

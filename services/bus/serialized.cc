@@ -84,8 +84,22 @@ bool Parse(std::span<const std::uint8_t> cdr, PublishedChunkView& v) {
                  v.data);
 }
 
+Serialized::Serialized(ddsi_serdata* sample) : sample_(sample) {
+  ddsrt_iovec_t bytes{};
+  // the second reference that this makes goes at once: ours keeps the sample
+  ddsi_serdata* const held = ddsi_serdata_to_ser_ref(sample, 0, ddsi_serdata_size(sample), &bytes);
+  bytes_ = {static_cast<const std::uint8_t*>(bytes.iov_base), bytes.iov_len};
+  ddsi_serdata_to_ser_unref(held, &bytes);
+}
+
+void Serialized::Release() {
+  if (sample_ != nullptr) ddsi_serdata_unref(sample_);
+  sample_ = nullptr;
+  bytes_ = {};
+}
+
 int TakeSerialized(const Endpoint& reader, int at_most,
-                   const std::function<void(std::span<const std::uint8_t>)>& visit) {
+                   const std::function<void(Serialized&)>& visit) {
   constexpr int kBatch = 64;
   std::array<ddsi_serdata*, kBatch> samples{};
   std::array<dds_sample_info_t, kBatch> infos;
@@ -95,13 +109,12 @@ int TakeSerialized(const Endpoint& reader, int at_most,
                   DDS_ANY_STATE);
   for (int i = 0; i < count; ++i) {
     ddsi_serdata* const sample = samples[static_cast<std::size_t>(i)];
-    if (infos[static_cast<std::size_t>(i)].valid_data) {
-      ddsrt_iovec_t bytes{};
-      ddsi_serdata* const held = ddsi_serdata_to_ser_ref(sample, 0, ddsi_serdata_size(sample), &bytes);
-      visit({static_cast<const std::uint8_t*>(bytes.iov_base), bytes.iov_len});
-      ddsi_serdata_to_ser_unref(held, &bytes);
+    if (!infos[static_cast<std::size_t>(i)].valid_data) {  // an instance's end
+      ddsi_serdata_unref(sample);
+      continue;
     }
-    ddsi_serdata_unref(sample);
+    Serialized taken(sample);
+    visit(taken);
   }
   return std::max(count, 0);
 }

@@ -217,7 +217,7 @@ void Fields(F& f, M& m, W& w)
   ETUDE_FIELD(chunk_size);
   ETUDE_FIELD(chunk_count);
   ETUDE_FIELD_UP_TO(sha256, 32);
-  ETUDE_FIELD_UP_TO(crc32c, 16);
+  ETUDE_FIELD_UP_TO(crc32c, 4);
   ETUDE_FIELD(token);
   ETUDE_FIELD(meta_json);
   ETUDE_FIELD_UP_TO(data, 512 * 1024);

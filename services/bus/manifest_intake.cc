@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/bus/manifest_intake.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "services/bus/assembly.h"
+#include "services/bus/checksum.h"
+#include "services/bus/typed.h"
+
+namespace etude::bus {
+namespace {
+
+bool ViewIsSound(const ManifestView& view) {
+  const bool has_sha256 = view.sha256.size() == 32 && view.crc32c.empty();
+  const bool has_crc32c = view.crc32c.size() == 4 && view.sha256.empty();
+  return (has_sha256 || has_crc32c) && ShapeIsSound(view.size, view.chunk_size, view.chunk_count) &&
+         (view.data.empty() || view.data.size() == view.size) && view.meta_json.size() <= kMaxText;
+}
+
+}  // namespace
+
+std::array<std::uint8_t, 4> CrcBytes(std::span<const std::uint8_t> bytes) {
+  const std::uint32_t crc = Crc32c(bytes);
+  std::array<std::uint8_t, 4> out;
+  for (std::size_t i = 0; i < 4; ++i) out[i] = static_cast<std::uint8_t>(crc >> (8 * i));
+  return out;
+}
+
+Result<std::unique_ptr<ManifestIntake>> ManifestIntake::Open(const Participant& participant,
+                                                             const std::string& partition) {
+  std::unique_ptr<ManifestIntake> intake(new ManifestIntake);
+  ETUDE_ASSIGN_OR_RETURN(
+      intake->guard_,
+      CheckEntity(dds_create_guardcondition(participant.state()->participant.get()),
+                  "make a guard condition"));
+  ETUDE_ASSIGN_OR_RETURN(intake->reader_, OpenReaderOf<ObjectManifest>(participant, partition));
+  dds_listener_t* const listener = dds_create_listener(intake.get());
+  dds_lset_data_available(listener, &ManifestIntake::OnData);
+  const dds_return_t code = dds_set_listener(intake->reader_.get(), listener);
+  dds_delete_listener(listener);
+  if (code != DDS_RETCODE_OK) return Fail(DdsError(code, "listen for manifests"));
+  intake->Drain();  // what came before the listener
+  return intake;
+}
+
+void ManifestIntake::OnData(dds_entity_t, void* intake) {
+  static_cast<ManifestIntake*>(intake)->Drain();
+}
+
+void ManifestIntake::Drain() {
+  const auto add = [this](Serialized& sample) {
+    TakenManifest item;
+    item.is_sound = Parse(sample.bytes(), item.view) && ViewIsSound(item.view);
+    item.sample = std::move(sample);
+    if (item.is_sound && !item.view.crc32c.empty() && item.view.data.size() == item.view.size) {
+      const auto crc = CrcBytes(item.view.data);
+      item.crc_fits = std::equal(crc.begin(), crc.end(), item.view.crc32c.begin());
+    }
+    const std::scoped_lock lock(mutex_);
+    taken_.push_back(std::move(item));
+    if (taken_.size() == 1) dds_set_guardcondition(guard_.get(), true);
+  };
+  while (TakeSerialized(reader_, 64, add) > 0) {
+  }
+}
+
+std::deque<TakenManifest> ManifestIntake::Take() {
+  const std::scoped_lock lock(mutex_);
+  if (!taken_.empty()) dds_set_guardcondition(guard_.get(), false);
+  return std::exchange(taken_, {});
+}
+
+}  // namespace etude::bus

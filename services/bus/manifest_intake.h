@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// Takes manifests off DDS in the thread that received them, and checks the CRC of the objects that
+// travel inside them there: the bytes are still in that core's cache, and fetching them into another's
+// costs as much as the check. Internal to services/bus.
+#pragma once
+
+#include <array>
+#include <deque>
+#include <memory>
+#include <mutex>
+
+#include "services/bus/serialized.h"
+
+namespace etude::bus {
+
+struct TakenManifest {
+  Serialized sample;
+  ManifestView view;       ///< points into the sample
+  bool is_sound = false;   ///< parsed, and its sizes fit together
+  bool crc_fits = false;   ///< of an object that travels inside, when it has a CRC
+};
+
+class ManifestIntake {
+ public:
+  static Result<std::unique_ptr<ManifestIntake>> Open(const Participant& participant,
+                                                      const std::string& partition);
+  /// Wakes `waiter` when there is something to take.
+  Status Attach(Waiter& waiter) { return waiter.AddGuard(guard_); }
+  /// Everything received since the last call, oldest first.
+  std::deque<TakenManifest> Take();
+
+ private:
+  ManifestIntake() = default;
+  static void OnData(dds_entity_t reader, void* intake);
+  void Drain();
+
+  std::mutex mutex_;
+  std::deque<TakenManifest> taken_;  // guarded by mutex_
+  Entity guard_;
+  Endpoint reader_;  // last: its end waits for the callback
+};
+
+/// Little-endian, as in ObjectManifest::crc32c.
+std::array<std::uint8_t, 4> CrcBytes(std::span<const std::uint8_t> bytes);
+
+}  // namespace etude::bus

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+// A 40 MB checkpoint from the call of Publish until a subscriber in another process has verified it
+// (SHA-256 over all of it), against the same bytes as one DDS sample, from the write until another
+// process has taken it (nothing verified), with the same DDS profile and the same QoS for late joiners.
+// Both sides run in turn, A/B/A/B, in processes of their own.
+#include <dds/dds.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "blob.h"
+#include "services/bus/object_channel.h"
+#include "services/bus/participant_state.h"
+#include "services/core/clock.h"
+#include "services/core/hash.h"
+#include "tests/bench/processes.h"
+
+namespace {
+
+using namespace etude;
+using namespace etude::bench;
+using namespace std::chrono_literals;
+
+constexpr std::size_t kSize = 40'000'000;
+constexpr std::uint32_t kDomain = 70;
+
+bus::Participant OpenOrDie() {
+  auto participant = bus::Participant::Open({kDomain, ""});
+  if (!participant) {
+    std::fprintf(stderr, "%s\n", participant.error().message.c_str());
+    std::exit(3);
+  }
+  return std::move(*participant);
+}
+
+// Says "ready" and then a line for every version that it has got.
+void Say(const char* line) {
+  std::printf("%s\n", line);
+  std::fflush(stdout);
+}
+
+int RunChunkedSubscriber() {
+  const auto participant = OpenOrDie();
+  auto subscriber = bus::ObjectSubscriber::Open(participant, "bench", "latest");
+  if (!subscriber) return 1;
+  Say("ready");
+  while (const auto object = subscriber->Wait(60s)) {
+    if (object->bytes.size() != kSize) return 1;
+    Say("got");
+  }
+  return 0;
+}
+
+// A checkpoint's QoS: reliable, transient-local, the newest only.
+constexpr bus::TopicQos kBlobQos{true, 1};
+
+int RunSingleSubscriber() {
+  const auto participant = OpenOrDie();
+  auto reader = bus::OpenReader(participant, "bench", etude_bench_Blob_desc, "bench/blob", kBlobQos);
+  bus::Waiter waiter;
+  if (!reader || !waiter.Open(participant) || !waiter.AddReader(*reader)) return 1;
+  Say("ready");
+  while (waiter.Wait(60s)) {
+    void* sample[1] = {};
+    dds_sample_info_t info;
+    const int count = dds_take(reader->get(), sample, &info, 1, 1);
+    if (count > 0 && info.valid_data) {
+      if (static_cast<etude_bench_Blob*>(sample[0])->data._length != kSize) return 1;
+      Say("got");
+    }
+    if (count > 0) dds_return_loan(reader->get(), sample, count);
+  }
+  return 0;
+}
+
+std::vector<std::uint8_t> MakeCheckpoint() {
+  std::vector<std::uint8_t> bytes(kSize);
+  std::uint32_t state = 1;
+  for (auto& byte : bytes) {
+    state = state * 1664525u + 1013904223u;
+    byte = static_cast<std::uint8_t>(state >> 24);
+  }
+  return bytes;
+}
+
+// Prints the milliseconds of each of `count` checkpoints after a first one that does not count.
+template <class Publish, class Matched>
+int Time(const char* subscriber_role, int count, Publish&& publish, Matched&& matched) {
+  Child subscriber(Self({subscriber_role}));
+  if (subscriber.ReadLine() != "ready") return 1;
+  for (const Stopwatch watch; !matched() && watch.Seconds() < 10;) ::usleep(1000);
+  auto bytes = MakeCheckpoint();
+  for (int version = 1; version <= count + 1; ++version) {
+    bytes[0] = static_cast<std::uint8_t>(version);
+    const Stopwatch watch;
+    if (!publish(static_cast<std::uint64_t>(version), bytes)) return 1;
+    if (subscriber.ReadLine() != "got") return 1;
+    if (version > 1) std::printf("%.4f\n", 1e3 * watch.Seconds());
+  }
+  return 0;
+}
+
+int RunChunkedPublisher(int count) {
+  const auto participant = OpenOrDie();
+  bus::SendOptions options;
+  if (const char* kilobytes = std::getenv("CHUNK_KIB")) {
+    options.chunk_size = static_cast<std::uint32_t>(std::atoi(kilobytes)) * 1024;
+  }
+  auto publisher = bus::ObjectPublisher::Open(participant, "bench", options);
+  if (!publisher) return 1;
+  return Time(
+      "chunked-subscriber", count,
+      [&](std::uint64_t version, const std::vector<std::uint8_t>& bytes) {
+        return publisher->Publish("latest", version, bytes, "{}").has_value();
+      },
+      [&] { return publisher->matched_subscribers() > 0; });
+}
+
+int RunSinglePublisher(int count) {
+  const auto participant = OpenOrDie();
+  auto writer = bus::OpenWriter(participant, "bench", etude_bench_Blob_desc, "bench/blob", kBlobQos);
+  if (!writer) return 1;
+  return Time(
+      "single-subscriber", count,
+      [&](std::uint64_t version, std::vector<std::uint8_t>& bytes) {
+        etude_bench_Blob blob{};
+        blob.version = version;
+        blob.data._length = blob.data._maximum = static_cast<std::uint32_t>(bytes.size());
+        blob.data._buffer = bytes.data();
+        return dds_write(writer->get(), &blob) == DDS_RETCODE_OK;
+      },
+      [&] { return bus::MatchedReaders(*writer) > 0; });
+}
+
+std::vector<double> Run(const char* role, int count) {
+  Child publisher(Self({role, std::to_string(count)}));
+  std::vector<double> times;
+  for (std::string line; !(line = publisher.ReadLine()).empty();) {
+    times.push_back(std::strtod(line.c_str(), nullptr));
+  }
+  return times;
+}
+
+int RunBench(int repeats, int count) {
+  UseProfile("deploy/dds/local.xml");
+  const double calibration_before = TwoProcessSpin();
+  std::vector<double> ours, theirs;
+  for (int i = 0; i < repeats; ++i) {
+    const auto single = Run("single-publisher", count);
+    const auto chunked = Run("chunked-publisher", count);
+    std::fprintf(stderr, "round %d: one sample %s ms, chunked and verified %s ms\n", i + 1,
+                 Summary(single).c_str(), Summary(chunked).c_str());
+    if (static_cast<int>(single.size()) != count || static_cast<int>(chunked.size()) != count) {
+      std::fprintf(stderr, "a side failed\n");
+      return 1;
+    }
+    theirs.insert(theirs.end(), single.begin(), single.end());
+    ours.insert(ours.end(), chunked.begin(), chunked.end());
+  }
+  const auto bytes = MakeCheckpoint();
+  const Stopwatch watch;
+  const auto digest = Sha256Of(bytes);
+  std::fprintf(stderr, "SHA-256 of it on one core: %.1f ms (%s): no verified transfer is faster\n",
+               1e3 * watch.Seconds(), ToHex(digest).substr(0, 8).c_str());
+  PrintCalibration(calibration_before, TwoProcessSpin());
+  const double value = Median(ours);
+  const double baseline = Median(theirs);
+  std::fprintf(stderr, "one sample %s ms, chunked and verified %s ms\n", Summary(theirs).c_str(),
+               Summary(ours).c_str());
+  std::printf("{\"name\": \"checkpoint\", \"value\": %.2f, \"unit\": \"ms\", \"baseline\": %.2f, "
+              "\"ratio\": %.3f}\n",
+              value, baseline, baseline / value);
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string role = argc > 1 ? argv[1] : "";
+  if (role == "chunked-subscriber") return RunChunkedSubscriber();
+  if (role == "single-subscriber") return RunSingleSubscriber();
+  if (role == "chunked-publisher" && argc > 2) return RunChunkedPublisher(std::atoi(argv[2]));
+  if (role == "single-publisher" && argc > 2) return RunSinglePublisher(std::atoi(argv[2]));
+  return RunBench(argc > 1 ? std::max(1, std::atoi(argv[1])) : 5,
+                  argc > 2 ? std::max(1, std::atoi(argv[2])) : 3);
+}
