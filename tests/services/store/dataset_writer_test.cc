@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/store/dataset_writer.cc, master_file.cc and summary.cc
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "services/episode/codec.h"
+#include "services/store/dataset.h"
+#include "tests/support/matchers.h"
+#include "tests/support/synthetic_episode.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::store {
+namespace {
+
+Result<DatasetWriter> OpenWith(const Path& dataset, const CampaignSpec& spec, int episodes) {
+  auto writer = DatasetWriter::Open(dataset, spec);
+  for (int i = 0; writer && i < episodes; ++i)
+    if (Status done = writer->Commit(MakeSyntheticEpisode(spec, static_cast<std::uint64_t>(i)));
+        !done)
+      return Fail(done.error());
+  return writer;
+}
+
+std::string Slurp(const Path& path) { return ReadTextFile(path).value_or("unreadable"); }
+
+TEST(DatasetWriter, CommitsEpisodesThatAReaderGetsBackWhole) {
+  const TemporaryFolder folder;
+  const CampaignSpec spec = SyntheticSpec();
+  const auto writer = OpenWith(folder / "d", spec, 3);
+  ASSERT_THAT(writer, IsOk());
+  EXPECT_THAT(writer->committed(), testing::ElementsAre(0, 1, 2));
+  EXPECT_FALSE(writer->Contains(3));
+
+  const auto reader = DatasetReader::Open(folder / "d");
+  ASSERT_THAT(reader, IsOk());
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    const auto episode = reader->ReadWhole(i);
+    ASSERT_THAT(episode, IsOk());
+    EXPECT_EQ(EncodeEpisode(*episode), EncodeEpisode(MakeSyntheticEpisode(spec, i)));
+  }
+}
+
+TEST(DatasetWriter, GivesTheSameBytesInAnyOrderAndFolder) {
+  const TemporaryFolder folder;
+  const CampaignSpec spec = SyntheticSpec();
+  ASSERT_THAT(OpenWith(folder / "a", spec, 3)->WriteMaster(), IsOk());
+  {
+    auto b = DatasetWriter::Open(folder / "b", spec);
+    ASSERT_THAT(b, IsOk());
+    for (const std::uint64_t i : {2, 0})
+      ASSERT_THAT(b->Commit(MakeSyntheticEpisode(spec, i)), IsOk());
+  }
+  auto b = DatasetWriter::Open(folder / "b", spec);  // resumed
+  ASSERT_THAT(b, IsOk());
+  EXPECT_THAT(b->committed(), testing::ElementsAre(0, 2));
+  ASSERT_THAT(b->Commit(MakeSyntheticEpisode(spec, 1)), IsOk());
+  ASSERT_THAT(b->WriteMaster(), IsOk());
+
+  for (const char* name : {"dataset.json", "dataset.hdf5", "episodes/000/000000.hdf5",
+                           "episodes/000/000001.hdf5", "episodes/000/000002.hdf5"})
+    EXPECT_TRUE(Slurp(folder / "a" / name) == Slurp(folder / "b" / name)) << name;
+}
+
+TEST(DatasetWriter, CommittingTwiceChangesNothing) {
+  const TemporaryFolder folder;
+  auto writer = OpenWith(folder.path(), SyntheticSpec(), 1);
+  ASSERT_THAT(writer, IsOk());
+  const auto before = std::filesystem::last_write_time(EpisodePath(folder.path(), 0));
+
+  ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(SyntheticSpec(), 0, 10)), IsOk());
+
+  EXPECT_EQ(std::filesystem::last_write_time(EpisodePath(folder.path(), 0)), before);
+  EXPECT_EQ(DatasetReader::Open(folder.path())->Read(0)->episode.steps(), 50);
+}
+
+TEST(DatasetWriter, RefusesAnotherSpecNamingTheKeys) {
+  const TemporaryFolder folder;
+  CampaignSpec spec = SyntheticSpec();
+  ASSERT_THAT(OpenWith(folder.path(), spec, 1), IsOk());
+  CampaignSpec other = spec;
+  other.seed = 77;
+  other.camera.width = 48;
+  other.episodes = 5;
+
+  const auto refused = DatasetWriter::Open(folder.path(), other);
+
+  EXPECT_THAT(refused, HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(refused, MessageHas("seed (1, now 77)"));
+  EXPECT_THAT(refused, MessageHas("camera.width (32, now 48)"));
+  EXPECT_THAT(refused, testing::Not(MessageHas("episodes (")));
+}
+
+TEST(DatasetWriter, MayBeExtended) {
+  const TemporaryFolder folder;
+  CampaignSpec spec = SyntheticSpec();
+  ASSERT_THAT(OpenWith(folder.path(), spec, 2), IsOk());
+  spec.episodes = 500;
+  spec.split.valid = 0.5;
+
+  const auto writer = DatasetWriter::Open(folder.path(), spec);
+
+  ASSERT_THAT(writer, IsOk());
+  EXPECT_EQ(writer->committed().size(), 2u);
+  EXPECT_EQ(DatasetReader::Open(folder.path())->spec().episodes, 500u);
+}
+
+TEST(DatasetWriter, RefusesEpisodesOfAnotherSpecAndInvalidOnes) {
+  const TemporaryFolder folder;
+  auto writer = OpenWith(folder.path(), SyntheticSpec(), 0);
+  ASSERT_THAT(writer, IsOk());
+  Episode broken = MakeSyntheticEpisode(SyntheticSpec(), 0);
+  broken.joint_pos.values.pop_back();
+
+  EXPECT_THAT(writer->Commit(MakeSyntheticEpisode(SyntheticSpec(16, 16), 0)),
+              HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(writer->Commit(broken), HasCode(Code::kInvalidArgument));
+
+  EXPECT_THAT(writer->committed(), testing::IsEmpty());
+  EXPECT_THAT(*DatasetReader::Open(folder.path())->List(), testing::IsEmpty());
+}
+
+TEST(DatasetWriter, RefusesASecondWriterOfTheSameProcess) {
+  const TemporaryFolder folder;
+  const auto first = OpenWith(folder.path(), SyntheticSpec(), 1);
+  ASSERT_THAT(first, IsOk());
+
+  const auto second = DatasetWriter::Open(folder.path(), SyntheticSpec());
+
+  EXPECT_THAT(second, HasCode(Code::kUnavailable));
+  EXPECT_THAT(second, MessageHas("being written by another process"));
+}
+
+TEST(DatasetWriter, DoesNotTakeAFolderOfSomethingElse) {
+  const TemporaryFolder folder;
+  std::ofstream(folder / "thesis.tex") << "x";
+
+  const auto refused = DatasetWriter::Open(folder.path(), SyntheticSpec());
+
+  EXPECT_THAT(refused, HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(refused, MessageHas("thesis.tex"));
+}
+
+TEST(DatasetWriter, RefusesADamagedDescription) {
+  const TemporaryFolder folder;
+  ASSERT_THAT(OpenWith(folder.path(), SyntheticSpec(), 1), IsOk());
+  std::ofstream(folder / "dataset.json") << "{\"schema_ver";
+
+  EXPECT_THAT(DatasetWriter::Open(folder.path(), SyntheticSpec()), HasCode(Code::kCorrupt));
+}
+
+TEST(DatasetWriter, RecordsEveryFailedAttemptOnce) {
+  const TemporaryFolder folder;
+  const CampaignSpec spec = SyntheticSpec();
+  {
+    auto writer = OpenWith(folder.path(), spec, 0);
+    ASSERT_THAT(writer->RecordFailure(4, 0, "no_path", R"({"planner":"rrt"})"), IsOk());
+    ASSERT_THAT(writer->RecordFailure(4, 0, "no_path", "{}"), IsOk());
+    ASSERT_THAT(writer->RecordFailure(4, 1, "slipped", "not json \xff"), IsOk());
+  }
+  std::ofstream(folder / "attempts.jsonl", std::ios::app)
+      << R"({"index":9,"att)";  // torn by a crash
+  {
+    auto writer = OpenWith(folder.path(), spec, 0);
+    ASSERT_THAT(writer->RecordFailure(4, 1, "slipped", "{}"), IsOk());
+    ASSERT_THAT(writer->RecordFailure(9, 0, "slipped", "{}"), IsOk());
+    ASSERT_THAT(writer->WriteMaster(), IsOk());
+  }
+
+  const std::string text = Slurp(folder / "attempts.jsonl");
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 4);  // three whole lines and the torn one
+  const auto info = DatasetInfo(folder.path());
+  ASSERT_THAT(info, IsOk());
+  EXPECT_EQ((*info)["failed_attempts"].dump(), R"({"no_path":1,"slipped":2})");
+  const auto first = Json::parse(text.substr(0, text.find('\n')));
+  EXPECT_EQ(first["seed"], EpisodeSeed(spec, 4, 0));
+  EXPECT_EQ(first["details"]["planner"], "rrt");
+}
+
+TEST(DatasetInfo, CountsWhatIsThere) {
+  const TemporaryFolder folder;
+  CampaignSpec spec = SyntheticSpec();
+  auto writer = OpenWith(folder.path(), spec, 9);
+  ASSERT_THAT(writer, IsOk());
+  Episode failed = MakeSyntheticEpisode(spec, 9);
+  failed.success = false;
+  failed.outcome = "too_slow";
+  ASSERT_THAT(writer->Commit(failed), IsOk());
+  ASSERT_THAT(writer->WriteMaster(), IsOk());
+
+  const auto info = DatasetInfo(folder.path());
+
+  ASSERT_THAT(info, IsOk());
+  const OrderedJson& statistics = (*info)["statistics"];
+  EXPECT_EQ(statistics["episodes"], 10);
+  EXPECT_EQ(statistics["successes"], 9);
+  EXPECT_EQ(statistics["steps"], 500);
+  EXPECT_EQ(statistics["samples"], 100);
+  EXPECT_EQ(statistics["frames"], 100);
+  EXPECT_EQ(statistics["seconds"], 4.0);
+  EXPECT_EQ(statistics["tasks"].dump(), R"({"pick":4,"push":3,"put_down":3})");
+  EXPECT_EQ(statistics["outcomes"].dump(), R"({"success":9,"too_slow":1})");
+  std::uint64_t bytes = 0;
+  for (std::uint64_t i = 0; i < 10; ++i)
+    bytes += std::filesystem::file_size(EpisodePath(folder.path(), i));
+  EXPECT_EQ(statistics["bytes"], bytes);
+  EXPECT_THAT((*info)["unreadable"], testing::IsEmpty());
+  EXPECT_EQ((*info)["features"].back()["shape"].dump(), R"(["N",32,32,3])");
+
+  // the description on disk says the same
+  OrderedJson on_disk = OrderedJson::parse(Slurp(folder / "dataset.json"))["statistics"];
+  on_disk.erase("failed_attempts");
+  EXPECT_EQ(on_disk, statistics);
+}
+
+}  // namespace
+}  // namespace etude::store

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/store/episode_file.cc, episode_file_read.cc and hdf.cc
+#include "services/store/episode_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <malloc.h>
+
+#include <cmath>
+#include <thread>
+
+#include "services/core/rng.h"
+#include "services/episode/codec.h"
+#include "services/store/hdf.h"
+#include "tests/support/matchers.h"
+#include "tests/support/synthetic_episode.h"
+
+namespace etude::store::internal {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+Bytes FileOf(const Episode& episode) {
+  auto bytes = EncodeEpisodeFile(episode);
+  EXPECT_THAT(bytes, IsOk());
+  return bytes ? std::move(*bytes) : Bytes();
+}
+
+TEST(EpisodeFile, GivesTheSameEpisodeBack) {
+  const CampaignSpec spec = SyntheticSpec(40, 24);
+  for (std::uint64_t index = 0; index < 4; ++index) {
+    Episode episode = MakeSyntheticEpisode(spec, index, 33);
+    episode.objects[1].pixel.values[0] = NAN;
+    episode.seed = UINT64_MAX - index;
+    const Bytes bytes = FileOf(episode);
+
+    auto file = DecodeEpisodeFile(bytes);
+
+    ASSERT_THAT(file, IsOk());
+    EXPECT_EQ(file->frames[0].size(), 7u);
+    EXPECT_TRUE(file->episode.cameras[0].frames.empty());
+    EXPECT_EQ(file->content_sha256, ContentHash(episode));
+    EXPECT_EQ(EncodeEpisode(WithFrames(std::move(*file), bytes)), EncodeEpisode(episode));
+  }
+}
+
+TEST(EpisodeFile, FramesLieInItAsTheyCame) {
+  const Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 0);
+  const Bytes bytes = FileOf(episode);
+  const auto file = DecodeEpisodeFile(bytes);
+  ASSERT_THAT(file, IsOk());
+
+  for (std::size_t k = 0; k < episode.cameras[0].frames.size(); ++k) {
+    const auto [offset, size] = file->frames[0][k];
+    EXPECT_EQ(Bytes(bytes.begin() + static_cast<std::ptrdiff_t>(offset),
+                    bytes.begin() + static_cast<std::ptrdiff_t>(offset + size)),
+              episode.cameras[0].frames[k]);
+  }
+}
+
+TEST(EpisodeFile, HoldsEpisodesWithoutPicturesObjectsStatesOrWithMoreCameras) {
+  Episode bare = MakeSyntheticEpisode(SyntheticSpec(), 0, 2);
+  bare.objects.clear();
+  bare.cameras.clear();
+  bare.states = {};
+  Episode unrecorded = MakeSyntheticEpisode(SyntheticSpec(), 1, 9);
+  unrecorded.cameras[0].frames.clear();
+  Episode two = MakeSyntheticEpisode(SyntheticSpec(), 2, 9);
+  two.cameras.push_back(two.cameras[0]);
+  two.cameras[1].camera.name = "wrist";
+  for (const Episode* episode : {&bare, &unrecorded, &two}) {
+    const Bytes bytes = FileOf(*episode);
+    auto file = DecodeEpisodeFile(bytes);
+    ASSERT_THAT(file, IsOk());
+    EXPECT_EQ(EncodeEpisode(WithFrames(std::move(*file), bytes)), EncodeEpisode(*episode));
+  }
+}
+
+TEST(EpisodeFile, BytesDependOnTheEpisodeAlone) {
+  const Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 5);
+
+  // memory that was never written would show as the filler, so two fillers must give the same file
+  ::mallopt(M_PERTURB, 0x35);
+  const Bytes first = FileOf(episode);
+  ::mallopt(M_PERTURB, 0xCA);
+  const Bytes second = FileOf(episode);
+  ::mallopt(M_PERTURB, 0);
+  Bytes other_thread;
+  std::thread([&] { other_thread = FileOf(episode); }).join();
+
+  EXPECT_TRUE(first == second);
+  EXPECT_TRUE(first == other_thread);
+  EXPECT_FALSE(first == FileOf(MakeSyntheticEpisode(SyntheticSpec(), 6)));
+}
+
+TEST(EpisodeFile, RefusesEpisodesThatItCouldNotReadBack) {
+  Episode nan = MakeSyntheticEpisode(SyntheticSpec(), 0);
+  nan.eef_pos.values[4] = NAN;
+  EXPECT_THAT(EncodeEpisodeFile(nan), HasCode(Code::kInvalidArgument));
+  Episode garbage = MakeSyntheticEpisode(SyntheticSpec(), 0);
+  garbage.cameras[0].frames[2] = {1, 2, 3};
+  EXPECT_THAT(EncodeEpisodeFile(garbage), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(EncodeEpisodeFile(garbage), MessageHas("front frame 2"));
+}
+
+TEST(EpisodeFile, FindsEveryTruncationAndEveryFlippedByte) {
+  const Bytes bytes = FileOf(MakeSyntheticEpisode(SyntheticSpec(16, 16), 0, 6));
+  for (std::size_t size = 0; size < bytes.size(); size += 211)
+    ASSERT_THAT(DecodeEpisodeFile(std::span(bytes).first(size)), HasCode(Code::kCorrupt)) << size;
+  for (std::size_t cut = 1; cut < 150; ++cut)
+    ASSERT_THAT(DecodeEpisodeFile(std::span(bytes).first(bytes.size() - cut)),
+                HasCode(Code::kCorrupt));
+  Bytes flipped = bytes;
+  for (std::size_t at = 0; at < bytes.size(); at += at + 400 < bytes.size() ? 37 : 1) {
+    flipped[at] ^= 1;
+    ASSERT_THAT(DecodeEpisodeFile(flipped), HasCode(Code::kCorrupt)) << at;
+    flipped[at] ^= 1;
+  }
+  EXPECT_THAT(DecodeEpisodeFile(flipped), IsOk());
+  flipped.push_back('\n');
+  EXPECT_THAT(DecodeEpisodeFile(flipped), HasCode(Code::kCorrupt));
+}
+
+// A file whose content another version might write, with a good seal.
+TEST(EpisodeFile, RefusesSealedFilesOfAnotherLayout) {
+  Bytes bytes(3000, 0);
+  AppendSeal(bytes);
+  EXPECT_THAT(DecodeEpisodeFile(bytes), HasCode(Code::kCorrupt));
+
+  HdfWriter empty;
+  empty.Group("/data/demo_0");
+  auto image = empty.Finish();
+  ASSERT_THAT(image, IsOk());
+  AppendSeal(*image);
+  EXPECT_THAT(DecodeEpisodeFile(*image), HasCode(Code::kCorrupt));
+}
+
+// The same text with another of the same length, resealed, as a forger would.
+TEST(EpisodeFile, RefusesResealedFilesWhoseNumbersDoNotFit) {
+  const Bytes bytes = FileOf(MakeSyntheticEpisode(SyntheticSpec(16, 16), 0, 6));
+  const std::pair<std::string, std::string> edits[] = {
+      {"[\"front\"]", "[\"frond\"]"},  // a camera that is not there
+      {"[\"front\"]", "[\"../..\"]"},
+      {"[\"front\"]", "[\"front\" "},
+      {"\"pepsi\"", "\"pepsy\""},
+      {"[\"reach\",\"lift\"]", "[\"reach lift\" ] "},  // a phase without a name
+  };
+  for (const auto& [from, to] : edits) {
+    ASSERT_EQ(from.size(), to.size());
+    Bytes edited(bytes.begin(), bytes.end() - 113);
+    const auto at = std::search(edited.begin(), edited.end(), from.begin(), from.end());
+    ASSERT_NE(at, edited.end()) << from;
+    std::copy(to.begin(), to.end(), at);
+    AppendSeal(edited);
+    EXPECT_THAT(DecodeEpisodeFile(edited), HasCode(Code::kCorrupt)) << to;
+  }
+}
+
+}  // namespace
+}  // namespace etude::store::internal

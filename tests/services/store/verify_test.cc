@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/store/verify.cc
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "services/core/rng.h"
+#include "services/store/dataset.h"
+#include "tests/support/matchers.h"
+#include "tests/support/synthetic_episode.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::store {
+namespace {
+
+constexpr int kEpisodes = 6;
+
+struct Dataset {
+  TemporaryFolder folder;
+  Path path = folder / "d";
+  CampaignSpec spec = SyntheticSpec(24, 24);
+
+  Dataset() {
+    auto writer = DatasetWriter::Open(path, spec);
+    for (std::uint64_t i = 0; i < kEpisodes; ++i)
+      EXPECT_THAT(writer->Commit(MakeSyntheticEpisode(spec, i, 20)), IsOk());
+    EXPECT_THAT(writer->WriteMaster(), IsOk());
+  }
+  Path File(std::uint64_t index) const { return EpisodePath(path, index); }
+};
+
+void Overwrite(const Path& path, const std::vector<std::uint8_t>& bytes) {
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()),
+             static_cast<std::streamsize>(bytes.size()));
+}
+
+TEST(Verify, FindsNothingInAGoodDataset) {
+  const Dataset dataset;
+
+  const auto report = Verify(dataset.path, Quarantine::kYes);
+
+  ASSERT_THAT(report, IsOk());
+  EXPECT_EQ(report->good, kEpisodes);
+  EXPECT_TRUE(report->bad.empty());
+  EXPECT_FALSE(std::filesystem::exists(dataset.path / "quarantine"));
+}
+
+// 300 files with 1 to 8 flipped bits, cut somewhere, or both: every one is found, no other is
+// blamed.
+TEST(Verify, FindsEveryDamagedFile) {
+  const Dataset dataset;
+  Rng rng(11);
+  std::vector<std::vector<std::uint8_t>> good;
+  for (std::uint64_t i = 0; i < kEpisodes; ++i) good.push_back(*ReadBinaryFile(dataset.File(i)));
+  for (int round = 0; round < 100; ++round) {
+    std::set<Path> damaged;
+    for (int k = 0; k < 3; ++k) {
+      const std::uint64_t index = rng.Below(kEpisodes);
+      auto bytes = good[index];
+      const std::uint64_t kind = rng.Below(3);
+      if (kind != 1) {
+        // distinct places, so that no flip undoes another
+        const std::uint64_t flips = rng.Below(8) + 1;
+        for (std::uint64_t n = 0; n < flips; ++n)
+          bytes[n * (bytes.size() / 8) + rng.Below(bytes.size() / 8)] ^=
+              static_cast<std::uint8_t>(1u << rng.Below(8));
+      }
+      if (kind != 0) bytes.resize(rng.Below(bytes.size()));
+      Overwrite(dataset.File(index), bytes);
+      damaged.insert(dataset.File(index));
+    }
+
+    const auto report = Verify(dataset.path, Quarantine::kNo);
+
+    ASSERT_THAT(report, IsOk());
+    std::set<Path> found;
+    for (const auto& bad : report->bad) found.insert(bad.path);
+    ASSERT_EQ(found, damaged) << "round " << round;
+    ASSERT_EQ(report->good, kEpisodes - damaged.size());
+    for (std::uint64_t i = 0; i < kEpisodes; ++i) Overwrite(dataset.File(i), good[i]);
+  }
+}
+
+TEST(Verify, QuarantinesTheBadAndLeavesTheOthersReadable) {
+  const Dataset dataset;
+  const std::string hash = *HashDataset(dataset.path);
+  auto bytes = *ReadBinaryFile(dataset.File(2));
+  bytes[bytes.size() / 2] ^= 4;
+  Overwrite(dataset.File(2), bytes);
+  std::filesystem::resize_file(dataset.File(4), 1000);
+  EXPECT_THAT(HashDataset(dataset.path), HasCode(Code::kCorrupt));
+
+  const auto report = Verify(dataset.path, Quarantine::kYes);
+
+  ASSERT_THAT(report, IsOk());
+  ASSERT_EQ(report->bad.size(), 2u);
+  EXPECT_THAT(report->bad[0].reason, testing::HasSubstr("changed after it was written"));
+  EXPECT_THAT(report->bad[1].reason, testing::HasSubstr("cut off"));
+  EXPECT_TRUE(std::filesystem::exists(dataset.path / "quarantine/000002.hdf5"));
+  const auto reader = DatasetReader::Open(dataset.path);
+  const auto indices = reader->List();
+  ASSERT_THAT(*indices, testing::ElementsAre(0, 1, 3, 5));
+  for (const std::uint64_t index : *indices) EXPECT_THAT(reader->ReadWhole(index), IsOk());
+
+  // a collector that resumes makes them again, and all is as it was
+  auto writer = DatasetWriter::Open(dataset.path, dataset.spec);
+  ASSERT_THAT(writer, IsOk());
+  for (std::uint64_t i = 0; i < kEpisodes; ++i) {
+    if (!writer->Contains(i)) {
+      ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(dataset.spec, i, 20)), IsOk());
+    }
+  }
+  EXPECT_EQ(*HashDataset(dataset.path), hash);
+}
+
+TEST(Verify, KeepsBothWhenTheSameNumberIsQuarantinedTwice) {
+  const Dataset dataset;
+  for (int n = 0; n < 2; ++n) {
+    Overwrite(dataset.File(1), {1, 2, 3});
+    ASSERT_THAT(Verify(dataset.path, Quarantine::kYes), IsOk());
+  }
+
+  EXPECT_TRUE(std::filesystem::exists(dataset.path / "quarantine/000001.hdf5"));
+  EXPECT_TRUE(std::filesystem::exists(dataset.path / "quarantine/000001.hdf5.1"));
+}
+
+TEST(Verify, DoesNotMoveFilesUnderAWriter) {
+  const Dataset dataset;
+  const auto writer = DatasetWriter::Open(dataset.path, dataset.spec);
+  ASSERT_THAT(writer, IsOk());
+
+  EXPECT_THAT(Verify(dataset.path, Quarantine::kYes), HasCode(Code::kUnavailable));
+  EXPECT_THAT(Verify(dataset.path, Quarantine::kNo), IsOk());
+}
+
+TEST(Verify, ReportsFilesThatAreNoEpisodes) {
+  const Dataset dataset;
+  Overwrite(dataset.path / "episodes/000/123.hdf5", {1});
+  std::filesystem::create_directories(dataset.path / "episodes/001");
+  std::filesystem::copy(dataset.File(0), dataset.path / "episodes/001/001000.hdf5");
+
+  const auto report = Verify(dataset.path, Quarantine::kNo);
+
+  ASSERT_THAT(report, IsOk());
+  ASSERT_EQ(report->bad.size(), 2u);
+  EXPECT_EQ(report->bad[0].reason, "not an episode's name");
+  EXPECT_EQ(report->bad[1].reason, "it holds episode 0");
+}
+
+TEST(HashDataset, DependsOnContentAndNumberAlone) {
+  const Dataset one, two;
+  EXPECT_EQ(*HashDataset(one.path), *HashDataset(two.path));
+  EXPECT_EQ(HashDataset(one.path)->size(), 64u);
+  std::filesystem::remove(two.File(5));
+  EXPECT_NE(*HashDataset(one.path), *HashDataset(two.path));
+  EXPECT_THAT(HashDataset(one.folder.path()), HasCode(Code::kNotFound));
+}
+
+}  // namespace
+}  // namespace etude::store
