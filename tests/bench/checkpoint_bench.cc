@@ -17,6 +17,7 @@
 #include "services/bus/participant_state.h"
 #include "services/core/clock.h"
 #include "services/core/hash.h"
+#include "services/core/log.h"
 #include "tests/bench/processes.h"
 
 namespace {
@@ -29,6 +30,7 @@ constexpr std::size_t kSize = 40'000'000;
 constexpr std::uint32_t kDomain = 70;
 
 bus::Participant OpenOrDie() {
+  InitLog("bench", "warn");  // to stderr: stdout is for results
   auto participant = bus::Participant::Open({kDomain, ""});
   if (!participant) {
     std::fprintf(stderr, "%s\n", participant.error().message.c_str());

@@ -18,6 +18,7 @@
 #include "services/bus/object_channel.h"
 #include "services/core/clock.h"
 #include "services/core/hash.h"
+#include "services/core/log.h"
 #include "services/core/stop.h"
 #include "tests/bench/processes.h"
 
@@ -40,6 +41,7 @@ bus::SendOptions FrameOptions(bool sha256) {
 }
 
 bus::Participant OpenOrDie() {
+  InitLog("bench", "warn");  // to stderr: stdout is for results
   auto participant = bus::Participant::Open({kDomain, ""});
   if (!participant) {
     std::fprintf(stderr, "%s\n", participant.error().message.c_str());
