@@ -12,6 +12,7 @@
 #include "services/campaign/collector.h"
 #include "services/campaign/process.h"
 #include "services/campaign/worker_client.h"
+#include "services/core/check.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
 #include "services/core/statistics.h"
