@@ -31,8 +31,10 @@ torch::Tensor Convolve(const torch::Tensor& x, const torch::Tensor& weight, cons
   const torch::Tensor w = weight.to(x.scalar_type());
   const torch::Tensor b = bias.defined() ? bias.to(x.scalar_type()) : bias;
   if (padding == "reflect" && half > 0) {
-    const torch::Tensor padded =
-        torch::reflection_pad2d(x, {half, half, half, half}).contiguous(kChannelsLast);
+    // torch mirrors no bfloat16
+    const torch::Tensor padded = torch::reflection_pad2d(x.to(weight.scalar_type()), {half, half, half, half})
+                                     .to(x.scalar_type())
+                                     .contiguous(kChannelsLast);
     return torch::conv2d(padded, w, b, stride);
   }
   return torch::conv2d(x, w, b, stride, half);

@@ -18,9 +18,13 @@ constexpr double kOnLine = 0.04;        // m off the line at most to count as on
 constexpr double kGraspAbove = 0.01;    // m above the body's origin
 constexpr double kLowestHand = 0.058;   // m of the level hand: its wrist needs 0.05
 constexpr double kPadHalfLength = 0.018;  // m, fingertips pass the object's axis by this
-constexpr double kLiftHeight = 0.17;    // m of the tool
+constexpr double kLiftHeight = 0.15;    // m of the tool
 constexpr double kTurnBack = 0.15;      // m towards the robot while turning
 constexpr double kTurnedReach = 0.56;   // m from the base's axis that the hand can point down
+// Objects are pushed low so that they slide instead of tipping over: the tips just above the table, the
+// hand tilted so that its wrist stays clear.
+constexpr double kPushHeight = 0.019;   // m of the tool
+constexpr double kPushTilt = 0.25;      // rad
 constexpr double kPushFurther = 0.11;   // m that the object is pushed
 constexpr double kPlaceGap = 0.002;     // m between object and table when it is released
 constexpr double kFingerGap = 0.005;    // m between fingertips and table
@@ -41,15 +45,22 @@ double GraspHeight(const Situation& now) {
   return std::max(now.X_WO.p.z() + kGraspAbove, kLowestHand);
 }
 
-Pose BehindObject(const Situation& now) {
+Eigen::Quaterniond PushHand() {
+  return Eigen::Quaterniond(Eigen::AngleAxisd(-kPushTilt, Eigen::Vector3d::UnitX())) * LevelHand();
+}
+
+// Behind the object at `height`, in line with it.
+Pose Behind(const Situation& now, double height, const Eigen::Quaterniond& q_WE) {
   const Eigen::Vector3d& p = now.X_WO.p;
-  const double height = GraspHeight(now);
   const double aside = std::hypot(now.X_WE.p.x() - p.x(), now.X_WE.p.z() - height);
   const double far = p.y() - kBehind, near = p.y() - kNearest;
   // A hand that is on the line already goes on from where it is instead of backing off.
   const double y = aside < kOnLine ? std::clamp(now.X_WE.p.y() + 0.01, far, near) : far;
-  return {{p.x(), y - now.shapes->ahead_open(), height}, LevelHand()};
+  return {{p.x(), y - now.shapes->ahead_open(), height}, q_WE};
 }
+
+Pose BehindToGrasp(const Situation& now) { return Behind(now, GraspHeight(now), LevelHand()); }
+Pose BehindToPush(const Situation& now) { return Behind(now, kPushHeight, PushHand()); }
 
 Pose AroundObject(const Situation& now) {
   return {{now.X_WO.p.x(), GraspY(now), GraspHeight(now)}, LevelHand()};
@@ -58,7 +69,7 @@ Pose AroundObject(const Situation& now) {
 Pose BeyondObject(const Situation& now) {
   const double half_depth = now.shapes->object(now.target).half_extent.y();
   const double touch = now.X_WO.p.y() - half_depth - now.shapes->ahead_closed();
-  return {{now.X_WO.p.x(), touch + kPushFurther, GraspHeight(now)}, LevelHand()};
+  return {{now.X_WO.p.x(), touch + kPushFurther, kPushHeight}, PushHand()};
 }
 
 Pose Lifted(const Situation& now) {
@@ -98,7 +109,7 @@ plan::Limits Speed(double linear, double linear_accel, double angular, double an
 }
 
 Stage Approach(bool closed) {
-  return {.name = "approach", .goal = BehindObject, .closed = closed,
+  return {.name = "approach", .goal = closed ? BehindToPush : BehindToGrasp, .closed = closed,
           .limits = Speed(0.70, 3.5, 2.4, 12.0), .blends = true, .disturbable = true, .calm = 0.03};
 }
 
@@ -122,7 +133,7 @@ Stage Lift(bool blends) {
 }
 
 Stage Push() {
-  return {.name = "push", .goal = BeyondObject, .closed = true, .limits = Speed(0.28, 1.5, 1.5, 8.0),
+  return {.name = "push", .goal = BeyondObject, .closed = true, .limits = Speed(0.24, 1.5, 1.5, 8.0),
           .straight_only = true, .touches_target = true, .disturbable = true, .calm = 0.15,
           .back_to = 1};
 }

@@ -23,7 +23,7 @@ struct Output {
   std::string text;
 };
 
-Output Run(const std::string& command) {
+Output RunCommand(const std::string& command) {
   Output output;
   FILE* pipe = ::popen(command.c_str(), "r");
   if (pipe == nullptr) return output;
@@ -47,7 +47,7 @@ class Interop : public testing::Test {
 
   // GTEST_SKIP must stand in the test itself, so this says whether h5py is there
   bool See(const Path& file, const std::string& group) {
-    const Output output = Run("/usr/bin/python3 tests/services/store/read_with_h5py.py " +
+    const Output output = RunCommand("/usr/bin/python3 tests/services/store/read_with_h5py.py " +
                               file.string() + " " + group);
     if (output.code == 77) return false;
     EXPECT_EQ(output.code, 0) << output.text;
@@ -164,9 +164,9 @@ TEST_F(Interop, TheMasterFileMayBeMovedWithItsDataset) {
 }
 
 TEST_F(Interop, H5dumpReadsEveryByteOfAnEpisodeFile) {
-  if (Run("h5dump --version 2>&1").code != 0) GTEST_SKIP() << "hdf5-tools is not installed";
+  if (RunCommand("h5dump --version 2>&1").code != 0) GTEST_SKIP() << "hdf5-tools is not installed";
 
-  const Output dump = Run("h5dump " + EpisodePath(folder_.path(), 0).string() + " 2>&1");
+  const Output dump = RunCommand("h5dump " + EpisodePath(folder_.path(), 0).string() + " 2>&1");
 
   EXPECT_EQ(dump.code, 0) << dump.text.substr(0, 500);
   EXPECT_THAT(dump.text, testing::HasSubstr("GROUP \"demo_0\""));

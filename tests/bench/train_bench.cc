@@ -1,0 +1,372 @@
+// SPDX-License-Identifier: Apache-2.0
+// train_paper: one training step of preset `paper` against the same network written plainly in NCHW float32,
+// with the same weights, inputs, losses and optimizer. Both sides are first shown to answer alike.
+// train_compact: one training step of preset `compact`, a picture with its six sentences being one sample,
+// against the same with precision: float32.
+#include <fmt/format.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <functional>
+#include <thread>
+#include <vector>
+
+#include "services/core/config.h"
+#include "trainer/policy/names.h"
+#include "trainer/policy/policy.h"
+#include "trainer/policy/torch_process.h"
+
+namespace etude::policy {
+namespace {
+
+using torch::Tensor;
+
+constexpr int kJoints = 7;
+
+double Now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+double Median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+/// How much faster two busy threads are than one, now: 2 on two free cores.
+double SpinRatio() {
+  const auto spin = [] {
+    volatile std::uint64_t x = 1;
+    for (int i = 0; i < 60'000'000; ++i) x = x * 6364136223846793005ULL + 1;
+  };
+  double start = Now();
+  spin();
+  const double one = Now() - start;
+  start = Now();
+  std::thread other(spin);
+  spin();
+  other.join();
+  return 2 * one / (Now() - start);
+}
+
+Inputs MakeInputs(const PolicyConfig& config, int batch, int sentences) {
+  Inputs inputs;
+  inputs.images = torch::randint(0, 256, {batch, 3, config.image.crop[3], config.image.crop[2]}, torch::kUInt8)
+                      .contiguous(torch::MemoryFormat::ChannelsLast);
+  inputs.crop_origin = torch::tensor({float(config.image.crop[0]), float(config.image.crop[1])})
+                           .expand({batch, 2})
+                           .contiguous();
+  inputs.joints = torch::randn({batch, kJoints});
+  // each picture has its own sentences, as when every query draws a fresh one
+  for (int i = 0; i < batch * sentences; ++i)
+    inputs.sentences.push_back(fmt::format("{} the {} {} number {}", i % 2 ? "pick up" : "push", i % 3 ? "red" : "blue",
+                                           i % 5 ? "can" : "carton", i));
+  inputs.sentence_index = torch::arange(batch * sentences).view({batch, sentences});
+  return inputs;
+}
+
+Labels MakeLabels(const PolicyConfig& config, int batch, int sentences) {
+  const Tensor corner = torch::tensor({float(config.image.crop[0]), float(config.image.crop[1])});
+  const Tensor size = torch::tensor({float(config.image.crop[2]), float(config.image.crop[3])});
+  Labels labels;
+  labels["target_class"] = torch::randint(0, 6, {batch, sentences}, torch::kInt64);
+  labels["target_pixel"] = corner + size * torch::rand({batch, sentences, 2});
+  labels["ee_pixel"] = corner + size * torch::rand({batch, 1, 2});
+  labels["target_position"] = 0.2 * torch::randn({batch, sentences, 3});
+  labels["target_pose"] = 0.2 * torch::randn({batch, sentences, 9});
+  labels["ee_position"] = 0.2 * torch::randn({batch, 1, 3});
+  labels["ee_pose"] = 0.2 * torch::randn({batch, 1, 9});
+  labels["displacement"] = 0.2 * torch::randn({batch, sentences, 3});
+  labels["trajectory"] = torch::rand({batch, 1, 12, 10});
+  return labels;
+}
+
+std::shared_ptr<Policy> MakePolicy(PolicyConfig config, const std::string& precision) {
+  config.precision = precision;
+  const Normalization normalization{.joint_mean = torch::zeros({kJoints}),
+                                    .joint_std = torch::ones({kJoints}),
+                                    .position_mean = torch::zeros({3}),
+                                    .position_std = torch::full({3}, 0.2),
+                                    .displacement_std = torch::full({3}, 0.2),
+                                    .offset_std = torch::full({3}, 0.1)};
+  return Policy::Create(config, normalization, 1).value();
+}
+
+/// The paper's network as its equations read: NCHW, float32, one operation after the other, every key and value
+/// projected at every level. Weights are copies of a Policy's.
+class PlainPaper {
+ public:
+  explicit PlainPaper(Policy& policy) : policy_(policy), config_(policy.config()) {
+    for (const auto& item : policy.named_parameters())
+      weights_[item.key()] = item.value().detach().clone().requires_grad_(true);
+    for (const auto& item : policy.named_buffers()) weights_[item.key()] = item.value().detach().clone();
+  }
+
+  std::vector<Tensor> Parameters() const {
+    std::vector<Tensor> parameters;
+    for (const auto& [name, weight] : weights_)
+      if (weight.requires_grad()) parameters.push_back(weight);
+    return parameters;
+  }
+
+  /// @param language  (B, 1, d) the sentence's token, from the policy: tokenising is not compared
+  Outputs Forward(const Inputs& inputs, const Tensor& language) {
+    const auto batch = inputs.images.size(0);
+    const Tensor joints = Joints(inputs.joints);
+    const Tensor image = ImageTokens(inputs.images);
+    std::vector<Tensor> keys{Head("image_key", image) + Segment(0), Head("language_key", language) + Segment(2),
+                             Head("joints_key", joints) + Segment(1)};
+    std::vector<Tensor> values{Head("image_value", image) + Segment(0),
+                               Head("language_value", language) + Segment(2),
+                               Head("joints_value", joints) + Segment(1)};
+    Outputs outputs;
+    int segment = 3;
+    std::vector<const ModuleConfig*> order = EvaluationOrder(config_);
+    for (std::size_t i = 0; i < order.size();) {
+      const int level = order[i]->level;
+      std::vector<const ModuleConfig*> modules;
+      std::vector<Tensor> queries;
+      for (; i < order.size() && order[i]->level == level; ++i) {
+        modules.push_back(order[i]);
+        queries.push_back(order[i]->query.empty()
+                              ? Slot(order[i]->name, batch, segment++)
+                              : outputs.at(order[i]->query).reg);
+      }
+      const auto [registers, maps] =
+          MultiHead(level, torch::cat(queries, 1), torch::cat(keys, 1), torch::cat(values, 1));
+      for (std::size_t m = 0; m < modules.size(); ++m)
+        outputs[modules[m]->name] = Decode(*modules[m], inputs, registers.narrow(1, m, 1),
+                                           maps.narrow(2, m, 1));
+      for (std::size_t m = 0; m < modules.size(); ++m) {
+        keys.push_back(registers.narrow(1, m, 1));
+        values.push_back(registers.narrow(1, m, 1));
+      }
+    }
+    return outputs;
+  }
+
+ private:
+  const Tensor& W(const std::string& name) const { return weights_.at(name); }
+  Tensor Linear(const std::string& name, const Tensor& x) const {
+    return torch::nn::functional::linear(x, W(name + ".weight"), W(name + ".bias"));
+  }
+  Tensor Segment(int row) const { return W("segments")[row]; }
+  Tensor Head(const std::string& name, const Tensor& x, const std::string& suffix = "_head") const {
+    const Tensor y = Linear(name + suffix + ".linear", x);
+    return torch::relu(torch::layer_norm(y, {y.size(-1)}, W(name + suffix + ".norm.weight"),
+                                         W(name + suffix + ".norm.bias")));
+  }
+  Tensor Slot(const std::string& name, std::int64_t batch, int segment) const {
+    const std::string prefix = "modules." + name + ".";
+    const Tensor y = Linear(prefix + "query_head.linear", W(prefix + "register"));
+    const Tensor normed = torch::layer_norm(y, {y.size(-1)}, W(prefix + "query_head.norm.weight"),
+                                            W(prefix + "query_head.norm.bias"));
+    return (torch::selu(normed) + Segment(segment)).expand({batch, 1, config_.width});
+  }
+  Tensor Mlp(const std::string& name, Tensor x, std::size_t layers, bool activate_last) const {
+    for (std::size_t i = 0; i < layers; ++i) {
+      x = Linear(fmt::format("{}.layer{}", name, i), x);
+      if (i + 1 < layers || activate_last) x = torch::selu(x);
+    }
+    return x;
+  }
+  Tensor Joints(const Tensor& q) const {
+    const Tensor normal = (q - W("normalization_joint_mean")) / W("normalization_joint_std");
+    return Mlp("joints", normal.unsqueeze(1), config_.joint_hidden.size() + 1, true);
+  }
+
+  Tensor BatchNorm(const std::string& name, const Tensor& x) {
+    return torch::batch_norm(x, W(name + ".weight"), W(name + ".bias"), weights_.at(name + ".running_mean"),
+                             weights_.at(name + ".running_var"), true, 0.1, 1e-5, true);
+  }
+
+  Tensor ImageTokens(const Tensor& images) {
+    Tensor x = images.contiguous().to(torch::kFloat32) / 255;
+    for (std::size_t i = 0; i < config_.image.layers.size(); ++i) {
+      const ImageLayer& layer = config_.image.layers[i];
+      const auto name = [&](int j, const char* what) { return fmt::format("image.layer{}_{}_{}", i, j, what); };
+      if (layer.kind == "conv") {
+        const int half = layer.kernel / 2;
+        const bool reflect = layer.padding == "reflect";
+        if (reflect) x = torch::reflection_pad2d(x, {half, half, half, half});
+        x = torch::conv2d(x, W(name(0, "weight")), {}, layer.stride, reflect ? 0 : half);
+        x = torch::relu(torch::instance_norm(x, {}, {}, {}, {}, true, 0.1, 1e-5, true));
+      } else {
+        Tensor y = torch::relu(BatchNorm(name(0, "norm"), torch::conv2d(x, W(name(0, "weight")), {}, 1, 1)));
+        y = BatchNorm(name(1, "norm"), torch::conv2d(y, W(name(1, "weight")), {}, 1, 1));
+        x = torch::relu(x + y);
+      }
+    }
+    const auto rows = x.size(2), columns = x.size(3), batch = x.size(0);
+    const Tensor tokens = torch::relu(Linear("image.narrow", x.flatten(2).transpose(1, 2)));
+    const Tensor column = torch::arange(columns, torch::kFloat32).repeat({rows});
+    const Tensor row = torch::arange(rows, torch::kFloat32).repeat_interleave(columns);
+    const Tensor place = torch::stack({column, row}, -1).expand({batch, rows * columns, 2});
+    return torch::relu(Linear("image.position", torch::cat({tokens, place}, -1)));
+  }
+
+  /// torch::nn::MultiheadAttention's arithmetic; the map of each head (B, h, Q, K).
+  std::pair<Tensor, Tensor> MultiHead(int level, const Tensor& query, const Tensor& key, const Tensor& value) const {
+    const std::string prefix = fmt::format("attention{}.", level);
+    const auto split = [&](const Tensor& x) {
+      return x.view({x.size(0), x.size(1), config_.heads, -1}).transpose(1, 2);
+    };
+    const Tensor q = split(Linear(prefix + "query", query));
+    const Tensor k = split(torch::nn::functional::linear(key, W(prefix + "key_weight")));
+    const Tensor v = split(torch::nn::functional::linear(value, W(prefix + "value_weight"), W(prefix + "value_bias")));
+    const Tensor logits = torch::matmul(q, k.transpose(-2, -1)) / std::sqrt(double(q.size(-1)));
+    const Tensor maps = torch::softmax(logits, -1);
+    const Tensor sums = torch::matmul(maps, v).transpose(1, 2).flatten(2);
+    return {Linear(prefix + "output", sums), maps};
+  }
+
+  ModuleOutput Decode(const ModuleConfig& module, const Inputs& inputs, const Tensor& reg,
+                      const Tensor& maps) const {
+    const Tensor& mean = W("normalization_position_mean");
+    const Tensor& std = W("normalization_position_std");
+    ModuleOutput output;
+    output.reg = reg;
+    output.attention = maps.mean(1);
+    const auto [rows, columns] = policy_.grid();
+    const Tensor on_image = maps.narrow(-1, 0, rows * columns);
+    const double stride = static_cast<double>(config_.image.crop[2]) / columns;
+    const Tensor u = (torch::arange(columns, torch::kFloat32) + 0.5).repeat({rows}) * stride;
+    const Tensor v = (torch::arange(rows, torch::kFloat32) + 0.5).repeat_interleave(columns) * stride;
+    const Tensor per_head = torch::matmul(on_image, torch::stack({u, v}, -1)) / on_image.sum(-1, true);
+    output.soft_argmax = per_head.mean(1) + inputs.crop_origin.unsqueeze(1);
+    const Tensor raw = Mlp("modules." + module.name + ".decoder", reg, module.decoder.hidden.size() + 1, false);
+    const std::string kind = DecodeKind(module.decoder.target);
+    if (kind == "class") output.decoded["class"] = raw;
+    if (kind == "pixel") output.decoded["pixel"] = output.soft_argmax + 2 * stride * raw;
+    if (kind == "pose")
+      output.decoded["pose"] = torch::cat({mean + std * raw.narrow(-1, 0, 3), raw.narrow(-1, 3, 6)}, -1);
+    if (kind == "displacement") output.decoded[kind] = W("normalization_displacement_std") * raw;
+    if (kind == "trajectory") {
+      const Tensor points = raw.view({raw.size(0), 1, 12, 10});
+      output.gripper_logits = points.select(-1, 9);
+      output.decoded[kind] = torch::cat({mean + std * points.narrow(-1, 0, 3), points.narrow(-1, 3, 6),
+                                         torch::sigmoid(points.narrow(-1, 9, 1))}, -1);
+    }
+    return output;
+  }
+
+  Policy& policy_;
+  const PolicyConfig& config_;
+  std::map<std::string, Tensor> weights_;
+};
+
+template <class Forward>
+void Step(torch::optim::Optimizer& optimizer, const std::vector<Tensor>& parameters, Policy& policy,
+          const Inputs& inputs, const Labels& labels, const Forward& forward) {
+  optimizer.zero_grad();
+  policy.Loss(inputs, forward(), labels).total.backward();
+  torch::nn::utils::clip_grad_norm_(parameters, 1.0);
+  optimizer.step();
+}
+
+/// Largest difference of what two sides decode, relative to its spread.
+double Disagreement(const Outputs& a, const Outputs& b) {
+  double worst = 0;
+  for (const auto& [name, output] : a)
+    for (const auto& [kind, value] : output.decoded)
+      worst = std::max(worst, ((value - b.at(name).decoded.at(kind)).abs().mean() / (value.std() + 1e-6)).item<double>());
+  return worst;
+}
+
+void Report(const char* name, const std::vector<double>& ours, const std::vector<double>& baseline) {
+  const auto range = [](const std::vector<double>& v) {
+    return fmt::format("median {:.1f} (min {:.1f}, max {:.1f})", Median(v), *std::min_element(v.begin(), v.end()),
+                       *std::max_element(v.begin(), v.end()));
+  };
+  fmt::print(stderr, "{}: ours {}, baseline {} samples/s\n", name, range(ours), range(baseline));
+  const OrderedJson json{{"name", name}, {"value", Median(ours)}, {"unit", "samples/s"},
+                         {"baseline", Median(baseline)}, {"ratio", Median(ours) / Median(baseline)}};
+  fmt::print("{}\n", json.dump());
+  std::fflush(stdout);
+}
+
+/// Interleaved rounds of `steps` steps a side.
+void Measure(const char* name, int batch, int rounds, int our_steps, int baseline_steps,
+             const std::function<void()>& ours, const std::function<void()>& baseline) {
+  std::vector<double> our_rate, baseline_rate;
+  for (int round = -1; round < rounds; ++round) {
+    double start = Now();
+    for (int i = 0; i < (round < 0 ? 1 : baseline_steps); ++i) baseline();
+    const double base = batch * baseline_steps / (Now() - start);
+    start = Now();
+    for (int i = 0; i < our_steps; ++i) ours();
+    const double our = batch * our_steps / (Now() - start);
+    if (round < 0) continue;  // the first round warms up
+    our_rate.push_back(our);
+    baseline_rate.push_back(base);
+  }
+  Report(name, our_rate, baseline_rate);
+}
+
+void TrainPaper(const PolicyConfig& config) {
+  constexpr int kBatch = 8;
+  torch::manual_seed(1);
+  const auto policy = MakePolicy(config, "bf16");
+  PlainPaper plain(*policy);
+  const Inputs inputs = MakeInputs(config, kBatch, 1);
+  const Labels labels = MakeLabels(config, kBatch, 1);
+  // the sentence's token of both sides is the policy's own at the start
+  torch::optim::Adam ours(policy->parameters(), 1e-4);
+  const auto parameters = plain.Parameters();
+  torch::optim::Adam theirs(parameters, 1e-4);
+  const auto language = [&] {
+    torch::NoGradGuard no_grad;
+    return policy->EncodeSentences(inputs.sentences).unsqueeze(1);
+  };
+  {
+    torch::NoGradGuard no_grad;
+    const Tensor token = language();
+    const auto exact = MakePolicy(config, "float32");
+    fmt::print(stderr, "train_paper: outputs differ by {:.5f} (float32), {:.5f} (bf16) of their spread\n",
+               Disagreement(plain.Forward(inputs, token), exact->Forward(inputs)),
+               Disagreement(plain.Forward(inputs, token), policy->Forward(inputs)));
+  }
+  const Tensor token = language();
+  Measure("train_paper", kBatch, 5, 3, 1,
+          [&] { Step(ours, policy->parameters(), *policy, inputs, labels, [&] { return policy->Forward(inputs); }); },
+          [&] { Step(theirs, parameters, *policy, inputs, labels, [&] { return plain.Forward(inputs, token); }); });
+}
+
+void TrainCompact(const PolicyConfig& config, int batch) {
+  torch::manual_seed(1);
+  const auto policy = MakePolicy(config, "bf16"), exact = MakePolicy(config, "float32");
+  const Inputs inputs = MakeInputs(config, batch, 6);
+  const Labels labels = MakeLabels(config, batch, 6);
+  const auto options = torch::optim::AdamWOptions(3e-3);
+  torch::optim::AdamW ours(policy->parameters(), options), theirs(exact->parameters(), options);
+  const auto step = [&](Policy& p, torch::optim::Optimizer& optimizer) {
+    Step(optimizer, p.parameters(), p, inputs, labels, [&] { return p.Forward(inputs); });
+  };
+  Measure("train_compact", batch, 7, 10, 10, [&] { step(*policy, ours); }, [&] { step(*exact, theirs); });
+}
+
+int Main() {
+  SetTorchThreads(0);
+  fmt::print(stderr, "{}; two spinning threads do {:.2f} x the work of one\n", DescribeTorch(), SpinRatio());
+  const std::string folder = "trainer/experiments/policies/";
+  const auto paper = LoadConfig<PolicyConfig>(folder + "paper.yaml");
+  const auto compact = LoadConfig<PolicyConfig>(folder + "compact.yaml");
+  if (!paper || !compact) {
+    fmt::print(stderr, "train_bench: run it from the repository's root: {}\n",
+               (!paper ? paper.error() : compact.error()).message);
+    return 1;
+  }
+  TrainPaper(*paper);
+  TrainCompact(*compact, 32);
+  fmt::print(stderr, "two spinning threads do {:.2f} x the work of one\n", SpinRatio());
+  return 0;
+}
+
+}  // namespace
+}  // namespace etude::policy
+
+int main(int, char** argv) {
+  etude::policy::PrepareTorchProcess(argv);
+  return etude::policy::Main();
+}

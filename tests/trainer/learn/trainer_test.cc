@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/learn/trainer.cc
+#include "trainer/learn/trainer.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sstream>
+#include <thread>
+
+#include "tests/trainer/learn/tiny_run.h"
+
+namespace etude::learn {
+namespace {
+
+using ::testing::HasSubstr;
+
+// values of `key` in lines of `kind`, by step
+std::map<std::uint64_t, double> Curve(const Path& run, const std::string& kind,
+                                      const std::string& key) {
+  std::map<std::uint64_t, double> curve;
+  const auto text = ReadTextFile(run / "metrics.jsonl");
+  EXPECT_TRUE(text);
+  std::istringstream lines(text.value_or(""));
+  for (std::string line; std::getline(lines, line);) {
+    const auto json = OrderedJson::parse(line);
+    if (json["kind"] == kind && json.contains(key)) curve[json["step"]] = json[key];
+  }
+  return curve;
+}
+
+class TrainerTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    at::set_num_threads(1);
+    dataset_ = TinyDataset(folder_ / "d", 24);
+  }
+  Status Train(const TrainConfig& config, const Path& out, bool resume = false,
+               const Hooks& hooks = {}) {
+    auto trainer = Trainer::Create(config, dataset_, {out, resume, false}, hooks);
+    if (!trainer) return Fail(trainer.error());
+    return (*trainer)->Run();
+  }
+
+  TemporaryFolder folder_;
+  std::shared_ptr<data::Dataset> dataset_;
+};
+
+// the sequence of losses of an interrupted run is that of an uninterrupted one, to the last bit
+TEST_F(TrainerTest, ResumesBitForBit) {
+  TrainConfig config = TinyConfig({"steps=40", "ema=0.9"});
+  const auto losses = [&](const Path& out, std::uint64_t stop_at, bool resume) {
+    std::map<std::uint64_t, double> sums;
+
+    Hooks hooks;
+    hooks.on_checkpoint = [&](const CheckpointRequest& request) -> Status {
+      for (const auto& [name, tensor] : request.tensors)
+        if (request.step == 40)
+          sums[std::hash<std::string>{}(name)] = tensor.to(torch::kFloat64).sum().item<double>();
+      // a failing hook is a crash right after a saved state
+      if (request.step == stop_at + 10) return Fail(Code::kUnavailable, "crash");
+      return {};
+    };
+    const Status status = Train(config, out, resume, hooks);
+    EXPECT_EQ(bool(status), stop_at == 0) << (status ? "" : status.error().message);
+    return sums;
+  };
+
+  const auto whole = losses(folder_ / "whole", 0, false);
+  losses(folder_ / "parts", 20, false);  // state of step 20 is saved, then it dies at 30
+  const auto rest = losses(folder_ / "parts", 0, true);
+
+  ASSERT_FALSE(whole.empty());
+  EXPECT_EQ(whole, rest);
+  const auto a = Curve(folder_ / "whole", "valid", "loss"),
+             b = Curve(folder_ / "parts", "valid", "loss");
+  ASSERT_EQ(a.size(), 4u);
+  EXPECT_EQ(a, b);
+}
+
+TEST_F(TrainerTest, LearnsTheSyntheticTask) {
+  const TrainConfig config =
+      TinyConfig({"steps=240", "eval.every_steps=20", "curriculum.latest_last=0.25",
+                  "checkpoint.every_steps=1000", "optimizer.lr=4e-3"});
+  const Status trained = Train(config, folder_ / "run");
+  ASSERT_TRUE(trained) << trained.error().message;
+
+  const auto pixel = Curve(folder_ / "run", "valid", "EE2D.px");
+  const auto position = Curve(folder_ / "run", "valid", "EE3D.cm");
+  const auto control = Curve(folder_ / "run", "valid", "CTRL.cm");
+  const auto language = Curve(folder_ / "run", "valid", "LANG.accuracy");
+  ASSERT_FALSE(control.empty());
+  EXPECT_LT(pixel.rbegin()->second, 0.5 * pixel.begin()->second);
+  EXPECT_LT(position.rbegin()->second, 0.5 * position.begin()->second);
+  EXPECT_LT(control.rbegin()->second, control.begin()->second);
+  EXPECT_GT(language.rbegin()->second, 0.8);
+}
+
+TEST_F(TrainerTest, GoesThroughTheStagesAndSaysWhy) {
+  const TrainConfig config = TinyConfig({"steps=20", "curriculum.latest_last=0.5"});
+  std::vector<CheckpointRequest> requests;
+  Hooks hooks;
+  hooks.on_checkpoint = [&](const CheckpointRequest& request) -> Status {
+    requests.push_back(request);
+    return {};
+  };
+  std::vector<Progress> progress;
+  hooks.on_progress = [&](const Progress& p) { progress.push_back(p); };
+  ASSERT_TRUE(Train(config, folder_ / "run", false, hooks));
+
+  const auto stages = ReadTextFile(folder_ / "run/curriculum.jsonl");
+  ASSERT_TRUE(stages);
+  EXPECT_EQ(std::count(stages->begin(), stages->end(), '\n'), 4);
+  EXPECT_THAT(*stages, HasSubstr("\"cause\":\"budget\""));
+  ASSERT_FALSE(requests.empty());
+  EXPECT_EQ(requests.back().step, 20u);
+  EXPECT_EQ(requests.back().stage, 5);
+  EXPECT_TRUE(requests.back().best);
+  ASSERT_FALSE(progress.empty());
+  EXPECT_TRUE(progress.back().finished);
+  EXPECT_EQ(progress.back().progress, 1.0);
+}
+
+TEST_F(TrainerTest, StopsOnALossThatIsNotANumberAndSavesNothing) {
+  const TrainConfig config = TinyConfig({"optimizer.lr=1e30", "optimizer.clip=0",
+                                         "curriculum.enabled=false", "optimizer.warmup_steps=0",
+                                         "eval.every_steps=1000", "checkpoint.every_steps=1000"});
+  int saved = 0;
+  Hooks hooks;
+  hooks.on_checkpoint = [&](const CheckpointRequest&) -> Status {
+    ++saved;
+    return {};
+  };
+
+  const Status status = Train(config, folder_ / "run", false, hooks);
+
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().message, HasSubstr("not finite"));
+  EXPECT_EQ(saved, 0);
+}
+
+TEST_F(TrainerTest, RefusesToResumeAnotherArchitecture) {
+  ASSERT_TRUE(Train(TinyConfig({"steps=2"}), folder_ / "run"));
+
+  const Status status = Train(TinyConfig({"steps=4", "policy.width=64"}), folder_ / "run", true);
+
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().code, Code::kInvalidArgument);
+  EXPECT_THAT(status.error().message, HasSubstr("architecture"));
+}
+
+TEST_F(TrainerTest, SaysWhatIsMissing) {
+  EXPECT_EQ(Train(TinyConfig({"steps=0"}), folder_ / "a").error().code, Code::kInvalidArgument);
+  EXPECT_EQ(Train(TinyConfig(), folder_ / "b", true).error().code, Code::kNotFound);
+  const Status crop = Train(TinyConfig({"policy.image.crop=[20, 0, 44, 44]"}), folder_ / "c");
+  ASSERT_FALSE(crop);
+  EXPECT_THAT(crop.error().message, HasSubstr("crop"));
+  dataset_ = TinyDataset(folder_ / "small", 1);
+  EXPECT_THAT(Train(TinyConfig(), folder_ / "e").error().message, HasSubstr("--follow"));
+}
+
+TEST_F(TrainerTest, TakesInEpisodesThatArriveWhileItTrains) {
+  const TrainConfig config = TinyConfig({"steps=100000", "minutes=0.5", "eval.every_steps=100000"});
+  dataset_ = TinyDataset(folder_ / "growing", 4);
+  std::thread collector([&] {
+    AddSyntheticEpisodes(folder_ / "growing", SyntheticSpec(kTinyPicture, kTinyPicture), 4, 30);
+  });
+  // the hook stops the run once it has seen all of them
+  Hooks hooks;
+  std::size_t seen = 0;
+  const std::size_t all = [&] {
+    std::size_t count = 0;
+    for (std::uint64_t i = 0; i < 30; ++i)
+      count += SplitOf(SyntheticSpec(kTinyPicture, kTinyPicture), i) == "train";
+    return count;
+  }();
+  TrainConfig short_run = config;
+  short_run.checkpoint.every_steps = 1;
+  hooks.on_checkpoint = [&](const CheckpointRequest& request) -> Status {
+    seen = request.train_episodes;
+    return seen == all ? Status(Fail(Code::kExhausted, "enough")) : Status();
+  };
+  auto trainer = Trainer::Create(short_run, dataset_, {folder_ / "run", false, true}, hooks);
+  ASSERT_TRUE(trainer) << trainer.error().message;
+  const Status status = (*trainer)->Run();
+  collector.join();
+
+  EXPECT_EQ(seen, all);
+  EXPECT_EQ(status.error().code, Code::kExhausted);
+}
+
+}  // namespace
+}  // namespace etude::learn

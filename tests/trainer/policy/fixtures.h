@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+// A hierarchy small enough for finite differences, with inputs and labels for it.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <string>
+#include <vector>
+
+#include "services/core/config.h"
+#include "trainer/policy/policy.h"
+
+namespace etude::policy {
+
+inline ModuleConfig* FindModule(PolicyConfig& config, const std::string& name) {
+  for (ModuleConfig& module : config.modules)
+    if (module.name == name) return &module;
+  return nullptr;
+}
+
+/// The base hierarchy on a 24x16 crop with 6x4 tokens; gradients pass everywhere.
+inline PolicyConfig TinyConfig() {
+  constexpr char kYaml[] = R"(
+name: tiny
+image:
+  crop: [10, 20, 24, 16]
+  layers:
+    - {kind: conv, channels: 16, kernel: 3, stride: 2}
+    - {kind: conv, channels: 16, kernel: 3, stride: 2, norm: instance}
+    - {kind: residual, channels: 16}
+language: {buckets: 64, width: 8, hidden: 8}
+joint_hidden: [8]
+width: 8
+heads: 2
+objects: [red, blue, green]
+precision: float32
+modules:
+  - {name: LANG, level: 1, reads: [language, joints], attend: [language], decoder: {target: target_class}}
+  - {name: EE2D, level: 2, reads: [joints, image], attend: ["image@ee_pixel"], decoder: {target: ee_pixel}}
+  - {name: TAR2D, level: 2, query: LANG, reads: [image, self], attend: ["image@target_pixel"],
+     decoder: {target: target_pixel, hidden: [4], inputs: [register, soft_argmax], detach: false}}
+  - {name: EE3D, level: 3, reads: [joints, EE2D], attend: [joints, EE2D],
+     decoder: {target: ee_pose, hidden: [8], inputs: [register, joints], detach: false}}
+  - {name: TAR3D, level: 3, reads: [TAR2D, EE3D], attend: [TAR2D],
+     decoder: {target: target_position, hidden: [8, 8], detach: false,
+               inputs: [register, "soft_argmax:TAR2D", "pixel:TAR2D", joints, "position:EE3D"]}}
+  - {name: DISP, level: 4, reads: [EE3D, TAR3D, language], attend: [EE3D, TAR3D],
+     decoder: {target: displacement, inputs: ["position:EE3D", "position:TAR3D"], detach: false}}
+  - {name: CTRL, level: 5, reads: [all], attend: [language, joints, EE3D, TAR3D, DISP],
+     decoder: {target: trajectory, hidden: [12, 12], relative_to: EE3D, detach: false,
+               inputs: [register, language, "class:LANG", "waves:displacement:DISP", "displacement:DISP"]}}
+)";
+  const auto config = FromJson<PolicyConfig>(ParseYaml(kYaml, "tiny").value(), "tiny");
+  EXPECT_TRUE(config) << config.error().message;
+  return *config;
+}
+
+inline Normalization TinyNormalization(int joints = 3) {
+  return {.joint_mean = torch::full({joints}, 0.1),
+          .joint_std = torch::full({joints}, 0.5),
+          .position_mean = torch::tensor({0.0F, 0.2F, 0.1F}),
+          .position_std = torch::tensor({0.2F, 0.1F, 0.08F}),
+          .displacement_std = torch::tensor({0.2F, 0.1F, 0.05F}),
+          .offset_std = torch::tensor({0.1F, 0.1F, 0.05F})};
+}
+
+inline std::shared_ptr<Policy> MakePolicy(const PolicyConfig& config, std::uint64_t seed = 1,
+                                          int joints = 3) {
+  auto policy = Policy::Create(config, TinyNormalization(joints), seed);
+  EXPECT_TRUE(policy) << policy.error().message;
+  return *policy;
+}
+
+/// Random inputs of B images and S sentences.
+inline Inputs MakeInputs(const PolicyConfig& config, int batch, int sentences, int joints = 3) {
+  torch::manual_seed(17);
+  Inputs inputs;
+  inputs.images = torch::randint(0, 256, {batch, 3, config.image.crop[3], config.image.crop[2]},
+                                 torch::kUInt8)
+                      .contiguous(torch::MemoryFormat::ChannelsLast);
+  inputs.crop_origin = torch::tensor({static_cast<float>(config.image.crop[0]),
+                                      static_cast<float>(config.image.crop[1])}) +
+                       torch::randint(-2, 3, {batch, 2}, torch::kFloat32);
+  inputs.joints = torch::randn({batch, joints});
+  inputs.sentences = {"pick up red can", "push the blue box", "put down green bottle", "raise it"};
+  inputs.sentence_index = torch::randint(0, 4, {batch, sentences}, torch::kInt64);
+  return inputs;
+}
+
+/// Random labels of every kind, all valid and in view.
+inline Labels MakeLabels(const PolicyConfig& config, int batch, int sentences) {
+  torch::manual_seed(18);
+  const auto pixel = [&](int count) {
+    return torch::tensor({config.image.crop[0] + 4.0F, config.image.crop[1] + 4.0F}) +
+           torch::rand({batch, count, 2}) *
+               torch::tensor({config.image.crop[2] - 8.0F, config.image.crop[3] - 8.0F});
+  };
+  Labels labels;
+  labels["target_class"] =
+      torch::randint(0, static_cast<int>(config.objects.size()), {batch, sentences}, torch::kInt64);
+  labels["target_pixel"] = pixel(sentences);
+  labels["target_position"] = 0.2 * torch::randn({batch, sentences, 3});
+  labels["target_pose"] = 0.2 * torch::randn({batch, sentences, 9});
+  labels["ee_pixel"] = pixel(1);
+  labels["ee_position"] = 0.2 * torch::randn({batch, 1, 3});
+  labels["ee_pose"] = 0.2 * torch::randn({batch, 1, 9});
+  labels["displacement"] = 0.2 * torch::randn({batch, sentences, 3});
+  labels["trajectory"] = 0.2 * torch::randn({batch, 1, 12, 10});
+  labels["trajectory"].select(-1, 9).copy_(torch::rand({batch, 1, 12}).round());
+  return labels;
+}
+
+inline float MaxDifference(const torch::Tensor& a, const torch::Tensor& b) {
+  return (a - b).abs().max().item<float>();
+}
+
+}  // namespace etude::policy

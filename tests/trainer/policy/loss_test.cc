@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/policy/loss.cc against scalar loops.
+#include "trainer/policy/loss.h"
+
+#include <cmath>
+#include <limits>
+
+#include "tests/trainer/policy/fixtures.h"
+
+namespace etude::policy {
+namespace {
+
+using torch::Tensor;
+
+struct Case {
+  TokenGrid grid{TinyConfig().image};
+  Tensor origin = torch::tensor({{10.0F, 20.0F}, {11.0F, 18.0F}});
+  Labels labels;
+  ModuleOutput output;
+  ModuleConfig module;
+  std::vector<std::string> keys{"image", "language", "joints"};
+
+  Case() {
+    torch::manual_seed(5);
+    labels["target_pixel"] = torch::tensor({{{15.0F, 24.0F}, {31.5F, 33.0F}, {20.0F, 28.0F}},
+                                            {{12.0F, 19.0F}, {33.0F, 30.0F}, {22.2F, 27.1F}}});
+    output.attention = torch::softmax(2 * torch::randn({2, 3, 24 + 2}), -1);
+    module.attend = {"image@target_pixel"};
+  }
+  Masked Attend(const std::string& form) {
+    return AttentionLoss(module, form, keys, output, labels, origin, grid);
+  }
+};
+
+/// Gaussian weights of all patches, normalised, in plain C++.
+std::vector<double> ScalarTarget(double u, double v) {
+  std::vector<double> weights;
+  double sum = 0;
+  for (int row = 0; row < 4; ++row) {
+    for (int column = 0; column < 6; ++column) {
+      const double du = u / 4 - (column + 0.5), dv = v / 4 - (row + 0.5);
+      weights.push_back(std::exp(-(du * du + dv * dv) / (2 * 0.6 * 0.6)));
+      sum += weights.back();
+    }
+  }
+  for (double& weight : weights) weight /= sum;
+  return weights;
+}
+
+TEST(AttentionLoss, LogIsTheCrossEntropyToAGaussianPatch) {
+  Case c;
+  const Masked masked = c.Attend("log");
+  for (int b = 0; b < 2; ++b) {
+    for (int s = 0; s < 3; ++s) {
+      const auto at = c.labels["target_pixel"][b][s] - c.origin[b];
+      const auto target = ScalarTarget(at[0].item<double>(), at[1].item<double>());
+      double expected = 0;
+      for (int p = 0; p < 24; ++p)
+        expected -= target[p] * std::log(c.output.attention[b][s][p].item<double>());
+      EXPECT_NEAR(masked.loss[b][s].item<double>(), expected, 1e-4);
+    }
+  }
+  EXPECT_TRUE(masked.valid.all().item<bool>());
+}
+
+TEST(AttentionLoss, MseIsOfTheMassOnTheKeySet) {
+  Case c;
+  c.module.attend = {"image@target_pixel", "joints"};
+  const Masked masked = c.Attend("mse");
+  // (15, 24) from (10, 20) lies in row 1, column 1
+  const double mass = (c.output.attention[0][0][7] + c.output.attention[0][0][25]).item<double>();
+  EXPECT_NEAR(masked.loss[0][0].item<double>(), (mass - 1) * (mass - 1), 1e-6);
+}
+
+TEST(AttentionLoss, LogOfSeveralKeysIsOfTheirSum) {
+  Case c;
+  c.module.attend = {"language", "joints"};
+  const Masked masked = c.Attend("log");
+  const double mass = (c.output.attention[1][2][24] + c.output.attention[1][2][25]).item<double>();
+  EXPECT_NEAR(masked.loss[1][2].item<double>(), -std::log(mass), 1e-5);
+  EXPECT_EQ(masked.valid.sizes(), torch::IntArrayRef({2, 1}));
+}
+
+TEST(AttentionLoss, PixelsOutsideTheCropOrUnlabelledDoNotCount) {
+  Case c;
+  const double all = c.Attend("log").Mean().item<double>();
+  c.labels["target_pixel"][0][1] = torch::tensor({34.5F, 33.0F});  // the crop ends at u = 34
+  c.labels["target_pixel"][1][0].fill_(std::numeric_limits<float>::quiet_NaN());
+  c.labels["target_pixel.valid"] = torch::tensor({{true, true, true}, {false, true, true}});
+
+  const Masked masked = c.Attend("log");
+
+  EXPECT_TRUE(torch::equal(masked.valid, torch::tensor({{true, false, true}, {false, true, true}})));
+  const double expected = (masked.loss[0][0] + masked.loss[0][2] + masked.loss[1][1] + masked.loss[1][2])
+                              .item<double>() / 4;
+  EXPECT_NEAR(masked.Mean().item<double>(), expected, 1e-5);
+  EXPECT_NE(masked.Mean().item<double>(), all);
+}
+
+TEST(PatchTarget, SumsToOneAtTheBorderToo) {
+  const Case c;
+  const Tensor corner = c.origin.unsqueeze(1).expand({2, 3, 2}).contiguous();
+  EXPECT_TRUE(torch::allclose(PatchTarget(corner, c.origin, c.grid).sum(-1), torch::ones({2, 3})));
+}
+
+double ScalarSmoothL1(double difference, double beta) {
+  const double d = std::abs(difference);
+  return d < beta ? 0.5 * d * d / beta : d - 0.5 * beta;
+}
+
+TEST(DecodeLoss, PositionIsSmoothL1InMetres) {
+  Case c;
+  c.module.decoder.target = "ee_position";
+  c.output.decoded["position"] = torch::tensor({{{0.1F, 0.2F, 0.3F}}, {{0.0F, 0.0F, 0.0F}}});
+  c.labels["ee_position"] = torch::tensor({{{0.102F, 0.25F, 0.3F}}, {{0.5F, 0.5F, 0.5F}}});
+  c.labels["ee_position.valid"] = torch::tensor({{true}, {false}});
+  const double expected = 20 * (ScalarSmoothL1(0.002, 0.01) + ScalarSmoothL1(0.05, 0.01)) / 3;
+  EXPECT_NEAR(DecodeLoss(c.module, c.output, c.labels, c.origin, c.grid).item<double>(), expected, 1e-5);
+}
+
+TEST(DecodeLoss, ClassIsTheCrossEntropyOverObjects) {
+  Case c;
+  c.module.decoder.target = "target_class";
+  c.output.decoded["class"] = torch::tensor({{{1.0F, 2.0F, 0.5F}}});
+  c.labels["target_class"] = torch::tensor({{2}}, torch::kInt64);
+  const double expected = -0.5 + std::log(std::exp(1.0) + std::exp(2.0) + std::exp(0.5));
+  EXPECT_NEAR(DecodeLoss(c.module, c.output, c.labels, c.origin, c.grid).item<double>(), expected, 1e-5);
+}
+
+TEST(DecodeLoss, TrajectoryCountsValidWaypointsOfTheFirstSentence) {
+  Case c;
+  c.module.decoder.target = "trajectory";
+  c.output.decoded["trajectory"] = torch::zeros({1, 2, 12, 10});
+  c.output.decoded["trajectory"][0][1].fill_(99);  // another sentence: not labelled
+  c.output.gripper_logits = torch::full({1, 2, 12}, 0.7F);
+  Tensor label = torch::zeros({1, 1, 12, 10});
+  label[0][0][3][1] = 0.03F;   // m
+  label[0][0][3][5] = 0.5F;    // a sine
+  label[0][0][3][9] = 1;       // closed
+  label[0][0][4].fill_(std::numeric_limits<float>::quiet_NaN());
+  c.labels["trajectory"] = label;
+  Tensor valid = torch::zeros({1, 1, 12}, torch::kBool);
+  valid[0][0][3] = true;
+  c.labels["trajectory.valid"] = valid;
+  const double expected = 20 * ScalarSmoothL1(0.03, 0.005) / 3 + ScalarSmoothL1(0.5, 0.1) / 6 +
+                          0.5 * std::log(1 + std::exp(-0.7));
+  EXPECT_NEAR(DecodeLoss(c.module, c.output, c.labels, c.origin, c.grid).item<double>(), expected, 1e-5);
+}
+
+TEST(DecodeLoss, AnAbsentLabelIsNoLoss) {
+  Case c;
+  c.module.decoder.target = "displacement";
+  c.output.decoded["displacement"] = torch::zeros({2, 3, 3});
+  EXPECT_FALSE(DecodeLoss(c.module, c.output, c.labels, c.origin, c.grid).defined());
+}
+
+}  // namespace
+}  // namespace etude::policy

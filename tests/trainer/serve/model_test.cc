@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/serve/model.cc
+#include "trainer/serve/model.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <thread>
+
+#include "services/core/hash.h"
+#include "services/episode/action.h"
+#include "tests/trainer/serve/example_observation.h"
+
+namespace etude::serve {
+namespace {
+
+using ::testing::HasSubstr;
+
+class ModelTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    at::set_num_threads(1);
+    bytes_ = publish::EncodeCheckpoint(publish::ExampleRequest(config_), "demo").value();
+    auto model = Model::FromBytes(bytes_);
+    ASSERT_TRUE(model) << model.error().message;
+    model_ = *model;
+  }
+  learn::TrainConfig config_ = learn::TinyConfig();
+  std::vector<std::uint8_t> bytes_;
+  std::shared_ptr<const Model> model_;
+};
+
+TEST_F(ModelTest, AnswersWithWaypointsAndEveryModulesOutput) {
+  const auto action = model_->Answer(ExampleObservation(3));
+
+  EXPECT_EQ(action.error, "");
+  EXPECT_EQ(action.session, "client-3");
+  EXPECT_EQ(action.request_id, 4u);
+  EXPECT_EQ(action.checkpoint_step, 100u);
+  EXPECT_EQ(action.checkpoint_sha256, Sha256Hex(bytes_));
+  ASSERT_EQ(action.waypoints.size(), static_cast<std::size_t>(kWaypoints * kWaypointSize));
+  for (int k = 0; k < kWaypoints; ++k) {
+    EXPECT_GE(action.waypoints[static_cast<std::size_t>(k * kWaypointSize + 9)], 0);
+    EXPECT_LE(action.waypoints[static_cast<std::size_t>(k * kWaypointSize + 9)], 1);
+  }
+  const auto modules = OrderedJson::parse(action.modules_json);
+  EXPECT_THAT(config_.policy.objects,
+              ::testing::Contains(modules["LANG"]["class"].get<std::string>()));
+  EXPECT_EQ(modules["TAR2D"]["pixel"].size(), 2u);
+  EXPECT_EQ(modules["TAR2D"]["soft_argmax"].size(), 2u);
+  for (const char* name : {"EE3D", "TAR3D"})
+    EXPECT_EQ(modules[name]["position"].size(), 3u) << name;
+  EXPECT_EQ(modules["DISP"]["displacement"].size(), 3u);
+}
+
+TEST_F(ModelTest, RefusesObservationsThatDoNotFit) {
+  const auto error = [&](auto change) {
+    auto observation = ExampleObservation(3);
+    change(observation);
+    const auto action = model_->Answer(observation);
+    EXPECT_TRUE(action.waypoints.empty());
+    return action.error;
+  };
+  EXPECT_THAT(error([](auto& o) { o.image.pop_back(); }), HasSubstr("bytes"));
+  EXPECT_THAT(error([](auto& o) { o.joints.push_back(0); }), HasSubstr("8 joints"));
+  EXPECT_THAT(error([](auto& o) { o.joints[2] = std::numeric_limits<float>::quiet_NaN(); }),
+              HasSubstr("finite"));
+  EXPECT_THAT(error([](auto& o) {
+                o.width = o.height = 20;
+                o.image.resize(20 * 20 * 3);
+              }),
+              HasSubstr("20x20"));
+  EXPECT_THAT(error([](auto& o) { o.width = 0xffffffffu; }), HasSubstr("bytes"));
+}
+
+TEST_F(ModelTest, AnswersAnySentence) {
+  auto observation = ExampleObservation(3);
+  for (const char* sentence : {"", "?!", "\xff\xfe", "grab teh coek"}) {
+    observation.instruction = sentence;
+    EXPECT_EQ(model_->Answer(observation).error, "") << sentence;
+  }
+}
+
+TEST_F(ModelTest, AnswersTheSameAloneAndBesideOthers) {
+  std::vector<bus::Action> alone(8), beside(8);
+  for (std::size_t i = 0; i < alone.size(); ++i) alone[i] = model_->Answer(ExampleObservation(i));
+  std::vector<std::thread> threads;
+  for (std::size_t i = 0; i < beside.size(); ++i)
+    threads.emplace_back([&, i] { beside[i] = model_->Answer(ExampleObservation(i)); });
+  for (auto& thread : threads) thread.join();
+
+  for (std::size_t i = 0; i < alone.size(); ++i) {
+    EXPECT_EQ(alone[i].waypoints, beside[i].waypoints);
+    EXPECT_EQ(alone[i].modules_json, beside[i].modules_json);
+  }
+  EXPECT_NE(alone[0].waypoints, alone[1].waypoints);
+}
+
+TEST_F(ModelTest, SaysThatAFileIsMissing) {
+  EXPECT_EQ(Model::FromFile("/nonexistent").error().code, Code::kNotFound);
+}
+
+}  // namespace
+}  // namespace etude::serve
