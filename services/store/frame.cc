@@ -13,7 +13,7 @@
 namespace etude::store {
 namespace {
 
-// Chosen on rendered frames: 2 and 3 save under 3 % of the bytes and cost 1.5 times the time.
+// The fastest: a frame is deflated in the worker's loop, between two steps of the simulation.
 constexpr int kDeflateLevel = 1;
 
 struct FreeCompressor {
