@@ -196,6 +196,7 @@ double WholeSeconds(const bus::Participant& participant, const CampaignSpec& spe
   ETUDE_CHECK(done, "{}", done.error().message);
   // until the last commit, not until the campaign's end has been told
   const std::lock_guard lock(hosted->commits.mutex);
+  ETUDE_CHECK(since_first && !hosted->commits.entries.empty(), "the bench was stopped");
   const auto last = hosted->commits.entries.back().time;
   seconds = since_first->Seconds() - std::chrono::duration<double>(MonotonicClock::now() - last).count();
   return seconds;
