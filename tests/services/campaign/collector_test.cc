@@ -37,7 +37,7 @@ CampaignSpec Spec(const std::string& name, std::uint64_t episodes) {
 
 CollectorOptions QuickOptions() {
   CollectorOptions options;
-  options.lease = 1500ms;
+  options.lease = 3s;
   options.status_every = 100ms;
   options.retry_commit = 50ms;
   options.master_every = 500ms;
@@ -288,7 +288,7 @@ TEST_F(CollectorTest, FullDiskWaitsSaysSoAndResumesByItself) {
     return false;
   })) << "the status names the error";
   // longer than a lease: the worker waits in its send and keeps its lease by heartbeats
-  std::this_thread::sleep_for(2s);
+  std::this_thread::sleep_for(4s);
   EXPECT_EQ(running->progress().committed, 0u);
   EXPECT_EQ(running->progress().lost_leases, 0u);
   for (const auto& status : workers->Take()) EXPECT_EQ(status.episodes, 0u) << "nothing was acknowledged";
