@@ -77,8 +77,8 @@ TEST(Stages, AHandOnTheLineDoesNotBackOff) {
   const auto stages = StagesOf("pick");
   const auto& approach = Find(stages, "approach");
   const double far = approach.goal(f.now).p.y();
-  f.now.X_WE.p = {f.now.X_WO.p.x() + 0.01, f.now.X_WO.p.y() - 0.11, f.now.X_WO.p.z()};
-  EXPECT_GT(approach.goal(f.now).p.y(), far + 0.02);
+  f.now.X_WE.p = {f.now.X_WO.p.x() + 0.01, f.now.X_WO.p.y() - 0.075, f.now.X_WO.p.z()};
+  EXPECT_GT(approach.goal(f.now).p.y(), far + 0.015);
 }
 
 TEST(Stages, TurningHalfWayLeavesHalfOfTheWayBack) {
