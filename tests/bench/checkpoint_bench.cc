@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // A 40 MB checkpoint from the call of Publish until a subscriber in another process has verified it
 // (SHA-256 over all of it), against the same bytes as one DDS sample, from the write until another
-// process has taken it (nothing verified), with the same DDS profile and the same QoS for late joiners.
-// Both sides run in turn, A/B/A/B, in processes of their own.
+// process has taken it (nothing verified), with the same QoS for late joiners. Two lines:
+//   checkpoint               the one sample with Cyclone DDS as it comes, without a profile
+//   checkpoint_same_profile  the one sample with our profile, whose large packets help it as well
+// All sides run in turn, A/B/C/A/B/C, in processes of their own.
 #include <dds/dds.h>
 
 #include <algorithm>
@@ -29,9 +31,12 @@ using namespace std::chrono_literals;
 constexpr std::size_t kSize = 40'000'000;
 constexpr std::uint32_t kDomain = 70;
 
-bus::Participant OpenOrDie() {
+constexpr char kNoProfile[] = "<CycloneDDS/>";
+
+// `plain`: Cyclone DDS with its own defaults; else the profile of the environment.
+bus::Participant OpenOrDie(bool plain = false) {
   InitLog("bench", "warn");  // to stderr: stdout is for results
-  auto participant = bus::Participant::Open({kDomain, ""});
+  auto participant = bus::Participant::Open({kDomain, plain ? kNoProfile : ""});
   if (!participant) {
     std::fprintf(stderr, "%s\n", participant.error().message.c_str());
     std::exit(3);
@@ -60,8 +65,8 @@ int RunChunkedSubscriber() {
 // A checkpoint's QoS: reliable, transient-local, the newest only.
 constexpr bus::TopicQos kBlobQos{true, 1};
 
-int RunSingleSubscriber() {
-  const auto participant = OpenOrDie();
+int RunSingleSubscriber(bool plain) {
+  const auto participant = OpenOrDie(plain);
   auto reader = bus::OpenReader(participant, "bench", etude_bench_Blob_desc, "bench/blob", kBlobQos);
   bus::Waiter waiter;
   if (!reader || !waiter.Open(participant) || !waiter.AddReader(*reader)) return 1;
@@ -122,12 +127,12 @@ int RunChunkedPublisher(int count) {
       [&] { return publisher->matched_subscribers() > 0; });
 }
 
-int RunSinglePublisher(int count) {
-  const auto participant = OpenOrDie();
+int RunSinglePublisher(bool plain, int count) {
+  const auto participant = OpenOrDie(plain);
   auto writer = bus::OpenWriter(participant, "bench", etude_bench_Blob_desc, "bench/blob", kBlobQos);
   if (!writer) return 1;
   return Time(
-      "single-subscriber", count,
+      plain ? "plain-subscriber" : "single-subscriber", count,
       [&](std::uint64_t version, std::vector<std::uint8_t>& bytes) {
         etude_bench_Blob blob{};
         blob.version = version;
@@ -150,18 +155,20 @@ std::vector<double> Run(const char* role, int count) {
 int RunBench(int repeats, int count) {
   UseProfile("deploy/dds/local.xml");
   const double calibration_before = TwoProcessSpin();
-  std::vector<double> ours, theirs;
+  std::vector<double> ours, plain, profiled;
+  const auto take = [count](const char* role, std::vector<double>& all) {
+    const auto times = Run(role, count);
+    std::fprintf(stderr, "  %s %s ms\n", role, Summary(times).c_str());
+    all.insert(all.end(), times.begin(), times.end());
+    return static_cast<int>(times.size()) == count;
+  };
   for (int i = 0; i < repeats; ++i) {
-    const auto single = Run("single-publisher", count);
-    const auto chunked = Run("chunked-publisher", count);
-    std::fprintf(stderr, "round %d: one sample %s ms, chunked and verified %s ms\n", i + 1,
-                 Summary(single).c_str(), Summary(chunked).c_str());
-    if (static_cast<int>(single.size()) != count || static_cast<int>(chunked.size()) != count) {
+    std::fprintf(stderr, "round %d\n", i + 1);
+    if (!take("plain-publisher", plain) || !take("single-publisher", profiled) ||
+        !take("chunked-publisher", ours)) {
       std::fprintf(stderr, "a side failed\n");
       return 1;
     }
-    theirs.insert(theirs.end(), single.begin(), single.end());
-    ours.insert(ours.end(), chunked.begin(), chunked.end());
   }
   const auto bytes = MakeCheckpoint();
   const Stopwatch watch;
@@ -170,12 +177,13 @@ int RunBench(int repeats, int count) {
                1e3 * watch.Seconds(), ToHex(digest).substr(0, 8).c_str());
   PrintCalibration(calibration_before, TwoProcessSpin());
   const double value = Median(ours);
-  const double baseline = Median(theirs);
-  std::fprintf(stderr, "one sample %s ms, chunked and verified %s ms\n", Summary(theirs).c_str(),
-               Summary(ours).c_str());
-  std::printf("{\"name\": \"checkpoint\", \"value\": %.2f, \"unit\": \"ms\", \"baseline\": %.2f, "
-              "\"ratio\": %.3f}\n",
-              value, baseline, baseline / value);
+  const auto print = [value](const char* name, double baseline) {
+    std::printf("{\"name\": \"%s\", \"value\": %.2f, \"unit\": \"ms\", \"baseline\": %.2f, "
+                "\"ratio\": %.3f}\n",
+                name, value, baseline, baseline / value);
+  };
+  print("checkpoint", Median(plain));
+  print("checkpoint_same_profile", Median(profiled));
   return 0;
 }
 
@@ -184,9 +192,11 @@ int RunBench(int repeats, int count) {
 int main(int argc, char** argv) {
   const std::string role = argc > 1 ? argv[1] : "";
   if (role == "chunked-subscriber") return RunChunkedSubscriber();
-  if (role == "single-subscriber") return RunSingleSubscriber();
+  if (role == "single-subscriber") return RunSingleSubscriber(false);
+  if (role == "plain-subscriber") return RunSingleSubscriber(true);
   if (role == "chunked-publisher" && argc > 2) return RunChunkedPublisher(std::atoi(argv[2]));
-  if (role == "single-publisher" && argc > 2) return RunSinglePublisher(std::atoi(argv[2]));
+  if (role == "single-publisher" && argc > 2) return RunSinglePublisher(false, std::atoi(argv[2]));
+  if (role == "plain-publisher" && argc > 2) return RunSinglePublisher(true, std::atoi(argv[2]));
   return RunBench(argc > 1 ? std::max(1, std::atoi(argv[1])) : 5,
                   argc > 2 ? std::max(1, std::atoi(argv[2])) : 3);
 }

@@ -84,13 +84,7 @@ Labels MakeLabels(const PolicyConfig& config, int batch, int sentences) {
 
 std::shared_ptr<Policy> MakePolicy(PolicyConfig config, const std::string& precision) {
   config.precision = precision;
-  const Normalization normalization{.joint_mean = torch::zeros({kJoints}),
-                                    .joint_std = torch::ones({kJoints}),
-                                    .position_mean = torch::zeros({3}),
-                                    .position_std = torch::full({3}, 0.2),
-                                    .displacement_std = torch::full({3}, 0.2),
-                                    .offset_std = torch::full({3}, 0.1)};
-  return Policy::Create(config, normalization, 1).value();
+  return Policy::Create(config, Normalization::Unit(kJoints), 1).value();
 }
 
 /// The paper's network as its equations read: NCHW, float32, one operation after the other, every key and value

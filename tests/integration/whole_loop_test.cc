@@ -58,13 +58,14 @@ TEST_F(WholeLoop, CollectsTrainsPublishesServesAndRollsOut) {
   EXPECT_TRUE(report->bad.empty());
 
   // a checkpoint was written that any reader of the format understands
-  const auto checkpoint = store::ReadSafetensors(out_ / "run" / "checkpoints" / "latest.safetensors");
+  const auto checkpoint = store::ReadSafetensors(out_ / "run" / "loop" / "checkpoints" / "latest.safetensors");
   ASSERT_TRUE(checkpoint.has_value()) << checkpoint.error().message;
   EXPECT_GT(checkpoint->tensors.size(), 10u);
 
   // every rollout ended in a success or in a reason, driven by that run's policy
-  const auto eval_text = ReadTextFile(out_ / "eval" / "eval.json");
-  ASSERT_TRUE(eval_text.has_value());
+  const auto evaluation = std::filesystem::directory_iterator(out_ / "eval");  // one, of the last checkpoint
+  const auto eval_text = ReadTextFile(evaluation->path() / "eval.json");
+  ASSERT_TRUE(eval_text.has_value()) << eval_text.error().message;
   const Json eval = Json::parse(*eval_text);
   ASSERT_EQ(eval.at("per_episode").size(), 3u);
   for (const auto& episode : eval.at("per_episode")) EXPECT_NE(episode.value("outcome", ""), "policy_error");

@@ -13,28 +13,30 @@ namespace {
 
 constexpr double kMinJointStd = 0.05;     // rad
 constexpr double kMinPositionStd = 0.02;  // m
+constexpr double kMinOffsetStd = 0.005;   // m
 // more frames than this change nothing in the third digit
 constexpr std::size_t kFrames = 20000;
 
 // sums of values and squares, a column each
 class Moments {
  public:
-  explicit Moments(std::size_t columns) : sum_(columns), square_(columns) {}
+  explicit Moments(std::size_t columns) : sum_(columns), square_(columns), count_(columns) {}
 
   void Add(std::size_t column, double value) {
     sum_[column] += value;
     square_[column] += value * value;
-    if (column == 0) ++count_;
+    ++count_[column];
   }
   std::vector<float> Mean() const {
     std::vector<float> mean;
-    for (double sum : sum_) mean.push_back(static_cast<float>(sum / static_cast<double>(count_)));
+    for (std::size_t i = 0; i < sum_.size(); ++i)
+      mean.push_back(static_cast<float>(sum_[i] / static_cast<double>(count_[i])));
     return mean;
   }
   std::vector<float> Std(double least) const {
     std::vector<float> std_dev;
     for (std::size_t i = 0; i < sum_.size(); ++i) {
-      const double n = static_cast<double>(count_), mean = sum_[i] / n;
+      const double n = static_cast<double>(count_[i]), mean = sum_[i] / n;
       std_dev.push_back(static_cast<float>(
           std::max(least, std::sqrt(std::max(0.0, square_[i] / n - mean * mean)))));
     }
@@ -42,20 +44,21 @@ class Moments {
   }
   std::vector<float> RootMeanSquare(double least) const {
     std::vector<float> rms;
-    for (double square : square_)
+    for (std::size_t i = 0; i < square_.size(); ++i)
       rms.push_back(static_cast<float>(
-          count_ ? std::max(least, std::sqrt(square / static_cast<double>(count_))) : 1.0));
+          count_[i] ? std::max(least, std::sqrt(square_[i] / static_cast<double>(count_[i])))
+                    : 1.0));
     return rms;
   }
 
  private:
   std::vector<double> sum_, square_;
-  std::size_t count_ = 0;
+  std::vector<std::size_t> count_;
 };
 
 struct AllMoments {
   explicit AllMoments(std::size_t joints) : joint(joints) {}
-  Moments joint, position{3}, displacement{3}, offset{3};
+  Moments joint, position{3}, displacement{3}, offset{3 * kWaypoints};
 
   void AddFrame(const Episode& episode, int step) {
     std::size_t j = 0;
@@ -72,7 +75,7 @@ struct AllMoments {
     const TrajectoryLabel label = LabelTrajectory(episode, step);
     for (int k = 0; k < kWaypoints; ++k)
       for (int i = 0; label.valid[k] && i < 3; ++i)
-        offset.Add(i, label.values[k * kWaypointSize + i] - hand[i]);
+        offset.Add(3 * k + i, label.values[k * kWaypointSize + i] - hand[i]);
   }
 };
 
@@ -107,7 +110,7 @@ Result<Statistics> ComputeStatistics(const Snapshot& snapshot) {
                     moments.position.Mean(),
                     moments.position.Std(kMinPositionStd),
                     moments.displacement.RootMeanSquare(kMinPositionStd),
-                    moments.offset.RootMeanSquare(kMinPositionStd)};
+                    moments.offset.RootMeanSquare(kMinOffsetStd)};
 }
 
 }  // namespace etude::data

@@ -14,7 +14,8 @@ struct Statistics {
   std::vector<float> joint_mean, joint_std;        ///< (J) arm joints then gripper; rad or m
   std::vector<float> position_mean, position_std;  ///< (3) m, of objects and hand
   std::vector<float> displacement_std;             ///< (3) m, root mean square of target - hand
-  std::vector<float> offset_std;                   ///< (3) m, root mean square of waypoint - hand
+  /// (12, 3) m, root mean square of waypoint k - hand: a centimetre for the first, ten for the last.
+  std::vector<float> offset_std;
 };
 
 /// @error kNotFound when the training split has no frame; kCorrupt when joint counts differ.

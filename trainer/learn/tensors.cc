@@ -6,6 +6,8 @@
 #include <cstring>
 #include <utility>
 
+#include "services/episode/action.h"
+
 namespace etude::learn {
 namespace {
 
@@ -50,7 +52,7 @@ policy::Normalization ToNormalization(const data::Statistics& statistics) {
   };
   return {tensor(statistics.joint_mean),       tensor(statistics.joint_std),
           tensor(statistics.position_mean),    tensor(statistics.position_std),
-          tensor(statistics.displacement_std), tensor(statistics.offset_std)};
+          tensor(statistics.displacement_std), tensor(statistics.offset_std).view({kWaypoints, 3})};
 }
 
 Result<store::Tensor> ToStore(const torch::Tensor& tensor) {

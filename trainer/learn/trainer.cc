@@ -69,14 +69,28 @@ class Follower {
   std::thread thread_;
 };
 
+// a collector that is silent for this long brings nothing more
+constexpr auto kCollectorPatience = std::chrono::seconds(60);
+
+std::size_t PlannedTrainEpisodes(const CampaignSpec& spec) {
+  std::size_t count = 0;
+  for (std::uint64_t i = 0; i < spec.episodes; ++i) count += SplitOf(spec, i) == "train";
+  return count;
+}
+
 // reads the dataset; with `follow` waits until there is enough to begin
 Status AwaitData(data::Dataset& dataset, const TrainConfig& config, bool follow) {
   std::size_t reported = std::numeric_limits<std::size_t>::max();
+  auto last_change = MonotonicClock::now();
+  const std::size_t enough = follow ? std::min(static_cast<std::size_t>(config.data.min_episodes),
+                                               PlannedTrainEpisodes(dataset.spec()))
+                                    : 1;
   while (true) {
     ETUDE_ASSIGN_OR_RETURN([[maybe_unused]] const int added, dataset.Refresh());
     const auto snapshot = dataset.snapshot();
     const std::size_t train = snapshot->episode_count(data::Split::kTrain);
-    const std::size_t least = follow ? static_cast<std::size_t>(config.data.min_episodes) : 1;
+    const bool silent = MonotonicClock::now() - last_change > kCollectorPatience;
+    const std::size_t least = silent ? 1 : enough;
     const bool frames = snapshot->frame_count(data::Split::kTrain) > 0 &&
                         snapshot->frame_count(data::Split::kValid) > 0;
     if (train >= least && frames) return {};
@@ -89,6 +103,7 @@ Status AwaitData(data::Dataset& dataset, const TrainConfig& config, bool follow)
                       dataset.path().string(), snapshot->frame_count(data::Split::kTrain),
                       snapshot->frame_count(data::Split::kValid), snapshot->episodes().size()));
     if (train != reported) Log().info("waiting for data: {} of {} training episodes", train, least);
+    if (train != reported) last_change = MonotonicClock::now();
     reported = train;
     if (WaitForStop(std::chrono::milliseconds(500)))
       return Fail(Code::kUnavailable, "stopped while waiting for the first episodes");

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Multi-head attention of few queries over many image tokens and a handful of other keys.
 //
-// The key and value maps are linear, so they are applied to the queries and to the attended sums instead of
-// to every image token: logits = (W_k' q) x, output = W_v (sum a x). With 7 queries and 720 tokens that is
-// half of the arithmetic and none of the (B, P, d) intermediates.
-// Shapes: B images, S queries, P image tokens, n other keys, h heads, d width.
+// The key and value maps are linear, so they are applied to the queries and to the attended sums
+// instead of to every image token: logits = (W_k' q) x, output = W_v (sum a x). With 7 queries and
+// 720 tokens that is half of the arithmetic and none of the (B, P, d) intermediates. Shapes: B
+// images, S queries, P image tokens, n other keys, h heads, d width.
 #pragma once
 
 #include <torch/torch.h>
@@ -12,15 +12,15 @@
 namespace etude::policy {
 
 struct Keys {
-  torch::Tensor image_key, image_value;   ///< (B, P, d) both, or both undefined
-  torch::Tensor image_pixels;             ///< (P, 2) px, with image_key
-  torch::Tensor other_key, other_value;   ///< (B, S or 1, n, d) both, or both undefined
+  torch::Tensor image_key, image_value;  ///< (B, P, d) both, or both undefined
+  torch::Tensor image_pixels;            ///< (P, 2) px, with image_key
+  torch::Tensor other_key, other_value;  ///< (B, S or 1, n, d) both, or both undefined
 };
 
 struct Attended {
-  torch::Tensor output;   ///< (B, S, d)
-  torch::Tensor map;      ///< (B, S, P + n), mean over heads; each row sums to 1
-  torch::Tensor pixels;   ///< (B, S, h, 2) px, expectation over each head's image tokens
+  torch::Tensor output;  ///< (B, S, d)
+  torch::Tensor map;     ///< (B, S, P + n), mean over heads; each row sums to 1
+  torch::Tensor pixels;  ///< (B, S, h, 2) px, expectation over each head's image tokens
 };
 
 class Attention : public torch::nn::Module {

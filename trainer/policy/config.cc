@@ -25,7 +25,8 @@ std::string Unknown(std::string_view what, const std::string& word, const Errors
 void CheckChoice(const std::string& key, const std::string& value, const Errors& choices,
                  Errors& errors) {
   if (std::find(choices.begin(), choices.end(), value) == choices.end())
-    errors.push_back(fmt::format("{}: '{}' is not one of {}", key, value, fmt::join(choices, ", ")));
+    errors.push_back(
+        fmt::format("{}: '{}' is not one of {}", key, value, fmt::join(choices, ", ")));
 }
 
 void CheckRange(const std::string& key, int value, int low, int high, Errors& errors) {
@@ -110,9 +111,8 @@ class GraphChecker {
   /// Reports a name that is not an earlier module; says so when it is a later one.
   bool CheckEarlier(const ModuleConfig& module, const std::string& key, const std::string& name) {
     if (Earlier(name) != nullptr) return true;
-    const bool exists =
-        std::any_of(config_.modules.begin(), config_.modules.end(),
-                    [&](const ModuleConfig& other) { return other.name == name; });
+    const bool exists = std::any_of(config_.modules.begin(), config_.modules.end(),
+                                    [&](const ModuleConfig& other) { return other.name == name; });
     Report(module, key + ": " +
                        (exists ? fmt::format("'{}' is not evaluated before it (level)", name)
                                : Unknown("module", name, EarlierNames())));
@@ -121,9 +121,8 @@ class GraphChecker {
 
   void CheckModule(const ModuleConfig& module) {
     const bool word = !module.name.empty() &&
-                      std::all_of(module.name.begin(), module.name.end(), [](unsigned char c) {
-                        return std::isalnum(c) != 0 || c == '_';
-                      });
+                      std::all_of(module.name.begin(), module.name.end(),
+                                  [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; });
     if (!word || IsReservedName(module.name))
       errors_.push_back(fmt::format("modules: '{}' is not a module's name", module.name));
     if (Earlier(module.name) != nullptr) Report(module, "name: stands twice");
@@ -184,13 +183,26 @@ class GraphChecker {
     for (const int hidden : decoder.hidden)
       CheckRange(fmt::format("modules.{}.decoder.hidden", module.name), hidden, 1, 65536, errors_);
     for (const std::string& input : decoder.inputs) CheckInput(module, input);
+    CheckBetween(module);
     if (decoder.relative_to.empty()) return;
     if (decoder.target != "trajectory")
       Report(module, "decoder.relative_to: is for trajectories only");
     if (CheckEarlier(module, "decoder.relative_to", decoder.relative_to) &&
         !Decodes(*Earlier(decoder.relative_to), "position"))
-      Report(module, fmt::format("decoder.relative_to: '{}' decodes no position",
-                                 decoder.relative_to));
+      Report(module,
+             fmt::format("decoder.relative_to: '{}' decodes no position", decoder.relative_to));
+  }
+
+  void CheckBetween(const ModuleConfig& module) {
+    const auto& between = module.decoder.between;
+    if (between.empty()) return;
+    if (module.decoder.target != "displacement")
+      Report(module, "decoder.between: is for displacements only");
+    if (between.size() != 2)
+      Report(module, fmt::format("decoder.between: needs two modules, not {}", between.size()));
+    for (const std::string& name : between)
+      if (CheckEarlier(module, "decoder.between", name) && !Decodes(*Earlier(name), "position"))
+        Report(module, fmt::format("decoder.between: '{}' decodes no position", name));
   }
 
   void CheckInput(const ModuleConfig& module, const std::string& text) {
@@ -204,10 +216,14 @@ class GraphChecker {
     const bool decoded = input.kind != "register" && input.kind != "soft_argmax" &&
                          input.kind != "joints" && input.kind != "language";
     const bool global = input.kind == "joints" || input.kind == "language";
-    if (input.waves && input.kind != "position" && input.kind != "displacement")
-      Report(module, fmt::format("decoder.inputs: '{}': waves are of a position or displacement", text));
+    if (input.waves && input.kind != "position" && input.kind != "displacement" &&
+        input.kind != "joints")
+      Report(module,
+             fmt::format("decoder.inputs: '{}': waves are of a position, displacement or joints",
+                         text));
     if (decoded && input.module.empty())
-      Report(module, fmt::format("decoder.inputs: '{}' must name a module, {}:MODULE", text, input.kind));
+      Report(module,
+             fmt::format("decoder.inputs: '{}' must name a module, {}:MODULE", text, input.kind));
     if (global && !input.module.empty())
       Report(module, fmt::format("decoder.inputs: '{}' belongs to no module", text));
     const ModuleConfig* source = &module;
@@ -216,10 +232,13 @@ class GraphChecker {
       source = Earlier(input.module);
     }
     if (decoded && !Decodes(*source, input.kind))
-      Report(module, fmt::format("decoder.inputs: '{}': that module decodes no {}", text, input.kind));
+      Report(module,
+             fmt::format("decoder.inputs: '{}': that module decodes no {}", text, input.kind));
     const Errors reads = ResolveReads(config_, *source);
-    if (input.kind == "soft_argmax" && std::find(reads.begin(), reads.end(), "image") == reads.end())
-      Report(module, fmt::format("decoder.inputs: '{}': that module does not read the image", text));
+    if (input.kind == "soft_argmax" &&
+        std::find(reads.begin(), reads.end(), "image") == reads.end())
+      Report(module,
+             fmt::format("decoder.inputs: '{}': that module does not read the image", text));
   }
 
   const PolicyConfig& config_;
@@ -230,7 +249,8 @@ class GraphChecker {
 }  // namespace
 
 bool IsReservedName(const std::string& name) {
-  return name == "image" || name == "language" || name == "joints" || name == "self" || name == "all";
+  return name == "image" || name == "language" || name == "joints" || name == "self" ||
+         name == "all";
 }
 
 std::vector<const ModuleConfig*> EvaluationOrder(const PolicyConfig& config) {
@@ -284,7 +304,8 @@ Status PolicyConfig::Validate() const {
 }
 
 std::string ArchitectureHash(const PolicyConfig& config) {
-  // what does not shape a weight is left out: supervision, weights of losses, gradient paths, precision
+  // what does not shape a weight is left out: supervision, weights of losses, gradient paths,
+  // precision
   OrderedJson json = ToJson(config);
   for (const char* key : {"name", "attention_loss", "precision"}) json.erase(key);
   for (auto& module : json["modules"]) {

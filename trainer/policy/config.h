@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A policy as data: the module graph, the encoders and their sizes. trainer/experiments/*.yaml are such
-// files, and so is every ablation. No torch here.
+// A policy as data: the module graph, the encoders and their sizes. trainer/experiments/*.yaml are
+// such files, and so is every ablation. No torch here.
 #pragma once
 
 #include <map>
@@ -13,12 +13,12 @@ namespace etude::policy {
 
 /// One layer of an image encoder: conv (+ norm + ReLU), or a residual block of two 3x3 convs.
 struct ImageLayer {
-  std::string kind = "conv";     ///< conv | residual
+  std::string kind = "conv";  ///< conv | residual
   int channels = 32;
-  int kernel = 3;                ///< conv only
-  int stride = 1;                ///< conv only
-  std::string norm = "batch";    ///< batch | instance | none
-  std::string padding = "zeros"; ///< zeros | reflect
+  int kernel = 3;                 ///< conv only
+  int stride = 1;                 ///< conv only
+  std::string norm = "batch";     ///< batch | instance | none
+  std::string padding = "zeros";  ///< zeros | reflect
 
   template <class V>
   void Visit(V& v) {
@@ -35,9 +35,10 @@ struct ImageConfig {
   /// Region of the camera's picture that the network sees, px: u0, v0, width, height.
   std::vector<int> crop{41, 75, 144, 80};
   std::vector<ImageLayer> layers;
-  std::string position = "fourier";  ///< fourier (absolute pixel coordinates) | index (the original's)
-  double pixel_mean = 60;            ///< 0..255; pixels enter as (x - mean) / scale
-  double pixel_scale = 60;           ///< > 0
+  std::string position =
+      "fourier";            ///< fourier (absolute pixel coordinates) | index (the original's)
+  double pixel_mean = 60;   ///< 0..255; pixels enter as (x - mean) / scale
+  double pixel_scale = 60;  ///< > 0
 
   template <class V>
   void Visit(V& v) {
@@ -50,9 +51,9 @@ struct ImageConfig {
 };
 
 struct LanguageConfig {
-  std::string encoder = "default";   ///< default (trained along) | clip:DIR
-  int buckets = 8192;                ///< hashed features, see services/language/tokenizer.h
-  int width = 64;                    ///< word vector
+  std::string encoder = "default";  ///< default (trained along) | clip:DIR
+  int buckets = 8192;               ///< hashed features, see services/language/tokenizer.h
+  int width = 64;                   ///< word vector
   int hidden = 128;
 
   template <class V>
@@ -66,20 +67,25 @@ struct LanguageConfig {
 
 /// What a module decodes its register into.
 struct DecoderConfig {
-  /// Label it is trained on (trainer/data/labels.h): target_class, target_pixel, target_position, target_pose,
-  /// ee_pixel, ee_position, ee_pose, displacement, trajectory. Empty: no decoder.
+  /// Label it is trained on (trainer/data/labels.h): target_class, target_pixel, target_position,
+  /// target_pose, ee_pixel, ee_position, ee_pose, displacement, trajectory. Empty: no decoder.
   std::string target;
-  std::vector<int> hidden;           ///< widths of hidden layers
-  /// What it reads, concatenated. Of its own: register, soft_argmax (per head and their mean), joints
-  /// (normalised), language (the sentence's token). Of an earlier module M: register:M, soft_argmax:M, class:M
-  /// (probabilities), pixel:M, position:M, displacement:M (decoded, normalised), and waves:position:M,
-  /// waves:displacement:M (sines and cosines of several wavelengths, for decisions about millimetres).
+  std::vector<int> hidden;  ///< widths of hidden layers
+  /// What it reads, concatenated. Of its own: register, soft_argmax (per head and their mean),
+  /// joints (normalised), language (the sentence's token). Of an earlier module M: register:M,
+  /// soft_argmax:M, class:M (probabilities), pixel:M, position:M, displacement:M (decoded,
+  /// normalised), and waves:position:M, waves:displacement:M (sines and cosines of several
+  /// wavelengths, for decisions about millimetres), and waves:joints (sine and cosine of each
+  /// joint's angle, what kinematics is made of).
   std::vector<std::string> inputs{"register"};
   /// trajectory only: waypoints are offsets from this module's decoded position; empty: absolute.
   std::string relative_to;
+  /// displacement only: [A, B] makes it position B - position A plus what the network adds; empty:
+  /// all of it.
+  std::vector<std::string> between;
   /// Decoded inputs carry no gradient back into the modules that they come from.
   bool detach = true;
-  double weight = 1;                 ///< of its loss
+  double weight = 1;  ///< of its loss
 
   template <class V>
   void Visit(V& v) {
@@ -87,6 +93,7 @@ struct DecoderConfig {
     v("hidden", hidden);
     v("inputs", inputs);
     v("relative_to", relative_to);
+    v("between", between);
     v("detach", detach);
     v("weight", weight);
   }
@@ -94,17 +101,19 @@ struct DecoderConfig {
 
 /// A subtask: a query attends, is supervised where to attend, and decodes.
 struct ModuleConfig {
-  std::string name;                  ///< LANG, EE2D, TAR2D, ...
-  int level = 1;                     ///< order of evaluation; also the curriculum's subtask by default
-  std::string query;                 ///< "" own learned register; else an earlier module
-  /// Keys it may read: image, language, joints, self, and earlier modules (of lower levels, or of its own level
-  /// and above it in the list); "all" = image, language, joints and every module of lower levels.
+  std::string name;   ///< LANG, EE2D, TAR2D, ...
+  int level = 1;      ///< order of evaluation; also the curriculum's subtask by default
+  std::string query;  ///< "" own learned register; else an earlier module
+  /// Keys it may read: image, language, joints, self, and earlier modules (of lower levels, or of
+  /// its own level and above it in the list); "all" = image, language, joints and every module of
+  /// lower levels.
   std::vector<std::string> reads{"all"};
-  /// Supervised attention: the summed attention on this key set is driven to 1. language, joints, self,
-  /// MODULE, or image@LABEL with a pixel label (image@target_pixel). Empty: not supervised.
+  /// Supervised attention: the summed attention on this key set is driven to 1. language, joints,
+  /// self, MODULE, or image@LABEL with a pixel label (image@target_pixel). Empty: not supervised.
   std::vector<std::string> attend;
   double attend_weight = 1;
-  /// Registers that it reads carry no gradient back (control noise cannot spoil grounding); tokens do.
+  /// Registers that it reads carry no gradient back (control noise cannot spoil grounding); tokens
+  /// do.
   bool detach = false;
   DecoderConfig decoder;
 
@@ -125,14 +134,16 @@ struct PolicyConfig {
   std::string name = "compact";
   ImageConfig image;
   LanguageConfig language;
-  std::vector<int> joint_hidden{128, 128};   ///< joint encoder, then `width`
-  int width = 64;                            ///< d, of every token and register
+  std::vector<int> joint_hidden{128, 128};  ///< joint encoder, then `width`
+  int width = 64;                           ///< d, of every token and register
   int heads = 4;
-  std::string attention = "module";          ///< module (own parameters) | shared (the paper's, per level)
-  std::string attention_loss = "log";        ///< log (bounded gradients) | mse (the original's (sum - 1)^2)
-  std::string activation = "silu";           ///< silu | selu | relu, of decoders and joint encoder
-  std::vector<std::string> objects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};  ///< LANG's classes
-  std::string precision = "bf16";            ///< bf16 (autocast, convolutions) | float32
+  std::string attention = "module";  ///< module (own parameters) | shared (the paper's, per level)
+  std::string attention_loss =
+      "log";                        ///< log (bounded gradients) | mse (the original's (sum - 1)^2)
+  std::string activation = "silu";  ///< silu | selu | relu, of decoders and joint encoder
+  std::vector<std::string> objects{"cube", "coke",  "pepsi",
+                                   "milk", "bread", "bottle"};  ///< LANG's classes
+  std::string precision = "bf16";  ///< bf16 (autocast, convolutions) | float32
   std::vector<ModuleConfig> modules;
 
   template <class V>

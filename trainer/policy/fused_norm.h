@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// relu(normalise(x) + residual) in two passes over memory forwards and two backwards, where torch makes
-// three to five each and converts instance normalisation to NCHW on the way.
+// relu(normalise(x) + residual) in two passes over memory forwards and two backwards, where torch
+// makes three to five each and converts instance normalisation to NCHW on the way.
 #pragma once
 
 #include <torch/torch.h>
@@ -21,8 +21,9 @@ bool CanFuseNormRelu(const torch::Tensor& x);
 /// @param weight, bias  (C) float32 or undefined (1 and 0)
 /// @param running_mean, running_var  (C) float32 or undefined; updated when training
 /// @param residual  as x, or undefined
-torch::Tensor FusedNormRelu(const FusedNorm& norm, const torch::Tensor& x, const torch::Tensor& weight,
-                            const torch::Tensor& bias, torch::Tensor running_mean,
-                            torch::Tensor running_var, const torch::Tensor& residual);
+torch::Tensor FusedNormRelu(const FusedNorm& norm, const torch::Tensor& x,
+                            const torch::Tensor& weight, const torch::Tensor& bias,
+                            torch::Tensor running_mean, torch::Tensor running_var,
+                            const torch::Tensor& residual);
 
 }  // namespace etude::policy

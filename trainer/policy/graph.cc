@@ -27,7 +27,8 @@ Tensor Waves(const Tensor& x) {
 
 Tensor Position(const ModuleOutput& output) {
   const auto pose = output.decoded.find("pose");
-  return pose != output.decoded.end() ? pose->second.narrow(-1, 0, 3) : output.decoded.at("position");
+  return pose != output.decoded.end() ? pose->second.narrow(-1, 0, 3)
+                                      : output.decoded.at("position");
 }
 
 bool Reads(const Wiring& wiring, const std::string& key) {
@@ -80,9 +81,12 @@ GraphModule::GraphModule(const PolicyConfig& policy, const ModuleConfig& config,
   if (own) {
     attention_ = register_module("attention", std::make_shared<Attention>(width_, heads_));
     norm_ = register_module("norm", std::make_shared<LayerNorm>(width_));
-    if (others > 0) segments_ = register_parameter("segments", 0.1 * torch::randn({others, width_}));
+    if (others > 0)
+      segments_ = register_parameter("segments", 0.1 * torch::randn({others, width_}));
   } else if (config_.query.empty()) {
-    const auto head = [&] { return std::make_shared<TokenHead>(width_, width_, policy.activation); };
+    const auto head = [&] {
+      return std::make_shared<TokenHead>(width_, width_, policy.activation);
+    };
     query_head_ = register_module("query_head", head());
     if (Reads(wiring_, "self")) {
       key_head_ = register_module("key_head", head());
@@ -100,17 +104,19 @@ void GraphModule::MakeDecoder(const PolicyConfig& policy) {
   }
   const std::string kind = DecodeKind(config_.decoder.target);
   decoder_ = register_module(
-      "decoder", std::make_shared<Mlp>(features, config_.decoder.hidden, DecodedWidth(kind, objects_),
-                                       policy.activation));
-  // a pixel starts at the soft-argmax itself
-  if (kind == "pixel" && Reads(wiring_, "image")) decoder_->ScaleOutput(0);
+      "decoder", std::make_shared<Mlp>(features, config_.decoder.hidden,
+                                       DecodedWidth(kind, objects_), policy.activation));
+  // a pixel starts at the soft-argmax itself, a displacement at the difference of two positions
+  if ((kind == "pixel" && Reads(wiring_, "image")) || !config_.decoder.between.empty())
+    decoder_->ScaleOutput(0);
 }
 
 int GraphModule::FeatureWidth(const DecoderInput& input) const {
-  if (input.waves) return 3 * 2 * kWaves;
+  if (input.waves && input.kind != "joints") return 3 * 2 * kWaves;
   if (input.kind == "register" || input.kind == "language") return width_;
   if (input.kind == "soft_argmax") return 2 * heads_ + 2;
-  if (input.kind == "joints") return static_cast<int>(normalization_.joint_mean.size(0));
+  if (input.kind == "joints")
+    return static_cast<int>(normalization_.joint_mean.size(0)) * (input.waves ? 2 : 1);
   return DecodedWidth(input.kind, objects_);
 }
 
@@ -199,7 +205,12 @@ Keys GraphModule::CollectKeys(const Context& context) {
 
 Tensor GraphModule::Feature(const DecoderInput& input, const Context& context,
                             const ModuleOutput& own) const {
-  if (input.kind == "joints") return context.tokens.joint_values;
+  if (input.kind == "joints") {
+    const Tensor& x = context.tokens.joint_values;
+    if (!input.waves) return x;
+    const Tensor angle = normalization_.joint_mean + normalization_.joint_std * x;
+    return torch::cat({torch::sin(angle), torch::cos(angle)}, -1);
+  }
   if (input.kind == "language") return context.tokens.sentence;
   const ModuleOutput& source =
       input.module.empty() ? own : context.earlier[wiring_.index.at(input.module)];
@@ -224,8 +235,10 @@ Tensor GraphModule::Feature(const DecoderInput& input, const Context& context,
 
 void GraphModule::Decode(const Context& context, ModuleOutput& output) {
   std::vector<Tensor> features;
-  for (const DecoderInput& input : inputs_) features.push_back(context.Expand(Feature(input, context, output)));
-  const Tensor raw = decoder_->Forward(features.size() == 1 ? features[0] : torch::cat(features, -1));
+  for (const DecoderInput& input : inputs_)
+    features.push_back(context.Expand(Feature(input, context, output)));
+  const Tensor raw =
+      decoder_->Forward(features.size() == 1 ? features[0] : torch::cat(features, -1));
 
   const std::string kind = DecodeKind(config_.decoder.target);
   const auto place = [&](const Tensor& x) {
@@ -234,20 +247,31 @@ void GraphModule::Decode(const Context& context, ModuleOutput& output) {
   if (kind == "class") {
     output.decoded["class"] = raw;
   } else if (kind == "pixel") {
-    output.decoded["pixel"] = output.soft_argmax.defined() ? output.soft_argmax + 2.0 * stride_ * raw
-                                                           : kPixelScale * (1 + raw);
+    output.decoded["pixel"] = output.soft_argmax.defined()
+                                  ? output.soft_argmax + 2.0 * stride_ * raw
+                                  : kPixelScale * (1 + raw);
   } else if (kind == "position") {
     output.decoded["position"] = place(raw);
   } else if (kind == "pose") {
     output.decoded["pose"] = torch::cat({place(raw.narrow(-1, 0, 3)), raw.narrow(-1, 3, 6)}, -1);
   } else if (kind == "displacement") {
-    output.decoded["displacement"] = normalization_.displacement_std * raw;
+    Tensor displacement = normalization_.displacement_std * raw;
+    if (!config_.decoder.between.empty()) {
+      const auto position = [&](const std::string& module) {
+        const Tensor p = Position(context.earlier[wiring_.index.at(module)]);
+        return context.Expand(config_.decoder.detach || config_.detach ? p.detach() : p);
+      };
+      displacement = displacement + position(config_.decoder.between[1]) -
+                     position(config_.decoder.between[0]);
+    }
+    output.decoded["displacement"] = displacement;
   } else {
     DecodeTrajectory(context, raw, output);
   }
 }
 
-void GraphModule::DecodeTrajectory(const Context& context, const Tensor& raw, ModuleOutput& output) const {
+void GraphModule::DecodeTrajectory(const Context& context, const Tensor& raw,
+                                   ModuleOutput& output) const {
   const Tensor points = raw.view({context.batch, context.sentences, kWaypoints, kWaypointSize});
   Tensor xyz = points.narrow(-1, 0, 3);
   if (config_.decoder.relative_to.empty()) {
@@ -257,9 +281,10 @@ void GraphModule::DecodeTrajectory(const Context& context, const Tensor& raw, Mo
     const Tensor fixed = config_.decoder.detach ? origin.detach() : origin;
     xyz = context.Take(fixed).unsqueeze(2) + normalization_.offset_std * xyz;
   }
+  output.waypoint_scale = normalization_.offset_std.mean(-1);
   output.gripper_logits = points.select(-1, kWaypointSize - 1);
-  output.decoded["trajectory"] =
-      torch::cat({xyz, points.narrow(-1, 3, 6), torch::sigmoid(output.gripper_logits).unsqueeze(-1)}, -1);
+  output.decoded["trajectory"] = torch::cat(
+      {xyz, points.narrow(-1, 3, 6), torch::sigmoid(output.gripper_logits).unsqueeze(-1)}, -1);
 }
 
 }  // namespace etude::policy

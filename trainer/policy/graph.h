@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// One module of the graph: a query attends to tokens and registers; the result is its register, and its
-// decoder turns that and what else the module may read into numbers for people.
-// Shapes as in policy.h; every tensor of a module is (B, S | 1, ...).
+// One module of the graph: a query attends to tokens and registers; the result is its register, and
+// its decoder turns that and what else the module may read into numbers for people. Shapes as in
+// policy.h; every tensor of a module is (B, S | 1, ...).
 #pragma once
 
 #include <torch/torch.h>
@@ -25,27 +25,27 @@ struct Token {
 
 /// What the encoders made of the inputs.
 struct Tokens {
-  Token image;                    ///< (B, P, d); undefined when no module reads it
-  Token language;                 ///< (B, S, d)
-  Token joints;                   ///< (B, 1, d)
-  torch::Tensor sentence;         ///< (B, S, d) the language token before key and value heads
-  torch::Tensor joint_values;     ///< (B, 1, J) normalised
-  torch::Tensor image_pixels;     ///< (P, 2) px from the crop's corner
-  torch::Tensor crop_origin;      ///< (B, 2) px
+  Token image;                 ///< (B, P, d); undefined when no module reads it
+  Token language;              ///< (B, S, d)
+  Token joints;                ///< (B, 1, d)
+  torch::Tensor sentence;      ///< (B, S, d) the language token before key and value heads
+  torch::Tensor joint_values;  ///< (B, 1, J) normalised
+  torch::Tensor image_pixels;  ///< (P, 2) px from the crop's corner
+  torch::Tensor crop_origin;   ///< (B, 2) px
 };
 
 /// Where a module stands among the others; indices are in the order of evaluation.
 struct Wiring {
-  std::vector<std::string> reads;            ///< resolved, image first
-  std::map<std::string, int> index;          ///< of every earlier module
+  std::vector<std::string> reads;    ///< resolved, image first
+  std::map<std::string, int> index;  ///< of every earlier module
   std::vector<const ModuleConfig*> earlier;
   bool depends_on_sentence = false;
-  bool first_sentence_only = false;          ///< while training: a trajectory nobody else reads
+  bool first_sentence_only = false;  ///< while training: a trajectory nobody else reads
 };
 
 /// The paper's parameters that modules share: heads of tokens, one attention a level.
 struct SharedAttention {
-  torch::Tensor segments;                             ///< (3 + own registers, d)
+  torch::Tensor segments;  ///< (3 + own registers, d)
   std::map<int, std::shared_ptr<Attention>> levels;
 };
 
@@ -67,20 +67,22 @@ class GraphModule : public torch::nn::Module {
   torch::Tensor Query(const Context& context);
   Keys CollectKeys(const Context& context);
   Token OwnToken(const Context& context, bool as_key);
-  torch::Tensor Feature(const DecoderInput& input, const Context& context, const ModuleOutput& own) const;
+  torch::Tensor Feature(const DecoderInput& input, const Context& context,
+                        const ModuleOutput& own) const;
   void Decode(const Context& context, ModuleOutput& output);
-  void DecodeTrajectory(const Context& context, const torch::Tensor& raw, ModuleOutput& output) const;
+  void DecodeTrajectory(const Context& context, const torch::Tensor& raw,
+                        ModuleOutput& output) const;
 
   ModuleConfig config_;
   Wiring wiring_;
   Normalization normalization_;  ///< handles of the policy's buffers
   int width_, heads_, objects_, stride_;
   int segment_;
-  torch::Tensor register_;       ///< (d) own query, unless the query is another module's register
-  torch::Tensor segments_;       ///< (n, d) which key is which; own attention only
-  std::shared_ptr<TokenHead> query_head_, key_head_, value_head_;   ///< shared attention only
-  std::shared_ptr<Attention> attention_;                            ///< own attention only
-  std::shared_ptr<LayerNorm> norm_;                                 ///< own attention only
+  torch::Tensor register_;  ///< (d) own query, unless the query is another module's register
+  torch::Tensor segments_;  ///< (n, d) which key is which; own attention only
+  std::shared_ptr<TokenHead> query_head_, key_head_, value_head_;  ///< shared attention only
+  std::shared_ptr<Attention> attention_;                           ///< own attention only
+  std::shared_ptr<LayerNorm> norm_;                                ///< own attention only
   std::vector<DecoderInput> inputs_;
   std::shared_ptr<Mlp> decoder_;
 };

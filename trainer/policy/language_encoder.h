@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sentence -> language token: the mean of word vectors, each the mean of hashed features, then a perceptron.
+// Sentence -> language token: the mean of word vectors, each the mean of hashed features, then a
+// perceptron.
 #pragma once
 
 #include <torch/torch.h>
@@ -17,7 +18,8 @@ namespace etude::policy {
 class LanguageEncoder : public torch::nn::Module {
  public:
   enum class Output { kNormalised, kLinear };
-  LanguageEncoder(const LanguageConfig& config, int width, const std::string& activation, Output output);
+  LanguageEncoder(const LanguageConfig& config, int width, const std::string& activation,
+                  Output output);
   /// @returns (D, d), one row a sentence
   torch::Tensor Forward(const std::vector<std::string>& sentences);
 

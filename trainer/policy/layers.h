@@ -23,7 +23,8 @@ class LayerNorm : public torch::nn::Module {
   torch::Tensor weight_, bias_;
 };
 
-/// Linear layers with an activation between them; a hidden layer as wide as the one before is residual.
+/// Linear layers with an activation between them; a hidden layer as wide as the one before is
+/// residual.
 class Mlp : public torch::nn::Module {
  public:
   enum class Output { kLinear, kActivated };
@@ -39,7 +40,8 @@ class Mlp : public torch::nn::Module {
   Output output_;
 };
 
-/// Linear + LayerNorm + activation: the paper's maps from tokens and slots to queries, keys and values.
+/// Linear + LayerNorm + activation: the paper's maps from tokens and slots to queries, keys and
+/// values.
 class TokenHead : public torch::nn::Module {
  public:
   TokenHead(int inputs, int outputs, std::string activation);
@@ -60,8 +62,8 @@ class NormRelu : public torch::nn::Module {
 
  private:
   Kind kind_;
-  torch::Tensor weight_, bias_;                ///< (C), batch only (the original's instance norm has none)
-  torch::Tensor running_mean_, running_var_;   ///< (C), batch only
+  torch::Tensor weight_, bias_;  ///< (C), batch only (the original's instance norm has none)
+  torch::Tensor running_mean_, running_var_;  ///< (C), batch only
 };
 
 }  // namespace etude::policy

@@ -12,12 +12,13 @@ namespace {
 
 using torch::Tensor;
 
-constexpr double kPatchSigma = 0.6;    // patches
-constexpr double kTiny = 1e-8;         // below it a logarithm's gradient is bounded
-constexpr double kPixelWeight = 10, kPixelBeta = 0.01;          // of pixels / kPixelScale
-constexpr double kPositionWeight = 20, kPositionBeta = 0.01;    // m
-constexpr double kWaypointWeight = 20, kWaypointBeta = 0.005;   // m
-constexpr double kAngleWeight = 1, kAngleBeta = 0.1;            // of sines and cosines
+constexpr double kPatchSigma = 0.6;  // patches
+constexpr double kTiny = 1e-8;       // below it a logarithm's gradient is bounded
+constexpr double kPixelWeight = 10, kPixelBeta = 0.01;         // of pixels / kPixelScale
+constexpr double kPositionWeight = 20, kPositionBeta = 0.003;  // m
+constexpr double kWaypointWeight = 2,
+                 kWaypointBeta = 0.05;                // of metres / ModuleOutput::waypoint_scale
+constexpr double kAngleWeight = 1, kAngleBeta = 0.1;  // of sines and cosines
 constexpr double kGripperWeight = 0.5;
 
 Tensor SmoothL1(const Tensor& value, const Tensor& label, double beta) {
@@ -53,16 +54,19 @@ Tensor InCrop(const Tensor& pixel, const Tensor& crop_origin, const TokenGrid& g
 
 /// (B, S, P) 1 on the patch under each pixel (the nearest, outside).
 Tensor NearestPatch(const Tensor& pixel, const Tensor& crop_origin, const TokenGrid& grid) {
-  const Tensor at = torch::floor((pixel - crop_origin.unsqueeze(1)) / grid.stride).to(torch::kInt64);
+  const Tensor at =
+      torch::floor((pixel - crop_origin.unsqueeze(1)) / grid.stride).to(torch::kInt64);
   const Tensor column = at.select(-1, 0).clamp(0, grid.columns - 1);
   const Tensor row = at.select(-1, 1).clamp(0, grid.rows - 1);
-  return torch::one_hot(row * grid.columns + column, grid.rows * grid.columns).to(pixel.scalar_type());
+  return torch::one_hot(row * grid.columns + column, grid.rows * grid.columns)
+      .to(pixel.scalar_type());
 }
 
 Tensor ClassLoss(const ModuleOutput& output, const Label& label) {
   const Tensor& logits = output.decoded.at("class");
   const auto sentences = std::max(logits.size(1), label.value.size(1));
-  const Tensor log_p = torch::log_softmax(logits, -1).expand({logits.size(0), sentences, logits.size(2)});
+  const Tensor log_p =
+      torch::log_softmax(logits, -1).expand({logits.size(0), sentences, logits.size(2)});
   const Tensor index = torch::where(label.valid, label.value, torch::zeros_like(label.value))
                            .expand({logits.size(0), sentences});
   return Masked{-log_p.gather(-1, index.unsqueeze(-1)).squeeze(-1), label.valid}.Mean();
@@ -84,12 +88,17 @@ Tensor TrajectoryLoss(const ModuleOutput& output, const Label& label) {
   const Tensor value = output.decoded.at("trajectory").narrow(1, 0, 1);
   const Tensor logits = output.gripper_logits.narrow(1, 0, 1);
   Label points = label;
-  if (points.valid.dim() == 2) points.valid = points.valid.unsqueeze(-1).expand(points.value.sizes().slice(0, 3));
+  if (points.valid.dim() == 2)
+    points.valid = points.valid.unsqueeze(-1).expand(points.value.sizes().slice(0, 3));
   const Tensor clean = Clean(points);
+  const Tensor scale = output.waypoint_scale.unsqueeze(-1);
   const Tensor loss =
-      kWaypointWeight * SmoothL1(value.narrow(-1, 0, 3), clean.narrow(-1, 0, 3), kWaypointBeta).mean(-1) +
+      kWaypointWeight *
+          SmoothL1(value.narrow(-1, 0, 3) / scale, clean.narrow(-1, 0, 3) / scale, kWaypointBeta)
+              .mean(-1) +
       kAngleWeight * SmoothL1(value.narrow(-1, 3, 6), clean.narrow(-1, 3, 6), kAngleBeta).mean(-1) +
-      kGripperWeight * torch::binary_cross_entropy_with_logits(logits, clean.select(-1, kWaypointSize - 1),
+      kGripperWeight * torch::binary_cross_entropy_with_logits(logits,
+                                                               clean.select(-1, kWaypointSize - 1),
                                                                {}, {}, torch::Reduction::None);
   return Masked{loss, points.valid}.Mean();
 }
@@ -112,9 +121,9 @@ Tensor PatchTarget(const Tensor& pixel, const Tensor& crop_origin, const TokenGr
   return (along(1, grid.rows).unsqueeze(-1) * along(0, grid.columns).unsqueeze(-2)).flatten(2);
 }
 
-Masked AttentionLoss(const ModuleConfig& module, const std::string& form, const std::vector<std::string>& keys,
-                     const ModuleOutput& output, const Labels& labels, const Tensor& crop_origin,
-                     const TokenGrid& grid) {
+Masked AttentionLoss(const ModuleConfig& module, const std::string& form,
+                     const std::vector<std::string>& keys, const ModuleOutput& output,
+                     const Labels& labels, const Tensor& crop_origin, const TokenGrid& grid) {
   const Tensor& map = output.attention;
   const auto tokens = grid.rows * grid.columns;
   const bool image = !keys.empty() && keys[0] == "image";
@@ -151,8 +160,9 @@ Tensor DecodeLoss(const ModuleConfig& module, const ModuleOutput& output, const 
   const Tensor& value = output.decoded.at(kind);
   if (kind != "pixel") return PoseLoss(value, label);
   const Tensor pixel = Clean(label);
-  return Masked{kPixelWeight * SmoothL1(value / kPixelScale, pixel / kPixelScale, kPixelBeta).mean(-1),
-                label.valid & InCrop(pixel, crop_origin, grid)}
+  return Masked{
+      kPixelWeight * SmoothL1(value / kPixelScale, pixel / kPixelScale, kPixelBeta).mean(-1),
+      label.valid & InCrop(pixel, crop_origin, grid)}
       .Mean();
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The inner loops of FusedNormRelu over channels-last rows, compiled twice: for any CPU and for AVX-512.
-// Nothing but pointers and numbers, because a header's inline functions must not be compiled for AVX-512.
+// The inner loops of FusedNormRelu over channels-last rows, compiled twice: for any CPU and for
+// AVX-512. Nothing but pointers and numbers, because a header's inline functions must not be
+// compiled for AVX-512.
 #pragma once
 
 #include <cstdint>
@@ -22,8 +23,10 @@ struct NormKernel {
   void (*sums)(const NormRows&, const float* shift, float* sum, float* squares);
   /// y = relu(x * scale[c] + offset[c] + residual).
   void (*apply)(const NormRows&, const float* scale, const float* offset, void* y);
-  /// With g = grad where y > 0: sum[c] = sum of g, product[c] = sum of g * (x * scale[c] + offset[c]).
-  void (*grad_sums)(const NormRows&, const float* scale, const float* offset, float* sum, float* product);
+  /// With g = grad where y > 0: sum[c] = sum of g, product[c] = sum of g * (x * scale[c] +
+  /// offset[c]).
+  void (*grad_sums)(const NormRows&, const float* scale, const float* offset, float* sum,
+                    float* product);
   /// dx = g * of_g[c] + x * of_x[c] + constant[c]; g itself goes to `residual_grad` unless null.
   void (*grad_apply)(const NormRows&, const float* of_g, const float* of_x, const float* constant,
                      void* dx, void* residual_grad);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The network: image, language and joint tokens, and a graph of modules whose registers attend to them.
-// Shapes: B images, S sentences per image (relabelled grounding asks several targets of one picture), P image
-// tokens, d width, J joints, D distinct sentences of the batch (each is encoded once).
+// The network: image, language and joint tokens, and a graph of modules whose registers attend to
+// them. Shapes: B images, S sentences per image (relabelled grounding asks several targets of one
+// picture), P image tokens, d width, J joints, D distinct sentences of the batch (each is encoded
+// once).
 #pragma once
 
 #include <torch/torch.h>
@@ -16,50 +17,60 @@
 
 namespace etude::policy {
 
-/// Statistics of the training split, saved with the checkpoint. All (n,) float32.
+/// Statistics of the training split, saved with the checkpoint. All float32.
 struct Normalization {
-  torch::Tensor joint_mean, joint_std;          ///< (J)
-  torch::Tensor position_mean, position_std;    ///< (3) m, of objects and hand
-  torch::Tensor displacement_std;               ///< (3) m
-  torch::Tensor offset_std;                     ///< (3) m, of waypoints relative to the hand
+  torch::Tensor joint_mean, joint_std;        ///< (J)
+  torch::Tensor position_mean, position_std;  ///< (3) m, of objects and hand
+  torch::Tensor displacement_std;             ///< (3) m
+  torch::Tensor offset_std;                   ///< (12, 3) m, of each waypoint relative to the hand
+
+  /// Zero means and unit deviations: for weights that bring their own, and for tests.
+  static Normalization Unit(int joints);
 };
 
 struct Inputs {
-  torch::Tensor images;          ///< (B, 3, h, w) uint8, channels-last; the configured crop, maybe jittered
-  torch::Tensor crop_origin;     ///< (B, 2) float: u0, v0 of each picture in the camera's picture, px
-  torch::Tensor joints;          ///< (B, J) float, raw: arm joints then gripper joints
-  std::vector<std::string> sentences;   ///< D distinct sentences
-  torch::Tensor sentence_index;  ///< (B, S) int64 into `sentences`; s = 0 is the demonstrated command
+  torch::Tensor images;  ///< (B, 3, h, w) uint8, channels-last; the configured crop, maybe jittered
+  torch::Tensor crop_origin;  ///< (B, 2) float: u0, v0 of each picture in the camera's picture, px
+  torch::Tensor joints;       ///< (B, J) float, raw: arm joints then gripper joints
+  std::vector<std::string> sentences;  ///< D distinct sentences
+  torch::Tensor
+      sentence_index;  ///< (B, S) int64 into `sentences`; s = 0 is the demonstrated command
 };
 
-/// Labels by name (see trainer/data/labels.h); (B, S, ...) or (B, 1, ...) where the sentence does not matter.
-/// A bool tensor "<name>.valid" of shape (B, S|1) masks samples.
+/// Labels by name (see trainer/data/labels.h); (B, S, ...) or (B, 1, ...) where the sentence does
+/// not matter. A bool tensor "<name>.valid" of shape (B, S|1) masks samples.
 using Labels = std::map<std::string, torch::Tensor>;
 
-/// What one module said. S' is S, or 1 where nothing it reads depends on the sentence, and for trajectories
-/// while training (they are labelled for s = 0 only).
+/// What one module said. S' is S, or 1 where nothing it reads depends on the sentence, and for
+/// trajectories while training (they are labelled for s = 0 only).
 struct ModuleOutput {
-  torch::Tensor reg;             ///< (B, S', d) its register
-  torch::Tensor attention;       ///< (B, S', K) head-mean over its keys; image tokens first when it reads them
-  torch::Tensor soft_argmax;     ///< (B, S', 2) px in the camera's picture, when it reads the image
-  torch::Tensor head_soft_argmax;   ///< (B, S', heads, 2) px, the same of each head
-  torch::Tensor gripper_logits;  ///< (B, S', 12), when it decodes a trajectory
-  /// Decoded, in SI units, as a person reads it: "class" logits, "pixel" (2), "position" (3), "pose" (9),
-  /// "displacement" (3), "trajectory" (12, 10) absolute with the gripper as a probability.
+  torch::Tensor reg;  ///< (B, S', d) its register
+  torch::Tensor
+      attention;  ///< (B, S', K) head-mean over its keys; image tokens first when it reads them
+  torch::Tensor soft_argmax;  ///< (B, S', 2) px in the camera's picture, when it reads the image
+  torch::Tensor head_soft_argmax;  ///< (B, S', heads, 2) px, the same of each head
+  torch::Tensor gripper_logits;    ///< (B, S', 12), when it decodes a trajectory
+  torch::Tensor
+      waypoint_scale;  ///< (12) m, what an error of waypoint k is measured in; with a trajectory
+  /// Decoded, in SI units, as a person reads it: "class" logits, "pixel" (2), "position" (3),
+  /// "pose" (9), "displacement" (3), "trajectory" (12, 10) absolute with the gripper as a
+  /// probability.
   std::map<std::string, torch::Tensor> decoded;
 };
 using Outputs = std::map<std::string, ModuleOutput>;
 
 struct LossTerms {
-  torch::Tensor total;                          ///< scalar
-  std::map<std::string, double> terms;          ///< "LANG.attention", "TAR3D.decode", ...; they sum to total
+  torch::Tensor total;  ///< scalar
+  std::map<std::string, double>
+      terms;  ///< "LANG.attention", "TAR3D.decode", ...; they sum to total
 };
 
 /// Thread safety: forward in eval mode under NoGradGuard from several threads; training from one.
 class Policy : public torch::nn::Module {
  public:
   /// @error kInvalidArgument from config.Validate().
-  static Result<std::shared_ptr<Policy>> Create(const PolicyConfig& config, const Normalization& normalization,
+  static Result<std::shared_ptr<Policy>> Create(const PolicyConfig& config,
+                                                const Normalization& normalization,
                                                 std::uint64_t seed);
   ~Policy() override;
 
@@ -68,21 +79,23 @@ class Policy : public torch::nn::Module {
   torch::Tensor EncodeSentences(const std::vector<std::string>& sentences);
   /// Evaluates the modules of level <= `level` (all when 0).
   Outputs Forward(const Inputs& inputs, int level = 0);
-  /// Losses of every module of level <= `level` that `outputs` holds. A label that is absent adds nothing.
+  /// Losses of every module of level <= `level` that `outputs` holds. A label that is absent adds
+  /// nothing.
   LossTerms Loss(const Inputs& inputs, const Outputs& outputs, const Labels& labels, int level = 0);
 
   int levels() const;
-  /// What attention's columns are: "image" stands for all image tokens, then language, joints, self, modules.
-  /// `module` is one of config().modules.
+  /// What attention's columns are: "image" stands for all image tokens, then language, joints,
+  /// self, modules. `module` is one of config().modules.
   std::vector<std::string> KeysOf(const std::string& module) const;
   /// Row-major grid of image tokens: rows, columns.
   std::pair<int, int> grid() const;
   /// Name -> parameter or buffer, normalisation included: what a checkpoint stores.
   std::map<std::string, torch::Tensor> StateTensors();
-  /// @error kInvalidArgument with every name or shape that does not fit; the policy is unchanged then.
+  /// @error kInvalidArgument with every name or shape that does not fit; the policy is unchanged
+  /// then.
   Status LoadStateTensors(const std::map<std::string, torch::Tensor>& tensors);
-  /// Parameters that belong to module `name` alone (empty with shared attention, but for its register
-  /// and decoder). For freezing and transplanting.
+  /// Parameters that belong to module `name` alone (empty with shared attention, but for its
+  /// register and decoder). For freezing and transplanting.
   std::vector<std::string> ParametersOf(const std::string& module) const;
 
  private:

@@ -130,11 +130,7 @@ Result<Checkpoint> ReadCheckpoint(const Path& path) {
 }
 
 Result<std::shared_ptr<policy::Policy>> BuildPolicy(const Checkpoint& checkpoint) {
-  const auto ones = [](int n) { return torch::ones({n}, torch::kFloat32); };
-  const auto zeros = [](int n) { return torch::zeros({n}, torch::kFloat32); };
-  const int joints = checkpoint.info.joints;
-  const policy::Normalization unit{zeros(joints), ones(joints), zeros(3),
-                                   ones(3),       ones(3),      ones(3)};
+  const auto unit = policy::Normalization::Unit(checkpoint.info.joints);  // the checkpoint brings the real one
   try {
     ETUDE_ASSIGN_OR_RETURN(auto policy, policy::Policy::Create(checkpoint.policy, unit, 0));
     if (const auto loaded = policy->LoadStateTensors(checkpoint.tensors); !loaded)

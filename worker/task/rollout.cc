@@ -98,7 +98,7 @@ Rollout::Rollout(Session* session, collide::Checker* checker, const RolloutSpec&
 Result<Verdict> Rollout::Run(const PolicyFunction& policy) {
   Tracker tracker(session_->world().X_WE(), false);
   for (int step = 0;; ++step) {
-    if (step % spec_.replan_steps == 0 && success_step_ < 0) {
+    if (step % spec_.replan_steps == 0 && step < spec_.max_steps && success_step_ < 0) {
       ETUDE_ASSIGN_OR_RETURN(PolicyAnswer answer, Ask(policy));
       const std::string refusal = RefusalOf(answer);
       if (!refusal.empty())

@@ -11,15 +11,10 @@
 namespace etude::learn {
 namespace {
 
-policy::Normalization UnitNormalization() {
-  return {torch::zeros(7), torch::ones(7), torch::zeros(3),
-          torch::ones(3),  torch::ones(3), torch::ones(3)};
-}
-
 std::vector<std::shared_ptr<policy::Policy>> Policies(const TrainConfig& config, int n) {
   std::vector<std::shared_ptr<policy::Policy>> policies;
   for (int i = 0; i < n; ++i) {
-    auto policy = policy::Policy::Create(config.policy, UnitNormalization(), 1);
+    auto policy = policy::Policy::Create(config.policy, policy::Normalization::Unit(7), 1);
     EXPECT_TRUE(policy) << policy.error().message;
     (*policy)->train();
     policies.push_back(*policy);

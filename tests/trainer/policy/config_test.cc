@@ -104,6 +104,16 @@ TEST(PolicyConfig, RefusesRelativeToWithoutAPosition) {
   EXPECT_THAT(Problems(config), HasSubstr("modules.EE3D.decoder.relative_to: is for trajectories only"));
 }
 
+TEST(PolicyConfig, RefusesBetweenWithoutTwoPositions) {
+  PolicyConfig config = Preset("compact");
+  Module(config, "DISP").decoder.between = {"EE3D", "LANG"};
+  EXPECT_THAT(Problems(config), HasSubstr("modules.DISP.decoder.between: 'LANG' decodes no position"));
+  Module(config, "DISP").decoder.between = {"EE3D"};
+  EXPECT_THAT(Problems(config), HasSubstr("modules.DISP.decoder.between: needs two modules, not 1"));
+  Module(config, "TAR3D").decoder.between = {"EE3D", "EE3D"};
+  EXPECT_THAT(Problems(config), HasSubstr("modules.TAR3D.decoder.between: is for displacements only"));
+}
+
 TEST(PolicyConfig, UnknownKeysAreRefused) {
   const auto config = LoadConfig<PolicyConfig>("trainer/experiments/policies/compact.yaml",
                                                {"image.crop=[0,0,64,64]", "widht=32"});

@@ -44,9 +44,10 @@ modules:
      decoder: {target: ee_pose, hidden: [8], inputs: [register, joints], detach: false}}
   - {name: TAR3D, level: 3, reads: [TAR2D, EE3D], attend: [TAR2D],
      decoder: {target: target_position, hidden: [8, 8], detach: false,
-               inputs: [register, "soft_argmax:TAR2D", "pixel:TAR2D", joints, "position:EE3D"]}}
+               inputs: [register, "soft_argmax:TAR2D", "pixel:TAR2D", joints, "waves:joints", "position:EE3D"]}}
   - {name: DISP, level: 4, reads: [EE3D, TAR3D, language], attend: [EE3D, TAR3D],
-     decoder: {target: displacement, inputs: ["position:EE3D", "position:TAR3D"], detach: false}}
+     decoder: {target: displacement, inputs: ["position:EE3D", "position:TAR3D"], between: [EE3D, TAR3D],
+               detach: false}}
   - {name: CTRL, level: 5, reads: [all], attend: [language, joints, EE3D, TAR3D, DISP],
      decoder: {target: trajectory, hidden: [12, 12], relative_to: EE3D, detach: false,
                inputs: [register, language, "class:LANG", "waves:displacement:DISP", "displacement:DISP"]}}
@@ -62,7 +63,7 @@ inline Normalization TinyNormalization(int joints = 3) {
           .position_mean = torch::tensor({0.0F, 0.2F, 0.1F}),
           .position_std = torch::tensor({0.2F, 0.1F, 0.08F}),
           .displacement_std = torch::tensor({0.2F, 0.1F, 0.05F}),
-          .offset_std = torch::tensor({0.1F, 0.1F, 0.05F})};
+          .offset_std = torch::tensor({0.1F, 0.1F, 0.05F}).expand({kWaypoints, 3})};
 }
 
 inline std::shared_ptr<Policy> MakePolicy(const PolicyConfig& config, std::uint64_t seed = 1,

@@ -114,7 +114,7 @@ TEST(DecodeLoss, PositionIsSmoothL1InMetres) {
   c.output.decoded["position"] = torch::tensor({{{0.1F, 0.2F, 0.3F}}, {{0.0F, 0.0F, 0.0F}}});
   c.labels["ee_position"] = torch::tensor({{{0.102F, 0.25F, 0.3F}}, {{0.5F, 0.5F, 0.5F}}});
   c.labels["ee_position.valid"] = torch::tensor({{true}, {false}});
-  const double expected = 20 * (ScalarSmoothL1(0.002, 0.01) + ScalarSmoothL1(0.05, 0.01)) / 3;
+  const double expected = 20 * (ScalarSmoothL1(0.002, 0.003) + ScalarSmoothL1(0.05, 0.003)) / 3;
   EXPECT_NEAR(DecodeLoss(c.module, c.output, c.labels, c.origin, c.grid).item<double>(), expected, 1e-5);
 }
 
@@ -133,6 +133,7 @@ TEST(DecodeLoss, TrajectoryCountsValidWaypointsOfTheFirstSentence) {
   c.output.decoded["trajectory"] = torch::zeros({1, 2, 12, 10});
   c.output.decoded["trajectory"][0][1].fill_(99);  // another sentence: not labelled
   c.output.gripper_logits = torch::full({1, 2, 12}, 0.7F);
+  c.output.waypoint_scale = torch::linspace(0.01, 0.12, 12);  // the fourth one: 4 cm
   Tensor label = torch::zeros({1, 1, 12, 10});
   label[0][0][3][1] = 0.03F;   // m
   label[0][0][3][5] = 0.5F;    // a sine
@@ -142,7 +143,7 @@ TEST(DecodeLoss, TrajectoryCountsValidWaypointsOfTheFirstSentence) {
   Tensor valid = torch::zeros({1, 1, 12}, torch::kBool);
   valid[0][0][3] = true;
   c.labels["trajectory.valid"] = valid;
-  const double expected = 20 * ScalarSmoothL1(0.03, 0.005) / 3 + ScalarSmoothL1(0.5, 0.1) / 6 +
+  const double expected = 2 * ScalarSmoothL1(0.03 / 0.04, 0.05) / 3 + ScalarSmoothL1(0.5, 0.1) / 6 +
                           0.5 * std::log(1 + std::exp(-0.7));
   EXPECT_NEAR(DecodeLoss(c.module, c.output, c.labels, c.origin, c.grid).item<double>(), expected, 1e-5);
 }

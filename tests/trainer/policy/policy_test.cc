@@ -245,6 +245,15 @@ TEST(Policy, TheSeedDecidesTheWeightsAndNothingElse) {
   EXPECT_FALSE(torch::equal(wa.at("image.narrow.weight"), wc.at("image.narrow.weight")));
 }
 
+TEST(Policy, ADisplacementBetweenModulesStartsAtTheirDifference) {
+  auto policy = MakePolicy(TinyConfig());
+  policy->eval();
+  const auto outputs = policy->Forward(MakeInputs(TinyConfig(), 2, 3));
+  const Tensor hand = outputs.at("EE3D").decoded.at("pose").narrow(-1, 0, 3);
+  const Tensor difference = outputs.at("TAR3D").decoded.at("position") - hand;
+  EXPECT_TRUE(torch::equal(outputs.at("DISP").decoded.at("displacement"), difference));
+}
+
 TEST(Policy, ControlCannotMoveGroundingWhenDetached) {
   PolicyConfig config = TinyConfig();
   ModuleConfig* control = FindModule(config, "CTRL");
@@ -300,7 +309,7 @@ TEST(Policy, WhatIsNotBuiltInIsRefused) {
   ASSERT_FALSE(policy);
   EXPECT_EQ(policy.error().code, Code::kUnavailable);
   Normalization bad = TinyNormalization();
-  bad.offset_std = torch::ones({2});
+  bad.offset_std = torch::ones({3});
   EXPECT_FALSE(Policy::Create(TinyConfig(), bad, 1));
 }
 

@@ -14,13 +14,7 @@ inline constexpr int kExampleJoints = 7;
 /// `config` must outlive the request.
 inline learn::CheckpointRequest ExampleRequest(const learn::TrainConfig& config,
                                                std::uint64_t step = 100, std::uint64_t seed = 1) {
-  const policy::Normalization unit{torch::zeros(kExampleJoints),
-                                   torch::ones(kExampleJoints),
-                                   torch::zeros(3),
-                                   torch::ones(3),
-                                   torch::ones(3),
-                                   torch::ones(3)};
-  auto policy = policy::Policy::Create(config.policy, unit, seed);
+  auto policy = policy::Policy::Create(config.policy, policy::Normalization::Unit(kExampleJoints), seed);
   EXPECT_TRUE(policy) << policy.error().message;
   learn::CheckpointRequest request;
   request.step = step;
