@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <thread>
 
+#include "services/bus/arguments.h"
 #include "services/bus/topic.h"
 #include "services/campaign/collector.h"
 #include "services/core/command.h"
@@ -26,15 +27,14 @@ struct Arguments {
   std::uint64_t steps = 0;
   std::uint64_t seed = 0;
   bool has_seed = false, resume = false, follow = false, offline = false;
-  std::uint32_t domain = 0;
+  bus::Arguments bus;
 };
 
 /// The collector of --collect on a thread of its own.
 class HostedCollector {
  public:
   static Result<std::unique_ptr<HostedCollector>> Start(const bus::Participant& participant,
-                                                        const std::string& spec_file,
-                                                        const Path& dataset) {
+                                                        const std::string& spec_file, const Path& dataset) {
     ETUDE_ASSIGN_OR_RETURN(const auto spec, LoadConfig<CampaignSpec>(spec_file));
     ETUDE_RETURN_IF_ERROR(spec.Validate());
     ETUDE_ASSIGN_OR_RETURN(auto collector, campaign::Collector::Open(participant, spec, dataset));
@@ -82,8 +82,7 @@ Path ExecutablePath() {
 
 Result<learn::TrainConfig> ReadConfig(const Arguments& arguments) {
   const char* share = std::getenv("ETUDE_SHARE");
-  ETUDE_ASSIGN_OR_RETURN(const Path experiments,
-                         learn::FindExperiments(share ? share : "", ExecutablePath()));
+  ETUDE_ASSIGN_OR_RETURN(const Path experiments, learn::FindExperiments(share ? share : "", ExecutablePath()));
   // a run that resumes is what it was, unless told otherwise
   const Path saved = Path(arguments.out) / "config.yaml";
   std::string source = arguments.config.empty() ? "compact" : arguments.config;
@@ -102,8 +101,7 @@ Status CheckOut(const Arguments& arguments) {
   if (there && !arguments.resume)
     return Fail(
         Code::kInvalidArgument,
-        fmt::format("'{}' holds a run already: continue it with --resume, or give another --out",
-                    arguments.out));
+        fmt::format("'{}' holds a run already: continue it with --resume, or give another --out", arguments.out));
   if (!there && arguments.resume)
     return Fail(Code::kInvalidArgument, fmt::format("--resume: '{}' holds no run", arguments.out));
   return {};
@@ -118,57 +116,48 @@ Result<std::shared_ptr<data::Dataset>> OpenDataset(const Path& path, bool follow
     if (!said) Log().info("waiting for dataset '{}'", path.string());
     said = true;
     if (WaitForStop(std::chrono::milliseconds(300)))
-      return Fail(Code::kUnavailable,
-                  fmt::format("stopped while waiting for dataset '{}'", path.string()));
+      return Fail(Code::kUnavailable, fmt::format("stopped while waiting for dataset '{}'", path.string()));
   }
 }
 
-Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& arguments,
-               const learn::TrainConfig& config, const std::string& run,
-               const bus::Participant* participant) {
+Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& arguments, const learn::TrainConfig& config,
+               const std::string& run, const bus::Participant* participant) {
   std::optional<bus::Writer<bus::TrainStatus>> status_writer;
   if (participant) {
     ETUDE_ASSIGN_OR_RETURN(status_writer, bus::Writer<bus::TrainStatus>::Open(*participant, run));
   }
   ETUDE_ASSIGN_OR_RETURN(auto sink, publish::CheckpointSink::Open(arguments.out, run, participant));
-  const learn::Hooks hooks{
-      [&sink](const learn::CheckpointRequest& request) { return sink.Save(request); },
-      [&](const learn::Progress& progress) {
-        if (!status_writer) return;
-        const Status written = status_writer->Write(ToMessage(run, progress));
-        if (!written) Log().debug("telemetry: {}", written.error().message);
-      }};
-  const learn::RunOptions options{arguments.out, arguments.resume,
-                                  arguments.follow || !arguments.collect.empty()};
-  ETUDE_ASSIGN_OR_RETURN(auto trainer,
-                         learn::Trainer::Create(config, std::move(dataset), options, hooks));
+  const learn::Hooks hooks{[&sink](const learn::CheckpointRequest& request) { return sink.Save(request); },
+                           [&](const learn::Progress& progress) {
+                             if (!status_writer) return;
+                             const Status written = status_writer->Write(ToMessage(run, progress));
+                             if (!written) Log().debug("telemetry: {}", written.error().message);
+                           }};
+  const learn::RunOptions options{arguments.out, arguments.resume, arguments.follow || !arguments.collect.empty()};
+  ETUDE_ASSIGN_OR_RETURN(auto trainer, learn::Trainer::Create(config, std::move(dataset), options, hooks));
   return trainer->Run();
 }
 
 Status Train(const Arguments& arguments) {
   ETUDE_RETURN_IF_ERROR(CheckOut(arguments));
   ETUDE_ASSIGN_OR_RETURN(const auto config, ReadConfig(arguments));
-  const std::string run =
-      arguments.name.empty() ? publish::RunNameOf(arguments.out) : arguments.name;
+  const std::string run = arguments.name.empty() ? publish::RunNameOf(arguments.out) : arguments.name;
   if (!IsPlainName(run))
-    return Fail(Code::kInvalidArgument,
-                fmt::format("--name '{}': must match [a-z0-9_-]{{1,64}}", run));
+    return Fail(Code::kInvalidArgument, fmt::format("--name '{}': must match [a-z0-9_-]{{1,64}}", run));
   policy::SetTorchThreads(config.threads.intra_op);
 
   std::optional<bus::Participant> participant;
   if (!arguments.offline) {
-    ETUDE_ASSIGN_OR_RETURN(participant, bus::Participant::Open({arguments.domain, ""}));
+    ETUDE_ASSIGN_OR_RETURN(participant, arguments.bus.Open());
   } else if (!arguments.collect.empty()) {
     return Fail(Code::kInvalidArgument, "--collect needs the bus: leave out --offline");
   }
   std::unique_ptr<HostedCollector> collector;
   if (!arguments.collect.empty()) {
-    ETUDE_ASSIGN_OR_RETURN(collector,
-                           HostedCollector::Start(*participant, arguments.collect, arguments.data));
+    ETUDE_ASSIGN_OR_RETURN(collector, HostedCollector::Start(*participant, arguments.collect, arguments.data));
   }
   ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, arguments.follow || collector));
-  Log().info("run '{}' in '{}', data '{}', {}", run, arguments.out, arguments.data,
-             policy::DescribeTorch());
+  Log().info("run '{}' in '{}', data '{}', {}", run, arguments.out, arguments.data, policy::DescribeTorch());
   return TrainOn(std::move(dataset), arguments, config, run, participant ? &*participant : nullptr);
 }
 
@@ -182,29 +171,24 @@ Status Doctor() {
 }
 
 void AddOptions(CLI::App& app, Arguments& arguments) {
-  app.add_option("--data", arguments.data, "the dataset's folder");
+  app.add_option("--data", arguments.data, "the dataset's folder (with --collect by default OUT/dataset)");
   app.add_option("--collect", arguments.collect,
                  "campaign file: host its collector here; workers anywhere stream into --data "
                  "while training runs");
-  app.add_option(
-      "--config", arguments.config,
-      "experiment: compact, paper, or a YAML file (default compact; with --resume the run's own)");
+  app.add_option("--config", arguments.config,
+                 "experiment: compact, paper, or a YAML file (default compact; with --resume the run's own)");
   app.add_option("--set", arguments.set, "override, e.g. --set optimizer.lr=1e-3; may be repeated")
       ->allow_extra_args(false);
   app.add_option("--out", arguments.out, "the run's folder: config, metrics, checkpoints, state");
-  app.add_option("--name", arguments.name,
-                 "the run's name on the bus (default: from the folder's name)");
-  app.add_option("--minutes", arguments.minutes,
-                 "stop after this much training; the learning rate follows");
-  app.add_option("--steps", arguments.steps,
-                 "stop after this many steps; with --minutes whichever comes first");
+  app.add_option("--name", arguments.name, "the run's name on the bus (default: from the folder's name)");
+  app.add_option("--minutes", arguments.minutes, "stop after this much training; the learning rate follows");
+  app.add_option("--steps", arguments.steps, "stop after this many steps; with --minutes whichever comes first");
   app.add_flag("--resume", arguments.resume, "go on where the run in --out stopped");
   app.add_flag("--follow", arguments.follow,
                "the dataset is still growing: wait for its first episodes, take in new ones");
   app.add_flag("--offline", arguments.offline, "do not publish on the bus");
-  app.add_option("--domain", arguments.domain, "DDS domain, 0..230")->capture_default_str();
-  app.add_option("--seed", arguments.seed,
-                 "of weights and sample order (default: the experiment's)");
+  arguments.bus.Add(app);
+  app.add_option("--seed", arguments.seed, "of weights and sample order (default: the experiment's)");
 }
 
 }  // namespace
@@ -228,8 +212,10 @@ int main(int argc, char** argv) {
   return RunMain("etude-trainer", [&]() -> Status {
     if (doctor->parsed()) return Doctor();
     arguments.has_seed = app.count("--seed") > 0;
+    if (arguments.data.empty() && !arguments.collect.empty() && !arguments.out.empty())
+      arguments.data = (Path(arguments.out) / "dataset").string();
     if (arguments.data.empty() || arguments.out.empty())
-      return Fail(Code::kInvalidArgument, "give --data DATASET and --out RUN (see --help)");
+      return Fail(Code::kInvalidArgument, "give --data DATASET or --collect SPEC, and --out RUN (see --help)");
     return Train(arguments);
   });
 }

@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <optional>
 
+#include "services/bus/arguments.h"
 #include "services/campaign/worker_client.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
@@ -18,8 +19,7 @@ namespace {
 
 struct Arguments {
   campaign::WorkerOptions worker;
-  std::uint32_t domain = 0;
-  std::string profile;
+  bus::Arguments bus;
   sim::RendererConfig renderer;
 };
 
@@ -32,12 +32,13 @@ campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete)
     result.episode = EncodeEpisode(attempt.episode);
     return result;
   }
-  result.details_json = OrderedJson{{"reason", attempt.reason},
-                                    {"plan_s", attempt.plan_s},
-                                    {"step_s", attempt.step_s},
-                                    {"render_s", attempt.render_s},
-                                    {"deflate_s", attempt.deflate_s}}
-                            .dump();
+  result.details_json = OrderedJson{
+      {"reason", attempt.reason},
+      {"plan_s", attempt.plan_s},
+      {"step_s", attempt.step_s},
+      {"render_s", attempt.render_s},
+      {"deflate_s",
+       attempt.deflate_s}}.dump();
   return result;
 }
 
@@ -47,8 +48,7 @@ campaign::WorkFunction Demonstrate(std::shared_ptr<task::AttemptRunner> runner) 
   };
 }
 
-campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner,
-                               std::shared_ptr<PolicyClient> policy) {
+campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, std::shared_ptr<PolicyClient> policy) {
   const task::PolicyFunction ask = [policy](const task::PolicyQuestion& question) { return policy->Ask(question); };
   return [runner, ask](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
     auto attempt = runner->Rollout(item.index, ask);
@@ -63,8 +63,7 @@ campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner,
 }
 
 Status Work(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto participant,
-                         bus::Participant::Open({arguments.domain, arguments.profile}));
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, arguments.worker));
   return client.Run([&](const CampaignSpec& spec) -> Result<campaign::WorkFunction> {
     ETUDE_ASSIGN_OR_RETURN(auto opened, task::AttemptRunner::Open(spec, arguments.renderer));
@@ -94,8 +93,7 @@ Status Doctor(const Arguments& arguments) {
                 fmt::format("render a picture with {}: it is blank (values {} .. {}); install libgl1-mesa-dri, or "
                             "try --gl osmesa",
                             renderer.backend(), *low, *high));
-  fmt::print("{} on {}, a picture in {:.1f} ms\n", renderer.backend(), renderer.gl_renderer(),
-             1e3 * elapsed.Seconds());
+  fmt::print("{} on {}, a picture in {:.1f} ms\n", renderer.backend(), renderer.gl_renderer(), 1e3 * elapsed.Seconds());
   return {};
 }
 
@@ -108,8 +106,7 @@ int main(int argc, char** argv) {
   etude::Arguments arguments;
   CLI::App app("Joins a campaign and makes episodes until it is complete.", "etude worker");
   app.add_option("--campaign", arguments.worker.campaign, "name of the campaign to join");
-  app.add_option("--domain", arguments.domain, "DDS domain")->check(CLI::Range(0, 230));
-  app.add_option("--profile", arguments.profile, "Cyclone DDS XML file");
+  arguments.bus.Add(app);
   app.add_option("--name", arguments.worker.name, "unique name on the bus");
   app.add_flag("--once", arguments.worker.once, "one attempt, then home");
   app.add_option("--gl", arguments.renderer.backend, "auto | egl | osmesa")
@@ -122,6 +119,5 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
   }
-  return etude::RunMain("etude-worker",
-                        [&] { return *doctor ? etude::Doctor(arguments) : etude::Work(arguments); });
+  return etude::RunMain("etude-worker", [&] { return *doctor ? etude::Doctor(arguments) : etude::Work(arguments); });
 }

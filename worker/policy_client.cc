@@ -60,8 +60,8 @@ Result<PolicyClient> PolicyClient::Open(const bus::Participant& participant, con
                                         const std::string& session, const PolicyClientOptions& options) {
   ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Writer<bus::Observation>::Open(participant, run));
   ETUDE_ASSIGN_OR_RETURN(auto actions, bus::Reader<bus::Action>::Open(participant, run));
-  return PolicyClient(std::unique_ptr<Impl>(
-      new Impl{run, session, options, std::move(observations), std::move(actions)}));
+  return PolicyClient(
+      std::unique_ptr<Impl>(new Impl{run, session, options, std::move(observations), std::move(actions)}));
 }
 
 Result<task::PolicyAnswer> PolicyClient::Ask(const task::PolicyQuestion& question) {

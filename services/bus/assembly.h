@@ -32,7 +32,7 @@ class Assembly {
   Added Add(std::uint32_t index, std::span<const std::uint8_t> data);
 
   bool complete() const { return next_ == count_; }
-  std::uint32_t next() const { return next_; }      ///< chunks received in order from 0
+  std::uint32_t next() const { return next_; }  ///< chunks received in order from 0
   std::uint32_t count() const { return count_; }
   std::uint64_t size() const { return size_; }
   std::uint32_t chunk_size() const { return chunk_size_; }

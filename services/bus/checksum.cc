@@ -53,8 +53,7 @@ struct Move {
   static constexpr auto kSecond = static_cast<long long>(Power(bits - 32));
 };
 
-__attribute__((target("sse4.2"))) std::uint32_t UpdateWords(std::uint32_t crc,
-                                                           std::span<const std::uint8_t> bytes) {
+__attribute__((target("sse4.2"))) std::uint32_t UpdateWords(std::uint32_t crc, std::span<const std::uint8_t> bytes) {
   std::uint64_t state = crc;
   const std::uint8_t* at = bytes.data();
   std::size_t left = bytes.size();
@@ -71,8 +70,8 @@ __attribute__((target("sse4.2"))) std::uint32_t UpdateWords(std::uint32_t crc,
 constexpr std::size_t kBlocks = 4;
 
 // 64 bytes a round.
-__attribute__((target("sse4.2,pclmul"))) std::uint32_t UpdateFolding(
-    std::uint32_t crc, std::span<const std::uint8_t> bytes) {
+__attribute__((target("sse4.2,pclmul"))) std::uint32_t UpdateFolding(std::uint32_t crc,
+                                                                     std::span<const std::uint8_t> bytes) {
   constexpr std::size_t kRound = kBlocks * sizeof(__m128i);
   if (bytes.size() < 2 * kRound) return UpdateWords(crc, bytes);
   using Factors = Move<8 * kRound>;
@@ -102,12 +101,11 @@ __attribute__((target("sse4.2,pclmul,avx512f,avx512vl,vpclmulqdq"))) std::uint32
   constexpr std::size_t kRound = kBlocks * sizeof(__m512i);
   if (bytes.size() < 2 * kRound) return UpdateFolding(crc, bytes);
   using Factors = Move<8 * kRound>;
-  const __m512i factors =
-      _mm512_set4_epi64(Factors::kSecond, Factors::kFirst, Factors::kSecond, Factors::kFirst);
+  const __m512i factors = _mm512_set4_epi64(Factors::kSecond, Factors::kFirst, Factors::kSecond, Factors::kFirst);
   __m512i blocks[kBlocks];
   for (std::size_t k = 0; k < kBlocks; ++k) blocks[k] = _mm512_loadu_si512(bytes.data() + 64 * k);
-  blocks[0] = _mm512_xor_si512(
-      blocks[0], _mm512_set_epi32(0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, static_cast<int>(crc)));
+  blocks[0] =
+      _mm512_xor_si512(blocks[0], _mm512_set_epi32(0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, static_cast<int>(crc)));
   std::size_t i = kRound;
   for (; i + kRound <= bytes.size(); i += kRound) {
     for (std::size_t k = 0; k < kBlocks; ++k) {
@@ -129,8 +127,8 @@ using Update = std::uint32_t (*)(std::uint32_t, std::span<const std::uint8_t>);
 Update BestUpdate() {
 #if defined(__x86_64__)
   const bool folds = __builtin_cpu_supports("sse4.2") && __builtin_cpu_supports("pclmul");
-  const bool is_wide = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-                       __builtin_cpu_supports("vpclmulqdq");
+  const bool is_wide =
+      __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("vpclmulqdq");
   if (folds && is_wide) return UpdateFoldingWide;
   if (folds) return UpdateFolding;
 #endif
@@ -140,9 +138,7 @@ Update BestUpdate() {
 }  // namespace
 
 namespace internal {
-std::uint32_t Crc32cPortable(std::span<const std::uint8_t> bytes) {
-  return ~UpdatePortable(~0u, bytes);
-}
+std::uint32_t Crc32cPortable(std::span<const std::uint8_t> bytes) { return ~UpdatePortable(~0u, bytes); }
 }  // namespace internal
 
 std::uint32_t Crc32c(std::span<const std::uint8_t> bytes) {

@@ -30,10 +30,8 @@ std::array<std::uint8_t, 4> CrcBytes(std::span<const std::uint8_t> bytes) {
 Result<std::unique_ptr<ManifestIntake>> ManifestIntake::Open(const Participant& participant,
                                                              const std::string& partition) {
   std::unique_ptr<ManifestIntake> intake(new ManifestIntake);
-  ETUDE_ASSIGN_OR_RETURN(
-      intake->guard_,
-      CheckEntity(dds_create_guardcondition(participant.state()->participant.get()),
-                  "make a guard condition"));
+  ETUDE_ASSIGN_OR_RETURN(intake->guard_, CheckEntity(dds_create_guardcondition(participant.state()->participant.get()),
+                                                     "make a guard condition"));
   ETUDE_ASSIGN_OR_RETURN(intake->reader_, OpenReaderOf<ObjectManifest>(participant, partition));
   dds_listener_t* const listener = dds_create_listener(intake.get());
   dds_lset_data_available(listener, &ManifestIntake::OnData);
@@ -44,9 +42,7 @@ Result<std::unique_ptr<ManifestIntake>> ManifestIntake::Open(const Participant& 
   return intake;
 }
 
-void ManifestIntake::OnData(dds_entity_t, void* intake) {
-  static_cast<ManifestIntake*>(intake)->Drain();
-}
+void ManifestIntake::OnData(dds_entity_t, void* intake) { static_cast<ManifestIntake*>(intake)->Drain(); }
 
 void ManifestIntake::Drain() {
   const auto add = [this](Serialized& sample) {

@@ -15,15 +15,14 @@ namespace etude::bus {
 
 struct TakenManifest {
   Serialized sample;
-  ManifestView view;       ///< points into the sample
-  bool is_sound = false;   ///< parsed, and its sizes fit together
-  bool crc_fits = false;   ///< of an object that travels inside, when it has a CRC
+  ManifestView view;      ///< points into the sample
+  bool is_sound = false;  ///< parsed, and its sizes fit together
+  bool crc_fits = false;  ///< of an object that travels inside, when it has a CRC
 };
 
 class ManifestIntake {
  public:
-  static Result<std::unique_ptr<ManifestIntake>> Open(const Participant& participant,
-                                                      const std::string& partition);
+  static Result<std::unique_ptr<ManifestIntake>> Open(const Participant& participant, const std::string& partition);
   /// Wakes `waiter` when there is something to take.
   Status Attach(Waiter& waiter) { return waiter.AddGuard(guard_); }
   /// Everything received since the last call, oldest first.

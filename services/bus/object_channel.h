@@ -25,20 +25,20 @@ inline constexpr std::uint32_t kMaxChunkSize = 512 * 1024;
 
 /// How an object is verified at the receiving end.
 enum class Integrity : std::uint8_t {
-  kSha256,   ///< also an identity: what datasets and checkpoints are named by
-  kCrc32c,   ///< finds faults at the speed of a copy; for streams of camera frames
+  kSha256,  ///< also an identity: what datasets and checkpoints are named by
+  kCrc32c,  ///< finds faults at the speed of a copy; for streams of camera frames
 };
 
 struct SendOptions {
-  std::uint32_t chunk_size = 128 * 1024;          ///< bytes, <= kMaxChunkSize
-  std::uint32_t window = 32;                      ///< chunks in flight without progress
-  std::chrono::milliseconds resend_after{500};    ///< without any ack: send what is missing again
+  std::uint32_t chunk_size = 128 * 1024;        ///< bytes, <= kMaxChunkSize
+  std::uint32_t window = 32;                    ///< chunks in flight without progress
+  std::chrono::milliseconds resend_after{500};  ///< without any ack: send what is missing again
   Integrity integrity = Integrity::kSha256;
 };
 
 /// How the receiver judged an object.
 struct Verdict {
-  AckKind kind = AckKind::kDone;   ///< kDone | kDuplicate | kRefused
+  AckKind kind = AckKind::kDone;  ///< kDone | kDuplicate | kRefused
   std::string reason;
 };
 
@@ -84,7 +84,7 @@ class ObjectSender {
 
 struct ReceivedObject {
   ObjectManifest manifest;
-  std::vector<std::uint8_t> bytes;   ///< verified against manifest.sha256
+  std::vector<std::uint8_t> bytes;  ///< verified against manifest.sha256
 };
 
 /// The same without a copy. Both are valid until the next call of ReceiveView or Receive.
@@ -94,9 +94,9 @@ struct ObjectView {
 };
 
 struct ReceiveOptions {
-  std::uint64_t max_object_size = 1ull << 30;   ///< larger manifests are refused before allocation
-  std::uint64_t max_memory = 2ull << 30;        ///< of all unfinished objects together; others wait
-  std::uint32_t ack_batch = 1;                  ///< kDone verdicts of a sender that travel together
+  std::uint64_t max_object_size = 1ull << 30;  ///< larger manifests are refused before allocation
+  std::uint64_t max_memory = 2ull << 30;       ///< of all unfinished objects together; others wait
+  std::uint32_t ack_batch = 1;                 ///< kDone verdicts of a sender that travel together
 };
 
 /// Receives objects of one channel from any number of senders. Thread safety: one thread at a time.
@@ -153,8 +153,8 @@ struct PublishedObject {
   std::string channel;
   std::uint64_t version = 0;
   std::string meta_json;
-  std::string sha256;                ///< hex
-  std::vector<std::uint8_t> bytes;   ///< verified
+  std::string sha256;               ///< hex
+  std::vector<std::uint8_t> bytes;  ///< verified
 };
 
 class ObjectSubscriber {

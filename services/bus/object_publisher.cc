@@ -19,8 +19,8 @@ constexpr double kGiveUpAfterS = 30;
 struct Channel {
   std::uint64_t version = 0;
   bool published = false;
-  std::uint8_t slot = 1;                   // of the newest version
-  std::uint32_t chunks[2] = {0, 0};        // written in each slot
+  std::uint8_t slot = 1;             // of the newest version
+  std::uint32_t chunks[2] = {0, 0};  // written in each slot
 };
 
 }  // namespace
@@ -34,10 +34,9 @@ struct ObjectPublisher::Impl {
 
   Status WriteChunks(const std::string& channel, std::uint64_t version, std::uint8_t slot,
                      std::span<const std::uint8_t> bytes, Sha256& hash);
-  Status WriteManifest(const std::string& channel, std::uint64_t version, std::uint8_t slot,
-                       std::uint64_t size, const Sha256Digest& digest, const std::string& meta_json);
-  void DropChunks(const std::string& channel, std::uint8_t slot, std::uint32_t begin,
-                  std::uint32_t end);
+  Status WriteManifest(const std::string& channel, std::uint64_t version, std::uint8_t slot, std::uint64_t size,
+                       const Sha256Digest& digest, const std::string& meta_json);
+  void DropChunks(const std::string& channel, std::uint8_t slot, std::uint32_t begin, std::uint32_t end);
 };
 
 namespace {
@@ -55,8 +54,8 @@ Status WritePatiently(const Endpoint& writer, const Wire& wire, std::string_view
   }
 }
 
-etude_wire_PublishedChunk MakeChunk(const std::string& channel, const std::string& publisher,
-                                    std::uint8_t slot, std::uint32_t index) {
+etude_wire_PublishedChunk MakeChunk(const std::string& channel, const std::string& publisher, std::uint8_t slot,
+                                    std::uint32_t index) {
   etude_wire_PublishedChunk wire{};
   Encoder encode;
   encode("channel", channel, wire.channel);
@@ -68,9 +67,8 @@ etude_wire_PublishedChunk MakeChunk(const std::string& channel, const std::strin
 
 }  // namespace
 
-Status ObjectPublisher::Impl::WriteChunks(const std::string& channel, std::uint64_t version,
-                                          std::uint8_t slot, std::span<const std::uint8_t> bytes,
-                                          Sha256& hash) {
+Status ObjectPublisher::Impl::WriteChunks(const std::string& channel, std::uint64_t version, std::uint8_t slot,
+                                          std::span<const std::uint8_t> bytes, Sha256& hash) {
   const std::uint32_t count = ChunkCount(bytes.size(), options.chunk_size);
   for (std::uint32_t index = 0; index < count; ++index) {
     const auto data = ChunkOf(bytes, options.chunk_size, index);
@@ -80,16 +78,15 @@ Status ObjectPublisher::Impl::WriteChunks(const std::string& channel, std::uint6
     wire.chunk_size = options.chunk_size;
     wire.data._maximum = wire.data._length = static_cast<std::uint32_t>(data.size());
     wire.data._buffer = const_cast<std::uint8_t*>(data.data());
-    ETUDE_RETURN_IF_ERROR(WritePatiently(
-        chunks, wire, fmt::format("publish chunk {} of {} on channel '{}'", index, count, channel)));
+    ETUDE_RETURN_IF_ERROR(
+        WritePatiently(chunks, wire, fmt::format("publish chunk {} of {} on channel '{}'", index, count, channel)));
     hash.Update(data);  // while the subscribers are already at work on it
   }
   return {};
 }
 
-Status ObjectPublisher::Impl::WriteManifest(const std::string& channel, std::uint64_t version,
-                                            std::uint8_t slot, std::uint64_t size,
-                                            const Sha256Digest& digest,
+Status ObjectPublisher::Impl::WriteManifest(const std::string& channel, std::uint64_t version, std::uint8_t slot,
+                                            std::uint64_t size, const Sha256Digest& digest,
                                             const std::string& meta_json) {
   etude_wire_PublishedManifest wire{};
   Encoder encode;
@@ -107,8 +104,8 @@ Status ObjectPublisher::Impl::WriteManifest(const std::string& channel, std::uin
 }
 
 // Chunks of a longer version that was in this slot before: the bus need not keep them.
-void ObjectPublisher::Impl::DropChunks(const std::string& channel, std::uint8_t slot,
-                                       std::uint32_t begin, std::uint32_t end) {
+void ObjectPublisher::Impl::DropChunks(const std::string& channel, std::uint8_t slot, std::uint32_t begin,
+                                       std::uint32_t end) {
   for (std::uint32_t index = begin; index < end; ++index) {
     const auto wire = MakeChunk(channel, name, slot, index);
     dds_dispose(chunks.get(), &wire);
@@ -120,26 +117,23 @@ ObjectPublisher::ObjectPublisher(ObjectPublisher&&) noexcept = default;
 ObjectPublisher& ObjectPublisher::operator=(ObjectPublisher&&) noexcept = default;
 ObjectPublisher::~ObjectPublisher() = default;
 
-Result<ObjectPublisher> ObjectPublisher::Open(const Participant& participant,
-                                              const std::string& partition,
+Result<ObjectPublisher> ObjectPublisher::Open(const Participant& participant, const std::string& partition,
                                               const SendOptions& options) {
   if (options.chunk_size == 0 || options.chunk_size > kMaxChunkSize) {
-    return Fail(Code::kInvalidArgument, fmt::format("object publisher: chunk_size {} (1 to {})",
-                                                    options.chunk_size, kMaxChunkSize));
+    return Fail(Code::kInvalidArgument,
+                fmt::format("object publisher: chunk_size {} (1 to {})", options.chunk_size, kMaxChunkSize));
   }
   auto impl = std::make_unique<Impl>();
   impl->options = options;
-  ETUDE_ASSIGN_OR_RETURN(impl->manifests,
-                         OpenWriter(participant, partition, etude_wire_PublishedManifest_desc,
-                                    kPublishedManifestTopic, kPublishedWriter));
-  ETUDE_ASSIGN_OR_RETURN(impl->chunks,
-                         OpenWriter(participant, partition, etude_wire_PublishedChunk_desc,
-                                    kPublishedChunkTopic, kPublishedWriter));
+  ETUDE_ASSIGN_OR_RETURN(impl->manifests, OpenWriter(participant, partition, etude_wire_PublishedManifest_desc,
+                                                     kPublishedManifestTopic, kPublishedWriter));
+  ETUDE_ASSIGN_OR_RETURN(impl->chunks, OpenWriter(participant, partition, etude_wire_PublishedChunk_desc,
+                                                  kPublishedChunkTopic, kPublishedWriter));
   return ObjectPublisher(std::move(impl));
 }
 
-Status ObjectPublisher::Publish(const std::string& channel, std::uint64_t version,
-                                std::span<const std::uint8_t> bytes, const std::string& meta_json) {
+Status ObjectPublisher::Publish(const std::string& channel, std::uint64_t version, std::span<const std::uint8_t> bytes,
+                                const std::string& meta_json) {
   etude_wire_PublishedManifest trial{};
   Encoder encode;
   encode("channel", channel, trial.channel);
@@ -159,8 +153,7 @@ Status ObjectPublisher::Publish(const std::string& channel, std::uint64_t versio
   const std::uint32_t before = std::exchange(state.chunks[slot], std::max(state.chunks[slot], count));
   Sha256 hash;
   ETUDE_RETURN_IF_ERROR(impl_->WriteChunks(channel, version, slot, bytes, hash));
-  ETUDE_RETURN_IF_ERROR(
-      impl_->WriteManifest(channel, version, slot, bytes.size(), hash.Finish(), meta_json));
+  ETUDE_RETURN_IF_ERROR(impl_->WriteManifest(channel, version, slot, bytes.size(), hash.Finish(), meta_json));
   impl_->DropChunks(channel, slot, count, before);
   state.chunks[slot] = count;
   state.slot = slot;

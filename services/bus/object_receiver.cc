@@ -20,29 +20,29 @@ namespace {
 
 using Clock = MonotonicClock;
 
-constexpr std::uint32_t kAckEvery = 8;         // chunks
-constexpr std::size_t kMaxMissing = 1024;      // indices in one ack
-constexpr std::size_t kJudgedKept = 1024;      // verdicts remembered for each sender
+constexpr std::uint32_t kAckEvery = 8;     // chunks
+constexpr std::size_t kMaxMissing = 1024;  // indices in one ack
+constexpr std::size_t kJudgedKept = 1024;  // verdicts remembered for each sender
 constexpr std::size_t kMaxPeers = 4096;
 constexpr std::chrono::seconds kForgetAfter{60};  // an unfinished object nobody sends any more
 
 struct Entry {
   enum class State { kReceiving, kReady, kJudging, kJudged };
   State state = State::kReceiving;
-  ObjectManifest manifest;              // data is empty
-  std::optional<Assembly> assembly;     // kReceiving
-  std::vector<std::uint8_t> bytes;      // kReady, of an object that came in chunks
-  Serialized whole;                     // kReady, of one that came in its manifest: DDS's own memory
+  ObjectManifest manifest;           // data is empty
+  std::optional<Assembly> assembly;  // kReceiving
+  std::vector<std::uint8_t> bytes;   // kReady, of an object that came in chunks
+  Serialized whole;                  // kReady, of one that came in its manifest: DDS's own memory
   std::span<const std::uint8_t> whole_bytes;
-  Verdict verdict;                      // kJudged
-  std::uint32_t acknowledged = 0;       // chunks reported to the sender
+  Verdict verdict;                 // kJudged
+  std::uint32_t acknowledged = 0;  // chunks reported to the sender
   Clock::time_point heard;
 };
 
 struct Peer {
   std::map<std::uint64_t, Entry> objects;
-  std::deque<std::uint64_t> judged;     // oldest first
-  std::vector<std::uint64_t> done;      // kDone verdicts not yet sent
+  std::deque<std::uint64_t> judged;  // oldest first
+  std::vector<std::uint64_t> done;   // kDone verdicts not yet sent
   Clock::time_point heard;
 };
 
@@ -56,8 +56,8 @@ bool Equal(std::span<const std::uint8_t> a, const std::vector<std::uint8_t>& b) 
 }
 
 bool IsSame(const ManifestView& view, const ObjectManifest& manifest) {
-  return view.size == manifest.size && view.chunk_size == manifest.chunk_size &&
-         Equal(view.sha256, manifest.sha256) && Equal(view.crc32c, manifest.crc32c);
+  return view.size == manifest.size && view.chunk_size == manifest.chunk_size && Equal(view.sha256, manifest.sha256) &&
+         Equal(view.crc32c, manifest.crc32c);
 }
 
 ObjectManifest ToManifest(const ManifestView& view) {
@@ -91,10 +91,10 @@ struct ObjectReceiver::Impl {
   Waiter waiter;
   std::map<std::string, Peer, std::less<>> peers;
   std::deque<ObjectKey> ready;
-  std::vector<ObjectKey> unreported;              // progress that the sender does not know
-  ReceivedObject current;                         // what ReceiveView shows
+  std::vector<ObjectKey> unreported;  // progress that the sender does not know
+  ReceivedObject current;             // what ReceiveView shows
   Serialized current_whole;
-  std::uint64_t memory = 0;                       // of unfinished and ready objects
+  std::uint64_t memory = 0;  // of unfinished and ready objects
   std::uint64_t corrupt = 0;
   std::uint64_t malformed = 0;
   Clock::time_point next_cleaning;
@@ -143,8 +143,10 @@ Entry* ObjectReceiver::Impl::Find(std::string_view sender, std::uint64_t id) {
 int ObjectReceiver::Impl::DrainManifests() {
   auto taken = manifests->Take();
   for (auto& item : taken) {
-    if (!item.is_sound) ++malformed;
-    else if (item.view.channel == channel) OnManifest(item);
+    if (!item.is_sound)
+      ++malformed;
+    else if (item.view.channel == channel)
+      OnManifest(item);
   }
   return static_cast<int>(taken.size());
 }
@@ -154,8 +156,10 @@ int ObjectReceiver::Impl::Drain() {
   const int announced = DrainManifests();
   const int taken = TakeSerialized(chunks, 64, [this](Serialized& sample) {
     ChunkView view;
-    if (!Parse(sample.bytes(), view) || view.data.empty()) ++malformed;
-    else if (view.channel == channel) OnChunk(view);
+    if (!Parse(sample.bytes(), view) || view.data.empty())
+      ++malformed;
+    else if (view.channel == channel)
+      OnChunk(view);
   });
   return announced + taken;
 }
@@ -204,8 +208,7 @@ void ObjectReceiver::Impl::Start(TakenManifest& taken, Peer& peer) {
     Entry& entry = peer.objects[view.id];
     entry.manifest = ToManifest(view);
     Remember(peer, entry,
-             {AckKind::kRefused,
-              fmt::format("{} bytes, at most {} are taken", view.size, options.max_object_size)});
+             {AckKind::kRefused, fmt::format("{} bytes, at most {} are taken", view.size, options.max_object_size)});
     return AnswerKnown(taken, entry);
   }
   // no room: say nothing, and the sender announces it again
@@ -263,8 +266,8 @@ void ObjectReceiver::Impl::OnComplete(Entry& entry) {
 // Not remembered: the sender may try again with the same id.
 void ObjectReceiver::Impl::RefuseCorrupt(const ObjectManifest& manifest) {
   ++corrupt;
-  Log().warn("object refused: its bytes do not fit its checksum channel={} sender={} id={}", channel,
-             manifest.sender, manifest.id);
+  Log().warn("object refused: its bytes do not fit its checksum channel={} sender={} id={}", channel, manifest.sender,
+             manifest.id);
   ObjectAck ack;
   ack.sender = manifest.sender;
   ack.id = manifest.id;
@@ -343,9 +346,8 @@ void ObjectReceiver::Impl::Clean() {
     });
   }
   while (peers.size() > kMaxPeers) {
-    const auto oldest = std::min_element(peers.begin(), peers.end(), [](const auto& a, const auto& b) {
-      return a.second.heard < b.second.heard;
-    });
+    const auto oldest = std::min_element(peers.begin(), peers.end(),
+                                         [](const auto& a, const auto& b) { return a.second.heard < b.second.heard; });
     const bool only_judged = oldest->second.objects.size() == oldest->second.judged.size();
     if (!only_judged) return;
     peers.erase(oldest);
@@ -353,8 +355,7 @@ void ObjectReceiver::Impl::Clean() {
 }
 
 // The oldest verified object. Its bytes are those of `whole`, or, when that is empty, `object.bytes`.
-bool ObjectReceiver::Impl::Pop(ReceivedObject& object, Serialized& whole,
-                               std::span<const std::uint8_t>& whole_bytes) {
+bool ObjectReceiver::Impl::Pop(ReceivedObject& object, Serialized& whole, std::span<const std::uint8_t>& whole_bytes) {
   if (ready.empty()) return false;
   const ObjectKey key = std::move(ready.front());
   ready.pop_front();
@@ -401,9 +402,8 @@ ObjectReceiver::~ObjectReceiver() {
   if (impl_) impl_->FlushAllDone();
 }
 
-Result<ObjectReceiver> ObjectReceiver::Open(const Participant& participant,
-                                            const std::string& partition, const std::string& channel,
-                                            const ReceiveOptions& options) {
+Result<ObjectReceiver> ObjectReceiver::Open(const Participant& participant, const std::string& partition,
+                                            const std::string& channel, const ReceiveOptions& options) {
   auto impl = std::make_unique<Impl>();
   impl->channel = channel;
   impl->options = options;

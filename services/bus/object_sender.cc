@@ -24,14 +24,14 @@ constexpr milliseconds kFirstPatience{50};
 
 // An object between Begin and its verdict.
 struct Flight {
-  ObjectManifest manifest;             // without data
+  ObjectManifest manifest;  // without data
   std::span<const std::uint8_t> bytes;
-  bool inlined = false;                // travels inside the manifest
-  int announced = 0;                   // times
-  std::uint32_t sent = 0;              // chunks sent, in order from 0
-  std::uint32_t received = 0;          // chunks the receiver has, in order from 0
-  std::vector<std::uint32_t> resend;   // chunks before `sent` that the receiver lacks
-  Clock::time_point announce_at;       // without news until then: announce again
+  bool inlined = false;               // travels inside the manifest
+  int announced = 0;                  // times
+  std::uint32_t sent = 0;             // chunks sent, in order from 0
+  std::uint32_t received = 0;         // chunks the receiver has, in order from 0
+  std::vector<std::uint32_t> resend;  // chunks before `sent` that the receiver lacks
+  Clock::time_point announce_at;      // without news until then: announce again
   milliseconds patience = kFirstPatience;
 
   std::uint32_t units() const { return inlined ? 1 : manifest.chunk_count; }
@@ -98,8 +98,8 @@ Status ObjectSender::Impl::OpenAll(const Participant& participant, const std::st
   return waiter.AddReader(acks);
 }
 
-Flight ObjectSender::Impl::MakeFlight(std::uint64_t id, std::span<const std::uint8_t> bytes,
-                                      std::uint64_t token, const std::string& meta_json) const {
+Flight ObjectSender::Impl::MakeFlight(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
+                                      const std::string& meta_json) const {
   Flight flight;
   flight.bytes = bytes;
   flight.inlined = bytes.size() <= options.chunk_size;
@@ -186,8 +186,7 @@ bool ObjectSender::Impl::SendChunk(const Flight& flight, std::uint32_t index) {
 void ObjectSender::Impl::CheckReceivers() {
   dds_publication_matched_status_t status{};
   dds_get_publication_matched_status(manifests.get(), &status);
-  receivers = std::min({static_cast<int>(status.current_count), MatchedReaders(chunks),
-                        MatchedWriters(acks)});
+  receivers = std::min({static_cast<int>(status.current_count), MatchedReaders(chunks), MatchedWriters(acks)});
   if (status.total_count == receivers_ever) return;
   receivers_ever = status.total_count;
   // a receiver (re)appeared and may know nothing of what is under way
@@ -251,9 +250,8 @@ void ObjectSender::Impl::OnProgress(Flight& flight, const ObjectAck& ack) {
 }
 
 std::optional<Sent> ObjectSender::Impl::PopVerdict(const std::uint64_t* only) {
-  const auto found = std::find_if(verdicts.begin(), verdicts.end(), [only](const Sent& sent) {
-    return only == nullptr || sent.id == *only;
-  });
+  const auto found = std::find_if(verdicts.begin(), verdicts.end(),
+                                  [only](const Sent& sent) { return only == nullptr || sent.id == *only; });
   if (found == verdicts.end()) return std::nullopt;
   Sent sent = std::move(*found);
   verdicts.erase(found);
@@ -269,8 +267,7 @@ Clock::time_point ObjectSender::Impl::NextAnnouncement() const {
   return next;
 }
 
-std::optional<Sent> ObjectSender::Impl::Next(std::chrono::nanoseconds timeout,
-                                             const std::uint64_t* only) {
+std::optional<Sent> ObjectSender::Impl::Next(std::chrono::nanoseconds timeout, const std::uint64_t* only) {
   const auto end = After(timeout);
   for (;;) {
     if (auto sent = PopVerdict(only)) return sent;
@@ -293,11 +290,10 @@ ObjectSender::~ObjectSender() = default;
 Result<ObjectSender> ObjectSender::Open(const Participant& participant, const std::string& partition,
                                         const std::string& channel, const std::string& sender,
                                         const SendOptions& options) {
-  if (options.chunk_size == 0 || options.chunk_size > kMaxChunkSize || options.window == 0 ||
-      options.window > 1024) {
+  if (options.chunk_size == 0 || options.chunk_size > kMaxChunkSize || options.window == 0 || options.window > 1024) {
     return Fail(Code::kInvalidArgument,
-                fmt::format("object sender '{}': chunk_size {} (1 to {}), window {} (1 to 1024)",
-                            sender, options.chunk_size, kMaxChunkSize, options.window));
+                fmt::format("object sender '{}': chunk_size {} (1 to {}), window {} (1 to 1024)", sender,
+                            options.chunk_size, kMaxChunkSize, options.window));
   }
   auto impl = std::make_unique<Impl>();
   impl->channel = channel;
@@ -307,8 +303,8 @@ Result<ObjectSender> ObjectSender::Open(const Participant& participant, const st
   return ObjectSender(std::move(impl));
 }
 
-Status ObjectSender::Begin(std::uint64_t id, std::span<const std::uint8_t> bytes,
-                           std::uint64_t token, const std::string& meta_json) {
+Status ObjectSender::Begin(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
+                           const std::string& meta_json) {
   if (impl_->Find(id) != impl_->flights.end()) {
     return Fail(Code::kInvalidArgument, fmt::format("begin object {}: it is under way", id));
   }
@@ -322,9 +318,7 @@ Status ObjectSender::Begin(std::uint64_t id, std::span<const std::uint8_t> bytes
   return {};
 }
 
-std::optional<Sent> ObjectSender::Next(std::chrono::nanoseconds timeout) {
-  return impl_->Next(timeout, nullptr);
-}
+std::optional<Sent> ObjectSender::Next(std::chrono::nanoseconds timeout) { return impl_->Next(timeout, nullptr); }
 
 void ObjectSender::Cancel(std::uint64_t id) {
   const auto flight = impl_->Find(id);
@@ -334,26 +328,23 @@ void ObjectSender::Cancel(std::uint64_t id) {
 std::size_t ObjectSender::in_flight() const { return impl_->flights.size(); }
 
 int ObjectSender::matched_receivers() const {
-  return std::min({MatchedReaders(impl_->manifests), MatchedReaders(impl_->chunks),
-                   MatchedWriters(impl_->acks)});
+  return std::min({MatchedReaders(impl_->manifests), MatchedReaders(impl_->chunks), MatchedWriters(impl_->acks)});
 }
 
-Result<Verdict> ObjectSender::Send(std::uint64_t id, std::span<const std::uint8_t> bytes,
-                                   std::uint64_t token, const std::string& meta_json,
-                                   std::chrono::nanoseconds timeout) {
+Result<Verdict> ObjectSender::Send(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
+                                   const std::string& meta_json, std::chrono::nanoseconds timeout) {
   ETUDE_RETURN_IF_ERROR(Begin(id, bytes, token, meta_json));
   if (auto sent = impl_->Next(timeout, &id)) return std::move(sent->verdict);
   const auto flight = impl_->Find(id);
   std::string progress = "no chunk acknowledged";
   if (flight != impl_->flights.end()) {
-    progress = fmt::format("{} of {} chunks acknowledged, {} receivers", flight->received,
-                           flight->units(), impl_->receivers);
+    progress =
+        fmt::format("{} of {} chunks acknowledged, {} receivers", flight->received, flight->units(), impl_->receivers);
   }
   Cancel(id);
   return Fail(Code::kTimeout,
-              fmt::format("send object {} of {} bytes on channel '{}': {} ({})", id, bytes.size(),
-                          impl_->channel, StopRequested() ? "a stop was requested" : "no verdict in time",
-                          progress));
+              fmt::format("send object {} of {} bytes on channel '{}': {} ({})", id, bytes.size(), impl_->channel,
+                          StopRequested() ? "a stop was requested" : "no verdict in time", progress));
 }
 
 }  // namespace etude::bus

@@ -35,10 +35,10 @@ struct PublishedInfo {
 
 // One of the two versions that a publisher keeps of a channel.
 struct Slot {
-  std::optional<Assembly> assembly;      // of `version`; empty once finished, refused or dropped
+  std::optional<Assembly> assembly;  // of `version`; empty once finished, refused or dropped
   std::optional<std::uint64_t> version;
   Clock::time_point heard;
-  std::optional<PublishedInfo> info;     // may be of another version for a while
+  std::optional<PublishedInfo> info;  // may be of another version for a while
 };
 
 }  // namespace
@@ -50,7 +50,7 @@ struct ObjectSubscriber::Impl {
   Endpoint chunks;
   Waiter waiter;
   std::map<SlotKey, Slot> slots;
-  std::map<std::string, std::uint64_t, std::less<>> returned;   // newest version of each channel
+  std::map<std::string, std::uint64_t, std::less<>> returned;  // newest version of each channel
   std::map<std::string, PublishedObject> ready;
   std::uint64_t memory = 0;
   std::uint64_t corrupt = 0;
@@ -94,8 +94,10 @@ int ObjectSubscriber::Impl::DrainManifests() {
 int ObjectSubscriber::Impl::Drain() {
   const int taken = TakeSerialized(chunks, 64, [this](Serialized& sample) {
     PublishedChunkView view;
-    if (!Parse(sample.bytes(), view) || view.slot > 1 || view.data.empty()) ++malformed;
-    else OnChunk(view);
+    if (!Parse(sample.bytes(), view) || view.slot > 1 || view.data.empty())
+      ++malformed;
+    else
+      OnChunk(view);
   });
   return taken + DrainManifests();
 }
@@ -127,8 +129,7 @@ void ObjectSubscriber::Impl::OnManifest(const etude_wire_PublishedManifest& wire
 }
 
 // False when the object may not be taken.
-bool ObjectSubscriber::Impl::Start(Slot& slot, std::uint64_t version, std::uint64_t size,
-                                   std::uint32_t chunk_size) {
+bool ObjectSubscriber::Impl::Start(Slot& slot, std::uint64_t version, std::uint64_t size, std::uint32_t chunk_size) {
   Clear(slot);
   slot.version = version;
   if (!ShapeIsSound(size, chunk_size, chunk_size > 0 ? ChunkCount(size, chunk_size) : 0)) {
@@ -180,16 +181,15 @@ void ObjectSubscriber::Impl::Finish(const SlotKey& key, Slot& slot) {
   if (!slot.assembly || !slot.assembly->complete() || !slot.info) return;
   if (slot.info->version != *slot.version) return;
   const auto digest = slot.assembly->Digest();
-  const bool fits = slot.info->size == slot.assembly->size() &&
-                    std::equal(digest.begin(), digest.end(), slot.info->sha256.begin());
+  const bool fits =
+      slot.info->size == slot.assembly->size() && std::equal(digest.begin(), digest.end(), slot.info->sha256.begin());
   if (fits) {
     returned[key.channel] = *slot.version;
-    ready[key.channel] = {key.channel, *slot.version, slot.info->meta_json, ToHex(digest),
-                          slot.assembly->TakeBytes()};
+    ready[key.channel] = {key.channel, *slot.version, slot.info->meta_json, ToHex(digest), slot.assembly->TakeBytes()};
   } else {
     ++corrupt;
-    Log().warn("published object dropped: its bytes do not fit its checksum channel={} version={}",
-               key.channel, *slot.version);
+    Log().warn("published object dropped: its bytes do not fit its checksum channel={} version={}", key.channel,
+               *slot.version);
   }
   Clear(slot);
   slot.info.reset();
@@ -207,19 +207,15 @@ ObjectSubscriber::ObjectSubscriber(ObjectSubscriber&&) noexcept = default;
 ObjectSubscriber& ObjectSubscriber::operator=(ObjectSubscriber&&) noexcept = default;
 ObjectSubscriber::~ObjectSubscriber() = default;
 
-Result<ObjectSubscriber> ObjectSubscriber::Open(const Participant& participant,
-                                                const std::string& partition,
-                                                const std::string& channel,
-                                                const ReceiveOptions& options) {
+Result<ObjectSubscriber> ObjectSubscriber::Open(const Participant& participant, const std::string& partition,
+                                                const std::string& channel, const ReceiveOptions& options) {
   auto impl = std::make_unique<Impl>();
   impl->channel = channel;
   impl->options = options;
-  ETUDE_ASSIGN_OR_RETURN(impl->chunks,
-                         OpenReader(participant, partition, etude_wire_PublishedChunk_desc,
-                                    kPublishedChunkTopic, kPublishedReader));
-  ETUDE_ASSIGN_OR_RETURN(impl->manifests,
-                         OpenReader(participant, partition, etude_wire_PublishedManifest_desc,
-                                    kPublishedManifestTopic, kPublishedReader));
+  ETUDE_ASSIGN_OR_RETURN(impl->chunks, OpenReader(participant, partition, etude_wire_PublishedChunk_desc,
+                                                  kPublishedChunkTopic, kPublishedReader));
+  ETUDE_ASSIGN_OR_RETURN(impl->manifests, OpenReader(participant, partition, etude_wire_PublishedManifest_desc,
+                                                     kPublishedManifestTopic, kPublishedReader));
   ETUDE_RETURN_IF_ERROR(impl->waiter.Open(participant));
   ETUDE_RETURN_IF_ERROR(impl->waiter.AddReader(impl->chunks));
   ETUDE_RETURN_IF_ERROR(impl->waiter.AddReader(impl->manifests));

@@ -55,8 +55,7 @@ std::string Advice(const std::string& explanation) {
     return "; raise Discovery/MaxAutoParticipantIndex in the profile, end other processes of this "
            "domain, or use another domain";
   }
-  if (explanation.find("interface") != std::string::npos ||
-      explanation.find("address") != std::string::npos) {
+  if (explanation.find("interface") != std::string::npos || explanation.find("address") != std::string::npos) {
     return "; name an existing interface in the profile's General/Interfaces (see 'ip address' and "
            "deploy/dds)";
   }
@@ -81,8 +80,8 @@ Result<std::string> ProfileText(const std::string& profile) {
     const char* const uri = std::getenv("CYCLONEDDS_URI");
     return std::string(uri != nullptr && *uri != '\0' ? uri : kLocalProfile);
   }
-  const auto first = std::find_if_not(profile.begin(), profile.end(),
-                                      [](unsigned char c) { return std::isspace(c) != 0; });
+  const auto first =
+      std::find_if_not(profile.begin(), profile.end(), [](unsigned char c) { return std::isspace(c) != 0; });
   if (first != profile.end() && *first == '<') return profile;
   auto text = ReadTextFile(profile, 1 << 20);
   if (!text) {
@@ -108,17 +107,15 @@ Domains& GetDomains() {
 }
 
 // A process has a domain once; participants with the same profile share it.
-Result<std::shared_ptr<Entity>> OpenDomain(const ParticipantConfig& config,
-                                           const std::string& profile) {
+Result<std::shared_ptr<Entity>> OpenDomain(const ParticipantConfig& config, const std::string& profile) {
   auto& domains = GetDomains();
   const std::scoped_lock lock(domains.mutex);
   auto& item = domains.by_id[config.domain];
   if (auto domain = item.domain.lock()) {
     if (item.profile != profile) {
-      return Fail(Code::kUnavailable,
-                  fmt::format("open DDS domain {}: this process already has it open with another "
-                              "profile",
-                              config.domain));
+      return Fail(Code::kUnavailable, fmt::format("open DDS domain {}: this process already has it open with another "
+                                                  "profile",
+                                                  config.domain));
     }
     return domain;
   }
@@ -147,16 +144,17 @@ void WarnAboutReceiveBuffer() {
     std::ifstream file("/proc/sys/net/core/rmem_max");
     std::uint64_t bytes = 0;
     if (file >> bytes && bytes < 4'194'304) {
-      Log().warn("socket buffers are limited: bursts are slower; run 'sysctl -w "
-                 "net.core.rmem_max=4194304' rmem_max={}",
-                 bytes);
+      Log().warn(
+          "socket buffers are limited: bursts are slower; run 'sysctl -w "
+          "net.core.rmem_max=4194304' rmem_max={}",
+          bytes);
     }
   });
 }
 
 Result<Endpoint> OpenEndpoint(const Participant& participant, const std::string& partition,
-                              const dds_topic_descriptor_t& type, const std::string& topic,
-                              const TopicQos& topic_qos, bool is_writer) {
+                              const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& topic_qos,
+                              bool is_writer) {
   ETUDE_RETURN_IF_ERROR(CheckPartition(partition));
   Endpoint out;
   out.state = participant.state();
@@ -166,21 +164,18 @@ Result<Endpoint> OpenEndpoint(const Participant& participant, const std::string&
   // the same for writers and readers of a topic, which may both be in this process
   const Qos shared_qos = MakeQos({topic_qos.transient_local, 1});
   const Qos group_qos = MakePartitionQos(partition);
-  const std::string what = fmt::format("{} of topic '{}' in partition '{}'",
-                                       is_writer ? "writer" : "reader", topic, partition);
-  ETUDE_ASSIGN_OR_RETURN(
-      out.group, CheckEntity(is_writer ? dds_create_publisher(parent, group_qos.get(), nullptr)
-                                       : dds_create_subscriber(parent, group_qos.get(), nullptr),
-                             what));
-  ETUDE_ASSIGN_OR_RETURN(out.topic, CheckEntity(dds_create_topic(parent, &type, topic.c_str(),
-                                                                 shared_qos.get(), nullptr),
+  const std::string what =
+      fmt::format("{} of topic '{}' in partition '{}'", is_writer ? "writer" : "reader", topic, partition);
+  ETUDE_ASSIGN_OR_RETURN(out.group, CheckEntity(is_writer ? dds_create_publisher(parent, group_qos.get(), nullptr)
+                                                          : dds_create_subscriber(parent, group_qos.get(), nullptr),
                                                 what));
+  ETUDE_ASSIGN_OR_RETURN(out.topic,
+                         CheckEntity(dds_create_topic(parent, &type, topic.c_str(), shared_qos.get(), nullptr), what));
   const dds_entity_t group = out.group.get();
-  ETUDE_ASSIGN_OR_RETURN(
-      out.endpoint,
-      CheckEntity(is_writer ? dds_create_writer(group, out.topic.get(), qos.get(), nullptr)
-                            : dds_create_reader(group, out.topic.get(), qos.get(), nullptr),
-                  what));
+  ETUDE_ASSIGN_OR_RETURN(out.endpoint,
+                         CheckEntity(is_writer ? dds_create_writer(group, out.topic.get(), qos.get(), nullptr)
+                                               : dds_create_reader(group, out.topic.get(), qos.get(), nullptr),
+                                     what));
   return out;
 }
 
@@ -196,8 +191,7 @@ Error DdsError(dds_return_t code, std::string_view attempted) {
 
 Result<Participant> Participant::Open(const ParticipantConfig& config) {
   if (config.domain > 230) {
-    return Fail(Code::kInvalidArgument,
-                fmt::format("DDS domain {}: expected 0 to 230", config.domain));
+    return Fail(Code::kInvalidArgument, fmt::format("DDS domain {}: expected 0 to 230", config.domain));
   }
   ETUDE_ASSIGN_OR_RETURN(const std::string profile, ProfileText(config.profile));
   auto state = std::make_shared<State>();
@@ -219,14 +213,12 @@ Participant::~Participant() = default;
 std::uint32_t Participant::domain() const { return state_->id; }
 
 Result<Endpoint> OpenWriter(const Participant& participant, const std::string& partition,
-                            const dds_topic_descriptor_t& type, const std::string& topic,
-                            const TopicQos& qos) {
+                            const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& qos) {
   return OpenEndpoint(participant, partition, type, topic, qos, true);
 }
 
 Result<Endpoint> OpenReader(const Participant& participant, const std::string& partition,
-                            const dds_topic_descriptor_t& type, const std::string& topic,
-                            const TopicQos& qos) {
+                            const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& qos) {
   return OpenEndpoint(participant, partition, type, topic, qos, false);
 }
 

@@ -11,7 +11,7 @@
 namespace etude::bus {
 
 struct ParticipantConfig {
-  std::uint32_t domain = 0;   ///< DDS domain id, 0..230
+  std::uint32_t domain = 0;  ///< DDS domain id, 0..230
   /// A Cyclone DDS XML file or inline XML. Empty: $CYCLONEDDS_URI if set, else the built-in local
   /// profile (loopback, no multicast, up to 120 processes; the same text as deploy/dds/local.xml).
   std::string profile;

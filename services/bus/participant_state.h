@@ -22,7 +22,7 @@ struct Participant::State {
 /// A topic with its writer or reader in a partition.
 struct Endpoint {
   std::shared_ptr<Participant::State> state;
-  Entity group;     ///< publisher or subscriber
+  Entity group;  ///< publisher or subscriber
   Entity topic;
   Entity endpoint;  ///< writer or reader
   bool is_writer = false;
@@ -31,11 +31,9 @@ struct Endpoint {
 };
 
 Result<Endpoint> OpenWriter(const Participant& participant, const std::string& partition,
-                            const dds_topic_descriptor_t& type, const std::string& topic,
-                            const TopicQos& qos);
+                            const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& qos);
 Result<Endpoint> OpenReader(const Participant& participant, const std::string& partition,
-                            const dds_topic_descriptor_t& type, const std::string& topic,
-                            const TopicQos& qos);
+                            const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& qos);
 
 int MatchedReaders(const Endpoint& writer);
 int MatchedWriters(const Endpoint& reader);

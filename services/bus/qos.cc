@@ -14,11 +14,10 @@ Qos MakeQos(const TopicQos& topic) {
   const int depth = topic.keep_last > 0 ? topic.keep_last : 1;
   dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE,
                        DDS_MSECS(static_cast<dds_duration_t>(topic.max_blocking.count())));
-  dds_qset_durability(qos,
-                      topic.transient_local ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
+  dds_qset_durability(qos, topic.transient_local ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
   // what a late joiner gets is ruled by this policy, not by the history
-  dds_qset_durability_service(qos, 0, DDS_HISTORY_KEEP_LAST, 1, DDS_LENGTH_UNLIMITED,
-                              DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
+  dds_qset_durability_service(qos, 0, DDS_HISTORY_KEEP_LAST, 1, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED,
+                              DDS_LENGTH_UNLIMITED);
   dds_qset_history(qos, history, depth);
   dds_qset_resource_limits(qos, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
   dds_qset_ownership(qos, DDS_OWNERSHIP_SHARED);
@@ -47,8 +46,8 @@ Qos MakePartitionQos(const std::string& partition) {
 
 Status CheckPartition(const std::string& partition) {
   const bool plain = std::all_of(partition.begin(), partition.end(), [](unsigned char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
-           c == '-' || c == '.' || c == '/';
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-' ||
+           c == '.' || c == '/';
   });
   if (partition.empty() || partition.size() > 200 || !plain) {
     return Fail(Code::kInvalidArgument,

@@ -71,8 +71,8 @@ bool ReadAll(std::span<const std::uint8_t> cdr, Fields&... fields) {
 // field orders as in proto/object.idl
 
 bool Parse(std::span<const std::uint8_t> cdr, ManifestView& v) {
-  return ReadAll(cdr, v.id, v.size, v.token, v.chunk_size, v.chunk_count, v.channel, v.sender,
-                 v.sha256, v.crc32c, v.meta_json, v.data);
+  return ReadAll(cdr, v.id, v.size, v.token, v.chunk_size, v.chunk_count, v.channel, v.sender, v.sha256, v.crc32c,
+                 v.meta_json, v.data);
 }
 
 bool Parse(std::span<const std::uint8_t> cdr, ChunkView& v) {
@@ -80,8 +80,7 @@ bool Parse(std::span<const std::uint8_t> cdr, ChunkView& v) {
 }
 
 bool Parse(std::span<const std::uint8_t> cdr, PublishedChunkView& v) {
-  return ReadAll(cdr, v.version, v.size, v.chunk_size, v.index, v.slot, v.channel, v.publisher,
-                 v.data);
+  return ReadAll(cdr, v.version, v.size, v.chunk_size, v.index, v.slot, v.channel, v.publisher, v.data);
 }
 
 Serialized::Serialized(ddsi_serdata* sample) : sample_(sample) {
@@ -98,15 +97,13 @@ void Serialized::Release() {
   bytes_ = {};
 }
 
-int TakeSerialized(const Endpoint& reader, int at_most,
-                   const std::function<void(Serialized&)>& visit) {
+int TakeSerialized(const Endpoint& reader, int at_most, const std::function<void(Serialized&)>& visit) {
   constexpr int kBatch = 64;
   std::array<ddsi_serdata*, kBatch> samples{};
   std::array<dds_sample_info_t, kBatch> infos;
   const int wanted = std::min(at_most, kBatch);
   const dds_return_t count =
-      dds_takecdr(reader.get(), samples.data(), static_cast<std::uint32_t>(wanted), infos.data(),
-                  DDS_ANY_STATE);
+      dds_takecdr(reader.get(), samples.data(), static_cast<std::uint32_t>(wanted), infos.data(), DDS_ANY_STATE);
   for (int i = 0; i < count; ++i) {
     ddsi_serdata* const sample = samples[static_cast<std::size_t>(i)];
     if (!infos[static_cast<std::size_t>(i)].valid_data) {  // an instance's end

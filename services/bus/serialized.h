@@ -78,7 +78,6 @@ class Serialized {
 
 /// Takes up to `at_most` samples and shows each to `visit`, which may move it away to keep it. Returns
 /// how many were taken, those without data included.
-int TakeSerialized(const Endpoint& reader, int at_most,
-                   const std::function<void(Serialized&)>& visit);
+int TakeSerialized(const Endpoint& reader, int at_most, const std::function<void(Serialized&)>& visit);
 
 }  // namespace etude::bus

@@ -24,8 +24,7 @@ template <class Message>
 Writer<Message>::~Writer() = default;
 
 template <class Message>
-Result<Writer<Message>> Writer<Message>::Open(const Participant& participant,
-                                              const std::string& partition) {
+Result<Writer<Message>> Writer<Message>::Open(const Participant& participant, const std::string& partition) {
   auto impl = std::make_unique<Impl>();
   ETUDE_ASSIGN_OR_RETURN(impl->endpoint, OpenWriterOf<Message>(participant, partition));
   ETUDE_RETURN_IF_ERROR(impl->waiter.Open(participant));
@@ -58,8 +57,8 @@ bool Writer<Message>::WaitForReaders(int count, std::chrono::nanoseconds timeout
   while (matched_readers() < count) {
     const double left_s = timeout_s - watch.Seconds();
     if (left_s <= 0) return false;
-    const bool changed = impl_->waiter.Wait(
-        std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(left_s)));
+    const bool changed =
+        impl_->waiter.Wait(std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(left_s)));
     if (!changed) return matched_readers() >= count;
   }
   return true;
@@ -82,8 +81,7 @@ template <class Message>
 Reader<Message>::~Reader() = default;
 
 template <class Message>
-Result<Reader<Message>> Reader<Message>::Open(const Participant& participant,
-                                              const std::string& partition) {
+Result<Reader<Message>> Reader<Message>::Open(const Participant& participant, const std::string& partition) {
   auto impl = std::make_unique<Impl>();
   ETUDE_ASSIGN_OR_RETURN(impl->endpoint, OpenReaderOf<Message>(participant, partition));
   ETUDE_RETURN_IF_ERROR(impl->waiter.Open(participant));

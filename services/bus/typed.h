@@ -22,8 +22,7 @@ Result<typename Traits<Message>::Wire> Encode(const Message& message) {
   std::string problem = encoder.problem();
   if (problem.empty() && !IsSound(message)) problem = "its sizes contradict each other";
   if (!problem.empty()) {
-    return Fail(Code::kInvalidArgument,
-                fmt::format("write on topic '{}': {}", Traits<Message>::kTopic, problem));
+    return Fail(Code::kInvalidArgument, fmt::format("write on topic '{}': {}", Traits<Message>::kTopic, problem));
   }
   return wire;
 }
@@ -44,16 +43,17 @@ std::vector<Message> TakeMessages(const Endpoint& reader, int at_most, std::uint
     void* samples[kBatch] = {};
     dds_sample_info_t infos[kBatch];
     const int wanted = std::min(kBatch, at_most - static_cast<int>(messages.size()));
-    const dds_return_t count =
-        dds_take(reader.get(), samples, infos, kBatch, static_cast<std::uint32_t>(wanted));
+    const dds_return_t count = dds_take(reader.get(), samples, infos, kBatch, static_cast<std::uint32_t>(wanted));
     if (count <= 0) break;
     for (int i = 0; i < count; ++i) {
       if (!infos[i].valid_data) continue;  // an instance's end
       Message message;
       Decoder decoder;
       Fields(decoder, message, *static_cast<const typename Traits<Message>::Wire*>(samples[i]));
-      if (decoder.ok() && IsSound(message)) messages.push_back(std::move(message));
-      else ++malformed;
+      if (decoder.ok() && IsSound(message))
+        messages.push_back(std::move(message));
+      else
+        ++malformed;
     }
     dds_return_loan(reader.get(), samples, count);
   }

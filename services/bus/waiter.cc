@@ -9,15 +9,13 @@ namespace etude::bus {
 
 Status Waiter::Open(const Participant& participant) {
   ETUDE_ASSIGN_OR_RETURN(waitset_,
-                         CheckEntity(dds_create_waitset(participant.state()->participant.get()),
-                                     "make a waitset"));
+                         CheckEntity(dds_create_waitset(participant.state()->participant.get()), "make a waitset"));
   return {};
 }
 
 Status Waiter::AddReader(const Endpoint& reader) {
-  ETUDE_ASSIGN_OR_RETURN(
-      Entity condition,
-      CheckEntity(dds_create_readcondition(reader.get(), DDS_ANY_STATE), "make a read condition"));
+  ETUDE_ASSIGN_OR_RETURN(Entity condition,
+                         CheckEntity(dds_create_readcondition(reader.get(), DDS_ANY_STATE), "make a read condition"));
   const dds_return_t code = dds_waitset_attach(waitset_.get(), condition.get(), 0);
   if (code != DDS_RETCODE_OK) return Fail(DdsError(code, "attach a reader to a waitset"));
   conditions_.push_back(std::move(condition));
@@ -26,8 +24,7 @@ Status Waiter::AddReader(const Endpoint& reader) {
 
 Status Waiter::AddMatched(const Endpoint& endpoint) {
   dds_return_t code = dds_set_status_mask(
-      endpoint.get(),
-      endpoint.is_writer ? DDS_PUBLICATION_MATCHED_STATUS : DDS_SUBSCRIPTION_MATCHED_STATUS);
+      endpoint.get(), endpoint.is_writer ? DDS_PUBLICATION_MATCHED_STATUS : DDS_SUBSCRIPTION_MATCHED_STATUS);
   if (code == DDS_RETCODE_OK) code = dds_waitset_attach(waitset_.get(), endpoint.get(), 0);
   if (code != DDS_RETCODE_OK) return Fail(DdsError(code, "attach an endpoint to a waitset"));
   return {};

@@ -39,15 +39,11 @@ class Encoder {
     if (CheckText(name, from, kMaxText)) to = const_cast<char*>(from.c_str());
   }
   template <class T>
-    requires std::is_arithmetic_v<T>
-  void operator()(const char*, const T& from, T& to) {
-    to = from;
-  }
+  requires std::is_arithmetic_v<T>
+  void operator()(const char*, const T& from, T& to) { to = from; }
   template <class E>
-    requires std::is_enum_v<E>
-  void operator()(const char*, const E& from, std::uint8_t& to, E) {
-    to = static_cast<std::uint8_t>(from);
-  }
+  requires std::is_enum_v<E>
+  void operator()(const char*, const E& from, std::uint8_t& to, E) { to = static_cast<std::uint8_t>(from); }
   template <class T, class Sequence>
   void operator()(const char* name, const std::vector<T>& from, Sequence& to, std::size_t bound) {
     if (from.size() > bound) return Refuse(name, from.size(), bound);
@@ -70,27 +66,31 @@ class Decoder {
   template <std::size_t kSize>
   void operator()(const char*, std::string& to, const char (&from)[kSize]) {
     const std::size_t size = ::strnlen(from, kSize);
-    if (size == kSize) ok_ = false;
-    else to.assign(from, size);
+    if (size == kSize)
+      ok_ = false;
+    else
+      to.assign(from, size);
   }
   template <class Pointer>
-    requires std::is_pointer_v<Pointer>
+  requires std::is_pointer_v<Pointer>
   void operator()(const char*, std::string& to, const Pointer& from) {
     if (from == nullptr) return to.clear();
     const std::size_t size = ::strnlen(from, kMaxText + 1);
-    if (size > kMaxText) ok_ = false;
-    else to.assign(from, size);
+    if (size > kMaxText)
+      ok_ = false;
+    else
+      to.assign(from, size);
   }
   template <class T>
-    requires std::is_arithmetic_v<T>
-  void operator()(const char*, T& to, const T& from) {
-    to = from;
-  }
+  requires std::is_arithmetic_v<T>
+  void operator()(const char*, T& to, const T& from) { to = from; }
   template <class E>
-    requires std::is_enum_v<E>
+  requires std::is_enum_v<E>
   void operator()(const char*, E& to, const std::uint8_t& from, E last) {
-    if (from > static_cast<std::uint8_t>(last)) ok_ = false;
-    else to = static_cast<E>(from);
+    if (from > static_cast<std::uint8_t>(last))
+      ok_ = false;
+    else
+      to = static_cast<E>(from);
   }
   template <class T, class Sequence>
   void operator()(const char*, std::vector<T>& to, const Sequence& from, std::size_t bound) {
@@ -124,9 +124,7 @@ bool IsSound(const Message&) {
 #define ETUDE_FIELD_UP_TO(name, bound) f(#name, m.name, w.name, bound)
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w)
-  requires std::is_same_v<std::remove_const_t<M>, CampaignAnnouncement>
-{
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, CampaignAnnouncement> {
   ETUDE_FIELD(campaign);
   ETUDE_FIELD(spec_json);
   ETUDE_FIELD(spec_sha256);
@@ -136,9 +134,7 @@ void Fields(F& f, M& m, W& w)
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w)
-  requires std::is_same_v<std::remove_const_t<M>, WorkRequest>
-{
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, WorkRequest> {
   ETUDE_FIELD(campaign);
   ETUDE_FIELD(worker);
   ETUDE_FIELD(request_id);
@@ -146,9 +142,7 @@ void Fields(F& f, M& m, W& w)
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w)
-  requires std::is_same_v<std::remove_const_t<M>, Lease>
-{
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Lease> {
   ETUDE_FIELD(campaign);
   ETUDE_FIELD(worker);
   ETUDE_FIELD(request_id);
@@ -161,9 +155,7 @@ void Fields(F& f, M& m, W& w)
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w)
-  requires std::is_same_v<std::remove_const_t<M>, WorkerStatus>
-{
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, WorkerStatus> {
   ETUDE_FIELD(campaign);
   ETUDE_FIELD(worker);
   ETUDE_FIELD(host);
@@ -178,9 +170,7 @@ void Fields(F& f, M& m, W& w)
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w)
-  requires std::is_same_v<std::remove_const_t<M>, AttemptReport>
-{
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, AttemptReport> {
   ETUDE_FIELD(campaign);
   ETUDE_FIELD(worker);
   ETUDE_FIELD(index);
@@ -191,9 +181,7 @@ void Fields(F& f, M& m, W& w)
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w)
-  requires std::is_same_v<std::remove_const_t<M>, CampaignStatus>
-{
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, CampaignStatus> {
   ETUDE_FIELD(campaign);
   ETUDE_FIELD(committed);
   ETUDE_FIELD(total);
@@ -207,9 +195,7 @@ void Fields(F& f, M& m, W& w)
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w)
-  requires std::is_same_v<std::remove_const_t<M>, ObjectManifest>
-{
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, ObjectManifest> {
   ETUDE_FIELD(channel);
   ETUDE_FIELD(sender);
   ETUDE_FIELD(id);
@@ -224,9 +210,7 @@ void Fields(F& f, M& m, W& w)
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w)
-  requires std::is_same_v<std::remove_const_t<M>, ObjectChunk>
-{
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, ObjectChunk> {
   ETUDE_FIELD(channel);
   ETUDE_FIELD(sender);
   ETUDE_FIELD(id);
@@ -235,9 +219,7 @@ void Fields(F& f, M& m, W& w)
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w)
-  requires std::is_same_v<std::remove_const_t<M>, ObjectAck>
-{
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, ObjectAck> {
   ETUDE_FIELD(channel);
   ETUDE_FIELD(sender);
   ETUDE_FIELD(id);
@@ -249,9 +231,7 @@ void Fields(F& f, M& m, W& w)
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w)
-  requires std::is_same_v<std::remove_const_t<M>, Observation>
-{
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Observation> {
   ETUDE_FIELD(run);
   ETUDE_FIELD(session);
   ETUDE_FIELD(request_id);
@@ -263,9 +243,7 @@ void Fields(F& f, M& m, W& w)
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w)
-  requires std::is_same_v<std::remove_const_t<M>, Action>
-{
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Action> {
   ETUDE_FIELD(run);
   ETUDE_FIELD(session);
   ETUDE_FIELD(request_id);
@@ -277,9 +255,7 @@ void Fields(F& f, M& m, W& w)
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w)
-  requires std::is_same_v<std::remove_const_t<M>, TrainStatus>
-{
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, TrainStatus> {
   ETUDE_FIELD(run);
   ETUDE_FIELD(step);
   ETUDE_FIELD(stage);
@@ -298,13 +274,13 @@ void Fields(F& f, M& m, W& w)
 #undef ETUDE_FIELD
 #undef ETUDE_FIELD_UP_TO
 
-#define ETUDE_TRAITS(Name, topic_name, topic_qos)                                        \
-  template <>                                                                            \
-  struct Traits<Name> {                                                                  \
-    using Wire = etude_wire_##Name;                                                      \
+#define ETUDE_TRAITS(Name, topic_name, topic_qos)                                          \
+  template <>                                                                              \
+  struct Traits<Name> {                                                                    \
+    using Wire = etude_wire_##Name;                                                        \
     static const dds_topic_descriptor_t& descriptor() { return etude_wire_##Name##_desc; } \
-    static constexpr const char* kTopic = topic_name;                                    \
-    static constexpr TopicQos kQos = topic_qos;                                          \
+    static constexpr const char* kTopic = topic_name;                                      \
+    static constexpr TopicQos kQos = topic_qos;                                            \
   };
 
 ETUDE_TRAITS(CampaignAnnouncement, "etude/campaign/announcement", kState)

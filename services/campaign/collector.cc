@@ -72,16 +72,16 @@ struct Collector::Impl {
   bus::ObjectReceiver episodes;
 
   std::atomic<bool> stop{false};
-  std::atomic<bool> finished{false};   // the commit thread is done, control may end
+  std::atomic<bool> finished{false};  // the commit thread is done, control may end
 
   mutable std::mutex mutex;
   LeaseTable table;
-  CollectorProgress counters;          // failures, stale_results, duplicates, refused, error
+  CollectorProgress counters;  // failures, stale_results, duplicates, refused, error
   std::uint64_t failed_attempts = 0;
-  std::map<std::string, Time> heard;   // worker -> last sign of life
-  std::set<std::string> dismissed;     // workers that were told kDone
-  std::deque<Time> commits;            // of the last kRateWindow
-  std::mutex sink_mutex;               // the sink is one thread at a time
+  std::map<std::string, Time> heard;  // worker -> last sign of life
+  std::set<std::string> dismissed;    // workers that were told kDone
+  std::deque<Time> commits;           // of the last kRateWindow
+  std::mutex sink_mutex;              // the sink is one thread at a time
   Time started = MonotonicClock::now();
   bool master_dirty = true;
 
@@ -102,7 +102,7 @@ struct Collector::Impl {
   void WriteMaster();
   bool Complete() const;
   void Linger();
-  CollectorProgress Snapshot() const;   // needs mutex
+  CollectorProgress Snapshot() const;  // needs mutex
 };
 
 void Collector::Impl::Announce(bool complete) {
@@ -203,8 +203,7 @@ void Collector::Impl::OnReport(const bus::AttemptReport& report) {
     ++failed_attempts;
   }
   const std::lock_guard lock(sink_mutex);
-  if (const Status recorded =
-          sink->RecordFailure(report.index, report.attempt, report.outcome, report.details_json);
+  if (const Status recorded = sink->RecordFailure(report.index, report.attempt, report.outcome, report.details_json);
       !recorded)
     Log().warn("cannot record a failed attempt index={}: {}", report.index, recorded.error().message);
 }
@@ -227,11 +226,10 @@ CollectorProgress Collector::Impl::Snapshot() const {
   progress.lost_leases = table.lost();
   progress.complete = table.complete();
   progress.elapsed_s = SecondsBetween(started, now);
-  for (const auto& [worker, time] : heard)
-    progress.workers += now - time < kPresence && !dismissed.contains(worker);
+  for (const auto& [worker, time] : heard) progress.workers += now - time < kPresence && !dismissed.contains(worker);
   const double window = std::min(progress.elapsed_s, std::chrono::duration<double>(kRateWindow).count());
-  const auto recent = std::count_if(commits.begin(), commits.end(),
-                                    [&](Time time) { return now - time < kRateWindow; });
+  const auto recent =
+      std::count_if(commits.begin(), commits.end(), [&](Time time) { return now - time < kRateWindow; });
   if (window > 1) progress.episodes_per_minute = 60.0 * static_cast<double>(recent) / window;
   const auto left = progress.total - progress.committed - progress.given_up;
   if (progress.episodes_per_minute > 0)
@@ -266,9 +264,8 @@ void Collector::Impl::PublishStatus() {
 
 Status Collector::Impl::CheckEpisode(const Episode& episode) const {
   const auto wrong = [&](const char* what, const auto& found, const auto& expected) {
-    return Fail(Code::kInvalidArgument,
-                fmt::format("episode {} of campaign '{}': {} is {}, expected {}", episode.index,
-                            spec.name, what, found, expected));
+    return Fail(Code::kInvalidArgument, fmt::format("episode {} of campaign '{}': {} is {}, expected {}", episode.index,
+                                                    spec.name, what, found, expected));
   };
   if (episode.campaign != spec.name) return wrong("campaign", episode.campaign, spec.name);
   if (episode.index >= spec.episodes) return wrong("index", episode.index, spec.episodes);
@@ -278,8 +275,7 @@ Status Collector::Impl::CheckEpisode(const Episode& episode) const {
   if (episode.seed != seed) return wrong("seed", episode.seed, seed);
   const std::string task = TaskOf(spec, episode.index);
   if (episode.task != task) return wrong("task", episode.task, task);
-  if (spec.mode == "demonstrate" && !episode.success)
-    return wrong("outcome", episode.outcome, "success");
+  if (spec.mode == "demonstrate" && !episode.success) return wrong("outcome", episode.outcome, "success");
   return {};
 }
 
@@ -295,16 +291,17 @@ std::optional<bus::Verdict> Collector::Impl::Judge(const bus::ReceivedObject& ob
   }
   episode = std::move(*decoded);
   switch (table.Check(episode.index, episode.attempt, object.manifest.token)) {
-    case Standing::kCurrent: return std::nullopt;
+    case Standing::kCurrent:
+      return std::nullopt;
     case Standing::kCommitted:
       ++counters.duplicates;
       return bus::Verdict{bus::AckKind::kDuplicate, ""};
-    case Standing::kStale: break;
+    case Standing::kStale:
+      break;
   }
   ++counters.stale_results;
   return bus::Verdict{bus::AckKind::kRefused,
-                      fmt::format("index {} was leased again: token {} is old", episode.index,
-                                  object.manifest.token)};
+                      fmt::format("index {} was leased again: token {} is old", episode.index, object.manifest.token)};
 }
 
 std::optional<bus::Verdict> Collector::Impl::CommitUntilDurable(const Episode& episode) {
@@ -392,8 +389,8 @@ Collector::Collector(Collector&&) noexcept = default;
 Collector& Collector::operator=(Collector&&) noexcept = default;
 Collector::~Collector() = default;
 
-Result<Collector> Collector::Open(const bus::Participant& participant, const CampaignSpec& spec,
-                                  const Path& folder, const CollectorOptions& options) {
+Result<Collector> Collector::Open(const bus::Participant& participant, const CampaignSpec& spec, const Path& folder,
+                                  const CollectorOptions& options) {
   ETUDE_RETURN_IF_ERROR(spec.Validate());
   ETUDE_ASSIGN_OR_RETURN(auto sink, OpenSink(folder, spec));
   return Open(participant, spec, std::move(sink), options);
@@ -404,12 +401,11 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
   ETUDE_RETURN_IF_ERROR(spec.Validate());
   ETUDE_RETURN_IF_ERROR(CheckAlone(participant, spec.name));
   ETUDE_ASSIGN_OR_RETURN(const std::uint64_t epoch, NextEpoch(sink->folder()));
-  LeaseTable table({spec.episodes, static_cast<std::uint32_t>(spec.max_attempts),
-                    options.max_in_flight, options.lease, epoch});
+  LeaseTable table(
+      {spec.episodes, static_cast<std::uint32_t>(spec.max_attempts), options.max_in_flight, options.lease, epoch});
   for (const std::uint64_t index : sink->committed()) table.RestoreCommitted(index);
   const History history = ReadHistory(sink->folder());
-  for (const auto& [index, past] : history.indices)
-    table.RestoreFailures(index, past.failures, past.next_attempt);
+  for (const auto& [index, past] : history.indices) table.RestoreFailures(index, past.failures, past.next_attempt);
 
   const std::string& name = spec.name;
   ETUDE_ASSIGN_OR_RETURN(auto announcements, bus::Writer<bus::CampaignAnnouncement>::Open(participant, name));
@@ -461,8 +457,8 @@ Status Collector::Run() {
   impl.finished.store(true);
   control.join();
   const CollectorProgress progress = this->progress();
-  Log().info("campaign={} committed={}/{} given_up={} attempts={}", impl.spec.name,
-             progress.committed, progress.total, progress.given_up, progress.attempts);
+  Log().info("campaign={} committed={}/{} given_up={} attempts={}", impl.spec.name, progress.committed, progress.total,
+             progress.given_up, progress.attempts);
   return {};
 }
 

@@ -23,7 +23,7 @@
 namespace etude::campaign {
 
 struct CollectorOptions {
-  std::chrono::milliseconds lease{10'000};         ///< a worker silent for this long loses its work
+  std::chrono::milliseconds lease{10'000};  ///< a worker silent for this long loses its work
   std::chrono::milliseconds status_every{1'000};
   std::chrono::milliseconds master_every{30'000};  ///< dataset.hdf5 and statistics
   std::chrono::milliseconds retry_commit{1'000};   ///< after a full disk
@@ -34,17 +34,17 @@ struct CollectorOptions {
 /// A snapshot of how far a campaign is.
 struct CollectorProgress {
   std::uint64_t committed = 0, total = 0, given_up = 0;
-  std::uint64_t attempts = 0;                      ///< committed + failed, this and earlier runs
-  std::map<std::string, std::uint64_t> failures;   ///< typed reason -> count
-  std::uint64_t lost_leases = 0;                   ///< workers that died or fell silent
-  std::uint64_t stale_results = 0;                 ///< refused: an old fencing token
+  std::uint64_t attempts = 0;                     ///< committed + failed, this and earlier runs
+  std::map<std::string, std::uint64_t> failures;  ///< typed reason -> count
+  std::uint64_t lost_leases = 0;                  ///< workers that died or fell silent
+  std::uint64_t stale_results = 0;                ///< refused: an old fencing token
   std::uint64_t duplicates = 0;
-  std::uint64_t refused = 0;                       ///< episodes that did not fit
-  std::uint32_t workers = 0;                       ///< heard within the last seconds
-  double episodes_per_minute = 0;                  ///< over the last minute
-  double eta_s = 0;                                ///< 0: unknown
+  std::uint64_t refused = 0;       ///< episodes that did not fit
+  std::uint32_t workers = 0;       ///< heard within the last seconds
+  double episodes_per_minute = 0;  ///< over the last minute
+  double eta_s = 0;                ///< 0: unknown
   double elapsed_s = 0;
-  std::string error;                               ///< e.g. disk full: committing waits
+  std::string error;  ///< e.g. disk full: committing waits
   bool complete = false;
 };
 
@@ -54,8 +54,8 @@ class Collector {
   /// Opens (or resumes) the folder by spec.mode and joins the bus under partition spec.name.
   /// @error of the store (kInvalidArgument: made from another spec; kUnavailable: locked, disk) or the bus;
   /// kUnavailable when a collector of the same campaign is already on the domain.
-  static Result<Collector> Open(const bus::Participant& participant, const CampaignSpec& spec,
-                                const Path& folder, const CollectorOptions& options = {});
+  static Result<Collector> Open(const bus::Participant& participant, const CampaignSpec& spec, const Path& folder,
+                                const CollectorOptions& options = {});
   /// With a sink of the caller's own.
   static Result<Collector> Open(const bus::Participant& participant, const CampaignSpec& spec,
                                 std::unique_ptr<EpisodeSink> sink, const CollectorOptions& options = {});

@@ -22,8 +22,7 @@ OrderedJson MeanErrors(const std::vector<const RolloutRow*>& rows, ErrorMap Roll
   for (const auto& module : kReportedModules) {
     std::vector<double> means;
     for (const auto* row : rows)
-      if (const auto it = (row->*errors).find(module); it != (row->*errors).end())
-        means.push_back(it->second);
+      if (const auto it = (row->*errors).find(module); it != (row->*errors).end()) means.push_back(it->second);
     if (!means.empty()) json[module] = Mean(means);
   }
   return json;
@@ -46,11 +45,16 @@ OrderedJson Summarise(const std::string& task, const std::vector<const RolloutRo
 }
 
 OrderedJson RowJson(const RolloutRow& row) {
-  OrderedJson json{{"index", row.index},          {"seed", row.seed},
-                   {"task", row.task},            {"target", row.target},
-                   {"instruction", row.instruction}, {"success", row.success},
-                   {"outcome", row.outcome},      {"steps", row.steps},
-                   {"decisions", row.decisions},  {"checkpoint_step", row.checkpoint_step}};
+  OrderedJson json{{"index", row.index},
+                   {"seed", row.seed},
+                   {"task", row.task},
+                   {"target", row.target},
+                   {"instruction", row.instruction},
+                   {"success", row.success},
+                   {"outcome", row.outcome},
+                   {"steps", row.steps},
+                   {"decisions", row.decisions},
+                   {"checkpoint_step", row.checkpoint_step}};
   json["error_cm"] = row.error_cm;
   json["error_before_contact_cm"] = row.error_before_contact_cm;
   return json;
@@ -113,10 +117,10 @@ std::string EvalTable(const OrderedJson& report) {
   std::string table = fmt::format("{:<10} {:>4} {:>9} {:>15} {:>9} {:>9} {:>9}\n", "task", "n", "success %",
                                   "95 % interval", "TAR3D cm", "EE3D cm", "DISP cm");
   const auto line = [&](const OrderedJson& summary) {
-    table += fmt::format("{:<10} {:>4} {:>9.1f} {:>15}", summary["task"].get<std::string>(),
-                         summary["n"].get<std::uint64_t>(), 100 * summary["success"].get<double>(),
-                         fmt::format("{:.1f} .. {:.1f}", 100 * summary["low"].get<double>(),
-                                     100 * summary["high"].get<double>()));
+    table += fmt::format(
+        "{:<10} {:>4} {:>9.1f} {:>15}", summary["task"].get<std::string>(), summary["n"].get<std::uint64_t>(),
+        100 * summary["success"].get<double>(),
+        fmt::format("{:.1f} .. {:.1f}", 100 * summary["low"].get<double>(), 100 * summary["high"].get<double>()));
     for (const auto& module : kReportedModules)
       table += summary["error_cm"].contains(module)
                    ? fmt::format(" {:>9.2f}", summary["error_cm"][module].get<double>())

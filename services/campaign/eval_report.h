@@ -26,11 +26,11 @@ struct RolloutRow {
   std::string outcome;
   int steps = 0;
   int decisions = 0;
-  std::uint64_t checkpoint_step = 0;           ///< of the last decision
+  std::uint64_t checkpoint_step = 0;  ///< of the last decision
   /// Module -> mean error over the rollout's decisions, cm; a module without a number is absent (a rollout
   /// that never had to decide, or a policy without that module).
   std::map<std::string, double> error_cm;
-  std::map<std::string, double> error_before_contact_cm;   ///< of the decisions before the arm touched the target
+  std::map<std::string, double> error_before_contact_cm;  ///< of the decisions before the arm touched the target
 };
 
 /// Reads what the worker recorded in episode.details: "decisions" is a list with one map a decision:

@@ -19,10 +19,9 @@ Result<std::uint64_t> NextEpoch(const Path& folder) {
   if (text) {
     const OrderedJson json = OrderedJson::parse(*text, nullptr, false);
     if (!json.is_object() || !json.contains("epoch") || !json["epoch"].is_number_unsigned())
-      return Fail(Code::kCorrupt,
-                  fmt::format("read the collector's epoch from '{}': not {{\"epoch\": N}}; write the "
-                              "number of times that a collector was started here into it",
-                              path.string()));
+      return Fail(Code::kCorrupt, fmt::format("read the collector's epoch from '{}': not {{\"epoch\": N}}; write the "
+                                              "number of times that a collector was started here into it",
+                                              path.string()));
     epoch = json["epoch"].get<std::uint64_t>();
   } else if (text.error().code != Code::kNotFound) {
     return Fail(text.error().Wrap("read the collector's epoch"));
@@ -40,11 +39,9 @@ History ReadHistory(const Path& folder) {
   std::ifstream file(folder / "attempts.jsonl");
   for (std::string line; std::getline(file, line);) {
     const OrderedJson json = OrderedJson::parse(line, nullptr, false);
-    const auto is_unsigned = [&](const char* key) {
-      return json.contains(key) && json[key].is_number_unsigned();
-    };
-    if (!json.is_object() || !is_unsigned("index") || !is_unsigned("attempt") ||
-        !json.contains("outcome") || !json["outcome"].is_string())
+    const auto is_unsigned = [&](const char* key) { return json.contains(key) && json[key].is_number_unsigned(); };
+    if (!json.is_object() || !is_unsigned("index") || !is_unsigned("attempt") || !json.contains("outcome") ||
+        !json["outcome"].is_string())
       continue;
     const auto index = json["index"].get<std::uint64_t>();
     const auto attempt = json["attempt"].get<std::uint32_t>();

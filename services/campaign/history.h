@@ -19,10 +19,10 @@ Result<std::uint64_t> NextEpoch(const Path& folder);
 struct History {
   struct Index {
     std::uint32_t failures = 0;
-    std::uint32_t next_attempt = 0;   ///< one after the largest that failed for good
+    std::uint32_t next_attempt = 0;  ///< one after the largest that failed for good
   };
   std::map<std::uint64_t, Index> indices;
-  std::map<std::string, std::uint64_t> failures;   ///< typed reason -> count
+  std::map<std::string, std::uint64_t> failures;  ///< typed reason -> count
   std::uint64_t total = 0;
 };
 

@@ -27,8 +27,7 @@ void LeaseTable::RestoreCommitted(std::uint64_t index) {
   Commit(index);
 }
 
-void LeaseTable::RestoreFailures(std::uint64_t index, std::uint32_t failures,
-                                 std::uint32_t next_attempt) {
+void LeaseTable::RestoreFailures(std::uint64_t index, std::uint32_t failures, std::uint32_t next_attempt) {
   if (index >= config_.total) return;
   Entry& entry = EntryOf(index);
   if (entry.closed) return;

@@ -19,9 +19,9 @@
 namespace etude::campaign {
 
 struct LeaseTableConfig {
-  std::uint64_t total = 0;            ///< indices 0 .. total-1
-  std::uint32_t max_attempts = 10;    ///< failed attempts per index; then it is given up
-  std::uint64_t max_in_flight = 1024; ///< leases out at once
+  std::uint64_t total = 0;                                      ///< indices 0 .. total-1
+  std::uint32_t max_attempts = 10;                              ///< failed attempts per index; then it is given up
+  std::uint64_t max_in_flight = 1024;                           ///< leases out at once
   std::chrono::nanoseconds duration{std::chrono::seconds(10)};  ///< without renewal
   /// High half of every token. Grows with each start of the collector, so that tokens of an earlier life
   /// are smaller than all of this one's.
@@ -89,10 +89,10 @@ class LeaseTable {
   struct Entry {
     std::uint32_t attempt = 0;
     std::uint32_t failures = 0;
-    std::uint32_t losses = 0;      ///< leases that expired; such an index yields to others
-    std::uint64_t token = 0;       ///< newest, 0: none or ended
-    bool live = false;             ///< leased now
-    bool closed = false;           ///< committed or given up
+    std::uint32_t losses = 0;  ///< leases that expired; such an index yields to others
+    std::uint64_t token = 0;   ///< newest, 0: none or ended
+    bool live = false;         ///< leased now
+    bool closed = false;       ///< committed or given up
     Time deadline{};
     std::string worker;
   };
@@ -105,13 +105,13 @@ class LeaseTable {
   std::optional<std::uint64_t> NextFree();
 
   LeaseTableConfig config_;
-  std::uint64_t counter_ = 0;        ///< low half of the last token
-  std::uint64_t next_fresh_ = 0;     ///< indices from here on were never leased or restored ...
-  std::unordered_map<std::uint64_t, Entry> entries_;  ///< ... unless they are in here
+  std::uint64_t counter_ = 0;                               ///< low half of the last token
+  std::uint64_t next_fresh_ = 0;                            ///< indices from here on were never leased or restored ...
+  std::unordered_map<std::uint64_t, Entry> entries_;        ///< ... unless they are in here
   std::set<std::pair<std::uint32_t, std::uint64_t>> free_;  ///< (losses, index) given back
   std::set<std::uint64_t> live_;
-  std::map<std::string, std::uint64_t> holder_;       ///< worker -> index
-  std::unordered_set<std::uint64_t> committed_;        ///< closed as committed
+  std::map<std::string, std::uint64_t> holder_;  ///< worker -> index
+  std::unordered_set<std::uint64_t> committed_;  ///< closed as committed
   std::uint64_t given_up_ = 0, lost_ = 0;
 };
 

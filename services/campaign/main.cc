@@ -2,6 +2,7 @@
 // etude-collector: owns a campaign; workers on any host join it.
 #include <CLI/CLI.hpp>
 
+#include "services/bus/arguments.h"
 #include "services/campaign/collector.h"
 #include "services/campaign/spec_file.h"
 #include "services/core/command.h"
@@ -12,19 +13,17 @@ namespace {
 
 struct Arguments {
   campaign::SpecArguments spec;
-  std::string out, profile;
-  std::uint32_t domain = 0;
+  std::string out;
+  bus::Arguments bus;
   double lease_s = 10;
 };
 
 Status Collect(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(arguments.spec));
-  ETUDE_ASSIGN_OR_RETURN(const auto participant,
-                         bus::Participant::Open({arguments.domain, arguments.profile}));
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
   campaign::CollectorOptions options;
   options.lease = std::chrono::milliseconds(static_cast<std::int64_t>(arguments.lease_s * 1000));
-  ETUDE_ASSIGN_OR_RETURN(auto collector,
-                         campaign::Collector::Open(participant, spec, arguments.out, options));
+  ETUDE_ASSIGN_OR_RETURN(auto collector, campaign::Collector::Open(participant, spec, arguments.out, options));
   ETUDE_RETURN_IF_ERROR(collector.Run());
   fmt::print("{}\n", campaign::SummaryText(collector.progress()));
   return {};
@@ -34,9 +33,10 @@ Status Collect(const Arguments& arguments) {
 }  // namespace etude
 
 int main(int argc, char** argv) {
-  CLI::App app("Owns a campaign: leases work to workers on any host, commits what they send. Run again, it "
-               "resumes.",
-               "etude collector");
+  CLI::App app(
+      "Owns a campaign: leases work to workers on any host, commits what they send. Run again, it "
+      "resumes.",
+      "etude collector");
   etude::Arguments arguments;
   app.add_option("spec", arguments.spec.file, "campaign file (YAML)")->required();
   app.add_option("--out", arguments.out, "dataset folder")->required();
@@ -46,8 +46,7 @@ int main(int argc, char** argv) {
       ->allow_extra_args(false);
   app.add_option("--lease", arguments.lease_s, "seconds of silence after which a worker's work goes to another")
       ->check(CLI::Range(0.5, 3600.0));
-  app.add_option("--domain", arguments.domain, "DDS domain")->check(CLI::Range(0, 230));
-  app.add_option("--profile", arguments.profile, "Cyclone DDS XML file");
+  arguments.bus.Add(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -71,12 +71,11 @@ Result<Process> Process::Start(const ProcessOptions& options) {
   auto argv = options.argv;
   auto environment = EnvironmentWith(options.environment);
   const auto argv_pointers = Pointers(argv), environment_pointers = Pointers(environment);
-  int report[2];   // closes by itself when exec succeeds
+  int report[2];  // closes by itself when exec succeeds
   ETUDE_CHECK(::pipe2(report, O_CLOEXEC) == 0, "errno={}", errno);
   const pid_t parent = ::getpid();
   const pid_t pid = ::fork();
-  if (pid == 0)
-    BecomeProgram(argv_pointers.data(), environment_pointers.data(), log, report[1], parent);
+  if (pid == 0) BecomeProgram(argv_pointers.data(), environment_pointers.data(), log, report[1], parent);
   const int fork_error = errno;
   ::close(report[1]);
   if (log >= 0) ::close(log);
@@ -119,8 +118,7 @@ std::optional<int> Process::Poll() {
 
 std::optional<int> Process::Wait(std::chrono::milliseconds timeout) {
   const auto deadline = MonotonicClock::now() + timeout;
-  while (!Poll() && MonotonicClock::now() < deadline)
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  while (!Poll() && MonotonicClock::now() < deadline) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   return Poll();
 }
 
@@ -147,10 +145,9 @@ Path ProgramFolder() {
 Result<Path> FindSibling(const std::string& name) {
   const Path path = ProgramFolder() / name;
   if (::access(path.c_str(), X_OK) == 0) return path;
-  return Fail(Code::kUnavailable,
-              fmt::format("start '{}': not found beside this program in {}; build it with "
-                          "`cmake --build --preset release --target {}`",
-                          name, ProgramFolder().string(), name));
+  return Fail(Code::kUnavailable, fmt::format("start '{}': not found beside this program in {}; build it with "
+                                              "`cmake --build --preset release --target {}`",
+                                              name, ProgramFolder().string(), name));
 }
 
 }  // namespace etude::campaign

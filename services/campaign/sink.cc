@@ -11,8 +11,7 @@ namespace {
 
 class DatasetSink : public EpisodeSink {
  public:
-  DatasetSink(Path folder, store::DatasetWriter writer)
-      : folder_(std::move(folder)), writer_(std::move(writer)) {}
+  DatasetSink(Path folder, store::DatasetWriter writer) : folder_(std::move(folder)), writer_(std::move(writer)) {}
 
   const Path& folder() const override { return folder_; }
   const std::set<std::uint64_t>& committed() const override { return writer_.committed(); }

@@ -27,8 +27,8 @@ class EpisodeSink {
   /// @error kInvalidArgument, kCorrupt: the episode is at fault and is refused; anything else (disk
   /// full) is tried again.
   virtual Status Commit(const Episode& episode) = 0;
-  virtual Status RecordFailure(std::uint64_t index, std::uint32_t attempt,
-                               const std::string& outcome, const std::string& details_json) = 0;
+  virtual Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
+                               const std::string& details_json) = 0;
   /// Rewrites what is derived (master file, statistics). Now and then, and at the end.
   virtual Status WriteMaster() = 0;
 };

@@ -39,9 +39,9 @@ Result<CampaignSpec> LoadSpec(const SpecArguments& arguments) {
 }
 
 std::string ProgressLine(const CollectorProgress& progress) {
-  std::string line = fmt::format("{}/{} episodes  {:.1f}/min  expert {:.1f} %  {} workers", progress.committed,
-                                 progress.total, progress.episodes_per_minute, SuccessPercent(progress),
-                                 progress.workers);
+  std::string line =
+      fmt::format("{}/{} episodes  {:.1f}/min  expert {:.1f} %  {} workers", progress.committed, progress.total,
+                  progress.episodes_per_minute, SuccessPercent(progress), progress.workers);
   if (progress.eta_s > 0) line += "  ETA " + FormatDuration(progress.eta_s);
   if (progress.given_up > 0) line += fmt::format("  given up {}", progress.given_up);
   if (!progress.failures.empty()) line += "  failed: " + FailureText(progress);

@@ -13,9 +13,9 @@
 namespace etude::campaign {
 
 struct SpecArguments {
-  std::string file;                          ///< YAML
+  std::string file;  ///< YAML
   std::optional<std::uint64_t> episodes, seed;
-  std::vector<std::string> overrides;        ///< "a.b=c"
+  std::vector<std::string> overrides;  ///< "a.b=c"
 };
 
 /// File, then overrides, then --episodes and --seed; validated.

@@ -60,15 +60,14 @@ class Heart {
         const std::lock_guard status_lock(mutex_);
         status = status_;
       }
-      if (const Status written = writer_.Write(status); !written)
-        Log().debug("heartbeat: {}", written.error().message);
+      if (const Status written = writer_.Write(status); !written) Log().debug("heartbeat: {}", written.error().message);
       wake_.wait_for(lock, stop, period_, [] { return false; });
     }
   }
 
   bus::Writer<bus::WorkerStatus> writer_;
   std::mutex mutex_;
-  bus::WorkerStatus status_;   // guarded by mutex_
+  bus::WorkerStatus status_;  // guarded by mutex_
   std::chrono::milliseconds period_;
   std::mutex sleep_mutex_;
   std::condition_variable_any wake_;
@@ -86,11 +85,11 @@ struct WorkerClient::Impl {
   bus::ObjectSender sender;
   std::unique_ptr<Heart> heart;
 
-  std::optional<bus::CampaignAnnouncement> announcement;   // the newest
-  std::string made_for;                                    // spec hash that `work` was made for
+  std::optional<bus::CampaignAnnouncement> announcement;  // the newest
+  std::string made_for;                                   // spec hash that `work` was made for
   WorkFunction work;
   std::uint64_t request_id = 0;
-  std::optional<bus::AttemptReport> last_report;           // of the last attempt that failed
+  std::optional<bus::AttemptReport> last_report;  // of the last attempt that failed
   std::uint64_t episodes = 0, failures = 0;
 
   void TakeAnnouncements();
@@ -139,7 +138,7 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
   ETUDE_RETURN_IF_ERROR(spec.Validate());
   if (SpecHash(spec) != announcement->spec_sha256)
     return Fail(Code::kUnavailable, fmt::format("join {}: the announced hash does not fit the spec", origin));
-  work = nullptr;   // the old one's context goes first
+  work = nullptr;  // the old one's context goes first
   ETUDE_ASSIGN_OR_RETURN(work, factory(spec));
   made_for = announcement->spec_sha256;
   return {};
@@ -151,8 +150,7 @@ Result<bus::Lease> WorkerClient::Impl::Ask() {
   auto patience = std::min<std::chrono::milliseconds>(100ms, options.ask_again);
   while (!StopRequested()) {
     const std::uint64_t id = ++request_id;
-    if (const Status asked = requests.Write({options.campaign, options.name, id, options.version});
-        !asked)
+    if (const Status asked = requests.Write({options.campaign, options.name, id, options.version}); !asked)
       Log().debug("request: {}", asked.error().message);
     const auto deadline = MonotonicClock::now() + patience;
     patience = std::min(2 * patience, options.ask_again);
@@ -169,8 +167,7 @@ Result<bus::Lease> WorkerClient::Impl::Ask() {
   return none;
 }
 
-void WorkerClient::Impl::Report(const bus::Lease& lease, const std::string& outcome,
-                                const std::string& details_json) {
+void WorkerClient::Impl::Report(const bus::Lease& lease, const std::string& outcome, const std::string& details_json) {
   last_report = bus::AttemptReport{options.campaign, options.name, lease.index, lease.attempt,
                                    lease.token,      outcome,      details_json};
   if (const Status sent = reports.Write(*last_report); !sent)
@@ -182,8 +179,7 @@ void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result)
   const OrderedJson meta{{"index", lease.index}, {"attempt", lease.attempt}};
   while (true) {
     // the token is unique, so it is the object's id too: a repeat is recognised
-    const auto verdict =
-        sender.Send(lease.token, result.episode, lease.token, meta.dump(), options.send_timeout);
+    const auto verdict = sender.Send(lease.token, result.episode, lease.token, meta.dump(), options.send_timeout);
     if (verdict) {
       if (verdict->kind == bus::AckKind::kRefused) {
         Log().warn("refused index={} attempt={}: {}", lease.index, lease.attempt, verdict->reason);
@@ -250,28 +246,29 @@ const std::string& WorkerClient::name() const { return impl_->options.name; }
 Result<WorkerClient> WorkerClient::Open(const bus::Participant& participant, const WorkerOptions& options) {
   WorkerOptions resolved = options;
   if (!IsPlainName(resolved.campaign))
-    return Fail(Code::kInvalidArgument,
-                fmt::format("--campaign '{}': a name of a-z, 0-9, _ and -", resolved.campaign));
+    return Fail(Code::kInvalidArgument, fmt::format("--campaign '{}': a name of a-z, 0-9, _ and -", resolved.campaign));
   if (resolved.name.empty()) resolved.name = bus::UniquePeerName();
   const std::string& partition = resolved.campaign;
-  ETUDE_ASSIGN_OR_RETURN(auto announcements,
-                         bus::Reader<bus::CampaignAnnouncement>::Open(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto announcements, bus::Reader<bus::CampaignAnnouncement>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto leases, bus::Reader<bus::Lease>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto requests, bus::Writer<bus::WorkRequest>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto reports, bus::Writer<bus::AttemptReport>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto heartbeats, bus::Writer<bus::WorkerStatus>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto sender,
-                         bus::ObjectSender::Open(participant, partition, "episode", resolved.name));
+  ETUDE_ASSIGN_OR_RETURN(auto sender, bus::ObjectSender::Open(participant, partition, "episode", resolved.name));
   bus::WorkerStatus status;
   status.campaign = resolved.campaign;
   status.worker = resolved.name;
   status.host = HostName();
   status.phase = "idle";
   const auto heartbeat = resolved.heartbeat;
-  return WorkerClient(std::unique_ptr<Impl>(new Impl{
-      .options = std::move(resolved), .announcements = std::move(announcements), .leases = std::move(leases),
-      .requests = std::move(requests), .reports = std::move(reports), .sender = std::move(sender),
-      .heart = std::make_unique<Heart>(std::move(heartbeats), std::move(status), heartbeat)}));
+  return WorkerClient(std::unique_ptr<Impl>(
+      new Impl{.options = std::move(resolved),
+               .announcements = std::move(announcements),
+               .leases = std::move(leases),
+               .requests = std::move(requests),
+               .reports = std::move(reports),
+               .sender = std::move(sender),
+               .heart = std::make_unique<Heart>(std::move(heartbeats), std::move(status), heartbeat)}));
 }
 
 Status WorkerClient::Run(const WorkFactory& factory) {
@@ -282,9 +279,13 @@ Status WorkerClient::Run(const WorkFactory& factory) {
     ETUDE_RETURN_IF_ERROR(impl.Prepare(factory));
     ETUDE_ASSIGN_OR_RETURN(const bus::Lease lease, impl.Ask());
     switch (lease.kind) {
-      case bus::LeaseKind::kDone: return {};
-      case bus::LeaseKind::kRefused: return Fail(Code::kUnavailable, lease.reason);
-      case bus::LeaseKind::kWait: WaitForStop(200ms); break;
+      case bus::LeaseKind::kDone:
+        return {};
+      case bus::LeaseKind::kRefused:
+        return Fail(Code::kUnavailable, lease.reason);
+      case bus::LeaseKind::kWait:
+        WaitForStop(200ms);
+        break;
       case bus::LeaseKind::kWork:
         ETUDE_RETURN_IF_ERROR(impl.Serve(lease));
         if (impl.options.once) return {};

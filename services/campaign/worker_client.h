@@ -27,7 +27,7 @@ struct WorkResult {
   std::vector<std::uint8_t> episode;
   std::string outcome;
   std::string details_json = "{}";
-  std::uint64_t steps = 0, frames = 0;   ///< for telemetry
+  std::uint64_t steps = 0, frames = 0;  ///< for telemetry
 };
 
 /// Does one attempt. An Error ends the worker (the machine is at fault), after handing the lease back.
@@ -38,12 +38,12 @@ using WorkFactory = std::function<Result<WorkFunction>(const CampaignSpec&)>;
 
 struct WorkerOptions {
   std::string campaign;
-  std::string name;                                 ///< unique on the bus; empty: UniquePeerName()
+  std::string name;  ///< unique on the bus; empty: UniquePeerName()
   std::string version = Version();
-  bool once = false;                                ///< one attempt, then home
+  bool once = false;  ///< one attempt, then home
   std::chrono::milliseconds heartbeat{500};
-  std::chrono::milliseconds ask_again{1'000};       ///< a request without an answer is repeated
-  std::chrono::milliseconds send_timeout{30'000};   ///< per try; the same object is sent again
+  std::chrono::milliseconds ask_again{1'000};      ///< a request without an answer is repeated
+  std::chrono::milliseconds send_timeout{30'000};  ///< per try; the same object is sent again
 };
 
 class WorkerClient {

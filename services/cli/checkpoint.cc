@@ -17,8 +17,9 @@ namespace etude::cli {
 namespace {
 
 std::uint64_t Count(const store::Tensor& tensor) {
-  return std::accumulate(tensor.shape.begin(), tensor.shape.end(), std::uint64_t{1},
-                         [](std::uint64_t product, std::int64_t size) { return product * static_cast<std::uint64_t>(size); });
+  return std::accumulate(
+      tensor.shape.begin(), tensor.shape.end(), std::uint64_t{1},
+      [](std::uint64_t product, std::int64_t size) { return product * static_cast<std::uint64_t>(size); });
 }
 
 // metadata values are JSON where they are structured
@@ -79,10 +80,8 @@ Status Watch(const WatchArguments& arguments) {
   if (!IsPlainName(arguments.run))
     return Fail(Code::kInvalidArgument, fmt::format("--run '{}': a name of a-z, 0-9, _ and -", arguments.run));
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
-  ETUDE_ASSIGN_OR_RETURN(const auto participant,
-                         bus::Participant::Open({arguments.bus.domain, arguments.bus.profile}));
-  ETUDE_ASSIGN_OR_RETURN(auto subscriber,
-                         bus::ObjectSubscriber::Open(participant, arguments.run, arguments.channel));
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(auto subscriber, bus::ObjectSubscriber::Open(participant, arguments.run, arguments.channel));
   Log().info("waiting for checkpoints of run={}", arguments.run);
   while (!StopRequested()) {
     const auto object = subscriber.Wait(std::chrono::seconds(1));

@@ -20,8 +20,7 @@ struct Arguments {
 
 Status Collect(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(arguments.spec));
-  ETUDE_ASSIGN_OR_RETURN(const auto participant,
-                         bus::Participant::Open({arguments.bus.domain, arguments.bus.profile}));
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
   ETUDE_ASSIGN_OR_RETURN(auto hosted, HostedCampaign::Start(participant, spec,
                                                             {.bus = arguments.bus,
                                                              .workers = arguments.workers,
@@ -50,7 +49,8 @@ void AddCollect(CLI::App& app, Body& body) {
   command->add_option("spec", arguments->spec.file, "campaign file (YAML), see deploy/campaigns/")->required();
   command->add_option("--out", arguments->out, "dataset folder; run again, it resumes")->required();
   command->add_option("--workers", arguments->workers, "local workers, 0 for only those of other hosts")
-      ->check(CLI::Range(0, 100))->capture_default_str();
+      ->check(CLI::Range(0, 100))
+      ->capture_default_str();
   command->add_option("--episodes", arguments->spec.episodes, "instead of the file's count");
   command->add_option("--seed", arguments->spec.seed, "instead of the file's seed");
   AddOverrides(*command, arguments->spec.overrides, "image_stride=1");

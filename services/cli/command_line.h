@@ -5,11 +5,11 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "services/bus/arguments.h"
 #include "services/core/result.h"
 
 namespace etude::cli {
@@ -17,22 +17,7 @@ namespace etude::cli {
 /// Filled in by the command that was chosen; main runs it.
 using Body = std::function<Status()>;
 
-/// Where on the bus.
-struct BusArguments {
-  std::uint32_t domain = 0;
-  std::string profile;
-
-  void Add(CLI::App& app) {
-    app.add_option("--domain", domain, "DDS domain")->check(CLI::Range(0, 230));
-    app.add_option("--profile", profile, "Cyclone DDS XML file (default: this machine only)");
-  }
-  /// The same for a child: its command line, and its environment.
-  std::vector<std::string> Flags() const { return {"--domain", std::to_string(domain)}; }
-  std::map<std::string, std::string> Environment() const {
-    if (profile.empty()) return {};
-    return {{"CYCLONEDDS_URI", profile}};
-  }
-};
+using BusArguments = bus::Arguments;
 
 /// Adds `--set KEY=VALUE`, repeatable.
 inline void AddOverrides(CLI::App& app, std::vector<std::string>& overrides, const char* example) {

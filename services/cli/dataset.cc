@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // `etude dataset info|verify|hash`.
+#include "services/store/dataset.h"
+
 #include <fmt/format.h>
 
 #include "services/cli/command_line.h"
 #include "services/core/config.h"
-#include "services/store/dataset.h"
 
 namespace etude::cli {
 namespace {

@@ -47,7 +47,7 @@ Finding AskProgram(const std::string& name) {
 
 // A message to ourselves and back.
 Finding CheckBus(const BusArguments& arguments) {
-  auto participant = bus::Participant::Open({arguments.domain, arguments.profile});
+  auto participant = arguments.Open();
   if (!participant) return Missing(participant.error().message);
   const std::string partition = "doctor-" + bus::UniquePeerName();
   auto reader = bus::Reader<bus::WorkRequest>::Open(*participant, partition);
@@ -57,7 +57,8 @@ Finding CheckBus(const BusArguments& arguments) {
   if (!writer->WaitForReaders(1, 5s)) return Missing("a writer and a reader in one process do not find each other");
   Stopwatch elapsed;
   if (const Status sent = writer->Write({"doctor", "doctor", 1, "1"}); !sent) return Missing(sent.error().message);
-  if (!reader->Wait(5s) || reader->Take().empty()) return Missing("a message to this process did not arrive within 5 s");
+  if (!reader->Wait(5s) || reader->Take().empty())
+    return Missing("a message to this process did not arrive within 5 s");
   return Ok(fmt::format("domain {}, a message there in {:.2f} ms", arguments.domain, 1e3 * elapsed.Seconds()));
 }
 
@@ -67,9 +68,10 @@ Finding CheckSocketBuffer() {
   if (!(file >> bytes)) return Advice("cannot read /proc/sys/net/core/rmem_max");
   constexpr std::uint64_t kWanted = 4u << 20;
   if (bytes >= kWanted) return Ok(fmt::format("net.core.rmem_max = {} bytes", bytes));
-  return Advice(fmt::format("net.core.rmem_max = {} bytes; large objects travel faster with: sudo sysctl -w "
-                            "net.core.rmem_max={}",
-                            bytes, kWanted));
+  return Advice(
+      fmt::format("net.core.rmem_max = {} bytes; large objects travel faster with: sudo sysctl -w "
+                  "net.core.rmem_max={}",
+                  bytes, kWanted));
 }
 
 Finding CheckDisk() {
@@ -85,7 +87,9 @@ Finding CheckDisk() {
 Status Doctor(const BusArguments& arguments) {
   int missing = 0;
   const auto report = [&](const char* what, const Finding& finding) {
-    const char* word = finding.kind == Finding::Kind::kOk ? "ok" : finding.kind == Finding::Kind::kAdvice ? "note" : "MISSING";
+    const char* word = finding.kind == Finding::Kind::kOk       ? "ok"
+                       : finding.kind == Finding::Kind::kAdvice ? "note"
+                                                                : "MISSING";
     std::string text = finding.text;
     for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 19) text.insert(at + 1, 18, ' ');
     fmt::print("{:<9} {:<7} {}\n", what, word, text);

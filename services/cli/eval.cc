@@ -71,8 +71,7 @@ Status Eval(Arguments arguments) {
   arguments.evaluation.out = arguments.out;
   ETUDE_ASSIGN_OR_RETURN(const ServiceOptions service, PolicyService(arguments));
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, Spec(arguments));
-  ETUDE_ASSIGN_OR_RETURN(const auto participant,
-                         bus::Participant::Open({arguments.bus.domain, arguments.bus.profile}));
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
   std::optional<Service> policy;
   ETUDE_ASSIGN_OR_RETURN(const bool served, AlreadyServed(participant, spec.rollout.run));
   if (served) {
@@ -103,15 +102,18 @@ void AddEval(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand("eval", "roll a policy out on fresh scenes: success per task, errors, videos");
   auto arguments = std::make_shared<Arguments>();
   auto* checkpoint = command->add_option("--checkpoint", arguments->checkpoint, "a .safetensors file");
-  auto* subscribe = command->add_option("--subscribe", arguments->subscribe, "a run's checkpoints on the bus: its name, or its folder");
+  auto* subscribe = command->add_option("--subscribe", arguments->subscribe,
+                                        "a run's checkpoints on the bus: its name, or its folder");
   checkpoint->excludes(subscribe);
   EvaluationOptions& evaluation = arguments->evaluation;
   command->add_option("--episodes", evaluation.episodes, "rollouts")->capture_default_str();
   command->add_option("--seed", evaluation.seed, "of the scenes; never meets a collection's")->capture_default_str();
-  command->add_option("--workers", arguments->workers, "local workers")->check(CLI::Range(0, 100))
+  command->add_option("--workers", arguments->workers, "local workers")
+      ->check(CLI::Range(0, 100))
       ->capture_default_str();
   command->add_option("--out", arguments->out, "folder for eval.json, rollouts and videos")->required();
-  command->add_option("--tasks", evaluation.tasks, "comma-separated: pick,push,put_down")->delimiter(',')
+  command->add_option("--tasks", evaluation.tasks, "comma-separated: pick,push,put_down")
+      ->delimiter(',')
       ->allow_extra_args(false);
   command->add_option("--videos", evaluation.videos, "at most so many mp4 files")->capture_default_str();
   command->add_option("--scenes", arguments->scenes, "campaign file whose camera, objects and randomisation to use");

@@ -48,8 +48,8 @@ std::string RolloutLine(const campaign::CollectorProgress& progress, const Path&
 }  // namespace
 
 Result<OrderedJson> Evaluate(const bus::Participant& participant, const CampaignSpec& spec,
-                             const EvaluationOptions& options, const HostOptions& host,
-                             ProgressDisplay& display, const std::function<Status()>& watch) {
+                             const EvaluationOptions& options, const HostOptions& host, ProgressDisplay& display,
+                             const std::function<Status()>& watch) {
   ETUDE_ASSIGN_OR_RETURN(auto hosted, HostedCampaign::Start(participant, spec, host));
   while (!hosted->ended() && !StopRequested()) {
     ETUDE_RETURN_IF_ERROR(hosted->Supervise());

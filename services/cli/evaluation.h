@@ -17,11 +17,11 @@
 namespace etude::cli {
 
 struct EvaluationOptions {
-  std::string run;                       ///< name under which the policy answers
+  std::string run;  ///< name under which the policy answers
   std::vector<std::string> tasks{"pick", "push", "put_down"};
   std::uint64_t episodes = 80;
   std::uint64_t seed = 1;
-  int videos = 12;                       ///< at most so many mp4 files, failures first
+  int videos = 12;  ///< at most so many mp4 files, failures first
   Path out;
 };
 
@@ -34,7 +34,7 @@ CampaignSpec EvaluationSpec(const CampaignSpec& base, const EvaluationOptions& o
 /// @param watch  called a few times a second; an error ends the evaluation (e.g. the policy died)
 /// @returns the report (see campaign::EvalReport). A stop request is no error: the report has what is done.
 Result<OrderedJson> Evaluate(const bus::Participant& participant, const CampaignSpec& spec,
-                             const EvaluationOptions& options, const HostOptions& host,
-                             ProgressDisplay& display, const std::function<Status()>& watch);
+                             const EvaluationOptions& options, const HostOptions& host, ProgressDisplay& display,
+                             const std::function<Status()>& watch);
 
 }  // namespace etude::cli

@@ -27,8 +27,7 @@ struct HostedCampaign::Host {
 };
 
 Result<std::unique_ptr<HostedCampaign>> HostedCampaign::Start(const bus::Participant& participant,
-                                                              const CampaignSpec& spec,
-                                                              const HostOptions& options) {
+                                                              const CampaignSpec& spec, const HostOptions& options) {
   ETUDE_ASSIGN_OR_RETURN(auto collector, campaign::Collector::Open(participant, spec, options.out));
   // nothing is there to be done: no workers are needed
   const auto before = collector.progress();

@@ -17,16 +17,16 @@ namespace etude::cli {
 
 struct HostOptions {
   BusArguments bus;
-  int workers = 1;      ///< 0: only others' workers
-  Path out;             ///< what the collector opens
+  int workers = 1;  ///< 0: only others' workers
+  Path out;         ///< what the collector opens
   Path logs;
 };
 
 /// Runs the collector on a thread of its own and supervises the workers from the caller's.
 class HostedCampaign {
  public:
-  static Result<std::unique_ptr<HostedCampaign>> Start(const bus::Participant& participant,
-                                                       const CampaignSpec& spec, const HostOptions& options);
+  static Result<std::unique_ptr<HostedCampaign>> Start(const bus::Participant& participant, const CampaignSpec& spec,
+                                                       const HostOptions& options);
   /// Drains: workers end first, then the collector.
   ~HostedCampaign();
 

@@ -37,13 +37,13 @@ int Usage(const CLI::App& app, const CLI::ParseError& error, int argc, char** ar
 
 int Main(int argc, char** argv) {
   if (const OwnProgram* own = FindOwnProgram(argc, argv))
-    return RunMain("etude " + std::string(own->command), [&] {
-      return ExecSibling(own->program, std::vector<std::string>(argv + 2, argv + argc));
-    });
+    return RunMain("etude " + std::string(own->command),
+                   [&] { return ExecSibling(own->program, std::vector<std::string>(argv + 2, argv + argc)); });
 
-  CLI::App app("Language-conditioned robot policies: many workers plan demonstrations in simulation, a trainer learns\n"
-               "module by module while they arrive, and every checkpoint goes out on a topic.",
-               "etude");
+  CLI::App app(
+      "Language-conditioned robot policies: many workers plan demonstrations in simulation, a trainer learns\n"
+      "module by module while they arrive, and every checkpoint goes out on a topic.",
+      "etude");
   app.set_version_flag("--version", Version());
   app.require_subcommand(1);
   app.get_formatter()->column_width(28);

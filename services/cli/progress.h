@@ -24,7 +24,7 @@ class ProgressDisplay {
 
  private:
   bool terminal_;
-  bool open_ = false;   // a line without its end stands on the terminal
+  bool open_ = false;  // a line without its end stands on the terminal
   MonotonicClock::time_point shown_{};
 };
 

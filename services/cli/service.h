@@ -14,7 +14,7 @@
 namespace etude::cli {
 
 struct ServiceOptions {
-  std::string program;                     ///< a sibling: etude-trainer
+  std::string program;  ///< a sibling: etude-trainer
   std::vector<std::string> arguments;
   std::vector<std::string> restart_arguments;  ///< appended when it is started again: --resume
   std::map<std::string, std::string> environment;

@@ -67,7 +67,7 @@ class System {
   bus::Reader<bus::TrainStatus> train_statuses_;
   std::optional<bus::TrainStatus> train_;
   std::unique_ptr<HostedCampaign> collection_;
-  std::optional<campaign::CollectorProgress> collected_;   // final, once collection has ended
+  std::optional<campaign::CollectorProgress> collected_;  // final, once collection has ended
   std::optional<Service> trainer_, policy_;
   Stopwatch since_start_;
   ProgressDisplay display_;
@@ -77,9 +77,12 @@ Status System::StartTraining() {
   const Path run = out_ / "run" / config_.train.run;
   ServiceOptions trainer;
   trainer.program = "etude-trainer";
-  trainer.arguments = {"--data",   (out_ / "dataset").string(), "--config", config_.train.config,
-                       "--out",    run.string(),                "--name",   config_.train.run,
-                       "--minutes", fmt::format("{}", config_.train.minutes), "--follow"};
+  trainer.arguments = {"--data",    (out_ / "dataset").string(),
+                       "--config",  config_.train.config,
+                       "--out",     run.string(),
+                       "--name",    config_.train.run,
+                       "--minutes", fmt::format("{}", config_.train.minutes),
+                       "--follow"};
   for (const auto& text : config_.train.set) trainer.arguments.insert(trainer.arguments.end(), {"--set", text});
   const auto flags = bus_.Flags();
   trainer.arguments.insert(trainer.arguments.end(), flags.begin(), flags.end());
@@ -115,12 +118,10 @@ Status System::Tick() {
 }
 
 Status System::CollectAndTrain() {
-  ETUDE_ASSIGN_OR_RETURN(collection_,
-                         HostedCampaign::Start(participant_, spec_,
-                                               {.bus = bus_,
-                                                .workers = config_.workers,
-                                                .out = out_ / "dataset",
-                                                .logs = out_ / "logs"}));
+  ETUDE_ASSIGN_OR_RETURN(
+      collection_,
+      HostedCampaign::Start(participant_, spec_,
+                            {.bus = bus_, .workers = config_.workers, .out = out_ / "dataset", .logs = out_ / "logs"}));
   const std::uint64_t enough = std::min(config_.train.start_episodes, spec_.episodes);
   while (!StopRequested() && !(trainer_ && trainer_->done())) {
     ETUDE_RETURN_IF_ERROR(Tick());
@@ -240,9 +241,8 @@ Status Up(const Arguments& arguments) {
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(Path(config.out) / "up.yaml", ToYaml(resolved)));
 
   const BusArguments bus{config.domain, arguments.profile};
-  ETUDE_ASSIGN_OR_RETURN(auto participant, bus::Participant::Open({bus.domain, bus.profile}));
-  ETUDE_ASSIGN_OR_RETURN(auto statuses,
-                         bus::Reader<bus::TrainStatus>::Open(participant, config.train.run));
+  ETUDE_ASSIGN_OR_RETURN(auto participant, bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Reader<bus::TrainStatus>::Open(participant, config.train.run));
   System system(config, spec, bus, std::move(participant), std::move(statuses));
   return system.Run(arguments.keep_running);
 }

@@ -11,11 +11,11 @@
 namespace etude::cli {
 
 struct UpTrainConfig {
-  std::string config = "compact";       ///< experiment, by name or file
-  std::string run = "quickstart";       ///< name of the run, also on the bus
+  std::string config = "compact";  ///< experiment, by name or file
+  std::string run = "quickstart";  ///< name of the run, also on the bus
   double minutes = 12;
-  std::uint64_t start_episodes = 40;    ///< training starts when so many have arrived
-  std::vector<std::string> set;         ///< KEY=VALUE over the experiment's
+  std::uint64_t start_episodes = 40;  ///< training starts when so many have arrived
+  std::vector<std::string> set;       ///< KEY=VALUE over the experiment's
 
   template <class V>
   void Visit(V& v) {
@@ -43,11 +43,11 @@ struct UpEvalConfig {
 };
 
 struct UpConfig {
-  std::string campaign;                 ///< campaign file, relative to this file
+  std::string campaign;                   ///< campaign file, relative to this file
   std::vector<std::string> campaign_set;  ///< KEY=VALUE over the campaign file's
-  int workers = 0;                      ///< 0: one a core
+  int workers = 0;                        ///< 0: one a core
   std::uint32_t domain = 0;
-  std::string out = "out/up";           ///< dataset/, run/, eval/ and logs/ go there
+  std::string out = "out/up";  ///< dataset/, run/, eval/ and logs/ go there
   UpTrainConfig train;
   UpEvalConfig eval;
 

@@ -14,7 +14,7 @@ namespace etude::cli {
 namespace {
 
 constexpr int kScale = 2;
-constexpr int kCaption = 44;   // px below the picture
+constexpr int kCaption = 44;  // px below the picture
 
 struct Candidate {
   std::uint64_t index = 0;
@@ -38,8 +38,8 @@ Result<std::vector<Candidate>> Candidates(const store::DatasetReader& reader) {
 
 Result<cv::VideoWriter> OpenWriter(const Path& path, double fps, cv::Size size) {
   for (const char* code : {"avc1", "mp4v"}) {
-    cv::VideoWriter writer(path.string(), cv::CAP_FFMPEG,
-                           cv::VideoWriter::fourcc(code[0], code[1], code[2], code[3]), fps, size);
+    cv::VideoWriter writer(path.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc(code[0], code[1], code[2], code[3]),
+                           fps, size);
     if (writer.isOpened()) return writer;
   }
   return Fail(Code::kUnavailable,
@@ -52,8 +52,7 @@ void Caption(cv::Mat& picture, const std::string& first, const std::string& seco
   const int top = picture.rows - kCaption;
   picture.rowRange(top, picture.rows).setTo(cv::Scalar(24, 24, 24));
   const auto put = [&](const std::string& text, int y, double value) {
-    cv::putText(picture, text, {8, y}, cv::FONT_HERSHEY_SIMPLEX, 0.45, cv::Scalar(value, value, value), 1,
-                cv::LINE_AA);
+    cv::putText(picture, text, {8, y}, cv::FONT_HERSHEY_SIMPLEX, 0.45, cv::Scalar(value, value, value), 1, cv::LINE_AA);
   };
   put(first, top + 17, 255);
   put(second, top + 36, 170);

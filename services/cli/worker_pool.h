@@ -18,7 +18,7 @@ struct WorkerPoolOptions {
   int workers = 1;
   std::string campaign;
   BusArguments bus;
-  Path logs;                                    ///< LOGS/worker-0.log, ...
+  Path logs;  ///< LOGS/worker-0.log, ...
   /// Told the bus name of a worker that has ended, so that its lease is free at once.
   std::function<void(const std::string&)> on_end;
 };
@@ -39,10 +39,10 @@ class WorkerPool {
  private:
   struct Slot {
     std::optional<campaign::Process> process;
-    std::string name;         // on the bus
+    std::string name;  // on the bus
     MonotonicClock::time_point started{}, start_again{};
-    int deaths = 0;           // in a row
-    bool finished = false;    // went home by itself, or never can
+    int deaths = 0;         // in a row
+    bool finished = false;  // went home by itself, or never can
     bool unable = false;
   };
 

@@ -8,14 +8,12 @@
 #include <string_view>
 
 namespace etude::internal {
-[[noreturn]] void CheckFailed(const char* expression, const char* file, int line,
-                              std::string_view explanation);
+[[noreturn]] void CheckFailed(const char* expression, const char* file, int line, std::string_view explanation);
 }
 
 /// ETUDE_CHECK(cond) or ETUDE_CHECK(cond, "i={} n={}", i, n).
-#define ETUDE_CHECK(condition, ...)                                        \
-  do {                                                                     \
-    if (!(condition)) [[unlikely]]                                         \
-      ::etude::internal::CheckFailed(#condition, __FILE__, __LINE__,       \
-                                     ::fmt::format("" __VA_ARGS__));       \
+#define ETUDE_CHECK(condition, ...)                                                                  \
+  do {                                                                                               \
+    if (!(condition)) [[unlikely]]                                                                   \
+      ::etude::internal::CheckFailed(#condition, __FILE__, __LINE__, ::fmt::format("" __VA_ARGS__)); \
   } while (false)

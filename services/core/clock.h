@@ -12,17 +12,14 @@ using MonotonicClock = std::chrono::steady_clock;
 
 /// Nanoseconds of the monotonic clock (meaningful within one host only).
 inline std::uint64_t MonotonicNs() {
-  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(
-                                        MonotonicClock::now().time_since_epoch())
-                                        .count());
+  return static_cast<std::uint64_t>(
+      std::chrono::duration_cast<std::chrono::nanoseconds>(MonotonicClock::now().time_since_epoch()).count());
 }
 
 /// Seconds of CPU-independent elapsed time, for measuring.
 class Stopwatch {
  public:
-  double Seconds() const {
-    return std::chrono::duration<double>(MonotonicClock::now() - start_).count();
-  }
+  double Seconds() const { return std::chrono::duration<double>(MonotonicClock::now() - start_).count(); }
   void Restart() { start_ = MonotonicClock::now(); }
 
  private:

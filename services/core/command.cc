@@ -13,9 +13,12 @@ namespace etude {
 
 int ExitCodeFor(const Error& error) {
   switch (error.code) {
-    case Code::kInvalidArgument: return kExitUsage;
-    case Code::kUnavailable: return kExitMachine;
-    default: return kExitFailure;
+    case Code::kInvalidArgument:
+      return kExitUsage;
+    case Code::kUnavailable:
+      return kExitMachine;
+    default:
+      return kExitFailure;
   }
 }
 

@@ -40,14 +40,14 @@ OrderedJson ScalarToJson(const YAML::Node& node) {
 }
 
 Result<OrderedJson> NodeToJson(const YAML::Node& node, const std::string& origin, int depth) {
-  const auto where = [&] {
-    return fmt::format("{}:{}:{}", origin, node.Mark().line + 1, node.Mark().column + 1);
-  };
+  const auto where = [&] { return fmt::format("{}:{}:{}", origin, node.Mark().line + 1, node.Mark().column + 1); };
   if (depth > kMaxDepth) return Fail(Code::kInvalidArgument, where() + ": nested too deeply");
   switch (node.Type()) {
     case YAML::NodeType::Undefined:
-    case YAML::NodeType::Null: return OrderedJson(nullptr);
-    case YAML::NodeType::Scalar: return ScalarToJson(node);
+    case YAML::NodeType::Null:
+      return OrderedJson(nullptr);
+    case YAML::NodeType::Scalar:
+      return ScalarToJson(node);
     case YAML::NodeType::Sequence: {
       auto list = OrderedJson::array();
       for (const auto& item : node) {
@@ -62,8 +62,7 @@ Result<OrderedJson> NodeToJson(const YAML::Node& node, const std::string& origin
         const YAML::Node& key = pair.first;
         if (!key.IsScalar()) return Fail(Code::kInvalidArgument, where() + ": a key must be text");
         if (map.contains(key.Scalar()))
-          return Fail(Code::kInvalidArgument,
-                      fmt::format("{}: key '{}' stands twice", where(), key.Scalar()));
+          return Fail(Code::kInvalidArgument, fmt::format("{}: key '{}' stands twice", where(), key.Scalar()));
         ETUDE_ASSIGN_OR_RETURN(map[key.Scalar()], NodeToJson(pair.second, origin, depth + 1));
       }
       return map;
@@ -106,8 +105,7 @@ void EmitYaml(const OrderedJson& json, YAML::Emitter& out) {
     }
     out << YAML::EndMap;
   } else if (json.is_array()) {
-    const bool flat = std::none_of(json.begin(), json.end(),
-                                   [](const auto& item) { return item.is_structured(); });
+    const bool flat = std::none_of(json.begin(), json.end(), [](const auto& item) { return item.is_structured(); });
     if (flat) out << YAML::Flow;
     out << YAML::BeginSeq;
     for (const auto& item : json) EmitYaml(item, out);
@@ -133,8 +131,7 @@ Result<OrderedJson> ParseYaml(const std::string& text, const std::string& origin
     return NodeToJson(YAML::Load(text), origin, 0);
   } catch (const YAML::Exception& error) {
     return Fail(Code::kInvalidArgument,
-                fmt::format("{}:{}:{}: {}", origin, error.mark.line + 1, error.mark.column + 1,
-                            error.msg));
+                fmt::format("{}:{}:{}: {}", origin, error.mark.line + 1, error.mark.column + 1, error.msg));
   }
 }
 
@@ -148,18 +145,15 @@ Status ApplyOverride(OrderedJson& json, const std::string& override_text) {
   const auto equals = override_text.find('=');
   if (equals == std::string::npos || equals == 0)
     return Fail(Code::kInvalidArgument,
-                fmt::format("--set '{}': expected KEY=VALUE, e.g. --set camera.width=84",
-                            override_text));
-  ETUDE_ASSIGN_OR_RETURN(auto value,
-                         ParseYaml(override_text.substr(equals + 1), "--set " + override_text));
+                fmt::format("--set '{}': expected KEY=VALUE, e.g. --set camera.width=84", override_text));
+  ETUDE_ASSIGN_OR_RETURN(auto value, ParseYaml(override_text.substr(equals + 1), "--set " + override_text));
   OrderedJson* node = &json;
   std::string rest = override_text.substr(0, equals);
   while (true) {
     if (node->is_null()) *node = OrderedJson::object();
     if (!node->is_object())
       return Fail(Code::kInvalidArgument,
-                  fmt::format("--set '{}': '{}' lies below a value that is not a map",
-                              override_text, rest));
+                  fmt::format("--set '{}': '{}' lies below a value that is not a map", override_text, rest));
     const auto dot = rest.find('.');
     node = &(*node)[rest.substr(0, dot)];
     if (dot == std::string::npos) break;
@@ -188,16 +182,13 @@ void ConfigReader::Finish() {
   for (const auto& [key, value] : json_.items()) {
     if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
     const std::string nearest = NearestMatch(key, known_);
-    errors_.push_back(nearest.empty()
-                          ? fmt::format("unknown key '{}' (known: {})", Join(key),
-                                        fmt::join(known_, ", "))
-                          : fmt::format("unknown key '{}': did you mean '{}'?", Join(key), nearest));
+    errors_.push_back(nearest.empty() ? fmt::format("unknown key '{}' (known: {})", Join(key), fmt::join(known_, ", "))
+                                      : fmt::format("unknown key '{}': did you mean '{}'?", Join(key), nearest));
   }
 }
 
 std::string TypeError(const std::string& path, const char* expected, const OrderedJson& found) {
-  return fmt::format("{}: expected {}, found {}", path.empty() ? "the file" : "'" + path + "'",
-                     expected,
+  return fmt::format("{}: expected {}, found {}", path.empty() ? "the file" : "'" + path + "'", expected,
                      found.dump(-1, ' ', false, OrderedJson::error_handler_t::replace));
 }
 

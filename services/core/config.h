@@ -62,8 +62,7 @@ class ConfigReader;
 
 /// Reads one value of any supported type from `json` into `value`; problems go to `errors`.
 template <class T>
-void ReadValue(const OrderedJson& json, const std::string& path, T& value,
-               std::vector<std::string>& errors);
+void ReadValue(const OrderedJson& json, const std::string& path, T& value, std::vector<std::string>& errors);
 
 /// The visitor that reads a struct's keys from a JSON map.
 class ConfigReader {
@@ -106,11 +105,12 @@ class ConfigWriter {
 };
 
 template <class T>
-void ReadValue(const OrderedJson& json, const std::string& path, T& value,
-               std::vector<std::string>& errors) {
+void ReadValue(const OrderedJson& json, const std::string& path, T& value, std::vector<std::string>& errors) {
   if constexpr (std::is_same_v<T, bool>) {
-    if (json.is_boolean()) value = json.get<bool>();
-    else errors.push_back(TypeError(path, "true or false", json));
+    if (json.is_boolean())
+      value = json.get<bool>();
+    else
+      errors.push_back(TypeError(path, "true or false", json));
   } else if constexpr (std::is_integral_v<T>) {
     if (!json.is_number_integer()) {
       errors.push_back(TypeError(path, "an integer", json));
@@ -121,12 +121,17 @@ void ReadValue(const OrderedJson& json, const std::string& path, T& value,
       if (OrderedJson(value) != json) errors.push_back(TypeError(path, "a smaller integer", json));
     }
   } else if constexpr (std::is_floating_point_v<T>) {
-    if (json.is_number()) value = json.get<T>();
-    else errors.push_back(TypeError(path, "a number", json));
+    if (json.is_number())
+      value = json.get<T>();
+    else
+      errors.push_back(TypeError(path, "a number", json));
   } else if constexpr (std::is_same_v<T, std::string>) {
-    if (json.is_string()) value = json.get<std::string>();
-    else if (json.is_number() || json.is_boolean()) value = json.dump();
-    else errors.push_back(TypeError(path, "text", json));
+    if (json.is_string())
+      value = json.get<std::string>();
+    else if (json.is_number() || json.is_boolean())
+      value = json.dump();
+    else
+      errors.push_back(TypeError(path, "text", json));
   } else if constexpr (std::is_same_v<T, OrderedJson>) {
     value = json;
   } else if constexpr (IsVector<T>::value) {
@@ -164,8 +169,7 @@ void ReadValue(const OrderedJson& json, const std::string& path, T& value,
 
 template <class T>
 OrderedJson WriteValue(const T& value) {
-  if constexpr (std::is_arithmetic_v<T> || std::is_same_v<T, std::string> ||
-                std::is_same_v<T, OrderedJson>) {
+  if constexpr (std::is_arithmetic_v<T> || std::is_same_v<T, std::string> || std::is_same_v<T, OrderedJson>) {
     return value;
   } else if constexpr (IsVector<T>::value) {
     auto json = OrderedJson::array();
@@ -209,8 +213,7 @@ Result<T> LoadConfig(const Path& path, const std::vector<std::string>& overrides
   ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(path, 1 << 20));
   ETUDE_ASSIGN_OR_RETURN(OrderedJson json, ParseYaml(text, path.string()));
   if (json.is_null()) json = OrderedJson::object();
-  for (const auto& text_override : overrides)
-    ETUDE_RETURN_IF_ERROR(ApplyOverride(json, text_override));
+  for (const auto& text_override : overrides) ETUDE_RETURN_IF_ERROR(ApplyOverride(json, text_override));
   return FromJson<T>(json, path.string());
 }
 

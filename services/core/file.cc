@@ -51,8 +51,7 @@ Result<Container> ReadWhole(const Path& path, std::uint64_t max_bytes) {
   if (::fstat(file.get(), &info) != 0) return Fail(ErrnoError("stat", path, errno));
   if (static_cast<std::uint64_t>(info.st_size) > max_bytes)
     return Fail(Code::kExhausted,
-                fmt::format("read '{}': {} bytes, more than the limit of {}", path.string(),
-                            info.st_size, max_bytes));
+                fmt::format("read '{}': {} bytes, more than the limit of {}", path.string(), info.st_size, max_bytes));
   Container content;
   content.resize(static_cast<std::size_t>(info.st_size));
   std::size_t done = 0;
@@ -74,15 +73,20 @@ Result<Container> ReadWhole(const Path& path, std::uint64_t max_bytes) {
 Error ErrnoError(std::string_view attempted, const Path& path, int error_number) {
   Code code = Code::kInternal;
   switch (error_number) {
-    case ENOENT: code = Code::kNotFound; break;
+    case ENOENT:
+      code = Code::kNotFound;
+      break;
     case ENOSPC:
     case EDQUOT:
     case EROFS:
     case EACCES:
     case EPERM:
     case EIO:
-    case EMFILE: code = Code::kUnavailable; break;
-    default: break;
+    case EMFILE:
+      code = Code::kUnavailable;
+      break;
+    default:
+      break;
   }
   return {code, fmt::format("{} '{}': {}", attempted, path.string(), std::strerror(error_number))};
 }
@@ -139,8 +143,7 @@ Status WriteFileAtomically(const Path& path, std::span<const std::uint8_t> bytes
 }
 
 Status WriteFileAtomically(const Path& path, std::string_view text) {
-  return WriteFileAtomically(
-      path, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  return WriteFileAtomically(path, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
 }
 
 Result<LineAppender> LineAppender::Open(const Path& path) {
@@ -152,8 +155,7 @@ Result<LineAppender> LineAppender::Open(const Path& path) {
   // end a line that a crash left torn, so that the next one stands alone
   struct stat info {};
   char last = '\n';
-  if (::fstat(fd, &info) == 0 && info.st_size > 0 && ::pread(fd, &last, 1, info.st_size - 1) == 1 &&
-      last != '\n') {
+  if (::fstat(fd, &info) == 0 && info.st_size > 0 && ::pread(fd, &last, 1, info.st_size - 1) == 1 && last != '\n') {
     ETUDE_RETURN_IF_ERROR(appender.Append(""));
   }
   return appender;

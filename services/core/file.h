@@ -21,8 +21,7 @@ Error ErrnoError(std::string_view attempted, const Path& path, int error_number)
 
 /// @error kNotFound, kUnavailable; kExhausted when larger than `max_bytes`.
 Result<std::string> ReadTextFile(const Path& path, std::uint64_t max_bytes = 1ull << 30);
-Result<std::vector<std::uint8_t>> ReadBinaryFile(const Path& path,
-                                                 std::uint64_t max_bytes = 1ull << 34);
+Result<std::vector<std::uint8_t>> ReadBinaryFile(const Path& path, std::uint64_t max_bytes = 1ull << 34);
 
 /// Writes a whole file so that a reader sees the old one or the new one, never a part: temporary name
 /// in the same folder, fsync, rename, fsync of the folder. Makes missing parent folders.

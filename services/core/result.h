@@ -32,9 +32,7 @@ struct Error {
   std::string message;
 
   /// The same error with `context` put in front: "context: message".
-  Error Wrap(std::string_view context) const {
-    return {code, std::string(context) + ": " + message};
-  }
+  Error Wrap(std::string_view context) const { return {code, std::string(context) + ": " + message}; }
 };
 
 /// A T or an Error. Dropping one is a compiler warning (and warnings are errors here).
@@ -59,16 +57,15 @@ inline tl::unexpected<Error> Fail(Error error) { return tl::unexpected<Error>(st
 #define ETUDE_CONCAT(a, b) ETUDE_CONCAT_INNER(a, b)
 
 /// Returns the error of a Status (or Result) to the caller: `ETUDE_RETURN_IF_ERROR(file.Sync());`
-#define ETUDE_RETURN_IF_ERROR(expr)                                        \
-  do {                                                                     \
-    auto etude_status = (expr);                                            \
+#define ETUDE_RETURN_IF_ERROR(expr)                                           \
+  do {                                                                        \
+    auto etude_status = (expr);                                               \
     if (!etude_status) return ::etude::Fail(std::move(etude_status).error()); \
   } while (false)
 
 /// Assigns the value or returns the error: `ETUDE_ASSIGN_OR_RETURN(auto spec, ReadSpec(path));`
-#define ETUDE_ASSIGN_OR_RETURN(lhs, expr) \
-  ETUDE_ASSIGN_OR_RETURN_IMPL(ETUDE_CONCAT(etude_result_, __LINE__), lhs, expr)
-#define ETUDE_ASSIGN_OR_RETURN_IMPL(result, lhs, expr)              \
-  auto result = (expr);                                             \
-  if (!result) return ::etude::Fail(std::move(result).error());     \
+#define ETUDE_ASSIGN_OR_RETURN(lhs, expr) ETUDE_ASSIGN_OR_RETURN_IMPL(ETUDE_CONCAT(etude_result_, __LINE__), lhs, expr)
+#define ETUDE_ASSIGN_OR_RETURN_IMPL(result, lhs, expr)          \
+  auto result = (expr);                                         \
+  if (!result) return ::etude::Fail(std::move(result).error()); \
   lhs = std::move(*result)

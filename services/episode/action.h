@@ -9,9 +9,9 @@
 
 namespace etude {
 
-inline constexpr double kControlRate = 125.0;           ///< Hz; one control step is 8 ms
-inline constexpr int kWaypoints = 12;                   ///< control points of a trajectory
-inline constexpr int kHorizonSteps = 120;               ///< control steps they span (0.96 s)
+inline constexpr double kControlRate = 125.0;  ///< Hz; one control step is 8 ms
+inline constexpr int kWaypoints = 12;          ///< control points of a trajectory
+inline constexpr int kHorizonSteps = 120;      ///< control steps they span (0.96 s)
 /// x, y, z (m), sin/cos of roll, pitch, yaw ("rxyz"), gripper (0 open .. 1 closed).
 inline constexpr int kWaypointSize = 10;
 

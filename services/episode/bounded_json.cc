@@ -18,8 +18,7 @@ std::optional<OrderedJson> ParseBoundedJson(std::string_view text, int max_depth
     if (!good) return false;
     if (event == Event::object_start) open_objects.emplace_back();
     if (event == Event::object_end) open_objects.pop_back();
-    if (event == Event::key && !open_objects.back().insert(parsed.get<std::string>()).second)
-      good = false;
+    if (event == Event::key && !open_objects.back().insert(parsed.get<std::string>()).second) good = false;
     return good;
   };
   OrderedJson json = OrderedJson::parse(text, watch, /*allow_exceptions=*/false);

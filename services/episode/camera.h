@@ -12,10 +12,10 @@ namespace etude {
 /// Frame C as in OpenGL and MuJoCo: x right, y up, the camera looks along -z. Square pixels.
 struct Camera {
   std::string name = "front";
-  int width = 224;        ///< px
-  int height = 224;       ///< px
+  int width = 224;                   ///< px
+  int height = 224;                  ///< px
   double fovy = 1.0471975511965976;  ///< vertical field of view, rad
-  Pose X_WC;              ///< camera in world
+  Pose X_WC;                         ///< camera in world
 
   /// Focal length in px: (height / 2) / tan(fovy / 2).
   double focal() const;

@@ -47,13 +47,10 @@ Status CampaignSpec::Validate() const {
     require(std::isfinite(weight) && weight > 0, fmt::format("task_weights: {} must be > 0", weight));
   require(!objects.empty() && objects.size() <= 6, "objects: between 1 and 6 of them");
   for (const auto& object : objects) CheckKnown("objects", object, kObjects, errors);
-  require(std::set<std::string>(objects.begin(), objects.end()).size() == objects.size(),
-          "objects: each at most once");
+  require(std::set<std::string>(objects.begin(), objects.end()).size() == objects.size(), "objects: each at most once");
   require(episodes >= 1 && episodes <= 10'000'000, fmt::format("episodes: {} not in 1..10^7", episodes));
-  require(image_stride >= 1 && image_stride <= 125,
-          fmt::format("image_stride: {} not in 1..125", image_stride));
-  require(max_attempts >= 1 && max_attempts <= 1000,
-          fmt::format("max_attempts: {} not in 1..1000", max_attempts));
+  require(image_stride >= 1 && image_stride <= 125, fmt::format("image_stride: {} not in 1..125", image_stride));
+  require(max_attempts >= 1 && max_attempts <= 1000, fmt::format("max_attempts: {} not in 1..1000", max_attempts));
   const auto pixels_ok = [](int n) { return n >= 16 && n <= 2048; };
   require(pixels_ok(camera.width) && pixels_ok(camera.height),
           fmt::format("camera: {}x{} not in 16..2048", camera.width, camera.height));
@@ -76,12 +73,10 @@ Status CampaignSpec::Validate() const {
     require(rollout.max_steps >= 1 && rollout.max_steps <= 100'000,
             fmt::format("rollout.max_steps: {} not in 1..100000", rollout.max_steps));
   }
-  require(split.train >= 0 && split.valid >= 0 && split.test >= 0 &&
-              split.train + split.valid + split.test > 0,
+  require(split.train >= 0 && split.valid >= 0 && split.test >= 0 && split.train + split.valid + split.test > 0,
           "split: fractions must be >= 0 and not all 0");
   if (errors.empty()) return {};
-  return Fail(Code::kInvalidArgument,
-              fmt::format("campaign '{}': {}", name, fmt::join(errors, "; ")));
+  return Fail(Code::kInvalidArgument, fmt::format("campaign '{}': {}", name, fmt::join(errors, "; ")));
 }
 
 std::string SpecHash(const CampaignSpec& spec) {

@@ -12,11 +12,11 @@
 namespace etude {
 
 struct CameraSpec {
-  int width = 224;                               ///< px
-  int height = 224;                              ///< px
-  double fovy_deg = 60;                          ///< vertical field of view
-  std::vector<double> position{0.0, 1.5, 1.0};   ///< m, world
-  std::vector<double> euler{-1.0, 0.0, 3.14};    ///< rad, rxyz
+  int width = 224;                              ///< px
+  int height = 224;                             ///< px
+  double fovy_deg = 60;                         ///< vertical field of view
+  std::vector<double> position{0.0, 1.5, 1.0};  ///< m, world
+  std::vector<double> euler{-1.0, 0.0, 3.14};   ///< rad, rxyz
 
   template <class V>
   void Visit(V& v) {
@@ -30,12 +30,12 @@ struct CameraSpec {
 
 /// All draws are uniform and come from the episode's seed. 0 switches one off.
 struct RandomizationSpec {
-  double yaw = 0.3;                  ///< +- rad, every object about the vertical
-  double start_position = 0.08;      ///< +- m per axis, of the hand's start
-  double start_orientation = 0.15;   ///< +- rad per axis, of the hand's start
-  double disturbance = 0.03;         ///< m, size of a push off the path that the expert recovers from
+  double yaw = 0.3;                       ///< +- rad, every object about the vertical
+  double start_position = 0.08;           ///< +- m per axis, of the hand's start
+  double start_orientation = 0.15;        ///< +- rad per axis, of the hand's start
+  double disturbance = 0.03;              ///< m, size of a push off the path that the expert recovers from
   double disturbance_probability = 0.35;  ///< per motion stage
-  double light = 0.0;                ///< relative change of light and colour
+  double light = 0.0;                     ///< relative change of light and colour
 
   template <class V>
   void Visit(V& v) {
@@ -50,10 +50,10 @@ struct RandomizationSpec {
 
 /// Only for mode "rollout": a policy drives instead of the expert.
 struct RolloutSpec {
-  std::string run;              ///< policy to ask: name of the run whose checkpoints it serves
-  int replan_steps = 15;        ///< control steps between two questions to the policy
-  int max_steps = 1500;         ///< control steps until the rollout counts as a failure
-  bool record = true;           ///< keep the frames (for videos)
+  std::string run;        ///< policy to ask: name of the run whose checkpoints it serves
+  int replan_steps = 15;  ///< control steps between two questions to the policy
+  int max_steps = 1500;   ///< control steps until the rollout counts as a failure
+  bool record = true;     ///< keep the frames (for videos)
 
   template <class V>
   void Visit(V& v) {
@@ -88,8 +88,8 @@ struct CampaignSpec {
   std::vector<std::string> objects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};
   std::uint64_t episodes = 100;
   std::uint64_t seed = 1;
-  int image_stride = 5;              ///< control steps per frame; 1 reproduces the paper
-  int max_attempts = 10;             ///< per index; then the index is given up and counted
+  int image_stride = 5;   ///< control steps per frame; 1 reproduces the paper
+  int max_attempts = 10;  ///< per index; then the index is given up and counted
   CameraSpec camera;
   RandomizationSpec randomization;
   RolloutSpec rollout;

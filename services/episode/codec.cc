@@ -34,11 +34,8 @@ struct ArrayList {
   std::size_t size = 0;
 
   void Add(const std::string& name, const char* dtype, OrderedJson shape, Bytes bytes) {
-    entries.push_back({{"name", name},
-                       {"dtype", dtype},
-                       {"shape", std::move(shape)},
-                       {"offset", size},
-                       {"size", bytes.size()}});
+    entries.push_back(
+        {{"name", name}, {"dtype", dtype}, {"shape", std::move(shape)}, {"offset", size}, {"size", bytes.size()}});
     blobs.push_back(bytes);
     size += bytes.size();
   }
@@ -112,8 +109,7 @@ class FieldReader {
   }
   std::uint64_t Unsigned(const char* key, std::uint64_t max = UINT64_MAX) {
     const auto& value = Get(key);
-    if (value.is_number_unsigned() && value.get<std::uint64_t>() <= max)
-      return value.get<std::uint64_t>();
+    if (value.is_number_unsigned() && value.get<std::uint64_t>() <= max) return value.get<std::uint64_t>();
     Complain(key);
     return 0;
   }
@@ -184,8 +180,7 @@ class BlobReader {
     const auto& shape = entry.List("shape", rank);
     if (!error_.empty()) return {};
     std::uint64_t expected = dtype == std::string_view("f32") ? 4 : 1;
-    bool good = entry_name == name && entry_dtype == dtype && offset == total_ - left_.size() &&
-                shape.size() == rank;
+    bool good = entry_name == name && entry_dtype == dtype && offset == total_ - left_.size() && shape.size() == rank;
     for (const auto& extent : shape) {
       good = good && extent.is_number_unsigned() &&
              !__builtin_mul_overflow(expected, extent.get<std::uint64_t>(), &expected);
@@ -244,8 +239,7 @@ void ReadScalars(FieldReader& header, Episode& episode) {
   episode.details = header.Get("details");
   episode.stage_names = header.Texts("stage_names", 255);
   episode.image_stride = static_cast<int>(header.Unsigned("image_stride", 1000));
-  for (auto& name : header.Texts("objects", kMaxObjects))
-    episode.objects.emplace_back().name = std::move(name);
+  for (auto& name : header.Texts("objects", kMaxObjects)) episode.objects.emplace_back().name = std::move(name);
 }
 
 void ReadCamera(const OrderedJson& json, CameraTrack& track, std::string& error) {
@@ -276,8 +270,7 @@ void ReadTracks(BlobReader& blobs, Episode& episode) {
   episode.supervise.assign(supervise.begin(), supervise.end());
 }
 
-void ReadFrames(const OrderedJson& camera, BlobReader& blobs, CameraTrack& track,
-                std::string& error) {
+void ReadFrames(const OrderedJson& camera, BlobReader& blobs, CameraTrack& track, std::string& error) {
   FieldReader fields(camera, error);
   for (const auto& size : fields.List("frames", kMaxSteps)) {
     if (!size.is_number_unsigned()) fields.Complain("frames");
@@ -293,13 +286,10 @@ Result<OrderedJson> ReadHeader(Bytes bytes, std::size_t& header_end) {
     return Fail(Code::kCorrupt, "episode: these bytes do not start as an episode does");
   std::memcpy(&header_size, bytes.data() + kMagic.size(), sizeof(header_size));
   if (header_size > kMaxHeader || header_size > bytes.size() - kPrefix)
-    return Fail(Code::kCorrupt,
-                fmt::format("episode: header of {} bytes in {}", header_size, bytes.size()));
+    return Fail(Code::kCorrupt, fmt::format("episode: header of {} bytes in {}", header_size, bytes.size()));
   header_end = kPrefix + header_size;
-  auto json = ParseBoundedJson({reinterpret_cast<const char*>(bytes.data()) + kPrefix, header_size},
-                               kMaxDepth);
-  if (!json || !json->is_object())
-    return Fail(Code::kCorrupt, "episode: the header is not a JSON map");
+  auto json = ParseBoundedJson({reinterpret_cast<const char*>(bytes.data()) + kPrefix, header_size}, kMaxDepth);
+  if (!json || !json->is_object()) return Fail(Code::kCorrupt, "episode: the header is not a JSON map");
   return std::move(*json);
 }
 
@@ -347,12 +337,10 @@ Result<Episode> DecodeEpisode(std::span<const std::uint8_t> bytes) {
 
   BlobReader blobs(header.List("arrays", 16 + 2 * kMaxObjects), bytes.subspan(header_end), error);
   ReadTracks(blobs, episode);
-  for (std::size_t i = 0; i < episode.cameras.size(); ++i)
-    ReadFrames(cameras[i], blobs, episode.cameras[i], error);
+  for (std::size_t i = 0; i < episode.cameras.size(); ++i) ReadFrames(cameras[i], blobs, episode.cameras[i], error);
   blobs.Finish();
   if (!error.empty()) return Fail(Code::kCorrupt, "episode: " + error);
-  if (Status valid = ValidateEpisode(episode); !valid)
-    return Fail(Code::kCorrupt, "episode: " + valid.error().message);
+  if (Status valid = ValidateEpisode(episode); !valid) return Fail(Code::kCorrupt, "episode: " + valid.error().message);
   return episode;
 }
 

@@ -6,8 +6,8 @@
 namespace etude {
 
 const ObjectTrack* Episode::FindObject(const std::string& name) const {
-  const auto it = std::find_if(objects.begin(), objects.end(),
-                               [&](const ObjectTrack& object) { return object.name == name; });
+  const auto it =
+      std::find_if(objects.begin(), objects.end(), [&](const ObjectTrack& object) { return object.name == name; });
   return it == objects.end() ? nullptr : &*it;
 }
 

@@ -24,9 +24,7 @@ struct Track {
     return {values.data() + static_cast<std::size_t>(t) * columns, static_cast<std::size_t>(columns)};
   }
   /// Appends one row; its size must be `columns`.
-  void Push(std::span<const float> row_values) {
-    values.insert(values.end(), row_values.begin(), row_values.end());
-  }
+  void Push(std::span<const float> row_values) { values.insert(values.end(), row_values.begin(), row_values.end()); }
 };
 
 /// Pictures of one camera. Each frame is one zlib stream of height*width*3 bytes (RGB, row-major, top
@@ -37,9 +35,9 @@ struct CameraTrack {
 };
 
 struct ObjectTrack {
-  std::string name;   ///< "coke"
-  Track pose;         ///< (T, 7): x, y, z (m), quaternion w, x, y, z, in world
-  Track pixel;        ///< (T, 2): projection of the body's centre of geometry into cameras[0], px
+  std::string name;  ///< "coke"
+  Track pose;        ///< (T, 7): x, y, z (m), quaternion w, x, y, z, in world
+  Track pixel;       ///< (T, 2): projection of the body's centre of geometry into cameras[0], px
 };
 
 struct Episode {
@@ -47,32 +45,32 @@ struct Episode {
   std::string campaign;
   std::uint64_t index = 0;
   std::uint32_t attempt = 0;
-  std::uint64_t seed = 0;           ///< EpisodeSeed(spec, index, attempt)
+  std::uint64_t seed = 0;  ///< EpisodeSeed(spec, index, attempt)
   std::string spec_sha256;
-  std::string scene_sha256;         ///< of the composed MJCF
-  std::string version;              ///< of the worker
+  std::string scene_sha256;  ///< of the composed MJCF
+  std::string version;       ///< of the worker
 
   // meaning
   std::string robot, task, target, reference, instruction;
   bool success = false;
-  std::string outcome = "success";  ///< else a typed reason, see worker/task/outcome.h
+  std::string outcome = "success";              ///< else a typed reason, see worker/task/outcome.h
   OrderedJson details = OrderedJson::object();  ///< planner statistics; no timings (they vary)
 
   // low-dimensional, one row a control step (125 Hz); T rows each
-  Track joint_pos;     ///< arm joints, rad
-  Track joint_vel;     ///< arm joints, rad/s
-  Track gripper_qpos;  ///< driven gripper joint(s), rad or m
-  Track eef_pos;       ///< p_WE, m
-  Track eef_quat;      ///< q_WE as w, x, y, z
-  Track eef_pixel;     ///< (T, 2) projection of p_WE into cameras[0], px
-  Track actions_abs;   ///< (T, 7) commanded: x, y, z, roll, pitch, yaw (rxyz), gripper 0|1
-  Track states;        ///< qpos and qvel, flattened
+  Track joint_pos;                      ///< arm joints, rad
+  Track joint_vel;                      ///< arm joints, rad/s
+  Track gripper_qpos;                   ///< driven gripper joint(s), rad or m
+  Track eef_pos;                        ///< p_WE, m
+  Track eef_quat;                       ///< q_WE as w, x, y, z
+  Track eef_pixel;                      ///< (T, 2) projection of p_WE into cameras[0], px
+  Track actions_abs;                    ///< (T, 7) commanded: x, y, z, roll, pitch, yaw (rxyz), gripper 0|1
+  Track states;                         ///< qpos and qvel, flattened
   std::vector<std::uint8_t> phase;      ///< (T,) stage of the expert; names in stage_names
   std::vector<std::uint8_t> supervise;  ///< (T,) 0 where a disturbance drives the arm: not to imitate
   std::vector<std::string> stage_names;
 
   std::vector<ObjectTrack> objects;
-  int image_stride = 5;             ///< control steps per frame
+  int image_stride = 5;  ///< control steps per frame
   std::vector<CameraTrack> cameras;
 
   int steps() const { return eef_pos.rows(); }

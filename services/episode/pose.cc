@@ -7,8 +7,7 @@
 namespace etude {
 
 Eigen::Quaterniond FromEuler(const Eigen::Vector3d& rpy) {
-  return Eigen::AngleAxisd(rpy.x(), Eigen::Vector3d::UnitX()) *
-         Eigen::AngleAxisd(rpy.y(), Eigen::Vector3d::UnitY()) *
+  return Eigen::AngleAxisd(rpy.x(), Eigen::Vector3d::UnitX()) * Eigen::AngleAxisd(rpy.y(), Eigen::Vector3d::UnitY()) *
          Eigen::AngleAxisd(rpy.z(), Eigen::Vector3d::UnitZ());
 }
 
@@ -19,8 +18,6 @@ Eigen::Vector3d ToEuler(const Eigen::Quaterniond& q) {
   return {std::atan2(-R(1, 2), R(2, 2)), pitch, std::atan2(-R(0, 1), R(0, 0))};
 }
 
-double AngleBetween(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
-  return a.angularDistance(b);
-}
+double AngleBetween(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) { return a.angularDistance(b); }
 
 }  // namespace etude

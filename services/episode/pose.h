@@ -10,8 +10,8 @@ namespace etude {
 
 /// A rigid transform. Value type.
 struct Pose {
-  Eigen::Vector3d p = Eigen::Vector3d::Zero();                   ///< m
-  Eigen::Quaterniond q = Eigen::Quaterniond::Identity();         ///< unit
+  Eigen::Vector3d p = Eigen::Vector3d::Zero();            ///< m
+  Eigen::Quaterniond q = Eigen::Quaterniond::Identity();  ///< unit
 
   Pose operator*(const Pose& other) const { return {p + q * other.p, (q * other.q).normalized()}; }
   Eigen::Vector3d operator*(const Eigen::Vector3d& point) const { return p + q * point; }

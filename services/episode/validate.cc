@@ -16,22 +16,19 @@ namespace {
 constexpr std::size_t kMaxText = 4096;
 constexpr int kMaxColumns = 4096;
 
-tl::unexpected<Error> Bad(std::string message) {
-  return Fail(Code::kInvalidArgument, std::move(message));
-}
+tl::unexpected<Error> Bad(std::string message) { return Fail(Code::kInvalidArgument, std::move(message)); }
 
 Status CheckTexts(const Episode& episode) {
-  const std::pair<const char*, const std::string*> texts[] = {
-      {"campaign", &episode.campaign},
-      {"spec_sha256", &episode.spec_sha256},
-      {"scene_sha256", &episode.scene_sha256},
-      {"version", &episode.version},
-      {"robot", &episode.robot},
-      {"task", &episode.task},
-      {"target", &episode.target},
-      {"reference", &episode.reference},
-      {"instruction", &episode.instruction},
-      {"outcome", &episode.outcome}};
+  const std::pair<const char*, const std::string*> texts[] = {{"campaign", &episode.campaign},
+                                                              {"spec_sha256", &episode.spec_sha256},
+                                                              {"scene_sha256", &episode.scene_sha256},
+                                                              {"version", &episode.version},
+                                                              {"robot", &episode.robot},
+                                                              {"task", &episode.task},
+                                                              {"target", &episode.target},
+                                                              {"reference", &episode.reference},
+                                                              {"instruction", &episode.instruction},
+                                                              {"outcome", &episode.outcome}};
   const auto good = [](const std::string& text) {
     return text.size() <= kMaxText && text.find('\0') == std::string::npos;
   };
@@ -61,8 +58,7 @@ Status CheckNames(const Episode& episode) {
 bool AreUnit(const Track& track, int first) {
   for (int t = 0; t < track.rows(); ++t) {
     double sum = 0;
-    for (int i = first; i < first + 4; ++i)
-      sum += static_cast<double>(track.row(t)[i]) * track.row(t)[i];
+    for (int i = first; i < first + 4; ++i) sum += static_cast<double>(track.row(t)[i]) * track.row(t)[i];
     if (std::abs(sum - 1) > 2e-3) return false;
   }
   return true;
@@ -70,14 +66,12 @@ bool AreUnit(const Track& track, int first) {
 
 Status CheckTrack(const std::string& name, const Track& track, int columns, std::size_t steps) {
   if (name == "states" && track.columns == 0 && track.values.empty()) return {};
-  if (track.columns < 1 || track.columns > kMaxColumns ||
-      (columns != kAnyColumns && track.columns != columns))
+  if (track.columns < 1 || track.columns > kMaxColumns || (columns != kAnyColumns && track.columns != columns))
     return Bad(fmt::format("{}: {} columns", name, track.columns));
   if (track.values.size() != steps * static_cast<std::size_t>(track.columns))
-    return Bad(fmt::format("{}: {} values are not {} rows of {}", name, track.values.size(), steps,
-                           track.columns));
-  if (!name.ends_with("pixel") && !std::all_of(track.values.begin(), track.values.end(),
-                                               [](float x) { return std::isfinite(x); }))
+    return Bad(fmt::format("{}: {} values are not {} rows of {}", name, track.values.size(), steps, track.columns));
+  if (!name.ends_with("pixel") &&
+      !std::all_of(track.values.begin(), track.values.end(), [](float x) { return std::isfinite(x); }))
     return Bad(name + ": a value is not finite");
   if (name == "eef_quat" && !AreUnit(track, 0)) return Bad(name + ": not a unit quaternion");
   if (name.ends_with("/pose") && !AreUnit(track, 3)) return Bad(name + ": not a unit quaternion");
@@ -85,8 +79,7 @@ Status CheckTrack(const std::string& name, const Track& track, int columns, std:
 }
 
 Status CheckPhases(const Episode& episode, std::size_t steps) {
-  if (episode.phase.size() != steps)
-    return Bad(fmt::format("phase: {} rows, not {}", episode.phase.size(), steps));
+  if (episode.phase.size() != steps) return Bad(fmt::format("phase: {} rows, not {}", episode.phase.size(), steps));
   if (episode.supervise.size() != steps)
     return Bad(fmt::format("supervise: {} rows, not {}", episode.supervise.size(), steps));
   const std::size_t stages = std::max<std::size_t>(episode.stage_names.size(), 1);
@@ -100,8 +93,7 @@ Status CheckPhases(const Episode& episode, std::size_t steps) {
 Status CheckCamera(const CameraTrack& track, std::int64_t frame_count) {
   const Camera& camera = track.camera;
   const std::string where = "camera " + camera.name;
-  if (camera.width < 1 || camera.height < 1 || camera.width > kMaxImageSide ||
-      camera.height > kMaxImageSide)
+  if (camera.width < 1 || camera.height < 1 || camera.width > kMaxImageSide || camera.height > kMaxImageSide)
     return Bad(fmt::format("{}: {}x{} px", where, camera.width, camera.height));
   if (!(camera.fovy > 0 && camera.fovy < std::numbers::pi)) return Bad(where + ": field of view");
   if (!camera.X_WC.p.allFinite() || !(std::abs(camera.X_WC.q.norm() - 1) < 1e-3))
@@ -121,8 +113,7 @@ Status CheckCamera(const CameraTrack& track, std::int64_t frame_count) {
 
 Status ValidateEpisode(const Episode& episode) {
   const auto steps = static_cast<std::int64_t>(episode.eef_pos.values.size() / 3);
-  if (steps < 1 || steps > kMaxSteps)
-    return Bad(fmt::format("{} steps, not 1..{}", steps, kMaxSteps));
+  if (steps < 1 || steps > kMaxSteps) return Bad(fmt::format("{} steps, not 1..{}", steps, kMaxSteps));
   if (episode.image_stride < 1 || episode.image_stride > 1000)
     return Bad(fmt::format("image_stride: {} not in 1..1000", episode.image_stride));
   ETUDE_RETURN_IF_ERROR(CheckTexts(episode));

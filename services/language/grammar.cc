@@ -13,9 +13,7 @@
 namespace etude::language {
 namespace {
 
-const std::string& Pick(const std::vector<std::string>& items, Rng& rng) {
-  return items[rng.Below(items.size())];
-}
+const std::string& Pick(const std::vector<std::string>& items, Rng& rng) { return items[rng.Below(items.size())]; }
 
 std::string JoinWords(const std::string& a, const std::string& b) {
   return a.empty() ? b : b.empty() ? a : a + " " + b;
@@ -31,8 +29,8 @@ void AddWords(std::vector<std::string>& words, const std::vector<std::string>& m
 std::string SplitParticle(const std::string& verb, const std::string& noun) {
   const auto space = verb.rfind(' ');
   const std::string particle = space == std::string::npos ? "" : verb.substr(space + 1);
-  const bool splits = particle == "up" || particle == "down" || particle == "over" ||
-                      particle == "away" || particle == "forward";
+  const bool splits =
+      particle == "up" || particle == "down" || particle == "over" || particle == "away" || particle == "forward";
   return splits ? verb.substr(0, space) + " " + noun + " " + particle : verb + " " + noun;
 }
 
@@ -41,10 +39,18 @@ void AddTypo(std::string& text, Rng& rng) {
   const std::size_t at = 1 + rng.Below(std::max<std::size_t>(text.size(), 3) - 2);
   if (at + 1 >= text.size() || text[at] == ' ' || text[at + 1] == ' ' || text[at - 1] == ' ') return;
   switch (rng.Below(4)) {
-    case 0: std::swap(text[at], text[at + 1]); break;
-    case 1: text.erase(at, 1); break;
-    case 2: text.insert(at, 1, text[at]); break;
-    default: text[at] = static_cast<char>('a' + rng.Below(26)); break;
+    case 0:
+      std::swap(text[at], text[at + 1]);
+      break;
+    case 1:
+      text.erase(at, 1);
+      break;
+    case 2:
+      text.insert(at, 1, text[at]);
+      break;
+    default:
+      text[at] = static_cast<char>('a' + rng.Below(26));
+      break;
   }
 }
 
@@ -75,15 +81,14 @@ struct Grammar::Lexicon {
 
   std::string SampleVaried(const Command& command, Rng& rng) const {
     static const std::vector<std::string> articles{"the", "the", "the", "that", "this", "a"};
-    static const std::vector<std::string> openings{"please", "could you", "can you", "now", "robot", "go and",
-                                                   "i want you to"};
+    static const std::vector<std::string> openings{"please", "could you", "can you",      "now",
+                                                   "robot",  "go and",    "i want you to"};
     static const std::vector<std::string> closings{"please", "for me", "now", "on the table", "over there"};
     const Verb& verb = verbs.at(command.task);
     std::string noun = SampleNoun(nouns.at(command.target), rng);
     if (rng.Bernoulli(0.6)) noun = JoinWords(Pick(articles, rng), noun);
     const std::string& words = Pick(rng.Bernoulli(0.5) ? verb.base : verb.all, rng);
-    std::string sentence =
-        rng.Bernoulli(0.25) ? SplitParticle(words, noun) : JoinWords(words, noun);
+    std::string sentence = rng.Bernoulli(0.25) ? SplitParticle(words, noun) : JoinWords(words, noun);
     if (rng.Bernoulli(0.15)) sentence = JoinWords(Pick(openings, rng), sentence);
     if (rng.Bernoulli(0.15)) sentence = JoinWords(sentence, Pick(closings, rng));
     return sentence;
@@ -156,8 +161,7 @@ std::vector<std::string> Grammar::Templates(const Command& command) const {
   std::vector<std::string> sentences;
   for (const auto& verb : lexicon_->verbs.at(command.task).base)
     for (const auto& adjective : noun.adjectives)
-      for (const auto& head : noun.nouns)
-        sentences.push_back(JoinWords(verb, JoinWords(adjective, head)));
+      for (const auto& head : noun.nouns) sentences.push_back(JoinWords(verb, JoinWords(adjective, head)));
   return sentences;
 }
 

@@ -5,26 +5,26 @@ namespace etude::language {
 
 // Senses of WordNet 3.0, by file offset.
 namespace sense {
-constexpr SynsetRef kLift{"verb", 1974080, "lift"};            // raise, lift, elevate, get up, bring up
-constexpr SynsetRef kPickUp{"verb", 1976107, "pick_up"};       // pick up, lift up, gather up
-constexpr SynsetRef kPush{"verb", 1871997, "push"};            // push, force
+constexpr SynsetRef kLift{"verb", 1974080, "lift"};       // raise, lift, elevate, get up, bring up
+constexpr SynsetRef kPickUp{"verb", 1976107, "pick_up"};  // pick up, lift up, gather up
+constexpr SynsetRef kPush{"verb", 1871997, "push"};       // push, force
 constexpr SynsetRef kShove{"verb", 1584719, "shove"};
-constexpr SynsetRef kMove{"verb", 1850333, "move"};            // move, displace
-constexpr SynsetRef kSetDown{"verb", 1500390, "set_down"};     // set down, put down, place down
+constexpr SynsetRef kMove{"verb", 1850333, "move"};         // move, displace
+constexpr SynsetRef kSetDown{"verb", 1500390, "set_down"};  // set down, put down, place down
 constexpr SynsetRef kRed{"adj", 381097, "red"};
 constexpr SynsetRef kMaroon{"adj", 377702, "maroon"};
 constexpr SynsetRef kBlue{"adj", 370869, "blue"};
 constexpr SynsetRef kGreen{"adj", 375969, "green"};
 constexpr SynsetRef kBrown{"adj", 372111, "brown"};
 constexpr SynsetRef kYellow{"adj", 385756, "yellow"};
-constexpr SynsetRef kCan{"noun", 2946921, "can"};              // can, tin, tin can
+constexpr SynsetRef kCan{"noun", 2946921, "can"};  // can, tin, tin can
 constexpr SynsetRef kBottle{"noun", 2876657, "bottle"};
 constexpr SynsetRef kCarton{"noun", 2971356, "carton"};
 constexpr SynsetRef kBox{"noun", 2883344, "box"};
-constexpr SynsetRef kBlock{"noun", 13914608, "cube"};          // block, cube
-constexpr SynsetRef kCube{"noun", 13916721, "cube"};           // cube, regular hexahedron
-constexpr SynsetRef kLoaf{"noun", 7683786, "loaf_of_bread"};   // loaf of bread, loaf
-constexpr SynsetRef kBread{"noun", 7679356, "bread"};          // bread, breadstuff, staff of life
+constexpr SynsetRef kBlock{"noun", 13914608, "cube"};         // block, cube
+constexpr SynsetRef kCube{"noun", 13916721, "cube"};          // cube, regular hexahedron
+constexpr SynsetRef kLoaf{"noun", 7683786, "loaf_of_bread"};  // loaf of bread, loaf
+constexpr SynsetRef kBread{"noun", 7679356, "bread"};         // bread, breadstuff, staff of life
 }  // namespace sense
 
 const std::vector<ObjectWords>& ObjectLexicon() {
@@ -89,31 +89,91 @@ const std::vector<TaskWords>& TaskLexicon() {
 
 const std::vector<std::string>& HeldOutNounPhrases() {
   // Table 8: five objects, ten phrases each
-  static const std::vector<std::string> phrases{
-      "skimmed milk package", "goat milk carton", "milk case", "white packet", "milk parcel",
-      "cream carton", "cream package", "heavy milk carton", "almond milk box", "goat milk packs",
-      "soda", "perrier", "tonic", "flask", "pitcher", "container", "decanter", "vial", "vessel", "cruet",
-      "coke zero", "round container", "can", "coca cola", "red soda", "cola", "metal container",
-      "small soft drink", "fizzy drink", "diet coke",
-      "brick", "block", "cuboid", "bar", "solid lump", "rectangular object", "solid piece", "slab",
-      "cuboidal slice", "square object",
-      "cinnamon roll", "sourdough", "brown bread", "loaf", "naan", "rye bread", "toast",
-      "gluten free food", "light bread", "food"};
+  static const std::vector<std::string> phrases{"skimmed milk package",
+                                                "goat milk carton",
+                                                "milk case",
+                                                "white packet",
+                                                "milk parcel",
+                                                "cream carton",
+                                                "cream package",
+                                                "heavy milk carton",
+                                                "almond milk box",
+                                                "goat milk packs",
+                                                "soda",
+                                                "perrier",
+                                                "tonic",
+                                                "flask",
+                                                "pitcher",
+                                                "container",
+                                                "decanter",
+                                                "vial",
+                                                "vessel",
+                                                "cruet",
+                                                "coke zero",
+                                                "round container",
+                                                "can",
+                                                "coca cola",
+                                                "red soda",
+                                                "cola",
+                                                "metal container",
+                                                "small soft drink",
+                                                "fizzy drink",
+                                                "diet coke",
+                                                "brick",
+                                                "block",
+                                                "cuboid",
+                                                "bar",
+                                                "solid lump",
+                                                "rectangular object",
+                                                "solid piece",
+                                                "slab",
+                                                "cuboidal slice",
+                                                "square object",
+                                                "cinnamon roll",
+                                                "sourdough",
+                                                "brown bread",
+                                                "loaf",
+                                                "naan",
+                                                "rye bread",
+                                                "toast",
+                                                "gluten free food",
+                                                "light bread",
+                                                "food"};
   return phrases;
 }
 
 const std::vector<std::string>& HeldOutSentences() {
   // Table 11
-  static const std::vector<std::string> sentences{
-      "grab the loafs", "put down the lime soda", "lay down the red block", "tip over the azure can",
-      "lift the white carton", "knock over the pastry", "lift the coke can", "put down the sprite",
-      "grab the pepsi", "elevate the red cube", "pick up the red cube", "lift up the blue cylinder",
-      "move away the brown object", "push away the white object", "lift the blue object",
-      "put down the green sprite", "push the green sprite", "push the reddish can",
-      "pick up the milk container", "hold up the milk carton", "please pick up the green thing",
-      "lift the red colored coke can", "push the yellow bread", "grab the blue colored can",
-      "nudge that green bottle", "put down the red colored cuboid", "lift the white box",
-      "take the pepsi off the table", "push the green object forward", "put down the zero coke on the desk"};
+  static const std::vector<std::string> sentences{"grab the loafs",
+                                                  "put down the lime soda",
+                                                  "lay down the red block",
+                                                  "tip over the azure can",
+                                                  "lift the white carton",
+                                                  "knock over the pastry",
+                                                  "lift the coke can",
+                                                  "put down the sprite",
+                                                  "grab the pepsi",
+                                                  "elevate the red cube",
+                                                  "pick up the red cube",
+                                                  "lift up the blue cylinder",
+                                                  "move away the brown object",
+                                                  "push away the white object",
+                                                  "lift the blue object",
+                                                  "put down the green sprite",
+                                                  "push the green sprite",
+                                                  "push the reddish can",
+                                                  "pick up the milk container",
+                                                  "hold up the milk carton",
+                                                  "please pick up the green thing",
+                                                  "lift the red colored coke can",
+                                                  "push the yellow bread",
+                                                  "grab the blue colored can",
+                                                  "nudge that green bottle",
+                                                  "put down the red colored cuboid",
+                                                  "lift the white box",
+                                                  "take the pepsi off the table",
+                                                  "push the green object forward",
+                                                  "put down the zero coke on the desk"};
   return sentences;
 }
 

@@ -17,8 +17,8 @@ struct NounTemplate {
 
 struct ObjectWords {
   std::string object;
-  NounTemplate base;                        ///< the paper's Table 9
-  std::vector<std::string> more_adjectives; ///< ours, beside WordNet's
+  NounTemplate base;                         ///< the paper's Table 9
+  std::vector<std::string> more_adjectives;  ///< ours, beside WordNet's
   std::vector<std::string> more_nouns;
   std::vector<SynsetRef> adjective_synsets;
   std::vector<SynsetRef> noun_synsets;
@@ -26,7 +26,7 @@ struct ObjectWords {
 
 struct TaskWords {
   std::string task;
-  std::vector<std::string> base;            ///< the paper's Table 10 (and "hold" of the authors' code)
+  std::vector<std::string> base;  ///< the paper's Table 10 (and "hold" of the authors' code)
   std::vector<std::string> more;
   std::vector<SynsetRef> synsets;
 };

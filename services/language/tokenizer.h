@@ -11,10 +11,10 @@
 namespace etude::language {
 
 struct TokenizerConfig {
-  int buckets = 8192;      ///< ids are in [0, buckets)
-  int min_ngram = 3;       ///< characters, on "<word>"
+  int buckets = 8192;  ///< ids are in [0, buckets)
+  int min_ngram = 3;   ///< characters, on "<word>"
   int max_ngram = 5;
-  int max_words = 32;      ///< longer sentences are cut
+  int max_words = 32;  ///< longer sentences are cut
 };
 
 /// One word's features: the word itself, its character n-grams, and the pair with the word before it.

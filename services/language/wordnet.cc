@@ -34,8 +34,8 @@ Result<std::vector<std::string>> SynsetLemmas(const Path& folder, const SynsetRe
     lemmas.push_back(Normalize(word.substr(0, word.find('('))));
   }
   if (!anchored)
-    return Fail(Code::kCorrupt, fmt::format("'{}' has no synset with '{}' at {}; WordNet 3.0 is needed",
-                                            path.string(), synset.anchor, synset.offset));
+    return Fail(Code::kCorrupt, fmt::format("'{}' has no synset with '{}' at {}; WordNet 3.0 is needed", path.string(),
+                                            synset.anchor, synset.offset));
   return lemmas;
 }
 

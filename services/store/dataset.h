@@ -104,8 +104,7 @@ std::vector<std::uint8_t> DeflateFrame(std::span<const std::uint8_t> pixels);
 class FrameReader {
  public:
   /// @error kCorrupt, kNotFound
-  static Status Read(const Path& file, const FrameLocation& location,
-                     std::span<std::uint8_t> pixels);
+  static Status Read(const Path& file, const FrameLocation& location, std::span<std::uint8_t> pixels);
 };
 
 struct VerifyReport {

@@ -22,8 +22,8 @@ Result<Loaded> Load(const Path& path, std::uint64_t index) {
   if (!file) return Fail(file.error().Wrap(fmt::format("read '{}'", path.string())));
   loaded.file = std::move(*file);
   if (loaded.file.episode.index != index)
-    return Fail(Code::kCorrupt, fmt::format("read '{}': it holds episode {}", path.string(),
-                                            loaded.file.episode.index));
+    return Fail(Code::kCorrupt,
+                fmt::format("read '{}': it holds episode {}", path.string(), loaded.file.episode.index));
   return loaded;
 }
 

@@ -24,10 +24,8 @@ Status RemoveTemporaries(const Path& dataset, const std::vector<Path>& episode_f
   std::error_code error;
   for (const auto& path : episode_files)
     if (path.extension() == internal::kTemporarySuffix) std::filesystem::remove(path, error);
-  for (std::filesystem::directory_iterator it(dataset, error), end; !error && it != end;
-       it.increment(error))
-    if (it->path().filename().string().find(".tmp-") != std::string::npos)
-      std::filesystem::remove(it->path(), error);
+  for (std::filesystem::directory_iterator it(dataset, error), end; !error && it != end; it.increment(error))
+    if (it->path().filename().string().find(".tmp-") != std::string::npos) std::filesystem::remove(it->path(), error);
   if (error) return Fail(ErrnoError("remove temporary files in", dataset, error.value()));
   return {};
 }
@@ -35,15 +33,12 @@ Status RemoveTemporaries(const Path& dataset, const std::vector<Path>& episode_f
 // A new dataset only in a folder that has nothing which we did not put there.
 Status CheckFresh(const Path& dataset) {
   std::error_code error;
-  for (std::filesystem::directory_iterator it(dataset, error), end; !error && it != end;
-       it.increment(error)) {
+  for (std::filesystem::directory_iterator it(dataset, error), end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename().string();
     if (name == internal::kLock || name.starts_with(internal::kDatasetJson)) continue;
-    return Fail(
-        Code::kInvalidArgument,
-        fmt::format(
-            "'{}' has no {} but holds '{}': not a dataset, and not empty; choose another folder",
-            dataset.string(), internal::kDatasetJson, name));
+    return Fail(Code::kInvalidArgument,
+                fmt::format("'{}' has no {} but holds '{}': not a dataset, and not empty; choose another folder",
+                            dataset.string(), internal::kDatasetJson, name));
   }
   if (error) return Fail(ErrnoError("list", dataset, error.value()));
   return {};
@@ -52,11 +47,10 @@ Status CheckFresh(const Path& dataset) {
 Status CheckSpec(const Path& dataset, const CampaignSpec& made_from, const CampaignSpec& now) {
   const auto differences = internal::SpecDifferences(made_from, now);
   if (differences.empty()) return {};
-  return Fail(
-      Code::kInvalidArgument,
-      fmt::format("dataset '{}' was made from another spec; different: {}; use its own spec or "
-                  "another folder",
-                  dataset.string(), fmt::join(differences, ", ")));
+  return Fail(Code::kInvalidArgument,
+              fmt::format("dataset '{}' was made from another spec; different: {}; use its own spec or "
+                          "another folder",
+                          dataset.string(), fmt::join(differences, ", ")));
 }
 
 std::set<AttemptId> RecordedAttempts(const Path& dataset) {
@@ -83,8 +77,7 @@ struct DatasetWriter::Impl {
   LineAppender attempts;
   std::set<AttemptId> recorded = {};
   std::set<std::uint64_t> committed = {};
-  std::map<std::uint64_t, internal::EpisodeSummary> summaries =
-      {};  // of those committed, read when needed
+  std::map<std::uint64_t, internal::EpisodeSummary> summaries = {};  // of those committed, read when needed
 
   Status Summarize();
 };
@@ -115,8 +108,7 @@ Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpe
   ETUDE_ASSIGN_OR_RETURN(const auto files, internal::ListEpisodeFolder(dataset));
   ETUDE_RETURN_IF_ERROR(RemoveTemporaries(dataset, files));
   ETUDE_ASSIGN_OR_RETURN(auto attempts, LineAppender::Open(dataset / internal::kAttempts));
-  auto impl = std::unique_ptr<Impl>(
-      new Impl{dataset, spec, SpecHash(spec), std::move(lock), std::move(attempts)});
+  auto impl = std::unique_ptr<Impl>(new Impl{dataset, spec, SpecHash(spec), std::move(lock), std::move(attempts)});
   impl->recorded = RecordedAttempts(dataset);
   for (const auto& path : files)
     if (const auto index = internal::IndexOf(path)) impl->committed.insert(*index);
@@ -129,13 +121,10 @@ bool DatasetWriter::Contains(std::uint64_t index) const { return impl_->committe
 
 Status DatasetWriter::Commit(const Episode& episode) {
   if (Contains(episode.index)) return {};
-  const auto context = [&] {
-    return fmt::format("commit episode {} to '{}'", episode.index, impl_->dataset.string());
-  };
+  const auto context = [&] { return fmt::format("commit episode {} to '{}'", episode.index, impl_->dataset.string()); };
   if (episode.spec_sha256 != impl_->spec_sha256)
-    return Fail(Code::kInvalidArgument,
-                fmt::format("{}: it was made from another spec ({}, not {})", context(),
-                            episode.spec_sha256, impl_->spec_sha256));
+    return Fail(Code::kInvalidArgument, fmt::format("{}: it was made from another spec ({}, not {})", context(),
+                                                    episode.spec_sha256, impl_->spec_sha256));
   const auto bytes = internal::EncodeEpisodeFile(episode);
   if (!bytes) return Fail(bytes.error().Wrap(context()));
   if (Status done = internal::CommitFile(EpisodePath(impl_->dataset, episode.index), *bytes); !done)
@@ -147,8 +136,8 @@ Status DatasetWriter::Commit(const Episode& episode) {
   return {};
 }
 
-Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt,
-                                    const std::string& outcome, const std::string& details_json) {
+Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
+                                    const std::string& details_json) {
   if (impl_->recorded.contains({index, attempt})) return {};  // made again after a crash
   OrderedJson details = OrderedJson::parse(details_json, nullptr, /*allow_exceptions=*/false);
   if (details.is_discarded()) details = details_json;
@@ -157,8 +146,7 @@ Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt,
                             {"seed", EpisodeSeed(impl_->spec, index, attempt)},
                             {"outcome", outcome},
                             {"details", std::move(details)}};
-  ETUDE_RETURN_IF_ERROR(
-      impl_->attempts.Append(line.dump(-1, ' ', false, OrderedJson::error_handler_t::replace)));
+  ETUDE_RETURN_IF_ERROR(impl_->attempts.Append(line.dump(-1, ' ', false, OrderedJson::error_handler_t::replace)));
   impl_->recorded.emplace(index, attempt);
   return {};
 }

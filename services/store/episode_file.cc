@@ -46,10 +46,7 @@ void ScaleAction(std::vector<float>& row) {
 class Writer {
  public:
   Writer(const Episode& episode, const std::string& content_sha256, HdfWriter& file)
-      : episode_(episode),
-        content_sha256_(content_sha256),
-        file_(file),
-        demo_(DemoGroup(episode.index)) {
+      : episode_(episode), content_sha256_(content_sha256), file_(file), demo_(DemoGroup(episode.index)) {
     for (int t = 0; t < episode.steps(); t += episode.image_stride) {
       image_steps_.push_back(t);
       action_steps_.push_back(std::min(t + episode.image_stride, episode.steps()) - 1);
@@ -120,10 +117,8 @@ class Writer {
     const auto keep = [](std::vector<float>&) {};
     file_.Array(demo_ + "/actions", Rows(episode_.actions_abs, action_steps_, ScaleAction), {n, 7});
     file_.Array(demo_ + "/actions_abs", Rows(episode_.actions_abs, action_steps_, keep), {n, 7});
-    file_.Attribute(demo_ + "/actions", "low", std::vector<double>(kActionLow, kActionLow + 7),
-                    {7});
-    file_.Attribute(demo_ + "/actions", "high", std::vector<double>(kActionHigh, kActionHigh + 7),
-                    {7});
+    file_.Attribute(demo_ + "/actions", "low", std::vector<double>(kActionLow, kActionLow + 7), {7});
+    file_.Attribute(demo_ + "/actions", "high", std::vector<double>(kActionHigh, kActionHigh + 7), {7});
     file_.Attribute(demo_ + "/actions_abs", "names", "x y z roll pitch yaw gripper");
     std::vector<float> rewards(n, 0.0f);
     rewards.back() = episode_.success ? 1.0f : 0.0f;
@@ -142,9 +137,7 @@ class Writer {
 
   void WriteObservations() {
     const auto keep = [](std::vector<float>&) {};
-    const auto to_xyzw = [](std::vector<float>& q) {
-      std::rotate(q.begin(), q.begin() + 1, q.end());
-    };
+    const auto to_xyzw = [](std::vector<float>& q) { std::rotate(q.begin(), q.begin() + 1, q.end()); };
     Subsample("/obs/robot0_eef_pos", episode_.eef_pos, keep);
     Subsample("/obs/robot0_eef_quat", episode_.eef_quat, to_xyzw);
     Subsample("/obs/robot0_joint_pos", episode_.joint_pos, keep);
@@ -160,8 +153,7 @@ class Writer {
   void WriteControl() {
     const auto steps = static_cast<std::uint64_t>(episode_.steps());
     VisitTracks(episode_, [&](const std::string& name, const Track& track, int) {
-      file_.Array(demo_ + "/control/" + name, track.values,
-                  {steps, static_cast<std::uint64_t>(track.columns)});
+      file_.Array(demo_ + "/control/" + name, track.values, {steps, static_cast<std::uint64_t>(track.columns)});
     });
     file_.Array(demo_ + "/control/phase", episode_.phase, {steps});
     file_.Array(demo_ + "/control/supervise", episode_.supervise, {steps});
@@ -183,15 +175,13 @@ class Writer {
     const double f = camera.focal();
     const Eigen::Matrix3d R = q.toRotationMatrix();
     file_.Array(group + "/intrinsics",
-                std::vector<double>{f, 0, 0.5 * camera.width, 0, f, 0.5 * camera.height, 0, 0, 1},
-                {3, 3});
+                std::vector<double>{f, 0, 0.5 * camera.width, 0, f, 0.5 * camera.height, 0, 0, 1}, {3, 3});
     std::vector<double> X;
     for (int i = 0; i < 3; ++i) X.insert(X.end(), {R(i, 0), -R(i, 1), -R(i, 2), p[i]});
     X.insert(X.end(), {0, 0, 0, 1});
     file_.Array(group + "/pose", X, {4, 4});
     if (!track.frames.empty())
-      file_.Frames(demo_ + "/obs/" + camera.name + "_image", camera.height, camera.width,
-                   track.frames);
+      file_.Frames(demo_ + "/obs/" + camera.name + "_image", camera.height, camera.width, track.frames);
   }
 
   const Episode& episode_;
@@ -207,10 +197,8 @@ class Writer {
 std::string DemoGroup(std::uint64_t index) { return fmt::format("/data/demo_{}", index); }
 
 std::string EnvArgs() {
-  return OrderedJson({{"env_name", "etude_tabletop"},
-                      {"env_version", "1"},
-                      {"type", 2},
-                      {"env_kwargs", OrderedJson::object()}})
+  return OrderedJson(
+             {{"env_name", "etude_tabletop"}, {"env_version", "1"}, {"type", 2}, {"env_kwargs", OrderedJson::object()}})
       .dump();
 }
 
@@ -234,23 +222,20 @@ void AppendSeal(std::vector<std::uint8_t>& bytes) {
 }
 
 Result<std::span<const std::uint8_t>> CheckSeal(std::span<const std::uint8_t> bytes) {
-  if (bytes.size() <= kSealSize)
-    return Fail(Code::kCorrupt, fmt::format("only {} bytes", bytes.size()));
+  if (bytes.size() <= kSealSize) return Fail(Code::kCorrupt, fmt::format("only {} bytes", bytes.size()));
   const auto content = bytes.first(bytes.size() - kSealSize);
   const auto seal = bytes.last(kSealSize);
   if (!std::equal(seal.begin(), seal.begin() + 12, "\nETUDE-SEAL "))
     return Fail(Code::kCorrupt, "no seal at its end: cut off, or not written by Etude");
   const std::string expected = Seal(content);
   if (!std::equal(seal.begin(), seal.end(), expected.begin(), expected.end()))
-    return Fail(Code::kCorrupt,
-                "changed after it was written: SHA-256 or size differ from the seal's");
+    return Fail(Code::kCorrupt, "changed after it was written: SHA-256 or size differ from the seal's");
   return content;
 }
 
 Result<std::vector<std::uint8_t>> EncodeEpisodeFile(const Episode& episode) {
   ETUDE_RETURN_IF_ERROR(ValidateEpisode(episode));
-  if (Status frames = CheckFrames(episode); !frames)
-    return Fail(Code::kInvalidArgument, frames.error().message);
+  if (Status frames = CheckFrames(episode); !frames) return Fail(Code::kInvalidArgument, frames.error().message);
   const std::string content_sha256 = ContentHash(episode);
   const auto build = [&] {  // HDF5 is locked in here only
     HdfWriter file;

@@ -17,10 +17,8 @@ namespace etude::store::internal {
 
 /// Bounds that scale actions_abs (x, y, z in m, roll, pitch, yaw in rad, gripper) to actions in
 /// [-1, 1].
-inline constexpr double kActionLow[7] = {
-    -1.5, -1.5, -0.5, -3.14159265358979, -3.14159265358979, -3.14159265358979, 0};
-inline constexpr double kActionHigh[7] = {
-    1.5, 1.5, 1.5, 3.14159265358979, 3.14159265358979, 3.14159265358979, 1};
+inline constexpr double kActionLow[7] = {-1.5, -1.5, -0.5, -3.14159265358979, -3.14159265358979, -3.14159265358979, 0};
+inline constexpr double kActionHigh[7] = {1.5, 1.5, 1.5, 3.14159265358979, 3.14159265358979, 3.14159265358979, 1};
 
 /// The bytes are a pure function of the episode.
 /// @error kInvalidArgument when the episode is not valid or a frame does not inflate to its size.

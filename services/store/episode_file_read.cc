@@ -29,8 +29,7 @@ class Reader {
     ReadMeaning();
     ReadControl();
     for (const auto& name : Names("cameras", kMaxCameras)) ReadCamera(name);
-    if (error_.empty() && demo_ != DemoGroup(result_.episode.index))
-      Complain("index and group differ");
+    if (error_.empty() && demo_ != DemoGroup(result_.episode.index)) Complain("index and group differ");
     return std::move(result_);
   }
 
@@ -67,8 +66,7 @@ class Reader {
   void ReadIdentity() {
     Episode& episode = result_.episode;
     const auto schema = file_.Scalar<std::int64_t>(demo_, "schema_version");
-    if (schema != kSchemaVersion)
-      Complain(fmt::format("schema version {}, not {}", schema, kSchemaVersion));
+    if (schema != kSchemaVersion) Complain(fmt::format("schema version {}, not {}", schema, kSchemaVersion));
     const auto attempt = file_.Scalar<std::uint64_t>(demo_, "attempt");
     if (attempt > UINT32_MAX) Complain("attribute attempt: too large");
     episode.campaign = Text("campaign");
@@ -119,8 +117,7 @@ class Reader {
     Camera& camera = result_.episode.cameras.emplace_back().camera;
     const std::string group = demo_ + "/cameras/" + name;
     const auto side = [&](const char* attribute) {
-      return static_cast<int>(
-          std::clamp<std::int64_t>(file_.Scalar<std::int64_t>(group, attribute), 0, INT32_MAX));
+      return static_cast<int>(std::clamp<std::int64_t>(file_.Scalar<std::int64_t>(group, attribute), 0, INT32_MAX));
     };
     camera.name = name;
     camera.width = side("width");
@@ -137,13 +134,11 @@ class Reader {
     auto& locations = result_.frames.emplace_back();
     const std::string image = camera.name + "_image";
     const auto names = file_.Children(demo_ + "/obs");
-    if (std::find(names.begin(), names.end(), image) == names.end())
-      return;  // recorded without pictures
+    if (std::find(names.begin(), names.end(), image) == names.end()) return;  // recorded without pictures
     Shape shape;
     locations = file_.FrameLocations(demo_ + "/obs/" + image, shape);
     const auto frames = FrameCount(result_.episode.steps(), result_.episode.image_stride);
-    if (shape != Shape{static_cast<std::uint64_t>(frames),
-                       static_cast<std::uint64_t>(camera.height),
+    if (shape != Shape{static_cast<std::uint64_t>(frames), static_cast<std::uint64_t>(camera.height),
                        static_cast<std::uint64_t>(camera.width), 3})
       Complain(fmt::format("pictures {}: shape does not fit steps and camera", image));
   }
@@ -166,8 +161,7 @@ Result<EpisodeFile> DecodeEpisodeFile(std::span<const std::uint8_t> bytes) {
     ETUDE_RETURN_IF_ERROR(file.Finish());
     if (!reader.error().empty()) return Fail(Code::kCorrupt, reader.error());
   }
-  if (Status valid = ValidateEpisode(result.episode); !valid)
-    return Fail(Code::kCorrupt, valid.error().message);
+  if (Status valid = ValidateEpisode(result.episode); !valid) return Fail(Code::kCorrupt, valid.error().message);
   return result;
 }
 

@@ -34,8 +34,7 @@ Status ReadAt(const Path& file, std::uint64_t offset, std::span<std::uint8_t> by
   std::size_t done = 0;
   int error_number = 0;
   while (done < bytes.size()) {
-    const ssize_t got =
-        ::pread(fd, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
+    const ssize_t got = ::pread(fd, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) error_number = errno;
     if (got <= 0) break;
@@ -44,8 +43,7 @@ Status ReadAt(const Path& file, std::uint64_t offset, std::span<std::uint8_t> by
   ::close(fd);
   if (error_number != 0) return Fail(ErrnoError("read", file, error_number));
   if (done < bytes.size())
-    return Fail(Code::kCorrupt, fmt::format("read '{}': it ends at {} inside a frame",
-                                            file.string(), offset + done));
+    return Fail(Code::kCorrupt, fmt::format("read '{}': it ends at {} inside a frame", file.string(), offset + done));
   return {};
 }
 
@@ -57,11 +55,11 @@ Status InflateFrame(std::span<const std::uint8_t> stream, std::span<std::uint8_t
   ETUDE_CHECK(decompressor != nullptr);
   std::size_t used = 0;
   std::size_t made = 0;
-  const libdeflate_result result = libdeflate_zlib_decompress_ex(
-      decompressor.get(), stream.data(), stream.size(), pixels.data(), pixels.size(), &used, &made);
+  const libdeflate_result result = libdeflate_zlib_decompress_ex(decompressor.get(), stream.data(), stream.size(),
+                                                                 pixels.data(), pixels.size(), &used, &made);
   if (result != LIBDEFLATE_SUCCESS || used != stream.size() || made != pixels.size())
-    return Fail(Code::kCorrupt, fmt::format("inflate a frame: {} bytes are not a zlib stream of {}",
-                                            stream.size(), pixels.size()));
+    return Fail(Code::kCorrupt,
+                fmt::format("inflate a frame: {} bytes are not a zlib stream of {}", stream.size(), pixels.size()));
   return {};
 }
 
@@ -70,19 +68,17 @@ std::vector<std::uint8_t> DeflateFrame(std::span<const std::uint8_t> pixels) {
       libdeflate_alloc_compressor(kDeflateLevel));
   ETUDE_CHECK(compressor != nullptr);
   std::vector<std::uint8_t> stream(libdeflate_zlib_compress_bound(compressor.get(), pixels.size()));
-  const std::size_t size = libdeflate_zlib_compress(compressor.get(), pixels.data(), pixels.size(),
-                                                    stream.data(), stream.size());
+  const std::size_t size =
+      libdeflate_zlib_compress(compressor.get(), pixels.data(), pixels.size(), stream.data(), stream.size());
   ETUDE_CHECK(size > 0, "{} bytes into {}", pixels.size(), stream.size());
   stream.resize(size);
   return stream;
 }
 
-Status FrameReader::Read(const Path& file, const FrameLocation& location,
-                         std::span<std::uint8_t> pixels) {
+Status FrameReader::Read(const Path& file, const FrameLocation& location, std::span<std::uint8_t> pixels) {
   if (location.size > StreamBound(pixels.size()) || location.offset > kMaxOffset)
-    return Fail(Code::kCorrupt,
-                fmt::format("read '{}': a frame of {} bytes at {} for {} of pixels", file.string(),
-                            location.size, location.offset, pixels.size()));
+    return Fail(Code::kCorrupt, fmt::format("read '{}': a frame of {} bytes at {} for {} of pixels", file.string(),
+                                            location.size, location.offset, pixels.size()));
   thread_local std::vector<std::uint8_t> stream;
   stream.resize(location.size);
   ETUDE_RETURN_IF_ERROR(ReadAt(file, location.offset, stream));

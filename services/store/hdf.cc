@@ -104,14 +104,11 @@ HdfWriter::HdfWriter()
   const Hid access = MemoryAccess();
 
   // no time of day in the file; attributes and few links stay in the object's own header
-  const bool good = link_ && group_ && dataset_ && creation && access &&
-                    KeepImage(access.get(), image_.get()) &&
-                    H5Pset_obj_track_times(creation.get(), false) >= 0 &&
-                    H5Pset_obj_track_times(group_.get(), false) >= 0 &&
-                    H5Pset_obj_track_times(dataset_.get(), false) >= 0 &&
-                    H5Pset_attr_phase_change(group_.get(), 128, 64) >= 0 &&
-                    H5Pset_link_phase_change(group_.get(), 64, 32) >= 0 &&
-                    H5Pset_create_intermediate_group(link_.get(), 1) >= 0;
+  const bool good =
+      link_ && group_ && dataset_ && creation && access && KeepImage(access.get(), image_.get()) &&
+      H5Pset_obj_track_times(creation.get(), false) >= 0 && H5Pset_obj_track_times(group_.get(), false) >= 0 &&
+      H5Pset_obj_track_times(dataset_.get(), false) >= 0 && H5Pset_attr_phase_change(group_.get(), 128, 64) >= 0 &&
+      H5Pset_link_phase_change(group_.get(), 64, 32) >= 0 && H5Pset_create_intermediate_group(link_.get(), 1) >= 0;
   if (Check(good, "set up")) {
     file_ = Hid(H5Fcreate("new.hdf5", H5F_ACC_TRUNC, creation.get(), access.get()));
     Check(bool(file_), "create a file in memory");
@@ -144,18 +141,18 @@ void HdfWriter::Attribute(const std::string& object, const char* name, std::stri
   WriteAttribute(object, name, {}, type.get(), type.get(), &value);
 }
 
-void HdfWriter::WriteAttribute(const std::string& object, const char* name, const Shape& shape,
-                               hid_t native, hid_t file, const void* data) {
+void HdfWriter::WriteAttribute(const std::string& object, const char* name, const Shape& shape, hid_t native,
+                               hid_t file, const void* data) {
   if (!failed_.empty()) return;
   const Hid space = Space(shape);
-  const Hid attribute(H5Acreate_by_name(file_.get(), object.c_str(), name, file, space.get(),
-                                        H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
+  const Hid attribute(
+      H5Acreate_by_name(file_.get(), object.c_str(), name, file, space.get(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
   Check(attribute && H5Awrite(attribute.get(), native, data) >= 0,
         fmt::format("write attribute {} of {}", name, object));
 }
 
-void HdfWriter::WriteArray(const std::string& path, const Shape& shape, hid_t native, hid_t file,
-                           const void* data, std::size_t count) {
+void HdfWriter::WriteArray(const std::string& path, const Shape& shape, hid_t native, hid_t file, const void* data,
+                           std::size_t count) {
   if (!failed_.empty()) return;
   std::uint64_t expected = 1;
   for (const auto extent : shape) expected *= extent;
@@ -163,8 +160,7 @@ void HdfWriter::WriteArray(const std::string& path, const Shape& shape, hid_t na
   if (!Check(expected == count, what + ": its size does not fit its shape")) return;
   Group(path.substr(0, path.rfind('/')));
   const Hid space = Space(shape);
-  const Hid array(H5Dcreate2(file_.get(), path.c_str(), file, space.get(), link_.get(),
-                             dataset_.get(), H5P_DEFAULT));
+  const Hid array(H5Dcreate2(file_.get(), path.c_str(), file, space.get(), link_.get(), dataset_.get(), H5P_DEFAULT));
   if (!Check(bool(array), what) || count == 0) return;
   Check(H5Dwrite(array.get(), native, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0, what);
 }
@@ -182,14 +178,13 @@ void HdfWriter::Frames(const std::string& path, int height, int width,
                      H5Pset_fill_time(creation.get(), H5D_FILL_TIME_NEVER) >= 0 &&
                      H5Pset_deflate(creation.get(), 1) >= 0;
   if (!Check(ready, "lay out pictures " + path)) return;
-  const Hid array(H5Dcreate2(file_.get(), path.c_str(), H5T_STD_U8LE, space.get(), link_.get(),
-                             creation.get(), H5P_DEFAULT));
+  const Hid array(
+      H5Dcreate2(file_.get(), path.c_str(), H5T_STD_U8LE, space.get(), link_.get(), creation.get(), H5P_DEFAULT));
   if (!Check(bool(array), "create pictures " + path)) return;
   for (std::size_t k = 0; k < streams.size() && failed_.empty(); ++k) {
     const hsize_t at[4] = {k, 0, 0, 0};
-    Check(
-        H5Dwrite_chunk(array.get(), H5P_DEFAULT, 0, at, streams[k].size(), streams[k].data()) >= 0,
-        fmt::format("write frame {} of {}", k, path));
+    Check(H5Dwrite_chunk(array.get(), H5P_DEFAULT, 0, at, streams[k].size(), streams[k].data()) >= 0,
+          fmt::format("write frame {} of {}", k, path));
   }
 }
 
@@ -199,21 +194,17 @@ void HdfWriter::FixedStrings(const std::string& path, const std::vector<std::str
   for (const auto& text : texts) length = std::max(length, text.size());
   std::string packed(texts.size() * length, '\0');
   for (std::size_t i = 0; i < texts.size(); ++i)
-    std::copy(texts[i].begin(), texts[i].end(),
-              packed.begin() + static_cast<std::ptrdiff_t>(i * length));
+    std::copy(texts[i].begin(), texts[i].end(), packed.begin() + static_cast<std::ptrdiff_t>(i * length));
   const Hid type(H5Tcopy(H5T_C_S1));
-  if (!Check(type && H5Tset_size(type.get(), length) >= 0 &&
-                 H5Tset_strpad(type.get(), H5T_STR_NULLPAD) >= 0,
+  if (!Check(type && H5Tset_size(type.get(), length) >= 0 && H5Tset_strpad(type.get(), H5T_STR_NULLPAD) >= 0,
              "make a string type"))
     return;
   WriteArray(path, {texts.size()}, type.get(), type.get(), packed.data(), texts.size());
 }
 
-void HdfWriter::ExternalLink(const std::string& path, const std::string& file,
-                             const std::string& object) {
+void HdfWriter::ExternalLink(const std::string& path, const std::string& file, const std::string& object) {
   if (!failed_.empty()) return;
-  Check(H5Lcreate_external(file.c_str(), object.c_str(), file_.get(), path.c_str(), link_.get(),
-                           H5P_DEFAULT) >= 0,
+  Check(H5Lcreate_external(file.c_str(), object.c_str(), file_.get(), path.c_str(), link_.get(), H5P_DEFAULT) >= 0,
         "link " + path);
 }
 
@@ -241,8 +232,7 @@ HdfReader::HdfReader(std::span<const std::uint8_t> bytes) : size_(bytes.size()) 
   const Hid access = MemoryAccess();
   // HDF5 copies the image; the parameter is not const only for its C callers' sake
   const bool ready =
-      access &&
-      H5Pset_file_image(access.get(), const_cast<std::uint8_t*>(bytes.data()), bytes.size()) >= 0;
+      access && H5Pset_file_image(access.get(), const_cast<std::uint8_t*>(bytes.data()), bytes.size()) >= 0;
   if (!Check(ready, "read bytes")) return;
   file_ = Hid(H5Fopen("image.hdf5", H5F_ACC_RDONLY, access.get()));
   Check(bool(file_), "open");
@@ -260,8 +250,7 @@ std::string HdfReader::Text(const std::string& object, const char* name) {
   if (!Check(bool(attribute), what)) return {};
   const Hid type(H5Aget_type(attribute.get()));
   const Hid space(H5Aget_space(attribute.get()));
-  const bool is_text = type && space && H5Tget_class(type.get()) == H5T_STRING &&
-                       H5Tis_variable_str(type.get()) > 0 &&
+  const bool is_text = type && space && H5Tget_class(type.get()) == H5T_STRING && H5Tis_variable_str(type.get()) > 0 &&
                        H5Sget_simple_extent_npoints(space.get()) == 1;
   if (!Check(is_text, what + ": not one text")) return {};
   const Hid memory = TextType();
@@ -272,28 +261,25 @@ std::string HdfReader::Text(const std::string& object, const char* name) {
   return text;
 }
 
-void HdfReader::ReadAttribute(const std::string& object, const char* name, hid_t native,
-                              std::size_t count, void* data) {
+void HdfReader::ReadAttribute(const std::string& object, const char* name, hid_t native, std::size_t count,
+                              void* data) {
   if (!failed_.empty()) return;
   const std::string what = fmt::format("read attribute {} of {}", name, object);
   const Hid attribute(H5Aopen_by_name(file_.get(), object.c_str(), name, H5P_DEFAULT, H5P_DEFAULT));
   if (!Check(bool(attribute), what)) return;
   const Hid space(H5Aget_space(attribute.get()));
-  const bool fits =
-      space && H5Sget_simple_extent_npoints(space.get()) == static_cast<hssize_t>(count);
+  const bool fits = space && H5Sget_simple_extent_npoints(space.get()) == static_cast<hssize_t>(count);
   if (!Check(fits, what + ": not as many values as expected")) return;
   Check(H5Aread(attribute.get(), native, data) >= 0, what);
 }
 
-Hid HdfReader::OpenArray(const std::string& path, std::size_t rank, std::size_t width,
-                         Shape& shape) {
+Hid HdfReader::OpenArray(const std::string& path, std::size_t rank, std::size_t width, Shape& shape) {
   shape.assign(rank, 0);
   if (!failed_.empty()) return {};
   Hid dataset(H5Dopen2(file_.get(), path.c_str(), H5P_DEFAULT));
   if (!Check(bool(dataset), "open array " + path)) return {};
   const Hid space(H5Dget_space(dataset.get()));
-  const bool right_rank =
-      space && H5Sget_simple_extent_ndims(space.get()) == static_cast<int>(rank);
+  const bool right_rank = space && H5Sget_simple_extent_ndims(space.get()) == static_cast<int>(rank);
   if (!Check(right_rank, fmt::format("array {}: not of rank {}", path, rank))) return {};
   std::vector<hsize_t> extents(rank);
   H5Sget_simple_extent_dims(space.get(), extents.data(), nullptr);
@@ -310,8 +296,7 @@ Hid HdfReader::OpenArray(const std::string& path, std::size_t rank, std::size_t 
 
 void HdfReader::ReadArray(const Hid& dataset, const std::string& path, hid_t native, void* data) {
   if (!failed_.empty()) return;
-  Check(H5Dread(dataset.get(), native, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0,
-        "read array " + path);
+  Check(H5Dread(dataset.get(), native, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0, "read array " + path);
 }
 
 std::vector<FrameLocation> HdfReader::FrameLocations(const std::string& path, Shape& shape) {
@@ -323,9 +308,8 @@ std::vector<FrameLocation> HdfReader::FrameLocations(const std::string& path, Sh
   const Hid creation(H5Dget_create_plist(dataset.get()));
   hsize_t chunk[4] = {};
   const bool laid_out = creation && H5Pget_layout(creation.get()) == H5D_CHUNKED &&
-                        H5Pget_chunk(creation.get(), 4, chunk) == 4 && chunk[0] == 1 &&
-                        chunk[1] == shape[1] && chunk[2] == shape[2] && chunk[3] == shape[3] &&
-                        shape[0] <= size_;
+                        H5Pget_chunk(creation.get(), 4, chunk) == 4 && chunk[0] == 1 && chunk[1] == shape[1] &&
+                        chunk[2] == shape[2] && chunk[3] == shape[3] && shape[0] <= size_;
   if (!Check(laid_out, "pictures " + path + ": not one frame a chunk")) return locations;
   locations.reserve(shape[0]);
   for (std::uint64_t k = 0; k < shape[0] && failed_.empty(); ++k) {
@@ -334,8 +318,8 @@ std::vector<FrameLocation> HdfReader::FrameLocations(const std::string& path, Sh
     haddr_t offset = HADDR_UNDEF;
     hsize_t size = 0;
     const bool found = H5Dget_chunk_info_by_coord(dataset.get(), at, &mask, &offset, &size) >= 0 &&
-                       offset != HADDR_UNDEF && mask == 0 && size > 0 && size <= size_ &&
-                       offset <= size_ - size && size <= UINT32_MAX;
+                       offset != HADDR_UNDEF && mask == 0 && size > 0 && size <= size_ && offset <= size_ - size &&
+                       size <= UINT32_MAX;
     if (Check(found, fmt::format("pictures {}: frame {} is not there", path, k)))
       locations.push_back({offset, static_cast<std::uint32_t>(size)});
   }
@@ -349,8 +333,8 @@ std::vector<std::string> HdfReader::Children(const std::string& group) {
     static_cast<std::vector<std::string>*>(out)->emplace_back(name);
     return 0;
   };
-  Check(H5Literate_by_name(file_.get(), group.c_str(), H5_INDEX_NAME, H5_ITER_INC, nullptr, collect,
-                           &names, H5P_DEFAULT) >= 0,
+  Check(H5Literate_by_name(file_.get(), group.c_str(), H5_INDEX_NAME, H5_ITER_INC, nullptr, collect, &names,
+                           H5P_DEFAULT) >= 0,
         "list group " + group);
   return names;
 }

@@ -72,13 +72,11 @@ class HdfWriter {
   /// Variable-length UTF-8.
   void Attribute(const std::string& object, const char* name, std::string_view text);
   template <class T>
-  void Attribute(const std::string& object, const char* name,
-                 T value) requires std::is_arithmetic_v<T> {
+  void Attribute(const std::string& object, const char* name, T value) requires std::is_arithmetic_v<T> {
     WriteAttribute(object, name, {}, HdfType<T>::native(), HdfType<T>::file(), &value);
   }
   template <class T>
-  void Attribute(const std::string& object, const char* name, const std::vector<T>& values,
-                 const Shape& shape) {
+  void Attribute(const std::string& object, const char* name, const std::vector<T>& values, const Shape& shape) {
     WriteAttribute(object, name, shape, HdfType<T>::native(), HdfType<T>::file(), values.data());
   }
   template <class T>
@@ -87,8 +85,7 @@ class HdfWriter {
   }
   /// (frames, height, width, 3) uint8, one frame a chunk with the deflate filter; the zlib streams
   /// become the chunks as they are.
-  void Frames(const std::string& path, int height, int width,
-              const std::vector<std::vector<std::uint8_t>>& streams);
+  void Frames(const std::string& path, int height, int width, const std::vector<std::vector<std::uint8_t>>& streams);
   /// (n,) byte strings of one length, padded with NUL.
   void FixedStrings(const std::string& path, const std::vector<std::string>& texts);
   void ExternalLink(const std::string& path, const std::string& file, const std::string& object);
@@ -97,10 +94,10 @@ class HdfWriter {
   Result<std::vector<std::uint8_t>> Finish();
 
  private:
-  void WriteAttribute(const std::string& object, const char* name, const Shape& shape, hid_t native,
-                      hid_t file, const void* data);
-  void WriteArray(const std::string& path, const Shape& shape, hid_t native, hid_t file,
-                  const void* data, std::size_t count);
+  void WriteAttribute(const std::string& object, const char* name, const Shape& shape, hid_t native, hid_t file,
+                      const void* data);
+  void WriteArray(const std::string& path, const Shape& shape, hid_t native, hid_t file, const void* data,
+                  std::size_t count);
   // remembers a failed call; returns whether all is well
   bool Check(bool good, const std::string& what);
 
@@ -151,8 +148,7 @@ class HdfReader {
  private:
   Hid OpenArray(const std::string& path, std::size_t rank, std::size_t width, Shape& shape);
   void ReadArray(const Hid& dataset, const std::string& path, hid_t native, void* data);
-  void ReadAttribute(const std::string& object, const char* name, hid_t native, std::size_t count,
-                     void* data);
+  void ReadAttribute(const std::string& object, const char* name, hid_t native, std::size_t count, void* data);
   bool Check(bool good, const std::string& what);
 
   HdfLock lock_;

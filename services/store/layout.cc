@@ -18,8 +18,7 @@
 namespace etude::store {
 
 Path EpisodePath(const Path& dataset, std::uint64_t index) {
-  return dataset / internal::kEpisodes / fmt::format("{:03d}", index / 1000) /
-         fmt::format("{:06d}.hdf5", index);
+  return dataset / internal::kEpisodes / fmt::format("{:03d}", index / 1000) / fmt::format("{:06d}.hdf5", index);
 }
 
 }  // namespace etude::store
@@ -64,8 +63,7 @@ std::optional<std::uint64_t> IndexOf(const Path& path) {
   const auto [end, error] = std::from_chars(stem.data(), stem.data() + stem.size(), index);
   if (error != std::errc() || end != stem.data() + stem.size()) return std::nullopt;
   const Path expected = EpisodePath("", index);
-  if (path.filename() != expected.filename() ||
-      path.parent_path().filename() != expected.parent_path().filename())
+  if (path.filename() != expected.filename() || path.parent_path().filename() != expected.parent_path().filename())
     return std::nullopt;
   return index;
 }
@@ -91,12 +89,9 @@ Result<DatasetLock> DatasetLock::Take(const Path& dataset) {
     if (errno != EWOULDBLOCK) return Fail(ErrnoError("lock", path, errno));
     std::array<char, 128> owner{};
     const ssize_t size = ::pread(fd, owner.data(), owner.size(), 0);
-    return Fail(
-        Code::kUnavailable,
-        fmt::format(
-            "dataset '{}' is being written by another process ({}); stop it first",
-            dataset.string(),
-            std::string_view(owner.data(), static_cast<std::size_t>(std::max<ssize_t>(size, 0)))));
+    return Fail(Code::kUnavailable,
+                fmt::format("dataset '{}' is being written by another process ({}); stop it first", dataset.string(),
+                            std::string_view(owner.data(), static_cast<std::size_t>(std::max<ssize_t>(size, 0)))));
   }
   std::array<char, 64> host{};
   ::gethostname(host.data(), host.size() - 1);
@@ -130,11 +125,10 @@ Result<DatasetFile> ReadDatasetFile(const Path& dataset) {
   const auto& version = json["schema_version"];
   if (!version.is_number_integer()) return corrupt("schema_version is not a number");
   if (version.get<std::int64_t>() != kSchemaVersion)
-    return Fail(
-        Code::kInvalidArgument,
-        fmt::format("dataset '{}' has schema version {}, this program reads {}; use the version of "
-                    "Etude that made it",
-                    dataset.string(), version.dump(), kSchemaVersion));
+    return Fail(Code::kInvalidArgument,
+                fmt::format("dataset '{}' has schema version {}, this program reads {}; use the version of "
+                            "Etude that made it",
+                            dataset.string(), version.dump(), kSchemaVersion));
   auto spec = FromJson<CampaignSpec>(json["spec"], path.string());
   if (!spec) return corrupt(spec.error().message);
   return DatasetFile{std::move(*spec), json.value("statistics", OrderedJson::object())};
@@ -156,11 +150,9 @@ std::vector<std::string> SpecDifferences(const CampaignSpec& made_from, const Ca
   std::vector<std::string> differences;
   for (std::size_t i = 0; i < std::min(before.size(), after.size()); ++i) {
     const auto& [key, value] = before[i];
-    const bool free =
-        key == "name" || key == "episodes" || key == "max_attempts" || key.starts_with("split.");
+    const bool free = key == "name" || key == "episodes" || key == "max_attempts" || key.starts_with("split.");
     if (!free && value != after[i].second)
-      differences.push_back(
-          fmt::format("{} ({}, now {})", key, value.dump(), after[i].second.dump()));
+      differences.push_back(fmt::format("{} ({}, now {})", key, value.dump(), after[i].second.dump()));
   }
   return differences;
 }

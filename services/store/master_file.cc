@@ -10,8 +10,8 @@
 namespace etude::store::internal {
 namespace {
 
-Result<std::vector<std::uint8_t>> MasterBytes(
-    const CampaignSpec& spec, const std::map<std::uint64_t, EpisodeSummary>& episodes) {
+Result<std::vector<std::uint8_t>> MasterBytes(const CampaignSpec& spec,
+                                              const std::map<std::uint64_t, EpisodeSummary>& episodes) {
   HdfWriter file;
   std::map<std::string, std::vector<std::string>> masks{{"train", {}}, {"valid", {}}, {"test", {}}};
   std::int64_t total = 0;

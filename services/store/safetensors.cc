@@ -40,8 +40,8 @@ tl::unexpected<Error> Corrupt(std::string message) {
 }
 
 const DTypeInfo& InfoOf(DType dtype) {
-  const auto it = std::find_if(kDTypes.begin(), kDTypes.end(),
-                               [&](const DTypeInfo& info) { return info.dtype == dtype; });
+  const auto it =
+      std::find_if(kDTypes.begin(), kDTypes.end(), [&](const DTypeInfo& info) { return info.dtype == dtype; });
   ETUDE_CHECK(it != kDTypes.end());
   return *it;
 }
@@ -50,8 +50,7 @@ const DTypeInfo& InfoOf(DType dtype) {
 std::optional<std::uint64_t> BytesOf(DType dtype, const std::vector<std::int64_t>& shape) {
   std::uint64_t bytes = SizeOf(dtype);
   for (const std::int64_t extent : shape)
-    if (extent < 0 || __builtin_mul_overflow(bytes, static_cast<std::uint64_t>(extent), &bytes))
-      return std::nullopt;
+    if (extent < 0 || __builtin_mul_overflow(bytes, static_cast<std::uint64_t>(extent), &bytes)) return std::nullopt;
   return bytes;
 }
 
@@ -85,8 +84,8 @@ Result<Entry> ReadEntry(const std::string& name, const OrderedJson& json) {
   };
   if (!are_unsigned(shape) || shape.size() > kMaxRank) return bad("shape");
   if (!are_unsigned(offsets) || offsets.size() != 2) return bad("data_offsets");
-  Entry entry{name, known->dtype, shape.get<std::vector<std::int64_t>>(),
-              offsets[0].get<std::uint64_t>(), offsets[1].get<std::uint64_t>()};
+  Entry entry{name, known->dtype, shape.get<std::vector<std::int64_t>>(), offsets[0].get<std::uint64_t>(),
+              offsets[1].get<std::uint64_t>()};
   const auto bytes = BytesOf(entry.dtype, entry.shape);
   if (!bytes || entry.begin > entry.end || entry.end - entry.begin != *bytes)
     return bad("data_offsets do not fit shape and dtype");
@@ -110,9 +109,8 @@ Status CheckCover(std::vector<Entry>& entries, std::uint64_t buffer_size) {
   std::uint64_t cursor = 0;
   for (const auto& entry : entries) {
     if (entry.begin != cursor || entry.end > buffer_size)
-      return Corrupt(fmt::format("tensor '{}': data at {}..{}, expected at {} of {}",
-                                 entry.name.substr(0, 200), entry.begin, entry.end, cursor,
-                                 buffer_size));
+      return Corrupt(fmt::format("tensor '{}': data at {}..{}, expected at {} of {}", entry.name.substr(0, 200),
+                                 entry.begin, entry.end, cursor, buffer_size));
     cursor = entry.end;
   }
   if (cursor != buffer_size)
@@ -132,9 +130,8 @@ std::vector<std::uint8_t> EncodeSafetensors(const Safetensors& content) {
   // wide types first, then by name, so that every tensor starts aligned to its own size
   std::vector<const std::pair<const std::string, Tensor>*> order;
   for (const auto& item : content.tensors) order.push_back(&item);
-  std::stable_sort(order.begin(), order.end(), [](const auto* a, const auto* b) {
-    return SizeOf(a->second.dtype) > SizeOf(b->second.dtype);
-  });
+  std::stable_sort(order.begin(), order.end(),
+                   [](const auto* a, const auto* b) { return SizeOf(a->second.dtype) > SizeOf(b->second.dtype); });
   std::uint64_t offset = 0;
   for (const auto* item : order) {
     const auto& [name, tensor] = *item;
@@ -171,8 +168,7 @@ Result<Safetensors> DecodeSafetensors(std::span<const std::uint8_t> bytes) {
   const std::string_view header(reinterpret_cast<const char*>(rest.data()), header_size);
   if (!header.starts_with('{')) return Corrupt("the header does not start with '{'");
   const auto json = ParseBoundedJson(header, /*max_depth=*/4);
-  if (!json || !json->is_object())
-    return Corrupt("the header is not a JSON map without duplicates");
+  if (!json || !json->is_object()) return Corrupt("the header is not a JSON map without duplicates");
   const auto buffer = rest.subspan(header_size);
 
   Safetensors content;
@@ -187,9 +183,8 @@ Result<Safetensors> DecodeSafetensors(std::span<const std::uint8_t> bytes) {
   ETUDE_RETURN_IF_ERROR(CheckCover(entries, buffer.size()));
   for (auto& entry : entries) {
     const auto data = buffer.subspan(entry.begin, entry.end - entry.begin);
-    content.tensors.emplace(
-        std::move(entry.name),
-        Tensor{entry.dtype, std::move(entry.shape), {data.begin(), data.end()}});
+    content.tensors.emplace(std::move(entry.name),
+                            Tensor{entry.dtype, std::move(entry.shape), {data.begin(), data.end()}});
   }
   return content;
 }

@@ -32,8 +32,7 @@ EpisodeSummary Summarize(const EpisodeRecord& record) {
   return Summarize(record.episode, frames, error ? 0 : bytes);
 }
 
-OrderedJson StatisticsOf(const CampaignSpec& spec,
-                         const std::map<std::uint64_t, EpisodeSummary>& episodes) {
+OrderedJson StatisticsOf(const CampaignSpec& spec, const std::map<std::uint64_t, EpisodeSummary>& episodes) {
   std::map<std::string, std::uint64_t> tasks, targets, outcomes;
   std::map<std::string, std::uint64_t> splits{{"train", 0}, {"valid", 0}, {"test", 0}};
   EpisodeSummary sum;
@@ -60,8 +59,7 @@ OrderedJson StatisticsOf(const CampaignSpec& spec,
 OrderedJson FeatureTable(const Episode& episode) {
   OrderedJson table = OrderedJson::array();
   const auto add = [&](const std::string& name, const char* dtype, OrderedJson shape, double rate) {
-    table.push_back(
-        {{"name", name}, {"dtype", dtype}, {"shape", std::move(shape)}, {"rate_hz", rate}});
+    table.push_back({{"name", name}, {"dtype", dtype}, {"shape", std::move(shape)}, {"rate_hz", rate}});
   };
   VisitTracks(episode, [&](const std::string& name, const Track& track, int) {
     add("control/" + name, "float32", {"T", track.columns}, kControlRate);

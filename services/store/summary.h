@@ -24,8 +24,7 @@ EpisodeSummary Summarize(const Episode& episode, std::uint64_t frames, std::uint
 EpisodeSummary Summarize(const EpisodeRecord& record);
 
 /// Counts by task, target, split; sums; see DatasetInfo.
-OrderedJson StatisticsOf(const CampaignSpec& spec,
-                         const std::map<std::uint64_t, EpisodeSummary>& episodes);
+OrderedJson StatisticsOf(const CampaignSpec& spec, const std::map<std::uint64_t, EpisodeSummary>& episodes);
 
 /// What an episode has: [{"name", "dtype", "shape", "rate_hz"}, ...]; the first extent is of time.
 OrderedJson FeatureTable(const Episode& episode);

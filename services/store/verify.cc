@@ -23,8 +23,7 @@ void ForEach(std::size_t n, const std::function<void(std::size_t)>& work) {
   const auto run = [&] {
     for (std::size_t i = next++; i < n; i = next++) work(i);
   };
-  const std::size_t threads =
-      std::min<std::size_t>({std::max(1u, std::thread::hardware_concurrency()), 8, n});
+  const std::size_t threads = std::min<std::size_t>({std::max(1u, std::thread::hardware_concurrency()), 8, n});
   std::vector<std::jthread> pool;
   for (std::size_t t = 1; t < threads; ++t) pool.emplace_back(run);
   run();
@@ -37,12 +36,10 @@ Status VerifyEpisode(const DatasetReader& reader, std::uint64_t index) {
   ETUDE_ASSIGN_OR_RETURN(auto file, internal::DecodeEpisodeFile(bytes));
   const std::string content_sha256 = file.content_sha256;
   const Episode episode = internal::WithFrames(std::move(file), bytes);
-  if (episode.index != index)
-    return Fail(Code::kCorrupt, fmt::format("it holds episode {}", episode.index));
+  if (episode.index != index) return Fail(Code::kCorrupt, fmt::format("it holds episode {}", episode.index));
   if (episode.spec_sha256 != SpecHash(reader.spec()))
     return Fail(Code::kCorrupt, "made from another spec than the dataset");
-  if (internal::ContentHash(episode) != content_sha256)
-    return Fail(Code::kCorrupt, "content and its SHA-256 differ");
+  if (internal::ContentHash(episode) != content_sha256) return Fail(Code::kCorrupt, "content and its SHA-256 differ");
   return internal::CheckFrames(episode);
 }
 
@@ -51,8 +48,7 @@ Status MoveToQuarantine(const Path& dataset, const Path& file) {
   const Path folder = dataset / internal::kQuarantine;
   ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
   Path to = folder / file.filename();
-  for (int n = 1; std::filesystem::exists(to); ++n)
-    to = folder / fmt::format("{}.{}", file.filename().string(), n);
+  for (int n = 1; std::filesystem::exists(to); ++n) to = folder / fmt::format("{}.{}", file.filename().string(), n);
   std::error_code error;
   std::filesystem::rename(file, to, error);
   if (error) return Fail(ErrnoError("quarantine", file, error.value()));
@@ -76,8 +72,7 @@ Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
     ETUDE_ASSIGN_OR_RETURN(lock, internal::DatasetLock::Take(dataset));
   }
   ETUDE_ASSIGN_OR_RETURN(auto files, internal::ListEpisodeFolder(dataset));
-  std::erase_if(files,
-                [](const Path& path) { return path.extension() == internal::kTemporarySuffix; });
+  std::erase_if(files, [](const Path& path) { return path.extension() == internal::kTemporarySuffix; });
 
   std::vector<Status> found(files.size());
   ForEach(files.size(), [&](std::size_t i) { found[i] = CheckFile(reader, files[i]); });

@@ -164,8 +164,7 @@ int RunBench(int repeats, int count) {
   };
   for (int i = 0; i < repeats; ++i) {
     std::fprintf(stderr, "round %d\n", i + 1);
-    if (!take("plain-publisher", plain) || !take("single-publisher", profiled) ||
-        !take("chunked-publisher", ours)) {
+    if (!take("plain-publisher", plain) || !take("single-publisher", profiled) || !take("chunked-publisher", ours)) {
       std::fprintf(stderr, "a side failed\n");
       return 1;
     }
@@ -178,9 +177,10 @@ int RunBench(int repeats, int count) {
   PrintCalibration(calibration_before, TwoProcessSpin());
   const double value = Median(ours);
   const auto print = [value](const char* name, double baseline) {
-    std::printf("{\"name\": \"%s\", \"value\": %.2f, \"unit\": \"ms\", \"baseline\": %.2f, "
-                "\"ratio\": %.3f}\n",
-                name, value, baseline, baseline / value);
+    std::printf(
+        "{\"name\": \"%s\", \"value\": %.2f, \"unit\": \"ms\", \"baseline\": %.2f, "
+        "\"ratio\": %.3f}\n",
+        name, value, baseline, baseline / value);
   };
   print("checkpoint", Median(plain));
   print("checkpoint_same_profile", Median(profiled));
@@ -197,6 +197,5 @@ int main(int argc, char** argv) {
   if (role == "chunked-publisher" && argc > 2) return RunChunkedPublisher(std::atoi(argv[2]));
   if (role == "single-publisher" && argc > 2) return RunSinglePublisher(false, std::atoi(argv[2]));
   if (role == "plain-publisher" && argc > 2) return RunSinglePublisher(true, std::atoi(argv[2]));
-  return RunBench(argc > 1 ? std::max(1, std::atoi(argv[1])) : 5,
-                  argc > 2 ? std::max(1, std::atoi(argv[2])) : 3);
+  return RunBench(argc > 1 ? std::max(1, std::atoi(argv[1])) : 5, argc > 2 ? std::max(1, std::atoi(argv[2])) : 3);
 }

@@ -32,8 +32,7 @@ struct Rates {
 class Bench {
  public:
   Status Open(const Path& folder) {
-    ETUDE_ASSIGN_OR_RETURN(config_,
-                           learn::LoadTrainConfig("compact", "trainer/experiments", {"steps=1"}));
+    ETUDE_ASSIGN_OR_RETURN(config_, learn::LoadTrainConfig("compact", "trainer/experiments", {"steps=1"}));
     const CampaignSpec spec = SyntheticSpec(224, 224);
     ETUDE_ASSIGN_OR_RETURN(auto writer, store::DatasetWriter::Open(folder, spec));
     for (std::uint64_t i = 0; i < kEpisodes; ++i)
@@ -45,14 +44,12 @@ class Bench {
     grammar_ = std::make_shared<const language::Grammar>(std::move(grammar));
     std::vector<std::shared_ptr<policy::Policy>> policies;
     for (unsigned r = 0; r < std::max(1u, std::thread::hardware_concurrency()); ++r) {
-      ETUDE_ASSIGN_OR_RETURN(
-          auto policy,
-          policy::Policy::Create(config_.policy, learn::ToNormalization(statistics), config_.seed));
+      ETUDE_ASSIGN_OR_RETURN(auto policy,
+                             policy::Policy::Create(config_.policy, learn::ToNormalization(statistics), config_.seed));
       policy->train();
       policies.push_back(std::move(policy));
     }
-    optimizer_ =
-        std::make_unique<learn::Optimizer>(config_.optimizer, policies, std::set<std::string>{});
+    optimizer_ = std::make_unique<learn::Optimizer>(config_.optimizer, policies, std::set<std::string>{});
     replicas_ = std::make_unique<learn::Replicas>(std::move(policies));
     return {};
   }
@@ -61,9 +58,9 @@ class Bench {
     data::DataConfig data = config_.data;
     data.cache_mb = cache_mb;
     const auto& crop = config_.policy.image.crop;
-    auto maker = std::make_shared<const data::BatchMaker>(
-        data, data::Region{crop[0], crop[1], crop[2], crop[3]}, config_.policy.objects,
-        dataset_->spec().tasks, grammar_, 224, 224);
+    auto maker =
+        std::make_shared<const data::BatchMaker>(data, data::Region{crop[0], crop[1], crop[2], crop[3]},
+                                                 config_.policy.objects, dataset_->spec().tasks, grammar_, 224, 224);
     data::Loader loader(dataset_, maker, data, config_.seed, 0);
     double waited = 0;
     Stopwatch whole;
@@ -115,8 +112,7 @@ Status Main(int steps) {
       "{{\"name\": \"data_wait\", \"value\": {:.5f}, \"unit\": \"fraction\", \"baseline\": {}, "
       "\"ratio\": {:.3f}, "
       "\"without_cache\": {:.5f}, \"samples_per_second\": {:.0f}, \"machine\": \"{}\"}}\n",
-      value, kLimit, value / kLimit, Quantile(uncached, 0.5), Quantile(rate, 0.5),
-      policy::DescribeTorch());
+      value, kLimit, value / kLimit, Quantile(uncached, 0.5), Quantile(rate, 0.5), policy::DescribeTorch());
   return {};
 }
 

@@ -72,8 +72,7 @@ void MeasurePlans(const std::shared_ptr<const sim::Scene>& scene, collide::Check
   int failed = 0;
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     request.X_WE_goal = X_WE;
-    request.X_WE_goal.p +=
-        Eigen::Vector3d(rng.Uniform(-0.3, 0.3), rng.Uniform(0.05, 0.3), rng.Uniform(0, 0.15));
+    request.X_WE_goal.p += Eigen::Vector3d(rng.Uniform(-0.3, 0.3), rng.Uniform(0.05, 0.3), rng.Uniform(0, 0.15));
     Stopwatch watch;
     const plan::Outcome outcome = planner.Plan(request, checker, seed);
     const double ms = 1e3 * watch.Seconds();

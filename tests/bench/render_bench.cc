@@ -27,8 +27,7 @@ class Bare {
     camera_.fixedcamid = 0;
     mjv_defaultScene(&scene_);
     mjv_makeScene(model_, &scene_, 512);
-    for (const int flag : {mjRND_SHADOW, mjRND_REFLECTION, mjRND_SKYBOX, mjRND_HAZE, mjRND_FOG})
-      scene_.flags[flag] = 0;
+    for (const int flag : {mjRND_SHADOW, mjRND_REFLECTION, mjRND_SKYBOX, mjRND_HAZE, mjRND_FOG}) scene_.flags[flag] = 0;
     mjr_defaultContext(&context_);
     mjr_makeContext(model_, &context_, mjFONTSCALE_100);
   }
@@ -72,8 +71,7 @@ int Run() {
   auto renderer = Renderer::Open(*scene);
   if (!renderer) return std::fprintf(stderr, "%s\n", renderer.error().message.c_str()), 3;
   World world(*scene);
-  std::vector<std::uint8_t> rgb(static_cast<std::size_t>((*scene)->camera().width) *
-                                (*scene)->camera().height * 3);
+  std::vector<std::uint8_t> rgb(static_cast<std::size_t>((*scene)->camera().width) * (*scene)->camera().height * 3);
   std::vector<double> ours, theirs, ratios;
   {
     Bare bare(**scene);

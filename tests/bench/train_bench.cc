@@ -25,9 +25,7 @@ using torch::Tensor;
 
 constexpr int kJoints = 7;
 
-double Now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
+double Now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 double Median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
@@ -54,9 +52,8 @@ Inputs MakeInputs(const PolicyConfig& config, int batch, int sentences) {
   Inputs inputs;
   inputs.images = torch::randint(0, 256, {batch, 3, config.image.crop[3], config.image.crop[2]}, torch::kUInt8)
                       .contiguous(torch::MemoryFormat::ChannelsLast);
-  inputs.crop_origin = torch::tensor({float(config.image.crop[0]), float(config.image.crop[1])})
-                           .expand({batch, 2})
-                           .contiguous();
+  inputs.crop_origin =
+      torch::tensor({float(config.image.crop[0]), float(config.image.crop[1])}).expand({batch, 2}).contiguous();
   inputs.joints = torch::randn({batch, kJoints});
   // each picture has its own sentences, as when every query draws a fresh one
   for (int i = 0; i < batch * sentences; ++i)
@@ -111,8 +108,7 @@ class PlainPaper {
     const Tensor image = ImageTokens(inputs.images);
     std::vector<Tensor> keys{Head("image_key", image) + Segment(0), Head("language_key", language) + Segment(2),
                              Head("joints_key", joints) + Segment(1)};
-    std::vector<Tensor> values{Head("image_value", image) + Segment(0),
-                               Head("language_value", language) + Segment(2),
+    std::vector<Tensor> values{Head("image_value", image) + Segment(0), Head("language_value", language) + Segment(2),
                                Head("joints_value", joints) + Segment(1)};
     Outputs outputs;
     int segment = 3;
@@ -123,15 +119,13 @@ class PlainPaper {
       std::vector<Tensor> queries;
       for (; i < order.size() && order[i]->level == level; ++i) {
         modules.push_back(order[i]);
-        queries.push_back(order[i]->query.empty()
-                              ? Slot(order[i]->name, batch, segment++)
-                              : outputs.at(order[i]->query).reg);
+        queries.push_back(order[i]->query.empty() ? Slot(order[i]->name, batch, segment++)
+                                                  : outputs.at(order[i]->query).reg);
       }
       const auto [registers, maps] =
           MultiHead(level, torch::cat(queries, 1), torch::cat(keys, 1), torch::cat(values, 1));
       for (std::size_t m = 0; m < modules.size(); ++m)
-        outputs[modules[m]->name] = Decode(*modules[m], inputs, registers.narrow(1, m, 1),
-                                           maps.narrow(2, m, 1));
+        outputs[modules[m]->name] = Decode(*modules[m], inputs, registers.narrow(1, m, 1), maps.narrow(2, m, 1));
       for (std::size_t m = 0; m < modules.size(); ++m) {
         keys.push_back(registers.narrow(1, m, 1));
         values.push_back(registers.narrow(1, m, 1));
@@ -148,14 +142,14 @@ class PlainPaper {
   Tensor Segment(int row) const { return W("segments")[row]; }
   Tensor Head(const std::string& name, const Tensor& x, const std::string& suffix = "_head") const {
     const Tensor y = Linear(name + suffix + ".linear", x);
-    return torch::relu(torch::layer_norm(y, {y.size(-1)}, W(name + suffix + ".norm.weight"),
-                                         W(name + suffix + ".norm.bias")));
+    return torch::relu(
+        torch::layer_norm(y, {y.size(-1)}, W(name + suffix + ".norm.weight"), W(name + suffix + ".norm.bias")));
   }
   Tensor Slot(const std::string& name, std::int64_t batch, int segment) const {
     const std::string prefix = "modules." + name + ".";
     const Tensor y = Linear(prefix + "query_head.linear", W(prefix + "register"));
-    const Tensor normed = torch::layer_norm(y, {y.size(-1)}, W(prefix + "query_head.norm.weight"),
-                                            W(prefix + "query_head.norm.bias"));
+    const Tensor normed =
+        torch::layer_norm(y, {y.size(-1)}, W(prefix + "query_head.norm.weight"), W(prefix + "query_head.norm.bias"));
     return (torch::selu(normed) + Segment(segment)).expand({batch, 1, config_.width});
   }
   Tensor Mlp(const std::string& name, Tensor x, std::size_t layers, bool activate_last) const {
@@ -215,8 +209,7 @@ class PlainPaper {
     return {Linear(prefix + "output", sums), maps};
   }
 
-  ModuleOutput Decode(const ModuleConfig& module, const Inputs& inputs, const Tensor& reg,
-                      const Tensor& maps) const {
+  ModuleOutput Decode(const ModuleConfig& module, const Inputs& inputs, const Tensor& reg, const Tensor& maps) const {
     const Tensor& mean = W("normalization_position_mean");
     const Tensor& std = W("normalization_position_std");
     ModuleOutput output;
@@ -239,8 +232,8 @@ class PlainPaper {
     if (kind == "trajectory") {
       const Tensor points = raw.view({raw.size(0), 1, 12, 10});
       output.gripper_logits = points.select(-1, 9);
-      output.decoded[kind] = torch::cat({mean + std * points.narrow(-1, 0, 3), points.narrow(-1, 3, 6),
-                                         torch::sigmoid(points.narrow(-1, 9, 1))}, -1);
+      output.decoded[kind] = torch::cat(
+          {mean + std * points.narrow(-1, 0, 3), points.narrow(-1, 3, 6), torch::sigmoid(points.narrow(-1, 9, 1))}, -1);
     }
     return output;
   }
@@ -264,7 +257,8 @@ double Disagreement(const Outputs& a, const Outputs& b) {
   double worst = 0;
   for (const auto& [name, output] : a)
     for (const auto& [kind, value] : output.decoded)
-      worst = std::max(worst, ((value - b.at(name).decoded.at(kind)).abs().mean() / (value.std() + 1e-6)).item<double>());
+      worst =
+          std::max(worst, ((value - b.at(name).decoded.at(kind)).abs().mean() / (value.std() + 1e-6)).item<double>());
   return worst;
 }
 
@@ -274,8 +268,11 @@ void Report(const char* name, const std::vector<double>& ours, const std::vector
                        *std::max_element(v.begin(), v.end()));
   };
   fmt::print(stderr, "{}: ours {}, baseline {} samples/s\n", name, range(ours), range(baseline));
-  const OrderedJson json{{"name", name}, {"value", Median(ours)}, {"unit", "samples/s"},
-                         {"baseline", Median(baseline)}, {"ratio", Median(ours) / Median(baseline)}};
+  const OrderedJson json{{"name", name},
+                         {"value", Median(ours)},
+                         {"unit", "samples/s"},
+                         {"baseline", Median(baseline)},
+                         {"ratio", Median(ours) / Median(baseline)}};
   fmt::print("{}\n", json.dump());
   std::fflush(stdout);
 }
@@ -322,9 +319,10 @@ void TrainPaper(const PolicyConfig& config) {
                Disagreement(plain.Forward(inputs, token), policy->Forward(inputs)));
   }
   const Tensor token = language();
-  Measure("train_paper", kBatch, 5, 3, 1,
-          [&] { Step(ours, policy->parameters(), *policy, inputs, labels, [&] { return policy->Forward(inputs); }); },
-          [&] { Step(theirs, parameters, *policy, inputs, labels, [&] { return plain.Forward(inputs, token); }); });
+  Measure(
+      "train_paper", kBatch, 5, 3, 1,
+      [&] { Step(ours, policy->parameters(), *policy, inputs, labels, [&] { return policy->Forward(inputs); }); },
+      [&] { Step(theirs, parameters, *policy, inputs, labels, [&] { return plain.Forward(inputs, token); }); });
 }
 
 void TrainCompact(const PolicyConfig& config, int batch) {
@@ -337,7 +335,8 @@ void TrainCompact(const PolicyConfig& config, int batch) {
   const auto step = [&](Policy& p, torch::optim::Optimizer& optimizer) {
     Step(optimizer, p.parameters(), p, inputs, labels, [&] { return p.Forward(inputs); });
   };
-  Measure("train_compact", batch, 7, 10, 10, [&] { step(*policy, ours); }, [&] { step(*exact, theirs); });
+  Measure(
+      "train_compact", batch, 7, 10, 10, [&] { step(*policy, ours); }, [&] { step(*exact, theirs); });
 }
 
 int Main() {

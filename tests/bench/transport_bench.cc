@@ -54,8 +54,7 @@ bus::Participant OpenOrDie() {
 int RunSender(bool sha256) {
   InstallStopSignals();
   const auto participant = OpenOrDie();
-  auto sender = bus::ObjectSender::Open(participant, "bench", "frames", bus::UniquePeerName(),
-                                        FrameOptions(sha256));
+  auto sender = bus::ObjectSender::Open(participant, "bench", "frames", bus::UniquePeerName(), FrameOptions(sha256));
   if (!sender) return 1;
   std::vector<std::uint8_t> frame(kFrameSize);  // one, as ddsperf's
   for (std::size_t i = 0; i < kFrameSize; ++i) frame[i] = static_cast<std::uint8_t>(i * 31 + i / 255);
@@ -95,8 +94,7 @@ int RunReceiver(double seconds) {
     ++frames;
     ++total;
   }
-  std::printf("%.3f %" PRIu64 " %" PRIu64 "\n", static_cast<double>(frames) / watch.Seconds(), total,
-              touched);
+  std::printf("%.3f %" PRIu64 " %" PRIu64 "\n", static_cast<double>(frames) / watch.Seconds(), total, touched);
   return receiver->corrupt_objects() == 0 ? 0 : 4;
 }
 
@@ -162,8 +160,8 @@ int RunBench(int repeats, double seconds) {
     RunDdsperf(seconds, theirs);
     RunOurs(seconds, false, ours);
     RunOurs(seconds, true, sha);
-    std::fprintf(stderr, "round %d: ddsperf %.0f frames/s, ours %.0f (CRC-32C), %.0f (SHA-256)\n",
-                 i + 1, theirs.rates.back(), ours.rates.back(), sha.rates.back());
+    std::fprintf(stderr, "round %d: ddsperf %.0f frames/s, ours %.0f (CRC-32C), %.0f (SHA-256)\n", i + 1,
+                 theirs.rates.back(), ours.rates.back(), sha.rates.back());
   }
   const double calibration_after = TwoProcessSpin();
   const std::vector<std::uint8_t> frame(kFrameSize, 7);
@@ -174,17 +172,17 @@ int RunBench(int repeats, double seconds) {
                "one core alone: CRC-32C %.2f GB/s, SHA-256 %.2f GB/s, so SHA-256 at both ends allows at "
                "most %.0f frames/s (%d)\n",
                crc_speed / 1e9, sha_speed / 1e9, sha_speed / kFrameSize, static_cast<int>(sink & 1));
-  for (const auto& [name, side] :
-       {std::pair{"ddsperf", &theirs}, {"ours, CRC-32C", &ours}, {"ours, SHA-256", &sha}}) {
+  for (const auto& [name, side] : {std::pair{"ddsperf", &theirs}, {"ours, CRC-32C", &ours}, {"ours, SHA-256", &sha}}) {
     std::fprintf(stderr, "%-14s %s frames/s, CPU %s us/frame\n", name, Summary(side->rates).c_str(),
                  Summary(side->cpu_us).c_str());
   }
   PrintCalibration(calibration_before, calibration_after);
   const double value = Median(ours.rates);
   const double baseline = Median(theirs.rates);
-  std::printf("{\"name\": \"transport\", \"value\": %.1f, \"unit\": \"frames/s\", \"baseline\": %.1f, "
-              "\"ratio\": %.3f}\n",
-              value, baseline, baseline > 0 ? value / baseline : 0.0);
+  std::printf(
+      "{\"name\": \"transport\", \"value\": %.1f, \"unit\": \"frames/s\", \"baseline\": %.1f, "
+      "\"ratio\": %.3f}\n",
+      value, baseline, baseline > 0 ? value / baseline : 0.0);
   return value > 0 && baseline > 0 ? 0 : 1;
 }
 

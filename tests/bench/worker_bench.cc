@@ -29,7 +29,7 @@ using namespace std::chrono_literals;
 constexpr std::uint32_t kDomain = 84;
 
 CampaignSpec Spec(const std::string& name) {
-  CampaignSpec spec;   // three tasks mixed, 224 x 224, image stride 5
+  CampaignSpec spec;  // three tasks mixed, 224 x 224, image stride 5
   spec.name = name;
   spec.episodes = 100'000;
   spec.seed = 5;
@@ -37,8 +37,9 @@ CampaignSpec Spec(const std::string& name) {
 }
 
 void Print(const char* name, double value, const char* unit, double baseline, double ratio) {
-  fmt::print("{}\n", OrderedJson{{"name", name}, {"value", value}, {"unit", unit}, {"baseline", baseline}, {"ratio", ratio}}
-                         .dump());
+  fmt::print(
+      "{}\n",
+      OrderedJson{{"name", name}, {"value", value}, {"unit", unit}, {"baseline", baseline}, {"ratio", ratio}}.dump());
   std::fflush(stdout);
 }
 
@@ -115,8 +116,8 @@ class Hosted {
     auto hosted = std::unique_ptr<Hosted>(new Hosted);
     auto sink = campaign::OpenDatasetSink(hosted->folder_ / "data", spec);
     ETUDE_CHECK(sink, "{}", sink.error().message);
-    auto collector = campaign::Collector::Open(
-        participant, spec, std::make_unique<NotingSink>(std::move(*sink), hosted->commits));
+    auto collector =
+        campaign::Collector::Open(participant, spec, std::make_unique<NotingSink>(std::move(*sink), hosted->commits));
     ETUDE_CHECK(collector, "{}", collector.error().message);
     hosted->collector_.emplace(std::move(*collector));
     hosted->thread_ = std::thread([raw = hosted.get()] { (void)raw->collector_->Run(); });
@@ -150,7 +151,7 @@ double PartsSeconds(const bus::Participant& participant, task::AttemptRunner& ru
       if (const auto object = receiver->Receive(5ms)) (void)receiver->Acknowledge(object->manifest, {});
   });
   static std::uint64_t id = 0;
-  ETUDE_CHECK(sender->Send(++id, std::vector<std::uint8_t>(1000), 0, "{}", 10s));   // they have met
+  ETUDE_CHECK(sender->Send(++id, std::vector<std::uint8_t>(1000), 0, "{}", 10s));  // they have met
   double seconds = 0;
   for (std::uint64_t index = first; index < first + count; ++index) {
     for (std::uint32_t attempt = 0;; ++attempt) {
@@ -214,8 +215,8 @@ void BenchOverhead(const bus::Participant& participant) {
     wholes.push_back(WholeSeconds(participant, spec, runner, kFirst, kCount));
     parts.push_back(PartsSeconds(participant, *runner, kFirst, kCount));
     ratios.push_back(wholes.back() / parts.back());
-    fmt::print(stderr, "worker_overhead round {}: whole {:.3f} s, parts {:.3f} s, ratio {:.3f}\n", round,
-               wholes.back(), parts.back(), ratios.back());
+    fmt::print(stderr, "worker_overhead round {}: whole {:.3f} s, parts {:.3f} s, ratio {:.3f}\n", round, wholes.back(),
+               parts.back(), ratios.back());
   }
   Print("worker_overhead", Quantile(wholes, 0.5) / kCount, "s/episode", Quantile(parts, 0.5) / kCount,
         Quantile(ratios, 0.5));
@@ -236,10 +237,10 @@ Rate Measure(const bus::Participant& participant, int workers, std::chrono::seco
   const Path program = (folder ? Path(folder) : campaign::ProgramFolder().parent_path() / "bin") / "etude-worker";
   std::vector<campaign::Process> processes;
   for (int k = 0; k < workers; ++k) {
-    auto process = campaign::Process::Start({{program.string(), "--campaign", spec.name, "--domain",
-                                              std::to_string(kDomain)},
-                                             hosted->folder() / "worker.log",
-                                             {}});
+    auto process =
+        campaign::Process::Start({{program.string(), "--campaign", spec.name, "--domain", std::to_string(kDomain)},
+                                  hosted->folder() / "worker.log",
+                                  {}});
     ETUDE_CHECK(process, "{}", process.error().message);
     processes.push_back(std::move(*process));
   }
@@ -272,8 +273,7 @@ Status BenchScaling(const bus::Participant& participant) {
     demos.push_back(both.demos_per_second);
     ratios.push_back(both.steps_per_second / single.steps_per_second);
     fmt::print(stderr, "scaling round {}: one {:.0f} steps/s ({:.2f} demos/s), two {:.0f} steps/s ({:.2f} demos/s)\n",
-               round, single.steps_per_second, single.demos_per_second, both.steps_per_second,
-               both.demos_per_second);
+               round, single.steps_per_second, single.demos_per_second, both.steps_per_second, both.demos_per_second);
   }
   const double after = SpinScaling();
   fmt::print(stderr, "two raw loops together do {:.2f}x of one before, {:.2f}x after\n", before, after);

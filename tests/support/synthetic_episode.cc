@@ -39,22 +39,19 @@ Camera CameraOf(const CampaignSpec& spec) {
 // wood-like ground with discs on it, far ones first
 std::vector<std::uint8_t> Draw(const Camera& camera, std::vector<Disc> discs) {
   const auto depth = [&](const Disc& disc) { return -(camera.X_WC.inverse() * disc.p_W).z(); };
-  std::stable_sort(discs.begin(), discs.end(),
-                   [&](const Disc& a, const Disc& b) { return depth(a) > depth(b); });
+  std::stable_sort(discs.begin(), discs.end(), [&](const Disc& a, const Disc& b) { return depth(a) > depth(b); });
   std::vector<std::uint8_t> pixels(static_cast<std::size_t>(camera.width) * camera.height * 3);
   for (int v = 0; v < camera.height; ++v) {
     for (int u = 0; u < camera.width; ++u) {
       const int grain = (u * 7 + v * v) % 13;
-      std::array<std::uint8_t, 3> color{static_cast<std::uint8_t>(160 + grain),
-                                        static_cast<std::uint8_t>(112 + grain),
+      std::array<std::uint8_t, 3> color{static_cast<std::uint8_t>(160 + grain), static_cast<std::uint8_t>(112 + grain),
                                         static_cast<std::uint8_t>(74 + grain)};
       for (const Disc& disc : discs) {
         const Eigen::Vector2d center = camera.Project(disc.p_W);
         const double radius = std::max(1.0, camera.focal() * disc.radius / depth(disc));
         if ((Eigen::Vector2d(u + 0.5, v + 0.5) - center).norm() <= radius) color = disc.color;
       }
-      std::copy(color.begin(), color.end(),
-                &pixels[3 * (static_cast<std::size_t>(v) * camera.width + u)]);
+      std::copy(color.begin(), color.end(), &pixels[3 * (static_cast<std::size_t>(v) * camera.width + u)]);
     }
   }
   return pixels;
@@ -71,9 +68,8 @@ std::vector<Vector3d> Places(std::size_t count, Rng& rng) {
   std::vector<Vector3d> places;
   while (places.size() < count) {
     const Vector3d place(rng.Uniform(-0.35, 0.35), rng.Uniform(-0.25, 0.3), kObjectRadius);
-    const bool free = std::all_of(places.begin(), places.end(), [&](const Vector3d& other) {
-      return (other - place).norm() > 2.2 * kObjectRadius;
-    });
+    const bool free = std::all_of(places.begin(), places.end(),
+                                  [&](const Vector3d& other) { return (other - place).norm() > 2.2 * kObjectRadius; });
     if (free) places.push_back(place);
   }
   return places;
@@ -147,8 +143,8 @@ Episode MakeSyntheticEpisode(const CampaignSpec& spec, std::uint64_t index, int 
   std::vector<Vector3d> places = Places(spec.objects.size(), rng);
   const std::size_t target = rng.Below(spec.objects.size());
   episode.target = spec.objects[target];
-  episode.instruction = episode.task == "put_down" ? "put down the " + episode.target
-                                                   : episode.task + " the " + episode.target;
+  episode.instruction =
+      episode.task == "put_down" ? "put down the " + episode.target : episode.task + " the " + episode.target;
   for (const auto& name : spec.objects) episode.objects.emplace_back().name = name;
   const Vector3d start(rng.Uniform(-0.3, 0.3), rng.Uniform(-0.2, 0.2), rng.Uniform(0.25, 0.4));
   const Vector3d grasp = places[target];

@@ -13,8 +13,7 @@ namespace etude::curriculum {
 namespace {
 
 // nullopt: not converged; else why
-std::optional<std::string> WhyConverged(const std::string& module,
-                                        const std::vector<double>& errors,
+std::optional<std::string> WhyConverged(const std::string& module, const std::vector<double>& errors,
                                         const CurriculumConfig& config) {
   const auto patience = static_cast<std::ptrdiff_t>(config.patience);
   if (static_cast<std::ptrdiff_t>(errors.size()) <= patience) return std::nullopt;
@@ -22,16 +21,13 @@ std::optional<std::string> WhyConverged(const std::string& module,
   const double recent = *std::min_element(errors.end() - patience, errors.end());
   if (recent < before * (1 - config.improvement)) return std::nullopt;
   const double gain = before > 0 ? 100 * (before - recent) / before : 0;
-  return fmt::format("{} {:.4g}: improved by {:.0f} % in {} evaluations", module, errors.back(),
-                     gain, config.patience);
+  return fmt::format("{} {:.4g}: improved by {:.0f} % in {} evaluations", module, errors.back(), gain, config.patience);
 }
 
-std::optional<std::string> WhyGoodEnough(const std::string& module,
-                                         const std::vector<double>& errors,
+std::optional<std::string> WhyGoodEnough(const std::string& module, const std::vector<double>& errors,
                                          const CurriculumConfig& config) {
   const auto goal = config.goals.find(module);
-  if (goal == config.goals.end() || errors.empty() || errors.back() > goal->second)
-    return std::nullopt;
+  if (goal == config.goals.end() || errors.empty() || errors.back() > goal->second) return std::nullopt;
   return fmt::format("{} {:.4g}: goal {:.4g} reached", module, errors.back(), goal->second);
 }
 
@@ -62,14 +58,11 @@ std::string_view ToString(Cause cause) {
 Scheduler::Scheduler(const CurriculumConfig& config, std::vector<Subtask> subtasks)
     : config_(config), subtasks_(std::move(subtasks)) {
   ETUDE_CHECK(!subtasks_.empty());
-  for (std::size_t i = 1; i < subtasks_.size(); ++i)
-    ETUDE_CHECK(subtasks_[i - 1].level < subtasks_[i].level);
+  for (std::size_t i = 1; i < subtasks_.size(); ++i) ETUDE_CHECK(subtasks_[i - 1].level < subtasks_[i].level);
   if (!config_.enabled) stage_ = stages();
 }
 
-double Scheduler::Budget() const {
-  return config_.latest_last * stage_ / std::max(1, stages() - 1);
-}
+double Scheduler::Budget() const { return config_.latest_last * stage_ / std::max(1, stages() - 1); }
 
 Advance Scheduler::Go(std::uint64_t step, Cause cause, std::string reason) {
   advances_.push_back({stage_, stage_ + 1, step, cause, std::move(reason)});
@@ -84,8 +77,8 @@ std::optional<Advance> Scheduler::Tick(std::uint64_t step, double progress) {
   for (const auto& [module, history] : history_)
     if (!history.empty()) errors.push_back(fmt::format("{} {:.4g}", module, history.back()));
   return Go(step, Cause::kBudget,
-            fmt::format("{:.0f} % of the run are over{}{}", 100 * progress,
-                        errors.empty() ? "" : "; ", fmt::join(errors, ", ")));
+            fmt::format("{:.0f} % of the run are over{}{}", 100 * progress, errors.empty() ? "" : "; ",
+                        fmt::join(errors, ", ")));
 }
 
 std::optional<Advance> Scheduler::Observe(std::uint64_t step, double progress,
@@ -112,8 +105,7 @@ std::optional<Advance> Scheduler::Observe(std::uint64_t step, double progress,
       all_done = false;
   }
   if (all_done)
-    return Go(step, all_good ? Cause::kGoal : Cause::kConverged,
-              fmt::format("{}", fmt::join(reasons, ", ")));
+    return Go(step, all_good ? Cause::kGoal : Cause::kConverged, fmt::format("{}", fmt::join(reasons, ", ")));
   return Tick(step, progress);
 }
 
@@ -124,11 +116,8 @@ OrderedJson Scheduler::Save() const {
   json["history"] = history_;
   json["advances"] = OrderedJson::array();
   for (const auto& a : advances_)
-    json["advances"].push_back({{"from", a.from},
-                                {"to", a.to},
-                                {"step", a.step},
-                                {"cause", ToString(a.cause)},
-                                {"reason", a.reason}});
+    json["advances"].push_back(
+        {{"from", a.from}, {"to", a.to}, {"step", a.step}, {"cause", ToString(a.cause)}, {"reason", a.reason}});
   return json;
 }
 
@@ -138,13 +127,11 @@ Status Scheduler::Restore(const OrderedJson& state) {
       return Fail(Code::kCorrupt, fmt::format("curriculum state has {} stages, the policy {}",
                                               state.at("stages").get<int>(), stages()));
     const int stage = state.at("stage").get<int>();
-    if (stage < 1 || stage > stages())
-      return Fail(Code::kCorrupt, fmt::format("curriculum stage {}", stage));
+    if (stage < 1 || stage > stages()) return Fail(Code::kCorrupt, fmt::format("curriculum stage {}", stage));
     auto history = state.at("history").get<std::map<std::string, std::vector<double>>>();
     std::vector<Advance> advances;
     for (const auto& item : state.at("advances")) {
-      Advance a{item.at("from"), item.at("to"), item.at("step"), Cause::kConverged,
-                item.at("reason")};
+      Advance a{item.at("from"), item.at("to"), item.at("step"), Cause::kConverged, item.at("reason")};
       for (const Cause cause : {Cause::kGoal, Cause::kConverged, Cause::kBudget})
         if (item.at("cause").get<std::string>() == ToString(cause)) a.cause = cause;
       advances.push_back(std::move(a));

@@ -72,8 +72,7 @@ class Scheduler {
 
   /// A validation result. @param progress  of the run, [0, 1]   @param errors  module -> error,
   /// lower is better; modules that are missing or not finite count as not converged.
-  std::optional<Advance> Observe(std::uint64_t step, double progress,
-                                 const std::map<std::string, double>& errors);
+  std::optional<Advance> Observe(std::uint64_t step, double progress, const std::map<std::string, double>& errors);
   /// Only looks at the budget; call as often as you like.
   std::optional<Advance> Tick(std::uint64_t step, double progress);
 

@@ -19,10 +19,8 @@ void DataConfig::Check(std::vector<std::string>& errors) const {
   };
   require(batch >= 1 && batch <= 4096, fmt::format("batch: {} not in 1..4096", batch));
   require(sentences >= 1 && sentences <= 64, fmt::format("sentences: {} not in 1..64", sentences));
-  require(sentence_variants >= 1,
-          fmt::format("sentence_variants: {} must be >= 1", sentence_variants));
-  require(varied >= 0 && noisy >= 0 && varied + noisy <= 1,
-          "varied, noisy: fractions with a sum of at most 1");
+  require(sentence_variants >= 1, fmt::format("sentence_variants: {} must be >= 1", sentence_variants));
+  require(varied >= 0 && noisy >= 0 && varied + noisy <= 1, "varied, noisy: fractions with a sum of at most 1");
   require(jitter >= 0 && jitter <= 64, fmt::format("jitter: {} not in 0..64", jitter));
   for (double x : {brightness, contrast, colour})
     require(x >= 0 && x < 1, fmt::format("brightness, contrast, colour: {} not in 0..1", x));
@@ -44,39 +42,31 @@ namespace {
 
 // the crop with the jitter's margin, inside the picture
 Region Margin(const Region& crop, int jitter, int picture_width, int picture_height) {
-  const int u = std::max(0, std::min(crop.u, crop.u - jitter)),
-            v = std::max(0, std::min(crop.v, crop.v - jitter));
-  const int right =
-      std::max(crop.u + crop.width, std::min(picture_width, crop.u + crop.width + jitter));
-  const int bottom =
-      std::max(crop.v + crop.height, std::min(picture_height, crop.v + crop.height + jitter));
+  const int u = std::max(0, std::min(crop.u, crop.u - jitter)), v = std::max(0, std::min(crop.v, crop.v - jitter));
+  const int right = std::max(crop.u + crop.width, std::min(picture_width, crop.u + crop.width + jitter));
+  const int bottom = std::max(crop.v + crop.height, std::min(picture_height, crop.v + crop.height + jitter));
   return {u, v, right - u, bottom - v};
 }
 
 language::Style DrawStyle(const DataConfig& config, Rng& rng) {
   const double draw = rng.Uniform();
   if (draw < config.noisy) return language::Style::kNoisy;
-  return draw < config.noisy + config.varied ? language::Style::kVaried
-                                             : language::Style::kTemplate;
+  return draw < config.noisy + config.varied ? language::Style::kVaried : language::Style::kTemplate;
 }
 
 // sentences of a batch, each distinct one once
 class SentenceBook {
  public:
-  SentenceBook(const language::Grammar& grammar, const DataConfig& config, std::uint64_t seed,
-               Augment augment)
+  SentenceBook(const language::Grammar& grammar, const DataConfig& config, std::uint64_t seed, Augment augment)
       : grammar_(grammar), config_(config), seed_(seed), augment_(augment) {}
 
-  std::int64_t Find(const language::Command& command, std::uint64_t variant,
-                    std::vector<std::string>& sentences) {
+  std::int64_t Find(const language::Command& command, std::uint64_t variant, std::vector<std::string>& sentences) {
     const auto key = fmt::format("{}/{}/{}", command.task, command.target, variant);
     if (const auto it = by_key_.find(key); it != by_key_.end()) return it->second;
     Rng rng(MixSeed({seed_}, key));
-    const auto style =
-        augment_ == Augment::kYes ? DrawStyle(config_, rng) : language::Style::kTemplate;
+    const auto style = augment_ == Augment::kYes ? DrawStyle(config_, rng) : language::Style::kTemplate;
     std::string sentence = grammar_.Sample(command, style, rng);
-    const auto [it, fresh] =
-        by_text_.emplace(sentence, static_cast<std::int64_t>(sentences.size()));
+    const auto [it, fresh] = by_text_.emplace(sentence, static_cast<std::int64_t>(sentences.size()));
     if (fresh) sentences.push_back(std::move(sentence));
     return by_key_[key] = it->second;
   }
@@ -89,8 +79,8 @@ class SentenceBook {
   std::map<std::string, std::int64_t> by_key_, by_text_;
 };
 
-void SetShape(LabelArray& label, std::vector<std::int64_t> shape,
-              std::vector<std::int64_t> valid_shape, bool is_class) {
+void SetShape(LabelArray& label, std::vector<std::int64_t> shape, std::vector<std::int64_t> valid_shape,
+              bool is_class) {
   std::size_t size = 1, valid_size = 1;
   for (auto n : shape) size *= static_cast<std::size_t>(n);
   for (auto n : valid_shape) valid_size *= static_cast<std::size_t>(n);
@@ -101,12 +91,11 @@ void SetShape(LabelArray& label, std::vector<std::int64_t> shape,
   label.valid.assign(valid_size, 1);
 }
 
-void PutPoint(const PointLabel& point, std::string_view prefix, std::size_t row, bool pixel_valid,
-              bool valid, std::map<std::string, LabelArray>& labels) {
+void PutPoint(const PointLabel& point, std::string_view prefix, std::size_t row, bool pixel_valid, bool valid,
+              std::map<std::string, LabelArray>& labels) {
   const auto put = [&](const char* name, const float* values, std::size_t columns, bool good) {
     LabelArray& label = labels.at(std::string(prefix) + name);
-    std::copy_n(values, good ? columns : 0,
-                label.values.begin() + static_cast<std::ptrdiff_t>(row * columns));
+    std::copy_n(values, good ? columns : 0, label.values.begin() + static_cast<std::ptrdiff_t>(row * columns));
     label.valid[row] = good;
   };
   put("_pixel", point.pixel.data(), 2, pixel_valid);
@@ -117,17 +106,15 @@ void PutPoint(const PointLabel& point, std::string_view prefix, std::size_t row,
 }  // namespace
 
 BatchMaker::BatchMaker(const DataConfig& config, Region crop, std::vector<std::string> objects,
-                       std::vector<std::string> tasks,
-                       std::shared_ptr<const language::Grammar> grammar, int picture_width,
-                       int picture_height)
+                       std::vector<std::string> tasks, std::shared_ptr<const language::Grammar> grammar,
+                       int picture_width, int picture_height)
     : config_(config),
       crop_(crop),
       objects_(std::move(objects)),
       tasks_(std::move(tasks)),
       grammar_(std::move(grammar)),
-      cache_(
-          std::make_unique<FrameCache>(Margin(crop, config.jitter, picture_width, picture_height),
-                                       static_cast<std::size_t>(config.cache_mb) << 20)) {}
+      cache_(std::make_unique<FrameCache>(Margin(crop, config.jitter, picture_width, picture_height),
+                                          static_cast<std::size_t>(config.cache_mb) << 20)) {}
 
 BatchMaker::View BatchMaker::DrawView(const Sample& sample, Augment augment) const {
   View view{crop_.u, crop_.v};
@@ -145,8 +132,8 @@ BatchMaker::View BatchMaker::DrawView(const Sample& sample, Augment augment) con
   for (auto& map : view.channel) {
     const double own = gain * (1 + rng.Uniform(-config_.colour, config_.colour));
     for (int x = 0; x < 256; ++x)
-      map[static_cast<std::size_t>(x)] = static_cast<std::uint8_t>(
-          std::clamp(std::lround(own * (x - 128) + 128 + bias), 0l, 255l));
+      map[static_cast<std::size_t>(x)] =
+          static_cast<std::uint8_t>(std::clamp(std::lround(own * (x - 128) + 128 + bias), 0l, 255l));
   }
   view.coloured = true;
   return view;
@@ -157,8 +144,7 @@ void BatchMaker::CopyPixels(const std::uint8_t* region, const View& view, std::u
   const std::size_t row = static_cast<std::size_t>(crop_.width) * 3;
   for (int y = 0; y < crop_.height; ++y) {
     const std::uint8_t* in =
-        region +
-        (static_cast<std::size_t>(view.v - whole.v + y) * whole.width + (view.u - whole.u)) * 3;
+        region + (static_cast<std::size_t>(view.v - whole.v + y) * whole.width + (view.u - whole.u)) * 3;
     std::uint8_t* to = out + row * y;
     if (!view.coloured) {
       std::memcpy(to, in, row);
@@ -193,8 +179,7 @@ void BatchMaker::Allocate(std::size_t size, int joints, Batch& batch) const {
   SetShape(batch.labels["ee_position"], {B, 1, 3}, {B, 1}, false);
   SetShape(batch.labels["ee_pose"], {B, 1, kPoseSize}, {B, 1}, false);
   SetShape(batch.labels["displacement"], {B, S, 3}, {B, S}, false);
-  SetShape(batch.labels["trajectory"], {B, 1, kWaypoints, kWaypointSize}, {B, 1, kWaypoints},
-           false);
+  SetShape(batch.labels["trajectory"], {B, 1, kWaypoints, kWaypointSize}, {B, 1, kWaypoints}, false);
 }
 
 void BatchMaker::FillLabels(const Episode& episode, int step, std::size_t b, const View& view,
@@ -214,13 +199,11 @@ void BatchMaker::FillLabels(const Episode& episode, int step, std::size_t b, con
     classes.classes[row] = classes.valid[row] ? known - objects_.begin() : 0;
 
     const PointLabel target = LabelObject(*episode.FindObject(commands[s].target), step);
-    const bool finite =
-        std::isfinite(target.pose[0] + target.pose[1] + target.pose[2] + target.pose[3]);
+    const bool finite = std::isfinite(target.pose[0] + target.pose[1] + target.pose[2] + target.pose[3]);
     PutPoint(target, "target", row, finite && seen(target.pixel), finite, batch.labels);
     auto& displacement = batch.labels.at("displacement");
     displacement.valid[row] = finite;
-    for (std::size_t i = 0; finite && i < 3; ++i)
-      displacement.values[row * 3 + i] = target.pose[i] - hand.pose[i];
+    for (std::size_t i = 0; finite && i < 3; ++i) displacement.values[row * 3 + i] = target.pose[i] - hand.pose[i];
   }
   const TrajectoryLabel trajectory = LabelTrajectory(episode, step);
   auto& label = batch.labels.at("trajectory");
@@ -230,9 +213,8 @@ void BatchMaker::FillLabels(const Episode& episode, int step, std::size_t b, con
             label.valid.begin() + static_cast<std::ptrdiff_t>(b * kWaypoints));
 }
 
-Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& samples,
-                        std::uint64_t step, Augment augment, FrameScratch& scratch, Batch& batch,
-                        std::size_t* bad) const {
+Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& samples, std::uint64_t step,
+                        Augment augment, FrameScratch& scratch, Batch& batch, std::size_t* bad) const {
   if (samples.empty()) return Fail(Code::kNotFound, "make a batch: the split has no frames");
   const Episode& first = snapshot.episodes()[samples[0].frame.episode]->episode();
   Allocate(samples.size(), first.joint_pos.columns + first.gripper_qpos.columns, batch);
@@ -244,17 +226,15 @@ Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& sam
     const Episode& episode = entry.episode();
     const int row = entry.StepOf(samples[b].frame.frame);
     const View view = DrawView(samples[b], augment);
-    ETUDE_ASSIGN_OR_RETURN(const std::uint8_t* region,
-                           cache_->Get(entry, samples[b].frame.frame, scratch));
+    ETUDE_ASSIGN_OR_RETURN(const std::uint8_t* region, cache_->Get(entry, samples[b].frame.frame, scratch));
     CopyPixels(region, view, batch.images.data() + b * crop_.bytes());
     batch.crop_origin[2 * b] = static_cast<float>(view.u);
     batch.crop_origin[2 * b + 1] = static_cast<float>(view.v);
 
     const auto arm = episode.joint_pos.row(row), gripper = episode.gripper_qpos.row(row);
     if (static_cast<int>(arm.size() + gripper.size()) != batch.joints_each)
-      return Fail(Code::kCorrupt,
-                  fmt::format("'{}': {} joints, others have {}", entry.record.path.string(),
-                              arm.size() + gripper.size(), batch.joints_each));
+      return Fail(Code::kCorrupt, fmt::format("'{}': {} joints, others have {}", entry.record.path.string(),
+                                              arm.size() + gripper.size(), batch.joints_each));
     auto joints = batch.joints.begin() + static_cast<std::ptrdiff_t>(b) * batch.joints_each;
     std::copy(gripper.begin(), gripper.end(), std::copy(arm.begin(), arm.end(), joints));
 
@@ -262,8 +242,7 @@ Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& sam
     Rng rng(MixSeed({samples[b].seed}, "variants"));
     for (std::size_t s = 0; s < commands.size(); ++s)
       batch.sentence_index[b * commands.size() + s] =
-          book.Find(commands[s], rng.Below(static_cast<std::uint64_t>(config_.sentence_variants)),
-                    batch.sentences);
+          book.Find(commands[s], rng.Below(static_cast<std::uint64_t>(config_.sentence_variants)), batch.sentences);
     FillLabels(episode, row, b, view, commands, batch);
     batch.frames.push_back(samples[b].frame);
   }

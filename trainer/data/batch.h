@@ -82,16 +82,14 @@ class BatchMaker {
   /// @param crop     u0, v0, width, height of the picture the policy sees, px
   /// @param objects  classes of target_class
   /// @param picture_width, picture_height  of the camera; the jitter is cut to what fits
-  BatchMaker(const DataConfig& config, Region crop, std::vector<std::string> objects,
-             std::vector<std::string> tasks, std::shared_ptr<const language::Grammar> grammar,
-             int picture_width, int picture_height);
+  BatchMaker(const DataConfig& config, Region crop, std::vector<std::string> objects, std::vector<std::string> tasks,
+             std::shared_ptr<const language::Grammar> grammar, int picture_width, int picture_height);
 
   /// Fills `batch` (its buffers are used again) from `samples` of `snapshot`. With kNo the crop
   /// stands still, colours are as rendered and sentences are plain templates.
   /// @error of reading a frame; `bad` (if given) gets the number of the sample.
-  Status Make(const Snapshot& snapshot, const std::vector<Sample>& samples, std::uint64_t step,
-              Augment augment, FrameScratch& scratch, Batch& batch,
-              std::size_t* bad = nullptr) const;
+  Status Make(const Snapshot& snapshot, const std::vector<Sample>& samples, std::uint64_t step, Augment augment,
+              FrameScratch& scratch, Batch& batch, std::size_t* bad = nullptr) const;
 
   const FrameCache& cache() const { return *cache_; }
 

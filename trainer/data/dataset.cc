@@ -34,12 +34,11 @@ bool UsableFrame(const EpisodeEntry& entry, std::uint32_t frame) {
   if (!target || episode.cameras.empty()) return false;
   const auto pixel = target->pixel.row(step);
   const Camera& camera = episode.cameras[0].camera;
-  return Finite(pixel) && Finite(target->pose.row(step)) && Finite(episode.eef_pos.row(step)) &&
-         pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] < camera.width && pixel[1] < camera.height;
+  return Finite(pixel) && Finite(target->pose.row(step)) && Finite(episode.eef_pos.row(step)) && pixel[0] >= 0 &&
+         pixel[1] >= 0 && pixel[0] < camera.width && pixel[1] < camera.height;
 }
 
-Snapshot::Snapshot(std::vector<std::shared_ptr<const EpisodeEntry>> episodes)
-    : episodes_(std::move(episodes)) {
+Snapshot::Snapshot(std::vector<std::shared_ptr<const EpisodeEntry>> episodes) : episodes_(std::move(episodes)) {
   for (std::uint32_t i = 0; i < episodes_.size(); ++i) {
     const EpisodeEntry& entry = *episodes_[i];
     const int split = static_cast<int>(entry.split);
@@ -49,8 +48,7 @@ Snapshot::Snapshot(std::vector<std::shared_ptr<const EpisodeEntry>> episodes)
     for (std::uint32_t k = 0; k < entry.record.frames[0].size(); ++k)
       if (UsableFrame(entry, k)) refs.push_back({i, k});
   }
-  for (auto& by_task : frames_)
-    std::erase_if(by_task, [](const auto& item) { return item.second.empty(); });
+  for (auto& by_task : frames_) std::erase_if(by_task, [](const auto& item) { return item.second.empty(); });
 }
 
 std::size_t Snapshot::frame_count(Split split) const {
@@ -62,8 +60,7 @@ std::size_t Snapshot::frame_count(Split split) const {
 std::string Snapshot::Fingerprint() const {
   std::string text;
   for (const auto& entry : episodes_)
-    if (entry->split == Split::kTrain)
-      text += fmt::format("{}:{};", entry->index, entry->episode().seed);
+    if (entry->split == Split::kTrain) text += fmt::format("{}:{};", entry->index, entry->episode().seed);
   return Sha256Hex(text);
 }
 

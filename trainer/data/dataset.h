@@ -23,9 +23,7 @@ struct EpisodeEntry {
 
   const Episode& episode() const { return record.episode; }
   /// Control step of a frame of the first camera.
-  int StepOf(std::uint32_t frame) const {
-    return static_cast<int>(frame) * record.episode.image_stride;
-  }
+  int StepOf(std::uint32_t frame) const { return static_cast<int>(frame) * record.episode.image_stride; }
 };
 
 /// Frame of an episode; `episode` counts in Snapshot::episodes.

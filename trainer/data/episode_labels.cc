@@ -38,8 +38,7 @@ PointLabel LabelObject(const ObjectTrack& object, int step) {
 
 PointLabel LabelHand(const Episode& episode, int step) {
   const auto pixel = episode.eef_pixel.row(step);
-  return {{pixel[0], pixel[1]},
-          PoseVector(ReadPose(episode.eef_pos.row(step), episode.eef_quat.row(step)))};
+  return {{pixel[0], pixel[1]}, PoseVector(ReadPose(episode.eef_pos.row(step), episode.eef_quat.row(step)))};
 }
 
 bool Supervised(const Episode& episode, int step) {
@@ -56,8 +55,7 @@ TrajectoryLabel LabelTrajectory(const Episode& episode, int step) {
     const double at = step + WaypointStep(k);
     const int below = static_cast<int>(std::floor(at));
     const int above = static_cast<int>(std::ceil(at));
-    for (; valid && checked <= above && checked < episode.steps(); ++checked)
-      valid = Supervised(episode, checked);
+    for (; valid && checked <= above && checked < episode.steps(); ++checked) valid = Supervised(episode, checked);
     label.valid[k] = valid;
 
     // between two commands: straight in position, slerp in orientation, the past gripper

@@ -25,16 +25,14 @@ std::uint8_t* FrameCache::Allocate() {
   const std::lock_guard lock(blocks_mutex_);
   if (bytes_ + region_.bytes() > max_bytes_) return nullptr;
   if (blocks_.empty() || used_in_block_ == kRegionsPerBlock) {
-    blocks_.push_back(
-        std::make_unique_for_overwrite<std::uint8_t[]>(kRegionsPerBlock * region_.bytes()));
+    blocks_.push_back(std::make_unique_for_overwrite<std::uint8_t[]>(kRegionsPerBlock * region_.bytes()));
     used_in_block_ = 0;
   }
   bytes_ += region_.bytes();
   return blocks_.back().get() + region_.bytes() * used_in_block_++;
 }
 
-Result<const std::uint8_t*> FrameCache::Get(const EpisodeEntry& entry, std::uint32_t frame,
-                                            FrameScratch& scratch) {
+Result<const std::uint8_t*> FrameCache::Get(const EpisodeEntry& entry, std::uint32_t frame, FrameScratch& scratch) {
   auto& slot = SlotsOf(entry).pixels.at(frame);
   if (const auto* pixels = slot.load(std::memory_order_acquire)) {
     ++hits_;
@@ -44,14 +42,11 @@ Result<const std::uint8_t*> FrameCache::Get(const EpisodeEntry& entry, std::uint
   const Camera& camera = entry.episode().cameras.at(0).camera;
   if (region_.u < 0 || region_.v < 0 || region_.u + region_.width > camera.width ||
       region_.v + region_.height > camera.height)
-    return Fail(
-        Code::kInvalidArgument,
-        fmt::format(
-            "crop {}x{} at ({}, {}) does not fit pictures of {}x{} px (image.crop of the policy)",
-            region_.width, region_.height, region_.u, region_.v, camera.width, camera.height));
+    return Fail(Code::kInvalidArgument,
+                fmt::format("crop {}x{} at ({}, {}) does not fit pictures of {}x{} px (image.crop of the policy)",
+                            region_.width, region_.height, region_.u, region_.v, camera.width, camera.height));
   scratch.whole.resize(static_cast<std::size_t>(camera.width) * camera.height * 3);
-  ETUDE_RETURN_IF_ERROR(
-      store::FrameReader::Read(entry.record.path, entry.record.frames[0].at(frame), scratch.whole));
+  ETUDE_RETURN_IF_ERROR(store::FrameReader::Read(entry.record.path, entry.record.frames[0].at(frame), scratch.whole));
 
   std::uint8_t* kept = Allocate();
   scratch.region.resize(region_.bytes());
@@ -59,14 +54,11 @@ Result<const std::uint8_t*> FrameCache::Get(const EpisodeEntry& entry, std::uint
   const std::size_t row = static_cast<std::size_t>(region_.width) * 3;
   for (int y = 0; y < region_.height; ++y)
     std::memcpy(out + row * y,
-                scratch.whole.data() +
-                    (static_cast<std::size_t>(region_.v + y) * camera.width + region_.u) * 3,
-                row);
+                scratch.whole.data() + (static_cast<std::size_t>(region_.v + y) * camera.width + region_.u) * 3, row);
   // two threads may have decoded the same frame: the first stays, the other copy is only wasted
   // room
   const std::uint8_t* expected = nullptr;
-  if (kept && !slot.compare_exchange_strong(expected, kept, std::memory_order_acq_rel))
-    return expected;
+  if (kept && !slot.compare_exchange_strong(expected, kept, std::memory_order_acq_rel)) return expected;
   return out;
 }
 

@@ -36,8 +36,7 @@ class FrameCache {
   /// Pixels of the region, (height, width, 3) row-major; valid while the cache lives, or until
   /// `scratch` is used again. @error kCorrupt, kNotFound from reading; kInvalidArgument when the
   /// picture is too small.
-  Result<const std::uint8_t*> Get(const EpisodeEntry& entry, std::uint32_t frame,
-                                  FrameScratch& scratch);
+  Result<const std::uint8_t*> Get(const EpisodeEntry& entry, std::uint32_t frame, FrameScratch& scratch);
 
   std::size_t bytes() const { return bytes_; }
   std::uint64_t hits() const { return hits_; }

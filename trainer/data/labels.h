@@ -18,8 +18,8 @@
 
 namespace etude::data {
 
-inline constexpr std::array<std::string_view, 9> kLabelNames{
-    "target_class", "target_pixel", "target_position", "target_pose", "ee_pixel",
-    "ee_position",  "ee_pose",      "displacement",    "trajectory"};
+inline constexpr std::array<std::string_view, 9> kLabelNames{"target_class", "target_pixel", "target_position",
+                                                             "target_pose",  "ee_pixel",     "ee_position",
+                                                             "ee_pose",      "displacement", "trajectory"};
 
 }  // namespace etude::data

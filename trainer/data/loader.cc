@@ -39,18 +39,15 @@ Result<std::unique_ptr<Batch>> Loader::MakeStep(std::uint64_t step, FrameScratch
   auto samples = DrawBatch(*snapshot, Split::kTrain, seed_, step, config_.batch);
   for (int retry = 1;; ++retry) {
     std::size_t bad = 0;
-    const Status status =
-        maker_->Make(*snapshot, samples, step, Augment::kYes, scratch, *batch, &bad);
+    const Status status = maker_->Make(*snapshot, samples, step, Augment::kYes, scratch, *batch, &bad);
     if (status) return batch;
-    if (samples.empty() || status.error().code == Code::kInvalidArgument ||
-        retry > kMaxReplacements)
+    if (samples.empty() || status.error().code == Code::kInvalidArgument || retry > kMaxReplacements)
       return Fail(status.error().Wrap(fmt::format("make batch {}", step)));
     samples[bad] = DrawBatch(*snapshot, Split::kTrain, seed_, step, config_.batch, retry)[bad];
     const std::lock_guard lock(mutex_);
     // 1, 2, 4, 8, ...: a bad file would otherwise be a line a batch
     if (std::has_single_bit(++replaced_))
-      Log().warn("replaced a picture that cannot be read (count={}): {}", replaced_,
-                 status.error().message);
+      Log().warn("replaced a picture that cannot be read (count={}): {}", replaced_, status.error().message);
   }
 }
 
@@ -59,9 +56,8 @@ void Loader::Work() {
   FrameScratch scratch;
   std::unique_lock lock(mutex_);
   while (true) {
-    room_.wait(lock, [&] {
-      return stop_ || next_to_make_ < next_to_give_ + static_cast<std::uint64_t>(config_.prefetch);
-    });
+    room_.wait(lock,
+               [&] { return stop_ || next_to_make_ < next_to_give_ + static_cast<std::uint64_t>(config_.prefetch); });
     if (stop_) return;
     const std::uint64_t step = next_to_make_++;
     auto batch = spare_.empty() ? std::make_unique<Batch>() : std::move(spare_.back());

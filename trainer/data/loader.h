@@ -18,8 +18,8 @@ namespace etude::data {
 /// thread. A picture that cannot be read is counted, logged and replaced by another draw.
 class Loader {
  public:
-  Loader(std::shared_ptr<const Dataset> dataset, std::shared_ptr<const BatchMaker> maker,
-         const DataConfig& config, std::uint64_t seed, std::uint64_t first_step);
+  Loader(std::shared_ptr<const Dataset> dataset, std::shared_ptr<const BatchMaker> maker, const DataConfig& config,
+         std::uint64_t seed, std::uint64_t first_step);
   ~Loader();
   Loader(const Loader&) = delete;
   Loader& operator=(const Loader&) = delete;
@@ -34,8 +34,7 @@ class Loader {
 
  private:
   void Work();
-  Result<std::unique_ptr<Batch>> MakeStep(std::uint64_t step, FrameScratch& scratch,
-                                          std::unique_ptr<Batch> batch);
+  Result<std::unique_ptr<Batch>> MakeStep(std::uint64_t step, FrameScratch& scratch, std::unique_ptr<Batch> batch);
 
   const std::shared_ptr<const Dataset> dataset_;
   const std::shared_ptr<const BatchMaker> maker_;

@@ -8,8 +8,8 @@
 
 namespace etude::data {
 
-std::vector<Sample> DrawBatch(const Snapshot& snapshot, Split split, std::uint64_t seed,
-                              std::uint64_t step, int batch, int retry) {
+std::vector<Sample> DrawBatch(const Snapshot& snapshot, Split split, std::uint64_t seed, std::uint64_t step, int batch,
+                              int retry) {
   const auto& by_task = snapshot.frames(split);
   if (by_task.empty()) return {};
   std::vector<const std::vector<FrameRef>*> tasks;
@@ -25,13 +25,11 @@ std::vector<Sample> DrawBatch(const Snapshot& snapshot, Split split, std::uint64
   return samples;
 }
 
-std::vector<Sample> SpreadFrames(const Snapshot& snapshot, Split split, std::uint64_t seed,
-                                 int count) {
+std::vector<Sample> SpreadFrames(const Snapshot& snapshot, Split split, std::uint64_t seed, int count) {
   const auto& by_task = snapshot.frames(split);
   std::vector<Sample> samples;
   if (by_task.empty()) return samples;
-  const std::size_t share =
-      std::max<std::size_t>(1, static_cast<std::size_t>(count) / by_task.size());
+  const std::size_t share = std::max<std::size_t>(1, static_cast<std::size_t>(count) / by_task.size());
   for (const auto& [task, refs] : by_task) {
     // refs go episode by episode: equal steps through them visit all episodes and all phases
     const std::size_t n = std::min(share, refs.size());
@@ -44,9 +42,8 @@ std::vector<Sample> SpreadFrames(const Snapshot& snapshot, Split split, std::uin
   return samples;
 }
 
-std::vector<language::Command> DrawCommands(const Episode& episode,
-                                            const std::vector<std::string>& tasks, int sentences,
-                                            std::uint64_t seed) {
+std::vector<language::Command> DrawCommands(const Episode& episode, const std::vector<std::string>& tasks,
+                                            int sentences, std::uint64_t seed) {
   ETUDE_CHECK(sentences >= 1 && !tasks.empty());
   Rng rng(MixSeed({seed}, "commands"));
   std::vector<std::string> names;
@@ -57,8 +54,7 @@ std::vector<language::Command> DrawCommands(const Episode& episode,
 
   std::vector<language::Command> commands{{episode.task, episode.target}};
   for (int s = 1; s < sentences; ++s)
-    commands.push_back(
-        {tasks[rng.Below(tasks.size())], names[static_cast<std::size_t>(s - 1) % names.size()]});
+    commands.push_back({tasks[rng.Below(tasks.size())], names[static_cast<std::size_t>(s - 1) % names.size()]});
   return commands;
 }
 

@@ -21,19 +21,17 @@ struct Sample {
 
 /// `batch` frames with replacement; tasks take turns, frames of a task are uniform. `retry` draws
 /// anew (for a frame whose file turned out to be bad). Empty when the split has no frames.
-std::vector<Sample> DrawBatch(const Snapshot& snapshot, Split split, std::uint64_t seed,
-                              std::uint64_t step, int batch, int retry = 0);
+std::vector<Sample> DrawBatch(const Snapshot& snapshot, Split split, std::uint64_t seed, std::uint64_t step, int batch,
+                              int retry = 0);
 
 /// At most `count` frames, the same ones for the same snapshot, spread evenly over tasks and
 /// episodes.
-std::vector<Sample> SpreadFrames(const Snapshot& snapshot, Split split, std::uint64_t seed,
-                                 int count);
+std::vector<Sample> SpreadFrames(const Snapshot& snapshot, Split split, std::uint64_t seed, int count);
 
 /// What sentence s of a picture asks about: s = 0 the demonstrated command; s >= 1 relabelled, the
 /// other objects of the scene in random order (again from the start when there are fewer than
 /// `sentences`), each with a random verb of `tasks`.
-std::vector<language::Command> DrawCommands(const Episode& episode,
-                                            const std::vector<std::string>& tasks, int sentences,
-                                            std::uint64_t seed);
+std::vector<language::Command> DrawCommands(const Episode& episode, const std::vector<std::string>& tasks,
+                                            int sentences, std::uint64_t seed);
 
 }  // namespace etude::data

@@ -37,8 +37,7 @@ class Moments {
     std::vector<float> std_dev;
     for (std::size_t i = 0; i < sum_.size(); ++i) {
       const double n = static_cast<double>(count_[i]), mean = sum_[i] / n;
-      std_dev.push_back(static_cast<float>(
-          std::max(least, std::sqrt(std::max(0.0, square_[i] / n - mean * mean)))));
+      std_dev.push_back(static_cast<float>(std::max(least, std::sqrt(std::max(0.0, square_[i] / n - mean * mean)))));
     }
     return std_dev;
   }
@@ -46,8 +45,7 @@ class Moments {
     std::vector<float> rms;
     for (std::size_t i = 0; i < square_.size(); ++i)
       rms.push_back(static_cast<float>(
-          count_[i] ? std::max(least, std::sqrt(square_[i] / static_cast<double>(count_[i])))
-                    : 1.0));
+          count_[i] ? std::max(least, std::sqrt(square_[i] / static_cast<double>(count_[i]))) : 1.0));
     return rms;
   }
 
@@ -84,8 +82,8 @@ struct AllMoments {
 Result<Statistics> ComputeStatistics(const Snapshot& snapshot) {
   const std::size_t frames = snapshot.frame_count(Split::kTrain);
   if (frames == 0)
-    return Fail(Code::kNotFound, fmt::format("the training split has no frame ({} episodes in all)",
-                                             snapshot.episodes().size()));
+    return Fail(Code::kNotFound,
+                fmt::format("the training split has no frame ({} episodes in all)", snapshot.episodes().size()));
   const auto& first = snapshot.frames(Split::kTrain).begin()->second.front();
   const Episode& any = snapshot.episodes()[first.episode]->episode();
   const int joints = any.joint_pos.columns + any.gripper_qpos.columns;
@@ -99,9 +97,8 @@ Result<Statistics> ComputeStatistics(const Snapshot& snapshot) {
       const EpisodeEntry& entry = *snapshot.episodes()[ref.episode];
       const Episode& episode = entry.episode();
       if (episode.joint_pos.columns + episode.gripper_qpos.columns != joints)
-        return Fail(Code::kCorrupt,
-                    fmt::format("episode {} has {} joints, others {}", entry.index,
-                                episode.joint_pos.columns + episode.gripper_qpos.columns, joints));
+        return Fail(Code::kCorrupt, fmt::format("episode {} has {} joints, others {}", entry.index,
+                                                episode.joint_pos.columns + episode.gripper_qpos.columns, joints));
       moments.AddFrame(episode, entry.StepOf(ref.frame));
     }
   }

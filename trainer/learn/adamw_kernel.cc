@@ -23,8 +23,8 @@ double SumOfSquares(const float* values, std::size_t n) {
   return total;
 }
 
-void UpdateAdamw(const AdamwStep& step, std::size_t n, const float* __restrict gradient,
-                 float* __restrict first, float* __restrict second, float* __restrict parameter) {
+void UpdateAdamw(const AdamwStep& step, std::size_t n, const float* __restrict gradient, float* __restrict first,
+                 float* __restrict second, float* __restrict parameter) {
   const float keep = 1 - step.lr * step.decay;
   const float rate = step.lr / step.correction1;
   const float inverse2 = 1 / step.correction2;
@@ -32,8 +32,7 @@ void UpdateAdamw(const AdamwStep& step, std::size_t n, const float* __restrict g
     const float g = gradient[i] * step.scale;
     first[i] = step.beta1 * first[i] + (1 - step.beta1) * g;
     second[i] = step.beta2 * second[i] + (1 - step.beta2) * g * g;
-    parameter[i] =
-        keep * parameter[i] - rate * first[i] / (std::sqrt(second[i] * inverse2) + step.epsilon);
+    parameter[i] = keep * parameter[i] - rate * first[i] / (std::sqrt(second[i] * inverse2) + step.epsilon);
   }
 }
 

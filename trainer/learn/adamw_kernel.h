@@ -15,8 +15,8 @@ struct AdamwStep {
 /// Sum of squares, the same for the same input on the same machine.
 double SumOfSquares(const float* values, std::size_t n);
 /// Updates n parameters and their moments.
-void UpdateAdamw(const AdamwStep& step, std::size_t n, const float* gradient, float* first,
-                 float* second, float* parameter);
+void UpdateAdamw(const AdamwStep& step, std::size_t n, const float* gradient, float* first, float* second,
+                 float* parameter);
 /// into += from
 void AddInto(std::size_t n, const float* from, float* into);
 /// average = decay * average + (1 - decay) * value

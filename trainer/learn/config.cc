@@ -20,8 +20,7 @@ std::vector<std::string> NamesIn(const Path& folder) {
   return names;
 }
 
-Result<Path> ResolveFile(const std::string& name_or_file, const std::vector<Path>& folders,
-                         const char* what) {
+Result<Path> ResolveFile(const std::string& name_or_file, const std::vector<Path>& folders, const char* what) {
   std::error_code ignored;
   if (fs::is_regular_file(name_or_file, ignored)) return Path(name_or_file);
   std::vector<std::string> known;
@@ -31,10 +30,9 @@ Result<Path> ResolveFile(const std::string& name_or_file, const std::vector<Path
     for (auto& name : NamesIn(folder)) known.push_back(std::move(name));
   }
   const std::string nearest = NearestMatch(name_or_file, known);
-  return Fail(Code::kInvalidArgument,
-              fmt::format("{} '{}': neither a file nor a name{}; names: {}", what, name_or_file,
-                          nearest.empty() ? "" : fmt::format(" (did you mean '{}'?)", nearest),
-                          fmt::join(known, ", ")));
+  return Fail(Code::kInvalidArgument, fmt::format("{} '{}': neither a file nor a name{}; names: {}", what, name_or_file,
+                                                  nearest.empty() ? "" : fmt::format(" (did you mean '{}'?)", nearest),
+                                                  fmt::join(known, ", ")));
 }
 
 Result<OrderedJson> ReadYamlMap(const Path& path) {
@@ -47,8 +45,7 @@ Result<OrderedJson> ReadYamlMap(const Path& path) {
 // `policy: NAME` becomes the policy's own map
 Status ResolvePolicy(OrderedJson& json, const std::vector<Path>& folders) {
   if (!json.is_object() || !json.contains("policy") || !json["policy"].is_string()) return {};
-  ETUDE_ASSIGN_OR_RETURN(const Path path,
-                         ResolveFile(json["policy"].get<std::string>(), folders, "policy"));
+  ETUDE_ASSIGN_OR_RETURN(const Path path, ResolveFile(json["policy"].get<std::string>(), folders, "policy"));
   ETUDE_ASSIGN_OR_RETURN(json["policy"], ReadYamlMap(path));
   return {};
 }
@@ -69,26 +66,22 @@ Status TrainConfig::Validate() const {
   require(optimizer.weight_decay >= 0, "optimizer.weight_decay: must be >= 0");
   require(optimizer.warmup_steps >= 0, "optimizer.warmup_steps: must be >= 0");
   require(optimizer.schedule == "cosine" || optimizer.schedule == "constant",
-          fmt::format("optimizer.schedule: '{}' is not known; known: cosine, constant",
-                      optimizer.schedule));
+          fmt::format("optimizer.schedule: '{}' is not known; known: cosine, constant", optimizer.schedule));
   require(optimizer.final_lr >= 0 && optimizer.final_lr <= 1, "optimizer.final_lr: not in 0..1");
   require(optimizer.clip >= 0, "optimizer.clip: must be >= 0");
   require(eval.every_steps >= 1 && eval.frames >= 1, "eval.every_steps, eval.frames: must be >= 1");
-  require(checkpoint.every_steps >= 1 && checkpoint.keep >= 1,
-          "checkpoint.every_steps, keep: must be >= 1");
+  require(checkpoint.every_steps >= 1 && checkpoint.keep >= 1, "checkpoint.every_steps, keep: must be >= 1");
   require(threads.replicas >= 0 && threads.replicas <= 256, "threads.replicas: not in 0..256");
   require(threads.intra_op >= 1 && threads.intra_op <= 256, "threads.intra_op: not in 1..256");
   require(policy.image.crop.size() == 4, "policy.image.crop: four numbers (u0, v0, width, height)");
   for (const auto& name : freeze)
-    require(std::any_of(policy.modules.begin(), policy.modules.end(),
-                        [&](const auto& m) { return m.name == name; }),
+    require(std::any_of(policy.modules.begin(), policy.modules.end(), [&](const auto& m) { return m.name == name; }),
             fmt::format("freeze: the policy has no module '{}'", name));
   data.Check(errors);
   curriculum.Check(errors);
   if (const auto status = policy.Validate(); !status) errors.push_back(status.error().message);
   if (errors.empty()) return {};
-  return Fail(Code::kInvalidArgument,
-              fmt::format("experiment '{}': {}", name, fmt::join(errors, "; ")));
+  return Fail(Code::kInvalidArgument, fmt::format("experiment '{}': {}", name, fmt::join(errors, "; ")));
 }
 
 Result<TrainConfig> LoadTrainConfig(const std::string& name_or_file, const Path& experiments,
@@ -110,20 +103,16 @@ Result<Path> FindExperiments(const std::string& share, const Path& executable) {
   std::error_code ignored;
   if (!share.empty()) {
     if (fs::is_directory(Path(share) / "experiments", ignored)) return Path(share) / "experiments";
-    return Fail(Code::kNotFound,
-                fmt::format("ETUDE_SHARE is '{}', which has no folder 'experiments'", share));
+    return Fail(Code::kNotFound, fmt::format("ETUDE_SHARE is '{}', which has no folder 'experiments'", share));
   }
-  for (Path folder = fs::absolute(executable, ignored).parent_path();;
-       folder = folder.parent_path()) {
+  for (Path folder = fs::absolute(executable, ignored).parent_path();; folder = folder.parent_path()) {
     for (const char* name : {"trainer/experiments", "share/etude/experiments"})
       if (fs::is_directory(folder / name, ignored)) return folder / name;
     if (folder == folder.parent_path()) break;
   }
-  return Fail(
-      Code::kNotFound,
-      fmt::format(
-          "no trainer/experiments above '{}': set ETUDE_SHARE to the folder that has 'experiments'",
-          executable.string()));
+  return Fail(Code::kNotFound,
+              fmt::format("no trainer/experiments above '{}': set ETUDE_SHARE to the folder that has 'experiments'",
+                          executable.string()));
 }
 
 }  // namespace etude::learn

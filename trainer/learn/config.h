@@ -78,8 +78,8 @@ struct TrainConfig {
   std::string name = "compact";
   std::uint64_t seed = 1;
   std::uint64_t steps = 0;  ///< 0: no limit by steps
-  double minutes = 0;  ///< 0: no limit by time; time of training, without waiting for first data
-  double ema = 0;      ///< decay of the averaged weights used in evaluation and checkpoints; 0: off
+  double minutes = 0;       ///< 0: no limit by time; time of training, without waiting for first data
+  double ema = 0;           ///< decay of the averaged weights used in evaluation and checkpoints; 0: off
   OptimizerConfig optimizer;
   data::DataConfig data;
   curriculum::CurriculumConfig curriculum;

@@ -20,17 +20,11 @@ class Sums {
   void Add(const std::string& name, const torch::Tensor& values, const torch::Tensor& valid) {
     const auto mask = valid.expand(values.sizes());
     auto& [sum, count] = sums_[name];
-    sum += torch::where(mask, values.to(torch::kFloat64), torch::zeros({}, torch::kFloat64))
-               .sum()
-               .item<double>();
+    sum += torch::where(mask, values.to(torch::kFloat64), torch::zeros({}, torch::kFloat64)).sum().item<double>();
     count += mask.sum().item<double>();
   }
-  bool Has(const std::string& name) const {
-    return sums_.contains(name) && sums_.at(name).second > 0;
-  }
-  double Mean(const std::string& name) const {
-    return sums_.at(name).first / sums_.at(name).second;
-  }
+  bool Has(const std::string& name) const { return sums_.contains(name) && sums_.at(name).second > 0; }
+  double Mean(const std::string& name) const { return sums_.at(name).first / sums_.at(name).second; }
   const std::map<std::string, std::pair<double, double>>& all() const { return sums_; }
 
  private:
@@ -44,15 +38,13 @@ torch::Tensor Distance(const torch::Tensor& a, const torch::Tensor& b, int colum
 // angle between two rotations given as sin/cos of three Euler angles, degrees
 torch::Tensor AngleDegrees(const torch::Tensor& a, const torch::Tensor& b) {
   const auto matrix = [](const torch::Tensor& v) {
-    const auto angle =
-        torch::atan2(v.index({"...", Slice(0, 6, 2)}), v.index({"...", Slice(1, 6, 2)}));
+    const auto angle = torch::atan2(v.index({"...", Slice(0, 6, 2)}), v.index({"...", Slice(1, 6, 2)}));
     const auto s = angle.sin(), c = angle.cos();
     const auto at = [](const torch::Tensor& t, int i) { return t.index({"...", i}); };
-    const auto sr = at(s, 0), sp = at(s, 1), sy = at(s, 2), cr = at(c, 0), cp = at(c, 1),
-               cy = at(c, 2);
+    const auto sr = at(s, 0), sp = at(s, 1), sy = at(s, 2), cr = at(c, 0), cp = at(c, 1), cy = at(c, 2);
     // Rx(roll) Ry(pitch) Rz(yaw)
-    return torch::stack({cp * cy, -cp * sy, sp, cr * sy + sr * sp * cy, cr * cy - sr * sp * sy,
-                         -sr * cp, sr * sy - cr * sp * cy, sr * cy + cr * sp * sy, cr * cp},
+    return torch::stack({cp * cy, -cp * sy, sp, cr * sy + sr * sp * cy, cr * cy - sr * sp * sy, -sr * cp,
+                         sr * sy - cr * sp * cy, sr * cy + cr * sp * sy, cr * cp},
                         -1);
   };
   const auto trace = (matrix(a) * matrix(b)).sum(-1);
@@ -65,15 +57,13 @@ void AddTrajectory(const std::string& name, const torch::Tensor& said, const tor
   const auto distance = Distance(ours, label, 3);
   sums.Add(name + ".m", distance, valid);
   sums.Add(name + ".first_m", distance.index({"...", 0}), valid.index({"...", 0}));
-  sums.Add(name + ".deg",
-           AngleDegrees(ours.index({"...", Slice(3, 9)}), label.index({"...", Slice(3, 9)})),
-           valid);
+  sums.Add(name + ".deg", AngleDegrees(ours.index({"...", Slice(3, 9)}), label.index({"...", Slice(3, 9)})), valid);
   const auto same = (ours.index({"...", 9}) > 0.5) == (label.index({"...", 9}) > 0.5);
   sums.Add(name + ".gripper", same, valid);
 }
 
-void AddDecoder(const policy::ModuleConfig& module, const policy::ModuleOutput& output,
-                const policy::Labels& labels, Sums& sums) {
+void AddDecoder(const policy::ModuleConfig& module, const policy::ModuleOutput& output, const policy::Labels& labels,
+                Sums& sums) {
   const std::string& target = module.decoder.target;
   if (target.empty() || !labels.contains(target)) return;
   const auto& label = labels.at(target);
@@ -89,18 +79,16 @@ void AddDecoder(const policy::ModuleConfig& module, const policy::ModuleOutput& 
       sums.Add(module.name + ".m", Distance(said, label, 3), valid);
       if (kind == "pose")
         sums.Add(module.name + ".deg",
-                 AngleDegrees(
-                     said.index({"...", Slice(3, 9)}).expand_as(label.index({"...", Slice(3, 9)})),
-                     label.index({"...", Slice(3, 9)})),
+                 AngleDegrees(said.index({"...", Slice(3, 9)}).expand_as(label.index({"...", Slice(3, 9)})),
+                              label.index({"...", Slice(3, 9)})),
                  valid);
     }
   }
 }
 
 // is the most attended image token the one that shows the label's pixel?
-void AddAttention(const policy::ModuleConfig& module, const policy::ModuleOutput& output,
-                  const policy::Inputs& inputs, const policy::Labels& labels,
-                  std::pair<int, int> grid, Sums& sums) {
+void AddAttention(const policy::ModuleConfig& module, const policy::ModuleOutput& output, const policy::Inputs& inputs,
+                  const policy::Labels& labels, std::pair<int, int> grid, Sums& sums) {
   const auto image = std::find_if(module.attend.begin(), module.attend.end(),
                                   [](const std::string& key) { return key.starts_with("image@"); });
   if (image == module.attend.end() || !output.attention.defined()) return;
@@ -114,8 +102,7 @@ void AddAttention(const policy::ModuleConfig& module, const policy::ModuleOutput
   const double patch_h = static_cast<double>(inputs.images.size(2)) / rows;
   const auto column = (in_crop.index({"...", 0}) / patch_w).floor(),
              row = (in_crop.index({"...", 1}) / patch_h).floor();
-  sums.Add(module.name + ".hit", best == (row * columns + column).to(torch::kInt64),
-           labels.at(name + ".valid"));
+  sums.Add(module.name + ".hit", best == (row * columns + column).to(torch::kInt64), labels.at(name + ".valid"));
 }
 
 Evaluation Summarize(const policy::PolicyConfig& config, const Sums& sums) {
@@ -145,8 +132,7 @@ Evaluation Summarize(const policy::PolicyConfig& config, const Sums& sums) {
 
 }  // namespace
 
-Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker,
-                            const data::Snapshot& snapshot,
+Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker, const data::Snapshot& snapshot,
                             const std::vector<data::Sample>& samples, int level, int batch) {
   if (samples.empty()) return Fail(Code::kNotFound, "evaluate: the validation split has no frames");
   const torch::NoGradGuard no_grad;
@@ -156,8 +142,7 @@ Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& make
   data::FrameScratch scratch;
   double loss = 0;
   Status status;
-  for (std::size_t start = 0; start < samples.size() && status;
-       start += static_cast<std::size_t>(batch)) {
+  for (std::size_t start = 0; start < samples.size() && status; start += static_cast<std::size_t>(batch)) {
     const std::size_t end = std::min(samples.size(), start + static_cast<std::size_t>(batch));
     const std::vector<data::Sample> chunk(samples.begin() + static_cast<std::ptrdiff_t>(start),
                                           samples.begin() + static_cast<std::ptrdiff_t>(end));
@@ -165,8 +150,8 @@ Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& make
     if (!status) break;
     const Part part = PartOf(arrays, 0, arrays.size);
     const auto outputs = policy.Forward(part.inputs, level);
-    loss += policy.Loss(part.inputs, outputs, part.labels, level).total.item<double>() *
-            static_cast<double>(end - start);
+    loss +=
+        policy.Loss(part.inputs, outputs, part.labels, level).total.item<double>() * static_cast<double>(end - start);
     for (const auto& module : policy.config().modules) {
       const auto output = outputs.find(module.name);
       if (output == outputs.end()) continue;

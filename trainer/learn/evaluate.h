@@ -25,8 +25,7 @@ struct Evaluation {
 /// policy is back in training mode afterwards. Accuracies of relabelled sentences count as much as
 /// the demonstrated one's.
 /// @error of reading frames; kNotFound when there are no samples.
-Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker,
-                            const data::Snapshot& snapshot,
+Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker, const data::Snapshot& snapshot,
                             const std::vector<data::Sample>& samples, int level, int batch);
 
 }  // namespace etude::learn

@@ -78,8 +78,7 @@ std::uint32_t MaskedCrc32c(std::span<const std::uint8_t> bytes) {
   return ((crc >> 15) | (crc << 17)) + 0xa282ead8u;
 }
 
-std::string EventRecord(double wall_time, std::uint64_t step,
-                        const std::map<std::string, double>& scalars) {
+std::string EventRecord(double wall_time, std::uint64_t step, const std::map<std::string, double>& scalars) {
   std::string summary;
   for (const auto& [tag, number] : scalars) {
     std::string value;
@@ -116,8 +115,7 @@ Result<EventFile> EventFile::Open(const Path& folder) {
   return file;
 }
 
-EventFile::EventFile(EventFile&& other) noexcept
-    : path_(std::move(other.path_)), fd_(std::exchange(other.fd_, -1)) {}
+EventFile::EventFile(EventFile&& other) noexcept : path_(std::move(other.path_)), fd_(std::exchange(other.fd_, -1)) {}
 
 EventFile& EventFile::operator=(EventFile&& other) noexcept {
   std::swap(path_, other.path_);

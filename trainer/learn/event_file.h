@@ -18,8 +18,7 @@ std::uint32_t Crc32c(std::span<const std::uint8_t> bytes);
 std::uint32_t MaskedCrc32c(std::span<const std::uint8_t> bytes);
 
 /// One framed record with scalar values by tag. @param wall_time  seconds since the epoch
-std::string EventRecord(double wall_time, std::uint64_t step,
-                        const std::map<std::string, double>& scalars);
+std::string EventRecord(double wall_time, std::uint64_t step, const std::map<std::string, double>& scalars);
 /// The record every event file begins with.
 std::string VersionRecord(double wall_time);
 

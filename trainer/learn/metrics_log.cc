@@ -17,8 +17,7 @@ Result<MetricsLog> MetricsLog::Open(const Path& out) {
 
 Status MetricsLog::Write(const std::string& kind, std::uint64_t step, double elapsed_s,
                          const std::map<std::string, double>& scalars) {
-  OrderedJson line{
-      {"kind", kind}, {"step", step}, {"elapsed_s", elapsed_s}, {"time", WallSeconds()}};
+  OrderedJson line{{"kind", kind}, {"step", step}, {"elapsed_s", elapsed_s}, {"time", WallSeconds()}};
   std::map<std::string, double> tagged;
   for (const auto& [name, value] : scalars) {
     tagged[kind + "/" + name] = value;

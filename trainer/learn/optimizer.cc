@@ -21,25 +21,22 @@ torch::Tensor ViewLike(const torch::Tensor& flat, std::size_t offset, const torc
 }  // namespace
 
 double LearningRate(const OptimizerConfig& config, std::uint64_t step, double progress) {
-  const double warmup = config.warmup_steps > 0
-                            ? std::min(1.0, (static_cast<double>(step) + 1) / config.warmup_steps)
-                            : 1.0;
+  const double warmup =
+      config.warmup_steps > 0 ? std::min(1.0, (static_cast<double>(step) + 1) / config.warmup_steps) : 1.0;
   if (config.schedule == "constant") return config.lr * warmup;
   const double cosine = 0.5 * (1 + std::cos(std::numbers::pi * std::clamp(progress, 0.0, 1.0)));
   return config.lr * warmup * (config.final_lr + (1 - config.final_lr) * cosine);
 }
 
-Optimizer::Optimizer(const OptimizerConfig& config,
-                     std::vector<std::shared_ptr<policy::Policy>> replicas,
+Optimizer::Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<policy::Policy>> replicas,
                      const std::set<std::string>& frozen)
     : config_(config) {
   const torch::NoGradGuard no_grad;
   std::size_t total = 0;
   for (const auto& item : replicas.at(0)->named_parameters()) {
     if (frozen.contains(item.key())) continue;
-    ETUDE_CHECK(item.value().scalar_type() == torch::kFloat32 &&
-                    item.value().is_non_overlapping_and_dense(),
-                "{}", item.key());
+    ETUDE_CHECK(item.value().scalar_type() == torch::kFloat32 && item.value().is_non_overlapping_and_dense(), "{}",
+                item.key());
     const auto count = static_cast<std::size_t>(item.value().numel());
     segments_.push_back({item.key(), total, count, item.value().dim() >= 2});
     total += (count + 15) / 16 * 16;  // 64-byte alignment of each
@@ -73,8 +70,7 @@ void Optimizer::ZeroGradients() {
 Optimizer::Outcome Optimizer::Step(double lr) {
   const auto n = static_cast<std::size_t>(parameters_.numel());
   float* gradient = gradients_[0].data_ptr<float>();
-  for (std::size_t r = 1; r < gradients_.size(); ++r)
-    AddInto(n, gradients_[r].data_ptr<float>(), gradient);
+  for (std::size_t r = 1; r < gradients_.size(); ++r) AddInto(n, gradients_[r].data_ptr<float>(), gradient);
 
   std::vector<double> squares;
   double total = 0;
@@ -101,9 +97,8 @@ Optimizer::Outcome Optimizer::Step(double lr) {
     step.correction1 = static_cast<float>(1 - std::pow(config_.beta1, t));
     step.correction2 = static_cast<float>(1 - std::pow(config_.beta2, t));
     step.scale = static_cast<float>(clip * average);
-    UpdateAdamw(
-        step, segment.count, gradient + segment.offset, first_.data_ptr<float>() + segment.offset,
-        second_.data_ptr<float>() + segment.offset, parameters_.data_ptr<float>() + segment.offset);
+    UpdateAdamw(step, segment.count, gradient + segment.offset, first_.data_ptr<float>() + segment.offset,
+                second_.data_ptr<float>() + segment.offset, parameters_.data_ptr<float>() + segment.offset);
   }
   return {norm};
 }
@@ -117,8 +112,8 @@ void Optimizer::UpdateAverage(double decay) {
   // early on the average is short, so that the start does not weigh on it
   const auto t = static_cast<double>(++average_steps_.data_ptr<std::int64_t>()[0]);
   const double now = std::min(decay, (1 + t) / (10 + t));
-  Average(static_cast<std::size_t>(parameters_.numel()), static_cast<float>(now),
-          parameters_.data_ptr<float>(), average_.data_ptr<float>());
+  Average(static_cast<std::size_t>(parameters_.numel()), static_cast<float>(now), parameters_.data_ptr<float>(),
+          average_.data_ptr<float>());
 }
 
 void Optimizer::ExchangeAverage() {
@@ -142,10 +137,8 @@ Status Optimizer::LoadStateTensors(const std::map<std::string, torch::Tensor>& t
   for (const auto& [name, own] : StateTensors()) {
     if (name.starts_with("average")) continue;
     const auto it = tensors.find(name);
-    if (it == tensors.end() || it->second.sizes() != own.sizes() ||
-        it->second.scalar_type() != own.scalar_type())
-      return Fail(Code::kCorrupt,
-                  fmt::format("optimizer state '{}' is missing or has another size", name));
+    if (it == tensors.end() || it->second.sizes() != own.sizes() || it->second.scalar_type() != own.scalar_type())
+      return Fail(Code::kCorrupt, fmt::format("optimizer state '{}' is missing or has another size", name));
   }
   const bool has_average = tensors.contains("average") && tensors.contains("average_steps");
   if (has_average && tensors.at("average").sizes() != parameters_.sizes())

@@ -12,9 +12,7 @@ namespace etude::learn {
 
 void SetBlasThreads(int threads) {
   using SetThreads = void (*)(int);
-  if (const auto set =
-          reinterpret_cast<SetThreads>(::dlsym(RTLD_DEFAULT, "openblas_set_num_threads")))
-    set(threads);
+  if (const auto set = reinterpret_cast<SetThreads>(::dlsym(RTLD_DEFAULT, "openblas_set_num_threads"))) set(threads);
 }
 
 Replicas::Replicas(std::vector<std::shared_ptr<policy::Policy>> policies)

@@ -47,8 +47,8 @@ Result<RunState> LoadRunState(const Path& path) {
   if (meta("format") != kFormat)
     return Fail(Code::kCorrupt, fmt::format("'{}' is not a training state", path.string()));
   if (meta("version") != Version())
-    return Fail(Code::kInvalidArgument, fmt::format("'{}' was written by version {}, this is {}",
-                                                    path.string(), meta("version"), Version()));
+    return Fail(Code::kInvalidArgument,
+                fmt::format("'{}' was written by version {}, this is {}", path.string(), meta("version"), Version()));
   RunState state;
   for (const auto& [name, tensor] : file.tensors) {
     if (name.starts_with("policy."))

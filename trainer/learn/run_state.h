@@ -13,8 +13,7 @@
 namespace etude::learn {
 
 struct RunState {
-  std::map<std::string, torch::Tensor>
-      policy;  ///< Policy::StateTensors, raw (not averaged) weights
+  std::map<std::string, torch::Tensor> policy;     ///< Policy::StateTensors, raw (not averaged) weights
   std::map<std::string, torch::Tensor> optimizer;  ///< Optimizer::StateTensors
   torch::Tensor rng;                               ///< torch's default generator
   std::uint64_t step = 0;

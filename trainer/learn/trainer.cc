@@ -47,8 +47,7 @@ class Follower {
   Follower(std::shared_ptr<data::Dataset> dataset, double every_s)
       : thread_([this, dataset = std::move(dataset), every_s] {
           std::unique_lock lock(mutex_);
-          while (!wake_.wait_for(lock, std::chrono::duration<double>(every_s),
-                                 [this] { return stop_; })) {
+          while (!wake_.wait_for(lock, std::chrono::duration<double>(every_s), [this] { return stop_; })) {
             const auto added = dataset->Refresh();
             if (!added) Log().warn("look for new episodes: {}", added.error().message);
           }
@@ -82,26 +81,24 @@ std::size_t PlannedTrainEpisodes(const CampaignSpec& spec) {
 Status AwaitData(data::Dataset& dataset, const TrainConfig& config, bool follow) {
   std::size_t reported = std::numeric_limits<std::size_t>::max();
   auto last_change = MonotonicClock::now();
-  const std::size_t enough = follow ? std::min(static_cast<std::size_t>(config.data.min_episodes),
-                                               PlannedTrainEpisodes(dataset.spec()))
-                                    : 1;
+  const std::size_t enough =
+      follow ? std::min(static_cast<std::size_t>(config.data.min_episodes), PlannedTrainEpisodes(dataset.spec())) : 1;
   while (true) {
     ETUDE_ASSIGN_OR_RETURN([[maybe_unused]] const int added, dataset.Refresh());
     const auto snapshot = dataset.snapshot();
     const std::size_t train = snapshot->episode_count(data::Split::kTrain);
     const bool silent = MonotonicClock::now() - last_change > kCollectorPatience;
     const std::size_t least = silent ? 1 : enough;
-    const bool frames = snapshot->frame_count(data::Split::kTrain) > 0 &&
-                        snapshot->frame_count(data::Split::kValid) > 0;
+    const bool frames =
+        snapshot->frame_count(data::Split::kTrain) > 0 && snapshot->frame_count(data::Split::kValid) > 0;
     if (train >= least && frames) return {};
     if (!follow)
-      return Fail(
-          Code::kNotFound,
-          fmt::format("train on '{}': {} usable training and {} validation frames in {} episodes; "
-                      "collect more, "
-                      "or give --follow to wait for them",
-                      dataset.path().string(), snapshot->frame_count(data::Split::kTrain),
-                      snapshot->frame_count(data::Split::kValid), snapshot->episodes().size()));
+      return Fail(Code::kNotFound,
+                  fmt::format("train on '{}': {} usable training and {} validation frames in {} episodes; "
+                              "collect more, "
+                              "or give --follow to wait for them",
+                              dataset.path().string(), snapshot->frame_count(data::Split::kTrain),
+                              snapshot->frame_count(data::Split::kValid), snapshot->episodes().size()));
     if (train != reported) Log().info("waiting for data: {} of {} training episodes", train, least);
     if (train != reported) last_change = MonotonicClock::now();
     reported = train;
@@ -110,8 +107,7 @@ Status AwaitData(data::Dataset& dataset, const TrainConfig& config, bool follow)
   }
 }
 
-std::set<std::string> FrozenParameters(const policy::Policy& policy,
-                                       const std::vector<std::string>& modules) {
+std::set<std::string> FrozenParameters(const policy::Policy& policy, const std::vector<std::string>& modules) {
   std::set<std::string> names;
   for (const auto& module : modules)
     for (auto& name : policy.ParametersOf(module)) names.insert(std::move(name));
@@ -160,8 +156,7 @@ struct Trainer::Impl {
   }
 
   Status Build();
-  Status Resume(const RunState& state,
-                std::vector<std::shared_ptr<policy::Policy>>& policies) const;
+  Status Resume(const RunState& state, std::vector<std::shared_ptr<policy::Policy>>& policies) const;
   Status Loop();
   Status TrainStep();
   Status AfterStep();
@@ -184,25 +179,22 @@ Status Trainer::Impl::Build() {
 
   const auto& crop = config.policy.image.crop;
   const auto& camera = snapshot->episodes().front()->episode().cameras.at(0).camera;
-  if (crop[0] < 0 || crop[1] < 0 || crop[0] + crop[2] > camera.width ||
-      crop[1] + crop[3] > camera.height)
+  if (crop[0] < 0 || crop[1] < 0 || crop[0] + crop[2] > camera.width || crop[1] + crop[3] > camera.height)
     return Fail(Code::kInvalidArgument,
                 fmt::format("policy.image.crop: {}x{} px at ({}, {}) does not fit the dataset's "
                             "pictures of {}x{} px",
                             crop[2], crop[3], crop[0], crop[1], camera.width, camera.height));
   maker = std::make_shared<data::BatchMaker>(
-      config.data, data::Region{crop[0], crop[1], crop[2], crop[3]}, config.policy.objects,
-      dataset->spec().tasks, std::make_shared<const language::Grammar>(std::move(grammar)),
-      camera.width, camera.height);
+      config.data, data::Region{crop[0], crop[1], crop[2], crop[3]}, config.policy.objects, dataset->spec().tasks,
+      std::make_shared<const language::Grammar>(std::move(grammar)), camera.width, camera.height);
 
   SetBlasThreads(config.threads.intra_op);
   int copies = config.threads.replicas;
   if (copies == 0) copies = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::vector<std::shared_ptr<policy::Policy>> policies;
   for (int r = 0; r < std::min(copies, config.data.batch); ++r) {
-    ETUDE_ASSIGN_OR_RETURN(
-        auto policy,
-        policy::Policy::Create(config.policy, ToNormalization(statistics), config.seed));
+    ETUDE_ASSIGN_OR_RETURN(auto policy,
+                           policy::Policy::Create(config.policy, ToNormalization(statistics), config.seed));
     policy->train();
     policies.push_back(std::move(policy));
   }
@@ -213,8 +205,7 @@ Status Trainer::Impl::Build() {
     ETUDE_ASSIGN_OR_RETURN(state, LoadRunState(options.out / "training_state.safetensors"));
     ETUDE_RETURN_IF_ERROR(Resume(state, policies));
   }
-  optimizer = std::make_unique<Optimizer>(config.optimizer, policies,
-                                          FrozenParameters(*policies[0], config.freeze));
+  optimizer = std::make_unique<Optimizer>(config.optimizer, policies, FrozenParameters(*policies[0], config.freeze));
   if (options.resume) {
     ETUDE_RETURN_IF_ERROR(optimizer->LoadStateTensors(state.optimizer));
     ETUDE_RETURN_IF_ERROR(scheduler->Restore(state.curriculum));
@@ -240,23 +231,21 @@ Status Trainer::Impl::Build() {
   return {};
 }
 
-Status Trainer::Impl::Resume(const RunState& state,
-                             std::vector<std::shared_ptr<policy::Policy>>& policies) const {
+Status Trainer::Impl::Resume(const RunState& state, std::vector<std::shared_ptr<policy::Policy>>& policies) const {
   if (state.architecture != policy::ArchitectureHash(config.policy))
     return Fail(Code::kInvalidArgument,
                 fmt::format("resume '{}': its policy has another architecture ({:.12} there, "
                             "{:.12} asked for); train "
                             "into another folder, or leave policy.* as in its config.yaml",
-                            options.out.string(), state.architecture,
-                            policy::ArchitectureHash(config.policy)));
+                            options.out.string(), state.architecture, policy::ArchitectureHash(config.policy)));
   for (auto& policy : policies) ETUDE_RETURN_IF_ERROR(policy->LoadStateTensors(state.policy));
   return {};
 }
 
 void Trainer::Impl::LogAdvance(const std::optional<curriculum::Advance>& advance) {
   if (!advance) return;
-  Log().info("stage {} of {} ({}) at step {}: {}: {}", advance->to, scheduler->stages(),
-             scheduler->StageName(), advance->step, ToString(advance->cause), advance->reason);
+  Log().info("stage {} of {} ({}) at step {}: {}: {}", advance->to, scheduler->stages(), scheduler->StageName(),
+             advance->step, ToString(advance->cause), advance->reason);
   const Status written = log->WriteAdvance(*advance, scheduler->StageName());
   if (!written) Log().warn("{}", written.error().message);
 }
@@ -268,19 +257,17 @@ Status Trainer::Impl::TrainStep() {
   optimizer->ZeroGradients();
   ETUDE_ASSIGN_OR_RETURN(const BatchLoss loss, replicas->Backward(*batch, scheduler->level()));
   const double lr = LearningRate(config.optimizer, step, RunProgress());
-  const auto outcome = std::isfinite(loss.total)
-                           ? optimizer->Step(lr)
-                           : Optimizer::Outcome{std::numeric_limits<double>::quiet_NaN()};
+  const auto outcome =
+      std::isfinite(loss.total) ? optimizer->Step(lr) : Optimizer::Outcome{std::numeric_limits<double>::quiet_NaN()};
   if (!std::isfinite(outcome.gradient_norm)) {
     std::string terms;
     for (const auto& [name, value] : loss.terms)
       if (!std::isfinite(value)) terms += " " + name;
-    return Fail(Code::kInternal,
-                fmt::format("the loss is not finite at step {} (loss {}, gradient norm {}, "
-                            "terms:{}); nothing was saved, "
-                            "the last good checkpoint is of step {}; try a lower optimizer.lr",
-                            step, loss.total, outcome.gradient_norm,
-                            terms.empty() ? " all finite" : terms, checkpoint_step));
+    return Fail(Code::kInternal, fmt::format("the loss is not finite at step {} (loss {}, gradient norm {}, "
+                                             "terms:{}); nothing was saved, "
+                                             "the last good checkpoint is of step {}; try a lower optimizer.lr",
+                                             step, loss.total, outcome.gradient_norm,
+                                             terms.empty() ? " all finite" : terms, checkpoint_step));
   }
   optimizer->UpdateAverage(config.ema);
   loader->Recycle(std::move(batch));
@@ -303,13 +290,12 @@ Status Trainer::Impl::FlushWindow() {
   last.loss = window.loss / n;
   last.data_wait = window.wait_s / seconds;
   last.samples_per_second = n * config.data.batch / seconds;
-  std::map<std::string, double> scalars{
-      {"loss", last.loss},
-      {"gradient_norm", window.gradient_norm / n},
-      {"learning_rate", LearningRate(config.optimizer, step, RunProgress())},
-      {"samples_per_second", last.samples_per_second},
-      {"data_wait", last.data_wait},
-      {"stage", scheduler->stage()}};
+  std::map<std::string, double> scalars{{"loss", last.loss},
+                                        {"gradient_norm", window.gradient_norm / n},
+                                        {"learning_rate", LearningRate(config.optimizer, step, RunProgress())},
+                                        {"samples_per_second", last.samples_per_second},
+                                        {"data_wait", last.data_wait},
+                                        {"stage", scheduler->stage()}};
   for (const auto& [name, value] : window.terms) scalars[name] = value / n;
   window = {};
   return log->Write("train", step, Elapsed(), scalars);
@@ -317,11 +303,10 @@ Status Trainer::Impl::FlushWindow() {
 
 Status Trainer::Impl::EvaluateNow(bool observe) {
   const auto snapshot = dataset->snapshot();
-  const auto samples = data::SpreadFrames(*snapshot, data::Split::kValid,
-                                          MixSeed({config.seed}, "valid"), config.eval.frames);
+  const auto samples =
+      data::SpreadFrames(*snapshot, data::Split::kValid, MixSeed({config.seed}, "valid"), config.eval.frames);
   optimizer->ExchangeAverage();
-  auto result = learn::Evaluate(replicas->front(), *maker, *snapshot, samples, scheduler->level(),
-                                config.data.batch);
+  auto result = learn::Evaluate(replicas->front(), *maker, *snapshot, samples, scheduler->level(), config.data.batch);
   optimizer->ExchangeAverage();
   ETUDE_ASSIGN_OR_RETURN(evaluation, std::move(result));
   evaluated_step = step;
@@ -337,8 +322,8 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
     score += evaluation.errors.at(module.name);
     ++judged;
   }
-  const bool best = judged > 0 && std::isfinite(score) &&
-                    (stage > best_stage || (stage == best_stage && score < best_score));
+  const bool best =
+      judged > 0 && std::isfinite(score) && (stage > best_stage || (stage == best_stage && score < best_score));
   if (best) {
     best_stage = stage;
     best_score = score;
@@ -405,10 +390,9 @@ void Trainer::Impl::Report(bool finished) {
   for (const auto& [name, value] : last.metrics)
     if (!name.ends_with(".hit") && !name.ends_with("_cm") && name != "loss")
       metrics += fmt::format(" {}={:.3g}", name, value);
-  Log().info(
-      "step {} stage {}/{} {} loss {:.4g} {:.0f} samples/s wait {:.1f} % episodes {} eta {}{}",
-      step, last.stage, last.stages, last.stage_name, last.loss, last.samples_per_second,
-      100 * last.data_wait, last.train_episodes, FormatDuration(last.eta_s), metrics);
+  Log().info("step {} stage {}/{} {} loss {:.4g} {:.0f} samples/s wait {:.1f} % episodes {} eta {}{}", step, last.stage,
+             last.stages, last.stage_name, last.loss, last.samples_per_second, 100 * last.data_wait,
+             last.train_episodes, FormatDuration(last.eta_s), metrics);
 }
 
 Status Trainer::Impl::AfterStep() {
@@ -417,12 +401,10 @@ Status Trainer::Impl::AfterStep() {
   if (step % static_cast<std::uint64_t>(config.eval.every_steps) == 0) {
     const int stage = scheduler->stage();
     ETUDE_RETURN_IF_ERROR(EvaluateNow(true));
-    if (scheduler->stage() != stage && checkpoint_step != step)
-      ETUDE_RETURN_IF_ERROR(SaveNow(false));
+    if (scheduler->stage() != stage && checkpoint_step != step) ETUDE_RETURN_IF_ERROR(SaveNow(false));
     window = {};  // the rate is of training, not of validation
   }
-  if (step % static_cast<std::uint64_t>(config.checkpoint.every_steps) == 0 &&
-      checkpoint_step != step)
+  if (step % static_cast<std::uint64_t>(config.checkpoint.every_steps) == 0 && checkpoint_step != step)
     ETUDE_RETURN_IF_ERROR(SaveNow(false));
   if (since_progress.Seconds() >= kProgressEvery) Report(false);
   return {};
@@ -434,8 +416,8 @@ Status Trainer::Impl::Finish(bool stopped) {
   if (!stopped && evaluated_step != step) ETUDE_RETURN_IF_ERROR(EvaluateNow(false));
   if (checkpoint_step != step) ETUDE_RETURN_IF_ERROR(SaveNow(false));
   Report(!stopped);
-  Log().info("{} at step {} after {}; '{}'", stopped ? "stopped" : "finished", step,
-             FormatDuration(Elapsed()), options.out.string());
+  Log().info("{} at step {} after {}; '{}'", stopped ? "stopped" : "finished", step, FormatDuration(Elapsed()),
+             options.out.string());
   return log->Sync();
 }
 
@@ -457,13 +439,11 @@ Status Trainer::Impl::Loop() {
 Trainer::Trainer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Trainer::~Trainer() = default;
 
-Result<std::unique_ptr<Trainer>> Trainer::Create(const TrainConfig& config,
-                                                 std::shared_ptr<data::Dataset> dataset,
+Result<std::unique_ptr<Trainer>> Trainer::Create(const TrainConfig& config, std::shared_ptr<data::Dataset> dataset,
                                                  const RunOptions& options, const Hooks& hooks) {
   ETUDE_RETURN_IF_ERROR(config.Validate());
   if (config.steps == 0 && config.minutes <= 0)
-    return Fail(Code::kInvalidArgument,
-                "train: give --steps N or --minutes M (or steps:, minutes: in the config)");
+    return Fail(Code::kInvalidArgument, "train: give --steps N or --minutes M (or steps:, minutes: in the config)");
   auto impl = std::make_unique<Impl>();
   impl->config = config;
   impl->options = options;
@@ -472,8 +452,7 @@ Result<std::unique_ptr<Trainer>> Trainer::Create(const TrainConfig& config,
   try {
     ETUDE_RETURN_IF_ERROR(impl->Build());
   } catch (const c10::Error& error) {
-    return Fail(Code::kInternal,
-                fmt::format("build the policy: {}", error.what_without_backtrace()));
+    return Fail(Code::kInternal, fmt::format("build the policy: {}", error.what_without_backtrace()));
   }
   return std::unique_ptr<Trainer>(new Trainer(std::move(impl)));
 }

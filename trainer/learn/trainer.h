@@ -44,10 +44,9 @@ struct CheckpointRequest {
   std::map<std::string, double> metrics;
   std::string dataset;  ///< fingerprint of the training split
   std::uint64_t train_episodes = 0;
-  int joints = 0;                          ///< arm and gripper joints of an observation
+  int joints = 0;  ///< arm and gripper joints of an observation
   const TrainConfig* config = nullptr;
-  std::map<std::string, torch::Tensor>
-      tensors;  ///< Policy::StateTensors, averaged weights when ema > 0
+  std::map<std::string, torch::Tensor> tensors;  ///< Policy::StateTensors, averaged weights when ema > 0
 };
 
 /// Called from the training thread. A failed checkpoint stops the run with its error.
@@ -68,8 +67,7 @@ class Trainer {
  public:
   /// @error kInvalidArgument (config; resume of another architecture), kNotFound (no data, no state
   /// to resume), kCorrupt (state), kUnavailable (disk).
-  static Result<std::unique_ptr<Trainer>> Create(const TrainConfig& config,
-                                                 std::shared_ptr<data::Dataset> dataset,
+  static Result<std::unique_ptr<Trainer>> Create(const TrainConfig& config, std::shared_ptr<data::Dataset> dataset,
                                                  const RunOptions& options, const Hooks& hooks);
   ~Trainer();
 

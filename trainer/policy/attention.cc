@@ -27,8 +27,8 @@ Attention::Attention(int width, int heads)
 Attended Attention::Forward(const torch::Tensor& query, const Keys& keys) {
   const auto batch = query.size(0), count = query.size(1);
   const bool image = keys.image_key.defined(), other = keys.other_key.defined();
-  const torch::Tensor q = query_->forward(query).view({batch, count, heads_, head_width_}) /
-                          std::sqrt(static_cast<double>(head_width_));
+  const torch::Tensor q =
+      query_->forward(query).view({batch, count, heads_, head_width_}) / std::sqrt(static_cast<double>(head_width_));
 
   // (B, h, S, P + n)
   std::vector<torch::Tensor> logits;
@@ -47,49 +47,43 @@ Attended Attention::Forward(const torch::Tensor& query, const Keys& keys) {
     // expectation over the picture alone, even when some of the mass lies elsewhere
     const torch::Tensor rows = on_image.reshape({batch * heads_ * count, tokens});
     const torch::Tensor mass = rows.sum(-1, /*keepdim=*/true).clamp_min(1e-6);
-    result.pixels =
-        (torch::mm(rows, keys.image_pixels) / mass).view({batch, heads_, count, 2}).transpose(1, 2);
+    result.pixels = (torch::mm(rows, keys.image_pixels) / mass).view({batch, heads_, count, 2}).transpose(1, 2);
   }
   if (other) {
-    const torch::Tensor added = OtherValues(
-        image ? weights.narrow(-1, tokens, keys.other_key.size(2)) : weights, keys.other_value);
+    const torch::Tensor added =
+        OtherValues(image ? weights.narrow(-1, tokens, keys.other_key.size(2)) : weights, keys.other_value);
     values = values.defined() ? values + added : added;
   }
-  result.output =
-      output_->forward(values.reshape({batch, count, heads_ * head_width_}) + value_bias_);
+  result.output = output_->forward(values.reshape({batch, count, heads_ * head_width_}) + value_bias_);
   return result;
 }
 
 // q (B, S, h, dh), keys (B, P, d) -> (B, h, S, P)
 torch::Tensor Attention::ImageLogits(const torch::Tensor& q, const torch::Tensor& keys) {
   const auto batch = q.size(0), count = q.size(1), width = keys.size(2);
-  const torch::Tensor per_head =
-      q.permute({2, 0, 1, 3}).reshape({heads_, batch * count, head_width_});
+  const torch::Tensor per_head = q.permute({2, 0, 1, 3}).reshape({heads_, batch * count, head_width_});
   const torch::Tensor folded = torch::bmm(per_head, key_weight_.view({heads_, head_width_, width}))
                                    .view({heads_, batch, count, width})
                                    .transpose(0, 1)
                                    .reshape({batch, heads_ * count, width});
-  return torch::bmm(folded.to(keys.scalar_type()), keys.transpose(1, 2))
-      .view({batch, heads_, count, keys.size(1)});
+  return torch::bmm(folded.to(keys.scalar_type()), keys.transpose(1, 2)).view({batch, heads_, count, keys.size(1)});
 }
 
 // q (B, S, h, dh), keys (B, S | 1, n, d) -> (B, h, S, n)
 torch::Tensor Attention::OtherLogits(const torch::Tensor& q, const torch::Tensor& keys) {
-  const torch::Tensor k =
-      torch::nn::functional::linear(keys, key_weight_)
-          .view({keys.size(0), keys.size(1), keys.size(2), heads_, head_width_});
+  const torch::Tensor k = torch::nn::functional::linear(keys, key_weight_)
+                              .view({keys.size(0), keys.size(1), keys.size(2), heads_, head_width_});
   return (k * q.unsqueeze(2)).sum(-1).permute({0, 3, 1, 2});
 }
 
 // weights (B, h, S, P), values (B, P, d) -> (B, S, h, dh)
 torch::Tensor Attention::ImageValues(const torch::Tensor& weights, const torch::Tensor& values) {
   const auto batch = weights.size(0), count = weights.size(2), width = values.size(2);
-  const torch::Tensor sums =
-      torch::bmm(weights.reshape({batch, heads_ * count, -1}).to(values.scalar_type()), values)
-          .to(value_weight_.scalar_type())
-          .view({batch, heads_, count, width})
-          .transpose(0, 1)
-          .reshape({heads_, batch * count, width});
+  const torch::Tensor sums = torch::bmm(weights.reshape({batch, heads_ * count, -1}).to(values.scalar_type()), values)
+                                 .to(value_weight_.scalar_type())
+                                 .view({batch, heads_, count, width})
+                                 .transpose(0, 1)
+                                 .reshape({heads_, batch * count, width});
   return torch::bmm(sums, value_weight_.view({heads_, head_width_, width}).transpose(1, 2))
       .view({heads_, batch, count, head_width_})
       .permute({1, 2, 0, 3});
@@ -97,9 +91,8 @@ torch::Tensor Attention::ImageValues(const torch::Tensor& weights, const torch::
 
 // weights (B, h, S, n), values (B, S | 1, n, d) -> (B, S, h, dh)
 torch::Tensor Attention::OtherValues(const torch::Tensor& weights, const torch::Tensor& values) {
-  const torch::Tensor v =
-      torch::nn::functional::linear(values, value_weight_)
-          .view({values.size(0), values.size(1), values.size(2), heads_, head_width_});
+  const torch::Tensor v = torch::nn::functional::linear(values, value_weight_)
+                              .view({values.size(0), values.size(1), values.size(2), heads_, head_width_});
   return (v * weights.permute({0, 2, 3, 1}).unsqueeze(-1)).sum(2);
 }
 

@@ -22,21 +22,17 @@ std::string Unknown(std::string_view what, const std::string& word, const Errors
                      nearest.empty() ? "" : fmt::format(", did you mean '{}'?", nearest));
 }
 
-void CheckChoice(const std::string& key, const std::string& value, const Errors& choices,
-                 Errors& errors) {
+void CheckChoice(const std::string& key, const std::string& value, const Errors& choices, Errors& errors) {
   if (std::find(choices.begin(), choices.end(), value) == choices.end())
-    errors.push_back(
-        fmt::format("{}: '{}' is not one of {}", key, value, fmt::join(choices, ", ")));
+    errors.push_back(fmt::format("{}: '{}' is not one of {}", key, value, fmt::join(choices, ", ")));
 }
 
 void CheckRange(const std::string& key, int value, int low, int high, Errors& errors) {
-  if (value < low || value > high)
-    errors.push_back(fmt::format("{}: {} is not in [{}, {}]", key, value, low, high));
+  if (value < low || value > high) errors.push_back(fmt::format("{}: {} is not in [{}, {}]", key, value, low, high));
 }
 
 void CheckImage(const ImageConfig& image, Errors& errors) {
-  if (image.crop.size() != 4 || image.crop[2] < 8 || image.crop[3] < 8 || image.crop[2] > 4096 ||
-      image.crop[3] > 4096)
+  if (image.crop.size() != 4 || image.crop[2] < 8 || image.crop[3] < 8 || image.crop[2] > 4096 || image.crop[3] > 4096)
     errors.push_back("image.crop: needs u0, v0, width, height in px, sides in [8, 4096]");
   if (!(image.pixel_scale > 0)) errors.push_back("image.pixel_scale: must be > 0");
   CheckChoice("image.position", image.position, {"fourier", "index"}, errors);
@@ -69,8 +65,7 @@ void CheckSizes(const PolicyConfig& config, Errors& errors) {
   CheckChoice("activation", config.activation, {"silu", "selu", "relu"}, errors);
   CheckChoice("precision", config.precision, {"bf16", "float32"}, errors);
   if (config.language.encoder != "default" && !config.language.encoder.starts_with("clip:"))
-    errors.push_back(fmt::format("language.encoder: '{}' is neither default nor clip:DIR",
-                                 config.language.encoder));
+    errors.push_back(fmt::format("language.encoder: '{}' is neither default nor clip:DIR", config.language.encoder));
   CheckRange("language.buckets", config.language.buckets, 16, 1 << 24, errors);
   CheckRange("language.width", config.language.width, 1, 4096, errors);
   CheckRange("language.hidden", config.language.hidden, 1, 65536, errors);
@@ -120,9 +115,9 @@ class GraphChecker {
   }
 
   void CheckModule(const ModuleConfig& module) {
-    const bool word = !module.name.empty() &&
-                      std::all_of(module.name.begin(), module.name.end(),
-                                  [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; });
+    const bool word = !module.name.empty() && std::all_of(module.name.begin(), module.name.end(), [](unsigned char c) {
+      return std::isalnum(c) != 0 || c == '_';
+    });
     if (!word || IsReservedName(module.name))
       errors_.push_back(fmt::format("modules: '{}' is not a module's name", module.name));
     if (Earlier(module.name) != nullptr) Report(module, "name: stands twice");
@@ -165,8 +160,7 @@ class GraphChecker {
   }
 
   static bool IsLabel(const std::string& label) {
-    return std::find(data::kLabelNames.begin(), data::kLabelNames.end(), label) !=
-           data::kLabelNames.end();
+    return std::find(data::kLabelNames.begin(), data::kLabelNames.end(), label) != data::kLabelNames.end();
   }
 
   void CheckDecoder(const ModuleConfig& module) {
@@ -185,21 +179,17 @@ class GraphChecker {
     for (const std::string& input : decoder.inputs) CheckInput(module, input);
     CheckBetween(module);
     if (decoder.relative_to.empty()) return;
-    if (decoder.target != "trajectory")
-      Report(module, "decoder.relative_to: is for trajectories only");
+    if (decoder.target != "trajectory") Report(module, "decoder.relative_to: is for trajectories only");
     if (CheckEarlier(module, "decoder.relative_to", decoder.relative_to) &&
         !Decodes(*Earlier(decoder.relative_to), "position"))
-      Report(module,
-             fmt::format("decoder.relative_to: '{}' decodes no position", decoder.relative_to));
+      Report(module, fmt::format("decoder.relative_to: '{}' decodes no position", decoder.relative_to));
   }
 
   void CheckBetween(const ModuleConfig& module) {
     const auto& between = module.decoder.between;
     if (between.empty()) return;
-    if (module.decoder.target != "displacement")
-      Report(module, "decoder.between: is for displacements only");
-    if (between.size() != 2)
-      Report(module, fmt::format("decoder.between: needs two modules, not {}", between.size()));
+    if (module.decoder.target != "displacement") Report(module, "decoder.between: is for displacements only");
+    if (between.size() != 2) Report(module, fmt::format("decoder.between: needs two modules, not {}", between.size()));
     for (const std::string& name : between)
       if (CheckEarlier(module, "decoder.between", name) && !Decodes(*Earlier(name), "position"))
         Report(module, fmt::format("decoder.between: '{}' decodes no position", name));
@@ -213,32 +203,24 @@ class GraphChecker {
       Report(module, "decoder.inputs: " + Unknown("input", input.kind, kKinds));
       return;
     }
-    const bool decoded = input.kind != "register" && input.kind != "soft_argmax" &&
-                         input.kind != "joints" && input.kind != "language";
+    const bool decoded =
+        input.kind != "register" && input.kind != "soft_argmax" && input.kind != "joints" && input.kind != "language";
     const bool global = input.kind == "joints" || input.kind == "language";
-    if (input.waves && input.kind != "position" && input.kind != "displacement" &&
-        input.kind != "joints")
-      Report(module,
-             fmt::format("decoder.inputs: '{}': waves are of a position, displacement or joints",
-                         text));
+    if (input.waves && input.kind != "position" && input.kind != "displacement" && input.kind != "joints")
+      Report(module, fmt::format("decoder.inputs: '{}': waves are of a position, displacement or joints", text));
     if (decoded && input.module.empty())
-      Report(module,
-             fmt::format("decoder.inputs: '{}' must name a module, {}:MODULE", text, input.kind));
-    if (global && !input.module.empty())
-      Report(module, fmt::format("decoder.inputs: '{}' belongs to no module", text));
+      Report(module, fmt::format("decoder.inputs: '{}' must name a module, {}:MODULE", text, input.kind));
+    if (global && !input.module.empty()) Report(module, fmt::format("decoder.inputs: '{}' belongs to no module", text));
     const ModuleConfig* source = &module;
     if (!input.module.empty() && !global) {
       if (!CheckEarlier(module, "decoder.inputs", input.module)) return;
       source = Earlier(input.module);
     }
     if (decoded && !Decodes(*source, input.kind))
-      Report(module,
-             fmt::format("decoder.inputs: '{}': that module decodes no {}", text, input.kind));
+      Report(module, fmt::format("decoder.inputs: '{}': that module decodes no {}", text, input.kind));
     const Errors reads = ResolveReads(config_, *source);
-    if (input.kind == "soft_argmax" &&
-        std::find(reads.begin(), reads.end(), "image") == reads.end())
-      Report(module,
-             fmt::format("decoder.inputs: '{}': that module does not read the image", text));
+    if (input.kind == "soft_argmax" && std::find(reads.begin(), reads.end(), "image") == reads.end())
+      Report(module, fmt::format("decoder.inputs: '{}': that module does not read the image", text));
   }
 
   const PolicyConfig& config_;
@@ -249,22 +231,19 @@ class GraphChecker {
 }  // namespace
 
 bool IsReservedName(const std::string& name) {
-  return name == "image" || name == "language" || name == "joints" || name == "self" ||
-         name == "all";
+  return name == "image" || name == "language" || name == "joints" || name == "self" || name == "all";
 }
 
 std::vector<const ModuleConfig*> EvaluationOrder(const PolicyConfig& config) {
   std::vector<const ModuleConfig*> order;
   for (const ModuleConfig& module : config.modules) order.push_back(&module);
-  std::stable_sort(order.begin(), order.end(), [](const ModuleConfig* a, const ModuleConfig* b) {
-    return a->level < b->level;
-  });
+  std::stable_sort(order.begin(), order.end(),
+                   [](const ModuleConfig* a, const ModuleConfig* b) { return a->level < b->level; });
   return order;
 }
 
 std::vector<std::string> ResolveReads(const PolicyConfig& config, const ModuleConfig& module) {
-  if (std::find(module.reads.begin(), module.reads.end(), "all") == module.reads.end())
-    return module.reads;
+  if (std::find(module.reads.begin(), module.reads.end(), "all") == module.reads.end()) return module.reads;
   std::vector<std::string> reads{"image", "language", "joints"};
   for (const ModuleConfig* other : EvaluationOrder(config))
     if (other->level < module.level) reads.push_back(other->name);

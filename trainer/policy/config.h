@@ -35,10 +35,9 @@ struct ImageConfig {
   /// Region of the camera's picture that the network sees, px: u0, v0, width, height.
   std::vector<int> crop{41, 75, 144, 80};
   std::vector<ImageLayer> layers;
-  std::string position =
-      "fourier";            ///< fourier (absolute pixel coordinates) | index (the original's)
-  double pixel_mean = 60;   ///< 0..255; pixels enter as (x - mean) / scale
-  double pixel_scale = 60;  ///< > 0
+  std::string position = "fourier";  ///< fourier (absolute pixel coordinates) | index (the original's)
+  double pixel_mean = 60;            ///< 0..255; pixels enter as (x - mean) / scale
+  double pixel_scale = 60;           ///< > 0
 
   template <class V>
   void Visit(V& v) {
@@ -137,12 +136,10 @@ struct PolicyConfig {
   std::vector<int> joint_hidden{128, 128};  ///< joint encoder, then `width`
   int width = 64;                           ///< d, of every token and register
   int heads = 4;
-  std::string attention = "module";  ///< module (own parameters) | shared (the paper's, per level)
-  std::string attention_loss =
-      "log";                        ///< log (bounded gradients) | mse (the original's (sum - 1)^2)
-  std::string activation = "silu";  ///< silu | selu | relu, of decoders and joint encoder
-  std::vector<std::string> objects{"cube", "coke",  "pepsi",
-                                   "milk", "bread", "bottle"};  ///< LANG's classes
+  std::string attention = "module";    ///< module (own parameters) | shared (the paper's, per level)
+  std::string attention_loss = "log";  ///< log (bounded gradients) | mse (the original's (sum - 1)^2)
+  std::string activation = "silu";     ///< silu | selu | relu, of decoders and joint encoder
+  std::vector<std::string> objects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};  ///< LANG's classes
   std::string precision = "bf16";  ///< bf16 (autocast, convolutions) | float32
   std::vector<ModuleConfig> modules;
 

@@ -75,14 +75,11 @@ Moments AddUp(const Rows& rows, const std::vector<float>& first, const std::vect
 }
 
 /// (groups, C) mean and 1 / standard deviation of x; running statistics follow.
-std::pair<Tensor, Tensor> Statistics(const FusedNorm& norm, const Rows& rows, const Tensor& x,
-                                     Running& running) {
-  if (!norm.training)
-    return {running.mean.view({1, -1}), (running.var + norm.epsilon).rsqrt().view({1, -1})};
+std::pair<Tensor, Tensor> Statistics(const FusedNorm& norm, const Rows& rows, const Tensor& x, Running& running) {
+  if (!norm.training) return {running.mean.view({1, -1}), (running.var + norm.epsilon).rsqrt().view({1, -1})};
   // sums around a value near the mean (the first row) do not cancel
   const Tensor shift = torch::empty({rows.groups, rows.channels});
-  const Tensor by_row =
-      x.permute({0, 2, 3, 1}).reshape({rows.groups, rows.per_group, rows.channels});
+  const Tensor by_row = x.permute({0, 2, 3, 1}).reshape({rows.groups, rows.per_group, rows.channels});
   shift.copy_(by_row.select(1, 0));
   std::vector<float> sum(rows.groups * rows.tasks * rows.channels), squares(sum.size());
   const NormKernel& kernel = NormKernelFor(rows.type);
@@ -111,9 +108,9 @@ std::pair<Tensor, Tensor> Statistics(const FusedNorm& norm, const Rows& rows, co
 
 class Function : public torch::autograd::Function<Function> {
  public:
-  static Tensor forward(torch::autograd::AutogradContext* context, const Tensor& x,
-                        const Optional& maybe_weight, const Optional& maybe_bias,
-                        const Optional& maybe_residual, const FusedNorm& norm, Running running) {
+  static Tensor forward(torch::autograd::AutogradContext* context, const Tensor& x, const Optional& maybe_weight,
+                        const Optional& maybe_bias, const Optional& maybe_residual, const FusedNorm& norm,
+                        Running running) {
     const Tensor weight = maybe_weight.value_or(Tensor()), bias = maybe_bias.value_or(Tensor());
     const Tensor residual = maybe_residual.value_or(Tensor());
     const Rows rows(x, norm.per_image && norm.training);
@@ -124,10 +121,9 @@ class Function : public torch::autograd::Function<Function> {
     const Tensor y = torch::empty_like(x);
     const NormKernel& kernel = NormKernelFor(rows.type);
     rows.ForEach([&](std::int64_t group, std::int64_t, std::int64_t count, std::int64_t at) {
-      kernel.apply(
-          {.x = At(x, at), .residual = At(residual, at), .rows = count, .channels = rows.channels},
-          scale.data_ptr<float>() + group * rows.channels,
-          offset.data_ptr<float>() + group * rows.channels, MutableAt(y, at));
+      kernel.apply({.x = At(x, at), .residual = At(residual, at), .rows = count, .channels = rows.channels},
+                   scale.data_ptr<float>() + group * rows.channels, offset.data_ptr<float>() + group * rows.channels,
+                   MutableAt(y, at));
     });
     context->save_for_backward({x, y, mean, inverse, weight});
     context->saved_data["training"] = norm.training;
@@ -139,8 +135,7 @@ class Function : public torch::autograd::Function<Function> {
   static torch::autograd::variable_list backward(torch::autograd::AutogradContext* context,
                                                  torch::autograd::variable_list grads) {
     const auto saved = context->get_saved_variables();
-    const Tensor &x = saved[0], &y = saved[1], &mean = saved[2], &inverse = saved[3],
-                 &weight = saved[4];
+    const Tensor &x = saved[0], &y = saved[1], &mean = saved[2], &inverse = saved[3], &weight = saved[4];
     const Tensor grad = grads[0].to(x.scalar_type()).contiguous(kChannelsLast);
     const Rows rows(x, context->saved_data["per_image"].toBool());
     const auto [sum, product] = GradSums(rows, x, y, grad, mean, inverse);
@@ -150,22 +145,15 @@ class Function : public torch::autograd::Function<Function> {
     const bool training = context->saved_data["training"].toBool();
     const auto count = static_cast<double>(rows.per_group);
     const Tensor of_x = training ? -scale * inverse * product / count : torch::zeros_like(scale);
-    const Tensor constant =
-        training ? -scale * sum / count - of_x * mean : torch::zeros_like(scale);
+    const Tensor constant = training ? -scale * sum / count - of_x * mean : torch::zeros_like(scale);
     const Tensor dx = torch::empty_like(x);
-    const Tensor residual_grad =
-        context->saved_data["residual"].toBool() ? torch::empty_like(x) : Tensor();
+    const Tensor residual_grad = context->saved_data["residual"].toBool() ? torch::empty_like(x) : Tensor();
     const NormKernel& kernel = NormKernelFor(rows.type);
     rows.ForEach([&](std::int64_t group, std::int64_t, std::int64_t n, std::int64_t at) {
       const std::int64_t c = group * rows.channels;
-      kernel.grad_apply({.x = At(x, at),
-                         .y = At(y, at),
-                         .grad = At(grad, at),
-                         .rows = n,
-                         .channels = rows.channels},
-                        scale.data_ptr<float>() + c, of_x.data_ptr<float>() + c,
-                        constant.data_ptr<float>() + c, MutableAt(dx, at),
-                        MutableAt(residual_grad, at));
+      kernel.grad_apply({.x = At(x, at), .y = At(y, at), .grad = At(grad, at), .rows = n, .channels = rows.channels},
+                        scale.data_ptr<float>() + c, of_x.data_ptr<float>() + c, constant.data_ptr<float>() + c,
+                        MutableAt(dx, at), MutableAt(residual_grad, at));
     });
     return {dx,
             weight.defined() ? product.sum(0) : Tensor(),
@@ -177,27 +165,20 @@ class Function : public torch::autograd::Function<Function> {
 
  private:
   /// (groups, C) sums of g and of g xhat.
-  static std::pair<Tensor, Tensor> GradSums(const Rows& rows, const Tensor& x, const Tensor& y,
-                                            const Tensor& grad, const Tensor& mean,
-                                            const Tensor& inverse) {
+  static std::pair<Tensor, Tensor> GradSums(const Rows& rows, const Tensor& x, const Tensor& y, const Tensor& grad,
+                                            const Tensor& mean, const Tensor& inverse) {
     const Tensor scale = inverse.contiguous(), offset = (-mean * inverse).contiguous();
     std::vector<float> sum(rows.groups * rows.tasks * rows.channels), product(sum.size());
     const NormKernel& kernel = NormKernelFor(rows.type);
     rows.ForEach([&](std::int64_t group, std::int64_t i, std::int64_t n, std::int64_t at) {
       const std::int64_t c = group * rows.channels;
-      kernel.grad_sums({.x = At(x, at),
-                        .y = At(y, at),
-                        .grad = At(grad, at),
-                        .rows = n,
-                        .channels = rows.channels},
-                       scale.data_ptr<float>() + c, offset.data_ptr<float>() + c,
-                       sum.data() + i * rows.channels, product.data() + i * rows.channels);
+      kernel.grad_sums({.x = At(x, at), .y = At(y, at), .grad = At(grad, at), .rows = n, .channels = rows.channels},
+                       scale.data_ptr<float>() + c, offset.data_ptr<float>() + c, sum.data() + i * rows.channels,
+                       product.data() + i * rows.channels);
     });
     const Moments moments = AddUp(rows, sum, product);
     const auto to_tensor = [&](const std::vector<double>& values) {
-      return torch::tensor(values, torch::kFloat64)
-          .to(torch::kFloat32)
-          .view({rows.groups, rows.channels});
+      return torch::tensor(values, torch::kFloat64).to(torch::kFloat32).view({rows.groups, rows.channels});
     };
     return {to_tensor(moments.first), to_tensor(moments.second)};
   }
@@ -207,19 +188,14 @@ class Function : public torch::autograd::Function<Function> {
 
 bool CanFuseNormRelu(const torch::Tensor& x) {
   return x.device().is_cpu() && x.dim() == 4 && x.size(1) % 16 == 0 && x.numel() > 0 &&
-         x.is_contiguous(kChannelsLast) &&
-         (x.scalar_type() == torch::kFloat32 || x.scalar_type() == torch::kBFloat16);
+         x.is_contiguous(kChannelsLast) && (x.scalar_type() == torch::kFloat32 || x.scalar_type() == torch::kBFloat16);
 }
 
-torch::Tensor FusedNormRelu(const FusedNorm& norm, const torch::Tensor& x,
-                            const torch::Tensor& weight, const torch::Tensor& bias,
-                            torch::Tensor running_mean, torch::Tensor running_var,
+torch::Tensor FusedNormRelu(const FusedNorm& norm, const torch::Tensor& x, const torch::Tensor& weight,
+                            const torch::Tensor& bias, torch::Tensor running_mean, torch::Tensor running_var,
                             const torch::Tensor& residual) {
-  const Tensor like_x =
-      residual.defined() ? residual.to(x.scalar_type()).contiguous(kChannelsLast) : residual;
-  const auto optional = [](const Tensor& tensor) {
-    return tensor.defined() ? Optional(tensor) : c10::nullopt;
-  };
+  const Tensor like_x = residual.defined() ? residual.to(x.scalar_type()).contiguous(kChannelsLast) : residual;
+  const auto optional = [](const Tensor& tensor) { return tensor.defined() ? Optional(tensor) : c10::nullopt; };
   return Function::apply(x, optional(weight), optional(bias), optional(like_x), norm,
                          Running{running_mean, running_var});
 }

@@ -21,9 +21,8 @@ bool CanFuseNormRelu(const torch::Tensor& x);
 /// @param weight, bias  (C) float32 or undefined (1 and 0)
 /// @param running_mean, running_var  (C) float32 or undefined; updated when training
 /// @param residual  as x, or undefined
-torch::Tensor FusedNormRelu(const FusedNorm& norm, const torch::Tensor& x,
-                            const torch::Tensor& weight, const torch::Tensor& bias,
-                            torch::Tensor running_mean, torch::Tensor running_var,
+torch::Tensor FusedNormRelu(const FusedNorm& norm, const torch::Tensor& x, const torch::Tensor& weight,
+                            const torch::Tensor& bias, torch::Tensor running_mean, torch::Tensor running_var,
                             const torch::Tensor& residual);
 
 }  // namespace etude::policy

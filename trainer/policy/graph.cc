@@ -27,8 +27,7 @@ Tensor Waves(const Tensor& x) {
 
 Tensor Position(const ModuleOutput& output) {
   const auto pose = output.decoded.find("pose");
-  return pose != output.decoded.end() ? pose->second.narrow(-1, 0, 3)
-                                      : output.decoded.at("position");
+  return pose != output.decoded.end() ? pose->second.narrow(-1, 0, 3) : output.decoded.at("position");
 }
 
 bool Reads(const Wiring& wiring, const std::string& key) {
@@ -53,9 +52,7 @@ struct GraphModule::Context {
   std::int64_t batch, sentences;
 
   /// (B, S | 1, ...) as this evaluation needs it: the first sentence only when it works for one.
-  Tensor Take(const Tensor& x) const {
-    return x.size(1) > sentences ? x.narrow(1, 0, sentences) : x;
-  }
+  Tensor Take(const Tensor& x) const { return x.size(1) > sentences ? x.narrow(1, 0, sentences) : x; }
   Tensor Expand(const Tensor& x) const {
     const Tensor taken = Take(x);
     if (taken.size(1) == sentences) return taken;
@@ -81,12 +78,9 @@ GraphModule::GraphModule(const PolicyConfig& policy, const ModuleConfig& config,
   if (own) {
     attention_ = register_module("attention", std::make_shared<Attention>(width_, heads_));
     norm_ = register_module("norm", std::make_shared<LayerNorm>(width_));
-    if (others > 0)
-      segments_ = register_parameter("segments", 0.1 * torch::randn({others, width_}));
+    if (others > 0) segments_ = register_parameter("segments", 0.1 * torch::randn({others, width_}));
   } else if (config_.query.empty()) {
-    const auto head = [&] {
-      return std::make_shared<TokenHead>(width_, width_, policy.activation);
-    };
+    const auto head = [&] { return std::make_shared<TokenHead>(width_, width_, policy.activation); };
     query_head_ = register_module("query_head", head());
     if (Reads(wiring_, "self")) {
       key_head_ = register_module("key_head", head());
@@ -103,28 +97,24 @@ void GraphModule::MakeDecoder(const PolicyConfig& policy) {
     features += FeatureWidth(inputs_.back());
   }
   const std::string kind = DecodeKind(config_.decoder.target);
-  decoder_ = register_module(
-      "decoder", std::make_shared<Mlp>(features, config_.decoder.hidden,
-                                       DecodedWidth(kind, objects_), policy.activation));
+  decoder_ = register_module("decoder", std::make_shared<Mlp>(features, config_.decoder.hidden,
+                                                              DecodedWidth(kind, objects_), policy.activation));
   // a pixel starts at the soft-argmax itself, a displacement at the difference of two positions
-  if ((kind == "pixel" && Reads(wiring_, "image")) || !config_.decoder.between.empty())
-    decoder_->ScaleOutput(0);
+  if ((kind == "pixel" && Reads(wiring_, "image")) || !config_.decoder.between.empty()) decoder_->ScaleOutput(0);
 }
 
 int GraphModule::FeatureWidth(const DecoderInput& input) const {
   if (input.waves && input.kind != "joints") return 3 * 2 * kWaves;
   if (input.kind == "register" || input.kind == "language") return width_;
   if (input.kind == "soft_argmax") return 2 * heads_ + 2;
-  if (input.kind == "joints")
-    return static_cast<int>(normalization_.joint_mean.size(0)) * (input.waves ? 2 : 1);
+  if (input.kind == "joints") return static_cast<int>(normalization_.joint_mean.size(0)) * (input.waves ? 2 : 1);
   return DecodedWidth(input.kind, objects_);
 }
 
 ModuleOutput GraphModule::Forward(const Tokens& tokens, const std::vector<ModuleOutput>& earlier,
                                   const SharedAttention* shared) {
   const bool one = !wiring_.depends_on_sentence || (wiring_.first_sentence_only && is_training());
-  const Context context{tokens, earlier, shared, tokens.joint_values.size(0),
-                        one ? 1 : tokens.sentence.size(1)};
+  const Context context{tokens, earlier, shared, tokens.joint_values.size(0), one ? 1 : tokens.sentence.size(1)};
   Attention& attention = shared != nullptr ? *shared->levels.at(config_.level) : *attention_;
   const Attended attended = attention.Forward(Query(context), CollectKeys(context));
 
@@ -141,9 +131,8 @@ ModuleOutput GraphModule::Forward(const Tokens& tokens, const std::vector<Module
 
 Tensor GraphModule::Query(const Context& context) {
   if (config_.query.empty()) {
-    const Tensor own = query_head_ != nullptr
-                           ? query_head_->Forward(register_) + context.shared->segments[segment_]
-                           : register_;
+    const Tensor own =
+        query_head_ != nullptr ? query_head_->Forward(register_) + context.shared->segments[segment_] : register_;
     return own.expand({context.batch, context.sentences, width_});
   }
   const Tensor& other = context.earlier[wiring_.index.at(config_.query)].reg;
@@ -203,8 +192,7 @@ Keys GraphModule::CollectKeys(const Context& context) {
   return keys;
 }
 
-Tensor GraphModule::Feature(const DecoderInput& input, const Context& context,
-                            const ModuleOutput& own) const {
+Tensor GraphModule::Feature(const DecoderInput& input, const Context& context, const ModuleOutput& own) const {
   if (input.kind == "joints") {
     const Tensor& x = context.tokens.joint_values;
     if (!input.waves) return x;
@@ -212,8 +200,7 @@ Tensor GraphModule::Feature(const DecoderInput& input, const Context& context,
     return torch::cat({torch::sin(angle), torch::cos(angle)}, -1);
   }
   if (input.kind == "language") return context.tokens.sentence;
-  const ModuleOutput& source =
-      input.module.empty() ? own : context.earlier[wiring_.index.at(input.module)];
+  const ModuleOutput& source = input.module.empty() ? own : context.earlier[wiring_.index.at(input.module)];
   const auto pass = [&](const Tensor& x, bool detach) { return detach ? x.detach() : x; };
   const bool foreign = !input.module.empty();
   if (input.kind == "register") return pass(source.reg, foreign && config_.detach);
@@ -235,21 +222,16 @@ Tensor GraphModule::Feature(const DecoderInput& input, const Context& context,
 
 void GraphModule::Decode(const Context& context, ModuleOutput& output) {
   std::vector<Tensor> features;
-  for (const DecoderInput& input : inputs_)
-    features.push_back(context.Expand(Feature(input, context, output)));
-  const Tensor raw =
-      decoder_->Forward(features.size() == 1 ? features[0] : torch::cat(features, -1));
+  for (const DecoderInput& input : inputs_) features.push_back(context.Expand(Feature(input, context, output)));
+  const Tensor raw = decoder_->Forward(features.size() == 1 ? features[0] : torch::cat(features, -1));
 
   const std::string kind = DecodeKind(config_.decoder.target);
-  const auto place = [&](const Tensor& x) {
-    return normalization_.position_mean + normalization_.position_std * x;
-  };
+  const auto place = [&](const Tensor& x) { return normalization_.position_mean + normalization_.position_std * x; };
   if (kind == "class") {
     output.decoded["class"] = raw;
   } else if (kind == "pixel") {
-    output.decoded["pixel"] = output.soft_argmax.defined()
-                                  ? output.soft_argmax + 2.0 * stride_ * raw
-                                  : kPixelScale * (1 + raw);
+    output.decoded["pixel"] =
+        output.soft_argmax.defined() ? output.soft_argmax + 2.0 * stride_ * raw : kPixelScale * (1 + raw);
   } else if (kind == "position") {
     output.decoded["position"] = place(raw);
   } else if (kind == "pose") {
@@ -261,8 +243,7 @@ void GraphModule::Decode(const Context& context, ModuleOutput& output) {
         const Tensor p = Position(context.earlier[wiring_.index.at(module)]);
         return context.Expand(config_.decoder.detach || config_.detach ? p.detach() : p);
       };
-      displacement = displacement + position(config_.decoder.between[1]) -
-                     position(config_.decoder.between[0]);
+      displacement = displacement + position(config_.decoder.between[1]) - position(config_.decoder.between[0]);
     }
     output.decoded["displacement"] = displacement;
   } else {
@@ -270,8 +251,7 @@ void GraphModule::Decode(const Context& context, ModuleOutput& output) {
   }
 }
 
-void GraphModule::DecodeTrajectory(const Context& context, const Tensor& raw,
-                                   ModuleOutput& output) const {
+void GraphModule::DecodeTrajectory(const Context& context, const Tensor& raw, ModuleOutput& output) const {
   const Tensor points = raw.view({context.batch, context.sentences, kWaypoints, kWaypointSize});
   Tensor xyz = points.narrow(-1, 0, 3);
   if (config_.decoder.relative_to.empty()) {
@@ -283,8 +263,8 @@ void GraphModule::DecodeTrajectory(const Context& context, const Tensor& raw,
   }
   output.waypoint_scale = normalization_.offset_std.mean(-1);
   output.gripper_logits = points.select(-1, kWaypointSize - 1);
-  output.decoded["trajectory"] = torch::cat(
-      {xyz, points.narrow(-1, 3, 6), torch::sigmoid(output.gripper_logits).unsqueeze(-1)}, -1);
+  output.decoded["trajectory"] =
+      torch::cat({xyz, points.narrow(-1, 3, 6), torch::sigmoid(output.gripper_logits).unsqueeze(-1)}, -1);
 }
 
 }  // namespace etude::policy

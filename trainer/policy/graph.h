@@ -52,11 +52,10 @@ struct SharedAttention {
 class GraphModule : public torch::nn::Module {
  public:
   /// @param segment  row of the shared segment table for its own register
-  GraphModule(const PolicyConfig& policy, const ModuleConfig& config, Wiring wiring,
-              const Normalization& normalization, const TokenGrid& grid, int segment);
+  GraphModule(const PolicyConfig& policy, const ModuleConfig& config, Wiring wiring, const Normalization& normalization,
+              const TokenGrid& grid, int segment);
 
-  ModuleOutput Forward(const Tokens& tokens, const std::vector<ModuleOutput>& earlier,
-                       const SharedAttention* shared);
+  ModuleOutput Forward(const Tokens& tokens, const std::vector<ModuleOutput>& earlier, const SharedAttention* shared);
   const ModuleConfig& config() const { return config_; }
   const Wiring& wiring() const { return wiring_; }
 
@@ -67,11 +66,9 @@ class GraphModule : public torch::nn::Module {
   torch::Tensor Query(const Context& context);
   Keys CollectKeys(const Context& context);
   Token OwnToken(const Context& context, bool as_key);
-  torch::Tensor Feature(const DecoderInput& input, const Context& context,
-                        const ModuleOutput& own) const;
+  torch::Tensor Feature(const DecoderInput& input, const Context& context, const ModuleOutput& own) const;
   void Decode(const Context& context, ModuleOutput& output);
-  void DecodeTrajectory(const Context& context, const torch::Tensor& raw,
-                        ModuleOutput& output) const;
+  void DecodeTrajectory(const Context& context, const torch::Tensor& raw, ModuleOutput& output) const;
 
   ModuleConfig config_;
   Wiring wiring_;

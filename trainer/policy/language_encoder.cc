@@ -3,15 +3,14 @@
 
 namespace etude::policy {
 
-LanguageEncoder::LanguageEncoder(const LanguageConfig& config, int width,
-                                 const std::string& activation, Output output) {
+LanguageEncoder::LanguageEncoder(const LanguageConfig& config, int width, const std::string& activation,
+                                 Output output) {
   tokenizer_.buckets = config.buckets;
   // as many features share a word, single vectors are large so that their mean is not small
   vectors_ = register_parameter("vectors", torch::randn({config.buckets, config.width}));
-  mlp_ = register_module("mlp", std::make_shared<Mlp>(config.width, std::vector<int>{config.hidden},
-                                                      width, activation));
-  if (output == Output::kNormalised)
-    norm_ = register_module("norm", std::make_shared<LayerNorm>(width));
+  mlp_ =
+      register_module("mlp", std::make_shared<Mlp>(config.width, std::vector<int>{config.hidden}, width, activation));
+  if (output == Output::kNormalised) norm_ = register_module("norm", std::make_shared<LayerNorm>(width));
 }
 
 torch::Tensor LanguageEncoder::Forward(const std::vector<std::string>& sentences) {
@@ -23,16 +22,14 @@ torch::Tensor LanguageEncoder::Forward(const std::vector<std::string>& sentences
     const auto words = language::Tokenize(sentence, tokenizer_);
     for (const auto& word : words) {
       ids.insert(ids.end(), word.begin(), word.end());
-      weights.insert(weights.end(), word.size(),
-                     1.0F / static_cast<float>(word.size() * words.size()));
+      weights.insert(weights.end(), word.size(), 1.0F / static_cast<float>(word.size() * words.size()));
     }
   }
   const auto device = vectors_.device();
-  const auto sums =
-      torch::embedding_bag(vectors_, torch::tensor(ids, torch::kInt64).to(device),
-                           torch::tensor(offsets, torch::kInt64).to(device),
-                           /*scale_grad_by_freq=*/false, /*mode=*/0, /*sparse=*/false,
-                           torch::tensor(weights, torch::kFloat32).to(vectors_.options()));
+  const auto sums = torch::embedding_bag(vectors_, torch::tensor(ids, torch::kInt64).to(device),
+                                         torch::tensor(offsets, torch::kInt64).to(device),
+                                         /*scale_grad_by_freq=*/false, /*mode=*/0, /*sparse=*/false,
+                                         torch::tensor(weights, torch::kFloat32).to(vectors_.options()));
   const torch::Tensor tokens = mlp_->Forward(std::get<0>(sums));
   return norm_ != nullptr ? norm_->Forward(tokens) : tokens;
 }

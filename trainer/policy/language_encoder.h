@@ -18,8 +18,7 @@ namespace etude::policy {
 class LanguageEncoder : public torch::nn::Module {
  public:
   enum class Output { kNormalised, kLinear };
-  LanguageEncoder(const LanguageConfig& config, int width, const std::string& activation,
-                  Output output);
+  LanguageEncoder(const LanguageConfig& config, int width, const std::string& activation, Output output);
   /// @returns (D, d), one row a sentence
   torch::Tensor Forward(const std::vector<std::string>& sentences);
 

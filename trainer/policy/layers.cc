@@ -23,8 +23,7 @@ torch::Tensor LayerNorm::Forward(const torch::Tensor& x) {
   return torch::layer_norm(x.to(weight_.scalar_type()), weight_.sizes(), weight_, bias_);
 }
 
-Mlp::Mlp(int inputs, const std::vector<int>& hidden, int outputs, std::string activation,
-         Output output)
+Mlp::Mlp(int inputs, const std::vector<int>& hidden, int outputs, std::string activation, Output output)
     : activation_(std::move(activation)), output_(output) {
   int width = inputs;
   for (std::size_t i = 0; i <= hidden.size(); ++i) {
@@ -79,8 +78,8 @@ torch::Tensor NormRelu::Forward(const torch::Tensor& x, const torch::Tensor& res
   }
   torch::Tensor y = x;
   if (kind_ == Kind::kBatch)
-    y = torch::batch_norm(x, weight_, bias_, running_mean_, running_var_, is_training(), kMomentum,
-                          kEpsilon, /*cudnn_enabled=*/true);
+    y = torch::batch_norm(x, weight_, bias_, running_mean_, running_var_, is_training(), kMomentum, kEpsilon,
+                          /*cudnn_enabled=*/true);
   if (kind_ == Kind::kInstance)
     y = torch::instance_norm(x, {}, {}, {}, {}, /*use_input_stats=*/true, kMomentum, kEpsilon,
                              /*cudnn_enabled=*/true);

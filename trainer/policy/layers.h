@@ -28,8 +28,7 @@ class LayerNorm : public torch::nn::Module {
 class Mlp : public torch::nn::Module {
  public:
   enum class Output { kLinear, kActivated };
-  Mlp(int inputs, const std::vector<int>& hidden, int outputs, std::string activation,
-      Output output = Output::kLinear);
+  Mlp(int inputs, const std::vector<int>& hidden, int outputs, std::string activation, Output output = Output::kLinear);
   torch::Tensor Forward(torch::Tensor x);
   /// Scales the initial weights of the last layer; 0 makes a head that starts at its bias.
   void ScaleOutput(double factor);
@@ -62,7 +61,7 @@ class NormRelu : public torch::nn::Module {
 
  private:
   Kind kind_;
-  torch::Tensor weight_, bias_;  ///< (C), batch only (the original's instance norm has none)
+  torch::Tensor weight_, bias_;               ///< (C), batch only (the original's instance norm has none)
   torch::Tensor running_mean_, running_var_;  ///< (C), batch only
 };
 

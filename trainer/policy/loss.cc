@@ -12,8 +12,8 @@ namespace {
 
 using torch::Tensor;
 
-constexpr double kPatchSigma = 0.6;  // patches
-constexpr double kTiny = 1e-8;       // below it a logarithm's gradient is bounded
+constexpr double kPatchSigma = 0.6;                            // patches
+constexpr double kTiny = 1e-8;                                 // below it a logarithm's gradient is bounded
 constexpr double kPixelWeight = 10, kPixelBeta = 0.01;         // of pixels / kPixelScale
 constexpr double kPositionWeight = 20, kPositionBeta = 0.003;  // m
 constexpr double kWaypointWeight = 2,
@@ -34,8 +34,8 @@ Label Find(const Labels& labels, const std::string& name) {
   if (value == labels.end()) return {};
   const auto valid = labels.find(name + ".valid");
   if (valid != labels.end()) return {value->second, valid->second};
-  return {value->second, torch::ones({value->second.size(0), value->second.size(1)},
-                                     value->second.options().dtype(torch::kBool))};
+  return {value->second,
+          torch::ones({value->second.size(0), value->second.size(1)}, value->second.options().dtype(torch::kBool))};
 }
 
 /// What is not valid may be anything, NaN too: it becomes 0 before it meets a gradient.
@@ -54,32 +54,27 @@ Tensor InCrop(const Tensor& pixel, const Tensor& crop_origin, const TokenGrid& g
 
 /// (B, S, P) 1 on the patch under each pixel (the nearest, outside).
 Tensor NearestPatch(const Tensor& pixel, const Tensor& crop_origin, const TokenGrid& grid) {
-  const Tensor at =
-      torch::floor((pixel - crop_origin.unsqueeze(1)) / grid.stride).to(torch::kInt64);
+  const Tensor at = torch::floor((pixel - crop_origin.unsqueeze(1)) / grid.stride).to(torch::kInt64);
   const Tensor column = at.select(-1, 0).clamp(0, grid.columns - 1);
   const Tensor row = at.select(-1, 1).clamp(0, grid.rows - 1);
-  return torch::one_hot(row * grid.columns + column, grid.rows * grid.columns)
-      .to(pixel.scalar_type());
+  return torch::one_hot(row * grid.columns + column, grid.rows * grid.columns).to(pixel.scalar_type());
 }
 
 Tensor ClassLoss(const ModuleOutput& output, const Label& label) {
   const Tensor& logits = output.decoded.at("class");
   const auto sentences = std::max(logits.size(1), label.value.size(1));
-  const Tensor log_p =
-      torch::log_softmax(logits, -1).expand({logits.size(0), sentences, logits.size(2)});
-  const Tensor index = torch::where(label.valid, label.value, torch::zeros_like(label.value))
-                           .expand({logits.size(0), sentences});
+  const Tensor log_p = torch::log_softmax(logits, -1).expand({logits.size(0), sentences, logits.size(2)});
+  const Tensor index =
+      torch::where(label.valid, label.value, torch::zeros_like(label.value)).expand({logits.size(0), sentences});
   return Masked{-log_p.gather(-1, index.unsqueeze(-1)).squeeze(-1), label.valid}.Mean();
 }
 
 /// Position (3), then sines and cosines (6) when there are.
 Tensor PoseLoss(const Tensor& value, const Label& label) {
   const Tensor clean = Clean(label);
-  Tensor loss = kPositionWeight *
-                SmoothL1(value.narrow(-1, 0, 3), clean.narrow(-1, 0, 3), kPositionBeta).mean(-1);
+  Tensor loss = kPositionWeight * SmoothL1(value.narrow(-1, 0, 3), clean.narrow(-1, 0, 3), kPositionBeta).mean(-1);
   if (value.size(-1) > 3)
-    loss = loss + kAngleWeight *
-                      SmoothL1(value.narrow(-1, 3, 6), clean.narrow(-1, 3, 6), kAngleBeta).mean(-1);
+    loss = loss + kAngleWeight * SmoothL1(value.narrow(-1, 3, 6), clean.narrow(-1, 3, 6), kAngleBeta).mean(-1);
   return Masked{loss, label.valid}.Mean();
 }
 
@@ -88,18 +83,15 @@ Tensor TrajectoryLoss(const ModuleOutput& output, const Label& label) {
   const Tensor value = output.decoded.at("trajectory").narrow(1, 0, 1);
   const Tensor logits = output.gripper_logits.narrow(1, 0, 1);
   Label points = label;
-  if (points.valid.dim() == 2)
-    points.valid = points.valid.unsqueeze(-1).expand(points.value.sizes().slice(0, 3));
+  if (points.valid.dim() == 2) points.valid = points.valid.unsqueeze(-1).expand(points.value.sizes().slice(0, 3));
   const Tensor clean = Clean(points);
   const Tensor scale = output.waypoint_scale.unsqueeze(-1);
   const Tensor loss =
       kWaypointWeight *
-          SmoothL1(value.narrow(-1, 0, 3) / scale, clean.narrow(-1, 0, 3) / scale, kWaypointBeta)
-              .mean(-1) +
+          SmoothL1(value.narrow(-1, 0, 3) / scale, clean.narrow(-1, 0, 3) / scale, kWaypointBeta).mean(-1) +
       kAngleWeight * SmoothL1(value.narrow(-1, 3, 6), clean.narrow(-1, 3, 6), kAngleBeta).mean(-1) +
-      kGripperWeight * torch::binary_cross_entropy_with_logits(logits,
-                                                               clean.select(-1, kWaypointSize - 1),
-                                                               {}, {}, torch::Reduction::None);
+      kGripperWeight * torch::binary_cross_entropy_with_logits(logits, clean.select(-1, kWaypointSize - 1), {}, {},
+                                                               torch::Reduction::None);
   return Masked{loss, points.valid}.Mean();
 }
 
@@ -121,9 +113,9 @@ Tensor PatchTarget(const Tensor& pixel, const Tensor& crop_origin, const TokenGr
   return (along(1, grid.rows).unsqueeze(-1) * along(0, grid.columns).unsqueeze(-2)).flatten(2);
 }
 
-Masked AttentionLoss(const ModuleConfig& module, const std::string& form,
-                     const std::vector<std::string>& keys, const ModuleOutput& output,
-                     const Labels& labels, const Tensor& crop_origin, const TokenGrid& grid) {
+Masked AttentionLoss(const ModuleConfig& module, const std::string& form, const std::vector<std::string>& keys,
+                     const ModuleOutput& output, const Labels& labels, const Tensor& crop_origin,
+                     const TokenGrid& grid) {
   const Tensor& map = output.attention;
   const auto tokens = grid.rows * grid.columns;
   const bool image = !keys.empty() && keys[0] == "image";
@@ -160,9 +152,8 @@ Tensor DecodeLoss(const ModuleConfig& module, const ModuleOutput& output, const 
   const Tensor& value = output.decoded.at(kind);
   if (kind != "pixel") return PoseLoss(value, label);
   const Tensor pixel = Clean(label);
-  return Masked{
-      kPixelWeight * SmoothL1(value / kPixelScale, pixel / kPixelScale, kPixelBeta).mean(-1),
-      label.valid & InCrop(pixel, crop_origin, grid)}
+  return Masked{kPixelWeight * SmoothL1(value / kPixelScale, pixel / kPixelScale, kPixelBeta).mean(-1),
+                label.valid & InCrop(pixel, crop_origin, grid)}
       .Mean();
 }
 

@@ -25,11 +25,10 @@ struct NormKernel {
   void (*apply)(const NormRows&, const float* scale, const float* offset, void* y);
   /// With g = grad where y > 0: sum[c] = sum of g, product[c] = sum of g * (x * scale[c] +
   /// offset[c]).
-  void (*grad_sums)(const NormRows&, const float* scale, const float* offset, float* sum,
-                    float* product);
+  void (*grad_sums)(const NormRows&, const float* scale, const float* offset, float* sum, float* product);
   /// dx = g * of_g[c] + x * of_x[c] + constant[c]; g itself goes to `residual_grad` unless null.
-  void (*grad_apply)(const NormRows&, const float* of_g, const float* of_x, const float* constant,
-                     void* dx, void* residual_grad);
+  void (*grad_apply)(const NormRows&, const float* of_g, const float* of_x, const float* constant, void* dx,
+                     void* residual_grad);
 };
 
 enum class NormType { kFloat32, kBfloat16 };

@@ -38,14 +38,11 @@ class SeededScope {
 Status CheckNormalization(const Normalization& n) {
   std::vector<std::string> errors;
   const auto check = [&](const char* name, const Tensor& tensor, std::int64_t size) {
-    if (!tensor.defined() || tensor.dim() != 1 || (size >= 0 && tensor.size(0) != size) ||
-        tensor.size(0) == 0)
-      errors.push_back(
-          fmt::format("{} must be a vector{}", name, size > 0 ? fmt::format(" of {}", size) : ""));
+    if (!tensor.defined() || tensor.dim() != 1 || (size >= 0 && tensor.size(0) != size) || tensor.size(0) == 0)
+      errors.push_back(fmt::format("{} must be a vector{}", name, size > 0 ? fmt::format(" of {}", size) : ""));
   };
   check("joint_mean", n.joint_mean, -1);
-  check("joint_std", n.joint_std,
-        n.joint_mean.defined() && n.joint_mean.dim() == 1 ? n.joint_mean.size(0) : -1);
+  check("joint_std", n.joint_std, n.joint_mean.defined() && n.joint_mean.dim() == 1 ? n.joint_mean.size(0) : -1);
   check("position_mean", n.position_mean, 3);
   check("position_std", n.position_std, 3);
   check("displacement_std", n.displacement_std, 3);
@@ -56,19 +53,16 @@ Status CheckNormalization(const Normalization& n) {
 }
 
 /// Whether each module, by name, depends on the sentence through what it reads.
-bool DependsOnSentence(const ModuleConfig& module, const Wiring& wiring,
-                       const std::set<std::string>& dependent) {
+bool DependsOnSentence(const ModuleConfig& module, const Wiring& wiring, const std::set<std::string>& dependent) {
   for (const std::string& key : wiring.reads)
     if (key == "language" || dependent.contains(key)) return true;
-  if (dependent.contains(module.query) || dependent.contains(module.decoder.relative_to))
-    return true;
+  if (dependent.contains(module.query) || dependent.contains(module.decoder.relative_to)) return true;
   for (const std::string& name : module.decoder.between)
     if (dependent.contains(name)) return true;
-  return std::any_of(module.decoder.inputs.begin(), module.decoder.inputs.end(),
-                     [&](const std::string& text) {
-                       const DecoderInput input = ParseDecoderInput(text);
-                       return input.kind == "language" || dependent.contains(input.module);
-                     });
+  return std::any_of(module.decoder.inputs.begin(), module.decoder.inputs.end(), [&](const std::string& text) {
+    const DecoderInput input = ParseDecoderInput(text);
+    return input.kind == "language" || dependent.contains(input.module);
+  });
 }
 
 /// Names of modules that some other module uses.
@@ -76,8 +70,7 @@ std::set<std::string> UsedModules(const PolicyConfig& config) {
   std::set<std::string> used;
   for (const ModuleConfig& module : config.modules) {
     for (const std::string& key : ResolveReads(config, module)) used.insert(key);
-    for (const std::string& input : module.decoder.inputs)
-      used.insert(ParseDecoderInput(input).module);
+    for (const std::string& input : module.decoder.inputs) used.insert(ParseDecoderInput(input).module);
     used.insert(module.query);
     used.insert(module.decoder.relative_to);
     used.insert(module.decoder.between.begin(), module.decoder.between.end());
@@ -102,9 +95,8 @@ struct Policy::Impl {
   std::shared_ptr<ImageEncoder> image;
   std::shared_ptr<LanguageEncoder> language;
   std::shared_ptr<Mlp> joints;
-  std::shared_ptr<LayerNorm> joints_norm;  ///< own attention only
-  std::map<std::string, std::shared_ptr<TokenHead>>
-      heads;  ///< shared attention only: image_key, ...
+  std::shared_ptr<LayerNorm> joints_norm;                   ///< own attention only
+  std::map<std::string, std::shared_ptr<TokenHead>> heads;  ///< shared attention only: image_key, ...
   SharedAttention shared;
   std::vector<std::shared_ptr<GraphModule>> modules;  ///< in the order of evaluation
 
@@ -117,8 +109,7 @@ Policy::Policy(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {
   Impl& p = *impl_;
   const PolicyConfig& config = p.config;
   const auto own = [&](const char* name, Tensor& tensor) {
-    tensor = register_buffer(fmt::format("normalization_{}", name),
-                             tensor.detach().clone().to(torch::kFloat32));
+    tensor = register_buffer(fmt::format("normalization_{}", name), tensor.detach().clone().to(torch::kFloat32));
   };
   own("joint_mean", p.normalization.joint_mean);
   own("joint_std", p.normalization.joint_std);
@@ -127,24 +118,20 @@ Policy::Policy(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {
   own("displacement_std", p.normalization.displacement_std);
   own("offset_std", p.normalization.offset_std);
 
-  p.image = register_module(
-      "image", std::make_shared<ImageEncoder>(config.image, config.width, config.precision));
+  p.image = register_module("image", std::make_shared<ImageEncoder>(config.image, config.width, config.precision));
   p.language = register_module(
-      "language",
-      std::make_shared<LanguageEncoder>(
-          config.language, config.width, config.activation,
-          p.is_shared() ? LanguageEncoder::Output::kLinear : LanguageEncoder::Output::kNormalised));
-  p.joints = register_module(
-      "joints",
-      std::make_shared<Mlp>(static_cast<int>(p.normalization.joint_mean.size(0)),
-                            config.joint_hidden, config.width, config.activation,
-                            p.is_shared() ? Mlp::Output::kActivated : Mlp::Output::kLinear));
+      "language", std::make_shared<LanguageEncoder>(
+                      config.language, config.width, config.activation,
+                      p.is_shared() ? LanguageEncoder::Output::kLinear : LanguageEncoder::Output::kNormalised));
+  p.joints =
+      register_module("joints", std::make_shared<Mlp>(static_cast<int>(p.normalization.joint_mean.size(0)),
+                                                      config.joint_hidden, config.width, config.activation,
+                                                      p.is_shared() ? Mlp::Output::kActivated : Mlp::Output::kLinear));
   if (p.is_shared()) {
-    for (const char* name : {"image_key", "image_value", "joints_key", "joints_value",
-                             "language_key", "language_value"})
+    for (const char* name :
+         {"image_key", "image_value", "joints_key", "joints_value", "language_key", "language_value"})
       p.heads[name] =
-          register_module(std::string(name) + "_head",
-                          std::make_shared<TokenHead>(config.width, config.width, "relu"));
+          register_module(std::string(name) + "_head", std::make_shared<TokenHead>(config.width, config.width, "relu"));
   } else {
     p.joints_norm = register_module("joints_norm", std::make_shared<LayerNorm>(config.width));
   }
@@ -161,36 +148,31 @@ Policy::Policy(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {
     std::stable_partition(wiring.reads.begin(), wiring.reads.end(),
                           [](const std::string& key) { return key == "image"; });
     wiring.depends_on_sentence = DependsOnSentence(*module, wiring, dependent);
-    wiring.first_sentence_only =
-        module->decoder.target == "trajectory" && !used.contains(module->name);
+    wiring.first_sentence_only = module->decoder.target == "trajectory" && !used.contains(module->name);
     if (wiring.depends_on_sentence) dependent.insert(module->name);
     p.modules.push_back(graph->register_module(
-        module->name, std::make_shared<GraphModule>(config, *module, wiring, p.normalization,
-                                                    p.image->grid(), segment)));
+        module->name,
+        std::make_shared<GraphModule>(config, *module, wiring, p.normalization, p.image->grid(), segment)));
     if (module->query.empty()) ++segment;
     if (p.is_shared() && !p.shared.levels.contains(module->level))
-      p.shared.levels[module->level] =
-          register_module(fmt::format("attention{}", module->level),
-                          std::make_shared<Attention>(config.width, config.heads));
+      p.shared.levels[module->level] = register_module(fmt::format("attention{}", module->level),
+                                                       std::make_shared<Attention>(config.width, config.heads));
     wiring.index[module->name] = static_cast<int>(wiring.earlier.size());
     wiring.earlier.push_back(module);
   }
-  if (p.is_shared())
-    p.shared.segments = register_parameter("segments", torch::randn({segment, config.width}));
+  if (p.is_shared()) p.shared.segments = register_parameter("segments", torch::randn({segment, config.width}));
 }
 
 Policy::~Policy() = default;
 
-Result<std::shared_ptr<Policy>> Policy::Create(const PolicyConfig& config,
-                                               const Normalization& normalization,
+Result<std::shared_ptr<Policy>> Policy::Create(const PolicyConfig& config, const Normalization& normalization,
                                                std::uint64_t seed) {
   ETUDE_RETURN_IF_ERROR(config.Validate());
   ETUDE_RETURN_IF_ERROR(CheckNormalization(normalization));
   if (config.language.encoder != "default")
-    return Fail(Code::kUnavailable,
-                fmt::format("language encoder '{}' is not built into this version; use "
-                            "language.encoder: default",
-                            config.language.encoder));
+    return Fail(Code::kUnavailable, fmt::format("language encoder '{}' is not built into this version; use "
+                                                "language.encoder: default",
+                                                config.language.encoder));
   try {
     const SeededScope scope(seed);
     auto impl = std::make_unique<Impl>();
@@ -198,8 +180,7 @@ Result<std::shared_ptr<Policy>> Policy::Create(const PolicyConfig& config,
     impl->normalization = normalization;
     return std::shared_ptr<Policy>(new Policy(std::move(impl)));
   } catch (const c10::Error& error) {
-    return Fail(Code::kInternal,
-                fmt::format("build policy '{}': {}", config.name, error.what_without_backtrace()));
+    return Fail(Code::kInternal, fmt::format("build policy '{}': {}", config.name, error.what_without_backtrace()));
   }
 }
 
@@ -207,9 +188,7 @@ const PolicyConfig& Policy::config() const { return impl_->config; }
 
 int Policy::levels() const { return impl_->modules.back()->config().level; }
 
-std::pair<int, int> Policy::grid() const {
-  return {impl_->image->grid().rows, impl_->image->grid().columns};
-}
+std::pair<int, int> Policy::grid() const { return {impl_->image->grid().rows, impl_->image->grid().columns}; }
 
 std::vector<std::string> Policy::KeysOf(const std::string& module) const {
   for (const auto& node : impl_->modules)
@@ -226,8 +205,7 @@ Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
   Tokens tokens;
   const auto batch = inputs.joints.size(0), sentences = inputs.sentence_index.size(1);
   tokens.crop_origin = inputs.crop_origin.to(normalization.joint_mean.options());
-  tokens.joint_values =
-      ((inputs.joints - normalization.joint_mean) / normalization.joint_std).unsqueeze(1);
+  tokens.joint_values = ((inputs.joints - normalization.joint_mean) / normalization.joint_std).unsqueeze(1);
   const Tensor joint_token = joints->Forward(tokens.joint_values);
   tokens.sentence = language->Forward(inputs.sentences)
                         .index_select(0, inputs.sentence_index.flatten())
@@ -271,8 +249,7 @@ Outputs Policy::Forward(const Inputs& inputs, int level) {
   return outputs;
 }
 
-LossTerms Policy::Loss(const Inputs& inputs, const Outputs& outputs, const Labels& labels,
-                       int level) {
+LossTerms Policy::Loss(const Inputs& inputs, const Outputs& outputs, const Labels& labels, int level) {
   Impl& p = *impl_;
   if (level == 0) level = levels();
   const Tensor origin = inputs.crop_origin.to(p.normalization.joint_mean.options());
@@ -288,22 +265,19 @@ LossTerms Policy::Loss(const Inputs& inputs, const Outputs& outputs, const Label
     const auto output = outputs.find(config.name);
     if (config.level > level || output == outputs.end()) continue;
     if (!config.attend.empty() && config.attend_weight > 0) {
-      const Masked masked = AttentionLoss(config, p.config.attention_loss, module->wiring().reads,
-                                          output->second, labels, origin, p.image->grid());
-      if (masked.loss.defined())
-        add(config.name + ".attention", masked.Mean(), config.attend_weight);
+      const Masked masked = AttentionLoss(config, p.config.attention_loss, module->wiring().reads, output->second,
+                                          labels, origin, p.image->grid());
+      if (masked.loss.defined()) add(config.name + ".attention", masked.Mean(), config.attend_weight);
     }
     if (!config.decoder.target.empty())
-      add(config.name + ".decode",
-          DecodeLoss(config, output->second, labels, origin, p.image->grid()),
+      add(config.name + ".decode", DecodeLoss(config, output->second, labels, origin, p.image->grid()),
           config.decoder.weight);
   }
   LossTerms result;
   const Tensor all = terms.empty() ? torch::zeros({1}, origin.options()) : torch::stack(terms);
   result.total = all.sum();
   const Tensor values = all.detach().to(torch::kCPU, torch::kFloat64);  // one transfer for all
-  for (std::size_t i = 0; i < names.size(); ++i)
-    result.terms[names[i]] = values.data_ptr<double>()[i];
+  for (std::size_t i = 0; i < names.size(); ++i) result.terms[names[i]] = values.data_ptr<double>()[i];
   return result;
 }
 
@@ -322,18 +296,17 @@ Status Policy::LoadStateTensors(const std::map<std::string, Tensor>& tensors) {
     if (found == tensors.end()) {
       errors.push_back(fmt::format("'{}' is missing", name));
     } else if (!found->second.defined() || found->second.sizes() != tensor.sizes()) {
-      errors.push_back(fmt::format(
-          "'{}' is ({}), not ({})", name,
-          found->second.defined() ? fmt::format("{}", fmt::join(found->second.sizes(), ", ")) : "",
-          fmt::join(tensor.sizes(), ", ")));
+      errors.push_back(
+          fmt::format("'{}' is ({}), not ({})", name,
+                      found->second.defined() ? fmt::format("{}", fmt::join(found->second.sizes(), ", ")) : "",
+                      fmt::join(tensor.sizes(), ", ")));
     }
   }
   for (const auto& item : tensors)
-    if (!own.contains(item.first))
-      errors.push_back(fmt::format("'{}' is not of this policy", item.first));
+    if (!own.contains(item.first)) errors.push_back(fmt::format("'{}' is not of this policy", item.first));
   if (!errors.empty())
-    return Fail(Code::kInvalidArgument, fmt::format("load weights of policy '{}': {}",
-                                                    config().name, fmt::join(errors, "; ")));
+    return Fail(Code::kInvalidArgument,
+                fmt::format("load weights of policy '{}': {}", config().name, fmt::join(errors, "; ")));
   torch::NoGradGuard no_grad;
   for (const auto& [name, tensor] : own) Tensor(tensor).copy_(tensors.at(name));
   return {};

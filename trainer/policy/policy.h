@@ -29,12 +29,11 @@ struct Normalization {
 };
 
 struct Inputs {
-  torch::Tensor images;  ///< (B, 3, h, w) uint8, channels-last; the configured crop, maybe jittered
-  torch::Tensor crop_origin;  ///< (B, 2) float: u0, v0 of each picture in the camera's picture, px
-  torch::Tensor joints;       ///< (B, J) float, raw: arm joints then gripper joints
+  torch::Tensor images;                ///< (B, 3, h, w) uint8, channels-last; the configured crop, maybe jittered
+  torch::Tensor crop_origin;           ///< (B, 2) float: u0, v0 of each picture in the camera's picture, px
+  torch::Tensor joints;                ///< (B, J) float, raw: arm joints then gripper joints
   std::vector<std::string> sentences;  ///< D distinct sentences
-  torch::Tensor
-      sentence_index;  ///< (B, S) int64 into `sentences`; s = 0 is the demonstrated command
+  torch::Tensor sentence_index;        ///< (B, S) int64 into `sentences`; s = 0 is the demonstrated command
 };
 
 /// Labels by name (see trainer/data/labels.h); (B, S, ...) or (B, 1, ...) where the sentence does
@@ -44,14 +43,12 @@ using Labels = std::map<std::string, torch::Tensor>;
 /// What one module said. S' is S, or 1 where nothing it reads depends on the sentence, and for
 /// trajectories while training (they are labelled for s = 0 only).
 struct ModuleOutput {
-  torch::Tensor reg;  ///< (B, S', d) its register
-  torch::Tensor
-      attention;  ///< (B, S', K) head-mean over its keys; image tokens first when it reads them
-  torch::Tensor soft_argmax;  ///< (B, S', 2) px in the camera's picture, when it reads the image
+  torch::Tensor reg;               ///< (B, S', d) its register
+  torch::Tensor attention;         ///< (B, S', K) head-mean over its keys; image tokens first when it reads them
+  torch::Tensor soft_argmax;       ///< (B, S', 2) px in the camera's picture, when it reads the image
   torch::Tensor head_soft_argmax;  ///< (B, S', heads, 2) px, the same of each head
   torch::Tensor gripper_logits;    ///< (B, S', 12), when it decodes a trajectory
-  torch::Tensor
-      waypoint_scale;  ///< (12) m, what an error of waypoint k is measured in; with a trajectory
+  torch::Tensor waypoint_scale;    ///< (12) m, what an error of waypoint k is measured in; with a trajectory
   /// Decoded, in SI units, as a person reads it: "class" logits, "pixel" (2), "position" (3),
   /// "pose" (9), "displacement" (3), "trajectory" (12, 10) absolute with the gripper as a
   /// probability.
@@ -60,17 +57,15 @@ struct ModuleOutput {
 using Outputs = std::map<std::string, ModuleOutput>;
 
 struct LossTerms {
-  torch::Tensor total;  ///< scalar
-  std::map<std::string, double>
-      terms;  ///< "LANG.attention", "TAR3D.decode", ...; they sum to total
+  torch::Tensor total;                  ///< scalar
+  std::map<std::string, double> terms;  ///< "LANG.attention", "TAR3D.decode", ...; they sum to total
 };
 
 /// Thread safety: forward in eval mode under NoGradGuard from several threads; training from one.
 class Policy : public torch::nn::Module {
  public:
   /// @error kInvalidArgument from config.Validate().
-  static Result<std::shared_ptr<Policy>> Create(const PolicyConfig& config,
-                                                const Normalization& normalization,
+  static Result<std::shared_ptr<Policy>> Create(const PolicyConfig& config, const Normalization& normalization,
                                                 std::uint64_t seed);
   ~Policy() override;
 

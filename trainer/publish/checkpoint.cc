@@ -20,8 +20,7 @@ class Metadata {
 
   Result<std::string> Text(const char* key) const {
     const auto it = values_.find(key);
-    if (it == values_.end())
-      return Fail(Code::kCorrupt, fmt::format("checkpoint: metadata has no '{}'", key));
+    if (it == values_.end()) return Fail(Code::kCorrupt, fmt::format("checkpoint: metadata has no '{}'", key));
     return it->second;
   }
   template <class Number>
@@ -29,14 +28,12 @@ class Metadata {
     ETUDE_ASSIGN_OR_RETURN(const std::string text, Text(key));
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
     if (error == std::errc() && end == text.data() + text.size()) return {};
-    return Fail(Code::kCorrupt,
-                fmt::format("checkpoint: metadata '{}' is '{}', not a number", key, text));
+    return Fail(Code::kCorrupt, fmt::format("checkpoint: metadata '{}' is '{}', not a number", key, text));
   }
   Result<OrderedJson> ReadJson(const char* key) const {
     ETUDE_ASSIGN_OR_RETURN(const std::string text, Text(key));
     auto json = OrderedJson::parse(text, nullptr, false);
-    if (json.is_discarded())
-      return Fail(Code::kCorrupt, fmt::format("checkpoint: metadata '{}' is not JSON", key));
+    if (json.is_discarded()) return Fail(Code::kCorrupt, fmt::format("checkpoint: metadata '{}' is not JSON", key));
     return json;
   }
 
@@ -65,8 +62,7 @@ Result<CheckpointInfo> ReadInfo(const Metadata& metadata) {
 
 }  // namespace
 
-Result<std::vector<std::uint8_t>> EncodeCheckpoint(const learn::CheckpointRequest& request,
-                                                   const std::string& run) {
+Result<std::vector<std::uint8_t>> EncodeCheckpoint(const learn::CheckpointRequest& request, const std::string& run) {
   store::Safetensors file;
   for (const auto& [name, tensor] : request.tensors) {
     ETUDE_ASSIGN_OR_RETURN(file.tensors[name], learn::ToStore(tensor));
@@ -93,17 +89,14 @@ Result<Checkpoint> DecodeCheckpoint(std::span<const std::uint8_t> bytes) {
   const Metadata metadata(file.metadata);
   const auto format = metadata.Text("format");
   if (!format || *format != kFormat)
-    return Fail(
-        Code::kCorrupt,
-        fmt::format("checkpoint: format is '{}', expected '{}': a safetensors file, but not "
-                    "a checkpoint of this program",
-                    format.value_or("missing"), kFormat));
+    return Fail(Code::kCorrupt, fmt::format("checkpoint: format is '{}', expected '{}': a safetensors file, but not "
+                                            "a checkpoint of this program",
+                                            format.value_or("missing"), kFormat));
   ETUDE_ASSIGN_OR_RETURN(const std::string version, metadata.Text("version"));
   if (version != Version())
     return Fail(
         Code::kInvalidArgument,
-        fmt::format("checkpoint: version {} wrote it, this is {}; use the program that fits",
-                    version, Version()));
+        fmt::format("checkpoint: version {} wrote it, this is {}; use the program that fits", version, Version()));
   Checkpoint checkpoint;
   ETUDE_ASSIGN_OR_RETURN(checkpoint.info, ReadInfo(metadata));
   ETUDE_ASSIGN_OR_RETURN(const auto config, metadata.ReadJson("policy_config"));
@@ -113,12 +106,10 @@ Result<Checkpoint> DecodeCheckpoint(std::span<const std::uint8_t> bytes) {
     return Fail(Code::kCorrupt, "checkpoint: " + valid.error().message);
   const std::string architecture = policy::ArchitectureHash(*policy);
   if (architecture != checkpoint.info.architecture)
-    return Fail(Code::kCorrupt,
-                fmt::format("checkpoint: architecture {:.12} is named, but its config makes {:.12}",
-                            checkpoint.info.architecture, architecture));
+    return Fail(Code::kCorrupt, fmt::format("checkpoint: architecture {:.12} is named, but its config makes {:.12}",
+                                            checkpoint.info.architecture, architecture));
   checkpoint.policy = std::move(*policy);
-  for (const auto& [name, tensor] : file.tensors)
-    checkpoint.tensors[name] = learn::FromStore(tensor);
+  for (const auto& [name, tensor] : file.tensors) checkpoint.tensors[name] = learn::FromStore(tensor);
   return checkpoint;
 }
 

@@ -35,8 +35,7 @@ struct Checkpoint {
 
 /// The bytes of a checkpoint file; a pure function of the request.
 /// @error kInvalidArgument: a tensor of a type that cannot be saved.
-Result<std::vector<std::uint8_t>> EncodeCheckpoint(const learn::CheckpointRequest& request,
-                                                   const std::string& run);
+Result<std::vector<std::uint8_t>> EncodeCheckpoint(const learn::CheckpointRequest& request, const std::string& run);
 
 /// @error kCorrupt: not safetensors, not a checkpoint, metadata that does not parse, an
 /// architecture hash that is not the config's; kInvalidArgument: another version of Etude wrote it.

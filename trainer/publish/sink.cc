@@ -15,9 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Path LinkPath(const Path& folder, const std::string& channel) {
-  return folder / (channel + ".safetensors");
-}
+Path LinkPath(const Path& folder, const std::string& channel) { return folder / (channel + ".safetensors"); }
 
 // replaces a link so that a reader sees the old one or the new one
 Status PointTo(const Path& link, const Path& target) {
@@ -33,8 +31,7 @@ Status PointTo(const Path& link, const Path& target) {
 // one more start of the run, counted on disk
 Result<std::uint64_t> CountStart(const Path& file) {
   std::uint64_t starts = 0;
-  if (const auto text = ReadTextFile(file, 64))
-    std::from_chars(text->data(), text->data() + text->size(), starts);
+  if (const auto text = ReadTextFile(file, 64)) std::from_chars(text->data(), text->data() + text->size(), starts);
   ++starts;
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(file, std::to_string(starts)));
   return starts;
@@ -50,8 +47,7 @@ OrderedJson MetaOf(const CheckpointInfo& info) {
 
 std::string RunNameOf(const Path& folder) {
   std::string name = fs::absolute(folder).lexically_normal().filename().string();
-  if (name.empty())
-    name = fs::absolute(folder).lexically_normal().parent_path().filename().string();
+  if (name.empty()) name = fs::absolute(folder).lexically_normal().parent_path().filename().string();
   for (char& c : name) {
     c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
     if (!std::isalnum(static_cast<unsigned char>(c)) && c != '_') c = '-';
@@ -83,18 +79,15 @@ void CheckpointSink::PublishExisting() {
     if (checkpoint)
       Publish(channel, *bytes, MetaOf(checkpoint->info));
     else
-      Log().warn("not published: {}: {}", LinkPath(folder_, channel).string(),
-                 checkpoint.error().message);
+      Log().warn("not published: {}: {}", LinkPath(folder_, channel).string(), checkpoint.error().message);
   }
 }
 
-void CheckpointSink::Publish(const std::string& channel, std::span<const std::uint8_t> bytes,
-                             const OrderedJson& meta) {
+void CheckpointSink::Publish(const std::string& channel, std::span<const std::uint8_t> bytes, const OrderedJson& meta) {
   if (!publisher_) return;
   const std::uint64_t version = start_ << 32 | ++published_;
   const Status sent = publisher_->Publish(channel, version, bytes, meta.dump());
-  if (!sent)
-    Log().warn("publish checkpoint run={} channel={}: {}", run_, channel, sent.error().message);
+  if (!sent) Log().warn("publish checkpoint run={} channel={}: {}", run_, channel, sent.error().message);
 }
 
 Status CheckpointSink::Save(const learn::CheckpointRequest& request) {
@@ -128,14 +121,12 @@ Status CheckpointSink::Prune(int keep) const {
   std::vector<Path> files;
   for (const auto& item : fs::directory_iterator(folder_, error)) {
     const Path& name = item.path().filename();
-    if (!item.is_symlink(error) && name.extension() == ".safetensors" && name != best &&
-        name != latest)
+    if (!item.is_symlink(error) && name.extension() == ".safetensors" && name != best && name != latest)
       files.push_back(item.path());
   }
   // `latest` is one of those kept
   std::sort(files.begin(), files.end());
-  for (std::size_t i = 0; i + static_cast<std::size_t>(keep) - 1 < files.size(); ++i)
-    fs::remove(files[i], error);
+  for (std::size_t i = 0; i + static_cast<std::size_t>(keep) - 1 < files.size(); ++i) fs::remove(files[i], error);
   return {};
 }
 

@@ -30,8 +30,7 @@ class CheckpointSink {
 
  private:
   CheckpointSink() = default;
-  void Publish(const std::string& channel, std::span<const std::uint8_t> bytes,
-               const OrderedJson& meta);
+  void Publish(const std::string& channel, std::span<const std::uint8_t> bytes, const OrderedJson& meta);
   void PublishExisting();
   Status Prune(int keep) const;
 

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <thread>
 
+#include "services/bus/arguments.h"
 #include "services/core/command.h"
 #include "services/core/log.h"
 #include "trainer/policy/torch_process.h"
@@ -16,7 +17,7 @@ namespace {
 
 struct Arguments {
   std::string subscribe, checkpoint, run, channel = "latest";
-  std::uint32_t domain = 0;
+  bus::Arguments bus;
   int threads = 1;
 };
 
@@ -27,21 +28,18 @@ std::string RunName(const std::string& text) {
 
 Status Serve(const Arguments& arguments) {
   if (arguments.subscribe.empty() == arguments.checkpoint.empty())
-    return Fail(Code::kInvalidArgument,
-                "give either --subscribe RUN or --checkpoint FILE (see --help)");
+    return Fail(Code::kInvalidArgument, "give either --subscribe RUN or --checkpoint FILE (see --help)");
   policy::SetTorchThreads(1);
   std::shared_ptr<const Model> model;
-  ServerOptions options{RunName(arguments.subscribe), arguments.channel,
-                        std::max(1, arguments.threads)};
+  ServerOptions options{RunName(arguments.subscribe), arguments.channel, std::max(1, arguments.threads)};
   if (!arguments.checkpoint.empty()) {
     ETUDE_ASSIGN_OR_RETURN(model, Model::FromFile(arguments.checkpoint));
     options.run = arguments.run.empty() ? model->info().run : RunName(arguments.run);
   }
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, bus::Participant::Open({arguments.domain, ""}));
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
   ETUDE_ASSIGN_OR_RETURN(auto server, PolicyServer::Open(participant, options, model));
   if (model)
-    Log().info("serving run={} step={} from '{}'", options.run, model->info().step,
-               arguments.checkpoint);
+    Log().info("serving run={} step={} from '{}'", options.run, model->info().step, arguments.checkpoint);
   else
     ETUDE_RETURN_IF_ERROR(server.Follow());
   const Status status = server.Run();
@@ -60,18 +58,14 @@ int main(int argc, char** argv) {
       "With --subscribe it takes over each new checkpoint of the run; one that does not fit is "
       "refused and the last "
       "good one serves on."};
-  app.add_option("--subscribe", arguments.subscribe,
-                 "run whose checkpoints to follow: its name, or its folder");
-  app.add_option("--checkpoint", arguments.checkpoint,
-                 "one checkpoint file (.safetensors) instead");
-  app.add_option("--run", arguments.run,
-                 "with --checkpoint: serve under this name (default: the checkpoint's run)");
+  app.add_option("--subscribe", arguments.subscribe, "run whose checkpoints to follow: its name, or its folder");
+  app.add_option("--checkpoint", arguments.checkpoint, "one checkpoint file (.safetensors) instead");
+  app.add_option("--run", arguments.run, "with --checkpoint: serve under this name (default: the checkpoint's run)");
   app.add_option("--channel", arguments.channel, "with --subscribe: latest or best")
       ->check(CLI::IsMember({"latest", "best"}))
       ->capture_default_str();
-  app.add_option("--domain", arguments.domain, "DDS domain, 0..230")->capture_default_str();
-  app.add_option("--threads", arguments.threads, "observations evaluated side by side")
-      ->capture_default_str();
+  arguments.bus.Add(app);
+  app.add_option("--threads", arguments.threads, "observations evaluated side by side")->capture_default_str();
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

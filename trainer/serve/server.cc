@@ -50,8 +50,7 @@ void PolicyServer::Impl::FollowCheckpoints() {
     if (!fresh) {
       ++refused;
       const auto kept = Current();
-      Log().warn("refused a checkpoint run={} version={}: {}; {}", options.run, object->version,
-                 fresh.error().message,
+      Log().warn("refused a checkpoint run={} version={}: {}; {}", options.run, object->version, fresh.error().message,
                  kept ? fmt::format("step {} serves on", kept->info().step) : "none serves yet");
       continue;
     }
@@ -73,8 +72,7 @@ Status PolicyServer::Impl::AnswerAll(const std::vector<bus::Observation>& observ
   std::vector<bus::Action> actions(open.size());
   std::atomic<std::size_t> next{0};
   const auto work = [&] {
-    for (std::size_t i = next++; i < open.size(); i = next++)
-      actions[i] = current->Answer(*open[i]);
+    for (std::size_t i = next++; i < open.size(); i = next++) actions[i] = current->Answer(*open[i]);
   };
   std::vector<std::thread> others;
   const std::size_t helpers = std::min(open.size(), static_cast<std::size_t>(options.threads));
@@ -83,8 +81,7 @@ Status PolicyServer::Impl::AnswerAll(const std::vector<bus::Observation>& observ
   for (auto& thread : others) thread.join();
 
   for (const auto& action : actions) {
-    if (!action.error.empty())
-      Log().warn("refused an observation session={}: {}", action.session, action.error);
+    if (!action.error.empty()) Log().warn("refused an observation session={}: {}", action.session, action.error);
     const Status written = writer->Write(action);
     // a client that went away must not stop the others
     if (!written)
@@ -100,8 +97,7 @@ PolicyServer::PolicyServer(PolicyServer&&) noexcept = default;
 PolicyServer& PolicyServer::operator=(PolicyServer&&) noexcept = default;
 PolicyServer::~PolicyServer() = default;
 
-Result<PolicyServer> PolicyServer::Open(const bus::Participant& participant,
-                                        const ServerOptions& options,
+Result<PolicyServer> PolicyServer::Open(const bus::Participant& participant, const ServerOptions& options,
                                         std::shared_ptr<const Model> model) {
   auto impl = std::make_unique<Impl>();
   impl->participant = &participant;
@@ -112,21 +108,18 @@ Result<PolicyServer> PolicyServer::Open(const bus::Participant& participant,
 }
 
 Status PolicyServer::Follow() {
-  ETUDE_ASSIGN_OR_RETURN(
-      impl_->subscriber,
-      bus::ObjectSubscriber::Open(*impl_->participant, impl_->options.run, impl_->options.channel));
+  ETUDE_ASSIGN_OR_RETURN(impl_->subscriber,
+                         bus::ObjectSubscriber::Open(*impl_->participant, impl_->options.run, impl_->options.channel));
   impl_->follower = std::thread([impl = impl_.get()] { impl->FollowCheckpoints(); });
   return {};
 }
 
 Status PolicyServer::Run() {
-  if (!impl_->Current())
-    Log().info("waiting for the first checkpoint of run '{}'", impl_->options.run);
+  if (!impl_->Current()) Log().info("waiting for the first checkpoint of run '{}'", impl_->options.run);
   while (!impl_->Current() && !impl_->stop && !WaitForStop(50ms)) {
   }
   if (impl_->stop || StopRequested()) return {};
-  ETUDE_ASSIGN_OR_RETURN(
-      impl_->reader, bus::Reader<bus::Observation>::Open(*impl_->participant, impl_->options.run));
+  ETUDE_ASSIGN_OR_RETURN(impl_->reader, bus::Reader<bus::Observation>::Open(*impl_->participant, impl_->options.run));
   while (!impl_->stop && !StopRequested())
     if (impl_->reader->Wait(100ms)) ETUDE_RETURN_IF_ERROR(impl_->AnswerAll(impl_->reader->Take()));
   return {};

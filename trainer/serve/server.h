@@ -24,8 +24,7 @@ struct ServerOptions {
 class PolicyServer {
  public:
   /// @param model  to begin with; none: waits for the first checkpoint (`follow`)
-  static Result<PolicyServer> Open(const bus::Participant& participant,
-                                   const ServerOptions& options,
+  static Result<PolicyServer> Open(const bus::Participant& participant, const ServerOptions& options,
                                    std::shared_ptr<const Model> model);
   /// Also takes every checkpoint published on the run's partition from now on.
   Status Follow();

@@ -38,23 +38,10 @@ const std::map<char, Glyph>& Glyphs() {
          {{.08, 1}, {.36, 1}},
          {{.08, .45}, {.36, .45}},
          arc(.36, .725, .26, .275, -.5 * kPi, .5 * kPi)}}},
-      {'E',
-       {.68,
-        {{{.08, 0}, {.08, 1}},
-         {{.08, 1}, {.56, 1}},
-         {{.08, .5}, {.48, .5}},
-         {{.08, 0}, {.56, 0}}}}},
-      {'S',
-       {.70,
-        {arc(.33, .745, .25, .255, .15 * kPi, 1.5 * kPi),
-         arc(.33, .245, .25, .245, -.85 * kPi, .5 * kPi)}}},
+      {'E', {.68, {{{.08, 0}, {.08, 1}}, {{.08, 1}, {.56, 1}}, {{.08, .5}, {.48, .5}}, {{.08, 0}, {.56, 0}}}}},
+      {'S', {.70, {arc(.33, .745, .25, .255, .15 * kPi, 1.5 * kPi), arc(.33, .245, .25, .245, -.85 * kPi, .5 * kPi)}}},
       {'I', {.34, {{{.12, 0}, {.12, 1}}}}},
-      {'M',
-       {.95,
-        {{{.08, 0}, {.08, 1}},
-         {{.08, 1}, {.43, .3}},
-         {{.43, .3}, {.78, 1}},
-         {{.78, 1}, {.78, 0}}}}},
+      {'M', {.95, {{{.08, 0}, {.08, 1}}, {{.08, 1}, {.43, .3}}, {{.43, .3}, {.78, 1}}, {{.78, 1}, {.78, 0}}}}},
       {'L', {.62, {{{.08, 0}, {.08, 1}}, {{.08, 0}, {.52, 0}}}}},
       {'K', {.72, {{{.08, 0}, {.08, 1}}, {{.58, 1}, {.1, .42}}, {{.25, .58}, {.6, 0}}}}},
   };
@@ -62,8 +49,7 @@ const std::map<char, Glyph>& Glyphs() {
 }
 
 double Hash(std::int64_t x, std::int64_t y, std::uint32_t seed) {
-  std::uint64_t h = seed * 0x9E3779B97F4A7C15ull +
-                    static_cast<std::uint64_t>(x) * 0xBF58476D1CE4E5B9ull +
+  std::uint64_t h = seed * 0x9E3779B97F4A7C15ull + static_cast<std::uint64_t>(x) * 0xBF58476D1CE4E5B9ull +
                     static_cast<std::uint64_t>(y) * 0x94D049BB133111EBull;
   h ^= h >> 31;
   h *= 0xD6E8FEB86659FD93ull;
@@ -109,9 +95,7 @@ Stroke Arc(const Vector2d& centre, const Vector2d& radii, double a, double b) {
 }
 
 Canvas::Canvas(int width, int height, const Color& background)
-    : width_(width),
-      height_(height),
-      pixels_(static_cast<std::size_t>(width) * height, background) {}
+    : width_(width), height_(height), pixels_(static_cast<std::size_t>(width) * height, background) {}
 
 void Canvas::Paint(const Shape& shape, const Color& color) {
   for (int y = 0; y < height_; ++y)
@@ -121,8 +105,8 @@ void Canvas::Paint(const Shape& shape, const Color& color) {
     }
 }
 
-void Canvas::Write(const std::string& text, const Vector2d& origin, double size,
-                   double stroke_width, double slant, const Color& color) {
+void Canvas::Write(const std::string& text, const Vector2d& origin, double size, double stroke_width, double slant,
+                   const Color& color) {
   std::vector<Stroke> strokes;
   double x = 0;
   for (const char letter : text) {

@@ -35,8 +35,8 @@ class Canvas {
   void Paint(const Shape& shape, const Color& color);
   /// Writes `text` (letters of the brands and labels we need) in strokes: `origin` is the left end
   /// of the base line, `size` the height of a capital, `slant` the shift per height.
-  void Write(const std::string& text, const Eigen::Vector2d& origin, double size,
-             double stroke_width, double slant, const Color& color);
+  void Write(const std::string& text, const Eigen::Vector2d& origin, double size, double stroke_width, double slant,
+             const Color& color);
   /// Width of that text in px.
   static double TextWidth(const std::string& text, double size);
 

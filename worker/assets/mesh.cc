@@ -20,8 +20,7 @@ const double kCreaseCosine = std::cos(40.0 * std::numbers::pi / 180);
 std::vector<Vector2d> SegmentNormals(const std::vector<ProfilePoint>& profile) {
   std::vector<Vector2d> normals;
   for (std::size_t i = 0; i + 1 < profile.size(); ++i) {
-    const Vector2d along(profile[i + 1].radius - profile[i].radius,
-                         profile[i + 1].z - profile[i].z);
+    const Vector2d along(profile[i + 1].radius - profile[i].radius, profile[i + 1].z - profile[i].z);
     ETUDE_CHECK(along.norm() > 0, "profile point {} is repeated", i);
     normals.push_back(Vector2d(along.y(), -along.x()).normalized());
   }
@@ -36,8 +35,8 @@ Vector2d Smooth(const Vector2d& own, const Vector2d* other) {
 }
 
 /// The two flat ends of a prism; the texture spans the polygon's bounding box.
-void AddEnds(const std::vector<Vector2d>& polygon, double half_length, const Vector2d& low,
-             const Vector2d& span, Mesh& mesh) {
+void AddEnds(const std::vector<Vector2d>& polygon, double half_length, const Vector2d& low, const Vector2d& span,
+             Mesh& mesh) {
   std::vector<Vector3d> front, back;
   std::vector<Vector2d> front_uv, back_uv;
   for (std::size_t i = 0; i < polygon.size(); ++i) {
@@ -74,8 +73,7 @@ void Mesh::AddPolygon(const std::vector<Vector3d>& corners, const std::vector<Ve
     normals.push_back(normal);
     uv.push_back(uvs[i]);
   }
-  for (int i = 1; i + 1 < static_cast<int>(corners.size()); ++i)
-    faces.push_back({first, first + i, first + i + 1});
+  for (int i = 1; i + 1 < static_cast<int>(corners.size()); ++i) faces.push_back({first, first + i, first + i + 1});
 }
 
 void Mesh::Append(const Mesh& other) {
@@ -83,8 +81,7 @@ void Mesh::Append(const Mesh& other) {
   positions.insert(positions.end(), other.positions.begin(), other.positions.end());
   normals.insert(normals.end(), other.normals.begin(), other.normals.end());
   uv.insert(uv.end(), other.uv.begin(), other.uv.end());
-  for (const auto& face : other.faces)
-    faces.push_back({face[0] + first, face[1] + first, face[2] + first});
+  for (const auto& face : other.faces) faces.push_back({face[0] + first, face[1] + first, face[2] + first});
 }
 
 Mesh Lathe(const std::vector<ProfilePoint>& profile, int segments) {
@@ -135,8 +132,7 @@ Mesh Extrude(const std::vector<Vector2d>& polygon, double half_length, bool smoo
   };
   for (int i = 0; i < n; ++i) {
     const Vector2d &p = polygon[i], &q = polygon[(i + 1) % n];
-    const Vector2d own = outward(i), before = outward((i + n - 1) % n),
-                   after = outward((i + 1) % n);
+    const Vector2d own = outward(i), before = outward((i + n - 1) % n), after = outward((i + 1) % n);
     const Vector2d at_p = smooth ? Smooth(own, &before) : own;
     const Vector2d at_q = smooth ? Smooth(own, &after) : own;
     const int first = static_cast<int>(mesh.positions.size());
@@ -155,12 +151,10 @@ Mesh Extrude(const std::vector<Vector2d>& polygon, double half_length, bool smoo
 
 std::vector<std::uint8_t> ToMsh(const Mesh& mesh) {
   const auto count = static_cast<std::int32_t>(mesh.positions.size());
-  ETUDE_CHECK(mesh.normals.size() == mesh.positions.size() &&
-              mesh.uv.size() == mesh.positions.size());
+  ETUDE_CHECK(mesh.normals.size() == mesh.positions.size() && mesh.uv.size() == mesh.positions.size());
   std::vector<std::uint8_t> bytes;
   bytes.reserve(16 + count * 32 + mesh.faces.size() * 12);
-  for (const std::int32_t n : {count, count, count, static_cast<std::int32_t>(mesh.faces.size())})
-    Put(bytes, n);
+  for (const std::int32_t n : {count, count, count, static_cast<std::int32_t>(mesh.faces.size())}) Put(bytes, n);
   for (const auto* list : {&mesh.positions, &mesh.normals})
     for (const Vector3d& value : *list)
       for (int k = 0; k < 3; ++k) Put(bytes, static_cast<float>(value[k]));

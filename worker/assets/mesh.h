@@ -20,8 +20,7 @@ struct Mesh {
   std::vector<std::array<int, 3>> faces;
 
   /// Adds a flat convex polygon, its corners counter-clockwise seen from outside.
-  void AddPolygon(const std::vector<Eigen::Vector3d>& corners,
-                  const std::vector<Eigen::Vector2d>& uvs);
+  void AddPolygon(const std::vector<Eigen::Vector3d>& corners, const std::vector<Eigen::Vector2d>& uvs);
   void Append(const Mesh& other);
 };
 

@@ -36,27 +36,19 @@ class Builder {
   /// A mesh to look at.
   void Visual(const std::string& mesh, const Mesh& surface, const std::string& material) {
     model_.files.push_back({mesh + ".msh", ToMsh(surface)});
-    model_.geoms +=
-        Geom("visual", "mesh", {}, {}, fmt::format("mesh=\"{}\" material=\"{}\"", mesh, material));
+    model_.geoms += Geom("visual", "mesh", {}, {}, fmt::format("mesh=\"{}\" material=\"{}\"", mesh, material));
   }
-  void Visual(const std::string& type, const std::vector<double>& size,
-              const std::string& material) {
+  void Visual(const std::string& type, const std::vector<double>& size, const std::string& material) {
     model_.geoms += Geom("visual", type, size, {}, fmt::format("material=\"{}\"", material));
   }
   /// An upright cylinder between two heights above the lowest point.
   void Cylinder(double radius, double from, double to) {
-    pieces_.push_back({"cylinder",
-                       {radius, (to - from) / 2},
-                       Middle(from, to),
-                       "",
-                       kPi * radius * radius * (to - from)});
+    pieces_.push_back(
+        {"cylinder", {radius, (to - from) / 2}, Middle(from, to), "", kPi * radius * radius * (to - from)});
   }
   void Box(double half_x, double half_y, double from, double to) {
-    pieces_.push_back({"box",
-                       {half_x, half_y, (to - from) / 2},
-                       Middle(from, to),
-                       "",
-                       4 * half_x * half_y * (to - from)});
+    pieces_.push_back(
+        {"box", {half_x, half_y, (to - from) / 2}, Middle(from, to), "", 4 * half_x * half_y * (to - from)});
   }
   /// The convex hull of a mesh; `volume` in m^3.
   void Hull(const std::string& mesh, const Mesh& surface, double volume) {
@@ -71,9 +63,9 @@ class Builder {
     for (const Piece& piece : pieces_) {
       const double mass = model_.mass * piece.volume / total;
       const std::string extra = piece.mesh.empty() ? "" : fmt::format(" mesh=\"{}\"", piece.mesh);
-      model_.geoms += Geom(round ? "object_round" : "object", piece.type, piece.size,
-                           {{0, 0, piece.z}, Eigen::Quaterniond::Identity()},
-                           fmt::format("mass=\"{}\"{}", mass, extra));
+      model_.geoms +=
+          Geom(round ? "object_round" : "object", piece.type, piece.size,
+               {{0, 0, piece.z}, Eigen::Quaterniond::Identity()}, fmt::format("mass=\"{}\"{}", mass, extra));
     }
     return std::move(model_);
   }
@@ -139,8 +131,7 @@ ObjectModel Bread() {
 ObjectModel Bottle() {
   const double rest = 0.0649;
   Builder builder("bottle", 0.257, rest, {2 * kBottleRadius, 2 * kBottleRadius, kBottleHeight});
-  builder.Material("bottle_glass",
-                   "rgba=\"0.22 0.66 0.10 0.86\" specular=\"0.8\" shininess=\"0.8\"");
+  builder.Material("bottle_glass", "rgba=\"0.22 0.66 0.10 0.86\" specular=\"0.8\" shininess=\"0.8\"");
   builder.Material("bottle_cap", "rgba=\"0.80 0.68 0.22 1\" specular=\"0.5\" shininess=\"0.5\"");
   builder.Texture("bottle_label", BottleLabelTexture());
   builder.Material("bottle_label", "texture=\"bottle_label\" specular=\"0.1\" shininess=\"0.1\"");
@@ -149,8 +140,7 @@ ObjectModel Bottle() {
   builder.Visual("bottle_cap", BottleCapMesh(rest), "bottle_cap");
   builder.Cylinder(kBottleRadius, 0, kBottleShoulder);
   const double r = kBottleRadius, n = kBottleNeckRadius, rise = kBottleNeck - kBottleShoulder;
-  builder.Hull("bottle_shoulder", BottleShoulderHull(rest),
-               kPi * rise * (r * r + r * n + n * n) / 3);
+  builder.Hull("bottle_shoulder", BottleShoulderHull(rest), kPi * rise * (r * r + r * n + n * n) / 3);
   builder.Cylinder(n + .0008, kBottleNeck, kBottleHeight);
   return builder.Finish(true);
 }
@@ -174,10 +164,9 @@ Result<ObjectModel> MakeObject(const std::string& name) {
   const auto maker = Makers().find(name);
   if (maker != Makers().end()) return maker->second();
   const std::string nearest = NearestMatch(name, KnownObjects());
-  return Fail(Code::kInvalidArgument,
-              fmt::format("object '{}' is not known{}; known: {}", name,
-                          nearest.empty() ? "" : " (did you mean '" + nearest + "'?)",
-                          fmt::join(KnownObjects(), ", ")));
+  return Fail(Code::kInvalidArgument, fmt::format("object '{}' is not known{}; known: {}", name,
+                                                  nearest.empty() ? "" : " (did you mean '" + nearest + "'?)",
+                                                  fmt::join(KnownObjects(), ", ")));
 }
 
 }  // namespace etude::assets

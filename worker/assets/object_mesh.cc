@@ -19,9 +19,7 @@ std::vector<ProfilePoint> Lowered(std::vector<ProfilePoint> profile, double rest
 }
 
 /// An axis-aligned quad's uv with u to the right and the given rows.
-std::vector<Vector2d> Rows(double top, double bottom) {
-  return {{0, bottom}, {1, bottom}, {1, top}, {0, top}};
-}
+std::vector<Vector2d> Rows(double top, double bottom) { return {{0, bottom}, {1, bottom}, {1, top}, {0, top}}; }
 
 }  // namespace
 
@@ -42,11 +40,10 @@ Mesh CanMesh(double rest_height) {
 }
 
 Mesh MilkMesh(double rest_height) {
-  const double w = kMilkHalf, low = -rest_height, side = kMilkShoulder + low,
-               ridge = kMilkRidge + low, top = kMilkHeight + low, f = kMilkFin;
+  const double w = kMilkHalf, low = -rest_height, side = kMilkShoulder + low, ridge = kMilkRidge + low,
+               top = kMilkHeight + low, f = kMilkFin;
   Mesh mesh;
-  const auto wall = [&](double ax, double ay, double bx, double by, double z0, double z1,
-                        double row1, double row0) {
+  const auto wall = [&](double ax, double ay, double bx, double by, double z0, double z1, double row1, double row0) {
     mesh.AddPolygon({{ax, ay, z0}, {bx, by, z0}, {bx, by, z1}, {ax, ay, z1}}, Rows(row1, row0));
   };
   wall(w, -w, w, w, low, side, .2, 1);
@@ -79,14 +76,12 @@ Mesh BreadMesh(double rest_height) {
   constexpr int kTop = 10;
   const double low = -rest_height, side = kBreadSide + low, rise = kBreadHeight - kBreadSide;
   const double bevel = 0.004;
-  std::vector<Vector2d> outline{
-      {-kBreadHalfX + bevel, low}, {kBreadHalfX - bevel, low}, {kBreadHalfX, low + bevel}};
+  std::vector<Vector2d> outline{{-kBreadHalfX + bevel, low}, {kBreadHalfX - bevel, low}, {kBreadHalfX, low + bevel}};
   for (int i = 0; i <= kTop; ++i) {
     const double angle = std::numbers::pi * i / kTop;
     // a flattened arch (superellipse): a loaf's crust, not a barrel
     const double c = std::cos(angle), s = std::sin(angle);
-    outline.emplace_back(std::copysign(std::pow(std::abs(c), 0.8), c) * kBreadHalfX,
-                         side + std::pow(s, 0.8) * rise);
+    outline.emplace_back(std::copysign(std::pow(std::abs(c), 0.8), c) * kBreadHalfX, side + std::pow(s, 0.8) * rise);
   }
   outline.emplace_back(-kBreadHalfX, low + bevel);
   return Extrude(outline, kBreadHalfY, true);
@@ -111,10 +106,7 @@ Mesh BottleMesh(double rest_height) {
 
 Mesh BottleLabelMesh(double rest_height) {
   const double r = kBottleRadius + 0.0003;
-  return Lathe(Lowered({{kBottleRadius - .001, .032, 1},
-                        {r, .033, 1},
-                        {r, .062, 0},
-                        {kBottleRadius - .001, .063, 0}},
+  return Lathe(Lowered({{kBottleRadius - .001, .032, 1}, {r, .033, 1}, {r, .062, 0}, {kBottleRadius - .001, .063, 0}},
                        rest_height),
                kAround);
 }
@@ -122,8 +114,7 @@ Mesh BottleLabelMesh(double rest_height) {
 Mesh BottleCapMesh(double rest_height) {
   const double r = kBottleNeckRadius + .0008, h = kBottleHeight;
   return Lathe(
-      Lowered({{0, h - .013, 1}, {r, h - .013, 1}, {r, h - .0015, 0}, {r - .0015, h, 0}, {0, h, 0}},
-              rest_height),
+      Lowered({{0, h - .013, 1}, {r, h - .013, 1}, {r, h - .0015, 0}, {r - .0015, h, 0}, {0, h, 0}}, rest_height),
       kHullAround);
 }
 

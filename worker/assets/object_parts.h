@@ -9,11 +9,9 @@ namespace etude::assets {
 
 // dimensions in m, heights above the lowest point
 inline constexpr double kCanRadius = 0.025, kCanHeight = 0.080;
-inline constexpr double kMilkHalf = 0.020, kMilkShoulder = 0.106, kMilkRidge = 0.134,
-                        kMilkHeight = 0.144;
+inline constexpr double kMilkHalf = 0.020, kMilkShoulder = 0.106, kMilkRidge = 0.134, kMilkHeight = 0.144;
 inline constexpr double kMilkFin = 0.002;  ///< half thickness of the sealed ridge
-inline constexpr double kBreadHalfX = 0.030, kBreadHalfY = 0.025, kBreadSide = 0.056,
-                        kBreadHeight = 0.075;
+inline constexpr double kBreadHalfX = 0.030, kBreadHalfY = 0.025, kBreadSide = 0.056, kBreadHeight = 0.075;
 inline constexpr double kBottleRadius = 0.0275, kBottleShoulder = 0.092, kBottleNeck = 0.122;
 inline constexpr double kBottleNeckRadius = 0.0125, kBottleHeight = 0.160;
 

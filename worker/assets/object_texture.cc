@@ -39,10 +39,8 @@ Canvas CokeTexture() {
   Canvas canvas(kCanWidth, kCanRows, {0.80, 0.05, 0.08});
   const double period = kCanWidth / 2.0;
   const auto wave = [=](double x) { return 178 + 20 * std::sin(2 * kPi * (x - 20) / period); };
-  canvas.Paint(
-      Between(wave,
-              [=](double x) { return wave(x) + 17 + 7 * std::cos(2 * kPi * (x - 40) / period); }),
-      kWhite);
+  canvas.Paint(Between(wave, [=](double x) { return wave(x) + 17 + 7 * std::cos(2 * kPi * (x - 40) / period); }),
+               kWhite);
   for (const double centre : kLabelCentres) {
     const double size = 62, width = Canvas::TextWidth("Coke", size) + 0.2 * size;
     canvas.Write("Coke", {centre - width / 2, 132}, size, 11, 0.22, kWhite);
@@ -58,12 +56,8 @@ Canvas PepsiTexture() {
     const Vector2d middle(centre, 108);
     const double radius = 56;
     const Shape disc = Disc(middle, radius);
-    const auto upper = [=](double x) {
-      return middle.y() - 12 - 12 * std::sin((x - centre) / radius * 2.4);
-    };
-    const auto lower = [=](double x) {
-      return middle.y() + 16 - 12 * std::sin((x - centre) / radius * 2.4);
-    };
+    const auto upper = [=](double x) { return middle.y() - 12 - 12 * std::sin((x - centre) / radius * 2.4); };
+    const auto lower = [=](double x) { return middle.y() + 16 - 12 * std::sin((x - centre) / radius * 2.4); };
     const auto inside = [&](double from, auto curve) {
       return [=](const Vector2d& p) { return std::max(disc(p), from * (p.y() - curve(p.x()))); };
     };
@@ -84,8 +78,7 @@ Canvas MilkTexture() {
   canvas.Paint(Rectangle({-1, .09 * h}, {w + 1, .13 * h}), blue);  // a stripe on the roof
   const auto hill = [=](double x) { return .66 * h + 22 * std::sin(2 * kPi * x / w + .5); };
   canvas.Paint(Between(hill, [=](double) { return h + 1.0; }), {0.36, 0.68, 0.93});
-  canvas.Paint(Between([=](double x) { return hill(w - x) + 34; }, [=](double) { return h + 1.0; }),
-               blue);
+  canvas.Paint(Between([=](double x) { return hill(w - x) + 34; }, [=](double) { return h + 1.0; }), blue);
   const double size = 43, width = Canvas::TextWidth("MILK", size);
   canvas.Write("MILK", {(w - width) / 2 + 2, .50 * h}, size, 9, 0, blue);
   return canvas;
@@ -100,21 +93,18 @@ Canvas BreadTexture() {
       const double grain = .6 * Noise(u * 14, v * 14, 11) + .4 * Noise(u * 40, v * 40, 12) - .5;
       // darker crust on top and along the edges, lighter towards the middle
       const double rim = std::max({std::abs(2 * u - 1), .8 * std::abs(2 * v - 1)});
-      const double dark =
-          std::clamp((rim - .45) / .55, 0.0, 1.0) * .45 + std::max(0.0, .25 - v) * .8;
+      const double dark = std::clamp((rim - .45) / .55, 0.0, 1.0) * .45 + std::max(0.0, .25 - v) * .8;
       const Color crumb(0.87, 0.64, 0.34), crust(0.56, 0.31, 0.12);
       canvas.at(x, y) = (crumb + dark * (crust - crumb)) * (1 + .16 * grain);
     }
   for (const double x : {.30, .55, .80})  // the baker's cuts
-    canvas.Paint(Brush({{{(x - .10) * n, .06 * n}, {(x + .02) * n, .26 * n}}}, 5),
-                 {0.93, 0.76, 0.48});
+    canvas.Paint(Brush({{{(x - .10) * n, .06 * n}, {(x + .02) * n, .26 * n}}}, 5), {0.93, 0.76, 0.48});
   return canvas;
 }
 
 Canvas BottleLabelTexture() {
   Canvas canvas(256, 64, {0.94, 0.93, 0.80});
-  for (const double y : {5.0, 59.0})
-    canvas.Paint(Rectangle({-1, y - 2}, {257, y + 2}), {0.75, 0.62, 0.20});
+  for (const double y : {5.0, 59.0}) canvas.Paint(Rectangle({-1, y - 2}, {257, y + 2}), {0.75, 0.62, 0.20});
   for (const double x : {64.0, 192.0}) {  // a leaf
     canvas.Paint(Disc({x - 6, 34}, 15), {0.16, 0.50, 0.14});
     canvas.Paint(Disc({x + 9, 28}, 11), {0.30, 0.66, 0.18});

@@ -30,8 +30,7 @@ using Eigen::Vector3d;
 constexpr double kPi = std::numbers::pi;
 
 // Denavit-Hartenberg parameters, m; body i turns about z of frame i - 1
-constexpr double kD1 = 0.089159, kA2 = -0.425, kA3 = -0.39225, kD4 = 0.10915, kD5 = 0.09465,
-                 kD6 = 0.0823;
+constexpr double kD1 = 0.089159, kA2 = -0.425, kA3 = -0.39225, kD4 = 0.10915, kD5 = 0.09465, kD6 = 0.0823;
 constexpr std::array<double, 6> kMass{3.7, 8.393, 2.275, 1.219, 1.219, 0.1879};
 constexpr std::array<double, 6> kTorque{150, 150, 150, 28, 28, 28};
 // rotor inertia seen through the gears; gives the light wrist the sluggishness that a geared joint
@@ -77,14 +76,13 @@ class Links {
 };
 
 std::string Joint(int i) {
-  static constexpr std::array kNames{"shoulder_pan", "shoulder_lift", "elbow",
-                                     "wrist_1",      "wrist_2",       "wrist_3"};
+  static constexpr std::array kNames{"shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"};
   return fmt::format("{}_joint", kNames[i]);
 }
 
 std::string Hinge(int i) {
-  return fmt::format("<joint name=\"{}\" axis=\"0 0 1\" range=\"{} {}\" armature=\"{}\"/>\n",
-                     Joint(i), -2 * kPi, 2 * kPi, kArmature[i]);
+  return fmt::format("<joint name=\"{}\" axis=\"0 0 1\" range=\"{} {}\" armature=\"{}\"/>\n", Joint(i), -2 * kPi,
+                     2 * kPi, kArmature[i]);
 }
 
 std::string Open(const std::string& name, const Pose& pose) {
@@ -161,8 +159,7 @@ std::string Arm(Links& links, const std::string& hand) {
 /// `s` is +1 for the finger at +x of the gripper, -1 for the other.
 std::string Finger(const std::string& prefix, const std::string& driver_joint, double s) {
   const Vector3d tip_hinge(s * kKnuckleX, 0, kKnuckleZ);
-  std::string text =
-      Open(prefix + "_knuckle", {{s * kPivotX, 0, kPivotZ}, Eigen::Quaterniond::Identity()});
+  std::string text = Open(prefix + "_knuckle", {{s * kPivotX, 0, kPivotZ}, Eigen::Quaterniond::Identity()});
   text += fmt::format(
       "<joint name=\"{}\" axis=\"0 {} 0\" range=\"0 {}\" damping=\"0.25\" armature=\"0.002\" "
       "solreflimit=\"0.004 1\" solimplimit=\"0.99 0.999 0.001\"/>\n",
@@ -170,8 +167,7 @@ std::string Finger(const std::string& prefix, const std::string& driver_joint, d
   text += CylinderInertial(0.03, 0.008, tip_hinge.norm(), tip_hinge / 2, tip_hinge);
   const Vector3d inner(-s * 0.011, 0, 0.004), y = 0.0055 * kY;  // the parallelogram's bars
   for (const Vector3d& bar : {Vector3d(y), Vector3d(-y), inner})
-    text +=
-        GeomBetween("visual", "capsule", 0.0042, bar, tip_hinge * 0.97 + bar, "material=\"steel\"");
+    text += GeomBetween("visual", "capsule", 0.0042, bar, tip_hinge * 0.97 + bar, "material=\"steel\"");
   text += GeomBetween("robot", "capsule", 0.0065, {0, 0, 0}, tip_hinge);
   text += Open(prefix + "_finger", {tip_hinge, Eigen::Quaterniond::Identity()});
   text += fmt::format(
@@ -182,8 +178,7 @@ std::string Finger(const std::string& prefix, const std::string& driver_joint, d
   text += BoxInertial(0.05, half, centre);
   const Pose shell{centre, Eigen::Quaterniond::Identity()};
   const std::vector<double> size{half.x(), half.y(), half.z()};
-  text += Geom("visual", "box", size, shell, "material=\"gripper_black\"") +
-          Geom("robot", "box", size, shell);
+  text += Geom("visual", "box", size, shell, "material=\"gripper_black\"") + Geom("robot", "box", size, shell);
   const double pad_x = -s * (kPadFace - kPadThick / 2);
   text += Geom("visual", "box", {kPadThick / 2, kPadHalfWidth, kPadHalfLength},
                {{pad_x, 0, kPadZ}, Eigen::Quaterniond::Identity()}, "material=\"pad\"");
@@ -202,8 +197,7 @@ std::string Gripper(Links& links) {
   const Pose body{{0, 0, 0.047}, Eigen::Quaterniond::Identity()};
   text += Geom("visual", "box", {0.026, 0.022, 0.025}, body, "material=\"gripper_black\"");
   for (const double side : {-1.0, 1.0})  // rounded flanks about the knuckles
-    text += links.Look(0.015, {side * 0.020, -0.024, 0.058}, {side * 0.020, 0.024, 0.058},
-                       "gripper_black");
+    text += links.Look(0.015, {side * 0.020, -0.024, 0.058}, {side * 0.020, 0.024, 0.058}, "gripper_black");
   const Pose hull{{0, 0, 0.043}, Eigen::Quaterniond::Identity()};
   text += Geom("robot", "box", {0.034, 0.030, 0.029}, hull);
   text += Finger("left", "finger_joint", +1) + Finger("right", "right_driver_joint", -1);
@@ -232,18 +226,15 @@ RobotModel MakeUr5() {
   robot.files = links.TakeFiles();
   for (int i = 0; i < 6; ++i) {
     robot.joints.push_back(Joint(i));
-    robot.actuator += fmt::format("<motor name=\"{0}\" joint=\"{0}\" ctrlrange=\"{1} {2}\"/>\n",
-                                  Joint(i), -kTorque[i], kTorque[i]);
+    robot.actuator +=
+        fmt::format("<motor name=\"{0}\" joint=\"{0}\" ctrlrange=\"{1} {2}\"/>\n", Joint(i), -kTorque[i], kTorque[i]);
   }
   // E at (-0.10915, 0.133, 0.074), hand level along +y, elbow up: closed form of the planar arm
-  robot.q_home = {-kPi / 2, -1.5998122986083503, 2.676480771543574, -1.0766684729352238, kPi / 2,
-                  0};
-  robot.bodies = {"base",         "shoulder",    "upper_arm",     "forearm",
-                  "wrist_1",      "wrist_2",     "wrist_3",       "gripper",
-                  "left_knuckle", "left_finger", "right_knuckle", "right_finger"};
+  robot.q_home = {-kPi / 2, -1.5998122986083503, 2.676480771543574, -1.0766684729352238, kPi / 2, 0};
+  robot.bodies = {"base",    "shoulder", "upper_arm",    "forearm",     "wrist_1",       "wrist_2",
+                  "wrist_3", "gripper",  "left_knuckle", "left_finger", "right_knuckle", "right_finger"};
   robot.gripper_joints = {"finger_joint"};
-  robot.coupled_joints = {
-      {"right_driver_joint", 1}, {"left_tip_joint", -1}, {"right_tip_joint", -1}};
+  robot.coupled_joints = {{"right_driver_joint", 1}, {"left_tip_joint", -1}, {"right_tip_joint", -1}};
   for (const auto& coupled : robot.coupled_joints)
     robot.equality += fmt::format(
         "<joint joint1=\"{}\" joint2=\"finger_joint\" polycoef=\"0 {} 0 0 0\" "
@@ -267,8 +258,8 @@ const std::vector<std::string>& KnownRobots() {
 
 Result<RobotModel> MakeRobot(const std::string& name) {
   if (name == "ur5") return MakeUr5();
-  return Fail(Code::kInvalidArgument, fmt::format("robot '{}' is not known; known: {}", name,
-                                                  fmt::join(KnownRobots(), ", ")));
+  return Fail(Code::kInvalidArgument,
+              fmt::format("robot '{}' is not known; known: {}", name, fmt::join(KnownRobots(), ", ")));
 }
 
 }  // namespace etude::assets

@@ -54,9 +54,8 @@ std::string Assets(const std::vector<AssetFile>& offered, std::vector<AssetFile>
 
 Result<Camera> MakeCamera(const CameraSpec& spec) {
   if (spec.position.size() != 3 || spec.euler.size() != 3)
-    return Fail(Code::kInvalidArgument,
-                fmt::format("camera: position has {} and euler {} numbers, each needs 3",
-                            spec.position.size(), spec.euler.size()));
+    return Fail(Code::kInvalidArgument, fmt::format("camera: position has {} and euler {} numbers, each needs 3",
+                                                    spec.position.size(), spec.euler.size()));
   Camera camera;
   camera.width = spec.width;
   camera.height = spec.height;
@@ -72,21 +71,19 @@ std::string World(const SceneDescription& scene, const CameraSpec& camera) {
       "castshadow=\"false\" "
       "ambient=\"0.02 0.02 0.02\" diffuse=\"0.52 0.52 0.52\" specular=\"0.2 0.2 0.2\"/>\n";
   // fovy is in degrees whatever the compiler's angle
-  text += fmt::format("<camera name=\"{}\" mode=\"fixed\" fovy=\"{}\"{}/>\n", scene.camera.name,
-                      camera.fovy_deg, PoseAttributes(scene.camera.X_WC));
+  text += fmt::format("<camera name=\"{}\" mode=\"fixed\" fovy=\"{}\"{}/>\n", scene.camera.name, camera.fovy_deg,
+                      PoseAttributes(scene.camera.X_WC));
   text +=
       "<geom name=\"table\" type=\"plane\" size=\"0.75 0.75 0.05\" material=\"table\" "
       "contype=\"1\" "
       "conaffinity=\"3\" friction=\"0.9 0.005 0.0001\" solref=\"0.006 1\" solimp=\"0.95 0.99 "
       "0.001\"/>\n";
   text += scene.robot.body;
-  const double spacing = 0.14,
-               first = -spacing * (static_cast<double>(scene.objects.size()) - 1) / 2;
+  const double spacing = 0.14, first = -spacing * (static_cast<double>(scene.objects.size()) - 1) / 2;
   for (std::size_t i = 0; i < scene.objects.size(); ++i) {
     const ObjectModel& object = scene.objects[i];
-    text += fmt::format(
-        "<body name=\"{0}\" pos=\"{1} 0.3 {2}\">\n<freejoint name=\"{0}\"/>\n{3}</body>\n",
-        object.name, first + spacing * static_cast<double>(i), object.rest_height, object.geoms);
+    text += fmt::format("<body name=\"{0}\" pos=\"{1} 0.3 {2}\">\n<freejoint name=\"{0}\"/>\n{3}</body>\n", object.name,
+                        first + spacing * static_cast<double>(i), object.rest_height, object.geoms);
   }
   return text;
 }
@@ -118,9 +115,8 @@ Result<SceneDescription> DescribeScene(const CampaignSpec& spec) {
     offered.insert(offered.end(), object.files.begin(), object.files.end());
     scene.objects.push_back(std::move(object));
   }
-  std::string mjcf =
-      fmt::format(kHead, fmt::arg("timestep", kTimestep), fmt::arg("width", spec.camera.width),
-                  fmt::arg("height", spec.camera.height));
+  std::string mjcf = fmt::format(kHead, fmt::arg("timestep", kTimestep), fmt::arg("width", spec.camera.width),
+                                 fmt::arg("height", spec.camera.height));
   mjcf += "<asset>\n" + Assets(offered, scene.files) + scene.robot.materials;
   mjcf +=
       "<material name=\"table\" texture=\"wood\" texrepeat=\"1 1\" specular=\"0\" "

@@ -55,9 +55,7 @@ struct Checker::Impl {
 };
 
 Checker::Impl::Impl(std::shared_ptr<const sim::Scene> scene_in)
-    : scene(std::move(scene_in)),
-      kinematics(scene),
-      structure(internal::FindStructure(scene->arm(), kinematics)) {
+    : scene(std::move(scene_in)), kinematics(scene), structure(internal::FindStructure(scene->arm(), kinematics)) {
   AddPieces();
   PlaceStatics();
   FindSelfPairs();
@@ -87,8 +85,7 @@ void Checker::Impl::PlaceStatics() {
   for (Piece& piece : pieces) {
     if (piece.role() != Role::kStatic) continue;
     Pose X_WB;
-    if (piece.body_name() != "world")
-      X_WB = kinematics.BodyPoses(q_home, 0, {piece.body_name()}).front();
+    if (piece.body_name() != "world") X_WB = kinematics.BodyPoses(q_home, 0, {piece.body_name()}).front();
     piece.Place(internal::ToIsometry(X_WB));
   }
 }
@@ -98,8 +95,7 @@ bool Checker::Impl::BodiesTouch(int a, int b) const {
   for (const Piece& first : pieces) {
     if (first.role() != Role::kArm || first.body() != a) continue;
     for (const Piece& second : pieces) {
-      const bool of_b = b == world ? second.role() == Role::kStatic
-                                   : second.role() == Role::kArm && second.body() == b;
+      const bool of_b = b == world ? second.role() == Role::kStatic : second.role() == Role::kArm && second.body() == b;
       if (of_b && internal::Near(first, second, 0)) return true;
     }
   }
@@ -123,8 +119,7 @@ void Checker::Impl::FindSelfPairs() {
     for_pairs([&](int a, int b) { touches(a, b) += BodiesTouch(a, b) ? 1 : 0; });
   }
   for_pairs([&](int a, int b) {
-    self_tested(a, b) =
-        structure.joints_between(a, b) > 1 && touches(a, b) < kSamples * 95 / 100 ? 1 : 0;
+    self_tested(a, b) = structure.joints_between(a, b) > 1 && touches(a, b) < kSamples * 95 / 100 ? 1 : 0;
     // a link that only turns on the base may hit the table, but not if it starts on it
     if (b == n && structure.joints_between(a, b) == 1) self_tested(a, b) = 1;
   });
@@ -172,8 +167,7 @@ bool Checker::Impl::HeldMayTouch(const Piece& other) const {
 void Checker::Impl::AddPairsOf(int piece) {
   const Piece& first = pieces[piece];
   for (int other = arm_pieces; other < static_cast<int>(pieces.size()); ++other) {
-    const bool may_touch = first.role() == Role::kArm ? ArmMayTouch(first, pieces[other])
-                                                      : HeldMayTouch(pieces[other]);
+    const bool may_touch = first.role() == Role::kArm ? ArmMayTouch(first, pieces[other]) : HeldMayTouch(pieces[other]);
     if (!may_touch) pairs.emplace_back(piece, other);
   }
 }
@@ -206,20 +200,17 @@ Collision Checker::Impl::Describe(PiecePair pair) const {
   return {a.body_name(), b.body_name(), Distance(a.shape(), a.X_WG(), b.shape(), b.X_WG())};
 }
 
-Checker::Checker(std::shared_ptr<const sim::Scene> scene)
-    : impl_(std::make_unique<Impl>(std::move(scene))) {}
+Checker::Checker(std::shared_ptr<const sim::Scene> scene) : impl_(std::make_unique<Impl>(std::move(scene))) {}
 Checker::Checker(Checker&&) noexcept = default;
 Checker::~Checker() = default;
 
 void Checker::SetObject(const std::string& name, const Pose& X_WO) {
-  ETUDE_CHECK(std::ranges::any_of(impl_->scene->objects(),
-                                  [&](const auto& object) { return object.name == name; }),
+  ETUDE_CHECK(std::ranges::any_of(impl_->scene->objects(), [&](const auto& object) { return object.name == name; }),
               "no object '{}' in the scene", name);
   if (impl_->objects.insert_or_assign(name, X_WO).second) impl_->pairs_valid = false;
   if (name == impl_->held) return;
   for (Piece& piece : impl_->pieces)
-    if (piece.role() == Role::kObject && piece.body_name() == name)
-      piece.Place(internal::ToIsometry(X_WO));
+    if (piece.role() == Role::kObject && piece.body_name() == name) piece.Place(internal::ToIsometry(X_WO));
 }
 
 void Checker::SetGripper(double gripper) { impl_->gripper = gripper; }
@@ -239,8 +230,7 @@ void Checker::Attach(const std::string& object, const std::optional<Pose>& X_EO)
     impl_->X_BO = internal::ToIsometry(impl_->structure.X_BE * *X_EO);
   } else if (impl_->held == object) {
     impl_->held.clear();
-    if (const auto it = impl_->objects.find(object); it != impl_->objects.end())
-      SetObject(object, Pose(it->second));
+    if (const auto it = impl_->objects.find(object); it != impl_->objects.end()) SetObject(object, Pose(it->second));
   }
   impl_->pairs_valid = false;
 }
@@ -252,17 +242,15 @@ std::optional<Collision> Checker::Check(const Eigen::VectorXd& q, double margin)
   impl.SetMargin(margin);
   impl.PlaceArm(q);
   for (const Impl::PiecePair& pair : impl.pairs)
-    if (internal::Near(impl.pieces[pair.first], impl.pieces[pair.second], margin))
-      return impl.Describe(pair);
+    if (internal::Near(impl.pieces[pair.first], impl.pieces[pair.second], margin)) return impl.Describe(pair);
   return std::nullopt;
 }
 
-std::optional<Collision> Checker::CheckSegment(const Eigen::VectorXd& a, const Eigen::VectorXd& b,
-                                               double resolution, double margin) {
+std::optional<Collision> Checker::CheckSegment(const Eigen::VectorXd& a, const Eigen::VectorXd& b, double resolution,
+                                               double margin) {
   ETUDE_CHECK(resolution > 0, "resolution={}", resolution);
   if (auto collision = Check(b, margin)) return collision;
-  const auto steps =
-      static_cast<std::uint32_t>(std::ceil((b - a).cwiseAbs().maxCoeff() / resolution));
+  const auto steps = static_cast<std::uint32_t>(std::ceil((b - a).cwiseAbs().maxCoeff() / resolution));
   if (steps == 0) return std::nullopt;
 
   // numbers with their bits reversed visit the halves, then the quarters, and so on
@@ -271,8 +259,7 @@ std::optional<Collision> Checker::CheckSegment(const Eigen::VectorXd& a, const E
     std::uint32_t step = 0;
     for (int bit = 0; bit < bits; ++bit) step |= ((i >> bit) & 1u) << (bits - 1 - bit);
     if (step >= steps) continue;
-    if (auto collision = Check(a + (b - a) * (static_cast<double>(step) / steps), margin))
-      return collision;
+    if (auto collision = Check(a + (b - a) * (static_cast<double>(step) / steps), margin)) return collision;
   }
   return std::nullopt;
 }

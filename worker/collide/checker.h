@@ -45,8 +45,8 @@ class Checker {
   std::optional<Collision> Check(const Eigen::VectorXd& q, double margin = 0.0);
   /// The straight joint-space segment a -> b, both ends included, at steps of at most `resolution`
   /// rad (largest joint), by bisection. The collision found is not the first along the way.
-  std::optional<Collision> CheckSegment(const Eigen::VectorXd& a, const Eigen::VectorXd& b,
-                                        double resolution = 0.02, double margin = 0.0);
+  std::optional<Collision> CheckSegment(const Eigen::VectorXd& a, const Eigen::VectorXd& b, double resolution = 0.02,
+                                        double margin = 0.0);
   /// Nearest pair between arm (and what it holds) and the rest, self-collision and allowed pairs
   /// apart. Infinite distance and empty names when there is no such pair.
   Collision Nearest(const Eigen::VectorXd& q);

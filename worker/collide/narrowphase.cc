@@ -24,8 +24,7 @@ struct Shape::Fcl {
 namespace {
 
 std::unique_ptr<fcl::CollisionGeometryd> MakeConvex(const sim::Geometry& geometry) {
-  ETUDE_CHECK(geometry.vertices.size() >= 4, "convex '{}' has {} vertices", geometry.name,
-              geometry.vertices.size());
+  ETUDE_CHECK(geometry.vertices.size() >= 4, "convex '{}' has {} vertices", geometry.name, geometry.vertices.size());
 
   // no faces: FCL then looks for extreme vertices by a linear scan, which needs none
   auto vertices = std::make_shared<const std::vector<Eigen::Vector3d>>(geometry.vertices);
@@ -33,8 +32,7 @@ std::unique_ptr<fcl::CollisionGeometryd> MakeConvex(const sim::Geometry& geometr
   return std::make_unique<fcl::Convexd>(vertices, 0, faces, false);
 }
 
-std::unique_ptr<fcl::CollisionGeometryd> MakeGeometry(const sim::Geometry& geometry,
-                                                      double inflation) {
+std::unique_ptr<fcl::CollisionGeometryd> MakeGeometry(const sim::Geometry& geometry, double inflation) {
   const Eigen::Vector3d& size = geometry.size;
   using enum sim::Geometry::Shape;
   switch (geometry.shape) {
@@ -59,28 +57,24 @@ std::unique_ptr<fcl::CollisionGeometryd> MakeGeometry(const sim::Geometry& geome
 Shape::Shape(const sim::Geometry& geometry, double inflation)
     : fcl_(std::make_shared<const Fcl>(Fcl{MakeGeometry(geometry, inflation)})) {}
 
-bool Touch(const Shape& a, const Eigen::Isometry3d& X_WA, const Shape& b,
-           const Eigen::Isometry3d& X_WB) {
+bool Touch(const Shape& a, const Eigen::Isometry3d& X_WA, const Shape& b, const Eigen::Isometry3d& X_WB) {
   static const fcl::CollisionRequestd kRequest;
   fcl::CollisionResultd result;
 
   // libccd gives up on rare degenerate poses by throwing; the safe verdict is a collision
   try {
-    return fcl::collide(a.fcl().geometry.get(), X_WA, b.fcl().geometry.get(), X_WB, kRequest,
-                        result) > 0;
+    return fcl::collide(a.fcl().geometry.get(), X_WA, b.fcl().geometry.get(), X_WB, kRequest, result) > 0;
   } catch (const std::exception&) {
     return true;
   }
 }
 
-double Distance(const Shape& a, const Eigen::Isometry3d& X_WA, const Shape& b,
-                const Eigen::Isometry3d& X_WB) {
+double Distance(const Shape& a, const Eigen::Isometry3d& X_WA, const Shape& b, const Eigen::Isometry3d& X_WB) {
   if (Touch(a, X_WA, b, X_WB)) return 0;
   static const fcl::DistanceRequestd kRequest;
   fcl::DistanceResultd result;
   try {
-    const double distance =
-        fcl::distance(a.fcl().geometry.get(), X_WA, b.fcl().geometry.get(), X_WB, kRequest, result);
+    const double distance = fcl::distance(a.fcl().geometry.get(), X_WA, b.fcl().geometry.get(), X_WB, kRequest, result);
     return std::max(0.0, distance);
   } catch (const std::exception&) {
     return 0;

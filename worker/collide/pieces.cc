@@ -63,8 +63,7 @@ void Piece::Place(const Eigen::Isometry3d& X_WB) {
 
 void Piece::SetMargin(double margin) {
   inflated_.reset();
-  if (margin > 0 && geometry_.shape != sim::Geometry::Shape::kConvex)
-    inflated_.emplace(geometry_, margin);
+  if (margin > 0 && geometry_.shape != sim::Geometry::Shape::kConvex) inflated_.emplace(geometry_, margin);
 }
 
 double AabbGap(const Piece& a, const Piece& b) {

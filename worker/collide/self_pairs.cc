@@ -12,13 +12,11 @@ namespace {
 
 constexpr double kSame = 1e-6;  ///< m and rad; poses closer than this are the same
 
-bool SamePose(const Pose& a, const Pose& b) {
-  return (a.p - b.p).norm() < kSame && AngleBetween(a.q, b.q) < kSame;
-}
+bool SamePose(const Pose& a, const Pose& b) { return (a.p - b.p).norm() < kSame && AngleBetween(a.q, b.q) < kSame; }
 
 // Poses of all bodies, the world last.
-std::vector<Pose> Poses(sim::Kinematics& kinematics, const sim::ArmInfo& arm,
-                        const Eigen::VectorXd& q, double gripper) {
+std::vector<Pose> Poses(sim::Kinematics& kinematics, const sim::ArmInfo& arm, const Eigen::VectorXd& q,
+                        double gripper) {
   std::vector<Pose> poses = kinematics.BodyPoses(q, gripper, arm.bodies);
   poses.push_back(Pose{});
   return poses;
@@ -33,8 +31,7 @@ void CountJoints(const sim::ArmInfo& arm, sim::Kinematics& kinematics, const Eig
     const std::vector<Pose> after = Poses(kinematics, arm, moved, 0);
     for (std::size_t a = 0; a < before.size(); ++a)
       for (std::size_t b = 0; b < before.size(); ++b)
-        if (!SamePose(before[a].inverse() * before[b], after[a].inverse() * after[b]))
-          ++joints_between(a, b);
+        if (!SamePose(before[a].inverse() * before[b], after[a].inverse() * after[b])) ++joints_between(a, b);
   }
 }
 
@@ -47,8 +44,7 @@ std::vector<Eigen::VectorXd> SpreadConfigurations(const sim::ArmInfo& arm, int c
   std::vector<Eigen::VectorXd> spread;
   for (int i = 0; i < count; ++i) {
     Eigen::VectorXd q(lower.size());
-    for (int joint = 0; joint < q.size(); ++joint)
-      q[joint] = rng.Uniform(lower[joint], upper[joint]);
+    for (int joint = 0; joint < q.size(); ++joint) q[joint] = rng.Uniform(lower[joint], upper[joint]);
     spread.push_back(q);
   }
   return spread;
@@ -64,8 +60,7 @@ ArmStructure FindStructure(const sim::ArmInfo& arm, sim::Kinematics& kinematics)
   // the tool's body: the last that keeps the tool's pose when the arm and the gripper move
   const Eigen::VectorXd q_moved = SpreadConfigurations(arm, 2).back();
   const Pose X_WE = kinematics.X_WE(q), X_WE_moved = kinematics.X_WE(q_moved);
-  const std::vector<Pose> open = Poses(kinematics, arm, q, 0),
-                          closed = Poses(kinematics, arm, q, 1);
+  const std::vector<Pose> open = Poses(kinematics, arm, q, 0), closed = Poses(kinematics, arm, q, 1);
   const std::vector<Pose> moved = Poses(kinematics, arm, q_moved, 0);
   structure.tool_body = -1;
   for (int body = 0; body < n; ++body) {

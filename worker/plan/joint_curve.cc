@@ -9,10 +9,8 @@
 namespace etude::plan::internal {
 
 JointCurve::JointCurve(const std::vector<Eigen::VectorXd>& polyline, double spacing) {
-  ETUDE_CHECK(polyline.size() >= 2 && spacing > 0, "{} points, spacing {}", polyline.size(),
-              spacing);
-  for (std::size_t i = 1; i < polyline.size(); ++i)
-    length_ += (polyline[i] - polyline[i - 1]).norm();
+  ETUDE_CHECK(polyline.size() >= 2 && spacing > 0, "{} points, spacing {}", polyline.size(), spacing);
+  for (std::size_t i = 1; i < polyline.size(); ++i) length_ += (polyline[i] - polyline[i - 1]).norm();
   const int spans = std::max(3, static_cast<int>(std::ceil(length_ / spacing)));
 
   // control points at equal distances along the polyline
@@ -46,10 +44,9 @@ JointCurve::State JointCurve::At(double u) const {
     return a * controls_[i] + b * controls_[i + 1] + c * controls_[i + 2] + d * controls_[i + 3];
   };
   State state;
-  state.q = combine(r * r * r / 6, (3 * t * t * t - 6 * t * t + 4) / 6,
-                    (3 * r * r * r - 6 * r * r + 4) / 6, t * t * t / 6);
-  state.dq =
-      spans * combine(-r * r / 2, (3 * t * t - 4 * t) / 2, (-3 * r * r + 4 * r) / 2, t * t / 2);
+  state.q =
+      combine(r * r * r / 6, (3 * t * t * t - 6 * t * t + 4) / 6, (3 * r * r * r - 6 * r * r + 4) / 6, t * t * t / 6);
+  state.dq = spans * combine(-r * r / 2, (3 * t * t - 4 * t) / 2, (-3 * r * r + 4 * r) / 2, t * t / 2);
   state.ddq = spans * spans * combine(r, 3 * t - 2, 3 * r - 2, t);
   return state;
 }

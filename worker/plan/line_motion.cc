@@ -24,10 +24,7 @@ double Rate(const ToolLine& line, double linear, double angular) {
 }  // namespace
 
 ToolLine::ToolLine(const Pose& X_WE_start, const Pose& X_WE_goal)
-    : X_WS_(X_WE_start),
-      X_WG_(X_WE_goal),
-      p_SG_W_(X_WE_goal.p - X_WE_start.p),
-      axis_W_(Eigen::Vector3d::UnitX()) {
+    : X_WS_(X_WE_start), X_WG_(X_WE_goal), p_SG_W_(X_WE_goal.p - X_WE_start.p), axis_W_(Eigen::Vector3d::UnitX()) {
   Eigen::Quaterniond turn = X_WG_.q * X_WS_.q.conjugate();
   if (turn.w() < 0) turn.coeffs() *= -1;
   const double sine = turn.vec().norm();
@@ -65,8 +62,7 @@ LineMotion MoveAlong(const ToolLine& line, const Limits& limits, double start_sp
   double start_rate = line.length() > kPoint ? start_speed / line.length() : 0;
   if (line.angle() > kPoint) start_rate = std::min(start_rate, limits.angular / line.angle());
   const SpeedProfile profile(1, start_rate, Rate(line, limits.linear, limits.angular),
-                             Rate(line, limits.linear_accel, limits.angular_accel),
-                             1 / kControlRate);
+                             Rate(line, limits.linear_accel, limits.angular_accel), 1 / kControlRate);
   for (int step = 0; step <= profile.steps(); ++step) {
     const SpeedProfile::State state = profile.At(step);
     add(state.s, state.ds);
@@ -76,8 +72,7 @@ LineMotion MoveAlong(const ToolLine& line, const Limits& limits, double start_sp
 
 }  // namespace internal
 
-Motion StraightMotion(const Pose& X_WE_start, const Pose& X_WE_goal, const Limits& limits,
-                      double start_speed) {
+Motion StraightMotion(const Pose& X_WE_start, const Pose& X_WE_goal, const Limits& limits, double start_speed) {
   const internal::ToolLine line(X_WE_start, X_WE_goal);
   return internal::MoveAlong(line, limits, start_speed).motion;
 }

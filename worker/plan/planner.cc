@@ -40,8 +40,8 @@ constexpr double kSingular = 0.1;  // of the manipulability at home
 constexpr int kFiner = 4;
 
 std::string Touches(const Collision& collision) {
-  return fmt::format("{} {} {}", collision.body_a,
-                     collision.distance > 0 ? "comes too near to" : "touches", collision.body_b);
+  return fmt::format("{} {} {}", collision.body_a, collision.distance > 0 ? "comes too near to" : "touches",
+                     collision.body_b);
 }
 
 // Signed for a square Jacobian, so that its sign tells on which side of a singularity q is.
@@ -107,8 +107,7 @@ struct Planner::Impl {
   bool CheckStart(Call& call);
   Track Follow(const ToolLine& line, const Eigen::VectorXd& q_start);
   bool LineIsFree(Call& call, const Track& track);
-  static Strain WorstStrain(const internal::LineMotion& timed, const Track& track,
-                            double joint_limit);
+  static Strain WorstStrain(const internal::LineMotion& timed, const Track& track, double joint_limit);
   bool TimeLine(Call& call, const ToolLine& line, const Track& track);
   std::optional<Eigen::VectorXd> FindGoal(Call& call, const Track& track);
   double FindRoom(Call& call, const Eigen::VectorXd& q_goal);
@@ -138,8 +137,7 @@ bool Fail(Outcome& outcome, OutcomeKind kind, std::string reason) {
 bool Planner::Impl::CheckStart(Call& call) {
   const Eigen::VectorXd& q_start = call.request.q_start;
   if (const auto collision = call.checker.Check(q_start))
-    return Fail(call.outcome, OutcomeKind::kStartInCollision,
-                Touches(*collision) + " at the start");
+    return Fail(call.outcome, OutcomeKind::kStartInCollision, Touches(*collision) + " at the start");
 
   // a start within the margin may leave, but not come nearer
   call.margin = call.request.margin;
@@ -153,8 +151,8 @@ bool Planner::Impl::CheckStart(Call& call) {
 }
 
 Planner::Impl::Track Planner::Impl::Follow(const ToolLine& line, const Eigen::VectorXd& q_start) {
-  const int steps = std::max(1, static_cast<int>(std::ceil(std::max(line.length() / kLinearStep,
-                                                                    line.angle() / kAngularStep))));
+  const int steps =
+      std::max(1, static_cast<int>(std::ceil(std::max(line.length() / kLinearStep, line.angle() / kAngularStep))));
   Track track;
   track.q.push_back(q_start);
   for (int step = 1; step <= steps; ++step) {
@@ -178,16 +176,15 @@ bool Planner::Impl::LineIsFree(Call& call, const Track& track) {
       const double along = static_cast<double>(part) / parts;
       if (const auto collision = call.checker.Check(track.q[i] + change * along, call.margin))
         return Fail(call.outcome, OutcomeKind::kNoPath,
-                    fmt::format("{} at {:.0f} % of the straight path", Touches(*collision),
-                                100 * (i + along) / spans));
+                    fmt::format("{} at {:.0f} % of the straight path", Touches(*collision), 100 * (i + along) / spans));
     }
   }
   return true;
 }
 
 // Where a timed line asks most of a joint, relative to its speed limit.
-Planner::Impl::Strain Planner::Impl::WorstStrain(const internal::LineMotion& timed,
-                                                 const Track& track, double joint_limit) {
+Planner::Impl::Strain Planner::Impl::WorstStrain(const internal::LineMotion& timed, const Track& track,
+                                                 double joint_limit) {
   const int spans = static_cast<int>(track.q.size()) - 1;
   Strain worst;
   for (std::size_t k = 0; k < timed.s.size(); ++k) {
@@ -218,10 +215,9 @@ bool Planner::Impl::TimeLine(Call& call, const ToolLine& line, const Track& trac
     }
     pace /= worst.excess * 1.005;
     if (pace < kSlowest)
-      return Fail(
-          call.outcome, OutcomeKind::kNotSmooth,
-          fmt::format("{} would turn at {:.1f} rad/s at {:.0f} % of the straight path",
-                      scene->arm().joints[worst.joint], worst.excess * asked.joint, 100 * worst.s));
+      return Fail(call.outcome, OutcomeKind::kNotSmooth,
+                  fmt::format("{} would turn at {:.1f} rad/s at {:.0f} % of the straight path",
+                              scene->arm().joints[worst.joint], worst.excess * asked.joint, 100 * worst.s));
   }
   return Fail(call.outcome, OutcomeKind::kNotSmooth,
               fmt::format("joints exceed {} rad/s from the given start speed", asked.joint));
@@ -237,16 +233,13 @@ std::optional<Eigen::VectorXd> Planner::Impl::FindGoal(Call& call, const Track& 
   const Pose& X_WE_goal = call.request.X_WE_goal;
   const Eigen::VectorXd& q_start = call.request.q_start;
   const sim::ArmInfo& arm = scene->arm();
-  Fail(
-      call.outcome, OutcomeKind::kGoalUnreachable,
-      fmt::format(
-          "no inverse kinematics at ({:.3f}, {:.3f}, {:.3f}) m; the straight path ends at {:.0f} %",
-          X_WE_goal.p.x(), X_WE_goal.p.y(), X_WE_goal.p.z(), 100 * track.reached));
+  Fail(call.outcome, OutcomeKind::kGoalUnreachable,
+       fmt::format("no inverse kinematics at ({:.3f}, {:.3f}, {:.3f}) m; the straight path ends at {:.0f} %",
+                   X_WE_goal.p.x(), X_WE_goal.p.y(), X_WE_goal.p.z(), 100 * track.reached));
 
   const auto accept = [&](const Eigen::VectorXd& q) {
     if (const auto collision = call.checker.Check(q, call.margin))
-      return Fail(call.outcome, OutcomeKind::kGoalInCollision,
-                  Touches(*collision) + " at the goal");
+      return Fail(call.outcome, OutcomeKind::kGoalInCollision, Touches(*collision) + " at the goal");
     if (IsRegular(call, q)) return true;
     if (call.outcome.kind != OutcomeKind::kGoalInCollision)
       Fail(call.outcome, OutcomeKind::kNotSmooth, "the goal lies beyond a singularity of the arm");
@@ -264,8 +257,7 @@ std::optional<Eigen::VectorXd> Planner::Impl::FindGoal(Call& call, const Track& 
   if (const auto q = kinematics.Solve(X_WE_goal, arm.q_home); q && accept(*q)) return q;
   for (int i = 0; i < kGoalTries; ++i) {
     Eigen::VectorXd seed = q_start;
-    for (double& value : seed)
-      value += call.rng.Uniform(-std::numbers::pi / 2, std::numbers::pi / 2);
+    for (double& value : seed) value += call.rng.Uniform(-std::numbers::pi / 2, std::numbers::pi / 2);
     seed = seed.cwiseMax(arm.q_min).cwiseMin(arm.q_max);
     if (const auto q = kinematics.Solve(X_WE_goal, seed); q && accept(*q)) return q;
   }
@@ -294,8 +286,8 @@ bool Planner::Impl::Smooth(Call& call, const std::vector<Eigen::VectorXd>& path)
   for (double spacing = 0.32; spacing >= 0.02; spacing /= 2) {
     const JointCurve curve(path, spacing);
     if (!CurveIsFree(call, curve)) continue;
-    auto motion = internal::Retime(curve, kinematics, call.request.limits, call.request.start_speed,
-                                   call.request.X_WE_goal);
+    auto motion =
+        internal::Retime(curve, kinematics, call.request.limits, call.request.start_speed, call.request.X_WE_goal);
     if (!motion) continue;
     call.outcome.kind = OutcomeKind::kSampled;
     call.outcome.motion = std::move(*motion);
@@ -346,14 +338,12 @@ void Planner::Impl::Detour(Call& call, const Eigen::VectorXd& q_goal) {
   // through gaps that the first one's room had closed. Each may use half of the budget.
   bool found = false;
   for (int round = 0; round < 2; ++round, call.resolution /= kFiner, call.room /= kFiner) {
-    problem.max_samples =
-        round == 0 ? (config.max_iterations + 1) / 2 : config.max_iterations - outcome.samples;
+    problem.max_samples = round == 0 ? (config.max_iterations + 1) / 2 : config.max_iterations - outcome.samples;
     const internal::SamplingResult result = internal::SamplePath(problem, call.rng);
     outcome.samples += result.samples;
     if (result.path.empty()) continue;
     found = true;
-    const auto shorter =
-        internal::Shortcut(result.path, kShortcuts, call.rng, problem.is_segment_free);
+    const auto shorter = internal::Shortcut(result.path, kShortcuts, call.rng, problem.is_segment_free);
     if (!Smooth(call, shorter)) continue;
     outcome.reason = "around: " + blocked;
     return;
@@ -361,8 +351,7 @@ void Planner::Impl::Detour(Call& call, const Eigen::VectorXd& q_goal) {
   if (found)
     Fail(outcome, OutcomeKind::kNotSmooth, "no smooth path around: " + blocked);
   else
-    Fail(outcome, OutcomeKind::kNoPath,
-         fmt::format("no path in {} samples around: {}", outcome.samples, blocked));
+    Fail(outcome, OutcomeKind::kNoPath, fmt::format("no path in {} samples around: {}", outcome.samples, blocked));
 }
 
 void Planner::Impl::Plan(Call& call) {
@@ -373,9 +362,8 @@ void Planner::Impl::Plan(Call& call) {
   if (!q_goal) return;
 
   if (!track.complete)
-    Fail(
-        call.outcome, OutcomeKind::kNoPath,
-        fmt::format("no inverse kinematics at {:.0f} % of the straight path", 100 * track.reached));
+    Fail(call.outcome, OutcomeKind::kNoPath,
+         fmt::format("no inverse kinematics at {:.0f} % of the straight path", 100 * track.reached));
   else if (*q_goal != track.q.back())
     Fail(call.outcome, OutcomeKind::kNoPath, call.outcome.reason + " of the straight path");
   else if (LineIsFree(call, track) && TimeLine(call, line, track))
@@ -397,8 +385,8 @@ Planner::~Planner() = default;
 
 Outcome Planner::Plan(const Request& request, collide::Checker& checker, std::uint64_t seed) {
   const auto joints = static_cast<Eigen::Index>(impl_->scene->arm().joints.size());
-  ETUDE_CHECK(request.q_start.size() == joints, "q_start has {} values, the arm {} joints",
-              request.q_start.size(), joints);
+  ETUDE_CHECK(request.q_start.size() == joints, "q_start has {} values, the arm {} joints", request.q_start.size(),
+              joints);
   const std::uint64_t checks_before = checker.checks();
   Impl::Call call{request, checker, Rng(MixSeed({seed}, "plan"))};
   impl_->Plan(call);

@@ -95,7 +95,6 @@ class Planner {
 /// together; at the control rate. `start_speed` as in Request: it is kept exactly, unless stopping
 /// from it would take more than twice the acceleration limit, or it turns faster than the angular
 /// limit.
-Motion StraightMotion(const Pose& X_WE_start, const Pose& X_WE_goal, const Limits& limits,
-                      double start_speed = 0);
+Motion StraightMotion(const Pose& X_WE_start, const Pose& X_WE_goal, const Limits& limits, double start_speed = 0);
 
 }  // namespace etude::plan

@@ -37,13 +37,11 @@ Bound BoundOf(std::initializer_list<Measure> measures) {
     if (m.second > kTiny) bound.rate2 = std::min(bound.rate2, m.accel / (2 * m.second));
   }
   for (const Measure& m : measures)
-    if (m.first > kTiny)
-      bound.accel = std::min(bound.accel, (m.accel - m.second * bound.rate2) / m.first);
+    if (m.first > kTiny) bound.accel = std::min(bound.accel, (m.accel - m.second * bound.rate2) / m.first);
   return bound;
 }
 
-std::vector<Bound> Bounds(const JointCurve& curve, sim::Kinematics& kinematics,
-                          const Limits& limits, int grid) {
+std::vector<Bound> Bounds(const JointCurve& curve, sim::Kinematics& kinematics, const Limits& limits, int grid) {
   std::vector<JointCurve::State> states;
   std::vector<Vector6> twists;  // of the tool per unit of u
   for (int i = 0; i <= grid; ++i) {
@@ -53,13 +51,11 @@ std::vector<Bound> Bounds(const JointCurve& curve, sim::Kinematics& kinematics,
   std::vector<Bound> bounds;
   for (int i = 0; i <= grid; ++i) {
     const int before = std::max(0, i - 1), after = std::min(grid, i + 1);
-    const Vector6 bend =
-        (twists[after] - twists[before]) * (static_cast<double>(grid) / (after - before));
-    bounds.push_back(BoundOf(
-        {{twists[i].head<3>().norm(), bend.head<3>().norm(), limits.linear, limits.linear_accel},
-         {twists[i].tail<3>().norm(), bend.tail<3>().norm(), limits.angular, limits.angular_accel},
-         {states[i].dq.cwiseAbs().maxCoeff(), states[i].ddq.cwiseAbs().maxCoeff(), limits.joint,
-          kJointAccelPerSpeed * limits.joint}}));
+    const Vector6 bend = (twists[after] - twists[before]) * (static_cast<double>(grid) / (after - before));
+    bounds.push_back(BoundOf({{twists[i].head<3>().norm(), bend.head<3>().norm(), limits.linear, limits.linear_accel},
+                              {twists[i].tail<3>().norm(), bend.tail<3>().norm(), limits.angular, limits.angular_accel},
+                              {states[i].dq.cwiseAbs().maxCoeff(), states[i].ddq.cwiseAbs().maxCoeff(), limits.joint,
+                               kJointAccelPerSpeed * limits.joint}}));
   }
   return bounds;
 }
@@ -88,8 +84,7 @@ struct Schedule {
     const int i = std::clamp(static_cast<int>(next - time.begin()) - 1, 0, grid - 1);
     const double rate = std::sqrt(rate2[i]), accel = (rate2[i + 1] - rate2[i]) * grid / 2;
     const double passed = std::min(t - time[i], time[i + 1] - time[i]);
-    return {static_cast<double>(i) / grid + passed * (rate + accel * passed / 2),
-            rate + accel * passed};
+    return {static_cast<double>(i) / grid + passed * (rate + accel * passed / 2), rate + accel * passed};
   }
 };
 
@@ -105,14 +100,13 @@ Schedule MakeSchedule(std::vector<double> rate2) {
 
 }  // namespace
 
-std::optional<Motion> Retime(const JointCurve& curve, sim::Kinematics& kinematics,
-                             const Limits& limits, double start_speed, const Pose& X_WE_goal) {
+std::optional<Motion> Retime(const JointCurve& curve, sim::Kinematics& kinematics, const Limits& limits,
+                             double start_speed, const Pose& X_WE_goal) {
   const int grid = std::max(32, static_cast<int>(std::ceil(curve.length() / kGridSpacing)));
   const std::vector<Bound> bounds = Bounds(curve, kinematics, limits, grid);
   const JointCurve::State start = curve.At(0);
   const double start_twist = (kinematics.Jacobian(start.q) * start.dq).head<3>().norm();
-  const Schedule schedule =
-      MakeSchedule(Passes(bounds, start_twist > 1e-9 ? start_speed / start_twist : 0));
+  const Schedule schedule = MakeSchedule(Passes(bounds, start_twist > 1e-9 ? start_speed / start_twist : 0));
   const double duration = schedule.time.back();
   if (!(duration < kLongest)) return std::nullopt;
 

@@ -13,7 +13,7 @@ namespace etude::plan::internal {
 /// Bobrow, Dubowsky & Gibson 1985, with velocity limits and with half of each acceleration limit
 /// left to curvature. The poses are moved by what the curve's end misses of `X_WE_goal`.
 /// @returns nothing when it would take more than a minute.
-std::optional<Motion> Retime(const JointCurve& curve, sim::Kinematics& kinematics,
-                             const Limits& limits, double start_speed, const Pose& X_WE_goal);
+std::optional<Motion> Retime(const JointCurve& curve, sim::Kinematics& kinematics, const Limits& limits,
+                             double start_speed, const Pose& X_WE_goal);
 
 }  // namespace etude::plan::internal

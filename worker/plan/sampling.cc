@@ -23,8 +23,7 @@ namespace ob = ompl::base;
 constexpr double kRange = 0.6;  ///< rad, longest edge of a tree; short ones are blocked less often
 
 Eigen::VectorXd ToVector(const ob::State* state, int size) {
-  return Eigen::Map<const Eigen::VectorXd>(state->as<ob::RealVectorStateSpace::StateType>()->values,
-                                           size);
+  return Eigen::Map<const Eigen::VectorXd>(state->as<ob::RealVectorStateSpace::StateType>()->values, size);
 }
 
 void FromVector(const Eigen::VectorXd& q, ob::State* state) {

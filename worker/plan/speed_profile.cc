@@ -12,15 +12,13 @@ int WholePeriods(double duration, double period) {
   return std::max(1, static_cast<int>(std::ceil(duration / period - 1e-9)));
 }
 
-SpeedProfile::SpeedProfile(double length, double start_speed, double max_speed, double accel,
-                           double period)
+SpeedProfile::SpeedProfile(double length, double start_speed, double max_speed, double accel, double period)
     : length_(length),
       start_speed_(std::min(start_speed, 2 * std::sqrt(accel * length))),
       accel_(accel),
       period_(period) {
   ETUDE_CHECK(length > 0 && start_speed >= 0 && max_speed > 0 && accel > 0,
-              "length={} start_speed={} max_speed={} accel={}", length, start_speed, max_speed,
-              accel);
+              "length={} start_speed={} max_speed={} accel={}", length, start_speed, max_speed, accel);
   const double v0 = start_speed_;
   const double braking = v0 * v0 / (2 * accel);  // length that stopping at once takes
   if (braking >= length) {
@@ -31,8 +29,8 @@ SpeedProfile::SpeedProfile(double length, double start_speed, double max_speed, 
 
   // shortest duration, then the cruise speed that makes it a whole number of periods
   const double fastest = std::min(max_speed, std::sqrt(accel * length + v0 * v0 / 2));
-  const double shortest = fastest >= v0 ? (fastest - v0) / accel + (length + braking) / fastest
-                                        : v0 / accel + (length - braking) / fastest;
+  const double shortest =
+      fastest >= v0 ? (fastest - v0) / accel + (length + braking) / fastest : v0 / accel + (length - braking) / fastest;
   steps_ = WholePeriods(shortest, period);
   duration_ = steps_ * period;
   const double half_sum = (duration_ + v0 / accel) / 2;

@@ -45,22 +45,21 @@ Eigen::Vector3d RotationVector(const Eigen::Quaterniond& from, const Eigen::Quat
   return turn.vec() * (2 * std::atan2(sine, turn.w()) / sine);
 }
 
-Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X_WE_target,
-                                        const Vector6d& V_WE_target,
+Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X_WE_target, const Vector6d& V_WE_target,
                                         const ControllerConfig& config) {
   const Eigen::Index n = state.v.size();
-  ETUDE_CHECK(state.J.rows() == 6 && state.J.cols() == n && state.M.rows() == n &&
-                  state.M.cols() == n && state.bias.size() == n,
+  ETUDE_CHECK(state.J.rows() == 6 && state.J.cols() == n && state.M.rows() == n && state.M.cols() == n &&
+                  state.bias.size() == n,
               "n={}", n);
   const Matrix6d mobility = state.J * state.M.llt().solve(state.J.transpose());
   const Matrix6d inertia = TaskInertia(mobility);
   const Vector6d V_WE = state.J * state.v;
 
   Vector6d acceleration = config.kv * (V_WE_target - V_WE);
-  acceleration.head<3>() += config.kp * Saturated(X_WE_target.p - state.X_WE.p,
-                                                  config.max_linear * config.kv / config.kp);
-  acceleration.tail<3>() += config.ko * Saturated(RotationVector(state.X_WE.q, X_WE_target.q),
-                                                  config.max_angular * config.kv / config.ko);
+  acceleration.head<3>() +=
+      config.kp * Saturated(X_WE_target.p - state.X_WE.p, config.max_linear * config.kv / config.kp);
+  acceleration.tail<3>() +=
+      config.ko * Saturated(RotationVector(state.X_WE.q, X_WE_target.q), config.max_angular * config.kv / config.ko);
 
   // N^T (-k M v) = -k (M v - J^T Lambda J v): what is left of joint damping once the tool's motion
   // is taken out

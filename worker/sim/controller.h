@@ -34,7 +34,6 @@ Eigen::Vector3d RotationVector(const Eigen::Quaterniond& from, const Eigen::Quat
 ///   tau = J^T Lambda (kp e_p + kv (V_ref - J v)) + bias + N^T(-null_kv M v)
 /// with Lambda = (J M^-1 J^T)^-1 (damped near singularities) and the full rotation vector as error.
 Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X_WE_target,
-                                        const Eigen::Matrix<double, 6, 1>& V_WE_target,
-                                        const ControllerConfig& config);
+                                        const Eigen::Matrix<double, 6, 1>& V_WE_target, const ControllerConfig& config);
 
 }  // namespace etude::sim

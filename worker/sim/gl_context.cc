@@ -32,9 +32,7 @@ class Library {
     if (handle_) dlclose(handle_);
   }
   Library(Library&& other) noexcept
-      : name_(other.name_),
-        handle_(std::exchange(other.handle_, nullptr)),
-        complete_(other.complete_) {}
+      : name_(other.name_), handle_(std::exchange(other.handle_, nullptr)), complete_(other.complete_) {}
   explicit operator bool() const { return handle_ != nullptr; }
   const std::string& error() const { return error_; }
 
@@ -100,8 +98,8 @@ class EglContext : public GlContext {
 
   void MakeCurrent() override {
     if (egl_.GetCurrentContext() == context_) return;
-    ETUDE_CHECK(egl_.MakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_),
-                "EGL error {:#x}", egl_.GetError());
+    ETUDE_CHECK(egl_.MakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_), "EGL error {:#x}",
+                egl_.GetError());
   }
   const std::string& backend() const override {
     static const std::string name = "egl";
@@ -111,9 +109,7 @@ class EglContext : public GlContext {
   static Result<std::unique_ptr<GlContext>> Open();
 
  protected:
-  void* Function(const char* name) const override {
-    return reinterpret_cast<void*>(egl_.GetProcAddress(name));
-  }
+  void* Function(const char* name) const override { return reinterpret_cast<void*>(egl_.GetProcAddress(name)); }
 
  private:
   Egl egl_;
@@ -125,10 +121,8 @@ class EglContext : public GlContext {
 /// GPUs that the driver lists itself.
 std::vector<EGLDisplay> Displays(const Egl& egl) {
   std::vector<EGLDisplay> displays;
-  displays.push_back(
-      egl.GetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr));
-  const auto query =
-      reinterpret_cast<PFNEGLQUERYDEVICESEXTPROC>(egl.GetProcAddress("eglQueryDevicesEXT"));
+  displays.push_back(egl.GetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr));
+  const auto query = reinterpret_cast<PFNEGLQUERYDEVICESEXTPROC>(egl.GetProcAddress("eglQueryDevicesEXT"));
   std::array<EGLDeviceEXT, 16> devices{};
   EGLint count = 0;
   if (query && query(static_cast<EGLint>(devices.size()), devices.data(), &count))
@@ -146,8 +140,7 @@ EGLContext ContextOn(const Egl& egl, EGLDisplay display) {
   EGLConfig config = nullptr;
   if (!egl.ChooseConfig(display, wanted, &config, 1, &count) || count < 1) return EGL_NO_CONTEXT;
   if (!egl.BindApi(EGL_OPENGL_API)) return EGL_NO_CONTEXT;
-  const EGLint attributes[] = {
-      EGL_NONE};  // compatibility profile: MuJoCo draws with the old pipeline
+  const EGLint attributes[] = {EGL_NONE};  // compatibility profile: MuJoCo draws with the old pipeline
   const EGLContext context = egl.CreateContext(display, config, EGL_NO_CONTEXT, attributes);
   if (context == EGL_NO_CONTEXT) return context;
   if (egl.MakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context)) return context;
@@ -166,10 +159,9 @@ Result<std::unique_ptr<GlContext>> EglContext::Open() {
     egl.library.Pin();
     return std::make_unique<EglContext>(std::move(egl), display, context);
   }
-  return Fail(Code::kUnavailable,
-              fmt::format("none of {} surfaceless or device displays gave a desktop OpenGL context "
-                          "(last EGL error {:#x})",
-                          displays.size(), egl.GetError()));
+  return Fail(Code::kUnavailable, fmt::format("none of {} surfaceless or device displays gave a desktop OpenGL context "
+                                              "(last EGL error {:#x})",
+                                              displays.size(), egl.GetError()));
 }
 
 struct OsMesa {
@@ -207,11 +199,10 @@ class OsMesaGlContext : public GlContext {
   static Result<std::unique_ptr<GlContext>> Open() {
     for (const char* other : {"libGLX.so.0", "libGL.so.1", "libEGL.so.1"})
       if (IsLoaded(other))
-        return Fail(
-            Code::kUnavailable,
-            fmt::format("{} is loaded in this process, and MuJoCo would take its functions; "
-                        "choose backend osmesa from the start",
-                        other));
+        return Fail(Code::kUnavailable,
+                    fmt::format("{} is loaded in this process, and MuJoCo would take its functions; "
+                                "choose backend osmesa from the start",
+                                other));
     OsMesa mesa;
     if (!mesa.library) return Fail(Code::kUnavailable, mesa.library.error());
     if (!mesa.library.complete()) return Fail(Code::kUnavailable, "libOSMesa.so.8 is too old");
@@ -228,21 +219,16 @@ class OsMesaGlContext : public GlContext {
     if (!context) return Fail(Code::kUnavailable, "OSMesa made no context");
     mesa.library.Pin();
     auto opened = std::make_unique<OsMesaGlContext>(std::move(mesa), context);
-    if (!opened->Bind())
-      return Fail(Code::kUnavailable, "OSMesa's context could not be made current");
+    if (!opened->Bind()) return Fail(Code::kUnavailable, "OSMesa's context could not be made current");
     return opened;
   }
 
  protected:
-  void* Function(const char* name) const override {
-    return reinterpret_cast<void*>(mesa_.GetProcAddress(name));
-  }
+  void* Function(const char* name) const override { return reinterpret_cast<void*>(mesa_.GetProcAddress(name)); }
 
  private:
   /// OSMesa wants a default framebuffer; we draw into our own, so a tiny one does.
-  bool Bind() {
-    return mesa_.MakeCurrent(context_, pixels_.data(), GL_UNSIGNED_BYTE, kSide, kSide) == GL_TRUE;
-  }
+  bool Bind() { return mesa_.MakeCurrent(context_, pixels_.data(), GL_UNSIGNED_BYTE, kSide, kSide) == GL_TRUE; }
 
   static constexpr int kSide = 16;
   OsMesa mesa_;
@@ -261,9 +247,8 @@ std::string GlContext::DriverName() const {
 
 Result<std::unique_ptr<GlContext>> GlContext::Open(const std::string& backend) {
   if (backend != "auto" && backend != "egl" && backend != "osmesa")
-    return Fail(
-        Code::kInvalidArgument,
-        fmt::format("renderer backend '{}' is not known; known: auto, egl, osmesa", backend));
+    return Fail(Code::kInvalidArgument,
+                fmt::format("renderer backend '{}' is not known; known: auto, egl, osmesa", backend));
   // Mesa's rasteriser threads only get in the way of one worker per core (measured); must be set
   // before the first context. A user's own setting wins.
   setenv("LP_NUM_THREADS", "0", 0);
@@ -278,9 +263,8 @@ Result<std::unique_ptr<GlContext>> GlContext::Open(const std::string& backend) {
     if (context) return context;
     tried += "\n  OSMesa: " + context.error().message;
   }
-  return Fail(Code::kUnavailable,
-              "no off-screen OpenGL for rendering. Tried:" + tried +
-                  "\nInstall Mesa's drivers: apt install libegl1 libgl1-mesa-dri libosmesa6");
+  return Fail(Code::kUnavailable, "no off-screen OpenGL for rendering. Tried:" + tried +
+                                      "\nInstall Mesa's drivers: apt install libegl1 libgl1-mesa-dri libosmesa6");
 }
 
 }  // namespace etude::sim

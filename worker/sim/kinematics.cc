@@ -15,8 +15,8 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kIterations = 100, kLeapIterations = 4;
-constexpr double kDamping = 1e-3;      ///< m (and rad): steps shrink only very near a singularity
-constexpr double kLargestStep = 0.35;  ///< rad per joint and iteration
+constexpr double kDamping = 1e-3;                            ///< m (and rad): steps shrink only very near a singularity
+constexpr double kLargestStep = 0.35;                        ///< rad per joint and iteration
 constexpr double kDonePosition = 1e-6, kDoneAngle = 1e-6;    ///< stop refining
 constexpr double kGoodPosition = 0.5e-3, kGoodAngle = 2e-3;  ///< accept
 /// Far targets are approached by poses no further apart than this, so that the arm stays in its
@@ -74,13 +74,11 @@ std::vector<Pose> Kinematics::BodyPoses(const Eigen::VectorXd& q, double gripper
   X_WE(q);
   std::vector<Pose> poses;
   poses.reserve(bodies.size());
-  for (const std::string& body : bodies)
-    poses.push_back(model.BodyPose(state_->data.get(), model.BodyId(body)));
+  for (const std::string& body : bodies) poses.push_back(model.BodyPose(state_->data.get(), model.BodyId(body)));
   return poses;
 }
 
-std::optional<Eigen::VectorXd> Kinematics::Solve(const Pose& X_WE_target,
-                                                 const Eigen::VectorXd& q_seed) {
+std::optional<Eigen::VectorXd> Kinematics::Solve(const Pose& X_WE_target, const Eigen::VectorXd& q_seed) {
   for (const double nudge : kNudges) {
     Eigen::VectorXd q = q_seed;
     for (Eigen::Index i = 0; i < q.size(); ++i) q[i] += (i % 2 ? -nudge : nudge);
@@ -92,8 +90,8 @@ std::optional<Eigen::VectorXd> Kinematics::Solve(const Pose& X_WE_target,
 bool Kinematics::Approach(const Pose& target, Eigen::VectorXd& q) {
   const Pose start = X_WE(q);
   const Vector6d whole = ErrorOf(start, target);
-  const int leaps = static_cast<int>(std::ceil(std::max(
-      {whole.head<3>().norm() / kLeapPosition, whole.tail<3>().norm() / kLeapAngle, 1.0})));
+  const int leaps = static_cast<int>(
+      std::ceil(std::max({whole.head<3>().norm() / kLeapPosition, whole.tail<3>().norm() / kLeapAngle, 1.0})));
   for (int i = 1; i < leaps; ++i) {
     const double f = static_cast<double>(i) / leaps;
     // where the straight line is out of reach the nearest pose does: only the end counts

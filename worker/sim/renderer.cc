@@ -33,9 +33,7 @@ class RenderContext {
   RenderContext(const RenderContext&) = delete;
   RenderContext& operator=(const RenderContext&) = delete;
 
-  bool Fits(int width, int height) const {
-    return con_.offWidth >= width && con_.offHeight >= height;
-  }
+  bool Fits(int width, int height) const { return con_.offWidth >= width && con_.offHeight >= height; }
   const mjrContext* get() const { return &con_; }
   bool offscreen() const { return con_.currentBuffer == mjFB_OFFSCREEN; }
   void Use() { mjr_setBuffer(mjFB_OFFSCREEN, &con_); }
@@ -45,8 +43,7 @@ class RenderContext {
 };
 
 /// GL's first row is the bottom one. `row` is scratch.
-void FlipRows(std::uint8_t* pixels, std::size_t row_bytes, int height,
-              std::vector<std::uint8_t>& row) {
+void FlipRows(std::uint8_t* pixels, std::size_t row_bytes, int height, std::vector<std::uint8_t>& row) {
   row.resize(row_bytes);
   for (int y = 0; y < height / 2; ++y) {
     std::uint8_t* upper = pixels + static_cast<std::size_t>(y) * row_bytes;
@@ -102,9 +99,8 @@ Status Renderer::Impl::Init() {
   const Camera& view = scene->camera();
   frame = std::make_unique<RenderContext>(model.mj.get(), view.width, view.height, config.samples);
   if (!frame->offscreen())
-    return Fail(Code::kUnavailable,
-                fmt::format("the {} driver has no off-screen framebuffer of {}x{} px",
-                            gl->backend(), view.width, view.height));
+    return Fail(Code::kUnavailable, fmt::format("the {} driver has no off-screen framebuffer of {}x{} px",
+                                                gl->backend(), view.width, view.height));
   mjv_defaultScene(&drawing);
   mjv_makeScene(model.mj.get(), &drawing, kMaxGeoms);
   drawing.flags[mjRND_SHADOW] = config.shadows;
@@ -124,13 +120,11 @@ void Renderer::Impl::Update(const World& world) {
   ETUDE_CHECK(&world.scene() == scene.get(), "the world belongs to another scene");
   gl->MakeCurrent();
   // MuJoCo asks for mutable data but changes nothing without perturbations
-  mjv_updateScene(scene->model().mj.get(), world.state().mj.get(), &option, nullptr, &camera,
-                  mjCAT_ALL, &drawing);
+  mjv_updateScene(scene->model().mj.get(), world.state().mj.get(), &option, nullptr, &camera, mjCAT_ALL, &drawing);
   if (light_gain.isOnes(0)) return;
   for (int i = 0; i < drawing.nlight; ++i)
     for (int k = 0; k < 3; ++k)
-      for (float* part :
-           {drawing.lights[i].ambient, drawing.lights[i].diffuse, drawing.lights[i].specular})
+      for (float* part : {drawing.lights[i].ambient, drawing.lights[i].diffuse, drawing.lights[i].specular})
         part[k] *= static_cast<float>(light_gain[k]);
 }
 
@@ -162,23 +156,21 @@ void Renderer::SetLightGain(const Eigen::Vector3d& gain) { impl_->light_gain = g
 
 void Renderer::Render(const World& world, std::span<std::uint8_t> rgb) {
   const Camera& view = impl_->scene->camera();
-  ETUDE_CHECK(rgb.size() == static_cast<std::size_t>(view.width) * view.height * 3, "{} bytes",
-              rgb.size());
+  ETUDE_CHECK(rgb.size() == static_cast<std::size_t>(view.width) * view.height * 3, "{} bytes", rgb.size());
   impl_->Update(world);
   impl_->Draw(*impl_->frame, view.width, view.height, rgb.data());
 }
 
 void Renderer::RenderView(const World& world, const Camera& view, std::span<std::uint8_t> rgb) {
-  ETUDE_CHECK(rgb.size() == static_cast<std::size_t>(view.width) * view.height * 3, "{} bytes",
-              rgb.size());
+  ETUDE_CHECK(rgb.size() == static_cast<std::size_t>(view.width) * view.height * 3, "{} bytes", rgb.size());
   impl_->Update(world);
   Aim(impl_->drawing, view);
   RenderContext* context = impl_->frame.get();
   if (!context->Fits(view.width, view.height)) {
     if (!impl_->view || !impl_->view->Fits(view.width, view.height)) {
       impl_->view.reset();
-      impl_->view = std::make_unique<RenderContext>(impl_->scene->model().mj.get(), view.width,
-                                                    view.height, impl_->config.samples);
+      impl_->view = std::make_unique<RenderContext>(impl_->scene->model().mj.get(), view.width, view.height,
+                                                    impl_->config.samples);
     }
     context = impl_->view.get();
   }

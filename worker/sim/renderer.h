@@ -24,8 +24,7 @@ struct RendererConfig {
 class Renderer {
  public:
   /// @error kUnavailable: no GL; says what was tried and which package to install.
-  static Result<Renderer> Open(std::shared_ptr<const Scene> scene,
-                               const RendererConfig& config = {});
+  static Result<Renderer> Open(std::shared_ptr<const Scene> scene, const RendererConfig& config = {});
   Renderer(Renderer&&) noexcept;
   Renderer& operator=(Renderer&&) noexcept;
   ~Renderer();

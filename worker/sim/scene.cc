@@ -44,14 +44,12 @@ Result<ModelPtr> Compile(const assets::SceneDescription& description) {
   static std::mutex mutex;  // MuJoCo keeps the last XML in a global
   const std::lock_guard lock(mutex);
   Files files;
-  for (const auto& file : description.files)
-    files.Add(file.name, file.bytes.data(), file.bytes.size());
+  for (const auto& file : description.files) files.Add(file.name, file.bytes.data(), file.bytes.size());
   files.Add("scene.xml", description.mjcf.data(), description.mjcf.size());
   char message[1000] = "";
   ModelPtr model(mj_loadXML("scene.xml", files.vfs.get(), message, sizeof message));
   if (!model)
-    return Fail(Code::kInternal, fmt::format("MuJoCo {} refused the composed scene: {}",
-                                             mj_versionString(), message));
+    return Fail(Code::kInternal, fmt::format("MuJoCo {} refused the composed scene: {}", mj_versionString(), message));
   if (message[0]) Log().warn("MuJoCo on the composed scene: {}", message);
   return model;
 }
@@ -75,17 +73,13 @@ void FillAddresses(Scene::Model& model, const assets::SceneDescription& descript
     model.gripper_q.push_back(mj->jnt_qposadr[Id(mj, mjOBJ_JOINT, name)]);
   model.gripper_u = Id(mj, mjOBJ_ACTUATOR, model.robot.gripper_joints.at(0));
   for (const auto& coupled : model.robot.coupled_joints)
-    model.coupled_q.emplace_back(mj->jnt_qposadr[Id(mj, mjOBJ_JOINT, coupled.joint)],
-                                 coupled.factor);
+    model.coupled_q.emplace_back(mj->jnt_qposadr[Id(mj, mjOBJ_JOINT, coupled.joint)], coupled.factor);
   model.tool_site = Id(mj, mjOBJ_SITE, model.robot.tool_site);
-  for (const std::string& name : model.robot.finger_bodies)
-    model.finger_bodies.push_back(Id(mj, mjOBJ_BODY, name));
-  for (int body = 0; body < mj->nbody; ++body)
-    model.bodies.emplace(mj_id2name(mj, mjOBJ_BODY, body), body);
+  for (const std::string& name : model.robot.finger_bodies) model.finger_bodies.push_back(Id(mj, mjOBJ_BODY, name));
+  for (int body = 0; body < mj->nbody; ++body) model.bodies.emplace(mj_id2name(mj, mjOBJ_BODY, body), body);
   for (const auto& object : description.objects) {
     const int joint = Id(mj, mjOBJ_JOINT, object.name);
-    model.objects[object.name] = {Id(mj, mjOBJ_BODY, object.name), mj->jnt_qposadr[joint],
-                                  mj->jnt_dofadr[joint]};
+    model.objects[object.name] = {Id(mj, mjOBJ_BODY, object.name), mj->jnt_qposadr[joint], mj->jnt_dofadr[joint]};
   }
 }
 
@@ -98,8 +92,7 @@ std::vector<Vector3d> HullVertices(const mjModel* mj, int mesh) {
   ETUDE_CHECK(mj->mesh_graphadr[mesh] >= 0, "mesh {} has no hull", mesh);
   const int* graph = mj->mesh_graph + mj->mesh_graphadr[mesh];
   const int count = graph[0];
-  const int* ids =
-      graph + 2 + count;  // numvert, numface, vert_edgeadr[numvert], vert_globalid[numvert]
+  const int* ids = graph + 2 + count;  // numvert, numface, vert_edgeadr[numvert], vert_globalid[numvert]
   const float* vertices = mj->mesh_vert + 3 * mj->mesh_vertadr[mesh];
   std::vector<Vector3d> hull;
   for (int i = 0; i < count; ++i)
@@ -111,9 +104,7 @@ Geometry MakeGeometry(const mjModel* mj, int geom) {
   Geometry piece;
   piece.body = mj_id2name(mj, mjOBJ_BODY, mj->geom_bodyid[geom]);
   const char* name = mj_id2name(mj, mjOBJ_GEOM, geom);
-  piece.name =
-      name ? name
-           : fmt::format("{}/{}", piece.body, geom - mj->body_geomadr[mj->geom_bodyid[geom]]);
+  piece.name = name ? name : fmt::format("{}/{}", piece.body, geom - mj->body_geomadr[mj->geom_bodyid[geom]]);
   piece.X_BG = PoseOf(mj->geom_pos + 3 * geom, mj->geom_quat + 4 * geom);
   const mjtNum* size = mj->geom_size + 3 * geom;
   piece.size = Vector3d(size[0], size[1], size[2]);
@@ -191,16 +182,14 @@ DataPtr Scene::Model::NewData() const {
 }
 
 void Scene::Model::SetHome(mjData* data) const {
-  SetArm(data,
-         Eigen::VectorXd::Map(robot.q_home.data(), static_cast<Eigen::Index>(robot.q_home.size())));
+  SetArm(data, Eigen::VectorXd::Map(robot.q_home.data(), static_cast<Eigen::Index>(robot.q_home.size())));
   SetGripper(data, 0);
 }
 
 void Scene::Model::SetArm(mjData* data, const Eigen::VectorXd& q) const {
-  ETUDE_CHECK(q.size() == static_cast<Eigen::Index>(arm_q.size()),
-              "{} joints given, the arm has {}", q.size(), arm_q.size());
-  for (std::size_t i = 0; i < arm_q.size(); ++i)
-    data->qpos[arm_q[i]] = q[static_cast<Eigen::Index>(i)];
+  ETUDE_CHECK(q.size() == static_cast<Eigen::Index>(arm_q.size()), "{} joints given, the arm has {}", q.size(),
+              arm_q.size());
+  for (std::size_t i = 0; i < arm_q.size(); ++i) data->qpos[arm_q[i]] = q[static_cast<Eigen::Index>(i)];
 }
 
 void Scene::Model::SetGripper(mjData* data, double gripper) const {
@@ -211,24 +200,21 @@ void Scene::Model::SetGripper(mjData* data, double gripper) const {
 
 Pose Scene::Model::ToolPose(const mjData* data) const {
   using Rows = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  return {
-      Vector3d::Map(data->site_xpos + 3 * tool_site),
-      Eigen::Quaterniond(Eigen::Matrix3d(Rows::Map(data->site_xmat + 9 * tool_site))).normalized()};
+  return {Vector3d::Map(data->site_xpos + 3 * tool_site),
+          Eigen::Quaterniond(Eigen::Matrix3d(Rows::Map(data->site_xmat + 9 * tool_site))).normalized()};
 }
 
 Pose Scene::Model::BodyPose(const mjData* data, int body) const {
   return PoseOf(data->xpos + 3 * body, data->xquat + 4 * body);
 }
 
-void Scene::Model::ToolJacobian(const mjData* data, std::vector<double>& scratch,
-                                Eigen::MatrixXd& J) const {
+void Scene::Model::ToolJacobian(const mjData* data, std::vector<double>& scratch, Eigen::MatrixXd& J) const {
   const int nv = mj->nv;
   scratch.resize(6 * static_cast<std::size_t>(nv));
   mj_jacSite(mj.get(), data, scratch.data(), scratch.data() + 3 * nv, tool_site);
   J.resize(6, static_cast<Eigen::Index>(arm_v.size()));
   for (int row = 0; row < 6; ++row)
-    for (std::size_t i = 0; i < arm_v.size(); ++i)
-      J(row, static_cast<Eigen::Index>(i)) = scratch[row * nv + arm_v[i]];
+    for (std::size_t i = 0; i < arm_v.size(); ++i) J(row, static_cast<Eigen::Index>(i)) = scratch[row * nv + arm_v[i]];
 }
 
 Scene::Scene() : model_(std::make_unique<Model>()) {}
@@ -245,8 +231,7 @@ Result<std::shared_ptr<const Scene>> Scene::Build(const CampaignSpec& spec) {
     scene->objects_.push_back({object.name, object.half_extent, object.rest_height, object.mass});
   const mjModel* mj = scene->model_->mj.get();
   for (int geom = 0; geom < mj->ngeom; ++geom)
-    if (mj->geom_contype[geom] || mj->geom_conaffinity[geom])
-      scene->geometry_.push_back(MakeGeometry(mj, geom));
+    if (mj->geom_contype[geom] || mj->geom_conaffinity[geom]) scene->geometry_.push_back(MakeGeometry(mj, geom));
   scene->camera_ = description.camera;
   scene->mjcf_ = std::move(description.mjcf);
   scene->sha256_ = std::move(description.sha256);

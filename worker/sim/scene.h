@@ -22,8 +22,8 @@ struct Geometry {
   Shape shape = Shape::kBox;
   Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< box: half sizes; sphere: radius; capsule,
                                                    ///< cylinder: radius, half length along z
-  Pose X_BG;                              ///< geometry in its body
-  std::vector<Eigen::Vector3d> vertices;  ///< kConvex only, in G
+  Pose X_BG;                                       ///< geometry in its body
+  std::vector<Eigen::Vector3d> vertices;           ///< kConvex only, in G
 };
 
 struct ArmInfo {
@@ -32,8 +32,7 @@ struct ArmInfo {
   Eigen::VectorXd q_min, q_max;     ///< (nq), rad
   Eigen::VectorXd torque_limit;     ///< (nu), N m
   std::vector<std::string> gripper_joints;
-  std::vector<std::string>
-      bodies;  ///< bodies of the robot, base to fingers (the base stands still)
+  std::vector<std::string> bodies;         ///< bodies of the robot, base to fingers (the base stands still)
   std::vector<std::string> finger_bodies;  ///< the two that close on an object
   double gripper_closed = 0;               ///< driven gripper joint when closed on air (0 is open)
   std::string tool_site;                   ///< frame E

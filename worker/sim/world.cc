@@ -17,8 +17,7 @@ Pose Advanced(const Pose& X, const Vector6d& V, double seconds) {
   const Eigen::Vector3d turn = V.tail<3>() * seconds;
   const double angle = turn.norm();
   if (angle < 1e-12) return {X.p + V.head<3>() * seconds, X.q};
-  return {X.p + V.head<3>() * seconds,
-          (Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) * X.q).normalized()};
+  return {X.p + V.head<3>() * seconds, (Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) * X.q).normalized()};
 }
 
 const Scene::Model::FreeBody& Find(const Scene::Model& model, const std::string& object) {
@@ -29,11 +28,9 @@ const Scene::Model::FreeBody& Find(const Scene::Model& model, const std::string&
 
 }  // namespace
 
-World::World(std::shared_ptr<const Scene> scene)
-    : scene_(std::move(scene)), state_(std::make_unique<State>()) {
+World::World(std::shared_ptr<const Scene> scene) : scene_(std::move(scene)), state_(std::make_unique<State>()) {
   state_->mj = scene_->model().NewData();
-  state_->full_inertia.resize(static_cast<std::size_t>(scene_->model().mj->nv) *
-                              scene_->model().mj->nv);
+  state_->full_inertia.resize(static_cast<std::size_t>(scene_->model().mj->nv) * scene_->model().mj->nv);
   Reset();
 }
 World::World(World&&) noexcept = default;
@@ -72,10 +69,8 @@ void World::Step(const Waypoint& target, const Vector6d& V_WE) {
     const double remaining = (kPhysicsStepsPerControl - step) * mj->opt.timestep;
     const Pose X_now = Advanced(target.X_WE, V_WE, -remaining);
     state_->ReadControl(model);
-    const Eigen::VectorXd tau =
-        OperationalSpaceTorques(state_->control, X_now, V_WE, state_->config);
-    for (std::size_t i = 0; i < model.arm_u.size(); ++i)
-      data->ctrl[model.arm_u[i]] = tau[static_cast<Eigen::Index>(i)];
+    const Eigen::VectorXd tau = OperationalSpaceTorques(state_->control, X_now, V_WE, state_->config);
+    for (std::size_t i = 0; i < model.arm_u.size(); ++i) data->ctrl[model.arm_u[i]] = tau[static_cast<Eigen::Index>(i)];
     data->ctrl[model.gripper_u] = torque;
     mj_step2(mj, data);
     mj_step1(mj, data);
@@ -95,8 +90,7 @@ void World::State::ReadControl(const Scene::Model& model) {
     control.v[i] = mj->qvel[model.arm_v[i]];
     control.bias[i] = mj->qfrc_bias[model.arm_v[i]] - mj->qfrc_passive[model.arm_v[i]];
     for (Eigen::Index j = 0; j < n; ++j)
-      control.M(i, j) =
-          full_inertia[static_cast<std::size_t>(model.arm_v[i]) * mjm->nv + model.arm_v[j]];
+      control.M(i, j) = full_inertia[static_cast<std::size_t>(model.arm_v[i]) * mjm->nv + model.arm_v[j]];
   }
 }
 
@@ -142,8 +136,8 @@ std::vector<float> World::StateVector() const {
 double World::time() const { return state_->mj->time; }
 
 bool World::healthy() const {
-  for (const int kind : {mjWARN_INERTIA, mjWARN_CONTACTFULL, mjWARN_CNSTRFULL, mjWARN_BADQPOS,
-                         mjWARN_BADQVEL, mjWARN_BADQACC, mjWARN_BADCTRL})
+  for (const int kind : {mjWARN_INERTIA, mjWARN_CONTACTFULL, mjWARN_CNSTRFULL, mjWARN_BADQPOS, mjWARN_BADQVEL,
+                         mjWARN_BADQACC, mjWARN_BADCTRL})
     if (state_->mj->warning[kind].number > 0) return false;
   return true;
 }

@@ -78,8 +78,7 @@ class Kinematics {
   /// Geometric Jacobian of the tool at q: (6, nq), linear rows first, in world.
   Eigen::MatrixXd Jacobian(const Eigen::VectorXd& q);
   /// Pose of every body of `bodies` at q with the gripper at `gripper` (0 open .. 1 closed).
-  std::vector<Pose> BodyPoses(const Eigen::VectorXd& q, double gripper,
-                              const std::vector<std::string>& bodies);
+  std::vector<Pose> BodyPoses(const Eigen::VectorXd& q, double gripper, const std::vector<std::string>& bodies);
   /// Inverse kinematics from `q_seed` (damped least squares within joint limits). Follows the
   /// straight line from the seed's pose, so that the answer is in the seed's branch; a function of
   /// its arguments.

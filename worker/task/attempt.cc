@@ -21,8 +21,7 @@ constexpr int kSettleSteps = 25;          // before an attempt: objects come to 
 constexpr double kSettleDistance = 0.01;  // m that an object may move meanwhile
 constexpr int kExpertMaxSteps = 1500;
 
-std::string DrawInstruction(const language::Grammar& grammar, const SessionConfig& config,
-                            std::uint64_t seed) {
+std::string DrawInstruction(const language::Grammar& grammar, const SessionConfig& config, std::uint64_t seed) {
   Rng rng(MixSeed({seed}, "language"));
   return grammar.Sample({config.task, config.target}, language::Style::kTemplate, rng);
 }
@@ -31,22 +30,31 @@ std::string DrawInstruction(const language::Grammar& grammar, const SessionConfi
 
 std::string_view ToString(AttemptOutcome outcome) {
   switch (outcome) {
-    case AttemptOutcome::kSuccess: return "success";
-    case AttemptOutcome::kSceneInvalid: return "scene_invalid";
-    case AttemptOutcome::kPlanFailed: return "plan_failed";
-    case AttemptOutcome::kGraspMissed: return "grasp_missed";
-    case AttemptOutcome::kDropped: return "dropped";
-    case AttemptOutcome::kCriterionFailed: return "criterion_failed";
-    case AttemptOutcome::kTimeout: return "timeout";
-    case AttemptOutcome::kUnstable: return "unstable";
-    case AttemptOutcome::kPolicyError: return "policy_error";
+    case AttemptOutcome::kSuccess:
+      return "success";
+    case AttemptOutcome::kSceneInvalid:
+      return "scene_invalid";
+    case AttemptOutcome::kPlanFailed:
+      return "plan_failed";
+    case AttemptOutcome::kGraspMissed:
+      return "grasp_missed";
+    case AttemptOutcome::kDropped:
+      return "dropped";
+    case AttemptOutcome::kCriterionFailed:
+      return "criterion_failed";
+    case AttemptOutcome::kTimeout:
+      return "timeout";
+    case AttemptOutcome::kUnstable:
+      return "unstable";
+    case AttemptOutcome::kPolicyError:
+      return "policy_error";
   }
   return "unknown";
 }
 
 struct AttemptRunner::Impl {
-  Impl(const CampaignSpec& spec_in, std::shared_ptr<const sim::Scene> scene_in,
-       sim::Renderer renderer_in, language::Grammar grammar_in)
+  Impl(const CampaignSpec& spec_in, std::shared_ptr<const sim::Scene> scene_in, sim::Renderer renderer_in,
+       language::Grammar grammar_in)
       : spec(spec_in),
         spec_sha256(SpecHash(spec_in)),
         scene(scene_in),
@@ -95,16 +103,14 @@ std::optional<std::string> AttemptRunner::Impl::Prepare(std::uint64_t seed) {
     world.SetObject(object.name, object.X_WO);
     checker.SetObject(object.name, object.X_WO);
   }
-  const auto q_start =
-      DrawStart(scene->arm(), spec.randomization, planner.kinematics(), checker, rng);
+  const auto q_start = DrawStart(scene->arm(), spec.randomization, planner.kinematics(), checker, rng);
   if (!q_start) return "no free start of the arm found";
   world.SetArm(*q_start);
   world.Forward();
   return SettleObjects(*objects);
 }
 
-std::optional<std::string> AttemptRunner::Impl::SettleObjects(
-    const std::vector<PlacedObject>& objects) {
+std::optional<std::string> AttemptRunner::Impl::SettleObjects(const std::vector<PlacedObject>& objects) {
   const Waypoint here{world.X_WE(), 0};
   for (int t = 0; t < kSettleSteps; ++t) world.Step(here, Vector6::Zero());
   if (!world.healthy()) return "the simulation is unstable";
@@ -118,9 +124,8 @@ std::optional<std::string> AttemptRunner::Impl::SettleObjects(
   return std::nullopt;
 }
 
-void AttemptRunner::Impl::Finish(Session& session, const Verdict& verdict, std::uint64_t index,
-                                 std::uint32_t attempt, const std::string& instruction,
-                                 AttemptResult& result) {
+void AttemptRunner::Impl::Finish(Session& session, const Verdict& verdict, std::uint64_t index, std::uint32_t attempt,
+                                 const std::string& instruction, AttemptResult& result) {
   Episode& episode = session.episode();
   episode.campaign = spec.name;
   episode.index = index;
@@ -136,14 +141,12 @@ void AttemptRunner::Impl::Finish(Session& session, const Verdict& verdict, std::
   result.episode = std::move(episode);
 }
 
-Result<AttemptRunner> AttemptRunner::Open(const CampaignSpec& spec,
-                                          const sim::RendererConfig& renderer_config) {
+Result<AttemptRunner> AttemptRunner::Open(const CampaignSpec& spec, const sim::RendererConfig& renderer_config) {
   ETUDE_RETURN_IF_ERROR(spec.Validate());
   ETUDE_ASSIGN_OR_RETURN(auto scene, sim::Scene::Build(spec));
   ETUDE_ASSIGN_OR_RETURN(auto renderer, sim::Renderer::Open(scene, renderer_config));
   ETUDE_ASSIGN_OR_RETURN(auto grammar, language::Grammar::Load());
-  return AttemptRunner(
-      std::make_unique<Impl>(spec, scene, std::move(renderer), std::move(grammar)));
+  return AttemptRunner(std::make_unique<Impl>(spec, scene, std::move(renderer), std::move(grammar)));
 }
 
 AttemptRunner::AttemptRunner(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

@@ -32,12 +32,12 @@ std::string_view ToString(AttemptOutcome outcome);
 /// What a rollout asks of a policy: an observation in, kWaypoints waypoints and the modules' outputs out.
 struct PolicyAnswer {
   std::vector<Waypoint> waypoints;
-  OrderedJson modules;             ///< e.g. {"TAR3D": {"position": [x, y, z]}, ...}
+  OrderedJson modules;  ///< e.g. {"TAR3D": {"position": [x, y, z]}, ...}
   std::uint64_t checkpoint_step = 0;
 };
 struct PolicyQuestion {
   std::string instruction;
-  std::vector<float> joints;       ///< arm joints then gripper joints
+  std::vector<float> joints;  ///< arm joints then gripper joints
   int width = 0, height = 0;
   std::span<const std::uint8_t> rgb;
 };
@@ -48,15 +48,14 @@ struct AttemptResult {
   std::string reason;
   /// Complete on success; in a rollout complete always (episode.details has per-decision errors).
   Episode episode;
-  double plan_s = 0, step_s = 0, render_s = 0, deflate_s = 0;   ///< where the time went
+  double plan_s = 0, step_s = 0, render_s = 0, deflate_s = 0;  ///< where the time went
 };
 
 /// Runs attempts of one campaign. Owns world, renderer, planner; one per thread.
 class AttemptRunner {
  public:
   /// @error kInvalidArgument, kUnavailable (no GL)
-  static Result<AttemptRunner> Open(const CampaignSpec& spec,
-                                    const sim::RendererConfig& renderer = {});
+  static Result<AttemptRunner> Open(const CampaignSpec& spec, const sim::RendererConfig& renderer = {});
   AttemptRunner(AttemptRunner&&) noexcept;
   ~AttemptRunner();
 

@@ -7,7 +7,7 @@
 namespace etude::task {
 namespace {
 
-constexpr int kFollowStride = 10;  // steps between two solutions while following a motion
+constexpr int kFollowStride = 10;     // steps between two solutions while following a motion
 constexpr double kKeepBehind = 0.10;  // m between hand and the objects that it passes
 constexpr double kPassing = 0.12;     // m beside the path where an object counts as passed
 
@@ -35,8 +35,7 @@ plan::Motion Join(const plan::Motion& a, const plan::Motion& b, int overlap) {
 StagePlanner::StagePlanner(std::shared_ptr<const sim::Scene> scene, collide::Checker* checker)
     : kinematics_(scene), checker_(checker), planner_(scene) {}
 
-std::optional<Eigen::VectorXd> StagePlanner::EndOf(const plan::Motion& motion,
-                                                   const Eigen::VectorXd& q_start) {
+std::optional<Eigen::VectorXd> StagePlanner::EndOf(const plan::Motion& motion, const Eigen::VectorXd& q_start) {
   Eigen::VectorXd q = q_start;
   for (int i = 0; i < motion.steps(); ++i) {
     if (i % kFollowStride != 0 && i + 1 != motion.steps()) continue;
@@ -47,10 +46,8 @@ std::optional<Eigen::VectorXd> StagePlanner::EndOf(const plan::Motion& motion,
   return q;
 }
 
-PlannedStage StagePlanner::Plan(const Eigen::VectorXd& q_start, const Pose& goal,
-                                const Stage& stage,
-                                const std::vector<Eigen::Vector3d>& obstacles,
-                                std::uint64_t seed) {
+PlannedStage StagePlanner::Plan(const Eigen::VectorXd& q_start, const Pose& goal, const Stage& stage,
+                                const std::vector<Eigen::Vector3d>& obstacles, std::uint64_t seed) {
   std::string blocked;
   if (auto straight = ThroughPoints(q_start, {goal}, stage, seed, blocked)) return *straight;
   if (!stage.straight_only) {
@@ -61,10 +58,8 @@ PlannedStage StagePlanner::Plan(const Eigen::VectorXd& q_start, const Pose& goal
   }
   PlannedStage sampled;
   sampled.blocked = blocked;
-  const plan::Request request{.q_start = q_start,
-                              .X_WE_goal = goal,
-                              .limits = stage.limits,
-                              .straight_only = stage.straight_only};
+  const plan::Request request{
+      .q_start = q_start, .X_WE_goal = goal, .limits = stage.limits, .straight_only = stage.straight_only};
   sampled.outcome = planner_.Plan(request, *checker_, seed);
   if (!sampled.planned()) return sampled;
   if (const auto q_end = EndOf(sampled.outcome.motion, q_start)) {
@@ -76,18 +71,14 @@ PlannedStage StagePlanner::Plan(const Eigen::VectorXd& q_start, const Pose& goal
   return sampled;
 }
 
-std::optional<PlannedStage> StagePlanner::ThroughPoints(const Eigen::VectorXd& q_start,
-                                                        const std::vector<Pose>& points,
-                                                        const Stage& stage, std::uint64_t seed,
-                                                        std::string& why) {
+std::optional<PlannedStage> StagePlanner::ThroughPoints(const Eigen::VectorXd& q_start, const std::vector<Pose>& points,
+                                                        const Stage& stage, std::uint64_t seed, std::string& why) {
   PlannedStage planned;
   planned.q_end = q_start;
   std::uint64_t checks = 0;
   for (const Pose& point : points) {
-    const plan::Request request{.q_start = planned.q_end,
-                                .X_WE_goal = point,
-                                .limits = stage.limits,
-                                .straight_only = true};
+    const plan::Request request{
+        .q_start = planned.q_end, .X_WE_goal = point, .limits = stage.limits, .straight_only = true};
     plan::Outcome next = planner_.Plan(request, *checker_, seed);
     checks += next.checks;
     const auto q_end = next.planned() ? EndOf(next.motion, planned.q_end) : std::nullopt;
@@ -106,10 +97,8 @@ std::optional<PlannedStage> StagePlanner::ThroughPoints(const Eigen::VectorXd& q
   return planned;
 }
 
-std::optional<PlannedStage> StagePlanner::Detour(const Eigen::VectorXd& q_start, const Pose& goal,
-                                                 const Stage& stage,
-                                                 const std::vector<Eigen::Vector3d>& obstacles,
-                                                 std::uint64_t seed) {
+std::optional<PlannedStage> StagePlanner::Detour(const Eigen::VectorXd& q_start, const Pose& goal, const Stage& stage,
+                                                 const std::vector<Eigen::Vector3d>& obstacles, std::uint64_t seed) {
   const Pose start = kinematics_.X_WE(q_start);
   const double left = std::min(start.p.x(), goal.p.x()) - kPassing;
   const double right = std::max(start.p.x(), goal.p.x()) + kPassing;

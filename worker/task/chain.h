@@ -20,8 +20,8 @@ plan::Motion Join(const plan::Motion& a, const plan::Motion& b, int overlap);
 struct PlannedStage {
   plan::Outcome outcome;
   Eigen::VectorXd q_end;
-  bool detour = false;      ///< straight pieces around the others
-  std::string blocked;      ///< why the straight line would not do; empty when it did
+  bool detour = false;  ///< straight pieces around the others
+  std::string blocked;  ///< why the straight line would not do; empty when it did
   bool planned() const { return outcome.planned(); }
 };
 
@@ -35,8 +35,7 @@ class StagePlanner {
   PlannedStage Plan(const Eigen::VectorXd& q_start, const Pose& goal, const Stage& stage,
                     const std::vector<Eigen::Vector3d>& obstacles, std::uint64_t seed);
   /// Joins b to a if the corner is free, else puts it behind. Returns the number of overlapped steps.
-  int JoinIfFree(plan::Motion& a, const plan::Motion& b, const plan::Limits& limits,
-                 const Eigen::VectorXd& q_corner);
+  int JoinIfFree(plan::Motion& a, const plan::Motion& b, const plan::Limits& limits, const Eigen::VectorXd& q_corner);
   /// The arm at X_WE, near `q_seed`.
   std::optional<Eigen::VectorXd> Solve(const Pose& X_WE, const Eigen::VectorXd& q_seed) {
     return kinematics_.Solve(X_WE, q_seed);
@@ -44,14 +43,11 @@ class StagePlanner {
   sim::Kinematics& kinematics() { return kinematics_; }
 
  private:
-  std::optional<PlannedStage> Detour(const Eigen::VectorXd& q_start, const Pose& goal,
-                                     const Stage& stage,
-                                     const std::vector<Eigen::Vector3d>& obstacles,
-                                     std::uint64_t seed);
+  std::optional<PlannedStage> Detour(const Eigen::VectorXd& q_start, const Pose& goal, const Stage& stage,
+                                     const std::vector<Eigen::Vector3d>& obstacles, std::uint64_t seed);
   /// `why` gets the reason when it returns nothing.
-  std::optional<PlannedStage> ThroughPoints(const Eigen::VectorXd& q_start,
-                                            const std::vector<Pose>& points, const Stage& stage,
-                                            std::uint64_t seed, std::string& why);
+  std::optional<PlannedStage> ThroughPoints(const Eigen::VectorXd& q_start, const std::vector<Pose>& points,
+                                            const Stage& stage, std::uint64_t seed, std::string& why);
   /// Follows the motion with inverse kinematics; nothing when it is lost on the way.
   std::optional<Eigen::VectorXd> EndOf(const plan::Motion& motion, const Eigen::VectorXd& q_start);
 

@@ -31,9 +31,7 @@ void SuccessCriterion::Observe(const Pose& X_WO) {
   moved_ = moved_ || distance > (task_ == "pick" ? kPickRise : kPushDistance);
 }
 
-bool SuccessCriterion::success() const {
-  return task_ == "put_down" ? lifted_ && turned_ && laid_ : moved_;
-}
+bool SuccessCriterion::success() const { return task_ == "put_down" ? lifted_ && turned_ && laid_ : moved_; }
 
 double TurnError(const Pose& X_WO, const Pose& X_WO_start) {
   const Eigen::Vector3d euler = ToEuler(X_WO.q * X_WO_start.q.conjugate());

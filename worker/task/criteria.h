@@ -10,11 +10,11 @@
 
 namespace etude::task {
 
-inline constexpr double kPickRise = 0.03;        ///< m above where the object stood
-inline constexpr double kPushDistance = 0.03;    ///< m along +y
-inline constexpr double kLiftedHeight = 0.10;    ///< m, put_down: origin above the table once
-inline constexpr double kLaidHeight = 0.08;      ///< m, put_down: origin below this afterwards
-inline constexpr double kTurnTolerance = 0.5;    ///< rad, put_down: norm of the Euler error
+inline constexpr double kPickRise = 0.03;           ///< m above where the object stood
+inline constexpr double kPushDistance = 0.03;       ///< m along +y
+inline constexpr double kLiftedHeight = 0.10;       ///< m, put_down: origin above the table once
+inline constexpr double kLaidHeight = 0.08;         ///< m, put_down: origin below this afterwards
+inline constexpr double kTurnTolerance = 0.5;       ///< rad, put_down: norm of the Euler error
 inline constexpr double kDisturbedDistance = 0.02;  ///< m, another object moved
 
 /// Latched success of one task on one object. Feed it every control step.

@@ -65,8 +65,7 @@ std::vector<Eigen::Vector3d> Expert::Obstacles() const {
 void Expert::UpdateChecker(const Stage& stage) {
   const sim::World& world = session_->world();
   const std::string& target = session_->config().target;
-  for (const auto& object : world.scene().objects())
-    checker_->SetObject(object.name, world.ObjectPose(object.name));
+  for (const auto& object : world.scene().objects()) checker_->SetObject(object.name, world.ObjectPose(object.name));
   checker_->SetGripper(stage.holds ? kHeldGripper : stage.closed ? 1.0 : 0.0);
   checker_->Allow(stage.touches_target ? std::set<std::string>{target} : std::set<std::string>{});
   checker_->Attach(target, stage.holds ? X_EO_ : std::nullopt);
@@ -85,9 +84,9 @@ Verdict Expert::PlanPiece(int first, Piece& piece) {
     PlannedStage planned =
         planner_->Plan(q, goal, stage, Obstacles(), MixSeed({seed_, std::uint64_t(plans_++)}, "plan"));
     if (!planned.planned())
-      return Failed(AttemptOutcome::kPlanFailed,
-                    fmt::format("{}: {}: {}", stage.name, plan::ToString(planned.outcome.kind),
-                                planned.outcome.reason));
+      return Failed(
+          AttemptOutcome::kPlanFailed,
+          fmt::format("{}: {}: {}", stage.name, plan::ToString(planned.outcome.kind), planned.outcome.reason));
     const plan::Motion& motion = planned.outcome.motion;
     int overlap = 0;
     if (i == first) {
@@ -172,8 +171,7 @@ Verdict Expert::PlayStep(int stage, const Pose& X_WE, const Vector6& V_WE, bool 
 }
 
 Verdict Expert::Stopped(int stage) const {
-  return Failed(session_->failure(),
-                fmt::format("{}: step {}", stages_[stage].name, session_->steps()));
+  return Failed(session_->failure(), fmt::format("{}: step {}", stages_[stage].name, session_->steps()));
 }
 
 Verdict Expert::Check(int stage) const {
@@ -181,8 +179,7 @@ Verdict Expert::Check(int stage) const {
   const Pose X_WO = session_->world().ObjectPose(session_->config().target);
   const double shift = ((session_->world().X_WE().inverse() * X_WO).p - X_EO_->p).norm();
   if (shift < kDropDistance) return {};
-  return Failed(AttemptOutcome::kDropped, fmt::format("{}: {} shifted by {:.3f} m in the hand",
-                                                      stages_[stage].name,
+  return Failed(AttemptOutcome::kDropped, fmt::format("{}: {} shifted by {:.3f} m in the hand", stages_[stage].name,
                                                       session_->config().target, shift));
 }
 
@@ -195,8 +192,7 @@ Verdict Expert::Settle(int stage, const Pose& goal) {
     const Verdict verdict = PlayStep(stage, goal, Vector6::Zero(), true);
     if (!verdict.ok()) return verdict;
   }
-  return Failed(AttemptOutcome::kTimeout,
-                fmt::format("{}: hand is {:.3f} m off its goal", stages_[stage].name, error));
+  return Failed(AttemptOutcome::kTimeout, fmt::format("{}: hand is {:.3f} m off its goal", stages_[stage].name, error));
 }
 
 Verdict Expert::PlayWait(int stage) {
@@ -215,8 +211,7 @@ Verdict Expert::AfterWait(int stage) {
   sim::World& world = session_->world();
   const std::string& target = session_->config().target;
   if (wait.done && !wait.done(world, target))
-    return Failed(AttemptOutcome::kGraspMissed,
-                  fmt::format("{}: {} is not between the fingers", wait.name, target));
+    return Failed(AttemptOutcome::kGraspMissed, fmt::format("{}: {} is not between the fingers", wait.name, target));
   if (wait.name == "grasp") X_EO_ = world.X_WE().inverse() * world.ObjectPose(target);
   if (wait.name == "release") X_EO_.reset();
   return {};
@@ -228,19 +223,16 @@ Verdict Expert::FinalCheck() const {
   const sim::World& world = session_->world();
   if (!criterion.success())
     return Failed(AttemptOutcome::kCriterionFailed,
-                  fmt::format("{}: progress {:.3f} m{}{}{}", session_->config().task,
-                              criterion.progress(), criterion.lifted() ? ", lifted" : "",
-                              criterion.turned() ? ", turned" : "", criterion.laid() ? ", laid" : ""));
+                  fmt::format("{}: progress {:.3f} m{}{}{}", session_->config().task, criterion.progress(),
+                              criterion.lifted() ? ", lifted" : "", criterion.turned() ? ", turned" : "",
+                              criterion.laid() ? ", laid" : ""));
   if (session_->config().task == "pick" && !world.Grasped(target))
     return Failed(AttemptOutcome::kDropped, fmt::format("hold: {} is not held", target));
-  if (session_->config().task == "put_down" &&
-      (!LiesDown(world.ObjectPose(target)) || world.Grasped(target)))
+  if (session_->config().task == "put_down" && (!LiesDown(world.ObjectPose(target)) || world.Grasped(target)))
     return Failed(AttemptOutcome::kCriterionFailed, fmt::format("{} does not lie on the table", target));
   return {};
 }
 
-OrderedJson Expert::Statistics() const {
-  return {{"planned", planned_}, {"pushes", pushes_}};
-}
+OrderedJson Expert::Statistics() const { return {{"planned", planned_}, {"pushes", pushes_}}; }
 
 }  // namespace etude::task

@@ -21,8 +21,8 @@ struct Verdict {
 /// Plays one attempt in a session. Its plans and pushes are functions of `seed` and the session's state.
 class Expert {
  public:
-  Expert(Session* session, StagePlanner* planner, collide::Checker* checker,
-         const RandomizationSpec& randomization, std::uint64_t seed);
+  Expert(Session* session, StagePlanner* planner, collide::Checker* checker, const RandomizationSpec& randomization,
+         std::uint64_t seed);
 
   /// Runs all stages; says where and why it stopped.
   Verdict Run();
@@ -30,14 +30,14 @@ class Expert {
   OrderedJson Statistics() const;
 
  private:
-  struct Piece {          // a run of stages that is played without stopping
+  struct Piece {  // a run of stages that is played without stopping
     plan::Motion motion;
-    std::vector<int> stage;            // per step
+    std::vector<int> stage;             // per step
     std::vector<Eigen::Vector3d> goal;  // of each stage, by index - first
-    int first = 0, last = 0;           // stages
+    int first = 0, last = 0;            // stages
   };
   struct Interruption {
-    int at = -1;           // step of the piece; -1: none
+    int at = -1;  // step of the piece; -1: none
     plan::Motion motion;
   };
 
@@ -62,9 +62,9 @@ class Expert {
   std::uint64_t seed_;
   Rng push_rng_;
   std::vector<Stage> stages_;
-  std::vector<bool> push_drawn_;      // by stage: whether its one chance of a push is used up
-  Pose reference_;                    // last commanded pose
-  std::optional<Pose> X_EO_;          // while held
+  std::vector<bool> push_drawn_;  // by stage: whether its one chance of a push is used up
+  Pose reference_;                // last commanded pose
+  std::optional<Pose> X_EO_;      // while held
   int plans_ = 0, pushes_ = 0;
   OrderedJson planned_ = OrderedJson::array();
 };

@@ -52,8 +52,7 @@ std::string RefusalOf(const PolicyAnswer& answer) {
     return fmt::format("{} waypoints instead of {}", answer.waypoints.size(), kWaypoints);
   for (int k = 0; k < kWaypoints; ++k) {
     const Waypoint& waypoint = answer.waypoints[k];
-    if (!waypoint.X_WE.p.allFinite() || !waypoint.X_WE.q.coeffs().allFinite() ||
-        !std::isfinite(waypoint.gripper))
+    if (!waypoint.X_WE.p.allFinite() || !waypoint.X_WE.q.coeffs().allFinite() || !std::isfinite(waypoint.gripper))
       return fmt::format("waypoint {} is not finite", k);
     if (waypoint.X_WE.p.norm() > kMaxReach)
       return fmt::format("waypoint {} is {:.1f} m away", k, waypoint.X_WE.p.norm());
@@ -75,22 +74,17 @@ Command Tracker::Next() {
   const double dt = 1 / kControlRate;
   Command command;
   command.V_WE.head<3>() = Limited((next.X_WE.p - now.X_WE.p) / dt, kMaxLinear);
-  command.V_WE.tail<3>() =
-      Limited(RotationVector(next.X_WE.q * now.X_WE.q.conjugate()) / dt, kMaxAngular);
-  const Eigen::Vector3d turn =
-      Limited(RotationVector(now.X_WE.q * reference_.q.conjugate()), kMaxAngular * dt);
+  command.V_WE.tail<3>() = Limited(RotationVector(next.X_WE.q * now.X_WE.q.conjugate()) / dt, kMaxAngular);
+  const Eigen::Vector3d turn = Limited(RotationVector(now.X_WE.q * reference_.q.conjugate()), kMaxAngular * dt);
   reference_.p += Limited(now.X_WE.p - reference_.p, kMaxLinear * dt);
   if (turn.norm() > 0)
-    reference_.q =
-        (Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized())) * reference_.q)
-            .normalized();
+    reference_.q = (Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized())) * reference_.q).normalized();
   closed_ = closed_ ? now.gripper > kOpenBelow : now.gripper > kCloseAbove;
   command.target = {reference_, closed_ ? 1.0 : 0.0};
   return command;
 }
 
-Rollout::Rollout(Session* session, collide::Checker* checker, const RolloutSpec& spec,
-                 std::string instruction)
+Rollout::Rollout(Session* session, collide::Checker* checker, const RolloutSpec& spec, std::string instruction)
     : session_(session), checker_(checker), spec_(spec), instruction_(std::move(instruction)) {
   session_->episode().stage_names = {"policy"};
 }
@@ -102,20 +96,17 @@ Result<Verdict> Rollout::Run(const PolicyFunction& policy) {
       ETUDE_ASSIGN_OR_RETURN(PolicyAnswer answer, Ask(policy));
       const std::string refusal = RefusalOf(answer);
       if (!refusal.empty())
-        return Verdict{AttemptOutcome::kPolicyError,
-                       fmt::format("step {}: the policy answered {}", step, refusal)};
+        return Verdict{AttemptOutcome::kPolicyError, fmt::format("step {}: the policy answered {}", step, refusal)};
       RecordDecision(answer);
       tracker.Follow(std::move(answer.waypoints));
     }
     if (!session_->Step(tracker.Next())) {
       if (success_step_ >= 0) return Verdict{};
       return Verdict{session_->failure(),
-                     fmt::format("step {}: progress {:.3f} m", session_->steps(),
-                                 session_->criterion().progress())};
+                     fmt::format("step {}: progress {:.3f} m", session_->steps(), session_->criterion().progress())};
     }
     if (session_->success() && success_step_ < 0) success_step_ = session_->steps();
-    if (success_step_ >= 0 && session_->steps() >= success_step_ + kStepsAfterSuccess)
-      return Verdict{};
+    if (success_step_ >= 0 && session_->steps() >= success_step_ + kStepsAfterSuccess) return Verdict{};
   }
 }
 
@@ -139,9 +130,7 @@ void Rollout::RecordDecision(const PolicyAnswer& answer) {
   const sim::World& world = session_->world();
   const Eigen::Vector3d p_WE = world.X_WE().p;
   const Eigen::Vector3d p_WO = world.ObjectPose(session_->config().target).p;
-  OrderedJson decision{{"step", session_->steps()},
-                       {"checkpoint_step", answer.checkpoint_step},
-                       {"touched", touched_}};
+  OrderedJson decision{{"step", session_->steps()}, {"checkpoint_step", answer.checkpoint_step}, {"touched", touched_}};
   const auto add = [&](const char* module, const char* key, const Eigen::Vector3d& truth) {
     if (const auto error = ErrorOf(answer.modules, module, key, truth)) decision[module] = *error;
   };
@@ -158,8 +147,7 @@ void Rollout::ObserveDistance() {
   for (const auto& body : world.ContactsOf(target))
     touched_ = touched_ || std::find(arm.begin(), arm.end(), body) != arm.end();
   const Stopwatch watch(session_->times().plan);
-  for (const auto& object : world.scene().objects())
-    checker_->SetObject(object.name, world.ObjectPose(object.name));
+  for (const auto& object : world.scene().objects()) checker_->SetObject(object.name, world.ObjectPose(object.name));
   checker_->Allow({target});
   const collide::Collision nearest = checker_->Nearest(world.q());
   if (nearest.distance >= nearest_) return;

@@ -32,8 +32,7 @@ class Tracker {
 class Rollout {
  public:
   /// `checker` measures distances for the record.
-  Rollout(Session* session, collide::Checker* checker, const RolloutSpec& spec,
-          std::string instruction);
+  Rollout(Session* session, collide::Checker* checker, const RolloutSpec& spec, std::string instruction);
 
   /// Runs to success, failure or the step limit. @error what `policy` returns
   Result<Verdict> Run(const PolicyFunction& policy);

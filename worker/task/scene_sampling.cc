@@ -12,7 +12,7 @@ namespace {
 constexpr int kArrangements = 100;    // whole arrangements tried
 constexpr int kDrawsPerObject = 100;  // places tried for one object of an arrangement
 constexpr int kStartDraws = 100;
-constexpr double kStartMargin = 0.005;  // m kept free around the arm where it starts
+constexpr double kStartMargin = 0.005;    // m kept free around the arm where it starts
 constexpr double kStartDexterity = 0.06;  // m (home has 0.11): the arm can leave in any direction
 
 bool FarEnough(const Eigen::Vector3d& p, const std::vector<PlacedObject>& placed) {
@@ -23,9 +23,8 @@ bool FarEnough(const Eigen::Vector3d& p, const std::vector<PlacedObject>& placed
   return true;
 }
 
-std::optional<std::vector<PlacedObject>> TryArrangement(
-    const std::vector<sim::ObjectInfo>& objects, const std::vector<LocationBox>& boxes, double yaw,
-    Rng& rng) {
+std::optional<std::vector<PlacedObject>> TryArrangement(const std::vector<sim::ObjectInfo>& objects,
+                                                        const std::vector<LocationBox>& boxes, double yaw, Rng& rng) {
   std::vector<PlacedObject> placed;
   for (std::size_t i = 0; i < objects.size(); ++i) {
     const LocationBox& box = boxes[i];
@@ -58,14 +57,14 @@ double Dexterity(sim::Kinematics& kinematics, const Eigen::VectorXd& q) {
 }  // namespace
 
 const std::vector<LocationBox>& LocationBoxes() {
-  static const std::vector<LocationBox> boxes{
-      {0.28, 0.43, 0.15, 0.30},  {0.10, 0.30, 0.25, 0.40},   {-0.02, 0.12, 0.25, 0.40},
-      {-0.12, 0.02, 0.25, 0.40}, {-0.30, -0.10, 0.25, 0.40}, {-0.43, -0.28, 0.15, 0.30}};
+  static const std::vector<LocationBox> boxes{{0.28, 0.43, 0.15, 0.30},   {0.10, 0.30, 0.25, 0.40},
+                                              {-0.02, 0.12, 0.25, 0.40},  {-0.12, 0.02, 0.25, 0.40},
+                                              {-0.30, -0.10, 0.25, 0.40}, {-0.43, -0.28, 0.15, 0.30}};
   return boxes;
 }
 
-std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects,
-                                                      double yaw, Rng& rng) {
+std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects, double yaw,
+                                                      Rng& rng) {
   ETUDE_CHECK(objects.size() <= LocationBoxes().size(), "{} objects", objects.size());
   for (int arrangement = 0; arrangement < kArrangements; ++arrangement) {
     std::vector<LocationBox> boxes = LocationBoxes();
@@ -75,10 +74,8 @@ std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::Obj
   return std::nullopt;
 }
 
-std::optional<Eigen::VectorXd> DrawStart(const sim::ArmInfo& arm,
-                                         const RandomizationSpec& randomization,
-                                         sim::Kinematics& kinematics, collide::Checker& checker,
-                                         Rng& rng) {
+std::optional<Eigen::VectorXd> DrawStart(const sim::ArmInfo& arm, const RandomizationSpec& randomization,
+                                         sim::Kinematics& kinematics, collide::Checker& checker, Rng& rng) {
   const Pose X_WE_home = kinematics.X_WE(arm.q_home);
   for (int draw = 0; draw < kStartDraws; ++draw) {
     const Eigen::Vector3d shift = DrawOffset(randomization.start_position, rng);

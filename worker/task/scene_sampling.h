@@ -30,16 +30,14 @@ struct PlacedObject {
 
 /// Objects upright, each in a box of its own, turned by up to +-`yaw` (rad) about the vertical.
 /// @returns nothing when no arrangement was found within a fixed number of draws.
-std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects,
-                                                      double yaw, Rng& rng);
+std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects, double yaw,
+                                                      Rng& rng);
 
 /// Arm configuration near home whose hand is moved by uniform offsets, free of collisions.
 /// @pre `checker` knows the objects; its gripper is open
 /// @returns nothing when none was found within a fixed number of draws.
-std::optional<Eigen::VectorXd> DrawStart(const sim::ArmInfo& arm,
-                                         const RandomizationSpec& randomization,
-                                         sim::Kinematics& kinematics, collide::Checker& checker,
-                                         Rng& rng);
+std::optional<Eigen::VectorXd> DrawStart(const sim::ArmInfo& arm, const RandomizationSpec& randomization,
+                                         sim::Kinematics& kinematics, collide::Checker& checker, Rng& rng);
 
 /// The object that episode `index` is about: the same for all its attempts, so that a hard object is not
 /// swapped for an easy one by a retry.

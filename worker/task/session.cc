@@ -11,8 +11,7 @@ namespace etude::task {
 namespace {
 
 std::int64_t NowNs() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-             std::chrono::steady_clock::now().time_since_epoch())
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
       .count();
 }
 
@@ -28,8 +27,7 @@ void Push(Track& track, const Eigen::VectorXd& values) {
   track.Push({row.data(), static_cast<std::size_t>(row.size())});
 }
 
-std::vector<std::pair<std::string, Pose>> OtherObjects(const sim::World& world,
-                                                       const std::string& target) {
+std::vector<std::pair<std::string, Pose>> OtherObjects(const sim::World& world, const std::string& target) {
   std::vector<std::pair<std::string, Pose>> others;
   for (const auto& object : world.scene().objects())
     if (object.name != target) others.emplace_back(object.name, world.ObjectPose(object.name));
@@ -62,8 +60,7 @@ void Session::PrepareTracks() {
   episode_.eef_pixel.columns = 2;
   episode_.actions_abs.columns = 7;
   episode_.states.columns = static_cast<int>(world.StateVector().size());
-  for (const auto& object : scene.objects())
-    episode_.objects.push_back({object.name, {.columns = 7}, {.columns = 2}});
+  for (const auto& object : scene.objects()) episode_.objects.push_back({object.name, {.columns = 7}, {.columns = 2}});
   episode_.cameras.push_back({scene.camera(), {}});
   const Camera& camera = scene.camera();
   picture_.resize(static_cast<std::size_t>(camera.width) * camera.height * 3);
@@ -84,8 +81,7 @@ bool Session::Step(const Command& command) {
     world.Step(command.target, command.V_WE);
   }
   criterion_.Observe(world.ObjectPose(config_.target));
-  for (const auto& object : world.scene().objects())
-    watch_.Observe(object.name, world.ObjectPose(object.name));
+  for (const auto& object : world.scene().objects()) watch_.Observe(object.name, world.ObjectPose(object.name));
   if (world.healthy()) return true;
   failure_ = AttemptOutcome::kUnstable;
   return false;
@@ -121,8 +117,7 @@ void Session::RecordState() {
   for (auto& object : episode_.objects) {
     const Pose X_WO = world.ObjectPose(object.name);
     const Eigen::Vector2d centre = camera.Project(X_WO * parts_.shapes->Centre(object.name));
-    Push(object.pose, {X_WO.p.x(), X_WO.p.y(), X_WO.p.z(), X_WO.q.w(), X_WO.q.x(), X_WO.q.y(),
-                       X_WO.q.z()});
+    Push(object.pose, {X_WO.p.x(), X_WO.p.y(), X_WO.p.z(), X_WO.q.w(), X_WO.q.x(), X_WO.q.y(), X_WO.q.z()});
     Push(object.pixel, {centre.x(), centre.y()});
   }
 }
@@ -130,8 +125,8 @@ void Session::RecordState() {
 void Session::RecordCommand(const Command& command) {
   const Pose& X_WE = command.target.X_WE;
   const Eigen::Vector3d rpy = ToEuler(X_WE.q);
-  Push(episode_.actions_abs, {X_WE.p.x(), X_WE.p.y(), X_WE.p.z(), rpy.x(), rpy.y(), rpy.z(),
-                              command.target.gripper > 0.5 ? 1.0 : 0.0});
+  Push(episode_.actions_abs,
+       {X_WE.p.x(), X_WE.p.y(), X_WE.p.z(), rpy.x(), rpy.y(), rpy.z(), command.target.gripper > 0.5 ? 1.0 : 0.0});
   episode_.phase.push_back(static_cast<std::uint8_t>(command.phase));
   episode_.supervise.push_back(command.supervise ? 1 : 0);
 }

@@ -19,9 +19,9 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 /// What one control step does.
 struct Command {
   Waypoint target;
-  Vector6 V_WE = Vector6::Zero();   ///< feed-forward, m/s and rad/s
-  int phase = 0;                    ///< index into Episode::stage_names
-  bool supervise = true;            ///< false while a disturbance drives
+  Vector6 V_WE = Vector6::Zero();  ///< feed-forward, m/s and rad/s
+  int phase = 0;                   ///< index into Episode::stage_names
+  bool supervise = true;           ///< false while a disturbance drives
 };
 
 /// Borrowed parts of an AttemptRunner.

@@ -31,13 +31,9 @@ double Support(const sim::Geometry& piece, const Pose& X_WG, const Eigen::Vector
   return centre;
 }
 
-Eigen::Quaterniond LevelHand() {
-  return FromEuler({std::numbers::pi, 0, std::numbers::pi / 2});
-}
+Eigen::Quaterniond LevelHand() { return FromEuler({std::numbers::pi, 0, std::numbers::pi / 2}); }
 
-Eigen::Quaterniond TurnedHand() {
-  return FromEuler({std::numbers::pi / 2, 0, std::numbers::pi / 2});
-}
+Eigen::Quaterniond TurnedHand() { return FromEuler({std::numbers::pi / 2, 0, std::numbers::pi / 2}); }
 
 Shapes::Shapes(const sim::Scene& scene, sim::Kinematics& kinematics) : objects_(scene.objects()) {
   for (const auto& piece : scene.geometry()) pieces_[piece.body].push_back(piece);
@@ -63,8 +59,8 @@ double Shapes::Ahead(const sim::Scene& scene, sim::Kinematics& kinematics, doubl
 }
 
 const sim::ObjectInfo& Shapes::object(const std::string& name) const {
-  const auto it = std::find_if(objects_.begin(), objects_.end(),
-                               [&](const auto& object) { return object.name == name; });
+  const auto it =
+      std::find_if(objects_.begin(), objects_.end(), [&](const auto& object) { return object.name == name; });
   ETUDE_CHECK(it != objects_.end(), "object={}", name);
   return *it;
 }

@@ -12,22 +12,22 @@ namespace {
 
 // Fingertips behind the object's axis before it reaches. Further back, the wrist of an arm that reaches for
 // a near object comes too close to the shoulder's axis.
-constexpr double kBehind = 0.085;       // m
-constexpr double kNearest = 0.065;      // m, the least of it when the hand is already on the line
-constexpr double kOnLine = 0.04;        // m off the line at most to count as on it
-constexpr double kGraspAbove = 0.01;    // m above the body's origin
-constexpr double kLowestHand = 0.058;   // m of the level hand: its wrist needs 0.05
+constexpr double kBehind = 0.085;         // m
+constexpr double kNearest = 0.065;        // m, the least of it when the hand is already on the line
+constexpr double kOnLine = 0.04;          // m off the line at most to count as on it
+constexpr double kGraspAbove = 0.01;      // m above the body's origin
+constexpr double kLowestHand = 0.058;     // m of the level hand: its wrist needs 0.05
 constexpr double kPadHalfLength = 0.018;  // m, fingertips pass the object's axis by this
-constexpr double kLiftHeight = 0.15;    // m of the tool
-constexpr double kTurnBack = 0.15;      // m towards the robot while turning
-constexpr double kTurnedReach = 0.56;   // m from the base's axis that the hand can point down
+constexpr double kLiftHeight = 0.15;      // m of the tool
+constexpr double kTurnBack = 0.15;        // m towards the robot while turning
+constexpr double kTurnedReach = 0.56;     // m from the base's axis that the hand can point down
 // Objects are pushed low so that they slide instead of tipping over: the tips just above the table, the
 // hand tilted so that its wrist stays clear.
-constexpr double kPushHeight = 0.019;   // m of the tool
-constexpr double kPushTilt = 0.25;      // rad
-constexpr double kPushFurther = 0.11;   // m that the object is pushed
-constexpr double kPlaceGap = 0.002;     // m between object and table when it is released
-constexpr double kFingerGap = 0.005;    // m between fingertips and table
+constexpr double kPushHeight = 0.019;  // m of the tool
+constexpr double kPushTilt = 0.25;     // rad
+constexpr double kPushFurther = 0.11;  // m that the object is pushed
+constexpr double kPlaceGap = 0.002;    // m between object and table when it is released
+constexpr double kFingerGap = 0.005;   // m between fingertips and table
 
 // Fingertips beyond the object's axis when it is grasped: pads centred on it, but never beyond its far
 // side, so that it can be laid down without the tips touching the table.
@@ -41,9 +41,7 @@ double GraspY(const Situation& now) {
   return now.X_WO.p.y() + TipsBeyondAxis(now) - now.shapes->ahead_closed();
 }
 
-double GraspHeight(const Situation& now) {
-  return std::max(now.X_WO.p.z() + kGraspAbove, kLowestHand);
-}
+double GraspHeight(const Situation& now) { return std::max(now.X_WO.p.z() + kGraspAbove, kLowestHand); }
 
 Eigen::Quaterniond PushHand() {
   return Eigen::Quaterniond(Eigen::AngleAxisd(-kPushTilt, Eigen::Vector3d::UnitX())) * LevelHand();
@@ -62,9 +60,7 @@ Pose Behind(const Situation& now, double height, const Eigen::Quaterniond& q_WE)
 Pose BehindToGrasp(const Situation& now) { return Behind(now, GraspHeight(now), LevelHand()); }
 Pose BehindToPush(const Situation& now) { return Behind(now, kPushHeight, PushHand()); }
 
-Pose AroundObject(const Situation& now) {
-  return {{now.X_WO.p.x(), GraspY(now), GraspHeight(now)}, LevelHand()};
-}
+Pose AroundObject(const Situation& now) { return {{now.X_WO.p.x(), GraspY(now), GraspHeight(now)}, LevelHand()}; }
 
 Pose BeyondObject(const Situation& now) {
   const double half_depth = now.shapes->object(now.target).half_extent.y();
@@ -72,17 +68,14 @@ Pose BeyondObject(const Situation& now) {
   return {{now.X_WO.p.x(), touch + kPushFurther, kPushHeight}, PushHand()};
 }
 
-Pose Lifted(const Situation& now) {
-  return {{now.X_WE.p.x(), now.X_WE.p.y(), kLiftHeight}, LevelHand()};
-}
+Pose Lifted(const Situation& now) { return {{now.X_WE.p.x(), now.X_WE.p.y(), kLiftHeight}, LevelHand()}; }
 
 Pose Turned(const Situation& now) {
   // A hand that is part of the way round has moved back by that part already.
   const double left = AngleBetween(now.X_WE.q, TurnedHand()) / (std::numbers::pi / 2);
   const double x = now.X_WE.p.x();
   const double back = now.X_WE.p.y() - kTurnBack * std::clamp(left, 0.0, 1.0);
-  const double within =
-      std::sqrt(std::max(0.0, kTurnedReach * kTurnedReach - x * x)) + now.shapes->base_y();
+  const double within = std::sqrt(std::max(0.0, kTurnedReach * kTurnedReach - x * x)) + now.shapes->base_y();
   return {{x, std::min(back, within), kLiftHeight}, TurnedHand()};
 }
 
@@ -94,11 +87,9 @@ Pose OnTable(const Situation& now) {
   return {{now.X_WE.p.x(), now.X_WE.p.y(), std::max(object, tips)}, TurnedHand()};
 }
 
-Pose Above(const Situation& now) {
-  return {{now.X_WE.p.x(), now.X_WE.p.y(), kLiftHeight}, TurnedHand()};
-}
+Pose Above(const Situation& now) { return {{now.X_WE.p.x(), now.X_WE.p.y(), kLiftHeight}, TurnedHand()}; }
 
-constexpr double kJointSpeed = 3.1;     // rad/s, of every joint of the UR5
+constexpr double kJointSpeed = 3.1;  // rad/s, of every joint of the UR5
 
 plan::Limits Speed(double linear, double linear_accel, double angular, double angular_accel) {
   return {.linear = linear,
@@ -109,54 +100,92 @@ plan::Limits Speed(double linear, double linear_accel, double angular, double an
 }
 
 Stage Approach(bool closed) {
-  return {.name = "approach", .goal = closed ? BehindToPush : BehindToGrasp, .closed = closed,
-          .limits = Speed(0.70, 3.5, 2.4, 12.0), .blends = true, .disturbable = true, .calm = 0.03};
+  return {.name = "approach",
+          .goal = closed ? BehindToPush : BehindToGrasp,
+          .closed = closed,
+          .limits = Speed(0.70, 3.5, 2.4, 12.0),
+          .blends = true,
+          .disturbable = true,
+          .calm = 0.03};
 }
 
 Stage Reach() {
-  return {.name = "reach", .goal = AroundObject, .limits = Speed(0.35, 2.0, 1.5, 8.0),
-          .straight_only = true, .touches_target = true, .disturbable = true, .calm = 0.06,
+  return {.name = "reach",
+          .goal = AroundObject,
+          .limits = Speed(0.35, 2.0, 1.5, 8.0),
+          .straight_only = true,
+          .touches_target = true,
+          .disturbable = true,
+          .calm = 0.06,
           .back_to = 1};
 }
 
 Stage Grasp() {
-  return {.name = "grasp", .closed = true, .touches_target = true, .min_steps = 12, .max_steps = 80,
-          .done = [](const sim::World& world, const std::string& target) {
-            return world.Grasped(target);
-          }};
+  return {.name = "grasp",
+          .closed = true,
+          .touches_target = true,
+          .min_steps = 12,
+          .max_steps = 80,
+          .done = [](const sim::World& world, const std::string& target) { return world.Grasped(target); }};
 }
 
 Stage Lift(bool blends) {
-  return {.name = "lift", .goal = Lifted, .closed = true, .limits = Speed(0.45, 2.5, 1.5, 8.0),
-          .touches_target = true, .holds = true, .blends = blends, .disturbable = true,
+  return {.name = "lift",
+          .goal = Lifted,
+          .closed = true,
+          .limits = Speed(0.45, 2.5, 1.5, 8.0),
+          .touches_target = true,
+          .holds = true,
+          .blends = blends,
+          .disturbable = true,
           .calm = 0.05};
 }
 
 Stage Push() {
-  return {.name = "push", .goal = BeyondObject, .closed = true, .limits = Speed(0.24, 1.5, 1.5, 8.0),
-          .straight_only = true, .touches_target = true, .disturbable = true, .calm = 0.15,
+  return {.name = "push",
+          .goal = BeyondObject,
+          .closed = true,
+          .limits = Speed(0.24, 1.5, 1.5, 8.0),
+          .straight_only = true,
+          .touches_target = true,
+          .disturbable = true,
+          .calm = 0.15,
           .back_to = 1};
 }
 
 Stage Turn() {
-  return {.name = "turn", .goal = Turned, .closed = true, .limits = Speed(0.45, 2.0, 2.4, 10.0),
-          .touches_target = true, .holds = true, .disturbable = true, .calm = 0.04};
+  return {.name = "turn",
+          .goal = Turned,
+          .closed = true,
+          .limits = Speed(0.45, 2.0, 2.4, 10.0),
+          .touches_target = true,
+          .holds = true,
+          .disturbable = true,
+          .calm = 0.04};
 }
 
 Stage Place() {
-  return {.name = "place", .goal = OnTable, .closed = true, .limits = Speed(0.35, 1.6, 1.5, 8.0),
-          .straight_only = true, .touches_target = true, .holds = true, .disturbable = true,
+  return {.name = "place",
+          .goal = OnTable,
+          .closed = true,
+          .limits = Speed(0.35, 1.6, 1.5, 8.0),
+          .straight_only = true,
+          .touches_target = true,
+          .holds = true,
+          .disturbable = true,
           .calm = 0.07};
 }
 
 Stage Wait(std::string name, bool closed, int steps) {
-  return {.name = std::move(name), .closed = closed, .touches_target = true, .min_steps = steps,
-          .max_steps = steps};
+  return {.name = std::move(name), .closed = closed, .touches_target = true, .min_steps = steps, .max_steps = steps};
 }
 
 Stage Retreat() {
-  return {.name = "retreat", .goal = Above, .limits = Speed(0.45, 2.5, 1.5, 8.0),
-          .straight_only = true, .touches_target = true};
+  return {.name = "retreat",
+          .goal = Above,
+          .limits = Speed(0.45, 2.5, 1.5, 8.0),
+          .straight_only = true,
+          .touches_target = true};
 }
 
 }  // namespace
@@ -165,8 +194,8 @@ std::vector<Stage> StagesOf(const std::string& task) {
   if (task == "pick") return {Approach(false), Reach(), Grasp(), Lift(false), Wait("hold", true, 20)};
   if (task == "push") return {Approach(true), Push(), Wait("hold", true, 20)};
   ETUDE_CHECK(task == "put_down", "task={}", task);
-  return {Approach(false), Reach(), Grasp(), Lift(true), Turn(), Place(),
-          Wait("release", false, 14), Retreat(), Wait("hold", false, 20)};
+  return {Approach(false),        Reach(), Grasp(), Lift(true), Turn(), Place(), Wait("release", false, 14), Retreat(),
+          Wait("hold", false, 20)};
 }
 
 }  // namespace etude::task

@@ -17,16 +17,16 @@ namespace etude::task {
 struct Situation {
   const Shapes* shapes = nullptr;
   std::string target;
-  Pose X_WO;                  ///< target now
-  Pose X_WE;                  ///< hand (reference) now
-  std::optional<Pose> X_EO;   ///< target in the hand, while held
+  Pose X_WO;                 ///< target now
+  Pose X_WE;                 ///< hand (reference) now
+  std::optional<Pose> X_EO;  ///< target in the hand, while held
 };
 
 struct Stage {
   std::string name;
   /// Tool pose to move to; empty for a stage that waits where the hand is.
   std::function<Pose(const Situation&)> goal;
-  bool closed = false;          ///< gripper command
+  bool closed = false;  ///< gripper command
   plan::Limits limits;
   bool straight_only = false;   ///< a detour would be worse than a failure
   bool touches_target = false;  ///< contact of hand and target is wanted

@@ -29,9 +29,7 @@ struct Rig {
     EXPECT_TRUE(waiter.AddMatched(raw));
     while (MatchedReaders(raw) == 0) EXPECT_TRUE(waiter.Wait(10s));
   }
-  void WriteRaw(const typename Traits<Message>::Wire& wire) {
-    EXPECT_EQ(dds_write(raw.get(), &wire), DDS_RETCODE_OK);
-  }
+  void WriteRaw(const typename Traits<Message>::Wire& wire) { EXPECT_EQ(dds_write(raw.get(), &wire), DDS_RETCODE_OK); }
   // What comes of one bad sample and a good one behind it.
   void ExpectOnlyTheGoodOne(const Message& good) {
     ASSERT_TRUE(writer.Write(good));

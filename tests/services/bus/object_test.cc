@@ -20,8 +20,7 @@ constexpr std::uint32_t kDomain = 73;
 // Receives and acknowledges in a thread until it is destroyed.
 class Collector {
  public:
-  Collector(const Participant& participant, const std::string& partition,
-            const ReceiveOptions& options = {})
+  Collector(const Participant& participant, const std::string& partition, const ReceiveOptions& options = {})
       : receiver_(std::move(*ObjectReceiver::Open(participant, partition, "episode", options))) {
     thread_ = std::thread([this] { Run(); });
   }

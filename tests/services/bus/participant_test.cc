@@ -69,13 +69,13 @@ TEST(ParticipantOpen, SaysWhatIsWrong) {
   EXPECT_EQ(bad_xml.error().code, Code::kUnavailable);
   EXPECT_NE(bad_xml.error().message.find("Generall"), std::string::npos) << bad_xml.error().message;
 
-  auto no_interface = Participant::Open(
-      {71, "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='nosuch0'/></Interfaces>"
-           "</General></Domain></CycloneDDS>"});
+  auto no_interface =
+      Participant::Open({71,
+                         "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='nosuch0'/></Interfaces>"
+                         "</General></Domain></CycloneDDS>"});
   ASSERT_FALSE(no_interface);
   EXPECT_EQ(no_interface.error().code, Code::kUnavailable);
-  EXPECT_NE(no_interface.error().message.find("nosuch0"), std::string::npos)
-      << no_interface.error().message;
+  EXPECT_NE(no_interface.error().message.find("nosuch0"), std::string::npos) << no_interface.error().message;
   EXPECT_NE(no_interface.error().message.find("deploy/dds"), std::string::npos);
 }
 

@@ -78,8 +78,8 @@ TEST(Published, ALateSubscriberGetsTheCompleteVersionWhileTheNextIsUnderWay) {
   ASSERT_TRUE(publisher);
   ASSERT_TRUE(publisher->Publish("latest", 1, MakeBytes(100'000, 1), ""));
   ASSERT_TRUE(publisher->Publish("latest", 2, MakeBytes(100'000, 2), ""));
-  const auto chunks = OpenWriter(peers.a, "half", etude_wire_PublishedChunk_desc,
-                                 kPublishedChunkTopic, kPublishedWriter);
+  const auto chunks =
+      OpenWriter(peers.a, "half", etude_wire_PublishedChunk_desc, kPublishedChunkTopic, kPublishedWriter);
   ASSERT_TRUE(chunks);
   const auto part = MakeBytes(10'000, 3);
   for (std::uint32_t index = 0; index < 5; ++index) {

@@ -30,9 +30,8 @@ Seen Look(const Endpoint& endpoint) {
   if (endpoint.is_writer) {
     dds_duration_t delay = -1;
     std::int32_t samples = 0, instances = 0, per_instance = 0;
-    EXPECT_TRUE(dds_qget_durability_service(qos.get(), &delay, &seen.service_history,
-                                            &seen.service_depth, &samples, &instances,
-                                            &per_instance));
+    EXPECT_TRUE(dds_qget_durability_service(qos.get(), &delay, &seen.service_history, &seen.service_depth, &samples,
+                                            &instances, &per_instance));
     EXPECT_EQ(delay, 0);
     EXPECT_EQ(blocking, DDS_MSECS(1000));
     bool autodispose = false;
@@ -45,8 +44,7 @@ Seen Look(const Endpoint& endpoint) {
 void Expect(const Endpoint& endpoint, bool transient_local, int keep_last) {
   const Seen seen = Look(endpoint);
   EXPECT_EQ(seen.reliability, DDS_RELIABILITY_RELIABLE);
-  EXPECT_EQ(seen.durability,
-            transient_local ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
+  EXPECT_EQ(seen.durability, transient_local ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
   EXPECT_EQ(seen.history, keep_last > 0 ? DDS_HISTORY_KEEP_LAST : DDS_HISTORY_KEEP_ALL);
   if (keep_last > 0) {
     EXPECT_EQ(seen.depth, keep_last);
@@ -85,10 +83,10 @@ TEST(QosOfTopics, IsWhatTheTableSays) {
 
 TEST(QosOfTopics, PublishedObjectsThrottleTheWriterAndKeepTheLast) {
   const auto peers = OpenTwo(70);
-  const auto writer = OpenWriter(peers.a, "qos", etude_wire_PublishedChunk_desc,
-                                 kPublishedChunkTopic, kPublishedWriter);
-  const auto reader = OpenReader(peers.a, "qos", etude_wire_PublishedChunk_desc,
-                                 kPublishedChunkTopic, kPublishedReader);
+  const auto writer =
+      OpenWriter(peers.a, "qos", etude_wire_PublishedChunk_desc, kPublishedChunkTopic, kPublishedWriter);
+  const auto reader =
+      OpenReader(peers.a, "qos", etude_wire_PublishedChunk_desc, kPublishedChunkTopic, kPublishedReader);
   ASSERT_TRUE(writer && reader);
   Expect(*writer, true, 0);
   Expect(*reader, true, 1);

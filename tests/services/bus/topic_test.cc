@@ -29,15 +29,11 @@ class Filler {
   void Fill(const char* name, std::string& field) { field = std::string(name) + std::to_string(++n_); }
   void Fill(const char*, bool& field) { field = true; }
   template <class T>
-    requires std::is_arithmetic_v<T>
-  void Fill(const char*, T& field) {
-    field = static_cast<T>(++n_ * 1000003);
-  }
+  requires std::is_arithmetic_v<T>
+  void Fill(const char*, T& field) { field = static_cast<T>(++n_ * 1000003); }
   template <class E>
-    requires std::is_enum_v<E>
-  void Fill(const char*, E& field) {
-    field = static_cast<E>(2);
-  }
+  requires std::is_enum_v<E>
+  void Fill(const char*, E& field) { field = static_cast<E>(2); }
   template <class T>
   void Fill(const char*, std::vector<T>& field) {
     for (int i = 0; i < 5; ++i) field.push_back(static_cast<T>(++n_));
@@ -106,10 +102,8 @@ Message MakeMessage() {
 template <class Message>
 class EveryMessage : public testing::Test {};
 
-using Messages =
-    testing::Types<CampaignAnnouncement, WorkRequest, Lease, WorkerStatus, AttemptReport,
-                   CampaignStatus, ObjectManifest, ObjectChunk, ObjectAck, Observation, Action,
-                   TrainStatus>;
+using Messages = testing::Types<CampaignAnnouncement, WorkRequest, Lease, WorkerStatus, AttemptReport, CampaignStatus,
+                                ObjectManifest, ObjectChunk, ObjectAck, Observation, Action, TrainStatus>;
 TYPED_TEST_SUITE(EveryMessage, Messages);
 
 TYPED_TEST(EveryMessage, ArrivesAsItWasWritten) {
@@ -130,8 +124,7 @@ TYPED_TEST(EveryMessage, ArrivesAsItWasWritten) {
 }
 
 TYPED_TEST(EveryMessage, ArrivesEmptyOrIsRefused) {
-  constexpr bool kMayBeEmpty =
-      !std::is_same_v<TypeParam, ObjectManifest> && !std::is_same_v<TypeParam, ObjectChunk>;
+  constexpr bool kMayBeEmpty = !std::is_same_v<TypeParam, ObjectManifest> && !std::is_same_v<TypeParam, ObjectChunk>;
   const auto peers = OpenTwo(kDomain);
   auto writer = Writer<TypeParam>::Open(peers.a, "empty");
   auto reader = Reader<TypeParam>::Open(peers.b, "empty");
@@ -232,8 +225,7 @@ TEST(Topic, RefusesWhatDoesNotFitTheWire) {
   const auto too_long = writer->Write({"c", std::string(129, 'w'), 1, "v"});
   ASSERT_FALSE(too_long);
   EXPECT_EQ(too_long.error().code, Code::kInvalidArgument);
-  EXPECT_NE(too_long.error().message.find("worker has 129"), std::string::npos)
-      << too_long.error().message;
+  EXPECT_NE(too_long.error().message.find("worker has 129"), std::string::npos) << too_long.error().message;
   EXPECT_FALSE(writer->Write({"c", std::string("a\0b", 3), 1, "v"}));
   EXPECT_TRUE(writer->Write({"c", std::string(128, 'w'), 1, "v"}));
 }

@@ -32,8 +32,7 @@ struct TwoProcesses {
 /// `loss_per_mille` of the packets are lost, in both directions.
 inline TwoProcesses OpenTwo(std::uint32_t domain, int loss_per_mille = 0) {
   const std::string outside = "<ExternalDomainId>" + std::to_string(domain) + "</ExternalDomainId>";
-  const std::string loss =
-      "<Test><XmitLossiness>" + std::to_string(loss_per_mille) + "</XmitLossiness></Test>";
+  const std::string loss = "<Test><XmitLossiness>" + std::to_string(loss_per_mille) + "</XmitLossiness></Test>";
   const std::string profile = LocalProfileWith(outside, loss_per_mille > 0 ? loss : "");
   auto a = Participant::Open({150, profile});
   auto b = Participant::Open({151, profile});

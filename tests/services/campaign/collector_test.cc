@@ -55,8 +55,8 @@ bool WaitFor(const std::function<bool()>& condition, std::chrono::milliseconds t
 
 Process StartWorker(const CampaignSpec& spec, const Path& log, int ms_per_attempt,
                     const std::string& version = Version()) {
-  auto process = Process::Start({{(ProgramFolder() / "fake_worker").string(), spec.name,
-                                  std::to_string(kDomain), std::to_string(ms_per_attempt), version},
+  auto process = Process::Start({{(ProgramFolder() / "fake_worker").string(), spec.name, std::to_string(kDomain),
+                                  std::to_string(ms_per_attempt), version},
                                  log});
   EXPECT_TRUE(process) << (process ? "" : process.error().message);
   return std::move(*process);
@@ -272,8 +272,8 @@ TEST_F(CollectorTest, FullDiskWaitsSaysSoAndResumesByItself) {
   std::atomic<bool> full{true};
   auto sink = OpenDatasetSink(folder_ / "data", spec);
   ASSERT_TRUE(sink) << sink.error().message;
-  auto collector = Collector::Open(*participant_, spec,
-                                   std::make_unique<FullDiskSink>(std::move(*sink), full), QuickOptions());
+  auto collector =
+      Collector::Open(*participant_, spec, std::make_unique<FullDiskSink>(std::move(*sink), full), QuickOptions());
   ASSERT_TRUE(collector) << collector.error().message;
   auto statuses = bus::Reader<bus::CampaignStatus>::Open(*participant_, spec.name);
   ASSERT_TRUE(statuses);
@@ -341,7 +341,7 @@ TEST_F(CollectorTest, OldTokensAreRefusedAndRepeatsAreDuplicates) {
   Running running(std::move(*collector));
   RawWorker slow(*participant_, spec, "slow"), quick(*participant_, spec, "quick");
 
-  const bus::Lease old = slow.Ask();   // and never a heartbeat
+  const bus::Lease old = slow.Ask();  // and never a heartbeat
   ASSERT_EQ(old.kind, bus::LeaseKind::kWork);
   ASSERT_TRUE(WaitFor([&] { return running->progress().lost_leases == 1; }));
   bus::Lease lease = quick.Ask();
@@ -380,7 +380,10 @@ TEST_F(CollectorTest, EpisodesThatDoNotFitAreRefusedWithTheReason) {
   expect_refused("version", [](Episode& episode) { episode.version = "0.0.1"; });
   expect_refused("index", [](Episode& episode) { episode.index = 99; });
   expect_refused("campaign", [](Episode& episode) { episode.campaign = "other"; });
-  expect_refused("outcome", [](Episode& episode) { episode.success = false; episode.outcome = "dropped"; });
+  expect_refused("outcome", [](Episode& episode) {
+    episode.success = false;
+    episode.outcome = "dropped";
+  });
   EXPECT_EQ(running->progress().committed, 0u);
   EXPECT_EQ(running->progress().refused, 6u);
 

@@ -44,8 +44,7 @@ TEST(EvalReport, GivesWilsonIntervalsPerTaskAndOverall) {
   CampaignSpec spec;
   spec.episodes = 4;
   std::map<std::uint64_t, RolloutRow> rows;
-  for (const auto& [index, task, success] :
-       {std::tuple{0, "pick", true}, {1, "pick", true}, {2, "push", false}})
+  for (const auto& [index, task, success] : {std::tuple{0, "pick", true}, {1, "pick", true}, {2, "push", false}})
     rows[index] = RowOf(Rollout(index, task, success));
   rows[0].error_cm["TAR3D"] = 1;
   rows[2].error_cm["TAR3D"] = 3;
@@ -56,7 +55,7 @@ TEST(EvalReport, GivesWilsonIntervalsPerTaskAndOverall) {
   const OrderedJson& pick = report["per_task"][0];
   EXPECT_EQ(pick["n"], 2);
   EXPECT_EQ(pick["success"], 1.0);
-  EXPECT_NEAR(pick["low"].get<double>(), 0.342, 1e-3);   // Wilson, 2 of 2
+  EXPECT_NEAR(pick["low"].get<double>(), 0.342, 1e-3);  // Wilson, 2 of 2
   EXPECT_EQ(report["per_task"][2]["n"], 0) << "put_down has not come yet";
   EXPECT_NEAR(report["overall"]["success"].get<double>(), 2.0 / 3, 1e-9);
   EXPECT_NEAR(report["overall"]["error_cm"]["TAR3D"].get<double>(), 2.0, 1e-9);

@@ -11,9 +11,7 @@
 namespace etude::campaign {
 
 /// One attempt in four fails by its nature.
-inline bool FakeFails(std::uint64_t index, std::uint32_t attempt) {
-  return MixSeed({index, attempt}, "fake") % 4 == 0;
-}
+inline bool FakeFails(std::uint64_t index, std::uint32_t attempt) { return MixSeed({index, attempt}, "fake") % 4 == 0; }
 
 inline Episode FakeEpisode(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt) {
   Episode episode = MakeSyntheticEpisode(spec, index, 20);

@@ -25,7 +25,7 @@ Status Work(int argc, char** argv) {
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
   return client.Run([&](const CampaignSpec& spec) -> Result<campaign::WorkFunction> {
     return [spec, pace](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
-      WaitForStop(pace);   // stands for the simulation
+      WaitForStop(pace);  // stands for the simulation
       return campaign::FakeAttempt(spec, item);
     };
   });

@@ -138,8 +138,8 @@ TEST(LeaseTable, ResumesFromWhatIsDurable) {
 
 // What an onlooker knows: every token ever granted and which index it was for.
 struct Onlooker {
-  std::map<std::uint64_t, Grant> grants;            // token -> grant
-  std::map<std::uint64_t, std::uint64_t> newest;    // index -> token
+  std::map<std::uint64_t, Grant> grants;          // token -> grant
+  std::map<std::uint64_t, std::uint64_t> newest;  // index -> token
   std::uint64_t last_token = 0;
 };
 

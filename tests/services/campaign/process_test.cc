@@ -21,8 +21,8 @@ TEST(Process, GivesTheExitCode) {
 
 TEST(Process, WritesItsOutputIntoTheLogWithTheGivenEnvironment) {
   TemporaryFolder folder;
-  auto process = Process::Start(
-      {{"/bin/sh", "-c", "echo out $WORD; echo err >&2"}, folder / "logs/a.log", {{"WORD", "etude"}}});
+  auto process =
+      Process::Start({{"/bin/sh", "-c", "echo out $WORD; echo err >&2"}, folder / "logs/a.log", {{"WORD", "etude"}}});
   ASSERT_TRUE(process) << process.error().message;
   EXPECT_EQ(process->Wait(10s), 0);
   EXPECT_EQ(ReadTextFile(folder / "logs/a.log").value(), "out etude\nerr\n");
@@ -36,8 +36,8 @@ TEST(Process, ReportsAProgramThatIsNotThere) {
 
 TEST(Process, StopEndsAChildThatIgnoresSigterm) {
   TemporaryFolder folder;
-  auto process = Process::Start(
-      {{"/bin/sh", "-c", "trap '' TERM; echo ready; while :; do sleep 0.05; done"}, folder / "log", {}});
+  auto process =
+      Process::Start({{"/bin/sh", "-c", "trap '' TERM; echo ready; while :; do sleep 0.05; done"}, folder / "log", {}});
   ASSERT_TRUE(process);
   while (ReadTextFile(folder / "log").value_or("") != "ready\n") process->Wait(5ms);
   EXPECT_EQ(process->Stop(100ms), 128 + SIGKILL);

@@ -20,7 +20,7 @@ using namespace std::chrono_literals;
 
 struct Outcome {
   int exit_code = -1;
-  std::string text;   // stdout and stderr
+  std::string text;  // stdout and stderr
 };
 
 Path ProgramsFolder() {
@@ -49,9 +49,19 @@ class Cli : public testing::Test {
 };
 
 TEST_F(Cli, EveryCommandHasHelp) {
-  const std::vector<std::vector<std::string>> commands{
-      {}, {"up"}, {"collect"}, {"collector"}, {"eval"}, {"dataset"}, {"dataset", "info"}, {"dataset", "verify"},
-      {"dataset", "hash"}, {"checkpoint"}, {"checkpoint", "show"}, {"checkpoint", "watch"}, {"doctor"}};
+  const std::vector<std::vector<std::string>> commands{{},
+                                                       {"up"},
+                                                       {"collect"},
+                                                       {"collector"},
+                                                       {"eval"},
+                                                       {"dataset"},
+                                                       {"dataset", "info"},
+                                                       {"dataset", "verify"},
+                                                       {"dataset", "hash"},
+                                                       {"checkpoint"},
+                                                       {"checkpoint", "show"},
+                                                       {"checkpoint", "watch"},
+                                                       {"doctor"}};
   for (auto arguments : commands) {
     arguments.push_back("--help");
     const Outcome outcome = Etude(arguments);
@@ -102,8 +112,7 @@ TEST_F(Cli, BadYamlNamesTheLine) {
 }
 
 TEST_F(Cli, AllProblemsOfASpecAreReportedAtOnce) {
-  const Outcome outcome =
-      Etude({"collect", WriteFile("c.yaml", "tasks: [pik]\nimage_stride: 0\n"), "--out", In("d")});
+  const Outcome outcome = Etude({"collect", WriteFile("c.yaml", "tasks: [pik]\nimage_stride: 0\n"), "--out", In("d")});
   EXPECT_EQ(outcome.exit_code, kExitUsage);
   EXPECT_THAT(outcome.text, HasSubstr("'pik' is not known, did you mean 'pick'?"));
   EXPECT_THAT(outcome.text, HasSubstr("image_stride: 0"));

@@ -118,9 +118,15 @@ TEST(Config, MutatedYamlNeverCrashes) {
     for (auto edits = 1 + rng.Below(4); edits > 0; --edits) {
       const auto at = rng.Below(text.size());
       switch (rng.Below(3)) {
-        case 0: text[at] = static_cast<char>(rng.Below(256)); break;
-        case 1: text.erase(at, 1 + rng.Below(4)); break;
-        default: text.insert(at, 1, "[]{}:&*!|>-'\"\n "[rng.Below(15)]); break;
+        case 0:
+          text[at] = static_cast<char>(rng.Below(256));
+          break;
+        case 1:
+          text.erase(at, 1 + rng.Below(4));
+          break;
+        default:
+          text.insert(at, 1, "[]{}:&*!|>-'\"\n "[rng.Below(15)]);
+          break;
       }
       if (text.empty()) text = "x";
     }

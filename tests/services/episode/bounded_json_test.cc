@@ -15,8 +15,7 @@ TEST(BoundedJson, ReadsWhatIsJsonAndKeepsTheOrderOfKeys) {
 }
 
 TEST(BoundedJson, RefusesWhatIsNot) {
-  for (const char* text :
-       {"", "{", "{]", "nul", "{\"a\":1}x", "\"\xff\"", "1e999", "{\"a\":1,}", "NaN"})
+  for (const char* text : {"", "{", "{]", "nul", "{\"a\":1}x", "\"\xff\"", "1e999", "{\"a\":1,}", "NaN"})
     EXPECT_FALSE(ParseBoundedJson(text, 5)) << text;
 }
 

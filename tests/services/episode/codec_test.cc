@@ -122,8 +122,7 @@ TEST(Codec, AcceptsTheHarnessOfItsOwnTest) {
 // One to four random edits: flips, cuts, doubled pieces, numbers in the header made large.
 Bytes Mutate(Bytes bytes, Rng& rng) {
   for (std::uint64_t n = rng.Below(4) + 1; n > 0 && !bytes.empty(); --n) {
-    const std::size_t reach =
-        rng.Bernoulli(0.7) ? std::min<std::size_t>(bytes.size(), 4000) : bytes.size();
+    const std::size_t reach = rng.Bernoulli(0.7) ? std::min<std::size_t>(bytes.size(), 4000) : bytes.size();
     const std::size_t at = rng.Below(reach);
     switch (rng.Below(5)) {
       case 0:
@@ -136,8 +135,7 @@ Bytes Mutate(Bytes bytes, Rng& rng) {
         bytes.resize(at);
         break;
       case 3: {
-        const Bytes piece(bytes.begin() + at,
-                          bytes.begin() + std::min(bytes.size(), at + rng.Below(64)));
+        const Bytes piece(bytes.begin() + at, bytes.begin() + std::min(bytes.size(), at + rng.Below(64)));
         bytes.insert(bytes.begin() + at, piece.begin(), piece.end());
         break;
       }

@@ -39,8 +39,7 @@ TEST(SyntheticEpisode, IsValidAndPureInSpecAndIndex) {
     EXPECT_THAT(ValidateEpisode(episode), IsOk());
     EXPECT_EQ(EncodeEpisode(episode), EncodeEpisode(MakeSyntheticEpisode(spec, index)));
   }
-  EXPECT_NE(EncodeEpisode(MakeSyntheticEpisode(spec, 0)),
-            EncodeEpisode(MakeSyntheticEpisode(spec, 1)));
+  EXPECT_NE(EncodeEpisode(MakeSyntheticEpisode(spec, 0)), EncodeEpisode(MakeSyntheticEpisode(spec, 1)));
 }
 
 TEST(SyntheticEpisode, ShowsTheTargetWhereItsPixelSays) {

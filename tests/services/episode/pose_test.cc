@@ -40,10 +40,8 @@ TEST(Pose, ProductAndInverseAreThoseOfHomogeneousMatrices) {
     return m;
   };
   for (int i = 0; i < 50; ++i) {
-    const Pose X_AB{Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal()),
-                    FromEuler(RandomAngles(rng))};
-    const Pose X_BC{Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal()),
-                    FromEuler(RandomAngles(rng))};
+    const Pose X_AB{Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal()), FromEuler(RandomAngles(rng))};
+    const Pose X_BC{Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal()), FromEuler(RandomAngles(rng))};
 
     EXPECT_LT((matrix(X_AB * X_BC) - matrix(X_AB) * matrix(X_BC)).norm(), 1e-12);
     EXPECT_LT((matrix(X_AB.inverse()) - matrix(X_AB).inverse()).norm(), 1e-12);

@@ -24,14 +24,12 @@ const std::vector<Fault>& Faults() {
   static const float kNan = std::numeric_limits<float>::quiet_NaN();
   static const std::vector<Fault> faults{
       {"no_steps", [](Episode& e) { e.eef_pos.values.clear(); }, "steps"},
-      {"missing_row", [](Episode& e) { e.joint_pos.values.resize(e.joint_pos.values.size() - 6); },
-       "joint_pos"},
+      {"missing_row", [](Episode& e) { e.joint_pos.values.resize(e.joint_pos.values.size() - 6); }, "joint_pos"},
       {"torn_row", [](Episode& e) { e.joint_vel.values.pop_back(); }, "joint_vel"},
       {"wrong_columns", [](Episode& e) { e.actions_abs.columns = 6; }, "actions_abs"},
       {"no_columns", [](Episode& e) { e.gripper_qpos = {}; }, "gripper_qpos"},
       {"nan_pose", [](Episode& e) { e.objects[2].pose.values[8] = kNan; }, "not finite"},
-      {"infinite", [](Episode& e) { e.states.values[3] = std::numeric_limits<float>::infinity(); },
-       "states"},
+      {"infinite", [](Episode& e) { e.states.values[3] = std::numeric_limits<float>::infinity(); }, "states"},
       {"long_quaternion", [](Episode& e) { e.eef_quat.values[0] = 0.5f; }, "unit"},
       {"object_quaternion", [](Episode& e) { e.objects[0].pose.values[4] = 1; }, "unit"},
       {"short_phase", [](Episode& e) { e.phase.pop_back(); }, "phase"},

@@ -68,8 +68,8 @@ TEST(Grammar, DrawsSynonymsOfWordNet) {
     for (std::size_t at; (at = text.find(' ')) != std::string::npos; text = text.substr(at + 1))
       words.insert(text.substr(0, at));
   }
-  EXPECT_THAT(words, Contains("elevate"));   // a lemma of the sense "lift"
-  EXPECT_THAT(words, Contains("scarlet"));   // a lemma of the sense "red"
+  EXPECT_THAT(words, Contains("elevate"));  // a lemma of the sense "lift"
+  EXPECT_THAT(words, Contains("scarlet"));  // a lemma of the sense "red"
   EXPECT_THAT(words, Not(Contains("push")));
 }
 

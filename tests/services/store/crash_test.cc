@@ -37,8 +37,7 @@ int InChild(const std::function<int()>& body) {
 std::set<std::string> NamesIn(const Path& folder) {
   std::set<std::string> names;
   if (!std::filesystem::exists(folder)) return names;
-  for (const auto& entry : std::filesystem::directory_iterator(folder))
-    names.insert(entry.path().filename());
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) names.insert(entry.path().filename());
   return names;
 }
 
@@ -46,9 +45,8 @@ TEST(Crash, AtAnyPointLeavesTheEpisodeWholeOrAbsentAndTheDatasetUsable) {
   const CampaignSpec spec = SyntheticSpec();
   const Episode first = MakeSyntheticEpisode(spec, 0);
   const Episode second = MakeSyntheticEpisode(spec, 1);
-  for (const CommitPoint point :
-       {CommitPoint::kCreated, CommitPoint::kWritten, CommitPoint::kSynced, CommitPoint::kRenamed,
-        CommitPoint::kDone}) {
+  for (const CommitPoint point : {CommitPoint::kCreated, CommitPoint::kWritten, CommitPoint::kSynced,
+                                  CommitPoint::kRenamed, CommitPoint::kDone}) {
     SCOPED_TRACE(static_cast<int>(point));
     const TemporaryFolder folder;
     const int code = InChild([&] {
@@ -72,8 +70,7 @@ TEST(Crash, AtAnyPointLeavesTheEpisodeWholeOrAbsentAndTheDatasetUsable) {
     ASSERT_THAT(writer, IsOk());
     EXPECT_EQ(writer->Contains(1), visible);
     ASSERT_THAT(writer->Commit(second), IsOk());
-    EXPECT_THAT(NamesIn(folder / "episodes/000"),
-                testing::ElementsAre("000000.hdf5", "000001.hdf5"));
+    EXPECT_THAT(NamesIn(folder / "episodes/000"), testing::ElementsAre("000000.hdf5", "000001.hdf5"));
   }
 }
 
@@ -114,17 +111,14 @@ TEST(Crash, KilledWriterFreesTheLockAndLosesNothingCommitted) {
 TEST(Crash, LeftoversOfEarlierRunsAreRemoved) {
   const TemporaryFolder folder;
   const CampaignSpec spec = SyntheticSpec();
-  ASSERT_THAT(DatasetWriter::Open(folder.path(), spec)->Commit(MakeSyntheticEpisode(spec, 0)),
-              IsOk());
-  for (const char* name :
-       {"episodes/000/000001.hdf5.tmp", "dataset.json.tmp-123", "dataset.hdf5.tmp-9"})
+  ASSERT_THAT(DatasetWriter::Open(folder.path(), spec)->Commit(MakeSyntheticEpisode(spec, 0)), IsOk());
+  for (const char* name : {"episodes/000/000001.hdf5.tmp", "dataset.json.tmp-123", "dataset.hdf5.tmp-9"})
     std::ofstream(folder / name) << "half a fil";
 
   ASSERT_THAT(DatasetWriter::Open(folder.path(), spec), IsOk());
 
   EXPECT_THAT(NamesIn(folder / "episodes/000"), testing::ElementsAre("000000.hdf5"));
-  EXPECT_THAT(NamesIn(folder.path()),
-              testing::ElementsAre(".lock", "attempts.jsonl", "dataset.json", "episodes"));
+  EXPECT_THAT(NamesIn(folder.path()), testing::ElementsAre(".lock", "attempts.jsonl", "dataset.json", "episodes"));
 }
 
 // A file size limit stands in for a full disk: write(2) fails part of the way.
@@ -156,8 +150,7 @@ TEST(DiskFull, KeepsTheOldMasterFile) {
   const CampaignSpec spec = SyntheticSpec();
   const int code = InChild([&] {
     auto writer = DatasetWriter::Open(folder.path(), spec);
-    if (!writer || !writer->Commit(MakeSyntheticEpisode(spec, 0)) || !writer->WriteMaster())
-      return 1;
+    if (!writer || !writer->Commit(MakeSyntheticEpisode(spec, 0)) || !writer->WriteMaster()) return 1;
     const auto before = ReadBinaryFile(folder / "dataset.hdf5");
     if (!writer->Commit(MakeSyntheticEpisode(spec, 1))) return 2;
     ::signal(SIGXFSZ, SIG_IGN);

@@ -63,8 +63,7 @@ TEST(DatasetReader, RecordsLeadToFramesWithoutHdf5) {
 TEST(DatasetReader, AFileUnderAnotherNumberIsCorrupt) {
   const TemporaryFolder folder;
   const CampaignSpec spec = SyntheticSpec();
-  ASSERT_THAT(DatasetWriter::Open(folder.path(), spec)->Commit(MakeSyntheticEpisode(spec, 0)),
-              IsOk());
+  ASSERT_THAT(DatasetWriter::Open(folder.path(), spec)->Commit(MakeSyntheticEpisode(spec, 0)), IsOk());
   std::filesystem::copy(EpisodePath(folder.path(), 0), EpisodePath(folder.path(), 1));
 
   const auto read = DatasetReader::Open(folder.path())->Read(1);
@@ -93,8 +92,7 @@ TEST(DatasetReader, ReadsWhileEpisodesAreCommitted) {
           for (const std::uint64_t index : *indices) {
             const auto record = reader->Read(index);
             ++reads;
-            if (!record || record->episode.eef_pos.values != episodes[index].eef_pos.values)
-              ++wrong;
+            if (!record || record->episode.eef_pos.values != episodes[index].eef_pos.values) ++wrong;
           }
         }
       });

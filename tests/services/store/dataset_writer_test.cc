@@ -17,8 +17,7 @@ namespace {
 Result<DatasetWriter> OpenWith(const Path& dataset, const CampaignSpec& spec, int episodes) {
   auto writer = DatasetWriter::Open(dataset, spec);
   for (int i = 0; writer && i < episodes; ++i)
-    if (Status done = writer->Commit(MakeSyntheticEpisode(spec, static_cast<std::uint64_t>(i)));
-        !done)
+    if (Status done = writer->Commit(MakeSyntheticEpisode(spec, static_cast<std::uint64_t>(i))); !done)
       return Fail(done.error());
   return writer;
 }
@@ -49,8 +48,7 @@ TEST(DatasetWriter, GivesTheSameBytesInAnyOrderAndFolder) {
   {
     auto b = DatasetWriter::Open(folder / "b", spec);
     ASSERT_THAT(b, IsOk());
-    for (const std::uint64_t i : {2, 0})
-      ASSERT_THAT(b->Commit(MakeSyntheticEpisode(spec, i)), IsOk());
+    for (const std::uint64_t i : {2, 0}) ASSERT_THAT(b->Commit(MakeSyntheticEpisode(spec, i)), IsOk());
   }
   auto b = DatasetWriter::Open(folder / "b", spec);  // resumed
   ASSERT_THAT(b, IsOk());
@@ -58,8 +56,8 @@ TEST(DatasetWriter, GivesTheSameBytesInAnyOrderAndFolder) {
   ASSERT_THAT(b->Commit(MakeSyntheticEpisode(spec, 1)), IsOk());
   ASSERT_THAT(b->WriteMaster(), IsOk());
 
-  for (const char* name : {"dataset.json", "dataset.hdf5", "episodes/000/000000.hdf5",
-                           "episodes/000/000001.hdf5", "episodes/000/000002.hdf5"})
+  for (const char* name : {"dataset.json", "dataset.hdf5", "episodes/000/000000.hdf5", "episodes/000/000001.hdf5",
+                           "episodes/000/000002.hdf5"})
     EXPECT_TRUE(Slurp(folder / "a" / name) == Slurp(folder / "b" / name)) << name;
 }
 
@@ -113,8 +111,7 @@ TEST(DatasetWriter, RefusesEpisodesOfAnotherSpecAndInvalidOnes) {
   Episode broken = MakeSyntheticEpisode(SyntheticSpec(), 0);
   broken.joint_pos.values.pop_back();
 
-  EXPECT_THAT(writer->Commit(MakeSyntheticEpisode(SyntheticSpec(16, 16), 0)),
-              HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(writer->Commit(MakeSyntheticEpisode(SyntheticSpec(16, 16), 0)), HasCode(Code::kInvalidArgument));
   EXPECT_THAT(writer->Commit(broken), HasCode(Code::kInvalidArgument));
 
   EXPECT_THAT(writer->committed(), testing::IsEmpty());
@@ -159,8 +156,7 @@ TEST(DatasetWriter, RecordsEveryFailedAttemptOnce) {
     ASSERT_THAT(writer->RecordFailure(4, 0, "no_path", "{}"), IsOk());
     ASSERT_THAT(writer->RecordFailure(4, 1, "slipped", "not json \xff"), IsOk());
   }
-  std::ofstream(folder / "attempts.jsonl", std::ios::app)
-      << R"({"index":9,"att)";  // torn by a crash
+  std::ofstream(folder / "attempts.jsonl", std::ios::app) << R"({"index":9,"att)";  // torn by a crash
   {
     auto writer = OpenWith(folder.path(), spec, 0);
     ASSERT_THAT(writer->RecordFailure(4, 1, "slipped", "{}"), IsOk());
@@ -202,8 +198,7 @@ TEST(DatasetInfo, CountsWhatIsThere) {
   EXPECT_EQ(statistics["tasks"].dump(), R"({"pick":4,"push":3,"put_down":3})");
   EXPECT_EQ(statistics["outcomes"].dump(), R"({"success":9,"too_slow":1})");
   std::uint64_t bytes = 0;
-  for (std::uint64_t i = 0; i < 10; ++i)
-    bytes += std::filesystem::file_size(EpisodePath(folder.path(), i));
+  for (std::uint64_t i = 0; i < 10; ++i) bytes += std::filesystem::file_size(EpisodePath(folder.path(), i));
   EXPECT_EQ(statistics["bytes"], bytes);
   EXPECT_THAT((*info)["unreadable"], testing::IsEmpty());
   EXPECT_EQ((*info)["features"].back()["shape"].dump(), R"(["N",32,32,3])");

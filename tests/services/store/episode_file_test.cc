@@ -108,8 +108,7 @@ TEST(EpisodeFile, FindsEveryTruncationAndEveryFlippedByte) {
   for (std::size_t size = 0; size < bytes.size(); size += 211)
     ASSERT_THAT(DecodeEpisodeFile(std::span(bytes).first(size)), HasCode(Code::kCorrupt)) << size;
   for (std::size_t cut = 1; cut < 150; ++cut)
-    ASSERT_THAT(DecodeEpisodeFile(std::span(bytes).first(bytes.size() - cut)),
-                HasCode(Code::kCorrupt));
+    ASSERT_THAT(DecodeEpisodeFile(std::span(bytes).first(bytes.size() - cut)), HasCode(Code::kCorrupt));
   Bytes flipped = bytes;
   for (std::size_t at = 0; at < bytes.size(); at += at + 400 < bytes.size() ? 37 : 1) {
     flipped[at] ^= 1;
@@ -140,10 +139,8 @@ TEST(EpisodeFile, RefusesResealedFilesWhoseNumbersDoNotFit) {
   const Bytes bytes = FileOf(MakeSyntheticEpisode(SyntheticSpec(16, 16), 0, 6));
   const std::pair<std::string, std::string> edits[] = {
       {"[\"front\"]", "[\"frond\"]"},  // a camera that is not there
-      {"[\"front\"]", "[\"../..\"]"},
-      {"[\"front\"]", "[\"front\" "},
-      {"\"pepsi\"", "\"pepsy\""},
-      {"[\"reach\",\"lift\"]", "[\"reach lift\" ] "},  // a phase without a name
+      {"[\"front\"]", "[\"../..\"]"}, {"[\"front\"]", "[\"front\" "},
+      {"\"pepsi\"", "\"pepsy\""},     {"[\"reach\",\"lift\"]", "[\"reach lift\" ] "},  // a phase without a name
   };
   for (const auto& [from, to] : edits) {
     ASSERT_EQ(from.size(), to.size());

@@ -21,8 +21,7 @@ using Bytes = std::vector<std::uint8_t>;
 Bytes Pixels(int seed, std::size_t size = 48 * 48 * 3) {
   Rng rng(static_cast<std::uint64_t>(seed));
   Bytes pixels(size);
-  for (std::size_t i = 0; i < size; ++i)
-    pixels[i] = static_cast<std::uint8_t>(i / 50 + rng.Below(4));
+  for (std::size_t i = 0; i < size; ++i) pixels[i] = static_cast<std::uint8_t>(i / 50 + rng.Below(4));
   return pixels;
 }
 
@@ -71,8 +70,7 @@ struct FrameFile {
     std::uint64_t offset = 0;
     for (int k = 0; k < count; ++k) {
       const Bytes stream = DeflateFrame(Pixels(k));
-      file.write(reinterpret_cast<const char*>(stream.data()),
-                 static_cast<std::streamsize>(stream.size()));
+      file.write(reinterpret_cast<const char*>(stream.data()), static_cast<std::streamsize>(stream.size()));
       locations.push_back({offset, static_cast<std::uint32_t>(stream.size())});
       offset += stream.size();
     }
@@ -89,8 +87,7 @@ TEST(FrameReader, RefusesWrongLocations) {
   EXPECT_THAT(FrameReader::Read(file.path, {offset, size - 1}, pixels), HasCode(Code::kCorrupt));
   EXPECT_THAT(FrameReader::Read(file.path, {1u << 30, size}, pixels), HasCode(Code::kCorrupt));
   EXPECT_THAT(FrameReader::Read(file.path, {0, UINT32_MAX}, pixels), HasCode(Code::kCorrupt));
-  EXPECT_THAT(FrameReader::Read(file.path, {UINT64_MAX - 5, size}, pixels),
-              HasCode(Code::kCorrupt));
+  EXPECT_THAT(FrameReader::Read(file.path, {UINT64_MAX - 5, size}, pixels), HasCode(Code::kCorrupt));
   EXPECT_THAT(FrameReader::Read(file.folder / "none", {0, size}, pixels), HasCode(Code::kNotFound));
 }
 

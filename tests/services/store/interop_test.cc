@@ -40,15 +40,14 @@ class Interop : public testing::Test {
   void SetUp() override {
     auto writer = DatasetWriter::Open(folder_.path(), spec_);
     ASSERT_THAT(writer, IsOk());
-    for (std::uint64_t i = 0; i < 12; ++i)
-      ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(spec_, i, 23)), IsOk());
+    for (std::uint64_t i = 0; i < 12; ++i) ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(spec_, i, 23)), IsOk());
     ASSERT_THAT(writer->WriteMaster(), IsOk());
   }
 
   // GTEST_SKIP must stand in the test itself, so this says whether h5py is there
   bool See(const Path& file, const std::string& group) {
-    const Output output = RunCommand("/usr/bin/python3 tests/services/store/read_with_h5py.py " +
-                              file.string() + " " + group);
+    const Output output =
+        RunCommand("/usr/bin/python3 tests/services/store/read_with_h5py.py " + file.string() + " " + group);
     if (output.code == 77) return false;
     EXPECT_EQ(output.code, 0) << output.text;
     seen_ = Json::parse(output.text, nullptr, false);
@@ -65,8 +64,7 @@ class Interop : public testing::Test {
 };
 
 TEST_F(Interop, H5pySeesRobomimicsLayoutInAnEpisodeFile) {
-  if (!See(EpisodePath(folder_.path(), 3), "/data/demo_3"))
-    GTEST_SKIP() << "python3-h5py is not installed";
+  if (!See(EpisodePath(folder_.path(), 3), "/data/demo_3")) GTEST_SKIP() << "python3-h5py is not installed";
   const Episode episode = MakeSyntheticEpisode(spec_, 3, 23);
 
   ExpectArray("actions", {"float32", {5, 7}, nullptr, nullptr});
@@ -94,8 +92,7 @@ TEST_F(Interop, H5pySeesRobomimicsLayoutInAnEpisodeFile) {
 }
 
 TEST_F(Interop, H5pySeesTheEpisodesValues) {
-  if (!See(EpisodePath(folder_.path(), 3), "/data/demo_3"))
-    GTEST_SKIP() << "python3-h5py is not installed";
+  if (!See(EpisodePath(folder_.path(), 3), "/data/demo_3")) GTEST_SKIP() << "python3-h5py is not installed";
   const Episode episode = MakeSyntheticEpisode(spec_, 3, 23);
   const Json& values = seen_["values"];
 
@@ -108,13 +105,10 @@ TEST_F(Interop, H5pySeesTheEpisodesValues) {
       EXPECT_EQ(values["actions_abs"][k][i].get<float>(), episode.actions_abs.row(command)[i]);
     }
     EXPECT_EQ(values["obs/robot0_eef_quat"][k], Json({1, 0, 0, 0}));  // w x y z = 0 1 0 0
-    EXPECT_NEAR(values["actions"][k][0].get<double>(), episode.actions_abs.row(command)[0] / 1.5,
-                1e-6);
-    EXPECT_NEAR(values["actions"][k][6].get<double>(), 2 * episode.actions_abs.row(command)[6] - 1,
-                1e-6);
+    EXPECT_NEAR(values["actions"][k][0].get<double>(), episode.actions_abs.row(command)[0] / 1.5, 1e-6);
+    EXPECT_NEAR(values["actions"][k][6].get<double>(), 2 * episode.actions_abs.row(command)[6] - 1, 1e-6);
     std::vector<std::uint8_t> pixels(24 * 40 * 3);
-    ASSERT_THAT(InflateFrame(episode.cameras[0].frames[static_cast<std::size_t>(k)], pixels),
-                IsOk());
+    ASSERT_THAT(InflateFrame(episode.cameras[0].frames[static_cast<std::size_t>(k)], pixels), IsOk());
     EXPECT_EQ(values["obs/front_image"][k], Sha256Hex(pixels));
   }
   EXPECT_EQ(values["dones"], Json({0, 0, 0, 0, 1}));
@@ -137,8 +131,7 @@ TEST_F(Interop, H5pySeesTheEpisodesValues) {
 }
 
 TEST_F(Interop, H5pyFollowsTheMasterFileAndItsMasks) {
-  if (!See(folder_ / "dataset.hdf5", "/data/demo_11"))
-    GTEST_SKIP() << "python3-h5py is not installed";
+  if (!See(folder_ / "dataset.hdf5", "/data/demo_11")) GTEST_SKIP() << "python3-h5py is not installed";
 
   EXPECT_EQ(seen_["demos"].size(), 12u);
   EXPECT_EQ(seen_["data"]["total"], 12 * 5);
@@ -157,8 +150,7 @@ TEST_F(Interop, TheMasterFileMayBeMovedWithItsDataset) {
   std::filesystem::rename(folder_.path(), other / "moved");
   std::filesystem::create_directory(folder_.path());
 
-  if (!See(other / "moved/dataset.hdf5", "/data/demo_2"))
-    GTEST_SKIP() << "python3-h5py is not installed";
+  if (!See(other / "moved/dataset.hdf5", "/data/demo_2")) GTEST_SKIP() << "python3-h5py is not installed";
 
   EXPECT_EQ(seen_["attributes"]["index"], 2);
 }

@@ -22,9 +22,9 @@ TEST(Layout, PathsAndIndicesAreInverse) {
 }
 
 TEST(Layout, OtherNamesAreNoEpisodes) {
-  for (const char* name : {"000/123.hdf5", "001/000123.hdf5", "000/000123.hdf5.tmp",
-                           "000/00012x.hdf5", "000/-00123.hdf5", "000/.hdf5", "000/0000123.hdf5",
-                           "000/000123", "000/99999999999999999999999.hdf5"})
+  for (const char* name :
+       {"000/123.hdf5", "001/000123.hdf5", "000/000123.hdf5.tmp", "000/00012x.hdf5", "000/-00123.hdf5", "000/.hdf5",
+        "000/0000123.hdf5", "000/000123", "000/99999999999999999999999.hdf5"})
     EXPECT_FALSE(IndexOf(Path("/d/episodes") / name)) << name;
 }
 
@@ -53,14 +53,12 @@ TEST(Layout, DatasetFileSurvivesAndRefusesGarbage) {
   EXPECT_EQ(ToJson(read->spec), ToJson(SyntheticSpec()));
   EXPECT_EQ(read->statistics["episodes"], 3);
 
-  for (const char* text :
-       {"", "{", "[]", "{}", R"({"schema_version":"1","spec":{}})",
-        R"({"schema_version":1,"spec":5})", R"({"schema_version":1,"spec":{"sed":1}})"}) {
+  for (const char* text : {"", "{", "[]", "{}", R"({"schema_version":"1","spec":{}})",
+                           R"({"schema_version":1,"spec":5})", R"({"schema_version":1,"spec":{"sed":1}})"}) {
     ASSERT_THAT(WriteFileAtomically(path, std::string_view(text)), IsOk());
     EXPECT_THAT(ReadDatasetFile(folder.path()), HasCode(Code::kCorrupt)) << text;
   }
-  ASSERT_THAT(WriteFileAtomically(path, std::string_view(R"({"schema_version":2,"spec":{}})")),
-              IsOk());
+  ASSERT_THAT(WriteFileAtomically(path, std::string_view(R"({"schema_version":2,"spec":{}})")), IsOk());
   EXPECT_THAT(ReadDatasetFile(folder.path()), HasCode(Code::kInvalidArgument));
 }
 
@@ -71,8 +69,7 @@ TEST(Layout, SpecDifferencesNameTheKeys) {
   EXPECT_THAT(SpecDifferences(a, b), testing::IsEmpty());
   b.seed = 9;
   b.camera.fovy_deg = 50;
-  EXPECT_THAT(SpecDifferences(a, b),
-              testing::ElementsAre("seed (1, now 9)", "camera.fovy_deg (60.0, now 50.0)"));
+  EXPECT_THAT(SpecDifferences(a, b), testing::ElementsAre("seed (1, now 9)", "camera.fovy_deg (60.0, now 50.0)"));
 }
 
 }  // namespace

@@ -65,11 +65,9 @@ TEST(Safetensors, AlignsEveryTensorToItsType) {
   std::uint64_t header_size = 0;
   std::memcpy(&header_size, bytes.data(), 8);
   EXPECT_EQ(header_size % 8, 0u);
-  const auto json =
-      OrderedJson::parse(bytes.begin() + 8, bytes.begin() + 8 + static_cast<int>(header_size));
+  const auto json = OrderedJson::parse(bytes.begin() + 8, bytes.begin() + 8 + static_cast<int>(header_size));
   for (const auto& [name, tensor] : Example().tensors)
-    EXPECT_EQ(json[name]["data_offsets"][0].get<std::uint64_t>() % SizeOf(tensor.dtype), 0u)
-        << name;
+    EXPECT_EQ(json[name]["data_offsets"][0].get<std::uint64_t>() % SizeOf(tensor.dtype), 0u) << name;
 }
 
 TEST(Safetensors, SurvivesAFile) {
@@ -88,17 +86,15 @@ TEST(Safetensors, SurvivesAFile) {
 }
 
 TEST(Safetensors, RefusesHeadersThatLie) {
-  const auto entry = [](const std::string& dtype, const std::string& shape,
-                        const std::string& offsets) {
-    return R"({"dtype":")" + dtype + R"(","shape":)" + shape + R"(,"data_offsets":)" + offsets +
-           "}";
+  const auto entry = [](const std::string& dtype, const std::string& shape, const std::string& offsets) {
+    return R"({"dtype":")" + dtype + R"(","shape":)" + shape + R"(,"data_offsets":)" + offsets + "}";
   };
   const std::string good = entry("U8", "[4]", "[0,4]");
   ASSERT_THAT(DecodeSafetensors(File("{\"x\":" + good + "}", 4)), IsOk());
   const std::pair<std::string, std::size_t> bad[] = {
-      {"{\"x\":" + good + "}", 5},                     // bytes after the last
-      {"{\"x\":" + good + "}", 3},                     // out of range
-      {"{\"x\":" + good + ",\"y\":" + good + "}", 4},  // overlap
+      {"{\"x\":" + good + "}", 5},                                            // bytes after the last
+      {"{\"x\":" + good + "}", 3},                                            // out of range
+      {"{\"x\":" + good + ",\"y\":" + good + "}", 4},                         // overlap
       {"{\"x\":" + good + ",\"y\":" + entry("U8", "[2]", "[6,8]") + "}", 8},  // hole
       {"{\"x\":" + good + ",\"x\":" + entry("U8", "[4]", "[4,8]") + "}", 8},  // duplicate
       {"{\"x\":" + entry("F32", "[4]", "[0,4]") + "}", 4},                    // size and dtype
@@ -108,8 +104,7 @@ TEST(Safetensors, RefusesHeadersThatLie) {
       {"{\"x\":" + entry("U8", "[4]", "[4,0]") + "}", 4},
       {"{\"x\":" + entry("U8", "[4]", "[0]") + "}", 4},
       {"{\"x\":" + entry("U8", "[4]", "[0,4,4]") + "}", 4},
-      {"{\"x\":" + entry("F64", "[2305843009213693952,1]", "[0,0]") + "}",
-       0},  // product wraps to 0
+      {"{\"x\":" + entry("F64", "[2305843009213693952,1]", "[0,0]") + "}", 0},  // product wraps to 0
       {"{\"x\":" + entry("U8", "[4294967296,4294967296]", "[0,0]") + "}", 0},
       {"{\"x\":" + entry("U8", "[18446744073709551615]", "[0,4]") + "}", 4},
       {"{\"x\":5}", 0},
@@ -126,8 +121,8 @@ TEST(Safetensors, RefusesHeadersThatLie) {
 
 TEST(Safetensors, RefusesHeaderSizesWithoutAllocating) {
   Bytes bytes = EncodeSafetensors(Example());
-  for (const std::uint64_t size : {std::uint64_t{UINT64_MAX}, std::uint64_t{1} << 40,
-                                   std::uint64_t{100'000'001}, std::uint64_t{bytes.size() - 7}}) {
+  for (const std::uint64_t size : {std::uint64_t{UINT64_MAX}, std::uint64_t{1} << 40, std::uint64_t{100'000'001},
+                                   std::uint64_t{bytes.size() - 7}}) {
     std::memcpy(bytes.data(), &size, 8);
     EXPECT_THAT(DecodeSafetensors(bytes), HasCode(Code::kCorrupt)) << size;
   }
@@ -154,8 +149,7 @@ TEST(Safetensors, NeverCrashesOrAllocatesWildlyOnMutatedBytes) {
           mutated.resize(at);
           break;
         case 2:
-          mutated.insert(mutated.begin() + static_cast<std::ptrdiff_t>(at),
-                         "0123456789[]{}\":,"[rng.Below(17)]);
+          mutated.insert(mutated.begin() + static_cast<std::ptrdiff_t>(at), "0123456789[]{}\":,"[rng.Below(17)]);
           break;
         default:
           mutated[at] ^= static_cast<std::uint8_t>(1u << rng.Below(8));

@@ -32,8 +32,7 @@ struct Dataset {
 
 void Overwrite(const Path& path, const std::vector<std::uint8_t>& bytes) {
   std::ofstream(path, std::ios::binary)
-      .write(reinterpret_cast<const char*>(bytes.data()),
-             static_cast<std::streamsize>(bytes.size()));
+      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
 }
 
 TEST(Verify, FindsNothingInAGoodDataset) {
@@ -64,8 +63,7 @@ TEST(Verify, FindsEveryDamagedFile) {
         // distinct places, so that no flip undoes another
         const std::uint64_t flips = rng.Below(8) + 1;
         for (std::uint64_t n = 0; n < flips; ++n)
-          bytes[n * (bytes.size() / 8) + rng.Below(bytes.size() / 8)] ^=
-              static_cast<std::uint8_t>(1u << rng.Below(8));
+          bytes[n * (bytes.size() / 8) + rng.Below(bytes.size() / 8)] ^= static_cast<std::uint8_t>(1u << rng.Below(8));
       }
       if (kind != 0) bytes.resize(rng.Below(bytes.size()));
       Overwrite(dataset.File(index), bytes);

@@ -15,8 +15,7 @@ namespace {
 using ::testing::HasSubstr;
 
 std::vector<Subtask> FiveLevels() {
-  return {
-      {1, {"LANG"}}, {2, {"EE2D", "TAR2D"}}, {3, {"EE3D", "TAR3D"}}, {4, {"DISP"}}, {5, {"CTRL"}}};
+  return {{1, {"LANG"}}, {2, {"EE2D", "TAR2D"}}, {3, {"EE3D", "TAR3D"}}, {4, {"DISP"}}, {5, {"CTRL"}}};
 }
 
 TEST(Scheduler, TrainsOnlyTheFirstSubtaskAtFirst) {
@@ -42,12 +41,10 @@ TEST(Scheduler, StaysWhileTheErrorFallsAndGoesOnWhenItStops) {
   Scheduler scheduler(config, FiveLevels());
 
   double error = 1;
-  for (int i = 0; i < 10; ++i, error *= 0.7)
-    ASSERT_FALSE(scheduler.Observe(100, 0.01, {{"LANG", error}})) << i;
+  for (int i = 0; i < 10; ++i, error *= 0.7) ASSERT_FALSE(scheduler.Observe(100, 0.01, {{"LANG", error}})) << i;
   ASSERT_FALSE(scheduler.Observe(1100, 0.01, {{"LANG", error}}));
   std::optional<Advance> advance;
-  for (int i = 0; i < 3 && !advance; ++i)
-    advance = scheduler.Observe(1200, 0.01, {{"LANG", error}});
+  for (int i = 0; i < 3 && !advance; ++i) advance = scheduler.Observe(1200, 0.01, {{"LANG", error}});
 
   ASSERT_TRUE(advance);
   EXPECT_EQ(advance->cause, Cause::kConverged);
@@ -119,8 +116,7 @@ TEST(Scheduler, KeepsItsInvariantsOnRandomErrors) {
       last = scheduler.stage();
 
       // save, restore into another, and let that one see the same
-      ASSERT_EQ(copy.Observe(static_cast<std::uint64_t>(i), i / 100.0, errors).has_value(),
-                advance.has_value());
+      ASSERT_EQ(copy.Observe(static_cast<std::uint64_t>(i), i / 100.0, errors).has_value(), advance.has_value());
       Scheduler fresh(config, FiveLevels());
       ASSERT_TRUE(fresh.Restore(OrderedJson::parse(copy.Save().dump())));
       ASSERT_EQ(fresh.Save(), scheduler.Save());

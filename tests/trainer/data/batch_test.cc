@@ -34,8 +34,8 @@ class BatchTest : public ::testing::Test {
     const auto snapshot = dataset_->snapshot();
     Batch batch;
     FrameScratch scratch;
-    const Status made = maker.Make(*snapshot, DrawBatch(*snapshot, Split::kTrain, 7, step, 16),
-                                   step, augment, scratch, batch);
+    const Status made =
+        maker.Make(*snapshot, DrawBatch(*snapshot, Split::kTrain, 7, step, 16), step, augment, scratch, batch);
     EXPECT_TRUE(made) << made.error().message;
     return batch;
   }
@@ -54,13 +54,11 @@ TEST_F(BatchTest, CopiesTheCropOfTheRecordedPicture) {
   for (int b = 0; b < batch.size; ++b) {
     const auto& entry = *snapshot->episodes()[batch.frames[b].episode];
     std::vector<std::uint8_t> whole(64 * 48 * 3);
-    ASSERT_TRUE(store::FrameReader::Read(entry.record.path,
-                                         entry.record.frames[0][batch.frames[b].frame], whole));
+    ASSERT_TRUE(store::FrameReader::Read(entry.record.path, entry.record.frames[0][batch.frames[b].frame], whole));
     for (int y = 0; y < crop_.height; ++y)
       for (int x = 0; x < crop_.width; ++x)
         for (int c = 0; c < 3; ++c)
-          ASSERT_EQ(batch.images[static_cast<std::size_t>(
-                        ((b * crop_.height + y) * crop_.width + x) * 3 + c)],
+          ASSERT_EQ(batch.images[static_cast<std::size_t>(((b * crop_.height + y) * crop_.width + x) * 3 + c)],
                     whole[static_cast<std::size_t>(((crop_.v + y) * 64 + crop_.u + x) * 3 + c)]);
     EXPECT_EQ(batch.crop_origin[2 * b], 10);
     EXPECT_EQ(batch.crop_origin[2 * b + 1], 6);
@@ -143,8 +141,7 @@ TEST_F(BatchTest, LabelsTheObjectThatEachSentenceNames) {
       const auto pose = entry.episode().FindObject(object)->pose.row(t);
       for (int i = 0; i < 3; ++i) {
         EXPECT_EQ(position.values[row * 3 + i], pose[i]);
-        EXPECT_NEAR(displacement.values[row * 3 + i], pose[i] - entry.episode().eef_pos.row(t)[i],
-                    1e-6);
+        EXPECT_NEAR(displacement.values[row * 3 + i], pose[i] - entry.episode().eef_pos.row(t)[i], 1e-6);
       }
     }
   }
@@ -156,8 +153,7 @@ TEST_F(BatchTest, NamesEachSentenceOnce) {
 
   EXPECT_EQ(distinct.size(), batch.sentences.size());
   EXPECT_LE(batch.sentences.size(), 3u * 6u * 4u);
-  for (auto index : batch.sentence_index)
-    ASSERT_LT(index, static_cast<std::int64_t>(batch.sentences.size()));
+  for (auto index : batch.sentence_index) ASSERT_LT(index, static_cast<std::int64_t>(batch.sentences.size()));
 }
 
 TEST_F(BatchTest, MasksPixelsOutsideTheCrop) {
@@ -182,8 +178,8 @@ TEST_F(BatchTest, RefusesACropThatDoesNotFitThePicture) {
   Batch batch;
   FrameScratch scratch;
 
-  const Status made = maker.Make(*snapshot, DrawBatch(*snapshot, Split::kTrain, 7, 0, 2), 0,
-                                 Augment::kNo, scratch, batch);
+  const Status made =
+      maker.Make(*snapshot, DrawBatch(*snapshot, Split::kTrain, 7, 0, 2), 0, Augment::kNo, scratch, batch);
 
   ASSERT_FALSE(made);
   EXPECT_EQ(made.error().code, Code::kInvalidArgument);

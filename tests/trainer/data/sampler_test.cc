@@ -41,8 +41,7 @@ TEST(DrawBatch, DependsOnSeedAndStepOnly) {
   EXPECT_TRUE(Same(DrawBatch(a, Split::kTrain, 1, 5, 32), DrawBatch(b, Split::kTrain, 1, 5, 32)));
   EXPECT_FALSE(Same(DrawBatch(a, Split::kTrain, 1, 5, 32), DrawBatch(a, Split::kTrain, 1, 6, 32)));
   EXPECT_FALSE(Same(DrawBatch(a, Split::kTrain, 1, 5, 32), DrawBatch(a, Split::kTrain, 2, 5, 32)));
-  EXPECT_FALSE(
-      Same(DrawBatch(a, Split::kTrain, 1, 5, 32), DrawBatch(a, Split::kTrain, 1, 5, 32, 1)));
+  EXPECT_FALSE(Same(DrawBatch(a, Split::kTrain, 1, 5, 32), DrawBatch(a, Split::kTrain, 1, 5, 32, 1)));
 }
 
 TEST(DrawBatch, TakesTasksInTurnsHoweverRareTheyAre) {
@@ -83,8 +82,7 @@ TEST(Snapshot, LeavesOutFramesThatShowNoTarget) {
   entry->record.frames[0].resize(10);
   Episode& episode = entry->record.episode;
   for (auto& object : episode.objects)
-    if (object.name == episode.target)
-      object.pixel.values[2 * 5] = -3;  // frame 1 is control step 5
+    if (object.name == episode.target) object.pixel.values[2 * 5] = -3;  // frame 1 is control step 5
 
   const Snapshot snapshot({entry});
 

@@ -22,8 +22,7 @@ std::shared_ptr<EpisodeEntry> Entry(std::uint64_t index, Split split) {
 }
 
 TEST(ComputeStatistics, AgreesWithALoopOverTheTrainingSplit) {
-  const Snapshot snapshot(
-      {Entry(0, Split::kTrain), Entry(1, Split::kTrain), Entry(2, Split::kValid)});
+  const Snapshot snapshot({Entry(0, Split::kTrain), Entry(1, Split::kTrain), Entry(2, Split::kValid)});
 
   const auto statistics = ComputeStatistics(snapshot);
 
@@ -45,8 +44,7 @@ TEST(ComputeStatistics, AgreesWithALoopOverTheTrainingSplit) {
   }
   ASSERT_EQ(statistics->joint_mean.size(), 7u);
   EXPECT_NEAR(statistics->joint_mean[2], sum / n, 1e-5);
-  EXPECT_NEAR(statistics->joint_std[2], std::max(0.05, std::sqrt(square / n - sum / n * sum / n)),
-              1e-5);
+  EXPECT_NEAR(statistics->joint_std[2], std::max(0.05, std::sqrt(square / n - sum / n * sum / n)), 1e-5);
   EXPECT_NEAR(statistics->displacement_std[1], std::sqrt(displacement / m), 1e-5);
 }
 

@@ -10,8 +10,8 @@
 namespace etude {
 
 /// Commits episodes [first, last) of `spec`.
-inline void AddSyntheticEpisodes(const Path& folder, const CampaignSpec& spec, std::uint64_t first,
-                                 std::uint64_t last, int steps = 50) {
+inline void AddSyntheticEpisodes(const Path& folder, const CampaignSpec& spec, std::uint64_t first, std::uint64_t last,
+                                 int steps = 50) {
   auto writer = store::DatasetWriter::Open(folder, spec);
   ASSERT_TRUE(writer) << writer.error().message;
   for (std::uint64_t i = first; i < last; ++i) {

@@ -36,8 +36,7 @@ TEST(UpdateAdamw, AgreesWithTheFormulasInDoublePrecision) {
       m[i] = 0.9 * m[i] + 0.1 * g;
       v[i] = 0.98 * v[i] + 0.02 * g * g;
       p[i] -= 0.01 * 0.1 * p[i];
-      p[i] -= 0.01 * (m[i] / (1 - std::pow(0.9, t))) /
-              (std::sqrt(v[i] / (1 - std::pow(0.98, t))) + 1e-8);
+      p[i] -= 0.01 * (m[i] / (1 - std::pow(0.9, t))) / (std::sqrt(v[i] / (1 - std::pow(0.98, t))) + 1e-8);
     }
   }
   for (std::size_t i = 0; i < kN; ++i) EXPECT_NEAR(parameter[i], p[i], 1e-5) << i;

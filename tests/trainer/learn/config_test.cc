@@ -24,8 +24,8 @@ TEST(LoadTrainConfig, ReadsTheShippedExperimentsWithTheirPolicies) {
 }
 
 TEST(LoadTrainConfig, OverridesInsideTheNamedPolicy) {
-  const auto config = LoadTrainConfig("compact", kExperiments,
-                                      {"policy.width=48", "optimizer.lr=1e-4", "data.batch=7"});
+  const auto config =
+      LoadTrainConfig("compact", kExperiments, {"policy.width=48", "optimizer.lr=1e-4", "data.batch=7"});
   ASSERT_TRUE(config) << config.error().message;
   EXPECT_EQ(config->policy.width, 48);
   EXPECT_EQ(config->optimizer.lr, 1e-4);
@@ -59,9 +59,8 @@ TEST(LoadTrainConfig, RefusesWhatItDoesNotKnowByName) {
 }
 
 TEST(LoadTrainConfig, NamesAllProblemsAtOnce) {
-  const auto config = LoadTrainConfig(
-      "compact", kExperiments,
-      {"optimizer.lr=-1", "data.batch=0", "curriculum.patience=0", "freeze=[NONE]"});
+  const auto config = LoadTrainConfig("compact", kExperiments,
+                                      {"optimizer.lr=-1", "data.batch=0", "curriculum.patience=0", "freeze=[NONE]"});
   ASSERT_FALSE(config);
   for (const char* part : {"optimizer.lr", "data.batch", "curriculum.patience", "NONE"})
     EXPECT_THAT(config.error().message, HasSubstr(part));
@@ -72,10 +71,8 @@ TEST(FindExperiments, LooksAboveTheProgram) {
   ASSERT_TRUE(MakeFolders(folder / "trainer/experiments"));
   ASSERT_TRUE(MakeFolders(folder / "build/x/bin"));
 
-  EXPECT_EQ(FindExperiments("", folder / "build/x/bin/etude-trainer").value(),
-            folder / "trainer/experiments");
-  EXPECT_EQ(FindExperiments((folder / "trainer").string(), "/x").value(),
-            folder / "trainer/experiments");
+  EXPECT_EQ(FindExperiments("", folder / "build/x/bin/etude-trainer").value(), folder / "trainer/experiments");
+  EXPECT_EQ(FindExperiments((folder / "trainer").string(), "/x").value(), folder / "trainer/experiments");
   EXPECT_EQ(FindExperiments((folder / "build").string(), "/x").error().code, Code::kNotFound);
 }
 

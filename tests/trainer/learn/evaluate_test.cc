@@ -25,9 +25,8 @@ TEST(Evaluate, MeasuresEveryModuleInUnitsOfPeopleAndLeavesThePolicyTraining) {
   auto grammar = language::Grammar::Load();
   ASSERT_TRUE(grammar);
   const auto& crop = config.policy.image.crop;
-  const data::BatchMaker maker(config.data, {crop[0], crop[1], crop[2], crop[3]},
-                               config.policy.objects, dataset->spec().tasks,
-                               std::make_shared<const language::Grammar>(std::move(*grammar)),
+  const data::BatchMaker maker(config.data, {crop[0], crop[1], crop[2], crop[3]}, config.policy.objects,
+                               dataset->spec().tasks, std::make_shared<const language::Grammar>(std::move(*grammar)),
                                kTinyPicture, kTinyPicture);
   const auto samples = data::SpreadFrames(*snapshot, data::Split::kValid, 1, 20);
 
@@ -36,9 +35,8 @@ TEST(Evaluate, MeasuresEveryModuleInUnitsOfPeopleAndLeavesThePolicyTraining) {
   const auto early = Evaluate(**policy, maker, *snapshot, samples, 2, 8);
 
   ASSERT_TRUE(all) << all.error().message;
-  for (const char* name :
-       {"LANG.accuracy", "EE2D.px", "TAR2D.px", "TAR2D.hit", "EE3D.cm", "TAR3D.cm", "DISP.cm",
-        "CTRL.cm", "CTRL.first_cm", "CTRL.deg", "CTRL.gripper", "loss"})
+  for (const char* name : {"LANG.accuracy", "EE2D.px", "TAR2D.px", "TAR2D.hit", "EE3D.cm", "TAR3D.cm", "DISP.cm",
+                           "CTRL.cm", "CTRL.first_cm", "CTRL.deg", "CTRL.gripper", "loss"})
     EXPECT_TRUE(all->metrics.contains(name)) << name;
   for (const char* module : {"LANG", "EE2D", "TAR2D", "EE3D", "TAR3D", "DISP", "CTRL"})
     EXPECT_TRUE(all->errors.contains(module)) << module;

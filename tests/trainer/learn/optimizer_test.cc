@@ -28,16 +28,14 @@ data::Batch MakeBatch(const TrainConfig& config, const Path& folder) {
   auto grammar = language::Grammar::Load();
   EXPECT_TRUE(grammar);
   const auto& crop = config.policy.image.crop;
-  const data::BatchMaker maker(config.data, {crop[0], crop[1], crop[2], crop[3]},
-                               config.policy.objects, dataset->spec().tasks,
-                               std::make_shared<const language::Grammar>(std::move(*grammar)),
+  const data::BatchMaker maker(config.data, {crop[0], crop[1], crop[2], crop[3]}, config.policy.objects,
+                               dataset->spec().tasks, std::make_shared<const language::Grammar>(std::move(*grammar)),
                                kTinyPicture, kTinyPicture);
   const auto snapshot = dataset->snapshot();
   data::Batch batch;
   data::FrameScratch scratch;
-  const Status made = maker.Make(
-      *snapshot, data::DrawBatch(*snapshot, data::Split::kTrain, 1, 0, config.data.batch), 0,
-      data::Augment::kYes, scratch, batch);
+  const Status made = maker.Make(*snapshot, data::DrawBatch(*snapshot, data::Split::kTrain, 1, 0, config.data.batch), 0,
+                                 data::Augment::kYes, scratch, batch);
   EXPECT_TRUE(made) << made.error().message;
   return batch;
 }
@@ -68,10 +66,9 @@ TEST(Optimizer, TakesTheSameStepAsTorchsAdamW) {
     return std::make_unique<torch::optim::AdamWOptions>(
         torch::optim::AdamWOptions(1e-3).betas({0.9, 0.98}).weight_decay(decay));
   };
-  torch::optim::AdamW reference(
-      {torch::optim::OptimizerParamGroup(matrices, options(config.optimizer.weight_decay)),
-       torch::optim::OptimizerParamGroup(vectors, options(0))},
-      torch::optim::AdamWOptions(1e-3));
+  torch::optim::AdamW reference({torch::optim::OptimizerParamGroup(matrices, options(config.optimizer.weight_decay)),
+                                 torch::optim::OptimizerParamGroup(vectors, options(0))},
+                                torch::optim::AdamWOptions(1e-3));
   Optimizer optimizer(config.optimizer, ours, {});
   Replicas replicas(ours);
   for (int step = 0; step < 3; ++step) {
@@ -81,9 +78,7 @@ TEST(Optimizer, TakesTheSameStepAsTorchsAdamW) {
 
     reference.zero_grad();
     const Part part = PartOf(batch, 0, batch.size);
-    theirs[0]
-        ->Loss(part.inputs, theirs[0]->Forward(part.inputs, level), part.labels, level)
-        .total.backward();
+    theirs[0]->Loss(part.inputs, theirs[0]->Forward(part.inputs, level), part.labels, level).total.backward();
     reference.step();
   }
   auto named = theirs[0]->named_parameters();
@@ -99,8 +94,7 @@ TEST(Optimizer, LeavesModulesAloneThatAreNotTrainedYet) {
   data::Batch batch = MakeBatch(config, folder / "d");
   auto policies = Policies(config, 1);
   std::map<std::string, torch::Tensor> before;
-  for (const auto& item : policies[0]->named_parameters())
-    before[item.key()] = item.value().clone();
+  for (const auto& item : policies[0]->named_parameters()) before[item.key()] = item.value().clone();
   Optimizer optimizer(config.optimizer, policies, {});
   Replicas replicas(policies);
 
@@ -113,8 +107,7 @@ TEST(Optimizer, LeavesModulesAloneThatAreNotTrainedYet) {
   auto named = policies[0]->named_parameters();
   for (const auto& name : control) EXPECT_TRUE(torch::equal(named[name], before[name])) << name;
   int moved = 0;
-  for (const auto& name : policies[0]->ParametersOf("LANG"))
-    moved += !torch::equal(named[name], before[name]);
+  for (const auto& name : policies[0]->ParametersOf("LANG")) moved += !torch::equal(named[name], before[name]);
   EXPECT_GT(moved, 0);
 }
 
@@ -126,8 +119,7 @@ TEST(Optimizer, NeverMovesFrozenParameters) {
   const auto names = policies[0]->ParametersOf("TAR2D");
   ASSERT_FALSE(names.empty());
   std::map<std::string, torch::Tensor> before;
-  for (const auto& item : policies[0]->named_parameters())
-    before[item.key()] = item.value().clone();
+  for (const auto& item : policies[0]->named_parameters()) before[item.key()] = item.value().clone();
   Optimizer optimizer(config.optimizer, policies, {names.begin(), names.end()});
   Replicas replicas(policies);
 
@@ -142,12 +134,10 @@ TEST(Optimizer, NeverMovesFrozenParameters) {
 TEST(Replicas, AverageToTheGradientOfTheWholeBatchWithoutBatchNorm) {
   const TemporaryFolder folder;
   const TrainConfig config = TinyConfig(
-      {"policy.image.layers=[{kind: conv, channels: 8, kernel: 5, stride: 4, norm: none}]",
-       "optimizer.clip=0"});
+      {"policy.image.layers=[{kind: conv, channels: 8, kernel: 5, stride: 4, norm: none}]", "optimizer.clip=0"});
   data::Batch batch = MakeBatch(config, folder / "d");
   // every sample counts as much in each half only when none is masked
-  for (auto& [name, label] : batch.labels)
-    std::fill(label.valid.begin(), label.valid.end(), std::uint8_t{1});
+  for (auto& [name, label] : batch.labels) std::fill(label.valid.begin(), label.valid.end(), std::uint8_t{1});
 
   const auto step = [&](int n) {
     auto policies = Policies(config, n);

@@ -16,8 +16,7 @@ namespace {
 using ::testing::HasSubstr;
 
 // values of `key` in lines of `kind`, by step
-std::map<std::uint64_t, double> Curve(const Path& run, const std::string& kind,
-                                      const std::string& key) {
+std::map<std::uint64_t, double> Curve(const Path& run, const std::string& kind, const std::string& key) {
   std::map<std::uint64_t, double> curve;
   const auto text = ReadTextFile(run / "metrics.jsonl");
   EXPECT_TRUE(text);
@@ -35,8 +34,7 @@ class TrainerTest : public ::testing::Test {
     at::set_num_threads(1);
     dataset_ = TinyDataset(folder_ / "d", 24);
   }
-  Status Train(const TrainConfig& config, const Path& out, bool resume = false,
-               const Hooks& hooks = {}) {
+  Status Train(const TrainConfig& config, const Path& out, bool resume = false, const Hooks& hooks = {}) {
     auto trainer = Trainer::Create(config, dataset_, {out, resume, false}, hooks);
     if (!trainer) return Fail(trainer.error());
     return (*trainer)->Run();
@@ -55,8 +53,7 @@ TEST_F(TrainerTest, ResumesBitForBit) {
     Hooks hooks;
     hooks.on_checkpoint = [&](const CheckpointRequest& request) -> Status {
       for (const auto& [name, tensor] : request.tensors)
-        if (request.step == 40)
-          sums[name] = tensor.to(torch::kFloat64).sum().item<double>();
+        if (request.step == 40) sums[name] = tensor.to(torch::kFloat64).sum().item<double>();
       // a failing hook is a crash right after a saved state
       if (stop_at > 0 && request.step == stop_at + 10) return Fail(Code::kUnavailable, "crash");
       return {};
@@ -72,16 +69,14 @@ TEST_F(TrainerTest, ResumesBitForBit) {
 
   ASSERT_FALSE(whole.empty());
   EXPECT_EQ(whole, rest);
-  const auto a = Curve(folder_ / "whole", "valid", "loss"),
-             b = Curve(folder_ / "parts", "valid", "loss");
+  const auto a = Curve(folder_ / "whole", "valid", "loss"), b = Curve(folder_ / "parts", "valid", "loss");
   ASSERT_EQ(a.size(), 4u);
   EXPECT_EQ(a, b);
 }
 
 TEST_F(TrainerTest, LearnsTheSyntheticTask) {
-  const TrainConfig config =
-      TinyConfig({"steps=240", "eval.every_steps=20", "curriculum.latest_last=0.25",
-                  "checkpoint.every_steps=1000", "optimizer.lr=4e-3"});
+  const TrainConfig config = TinyConfig({"steps=240", "eval.every_steps=20", "curriculum.latest_last=0.25",
+                                         "checkpoint.every_steps=1000", "optimizer.lr=4e-3"});
   const Status trained = Train(config, folder_ / "run");
   ASSERT_TRUE(trained) << trained.error().message;
 
@@ -122,9 +117,9 @@ TEST_F(TrainerTest, GoesThroughTheStagesAndSaysWhy) {
 }
 
 TEST_F(TrainerTest, StopsOnALossThatIsNotANumberAndSavesNothing) {
-  const TrainConfig config = TinyConfig({"optimizer.lr=1e30", "optimizer.clip=0",
-                                         "curriculum.enabled=false", "optimizer.warmup_steps=0",
-                                         "eval.every_steps=1000", "checkpoint.every_steps=1000"});
+  const TrainConfig config =
+      TinyConfig({"optimizer.lr=1e30", "optimizer.clip=0", "curriculum.enabled=false", "optimizer.warmup_steps=0",
+                  "eval.every_steps=1000", "checkpoint.every_steps=1000"});
   int saved = 0;
   Hooks hooks;
   hooks.on_checkpoint = [&](const CheckpointRequest&) -> Status {
@@ -162,16 +157,14 @@ TEST_F(TrainerTest, SaysWhatIsMissing) {
 TEST_F(TrainerTest, TakesInEpisodesThatArriveWhileItTrains) {
   const TrainConfig config = TinyConfig({"steps=100000", "minutes=0.5", "eval.every_steps=100000"});
   dataset_ = TinyDataset(folder_ / "growing", 4);
-  std::thread collector([&] {
-    AddSyntheticEpisodes(folder_ / "growing", SyntheticSpec(kTinyPicture, kTinyPicture), 4, 30);
-  });
+  std::thread collector(
+      [&] { AddSyntheticEpisodes(folder_ / "growing", SyntheticSpec(kTinyPicture, kTinyPicture), 4, 30); });
   // the hook stops the run once it has seen all of them
   Hooks hooks;
   std::size_t seen = 0;
   const std::size_t all = [&] {
     std::size_t count = 0;
-    for (std::uint64_t i = 0; i < 30; ++i)
-      count += SplitOf(SyntheticSpec(kTinyPicture, kTinyPicture), i) == "train";
+    for (std::uint64_t i = 0; i < 30; ++i) count += SplitOf(SyntheticSpec(kTinyPicture, kTinyPicture), i) == "train";
     return count;
   }();
   TrainConfig short_run = config;

@@ -68,8 +68,7 @@ Expected Textbook(const Case& c, const Keys& keys, int b, int s) {
     const Tensor seen = weights.narrow(0, 0, kTokens);
     pixels.push_back(torch::mv(keys.image_pixels.t(), seen) / seen.sum());
   }
-  expected.output =
-      torch::mv(c.weights.at("output.weight"), torch::cat(heads)) + c.weights.at("output.bias");
+  expected.output = torch::mv(c.weights.at("output.weight"), torch::cat(heads)) + c.weights.at("output.bias");
   expected.pixels = torch::stack(pixels);
   return expected;
 }

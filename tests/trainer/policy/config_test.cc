@@ -4,8 +4,6 @@
 
 #include <gmock/gmock.h>
 
-
-
 namespace etude::policy {
 namespace {
 
@@ -69,7 +67,7 @@ TEST(PolicyConfig, AModuleMayReadItsOwnLevelOnlyAboveIt) {
 
 TEST(PolicyConfig, RefusesInputsThatNobodyDecodes) {
   PolicyConfig config = Preset("compact");
-  Module(config, "CTRL").decoder.inputs = {"register", "pixel:EE3D", "soft_argmax", "waves:class:LANG",
+  Module(config, "CTRL").decoder.inputs = {"register", "pixel:EE3D",  "soft_argmax", "waves:class:LANG",
                                            "position", "joints:EE3D", "speed:EE3D"};
   const std::string problems = Problems(config);
   EXPECT_THAT(problems, HasSubstr("'pixel:EE3D': that module decodes no pixel"));
@@ -115,8 +113,8 @@ TEST(PolicyConfig, RefusesBetweenWithoutTwoPositions) {
 }
 
 TEST(PolicyConfig, UnknownKeysAreRefused) {
-  const auto config = LoadConfig<PolicyConfig>("trainer/experiments/policies/compact.yaml",
-                                               {"image.crop=[0,0,64,64]", "widht=32"});
+  const auto config =
+      LoadConfig<PolicyConfig>("trainer/experiments/policies/compact.yaml", {"image.crop=[0,0,64,64]", "widht=32"});
   ASSERT_FALSE(config);
   EXPECT_THAT(config.error().message, HasSubstr("widht"));
 }

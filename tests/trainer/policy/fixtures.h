@@ -66,8 +66,7 @@ inline Normalization TinyNormalization(int joints = 3) {
           .offset_std = torch::tensor({0.1F, 0.1F, 0.05F}).expand({kWaypoints, 3})};
 }
 
-inline std::shared_ptr<Policy> MakePolicy(const PolicyConfig& config, std::uint64_t seed = 1,
-                                          int joints = 3) {
+inline std::shared_ptr<Policy> MakePolicy(const PolicyConfig& config, std::uint64_t seed = 1, int joints = 3) {
   auto policy = Policy::Create(config, TinyNormalization(joints), seed);
   EXPECT_TRUE(policy) << policy.error().message;
   return *policy;
@@ -77,12 +76,11 @@ inline std::shared_ptr<Policy> MakePolicy(const PolicyConfig& config, std::uint6
 inline Inputs MakeInputs(const PolicyConfig& config, int batch, int sentences, int joints = 3) {
   torch::manual_seed(17);
   Inputs inputs;
-  inputs.images = torch::randint(0, 256, {batch, 3, config.image.crop[3], config.image.crop[2]},
-                                 torch::kUInt8)
+  inputs.images = torch::randint(0, 256, {batch, 3, config.image.crop[3], config.image.crop[2]}, torch::kUInt8)
                       .contiguous(torch::MemoryFormat::ChannelsLast);
-  inputs.crop_origin = torch::tensor({static_cast<float>(config.image.crop[0]),
-                                      static_cast<float>(config.image.crop[1])}) +
-                       torch::randint(-2, 3, {batch, 2}, torch::kFloat32);
+  inputs.crop_origin =
+      torch::tensor({static_cast<float>(config.image.crop[0]), static_cast<float>(config.image.crop[1])}) +
+      torch::randint(-2, 3, {batch, 2}, torch::kFloat32);
   inputs.joints = torch::randn({batch, joints});
   inputs.sentences = {"pick up red can", "push the blue box", "put down green bottle", "raise it"};
   inputs.sentence_index = torch::randint(0, 4, {batch, sentences}, torch::kInt64);
@@ -94,8 +92,7 @@ inline Labels MakeLabels(const PolicyConfig& config, int batch, int sentences) {
   torch::manual_seed(18);
   const auto pixel = [&](int count) {
     return torch::tensor({config.image.crop[0] + 4.0F, config.image.crop[1] + 4.0F}) +
-           torch::rand({batch, count, 2}) *
-               torch::tensor({config.image.crop[2] - 8.0F, config.image.crop[3] - 8.0F});
+           torch::rand({batch, count, 2}) * torch::tensor({config.image.crop[2] - 8.0F, config.image.crop[3] - 8.0F});
   };
   Labels labels;
   labels["target_class"] =
@@ -112,8 +109,6 @@ inline Labels MakeLabels(const PolicyConfig& config, int batch, int sentences) {
   return labels;
 }
 
-inline float MaxDifference(const torch::Tensor& a, const torch::Tensor& b) {
-  return (a - b).abs().max().item<float>();
-}
+inline float MaxDifference(const torch::Tensor& a, const torch::Tensor& b) { return (a - b).abs().max().item<float>(); }
 
 }  // namespace etude::policy

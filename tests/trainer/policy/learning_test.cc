@@ -21,9 +21,8 @@ PolicyConfig BlobConfig() {
   config.width = 32;
   config.heads = 4;
   config.language = {.buckets = 512, .width = 16, .hidden = 32};
-  std::erase_if(config.modules, [](const ModuleConfig& module) {
-    return module.name != "LANG" && module.name != "TAR2D";
-  });
+  std::erase_if(config.modules,
+                [](const ModuleConfig& module) { return module.name != "LANG" && module.name != "TAR2D"; });
   FindModule(config, "TAR2D")->attend_weight = 0.5;
   return config;
 }

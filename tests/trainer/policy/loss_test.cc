@@ -22,14 +22,12 @@ struct Case {
 
   Case() {
     torch::manual_seed(5);
-    labels["target_pixel"] = torch::tensor({{{15.0F, 24.0F}, {31.5F, 33.0F}, {20.0F, 28.0F}},
-                                            {{12.0F, 19.0F}, {33.0F, 30.0F}, {22.2F, 27.1F}}});
+    labels["target_pixel"] = torch::tensor(
+        {{{15.0F, 24.0F}, {31.5F, 33.0F}, {20.0F, 28.0F}}, {{12.0F, 19.0F}, {33.0F, 30.0F}, {22.2F, 27.1F}}});
     output.attention = torch::softmax(2 * torch::randn({2, 3, 24 + 2}), -1);
     module.attend = {"image@target_pixel"};
   }
-  Masked Attend(const std::string& form) {
-    return AttentionLoss(module, form, keys, output, labels, origin, grid);
-  }
+  Masked Attend(const std::string& form) { return AttentionLoss(module, form, keys, output, labels, origin, grid); }
 };
 
 /// Gaussian weights of all patches, normalised, in plain C++.
@@ -55,8 +53,7 @@ TEST(AttentionLoss, LogIsTheCrossEntropyToAGaussianPatch) {
       const auto at = c.labels["target_pixel"][b][s] - c.origin[b];
       const auto target = ScalarTarget(at[0].item<double>(), at[1].item<double>());
       double expected = 0;
-      for (int p = 0; p < 24; ++p)
-        expected -= target[p] * std::log(c.output.attention[b][s][p].item<double>());
+      for (int p = 0; p < 24; ++p) expected -= target[p] * std::log(c.output.attention[b][s][p].item<double>());
       EXPECT_NEAR(masked.loss[b][s].item<double>(), expected, 1e-4);
     }
   }
@@ -91,8 +88,8 @@ TEST(AttentionLoss, PixelsOutsideTheCropOrUnlabelledDoNotCount) {
   const Masked masked = c.Attend("log");
 
   EXPECT_TRUE(torch::equal(masked.valid, torch::tensor({{true, false, true}, {false, true, true}})));
-  const double expected = (masked.loss[0][0] + masked.loss[0][2] + masked.loss[1][1] + masked.loss[1][2])
-                              .item<double>() / 4;
+  const double expected =
+      (masked.loss[0][0] + masked.loss[0][2] + masked.loss[1][1] + masked.loss[1][2]).item<double>() / 4;
   EXPECT_NEAR(masked.Mean().item<double>(), expected, 1e-5);
   EXPECT_NE(masked.Mean().item<double>(), all);
 }
@@ -135,16 +132,16 @@ TEST(DecodeLoss, TrajectoryCountsValidWaypointsOfTheFirstSentence) {
   c.output.gripper_logits = torch::full({1, 2, 12}, 0.7F);
   c.output.waypoint_scale = torch::linspace(0.01, 0.12, 12);  // the fourth one: 4 cm
   Tensor label = torch::zeros({1, 1, 12, 10});
-  label[0][0][3][1] = 0.03F;   // m
-  label[0][0][3][5] = 0.5F;    // a sine
-  label[0][0][3][9] = 1;       // closed
+  label[0][0][3][1] = 0.03F;  // m
+  label[0][0][3][5] = 0.5F;   // a sine
+  label[0][0][3][9] = 1;      // closed
   label[0][0][4].fill_(std::numeric_limits<float>::quiet_NaN());
   c.labels["trajectory"] = label;
   Tensor valid = torch::zeros({1, 1, 12}, torch::kBool);
   valid[0][0][3] = true;
   c.labels["trajectory.valid"] = valid;
-  const double expected = 2 * ScalarSmoothL1(0.03 / 0.04, 0.05) / 3 + ScalarSmoothL1(0.5, 0.1) / 6 +
-                          0.5 * std::log(1 + std::exp(-0.7));
+  const double expected =
+      2 * ScalarSmoothL1(0.03 / 0.04, 0.05) / 3 + ScalarSmoothL1(0.5, 0.1) / 6 + 0.5 * std::log(1 + std::exp(-0.7));
   EXPECT_NEAR(DecodeLoss(c.module, c.output, c.labels, c.origin, c.grid).item<double>(), expected, 1e-5);
 }
 

@@ -132,8 +132,8 @@ TEST_P(BothAttentions, AttentionRowsSumToOneAndHaveNamedColumns) {
     EXPECT_EQ(output.soft_argmax.defined(), image);
   }
   EXPECT_THAT(policy->KeysOf("EE2D"), testing::ElementsAre("image", "joints"));
-  EXPECT_THAT(policy->KeysOf("CTRL"), testing::ElementsAre("image", "language", "joints", "LANG", "EE2D", "TAR2D",
-                                                           "EE3D", "TAR3D", "DISP"));
+  EXPECT_THAT(policy->KeysOf("CTRL"),
+              testing::ElementsAre("image", "language", "joints", "LANG", "EE2D", "TAR2D", "EE3D", "TAR3D", "DISP"));
 }
 
 TEST_P(BothAttentions, WeightsRoundTripBitByBit) {
@@ -317,7 +317,8 @@ TEST(Presets, PaperHasItsSizes) {
   const PolicyConfig config = Preset("paper");
   const auto policy = MakePolicy(config, 1, 7);
   EXPECT_EQ(policy->grid(), std::make_pair(28, 28));
-  // what is known of the original: 4.51 M convolutions (and 0.087 M to tokens), 2.79 M controller, 0.148 M an attention layer
+  // what is known of the original: 4.51 M convolutions (and 0.087 M to tokens), 2.79 M controller, 0.148 M an attention
+  // layer
   EXPECT_NEAR(static_cast<double>(CountParameters(*policy, "image.")), 4.51e6 + 0.087e6, 0.01e6);
   EXPECT_NEAR(static_cast<double>(CountParameters(*policy, "modules.CTRL.decoder")), 2.79e6, 0.01e6);
   EXPECT_NEAR(static_cast<double>(CountParameters(*policy, "attention1.")), 0.148e6, 0.001e6);

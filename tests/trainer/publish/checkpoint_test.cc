@@ -17,8 +17,7 @@ using ::testing::HasSubstr;
 // a good checkpoint with one metadata value replaced
 std::vector<std::uint8_t> With(const std::string& key, const std::string& value) {
   const auto config = learn::TinyConfig();
-  auto file =
-      store::DecodeSafetensors(EncodeCheckpoint(ExampleRequest(config), "demo").value()).value();
+  auto file = store::DecodeSafetensors(EncodeCheckpoint(ExampleRequest(config), "demo").value()).value();
   file.metadata[key] = value;
   return store::EncodeSafetensors(file);
 }
@@ -50,8 +49,7 @@ TEST(Checkpoint, ReadsBackExactlyAndAnswersTheSame) {
 }
 
 TEST(Checkpoint, IsRefusedWithItsReason) {
-  const auto refused = [](const std::vector<std::uint8_t>& bytes, Code code,
-                          const std::string& reason) {
+  const auto refused = [](const std::vector<std::uint8_t>& bytes, Code code, const std::string& reason) {
     const auto checkpoint = DecodeCheckpoint(bytes);
     ASSERT_FALSE(checkpoint);
     EXPECT_EQ(checkpoint.error().code, code);
@@ -92,8 +90,7 @@ TEST(Checkpoint, SurvivesDamagedBytes) {
     auto bytes = good;
     if (rng.Bernoulli(0.3)) bytes.resize(rng.Below(bytes.size()));
     const std::size_t region = std::min<std::size_t>(bytes.size(), 20000);  // mostly the header
-    for (int k = 0; k < 4 && region > 0; ++k)
-      bytes[rng.Below(region)] = static_cast<std::uint8_t>(rng.Below(256));
+    for (int k = 0; k < 4 && region > 0; ++k) bytes[rng.Below(region)] = static_cast<std::uint8_t>(rng.Below(256));
     const auto checkpoint = DecodeCheckpoint(bytes);
     if (checkpoint) {
       const auto built = BuildPolicy(*checkpoint);

@@ -12,8 +12,8 @@ namespace etude::publish {
 inline constexpr int kExampleJoints = 7;
 
 /// `config` must outlive the request.
-inline learn::CheckpointRequest ExampleRequest(const learn::TrainConfig& config,
-                                               std::uint64_t step = 100, std::uint64_t seed = 1) {
+inline learn::CheckpointRequest ExampleRequest(const learn::TrainConfig& config, std::uint64_t step = 100,
+                                               std::uint64_t seed = 1) {
   auto policy = policy::Policy::Create(config.policy, policy::Normalization::Unit(kExampleJoints), seed);
   EXPECT_TRUE(policy) << policy.error().message;
   learn::CheckpointRequest request;
@@ -26,8 +26,7 @@ inline learn::CheckpointRequest ExampleRequest(const learn::TrainConfig& config,
   request.train_episodes = 12;
   request.joints = kExampleJoints;
   request.config = &config;
-  for (const auto& [name, tensor] : (*policy)->StateTensors())
-    request.tensors[name] = tensor.detach().clone();
+  for (const auto& [name, tensor] : (*policy)->StateTensors()) request.tensors[name] = tensor.detach().clone();
   return request;
 }
 

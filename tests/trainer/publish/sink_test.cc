@@ -17,8 +17,7 @@ constexpr std::uint32_t kDomain = 75;
 
 std::set<std::string> Files(const Path& folder) {
   std::set<std::string> names;
-  for (const auto& item : std::filesystem::directory_iterator(folder))
-    names.insert(item.path().filename());
+  for (const auto& item : std::filesystem::directory_iterator(folder)) names.insert(item.path().filename());
   return names;
 }
 
@@ -33,10 +32,9 @@ TEST(CheckpointSink, KeepsTheNewestAndTheBest) {
     ASSERT_TRUE(sink->Save(request));
   }
 
-  EXPECT_EQ(
-      Files(folder / "checkpoints"),
-      (std::set<std::string>{"00000002.safetensors", "00000005.safetensors", "00000006.safetensors",
-                             "latest.safetensors", "best.safetensors", "starts"}));
+  EXPECT_EQ(Files(folder / "checkpoints"),
+            (std::set<std::string>{"00000002.safetensors", "00000005.safetensors", "00000006.safetensors",
+                                   "latest.safetensors", "best.safetensors", "starts"}));
   EXPECT_EQ(ReadCheckpoint(folder / "checkpoints/latest.safetensors").value().info.step, 6u);
   EXPECT_EQ(ReadCheckpoint(folder / "checkpoints/best.safetensors").value().info.step, 2u);
 }

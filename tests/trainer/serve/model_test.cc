@@ -45,12 +45,10 @@ TEST_F(ModelTest, AnswersWithWaypointsAndEveryModulesOutput) {
     EXPECT_LE(action.waypoints[static_cast<std::size_t>(k * kWaypointSize + 9)], 1);
   }
   const auto modules = OrderedJson::parse(action.modules_json);
-  EXPECT_THAT(config_.policy.objects,
-              ::testing::Contains(modules["LANG"]["class"].get<std::string>()));
+  EXPECT_THAT(config_.policy.objects, ::testing::Contains(modules["LANG"]["class"].get<std::string>()));
   EXPECT_EQ(modules["TAR2D"]["pixel"].size(), 2u);
   EXPECT_EQ(modules["TAR2D"]["soft_argmax"].size(), 2u);
-  for (const char* name : {"EE3D", "TAR3D"})
-    EXPECT_EQ(modules[name]["position"].size(), 3u) << name;
+  for (const char* name : {"EE3D", "TAR3D"}) EXPECT_EQ(modules[name]["position"].size(), 3u) << name;
   EXPECT_EQ(modules["DISP"]["displacement"].size(), 3u);
 }
 
@@ -64,8 +62,7 @@ TEST_F(ModelTest, RefusesObservationsThatDoNotFit) {
   };
   EXPECT_THAT(error([](auto& o) { o.image.pop_back(); }), HasSubstr("bytes"));
   EXPECT_THAT(error([](auto& o) { o.joints.push_back(0); }), HasSubstr("8 joints"));
-  EXPECT_THAT(error([](auto& o) { o.joints[2] = std::numeric_limits<float>::quiet_NaN(); }),
-              HasSubstr("finite"));
+  EXPECT_THAT(error([](auto& o) { o.joints[2] = std::numeric_limits<float>::quiet_NaN(); }), HasSubstr("finite"));
   EXPECT_THAT(error([](auto& o) {
                 o.width = o.height = 20;
                 o.image.resize(20 * 20 * 3);
@@ -97,9 +94,7 @@ TEST_F(ModelTest, AnswersTheSameAloneAndBesideOthers) {
   EXPECT_NE(alone[0].waypoints, alone[1].waypoints);
 }
 
-TEST_F(ModelTest, SaysThatAFileIsMissing) {
-  EXPECT_EQ(Model::FromFile("/nonexistent").error().code, Code::kNotFound);
-}
+TEST_F(ModelTest, SaysThatAFileIsMissing) { EXPECT_EQ(Model::FromFile("/nonexistent").error().code, Code::kNotFound); }
 
 }  // namespace
 }  // namespace etude::serve

@@ -31,8 +31,7 @@ class Client {
     while (std::chrono::steady_clock::now() < deadline) {
       reader.Wait(500ms);
       for (auto& action : reader.Take())
-        if (action.session == observation.session && action.request_id == observation.request_id)
-          return action;
+        if (action.session == observation.session && action.request_id == observation.request_id) return action;
     }
     ADD_FAILURE() << "no answer to " << observation.session;
     return {};
@@ -72,19 +71,16 @@ TEST(PolicyServer, TakesOverNewCheckpointsAndKeepsTheLastGoodOne) {
   const std::vector<std::uint8_t> nonsense(1000, 7);
   ASSERT_TRUE(publisher.Publish("latest", std::uint64_t{1} << 60, nonsense, "{}"));
   const auto deadline = std::chrono::steady_clock::now() + 20s;
-  while (server.refused_checkpoints() == 0 && std::chrono::steady_clock::now() < deadline)
-    std::this_thread::yield();
+  while (server.refused_checkpoints() == 0 && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
   EXPECT_EQ(server.refused_checkpoints(), 1u);
   observation.request_id = 10;
   EXPECT_EQ(client.Ask(observation).checkpoint_step, 100u);
 
   // a newer one takes over, with other answers
-  const auto bytes =
-      publish::EncodeCheckpoint(publish::ExampleRequest(config, 200, 2), run).value();
+  const auto bytes = publish::EncodeCheckpoint(publish::ExampleRequest(config, 200, 2), run).value();
   ASSERT_TRUE(publisher.Publish("latest", (std::uint64_t{1} << 60) + 1, bytes, "{}"));
   bus::Action later;
-  for (std::uint64_t id = 11;
-       later.checkpoint_step != 200 && std::chrono::steady_clock::now() < deadline; ++id) {
+  for (std::uint64_t id = 11; later.checkpoint_step != 200 && std::chrono::steady_clock::now() < deadline; ++id) {
     observation.request_id = id;
     later = client.Ask(observation);
   }
@@ -100,9 +96,7 @@ TEST(PolicyServer, AnswersManyClientsAsIfEachWereAlone) {
   const auto config = learn::TinyConfig();
   const std::string run = "serve-many";
   auto participant = bus::Participant::Open({kDomain, ""}).value();
-  const auto model =
-      Model::FromBytes(publish::EncodeCheckpoint(publish::ExampleRequest(config), run).value())
-          .value();
+  const auto model = Model::FromBytes(publish::EncodeCheckpoint(publish::ExampleRequest(config), run).value()).value();
   auto server = PolicyServer::Open(participant, {run, "latest", 2}, model).value();
   std::thread serving([&] { EXPECT_TRUE(server.Run()); });
 

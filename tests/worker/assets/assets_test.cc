@@ -50,9 +50,8 @@ TEST(Mesh, IsClosedAndFacesOutwards) {
     Vector3d sum = Vector3d::Zero();
     double area = 0;
     for (const auto& f : mesh.faces) {
-      const Vector3d a = (mesh.positions[f[1]] - mesh.positions[f[0]])
-                             .cross(mesh.positions[f[2]] - mesh.positions[f[0]]) /
-                         2;
+      const Vector3d a =
+          (mesh.positions[f[1]] - mesh.positions[f[0]]).cross(mesh.positions[f[2]] - mesh.positions[f[0]]) / 2;
       sum += a;
       area += a.norm();
     }
@@ -67,9 +66,8 @@ TEST(Mesh, IsClosedAndFacesOutwards) {
 TEST(Mesh, NormalsAgreeWithFaces) {
   for (const auto& [name, mesh, volume, tolerance] : AllMeshes())
     for (const auto& f : mesh.faces) {
-      const Vector3d normal = (mesh.positions[f[1]] - mesh.positions[f[0]])
-                                  .cross(mesh.positions[f[2]] - mesh.positions[f[0]])
-                                  .normalized();
+      const Vector3d normal =
+          (mesh.positions[f[1]] - mesh.positions[f[0]]).cross(mesh.positions[f[2]] - mesh.positions[f[0]]).normalized();
       for (const int i : f) {
         EXPECT_NEAR(mesh.normals[i].norm(), 1, 1e-9) << name;
         EXPECT_GT(mesh.normals[i].dot(normal), 0.7) << name << " vertex " << i;
@@ -122,8 +120,8 @@ Color MeanColor(Canvas canvas) {
 }
 
 TEST(Textures, AreTheColourOfTheirThing) {
-  const Color coke = MeanColor(CokeTexture()), pepsi = MeanColor(PepsiTexture()),
-              milk = MeanColor(MilkTexture()), bread = MeanColor(BreadTexture());
+  const Color coke = MeanColor(CokeTexture()), pepsi = MeanColor(PepsiTexture()), milk = MeanColor(MilkTexture()),
+              bread = MeanColor(BreadTexture());
   EXPECT_GT(coke[0], 1.5 * coke[1]);
   EXPECT_GT(coke[0], 1.5 * coke[2]);
   EXPECT_GT(pepsi[2], 1.3 * pepsi[0]);
@@ -150,8 +148,7 @@ TEST(SceneDescription, IsAPureFunctionOfTheSpec) {
   EXPECT_EQ(a->sha256, b->sha256);
   EXPECT_EQ(a->sha256.size(), 64u);
   spec.seed = 99;
-  EXPECT_EQ(DescribeScene(spec)->sha256, a->sha256)
-      << "the seed places objects, it does not change the scene";
+  EXPECT_EQ(DescribeScene(spec)->sha256, a->sha256) << "the seed places objects, it does not change the scene";
   spec.objects = {"coke", "pepsi"};
   const auto two = DescribeScene(spec);
   EXPECT_NE(two->sha256, a->sha256);

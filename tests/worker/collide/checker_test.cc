@@ -24,8 +24,7 @@ std::shared_ptr<const sim::Scene> TestScene() {
 }
 
 const sim::ObjectInfo& Object(const std::string& name) {
-  return *std::ranges::find_if(TestScene()->objects(),
-                               [&](const auto& object) { return object.name == name; });
+  return *std::ranges::find_if(TestScene()->objects(), [&](const auto& object) { return object.name == name; });
 }
 
 // Upright on the table.
@@ -57,9 +56,7 @@ TEST_F(CheckerTest, TestsDistantPairsOfTheArmAndLeavesOutNeighbours) {
 
   EXPECT_GT(pairs.size(), 3u);
   for (const auto& [a, b] : pairs) {
-    const auto index = [&](const std::string& name) {
-      return std::ranges::find(bodies, name) - bodies.begin();
-    };
+    const auto index = [&](const std::string& name) { return std::ranges::find(bodies, name) - bodies.begin(); };
     EXPECT_GE(structure.joints_between(index(a), index(b)), 2) << a << " " << b;
   }
   // the first body is the base: it stands on the world, and all joints lie before the tool
@@ -148,8 +145,7 @@ TEST_F(CheckerTest, SegmentAgreesWithDenseSampling) {
     for (double& value : a) value += rng.Uniform(-0.6, 0.6);
     for (double& value : b) value += rng.Uniform(-0.6, 0.6);
     bool dense = false;
-    for (int k = 0; k <= 400 && !dense; ++k)
-      dense = checker_.Check(a + (b - a) * k / 400.0).has_value();
+    for (int k = 0; k <= 400 && !dense; ++k) dense = checker_.Check(a + (b - a) * k / 400.0).has_value();
 
     const bool segment = checker_.CheckSegment(a, b, 0.01).has_value();
     if (segment) {
@@ -205,10 +201,8 @@ class AgainstMujoco : public CheckerTest {
     const auto self = checker_.SelfPairs();
     for (const std::string& body : scene_->arm().bodies) {
       for (const std::string& other : world_.ContactsOf(body)) {
-        const bool is_arm =
-            std::ranges::find(scene_->arm().bodies, other) != scene_->arm().bodies.end();
-        if (!is_arm || std::ranges::find(self, std::pair(body, other)) != self.end())
-          pairs.emplace(body, other);
+        const bool is_arm = std::ranges::find(scene_->arm().bodies, other) != scene_->arm().bodies.end();
+        if (!is_arm || std::ranges::find(self, std::pair(body, other)) != self.end()) pairs.emplace(body, other);
       }
     }
     return pairs;

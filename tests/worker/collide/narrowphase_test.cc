@@ -19,15 +19,12 @@ sim::Geometry Make(GeometryShape shape, const Eigen::Vector3d& size) {
   geometry.size = size;
   if (shape == GeometryShape::kConvex)
     for (int corner = 0; corner < 8; ++corner)
-      geometry.vertices.emplace_back(corner & 1 ? size.x() : -size.x(),
-                                     corner & 2 ? size.y() : -size.y(),
+      geometry.vertices.emplace_back(corner & 1 ? size.x() : -size.x(), corner & 2 ? size.y() : -size.y(),
                                      corner & 4 ? size.z() : -size.z());
   return geometry;
 }
 
-Eigen::Isometry3d At(double x, double y, double z) {
-  return Eigen::Isometry3d(Eigen::Translation3d(x, y, z));
-}
+Eigen::Isometry3d At(double x, double y, double z) { return Eigen::Isometry3d(Eigen::Translation3d(x, y, z)); }
 
 Pose RandomPose(Rng& rng, double reach) {
   Pose X;
@@ -36,9 +33,8 @@ Pose RandomPose(Rng& rng, double reach) {
   return X;
 }
 
-constexpr GeometryShape kShapes[] = {GeometryShape::kBox, GeometryShape::kSphere,
-                                     GeometryShape::kCapsule, GeometryShape::kCylinder,
-                                     GeometryShape::kConvex};
+constexpr GeometryShape kShapes[] = {GeometryShape::kBox, GeometryShape::kSphere, GeometryShape::kCapsule,
+                                     GeometryShape::kCylinder, GeometryShape::kConvex};
 
 TEST(Narrowphase, KnowsDistancesThatAreEasyByHand) {
   const Shape sphere(Make(GeometryShape::kSphere, {0.1, 0, 0}), 0);

@@ -11,9 +11,7 @@
 namespace etude::plan::internal {
 namespace {
 
-std::vector<Eigen::VectorXd> Corner() {
-  return {Eigen::Vector2d(0, 0), Eigen::Vector2d(1, 0), Eigen::Vector2d(1, 1)};
-}
+std::vector<Eigen::VectorXd> Corner() { return {Eigen::Vector2d(0, 0), Eigen::Vector2d(1, 0), Eigen::Vector2d(1, 1)}; }
 
 double DistanceTo(const std::vector<Eigen::VectorXd>& polyline, const Eigen::VectorXd& q) {
   double least = 1e9;
@@ -31,8 +29,7 @@ TEST(JointCurve, EndsOnThePolylineAndStaysNearIt) {
     EXPECT_LT((curve.At(0).q - Corner().front()).norm(), 1e-12);
     EXPECT_LT((curve.At(1).q - Corner().back()).norm(), 1e-12);
     double farthest = 0;
-    for (int i = 0; i <= 1000; ++i)
-      farthest = std::max(farthest, DistanceTo(Corner(), curve.At(i / 1000.0).q));
+    for (int i = 0; i <= 1000; ++i) farthest = std::max(farthest, DistanceTo(Corner(), curve.At(i / 1000.0).q));
     EXPECT_LT(farthest, spacing);
     EXPECT_GT(farthest, spacing / 20);
   }

@@ -25,8 +25,7 @@ std::shared_ptr<const sim::Scene> TestScene() {
 
 Pose Standing(const std::string& name, const Eigen::Vector3d& at) {
   const auto& objects = TestScene()->objects();
-  const auto object =
-      std::ranges::find_if(objects, [&](const auto& candidate) { return candidate.name == name; });
+  const auto object = std::ranges::find_if(objects, [&](const auto& candidate) { return candidate.name == name; });
   Pose X_WO;
   X_WO.p = {at.x(), at.y(), object->rest_height + 0.002};
   return X_WO;
@@ -113,8 +112,7 @@ TEST_F(PlannerTest, SlowsDownWhereAJointIsTooSlow) {
   const Outcome outcome = planner_.Plan(request, checker_, 1);
 
   ASSERT_EQ(outcome.kind, OutcomeKind::kStraight) << outcome.reason;
-  EXPECT_GT(outcome.motion.steps(),
-            StraightMotion(X_WE_home_, request.X_WE_goal, request.limits).steps());
+  EXPECT_GT(outcome.motion.steps(), StraightMotion(X_WE_home_, request.X_WE_goal, request.limits).steps());
   const auto joints = JointsAlong(outcome.motion);
   for (std::size_t k = 12; k < joints.size(); ++k)
     EXPECT_LE((joints[k] - joints[k - 10]).cwiseAbs().maxCoeff() / (10 * kPeriod), 0.4 * 1.1);
@@ -157,12 +155,9 @@ TEST_F(PlannerTest, GoesAroundAnObjectWithoutTouchingIt) {
     // a follower of the tool stays clear, looked at four times as closely as the planner samples
     const auto joints = JointsAlong(outcome.motion);
     for (std::size_t k = 1; k < joints.size(); ++k) {
-      const auto collision =
-          checker_.CheckSegment(joints[k - 1], joints[k], PlannerConfig{}.resolution / 4);
+      const auto collision = checker_.CheckSegment(joints[k - 1], joints[k], PlannerConfig{}.resolution / 4);
       ASSERT_FALSE(collision) << collision->body_a << " " << collision->body_b << " at " << k;
-      ASSERT_LE((joints[k] - joints[k - 1]).cwiseAbs().maxCoeff(),
-                request.limits.joint * kPeriod * 1.1)
-          << k;
+      ASSERT_LE((joints[k] - joints[k - 1]).cwiseAbs().maxCoeff(), request.limits.joint * kPeriod * 1.1) << k;
     }
   }
 }
@@ -286,10 +281,8 @@ TEST_F(PlannerTest, GivesUpWhenTheBudgetIsUsedUp) {
   const char* names[] = {"bottle", "milk", "coke", "pepsi", "bread", "cube"};
   for (int i = 0; i < 6; ++i) {
     const double angle = 2 * M_PI * i / 6;
-    checker_.SetObject(
-        names[i],
-        Standing(names[i], request.X_WE_goal.p +
-                               0.09 * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0)));
+    checker_.SetObject(names[i], Standing(names[i], request.X_WE_goal.p +
+                                                        0.09 * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0)));
   }
   const Outcome outcome = planner.Plan(request, checker_, 1);
   ASSERT_FALSE(outcome.planned()) << outcome.reason;
@@ -318,8 +311,7 @@ TEST_F(PlannerTest, SameSeedSameBitsWhateverWasPlannedBefore) {
 
   // other seeds, other scenes, in the same process and by the same objects
   std::vector<double> other_bits;
-  for (std::uint64_t seed = 10; seed < 14; ++seed)
-    other_bits = Bits(planner_.Plan(request, checker_, seed).motion);
+  for (std::uint64_t seed = 10; seed < 14; ++seed) other_bits = Bits(planner_.Plan(request, checker_, seed).motion);
   EXPECT_NE(other_bits, Bits(first.motion));
   checker_.SetObject("milk", Standing("milk", {0.3, 0.5, 0}));
   planner_.Plan(ToTheSide(-0.2, 0.1, 0.1), checker_, 6);

@@ -16,8 +16,7 @@ constexpr double kPeriod = 0.008;
 TEST(SpeedProfile, KeepsItsLimitsAndEndsForRandomCases) {
   Rng rng(1);
   for (int i = 0; i < 2000; ++i) {
-    const double length = std::pow(10, rng.Uniform(-4, 1)),
-                 max_speed = std::pow(10, rng.Uniform(-2, 1));
+    const double length = std::pow(10, rng.Uniform(-4, 1)), max_speed = std::pow(10, rng.Uniform(-2, 1));
     const double accel = std::pow(10, rng.Uniform(-1, 1.5));
     const double start = rng.Bernoulli(0.3) ? 0 : rng.Uniform(0, 2 * max_speed);
     const double kept = std::min(start, 2 * std::sqrt(accel * length));

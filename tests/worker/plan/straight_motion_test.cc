@@ -58,13 +58,10 @@ TEST(StraightMotion, VelocitiesAreTheDerivativesOfThePoses) {
     const Motion motion = StraightMotion(RandomPose(rng, 0.3, 1), RandomPose(rng, 0.3, 1), limits);
     for (int k = 1; k + 1 < motion.steps(); ++k) {
       const Eigen::Vector3d linear = (motion.X_WE[k + 1].p - motion.X_WE[k - 1].p) / (2 * kPeriod);
-      const Eigen::Vector3d angular =
-          RotationVector(motion.X_WE[k - 1].q, motion.X_WE[k + 1].q) / (2 * kPeriod);
+      const Eigen::Vector3d angular = RotationVector(motion.X_WE[k - 1].q, motion.X_WE[k + 1].q) / (2 * kPeriod);
       // a central difference across a kink of the trapezoid is off by at most a quarter step of it
-      EXPECT_LT((linear - motion.V_WE[k].head<3>()).norm(),
-                limits.linear_accel * kPeriod / 4 + 1e-9);
-      EXPECT_LT((angular - motion.V_WE[k].tail<3>()).norm(),
-                limits.angular_accel * kPeriod / 4 + 1e-6);
+      EXPECT_LT((linear - motion.V_WE[k].head<3>()).norm(), limits.linear_accel * kPeriod / 4 + 1e-9);
+      EXPECT_LT((angular - motion.V_WE[k].tail<3>()).norm(), limits.angular_accel * kPeriod / 4 + 1e-6);
     }
   }
 }
@@ -98,8 +95,7 @@ TEST(StraightMotion, BlendsFromTheSpeedOfTheStageBefore) {
   EXPECT_NEAR(motion.V_WE.front()[1], 0.2, 1e-12);
   EXPECT_LT(motion.steps(), StraightMotion(start, goal, limits).steps());
   for (int k = 1; k < motion.steps(); ++k)
-    EXPECT_LE((motion.V_WE[k] - motion.V_WE[k - 1]).norm(),
-              limits.linear_accel * kPeriod * (1 + 1e-6));
+    EXPECT_LE((motion.V_WE[k] - motion.V_WE[k - 1]).norm(), limits.linear_accel * kPeriod * (1 + 1e-6));
 
   // a stage that is slower than the one before brakes down to its own speed
   Limits slow = limits;

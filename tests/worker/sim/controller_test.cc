@@ -45,8 +45,7 @@ TEST(Controller, MakesTheToolAUnitMass) {
   for (const int n : {6, 7, 9}) {
     const ControlState state = RandomState(rng, n);
     const Eigen::Vector3d e_p(0.01, -0.02, 0.005), e_r(0.02, 0.05, -0.03);
-    const Pose target{state.X_WE.p + e_p,
-                      Eigen::Quaterniond(Eigen::AngleAxisd(e_r.norm(), e_r.normalized()))};
+    const Pose target{state.X_WE.p + e_p, Eigen::Quaterniond(Eigen::AngleAxisd(e_r.norm(), e_r.normalized()))};
     Vector6d V;
     V << 0.1, 0.2, -0.1, 0.3, 0, -0.2;
     const Eigen::VectorXd tau = OperationalSpaceTorques(state, target, V, config);
@@ -107,8 +106,7 @@ TEST(Controller, StepResponseInTheSimulationIsSecondOrder) {
       }
       Eigen::Vector3d expected = start.p;
       expected[axis] += x;
-      ASSERT_LT((world.X_WE().p - expected).norm(), 0.02 * 0.005)
-          << "axis " << axis << " step " << step;
+      ASSERT_LT((world.X_WE().p - expected).norm(), 0.02 * 0.005) << "axis " << axis << " step " << step;
     }
   }
 }

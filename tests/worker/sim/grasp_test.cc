@@ -18,10 +18,8 @@ TEST_P(Grasp, HoldsThroughLiftTurnAndSwing) {
   World world(FullScene());
   Kinematics kinematics(FullScene());
   const Pose X_WO = world.ObjectPose(object);
-  const Eigen::Quaterniond level = FromEuler({kPi, 0, kPi / 2}),
-                           down = FromEuler({kPi / 2, 0, kPi / 2});
-  const auto ready = kinematics.Solve({X_WO.p + Eigen::Vector3d(0, -0.15, 0.01), level},
-                                      FullScene()->arm().q_home);
+  const Eigen::Quaterniond level = FromEuler({kPi, 0, kPi / 2}), down = FromEuler({kPi / 2, 0, kPi / 2});
+  const auto ready = kinematics.Solve({X_WO.p + Eigen::Vector3d(0, -0.15, 0.01), level}, FullScene()->arm().q_home);
   ASSERT_TRUE(ready);
   world.SetArm(*ready);
   world.Forward();
@@ -63,15 +61,13 @@ TEST_P(Grasp, HoldsThroughLiftTurnAndSwing) {
   EXPECT_FALSE(world.Grasped(object));
   const Pose fallen = world.ObjectPose(object);
   EXPECT_LT((fallen.p - held.p).head<2>().norm(), 0.03);
-  EXPECT_GT(std::acos((fallen.q * Eigen::Vector3d::UnitZ()).z()), 75 * kPi / 180)
-      << "lies on its side";
+  EXPECT_GT(std::acos((fallen.q * Eigen::Vector3d::UnitZ()).z()), 75 * kPi / 180) << "lies on its side";
   MoveTo(world, {{0, 0.13, 0.20}, down}, 0.3, 0, 60, kIgnore);
   EXPECT_LT((world.ObjectPose(object).p - fallen.p).norm(), 1e-3) << "at rest";
   EXPECT_TRUE(world.healthy());
 }
 
-INSTANTIATE_TEST_SUITE_P(EveryObject, Grasp,
-                         testing::Values("cube", "coke", "pepsi", "milk", "bread", "bottle"),
+INSTANTIATE_TEST_SUITE_P(EveryObject, Grasp, testing::Values("cube", "coke", "pepsi", "milk", "bread", "bottle"),
                          [](const auto& info) { return info.param; });
 
 }  // namespace

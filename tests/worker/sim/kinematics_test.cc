@@ -19,8 +19,8 @@ Eigen::Isometry3d ByTable(const Eigen::VectorXd& q) {
   const std::array<double, 6> alpha{kPi / 2, 0, 0, kPi / 2, -kPi / 2, 0};
   Eigen::Isometry3d T(Eigen::Translation3d(0, -0.3, 0));
   for (int i = 0; i < 6; ++i)
-    T = T * Eigen::AngleAxisd(q[i], Eigen::Vector3d::UnitZ()) *
-        Eigen::Translation3d(a[i], 0, d[i]) * Eigen::AngleAxisd(alpha[i], Eigen::Vector3d::UnitX());
+    T = T * Eigen::AngleAxisd(q[i], Eigen::Vector3d::UnitZ()) * Eigen::Translation3d(a[i], 0, d[i]) *
+        Eigen::AngleAxisd(alpha[i], Eigen::Vector3d::UnitX());
   return T * Eigen::Translation3d(0, 0, 0.177);
 }
 
@@ -87,8 +87,7 @@ TEST(Kinematics, SolvesPosesThatItReached) {
     const Pose found = kinematics.X_WE(*solution);
     EXPECT_LT((found.p - X.p).norm(), 0.5e-3);
     EXPECT_LT(AngleBetween(found.q, X.q), 2e-3);
-    EXPECT_TRUE(((*solution - arm.q_min).array() >= 0).all() &&
-                ((arm.q_max - *solution).array() >= 0).all());
+    EXPECT_TRUE(((*solution - arm.q_min).array() >= 0).all() && ((arm.q_max - *solution).array() >= 0).all());
     EXPECT_EQ(*kinematics.Solve(X, arm.q_home), *solution) << "a function of its arguments";
   }
 }
@@ -103,8 +102,7 @@ TEST(Kinematics, ReachesTheWholeTable) {
           // the hand that points down is 15 cm nearer than the object was (see the put-down task)
           if (roll < kPi && (y > (std::abs(x) > 0.3 ? 0.20 : 0.26) || z > 0.1)) continue;
           const Pose X{{x, y, z}, FromEuler({roll, 0, kPi / 2})};
-          EXPECT_TRUE(kinematics.Solve(X, arm.q_home))
-              << x << " " << y << " " << z << " roll " << roll;
+          EXPECT_TRUE(kinematics.Solve(X, arm.q_home)) << x << " " << y << " " << z << " roll " << roll;
         }
 }
 
@@ -119,8 +117,7 @@ TEST(Kinematics, FingersCloseInParallel) {
   const auto& arm = FullScene()->arm();
   double gap_before = 1;
   for (const double gripper : {0.0, 0.25, 0.5, 0.75, 1.0}) {
-    const auto poses = kinematics.BodyPoses(arm.q_home, gripper,
-                                            {"left_finger", "right_finger", "gripper", "world"});
+    const auto poses = kinematics.BodyPoses(arm.q_home, gripper, {"left_finger", "right_finger", "gripper", "world"});
     EXPECT_LT(AngleBetween(poses[0].q, poses[2].q), 1e-9);
     EXPECT_LT(AngleBetween(poses[1].q, poses[2].q), 1e-9);
     const double gap = (poses[0].p - poses[1].p).norm() - 2 * 0.0105;

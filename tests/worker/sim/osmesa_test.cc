@@ -44,8 +44,7 @@ TEST(OsMesa, DrawsAlikeAgainAndAgain) {
   const auto first = Take(*renderer, world);
   EXPECT_GT(std::count_if(first.begin(), first.end(), [](int v) { return v > 60; }), 224 * 224 / 2);
   EXPECT_EQ(Take(*renderer, world), first);
-  renderer = Renderer::Open(FullScene(),
-                            {.backend = "osmesa"});  // the old context goes after the new came
+  renderer = Renderer::Open(FullScene(), {.backend = "osmesa"});  // the old context goes after the new came
   ASSERT_TRUE(renderer) << renderer.error().message;
   EXPECT_EQ(Take(*renderer, world), first);
 }

@@ -22,9 +22,7 @@ Renderer OpenOrDie() {
   return std::move(*renderer);
 }
 
-Picture Blank(const Camera& camera) {
-  return Picture(static_cast<std::size_t>(camera.width) * camera.height * 3);
-}
+Picture Blank(const Camera& camera) { return Picture(static_cast<std::size_t>(camera.width) * camera.height * 3); }
 
 Picture Take(Renderer& renderer, const World& world) {
   Picture picture = Blank(FullScene()->camera());
@@ -42,8 +40,7 @@ Eigen::Vector2d Centroid(const std::vector<std::int32_t>& ids, int width, std::i
   int count = 0;
   for (std::size_t i = 0; i < ids.size(); ++i) {
     if (ids[i] != id) continue;
-    sum +=
-        Eigen::Vector2d(static_cast<double>(i % width) + 0.5, static_cast<double>(i / width) + 0.5);
+    sum += Eigen::Vector2d(static_cast<double>(i % width) + 0.5, static_cast<double>(i / width) + 0.5);
     ++count;
   }
   return sum / count;
@@ -104,8 +101,7 @@ TEST(Renderer, TopRowIsFar) {
   Renderer renderer = OpenOrDie();
   std::vector<std::int32_t> ids(224 * 224);
   renderer.RenderSegmentation(world, ids);
-  EXPECT_TRUE(std::all_of(ids.begin(), ids.begin() + 224, [](int id) { return id == -1; }))
-      << "background above";
+  EXPECT_TRUE(std::all_of(ids.begin(), ids.begin() + 224, [](int id) { return id == -1; })) << "background above";
   const auto base = Centroid(ids, 224, world.BodyId("shoulder"));
   const auto can = Centroid(ids, 224, world.BodyId("coke"));
   EXPECT_LT(base.y(), can.y()) << "the robot stands behind the objects";
@@ -118,8 +114,7 @@ TEST(Renderer, ViewOfTheSceneCameraIsThePicture) {
   Picture view = Blank(FullScene()->camera());
   renderer.RenderView(world, FullScene()->camera(), view);
   double difference = 0;
-  for (std::size_t i = 0; i < view.size(); ++i)
-    difference += std::abs(int{view[i]} - int{picture[i]});
+  for (std::size_t i = 0; i < view.size(); ++i) difference += std::abs(int{view[i]} - int{picture[i]});
   EXPECT_LT(difference / static_cast<double>(view.size()), 0.1);
 }
 

@@ -43,8 +43,7 @@ TEST(Scene, KnowsItsArmAndObjects) {
     const double most = object.mass / 3 * (h.squaredNorm());
     for (int k = 0; k < 3; ++k) {
       EXPECT_LT(mj->body_inertia[3 * body + k], most) << object.name;
-      EXPECT_GT(mj->body_inertia[3 * body + k], 0.1 * object.mass / 3 * h.head<2>().squaredNorm())
-          << object.name;
+      EXPECT_GT(mj->body_inertia[3 * body + k], 0.1 * object.mass / 3 * h.head<2>().squaredNorm()) << object.name;
     }
   }
   EXPECT_EQ(names, CampaignSpec{}.objects);
@@ -77,15 +76,13 @@ TEST(Scene, GeometryAgreesWithMuJoCo) {
     ASSERT_LT(index, scene.geometry().size());
     const Geometry& piece = scene.geometry()[index++];
     const bool object = scene.model().objects.contains(piece.body);
-    const Pose X_WB =
-        object ? world.ObjectPose(piece.body) : kinematics.BodyPoses(q, 0, {piece.body})[0];
+    const Pose X_WB = object ? world.ObjectPose(piece.body) : kinematics.BodyPoses(q, 0, {piece.body})[0];
     const Pose X_WG = X_WB * piece.X_BG;
     Eigen::Vector3d p = Eigen::Vector3d::Map(data->geom_xpos + 3 * geom);
     if (mj->geom_type[geom] == mjGEOM_PLANE) p.z() -= piece.size.z();
     EXPECT_LT((X_WG.p - p).norm(), 1e-9) << piece.name;
     using Rows = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-    EXPECT_LT((X_WG.q.toRotationMatrix() - Rows::Map(data->geom_xmat + 9 * geom)).norm(), 1e-9)
-        << piece.name;
+    EXPECT_LT((X_WG.q.toRotationMatrix() - Rows::Map(data->geom_xmat + 9 * geom)).norm(), 1e-9) << piece.name;
     if (piece.shape == Geometry::Shape::kConvex) {
       EXPECT_GE(piece.vertices.size(), 6u) << piece.name;
     }
@@ -100,12 +97,10 @@ std::pair<Eigen::Vector3d, Eigen::Vector3d> Bounds(const std::string& body) {
     if (piece.body != body) continue;
     std::vector<Eigen::Vector3d> corners = piece.vertices;
     Eigen::Vector3d half = piece.size;
-    if (piece.shape == Geometry::Shape::kCylinder)
-      half = {piece.size.x(), piece.size.x(), piece.size.y()};
+    if (piece.shape == Geometry::Shape::kCylinder) half = {piece.size.x(), piece.size.x(), piece.size.y()};
     if (piece.shape != Geometry::Shape::kConvex)
       for (int k = 0; k < 8; ++k)
-        corners.push_back(
-            half.cwiseProduct(Eigen::Vector3d(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1)));
+        corners.push_back(half.cwiseProduct(Eigen::Vector3d(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1)));
     for (const Eigen::Vector3d& corner : corners) {
       low = low.cwiseMin(piece.X_BG * corner);
       high = high.cwiseMax(piece.X_BG * corner);
@@ -126,8 +121,7 @@ TEST(Scene, ObjectsCollideAsLargeAsTheySay) {
 TEST(Scene, EveryRobotBodyThatMovesHasGeometry) {
   std::set<std::string> with;
   for (const Geometry& piece : FullScene()->geometry()) with.insert(piece.body);
-  for (const std::string& body : FullScene()->arm().bodies)
-    EXPECT_TRUE(with.contains(body)) << body;
+  for (const std::string& body : FullScene()->arm().bodies) EXPECT_TRUE(with.contains(body)) << body;
   EXPECT_TRUE(with.contains("world"));
 }
 

@@ -55,9 +55,7 @@ TEST(World, HoldsStill) {
 TEST(World, TracksAStraightPath) {
   World world(FullScene());
   double worst = 0;
-  const auto each = [&](const Pose& target) {
-    worst = std::max(worst, (world.X_WE().p - target.p).norm());
-  };
+  const auto each = [&](const Pose& target) { worst = std::max(worst, (world.X_WE().p - target.p).norm()); };
   const Eigen::Quaterniond level = world.X_WE().q;
   MoveTo(world, {{-0.30, 0.20, 0.30}, level}, 0.3, 0, 30, each);
   MoveTo(world, {{0.30, 0.25, 0.30}, level}, 0.3, 0, 30, each);
@@ -145,8 +143,7 @@ TEST(World, PosesBelongToTheSameInstantAsJoints) {
 TEST(World, SaysWhenTheSimulationBroke) {
   World world(FullScene());
   EXPECT_TRUE(world.healthy());
-  world.SetObject(
-      "cube", {{std::numeric_limits<double>::quiet_NaN(), 0, 0.1}, Eigen::Quaterniond::Identity()});
+  world.SetObject("cube", {{std::numeric_limits<double>::quiet_NaN(), 0, 0.1}, Eigen::Quaterniond::Identity()});
   world.Forward();
   EXPECT_FALSE(world.healthy());
   world.Reset();

@@ -60,15 +60,13 @@ TEST_P(Demonstrate, RecordsEveryTrackAtTheControlRate) {
   const Episode& episode = result.episode;
   const int T = episode.steps();
   ASSERT_GT(T, 60);
-  for (const Track* track : {&episode.joint_pos, &episode.joint_vel, &episode.gripper_qpos,
-                             &episode.eef_pos, &episode.eef_quat, &episode.eef_pixel,
-                             &episode.actions_abs, &episode.states})
+  for (const Track* track : {&episode.joint_pos, &episode.joint_vel, &episode.gripper_qpos, &episode.eef_pos,
+                             &episode.eef_quat, &episode.eef_pixel, &episode.actions_abs, &episode.states})
     EXPECT_EQ(track->rows(), T);
   EXPECT_EQ(static_cast<int>(episode.phase.size()), T);
   EXPECT_EQ(static_cast<int>(episode.supervise.size()), T);
   ASSERT_EQ(episode.cameras.size(), 1u);
-  EXPECT_EQ(static_cast<int>(episode.cameras[0].frames.size()),
-            (T + spec.image_stride - 1) / spec.image_stride);
+  EXPECT_EQ(static_cast<int>(episode.cameras[0].frames.size()), (T + spec.image_stride - 1) / spec.image_stride);
   EXPECT_EQ(episode.objects.size(), spec.objects.size());
   EXPECT_NE(episode.FindObject(episode.target), nullptr);
   EXPECT_TRUE(episode.success);

@@ -7,8 +7,7 @@ namespace etude::task {
 namespace {
 
 plan::Motion Straight(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double yaw_to = 0) {
-  return plan::StraightMotion({from, Eigen::Quaterniond::Identity()}, {to, FromEuler({0, 0, yaw_to})},
-                              {});
+  return plan::StraightMotion({from, Eigen::Quaterniond::Identity()}, {to, FromEuler({0, 0, yaw_to})}, {});
 }
 
 TEST(Join, EndsAtTheGoalOfTheSecond) {

@@ -65,8 +65,7 @@ TEST(SuccessCriterion, PutDownTurnsRelativeToTheStartYaw) {
 TEST(SuccessCriterion, PutDownRefusesTheWrongTurn) {
   const Pose start = At(0, 0.3, 0.04);
   for (const Eigen::Vector3d& wrong :
-       {Eigen::Vector3d(kHalfTurn, 0, 0), Eigen::Vector3d(-kHalfTurn, 0.4, 0.4),
-        Eigen::Vector3d(0, -kHalfTurn, 0)}) {
+       {Eigen::Vector3d(kHalfTurn, 0, 0), Eigen::Vector3d(-kHalfTurn, 0.4, 0.4), Eigen::Vector3d(0, -kHalfTurn, 0)}) {
     SuccessCriterion put("put_down", start);
     put.Observe(At(0, 0.3, 0.2));
     put.Observe(At(0, 0.3, 0.03, wrong));

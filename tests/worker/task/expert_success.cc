@@ -49,14 +49,13 @@ void Count(const task::AttemptResult& result, Tally& tally) {
 void Print(const std::string& name, const Tally& tally) {
   const Interval interval = WilsonInterval(tally.successes, tally.trials);
   const double n = static_cast<double>(tally.trials);
-  fmt::print("{}: {}/{} = {:.1f} % [{:.1f}, {:.1f}], steps mean {:.0f} min {:.0f} max {:.0f}, "
-             "{} with others moved, {} pushes\n",
-             name, tally.successes, tally.trials, 100 * tally.successes / n, 100 * interval.low,
-             100 * interval.high, Mean(tally.steps), Quantile(tally.steps, 0),
-             Quantile(tally.steps, 1), tally.disturbed, tally.pushes);
-  fmt::print("  ms an episode: plan {:.1f} step {:.1f} render {:.1f} deflate {:.1f}\n",
-             1e3 * tally.plan_s / n, 1e3 * tally.step_s / n, 1e3 * tally.render_s / n,
-             1e3 * tally.deflate_s / n);
+  fmt::print(
+      "{}: {}/{} = {:.1f} % [{:.1f}, {:.1f}], steps mean {:.0f} min {:.0f} max {:.0f}, "
+      "{} with others moved, {} pushes\n",
+      name, tally.successes, tally.trials, 100 * tally.successes / n, 100 * interval.low, 100 * interval.high,
+      Mean(tally.steps), Quantile(tally.steps, 0), Quantile(tally.steps, 1), tally.disturbed, tally.pushes);
+  fmt::print("  ms an episode: plan {:.1f} step {:.1f} render {:.1f} deflate {:.1f}\n", 1e3 * tally.plan_s / n,
+             1e3 * tally.step_s / n, 1e3 * tally.render_s / n, 1e3 * tally.deflate_s / n);
   for (const auto& [stage, steps] : tally.stage_steps)
     fmt::print("  {} {:.0f} steps", stage, static_cast<double>(steps) / tally.successes);
   fmt::print("\n");

@@ -31,8 +31,7 @@ class Playback {
   PolicyAnswer operator()(const PolicyQuestion&) {
     PolicyAnswer answer;
     for (int k = 0; k < kWaypoints; ++k) {
-      const int t = std::min<int>(asked_ * replan_ + static_cast<int>(WaypointStep(k)),
-                                  episode_.steps() - 1);
+      const int t = std::min<int>(asked_ * replan_ + static_cast<int>(WaypointStep(k)), episode_.steps() - 1);
       const auto row = episode_.actions_abs.row(t);
       Waypoint waypoint;
       waypoint.X_WE = {{row[0], row[1], row[2]}, FromEuler({row[3], row[4], row[5]})};
@@ -66,8 +65,7 @@ TEST_P(RolloutOf, OracleSucceeds) {
     const auto demonstration = runner->Demonstrate(index, 0);
     if (demonstration.outcome != AttemptOutcome::kSuccess) continue;
     ++tried;
-    const auto rollout =
-        runner->Rollout(index, Playback(demonstration.episode, spec.rollout.replan_steps));
+    const auto rollout = runner->Rollout(index, Playback(demonstration.episode, spec.rollout.replan_steps));
     ASSERT_TRUE(rollout.has_value());
     successes += rollout->outcome == AttemptOutcome::kSuccess;
     EXPECT_EQ(rollout->episode.success, rollout->outcome == AttemptOutcome::kSuccess);
@@ -134,8 +132,8 @@ TEST(Rollout, RefusesGarbage) {
 TEST(Rollout, HandsThePolicysErrorOn) {
   auto runner = AttemptRunner::Open(RolloutSpecOf("pick"));
   ASSERT_TRUE(runner.has_value()) << runner.error().message;
-  const auto rollout = runner->Rollout(
-      1, [](const PolicyQuestion&) -> Result<PolicyAnswer> { return Fail(Code::kTimeout, "no one"); });
+  const auto rollout =
+      runner->Rollout(1, [](const PolicyQuestion&) -> Result<PolicyAnswer> { return Fail(Code::kTimeout, "no one"); });
   ASSERT_FALSE(rollout.has_value());
   EXPECT_EQ(rollout.error().code, Code::kTimeout);
 }

@@ -44,8 +44,7 @@ TEST(PlaceObjects, KeepsItsRulesOverManySeeds) {
       }
     }
   }
-  for (const auto& [name, boxes] : boxes_seen)
-    EXPECT_EQ(boxes.size(), 6u) << name << " is never put somewhere";
+  for (const auto& [name, boxes] : boxes_seen) EXPECT_EQ(boxes.size(), 6u) << name << " is never put somewhere";
 }
 
 TEST(PlaceObjects, IsAFunctionOfTheSeed) {
@@ -63,8 +62,7 @@ TEST(PlaceObjects, ZeroYawStandsStraight) {
   Rng rng(3);
   const auto placed = PlaceObjects(SixObjects(), 0.0, rng);
   ASSERT_TRUE(placed.has_value());
-  for (const auto& object : *placed)
-    EXPECT_NEAR(AngleBetween(object.X_WO.q, Eigen::Quaterniond::Identity()), 0, 1e-9);
+  for (const auto& object : *placed) EXPECT_NEAR(AngleBetween(object.X_WO.q, Eigen::Quaterniond::Identity()), 0, 1e-9);
 }
 
 TEST(TargetOf, IsSpreadOverTheObjectsAndKnowsNoAttempt) {

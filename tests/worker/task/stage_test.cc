@@ -16,8 +16,11 @@ struct Fixture {
     scene = *built;
     kinematics.emplace(scene);
     shapes.emplace(*scene, *kinematics);
-    now = {&*shapes, "coke", {{0.1, 0.3, shapes->object("coke").rest_height}, {}},
-           {{-0.1, 0.13, 0.08}, LevelHand()}, std::nullopt};
+    now = {&*shapes,
+           "coke",
+           {{0.1, 0.3, shapes->object("coke").rest_height}, {}},
+           {{-0.1, 0.13, 0.08}, LevelHand()},
+           std::nullopt};
     now.X_WO.q.setIdentity();
   }
   std::shared_ptr<const sim::Scene> scene;
@@ -54,8 +57,7 @@ TEST(Shapes, HandIsLevelAtHomeAndMeasured) {
 TEST(Shapes, HeightOnTableIsTheRestHeightWhenUpright) {
   Fixture f;
   for (const auto& object : f.scene->objects()) {
-    EXPECT_NEAR(f.shapes->HeightOnTable(object.name, Eigen::Quaterniond::Identity()),
-                object.rest_height, 2e-3)
+    EXPECT_NEAR(f.shapes->HeightOnTable(object.name, Eigen::Quaterniond::Identity()), object.rest_height, 2e-3)
         << object.name;
     const double lying = f.shapes->HeightOnTable(object.name, FromEuler({-std::numbers::pi / 2, 0, 0}));
     EXPECT_NEAR(lying, object.half_extent.y(), 4e-3) << object.name;

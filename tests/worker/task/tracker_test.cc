@@ -8,8 +8,7 @@
 namespace etude::task {
 namespace {
 
-std::vector<Waypoint> Line(const Eigen::Vector3d& from, const Eigen::Vector3d& velocity,
-                           double gripper = 0) {
+std::vector<Waypoint> Line(const Eigen::Vector3d& from, const Eigen::Vector3d& velocity, double gripper = 0) {
   std::vector<Waypoint> waypoints(kWaypoints);
   for (int k = 0; k < kWaypoints; ++k) {
     waypoints[k].X_WE.p = from + velocity * (WaypointStep(k) / kControlRate);

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where on the bus a program is: the options that all programs share. For mains only (CLI11).
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "services/bus/participant.h"
+
+namespace etude::bus {
+
+struct Arguments {
+  std::uint32_t domain = 0;
+  std::string profile;  ///< empty: $CYCLONEDDS_URI, else this machine only
+
+  void Add(CLI::App& app) {
+    app.add_option("--domain", domain, "DDS domain, 0..230")->check(CLI::Range(0, 230))->capture_default_str();
+    app.add_option("--profile", profile, "Cyclone DDS XML file (default: this machine only)");
+  }
+  /// @error as Participant::Open.
+  Result<Participant> Open() const { return Participant::Open({domain, profile}); }
+  /// The same for a child: its command line, and its environment.
+  std::vector<std::string> Flags() const { return {"--domain", std::to_string(domain)}; }
+  std::map<std::string, std::string> Environment() const {
+    if (profile.empty()) return {};
+    return {{"CYCLONEDDS_URI", profile}};
+  }
+};
+
+}  // namespace etude::bus
