@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// `etude dataset info|verify|hash`.
+// `etude dataset info|verify|hash|sheet`.
 #include "services/store/dataset.h"
 
 #include <fmt/format.h>
 
 #include "services/cli/command_line.h"
+#include "services/cli/filmstrip.h"
 #include "services/core/config.h"
 
 namespace etude::cli {
@@ -34,6 +35,12 @@ Status Hash(const std::string& dataset) {
   return {};
 }
 
+Status Sheet(const std::string& dataset, const std::string& out, const FilmstripOptions& options) {
+  ETUDE_RETURN_IF_ERROR(WriteFilmstrips(dataset, out, options));
+  fmt::print("{}\n", out);
+  return {};
+}
+
 }  // namespace
 
 void AddDataset(CLI::App& app, Body& body) {
@@ -54,6 +61,13 @@ void AddDataset(CLI::App& app, Body& body) {
   verify->callback([=, &body] { body = [=] { return Verify(*dataset, *keep); }; });
   auto* hash = add("hash", "SHA-256 of the content, the same whoever collected it");
   hash->callback([=, &body] { body = [=] { return Hash(*dataset); }; });
+  auto out = std::make_shared<std::string>("sheet.png");
+  auto options = std::make_shared<FilmstripOptions>();
+  auto* sheet = add("sheet", "a picture to look at: the first episodes as filmstrips");
+  sheet->add_option("--out", *out, "PNG file")->capture_default_str();
+  sheet->add_option("--episodes", options->episodes, "rows")->capture_default_str();
+  sheet->add_option("--frames", options->frames, "columns")->capture_default_str();
+  sheet->callback([=, &body] { body = [=] { return Sheet(*dataset, *out, *options); }; });
 }
 
 }  // namespace etude::cli

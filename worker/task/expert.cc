@@ -80,9 +80,13 @@ Verdict Expert::PlanPiece(int first, Piece& piece) {
   for (int i = first;; ++i) {
     const Stage& stage = stages_[i];
     UpdateChecker(stage);
-    const Pose goal = stage.goal(now);
-    PlannedStage planned =
-        planner_->Plan(q, goal, stage, Obstacles(), MixSeed({seed_, std::uint64_t(plans_++)}, "plan"));
+    Pose goal = stage.goal(now);
+    const std::uint64_t seed = MixSeed({seed_, std::uint64_t(plans_++)}, "plan");
+    PlannedStage planned = planner_->Plan(q, goal, stage, Obstacles(), seed);
+    if (stage.nearer && planned.outcome.kind == plan::OutcomeKind::kGoalInCollision) {
+      goal = stage.nearer(now);
+      planned = planner_->Plan(q, goal, stage, Obstacles(), seed);
+    }
     if (!planned.planned())
       return Failed(
           AttemptOutcome::kPlanFailed,

@@ -26,6 +26,7 @@ constexpr double kTurnedReach = 0.56;     // m from the base's axis that the han
 constexpr double kPushHeight = 0.019;  // m of the tool
 constexpr double kPushTilt = 0.25;     // rad
 constexpr double kPushFurther = 0.11;  // m that the object is pushed
+constexpr double kPushLess = 0.06;     // m where a neighbour is in the way of the forearm further on
 constexpr double kPlaceGap = 0.002;    // m between object and table when it is released
 constexpr double kFingerGap = 0.005;   // m between fingertips and table
 
@@ -62,11 +63,14 @@ Pose BehindToPush(const Situation& now) { return Behind(now, kPushHeight, PushHa
 
 Pose AroundObject(const Situation& now) { return {{now.X_WO.p.x(), GraspY(now), GraspHeight(now)}, LevelHand()}; }
 
-Pose BeyondObject(const Situation& now) {
+Pose BeyondObject(const Situation& now, double further) {
   const double half_depth = now.shapes->object(now.target).half_extent.y();
   const double touch = now.X_WO.p.y() - half_depth - now.shapes->ahead_closed();
-  return {{now.X_WO.p.x(), touch + kPushFurther, kPushHeight}, PushHand()};
+  return {{now.X_WO.p.x(), touch + further, kPushHeight}, PushHand()};
 }
+
+Pose PushedFar(const Situation& now) { return BeyondObject(now, kPushFurther); }
+Pose PushedLess(const Situation& now) { return BeyondObject(now, kPushLess); }
 
 Pose Lifted(const Situation& now) { return {{now.X_WE.p.x(), now.X_WE.p.y(), kLiftHeight}, LevelHand()}; }
 
@@ -143,7 +147,8 @@ Stage Lift(bool blends) {
 
 Stage Push() {
   return {.name = "push",
-          .goal = BeyondObject,
+          .goal = PushedFar,
+          .nearer = PushedLess,
           .closed = true,
           .limits = Speed(0.24, 1.5, 1.5, 8.0),
           .straight_only = true,

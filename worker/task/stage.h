@@ -22,11 +22,14 @@ struct Situation {
   std::optional<Pose> X_EO;  ///< target in the hand, while held
 };
 
+/// Tool pose to move to.
+using Goal = std::function<Pose(const Situation&)>;
+
 struct Stage {
   std::string name;
-  /// Tool pose to move to; empty for a stage that waits where the hand is.
-  std::function<Pose(const Situation&)> goal;
-  bool closed = false;  ///< gripper command
+  Goal goal;              ///< empty for a stage that waits where the hand is
+  Goal nearer = nullptr;  ///< where to go instead when the arm cannot be at `goal` without a collision
+  bool closed = false;    ///< gripper command
   plan::Limits limits;
   bool straight_only = false;   ///< a detour would be worse than a failure
   bool touches_target = false;  ///< contact of hand and target is wanted

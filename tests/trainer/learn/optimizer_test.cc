@@ -71,19 +71,20 @@ TEST(Optimizer, TakesTheSameStepAsTorchsAdamW) {
                                 torch::optim::AdamWOptions(1e-3));
   Optimizer optimizer(config.optimizer, ours, {});
   Replicas replicas(ours);
+  auto named = theirs[0]->named_parameters();
   for (int step = 0; step < 3; ++step) {
     optimizer.ZeroGradients();
     ASSERT_TRUE(replicas.Backward(batch, level));
+    // the same gradient for both: after the first step, rounding alone would tell the two networks' own ones apart
+    // (and none for what nothing reads, which both then leave alone)
+    for (const auto& item : ours[0]->named_parameters()) {
+      const torch::Tensor gradient = item.value().grad();
+      if (gradient.any().item<bool>()) named[item.key()].mutable_grad() = gradient.clone();
+    }
     optimizer.Step(1e-3);
-
-    reference.zero_grad();
-    const Part part = PartOf(batch, 0, batch.size);
-    theirs[0]->Loss(part.inputs, theirs[0]->Forward(part.inputs, level), part.labels, level).total.backward();
     reference.step();
   }
-  auto named = theirs[0]->named_parameters();
   for (const auto& item : ours[0]->named_parameters()) {
-    // rows of the word table that no sentence used have a zero gradient in both
     EXPECT_TRUE(torch::allclose(item.value(), named[item.key()], 1e-4, 2e-6)) << item.key();
   }
 }

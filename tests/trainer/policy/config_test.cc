@@ -72,7 +72,7 @@ TEST(PolicyConfig, RefusesInputsThatNobodyDecodes) {
   const std::string problems = Problems(config);
   EXPECT_THAT(problems, HasSubstr("'pixel:EE3D': that module decodes no pixel"));
   EXPECT_THAT(problems, HasSubstr("'soft_argmax': that module does not read the image"));
-  EXPECT_THAT(problems, HasSubstr("'waves:class:LANG': waves are of a position or displacement"));
+  EXPECT_THAT(problems, HasSubstr("'waves:class:LANG': waves are of a position, displacement or joints"));
   EXPECT_THAT(problems, HasSubstr("'position' must name a module"));
   EXPECT_THAT(problems, HasSubstr("'joints:EE3D' belongs to no module"));
   EXPECT_THAT(problems, HasSubstr("unknown input 'speed'"));

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "services/core/config.h"
+#include "services/episode/action.h"
 #include "trainer/policy/policy.h"
 
 namespace etude::policy {
