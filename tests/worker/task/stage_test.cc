@@ -5,6 +5,8 @@
 
 #include <numbers>
 
+#include "worker/task/criteria.h"
+
 namespace etude::task {
 namespace {
 
@@ -72,6 +74,20 @@ TEST(Stages, ReachPutsTheTipsJustBeyondTheAxis) {
   EXPECT_GT(beyond, 0.005);
   EXPECT_LT(beyond, f.shapes->object("coke").half_extent.y());
   EXPECT_NEAR(goal.p.x(), f.now.X_WO.p.x(), 1e-12);
+}
+
+TEST(Stages, PushGoesFarEnoughForSuccessAlsoWhenItGoesLess) {
+  Fixture f;
+  const auto stages = StagesOf("push");
+  const Stage& push = Find(stages, "push");
+  ASSERT_TRUE(push.nearer);
+  const Pose far = push.goal(f.now), near = push.nearer(f.now);
+  EXPECT_LT(near.p.y(), far.p.y());
+  EXPECT_EQ(near.p.x(), far.p.x());
+  EXPECT_EQ(near.p.z(), far.p.z());
+  // from the first touch on, with something to spare for what rolls back or turns aside
+  const double touch = f.now.X_WO.p.y() - f.shapes->object("coke").half_extent.y() - f.shapes->ahead_closed();
+  EXPECT_GT(near.p.y() - touch, kPushDistance + 0.02);
 }
 
 TEST(Stages, AHandOnTheLineDoesNotBackOff) {
