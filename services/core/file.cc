@@ -78,6 +78,7 @@ Error ErrnoError(std::string_view attempted, const Path& path, int error_number)
       break;
     case ENOSPC:
     case EDQUOT:
+    case EFBIG:  // beyond the limit of the process or the file system: as full as a full disk
     case EROFS:
     case EACCES:
     case EPERM:

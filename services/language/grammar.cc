@@ -127,7 +127,7 @@ Result<Grammar> Grammar::Load() {
     grammar.tasks_.push_back(words.task);
   }
   lexicon->held_out_nouns.insert(HeldOutNounPhrases().begin(), HeldOutNounPhrases().end());
-  lexicon->held_out_sentences.insert(HeldOutSentences().begin(), HeldOutSentences().end());
+  for (const auto& sentence : HeldOutSentences()) lexicon->held_out_sentences.insert(sentence.text);
   grammar.lexicon_ = std::move(lexicon);
   return grammar;
 }

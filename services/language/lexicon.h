@@ -34,9 +34,15 @@ struct TaskWords {
 const std::vector<ObjectWords>& ObjectLexicon();
 const std::vector<TaskWords>& TaskLexicon();
 
+/// A sentence and what it asks for.
+struct HeldOutSentence {
+  std::string text;
+  std::string task, object;
+};
+
 /// Noun phrases of the paper's Table 8 and sentences of Table 11, normalised: kept out of training so that
 /// they can be used as tests of unseen language.
 const std::vector<std::string>& HeldOutNounPhrases();
-const std::vector<std::string>& HeldOutSentences();
+const std::vector<HeldOutSentence>& HeldOutSentences();
 
 }  // namespace etude::language

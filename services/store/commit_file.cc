@@ -17,13 +17,6 @@ void Reach(CommitPoint point) {
   if (commit_probe) commit_probe(point);
 }
 
-// a file beyond the process's or the file system's limit is as full as a full disk
-tl::unexpected<Error> Refused(std::string_view attempted, const Path& path, int error_number) {
-  Error error = ErrnoError(attempted, path, error_number);
-  if (error_number == EFBIG) error.code = Code::kUnavailable;
-  return Fail(std::move(error));
-}
-
 // makes the folder and, when it is new, its entry in the parent durable
 Status MakeFolderDurably(const Path& folder) {
   if (folder.empty() || std::filesystem::is_directory(folder)) return {};
@@ -51,7 +44,7 @@ Status CommitFile(const Path& path, std::span<const std::uint8_t> bytes) {
   ETUDE_RETURN_IF_ERROR(MakeFolderDurably(path.parent_path()));
   const Path temporary = path.string() + std::string(kTemporarySuffix);
   const int fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (fd < 0) return Refused("create", temporary, errno);
+  if (fd < 0) return Fail(ErrnoError("create", temporary, errno));
   Reach(CommitPoint::kCreated);
   int error_number = WriteAndSync(fd, bytes);
   if (::close(fd) != 0 && error_number == 0) error_number = errno;
@@ -59,7 +52,7 @@ Status CommitFile(const Path& path, std::span<const std::uint8_t> bytes) {
   if (error_number == 0 && ::rename(temporary.c_str(), path.c_str()) != 0) error_number = errno;
   if (error_number != 0) {
     ::unlink(temporary.c_str());
-    return Refused("write", path, error_number);
+    return Fail(ErrnoError("write", path, error_number));
   }
   Reach(CommitPoint::kRenamed);
   if (Status synced = SyncFolder(path.parent_path()); !synced) {

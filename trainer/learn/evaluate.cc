@@ -5,7 +5,9 @@
 
 #include <algorithm>
 
+#include "services/core/rng.h"
 #include "services/episode/action.h"
+#include "services/language/lexicon.h"
 #include "trainer/learn/tensors.h"
 
 namespace etude::learn {
@@ -130,7 +132,68 @@ Evaluation Summarize(const policy::PolicyConfig& config, const Sums& sums) {
   return result;
 }
 
+// the module at level 1 that says which object a sentence means, if there is one
+const policy::ModuleConfig* LanguageModule(const policy::PolicyConfig& config) {
+  for (const auto& module : config.modules) {
+    const bool looks = std::any_of(module.reads.begin(), module.reads.end(),
+                                   [](const std::string& read) { return read == "image" || read == "all"; });
+    if (module.level == 1 && module.decoder.target == "target_class" && !looks) return &module;
+  }
+  return nullptr;
+}
+
+// fraction of `sentences` whose object the module names
+double Accuracy(policy::Policy& policy, const std::string& module, const std::vector<std::string>& sentences,
+                const std::vector<std::string>& objects) {
+  const auto count = static_cast<std::int64_t>(sentences.size());
+  policy::Inputs inputs;
+  inputs.sentences = sentences;
+  inputs.sentence_index = torch::arange(count).unsqueeze(0);
+  // nothing at this level looks at the picture; the arm may be anywhere
+  inputs.joints = torch::zeros({1, policy.joints()});
+  inputs.crop_origin = torch::zeros({1, 2});
+  const auto outputs = policy.Forward(inputs, 1);
+  const auto said = outputs.at(module).decoded.at("class").argmax(-1).flatten().to(torch::kCPU).contiguous();
+  const auto& known = policy.config().objects;
+  int right = 0;
+  for (std::int64_t i = 0; i < count; ++i)
+    right +=
+        known.at(static_cast<std::size_t>(said.data_ptr<std::int64_t>()[i])) == objects[static_cast<std::size_t>(i)];
+  return right / static_cast<double>(count);
+}
+
 }  // namespace
+
+std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const language::Grammar& grammar) {
+  const auto* module = LanguageModule(policy.config());
+  if (!module) return {};
+  const auto known = [&](const std::string& object) {
+    const auto& objects = policy.config().objects;
+    return std::find(objects.begin(), objects.end(), object) != objects.end();
+  };
+  std::vector<std::string> unseen, unseen_objects, noisy, noisy_objects;
+  for (const auto& sentence : language::HeldOutSentences()) {
+    if (!known(sentence.object)) continue;
+    unseen.push_back(sentence.text);
+    unseen_objects.push_back(sentence.object);
+  }
+  Rng rng(MixSeed({}, "evaluate language"));
+  for (const auto& task : grammar.tasks()) {
+    for (const auto& object : grammar.objects()) {
+      for (int i = 0; i < 12 && known(object); ++i) {
+        noisy.push_back(grammar.Sample({task, object}, language::Style::kNoisy, rng));
+        noisy_objects.push_back(object);
+      }
+    }
+  }
+  const torch::NoGradGuard no_grad;
+  policy.eval();
+  std::map<std::string, double> metrics;
+  if (!unseen.empty()) metrics[module->name + ".unseen"] = Accuracy(policy, module->name, unseen, unseen_objects);
+  if (!noisy.empty()) metrics[module->name + ".noisy"] = Accuracy(policy, module->name, noisy, noisy_objects);
+  policy.train();
+  return metrics;
+}
 
 Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker, const data::Snapshot& snapshot,
                             const std::vector<data::Sample>& samples, int level, int batch) {

@@ -121,6 +121,7 @@ struct Trainer::Impl {
   RunOptions options;
   Hooks hooks;
   std::shared_ptr<data::Dataset> dataset;
+  std::shared_ptr<const language::Grammar> grammar;
   std::shared_ptr<const data::BatchMaker> maker;
   std::unique_ptr<Replicas> replicas;
   std::unique_ptr<Optimizer> optimizer;
@@ -175,7 +176,8 @@ Status Trainer::Impl::Build() {
   const auto snapshot = dataset->snapshot();
   ETUDE_ASSIGN_OR_RETURN(const auto statistics, data::ComputeStatistics(*snapshot));
   joints = static_cast<int>(statistics.joint_mean.size());
-  ETUDE_ASSIGN_OR_RETURN(auto grammar, language::Grammar::Load());
+  ETUDE_ASSIGN_OR_RETURN(auto loaded, language::Grammar::Load());
+  grammar = std::make_shared<const language::Grammar>(std::move(loaded));
 
   const auto& crop = config.policy.image.crop;
   const auto& camera = snapshot->episodes().front()->episode().cameras.at(0).camera;
@@ -184,9 +186,9 @@ Status Trainer::Impl::Build() {
                 fmt::format("policy.image.crop: {}x{} px at ({}, {}) does not fit the dataset's "
                             "pictures of {}x{} px",
                             crop[2], crop[3], crop[0], crop[1], camera.width, camera.height));
-  maker = std::make_shared<data::BatchMaker>(
-      config.data, data::Region{crop[0], crop[1], crop[2], crop[3]}, config.policy.objects, dataset->spec().tasks,
-      std::make_shared<const language::Grammar>(std::move(grammar)), camera.width, camera.height);
+  maker = std::make_shared<data::BatchMaker>(config.data, data::Region{crop[0], crop[1], crop[2], crop[3]},
+                                             config.policy.objects, dataset->spec().tasks, grammar, camera.width,
+                                             camera.height);
 
   SetBlasThreads(config.threads.intra_op);
   int copies = config.threads.replicas;
@@ -307,8 +309,10 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
       data::SpreadFrames(*snapshot, data::Split::kValid, MixSeed({config.seed}, "valid"), config.eval.frames);
   optimizer->ExchangeAverage();
   auto result = learn::Evaluate(replicas->front(), *maker, *snapshot, samples, scheduler->level(), config.data.batch);
+  const auto language = learn::EvaluateLanguage(replicas->front(), *grammar);
   optimizer->ExchangeAverage();
   ETUDE_ASSIGN_OR_RETURN(evaluation, std::move(result));
+  evaluation.metrics.insert(language.begin(), language.end());
   evaluated_step = step;
   last.metrics = evaluation.metrics;
   ETUDE_RETURN_IF_ERROR(log->Write("valid", step, Elapsed(), evaluation.metrics));

@@ -186,6 +186,8 @@ Result<std::shared_ptr<Policy>> Policy::Create(const PolicyConfig& config, const
 
 const PolicyConfig& Policy::config() const { return impl_->config; }
 
+int Policy::joints() const { return static_cast<int>(impl_->normalization.joint_mean.size(0)); }
+
 int Policy::levels() const { return impl_->modules.back()->config().level; }
 
 std::pair<int, int> Policy::grid() const { return {impl_->image->grid().rows, impl_->image->grid().columns}; }

@@ -79,6 +79,8 @@ class Policy : public torch::nn::Module {
   LossTerms Loss(const Inputs& inputs, const Outputs& outputs, const Labels& labels, int level = 0);
 
   int levels() const;
+  /// Numbers of Inputs::joints, J.
+  int joints() const;
   /// What attention's columns are: "image" stands for all image tokens, then language, joints,
   /// self, modules. `module` is one of config().modules.
   std::vector<std::string> KeysOf(const std::string& module) const;

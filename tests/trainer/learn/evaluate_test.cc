@@ -47,5 +47,24 @@ TEST(Evaluate, MeasuresEveryModuleInUnitsOfPeopleAndLeavesThePolicyTraining) {
   EXPECT_EQ(Evaluate(**policy, maker, *snapshot, {}, 5, 8).error().code, Code::kNotFound);
 }
 
+TEST(EvaluateLanguage, AsksAboutSentencesOutsideOfTraining) {
+  const TrainConfig config = TinyConfig();
+  auto policy = policy::Policy::Create(config.policy, policy::Normalization::Unit(7), 1);
+  ASSERT_TRUE(policy) << policy.error().message;
+  (*policy)->train();
+  const auto grammar = language::Grammar::Load();
+  ASSERT_TRUE(grammar);
+
+  const auto metrics = EvaluateLanguage(**policy, *grammar);
+
+  ASSERT_EQ(metrics.size(), 2u);
+  for (const auto& [name, accuracy] : metrics) {
+    EXPECT_GE(accuracy, 0) << name;
+    EXPECT_LT(accuracy, 0.5) << name << " of an untrained policy";
+  }
+  EXPECT_EQ(EvaluateLanguage(**policy, *grammar), metrics);
+  EXPECT_TRUE((*policy)->is_training());
+}
+
 }  // namespace
 }  // namespace etude::learn

@@ -84,11 +84,15 @@ TEST_F(TrainerTest, LearnsTheSyntheticTask) {
   const auto position = Curve(folder_ / "run", "valid", "EE3D.cm");
   const auto control = Curve(folder_ / "run", "valid", "CTRL.cm");
   const auto language = Curve(folder_ / "run", "valid", "LANG.accuracy");
+  const auto unseen = Curve(folder_ / "run", "valid", "LANG.unseen");
+  const auto noisy = Curve(folder_ / "run", "valid", "LANG.noisy");
   ASSERT_FALSE(control.empty());
   EXPECT_LT(pixel.rbegin()->second, 0.5 * pixel.begin()->second);
   EXPECT_LT(position.rbegin()->second, 0.5 * position.begin()->second);
   EXPECT_LT(control.rbegin()->second, control.begin()->second);
   EXPECT_GT(language.rbegin()->second, 0.8);
+  EXPECT_GT(noisy.rbegin()->second, 0.7);
+  EXPECT_GT(unseen.rbegin()->second, 0.5);
 }
 
 TEST_F(TrainerTest, GoesThroughTheStagesAndSaysWhy) {
