@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/bus/assembly.h"
 
+#include <sys/mman.h>
+
 #include <algorithm>
 
 #include "services/bus/object_channel.h"
@@ -23,9 +25,27 @@ std::span<const std::uint8_t> ChunkOf(std::span<const std::uint8_t> bytes, std::
   return bytes.subspan(begin, std::min<std::size_t>(chunk_size, bytes.size() - begin));
 }
 
+namespace {
+
+// A fresh object is touched page by page as it arrives: with pages of 2 MiB the kernel is asked 20 times for
+// 40 MB instead of 10,000. Only a hint.
+void UseHugePages([[maybe_unused]] std::uint8_t* data, [[maybe_unused]] std::uint64_t size) {
+#ifdef MADV_HUGEPAGE
+  constexpr std::uintptr_t kPage = 4096;
+  constexpr std::uint64_t kWorthIt = 8u << 20;
+  if (size < kWorthIt) return;
+  const auto begin = (reinterpret_cast<std::uintptr_t>(data) + kPage - 1) / kPage * kPage;
+  const auto end = (reinterpret_cast<std::uintptr_t>(data) + size) / kPage * kPage;
+  ::madvise(reinterpret_cast<void*>(begin), end - begin, MADV_HUGEPAGE);
+#endif
+}
+
+}  // namespace
+
 Assembly::Assembly(std::uint64_t size, std::uint32_t chunk_size, bool hashed)
     : size_(size), chunk_size_(chunk_size), count_(ChunkCount(size, chunk_size)), hashed_(hashed) {
   bytes_.reserve(size);
+  UseHugePages(bytes_.data(), size);
 }
 
 Assembly::Added Assembly::Add(std::uint32_t index, std::span<const std::uint8_t> data) {

@@ -55,10 +55,17 @@ void ManifestIntake::Drain() {
     }
     const std::scoped_lock lock(mutex_);
     taken_.push_back(std::move(item));
-    if (taken_.size() == 1) dds_set_guardcondition(guard_.get(), true);
+    if (taken_.size() == wake_after_) dds_set_guardcondition(guard_.get(), true);
   };
   while (TakeSerialized(reader_, 64, add) > 0) {
   }
+}
+
+void ManifestIntake::WakeAfter(std::size_t count) {
+  const std::scoped_lock lock(mutex_);
+  if (count == wake_after_) return;
+  wake_after_ = count;
+  if (taken_.size() >= count) dds_set_guardcondition(guard_.get(), true);
 }
 
 std::deque<TakenManifest> ManifestIntake::Take() {

@@ -23,8 +23,10 @@ struct TakenManifest {
 class ManifestIntake {
  public:
   static Result<std::unique_ptr<ManifestIntake>> Open(const Participant& participant, const std::string& partition);
-  /// Wakes `waiter` when there is something to take.
+  /// Wakes `waiter` when there is something to take, or as much as WakeAfter said.
   Status Attach(Waiter& waiter) { return waiter.AddGuard(guard_); }
+  /// From now on waits for `count` manifests (at least 1) before it wakes.
+  void WakeAfter(std::size_t count);
   /// Everything received since the last call, oldest first.
   std::deque<TakenManifest> Take();
 
@@ -35,6 +37,7 @@ class ManifestIntake {
 
   std::mutex mutex_;
   std::deque<TakenManifest> taken_;  // guarded by mutex_
+  std::size_t wake_after_ = 1;       // guarded by mutex_
   Entity guard_;
   Endpoint reader_;  // last: its end waits for the callback
 };

@@ -96,7 +96,9 @@ struct ObjectView {
 struct ReceiveOptions {
   std::uint64_t max_object_size = 1ull << 30;  ///< larger manifests are refused before allocation
   std::uint64_t max_memory = 2ull << 30;       ///< of all unfinished objects together; others wait
-  std::uint32_t ack_batch = 1;                 ///< kDone verdicts of a sender that travel together
+  /// kDone verdicts that travel together. With more than 1, objects of a stream are also handed on so
+  /// many at a time: throughput for up to half a millisecond of latency.
+  std::uint32_t ack_batch = 1;
 };
 
 /// Receives objects of one channel from any number of senders. Thread safety: one thread at a time.
@@ -117,7 +119,7 @@ class ObjectReceiver {
   std::optional<ObjectView> ReceiveView(std::chrono::nanoseconds timeout);
   /// Tells the sender. kDone only after the object is durable. Repeats of an acknowledged object are
   /// answered with the same verdict without another Receive. With `ack_batch` > 1 a kDone leaves with
-  /// others, at the latest when Receive next has to wait.
+  /// others, half a millisecond later at most while Receive waits.
   Status Acknowledge(const ObjectManifest& manifest, const Verdict& verdict);
   std::uint64_t corrupt_objects() const;
   std::uint64_t malformed_samples() const;

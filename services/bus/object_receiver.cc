@@ -24,7 +24,8 @@ constexpr std::uint32_t kAckEvery = 8;     // chunks
 constexpr std::size_t kMaxMissing = 1024;  // indices in one ack
 constexpr std::size_t kJudgedKept = 1024;  // verdicts remembered for each sender
 constexpr std::size_t kMaxPeers = 4096;
-constexpr std::chrono::seconds kForgetAfter{60};  // an unfinished object nobody sends any more
+constexpr std::chrono::microseconds kBatchDelay{500};  // a verdict waits for others at most
+constexpr std::chrono::seconds kForgetAfter{60};       // an unfinished object nobody sends any more
 
 struct Entry {
   enum class State { kReceiving, kReady, kJudging, kJudged };
@@ -98,6 +99,8 @@ struct ObjectReceiver::Impl {
   std::uint64_t corrupt = 0;
   std::uint64_t malformed = 0;
   Clock::time_point next_cleaning;
+  std::uint32_t batched = 0;          // kDone verdicts not yet sent, of all peers
+  Clock::time_point batch_leaves_at;  // when batched > 0
 
   Status OpenAll(const Participant& participant, const std::string& partition);
   int Drain();
@@ -313,12 +316,13 @@ void ObjectReceiver::Impl::FlushDone(const std::string& sender, Peer& peer) {
   ack.kind = AckKind::kDone;
   ack.id = peer.done.front();
   ack.also.assign(peer.done.begin() + 1, peer.done.end());
+  batched -= static_cast<std::uint32_t>(peer.done.size());
   peer.done.clear();
   SendAck(std::move(ack));
 }
 
 void ObjectReceiver::Impl::FlushAllDone() {
-  if (options.ack_batch <= 1) return;
+  if (batched == 0) return;
   for (auto& [sender, peer] : peers) FlushDone(sender, peer);
 }
 
@@ -350,6 +354,7 @@ void ObjectReceiver::Impl::Clean() {
                                          [](const auto& a, const auto& b) { return a.second.heard < b.second.heard; });
     const bool only_judged = oldest->second.objects.size() == oldest->second.judged.size();
     if (!only_judged) return;
+    FlushDone(oldest->first, oldest->second);
     peers.erase(oldest);
   }
 }
@@ -377,11 +382,14 @@ bool ObjectReceiver::Impl::WaitReady(std::chrono::nanoseconds timeout) {
   while (ready.empty()) {
     if (Drain() > 0) continue;
     FlushProgress();
-    FlushAllDone();
     Clean();
-    const auto left = end - Clock::now();
-    if (left.count() <= 0 || StopRequested()) return false;
-    waiter.Wait(std::min<std::chrono::nanoseconds>(left, std::chrono::seconds(5)));
+    const auto before = Clock::now();
+    if (before >= std::min(end, batch_leaves_at) || StopRequested()) FlushAllDone();
+    if (before >= end || StopRequested()) return false;
+    // in the middle of a stream one wake for a whole batch; else at once
+    manifests->WakeAfter(batched > 0 ? options.ack_batch - std::min(batched, options.ack_batch - 1) : 1);
+    const auto until = batched > 0 ? std::min(end, batch_leaves_at) : end;
+    waiter.Wait(std::min<std::chrono::nanoseconds>(until - before, std::chrono::seconds(5)));
   }
   return true;
 }
@@ -438,6 +446,7 @@ Status ObjectReceiver::Acknowledge(const ObjectManifest& manifest, const Verdict
     if (entry != peer->second.objects.end()) {
       impl_->Remember(peer->second, entry->second, verdict);
       if (verdict.kind == AckKind::kDone && impl_->options.ack_batch > 1) {
+        if (impl_->batched++ == 0) impl_->batch_leaves_at = Clock::now() + kBatchDelay;
         peer->second.done.push_back(manifest.id);
         if (peer->second.done.size() >= impl_->options.ack_batch) {
           impl_->FlushDone(peer->first, peer->second);

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // A 40 MB checkpoint from the call of Publish until a subscriber in another process has verified it
 // (SHA-256 over all of it), against the same bytes as one DDS sample, from the write until another
-// process has taken it (nothing verified), with the same QoS for late joiners. Two lines:
+// process has taken it (nothing verified), with the same QoS for late joiners. Three lines:
 //   checkpoint               the one sample with Cyclone DDS as it comes, without a profile
 //   checkpoint_same_profile  the one sample with our profile, whose large packets help it as well
-// All sides run in turn, A/B/C/A/B/C, in processes of their own.
+//   checkpoint_ddsperf       one-sample checkpoints back to back, as ddsperf sends them, without a profile
+// All sides run in turn, A/B/C/D/A/B/C/D, in processes of their own.
 #include <dds/dds.h>
 
 #include <algorithm>
@@ -32,6 +33,7 @@ constexpr std::size_t kSize = 40'000'000;
 constexpr std::uint32_t kDomain = 70;
 
 constexpr char kNoProfile[] = "<CycloneDDS/>";
+constexpr char kProfile[] = "deploy/dds/local.xml";
 
 // `plain`: Cyclone DDS with its own defaults; else the profile of the environment.
 bus::Participant OpenOrDie(bool plain = false) {
@@ -152,10 +154,20 @@ std::vector<double> Run(const char* role, int count) {
   return times;
 }
 
+// Milliseconds a sample.
+double RunDdsperf() {
+  ::setenv("CYCLONEDDS_URI", kNoProfile, 1);
+  const auto rates = DdsperfRates(kDomain, kSize, 5);
+  UseProfile(kProfile);
+  double total = 0;
+  for (const double rate : rates) total += rate;
+  return total > 0 ? 1e3 * static_cast<double>(rates.size()) / total : 0;
+}
+
 int RunBench(int repeats, int count) {
-  UseProfile("deploy/dds/local.xml");
+  UseProfile(kProfile);
   const double calibration_before = TwoProcessSpin();
-  std::vector<double> ours, plain, profiled;
+  std::vector<double> ours, plain, profiled, ddsperf;
   const auto take = [count](const char* role, std::vector<double>& all) {
     const auto times = Run(role, count);
     std::fprintf(stderr, "  %s %s ms\n", role, Summary(times).c_str());
@@ -168,6 +180,8 @@ int RunBench(int repeats, int count) {
       std::fprintf(stderr, "a side failed\n");
       return 1;
     }
+    ddsperf.push_back(RunDdsperf());
+    std::fprintf(stderr, "  ddsperf %.1f ms\n", ddsperf.back());
   }
   const auto bytes = MakeCheckpoint();
   const Stopwatch watch;
@@ -184,6 +198,7 @@ int RunBench(int repeats, int count) {
   };
   print("checkpoint", Median(plain));
   print("checkpoint_same_profile", Median(profiled));
+  print("checkpoint_ddsperf", Median(ddsperf));
   return 0;
 }
 

@@ -114,6 +114,23 @@ inline std::string Summary(const std::vector<double>& values) {
   return text;
 }
 
+/// Samples of `size` bytes (its header is part of them) that `ddsperf` moves from one process to another,
+/// reliable and keep-all, in each one-second window after the first.
+inline std::vector<double> DdsperfRates(std::uint32_t domain, std::size_t size, double seconds) {
+  const std::string duration = std::to_string(static_cast<int>(seconds + 1.99));
+  std::string text;
+  {
+    Child publisher({"ddsperf", "-i", std::to_string(domain), "-D", "60", "pub", "size", std::to_string(size)});
+    Child subscriber({"ddsperf", "-i", std::to_string(domain), "-D", duration, "sub"});
+    text = subscriber.ReadAll();
+  }
+  std::vector<double> rates;
+  for (std::size_t at = 0; (at = text.find(" delta ", at)) != std::string::npos; at += 7)
+    rates.push_back(std::strtod(text.c_str() + at + 7, nullptr));
+  if (rates.size() > 1) rates.erase(rates.begin());
+  return rates;
+}
+
 namespace internal {
 
 inline double SpinRate(double seconds) {

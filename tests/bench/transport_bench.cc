@@ -35,7 +35,7 @@ constexpr double kWarmUpS = 0.5;
 bus::SendOptions FrameOptions(bool sha256) {
   bus::SendOptions options;
   options.chunk_size = 256 * 1024;  // a frame is one chunk
-  options.window = 16;
+  options.window = 40;
   options.integrity = sha256 ? bus::Integrity::kSha256 : bus::Integrity::kCrc32c;
   return options;
 }
@@ -71,7 +71,7 @@ int RunSender(bool sha256) {
 int RunReceiver(double seconds) {
   const auto participant = OpenOrDie();
   bus::ReceiveOptions options;
-  options.ack_batch = 8;
+  options.ack_batch = 20;
   auto receiver = bus::ObjectReceiver::Open(participant, "bench", "frames", options);
   if (!receiver) return 1;
   auto frame = receiver->ReceiveView(30s);
@@ -116,32 +116,14 @@ void RunOurs(double seconds, bool sha256, Sides& sides) {
   sides.cpu_us.push_back(1e6 * (ChildrenCpuSeconds() - cpu_before) / static_cast<double>(total + 1));
 }
 
-// ddsperf's one-second windows without the first.
 void RunDdsperf(double seconds, Sides& sides) {
-  const std::string duration = std::to_string(static_cast<int>(seconds + 1.99));
-  const std::string domain = std::to_string(kDomain);
-  const std::string size = std::to_string(kFrameSize + 12);  // its header is part of it
   const double cpu_before = ChildrenCpuSeconds();
-  std::string text;
-  {
-    Child publisher({"ddsperf", "-i", domain, "-D", "60", "pub", "size", size});
-    Child subscriber({"ddsperf", "-i", domain, "-D", duration, "sub"});
-    text = subscriber.ReadAll();
-  }
-  std::vector<double> rates;
-  std::uint64_t total = 0;
-  for (std::size_t at = 0; (at = text.find(" total ", at)) != std::string::npos; at += 7) {
-    std::sscanf(text.c_str() + at, " total %" SCNu64, &total);
-    char unit[8] = {};
-    double rate = 0;
-    const std::size_t rate_at = text.find(" rate ", at);
-    if (rate_at == std::string::npos) break;
-    if (std::sscanf(text.c_str() + rate_at, " rate %lf %7s", &rate, unit) != 2) continue;
-    rates.push_back(rate * (unit[0] == 'k' ? 1e3 : 1.0));
-  }
-  if (rates.size() > 1) rates.erase(rates.begin());
+  const auto rates = DdsperfRates(kDomain, kFrameSize + 12, seconds);
+  double total = 1;
+  for (const double rate : rates) total += rate;
+  total *= static_cast<double>(rates.size() + 1) / static_cast<double>(std::max<std::size_t>(rates.size(), 1));
   sides.rates.push_back(Median(rates));
-  sides.cpu_us.push_back(1e6 * (ChildrenCpuSeconds() - cpu_before) / static_cast<double>(total + 1));
+  sides.cpu_us.push_back(1e6 * (ChildrenCpuSeconds() - cpu_before) / total);
 }
 
 template <class F>

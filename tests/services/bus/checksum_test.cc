@@ -27,8 +27,8 @@ TEST(Crc, HasThePublishedValues) {
 
 TEST(Crc, PortableAndFastAgree) {
   const auto bytes = Ramp(150528);
-  for (std::size_t size = 0; size < 1300; ++size) {
-    const auto part = std::span(bytes).subspan(size % 7, size);
+  for (std::size_t size = 0; size < 2300; ++size) {
+    const auto part = std::span(bytes).subspan(size % 67, size);
     EXPECT_EQ(Crc32c(part), internal::Crc32cPortable(part)) << size;
   }
   EXPECT_EQ(Crc32c(bytes), internal::Crc32cPortable(bytes));
