@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "services/bus/arguments.h"
+#include "services/campaign/spec_file.h"
 #include "services/campaign/worker_client.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
@@ -13,6 +14,7 @@
 #include "services/episode/codec.h"
 #include "worker/policy_client.h"
 #include "worker/task/attempt.h"
+#include "worker/view/scene_picture.h"
 
 namespace etude {
 namespace {
@@ -21,6 +23,9 @@ struct Arguments {
   campaign::WorkerOptions worker;
   bus::Arguments bus;
   sim::RendererConfig renderer;
+  campaign::SpecArguments scene_spec;
+  ScenePictureOptions scene;
+  std::string picture = "scene.png";
 };
 
 campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete) {
@@ -97,6 +102,27 @@ Status Doctor(const Arguments& arguments) {
   return {};
 }
 
+Status RenderScene(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(arguments.scene_spec));
+  return WriteScenePictures(spec, arguments.picture, arguments.scene, arguments.renderer);
+}
+
+CLI::App* AddRender(CLI::App& app, Arguments& arguments) {
+  auto* scene = app.add_subcommand("scene", "look at a campaign's scenes")->require_subcommand(1);
+  auto* render = scene->add_subcommand("render", "the first picture of an episode, as the camera sees it");
+  render->add_option("spec", arguments.scene_spec.file, "campaign file")->required();
+  render->add_option("--index", arguments.scene.index, "episode")->capture_default_str();
+  render->add_option("--attempt", arguments.scene.attempt, "attempt at it")->capture_default_str();
+  render->add_option("--seed", arguments.scene_spec.seed, "instead of the file's");
+  render->add_option("--set", arguments.scene_spec.overrides, "KEY=VALUE over the file's, e.g. camera.width=640")
+      ->allow_extra_args(false)
+      ->type_name("KEY=VALUE");
+  render->add_option("--out", arguments.picture, "PNG file")->capture_default_str();
+  render->add_flag("--segmentation", arguments.scene.segmentation, "also one with a colour for each body");
+  render->add_flag("--depth", arguments.scene.depth, "also one of depth: 16 bits, mm");
+  return render;
+}
+
 }  // namespace
 }  // namespace etude
 
@@ -112,12 +138,16 @@ int main(int argc, char** argv) {
   app.add_option("--gl", arguments.renderer.backend, "auto | egl | osmesa")
       ->check(CLI::IsMember({"auto", "egl", "osmesa"}));
   auto* doctor = app.add_subcommand("doctor", "render one picture and say with what");
+  auto* render = etude::AddRender(app, arguments);
   app.require_subcommand(0, 1);
   try {
     app.parse(argc, argv);
-    if (!*doctor && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
+    if (!*doctor && !*render && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
   }
-  return etude::RunMain("etude-worker", [&] { return *doctor ? etude::Doctor(arguments) : etude::Work(arguments); });
+  return etude::RunMain("etude-worker", [&] {
+    if (*doctor) return etude::Doctor(arguments);
+    return *render ? etude::RenderScene(arguments) : etude::Work(arguments);
+  });
 }

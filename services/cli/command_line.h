@@ -33,12 +33,13 @@ void AddDataset(CLI::App& app, Body& body);
 void AddCheckpoint(CLI::App& app, Body& body);
 void AddDoctor(CLI::App& app, Body& body);
 
-/// Commands that are programs of their own: worker, collector, train, policy. Name -> program, and what
-/// `etude --help` says of it.
+/// Commands that are programs of their own, or a subcommand of one: name -> program, the arguments that
+/// come first, and what `etude --help` says of it.
 struct OwnProgram {
   const char* command;
   const char* program;
   const char* description;
+  std::vector<std::string> prefix = {};
 };
 const std::vector<OwnProgram>& OwnPrograms();
 /// Replaces this process by `program` with `arguments`; only returns on error.

@@ -12,6 +12,7 @@
 #include "services/cli/service.h"
 #include "services/core/hash.h"
 #include "services/core/stop.h"
+#include "services/store/safetensors.h"
 
 namespace etude::cli {
 namespace {
@@ -33,6 +34,9 @@ Result<ServiceOptions> PolicyService(Arguments& arguments) {
   if (!arguments.checkpoint.empty()) {
     const auto bytes = ReadBinaryFile(arguments.checkpoint);
     if (!bytes) return Fail(Code::kInvalidArgument, "--checkpoint: " + bytes.error().message);
+    // read here once: a policy server that cannot would be started again and again
+    if (const auto content = store::DecodeSafetensors(*bytes); !content)
+      return Fail(content.error().Wrap("read the checkpoint '" + arguments.checkpoint + "'"));
     arguments.evaluation.run = "eval-" + Sha256Hex(*bytes).substr(0, 12);
     service.arguments = {"--checkpoint", arguments.checkpoint, "--run", arguments.evaluation.run};
   } else {

@@ -37,8 +37,11 @@ int Usage(const CLI::App& app, const CLI::ParseError& error, int argc, char** ar
 
 int Main(int argc, char** argv) {
   if (const OwnProgram* own = FindOwnProgram(argc, argv))
-    return RunMain("etude " + std::string(own->command),
-                   [&] { return ExecSibling(own->program, std::vector<std::string>(argv + 2, argv + argc)); });
+    return RunMain("etude " + std::string(own->command), [&] {
+      std::vector<std::string> arguments = own->prefix;
+      arguments.insert(arguments.end(), argv + 2, argv + argc);
+      return ExecSibling(own->program, arguments);
+    });
 
   CLI::App app(
       "Language-conditioned robot policies: many workers plan demonstrations in simulation, a trainer learns\n"

@@ -15,7 +15,8 @@ const std::vector<OwnProgram>& OwnPrograms() {
       {"collector", "etude-collector", "own a campaign; workers on any host join it"},
       {"worker", "etude-worker", "join a campaign, from any host"},
       {"train", "etude-trainer", "train a policy on a dataset, also while it grows"},
-      {"policy", "etude-policy", "answer observations with actions, swapping to each new checkpoint"}};
+      {"policy", "etude-policy", "answer observations with actions, swapping to each new checkpoint"},
+      {"scene", "etude-worker", "look at a campaign's scenes", {"scene"}}};
   return programs;
 }
 

@@ -98,6 +98,7 @@ int EditDistance(const std::string& a, const std::string& b) {
 
 void EmitYaml(const OrderedJson& json, YAML::Emitter& out) {
   if (json.is_object()) {
+    if (json.empty()) out << YAML::Flow;  // {}: the block style of no keys is nothing at all
     out << YAML::BeginMap;
     for (const auto& [key, value] : json.items()) {
       out << YAML::Key << key << YAML::Value;

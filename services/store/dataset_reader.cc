@@ -30,10 +30,14 @@ Result<Loaded> Load(const Path& path, std::uint64_t index) {
 }  // namespace
 
 Result<DatasetReader> DatasetReader::Open(const Path& dataset) {
-  ETUDE_ASSIGN_OR_RETURN(auto description, internal::ReadDatasetFile(dataset));
+  auto description = internal::ReadDatasetFile(dataset);
+  if (!description && description.error().code == Code::kNotFound)
+    return Fail(Code::kNotFound, fmt::format("no dataset in '{}' (it has no dataset.json); `etude collect` makes one",
+                                             dataset.string()));
+  if (!description) return Fail(std::move(description).error());
   DatasetReader reader;
   reader.path_ = dataset;
-  reader.spec_ = std::move(description.spec);
+  reader.spec_ = std::move(description->spec);
   return reader;
 }
 

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "services/core/check.h"
 #include "worker/sim/gl_context.h"
@@ -42,15 +41,12 @@ class RenderContext {
   mjrContext con_;
 };
 
-/// GL's first row is the bottom one. `row` is scratch.
-void FlipRows(std::uint8_t* pixels, std::size_t row_bytes, int height, std::vector<std::uint8_t>& row) {
-  row.resize(row_bytes);
+/// GL's first row is the bottom one.
+template <class T>
+void FlipRows(T* pixels, std::size_t row_size, int height) {
   for (int y = 0; y < height / 2; ++y) {
-    std::uint8_t* upper = pixels + static_cast<std::size_t>(y) * row_bytes;
-    std::uint8_t* lower = pixels + static_cast<std::size_t>(height - 1 - y) * row_bytes;
-    std::memcpy(row.data(), upper, row_bytes);
-    std::memcpy(upper, lower, row_bytes);
-    std::memcpy(lower, row.data(), row_bytes);
+    T* const upper = pixels + static_cast<std::size_t>(y) * row_size;
+    std::swap_ranges(upper, upper + row_size, pixels + static_cast<std::size_t>(height - 1 - y) * row_size);
   }
 }
 
@@ -82,7 +78,7 @@ struct Renderer::Impl {
   mjvCamera camera{};
   std::string gl_renderer;
   Eigen::Vector3d light_gain = Eigen::Vector3d::Ones();
-  std::vector<std::uint8_t> segments, row;
+  std::vector<std::uint8_t> segments;
 
   ~Impl() {
     mjv_freeScene(&drawing);
@@ -133,7 +129,7 @@ void Renderer::Impl::Draw(RenderContext& context, int width, int height, std::ui
   context.Use();
   mjr_render(area, &drawing, context.get());
   mjr_readPixels(rgb, nullptr, area, context.get());
-  FlipRows(rgb, static_cast<std::size_t>(width) * 3, height, row);
+  FlipRows(rgb, static_cast<std::size_t>(width) * 3, height);
 }
 
 Renderer::Renderer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -199,6 +195,21 @@ void Renderer::RenderSegmentation(const World& world, std::span<std::int32_t> bo
     const std::size_t id = rgb[0] | rgb[1] << 8 | rgb[2] << 16;
     body_ids[i] = id < body_of.size() ? body_of[id] : -1;
   }
+}
+
+void Renderer::RenderDepth(const World& world, std::span<float> depth) {
+  const Camera& view = impl_->scene->camera();
+  ETUDE_CHECK(depth.size() == static_cast<std::size_t>(view.width) * view.height, "{} values", depth.size());
+  impl_->Update(world);
+  const mjrRect area{0, 0, view.width, view.height};
+  impl_->frame->Use();
+  mjr_render(area, &impl_->drawing, impl_->frame->get());
+  mjr_readPixels(nullptr, depth.data(), area, impl_->frame->get());
+  FlipRows(depth.data(), static_cast<std::size_t>(view.width), view.height);
+  // GL's depth is hyperbolic between the two planes, which MuJoCo gives in units of the model's extent
+  const mjModel& model = *impl_->scene->model().mj;
+  const double near = model.vis.map.znear * model.stat.extent, far = model.vis.map.zfar * model.stat.extent;
+  for (float& z : depth) z = static_cast<float>(near / (1 - static_cast<double>(z) * (1 - near / far)));
 }
 
 const std::string& Renderer::backend() const { return impl_->gl->backend(); }

@@ -38,6 +38,9 @@ class Renderer {
   void RenderView(const World& world, const Camera& view, std::span<std::uint8_t> rgb);
   /// Segmentation of the scene's camera: body id per pixel, -1 background; top row first.
   void RenderSegmentation(const World& world, std::span<std::int32_t> body_ids);
+  /// Depth of the scene's camera: m along its viewing direction, one value a pixel, top row first; where
+  /// nothing is drawn, the far plane.
+  void RenderDepth(const World& world, std::span<float> depth);
 
   const std::string& backend() const;      ///< "egl" | "osmesa"
   const std::string& gl_renderer() const;  ///< what the driver calls itself

@@ -225,4 +225,14 @@ Result<AttemptResult> AttemptRunner::Rollout(std::uint64_t index, const PolicyFu
   return result;
 }
 
+Result<StartScene> AttemptRunner::Show(std::uint64_t index, std::uint32_t attempt) {
+  Impl& impl = *impl_;
+  const std::uint64_t seed = EpisodeSeed(impl.spec, index, attempt);
+  if (const auto invalid = impl.Prepare(seed))
+    return Fail(Code::kNotFound, fmt::format("episode {}, attempt {}, has no scene: {}", index, attempt, *invalid));
+  const SessionConfig config = impl.ConfigOf(index);
+  return StartScene{config.task, config.target, DrawInstruction(impl.grammar, config, seed), &impl.world,
+                    &impl.renderer};
+}
+
 }  // namespace etude::task

@@ -51,6 +51,13 @@ struct AttemptResult {
   double plan_s = 0, step_s = 0, render_s = 0, deflate_s = 0;  ///< where the time went
 };
 
+/// The scene of an attempt before anything moves, and what is asked for.
+struct StartScene {
+  std::string task, target, instruction;
+  const sim::World* world = nullptr;  ///< valid until the runner's next call
+  sim::Renderer* renderer = nullptr;
+};
+
 /// Runs attempts of one campaign. Owns world, renderer, planner; one per thread.
 class AttemptRunner {
  public:
@@ -63,6 +70,8 @@ class AttemptRunner {
   AttemptResult Demonstrate(std::uint64_t index, std::uint32_t attempt);
   /// Mode rollout: `policy` drives. @error only what `policy` returns.
   Result<AttemptResult> Rollout(std::uint64_t index, const PolicyFunction& policy);
+  /// Neither: only sets the scene. @error kNotFound when (index, attempt) has none, and why.
+  Result<StartScene> Show(std::uint64_t index, std::uint32_t attempt);
 
  private:
   struct Impl;

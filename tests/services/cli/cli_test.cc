@@ -16,6 +16,7 @@ namespace etude {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 using namespace std::chrono_literals;
 
 struct Outcome {
@@ -139,6 +140,20 @@ TEST_F(Cli, ShippedFilesAreValid) {
     EXPECT_NE(outcome.exit_code, kExitUsage) << outcome.text;
     EXPECT_NE(outcome.exit_code, kExitOk);
   }
+}
+
+TEST_F(Cli, EvalRefusesWhatIsNoCheckpointBeforeAnythingStarts) {
+  const Outcome outcome = Etude({"eval", "--checkpoint", WriteFile("a.safetensors", "short"), "--out", In("eval")});
+  EXPECT_EQ(outcome.exit_code, kExitFailure);
+  EXPECT_THAT(outcome.text, HasSubstr("a.safetensors"));
+  EXPECT_THAT(outcome.text, HasSubstr("safetensors: "));
+  EXPECT_THAT(outcome.text, Not(HasSubstr("started again")));
+}
+
+TEST_F(Cli, AFolderWithoutADatasetSaysHowToMakeOne) {
+  const Outcome outcome = Etude({"dataset", "info", In("none")});
+  EXPECT_EQ(outcome.exit_code, kExitFailure);
+  EXPECT_THAT(outcome.text, HasSubstr("`etude collect` makes one"));
 }
 
 TEST_F(Cli, CheckpointShowListsTensorsAndMetadata) {

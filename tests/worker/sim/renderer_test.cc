@@ -107,6 +107,30 @@ TEST(Renderer, TopRowIsFar) {
   EXPECT_LT(base.y(), can.y()) << "the robot stands behind the objects";
 }
 
+TEST(Renderer, DepthIsTheDistanceAlongTheViewingDirection) {
+  World world(FullScene());
+  for (const ObjectInfo& object : FullScene()->objects())
+    world.SetObject(object.name, {{0, -3, 1}, Eigen::Quaterniond::Identity()});
+  world.SetObject("milk", {{0.3, 0.4, 0.3}, Eigen::Quaterniond::Identity()});
+  world.Forward();
+  Renderer renderer = OpenOrDie();
+  const Camera& camera = FullScene()->camera();
+  std::vector<float> depth(static_cast<std::size_t>(camera.width) * camera.height);
+  renderer.RenderDepth(world, depth);
+  const auto at = [&](const Eigen::Vector3d& p) {
+    const Eigen::Vector2d pixel = camera.Project(p);
+    return depth[static_cast<std::size_t>(pixel.y()) * camera.width + static_cast<std::size_t>(pixel.x())];
+  };
+  const auto along = [&](const Eigen::Vector3d& p) { return -(camera.X_WC.inverse() * p).z(); };
+  for (const Eigen::Vector3d& p : {Eigen::Vector3d(-0.4, 0.3, 0), {0.1, 0.5, 0}, {-0.2, -0.2, 0}})
+    EXPECT_NEAR(at(p), along(p), 0.015) << p.transpose();  // a pixel covers 8 to 15 mm of the table
+  EXPECT_NEAR(at({0.3, 0.4, 0.3}), along({0.3, 0.4, 0.3}), 0.04) << "its near side is half of its depth closer";
+  EXPECT_GT(depth[0], 10) << "nothing there: the far plane";
+  const Picture before = Take(renderer, world);
+  renderer.RenderDepth(world, depth);
+  EXPECT_EQ(Take(renderer, world), before);
+}
+
 TEST(Renderer, ViewOfTheSceneCameraIsThePicture) {
   World world(FullScene());
   Renderer renderer = OpenOrDie();

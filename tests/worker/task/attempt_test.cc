@@ -150,5 +150,20 @@ TEST(Attempt, RefusesABadSpec) {
   EXPECT_EQ(runner.error().code, Code::kInvalidArgument);
 }
 
+TEST(Show, SetsTheSceneThatTheDemonstrationStartsFrom) {
+  const CampaignSpec spec = QuickSpec("pick");
+  AttemptRunner runner = OpenOrDie(spec);
+  const auto scene = runner.Show(3, 0);
+  ASSERT_TRUE(scene) << scene.error().message;
+  std::vector<std::uint8_t> shown(64 * 64 * 3);
+  scene->renderer->Render(*scene->world, shown);
+  const std::vector<float> state = scene->world->StateVector();
+
+  const auto result = runner.Demonstrate(3, 0);
+  ASSERT_EQ(result.outcome, AttemptOutcome::kSuccess) << result.reason;
+  EXPECT_EQ(scene->instruction, result.episode.instruction);
+  EXPECT_TRUE(std::equal(state.begin(), state.end(), result.episode.states.row(0).begin()));
+}
+
 }  // namespace
 }  // namespace etude::task
