@@ -16,7 +16,7 @@ namespace etude {
 namespace {
 
 const std::vector<std::string> kModes{"demonstrate", "rollout"};
-const std::vector<std::string> kRobots{"ur5"};
+const std::vector<std::string> kRobots{"ur5", "panda", "jaco2"};
 const std::vector<std::string> kTasks{"pick", "push", "put_down"};
 const std::vector<std::string> kObjects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};
 
