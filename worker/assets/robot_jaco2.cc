@@ -41,8 +41,8 @@ constexpr std::array<double, 6> kHigh{kTurn, 313 * kPi / 180, 341 * kPi / 180, k
 const double kHingeZ = -(kStub + 0.1147);
 constexpr double kThumbY = 0.0313, kFingerY = 0.0271, kFingerX = 0.0223;
 constexpr double kProximal = 0.044;
-constexpr double kOpenAngle = 0.75;  ///< rad that open fingers lean outwards
-constexpr double kPadIn = 0.021;     ///< pads' faces from the middle when the fingers stand straight
+constexpr double kOpenAngle = 0.85;  ///< rad that open fingers lean outwards
+constexpr double kPadIn = 0.0175;    ///< pads' faces from the middle when the fingers stand straight
 constexpr double kPadThick = 0.004, kPadHalfLength = 0.0135, kPadAhead = 0.0213;
 const double kClosed = kOpenAngle + std::asin(kPadIn / kProximal);  ///< rad
 const double kToolZ = -(kD6b + 0.020);                              ///< E is 20 mm beyond the published end effector
@@ -138,8 +138,8 @@ std::string Finger(const FingerShape& finger, Links& links) {
   std::string text = Open(finger.name + "_base", finger.root * Pose{Vector3d::Zero(), Turn(kX, -lean)});
   text += hinge(finger.name + "_joint", 0, kClosed, kFingerDamping);
   text += CylinderInertial(0.03, 0.008, kProximal, kProximal / 2 * kZ, kZ);
-  text += links.Limb(0.0085, 0.0 * kZ, kProximal * kZ, kShell);
-  text += links.Look(0.0095, -0.009 * kX, 0.009 * kX, kSilver);
+  text += links.Limb(0.0075, 0.0 * kZ, kProximal * kZ, kShell);
+  text += links.Look(0.0090, -0.009 * kX, 0.009 * kX, kSilver);
   text += Open(finger.name, {kProximal * kZ, Turn(kX, lean)});
   text += hinge(finger.name + "_tip_joint", -kClosed, 0, 0.02);
   return text + Tip(finger, links) + "</body>\n</body>\n";
