@@ -156,6 +156,7 @@ ArmInfo MakeArm(const Scene::Model& model) {
   arm.finger_bodies = model.robot.finger_bodies;
   arm.gripper_closed = model.robot.gripper_closed;
   arm.tool_site = model.robot.tool_site;
+  arm.joint_speed = Eigen::VectorXd::Constant(n, 3.1);
   return arm;
 }
 
@@ -220,7 +221,7 @@ void Scene::Model::ToolJacobian(const mjData* data, std::vector<double>& scratch
 Scene::Scene() : model_(std::make_unique<Model>()) {}
 Scene::~Scene() = default;
 
-Result<std::shared_ptr<const Scene>> Scene::Build(const CampaignSpec& spec) {
+Result<std::shared_ptr<const Scene>> Scene::Build(const SceneSpec& spec) {
   InstallHandlers();
   ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description, assets::DescribeScene(spec));
   std::shared_ptr<Scene> scene(new Scene);

@@ -36,6 +36,8 @@ struct ArmInfo {
   std::vector<std::string> finger_bodies;  ///< the two that close on an object
   double gripper_closed = 0;               ///< driven gripper joint when closed on air (0 is open)
   std::string tool_site;                   ///< frame E
+  double approach_pitch = 0;               ///< rad below the horizontal from which the hand comes at objects
+  Eigen::VectorXd joint_speed;             ///< (nq), rad/s
 };
 
 struct ObjectInfo {
@@ -49,7 +51,7 @@ class Scene {
  public:
   /// @error kInvalidArgument: unknown robot or object; kInternal: MuJoCo refuses the MJCF (its
   /// message).
-  static Result<std::shared_ptr<const Scene>> Build(const CampaignSpec& spec);
+  static Result<std::shared_ptr<const Scene>> Build(const SceneSpec& spec);
   ~Scene();
 
   const ArmInfo& arm() const { return arm_; }
