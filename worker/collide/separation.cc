@@ -181,12 +181,12 @@ Separation Overlap(const Pair& pair, const internal::FclContact& contact) {
 
 Separation Separate(const Shape& a, const Isometry3d& X_WA, const Shape& b, const Isometry3d& X_WB) {
   const Pair pair{a, X_WA, b, X_WB};
+  // its points can be right where its number is not, and the other way round
+  const auto answer = internal::AskDistance(a, X_WA, b, X_WB);
+  if (answer && Certified(pair, answer->p_WA, answer->p_WB)) return Apart(answer->p_WA, answer->p_WB);
   if (const auto contact = internal::AskContact(a, X_WA, b, X_WB)) {
     const Separation overlap = Overlap(pair, *contact);
     if (overlap.distance < 0) return overlap;
-  } else if (const auto answer = internal::AskDistance(a, X_WA, b, X_WB)) {
-    // its points can be right where its number is not, and the other way round
-    if (Certified(pair, answer->p_WA, answer->p_WB)) return Apart(answer->p_WA, answer->p_WB);
   }
   if (const auto nearest = FindNearest(pair)) return Apart(nearest->p_WA, nearest->p_WB);
   return Overlap(pair, {(X_WA.translation() + X_WB.translation()) / 2, Vector3d::Zero()});
