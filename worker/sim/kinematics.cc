@@ -15,9 +15,12 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kIterations = 100, kLeapIterations = 4;
-constexpr double kDamping = 1e-3;                            ///< m (and rad): steps shrink only very near a singularity
-constexpr double kLargestStep = 0.35;                        ///< rad per joint and iteration
-constexpr double kDonePosition = 1e-6, kDoneAngle = 1e-6;    ///< stop refining
+constexpr double kDamping = 1e-3;                          ///< m (and rad): steps shrink only very near a singularity
+constexpr double kLargestStep = 0.35;                      ///< rad per joint and iteration
+constexpr double kDonePosition = 1e-6, kDoneAngle = 1e-6;  ///< stop refining
+/// A redundant arm slides by this part of what draws it home in each iteration, until less than kDoneSlide
+/// (rad) is left: its answer is then a function of the tool's pose and the branch.
+constexpr double kSlide = 0.5, kDoneSlide = 1e-4;
 constexpr double kGoodPosition = 0.5e-3, kGoodAngle = 2e-3;  ///< accept
 /// Far targets are approached by poses no further apart than this, so that the arm stays in its
 /// branch (elbow and wrist as in the seed): what follows only the tool's pose cannot change branch
@@ -124,7 +127,8 @@ bool Kinematics::Refine(const Pose& target, int iterations, Eigen::VectorXd& q) 
   for (int iteration = 0; iteration <= iterations; ++iteration) {
     q = q.cwiseMax(arm.q_min).cwiseMin(arm.q_max);
     const Vector6d error = ErrorOf(X_WE(q), target);
-    if (Within(error, kDonePosition, kDoneAngle)) return true;
+    const bool there = Within(error, kDonePosition, kDoneAngle);
+    if (there && q.size() <= 6) return true;
     if (iteration == iterations) return Within(error, kGoodPosition, kGoodAngle);
     mj_comPos(scene_->model().mj.get(), state_->data.get());
     scene_->model().ToolJacobian(state_->data.get(), state_->scratch, state_->J);
@@ -132,7 +136,13 @@ bool Kinematics::Refine(const Pose& target, int iterations, Eigen::VectorXd& q) 
     // more damping while far away: linearisation is poor there
     const double damping = kDamping + 0.05 * std::min(1.0, error.squaredNorm());
     const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
-    const Eigen::VectorXd step = J.transpose() * normal.ldlt().solve(error);
+    Eigen::VectorXd step = J.transpose() * normal.ldlt().solve(error);
+    if (q.size() > 6) {
+      const Eigen::VectorXd home = arm.q_home - q;
+      const Eigen::VectorXd slide = kSlide * (home - J.transpose() * normal.ldlt().solve(J * home));
+      if (there && slide.cwiseAbs().maxCoeff() < kDoneSlide) return true;
+      step += slide;
+    }
     q += step * std::min(1.0, kLargestStep / std::max(step.cwiseAbs().maxCoeff(), 1e-12));
   }
   return false;
