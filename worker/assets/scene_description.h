@@ -26,8 +26,7 @@ struct SceneDescription {
 /// Physics step, s.
 inline constexpr double kTimestep = 0.002;
 
-/// A pure function of spec.robot, spec.objects and spec.camera.
 /// @error kInvalidArgument: unknown robot or object, an object named twice, a bad camera vector
-Result<SceneDescription> DescribeScene(const CampaignSpec& spec);
+Result<SceneDescription> DescribeScene(const SceneSpec& spec);
 
 }  // namespace etude::assets

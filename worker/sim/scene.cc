@@ -227,7 +227,7 @@ void Scene::Model::ToolJacobian(const mjData* data, std::vector<double>& scratch
 Scene::Scene() : model_(std::make_unique<Model>()) {}
 Scene::~Scene() = default;
 
-Result<std::shared_ptr<const Scene>> Scene::Build(const CampaignSpec& spec) {
+Result<std::shared_ptr<const Scene>> Scene::Build(const SceneSpec& spec) {
   InstallHandlers();
   ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description, assets::DescribeScene(spec));
   std::shared_ptr<Scene> scene(new Scene);

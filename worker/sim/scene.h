@@ -55,7 +55,7 @@ class Scene {
  public:
   /// @error kInvalidArgument: unknown robot or object; kInternal: MuJoCo refuses the MJCF (its
   /// message).
-  static Result<std::shared_ptr<const Scene>> Build(const CampaignSpec& spec);
+  static Result<std::shared_ptr<const Scene>> Build(const SceneSpec& spec);
   ~Scene();
 
   const ArmInfo& arm() const { return arm_; }
