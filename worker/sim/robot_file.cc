@@ -304,4 +304,22 @@ Result<LoadedRobot> LoadRobot(const Path& yaml) {
   return Builder(file, xml, original.mj.get(), alone.get()).Build(yaml.string());
 }
 
+MassReport WeighRobot(const Scene& scene) {
+  constexpr double kHeaviest = 100, kWidest = 0.7, kNarrowest = 5e-4;  // kg; m, radius of gyration
+  const mjModel* mj = scene.model().mj.get();
+  MassReport report;
+  for (std::size_t i = 1; i < scene.arm().bodies.size(); ++i) {
+    const std::string& name = scene.arm().bodies[i];
+    const int body = scene.model().BodyId(name);
+    const double mass = mj->body_mass[body];
+    report.total += mass;
+    const auto inertia = Vector3d::Map(mj->body_inertia + 3 * body);
+    const double widest = std::sqrt(inertia.maxCoeff() / mass), narrowest = std::sqrt(inertia.minCoeff() / mass);
+    if (mass > kHeaviest) report.implausible.push_back(fmt::format("{} has {:g} kg", name, mass));
+    if (widest > kWidest || narrowest < kNarrowest)
+      report.implausible.push_back(fmt::format("{} has radii of gyration {:g} .. {:g} m", name, narrowest, widest));
+  }
+  return report;
+}
+
 }  // namespace etude::sim

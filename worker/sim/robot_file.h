@@ -8,6 +8,7 @@
 
 #include "services/core/config.h"
 #include "worker/assets/robot.h"
+#include "worker/sim/scene.h"
 
 namespace etude::sim {
 
@@ -92,5 +93,11 @@ bool IsRobotFile(const std::string& robot);
 /// @error kNotFound: a file; kInvalidArgument: all that is wrong with YAML or MJCF, MuJoCo's message
 /// Thread-safe.
 Result<LoadedRobot> LoadRobot(const Path& yaml);
+
+struct MassReport {
+  double total = 0;                      ///< kg, of what moves
+  std::vector<std::string> implausible;  ///< a line for each body whose mass or inertia no such thing has
+};
+MassReport WeighRobot(const Scene& scene);
 
 }  // namespace etude::sim

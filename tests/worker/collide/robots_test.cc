@@ -7,6 +7,7 @@
 #include <map>
 #include <numbers>
 
+#include "services/core/file.h"
 #include "services/core/rng.h"
 #include "worker/collide/checker.h"
 #include "worker/collide/pieces.h"
@@ -126,8 +127,8 @@ TEST_P(Robot, DistancesAgreeWithMuJoCo) {
   EXPECT_GT(kinds.size(), bodies.size() / 2);
 }
 
-INSTANTIATE_TEST_SUITE_P(Every, Robot, testing::Values("ur5", "panda", "jaco2"),
-                         [](const auto& info) { return info.param; });
+INSTANTIATE_TEST_SUITE_P(Every, Robot, testing::Values("ur5", "panda", "jaco2", "deploy/robots/sketch.yaml"),
+                         [](const auto& info) { return Path(info.param).stem().string(); });
 
 }  // namespace
 }  // namespace etude::collide
