@@ -95,6 +95,7 @@ void RobotXml::DropWhatStaysBehind() {
       if (Is(element, "freejoint")) notes_.push_back("the free joint of its base is left out: the robot stands still");
       element->Parent()->DeleteChild(element);
     }
+  for (XMLElement* site : All("site")) site->SetAttribute("group", 4);  // marks are not to be seen in pictures
 }
 
 void RobotXml::NameEverything() {
