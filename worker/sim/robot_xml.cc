@@ -90,9 +90,11 @@ void RobotXml::Rename(XMLElement* element) {
 }
 
 void RobotXml::DropWhatStaysBehind() {
-  for (const char* kind : {"light", "camera", "freejoint"})
+  for (const char* kind : {"light", "camera", "freejoint", "joint"})
     for (XMLElement* element : All(kind)) {
-      if (Is(element, "freejoint")) notes_.push_back("the free joint of its base is left out: the robot stands still");
+      if (Is(element, "joint") && Attribute(element, "type") != "free") continue;
+      if (!Is(element, "light") && !Is(element, "camera"))
+        notes_.push_back("the free joint of its base is left out: the robot stands still");
       element->Parent()->DeleteChild(element);
     }
   for (XMLElement* site : All("site")) site->SetAttribute("group", 4);  // marks are not to be seen in pictures

@@ -68,6 +68,37 @@ TEST(Controller, DampsTheNullSpaceOnly) {
   EXPECT_LT((vdot + config.null_kv * state.v).norm(), 1e-6 * vdot.norm());
 }
 
+TEST(Controller, DrawsTheNullSpaceToItsPostureWithoutTheTool) {
+  Rng rng(9);
+  const ControllerConfig config;
+  ControlState state = RandomState(rng, 8);
+  state.v.setZero();
+  state.posture = RandomMatrix(rng, 8, 1);
+  const Eigen::VectorXd tau = OperationalSpaceTorques(state, state.X_WE, Vector6d::Zero(), config);
+  const Eigen::VectorXd vdot = state.M.ldlt().solve(tau - state.bias);
+  EXPECT_LT((state.J * vdot).norm(), 1e-4 * vdot.norm()) << "the tool stays";
+  const Eigen::MatrixXd null = state.J.fullPivLu().kernel();
+  const Eigen::VectorXd wanted = null * (null.transpose() * null).ldlt().solve(null.transpose() * state.posture);
+  EXPECT_LT((vdot - config.null_kp * wanted).norm(), 1e-4 * vdot.norm());
+  state = RandomState(rng, 6);
+  state.v.setZero();
+  state.posture = RandomMatrix(rng, 6, 1);
+  EXPECT_LT((OperationalSpaceTorques(state, state.X_WE, Vector6d::Zero(), config) - state.bias).norm(), 1e-9)
+      << "six joints have no null space";
+}
+
+TEST(Controller, HoldsJointsOffTheirStops) {
+  Rng rng(10);
+  const ControllerConfig config;
+  ControlState state = RandomState(rng, 6);
+  state.v.setZero();
+  state.stop = Eigen::VectorXd::Zero(6);
+  state.stop[2] = 0.01;
+  const Eigen::VectorXd tau = OperationalSpaceTorques(state, state.X_WE, Vector6d::Zero(), config);
+  const Eigen::VectorXd vdot = state.M.ldlt().solve(tau - state.bias);
+  EXPECT_LT((vdot - config.stop_kp * state.stop).norm(), 1e-9);
+}
+
 TEST(Controller, SaturatesTheSpring) {
   Rng rng(7);
   const ControllerConfig config;

@@ -149,6 +149,34 @@ TEST_F(BrokenRobot, ANameOfOursIsRefused) {
   EXPECT_THAT(scene.error().message, testing::HasSubstr("coke"));
 }
 
+// What real descriptions have besides: a base that floats, fingers pulled by a tendon, a texture, a keyframe.
+TEST_F(BrokenRobot, IsNotBrokenByWhatItsMakersLike) {
+  Replace("sketch/sketch.xml", "<geom type=\"mesh\" mesh=\"foot\" mass=\"5\"/>",
+          "<freejoint name=\"float\"/><geom type=\"mesh\" mesh=\"foot\" mass=\"5\"/>");
+  Replace("sketch/sketch.xml", "<position joint=\"left_slide\" kp=\"500\" forcerange=\"-60 60\"/>",
+          "<position tendon=\"pull\" kp=\"500\" forcerange=\"-60 60\"/>");
+  Replace("sketch/sketch.xml", "<actuator>",
+          "<tendon><fixed name=\"pull\"><joint joint=\"left_slide\" coef=\"0.5\"/><joint joint=\"right_slide\" "
+          "coef=\"0.5\"/></fixed></tendon>\n<sensor><jointpos joint=\"turn\"/></sensor>\n<actuator>");
+  Replace("sketch/assets.xml", "<material name=\"metal\"",
+          "<texture name=\"wood\" type=\"2d\" builtin=\"checker\" rgb1=\"1 0 0\" width=\"16\" height=\"16\"/>"
+          "<material name=\"metal\" texture=\"wood\"");
+  const auto loaded = LoadRobot(folder_ / "sketch.yaml");
+  ASSERT_TRUE(loaded) << loaded.error().message;
+  EXPECT_THAT(loaded->notes, testing::Contains(testing::HasSubstr("stands still")));
+  EXPECT_THAT(loaded->model.tendon, testing::HasSubstr("pull"));
+  SceneSpec spec;
+  spec.robot = (folder_ / "sketch.yaml").string();
+  const auto scene = Scene::Build(spec);
+  ASSERT_TRUE(scene) << scene.error().message;
+  World world(*scene);
+  const Pose home = world.X_WE();
+  for (int i = 0; i < 100; ++i) world.Step({home, 1}, Vector6d::Zero());
+  EXPECT_NEAR(world.gripper_q()[0], 0, 2e-3) << "it closes";
+  EXPECT_LT((world.X_WE().p - home.p).norm(), 1e-3);
+  EXPECT_TRUE(world.healthy());
+}
+
 TEST_F(BrokenRobot, UnknownKeysAreRefused) {
   Replace("sketch.yaml", "approach_pitch:", "aproach_pitch:");
   EXPECT_THAT(Load().message, testing::HasSubstr("approach_pitch"));

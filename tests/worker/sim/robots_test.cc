@@ -10,6 +10,7 @@
 #include "services/core/rng.h"
 #include "tests/worker/sim/scene_fixture.h"
 #include "worker/sim/controller.h"
+#include "worker/sim/model.h"
 
 namespace etude::sim {
 namespace {
@@ -206,6 +207,41 @@ TEST_P(RobotGrasp, LiftsAndHoldsWithoutCreeping) {
   MoveTo(world, up, 0.4, 0, 60, kIgnore);
   EXPECT_FALSE(world.Grasped(object));
   EXPECT_TRUE(world.healthy());
+}
+
+// The heaviest that a hand is made for: half a kilogram, swung about.
+TEST_P(Robot, HoldsHalfAKilogram) {
+  SceneSpec spec;
+  spec.robot = GetParam().name;
+  spec.objects = {"cube"};
+  const auto scene = *Scene::Build(spec);
+  mjModel* mj = scene->model().mj.get();
+  const int body = scene->model().BodyId("cube");
+  const double factor = 0.5 / mj->body_mass[body];
+  mj->body_mass[body] *= factor;
+  for (int k = 0; k < 3; ++k) mj->body_inertia[3 * body + k] *= factor;
+  mj_setConst(mj, scene->model().NewData().get());
+
+  World world(scene);
+  Kinematics kinematics(scene);
+  const Eigen::Quaterniond hand = NaturalHand(arm_.approach_pitch);
+  const Vector3d approach = hand * -Vector3d::UnitX();
+  const Vector3d grasp = approach.z() < -0.5 ? Vector3d(0, 0.3, 0.072) : Vector3d(0, 0.32, 0.06);
+  const auto ready = kinematics.Solve({grasp - 0.15 * approach, hand}, arm_.q_home);
+  ASSERT_TRUE(ready);
+  world.SetArm(*ready);
+  world.Forward();
+  MoveTo(world, {grasp, hand}, 0.3, 0, 10, kIgnore);
+  MoveTo(world, {grasp, hand}, 0.3, 1, 90, kIgnore);
+  MoveTo(world, {grasp + Vector3d(0, -0.05, 0.15), hand}, 0.3, 1, 25, kIgnore);
+  ASSERT_TRUE(world.Grasped("cube"));
+  const Pose X_EO = world.X_WE().inverse() * world.ObjectPose("cube");
+  MoveTo(world, {grasp + Vector3d(0.15, -0.05, 0.15), hand}, 0.4, 1, 0, kIgnore);
+  MoveTo(world, {grasp + Vector3d(-0.10, -0.05, 0.12), hand}, 0.4, 1, 200, kIgnore);
+  const Pose X_EO_end = world.X_WE().inverse() * world.ObjectPose("cube");
+  EXPECT_TRUE(world.Grasped("cube"));
+  EXPECT_LT((X_EO_end.p - X_EO.p).norm(), 3e-3);
+  EXPECT_LT(AngleBetween(X_EO_end.q, X_EO.q), 5 * kPi / 180);
 }
 
 INSTANTIATE_TEST_SUITE_P(Every, Robot,
