@@ -41,6 +41,8 @@ struct RobotModel {
   std::vector<std::vector<std::string>> finger_groups;
   /// rad below the horizontal from which the hand naturally comes at an object: 0 level, pi/2 from above
   double approach_pitch = 0;
+  /// rad: pitch of the hand after it has turned an object over by 90 degrees, approach_pitch +- pi/2
+  double turned_pitch = 1.5707963267948966;
   std::string tool_site;
 };
 

@@ -160,6 +160,7 @@ ArmInfo MakeArm(const Scene::Model& model) {
   arm.joint_speed = Eigen::VectorXd::Map(model.robot.joint_speed.data(), n);
   arm.finger_groups = model.robot.finger_groups;
   arm.approach_pitch = model.robot.approach_pitch;
+  arm.turned_pitch = model.robot.turned_pitch;
   arm.gripper_open = model.robot.gripper_open;
   arm.gripper_closed = model.robot.gripper_closed;
   arm.tool_site = model.robot.tool_site;
