@@ -17,9 +17,10 @@ namespace etude::assets {
 /// with fingers that close along world x has x_E = +z_W.
 struct RobotModel {
   std::string name;
-  std::string materials;           ///< MJCF <material> elements
-  std::string body;                ///< MJCF <body> tree, its base where it stands in the scene
-  std::string equality, actuator;  ///< content of these MJCF sections
+  std::string defaults;                    ///< MJCF <default> classes, only of a user's robot
+  std::string materials;                   ///< MJCF <material> elements; a user's robot: all of <asset>
+  std::string body;                        ///< MJCF <body> tree, its base where it stands in the scene
+  std::string equality, tendon, actuator;  ///< content of these MJCF sections
   std::vector<AssetFile> files;
 
   std::vector<std::string> joints;  ///< arm joints, base to tool; each has a motor of its name
