@@ -109,6 +109,12 @@ SceneSpec::SceneSpec(const CampaignSpec& spec) : robot(spec.robots.at(0)), objec
 
 namespace {
 
+// "apple" of "apple_03"
+std::string ClassOfObject(const std::string& name) {
+  const auto end = name.find_last_not_of("0123456789");
+  return end != std::string::npos && name[end] == '_' && end + 1 < name.size() ? name.substr(0, end) : name;
+}
+
 // The objects on the table of episode `index`, in the order of the spec.
 std::vector<std::string> ObjectsOf(const CampaignSpec& spec, std::uint64_t index) {
   if (spec.objects_per_scene == 0) return spec.objects;
@@ -116,7 +122,10 @@ std::vector<std::string> ObjectsOf(const CampaignSpec& spec, std::uint64_t index
   std::vector<std::size_t> order(spec.objects.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
   rng.Shuffle(order);
-  order.resize(static_cast<std::size_t>(spec.objects_per_scene));
+  // a sentence names a class: one instance of each at most
+  std::set<std::string> classes;
+  std::erase_if(order, [&](std::size_t i) { return !classes.insert(ClassOfObject(spec.objects[i])).second; });
+  order.resize(std::min(order.size(), static_cast<std::size_t>(spec.objects_per_scene)));
   std::sort(order.begin(), order.end());
   std::vector<std::string> objects;
   for (const std::size_t i : order) objects.push_back(spec.objects[i]);

@@ -13,12 +13,13 @@
 namespace etude::assets {
 
 const std::vector<std::string>& KnownRobots() {
-  static const std::vector<std::string> names{"ur5", "panda"};
+  static const std::vector<std::string> names{"ur5", "panda", "jaco2"};
   return names;
 }
 
 Result<RobotModel> MakeRobot(const std::string& name) {
-  static const std::map<std::string, std::function<RobotModel()>> makers{{"ur5", MakeUr5}, {"panda", MakePanda}};
+  static const std::map<std::string, std::function<RobotModel()>> makers{
+      {"ur5", MakeUr5}, {"panda", MakePanda}, {"jaco2", MakeJaco2}};
   if (const auto maker = makers.find(name); maker != makers.end()) return maker->second();
   const std::string nearest = NearestMatch(name, KnownRobots());
   return Fail(Code::kInvalidArgument,

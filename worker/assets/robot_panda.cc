@@ -230,7 +230,7 @@ std::string Material(const std::string& name, const std::string& rgb, double shi
 RobotModel MakePanda() {
   RobotModel robot;
   robot.name = "panda";
-  robot.materials = Material(kWhite, "0.92 0.93 0.94", 0.5) + Material(kGrey, "0.42 0.44 0.47", 0.4) +
+  robot.materials = Material(kWhite, "0.84 0.85 0.87", 0.4) + Material(kGrey, "0.42 0.44 0.47", 0.4) +
                     Material(kDark, "0.16 0.17 0.19", 0.4) + Material("panda_finger", "0.70 0.71 0.74", 0.6) +
                     Material("pad", "0.20 0.20 0.21", 0.1);
   Links links;

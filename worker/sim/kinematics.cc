@@ -40,6 +40,43 @@ bool Within(const Vector6d& error, double position, double angle) {
   return error.head<3>().norm() < position && error.tail<3>().norm() < angle;
 }
 
+struct DampedStep {
+  Eigen::VectorXd q;  ///< rad
+  double slide = 0;   ///< rad, the largest part of it that only draws a redundant arm home
+};
+
+DampedStep StepOf(const Eigen::MatrixXd& J, const Vector6d& error, const Eigen::VectorXd& home) {
+  // more damping while far away: linearisation is poor there
+  const double damping = kDamping + 0.05 * std::min(1.0, error.squaredNorm());
+  const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
+  const auto factors = normal.ldlt();
+  DampedStep step{J.transpose() * factors.solve(error)};
+  if (J.cols() <= 6) return step;
+  const Eigen::VectorXd slide = kSlide * (home - J.transpose() * factors.solve(J * home));
+  step.q += slide;
+  step.slide = slide.cwiseAbs().maxCoeff();
+  return step;
+}
+
+// Joints that stand at a limit and would go on are held there, and the others do their part.
+DampedStep StepWithinLimits(Eigen::MatrixXd J, const Vector6d& error, const Eigen::VectorXd& q, const ArmInfo& arm) {
+  Eigen::VectorXd home = arm.q_home - q;
+  DampedStep step = StepOf(J, error, home);
+  for (Eigen::Index held = 0; held < q.size() && J.cols() > 6; ++held) {
+    bool more = false;
+    for (Eigen::Index i = 0; i < q.size(); ++i) {
+      const bool out = (q[i] >= arm.q_max[i] && step.q[i] > 0) || (q[i] <= arm.q_min[i] && step.q[i] < 0);
+      if (!out) continue;
+      J.col(i).setZero();
+      home[i] = 0;
+      more = true;
+    }
+    if (!more) break;
+    step = StepOf(J, error, home);
+  }
+  return step;
+}
+
 }  // namespace
 
 struct Kinematics::State {
@@ -132,18 +169,9 @@ bool Kinematics::Refine(const Pose& target, int iterations, Eigen::VectorXd& q) 
     if (iteration == iterations) return Within(error, kGoodPosition, kGoodAngle);
     mj_comPos(scene_->model().mj.get(), state_->data.get());
     scene_->model().ToolJacobian(state_->data.get(), state_->scratch, state_->J);
-    const Eigen::MatrixXd& J = state_->J;
-    // more damping while far away: linearisation is poor there
-    const double damping = kDamping + 0.05 * std::min(1.0, error.squaredNorm());
-    const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
-    Eigen::VectorXd step = J.transpose() * normal.ldlt().solve(error);
-    if (q.size() > 6) {
-      const Eigen::VectorXd home = arm.q_home - q;
-      const Eigen::VectorXd slide = kSlide * (home - J.transpose() * normal.ldlt().solve(J * home));
-      if (there && slide.cwiseAbs().maxCoeff() < kDoneSlide) return true;
-      step += slide;
-    }
-    q += step * std::min(1.0, kLargestStep / std::max(step.cwiseAbs().maxCoeff(), 1e-12));
+    const DampedStep step = StepWithinLimits(state_->J, error, q, arm);
+    if (there && step.slide < kDoneSlide) return true;
+    q += step.q * std::min(1.0, kLargestStep / std::max(step.q.cwiseAbs().maxCoeff(), 1e-12));
   }
   return false;
 }

@@ -14,7 +14,7 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using Part = Shapes::Part;
 
-constexpr double kDeepest = 0.045;      // m that the fingertips go below the object's top
+constexpr double kDeepest = 0.065;      // m that the fingertips go below the object's top
 constexpr double kPalmGap = 0.006;      // m between palm and object
 constexpr double kFingerGap = 0.005;    // m between fingertips and table
 constexpr double kHover = 0.03;         // m between open fingertips and the object's top before the grasp
@@ -27,8 +27,8 @@ constexpr double kPushHeight = 0.010;   // m between fingertips and table
 constexpr double kPushBehind = 0.035;   // m between fingertips and object before the push
 constexpr double kPushFurther = 0.11;   // m that the object is pushed
 constexpr double kPushLess = 0.06;      // m where a neighbour is in the way further on
-constexpr double kLaidPitch = 0.28;     // rad of the hand that lays an object down: its palm needs the room
-constexpr double kTurnedReach = 0.47;   // m from the base's axis at least, for a level hand
+constexpr double kLaidTilt = 0.28;      // rad off level of the hand that lays an object down: its palm needs the room
+constexpr double kTurnBack = 0.12;      // m towards the robot while turning
 constexpr double kPlaceGap = 0.002;     // m between object and table when it is released
 constexpr double kRetreat = 0.12;       // m
 
@@ -84,12 +84,12 @@ Pose Pushing(const Situation& now, double further) {
   return {{now.X_WO.p.x(), PushY(now) + further, z}, Hand(kPushPitch)};
 }
 
-// From pointing down to level (or as level as the table allows), in front of the robot's own reach.
+// A quarter of a turn on, back towards the robot as far as is left to turn.
 Pose Turned(const Situation& now, double pitch) {
-  const double x = now.X_WE.p.x() - now.shapes->base().x();
-  const double out = now.shapes->base().y() + std::sqrt(std::max(0.0, kTurnedReach * kTurnedReach - x * x));
+  const double left = std::clamp(AngleBetween(now.X_WE.q, Hand(pitch)) / (std::numbers::pi / 2), 0.0, 1.0);
+  const double y = now.X_WE.p.y() - kTurnBack * left;
   const double below = std::max(HeldBelow(now, Hand(pitch)), HeldBelow(now, now.X_WE.q));
-  return {{now.X_WE.p.x(), std::max(now.X_WE.p.y(), out), std::max(now.X_WE.p.z(), below + kLiftedBelow)}, Hand(pitch)};
+  return {{now.X_WE.p.x(), y, std::max(now.X_WE.p.z(), below + kLiftedBelow)}, Hand(pitch)};
 }
 
 // Down until the object, the fingers or the palm touch.
@@ -136,11 +136,12 @@ TaskGoals AboveGoals(double pitch, const TaskName& task) {
   goals.before_push = [](const Situation& now) { return Pushing(now, -kPushBehind); };
   goals.pushed = [](const Situation& now) { return Pushing(now, kPushFurther); };
   goals.pushed_less = [](const Situation& now) { return Pushing(now, kPushLess); };
-  const double turned = task.base == "rotate" ? 0 : kLaidPitch;
+  const double turned = pitch + std::numbers::pi / 2 - (task.base == "rotate" ? 0 : kLaidTilt);
   goals.turned = [=](const Situation& now) { return Turned(now, turned); };
   goals.laid = [=](const Situation& now) { return Lowered(now, turned); };
   if (task.relation()) {
-    const Vector3d offset = kBeside * DirectionOf(task.base);
+    const bool in_depth = task.base == "place_front" || task.base == "place_behind";
+    const Vector3d offset = (in_depth ? kBefore : kBeside) * DirectionOf(task.base);
     goals.carried = [=](const Situation& now) { return Carried(now, pitch, offset); };
     goals.set_down = [=](const Situation& now) { return SetDown(now, pitch, offset); };
   }

@@ -101,7 +101,7 @@ SessionConfig AttemptRunner::Impl::ConfigOf(std::uint64_t index) const {
 
 std::string AttemptRunner::Impl::DrawInstruction(const SessionConfig& config, std::uint64_t seed) const {
   Rng rng(MixSeed({seed}, "language"));
-  return grammar.Sample({config.task.base, config.target}, language::Style::kTemplate, rng);
+  return grammar.Sample(language::CommandFor(config.task, config.target, config.reference), language::Style::kTemplate, rng);
 }
 
 void AttemptRunner::Impl::Finish(Session& session, const Verdict& verdict, std::uint64_t index, std::uint32_t attempt,
@@ -127,7 +127,7 @@ void AttemptRunner::Impl::Finish(Session& session, const Verdict& verdict, std::
 
 Result<AttemptRunner> AttemptRunner::Open(const CampaignSpec& spec, const sim::RendererConfig& renderer) {
   ETUDE_RETURN_IF_ERROR(spec.Validate());
-  ETUDE_ASSIGN_OR_RETURN(auto grammar, language::Grammar::Load());
+  ETUDE_ASSIGN_OR_RETURN(auto grammar, language::Grammar::LoadFor(spec.objects));
   auto impl = std::make_unique<Impl>(
       Impl{.spec = spec, .spec_sha256 = SpecHash(spec), .renderer = renderer, .grammar = std::move(grammar)});
   // what cannot be opened at all is said now, not at the first episode

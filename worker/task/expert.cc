@@ -90,7 +90,7 @@ Verdict Expert::PlanPiece(int first, Piece& piece) {
     Pose goal = stage.goal(now);
     const std::uint64_t seed = MixSeed({seed_, std::uint64_t(plans_++)}, "plan");
     PlannedStage planned = planner_->Plan(q, goal, stage, Obstacles(), seed);
-    if (stage.nearer && planned.outcome.kind == plan::OutcomeKind::kGoalInCollision) {
+    if (stage.nearer && !planned.planned()) {
       goal = stage.nearer(now);
       planned = planner_->Plan(q, goal, stage, Obstacles(), seed);
     }

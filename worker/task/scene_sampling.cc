@@ -57,12 +57,6 @@ Eigen::Vector3d DrawOffset(double size, Rng& rng) {
   return {x, y, rng.Uniform(-size, size)};
 }
 
-// Smallest singular value of the tool's Jacobian: the worst ratio of tool speed to joint speed.
-double Dexterity(sim::Kinematics& kinematics, const Eigen::VectorXd& q) {
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(kinematics.Jacobian(q));
-  return svd.singularValues().minCoeff();
-}
-
 }  // namespace
 
 const std::vector<LocationBox>& LocationBoxes() {
@@ -72,11 +66,26 @@ const std::vector<LocationBox>& LocationBoxes() {
   return boxes;
 }
 
-std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects, double yaw,
+const std::vector<LocationBox>& RoomyBoxes() {
+  static const std::vector<LocationBox> boxes = [] {
+    std::vector<LocationBox> roomy = LocationBoxes();
+    for (LocationBox& box : roomy) box.y_min = 0.12, box.y_max = 0.34;
+    return roomy;
+  }();
+  return boxes;
+}
+
+double Dexterity(sim::Kinematics& kinematics, const Eigen::VectorXd& q) {
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(kinematics.Jacobian(q));
+  return svd.singularValues().minCoeff();
+}
+
+std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects,
+                                                      const std::vector<LocationBox>& all_boxes, double yaw,
                                                       Rng& rng) {
-  ETUDE_CHECK(objects.size() <= LocationBoxes().size(), "{} objects", objects.size());
+  ETUDE_CHECK(objects.size() <= all_boxes.size(), "{} objects", objects.size());
   for (int arrangement = 0; arrangement < kArrangements; ++arrangement) {
-    std::vector<LocationBox> boxes = LocationBoxes();
+    std::vector<LocationBox> boxes = all_boxes;
     rng.Shuffle(boxes);
     if (auto placed = TryArrangement(objects, boxes, yaw, rng)) return placed;
   }

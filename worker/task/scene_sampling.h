@@ -20,18 +20,23 @@ inline constexpr double kMinimumDistance = 0.10;  // m
 struct LocationBox {
   double x_min, x_max, y_min, y_max;  ///< m, world
 };
-/// Six of them, from the robot's left to its right.
+/// Six of them, from the robot's left to its right: the original's.
 const std::vector<LocationBox>& LocationBoxes();
+/// The same columns with room in front of and behind every object, for relations.
+const std::vector<LocationBox>& RoomyBoxes();
 
 struct PlacedObject {
   std::string name;
   Pose X_WO;
 };
 
-/// Objects upright, each in a box of its own, turned by up to +-`yaw` (rad) about the vertical.
+/// Objects upright, each in one of `boxes` of its own, turned by up to +-`yaw` (rad) about the vertical.
 /// @returns nothing when no arrangement was found within a fixed number of draws.
-std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects, double yaw,
-                                                      Rng& rng);
+std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects,
+                                                      const std::vector<LocationBox>& boxes, double yaw, Rng& rng);
+
+/// Smallest singular value of the tool's Jacobian at q: the worst ratio of tool speed to joint speed.
+double Dexterity(sim::Kinematics& kinematics, const Eigen::VectorXd& q);
 
 /// Arm configuration near home whose hand is moved by uniform offsets, free of collisions.
 /// @pre `checker` knows the objects; its gripper is open

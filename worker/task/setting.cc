@@ -11,7 +11,7 @@
 namespace etude::task {
 namespace {
 
-constexpr int kStarts = 60;               // whole starts drawn until the task can be done in one
+constexpr int kStarts = 200;              // whole starts drawn until the task can be done in one
 constexpr int kSettleSteps = 25;          // before an attempt: objects come to rest
 constexpr double kSettleDistance = 0.01;  // m that an object may move meanwhile
 constexpr double kLowestStart = 0.03;     // m between the hand and the table in a low start
@@ -64,7 +64,7 @@ std::optional<Setting::Start> Setting::Draw(const SessionConfig& config, const R
       infos.push_back(object);
     }
   }
-  auto objects = PlaceObjects(infos, randomization.yaw, rng);
+  auto objects = PlaceObjects(infos, config.task.relation() ? RoomyBoxes() : LocationBoxes(), randomization.yaw, rng);
   if (!objects) return why = "no arrangement of the objects", std::nullopt;
   const PlacedObject* target = Find(*objects, config.target);
   ETUDE_CHECK(target, "target={}", config.target);
