@@ -21,8 +21,6 @@ constexpr double kDonePosition = 1e-6, kDoneAngle = 1e-6;  ///< stop refining
 /// A redundant arm slides by this part of what draws it home in each iteration, until less than kDoneSlide
 /// (rad) is left: its answer is then a function of the tool's pose and the branch.
 constexpr double kSlide = 0.5, kDoneSlide = 1e-4;
-constexpr double kLargestPart = 10;                          ///< of a slide at once
-constexpr double kNearPosition = 2e-3, kNearAngle = 5e-3;    ///< where slides are told from approaching
 constexpr double kGoodPosition = 0.5e-3, kGoodAngle = 2e-3;  ///< accept
 /// Far targets are approached by poses no further apart than this, so that the arm stays in its
 /// branch (elbow and wrist as in the seed): what follows only the tool's pose cannot change branch
@@ -43,28 +41,29 @@ bool Within(const Vector6d& error, double position, double angle) {
 }
 
 struct DampedStep {
-  Eigen::VectorXd q;      ///< rad
-  Eigen::VectorXd slide;  ///< rad, what would draw a redundant arm home without moving the tool; empty for others
+  Eigen::VectorXd q;  ///< rad
+  double slide = 0;   ///< rad, the largest part of it that only draws a redundant arm home
 };
 
-// `part` of the slide is taken.
-DampedStep StepOf(const Eigen::MatrixXd& J, const Vector6d& error, const Eigen::VectorXd& home, double part) {
+DampedStep StepOf(const Eigen::MatrixXd& J, const Vector6d& error, const Eigen::VectorXd& home) {
   // more damping while far away: linearisation is poor there
   const double damping = kDamping + 0.05 * std::min(1.0, error.squaredNorm());
   const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
   const auto factors = normal.ldlt();
-  DampedStep step{J.transpose() * factors.solve(error), {}};
+  DampedStep step{J.transpose() * factors.solve(error)};
   if (J.cols() <= 6) return step;
-  step.slide = home - J.transpose() * factors.solve(J * home);
-  step.q += part * step.slide;
+  // twice, because damping lets a little of it move the tool: enough to miss the target for good
+  Eigen::VectorXd slide = kSlide * (home - J.transpose() * factors.solve(J * home));
+  slide -= J.transpose() * factors.solve(J * slide);
+  step.q += slide;
+  step.slide = slide.cwiseAbs().maxCoeff();
   return step;
 }
 
 // Joints that stand at a limit and would go on are held there, and the others do their part.
-DampedStep StepWithinLimits(Eigen::MatrixXd J, const Vector6d& error, const Eigen::VectorXd& q, const ArmInfo& arm,
-                            double part) {
+DampedStep StepWithinLimits(Eigen::MatrixXd J, const Vector6d& error, const Eigen::VectorXd& q, const ArmInfo& arm) {
   Eigen::VectorXd home = arm.q_home - q;
-  DampedStep step = StepOf(J, error, home, part);
+  DampedStep step = StepOf(J, error, home);
   for (Eigen::Index held = 0; held < q.size() && J.cols() > 6; ++held) {
     bool more = false;
     for (Eigen::Index i = 0; i < q.size(); ++i) {
@@ -75,18 +74,9 @@ DampedStep StepWithinLimits(Eigen::MatrixXd J, const Vector6d& error, const Eige
       more = true;
     }
     if (!more) break;
-    step = StepOf(J, error, home, part);
+    step = StepOf(J, error, home);
   }
   return step;
-}
-
-// How much of the next slide to take. Far from home, self-motion bends so much that a fixed part of it hardly gets
-// there; how the slide changed by the last part tells the right one. Source: Barzilai & Borwein 1988, "Two-point step
-// size gradient methods".
-double NextPart(const Eigen::VectorXd& last_slide, const Eigen::VectorXd& slide, double part, const Vector6d& error) {
-  if (last_slide.size() == 0 || !Within(error, kNearPosition, kNearAngle)) return kSlide;
-  const double left = slide.dot(last_slide) / std::max(last_slide.squaredNorm(), 1e-30);
-  return std::clamp(part / std::max(1 - left, 0.02), kSlide, kLargestPart);
 }
 
 }  // namespace
@@ -173,8 +163,6 @@ bool Kinematics::Approach(const Pose& target, Eigen::VectorXd& q) {
 
 bool Kinematics::Refine(const Pose& target, int iterations, Eigen::VectorXd& q) {
   const ArmInfo& arm = scene_->arm();
-  double part = kSlide;
-  Eigen::VectorXd last_slide;
   for (int iteration = 0; iteration <= iterations; ++iteration) {
     q = q.cwiseMax(arm.q_min).cwiseMin(arm.q_max);
     const Vector6d error = ErrorOf(X_WE(q), target);
@@ -183,10 +171,8 @@ bool Kinematics::Refine(const Pose& target, int iterations, Eigen::VectorXd& q) 
     if (iteration == iterations) return Within(error, kGoodPosition, kGoodAngle);
     mj_comPos(scene_->model().mj.get(), state_->data.get());
     scene_->model().ToolJacobian(state_->data.get(), state_->scratch, state_->J);
-    const DampedStep step = StepWithinLimits(state_->J, error, q, arm, part);
-    if (there && kSlide * step.slide.cwiseAbs().maxCoeff() < kDoneSlide) return true;
-    part = NextPart(last_slide, step.slide, part, error);
-    last_slide = step.slide;
+    const DampedStep step = StepWithinLimits(state_->J, error, q, arm);
+    if (there && step.slide < kDoneSlide) return true;
     q += step.q * std::min(1.0, kLargestStep / std::max(step.q.cwiseAbs().maxCoeff(), 1e-12));
   }
   return false;
