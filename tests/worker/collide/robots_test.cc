@@ -17,7 +17,7 @@ namespace etude::collide {
 namespace {
 
 std::shared_ptr<const sim::Scene> SceneOf(const std::string& robot) {
-  CampaignSpec spec;
+  SceneSpec spec;
   spec.robot = robot;
   auto built = sim::Scene::Build(spec);
   EXPECT_TRUE(built) << built.error().message;
