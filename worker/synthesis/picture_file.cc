@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/synthesis/picture_file.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+namespace etude::synthesis {
+namespace {
+
+constexpr int kTile = 160, kCaption = 18;
+
+Result<cv::Mat> Read(const Path& path, int flags) {
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path, 1u << 28));
+  cv::Mat picture;
+  if (!bytes.empty()) picture = cv::imdecode(bytes, flags);
+  if (picture.empty()) return Fail(Code::kCorrupt, fmt::format("read '{}': not a picture", path.string()));
+  return picture;
+}
+
+Result<std::vector<std::uint8_t>> Encode(const cv::Mat& picture) {
+  std::vector<std::uint8_t> bytes;
+  if (!cv::imencode(".png", picture, bytes)) return Fail(Code::kInternal, "PNG encoding failed");
+  return bytes;
+}
+
+}  // namespace
+
+Result<Picture> ReadPicture(const Path& rgb, const Path& depth, double relief) {
+  ETUDE_ASSIGN_OR_RETURN(cv::Mat colors, Read(rgb, cv::IMREAD_COLOR));
+  ETUDE_ASSIGN_OR_RETURN(const cv::Mat heights, Read(depth, cv::IMREAD_UNCHANGED));
+  if (heights.type() != CV_16UC1 || heights.size() != colors.size())
+    return Fail(Code::kInvalidArgument,
+                fmt::format("read '{}': depth must have 16 bits, one channel and the {} x {} px of '{}'",
+                            depth.string(), colors.cols, colors.rows, rgb.string()));
+  cv::cvtColor(colors, colors, cv::COLOR_BGR2RGB);
+  double low = 0, high = 0;
+  cv::minMaxLoc(heights, &low, &high, nullptr, nullptr, heights > 0);
+  if (high == 0) return Fail(Code::kInvalidArgument, fmt::format("read '{}': depth is 0 all over", depth.string()));
+
+  Picture picture{.width = colors.cols, .height = colors.rows, .relief = relief};
+  picture.rgb.assign(colors.data, colors.data + 3 * colors.total());
+  for (auto value = heights.begin<std::uint16_t>(); value != heights.end<std::uint16_t>(); ++value) {
+    // the farthest point of the object is a little above the cut
+    const double share = high > low ? (*value - low) / (high - low) : 1.0;
+    picture.mask.push_back(*value > 0);
+    picture.depth.push_back(*value > 0 ? static_cast<float>(0.05 + 0.95 * share) : 0.0f);
+  }
+  return picture;
+}
+
+Result<std::vector<std::uint8_t>> EncodeTexture(const Picture& picture, int margin) {
+  cv::Mat colors(picture.height, picture.width, CV_8UC3);
+  std::copy(picture.rgb.begin(), picture.rgb.end(), colors.data);
+  cv::cvtColor(colors, colors, cv::COLOR_RGB2BGR);
+  cv::Mat inside(picture.height, picture.width, CV_8UC1);
+  std::copy(picture.mask.begin(), picture.mask.end(), inside.data);
+  // pixels at the outline are mixed with the background: they are replaced, too
+  cv::erode(inside, inside, cv::Mat());
+
+  cv::Mat distance, label;
+  cv::distanceTransform(1 - inside, distance, label, cv::DIST_L2, cv::DIST_MASK_5, cv::DIST_LABEL_PIXEL);
+  std::vector<cv::Vec3b> of_label(picture.pixels() + 1);
+  for (int y = 0; y < colors.rows; ++y)
+    for (int x = 0; x < colors.cols; ++x)
+      if (inside.at<std::uint8_t>(y, x)) of_label[label.at<int>(y, x)] = colors.at<cv::Vec3b>(y, x);
+  for (int y = 0; y < colors.rows; ++y)
+    for (int x = 0; x < colors.cols; ++x)
+      if (!inside.at<std::uint8_t>(y, x) && distance.at<float>(y, x) <= static_cast<float>(margin))
+        colors.at<cv::Vec3b>(y, x) = of_label[label.at<int>(y, x)];
+  return Encode(colors);
+}
+
+Result<std::vector<std::uint8_t>> EncodeDepth(const Picture& picture) {
+  cv::Mat heights(picture.height, picture.width, CV_16UC1);
+  for (std::size_t i = 0; i < picture.pixels(); ++i)
+    heights.at<std::uint16_t>(static_cast<int>(i)) =
+        picture.mask[i] ? static_cast<std::uint16_t>(1 + std::lround(65534.0 * picture.depth[i])) : 0;
+  return Encode(heights);
+}
+
+Status WriteContactSheet(const std::vector<Tile>& tiles, int columns, const Path& png) {
+  if (tiles.empty() || columns < 1) return Fail(Code::kInvalidArgument, "a contact sheet without tiles");
+  const int rows = (static_cast<int>(tiles.size()) + columns - 1) / columns;
+  cv::Mat sheet(rows * (kTile + kCaption), columns * kTile, CV_8UC3, cv::Scalar::all(255));
+  for (int i = 0; i < static_cast<int>(tiles.size()); ++i) {
+    ETUDE_ASSIGN_OR_RETURN(cv::Mat picture, Read(tiles[i].picture, cv::IMREAD_COLOR));
+    const int x = i % columns * kTile, y = i / columns * (kTile + kCaption);
+    cv::resize(picture, sheet(cv::Rect(x, y, kTile, kTile)), {kTile, kTile}, 0, 0, cv::INTER_AREA);
+    cv::putText(sheet, tiles[i].caption, {x + 4, y + kTile + 12}, cv::FONT_HERSHEY_SIMPLEX, 0.38, cv::Scalar::all(0), 1,
+                cv::LINE_AA);
+  }
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, Encode(sheet));
+  return WriteFileAtomically(png, bytes);
+}
+
+}  // namespace etude::synthesis

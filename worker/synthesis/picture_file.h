@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures on disk. OpenCV stays behind this header.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "services/core/file.h"
+#include "worker/synthesis/picture.h"
+
+namespace etude::synthesis {
+
+/// Reads a colour picture and its depth: 16 bits, larger is nearer, 0 is off the object.
+/// Depth is stretched to 0..1 over the object.
+/// @param relief  height of the nearest point over the outline, in widths of the picture
+/// @error kNotFound, kCorrupt: not a picture; kInvalidArgument: other sizes, not 16 bits, or no object.
+Result<Picture> ReadPicture(const Path& rgb, const Path& depth, double relief);
+
+/// The colours as PNG, those of the object continued for `margin` px past its outline, so that no background shows at
+/// the edge of a body.
+Result<std::vector<std::uint8_t>> EncodeTexture(const Picture& picture, int margin = 6);
+
+/// The depth as PNG of 16 bits, as ReadPicture takes it.
+Result<std::vector<std::uint8_t>> EncodeDepth(const Picture& picture);
+
+/// One tile of a contact sheet.
+struct Tile {
+  Path picture;
+  std::string caption;
+};
+/// Writes pictures side by side, their captions below. @error kInvalidArgument: no tiles; kCorrupt: not a picture.
+Status WriteContactSheet(const std::vector<Tile>& tiles, int columns, const Path& png);
+
+}  // namespace etude::synthesis
