@@ -83,6 +83,22 @@ Result<std::vector<std::uint8_t>> EncodeDepth(const Picture& picture) {
   return Encode(heights);
 }
 
+Result<std::vector<std::uint8_t>> ToPng(const std::vector<std::uint8_t>& bytes, const std::string& origin) {
+  const cv::Mat picture = bytes.empty() ? cv::Mat() : cv::imdecode(bytes, cv::IMREAD_COLOR);
+  if (picture.empty()) return Fail(Code::kCorrupt, fmt::format("the texture of '{}' is not a picture", origin));
+  return Encode(picture);
+}
+
+Result<std::vector<std::uint8_t>> EncodePalette(const std::vector<Eigen::Vector3d>& colors) {
+  // wide columns: the ends of a smoothed lookup stay within one
+  constexpr int kWidth = 8;
+  cv::Mat row(kWidth, kWidth * std::max<int>(1, static_cast<int>(colors.size())), CV_8UC3, cv::Scalar::all(180));
+  for (int i = 0; i < static_cast<int>(colors.size()); ++i)
+    row(cv::Rect(i * kWidth, 0, kWidth, kWidth))
+        .setTo(cv::Scalar(255 * colors[i].z(), 255 * colors[i].y(), 255 * colors[i].x()));
+  return Encode(row);
+}
+
 Status WriteContactSheet(const std::vector<Tile>& tiles, int columns, const Path& png) {
   if (tiles.empty() || columns < 1) return Fail(Code::kInvalidArgument, "a contact sheet without tiles");
   const int rows = (static_cast<int>(tiles.size()) + columns - 1) / columns;

@@ -2,6 +2,7 @@
 // Pictures on disk. OpenCV stays behind this header.
 #pragma once
 
+#include <Eigen/Core>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,11 @@ Result<std::vector<std::uint8_t>> EncodeTexture(const Picture& picture, int marg
 
 /// The depth as PNG of 16 bits, as ReadPicture takes it.
 Result<std::vector<std::uint8_t>> EncodeDepth(const Picture& picture);
+
+/// Any picture file's bytes as PNG. @error kCorrupt: not a picture; `origin` names it.
+Result<std::vector<std::uint8_t>> ToPng(const std::vector<std::uint8_t>& bytes, const std::string& origin);
+/// A PNG with a column for each colour (red, green, blue in 0..1); grey when there is none.
+Result<std::vector<std::uint8_t>> EncodePalette(const std::vector<Eigen::Vector3d>& colors);
 
 /// One tile of a contact sheet.
 struct Tile {
