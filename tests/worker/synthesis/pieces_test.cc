@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests worker/synthesis/pieces.cc and hull.cc
+#include "worker/synthesis/pieces.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "services/core/rng.h"
+#include "worker/synthesis/hull.h"
+#include "worker/synthesis/mass.h"
+#include "worker/synthesis/synthesize.h"
+
+namespace etude::synthesis {
+namespace {
+
+using Eigen::Vector3d;
+
+/// How far a point is out of a convex mesh; negative inside.
+double Outside(const assets::Mesh& hull, const Vector3d& p) {
+  double farthest = -std::numeric_limits<double>::infinity();
+  for (const auto& f : hull.faces) {
+    const Vector3d& a = hull.positions[f[0]];
+    const Vector3d normal = (hull.positions[f[1]] - a).cross(hull.positions[f[2]] - a).normalized();
+    farthest = std::max(farthest, normal.dot(p - a));
+  }
+  return farthest;
+}
+
+double NearestVertex(const assets::Mesh& mesh, const Vector3d& p) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const Vector3d& q : mesh.positions) nearest = std::min(nearest, (p - q).norm());
+  return nearest;
+}
+
+TEST(ConvexHull, OfABoxWithPointsInside) {
+  Rng rng(1);
+  std::vector<Vector3d> points;
+  for (int i = 0; i < 8; ++i) points.emplace_back(i & 1, (i >> 1 & 1) * 2, (i >> 2) * 3);
+  for (int i = 0; i < 100; ++i) points.emplace_back(rng.Uniform(), 2 * rng.Uniform(), 3 * rng.Uniform());
+
+  const auto hull = ConvexHull(points);
+  ASSERT_TRUE(hull.has_value());
+  EXPECT_TRUE(IsWatertight(*hull));
+  EXPECT_EQ(hull->positions.size(), 8u);
+  EXPECT_EQ(hull->faces.size(), 12u);
+  EXPECT_NEAR(Integrate(*hull).mass, 6, 1e-9);
+}
+
+TEST(ConvexHull, HoldsAllItsPoints) {
+  Rng rng(2);
+  std::vector<Vector3d> points;
+  // a grid: many points in common planes and lines
+  for (int i = 0; i < 125; ++i) points.emplace_back(i % 5, i / 5 % 5, i / 25);
+  for (int i = 0; i < 100; ++i) points.emplace_back(rng.Normal() + 2, rng.Normal() + 2, rng.Normal() + 2);
+
+  const auto hull = ConvexHull(points);
+  ASSERT_TRUE(hull.has_value());
+  EXPECT_TRUE(IsWatertight(*hull));
+  for (const Vector3d& p : points) EXPECT_LT(Outside(*hull, p), 1e-4);
+}
+
+TEST(ConvexHull, OfPointsInAPlaneIsNothing) {
+  EXPECT_FALSE(ConvexHull({{0, 0, 1}, {1, 0, 1}, {0, 1, 1}, {1, 1, 1}, {0.3, 0.4, 1}}).has_value());
+  EXPECT_FALSE(ConvexHull({{0, 0, 0}, {1, 0, 0}}).has_value());
+}
+
+TEST(FarthestPoints, KeepTheHullNearly) {
+  Rng rng(3);
+  std::vector<Vector3d> points;
+  for (int i = 0; i < 2000; ++i) points.push_back(Vector3d(rng.Normal(), rng.Normal(), rng.Normal()).normalized());
+
+  const auto kept = FarthestPoints(points, 200);
+  EXPECT_LE(kept.size(), 200u);
+  EXPECT_GT(Integrate(*ConvexHull(kept)).mass, 0.96 * Integrate(*ConvexHull(points)).mass);
+}
+
+class Pieces : public testing::TestWithParam<const char*> {};
+
+TEST_P(Pieces, LieOnTheBodyAndCoverIt) {
+  for (const int index : {0, 4}) {
+    const auto object = DrawObject(GetParam(), index, 1);
+    ASSERT_TRUE(object.has_value()) << object.error().message;
+    EXPECT_GE(object->pieces.size(), 4u);
+
+    // every corner is a point of the surface, so within a grid step of a vertex
+    const double step = 0.05 * object->facts.size_m;
+    for (const auto& piece : object->pieces) {
+      EXPECT_TRUE(IsWatertight(piece));
+      EXPECT_GT(Integrate(piece).mass, 0);
+      for (const Vector3d& p : piece.positions) EXPECT_LT(NearestVertex(object->visual, p), step);
+    }
+    for (const Vector3d& p : object->visual.positions) {
+      double nearest = std::numeric_limits<double>::infinity();
+      for (const auto& piece : object->pieces) nearest = std::min(nearest, Outside(piece, p));
+      EXPECT_LT(nearest, 0.01 * object->facts.size_m);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Classes, Pieces, testing::Values("apple", "donut", "mug", "strawberry"));
+
+TEST(Pieces, LeaveTheHoleOpen) {
+  for (const char* name : {"donut", "mug"})
+    for (int index = 0; index < 5; ++index) {
+      const auto body = DrawObject(name, index, 1);
+      ASSERT_TRUE(body.has_value());
+      const std::size_t sectors = PieceOptions{}.sectors;
+      EXPECT_EQ(body->pieces.size(), sectors) << name;
+
+      // all pieces keep clear of the axis that they are arranged around: walk along it
+      int clear = 0;
+      const double half = body->facts.size_m / 2;
+      for (double x = -half; x < half; x += 0.002) {
+        const bool is_through = std::all_of(body->pieces.begin(), body->pieces.end(), [&](const auto& piece) {
+          for (double along = -half; along < half; along += 0.002)
+            if (Outside(piece, body->facts.class_name == "mug" ? Vector3d(x, along, 0) : Vector3d(x, 0, along)) < 0)
+              return false;
+          return true;
+        });
+        clear += is_through;
+      }
+      EXPECT_GE(clear * 0.002, 0.012) << name << " " << index;  // a hole at least as wide as a finger
+    }
+}
+
+}  // namespace
+}  // namespace etude::synthesis
