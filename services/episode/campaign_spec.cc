@@ -11,6 +11,7 @@
 #include "services/core/check.h"
 #include "services/core/hash.h"
 #include "services/core/rng.h"
+#include "services/episode/object_names.h"
 
 namespace etude {
 namespace {
@@ -18,7 +19,6 @@ namespace {
 const std::vector<std::string> kModes{"demonstrate", "rollout"};
 const std::vector<std::string> kRobots{"ur5"};
 const std::vector<std::string> kTasks{"pick", "push", "put_down"};
-const std::vector<std::string> kObjects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};
 
 void CheckKnown(const char* key, const std::string& value, const std::vector<std::string>& known,
                 std::vector<std::string>& errors) {
@@ -46,7 +46,8 @@ Status CampaignSpec::Validate() const {
   for (double weight : task_weights)
     require(std::isfinite(weight) && weight > 0, fmt::format("task_weights: {} must be > 0", weight));
   require(!objects.empty() && objects.size() <= 6, "objects: between 1 and 6 of them");
-  for (const auto& object : objects) CheckKnown("objects", object, kObjects, errors);
+  for (const auto& object : objects)
+    if (const Status known = CheckObjectName(object); !known) errors.push_back(known.error().message);
   require(std::set<std::string>(objects.begin(), objects.end()).size() == objects.size(), "objects: each at most once");
   require(episodes >= 1 && episodes <= 10'000'000, fmt::format("episodes: {} not in 1..10^7", episodes));
   require(image_stride >= 1 && image_stride <= 125, fmt::format("image_stride: {} not in 1..125", image_stride));

@@ -26,8 +26,8 @@ struct SceneDescription {
 /// Physics step, s.
 inline constexpr double kTimestep = 0.002;
 
-/// A pure function of spec.robot, spec.objects and spec.camera.
+/// A pure function of spec.robot, spec.objects and spec.camera, as long as `make_object` is one.
 /// @error kInvalidArgument: unknown robot or object, an object named twice, a bad camera vector
-Result<SceneDescription> DescribeScene(const CampaignSpec& spec);
+Result<SceneDescription> DescribeScene(const CampaignSpec& spec, const ObjectMaker& make_object = MakeObject);
 
 }  // namespace etude::assets

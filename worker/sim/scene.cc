@@ -10,6 +10,7 @@
 #include "services/core/check.h"
 #include "services/core/log.h"
 #include "worker/sim/model.h"
+#include "worker/synthesis/scene_object.h"
 
 namespace etude::sim {
 namespace {
@@ -222,7 +223,7 @@ Scene::~Scene() = default;
 
 Result<std::shared_ptr<const Scene>> Scene::Build(const CampaignSpec& spec) {
   InstallHandlers();
-  ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description, assets::DescribeScene(spec));
+  ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description, assets::DescribeScene(spec, synthesis::MakeSceneObject));
   std::shared_ptr<Scene> scene(new Scene);
   ETUDE_ASSIGN_OR_RETURN(scene->model_->mj, Compile(description));
   FillAddresses(*scene->model_, description);

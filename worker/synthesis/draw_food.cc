@@ -45,7 +45,7 @@ bool Sprinkle(const Vector2d& p, double spacing, std::uint32_t seed, double& ran
 }  // namespace
 
 Drawing DrawDonut(Rng& rng) {
-  const double tube = rng.Uniform(0.26, 0.32), middle = rng.Uniform(0.53, 0.57), squash = rng.Uniform(0.85, 1.0);
+  const double tube = rng.Uniform(0.26, 0.32), middle = rng.Uniform(0.53, 0.57), plump = rng.Uniform(1.40, 1.60);
   const Waves outer = Waves::Make(rng, 0.035, 4), inner = Waves::Make(rng, 0.03, 3);
   const Color dough = Pick(rng, {{.84, .60, .30}, {.76, .50, .22}, {.90, .70, .42}}, 0.03);
   const Color icing =
@@ -58,10 +58,10 @@ Drawing DrawDonut(Rng& rng) {
 
   return [=](const Vector2d& p) {
     Texel texel;
-    const double rho = p.norm(), angle = std::atan2(p.y(), p.x());
+    const double rho = std::hypot(p.x() / 0.93, p.y()), angle = std::atan2(p.y(), p.x());
     const double off = (rho - middle) / tube;
     if (std::abs(off) >= 1) return texel;
-    texel.height = squash * Dome(std::abs(off), tube);
+    texel.height = plump * tube * std::cbrt(1 - std::pow(std::abs(off), 3));
     texel.color = Mix(dough, dough * 0.78, Fractal(p, 5, seed));
     Over(texel, {.95, .82, .58}, 0.7 * Ramp(0.80, 0.90, std::abs(off)));
     const double iced = std::min(0.68 + outer.At(angle) / tube - off, off + 0.66 + inner.At(angle) / tube);
@@ -85,7 +85,7 @@ Drawing DrawDonut(Rng& rng) {
 }
 
 Drawing DrawSourdough(Rng& rng) {
-  const double length = rng.Uniform(0.72, 0.90), width = rng.Uniform(0.58, 0.74), high = rng.Uniform(0.36, 0.46);
+  const double length = rng.Uniform(0.72, 0.90), width = rng.Uniform(0.58, 0.74), high = rng.Uniform(0.50, 0.60);
   const Waves lumps = Waves::Make(rng, 0.012, 2);
   const Color crust = Pick(rng, {{.66, .40, .16}, {.55, .30, .12}, {.76, .52, .24}, {.46, .25, .11}}, 0.03);
   const Color crumb = Pick(rng, {{.95, .86, .66}, {.92, .78, .52}}, 0.02);
@@ -107,8 +107,9 @@ Drawing DrawSourdough(Rng& rng) {
               {{-1.5 * s, s}, {1.5 * s, s}}};
   }
 
-  return [=](const Vector2d& p) {
+  return [=](const Vector2d& upright) {
     Texel texel;
+    const Vector2d p(upright.y(), -upright.x());  // it stands on an end
     const Vector2d q(std::cos(turn) * p.x() + std::sin(turn) * p.y(), std::cos(turn) * p.y() - std::sin(turn) * p.x());
     const Vector2d unit(q.x() / length, q.y() / width);
     const double share = unit.norm() / (1 + lumps.At(std::atan2(q.y(), q.x())));
@@ -135,28 +136,34 @@ Drawing DrawSourdough(Rng& rng) {
 
 namespace {
 
+/// What lies between the two patties of a hamburger.
+enum class Filling { kCheese, kBun, kLettuce };
+
 /// The layers of a hamburger, from below; heights in the picture.
 struct Layers {
-  double heel_bottom, heel_top, patty_top, cheese_top, tomato_top, lettuce_top, crown_top;
+  double heel_bottom, heel_top, lower_top, filling_top, patty_top, cheese_top, tomato_top, lettuce_top, crown_top;
 };
 
-Layers StackLayers(Rng& rng) {
+Layers StackLayers(Rng& rng, Filling filling) {
   Layers y{};
-  y.heel_bottom = -0.62;
-  y.heel_top = y.heel_bottom + rng.Uniform(0.20, 0.26);
-  y.patty_top = y.heel_top + rng.Uniform(0.20, 0.32);
+  y.heel_bottom = -0.84;
+  y.heel_top = y.heel_bottom + rng.Uniform(0.22, 0.28);
+  y.lower_top = y.heel_top + rng.Uniform(0.20, 0.26);
+  y.filling_top = y.lower_top + (filling == Filling::kBun ? 0.15 : 0.08);
+  y.patty_top = y.filling_top + rng.Uniform(0.20, 0.26);
   y.cheese_top = y.patty_top + 0.06;
   y.tomato_top = y.cheese_top + (rng.Bernoulli(0.7) ? 0.10 : 0.0);
   y.lettuce_top = y.tomato_top + rng.Uniform(0.07, 0.11);
-  y.crown_top = y.lettuce_top + rng.Uniform(0.40, 0.52);
+  y.crown_top = std::min(0.92, y.lettuce_top + rng.Uniform(0.44, 0.54));
   return y;
 }
 
 }  // namespace
 
 Drawing DrawHamburger(Rng& rng) {
-  const Layers y = StackLayers(rng);
-  const double wide = rng.Uniform(0.76, 0.84);
+  const auto filling = static_cast<Filling>(rng.Below(3));
+  const Layers y = StackLayers(rng, filling);
+  const double wide = rng.Uniform(0.74, 0.80);
   const Color bun = Pick(rng, {{.84, .56, .22}, {.74, .44, .16}, {.90, .66, .30}, {.62, .34, .14}}, 0.02);
   const Color patty = Pick(rng, {{.36, .20, .11}, {.28, .15, .09}, {.46, .27, .15}}, 0.02);
   const Color cheese = Pick(rng, {{.98, .76, .16}, {.96, .62, .12}, {.98, .90, .55}}, 0.02);
@@ -170,6 +177,9 @@ Drawing DrawHamburger(Rng& rng) {
     Texel texel;
     const double around = std::asin(std::clamp(p.x() / wide, -1.0, 1.0));
     const double wave = frill.At(around);
+    // how far what is between the patties hangs over the lower one
+    const double slice = std::max(0.0, 0.15 - 0.45 * std::abs(p.x() + corner));
+    const double hanging = filling == Filling::kCheese ? slice : filling == Filling::kLettuce ? 0.03 + 0.8 * wave : 0;
     double radius = 0;
     if (p.y() > y.lettuce_top - 0.01) {
       // the crown is a dome that bulges over its edge
@@ -195,10 +205,17 @@ Drawing DrawHamburger(Rng& rng) {
       // a corner of the slice hangs over the meat
       radius = wide * 0.99;
       texel.color = cheese;
-    } else if (p.y() > y.heel_top) {
-      const double t = (p.y() - y.heel_top) / (y.patty_top - y.heel_top);
+    } else if (p.y() > y.filling_top || (p.y() > y.heel_top && p.y() <= y.lower_top - hanging)) {
+      const bool is_upper = p.y() > y.filling_top;
+      const double from = is_upper ? y.filling_top : y.heel_top, to = is_upper ? y.patty_top : y.lower_top;
+      const double t = (p.y() - from) / (to - from);
       radius = wide * (0.93 + 0.07 * std::sqrt(std::max(0.0, 1 - (2 * t - 1) * (2 * t - 1))));
       texel.color = Mix(patty * 0.7, patty * 1.35, Fractal(p, 9, seed + 9));
+    } else if (p.y() > y.heel_top) {
+      radius = wide * (filling == Filling::kLettuce ? 1.04 + 0.5 * wave : 0.98);
+      texel.color = filling == Filling::kBun ? Mix(bun, {.95, .80, .50}, 0.5 * Fractal(p, 6, seed + 15)) : cheese;
+      if (filling == Filling::kLettuce)
+        texel.color = Mix(lettuce, lettuce * 1.35, Fractal({p.x() * 3, p.y() * 1.2}, 4, seed + 6)).cwiseMin(1);
     } else if (p.y() > y.heel_bottom) {
       const double t = (p.y() - y.heel_bottom) / (y.heel_top - y.heel_bottom);
       radius = wide * (0.86 + 0.10 * std::sqrt(std::min(1.0, t * 1.5)));
@@ -243,9 +260,9 @@ double Decorate(Decoration decoration, double u, double v) {
 }  // namespace
 
 Drawing DrawMug(Rng& rng) {
-  const double radius = rng.Uniform(0.46, 0.56), bottom = -rng.Uniform(0.62, 0.74), top = -bottom - 0.06;
-  const double taper = rng.Uniform(0.0, 0.12), opening = rng.Uniform(0.09, 0.13), middle = -0.24;
-  const double grip = rng.Uniform(0.26, 0.31), bar = rng.Uniform(0.075, 0.095), tall = rng.Uniform(1.1, 1.35);
+  const double radius = rng.Uniform(0.40, 0.46), bottom = -rng.Uniform(0.74, 0.82), top = -bottom - 0.06;
+  const double taper = rng.Uniform(0.0, 0.12), opening = rng.Uniform(0.09, 0.13), middle = -0.16;
+  const double grip = rng.Uniform(0.20, 0.24), bar = rng.Uniform(0.075, 0.090), tall = rng.Uniform(1.6, 1.9);
   const Color glaze = Pick(rng, {{.93, .92, .88},
                                  {.20, .40, .62},
                                  {.75, .22, .20},

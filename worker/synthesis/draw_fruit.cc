@@ -34,7 +34,7 @@ struct PearOutline {
 }  // namespace
 
 Drawing DrawApple(Rng& rng) {
-  const double wide = rng.Uniform(0.92, 1.08), notch = rng.Uniform(0.14, 0.24), foot = rng.Uniform(0.05, 0.10);
+  const double wide = rng.Uniform(0.84, 0.98), notch = rng.Uniform(0.14, 0.24), foot = rng.Uniform(0.05, 0.10);
   const double taper = rng.Uniform(0.02, 0.10), lean = rng.Uniform(-0.12, 0.12), blush_side = rng.Uniform(-1, 1);
   const Color skin = Pick(rng, {{.75, .08, .09}, {.55, .04, .08}, {.52, .70, .16}, {.90, .75, .22}, {.85, .25, .18}});
   const Color blush = Pick(rng, {{.80, .12, .08}, {.92, .60, .20}, {.60, .05, .10}, {.75, .78, .25}});
@@ -73,7 +73,7 @@ Drawing DrawApple(Rng& rng) {
 }
 
 Drawing DrawOrange(Rng& rng) {
-  const double wide = rng.Uniform(0.97, 1.06), lump = rng.Uniform(0, 0.02), turn = rng.Uniform(0, 2 * kPi);
+  const double wide = rng.Uniform(0.91, 0.97), lump = rng.Uniform(0, 0.02), turn = rng.Uniform(0, 2 * kPi);
   const Color skin = Pick(rng, {{.96, .52, .06}, {.93, .42, .05}, {.98, .62, .12}, {.88, .36, .06}}, 0.03);
   const double pores = rng.Uniform(0.045, 0.065);
   const bool has_leaf = rng.Bernoulli(0.5);
@@ -106,7 +106,7 @@ Drawing DrawOrange(Rng& rng) {
 }
 
 Drawing DrawStrawberry(Rng& rng) {
-  const double wide = rng.Uniform(0.58, 0.70), blunt = rng.Uniform(0.55, 0.85), bend = rng.Uniform(-0.10, 0.10);
+  const double wide = rng.Uniform(0.60, 0.70), blunt = rng.Uniform(0.45, 0.62), bend = rng.Uniform(-0.10, 0.10);
   const Color skin = Pick(rng, {{.84, .07, .10}, {.72, .04, .08}, {.90, .18, .14}}, 0.03);
   const double spacing = rng.Uniform(0.13, 0.18), pale = rng.Uniform(0, 0.6);
   const int leaves = 5 + static_cast<int>(rng.Below(3));
@@ -114,11 +114,10 @@ Drawing DrawStrawberry(Rng& rng) {
   const std::uint32_t seed = NoiseSeed(rng);
   const Color green = Pick(rng, {{.24, .52, .14}, {.34, .60, .18}, {.16, .42, .12}}, 0.03);
   const Vector2d crown(0, 0.50);
-  const Stalk stalk{crown, crown + Vector2d(rng.Uniform(-0.15, 0.15), 0.34), 0.045, green};
 
-  return [=](const Vector2d& p) {
+  return [=](const Vector2d& upright) {
     Texel texel;
-    stalk.Paint(p, texel);
+    const Vector2d p(upright.x(), -upright.y());  // it stands on its leaves
     // y from the tip (0) to the shoulders (1)
     const double y = (p.y() + 0.86) / 1.46;
     const Vector2d q(p.x() - bend * (1 - y) * (1 - y), p.y());
@@ -147,22 +146,21 @@ Drawing DrawStrawberry(Rng& rng) {
 
 Drawing DrawLemon(Rng& rng) {
   const double thick = rng.Uniform(0.50, 0.60), length = rng.Uniform(0.70, 0.76), tip = rng.Uniform(0.10, 0.17);
-  const double tail = rng.Uniform(0.05, 0.10), turn = rng.Uniform(-0.12, 0.12);
+  const double turn = rng.Uniform(-0.12, 0.12);
   const Color skin = Pick(rng, {{.97, .86, .16}, {.95, .80, .12}, {.99, .92, .34}, {.86, .84, .18}}, 0.03);
   const double pores = rng.Uniform(0.045, 0.065), green = rng.Uniform(0, 0.6);
   const std::uint32_t seed = NoiseSeed(rng);
   const bool has_leaf = rng.Bernoulli(0.35);
 
-  return [=](const Vector2d& p) {
+  return [=](const Vector2d& upright) {
     Texel texel;
+    const Vector2d p(upright.y(), -upright.x());  // it stands on its blunt end
     const Vector2d q(std::cos(turn) * p.x() + std::sin(turn) * p.y(), std::cos(turn) * p.y() - std::sin(turn) * p.x());
     const double u = q.x() / length;
-    // an ellipse, a nipple at the right end, a stub at the left
-    double radius = std::abs(u) < 1 ? thick * std::pow(1 - u * u, 0.62) : 0;
-    const double end = q.x() > 0 ? 1 + tip : 1 + tail;
-    const double stub = q.x() > 0 ? 0.16 : 0.10;
-    if (std::abs(u) > 0.6 && std::abs(u) < end)
-      radius = std::hypot(radius, stub * std::sqrt(1 - std::pow(std::abs(u) / end, 8)));
+    // an ellipse, fuller below, with a nipple at its upper end
+    const double bulge = u > 0 ? u * u : std::pow(-u, 2.6);
+    double radius = std::abs(u) < 1 ? thick * std::pow(1 - bulge, 0.62) : 0;
+    if (u > 0.6 && u < 1 + tip) radius = std::hypot(radius, 0.16 * std::sqrt(1 - std::pow(u / (1 + tip), 8)));
     texel.height = Round(q.y(), radius);
     if (texel.height > 0) {
       const Spot pore = NearestSpot(q, pores, seed);
@@ -170,19 +168,19 @@ Drawing DrawLemon(Rng& rng) {
       texel.color = Mix(skin, skin * 0.93, Fractal(q, 3, seed + 5));
       Over(texel, {.80, .66, .08}, 0.6 * pit);
       Over(texel, {.52, .66, .14}, green * Ramp(0.72, 1.05, std::abs(u)));
-      Over(texel, {.42, .32, .10}, Ramp(-(1 + tail) + 0.06, -(1 + tail) + 0.02, u));
+      Over(texel, {.42, .32, .10}, Ramp(1 + tip - 0.06, 1 + tip - 0.02, u));
       texel.height *= 1 - 0.006 * pit;
     }
     if (has_leaf)
-      Leaf{{-length * std::cos(turn), -length * std::sin(turn)}, 0.6, 0.42, 0.13, {.20, .45, .12}}.Paint(
+      Leaf{length * Vector2d(std::cos(turn), std::sin(turn)), -2.0, 0.42, 0.13, {.20, .45, .12}}.Paint(
           p, texel.height + 0.03, texel);
     return texel;
   };
 }
 
 Drawing DrawPear(Rng& rng) {
-  const PearOutline outline{rng.Uniform(0.52, 0.60), rng.Uniform(0.24, 0.31), rng.Uniform(-0.38, -0.30),
-                            rng.Uniform(0.34, 0.44)};
+  const PearOutline outline{rng.Uniform(0.52, 0.60), rng.Uniform(0.29, 0.36), rng.Uniform(-0.36, -0.28),
+                            rng.Uniform(0.30, 0.40)};
   const double lean = rng.Uniform(-0.08, 0.08);
   const Color skin = Pick(rng, {{.74, .76, .22}, {.55, .66, .18}, {.86, .74, .28}, {.66, .45, .20}, {.64, .16, .14}});
   const Color blush = Pick(rng, {{.84, .42, .20}, {.70, .20, .14}, {.60, .70, .22}, {.76, .58, .24}});
@@ -217,7 +215,7 @@ Drawing DrawPear(Rng& rng) {
 
 Drawing DrawAvocado(Rng& rng) {
   const double wide = rng.Uniform(0.54, 0.64), waist = rng.Uniform(0.05, 0.28), turn = rng.Uniform(-0.15, 0.15);
-  const double stone = rng.Uniform(0.24, 0.31), stone_y = rng.Uniform(-0.30, -0.22), thick = rng.Uniform(0.34, 0.44);
+  const double stone = rng.Uniform(0.24, 0.31), stone_y = rng.Uniform(-0.30, -0.22), thick = rng.Uniform(0.46, 0.54);
   const Color skin = Pick(rng, {{.16, .24, .08}, {.12, .12, .07}, {.22, .34, .10}}, 0.02);
   const Color flesh = Pick(rng, {{.88, .88, .48}, {.80, .84, .38}, {.93, .90, .60}}, 0.02);
   const Color rim = Pick(rng, {{.52, .68, .20}, {.42, .60, .16}}, 0.03);

@@ -19,6 +19,8 @@ namespace {
 using Eigen::Vector3d;
 using Face = std::array<int, 3>;
 
+constexpr double kJitter = 1e-6;  // of the points' size
+
 /// The points' box: least corner and extent.
 std::pair<Vector3d, Vector3d> BoxOf(const std::vector<Vector3d>& points) {
   Vector3d low = points[0], high = points[0];
@@ -62,6 +64,31 @@ std::vector<Face> FirstFaces(const std::vector<Vector3d>& points, double size) {
   return {base, {base[1], base[0], d}, {base[2], base[1], d}, {base[0], base[2], d}};
 }
 
+/// True when a point is farther than `margin` above one of the faces, and so no corner of them.
+bool IsOutside(const std::vector<Vector3d>& points, int i, const std::vector<Face>& faces, double margin) {
+  return std::any_of(faces.begin(), faces.end(), [&](const Face& face) {
+    const Vector3d& a = points[face[0]];
+    const Vector3d normal = (points[face[1]] - a).cross(points[face[2]] - a);
+    return normal.dot(points[i] - a) > margin * normal.norm();
+  });
+}
+
+/// Each place once, those far from the middle of the box first: what comes later is mostly inside of them.
+std::vector<Vector3d> DistinctFarFirst(std::vector<Vector3d> points) {
+  if (points.empty()) return points;
+  const auto less = [](const Vector3d& a, const Vector3d& b) {
+    return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
+  };
+  std::sort(points.begin(), points.end(), less);
+  points.erase(std::unique(points.begin(), points.end()), points.end());
+  const auto [low, extent] = BoxOf(points);
+  const Vector3d middle = low + extent / 2;
+  std::stable_sort(points.begin(), points.end(), [&](const Vector3d& a, const Vector3d& b) {
+    return (a - middle).squaredNorm() > (b - middle).squaredNorm();
+  });
+  return points;
+}
+
 /// Replaces the faces that see point `i` by a cone from the rim of what it sees.
 void AddPoint(const std::vector<Vector3d>& points, int i, std::vector<Face>& faces) {
   const auto seen =
@@ -92,7 +119,8 @@ std::vector<Vector3d> FarthestPoints(const std::vector<Vector3d>& points, int co
   return kept;
 }
 
-std::optional<assets::Mesh> ConvexHull(const std::vector<Vector3d>& points) {
+std::optional<assets::Mesh> ConvexHull(const std::vector<Vector3d>& given) {
+  const std::vector<Vector3d> points = DistinctFarFirst(given);
   if (points.size() < 4) return std::nullopt;
   const auto [low, extent] = BoxOf(points);
   const double size = extent.norm();
@@ -101,10 +129,11 @@ std::optional<assets::Mesh> ConvexHull(const std::vector<Vector3d>& points) {
   Rng rng(1);
   std::vector<Vector3d> moved = points;
   for (Vector3d& p : moved)
-    for (int k = 0; k < 3; ++k) p[k] += 1e-6 * size * rng.Uniform(-1, 1);
+    for (int k = 0; k < 3; ++k) p[k] += kJitter * size * rng.Uniform(-1, 1);
   std::vector<Face> faces = FirstFaces(moved, size);
   if (faces.empty()) return std::nullopt;
-  for (int i = 0; i < static_cast<int>(moved.size()); ++i) AddPoint(moved, i, faces);
+  for (int i = 0; i < static_cast<int>(moved.size()); ++i)
+    if (IsOutside(moved, i, faces, 4 * kJitter * size)) AddPoint(moved, i, faces);
 
   assets::Mesh mesh;
   std::vector<int> index(points.size(), -1);

@@ -15,8 +15,8 @@ namespace etude::synthesis {
 std::vector<Eigen::Vector3d> FarthestPoints(const std::vector<Eigen::Vector3d>& points, int count);
 
 /// The convex hull as a closed mesh, wound outwards, every corner one of `points`; nothing when the points lie in a
-/// plane. Points closer to the hull than a millionth of its size may be left out. No texture coordinates of meaning.
-/// Cost: O(points^2). Source: the incremental method, e.g. O'Rourke, "Computational Geometry in C", chapter 4.
+/// plane. Points closer to the hull than a hundred thousandth of its size may be left out. No texture coordinates of
+/// meaning. Cost: O(points^2). Source: the incremental method, e.g. O'Rourke, "Computational Geometry in C", chapter 4.
 std::optional<assets::Mesh> ConvexHull(const std::vector<Eigen::Vector3d>& points);
 
 }  // namespace etude::synthesis

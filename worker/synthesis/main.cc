@@ -11,9 +11,11 @@
 #include "services/core/clock.h"
 #include "services/core/command.h"
 #include "services/core/stop.h"
+#include "worker/synthesis/drawn_object.h"
 #include "worker/synthesis/generator.h"
+#include "worker/synthesis/object_maker.h"
 #include "worker/synthesis/picture_file.h"
-#include "worker/synthesis/synthesize.h"
+#include "worker/synthesis/scene_object.h"
 
 namespace etude::synthesis {
 namespace {
@@ -88,7 +90,7 @@ Result<std::vector<Maker>> PicturedObjects(const Arguments& arguments) {
                         .class_name = name,
                         .source = "picture",
                         .size_m = arguments.size_m > 0 ? arguments.size_m : 0.08};
-      auto object = ObjectFromPicture(std::move(facts), picture, arguments.density);
+      auto object = ObjectFromPicture(std::move(facts), picture, {.density = arguments.density});
       if (!object) return Fail(object.error().Wrap(rgb.string()));
       return object;
     });

@@ -28,6 +28,13 @@ Result<std::vector<std::uint8_t>> Encode(const cv::Mat& picture) {
   return bytes;
 }
 
+cv::Mat ToMat(const Texture& texture) {
+  cv::Mat picture(texture.height, texture.width, CV_8UC3);
+  std::copy(texture.rgb.begin(), texture.rgb.end(), picture.data);
+  cv::cvtColor(picture, picture, cv::COLOR_RGB2BGR);
+  return picture;
+}
+
 }  // namespace
 
 Result<Picture> ReadPicture(const Path& rgb, const Path& depth, double relief) {
@@ -53,27 +60,7 @@ Result<Picture> ReadPicture(const Path& rgb, const Path& depth, double relief) {
   return picture;
 }
 
-Result<std::vector<std::uint8_t>> EncodeTexture(const Picture& picture, int margin) {
-  cv::Mat colors(picture.height, picture.width, CV_8UC3);
-  std::copy(picture.rgb.begin(), picture.rgb.end(), colors.data);
-  cv::cvtColor(colors, colors, cv::COLOR_RGB2BGR);
-  cv::Mat inside(picture.height, picture.width, CV_8UC1);
-  std::copy(picture.mask.begin(), picture.mask.end(), inside.data);
-  // pixels at the outline are mixed with the background: they are replaced, too
-  cv::erode(inside, inside, cv::Mat());
-
-  cv::Mat distance, label;
-  cv::distanceTransform(1 - inside, distance, label, cv::DIST_L2, cv::DIST_MASK_5, cv::DIST_LABEL_PIXEL);
-  std::vector<cv::Vec3b> of_label(picture.pixels() + 1);
-  for (int y = 0; y < colors.rows; ++y)
-    for (int x = 0; x < colors.cols; ++x)
-      if (inside.at<std::uint8_t>(y, x)) of_label[label.at<int>(y, x)] = colors.at<cv::Vec3b>(y, x);
-  for (int y = 0; y < colors.rows; ++y)
-    for (int x = 0; x < colors.cols; ++x)
-      if (!inside.at<std::uint8_t>(y, x) && distance.at<float>(y, x) <= static_cast<float>(margin))
-        colors.at<cv::Vec3b>(y, x) = of_label[label.at<int>(y, x)];
-  return Encode(colors);
-}
+Result<std::vector<std::uint8_t>> EncodePng(const Texture& texture) { return Encode(ToMat(texture)); }
 
 Result<std::vector<std::uint8_t>> EncodeDepth(const Picture& picture) {
   cv::Mat heights(picture.height, picture.width, CV_16UC1);
@@ -83,20 +70,24 @@ Result<std::vector<std::uint8_t>> EncodeDepth(const Picture& picture) {
   return Encode(heights);
 }
 
-Result<std::vector<std::uint8_t>> ToPng(const std::vector<std::uint8_t>& bytes, const std::string& origin) {
-  const cv::Mat picture = bytes.empty() ? cv::Mat() : cv::imdecode(bytes, cv::IMREAD_COLOR);
+Result<Texture> DecodePicture(const std::vector<std::uint8_t>& bytes, const std::string& origin) {
+  cv::Mat picture = bytes.empty() ? cv::Mat() : cv::imdecode(bytes, cv::IMREAD_COLOR);
   if (picture.empty()) return Fail(Code::kCorrupt, fmt::format("the texture of '{}' is not a picture", origin));
-  return Encode(picture);
+  cv::cvtColor(picture, picture, cv::COLOR_BGR2RGB);
+  return Texture{picture.cols, picture.rows, {picture.data, picture.data + 3 * picture.total()}};
 }
 
-Result<std::vector<std::uint8_t>> EncodePalette(const std::vector<Eigen::Vector3d>& colors) {
+Texture PaletteTexture(const std::vector<Eigen::Vector3d>& colors) {
   // wide columns: the ends of a smoothed lookup stay within one
   constexpr int kWidth = 8;
-  cv::Mat row(kWidth, kWidth * std::max<int>(1, static_cast<int>(colors.size())), CV_8UC3, cv::Scalar::all(180));
-  for (int i = 0; i < static_cast<int>(colors.size()); ++i)
-    row(cv::Rect(i * kWidth, 0, kWidth, kWidth))
-        .setTo(cv::Scalar(255 * colors[i].z(), 255 * colors[i].y(), 255 * colors[i].x()));
-  return Encode(row);
+  const int count = std::max<int>(1, static_cast<int>(colors.size()));
+  Texture texture{kWidth * count, kWidth, {}};
+  for (int i = 0; i < texture.width * texture.height; ++i)
+    for (int k = 0; k < 3; ++k) {
+      const double value = colors.empty() ? 0.7 : std::clamp(colors[i % texture.width / kWidth][k], 0.0, 1.0);
+      texture.rgb.push_back(static_cast<std::uint8_t>(std::lround(255 * value)));
+    }
+  return texture;
 }
 
 Status WriteContactSheet(const std::vector<Tile>& tiles, int columns, const Path& png) {

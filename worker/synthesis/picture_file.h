@@ -8,6 +8,7 @@
 
 #include "services/core/file.h"
 #include "worker/synthesis/picture.h"
+#include "worker/synthesis/texture.h"
 
 namespace etude::synthesis {
 
@@ -17,17 +18,16 @@ namespace etude::synthesis {
 /// @error kNotFound, kCorrupt: not a picture; kInvalidArgument: other sizes, not 16 bits, or no object.
 Result<Picture> ReadPicture(const Path& rgb, const Path& depth, double relief);
 
-/// The colours as PNG, those of the object continued for `margin` px past its outline, so that no background shows at
-/// the edge of a body.
-Result<std::vector<std::uint8_t>> EncodeTexture(const Picture& picture, int margin = 6);
+/// @error kInternal.
+Result<std::vector<std::uint8_t>> EncodePng(const Texture& texture);
 
 /// The depth as PNG of 16 bits, as ReadPicture takes it.
 Result<std::vector<std::uint8_t>> EncodeDepth(const Picture& picture);
 
-/// Any picture file's bytes as PNG. @error kCorrupt: not a picture; `origin` names it.
-Result<std::vector<std::uint8_t>> ToPng(const std::vector<std::uint8_t>& bytes, const std::string& origin);
-/// A PNG with a column for each colour (red, green, blue in 0..1); grey when there is none.
-Result<std::vector<std::uint8_t>> EncodePalette(const std::vector<Eigen::Vector3d>& colors);
+/// Any picture file's bytes. @error kCorrupt: not a picture; `origin` names it.
+Result<Texture> DecodePicture(const std::vector<std::uint8_t>& bytes, const std::string& origin);
+/// A row with a column for each colour (red, green, blue in 0..1); grey when there is none.
+Texture PaletteTexture(const std::vector<Eigen::Vector3d>& colors);
 
 /// One tile of a contact sheet.
 struct Tile {

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "worker/synthesis/hull.h"
+#include "worker/synthesis/mass.h"
 
 namespace etude::synthesis {
 namespace {
@@ -75,15 +76,32 @@ std::vector<Vector3d> PointsIn(const assets::Mesh& mesh, const Cell& cell) {
   return points;
 }
 
+std::vector<assets::Mesh> HullsIn(const assets::Mesh& mesh, const std::vector<Cell>& cells, int count) {
+  std::vector<assets::Mesh> pieces;
+  for (const Cell& cell : cells) {
+    const auto points = PointsIn(mesh, cell);
+    if (points.empty()) continue;
+    if (auto hull = ConvexHull(FarthestPoints(points, count))) pieces.push_back(std::move(*hull));
+  }
+  return pieces;
+}
+
+double VolumeOf(const std::vector<assets::Mesh>& pieces) {
+  double volume = 0;
+  for (const auto& piece : pieces) volume += Integrate(piece).mass;
+  return volume;
+}
+
 }  // namespace
 
 std::vector<assets::Mesh> ConvexPieces(const assets::Mesh& mesh, const std::optional<Hole>& hole,
                                        const PieceOptions& options) {
+  if (hole) return HullsIn(mesh, Sectors(*hole, options.sectors), options.points);
+  const double body = Integrate(mesh).mass;
   std::vector<assets::Mesh> pieces;
-  for (const Cell& cell : hole ? Sectors(*hole, options.sectors) : Slices(mesh, options.slices)) {
-    const auto points = PointsIn(mesh, cell);
-    if (points.empty()) continue;
-    if (auto hull = ConvexHull(FarthestPoints(points, options.points))) pieces.push_back(std::move(*hull));
+  for (int count = 1; count <= options.slices; ++count) {
+    pieces = HullsIn(mesh, Slices(mesh, count), options.points);
+    if (VolumeOf(pieces) <= (1 + options.fill) * body) break;
   }
   return pieces;
 }

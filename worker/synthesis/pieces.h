@@ -11,13 +11,14 @@
 namespace etude::synthesis {
 
 struct PieceOptions {
-  int slices = 6;    ///< along the longest axis, for a body without a hole, >= 1
-  int sectors = 10;  ///< around the hole, for a body with one, >= 3
-  int points = 120;  ///< at most, of a piece
+  int slices = 5;      ///< at most, along the longest axis, for a body without a hole, >= 1
+  double fill = 0.05;  ///< so much more than the body may the pieces hold; then no more slices are made
+  int sectors = 8;     ///< around the hole, for a body with one, >= 3
+  int points = 56;     ///< at most, of a piece
 };
 
-/// Cuts a closed body by planes and takes the convex hull of each part: slices along its longest axis, or sectors
-/// around its hole, which so stays open. Convex as long as each part is; else a piece fills its hollows.
+/// Cuts a closed body by planes and takes the convex hull of each part: as few slices along its longest axis as do, or
+/// sectors around its hole, which so stays open. Convex as long as each part is; else a piece fills its hollows.
 /// @param hole  in the frame of the mesh
 std::vector<assets::Mesh> ConvexPieces(const assets::Mesh& mesh, const std::optional<Hole>& hole,
                                        const PieceOptions& options = {});

@@ -18,6 +18,8 @@ using Eigen::Vector3d;
 
 // the least height of a vertex inside of the outline, in widths: front and back never touch
 constexpr double kThinnest = 0.004;
+// a hole is at least such a share of the object's area
+constexpr double kLeastHole = 0.015;
 
 Status Validate(const Picture& picture, const ReliefOptions& options) {
   const std::size_t n = picture.pixels();
@@ -125,7 +127,7 @@ class Grid {
         for (const int i : *part) depth_[i] = 0;
   }
 
-  /// The largest part of the outside that the border does not reach.
+  /// The largest part of the outside that the border does not reach; gaps beside a leaf are no hole.
   std::optional<Hole> FindHole() const {
     std::vector<bool> seen(size());
     Connected(0, false, seen);
@@ -135,7 +137,8 @@ class Grid {
       auto part = Connected(i, false, seen);
       if (part.size() > largest.size()) largest = std::move(part);
     }
-    if (largest.empty()) return std::nullopt;
+    const auto inside = std::count_if(depth_.begin(), depth_.end(), [&](double depth) { return depth > cut_; });
+    if (static_cast<double>(largest.size()) <= kLeastHole * static_cast<double>(inside)) return std::nullopt;
     Vector2d sum = Vector2d::Zero();
     for (const int i : largest) sum += Place(i);
     return Hole{ToBody(sum / static_cast<double>(largest.size()), 0), Vector3d::UnitZ()};

@@ -13,7 +13,7 @@
 namespace etude::synthesis {
 
 struct ReliefOptions {
-  int max_faces = 5000;    ///< >= 100; sets how fine the grid is
+  int max_faces = 2400;    ///< >= 100; sets how fine the grid is
   double cut = 0.03;       ///< depth below which there is no object, 0..0.5
   double smoothing = 0.5;  ///< how far a vertex moves towards the mean of its neighbours in a round, 0..1
   int rounds = 3;          ///< of Laplacian smoothing, >= 0; the volume is restored afterwards
@@ -27,7 +27,7 @@ struct Hole {
 
 struct ReliefBody {
   assets::Mesh mesh;
-  std::optional<Hole> hole;  ///< the largest one
+  std::optional<Hole> hole;  ///< the largest one, when it is large
 };
 
 /// The body in a picture: x right, y up in the picture, z towards the viewer, origin in the picture's middle, in widths

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "worker/synthesis/synthesize.h"
+#include "worker/synthesis/object_maker.h"
 
 #include <fmt/format.h>
 
@@ -9,36 +9,11 @@
 #include <optional>
 #include <thread>
 
-#include "services/core/rng.h"
 #include "services/core/stop.h"
-#include "worker/synthesis/generator.h"
 #include "worker/synthesis/mesh_file.h"
 #include "worker/synthesis/picture_file.h"
 
 namespace etude::synthesis {
-
-Result<SolidObject> ObjectFromPicture(ObjectFacts facts, const Picture& picture, double density) {
-  ETUDE_ASSIGN_OR_RETURN(ReliefBody body, RaiseRelief(picture));
-  StandUp(body, picture.view);
-  ETUDE_ASSIGN_OR_RETURN(SolidObject object, PlaceObject(std::move(facts), std::move(body.mesh), body.hole, density));
-  ETUDE_ASSIGN_OR_RETURN(object.texture, EncodeTexture(picture));
-  return object;
-}
-
-Result<SolidObject> DrawObject(const std::string& class_name, int index, std::uint64_t seed, double size_m) {
-  ETUDE_ASSIGN_OR_RETURN(const ClassFacts known, FindClass(class_name));
-  const auto number = static_cast<std::uint64_t>(index);
-  ETUDE_ASSIGN_OR_RETURN(const Picture picture, Draw(class_name, MixSeed({seed, number}, "picture")));
-  Rng rng(MixSeed({seed, number}, "size " + class_name));
-  ObjectFacts facts{.name = fmt::format("{}_{:02}", class_name, index),
-                    .class_name = class_name,
-                    .source = "drawn",
-                    .seed = seed,
-                    .index = index,
-                    .split = index < kTrainInstances ? "train" : "test",
-                    .size_m = size_m > 0 ? size_m : rng.Uniform(known.smallest_m, known.largest_m)};
-  return ObjectFromPicture(std::move(facts), picture, known.density);
-}
 
 Result<SolidObject> ImportObject(const Path& file, const ImportOptions& options) {
   if (!IsPlainName(options.name))
@@ -52,10 +27,13 @@ Result<SolidObject> ImportObject(const Path& file, const ImportOptions& options)
   }
   ObjectFacts facts{
       .name = options.name, .class_name = options.name, .source = file.filename().string(), .size_m = options.size_m};
-  ETUDE_ASSIGN_OR_RETURN(SolidObject object,
-                         PlaceObject(std::move(facts), std::move(read.mesh), std::nullopt, options.density));
-  ETUDE_ASSIGN_OR_RETURN(object.texture,
-                         read.picture.empty() ? EncodePalette(read.palette) : ToPng(read.picture, file.string()));
+  ETUDE_ASSIGN_OR_RETURN(SolidObject object, PlaceObject(std::move(facts), std::move(read.mesh), std::nullopt,
+                                                         {.density = options.density}));
+  if (read.picture.empty())
+    object.texture = PaletteTexture(read.palette);
+  else {
+    ETUDE_ASSIGN_OR_RETURN(object.texture, DecodePicture(read.picture, file.string()));
+  }
   return object;
 }
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// From pictures, drawings and mesh files to objects, one at a time and many at once.
+// From mesh files to objects, and many objects at once.
 #pragma once
 
-#include <cstdint>
 #include <functional>
 #include <string>
 #include <vector>
@@ -10,20 +9,8 @@
 #include "services/core/file.h"
 #include "services/core/result.h"
 #include "worker/synthesis/object_folder.h"
-#include "worker/synthesis/picture.h"
 
 namespace etude::synthesis {
-
-/// Of the instances of a class so many, the first, are for training; the others for tests only.
-inline constexpr int kTrainInstances = 3;
-
-/// The whole of the pipeline: relief, smoothing, texture, collision pieces, mass.
-/// @error kInvalidArgument: no object in the picture, or a size or density that is not positive.
-Result<SolidObject> ObjectFromPicture(ObjectFacts facts, const Picture& picture, double density);
-
-/// Instance `index` of a built-in class, named "apple_07". A pure function of its arguments.
-/// @param size_m  largest extent; 0: drawn from the sizes of the class
-Result<SolidObject> DrawObject(const std::string& class_name, int index, std::uint64_t seed, double size_m = 0);
 
 enum class UpAxis { kY, kZ };
 
