@@ -58,7 +58,7 @@ Drawing DrawDonut(Rng& rng) {
 
   return [=](const Vector2d& p) {
     Texel texel;
-    const double rho = std::hypot(p.x() / 0.93, p.y()), angle = std::atan2(p.y(), p.x());
+    const double rho = std::hypot(p.x() / 0.90, p.y()), angle = std::atan2(p.y(), p.x());
     const double off = (rho - middle) / tube;
     if (std::abs(off) >= 1) return texel;
     texel.height = plump * tube * std::cbrt(1 - std::pow(std::abs(off), 3));
@@ -85,7 +85,7 @@ Drawing DrawDonut(Rng& rng) {
 }
 
 Drawing DrawSourdough(Rng& rng) {
-  const double length = rng.Uniform(0.72, 0.90), width = rng.Uniform(0.58, 0.74), high = rng.Uniform(0.50, 0.60);
+  const double length = rng.Uniform(0.78, 0.90), width = rng.Uniform(0.58, 0.68), high = rng.Uniform(0.50, 0.60);
   const Waves lumps = Waves::Make(rng, 0.012, 2);
   const Color crust = Pick(rng, {{.66, .40, .16}, {.55, .30, .12}, {.76, .52, .24}, {.46, .25, .11}}, 0.03);
   const Color crumb = Pick(rng, {{.95, .86, .66}, {.92, .78, .52}}, 0.02);
@@ -163,7 +163,7 @@ Layers StackLayers(Rng& rng, Filling filling) {
 Drawing DrawHamburger(Rng& rng) {
   const auto filling = static_cast<Filling>(rng.Below(3));
   const Layers y = StackLayers(rng, filling);
-  const double wide = rng.Uniform(0.74, 0.80);
+  const double wide = rng.Uniform(0.64, 0.70);
   const Color bun = Pick(rng, {{.84, .56, .22}, {.74, .44, .16}, {.90, .66, .30}, {.62, .34, .14}}, 0.02);
   const Color patty = Pick(rng, {{.36, .20, .11}, {.28, .15, .09}, {.46, .27, .15}}, 0.02);
   const Color cheese = Pick(rng, {{.98, .76, .16}, {.96, .62, .12}, {.98, .90, .55}}, 0.02);

@@ -34,7 +34,7 @@ struct PearOutline {
 }  // namespace
 
 Drawing DrawApple(Rng& rng) {
-  const double wide = rng.Uniform(0.84, 0.98), notch = rng.Uniform(0.14, 0.24), foot = rng.Uniform(0.05, 0.10);
+  const double wide = rng.Uniform(0.80, 0.90), notch = rng.Uniform(0.14, 0.24), foot = rng.Uniform(0.05, 0.10);
   const double taper = rng.Uniform(0.02, 0.10), lean = rng.Uniform(-0.12, 0.12), blush_side = rng.Uniform(-1, 1);
   const Color skin = Pick(rng, {{.75, .08, .09}, {.55, .04, .08}, {.52, .70, .16}, {.90, .75, .22}, {.85, .25, .18}});
   const Color blush = Pick(rng, {{.80, .12, .08}, {.92, .60, .20}, {.60, .05, .10}, {.75, .78, .25}});
@@ -145,7 +145,7 @@ Drawing DrawStrawberry(Rng& rng) {
 }
 
 Drawing DrawLemon(Rng& rng) {
-  const double thick = rng.Uniform(0.50, 0.60), length = rng.Uniform(0.70, 0.76), tip = rng.Uniform(0.10, 0.17);
+  const double thick = rng.Uniform(0.52, 0.60), length = rng.Uniform(0.70, 0.76), tip = rng.Uniform(0.17, 0.25);
   const double turn = rng.Uniform(-0.12, 0.12);
   const Color skin = Pick(rng, {{.97, .86, .16}, {.95, .80, .12}, {.99, .92, .34}, {.86, .84, .18}}, 0.03);
   const double pores = rng.Uniform(0.045, 0.065), green = rng.Uniform(0, 0.6);
@@ -160,7 +160,7 @@ Drawing DrawLemon(Rng& rng) {
     // an ellipse, fuller below, with a nipple at its upper end
     const double bulge = u > 0 ? u * u : std::pow(-u, 2.6);
     double radius = std::abs(u) < 1 ? thick * std::pow(1 - bulge, 0.62) : 0;
-    if (u > 0.6 && u < 1 + tip) radius = std::hypot(radius, 0.16 * std::sqrt(1 - std::pow(u / (1 + tip), 8)));
+    if (u > 0.6 && u < 1 + tip) radius = std::hypot(radius, 0.17 * std::sqrt(1 - std::pow(u / (1 + tip), 8)));
     texel.height = Round(q.y(), radius);
     if (texel.height > 0) {
       const Spot pore = NearestSpot(q, pores, seed);

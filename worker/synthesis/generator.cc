@@ -25,11 +25,11 @@ struct Entry {
 // mug is hollow, bread full of air.
 const std::vector<Entry>& Entries() {
   static const std::vector<Entry> entries{
-      {{"apple", 0.078, 0.090, 800}, DrawApple},         {{"avocado", 0.082, 0.094, 980}, DrawAvocado},
-      {{"donut", 0.070, 0.077, 400}, DrawDonut},         {{"hamburger", 0.070, 0.078, 550}, DrawHamburger},
+      {{"apple", 0.080, 0.092, 800}, DrawApple},         {{"avocado", 0.082, 0.094, 980}, DrawAvocado},
+      {{"donut", 0.074, 0.082, 400}, DrawDonut},         {{"hamburger", 0.074, 0.084, 550}, DrawHamburger},
       {{"lemon", 0.080, 0.090, 950}, DrawLemon},         {{"mug", 0.082, 0.094, 650}, DrawMug},
       {{"orange", 0.071, 0.076, 880}, DrawOrange},       {{"pear", 0.088, 0.102, 960}, DrawPear},
-      {{"sourdough", 0.076, 0.088, 350}, DrawSourdough}, {{"strawberry", 0.074, 0.086, 700}, DrawStrawberry},
+      {{"sourdough", 0.080, 0.090, 350}, DrawSourdough}, {{"strawberry", 0.074, 0.086, 700}, DrawStrawberry},
   };
   return entries;
 }
@@ -58,6 +58,12 @@ Texel SamplePixel(const Drawing& drawing, int x, int y) {
       sum.color += (part.height > 0 ? part.color : Color::Ones()) / 4;
     }
   return sum;
+}
+
+/// Front and back are a little flat, so that what is laid down does not roll.
+float Pressed(float depth) {
+  constexpr float kFlat = 0.93f;
+  return depth < kFlat ? depth : kFlat + 0.05f * (depth - kFlat);
 }
 
 }  // namespace
@@ -94,8 +100,8 @@ Result<Picture> Draw(const std::string& class_name, std::uint64_t seed) {
 
   // heights are in half widths of the picture, relief in widths
   const float highest = *std::max_element(picture.depth.begin(), picture.depth.end());
-  for (float& depth : picture.depth) depth /= highest;
-  picture.relief = highest / 2.0;
+  for (float& depth : picture.depth) depth = Pressed(depth / highest) / Pressed(1);
+  picture.relief = highest * Pressed(1) / 2.0;
   return picture;
 }
 
