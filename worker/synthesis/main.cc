@@ -5,27 +5,35 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <functional>
 #include <map>
+#include <memory>
+#include <mutex>
 #include <thread>
 
 #include "services/core/clock.h"
 #include "services/core/command.h"
 #include "services/core/stop.h"
+#include "worker/synthesis/depth_network.h"
 #include "worker/synthesis/drawn_object.h"
 #include "worker/synthesis/generator.h"
+#include "worker/synthesis/mesh_file.h"
 #include "worker/synthesis/object_maker.h"
 #include "worker/synthesis/picture_file.h"
 #include "worker/synthesis/scene_object.h"
+#include "worker/synthesis/shaded_view.h"
 
 namespace etude::synthesis {
 namespace {
+
+constexpr int kTile = 160;  // px, of a gallery's
 
 struct Arguments {
   // synthesize
   std::vector<std::string> classes{"all"};
   int per_class = 10;
   std::uint64_t seed = 1;
-  std::string images;
+  std::string images, depth_network;
   double relief = 0.35;
   std::string view = "top";
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
@@ -59,23 +67,43 @@ Result<std::vector<Maker>> DrawnObjects(const Arguments& arguments) {
   return makers;
 }
 
-/// NAME.png of every pair NAME.png, NAME-depth.png, by name.
-Result<std::vector<Path>> PicturesIn(const Path& folder) {
+/// The pictures NAME.png of a folder, by name; only those with a NAME-depth.png beside when depth is needed.
+Result<std::vector<Path>> PicturesIn(const Path& folder, bool needs_depth) {
   std::error_code error;
   std::vector<Path> pictures;
   for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-    const Path depth = folder / (entry.path().stem().string() + "-depth.png");
-    if (entry.path().extension() == ".png" && std::filesystem::exists(depth)) pictures.push_back(entry.path());
+    const std::string name = entry.path().stem().string();
+    if (entry.path().extension() != ".png" || name.ends_with("-depth")) continue;
+    if (!needs_depth || std::filesystem::exists(folder / (name + "-depth.png"))) pictures.push_back(entry.path());
   }
   if (error) return Fail(ErrnoError("list", folder, error.value()));
   if (pictures.empty())
-    return Fail(Code::kNotFound, fmt::format("'{}' has no pair NAME.png, NAME-depth.png", folder.string()));
+    return Fail(Code::kNotFound, fmt::format("'{}' has no {}", folder.string(),
+                                             needs_depth ? "pair NAME.png, NAME-depth.png" : "NAME.png"));
   std::sort(pictures.begin(), pictures.end());
   return pictures;
 }
 
+/// How a picture gets its depth: from the picture beside it, or from a network, one call at a time.
+using DepthSource = std::function<Result<Picture>(const Path&)>;
+Result<DepthSource> MakeDepthSource(const Arguments& arguments) {
+  if (arguments.depth_network.empty())
+    return DepthSource([=](const Path& rgb) {
+      return ReadPicture(rgb, rgb.parent_path() / (rgb.stem().string() + "-depth.png"), arguments.relief);
+    });
+  ETUDE_ASSIGN_OR_RETURN(DepthNetwork opened,
+                         DepthNetwork::Open(arguments.depth_network, {.relief = arguments.relief}));
+  auto network = std::make_shared<DepthNetwork>(std::move(opened));
+  auto one_call = std::make_shared<std::mutex>();
+  return DepthSource([=](const Path& rgb) {
+    const std::lock_guard lock(*one_call);
+    return network->Read(rgb);
+  });
+}
+
 Result<std::vector<Maker>> PicturedObjects(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto pictures, PicturesIn(arguments.images));
+  ETUDE_ASSIGN_OR_RETURN(const auto read, MakeDepthSource(arguments));
+  ETUDE_ASSIGN_OR_RETURN(const auto pictures, PicturesIn(arguments.images, arguments.depth_network.empty()));
   std::vector<Maker> makers;
   for (const Path& rgb : pictures) {
     const std::string name = rgb.stem().string();
@@ -83,8 +111,7 @@ Result<std::vector<Maker>> PicturedObjects(const Arguments& arguments) {
       return Fail(Code::kInvalidArgument,
                   fmt::format("'{}': its name becomes the object's: a-z, 0-9, _ and -, at most 64", rgb.string()));
     makers.push_back([=]() -> Result<SolidObject> {
-      const Path depth = rgb.parent_path() / (name + "-depth.png");
-      ETUDE_ASSIGN_OR_RETURN(Picture picture, ReadPicture(rgb, depth, arguments.relief));
+      ETUDE_ASSIGN_OR_RETURN(Picture picture, read(rgb));
       picture.view = arguments.view == "front" ? View::kFront : View::kTop;
       ObjectFacts facts{.name = name,
                         .class_name = name,
@@ -147,7 +174,10 @@ Status Gallery(const Arguments& arguments) {
   std::vector<Tile> tiles;
   for (const Path& folder : folders) {
     ETUDE_ASSIGN_OR_RETURN(const ObjectFacts facts, ReadObjectFacts(folder));
-    tiles.push_back({folder / "texture.png", facts.name});
+    ETUDE_ASSIGN_OR_RETURN(const FileMesh read, ReadMesh(folder / "visual.obj"));
+    ETUDE_ASSIGN_OR_RETURN(const Texture texture, DecodePicture(read.picture, folder.string()));
+    tiles.push_back({ShadedView(read.mesh, texture, {.size = kTile}),
+                     fmt::format("{}  {:.0f} mm", facts.name, 1000 * facts.size_m)});
   }
   ETUDE_RETURN_IF_ERROR(WriteContactSheet(tiles, arguments.columns, arguments.sheet));
   fmt::print("{} objects in {}\n", tiles.size(), arguments.sheet);
@@ -164,6 +194,10 @@ CLI::App* AddSynthesize(CLI::App& app, Arguments& arguments) {
   auto* images =
       command->add_option("--images", arguments.images,
                           "instead: folder of NAME.png and NAME-depth.png (16 bits, larger is nearer, 0 off)");
+  command
+      ->add_option("--depth-network", arguments.depth_network,
+                   "ONNX file that gives NAME.png its depth, e.g. MiDaS v2.1 small: no NAME-depth.png is needed")
+      ->needs(images);
   command->add_option("--relief", arguments.relief, "of --images: half the thickness, in widths of the picture")
       ->needs(images)
       ->check(CLI::PositiveNumber)

@@ -7,9 +7,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <assimp/Exporter.hpp>
 #include <assimp/Importer.hpp>
 #include <cmath>
 #include <iterator>
+#include <map>
+#include <memory>
 #include <optional>
 #include <set>
 
@@ -120,13 +123,10 @@ Result<FileMesh> ReadMesh(const Path& path) {
   return result;
 }
 
-Status WriteMesh(const Path& path, const assets::Mesh& mesh, const std::string& texture) {
-  if (path.extension() != ".obj")
-    return Fail(Code::kInvalidArgument, fmt::format("write '{}': only .obj is written", path.string()));
-  if (mesh.faces.empty() || mesh.uv.size() != mesh.positions.size() || mesh.normals.size() != mesh.positions.size())
-    return Fail(Code::kInvalidArgument,
-                fmt::format("write '{}': {} faces, {} positions, {} normals, {} texture coordinates", path.string(),
-                            mesh.faces.size(), mesh.positions.size(), mesh.normals.size(), mesh.uv.size()));
+namespace {
+
+/// Our own text: the same bytes whatever the version of assimp.
+Status WriteObj(const Path& path, const assets::Mesh& mesh, const std::string& texture) {
   const Path library = Path(path).replace_extension(".mtl");
   std::string text;
   auto out = std::back_inserter(text);
@@ -142,6 +142,71 @@ Status WriteMesh(const Path& path, const assets::Mesh& mesh, const std::string& 
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(path, text));
   if (texture.empty()) return {};
   return WriteFileAtomically(library, fmt::format("newmtl surface\nKa 1 1 1\nKd 1 1 1\nmap_Kd {}\n", texture));
+}
+
+aiVector3D FromVector(const Vector3d& v) {
+  return {static_cast<ai_real>(v.x()), static_cast<ai_real>(v.y()), static_cast<ai_real>(v.z())};
+}
+
+/// What assimp writes; it owns and deletes what is made with new here.
+aiMesh* MakeAiMesh(const assets::Mesh& mesh) {
+  auto* made = new aiMesh;
+  made->mPrimitiveTypes = aiPrimitiveType_TRIANGLE;
+  made->mNumVertices = static_cast<unsigned>(mesh.positions.size());
+  made->mVertices = new aiVector3D[made->mNumVertices];
+  made->mNormals = new aiVector3D[made->mNumVertices];
+  made->mTextureCoords[0] = new aiVector3D[made->mNumVertices];
+  made->mNumUVComponents[0] = 2;
+  for (unsigned i = 0; i < made->mNumVertices; ++i) {
+    made->mVertices[i] = FromVector(mesh.positions[i]);
+    made->mNormals[i] = FromVector(mesh.normals[i]);
+    made->mTextureCoords[0][i] = FromVector({mesh.uv[i].x(), 1 - mesh.uv[i].y(), 0});
+  }
+  made->mNumFaces = static_cast<unsigned>(mesh.faces.size());
+  made->mFaces = new aiFace[made->mNumFaces];
+  for (unsigned i = 0; i < made->mNumFaces; ++i) {
+    made->mFaces[i].mNumIndices = 3;
+    made->mFaces[i].mIndices = new unsigned[3];
+    for (int k = 0; k < 3; ++k) made->mFaces[i].mIndices[k] = static_cast<unsigned>(mesh.faces[i][k]);
+  }
+  return made;
+}
+
+std::unique_ptr<aiScene> MakeScene(const assets::Mesh& mesh, const std::string& texture) {
+  auto scene = std::make_unique<aiScene>();
+  scene->mNumMeshes = scene->mNumMaterials = 1;
+  scene->mMeshes = new aiMesh* [1] { MakeAiMesh(mesh) };
+  auto* material = new aiMaterial;
+  const aiColor4D white(1, 1, 1, 1);
+  material->AddProperty(&white, 1, AI_MATKEY_COLOR_DIFFUSE);
+  if (const aiString name(texture); !texture.empty()) material->AddProperty(&name, AI_MATKEY_TEXTURE_DIFFUSE(0));
+  scene->mMaterials = new aiMaterial* [1] { material };
+  scene->mRootNode = new aiNode("object");
+  scene->mRootNode->mNumMeshes = 1;
+  scene->mRootNode->mMeshes = new unsigned[1]{0};
+  return scene;
+}
+
+}  // namespace
+
+Status WriteMesh(const Path& path, const assets::Mesh& mesh, const std::string& texture) {
+  static const std::map<std::string, const char*> formats{
+      {".obj", "obj"}, {".ply", "plyb"}, {".stl", "stlb"}, {".dae", "collada"}, {".glb", "glb2"}};
+  const auto format = formats.find(path.extension().string());
+  if (format == formats.end())
+    return Fail(Code::kInvalidArgument,
+                fmt::format("write '{}': only .obj, .ply, .stl, .dae and .glb are written", path.string()));
+  if (mesh.faces.empty() || mesh.uv.size() != mesh.positions.size() || mesh.normals.size() != mesh.positions.size())
+    return Fail(Code::kInvalidArgument,
+                fmt::format("write '{}': {} faces, {} positions, {} normals, {} texture coordinates", path.string(),
+                            mesh.faces.size(), mesh.positions.size(), mesh.normals.size(), mesh.uv.size()));
+  if (format->first == ".obj") return WriteObj(path, mesh, texture);
+  std::error_code error;
+  std::filesystem::create_directories(path.has_parent_path() ? path.parent_path() : Path("."), error);
+  const auto scene = MakeScene(mesh, texture);
+  Assimp::Exporter exporter;
+  if (exporter.Export(scene.get(), format->second, path.string()) == AI_SUCCESS) return {};
+  return Fail(Code::kUnavailable, fmt::format("write '{}': {}", path.string(), exporter.GetErrorString()));
 }
 
 }  // namespace etude::synthesis

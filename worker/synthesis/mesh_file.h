@@ -26,8 +26,8 @@ struct FileMesh {
 /// Thread safety: concurrent calls.
 Result<FileMesh> ReadMesh(const Path& path);
 
-/// Writes a Wavefront .obj with positions, normals and texture coordinates.
-/// @param texture  name of a picture beside it: then also writes PATH with .mtl; empty: no material
+/// Writes a mesh with normals and texture coordinates as the suffix says: .obj, .ply, .stl, .dae or .glb.
+/// @param texture  name of a picture beside it, which .obj, .dae and .glb refer to; empty: no material's picture
 /// @error kInvalidArgument: another suffix, no faces or uneven lists; kUnavailable: not written.
 Status WriteMesh(const Path& path, const assets::Mesh& mesh, const std::string& texture = {});
 

@@ -12,7 +12,7 @@
 namespace etude::synthesis {
 namespace {
 
-constexpr int kTile = 160, kCaption = 18;
+constexpr int kCaption = 18;
 
 Result<cv::Mat> Read(const Path& path, int flags) {
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path, 1u << 28));
@@ -92,14 +92,18 @@ Texture PaletteTexture(const std::vector<Eigen::Vector3d>& colors) {
 
 Status WriteContactSheet(const std::vector<Tile>& tiles, int columns, const Path& png) {
   if (tiles.empty() || columns < 1) return Fail(Code::kInvalidArgument, "a contact sheet without tiles");
+  const int width = tiles[0].picture.width, height = tiles[0].picture.height, line = height + kCaption;
   const int rows = (static_cast<int>(tiles.size()) + columns - 1) / columns;
-  cv::Mat sheet(rows * (kTile + kCaption), columns * kTile, CV_8UC3, cv::Scalar::all(255));
+  cv::Mat sheet(rows * line, columns * width, CV_8UC3, cv::Scalar::all(255));
   for (int i = 0; i < static_cast<int>(tiles.size()); ++i) {
-    ETUDE_ASSIGN_OR_RETURN(cv::Mat picture, Read(tiles[i].picture, cv::IMREAD_COLOR));
-    const int x = i % columns * kTile, y = i / columns * (kTile + kCaption);
-    cv::resize(picture, sheet(cv::Rect(x, y, kTile, kTile)), {kTile, kTile}, 0, 0, cv::INTER_AREA);
-    cv::putText(sheet, tiles[i].caption, {x + 4, y + kTile + 12}, cv::FONT_HERSHEY_SIMPLEX, 0.38, cv::Scalar::all(0), 1,
-                cv::LINE_AA);
+    const Texture& picture = tiles[i].picture;
+    if (picture.width != width || picture.height != height)
+      return Fail(Code::kInvalidArgument, fmt::format("contact sheet: a tile of {} x {} px beside one of {} x {}",
+                                                      picture.width, picture.height, width, height));
+    const int x = i % columns * width, y = i / columns * line;
+    ToMat(picture).copyTo(sheet(cv::Rect(x, y, width, height)));
+    cv::putText(sheet, tiles[i].caption, {x + 4, y + height + 12}, cv::FONT_HERSHEY_SIMPLEX, 0.38, cv::Scalar::all(0),
+                1, cv::LINE_AA);
   }
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, Encode(sheet));
   return WriteFileAtomically(png, bytes);

@@ -31,10 +31,10 @@ Texture PaletteTexture(const std::vector<Eigen::Vector3d>& colors);
 
 /// One tile of a contact sheet.
 struct Tile {
-  Path picture;
+  Texture picture;
   std::string caption;
 };
-/// Writes pictures side by side, their captions below. @error kInvalidArgument: no tiles; kCorrupt: not a picture.
+/// Writes pictures side by side, their captions below. @error kInvalidArgument: no tiles, or of several sizes.
 Status WriteContactSheet(const std::vector<Tile>& tiles, int columns, const Path& png);
 
 }  // namespace etude::synthesis
