@@ -89,6 +89,21 @@ std::vector<Vector3d> DistinctFarFirst(std::vector<Vector3d> points) {
   return points;
 }
 
+/// What is outside has a larger product with the normal.
+struct Plane {
+  Vector3d normal;
+  double offset;
+};
+std::vector<Plane> PlanesOf(const assets::Mesh& mesh) {
+  std::vector<Plane> planes;
+  for (const auto& face : mesh.faces) {
+    const Vector3d& a = mesh.positions[face[0]];
+    const Vector3d normal = (mesh.positions[face[1]] - a).cross(mesh.positions[face[2]] - a).normalized();
+    planes.push_back({normal, normal.dot(a)});
+  }
+  return planes;
+}
+
 /// Replaces the faces that see point `i` by a cone from the rim of what it sees.
 void AddPoint(const std::vector<Vector3d>& points, int i, std::vector<Face>& faces) {
   const auto seen =
@@ -151,6 +166,27 @@ std::optional<assets::Mesh> ConvexHull(const std::vector<Vector3d>& given) {
   }
   ComputeNormals(mesh);
   return mesh;
+}
+
+std::optional<assets::Mesh> FittedHull(const std::vector<Vector3d>& given, int count) {
+  const std::vector<Vector3d> points = DistinctFarFirst(given);
+  if (static_cast<int>(points.size()) <= count) return ConvexHull(points);
+  std::vector<Vector3d> kept = FarthestPoints(points, 2 * count / 3);
+  const double enough = 0.003 * BoxOf(points).second.norm();
+  auto hull = ConvexHull(kept);
+  while (hull && static_cast<int>(kept.size()) < count) {
+    const std::vector<Plane> planes = PlanesOf(*hull);
+    const auto outside = [&](int i) {
+      double farthest = 0;
+      for (const Plane& plane : planes) farthest = std::max(farthest, plane.normal.dot(points[i]) - plane.offset);
+      return farthest;
+    };
+    const int worst = Best(points.size(), outside);
+    if (outside(worst) < enough) break;
+    kept.push_back(points[worst]);
+    hull = ConvexHull(kept);
+  }
+  return hull;
 }
 
 }  // namespace etude::synthesis

@@ -19,4 +19,8 @@ std::vector<Eigen::Vector3d> FarthestPoints(const std::vector<Eigen::Vector3d>& 
 /// meaning. Cost: O(points^2). Source: the incremental method, e.g. O'Rourke, "Computational Geometry in C", chapter 4.
 std::optional<assets::Mesh> ConvexHull(const std::vector<Eigen::Vector3d>& points);
 
+/// The convex hull of at most `count` of the points, those that it needs most: the farthest in some directions, then
+/// one after the other what sticks out most. Nothing when the points lie in a plane.
+std::optional<assets::Mesh> FittedHull(const std::vector<Eigen::Vector3d>& points, int count);
+
 }  // namespace etude::synthesis

@@ -33,6 +33,8 @@ void Configure(Assimp::Importer& importer) {
   importer.SetPropertyFloat(AI_CONFIG_PP_GSN_MAX_SMOOTHING_ANGLE, 60);
   importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT | aiPrimitiveType_LINE);
   importer.SetPropertyBool(AI_CONFIG_PP_FD_REMOVE, true);
+  // else it takes faces under 1e-6 square units for degenerate: those of any fine mesh in metres
+  importer.SetPropertyBool(AI_CONFIG_PP_FD_CHECKAREA, false);
 }
 
 Vector3d ToVector(const aiVector3D& v) { return {v.x, v.y, v.z}; }

@@ -81,7 +81,7 @@ std::vector<assets::Mesh> HullsIn(const assets::Mesh& mesh, const std::vector<Ce
   for (const Cell& cell : cells) {
     const auto points = PointsIn(mesh, cell);
     if (points.empty()) continue;
-    if (auto hull = ConvexHull(FarthestPoints(points, count))) pieces.push_back(std::move(*hull));
+    if (auto hull = FittedHull(points, count)) pieces.push_back(std::move(*hull));
   }
   return pieces;
 }

@@ -14,7 +14,7 @@ struct PieceOptions {
   int slices = 5;      ///< at most, along the longest axis, for a body without a hole, >= 1
   double fill = 0.05;  ///< so much more than the body may the pieces hold; then no more slices are made
   int sectors = 8;     ///< around the hole, for a body with one, >= 3
-  int points = 56;     ///< at most, of a piece
+  int points = 64;     ///< at most, of a piece
 };
 
 /// Cuts a closed body by planes and takes the convex hull of each part: as few slices along its longest axis as do, or

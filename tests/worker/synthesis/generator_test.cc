@@ -6,8 +6,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
+#include "services/episode/object_names.h"
 #include "tests/support/matchers.h"
+#include "worker/synthesis/drawn_object.h"
 #include "worker/synthesis/mass.h"
 #include "worker/synthesis/pattern.h"
 #include "worker/synthesis/relief.h"
@@ -58,6 +61,38 @@ TEST(Draw, EveryClassIsASoundBody) {
       EXPECT_LE(body->mesh.faces.size(), 5000u) << known.name;
       EXPECT_EQ(body->hole.has_value(), known.name == "donut" || known.name == "mug") << known.name << " " << seed;
     }
+}
+
+TEST(Draw, KnowsTheClassesThatCampaignsName) {
+  std::vector<std::string> names;
+  for (const ClassFacts& known : KnownClasses()) names.push_back(known.name);
+  EXPECT_EQ(names, GeneratedClasses());
+}
+
+TEST(DrawObject, TenDifferentInstancesThatAHandCanGrasp) {
+  for (const ClassFacts& known : KnownClasses()) {
+    std::set<std::vector<std::uint8_t>> textures;
+    std::set<std::vector<double>> extents;
+    for (int i = 0; i < kInstancesPerClass; ++i) {
+      const auto object = DrawObject(known.name, i, kObjectSeed);
+      ASSERT_THAT(object, IsOk());
+      const ObjectFacts& facts = object->facts;
+      textures.insert(object->texture.rgb);
+      extents.insert(facts.extent_m);
+      EXPECT_EQ(facts.split, i < 3 ? "train" : "test");
+      EXPECT_TRUE(IsWatertight(object->visual)) << facts.name;
+      EXPECT_GT(SmallestFace(object->visual), 1e-11) << facts.name;
+      EXPECT_LE(facts.extent_m[0], 0.0681) << facts.name;  // fingers open to 0.085
+      EXPECT_GE(facts.extent_m[0], 0.045) << facts.name;
+      EXPECT_GE(facts.extent_m[2], 0.062) << facts.name;  // pads close between 0.047 and 0.069
+      EXPECT_LE(facts.extent_m[2], 0.100) << facts.name;
+      EXPECT_GT(facts.mass_kg, 0.02) << facts.name;
+      EXPECT_LT(facts.mass_kg, 0.30) << facts.name;
+      EXPECT_GT(facts.foot_m[3], 0.009) << facts.name;
+    }
+    EXPECT_EQ(textures.size(), 10u) << known.name;
+    EXPECT_EQ(extents.size(), 10u) << known.name;
+  }
 }
 
 TEST(Draw, RefusesAnUnknownClass) {

@@ -49,7 +49,7 @@ int EulerCharacteristic(const assets::Mesh& mesh) {
 }
 
 TEST(Relief, OfAHemisphereIsABall) {
-  const auto body = RaiseRelief(PictureOf(Ball));
+  const auto body = RaiseRelief(PictureOf(Ball), {.max_faces = 5000});
   ASSERT_TRUE(body.has_value()) << body.error().message;
 
   ExpectSound(body->mesh);
