@@ -76,6 +76,12 @@ std::string SceneName(const std::string& name) {
   return path.substr(path.rfind('/') + 1);
 }
 
+std::vector<std::string> SceneNames(const std::vector<std::string>& names) {
+  std::vector<std::string> scene_names;
+  for (const std::string& name : names) scene_names.push_back(SceneName(name));
+  return scene_names;
+}
+
 std::string ObjectNoun(const std::string& name) {
   const auto generated = ParseGenerated(name);
   return generated ? generated->class_name : SceneName(name);

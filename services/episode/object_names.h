@@ -44,6 +44,7 @@ bool IsObjectPath(const std::string& name);
 
 /// What a scene calls an object, a plain name: of a path the last folder, "duck"; else the name itself.
 std::string SceneName(const std::string& name);
+std::vector<std::string> SceneNames(const std::vector<std::string>& names);
 /// What a sentence calls it: the class of a generated one, else its scene's name.
 std::string ObjectNoun(const std::string& name);
 

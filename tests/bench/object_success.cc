@@ -11,7 +11,6 @@
 #include "services/core/rng.h"
 #include "services/episode/object_names.h"
 #include "worker/task/attempt.h"
-#include "worker/task/scene_sampling.h"
 
 namespace {
 
@@ -41,7 +40,7 @@ int main(int argc, char** argv) {
   for (int round = 0; round < rounds; ++round)
     for (const char* name : {"pick", "push", "put_down"}) {
       CampaignSpec spec;
-      if (argc > 3) spec.robot = argv[3];
+      if (argc > 3) spec.robots = {argv[3]};
       spec.tasks = {name};
       spec.seed = MixSeed({seed, static_cast<std::uint64_t>(round)}, name);
       spec.image_stride = 125;
@@ -53,7 +52,7 @@ int main(int argc, char** argv) {
       }
       for (int index = 0; index < 12; ++index) {
         const auto result = runner->Demonstrate(index, 0);
-        const std::string target = task::TargetOf(spec, index);
+        const std::string target = TargetOf(spec, index);
         Tally& tally = of_class[ObjectNoun(target)][name];
         ++tally.trials;
         tally.successes += result.outcome == task::AttemptOutcome::kSuccess;

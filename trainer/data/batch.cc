@@ -61,7 +61,8 @@ class SentenceBook {
       : grammar_(grammar), config_(config), seed_(seed), augment_(augment) {}
 
   std::int64_t Find(const language::Command& command, std::uint64_t variant, std::vector<std::string>& sentences) {
-    const auto key = fmt::format("{}/{}/{}", command.task, command.target, variant);
+    const auto key =
+        fmt::format("{}/{}/{}/{}/{}", command.task, command.target, command.reference, command.obstacle, variant);
     if (const auto it = by_key_.find(key); it != by_key_.end()) return it->second;
     Rng rng(MixSeed({seed_}, key));
     const auto style = augment_ == Augment::kYes ? DrawStyle(config_, rng) : language::Style::kTemplate;
@@ -193,7 +194,8 @@ void BatchMaker::FillLabels(const Episode& episode, int step, std::size_t b, con
 
   for (std::size_t s = 0; s < commands.size(); ++s) {
     const std::size_t row = b * commands.size() + s;
-    const auto known = std::find(objects_.begin(), objects_.end(), commands[s].target);
+    // a sentence says "apple", never which one
+    const auto known = std::find(objects_.begin(), objects_.end(), language::ClassOf(commands[s].target));
     auto& classes = batch.labels.at("target_class");
     classes.valid[row] = known != objects_.end();
     classes.classes[row] = classes.valid[row] ? known - objects_.begin() : 0;

@@ -80,7 +80,7 @@ enum class Augment { kNo, kYes };
 class BatchMaker {
  public:
   /// @param crop     u0, v0, width, height of the picture the policy sees, px
-  /// @param objects  classes of target_class
+  /// @param objects  classes of target_class (language::ClassOf)
   /// @param picture_width, picture_height  of the camera; the jitter is cut to what fits
   BatchMaker(const DataConfig& config, Region crop, std::vector<std::string> objects, std::vector<std::string> tasks,
              std::shared_ptr<const language::Grammar> grammar, int picture_width, int picture_height);

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/data/sampler.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
+#include <iterator>
 
 #include "services/core/check.h"
 #include "services/core/rng.h"
@@ -42,19 +45,52 @@ std::vector<Sample> SpreadFrames(const Snapshot& snapshot, Split split, std::uin
   return samples;
 }
 
+namespace {
+
+// an object that B of "A to the left of B" may be; "" when the scene has none
+std::string DrawReference(const language::Command& demonstrated, const std::string& target,
+                          const std::vector<std::string>& names, Rng& rng) {
+  const auto differs = [&](const std::string& name) {
+    return !name.empty() && language::ClassOf(name) != language::ClassOf(target);
+  };
+  if (differs(demonstrated.reference)) return demonstrated.reference;
+  if (!demonstrated.reference.empty() && differs(demonstrated.target)) return demonstrated.target;
+  std::vector<std::string> others;
+  std::copy_if(names.begin(), names.end(), std::back_inserter(others), differs);
+  return others.empty() ? "" : others[rng.Below(others.size())];
+}
+
+}  // namespace
+
+language::Command CommandOf(const Episode& episode) {
+  const auto task = ParseTask(episode.task);
+  ETUDE_CHECK(task, "task={}", episode.task);
+  return language::CommandFor(*task, episode.target, episode.reference);
+}
+
 std::vector<language::Command> DrawCommands(const Episode& episode, const std::vector<std::string>& tasks,
                                             int sentences, std::uint64_t seed) {
   ETUDE_CHECK(sentences >= 1 && !tasks.empty());
   Rng rng(MixSeed({seed}, "commands"));
+  const language::Command demonstrated = CommandOf(episode);
   std::vector<std::string> names;
   for (const auto& object : episode.objects)
-    if (object.name != episode.target) names.push_back(object.name);
+    if (object.name != episode.target && object.name != demonstrated.obstacle) names.push_back(object.name);
   rng.Shuffle(names);
   names.push_back(episode.target);
 
-  std::vector<language::Command> commands{{episode.task, episode.target}};
-  for (int s = 1; s < sentences; ++s)
-    commands.push_back({tasks[rng.Below(tasks.size())], names[static_cast<std::size_t>(s - 1) % names.size()]});
+  std::vector<language::Command> commands{demonstrated};
+  for (int s = 1; s < sentences; ++s) {
+    const auto task = ParseTask(tasks[rng.Below(tasks.size())]);
+    ETUDE_CHECK(task, "tasks={}", fmt::join(tasks, ", "));
+    language::Command command{task->base, names[static_cast<std::size_t>(s - 1) % names.size()], "",
+                              task->relation() ? "" : demonstrated.obstacle};
+    if (task->relation()) {
+      command.reference = DrawReference(demonstrated, command.target, names, rng);
+      if (command.reference.empty()) command = demonstrated;
+    }
+    commands.push_back(std::move(command));
+  }
   return commands;
 }
 

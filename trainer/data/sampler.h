@@ -28,9 +28,14 @@ std::vector<Sample> DrawBatch(const Snapshot& snapshot, Split split, std::uint64
 /// episodes.
 std::vector<Sample> SpreadFrames(const Snapshot& snapshot, Split split, std::uint64_t seed, int count);
 
+/// What the episode demonstrates.
+language::Command CommandOf(const Episode& episode);
+
 /// What sentence s of a picture asks about: s = 0 the demonstrated command; s >= 1 relabelled, the
 /// other objects of the scene in random order (again from the start when there are fewer than
-/// `sentences`), each with a random verb of `tasks`.
+/// `sentences`), each with a random verb of `tasks`. The obstacle stays what it is and is never a target; a
+/// relation keeps the reference, changes places with it where it has become the target, or draws one in an
+/// episode that has none.
 std::vector<language::Command> DrawCommands(const Episode& episode, const std::vector<std::string>& tasks,
                                             int sentences, std::uint64_t seed);
 

@@ -7,7 +7,7 @@
 
 #include "services/core/rng.h"
 #include "services/episode/action.h"
-#include "services/language/lexicon.h"
+#include "services/language/held_out.h"
 #include "trainer/learn/tensors.h"
 
 namespace etude::learn {
@@ -164,11 +164,12 @@ double Accuracy(policy::Policy& policy, const std::string& module, const std::ve
 
 }  // namespace
 
-std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const language::Grammar& grammar) {
+std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const language::Grammar& grammar,
+                                               const std::vector<std::string>& tasks) {
   const auto* module = LanguageModule(policy.config());
   if (!module) return {};
+  const auto& objects = policy.config().objects;
   const auto known = [&](const std::string& object) {
-    const auto& objects = policy.config().objects;
     return std::find(objects.begin(), objects.end(), object) != objects.end();
   };
   std::vector<std::string> unseen, unseen_objects, noisy, noisy_objects;
@@ -178,11 +179,13 @@ std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const lan
     unseen_objects.push_back(sentence.object);
   }
   Rng rng(MixSeed({}, "evaluate language"));
-  for (const auto& task : grammar.tasks()) {
-    for (const auto& object : grammar.objects()) {
-      for (int i = 0; i < 12 && known(object); ++i) {
-        noisy.push_back(grammar.Sample({task, object}, language::Style::kNoisy, rng));
-        noisy_objects.push_back(object);
+  for (const auto& task : tasks) {
+    for (std::size_t k = 0; k < objects.size(); ++k) {
+      const std::string reference = language::IsRelation(task) ? objects[(k + 1) % objects.size()] : "";
+      const language::Command command{task, objects[k], reference};
+      for (int i = 0; i < 12 && grammar.Check(command); ++i) {
+        noisy.push_back(grammar.Sample(command, language::Style::kNoisy, rng));
+        noisy_objects.push_back(command.target);
       }
     }
   }

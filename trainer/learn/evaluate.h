@@ -32,6 +32,7 @@ Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& make
 ///   "LANG.unseen"  the paper's Table 11, which training never shows: other words, other order
 ///   "LANG.noisy"   wordings like those of training, with typing errors, drawn from a seed of their own
 /// by the module's own name. Empty for a policy that has no class head which reads language alone.
-std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const language::Grammar& grammar);
+std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const language::Grammar& grammar,
+                                               const std::vector<std::string>& tasks);
 
 }  // namespace etude::learn

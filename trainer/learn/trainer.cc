@@ -2,6 +2,7 @@
 #include "trainer/learn/trainer.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -114,6 +115,21 @@ std::set<std::string> FrozenParameters(const policy::Policy& policy, const std::
   return names;
 }
 
+// The classes that the policy tells apart: as configured, unless the dataset has others.
+void AdoptClasses(const std::vector<std::string>& objects, std::vector<std::string>& classes) {
+  std::vector<std::string> found;
+  for (const auto& object : objects) {
+    const std::string its_class = language::ClassOf(object);
+    if (std::find(found.begin(), found.end(), its_class) == found.end()) found.push_back(its_class);
+  }
+  const bool covered = std::all_of(found.begin(), found.end(), [&](const std::string& name) {
+    return std::find(classes.begin(), classes.end(), name) != classes.end();
+  });
+  if (covered) return;
+  Log().info("the policy's classes are the dataset's: {}", fmt::join(found, ", "));
+  classes = std::move(found);
+}
+
 }  // namespace
 
 struct Trainer::Impl {
@@ -176,7 +192,8 @@ Status Trainer::Impl::Build() {
   const auto snapshot = dataset->snapshot();
   ETUDE_ASSIGN_OR_RETURN(const auto statistics, data::ComputeStatistics(*snapshot));
   joints = static_cast<int>(statistics.joint_mean.size());
-  ETUDE_ASSIGN_OR_RETURN(auto loaded, language::Grammar::Load());
+  AdoptClasses(dataset->spec().objects, config.policy.objects);
+  ETUDE_ASSIGN_OR_RETURN(auto loaded, language::Grammar::LoadFor(dataset->spec().objects));
   grammar = std::make_shared<const language::Grammar>(std::move(loaded));
 
   const auto& crop = config.policy.image.crop;
@@ -309,7 +326,7 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
       data::SpreadFrames(*snapshot, data::Split::kValid, MixSeed({config.seed}, "valid"), config.eval.frames);
   optimizer->ExchangeAverage();
   auto result = learn::Evaluate(replicas->front(), *maker, *snapshot, samples, scheduler->level(), config.data.batch);
-  const auto language = learn::EvaluateLanguage(replicas->front(), *grammar);
+  const auto language = learn::EvaluateLanguage(replicas->front(), *grammar, dataset->spec().tasks);
   optimizer->ExchangeAverage();
   ETUDE_ASSIGN_OR_RETURN(evaluation, std::move(result));
   evaluation.metrics.insert(language.begin(), language.end());

@@ -102,7 +102,7 @@ std::string Digest(const SceneDescription& scene) {
 
 }  // namespace
 
-Result<SceneDescription> DescribeScene(const CampaignSpec& spec, const ObjectMaker& make_object) {
+Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker& make_object) {
   SceneDescription scene;
   ETUDE_ASSIGN_OR_RETURN(scene.robot, MakeRobot(spec.robot));
   ETUDE_ASSIGN_OR_RETURN(scene.camera, MakeCamera(spec.camera));

@@ -26,8 +26,8 @@ struct SceneDescription {
 /// Physics step, s.
 inline constexpr double kTimestep = 0.002;
 
-/// A pure function of spec.robot, spec.objects and spec.camera, as long as `make_object` is one.
+/// @param make_object  a pure function
 /// @error kInvalidArgument: unknown robot or object, an object named twice, a bad camera vector
-Result<SceneDescription> DescribeScene(const CampaignSpec& spec, const ObjectMaker& make_object = MakeObject);
+Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker& make_object = MakeObject);
 
 }  // namespace etude::assets

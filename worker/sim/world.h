@@ -54,7 +54,7 @@ class World {
   int BodyId(const std::string& name) const;
   /// Names of bodies in contact with `body` now.
   std::vector<std::string> ContactsOf(const std::string& body) const;
-  /// True when the two fingers both touch `object`.
+  /// True when every group of fingers touches `object`.
   bool Grasped(const std::string& object) const;
 
   struct State;  ///< holds the mjData
@@ -77,11 +77,18 @@ class Kinematics {
   Pose X_WE(const Eigen::VectorXd& q);
   /// Geometric Jacobian of the tool at q: (6, nq), linear rows first, in world.
   Eigen::MatrixXd Jacobian(const Eigen::VectorXd& q);
+  /// A point that moves with a body of the arm, at q.
+  struct BodyPoint {
+    std::string body;
+    Eigen::Vector3d p_W;  ///< m, world
+  };
+  /// Jacobian of each point's velocity in world by the arm's joints, (3, nq) each; gripper joints are held.
+  std::vector<Eigen::MatrixXd> PointJacobians(const Eigen::VectorXd& q, const std::vector<BodyPoint>& points);
   /// Pose of every body of `bodies` at q with the gripper at `gripper` (0 open .. 1 closed).
   std::vector<Pose> BodyPoses(const Eigen::VectorXd& q, double gripper, const std::vector<std::string>& bodies);
   /// Inverse kinematics from `q_seed` (damped least squares within joint limits). Follows the
   /// straight line from the seed's pose, so that the answer is in the seed's branch; a function of
-  /// its arguments.
+  /// its arguments. A redundant arm (nq > 6) comes as near to its home as the tool's pose allows.
   /// @returns the solution, or nothing when it does not come within 0.5 mm and 2 mrad.
   std::optional<Eigen::VectorXd> Solve(const Pose& X_WE, const Eigen::VectorXd& q_seed);
 

@@ -1,89 +1,326 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests services/language/grammar.cc, lexicon.cc and wordnet.cc
+// Tests services/language/grammar.cc, sentence.cc, vocabulary.cc, lexicon.cc and held_out.cc
 #include "services/language/grammar.h"
 
 #include <gmock/gmock.h>
 
+#include <filesystem>
+#include <map>
 #include <set>
 
+#include "services/language/held_out.h"
 #include "services/language/lexicon.h"
 #include "services/language/tokenizer.h"
+#include "services/language/vocabulary.h"
 
 namespace etude::language {
 namespace {
 
 using ::testing::Contains;
+using ::testing::HasSubstr;
 using ::testing::Not;
 
-Grammar LoadGrammar() {
-  auto grammar = Grammar::Load();
-  EXPECT_TRUE(grammar.has_value());
-  return *grammar;
+const std::vector<std::string> kBasicTasks{"pick", "push", "put_down"};
+const std::vector<std::string> kSix{"cube", "coke", "pepsi", "milk", "bread", "bottle"};
+
+const Grammar& TheGrammar() {
+  static const Grammar grammar = Grammar::Load().value();
+  return grammar;
+}
+
+/// Commands that together have every task, object, relation and kind of obstacle.
+std::vector<Command> AllCommands() {
+  const auto& objects = TheGrammar().objects();
+  std::vector<Command> commands;
+  for (const auto& task : TheGrammar().tasks()) {
+    for (std::size_t i = 0; i < objects.size(); ++i) {
+      const std::string &target = objects[i], &next = objects[(i + 1) % objects.size()];
+      const std::string reference = IsRelation(task) ? objects[(i + 5) % objects.size()] : "";
+      for (const std::string& obstacle : {std::string(), next, std::string(kEverythingElse)})
+        commands.push_back({task, target, reference, obstacle});
+    }
+  }
+  return commands;
+}
+
+std::string Name(const Command& command) {
+  return command.task + " " + command.target + " " + command.reference + " " + command.obstacle;
 }
 
 TEST(Grammar, HasThe232SentencesOfTheOriginal) {
-  const Grammar grammar = LoadGrammar();
   std::set<std::string> sentences;
-  for (const auto& task : grammar.tasks())
-    for (const auto& object : grammar.objects())
-      for (const auto& sentence : grammar.Templates({task, object})) sentences.insert(sentence);
+  for (const auto& task : kBasicTasks)
+    for (const auto& object : kSix)
+      for (const auto& sentence : TheGrammar().Templates({task, object})) sentences.insert(sentence);
   EXPECT_EQ(sentences.size(), 232u);
   EXPECT_THAT(sentences, Contains("pick up red can"));
   EXPECT_THAT(sentences, Contains("put down bottle"));
 }
 
-TEST(Grammar, TemplateSamplesAreTemplates) {
-  const Grammar grammar = LoadGrammar();
-  Rng rng(3);
-  const auto templates = grammar.Templates({"push", "pepsi"});
-  std::set<std::string> drawn;
-  for (int i = 0; i < 500; ++i) drawn.insert(grammar.Sample({"push", "pepsi"}, Style::kTemplate, rng));
-  EXPECT_EQ(drawn, std::set<std::string>(templates.begin(), templates.end()));
+TEST(Grammar, KnowsAllTasksAndObjects) {
+  EXPECT_EQ(TheGrammar().tasks(), (std::vector<std::string>{"pick", "push", "put_down", "rotate", "place_left",
+                                                            "place_right", "place_front", "place_behind"}));
+  EXPECT_EQ(TheGrammar().objects().size(), 17u);
+  EXPECT_EQ(ClassOf("apple_03"), "apple");
+  EXPECT_EQ(ClassOf("apple_"), "apple_");
+  EXPECT_EQ(ClassOf("coke_03"), "coke_03");
+  EXPECT_EQ(ClassOf("put_down"), "put_down");
+  EXPECT_TRUE(TheGrammar().Check({"rotate", "lemon_07"}));
 }
 
-TEST(Grammar, VariedSamplesNeverMeetTheHeldOutTables) {
-  const Grammar grammar = LoadGrammar();
-  std::set<std::string> sentences;
-  for (const auto& sentence : HeldOutSentences()) {
-    sentences.insert(sentence.text);
-    EXPECT_THAT(grammar.tasks(), Contains(sentence.task));
-    EXPECT_THAT(grammar.objects(), Contains(sentence.object));
+TEST(Grammar, TemplateSamplesAreExactlyTheTemplates) {
+  Rng rng(3);
+  for (const Command& command :
+       {Command{"push", "pepsi"}, Command{"rotate", "mug_09"}, Command{"place_left", "lemon_00", "apple_01"},
+        Command{"pick", "milk", "", "basketball"}, Command{"put_down", "bread", "", kEverythingElse}}) {
+    const auto templates = TheGrammar().Templates(command);
+    std::set<std::string> drawn;
+    for (int i = 0; i < 3000; ++i) drawn.insert(TheGrammar().Sample(command, Style::kTemplate, rng));
+    EXPECT_EQ(drawn, std::set<std::string>(templates.begin(), templates.end())) << Name(command);
+    EXPECT_EQ(drawn.size(), templates.size()) << Name(command) << ": a template stands twice";
   }
-  ASSERT_EQ(sentences.size(), 30u);
+}
+
+TEST(Grammar, WritesTemplatesOfTheNewTasks) {
+  const auto has = [](const Command& command, const std::string& sentence) {
+    EXPECT_THAT(TheGrammar().Templates(command), Contains(sentence));
+  };
+  has({"rotate", "pear_04"}, "revolve pear");
+  has({"place_right", "coke", "milk"}, "put red can right to milk carton");
+  has({"place_left", "coke", "milk"}, "to the left of milk carton place red can");
+  has({"place_behind", "bread", "bottle"}, "move bread behind green bottle");
+  has({"pick", "coke", "", "basketball"}, "pick up red can without touching ball");
+  has({"push", "cube", "", kEverythingElse}, "avoid everything else and push red cube");
+  has({"push", "cube", "", kEverythingElse}, "push red cube without touching anything else");
+}
+
+TEST(Grammar, VariedSentencesAreMany) {
+  Rng rng(13);
+  for (const Command& command : AllCommands()) {
+    std::set<std::string> sentences;
+    for (int i = 0; sentences.size() < 300 && i < 1500; ++i)
+      sentences.insert(TheGrammar().Sample(command, Style::kVaried, rng));
+    EXPECT_GE(sentences.size(), 300u) << Name(command);
+  }
+}
+
+TEST(Grammar, NeverMeetsTheHeldOutTables) {
+  ASSERT_EQ(HeldOutSentences().size(), 30u);
   ASSERT_EQ(HeldOutNounPhrases().size(), 50u);
+  for (const auto& sentence : HeldOutSentences())
+    EXPECT_TRUE(TheGrammar().Check({sentence.task, sentence.object})) << sentence.text;
+  const std::set<std::string> phrases(HeldOutNounPhrases().begin(), HeldOutNounPhrases().end());
+  for (const auto& object : TheGrammar().objects())
+    for (const auto& phrase : TheGrammar().NounPhrases(object)) EXPECT_FALSE(phrases.contains(phrase)) << phrase;
+  std::vector<std::string> forbidden;
+  for (const auto& sentence : HeldOutSentences()) forbidden.push_back(" " + sentence.text + " ");
+  for (const auto& phrase : phrases) {
+    forbidden.push_back(" the " + phrase + " please ");  // a single word may be part of another phrase
+    if (phrase.find(' ') != std::string::npos) forbidden.push_back(" " + phrase + " ");
+  }
   Rng rng(5);
-  for (const auto& task : grammar.tasks()) {
-    for (const auto& object : grammar.objects()) {
-      for (int i = 0; i < 3000; ++i) {
-        const auto text = Normalize(grammar.Sample({task, object}, Style::kVaried, rng));
-        ASSERT_FALSE(sentences.contains(text)) << text;
-        for (const auto& phrase : HeldOutNounPhrases())
-          ASSERT_FALSE(text.ends_with("the " + phrase) || text == "push " + phrase) << text;
-      }
+  for (const Command& command : AllCommands()) {
+    for (int i = 0; i < 160; ++i) {
+      const Style style = i % 4 == 0 ? Style::kTemplate : i % 4 == 1 ? Style::kNoisy : Style::kVaried;
+      const auto text = " " + Normalize(TheGrammar().Sample(command, style, rng)) + " ";
+      for (const auto& words : forbidden) ASSERT_EQ(text.find(words), std::string::npos) << text;
     }
   }
 }
 
+TEST(Grammar, NoPhraseMeansTwoObjects) {
+  std::map<std::string, std::string> meaning;
+  for (const auto& object : TheGrammar().objects()) {
+    const auto phrases = TheGrammar().NounPhrases(object);
+    EXPECT_FALSE(phrases.empty()) << object;
+    for (const auto& phrase : phrases) {
+      const auto [it, fresh] = meaning.emplace(phrase, object);
+      EXPECT_TRUE(fresh) << "'" << phrase << "' is " << object << " and " << it->second;
+    }
+  }
+}
+
+TEST(Grammar, NoVerbMeansTwoTasks) {
+  std::map<std::string, std::string> meaning;
+  Rng rng(17);
+  for (const auto& task : {"pick", "push", "put_down", "rotate"}) {
+    for (int i = 0; i < 20000; ++i) {
+      std::string text = TheGrammar().Sample({task, "pear_01"}, Style::kVaried, rng);
+      const auto [it, fresh] = meaning.emplace(text, task);
+      ASSERT_EQ(it->second, task) << text;
+    }
+  }
+}
+
+/// Reads a varied relation back: the one direction in it, and the object named right after that.
+struct Reading {
+  std::set<std::string> directions;
+  std::string reference;
+};
+
+// the object whose phrase stands at the beginning of `text`, the longest one
+std::string ObjectAt(std::string text) {
+  for (const char* article : {"the ", "that "})
+    if (text.starts_with(article)) text = text.substr(std::string(article).size());
+  static const auto meaning = [] {
+    std::map<std::string, std::string> all;
+    for (const auto& name : TheGrammar().objects())
+      for (const auto& phrase : TheGrammar().NounPhrases(name)) all.emplace(phrase, name);
+    return all;
+  }();
+  for (std::size_t end = text.size(); end != std::string::npos; end = end ? text.rfind(' ', end - 1) : end - 1)
+    if (const auto found = meaning.find(text.substr(0, end)); found != meaning.end()) return found->second;
+  return "";
+}
+
+Reading Read(const std::string& text) {
+  Reading reading;
+  std::size_t longest = 0;
+  for (const auto& words : RelationLexicon()) {
+    auto places = words.base;
+    places.insert(places.end(), words.more.begin(), words.more.end());
+    for (const auto& place : places) {
+      const std::size_t at = (" " + text).find(" " + place + " ");
+      if (at == std::string::npos) continue;
+      reading.directions.insert(words.task);
+      if (place.size() <= longest) continue;
+      longest = place.size();
+      reading.reference = ObjectAt(text.substr(at + place.size() + 1));
+    }
+  }
+  return reading;
+}
+
+TEST(Grammar, ARelationNamesItsReferenceAfterTheDirection) {
+  Rng rng(19);
+  for (const Command& command : AllCommands()) {
+    for (int i = 0; i < 40; ++i) {
+      const std::string text = TheGrammar().Sample(command, Style::kVaried, rng);
+      const Reading reading = Read(text);
+      if (!IsRelation(command.task)) {
+        EXPECT_TRUE(reading.directions.empty()) << text;
+        continue;
+      }
+      EXPECT_EQ(reading.directions, std::set<std::string>{command.task}) << text;
+      EXPECT_EQ(reading.reference, command.reference) << text;
+    }
+  }
+}
+
+TEST(Grammar, EverySentenceNamesTargetAndObstacle) {
+  const std::vector<std::string> signs{"avoid",     "avoiding",     "without", "not",    "never",    "clear of",
+                                       "away from", "look out for", "shun",    "eschew", "keep off", "stay off"};
+  Rng rng(23);
+  for (const Command& command : AllCommands()) {
+    for (int i = 0; i < 40; ++i) {
+      const std::string text = TheGrammar().Sample(command, Style::kVaried, rng);
+      for (const std::string& object : {command.target, command.obstacle}) {
+        if (object.empty() || object == kEverythingElse) continue;
+        const auto phrases = TheGrammar().NounPhrases(object);
+        EXPECT_TRUE(std::any_of(phrases.begin(), phrases.end(), [&](auto& phrase) { return HasWords(text, phrase); }))
+            << text << " without " << object;
+      }
+      const bool keeps_off = std::any_of(signs.begin(), signs.end(), [&](auto& sign) { return HasWords(text, sign); });
+      EXPECT_EQ(keeps_off, !command.obstacle.empty()) << text;
+    }
+  }
+}
+
+TEST(Grammar, RefusesWhatItCannotSay) {
+  const auto message = [](const Command& command) {
+    const Status status = TheGrammar().Check(command);
+    EXPECT_FALSE(status) << Name(command);
+    if (status) return std::string();
+    EXPECT_EQ(status.error().code, Code::kInvalidArgument);
+    return status.error().message;
+  };
+  EXPECT_THAT(message({"pik", "coke"}), HasSubstr("did you mean 'pick'"));
+  EXPECT_THAT(message({"pick", "cokee"}), HasSubstr("did you mean 'coke'"));
+  EXPECT_THAT(message({"pick", ""}), HasSubstr("no words for object ''"));
+  EXPECT_THAT(message({"pick", "others"}), HasSubstr("no words for object"));
+  EXPECT_THAT(message({"place_left", "coke"}), HasSubstr("needs a reference"));
+  EXPECT_THAT(message({"place_left", "coke", "others"}), HasSubstr("reference"));
+  EXPECT_THAT(message({"push", "coke", "milk"}), HasSubstr("has no reference"));
+  EXPECT_THAT(message({"place_left", "pear_01", "pear_02"}), HasSubstr("two objects are called 'pear'"));
+  EXPECT_THAT(message({"pick", "coke", "", "coke"}), HasSubstr("two objects are called 'coke'"));
+  EXPECT_THAT(message({"pick", "coke", "", "balls"}), HasSubstr("no words for object 'balls'"));
+}
+
+TEST(Grammar, TakesObjectsOfTheUsersOwn) {
+  const auto grammar = Grammar::Load({{"rubber_duck", {}}, {"bear", {"Teddy bear", "plush bear"}}});
+  ASSERT_TRUE(grammar) << grammar.error().message;
+  EXPECT_THAT(grammar->Templates({"pick", "rubber_duck"}), Contains("pick up rubber duck"));
+  EXPECT_THAT(grammar->Templates({"place_left", "bear", "rubber_duck"}),
+              Contains("put plush bear to the left of rubber duck"));
+  const auto refusal = [](const OwnObject& object) { return Grammar::Load({object}).error().message; };
+  EXPECT_THAT(refusal({"tin", {"red can"}}), HasSubstr("'red can' means coke"));
+  EXPECT_THAT(refusal({"naan", {}}), HasSubstr("held out"));
+  EXPECT_THAT(refusal({"coke", {"fizz"}}), HasSubstr("words already"));
+
+  const auto scene = Grammar::LoadFor({"coke", "apple_02", "toy_car"});
+  ASSERT_TRUE(scene) << scene.error().message;
+  EXPECT_THAT(scene->NounPhrases("toy_car"), Contains("toy car"));
+  EXPECT_EQ(scene->NounPhrases("coke"), TheGrammar().NounPhrases("coke"));
+}
+
 TEST(Grammar, DrawsSynonymsOfWordNet) {
-  const Grammar grammar = LoadGrammar();
   Rng rng(7);
   std::set<std::string> words;
   for (int i = 0; i < 3000; ++i) {
-    std::string text = grammar.Sample({"pick", "coke"}, Style::kVaried, rng);
+    std::string text = TheGrammar().Sample({"pick", "coke", "", "basketball"}, Style::kVaried, rng) + " ";
     for (std::size_t at; (at = text.find(' ')) != std::string::npos; text = text.substr(at + 1))
       words.insert(text.substr(0, at));
   }
-  EXPECT_THAT(words, Contains("elevate"));  // a lemma of the sense "lift"
-  EXPECT_THAT(words, Contains("scarlet"));  // a lemma of the sense "red"
+  EXPECT_THAT(words, Contains("elevate"));   // a lemma of the sense "lift"
+  EXPECT_THAT(words, Contains("scarlet"));   // a lemma of the sense "red"
+  EXPECT_THAT(words, Contains("eschew"));    // a lemma of the sense "shun"
+  EXPECT_THAT(words, Contains("orangish"));  // a lemma of the sense "orange"
   EXPECT_THAT(words, Not(Contains("push")));
+  EXPECT_THAT(words, Not(Contains("birl")));
+}
+
+TEST(Grammar, DrawsEveryVerbOfItsTask) {
+  Rng rng(29);
+  std::map<std::string, int> counts;
+  const int draws = 8000;
+  for (int i = 0; i < draws; ++i) {
+    const std::string text = TheGrammar().Sample({"rotate", "mug_02"}, Style::kVaried, rng);
+    for (const char* verb : {"rotate", "revolve", "spin", "swivel", "pivot", "twirl", "whirl", "turn"})
+      counts[verb] += HasWords(text, verb);
+  }
+  // half of the draws are from the three templates, the rest from all
+  for (const char* verb : {"rotate", "revolve", "spin"}) EXPECT_GT(counts[verb], draws / 7) << verb;
+  for (const char* verb : {"swivel", "pivot", "twirl", "whirl", "turn"}) EXPECT_GT(counts[verb], draws / 60) << verb;
 }
 
 TEST(Grammar, IsAPureFunctionOfTheGenerator) {
-  const Grammar grammar = LoadGrammar();
-  Rng a(11), b(11);
-  for (int i = 0; i < 200; ++i)
-    EXPECT_EQ(grammar.Sample({"put_down", "milk"}, Style::kNoisy, a),
-              grammar.Sample({"put_down", "milk"}, Style::kNoisy, b));
+  for (const Command& command : {Command{"put_down", "milk"}, Command{"place_front", "cube", "coke", "basketball"}}) {
+    Rng a(11), b(11);
+    for (int i = 0; i < 200; ++i)
+      EXPECT_EQ(TheGrammar().Sample(command, Style::kNoisy, a), TheGrammar().Sample(command, Style::kNoisy, b));
+  }
+}
+
+TEST(Lexicon, EverySynsetIsInWordNet) {
+  ASSERT_TRUE(std::filesystem::exists(kWordNetFolder)) << "install wordnet-base";
+  std::vector<SynsetRef> synsets;
+  const auto add = [&](const std::vector<SynsetRef>& more) { synsets.insert(synsets.end(), more.begin(), more.end()); };
+  for (const auto* lexicon : {&ObjectLexicon(), &ClassLexicon()})
+    for (const auto& words : *lexicon) {
+      add(words.adjective_synsets);
+      add(words.noun_synsets);
+      EXPECT_FALSE(words.noun_synsets.empty()) << words.object;
+    }
+  for (const auto& words : TaskLexicon()) add(words.synsets);
+  add(PlacingLexicon().synsets);
+  add(ObstacleLexicon().avoid_synsets);
+  add(ObstacleLexicon().touch_synsets);
+  EXPECT_GE(synsets.size(), 60u);
+  for (const auto& synset : synsets) {
+    const auto lemmas = SynsetLemmas(kWordNetFolder, synset);
+    ASSERT_TRUE(lemmas) << lemmas.error().message;
+    EXPECT_FALSE(lemmas->empty()) << synset.anchor;
+  }
 }
 
 TEST(WordNet, NamesWhatIsMissing) {

@@ -105,6 +105,36 @@ TEST(DrawCommands, StartsWithTheDemonstratedOneAndRelabelsTheOthers) {
   EXPECT_EQ(targets.size(), 6u);  // every object of the scene once
 }
 
+TEST(DrawCommands, RelationsKeepTheReference) {
+  Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 2);
+  episode.task = "place_left";
+  for (const auto& object : episode.objects)
+    if (object.name != episode.target) episode.reference = object.name;
+
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const auto commands = DrawCommands(episode, {"pick", "place_left", "place_behind"}, 8, seed);
+
+    EXPECT_EQ(commands[0].reference, episode.reference);
+    for (const auto& command : commands) {
+      const bool swapped = command.target == episode.reference;
+      const std::string expected = swapped ? episode.target : episode.reference;
+      EXPECT_EQ(command.reference, language::IsRelation(command.task) ? expected : "") << command.task;
+    }
+  }
+}
+
+TEST(DrawCommands, DrawsAReferenceWhereThereIsNone) {
+  const Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 2);
+  std::set<std::string> references;
+  for (std::uint64_t seed = 0; seed < 40; ++seed)
+    for (const auto& command : DrawCommands(episode, {"place_front"}, 6, seed)) {
+      EXPECT_NE(command.reference, command.target);
+      EXPECT_EQ(command.reference.empty(), command.task == episode.task);
+      references.insert(command.reference);
+    }
+  EXPECT_EQ(references.size(), episode.objects.size() + 1);  // and none
+}
+
 TEST(DrawCommands, StartsAgainWhenTheSceneIsSmall) {
   CampaignSpec spec = SyntheticSpec();
   spec.objects = {"cube", "coke"};

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/language/held_out.h"
+
+namespace etude::language {
+
+const std::vector<std::string>& HeldOutNounPhrases() {
+  // Table 8: five objects, ten phrases each
+  static const std::vector<std::string> phrases{"skimmed milk package",
+                                                "goat milk carton",
+                                                "milk case",
+                                                "white packet",
+                                                "milk parcel",
+                                                "cream carton",
+                                                "cream package",
+                                                "heavy milk carton",
+                                                "almond milk box",
+                                                "goat milk packs",
+                                                "soda",
+                                                "perrier",
+                                                "tonic",
+                                                "flask",
+                                                "pitcher",
+                                                "container",
+                                                "decanter",
+                                                "vial",
+                                                "vessel",
+                                                "cruet",
+                                                "coke zero",
+                                                "round container",
+                                                "can",
+                                                "coca cola",
+                                                "red soda",
+                                                "cola",
+                                                "metal container",
+                                                "small soft drink",
+                                                "fizzy drink",
+                                                "diet coke",
+                                                "brick",
+                                                "block",
+                                                "cuboid",
+                                                "bar",
+                                                "solid lump",
+                                                "rectangular object",
+                                                "solid piece",
+                                                "slab",
+                                                "cuboidal slice",
+                                                "square object",
+                                                "cinnamon roll",
+                                                "sourdough",
+                                                "brown bread",
+                                                "loaf",
+                                                "naan",
+                                                "rye bread",
+                                                "toast",
+                                                "gluten free food",
+                                                "light bread",
+                                                "food"};
+  return phrases;
+}
+
+const std::vector<HeldOutSentence>& HeldOutSentences() {
+  // Table 11; what is meant is our reading
+  static const std::vector<HeldOutSentence> sentences{
+      {"grab the loafs", "pick", "bread"},
+      {"put down the lime soda", "put_down", "bottle"},
+      {"lay down the red block", "put_down", "cube"},
+      {"tip over the azure can", "put_down", "pepsi"},
+      {"lift the white carton", "pick", "milk"},
+      {"knock over the pastry", "put_down", "bread"},
+      {"lift the coke can", "pick", "coke"},
+      {"put down the sprite", "put_down", "bottle"},
+      {"grab the pepsi", "pick", "pepsi"},
+      {"elevate the red cube", "pick", "cube"},
+      {"pick up the red cube", "pick", "cube"},
+      {"lift up the blue cylinder", "pick", "pepsi"},
+      {"move away the brown object", "push", "bread"},
+      {"push away the white object", "push", "milk"},
+      {"lift the blue object", "pick", "pepsi"},
+      {"put down the green sprite", "put_down", "bottle"},
+      {"push the green sprite", "push", "bottle"},
+      {"push the reddish can", "push", "coke"},
+      {"pick up the milk container", "pick", "milk"},
+      {"hold up the milk carton", "pick", "milk"},
+      {"please pick up the green thing", "pick", "bottle"},
+      {"lift the red colored coke can", "pick", "coke"},
+      {"push the yellow bread", "push", "bread"},
+      {"grab the blue colored can", "pick", "pepsi"},
+      {"nudge that green bottle", "push", "bottle"},
+      {"put down the red colored cuboid", "put_down", "cube"},
+      {"lift the white box", "pick", "milk"},
+      {"take the pepsi off the table", "pick", "pepsi"},
+      {"push the green object forward", "push", "bottle"},
+      {"put down the zero coke on the desk", "put_down", "coke"},
+  };
+  return sentences;
+}
+
+}  // namespace etude::language

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/language/sentence.h"
+
+#include <algorithm>
+
+namespace etude::language {
+namespace {
+
+using Strings = std::vector<std::string>;
+
+const std::string& Pick(const Strings& items, Rng& rng) { return items[rng.Below(items.size())]; }
+
+// "spin around the can" would be a path
+bool MustSplit(const std::string& verb) { return verb.ends_with(" around"); }
+
+// "pick up" + "red can" -> "pick red can up" for verbs with a particle.
+std::string SplitParticle(const std::string& verb, const std::string& noun) {
+  static const Strings particles{"up", "down", "over", "away", "forward", "around"};
+  const auto space = verb.rfind(' ');
+  const std::string particle = space == std::string::npos ? "" : verb.substr(space + 1);
+  const bool splits = std::find(particles.begin(), particles.end(), particle) != particles.end();
+  return splits ? verb.substr(0, space) + " " + noun + " " + particle : verb + " " + noun;
+}
+
+// "without touching B pick ..."
+bool IsAdverbial(const std::string& words) { return words.starts_with("without ") || words.starts_with("while "); }
+
+// What keeps off B: "avoid B and ..." or "... without touching B". Ahead of the rest, a clause with a verb
+// of its own needs "and".
+std::string Keeping(const std::string& words, const std::string& noun, const std::string& action, bool ahead) {
+  if (!ahead) return action + " " + words + " " + noun;
+  return words + " " + noun + (IsAdverbial(words) ? " " : " and ") + action;
+}
+
+// "everything else" after "avoid" is "anything else" after "without touching"
+const Strings& Others(const std::string& words) {
+  const bool negative = HasWords(words, "without") || HasWords(words, "not") || HasWords(words, "never");
+  return negative ? ObstacleLexicon().any_other : ObstacleLexicon().others;
+}
+
+std::string DrawPhrase(const Vocabulary::Noun& noun, Rng& rng) {
+  while (true) {
+    const NounTemplate& half = rng.Bernoulli(0.5) ? noun.base : noun.varied;
+    const std::string adjective = Pick(half.adjectives, rng);
+    std::string phrase = JoinWords(adjective, Pick(half.nouns, rng));
+    if (!Vocabulary::IsHeldOutPhrase(phrase)) return phrase;
+  }
+}
+
+std::string DrawBasePhrase(const Vocabulary::Noun& noun, Rng& rng) {
+  const std::string& adjective = Pick(noun.base.adjectives, rng);
+  return JoinWords(adjective, Pick(noun.base.nouns, rng));
+}
+
+Strings BasePhrases(const Vocabulary::Noun& noun) {
+  Strings phrases;
+  for (const auto& adjective : noun.base.adjectives)
+    for (const auto& head : noun.base.nouns) phrases.push_back(JoinWords(adjective, head));
+  return phrases;
+}
+
+// "put A behind B", not "behind B put A"
+bool StartsWithVerb(const Vocabulary& vocabulary, const Command& command, const std::string& action) {
+  const auto& verbs = vocabulary.verb(command.task).base;
+  return std::any_of(verbs.begin(), verbs.end(), [&](const auto& verb) { return action.starts_with(verb + " "); });
+}
+
+Strings BaseObstacles(const Vocabulary& vocabulary, const std::string& obstacle, const std::string& words) {
+  if (obstacle == kEverythingElse) return {Others(words).front()};
+  return BasePhrases(*vocabulary.FindNoun(obstacle));
+}
+
+// the object next to which, or of which to keep clear
+std::string DrawReference(const Vocabulary& vocabulary, const std::string& object, Rng& rng) {
+  static const Strings articles{"the", "the", "the", "the", "the", "the", "that", ""};
+  const std::string& article = Pick(articles, rng);
+  return JoinWords(article, DrawPhrase(*vocabulary.FindNoun(object), rng));
+}
+
+// verb and object, and where to put it; `verb_first` says whether it begins with the verb
+std::string DrawAction(const Vocabulary& vocabulary, const Command& command, Rng& rng, bool& verb_first) {
+  static const Strings articles{"the", "the", "the", "that", "this", "a"};
+  std::string noun = DrawPhrase(*vocabulary.FindNoun(command.target), rng);
+  if (rng.Bernoulli(0.6)) {
+    const std::string& article = Pick(articles, rng);
+    const bool vowel = std::string("aeiou").find(noun[0]) != std::string::npos;
+    noun = (article == "a" && vowel ? "an" : article) + " " + noun;
+  }
+  const auto& verbs = vocabulary.verb(command.task);
+  const std::string& verb = Pick(rng.Bernoulli(0.5) ? verbs.base : verbs.all, rng);
+  const std::string action = rng.Bernoulli(0.25) || MustSplit(verb) ? SplitParticle(verb, noun) : JoinWords(verb, noun);
+  verb_first = true;
+  if (command.reference.empty()) return action;
+
+  const auto& places = vocabulary.place(command.task);
+  const std::string& place = Pick(rng.Bernoulli(0.5) ? places.base : places.all, rng);
+  const std::string there = place + " " + DrawReference(vocabulary, command.reference, rng);
+  verb_first = rng.Bernoulli(0.7);
+  return verb_first ? action + " " + there : there + " " + action;
+}
+
+// how a varied sentence says "keep off"
+std::string DrawKeeping(const Vocabulary& vocabulary, bool ahead, Rng& rng) {
+  const ObstacleWords& words = ObstacleLexicon();
+  if (ahead) {
+    if (rng.Bernoulli(0.25)) return Pick(words.base_after, rng);  // "without touching B pick ..."
+    return rng.Bernoulli(0.5) ? Pick(words.before, rng) : Pick(vocabulary.avoid(), rng);
+  }
+  const double draw = rng.Uniform();
+  if (draw < 0.3) return Pick(words.base_after, rng);
+  if (draw < 0.65) return Pick(words.after, rng);
+  const std::string joint = rng.Bernoulli(0.5) ? "and " : "but ";
+  if (draw < 0.8) return joint + Pick(vocabulary.avoid(), rng);
+  return joint + (rng.Bernoulli(0.5) ? "do not " : "never ") + Pick(vocabulary.touch(), rng);
+}
+
+std::string AddObstacle(const Vocabulary& vocabulary, const Command& command, const std::string& action, bool ahead,
+                        Rng& rng) {
+  const std::string words = DrawKeeping(vocabulary, ahead, rng);
+  const std::string obstacle =
+      command.obstacle == kEverythingElse ? Pick(Others(words), rng) : DrawReference(vocabulary, command.obstacle, rng);
+  return Keeping(words, obstacle, action, ahead);
+}
+
+}  // namespace
+
+std::string DrawTemplate(const Vocabulary& vocabulary, const Command& command, Rng& rng) {
+  const std::string& verb = Pick(vocabulary.verb(command.task).base, rng);
+  bool verb_first = true;
+  std::string sentence = JoinWords(verb, DrawBasePhrase(*vocabulary.FindNoun(command.target), rng));
+  if (!command.reference.empty()) {
+    const std::string& place = Pick(vocabulary.place(command.task).base, rng);
+    const std::string there = place + " " + DrawBasePhrase(*vocabulary.FindNoun(command.reference), rng);
+    verb_first = rng.Bernoulli(0.5);
+    sentence = verb_first ? sentence + " " + there : there + " " + sentence;
+  }
+  if (command.obstacle.empty()) return sentence;
+
+  const ObstacleWords& words = ObstacleLexicon();
+  const bool ahead = verb_first && rng.Bernoulli(0.4);
+  const std::string& keep = Pick(ahead ? words.base_before : words.base_after, rng);
+  const std::string obstacle = command.obstacle == kEverythingElse
+                                   ? Others(keep).front()
+                                   : DrawBasePhrase(*vocabulary.FindNoun(command.obstacle), rng);
+  return Keeping(keep, obstacle, sentence, ahead);
+}
+
+std::vector<std::string> AllTemplates(const Vocabulary& vocabulary, const Command& command) {
+  Strings sentences;
+  for (const auto& verb : vocabulary.verb(command.task).base)
+    for (const auto& noun : BasePhrases(*vocabulary.FindNoun(command.target)))
+      sentences.push_back(JoinWords(verb, noun));
+
+  if (!command.reference.empty()) {
+    Strings placed;
+    for (const auto& action : sentences)
+      for (const auto& place : vocabulary.place(command.task).base)
+        for (const auto& noun : BasePhrases(*vocabulary.FindNoun(command.reference))) {
+          placed.push_back(action + " " + place + " " + noun);
+          placed.push_back(place + " " + noun + " " + action);
+        }
+    sentences = std::move(placed);
+  }
+  if (command.obstacle.empty()) return sentences;
+
+  Strings kept;
+  for (const auto& action : sentences)
+    for (const bool ahead : {true, false}) {
+      if (ahead && !StartsWithVerb(vocabulary, command, action)) continue;
+      for (const auto& words : ahead ? ObstacleLexicon().base_before : ObstacleLexicon().base_after)
+        for (const auto& noun : BaseObstacles(vocabulary, command.obstacle, words))
+          kept.push_back(Keeping(words, noun, action, ahead));
+    }
+  return kept;
+}
+
+std::string DrawVaried(const Vocabulary& vocabulary, const Command& command, Rng& rng) {
+  static const Strings openings{"please", "could you", "can you", "now", "robot", "go and", "i want you to"};
+  static const Strings closings{"please", "for me", "now", "on the table"};
+  bool verb_first = true;
+  std::string sentence = DrawAction(vocabulary, command, rng, verb_first);
+  if (!command.obstacle.empty()) {
+    const bool ahead = verb_first && rng.Bernoulli(0.4);
+    sentence = AddObstacle(vocabulary, command, sentence, ahead, rng);
+    verb_first = verb_first && !IsAdverbial(sentence);
+  }
+  if (verb_first && rng.Bernoulli(0.15)) sentence = JoinWords(Pick(openings, rng), sentence);
+  if (rng.Bernoulli(0.15)) sentence = JoinWords(sentence, Pick(closings, rng));
+  return sentence;
+}
+
+void AddTypo(std::string& text, Rng& rng) {
+  const std::size_t at = 1 + rng.Below(std::max<std::size_t>(text.size(), 3) - 2);
+  if (at + 1 >= text.size() || text[at] == ' ' || text[at + 1] == ' ' || text[at - 1] == ' ') return;
+  switch (rng.Below(4)) {
+    case 0:
+      std::swap(text[at], text[at + 1]);
+      break;
+    case 1:
+      text.erase(at, 1);
+      break;
+    case 2:
+      text.insert(at, 1, text[at]);
+      break;
+    default:
+      text[at] = static_cast<char>('a' + rng.Below(26));
+      break;
+  }
+}
+
+}  // namespace etude::language

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// Private to services/language: how words become a sentence.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "services/core/rng.h"
+#include "services/language/vocabulary.h"
+
+namespace etude::language {
+
+/// A draw from the template sentences of `command`. Base tasks without obstacle: verb, adjective, noun.
+std::string DrawTemplate(const Vocabulary& vocabulary, const Command& command, Rng& rng);
+std::vector<std::string> AllTemplates(const Vocabulary& vocabulary, const Command& command);
+/// A draw with synonyms, articles, politeness and free word order; may hold held-out language.
+std::string DrawVaried(const Vocabulary& vocabulary, const Command& command, Rng& rng);
+
+/// At most one typing error: swaps, drops, doubles or replaces a letter inside a word.
+void AddTypo(std::string& text, Rng& rng);
+
+}  // namespace etude::language
