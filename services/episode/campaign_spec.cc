@@ -66,6 +66,7 @@ Status CampaignSpec::Validate() const {
   in_range("disturbance", randomization.disturbance, 0.2);
   in_range("disturbance_probability", randomization.disturbance_probability, 1);
   in_range("light", randomization.light, 1);
+  world.Check(errors);
   if (mode == "rollout") {
     require(IsPlainName(rollout.run), fmt::format("rollout.run: '{}' must be a run's name", rollout.run));
     require(rollout.replan_steps >= 1 && rollout.replan_steps <= 120,

@@ -8,6 +8,7 @@
 
 #include "services/core/config.h"
 #include "services/core/result.h"
+#include "services/episode/world_spec.h"
 
 namespace etude {
 
@@ -94,6 +95,7 @@ struct CampaignSpec {
   RandomizationSpec randomization;
   RolloutSpec rollout;
   SplitSpec split;
+  WorldSpec world;
 
   template <class V>
   void Visit(V& v) {
@@ -111,6 +113,7 @@ struct CampaignSpec {
     v("randomization", randomization);
     v("rollout", rollout);
     v("split", split);
+    v("world", world);
   }
 
   /// Ranges and names; all problems at once. Robots, tasks and objects are checked against `known`.

@@ -31,5 +31,7 @@ Canvas MilkTexture();
 Canvas BreadTexture();
 Canvas BottleLabelTexture();
 Canvas WoodTexture();
+Canvas ClothTexture();
+Canvas StoneTexture();
 
 }  // namespace etude::assets

@@ -9,6 +9,7 @@
 #include "services/core/hash.h"
 #include "worker/assets/geom_writer.h"
 #include "worker/assets/object_parts.h"
+#include "worker/assets/shifted_world.h"
 
 namespace etude::assets {
 namespace {
@@ -126,6 +127,7 @@ Result<SceneDescription> DescribeScene(const CampaignSpec& spec) {
   mjcf += "<equality>\n" + scene.robot.equality + "</equality>\n";
   mjcf += "<actuator>\n" + scene.robot.actuator + "</actuator>\n</mujoco>\n";
   scene.mjcf = std::move(mjcf);
+  ShiftWorld(spec.world, scene);
   scene.sha256 = Digest(scene);
   return scene;
 }

@@ -26,7 +26,7 @@ struct SceneDescription {
 /// Physics step, s.
 inline constexpr double kTimestep = 0.002;
 
-/// A pure function of spec.robot, spec.objects and spec.camera.
+/// A pure function of spec.robot, spec.objects, spec.camera and spec.world.
 /// @error kInvalidArgument: unknown robot or object, an object named twice, a bad camera vector
 Result<SceneDescription> DescribeScene(const CampaignSpec& spec);
 

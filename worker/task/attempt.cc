@@ -94,6 +94,8 @@ SessionConfig AttemptRunner::Impl::ConfigOf(std::uint64_t index) const {
 std::optional<std::string> AttemptRunner::Impl::Prepare(std::uint64_t seed) {
   Rng rng(MixSeed({seed}, "scene"));
   world.Reset();
+  Rng light_rng(MixSeed({seed}, "light"));
+  renderer.SetAppearance(sim::DrawAppearance(spec.randomization.light, scene->body_count(), light_rng));
   checker.Allow({});
   checker.SetGripper(0);
   for (const auto& object : scene->objects()) checker.Attach(object.name, std::nullopt);
