@@ -82,8 +82,7 @@ Status Work(const Arguments& arguments) {
 
 // Renders one picture and says with what.
 Status Doctor(const Arguments& arguments) {
-  const CampaignSpec spec;
-  ETUDE_ASSIGN_OR_RETURN(const auto scene, sim::Scene::Build(spec));
+  ETUDE_ASSIGN_OR_RETURN(const auto scene, sim::Scene::Build(SceneSpec{}));
   ETUDE_ASSIGN_OR_RETURN(auto renderer, sim::Renderer::Open(scene, arguments.renderer));
   sim::World world(scene);
   world.Reset();

@@ -11,13 +11,14 @@
 #include "services/core/check.h"
 #include "services/core/hash.h"
 #include "services/core/rng.h"
+#include "services/episode/task_name.h"
 
 namespace etude {
 namespace {
 
+constexpr int kMostObjects = 6;
 const std::vector<std::string> kModes{"demonstrate", "rollout"};
-const std::vector<std::string> kRobots{"ur5"};
-const std::vector<std::string> kTasks{"pick", "push", "put_down"};
+const std::vector<std::string> kRobots{"ur5", "panda", "jaco2"};
 const std::vector<std::string> kObjects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};
 
 void CheckKnown(const char* key, const std::string& value, const std::vector<std::string>& known,
@@ -38,14 +39,27 @@ Status CampaignSpec::Validate() const {
   };
   require(IsPlainName(name), fmt::format("name: '{}' must match [a-z0-9_-]{{1,64}}", name));
   CheckKnown("mode", mode, kModes, errors);
-  CheckKnown("robot", robot, kRobots, errors);
+  require(!robots.empty(), "robots: at least one");
+  for (const auto& robot : robots)
+    if (!robot.ends_with(".yaml")) CheckKnown("robots", robot, kRobots, errors);
   require(!tasks.empty(), "tasks: at least one");
-  for (const auto& task : tasks) CheckKnown("tasks", task, kTasks, errors);
+  bool relation = false;
+  for (const auto& name : tasks) {
+    const auto task = ParseTask(name);
+    if (!task) errors.push_back("tasks: " + task.error().message);
+    relation = relation || (task && task->relation());
+  }
   require(task_weights.empty() || task_weights.size() == tasks.size(),
           fmt::format("task_weights: {} for {} tasks", task_weights.size(), tasks.size()));
   for (double weight : task_weights)
     require(std::isfinite(weight) && weight > 0, fmt::format("task_weights: {} must be > 0", weight));
-  require(!objects.empty() && objects.size() <= 6, "objects: between 1 and 6 of them");
+  const int on_table = objects_per_scene == 0 ? static_cast<int>(objects.size()) : objects_per_scene;
+  require(on_table >= 1 && on_table <= kMostObjects,
+          fmt::format("objects: {} on the table, between 1 and {} fit{}", on_table, kMostObjects,
+                      objects_per_scene == 0 ? "; set objects_per_scene to draw some of them" : ""));
+  require(objects_per_scene <= static_cast<int>(objects.size()),
+          fmt::format("objects_per_scene: {} of {} objects", objects_per_scene, objects.size()));
+  require(!relation || on_table >= 2, "objects: a place_* task needs a second one to refer to");
   for (const auto& object : objects) CheckKnown("objects", object, kObjects, errors);
   require(std::set<std::string>(objects.begin(), objects.end()).size() == objects.size(), "objects: each at most once");
   require(episodes >= 1 && episodes <= 10'000'000, fmt::format("episodes: {} not in 1..10^7", episodes));
@@ -67,6 +81,8 @@ Status CampaignSpec::Validate() const {
   in_range("disturbance_probability", randomization.disturbance_probability, 1);
   in_range("light", randomization.light, 1);
   world.Check(errors);
+  require(obstacle.in_the_way >= 0 && obstacle.in_the_way <= 1,
+          fmt::format("obstacle.in_the_way: {} not in 0..1", obstacle.in_the_way));
   if (mode == "rollout") {
     require(IsPlainName(rollout.run), fmt::format("rollout.run: '{}' must be a run's name", rollout.run));
     require(rollout.replan_steps >= 1 && rollout.replan_steps <= 120,
@@ -88,6 +104,62 @@ std::string SpecHash(const CampaignSpec& spec) {
 
 std::uint64_t EpisodeSeed(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt) {
   return MixSeed({spec.seed, index, attempt}, "episode");
+}
+
+SceneSpec::SceneSpec(const CampaignSpec& spec) : robot(spec.robots.at(0)), objects(spec.objects), camera(spec.camera), world(spec.world) {}
+
+namespace {
+
+// "apple" of "apple_03"
+std::string ClassOfObject(const std::string& name) {
+  const auto end = name.find_last_not_of("0123456789");
+  return end != std::string::npos && name[end] == '_' && end + 1 < name.size() ? name.substr(0, end) : name;
+}
+
+// The objects on the table of episode `index`, in the order of the spec.
+std::vector<std::string> ObjectsOf(const CampaignSpec& spec, std::uint64_t index) {
+  if (spec.objects_per_scene == 0) return spec.objects;
+  Rng rng(MixSeed({spec.seed, index / kEpisodesPerScene}, "objects"));
+  std::vector<std::size_t> order(spec.objects.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  rng.Shuffle(order);
+  // a sentence names a class: one instance of each at most
+  std::set<std::string> classes;
+  std::erase_if(order, [&](std::size_t i) { return !classes.insert(ClassOfObject(spec.objects[i])).second; });
+  order.resize(std::min(order.size(), static_cast<std::size_t>(spec.objects_per_scene)));
+  std::sort(order.begin(), order.end());
+  std::vector<std::string> objects;
+  for (const std::size_t i : order) objects.push_back(spec.objects[i]);
+  return objects;
+}
+
+}  // namespace
+
+SceneSpec SceneOf(const CampaignSpec& spec, std::uint64_t index) {
+  SceneSpec scene(spec);
+  scene.robot = spec.robots[index / kEpisodesPerScene % spec.robots.size()];
+  scene.objects = ObjectsOf(spec, index);
+  const auto task = ParseTask(TaskOf(spec, index));
+  ETUDE_CHECK(task);
+  if (task->avoid == "obstacle") scene.objects.push_back(kObstacleObject);
+  return scene;
+}
+
+std::string TargetOf(const CampaignSpec& spec, std::uint64_t index) {
+  const auto objects = ObjectsOf(spec, index);
+  Rng rng(MixSeed({spec.seed, index}, "target"));
+  return objects[rng.Below(objects.size())];
+}
+
+std::string ReferenceOf(const CampaignSpec& spec, std::uint64_t index) {
+  const auto task = ParseTask(TaskOf(spec, index));
+  ETUDE_CHECK(task);
+  if (!task->relation()) return {};
+  auto others = ObjectsOf(spec, index);
+  std::erase(others, TargetOf(spec, index));
+  ETUDE_CHECK(!others.empty());
+  Rng rng(MixSeed({spec.seed, index}, "reference"));
+  return others[rng.Below(others.size())];
 }
 
 std::string TaskOf(const CampaignSpec& spec, std::uint64_t index) {

@@ -19,6 +19,7 @@ struct CameraSpec {
   std::vector<double> position{0.0, 1.5, 1.0};  ///< m, world
   std::vector<double> euler{-1.0, 0.0, 3.14};   ///< rad, rxyz
 
+  bool operator==(const CameraSpec&) const = default;
   template <class V>
   void Visit(V& v) {
     v("width", width);
@@ -46,6 +47,16 @@ struct RandomizationSpec {
     v("disturbance", disturbance);
     v("disturbance_probability", disturbance_probability);
     v("light", light);
+  }
+};
+
+/// Only for tasks "...+obstacle".
+struct ObstacleSpec {
+  double in_the_way = 0.5;  ///< share of the scenes in which it blocks the straight way to the target
+
+  template <class V>
+  void Visit(V& v) {
+    v("in_the_way", in_the_way);
   }
 };
 
@@ -81,18 +92,22 @@ struct SplitSpec {
 struct CampaignSpec {
   std::string name = "campaign";     ///< plain name, also the DDS partition
   std::string mode = "demonstrate";  ///< demonstrate | rollout
-  std::string robot = "ur5";
-  std::vector<std::string> tasks{"pick", "push", "put_down"};
+  /// Each a known robot or the path of a robot file (.yaml). Taken in turn, kEpisodesPerScene episodes each.
+  std::vector<std::string> robots{"ur5"};
+  std::vector<std::string> tasks{"pick", "push", "put_down"};  ///< see services/episode/task_name.h
   /// Relative frequency of each task, same length as tasks; empty = equal. Episode i's task is taken
   /// round-robin by these weights, so that counts are exact (32/24/24 for weights 4/3/3 of 80).
   std::vector<double> task_weights;
   std::vector<std::string> objects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};
+  /// How many of `objects` stand on the table; 0 all of them. Others are drawn every kEpisodesPerScene episodes.
+  int objects_per_scene = 0;
   std::uint64_t episodes = 100;
   std::uint64_t seed = 1;
   int image_stride = 5;   ///< control steps per frame; 1 reproduces the paper
   int max_attempts = 10;  ///< per index; then the index is given up and counted
   CameraSpec camera;
   RandomizationSpec randomization;
+  ObstacleSpec obstacle;
   RolloutSpec rollout;
   SplitSpec split;
   WorldSpec world;
@@ -101,16 +116,18 @@ struct CampaignSpec {
   void Visit(V& v) {
     v("name", name);
     v("mode", mode);
-    v("robot", robot);
+    v("robots", robots);
     v("tasks", tasks);
     v("task_weights", task_weights);
     v("objects", objects);
+    v("objects_per_scene", objects_per_scene);
     v("episodes", episodes);
     v("seed", seed);
     v("image_stride", image_stride);
     v("max_attempts", max_attempts);
     v("camera", camera);
     v("randomization", randomization);
+    v("obstacle", obstacle);
     v("rollout", rollout);
     v("split", split);
     v("world", world);
@@ -120,11 +137,36 @@ struct CampaignSpec {
   Status Validate() const;
 };
 
+/// Consecutive episodes that share one robot and one choice of objects: building a scene costs as much as an
+/// episode.
+inline constexpr std::uint64_t kEpisodesPerScene = 10;
+
+/// What one compiled scene is made of.
+struct SceneSpec {
+  std::string robot = "ur5";
+  std::vector<std::string> objects = CampaignSpec{}.objects;
+  CameraSpec camera;
+  WorldSpec world;
+
+  bool operator==(const SceneSpec&) const = default;
+  SceneSpec() = default;
+  /// The first robot with all objects.
+  explicit SceneSpec(const CampaignSpec& spec);
+};
+
+/// The scene of episode `index`, its obstacle last; the same for all attempts.
+SceneSpec SceneOf(const CampaignSpec& spec, std::uint64_t index);
+
 /// SHA-256 of what an episode's bytes depend on: the resolved spec without name, episodes, split and
 /// max_attempts, so that a campaign may be extended and still match what it has collected.
 std::string SpecHash(const CampaignSpec& spec);
 
 std::uint64_t EpisodeSeed(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt);
+
+/// Which object episode `index` is about, and for a relation which other one it refers to (else ""): the same
+/// for all attempts, so that a hard object is not swapped for an easy one by a retry.
+std::string TargetOf(const CampaignSpec& spec, std::uint64_t index);
+std::string ReferenceOf(const CampaignSpec& spec, std::uint64_t index);
 
 /// The task of episode `index` (round-robin by weight, the same for all attempts).
 std::string TaskOf(const CampaignSpec& spec, std::uint64_t index);

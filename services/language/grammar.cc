@@ -37,6 +37,13 @@ bool IsRelation(const std::string& task) {
   return std::any_of(relations.begin(), relations.end(), [&](const auto& words) { return words.task == task; });
 }
 
+Command CommandFor(const TaskName& task, const std::string& target, const std::string& reference) {
+  std::string obstacle;
+  if (task.avoid == "obstacle") obstacle = kObstacleObject;
+  if (task.avoid == "others") obstacle = kEverythingElse;
+  return {task.base, target, reference, obstacle};
+}
+
 Result<Grammar> Grammar::Load(const std::vector<OwnObject>& own) {
   ETUDE_ASSIGN_OR_RETURN(auto vocabulary, Vocabulary::Load(own));
   Grammar grammar;

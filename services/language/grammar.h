@@ -9,6 +9,7 @@
 
 #include "services/core/result.h"
 #include "services/core/rng.h"
+#include "services/episode/task_name.h"
 
 namespace etude::language {
 
@@ -21,6 +22,8 @@ struct Command {
 };
 
 inline constexpr const char* kEverythingElse = "others";
+
+Command CommandFor(const TaskName& task, const std::string& target, const std::string& reference);
 
 enum class Style {
   kTemplate,  ///< exactly the template sentences ("pick up red can"); 232 for the three basic tasks

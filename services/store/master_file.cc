@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/store/master_file.h"
 
+#include <algorithm>
 #include <vector>
 
 #include "services/store/episode_file.h"
@@ -22,7 +23,9 @@ Result<std::vector<std::uint8_t>> MasterBytes(const CampaignSpec& spec,
     // relative to the master file's own folder, so that a dataset may be moved
     file.ExternalLink(group, EpisodePath("", index).generic_string(), group);
     masks[SplitOf(spec, index)].push_back(name);
-    if (IsPlainName(episode.task)) masks[episode.task].push_back(name);
+    std::string task = episode.task;
+    std::replace(task.begin(), task.end(), '+', '_');
+    if (IsPlainName(task)) masks[task].push_back(name);
     total += static_cast<std::int64_t>(episode.samples);
   }
   file.Attribute("/data", "total", total);

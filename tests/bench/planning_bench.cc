@@ -103,7 +103,7 @@ void MeasurePlans(const std::shared_ptr<const sim::Scene>& scene, collide::Check
 }  // namespace etude
 
 int main() {
-  auto scene = etude::sim::Scene::Build(etude::CampaignSpec{});
+  auto scene = etude::sim::Scene::Build(etude::SceneSpec{});
   if (!scene) {
     fmt::print(stderr, "planning_bench: {}\n", scene.error().message);
     return 1;

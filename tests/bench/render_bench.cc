@@ -66,7 +66,7 @@ double Block(World& world, Frame frame) {
 }
 
 int Run() {
-  auto scene = Scene::Build(CampaignSpec{});
+  auto scene = Scene::Build(SceneSpec{});
   if (!scene) return std::fprintf(stderr, "%s\n", scene.error().message.c_str()), 1;
   auto renderer = Renderer::Open(*scene);
   if (!renderer) return std::fprintf(stderr, "%s\n", renderer.error().message.c_str()), 3;

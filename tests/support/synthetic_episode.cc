@@ -104,7 +104,7 @@ void Describe(Episode& episode, const CampaignSpec& spec, std::uint64_t index) {
   episode.spec_sha256 = SpecHash(spec);
   episode.scene_sha256 = std::string(64, '0');
   episode.version = "synthetic";
-  episode.robot = spec.robot;
+  episode.robot = spec.robots[0];
   episode.task = TaskOf(spec, index);
   episode.success = true;
   episode.image_stride = spec.image_stride;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/data/sampler.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <iterator>
 
@@ -60,7 +62,11 @@ std::string DrawReference(const language::Command& demonstrated, const std::stri
 
 }  // namespace
 
-language::Command CommandOf(const Episode& episode) { return {episode.task, episode.target, episode.reference}; }
+language::Command CommandOf(const Episode& episode) {
+  const auto task = ParseTask(episode.task);
+  ETUDE_CHECK(task, "task={}", episode.task);
+  return language::CommandFor(*task, episode.target, episode.reference);
+}
 
 std::vector<language::Command> DrawCommands(const Episode& episode, const std::vector<std::string>& tasks,
                                             int sentences, std::uint64_t seed) {
@@ -75,9 +81,11 @@ std::vector<language::Command> DrawCommands(const Episode& episode, const std::v
 
   std::vector<language::Command> commands{demonstrated};
   for (int s = 1; s < sentences; ++s) {
-    language::Command command{tasks[rng.Below(tasks.size())], names[static_cast<std::size_t>(s - 1) % names.size()], "",
-                              demonstrated.obstacle};
-    if (language::IsRelation(command.task)) {
+    const auto task = ParseTask(tasks[rng.Below(tasks.size())]);
+    ETUDE_CHECK(task, "tasks={}", fmt::join(tasks, ", "));
+    language::Command command{task->base, names[static_cast<std::size_t>(s - 1) % names.size()], "",
+                              task->relation() ? "" : demonstrated.obstacle};
+    if (task->relation()) {
       command.reference = DrawReference(demonstrated, command.target, names, rng);
       if (command.reference.empty()) command = demonstrated;
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Robots as data: an arm with its gripper in MJCF, with everything that others need to know by
-// name.
+// name. How many joints an arm has is data, too.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,6 +12,9 @@
 
 namespace etude::assets {
 
+/// The tool frame E of every robot has its origin in the fingertip zone; x_E points back along the hand
+/// (minus the approach direction), y_E along the opening of the fingers. A hand that points straight down
+/// with fingers that close along world x has x_E = +z_W.
 struct RobotModel {
   std::string name;
   std::string materials;           ///< MJCF <material> elements
@@ -19,24 +22,30 @@ struct RobotModel {
   std::string equality, actuator;  ///< content of these MJCF sections
   std::vector<AssetFile> files;
 
-  std::vector<std::string> joints;          ///< arm joints, base to tool
-  std::vector<double> q_home;               ///< rad
-  std::vector<std::string> bodies;          ///< base to fingers
-  std::vector<std::string> gripper_joints;  ///< driven
+  std::vector<std::string> joints;  ///< arm joints, base to tool; each has a motor of its name
+  std::vector<double> q_home;       ///< rad
+  std::vector<double> joint_speed;  ///< rad/s, the published most of each arm joint
+  std::vector<std::string> bodies;  ///< base to fingers
+  /// Driven; [0] has a motor of its name.
+  std::vector<std::string> gripper_joints;
   /// Joints coupled to gripper_joints[0]: q = factor * q_driven.
   struct Coupled {
     std::string joint;
     double factor;
   };
   std::vector<Coupled> coupled_joints;
+  double gripper_open = 0;                   ///< driven joint when open, rad or m
   double gripper_closed = 0;                 ///< driven joint when closed on air
-  double open_torque = 0, close_torque = 0;  ///< N m, on the driven joint
-  std::vector<std::string> finger_bodies;    ///< that close on an object
+  double open_torque = 0, close_torque = 0;  ///< N m (or N of a slide), on the driven joint
+  /// An object is grasped when every group has a body that touches it.
+  std::vector<std::vector<std::string>> finger_groups;
+  /// rad below the horizontal from which the hand naturally comes at an object: 0 level, pi/2 from above
+  double approach_pitch = 0;
   std::string tool_site;
 };
 
 const std::vector<std::string>& KnownRobots();
-/// @error kInvalidArgument: unknown name
+/// @error kInvalidArgument: unknown name; the message has the nearest known one
 Result<RobotModel> MakeRobot(const std::string& name);
 
 }  // namespace etude::assets

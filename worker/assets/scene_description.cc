@@ -102,7 +102,7 @@ std::string Digest(const SceneDescription& scene) {
 
 }  // namespace
 
-Result<SceneDescription> DescribeScene(const CampaignSpec& spec) {
+Result<SceneDescription> DescribeScene(const SceneSpec& spec) {
   SceneDescription scene;
   ETUDE_ASSIGN_OR_RETURN(scene.robot, MakeRobot(spec.robot));
   ETUDE_ASSIGN_OR_RETURN(scene.camera, MakeCamera(spec.camera));

@@ -26,8 +26,8 @@ struct SceneDescription {
 /// Physics step, s.
 inline constexpr double kTimestep = 0.002;
 
-/// A pure function of spec.robot, spec.objects, spec.camera and spec.world.
+/// A pure function of `spec`.
 /// @error kInvalidArgument: unknown robot or object, an object named twice, a bad camera vector
-Result<SceneDescription> DescribeScene(const CampaignSpec& spec);
+Result<SceneDescription> DescribeScene(const SceneSpec& spec);
 
 }  // namespace etude::assets

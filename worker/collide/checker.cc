@@ -213,6 +213,13 @@ void Checker::SetObject(const std::string& name, const Pose& X_WO) {
     if (piece.role() == Role::kObject && piece.body_name() == name) piece.Place(internal::ToIsometry(X_WO));
 }
 
+void Checker::ClearObjects() {
+  impl_->objects.clear();
+  impl_->allowed.clear();
+  impl_->held.clear();
+  impl_->pairs_valid = false;
+}
+
 void Checker::SetGripper(double gripper) { impl_->gripper = gripper; }
 
 void Checker::Allow(std::set<std::string> bodies) {

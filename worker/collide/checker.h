@@ -31,6 +31,8 @@ class Checker {
 
   /// Where the objects are now. An object that was never set is not in the scene yet.
   void SetObject(const std::string& name, const Pose& X_WO);
+  /// As after construction: no object is in the scene, none is allowed, none is held.
+  void ClearObjects();
   /// Gripper opening used for the fingers' pose, 0 open .. 1 closed.
   void SetGripper(double gripper);
   /// Contacts of the arm with these bodies are wanted (the target while it is grasped or pushed);

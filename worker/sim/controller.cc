@@ -16,6 +16,7 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 /// Mobility (1/kg, 1/(kg m^2)) below which a direction counts as lost: a singular arm cannot push
 /// there.
 constexpr double kLeastMobility = 5e-3;
+constexpr double kNullDamping = 1e-3;  ///< m (and rad)
 
 /// `v`, no longer than `limit`.
 Eigen::Vector3d Saturated(const Eigen::Vector3d& v, double limit) {
@@ -33,6 +34,12 @@ Matrix6d TaskInertia(const Matrix6d& mobility) {
     inverse[i] = s / (s * s + lack * lack);
   }
   return eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
+}
+
+/// What of the joint motion `dq` does not move the tool.
+Eigen::VectorXd NullSpacePart(const Eigen::MatrixXd& J, const Eigen::VectorXd& dq) {
+  const Matrix6d normal = J * J.transpose() + kNullDamping * kNullDamping * Matrix6d::Identity();
+  return dq - J.transpose() * normal.ldlt().solve(J * dq);
 }
 
 }  // namespace
@@ -64,7 +71,10 @@ Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X
   // N^T (-k M v) = -k (M v - J^T Lambda J v): what is left of joint damping once the tool's motion
   // is taken out
   const Vector6d wrench = inertia * (acceleration + config.null_kv * V_WE);
-  return state.J.transpose() * wrench + state.bias - config.null_kv * (state.M * state.v);
+  Eigen::VectorXd joints = -config.null_kv * state.v;
+  if (n > 6 && state.posture.size() == n) joints += config.null_kp * NullSpacePart(state.J, state.posture);
+  if (state.stop.size() == n) joints += config.stop_kp * state.stop;
+  return state.J.transpose() * wrench + state.bias + state.M * joints;
 }
 
 }  // namespace etude::sim

@@ -16,6 +16,8 @@ struct ControllerConfig {
   double max_linear = 0.5;   ///< m/s: errors are saturated so that the spring never drives faster
   double max_angular = 2.0;  ///< rad/s
   double null_kv = 10;       ///< 1/s, joint damping in the null space
+  double null_kp = 40;       ///< 1/s^2, spring of a redundant arm's null space towards its posture
+  double stop_kp = 400;      ///< 1/s^2, stiffness of the soft stops (see ControlState::stop)
 };
 
 /// What the controller needs to know at one instant. All in world.
@@ -25,6 +27,10 @@ struct ControlState {
   Eigen::MatrixXd J;     ///< (6, n) geometric Jacobian of E, linear rows first
   Eigen::MatrixXd M;     ///< (n, n) joint-space inertia
   Eigen::VectorXd bias;  ///< (n) Coriolis, centrifugal, gravity
+  /// (n) rad from q to the posture that a redundant arm (n > 6) shall keep as far as the tool allows, or empty.
+  Eigen::VectorXd posture;
+  /// (n) rad that each joint is inside the margin before its stop, signed back to the middle, or empty.
+  Eigen::VectorXd stop;
 };
 
 /// Rotation vector (axis times angle, angle in [0, pi]) that turns `from` into `to`, in world.
@@ -32,7 +38,9 @@ Eigen::Vector3d RotationVector(const Eigen::Quaterniond& from, const Eigen::Quat
 
 /// Joint torques (n), N m:
 ///   tau = J^T Lambda (kp e_p + kv (V_ref - J v)) + bias + N^T(-null_kv M v)
-/// with Lambda = (J M^-1 J^T)^-1 (damped near singularities) and the full rotation vector as error.
+///         + M (1 - J^+ J) null_kp posture + M stop_kp stop
+/// with Lambda = (J M^-1 J^T)^-1 (damped near singularities) and the full rotation vector as error. The
+/// posture's rest is where (1 - J^+ J) posture = 0, as in Kinematics::Solve; only the stops disturb the tool.
 Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X_WE_target,
                                         const Eigen::Matrix<double, 6, 1>& V_WE_target, const ControllerConfig& config);
 

@@ -15,9 +15,12 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kIterations = 100, kLeapIterations = 4;
-constexpr double kDamping = 1e-3;                            ///< m (and rad): steps shrink only very near a singularity
-constexpr double kLargestStep = 0.35;                        ///< rad per joint and iteration
-constexpr double kDonePosition = 1e-6, kDoneAngle = 1e-6;    ///< stop refining
+constexpr double kDamping = 1e-3;                          ///< m (and rad): steps shrink only very near a singularity
+constexpr double kLargestStep = 0.35;                      ///< rad per joint and iteration
+constexpr double kDonePosition = 1e-6, kDoneAngle = 1e-6;  ///< stop refining
+/// A redundant arm slides by this part of what draws it home in each iteration, until less than kDoneSlide
+/// (rad) is left: its answer is then a function of the tool's pose and the branch.
+constexpr double kSlide = 0.5, kDoneSlide = 1e-4;
 constexpr double kGoodPosition = 0.5e-3, kGoodAngle = 2e-3;  ///< accept
 /// Far targets are approached by poses no further apart than this, so that the arm stays in its
 /// branch (elbow and wrist as in the seed): what follows only the tool's pose cannot change branch
@@ -35,6 +38,43 @@ Vector6d ErrorOf(const Pose& now, const Pose& target) {
 
 bool Within(const Vector6d& error, double position, double angle) {
   return error.head<3>().norm() < position && error.tail<3>().norm() < angle;
+}
+
+struct DampedStep {
+  Eigen::VectorXd q;  ///< rad
+  double slide = 0;   ///< rad, the largest part of it that only draws a redundant arm home
+};
+
+DampedStep StepOf(const Eigen::MatrixXd& J, const Vector6d& error, const Eigen::VectorXd& home) {
+  // more damping while far away: linearisation is poor there
+  const double damping = kDamping + 0.05 * std::min(1.0, error.squaredNorm());
+  const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
+  const auto factors = normal.ldlt();
+  DampedStep step{J.transpose() * factors.solve(error)};
+  if (J.cols() <= 6) return step;
+  const Eigen::VectorXd slide = kSlide * (home - J.transpose() * factors.solve(J * home));
+  step.q += slide;
+  step.slide = slide.cwiseAbs().maxCoeff();
+  return step;
+}
+
+// Joints that stand at a limit and would go on are held there, and the others do their part.
+DampedStep StepWithinLimits(Eigen::MatrixXd J, const Vector6d& error, const Eigen::VectorXd& q, const ArmInfo& arm) {
+  Eigen::VectorXd home = arm.q_home - q;
+  DampedStep step = StepOf(J, error, home);
+  for (Eigen::Index held = 0; held < q.size() && J.cols() > 6; ++held) {
+    bool more = false;
+    for (Eigen::Index i = 0; i < q.size(); ++i) {
+      const bool out = (q[i] >= arm.q_max[i] && step.q[i] > 0) || (q[i] <= arm.q_min[i] && step.q[i] < 0);
+      if (!out) continue;
+      J.col(i).setZero();
+      home[i] = 0;
+      more = true;
+    }
+    if (!more) break;
+    step = StepOf(J, error, home);
+  }
+  return step;
 }
 
 }  // namespace
@@ -105,16 +145,14 @@ bool Kinematics::Refine(const Pose& target, int iterations, Eigen::VectorXd& q) 
   for (int iteration = 0; iteration <= iterations; ++iteration) {
     q = q.cwiseMax(arm.q_min).cwiseMin(arm.q_max);
     const Vector6d error = ErrorOf(X_WE(q), target);
-    if (Within(error, kDonePosition, kDoneAngle)) return true;
+    const bool there = Within(error, kDonePosition, kDoneAngle);
+    if (there && q.size() <= 6) return true;
     if (iteration == iterations) return Within(error, kGoodPosition, kGoodAngle);
     mj_comPos(scene_->model().mj.get(), state_->data.get());
     scene_->model().ToolJacobian(state_->data.get(), state_->scratch, state_->J);
-    const Eigen::MatrixXd& J = state_->J;
-    // more damping while far away: linearisation is poor there
-    const double damping = kDamping + 0.05 * std::min(1.0, error.squaredNorm());
-    const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
-    const Eigen::VectorXd step = J.transpose() * normal.ldlt().solve(error);
-    q += step * std::min(1.0, kLargestStep / std::max(step.cwiseAbs().maxCoeff(), 1e-12));
+    const DampedStep step = StepWithinLimits(state_->J, error, q, arm);
+    if (there && step.slide < kDoneSlide) return true;
+    q += step.q * std::min(1.0, kLargestStep / std::max(step.q.cwiseAbs().maxCoeff(), 1e-12));
   }
   return false;
 }

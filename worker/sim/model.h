@@ -30,12 +30,12 @@ using DataPtr = std::unique_ptr<mjData, DataDeleter>;
 struct Scene::Model {
   ModelPtr mj;
   assets::RobotModel robot;
-  std::vector<int> arm_q, arm_v, arm_u;  ///< addresses in qpos, qvel, ctrl
-  std::vector<int> gripper_q;            ///< driven joints
+  std::vector<int> arm_q, arm_v, arm_u;     ///< addresses in qpos, qvel, ctrl
+  std::vector<double> soft_low, soft_high;  ///< rad, where the arm's soft stops begin
+  std::vector<int> gripper_q;               ///< driven joints
   int gripper_u = -1;
   std::vector<std::pair<int, double>> coupled_q;  ///< address, factor of the driven joint
   int tool_site = -1;
-  std::vector<int> finger_bodies;
   struct FreeBody {
     int body = -1, q = -1, v = -1;
   };

@@ -18,6 +18,7 @@ using Eigen::Vector3d;
 
 constexpr double kTableHalf = 2.0;       ///< m: beyond the arm's reach
 constexpr double kTableThickness = 0.1;  ///< m
+constexpr double kStopMargin = 0.03;     ///< rad before a joint's stop where the controller holds against it
 
 void OnError(const char* message) {
   Log().critical("MuJoCo stopped: {}", message);
@@ -68,6 +69,8 @@ void FillAddresses(Scene::Model& model, const assets::SceneDescription& descript
     model.arm_q.push_back(mj->jnt_qposadr[joint]);
     model.arm_v.push_back(mj->jnt_dofadr[joint]);
     model.arm_u.push_back(Id(mj, mjOBJ_ACTUATOR, name));
+    model.soft_low.push_back(mj->jnt_range[2 * joint] + kStopMargin);
+    model.soft_high.push_back(mj->jnt_range[2 * joint + 1] - kStopMargin);
   }
   for (const std::string& name : model.robot.gripper_joints)
     model.gripper_q.push_back(mj->jnt_qposadr[Id(mj, mjOBJ_JOINT, name)]);
@@ -75,7 +78,8 @@ void FillAddresses(Scene::Model& model, const assets::SceneDescription& descript
   for (const auto& coupled : model.robot.coupled_joints)
     model.coupled_q.emplace_back(mj->jnt_qposadr[Id(mj, mjOBJ_JOINT, coupled.joint)], coupled.factor);
   model.tool_site = Id(mj, mjOBJ_SITE, model.robot.tool_site);
-  for (const std::string& name : model.robot.finger_bodies) model.finger_bodies.push_back(Id(mj, mjOBJ_BODY, name));
+  for (const auto& group : model.robot.finger_groups)
+    for (const std::string& name : group) Id(mj, mjOBJ_BODY, name);
   for (int body = 0; body < mj->nbody; ++body) model.bodies.emplace(mj_id2name(mj, mjOBJ_BODY, body), body);
   for (const auto& object : description.objects) {
     const int joint = Id(mj, mjOBJ_JOINT, object.name);
@@ -153,7 +157,10 @@ ArmInfo MakeArm(const Scene::Model& model) {
   }
   arm.gripper_joints = model.robot.gripper_joints;
   arm.bodies = model.robot.bodies;
-  arm.finger_bodies = model.robot.finger_bodies;
+  arm.joint_speed = Eigen::VectorXd::Map(model.robot.joint_speed.data(), n);
+  arm.finger_groups = model.robot.finger_groups;
+  arm.approach_pitch = model.robot.approach_pitch;
+  arm.gripper_open = model.robot.gripper_open;
   arm.gripper_closed = model.robot.gripper_closed;
   arm.tool_site = model.robot.tool_site;
   return arm;
@@ -193,7 +200,7 @@ void Scene::Model::SetArm(mjData* data, const Eigen::VectorXd& q) const {
 }
 
 void Scene::Model::SetGripper(mjData* data, double gripper) const {
-  const double driven = gripper * robot.gripper_closed;
+  const double driven = robot.gripper_open + gripper * (robot.gripper_closed - robot.gripper_open);
   for (const int address : gripper_q) data->qpos[address] = driven;
   for (const auto& [address, factor] : coupled_q) data->qpos[address] = factor * driven;
 }
@@ -222,7 +229,7 @@ Scene::~Scene() = default;
 
 int Scene::body_count() const { return model_->mj->nbody; }
 
-Result<std::shared_ptr<const Scene>> Scene::Build(const CampaignSpec& spec) {
+Result<std::shared_ptr<const Scene>> Scene::Build(const SceneSpec& spec) {
   InstallHandlers();
   ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description, assets::DescribeScene(spec));
   std::shared_ptr<Scene> scene(new Scene);

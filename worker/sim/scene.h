@@ -31,11 +31,17 @@ struct ArmInfo {
   Eigen::VectorXd q_home;           ///< (nq)
   Eigen::VectorXd q_min, q_max;     ///< (nq), rad
   Eigen::VectorXd torque_limit;     ///< (nu), N m
+  Eigen::VectorXd joint_speed;      ///< (nv), rad/s, the published most of each joint
   std::vector<std::string> gripper_joints;
-  std::vector<std::string> bodies;         ///< bodies of the robot, base to fingers (the base stands still)
-  std::vector<std::string> finger_bodies;  ///< the two that close on an object
-  double gripper_closed = 0;               ///< driven gripper joint when closed on air (0 is open)
-  std::string tool_site;                   ///< frame E
+  std::vector<std::string> bodies;  ///< bodies of the robot, base to fingers (the base stands still)
+  /// Groups of bodies that close on an object: it is grasped when each group touches it.
+  std::vector<std::vector<std::string>> finger_groups;
+  double gripper_open = 0;    ///< driven gripper joint when open, rad or m
+  double gripper_closed = 0;  ///< driven gripper joint when closed on air
+  /// rad below the horizontal from which the hand naturally comes at an object: 0 level, pi/2 from above
+  double approach_pitch = 0;
+  /// Frame E: origin in the fingertip zone, x back along the hand, y along the opening.
+  std::string tool_site;
 };
 
 struct ObjectInfo {
@@ -49,7 +55,7 @@ class Scene {
  public:
   /// @error kInvalidArgument: unknown robot or object; kInternal: MuJoCo refuses the MJCF (its
   /// message).
-  static Result<std::shared_ptr<const Scene>> Build(const CampaignSpec& spec);
+  static Result<std::shared_ptr<const Scene>> Build(const SceneSpec& spec);
   ~Scene();
 
   const ArmInfo& arm() const { return arm_; }

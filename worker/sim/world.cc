@@ -97,9 +97,14 @@ void World::State::ReadControl(const Scene::Model& model) {
   mj_fullM(mjm, full_inertia.data(), mj->qM);
   control.v.resize(n);
   control.bias.resize(n);
+  control.posture.resize(n);
+  control.stop.resize(n);
   control.M.resize(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
     control.v[i] = mj->qvel[model.arm_v[i]];
+    const double q = mj->qpos[model.arm_q[i]];
+    control.posture[i] = model.robot.q_home[i] - q;
+    control.stop[i] = std::max(0.0, model.soft_low[i] - q) - std::max(0.0, q - model.soft_high[i]);
     control.bias[i] = mj->qfrc_bias[model.arm_v[i]] - mj->qfrc_passive[model.arm_v[i]];
     for (Eigen::Index j = 0; j < n; ++j)
       control.M(i, j) = full_inertia[static_cast<std::size_t>(model.arm_v[i]) * mjm->nv + model.arm_v[j]];
@@ -173,10 +178,9 @@ std::vector<std::string> World::ContactsOf(const std::string& body) const {
 
 bool World::Grasped(const std::string& object) const {
   const std::vector<std::string> touching = ContactsOf(object);
-  const auto& fingers = scene_->arm().finger_bodies;
-  return std::all_of(fingers.begin(), fingers.end(), [&](const std::string& finger) {
-    return std::binary_search(touching.begin(), touching.end(), finger);
-  });
+  const auto touches = [&](const std::string& body) { return std::ranges::binary_search(touching, body); };
+  return std::ranges::all_of(scene_->arm().finger_groups,
+                             [&](const auto& group) { return std::ranges::any_of(group, touches); });
 }
 
 }  // namespace etude::sim

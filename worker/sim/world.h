@@ -56,7 +56,7 @@ class World {
   int BodyId(const std::string& name) const;
   /// Names of bodies in contact with `body` now.
   std::vector<std::string> ContactsOf(const std::string& body) const;
-  /// True when the two fingers both touch `object`.
+  /// True when every group of fingers touches `object`.
   bool Grasped(const std::string& object) const;
 
   struct State;  ///< holds the mjData
@@ -85,7 +85,7 @@ class Kinematics {
   std::vector<Pose> BodyPoses(const Eigen::VectorXd& q, double gripper, const std::vector<std::string>& bodies);
   /// Inverse kinematics from `q_seed` (damped least squares within joint limits). Follows the
   /// straight line from the seed's pose, so that the answer is in the seed's branch; a function of
-  /// its arguments.
+  /// its arguments. A redundant arm (nq > 6) comes as near to its home as the tool's pose allows.
   /// @returns the solution, or nothing when it does not come within 0.5 mm and 2 mrad.
   std::optional<Eigen::VectorXd> Solve(const Pose& X_WE, const Eigen::VectorXd& q_seed);
 

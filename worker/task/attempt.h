@@ -23,6 +23,7 @@ enum class AttemptOutcome {
   kGraspMissed,      ///< fingers closed without the object
   kDropped,          ///< held, then lost
   kCriterionFailed,  ///< all stages ran, the success criterion says no
+  kCollision,        ///< the robot, or what it moved, touched what it had to avoid
   kTimeout,          ///< longer than the step limit
   kUnstable,         ///< the simulation warned
   kPolicyError,      ///< rollout: the policy refused or did not answer
@@ -53,7 +54,7 @@ struct AttemptResult {
 
 /// The scene of an attempt before anything moves, and what is asked for.
 struct StartScene {
-  std::string task, target, instruction;
+  std::string robot, task, target, reference, instruction;
   const sim::World* world = nullptr;  ///< valid until the runner's next call
   sim::Renderer* renderer = nullptr;
 };

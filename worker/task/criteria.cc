@@ -6,36 +6,70 @@
 #include <numbers>
 
 #include "services/core/check.h"
+#include "services/episode/action.h"
+#include "services/episode/task_name.h"
 
 namespace etude::task {
 
 SuccessCriterion::SuccessCriterion(std::string task, const Pose& X_WO_start)
-    : task_(std::move(task)), X_WO_start_(X_WO_start) {
-  ETUDE_CHECK(task_ == "pick" || task_ == "push" || task_ == "put_down", "task={}", task_);
+    : task_(std::move(task)), X_WO_start_(X_WO_start), p_before_(X_WO_start.p) {
+  const auto& known = BaseTasks();
+  ETUDE_CHECK(std::find(known.begin(), known.end(), task_) != known.end(), "task={}", task_);
 }
 
-void SuccessCriterion::Observe(const Pose& X_WO) {
-  if (task_ == "put_down") {
-    const double height = X_WO.p.z();
-    progress_ = std::max(progress_, height);
-    if (lifted_) {
-      turned_ = turned_ || TurnError(X_WO, X_WO_start_) < kTurnTolerance;
-      laid_ = laid_ || height < kLaidHeight;
-    }
-    lifted_ = lifted_ || height > kLiftedHeight;
-    return;
-  }
-  const Eigen::Vector3d moved = X_WO.p - X_WO_start_.p;
-  const double distance = task_ == "pick" ? moved.z() : moved.y();
+void SuccessCriterion::Observe(const Observed& now) {
+  if (task_ == "put_down" || task_ == "rotate") return ObserveTurn(now.X_WO);
+  const Eigen::Vector3d moved = now.X_WO.p - X_WO_start_.p;
+  const double distance = task_ == "push" ? moved.y() : moved.z();
   progress_ = std::max(progress_, distance);
-  moved_ = moved_ || distance > (task_ == "pick" ? kPickRise : kPushDistance);
+  moved_ = moved_ || distance > (task_ == "push" ? kPushDistance : kPickRise);
+  if (task_ != "push" && task_ != "pick") ObserveRelation(now);
 }
 
-bool SuccessCriterion::success() const { return task_ == "put_down" ? lifted_ && turned_ && laid_ : moved_; }
+void SuccessCriterion::ObserveTurn(const Pose& X_WO) {
+  const double height = X_WO.p.z();
+  progress_ = std::max(progress_, height);
+  const bool over = TurnError(X_WO, X_WO_start_) < kTurnTolerance;
+  if (lifted_) {
+    turned_ = turned_ || (over && (task_ == "put_down" || height > kLaidHeight));
+    laid_ = laid_ || height < kLaidHeight;
+  }
+  lifted_ = lifted_ || height > kLiftedHeight;
+}
+
+void SuccessCriterion::ObserveRelation(const Observed& now) {
+  const double speed = (now.X_WO.p - p_before_).norm() * kControlRate;
+  p_before_ = now.X_WO.p;
+  rested_ = speed < kAtRest && !now.held ? rested_ + 1 : 0;
+  beside_ = beside_ || (moved_ && rested_ >= kRestSteps && IsBeside(task_, now.X_WO.p, now.X_WR.p));
+}
+
+bool SuccessCriterion::success() const {
+  if (task_ == "put_down") return lifted_ && turned_ && laid_;
+  if (task_ == "rotate") return turned_;
+  return task_ == "push" || task_ == "pick" ? moved_ : beside_;
+}
 
 double TurnError(const Pose& X_WO, const Pose& X_WO_start) {
   const Eigen::Vector3d euler = ToEuler(X_WO.q * X_WO_start.q.conjugate());
-  return (euler - Eigen::Vector3d(-std::numbers::pi / 2, 0, 0)).norm();
+  const Eigen::Vector3d quarter(std::numbers::pi / 2, 0, 0);
+  return std::min((euler - quarter).norm(), (euler + quarter).norm());
+}
+
+Eigen::Vector3d DirectionOf(const std::string& relation) {
+  if (relation == "place_left") return Eigen::Vector3d::UnitX();
+  if (relation == "place_right") return -Eigen::Vector3d::UnitX();
+  if (relation == "place_front") return Eigen::Vector3d::UnitY();
+  ETUDE_CHECK(relation == "place_behind", "task={}", relation);
+  return -Eigen::Vector3d::UnitY();
+}
+
+bool IsBeside(const std::string& relation, const Eigen::Vector3d& p_WO, const Eigen::Vector3d& p_WR) {
+  const Eigen::Vector3d direction = DirectionOf(relation);
+  Eigen::Vector3d d = p_WO - p_WR;
+  d.z() = 0;
+  const double along = d.dot(direction);
+  return along > kBesideNear && along < kBesideFar && (d - along * direction).norm() < kBesideAside;
 }
 
 bool LiesDown(const Pose& X_WO) {

@@ -5,13 +5,14 @@
 
 #include <algorithm>
 
+#include "worker/task/rehearsal.h"
+
 namespace etude::task {
 namespace {
 
 constexpr double kDropDistance = 0.035;   // m that a held object may shift in the hand
 constexpr double kGoalTolerance = 0.012;  // m between hand and goal when a stage counts as done
 constexpr int kSettleSteps = 40;          // at most, to come within it
-constexpr double kHeldGripper = 0.5;      // opening that stands for "around an object" in checks
 
 Verdict Failed(AttemptOutcome outcome, std::string reason) { return {outcome, std::move(reason)}; }
 
@@ -25,7 +26,7 @@ Expert::Expert(Session* session, StagePlanner* planner, collide::Checker* checke
       randomization_(randomization),
       seed_(seed),
       push_rng_(MixSeed({seed}, "push")),
-      stages_(StagesOf(session->config().task)),
+      stages_(StagesOf(session->config().task, session->shapes())),
       push_drawn_(stages_.size(), false),
       reference_(session->world().X_WE()) {
   for (const auto& stage : stages_) session_->episode().stage_names.push_back(stage.name);
@@ -49,7 +50,15 @@ Verdict Expert::Run() {
 
 Situation Expert::Now() const {
   const std::string& target = session_->config().target;
-  return {&session_->shapes(), target, session_->world().ObjectPose(target), reference_, X_EO_};
+  const std::string& reference = session_->config().reference;
+  Situation now{.shapes = &session_->shapes(),
+                .target = target,
+                .reference = reference,
+                .X_WO = session_->world().ObjectPose(target),
+                .X_WE = reference_,
+                .X_EO = X_EO_};
+  if (!reference.empty()) now.X_WR = session_->world().ObjectPose(reference);
+  return now;
 }
 
 std::vector<Eigen::Vector3d> Expert::Obstacles() const {
@@ -66,9 +75,7 @@ void Expert::UpdateChecker(const Stage& stage) {
   const sim::World& world = session_->world();
   const std::string& target = session_->config().target;
   for (const auto& object : world.scene().objects()) checker_->SetObject(object.name, world.ObjectPose(object.name));
-  checker_->SetGripper(stage.holds ? kHeldGripper : stage.closed ? 1.0 : 0.0);
-  checker_->Allow(stage.touches_target ? std::set<std::string>{target} : std::set<std::string>{});
-  checker_->Attach(target, stage.holds ? X_EO_ : std::nullopt);
+  SetForStage(stage, target, X_EO_, *checker_);
 }
 
 Verdict Expert::PlanPiece(int first, Piece& piece) {
@@ -83,7 +90,7 @@ Verdict Expert::PlanPiece(int first, Piece& piece) {
     Pose goal = stage.goal(now);
     const std::uint64_t seed = MixSeed({seed_, std::uint64_t(plans_++)}, "plan");
     PlannedStage planned = planner_->Plan(q, goal, stage, Obstacles(), seed);
-    if (stage.nearer && planned.outcome.kind == plan::OutcomeKind::kGoalInCollision) {
+    if (stage.nearer && !planned.planned()) {
       goal = stage.nearer(now);
       planned = planner_->Plan(q, goal, stage, Obstacles(), seed);
     }
@@ -175,7 +182,7 @@ Verdict Expert::PlayStep(int stage, const Pose& X_WE, const Vector6& V_WE, bool 
 }
 
 Verdict Expert::Stopped(int stage) const {
-  return Failed(session_->failure(), fmt::format("{}: step {}", stages_[stage].name, session_->steps()));
+  return Failed(session_->failure(), fmt::format("{}: {}", stages_[stage].name, session_->failure_reason()));
 }
 
 Verdict Expert::Check(int stage) const {
@@ -225,14 +232,15 @@ Verdict Expert::FinalCheck() const {
   const auto& criterion = session_->criterion();
   const std::string& target = session_->config().target;
   const sim::World& world = session_->world();
+  const std::string& task = session_->config().task.base;
   if (!criterion.success())
-    return Failed(AttemptOutcome::kCriterionFailed,
-                  fmt::format("{}: progress {:.3f} m{}{}{}", session_->config().task, criterion.progress(),
-                              criterion.lifted() ? ", lifted" : "", criterion.turned() ? ", turned" : "",
-                              criterion.laid() ? ", laid" : ""));
-  if (session_->config().task == "pick" && !world.Grasped(target))
+    return Failed(
+        AttemptOutcome::kCriterionFailed,
+        fmt::format("{}: progress {:.3f} m{}{}{}", task, criterion.progress(), criterion.lifted() ? ", lifted" : "",
+                    criterion.turned() ? ", turned" : "", criterion.laid() ? ", laid" : ""));
+  if ((task == "pick" || task == "rotate") && !world.Grasped(target))
     return Failed(AttemptOutcome::kDropped, fmt::format("hold: {} is not held", target));
-  if (session_->config().task == "put_down" && (!LiesDown(world.ObjectPose(target)) || world.Grasped(target)))
+  if (task == "put_down" && (!LiesDown(world.ObjectPose(target)) || world.Grasped(target)))
     return Failed(AttemptOutcome::kCriterionFailed, fmt::format("{} does not lie on the table", target));
   return {};
 }

@@ -102,8 +102,8 @@ Result<Verdict> Rollout::Run(const PolicyFunction& policy) {
     }
     if (!session_->Step(tracker.Next())) {
       if (success_step_ >= 0) return Verdict{};
-      return Verdict{session_->failure(),
-                     fmt::format("step {}: progress {:.3f} m", session_->steps(), session_->criterion().progress())};
+      return Verdict{session_->failure(), fmt::format("step {}: {}, progress {:.3f} m", session_->steps(),
+                                                      session_->failure_reason(), session_->criterion().progress())};
     }
     if (session_->success() && success_step_ < 0) success_step_ = session_->steps();
     if (success_step_ >= 0 && session_->steps() >= success_step_ + kStepsAfterSuccess) return Verdict{};

@@ -2,6 +2,7 @@
 #include "worker/task/scene_sampling.h"
 
 #include <Eigen/SVD>
+#include <algorithm>
 #include <cmath>
 
 #include "services/core/check.h"
@@ -12,8 +13,16 @@ namespace {
 constexpr int kArrangements = 100;    // whole arrangements tried
 constexpr int kDrawsPerObject = 100;  // places tried for one object of an arrangement
 constexpr int kStartDraws = 100;
-constexpr double kStartMargin = 0.005;    // m kept free around the arm where it starts
-constexpr double kStartDexterity = 0.06;  // m (home has 0.11): the arm can leave in any direction
+constexpr double kStartMargin = 0.005;                       // m kept free around the arm where it starts
+constexpr double kLowStartWidth = 0.30;                      // m, +- x of a low start
+constexpr double kLowStartNear = 0.05, kLowStartFar = 0.25;  // m, y
+constexpr double kLowStartHeight = 0.05;                     // m above the lowest
+constexpr int kWaySamples = 16;                              // states that stand for a straight way
+constexpr int kObstacleDraws = 60;
+constexpr double kObstacleGap = 0.05;      // m between the obstacle and the middle of an object
+constexpr double kObstacleMargin = 0.015;  // m kept free around the arm at the ends of its way
+constexpr double kAsideMargin = 0.05;      // m around the whole way past an obstacle aside
+constexpr double kStartDexterity = 0.06;   // m (home has 0.11): the arm can leave in any direction
 
 bool FarEnough(const Eigen::Vector3d& p, const std::vector<PlacedObject>& placed) {
   for (const auto& other : placed) {
@@ -48,12 +57,6 @@ Eigen::Vector3d DrawOffset(double size, Rng& rng) {
   return {x, y, rng.Uniform(-size, size)};
 }
 
-// Smallest singular value of the tool's Jacobian: the worst ratio of tool speed to joint speed.
-double Dexterity(sim::Kinematics& kinematics, const Eigen::VectorXd& q) {
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(kinematics.Jacobian(q));
-  return svd.singularValues().minCoeff();
-}
-
 }  // namespace
 
 const std::vector<LocationBox>& LocationBoxes() {
@@ -63,11 +66,26 @@ const std::vector<LocationBox>& LocationBoxes() {
   return boxes;
 }
 
-std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects, double yaw,
+const std::vector<LocationBox>& RoomyBoxes() {
+  static const std::vector<LocationBox> boxes = [] {
+    std::vector<LocationBox> roomy = LocationBoxes();
+    for (LocationBox& box : roomy) box.y_min = 0.12, box.y_max = 0.34;
+    return roomy;
+  }();
+  return boxes;
+}
+
+double Dexterity(sim::Kinematics& kinematics, const Eigen::VectorXd& q) {
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(kinematics.Jacobian(q));
+  return svd.singularValues().minCoeff();
+}
+
+std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects,
+                                                      const std::vector<LocationBox>& all_boxes, double yaw,
                                                       Rng& rng) {
-  ETUDE_CHECK(objects.size() <= LocationBoxes().size(), "{} objects", objects.size());
+  ETUDE_CHECK(objects.size() <= all_boxes.size(), "{} objects", objects.size());
   for (int arrangement = 0; arrangement < kArrangements; ++arrangement) {
-    std::vector<LocationBox> boxes = LocationBoxes();
+    std::vector<LocationBox> boxes = all_boxes;
     rng.Shuffle(boxes);
     if (auto placed = TryArrangement(objects, boxes, yaw, rng)) return placed;
   }
@@ -87,9 +105,87 @@ std::optional<Eigen::VectorXd> DrawStart(const sim::ArmInfo& arm, const Randomiz
   return std::nullopt;
 }
 
-std::string TargetOf(const CampaignSpec& spec, std::uint64_t index) {
-  Rng rng(MixSeed({spec.seed, index}, "target"));
-  return spec.objects[rng.Below(spec.objects.size())];
+std::optional<Eigen::VectorXd> DrawLowStart(const sim::ArmInfo& arm, double lowest, sim::Kinematics& kinematics,
+                                            collide::Checker& checker, Rng& rng) {
+  const Pose X_WE_home = kinematics.X_WE(arm.q_home);
+  for (int draw = 0; draw < kStartDraws; ++draw) {
+    const double x = rng.Uniform(-kLowStartWidth, kLowStartWidth);
+    const double y = rng.Uniform(kLowStartNear, kLowStartFar);
+    const Pose X_WE{{x, y, lowest + rng.Uniform(0, kLowStartHeight)}, X_WE_home.q};
+    const auto q = kinematics.Solve(X_WE, arm.q_home);
+    if (q && Dexterity(kinematics, *q) > kStartDexterity && !checker.Check(*q, kStartMargin)) return q;
+  }
+  return std::nullopt;
+}
+
+namespace {
+
+// The arm at some places along the hand's straight way, as far as it can follow.
+std::vector<Eigen::VectorXd> StraightWay(const Eigen::VectorXd& q_start, const Pose& goal,
+                                         sim::Kinematics& kinematics) {
+  const Pose start = kinematics.X_WE(q_start);
+  std::vector<Eigen::VectorXd> way{q_start};
+  for (int i = 1; i <= kWaySamples; ++i) {
+    const double s = static_cast<double>(i) / kWaySamples;
+    const auto q = kinematics.Solve({start.p + s * (goal.p - start.p), start.q.slerp(s, goal.q)}, way.back());
+    if (!q) break;
+    way.push_back(*q);
+  }
+  return way;
+}
+
+bool Touches(const std::vector<Eigen::VectorXd>& way, const std::string& obstacle, double margin,
+             collide::Checker& checker) {
+  return std::any_of(way.begin(), way.end(), [&](const Eigen::VectorXd& q) {
+    const auto collision = checker.Check(q, margin);
+    return collision && (collision->body_b == obstacle || collision->body_a == obstacle);
+  });
+}
+
+bool ClearOfObjects(const sim::ObjectInfo& obstacle, const Eigen::Vector3d& p,
+                    const std::vector<PlacedObject>& objects) {
+  return std::all_of(objects.begin(), objects.end(), [&](const PlacedObject& object) {
+    return (p - object.X_WO.p).head<2>().norm() > obstacle.half_extent.x() + kObstacleGap;
+  });
+}
+
+}  // namespace
+
+std::optional<PlacedObject> PlaceObstacle(const sim::ObjectInfo& obstacle, ObstaclePlace place,
+                                          const std::vector<PlacedObject>& objects, const Eigen::VectorXd& q,
+                                          const Pose& goal, sim::Kinematics& kinematics, collide::Checker& checker,
+                                          Rng& rng) {
+  const auto way = StraightWay(q, goal, kinematics);
+  const Eigen::Vector3d start = kinematics.X_WE(q).p;
+  for (int draw = 0; draw < kObstacleDraws; ++draw) {
+    Eigen::Vector3d p(0, 0, obstacle.rest_height);
+    if (place == ObstaclePlace::kInTheWay) {
+      const double s = rng.Uniform(0.25, 0.8);
+      p.x() = start.x() + s * (goal.p.x() - start.x()) + rng.Uniform(-0.05, 0.05);
+      p.y() = start.y() + s * (goal.p.y() - start.y()) + rng.Uniform(-0.05, 0.05);
+    } else {
+      p.x() = rng.Uniform(-0.45, 0.45);
+      p.y() = rng.Uniform(0.02, 0.42);
+    }
+    if (!ClearOfObjects(obstacle, p, objects)) continue;
+    const Pose X_WO{p, FromEuler({rng.Uniform(-3, 3), 0, rng.Uniform(-3, 3)})};
+    checker.SetObject(obstacle.name, X_WO);
+    const std::vector<Eigen::VectorXd> ends{way.front(), way.back()};
+    if (Touches(ends, obstacle.name, kObstacleMargin, checker)) continue;
+    const bool blocked = Touches(way, obstacle.name, place == ObstaclePlace::kInTheWay ? 0.0 : kAsideMargin, checker);
+    if (blocked == (place == ObstaclePlace::kInTheWay)) return PlacedObject{obstacle.name, X_WO};
+  }
+  return std::nullopt;
+}
+
+ObstaclePlace ObstaclePlaceOf(const CampaignSpec& spec, std::uint64_t index) {
+  constexpr std::uint64_t kBlock = 20;
+  std::vector<int> order(kBlock);
+  for (std::size_t i = 0; i < kBlock; ++i) order[i] = static_cast<int>(i);
+  Rng rng(MixSeed({spec.seed, index / kBlock}, "obstacle"));
+  rng.Shuffle(order);
+  const bool in_the_way = order[index % kBlock] + 0.5 < spec.obstacle.in_the_way * kBlock;
+  return in_the_way ? ObstaclePlace::kInTheWay : ObstaclePlace::kAside;
 }
 
 }  // namespace etude::task

@@ -20,18 +20,23 @@ inline constexpr double kMinimumDistance = 0.10;  // m
 struct LocationBox {
   double x_min, x_max, y_min, y_max;  ///< m, world
 };
-/// Six of them, from the robot's left to its right.
+/// Six of them, from the robot's left to its right: the original's.
 const std::vector<LocationBox>& LocationBoxes();
+/// The same columns with room in front of and behind every object, for relations.
+const std::vector<LocationBox>& RoomyBoxes();
 
 struct PlacedObject {
   std::string name;
   Pose X_WO;
 };
 
-/// Objects upright, each in a box of its own, turned by up to +-`yaw` (rad) about the vertical.
+/// Objects upright, each in one of `boxes` of its own, turned by up to +-`yaw` (rad) about the vertical.
 /// @returns nothing when no arrangement was found within a fixed number of draws.
-std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects, double yaw,
-                                                      Rng& rng);
+std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects,
+                                                      const std::vector<LocationBox>& boxes, double yaw, Rng& rng);
+
+/// Smallest singular value of the tool's Jacobian at q: the worst ratio of tool speed to joint speed.
+double Dexterity(sim::Kinematics& kinematics, const Eigen::VectorXd& q);
 
 /// Arm configuration near home whose hand is moved by uniform offsets, free of collisions.
 /// @pre `checker` knows the objects; its gripper is open
@@ -39,8 +44,27 @@ std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::Obj
 std::optional<Eigen::VectorXd> DrawStart(const sim::ArmInfo& arm, const RandomizationSpec& randomization,
                                          sim::Kinematics& kinematics, collide::Checker& checker, Rng& rng);
 
-/// The object that episode `index` is about: the same for all its attempts, so that a hard object is not
-/// swapped for an easy one by a retry.
-std::string TargetOf(const CampaignSpec& spec, std::uint64_t index);
+/// The same for tasks with an obstacle: the hand anywhere before the objects and low, `lowest` (m, of E) or a little
+/// above, so that something on the table can be in its way.
+std::optional<Eigen::VectorXd> DrawLowStart(const sim::ArmInfo& arm, double lowest, sim::Kinematics& kinematics,
+                                            collide::Checker& checker, Rng& rng);
+
+/// Where the obstacle stands.
+enum class ObstaclePlace {
+  kInTheWay,  ///< the straight way of the hand from `q` to `goal` would touch it
+  kAside,     ///< that way passes it with kAsideMargin to spare
+};
+
+/// Puts the obstacle on the table, clear of the objects, of the arm at `q` and of the hand at `goal`; `checker` knows
+/// the objects and gets it.
+/// @returns nothing when no place was found within a fixed number of draws.
+std::optional<PlacedObject> PlaceObstacle(const sim::ObjectInfo& obstacle, ObstaclePlace place,
+                                          const std::vector<PlacedObject>& objects, const Eigen::VectorXd& q,
+                                          const Pose& goal, sim::Kinematics& kinematics, collide::Checker& checker,
+                                          Rng& rng);
+
+/// Whether the obstacle of episode `index` stands in the way: `obstacle.in_the_way` of every 20 episodes, in a drawn
+/// order; the same for all attempts.
+ObstaclePlace ObstaclePlaceOf(const CampaignSpec& spec, std::uint64_t index);
 
 }  // namespace etude::task

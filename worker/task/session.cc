@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/task/session.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <initializer_list>
@@ -42,7 +45,7 @@ Stopwatch::~Stopwatch() { sum_ += static_cast<double>(NowNs() - start_ns_) * 1e-
 Session::Session(const SessionParts& parts, const SessionConfig& config)
     : parts_(parts),
       config_(config),
-      criterion_(config.task, parts.world->ObjectPose(config.target)),
+      criterion_(config.task.base, parts.world->ObjectPose(config.target)),
       watch_(OtherObjects(*parts.world, config.target)) {
   PrepareTracks();
 }
@@ -50,8 +53,9 @@ Session::Session(const SessionParts& parts, const SessionConfig& config)
 void Session::PrepareTracks() {
   const sim::World& world = *parts_.world;
   const sim::Scene& scene = world.scene();
-  episode_.task = config_.task;
+  episode_.task = config_.task.text();
   episode_.target = config_.target;
+  episode_.reference = config_.reference;
   episode_.image_stride = config_.image_stride;
   episode_.joint_pos.columns = episode_.joint_vel.columns = static_cast<int>(world.q().size());
   episode_.gripper_qpos.columns = static_cast<int>(world.gripper_q().size());
@@ -69,6 +73,7 @@ void Session::PrepareTracks() {
 bool Session::Step(const Command& command) {
   if (steps() >= config_.max_steps) {
     failure_ = AttemptOutcome::kTimeout;
+    failure_reason_ = "still not done";
     return false;
   }
   const int step = steps();
@@ -80,11 +85,37 @@ bool Session::Step(const Command& command) {
     const Stopwatch watch(times_.step);
     world.Step(command.target, command.V_WE);
   }
-  criterion_.Observe(world.ObjectPose(config_.target));
+  ObserveCriterion();
   for (const auto& object : world.scene().objects()) watch_.Observe(object.name, world.ObjectPose(object.name));
-  if (world.healthy()) return true;
-  failure_ = AttemptOutcome::kUnstable;
-  return false;
+  failure_reason_ = Collision();
+  if (!failure_reason_.empty()) failure_ = AttemptOutcome::kCollision;
+  if (!world.healthy()) {
+    failure_ = AttemptOutcome::kUnstable;
+    failure_reason_ = "the simulation is unstable";
+  }
+  return failure_ == AttemptOutcome::kSuccess;
+}
+
+void Session::ObserveCriterion() {
+  const sim::World& world = *parts_.world;
+  Observed now{.X_WO = world.ObjectPose(config_.target)};
+  if (config_.task.relation()) {
+    now.X_WR = world.ObjectPose(config_.reference);
+    const auto& arm = world.scene().arm().bodies;
+    for (const auto& body : world.ContactsOf(config_.target))
+      now.held = now.held || std::find(arm.begin(), arm.end(), body) != arm.end();
+  }
+  criterion_.Observe(now);
+}
+
+std::string Session::Collision() const {
+  const sim::World& world = *parts_.world;
+  const auto& arm = world.scene().arm().bodies;
+  for (const auto& avoided : config_.avoid)
+    for (const auto& body : world.ContactsOf(avoided))
+      if (body == config_.target || std::find(arm.begin(), arm.end(), body) != arm.end())
+        return fmt::format("{} touches {}", body, avoided);
+  return {};
 }
 
 std::span<const std::uint8_t> Session::Picture() {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "services/episode/episode.h"
+#include "services/episode/task_name.h"
 #include "worker/sim/renderer.h"
 #include "worker/task/attempt.h"
 #include "worker/task/criteria.h"
@@ -32,7 +33,9 @@ struct SessionParts {
 };
 
 struct SessionConfig {
-  std::string task, target;
+  TaskName task;
+  std::string target, reference;   ///< reference: relations only, else ""
+  std::vector<std::string> avoid;  ///< objects that the robot must not touch
   int image_stride = 5;
   bool record_frames = true;
   int max_steps = 1500;
@@ -71,8 +74,9 @@ class Session {
   bool success() const { return criterion_.success(); }
   const SuccessCriterion& criterion() const { return criterion_; }
   std::vector<std::string> disturbed() const { return watch_.disturbed(); }
-  /// kUnstable or kTimeout once Step returned false.
+  /// kUnstable, kCollision or kTimeout once Step returned false, and what happened.
   AttemptOutcome failure() const { return failure_; }
+  const std::string& failure_reason() const { return failure_reason_; }
 
   sim::World& world() { return *parts_.world; }
   const Shapes& shapes() const { return *parts_.shapes; }
@@ -86,6 +90,9 @@ class Session {
   void RecordState();
   void RecordCommand(const Command& command);
   void RecordFrame();
+  void ObserveCriterion();
+  /// What touches something to be avoided, or "".
+  std::string Collision() const;
 
   SessionParts parts_;
   SessionConfig config_;
@@ -94,6 +101,7 @@ class Session {
   Episode episode_;
   Times times_;
   AttemptOutcome failure_ = AttemptOutcome::kSuccess;
+  std::string failure_reason_;
   std::vector<std::uint8_t> picture_;
   int pictured_step_ = -1;
 };

@@ -31,31 +31,60 @@ double Support(const sim::Geometry& piece, const Pose& X_WG, const Eigen::Vector
   return centre;
 }
 
+Eigen::Quaterniond Hand(double pitch) {
+  return Eigen::Quaterniond(Eigen::AngleAxisd(-pitch, Eigen::Vector3d::UnitX())) * LevelHand();
+}
 Eigen::Quaterniond LevelHand() { return FromEuler({std::numbers::pi, 0, std::numbers::pi / 2}); }
-
 Eigen::Quaterniond TurnedHand() { return FromEuler({std::numbers::pi / 2, 0, std::numbers::pi / 2}); }
+Eigen::Vector3d ApproachOf(double pitch) { return {0, std::cos(pitch), -std::sin(pitch)}; }
 
-Shapes::Shapes(const sim::Scene& scene, sim::Kinematics& kinematics) : objects_(scene.objects()) {
+Shapes::Shapes(const sim::Scene& scene, sim::Kinematics& kinematics)
+    : objects_(scene.objects()),
+      natural_pitch_(scene.arm().approach_pitch),
+      joint_speed_(scene.arm().joint_speed.minCoeff()) {
   for (const auto& piece : scene.geometry()) pieces_[piece.body].push_back(piece);
-  ahead_open_ = Ahead(scene, kinematics, 0);
-  ahead_closed_ = Ahead(scene, kinematics, 1);
-  base_y_ = kinematics.BodyPoses(scene.arm().q_home, 0, {scene.arm().bodies.front()})[0].p.y();
+  MeasureHand(scene, kinematics);
+  const Eigen::Vector3d forward = ApproachOf(0);
+  ahead_open_ = Reach(Part::kHand, false, LevelHand(), forward);
+  ahead_closed_ = Reach(Part::kHand, true, LevelHand(), forward);
+  palm_ahead_ = Reach(Part::kPalm, true, LevelHand(), forward);
+  base_ = kinematics.BodyPoses(scene.arm().q_home, 0, {scene.arm().bodies.front()})[0].p.head<2>();
 }
 
-double Shapes::Ahead(const sim::Scene& scene, sim::Kinematics& kinematics, double gripper) const {
+void Shapes::MeasureHand(const sim::Scene& scene, sim::Kinematics& kinematics) {
   const auto& arm = scene.arm();
-  const Pose X_EW = kinematics.X_WE(arm.q_home).inverse();
-  const Eigen::Vector3d forward = LevelHand().conjugate() * Eigen::Vector3d::UnitY();  // in E
-  const auto poses = kinematics.BodyPoses(arm.q_home, gripper, arm.bodies);
-  double ahead = -std::numeric_limits<double>::infinity();
+  const Eigen::VectorXd q_other = (arm.q_home.array() + 0.2).matrix().cwiseMin(arm.q_max).cwiseMax(arm.q_min);
+  const auto in_hand = [&](const Eigen::VectorXd& q, double gripper) {
+    const Pose X_EW = kinematics.X_WE(q).inverse();
+    std::vector<Pose> poses = kinematics.BodyPoses(q, gripper, arm.bodies);
+    for (Pose& pose : poses) pose = X_EW * pose;
+    return poses;
+  };
+  const auto same = [](const Pose& a, const Pose& b) {
+    return (a.p - b.p).norm() < 1e-6 && AngleBetween(a.q, b.q) < 1e-5;
+  };
+  const auto open = in_hand(arm.q_home, 0), elsewhere = in_hand(q_other, 0), closed = in_hand(arm.q_home, 1);
   for (std::size_t i = 0; i < arm.bodies.size(); ++i) {
     const auto pieces = pieces_.find(arm.bodies[i]);
-    if (pieces == pieces_.end()) continue;
-    for (const auto& piece : pieces->second)
-      ahead = std::max(ahead, Support(piece, X_EW * poses[i] * piece.X_BG, forward));
+    if (pieces == pieces_.end() || !same(open[i], elsewhere[i])) continue;  // the arm moves it: not the hand
+    const bool finger = !same(open[i], closed[i]);
+    for (const auto& piece : pieces->second) {
+      (finger ? fingers_[0] : palm_).emplace_back(piece, open[i] * piece.X_BG);
+      if (finger) fingers_[1].emplace_back(piece, closed[i] * piece.X_BG);
+    }
   }
-  ETUDE_CHECK(std::isfinite(ahead), "the arm has no collision pieces");
-  return ahead;
+  ETUDE_CHECK(!fingers_[0].empty() && !palm_.empty(), "the hand has no collision pieces");
+}
+
+double Shapes::Reach(Part part, bool closed, const Eigen::Quaterniond& q_WE, const Eigen::Vector3d& direction) const {
+  double most = -std::numeric_limits<double>::infinity();
+  const auto add = [&](const Placed& pieces) {
+    for (const auto& [piece, X_EG] : pieces)
+      most = std::max(most, Support(piece, Pose{Eigen::Vector3d::Zero(), q_WE} * X_EG, direction));
+  };
+  if (part != Part::kPalm) add(fingers_[closed ? 1 : 0]);
+  if (part != Part::kFingers) add(palm_);
+  return most;
 }
 
 const sim::ObjectInfo& Shapes::object(const std::string& name) const {

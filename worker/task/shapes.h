@@ -4,6 +4,7 @@
 
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "worker/sim/world.h"
@@ -13,22 +14,37 @@ namespace etude::task {
 /// Largest value of `direction` (unit, in W) over the piece at X_WG, m.
 double Support(const sim::Geometry& piece, const Pose& X_WG, const Eigen::Vector3d& direction);
 
-/// The hand when it is level: approach direction +y, fingers close along x. Euler rxyz (pi, 0, pi/2).
+/// The hand that approaches along (0, cos pitch, -sin pitch), fingers closing along x: 0 is level, pi/2 points
+/// straight down.
+Eigen::Quaterniond Hand(double pitch);
+/// Hand(0): Euler rxyz (pi, 0, pi/2).
 Eigen::Quaterniond LevelHand();
-/// The hand after the turn about x by -90 degrees: pointing down. Euler rxyz (pi/2, 0, pi/2).
+/// Hand(pi/2): Euler rxyz (pi/2, 0, pi/2).
 Eigen::Quaterniond TurnedHand();
+/// Unit vector along which Hand(pitch) approaches, in W.
+Eigen::Vector3d ApproachOf(double pitch);
 
 /// Immutable after construction.
 class Shapes {
  public:
+  enum class Part { kFingers, kPalm, kHand };  ///< kHand: both
+
   Shapes(const sim::Scene& scene, sim::Kinematics& kinematics);
 
   /// How far the fingers reach beyond E in the approach direction, open (0) or closed (1), m.
   double ahead_open() const { return ahead_open_; }
   double ahead_closed() const { return ahead_closed_; }
+  /// How far the palm reaches beyond E in the approach direction, m: negative.
+  double palm_ahead() const { return palm_ahead_; }
+  /// Reach beyond E along `direction` (unit, W) of the hand oriented q_WE, m.
+  double Reach(Part part, bool closed, const Eigen::Quaterniond& q_WE, const Eigen::Vector3d& direction) const;
 
-  /// y of the first joint's vertical axis, m; its x is 0.
-  double base_y() const { return base_y_; }
+  /// Pitch at which the robot's hand comes at an object by nature, rad.
+  double natural_pitch() const { return natural_pitch_; }
+  /// The slowest joint's speed limit, rad/s.
+  double joint_speed() const { return joint_speed_; }
+  /// x, y of the first joint's vertical axis, m.
+  const Eigen::Vector2d& base() const { return base_; }
 
   /// Size and mass of one object. @pre the scene has it
   const sim::ObjectInfo& object(const std::string& name) const;
@@ -38,11 +54,15 @@ class Shapes {
   double HeightOnTable(const std::string& name, const Eigen::Quaterniond& q_WO) const;
 
  private:
-  double Ahead(const sim::Scene& scene, sim::Kinematics& kinematics, double gripper) const;
+  using Placed = std::vector<std::pair<sim::Geometry, Pose>>;  // with X_EG
+
+  void MeasureHand(const sim::Scene& scene, sim::Kinematics& kinematics);
 
   std::vector<sim::ObjectInfo> objects_;
   std::map<std::string, std::vector<sim::Geometry>> pieces_;
-  double ahead_open_ = 0, ahead_closed_ = 0, base_y_ = 0;
+  Placed fingers_[2], palm_;  // fingers: open, closed
+  double ahead_open_ = 0, ahead_closed_ = 0, palm_ahead_ = 0, natural_pitch_ = 0, joint_speed_ = 0;
+  Eigen::Vector2d base_ = Eigen::Vector2d::Zero();
 };
 
 }  // namespace etude::task

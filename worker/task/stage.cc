@@ -2,205 +2,158 @@
 #include "worker/task/stage.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
 
 #include "services/core/check.h"
+#include "worker/task/goals.h"
 
 namespace etude::task {
 namespace {
 
-// Fingertips behind the object's axis before it reaches. Further back, the wrist of an arm that reaches for
-// a near object comes too close to the shoulder's axis.
-constexpr double kBehind = 0.085;         // m
-constexpr double kNearest = 0.065;        // m, the least of it when the hand is already on the line
-constexpr double kOnLine = 0.04;          // m off the line at most to count as on it
-constexpr double kGraspAbove = 0.01;      // m above the body's origin
-constexpr double kLowestHand = 0.058;     // m of the level hand: its wrist needs 0.05
-constexpr double kPadHalfLength = 0.018;  // m, fingertips pass the object's axis by this
-constexpr double kLiftHeight = 0.15;      // m of the tool
-constexpr double kTurnBack = 0.15;        // m towards the robot while turning
-constexpr double kTurnedReach = 0.56;     // m from the base's axis that the hand can point down
-// Objects are pushed low so that they slide instead of tipping over: the tips just above the table, the
-// hand tilted so that its wrist stays clear.
-constexpr double kPushHeight = 0.019;  // m of the tool
-constexpr double kPushTilt = 0.25;     // rad
-constexpr double kPushFurther = 0.11;  // m that the object is pushed
-constexpr double kPushLess = 0.06;     // m where a neighbour is in the way of the forearm further on
-constexpr double kPlaceGap = 0.002;    // m between object and table when it is released
-constexpr double kFingerGap = 0.005;   // m between fingertips and table
+constexpr double kRelationPitch = 1.05;   // rad at least: objects are set down from above
+constexpr double kAvoidClearance = 0.05;  // m wished from what is to be avoided
 
-// Fingertips beyond the object's axis when it is grasped: pads centred on it, but never beyond its far
-// side, so that it can be laid down without the tips touching the table.
-double TipsBeyondAxis(const Situation& now) {
-  const double half_depth = now.shapes->object(now.target).half_extent.y();
-  return std::clamp(half_depth - 0.006, 0.010, kPadHalfLength);
-}
+// Makes stages for one hand and task.
+class Stages {
+ public:
+  Stages(TaskGoals goals, double joint_speed, bool over)
+      : goals_(std::move(goals)), joint_speed_(joint_speed), over_(over) {}
 
-double GraspY(const Situation& now) {
-  // The fingers swing forward as they close: what counts is where the tips end up.
-  return now.X_WO.p.y() + TipsBeyondAxis(now) - now.shapes->ahead_closed();
-}
+  Stage Approach(bool closed) const {
+    return {.name = "approach",
+            .goal = closed ? goals_.before_push : goals_.before_grasp,
+            .closed = closed,
+            .limits = Speed(0.70, 3.5, 2.4, 12.0),
+            .blends = true,
+            .disturbable = true,
+            .calm = 0.03};
+  }
 
-double GraspHeight(const Situation& now) { return std::max(now.X_WO.p.z() + kGraspAbove, kLowestHand); }
+  Stage Reach() const {
+    return {.name = "reach",
+            .goal = goals_.at_grasp,
+            .limits = Speed(0.35, 2.0, 1.5, 8.0),
+            .straight_only = true,
+            .touches_target = true,
+            .disturbable = true,
+            .calm = 0.06,
+            .back_to = 1};
+  }
 
-Eigen::Quaterniond PushHand() {
-  return Eigen::Quaterniond(Eigen::AngleAxisd(-kPushTilt, Eigen::Vector3d::UnitX())) * LevelHand();
-}
+  Stage Grasp() const {
+    return {.name = "grasp",
+            .closed = true,
+            .touches_target = true,
+            .min_steps = 12,
+            .max_steps = 80,
+            .done = [](const sim::World& world, const std::string& target) { return world.Grasped(target); }};
+  }
 
-// Behind the object at `height`, in line with it.
-Pose Behind(const Situation& now, double height, const Eigen::Quaterniond& q_WE) {
-  const Eigen::Vector3d& p = now.X_WO.p;
-  const double aside = std::hypot(now.X_WE.p.x() - p.x(), now.X_WE.p.z() - height);
-  const double far = p.y() - kBehind, near = p.y() - kNearest;
-  // A hand that is on the line already goes on from where it is instead of backing off.
-  const double y = aside < kOnLine ? std::clamp(now.X_WE.p.y() + 0.01, far, near) : far;
-  return {{p.x(), y - now.shapes->ahead_open(), height}, q_WE};
-}
+  Stage Lift(bool blends) const {
+    return {.name = "lift",
+            .goal = goals_.lifted,
+            .closed = true,
+            .limits = Speed(0.45, 2.5, 1.5, 8.0),
+            .touches_target = true,
+            .holds = true,
+            .blends = blends,
+            .disturbable = true,
+            .calm = 0.05};
+  }
 
-Pose BehindToGrasp(const Situation& now) { return Behind(now, GraspHeight(now), LevelHand()); }
-Pose BehindToPush(const Situation& now) { return Behind(now, kPushHeight, PushHand()); }
+  Stage Push() const {
+    return {.name = "push",
+            .goal = goals_.pushed,
+            .nearer = goals_.pushed_less,
+            .closed = true,
+            .limits = Speed(0.24, 1.5, 1.5, 8.0),
+            .straight_only = true,
+            .touches_target = true,
+            .disturbable = true,
+            .calm = 0.15,
+            .back_to = 1};
+  }
 
-Pose AroundObject(const Situation& now) { return {{now.X_WO.p.x(), GraspY(now), GraspHeight(now)}, LevelHand()}; }
+  Stage Turn() const { return Holding("turn", goals_.turned, Speed(0.45, 2.0, 2.4, 10.0), 0.04); }
+  Stage Carry() const { return Holding("carry", goals_.carried, Speed(0.45, 2.0, 1.5, 8.0), 0.04); }
 
-Pose BeyondObject(const Situation& now, double further) {
-  const double half_depth = now.shapes->object(now.target).half_extent.y();
-  const double touch = now.X_WO.p.y() - half_depth - now.shapes->ahead_closed();
-  return {{now.X_WO.p.x(), touch + further, kPushHeight}, PushHand()};
-}
+  Stage Place(const Goal& goal) const {
+    Stage stage = Holding("place", goal, Speed(0.35, 1.6, 1.5, 8.0), 0.07);
+    stage.straight_only = true;
+    return stage;
+  }
 
-Pose PushedFar(const Situation& now) { return BeyondObject(now, kPushFurther); }
-Pose PushedLess(const Situation& now) { return BeyondObject(now, kPushLess); }
+  Stage Retreat() const {
+    return {.name = "retreat",
+            .goal = goals_.retreated,
+            .limits = Speed(0.45, 2.5, 1.5, 8.0),
+            .straight_only = true,
+            .touches_target = true};
+  }
 
-Pose Lifted(const Situation& now) { return {{now.X_WE.p.x(), now.X_WE.p.y(), kLiftHeight}, LevelHand()}; }
+  static Stage Wait(std::string name, bool closed, int steps) {
+    return {.name = std::move(name), .closed = closed, .touches_target = true, .min_steps = steps, .max_steps = steps};
+  }
 
-Pose Turned(const Situation& now) {
-  // A hand that is part of the way round has moved back by that part already.
-  const double left = AngleBetween(now.X_WE.q, TurnedHand()) / (std::numbers::pi / 2);
-  const double x = now.X_WE.p.x();
-  const double back = now.X_WE.p.y() - kTurnBack * std::clamp(left, 0.0, 1.0);
-  const double within = std::sqrt(std::max(0.0, kTurnedReach * kTurnedReach - x * x)) + now.shapes->base_y();
-  return {{x, std::min(back, within), kLiftHeight}, TurnedHand()};
-}
+  std::vector<Stage> Of(const TaskName& task) const {
+    if (task.base == "pick") return {Approach(false), Reach(), Grasp(), Lift(false), Wait("hold", true, 20)};
+    if (task.base == "push") return {Approach(true), Push(), Wait("hold", true, 20)};
+    if (task.base == "rotate") return {Approach(false), Reach(), Grasp(), Lift(true), Turn(), Wait("hold", true, 20)};
+    std::vector<Stage> stages{Approach(false), Reach(), Grasp(), Lift(true)};
+    if (task.relation()) {
+      stages.insert(stages.end(), {Carry(), Place(goals_.set_down)});
+    } else {
+      ETUDE_CHECK(task.base == "put_down", "task={}", task.base);
+      stages.insert(stages.end(), {Turn(), Place(goals_.laid)});
+    }
+    stages.insert(stages.end(), {Wait("release", false, 14), Retreat(), Wait("hold", false, 20)});
+    return stages;
+  }
 
-Pose OnTable(const Situation& now) {
-  ETUDE_CHECK(now.X_EO.has_value());
-  const Pose X_WO = Pose{Eigen::Vector3d::Zero(), TurnedHand()} * *now.X_EO;  // for a hand at the origin
-  const double object = now.shapes->HeightOnTable(now.target, X_WO.q) - X_WO.p.z() + kPlaceGap;
-  const double tips = std::max(now.shapes->ahead_open(), now.shapes->ahead_closed()) + kFingerGap;
-  return {{now.X_WE.p.x(), now.X_WE.p.y(), std::max(object, tips)}, TurnedHand()};
-}
+  bool over() const { return over_; }
 
-Pose Above(const Situation& now) { return {{now.X_WE.p.x(), now.X_WE.p.y(), kLiftHeight}, TurnedHand()}; }
+ private:
+  plan::Limits Speed(double linear, double linear_accel, double angular, double angular_accel) const {
+    return {.linear = linear,
+            .angular = angular,
+            .linear_accel = linear_accel,
+            .angular_accel = angular_accel,
+            .joint = joint_speed_};
+  }
 
-constexpr double kJointSpeed = 3.1;  // rad/s, of every joint of the UR5
+  Stage Holding(std::string name, Goal goal, const plan::Limits& limits, double calm) const {
+    return {.name = std::move(name),
+            .goal = std::move(goal),
+            .closed = true,
+            .limits = limits,
+            .touches_target = true,
+            .holds = true,
+            .disturbable = true,
+            .calm = calm};
+  }
 
-plan::Limits Speed(double linear, double linear_accel, double angular, double angular_accel) {
-  return {.linear = linear,
-          .angular = angular,
-          .linear_accel = linear_accel,
-          .angular_accel = angular_accel,
-          .joint = kJointSpeed};
-}
+  TaskGoals goals_;
+  double joint_speed_;
+  bool over_;
+};
 
-Stage Approach(bool closed) {
-  return {.name = "approach",
-          .goal = closed ? BehindToPush : BehindToGrasp,
-          .closed = closed,
-          .limits = Speed(0.70, 3.5, 2.4, 12.0),
-          .blends = true,
-          .disturbable = true,
-          .calm = 0.03};
-}
-
-Stage Reach() {
-  return {.name = "reach",
-          .goal = AroundObject,
-          .limits = Speed(0.35, 2.0, 1.5, 8.0),
-          .straight_only = true,
-          .touches_target = true,
-          .disturbable = true,
-          .calm = 0.06,
-          .back_to = 1};
-}
-
-Stage Grasp() {
-  return {.name = "grasp",
-          .closed = true,
-          .touches_target = true,
-          .min_steps = 12,
-          .max_steps = 80,
-          .done = [](const sim::World& world, const std::string& target) { return world.Grasped(target); }};
-}
-
-Stage Lift(bool blends) {
-  return {.name = "lift",
-          .goal = Lifted,
-          .closed = true,
-          .limits = Speed(0.45, 2.5, 1.5, 8.0),
-          .touches_target = true,
-          .holds = true,
-          .blends = blends,
-          .disturbable = true,
-          .calm = 0.05};
-}
-
-Stage Push() {
-  return {.name = "push",
-          .goal = PushedFar,
-          .nearer = PushedLess,
-          .closed = true,
-          .limits = Speed(0.24, 1.5, 1.5, 8.0),
-          .straight_only = true,
-          .touches_target = true,
-          .disturbable = true,
-          .calm = 0.15,
-          .back_to = 1};
-}
-
-Stage Turn() {
-  return {.name = "turn",
-          .goal = Turned,
-          .closed = true,
-          .limits = Speed(0.45, 2.0, 2.4, 10.0),
-          .touches_target = true,
-          .holds = true,
-          .disturbable = true,
-          .calm = 0.04};
-}
-
-Stage Place() {
-  return {.name = "place",
-          .goal = OnTable,
-          .closed = true,
-          .limits = Speed(0.35, 1.6, 1.5, 8.0),
-          .straight_only = true,
-          .touches_target = true,
-          .holds = true,
-          .disturbable = true,
-          .calm = 0.07};
-}
-
-Stage Wait(std::string name, bool closed, int steps) {
-  return {.name = std::move(name), .closed = closed, .touches_target = true, .min_steps = steps, .max_steps = steps};
-}
-
-Stage Retreat() {
-  return {.name = "retreat",
-          .goal = Above,
-          .limits = Speed(0.45, 2.5, 1.5, 8.0),
-          .straight_only = true,
-          .touches_target = true};
+Stages For(const TaskName& task, const Shapes& shapes) {
+  double pitch = shapes.natural_pitch();
+  if (task.relation()) pitch = std::max(pitch, kRelationPitch);
+  if (pitch > 0) return Stages(AboveGoals(pitch, task), shapes.joint_speed(), true);
+  return Stages(SideGoals(), shapes.joint_speed(), false);
 }
 
 }  // namespace
 
-std::vector<Stage> StagesOf(const std::string& task) {
-  if (task == "pick") return {Approach(false), Reach(), Grasp(), Lift(false), Wait("hold", true, 20)};
-  if (task == "push") return {Approach(true), Push(), Wait("hold", true, 20)};
-  ETUDE_CHECK(task == "put_down", "task={}", task);
-  return {Approach(false),        Reach(), Grasp(), Lift(true), Turn(), Place(), Wait("release", false, 14), Retreat(),
-          Wait("hold", false, 20)};
+std::vector<Stage> StagesOf(const TaskName& task, const Shapes& shapes) {
+  const Stages make = For(task, shapes);
+  std::vector<Stage> stages = make.Of(task);
+  for (Stage& stage : stages) {
+    stage.detours_over = make.over();
+    // where contact is wanted the straight way is the short one: the field is for the ways in between
+    if (!task.avoid.empty() && stage.moves() && !stage.straight_only) stage.clearance = kAvoidClearance;
+  }
+  return stages;
 }
 
 }  // namespace etude::task

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "services/episode/task_name.h"
 #include "worker/plan/planner.h"
 #include "worker/task/shapes.h"
 
@@ -17,7 +18,9 @@ namespace etude::task {
 struct Situation {
   const Shapes* shapes = nullptr;
   std::string target;
+  std::string reference;     ///< relations: the object to put the target beside
   Pose X_WO;                 ///< target now
+  Pose X_WR;                 ///< reference now
   Pose X_WE;                 ///< hand (reference) now
   std::optional<Pose> X_EO;  ///< target in the hand, while held
 };
@@ -31,6 +34,8 @@ struct Stage {
   Goal nearer = nullptr;  ///< where to go instead when the arm cannot be at `goal` without a collision
   bool closed = false;    ///< gripper command
   plan::Limits limits;
+  double clearance = 0;         ///< m wished from obstacles; above 0 the potential field plans
+  bool detours_over = false;    ///< a detour goes over the objects instead of behind them
   bool straight_only = false;   ///< a detour would be worse than a failure
   bool touches_target = false;  ///< contact of hand and target is wanted
   bool holds = false;           ///< the target moves with the hand
@@ -45,7 +50,7 @@ struct Stage {
   bool moves() const { return static_cast<bool>(goal); }
 };
 
-/// The stages of `task` (pick | push | put_down).
-std::vector<Stage> StagesOf(const std::string& task);
+/// The stages of `task` for a hand of these shapes: level hands grasp from the side, others from above.
+std::vector<Stage> StagesOf(const TaskName& task, const Shapes& shapes);
 
 }  // namespace etude::task

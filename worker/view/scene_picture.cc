@@ -61,7 +61,8 @@ Status WriteScenePictures(const CampaignSpec& spec, const Path& png, const Scene
   ETUDE_ASSIGN_OR_RETURN(auto runner, task::AttemptRunner::Open(spec, renderer));
   ETUDE_ASSIGN_OR_RETURN(const auto scene, runner.Show(options.index, options.attempt));
   const Camera& camera = scene.world->scene().camera();
-  fmt::print("episode {}: \"{}\" ({} {})\n", options.index, scene.instruction, scene.task, scene.target);
+  fmt::print("episode {}: \"{}\" ({}: {} {}{})\n", options.index, scene.instruction, scene.robot, scene.task,
+             scene.target, scene.reference.empty() ? "" : ", " + scene.reference);
   ETUDE_RETURN_IF_ERROR(WriteColour(scene, camera, png));
   if (options.segmentation) ETUDE_RETURN_IF_ERROR(WriteSegmentation(scene, camera, Beside(png, "segmentation")));
   if (options.depth) ETUDE_RETURN_IF_ERROR(WriteDepth(scene, camera, Beside(png, "depth")));

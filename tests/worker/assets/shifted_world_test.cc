@@ -15,7 +15,7 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 
 SceneDescription Shifted(const WorldSpec& world) {
-  CampaignSpec spec;
+  SceneSpec spec;
   spec.world = world;
   return DescribeScene(spec).value();
 }

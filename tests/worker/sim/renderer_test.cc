@@ -192,7 +192,7 @@ TEST(Renderer, TintColoursOneObject) {
 }
 
 TEST(Renderer, BackgroundIsNoBody) {
-  CampaignSpec spec;
+  SceneSpec spec;
   spec.world.background = {0.5, 0.25, 0.75};
   const auto scene = Scene::Build(spec);
   ASSERT_TRUE(scene) << scene.error().message;

@@ -4,23 +4,31 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
 #include <memory>
+#include <string>
 
 #include "worker/sim/world.h"
 
 namespace etude::sim {
 
-inline std::shared_ptr<const Scene> FullScene() {
-  static const std::shared_ptr<const Scene> scene = [] {
-    auto built = Scene::Build(CampaignSpec{});
+inline std::shared_ptr<const Scene> SceneOf(const std::string& robot) {
+  static std::map<std::string, std::shared_ptr<const Scene>> scenes;
+  auto& scene = scenes[robot];
+  if (!scene) {
+    CampaignSpec spec;
+    spec.robot = robot;
+    auto built = Scene::Build(spec);
     if (!built) {
       ADD_FAILURE() << built.error().message;
       std::abort();
     }
-    return *built;
-  }();
+    scene = *built;
+  }
   return scene;
 }
+
+inline std::shared_ptr<const Scene> FullScene() { return SceneOf("ur5"); }
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 

@@ -15,7 +15,7 @@ namespace etude::sim {
 namespace {
 
 TEST(Scene, RefusesUnknownNames) {
-  CampaignSpec spec;
+  SceneSpec spec;
   spec.objects = {"botle"};
   const auto scene = Scene::Build(spec);
   ASSERT_FALSE(scene);
@@ -50,7 +50,7 @@ TEST(Scene, KnowsItsArmAndObjects) {
 }
 
 TEST(Scene, BuildsTheSameTwice) {
-  const auto again = Scene::Build(CampaignSpec{});
+  const auto again = Scene::Build(SceneSpec{});
   ASSERT_TRUE(again);
   EXPECT_EQ((*again)->sha256(), FullScene()->sha256());
   const mjModel *a = (*again)->model().mj.get(), *b = FullScene()->model().mj.get();

@@ -142,7 +142,7 @@ TEST(World, PosesBelongToTheSameInstantAsJoints) {
 
 TEST(World, ControlDelayShiftsWhatTheArmDoes) {
   constexpr int kDelay = 6, kSteps = 60;
-  CampaignSpec spec;
+  SceneSpec spec;
   spec.world.control_delay = kDelay;
   const auto scene = Scene::Build(spec);
   ASSERT_TRUE(scene) << scene.error().message;

@@ -144,7 +144,7 @@ TEST(Attempt, WithoutDisturbancesEveryStepIsSupervised) {
 
 TEST(Attempt, RefusesABadSpec) {
   CampaignSpec spec;
-  spec.robot = "ur6";
+  spec.robots = {"ur6"};
   const auto runner = AttemptRunner::Open(spec);
   ASSERT_FALSE(runner.has_value());
   EXPECT_EQ(runner.error().code, Code::kInvalidArgument);

@@ -16,34 +16,34 @@ Pose At(double x, double y, double z, const Eigen::Vector3d& rpy = Eigen::Vector
 
 TEST(SuccessCriterion, PickNeedsMoreThanThreeCentimetres) {
   SuccessCriterion pick("pick", At(0, 0.3, 0.04));
-  pick.Observe(At(0, 0.4, 0.0699));
+  pick.Observe({.X_WO = At(0, 0.4, 0.0699)});
   EXPECT_FALSE(pick.success());
-  pick.Observe(At(0, 0.4, 0.0701));
+  pick.Observe({.X_WO = At(0, 0.4, 0.0701)});
   EXPECT_TRUE(pick.success());
 }
 
 TEST(SuccessCriterion, PickStaysLatchedWhenTheObjectFalls) {
   SuccessCriterion pick("pick", At(0, 0.3, 0.04));
-  pick.Observe(At(0, 0.3, 0.10));
-  pick.Observe(At(0, 0.3, 0.04));
+  pick.Observe({.X_WO = At(0, 0.3, 0.10)});
+  pick.Observe({.X_WO = At(0, 0.3, 0.04)});
   EXPECT_TRUE(pick.success());
   EXPECT_NEAR(pick.progress(), 0.06, 1e-12);
 }
 
 TEST(SuccessCriterion, PushCountsOnlyAwayFromTheRobot) {
   SuccessCriterion push("push", At(0.1, 0.3, 0.04));
-  push.Observe(At(0.3, 0.2, 0.04));
+  push.Observe({.X_WO = At(0.3, 0.2, 0.04)});
   EXPECT_FALSE(push.success());
-  push.Observe(At(0.1, 0.331, 0.04));
+  push.Observe({.X_WO = At(0.1, 0.331, 0.04)});
   EXPECT_TRUE(push.success());
 }
 
 TEST(SuccessCriterion, PutDownIgnoresTurnAndHeightBeforeItWasLifted) {
   SuccessCriterion put("put_down", At(0, 0.3, 0.04));
-  put.Observe(At(0, 0.3, 0.03, {-kHalfTurn, 0, 0}));  // fell over: turned and low, never lifted
+  put.Observe({.X_WO = At(0, 0.3, 0.03, {-kHalfTurn, 0, 0})});  // fell over: turned and low, never lifted
   EXPECT_FALSE(put.success());
-  put.Observe(At(0, 0.3, 0.15));
-  put.Observe(At(0, 0.3, 0.04));  // down again, upright
+  put.Observe({.X_WO = At(0, 0.3, 0.15)});
+  put.Observe({.X_WO = At(0, 0.3, 0.04)});  // down again, upright
   EXPECT_TRUE(put.lifted());
   EXPECT_TRUE(put.laid());
   EXPECT_FALSE(put.success());
@@ -54,10 +54,10 @@ TEST(SuccessCriterion, PutDownTurnsRelativeToTheStartYaw) {
     const Pose start = At(0, 0.3, 0.04, {0, 0, yaw});
     SuccessCriterion put("put_down", start);
     const Eigen::Quaterniond turned = FromEuler({-kHalfTurn, 0, 0}) * start.q;
-    put.Observe({{0, 0.3, 0.2}, start.q});
-    put.Observe({{0, 0.2, 0.2}, turned});
+    put.Observe({.X_WO = {{0, 0.3, 0.2}, start.q}});
+    put.Observe({.X_WO = {{0, 0.2, 0.2}, turned}});
     EXPECT_FALSE(put.success()) << yaw;
-    put.Observe({{0, 0.2, 0.03}, turned});
+    put.Observe({.X_WO = {{0, 0.2, 0.03}, turned}});
     EXPECT_TRUE(put.success()) << yaw;
   }
 }
@@ -65,10 +65,10 @@ TEST(SuccessCriterion, PutDownTurnsRelativeToTheStartYaw) {
 TEST(SuccessCriterion, PutDownRefusesTheWrongTurn) {
   const Pose start = At(0, 0.3, 0.04);
   for (const Eigen::Vector3d& wrong :
-       {Eigen::Vector3d(kHalfTurn, 0, 0), Eigen::Vector3d(-kHalfTurn, 0.4, 0.4), Eigen::Vector3d(0, -kHalfTurn, 0)}) {
+       {Eigen::Vector3d(0, kHalfTurn, 0), Eigen::Vector3d(-kHalfTurn, 0.4, 0.4), Eigen::Vector3d(0, -kHalfTurn, 0)}) {
     SuccessCriterion put("put_down", start);
-    put.Observe(At(0, 0.3, 0.2));
-    put.Observe(At(0, 0.3, 0.03, wrong));
+    put.Observe({.X_WO = At(0, 0.3, 0.2)});
+    put.Observe({.X_WO = At(0, 0.3, 0.03, wrong)});
     EXPECT_FALSE(put.success()) << wrong.transpose();
   }
 }

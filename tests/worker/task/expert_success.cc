@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Success of the expert over seeded scenes, per task: expert_success [scenes per task] [seed] [task...]
+// Environment: ETUDE_ROBOT (ur5), ETUDE_OBJECTS (a comma-separated list), ETUDE_STRIDE (125).
 // Prints one line per failed attempt, then per task success, steps and where the time went.
 #include <fmt/format.h>
 
 #include <cstdlib>
 #include <map>
 #include <numeric>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -23,6 +25,13 @@ struct Tally {
   std::map<std::string, std::uint64_t> stage_steps;
   double plan_s = 0, step_s = 0, render_s = 0, deflate_s = 0;
 };
+
+std::vector<std::string> Split(const std::string& list) {
+  std::vector<std::string> items;
+  std::istringstream stream(list);
+  for (std::string item; std::getline(stream, item, ',');) items.push_back(item);
+  return items;
+}
 
 void Count(const task::AttemptResult& result, Tally& tally) {
   ++tally.trials;
@@ -71,11 +80,16 @@ int main(int argc, char** argv) {
   std::vector<std::string> tasks(argv + std::min(argc, 3), argv + argc);
   if (tasks.empty()) tasks = {"pick", "push", "put_down"};
   const char* stride = std::getenv("ETUDE_STRIDE");
+  const char* robot = std::getenv("ETUDE_ROBOT");
+  const char* objects = std::getenv("ETUDE_OBJECTS");
   bool good = true;
   for (const auto& name : tasks) {
     CampaignSpec spec;
     spec.tasks = {name};
     spec.seed = seed;
+    if (robot) spec.robots = {robot};
+    if (objects) spec.objects = Split(objects);
+    spec.objects_per_scene = std::min<int>(6, static_cast<int>(spec.objects.size()));
     spec.image_stride = stride ? std::atoi(stride) : 125;
     auto runner = task::AttemptRunner::Open(spec);
     if (!runner) {

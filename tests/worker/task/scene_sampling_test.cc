@@ -25,7 +25,7 @@ TEST(PlaceObjects, KeepsItsRulesOverManySeeds) {
   std::map<std::string, std::set<int>> boxes_seen;
   for (std::uint64_t seed = 0; seed < 2000; ++seed) {
     Rng rng(seed);
-    const auto placed = PlaceObjects(objects, 0.3, rng);
+    const auto placed = PlaceObjects(objects, LocationBoxes(), 0.3, rng);
     ASSERT_TRUE(placed.has_value()) << seed;
     ASSERT_EQ(placed->size(), 6u);
     std::set<int> used;
@@ -50,8 +50,8 @@ TEST(PlaceObjects, KeepsItsRulesOverManySeeds) {
 TEST(PlaceObjects, IsAFunctionOfTheSeed) {
   const auto objects = SixObjects();
   Rng a(7), b(7), c(8);
-  const auto first = PlaceObjects(objects, 0.3, a), again = PlaceObjects(objects, 0.3, b),
-             other = PlaceObjects(objects, 0.3, c);
+  const auto first = PlaceObjects(objects, LocationBoxes(), 0.3, a), again = PlaceObjects(objects, LocationBoxes(), 0.3, b),
+             other = PlaceObjects(objects, LocationBoxes(), 0.3, c);
   for (std::size_t i = 0; i < objects.size(); ++i) {
     EXPECT_EQ((*first)[i].X_WO.p, (*again)[i].X_WO.p);
     EXPECT_NE((*first)[i].X_WO.p, (*other)[i].X_WO.p);
@@ -60,7 +60,7 @@ TEST(PlaceObjects, IsAFunctionOfTheSeed) {
 
 TEST(PlaceObjects, ZeroYawStandsStraight) {
   Rng rng(3);
-  const auto placed = PlaceObjects(SixObjects(), 0.0, rng);
+  const auto placed = PlaceObjects(SixObjects(), LocationBoxes(), 0.0, rng);
   ASSERT_TRUE(placed.has_value());
   for (const auto& object : *placed) EXPECT_NEAR(AngleBetween(object.X_WO.q, Eigen::Quaterniond::Identity()), 0, 1e-9);
 }

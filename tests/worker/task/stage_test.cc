@@ -12,18 +12,15 @@ namespace {
 
 struct Fixture {
   Fixture() {
-    CampaignSpec spec;
-    auto built = sim::Scene::Build(spec);
+    auto built = sim::Scene::Build(SceneSpec{});
     EXPECT_TRUE(built.has_value()) << built.error().message;
     scene = *built;
     kinematics.emplace(scene);
     shapes.emplace(*scene, *kinematics);
-    now = {&*shapes,
-           "coke",
-           {{0.1, 0.3, shapes->object("coke").rest_height}, {}},
-           {{-0.1, 0.13, 0.08}, LevelHand()},
-           std::nullopt};
-    now.X_WO.q.setIdentity();
+    now = {.shapes = &*shapes,
+           .target = "coke",
+           .X_WO = {{0.1, 0.3, shapes->object("coke").rest_height}, Eigen::Quaterniond::Identity()},
+           .X_WE = {{-0.1, 0.13, 0.08}, LevelHand()}};
   }
   std::shared_ptr<const sim::Scene> scene;
   std::optional<sim::Kinematics> kinematics;
@@ -39,12 +36,14 @@ const Stage& Find(const std::vector<Stage>& stages, const std::string& name) {
 }
 
 TEST(StagesOf, EndWithAWaitAndGripAsTheyShould) {
-  for (const char* task : {"pick", "push", "put_down"}) {
-    const auto stages = StagesOf(task);
-    EXPECT_FALSE(stages.back().moves()) << task;
-    EXPECT_FALSE(stages.back().blends) << task;
+  const Fixture f;
+  for (const std::string& name : KnownTasks()) {
+    const TaskName task = *ParseTask(name);
+    const auto stages = StagesOf(task, *f.shapes);
+    EXPECT_FALSE(stages.back().moves()) << name;
+    EXPECT_FALSE(stages.back().blends) << name;
     for (const auto& stage : stages)
-      EXPECT_TRUE(!stage.holds || (stage.closed && stage.touches_target)) << task << stage.name;
+      EXPECT_TRUE(!stage.holds || (stage.closed && stage.touches_target)) << name << stage.name;
   }
 }
 
@@ -68,7 +67,7 @@ TEST(Shapes, HeightOnTableIsTheRestHeightWhenUpright) {
 
 TEST(Stages, ReachPutsTheTipsJustBeyondTheAxis) {
   Fixture f;
-  const auto stages = StagesOf("pick");
+  const auto stages = StagesOf({"pick", ""}, *f.shapes);
   const Pose goal = Find(stages, "reach").goal(f.now);
   const double beyond = goal.p.y() + f.shapes->ahead_closed() - f.now.X_WO.p.y();
   EXPECT_GT(beyond, 0.005);
@@ -78,7 +77,7 @@ TEST(Stages, ReachPutsTheTipsJustBeyondTheAxis) {
 
 TEST(Stages, PushGoesFarEnoughForSuccessAlsoWhenItGoesLess) {
   Fixture f;
-  const auto stages = StagesOf("push");
+  const auto stages = StagesOf({"push", ""}, *f.shapes);
   const Stage& push = Find(stages, "push");
   ASSERT_TRUE(push.nearer);
   const Pose far = push.goal(f.now), near = push.nearer(f.now);
@@ -92,7 +91,7 @@ TEST(Stages, PushGoesFarEnoughForSuccessAlsoWhenItGoesLess) {
 
 TEST(Stages, AHandOnTheLineDoesNotBackOff) {
   Fixture f;
-  const auto stages = StagesOf("pick");
+  const auto stages = StagesOf({"pick", ""}, *f.shapes);
   const auto& approach = Find(stages, "approach");
   const double far = approach.goal(f.now).p.y();
   f.now.X_WE.p = {f.now.X_WO.p.x() + 0.01, f.now.X_WO.p.y() - 0.075, f.now.X_WO.p.z()};
@@ -101,7 +100,7 @@ TEST(Stages, AHandOnTheLineDoesNotBackOff) {
 
 TEST(Stages, TurningHalfWayLeavesHalfOfTheWayBack) {
   Fixture f;
-  const auto stages = StagesOf("put_down");
+  const auto stages = StagesOf({"put_down", ""}, *f.shapes);
   const auto& turn = Find(stages, "turn");
   f.now.X_WE = {{0.1, 0.3, 0.2}, LevelHand()};
   const Pose goal = turn.goal(f.now);
@@ -111,7 +110,7 @@ TEST(Stages, TurningHalfWayLeavesHalfOfTheWayBack) {
 
 TEST(Stages, PlaceBringsTheObjectJustAboveTheTable) {
   Fixture f;
-  const auto stages = StagesOf("put_down");
+  const auto stages = StagesOf({"put_down", ""}, *f.shapes);
   const auto& place = Find(stages, "place");
   for (const auto& object : f.scene->objects()) {
     f.now.target = object.name;

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "services/core/check.h"
+#include "worker/task/criteria.h"
+#include "worker/task/goals.h"
+
+namespace etude::task {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using Part = Shapes::Part;
+
+constexpr double kDeepest = 0.065;      // m that the fingertips go below the object's top
+constexpr double kPalmGap = 0.006;      // m between palm and object
+constexpr double kFingerGap = 0.005;    // m between fingertips and table
+constexpr double kHover = 0.03;         // m between open fingertips and the object's top before the grasp
+constexpr double kHoverSlack = 0.02;    // m nearer when the hand is already on the line
+constexpr double kOnLine = 0.04;        // m off the line at most to count as on it
+constexpr double kLiftedBelow = 0.10;   // m under a lifted object
+constexpr double kCarriedBelow = 0.19;  // m under an object that is carried over the others
+constexpr double kPushPitch = 1.05;     // rad: fingertips first, the palm clear of tall objects
+constexpr double kPushHeight = 0.010;   // m between fingertips and table
+constexpr double kPushBehind = 0.035;   // m between fingertips and object before the push
+constexpr double kPushFurther = 0.11;   // m that the object is pushed
+constexpr double kPushLess = 0.06;      // m where a neighbour is in the way further on
+constexpr double kLaidTilt = 0.28;      // rad off level of the hand that lays an object down: its palm needs the room
+constexpr double kTurnBack = 0.12;      // m towards the robot while turning
+constexpr double kPlaceGap = 0.002;     // m between object and table when it is released
+constexpr double kRetreat = 0.12;       // m
+
+double TopOf(const Situation& now) {
+  return (now.X_WO * now.shapes->Centre(now.target)).z() + now.shapes->object(now.target).half_extent.z();
+}
+
+double Below(const Situation& now, Part part, bool closed, const Quaterniond& q_WE) {
+  return now.shapes->Reach(part, closed, q_WE, -Vector3d::UnitZ());
+}
+
+// The fingertips at the object's axis, as deep as object, palm and table allow.
+Pose AtGrasp(const Situation& now, double pitch) {
+  const Quaterniond q = Hand(pitch);
+  const Vector3d a = ApproachOf(pitch);
+  const double top = TopOf(now), ahead = now.shapes->ahead_closed();
+  const double tips = top - kDeepest - ahead * a.z();  // z of E with the tips that deep
+  const double palm = top + kPalmGap - now.shapes->palm_ahead() * a.z();
+  // the palm is beside the axis of an object that is approached at an angle
+  const double above_palm = pitch > 1.4 ? palm : tips;
+  const double table = Below(now, Part::kHand, false, q) + kFingerGap;
+  const double z = std::max({tips, above_palm, table});
+  const double beyond = std::cos(pitch) * 0.014;  // pads, not their very tips, around the axis
+  return {{now.X_WO.p.x(), now.X_WO.p.y() + beyond - ahead * a.y(), z}, q};
+}
+
+// Back along the approach until the open fingers clear the object's top.
+Pose BeforeGrasp(const Situation& now, double pitch) {
+  const Pose at = AtGrasp(now, pitch);
+  const Vector3d a = ApproachOf(pitch);
+  const double clear = TopOf(now) + kHover + Below(now, Part::kFingers, false, at.q);
+  const double far = std::max(0.05, (clear - at.p.z()) / std::sin(pitch));
+  const Vector3d from = now.X_WE.p - at.p;
+  const double back = -from.dot(a);
+  const bool on_line = (from + back * a).norm() < kOnLine;
+  const double distance = on_line ? std::clamp(back - 0.01, far - kHoverSlack, far) : far;
+  return {at.p - distance * a, at.q};
+}
+
+// Straight up, until there is `room` under what is held.
+Pose Raised(const Situation& now, double pitch, double room) {
+  const double below = now.X_EO ? HeldBelow(now, Hand(pitch)) : Below(now, Part::kHand, true, Hand(pitch));
+  return {{now.X_WE.p.x(), now.X_WE.p.y(), std::max(now.X_WE.p.z(), below + room)}, Hand(pitch)};
+}
+
+double PushY(const Situation& now) {
+  const double half_depth = now.shapes->object(now.target).half_extent.y();
+  return now.X_WO.p.y() - half_depth - now.shapes->Reach(Part::kFingers, true, Hand(kPushPitch), Vector3d::UnitY());
+}
+
+Pose Pushing(const Situation& now, double further) {
+  const double z = Below(now, Part::kHand, true, Hand(kPushPitch)) + kPushHeight;
+  return {{now.X_WO.p.x(), PushY(now) + further, z}, Hand(kPushPitch)};
+}
+
+// A quarter of a turn on, back towards the robot as far as is left to turn.
+Pose Turned(const Situation& now, double pitch) {
+  const double left = std::clamp(AngleBetween(now.X_WE.q, Hand(pitch)) / (std::numbers::pi / 2), 0.0, 1.0);
+  const double y = now.X_WE.p.y() - kTurnBack * left;
+  const double below = std::max(HeldBelow(now, Hand(pitch)), HeldBelow(now, now.X_WE.q));
+  return {{now.X_WE.p.x(), y, std::max(now.X_WE.p.z(), below + kLiftedBelow)}, Hand(pitch)};
+}
+
+// Down until the object, the fingers or the palm touch.
+Pose Lowered(const Situation& now, double pitch) {
+  const Quaterniond q = Hand(pitch);
+  const double z = std::max(HeldBelow(now, q) + kPlaceGap, Below(now, Part::kHand, false, q) + kFingerGap);
+  return {{now.X_WE.p.x(), now.X_WE.p.y(), z}, q};
+}
+
+Pose Beside(const Situation& now, double pitch, const Vector3d& offset) {
+  ETUDE_CHECK(now.X_EO.has_value());
+  const Quaterniond q = Hand(pitch);
+  const Vector3d p_EO_W = q * now.X_EO->p;
+  const Vector3d place = now.X_WR.p + offset;
+  return {{place.x() - p_EO_W.x(), place.y() - p_EO_W.y(), 0}, q};
+}
+
+Pose Carried(const Situation& now, double pitch, const Vector3d& offset) {
+  Pose goal = Beside(now, pitch, offset);
+  goal.p.z() = std::max(now.X_WE.p.z(), HeldBelow(now, goal.q) + kCarriedBelow);
+  return goal;
+}
+
+Pose SetDown(const Situation& now, double pitch, const Vector3d& offset) {
+  Pose goal = Beside(now, pitch, offset);
+  goal.p.z() = Lowered(now, pitch).p.z();
+  return goal;
+}
+
+}  // namespace
+
+double HeldBelow(const Situation& now, const Quaterniond& q_WE) {
+  ETUDE_CHECK(now.X_EO.has_value());
+  const Pose X_WO = Pose{Vector3d::Zero(), q_WE} * *now.X_EO;  // for a hand at the origin
+  return now.shapes->HeightOnTable(now.target, X_WO.q) - X_WO.p.z();
+}
+
+TaskGoals AboveGoals(double pitch, const TaskName& task) {
+  TaskGoals goals;
+  const double room = task.relation() ? kCarriedBelow : kLiftedBelow;
+  goals.before_grasp = [=](const Situation& now) { return BeforeGrasp(now, pitch); };
+  goals.at_grasp = [=](const Situation& now) { return AtGrasp(now, pitch); };
+  goals.lifted = [=](const Situation& now) { return Raised(now, pitch, room); };
+  goals.before_push = [](const Situation& now) { return Pushing(now, -kPushBehind); };
+  goals.pushed = [](const Situation& now) { return Pushing(now, kPushFurther); };
+  goals.pushed_less = [](const Situation& now) { return Pushing(now, kPushLess); };
+  const double turned = pitch + std::numbers::pi / 2 - (task.base == "rotate" ? 0 : kLaidTilt);
+  goals.turned = [=](const Situation& now) { return Turned(now, turned); };
+  goals.laid = [=](const Situation& now) { return Lowered(now, turned); };
+  if (task.relation()) {
+    const bool in_depth = task.base == "place_front" || task.base == "place_behind";
+    const Vector3d offset = (in_depth ? kBefore : kBeside) * DirectionOf(task.base);
+    goals.carried = [=](const Situation& now) { return Carried(now, pitch, offset); };
+    goals.set_down = [=](const Situation& now) { return SetDown(now, pitch, offset); };
+  }
+  const bool back = task.relation();
+  goals.retreated = [=](const Situation& now) {
+    const Vector3d away = back ? Vector3d(-ApproachOf(pitch)) : Vector3d::UnitZ();
+    return Pose{now.X_WE.p + kRetreat * away, now.X_WE.q};
+  };
+  return goals;
+}
+
+}  // namespace etude::task

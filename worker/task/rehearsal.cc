@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/task/rehearsal.h"
+
+#include <fmt/format.h>
+
+#include "worker/task/scene_sampling.h"
+
+namespace etude::task {
+namespace {
+
+constexpr double kHeldGripper = 0.5;  // opening that stands for "around an object" in checks
+// What the hand holds is never quite where it was planned to be.
+constexpr double kMargin = 0.008;   // m kept free at the goals,
+constexpr double kContact = 0.003;  // m where something is touched
+constexpr double kDexterity = 0.05;  // m, see Dexterity
+constexpr int kWaySamples = 6;      // places along a way that has to be straight
+
+// The arm at `goal`, or why it cannot be there.
+struct Place {
+  std::optional<Eigen::VectorXd> q;
+  std::string why;
+};
+
+Place TryPlace(const Pose& X_WE, double margin, const Eigen::VectorXd& q_from, Rehearsal& rehearsal) {
+  Place place;
+  place.q = rehearsal.kinematics->Solve(X_WE, q_from);
+  if (!place.q) {
+    place.why = fmt::format("out of reach at ({:.3f}, {:.3f}, {:.3f})", X_WE.p.x(), X_WE.p.y(), X_WE.p.z());
+    return place;
+  }
+  if (Dexterity(*rehearsal.kinematics, *place.q) < kDexterity) {
+    place.why = fmt::format("too stretched at ({:.3f}, {:.3f}, {:.3f})", X_WE.p.x(), X_WE.p.y(), X_WE.p.z());
+    place.q.reset();
+    return place;
+  }
+  if (const auto collision = rehearsal.checker->Check(*place.q, margin)) {
+    place.why = fmt::format("{} touches {}", collision->body_a, collision->body_b);
+    place.q.reset();
+  }
+  return place;
+}
+
+// Along the straight way, when the stage must take it.
+Place TryGoal(const Stage& stage, const Pose& from, const Pose& goal, Rehearsal& rehearsal) {
+  const double margin = stage.touches_target ? kContact : kMargin;
+  Place place{.q = rehearsal.q};
+  const int samples = stage.straight_only ? kWaySamples : 1;
+  for (int i = 1; i <= samples && place.q; ++i) {
+    const double s = static_cast<double>(i) / samples;
+    place = TryPlace({from.p + s * (goal.p - from.p), from.q.slerp(s, goal.q)}, margin, *place.q, rehearsal);
+  }
+  return place;
+}
+
+}  // namespace
+
+void SetForStage(const Stage& stage, const std::string& target, const std::optional<Pose>& X_EO,
+                 collide::Checker& checker) {
+  checker.SetGripper(stage.holds ? kHeldGripper : stage.closed ? 1.0 : 0.0);
+  checker.Allow(stage.touches_target ? std::set<std::string>{target} : std::set<std::string>{});
+  checker.Attach(target, stage.holds ? X_EO : std::nullopt);
+}
+
+std::optional<std::string> Rehearse(const std::vector<Stage>& stages, Situation now, Rehearsal rehearsal) {
+  for (const Stage& stage : stages) {
+    if (!stage.moves()) {
+      if (stage.name == "grasp") now.X_EO = now.X_WE.inverse() * now.X_WO;
+      if (stage.name == "release") {
+        now.X_EO.reset();
+        SetForStage(stage, now.target, std::nullopt, *rehearsal.checker);
+        if (const auto collision = rehearsal.checker->Check(rehearsal.q, kContact))
+          return fmt::format("release: {} touches {}", collision->body_a, collision->body_b);
+      }
+      continue;
+    }
+    SetForStage(stage, now.target, now.X_EO, *rehearsal.checker);
+    Pose goal = stage.goal(now);
+    Place place = TryGoal(stage, now.X_WE, goal, rehearsal);
+    if (!place.q && stage.nearer) {
+      goal = stage.nearer(now);
+      place = TryGoal(stage, now.X_WE, goal, rehearsal);
+    }
+    if (!place.q) return stage.name + ": " + place.why;
+    rehearsal.q = *place.q;
+    now.X_WE = goal;
+    if (stage.holds && now.X_EO) now.X_WO = goal * *now.X_EO;
+    rehearsal.checker->SetObject(now.target, now.X_WO);
+  }
+  rehearsal.checker->Attach(now.target, std::nullopt);
+  return std::nullopt;
+}
+
+}  // namespace etude::task
