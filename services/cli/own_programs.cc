@@ -16,7 +16,8 @@ const std::vector<OwnProgram>& OwnPrograms() {
       {"worker", "etude-worker", "join a campaign, from any host"},
       {"train", "etude-trainer", "train a policy on a dataset, also while it grows"},
       {"policy", "etude-policy", "answer observations with actions, swapping to each new checkpoint"},
-      {"scene", "etude-worker", "look at a campaign's scenes", {"scene"}}};
+      {"scene", "etude-worker", "look at a campaign's scenes", {"scene"}},
+      {"plan", "etude-plan", "measure the motion planners over seeded scenes"}};
   return programs;
 }
 

@@ -10,6 +10,7 @@
 #include "services/core/check.h"
 #include "worker/collide/pieces.h"
 #include "worker/collide/self_pairs.h"
+#include "worker/collide/separation.h"
 
 namespace etude::collide {
 
@@ -291,6 +292,36 @@ Collision Checker::Nearest(const Eigen::VectorXd& q) {
     if (found.distance < nearest.distance) nearest = found;
   }
   return nearest;
+}
+
+std::vector<Proximity> Checker::Distances(const Eigen::VectorXd& q, double within, PairSet set) {
+  Impl& impl = *impl_;
+  ++impl.checks;
+  impl.RebuildPairs();
+  impl.PlaceArm(q);
+
+  std::vector<Proximity> found;
+  const int count = set == PairSet::kSelfToo ? static_cast<int>(impl.pairs.size()) : impl.first_self_pair;
+  for (int i = 0; i < count; ++i) {
+    const Piece& a = impl.pieces[impl.pairs[i].first];
+    const Piece& b = impl.pieces[impl.pairs[i].second];
+    if (internal::AabbGap(a, b) >= within) continue;
+    const Separation separation = Separate(a.shape(), a.X_WG(), b.shape(), b.X_WG());
+    if (separation.distance >= within) continue;
+    auto entry = std::ranges::find_if(
+        found, [&](const Proximity& other) { return other.body_a == a.body_name() && other.body_b == b.body_name(); });
+    if (entry == found.end()) {
+      const int carrier = a.role() == Role::kArm ? a.body() : impl.structure.tool_body;
+      found.push_back({a.body_name(), b.body_name(), impl.scene->arm().bodies[carrier], within});
+      entry = found.end() - 1;
+    }
+    if (separation.distance >= entry->distance) continue;
+    entry->distance = separation.distance;
+    entry->p_WA = separation.p_WA;
+    entry->p_WB = separation.p_WB;
+    entry->normal = separation.normal;
+  }
+  return found;
 }
 
 std::uint64_t Checker::checks() const { return impl_->checks; }

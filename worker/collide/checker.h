@@ -21,6 +21,18 @@ struct Collision {
   double distance = 0;         ///< m; 0 when they penetrate
 };
 
+/// How near a body of the arm (or what it holds) is to another body.
+struct Proximity {
+  std::string body_a, body_b;  ///< arm body or held object; what it is near to
+  std::string carrier;         ///< arm body that body_a is fixed to: itself, or the tool's for what is held
+  double distance = 0;         ///< m; negative when they overlap: the depth
+  Eigen::Vector3d p_WA, p_WB;  ///< m, world: nearest points of both; p_WA - p_WB = distance * normal
+  Eigen::Vector3d normal;      ///< unit, world, from b to a: moving a along it makes the distance larger
+};
+
+/// Which pairs of bodies to look at.
+enum class PairSet { kOthers, kSelfToo };  ///< the arm against everything else; and against itself
+
 /// Answers for one arm in one scene. Verdicts are a pure function of what was set and of q: no
 /// state is kept from one query to the next. One per thread (it owns kinematics and FCL objects).
 class Checker {
@@ -52,6 +64,9 @@ class Checker {
   /// Nearest pair between arm (and what it holds) and the rest, self-collision and allowed pairs
   /// apart. Infinite distance and empty names when there is no such pair.
   Collision Nearest(const Eigen::VectorXd& q);
+  /// Everything nearer than `within` (m) to the arm and to what it holds, allowed pairs apart: one entry for each pair
+  /// of bodies, with the points where they are nearest, in a fixed order (tool to base). Distances are right to 1e-5 m.
+  std::vector<Proximity> Distances(const Eigen::VectorXd& q, double within, PairSet pairs = PairSet::kOthers);
   /// Configurations checked since construction.
   std::uint64_t checks() const;
   /// Pairs of arm bodies that self collision tests.

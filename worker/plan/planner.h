@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -18,6 +19,8 @@ namespace etude::plan {
 enum class OutcomeKind {
   kStraight,         ///< planned: straight line of the tool
   kSampled,          ///< planned: RRT-Connect, shortcut, smoothed
+  kField,            ///< planned: down the potential field
+  kFieldEscaped,     ///< planned: the field has a local minimum, left by RRT-Connect
   kGoalUnreachable,  ///< no inverse kinematics at the goal
   kGoalInCollision,
   kStartInCollision,
@@ -48,7 +51,19 @@ struct Outcome {
   Motion motion;             ///< empty unless planned
   int samples = 0;           ///< states RRT-Connect drew, 0 when it was not needed
   std::uint64_t checks = 0;  ///< collision checks spent
-  bool planned() const { return kind == OutcomeKind::kStraight || kind == OutcomeKind::kSampled; }
+  /// Where the time went, s. Only to be looked at: no plan depends on it.
+  struct Times {
+    double plan = 0, simplify = 0, parameterise = 0;
+  } times;
+  bool planned() const {
+    return kind == OutcomeKind::kStraight || kind == OutcomeKind::kSampled || kind == OutcomeKind::kField ||
+           kind == OutcomeKind::kFieldEscaped;
+  }
+};
+
+enum class Method {
+  kStraightFirst,   ///< the tool's straight line, RRT-Connect where it is blocked
+  kPotentialField,  ///< drawn to the goal, kept off obstacles by `clearance`; RRT-Connect out of local minima
 };
 
 struct Request {
@@ -60,6 +75,19 @@ struct Request {
   double margin = 0.002;
   bool straight_only = false;  ///< near contact a detour is worse than a failure
   double start_speed = 0;      ///< m/s along the path, to blend with the stage before
+
+  Method method = Method::kStraightFirst;
+  /// kPotentialField: m from the obstacles that the field tries to keep for the whole arm; a path gets nearer where
+  /// there is no room, and as near as start and goal themselves are. Straight lines and `straight_only` know only
+  /// `margin`.
+  double clearance = 0.05;
+  std::vector<std::string> obstacles;  ///< objects to keep `clearance` from; empty: all
+};
+
+/// Where a motion is not free any more.
+struct Blockage {
+  int step = 0;        ///< of the motion
+  std::string reason;  ///< e.g. "left_finger touches ball at step 120"
 };
 
 struct PlannerConfig {
@@ -75,7 +103,7 @@ struct PlannerConfig {
 /// The straight line of the tool where it is free and within the joints' speed (slowed down as a
 /// whole where it is not), else RRT-Connect, shortcuts and a B-spline, timed along the path. A
 /// sampled path stays on the start's side of the arm's singularities, so that a controller of the
-/// tool can follow it.
+/// tool can follow it. Or down a potential field, see Method.
 class Planner {
  public:
   Planner(std::shared_ptr<const sim::Scene> scene, const PlannerConfig& config = {});
@@ -85,6 +113,22 @@ class Planner {
   /// A pure function of (request, what was set in `checker`, seed): the same bits whatever was
   /// planned before in this process, on whichever thread.
   Outcome Plan(const Request& request, collide::Checker& checker, std::uint64_t seed);
+
+  /// Looks whether the rest of a motion is still free, with the obstacles where `checker` now has them. Cheap: about
+  /// 1 ms for a rest of half a metre, for every tenth control step or so.
+  /// @param from_step  step of the motion that is due now   @param q  the arm at that step, roughly
+  /// @param margin  m to keep; a rest that starts nearer may leave
+  /// @returns nothing when it is free, else the first place where it is not.
+  std::optional<Blockage> FindBlockage(const Motion& motion, int from_step, const Eigen::VectorXd& q,
+                                       collide::Checker& checker, double margin = 0.002);
+
+  /// Another motion to the goal of `request` for an arm that is on its way: brakes along `current`, as `request.limits`
+  /// allow, then goes on as planned from there. Sample 0 of the motion is sample `step` of `current`, at its speed;
+  /// q_start and start_speed of the request are not used. Kinds as of Plan; kStartInCollision also when braking takes
+  /// the arm into an obstacle.
+  /// @param q  the arm at that step, roughly
+  Outcome Replan(const Motion& current, int step, const Eigen::VectorXd& q, const Request& request,
+                 collide::Checker& checker, std::uint64_t seed);
 
  private:
   struct Impl;
@@ -96,5 +140,9 @@ class Planner {
 /// from it would take more than twice the acceleration limit, or it turns faster than the angular
 /// limit.
 Motion StraightMotion(const Pose& X_WE_start, const Pose& X_WE_goal, const Limits& limits, double start_speed = 0);
+
+/// Along `motion` from sample `step`, with its velocity there, to rest as soon as the limits allow and no later than
+/// its end. Sample 0 is that of `motion`; a single sample when it is at rest already.
+Motion Brake(const Motion& motion, int step, const Limits& limits);
 
 }  // namespace etude::plan

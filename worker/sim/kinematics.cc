@@ -107,6 +107,25 @@ Eigen::MatrixXd Kinematics::Jacobian(const Eigen::VectorXd& q) {
   return state_->J;
 }
 
+std::vector<Eigen::MatrixXd> Kinematics::PointJacobians(const Eigen::VectorXd& q,
+                                                        const std::vector<BodyPoint>& points) {
+  const Scene::Model& model = scene_->model();
+  X_WE(q);
+  mj_comPos(model.mj.get(), state_->data.get());
+  std::vector<Eigen::MatrixXd> jacobians;
+  jacobians.reserve(points.size());
+  for (const BodyPoint& point : points) {
+    state_->scratch.resize(3 * static_cast<std::size_t>(model.mj->nv));
+    mj_jac(model.mj.get(), state_->data.get(), state_->scratch.data(), nullptr, point.p_W.data(),
+           model.BodyId(point.body));
+    Eigen::MatrixXd J(3, static_cast<Eigen::Index>(model.arm_v.size()));
+    for (int row = 0; row < 3; ++row)
+      for (Eigen::Index i = 0; i < J.cols(); ++i) J(row, i) = state_->scratch[row * model.mj->nv + model.arm_v[i]];
+    jacobians.push_back(std::move(J));
+  }
+  return jacobians;
+}
+
 std::vector<Pose> Kinematics::BodyPoses(const Eigen::VectorXd& q, double gripper,
                                         const std::vector<std::string>& bodies) {
   const Scene::Model& model = scene_->model();

@@ -81,6 +81,13 @@ class Kinematics {
   Pose X_WE(const Eigen::VectorXd& q);
   /// Geometric Jacobian of the tool at q: (6, nq), linear rows first, in world.
   Eigen::MatrixXd Jacobian(const Eigen::VectorXd& q);
+  /// A point that moves with a body of the arm, at q.
+  struct BodyPoint {
+    std::string body;
+    Eigen::Vector3d p_W;  ///< m, world
+  };
+  /// Jacobian of each point's velocity in world by the arm's joints, (3, nq) each; gripper joints are held.
+  std::vector<Eigen::MatrixXd> PointJacobians(const Eigen::VectorXd& q, const std::vector<BodyPoint>& points);
   /// Pose of every body of `bodies` at q with the gripper at `gripper` (0 open .. 1 closed).
   std::vector<Pose> BodyPoses(const Eigen::VectorXd& q, double gripper, const std::vector<std::string>& bodies);
   /// Inverse kinematics from `q_seed` (damped least squares within joint limits). Follows the

@@ -190,6 +190,80 @@ TEST_F(CheckerTest, VerdictsDoNotDependOnWhatWasAskedBefore) {
   }
 }
 
+TEST_F(CheckerTest, DistancesAreNearestsWithPointsOnBothSides) {
+  Pose X_WO = Standing("coke", 0, 0);
+  const Pose X_WE = kinematics_.X_WE(q_home_);
+  X_WO.p.x() = X_WE.p.x() + 0.05;
+  X_WO.p.y() = X_WE.p.y() + 0.12;
+  checker_.SetObject("coke", X_WO);
+  checker_.SetObject("milk", Standing("milk", X_WE.p.x() - 0.1, X_WE.p.y() + 0.05));
+
+  Rng rng(6);
+  for (int i = 0; i < 100; ++i) {
+    Eigen::VectorXd q = q_home_;
+    for (double& value : q) value += rng.Uniform(-0.2, 0.2);
+    const Collision nearest = checker_.Nearest(q);
+    const auto found = checker_.Distances(q, 0.3);
+    ASSERT_FALSE(found.empty());
+    const auto least = std::ranges::min_element(found, {}, &Proximity::distance);
+    if (nearest.distance > 0) {
+      EXPECT_NEAR(least->distance, nearest.distance, 2e-3);
+    }
+    if (nearest.distance == 0) {
+      EXPECT_LT(least->distance, 1e-5);
+    }
+    std::set<std::pair<std::string, std::string>> names;
+    for (const Proximity& p : found) {
+      EXPECT_LT(p.distance, 0.3);
+      EXPECT_TRUE(names.emplace(p.body_a, p.body_b).second) << "one entry for each pair of bodies";
+      EXPECT_EQ(p.carrier, p.body_a);
+      EXPECT_LT((p.p_WA - p.p_WB - p.distance * p.normal).norm(), 1e-9);
+    }
+    EXPECT_GE(checker_.Distances(q, 0.3, PairSet::kSelfToo).size(), found.size());
+  }
+}
+
+TEST_F(CheckerTest, DistanceGrowsAlongItsNormal) {
+  checker_.SetObject("coke", Standing("coke", -0.05, 0.3));
+  Rng rng(7);
+  int compared = 0;
+  for (int i = 0; i < 200; ++i) {
+    Eigen::VectorXd q = q_home_;
+    for (double& value : q) value += rng.Uniform(-0.3, 0.3);
+    for (const Proximity& p : checker_.Distances(q, 0.1)) {
+      if (p.distance < 1e-3) continue;
+      const Eigen::MatrixXd J = kinematics_.PointJacobians(q, {{p.carrier, p.p_WA}}).front();
+      const Eigen::VectorXd slope = J.transpose() * p.normal;
+      const double h = 1e-4 / std::max(1e-3, slope.norm());
+      const Eigen::VectorXd away = q + h * slope;
+      for (const Proximity& after : checker_.Distances(away, 0.2)) {
+        if (after.body_a != p.body_a || after.body_b != p.body_b) continue;
+        ++compared;
+        EXPECT_NEAR(after.distance - p.distance, h * slope.squaredNorm(), 0.1 * h * slope.squaredNorm() + 1.5e-5)
+            << p.body_a << " " << p.body_b;
+      }
+    }
+  }
+  EXPECT_GT(compared, 100);
+}
+
+TEST_F(CheckerTest, DistancesOfWhatIsHeldBelongToTheToolsBody) {
+  Pose X_EO;
+  X_EO.q = kinematics_.X_WE(q_home_).q.conjugate();
+  checker_.SetGripper(0.5);
+  checker_.Attach("coke", X_EO);
+  Pose X_WO = kinematics_.X_WE(q_home_);
+  X_WO.q.setIdentity();
+  X_WO.p.y() += 0.12;
+  checker_.SetObject("milk", X_WO);
+  const auto found = checker_.Distances(q_home_, 0.2);
+  const auto held = std::ranges::find(found, "coke", &Proximity::body_a);
+  ASSERT_NE(held, found.end());
+  EXPECT_EQ(held->body_b, "milk");
+  const auto structure = internal::FindStructure(scene_->arm(), kinematics_);
+  EXPECT_EQ(held->carrier, scene_->arm().bodies[structure.tool_body]);
+}
+
 // MuJoCo's own collision detection is the independent reference.
 class AgainstMujoco : public CheckerTest {
  protected:

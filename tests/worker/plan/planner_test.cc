@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests worker/plan/planner.cc, worker/plan/retime.cc and worker/plan/sampling.cc
+// Tests worker/plan/planner.cc, planner_line.cc and planner_detour.cc, worker/plan/retime.cc and
+// worker/plan/sampling.cc
 #include "worker/plan/planner.h"
 
 #include <gtest/gtest.h>
@@ -330,6 +331,8 @@ TEST_F(PlannerTest, SameSeedSameBitsWhateverWasPlannedBefore) {
 TEST(OutcomeKind, HasStableNames) {
   EXPECT_EQ(ToString(OutcomeKind::kStraight), "straight");
   EXPECT_EQ(ToString(OutcomeKind::kSampled), "sampled");
+  EXPECT_EQ(ToString(OutcomeKind::kField), "field");
+  EXPECT_EQ(ToString(OutcomeKind::kFieldEscaped), "field_escaped");
   EXPECT_EQ(ToString(OutcomeKind::kGoalUnreachable), "goal_unreachable");
   EXPECT_EQ(ToString(OutcomeKind::kGoalInCollision), "goal_in_collision");
   EXPECT_EQ(ToString(OutcomeKind::kStartInCollision), "start_in_collision");

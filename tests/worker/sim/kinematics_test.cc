@@ -75,6 +75,37 @@ TEST(Kinematics, JacobianIsTheDerivative) {
   }
 }
 
+TEST(Kinematics, PointJacobiansAreTheDerivativesOfPointsOnBodies) {
+  Kinematics kinematics(FullScene());
+  const ArmInfo& arm = FullScene()->arm();
+  Rng rng(4);
+  for (int k = 0; k < 20; ++k) {
+    const Eigen::VectorXd q = RandomJoints(rng, kPi);
+    const Eigen::Vector3d p_B(rng.Uniform(-0.1, 0.1), rng.Uniform(-0.1, 0.1), rng.Uniform(-0.1, 0.1));
+    const std::vector<Pose> bodies = kinematics.BodyPoses(q, 0, arm.bodies);
+    std::vector<Kinematics::BodyPoint> points;
+    for (std::size_t b = 0; b < bodies.size(); ++b) points.push_back({arm.bodies[b], bodies[b] * p_B});
+    const std::vector<Eigen::MatrixXd> jacobians = kinematics.PointJacobians(q, points);
+    ASSERT_EQ(jacobians.size(), bodies.size());
+    const double h = 1e-6;
+    for (int i = 0; i < q.size(); ++i) {
+      Eigen::VectorXd low = q, high = q;
+      low[i] -= h;
+      high[i] += h;
+      const std::vector<Pose> a = kinematics.BodyPoses(low, 0, arm.bodies),
+                              b = kinematics.BodyPoses(high, 0, arm.bodies);
+      for (std::size_t body = 0; body < bodies.size(); ++body) {
+        const Eigen::Vector3d difference = (b[body] * p_B - a[body] * p_B) / (2 * h);
+        ASSERT_LT((difference - jacobians[body].col(i)).norm(), 1e-6) << arm.bodies[body] << " joint " << i;
+      }
+    }
+    // the tool's own Jacobian is that of a point of the hand
+    const Eigen::Vector3d p_WE = kinematics.X_WE(q).p;
+    const Eigen::MatrixXd of_tool = kinematics.PointJacobians(q, {{"gripper", p_WE}}).front();
+    EXPECT_LT((of_tool - kinematics.Jacobian(q).topRows(3)).norm(), 1e-9);
+  }
+}
+
 TEST(Kinematics, SolvesPosesThatItReached) {
   Kinematics kinematics(FullScene());
   const ArmInfo& arm = FullScene()->arm();
