@@ -106,7 +106,8 @@ std::uint64_t EpisodeSeed(const CampaignSpec& spec, std::uint64_t index, std::ui
   return MixSeed({spec.seed, index, attempt}, "episode");
 }
 
-SceneSpec::SceneSpec(const CampaignSpec& spec) : robot(spec.robots.at(0)), objects(spec.objects), camera(spec.camera), world(spec.world) {}
+SceneSpec::SceneSpec(const CampaignSpec& spec)
+    : robot(spec.robots.at(0)), objects(spec.objects), camera(spec.camera), world(spec.world) {}
 
 namespace {
 

@@ -5,7 +5,7 @@ namespace etude::sim {
 namespace {
 
 // Colours change less than brightness: a can that is red stays red.
-constexpr double kColour = 0.3, kTint = 0.5, kSun = 0.6;
+constexpr double kColour = 0.3, kTint = 0.3, kSun = 0.6;
 
 Eigen::Vector3d Draw(double size, Rng& rng) {
   const double x = rng.Uniform(-size, size), y = rng.Uniform(-size, size), z = rng.Uniform(-size, size);
