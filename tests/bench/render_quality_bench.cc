@@ -21,7 +21,7 @@
 namespace etude::sim {
 namespace {
 
-constexpr int kRounds = 12, kFrames = 6, kEpisodes = 3, kSupersample = 4;
+constexpr int kRounds = 8, kFrames = 5, kEpisodes = 2, kSupersample = 4;
 using Clock = std::chrono::steady_clock;
 using Bytes = std::vector<std::uint8_t>;
 
@@ -207,10 +207,13 @@ void Print(const std::vector<Variant>& variants, const std::vector<Score>& score
 }
 
 std::vector<CampaignSpec> Specs() {
-  CampaignSpec shifted;
-  shifted.world.table = "stone";
-  shifted.world.background = {0.45, 0.47, 0.5};
-  return {CampaignSpec{}, shifted};
+  std::vector<CampaignSpec> specs(4);
+  for (CampaignSpec& spec : specs) spec.tasks = {"pick"};
+  specs[1].robots = {"panda"};
+  specs[2].robots = {"jaco2"};
+  specs[3].world.table = "stone";
+  specs[3].world.background = {0.45, 0.47, 0.5};
+  return specs;
 }
 
 int Run() {
@@ -228,6 +231,7 @@ int Run() {
       Measure(*scene->world, **gl, with_shadows, shadow_scores);
     }
   }
+  if (scores[0].ssim.empty()) return std::fprintf(stderr, "no scene could be set up\n"), 3;
   Print(variants, scores);
   Print(with_shadows, shadow_scores);
   std::printf(

@@ -15,7 +15,7 @@ namespace etude::sim {
 
 struct RendererConfig {
   std::string backend = "auto";  ///< auto | egl | osmesa
-  int samples = 0;               ///< multisamples; 0 is 3x faster than 4 at SSIM 0.956 instead of 0.963
+  int samples = 0;               ///< multisamples; 0 is 3x faster than 4 at SSIM 0.957 instead of 0.966
                                  ///< (measured: tests/bench/render_quality_bench.cc)
   bool shadows = false;
 };
