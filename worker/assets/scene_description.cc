@@ -9,6 +9,7 @@
 #include "services/core/hash.h"
 #include "worker/assets/geom_writer.h"
 #include "worker/assets/object_parts.h"
+#include "worker/assets/shifted_world.h"
 
 namespace etude::assets {
 namespace {
@@ -131,6 +132,7 @@ Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker&
   if (!scene.robot.tendon.empty()) mjcf += "<tendon>\n" + scene.robot.tendon + "</tendon>\n";
   mjcf += "<actuator>\n" + scene.robot.actuator + "</actuator>\n</mujoco>\n";
   scene.mjcf = std::move(mjcf);
+  ShiftWorld(spec.world, scene);
   scene.sha256 = Digest(scene);
   return scene;
 }

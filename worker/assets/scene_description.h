@@ -27,6 +27,7 @@ struct SceneDescription {
 /// Physics step, s.
 inline constexpr double kTimestep = 0.002;
 
+/// A pure function of `spec`.
 /// @param make_object, make_robot  pure functions of a name: what stands behind it
 /// @error kInvalidArgument: unknown robot or object, an object named twice, a bad camera vector
 Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker& make_object = MakeObject,

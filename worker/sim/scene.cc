@@ -233,6 +233,7 @@ void Scene::Model::ToolJacobian(const mjData* data, std::vector<double>& scratch
 
 Scene::Scene() : model_(std::make_unique<Model>()) {}
 Scene::~Scene() = default;
+int Scene::body_count() const { return model_->mj->nbody; }
 
 namespace {
 
@@ -259,6 +260,7 @@ Result<std::shared_ptr<const Scene>> Scene::Build(const SceneSpec& spec) {
   for (int geom = 0; geom < mj->ngeom; ++geom)
     if (mj->geom_contype[geom] || mj->geom_conaffinity[geom]) scene->geometry_.push_back(MakeGeometry(mj, geom));
   scene->camera_ = description.camera;
+  scene->control_delay_ = spec.world.control_delay;
   scene->mjcf_ = std::move(description.mjcf);
   scene->sha256_ = std::move(description.sha256);
   return std::shared_ptr<const Scene>(std::move(scene));
