@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -42,11 +43,15 @@ struct RobotModel {
   std::vector<std::vector<std::string>> finger_groups;
   /// rad below the horizontal from which the hand naturally comes at an object: 0 level, pi/2 from above
   double approach_pitch = 0;
+  /// rad: pitch of the hand after it has turned an object over by 90 degrees, approach_pitch +- pi/2
+  double turned_pitch = 1.5707963267948966;
   std::string tool_site;
 };
 
 const std::vector<std::string>& KnownRobots();
 /// @error kInvalidArgument: unknown name; the message has the nearest known one
 Result<RobotModel> MakeRobot(const std::string& name);
+
+using RobotMaker = std::function<Result<RobotModel>(const std::string& name)>;
 
 }  // namespace etude::assets

@@ -4,6 +4,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include <deque>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -61,6 +62,12 @@ struct World::State {
   ControllerConfig config;
   ControlState control;  ///< scratch of Step, kept for its memory
   std::vector<double> scratch, full_inertia;
+  /// Commands under way to the arm, the oldest first; at most the scene's control_delay.
+  struct Command {
+    Waypoint target;
+    Eigen::Matrix<double, 6, 1> V_WE;
+  };
+  std::deque<Command> under_way;
 
   void ReadControl(const Scene::Model& model);
 };

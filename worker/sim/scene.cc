@@ -11,6 +11,7 @@
 #include "services/core/log.h"
 #include "worker/sim/model.h"
 #include "worker/sim/robot_file.h"
+#include "worker/synthesis/scene_object.h"
 
 namespace etude::sim {
 namespace {
@@ -147,6 +148,7 @@ ArmInfo MakeArm(const Scene::Model& model) {
   arm.joint_speed = Eigen::VectorXd::Map(model.robot.joint_speed.data(), n);
   arm.finger_groups = model.robot.finger_groups;
   arm.approach_pitch = model.robot.approach_pitch;
+  arm.turned_pitch = model.robot.turned_pitch;
   arm.gripper_open = model.robot.gripper_open;
   arm.gripper_closed = model.robot.gripper_closed;
   arm.tool_site = model.robot.tool_site;
@@ -231,15 +233,23 @@ void Scene::Model::ToolJacobian(const mjData* data, std::vector<double>& scratch
 
 Scene::Scene() : model_(std::make_unique<Model>()) {}
 Scene::~Scene() = default;
+int Scene::body_count() const { return model_->mj->nbody; }
+
+namespace {
+
+// A known robot, or that of a user's file.
+Result<assets::RobotModel> MakeSceneRobot(const std::string& name) {
+  if (!IsRobotFile(name)) return assets::MakeRobot(name);
+  ETUDE_ASSIGN_OR_RETURN(LoadedRobot loaded, LoadRobot(name));
+  return std::move(loaded.model);
+}
+
+}  // namespace
 
 Result<std::shared_ptr<const Scene>> Scene::Build(const SceneSpec& spec) {
   InstallHandlers();
-  std::optional<assets::RobotModel> robot;
-  if (IsRobotFile(spec.robot)) {
-    ETUDE_ASSIGN_OR_RETURN(LoadedRobot loaded, LoadRobot(spec.robot));
-    robot = std::move(loaded.model);
-  }
-  ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description, assets::DescribeScene(spec, std::move(robot)));
+  ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description,
+                         assets::DescribeScene(spec, synthesis::MakeSceneObject, MakeSceneRobot));
   std::shared_ptr<Scene> scene(new Scene);
   ETUDE_ASSIGN_OR_RETURN(scene->model_->mj, CompileXml(description.mjcf, description.files));
   FillAddresses(*scene->model_, description);
@@ -250,6 +260,7 @@ Result<std::shared_ptr<const Scene>> Scene::Build(const SceneSpec& spec) {
   for (int geom = 0; geom < mj->ngeom; ++geom)
     if (mj->geom_contype[geom] || mj->geom_conaffinity[geom]) scene->geometry_.push_back(MakeGeometry(mj, geom));
   scene->camera_ = description.camera;
+  scene->control_delay_ = spec.world.control_delay;
   scene->mjcf_ = std::move(description.mjcf);
   scene->sha256_ = std::move(description.sha256);
   return std::shared_ptr<const Scene>(std::move(scene));
