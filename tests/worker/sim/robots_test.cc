@@ -35,7 +35,7 @@ Eigen::AngleAxisd TurnZ(double angle) { return {angle, Vector3d::UnitZ()}; }
 Isometry3d PandaByTable(const Eigen::VectorXd& q) {
   const std::array<double, 7> a{0, 0, 0, 0.0825, -0.0825, 0, 0.088}, d{0.333, 0, 0.316, 0, 0.384, 0, 0},
       alpha{0, -kPi / 2, kPi / 2, kPi / 2, -kPi / 2, kPi / 2, kPi / 2};
-  Isometry3d T = Translation3d(0, -0.2, 0) * TurnZ(kPi / 2);
+  Isometry3d T = Translation3d(0, -0.3, 0) * TurnZ(kPi / 2);
   for (int i = 0; i < 7; ++i)
     T = T * TurnX(alpha[i]) * Translation3d(a[i], 0, 0) * TurnZ(q[i]) * Translation3d(0, 0, d[i]);
   // the hand opens along its y
