@@ -111,18 +111,6 @@ bool Touch(const Shape& a, const Eigen::Isometry3d& X_WA, const Shape& b, const 
   }
 }
 
-double Distance(const Shape& a, const Eigen::Isometry3d& X_WA, const Shape& b, const Eigen::Isometry3d& X_WB) {
-  if (Touch(a, X_WA, b, X_WB)) return 0;
-  static const fcl::DistanceRequestd kRequest;
-  fcl::DistanceResultd result;
-  try {
-    const double distance = fcl::distance(a.fcl().geometry.get(), X_WA, b.fcl().geometry.get(), X_WB, kRequest, result);
-    return std::max(0.0, distance);
-  } catch (const std::exception&) {
-    return 0;
-  }
-}
-
 namespace internal {
 
 std::optional<FclDistance> AskDistance(const Shape& a, const Eigen::Isometry3d& X_WA, const Shape& b,

@@ -33,9 +33,6 @@ class Shape {
 
 /// True when the shapes share a point. Deterministic.
 bool Touch(const Shape& a, const Eigen::Isometry3d& X_WA, const Shape& b, const Eigen::Isometry3d& X_WB);
-/// Distance in m, 0 when they share a point.
-double Distance(const Shape& a, const Eigen::Isometry3d& X_WA, const Shape& b, const Eigen::Isometry3d& X_WB);
-
 namespace internal {
 
 struct FclDistance {

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "worker/collide/separation.h"
+
 namespace etude::collide::internal {
 
 Eigen::Isometry3d ToIsometry(const Pose& pose) {

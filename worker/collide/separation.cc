@@ -192,4 +192,9 @@ Separation Separate(const Shape& a, const Isometry3d& X_WA, const Shape& b, cons
   return Overlap(pair, {(X_WA.translation() + X_WB.translation()) / 2, Vector3d::Zero()});
 }
 
+double Distance(const Shape& a, const Isometry3d& X_WA, const Shape& b, const Isometry3d& X_WB) {
+  if (Touch(a, X_WA, b, X_WB)) return 0;
+  return std::max(0.0, Separate(a, X_WA, b, X_WB).distance);
+}
+
 }  // namespace etude::collide

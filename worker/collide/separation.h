@@ -17,5 +17,7 @@ struct Separation {
 /// fails its own certificate, or it throws), another one that does is returned. Distances are right to 1e-5 m; the
 /// depth of an overlap is an upper bound of the least one, tight for the shapes' own face normals.
 Separation Separate(const Shape& a, const Eigen::Isometry3d& X_WA, const Shape& b, const Eigen::Isometry3d& X_WB);
+/// The same distance in m, 0 when the shapes share a point.
+double Distance(const Shape& a, const Eigen::Isometry3d& X_WA, const Shape& b, const Eigen::Isometry3d& X_WB);
 
 }  // namespace etude::collide

@@ -6,6 +6,7 @@
 
 #include "services/core/rng.h"
 #include "worker/collide/pieces.h"
+#include "worker/collide/separation.h"
 
 namespace etude::collide {
 namespace {

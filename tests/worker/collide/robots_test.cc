@@ -11,6 +11,7 @@
 #include "services/core/rng.h"
 #include "worker/collide/checker.h"
 #include "worker/collide/pieces.h"
+#include "worker/collide/separation.h"
 #include "worker/sim/model.h"
 
 namespace etude::collide {

@@ -11,7 +11,8 @@
 namespace etude::plan {
 namespace {
 
-constexpr int kDraws = 400;
+constexpr int kDraws = 2000;
+constexpr int kLineChecks = 24;        // states along the straight line
 constexpr double kMargin = 0.005;      // m free around start and goal
 constexpr double kApart = 0.10;        // m between objects
 constexpr double kLeastWay = 0.15;     // m of the tool from start to goal
@@ -54,6 +55,21 @@ void StandBeside(const std::vector<sim::ObjectInfo>& objects, const Eigen::Vecto
     X_WO.p = {goal.x() + side * half_gap, goal.y() + rng.Uniform(0.0, 0.03), objects[i].rest_height + 0.001};
     planning.objects.emplace_back(objects[i].name, X_WO);
   }
+}
+
+// Whether something is in the way of the tool's straight line.
+bool StraightIsBlocked(const PlanningScene& planning, const Pose& X_WE_start, sim::Kinematics& kinematics,
+                       collide::Checker& checker) {
+  Eigen::VectorXd q = planning.q_start;
+  for (int i = 1; i < kLineChecks; ++i) {
+    const double part = static_cast<double>(i) / kLineChecks;
+    const Pose X_WE{X_WE_start.p + part * (planning.X_WE_goal.p - X_WE_start.p),
+                    X_WE_start.q.slerp(part, planning.X_WE_goal.q)};
+    const auto next = kinematics.Solve(X_WE, q);
+    if (!next || checker.Check(*next)) return true;
+    q = *next;
+  }
+  return false;
 }
 
 PlanningScene DrawCandidate(const sim::Scene& scene, Difficulty difficulty, const Pose& X_WE_home, Rng& rng) {
@@ -110,6 +126,8 @@ std::optional<PlanningScene> DrawPlanningScene(const sim::Scene& scene, Difficul
     const auto q_goal = kinematics.Solve(planning.X_WE_goal, *q_start);
     if (!q_goal || checker.Check(*q_goal, kMargin)) continue;
     planning.q_start = *q_start;
+    const bool blocked = difficulty == Difficulty::kNarrow || (difficulty == Difficulty::kCluttered && index % 2 == 1);
+    if (blocked && !StraightIsBlocked(planning, X_WE_start, kinematics, checker)) continue;
     return planning;
   }
   return std::nullopt;

@@ -15,8 +15,9 @@ namespace etude::plan {
 
 enum class Difficulty {
   kOpen,       ///< two objects stand on the table, the hand moves above or beside them
-  kCluttered,  ///< six objects stand about, the hand goes low to a place among them
-  kNarrow,     ///< and then into the gap between two of them, little wider than the hand
+  kCluttered,  ///< six objects stand about, the hand goes low to a place among them; every second straight way is
+               ///< blocked
+  kNarrow,     ///< into the gap between two of them, little wider than the hand; every straight way is blocked
 };
 inline constexpr Difficulty kDifficulties[] = {Difficulty::kOpen, Difficulty::kCluttered, Difficulty::kNarrow};
 std::string_view ToString(Difficulty difficulty);
