@@ -83,6 +83,7 @@ Status CampaignSpec::Validate() const {
   in_range("disturbance", randomization.disturbance, 0.2);
   in_range("disturbance_probability", randomization.disturbance_probability, 1);
   in_range("light", randomization.light, 1);
+  world.Check(errors);
   require(obstacle.in_the_way >= 0 && obstacle.in_the_way <= 1,
           fmt::format("obstacle.in_the_way: {} not in 0..1", obstacle.in_the_way));
   if (mode == "rollout") {
@@ -108,7 +109,8 @@ std::uint64_t EpisodeSeed(const CampaignSpec& spec, std::uint64_t index, std::ui
   return MixSeed({spec.seed, index, attempt}, "episode");
 }
 
-SceneSpec::SceneSpec(const CampaignSpec& spec) : robot(spec.robots.at(0)), objects(spec.objects), camera(spec.camera) {}
+SceneSpec::SceneSpec(const CampaignSpec& spec)
+    : robot(spec.robots.at(0)), objects(spec.objects), camera(spec.camera), world(spec.world) {}
 
 namespace {
 

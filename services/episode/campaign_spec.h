@@ -8,6 +8,7 @@
 
 #include "services/core/config.h"
 #include "services/core/result.h"
+#include "services/episode/world_spec.h"
 
 namespace etude {
 
@@ -109,6 +110,7 @@ struct CampaignSpec {
   ObstacleSpec obstacle;
   RolloutSpec rollout;
   SplitSpec split;
+  WorldSpec world;
 
   template <class V>
   void Visit(V& v) {
@@ -128,6 +130,7 @@ struct CampaignSpec {
     v("obstacle", obstacle);
     v("rollout", rollout);
     v("split", split);
+    v("world", world);
   }
 
   /// Ranges and names; all problems at once. Robots, tasks and objects are checked against `known`.
@@ -143,6 +146,7 @@ struct SceneSpec {
   std::string robot = "ur5";
   std::vector<std::string> objects = CampaignSpec{}.objects;
   CameraSpec camera;
+  WorldSpec world;
 
   bool operator==(const SceneSpec&) const = default;
   SceneSpec() = default;

@@ -179,10 +179,12 @@ std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const lan
     unseen_objects.push_back(sentence.object);
   }
   Rng rng(MixSeed({}, "evaluate language"));
-  for (const auto& task : tasks) {
+  for (const auto& name : tasks) {
+    const auto task = ParseTask(name);
+    if (!task) continue;
     for (std::size_t k = 0; k < objects.size(); ++k) {
-      const std::string reference = language::IsRelation(task) ? objects[(k + 1) % objects.size()] : "";
-      const language::Command command{task, objects[k], reference};
+      const std::string reference = task->relation() ? objects[(k + 1) % objects.size()] : "";
+      const auto command = language::CommandFor(*task, objects[k], reference);
       for (int i = 0; i < 12 && grammar.Check(command); ++i) {
         noisy.push_back(grammar.Sample(command, language::Style::kNoisy, rng));
         noisy_objects.push_back(command.target);

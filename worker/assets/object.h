@@ -16,6 +16,7 @@ namespace etude::assets {
 struct AssetFile {
   std::string name;  ///< "can.msh", "duck.obj" (a mesh) or "coke.tex", "duck.png" (a texture)
   std::vector<std::uint8_t> bytes;
+  bool declared = false;  ///< whose <mesh> or <texture> element is written already
 };
 
 /// One free body of the scene. Its frame stands upright; x, y through the middle of the AABB.

@@ -36,5 +36,7 @@ Canvas BreadTexture();
 Canvas BottleLabelTexture();
 Canvas WoodTexture();
 Canvas BallTexture();  ///< u around the vertical, v from the upper pole to the lower
+Canvas ClothTexture();
+Canvas StoneTexture();
 
 }  // namespace etude::assets

@@ -9,6 +9,7 @@
 #include "services/core/hash.h"
 #include "worker/assets/geom_writer.h"
 #include "worker/assets/object_parts.h"
+#include "worker/assets/shifted_world.h"
 
 namespace etude::assets {
 namespace {
@@ -34,21 +35,22 @@ constexpr const char* kHead = R"(<mujoco model="etude">
 <default class="object"><geom contype="1" conaffinity="3" group="3" condim="4" friction="0.9 0.02 0.001" solref="0.006 1" solimp="0.95 0.99 0.001" rgba="0.4 0.4 0.9 0.5"/></default>
 <default class="object_round"><geom {round}/></default>
 <default class="object_foot"><geom {foot}/></default>
-</default>
+{defaults}</default>
 )";
 
-/// <mesh> and <texture> elements for the files; also drops repeated ones.
+/// <mesh> and <texture> elements for the files, each once, but for those that are declared already.
 std::string Assets(const std::vector<AssetFile>& offered, std::vector<AssetFile>& kept) {
   std::set<std::string> seen;
   std::string text;
   for (const AssetFile& file : offered) {
     if (!seen.insert(file.name).second) continue;
     const std::string stem = file.name.substr(0, file.name.rfind('.'));
+    kept.push_back(file);
+    if (file.declared) continue;
     if (file.name.ends_with(".msh") || file.name.ends_with(".obj"))
       text += fmt::format("<mesh name=\"{}\" file=\"{}\"/>\n", stem, file.name);
     else
       text += fmt::format("<texture name=\"{}\" type=\"2d\" file=\"{}\"/>\n", stem, file.name);
-    kept.push_back(file);
   }
   return text;
 }
@@ -102,9 +104,10 @@ std::string Digest(const SceneDescription& scene) {
 
 }  // namespace
 
-Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker& make_object) {
+Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker& make_object,
+                                       const RobotMaker& make_robot) {
   SceneDescription scene;
-  ETUDE_ASSIGN_OR_RETURN(scene.robot, MakeRobot(spec.robot));
+  ETUDE_ASSIGN_OR_RETURN(scene.robot, make_robot(spec.robot));
   ETUDE_ASSIGN_OR_RETURN(scene.camera, MakeCamera(spec.camera));
   std::vector<AssetFile> offered = scene.robot.files;
   offered.push_back({"wood.tex", WoodTexture().ToTexture()});
@@ -118,7 +121,7 @@ Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker&
   }
   std::string mjcf = fmt::format(kHead, fmt::arg("timestep", kTimestep), fmt::arg("width", spec.camera.width),
                                  fmt::arg("height", spec.camera.height), fmt::arg("round", kRoundObjectContact),
-                                 fmt::arg("foot", kFootContact));
+                                 fmt::arg("foot", kFootContact), fmt::arg("defaults", scene.robot.defaults));
   mjcf += "<asset>\n" + Assets(offered, scene.files) + scene.robot.materials;
   mjcf +=
       "<material name=\"table\" texture=\"wood\" texrepeat=\"1 1\" specular=\"0\" "
@@ -126,8 +129,10 @@ Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker&
   for (const ObjectModel& object : scene.objects) mjcf += object.materials;
   mjcf += "</asset>\n<worldbody>\n" + World(scene, spec.camera) + "</worldbody>\n";
   mjcf += "<equality>\n" + scene.robot.equality + "</equality>\n";
+  if (!scene.robot.tendon.empty()) mjcf += "<tendon>\n" + scene.robot.tendon + "</tendon>\n";
   mjcf += "<actuator>\n" + scene.robot.actuator + "</actuator>\n</mujoco>\n";
   scene.mjcf = std::move(mjcf);
+  ShiftWorld(spec.world, scene);
   scene.sha256 = Digest(scene);
   return scene;
 }

@@ -3,6 +3,7 @@
 // camera.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,8 +27,10 @@ struct SceneDescription {
 /// Physics step, s.
 inline constexpr double kTimestep = 0.002;
 
-/// @param make_object  a pure function
+/// A pure function of `spec`.
+/// @param make_object, make_robot  pure functions of a name: what stands behind it
 /// @error kInvalidArgument: unknown robot or object, an object named twice, a bad camera vector
-Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker& make_object = MakeObject);
+Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker& make_object = MakeObject,
+                                       const RobotMaker& make_robot = MakeRobot);
 
 }  // namespace etude::assets

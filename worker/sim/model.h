@@ -4,8 +4,10 @@
 
 #include <mujoco/mujoco.h>
 
+#include <deque>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -60,9 +62,20 @@ struct World::State {
   ControllerConfig config;
   ControlState control;  ///< scratch of Step, kept for its memory
   std::vector<double> scratch, full_inertia;
+  /// Commands under way to the arm, the oldest first; at most the scene's control_delay.
+  struct Command {
+    Waypoint target;
+    Eigen::Matrix<double, 6, 1> V_WE;
+  };
+  std::deque<Command> under_way;
 
   void ReadControl(const Scene::Model& model);
 };
+
+/// MuJoCo keeps the last XML in a global: held while one is loaded and saved.
+std::mutex& XmlMutex();
+/// Compiles MJCF with its files in memory. Thread-safe. @error kInternal with MuJoCo's message
+Result<ModelPtr> CompileXml(const std::string& mjcf, const std::vector<assets::AssetFile>& assets);
 
 /// MuJoCo's errors abort with a log line, its warnings go to the log. Once per process;
 /// thread-safe.

@@ -77,7 +77,8 @@ struct Renderer::Impl {
   mjvOption option{};
   mjvCamera camera{};
   std::string gl_renderer;
-  Eigen::Vector3d light_gain = Eigen::Vector3d::Ones();
+  Appearance appearance;
+  bool has_background = false;
   std::vector<std::uint8_t> segments;
 
   ~Impl() {
@@ -87,6 +88,7 @@ struct Renderer::Impl {
 
   Status Init();
   void Update(const World& world);
+  void Dress();  ///< the drawing as `appearance` says
   void Draw(RenderContext& context, int width, int height, std::uint8_t* rgb);
 };
 
@@ -101,7 +103,9 @@ Status Renderer::Impl::Init() {
   mjv_makeScene(model.mj.get(), &drawing, kMaxGeoms);
   drawing.flags[mjRND_SHADOW] = config.shadows;
   drawing.flags[mjRND_REFLECTION] = 0;
-  drawing.flags[mjRND_SKYBOX] = 0;
+  const mjModel& mj = *model.mj;
+  has_background = std::find(mj.tex_type, mj.tex_type + mj.ntex, mjTEXTURE_SKYBOX) != mj.tex_type + mj.ntex;
+  drawing.flags[mjRND_SKYBOX] = has_background;
   drawing.flags[mjRND_HAZE] = 0;
   drawing.flags[mjRND_FOG] = 0;
   mjv_defaultOption(&option);
@@ -117,11 +121,27 @@ void Renderer::Impl::Update(const World& world) {
   gl->MakeCurrent();
   // MuJoCo asks for mutable data but changes nothing without perturbations
   mjv_updateScene(scene->model().mj.get(), world.state().mj.get(), &option, nullptr, &camera, mjCAT_ALL, &drawing);
-  if (light_gain.isOnes(0)) return;
-  for (int i = 0; i < drawing.nlight; ++i)
+  Dress();
+}
+
+void Renderer::Impl::Dress() {
+  for (int i = 0; i < drawing.nlight; ++i) {
+    mjvLight& light = drawing.lights[i];
     for (int k = 0; k < 3; ++k)
-      for (float* part : {drawing.lights[i].ambient, drawing.lights[i].diffuse, drawing.lights[i].specular})
-        part[k] *= static_cast<float>(light_gain[k]);
+      for (float* part : {light.ambient, light.diffuse, light.specular})
+        part[k] *= static_cast<float>(appearance.light[k]);
+    if (!light.directional || light.headlight || appearance.sun_shift.isZero(0)) continue;
+    Eigen::Map<Eigen::Vector3f> direction(light.dir);
+    direction = (direction + appearance.sun_shift.cast<float>()).normalized();
+  }
+  const mjModel& model = *scene->model().mj;
+  for (int i = 0; i < drawing.ngeom && !appearance.tint.empty(); ++i) {
+    mjvGeom& geom = drawing.geoms[i];
+    if (geom.objtype != mjOBJ_GEOM) continue;
+    const auto root = static_cast<std::size_t>(model.body_rootid[model.geom_bodyid[geom.objid]]);
+    for (int k = 0; k < 3 && root < appearance.tint.size(); ++k)
+      geom.rgba[k] *= static_cast<float>(appearance.tint[root][k]);
+  }
 }
 
 void Renderer::Impl::Draw(RenderContext& context, int width, int height, std::uint8_t* rgb) {
@@ -148,7 +168,7 @@ Result<Renderer> Renderer::Open(std::shared_ptr<const Scene> scene, const Render
   return Renderer(std::move(impl));
 }
 
-void Renderer::SetLightGain(const Eigen::Vector3d& gain) { impl_->light_gain = gain; }
+void Renderer::SetAppearance(const Appearance& appearance) { impl_->appearance = appearance; }
 
 void Renderer::Render(const World& world, std::span<std::uint8_t> rgb) {
   const Camera& view = impl_->scene->camera();
@@ -181,8 +201,10 @@ void Renderer::RenderSegmentation(const World& world, std::span<std::int32_t> bo
   mjvScene& drawing = impl_->drawing;
   impl_->segments.resize(pixels * 3);
   drawing.flags[mjRND_SEGMENT] = drawing.flags[mjRND_IDCOLOR] = 1;
+  drawing.flags[mjRND_SKYBOX] = 0;
   impl_->Draw(*impl_->frame, view.width, view.height, impl_->segments.data());
   drawing.flags[mjRND_SEGMENT] = drawing.flags[mjRND_IDCOLOR] = 0;
+  drawing.flags[mjRND_SKYBOX] = impl_->has_background;
   // colours are segment ids plus one; ids are in the drawn order, not the model's
   std::vector<std::int32_t> body_of(static_cast<std::size_t>(drawing.ngeom) + 1, -1);
   for (int i = 0; i < drawing.ngeom; ++i) {

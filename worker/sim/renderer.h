@@ -8,18 +8,20 @@
 #include <string>
 #include <vector>
 
+#include "worker/sim/appearance.h"
 #include "worker/sim/world.h"
 
 namespace etude::sim {
 
 struct RendererConfig {
   std::string backend = "auto";  ///< auto | egl | osmesa
-  int samples = 0;               ///< multisamples; 0 is 2.5x faster than 4 (measured)
+  int samples = 0;               ///< multisamples; 0 is 3x faster than 4 at SSIM 0.957 instead of 0.966
+                                 ///< (measured: tests/bench/render_quality_bench.cc)
   bool shadows = false;
 };
 
 /// A GL context, its framebuffer and MuJoCo's render state. Use from the thread that made it only.
-/// A picture is a function of the world's state, the light gain and the GL driver: the same bytes
+/// A picture is a function of the world's state, the appearance and the GL driver: the same bytes
 /// each time.
 class Renderer {
  public:
@@ -29,8 +31,8 @@ class Renderer {
   Renderer& operator=(Renderer&&) noexcept;
   ~Renderer();
 
-  /// Multiplies the colour of every light from now on; (1, 1, 1) is the scene as described.
-  void SetLightGain(const Eigen::Vector3d& gain);
+  /// Light and colours from now on; the default is the scene as described.
+  void SetAppearance(const Appearance& appearance);
 
   /// Picture of the scene's camera: RGB, camera.height * camera.width * 3 bytes, top row first.
   void Render(const World& world, std::span<std::uint8_t> rgb);

@@ -10,6 +10,7 @@
 #include "services/core/check.h"
 #include "services/core/log.h"
 #include "worker/sim/model.h"
+#include "worker/sim/robot_file.h"
 #include "worker/synthesis/scene_object.h"
 
 namespace etude::sim {
@@ -41,20 +42,6 @@ struct Files {
   }
   std::unique_ptr<mjVFS> vfs;
 };
-
-Result<ModelPtr> Compile(const assets::SceneDescription& description) {
-  static std::mutex mutex;  // MuJoCo keeps the last XML in a global
-  const std::lock_guard lock(mutex);
-  Files files;
-  for (const auto& file : description.files) files.Add(file.name, file.bytes.data(), file.bytes.size());
-  files.Add("scene.xml", description.mjcf.data(), description.mjcf.size());
-  char message[1000] = "";
-  ModelPtr model(mj_loadXML("scene.xml", files.vfs.get(), message, sizeof message));
-  if (!model)
-    return Fail(Code::kInternal, fmt::format("MuJoCo {} refused the composed scene: {}", mj_versionString(), message));
-  if (message[0]) Log().warn("MuJoCo on the composed scene: {}", message);
-  return model;
-}
 
 int Id(const mjModel* model, mjtObj type, const std::string& name) {
   const int id = mj_name2id(model, type, name.c_str());
@@ -161,6 +148,7 @@ ArmInfo MakeArm(const Scene::Model& model) {
   arm.joint_speed = Eigen::VectorXd::Map(model.robot.joint_speed.data(), n);
   arm.finger_groups = model.robot.finger_groups;
   arm.approach_pitch = model.robot.approach_pitch;
+  arm.turned_pitch = model.robot.turned_pitch;
   arm.gripper_open = model.robot.gripper_open;
   arm.gripper_closed = model.robot.gripper_closed;
   arm.tool_site = model.robot.tool_site;
@@ -168,6 +156,24 @@ ArmInfo MakeArm(const Scene::Model& model) {
 }
 
 }  // namespace
+
+std::mutex& XmlMutex() {
+  static std::mutex mutex;
+  return mutex;
+}
+
+Result<ModelPtr> CompileXml(const std::string& mjcf, const std::vector<assets::AssetFile>& assets) {
+  const std::lock_guard lock(XmlMutex());
+  Files files;
+  for (const auto& file : assets) files.Add(file.name, file.bytes.data(), file.bytes.size());
+  files.Add("scene.xml", mjcf.data(), mjcf.size());
+  char message[1000] = "";
+  ModelPtr model(mj_loadXML("scene.xml", files.vfs.get(), message, sizeof message));
+  if (!model)
+    return Fail(Code::kInternal, fmt::format("MuJoCo {} refused the composed scene: {}", mj_versionString(), message));
+  if (message[0]) Log().warn("MuJoCo on the composed scene: {}", message);
+  return model;
+}
 
 void InstallHandlers() {
   static std::once_flag once;
@@ -227,12 +233,25 @@ void Scene::Model::ToolJacobian(const mjData* data, std::vector<double>& scratch
 
 Scene::Scene() : model_(std::make_unique<Model>()) {}
 Scene::~Scene() = default;
+int Scene::body_count() const { return model_->mj->nbody; }
+
+namespace {
+
+// A known robot, or that of a user's file.
+Result<assets::RobotModel> MakeSceneRobot(const std::string& name) {
+  if (!IsRobotFile(name)) return assets::MakeRobot(name);
+  ETUDE_ASSIGN_OR_RETURN(LoadedRobot loaded, LoadRobot(name));
+  return std::move(loaded.model);
+}
+
+}  // namespace
 
 Result<std::shared_ptr<const Scene>> Scene::Build(const SceneSpec& spec) {
   InstallHandlers();
-  ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description, assets::DescribeScene(spec, synthesis::MakeSceneObject));
+  ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description,
+                         assets::DescribeScene(spec, synthesis::MakeSceneObject, MakeSceneRobot));
   std::shared_ptr<Scene> scene(new Scene);
-  ETUDE_ASSIGN_OR_RETURN(scene->model_->mj, Compile(description));
+  ETUDE_ASSIGN_OR_RETURN(scene->model_->mj, CompileXml(description.mjcf, description.files));
   FillAddresses(*scene->model_, description);
   scene->arm_ = MakeArm(*scene->model_);
   for (const auto& object : description.objects)
@@ -241,6 +260,7 @@ Result<std::shared_ptr<const Scene>> Scene::Build(const SceneSpec& spec) {
   for (int geom = 0; geom < mj->ngeom; ++geom)
     if (mj->geom_contype[geom] || mj->geom_conaffinity[geom]) scene->geometry_.push_back(MakeGeometry(mj, geom));
   scene->camera_ = description.camera;
+  scene->control_delay_ = spec.world.control_delay;
   scene->mjcf_ = std::move(description.mjcf);
   scene->sha256_ = std::move(description.sha256);
   return std::shared_ptr<const Scene>(std::move(scene));

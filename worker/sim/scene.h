@@ -40,6 +40,8 @@ struct ArmInfo {
   double gripper_closed = 0;  ///< driven gripper joint when closed on air
   /// rad below the horizontal from which the hand naturally comes at an object: 0 level, pi/2 from above
   double approach_pitch = 0;
+  /// rad: pitch of the hand after it has turned an object over, a quarter of a turn from approach_pitch
+  double turned_pitch = 0;
   /// Frame E: origin in the fingertip zone, x back along the hand, y along the opening.
   std::string tool_site;
 };
@@ -61,6 +63,8 @@ class Scene {
   const ArmInfo& arm() const { return arm_; }
   const std::vector<ObjectInfo>& objects() const { return objects_; }  ///< order of spec.objects
   const Camera& camera() const { return camera_; }
+  int body_count() const;                               ///< "world" included
+  int control_delay() const { return control_delay_; }  ///< control steps (WorldSpec)
   /// Every collision piece: robot, table ("world") and objects, taken from the compiled model. The
   /// table is an infinite plane in the simulation and a slab with its top at z = 0 here.
   const std::vector<Geometry>& geometry() const { return geometry_; }
@@ -75,6 +79,7 @@ class Scene {
   ArmInfo arm_;
   std::vector<ObjectInfo> objects_;
   Camera camera_;
+  int control_delay_ = 0;
   std::vector<Geometry> geometry_;
   std::string mjcf_, sha256_;
   std::unique_ptr<Model> model_;

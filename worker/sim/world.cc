@@ -39,6 +39,7 @@ World::~World() = default;
 void World::Reset() {
   mj_resetData(scene_->model().mj.get(), state_->mj.get());
   scene_->model().SetHome(state_->mj.get());
+  state_->under_way.clear();
   Forward();
 }
 
@@ -60,6 +61,17 @@ void World::SetObject(const std::string& name, const Pose& X_WO) {
 void World::Forward() { mj_step1(scene_->model().mj.get(), state_->mj.get()); }
 
 void World::Step(const Waypoint& target, const Vector6d& V_WE) {
+  const auto delay = static_cast<std::size_t>(scene_->control_delay());
+  if (delay == 0) return Obey(target, V_WE);
+  auto& under_way = state_->under_way;
+  if (under_way.empty()) under_way.assign(delay, {{X_WE(), 0}, Vector6d::Zero()});
+  under_way.push_back({target, V_WE});
+  const State::Command due = under_way.front();
+  under_way.pop_front();
+  Obey(due.target, due.V_WE);
+}
+
+void World::Obey(const Waypoint& target, const Vector6d& V_WE) {
   const Scene::Model& model = scene_->model();
   mjModel* mj = model.mj.get();
   mjData* data = state_->mj.get();

@@ -33,6 +33,8 @@ class World {
 
   /// One control step (8 ms): operational-space control towards `target` (see controller.h), then
   /// kPhysicsStepsPerControl physics steps with the torques recomputed at each.
+  /// In a world with control_delay() the arm obeys the target of that many calls ago; before, it holds the
+  /// pose that it had at the first call after Reset.
   /// @param target  pose of E that is due at the end of this control step
   /// @param V_WE  feed-forward of the path, linear m/s then angular rad/s; zero to hold. Inside the
   /// step
@@ -62,6 +64,8 @@ class World {
   const State& state() const { return *state_; }
 
  private:
+  void Obey(const Waypoint& target, const Eigen::Matrix<double, 6, 1>& V_WE);
+
   std::shared_ptr<const Scene> scene_;
   std::unique_ptr<State> state_;
 };

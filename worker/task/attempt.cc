@@ -17,7 +17,7 @@
 namespace etude::task {
 namespace {
 
-constexpr int kExpertMaxSteps = 1500;
+constexpr int kExpertMaxSteps = 2500;
 constexpr std::size_t kKeptSettings = 6;  // compiled scenes kept for later episodes
 
 }  // namespace

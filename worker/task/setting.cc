@@ -39,7 +39,8 @@ Result<std::unique_ptr<Setting>> Setting::Open(const SceneSpec& spec, const sim:
 
 std::optional<std::string> Setting::Prepare(const SessionConfig& config, const RandomizationSpec& randomization,
                                             ObstaclePlace obstacle, std::uint64_t seed) {
-  Rng rng(MixSeed({seed}, "scene"));
+  Rng rng(MixSeed({seed}, "scene")), light_rng(MixSeed({seed}, "light"));
+  renderer.SetAppearance(sim::DrawAppearance(randomization.light, scene->body_count(), light_rng));
   std::string why;
   for (int draw = 0; draw < kStarts; ++draw) {
     const auto start = Draw(config, randomization, obstacle, rng, why);

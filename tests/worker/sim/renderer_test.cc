@@ -146,10 +146,70 @@ TEST(Renderer, LightGainDarkensAndComesBack) {
   World world(FullScene());
   Renderer renderer = OpenOrDie();
   const Picture normal = Take(renderer, world);
-  renderer.SetLightGain({0.6, 0.6, 0.6});
+  renderer.SetAppearance({.light = {0.6, 0.6, 0.6}});
   EXPECT_LT(Mean(Take(renderer, world)), 0.8 * Mean(normal));
-  renderer.SetLightGain({1, 1, 1});
+  renderer.SetAppearance({});
   EXPECT_EQ(Take(renderer, world), normal);
+}
+
+TEST(Renderer, AppearanceIsDrawnFromTheSeed) {
+  World world(FullScene());
+  Renderer renderer = OpenOrDie();
+  const Picture normal = Take(renderer, world);
+  const auto dressed = [&](double strength, std::uint64_t seed) {
+    Rng rng(seed);
+    renderer.SetAppearance(DrawAppearance(strength, FullScene()->body_count(), rng));
+    return Take(renderer, world);
+  };
+  EXPECT_EQ(dressed(0, 1), normal);
+  const Picture first = dressed(0.5, 1);
+  EXPECT_NE(first, normal);
+  EXPECT_NE(dressed(0.5, 2), first);
+  EXPECT_EQ(dressed(0.5, 1), first);
+}
+
+TEST(Renderer, TintColoursOneObject) {
+  World world(FullScene());
+  Renderer renderer = OpenOrDie();
+  const Picture normal = Take(renderer, world);
+  std::vector<std::int32_t> ids(224 * 224);
+  renderer.RenderSegmentation(world, ids);
+  Appearance appearance;
+  const int milk = world.BodyId("milk");
+  appearance.tint.assign(static_cast<std::size_t>(milk) + 1, Eigen::Vector3d::Ones());
+  appearance.tint.back() = {0.2, 1, 1};
+  renderer.SetAppearance(appearance);
+  const Picture tinted = Take(renderer, world);
+  int changed = 0;
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    const bool differs = tinted[3 * i] != normal[3 * i];
+    changed += differs;
+    if (differs) {
+      EXPECT_EQ(ids[i], milk);
+    }
+  }
+  EXPECT_GT(changed, 50);
+}
+
+TEST(Renderer, BackgroundIsNoBody) {
+  SceneSpec spec;
+  spec.world.background = {0.5, 0.25, 0.75};
+  const auto scene = Scene::Build(spec);
+  ASSERT_TRUE(scene) << scene.error().message;
+  World world(*scene);
+  auto renderer = Renderer::Open(*scene);
+  ASSERT_TRUE(renderer) << renderer.error().message;
+  Picture picture = Blank((*scene)->camera());
+  renderer->Render(world, picture);
+  EXPECT_NEAR(picture[0], 128, 2);  // the top row is behind the table
+  EXPECT_NEAR(picture[1], 64, 2);
+  EXPECT_NEAR(picture[2], 191, 2);
+  std::vector<std::int32_t> ids(224 * 224);
+  renderer->RenderSegmentation(world, ids);
+  EXPECT_EQ(ids[0], -1);
+  const Picture before = picture;
+  renderer->Render(world, picture);
+  EXPECT_EQ(picture, before);
 }
 
 TEST(Renderer, RefusesUnknownBackend) {

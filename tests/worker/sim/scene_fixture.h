@@ -16,7 +16,7 @@ inline std::shared_ptr<const Scene> SceneOf(const std::string& robot) {
   static std::map<std::string, std::shared_ptr<const Scene>> scenes;
   auto& scene = scenes[robot];
   if (!scene) {
-    CampaignSpec spec;
+    SceneSpec spec;
     spec.robot = robot;
     auto built = Scene::Build(spec);
     if (!built) {

@@ -140,6 +140,35 @@ TEST(World, PosesBelongToTheSameInstantAsJoints) {
   });
 }
 
+TEST(World, ControlDelayShiftsWhatTheArmDoes) {
+  constexpr int kDelay = 6, kSteps = 60;
+  SceneSpec spec;
+  spec.world.control_delay = kDelay;
+  const auto scene = Scene::Build(spec);
+  ASSERT_TRUE(scene) << scene.error().message;
+  World late(*scene), prompt(FullScene());
+  const Pose start = prompt.X_WE();
+  const auto target = [&](int step) {
+    return Waypoint{{start.p + Eigen::Vector3d(0, 0.002 * step, 0.001 * step), start.q}, 0};
+  };
+
+  // the late arm holds for kDelay steps, the prompt one is told to; from then on they do the same
+  for (int step = 0; step < kDelay; ++step) prompt.Step({start, 0}, Vector6d::Zero());
+  std::vector<Eigen::VectorXd> expected;
+  for (int step = 0; step < kSteps; ++step) {
+    prompt.Step(target(step), Vector6d::Zero());
+    expected.push_back(prompt.q());
+  }
+  for (int round = 0; round < 2; ++round) {
+    late.Reset();
+    for (int step = 0; step < kSteps + kDelay; ++step) {
+      late.Step(target(step), Vector6d::Zero());
+      if (step < kDelay) continue;
+      ASSERT_EQ(late.q(), expected[static_cast<std::size_t>(step - kDelay)]) << step;
+    }
+  }
+}
+
 TEST(World, SaysWhenTheSimulationBroke) {
   World world(FullScene());
   EXPECT_TRUE(world.healthy());
