@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Success of the expert on generated objects, by class: object_success [rounds] [seed] [robot]
-// Each round goes through the instances of all classes, five and a target in a scene, with each base task.
+// Each round has six objects of different classes, the round's instance of each, and twelve scenes for each base task.
 #include <fmt/format.h>
 
 #include <cstdlib>
@@ -36,6 +36,7 @@ int main(int argc, char** argv) {
   const int rounds = argc > 1 ? std::atoi(argv[1]) : 10;
   const std::uint64_t seed = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 1;
   std::map<std::string, std::map<std::string, Tally>> of_class;
+  double plan_s = 0, step_s = 0, render_s = 0, attempts = 0;
   Rng rng(seed);
   for (int round = 0; round < rounds; ++round)
     for (const char* name : {"pick", "push", "put_down"}) {
@@ -55,6 +56,10 @@ int main(int argc, char** argv) {
         const std::string target = TargetOf(spec, index);
         Tally& tally = of_class[ObjectNoun(target)][name];
         ++tally.trials;
+        ++attempts;
+        plan_s += result.plan_s;
+        step_s += result.step_s;
+        render_s += result.render_s;
         tally.successes += result.outcome == task::AttemptOutcome::kSuccess;
         if (result.outcome != task::AttemptOutcome::kSuccess)
           fmt::print("{} {} {}: {}: {}\n", name, target, index, task::ToString(result.outcome), result.reason);
@@ -65,5 +70,7 @@ int main(int argc, char** argv) {
     for (const auto& [task, tally] : tasks) fmt::print("  {} {}/{}", task, tally.successes, tally.trials);
     fmt::print("\n");
   }
+  fmt::print("ms an attempt: plan {:.0f} step {:.0f} render {:.0f}\n", 1e3 * plan_s / attempts, 1e3 * step_s / attempts,
+             1e3 * render_s / attempts);
   return 0;
 }

@@ -84,15 +84,10 @@ Drawing DrawDonut(Rng& rng) {
   };
 }
 
-Drawing DrawSourdough(Rng& rng) {
-  const double length = rng.Uniform(0.78, 0.90), width = rng.Uniform(0.58, 0.68), high = rng.Uniform(0.50, 0.60);
-  const Waves lumps = Waves::Make(rng, 0.012, 2);
-  const Color crust = Pick(rng, {{.66, .40, .16}, {.55, .30, .12}, {.76, .52, .24}, {.46, .25, .11}}, 0.03);
-  const Color crumb = Pick(rng, {{.95, .86, .66}, {.92, .78, .52}}, 0.02);
-  const int pattern = static_cast<int>(rng.Below(4));  // one long score, a cross, slanted scores, a square
-  const double turn = rng.Uniform(-0.25, 0.25), flour = rng.Uniform(0.25, 0.8), score_width = rng.Uniform(0.045, 0.07);
-  const std::uint32_t seed = NoiseSeed(rng);
+namespace {
 
+/// The baker's cuts in a loaf: one long one, a cross, slanted ones or a square.
+std::vector<std::pair<Vector2d, Vector2d>> Scores(int pattern, double length, double width) {
   std::vector<std::pair<Vector2d, Vector2d>> scores;
   const double l = 0.72 * length, w = 0.66 * width;
   if (pattern == 0) scores = {{{-l, -0.05}, {l, 0.05}}};
@@ -106,6 +101,21 @@ Drawing DrawSourdough(Rng& rng) {
               {{-1.5 * s, -s}, {1.5 * s, -s}},
               {{-1.5 * s, s}, {1.5 * s, s}}};
   }
+  return scores;
+}
+
+}  // namespace
+
+Drawing DrawSourdough(Rng& rng) {
+  const double length = rng.Uniform(0.78, 0.90), width = rng.Uniform(0.58, 0.68), high = rng.Uniform(0.50, 0.60);
+  const Waves lumps = Waves::Make(rng, 0.012, 2);
+  const Color crust = Pick(rng, {{.66, .40, .16}, {.55, .30, .12}, {.76, .52, .24}, {.46, .25, .11}}, 0.03);
+  const Color crumb = Pick(rng, {{.95, .86, .66}, {.92, .78, .52}}, 0.02);
+  const int pattern = static_cast<int>(rng.Below(4));
+  const double turn = rng.Uniform(-0.25, 0.25), flour = rng.Uniform(0.25, 0.8), score_width = rng.Uniform(0.045, 0.07);
+  const std::uint32_t seed = NoiseSeed(rng);
+
+  const auto scores = Scores(pattern, length, width);
 
   return [=](const Vector2d& upright) {
     Texel texel;
@@ -158,73 +168,113 @@ Layers StackLayers(Rng& rng, Filling filling) {
   return y;
 }
 
+/// All that one hamburger was drawn with. Each part paints the colour at p and returns how wide the burger is there.
+struct Hamburger {
+  Filling filling;
+  Layers y;
+  double wide;
+  Color bun, patty, cheese, lettuce;
+  double corner, seeds;
+  bool has_seeds;
+  Waves frill;
+  std::uint32_t seed;
+
+  static Hamburger Make(Rng& rng);
+
+  Texel At(const Vector2d& p) const {
+    Texel texel;
+    const double wave = frill.At(std::asin(std::clamp(p.x() / wide, -1.0, 1.0)));
+    double radius = 0;
+    if (p.y() > y.lettuce_top - 0.01)
+      radius = Crown(p, texel);
+    else if (p.y() > y.heel_top)
+      radius = p.y() > y.filling_top ? Upper(p, wave, texel) : Lower(p, wave, texel);
+    else if (p.y() > y.heel_bottom)
+      radius = Heel(p, texel);
+    texel.height = radius > std::abs(p.x()) ? std::sqrt(radius * radius - p.x() * p.x()) : 0;
+    return texel;
+  }
+
+  /// The upper half of the bun: a dome that bulges over its edge.
+  double Crown(const Vector2d& p, Texel& texel) const {
+    const double t = (p.y() - y.lettuce_top) / (y.crown_top - y.lettuce_top);
+    texel.color = Mix(bun, bun * 0.82, Fractal(p, 3, seed));
+    Over(texel, {.95, .80, .50}, 0.8 * Ramp(0.16, 0.0, t));
+    const Spot spot = NearestSpot({p.x(), p.y() * 1.5}, seeds, seed + 3);
+    const Vector2d turned(spot.offset.x() + 0.5 * (spot.random - 0.5) * spot.offset.y(), spot.offset.y());
+    const double grain = turned.cwiseQuotient(Vector2d(0.62, 1)).norm() / seeds;
+    if (has_seeds && t > 0.25) {
+      Over(texel, bun * 0.6, Ramp(0.34, 0.26, grain));
+      Over(texel, {.98, .92, .74}, Ramp(0.27, 0.21, grain));
+    }
+    return t < 1 ? wide * std::pow(1 - std::pow(std::max(t, 0.0), 2.3), 0.5) : 0;
+  }
+
+  /// Lettuce, tomato, cheese, of which a corner hangs over the meat, and the upper patty.
+  double Upper(const Vector2d& p, double wave, Texel& texel) const {
+    if (p.y() > y.tomato_top + wave) {
+      texel.color = Mix(lettuce, lettuce * 1.35, Ramp(0.3, 0.8, Fractal({p.x() * 3, p.y() * 1.2}, 4, seed + 5)));
+      texel.color = texel.color.cwiseMin(1);
+      return wide * 1.06 + 0.5 * wave;
+    }
+    if (p.y() > y.cheese_top) {
+      texel.color = Mix(Color(.86, .16, .10), Color(.70, .08, .06), Fractal(p, 7, seed + 7));
+      return wide * 0.96;
+    }
+    if (p.y() > y.patty_top - std::max(0.0, 0.17 - 0.45 * std::abs(p.x() - corner))) {
+      texel.color = cheese;
+      return wide * 0.99;
+    }
+    return Meat(p, y.filling_top, y.patty_top, texel);
+  }
+
+  /// What is between the patties, some of which hangs over the lower one, and that one.
+  double Lower(const Vector2d& p, double wave, Texel& texel) const {
+    const double slice = std::max(0.0, 0.15 - 0.45 * std::abs(p.x() + corner));
+    const double hanging = filling == Filling::kCheese ? slice : filling == Filling::kLettuce ? 0.03 + 0.8 * wave : 0;
+    if (p.y() <= y.lower_top - hanging) return Meat(p, y.heel_top, y.lower_top, texel);
+    texel.color = filling == Filling::kBun ? Mix(bun, {.95, .80, .50}, 0.5 * Fractal(p, 6, seed + 15)) : cheese;
+    if (filling == Filling::kLettuce)
+      texel.color = Mix(lettuce, lettuce * 1.35, Fractal({p.x() * 3, p.y() * 1.2}, 4, seed + 6)).cwiseMin(1);
+    return wide * (filling == Filling::kLettuce ? 1.04 + 0.5 * wave : 0.98);
+  }
+
+  double Meat(const Vector2d& p, double from, double to, Texel& texel) const {
+    const double t = (p.y() - from) / (to - from);
+    texel.color = Mix(patty * 0.7, patty * 1.35, Fractal(p, 9, seed + 9));
+    return wide * (0.93 + 0.07 * std::sqrt(std::max(0.0, 1 - (2 * t - 1) * (2 * t - 1))));
+  }
+
+  /// The lower half of the bun.
+  double Heel(const Vector2d& p, Texel& texel) const {
+    const double t = (p.y() - y.heel_bottom) / (y.heel_top - y.heel_bottom);
+    texel.color = Mix(bun, bun * 0.85, Fractal(p, 3, seed + 11));
+    Over(texel, {.95, .80, .50}, 0.8 * Ramp(0.7, 1.0, t));
+    return wide * (0.86 + 0.10 * std::sqrt(std::min(1.0, t * 1.5)));
+  }
+};
+
+Hamburger Hamburger::Make(Rng& rng) {
+  Hamburger burger;
+  burger.filling = static_cast<Filling>(rng.Below(3));
+  burger.y = StackLayers(rng, burger.filling);
+  burger.wide = rng.Uniform(0.64, 0.70);
+  burger.bun = Pick(rng, {{.84, .56, .22}, {.74, .44, .16}, {.90, .66, .30}, {.62, .34, .14}}, 0.02);
+  burger.patty = Pick(rng, {{.36, .20, .11}, {.28, .15, .09}, {.46, .27, .15}}, 0.02);
+  burger.cheese = Pick(rng, {{.98, .76, .16}, {.96, .62, .12}, {.98, .90, .55}}, 0.02);
+  burger.lettuce = Pick(rng, {{.44, .70, .18}, {.30, .58, .14}, {.58, .78, .30}}, 0.02);
+  burger.corner = rng.Uniform(-0.4, 0.4);
+  burger.seeds = rng.Uniform(0.12, 0.17);
+  burger.has_seeds = rng.Bernoulli(0.8);
+  burger.frill = Waves::Make(rng, 0.035, 9);
+  burger.seed = NoiseSeed(rng);
+  return burger;
+}
+
 }  // namespace
 
 Drawing DrawHamburger(Rng& rng) {
-  const auto filling = static_cast<Filling>(rng.Below(3));
-  const Layers y = StackLayers(rng, filling);
-  const double wide = rng.Uniform(0.64, 0.70);
-  const Color bun = Pick(rng, {{.84, .56, .22}, {.74, .44, .16}, {.90, .66, .30}, {.62, .34, .14}}, 0.02);
-  const Color patty = Pick(rng, {{.36, .20, .11}, {.28, .15, .09}, {.46, .27, .15}}, 0.02);
-  const Color cheese = Pick(rng, {{.98, .76, .16}, {.96, .62, .12}, {.98, .90, .55}}, 0.02);
-  const Color lettuce = Pick(rng, {{.44, .70, .18}, {.30, .58, .14}, {.58, .78, .30}}, 0.02);
-  const double corner = rng.Uniform(-0.4, 0.4), seeds = rng.Uniform(0.12, 0.17);
-  const bool has_seeds = rng.Bernoulli(0.8);
-  const Waves frill = Waves::Make(rng, 0.035, 9);
-  const std::uint32_t seed = NoiseSeed(rng);
-
-  return [=](const Vector2d& p) {
-    Texel texel;
-    const double around = std::asin(std::clamp(p.x() / wide, -1.0, 1.0));
-    const double wave = frill.At(around);
-    // how far what is between the patties hangs over the lower one
-    const double slice = std::max(0.0, 0.15 - 0.45 * std::abs(p.x() + corner));
-    const double hanging = filling == Filling::kCheese ? slice : filling == Filling::kLettuce ? 0.03 + 0.8 * wave : 0;
-    double radius = 0;
-    if (p.y() > y.lettuce_top - 0.01) {
-      // the crown is a dome that bulges over its edge
-      const double t = (p.y() - y.lettuce_top) / (y.crown_top - y.lettuce_top);
-      radius = t < 1 ? wide * std::pow(1 - std::pow(std::max(t, 0.0), 2.3), 0.5) : 0;
-      texel.color = Mix(bun, bun * 0.82, Fractal(p, 3, seed));
-      Over(texel, {.95, .80, .50}, 0.8 * Ramp(0.16, 0.0, t));
-      const Spot spot = NearestSpot({p.x(), p.y() * 1.5}, seeds, seed + 3);
-      const Vector2d turned(spot.offset.x() + 0.5 * (spot.random - 0.5) * spot.offset.y(), spot.offset.y());
-      const double grain = turned.cwiseQuotient(Vector2d(0.62, 1)).norm() / seeds;
-      if (has_seeds && t > 0.25) {
-        Over(texel, bun * 0.6, Ramp(0.34, 0.26, grain));
-        Over(texel, {.98, .92, .74}, Ramp(0.27, 0.21, grain));
-      }
-    } else if (p.y() > y.tomato_top + wave) {
-      radius = wide * 1.06 + 0.5 * wave;
-      texel.color = Mix(lettuce, lettuce * 1.35, Ramp(0.3, 0.8, Fractal({p.x() * 3, p.y() * 1.2}, 4, seed + 5)));
-      texel.color = texel.color.cwiseMin(1);
-    } else if (p.y() > y.cheese_top) {
-      radius = wide * 0.96;
-      texel.color = Mix(Color(.86, .16, .10), Color(.70, .08, .06), Fractal(p, 7, seed + 7));
-    } else if (p.y() > y.patty_top - std::max(0.0, 0.17 - 0.45 * std::abs(p.x() - corner))) {
-      // a corner of the slice hangs over the meat
-      radius = wide * 0.99;
-      texel.color = cheese;
-    } else if (p.y() > y.filling_top || (p.y() > y.heel_top && p.y() <= y.lower_top - hanging)) {
-      const bool is_upper = p.y() > y.filling_top;
-      const double from = is_upper ? y.filling_top : y.heel_top, to = is_upper ? y.patty_top : y.lower_top;
-      const double t = (p.y() - from) / (to - from);
-      radius = wide * (0.93 + 0.07 * std::sqrt(std::max(0.0, 1 - (2 * t - 1) * (2 * t - 1))));
-      texel.color = Mix(patty * 0.7, patty * 1.35, Fractal(p, 9, seed + 9));
-    } else if (p.y() > y.heel_top) {
-      radius = wide * (filling == Filling::kLettuce ? 1.04 + 0.5 * wave : 0.98);
-      texel.color = filling == Filling::kBun ? Mix(bun, {.95, .80, .50}, 0.5 * Fractal(p, 6, seed + 15)) : cheese;
-      if (filling == Filling::kLettuce)
-        texel.color = Mix(lettuce, lettuce * 1.35, Fractal({p.x() * 3, p.y() * 1.2}, 4, seed + 6)).cwiseMin(1);
-    } else if (p.y() > y.heel_bottom) {
-      const double t = (p.y() - y.heel_bottom) / (y.heel_top - y.heel_bottom);
-      radius = wide * (0.86 + 0.10 * std::sqrt(std::min(1.0, t * 1.5)));
-      texel.color = Mix(bun, bun * 0.85, Fractal(p, 3, seed + 11));
-      Over(texel, {.95, .80, .50}, 0.8 * Ramp(0.7, 1.0, t));
-    }
-    texel.height = radius > std::abs(p.x()) ? std::sqrt(radius * radius - p.x() * p.x()) : 0;
-    return texel;
-  };
+  return [burger = Hamburger::Make(rng)](const Vector2d& p) { return burger.At(p); };
 }
 
 namespace {

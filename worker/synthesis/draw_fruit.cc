@@ -179,7 +179,7 @@ Drawing DrawLemon(Rng& rng) {
 }
 
 Drawing DrawPear(Rng& rng) {
-  const PearOutline outline{rng.Uniform(0.52, 0.60), rng.Uniform(0.29, 0.36), rng.Uniform(-0.36, -0.28),
+  const PearOutline outline{rng.Uniform(0.51, 0.57), rng.Uniform(0.32, 0.38), rng.Uniform(-0.36, -0.28),
                             rng.Uniform(0.30, 0.40)};
   const double lean = rng.Uniform(-0.08, 0.08);
   const Color skin = Pick(rng, {{.74, .76, .22}, {.55, .66, .18}, {.86, .74, .28}, {.66, .45, .20}, {.64, .16, .14}});
