@@ -14,6 +14,7 @@
 #include "services/episode/codec.h"
 #include "worker/policy_client.h"
 #include "worker/task/attempt.h"
+#include "worker/view/robot_check.h"
 #include "worker/view/scene_picture.h"
 
 namespace etude {
@@ -26,6 +27,7 @@ struct Arguments {
   campaign::SpecArguments scene_spec;
   ScenePictureOptions scene;
   std::string picture = "scene.png";
+  std::string robot;
 };
 
 campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete) {
@@ -122,6 +124,14 @@ CLI::App* AddRender(CLI::App& app, Arguments& arguments) {
   return render;
 }
 
+CLI::App* AddRobotCheck(CLI::App& app, Arguments& arguments) {
+  auto* robot = app.add_subcommand("robot", "robots of your own")->require_subcommand(1);
+  auto* check = robot->add_subcommand("check", "whether a robot can collect, and what is missing");
+  check->add_option("robot", arguments.robot, "its YAML file (see deploy/robots), or the name of a known one")
+      ->required();
+  return check;
+}
+
 }  // namespace
 }  // namespace etude
 
@@ -138,15 +148,17 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"auto", "egl", "osmesa"}));
   auto* doctor = app.add_subcommand("doctor", "render one picture and say with what");
   auto* render = etude::AddRender(app, arguments);
+  auto* check = etude::AddRobotCheck(app, arguments);
   app.require_subcommand(0, 1);
   try {
     app.parse(argc, argv);
-    if (!*doctor && !*render && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
+    if (!*doctor && !*render && !*check && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
   }
   return etude::RunMain("etude-worker", [&] {
     if (*doctor) return etude::Doctor(arguments);
+    if (*check) return etude::CheckRobot(arguments.robot, arguments.renderer);
     return *render ? etude::RenderScene(arguments) : etude::Work(arguments);
   });
 }

@@ -17,6 +17,7 @@ const std::vector<OwnProgram>& OwnPrograms() {
       {"train", "etude-trainer", "train a policy on a dataset, also while it grows"},
       {"policy", "etude-policy", "answer observations with actions, swapping to each new checkpoint"},
       {"scene", "etude-worker", "look at a campaign's scenes", {"scene"}},
+      {"robot", "etude-worker", "check a robot of your own", {"robot"}},
       {"plan", "etude-plan", "measure the motion planners over seeded scenes"}};
   return programs;
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Collision checks per second and planning times in the tabletop scene, on one core. Prints one
 // JSON line each: {"name", "value", "unit", "baseline", "ratio"}; the baseline of a check is its
-// kinematics alone, that of a plan is a straight one.
+// kinematics alone, that of a plan is a straight one, that of "planning" what OMPL and FCL do by themselves.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,6 +9,7 @@
 
 #include "services/core/clock.h"
 #include "services/core/rng.h"
+#include "worker/plan/bench/measure.h"
 #include "worker/plan/planner.h"
 
 namespace etude {
@@ -99,6 +100,37 @@ void MeasurePlans(const std::shared_ptr<const sim::Scene>& scene, collide::Check
   Print("plan_failed", failed, "of 300", 300);
 }
 
+// Ours against OMPL's RRT-Connect with FCL and its simplification, on the same scenes: medians of plan + simplify +
+// time-parameterise, and of the path's length.
+int MeasureAgainstPlain() {
+  plan::BenchOptions options;
+  options.scenes = 40;
+  options.planners = {"etude", "rrtconnect"};
+  options.difficulties = {"open", "cluttered"};
+  const auto rows = plan::RunBench(options, [](int, int) {});
+  if (!rows) {
+    fmt::print(stderr, "planning_bench: {}\n", rows.error().message);
+    return 1;
+  }
+  const auto all = [&](const std::string& planner, double plan::BenchRow::*member) {
+    double sum = 0;
+    for (const plan::BenchRow& row : *rows)
+      if (row.planner == planner) sum += row.*member / static_cast<double>(options.difficulties.size());
+    return sum;
+  };
+  Print("planning", all("etude", &plan::BenchRow::total_ms), "ms", all("rrtconnect", &plan::BenchRow::total_ms));
+  Print("planning_joint_path", all("etude", &plan::BenchRow::joint_rad), "rad",
+        all("rrtconnect", &plan::BenchRow::joint_rad));
+  Print("planning_tool_path", all("etude", &plan::BenchRow::tool_m), "m", all("rrtconnect", &plan::BenchRow::tool_m));
+  int solved = 0, scenes = 0;
+  for (const plan::BenchRow& row : *rows) {
+    solved += row.planner == "etude" ? row.solved : 0;
+    scenes += row.planner == "etude" ? row.scenes : 0;
+  }
+  Print("planning_solved", solved, "of all", scenes);
+  return 0;
+}
+
 }  // namespace
 }  // namespace etude
 
@@ -113,5 +145,5 @@ int main() {
   etude::PlaceObjects(**scene, kinematics.X_WE((*scene)->arm().q_home), checker);
   etude::MeasureChecks(*scene, checker);
   etude::MeasurePlans(*scene, checker);
-  return 0;
+  return etude::MeasureAgainstPlain();
 }

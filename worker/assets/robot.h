@@ -17,9 +17,10 @@ namespace etude::assets {
 /// with fingers that close along world x has x_E = +z_W.
 struct RobotModel {
   std::string name;
-  std::string materials;           ///< MJCF <material> elements
-  std::string body;                ///< MJCF <body> tree, its base where it stands in the scene
-  std::string equality, actuator;  ///< content of these MJCF sections
+  std::string defaults;                    ///< MJCF <default> classes, only of a user's robot
+  std::string materials;                   ///< MJCF <material> elements; a user's robot: all of <asset>
+  std::string body;                        ///< MJCF <body> tree, its base where it stands in the scene
+  std::string equality, tendon, actuator;  ///< content of these MJCF sections
   std::vector<AssetFile> files;
 
   std::vector<std::string> joints;  ///< arm joints, base to tool; each has a motor of its name
@@ -41,6 +42,8 @@ struct RobotModel {
   std::vector<std::vector<std::string>> finger_groups;
   /// rad below the horizontal from which the hand naturally comes at an object: 0 level, pi/2 from above
   double approach_pitch = 0;
+  /// rad: pitch of the hand after it has turned an object over by 90 degrees, approach_pitch +- pi/2
+  double turned_pitch = 1.5707963267948966;
   std::string tool_site;
 };
 

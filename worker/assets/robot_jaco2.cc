@@ -217,6 +217,7 @@ RobotModel MakeJaco2() {
                   "thumb_base", "thumb",    "index_base", "index",   "pinky_base", "pinky"};
   AddGripper(robot);
   robot.approach_pitch = kPi / 2;
+  robot.turned_pitch = 0;
   robot.tool_site = "tool";
   return robot;
 }

@@ -127,7 +127,7 @@ std::string OpenLink(int i) {
 
 /// Base to upper arm: opens base and links 1 to 3.
 std::string Proximal(Links& links) {
-  std::string text = Open("base", {{0, -0.2, 0}, Turn(kZ, 90)});
+  std::string text = Open("base", {{0, -0.3, 0}, Turn(kZ, 90)});
   text += CylinderInertial(2.9, 0.09, 0.14, 0.07 * kZ, kZ);  // stands still: only its pose matters
   const Vector3d foot(0.10, 0.092, 0.028);
   text += links.Block(foot, 0.03, At(-0.036, 0, foot.z()), kWhite);
@@ -259,6 +259,7 @@ RobotModel MakePanda() {
   robot.close_torque = -kGrip;  // 25 N a finger
   robot.finger_groups = {{"left_finger"}, {"right_finger"}};
   robot.approach_pitch = kPi / 2;
+  robot.turned_pitch = kPi;  // the wrist ends before a level hand points away from the robot
   robot.tool_site = "tool";
   return robot;
 }

@@ -194,6 +194,7 @@ RobotModel MakeUr5() {
   robot.close_torque = 1.6;  // about 15 N a finger
   robot.finger_groups = {{"left_finger"}, {"right_finger"}};
   robot.approach_pitch = 0;
+  robot.turned_pitch = kPi / 2;
   robot.tool_site = "tool";
   return robot;
 }

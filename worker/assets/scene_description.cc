@@ -34,10 +34,11 @@ constexpr const char* kHead = R"(<mujoco model="etude">
 <default class="pad"><geom contype="2" conaffinity="1" group="3" mass="0" condim="4" friction="0.9 0.02 0.001" solref="0.006 1" solimp="0.95 0.99 0.001" rgba="0.4 0.9 0.4 0.5"/></default>
 <default class="object"><geom contype="1" conaffinity="3" group="3" condim="4" friction="0.9 0.02 0.001" solref="0.006 1" solimp="0.95 0.99 0.001" rgba="0.4 0.4 0.9 0.5"/></default>
 <default class="object_round"><geom contype="1" conaffinity="3" group="3" condim="6" friction="0.9 0.02 0.001" solref="0.006 1" solimp="0.95 0.99 0.001" rgba="0.4 0.4 0.9 0.5"/></default>
-</default>
+{defaults}</default>
 )";
 
-/// <mesh> and <texture> elements for the files; also drops repeated ones.
+/// <mesh> and <texture> elements for our own files, each once; the others (a user's .stl, .obj, .png) are named by
+/// the robot's own text.
 std::string Assets(const std::vector<AssetFile>& offered, std::vector<AssetFile>& kept) {
   std::set<std::string> seen;
   std::string text;
@@ -46,7 +47,7 @@ std::string Assets(const std::vector<AssetFile>& offered, std::vector<AssetFile>
     const std::string stem = file.name.substr(0, file.name.rfind('.'));
     if (file.name.ends_with(".msh"))
       text += fmt::format("<mesh name=\"{}\" file=\"{}\"/>\n", stem, file.name);
-    else
+    else if (file.name.ends_with(".tex"))
       text += fmt::format("<texture name=\"{}\" type=\"2d\" file=\"{}\"/>\n", stem, file.name);
     kept.push_back(file);
   }
@@ -102,9 +103,13 @@ std::string Digest(const SceneDescription& scene) {
 
 }  // namespace
 
-Result<SceneDescription> DescribeScene(const SceneSpec& spec) {
+Result<SceneDescription> DescribeScene(const SceneSpec& spec, std::optional<RobotModel> robot) {
   SceneDescription scene;
-  ETUDE_ASSIGN_OR_RETURN(scene.robot, MakeRobot(spec.robot));
+  if (robot) {
+    scene.robot = *std::move(robot);
+  } else {
+    ETUDE_ASSIGN_OR_RETURN(scene.robot, MakeRobot(spec.robot));
+  }
   ETUDE_ASSIGN_OR_RETURN(scene.camera, MakeCamera(spec.camera));
   std::vector<AssetFile> offered = scene.robot.files;
   offered.push_back({"wood.tex", WoodTexture().ToTexture()});
@@ -117,7 +122,7 @@ Result<SceneDescription> DescribeScene(const SceneSpec& spec) {
     scene.objects.push_back(std::move(object));
   }
   std::string mjcf = fmt::format(kHead, fmt::arg("timestep", kTimestep), fmt::arg("width", spec.camera.width),
-                                 fmt::arg("height", spec.camera.height));
+                                 fmt::arg("height", spec.camera.height), fmt::arg("defaults", scene.robot.defaults));
   mjcf += "<asset>\n" + Assets(offered, scene.files) + scene.robot.materials;
   mjcf +=
       "<material name=\"table\" texture=\"wood\" texrepeat=\"1 1\" specular=\"0\" "
@@ -125,6 +130,7 @@ Result<SceneDescription> DescribeScene(const SceneSpec& spec) {
   for (const ObjectModel& object : scene.objects) mjcf += object.materials;
   mjcf += "</asset>\n<worldbody>\n" + World(scene, spec.camera) + "</worldbody>\n";
   mjcf += "<equality>\n" + scene.robot.equality + "</equality>\n";
+  if (!scene.robot.tendon.empty()) mjcf += "<tendon>\n" + scene.robot.tendon + "</tendon>\n";
   mjcf += "<actuator>\n" + scene.robot.actuator + "</actuator>\n</mujoco>\n";
   scene.mjcf = std::move(mjcf);
   ShiftWorld(spec.world, scene);

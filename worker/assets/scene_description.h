@@ -3,6 +3,7 @@
 // camera.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,7 @@ inline constexpr double kTimestep = 0.002;
 
 /// A pure function of `spec`.
 /// @error kInvalidArgument: unknown robot or object, an object named twice, a bad camera vector
-Result<SceneDescription> DescribeScene(const SceneSpec& spec);
+/// @param robot  stands there instead of the known one that the spec names
+Result<SceneDescription> DescribeScene(const SceneSpec& spec, std::optional<RobotModel> robot = {});
 
 }  // namespace etude::assets

@@ -18,6 +18,7 @@ namespace {
 constexpr int kShortcuts = 60;
 // more than the margin is kept while sampling, else smoothing has no room where shortcuts graze
 constexpr double kRoom = 0.01;       // m
+constexpr double kFollowJump = 0.3;  // rad between neighbours: another branch of the arm
 constexpr double kClearStep = 0.04;  // rad between states whose clearance is looked at
 
 }  // namespace
@@ -34,12 +35,34 @@ bool Planner::Impl::SegmentIsFree(Call& call, const Eigen::VectorXd& a, const Ei
   return true;
 }
 
+// The arm at equal steps of the curve, as it is when its controller follows the tool along it; nothing where it is
+// lost.
+std::optional<std::vector<Eigen::VectorXd>> Planner::Impl::Followed(const JointCurve& curve, int parts) {
+  std::vector<Eigen::VectorXd> states;
+  for (int i = 0; i <= parts; ++i) {
+    Eigen::VectorXd q = curve.At(static_cast<double>(i) / parts).q;
+    if (IsRedundant() && i > 0) {
+      const auto settled = kinematics.Solve(kinematics.X_WE(q), states.back());
+      if (!settled || (*settled - states.back()).cwiseAbs().maxCoeff() > kFollowJump) return std::nullopt;
+      q = *settled;
+    }
+    states.push_back(std::move(q));
+  }
+  return states;
+}
+
 bool Planner::Impl::CurveIsFree(Call& call, const JointCurve& curve) {
   const internal::Timer timer(call.outcome.times.simplify);
   const double step = config.resolution / kFiner;
-  const int parts = std::max(8, static_cast<int>(std::ceil(curve.length() / step)));
-  for (int i = 0; i <= parts; ++i) {
-    const Eigen::VectorXd q = curve.At(static_cast<double>(i) / parts).q;
+  // inverse kinematics takes as long as several checks: what is between its states is interpolated
+  const int between = IsRedundant() ? kFiner : 1;
+  const int parts = std::max(8, static_cast<int>(std::ceil(curve.length() / (step * between))));
+  const auto states = Followed(curve, parts);
+  if (!states) return false;
+  for (int i = 0; i < parts * between; ++i) {
+    const double along = static_cast<double>(i % between + 1) / between;
+    const Eigen::VectorXd& before = (*states)[i / between];
+    const Eigen::VectorXd q = before + along * ((*states)[i / between + 1] - before);
     if (call.checker.Check(q, call.margin) || !IsRegular(call, q)) return false;
     if (i % kFiner == 0 && !KeepsClear(call, q)) return false;
   }

@@ -69,6 +69,8 @@ void Planner::Impl::PlanByField(Call& call, const Eigen::VectorXd& q_goal) {
                        .is_free = [this, &call](const Eigen::VectorXd& q) {
                          return IsRegular(call, q) && !call.checker.Check(q, call.margin);
                        }};
+  if (IsRedundant())
+    problem.settle = [this](const Eigen::VectorXd& q) { return kinematics.Solve(kinematics.X_WE(q), q).value_or(q); };
   const FieldResult field = internal::FollowField(problem, kinematics, call.checker);
   if (!field.reached) return Escape(call, q_goal, field.trap);
   call.keep = kPruned * field.keep;

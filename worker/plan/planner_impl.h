@@ -92,6 +92,10 @@ struct Planner::Impl {
   bool Smooth(Call& call, const std::vector<Eigen::VectorXd>& path, OutcomeKind kind);
   std::vector<Eigen::VectorXd> Shorten(Call& call, const std::vector<Eigen::VectorXd>& path);
   bool CurveIsFree(Call& call, const internal::JointCurve& curve);
+  std::optional<std::vector<Eigen::VectorXd>> Followed(const internal::JointCurve& curve, int parts);
+  /// Whether tool poses leave the arm a choice. Its controller takes it, so that a curve of such an arm is only as good
+  /// as what becomes of it when the tool is followed.
+  bool IsRedundant() const { return scene->arm().q_home.size() > 6; }
   bool IsRegular(const Call& call, const Eigen::VectorXd& q);
   bool SegmentIsFree(Call& call, const Eigen::VectorXd& a, const Eigen::VectorXd& b);
   void PlanByField(Call& call, const Eigen::VectorXd& q_goal);

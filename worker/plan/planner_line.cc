@@ -18,7 +18,7 @@ constexpr double kLinearStep = 0.005;  // m
 constexpr double kAngularStep = 0.03;  // rad
 constexpr double kJump = 0.5;          // rad a step: another branch of the kinematics
 constexpr double kSlowest = 0.2;       // of the asked speed; slower is as good as not smooth
-constexpr int kPaceRounds = 6;
+constexpr int kPaceRounds = 12;
 
 }  // namespace
 
@@ -86,7 +86,7 @@ bool Planner::Impl::TimeLine(Call& call, const ToolLine& line, const Track& trac
       call.outcome.motion = std::move(timed.motion);
       return true;
     }
-    pace /= worst.excess * 1.005;
+    pace /= worst.excess * (1.005 + 0.005 * round);  // where slowing down does not do, ever more
     if (pace < kSlowest)
       return Fail(call.outcome, OutcomeKind::kNotSmooth,
                   fmt::format("{} would turn at {:.1f} rad/s at {:.0f} % of the straight path",

@@ -154,7 +154,8 @@ Eigen::VectorXd Flow::Direction(const Eigen::VectorXd& q, const Vector6& error) 
 bool Flow::Advance(Eigen::VectorXd& q, const Eigen::VectorXd& step) const {
   double part = 1;
   for (int i = 0; i <= kHalvings; ++i, part /= 2) {
-    const Eigen::VectorXd next = (q + step * part).cwiseMax(problem_.q_min).cwiseMin(problem_.q_max);
+    Eigen::VectorXd next = (q + step * part).cwiseMax(problem_.q_min).cwiseMin(problem_.q_max);
+    if (problem_.settle) next = problem_.settle(next);
     if (!problem_.is_free(next)) continue;
     q = next;
     return true;

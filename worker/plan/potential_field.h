@@ -51,6 +51,8 @@ struct FieldProblem {
   Eigen::VectorXd q_min, q_max;                         ///< rad
   const Influence* influence = nullptr;                 ///< borrowed
   std::function<bool(const Eigen::VectorXd&)> is_free;  ///< the flow never enters what is not
+  /// What a redundant arm makes of a configuration while its controller follows the tool alone; empty: the same.
+  std::function<Eigen::VectorXd(const Eigen::VectorXd&)> settle = nullptr;
 };
 
 struct FieldResult {

@@ -52,7 +52,9 @@ DampedStep StepOf(const Eigen::MatrixXd& J, const Vector6d& error, const Eigen::
   const auto factors = normal.ldlt();
   DampedStep step{J.transpose() * factors.solve(error)};
   if (J.cols() <= 6) return step;
-  const Eigen::VectorXd slide = kSlide * (home - J.transpose() * factors.solve(J * home));
+  // twice, because damping lets a little of it move the tool: enough to miss the target for good
+  Eigen::VectorXd slide = kSlide * (home - J.transpose() * factors.solve(J * home));
+  slide -= J.transpose() * factors.solve(J * slide);
   step.q += slide;
   step.slide = slide.cwiseAbs().maxCoeff();
   return step;

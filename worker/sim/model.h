@@ -7,6 +7,7 @@
 #include <deque>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -70,6 +71,11 @@ struct World::State {
 
   void ReadControl(const Scene::Model& model);
 };
+
+/// MuJoCo keeps the last XML in a global: held while one is loaded and saved.
+std::mutex& XmlMutex();
+/// Compiles MJCF with its files in memory. Thread-safe. @error kInternal with MuJoCo's message
+Result<ModelPtr> CompileXml(const std::string& mjcf, const std::vector<assets::AssetFile>& assets);
 
 /// MuJoCo's errors abort with a log line, its warnings go to the log. Once per process;
 /// thread-safe.

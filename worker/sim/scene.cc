@@ -10,6 +10,7 @@
 #include "services/core/check.h"
 #include "services/core/log.h"
 #include "worker/sim/model.h"
+#include "worker/sim/robot_file.h"
 
 namespace etude::sim {
 namespace {
@@ -40,20 +41,6 @@ struct Files {
   }
   std::unique_ptr<mjVFS> vfs;
 };
-
-Result<ModelPtr> Compile(const assets::SceneDescription& description) {
-  static std::mutex mutex;  // MuJoCo keeps the last XML in a global
-  const std::lock_guard lock(mutex);
-  Files files;
-  for (const auto& file : description.files) files.Add(file.name, file.bytes.data(), file.bytes.size());
-  files.Add("scene.xml", description.mjcf.data(), description.mjcf.size());
-  char message[1000] = "";
-  ModelPtr model(mj_loadXML("scene.xml", files.vfs.get(), message, sizeof message));
-  if (!model)
-    return Fail(Code::kInternal, fmt::format("MuJoCo {} refused the composed scene: {}", mj_versionString(), message));
-  if (message[0]) Log().warn("MuJoCo on the composed scene: {}", message);
-  return model;
-}
 
 int Id(const mjModel* model, mjtObj type, const std::string& name) {
   const int id = mj_name2id(model, type, name.c_str());
@@ -160,6 +147,7 @@ ArmInfo MakeArm(const Scene::Model& model) {
   arm.joint_speed = Eigen::VectorXd::Map(model.robot.joint_speed.data(), n);
   arm.finger_groups = model.robot.finger_groups;
   arm.approach_pitch = model.robot.approach_pitch;
+  arm.turned_pitch = model.robot.turned_pitch;
   arm.gripper_open = model.robot.gripper_open;
   arm.gripper_closed = model.robot.gripper_closed;
   arm.tool_site = model.robot.tool_site;
@@ -167,6 +155,24 @@ ArmInfo MakeArm(const Scene::Model& model) {
 }
 
 }  // namespace
+
+std::mutex& XmlMutex() {
+  static std::mutex mutex;
+  return mutex;
+}
+
+Result<ModelPtr> CompileXml(const std::string& mjcf, const std::vector<assets::AssetFile>& assets) {
+  const std::lock_guard lock(XmlMutex());
+  Files files;
+  for (const auto& file : assets) files.Add(file.name, file.bytes.data(), file.bytes.size());
+  files.Add("scene.xml", mjcf.data(), mjcf.size());
+  char message[1000] = "";
+  ModelPtr model(mj_loadXML("scene.xml", files.vfs.get(), message, sizeof message));
+  if (!model)
+    return Fail(Code::kInternal, fmt::format("MuJoCo {} refused the composed scene: {}", mj_versionString(), message));
+  if (message[0]) Log().warn("MuJoCo on the composed scene: {}", message);
+  return model;
+}
 
 void InstallHandlers() {
   static std::once_flag once;
@@ -231,9 +237,14 @@ int Scene::body_count() const { return model_->mj->nbody; }
 
 Result<std::shared_ptr<const Scene>> Scene::Build(const SceneSpec& spec) {
   InstallHandlers();
-  ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description, assets::DescribeScene(spec));
+  std::optional<assets::RobotModel> robot;
+  if (IsRobotFile(spec.robot)) {
+    ETUDE_ASSIGN_OR_RETURN(LoadedRobot loaded, LoadRobot(spec.robot));
+    robot = std::move(loaded.model);
+  }
+  ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description, assets::DescribeScene(spec, std::move(robot)));
   std::shared_ptr<Scene> scene(new Scene);
-  ETUDE_ASSIGN_OR_RETURN(scene->model_->mj, Compile(description));
+  ETUDE_ASSIGN_OR_RETURN(scene->model_->mj, CompileXml(description.mjcf, description.files));
   FillAddresses(*scene->model_, description);
   scene->arm_ = MakeArm(*scene->model_);
   for (const auto& object : description.objects)

@@ -40,6 +40,8 @@ struct ArmInfo {
   double gripper_closed = 0;  ///< driven gripper joint when closed on air
   /// rad below the horizontal from which the hand naturally comes at an object: 0 level, pi/2 from above
   double approach_pitch = 0;
+  /// rad: pitch of the hand after it has turned an object over, a quarter of a turn from approach_pitch
+  double turned_pitch = 0;
   /// Frame E: origin in the fingertip zone, x back along the hand, y along the opening.
   std::string tool_site;
 };

@@ -16,18 +16,19 @@ using Part = Shapes::Part;
 
 constexpr double kDeepest = 0.065;      // m that the fingertips go below the object's top
 constexpr double kPalmGap = 0.006;      // m between palm and object
-constexpr double kFingerGap = 0.005;    // m between fingertips and table
+constexpr double kFingerGap = 0.010;    // m between fingertips and table
 constexpr double kHover = 0.03;         // m between open fingertips and the object's top before the grasp
 constexpr double kHoverSlack = 0.02;    // m nearer when the hand is already on the line
 constexpr double kOnLine = 0.04;        // m off the line at most to count as on it
 constexpr double kLiftedBelow = 0.10;   // m under a lifted object
 constexpr double kCarriedBelow = 0.19;  // m under an object that is carried over the others
-constexpr double kPushPitch = 1.05;     // rad: fingertips first, the palm clear of tall objects
+constexpr double kPushPitch = 1.35;     // rad: fingertips first, the palm clear of tall objects, within reach
 constexpr double kPushHeight = 0.010;   // m between fingertips and table
 constexpr double kPushBehind = 0.035;   // m between fingertips and object before the push
 constexpr double kPushFurther = 0.11;   // m that the object is pushed
 constexpr double kPushLess = 0.06;      // m where a neighbour is in the way further on
 constexpr double kLaidTilt = 0.28;      // rad off level of the hand that lays an object down: its palm needs the room
+constexpr double kTurnedReach = 0.50;   // m from the base's axis at least, for a hand that points away
 constexpr double kTurnBack = 0.12;      // m towards the robot while turning
 constexpr double kPlaceGap = 0.002;     // m between object and table when it is released
 constexpr double kRetreat = 0.12;       // m
@@ -84,17 +85,26 @@ Pose Pushing(const Situation& now, double further) {
   return {{now.X_WO.p.x(), PushY(now) + further, z}, Hand(kPushPitch)};
 }
 
-// A quarter of a turn on, back towards the robot as far as is left to turn.
-Pose Turned(const Situation& now, double pitch) {
-  const double left = std::clamp(AngleBetween(now.X_WE.q, Hand(pitch)) / (std::numbers::pi / 2), 0.0, 1.0);
-  const double y = now.X_WE.p.y() - kTurnBack * left;
+// A quarter of a turn: where the hand comes to point back at the robot it moves towards it by what is left to turn, and
+// where it comes to point away it needs room for the wrist behind it.
+Pose Turned(const Situation& now, double tilt) {
+  const bool back = now.shapes->turned_pitch() > std::numbers::pi / 2;
+  const double pitch = now.shapes->turned_pitch() + (back ? -tilt : tilt);
+  const Eigen::Vector2d from_base = now.X_WE.p.head<2>() - now.shapes->base();
+  double y = now.X_WE.p.y();
+  if (back) {
+    const double left = AngleBetween(now.X_WE.q, Hand(pitch)) / (std::numbers::pi / 2);
+    y -= kTurnBack * std::clamp(left, 0.0, 1.0);
+  } else {
+    const double x = from_base.x();
+    y = std::max(y, now.shapes->base().y() + std::sqrt(std::max(0.0, kTurnedReach * kTurnedReach - x * x)));
+  }
   const double below = std::max(HeldBelow(now, Hand(pitch)), HeldBelow(now, now.X_WE.q));
   return {{now.X_WE.p.x(), y, std::max(now.X_WE.p.z(), below + kLiftedBelow)}, Hand(pitch)};
 }
 
 // Down until the object, the fingers or the palm touch.
-Pose Lowered(const Situation& now, double pitch) {
-  const Quaterniond q = Hand(pitch);
+Pose Lowered(const Situation& now, const Quaterniond& q) {
   const double z = std::max(HeldBelow(now, q) + kPlaceGap, Below(now, Part::kHand, false, q) + kFingerGap);
   return {{now.X_WE.p.x(), now.X_WE.p.y(), z}, q};
 }
@@ -115,7 +125,7 @@ Pose Carried(const Situation& now, double pitch, const Vector3d& offset) {
 
 Pose SetDown(const Situation& now, double pitch, const Vector3d& offset) {
   Pose goal = Beside(now, pitch, offset);
-  goal.p.z() = Lowered(now, pitch).p.z();
+  goal.p.z() = Lowered(now, goal.q).p.z();
   return goal;
 }
 
@@ -136,9 +146,9 @@ TaskGoals AboveGoals(double pitch, const TaskName& task) {
   goals.before_push = [](const Situation& now) { return Pushing(now, -kPushBehind); };
   goals.pushed = [](const Situation& now) { return Pushing(now, kPushFurther); };
   goals.pushed_less = [](const Situation& now) { return Pushing(now, kPushLess); };
-  const double turned = pitch + std::numbers::pi / 2 - (task.base == "rotate" ? 0 : kLaidTilt);
-  goals.turned = [=](const Situation& now) { return Turned(now, turned); };
-  goals.laid = [=](const Situation& now) { return Lowered(now, turned); };
+  const double tilt = task.base == "rotate" ? 0 : kLaidTilt;
+  goals.turned = [=](const Situation& now) { return Turned(now, tilt); };
+  goals.laid = [](const Situation& now) { return Lowered(now, now.X_WE.q); };
   if (task.relation()) {
     const bool in_depth = task.base == "place_front" || task.base == "place_behind";
     const Vector3d offset = (in_depth ? kBefore : kBeside) * DirectionOf(task.base);

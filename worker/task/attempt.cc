@@ -16,7 +16,7 @@
 namespace etude::task {
 namespace {
 
-constexpr int kExpertMaxSteps = 1500;
+constexpr int kExpertMaxSteps = 2500;
 constexpr std::size_t kKeptSettings = 6;  // compiled scenes kept for later episodes
 
 }  // namespace
@@ -101,7 +101,8 @@ SessionConfig AttemptRunner::Impl::ConfigOf(std::uint64_t index) const {
 
 std::string AttemptRunner::Impl::DrawInstruction(const SessionConfig& config, std::uint64_t seed) const {
   Rng rng(MixSeed({seed}, "language"));
-  return grammar.Sample(language::CommandFor(config.task, config.target, config.reference), language::Style::kTemplate, rng);
+  return grammar.Sample(language::CommandFor(config.task, config.target, config.reference), language::Style::kTemplate,
+                        rng);
 }
 
 void AttemptRunner::Impl::Finish(Session& session, const Verdict& verdict, std::uint64_t index, std::uint32_t attempt,

@@ -46,29 +46,41 @@ std::optional<Eigen::VectorXd> StagePlanner::EndOf(const plan::Motion& motion, c
   return q;
 }
 
+plan::Request StagePlanner::RequestOf(const Eigen::VectorXd& q_start, const Pose& goal, const Stage& stage,
+                                      const Surroundings& around) {
+  plan::Request request{
+      .q_start = q_start, .X_WE_goal = goal, .limits = stage.limits, .straight_only = stage.straight_only};
+  if (stage.clearance > 0) {
+    request.method = plan::Method::kPotentialField;
+    request.clearance = stage.clearance;
+    request.obstacles = around.avoid;
+  }
+  return request;
+}
+
 PlannedStage StagePlanner::Plan(const Eigen::VectorXd& q_start, const Pose& goal, const Stage& stage,
-                                const std::vector<Eigen::Vector3d>& obstacles, std::uint64_t seed) {
+                                const Surroundings& around, std::uint64_t seed) {
   std::string blocked;
-  if (auto straight = ThroughPoints(q_start, {goal}, stage, seed, blocked)) return *straight;
-  if (!stage.straight_only) {
-    if (auto detour = Detour(q_start, goal, stage, obstacles, seed)) {
-      detour->blocked = blocked;
-      return *detour;
+  if (stage.clearance == 0) {
+    if (auto straight = ThroughPoints(q_start, {goal}, stage, seed, blocked)) return *straight;
+    if (!stage.straight_only) {
+      if (auto detour = Detour(q_start, goal, stage, around, seed)) {
+        detour->blocked = blocked;
+        return *detour;
+      }
     }
   }
-  PlannedStage sampled;
-  sampled.blocked = blocked;
-  const plan::Request request{
-      .q_start = q_start, .X_WE_goal = goal, .limits = stage.limits, .straight_only = stage.straight_only};
-  sampled.outcome = planner_.Plan(request, *checker_, seed);
-  if (!sampled.planned()) return sampled;
-  if (const auto q_end = EndOf(sampled.outcome.motion, q_start)) {
-    sampled.q_end = *q_end;
+  PlannedStage planned;
+  planned.blocked = blocked;
+  planned.outcome = planner_.Plan(RequestOf(q_start, goal, stage, around), *checker_, seed);
+  if (!planned.planned()) return planned;
+  if (const auto q_end = EndOf(planned.outcome.motion, q_start)) {
+    planned.q_end = *q_end;
   } else {
-    sampled.outcome.kind = plan::OutcomeKind::kNotSmooth;
-    sampled.outcome.reason = "inverse kinematics lost on the path";
+    planned.outcome.kind = plan::OutcomeKind::kNotSmooth;
+    planned.outcome.reason = "inverse kinematics lost on the path";
   }
-  return sampled;
+  return planned;
 }
 
 std::optional<PlannedStage> StagePlanner::ThroughPoints(const Eigen::VectorXd& q_start, const std::vector<Pose>& points,
@@ -98,15 +110,19 @@ std::optional<PlannedStage> StagePlanner::ThroughPoints(const Eigen::VectorXd& q
 }
 
 std::optional<PlannedStage> StagePlanner::Detour(const Eigen::VectorXd& q_start, const Pose& goal, const Stage& stage,
-                                                 const std::vector<Eigen::Vector3d>& obstacles, std::uint64_t seed) {
+                                                 const Surroundings& around, std::uint64_t seed) {
   const Pose start = kinematics_.X_WE(q_start);
-  const double left = std::min(start.p.x(), goal.p.x()) - kPassing;
-  const double right = std::max(start.p.x(), goal.p.x()) + kPassing;
-  double y = std::min(start.p.y(), goal.p.y());
-  for (const auto& p : obstacles)
-    if (p.x() > left && p.x() < right) y = std::min(y, p.y() - kKeepBehind);
   Pose before = goal, beside = start;
-  before.p.y() = beside.p.y() = y;
+  if (stage.detours_over) {
+    before.p.z() = beside.p.z() = std::max({start.p.z(), goal.p.z(), around.over});
+  } else {
+    const double left = std::min(start.p.x(), goal.p.x()) - kPassing;
+    const double right = std::max(start.p.x(), goal.p.x()) + kPassing;
+    double y = std::min(start.p.y(), goal.p.y());
+    for (const auto& p : around.hands)
+      if (p.x() > left && p.x() < right) y = std::min(y, p.y() - kKeepBehind);
+    before.p.y() = beside.p.y() = y;
+  }
   std::string why;
   if (auto one = ThroughPoints(q_start, {before, goal}, stage, seed, why)) {
     one->detour = true;

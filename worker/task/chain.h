@@ -25,15 +25,31 @@ struct PlannedStage {
   bool planned() const { return outcome.planned(); }
 };
 
+/// What a stage has to get past.
+struct Surroundings {
+  std::vector<Eigen::Vector3d> hands;  ///< where E would be with the open hand at each other object, m
+  double over = 0;                     ///< height of E above which nothing is in the way, m
+  std::vector<std::string> avoid;      ///< objects to keep Stage::clearance from
+};
+
 /// Plans for one arm. One per thread; a pure function of its arguments and the checker's state.
 class StagePlanner {
  public:
   StagePlanner(std::shared_ptr<const sim::Scene> scene, collide::Checker* checker);
 
-  /// From the hand at X_WE (arm near q_start) to `goal`: straight; else straight pieces that keep behind
-  /// the objects; else sampled.
-  PlannedStage Plan(const Eigen::VectorXd& q_start, const Pose& goal, const Stage& stage,
-                    const std::vector<Eigen::Vector3d>& obstacles, std::uint64_t seed);
+  /// From the hand at X_WE (arm near q_start) to `goal`: straight; else straight pieces that keep behind or above
+  /// the objects; else sampled. With a clearance: down the potential field.
+  PlannedStage Plan(const Eigen::VectorXd& q_start, const Pose& goal, const Stage& stage, const Surroundings& around,
+                    std::uint64_t seed);
+  /// Where the rest of `motion` touches something by now, nothing when it is free.
+  std::optional<plan::Blockage> FindBlockage(const plan::Motion& motion, int from_step, const Eigen::VectorXd& q) {
+    return planner_.FindBlockage(motion, from_step, q, *checker_);
+  }
+  /// Brakes and goes on to `goal` another way. @param step  of `current`, due now
+  plan::Outcome Replan(const plan::Motion& current, int step, const Eigen::VectorXd& q, const Pose& goal,
+                       const Stage& stage, const Surroundings& around, std::uint64_t seed) {
+    return planner_.Replan(current, step, q, RequestOf(q, goal, stage, around), *checker_, seed);
+  }
   /// Joins b to a if the corner is free, else puts it behind. Returns the number of overlapped steps.
   int JoinIfFree(plan::Motion& a, const plan::Motion& b, const plan::Limits& limits, const Eigen::VectorXd& q_corner);
   /// The arm at X_WE, near `q_seed`.
@@ -43,8 +59,10 @@ class StagePlanner {
   sim::Kinematics& kinematics() { return kinematics_; }
 
  private:
+  static plan::Request RequestOf(const Eigen::VectorXd& q_start, const Pose& goal, const Stage& stage,
+                                 const Surroundings& around);
   std::optional<PlannedStage> Detour(const Eigen::VectorXd& q_start, const Pose& goal, const Stage& stage,
-                                     const std::vector<Eigen::Vector3d>& obstacles, std::uint64_t seed);
+                                     const Surroundings& around, std::uint64_t seed);
   /// `why` gets the reason when it returns nothing.
   std::optional<PlannedStage> ThroughPoints(const Eigen::VectorXd& q_start, const std::vector<Pose>& points,
                                             const Stage& stage, std::uint64_t seed, std::string& why);

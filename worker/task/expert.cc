@@ -5,12 +5,16 @@
 
 #include <algorithm>
 
+#include "worker/task/goals.h"
 #include "worker/task/rehearsal.h"
 
 namespace etude::task {
 namespace {
 
 constexpr double kDropDistance = 0.035;   // m that a held object may shift in the hand
+constexpr double kOver = 0.03;            // m above everything on a way over the objects
+constexpr int kWatchSteps = 10;           // steps between two looks at what has to be avoided
+constexpr double kMoved = 0.005;          // m that it may move before that counts
 constexpr double kGoalTolerance = 0.012;  // m between hand and goal when a stage counts as done
 constexpr int kSettleSteps = 40;          // at most, to come within it
 
@@ -61,14 +65,49 @@ Situation Expert::Now() const {
   return now;
 }
 
-std::vector<Eigen::Vector3d> Expert::Obstacles() const {
-  const double ahead = session_->shapes().ahead_open();
-  std::vector<Eigen::Vector3d> places;
+Surroundings Expert::Around(const Situation& now) const {
+  const Shapes& shapes = session_->shapes();
+  const double below = now.X_EO ? HeldBelow(now, now.X_WE.q)
+                                : shapes.Reach(Shapes::Part::kHand, false, now.X_WE.q, -Eigen::Vector3d::UnitZ());
+  Surroundings around{.avoid = session_->config().avoid};
   for (const auto& object : session_->world().scene().objects()) {
     if (object.name == session_->config().target) continue;
-    places.push_back(session_->world().ObjectPose(object.name).p - Eigen::Vector3d(0, ahead, 0));
+    const Pose X_WO = session_->world().ObjectPose(object.name);
+    around.hands.push_back(X_WO.p - Eigen::Vector3d(0, shapes.ahead_open(), 0));
+    const double top = (X_WO * shapes.Centre(object.name)).z() + object.half_extent.maxCoeff();
+    around.over = std::max(around.over, top + below + kOver);
   }
+  return around;
+}
+
+std::vector<Eigen::Vector3d> Expert::AvoidedPlaces() const {
+  std::vector<Eigen::Vector3d> places;
+  for (const auto& name : session_->config().avoid) places.push_back(session_->world().ObjectPose(name).p);
   return places;
+}
+
+Verdict Expert::AvoidWhatMoved(const Piece& piece, int step, std::optional<Piece>& rest) {
+  if (step % kWatchSteps != 0 || piece.avoided.empty()) return {};
+  const auto now = AvoidedPlaces();
+  double moved = 0;
+  for (std::size_t i = 0; i < now.size(); ++i) moved = std::max(moved, (now[i] - piece.avoided[i]).norm());
+  if (moved < kMoved) return {};
+  const Stopwatch watch(session_->times().plan);
+  const int i = piece.stage[step];
+  UpdateChecker(stages_[i]);
+  const Eigen::VectorXd q = session_->world().q();
+  if (!planner_->FindBlockage(piece.motion, step, q)) return {};
+  Pose goal = piece.motion.X_WE.back();
+  if (i != piece.last) goal = stages_[i].goal(Now());
+  const std::uint64_t seed = MixSeed({seed_, std::uint64_t(plans_++)}, "plan");
+  const plan::Outcome outcome = planner_->Replan(piece.motion, step, q, goal, stages_[i], Around(Now()), seed);
+  if (!outcome.planned())
+    return Failed(AttemptOutcome::kPlanFailed, fmt::format("{}: planning anew: {}: {}", stages_[i].name,
+                                                           plan::ToString(outcome.kind), outcome.reason));
+  ++replans_;
+  rest = Piece{.motion = outcome.motion, .goal = {goal.p}, .first = i, .last = i, .avoided = now};
+  rest->stage.assign(static_cast<std::size_t>(outcome.motion.steps()), i);
+  return {};
 }
 
 void Expert::UpdateChecker(const Stage& stage) {
@@ -84,15 +123,16 @@ Verdict Expert::PlanPiece(int first, Piece& piece) {
   Eigen::VectorXd q = session_->world().q();
   if (const auto q_reference = planner_->Solve(reference_, q)) q = *q_reference;
   piece.first = first;
+  piece.avoided = AvoidedPlaces();
   for (int i = first;; ++i) {
     const Stage& stage = stages_[i];
     UpdateChecker(stage);
     Pose goal = stage.goal(now);
     const std::uint64_t seed = MixSeed({seed_, std::uint64_t(plans_++)}, "plan");
-    PlannedStage planned = planner_->Plan(q, goal, stage, Obstacles(), seed);
+    PlannedStage planned = planner_->Plan(q, goal, stage, Around(now), seed);
     if (stage.nearer && !planned.planned()) {
       goal = stage.nearer(now);
-      planned = planner_->Plan(q, goal, stage, Obstacles(), seed);
+      planned = planner_->Plan(q, goal, stage, Around(now), seed);
     }
     if (!planned.planned())
       return Failed(
@@ -157,7 +197,11 @@ Verdict Expert::PlayPiece(const Piece& piece, int& next_stage) {
   }
   const int end = push.at >= 0 ? push.at : piece.motion.steps();
   for (int t = 0; t < end; ++t) {
-    const Verdict verdict = PlayStep(piece.stage[t], piece.motion.X_WE[t], piece.motion.V_WE[t], true);
+    std::optional<Piece> rest;
+    Verdict verdict = AvoidWhatMoved(piece, t, rest);
+    if (!verdict.ok()) return verdict;
+    if (rest) return PlayPiece(*rest, next_stage);
+    verdict = PlayStep(piece.stage[t], piece.motion.X_WE[t], piece.motion.V_WE[t], true);
     if (!verdict.ok()) return verdict;
   }
   if (push.at < 0) {
@@ -245,6 +289,6 @@ Verdict Expert::FinalCheck() const {
   return {};
 }
 
-OrderedJson Expert::Statistics() const { return {{"planned", planned_}, {"pushes", pushes_}}; }
+OrderedJson Expert::Statistics() const { return {{"planned", planned_}, {"pushes", pushes_}, {"replans", replans_}}; }
 
 }  // namespace etude::task

@@ -32,9 +32,10 @@ class Expert {
  private:
   struct Piece {  // a run of stages that is played without stopping
     plan::Motion motion;
-    std::vector<int> stage;             // per step
-    std::vector<Eigen::Vector3d> goal;  // of each stage, by index - first
-    int first = 0, last = 0;            // stages
+    std::vector<int> stage;                // per step
+    std::vector<Eigen::Vector3d> goal;     // of each stage, by index - first
+    int first = 0, last = 0;               // stages
+    std::vector<Eigen::Vector3d> avoided;  // where what has to be avoided was when it was planned
   };
   struct Interruption {
     int at = -1;  // step of the piece; -1: none
@@ -53,7 +54,10 @@ class Expert {
   Verdict Check(int stage) const;
   Verdict FinalCheck() const;
   Verdict Stopped(int stage) const;
-  std::vector<Eigen::Vector3d> Obstacles() const;
+  Surroundings Around(const Situation& now) const;
+  std::vector<Eigen::Vector3d> AvoidedPlaces() const;
+  /// Plans the rest of `stage` anew when something that has to be avoided moved into the way. `rest` gets it.
+  Verdict AvoidWhatMoved(const Piece& piece, int step, std::optional<Piece>& rest);
 
   Session* session_;
   StagePlanner* planner_;
@@ -65,7 +69,7 @@ class Expert {
   std::vector<bool> push_drawn_;  // by stage: whether its one chance of a push is used up
   Pose reference_;                // last commanded pose
   std::optional<Pose> X_EO_;      // while held
-  int plans_ = 0, pushes_ = 0;
+  int plans_ = 0, pushes_ = 0, replans_ = 0;
   OrderedJson planned_ = OrderedJson::array();
 };
 

@@ -10,10 +10,11 @@ namespace {
 
 constexpr double kHeldGripper = 0.5;  // opening that stands for "around an object" in checks
 // What the hand holds is never quite where it was planned to be.
-constexpr double kMargin = 0.008;   // m kept free at the goals,
-constexpr double kContact = 0.003;  // m where something is touched
+constexpr double kMargin = 0.008;    // m kept free at the goals,
+constexpr double kContact = 0.003;   // m where something is touched
 constexpr double kDexterity = 0.05;  // m, see Dexterity
-constexpr int kWaySamples = 6;      // places along a way that has to be straight
+constexpr double kAside = 0.015;     // m
+constexpr int kWaySamples = 6;       // places along a way that has to be straight
 
 // The arm at `goal`, or why it cannot be there.
 struct Place {
@@ -21,7 +22,9 @@ struct Place {
   std::string why;
 };
 
-Place TryPlace(const Pose& X_WE, double margin, const Eigen::VectorXd& q_from, Rehearsal& rehearsal) {
+enum class Need { kFree, kReach };  // the arm must be free of collisions there, or only come there
+
+Place TryPlace(const Pose& X_WE, double margin, Need need, const Eigen::VectorXd& q_from, Rehearsal& rehearsal) {
   Place place;
   place.q = rehearsal.kinematics->Solve(X_WE, q_from);
   if (!place.q) {
@@ -33,6 +36,7 @@ Place TryPlace(const Pose& X_WE, double margin, const Eigen::VectorXd& q_from, R
     place.q.reset();
     return place;
   }
+  if (need == Need::kReach) return place;
   if (const auto collision = rehearsal.checker->Check(*place.q, margin)) {
     place.why = fmt::format("{} touches {}", collision->body_a, collision->body_b);
     place.q.reset();
@@ -44,10 +48,17 @@ Place TryPlace(const Pose& X_WE, double margin, const Eigen::VectorXd& q_from, R
 Place TryGoal(const Stage& stage, const Pose& from, const Pose& goal, Rehearsal& rehearsal) {
   const double margin = stage.touches_target ? kContact : kMargin;
   Place place{.q = rehearsal.q};
-  const int samples = stage.straight_only ? kWaySamples : 1;
+  const int samples = stage.straight_only || stage.holds ? kWaySamples : 1;
   for (int i = 1; i <= samples && place.q; ++i) {
     const double s = static_cast<double>(i) / samples;
-    place = TryPlace({from.p + s * (goal.p - from.p), from.q.slerp(s, goal.q)}, margin, *place.q, rehearsal);
+    const Need need = stage.straight_only || i == samples ? Need::kFree : Need::kReach;
+    place = TryPlace({from.p + s * (goal.p - from.p), from.q.slerp(s, goal.q)}, margin, need, *place.q, rehearsal);
+  }
+  // pushes off the path move what is held a little aside
+  for (const auto& [dx, dy] : {std::pair{-kAside, 0.0}, {kAside, 0.0}, {0.0, -kAside}, {0.0, kAside}}) {
+    if (!place.q || !stage.holds) break;
+    const Place there = TryPlace({goal.p + Eigen::Vector3d(dx, dy, 0), goal.q}, 0, Need::kFree, *place.q, rehearsal);
+    if (!there.q) place = there;
   }
   return place;
 }
@@ -68,7 +79,7 @@ std::optional<std::string> Rehearse(const std::vector<Stage>& stages, Situation 
       if (stage.name == "release") {
         now.X_EO.reset();
         SetForStage(stage, now.target, std::nullopt, *rehearsal.checker);
-        if (const auto collision = rehearsal.checker->Check(rehearsal.q, kContact))
+        if (const auto collision = rehearsal.checker->Check(rehearsal.q, kMargin))
           return fmt::format("release: {} touches {}", collision->body_a, collision->body_b);
       }
       continue;

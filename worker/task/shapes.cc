@@ -41,6 +41,7 @@ Eigen::Vector3d ApproachOf(double pitch) { return {0, std::cos(pitch), -std::sin
 Shapes::Shapes(const sim::Scene& scene, sim::Kinematics& kinematics)
     : objects_(scene.objects()),
       natural_pitch_(scene.arm().approach_pitch),
+      turned_pitch_(scene.arm().turned_pitch),
       joint_speed_(scene.arm().joint_speed.minCoeff()) {
   for (const auto& piece : scene.geometry()) pieces_[piece.body].push_back(piece);
   MeasureHand(scene, kinematics);

@@ -41,6 +41,8 @@ class Shapes {
 
   /// Pitch at which the robot's hand comes at an object by nature, rad.
   double natural_pitch() const { return natural_pitch_; }
+  /// Pitch after it has turned an object over by 90 degrees, rad.
+  double turned_pitch() const { return turned_pitch_; }
   /// The slowest joint's speed limit, rad/s.
   double joint_speed() const { return joint_speed_; }
   /// x, y of the first joint's vertical axis, m.
@@ -61,7 +63,7 @@ class Shapes {
   std::vector<sim::ObjectInfo> objects_;
   std::map<std::string, std::vector<sim::Geometry>> pieces_;
   Placed fingers_[2], palm_;  // fingers: open, closed
-  double ahead_open_ = 0, ahead_closed_ = 0, palm_ahead_ = 0, natural_pitch_ = 0, joint_speed_ = 0;
+  double ahead_open_ = 0, ahead_closed_ = 0, palm_ahead_ = 0, natural_pitch_ = 0, turned_pitch_ = 0, joint_speed_ = 0;
   Eigen::Vector2d base_ = Eigen::Vector2d::Zero();
 };
 

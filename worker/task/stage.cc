@@ -150,6 +150,8 @@ std::vector<Stage> StagesOf(const TaskName& task, const Shapes& shapes) {
   std::vector<Stage> stages = make.Of(task);
   for (Stage& stage : stages) {
     stage.detours_over = make.over();
+    // a palm that lays down from above is wider than the lane between two objects: no pushes out of it
+    if (make.over() && task.base == "put_down" && stage.holds) stage.disturbable = false;
     // where contact is wanted the straight way is the short one: the field is for the ways in between
     if (!task.avoid.empty() && stage.moves() && !stage.straight_only) stage.clearance = kAvoidClearance;
   }

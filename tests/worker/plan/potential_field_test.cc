@@ -17,7 +17,7 @@ constexpr double kPeriod = 1 / kControlRate;
 
 std::shared_ptr<const sim::Scene> TestScene() {
   static const std::shared_ptr<const sim::Scene> scene = [] {
-    auto built = sim::Scene::Build(CampaignSpec{});
+    auto built = sim::Scene::Build(SceneSpec{});
     EXPECT_TRUE(built) << built.error().message;
     return *built;
   }();

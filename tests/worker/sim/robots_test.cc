@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "services/core/file.h"
 #include "services/core/rng.h"
 #include "tests/worker/sim/scene_fixture.h"
 #include "worker/sim/controller.h"
@@ -212,9 +213,11 @@ INSTANTIATE_TEST_SUITE_P(Every, Robot,
                                          Case{"jaco2", JacoByTable}),
                          [](const auto& info) { return info.param.name; });
 INSTANTIATE_TEST_SUITE_P(Every, RobotGrasp,
-                         testing::Combine(testing::Values("ur5", "panda", "jaco2"),
+                         testing::Combine(testing::Values("ur5", "panda", "jaco2", "deploy/robots/sketch.yaml"),
                                           testing::Values("cube", "coke", "pepsi", "milk", "bread", "bottle")),
-                         [](const auto& info) { return std::get<0>(info.param) + "_" + std::get<1>(info.param); });
+                         [](const auto& info) {
+                           return Path(std::get<0>(info.param)).stem().string() + "_" + std::get<1>(info.param);
+                         });
 
 }  // namespace
 }  // namespace etude::sim

@@ -162,7 +162,7 @@ Result<std::vector<BenchRow>> RunBench(const BenchOptions& options,
   int done = 0;
   std::vector<BenchRow> rows;
   for (const std::string& robot : options.robots) {
-    CampaignSpec spec;
+    SceneSpec spec;
     spec.robot = robot;
     ETUDE_ASSIGN_OR_RETURN(const auto scene, sim::Scene::Build(spec));
     Contestants contestants(scene, options);
@@ -197,6 +197,16 @@ std::string BenchTable(const std::vector<BenchRow>& rows) {
         row.difficulty, row.planner, fmt::format("{}/{}", row.solved, row.scenes), row.plan_ms, row.simplify_ms,
         row.parameterise_ms, row.total_ms, row.total_p95_ms, row.joint_rad, row.tool_m, row.duration_s,
         row.clearance_mm);
+  for (const BenchRow& ours : rows) {
+    const auto plain = std::ranges::find_if(rows, [&](const BenchRow& row) {
+      return row.planner == "rrtconnect" && row.robot == ours.robot && row.difficulty == ours.difficulty;
+    });
+    if (ours.planner == "rrtconnect" || plain == rows.end() || plain->solved == 0 || ours.solved == 0) continue;
+    text +=
+        fmt::format("{} {}: {} takes {:.2f} of rrtconnect's time, {:.2f} of its joints' path, {:.2f} of its tool's\n",
+                    ours.robot, ours.difficulty, ours.planner, ours.total_ms / plain->total_ms,
+                    ours.joint_rad / plain->joint_rad, ours.tool_m / plain->tool_m);
+  }
   return text;
 }
 

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/sim/robot_file.h"
+
+#include <gmock/gmock.h>
+#include <mujoco/mujoco.h>
+
+#include <filesystem>
+
+#include "services/core/file.h"
+#include "services/core/rng.h"
+#include "tests/worker/sim/scene_fixture.h"
+#include "worker/sim/model.h"
+
+namespace etude::sim {
+namespace {
+
+const std::string kSketch = "deploy/robots/sketch.yaml";
+
+TEST(RobotFile, TakesTheRobotOutOfItsFile) {
+  const auto loaded = LoadRobot(kSketch);
+  ASSERT_TRUE(loaded) << loaded.error().message;
+  const assets::RobotModel& robot = loaded->model;
+  EXPECT_THAT(robot.bodies,
+              testing::ElementsAre("foot", "turret", "upper", "fore", "wrist", "palm_link", "hand", "left", "right"));
+  EXPECT_EQ(robot.files.size(), 2u) << "two meshes, one of them used twice";
+  EXPECT_EQ(robot.files[0].bytes, *ReadBinaryFile("deploy/robots/sketch/meshes/foot.obj"));
+  EXPECT_THAT(robot.actuator, testing::HasSubstr("<motor name=\"lift\" joint=\"lift\" ctrlrange=\"-150 150\"/>"));
+  EXPECT_THAT(robot.actuator, testing::Not(testing::HasSubstr("general"))) << "its position actuators are replaced";
+  EXPECT_THAT(robot.equality, testing::HasSubstr("right_slide")) << "its own coupling is kept";
+  EXPECT_THAT(loaded->notes, testing::ElementsAre(testing::HasSubstr("'floor'")));
+  EXPECT_EQ(robot.open_torque, 50) << "opening is towards 0.04";
+}
+
+// Masses, inertias, joints and poses are those of the original, default classes and meshes included.
+TEST(RobotFile, IsTheSameRobotInOurScene) {
+  char message[1000] = "";
+  const ModelPtr original(mj_loadXML("deploy/robots/sketch/sketch.xml", nullptr, message, sizeof message));
+  ASSERT_TRUE(original) << message;
+  const auto scene = SceneOf(kSketch);
+  const mjModel* ours = scene->model().mj.get();
+  const DataPtr theirs_data(mj_makeData(original.get()));
+  Kinematics kinematics(scene);
+  Rng rng(3);
+  Eigen::VectorXd q(6);
+  for (int i = 0; i < 6; ++i) {
+    q[i] = rng.Uniform(-1, 1);
+    theirs_data->qpos[i] = q[i];
+  }
+  mj_kinematics(original.get(), theirs_data.get());
+  const Eigen::Vector3d base(0, -0.2, 0);
+  for (const std::string& name : scene->arm().bodies) {
+    const int a = mj_name2id(original.get(), mjOBJ_BODY, name.c_str()), b = scene->model().BodyId(name);
+    EXPECT_NEAR(original->body_mass[a], ours->body_mass[b], 1e-9) << name;
+    for (int k = 0; k < 3; ++k)
+      EXPECT_NEAR(original->body_inertia[3 * a + k], ours->body_inertia[3 * b + k], 1e-6) << name;
+    if (name == "left" || name == "right") continue;  // theirs is closed there
+    const Pose X = kinematics.BodyPoses(q, 0, {name})[0];
+    EXPECT_LT((X.p - base - Eigen::Vector3d::Map(theirs_data->xpos + 3 * a)).norm(), 1e-4) << name;
+  }
+  for (const char* joint : {"left_slide", "lift", "roll"}) {
+    const int a = mj_name2id(original.get(), mjOBJ_JOINT, joint), b = mj_name2id(ours, mjOBJ_JOINT, joint);
+    const int da = original->jnt_dofadr[a], db = ours->jnt_dofadr[b];
+    EXPECT_EQ(original->dof_armature[da], ours->dof_armature[db]) << joint;
+    EXPECT_EQ(original->dof_damping[da], ours->dof_damping[db]) << joint;
+    EXPECT_NEAR(original->jnt_range[2 * a + 1], ours->jnt_range[2 * b + 1], 1e-5) << joint;
+  }
+}
+
+TEST(RobotFile, MeshesCollideAsTheirHulls) {
+  int convex = 0;
+  for (const Geometry& piece : SceneOf(kSketch)->geometry()) {
+    if (piece.shape != Geometry::Shape::kConvex ||
+        (piece.body != "foot" && piece.body != "upper" && piece.body != "fore"))
+      continue;
+    ++convex;
+    EXPECT_EQ(piece.vertices.size(), 16u) << piece.name;
+  }
+  EXPECT_EQ(convex, 3);
+}
+
+TEST(RobotFile, TheToolLooksBackAlongTheHandWhicheverWayTheOpeningIsGiven) {
+  const auto scene = SceneOf(kSketch);
+  Kinematics kinematics(scene);
+  const Pose X = kinematics.X_WE(scene->arm().q_home);
+  EXPECT_LT((X.q * Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitZ()).norm(), 1e-3) << "the hand points down";
+  EXPECT_LT((X.q * Eigen::Vector3d::UnitY() + Eigen::Vector3d::UnitX()).norm(), 1e-3);
+}
+
+TEST(RobotFile, MakesTheSameSceneTwice) {
+  SceneSpec spec;
+  spec.robot = kSketch;
+  const auto again = Scene::Build(spec);
+  ASSERT_TRUE(again) << again.error().message;
+  EXPECT_EQ((*again)->sha256(), SceneOf(kSketch)->sha256());
+}
+
+/// A copy of the example to break.
+class BrokenRobot : public testing::Test {
+ protected:
+  BrokenRobot() : folder_(Path(testing::TempDir()) / testing::UnitTest::GetInstance()->current_test_info()->name()) {
+    std::filesystem::remove_all(folder_);
+    std::filesystem::copy("deploy/robots", folder_, std::filesystem::copy_options::recursive);
+  }
+  void Replace(const std::string& file, const std::string& from, const std::string& to) {
+    std::string text = *ReadTextFile(folder_ / file);
+    const auto at = text.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    text.replace(at, from.size(), to);
+    ASSERT_TRUE(WriteFileAtomically(folder_ / file, text));
+  }
+  Error Load() const {
+    const auto loaded = LoadRobot(folder_ / "sketch.yaml");
+    EXPECT_FALSE(loaded);
+    return loaded ? Error{} : loaded.error();
+  }
+  Path folder_;
+};
+
+TEST_F(BrokenRobot, EverythingWrongIsSaidAtOnce) {
+  Replace("sketch.yaml", "bend, roll", "bent, roll");
+  Replace("sketch.yaml", "force: 50", "force: 0");
+  Replace("sketch.yaml", "[[left], [right]]", "[[left], [write]]");
+  Replace("sketch/sketch.xml", "kp=\"500\" forcerange=\"-30 30\"/>", "kp=\"500\"/>");
+  const Error error = Load();
+  EXPECT_EQ(error.code, Code::kInvalidArgument);
+  EXPECT_THAT(error.message, testing::HasSubstr("no joint 'bent', did you mean 'bend'?"));
+  EXPECT_THAT(error.message, testing::HasSubstr("gripper.force: 0"));
+  EXPECT_THAT(error.message, testing::HasSubstr("no body 'write'"));
+  EXPECT_THAT(error.message, testing::HasSubstr("'roll' has no torque limit"));
+}
+
+TEST_F(BrokenRobot, AMissingMeshIsMuJoCosMessage) {
+  std::filesystem::remove(folder_ / "sketch/meshes/beam.obj");
+  EXPECT_THAT(Load().message, testing::HasSubstr("beam.obj"));
+}
+
+TEST_F(BrokenRobot, ShapesThatNobodyKnowsDoNotCollide) {
+  Replace("sketch/sketch.xml", "<geom type=\"capsule\" size=\"0.034 0.03\"",
+          "<geom type=\"ellipsoid\" size=\"0.03 0.03 0.05\"");
+  EXPECT_THAT(Load().message, testing::HasSubstr("collides as neither box"));
+}
+
+TEST_F(BrokenRobot, ANameOfOursIsRefused) {
+  Replace("sketch/sketch.xml", "<body name=\"wrist\"", "<body name=\"coke\"");
+  SceneSpec spec;
+  spec.robot = (folder_ / "sketch.yaml").string();
+  const auto scene = Scene::Build(spec);
+  ASSERT_FALSE(scene);
+  EXPECT_THAT(scene.error().message, testing::HasSubstr("coke"));
+}
+
+TEST_F(BrokenRobot, UnknownKeysAreRefused) {
+  Replace("sketch.yaml", "approach_pitch:", "aproach_pitch:");
+  EXPECT_THAT(Load().message, testing::HasSubstr("approach_pitch"));
+}
+
+}  // namespace
+}  // namespace etude::sim
