@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "services/core/clock.h"
+#include "services/episode/object_names.h"
 
 namespace etude::campaign {
 namespace {
@@ -34,6 +35,7 @@ Result<CampaignSpec> LoadSpec(const SpecArguments& arguments) {
       return Fail(Code::kInvalidArgument, spec.error().message + "; campaign files are in deploy/campaigns/");
     return Fail(spec.error());
   }
+  ETUDE_ASSIGN_OR_RETURN(spec->objects, ExpandObjects(spec->objects));
   ETUDE_RETURN_IF_ERROR(spec->Validate());
   return spec;
 }

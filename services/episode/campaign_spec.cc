@@ -11,6 +11,7 @@
 #include "services/core/check.h"
 #include "services/core/hash.h"
 #include "services/core/rng.h"
+#include "services/episode/object_names.h"
 #include "services/episode/task_name.h"
 
 namespace etude {
@@ -19,7 +20,6 @@ namespace {
 constexpr int kMostObjects = 6;
 const std::vector<std::string> kModes{"demonstrate", "rollout"};
 const std::vector<std::string> kRobots{"ur5", "panda", "jaco2"};
-const std::vector<std::string> kObjects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};
 
 void CheckKnown(const char* key, const std::string& value, const std::vector<std::string>& known,
                 std::vector<std::string>& errors) {
@@ -60,8 +60,11 @@ Status CampaignSpec::Validate() const {
   require(objects_per_scene <= static_cast<int>(objects.size()),
           fmt::format("objects_per_scene: {} of {} objects", objects_per_scene, objects.size()));
   require(!relation || on_table >= 2, "objects: a place_* task needs a second one to refer to");
-  for (const auto& object : objects) CheckKnown("objects", object, kObjects, errors);
-  require(std::set<std::string>(objects.begin(), objects.end()).size() == objects.size(), "objects: each at most once");
+  for (const auto& object : objects)
+    if (const Status known = CheckObjectName(object); !known) errors.push_back(known.error().message);
+  std::set<std::string> scene_names;
+  for (const auto& object : objects) scene_names.insert(SceneName(object));
+  require(scene_names.size() == objects.size(), "objects: each name at most once");
   require(episodes >= 1 && episodes <= 10'000'000, fmt::format("episodes: {} not in 1..10^7", episodes));
   require(image_stride >= 1 && image_stride <= 125, fmt::format("image_stride: {} not in 1..125", image_stride));
   require(max_attempts >= 1 && max_attempts <= 1000, fmt::format("max_attempts: {} not in 1..1000", max_attempts));
@@ -111,12 +114,6 @@ SceneSpec::SceneSpec(const CampaignSpec& spec)
 
 namespace {
 
-// "apple" of "apple_03"
-std::string ClassOfObject(const std::string& name) {
-  const auto end = name.find_last_not_of("0123456789");
-  return end != std::string::npos && name[end] == '_' && end + 1 < name.size() ? name.substr(0, end) : name;
-}
-
 // The objects on the table of episode `index`, in the order of the spec.
 std::vector<std::string> ObjectsOf(const CampaignSpec& spec, std::uint64_t index) {
   if (spec.objects_per_scene == 0) return spec.objects;
@@ -126,7 +123,7 @@ std::vector<std::string> ObjectsOf(const CampaignSpec& spec, std::uint64_t index
   rng.Shuffle(order);
   // a sentence names a class: one instance of each at most
   std::set<std::string> classes;
-  std::erase_if(order, [&](std::size_t i) { return !classes.insert(ClassOfObject(spec.objects[i])).second; });
+  std::erase_if(order, [&](std::size_t i) { return !classes.insert(ObjectNoun(spec.objects[i])).second; });
   order.resize(std::min(order.size(), static_cast<std::size_t>(spec.objects_per_scene)));
   std::sort(order.begin(), order.end());
   std::vector<std::string> objects;
@@ -149,7 +146,7 @@ SceneSpec SceneOf(const CampaignSpec& spec, std::uint64_t index) {
 std::string TargetOf(const CampaignSpec& spec, std::uint64_t index) {
   const auto objects = ObjectsOf(spec, index);
   Rng rng(MixSeed({spec.seed, index}, "target"));
-  return objects[rng.Below(objects.size())];
+  return SceneName(objects[rng.Below(objects.size())]);
 }
 
 std::string ReferenceOf(const CampaignSpec& spec, std::uint64_t index) {
@@ -157,10 +154,10 @@ std::string ReferenceOf(const CampaignSpec& spec, std::uint64_t index) {
   ETUDE_CHECK(task);
   if (!task->relation()) return {};
   auto others = ObjectsOf(spec, index);
-  std::erase(others, TargetOf(spec, index));
+  std::erase_if(others, [target = TargetOf(spec, index)](const auto& name) { return SceneName(name) == target; });
   ETUDE_CHECK(!others.empty());
   Rng rng(MixSeed({spec.seed, index}, "reference"));
-  return others[rng.Below(others.size())];
+  return SceneName(others[rng.Below(others.size())]);
 }
 
 std::string TaskOf(const CampaignSpec& spec, std::uint64_t index) {

@@ -46,6 +46,8 @@ class Builder {
     pieces_.push_back(
         {"cylinder", {radius, (to - from) / 2}, Middle(from, to), "", kPi * radius * radius * (to - from)});
   }
+  /// A sphere on the ground; it needs more than the usual friction to come to rest.
+  void Ball(double radius) { pieces_.push_back({"sphere", {radius}, 0, "", 1, " friction=\"0.9 0.02 0.005\""}); }
   void Box(double half_x, double half_y, double from, double to) {
     pieces_.push_back(
         {"box", {half_x, half_y, (to - from) / 2}, Middle(from, to), "", 4 * half_x * half_y * (to - from)});
@@ -62,7 +64,7 @@ class Builder {
     for (const Piece& piece : pieces_) total += piece.volume;
     for (const Piece& piece : pieces_) {
       const double mass = model_.mass * piece.volume / total;
-      const std::string extra = piece.mesh.empty() ? "" : fmt::format(" mesh=\"{}\"", piece.mesh);
+      const std::string extra = piece.mesh.empty() ? piece.extra : fmt::format(" mesh=\"{}\"", piece.mesh);
       model_.geoms +=
           Geom(round ? "object_round" : "object", piece.type, piece.size,
                {{0, 0, piece.z}, Eigen::Quaterniond::Identity()}, fmt::format("mass=\"{}\"{}", mass, extra));
@@ -77,6 +79,7 @@ class Builder {
     double z;
     std::string mesh;
     double volume;
+    std::string extra = {};
   };
   double Middle(double from, double to) const { return (from + to) / 2 - model_.rest_height; }
 
@@ -145,11 +148,25 @@ ObjectModel Bottle() {
   return builder.Finish(true);
 }
 
+/// Leather on the outside, thick: it rests where it is put, and rolls when it is pushed.
+ObjectModel Basketball() {
+  Builder builder("basketball", 0.600, kBallRadius, Eigen::Vector3d::Constant(2 * kBallRadius));
+  builder.Texture("basketball", BallTexture());
+  builder.Material("basketball", "texture=\"basketball\" specular=\"0.15\" shininess=\"0.2\"");
+  builder.Visual("basketball", BallMesh(), "basketball");
+  builder.Ball(kBallRadius);
+  return builder.Finish(true);
+}
+
 const std::map<std::string, std::function<ObjectModel()>>& Makers() {
   static const std::map<std::string, std::function<ObjectModel()>> makers{
-      {"cube", Cube},   {"coke", [] { return Can("coke", CokeTexture()); }},
-      {"milk", Milk},   {"pepsi", [] { return Can("pepsi", PepsiTexture()); }},
-      {"bread", Bread}, {"bottle", Bottle}};
+      {"cube", Cube},
+      {"coke", [] { return Can("coke", CokeTexture()); }},
+      {"milk", Milk},
+      {"pepsi", [] { return Can("pepsi", PepsiTexture()); }},
+      {"bread", Bread},
+      {"bottle", Bottle},
+      {"basketball", Basketball}};
   return makers;
 }
 

@@ -23,6 +23,17 @@ std::vector<Vector2d> Rows(double top, double bottom) { return {{0, bottom}, {1,
 
 }  // namespace
 
+Mesh BallMesh() {
+  constexpr int kRows = 16;
+  std::vector<ProfilePoint> profile;
+  for (int i = 0; i <= kRows; ++i) {
+    const double angle = std::numbers::pi * i / kRows;  // from the lower pole
+    profile.push_back({i % kRows == 0 ? 0 : kBallRadius * std::sin(angle), -kBallRadius * std::cos(angle),
+                       1 - static_cast<double>(i) / kRows});
+  }
+  return Lathe(profile, kAround);
+}
+
 Mesh CanMesh(double rest_height) {
   // rows: lid 0 .. .08, label .10 .. .94, base .96 .. 1 (see the can textures)
   const double r = kCanRadius, h = kCanHeight;

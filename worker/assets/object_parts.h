@@ -15,6 +15,10 @@ inline constexpr double kBreadHalfX = 0.030, kBreadHalfY = 0.025, kBreadSide = 0
 inline constexpr double kBottleRadius = 0.0275, kBottleShoulder = 0.092, kBottleNeck = 0.122;
 inline constexpr double kBottleNeckRadius = 0.0125, kBottleHeight = 0.160;
 
+inline constexpr double kBallRadius = 0.050;
+
+Mesh BallMesh();  ///< about its middle
+
 /// All meshes have their lowest point at z = -rest_height.
 Mesh CanMesh(double rest_height);
 Mesh MilkMesh(double rest_height);
@@ -31,6 +35,7 @@ Canvas MilkTexture();
 Canvas BreadTexture();
 Canvas BottleLabelTexture();
 Canvas WoodTexture();
+Canvas BallTexture();  ///< u around the vertical, v from the upper pole to the lower
 Canvas ClothTexture();
 Canvas StoneTexture();
 

@@ -112,6 +112,24 @@ Canvas BottleLabelTexture() {
   return canvas;
 }
 
+Canvas BallTexture() {
+  const int w = 512, h = 256;
+  const Color orange(0.90, 0.42, 0.10), black(0.07, 0.06, 0.06);
+  Canvas canvas(w, h, orange);
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x) {
+      const double around = 2 * kPi * (x + .5) / w, down = kPi * (y + .5) / h;
+      const Eigen::Vector3d p(std::sin(down) * std::cos(around), std::sin(down) * std::sin(around), std::cos(down));
+      // two great circles, and a curve to each side that bulges away from them; distances in radii
+      const double side = std::abs(p.x()) - (0.42 + 0.30 * p.z() * p.z());
+      const double seam = std::min({std::abs(p.z()), std::abs(p.x()), std::abs(side)});
+      const double pebbles = Noise(x * 0.9 * std::sin(down), y * 0.9, 31) - .5;
+      const double dark = std::clamp((0.050 - seam) / 0.012, 0.0, 1.0);
+      canvas.at(x, y) = orange * (1 + .10 * pebbles) + dark * (black - orange * (1 + .10 * pebbles));
+    }
+  return canvas;
+}
+
 Canvas WoodTexture() {
   const int n = 512, planks = 8;
   Canvas canvas(n, n, {0.66, 0.47, 0.31});

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -50,5 +51,7 @@ struct RobotModel {
 const std::vector<std::string>& KnownRobots();
 /// @error kInvalidArgument: unknown name; the message has the nearest known one
 Result<RobotModel> MakeRobot(const std::string& name);
+
+using RobotMaker = std::function<Result<RobotModel>(const std::string& name)>;
 
 }  // namespace etude::assets

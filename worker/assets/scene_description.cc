@@ -33,23 +33,24 @@ constexpr const char* kHead = R"(<mujoco model="etude">
 <default class="robot"><geom contype="2" conaffinity="1" group="3" mass="0" friction="0.5 0.005 0.0001" solref="0.006 1" solimp="0.95 0.99 0.001" rgba="0.9 0.4 0.4 0.5"/></default>
 <default class="pad"><geom contype="2" conaffinity="1" group="3" mass="0" condim="4" friction="0.9 0.02 0.001" solref="0.006 1" solimp="0.95 0.99 0.001" rgba="0.4 0.9 0.4 0.5"/></default>
 <default class="object"><geom contype="1" conaffinity="3" group="3" condim="4" friction="0.9 0.02 0.001" solref="0.006 1" solimp="0.95 0.99 0.001" rgba="0.4 0.4 0.9 0.5"/></default>
-<default class="object_round"><geom contype="1" conaffinity="3" group="3" condim="6" friction="0.9 0.02 0.001" solref="0.006 1" solimp="0.95 0.99 0.001" rgba="0.4 0.4 0.9 0.5"/></default>
+<default class="object_round"><geom {round}/></default>
+<default class="object_foot"><geom {foot}/></default>
 {defaults}</default>
 )";
 
-/// <mesh> and <texture> elements for our own files, each once; the others (a user's .stl, .obj, .png) are named by
-/// the robot's own text.
+/// <mesh> and <texture> elements for the files, each once, but for those that are declared already.
 std::string Assets(const std::vector<AssetFile>& offered, std::vector<AssetFile>& kept) {
   std::set<std::string> seen;
   std::string text;
   for (const AssetFile& file : offered) {
     if (!seen.insert(file.name).second) continue;
     const std::string stem = file.name.substr(0, file.name.rfind('.'));
-    if (file.name.ends_with(".msh"))
-      text += fmt::format("<mesh name=\"{}\" file=\"{}\"/>\n", stem, file.name);
-    else if (file.name.ends_with(".tex"))
-      text += fmt::format("<texture name=\"{}\" type=\"2d\" file=\"{}\"/>\n", stem, file.name);
     kept.push_back(file);
+    if (file.declared) continue;
+    if (file.name.ends_with(".msh") || file.name.ends_with(".obj"))
+      text += fmt::format("<mesh name=\"{}\" file=\"{}\"/>\n", stem, file.name);
+    else
+      text += fmt::format("<texture name=\"{}\" type=\"2d\" file=\"{}\"/>\n", stem, file.name);
   }
   return text;
 }
@@ -103,13 +104,10 @@ std::string Digest(const SceneDescription& scene) {
 
 }  // namespace
 
-Result<SceneDescription> DescribeScene(const SceneSpec& spec, std::optional<RobotModel> robot) {
+Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker& make_object,
+                                       const RobotMaker& make_robot) {
   SceneDescription scene;
-  if (robot) {
-    scene.robot = *std::move(robot);
-  } else {
-    ETUDE_ASSIGN_OR_RETURN(scene.robot, MakeRobot(spec.robot));
-  }
+  ETUDE_ASSIGN_OR_RETURN(scene.robot, make_robot(spec.robot));
   ETUDE_ASSIGN_OR_RETURN(scene.camera, MakeCamera(spec.camera));
   std::vector<AssetFile> offered = scene.robot.files;
   offered.push_back({"wood.tex", WoodTexture().ToTexture()});
@@ -117,12 +115,13 @@ Result<SceneDescription> DescribeScene(const SceneSpec& spec, std::optional<Robo
   for (const std::string& name : spec.objects) {
     if (!names.insert(name).second)
       return Fail(Code::kInvalidArgument, fmt::format("objects: '{}' is named twice", name));
-    ETUDE_ASSIGN_OR_RETURN(ObjectModel object, MakeObject(name));
+    ETUDE_ASSIGN_OR_RETURN(ObjectModel object, make_object(name));
     offered.insert(offered.end(), object.files.begin(), object.files.end());
     scene.objects.push_back(std::move(object));
   }
   std::string mjcf = fmt::format(kHead, fmt::arg("timestep", kTimestep), fmt::arg("width", spec.camera.width),
-                                 fmt::arg("height", spec.camera.height), fmt::arg("defaults", scene.robot.defaults));
+                                 fmt::arg("height", spec.camera.height), fmt::arg("round", kRoundObjectContact),
+                                 fmt::arg("foot", kFootContact), fmt::arg("defaults", scene.robot.defaults));
   mjcf += "<asset>\n" + Assets(offered, scene.files) + scene.robot.materials;
   mjcf +=
       "<material name=\"table\" texture=\"wood\" texrepeat=\"1 1\" specular=\"0\" "

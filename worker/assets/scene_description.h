@@ -28,8 +28,9 @@ struct SceneDescription {
 inline constexpr double kTimestep = 0.002;
 
 /// A pure function of `spec`.
+/// @param make_object, make_robot  pure functions of a name: what stands behind it
 /// @error kInvalidArgument: unknown robot or object, an object named twice, a bad camera vector
-/// @param robot  stands there instead of the known one that the spec names
-Result<SceneDescription> DescribeScene(const SceneSpec& spec, std::optional<RobotModel> robot = {});
+Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker& make_object = MakeObject,
+                                       const RobotMaker& make_robot = MakeRobot);
 
 }  // namespace etude::assets

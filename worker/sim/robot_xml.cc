@@ -123,7 +123,7 @@ Status RobotXml::TakeFiles(const Path& folder) {
     if (is_new) {
       entry->second = fmt::format("{}{}{}", kPrefix, files_.size(), path.extension().string());
       ETUDE_ASSIGN_OR_RETURN(auto bytes, ReadBinaryFile(path));
-      files_.push_back({entry->second, std::move(bytes)});
+      files_.push_back({entry->second, std::move(bytes), true});
     }
     asset->SetAttribute("file", entry->second.c_str());
   }

@@ -11,6 +11,7 @@
 #include "services/core/log.h"
 #include "worker/sim/model.h"
 #include "worker/sim/robot_file.h"
+#include "worker/synthesis/scene_object.h"
 
 namespace etude::sim {
 namespace {
@@ -232,17 +233,23 @@ void Scene::Model::ToolJacobian(const mjData* data, std::vector<double>& scratch
 
 Scene::Scene() : model_(std::make_unique<Model>()) {}
 Scene::~Scene() = default;
-
 int Scene::body_count() const { return model_->mj->nbody; }
+
+namespace {
+
+// A known robot, or that of a user's file.
+Result<assets::RobotModel> MakeSceneRobot(const std::string& name) {
+  if (!IsRobotFile(name)) return assets::MakeRobot(name);
+  ETUDE_ASSIGN_OR_RETURN(LoadedRobot loaded, LoadRobot(name));
+  return std::move(loaded.model);
+}
+
+}  // namespace
 
 Result<std::shared_ptr<const Scene>> Scene::Build(const SceneSpec& spec) {
   InstallHandlers();
-  std::optional<assets::RobotModel> robot;
-  if (IsRobotFile(spec.robot)) {
-    ETUDE_ASSIGN_OR_RETURN(LoadedRobot loaded, LoadRobot(spec.robot));
-    robot = std::move(loaded.model);
-  }
-  ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description, assets::DescribeScene(spec, std::move(robot)));
+  ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description,
+                         assets::DescribeScene(spec, synthesis::MakeSceneObject, MakeSceneRobot));
   std::shared_ptr<Scene> scene(new Scene);
   ETUDE_ASSIGN_OR_RETURN(scene->model_->mj, CompileXml(description.mjcf, description.files));
   FillAddresses(*scene->model_, description);

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "services/core/check.h"
+#include "services/episode/object_names.h"
 #include "services/language/grammar.h"
 #include "worker/task/expert.h"
 #include "worker/task/rollout.h"
@@ -93,7 +94,7 @@ SessionConfig AttemptRunner::Impl::ConfigOf(std::uint64_t index) const {
                        .max_steps = kExpertMaxSteps};
   if (task->avoid == "obstacle") config.avoid = {kObstacleObject};
   if (task->avoid == "others") {
-    config.avoid = SceneOf(spec, index).objects;
+    config.avoid = SceneNames(SceneOf(spec, index).objects);
     std::erase(config.avoid, config.target);
   }
   return config;
@@ -128,7 +129,7 @@ void AttemptRunner::Impl::Finish(Session& session, const Verdict& verdict, std::
 
 Result<AttemptRunner> AttemptRunner::Open(const CampaignSpec& spec, const sim::RendererConfig& renderer) {
   ETUDE_RETURN_IF_ERROR(spec.Validate());
-  ETUDE_ASSIGN_OR_RETURN(auto grammar, language::Grammar::LoadFor(spec.objects));
+  ETUDE_ASSIGN_OR_RETURN(auto grammar, language::Grammar::LoadFor(SceneNames(spec.objects)));
   auto impl = std::make_unique<Impl>(
       Impl{.spec = spec, .spec_sha256 = SpecHash(spec), .renderer = renderer, .grammar = std::move(grammar)});
   // what cannot be opened at all is said now, not at the first episode
