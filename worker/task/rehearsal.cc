@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "worker/task/scene_sampling.h"
 
 namespace etude::task {
@@ -10,11 +12,12 @@ namespace {
 
 constexpr double kHeldGripper = 0.5;  // opening that stands for "around an object" in checks
 // What the hand holds is never quite where it was planned to be.
-constexpr double kMargin = 0.008;    // m kept free at the goals,
-constexpr double kContact = 0.003;   // m where something is touched
-constexpr double kDexterity = 0.05;  // m, see Dexterity
-constexpr double kAside = 0.015;     // m
-constexpr int kWaySamples = 6;       // places along a way that has to be straight
+constexpr double kMargin = 0.008;         // m kept free at the goals,
+constexpr double kObstacleMargin = 0.03;  // m from the obstacle, where a touch is a failure
+constexpr double kPlannerMargin = 0.002;  // m that the planner keeps, see plan::Request
+constexpr double kDexterity = 0.05;       // m, see Dexterity
+constexpr double kAside = 0.015;          // m
+constexpr int kWaySamples = 6;            // places along a way that has to be straight
 
 // The arm at `goal`, or why it cannot be there.
 struct Place {
@@ -23,6 +26,20 @@ struct Place {
 };
 
 enum class Need { kFree, kReach };  // the arm must be free of collisions there, or only come there
+
+// What keeps the arm from standing at q, or "". The table stays where it is: it needs no more than the planner's
+// margin.
+std::string Blocked(const Eigen::VectorXd& q, double margin, collide::Checker& checker) {
+  if (const auto collision = checker.Check(q, std::min(margin, kPlannerMargin)))
+    return fmt::format("{} touches {}", collision->body_a, collision->body_b);
+  if (margin <= kPlannerMargin || !checker.Check(q, kObstacleMargin)) return {};
+  for (const auto& near : checker.Distances(q, kObstacleMargin)) {
+    const double least = near.body_b == kObstacleObject ? kObstacleMargin : margin;
+    if (near.body_b != "world" && near.distance < least)
+      return fmt::format("{} comes too near to {}", near.body_a, near.body_b);
+  }
+  return {};
+}
 
 Place TryPlace(const Pose& X_WE, double margin, Need need, const Eigen::VectorXd& q_from, Rehearsal& rehearsal) {
   Place place;
@@ -37,22 +54,19 @@ Place TryPlace(const Pose& X_WE, double margin, Need need, const Eigen::VectorXd
     return place;
   }
   if (need == Need::kReach) return place;
-  if (const auto collision = rehearsal.checker->Check(*place.q, margin)) {
-    place.why = fmt::format("{} touches {}", collision->body_a, collision->body_b);
-    place.q.reset();
-  }
+  place.why = Blocked(*place.q, margin, *rehearsal.checker);
+  if (!place.why.empty()) place.q.reset();
   return place;
 }
 
 // Along the straight way, when the stage must take it.
 Place TryGoal(const Stage& stage, const Pose& from, const Pose& goal, Rehearsal& rehearsal) {
-  const double margin = stage.touches_target ? kContact : kMargin;
   Place place{.q = rehearsal.q};
   const int samples = stage.straight_only || stage.holds ? kWaySamples : 1;
   for (int i = 1; i <= samples && place.q; ++i) {
     const double s = static_cast<double>(i) / samples;
     const Need need = stage.straight_only || i == samples ? Need::kFree : Need::kReach;
-    place = TryPlace({from.p + s * (goal.p - from.p), from.q.slerp(s, goal.q)}, margin, need, *place.q, rehearsal);
+    place = TryPlace({from.p + s * (goal.p - from.p), from.q.slerp(s, goal.q)}, kMargin, need, *place.q, rehearsal);
   }
   // pushes off the path move what is held a little aside
   for (const auto& [dx, dy] : {std::pair{-kAside, 0.0}, {kAside, 0.0}, {0.0, -kAside}, {0.0, kAside}}) {
@@ -79,8 +93,8 @@ std::optional<std::string> Rehearse(const std::vector<Stage>& stages, Situation 
       if (stage.name == "release") {
         now.X_EO.reset();
         SetForStage(stage, now.target, std::nullopt, *rehearsal.checker);
-        if (const auto collision = rehearsal.checker->Check(rehearsal.q, kMargin))
-          return fmt::format("release: {} touches {}", collision->body_a, collision->body_b);
+        const std::string blocked = Blocked(rehearsal.q, kMargin, *rehearsal.checker);
+        if (!blocked.empty()) return "release: " + blocked;
       }
       continue;
     }

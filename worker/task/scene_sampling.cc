@@ -81,8 +81,7 @@ double Dexterity(sim::Kinematics& kinematics, const Eigen::VectorXd& q) {
 }
 
 std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects,
-                                                      const std::vector<LocationBox>& all_boxes, double yaw,
-                                                      Rng& rng) {
+                                                      const std::vector<LocationBox>& all_boxes, double yaw, Rng& rng) {
   ETUDE_CHECK(objects.size() <= all_boxes.size(), "{} objects", objects.size());
   for (int arrangement = 0; arrangement < kArrangements; ++arrangement) {
     std::vector<LocationBox> boxes = all_boxes;
@@ -171,7 +170,10 @@ std::optional<PlacedObject> PlaceObstacle(const sim::ObjectInfo& obstacle, Obsta
     const Pose X_WO{p, FromEuler({rng.Uniform(-3, 3), 0, rng.Uniform(-3, 3)})};
     checker.SetObject(obstacle.name, X_WO);
     const std::vector<Eigen::VectorXd> ends{way.front(), way.back()};
-    if (Touches(ends, obstacle.name, kObstacleMargin, checker)) continue;
+    checker.SetGripper(1);
+    const bool touches_closed = Touches(ends, obstacle.name, kObstacleMargin, checker);
+    checker.SetGripper(0);
+    if (touches_closed || Touches(ends, obstacle.name, kObstacleMargin, checker)) continue;
     const bool blocked = Touches(way, obstacle.name, place == ObstaclePlace::kInTheWay ? 0.0 : kAsideMargin, checker);
     if (blocked == (place == ObstaclePlace::kInTheWay)) return PlacedObject{obstacle.name, X_WO};
   }

@@ -81,8 +81,11 @@ std::optional<Setting::Start> Setting::Draw(const SessionConfig& config, const R
   now.X_WE = planner.kinematics().X_WE(*q);
   const auto stages = StagesOf(config.task, shapes);
   if (ball) {
+    std::vector<PlacedObject> keep_clear = *objects;
+    if (config.task.base == "push")
+      for (const double y : {0.07, 0.14}) keep_clear.push_back({"", {now.X_WO.p + Eigen::Vector3d(0, y, 0), {}}});
     const auto placed =
-        PlaceObstacle(*ball, obstacle, *objects, *q, stages.front().goal(now), planner.kinematics(), checker, rng);
+        PlaceObstacle(*ball, obstacle, keep_clear, *q, stages.front().goal(now), planner.kinematics(), checker, rng);
     if (!placed) return why = "no place for the obstacle", std::nullopt;
     objects->push_back(*placed);
   }

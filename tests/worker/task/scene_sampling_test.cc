@@ -50,7 +50,8 @@ TEST(PlaceObjects, KeepsItsRulesOverManySeeds) {
 TEST(PlaceObjects, IsAFunctionOfTheSeed) {
   const auto objects = SixObjects();
   Rng a(7), b(7), c(8);
-  const auto first = PlaceObjects(objects, LocationBoxes(), 0.3, a), again = PlaceObjects(objects, LocationBoxes(), 0.3, b),
+  const auto first = PlaceObjects(objects, LocationBoxes(), 0.3, a),
+             again = PlaceObjects(objects, LocationBoxes(), 0.3, b),
              other = PlaceObjects(objects, LocationBoxes(), 0.3, c);
   for (std::size_t i = 0; i < objects.size(); ++i) {
     EXPECT_EQ((*first)[i].X_WO.p, (*again)[i].X_WO.p);
