@@ -185,7 +185,7 @@ void AddGripper(RobotModel& robot) {
   robot.gripper_closed = kClosed;
   robot.open_torque = -kGripTorque;
   robot.close_torque = kGripTorque;  // about 22 N against the thumb, half of it from each finger
-  robot.finger_groups = {{"thumb"}, {"index", "pinky"}};
+  robot.finger_groups = {{"thumb", "thumb_base"}, {"index", "index_base", "pinky", "pinky_base"}};
 }
 
 std::string Material(const std::string& name, const std::string& rgb, double shine) {

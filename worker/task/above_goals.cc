@@ -28,10 +28,32 @@ constexpr double kPushBehind = 0.035;   // m between fingertips and object befor
 constexpr double kPushFurther = 0.11;   // m that the object is pushed
 constexpr double kPushLess = 0.06;      // m where a neighbour is in the way further on
 constexpr double kLaidTilt = 0.28;      // rad off level of the hand that lays an object down: its palm needs the room
+constexpr double kVertical = 1.4;       // rad from which on the hand counts as pointing straight down
+constexpr double kTall = 0.12;          // m of an object from which on a hand that holds it is above the others
+constexpr double kPadBeyond = 0.014;    // m that the fingertips pass the object's axis
 constexpr double kTurnedReach = 0.50;   // m from the base's axis at least, for a hand that points away
 constexpr double kTurnBack = 0.12;      // m towards the robot while turning
 constexpr double kPlaceGap = 0.002;     // m between object and table when it is released
+constexpr double kHandGap = 0.015;      // m between the open hand and the reference beside it
+constexpr double kBesideMost = 0.165;   // m
 constexpr double kRetreat = 0.12;       // m
+
+// How the hand comes at things and carries them.
+struct Grip {
+  double pitch = 0;  // rad, see Hand()
+  double yaw = 0;    // rad about the vertical: 0 closes along x, pi/2 along y
+
+  Quaterniond q() const { return Quaterniond(Eigen::AngleAxisd(yaw, Vector3d::UnitZ())) * Hand(pitch); }
+  Vector3d approach() const { return Eigen::AngleAxisd(yaw, Vector3d::UnitZ()) * ApproachOf(pitch); }
+};
+
+// A hand is wider than it is thick: beside another object it goes lengthwise between the two, unless what it holds is
+// so tall that it passes above the other one.
+Grip GripFor(const Situation& now, double pitch, const TaskName& task) {
+  const bool sideways = task.base == "place_left" || task.base == "place_right";
+  const bool low = 2 * now.shapes->object(now.target).half_extent.z() < kTall;
+  return {pitch, sideways && low && pitch > kVertical ? std::numbers::pi / 2 : 0};
+}
 
 double TopOf(const Situation& now) {
   return (now.X_WO * now.shapes->Centre(now.target)).z() + now.shapes->object(now.target).half_extent.z();
@@ -42,26 +64,27 @@ double Below(const Situation& now, Part part, bool closed, const Quaterniond& q_
 }
 
 // The fingertips at the object's axis, as deep as object, palm and table allow.
-Pose AtGrasp(const Situation& now, double pitch) {
-  const Quaterniond q = Hand(pitch);
-  const Vector3d a = ApproachOf(pitch);
+Pose AtGrasp(const Situation& now, const Grip& grip) {
+  const Quaterniond q = grip.q();
+  const Vector3d a = grip.approach();
   const double top = TopOf(now), ahead = now.shapes->ahead_closed();
   const double tips = top - kDeepest - ahead * a.z();  // z of E with the tips that deep
   const double palm = top + kPalmGap - now.shapes->palm_ahead() * a.z();
   // the palm is beside the axis of an object that is approached at an angle
-  const double above_palm = pitch > 1.4 ? palm : tips;
+  const double above_palm = grip.pitch > kVertical ? palm : tips;
   const double table = Below(now, Part::kHand, false, q) + kFingerGap;
   const double z = std::max({tips, above_palm, table});
-  const double beyond = std::cos(pitch) * 0.014;  // pads, not their very tips, around the axis
-  return {{now.X_WO.p.x(), now.X_WO.p.y() + beyond - ahead * a.y(), z}, q};
+  // pads, not their very tips, around the axis
+  const Eigen::Vector2d xy = now.X_WO.p.head<2>() + (kPadBeyond - ahead) * a.head<2>();
+  return {{xy.x(), xy.y(), z}, q};
 }
 
 // Back along the approach until the open fingers clear the object's top.
-Pose BeforeGrasp(const Situation& now, double pitch) {
-  const Pose at = AtGrasp(now, pitch);
-  const Vector3d a = ApproachOf(pitch);
+Pose BeforeGrasp(const Situation& now, const Grip& grip) {
+  const Pose at = AtGrasp(now, grip);
+  const Vector3d a = grip.approach();
   const double clear = TopOf(now) + kHover + Below(now, Part::kFingers, false, at.q);
-  const double far = std::max(0.05, (clear - at.p.z()) / std::sin(pitch));
+  const double far = std::max(0.05, (clear - at.p.z()) / std::sin(grip.pitch));
   const Vector3d from = now.X_WE.p - at.p;
   const double back = -from.dot(a);
   const bool on_line = (from + back * a).norm() < kOnLine;
@@ -70,9 +93,10 @@ Pose BeforeGrasp(const Situation& now, double pitch) {
 }
 
 // Straight up, until there is `room` under what is held.
-Pose Raised(const Situation& now, double pitch, double room) {
-  const double below = now.X_EO ? HeldBelow(now, Hand(pitch)) : Below(now, Part::kHand, true, Hand(pitch));
-  return {{now.X_WE.p.x(), now.X_WE.p.y(), std::max(now.X_WE.p.z(), below + room)}, Hand(pitch)};
+Pose Raised(const Situation& now, const Grip& grip, double room) {
+  const Quaterniond q = grip.q();
+  const double below = now.X_EO ? HeldBelow(now, q) : Below(now, Part::kHand, true, q);
+  return {{now.X_WE.p.x(), now.X_WE.p.y(), std::max(now.X_WE.p.z(), below + room)}, q};
 }
 
 double PushY(const Situation& now) {
@@ -109,22 +133,30 @@ Pose Lowered(const Situation& now, const Quaterniond& q) {
   return {{now.X_WE.p.x(), now.X_WE.p.y(), z}, q};
 }
 
-Pose Beside(const Situation& now, double pitch, const Vector3d& offset) {
+// Where the target goes: far enough for the open hand to fit beside the reference.
+Vector3d PlaceBeside(const Situation& now, const Quaterniond& q_WE, const std::string& relation) {
+  if (relation == "place_front" || relation == "place_behind") return now.X_WR.p + kBefore * DirectionOf(relation);
+  const double hand = now.shapes->Reach(Part::kHand, false, q_WE, DirectionOf(relation));
+  const double reference = now.shapes->object(now.reference).half_extent.head<2>().maxCoeff();
+  return now.X_WR.p + std::clamp(hand + reference + kHandGap, kBeside, kBesideMost) * DirectionOf(relation);
+}
+
+Pose Beside(const Situation& now, const Grip& grip, const std::string& relation) {
   ETUDE_CHECK(now.X_EO.has_value());
-  const Quaterniond q = Hand(pitch);
+  const Quaterniond q = grip.q();
   const Vector3d p_EO_W = q * now.X_EO->p;
-  const Vector3d place = now.X_WR.p + offset;
+  const Vector3d place = PlaceBeside(now, q, relation);
   return {{place.x() - p_EO_W.x(), place.y() - p_EO_W.y(), 0}, q};
 }
 
-Pose Carried(const Situation& now, double pitch, const Vector3d& offset) {
-  Pose goal = Beside(now, pitch, offset);
+Pose Carried(const Situation& now, const Grip& grip, const std::string& relation) {
+  Pose goal = Beside(now, grip, relation);
   goal.p.z() = std::max(now.X_WE.p.z(), HeldBelow(now, goal.q) + kCarriedBelow);
   return goal;
 }
 
-Pose SetDown(const Situation& now, double pitch, const Vector3d& offset) {
-  Pose goal = Beside(now, pitch, offset);
+Pose SetDown(const Situation& now, const Grip& grip, const std::string& relation) {
+  Pose goal = Beside(now, grip, relation);
   goal.p.z() = Lowered(now, goal.q).p.z();
   return goal;
 }
@@ -139,10 +171,11 @@ double HeldBelow(const Situation& now, const Quaterniond& q_WE) {
 
 TaskGoals AboveGoals(double pitch, const TaskName& task) {
   TaskGoals goals;
+  const auto grip = [=](const Situation& now) { return GripFor(now, pitch, task); };
   const double room = task.relation() ? kCarriedBelow : kLiftedBelow;
-  goals.before_grasp = [=](const Situation& now) { return BeforeGrasp(now, pitch); };
-  goals.at_grasp = [=](const Situation& now) { return AtGrasp(now, pitch); };
-  goals.lifted = [=](const Situation& now) { return Raised(now, pitch, room); };
+  goals.before_grasp = [=](const Situation& now) { return BeforeGrasp(now, grip(now)); };
+  goals.at_grasp = [=](const Situation& now) { return AtGrasp(now, grip(now)); };
+  goals.lifted = [=](const Situation& now) { return Raised(now, grip(now), room); };
   goals.before_push = [](const Situation& now) { return Pushing(now, -kPushBehind); };
   goals.pushed = [](const Situation& now) { return Pushing(now, kPushFurther); };
   goals.pushed_less = [](const Situation& now) { return Pushing(now, kPushLess); };
@@ -150,14 +183,13 @@ TaskGoals AboveGoals(double pitch, const TaskName& task) {
   goals.turned = [=](const Situation& now) { return Turned(now, tilt); };
   goals.laid = [](const Situation& now) { return Lowered(now, now.X_WE.q); };
   if (task.relation()) {
-    const bool in_depth = task.base == "place_front" || task.base == "place_behind";
-    const Vector3d offset = (in_depth ? kBefore : kBeside) * DirectionOf(task.base);
-    goals.carried = [=](const Situation& now) { return Carried(now, pitch, offset); };
-    goals.set_down = [=](const Situation& now) { return SetDown(now, pitch, offset); };
+    const std::string relation = task.base;
+    goals.carried = [=](const Situation& now) { return Carried(now, grip(now), relation); };
+    goals.set_down = [=](const Situation& now) { return SetDown(now, grip(now), relation); };
   }
   const bool back = task.relation();
   goals.retreated = [=](const Situation& now) {
-    const Vector3d away = back ? Vector3d(-ApproachOf(pitch)) : Vector3d::UnitZ();
+    const Vector3d away = back ? Vector3d(-grip(now).approach()) : Vector3d::UnitZ();
     return Pose{now.X_WE.p + kRetreat * away, now.X_WE.q};
   };
   return goals;

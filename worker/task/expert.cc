@@ -2,6 +2,7 @@
 #include "worker/task/expert.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 
@@ -15,7 +16,7 @@ constexpr double kDropDistance = 0.035;   // m that a held object may shift in t
 constexpr double kOver = 0.03;            // m above everything on a way over the objects
 constexpr int kWatchSteps = 10;           // steps between two looks at what has to be avoided
 constexpr double kMoved = 0.005;          // m that it may move before that counts
-constexpr double kGoalTolerance = 0.012;  // m between hand and goal when a stage counts as done
+constexpr double kGoalTolerance = 0.015;  // m between hand and goal when a stage counts as done
 constexpr int kSettleSteps = 40;          // at most, to come within it
 
 Verdict Failed(AttemptOutcome outcome, std::string reason) { return {outcome, std::move(reason)}; }
@@ -266,7 +267,9 @@ Verdict Expert::AfterWait(int stage) {
   sim::World& world = session_->world();
   const std::string& target = session_->config().target;
   if (wait.done && !wait.done(world, target))
-    return Failed(AttemptOutcome::kGraspMissed, fmt::format("{}: {} is not between the fingers", wait.name, target));
+    return Failed(AttemptOutcome::kGraspMissed,
+                  fmt::format("{}: {} is not between the fingers but touches {}", wait.name, target,
+                              fmt::join(world.ContactsOf(target), ", ")));
   if (wait.name == "grasp") X_EO_ = world.X_WE().inverse() * world.ObjectPose(target);
   if (wait.name == "release") X_EO_.reset();
   return {};

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 
 #include "worker/task/scene_sampling.h"
 
@@ -17,7 +18,9 @@ constexpr double kObstacleMargin = 0.03;  // m from the obstacle, where a touch 
 constexpr double kPlannerMargin = 0.002;  // m that the planner keeps, see plan::Request
 constexpr double kDexterity = 0.05;       // m, see Dexterity
 constexpr double kAside = 0.015;          // m
-constexpr int kWaySamples = 6;            // places along a way that has to be straight
+constexpr int kStraightSamples = 12;      // places along a way that has to be straight
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+constexpr int kWaySamples = 6;  // places along a way that the arm should be able to follow
 
 // The arm at `goal`, or why it cannot be there.
 struct Place {
@@ -59,14 +62,28 @@ Place TryPlace(const Pose& X_WE, double margin, Need need, const Eigen::VectorXd
   return place;
 }
 
+// Most that a joint may turn from one of `samples` places along a straight way to the next, rad: the planner slows down
+// to kSlowest of the asked speed, not further.
+double MostTurn(const Stage& stage, const Pose& from, const Pose& goal, int samples) {
+  constexpr double kSlowest = 0.25;
+  const double linear = (goal.p - from.p).norm() / stage.limits.linear;
+  const double angular = AngleBetween(goal.q, from.q) / stage.limits.angular;
+  return std::max(linear, angular) / samples / kSlowest * stage.limits.joint;
+}
+
 // Along the straight way, when the stage must take it.
 Place TryGoal(const Stage& stage, const Pose& from, const Pose& goal, Rehearsal& rehearsal) {
   Place place{.q = rehearsal.q};
-  const int samples = stage.straight_only || stage.holds ? kWaySamples : 1;
+  const int samples = stage.straight_only ? kStraightSamples : stage.holds ? kWaySamples : 1;
+  const double most_turn = stage.straight_only ? MostTurn(stage, from, goal, samples) : kInfinite;
   for (int i = 1; i <= samples && place.q; ++i) {
     const double s = static_cast<double>(i) / samples;
     const Need need = stage.straight_only || i == samples ? Need::kFree : Need::kReach;
-    place = TryPlace({from.p + s * (goal.p - from.p), from.q.slerp(s, goal.q)}, kMargin, need, *place.q, rehearsal);
+    const Eigen::VectorXd q = *place.q;
+    place = TryPlace({from.p + s * (goal.p - from.p), from.q.slerp(s, goal.q)}, kMargin, need, q, rehearsal);
+    // the first step also takes up what the approach has left
+    if (place.q && i > 1 && (*place.q - q).cwiseAbs().maxCoeff() > most_turn)
+      place = {std::nullopt, "a joint would have to whirl round"};
   }
   // pushes off the path move what is held a little aside
   for (const auto& [dx, dy] : {std::pair{-kAside, 0.0}, {kAside, 0.0}, {0.0, -kAside}, {0.0, kAside}}) {
