@@ -110,15 +110,15 @@ Status RenderScene(const Arguments& arguments) {
 
 CLI::App* AddRender(CLI::App& app, Arguments& arguments) {
   auto* scene = app.add_subcommand("scene", "look at a campaign's scenes")->require_subcommand(1);
-  auto* render = scene->add_subcommand("render", "the first picture of an episode, as the camera sees it");
+  auto* render = scene->add_subcommand("render", "the first picture of episodes, as the camera sees it");
   render->add_option("spec", arguments.scene_spec.file, "campaign file")->required();
-  render->add_option("--index", arguments.scene.index, "episode")->capture_default_str();
+  render->add_option("--index", arguments.scene.indices, "episode; several come side by side")->capture_default_str();
   render->add_option("--attempt", arguments.scene.attempt, "attempt at it")->capture_default_str();
   render->add_option("--seed", arguments.scene_spec.seed, "instead of the file's");
   render->add_option("--set", arguments.scene_spec.overrides, "KEY=VALUE over the file's, e.g. camera.width=640")
       ->allow_extra_args(false)
       ->type_name("KEY=VALUE");
-  render->add_option("--out", arguments.picture, "PNG file")->capture_default_str();
+  render->add_option("--out", arguments.picture, "picture, .png or .jpg")->capture_default_str();
   render->add_flag("--segmentation", arguments.scene.segmentation, "also one with a colour for each body");
   render->add_flag("--depth", arguments.scene.depth, "also one of depth: 16 bits, mm");
   return render;

@@ -63,9 +63,10 @@ void AddDataset(CLI::App& app, Body& body) {
   hash->callback([=, &body] { body = [=] { return Hash(*dataset); }; });
   auto out = std::make_shared<std::string>("sheet.png");
   auto options = std::make_shared<FilmstripOptions>();
-  auto* sheet = add("sheet", "a picture to look at: the first episodes as filmstrips");
-  sheet->add_option("--out", *out, "PNG file")->capture_default_str();
-  sheet->add_option("--episodes", options->episodes, "rows")->capture_default_str();
+  auto* sheet = add("sheet", "a picture to look at: episodes as filmstrips");
+  sheet->add_option("--out", *out, "picture, .png or .jpg")->capture_default_str();
+  sheet->add_option("--index", options->indices, "rows: these episodes, in this order");
+  sheet->add_option("--episodes", options->episodes, "else so many rows: the first ones")->capture_default_str();
   sheet->add_option("--frames", options->frames, "columns")->capture_default_str();
   sheet->callback([=, &body] { body = [=] { return Sheet(*dataset, *out, *options); }; });
 }

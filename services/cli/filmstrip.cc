@@ -15,6 +15,7 @@ namespace {
 
 constexpr int kCaption = 24;  // px below each row
 constexpr int kGap = 2;       // px between frames
+constexpr int kJpegQuality = 85;
 
 Result<cv::Mat> Row(const Episode& episode, int columns) {
   const CameraTrack& track = episode.cameras[0];
@@ -36,15 +37,16 @@ Result<cv::Mat> Row(const Episode& episode, int columns) {
 
 }  // namespace
 
-Status WriteFilmstrips(const Path& dataset, const Path& png, const FilmstripOptions& options) {
+Status WriteFilmstrips(const Path& dataset, const Path& picture, const FilmstripOptions& options) {
   if (options.episodes < 1 || options.frames < 1)
     return Fail(Code::kInvalidArgument, fmt::format("filmstrips: {} episodes of {} frames: both must be at least 1",
                                                     options.episodes, options.frames));
   ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(dataset));
-  ETUDE_ASSIGN_OR_RETURN(const auto indices, reader.List());
+  ETUDE_ASSIGN_OR_RETURN(const auto all, reader.List());
+  const bool chosen = !options.indices.empty();
   std::vector<cv::Mat> rows;
-  for (const std::uint64_t index : indices) {
-    if (static_cast<int>(rows.size()) == options.episodes) break;
+  for (const std::uint64_t index : chosen ? options.indices : all) {
+    if (!chosen && static_cast<int>(rows.size()) == options.episodes) break;
     ETUDE_ASSIGN_OR_RETURN(const Episode episode, reader.ReadWhole(index));
     if (episode.cameras.empty() || episode.cameras[0].frames.empty()) continue;
     ETUDE_ASSIGN_OR_RETURN(auto row, Row(episode, options.frames));
@@ -55,8 +57,10 @@ Status WriteFilmstrips(const Path& dataset, const Path& png, const FilmstripOpti
   cv::Mat sheet;
   cv::vconcat(rows, sheet);
   std::vector<std::uint8_t> bytes;
-  if (!cv::imencode(".png", sheet, bytes)) return Fail(Code::kInternal, "filmstrips: PNG encoding failed");
-  return WriteFileAtomically(png, bytes);
+  const char* kind = picture.extension() == ".jpg" ? ".jpg" : ".png";
+  if (!cv::imencode(kind, sheet, bytes, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality}))
+    return Fail(Code::kInternal, "filmstrips: encoding failed");
+  return WriteFileAtomically(picture, bytes);
 }
 
 }  // namespace etude::cli

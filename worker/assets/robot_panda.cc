@@ -247,7 +247,7 @@ RobotModel MakePanda() {
     robot.bodies.push_back("link" + std::to_string(i + 1));
   }
   robot.bodies.insert(robot.bodies.end(), {"hand", "left_finger", "right_finger"});
-  // E at (0, 0.13, 0.36), hand down, elbow in the arm's plane
+  // E at (0, 0.03, 0.36), hand down, elbow in the arm's plane
   robot.q_home = {0, -0.72225383920078401, 0, -2.6432144843744174, 0, 1.9209604042143065, kPi / 4};
   robot.gripper_joints = {"finger_joint1"};
   robot.coupled_joints = {{"finger_joint2", 1}};

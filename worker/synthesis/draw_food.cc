@@ -307,53 +307,83 @@ double Decorate(Decoration decoration, double u, double v) {
   return 0;
 }
 
+/// What is drawn of a mug; lengths in halves of the picture.
+struct Mug {
+  double radius, bottom, top;
+  double taper;            ///< narrower below by this share
+  double opening;          ///< half the height of the rim's ellipse
+  double middle;           ///< x of its axis
+  double grip, bar, tall;  ///< the handle: radius, half its thickness, how much higher than wide
+  Color glaze, second, drink;
+  Decoration decoration;
+
+  double Side(double v) const { return radius * (1 - taper * (1 - std::clamp(v, 0.0, 1.0))); }
+  void PaintHandle(const Vector2d& q, double side, Texel& texel) const;
+  void PaintRim(const Vector2d& q, double sagitta, Texel& texel) const;
+};
+
+/// A bent bar from the side. `q`: from the axis.
+void Mug::PaintHandle(const Vector2d& q, double side, Texel& texel) const {
+  const Vector2d on_handle(q.x() - 0.96 * side, (q.y() - 0.02) / tall);
+  const double off = std::abs(on_handle.norm() - grip) / bar;
+  if (off >= 1 || q.x() <= 0.8 * side) return;
+  texel.height = Dome(off, bar);
+  texel.color = glaze * (1 - 0.12 * off);
+}
+
+/// Seen a little from above: the rim, the inside, the drink. `sagitta`: half the rim's ellipse there.
+void Mug::PaintRim(const Vector2d& q, double sagitta, Texel& texel) const {
+  const double ring = Vector2d(q.x() / radius, (q.y() - top) / opening).norm();
+  if (ring >= 1) return;
+  texel.color = Mix(glaze, {1, 1, 1}, 0.35);
+  Over(texel, Mix(glaze, {.9, .88, .84}, 0.3) * 0.72, Ramp(0.90, 0.86, ring));
+  const double level = Vector2d(q.x() / (0.84 * radius), (q.y() - top + 0.025) / (0.70 * opening)).norm();
+  Over(texel, drink, Ramp(1.0, 0.95, level));
+  texel.height *= std::lerp(1.0, 0.30, (q.y() - top + sagitta) / std::max(2 * sagitta, 1e-6));
+}
+
+Mug DrawShape(Rng& rng) {
+  Mug mug{};
+  mug.radius = rng.Uniform(0.40, 0.46);
+  mug.bottom = -rng.Uniform(0.74, 0.82);
+  mug.top = -mug.bottom - 0.06;
+  mug.taper = rng.Uniform(0.0, 0.12);
+  mug.opening = rng.Uniform(0.09, 0.13);
+  mug.middle = -0.16;
+  mug.grip = rng.Uniform(0.20, 0.24);
+  mug.bar = rng.Uniform(0.075, 0.090);
+  mug.tall = rng.Uniform(1.6, 1.9);
+  return mug;
+}
+
 }  // namespace
 
 Drawing DrawMug(Rng& rng) {
-  const double radius = rng.Uniform(0.40, 0.46), bottom = -rng.Uniform(0.74, 0.82), top = -bottom - 0.06;
-  const double taper = rng.Uniform(0.0, 0.12), opening = rng.Uniform(0.09, 0.13), middle = -0.16;
-  const double grip = rng.Uniform(0.20, 0.24), bar = rng.Uniform(0.075, 0.090), tall = rng.Uniform(1.6, 1.9);
-  const Color glaze = Pick(rng, {{.93, .92, .88},
-                                 {.20, .40, .62},
-                                 {.75, .22, .20},
-                                 {.95, .78, .26},
-                                 {.30, .52, .42},
-                                 {.22, .22, .25},
-                                 {.62, .76, .84}});
-  const Color second = glaze.sum() > 1.9 ? Pick(rng, {{.78, .15, .18}, {.15, .35, .60}, {.12, .45, .35}, {.2, .2, .22}})
-                                         : Pick(rng, {{.96, .94, .88}, {.98, .82, .40}});
-  const Color drink = Pick(rng, {{.24, .13, .07}, {.50, .32, .18}, {.60, .35, .10}}, 0.02);
-  const auto decoration = static_cast<Decoration>(rng.Below(6));
+  Mug mug = DrawShape(rng);
+  mug.glaze = Pick(rng, {{.93, .92, .88},
+                         {.20, .40, .62},
+                         {.75, .22, .20},
+                         {.95, .78, .26},
+                         {.30, .52, .42},
+                         {.22, .22, .25},
+                         {.62, .76, .84}});
+  mug.second = mug.glaze.sum() > 1.9 ? Pick(rng, {{.78, .15, .18}, {.15, .35, .60}, {.12, .45, .35}, {.2, .2, .22}})
+                                     : Pick(rng, {{.96, .94, .88}, {.98, .82, .40}});
+  mug.drink = Pick(rng, {{.24, .13, .07}, {.50, .32, .18}, {.60, .35, .10}}, 0.02);
+  mug.decoration = static_cast<Decoration>(rng.Below(6));
 
   return [=](const Vector2d& p) {
     Texel texel;
-    const double v = (p.y() - bottom) / (top - bottom);
-    const double side = radius * (1 - taper * (1 - std::clamp(v, 0.0, 1.0)));
-    const Vector2d q(p.x() - middle, p.y());
-    const double sagitta = opening * std::sqrt(std::max(0.0, 1 - q.x() * q.x() / (radius * radius)));
-    // the handle: a bent bar from the side
-    const Vector2d on_handle(q.x() - 0.96 * side, (p.y() - 0.02) / tall);
-    const double off = std::abs(on_handle.norm() - grip) / bar;
-    if (off < 1 && q.x() > 0.8 * side) {
-      texel.height = Dome(off, bar);
-      texel.color = glaze * (1 - 0.12 * off);
-    }
-    if (v <= 0 || std::abs(q.x()) >= side || p.y() >= top + sagitta) return texel;
-    texel.height = std::sqrt(side * side - q.x() * q.x());
-    const double corner = Ramp(0.0, 0.05, v);
-    texel.height *= 0.94 + 0.06 * corner;
-    texel.color = glaze;
-    Over(texel, second, Decorate(decoration, std::asin(q.x() / side), (v - 0.02) / 0.86));
-    Over(texel, glaze * 0.75, Ramp(0.04, 0.02, v));
-    // seen a little from above: the rim, the inside, the drink
-    const double ring = Vector2d(q.x() / radius, (p.y() - top) / opening).norm();
-    if (ring < 1) {
-      texel.color = Mix(glaze, {1, 1, 1}, 0.35);
-      Over(texel, Mix(glaze, {.9, .88, .84}, 0.3) * 0.72, Ramp(0.90, 0.86, ring));
-      const double level = Vector2d(q.x() / (0.84 * radius), (p.y() - top + 0.025) / (0.70 * opening)).norm();
-      Over(texel, drink, Ramp(1.0, 0.95, level));
-      texel.height *= std::lerp(1.0, 0.30, (p.y() - top + sagitta) / std::max(2 * sagitta, 1e-6));
-    }
+    const double v = (p.y() - mug.bottom) / (mug.top - mug.bottom), side = mug.Side(v);
+    const Vector2d q(p.x() - mug.middle, p.y());
+    const double sagitta = mug.opening * std::sqrt(std::max(0.0, 1 - q.x() * q.x() / (mug.radius * mug.radius)));
+    mug.PaintHandle(q, side, texel);
+    if (v <= 0 || std::abs(q.x()) >= side || p.y() >= mug.top + sagitta) return texel;
+    texel.height = std::sqrt(side * side - q.x() * q.x()) * (0.94 + 0.06 * Ramp(0.0, 0.05, v));
+    texel.color = mug.glaze;
+    Over(texel, mug.second, Decorate(mug.decoration, std::asin(q.x() / side), (v - 0.02) / 0.86));
+    Over(texel, mug.glaze * 0.75, Ramp(0.04, 0.02, v));
+    mug.PaintRim(q, sagitta, texel);
     return texel;
   };
 }

@@ -123,7 +123,8 @@ Drawing DrawStrawberry(Rng& rng) {
     const Vector2d q(p.x() - bend * (1 - y) * (1 - y), p.y());
     if (y > 0 && y < 1) {
       const double radius = wide * std::pow(y, blunt) * std::sqrt(std::max(0.0, 1 - std::pow(y, 7))) * 1.02;
-      texel.height = 0.85 * Round(q.x(), radius);
+      // flatter in front than a circle, so that it does not roll when it lies
+      texel.height = 0.84 * radius * std::sqrt(std::max(0.0, 1 - std::pow(std::abs(q.x()) / radius, 2.8)));
       if (texel.height > 0) {
         texel.color = Mix(skin, skin * 0.85, Fractal(q, 3, seed + 3));
         Over(texel, {.96, .80, .66}, pale * Ramp(0.78, 1.0, y));

@@ -26,8 +26,6 @@
 namespace etude::synthesis {
 namespace {
 
-constexpr int kTile = 160;  // px, of a gallery's
-
 struct Arguments {
   // synthesize
   std::vector<std::string> classes{"all"};
@@ -49,6 +47,7 @@ struct Arguments {
   std::string folder;
   std::string sheet = "objects.png";
   int columns = 10;
+  int tile = 160;  // px
 };
 
 Result<std::vector<Maker>> DrawnObjects(const Arguments& arguments) {
@@ -176,7 +175,7 @@ Status Gallery(const Arguments& arguments) {
     ETUDE_ASSIGN_OR_RETURN(const ObjectFacts facts, ReadObjectFacts(folder));
     ETUDE_ASSIGN_OR_RETURN(const FileMesh read, ReadMesh(folder / "visual.obj"));
     ETUDE_ASSIGN_OR_RETURN(const Texture texture, DecodePicture(read.picture, folder.string()));
-    tiles.push_back({ShadedView(read.mesh, texture, {.size = kTile}),
+    tiles.push_back({ShadedView(read.mesh, texture, {.size = arguments.tile}),
                      fmt::format("{}  {:.0f} mm", facts.name, 1000 * facts.size_m)});
   }
   ETUDE_RETURN_IF_ERROR(WriteContactSheet(tiles, arguments.columns, arguments.sheet));
@@ -234,7 +233,10 @@ CLI::App* AddImport(CLI::App& app, Arguments& arguments) {
 CLI::App* AddGallery(CLI::App& app, Arguments& arguments) {
   auto* command = app.add_subcommand("gallery", "a picture with a tile for each object of a folder");
   command->add_option("folder", arguments.folder, "what synthesize or import wrote")->required();
-  command->add_option("--out", arguments.sheet, "PNG file")->capture_default_str();
+  command->add_option("--out", arguments.sheet, "picture, .png or .jpg")->capture_default_str();
+  command->add_option("--tile", arguments.tile, "width and height of each, px")
+      ->check(CLI::Range(32, 2048))
+      ->capture_default_str();
   command->add_option("--columns", arguments.columns, "tiles in a row")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();

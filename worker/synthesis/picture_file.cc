@@ -12,7 +12,9 @@
 namespace etude::synthesis {
 namespace {
 
-constexpr int kCaption = 18;
+constexpr int kCaption = 18;             // px
+constexpr double kLetters = 0.38 / 160;  // size of OpenCV's font for each px of a tile
+constexpr int kJpegQuality = 85;
 
 Result<cv::Mat> Read(const Path& path, int flags) {
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path, 1u << 28));
@@ -22,9 +24,10 @@ Result<cv::Mat> Read(const Path& path, int flags) {
   return picture;
 }
 
-Result<std::vector<std::uint8_t>> Encode(const cv::Mat& picture) {
+Result<std::vector<std::uint8_t>> Encode(const cv::Mat& picture, const char* kind = ".png") {
   std::vector<std::uint8_t> bytes;
-  if (!cv::imencode(".png", picture, bytes)) return Fail(Code::kInternal, "PNG encoding failed");
+  if (!cv::imencode(kind, picture, bytes, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality}))
+    return Fail(Code::kInternal, fmt::format("encoding a {} picture failed", kind));
   return bytes;
 }
 
@@ -90,7 +93,7 @@ Texture PaletteTexture(const std::vector<Eigen::Vector3d>& colors) {
   return texture;
 }
 
-Status WriteContactSheet(const std::vector<Tile>& tiles, int columns, const Path& png) {
+Status WriteContactSheet(const std::vector<Tile>& tiles, int columns, const Path& path) {
   if (tiles.empty() || columns < 1) return Fail(Code::kInvalidArgument, "a contact sheet without tiles");
   const int width = tiles[0].picture.width, height = tiles[0].picture.height, line = height + kCaption;
   const int rows = (static_cast<int>(tiles.size()) + columns - 1) / columns;
@@ -102,11 +105,11 @@ Status WriteContactSheet(const std::vector<Tile>& tiles, int columns, const Path
                                                       picture.width, picture.height, width, height));
     const int x = i % columns * width, y = i / columns * line;
     ToMat(picture).copyTo(sheet(cv::Rect(x, y, width, height)));
-    cv::putText(sheet, tiles[i].caption, {x + 4, y + height + 12}, cv::FONT_HERSHEY_SIMPLEX, 0.38, cv::Scalar::all(0),
-                1, cv::LINE_AA);
+    cv::putText(sheet, tiles[i].caption, {x + 4, y + height + 12}, cv::FONT_HERSHEY_SIMPLEX, kLetters * width,
+                cv::Scalar::all(0), 1, cv::LINE_AA);
   }
-  ETUDE_ASSIGN_OR_RETURN(const auto bytes, Encode(sheet));
-  return WriteFileAtomically(png, bytes);
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, Encode(sheet, path.extension() == ".jpg" ? ".jpg" : ".png"));
+  return WriteFileAtomically(path, bytes);
 }
 
 }  // namespace etude::synthesis

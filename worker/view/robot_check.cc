@@ -22,6 +22,9 @@ constexpr int kDrive = 150;
 constexpr int kPicks = 5, kPicksNeeded = 3;
 constexpr double kDegree = std::numbers::pi / 180;
 
+/// Rounded, and never "-0".
+double Whole(double value) { return std::round(value) + 0.0; }
+
 /// The lines so far.
 class Report {
  public:
@@ -66,7 +69,7 @@ void CheckHome(const std::shared_ptr<const sim::Scene>& scene, Report& report) {
   }
   report.Line(true, "home",
               fmt::format("tool at ({:.3f}, {:.3f}, {:.3f}) m, pointing {:.0f} deg below the horizontal, free",
-                          X_WE.p.x(), X_WE.p.y(), X_WE.p.z(), -std::asin(points.z()) / kDegree));
+                          X_WE.p.x(), X_WE.p.y(), X_WE.p.z(), Whole(-std::asin(points.z()) / kDegree)));
 }
 
 void CheckGripper(const std::shared_ptr<const sim::Scene>& scene, Report& report) {
@@ -81,7 +84,7 @@ void CheckGripper(const std::shared_ptr<const sim::Scene>& scene, Report& report
   const bool good = world.healthy() && closed > kGripperNeeded && opened < 1 - kGripperNeeded;
   report.Line(good, "gripper",
               fmt::format("driven for {:.1f} s it closes to {:.0f} % and opens to {:.0f} %", kDrive * 0.008,
-                          100 * closed, 100 * opened));
+                          Whole(100 * closed), Whole(100 * opened)));
   const double error = (world.X_WE().p - home.p).norm();
   report.Line(error < 2e-3, "control", fmt::format("the arm holds its home within {:.2f} mm meanwhile", 1e3 * error));
 }
