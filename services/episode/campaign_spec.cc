@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <set>
 
 #include "services/core/check.h"
@@ -59,6 +60,11 @@ Status CampaignSpec::Validate() const {
                       objects_per_scene == 0 ? "; set objects_per_scene to draw some of them" : ""));
   require(objects_per_scene <= static_cast<int>(objects.size()),
           fmt::format("objects_per_scene: {} of {} objects", objects_per_scene, objects.size()));
+  // a sentence names a class, so that no two of one class stand on the table together
+  std::set<std::string> nouns;
+  for (const auto& object : objects) nouns.insert(ObjectNoun(object));
+  require(on_table <= static_cast<int>(nouns.size()),
+          fmt::format("objects: {} on the table of {} classes; one of each at most", on_table, nouns.size()));
   require(!relation || on_table >= 2, "objects: a place_* task needs a second one to refer to");
   for (const auto& object : objects)
     if (const Status known = CheckObjectName(object); !known) errors.push_back(known.error().message);
@@ -178,11 +184,41 @@ std::string TaskOf(const CampaignSpec& spec, std::uint64_t index) {
   return spec.tasks[chosen];
 }
 
+namespace {
+
+constexpr double kLongestSplitBlock = 10'000;
+
+std::string SplitAt(const SplitSpec& split, double place) {
+  if (place < split.train) return "train";
+  return place < split.train + split.valid ? "valid" : "test";
+}
+
+// A whole number that std::gcd can take.
+bool IsCount(double weight) { return weight >= 0 && weight <= 1e15 && weight == std::floor(weight); }
+
+}  // namespace
+
+std::uint64_t SplitBlock(const SplitSpec& split) {
+  if (!IsCount(split.train) || !IsCount(split.valid) || !IsCount(split.test)) return 0;
+  const auto train = static_cast<std::uint64_t>(split.train), valid = static_cast<std::uint64_t>(split.valid),
+             test = static_cast<std::uint64_t>(split.test);
+  const std::uint64_t divisor = std::gcd(std::gcd(train, valid), test);
+  ETUDE_CHECK(divisor > 0, "all of the split is 0");
+  const std::uint64_t block = (train + valid + test) / divisor;
+  return static_cast<double>(block) <= kLongestSplitBlock ? block : 0;
+}
+
 std::string SplitOf(const CampaignSpec& spec, std::uint64_t index) {
   const double total = spec.split.train + spec.split.valid + spec.split.test;
-  const double draw = Rng(MixSeed({spec.seed, index}, "split")).Uniform() * total;
-  if (draw < spec.split.train) return "train";
-  return draw < spec.split.train + spec.split.valid ? "valid" : "test";
+  const std::uint64_t block = SplitBlock(spec.split);
+  if (block == 0) return SplitAt(spec.split, Rng(MixSeed({spec.seed, index}, "split")).Uniform() * total);
+  std::vector<std::uint64_t> order(block);
+  std::iota(order.begin(), order.end(), std::uint64_t{0});
+  Rng rng(MixSeed({spec.seed, index / block}, "split block"));
+  rng.Shuffle(order);
+  // the middle of the place's share, so that rounding cannot move it over a boundary
+  const double place = static_cast<double>(order[index % block]) + 0.5;
+  return SplitAt(spec.split, place * (total / static_cast<double>(block)));
 }
 
 }  // namespace etude

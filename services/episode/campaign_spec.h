@@ -76,6 +76,8 @@ struct RolloutSpec {
   }
 };
 
+/// Shares of train, valid and test. Whole numbers are counts: {1600, 400, 400} splits 2400 episodes exactly, and
+/// every further block of six 4:1:1. With fractions each episode is drawn by itself: counts are near them.
 struct SplitSpec {
   double train = 0.9;
   double valid = 0.1;
@@ -171,7 +173,12 @@ std::string ReferenceOf(const CampaignSpec& spec, std::uint64_t index);
 /// The task of episode `index` (round-robin by weight, the same for all attempts).
 std::string TaskOf(const CampaignSpec& spec, std::uint64_t index);
 
-/// train | valid | test of episode `index`, a hash of (seed, index): stable while a campaign grows.
+/// Episodes after which whole numbers in `split` are met exactly, and again after each such block: their sum over
+/// their greatest common divisor. 0 when they are fractions (or the block would be longer than 10^4), so that
+/// SplitOf draws.
+std::uint64_t SplitBlock(const SplitSpec& split);
+
+/// train | valid | test of episode `index`, a function of (seed, index): stable while a campaign grows.
 std::string SplitOf(const CampaignSpec& spec, std::uint64_t index);
 
 }  // namespace etude

@@ -15,6 +15,7 @@ namespace {
 constexpr double kDropDistance = 0.035;   // m that a held object may shift in the hand
 constexpr double kOver = 0.03;            // m above everything on a way over the objects
 constexpr int kWatchSteps = 10;           // steps between two looks at what has to be avoided
+constexpr double kAvoidMargin = 0.02;     // m kept from everything where the field does not lead on
 constexpr double kMoved = 0.005;          // m that it may move before that counts
 constexpr double kGoalTolerance = 0.015;  // m between hand and goal when a stage counts as done
 constexpr int kSettleSteps = 40;          // at most, to come within it
@@ -120,13 +121,27 @@ void Expert::UpdateChecker(const Stage& stage) {
 
 Verdict Expert::PlanPiece(int first, Piece& piece) {
   const Stopwatch watch(session_->times().plan);
+  const Verdict verdict = TryPiece(first, true, piece);
+  if (verdict.ok() || stages_[first].clearance == 0) return verdict;
+  // another way may arrive with the arm in another branch, from which the next stage can be done
+  Piece other;
+  if (!TryPiece(first, false, other).ok()) return verdict;
+  piece = std::move(other);
+  return {};
+}
+
+Verdict Expert::TryPiece(int first, bool by_field, Piece& piece) {
   Situation now = Now();
   Eigen::VectorXd q = session_->world().q();
   if (const auto q_reference = planner_->Solve(reference_, q)) q = *q_reference;
   piece.first = first;
   piece.avoided = AvoidedPlaces();
   for (int i = first;; ++i) {
-    const Stage& stage = stages_[i];
+    Stage stage = stages_[i];
+    if (!by_field && stage.clearance > 0) {
+      stage.margin = kAvoidMargin;
+      stage.clearance = 0;
+    }
     UpdateChecker(stage);
     Pose goal = stage.goal(now);
     const std::uint64_t seed = MixSeed({seed_, std::uint64_t(plans_++)}, "plan");

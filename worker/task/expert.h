@@ -45,6 +45,8 @@ class Expert {
   void UpdateChecker(const Stage& stage);
   Situation Now() const;
   Verdict PlanPiece(int first, Piece& piece);
+  /// One try. @param by_field  whether stages with a clearance go down the potential field
+  Verdict TryPiece(int first, bool by_field, Piece& piece);
   Verdict PlayPiece(const Piece& piece, int& next_stage);
   Interruption DrawInterruption(const Piece& piece);
   Verdict PlayWait(int stage);

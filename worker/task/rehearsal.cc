@@ -16,7 +16,7 @@ constexpr double kHeldGripper = 0.5;  // opening that stands for "around an obje
 constexpr double kMargin = 0.008;         // m kept free at the goals,
 constexpr double kObstacleMargin = 0.03;  // m from the obstacle, where a touch is a failure
 constexpr double kPlannerMargin = 0.002;  // m that the planner keeps, see plan::Request
-constexpr double kDexterity = 0.05;       // m, see Dexterity
+constexpr double kDexterity = 0.06;       // m, see Dexterity
 constexpr double kAside = 0.015;          // m
 constexpr int kStraightSamples = 12;      // places along a way that has to be straight
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
@@ -51,7 +51,8 @@ Place TryPlace(const Pose& X_WE, double margin, Need need, const Eigen::VectorXd
     place.why = fmt::format("out of reach at ({:.3f}, {:.3f}, {:.3f})", X_WE.p.x(), X_WE.p.y(), X_WE.p.z());
     return place;
   }
-  if (Dexterity(*rehearsal.kinematics, *place.q) < kDexterity) {
+  if (Dexterity(*rehearsal.kinematics, *place.q) < kDexterity ||
+      SingularityBetween(*rehearsal.kinematics, q_from, *place.q)) {
     place.why = fmt::format("too stretched at ({:.3f}, {:.3f}, {:.3f})", X_WE.p.x(), X_WE.p.y(), X_WE.p.z());
     place.q.reset();
     return place;

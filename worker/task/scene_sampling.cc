@@ -80,6 +80,11 @@ double Dexterity(sim::Kinematics& kinematics, const Eigen::VectorXd& q) {
   return svd.singularValues().minCoeff();
 }
 
+bool SingularityBetween(sim::Kinematics& kinematics, const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+  if (a.size() != 6) return false;
+  return kinematics.Jacobian(a).determinant() * kinematics.Jacobian(b).determinant() < 0;
+}
+
 std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects,
                                                       const std::vector<LocationBox>& all_boxes, double yaw, Rng& rng) {
   ETUDE_CHECK(objects.size() <= all_boxes.size(), "{} objects", objects.size());
@@ -112,7 +117,9 @@ std::optional<Eigen::VectorXd> DrawLowStart(const sim::ArmInfo& arm, double lowe
     const double y = rng.Uniform(kLowStartNear, kLowStartFar);
     const Pose X_WE{{x, y, lowest + rng.Uniform(0, kLowStartHeight)}, X_WE_home.q};
     const auto q = kinematics.Solve(X_WE, arm.q_home);
-    if (q && Dexterity(kinematics, *q) > kStartDexterity && !checker.Check(*q, kStartMargin)) return q;
+    if (q && !SingularityBetween(kinematics, arm.q_home, *q) && Dexterity(kinematics, *q) > kStartDexterity &&
+        !checker.Check(*q, kStartMargin))
+      return q;
   }
   return std::nullopt;
 }

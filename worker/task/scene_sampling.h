@@ -38,6 +38,10 @@ std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::Obj
 /// Smallest singular value of the tool's Jacobian at q: the worst ratio of tool speed to joint speed.
 double Dexterity(sim::Kinematics& kinematics, const Eigen::VectorXd& q);
 
+/// True when an arm of six joints would have to pass a singularity between the two: the sign of its Jacobian's
+/// determinant differs. Never for other arms.
+bool SingularityBetween(sim::Kinematics& kinematics, const Eigen::VectorXd& a, const Eigen::VectorXd& b);
+
 /// Arm configuration near home whose hand is moved by uniform offsets, free of collisions.
 /// @pre `checker` knows the objects; its gripper is open
 /// @returns nothing when none was found within a fixed number of draws.

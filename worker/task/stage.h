@@ -35,6 +35,7 @@ struct Stage {
   bool closed = false;    ///< gripper command
   plan::Limits limits;
   double clearance = 0;         ///< m wished from obstacles; above 0 the potential field plans
+  double margin = 0.002;        ///< m kept from everything, as far as the start keeps it
   bool detours_over = false;    ///< a detour goes over the objects instead of behind them
   bool straight_only = false;   ///< a detour would be worse than a failure
   bool touches_target = false;  ///< contact of hand and target is wanted

@@ -6,7 +6,10 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <set>
 
+#include "services/episode/object_names.h"
+#include "services/episode/task_name.h"
 #include "tests/support/matchers.h"
 
 namespace etude {
@@ -69,6 +72,107 @@ TEST(CampaignSpec, SplitsAreStableAndNearTheirFractions) {
   }
 
   EXPECT_NEAR(valid / 5000.0, 0.1, 0.02);
+}
+
+std::map<std::string, int> SplitCounts(const CampaignSpec& spec, std::uint64_t from, std::uint64_t count) {
+  std::map<std::string, int> counts;
+  for (std::uint64_t i = from; i < from + count; ++i) ++counts[SplitOf(spec, i)];
+  return counts;
+}
+
+TEST(CampaignSpec, WholeNumbersSplitExactly) {
+  struct Row {
+    SplitSpec split;
+    std::uint64_t block;
+  };
+  for (const Row& row : {Row{{1600, 400, 400}, 6}, Row{{320, 80, 80}, 6}, Row{{260, 80, 0}, 17}, Row{{200, 400, 0}, 3},
+                         Row{{3000, 600, 0}, 6}, Row{{7, 0, 3}, 10}, Row{{0, 5, 0}, 1}}) {
+    CampaignSpec spec;
+    spec.split = row.split;
+    const auto [train, valid, test] = spec.split;
+    EXPECT_EQ(SplitBlock(spec.split), row.block);
+    for (const std::uint64_t seed : {1, 2, 99}) {
+      spec.seed = seed;
+      const auto total = static_cast<std::uint64_t>(train + valid + test);
+      auto counts = SplitCounts(spec, 0, total);
+      EXPECT_EQ(counts["train"], train);
+      EXPECT_EQ(counts["valid"], valid);
+      EXPECT_EQ(counts["test"], test);
+      counts = SplitCounts(spec, 5 * row.block, row.block);
+      EXPECT_EQ(counts["train"] * static_cast<int>(total / row.block), train) << "each block by itself";
+    }
+  }
+}
+
+TEST(CampaignSpec, ExactSplitsAreDrawnAnewInEachBlockAndFollowTheSeed) {
+  CampaignSpec spec, other_seed, longer;
+  spec.split = other_seed.split = longer.split = {4, 1, 1};
+  other_seed.seed = 2;
+  longer.episodes = 10 * spec.episodes;
+  std::map<std::uint64_t, int> test_at;  // place in its block -> how often
+  int differ = 0;
+  for (std::uint64_t i = 0; i < 6000; ++i) {
+    EXPECT_EQ(SplitOf(spec, i), SplitOf(longer, i));
+    differ += SplitOf(spec, i) != SplitOf(other_seed, i);
+    if (SplitOf(spec, i) == "test") ++test_at[i % 6];
+  }
+  EXPECT_GT(differ, 2000);
+  ASSERT_EQ(test_at.size(), 6u) << "every place of a block";
+  for (const auto& [place, count] : test_at) EXPECT_NEAR(count, 1000.0 / 6, 60) << place;
+}
+
+TEST(CampaignSpec, FractionsAndHugeBlocksAreDrawnOneByOne) {
+  EXPECT_EQ(SplitBlock({0.9, 0.1, 0}), 0u);
+  EXPECT_EQ(SplitBlock({90.5, 9.5, 0}), 0u);
+  EXPECT_EQ(SplitBlock({99'991, 7, 0}), 0u) << "no block of 99,998";
+  CampaignSpec spec;
+  spec.split = {99'991, 7, 0};
+  EXPECT_EQ(SplitOf(spec, 3), SplitOf(spec, 3));
+}
+
+TEST(CampaignSpec, OneObjectOfAClassAtMost) {
+  CampaignSpec spec;
+  spec.objects = {"apple_00", "apple_01", "mug_00"};
+  EXPECT_THAT(spec.Validate(), MessageHas("one of each at most"));
+  spec.objects_per_scene = 2;
+  spec.tasks = {"pick", "place_left"};
+  EXPECT_THAT(spec.Validate(), IsOk());
+  spec.objects = {"apple_00", "apple_01"};
+  EXPECT_THAT(spec.Validate(), MessageHas("2 on the table of 1 classes")) << "nothing to put it beside";
+}
+
+TEST(SceneOf, ObjectsAreOfDifferentClassesAndSharedByAGroup) {
+  CampaignSpec spec;
+  spec.objects = TrainObjects();
+  spec.objects_per_scene = 4;
+  spec.robots = {"ur5", "panda", "jaco2"};
+  spec.tasks = {"pick", "place_left", "push+obstacle"};
+  std::set<std::vector<std::string>> choices;
+  std::set<std::string> seen;
+  for (std::uint64_t i = 0; i < 600; ++i) {
+    SceneSpec scene = SceneOf(spec, i);
+    EXPECT_EQ(scene.robot, spec.robots[i / kEpisodesPerScene % 3]);
+    if (i % 3 == 2) {
+      ASSERT_EQ(scene.objects.back(), kObstacleObject) << i;
+      scene.objects.pop_back();
+    }
+    ASSERT_EQ(scene.objects.size(), 4u);
+    std::set<std::string> classes;
+    for (const auto& object : scene.objects) classes.insert(ObjectNoun(object)), seen.insert(object);
+    EXPECT_EQ(classes.size(), 4u) << i;
+    choices.insert(scene.objects);
+    EXPECT_THAT(scene.objects, testing::Contains(TargetOf(spec, i)));
+    const std::string reference = ReferenceOf(spec, i);
+    if (i % 3 == 1) {
+      EXPECT_THAT(scene.objects, testing::Contains(reference));
+      EXPECT_NE(reference, TargetOf(spec, i));
+    } else {
+      EXPECT_EQ(reference, "");
+    }
+  }
+  EXPECT_LE(choices.size(), 600 / kEpisodesPerScene);
+  EXPECT_GT(choices.size(), 50u) << "others in each group";
+  EXPECT_EQ(seen.size(), 30u) << "each has its turn";
 }
 
 TEST(CampaignSpec, SeedsDifferByIndexAndAttempt) {

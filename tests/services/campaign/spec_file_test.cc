@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/campaign/spec_file.cc and the files in deploy/campaigns
+#include "services/campaign/spec_file.h"
+
+#include <gmock/gmock.h>
+
+#include <array>
+#include <filesystem>
+#include <map>
+
+#include "services/core/file.h"
+#include "services/episode/task_name.h"
+#include "tests/support/matchers.h"
+
+namespace etude::campaign {
+namespace {
+
+const Path kFolder = "deploy/campaigns";
+
+Result<CampaignSpec> Load(const std::string& name) {
+  return LoadSpec({.file = (kFolder / (name + ".yaml")).string(), .episodes = {}, .seed = {}, .overrides = {}});
+}
+
+TEST(CampaignFiles, AllLoadAreNamedAsTheirFileAndSayWhatTheyAre) {
+  int files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(kFolder)) {
+    if (entry.path().extension() != ".yaml") continue;
+    ++files;
+    const auto spec = Load(entry.path().stem().string());
+    ASSERT_THAT(spec, IsOk()) << entry.path();
+    EXPECT_EQ(spec->name, entry.path().stem().string());
+    EXPECT_TRUE(ReadTextFile(entry.path()).value().starts_with("# ")) << entry.path();
+    if (const std::uint64_t block = SplitBlock(spec->split); block > 0) {
+      EXPECT_EQ(spec->episodes % block, 0u) << entry.path() << ": counts are exact only after whole blocks";
+    }
+  }
+  EXPECT_GE(files, 14);
+}
+
+struct Row {
+  std::string file, robot, task;  // task: one of them
+  std::array<int, 3> counts;      // train, valid, test
+};
+
+// Table 2 of the paper; "live" rows have no test set.
+TEST(CampaignFiles, HaveTheCountsOfThePaper) {
+  const std::vector<Row> rows{{"ur5", "ur5", "put_down", {1600, 400, 400}},
+                              {"kinova", "jaco2", "put_down", {1600, 400, 400}},
+                              {"ur5_transfer", "ur5", "push", {320, 80, 80}},
+                              {"franka_transfer", "panda", "push", {320, 80, 80}},
+                              {"real_world_stand_in", "ur5", "pick", {260, 80, 0}},
+                              {"obstacle", "ur5", "pick+obstacle", {200, 400, 0}},
+                              {"multi_obstacle", "ur5", "push+others", {200, 400, 0}},
+                              {"novel_objects", "ur5", "rotate", {3000, 600, 0}},
+                              {"relations", "ur5", "place_right", {3000, 600, 0}}};
+  for (const Row& row : rows) {
+    const auto spec = Load(row.file);
+    ASSERT_THAT(spec, IsOk());
+    EXPECT_THAT(spec->robots, testing::ElementsAre(row.robot)) << row.file;
+    EXPECT_THAT(spec->tasks, testing::Contains(row.task)) << row.file;
+    std::map<std::string, int> counts;
+    for (std::uint64_t i = 0; i < spec->episodes; ++i) ++counts[SplitOf(*spec, i)];
+    EXPECT_THAT((std::array{counts["train"], counts["valid"], counts["test"]}), testing::ElementsAreArray(row.counts))
+        << row.file;
+  }
+}
+
+TEST(CampaignFiles, TestObjectsAreNoneOfTraining) {
+  const auto train = Load("novel_objects"), test = Load("novel_objects_test");
+  ASSERT_THAT(train, IsOk());
+  ASSERT_THAT(test, IsOk());
+  EXPECT_EQ(train->objects.size(), 30u);
+  EXPECT_EQ(test->objects.size(), 70u);
+  for (const auto& object : test->objects) EXPECT_THAT(train->objects, testing::Not(testing::Contains(object)));
+}
+
+TEST(CampaignFiles, MixedHasEveryRobotWithEveryTask) {
+  const auto spec = Load("mixed");
+  ASSERT_THAT(spec, IsOk());
+  std::map<std::string, std::map<std::string, int>> tasks;  // robot -> task -> episodes
+  for (std::uint64_t i = 0; i < spec->episodes; ++i) ++tasks[SceneOf(*spec, i).robot][TaskOf(*spec, i)];
+  ASSERT_EQ(tasks.size(), 3u);
+  for (const auto& [robot, counts] : tasks) {
+    EXPECT_EQ(counts.size(), spec->tasks.size()) << robot;
+    for (const auto& base : BaseTasks()) EXPECT_TRUE(counts.contains(base)) << robot << " " << base;
+  }
+}
+
+TEST(LoadSpec, SaysWhereCampaignFilesAre) {
+  EXPECT_THAT(Load("no_such_campaign"), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(Load("no_such_campaign"), MessageHas("deploy/campaigns/"));
+}
+
+TEST(LoadSpec, FlagsReplaceWhatTheFileSays) {
+  const auto spec = LoadSpec({.file = (kFolder / "ur5.yaml").string(),
+                              .episodes = 7,
+                              .seed = 70,
+                              .overrides = {"camera.width=84", "objects=[generated:train]", "objects_per_scene=3"}});
+  ASSERT_THAT(spec, IsOk());
+  EXPECT_EQ(spec->episodes, 7u);
+  EXPECT_EQ(spec->seed, 70u);
+  EXPECT_EQ(spec->camera.width, 84);
+  EXPECT_EQ(spec->objects.size(), 30u) << "sets are expanded after the flags";
+}
+
+}  // namespace
+}  // namespace etude::campaign
