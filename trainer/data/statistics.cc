@@ -88,6 +88,13 @@ Result<Statistics> ComputeStatistics(const Snapshot& snapshot) {
   const Episode& any = snapshot.episodes()[first.episode]->episode();
   const int joints = any.joint_pos.columns + any.gripper_qpos.columns;
 
+  const std::string& robot = snapshot.episodes().front()->episode().robot;
+  for (const auto& entry : snapshot.episodes())
+    if (entry->episode().robot != robot)
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("the dataset mixes robots: episode {} is the {}'s, others the {}'s; a policy drives one: "
+                              "collect a dataset for each (robots: [{}])",
+                              entry->index, entry->episode().robot, robot, robot));
   AllMoments moments(static_cast<std::size_t>(joints));
   const std::size_t stride = std::max<std::size_t>(1, frames / kFrames);
   std::size_t count = 0;

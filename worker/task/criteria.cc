@@ -74,7 +74,7 @@ bool IsBeside(const std::string& relation, const Eigen::Vector3d& p_WO, const Ei
 
 bool LiesDown(const Pose& X_WO) {
   const Eigen::Vector3d up = X_WO.q * Eigen::Vector3d::UnitZ();
-  return std::abs(up.z()) < std::sin(0.35) && X_WO.p.z() < kLaidHeight;
+  return std::abs(up.z()) < std::sin(kLyingTilt) && X_WO.p.z() < kLaidHeight;
 }
 
 DisturbanceWatch::DisturbanceWatch(std::vector<std::pair<std::string, Pose>> others) {

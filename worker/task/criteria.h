@@ -14,6 +14,7 @@ inline constexpr double kPickRise = 0.03;           ///< m above where the objec
 inline constexpr double kPushDistance = 0.03;       ///< m along +y
 inline constexpr double kLiftedHeight = 0.10;       ///< m, put_down, rotate: origin above the table once
 inline constexpr double kLaidHeight = 0.08;         ///< m, put_down: origin below this afterwards
+inline constexpr double kLyingTilt = 0.7;           ///< rad, a lying cone (a pear) leans that much
 inline constexpr double kTurnTolerance = 0.5;       ///< rad, put_down, rotate: norm of the Euler error
 inline constexpr double kDisturbedDistance = 0.02;  ///< m, another object moved
 inline constexpr double kBeside = 0.12;             ///< m, relations: where the expert puts the target, and
@@ -68,7 +69,7 @@ class SuccessCriterion {
 
 /// Euler error of the rotation by 90 degrees about x, the nearer way, rad.
 double TurnError(const Pose& X_WO, const Pose& X_WO_start);
-/// True when the object's vertical axis lies within 0.35 rad of the horizontal and it is on the table.
+/// True when the object's vertical axis lies within kLyingTilt of the horizontal and it is on the table.
 bool LiesDown(const Pose& X_WO);
 /// The direction of a relation in W, as seen in the picture: right is -x, the front (towards the camera) +y.
 /// @pre place_left | place_right | place_front | place_behind
