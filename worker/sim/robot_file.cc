@@ -81,6 +81,9 @@ class Builder {
     PrepareGeoms();
     PlaceBase();
     AddTool();
+    constexpr double kQuarter = std::numbers::pi / 2;
+    const double turn = file_.turn != 0 ? file_.turn : file_.approach_pitch > kQuarter / 2 ? -kQuarter : kQuarter;
+    if (std::abs(std::abs(turn) - kQuarter) > 0.01) Wrong("turn: {}: must be pi/2, -pi/2 or 0", turn);
     if (!errors_.empty()) return Fail(Code::kInvalidArgument, fmt::format("{}: {}", origin, fmt::join(errors_, "; ")));
     for (XMLElement* body : xml_.All("body")) model_.bodies.push_back(body->Attribute("name"));
     model_.defaults = xml_.Defaults();
@@ -90,6 +93,7 @@ class Builder {
     model_.tendon = xml_.Tendon();
     model_.files = xml_.files();
     model_.approach_pitch = file_.approach_pitch;
+    model_.turned_pitch = file_.approach_pitch + turn;
     return LoadedRobot{std::move(model_), std::move(notes_)};
   }
 

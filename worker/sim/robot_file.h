@@ -21,6 +21,8 @@ struct RobotFile {
   std::vector<double> torque;                  ///< N m; empty: the limits of the MJCF's actuators
   std::vector<double> speed;                   ///< rad/s, the most of each joint; empty: 2 each
   double approach_pitch = 1.5707963267948966;  ///< rad below the horizontal: 0 level, pi/2 from above
+  /// rad, added to approach_pitch to turn an object over: pi/2 or -pi/2; 0: towards level, or down from it
+  double turn = 0;
 
   struct Base {
     std::vector<double> position{0, -0.3, 0};  ///< m, of the robot's root body
@@ -73,6 +75,7 @@ struct RobotFile {
     v("torque", torque);
     v("speed", speed);
     v("approach_pitch", approach_pitch);
+    v("turn", turn);
     v("base", base);
     v("tool", tool);
     v("gripper", gripper);

@@ -177,6 +177,15 @@ TEST_F(BrokenRobot, IsNotBrokenByWhatItsMakersLike) {
   EXPECT_TRUE(world.healthy());
 }
 
+TEST_F(BrokenRobot, TurnsObjectsTowardsLevelUnlessToldOtherwise) {
+  constexpr double kPi = 3.14159265358979;
+  EXPECT_NEAR(LoadRobot(folder_ / "sketch.yaml")->model.turned_pitch, 0, 1e-3);
+  Replace("sketch.yaml", "approach_pitch:", "turn: 1.5708\napproach_pitch:");
+  EXPECT_NEAR(LoadRobot(folder_ / "sketch.yaml")->model.turned_pitch, kPi, 1e-3);
+  Replace("sketch.yaml", "turn: 1.5708\n", "turn: 1\n");
+  EXPECT_THAT(Load().message, testing::HasSubstr("turn: 1"));
+}
+
 TEST_F(BrokenRobot, UnknownKeysAreRefused) {
   Replace("sketch.yaml", "approach_pitch:", "aproach_pitch:");
   EXPECT_THAT(Load().message, testing::HasSubstr("approach_pitch"));
