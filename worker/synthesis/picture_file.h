@@ -34,7 +34,8 @@ struct Tile {
   Texture picture;
   std::string caption;
 };
-/// Writes pictures side by side, their captions below; as JPEG to a name that ends in .jpg, else as PNG. @error kInvalidArgument: no tiles, or of several sizes.
+/// Writes pictures side by side, their captions below; as JPEG to a name that ends in .jpg, else as PNG. @error
+/// kInvalidArgument: no tiles, or of several sizes.
 Status WriteContactSheet(const std::vector<Tile>& tiles, int columns, const Path& path);
 
 }  // namespace etude::synthesis

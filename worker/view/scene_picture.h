@@ -21,7 +21,8 @@ struct ScenePictureOptions {
 
 /// Writes the first picture of each episode, as the camera of `spec` sees it, and prints what is asked for and the
 /// files. A name that ends in .jpg gets JPEG, any other, and depth always, PNG.
-/// @error kInvalidArgument: bad spec, or no episodes; kNotFound: that attempt has no scene; kUnavailable: no GL, or not written.
+/// @error kInvalidArgument: bad spec, or no episodes; kNotFound: that attempt has no scene; kUnavailable: no GL, or not
+/// written.
 Status WriteScenePictures(const CampaignSpec& spec, const Path& picture, const ScenePictureOptions& options,
                           const sim::RendererConfig& renderer);
 
