@@ -3,12 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-
-#include "services/campaign/process.h"
 #include "services/core/command.h"
 #include "services/store/dataset.h"
 #include "services/store/safetensors.h"
+#include "tests/support/etude_command.h"
 #include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
 
@@ -17,29 +15,12 @@ namespace {
 
 using testing::HasSubstr;
 using testing::Not;
-using namespace std::chrono_literals;
 
-struct Outcome {
-  int exit_code = -1;
-  std::string text;  // stdout and stderr
-};
-
-Path ProgramsFolder() {
-  const char* folder = std::getenv("ETUDE_BIN");
-  return folder ? Path(folder) : campaign::ProgramFolder().parent_path() / "bin";
-}
+using Outcome = CommandOutcome;
 
 class Cli : public testing::Test {
  protected:
-  Outcome Etude(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), (ProgramsFolder() / "etude").string());
-    const Path log = folder_ / "output.txt";
-    std::filesystem::remove(log);
-    auto process = campaign::Process::Start({arguments, log, {}});
-    if (!process) return {-1, process.error().message};
-    const int exit_code = process->Wait(60s).value_or(-1);
-    return {exit_code, ReadTextFile(log).value_or("")};
-  }
+  Outcome Etude(const std::vector<std::string>& arguments) { return RunEtude(arguments, folder_ / "output.txt"); }
   std::string WriteFile(const std::string& name, const std::string& text) {
     EXPECT_TRUE(WriteFileAtomically(folder_ / name, std::string_view(text)));
     return (folder_ / name).string();

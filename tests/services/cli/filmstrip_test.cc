@@ -34,6 +34,27 @@ TEST(WriteFilmstrips, HasARowForEachEpisodeAndAColumnForEachFrame) {
   EXPECT_EQ(SizeOf(folder / "sheet.png"), std::make_pair(64, 3 * (48 + 24))) << "all there are";
 }
 
+TEST(WriteFilmstrips, TakesRowsByNumberAndWritesJpegToItsName) {
+  TemporaryFolder folder;
+  const CampaignSpec spec = SyntheticSpec(64, 48);
+  {
+    auto writer = store::DatasetWriter::Open(folder / "data", spec);
+    ASSERT_TRUE(writer) << writer.error().message;
+    for (std::uint64_t i = 0; i < 3; ++i) ASSERT_TRUE(writer->Commit(MakeSyntheticEpisode(spec, i, 25)));
+  }
+  const auto bytes_of = [&](const std::string& name, const FilmstripOptions& options) {
+    EXPECT_TRUE(WriteFilmstrips(folder / "data", folder / name, options));
+    return ReadBinaryFile(folder / name).value();
+  };
+  const auto first_two = bytes_of("a.png", {.episodes = 2, .frames = 2});
+  EXPECT_EQ(bytes_of("b.png", {.indices = {0, 1}, .frames = 2}), first_two);
+  EXPECT_NE(bytes_of("c.png", {.indices = {1, 0}, .frames = 2}), first_two) << "in the order asked for";
+  const auto jpeg = bytes_of("d.jpg", {.indices = {2}, .frames = 2});
+  ASSERT_GT(jpeg.size(), 3u);
+  EXPECT_EQ((std::vector<std::uint8_t>(jpeg.begin(), jpeg.begin() + 3)), (std::vector<std::uint8_t>{0xff, 0xd8, 0xff}));
+  EXPECT_EQ(WriteFilmstrips(folder / "data", folder / "e.png", {.indices = {7}}).error().code, Code::kNotFound);
+}
+
 TEST(WriteFilmstrips, SaysWhatIsMissing) {
   TemporaryFolder folder;
   EXPECT_EQ(WriteFilmstrips(folder / "nothing", folder / "sheet.png").error().code, Code::kNotFound);
