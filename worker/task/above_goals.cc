@@ -129,8 +129,9 @@ Pose Turned(const Situation& now, double tilt) {
 
 // Down until the object, the fingers or the palm touch.
 Pose Lowered(const Situation& now, const Quaterniond& q) {
-  const double z = std::max(HeldBelow(now, q) + kPlaceGap, Below(now, Part::kHand, false, q) + kFingerGap);
-  return {{now.X_WE.p.x(), now.X_WE.p.y(), z}, q};
+  // fingers around something small reach lower than open ones
+  const double hand = std::max(Below(now, Part::kHand, false, q), Below(now, Part::kHand, true, q));
+  return {{now.X_WE.p.x(), now.X_WE.p.y(), std::max(HeldBelow(now, q) + kPlaceGap, hand + kFingerGap)}, q};
 }
 
 // Where the target goes: far enough for the open hand to fit beside the reference.

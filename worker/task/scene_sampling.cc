@@ -144,7 +144,10 @@ bool Touches(const std::vector<Eigen::VectorXd>& way, const std::string& obstacl
              collide::Checker& checker) {
   return std::any_of(way.begin(), way.end(), [&](const Eigen::VectorXd& q) {
     const auto collision = checker.Check(q, margin);
-    return collision && (collision->body_b == obstacle || collision->body_a == obstacle);
+    if (!collision || collision->body_b == obstacle) return collision.has_value();
+    // a low hand is as near to the table: what comes first says nothing about the obstacle
+    const auto near = checker.Distances(q, margin);
+    return std::any_of(near.begin(), near.end(), [&](const auto& pair) { return pair.body_b == obstacle; });
   });
 }
 

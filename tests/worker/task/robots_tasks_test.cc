@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+// One seeded demonstration of every kind of task with every robot, judged again from its record.
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <map>
+
+#include "services/core/check.h"
+#include "services/episode/task_name.h"
+#include "worker/task/attempt.h"
+#include "worker/task/criteria.h"
+
+namespace etude::task {
+namespace {
+
+CampaignSpec SpecFor(const std::string& robot) {
+  CampaignSpec spec;
+  spec.robots = {robot};
+  spec.tasks = {"rotate",        "place_left",    "place_right",       "place_front", "place_behind",
+                "pick+obstacle", "push+obstacle", "put_down+obstacle", "pick+others", "push+others"};
+  spec.objects = {"coke", "milk", "cube", "bottle"};
+  spec.seed = 40;
+  spec.image_stride = 125;
+  spec.camera.width = spec.camera.height = 32;
+  return spec;
+}
+
+Pose PoseAt(const ObjectTrack& object, int t) {
+  const auto row = object.pose.row(t);
+  return {{row[0], row[1], row[2]}, Eigen::Quaterniond(row[3], row[4], row[5], row[6]).normalized()};
+}
+
+// How far `object` was from where it started, at most, m.
+double Moved(const ObjectTrack& object) {
+  double most = 0;
+  for (int t = 0; t < object.pose.rows(); ++t)
+    most = std::max(most, (PoseAt(object, t).p - PoseAt(object, 0).p).norm());
+  return most;
+}
+
+// The task's claim, from the poses alone.
+void Judge(const Episode& episode, const std::string& target, const std::string& reference) {
+  const TaskName task = ParseTask(episode.task).value();
+  const ObjectTrack* object = episode.FindObject(target);
+  ASSERT_NE(object, nullptr);
+  const int last = object->pose.rows() - 1;
+  const Pose start = PoseAt(*object, 0), end = PoseAt(*object, last);
+  if (task.base == "rotate") {
+    EXPECT_LT(TurnError(end, start), kTurnTolerance);
+    EXPECT_GT(end.p.z(), kLaidHeight);
+  }
+  if (task.relation()) {
+    const ObjectTrack* other = episode.FindObject(reference);
+    ASSERT_NE(other, nullptr);
+    EXPECT_FALSE(IsBeside(task.base, start.p, PoseAt(*other, 0).p));
+    EXPECT_TRUE(IsBeside(task.base, end.p, PoseAt(*other, last).p));
+    EXPECT_EQ(episode.reference, reference);
+  }
+  if (task.base == "pick") {
+    EXPECT_GT(end.p.z() - start.p.z(), kPickRise);
+  }
+  if (task.base == "push") {
+    EXPECT_GT(end.p.y() - start.p.y(), kPushDistance);
+  }
+  if (task.base == "put_down") {
+    EXPECT_TRUE(LiesDown(end));
+  }
+  for (const auto& other : episode.objects) {
+    const bool avoided = task.avoid == "others" || (task.avoid == "obstacle" && other.name == kObstacleObject);
+    if (!avoided || other.name == target) continue;
+    EXPECT_LT(Moved(other), 0.01) << other.name << " was touched";
+  }
+}
+
+class EveryTask : public testing::TestWithParam<const char*> {};
+
+TEST_P(EveryTask, IsDemonstratedByTheRobot) {
+  const CampaignSpec spec = SpecFor(GetParam());
+  auto runner = AttemptRunner::Open(spec);
+  ASSERT_TRUE(runner) << runner.error().message;
+  for (std::uint64_t index = 0; index < spec.tasks.size(); ++index) {
+    const std::string task = TaskOf(spec, index);
+    SCOPED_TRACE(task);
+    AttemptResult result;
+    std::string reasons;
+    for (std::uint32_t attempt = 0; attempt < 4; ++attempt) {
+      result = runner->Demonstrate(index, attempt);
+      if (result.outcome == AttemptOutcome::kSuccess) break;
+      reasons += std::string(ToString(result.outcome)) + " (" + result.reason + "); ";
+    }
+    EXPECT_EQ(result.outcome, AttemptOutcome::kSuccess) << reasons;
+    if (result.outcome != AttemptOutcome::kSuccess) continue;
+    EXPECT_EQ(result.episode.robot, GetParam());
+    EXPECT_EQ(result.episode.task, task);
+    EXPECT_EQ(result.episode.joint_pos.columns, GetParam() == std::string("panda") ? 7 : 6);
+    Judge(result.episode, TargetOf(spec, index), ReferenceOf(spec, index));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Robots, EveryTask, testing::Values("ur5", "panda", "jaco2"),
+                         [](const auto& info) { return std::string(info.param); });
+
+}  // namespace
+}  // namespace etude::task

@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests worker/task/setting.cc, rehearsal.cc and the placing of the obstacle
+#include "worker/task/setting.h"
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+
+#include "services/core/check.h"
+#include "worker/task/criteria.h"
+#include "worker/task/expert.h"
+#include "worker/task/rehearsal.h"
+
+namespace etude::task {
+namespace {
+
+constexpr int kWaySamples = 60;
+
+SceneSpec SceneWith(const std::vector<std::string>& objects, const std::string& robot = "ur5") {
+  SceneSpec spec;
+  spec.robot = robot;
+  spec.objects = objects;
+  spec.camera.width = spec.camera.height = 32;
+  return spec;
+}
+
+std::unique_ptr<Setting> OpenOrDie(const SceneSpec& spec) {
+  auto setting = Setting::Open(spec, {});
+  ETUDE_CHECK(setting, "{}", setting.error().message);
+  return std::move(*setting);
+}
+
+SessionConfig ConfigOf(const std::string& task, const std::string& target, const std::string& reference = {}) {
+  SessionConfig config{.task = ParseTask(task).value(), .target = target, .reference = reference, .image_stride = 1000};
+  if (config.task.avoid == "obstacle") config.avoid = {kObstacleObject};
+  return config;
+}
+
+// Milk as the target, coke as the reference, wherever a test wants them, with the hand at home.
+struct Table {
+  explicit Table(const std::string& robot) : setting(OpenOrDie(SceneWith({"coke", "cube", "milk"}, robot))) {}
+
+  Pose Upright(const std::string& name, double x, double y) const {
+    return {{x, y, setting->shapes.object(name).rest_height}, Eigen::Quaterniond::Identity()};
+  }
+
+  std::optional<std::string> Try(const std::string& task, const std::map<std::string, Eigen::Vector2d>& places,
+                                 const std::string& target = "milk") {
+    setting->checker.ClearObjects();
+    for (const auto& [name, p] : places) setting->checker.SetObject(name, Upright(name, p.x(), p.y()));
+    const TaskName parsed = ParseTask(task).value();
+    const Eigen::VectorXd q = setting->scene->arm().q_home;
+    Situation now{.shapes = &setting->shapes,
+                  .target = target,
+                  .X_WO = Upright(target, places.at(target).x(), places.at(target).y()),
+                  .X_WE = setting->planner.kinematics().X_WE(q)};
+    if (parsed.relation()) {
+      now.reference = "coke";
+      now.X_WR = Upright("coke", places.at("coke").x(), places.at("coke").y());
+    }
+    return Rehearse(StagesOf(parsed, setting->shapes), now, {&setting->planner.kinematics(), &setting->checker, q});
+  }
+
+  std::unique_ptr<Setting> setting;
+};
+
+class RehearseOn : public testing::TestWithParam<const char*> {};
+
+TEST_P(RehearseOn, AcceptsAFreeScene) {
+  Table table(GetParam());
+  for (const char* task : {"pick", "push", "put_down", "rotate", "place_left"}) {
+    // not every arm can do everything everywhere
+    std::vector<std::string> refusals;
+    int accepted = 0;
+    for (const double x : {-0.2, -0.1, 0.0, 0.1}) {
+      const auto refused = table.Try(task, {{"milk", {x, 0.29}}, {"coke", {x - 0.25, 0.25}}, {"cube", {0.4, 0.2}}});
+      refusals.push_back(refused.value_or(""));
+      accepted += !refused;
+    }
+    EXPECT_GE(accepted, 1) << task << ": " << testing::PrintToString(refusals);
+  }
+}
+
+TEST_P(RehearseOn, RefusesWhatIsOutOfReach) {
+  Table table(GetParam());
+  const auto refused = table.Try("pick", {{"milk", {0.3, 1.2}}, {"coke", {0.05, 0.28}}, {"cube", {0.4, 0.2}}});
+  ASSERT_TRUE(refused);
+  EXPECT_THAT(*refused, testing::AnyOf(testing::HasSubstr("out of reach"), testing::HasSubstr("too stretched")));
+}
+
+TEST_P(RehearseOn, RefusesANeighbourWithoutRoomForTheHand) {
+  Table table(GetParam());
+  // the fingers close along x: nothing fits between two that nearly touch
+  const auto refused =
+      table.Try("pick", {{"coke", {0.0, 0.28}}, {"cube", {0.055, 0.28}}, {"milk", {-0.06, 0.28}}}, "coke");
+  ASSERT_TRUE(refused);
+  EXPECT_THAT(*refused, testing::AnyOf(testing::HasSubstr("cube"), testing::HasSubstr("milk")));
+}
+
+TEST_P(RehearseOn, RefusesATakenPlaceBesideTheReference) {
+  Table table(GetParam());
+  const Eigen::Vector3d left = DirectionOf("place_left") * kBeside;
+  const std::map<std::string, Eigen::Vector2d> places{
+      {"milk", {0.0, 0.25}}, {"coke", {-0.25, 0.25}}, {"cube", {-0.25 + left.x(), 0.25}}};
+  const auto refused = table.Try("place_left", places);
+  ASSERT_TRUE(refused);
+  EXPECT_THAT(*refused, testing::HasSubstr("cube"));
+  EXPECT_FALSE(table.Try("pick", places)) << "to pick it up nothing is in the way";
+}
+
+INSTANTIATE_TEST_SUITE_P(Robots, RehearseOn, testing::Values("ur5", "panda", "jaco2"),
+                         [](const auto& info) { return std::string(info.param); });
+
+TEST(Prepare, IsAFunctionOfTheSeed) {
+  const SceneSpec spec = SceneWith({"coke", "cube", "milk", "basketball"});
+  const auto setting = OpenOrDie(spec), fresh = OpenOrDie(spec);
+  const RandomizationSpec randomization;
+  const auto start = [&](Setting& in, const SessionConfig& config, std::uint64_t seed) {
+    const auto refused = in.Prepare(config, randomization, ObstaclePlace::kInTheWay, seed);
+    EXPECT_FALSE(refused) << *refused;
+    return in.world.StateVector();
+  };
+  for (const char* task : {"pick+obstacle", "push+obstacle"}) {
+    const SessionConfig config = ConfigOf(task, "coke");
+    const auto first = start(*setting, config, 5), other = start(*setting, config, 6);
+    EXPECT_NE(first, other);
+    EXPECT_EQ(start(*setting, config, 5), first) << "whatever was there before";
+    EXPECT_EQ(start(*fresh, config, 5), first);
+  }
+}
+
+TEST(Prepare, StartsAtRestWithTheRelationStillToDo) {
+  const auto setting = OpenOrDie(SceneWith({"coke", "cube", "milk", "bread"}));
+  for (std::uint64_t seed = 0; seed < 12; ++seed) {
+    const char* task = seed % 2 == 0 ? "place_left" : "place_behind";
+    const auto refused = setting->Prepare(ConfigOf(task, "coke", "milk"), {}, ObstaclePlace::kAside, seed);
+    ASSERT_FALSE(refused) << *refused;
+    const Pose coke = setting->world.ObjectPose("coke"), milk = setting->world.ObjectPose("milk");
+    EXPECT_FALSE(IsBeside(task, coke.p, milk.p)) << seed;
+    const auto& arm = setting->scene->arm().bodies;
+    for (const char* object : {"coke", "cube", "milk", "bread"}) {
+      for (const auto& body : setting->world.ContactsOf(object))
+        EXPECT_THAT(arm, testing::Not(testing::Contains(body))) << seed << " " << object;
+    }
+    EXPECT_LT(setting->world.v().norm(), 0.05);
+  }
+}
+
+// Whether the hand would come within `margin` (m) of the ball on its straight way to the first goal.
+bool BallIsInTheWay(Setting& setting, const SessionConfig& config, double margin) {
+  sim::Kinematics& kinematics = setting.planner.kinematics();
+  setting.checker.ClearObjects();
+  setting.checker.SetGripper(0);
+  setting.checker.Allow({});
+  setting.checker.SetObject(kObstacleObject, setting.world.ObjectPose(kObstacleObject));
+  Eigen::VectorXd q = setting.world.q();
+  const Pose start = kinematics.X_WE(q);
+  const Situation now{.shapes = &setting.shapes,
+                      .target = config.target,
+                      .X_WO = setting.world.ObjectPose(config.target),
+                      .X_WE = start};
+  const Pose goal = StagesOf(config.task, setting.shapes).front().goal(now);
+  for (int i = 0; i <= kWaySamples; ++i) {
+    const double s = static_cast<double>(i) / kWaySamples;
+    const auto next = kinematics.Solve({start.p + s * (goal.p - start.p), start.q.slerp(s, goal.q)}, q);
+    if (!next) return false;
+    q = *next;
+    for (const auto& near : setting.checker.Distances(q, margin))
+      if (near.body_b == kObstacleObject) return true;
+  }
+  return false;
+}
+
+class ObstacleOn : public testing::TestWithParam<const char*> {};
+
+TEST_P(ObstacleOn, BlocksTheStraightWayOrStandsClearOfIt) {
+  const auto setting = OpenOrDie(SceneWith({"coke", "cube", "milk", "basketball"}, GetParam()));
+  for (const char* task : {"pick+obstacle", "push+obstacle", "put_down+obstacle"}) {
+    const SessionConfig config = ConfigOf(task, "coke");
+    for (std::uint64_t seed = 0; seed < 6; ++seed) {
+      auto refused = setting->Prepare(config, {}, ObstaclePlace::kInTheWay, seed);
+      ASSERT_FALSE(refused) << *refused;
+      EXPECT_TRUE(BallIsInTheWay(*setting, config, 0.005)) << task << " " << seed;
+      refused = setting->Prepare(config, {}, ObstaclePlace::kAside, seed);
+      ASSERT_FALSE(refused) << *refused;
+      EXPECT_FALSE(BallIsInTheWay(*setting, config, 0.03)) << task << " " << seed;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Robots, ObstacleOn, testing::Values("ur5", "panda", "jaco2"),
+                         [](const auto& info) { return std::string(info.param); });
+
+TEST(ObstaclePlaceOf, SharesAreExactInEveryTwenty) {
+  CampaignSpec spec;
+  for (const auto& [share, expected] : {std::pair{0.0, 0}, {0.25, 5}, {0.5, 10}, {0.9, 18}, {1.0, 20}}) {
+    spec.obstacle.in_the_way = share;
+    for (std::uint64_t block = 0; block < 5; ++block) {
+      int in_the_way = 0;
+      for (std::uint64_t i = 20 * block; i < 20 * (block + 1); ++i)
+        in_the_way += ObstaclePlaceOf(spec, i) == ObstaclePlace::kInTheWay;
+      EXPECT_EQ(in_the_way, expected) << share;
+    }
+  }
+  CampaignSpec other_seed = spec;
+  spec.obstacle.in_the_way = other_seed.obstacle.in_the_way = 0.5;
+  other_seed.seed = 2;
+  int differ = 0;
+  for (std::uint64_t i = 0; i < 100; ++i) differ += ObstaclePlaceOf(spec, i) != ObstaclePlaceOf(other_seed, i);
+  EXPECT_GT(differ, 20);
+}
+
+// The ball hangs above its place in the way when the approach is planned, and falls there while the hand comes. Where
+// it falls onto the hand nothing helps; elsewhere the rest of the way is planned anew.
+TEST(Expert, PlansAnewWhenTheBallComesIntoTheWay) {
+  constexpr double kHeight = 0.35;  // m: 0.27 s
+  const auto setting = OpenOrDie(SceneWith({"coke", "cube", "milk", "basketball"}));
+  const SessionConfig config = ConfigOf("pick+obstacle", "coke");
+  RandomizationSpec randomization;
+  randomization.disturbance_probability = 0;
+  int avoided = 0;
+  for (std::uint64_t seed = 0; seed < 8; ++seed) {
+    const auto refused = setting->Prepare(config, randomization, ObstaclePlace::kInTheWay, seed);
+    ASSERT_FALSE(refused) << *refused;
+    const Pose landing = setting->world.ObjectPose(kObstacleObject);
+    setting->world.SetObject(kObstacleObject, {landing.p + Eigen::Vector3d(0, 0, kHeight), landing.q});
+    setting->world.Forward();
+    Session session({&setting->world, &setting->renderer, &setting->shapes}, config);
+    Expert expert(&session, &setting->planner, &setting->checker, randomization, seed);
+    const Verdict verdict = expert.Run();
+    if (!verdict.ok()) {
+      EXPECT_FALSE(verdict.reason.empty());
+      EXPECT_THAT(verdict.outcome, testing::AnyOf(AttemptOutcome::kCollision, AttemptOutcome::kPlanFailed))
+          << verdict.reason;
+      continue;
+    }
+    const Pose ball = setting->world.ObjectPose(kObstacleObject);
+    EXPECT_LT((ball.p - landing.p).norm(), 0.02) << seed << ": it was touched";
+    avoided += expert.Statistics()["replans"].get<int>() >= 1;
+  }
+  EXPECT_GE(avoided, 4);
+}
+
+TEST(Expert, PlansOnceWhenNothingMoves) {
+  const auto setting = OpenOrDie(SceneWith({"coke", "cube", "milk", "basketball"}));
+  const SessionConfig config = ConfigOf("pick+obstacle", "coke");
+  const auto refused = setting->Prepare(config, {}, ObstaclePlace::kInTheWay, 1);
+  ASSERT_FALSE(refused) << *refused;
+  Session session({&setting->world, &setting->renderer, &setting->shapes}, config);
+  RandomizationSpec randomization;
+  randomization.disturbance_probability = 0;
+  Expert expert(&session, &setting->planner, &setting->checker, randomization, 1);
+  const Verdict verdict = expert.Run();
+  EXPECT_TRUE(verdict.ok()) << verdict.reason;
+  EXPECT_EQ(expert.Statistics()["replans"].get<int>(), 0);
+}
+
+}  // namespace
+}  // namespace etude::task
