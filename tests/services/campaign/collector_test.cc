@@ -310,11 +310,14 @@ class RawWorker {
         sender_(std::move(*bus::ObjectSender::Open(participant, spec.name, "episode", name))) {}
 
   bus::Lease Ask() {
-    for (int i = 0; i < 50; ++i) {
+    for (int i = 0; i < 5; ++i) {
       (void)requests_.Write({spec_.name, name_, ++id_, Version()});
-      leases_.Wait(200ms);
-      for (const auto& lease : leases_.Take())
-        if (lease.worker == name_ && lease.request_id == id_) return lease;
+      // answers to what was asked before come late on a busy machine: only this one counts
+      for (const auto deadline = std::chrono::steady_clock::now() + 2s; std::chrono::steady_clock::now() < deadline;) {
+        leases_.Wait(200ms);
+        for (const auto& lease : leases_.Take())
+          if (lease.worker == name_ && lease.request_id == id_) return lease;
+      }
     }
     ADD_FAILURE() << "no answer";
     return {};
