@@ -72,7 +72,7 @@ Pose AtGrasp(const Situation& now, const Grip& grip) {
   const double palm = top + kPalmGap - now.shapes->palm_ahead() * a.z();
   // the palm is beside the axis of an object that is approached at an angle
   const double above_palm = grip.pitch > kVertical ? palm : tips;
-  const double table = Below(now, Part::kHand, false, q) + kFingerGap;
+  const double table = now.shapes->FurthestReach(q, -Vector3d::UnitZ()) + kFingerGap;
   const double z = std::max({tips, above_palm, table});
   // pads, not their very tips, around the axis
   const Eigen::Vector2d xy = now.X_WO.p.head<2>() + (kPadBeyond - ahead) * a.head<2>();
@@ -129,9 +129,9 @@ Pose Turned(const Situation& now, double tilt) {
 
 // Down until the object, the fingers or the palm touch.
 Pose Lowered(const Situation& now, const Quaterniond& q) {
-  // fingers around something small reach lower than open ones
-  const double hand = std::max(Below(now, Part::kHand, false, q), Below(now, Part::kHand, true, q));
-  return {{now.X_WE.p.x(), now.X_WE.p.y(), std::max(HeldBelow(now, q) + kPlaceGap, hand + kFingerGap)}, q};
+  return {{now.X_WE.p.x(), now.X_WE.p.y(),
+           std::max(HeldBelow(now, q) + kPlaceGap, now.shapes->FurthestReach(q, -Vector3d::UnitZ()) + kFingerGap)},
+          q};
 }
 
 // Where the target goes: far enough for the open hand to fit beside the reference.

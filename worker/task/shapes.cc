@@ -64,28 +64,44 @@ void Shapes::MeasureHand(const sim::Scene& scene, sim::Kinematics& kinematics) {
   const auto same = [](const Pose& a, const Pose& b) {
     return (a.p - b.p).norm() < 1e-6 && AngleBetween(a.q, b.q) < 1e-5;
   };
-  const auto open = in_hand(arm.q_home, 0), elsewhere = in_hand(q_other, 0), closed = in_hand(arm.q_home, 1);
+  const auto open = in_hand(arm.q_home, 0), elsewhere = in_hand(q_other, 0), half = in_hand(arm.q_home, 0.5),
+             closed = in_hand(arm.q_home, 1);
   for (std::size_t i = 0; i < arm.bodies.size(); ++i) {
     const auto pieces = pieces_.find(arm.bodies[i]);
     if (pieces == pieces_.end() || !same(open[i], elsewhere[i])) continue;  // the arm moves it: not the hand
     const bool finger = !same(open[i], closed[i]);
     for (const auto& piece : pieces->second) {
       (finger ? fingers_[0] : palm_).emplace_back(piece, open[i] * piece.X_BG);
-      if (finger) fingers_[1].emplace_back(piece, closed[i] * piece.X_BG);
+      if (!finger) continue;
+      fingers_[1].emplace_back(piece, half[i] * piece.X_BG);
+      fingers_[2].emplace_back(piece, closed[i] * piece.X_BG);
     }
   }
   ETUDE_CHECK(!fingers_[0].empty() && !palm_.empty(), "the hand has no collision pieces");
 }
 
-double Shapes::Reach(Part part, bool closed, const Eigen::Quaterniond& q_WE, const Eigen::Vector3d& direction) const {
+namespace {
+
+double SupportOf(const std::vector<std::pair<sim::Geometry, Pose>>& pieces, const Eigen::Quaterniond& q_WE,
+                 const Eigen::Vector3d& direction) {
   double most = -std::numeric_limits<double>::infinity();
-  const auto add = [&](const Placed& pieces) {
-    for (const auto& [piece, X_EG] : pieces)
-      most = std::max(most, Support(piece, Pose{Eigen::Vector3d::Zero(), q_WE} * X_EG, direction));
-  };
-  if (part != Part::kPalm) add(fingers_[closed ? 1 : 0]);
-  if (part != Part::kFingers) add(palm_);
+  for (const auto& [piece, X_EG] : pieces)
+    most = std::max(most, Support(piece, Pose{Eigen::Vector3d::Zero(), q_WE} * X_EG, direction));
   return most;
+}
+
+}  // namespace
+
+double Shapes::FurthestReach(const Eigen::Quaterniond& q_WE, const Eigen::Vector3d& direction) const {
+  double most = SupportOf(palm_, q_WE, direction);
+  for (const Placed& fingers : fingers_) most = std::max(most, SupportOf(fingers, q_WE, direction));
+  return most;
+}
+
+double Shapes::Reach(Part part, bool closed, const Eigen::Quaterniond& q_WE, const Eigen::Vector3d& direction) const {
+  const double fingers = SupportOf(fingers_[closed ? 2 : 0], q_WE, direction);
+  const double palm = SupportOf(palm_, q_WE, direction);
+  return part == Part::kFingers ? fingers : part == Part::kPalm ? palm : std::max(fingers, palm);
 }
 
 const sim::ObjectInfo& Shapes::object(const std::string& name) const {

@@ -39,6 +39,9 @@ class Shapes {
   /// Reach beyond E along `direction` (unit, W) of the hand oriented q_WE, m.
   double Reach(Part part, bool closed, const Eigen::Quaterniond& q_WE, const Eigen::Vector3d& direction) const;
 
+  /// The same of the whole hand, whatever the fingers do: half closed they may reach further than open or closed.
+  double FurthestReach(const Eigen::Quaterniond& q_WE, const Eigen::Vector3d& direction) const;
+
   /// Pitch at which the robot's hand comes at an object by nature, rad.
   double natural_pitch() const { return natural_pitch_; }
   /// Pitch after it has turned an object over by 90 degrees, rad.
@@ -62,7 +65,7 @@ class Shapes {
 
   std::vector<sim::ObjectInfo> objects_;
   std::map<std::string, std::vector<sim::Geometry>> pieces_;
-  Placed fingers_[2], palm_;  // fingers: open, closed
+  Placed fingers_[3], palm_;  // fingers: open, half closed, closed
   double ahead_open_ = 0, ahead_closed_ = 0, palm_ahead_ = 0, natural_pitch_ = 0, turned_pitch_ = 0, joint_speed_ = 0;
   Eigen::Vector2d base_ = Eigen::Vector2d::Zero();
 };
