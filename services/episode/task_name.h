@@ -12,6 +12,9 @@ namespace etude {
 /// The object that stands in the way in tasks "...+obstacle".
 inline constexpr const char* kObstacleObject = "basketball";
 
+/// Whether a base task puts the target beside a second object, the reference.
+inline bool IsRelation(const std::string& base) { return base.starts_with("place_"); }
+
 /// "pick", "place_left", "push+obstacle", "pick+others"
 struct TaskName {
   std::string base;   ///< pick | push | put_down | rotate | place_left | place_right | place_front | place_behind
@@ -19,7 +22,7 @@ struct TaskName {
 
   /// Puts the target beside a second object, as seen in the picture: left of, right of, in front of (nearer to
   /// the camera than) or behind it.
-  bool relation() const { return base.starts_with("place_"); }
+  bool relation() const { return IsRelation(base); }
   std::string text() const { return avoid.empty() ? base : base + "+" + avoid; }
 };
 

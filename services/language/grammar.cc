@@ -7,6 +7,7 @@
 
 #include "services/core/check.h"
 #include "services/core/config.h"
+#include "services/episode/object_names.h"
 #include "services/language/sentence.h"
 #include "services/language/tokenizer.h"
 #include "services/language/vocabulary.h"
@@ -20,22 +21,6 @@ std::string Suggestion(const std::string& word, const std::vector<std::string>& 
 }
 
 }  // namespace
-
-std::string ClassOf(const std::string& object) {
-  const std::size_t bar = object.rfind('_');
-  if (bar == std::string::npos || bar + 1 == object.size()) return object;
-  if (object.find_first_not_of("0123456789", bar + 1) != std::string::npos) return object;
-  const std::string stem = object.substr(0, bar);
-  const auto& classes = ClassLexicon();
-  const bool known =
-      std::any_of(classes.begin(), classes.end(), [&](const auto& words) { return words.object == stem; });
-  return known ? stem : object;
-}
-
-bool IsRelation(const std::string& task) {
-  const auto& relations = RelationLexicon();
-  return std::any_of(relations.begin(), relations.end(), [&](const auto& words) { return words.task == task; });
-}
 
 Command CommandFor(const TaskName& task, const std::string& target, const std::string& reference) {
   std::string obstacle;
@@ -72,7 +57,7 @@ Status Grammar::Check(const Command& command) const {
     if (object != &command.target && (object->empty() || *object == kEverythingElse)) continue;
     if (!vocabulary_->FindNoun(*object))
       return refuse(fmt::format("no words for object '{}'{}", *object, Suggestion(*object, objects())));
-    const std::string its_class = ClassOf(*object);
+    const std::string its_class = ObjectNoun(*object);
     if (std::find(classes.begin(), classes.end(), its_class) != classes.end())
       return refuse(fmt::format("two objects are called '{}'", its_class));
     classes.push_back(its_class);

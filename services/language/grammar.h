@@ -37,11 +37,6 @@ struct OwnObject {
   std::vector<std::string> phrases;  ///< {"duck", "yellow duck"}; none: the name's words
 };
 
-/// "apple" of "apple_03": instances of a class share its words. Other names are their own class.
-std::string ClassOf(const std::string& object);
-/// Does the task take a second object?
-bool IsRelation(const std::string& task);
-
 class Vocabulary;
 
 /// Sentence generator. A sentence means one command only as long as no two objects of the scene are of one

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "services/core/log.h"
+#include "services/episode/object_names.h"
 #include "services/language/held_out.h"
 #include "services/language/tokenizer.h"
 
@@ -68,7 +69,7 @@ bool Vocabulary::HasHeldOut(const std::string& sentence) {
 
 const Vocabulary::Noun* Vocabulary::FindNoun(const std::string& object) const {
   auto found = nouns_.find(object);
-  if (found == nouns_.end()) found = nouns_.find(ClassOf(object));
+  if (found == nouns_.end()) found = nouns_.find(ObjectNoun(object));
   return found == nouns_.end() ? nullptr : &found->second;
 }
 

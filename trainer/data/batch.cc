@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "services/core/rng.h"
+#include "services/episode/object_names.h"
 #include "trainer/data/episode_labels.h"
 
 namespace etude::data {
@@ -195,7 +196,7 @@ void BatchMaker::FillLabels(const Episode& episode, int step, std::size_t b, con
   for (std::size_t s = 0; s < commands.size(); ++s) {
     const std::size_t row = b * commands.size() + s;
     // a sentence says "apple", never which one
-    const auto known = std::find(objects_.begin(), objects_.end(), language::ClassOf(commands[s].target));
+    const auto known = std::find(objects_.begin(), objects_.end(), ObjectNoun(commands[s].target));
     auto& classes = batch.labels.at("target_class");
     classes.valid[row] = known != objects_.end();
     classes.classes[row] = classes.valid[row] ? known - objects_.begin() : 0;

@@ -8,6 +8,7 @@
 
 #include "services/core/check.h"
 #include "services/core/rng.h"
+#include "services/episode/object_names.h"
 
 namespace etude::data {
 
@@ -50,9 +51,7 @@ namespace {
 // an object that B of "A to the left of B" may be; "" when the scene has none
 std::string DrawReference(const language::Command& demonstrated, const std::string& target,
                           const std::vector<std::string>& names, Rng& rng) {
-  const auto differs = [&](const std::string& name) {
-    return !name.empty() && language::ClassOf(name) != language::ClassOf(target);
-  };
+  const auto differs = [&](const std::string& name) { return !name.empty() && ObjectNoun(name) != ObjectNoun(target); };
   if (differs(demonstrated.reference)) return demonstrated.reference;
   if (!demonstrated.reference.empty() && differs(demonstrated.target)) return demonstrated.target;
   std::vector<std::string> others;

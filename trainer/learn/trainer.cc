@@ -16,6 +16,7 @@
 #include "services/core/log.h"
 #include "services/core/rng.h"
 #include "services/core/stop.h"
+#include "services/episode/object_names.h"
 #include "trainer/data/loader.h"
 #include "trainer/data/statistics.h"
 #include "trainer/learn/metrics_log.h"
@@ -119,7 +120,7 @@ std::set<std::string> FrozenParameters(const policy::Policy& policy, const std::
 void AdoptClasses(const std::vector<std::string>& objects, std::vector<std::string>& classes) {
   std::vector<std::string> found;
   for (const auto& object : objects) {
-    const std::string its_class = language::ClassOf(object);
+    const std::string its_class = ObjectNoun(object);
     if (std::find(found.begin(), found.end(), its_class) == found.end()) found.push_back(its_class);
   }
   const bool covered = std::all_of(found.begin(), found.end(), [&](const std::string& name) {

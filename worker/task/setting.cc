@@ -41,9 +41,10 @@ std::optional<std::string> Setting::Prepare(const SessionConfig& config, const R
                                             ObstaclePlace obstacle, std::uint64_t seed) {
   Rng rng(MixSeed({seed}, "scene")), light_rng(MixSeed({seed}, "light"));
   renderer.SetAppearance(sim::DrawAppearance(randomization.light, scene->body_count(), light_rng));
+  const auto stages = StagesOf(config.task, shapes);
   std::string why;
   for (int draw = 0; draw < kStarts; ++draw) {
-    const auto start = Draw(config, randomization, obstacle, rng, why);
+    const auto start = Draw(config, stages, randomization, obstacle, rng, why);
     if (!start) continue;
     world.Reset();
     for (const auto& object : start->objects) world.SetObject(object.name, object.X_WO);
@@ -54,8 +55,9 @@ std::optional<std::string> Setting::Prepare(const SessionConfig& config, const R
   return fmt::format("no start found in which the task can be done: {}", why);
 }
 
-std::optional<Setting::Start> Setting::Draw(const SessionConfig& config, const RandomizationSpec& randomization,
-                                            ObstaclePlace obstacle, Rng& rng, std::string& why) {
+std::optional<Setting::Start> Setting::Draw(const SessionConfig& config, const std::vector<Stage>& stages,
+                                            const RandomizationSpec& randomization, ObstaclePlace obstacle, Rng& rng,
+                                            std::string& why) {
   std::vector<sim::ObjectInfo> infos;
   const sim::ObjectInfo* ball = nullptr;
   for (const auto& object : scene->objects()) {
@@ -79,7 +81,6 @@ std::optional<Setting::Start> Setting::Draw(const SessionConfig& config, const R
   const auto q = DrawArm(config, randomization, rng);
   if (!q) return why = "no free start of the arm", std::nullopt;
   now.X_WE = planner.kinematics().X_WE(*q);
-  const auto stages = StagesOf(config.task, shapes);
   if (ball) {
     std::vector<PlacedObject> keep_clear = *objects;
     if (config.task.base == "push")

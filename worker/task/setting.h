@@ -40,8 +40,8 @@ struct Setting {
     Eigen::VectorXd q;
   };
   /// One draw. `why` gets the reason when it returns nothing.
-  std::optional<Start> Draw(const SessionConfig& config, const RandomizationSpec& randomization, ObstaclePlace obstacle,
-                            Rng& rng, std::string& why);
+  std::optional<Start> Draw(const SessionConfig& config, const std::vector<Stage>& stages,
+                            const RandomizationSpec& randomization, ObstaclePlace obstacle, Rng& rng, std::string& why);
   std::optional<Eigen::VectorXd> DrawArm(const SessionConfig& config, const RandomizationSpec& randomization, Rng& rng);
   std::optional<std::string> Settle(const Start& start);
 };

@@ -8,6 +8,7 @@
 #include <map>
 #include <set>
 
+#include "services/episode/object_names.h"
 #include "services/language/held_out.h"
 #include "services/language/lexicon.h"
 #include "services/language/tokenizer.h"
@@ -61,10 +62,10 @@ TEST(Grammar, KnowsAllTasksAndObjects) {
   EXPECT_EQ(TheGrammar().tasks(), (std::vector<std::string>{"pick", "push", "put_down", "rotate", "place_left",
                                                             "place_right", "place_front", "place_behind"}));
   EXPECT_EQ(TheGrammar().objects().size(), 17u);
-  EXPECT_EQ(ClassOf("apple_03"), "apple");
-  EXPECT_EQ(ClassOf("apple_"), "apple_");
-  EXPECT_EQ(ClassOf("coke_03"), "coke_03");
-  EXPECT_EQ(ClassOf("put_down"), "put_down");
+  EXPECT_EQ(ObjectNoun("apple_03"), "apple");
+  EXPECT_EQ(ObjectNoun("apple_"), "apple_");
+  EXPECT_EQ(ObjectNoun("coke_03"), "coke_03");
+  EXPECT_EQ(ObjectNoun("put_down"), "put_down");
   EXPECT_TRUE(TheGrammar().Check({"rotate", "lemon_07"}));
 }
 

@@ -118,7 +118,7 @@ TEST(DrawCommands, RelationsKeepTheReference) {
     for (const auto& command : commands) {
       const bool swapped = command.target == episode.reference;
       const std::string expected = swapped ? episode.target : episode.reference;
-      EXPECT_EQ(command.reference, language::IsRelation(command.task) ? expected : "") << command.task;
+      EXPECT_EQ(command.reference, IsRelation(command.task) ? expected : "") << command.task;
     }
   }
 }

@@ -9,22 +9,14 @@
 #include <set>
 
 #include "services/core/rng.h"
+#include "tests/worker/sim/scene_fixture.h"
 #include "worker/collide/self_pairs.h"
 
 namespace etude::collide {
 namespace {
 
-std::shared_ptr<const sim::Scene> TestScene() {
-  static const std::shared_ptr<const sim::Scene> scene = [] {
-    auto built = sim::Scene::Build(SceneSpec{});
-    EXPECT_TRUE(built) << built.error().message;
-    return *built;
-  }();
-  return scene;
-}
-
 const sim::ObjectInfo& Object(const std::string& name) {
-  return *std::ranges::find_if(TestScene()->objects(), [&](const auto& object) { return object.name == name; });
+  return *std::ranges::find_if(sim::FullScene()->objects(), [&](const auto& object) { return object.name == name; });
 }
 
 // Upright on the table.
@@ -36,7 +28,7 @@ Pose Standing(const std::string& name, double x, double y) {
 
 class CheckerTest : public testing::Test {
  protected:
-  std::shared_ptr<const sim::Scene> scene_ = TestScene();
+  std::shared_ptr<const sim::Scene> scene_ = sim::FullScene();
   const Eigen::VectorXd& q_home_ = scene_->arm().q_home;
   sim::Kinematics kinematics_{scene_};
   Checker checker_{scene_};

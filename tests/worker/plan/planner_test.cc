@@ -9,39 +9,20 @@
 #include <cmath>
 
 #include "services/core/rng.h"
+#include "tests/worker/plan/motion_bits.h"
+#include "tests/worker/sim/scene_fixture.h"
 
 namespace etude::plan {
 namespace {
 
 constexpr double kPeriod = 1 / kControlRate;
 
-std::shared_ptr<const sim::Scene> TestScene() {
-  static const std::shared_ptr<const sim::Scene> scene = [] {
-    auto built = sim::Scene::Build(SceneSpec{});
-    EXPECT_TRUE(built) << built.error().message;
-    return *built;
-  }();
-  return scene;
-}
-
 Pose Standing(const std::string& name, const Eigen::Vector3d& at) {
-  const auto& objects = TestScene()->objects();
+  const auto& objects = sim::FullScene()->objects();
   const auto object = std::ranges::find_if(objects, [&](const auto& candidate) { return candidate.name == name; });
   Pose X_WO;
   X_WO.p = {at.x(), at.y(), object->rest_height + 0.002};
   return X_WO;
-}
-
-// Every bit of a motion.
-std::vector<double> Bits(const Motion& motion) {
-  std::vector<double> bits;
-  for (int k = 0; k < motion.steps(); ++k) {
-    bits.insert(bits.end(), motion.X_WE[k].p.begin(), motion.X_WE[k].p.end());
-    const Eigen::Vector4d q = motion.X_WE[k].q.coeffs();
-    bits.insert(bits.end(), q.begin(), q.end());
-    bits.insert(bits.end(), motion.V_WE[k].begin(), motion.V_WE[k].end());
-  }
-  return bits;
 }
 
 class PlannerTest : public testing::Test {
@@ -87,7 +68,7 @@ class PlannerTest : public testing::Test {
     }
   }
 
-  std::shared_ptr<const sim::Scene> scene_ = TestScene();
+  std::shared_ptr<const sim::Scene> scene_ = sim::FullScene();
   const Eigen::VectorXd& q_home_ = scene_->arm().q_home;
   sim::Kinematics kinematics_{scene_};
   collide::Checker checker_{scene_};

@@ -4,22 +4,14 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/worker/sim/scene_fixture.h"
 #include "worker/plan/bench/plain_rrt.h"
 
 namespace etude::plan {
 namespace {
 
-std::shared_ptr<const sim::Scene> TestScene() {
-  static const std::shared_ptr<const sim::Scene> scene = [] {
-    auto built = sim::Scene::Build(SceneSpec{});
-    EXPECT_TRUE(built) << built.error().message;
-    return *built;
-  }();
-  return scene;
-}
-
 TEST(PlanningScene, IsAFunctionOfSeedAndIndexAndFreeAtBothEnds) {
-  const auto scene = TestScene();
+  const auto scene = sim::FullScene();
   sim::Kinematics kinematics(scene);
   collide::Checker checker(scene), other_checker(scene);
   for (const Difficulty difficulty : kDifficulties) {
@@ -85,7 +77,7 @@ TEST(RunBench, NamesWhatItDoesNotKnow) {
 }
 
 TEST(PlainRrt, FindsPathsAndStopsAtItsDeadline) {
-  const auto scene = TestScene();
+  const auto scene = sim::FullScene();
   sim::Kinematics kinematics(scene);
   collide::Checker checker(scene);
   const auto planning = DrawPlanningScene(*scene, Difficulty::kOpen, 4, 0, kinematics, checker);
