@@ -137,7 +137,7 @@ void Checker::Impl::FindSelfPairs() {
 }
 
 void Checker::Impl::PlaceArm(const Eigen::VectorXd& q) {
-  const std::vector<Pose> poses = kinematics.BodyPoses(q, gripper, scene->arm().bodies);
+  const std::vector<Pose> poses = kinematics.ArmPoses(q, gripper);
   int body = -1;
   Eigen::Isometry3d X_WB;
   for (int i = 0; i < arm_pieces; ++i) {

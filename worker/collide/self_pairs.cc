@@ -15,20 +15,18 @@ constexpr double kSame = 1e-6;  ///< m and rad; poses closer than this are the s
 bool SamePose(const Pose& a, const Pose& b) { return (a.p - b.p).norm() < kSame && AngleBetween(a.q, b.q) < kSame; }
 
 // Poses of all bodies, the world last.
-std::vector<Pose> Poses(sim::Kinematics& kinematics, const sim::ArmInfo& arm, const Eigen::VectorXd& q,
-                        double gripper) {
-  std::vector<Pose> poses = kinematics.BodyPoses(q, gripper, arm.bodies);
+std::vector<Pose> Poses(sim::Kinematics& kinematics, const Eigen::VectorXd& q, double gripper) {
+  std::vector<Pose> poses = kinematics.ArmPoses(q, gripper);
   poses.push_back(Pose{});
   return poses;
 }
 
-void CountJoints(const sim::ArmInfo& arm, sim::Kinematics& kinematics, const Eigen::VectorXd& q,
-                 Eigen::MatrixXi& joints_between) {
-  const std::vector<Pose> before = Poses(kinematics, arm, q, 0);
+void CountJoints(sim::Kinematics& kinematics, const Eigen::VectorXd& q, Eigen::MatrixXi& joints_between) {
+  const std::vector<Pose> before = Poses(kinematics, q, 0);
   for (int joint = 0; joint < q.size(); ++joint) {
     Eigen::VectorXd moved = q;
     moved[joint] += 0.1;
-    const std::vector<Pose> after = Poses(kinematics, arm, moved, 0);
+    const std::vector<Pose> after = Poses(kinematics, moved, 0);
     for (std::size_t a = 0; a < before.size(); ++a)
       for (std::size_t b = 0; b < before.size(); ++b)
         if (!SamePose(before[a].inverse() * before[b], after[a].inverse() * after[b])) ++joints_between(a, b);
@@ -55,13 +53,13 @@ ArmStructure FindStructure(const sim::ArmInfo& arm, sim::Kinematics& kinematics)
   ArmStructure structure;
   structure.joints_between = Eigen::MatrixXi::Zero(n + 1, n + 1);
   const Eigen::VectorXd q = SpreadConfigurations(arm, 1).front();
-  CountJoints(arm, kinematics, q, structure.joints_between);
+  CountJoints(kinematics, q, structure.joints_between);
 
   // the tool's body: the last that keeps the tool's pose when the arm and the gripper move
   const Eigen::VectorXd q_moved = SpreadConfigurations(arm, 2).back();
   const Pose X_WE = kinematics.X_WE(q), X_WE_moved = kinematics.X_WE(q_moved);
-  const std::vector<Pose> open = Poses(kinematics, arm, q, 0), closed = Poses(kinematics, arm, q, 1);
-  const std::vector<Pose> moved = Poses(kinematics, arm, q_moved, 0);
+  const std::vector<Pose> open = Poses(kinematics, q, 0), closed = Poses(kinematics, q, 1);
+  const std::vector<Pose> moved = Poses(kinematics, q_moved, 0);
   structure.tool_body = -1;
   for (int body = 0; body < n; ++body) {
     if (!SamePose(open[body], closed[body])) continue;

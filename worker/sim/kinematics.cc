@@ -82,61 +82,69 @@ DampedStep StepWithinLimits(Eigen::MatrixXd J, const Vector6d& error, const Eige
 }  // namespace
 
 struct Kinematics::State {
-  DataPtr data;
-  std::vector<double> scratch;
+  std::vector<mjtNum> qpos;  ///< of the whole scene; only the robot's own are used
+  ArmTree::Frames frames;
   Eigen::MatrixXd J;
 };
 
 Kinematics::Kinematics(std::shared_ptr<const Scene> scene)
     : scene_(std::move(scene)), state_(std::make_unique<State>()) {
-  state_->data = scene_->model().NewData();
-  scene_->model().SetHome(state_->data.get());
+  const Scene::Model& model = scene_->model();
+  state_->qpos.assign(model.mj->qpos0, model.mj->qpos0 + model.mj->nq);
+  model.SetHome(state_->qpos.data());
 }
 Kinematics::Kinematics(Kinematics&&) noexcept = default;
 Kinematics::~Kinematics() = default;
 
 Pose Kinematics::X_WE(const Eigen::VectorXd& q) {
   const Scene::Model& model = scene_->model();
-  model.SetArm(state_->data.get(), q);
-  mj_kinematics(model.mj.get(), state_->data.get());
-  return model.ToolPose(state_->data.get());
+  model.SetArm(state_->qpos.data(), q);
+  model.tree.PlaceTool(state_->qpos.data(), state_->frames);
+  return model.tree.X_WE(state_->frames);
 }
 
 Eigen::MatrixXd Kinematics::Jacobian(const Eigen::VectorXd& q) {
   X_WE(q);
-  mj_comPos(scene_->model().mj.get(), state_->data.get());
-  scene_->model().ToolJacobian(state_->data.get(), state_->scratch, state_->J);
+  scene_->model().tree.ToolJacobian(state_->frames, state_->J);
   return state_->J;
 }
 
 std::vector<Eigen::MatrixXd> Kinematics::PointJacobians(const Eigen::VectorXd& q,
                                                         const std::vector<BodyPoint>& points) {
   const Scene::Model& model = scene_->model();
-  X_WE(q);
-  mj_comPos(model.mj.get(), state_->data.get());
+  model.SetArm(state_->qpos.data(), q);
+  model.tree.PlaceAll(state_->qpos.data(), state_->frames);
   std::vector<Eigen::MatrixXd> jacobians;
   jacobians.reserve(points.size());
-  for (const BodyPoint& point : points) {
-    state_->scratch.resize(3 * static_cast<std::size_t>(model.mj->nv));
-    mj_jac(model.mj.get(), state_->data.get(), state_->scratch.data(), nullptr, point.p_W.data(),
-           model.BodyId(point.body));
-    Eigen::MatrixXd J(3, static_cast<Eigen::Index>(model.arm_v.size()));
-    for (int row = 0; row < 3; ++row)
-      for (Eigen::Index i = 0; i < J.cols(); ++i) J(row, i) = state_->scratch[row * model.mj->nv + model.arm_v[i]];
-    jacobians.push_back(std::move(J));
-  }
+  for (const BodyPoint& point : points)
+    jacobians.push_back(
+        model.tree.PointJacobian(state_->frames, model.tree.IndexOf(model.BodyId(point.body)), point.p_W));
   return jacobians;
 }
 
 std::vector<Pose> Kinematics::BodyPoses(const Eigen::VectorXd& q, double gripper,
                                         const std::vector<std::string>& bodies) {
+  PlaceAll(q, gripper);
   const Scene::Model& model = scene_->model();
-  model.SetGripper(state_->data.get(), gripper);
-  X_WE(q);
   std::vector<Pose> poses;
   poses.reserve(bodies.size());
-  for (const std::string& body : bodies) poses.push_back(model.BodyPose(state_->data.get(), model.BodyId(body)));
+  for (const std::string& body : bodies) poses.push_back(state_->frames.X_WB[model.tree.IndexOf(model.BodyId(body))]);
   return poses;
+}
+
+std::vector<Pose> Kinematics::ArmPoses(const Eigen::VectorXd& q, double gripper) {
+  PlaceAll(q, gripper);
+  std::vector<Pose> poses;
+  poses.reserve(scene_->model().arm_bodies.size());
+  for (const int index : scene_->model().arm_bodies) poses.push_back(state_->frames.X_WB[index]);
+  return poses;
+}
+
+void Kinematics::PlaceAll(const Eigen::VectorXd& q, double gripper) {
+  const Scene::Model& model = scene_->model();
+  model.SetArm(state_->qpos.data(), q);
+  model.SetGripper(state_->qpos.data(), gripper);
+  model.tree.PlaceAll(state_->qpos.data(), state_->frames);
 }
 
 std::optional<Eigen::VectorXd> Kinematics::Solve(const Pose& X_WE_target, const Eigen::VectorXd& q_seed) {
@@ -169,8 +177,7 @@ bool Kinematics::Refine(const Pose& target, int iterations, Eigen::VectorXd& q) 
     const bool there = Within(error, kDonePosition, kDoneAngle);
     if (there && q.size() <= 6) return true;
     if (iteration == iterations) return Within(error, kGoodPosition, kGoodAngle);
-    mj_comPos(scene_->model().mj.get(), state_->data.get());
-    scene_->model().ToolJacobian(state_->data.get(), state_->scratch, state_->J);
+    scene_->model().tree.ToolJacobian(state_->frames, state_->J);  // of where X_WE has just put it
     const DampedStep step = StepWithinLimits(state_->J, error, q, arm);
     if (there && step.slide < kDoneSlide) return true;
     q += step.q * std::min(1.0, kLargestStep / std::max(step.q.cwiseAbs().maxCoeff(), 1e-12));

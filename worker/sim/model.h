@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "worker/assets/scene_description.h"
+#include "worker/sim/arm_tree.h"
 #include "worker/sim/controller.h"
 #include "worker/sim/scene.h"
 #include "worker/sim/world.h"
@@ -43,14 +44,16 @@ struct Scene::Model {
   std::map<std::string, FreeBody> objects;
   std::unordered_map<std::string, int> bodies;  ///< all, by name: MuJoCo's own search is linear
 
+  ArmTree tree;
+  std::vector<int> arm_bodies;  ///< indices in the tree of robot.bodies
+
   int BodyId(const std::string& name) const;  ///< checked
   DataPtr NewData() const;                    ///< checked
-  /// Home arm, open gripper into `data`'s qpos.
-  void SetHome(mjData* data) const;
-  /// Arm joints into qpos.
-  void SetArm(mjData* data, const Eigen::VectorXd& q) const;
-  /// All gripper joints into qpos; `gripper` is 0 open .. 1 closed.
-  void SetGripper(mjData* data, double gripper) const;
+  /// Home arm, open gripper.
+  void SetHome(mjtNum* qpos) const;
+  void SetArm(mjtNum* qpos, const Eigen::VectorXd& q) const;
+  /// All gripper joints; `gripper` is 0 open .. 1 closed.
+  void SetGripper(mjtNum* qpos, double gripper) const;
   Pose ToolPose(const mjData* data) const;
   Pose BodyPose(const mjData* data, int body) const;
   /// (6, n) of the tool, linear rows first. `scratch` holds 6 * nv numbers.

@@ -69,6 +69,8 @@ void FillAddresses(Scene::Model& model, const assets::SceneDescription& descript
   for (const auto& group : model.robot.finger_groups)
     for (const std::string& name : group) Id(mj, mjOBJ_BODY, name);
   for (int body = 0; body < mj->nbody; ++body) model.bodies.emplace(mj_id2name(mj, mjOBJ_BODY, body), body);
+  model.tree = ArmTree(*mj, model.tool_site, model.arm_q);
+  for (const std::string& body : model.robot.bodies) model.arm_bodies.push_back(model.tree.IndexOf(model.BodyId(body)));
   for (const auto& object : description.objects) {
     const int joint = Id(mj, mjOBJ_JOINT, object.name);
     model.objects[object.name] = {Id(mj, mjOBJ_BODY, object.name), mj->jnt_qposadr[joint], mj->jnt_dofadr[joint]};
@@ -195,21 +197,21 @@ DataPtr Scene::Model::NewData() const {
   return data;
 }
 
-void Scene::Model::SetHome(mjData* data) const {
-  SetArm(data, Eigen::VectorXd::Map(robot.q_home.data(), static_cast<Eigen::Index>(robot.q_home.size())));
-  SetGripper(data, 0);
+void Scene::Model::SetHome(mjtNum* qpos) const {
+  SetArm(qpos, Eigen::VectorXd::Map(robot.q_home.data(), static_cast<Eigen::Index>(robot.q_home.size())));
+  SetGripper(qpos, 0);
 }
 
-void Scene::Model::SetArm(mjData* data, const Eigen::VectorXd& q) const {
+void Scene::Model::SetArm(mjtNum* qpos, const Eigen::VectorXd& q) const {
   ETUDE_CHECK(q.size() == static_cast<Eigen::Index>(arm_q.size()), "{} joints given, the arm has {}", q.size(),
               arm_q.size());
-  for (std::size_t i = 0; i < arm_q.size(); ++i) data->qpos[arm_q[i]] = q[static_cast<Eigen::Index>(i)];
+  for (std::size_t i = 0; i < arm_q.size(); ++i) qpos[arm_q[i]] = q[static_cast<Eigen::Index>(i)];
 }
 
-void Scene::Model::SetGripper(mjData* data, double gripper) const {
+void Scene::Model::SetGripper(mjtNum* qpos, double gripper) const {
   const double driven = robot.gripper_open + gripper * (robot.gripper_closed - robot.gripper_open);
-  for (const int address : gripper_q) data->qpos[address] = driven;
-  for (const auto& [address, factor] : coupled_q) data->qpos[address] = factor * driven;
+  for (const int address : gripper_q) qpos[address] = driven;
+  for (const auto& [address, factor] : coupled_q) qpos[address] = factor * driven;
 }
 
 Pose Scene::Model::ToolPose(const mjData* data) const {

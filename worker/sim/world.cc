@@ -38,13 +38,13 @@ World::~World() = default;
 
 void World::Reset() {
   mj_resetData(scene_->model().mj.get(), state_->mj.get());
-  scene_->model().SetHome(state_->mj.get());
+  scene_->model().SetHome(state_->mj->qpos);
   state_->under_way.clear();
   Forward();
 }
 
 void World::SetArm(const Eigen::VectorXd& q) {
-  scene_->model().SetArm(state_->mj.get(), q);
+  scene_->model().SetArm(state_->mj->qpos, q);
   for (const int address : scene_->model().arm_v) state_->mj->qvel[address] = 0;
 }
 

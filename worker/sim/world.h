@@ -70,7 +70,7 @@ class World {
   std::unique_ptr<State> state_;
 };
 
-/// Kinematics of the arm apart from the simulation (own mjData). One per thread.
+/// Kinematics of the arm apart from the simulation. One per thread.
 class Kinematics {
  public:
   explicit Kinematics(std::shared_ptr<const Scene> scene);
@@ -88,8 +88,10 @@ class Kinematics {
   };
   /// Jacobian of each point's velocity in world by the arm's joints, (3, nq) each; gripper joints are held.
   std::vector<Eigen::MatrixXd> PointJacobians(const Eigen::VectorXd& q, const std::vector<BodyPoint>& points);
-  /// Pose of every body of `bodies` at q with the gripper at `gripper` (0 open .. 1 closed).
+  /// Pose of every body of `bodies`, which are no objects, at q with the gripper at `gripper` (0 open .. 1 closed).
   std::vector<Pose> BodyPoses(const Eigen::VectorXd& q, double gripper, const std::vector<std::string>& bodies);
+  /// The same of ArmInfo::bodies, in their order.
+  std::vector<Pose> ArmPoses(const Eigen::VectorXd& q, double gripper);
   /// Inverse kinematics from `q_seed` (damped least squares within joint limits). Follows the
   /// straight line from the seed's pose, so that the answer is in the seed's branch; a function of
   /// its arguments. A redundant arm (nq > 6) comes as near to its home as the tool's pose allows.
@@ -98,6 +100,7 @@ class Kinematics {
 
  private:
   struct State;
+  void PlaceAll(const Eigen::VectorXd& q, double gripper);
   bool Approach(const Pose& target, Eigen::VectorXd& q);
   bool Refine(const Pose& target, int iterations, Eigen::VectorXd& q);
 

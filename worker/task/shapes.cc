@@ -49,7 +49,7 @@ Shapes::Shapes(const sim::Scene& scene, sim::Kinematics& kinematics)
   ahead_open_ = Reach(Part::kHand, false, LevelHand(), forward);
   ahead_closed_ = Reach(Part::kHand, true, LevelHand(), forward);
   palm_ahead_ = Reach(Part::kPalm, true, LevelHand(), forward);
-  base_ = kinematics.BodyPoses(scene.arm().q_home, 0, {scene.arm().bodies.front()})[0].p.head<2>();
+  base_ = kinematics.ArmPoses(scene.arm().q_home, 0).front().p.head<2>();
 }
 
 void Shapes::MeasureHand(const sim::Scene& scene, sim::Kinematics& kinematics) {
@@ -57,7 +57,7 @@ void Shapes::MeasureHand(const sim::Scene& scene, sim::Kinematics& kinematics) {
   const Eigen::VectorXd q_other = (arm.q_home.array() + 0.2).matrix().cwiseMin(arm.q_max).cwiseMax(arm.q_min);
   const auto in_hand = [&](const Eigen::VectorXd& q, double gripper) {
     const Pose X_EW = kinematics.X_WE(q).inverse();
-    std::vector<Pose> poses = kinematics.BodyPoses(q, gripper, arm.bodies);
+    std::vector<Pose> poses = kinematics.ArmPoses(q, gripper);
     for (Pose& pose : poses) pose = X_EW * pose;
     return poses;
   };

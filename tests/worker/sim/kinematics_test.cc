@@ -6,6 +6,7 @@
 #include "services/core/rng.h"
 #include "tests/worker/sim/scene_fixture.h"
 #include "worker/sim/controller.h"
+#include "worker/sim/model.h"
 
 namespace etude::sim {
 namespace {
@@ -82,7 +83,7 @@ TEST(Kinematics, PointJacobiansAreTheDerivativesOfPointsOnBodies) {
   for (int k = 0; k < 20; ++k) {
     const Eigen::VectorXd q = RandomJoints(rng, kPi);
     const Eigen::Vector3d p_B(rng.Uniform(-0.1, 0.1), rng.Uniform(-0.1, 0.1), rng.Uniform(-0.1, 0.1));
-    const std::vector<Pose> bodies = kinematics.BodyPoses(q, 0, arm.bodies);
+    const std::vector<Pose> bodies = kinematics.ArmPoses(q, 0);
     std::vector<Kinematics::BodyPoint> points;
     for (std::size_t b = 0; b < bodies.size(); ++b) points.push_back({arm.bodies[b], bodies[b] * p_B});
     const std::vector<Eigen::MatrixXd> jacobians = kinematics.PointJacobians(q, points);
@@ -92,8 +93,7 @@ TEST(Kinematics, PointJacobiansAreTheDerivativesOfPointsOnBodies) {
       Eigen::VectorXd low = q, high = q;
       low[i] -= h;
       high[i] += h;
-      const std::vector<Pose> a = kinematics.BodyPoses(low, 0, arm.bodies),
-                              b = kinematics.BodyPoses(high, 0, arm.bodies);
+      const std::vector<Pose> a = kinematics.ArmPoses(low, 0), b = kinematics.ArmPoses(high, 0);
       for (std::size_t body = 0; body < bodies.size(); ++body) {
         const Eigen::Vector3d difference = (b[body] * p_B - a[body] * p_B) / (2 * h);
         ASSERT_LT((difference - jacobians[body].col(i)).norm(), 1e-6) << arm.bodies[body] << " joint " << i;
@@ -103,6 +103,42 @@ TEST(Kinematics, PointJacobiansAreTheDerivativesOfPointsOnBodies) {
     const Eigen::Vector3d p_WE = kinematics.X_WE(q).p;
     const Eigen::MatrixXd of_tool = kinematics.PointJacobians(q, {{"gripper", p_WE}}).front();
     EXPECT_LT((of_tool - kinematics.Jacobian(q).topRows(3)).norm(), 1e-9);
+  }
+}
+
+// Its own forward kinematics against MuJoCo's, for arms with hinges, slides and coupled fingers.
+TEST(Kinematics, AgreesWithMuJoCo) {
+  for (const char* robot : {"ur5", "panda", "jaco2"}) {
+    const auto scene = SceneOf(robot);
+    const ArmInfo& arm = scene->arm();
+    const Scene::Model& model = scene->model();
+    const DataPtr data = model.NewData();
+    std::vector<double> scratch;
+    Eigen::MatrixXd J;
+    Kinematics kinematics(scene);
+    Rng rng(5);
+    for (int k = 0; k < 50; ++k) {
+      Eigen::VectorXd q = arm.q_home;
+      for (double& value : q) value += rng.Uniform(-kPi / 2, kPi / 2);
+      const double gripper = rng.Uniform(0, 1);
+      model.SetArm(data->qpos, q);
+      model.SetGripper(data->qpos, gripper);
+      mj_kinematics(model.mj.get(), data.get());
+      mj_comPos(model.mj.get(), data.get());
+      model.ToolJacobian(data.get(), scratch, J);
+
+      const Pose X_WE = kinematics.X_WE(q), by_mujoco = model.ToolPose(data.get());
+      ASSERT_LT((X_WE.p - by_mujoco.p).norm(), 1e-9) << robot;
+      ASSERT_LT(AngleBetween(X_WE.q, by_mujoco.q), 1e-7) << robot;
+      ASSERT_LT((kinematics.Jacobian(q) - J).norm(), 1e-9) << robot;
+      const std::vector<Pose> poses = kinematics.ArmPoses(q, gripper);
+      ASSERT_EQ(poses.size(), arm.bodies.size());
+      for (std::size_t i = 0; i < poses.size(); ++i) {
+        const Pose X_WB = model.BodyPose(data.get(), model.BodyId(arm.bodies[i]));
+        ASSERT_LT((poses[i].p - X_WB.p).norm(), 1e-9) << robot << " " << arm.bodies[i];
+        ASSERT_LT(AngleBetween(poses[i].q, X_WB.q), 1e-7) << robot << " " << arm.bodies[i];
+      }
+    }
   }
 }
 
