@@ -18,6 +18,8 @@ Eigen::Vector3d ToEuler(const Eigen::Quaterniond& q) {
   return {std::atan2(-R(1, 2), R(2, 2)), pitch, std::atan2(-R(0, 1), R(0, 0))};
 }
 
+Pose Interpolate(const Pose& a, const Pose& b, double part) { return {a.p + part * (b.p - a.p), a.q.slerp(part, b.q)}; }
+
 double AngleBetween(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) { return a.angularDistance(b); }
 
 }  // namespace etude

@@ -24,6 +24,9 @@ Eigen::Quaterniond FromEuler(const Eigen::Vector3d& roll_pitch_yaw);
 /// Inverse of FromEuler; roll and yaw in (-pi, pi], pitch in [-pi/2, pi/2].
 Eigen::Vector3d ToEuler(const Eigen::Quaterniond& q);
 
+/// Part 0 .. 1 of the straight way from a to b: straight in position, at an even turn by the shortest rotation.
+Pose Interpolate(const Pose& a, const Pose& b, double part);
+
 /// Angle of the rotation from a to b, rad, in [0, pi].
 double AngleBetween(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b);
 

@@ -69,6 +69,11 @@ std::string_view ToString(OutcomeKind kind) {
   return "";
 }
 
+Pose Motion::At(double step) const {
+  const int before = std::clamp(static_cast<int>(step), 0, steps() - 1), after = std::min(before + 1, steps() - 1);
+  return Interpolate(X_WE[before], X_WE[after], std::clamp(step - before, 0.0, 1.0));
+}
+
 bool Planner::Impl::CheckStart(Call& call) {
   const Eigen::VectorXd& q_start = call.request.q_start;
   if (const auto collision = call.checker.Check(q_start))

@@ -43,6 +43,8 @@ struct Motion {
   std::vector<Pose> X_WE;
   std::vector<Eigen::Matrix<double, 6, 1>> V_WE;  ///< feed-forward: linear m/s, angular rad/s
   int steps() const { return static_cast<int>(X_WE.size()); }
+  /// Between two samples; what is before the first or after the last is that one.
+  Pose At(double step) const;
 };
 
 struct Outcome {

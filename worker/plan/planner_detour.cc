@@ -35,20 +35,13 @@ bool Planner::Impl::SegmentIsFree(Call& call, const Eigen::VectorXd& a, const Ei
   return true;
 }
 
-// The arm at equal steps of the curve, as it is when its controller follows the tool along it; nothing where it is
-// lost.
-std::optional<std::vector<Eigen::VectorXd>> Planner::Impl::Followed(const JointCurve& curve, int parts) {
-  std::vector<Eigen::VectorXd> states;
-  for (int i = 0; i <= parts; ++i) {
-    Eigen::VectorXd q = curve.At(static_cast<double>(i) / parts).q;
-    if (IsRedundant() && i > 0) {
-      const auto settled = kinematics.Solve(kinematics.X_WE(q), states.back());
-      if (!settled || (*settled - states.back()).cwiseAbs().maxCoeff() > kFollowJump) return std::nullopt;
-      q = *settled;
-    }
-    states.push_back(std::move(q));
-  }
-  return states;
+// The arm at a place of the curve, as it is when its controller follows the tool there from `before`; nothing where it
+// is lost.
+std::optional<Eigen::VectorXd> Planner::Impl::Settle(const Eigen::VectorXd& q, const Eigen::VectorXd& before) {
+  if (!IsRedundant()) return q;
+  auto settled = kinematics.Solve(kinematics.X_WE(q), before);
+  if (settled && (*settled - before).cwiseAbs().maxCoeff() > kFollowJump) settled.reset();
+  return settled;
 }
 
 bool Planner::Impl::CurveIsFree(Call& call, const JointCurve& curve) {
@@ -57,14 +50,16 @@ bool Planner::Impl::CurveIsFree(Call& call, const JointCurve& curve) {
   // inverse kinematics takes as long as several checks: what is between its states is interpolated
   const int between = IsRedundant() ? kFiner : 1;
   const int parts = std::max(8, static_cast<int>(std::ceil(curve.length() / (step * between))));
-  const auto states = Followed(curve, parts);
-  if (!states) return false;
-  for (int i = 0; i < parts * between; ++i) {
-    const double along = static_cast<double>(i % between + 1) / between;
-    const Eigen::VectorXd& before = (*states)[i / between];
-    const Eigen::VectorXd q = before + along * ((*states)[i / between + 1] - before);
-    if (call.checker.Check(q, call.margin) || !IsRegular(call, q)) return false;
-    if (i % kFiner == 0 && !KeepsClear(call, q)) return false;
+  Eigen::VectorXd before = curve.At(0).q;
+  for (int i = 0; i < parts; ++i) {
+    const auto after = Settle(curve.At(static_cast<double>(i + 1) / parts).q, before);
+    if (!after) return false;
+    for (int k = 1; k <= between; ++k) {
+      const Eigen::VectorXd q = before + static_cast<double>(k) / between * (*after - before);
+      if (call.checker.Check(q, call.margin) || !IsRegular(call, q)) return false;
+      if ((i * between + k) % kFiner == 1 && !KeepsClear(call, q)) return false;
+    }
+    before = *after;
   }
   return true;
 }

@@ -92,7 +92,7 @@ struct Planner::Impl {
   bool Smooth(Call& call, const std::vector<Eigen::VectorXd>& path, OutcomeKind kind);
   std::vector<Eigen::VectorXd> Shorten(Call& call, const std::vector<Eigen::VectorXd>& path);
   bool CurveIsFree(Call& call, const internal::JointCurve& curve);
-  std::optional<std::vector<Eigen::VectorXd>> Followed(const internal::JointCurve& curve, int parts);
+  std::optional<Eigen::VectorXd> Settle(const Eigen::VectorXd& q, const Eigen::VectorXd& before);
   /// Whether tool poses leave the arm a choice. Its controller takes it, so that a curve of such an arm is only as good
   /// as what becomes of it when the tool is followed.
   bool IsRedundant() const { return scene->arm().q_home.size() > 6; }

@@ -29,7 +29,10 @@ Planner::Impl::Track Planner::Impl::Follow(const ToolLine& line, const Eigen::Ve
   track.q.push_back(q_start);
   for (int step = 1; step <= steps; ++step) {
     const double s = static_cast<double>(step) / steps;
-    const auto q = kinematics.Solve(line.At(s), track.q.back());
+    // from where the last step leads: a correction less than from where it ends
+    const Eigen::VectorXd& last = track.q.back();
+    const Eigen::VectorXd ahead = step > 1 ? 2 * last - track.q[track.q.size() - 2] : last;
+    const auto q = kinematics.Solve(line.At(s), ahead);
     if (!q || (*q - track.q.back()).cwiseAbs().maxCoeff() > kJump) return track;
     track.q.push_back(*q);
     track.reached = s;

@@ -18,14 +18,7 @@ constexpr double kStrideTurn = 0.08;  // rad
 constexpr double kCheckStep = 0.01;   // rad of a joint between states that are checked
 constexpr double kFarJump = 0.6;      // rad between neighbours: not the same branch of the arm
 
-// Pose and velocity at a place between two samples.
-Pose PoseAt(const Motion& motion, double at) {
-  const int i = std::clamp(static_cast<int>(at), 0, motion.steps() - 1), j = std::min(i + 1, motion.steps() - 1);
-  const double part = std::clamp(at - i, 0.0, 1.0);
-  return {motion.X_WE[i].p + part * (motion.X_WE[j].p - motion.X_WE[i].p),
-          motion.X_WE[i].q.slerp(part, motion.X_WE[j].q)};
-}
-
+// As Motion::At.
 Eigen::Matrix<double, 6, 1> VelocityAt(const Motion& motion, double at) {
   const int i = std::clamp(static_cast<int>(at), 0, motion.steps() - 1), j = std::min(i + 1, motion.steps() - 1);
   return motion.V_WE[i] + std::clamp(at - i, 0.0, 1.0) * (motion.V_WE[j] - motion.V_WE[i]);
@@ -59,7 +52,7 @@ Motion Brake(const Motion& motion, int step, const Limits& limits) {
   // the rate of passing through the motion falls from 1 to 0: as far as half of that time goes at full rate
   for (int k = 1; k <= steps; ++k) {
     const double at = step + k - 0.5 * k * k / steps;
-    brake.X_WE.push_back(PoseAt(motion, at));
+    brake.X_WE.push_back(motion.At(at));
     brake.V_WE.push_back(VelocityAt(motion, at) * (1 - static_cast<double>(k) / steps));
   }
   brake.V_WE.back().setZero();

@@ -7,6 +7,9 @@
 namespace etude::plan::internal {
 namespace {
 
+// of the path's length: looking for collisions along a piece costs more than a smaller gain is worth
+constexpr double kLeastGain = 0.005;
+
 // A place on a polyline: the segment that ends at point `end`, and the point on it.
 struct Place {
   std::size_t end = 1;
@@ -41,7 +44,9 @@ std::vector<Eigen::VectorXd> Shortcut(
     double from_along = rng.Uniform(0, length), to_along = rng.Uniform(0, length);
     if (from_along > to_along) std::swap(from_along, to_along);
     const Place from = PlaceAt(path, from_along), to = PlaceAt(path, to_along);
-    if (from.end == to.end || !is_segment_free(from.q, to.q)) continue;
+    if (from.end == to.end) continue;
+    const double saved = to_along - from_along - (to.q - from.q).norm();
+    if (saved < kLeastGain * length || !is_segment_free(from.q, to.q)) continue;
 
     std::vector<Eigen::VectorXd> shorter(path.begin(), path.begin() + from.end);
     shorter.push_back(from.q);

@@ -87,7 +87,7 @@ void ArmTree::ForJointsUnder(int index, Each each) const {
       if (joints_[i].column >= 0) each(joints_[i], i);
 }
 
-void ArmTree::ToolJacobian(const Frames& frames, Eigen::MatrixXd& J) const {
+void ArmTree::ToolJacobian(const Frames& frames, Matrix6Xd& J) const {
   J.setZero(6, columns_);
   const Eigen::Vector3d p_WE = X_WE(frames).p;
   ForJointsUnder(tool_body_, [&](const Joint& joint, int i) {

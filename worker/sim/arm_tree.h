@@ -11,6 +11,8 @@
 
 namespace etude::sim {
 
+using Matrix6Xd = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+
 /// Forward kinematics and Jacobians of all bodies but the objects. Does what mj_kinematics, mj_comPos and mj_jac do,
 /// which go through every object, geom and site of a scene: eight times the work (measured with the six objects), and
 /// most of the time of a plan. Immutable: threads may share one.
@@ -35,7 +37,7 @@ class ArmTree {
 
   Pose X_WE(const Frames& frames) const { return frames.X_WB[tool_body_] * X_BE_; }
   /// (6, n), linear rows first, in world.
-  void ToolJacobian(const Frames& frames, Eigen::MatrixXd& J) const;
+  void ToolJacobian(const Frames& frames, Matrix6Xd& J) const;
   /// (3, n) of the velocity in world of point `p_W` (m) of the body at `index`.
   Eigen::MatrixXd PointJacobian(const Frames& frames, int index, const Eigen::Vector3d& p_W) const;
 

@@ -18,9 +18,9 @@ constexpr int kIterations = 100, kLeapIterations = 4;
 constexpr double kDamping = 1e-3;                          ///< m (and rad): steps shrink only very near a singularity
 constexpr double kLargestStep = 0.35;                      ///< rad per joint and iteration
 constexpr double kDonePosition = 1e-6, kDoneAngle = 1e-6;  ///< stop refining
-/// A redundant arm slides by this part of what draws it home in each iteration, until less than kDoneSlide
-/// (rad) is left: its answer is then a function of the tool's pose and the branch.
-constexpr double kSlide = 0.5, kDoneSlide = 1e-4;
+/// A redundant arm slides home in each iteration as far as the tool's pose allows, until less than this (rad) is left:
+/// its answer is then a function of the tool's pose and the branch.
+constexpr double kDoneSlide = 1e-4;
 constexpr double kGoodPosition = 0.5e-3, kGoodAngle = 2e-3;  ///< accept
 /// Far targets are approached by poses no further apart than this, so that the arm stays in its
 /// branch (elbow and wrist as in the seed): what follows only the tool's pose cannot change branch
@@ -45,15 +45,15 @@ struct DampedStep {
   double slide = 0;   ///< rad, the largest part of it that only draws a redundant arm home
 };
 
-DampedStep StepOf(const Eigen::MatrixXd& J, const Vector6d& error, const Eigen::VectorXd& home) {
+DampedStep StepOf(const Matrix6Xd& J, const Vector6d& error, const Eigen::VectorXd& home) {
   // more damping while far away: linearisation is poor there
   const double damping = kDamping + 0.05 * std::min(1.0, error.squaredNorm());
   const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
-  const auto factors = normal.ldlt();
+  const Eigen::LLT<Matrix6d> factors(normal);  // damping keeps it positive definite
   DampedStep step{J.transpose() * factors.solve(error)};
   if (J.cols() <= 6) return step;
   // twice, because damping lets a little of it move the tool: enough to miss the target for good
-  Eigen::VectorXd slide = kSlide * (home - J.transpose() * factors.solve(J * home));
+  Eigen::VectorXd slide = home - J.transpose() * factors.solve(J * home);
   slide -= J.transpose() * factors.solve(J * slide);
   step.q += slide;
   step.slide = slide.cwiseAbs().maxCoeff();
@@ -61,7 +61,7 @@ DampedStep StepOf(const Eigen::MatrixXd& J, const Vector6d& error, const Eigen::
 }
 
 // Joints that stand at a limit and would go on are held there, and the others do their part.
-DampedStep StepWithinLimits(Eigen::MatrixXd J, const Vector6d& error, const Eigen::VectorXd& q, const ArmInfo& arm) {
+DampedStep StepWithinLimits(Matrix6Xd J, const Vector6d& error, const Eigen::VectorXd& q, const ArmInfo& arm) {
   Eigen::VectorXd home = arm.q_home - q;
   DampedStep step = StepOf(J, error, home);
   for (Eigen::Index held = 0; held < q.size() && J.cols() > 6; ++held) {
@@ -84,7 +84,7 @@ DampedStep StepWithinLimits(Eigen::MatrixXd J, const Vector6d& error, const Eige
 struct Kinematics::State {
   std::vector<mjtNum> qpos;  ///< of the whole scene; only the robot's own are used
   ArmTree::Frames frames;
-  Eigen::MatrixXd J;
+  Matrix6Xd J;
 };
 
 Kinematics::Kinematics(std::shared_ptr<const Scene> scene)
@@ -157,6 +157,8 @@ std::optional<Eigen::VectorXd> Kinematics::Solve(const Pose& X_WE_target, const 
 }
 
 bool Kinematics::Approach(const Pose& target, Eigen::VectorXd& q) {
+  const ArmInfo& arm = scene_->arm();
+  q = q.cwiseMax(arm.q_min).cwiseMin(arm.q_max);
   const Pose start = X_WE(q);
   const Vector6d whole = ErrorOf(start, target);
   const int leaps = static_cast<int>(
@@ -164,23 +166,26 @@ bool Kinematics::Approach(const Pose& target, Eigen::VectorXd& q) {
   for (int i = 1; i < leaps; ++i) {
     const double f = static_cast<double>(i) / leaps;
     // where the straight line is out of reach the nearest pose does: only the end counts
-    Refine({start.p + f * (target.p - start.p), start.q.slerp(f, target.q)}, kLeapIterations, q);
+    Refine(Interpolate(start, target, f), kLeapIterations, q);
   }
   return Refine(target, kIterations, q);
 }
 
+// `q` is within its limits, before and after, and where state_->frames are.
 bool Kinematics::Refine(const Pose& target, int iterations, Eigen::VectorXd& q) {
+  const Scene::Model& model = scene_->model();
   const ArmInfo& arm = scene_->arm();
   for (int iteration = 0; iteration <= iterations; ++iteration) {
-    q = q.cwiseMax(arm.q_min).cwiseMin(arm.q_max);
-    const Vector6d error = ErrorOf(X_WE(q), target);
+    const Vector6d error = ErrorOf(model.tree.X_WE(state_->frames), target);
     const bool there = Within(error, kDonePosition, kDoneAngle);
     if (there && q.size() <= 6) return true;
     if (iteration == iterations) return Within(error, kGoodPosition, kGoodAngle);
-    scene_->model().tree.ToolJacobian(state_->frames, state_->J);  // of where X_WE has just put it
+    model.tree.ToolJacobian(state_->frames, state_->J);
     const DampedStep step = StepWithinLimits(state_->J, error, q, arm);
     if (there && step.slide < kDoneSlide) return true;
     q += step.q * std::min(1.0, kLargestStep / std::max(step.q.cwiseAbs().maxCoeff(), 1e-12));
+    q = q.cwiseMax(arm.q_min).cwiseMin(arm.q_max);
+    X_WE(q);
   }
   return false;
 }

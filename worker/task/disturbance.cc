@@ -23,14 +23,6 @@ Eigen::Vector3d DrawInBall(double radius, Rng& rng) {
   }
 }
 
-Pose At(const plan::Motion& motion, double step) {
-  const int below = std::clamp(static_cast<int>(step), 0, motion.steps() - 1);
-  const int above = std::min(below + 1, motion.steps() - 1);
-  const double t = std::clamp(step - below, 0.0, 1.0);
-  return {(1 - t) * motion.X_WE[below].p + t * motion.X_WE[above].p,
-          motion.X_WE[below].q.slerp(t, motion.X_WE[above].q)};
-}
-
 Eigen::Quaterniond FromRotationVector(const Eigen::Vector3d& r) {
   const double angle = r.norm();
   if (angle < 1e-12) return Eigen::Quaterniond::Identity();
@@ -54,7 +46,7 @@ plan::Motion PushMotion(const plan::Motion& motion, int from, const Push& push) 
     const double rate = BlendRate(s) / push.steps * kControlRate;  // 1/s
     // The path's own speed falls linearly to zero: it advances by s - s^2 / 2 of the push's steps.
     const double path_step = from + push.steps * (s - s * s / 2);
-    Pose X_WE = At(motion, path_step);
+    Pose X_WE = motion.At(path_step);
     X_WE.p += Blend(s) * push.offset;
     X_WE.q = (FromRotationVector(Blend(s) * push.rotation) * X_WE.q).normalized();
     const int on_path = std::min(static_cast<int>(path_step), motion.steps() - 1);

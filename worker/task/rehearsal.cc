@@ -81,7 +81,7 @@ Place TryGoal(const Stage& stage, const Pose& from, const Pose& goal, Rehearsal&
     const double s = static_cast<double>(i) / samples;
     const Need need = stage.straight_only || i == samples ? Need::kFree : Need::kReach;
     const Eigen::VectorXd q = *place.q;
-    place = TryPlace({from.p + s * (goal.p - from.p), from.q.slerp(s, goal.q)}, kMargin, need, q, rehearsal);
+    place = TryPlace(Interpolate(from, goal, s), kMargin, need, q, rehearsal);
     // the first step also takes up what the approach has left
     if (place.q && i > 1 && (*place.q - q).cwiseAbs().maxCoeff() > most_turn)
       place = {std::nullopt, "a joint would have to whirl round"};

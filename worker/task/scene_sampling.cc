@@ -19,10 +19,10 @@ constexpr double kLowStartNear = 0.05, kLowStartFar = 0.25;  // m, y
 constexpr double kLowStartHeight = 0.05;                     // m above the lowest
 constexpr int kWaySamples = 16;                              // states that stand for a straight way
 constexpr int kObstacleDraws = 60;
-constexpr double kObstacleGap = 0.05;      // m between the obstacle and the middle of an object
-constexpr double kObstacleMargin = 0.015;  // m kept free around the arm at the ends of its way
-constexpr double kAsideMargin = 0.05;      // m around the whole way past an obstacle aside
-constexpr double kStartDexterity = 0.06;   // m (home has 0.11): the arm can leave in any direction
+constexpr double kObstacleGap = 0.05;     // m between the obstacle and the middle of an object
+constexpr double kClearAtEnds = 0.015;    // m kept free around the arm at the ends of its way
+constexpr double kAsideMargin = 0.05;     // m around the whole way past an obstacle aside
+constexpr double kStartDexterity = 0.06;  // m (home has 0.11): the arm can leave in any direction
 
 bool FarEnough(const Eigen::Vector3d& p, const std::vector<PlacedObject>& placed) {
   for (const auto& other : placed) {
@@ -133,7 +133,7 @@ std::vector<Eigen::VectorXd> StraightWay(const Eigen::VectorXd& q_start, const P
   std::vector<Eigen::VectorXd> way{q_start};
   for (int i = 1; i <= kWaySamples; ++i) {
     const double s = static_cast<double>(i) / kWaySamples;
-    const auto q = kinematics.Solve({start.p + s * (goal.p - start.p), start.q.slerp(s, goal.q)}, way.back());
+    const auto q = kinematics.Solve(Interpolate(start, goal, s), way.back());
     if (!q) break;
     way.push_back(*q);
   }
@@ -181,9 +181,9 @@ std::optional<PlacedObject> PlaceObstacle(const sim::ObjectInfo& obstacle, Obsta
     checker.SetObject(obstacle.name, X_WO);
     const std::vector<Eigen::VectorXd> ends{way.front(), way.back()};
     checker.SetGripper(1);
-    const bool touches_closed = Touches(ends, obstacle.name, kObstacleMargin, checker);
+    const bool touches_closed = Touches(ends, obstacle.name, kClearAtEnds, checker);
     checker.SetGripper(0);
-    if (touches_closed || Touches(ends, obstacle.name, kObstacleMargin, checker)) continue;
+    if (touches_closed || Touches(ends, obstacle.name, kClearAtEnds, checker)) continue;
     const bool blocked = Touches(way, obstacle.name, place == ObstaclePlace::kInTheWay ? 0.0 : kAsideMargin, checker);
     if (blocked == (place == ObstaclePlace::kInTheWay)) return PlacedObject{obstacle.name, X_WO};
   }

@@ -56,5 +56,14 @@ TEST(Pose, AngleBetweenIsTheAngleOfTheRotation) {
   EXPECT_NEAR(AngleBetween(a, Eigen::Quaterniond(-a.coeffs())), 0, 1e-6);
 }
 
+TEST(Pose, InterpolatesStraightAndByTheShortestTurn) {
+  const Pose a{{0, 0, 1}, FromEuler({0, 0, 0.2})};
+  const Pose b{{2, -4, 1}, Eigen::Quaterniond(-FromEuler({0, 0, 1.2}).coeffs())};  // the same turn, other sign
+  const Pose quarter = Interpolate(a, b, 0.25);
+  EXPECT_LT((quarter.p - Eigen::Vector3d(0.5, -1, 1)).norm(), 1e-15);
+  EXPECT_LT(AngleBetween(quarter.q, FromEuler({0, 0, 0.45})), 1e-7);
+  EXPECT_LT(AngleBetween(Interpolate(a, b, 1).q, b.q), 1e-7);
+}
+
 }  // namespace
 }  // namespace etude

@@ -101,10 +101,10 @@ TEST_P(Robot, DistancesAgreeWithMuJoCo) {
     const auto a = rng.Below(pieces.size()), b = rng.Below(pieces.size());
     if (!of_arm(a) || mj->body_weldid[mj->geom_bodyid[geoms[a]]] == mj->body_weldid[mj->geom_bodyid[geoms[b]]])
       continue;
-    scene->model().SetHome(referee.data());
+    scene->model().SetHome(referee.data()->qpos);
     for (const auto& [name, body] : scene->model().objects) referee.data()->qpos[body.q + 3] = 1;
-    scene->model().SetArm(referee.data(), RandomJoints(scene->arm(), rng));
-    scene->model().SetGripper(referee.data(), rng.Uniform());
+    scene->model().SetArm(referee.data()->qpos, RandomJoints(scene->arm(), rng));
+    scene->model().SetGripper(referee.data()->qpos, rng.Uniform());
     referee.Pose();
     const auto place = [&](std::size_t i) {
       const Pose X_WB = scene->model().BodyPose(referee.data(), scene->model().BodyId(pieces[i].body));

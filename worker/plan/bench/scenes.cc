@@ -63,9 +63,7 @@ bool StraightIsBlocked(const PlanningScene& planning, const Pose& X_WE_start, si
   Eigen::VectorXd q = planning.q_start;
   for (int i = 1; i < kLineChecks; ++i) {
     const double part = static_cast<double>(i) / kLineChecks;
-    const Pose X_WE{X_WE_start.p + part * (planning.X_WE_goal.p - X_WE_start.p),
-                    X_WE_start.q.slerp(part, planning.X_WE_goal.q)};
-    const auto next = kinematics.Solve(X_WE, q);
+    const auto next = kinematics.Solve(Interpolate(X_WE_start, planning.X_WE_goal, part), q);
     if (!next || checker.Check(*next)) return true;
     q = *next;
   }
