@@ -14,6 +14,7 @@
 #include "services/episode/codec.h"
 #include "worker/policy_client.h"
 #include "worker/task/attempt.h"
+#include "worker/task/user_files.h"
 #include "worker/view/robot_check.h"
 #include "worker/view/scene_picture.h"
 
@@ -71,7 +72,9 @@ campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, std:
 
 Status Work(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
-  ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, arguments.worker));
+  campaign::WorkerOptions options = arguments.worker;
+  options.files_sha256 = task::UserFilesSha256;
+  ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
   return client.Run([&](const CampaignSpec& spec) -> Result<campaign::WorkFunction> {
     ETUDE_ASSIGN_OR_RETURN(auto opened, task::AttemptRunner::Open(spec, arguments.renderer));
     auto runner = std::make_shared<task::AttemptRunner>(std::move(opened));

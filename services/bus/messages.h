@@ -27,6 +27,7 @@ struct WorkRequest {
   std::string worker;  ///< unique: host-pid-random
   std::uint64_t request_id = 0;
   std::string version;
+  std::string files_sha256;  ///< of what the worker has under the paths that the spec names; "": it names none
 };
 
 enum class LeaseKind : std::uint8_t { kWork = 0, kWait = 1, kDone = 2, kRefused = 3 };

@@ -139,6 +139,7 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Wo
   ETUDE_FIELD(worker);
   ETUDE_FIELD(request_id);
   ETUDE_FIELD(version);
+  ETUDE_FIELD(files_sha256);
 }
 
 template <class F, class M, class W>

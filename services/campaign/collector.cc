@@ -62,6 +62,7 @@ struct Collector::Impl {
   std::uint64_t epoch = 0;
 
   // control thread (and Open)
+  std::optional<std::string> files_sha256;  // of the first worker
   bus::Writer<bus::CampaignAnnouncement> announcements;
   bus::Writer<bus::Lease> leases;
   bus::Writer<bus::CampaignStatus> statuses;
@@ -91,6 +92,7 @@ struct Collector::Impl {
   void Control();
   void TakeMessages();
   void OnRequest(const bus::WorkRequest& request);
+  std::optional<std::string> WhyRefused(const bus::WorkRequest& request);
   void OnReport(const bus::AttemptReport& report);
   void OnHeartbeat(const bus::WorkerStatus& status);
   void PublishStatus();
@@ -154,6 +156,25 @@ void Collector::Impl::TakeMessages() {
   for (const auto& request : asked) OnRequest(request);
 }
 
+// Workers that would make other episodes than the rest.
+std::optional<std::string> Collector::Impl::WhyRefused(const bus::WorkRequest& request) {
+  if (request.version != Version())
+    return fmt::format("campaign '{}' is collected by version {}, this worker is {}: install the same version",
+                       spec.name, Version(), request.version);
+  if (!files_sha256) {
+    files_sha256 = request.files_sha256;
+    const std::lock_guard lock(sink_mutex);
+    if (const Status remembered = RememberFiles(sink->folder(), request.files_sha256); !remembered)
+      Log().warn("after a restart the first worker's files will count: {}", remembered.error().message);
+  }
+  if (request.files_sha256 != *files_sha256)
+    return fmt::format(
+        "campaign '{}' began with other robot or object files than this worker has under the same paths "
+        "(SHA-256 {}, here {}): copy them from where it began, or collect into another folder",
+        spec.name, *files_sha256, request.files_sha256);
+  return std::nullopt;
+}
+
 void Collector::Impl::OnRequest(const bus::WorkRequest& request) {
   if (request.campaign != spec.name) return;
   bus::Lease lease;
@@ -161,11 +182,10 @@ void Collector::Impl::OnRequest(const bus::WorkRequest& request) {
   lease.worker = request.worker;
   lease.request_id = request.request_id;
   lease.duration_ns = static_cast<std::uint64_t>(std::chrono::nanoseconds(options.lease).count());
-  if (request.version != Version()) {
+  if (const auto why = WhyRefused(request)) {
     lease.kind = bus::LeaseKind::kRefused;
-    lease.reason = fmt::format("campaign '{}' is collected by version {}, this worker is {}: install the same version",
-                               spec.name, Version(), request.version);
-    Log().warn("refused worker={} version={} ours={}", request.worker, request.version, Version());
+    lease.reason = *why;
+    Log().warn("refused worker={}: {}", request.worker, *why);
   } else {
     const std::lock_guard lock(mutex);
     heard[request.worker] = MonotonicClock::now();
@@ -429,6 +449,8 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
                                       .heartbeats = std::move(heartbeats),
                                       .episodes = std::move(episodes),
                                       .table = std::move(table)});
+  // before anything is committed, files may still be mended
+  if (!impl->sink->committed().empty()) impl->files_sha256 = KnownFiles(impl->sink->folder());
   impl->counters.failures = history.failures;
   impl->failed_attempts = history.total;
   return Collector(std::move(impl));

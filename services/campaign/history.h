@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What earlier lives of a collector left in its folder: the epoch of the fencing tokens and the failed
-// attempts.
+// What earlier lives of a collector left in its folder: the epoch of the fencing tokens, the files of the user that
+// episodes were made with, and the failed attempts.
 #pragma once
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "services/core/file.h"
@@ -15,6 +16,11 @@ namespace etude::campaign {
 /// One more than the last epoch handed out for `folder` (1 at first), durable before it is returned.
 /// @error kCorrupt when FOLDER/collector.json is not readable, kUnavailable when it cannot be written.
 Result<std::uint64_t> NextEpoch(const Path& folder);
+
+/// SHA-256 of the files that the spec of `folder` names, as the first worker had them; nothing when none has worked.
+std::optional<std::string> KnownFiles(const Path& folder);
+/// @error kUnavailable when FOLDER/collector.json cannot be written
+Status RememberFiles(const Path& folder, const std::string& sha256);
 
 struct History {
   struct Index {

@@ -88,6 +88,7 @@ struct WorkerClient::Impl {
   std::optional<bus::CampaignAnnouncement> announcement;  // the newest
   std::string made_for;                                   // spec hash that `work` was made for
   WorkFunction work;
+  std::string files_sha256;
   std::uint64_t request_id = 0;
   std::optional<bus::AttemptReport> last_report;  // of the last attempt that failed
   std::uint64_t episodes = 0, failures = 0;
@@ -140,6 +141,10 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
     return Fail(Code::kUnavailable, fmt::format("join {}: the announced hash does not fit the spec", origin));
   work = nullptr;  // the old one's context goes first
   ETUDE_ASSIGN_OR_RETURN(work, factory(spec));
+  files_sha256.clear();
+  if (options.files_sha256) {
+    ETUDE_ASSIGN_OR_RETURN(files_sha256, options.files_sha256(spec));
+  }
   made_for = announcement->spec_sha256;
   return {};
 }
@@ -150,7 +155,8 @@ Result<bus::Lease> WorkerClient::Impl::Ask() {
   auto patience = std::min<std::chrono::milliseconds>(100ms, options.ask_again);
   while (!StopRequested()) {
     const std::uint64_t id = ++request_id;
-    if (const Status asked = requests.Write({options.campaign, options.name, id, options.version}); !asked)
+    if (const Status asked = requests.Write({options.campaign, options.name, id, options.version, files_sha256});
+        !asked)
       Log().debug("request: {}", asked.error().message);
     const auto deadline = MonotonicClock::now() + patience;
     patience = std::min(2 * patience, options.ask_again);

@@ -41,6 +41,9 @@ struct WorkerOptions {
   std::string name;  ///< unique on the bus; empty: UniquePeerName()
   std::string version = Version();
   bool once = false;  ///< one attempt, then home
+  /// SHA-256 over the files that a spec names (robots, objects), "" when it names none. The collector lets work only
+  /// those who have the same ones. Left out: "".
+  std::function<Result<std::string>(const CampaignSpec&)> files_sha256;
   std::chrono::milliseconds heartbeat{500};
   std::chrono::milliseconds ask_again{1'000};      ///< a request without an answer is repeated
   std::chrono::milliseconds send_timeout{30'000};  ///< per try; the same object is sent again

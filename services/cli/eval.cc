@@ -116,11 +116,13 @@ void AddEval(CLI::App& app, Body& body) {
       ->check(CLI::Range(0, 100))
       ->capture_default_str();
   command->add_option("--out", arguments->out, "folder for eval.json, rollouts and videos")->required();
-  command->add_option("--tasks", evaluation.tasks, "comma-separated: pick,push,put_down")
+  command
+      ->add_option("--tasks", evaluation.tasks, "comma-separated; left out: those of --scenes, else pick,push,put_down")
       ->delimiter(',')
       ->allow_extra_args(false);
   command->add_option("--videos", evaluation.videos, "at most so many mp4 files")->capture_default_str();
-  command->add_option("--scenes", arguments->scenes, "campaign file whose camera, objects and randomisation to use");
+  command->add_option("--scenes", arguments->scenes,
+                      "campaign file whose robots, tasks, camera, objects and randomisation to use");
   AddOverrides(*command, arguments->overrides, "rollout.replan_steps=10");
   arguments->bus.Add(*command);
   command->callback([arguments, command, &body] {

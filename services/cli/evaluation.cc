@@ -19,9 +19,12 @@ CampaignSpec EvaluationSpec(const CampaignSpec& base, const EvaluationOptions& o
   const Path folder = std::filesystem::weakly_canonical(std::filesystem::absolute(options.out));
   spec.name = "eval-" + Sha256Hex(folder.string()).substr(0, 12);
   spec.mode = "rollout";
-  spec.tasks = options.tasks;
-  spec.task_weights.clear();
-  if (spec.tasks == std::vector<std::string>{"pick", "push", "put_down"}) spec.task_weights = {4, 3, 3};
+  if (!options.tasks.empty()) {
+    spec.tasks = options.tasks;
+    spec.task_weights.clear();
+  }
+  if (spec.task_weights.empty() && spec.tasks == std::vector<std::string>{"pick", "push", "put_down"})
+    spec.task_weights = {4, 3, 3};
   spec.episodes = options.episodes;
   spec.seed = MixSeed({options.seed}, "evaluation");
   spec.max_attempts = 3;

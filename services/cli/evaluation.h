@@ -18,15 +18,16 @@ namespace etude::cli {
 
 struct EvaluationOptions {
   std::string run;  ///< name under which the policy answers
-  std::vector<std::string> tasks{"pick", "push", "put_down"};
+  std::vector<std::string> tasks;  ///< empty: those of the campaign whose scenes are used
   std::uint64_t episodes = 80;
   std::uint64_t seed = 1;
   int videos = 12;  ///< at most so many mp4 files, failures first
   Path out;
 };
 
-/// The rollout campaign of an evaluation, from a campaign whose scenes it shares. All three tasks are weighted
-/// 4:3:3 (80 = 32 pick, 24 push, 24 put down). The seed is mixed with a constant of evaluations, so that no
+/// The rollout campaign of an evaluation, from a campaign whose scenes it shares, and whose tasks and weights unless
+/// `options` name others. Pick, push and put down without weights are weighted 4:3:3 (80 = 32 pick, 24 push, 24 put
+/// down). The seed is mixed with a constant of evaluations, so that no
 /// rollout's scene is one that a collection with any seed drew.
 CampaignSpec EvaluationSpec(const CampaignSpec& base, const EvaluationOptions& options);
 

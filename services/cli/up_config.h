@@ -30,7 +30,7 @@ struct UpTrainConfig {
 struct UpEvalConfig {
   std::uint64_t episodes = 20;
   std::uint64_t seed = 1;
-  std::vector<std::string> tasks{"pick", "push", "put_down"};
+  std::vector<std::string> tasks;  ///< empty: those that are collected
   int videos = 8;
 
   template <class V>

@@ -3,6 +3,7 @@
 // killed.
 #include "services/campaign/collector.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <unistd.h>
@@ -302,16 +303,18 @@ TEST_F(CollectorTest, FullDiskWaitsSaysSoAndResumesByItself) {
 // A worker by hand, to say things that a good one does not.
 class RawWorker {
  public:
-  RawWorker(const bus::Participant& participant, const CampaignSpec& spec, const std::string& name)
+  RawWorker(const bus::Participant& participant, const CampaignSpec& spec, const std::string& name,
+            const std::string& files_sha256 = "")
       : spec_(spec),
         name_(name),
+        files_sha256_(files_sha256),
         requests_(std::move(*bus::Writer<bus::WorkRequest>::Open(participant, spec.name))),
         leases_(std::move(*bus::Reader<bus::Lease>::Open(participant, spec.name))),
         sender_(std::move(*bus::ObjectSender::Open(participant, spec.name, "episode", name))) {}
 
   bus::Lease Ask() {
     for (int i = 0; i < 5; ++i) {
-      (void)requests_.Write({spec_.name, name_, ++id_, Version()});
+      (void)requests_.Write({spec_.name, name_, ++id_, Version(), files_sha256_});
       // answers to what was asked before come late on a busy machine: only this one counts
       for (const auto deadline = std::chrono::steady_clock::now() + 2s; std::chrono::steady_clock::now() < deadline;) {
         leases_.Wait(200ms);
@@ -330,7 +333,7 @@ class RawWorker {
 
  private:
   CampaignSpec spec_;
-  std::string name_;
+  std::string name_, files_sha256_;
   bus::Writer<bus::WorkRequest> requests_;
   bus::Reader<bus::Lease> leases_;
   bus::ObjectSender sender_;
@@ -361,6 +364,27 @@ TEST_F(CollectorTest, OldTokensAreRefusedAndRepeatsAreDuplicates) {
   EXPECT_NE(refused.reason.find("old"), std::string::npos) << refused.reason;
   EXPECT_EQ(quick.Send(lease, episode).kind, bus::AckKind::kDone);
   running->progress();
+}
+
+TEST_F(CollectorTest, WorkersWithOtherFilesOfTheUserAreRefusedAlsoAfterARestart) {
+  const CampaignSpec spec = Spec("files", 3);
+  for (int start = 0; start < 2; ++start) {
+    auto collector = Open(spec, folder_ / "data");
+    ASSERT_TRUE(collector) << collector.error().message;
+    Running running(std::move(*collector));
+    // names of their own: what was said to those before a restart is not heard again
+    RawWorker same(*participant_, spec, fmt::format("same{}", start), "a"),
+        other(*participant_, spec, fmt::format("other{}", start), "b");
+    if (start == 0) {
+      const bus::Lease lease = same.Ask();
+      ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
+      EXPECT_EQ(same.Send(lease, FakeEpisode(spec, lease.index, lease.attempt)).kind, bus::AckKind::kDone);
+    }
+    const bus::Lease refused = other.Ask();
+    EXPECT_EQ(refused.kind, bus::LeaseKind::kRefused);
+    EXPECT_NE(refused.reason.find("other robot or object files"), std::string::npos) << refused.reason;
+    EXPECT_EQ(same.Ask().kind, bus::LeaseKind::kWork);
+  }
 }
 
 TEST_F(CollectorTest, EpisodesThatDoNotFitAreRefusedWithTheReason) {

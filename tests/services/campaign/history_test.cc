@@ -27,6 +27,17 @@ TEST(NextEpoch, RefusesAFileThatItDoesNotUnderstand) {
   }
 }
 
+TEST(KnownFiles, StayOverStarts) {
+  TemporaryFolder folder;
+  EXPECT_FALSE(KnownFiles(folder.path()));
+  EXPECT_FALSE(RememberFiles(folder.path(), "abc")) << "only a collector's folder has some";
+  ASSERT_TRUE(NextEpoch(folder.path()));
+  EXPECT_FALSE(KnownFiles(folder.path()));
+  ASSERT_TRUE(RememberFiles(folder.path(), "abc"));
+  EXPECT_EQ(NextEpoch(folder.path()).value(), 2u);
+  EXPECT_EQ(KnownFiles(folder.path()), "abc");
+}
+
 TEST(ReadHistory, CountsEachFailedAttemptOnce) {
   TemporaryFolder folder;
   const std::string_view lines = R"({"index": 3, "attempt": 0, "seed": 9, "outcome": "plan_failed"}

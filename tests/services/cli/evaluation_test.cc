@@ -53,8 +53,21 @@ TEST(EvaluationSpec, KeepsTheScenesOfItsCampaignAndNamesItselfByFolder) {
   EXPECT_EQ(spec.camera.width, 96);
   EXPECT_EQ(spec.objects, base.objects);
   EXPECT_TRUE(spec.task_weights.empty());
+  EXPECT_EQ(spec.tasks, options.tasks);
   EXPECT_EQ(spec.name, EvaluationSpec(base, Options("out/../out/a")).name);
   EXPECT_NE(spec.name, EvaluationSpec(base, Options("out/b")).name);
+}
+
+TEST(EvaluationSpec, TakesTheTasksOfItsCampaign) {
+  CampaignSpec base;
+  EXPECT_EQ(EvaluationSpec(base, Options("out/a")).task_weights, (std::vector<double>{4, 3, 3}));
+  base.task_weights = {1, 1, 2};
+  EXPECT_EQ(EvaluationSpec(base, Options("out/a")).task_weights, base.task_weights);
+  base.tasks = {"rotate", "place_left"};
+  base.task_weights = {1, 3};
+  const CampaignSpec spec = EvaluationSpec(base, Options("out/a"));
+  EXPECT_EQ(spec.tasks, base.tasks);
+  EXPECT_EQ(spec.task_weights, base.task_weights);
 }
 
 }  // namespace

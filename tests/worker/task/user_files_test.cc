@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests worker/task/user_files.cc
+#include "worker/task/user_files.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "services/core/file.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::task {
+namespace {
+
+std::string HashOf(const Path& robot) {
+  CampaignSpec spec;
+  spec.robots = {robot.string()};
+  const auto hash = UserFilesSha256(spec);
+  EXPECT_TRUE(hash) << (hash ? "" : hash.error().message);
+  return hash.value_or("");
+}
+
+void Replace(const Path& file, const std::string& old_text, const std::string& new_text) {
+  std::string text = ReadTextFile(file).value();
+  const auto at = text.find(old_text);
+  ASSERT_NE(at, std::string::npos) << file;
+  text.replace(at, old_text.size(), new_text);
+  ASSERT_TRUE(WriteFileAtomically(file, text));
+}
+
+TEST(UserFiles, ACampaignThatNamesNoneHasNone) { EXPECT_EQ(UserFilesSha256(CampaignSpec{}).value(), ""); }
+
+TEST(UserFiles, HashTellsWhatTheRobotIsMadeOfAndNotWhereItStands) {
+  TemporaryFolder folder;
+  std::filesystem::copy("deploy/robots", folder.path(), std::filesystem::copy_options::recursive);
+  const Path robot = folder / "sketch.yaml";
+  const std::string original = HashOf("deploy/robots/sketch.yaml");
+  EXPECT_EQ(original.size(), 64u);
+  EXPECT_EQ(HashOf(robot), original);
+
+  Replace(robot, "home: [0,", "home: [0.01,");  // what the scene does not have
+  const std::string home = HashOf(robot);
+  EXPECT_NE(home, original);
+  Replace(folder / "sketch/meshes/foot.obj", "v 0.083149", "v 0.084");
+  EXPECT_NE(HashOf(robot), home);
+}
+
+TEST(UserFiles, WhatIsMissingIsAnError) {
+  CampaignSpec spec;
+  spec.objects.push_back("./no_such_folder");
+  EXPECT_FALSE(UserFilesSha256(spec));
+}
+
+}  // namespace
+}  // namespace etude::task

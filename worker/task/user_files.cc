@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/task/user_files.h"
+
+#include <algorithm>
+#include <iterator>
+#include <vector>
+
+#include "services/core/file.h"
+#include "services/core/hash.h"
+#include "services/episode/object_names.h"
+#include "worker/sim/robot_file.h"
+#include "worker/sim/scene.h"
+
+namespace etude::task {
+
+Result<std::string> UserFilesSha256(const CampaignSpec& spec) {
+  std::vector<std::string> robots, objects;
+  std::ranges::copy_if(spec.robots, std::back_inserter(robots), sim::IsRobotFile);
+  std::ranges::copy_if(spec.objects, std::back_inserter(objects), IsObjectPath);
+  if (robots.empty() && objects.empty()) return std::string();
+  if (robots.empty()) robots.push_back(spec.robots.at(0));
+
+  std::string all;
+  for (const std::string& robot : robots) {
+    SceneSpec scene_spec(spec);
+    scene_spec.robot = robot;
+    scene_spec.objects = objects;
+    ETUDE_ASSIGN_OR_RETURN(const auto scene, sim::Scene::Build(scene_spec));
+    all += scene->sha256();
+    if (!sim::IsRobotFile(robot)) continue;
+    // the scene has all but what is the planner's: home, speeds, pitches
+    ETUDE_ASSIGN_OR_RETURN(const auto yaml, ReadBinaryFile(robot));
+    all += Sha256Hex(yaml);
+  }
+  return Sha256Hex(all);
+}
+
+}  // namespace etude::task
