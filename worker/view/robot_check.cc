@@ -127,6 +127,9 @@ Status CheckTask(const std::string& robot, const std::string& name, const sim::R
     else
       trouble = fmt::format("; {}: {}", task::ToString(attempt.outcome), attempt.reason);
   }
+  const bool turns = name == "put_down" || name == "rotate";
+  if (succeeded < kDemonstrationsNeeded && turns && sim::IsRobotFile(robot))
+    trouble += "; the other sign of `turn` in its file may suit the wrist";
   report.Line(succeeded >= kDemonstrationsNeeded, name,
               fmt::format("{} of {} demonstrations with the cube succeed{}", succeeded, kDemonstrations, trouble));
   return {};
