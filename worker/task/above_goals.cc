@@ -22,7 +22,8 @@ constexpr double kHoverSlack = 0.02;    // m nearer when the hand is already on 
 constexpr double kOnLine = 0.04;        // m off the line at most to count as on it
 constexpr double kLiftedBelow = 0.10;   // m under a lifted object
 constexpr double kCarriedBelow = 0.19;  // m under an object that is carried over the others
-constexpr double kPushPitch = 1.35;     // rad: fingertips first, the palm clear of tall objects, within reach
+constexpr double kPushPitch = 1.35;     // rad: fingertips first
+constexpr double kPushLeaning = 1.25;   // rad where the palm would be ahead: no further, for reach
 constexpr double kPushHeight = 0.010;   // m between fingertips and table
 constexpr double kPushBehind = 0.035;   // m between fingertips and object before the push
 constexpr double kPushFurther = 0.11;   // m that the object is pushed
@@ -99,14 +100,27 @@ Pose Raised(const Situation& now, const Grip& grip, double room) {
   return {{now.X_WE.p.x(), now.X_WE.p.y(), std::max(now.X_WE.p.z(), below + room)}, q};
 }
 
-double PushY(const Situation& now) {
-  const double half_depth = now.shapes->object(now.target).half_extent.y();
-  return now.X_WO.p.y() - half_depth - now.shapes->Reach(Part::kFingers, true, Hand(kPushPitch), Vector3d::UnitY());
+// A palm that is as low as the object's top must not be ahead of the fingertips: it would tip the object over, or press
+// it to the table until it jams. Then the hand leans further forward.
+bool PalmIsClear(const Situation& now, const Quaterniond& q) {
+  const auto palm = [&](const Vector3d& direction) { return now.shapes->Reach(Part::kPalm, true, q, direction); };
+  const double fingertips = Below(now, Part::kHand, true, q);
+  const double height = kPushHeight + fingertips - palm(-Vector3d::UnitZ());
+  return height > TopOf(now) ||
+         palm(Vector3d::UnitY()) <= now.shapes->Reach(Part::kFingers, true, q, Vector3d::UnitY());
+}
+
+Quaterniond PushingHand(const Situation& now) {
+  for (double pitch = kPushPitch; pitch > kPushLeaning; pitch -= 0.05)
+    if (PalmIsClear(now, Hand(pitch))) return Hand(pitch);
+  return Hand(kPushLeaning);
 }
 
 Pose Pushing(const Situation& now, double further) {
-  const double z = Below(now, Part::kHand, true, Hand(kPushPitch)) + kPushHeight;
-  return {{now.X_WO.p.x(), PushY(now) + further, z}, Hand(kPushPitch)};
+  const Quaterniond q = PushingHand(now);
+  const double half_depth = now.shapes->object(now.target).half_extent.y();
+  const double touching = now.X_WO.p.y() - half_depth - now.shapes->Reach(Part::kFingers, true, q, Vector3d::UnitY());
+  return {{now.X_WO.p.x(), touching + further, Below(now, Part::kHand, true, q) + kPushHeight}, q};
 }
 
 // A quarter of a turn: where the hand comes to point back at the robot it moves towards it by what is left to turn, and

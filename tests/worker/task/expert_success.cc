@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Success of the expert over seeded scenes, per task: expert_success [scenes per task] [seed] [task...]
-// Environment: ETUDE_ROBOT (ur5), ETUDE_OBJECTS (a comma-separated list), ETUDE_STRIDE (125).
+// Environment: ETUDE_ROBOT (ur5), ETUDE_OBJECTS (a comma-separated list), ETUDE_STRIDE (125), ETUDE_FIRST (index, 0).
 // Prints one line per failed attempt, then per task success, steps and where the time went.
 #include <fmt/format.h>
 
@@ -82,6 +82,8 @@ int main(int argc, char** argv) {
   const char* stride = std::getenv("ETUDE_STRIDE");
   const char* robot = std::getenv("ETUDE_ROBOT");
   const char* objects = std::getenv("ETUDE_OBJECTS");
+  const char* from = std::getenv("ETUDE_FIRST");
+  const int first = from ? std::atoi(from) : 0;
   bool good = true;
   for (const auto& name : tasks) {
     CampaignSpec spec;
@@ -97,7 +99,7 @@ int main(int argc, char** argv) {
       return 3;
     }
     Tally tally;
-    for (int index = 0; index < scenes; ++index) {
+    for (int index = first; index < first + scenes; ++index) {
       const auto result = runner->Demonstrate(index, 0);
       Count(result, tally);
       if (result.outcome != task::AttemptOutcome::kSuccess)
