@@ -17,7 +17,7 @@
 namespace etude::cli {
 
 struct EvaluationOptions {
-  std::string run;  ///< name under which the policy answers
+  std::string run;                 ///< name under which the policy answers
   std::vector<std::string> tasks;  ///< empty: those of the campaign whose scenes are used
   std::uint64_t episodes = 80;
   std::uint64_t seed = 1;
