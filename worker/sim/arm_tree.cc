@@ -22,7 +22,6 @@ ArmTree::ArmTree(const mjModel& mj, int tool_site, const std::vector<int>& arm_q
     const int parent = mj.body_parentid[body], first = mj.body_jntadr[body], count = mj.body_jntnum[body];
     if (index_of_[parent] < 0 && body > 0) continue;
     if (count > 0 && mj.jnt_type[first] == mjJNT_FREE) continue;
-    ETUDE_CHECK(mj.body_mocapid[body] < 0, "body {} is moved by nothing that is known here", body);
     index_of_[body] = static_cast<int>(bodies_.size());
     bodies_.push_back({index_of_[parent],
                        {VectorAt(mj.body_pos, body), QuaternionAt(mj.body_quat + 4 * body)},

@@ -14,8 +14,8 @@ namespace etude::sim {
 using Matrix6Xd = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
 /// Forward kinematics and Jacobians of all bodies but the objects. Does what mj_kinematics, mj_comPos and mj_jac do,
-/// which go through every object, geom and site of a scene: eight times the work (measured with the six objects), and
-/// most of the time of a plan. Immutable: threads may share one.
+/// but those go through every object, geom and site of a scene: plans took 2.4 times as long with them. Immutable:
+/// threads may share one.
 class ArmTree {
  public:
   /// What Place* write. One per thread.
