@@ -20,26 +20,23 @@ Status WriteCollectorFile(const Path& folder, const OrderedJson& json) {
   return WriteFileAtomically(CollectorFile(folder), json.dump() + "\n");
 }
 
-// Not an object when there is none, or none that is understood.
-OrderedJson ReadCollectorFile(const Path& folder) {
-  const auto text = ReadTextFile(CollectorFile(folder), 1 << 16);
-  return text ? OrderedJson::parse(*text, nullptr, false) : OrderedJson();
+// Not an object when it is not understood.
+Result<OrderedJson> ReadCollectorFile(const Path& folder) {
+  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(CollectorFile(folder), 1 << 16));
+  return OrderedJson::parse(text, nullptr, false);
 }
 
 }  // namespace
 
 Result<std::uint64_t> NextEpoch(const Path& folder) {
   const Path path = CollectorFile(folder);
-  OrderedJson json = {{"epoch", 0u}};
-  if (auto text = ReadTextFile(path, 1 << 16)) {
-    json = OrderedJson::parse(*text, nullptr, false);
-    if (!json.is_object() || !json.contains("epoch") || !json["epoch"].is_number_unsigned())
-      return Fail(Code::kCorrupt, fmt::format("read the collector's epoch from '{}': not {{\"epoch\": N}}; write the "
-                                              "number of times that a collector was started here into it",
-                                              path.string()));
-  } else if (text.error().code != Code::kNotFound) {
-    return Fail(text.error().Wrap("read the collector's epoch"));
-  }
+  const auto read = ReadCollectorFile(folder);
+  if (!read && read.error().code != Code::kNotFound) return Fail(read.error().Wrap("read the collector's epoch"));
+  OrderedJson json = read ? *read : OrderedJson{{"epoch", 0u}};
+  if (!json.is_object() || !json.contains("epoch") || !json["epoch"].is_number_unsigned())
+    return Fail(Code::kCorrupt, fmt::format("read the collector's epoch from '{}': not {{\"epoch\": N}}; write the "
+                                            "number of times that a collector was started here into it",
+                                            path.string()));
   const std::uint64_t epoch = json["epoch"].get<std::uint64_t>() + 1;
   if (epoch >= (1ull << 32))
     return Fail(Code::kCorrupt, fmt::format("'{}': epoch {} is too large", path.string(), epoch));
@@ -49,14 +46,16 @@ Result<std::uint64_t> NextEpoch(const Path& folder) {
 }
 
 std::optional<std::string> KnownFiles(const Path& folder) {
-  const OrderedJson json = ReadCollectorFile(folder);
-  if (!json.is_object() || !json.contains("files_sha256") || !json["files_sha256"].is_string()) return std::nullopt;
-  return json["files_sha256"].get<std::string>();
+  const auto json = ReadCollectorFile(folder);
+  if (!json || !json->is_object() || !json->contains("files_sha256") || !(*json)["files_sha256"].is_string())
+    return std::nullopt;
+  return (*json)["files_sha256"].get<std::string>();
 }
 
 Status RememberFiles(const Path& folder, const std::string& sha256) {
-  OrderedJson json = ReadCollectorFile(folder);
-  if (!json.is_object()) return Fail(Code::kCorrupt, fmt::format("'{}' is gone", CollectorFile(folder).string()));
+  ETUDE_ASSIGN_OR_RETURN(OrderedJson json, ReadCollectorFile(folder));
+  if (!json.is_object())
+    return Fail(Code::kCorrupt, fmt::format("'{}' is not a collector's", CollectorFile(folder).string()));
   json["files_sha256"] = sha256;
   return WriteCollectorFile(folder, json);
 }

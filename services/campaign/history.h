@@ -19,7 +19,7 @@ Result<std::uint64_t> NextEpoch(const Path& folder);
 
 /// SHA-256 of the files that the spec of `folder` names, as the first worker had them; nothing when none has worked.
 std::optional<std::string> KnownFiles(const Path& folder);
-/// @error kUnavailable when FOLDER/collector.json cannot be written
+/// @error kNotFound, kCorrupt: no FOLDER/collector.json, or not ours; kUnavailable when it cannot be written
 Status RememberFiles(const Path& folder, const std::string& sha256);
 
 struct History {

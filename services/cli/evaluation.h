@@ -27,8 +27,8 @@ struct EvaluationOptions {
 
 /// The rollout campaign of an evaluation, from a campaign whose scenes it shares, and whose tasks and weights unless
 /// `options` name others. Pick, push and put down without weights are weighted 4:3:3 (80 = 32 pick, 24 push, 24 put
-/// down). The seed is mixed with a constant of evaluations, so that no
-/// rollout's scene is one that a collection with any seed drew.
+/// down). The seed is mixed with a constant of evaluations, so that no rollout's scene is one that a collection with
+/// any seed drew.
 CampaignSpec EvaluationSpec(const CampaignSpec& base, const EvaluationOptions& options);
 
 /// Runs the campaign with local workers and writes OUT/eval.json as it goes, then OUT/videos.

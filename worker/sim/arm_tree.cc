@@ -65,17 +65,19 @@ void ArmTree::PlaceBody(int index, const mjtNum* qpos, Frames& frames) const {
   frames.X_WB[index] = X_WB;
 }
 
-void ArmTree::PlaceTool(const mjtNum* qpos, Frames& frames) const {
+void ArmTree::Fit(Frames& frames) const {
   frames.X_WB.resize(bodies_.size());
   frames.p_WJ.resize(joints_.size());
   frames.axis_W.resize(joints_.size());
+}
+
+void ArmTree::PlaceTool(const mjtNum* qpos, Frames& frames) const {
+  Fit(frames);
   for (const int index : tool_chain_) PlaceBody(index, qpos, frames);
 }
 
 void ArmTree::PlaceAll(const mjtNum* qpos, Frames& frames) const {
-  frames.X_WB.resize(bodies_.size());
-  frames.p_WJ.resize(joints_.size());
-  frames.axis_W.resize(joints_.size());
+  Fit(frames);
   for (int index = 1; index < static_cast<int>(bodies_.size()); ++index) PlaceBody(index, qpos, frames);
 }
 

@@ -54,6 +54,7 @@ class ArmTree {
     Pose X_PB;  ///< with its joints at rest
     int first_joint = 0, joint_count = 0;
   };
+  void Fit(Frames& frames) const;  ///< to as many bodies and joints
   void PlaceBody(int index, const mjtNum* qpos, Frames& frames) const;
   template <class Each>
   void ForJointsUnder(int index, Each each) const;  ///< the arm's joints that move a body

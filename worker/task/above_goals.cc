@@ -64,6 +64,11 @@ double Below(const Situation& now, Part part, bool closed, const Quaterniond& q_
   return now.shapes->Reach(part, closed, q_WE, -Vector3d::UnitZ());
 }
 
+// Lowest z of E at which the hand is off the table, whatever its fingers do.
+double LowestHand(const Situation& now, const Quaterniond& q_WE) {
+  return now.shapes->FurthestReach(q_WE, -Vector3d::UnitZ()) + kFingerGap;
+}
+
 // The fingertips at the object's axis, as deep as object, palm and table allow.
 Pose AtGrasp(const Situation& now, const Grip& grip) {
   const Quaterniond q = grip.q();
@@ -73,8 +78,7 @@ Pose AtGrasp(const Situation& now, const Grip& grip) {
   const double palm = top + kPalmGap - now.shapes->palm_ahead() * a.z();
   // the palm is beside the axis of an object that is approached at an angle
   const double above_palm = grip.pitch > kVertical ? palm : tips;
-  const double table = now.shapes->FurthestReach(q, -Vector3d::UnitZ()) + kFingerGap;
-  const double z = std::max({tips, above_palm, table});
+  const double z = std::max({tips, above_palm, LowestHand(now, q)});
   // pads, not their very tips, around the axis
   const Eigen::Vector2d xy = now.X_WO.p.head<2>() + (kPadBeyond - ahead) * a.head<2>();
   return {{xy.x(), xy.y(), z}, q};
@@ -143,9 +147,8 @@ Pose Turned(const Situation& now, double tilt) {
 
 // Down until the object, the fingers or the palm touch.
 Pose Lowered(const Situation& now, const Quaterniond& q) {
-  return {{now.X_WE.p.x(), now.X_WE.p.y(),
-           std::max(HeldBelow(now, q) + kPlaceGap, now.shapes->FurthestReach(q, -Vector3d::UnitZ()) + kFingerGap)},
-          q};
+  const double z = std::max(HeldBelow(now, q) + kPlaceGap, LowestHand(now, q));
+  return {{now.X_WE.p.x(), now.X_WE.p.y(), z}, q};
 }
 
 // Where the target goes: far enough for the open hand to fit beside the reference.

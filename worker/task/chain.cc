@@ -46,13 +46,18 @@ std::optional<Eigen::VectorXd> StagePlanner::EndOf(const plan::Motion& motion, c
   return q;
 }
 
+namespace {
+
+plan::Request StraightRequest(const Eigen::VectorXd& q_start, const Pose& goal, const Stage& stage) {
+  return {.q_start = q_start, .X_WE_goal = goal, .limits = stage.limits, .margin = stage.margin, .straight_only = true};
+}
+
+}  // namespace
+
 plan::Request StagePlanner::RequestOf(const Eigen::VectorXd& q_start, const Pose& goal, const Stage& stage,
                                       const Surroundings& around) {
-  plan::Request request{.q_start = q_start,
-                        .X_WE_goal = goal,
-                        .limits = stage.limits,
-                        .margin = stage.margin,
-                        .straight_only = stage.straight_only};
+  plan::Request request = StraightRequest(q_start, goal, stage);
+  request.straight_only = stage.straight_only;
   if (stage.clearance > 0) {
     request.method = plan::Method::kPotentialField;
     request.clearance = stage.clearance;
@@ -92,12 +97,7 @@ std::optional<PlannedStage> StagePlanner::ThroughPoints(const Eigen::VectorXd& q
   planned.q_end = q_start;
   std::uint64_t checks = 0;
   for (const Pose& point : points) {
-    const plan::Request request{.q_start = planned.q_end,
-                                .X_WE_goal = point,
-                                .limits = stage.limits,
-                                .margin = stage.margin,
-                                .straight_only = true};
-    plan::Outcome next = planner_.Plan(request, *checker_, seed);
+    plan::Outcome next = planner_.Plan(StraightRequest(planned.q_end, point, stage), *checker_, seed);
     checks += next.checks;
     const auto q_end = next.planned() ? EndOf(next.motion, planned.q_end) : std::nullopt;
     if (!q_end) {

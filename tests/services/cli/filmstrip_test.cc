@@ -20,14 +20,17 @@ std::pair<int, int> SizeOf(const Path& png) {
   return {number(16), number(20)};
 }
 
+// Of 64 x 48 pixels.
+void WriteThreeEpisodes(const Path& dataset) {
+  const CampaignSpec spec = SyntheticSpec(64, 48);
+  auto writer = store::DatasetWriter::Open(dataset, spec);
+  ASSERT_TRUE(writer) << writer.error().message;
+  for (std::uint64_t i = 0; i < 3; ++i) ASSERT_TRUE(writer->Commit(MakeSyntheticEpisode(spec, i, 25)));
+}
+
 TEST(WriteFilmstrips, HasARowForEachEpisodeAndAColumnForEachFrame) {
   TemporaryFolder folder;
-  const CampaignSpec spec = SyntheticSpec(64, 48);
-  {
-    auto writer = store::DatasetWriter::Open(folder / "data", spec);
-    ASSERT_TRUE(writer) << writer.error().message;
-    for (std::uint64_t i = 0; i < 3; ++i) ASSERT_TRUE(writer->Commit(MakeSyntheticEpisode(spec, i, 25)));
-  }
+  WriteThreeEpisodes(folder / "data");
   ASSERT_TRUE(WriteFilmstrips(folder / "data", folder / "sheet.png", {.episodes = 2, .frames = 4}));
   EXPECT_EQ(SizeOf(folder / "sheet.png"), std::make_pair(4 * 64 + 3 * 2, 2 * (48 + 24)));
   ASSERT_TRUE(WriteFilmstrips(folder / "data", folder / "sheet.png", {.episodes = 9, .frames = 1}));
@@ -36,12 +39,7 @@ TEST(WriteFilmstrips, HasARowForEachEpisodeAndAColumnForEachFrame) {
 
 TEST(WriteFilmstrips, TakesRowsByNumberAndWritesJpegToItsName) {
   TemporaryFolder folder;
-  const CampaignSpec spec = SyntheticSpec(64, 48);
-  {
-    auto writer = store::DatasetWriter::Open(folder / "data", spec);
-    ASSERT_TRUE(writer) << writer.error().message;
-    for (std::uint64_t i = 0; i < 3; ++i) ASSERT_TRUE(writer->Commit(MakeSyntheticEpisode(spec, i, 25)));
-  }
+  WriteThreeEpisodes(folder / "data");
   const auto bytes_of = [&](const std::string& name, const FilmstripOptions& options) {
     EXPECT_TRUE(WriteFilmstrips(folder / "data", folder / name, options));
     return ReadBinaryFile(folder / name).value();

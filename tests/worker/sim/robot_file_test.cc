@@ -8,6 +8,7 @@
 
 #include "services/core/file.h"
 #include "services/core/rng.h"
+#include "tests/support/replace_in_file.h"
 #include "tests/worker/sim/scene_fixture.h"
 #include "worker/sim/model.h"
 
@@ -102,11 +103,7 @@ class BrokenRobot : public testing::Test {
     std::filesystem::copy("deploy/robots", folder_, std::filesystem::copy_options::recursive);
   }
   void Replace(const std::string& file, const std::string& from, const std::string& to) {
-    std::string text = *ReadTextFile(folder_ / file);
-    const auto at = text.find(from);
-    ASSERT_NE(at, std::string::npos) << from;
-    text.replace(at, from.size(), to);
-    ASSERT_TRUE(WriteFileAtomically(folder_ / file, text));
+    ReplaceInFile(folder_ / file, from, to);
   }
   Error Load() const {
     const auto loaded = LoadRobot(folder_ / "sketch.yaml");

@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "services/core/file.h"
+#include "tests/support/replace_in_file.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::task {
@@ -20,14 +21,6 @@ std::string HashOf(const Path& robot) {
   return hash.value_or("");
 }
 
-void Replace(const Path& file, const std::string& old_text, const std::string& new_text) {
-  std::string text = ReadTextFile(file).value();
-  const auto at = text.find(old_text);
-  ASSERT_NE(at, std::string::npos) << file;
-  text.replace(at, old_text.size(), new_text);
-  ASSERT_TRUE(WriteFileAtomically(file, text));
-}
-
 TEST(UserFiles, ACampaignThatNamesNoneHasNone) { EXPECT_EQ(UserFilesSha256(CampaignSpec{}).value(), ""); }
 
 TEST(UserFiles, HashTellsWhatTheRobotIsMadeOfAndNotWhereItStands) {
@@ -38,10 +31,10 @@ TEST(UserFiles, HashTellsWhatTheRobotIsMadeOfAndNotWhereItStands) {
   EXPECT_EQ(original.size(), 64u);
   EXPECT_EQ(HashOf(robot), original);
 
-  Replace(robot, "home: [0,", "home: [0.01,");  // what the scene does not have
+  ReplaceInFile(robot, "home: [0,", "home: [0.01,");  // what the scene does not have
   const std::string home = HashOf(robot);
   EXPECT_NE(home, original);
-  Replace(folder / "sketch/meshes/foot.obj", "v 0.083149", "v 0.084");
+  ReplaceInFile(folder / "sketch/meshes/foot.obj", "v 0.083149", "v 0.084");
   EXPECT_NE(HashOf(robot), home);
 }
 
