@@ -142,6 +142,49 @@ TEST(Kinematics, AgreesWithMuJoCo) {
   }
 }
 
+// What the three arms do not have: joints beside their body's origin, references other than 0, two joints of one body,
+// a ball.
+TEST(ArmTree, AgreesWithMuJoCoOnEveryKindOfJoint) {
+  const auto compiled = CompileXml(R"(<mujoco><compiler angle="radian"/><worldbody>
+    <body name="a" pos="0.1 0 0.2" euler="0.1 0.2 0.3"><inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>
+      <joint name="hinge" pos="0.1 0.2 -0.1" axis="0 1 1" ref="0.3"/>
+      <body name="b" pos="0 0.3 0"><inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>
+        <joint name="slide" type="slide" axis="1 1 0" ref="0.05"/>
+        <joint name="second" pos="0 0.1 0" axis="1 0 0"/>
+        <body name="c" pos="0.2 0 0"><inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>
+          <joint name="ball" type="ball" pos="0 0 0.1"/>
+          <body name="d" pos="0 0 0.2" quat="1 1 0 0"><site name="tip" pos="0.1 0 0" euler="0 0.5 0"/></body>
+        </body></body></body></worldbody></mujoco>)",
+                                   {});
+  ASSERT_TRUE(compiled) << compiled.error().message;
+  const mjModel& mj = **compiled;
+  const DataPtr data(mj_makeData(&mj));
+  const ArmTree tree(mj, 0, {0, 1, 2});
+  ArmTree::Frames frames;
+  Matrix6Xd J;
+  Rng rng(6);
+  for (int k = 0; k < 50; ++k) {
+    for (int i = 0; i < mj.nq; ++i) data->qpos[i] = rng.Uniform(-1, 1);
+    mj_normalizeQuat(&mj, data->qpos);
+    mj_kinematics(&mj, data.get());
+    mj_comPos(&mj, data.get());
+    tree.PlaceAll(data->qpos, frames);
+    for (int body = 0; body < mj.nbody; ++body) {
+      const Pose& X_WB = frames.X_WB[tree.IndexOf(body)];
+      ASSERT_LT((X_WB.p - Eigen::Vector3d::Map(data->xpos + 3 * body)).norm(), 1e-12) << "body " << body;
+      const mjtNum* q = data->xquat + 4 * body;
+      ASSERT_LT(AngleBetween(X_WB.q, Eigen::Quaterniond(q[0], q[1], q[2], q[3])), 1e-7) << "body " << body;
+    }
+    ASSERT_LT((tree.X_WE(frames).p - Eigen::Vector3d::Map(data->site_xpos)).norm(), 1e-12);
+    Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::RowMajor> by_mujoco(6, mj.nv);
+    mj_jacSite(&mj, data.get(), by_mujoco.data(), by_mujoco.data() + 3 * mj.nv, 0);
+    tree.ToolJacobian(frames, J);
+    ASSERT_LT((J - by_mujoco.leftCols(3)).norm(), 1e-12);
+    const Eigen::Vector3d p_WE = tree.X_WE(frames).p;
+    ASSERT_LT((tree.PointJacobian(frames, tree.IndexOf(mj.site_bodyid[0]), p_WE) - J.topRows(3)).norm(), 1e-12);
+  }
+}
+
 TEST(Kinematics, SolvesPosesThatItReached) {
   Kinematics kinematics(FullScene());
   const ArmInfo& arm = FullScene()->arm();
