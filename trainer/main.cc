@@ -2,14 +2,14 @@
 // etude-trainer: trains a policy on a dataset, also while it is collected, and publishes
 // checkpoints.
 #include <CLI/CLI.hpp>
-#include <atomic>
 #include <cstdlib>
 #include <filesystem>
-#include <thread>
+#include <functional>
 
 #include "services/bus/arguments.h"
+#include "services/bus/directory.h"
 #include "services/bus/topic.h"
-#include "services/campaign/collector.h"
+#include "services/campaign/hosted_collector.h"
 #include "services/core/command.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
@@ -27,38 +27,14 @@ struct Arguments {
   std::uint64_t steps = 0;
   std::uint64_t seed = 0;
   bool has_seed = false, resume = false, follow = false, offline = false;
+  Claim claim = Claim::kRefuse;
   bus::Arguments bus;
 };
 
-/// The collector of --collect on a thread of its own.
-class HostedCollector {
- public:
-  static Result<std::unique_ptr<HostedCollector>> Start(const bus::Participant& participant,
-                                                        const std::string& spec_file, const Path& dataset) {
-    ETUDE_ASSIGN_OR_RETURN(const auto spec, LoadConfig<CampaignSpec>(spec_file));
-    ETUDE_RETURN_IF_ERROR(spec.Validate());
-    ETUDE_ASSIGN_OR_RETURN(auto collector, campaign::Collector::Open(participant, spec, dataset));
-    return std::unique_ptr<HostedCollector>(new HostedCollector(std::move(collector)));
-  }
-  ~HostedCollector() {
-    collector_.Stop();
-    thread_.join();
-  }
-
- private:
-  explicit HostedCollector(campaign::Collector collector)
-      : collector_(std::move(collector)), thread_([this] {
-          const Status status = collector_.Run();
-          if (!status) Log().error("the collector stopped: {}", status.error().message);
-        }) {}
-
-  campaign::Collector collector_;
-  std::thread thread_;
-};
-
-bus::TrainStatus ToMessage(const std::string& run, const learn::Progress& progress) {
+bus::TrainStatus ToMessage(const publish::RunIdentity& run, const learn::Progress& progress) {
   bus::TrainStatus status;
-  status.run = run;
+  status.run = run.name;
+  status.run_id = run.id;
   status.step = progress.step;
   status.stage = static_cast<std::uint32_t>(progress.stage);
   status.stages = static_cast<std::uint32_t>(progress.stages);
@@ -108,11 +84,13 @@ Status CheckOut(const Arguments& arguments) {
 }
 
 // with --follow the dataset may be about to be made
-Result<std::shared_ptr<data::Dataset>> OpenDataset(const Path& path, bool follow) {
+Result<std::shared_ptr<data::Dataset>> OpenDataset(const Path& path, bool follow,
+                                                   const std::function<Status()>& source) {
   bool said = false;
   while (true) {
     auto dataset = data::Dataset::Open(path);
     if (dataset || !follow || dataset.error().code != Code::kNotFound) return dataset;
+    if (source) ETUDE_RETURN_IF_ERROR(source());
     if (!said) Log().info("waiting for dataset '{}'", path.string());
     said = true;
     if (WaitForStop(std::chrono::milliseconds(300)))
@@ -120,28 +98,65 @@ Result<std::shared_ptr<data::Dataset>> OpenDataset(const Path& path, bool follow
   }
 }
 
-Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& arguments, const learn::TrainConfig& config,
-               const std::string& run, const bus::Participant* participant) {
-  std::optional<bus::Writer<bus::TrainStatus>> status_writer;
-  if (participant) {
-    ETUDE_ASSIGN_OR_RETURN(status_writer, bus::Writer<bus::TrainStatus>::Open(*participant, run));
+/// A run on the bus: it is in the directory and says how it goes.
+class Telemetry {
+ public:
+  /// Settles who the run is: its folder's id, and a start that is larger than any before. Without a participant only
+  /// that. @error kUnavailable: the id is live elsewhere (see Claim).
+  static Result<Telemetry> Open(const bus::Participant* participant, const std::string& name, const Path& folder,
+                                Claim claim) {
+    ETUDE_ASSIGN_OR_RETURN(const Identity identity, OpenIdentity(folder, claim));
+    Telemetry telemetry;
+    telemetry.run_ = {name, identity.id, publish::NextStart(folder)};
+    if (!participant) return telemetry;
+    bus::Presence presence = bus::MakePresence(bus::PresenceKind::kRun, name, identity.id, folder.string());
+    presence.epoch = telemetry.run_.start;
+    ETUDE_ASSIGN_OR_RETURN(telemetry.presence_, bus::Announcement::Open(*participant, presence, claim));
+    telemetry.run_.start = telemetry.presence_->presence().epoch;
+    ETUDE_ASSIGN_OR_RETURN(telemetry.writer_,
+                           bus::Writer<bus::TrainStatus>::Open(*participant, bus::PartitionOf(name, identity.id)));
+    return telemetry;
   }
-  ETUDE_ASSIGN_OR_RETURN(auto sink, publish::CheckpointSink::Open(arguments.out, run, participant));
-  const learn::Hooks hooks{[&sink](const learn::CheckpointRequest& request) { return sink.Save(request); },
-                           [&](const learn::Progress& progress) {
-                             if (!status_writer) return;
-                             const Status written = status_writer->Write(ToMessage(run, progress));
-                             if (!written) Log().debug("telemetry: {}", written.error().message);
-                           }};
-  const learn::RunOptions options{arguments.out, arguments.resume, arguments.follow || !arguments.collect.empty()};
+
+  const publish::RunIdentity& run() const { return run_; }
+  void Say(const learn::Progress& progress) {
+    if (!writer_) return;
+    if (const Status written = writer_->Write(ToMessage(run_, progress)); !written)
+      Log().debug("telemetry: {}", written.error().message);
+    const auto successor = superseded_ ? std::nullopt : presence_->Successor();
+    if (!successor) return;
+    superseded_ = bus::GivingWay(presence_->presence(), *successor);
+    RequestStop();
+  }
+  /// Why the run was stopped, when another one has the better right to its id.
+  Status status() const { return superseded_ ? Status(Fail(*superseded_)) : Status(); }
+
+ private:
+  publish::RunIdentity run_;
+  std::optional<bus::Announcement> presence_;
+  std::optional<bus::Writer<bus::TrainStatus>> writer_;
+  std::optional<Error> superseded_;
+};
+
+Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& arguments, const learn::TrainConfig& config,
+               Telemetry& telemetry, const bus::Participant* participant, const std::function<Status()>& source) {
+  ETUDE_ASSIGN_OR_RETURN(
+      auto sink, publish::CheckpointSink::Open(arguments.out, telemetry.run(), participant, config.checkpoint.keep));
+  const learn::Hooks hooks{[&sink](const checkpoint::Checkpoint& made) { return sink.Save(made); },
+                           [&telemetry](const learn::Progress& progress) { telemetry.Say(progress); }};
+  const learn::RunOptions options{.out = arguments.out,
+                                  .resume = arguments.resume,
+                                  .follow = arguments.follow || !arguments.collect.empty(),
+                                  .source = source};
   ETUDE_ASSIGN_OR_RETURN(auto trainer, learn::Trainer::Create(config, std::move(dataset), options, hooks));
-  return trainer->Run();
+  ETUDE_RETURN_IF_ERROR(trainer->Run());
+  return telemetry.status();
 }
 
 Status Train(const Arguments& arguments) {
   ETUDE_RETURN_IF_ERROR(CheckOut(arguments));
   ETUDE_ASSIGN_OR_RETURN(const auto config, ReadConfig(arguments));
-  const std::string run = arguments.name.empty() ? publish::RunNameOf(arguments.out) : arguments.name;
+  const std::string run = arguments.name.empty() ? checkpoint::RunNameOf(arguments.out) : arguments.name;
   if (!IsPlainName(run))
     return Fail(Code::kInvalidArgument, fmt::format("--name '{}': must match [a-z0-9_-]{{1,64}}", run));
   policy::SetTorchThreads(config.threads.intra_op);
@@ -152,13 +167,19 @@ Status Train(const Arguments& arguments) {
   } else if (!arguments.collect.empty()) {
     return Fail(Code::kInvalidArgument, "--collect needs the bus: leave out --offline");
   }
-  std::unique_ptr<HostedCollector> collector;
+  ETUDE_ASSIGN_OR_RETURN(auto telemetry,
+                         Telemetry::Open(participant ? &*participant : nullptr, run, arguments.out, arguments.claim));
+  std::unique_ptr<campaign::HostedCollector> collector;
   if (!arguments.collect.empty()) {
-    ETUDE_ASSIGN_OR_RETURN(collector, HostedCollector::Start(*participant, arguments.collect, arguments.data));
+    ETUDE_ASSIGN_OR_RETURN(collector, campaign::HostedCollector::Start(*participant, arguments.collect, arguments.data,
+                                                                       {.claim = arguments.claim}));
   }
-  ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, arguments.follow || collector));
-  Log().info("run '{}' in '{}', data '{}', {}", run, arguments.out, arguments.data, policy::DescribeTorch());
-  return TrainOn(std::move(dataset), arguments, config, run, participant ? &*participant : nullptr);
+  std::function<Status()> source;
+  if (collector) source = [&collector] { return collector->status(); };
+  ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, arguments.follow || collector, source));
+  Log().info("run {}@{} in '{}', data '{}', {}", run, telemetry.run().id, arguments.out, arguments.data,
+             policy::DescribeTorch());
+  return TrainOn(std::move(dataset), arguments, config, telemetry, participant ? &*participant : nullptr, source);
 }
 
 Status Doctor() {
@@ -187,6 +208,7 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
   app.add_flag("--follow", arguments.follow,
                "the dataset is still growing: wait for its first episodes, take in new ones");
   app.add_flag("--offline", arguments.offline, "do not publish on the bus");
+  bus::AddClaim(app, arguments.claim);
   arguments.bus.Add(app);
   app.add_option("--seed", arguments.seed, "of weights and sample order (default: the experiment's)");
 }

@@ -2,6 +2,7 @@
 // etude-worker: joins a campaign and makes its episodes, with the expert or with a policy at the controls.
 #include <CLI/CLI.hpp>
 #include <cstdlib>
+#include <filesystem>
 #include <optional>
 
 #include "services/bus/arguments.h"
@@ -12,11 +13,14 @@
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "services/episode/codec.h"
-#include "worker/policy_client.h"
+#include "services/policy/client.h"
+#include "services/store/dataset.h"
 #include "worker/task/attempt.h"
 #include "worker/task/user_files.h"
+#include "worker/view/replay.h"
 #include "worker/view/robot_check.h"
 #include "worker/view/scene_picture.h"
+#include "worker/view/task_check.h"
 
 namespace etude {
 namespace {
@@ -29,6 +33,9 @@ struct Arguments {
   ScenePictureOptions scene;
   std::string picture = "scene.png";
   std::string robot;
+  ReplayOptions replay;
+  std::string task;
+  TaskCheckOptions task_check;
 };
 
 campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete) {
@@ -40,13 +47,10 @@ campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete)
     result.episode = EncodeEpisode(attempt.episode);
     return result;
   }
-  result.details_json = OrderedJson{
-      {"reason", attempt.reason},
-      {"plan_s", attempt.plan_s},
-      {"step_s", attempt.step_s},
-      {"render_s", attempt.render_s},
-      {"deflate_s",
-       attempt.deflate_s}}.dump();
+  result.details_json =
+      OrderedJson{{"reason", attempt.reason}, {"scene", attempt.scene},       {"plan_s", attempt.plan_s},
+                  {"step_s", attempt.step_s}, {"render_s", attempt.render_s}, {"deflate_s", attempt.deflate_s}}
+          .dump();
   return result;
 }
 
@@ -56,15 +60,17 @@ campaign::WorkFunction Demonstrate(std::shared_ptr<task::AttemptRunner> runner) 
   };
 }
 
-campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, std::shared_ptr<PolicyClient> policy) {
-  const task::PolicyFunction ask = [policy](const task::PolicyQuestion& question) { return policy->Ask(question); };
+campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, std::shared_ptr<policy::Client> policy) {
+  const policy::AskFunction ask = [policy](const policy::Question& question) { return policy->Ask(question); };
   return [runner, ask](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
     auto attempt = runner->Rollout(item.index, ask);
-    if (attempt && attempt->outcome == task::AttemptOutcome::kSceneInvalid)
-      return campaign::WorkResult{.outcome = std::string(task::ToString(attempt->outcome))};
-    if (attempt) return ResultOf(std::move(*attempt), true);
+    if (attempt) {
+      // without a scene nothing was rolled out
+      const bool complete = attempt->outcome != task::AttemptOutcome::kSceneInvalid;
+      return ResultOf(std::move(*attempt), complete);
+    }
     // the policy did not answer: not the rollout's failure, it is tried again
-    const std::string outcome = StopRequested() ? campaign::kHandedBack : campaign::kPolicyError;
+    const std::string outcome = StopRequested() ? campaign::kReleased : campaign::kPolicyError;
     return campaign::WorkResult{.outcome = outcome,
                                 .details_json = OrderedJson{{"reason", attempt.error().message}}.dump()};
   };
@@ -75,13 +81,14 @@ Status Work(const Arguments& arguments) {
   campaign::WorkerOptions options = arguments.worker;
   options.files_sha256 = task::UserFilesSha256;
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
-  return client.Run([&](const CampaignSpec& spec) -> Result<campaign::WorkFunction> {
+  return client.Run([&](const campaign::JoinedCampaign& joined) -> Result<campaign::WorkFunction> {
+    const CampaignSpec& spec = joined.spec;
     ETUDE_ASSIGN_OR_RETURN(auto opened, task::AttemptRunner::Open(spec, arguments.renderer));
     auto runner = std::make_shared<task::AttemptRunner>(std::move(opened));
-    Log().info("joined campaign={} mode={} worker={}", spec.name, spec.mode, client.name());
+    Log().info("joined campaign={}@{} mode={} worker={}", spec.name, joined.id, spec.mode, client.name());
     if (spec.mode != "rollout") return Demonstrate(runner);
-    ETUDE_ASSIGN_OR_RETURN(auto policy, PolicyClient::Open(participant, spec.rollout.run, client.name()));
-    return RollOut(runner, std::make_shared<PolicyClient>(std::move(policy)));
+    ETUDE_ASSIGN_OR_RETURN(auto policy, policy::Client::Open(participant, joined.policy, client.name()));
+    return RollOut(runner, std::make_shared<policy::Client>(std::move(policy)));
   });
 }
 
@@ -111,6 +118,12 @@ Status RenderScene(const Arguments& arguments) {
   return WriteScenePictures(spec, arguments.picture, arguments.scene, arguments.renderer);
 }
 
+void AddOverrides(CLI::App& command, Arguments& arguments, const std::string& example) {
+  command.add_option("--set", arguments.scene_spec.overrides, "KEY=VALUE over the file's, e.g. " + example)
+      ->allow_extra_args(false)
+      ->type_name("KEY=VALUE");
+}
+
 CLI::App* AddRender(CLI::App& app, Arguments& arguments) {
   auto* scene = app.add_subcommand("scene", "look at a campaign's scenes")->require_subcommand(1);
   auto* render = scene->add_subcommand("render", "the first picture of episodes, as the camera sees it");
@@ -118,13 +131,35 @@ CLI::App* AddRender(CLI::App& app, Arguments& arguments) {
   render->add_option("--index", arguments.scene.indices, "episode; several come side by side")->capture_default_str();
   render->add_option("--attempt", arguments.scene.attempt, "attempt at it")->capture_default_str();
   render->add_option("--seed", arguments.scene_spec.seed, "instead of the file's");
-  render->add_option("--set", arguments.scene_spec.overrides, "KEY=VALUE over the file's, e.g. camera.width=640")
-      ->allow_extra_args(false)
-      ->type_name("KEY=VALUE");
+  AddOverrides(*render, arguments, "camera.width=640");
   render->add_option("--out", arguments.picture, "picture, .png or .jpg")->capture_default_str();
   render->add_flag("--segmentation", arguments.scene.segmentation, "also one with a colour for each body");
   render->add_flag("--depth", arguments.scene.depth, "also one of depth: 16 bits, mm");
   return render;
+}
+
+// Of a campaign file, or of a dataset, whose failed attempts are then the ones its attempts.jsonl tells of.
+Result<CampaignSpec> SpecToReplay(const campaign::SpecArguments& arguments) {
+  std::error_code error;
+  if (!std::filesystem::is_directory(arguments.file, error)) return campaign::LoadSpec(arguments);
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(arguments.file));
+  return campaign::WithOverrides(reader.spec(), arguments.overrides);
+}
+
+Status Replay(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, SpecToReplay(arguments.scene_spec));
+  return ReplayAttempt(spec, arguments.replay, arguments.renderer);
+}
+
+CLI::App* AddReplay(CLI::App& app, Arguments& arguments) {
+  auto* attempt = app.add_subcommand("attempt", "make an attempt again")->require_subcommand(1);
+  auto* replay = attempt->add_subcommand("replay", "an attempt, failed or not, with all that is known of it");
+  replay->add_option("spec", arguments.scene_spec.file, "campaign file, or the folder of a dataset")->required();
+  replay->add_option("--index", arguments.replay.index, "episode")->required();
+  replay->add_option("--attempt", arguments.replay.attempt, "attempt at it")->capture_default_str();
+  replay->add_option("--out", arguments.replay.out, "folder, new or empty")->required();
+  AddOverrides(*replay, arguments, "image_stride=2");
+  return replay;
 }
 
 CLI::App* AddRobotCheck(CLI::App& app, Arguments& arguments) {
@@ -132,6 +167,20 @@ CLI::App* AddRobotCheck(CLI::App& app, Arguments& arguments) {
   auto* check = robot->add_subcommand("check", "whether a robot can collect, and what is missing");
   check->add_option("robot", arguments.robot, "its YAML file (see deploy/robots), or the name of a known one")
       ->required();
+  return check;
+}
+
+CLI::App* AddTaskCheck(CLI::App& app, Arguments& arguments) {
+  auto* task = app.add_subcommand("task", "tasks of your own")->require_subcommand(1);
+  auto* check = task->add_subcommand("check", "what a task means, on which robots it works, and what is wrong with it");
+  check->add_option("task", arguments.task, "its YAML file (see deploy/tasks), or the name of a built-in one")
+      ->required();
+  check->add_option("--robots", arguments.task_check.robots, "to try it with: names or files")
+      ->delimiter(',')
+      ->capture_default_str();
+  check->add_option("--attempts", arguments.task_check.attempts, "demonstrations with each")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
   return check;
 }
 
@@ -143,7 +192,7 @@ int main(int argc, char** argv) {
   ::setenv("LP_NUM_THREADS", "0", 0);
   etude::Arguments arguments;
   CLI::App app("Joins a campaign and makes episodes until it is complete.", "etude worker");
-  app.add_option("--campaign", arguments.worker.campaign, "name of the campaign to join");
+  app.add_option("--campaign", arguments.worker.campaign, "campaign to join: NAME, or NAME@ID of one of several");
   arguments.bus.Add(app);
   app.add_option("--name", arguments.worker.name, "unique name on the bus");
   app.add_flag("--once", arguments.worker.once, "one attempt, then home");
@@ -152,16 +201,21 @@ int main(int argc, char** argv) {
   auto* doctor = app.add_subcommand("doctor", "render one picture and say with what");
   auto* render = etude::AddRender(app, arguments);
   auto* check = etude::AddRobotCheck(app, arguments);
+  auto* replay = etude::AddReplay(app, arguments);
+  auto* task_check = etude::AddTaskCheck(app, arguments);
   app.require_subcommand(0, 1);
   try {
     app.parse(argc, argv);
-    if (!*doctor && !*render && !*check && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
+    const bool joins = !*doctor && !*render && !*check && !*replay && !*task_check;
+    if (joins && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
   }
   return etude::RunMain("etude-worker", [&] {
     if (*doctor) return etude::Doctor(arguments);
+    if (*replay) return etude::Replay(arguments);
     if (*check) return etude::CheckRobot(arguments.robot, arguments.renderer);
+    if (*task_check) return etude::CheckTaskFile(arguments.task, arguments.task_check, arguments.renderer);
     return *render ? etude::RenderScene(arguments) : etude::Work(arguments);
   });
 }

@@ -14,13 +14,47 @@ if(ETUDE_SANITIZE)
   target_link_options(etude_options INTERFACE -fsanitize=${ETUDE_SANITIZE})
 endif()
 
-# etude_add_library(NAME SRCS a.cc b.cc PUBLIC dep... PRIVATE dep...)
-# makes target etude_NAME with alias etude::NAME.
+# The headers of others that most sources include take longer to parse than the sources take to compile, so they are
+# precompiled once, and once more with GoogleTest for tests. Sources still include what they use: ETUDE_PCH=OFF
+# builds without.
+option(ETUDE_PCH "Precompile the headers of others that most sources include" ON)
+set(CMAKE_PCH_WARN_INVALID OFF)
+function(etude_add_precompiled_headers name)
+  cmake_parse_arguments(arg "" "" "LIBS;HEADERS" ${ARGN})
+  file(CONFIGURE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/${name}.cc CONTENT "// nothing but the headers\n")
+  add_library(${name} STATIC ${CMAKE_CURRENT_BINARY_DIR}/${name}.cc)
+  target_link_libraries(${name} PRIVATE etude_options ${arg_LIBS})
+  target_precompile_headers(${name} PRIVATE ${arg_HEADERS})
+endfunction()
+if(ETUDE_PCH)
+  set(ETUDE_COMMON_HEADERS <algorithm> <array> <chrono> <cmath> <cstdint> <filesystem> <functional> <map> <memory> <mutex>
+      <numbers> <optional> <set> <span> <string> <thread> <utility> <vector>
+      <Eigen/Core> <Eigen/Geometry> <fmt/format.h> <fmt/ranges.h> <nlohmann/json.hpp> <tl/expected.hpp>)
+  set(ETUDE_COMMON_LIBRARIES fmt::fmt spdlog::spdlog nlohmann_json::nlohmann_json Threads::Threads Eigen3::Eigen)
+  # every source is compiled with the flags that the headers were
+  target_link_libraries(etude_options INTERFACE ${ETUDE_COMMON_LIBRARIES})
+  etude_add_precompiled_headers(etude_pch HEADERS ${ETUDE_COMMON_HEADERS})
+  if(ETUDE_DEV)
+    etude_add_precompiled_headers(etude_test_pch LIBS GTest::gmock
+                                  HEADERS ${ETUDE_COMMON_HEADERS} <gmock/gmock.h> <gtest/gtest.h>)
+  endif()
+endif()
+function(etude_use_precompiled_headers target headers)
+  if(ETUDE_PCH)
+    target_precompile_headers(${target} REUSE_FROM ${headers})
+  endif()
+endfunction()
+
+# etude_add_library(NAME SRCS a.cc b.cc PUBLIC dep... PRIVATE dep... [OWN_PCH])
+# makes target etude_NAME with alias etude::NAME. OWN_PCH: it has precompiled headers of its own.
 function(etude_add_library name)
-  cmake_parse_arguments(arg "" "" "SRCS;PUBLIC;PRIVATE" ${ARGN})
+  cmake_parse_arguments(arg "OWN_PCH" "" "SRCS;PUBLIC;PRIVATE" ${ARGN})
   add_library(etude_${name} STATIC ${arg_SRCS})
   add_library(etude::${name} ALIAS etude_${name})
   target_link_libraries(etude_${name} PUBLIC etude_options ${arg_PUBLIC} PRIVATE ${arg_PRIVATE})
+  if(NOT arg_OWN_PCH)
+    etude_use_precompiled_headers(etude_${name} etude_pch)
+  endif()
 endfunction()
 
 # etude_add_program(NAME SRCS main.cc LIBS dep...) makes build/bin/NAME.
@@ -28,6 +62,7 @@ function(etude_add_program name)
   cmake_parse_arguments(arg "" "" "SRCS;LIBS" ${ARGN})
   add_executable(${name} ${arg_SRCS})
   target_link_libraries(${name} PRIVATE etude_options ${arg_LIBS})
+  etude_use_precompiled_headers(${name} etude_pch)
 endfunction()
 
 # etude_add_test(NAME SRCS a_test.cc LIBS dep... [LABEL unit] [TIMEOUT 60])
@@ -42,6 +77,7 @@ function(etude_add_test name)
   endif()
   add_executable(${name} ${arg_SRCS})
   target_link_libraries(${name} PRIVATE etude_options ${arg_LIBS} GTest::gmock GTest::gtest_main)
+  etude_use_precompiled_headers(${name} etude_test_pch)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   add_test(NAME ${name} COMMAND ${name} WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})
   set_tests_properties(${name} PROPERTIES LABELS ${arg_LABEL} TIMEOUT ${arg_TIMEOUT}
@@ -53,5 +89,6 @@ function(etude_add_bench name)
   cmake_parse_arguments(arg "" "" "SRCS;LIBS" ${ARGN})
   add_executable(${name} ${arg_SRCS})
   target_link_libraries(${name} PRIVATE etude_options ${arg_LIBS})
+  etude_use_precompiled_headers(${name} etude_pch)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bench)
 endfunction()

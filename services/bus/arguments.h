@@ -9,8 +9,18 @@
 #include <vector>
 
 #include "services/bus/participant.h"
+#include "services/core/identity.h"
 
 namespace etude::bus {
+
+/// `--new-id` and `--adopt`: what a start does when its folder's id is live elsewhere.
+inline void AddClaim(CLI::App& app, Claim& claim) {
+  auto* new_id = app.add_flag_callback(
+      "--new-id", [&claim] { claim = Claim::kNewId; }, "the folder is a copy: give it an id of its own");
+  auto* adopt = app.add_flag_callback(
+      "--adopt", [&claim] { claim = Claim::kAdopt; }, "go on in the place of the one that has this folder's id");
+  new_id->excludes(adopt);
+}
 
 struct Arguments {
   std::uint32_t domain = 0;

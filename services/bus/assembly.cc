@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "services/bus/object_channel.h"
+#include "services/bus/blob_transfer.h"
 
 namespace etude::bus {
 
@@ -27,7 +27,7 @@ std::span<const std::uint8_t> ChunkOf(std::span<const std::uint8_t> bytes, std::
 
 namespace {
 
-// A fresh object is touched page by page as it arrives: with pages of 2 MiB the kernel is asked 20 times for
+// A fresh blob is touched page by page as it arrives: with pages of 2 MiB the kernel is asked 20 times for
 // 40 MB instead of 10,000. Only a hint.
 void UseHugePages([[maybe_unused]] std::uint8_t* data, [[maybe_unused]] std::uint64_t size) {
 #ifdef MADV_HUGEPAGE

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An object while its chunks arrive. Internal to services/bus.
+// A blob while its chunks arrive. Internal to services/bus.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ namespace etude::bus {
 
 /// True when size, chunk size and count fit together and the chunk size is allowed.
 bool ShapeIsSound(std::uint64_t size, std::uint32_t chunk_size, std::uint32_t chunk_count);
-/// Chunks of an object; 0 for an empty one. `chunk_size` > 0.
+/// Chunks of a blob; 0 for an empty one. `chunk_size` > 0.
 std::uint32_t ChunkCount(std::uint64_t size, std::uint32_t chunk_size);
 /// The part of `bytes` that is chunk `index`.
 std::span<const std::uint8_t> ChunkOf(std::span<const std::uint8_t> bytes, std::uint32_t chunk_size,

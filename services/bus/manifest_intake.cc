@@ -32,7 +32,7 @@ Result<std::unique_ptr<ManifestIntake>> ManifestIntake::Open(const Participant& 
   std::unique_ptr<ManifestIntake> intake(new ManifestIntake);
   ETUDE_ASSIGN_OR_RETURN(intake->guard_, CheckEntity(dds_create_guardcondition(participant.state()->participant.get()),
                                                      "make a guard condition"));
-  ETUDE_ASSIGN_OR_RETURN(intake->reader_, OpenReaderOf<ObjectManifest>(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(intake->reader_, OpenReaderOf<BlobManifest>(participant, partition));
   dds_listener_t* const listener = dds_create_listener(intake.get());
   dds_lset_data_available(listener, &ManifestIntake::OnData);
   const dds_return_t code = dds_set_listener(intake->reader_.get(), listener);
@@ -53,7 +53,7 @@ void ManifestIntake::Drain() {
       const auto crc = CrcBytes(item.view.data);
       item.crc_fits = std::equal(crc.begin(), crc.end(), item.view.crc32c.begin());
     }
-    const std::scoped_lock lock(mutex_);
+    const MutexLock lock(mutex_);
     taken_.push_back(std::move(item));
     if (taken_.size() == wake_after_) dds_set_guardcondition(guard_.get(), true);
   };
@@ -62,14 +62,14 @@ void ManifestIntake::Drain() {
 }
 
 void ManifestIntake::WakeAfter(std::size_t count) {
-  const std::scoped_lock lock(mutex_);
+  const MutexLock lock(mutex_);
   if (count == wake_after_) return;
   wake_after_ = count;
   if (taken_.size() >= count) dds_set_guardcondition(guard_.get(), true);
 }
 
 std::deque<TakenManifest> ManifestIntake::Take() {
-  const std::scoped_lock lock(mutex_);
+  const MutexLock lock(mutex_);
   if (!taken_.empty()) dds_set_guardcondition(guard_.get(), false);
   return std::exchange(taken_, {});
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Takes manifests off DDS in the thread that received them, and checks the CRC of the objects that
+// Takes manifests off DDS in the thread that received them, and checks the CRC of the blobs that
 // travel inside them there: the bytes are still in that core's cache, and fetching them into another's
 // costs as much as the check. Internal to services/bus.
 #pragma once
@@ -7,9 +7,9 @@
 #include <array>
 #include <deque>
 #include <memory>
-#include <mutex>
 
 #include "services/bus/serialized.h"
+#include "services/core/thread_annotations.h"
 
 namespace etude::bus {
 
@@ -17,7 +17,7 @@ struct TakenManifest {
   Serialized sample;
   ManifestView view;      ///< points into the sample
   bool is_sound = false;  ///< parsed, and its sizes fit together
-  bool crc_fits = false;  ///< of an object that travels inside, when it has a CRC
+  bool crc_fits = false;  ///< of a blob that travels inside, when it has a CRC
 };
 
 class ManifestIntake {
@@ -35,14 +35,14 @@ class ManifestIntake {
   static void OnData(dds_entity_t reader, void* intake);
   void Drain();
 
-  std::mutex mutex_;
-  std::deque<TakenManifest> taken_;  // guarded by mutex_
-  std::size_t wake_after_ = 1;       // guarded by mutex_
+  Mutex mutex_;
+  std::deque<TakenManifest> taken_ ETUDE_GUARDED_BY(mutex_);
+  std::size_t wake_after_ ETUDE_GUARDED_BY(mutex_) = 1;
   Entity guard_;
   Endpoint reader_;  // last: its end waits for the callback
 };
 
-/// Little-endian, as in ObjectManifest::crc32c.
+/// Little-endian, as in BlobManifest::crc32c.
 std::array<std::uint8_t, 4> CrcBytes(std::span<const std::uint8_t> bytes);
 
 }  // namespace etude::bus

@@ -9,6 +9,28 @@
 
 namespace etude::bus {
 
+/// What is written here, as one number: it grows when a peer of the old one would misunderstand. Peers of another
+/// number are refused by name; the program's own version does not matter.
+inline constexpr std::uint32_t kWireVersion = 2;
+
+// ---- presence.idl --------------------------------------------------------------------------------
+
+enum class PresenceKind : std::uint8_t { kCampaign = 0, kRun = 1, kPolicy = 2 };
+
+/// collector, trainer, policy server -> all, transient-local, keyed by (kind, id, instance): who is there now.
+struct Presence {
+  PresenceKind kind = PresenceKind::kCampaign;
+  std::string id;        ///< of the campaign, or of the run (a policy server: the run it serves)
+  std::string instance;  ///< random, of this start
+  std::string name;      ///< of the campaign or run, for people; several may have the same
+  std::uint32_t wire = kWireVersion;
+  std::uint32_t content = 0;  ///< a campaign's: the number of what its episodes' bytes depend on
+  std::string version;        ///< of the program, for people
+  std::string host, user, folder;
+  std::uint64_t since = 0;  ///< of this start, seconds since 1970, for people
+  std::uint64_t epoch = 0;  ///< of two with the same id the larger one stays
+};
+
 // ---- campaign.idl ---------------------------------------------------------------------------------
 
 /// collector -> workers, transient-local, keyed by campaign. What to do, as the resolved spec.
@@ -16,9 +38,13 @@ struct CampaignAnnouncement {
   std::string campaign;
   std::string spec_json;    ///< resolved CampaignSpec
   std::string spec_sha256;  ///< SpecHash
-  std::string version;      ///< workers of another version refuse to join
+  std::string version;      ///< of the program, for people
   std::uint64_t epoch = 0;  ///< grows with every start of the collector; part of fencing tokens
   bool complete = false;    ///< all committed: workers may go home
+  std::string campaign_id;
+  std::uint32_t wire = kWireVersion;
+  std::uint32_t content = 0;  ///< workers of another content number would make other episodes: they do not join
+  std::string policy_id;      ///< rollouts ask the policy of this run; "": whoever serves spec.rollout.run
 };
 
 /// worker -> collector. Also renews: a worker repeats it until answered, with a new request_id each time.
@@ -26,8 +52,12 @@ struct WorkRequest {
   std::string campaign;
   std::string worker;  ///< unique: host-pid-random
   std::uint64_t request_id = 0;
-  std::string version;
+  std::string version;       ///< of the program, for people
   std::string files_sha256;  ///< of what the worker has under the paths that the spec names; "": it names none
+  std::string campaign_id;
+  std::string spec_sha256;  ///< the spec that the worker is ready for
+  std::uint32_t wire = kWireVersion;
+  std::uint32_t content = 0;
 };
 
 enum class LeaseKind : std::uint8_t { kWork = 0, kWait = 1, kDone = 2, kRefused = 3 };
@@ -43,6 +73,8 @@ struct Lease {
   std::uint64_t token = 0;        ///< fencing token: strictly growing; older ones are refused
   std::uint64_t duration_ns = 0;  ///< the lease ends this long after the last heartbeat that named it
   std::string reason;             ///< for kRefused
+  std::string campaign_id;
+  std::string spec_sha256;  ///< that the work is of; a worker that is ready for another one makes itself ready first
 };
 
 /// worker -> all, keyed by worker, twice a second: heartbeat of the lease it holds, and telemetry.
@@ -58,6 +90,7 @@ struct WorkerStatus {
   std::uint64_t failures = 0;
   double steps_per_second = 0;
   double frames_per_second = 0;
+  std::string campaign_id;
 };
 
 /// worker -> collector: an attempt that produced no episode, and why. Answered by the next Lease.
@@ -69,6 +102,8 @@ struct AttemptReport {
   std::uint64_t token = 0;
   std::string outcome;  ///< typed reason
   std::string details_json;
+  std::string campaign_id;
+  std::string spec_sha256;  ///< that was attempted
 };
 
 /// collector -> all, keyed by campaign, once a second.
@@ -83,14 +118,16 @@ struct CampaignStatus {
   double eta_s = 0;
   std::string failures_json;  ///< {"reason": count}
   std::string error;          ///< e.g. disk full: committing waits
+  std::string campaign_id;
 };
 
-// ---- object.idl: chunked objects (services/bus/object_channel.h) -----------------------------------
+// ---- blob.idl: large messages in chunks (services/bus/blob_transfer.h) ----------------------------
 
-/// Announces one object; everything needed to verify it.
-struct ObjectManifest {
+/// Announces one blob; everything needed to verify it.
+struct BlobManifest {
   std::string channel;  ///< e.g. "episode", or a run's "latest"
   std::string sender;
+  std::string owner;     ///< id of the campaign or run that it belongs to
   std::uint64_t id = 0;  ///< unique for (channel, sender)
   std::uint64_t size = 0;
   std::uint32_t chunk_size = 0;
@@ -99,10 +136,10 @@ struct ObjectManifest {
   std::vector<std::uint8_t> crc32c;  ///< 4 bytes, little-endian: what streams of frames use
   std::uint64_t token = 0;           ///< fencing token of the lease; 0 if none
   std::string meta_json;
-  std::vector<std::uint8_t> data;  ///< the whole object when it fits into one chunk, else empty
+  std::vector<std::uint8_t> data;  ///< the whole blob when it fits into one chunk, else empty
 };
 
-struct ObjectChunk {
+struct BlobChunk {
   std::string channel;
   std::string sender;
   std::uint64_t id = 0;
@@ -112,15 +149,16 @@ struct ObjectChunk {
 
 enum class AckKind : std::uint8_t { kProgress = 0, kDone = 1, kDuplicate = 2, kRefused = 3, kMissing = 4 };
 
-struct ObjectAck {
+struct BlobAck {
   std::string channel;
-  std::string sender;  ///< whose object
+  std::string sender;  ///< whose blob
   std::uint64_t id = 0;
   AckKind kind = AckKind::kProgress;
   std::uint32_t received = 0;  ///< chunks received in order from 0 (opens the sender's window)
   std::vector<std::uint32_t> missing;
   std::string reason;               ///< for kRefused
   std::vector<std::uint64_t> also;  ///< more ids of the same sender with the same answer
+  std::string owner;
 };
 
 // ---- policy.idl -----------------------------------------------------------------------------------
@@ -135,7 +173,15 @@ struct Observation {
   std::uint32_t width = 0;
   std::uint32_t height = 0;
   std::vector<std::uint8_t> image;  ///< RGB, height*width*3, top row first
+  std::string run_id;
+  std::string robot;               ///< a known robot's name or its file's; "": not said
+  std::vector<double> intrinsics;  ///< of the picture, px: fx, fy, cx, cy; empty: not said
+  /// Camera frame C in world W: p_WC (m), then q_WC as w, x, y, z; C as in services/episode/camera.h. Empty: not said.
+  std::vector<double> camera_pose;
 };
+
+/// Why an observation is not answered with waypoints.
+enum class Refusal : std::uint8_t { kNone = 0, kDoesNotFit = 1, kNotTrained = 2, kFailed = 3 };
 
 /// policy server -> robot, keyed by session.
 struct Action {
@@ -147,6 +193,11 @@ struct Action {
   std::string checkpoint_sha256;
   std::vector<float> waypoints;  ///< kWaypoints * kWaypointSize, absolute, SI (episode/action.h)
   std::string modules_json;      ///< decoded output of every module, for people and for metrics
+  std::string run_id;
+  std::string rotation;  ///< how a waypoint says its rotation: a name of services/episode/action.h
+  Refusal refusal = Refusal::kNone;
+  float server_p50_ms = 0;  ///< of the server's last answers, from observation to action; 0: not measured yet
+  float server_p99_ms = 0;
 };
 
 // ---- train.idl ------------------------------------------------------------------------------------
@@ -166,6 +217,7 @@ struct TrainStatus {
   std::uint64_t checkpoint_step = 0;
   std::string metrics_json;  ///< validation error per module etc.
   bool finished = false;
+  std::string run_id;
 };
 
 }  // namespace etude::bus

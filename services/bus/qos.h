@@ -19,7 +19,7 @@ struct TopicQos {
 inline constexpr TopicQos kEvents{false, 0};  ///< requests, leases, reports, chunks: none is lost
 inline constexpr TopicQos kNewest{false, 1};  ///< telemetry, observations: the newest counts
 inline constexpr TopicQos kState{true, 1};    ///< as kNewest, and late joiners get it too
-/// Published objects: the writer keeps everything until it is acknowledged (which throttles it), and
+/// Published blobs: the writer keeps everything until it is acknowledged (which throttles it), and
 /// the last of each key for late joiners.
 inline constexpr TopicQos kPublishedWriter{true, 0};
 inline constexpr TopicQos kPublishedReader{true, 1};

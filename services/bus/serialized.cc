@@ -68,11 +68,11 @@ bool ReadAll(std::span<const std::uint8_t> cdr, Fields&... fields) {
 
 }  // namespace
 
-// field orders as in proto/object.idl
+// field orders as in proto/blob.idl
 
 bool Parse(std::span<const std::uint8_t> cdr, ManifestView& v) {
-  return ReadAll(cdr, v.id, v.size, v.token, v.chunk_size, v.chunk_count, v.channel, v.sender, v.sha256, v.crc32c,
-                 v.meta_json, v.data);
+  return ReadAll(cdr, v.id, v.size, v.token, v.chunk_size, v.chunk_count, v.channel, v.sender, v.owner, v.sha256,
+                 v.crc32c, v.meta_json, v.data);
 }
 
 bool Parse(std::span<const std::uint8_t> cdr, ChunkView& v) {

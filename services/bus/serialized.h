@@ -24,6 +24,7 @@ struct ManifestView {
   std::uint32_t chunk_count = 0;
   std::string_view channel;
   std::string_view sender;
+  std::string_view owner;
   std::span<const std::uint8_t> sha256;
   std::span<const std::uint8_t> crc32c;
   std::string_view meta_json;

@@ -95,6 +95,11 @@ std::vector<Message> Reader<Message>::Take(int at_most) {
 }
 
 template <class Message>
+std::vector<Message> Reader<Message>::Live() {
+  return ReadLive<Message>(impl_->endpoint, impl_->malformed);
+}
+
+template <class Message>
 bool Reader<Message>::Wait(std::chrono::nanoseconds timeout) {
   return impl_->waiter.Wait(timeout);
 }
@@ -113,15 +118,16 @@ std::uint64_t Reader<Message>::malformed() const {
   template class Writer<Name>;  \
   template class Reader<Name>;
 
+ETUDE_INSTANTIATE(Presence)
 ETUDE_INSTANTIATE(CampaignAnnouncement)
 ETUDE_INSTANTIATE(WorkRequest)
 ETUDE_INSTANTIATE(Lease)
 ETUDE_INSTANTIATE(WorkerStatus)
 ETUDE_INSTANTIATE(AttemptReport)
 ETUDE_INSTANTIATE(CampaignStatus)
-ETUDE_INSTANTIATE(ObjectManifest)
-ETUDE_INSTANTIATE(ObjectChunk)
-ETUDE_INSTANTIATE(ObjectAck)
+ETUDE_INSTANTIATE(BlobManifest)
+ETUDE_INSTANTIATE(BlobChunk)
+ETUDE_INSTANTIATE(BlobAck)
 ETUDE_INSTANTIATE(Observation)
 ETUDE_INSTANTIATE(Action)
 ETUDE_INSTANTIATE(TrainStatus)

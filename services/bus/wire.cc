@@ -23,19 +23,21 @@ void Encoder::Refuse(const char* name, std::size_t size, std::size_t bound) {
   problem_ = fmt::format("{} has {} bytes or items, at most {} fit", name, size, bound);
 }
 
-bool IsSound(const ObjectManifest& manifest) {
+bool IsSound(const BlobManifest& manifest) {
   const bool has_sha256 = manifest.sha256.size() == 32 && manifest.crc32c.empty();
   const bool has_crc32c = manifest.crc32c.size() == 4 && manifest.sha256.empty();
   return (has_sha256 || has_crc32c) && ShapeIsSound(manifest.size, manifest.chunk_size, manifest.chunk_count) &&
          (manifest.data.empty() || manifest.data.size() == manifest.size);
 }
 
-bool IsSound(const ObjectChunk& chunk) { return !chunk.data.empty(); }
+bool IsSound(const BlobChunk& chunk) { return !chunk.data.empty(); }
 
 bool IsSound(const Observation& observation) {
   constexpr std::uint32_t kMaxSide = 4096;
   return observation.width <= kMaxSide && observation.height <= kMaxSide &&
-         observation.image.size() == std::size_t{3} * observation.width * observation.height;
+         observation.image.size() == std::size_t{3} * observation.width * observation.height &&
+         (observation.intrinsics.empty() || observation.intrinsics.size() == 4) &&
+         (observation.camera_pose.empty() || observation.camera_pose.size() == 7);
 }
 
 }  // namespace etude::bus

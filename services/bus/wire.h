@@ -11,9 +11,10 @@
 #include <type_traits>
 #include <vector>
 
+#include "blob.h"
 #include "campaign.h"
-#include "object.h"
 #include "policy.h"
+#include "presence.h"
 #include "services/bus/messages.h"
 #include "services/bus/qos.h"
 #include "train.h"
@@ -110,8 +111,8 @@ class Decoder {
 };
 
 /// The checks that go beyond a single field.
-bool IsSound(const ObjectManifest& manifest);
-bool IsSound(const ObjectChunk& chunk);
+bool IsSound(const BlobManifest& manifest);
+bool IsSound(const BlobChunk& chunk);
 bool IsSound(const Observation& observation);
 template <class Message>
 bool IsSound(const Message&) {
@@ -124,6 +125,22 @@ bool IsSound(const Message&) {
 #define ETUDE_FIELD_UP_TO(name, bound) f(#name, m.name, w.name, bound)
 
 template <class F, class M, class W>
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Presence> {
+  ETUDE_FIELD_UP_TO(kind, PresenceKind::kPolicy);
+  ETUDE_FIELD(id);
+  ETUDE_FIELD(instance);
+  ETUDE_FIELD(name);
+  ETUDE_FIELD(wire);
+  ETUDE_FIELD(content);
+  ETUDE_FIELD(version);
+  ETUDE_FIELD(host);
+  ETUDE_FIELD(user);
+  ETUDE_FIELD(folder);
+  ETUDE_FIELD(since);
+  ETUDE_FIELD(epoch);
+}
+
+template <class F, class M, class W>
 void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, CampaignAnnouncement> {
   ETUDE_FIELD(campaign);
   ETUDE_FIELD(spec_json);
@@ -131,6 +148,10 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Ca
   ETUDE_FIELD(version);
   ETUDE_FIELD(epoch);
   ETUDE_FIELD(complete);
+  ETUDE_FIELD(campaign_id);
+  ETUDE_FIELD(wire);
+  ETUDE_FIELD(content);
+  ETUDE_FIELD(policy_id);
 }
 
 template <class F, class M, class W>
@@ -140,6 +161,10 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Wo
   ETUDE_FIELD(request_id);
   ETUDE_FIELD(version);
   ETUDE_FIELD(files_sha256);
+  ETUDE_FIELD(campaign_id);
+  ETUDE_FIELD(spec_sha256);
+  ETUDE_FIELD(wire);
+  ETUDE_FIELD(content);
 }
 
 template <class F, class M, class W>
@@ -153,6 +178,8 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Le
   ETUDE_FIELD(token);
   ETUDE_FIELD(duration_ns);
   ETUDE_FIELD(reason);
+  ETUDE_FIELD(campaign_id);
+  ETUDE_FIELD(spec_sha256);
 }
 
 template <class F, class M, class W>
@@ -168,6 +195,7 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Wo
   ETUDE_FIELD(failures);
   ETUDE_FIELD(steps_per_second);
   ETUDE_FIELD(frames_per_second);
+  ETUDE_FIELD(campaign_id);
 }
 
 template <class F, class M, class W>
@@ -179,6 +207,8 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, At
   ETUDE_FIELD(token);
   ETUDE_FIELD(outcome);
   ETUDE_FIELD(details_json);
+  ETUDE_FIELD(campaign_id);
+  ETUDE_FIELD(spec_sha256);
 }
 
 template <class F, class M, class W>
@@ -193,12 +223,14 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Ca
   ETUDE_FIELD(eta_s);
   ETUDE_FIELD(failures_json);
   ETUDE_FIELD(error);
+  ETUDE_FIELD(campaign_id);
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, ObjectManifest> {
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, BlobManifest> {
   ETUDE_FIELD(channel);
   ETUDE_FIELD(sender);
+  ETUDE_FIELD(owner);
   ETUDE_FIELD(id);
   ETUDE_FIELD(size);
   ETUDE_FIELD(chunk_size);
@@ -211,7 +243,7 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Ob
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, ObjectChunk> {
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, BlobChunk> {
   ETUDE_FIELD(channel);
   ETUDE_FIELD(sender);
   ETUDE_FIELD(id);
@@ -220,7 +252,7 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Ob
 }
 
 template <class F, class M, class W>
-void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, ObjectAck> {
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, BlobAck> {
   ETUDE_FIELD(channel);
   ETUDE_FIELD(sender);
   ETUDE_FIELD(id);
@@ -229,6 +261,7 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Ob
   ETUDE_FIELD_UP_TO(missing, 1024);
   ETUDE_FIELD(reason);
   ETUDE_FIELD_UP_TO(also, 1024);
+  ETUDE_FIELD(owner);
 }
 
 template <class F, class M, class W>
@@ -241,6 +274,10 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Ob
   ETUDE_FIELD(width);
   ETUDE_FIELD(height);
   ETUDE_FIELD_UP_TO(image, 16u << 20);
+  ETUDE_FIELD(run_id);
+  ETUDE_FIELD(robot);
+  ETUDE_FIELD_UP_TO(intrinsics, 4);
+  ETUDE_FIELD_UP_TO(camera_pose, 7);
 }
 
 template <class F, class M, class W>
@@ -253,6 +290,11 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Ac
   ETUDE_FIELD(checkpoint_sha256);
   ETUDE_FIELD_UP_TO(waypoints, 4096);
   ETUDE_FIELD(modules_json);
+  ETUDE_FIELD(run_id);
+  ETUDE_FIELD(rotation);
+  ETUDE_FIELD_UP_TO(refusal, Refusal::kFailed);
+  ETUDE_FIELD(server_p50_ms);
+  ETUDE_FIELD(server_p99_ms);
 }
 
 template <class F, class M, class W>
@@ -270,6 +312,7 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Tr
   ETUDE_FIELD(checkpoint_step);
   ETUDE_FIELD(metrics_json);
   ETUDE_FIELD(finished);
+  ETUDE_FIELD(run_id);
 }
 
 #undef ETUDE_FIELD
@@ -284,22 +327,23 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Tr
     static constexpr TopicQos kQos = topic_qos;                                            \
   };
 
+ETUDE_TRAITS(Presence, "etude/directory/presence", kState)
 ETUDE_TRAITS(CampaignAnnouncement, "etude/campaign/announcement", kState)
 ETUDE_TRAITS(WorkRequest, "etude/campaign/request", kEvents)
 ETUDE_TRAITS(Lease, "etude/campaign/lease", kEvents)
 ETUDE_TRAITS(WorkerStatus, "etude/campaign/worker", kNewest)
 ETUDE_TRAITS(AttemptReport, "etude/campaign/report", kEvents)
 ETUDE_TRAITS(CampaignStatus, "etude/campaign/status", kState)
-ETUDE_TRAITS(ObjectManifest, "etude/object/manifest", kEvents)
-ETUDE_TRAITS(ObjectChunk, "etude/object/chunk", kEvents)
-ETUDE_TRAITS(ObjectAck, "etude/object/ack", kEvents)
+ETUDE_TRAITS(BlobManifest, "etude/blob/manifest", kEvents)
+ETUDE_TRAITS(BlobChunk, "etude/blob/chunk", kEvents)
+ETUDE_TRAITS(BlobAck, "etude/blob/ack", kEvents)
 ETUDE_TRAITS(Observation, "etude/policy/observation", kNewest)
 ETUDE_TRAITS(Action, "etude/policy/action", kNewest)
 ETUDE_TRAITS(TrainStatus, "etude/train/status", kState)
 
 #undef ETUDE_TRAITS
 
-inline constexpr char kPublishedManifestTopic[] = "etude/object/published_manifest";
-inline constexpr char kPublishedChunkTopic[] = "etude/object/published_chunk";
+inline constexpr char kPublishedManifestTopic[] = "etude/blob/published_manifest";
+inline constexpr char kPublishedChunkTopic[] = "etude/blob/published_chunk";
 
 }  // namespace etude::bus

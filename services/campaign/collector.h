@@ -5,7 +5,9 @@
 //   ETUDE_RETURN_IF_ERROR(collector.Run());   // or on a thread of its own, as the trainer does
 //
 // Promises: an episode is acknowledged only after it is durable; an index is committed once; a collector
-// that is killed and started again on the same folder continues, with larger fencing tokens.
+// that is killed and started again on the same folder continues, with larger fencing tokens. The campaign is its
+// folder, known by the id that was minted with it: another folder's campaign of the same name is another one, and a
+// second collector of the same id ends one of the two.
 #pragma once
 
 #include <chrono>
@@ -17,24 +19,29 @@
 #include "services/bus/participant.h"
 #include "services/campaign/sink.h"
 #include "services/core/file.h"
+#include "services/core/identity.h"
 #include "services/core/result.h"
-#include "services/episode/campaign_spec.h"
+#include "services/spec/campaign_spec.h"
+#include "services/spec/content_version.h"
 
 namespace etude::campaign {
 
 struct CollectorOptions {
   std::chrono::milliseconds lease{10'000};  ///< a worker silent for this long loses its work
   std::chrono::milliseconds status_every{1'000};
-  std::chrono::milliseconds master_every{30'000};  ///< dataset.hdf5 and statistics
-  std::chrono::milliseconds retry_commit{1'000};   ///< after a full disk
-  std::chrono::milliseconds linger{2'000};         ///< at the end, to tell workers that it is done
-  std::uint64_t max_in_flight = 1024;              ///< leases out at once
+  std::chrono::milliseconds index_every{30'000};  ///< dataset.hdf5 and statistics
+  std::chrono::milliseconds retry_commit{1'000};  ///< after a full disk
+  std::chrono::milliseconds drain{2'000};         ///< at the end, to tell workers that it is done
+  std::uint64_t max_in_flight = 1024;             ///< leases out at once
+  Claim claim = Claim::kRefuse;                   ///< when the folder's id is live elsewhere
+  std::string policy_id;                          ///< rollouts ask this run's policy; "": whoever serves its name
+  std::uint32_t content = kContentVersion;        ///< of the episodes: workers of another number are refused
 };
 
 /// A snapshot of how far a campaign is.
 struct CollectorProgress {
   std::uint64_t committed = 0, total = 0, given_up = 0;
-  std::uint64_t attempts = 0;                     ///< committed + failed, this and earlier runs
+  std::uint64_t attempts = 0;  ///< committed + failed, this and earlier runs; without answers that never came
   std::map<std::string, std::uint64_t> failures;  ///< typed reason -> count
   std::uint64_t lost_leases = 0;                  ///< workers that died or fell silent
   std::uint64_t stale_results = 0;                ///< refused: an old fencing token
@@ -51,9 +58,9 @@ struct CollectorProgress {
 /// Thread safety: Run() from one thread; everything else from any.
 class Collector {
  public:
-  /// Opens (or resumes) the folder by spec.mode and joins the bus under partition spec.name.
+  /// Opens (or resumes) the folder by spec.mode and joins the bus under the campaign's name and the folder's id.
   /// @error of the store (kInvalidArgument: made from another spec; kUnavailable: locked, disk) or the bus;
-  /// kUnavailable when a collector of the same campaign is already on the domain.
+  /// kUnavailable when the folder's id is live elsewhere on the domain (see CollectorOptions::claim).
   static Result<Collector> Open(const bus::Participant& participant, const CampaignSpec& spec, const Path& folder,
                                 const CollectorOptions& options = {});
   /// With a sink of the caller's own.
@@ -64,13 +71,16 @@ class Collector {
   ~Collector();
 
   /// Blocks until every index is committed or given up, Stop() is called or the process is asked to stop.
-  /// Always leaves the folder complete in itself (master file written). A stop is no error.
+  /// Always leaves the folder complete in itself (index written). A stop is no error.
+  /// @error kUnavailable: another collector of the same id appeared, and has the better right to it.
   Status Run();
   void Stop();
 
+  /// Of the campaign: NAME@ID is what a worker joins.
+  const std::string& id() const;
   CollectorProgress progress() const;
-  /// The caller knows that `worker` is dead (it was its child): its lease is free at once.
-  void ForgetWorker(const std::string& worker);
+  /// The caller knows that `worker` is dead (it was its child): its lease is revoked and free at once.
+  void Revoke(const std::string& worker);
 
  private:
   struct Impl;

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "services/core/statistics.h"
@@ -10,35 +11,56 @@
 namespace etude::campaign {
 namespace {
 
-std::uint64_t UnsignedOr0(const OrderedJson& json, const char* key) {
-  return json.contains(key) && json[key].is_number_unsigned() ? json[key].get<std::uint64_t>() : 0;
-}
+const std::vector<std::string> kFirstModules{"TAR3D", "EE3D", "DISP"};  // the paper's, before others
 
+using Rows = std::vector<const RolloutRow*>;
 using ErrorMap = std::map<std::string, double>;
 
+std::uint64_t UnsignedOr0(const OrderedJson& json, const char* key) {
+  if (!json.contains(key) || !json[key].is_number_integer()) return 0;
+  return json[key].is_number_unsigned()
+             ? json[key].get<std::uint64_t>()
+             : static_cast<std::uint64_t>(std::max<std::int64_t>(0, json[key].get<std::int64_t>()));
+}
+
 // mean over rollouts of their own means, so that a long failure does not outweigh short successes
-OrderedJson MeanErrors(const std::vector<const RolloutRow*>& rows, ErrorMap RolloutRow::*errors) {
+OrderedJson MeanErrors(const Rows& rows, ErrorMap RolloutRow::*errors) {
+  std::map<std::string, std::vector<double>> means;
+  for (const auto* row : rows)
+    for (const auto& [module, mean] : row->*errors) means[module].push_back(mean);
   OrderedJson json = OrderedJson::object();
-  for (const auto& module : kReportedModules) {
-    std::vector<double> means;
-    for (const auto* row : rows)
-      if (const auto it = (row->*errors).find(module); it != (row->*errors).end()) means.push_back(it->second);
-    if (!means.empty()) json[module] = Mean(means);
-  }
+  for (const auto& module : kFirstModules)
+    if (means.contains(module)) json[module] = Mean(means[module]);
+  for (const auto& [module, values] : means)
+    if (!json.contains(module)) json[module] = Mean(values);
   return json;
 }
 
-OrderedJson Summarise(const std::string& task, const std::vector<const RolloutRow*>& rows) {
-  std::uint64_t successes = 0;
-  for (const auto* row : rows) successes += row->success;
-  const auto interval = WilsonInterval(successes, rows.size());
-  OrderedJson summary{
-      {"task", task},
-      {"n", rows.size()},
-      {"successes", successes},
-      {"success", rows.empty() ? 0.0 : static_cast<double>(successes) / static_cast<double>(rows.size())},
-      {"low", interval.low},
-      {"high", interval.high}};
+OrderedJson Share(const Rows& rows, bool RolloutRow::*criterion) {
+  const auto n = static_cast<std::uint64_t>(rows.size());
+  const auto successes = static_cast<std::uint64_t>(
+      std::count_if(rows.begin(), rows.end(), [&](const RolloutRow* row) { return row->*criterion; }));
+  const auto interval = WilsonInterval(successes, n);
+  return {{"successes", successes},
+          {"share", n == 0 ? 0.0 : static_cast<double>(successes) / static_cast<double>(n)},
+          {"low", interval.low},
+          {"high", interval.high}};
+}
+
+OrderedJson Summarise(const std::string& task, const Rows& rows) {
+  std::map<std::string, std::uint64_t> violations;
+  std::uint64_t violated = 0, disturbed = 0;
+  for (const auto* row : rows) {
+    for (const auto& kind : row->violations) ++violations[kind];
+    violated += row->violations.empty() ? 0 : 1;
+    disturbed += row->disturbed.empty() ? 0 : 1;
+  }
+  OrderedJson summary{{"task", task}, {"n", rows.size()}};
+  summary["success"] = Share(rows, &RolloutRow::success);
+  summary["success_latched"] = Share(rows, &RolloutRow::success_latched);
+  summary["with_violations"] = violated;
+  summary["violations"] = violations;
+  summary["with_others_moved"] = disturbed;
   summary["error_cm"] = MeanErrors(rows, &RolloutRow::error_cm);
   summary["error_before_contact_cm"] = MeanErrors(rows, &RolloutRow::error_before_contact_cm);
   return summary;
@@ -51,13 +73,78 @@ OrderedJson RowJson(const RolloutRow& row) {
                    {"target", row.target},
                    {"instruction", row.instruction},
                    {"success", row.success},
+                   {"success_latched", row.success_latched},
                    {"outcome", row.outcome},
+                   {"violations", row.violations},
+                   {"disturbed_objects", row.disturbed},
                    {"steps", row.steps},
                    {"decisions", row.decisions},
+                   {"latency_steps", row.latency_steps},
                    {"checkpoint_step", row.checkpoint_step}};
   json["error_cm"] = row.error_cm;
   json["error_before_contact_cm"] = row.error_before_contact_cm;
   return json;
+}
+
+// The setting, and what came of it: rollouts may have found different servers.
+OrderedJson Latency(const CampaignSpec& spec, const Rows& rows) {
+  OrderedJson json{{"setting_ms", spec.rollout.latency_ms}};
+  if (rows.empty()) return json;
+  const auto [least, most] = std::ranges::minmax(rows, {}, &RolloutRow::latency_steps);
+  json["least_steps"] = least->latency_steps;
+  json["most_steps"] = most->latency_steps;
+  return json;
+}
+
+void ReadJudgement(const OrderedJson& details, RolloutRow& row) {
+  row.success_latched = details.contains("success_latched") && details["success_latched"] == true;
+  row.latency_steps = static_cast<int>(std::min<std::uint64_t>(UnsignedOr0(details, "latency_steps"), 1'000'000));
+  if (details.contains("violations"))
+    for (const auto& violation : details["violations"])
+      if (violation.is_object() && violation.contains("kind") && violation["kind"].is_string())
+        row.violations.insert(violation["kind"].get<std::string>());
+  if (details.contains("disturbed_objects"))
+    for (const auto& object : details["disturbed_objects"])
+      if (object.is_string()) row.disturbed.push_back(object.get<std::string>());
+}
+
+void ReadDecisions(const OrderedJson& decisions, RolloutRow& row) {
+  std::map<std::string, std::vector<double>> all, before;
+  for (const auto& decision : decisions) {
+    if (!decision.is_object()) continue;
+    ++row.decisions;
+    row.checkpoint_step = UnsignedOr0(decision, "checkpoint_step");
+    const bool touched = decision.contains("touched") && decision["touched"] == true;
+    if (!decision.contains("error_m") || !decision["error_m"].is_object()) continue;
+    for (const auto& [module, error] : decision["error_m"].items()) {
+      if (!error.is_number()) continue;
+      const double error_cm = 100 * error.get<double>();
+      if (!std::isfinite(error_cm)) continue;
+      all[module].push_back(error_cm);
+      if (!touched) before[module].push_back(error_cm);
+    }
+  }
+  for (const auto& [module, values] : all) row.error_cm[module] = Mean(values);
+  for (const auto& [module, values] : before) row.error_before_contact_cm[module] = Mean(values);
+}
+
+std::string ShareText(const OrderedJson& share) {
+  return fmt::format("{:5.1f} [{:.1f}, {:.1f}]", 100 * share["share"].get<double>(), 100 * share["low"].get<double>(),
+                     100 * share["high"].get<double>());
+}
+
+std::string TableLine(const OrderedJson& summary, const std::vector<std::string>& modules) {
+  std::string line = fmt::format("{:<18} {:>5} {:>20} {:>20} {:>10} {:>7}", summary["task"].get<std::string>(),
+                                 summary["n"].get<std::uint64_t>(), ShareText(summary["success"]),
+                                 ShareText(summary["success_latched"]), summary["with_violations"].get<std::uint64_t>(),
+                                 summary["with_others_moved"].get<std::uint64_t>());
+  const auto number = [&](const char* errors, const std::string& module) {
+    return summary[errors].contains(module) ? fmt::format("{:.2f}", summary[errors][module].get<double>()) : "-";
+  };
+  for (const auto& module : modules)
+    line += fmt::format(" {:>13}",
+                        fmt::format("{} ({})", number("error_cm", module), number("error_before_contact_cm", module)));
+  return line + "\n";
 }
 
 }  // namespace
@@ -72,37 +159,24 @@ RolloutRow RowOf(const Episode& rollout) {
   row.success = rollout.success;
   row.outcome = rollout.outcome;
   row.steps = rollout.steps();
-  if (!rollout.details.is_object() || !rollout.details.contains("decisions")) return row;
-  std::map<std::string, std::vector<double>> all, before;
-  for (const auto& decision : rollout.details["decisions"]) {
-    if (!decision.is_object()) continue;
-    ++row.decisions;
-    row.checkpoint_step = UnsignedOr0(decision, "checkpoint_step");
-    const bool touched = decision.contains("touched") && decision["touched"] == true;
-    for (const auto& module : kReportedModules) {
-      if (!decision.contains(module) || !decision[module].is_number()) continue;
-      const double error_cm = 100 * decision[module].get<double>();
-      if (!std::isfinite(error_cm)) continue;
-      all[module].push_back(error_cm);
-      if (!touched) before[module].push_back(error_cm);
-    }
-  }
-  for (const auto& [module, values] : all) row.error_cm[module] = Mean(values);
-  for (const auto& [module, values] : before) row.error_before_contact_cm[module] = Mean(values);
+  if (!rollout.details.is_object()) return row;
+  ReadJudgement(rollout.details, row);
+  if (rollout.details.contains("decisions")) ReadDecisions(rollout.details["decisions"], row);
   return row;
 }
 
 OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, RolloutRow>& rows) {
+  Rows all;
+  for (const auto& [index, row] : rows) all.push_back(&row);
   OrderedJson report{{"campaign", spec.name},
                      {"run", spec.rollout.run},
                      {"seed", spec.seed},
                      {"episodes", spec.episodes},
                      {"done", rows.size()}};
+  report["latency"] = Latency(spec, all);
   report["per_task"] = OrderedJson::array();
-  std::vector<const RolloutRow*> all;
-  for (const auto& [index, row] : rows) all.push_back(&row);
   for (const auto& task : spec.tasks) {
-    std::vector<const RolloutRow*> of_task;
+    Rows of_task;
     for (const auto* row : all)
       if (row->task == task) of_task.push_back(row);
     report["per_task"].push_back(Summarise(task, of_task));
@@ -114,21 +188,20 @@ OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, R
 }
 
 std::string EvalTable(const OrderedJson& report) {
-  std::string table = fmt::format("{:<10} {:>4} {:>9} {:>15} {:>9} {:>9} {:>9}\n", "task", "n", "success %",
-                                  "95 % interval", "TAR3D cm", "EE3D cm", "DISP cm");
-  const auto line = [&](const OrderedJson& summary) {
-    table += fmt::format(
-        "{:<10} {:>4} {:>9.1f} {:>15}", summary["task"].get<std::string>(), summary["n"].get<std::uint64_t>(),
-        100 * summary["success"].get<double>(),
-        fmt::format("{:.1f} .. {:.1f}", 100 * summary["low"].get<double>(), 100 * summary["high"].get<double>()));
-    for (const auto& module : kReportedModules)
-      table += summary["error_cm"].contains(module)
-                   ? fmt::format(" {:>9.2f}", summary["error_cm"][module].get<double>())
-                   : fmt::format(" {:>9}", "-");
-    table += "\n";
-  };
-  for (const auto& summary : report["per_task"]) line(summary);
-  line(report["overall"]);
+  std::vector<std::string> modules;
+  for (const auto& [module, error] : report["overall"]["error_cm"].items()) modules.push_back(module);
+  std::string table = fmt::format("{:<18} {:>5} {:>20} {:>20} {:>10} {:>7}", "task", "n", "success % [95 %]",
+                                  "latched % [95 %]", "violations", "others");
+  for (const auto& module : modules) table += fmt::format(" {:>13}", module + " cm");
+  table += "\n";
+  for (const auto& summary : report["per_task"]) table += TableLine(summary, modules);
+  table += TableLine(report["overall"], modules);
+  table +=
+      "success: held for 0.4 s, no violation. latched: the authors' criterion, once; only this column stands beside "
+      "the "
+      "paper's figures.\n"
+      "violations, others: rollouts with any, with another object moved by more than 2 cm. "
+      "cm: mean over rollouts of their mean errors (before the first contact).\n";
   return table;
 }
 

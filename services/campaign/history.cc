@@ -9,6 +9,7 @@
 
 #include "services/campaign/worker_client.h"
 #include "services/core/config.h"
+#include "services/episode/bounded_json.h"
 
 namespace etude::campaign {
 
@@ -23,26 +24,30 @@ Status WriteCollectorFile(const Path& folder, const OrderedJson& json) {
 // Not an object when it is not understood.
 Result<OrderedJson> ReadCollectorFile(const Path& folder) {
   ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(CollectorFile(folder), 1 << 16));
-  return OrderedJson::parse(text, nullptr, false);
+  return ParseBoundedJson(text).value_or(OrderedJson());
 }
 
 }  // namespace
 
-Result<std::uint64_t> NextEpoch(const Path& folder) {
-  const Path path = CollectorFile(folder);
-  const auto read = ReadCollectorFile(folder);
-  if (!read && read.error().code != Code::kNotFound) return Fail(read.error().Wrap("read the collector's epoch"));
-  OrderedJson json = read ? *read : OrderedJson{{"epoch", 0u}};
-  if (!json.is_object() || !json.contains("epoch") || !json["epoch"].is_number_unsigned())
+Result<std::uint64_t> LastEpoch(const Path& folder) {
+  const auto json = ReadCollectorFile(folder);
+  if (!json && json.error().code == Code::kNotFound) return 0;
+  if (!json) return Fail(json.error());
+  if (!json->is_object() || !json->contains("epoch") || !(*json)["epoch"].is_number_unsigned())
     return Fail(Code::kCorrupt, fmt::format("read the collector's epoch from '{}': not {{\"epoch\": N}}; write the "
                                             "number of times that a collector was started here into it",
-                                            path.string()));
-  const std::uint64_t epoch = json["epoch"].get<std::uint64_t>() + 1;
-  if (epoch >= (1ull << 32))
-    return Fail(Code::kCorrupt, fmt::format("'{}': epoch {} is too large", path.string(), epoch));
+                                            CollectorFile(folder).string()));
+  return (*json)["epoch"].get<std::uint64_t>();
+}
+
+Status RememberEpoch(const Path& folder, std::uint64_t epoch) {
+  ETUDE_ASSIGN_OR_RETURN(const std::uint64_t last, LastEpoch(folder));
+  if (epoch <= last || epoch >= (1ull << 32))
+    return Fail(Code::kInvalidArgument, fmt::format("'{}': epoch {} after {}: it must grow and fit into 32 bits",
+                                                    CollectorFile(folder).string(), epoch, last));
+  auto json = ReadCollectorFile(folder).value_or(OrderedJson::object());
   json["epoch"] = epoch;
-  ETUDE_RETURN_IF_ERROR(WriteCollectorFile(folder, json));
-  return epoch;
+  return WriteCollectorFile(folder, json);
 }
 
 std::optional<std::string> KnownFiles(const Path& folder) {
@@ -60,12 +65,19 @@ Status RememberFiles(const Path& folder, const std::string& sha256) {
   return WriteCollectorFile(folder, json);
 }
 
-History ReadHistory(const Path& folder) {
+LeaseTable::Retry RetryOf(const CampaignSpec& spec, const std::string& outcome) {
+  if (outcome == kPolicyError) return LeaseTable::Retry::kSameAttempt;
+  // a rollout's scene is a function of its index: another attempt would be the same
+  if (outcome == kSceneInvalid && spec.mode == "rollout") return LeaseTable::Retry::kNever;
+  return LeaseTable::Retry::kNextAttempt;
+}
+
+History ReadHistory(const Path& folder, const CampaignSpec& spec) {
   History history;
   std::set<std::pair<std::uint64_t, std::uint32_t>> seen;
   std::ifstream file(folder / "attempts.jsonl");
   for (std::string line; std::getline(file, line);) {
-    const OrderedJson json = OrderedJson::parse(line, nullptr, false);
+    const OrderedJson json = ParseBoundedJson(line).value_or(OrderedJson());
     const auto is_unsigned = [&](const char* key) { return json.contains(key) && json[key].is_number_unsigned(); };
     if (!json.is_object() || !is_unsigned("index") || !is_unsigned("attempt") || !json.contains("outcome") ||
         !json["outcome"].is_string())
@@ -73,13 +85,15 @@ History ReadHistory(const Path& folder) {
     const auto index = json["index"].get<std::uint64_t>();
     const auto attempt = json["attempt"].get<std::uint32_t>();
     const auto outcome = json["outcome"].get<std::string>();
-    const bool same = outcome == kPolicyError;
+    const auto retry = RetryOf(spec, outcome);
+    const bool same = retry == LeaseTable::Retry::kSameAttempt;
     if (!same && !seen.emplace(index, attempt).second) continue;
     History::Index& past = history.indices[index];
-    ++past.failures;
+    past.failures =
+        retry == LeaseTable::Retry::kNever ? static_cast<std::uint32_t>(spec.max_attempts) : past.failures + 1;
     if (!same) past.next_attempt = std::max(past.next_attempt, attempt + 1);
     ++history.failures[outcome];
-    ++history.total;
+    if (!same) ++history.total;
   }
   return history;
 }

@@ -8,14 +8,17 @@
 #include <optional>
 #include <string>
 
+#include "services/campaign/lease_table.h"
 #include "services/core/file.h"
 #include "services/core/result.h"
+#include "services/spec/campaign_spec.h"
 
 namespace etude::campaign {
 
-/// One more than the last epoch handed out for `folder` (1 at first), durable before it is returned.
-/// @error kCorrupt when FOLDER/collector.json is not readable, kUnavailable when it cannot be written.
-Result<std::uint64_t> NextEpoch(const Path& folder);
+/// The last epoch of `folder`; 0 at first. @error kCorrupt when FOLDER/collector.json is not readable.
+Result<std::uint64_t> LastEpoch(const Path& folder);
+/// Durable when it returns. @error kCorrupt; kInvalidArgument: `epoch` is not larger than the last one; kUnavailable.
+Status RememberEpoch(const Path& folder, std::uint64_t epoch);
 
 /// SHA-256 of the files that the spec of `folder` names, as the first worker had them; nothing when none has worked.
 std::optional<std::string> KnownFiles(const Path& folder);
@@ -29,12 +32,15 @@ struct History {
   };
   std::map<std::uint64_t, Index> indices;
   std::map<std::string, std::uint64_t> failures;  ///< typed reason -> count
-  std::uint64_t total = 0;
+  std::uint64_t total = 0;                        ///< without those whose policy did not answer
 };
 
 /// attempts.jsonl. Lines that are torn or not understood are skipped: the attempt is made again.
 /// A line that stands twice (a crash between recording and leasing) counts once, unless the same attempt
-/// may fail again by its nature (policy_error).
-History ReadHistory(const Path& folder);
+/// may fail again by its nature (policy_error). An index that can never succeed has max_attempts failures.
+History ReadHistory(const Path& folder, const CampaignSpec& spec);
+
+/// What follows from a failed attempt of this outcome.
+LeaseTable::Retry RetryOf(const CampaignSpec& spec, const std::string& outcome);
 
 }  // namespace etude::campaign

@@ -70,16 +70,16 @@ std::optional<std::uint64_t> LeaseTable::NextFree() {
   return free_.begin()->second;
 }
 
-Grant LeaseTable::Request(const std::string& worker, Time now) {
-  if (complete()) return {Grant::Kind::kDone};
+Assignment LeaseTable::Request(const std::string& worker, Time now) {
+  if (complete()) return {Assignment::Kind::kDone};
   if (const auto held = holder_.find(worker); held != holder_.end()) {
     Entry& entry = EntryOf(held->second);
     entry.deadline = now + config_.duration;
-    return {Grant::Kind::kWork, held->second, entry.attempt, entry.token};
+    return {Assignment::Kind::kWork, held->second, entry.attempt, entry.token};
   }
-  if (live_.size() >= config_.max_in_flight) return {Grant::Kind::kWait};
+  if (live_.size() >= config_.max_in_flight) return {Assignment::Kind::kWait};
   const auto index = NextFree();
-  if (!index) return {Grant::Kind::kWait};
+  if (!index) return {Assignment::Kind::kWait};
 
   Entry& entry = EntryOf(*index);
   free_.erase({entry.losses, *index});
@@ -89,7 +89,7 @@ Grant LeaseTable::Request(const std::string& worker, Time now) {
   entry.worker = worker;
   live_.insert(*index);
   holder_[worker] = *index;
-  return {Grant::Kind::kWork, *index, entry.attempt, entry.token};
+  return {Assignment::Kind::kWork, *index, entry.attempt, entry.token};
 }
 
 bool LeaseTable::Renew(std::uint64_t index, std::uint64_t token, Time now) {
@@ -112,12 +112,19 @@ int LeaseTable::Expire(Time now) {
   return static_cast<int>(expired.size());
 }
 
-Standing LeaseTable::Check(std::uint64_t index, std::uint32_t attempt, std::uint64_t token) const {
-  if (committed_.contains(index)) return Standing::kCommitted;
+std::optional<std::uint64_t> LeaseTable::IndexOf(std::uint64_t token) const {
+  // those that expired keep their token, too; a search through all is rare
+  for (const auto& [index, entry] : entries_)
+    if (token != 0 && entry.token == token && !entry.closed) return index;
+  return std::nullopt;
+}
+
+LeaseValidity LeaseTable::Check(std::uint64_t index, std::uint32_t attempt, std::uint64_t token) const {
+  if (committed_.contains(index)) return LeaseValidity::kCommitted;
   const Entry* entry = Find(index);
   if (!entry || entry->closed || token == 0 || entry->token != token || entry->attempt != attempt)
-    return Standing::kStale;
-  return Standing::kCurrent;
+    return LeaseValidity::kStale;
+  return LeaseValidity::kCurrent;
 }
 
 void LeaseTable::Commit(std::uint64_t index) {
@@ -134,7 +141,7 @@ void LeaseTable::Fail(std::uint64_t index, Retry retry) {
   entry.token = 0;
   ++entry.failures;
   if (retry == Retry::kNextAttempt) ++entry.attempt;
-  if (entry.failures >= config_.max_attempts) {
+  if (entry.failures >= config_.max_attempts || retry == Retry::kNever) {
     Close(index, entry);
     ++given_up_;
   } else {
@@ -142,7 +149,7 @@ void LeaseTable::Fail(std::uint64_t index, Retry retry) {
   }
 }
 
-void LeaseTable::HandBack(std::uint64_t index) {
+void LeaseTable::Release(std::uint64_t index) {
   Entry& entry = EntryOf(index);
   if (entry.closed || entry.token == 0) return;
   entry.token = 0;
@@ -150,7 +157,7 @@ void LeaseTable::HandBack(std::uint64_t index) {
   Free(index, entry);
 }
 
-void LeaseTable::ForgetWorker(const std::string& worker) {
+void LeaseTable::Revoke(const std::string& worker) {
   const auto held = holder_.find(worker);
   if (held == holder_.end()) return;
   const std::uint64_t index = held->second;

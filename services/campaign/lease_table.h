@@ -29,7 +29,7 @@ struct LeaseTableConfig {
 };
 
 /// What a worker may do next.
-struct Grant {
+struct Assignment {
   enum class Kind { kWork, kWait, kDone };
   Kind kind = Kind::kWait;
   std::uint64_t index = 0;
@@ -37,8 +37,8 @@ struct Grant {
   std::uint64_t token = 0;
 };
 
-/// How a result or a report stands to the lease it names.
-enum class Standing {
+/// Whether a result or a report counts, by the lease it names.
+enum class LeaseValidity {
   kCurrent,    ///< the newest lease of its index
   kCommitted,  ///< the index is already committed
   kStale,      ///< a newer token was issued, or the lease was ended: refuse
@@ -58,25 +58,28 @@ class LeaseTable {
   void RestoreFailures(std::uint64_t index, std::uint32_t failures, std::uint32_t next_attempt);
 
   /// Work for `worker`: the lease it already holds (renewed), else the lowest free index.
-  Grant Request(const std::string& worker, Time now);
+  Assignment Request(const std::string& worker, Time now);
   /// A heartbeat that names `token`; false when that lease is not current.
   bool Renew(std::uint64_t index, std::uint64_t token, Time now);
   /// Makes leases that were not renewed in time free again; returns how many. Their tokens stay current
   /// until the index is leased again: a late result is then still the newest there is.
   int Expire(Time now);
 
-  Standing Check(std::uint64_t index, std::uint32_t attempt, std::uint64_t token) const;
+  /// The index whose newest lease has this token; nothing when it is stale.
+  std::optional<std::uint64_t> IndexOf(std::uint64_t token) const;
+
+  LeaseValidity Check(std::uint64_t index, std::uint32_t attempt, std::uint64_t token) const;
 
   /// The index is durable. Any token of it is stale from now on.
   void Commit(std::uint64_t index);
-  enum class Retry { kNextAttempt, kSameAttempt };
+  enum class Retry { kNextAttempt, kSameAttempt, kNever };
   /// A failed attempt with a current token (Check first). Frees the index with the next attempt, or gives
-  /// it up when max_attempts have failed.
+  /// it up when max_attempts have failed, or at once when it can never succeed.
   void Fail(std::uint64_t index, Retry retry);
-  /// The holder of the current token gives the work back undone: free again, nothing counted.
-  void HandBack(std::uint64_t index);
-  /// The worker is known to be dead: as HandBack for the leases it holds, but each counts as a loss.
-  void ForgetWorker(const std::string& worker);
+  /// The holder of the current token gives the work back undone: free again, nothing is counted.
+  void Release(std::uint64_t index);
+  /// The worker is known to be dead: its lease ends, and counts as a loss.
+  void Revoke(const std::string& worker);
 
   bool complete() const { return committed_.size() + given_up_ == config_.total; }
   std::uint64_t committed() const { return committed_.size(); }

@@ -16,6 +16,7 @@ struct Arguments {
   std::string out;
   bus::Arguments bus;
   double lease_s = 10;
+  Claim claim = Claim::kRefuse;
 };
 
 Status Collect(const Arguments& arguments) {
@@ -23,6 +24,7 @@ Status Collect(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
   campaign::CollectorOptions options;
   options.lease = std::chrono::milliseconds(static_cast<std::int64_t>(arguments.lease_s * 1000));
+  options.claim = arguments.claim;
   ETUDE_ASSIGN_OR_RETURN(auto collector, campaign::Collector::Open(participant, spec, arguments.out, options));
   ETUDE_RETURN_IF_ERROR(collector.Run());
   fmt::print("{}\n", campaign::SummaryText(collector.progress()));
@@ -46,6 +48,7 @@ int main(int argc, char** argv) {
       ->allow_extra_args(false);
   app.add_option("--lease", arguments.lease_s, "seconds of silence after which a worker's work goes to another")
       ->check(CLI::Range(0.5, 3600.0));
+  etude::bus::AddClaim(app, arguments.claim);
   arguments.bus.Add(app);
   try {
     app.parse(argc, argv);

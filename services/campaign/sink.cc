@@ -4,10 +4,14 @@
 #include <map>
 
 #include "services/campaign/eval_report.h"
+#include "services/campaign/scene_report.h"
+#include "services/episode/bounded_json.h"
 #include "services/store/dataset.h"
 
 namespace etude::campaign {
 namespace {
+
+constexpr int kDeepestDetails = 16;
 
 class DatasetSink : public EpisodeSink {
  public:
@@ -20,7 +24,7 @@ class DatasetSink : public EpisodeSink {
                        const std::string& details_json) override {
     return writer_.RecordFailure(index, attempt, outcome, details_json);
   }
-  Status WriteMaster() override { return writer_.WriteMaster(); }
+  Status WriteIndex() override { return writer_.WriteMaster(); }
 
  private:
   Path folder_;
@@ -40,8 +44,10 @@ class EvalSink : public EpisodeSink {
       for (const std::uint64_t index : writer_.committed()) {
         ETUDE_ASSIGN_OR_RETURN(const auto record, reader.Read(index));
         rows_[index] = RowOf(record.episode);
+        scenes_.Add(record.episode);
       }
     }
+    scenes_.Restore(folder_);
     return WriteReport();
   }
 
@@ -51,28 +57,34 @@ class EvalSink : public EpisodeSink {
   Status Commit(const Episode& episode) override {
     ETUDE_RETURN_IF_ERROR(writer_.Commit(episode));
     rows_[episode.index] = RowOf(episode);
+    scenes_.Add(episode);
     // the rollout is durable; a report that cannot be written now is written with the next one
     (void)WriteReport();
     return {};
   }
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json) override {
+    if (const auto details = ParseBoundedJson(details_json, kDeepestDetails))
+      scenes_.AddFailure(index, outcome, *details);
     return writer_.RecordFailure(index, attempt, outcome, details_json);
   }
-  Status WriteMaster() override {
+  Status WriteIndex() override {
     ETUDE_RETURN_IF_ERROR(WriteReport());
     return writer_.WriteMaster();
   }
 
  private:
   Status WriteReport() const {
-    return WriteFileAtomically(out_ / "eval.json", EvalReport(spec_, rows_).dump(1) + "\n");
+    OrderedJson report = EvalReport(spec_, rows_);
+    report["scenes"] = scenes_.Json(spec_.scenes);
+    return WriteFileAtomically(out_ / "eval.json", report.dump(1) + "\n");
   }
 
   Path out_, folder_;
   CampaignSpec spec_;
   store::DatasetWriter writer_;
   std::map<std::uint64_t, RolloutRow> rows_;
+  SceneReport scenes_;
 };
 
 }  // namespace

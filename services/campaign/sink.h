@@ -9,8 +9,8 @@
 
 #include "services/core/file.h"
 #include "services/core/result.h"
-#include "services/episode/campaign_spec.h"
 #include "services/episode/episode.h"
+#include "services/spec/campaign_spec.h"
 
 namespace etude::campaign {
 
@@ -30,7 +30,7 @@ class EpisodeSink {
   virtual Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                                const std::string& details_json) = 0;
   /// Rewrites what is derived (master file, statistics). Now and then, and at the end.
-  virtual Status WriteMaster() = 0;
+  virtual Status WriteIndex() = 0;
 };
 
 /// Mode demonstrate: a store::DatasetWriter.

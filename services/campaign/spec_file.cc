@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 
 #include "services/core/clock.h"
-#include "services/episode/object_names.h"
+#include "services/spec/object_names.h"
 
 namespace etude::campaign {
 namespace {
@@ -37,6 +37,14 @@ Result<CampaignSpec> LoadSpec(const SpecArguments& arguments) {
   }
   ETUDE_ASSIGN_OR_RETURN(spec->objects, ExpandObjects(spec->objects));
   ETUDE_RETURN_IF_ERROR(spec->Validate());
+  return spec;
+}
+
+Result<CampaignSpec> WithOverrides(CampaignSpec spec, const std::vector<std::string>& overrides) {
+  OrderedJson json = ToJson(spec);
+  for (const auto& text : overrides) ETUDE_RETURN_IF_ERROR(ApplyOverride(json, text));
+  ETUDE_ASSIGN_OR_RETURN(spec, FromJson<CampaignSpec>(json, "--set"));
+  ETUDE_RETURN_IF_ERROR(spec.Validate());
   return spec;
 }
 

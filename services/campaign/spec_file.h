@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "services/campaign/collector.h"
-#include "services/episode/campaign_spec.h"
+#include "services/spec/campaign_spec.h"
 
 namespace etude::campaign {
 
@@ -21,6 +21,9 @@ struct SpecArguments {
 /// File, then overrides, then --episodes and --seed; validated.
 /// @error kNotFound, kInvalidArgument (all problems at once)
 Result<CampaignSpec> LoadSpec(const SpecArguments& arguments);
+/// A spec that comes from elsewhere (a dataset, a command's own) with `overrides` ("a.b=c") over it; validated.
+/// @error kInvalidArgument (all problems at once)
+Result<CampaignSpec> WithOverrides(CampaignSpec spec, const std::vector<std::string>& overrides);
 
 /// "120/400 episodes  31.2/min  expert 98.4 %  2 workers  ETA 9:05  failures: plan_failed 2".
 std::string ProgressLine(const CollectorProgress& progress);

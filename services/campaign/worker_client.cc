@@ -2,237 +2,265 @@
 #include "services/campaign/worker_client.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <condition_variable>
-#include <mutex>
 #include <optional>
-#include <thread>
 
-#include "services/bus/object_channel.h"
+#include "services/bus/blob_transfer.h"
+#include "services/bus/directory.h"
 #include "services/bus/topic.h"
-#include "services/core/check.h"
+#include "services/campaign/heartbeat.h"
 #include "services/core/clock.h"
+#include "services/core/command.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
+#include "services/episode/bounded_json.h"
 
 namespace etude::campaign {
 namespace {
 
 using namespace std::chrono_literals;
 
-std::string HostName() {
-  char name[256] = "unknown";
-  ::gethostname(name, sizeof name - 1);
-  return name;
-}
-
-// Heartbeats on a thread of their own: an attempt takes seconds and must not cost its lease.
-class Heart {
- public:
-  Heart(bus::Writer<bus::WorkerStatus> writer, bus::WorkerStatus status, std::chrono::milliseconds period)
-      : writer_(std::move(writer)), status_(std::move(status)), period_(period) {
-    thread_ = std::jthread([this](std::stop_token stop) { Beat(stop); });
-  }
-  ~Heart() {
-    thread_.request_stop();
-    thread_.join();
-    // the worker is gone for good: late joiners need not see it
-    (void)writer_.Dispose(status_);
-  }
-
-  template <class Change>
-  void Set(const Change& change) {
-    const std::lock_guard lock(mutex_);
-    change(status_);
-  }
-  void SetPhase(const char* phase) {
-    Set([&](auto& status) { status.phase = phase; });
-  }
-
- private:
-  void Beat(const std::stop_token& stop) {
-    std::unique_lock lock(sleep_mutex_);
-    while (!stop.stop_requested()) {
-      bus::WorkerStatus status;
-      {
-        const std::lock_guard status_lock(mutex_);
-        status = status_;
-      }
-      if (const Status written = writer_.Write(status); !written) Log().debug("heartbeat: {}", written.error().message);
-      wake_.wait_for(lock, stop, period_, [] { return false; });
-    }
-  }
-
-  bus::Writer<bus::WorkerStatus> writer_;
-  std::mutex mutex_;
-  bus::WorkerStatus status_;  // guarded by mutex_
-  std::chrono::milliseconds period_;
-  std::mutex sleep_mutex_;
-  std::condition_variable_any wake_;
-  std::jthread thread_;
-};
-
-}  // namespace
-
-struct WorkerClient::Impl {
-  WorkerOptions options;
+// Everything that belongs to one campaign, known by its id.
+struct Connection {
+  std::string id;
   bus::Reader<bus::CampaignAnnouncement> announcements;
   bus::Reader<bus::Lease> leases;
   bus::Writer<bus::WorkRequest> requests;
   bus::Writer<bus::AttemptReport> reports;
-  bus::ObjectSender sender;
-  std::unique_ptr<Heart> heart;
+  bus::BlobSender sender;
+  std::unique_ptr<Heartbeat> heartbeat;
 
   std::optional<bus::CampaignAnnouncement> announcement;  // the newest
-  std::string made_for;                                   // spec hash that `work` was made for
+  std::string ready_for;                                  // spec hash that `work` was made for
   WorkFunction work;
   std::string files_sha256;
-  std::uint64_t request_id = 0;
   std::optional<bus::AttemptReport> last_report;  // of the last attempt that failed
+
+  void TakeAnnouncements() {
+    for (auto& taken : announcements.Take())
+      if (taken.campaign_id == id && (!announcement || taken.epoch >= announcement->epoch))
+        announcement = std::move(taken);
+  }
+  bool complete() const { return announcement && announcement->complete; }
+};
+
+Result<std::unique_ptr<Connection>> Connect(const bus::Participant& participant, const bus::Presence& found,
+                                            const WorkerOptions& options) {
+  const std::string partition = bus::PartitionOf(found.name, found.id);
+  ETUDE_ASSIGN_OR_RETURN(auto announcements, bus::Reader<bus::CampaignAnnouncement>::Open(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto leases, bus::Reader<bus::Lease>::Open(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto requests, bus::Writer<bus::WorkRequest>::Open(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto reports, bus::Writer<bus::AttemptReport>::Open(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto heartbeats, bus::Writer<bus::WorkerStatus>::Open(participant, partition));
+  bus::SendOptions send;
+  send.owner = found.id;
+  ETUDE_ASSIGN_OR_RETURN(auto sender, bus::BlobSender::Open(participant, partition, "episode", options.name, send));
+  bus::WorkerStatus status;
+  status.campaign = found.name;
+  status.campaign_id = found.id;
+  status.worker = options.name;
+  status.host = HostName();
+  status.phase = "idle";
+  return std::unique_ptr<Connection>(
+      new Connection{.id = found.id,
+                     .announcements = std::move(announcements),
+                     .leases = std::move(leases),
+                     .requests = std::move(requests),
+                     .reports = std::move(reports),
+                     .sender = std::move(sender),
+                     .heartbeat = std::make_unique<Heartbeat>(std::move(heartbeats), status, options.heartbeat)});
+}
+
+Status Refuse(const std::string& campaign, const char* what, std::uint32_t there, const std::string& program,
+              std::uint32_t here) {
+  return Fail(Code::kUnavailable,
+              fmt::format("join campaign '{}': its collector has {} {} (program {}), this worker {} (program {}): use "
+                          "programs of the same {}",
+                          campaign, what, there, program, here, Version(), what));
+}
+
+}  // namespace
+
+struct WorkerClient::Impl {
+  const bus::Participant* participant = nullptr;
+  WorkerOptions options;
+  Selector selector;
+  bus::Directory directory;
+  std::unique_ptr<Connection> joined;
+  std::uint64_t request_id = 0;
   std::uint64_t episodes = 0, failures = 0;
 
-  void TakeAnnouncements();
   Status Join();
+  bool Replaced();
   Status Prepare(const WorkFactory& factory);
+  bus::WorkRequest NextRequest();
   Result<bus::Lease> Ask();
   Status Serve(const bus::Lease& lease);
   void Send(const bus::Lease& lease, const WorkResult& result);
   void Report(const bus::Lease& lease, const std::string& outcome, const std::string& details_json);
 };
 
-void WorkerClient::Impl::TakeAnnouncements() {
-  for (auto& taken : announcements.Take())
-    if (taken.campaign == options.campaign && (!announcement || taken.epoch >= announcement->epoch))
-      announcement = std::move(taken);
-}
-
-// Waits for the campaign's announcement.
+// Waits for the campaign and its announcement; again when another one has taken the place of the one that was joined.
 Status WorkerClient::Impl::Join() {
+  if (joined && Replaced()) {
+    Log().info("campaign={}@{} has gone, another one of its name is there", selector.name, joined->id);
+    joined.reset();
+  }
   Stopwatch since_word;
   bool said = false;
-  TakeAnnouncements();
-  while (!announcement && !StopRequested()) {
+  while (!StopRequested() && !(joined && joined->announcement)) {
     if (!said || since_word.Seconds() > 30) {
-      Log().info("waiting for campaign={}: is its collector running on this domain?", options.campaign);
+      Log().info("waiting for campaign={}: is its collector running on this domain?", selector.text());
       since_word.Restart();
       said = true;
     }
-    announcements.Wait(1s);
-    TakeAnnouncements();
+    if (joined) {
+      joined->announcements.Wait(1s);
+      joined->TakeAnnouncements();
+      if (!joined->announcement && Replaced()) joined.reset();
+      continue;
+    }
+    ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kCampaign, selector, 1s));
+    if (!found) continue;
+    ETUDE_ASSIGN_OR_RETURN(joined, Connect(*participant, *found, options));
   }
   return {};
 }
+
+// True when the collector of the joined campaign is not there and that of another one of the name is.
+bool WorkerClient::Impl::Replaced() { return directory.Replaced(bus::PresenceKind::kCampaign, selector, joined->id); }
 
 // Makes the work function, again when the spec has changed.
 Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
-  if (announcement->version != options.version)
-    return Fail(Code::kUnavailable,
-                fmt::format("join campaign '{}': its collector is version {}, this worker is {}: install the "
-                            "same version on both",
-                            options.campaign, announcement->version, options.version));
-  if (work && made_for == announcement->spec_sha256) return {};
-  const std::string origin = fmt::format("campaign '{}'", options.campaign);
-  const OrderedJson json = OrderedJson::parse(announcement->spec_json, nullptr, false);
-  ETUDE_ASSIGN_OR_RETURN(const auto spec, FromJson<CampaignSpec>(json, origin));
+  const bus::CampaignAnnouncement& announcement = *joined->announcement;
+  if (announcement.wire != bus::kWireVersion)
+    return Refuse(selector.text(), "wire number", announcement.wire, announcement.version, bus::kWireVersion);
+  if (announcement.content != options.content)
+    return Refuse(selector.text(), "content number", announcement.content, announcement.version, options.content);
+  if (joined->work && joined->ready_for == announcement.spec_sha256) return {};
+  const std::string origin = fmt::format("campaign '{}'", selector.text());
+  const auto json = ParseBoundedJson(announcement.spec_json);
+  if (!json) return Fail(Code::kCorrupt, fmt::format("join {}: the announced spec is not JSON", origin));
+  ETUDE_ASSIGN_OR_RETURN(const auto spec, FromJson<CampaignSpec>(*json, origin));
   ETUDE_RETURN_IF_ERROR(spec.Validate());
-  if (SpecHash(spec) != announcement->spec_sha256)
+  if (SpecHash(spec) != announcement.spec_sha256)
     return Fail(Code::kUnavailable, fmt::format("join {}: the announced hash does not fit the spec", origin));
-  work = nullptr;  // the old one's context goes first
-  ETUDE_ASSIGN_OR_RETURN(work, factory(spec));
-  files_sha256.clear();
+  joined->work = nullptr;  // the old one's context goes first
+  const Selector policy{spec.rollout.run, announcement.policy_id};
+  ETUDE_ASSIGN_OR_RETURN(joined->work, factory({joined->id, spec, policy.text()}));
+  joined->files_sha256.clear();
   if (options.files_sha256) {
-    ETUDE_ASSIGN_OR_RETURN(files_sha256, options.files_sha256(spec));
+    ETUDE_ASSIGN_OR_RETURN(joined->files_sha256, options.files_sha256(spec));
   }
-  made_for = announcement->spec_sha256;
+  joined->ready_for = announcement.spec_sha256;
   return {};
 }
 
-// Asks until answered; the collector may be away for a while.
+bus::WorkRequest WorkerClient::Impl::NextRequest() {
+  bus::WorkRequest request;
+  request.campaign = selector.name;
+  request.campaign_id = joined->id;
+  request.worker = options.name;
+  request.request_id = ++request_id;
+  request.version = Version();
+  request.content = options.content;
+  request.spec_sha256 = joined->ready_for;
+  request.files_sha256 = joined->files_sha256;
+  return request;
+}
+
+// Asks until answered; the collector may be away for a while. kWait also when there is something new to look at.
 Result<bus::Lease> WorkerClient::Impl::Ask() {
+  bus::Lease none;
   // the first answers may be lost while both sides still discover each other
   auto patience = std::min<std::chrono::milliseconds>(100ms, options.ask_again);
   while (!StopRequested()) {
-    const std::uint64_t id = ++request_id;
-    if (const Status asked = requests.Write({options.campaign, options.name, id, options.version, files_sha256});
-        !asked)
-      Log().debug("request: {}", asked.error().message);
+    const bus::WorkRequest request = NextRequest();
+    if (const Status asked = joined->requests.Write(request); !asked) Log().debug("request: {}", asked.error().message);
     const auto deadline = MonotonicClock::now() + patience;
     patience = std::min(2 * patience, options.ask_again);
     while (MonotonicClock::now() < deadline && !StopRequested()) {
-      if (!leases.Wait(deadline - MonotonicClock::now())) break;
-      for (auto& lease : leases.Take())
-        if (lease.worker == options.name && lease.request_id == id) return lease;
+      if (!joined->leases.Wait(deadline - MonotonicClock::now())) break;
+      for (auto& lease : joined->leases.Take()) {
+        const bool ours = lease.worker == options.name && lease.campaign_id == joined->id;
+        if (ours && lease.request_id == request.request_id) return lease;
+      }
     }
-    TakeAnnouncements();
-    if (announcement->complete) break;
+    joined->TakeAnnouncements();
+    if (joined->complete()) none.kind = bus::LeaseKind::kDone;
+    const bool changed = joined->announcement->spec_sha256 != joined->ready_for;
+    if (joined->complete() || changed || Replaced()) break;
   }
-  bus::Lease none;
-  none.kind = announcement->complete ? bus::LeaseKind::kDone : bus::LeaseKind::kWait;
   return none;
 }
 
 void WorkerClient::Impl::Report(const bus::Lease& lease, const std::string& outcome, const std::string& details_json) {
-  last_report = bus::AttemptReport{options.campaign, options.name, lease.index, lease.attempt,
-                                   lease.token,      outcome,      details_json};
-  if (const Status sent = reports.Write(*last_report); !sent)
+  bus::AttemptReport report;
+  report.campaign = selector.name;
+  report.campaign_id = joined->id;
+  report.spec_sha256 = joined->ready_for;
+  report.worker = options.name;
+  report.index = lease.index;
+  report.attempt = lease.attempt;
+  report.token = lease.token;
+  report.outcome = outcome;
+  report.details_json = details_json;
+  joined->last_report = std::move(report);
+  if (const Status sent = joined->reports.Write(*joined->last_report); !sent)
     Log().warn("cannot report an attempt, its lease will come again: {}", sent.error().message);
 }
 
 void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result) {
-  heart->SetPhase("send");
+  joined->heartbeat->SetPhase("send");
   const OrderedJson meta{{"index", lease.index}, {"attempt", lease.attempt}};
   while (true) {
-    // the token is unique, so it is the object's id too: a repeat is recognised
-    const auto verdict = sender.Send(lease.token, result.episode, lease.token, meta.dump(), options.send_timeout);
+    // the token is unique, so it is the blob's id too: a repeat is recognised
+    const auto verdict =
+        joined->sender.Send(lease.token, result.episode, lease.token, meta.dump(), options.send_timeout);
     if (verdict) {
-      if (verdict->kind == bus::AckKind::kRefused) {
+      if (verdict->kind == bus::AckKind::kRefused)
         Log().warn("refused index={} attempt={}: {}", lease.index, lease.attempt, verdict->reason);
-      } else {
+      else
         ++episodes;
-      }
       return;
     }
-    if (StopRequested()) {
-      Report(lease, kHandedBack, "{}");
-      return;
-    }
+    if (StopRequested()) return Report(lease, kReleased, "{}");
     Log().warn("not acknowledged yet, sending again index={}: {}", lease.index, verdict.error().message);
-    TakeAnnouncements();
-    if (announcement->complete) return;
+    joined->TakeAnnouncements();
+    if (joined->complete() || Replaced()) return;
   }
 }
 
 Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
   // this very attempt was reported already: the report was lost, or is on its way
-  if (last_report && last_report->token == lease.token) {
-    (void)reports.Write(*last_report);
+  if (joined->last_report && joined->last_report->token == lease.token) {
+    (void)joined->reports.Write(*joined->last_report);
     WaitForStop(20ms);
     return {};
   }
-  heart->Set([&](auto& status) {
+  joined->heartbeat->Set([&](bus::WorkerStatus& status) {
     status.phase = "play";
     status.index = lease.index;
     status.attempt = lease.attempt;
     status.token = lease.token;
   });
   Stopwatch elapsed;
-  const auto result = work({lease.index, lease.attempt});
+  const auto result = joined->work({lease.index, lease.attempt});
   const double seconds = elapsed.Seconds();
   if (!result) {
-    Report(lease, kHandedBack, "{}");
+    Report(lease, kReleased, "{}");
     return Fail(result.error());
   }
   if (result->episode.empty()) {
     ++failures;
     Report(lease, result->outcome, result->details_json);
   } else if (StopRequested()) {
-    Report(lease, kHandedBack, "{}");
+    Report(lease, kReleased, "{}");
   } else {
     Send(lease, *result);
   }
-  heart->Set([&](auto& status) {
+  joined->heartbeat->Set([&](bus::WorkerStatus& status) {
     status.phase = "idle";
     status.token = 0;
     status.episodes = episodes;
@@ -251,37 +279,19 @@ const std::string& WorkerClient::name() const { return impl_->options.name; }
 
 Result<WorkerClient> WorkerClient::Open(const bus::Participant& participant, const WorkerOptions& options) {
   WorkerOptions resolved = options;
-  if (!IsPlainName(resolved.campaign))
-    return Fail(Code::kInvalidArgument, fmt::format("--campaign '{}': a name of a-z, 0-9, _ and -", resolved.campaign));
+  ETUDE_ASSIGN_OR_RETURN(auto selector, ParseSelector(resolved.campaign, "--campaign"));
   if (resolved.name.empty()) resolved.name = bus::UniquePeerName();
-  const std::string& partition = resolved.campaign;
-  ETUDE_ASSIGN_OR_RETURN(auto announcements, bus::Reader<bus::CampaignAnnouncement>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto leases, bus::Reader<bus::Lease>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto requests, bus::Writer<bus::WorkRequest>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto reports, bus::Writer<bus::AttemptReport>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto heartbeats, bus::Writer<bus::WorkerStatus>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto sender, bus::ObjectSender::Open(participant, partition, "episode", resolved.name));
-  bus::WorkerStatus status;
-  status.campaign = resolved.campaign;
-  status.worker = resolved.name;
-  status.host = HostName();
-  status.phase = "idle";
-  const auto heartbeat = resolved.heartbeat;
-  return WorkerClient(std::unique_ptr<Impl>(
-      new Impl{.options = std::move(resolved),
-               .announcements = std::move(announcements),
-               .leases = std::move(leases),
-               .requests = std::move(requests),
-               .reports = std::move(reports),
-               .sender = std::move(sender),
-               .heart = std::make_unique<Heart>(std::move(heartbeats), std::move(status), heartbeat)}));
+  ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
+  return WorkerClient(
+      std::unique_ptr<Impl>(new Impl{&participant, std::move(resolved), std::move(selector), std::move(directory)}));
 }
 
 Status WorkerClient::Run(const WorkFactory& factory) {
   Impl& impl = *impl_;
-  ETUDE_RETURN_IF_ERROR(impl.Join());
   while (!StopRequested()) {
-    impl.TakeAnnouncements();
+    ETUDE_RETURN_IF_ERROR(impl.Join());
+    if (StopRequested()) break;
+    impl.joined->TakeAnnouncements();
     ETUDE_RETURN_IF_ERROR(impl.Prepare(factory));
     ETUDE_ASSIGN_OR_RETURN(const bus::Lease lease, impl.Ask());
     switch (lease.kind) {
@@ -293,6 +303,8 @@ Status WorkerClient::Run(const WorkFactory& factory) {
         WaitForStop(200ms);
         break;
       case bus::LeaseKind::kWork:
+        // a collector that came back with another spec: what we would make is not what it leased
+        if (lease.spec_sha256 != impl.joined->ready_for) break;
         ETUDE_RETURN_IF_ERROR(impl.Serve(lease));
         if (impl.options.once) return {};
         break;

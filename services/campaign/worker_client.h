@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "services/bus/participant.h"
-#include "services/core/command.h"
 #include "services/core/result.h"
-#include "services/episode/campaign_spec.h"
+#include "services/spec/campaign_spec.h"
+#include "services/spec/content_version.h"
 
 namespace etude::campaign {
 
@@ -30,16 +30,22 @@ struct WorkResult {
   std::uint64_t steps = 0, frames = 0;  ///< for telemetry
 };
 
-/// Does one attempt. An Error ends the worker (the machine is at fault), after handing the lease back.
+/// Does one attempt. An Error ends the worker (the machine is at fault), after releasing the lease.
 using WorkFunction = std::function<Result<WorkResult>(const WorkItem&)>;
-/// Makes the function for a campaign; called again when the campaign's spec changes. Factory and function
-/// run on the thread that called Run.
-using WorkFactory = std::function<Result<WorkFunction>(const CampaignSpec&)>;
+/// The campaign that a worker has joined.
+struct JoinedCampaign {
+  std::string id;
+  CampaignSpec spec;
+  std::string policy;  ///< whom rollouts ask: RUN or RUN@ID (see services/policy/client.h)
+};
+/// Makes the function for a campaign; called again when the spec changes, or another campaign of the name takes the
+/// place of one that has gone. Factory and function run on the thread that called Run.
+using WorkFactory = std::function<Result<WorkFunction>(const JoinedCampaign&)>;
 
 struct WorkerOptions {
-  std::string campaign;
-  std::string name;  ///< unique on the bus; empty: UniquePeerName()
-  std::string version = Version();
+  std::string campaign;  ///< NAME, or NAME@ID of one of several; with NAME alone the next one of that name follows
+  std::string name;      ///< unique on the bus; empty: UniquePeerName()
+  std::uint32_t content = kContentVersion;
   bool once = false;  ///< one attempt, then home
   /// SHA-256 over the files that a spec names (robots, objects), "" when it names none. The collector lets work only
   /// those who have the same ones. Left out: "".
@@ -51,6 +57,7 @@ struct WorkerOptions {
 
 class WorkerClient {
  public:
+  /// `participant` must outlive the client. @error kInvalidArgument: not a campaign's name; of the bus.
   static Result<WorkerClient> Open(const bus::Participant& participant, const WorkerOptions& options);
   WorkerClient(WorkerClient&&) noexcept;
   WorkerClient& operator=(WorkerClient&&) noexcept;
@@ -59,8 +66,9 @@ class WorkerClient {
   const std::string& name() const;
 
   /// Waits for the campaign, then works until it is complete or a stop is requested; both are success.
-  /// A collector that restarts is waited for. On a stop the lease is handed back.
-  /// @error kUnavailable: the collector is of another version, or the work function's error.
+  /// A collector that restarts is waited for. On a stop the lease is released.
+  /// @error kInvalidArgument: the name means several campaigns (the message lists them); kUnavailable: the collector
+  /// has another wire or content number, or the work function's error.
   Status Run(const WorkFactory& factory);
 
  private:
@@ -69,9 +77,14 @@ class WorkerClient {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Outcome of an AttemptReport that gives the lease back undone; nothing is counted.
-inline constexpr char kHandedBack[] = "handed_back";
+/// Outcome of an AttemptReport that releases the lease undone; nothing is counted.
+inline constexpr char kReleased[] = "released";
+/// What the collector counts when an episode does not fit what was leased; the same attempt is tried again.
+inline constexpr char kUnfitEpisode[] = "unfit_episode";
 /// Outcome of a rollout whose policy did not answer; the same attempt is tried again.
 inline constexpr char kPolicyError[] = "policy_error";
+/// The task cannot be done from the start that was drawn, or there was none. In a rollout, where each attempt has the
+/// same start, the index is closed without a result.
+inline constexpr char kSceneInvalid[] = "scene_invalid";
 
 }  // namespace etude::campaign

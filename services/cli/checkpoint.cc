@@ -5,12 +5,15 @@
 
 #include <numeric>
 
-#include "services/bus/object_channel.h"
+#include "services/bus/blob_transfer.h"
+#include "services/bus/directory.h"
 #include "services/cli/command_line.h"
+#include "services/cli/file_names.h"
 #include "services/core/config.h"
 #include "services/core/hash.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
+#include "services/episode/bounded_json.h"
 #include "services/store/safetensors.h"
 
 namespace etude::cli {
@@ -26,10 +29,17 @@ std::uint64_t Count(const store::Tensor& tensor) {
 OrderedJson MetadataJson(const std::map<std::string, std::string>& metadata) {
   OrderedJson json = OrderedJson::object();
   for (const auto& [key, value] : metadata) {
-    OrderedJson parsed = OrderedJson::parse(value, nullptr, false);
-    json[key] = parsed.is_structured() ? std::move(parsed) : OrderedJson(value);
+    auto parsed = ParseBoundedJson(value);
+    json[key] = parsed && parsed->is_structured() ? std::move(*parsed) : OrderedJson(value);
   }
   return json;
+}
+
+// The trainer's own word on whether every module on the control path was trained and measured.
+std::string DrivesText(const std::map<std::string, std::string>& metadata) {
+  const auto refused = metadata.find("refused");
+  if (refused == metadata.end()) return "not said by this older checkpoint; the policy server decides";
+  return refused->second.empty() ? "yes" : "NO, the policy server refuses it: " + refused->second;
 }
 
 Status Show(const std::string& file, bool as_json) {
@@ -46,6 +56,7 @@ Status Show(const std::string& file, bool as_json) {
   }
   fmt::print("file: {}\nbytes: {}\nsha256: {}\n", file, bytes.size(), Sha256Hex(bytes));
   fmt::print("metadata:\n{}", ToYaml(metadata));
+  fmt::print("may drive a robot: {}\n", DrivesText(content->metadata));
   std::uint64_t numbers = 0;
   fmt::print("tensors:\n");
   for (const auto& [name, tensor] : content->tensors) {
@@ -63,26 +74,45 @@ struct WatchArguments {
 };
 
 // An object that arrived is verified by its hash already; here that it is a checkpoint.
-Status Keep(const bus::PublishedObject& object, const Path& out) {
+Status Keep(const bus::PublishedBlob& object, const Path& out) {
   const auto content = store::DecodeSafetensors(object.bytes);
   if (!content) {
     Log().warn("refused channel={} version={}: {}", object.channel, object.version, content.error().message);
     return {};
   }
-  const Path path = out / fmt::format("{}-{:08}.safetensors", object.channel, object.version);
+  const auto name = CheckpointFileName(object.channel, object.version);
+  if (!name) {
+    Log().warn("refused a checkpoint: {}", name.error().message);
+    return {};
+  }
+  const Path path = out / *name;
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(path, object.bytes));
   fmt::print("{} {} {}\n", path.string(), object.bytes.size(), object.sha256);
   std::fflush(stdout);
   return {};
 }
 
+// The id of the run that is meant; "" on a stop request.
+Result<std::string> WaitForRun(const bus::Participant& participant, const Selector& run) {
+  if (IsId(run.id)) return run.id;
+  ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
+  while (!StopRequested()) {
+    ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kRun, run, std::chrono::seconds(1)));
+    if (found) return found->id;
+  }
+  return std::string();
+}
+
 Status Watch(const WatchArguments& arguments) {
-  if (!IsPlainName(arguments.run))
-    return Fail(Code::kInvalidArgument, fmt::format("--run '{}': a name of a-z, 0-9, _ and -", arguments.run));
+  ETUDE_ASSIGN_OR_RETURN(const Selector run, ParseSelector(arguments.run, "--run"));
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
-  ETUDE_ASSIGN_OR_RETURN(auto subscriber, bus::ObjectSubscriber::Open(participant, arguments.run, arguments.channel));
-  Log().info("waiting for checkpoints of run={}", arguments.run);
+  Log().info("waiting for checkpoints of run={}", run.text());
+  ETUDE_ASSIGN_OR_RETURN(const std::string id, WaitForRun(participant, run));
+  bus::ReceiveOptions receive;
+  receive.owner = id;
+  ETUDE_ASSIGN_OR_RETURN(auto subscriber, bus::BlobSubscriber::Open(participant, bus::PartitionOf(run.name, id),
+                                                                    arguments.channel, receive));
   while (!StopRequested()) {
     const auto object = subscriber.Wait(std::chrono::seconds(1));
     if (!object) continue;
@@ -106,7 +136,7 @@ void AddCheckpoint(CLI::App& app, Body& body) {
 
   auto watching = std::make_shared<WatchArguments>();
   auto* watch = command->add_subcommand("watch", "subscribe to a run; write each verified checkpoint");
-  watch->add_option("--run", watching->run, "name of the run")->required();
+  watch->add_option("--run", watching->run, "the run: NAME or NAME@ID")->required();
   watch->add_option("--out", watching->out, "folder for <channel>-<step>.safetensors")->required();
   watch->add_option("--channel", watching->channel, "latest | best (default: both)")
       ->check(CLI::IsMember({"latest", "best"}));

@@ -16,6 +16,7 @@ struct Arguments {
   std::string out;
   int workers = DefaultWorkers();
   BusArguments bus;
+  Claim claim = Claim::kRefuse;
 };
 
 Status Collect(const Arguments& arguments) {
@@ -25,7 +26,8 @@ Status Collect(const Arguments& arguments) {
                                                             {.bus = arguments.bus,
                                                              .workers = arguments.workers,
                                                              .out = arguments.out,
-                                                             .logs = Path(arguments.out) / "logs"}));
+                                                             .logs = Path(arguments.out) / "logs",
+                                                             .claim = arguments.claim}));
   {
     ProgressDisplay display;
     while (!hosted->ended() && !StopRequested()) {
@@ -54,6 +56,7 @@ void AddCollect(CLI::App& app, Body& body) {
   command->add_option("--episodes", arguments->spec.episodes, "instead of the file's count");
   command->add_option("--seed", arguments->spec.seed, "instead of the file's seed");
   AddOverrides(*command, arguments->spec.overrides, "image_stride=1");
+  bus::AddClaim(*command, arguments->claim);
   arguments->bus.Add(*command);
   command->callback([arguments, &body] { body = [arguments] { return Collect(*arguments); }; });
 }

@@ -31,6 +31,9 @@ void AddEval(CLI::App& app, Body& body);
 void AddUp(CLI::App& app, Body& body);
 void AddDataset(CLI::App& app, Body& body);
 void AddCheckpoint(CLI::App& app, Body& body);
+void AddConfig(CLI::App& app, Body& body);
+void AddLanguage(CLI::App& app, Body& body);
+void AddAttempt(CLI::App& app, Body& body);
 void AddDoctor(CLI::App& app, Body& body);
 
 /// Commands that are programs of their own, or a subcommand of one: name -> program, the arguments that

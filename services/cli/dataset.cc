@@ -20,9 +20,15 @@ Status Info(const std::string& dataset, bool as_json) {
 Status Verify(const std::string& dataset, bool keep) {
   ETUDE_ASSIGN_OR_RETURN(const auto report,
                          store::Verify(dataset, keep ? store::Quarantine::kNo : store::Quarantine::kYes));
-  for (const auto& bad : report.bad) fmt::print("bad   {}: {}\n", bad.path.string(), bad.reason);
-  fmt::print("{} good, {} bad\n", report.good, report.bad.size());
-  if (report.bad.empty()) return {};
+  for (const auto& bad : report.bad) fmt::print("bad     {}: {}\n", bad.path.string(), bad.reason);
+  for (const auto& unread : report.unread) fmt::print("unread  {}: {}\n", unread.path.string(), unread.reason);
+  fmt::print("{} good, {} bad, {} could not be read\n", report.good, report.bad.size(), report.unread.size());
+  if (report.bad.empty() && report.unread.empty()) return {};
+  if (report.bad.empty())
+    return Fail(Code::kUnavailable,
+                fmt::format("{} episodes could not be read, and were left where they are; mend what "
+                            "is said above and verify again",
+                            report.unread.size()));
   return Fail(Code::kCorrupt,
               fmt::format("{} of {} episodes are damaged{}", report.bad.size(), report.good + report.bad.size(),
                           keep ? "; without --keep they are moved to quarantine/"

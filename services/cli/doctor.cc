@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // `etude doctor`: can this machine run Etude? Each check is ok, or says what to do.
 #include <fmt/format.h>
+#include <sys/mman.h>
 #include <sys/statvfs.h>
+#include <unistd.h>
 
 #include <fstream>
 
@@ -30,17 +32,31 @@ std::string Trimmed(std::string text) {
   return text;
 }
 
+// A file without a name: it is gone with this process, however that ends.
+class UnnamedFile {
+ public:
+  UnnamedFile() : fd_(::memfd_create("etude-doctor", MFD_CLOEXEC)) {}
+  ~UnnamedFile() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  UnnamedFile(const UnnamedFile&) = delete;
+  UnnamedFile& operator=(const UnnamedFile&) = delete;
+  // Where this process and its children can open it.
+  Path path() const { return fmt::format("/proc/{}/fd/{}", ::getpid(), fd_); }
+
+ private:
+  int fd_;
+};
+
 // Asks a sibling's own doctor.
 Finding AskProgram(const std::string& name) {
   const auto program = campaign::FindSibling(name);
   if (!program) return Missing(program.error().message);
-  const Path log = std::filesystem::temp_directory_path() / fmt::format("{}-doctor-{}.txt", name, ::getpid());
-  auto process = campaign::Process::Start({{program->string(), "doctor"}, log, {{"ETUDE_LOG", "error"}}});
+  const UnnamedFile log;
+  auto process = campaign::Process::Start({{program->string(), "doctor"}, log.path(), {{"ETUDE_LOG", "error"}}});
   if (!process) return Missing(process.error().message);
   const auto exit_code = process->Wait(60s);
-  const std::string text = Trimmed(ReadTextFile(log).value_or(""));
-  std::error_code ignored;
-  std::filesystem::remove(log, ignored);
+  const std::string text = Trimmed(ReadTextFile(log.path()).value_or(""));
   if (!exit_code) return Missing(fmt::format("{} doctor did not end within 60 s", name));
   return *exit_code == 0 ? Ok(text) : Missing(text.empty() ? fmt::format("exit code {}", *exit_code) : text);
 }

@@ -5,11 +5,13 @@
 
 #include "services/campaign/eval_report.h"
 #include "services/campaign/spec_file.h"
+#include "services/campaign/worker_client.h"
 #include "services/cli/video.h"
 #include "services/core/hash.h"
 #include "services/core/log.h"
 #include "services/core/rng.h"
 #include "services/core/stop.h"
+#include "services/episode/bounded_json.h"
 
 namespace etude::cli {
 
@@ -37,9 +39,10 @@ namespace {
 std::string RolloutLine(const campaign::CollectorProgress& progress, const Path& out) {
   std::string line = fmt::format("rollouts {}/{}", progress.committed, progress.total);
   const auto text = ReadTextFile(out / "eval.json");
-  const OrderedJson report = text ? OrderedJson::parse(*text, nullptr, false) : OrderedJson();
-  if (report.is_object() && report.contains("overall") && progress.committed > 0)
-    line += fmt::format("  success {:.1f} %", 100 * report["overall"]["success"].get<double>());
+  const OrderedJson report = text ? ParseBoundedJson(*text).value_or(OrderedJson()) : OrderedJson();
+  if (report.is_object() && report.contains("overall") && report["overall"]["success"].is_object() &&
+      progress.committed > 0)
+    line += fmt::format("  success {:.1f} %", 100 * report["overall"]["success"]["share"].get<double>());
   line += fmt::format("  {:.1f}/min  {} workers", progress.episodes_per_minute, progress.workers);
   if (progress.eta_s > 0) line += "  ETA " + FormatDuration(progress.eta_s);
   if (!progress.failures.empty())
@@ -61,15 +64,17 @@ Result<OrderedJson> Evaluate(const bus::Participant& participant, const Campaign
     WaitForStop(std::chrono::milliseconds(100));
   }
   ETUDE_RETURN_IF_ERROR(hosted->Finish());
-  if (hosted->progress().given_up > 0)
-    Log().warn("{} rollouts could not be run and are not in the table; see {}/rollouts/attempts.jsonl",
-               hosted->progress().given_up, options.out.string());
+  const auto& failures = hosted->progress().failures;
+  const auto invalid = failures.contains(campaign::kSceneInvalid) ? failures.at(campaign::kSceneInvalid) : 0;
+  if (const auto lost = hosted->progress().given_up - std::min(invalid, hosted->progress().given_up); lost > 0)
+    Log().warn("{} rollouts could not be run and are not in the table; see {}/rollouts/attempts.jsonl", lost,
+               options.out.string());
 
   // the rollouts are what counts: without videos the report still stands
   const auto videos = WriteVideos(options.out / "rollouts", options.out / "videos", options.videos);
   if (!videos) Log().warn("no videos: {}", videos.error().message);
   ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(options.out / "eval.json"));
-  return OrderedJson::parse(text, nullptr, false);
+  return ParseBoundedJson(text).value_or(OrderedJson());
 }
 
 }  // namespace etude::cli

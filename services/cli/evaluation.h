@@ -12,7 +12,7 @@
 #include "services/core/config.h"
 #include "services/core/file.h"
 #include "services/core/result.h"
-#include "services/episode/campaign_spec.h"
+#include "services/spec/campaign_spec.h"
 
 namespace etude::cli {
 

@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "services/codec/frame.h"
 #include "services/episode/action.h"
 #include "services/store/dataset.h"
 
@@ -25,7 +26,7 @@ Result<cv::Mat> Row(const Episode& episode, int columns) {
   const std::size_t last = track.frames.size() - 1;
   for (int column = 0; column < columns; ++column) {
     const std::size_t k = columns == 1 ? last : last * static_cast<std::size_t>(column) / (columns - 1);
-    ETUDE_RETURN_IF_ERROR(store::InflateFrame(track.frames[k], rgb));
+    ETUDE_RETURN_IF_ERROR(codec::InflateFrame(track.frames[k], rgb));
     cv::Mat place = row(cv::Rect(column * (width + kGap), 0, width, height));
     cv::cvtColor(cv::Mat(height, width, CV_8UC3, rgb.data()), place, cv::COLOR_RGB2BGR);
   }

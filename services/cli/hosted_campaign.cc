@@ -28,19 +28,22 @@ struct HostedCampaign::Host {
 
 Result<std::unique_ptr<HostedCampaign>> HostedCampaign::Start(const bus::Participant& participant,
                                                               const CampaignSpec& spec, const HostOptions& options) {
-  ETUDE_ASSIGN_OR_RETURN(auto collector, campaign::Collector::Open(participant, spec, options.out));
+  ETUDE_ASSIGN_OR_RETURN(auto collector,
+                         campaign::Collector::Open(participant, spec, options.out,
+                                                   {.claim = options.claim, .policy_id = options.policy_id}));
   // nothing is there to be done: no workers are needed
   const auto before = collector.progress();
   std::unique_ptr<HostedCampaign> hosted(new HostedCampaign);
   hosted->host_ = std::make_unique<Host>(std::move(collector));
   if (options.workers < 1 || before.complete) return hosted;
   campaign::Collector& running = hosted->host_->collector;
-  ETUDE_ASSIGN_OR_RETURN(
-      auto pool, WorkerPool::Start({.workers = options.workers,
-                                    .campaign = spec.name,
-                                    .bus = options.bus,
-                                    .logs = options.logs,
-                                    .on_end = [&running](const std::string& name) { running.ForgetWorker(name); }}));
+  ETUDE_ASSIGN_OR_RETURN(auto pool,
+                         WorkerPool::Start({.workers = options.workers,
+                                            .campaign = spec.name + "@" + running.id(),
+                                            .bus = options.bus,
+                                            .logs = options.logs,
+                                            .on_end = [&running](const std::string& name) { running.Revoke(name); },
+                                            .committed = [&running] { return running.progress().committed; }}));
   hosted->pool_.emplace(std::move(pool));
   return hosted;
 }

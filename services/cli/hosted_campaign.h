@@ -11,7 +11,7 @@
 #include "services/cli/worker_pool.h"
 #include "services/core/file.h"
 #include "services/core/result.h"
-#include "services/episode/campaign_spec.h"
+#include "services/spec/campaign_spec.h"
 
 namespace etude::cli {
 
@@ -20,6 +20,8 @@ struct HostOptions {
   int workers = 1;  ///< 0: only others' workers
   Path out;         ///< what the collector opens
   Path logs;
+  Claim claim = Claim::kRefuse;  ///< when the folder's id is live elsewhere
+  std::string policy_id;         ///< the run whose policy rollouts ask; "": whoever serves its name
 };
 
 /// Runs the collector on a thread of its own and supervises the workers from the caller's.

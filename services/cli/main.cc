@@ -56,7 +56,10 @@ int Main(int argc, char** argv) {
   for (const auto& own : OwnPrograms()) app.add_subcommand(own.command, own.description);
   AddEval(app, body);
   AddDataset(app, body);
+  AddAttempt(app, body);
   AddCheckpoint(app, body);
+  AddConfig(app, body);
+  AddLanguage(app, body);
   AddDoctor(app, body);
   app.footer("Each command has its own --help. Exit codes: 0 done, 2 wrong usage, 3 the machine cannot, 1 else.");
   try {

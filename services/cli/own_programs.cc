@@ -18,6 +18,7 @@ const std::vector<OwnProgram>& OwnPrograms() {
       {"policy", "etude-policy", "answer observations with actions, swapping to each new checkpoint"},
       {"scene", "etude-worker", "look at a campaign's scenes", {"scene"}},
       {"robot", "etude-worker", "check a robot of your own", {"robot"}},
+      {"task", "etude-worker", "check a task of your own", {"task"}},
       {"object", "etude-object", "make or import objects"},
       {"plan", "etude-plan", "measure the motion planners over seeded scenes"}};
   return programs;

@@ -4,6 +4,7 @@
 
 #include <optional>
 
+#include "services/bus/directory.h"
 #include "services/bus/topic.h"
 #include "services/campaign/eval_report.h"
 #include "services/campaign/spec_file.h"
@@ -33,16 +34,19 @@ struct Arguments {
   std::string out;
   bool keep_running = false;
   std::string profile;
+  Claim claim = Claim::kRefuse;
 };
 
 // The system and its life: collect and train side by side, then roll out.
 class System {
  public:
-  System(UpConfig config, CampaignSpec spec, BusArguments bus, bus::Participant participant,
+  System(UpConfig config, CampaignSpec spec, BusArguments bus, Claim claim, Identity run, bus::Participant participant,
          bus::Reader<bus::TrainStatus> train_statuses)
       : config_(std::move(config)),
         spec_(std::move(spec)),
         bus_(std::move(bus)),
+        claim_(claim),
+        run_(std::move(run)),
         out_(config_.out),
         participant_(std::move(participant)),
         train_statuses_(std::move(train_statuses)) {}
@@ -62,6 +66,8 @@ class System {
   UpConfig config_;
   CampaignSpec spec_;
   BusArguments bus_;
+  Claim claim_;
+  Identity run_;  // of the training run: its own policy server and no other is asked
   Path out_;
   bus::Participant participant_;
   bus::Reader<bus::TrainStatus> train_statuses_;
@@ -89,6 +95,8 @@ Status System::StartTraining() {
   trainer.restart_arguments = {"--resume"};
   // an earlier `up` on the same folder was stopped: go on from there
   if (std::filesystem::exists(run / "training_state.safetensors")) trainer.arguments.push_back("--resume");
+  // --new-id is done already
+  if (claim_ == Claim::kAdopt) trainer.arguments.push_back("--adopt");
   trainer.environment = bus_.Environment();
   trainer.log = out_ / "logs" / "trainer.log";
   ETUDE_ASSIGN_OR_RETURN(auto started, Service::Start(trainer));
@@ -96,7 +104,7 @@ Status System::StartTraining() {
 
   ServiceOptions policy;
   policy.program = "etude-policy";
-  policy.arguments = {"--subscribe", config_.train.run};
+  policy.arguments = {"--subscribe", Selector{config_.train.run, run_.id}.text()};
   policy.arguments.insert(policy.arguments.end(), flags.begin(), flags.end());
   policy.environment = bus_.Environment();
   policy.log = out_ / "logs" / "policy.log";
@@ -113,15 +121,16 @@ Status System::Tick() {
   if (trainer_) ETUDE_RETURN_IF_ERROR(trainer_->Supervise());
   if (policy_) ETUDE_RETURN_IF_ERROR(policy_->Supervise());
   for (auto& status : train_statuses_.Take())
-    if (status.run == config_.train.run) train_ = std::move(status);
+    if (status.run_id == run_.id) train_ = std::move(status);
   return {};
 }
 
 Status System::CollectAndTrain() {
   ETUDE_ASSIGN_OR_RETURN(
       collection_,
-      HostedCampaign::Start(participant_, spec_,
-                            {.bus = bus_, .workers = config_.workers, .out = out_ / "dataset", .logs = out_ / "logs"}));
+      HostedCampaign::Start(
+          participant_, spec_,
+          {.bus = bus_, .workers = config_.workers, .out = out_ / "dataset", .logs = out_ / "logs", .claim = claim_}));
   const std::uint64_t enough = std::min(config_.train.start_episodes, spec_.episodes);
   while (!StopRequested() && !(trainer_ && trainer_->done())) {
     ETUDE_RETURN_IF_ERROR(Tick());
@@ -172,11 +181,14 @@ Status System::RollOut() {
   const CampaignSpec spec = EvaluationSpec(spec_, evaluation);
   ETUDE_RETURN_IF_ERROR(spec.Validate());
   display_.Say(fmt::format("[{}] rolling out {} episodes", FormatDuration(since_start_.Seconds()), spec.episodes));
-  ETUDE_ASSIGN_OR_RETURN(
-      const OrderedJson report,
-      Evaluate(participant_, spec, evaluation,
-               {.bus = bus_, .workers = config_.workers, .out = evaluation.out, .logs = out_ / "logs"}, display_,
-               [this] { return Tick(); }));
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson report, Evaluate(participant_, spec, evaluation,
+                                                            {.bus = bus_,
+                                                             .workers = config_.workers,
+                                                             .out = evaluation.out,
+                                                             .logs = out_ / "logs",
+                                                             .claim = claim_,
+                                                             .policy_id = run_.id},
+                                                            display_, [this] { return Tick(); }));
   if (StopRequested()) return {};
   display_.Say("");
   fmt::print("{}", campaign::EvalTable(report));
@@ -242,8 +254,11 @@ Status Up(const Arguments& arguments) {
 
   const BusArguments bus{config.domain, arguments.profile};
   ETUDE_ASSIGN_OR_RETURN(auto participant, bus.Open());
-  ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Reader<bus::TrainStatus>::Open(participant, config.train.run));
-  System system(config, spec, bus, std::move(participant), std::move(statuses));
+  const Path run_folder = Path(config.out) / "run" / config.train.run;
+  ETUDE_ASSIGN_OR_RETURN(const Identity run, OpenIdentity(run_folder, arguments.claim));
+  ETUDE_ASSIGN_OR_RETURN(auto statuses,
+                         bus::Reader<bus::TrainStatus>::Open(participant, bus::PartitionOf(config.train.run, run.id)));
+  System system(config, spec, bus, arguments.claim, run, std::move(participant), std::move(statuses));
   return system.Run(arguments.keep_running);
 }
 
@@ -260,6 +275,7 @@ void AddUp(CLI::App& app, Body& body) {
   command->add_flag("--keep-running", arguments->keep_running, "keep the policy server up at the end, until Ctrl-C");
   command->add_option("--domain", arguments->domain, "DDS domain")->check(CLI::Range(0, 230));
   command->add_option("--profile", arguments->profile, "Cyclone DDS XML file");
+  bus::AddClaim(*command, arguments->claim);
   AddOverrides(*command, arguments->overrides, "train.config=paper");
   command->callback([arguments, &body] { body = [arguments] { return Up(*arguments); }; });
 }

@@ -11,53 +11,53 @@
 namespace etude::cli {
 
 struct UpTrainConfig {
-  std::string config = "compact";  ///< experiment, by name or file
-  std::string run = "quickstart";  ///< name of the run, also on the bus
+  std::string config = "compact";
+  std::string run = "quickstart";
   double minutes = 12;
-  std::uint64_t start_episodes = 40;  ///< training starts when so many have arrived
-  std::vector<std::string> set;       ///< KEY=VALUE over the experiment's
+  std::uint64_t start_episodes = 40;
+  std::vector<std::string> set;
 
   template <class V>
   void Visit(V& v) {
-    v("config", config);
-    v("run", run);
-    v("minutes", minutes);
-    v("start_episodes", start_episodes);
-    v("set", set);
+    v("config", config, "", "experiment: its name, or a file");
+    v("run", run, "", "name of the run, also on the bus");
+    v("minutes", minutes, "min", "how long training lasts");
+    v("start_episodes", start_episodes, "-", "training starts when so many episodes have arrived");
+    v("set", set, "", "KEY=VALUE over the experiment's");
   }
 };
 
 struct UpEvalConfig {
   std::uint64_t episodes = 20;
   std::uint64_t seed = 1;
-  std::vector<std::string> tasks;  ///< empty: those that are collected
+  std::vector<std::string> tasks;
   int videos = 8;
 
   template <class V>
   void Visit(V& v) {
-    v("episodes", episodes);
-    v("seed", seed);
-    v("tasks", tasks);
-    v("videos", videos);
+    v("episodes", episodes, "-", "rollouts of the evaluation");
+    v("seed", seed, "-", "of the evaluation's scenes");
+    v("tasks", tasks, "", "tasks to evaluate; none: those that are collected");
+    v("videos", videos, "-", "rollouts shown as videos, failures first");
   }
 };
 
 struct UpConfig {
-  std::string campaign;                   ///< campaign file, relative to this file
-  std::vector<std::string> campaign_set;  ///< KEY=VALUE over the campaign file's
-  int workers = 0;                        ///< 0: one a core
+  std::string campaign;
+  std::vector<std::string> campaign_set;
+  int workers = 0;
   std::uint32_t domain = 0;
-  std::string out = "out/up";  ///< dataset/, run/, eval/ and logs/ go there
+  std::string out = "out/up";
   UpTrainConfig train;
   UpEvalConfig eval;
 
   template <class V>
   void Visit(V& v) {
-    v("campaign", campaign);
-    v("campaign_set", campaign_set);
-    v("workers", workers);
-    v("domain", domain);
-    v("out", out);
+    v("campaign", campaign, "", "campaign file, relative to this file");
+    v("campaign_set", campaign_set, "", "KEY=VALUE over the campaign file's");
+    v("workers", workers, "-", "worker processes; 0: one a core");
+    v("domain", domain, "-", "DDS domain of all that is started");
+    v("out", out, "", "folder for dataset/, run/, eval/ and logs/");
     v("train", train);
     v("eval", eval);
   }

@@ -7,6 +7,8 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
+#include "services/cli/file_names.h"
+#include "services/codec/frame.h"
 #include "services/episode/action.h"
 #include "services/store/dataset.h"
 
@@ -29,8 +31,7 @@ Result<std::vector<Candidate>> Candidates(const store::DatasetReader& reader) {
     ETUDE_ASSIGN_OR_RETURN(const auto record, reader.Read(index));
     const Episode& episode = record.episode;
     if (record.frames.empty() || record.frames[0].empty()) continue;
-    candidates.push_back(
-        {index, episode.success, fmt::format("{:06}-{}-{}.mp4", index, episode.task, episode.outcome)});
+    candidates.push_back({index, episode.success, VideoFileName(index, episode.task, episode.outcome)});
   }
   std::stable_partition(candidates.begin(), candidates.end(), [](const auto& item) { return !item.success; });
   return candidates;
@@ -69,7 +70,7 @@ Status WriteVideo(const Episode& episode, const Path& path) {
     std::vector<std::uint8_t> rgb(static_cast<std::size_t>(width) * height * 3);
     cv::Mat picture(size, CV_8UC3), bgr, large;
     for (std::size_t k = 0; k < track.frames.size(); ++k) {
-      ETUDE_RETURN_IF_ERROR(store::InflateFrame(track.frames[k], rgb));
+      ETUDE_RETURN_IF_ERROR(codec::InflateFrame(track.frames[k], rgb));
       cv::cvtColor(cv::Mat(height, width, CV_8UC3, rgb.data()), bgr, cv::COLOR_RGB2BGR);
       cv::resize(bgr, large, {}, kScale, kScale, cv::INTER_CUBIC);
       large.copyTo(picture.rowRange(0, height * kScale));

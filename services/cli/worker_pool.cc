@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 #include <signal.h>
+#include <string.h>
 
 #include <algorithm>
 #include <deque>
@@ -26,7 +27,17 @@ MonotonicClock::duration BackOff(int deaths) {
   return std::min<MonotonicClock::duration>(10s, 250ms * (1 << std::min(deaths, 6)));
 }
 
+// "signal SIGSEGV (Segmentation fault)", "exit code 1"
+std::string HowItEnded(int exit_code) {
+  const int signal_number = exit_code - 128;
+  const char* name = signal_number > 0 ? ::sigabbrev_np(signal_number) : nullptr;
+  if (!name) return fmt::format("exit code {}", exit_code);
+  return fmt::format("signal SIG{} ({})", name, ::sigdescr_np(signal_number));
+}
+
 }  // namespace
+
+int HopelessDeaths(int workers) { return std::max(6, 3 * workers); }
 
 int DefaultWorkers() { return static_cast<int>(std::max(1u, std::thread::hardware_concurrency())); }
 
@@ -44,7 +55,11 @@ std::string LogTail(const Path& log, int lines) {
 
 Result<WorkerPool> WorkerPool::Start(const WorkerPoolOptions& options) {
   WorkerPool pool(options);
-  ETUDE_ASSIGN_OR_RETURN(pool.program_, campaign::FindSibling("etude-worker"));
+  pool.program_ = options.program;
+  if (pool.program_.empty()) {
+    ETUDE_ASSIGN_OR_RETURN(pool.program_, campaign::FindSibling("etude-worker"));
+  }
+  pool.committed_ = options.committed ? options.committed() : 0;
   pool.slots_.resize(static_cast<std::size_t>(options.workers));
   for (std::size_t k = 0; k < pool.slots_.size(); ++k) ETUDE_RETURN_IF_ERROR(pool.StartSlot(k));
   return pool;
@@ -58,29 +73,42 @@ Status WorkerPool::StartSlot(std::size_t k) {
   const auto flags = options_.bus.Flags();
   process.argv.insert(process.argv.end(), flags.begin(), flags.end());
   process.environment = options_.bus.Environment();
-  process.log = options_.logs / fmt::format("worker-{}.log", k);
+  process.log = LogOf(k);
   ETUDE_ASSIGN_OR_RETURN(auto started, campaign::Process::Start(process));
   slot.process.emplace(std::move(started));
   slot.started = MonotonicClock::now();
   return {};
 }
 
-void WorkerPool::OnEnd(Slot& slot, int exit_code) {
+Path WorkerPool::LogOf(std::size_t k) const { return options_.logs / fmt::format("worker-{}.log", k); }
+
+Status WorkerPool::OnEnd(std::size_t k, int exit_code) {
+  Slot& slot = slots_[k];
   const auto now = MonotonicClock::now();
   const auto life = now - slot.started;
   slot.process.reset();
   if (options_.on_end) options_.on_end(slot.name);
   if (exit_code == kExitOk) {
     slot.finished = true;
-    return;
+    return {};
   }
   if (exit_code == kExitMachine && life < kAtOnce) {
     slot.finished = slot.unable = true;
-    return;
+    return {};
   }
+  const std::uint64_t committed = options_.committed ? options_.committed() : 0;
+  deaths_ = committed == committed_ ? deaths_ + 1 : 1;
+  committed_ = committed;
+  if (deaths_ >= HopelessDeaths(options_.workers))
+    return Fail(Code::kUnavailable,
+                fmt::format("workers died {} times without one episode committed meanwhile; the last one ended by {} "
+                            "after {:.1f} s. Its last words, from {}:{}",
+                            deaths_, HowItEnded(exit_code), std::chrono::duration<double>(life).count(),
+                            LogOf(k).string(), LogTail(LogOf(k))));
   slot.deaths = life > kHealthyAfter ? 1 : slot.deaths + 1;
   slot.start_again = now + BackOff(slot.deaths);
-  Log().warn("worker={} ended with exit code {}, it is started again", slot.name, exit_code);
+  Log().warn("worker={} ended by {}, it is started again", slot.name, HowItEnded(exit_code));
+  return {};
 }
 
 Status WorkerPool::Supervise() {
@@ -88,7 +116,7 @@ Status WorkerPool::Supervise() {
     Slot& slot = slots_[k];
     if (slot.finished) continue;
     if (slot.process) {
-      if (const auto exit_code = slot.process->Poll()) OnEnd(slot, *exit_code);
+      if (const auto exit_code = slot.process->Poll()) ETUDE_RETURN_IF_ERROR(OnEnd(k, *exit_code));
     } else if (MonotonicClock::now() >= slot.start_again) {
       ++restarts_;
       ETUDE_RETURN_IF_ERROR(StartSlot(k));
@@ -96,7 +124,7 @@ Status WorkerPool::Supervise() {
   }
   const bool unable = std::all_of(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.unable; });
   if (slots_.empty() || !unable) return {};
-  const Path log = options_.logs / "worker-0.log";
+  const Path log = LogOf(0);
   return Fail(Code::kUnavailable, fmt::format("no worker can run on this machine; try `etude doctor`. From {}:{}",
                                               log.string(), LogTail(log)));
 }

@@ -16,11 +16,14 @@ namespace etude::cli {
 
 struct WorkerPoolOptions {
   int workers = 1;
-  std::string campaign;
+  std::string campaign;  ///< NAME@ID
   BusArguments bus;
   Path logs;  ///< LOGS/worker-0.log, ...
   /// Told the bus name of a worker that has ended, so that its lease is free at once.
   std::function<void(const std::string&)> on_end;
+  /// Episodes committed so far: workers that die are started again for as long as this grows.
+  std::function<std::uint64_t()> committed;
+  Path program;  ///< empty: the sibling etude-worker
 };
 
 /// Owns the processes. Use from one thread that outlives it (children end with the thread that made them).
@@ -29,8 +32,8 @@ class WorkerPool {
   static Result<WorkerPool> Start(const WorkerPoolOptions& options);
 
   /// Call a few times a second: restarts what died.
-  /// @error kUnavailable when the machine cannot run workers at all (all ended with exit code 3 at once);
-  /// the message has the log's last lines.
+  /// @error kUnavailable when the machine cannot run workers: all ended with exit code 3 at once, or HopelessDeaths
+  /// died without one episode committed meanwhile; the message says how the last one ended, with its log's last lines.
   Status Supervise();
   /// SIGTERM to all, SIGKILL after a few seconds.
   void Stop();
@@ -48,13 +51,19 @@ class WorkerPool {
 
   explicit WorkerPool(WorkerPoolOptions options) : options_(std::move(options)) {}
   Status StartSlot(std::size_t k);
-  void OnEnd(Slot& slot, int exit_code);
+  Status OnEnd(std::size_t k, int exit_code);
+  Path LogOf(std::size_t k) const;
 
   WorkerPoolOptions options_;
   Path program_;
   std::vector<Slot> slots_;
   int restarts_ = 0;
+  int deaths_ = 0;               // of all workers, since the last commit
+  std::uint64_t committed_ = 0;  // when it was looked at last
 };
+
+/// Deaths of `workers` workers without one episode committed after which it is given up.
+int HopelessDeaths(int workers);
 
 /// Number of workers to start when the user does not say: one a core.
 int DefaultWorkers();

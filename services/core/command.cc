@@ -34,6 +34,9 @@ int RunMain(const std::string& name, const std::function<Status()>& body) {
   } catch (const std::exception& error) {
     fmt::print(stderr, "{}: unexpected exception: {}\n", name, error.what());
     return kExitFailure;
+  } catch (...) {  // MuJoCo's compiler, for one, throws a type of its own
+    fmt::print(stderr, "{}: unexpected exception of a library that says nothing about itself\n", name);
+    return kExitFailure;
   }
 }
 

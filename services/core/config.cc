@@ -177,6 +177,15 @@ std::string NearestMatch(const std::string& word, const std::vector<std::string>
   return best;
 }
 
+std::string Suggestion(const std::string& word, const std::vector<std::string>& candidates) {
+  const std::string nearest = NearestMatch(word, candidates);
+  return nearest.empty() ? "" : fmt::format(", did you mean '{}'?", nearest);
+}
+
+std::string NotKnown(const std::string& word, const std::vector<std::string>& known) {
+  return fmt::format("'{}' is not known{}; known: {}", word, Suggestion(word, known), fmt::join(known, ", "));
+}
+
 namespace internal {
 
 void ConfigReader::Finish() {

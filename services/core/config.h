@@ -2,11 +2,11 @@
 // Typed configuration. A config is a plain struct with defaults in the class and one Visit function:
 //
 //   struct RenderConfig {
-//     int width = 224;        ///< pixels, > 0
+//     int width = 224;  // > 0
 //     bool shadows = false;
 //     template <class Visitor> void Visit(Visitor& v) {
-//       v("width", width);
-//       v("shadows", shadows);
+//       v("width", width, "px", "width of the picture");
+//       v("shadows", shadows, "", "whether lights cast shadows");
 //     }
 //   };
 //
@@ -16,6 +16,8 @@
 // From that come reading YAML and JSON, `--set a.b=c`, refusing unknown keys by name with the nearest
 // match, and writing the resolved config. Types: bool, integers, double, float, string, enums are
 // strings by choice, std::vector<T>, std::map<string, T>, nested configs.
+// Unit and meaning are for people: services/core/config_reference.h prints them. The unit of a number without one
+// is "-", that of text, switches and nested configs "".
 #pragma once
 
 #include <cstdint>
@@ -46,6 +48,10 @@ Status ApplyOverride(OrderedJson& json, const std::string& override_text);
 
 /// The candidate nearest to `word` by edit distance, or "" when none is near.
 std::string NearestMatch(const std::string& word, const std::vector<std::string>& candidates);
+/// ", did you mean 'pick'?", or "" when none is near: behind the word in a message.
+std::string Suggestion(const std::string& word, const std::vector<std::string>& candidates);
+/// "'pik' is not known, did you mean 'pick'?; known: pick, push"
+std::string NotKnown(const std::string& word, const std::vector<std::string>& known);
 
 namespace internal {
 
@@ -71,7 +77,7 @@ class ConfigReader {
       : json_(json), path_(std::move(path)), errors_(errors) {}
 
   template <class T>
-  void operator()(const char* key, T& value) {
+  void operator()(const char* key, T& value, const char* = "", const char* = "") {
     known_.push_back(key);
     const auto it = json_.find(key);
     if (it != json_.end()) ReadValue(*it, Join(key), value, errors_);
@@ -98,7 +104,7 @@ OrderedJson WriteValue(const T& value);
 class ConfigWriter {
  public:
   template <class T>
-  void operator()(const char* key, T& value) {
+  void operator()(const char* key, T& value, const char* = "", const char* = "") {
     json[key] = WriteValue(value);
   }
   OrderedJson json = OrderedJson::object();

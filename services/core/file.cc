@@ -84,6 +84,11 @@ Error ErrnoError(std::string_view attempted, const Path& path, int error_number)
     case EPERM:
     case EIO:
     case EMFILE:
+    case ENFILE:
+    case ENOMEM:
+    case EAGAIN:
+    case ESTALE:  // a network file system's server came back
+    case ETIMEDOUT:
       code = Code::kUnavailable;
       break;
     default:
@@ -101,11 +106,14 @@ Result<std::vector<std::uint8_t>> ReadBinaryFile(const Path& path, std::uint64_t
 }
 
 Status MakeFolders(const Path& folder) {
-  if (folder.empty()) return {};
   std::error_code error;
-  std::filesystem::create_directories(folder, error);
+  if (folder.empty() || std::filesystem::is_directory(folder, error)) return {};
+  if (!folder.has_filename()) return MakeFolders(folder.parent_path());  // "a/" is "a"
+  ETUDE_RETURN_IF_ERROR(MakeFolders(folder.parent_path()));
+  std::filesystem::create_directory(folder, error);
   if (error) return Fail(ErrnoError("make folder", folder, error.value()));
-  return {};
+  // a folder whose entry is not on the disk takes all that is in it along
+  return SyncFolder(folder.parent_path());
 }
 
 Status SyncFolder(const Path& folder) {
@@ -151,15 +159,7 @@ Result<LineAppender> LineAppender::Open(const Path& path) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(path.parent_path()));
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (fd < 0) return Fail(ErrnoError("open", path, errno));
-  LineAppender appender(path, fd);
-
-  // end a line that a crash left torn, so that the next one stands alone
-  struct stat info {};
-  char last = '\n';
-  if (::fstat(fd, &info) == 0 && info.st_size > 0 && ::pread(fd, &last, 1, info.st_size - 1) == 1 && last != '\n') {
-    ETUDE_RETURN_IF_ERROR(appender.Append(""));
-  }
-  return appender;
+  return LineAppender(path, fd);
 }
 
 LineAppender::LineAppender(LineAppender&& other) noexcept
@@ -176,11 +176,18 @@ LineAppender::~LineAppender() {
 }
 
 Status LineAppender::Append(std::string_view line) {
-  std::string text(line);
+  struct stat info {};
+  if (::fstat(fd_, &info) != 0) return Fail(ErrnoError("stat", path_, errno));
+  // what a crash, or a write that was cut short, left without an end is ended here, so that this line stands alone
+  char last = '\n';
+  const bool torn = info.st_size > 0 && ::pread(fd_, &last, 1, info.st_size - 1) == 1 && last != '\n';
+  std::string text = torn ? "\n" : "";
+  text += line;
   text += '\n';
-  if (!WriteAll(fd_, reinterpret_cast<const std::uint8_t*>(text.data()), text.size()))
-    return Fail(ErrnoError("append to", path_, errno));
-  return {};
+  if (WriteAll(fd_, reinterpret_cast<const std::uint8_t*>(text.data()), text.size())) return {};
+  const int error_number = errno;
+  (void)!::ftruncate(fd_, info.st_size);  // if not even that works, the next line ends the torn one
+  return Fail(ErrnoError("append to", path_, error_number));
 }
 
 Status LineAppender::Sync() {

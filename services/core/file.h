@@ -33,7 +33,7 @@ Status WriteFileAtomically(const Path& path, std::string_view text);
 Status SyncFolder(const Path& folder);
 /// fsyncs an existing file.
 Status SyncFile(const Path& path);
-Status MakeFolders(const Path& folder);
+Status MakeFolders(const Path& folder);  ///< with parents; their entries are durable, too
 
 /// Appends whole lines to a text file, e.g. JSONL; opened once, each Append is one write(2).
 /// Not thread-safe.
@@ -44,7 +44,7 @@ class LineAppender {
   LineAppender& operator=(LineAppender&& other) noexcept;
   ~LineAppender();
 
-  /// Writes `line` and a newline. A torn last line of an earlier crash is ended first, at Open.
+  /// Writes `line` and a newline, or nothing. A torn last line (a crash, a full disk) is ended first.
   Status Append(std::string_view line);
   Status Sync();
 

@@ -23,4 +23,11 @@ std::string_view ToString(Code code) {
   return "unknown";
 }
 
+// (not inline: GCC 12 warns of std::string's operator+ where it inlines it into some callers)
+Error Error::Wrap(std::string_view context) const {
+  std::string text(context);
+  text.append(": ").append(message);
+  return {code, std::move(text)};
+}
+
 }  // namespace etude

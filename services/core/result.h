@@ -12,7 +12,7 @@
 
 namespace etude {
 
-/// What kind of failure; decides the exit code of a command (see ExitCode in core/main.h).
+/// What kind of failure; decides the exit code of a command (see ExitCode in core/command.h).
 enum class Code {
   kInvalidArgument,  ///< the caller's input is wrong: a key, a flag, a shape (exit 2)
   kNotFound,         ///< the named thing does not exist
@@ -32,7 +32,7 @@ struct Error {
   std::string message;
 
   /// The same error with `context` put in front: "context: message".
-  Error Wrap(std::string_view context) const { return {code, std::string(context) + ": " + message}; }
+  Error Wrap(std::string_view context) const;
 };
 
 /// A T or an Error. Dropping one is a compiler warning (and warnings are errors here).

@@ -20,11 +20,12 @@ Interval WilsonInterval(std::uint64_t successes, std::uint64_t trials) {
 
 double Quantile(std::vector<double> values, double q) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  std::sort(values.begin(), values.end());
   const double position = q * static_cast<double>(values.size() - 1);
-  const auto below = static_cast<std::size_t>(position);
-  const std::size_t above = std::min(below + 1, values.size() - 1);
-  return std::lerp(values[below], values[above], position - static_cast<double>(below));
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(position);
+  // only the two values around the position need their places: the policy server asks after every answer
+  std::nth_element(values.begin(), at, values.end());
+  const double above = at + 1 == values.end() ? *at : *std::min_element(at + 1, values.end());
+  return std::lerp(*at, above, position - std::floor(position));
 }
 
 double Mean(const std::vector<double>& values) {

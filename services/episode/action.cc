@@ -2,34 +2,24 @@
 #include "services/episode/action.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "services/core/check.h"
 
 namespace etude {
 
 std::array<float, kWaypointSize> ToVector(const Waypoint& waypoint) {
-  const Eigen::Vector3d rpy = ToEuler(waypoint.X_WE.q);
+  const Rotation6D rotation = ToRotation6D(waypoint.X_WE.q);
   std::array<float, kWaypointSize> values{};
-  for (int i = 0; i < 3; ++i) {
-    values[i] = static_cast<float>(waypoint.X_WE.p[i]);
-    values[3 + 2 * i] = static_cast<float>(std::sin(rpy[i]));
-    values[4 + 2 * i] = static_cast<float>(std::cos(rpy[i]));
-  }
+  for (int i = 0; i < 3; ++i) values[i] = static_cast<float>(waypoint.X_WE.p[i]);
+  for (int i = 0; i < 6; ++i) values[3 + i] = static_cast<float>(rotation[i]);
   values[9] = static_cast<float>(waypoint.gripper);
   return values;
 }
 
 Waypoint FromVector(const float* values) {
-  Waypoint waypoint;
-  Eigen::Vector3d rpy;
-  for (int i = 0; i < 3; ++i) {
-    waypoint.X_WE.p[i] = values[i];
-    rpy[i] = std::atan2(values[3 + 2 * i], values[4 + 2 * i]);
-  }
-  waypoint.X_WE.q = FromEuler(rpy);
-  waypoint.gripper = values[9];
-  return waypoint;
+  Rotation6D rotation;
+  std::copy_n(values + 3, rotation.size(), rotation.begin());
+  return {{{values[0], values[1], values[2]}, FromRotation6D(rotation)}, values[9]};
 }
 
 double WaypointStep(int k) { return k * (kHorizonSteps - 1.0) / (kWaypoints - 1.0); }

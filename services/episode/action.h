@@ -12,8 +12,12 @@ namespace etude {
 inline constexpr double kControlRate = 125.0;  ///< Hz; one control step is 8 ms
 inline constexpr int kWaypoints = 12;          ///< control points of a trajectory
 inline constexpr int kHorizonSteps = 120;      ///< control steps they span (0.96 s)
-/// x, y, z (m), sin/cos of roll, pitch, yaw ("rxyz"), gripper (0 open .. 1 closed).
+/// x, y, z (m), rotation as in Rotation6D, gripper (0 open .. 1 closed). On disk, on the wire and in a policy's head.
 inline constexpr int kWaypointSize = 10;
+/// How a waypoint's rotation is written, as messages and checkpoints say it.
+inline constexpr const char* kRotationFormat = "6d";
+/// Names of the numbers of a waypoint, as files and tables print them.
+inline constexpr const char* kWaypointNames = "x y z r1x r1y r1z r2x r2y r2z gripper";
 
 /// Target of the controller at one instant.
 struct Waypoint {
@@ -22,7 +26,7 @@ struct Waypoint {
 };
 
 std::array<float, kWaypointSize> ToVector(const Waypoint& waypoint);
-/// Inverse of ToVector; sine/cosine pairs need not be normalised (atan2).
+/// Inverse of ToVector; rotations by FromRotation6D: NaN where the numbers are no rotation.
 Waypoint FromVector(const float* values);
 
 /// Control points sit at steps k * (kHorizonSteps - 1) / (kWaypoints - 1), k = 0..11, after `now`

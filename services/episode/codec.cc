@@ -20,8 +20,7 @@ static_assert(std::endian::native == std::endian::little, "blobs are copied as t
 constexpr std::string_view kMagic = "ETUDEEP1";
 constexpr std::size_t kPrefix = 12;  // magic and header size
 constexpr std::uint32_t kMaxHeader = 8u << 20;
-constexpr int kMaxDepth = 40;
-constexpr int kFormat = 1;
+constexpr int kFormat = 2;  // 1: actions_abs had Euler angles
 
 using Bytes = std::span<const std::uint8_t>;
 
@@ -288,7 +287,7 @@ Result<OrderedJson> ReadHeader(Bytes bytes, std::size_t& header_end) {
   if (header_size > kMaxHeader || header_size > bytes.size() - kPrefix)
     return Fail(Code::kCorrupt, fmt::format("episode: header of {} bytes in {}", header_size, bytes.size()));
   header_end = kPrefix + header_size;
-  auto json = ParseBoundedJson({reinterpret_cast<const char*>(bytes.data()) + kPrefix, header_size}, kMaxDepth);
+  auto json = ParseBoundedJson({reinterpret_cast<const char*>(bytes.data()) + kPrefix, header_size});
   if (!json || !json->is_object()) return Fail(Code::kCorrupt, "episode: the header is not a JSON map");
   return std::move(*json);
 }

@@ -48,13 +48,13 @@ struct Episode {
   std::uint64_t seed = 0;  ///< EpisodeSeed(spec, index, attempt)
   std::string spec_sha256;
   std::string scene_sha256;  ///< of the composed MJCF
-  std::string version;       ///< of the worker
+  std::string version;       ///< of the content: kContentVersion
 
   // meaning
   std::string robot, task, target, reference, instruction;
   bool success = false;
-  std::string outcome = "success";              ///< else a typed reason, see worker/task/outcome.h
-  OrderedJson details = OrderedJson::object();  ///< planner statistics; no timings (they vary)
+  std::string outcome = "success";              ///< else AttemptOutcome as text, worker/task/attempt.h
+  OrderedJson details = OrderedJson::object();  ///< scene, plans, what judges say; no timings (they vary)
 
   // low-dimensional, one row a control step (125 Hz); T rows each
   Track joint_pos;                      ///< arm joints, rad
@@ -63,7 +63,7 @@ struct Episode {
   Track eef_pos;                        ///< p_WE, m
   Track eef_quat;                       ///< q_WE as w, x, y, z
   Track eef_pixel;                      ///< (T, 2) projection of p_WE into cameras[0], px
-  Track actions_abs;                    ///< (T, 7) commanded: x, y, z, roll, pitch, yaw (rxyz), gripper 0|1
+  Track actions_abs;                    ///< (T, 10) commanded, as in action.h: x, y, z, rotation in 6D, gripper 0|1
   Track states;                         ///< qpos and qvel, flattened
   std::vector<std::uint8_t> phase;      ///< (T,) stage of the expert; names in stage_names
   std::vector<std::uint8_t> supervise;  ///< (T,) 0 where a disturbance drives the arm: not to imitate

@@ -24,6 +24,15 @@ Eigen::Quaterniond FromEuler(const Eigen::Vector3d& roll_pitch_yaw);
 /// Inverse of FromEuler; roll and yaw in (-pi, pi], pitch in [-pi/2, pi/2].
 Eigen::Vector3d ToEuler(const Eigen::Quaterniond& q);
 
+/// A rotation as the first two columns of its matrix, one after the other: r1x, r1y, r1z, r2x, r2y, r2z. Continuous
+/// everywhere, which Euler angles and quaternions are not (Zhou et al., "On the Continuity of Rotation
+/// Representations in Neural Networks", CVPR 2019): a small turn is a small change of these numbers, always.
+using Rotation6D = std::array<double, 6>;
+Rotation6D ToRotation6D(const Eigen::Quaterniond& q);
+/// Inverse of ToRotation6D by Gram-Schmidt: the columns need be neither of length 1 nor at right angles (a network
+/// says them). Coefficients are NaN when the columns are not finite, nearly zero or nearly parallel.
+Eigen::Quaterniond FromRotation6D(const Rotation6D& columns);
+
 /// Part 0 .. 1 of the straight way from a to b: straight in position, at an even turn by the shortest rotation.
 Pose Interpolate(const Pose& a, const Pose& b, double part);
 

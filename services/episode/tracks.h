@@ -4,6 +4,7 @@
 
 #include <string>
 
+#include "services/episode/action.h"
 #include "services/episode/episode.h"
 
 namespace etude {
@@ -21,7 +22,7 @@ void VisitTracks(AnyEpisode& episode, Function&& fn) {
   fn("eef_pos", episode.eef_pos, 3);
   fn("eef_quat", episode.eef_quat, 4);
   fn("eef_pixel", episode.eef_pixel, 2);
-  fn("actions_abs", episode.actions_abs, 7);
+  fn("actions_abs", episode.actions_abs, kWaypointSize);
   fn("states", episode.states, kAnyColumns);
   for (auto& object : episode.objects) {
     fn("objects/" + object.name + "/pose", object.pose, 7);

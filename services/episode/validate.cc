@@ -64,6 +64,16 @@ bool AreUnit(const Track& track, int first) {
   return true;
 }
 
+// columns 3 to 8 of every row are two unit vectors at right angles (Rotation6D)
+bool AreRotations(const Track& track) {
+  for (int t = 0; t < track.rows(); ++t) {
+    const auto row = track.row(t);
+    const Eigen::Vector3d a(row[3], row[4], row[5]), b(row[6], row[7], row[8]);
+    if (std::abs(a.norm() - 1) > 1e-3 || std::abs(b.norm() - 1) > 1e-3 || std::abs(a.dot(b)) > 1e-3) return false;
+  }
+  return true;
+}
+
 Status CheckTrack(const std::string& name, const Track& track, int columns, std::size_t steps) {
   if (name == "states" && track.columns == 0 && track.values.empty()) return {};
   if (track.columns < 1 || track.columns > kMaxColumns || (columns != kAnyColumns && track.columns != columns))
@@ -74,6 +84,7 @@ Status CheckTrack(const std::string& name, const Track& track, int columns, std:
       !std::all_of(track.values.begin(), track.values.end(), [](float x) { return std::isfinite(x); }))
     return Bad(name + ": a value is not finite");
   if (name == "eef_quat" && !AreUnit(track, 0)) return Bad(name + ": not a unit quaternion");
+  if (name == "actions_abs" && !AreRotations(track)) return Bad(name + ": a row has no rotation");
   if (name.ends_with("/pose") && !AreUnit(track, 3)) return Bad(name + ": not a unit quaternion");
   return {};
 }

@@ -7,20 +7,12 @@
 
 #include "services/core/check.h"
 #include "services/core/config.h"
-#include "services/episode/object_names.h"
 #include "services/language/sentence.h"
 #include "services/language/tokenizer.h"
 #include "services/language/vocabulary.h"
+#include "services/spec/object_names.h"
 
 namespace etude::language {
-namespace {
-
-std::string Suggestion(const std::string& word, const std::vector<std::string>& known) {
-  const std::string nearest = NearestMatch(word, known);
-  return nearest.empty() ? "" : fmt::format(", did you mean '{}'?", nearest);
-}
-
-}  // namespace
 
 Command CommandFor(const TaskName& task, const std::string& target, const std::string& reference) {
   std::string obstacle;
@@ -29,26 +21,26 @@ Command CommandFor(const TaskName& task, const std::string& target, const std::s
   return {task.base, target, reference, obstacle};
 }
 
-Result<Grammar> Grammar::Load(const std::vector<OwnObject>& own) {
-  ETUDE_ASSIGN_OR_RETURN(auto vocabulary, Vocabulary::Load(own));
+Result<Grammar> Grammar::Load(const std::vector<OwnObject>& own, const std::vector<std::string>& tasks) {
+  ETUDE_ASSIGN_OR_RETURN(auto vocabulary, Vocabulary::Load(own, tasks));
   Grammar grammar;
   grammar.vocabulary_ = std::make_shared<const Vocabulary>(std::move(vocabulary));
   return grammar;
 }
 
-Result<Grammar> Grammar::LoadFor(const std::vector<std::string>& objects) {
-  ETUDE_ASSIGN_OR_RETURN(Grammar grammar, Load());
+Result<Grammar> Grammar::LoadFor(const std::vector<std::string>& objects, const std::vector<std::string>& tasks) {
+  ETUDE_ASSIGN_OR_RETURN(Grammar grammar, Load({}, tasks));
   std::vector<OwnObject> own;
   for (const auto& object : objects)
     if (!grammar.vocabulary_->FindNoun(object)) own.push_back({object, {}});
-  return own.empty() ? grammar : Load(own);
+  return own.empty() ? grammar : Load(own, tasks);
 }
 
 Status Grammar::Check(const Command& command) const {
   const auto refuse = [](std::string why) { return Fail(Code::kInvalidArgument, "command: " + std::move(why)); };
   if (std::find(tasks().begin(), tasks().end(), command.task) == tasks().end())
     return refuse(fmt::format("no words for task '{}'{}", command.task, Suggestion(command.task, tasks())));
-  if (IsRelation(command.task) == command.reference.empty())
+  if (vocabulary_->needs_reference(command.task) == command.reference.empty())
     return refuse(
         fmt::format("task '{}' {} reference", command.task, command.reference.empty() ? "needs a" : "has no"));
 
@@ -87,6 +79,12 @@ std::vector<std::string> Grammar::Templates(const Command& command) const {
   const Status status = Check(command);
   ETUDE_CHECK(status.has_value(), "{}", status.error().message);
   return AllTemplates(*vocabulary_, command);
+}
+
+std::set<std::string> Grammar::Words(const Command& command) const {
+  const Status status = Check(command);
+  ETUDE_CHECK(status.has_value(), "{}", status.error().message);
+  return AllWords(*vocabulary_, command);
 }
 
 std::vector<std::string> Grammar::NounPhrases(const std::string& object) const {

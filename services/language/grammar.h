@@ -4,12 +4,13 @@
 #pragma once
 
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "services/core/result.h"
 #include "services/core/rng.h"
-#include "services/episode/task_name.h"
+#include "services/spec/task_name.h"
 
 namespace etude::language {
 
@@ -27,7 +28,7 @@ Command CommandFor(const TaskName& task, const std::string& target, const std::s
 
 enum class Style {
   kTemplate,  ///< exactly the template sentences ("pick up red can"); 232 for the three basic tasks
-  kVaried,    ///< + synonyms (WordNet), articles, politeness, word order
+  kVaried,    ///< + synonyms by WordNet's rule (wordnet.h), articles, politeness, word order
   kNoisy,     ///< + typing errors, case, punctuation
 };
 
@@ -45,10 +46,12 @@ class Grammar {
  public:
   /// The built-in templates and, when WordNet's database (package wordnet-base) is found, its synonyms;
   /// held-out language (held_out.h) is never generated.
-  /// @error kInvalidArgument: an object of `own` has a phrase that means another object, or is held out
-  static Result<Grammar> Load(const std::vector<OwnObject>& own = {});
+  /// @error kInvalidArgument: an object of `own` has a phrase that means another object, or is held out; two of `tasks`
+  /// have a sentence in common; kNotFound: no task files
+  /// @param tasks  as a campaign names them: the words of a user's own are in their files
+  static Result<Grammar> Load(const std::vector<OwnObject>& own = {}, const std::vector<std::string>& tasks = {});
   /// Load, with every one of a scene's `objects` that has no built-in words called by its name: "rubber duck".
-  static Result<Grammar> LoadFor(const std::vector<std::string>& objects);
+  static Result<Grammar> LoadFor(const std::vector<std::string>& objects, const std::vector<std::string>& tasks = {});
 
   /// One sentence for `command`, which Check accepts, drawn with `rng`.
   std::string Sample(const Command& command, Style style, Rng& rng) const;
@@ -58,6 +61,9 @@ class Grammar {
   /// @error kInvalidArgument: a task or an object without words (names the nearest), a relation without
   /// reference or the other way round, two of the objects of one class.
   Status Check(const Command& command) const;
+  /// Every word that a sentence for `command`, which Check accepts, may hold in any style; not those that a
+  /// typing error of kNoisy makes.
+  std::set<std::string> Words(const Command& command) const;
   /// Every noun phrase that may stand for `object`, without article; empty when it has no words.
   std::vector<std::string> NounPhrases(const std::string& object) const;
 

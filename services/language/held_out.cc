@@ -1,60 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/language/held_out.h"
 
+#include <sstream>
+#include <utility>
+
 namespace etude::language {
 
-const std::vector<std::string>& HeldOutNounPhrases() {
+const std::vector<HeldOutPhrase>& HeldOutNounPhrases() {
   // Table 8: five objects, ten phrases each
-  static const std::vector<std::string> phrases{"skimmed milk package",
-                                                "goat milk carton",
-                                                "milk case",
-                                                "white packet",
-                                                "milk parcel",
-                                                "cream carton",
-                                                "cream package",
-                                                "heavy milk carton",
-                                                "almond milk box",
-                                                "goat milk packs",
-                                                "soda",
-                                                "perrier",
-                                                "tonic",
-                                                "flask",
-                                                "pitcher",
-                                                "container",
-                                                "decanter",
-                                                "vial",
-                                                "vessel",
-                                                "cruet",
-                                                "coke zero",
-                                                "round container",
-                                                "can",
-                                                "coca cola",
-                                                "red soda",
-                                                "cola",
-                                                "metal container",
-                                                "small soft drink",
-                                                "fizzy drink",
-                                                "diet coke",
-                                                "brick",
-                                                "block",
-                                                "cuboid",
-                                                "bar",
-                                                "solid lump",
-                                                "rectangular object",
-                                                "solid piece",
-                                                "slab",
-                                                "cuboidal slice",
-                                                "square object",
-                                                "cinnamon roll",
-                                                "sourdough",
-                                                "brown bread",
-                                                "loaf",
-                                                "naan",
-                                                "rye bread",
-                                                "toast",
-                                                "gluten free food",
-                                                "light bread",
-                                                "food"};
+  static const std::vector<HeldOutPhrase> phrases = [] {
+    const std::vector<std::pair<const char*, std::vector<const char*>>> table{
+        {"milk",
+         {"skimmed milk package", "goat milk carton", "milk case", "white packet", "milk parcel", "cream carton",
+          "cream package", "heavy milk carton", "almond milk box", "goat milk packs"}},
+        {"bottle",
+         {"soda", "perrier", "tonic", "flask", "pitcher", "container", "decanter", "vial", "vessel", "cruet"}},
+        {"coke",
+         {"coke zero", "round container", "can", "coca cola", "red soda", "cola", "metal container", "small soft drink",
+          "fizzy drink", "diet coke"}},
+        {"cube",
+         {"brick", "block", "cuboid", "bar", "solid lump", "rectangular object", "solid piece", "slab",
+          "cuboidal slice", "square object"}},
+        {"bread",
+         {"cinnamon roll", "sourdough", "brown bread", "loaf", "naan", "rye bread", "toast", "gluten free food",
+          "light bread", "food"}}};
+    std::vector<HeldOutPhrase> list;
+    for (const auto& [object, texts] : table)
+      for (const char* text : texts) list.push_back({text, object});
+    return list;
+  }();
   return phrases;
 }
 
@@ -93,6 +67,14 @@ const std::vector<HeldOutSentence>& HeldOutSentences() {
       {"put down the zero coke on the desk", "put_down", "coke"},
   };
   return sentences;
+}
+
+std::vector<std::string> UnseenWords(const std::string& text, const std::set<std::string>& seen) {
+  std::vector<std::string> unseen;
+  std::istringstream words(text);
+  for (std::string word; words >> word;)
+    if (!seen.contains(word)) unseen.push_back(word);
+  return unseen;
 }
 
 }  // namespace etude::language

@@ -2,6 +2,7 @@
 // Language that is kept out of training, so that it can test what a policy makes of unseen words.
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -13,10 +14,20 @@ struct HeldOutSentence {
   std::string task, object;
 };
 
+/// A noun phrase and what it names.
+struct HeldOutPhrase {
+  std::string text;
+  std::string object;
+};
+
 /// Noun phrases of the paper's Table 8 and sentences of its Table 11, normalised. Grammar generates none:
 /// no noun phrase of a sentence is one of the former, and none of the latter, nor a phrase of more than one
-/// word, stands anywhere in a sentence.
-const std::vector<std::string>& HeldOutNounPhrases();
+/// word, stands anywhere in a sentence. Their single words are not kept out: what of them training says all the
+/// same follows from its base words (lexicon.h) and WordNet's rule, and UnseenWords tells the rest.
+const std::vector<HeldOutPhrase>& HeldOutNounPhrases();
 const std::vector<HeldOutSentence>& HeldOutSentences();
+
+/// The words of `text` (normalised) that are not among `seen`, in order (Grammar::Words).
+std::vector<std::string> UnseenWords(const std::string& text, const std::set<std::string>& seen);
 
 }  // namespace etude::language

@@ -2,11 +2,26 @@
 #include "services/language/sentence.h"
 
 #include <algorithm>
+#include <sstream>
 
 namespace etude::language {
 namespace {
 
 using Strings = std::vector<std::string>;
+
+// Function words: all that a sentence says beside base words and their synonyms.
+const Strings& Articles() {
+  static const Strings words{"the", "that", "this", "a"};
+  return words;
+}
+const Strings& Openings() {
+  static const Strings words{"please", "could you", "can you", "would you", "now", "and now"};
+  return words;
+}
+const Strings& Closings() {
+  static const Strings words{"please", "for me", "now", "for us"};
+  return words;
+}
 
 const std::string& Pick(const Strings& items, Rng& rng) { return items[rng.Below(items.size())]; }
 
@@ -72,17 +87,15 @@ Strings BaseObstacles(const Vocabulary& vocabulary, const std::string& obstacle,
 
 // the object next to which, or of which to keep clear
 std::string DrawReference(const Vocabulary& vocabulary, const std::string& object, Rng& rng) {
-  static const Strings articles{"the", "the", "the", "the", "the", "the", "that", ""};
-  const std::string& article = Pick(articles, rng);
+  const std::string article = rng.Bernoulli(0.75) ? "the" : rng.Bernoulli(0.5) ? "that" : "";
   return JoinWords(article, DrawPhrase(*vocabulary.FindNoun(object), rng));
 }
 
 // verb and object, and where to put it; `verb_first` says whether it begins with the verb
 std::string DrawAction(const Vocabulary& vocabulary, const Command& command, Rng& rng, bool& verb_first) {
-  static const Strings articles{"the", "the", "the", "that", "this", "a"};
   std::string noun = DrawPhrase(*vocabulary.FindNoun(command.target), rng);
   if (rng.Bernoulli(0.6)) {
-    const std::string& article = Pick(articles, rng);
+    const std::string article = rng.Bernoulli(0.5) ? "the" : Pick(Articles(), rng);
     const bool vowel = std::string("aeiou").find(noun[0]) != std::string::npos;
     noun = (article == "a" && vowel ? "an" : article) + " " + noun;
   }
@@ -102,15 +115,10 @@ std::string DrawAction(const Vocabulary& vocabulary, const Command& command, Rng
 // how a varied sentence says "keep off"
 std::string DrawKeeping(const Vocabulary& vocabulary, bool ahead, Rng& rng) {
   const ObstacleWords& words = ObstacleLexicon();
-  if (ahead) {
-    if (rng.Bernoulli(0.25)) return Pick(words.base_after, rng);  // "without touching B pick ..."
-    return rng.Bernoulli(0.5) ? Pick(words.before, rng) : Pick(vocabulary.avoid(), rng);
-  }
-  const double draw = rng.Uniform();
-  if (draw < 0.3) return Pick(words.base_after, rng);
-  if (draw < 0.65) return Pick(words.after, rng);
+  if (ahead) return rng.Bernoulli(0.35) ? Pick(words.after, rng) : Pick(vocabulary.avoid(), rng);
+  if (rng.Bernoulli(0.4)) return Pick(words.after, rng);
   const std::string joint = rng.Bernoulli(0.5) ? "and " : "but ";
-  if (draw < 0.8) return joint + Pick(vocabulary.avoid(), rng);
+  if (rng.Bernoulli(0.5)) return joint + Pick(vocabulary.avoid(), rng);
   return joint + (rng.Bernoulli(0.5) ? "do not " : "never ") + Pick(vocabulary.touch(), rng);
 }
 
@@ -122,7 +130,31 @@ std::string AddObstacle(const Vocabulary& vocabulary, const Command& command, co
   return Keeping(words, obstacle, action, ahead);
 }
 
+void AddWordsOf(const Strings& texts, std::set<std::string>& words) {
+  for (const auto& text : texts) {
+    std::istringstream stream(text);
+    for (std::string word; stream >> word;) words.insert(std::move(word));
+  }
+}
+
 }  // namespace
+
+std::set<std::string> AllWords(const Vocabulary& vocabulary, const Command& command) {
+  std::set<std::string> words{"an"};
+  for (const auto* texts : {&Articles(), &Openings(), &Closings(), &vocabulary.verb(command.task).all})
+    AddWordsOf(*texts, words);
+  for (const auto& object : {command.target, command.reference, command.obstacle})
+    if (const auto* noun = vocabulary.FindNoun(object)) AddWordsOf(Phrases(*noun), words);
+  if (!command.reference.empty()) AddWordsOf(vocabulary.place(command.task).all, words);
+  if (command.obstacle.empty()) return words;
+  const ObstacleWords& obstacle = ObstacleLexicon();
+  for (const auto* texts : {&obstacle.before, &obstacle.after, &vocabulary.avoid(), &vocabulary.touch()})
+    AddWordsOf(*texts, words);
+  AddWordsOf({"and but do not never"}, words);
+  if (command.obstacle == kEverythingElse)
+    for (const auto* texts : {&obstacle.others, &obstacle.any_other}) AddWordsOf(*texts, words);
+  return words;
+}
 
 std::string DrawTemplate(const Vocabulary& vocabulary, const Command& command, Rng& rng) {
   const std::string& verb = Pick(vocabulary.verb(command.task).base, rng);
@@ -138,7 +170,7 @@ std::string DrawTemplate(const Vocabulary& vocabulary, const Command& command, R
 
   const ObstacleWords& words = ObstacleLexicon();
   const bool ahead = verb_first && rng.Bernoulli(0.4);
-  const std::string& keep = Pick(ahead ? words.base_before : words.base_after, rng);
+  const std::string& keep = Pick(ahead ? words.before : words.after, rng);
   const std::string obstacle = command.obstacle == kEverythingElse
                                    ? Others(keep).front()
                                    : DrawBasePhrase(*vocabulary.FindNoun(command.obstacle), rng);
@@ -167,7 +199,7 @@ std::vector<std::string> AllTemplates(const Vocabulary& vocabulary, const Comman
   for (const auto& action : sentences)
     for (const bool ahead : {true, false}) {
       if (ahead && !StartsWithVerb(vocabulary, command, action)) continue;
-      for (const auto& words : ahead ? ObstacleLexicon().base_before : ObstacleLexicon().base_after)
+      for (const auto& words : ahead ? ObstacleLexicon().before : ObstacleLexicon().after)
         for (const auto& noun : BaseObstacles(vocabulary, command.obstacle, words))
           kept.push_back(Keeping(words, noun, action, ahead));
     }
@@ -175,8 +207,6 @@ std::vector<std::string> AllTemplates(const Vocabulary& vocabulary, const Comman
 }
 
 std::string DrawVaried(const Vocabulary& vocabulary, const Command& command, Rng& rng) {
-  static const Strings openings{"please", "could you", "can you", "now", "robot", "go and", "i want you to"};
-  static const Strings closings{"please", "for me", "now", "on the table"};
   bool verb_first = true;
   std::string sentence = DrawAction(vocabulary, command, rng, verb_first);
   if (!command.obstacle.empty()) {
@@ -184,8 +214,8 @@ std::string DrawVaried(const Vocabulary& vocabulary, const Command& command, Rng
     sentence = AddObstacle(vocabulary, command, sentence, ahead, rng);
     verb_first = verb_first && !IsAdverbial(sentence);
   }
-  if (verb_first && rng.Bernoulli(0.15)) sentence = JoinWords(Pick(openings, rng), sentence);
-  if (rng.Bernoulli(0.15)) sentence = JoinWords(sentence, Pick(closings, rng));
+  if (verb_first && rng.Bernoulli(0.15)) sentence = JoinWords(Pick(Openings(), rng), sentence);
+  if (rng.Bernoulli(0.15)) sentence = JoinWords(sentence, Pick(Closings(), rng));
   return sentence;
 }
 

@@ -2,6 +2,7 @@
 // Private to services/language: how words become a sentence.
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,9 @@ std::string DrawTemplate(const Vocabulary& vocabulary, const Command& command, R
 std::vector<std::string> AllTemplates(const Vocabulary& vocabulary, const Command& command);
 /// A draw with synonyms, articles, politeness and free word order; may hold held-out language.
 std::string DrawVaried(const Vocabulary& vocabulary, const Command& command, Rng& rng);
+
+/// Every word that a sentence for `command` may hold, but for typing errors.
+std::set<std::string> AllWords(const Vocabulary& vocabulary, const Command& command);
 
 /// At most one typing error: swaps, drops, doubles or replaces a letter inside a word.
 void AddTypo(std::string& text, Rng& rng);

@@ -5,11 +5,12 @@
 
 #include <algorithm>
 #include <set>
+#include <sstream>
 
 #include "services/core/log.h"
-#include "services/episode/object_names.h"
 #include "services/language/held_out.h"
 #include "services/language/tokenizer.h"
+#include "services/spec/object_names.h"
 
 namespace etude::language {
 namespace {
@@ -20,9 +21,26 @@ void AddWords(std::vector<std::string>& words, const std::vector<std::string>& m
     if (std::find(words.begin(), words.end(), word) == words.end()) words.push_back(word);
 }
 
-bool IsUnused(const std::string& lemma) {
-  const auto& unused = UnusedLemmas();
-  return std::find(unused.begin(), unused.end(), lemma) != unused.end();
+std::vector<std::string> Split(const std::string& phrase) {
+  std::vector<std::string> words;
+  std::istringstream text(phrase);
+  for (std::string word; text >> word;) words.push_back(std::move(word));
+  return words;
+}
+
+std::string Join(const std::vector<std::string>& words) {
+  std::string phrase;
+  for (const auto& word : words) phrase = JoinWords(phrase, word);
+  return phrase;
+}
+
+// "to the left of" -> "on the left of", "at the left of": other prepositions, no other words
+std::vector<std::string> OtherPrepositions(const std::vector<std::string>& places) {
+  std::vector<std::string> others;
+  for (const auto& place : places)
+    if (place.starts_with("to the "))
+      for (const char* preposition : {"on ", "at "}) others.push_back(preposition + place.substr(3));
+  return others;
 }
 
 }  // namespace
@@ -51,7 +69,11 @@ std::vector<std::string> Phrases(const Vocabulary::Noun& noun) {
 }
 
 bool Vocabulary::IsHeldOutPhrase(const std::string& phrase) {
-  static const std::set<std::string> phrases(HeldOutNounPhrases().begin(), HeldOutNounPhrases().end());
+  static const std::set<std::string> phrases = [] {
+    std::set<std::string> texts;
+    for (const auto& held_out : HeldOutNounPhrases()) texts.insert(held_out.text);
+    return texts;
+  }();
   return phrases.contains(phrase) || HasHeldOut(phrase);
 }
 
@@ -60,7 +82,7 @@ bool Vocabulary::HasHeldOut(const std::string& sentence) {
   static const std::vector<std::string> texts = [] {
     std::vector<std::string> list;
     for (const auto& phrase : HeldOutNounPhrases())
-      if (phrase.find(' ') != std::string::npos) list.push_back(phrase);
+      if (phrase.text.find(' ') != std::string::npos) list.push_back(phrase.text);
     for (const auto& held_out : HeldOutSentences()) list.push_back(held_out.text);
     return list;
   }();
@@ -73,26 +95,36 @@ const Vocabulary::Noun* Vocabulary::FindNoun(const std::string& object) const {
   return found == nouns_.end() ? nullptr : &found->second;
 }
 
-void Vocabulary::AddSynonyms(const std::vector<SynsetRef>& synsets, std::vector<std::string>& words) {
-  for (const auto& synset : synsets) {
-    const auto lemmas = SynsetLemmas(kWordNetFolder, synset);
-    if (!lemmas) {
-      if (!warned_) Log().warn("fewer synonyms: {} (install wordnet-base)", lemmas.error().message);
-      warned_ = true;
-      continue;
+// `phrase` with synonyms: of the whole where WordNet has it, else of one word at a time.
+std::vector<std::string> Vocabulary::Expand(const std::string& phrase, Part part) const {
+  if (!wordnet_ || phrase.empty()) return {};
+  const WordNet& wordnet = *wordnet_;
+  // what describes a noun may be a noun ("milk carton")
+  const auto part_of = [&](const std::string& words) {
+    return part == Part::kAdjective && !wordnet.Has(words, part) ? Part::kNoun : part;
+  };
+  const auto words = Split(phrase);
+  if (words.size() == 1 || wordnet.Has(phrase, part_of(phrase))) return wordnet.Synonyms(phrase, part_of(phrase));
+  std::vector<std::string> phrases;
+  for (std::size_t i = 0; i < words.size(); ++i)
+    for (const auto& synonym : wordnet.Synonyms(words[i], part_of(words[i]))) {
+      auto changed = words;
+      changed[i] = synonym;
+      AddWords(phrases, {Join(changed)});
     }
-    for (const auto& lemma : *lemmas)
-      if (!IsUnused(lemma)) AddWords(words, {lemma});
-  }
+  return phrases;
+}
+
+std::vector<std::string> Vocabulary::ExpandAll(const std::vector<std::string>& phrases, Part part) const {
+  std::vector<std::string> all = phrases;
+  for (const auto& phrase : phrases) AddWords(all, Expand(phrase, part));
+  return all;
 }
 
 void Vocabulary::AddObject(const ObjectWords& words) {
-  Noun noun{words.base, words.varied};
-  AddSynonyms(words.adjective_synsets, noun.varied.adjectives);
-  AddSynonyms(words.noun_synsets, noun.varied.nouns);
-  // without WordNet there may be none
-  if (noun.varied.nouns.empty()) noun.varied.nouns = words.base.nouns;
-  nouns_.emplace(words.object, std::move(noun));
+  const NounTemplate varied{ExpandAll(words.base.adjectives, Part::kAdjective),
+                            ExpandAll(words.base.nouns, Part::kNoun)};
+  nouns_.emplace(words.object, Noun{words.base, varied});
   objects_.push_back(words.object);
 }
 
@@ -118,35 +150,87 @@ Status Vocabulary::AddOwn(const OwnObject& object) {
   return {};
 }
 
-void Vocabulary::AddTasks() {
-  const auto make = [&](const TaskWords& words) {
-    Words verb{words.base, words.base};
-    AddWords(verb.all, words.more);
-    AddSynonyms(words.synsets, verb.all);
-    return verb;
-  };
-  for (const auto& words : TaskLexicon()) {
-    verbs_.emplace(words.task, make(words));
-    tasks_.push_back(words.task);
+// A synonym that two tasks would share, or that is another one's own verb, is said of neither. Tasks with places
+// share their verbs: where A goes tells them apart.
+void Vocabulary::AddTasks(const std::vector<TaskName>& tasks) {
+  std::map<std::string, std::set<std::string>> meanings;  // verb -> tasks without places
+  std::set<std::string> own;
+  for (const auto& task : tasks) {
+    const TaskWordsSpec& words = task.spec->words;
+    if (!words.places.empty()) continue;
+    own.insert(words.verbs.begin(), words.verbs.end());
+    for (const auto& verb : ExpandAll(words.verbs, Part::kVerb)) meanings[verb].insert(task.base);
   }
-  for (const auto& words : RelationLexicon()) {
-    verbs_.emplace(words.task, make(PlacingLexicon()));
-    Words place{words.base, words.base};
-    AddWords(place.all, words.more);
-    places_.emplace(words.task, std::move(place));
-    tasks_.push_back(words.task);
+  for (const auto& task : tasks) {
+    const TaskWordsSpec& words = task.spec->words;
+    Words verbs{words.verbs, ExpandAll(words.verbs, Part::kVerb)};
+    std::erase_if(verbs.all, [&](const std::string& verb) {
+      const bool is_base = std::find(words.verbs.begin(), words.verbs.end(), verb) != words.verbs.end();
+      return words.places.empty() && !is_base && (own.contains(verb) || meanings[verb].size() > 1);
+    });
+    verbs_.emplace(task.base, std::move(verbs));
+    tasks_.push_back(task.base);
+    if (words.places.empty()) continue;
+    Words places{words.places, words.places};
+    AddWords(places.all, OtherPrepositions(words.places));
+    places_.emplace(task.base, std::move(places));
   }
-  AddSynonyms(ObstacleLexicon().avoid_synsets, avoid_);
-  AddSynonyms(ObstacleLexicon().touch_synsets, touch_);
-  AddWords(avoid_, {"avoid"});
-  AddWords(touch_, {"touch"});
 }
 
-Result<Vocabulary> Vocabulary::Load(const std::vector<OwnObject>& own) {
+namespace {
+
+// Whether a sentence for `a` may be one for `b`.
+const std::string* SharedVerb(const TaskSpec& a, const TaskSpec& b) {
+  const auto has = [](const std::vector<std::string>& words, const std::string& word) {
+    return std::find(words.begin(), words.end(), word) != words.end();
+  };
+  const auto& places = a.words.places;
+  const bool same_place =
+      places.empty() ? b.words.places.empty()
+                     : std::ranges::any_of(places, [&](const auto& place) { return has(b.words.places, place); });
+  if (!same_place) return nullptr;
+  const auto it = std::ranges::find_if(a.words.verbs, [&](const auto& verb) { return has(b.words.verbs, verb); });
+  return it == a.words.verbs.end() ? nullptr : &*it;
+}
+
+// The built-in tasks and those of `names` that are not; none of `names` sounds like another of them.
+Result<std::vector<TaskName>> TasksFor(const std::vector<std::string>& names) {
+  std::vector<TaskName> tasks, asked;
+  for (const auto& base : BaseTasks()) {
+    ETUDE_ASSIGN_OR_RETURN(TaskName task, ParseTask(base));
+    tasks.push_back(std::move(task));
+  }
+  const auto has = [](const std::vector<TaskName>& some, const TaskName& task) {
+    return std::ranges::any_of(some, [&](const auto& other) { return other.base == task.base; });
+  };
+  for (const auto& name : names) {
+    ETUDE_ASSIGN_OR_RETURN(TaskName task, ParseTask(name));
+    if (has(asked, task)) continue;
+    for (const auto& other : asked)
+      if (const auto* verb = SharedVerb(*task.spec, *other.spec))
+        return Fail(Code::kInvalidArgument,
+                    fmt::format("words of task '{}': '{}' means '{}' too; one campaign cannot have both", task.base,
+                                *verb, other.base));
+    if (!has(tasks, task)) tasks.push_back(task);
+    asked.push_back(std::move(task));
+  }
+  return tasks;
+}
+
+}  // namespace
+
+Result<Vocabulary> Vocabulary::Load(const std::vector<OwnObject>& own, const std::vector<std::string>& tasks) {
+  ETUDE_ASSIGN_OR_RETURN(const std::vector<TaskName> known, TasksFor(tasks));
   Vocabulary vocabulary;
+  if (auto wordnet = WordNet::Open())
+    vocabulary.wordnet_ = std::move(*wordnet);
+  else
+    Log().warn("no synonyms in sentences: {}", wordnet.error().message);
   for (const auto* lexicon : {&ObjectLexicon(), &ClassLexicon()})
     for (const auto& words : *lexicon) vocabulary.AddObject(words);
-  vocabulary.AddTasks();
+  vocabulary.AddTasks(known);
+  vocabulary.avoid_ = vocabulary.ExpandAll({ObstacleLexicon().avoid}, Part::kVerb);
+  vocabulary.touch_ = vocabulary.ExpandAll({ObstacleLexicon().touch}, Part::kVerb);
   for (const auto& object : own) ETUDE_RETURN_IF_ERROR(vocabulary.AddOwn(object));
   return vocabulary;
 }

@@ -3,12 +3,15 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "services/core/result.h"
 #include "services/language/grammar.h"
 #include "services/language/lexicon.h"
+#include "services/language/wordnet.h"
+#include "services/spec/task_name.h"
 
 namespace etude::language {
 
@@ -21,19 +24,20 @@ bool HasWords(const std::string& text, const std::string& phrase);
 class Vocabulary {
  public:
   struct Noun {
-    NounTemplate base, varied;
+    NounTemplate base, varied;  ///< varied: with synonyms
   };
   struct Words {
     std::vector<std::string> base, all;  ///< all: with base and synonyms
   };
 
-  static Result<Vocabulary> Load(const std::vector<OwnObject>& own);
+  static Result<Vocabulary> Load(const std::vector<OwnObject>& own, const std::vector<std::string>& tasks);
 
   const Noun* FindNoun(const std::string& object) const;  ///< of the object or of its class; or nullptr
   const Words& verb(const std::string& task) const { return verbs_.at(task); }
   const Words& place(const std::string& task) const { return places_.at(task); }  ///< of a relation
-  const std::vector<std::string>& avoid() const { return avoid_; }                ///< "avoid", "shun"
-  const std::vector<std::string>& touch() const { return touch_; }                ///< "touch", "disturb"
+  bool needs_reference(const std::string& task) const { return places_.contains(task); }
+  const std::vector<std::string>& avoid() const { return avoid_; }  ///< "avoid", "ward off"
+  const std::vector<std::string>& touch() const { return touch_; }
   /// Whether a noun phrase, without article, is held out.
   static bool IsHeldOutPhrase(const std::string& phrase);
   /// Whether held-out language stands anywhere in the sentence (normalised).
@@ -45,14 +49,15 @@ class Vocabulary {
  private:
   void AddObject(const ObjectWords& words);
   Status AddOwn(const OwnObject& object);
-  void AddTasks();
-  void AddSynonyms(const std::vector<SynsetRef>& synsets, std::vector<std::string>& words);
+  void AddTasks(const std::vector<TaskName>& tasks);
+  std::vector<std::string> Expand(const std::string& phrase, Part part) const;
+  std::vector<std::string> ExpandAll(const std::vector<std::string>& phrases, Part part) const;
 
+  std::optional<WordNet> wordnet_;  // none when it is not installed
   std::vector<std::string> tasks_, objects_;
   std::map<std::string, Noun> nouns_;
   std::map<std::string, Words> verbs_, places_;
   std::vector<std::string> avoid_, touch_;
-  bool warned_ = false;
 };
 
 /// All phrases of a noun that are not held out.

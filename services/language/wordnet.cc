@@ -10,33 +10,101 @@
 #include "services/language/tokenizer.h"
 
 namespace etude::language {
+namespace {
 
-Result<std::vector<std::string>> SynsetLemmas(const Path& folder, const SynsetRef& synset) {
-  const Path path = folder / (std::string("data.") + synset.part);
-  std::ifstream file(path);
-  if (!file) return Fail(Code::kNotFound, fmt::format("open WordNet's '{}'", path.string()));
-  file.seekg(synset.offset);
+const char* Suffix(Part part) { return part == Part::kNoun ? "noun" : part == Part::kVerb ? "verb" : "adj"; }
+
+Path FileOf(const Path& folder, const char* kind, Part part) { return folder / (std::string(kind) + Suffix(part)); }
+
+std::string Entry(const std::string& words) {
+  std::string entry = words;
+  std::replace(entry.begin(), entry.end(), ' ', '_');
+  return entry;
+}
+
+// The line of a sorted index file that begins with `entry`, or "": bisection over byte offsets.
+std::string FindLine(std::ifstream& file, const std::string& entry) {
+  file.seekg(0, std::ios::end);
+  std::streamoff low = 0, high = file.tellg();
   std::string line;
-  std::getline(file, line);
-
-  // offset lex_filenum ss_type w_cnt(hex) word lex_id [word lex_id ...] ...
-  std::istringstream fields(line);
-  std::string offset, file_number, type, count_text;
-  fields >> offset >> file_number >> type >> count_text;
-  const bool fits = offset == fmt::format("{:08}", synset.offset) && count_text.size() == 2;
-  const long count = fits ? std::strtol(count_text.c_str(), nullptr, 16) : 0;
-  std::vector<std::string> lemmas;
-  bool anchored = false;
-  for (long i = 0; i < count; ++i) {
-    std::string word, lex_id;
-    fields >> word >> lex_id;
-    anchored = anchored || word == synset.anchor;
-    lemmas.push_back(Normalize(word.substr(0, word.find('('))));
+  while (low < high) {
+    const std::streamoff middle = low + (high - low) / 2;
+    file.clear();
+    file.seekg(std::max<std::streamoff>(middle - 1, 0));
+    if (middle > 0) std::getline(file, line);  // what is left of a line that began before
+    const std::streamoff start = file.tellg();
+    if (start < 0 || start >= high || !std::getline(file, line)) {
+      high = middle;
+      continue;
+    }
+    const int order = line.substr(0, line.find(' ')).compare(entry);
+    if (order == 0) return line;
+    if (order < 0)
+      low = start + static_cast<std::streamoff>(line.size()) + 1;
+    else
+      high = middle;
   }
-  if (!anchored)
-    return Fail(Code::kCorrupt, fmt::format("'{}' has no synset with '{}' at {}; WordNet 3.0 is needed", path.string(),
-                                            synset.anchor, synset.offset));
+  return "";
+}
+
+// lemma pos synset_cnt p_cnt [ptr_symbol ...] sense_cnt tagsense_cnt synset_offset [synset_offset ...]
+std::vector<long> SenseOffsets(const Path& index, const std::string& words, int count) {
+  std::ifstream file(index);
+  std::istringstream fields(FindLine(file, Entry(words)));
+  std::string lemma, part, symbol;
+  int senses = 0, symbols = 0, tagged = 0;
+  fields >> lemma >> part >> senses >> symbols;
+  for (int i = 0; i < symbols && fields; ++i) fields >> symbol;
+  fields >> senses >> tagged;
+  std::vector<long> offsets;
+  for (long offset = 0; static_cast<int>(offsets.size()) < count && fields >> offset;) offsets.push_back(offset);
+  return offsets;
+}
+
+// synset_offset lex_filenum ss_type w_cnt(hex) word lex_id [word lex_id ...] ...
+std::vector<std::string> Lemmas(std::ifstream& data, long offset) {
+  std::string line, field, word, lex_id;
+  data.seekg(offset);
+  std::getline(data, line);
+  std::istringstream fields(line);
+  fields >> field;
+  std::vector<std::string> lemmas;
+  if (field != fmt::format("{:08}", offset)) return lemmas;  // another version's file
+  fields >> field >> field >> field;
+  for (long left = std::strtol(field.c_str(), nullptr, 16); left > 0 && fields >> word >> lex_id; --left)
+    lemmas.push_back(word.substr(0, word.find('(')));  // "ablaze(p)": where it may stand
   return lemmas;
+}
+
+bool IsName(const std::string& lemma) {
+  return std::any_of(lemma.begin(), lemma.end(), [](unsigned char c) { return c >= 'A' && c <= 'Z'; });
+}
+
+}  // namespace
+
+Result<WordNet> WordNet::Open(const Path& folder) {
+  for (const Part part : {Part::kNoun, Part::kVerb, Part::kAdjective})
+    for (const char* kind : {"index.", "data."})
+      if (const Path path = FileOf(folder, kind, part); !std::ifstream(path))
+        return Fail(Code::kNotFound, fmt::format("open WordNet's '{}' (install wordnet-base)", path.string()));
+  return WordNet(folder);
+}
+
+bool WordNet::Has(const std::string& words, Part part) const {
+  return !SenseOffsets(FileOf(folder_, "index.", part), words, 1).empty();
+}
+
+std::vector<std::string> WordNet::Synonyms(const std::string& words, Part part) const {
+  std::ifstream data(FileOf(folder_, "data.", part));
+  std::vector<std::string> synonyms;
+  for (const long offset : SenseOffsets(FileOf(folder_, "index.", part), words, SensesOf(part)))
+    for (const auto& lemma : Lemmas(data, offset)) {
+      if (IsName(lemma)) continue;
+      std::string text = Normalize(lemma);
+      const bool known = text == words || std::find(synonyms.begin(), synonyms.end(), text) != synonyms.end();
+      if (!known) synonyms.push_back(std::move(text));
+    }
+  return synonyms;
 }
 
 }  // namespace etude::language

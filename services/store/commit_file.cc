@@ -17,14 +17,6 @@ void Reach(CommitPoint point) {
   if (commit_probe) commit_probe(point);
 }
 
-// makes the folder and, when it is new, its entry in the parent durable
-Status MakeFolderDurably(const Path& folder) {
-  if (folder.empty() || std::filesystem::is_directory(folder)) return {};
-  ETUDE_RETURN_IF_ERROR(MakeFolderDurably(folder.parent_path()));
-  ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
-  return SyncFolder(folder.parent_path());
-}
-
 int WriteAndSync(int fd, std::span<const std::uint8_t> bytes) {
   while (!bytes.empty()) {
     const ssize_t written = ::write(fd, bytes.data(), bytes.size());
@@ -41,7 +33,7 @@ int WriteAndSync(int fd, std::span<const std::uint8_t> bytes) {
 void SetCommitProbe(std::function<void(CommitPoint)> probe) { commit_probe = std::move(probe); }
 
 Status CommitFile(const Path& path, std::span<const std::uint8_t> bytes) {
-  ETUDE_RETURN_IF_ERROR(MakeFolderDurably(path.parent_path()));
+  ETUDE_RETURN_IF_ERROR(MakeFolders(path.parent_path()));
   const Path temporary = path.string() + std::string(kTemporarySuffix);
   const int fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   if (fd < 0) return Fail(ErrnoError("create", temporary, errno));

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// A dataset on disk: robomimic's HDF5 layout, one file an episode. The file's existence is the
-// commit.
+// A dataset on disk: robomimic's HDF5 layout, one file an episode. The file's existence is the commit.
 //
 //   DATASET/
-//     dataset.json                campaign spec as resolved, schema version, statistics; by rename
-//     episodes/000/000123.hdf5    one episode: temp name -> fsync -> rename -> fsync folder
-//     dataset.hdf5                /data/demo_<i> external links to the files above;
-//     /mask/{train,valid,test} attempts.jsonl              every failed attempt: index, attempt,
-//     seed, outcome, details quarantine/                 what verify moved aside
+//     dataset.json              campaign spec as resolved, schema version, statistics; by rename
+//     episodes/000/000123.hdf5  one episode: temporary name -> fsync -> rename -> fsync of the folder
+//     dataset.hdf5              /data/demo_<i>: external links to the files above; /mask/{train,valid,test}
+//     attempts.jsonl            every failed attempt: index, attempt, seed, outcome, details
+//     quarantine/               what verify moved aside
 #pragma once
 
 #include <cstdint>
@@ -20,12 +19,14 @@
 
 #include "services/core/file.h"
 #include "services/core/result.h"
-#include "services/episode/campaign_spec.h"
 #include "services/episode/episode.h"
+#include "services/spec/campaign_spec.h"
 
 namespace etude::store {
 
-inline constexpr int kSchemaVersion = 1;
+/// What this program writes. It reads from kOldestSchema on: format.md says what changed.
+inline constexpr int kSchemaVersion = 2;
+inline constexpr int kOldestSchema = 1;
 
 /// DATASET/episodes/000/000123.hdf5
 Path EpisodePath(const Path& dataset, std::uint64_t index);
@@ -35,7 +36,7 @@ Path EpisodePath(const Path& dataset, std::uint64_t index);
 class DatasetWriter {
  public:
   /// Makes the dataset, or opens it to resume. Temporary files of a crash are removed.
-  /// @error kInvalidArgument when it was made from another spec (says which keys differ),
+  /// @error kInvalidArgument when it was made from another spec (says which keys differ) or has an older schema,
   /// kUnavailable when another process writes it or the disk refuses.
   static Result<DatasetWriter> Open(const Path& dataset, const CampaignSpec& spec);
   DatasetWriter(DatasetWriter&&) noexcept;
@@ -77,14 +78,20 @@ struct EpisodeRecord {
 /// Reads a dataset, also while it grows. Const methods are thread-safe.
 class DatasetReader {
  public:
-  /// @error kNotFound, kCorrupt (dataset.json), kInvalidArgument for a newer schema.
+  /// Older schemas are converted while they are read. @error kNotFound, kCorrupt (dataset.json), kInvalidArgument
+  /// for a schema that this program does not know.
   static Result<DatasetReader> Open(const Path& dataset);
 
   const Path& path() const { return path_; }
   const CampaignSpec& spec() const { return spec_; }
+  /// Hash of the spec as its writer saw it; defaults that came later are not in it.
+  const std::string& spec_sha256() const { return spec_sha256_; }
+  /// Of the dataset on disk.
+  int schema_version() const { return schema_version_; }
   /// Indices of the episode files there now, ascending (reads the folders).
   Result<std::vector<std::uint64_t>> List() const;
-  /// @error kCorrupt with the file and what is wrong; other files are not affected.
+  /// @error kCorrupt with the file and what is wrong; kUnavailable: it cannot be read now and may be whole, so ask
+  /// again later. Other files are not affected.
   Result<EpisodeRecord> Read(std::uint64_t index) const;
   /// The whole episode, with pictures (still deflated).
   Result<Episode> ReadWhole(std::uint64_t index) const;
@@ -92,13 +99,9 @@ class DatasetReader {
  private:
   Path path_;
   CampaignSpec spec_;
+  std::string spec_sha256_;
+  int schema_version_ = kSchemaVersion;
 };
-
-/// Inflates one zlib stream (libdeflate) into exactly `size` bytes. Thread-safe.
-/// @error kCorrupt
-Status InflateFrame(std::span<const std::uint8_t> stream, std::span<std::uint8_t> pixels);
-/// zlib stream of `pixels` at a fast level; deterministic. Thread-safe.
-std::vector<std::uint8_t> DeflateFrame(std::span<const std::uint8_t> pixels);
 
 /// Reads frames by file offset, with no HDF5 and no lock: pread + inflate. Thread-safe.
 class FrameReader {
@@ -113,7 +116,8 @@ struct VerifyReport {
     Path path;
     std::string reason;
   };
-  std::vector<Bad> bad;
+  std::vector<Bad> bad;     ///< their content is wrong
+  std::vector<Bad> unread;  ///< could not be read this time; never moved
 };
 
 enum class Quarantine { kNo, kYes };

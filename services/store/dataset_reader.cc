@@ -38,6 +38,8 @@ Result<DatasetReader> DatasetReader::Open(const Path& dataset) {
   DatasetReader reader;
   reader.path_ = dataset;
   reader.spec_ = std::move(description->spec);
+  reader.spec_sha256_ = std::move(description->spec_sha256);
+  reader.schema_version_ = description->schema_version;
   return reader;
 }
 

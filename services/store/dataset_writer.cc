@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "services/core/log.h"
+#include "services/episode/bounded_json.h"
+#include "services/spec/episode_plan.h"
 #include "services/store/commit_file.h"
 #include "services/store/dataset.h"
 #include "services/store/episode_file.h"
@@ -16,6 +18,8 @@
 
 namespace etude::store {
 namespace {
+
+constexpr std::size_t kMaxDetailsText = 1000;
 
 using AttemptId = std::pair<std::uint64_t, std::uint32_t>;
 
@@ -44,7 +48,23 @@ Status CheckFresh(const Path& dataset) {
   return {};
 }
 
-Status CheckSpec(const Path& dataset, const CampaignSpec& made_from, const CampaignSpec& now) {
+Status CheckSpec(const Path& dataset, const internal::DatasetFile& found, const CampaignSpec& now) {
+  if (found.schema_version != kSchemaVersion)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("dataset '{}' has schema version {}, new episodes have {}: it can be read and trained on, "
+                            "but not added to; collect into another folder",
+                            dataset.string(), found.schema_version, kSchemaVersion));
+  if (found.content != kContentVersion)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("dataset '{}' was made with content version {}, new episodes have {}: the same spec would "
+                            "not make the same bytes; collect into another folder",
+                            dataset.string(), found.content, kContentVersion));
+  if (found.spec_sha256 != SpecHash(found.spec))
+    return Fail(Code::kInvalidArgument,
+                fmt::format("dataset '{}': its spec has another hash in this version, which knows other keys; new "
+                            "episodes would not be of one spec with those in it; collect into another folder",
+                            dataset.string()));
+  const CampaignSpec& made_from = found.spec;
   const auto differences = internal::SpecDifferences(made_from, now);
   if (differences.empty()) return {};
   return Fail(Code::kInvalidArgument,
@@ -57,7 +77,7 @@ std::set<AttemptId> RecordedAttempts(const Path& dataset) {
   std::set<AttemptId> attempts;
   std::ifstream file(dataset / internal::kAttempts);
   for (std::string line; std::getline(file, line);) {
-    const Json json = Json::parse(line, nullptr, /*allow_exceptions=*/false);
+    const OrderedJson json = ParseBoundedJson(line).value_or(OrderedJson());
     const auto number = [&](const char* key) {
       return json.is_object() && json.contains(key) && json[key].is_number_unsigned();
     };
@@ -89,13 +109,16 @@ DatasetWriter::~DatasetWriter() = default;
 
 Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpec& spec) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(dataset));
+  // an earlier run may have ended between making the folder and making its entry durable; where the folder above
+  // cannot be read, this cannot be done
+  (void)SyncFolder(std::filesystem::absolute(dataset / ".").parent_path().parent_path());
   ETUDE_ASSIGN_OR_RETURN(auto lock, internal::DatasetLock::Take(dataset));
 
   // the description says what the dataset is; it is the first thing that is made
   internal::DatasetFile description{spec};
   auto found = internal::ReadDatasetFile(dataset);
   if (found) {
-    ETUDE_RETURN_IF_ERROR(CheckSpec(dataset, found->spec, spec));
+    ETUDE_RETURN_IF_ERROR(CheckSpec(dataset, *found, spec));
     description.statistics = found->statistics;
   } else if (found.error().code == Code::kNotFound) {
     ETUDE_RETURN_IF_ERROR(CheckFresh(dataset));
@@ -139,13 +162,14 @@ Status DatasetWriter::Commit(const Episode& episode) {
 Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                                     const std::string& details_json) {
   if (impl_->recorded.contains({index, attempt})) return {};  // made again after a crash
-  OrderedJson details = OrderedJson::parse(details_json, nullptr, /*allow_exceptions=*/false);
-  if (details.is_discarded()) details = details_json;
+  // whatever a worker sent: what is no JSON, or has no end of brackets, is kept as text
+  auto details = ParseBoundedJson(details_json);
+  if (!details) details = details_json.substr(0, kMaxDetailsText);
   const OrderedJson line = {{"index", index},
                             {"attempt", attempt},
                             {"seed", EpisodeSeed(impl_->spec, index, attempt)},
                             {"outcome", outcome},
-                            {"details", std::move(details)}};
+                            {"details", std::move(*details)}};
   ETUDE_RETURN_IF_ERROR(impl_->attempts.Append(line.dump(-1, ' ', false, OrderedJson::error_handler_t::replace)));
   impl_->recorded.emplace(index, attempt);
   return {};

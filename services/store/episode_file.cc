@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "services/codec/frame.h"
 #include "services/core/check.h"
 #include "services/core/hash.h"
 #include "services/episode/action.h"
@@ -115,11 +116,13 @@ class Writer {
   void WriteRobomimic() {
     const std::uint64_t n = image_steps_.size();
     const auto keep = [](std::vector<float>&) {};
-    file_.Array(demo_ + "/actions", Rows(episode_.actions_abs, action_steps_, ScaleAction), {n, 7});
-    file_.Array(demo_ + "/actions_abs", Rows(episode_.actions_abs, action_steps_, keep), {n, 7});
-    file_.Attribute(demo_ + "/actions", "low", std::vector<double>(kActionLow, kActionLow + 7), {7});
-    file_.Attribute(demo_ + "/actions", "high", std::vector<double>(kActionHigh, kActionHigh + 7), {7});
-    file_.Attribute(demo_ + "/actions_abs", "names", "x y z roll pitch yaw gripper");
+    file_.Array(demo_ + "/actions", Rows(episode_.actions_abs, action_steps_, ScaleAction), {n, kWaypointSize});
+    file_.Array(demo_ + "/actions_abs", Rows(episode_.actions_abs, action_steps_, keep), {n, kWaypointSize});
+    file_.Attribute(demo_ + "/actions", "low", std::vector<double>(std::begin(kActionLow), std::end(kActionLow)),
+                    {kWaypointSize});
+    file_.Attribute(demo_ + "/actions", "high", std::vector<double>(std::begin(kActionHigh), std::end(kActionHigh)),
+                    {kWaypointSize});
+    file_.Attribute(demo_ + "/actions_abs", "names", kWaypointNames);
     std::vector<float> rewards(n, 0.0f);
     rewards.back() = episode_.success ? 1.0f : 0.0f;
     std::vector<std::int64_t> dones(n, 0);
@@ -209,7 +212,7 @@ Status CheckFrames(const Episode& episode) {
   for (const auto& track : episode.cameras) {
     pixels.resize(3ull * track.camera.width * track.camera.height);
     for (std::size_t k = 0; k < track.frames.size(); ++k)
-      if (Status inflated = InflateFrame(track.frames[k], pixels); !inflated)
+      if (Status inflated = codec::InflateFrame(track.frames[k], pixels); !inflated)
         return Fail(inflated.error().Wrap(fmt::format("camera {} frame {}", track.camera.name, k)));
   }
   return {};

@@ -10,24 +10,25 @@
 #include <vector>
 
 #include "services/core/result.h"
+#include "services/episode/action.h"
 #include "services/episode/episode.h"
 #include "services/store/dataset.h"
 
 namespace etude::store::internal {
 
-/// Bounds that scale actions_abs (x, y, z in m, roll, pitch, yaw in rad, gripper) to actions in
-/// [-1, 1].
-inline constexpr double kActionLow[7] = {-1.5, -1.5, -0.5, -3.14159265358979, -3.14159265358979, -3.14159265358979, 0};
-inline constexpr double kActionHigh[7] = {1.5, 1.5, 1.5, 3.14159265358979, 3.14159265358979, 3.14159265358979, 1};
+/// Bounds that scale actions_abs (x, y, z in m, rotation in 6D, gripper) to actions in [-1, 1].
+inline constexpr double kActionLow[kWaypointSize] = {-1.5, -1.5, -0.5, -1, -1, -1, -1, -1, -1, 0};
+inline constexpr double kActionHigh[kWaypointSize] = {1.5, 1.5, 1.5, 1, 1, 1, 1, 1, 1, 1};
 
 /// The bytes are a pure function of the episode.
 /// @error kInvalidArgument when the episode is not valid or a frame does not inflate to its size.
 Result<std::vector<std::uint8_t>> EncodeEpisodeFile(const Episode& episode);
 
 struct EpisodeFile {
+  int schema_version = kSchemaVersion;             ///< of the file; `episode` is converted to this program's
   Episode episode;                                 ///< cameras have no frames
   std::vector<std::vector<FrameLocation>> frames;  ///< [camera][frame]; offsets into the file
-  std::string content_sha256;                      ///< as the writer saw it, see ContentHash
+  std::string content_sha256;                      ///< as the writer saw it: ContentHash of its own schema
 };
 
 /// @error kCorrupt: the seal is missing or broken, or the content is not an episode.

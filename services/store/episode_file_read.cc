@@ -12,8 +12,18 @@
 namespace etude::store::internal {
 namespace {
 
-constexpr int kMaxDepth = 40;
 constexpr std::size_t kMaxJson = 8u << 20;
+
+// Schema 1 had x, y, z, roll, pitch, yaw (rxyz), gripper. Rows of another width are left for ValidateEpisode.
+void ConvertEulerActions(Track& actions) {
+  if (actions.columns != 7) return;
+  Track converted{.columns = kWaypointSize};
+  for (int t = 0; t < actions.rows(); ++t) {
+    const auto row = actions.row(t);
+    converted.Push(ToVector({{{row[0], row[1], row[2]}, FromEuler({row[3], row[4], row[5]})}, row[6]}));
+  }
+  actions = std::move(converted);
+}
 
 // Reads what Writer wrote; the file's own problems stay in the HdfReader, those of content in
 // `error_`.
@@ -43,7 +53,7 @@ class Reader {
 
   OrderedJson JsonText(const char* name) {
     const std::string text = Text(name);
-    auto json = text.size() <= kMaxJson ? ParseBoundedJson(text, kMaxDepth) : std::nullopt;
+    auto json = text.size() <= kMaxJson ? ParseBoundedJson(text) : std::nullopt;
     if (!json) Complain(fmt::format("attribute {}: not JSON", name));
     return json.value_or(OrderedJson());
   }
@@ -66,7 +76,9 @@ class Reader {
   void ReadIdentity() {
     Episode& episode = result_.episode;
     const auto schema = file_.Scalar<std::int64_t>(demo_, "schema_version");
-    if (schema != kSchemaVersion) Complain(fmt::format("schema version {}, not {}", schema, kSchemaVersion));
+    if (schema < kOldestSchema || schema > kSchemaVersion)
+      Complain(fmt::format("schema version {}, not {} to {}", schema, kOldestSchema, kSchemaVersion));
+    result_.schema_version = static_cast<int>(schema);
     const auto attempt = file_.Scalar<std::uint64_t>(demo_, "attempt");
     if (attempt > UINT32_MAX) Complain("attribute attempt: too large");
     episode.campaign = Text("campaign");
@@ -107,6 +119,7 @@ class Reader {
       track.values = file_.Array<float>(demo_ + "/control/" + name, 2, shape);
       track.columns = static_cast<int>(std::min<std::uint64_t>(shape[1], INT32_MAX));
     });
+    if (result_.schema_version == 1) ConvertEulerActions(episode.actions_abs);
     episode.phase = file_.Array<std::uint8_t>(demo_ + "/control/phase", 1, shape);
     episode.supervise = file_.Array<std::uint8_t>(demo_ + "/control/supervise", 1, shape);
   }

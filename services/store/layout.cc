@@ -13,6 +13,7 @@
 #include <set>
 #include <utility>
 
+#include "services/episode/bounded_json.h"
 #include "services/store/dataset.h"
 
 namespace etude::store {
@@ -113,10 +114,18 @@ DatasetLock::~DatasetLock() {
   if (fd_ >= 0) ::close(fd_);
 }
 
+namespace {
+
+std::int64_t IntegerOr0(const OrderedJson& json, const char* key) {
+  return json.contains(key) && json[key].is_number_integer() ? json[key].get<std::int64_t>() : 0;
+}
+
+}  // namespace
+
 Result<DatasetFile> ReadDatasetFile(const Path& dataset) {
   const Path path = dataset / kDatasetJson;
   ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(path, 64 << 20));
-  const OrderedJson json = OrderedJson::parse(text, nullptr, /*allow_exceptions=*/false);
+  const OrderedJson json = ParseBoundedJson(text).value_or(OrderedJson());
   const auto corrupt = [&](const std::string& what) {
     return Fail(Code::kCorrupt, fmt::format("read '{}': {}", path.string(), what));
   };
@@ -124,18 +133,23 @@ Result<DatasetFile> ReadDatasetFile(const Path& dataset) {
     return corrupt("not a dataset's description");
   const auto& version = json["schema_version"];
   if (!version.is_number_integer()) return corrupt("schema_version is not a number");
-  if (version.get<std::int64_t>() != kSchemaVersion)
+  const auto schema = version.get<std::int64_t>();
+  if (schema < kOldestSchema || schema > kSchemaVersion)
     return Fail(Code::kInvalidArgument,
-                fmt::format("dataset '{}' has schema version {}, this program reads {}; use the version of "
+                fmt::format("dataset '{}' has schema version {}, this program reads {} to {}; use the version of "
                             "Etude that made it",
-                            dataset.string(), version.dump(), kSchemaVersion));
+                            dataset.string(), schema, kOldestSchema, kSchemaVersion));
   auto spec = FromJson<CampaignSpec>(json["spec"], path.string());
   if (!spec) return corrupt(spec.error().message);
-  return DatasetFile{std::move(*spec), json.value("statistics", OrderedJson::object())};
+  const auto hash = json.find("spec_sha256");
+  if (hash == json.end() || !hash->is_string()) return corrupt("it has no spec_sha256");
+  return DatasetFile{std::move(*spec), json.value("statistics", OrderedJson::object()), hash->get<std::string>(),
+                     static_cast<int>(schema), IntegerOr0(json, "content")};
 }
 
 Status WriteDatasetFile(const Path& dataset, const DatasetFile& content) {
   const OrderedJson json = {{"schema_version", kSchemaVersion},
+                            {"content", kContentVersion},
                             {"spec_sha256", SpecHash(content.spec)},
                             {"spec", ToJson(content.spec)},
                             {"statistics", content.statistics}};

@@ -8,7 +8,9 @@
 
 #include "services/core/file.h"
 #include "services/core/result.h"
-#include "services/episode/campaign_spec.h"
+#include "services/spec/campaign_spec.h"
+#include "services/spec/content_version.h"
+#include "services/store/dataset.h"
 
 namespace etude::store::internal {
 
@@ -44,9 +46,12 @@ class DatasetLock {
 struct DatasetFile {
   CampaignSpec spec;
   OrderedJson statistics = OrderedJson::object();
+  std::string spec_sha256 = {};  ///< as read; what is written is the spec's own
+  int schema_version = kSchemaVersion;
+  std::int64_t content = kContentVersion;  ///< as read, 0 when it does not say; what is written is our own
 };
 
-/// @error kNotFound, kCorrupt, kInvalidArgument (another schema version)
+/// @error kNotFound, kCorrupt, kInvalidArgument (a schema version that is not known)
 Result<DatasetFile> ReadDatasetFile(const Path& dataset);
 Status WriteDatasetFile(const Path& dataset, const DatasetFile& content);
 

@@ -5,6 +5,7 @@
 #include <system_error>
 
 #include "services/episode/action.h"
+#include "services/episode/bounded_json.h"
 #include "services/episode/codec.h"
 #include "services/episode/tracks.h"
 #include "services/store/layout.h"
@@ -21,6 +22,8 @@ EpisodeSummary Summarize(const Episode& episode, std::uint64_t frames, std::uint
   summary.samples = static_cast<std::uint64_t>(FrameCount(episode.steps(), episode.image_stride));
   summary.frames = frames;
   summary.bytes = bytes;
+  summary.scene.Add(episode.details);
+  summary.planned.Add(episode.details);
   return summary;
 }
 
@@ -36,6 +39,8 @@ OrderedJson StatisticsOf(const CampaignSpec& spec, const std::map<std::uint64_t,
   std::map<std::string, std::uint64_t> tasks, targets, outcomes;
   std::map<std::string, std::uint64_t> splits{{"train", 0}, {"valid", 0}, {"test", 0}};
   EpisodeSummary sum;
+  SceneTally scenes;
+  PlanTally planned;
   std::uint64_t successes = 0;
   for (const auto& [index, episode] : episodes) {
     ++tasks[episode.task];
@@ -47,13 +52,16 @@ OrderedJson StatisticsOf(const CampaignSpec& spec, const std::map<std::uint64_t,
     sum.samples += episode.samples;
     sum.frames += episode.frames;
     sum.bytes += episode.bytes;
+    scenes.Add(episode.scene);
+    planned.Add(episode.planned);
   }
   return {{"episodes", episodes.size()}, {"successes", successes},
           {"steps", sum.steps},          {"seconds", static_cast<double>(sum.steps) / kControlRate},
           {"samples", sum.samples},      {"frames", sum.frames},
           {"bytes", sum.bytes},          {"tasks", tasks},
           {"targets", targets},          {"splits", splits},
-          {"outcomes", outcomes}};
+          {"outcomes", outcomes},        {"scenes", scenes.Json()},
+          {"planned", planned.Json()}};
 }
 
 OrderedJson FeatureTable(const Episode& episode) {
@@ -76,7 +84,7 @@ std::map<std::string, std::uint64_t> FailuresByOutcome(const Path& dataset) {
   std::map<std::string, std::uint64_t> failures;
   std::ifstream file(dataset / kAttempts);
   for (std::string line; std::getline(file, line);) {
-    const Json json = Json::parse(line, nullptr, /*allow_exceptions=*/false);
+    const OrderedJson json = ParseBoundedJson(line).value_or(OrderedJson());
     if (json.is_object() && json.contains("outcome") && json["outcome"].is_string())
       ++failures[json["outcome"].get<std::string>()];
   }

@@ -6,6 +6,7 @@
 #include <map>
 #include <string>
 
+#include "services/episode/attempt_details.h"
 #include "services/store/dataset.h"
 
 namespace etude::store::internal {
@@ -17,6 +18,8 @@ struct EpisodeSummary {
   std::uint64_t samples = 0;  ///< images' rate, robomimic's num_samples
   std::uint64_t frames = 0;   ///< of all cameras
   std::uint64_t bytes = 0;    ///< of the file
+  SceneTally scene;           ///< how its scene was found
+  PlanTally planned;          ///< how its stages were planned
 };
 
 EpisodeSummary Summarize(const Episode& episode, std::uint64_t frames, std::uint64_t bytes);

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "blob.h"
-#include "services/bus/object_channel.h"
+#include "services/bus/blob_transfer.h"
 #include "services/bus/participant_state.h"
 #include "services/core/clock.h"
 #include "services/core/hash.h"
@@ -54,11 +54,11 @@ void Say(const char* line) {
 
 int RunChunkedSubscriber() {
   const auto participant = OpenOrDie();
-  auto subscriber = bus::ObjectSubscriber::Open(participant, "bench", "latest");
+  auto subscriber = bus::BlobSubscriber::Open(participant, "bench", "latest");
   if (!subscriber) return 1;
   Say("ready");
-  while (const auto object = subscriber->Wait(60s)) {
-    if (object->bytes.size() != kSize) return 1;
+  while (const auto blob = subscriber->Wait(60s)) {
+    if (blob->bytes.size() != kSize) return 1;
     Say("got");
   }
   return 0;
@@ -119,7 +119,7 @@ int RunChunkedPublisher(int count) {
   if (const char* kilobytes = std::getenv("CHUNK_KIB")) {
     options.chunk_size = static_cast<std::uint32_t>(std::atoi(kilobytes)) * 1024;
   }
-  auto publisher = bus::ObjectPublisher::Open(participant, "bench", options);
+  auto publisher = bus::BlobPublisher::Open(participant, "bench", options);
   if (!publisher) return 1;
   return Time(
       "chunked-subscriber", count,

@@ -17,6 +17,8 @@
 #include "trainer/learn/optimizer.h"
 #include "trainer/learn/replicas.h"
 #include "trainer/learn/tensors.h"
+#include "trainer/policy/crop.h"
+#include "trainer/policy/names.h"
 #include "trainer/policy/torch_process.h"
 
 namespace etude {
@@ -32,7 +34,8 @@ struct Rates {
 class Bench {
  public:
   Status Open(const Path& folder) {
-    ETUDE_ASSIGN_OR_RETURN(config_, learn::LoadTrainConfig("compact", "trainer/experiments", {"steps=1"}));
+    ETUDE_ASSIGN_OR_RETURN(config_, learn::LoadTrainConfig("compact", "trainer/experiments",
+                                                           {"steps=1", "policy.image.crop=[41,75,144,80]"}));
     const CampaignSpec spec = SyntheticSpec(224, 224);
     ETUDE_ASSIGN_OR_RETURN(auto writer, store::DatasetWriter::Open(folder, spec));
     for (std::uint64_t i = 0; i < kEpisodes; ++i)
@@ -57,10 +60,11 @@ class Bench {
   Result<Rates> Run(int cache_mb, int steps) {
     data::DataConfig data = config_.data;
     data.cache_mb = cache_mb;
-    const auto& crop = config_.policy.image.crop;
-    auto maker =
-        std::make_shared<const data::BatchMaker>(data, data::Region{crop[0], crop[1], crop[2], crop[3]},
-                                                 config_.policy.objects, dataset_->spec().tasks, grammar_, 224, 224);
+    auto maker = std::make_shared<const data::BatchMaker>(
+        data,
+        data::BatchContent{policy::CropOf(config_.policy.image), 224, 224, dataset_->spec().tasks,
+                           config_.policy.objects, policy::LabelColumnsOf(config_.policy)},
+        grammar_);
     data::Loader loader(dataset_, maker, data, config_.seed, 0);
     double waited = 0;
     Stopwatch whole;

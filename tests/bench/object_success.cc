@@ -9,7 +9,8 @@
 #include <vector>
 
 #include "services/core/rng.h"
-#include "services/episode/object_names.h"
+#include "services/spec/episode_plan.h"
+#include "services/spec/object_names.h"
 #include "worker/task/attempt.h"
 
 namespace {
@@ -53,7 +54,7 @@ int main(int argc, char** argv) {
       }
       for (int index = 0; index < 12; ++index) {
         const auto result = runner->Demonstrate(index, 0);
-        const std::string target = TargetOf(spec, index);
+        const std::string target = PlanEpisode(spec, index, 0).target;
         Tally& tally = of_class[ObjectNoun(target)][name];
         ++tally.trials;
         ++attempts;

@@ -72,15 +72,15 @@ Labels MakeLabels(const PolicyConfig& config, int batch, int sentences) {
   const Tensor corner = torch::tensor({float(config.image.crop[0]), float(config.image.crop[1])});
   const Tensor size = torch::tensor({float(config.image.crop[2]), float(config.image.crop[3])});
   Labels labels;
-  labels["target_class"] = torch::randint(0, 6, {batch, sentences}, torch::kInt64);
-  labels["target_pixel"] = corner + size * torch::rand({batch, sentences, 2});
-  labels["ee_pixel"] = corner + size * torch::rand({batch, 1, 2});
-  labels["target_position"] = 0.2 * torch::randn({batch, sentences, 3});
-  labels["target_pose"] = 0.2 * torch::randn({batch, sentences, 9});
-  labels["ee_position"] = 0.2 * torch::randn({batch, 1, 3});
-  labels["ee_pose"] = 0.2 * torch::randn({batch, 1, 9});
-  labels["displacement"] = 0.2 * torch::randn({batch, sentences, 3});
-  labels["trajectory"] = torch::rand({batch, 1, 12, 10});
+  labels["target.class"] = torch::randint(0, 6, {batch, sentences}).to(torch::kFloat32);
+  labels["target.pixel"] = corner + size * torch::rand({batch, sentences, 2});
+  labels["ee.pixel"] = corner + size * torch::rand({batch, 1, 2});
+  labels["target.position"] = 0.2 * torch::randn({batch, sentences, 3});
+  labels["target.pose"] = 0.2 * torch::randn({batch, sentences, 9});
+  labels["ee.position"] = 0.2 * torch::randn({batch, 1, 3});
+  labels["ee.pose"] = 0.2 * torch::randn({batch, 1, 9});
+  labels["target.displacement"] = 0.2 * torch::randn({batch, sentences, 3});
+  labels["ee.trajectory"] = torch::rand({batch, 1, 12, 10});
   return labels;
 }
 
@@ -111,12 +111,13 @@ class PlainPaper {
     const auto batch = inputs.images.size(0);
     const Tensor joints = Joints(inputs.joints);
     const Tensor image = ImageTokens(inputs.images);
-    std::vector<Tensor> keys{Head("image_key", image) + Segment(0), Head("language_key", language) + Segment(2),
-                             Head("joints_key", joints) + Segment(1)};
-    std::vector<Tensor> values{Head("image_value", image) + Segment(0), Head("language_value", language) + Segment(2),
-                               Head("joints_value", joints) + Segment(1)};
+    std::vector<Tensor> keys{Head("image_key", image) + Segment("image"),
+                             Head("language_key", language) + Segment("language"),
+                             Head("joints_key", joints) + Segment("joints")};
+    std::vector<Tensor> values{Head("image_value", image) + Segment("image"),
+                               Head("language_value", language) + Segment("language"),
+                               Head("joints_value", joints) + Segment("joints")};
     Outputs outputs;
-    int segment = 3;
     std::vector<const ModuleConfig*> order = EvaluationOrder(config_);
     for (std::size_t i = 0; i < order.size();) {
       const int level = order[i]->level;
@@ -124,8 +125,8 @@ class PlainPaper {
       std::vector<Tensor> queries;
       for (; i < order.size() && order[i]->level == level; ++i) {
         modules.push_back(order[i]);
-        queries.push_back(order[i]->query.empty() ? Slot(order[i]->name, batch, segment++)
-                                                  : outputs.at(order[i]->query).reg);
+        queries.push_back(order[i]->query.empty() ? Slot(order[i]->name, batch)
+                                                  : outputs.at(order[i]->query).register_token);
       }
       const auto [registers, maps] =
           MultiHead(level, torch::cat(queries, 1), torch::cat(keys, 1), torch::cat(values, 1));
@@ -144,24 +145,30 @@ class PlainPaper {
   Tensor Linear(const std::string& name, const Tensor& x) const {
     return torch::nn::functional::linear(x, W(name + ".weight"), W(name + ".bias"));
   }
-  Tensor Segment(int row) const { return W("segments")[row]; }
+  Tensor Segment(const std::string& name) const { return W("segments." + name); }
   Tensor Head(const std::string& name, const Tensor& x, const std::string& suffix = "_head") const {
     const Tensor y = Linear(name + suffix + ".linear", x);
     return torch::relu(
         torch::layer_norm(y, {y.size(-1)}, W(name + suffix + ".norm.weight"), W(name + suffix + ".norm.bias")));
   }
-  Tensor Slot(const std::string& name, std::int64_t batch, int segment) const {
+  Tensor Slot(const std::string& name, std::int64_t batch) const {
     const std::string prefix = "modules." + name + ".";
     const Tensor y = Linear(prefix + "query_head.linear", W(prefix + "register"));
     const Tensor normed =
         torch::layer_norm(y, {y.size(-1)}, W(prefix + "query_head.norm.weight"), W(prefix + "query_head.norm.bias"));
-    return (torch::selu(normed) + Segment(segment)).expand({batch, 1, config_.width});
+    return (torch::selu(normed) + Segment(name)).expand({batch, 1, config_.width});
   }
   Tensor Mlp(const std::string& name, Tensor x, std::size_t layers, bool activate_last) const {
     for (std::size_t i = 0; i < layers; ++i) {
       x = Linear(fmt::format("{}.layer{}", name, i), x);
       if (i + 1 < layers || activate_last) x = torch::selu(x);
     }
+    return x;
+  }
+  /// The paper's decoders read their register alone.
+  Tensor Decoder(const std::string& prefix, const Tensor& reg, std::size_t layers) const {
+    Tensor x = torch::nn::functional::linear(reg, W(prefix + "from.register"), W(prefix + "bias"));
+    for (std::size_t i = 1; i < layers; ++i) x = Linear(fmt::format("{}layer{}", prefix, i), torch::selu(x));
     return x;
   }
   Tensor Joints(const Tensor& q) const {
@@ -218,7 +225,7 @@ class PlainPaper {
     const Tensor& mean = W("normalization_position_mean");
     const Tensor& std = W("normalization_position_std");
     ModuleOutput output;
-    output.reg = reg;
+    output.register_token = reg;
     output.attention = maps.mean(1);
     const auto [rows, columns] = policy_.grid();
     const Tensor on_image = maps.narrow(-1, 0, rows * columns);
@@ -227,8 +234,8 @@ class PlainPaper {
     const Tensor v = (torch::arange(rows, torch::kFloat32) + 0.5).repeat_interleave(columns) * stride;
     const Tensor per_head = torch::matmul(on_image, torch::stack({u, v}, -1)) / on_image.sum(-1, true);
     output.soft_argmax = per_head.mean(1) + inputs.crop_origin.unsqueeze(1);
-    const Tensor raw = Mlp("modules." + module.name + ".decoder", reg, module.decoder.hidden.size() + 1, false);
-    const std::string kind = DecodeKind(module.decoder.target);
+    const Tensor raw = Decoder("modules." + module.name + ".decoder.", reg, module.decoder.hidden.size() + 1);
+    const std::string kind = module.decoder.quantity;
     if (kind == "class") output.decoded["class"] = raw;
     if (kind == "pixel") output.decoded["pixel"] = output.soft_argmax + 2 * stride * raw;
     if (kind == "pose")
@@ -352,11 +359,8 @@ data::Batch ToBatch(const Inputs& inputs, const Labels& labels) {
   for (const auto& [name, label] : labels) {
     data::LabelArray& array = batch.labels[name];
     array.shape = label.sizes().vec();
-    if (label.scalar_type() == torch::kInt64)
-      copy(label, array.classes);
-    else
-      copy(label, array.values);
-    array.valid_shape = {array.shape.begin(), array.shape.begin() + (name == "trajectory" ? 3 : 2)};
+    copy(label, array.values);
+    array.valid_shape = {array.shape.begin(), array.shape.begin() + (name == "ee.trajectory" ? 3 : 2)};
     std::size_t count = 1;
     for (const auto size : array.valid_shape) count *= static_cast<std::size_t>(size);
     array.valid.assign(count, 1);
@@ -400,7 +404,7 @@ int Main() {
   fmt::print(stderr, "{}; two spinning threads do {:.2f} x the work of one\n", DescribeTorch(), SpinRatio());
   const std::string folder = "trainer/experiments/policies/";
   const auto paper = LoadConfig<PolicyConfig>(folder + "paper.yaml");
-  const auto compact = LoadConfig<PolicyConfig>(folder + "compact.yaml");
+  const auto compact = LoadConfig<PolicyConfig>(folder + "compact.yaml", {"image.crop=[41,75,144,80]"});
   if (!paper || !compact) {
     fmt::print(stderr, "train_bench: run it from the repository's root: {}\n",
                (!paper ? paper.error() : compact.error()).message);

@@ -8,7 +8,7 @@
 #include <mutex>
 #include <thread>
 
-#include "services/bus/object_channel.h"
+#include "services/bus/blob_transfer.h"
 #include "services/campaign/collector.h"
 #include "services/campaign/process.h"
 #include "services/campaign/worker_client.h"
@@ -102,7 +102,7 @@ class NotingSink : public campaign::EpisodeSink {
                        const std::string& details_json) override {
     return inner_->RecordFailure(index, attempt, outcome, details_json);
   }
-  Status WriteMaster() override { return {}; }
+  Status WriteIndex() override { return {}; }
 
  private:
   std::unique_ptr<campaign::EpisodeSink> inner_;
@@ -142,8 +142,8 @@ class Hosted {
 // receiver that acknowledges at once.
 double PartsSeconds(const bus::Participant& participant, task::AttemptRunner& runner, std::uint64_t first,
                     std::uint64_t count) {
-  auto receiver = bus::ObjectReceiver::Open(participant, "bench-parts", "episode");
-  auto sender = bus::ObjectSender::Open(participant, "bench-parts", "episode", "bench");
+  auto receiver = bus::BlobReceiver::Open(participant, "bench-parts", "episode");
+  auto sender = bus::BlobSender::Open(participant, "bench-parts", "episode", "bench");
   ETUDE_CHECK(receiver && sender);
   std::atomic<bool> stop{false};
   std::thread thread([&] {
@@ -180,7 +180,7 @@ double WholeSeconds(const bus::Participant& participant, const CampaignSpec& spe
   ETUDE_CHECK(client);
   std::optional<Stopwatch> since_first;
   double seconds = 0;
-  const Status done = client->Run([&](const CampaignSpec&) -> Result<campaign::WorkFunction> {
+  const Status done = client->Run([&](const campaign::JoinedCampaign&) -> Result<campaign::WorkFunction> {
     return [&](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
       // indices before the first are only to get going: joining and discovery are not the worker's cost per episode
       if (item.index == first && !since_first) since_first.emplace();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the bus promises between real processes: many of them on one host without multicast, and objects
+// What the bus promises between real processes: many of them on one host without multicast, and blobs
 // that arrive although their receiver hung or died. The program starts itself again as the other side.
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -11,7 +11,7 @@
 #include <cstring>
 #include <set>
 
-#include "services/bus/object_channel.h"
+#include "services/bus/blob_transfer.h"
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
 #include "services/core/hash.h"
@@ -57,18 +57,18 @@ int RunWorker(const std::string& name) {
   return 1;
 }
 
-// Acknowledges objects until one of 1 byte has come; the others' metadata is their SHA-256.
+// Acknowledges blobs until one of 1 byte has come; the others' metadata is their SHA-256.
 int RunReceiver() {
   auto participant = Participant::Open({kDomain, ShortLeaseProfile()});
   if (!participant) return 1;
-  auto receiver = ObjectReceiver::Open(*participant, "outage", "episode");
+  auto receiver = BlobReceiver::Open(*participant, "outage", "episode");
   if (!receiver) return 1;
   for (const Stopwatch watch; watch.Seconds() < kPatienceS;) {
-    const auto object = receiver->Receive(1s);
-    if (!object) continue;
-    if (Sha256Hex(object->bytes) != object->manifest.meta_json) return 2;
-    if (!receiver->Acknowledge(object->manifest, {AckKind::kDone, ""})) return 1;
-    if (object->bytes.size() == 1) return 0;
+    const auto blob = receiver->Receive(1s);
+    if (!blob) continue;
+    if (Sha256Hex(blob->bytes) != blob->manifest.meta_json) return 2;
+    if (!receiver->Acknowledge(blob->manifest, {AckKind::kDone, ""})) return 1;
+    if (blob->bytes.size() == 1) return 0;
   }
   return 1;
 }
@@ -136,7 +136,7 @@ class Outage : public testing::Test {
     participant_.emplace(std::move(*opened));
     SendOptions options;
     options.chunk_size = 64 * 1024;
-    auto sender = ObjectSender::Open(*participant_, "outage", "episode", "s", options);
+    auto sender = BlobSender::Open(*participant_, "outage", "episode", "s", options);
     ASSERT_TRUE(sender);
     sender_.emplace(std::move(*sender));
   }
@@ -158,7 +158,7 @@ class Outage : public testing::Test {
   }
 
   std::optional<Participant> participant_;
-  std::optional<ObjectSender> sender_;
+  std::optional<BlobSender> sender_;
 };
 
 TEST_F(Outage, AReceiverThatHungLongerThanItsLeaseLosesNothing) {
@@ -185,7 +185,7 @@ TEST_F(Outage, AReceiverThatWasKilledIsReplaced) {
   Begin(1, small);
   ExpectDone(1);
   const auto large = MakeBytes(30'000'000, 2);
-  receiver->Signal(SIGSTOP);  // so that it is surely in the middle of the object
+  receiver->Signal(SIGSTOP);  // so that it is surely in the middle of the blob
   Begin(2, large);
   EXPECT_FALSE(sender_->Next(50ms));
   receiver->Signal(SIGKILL);

@@ -11,6 +11,7 @@
 #include "services/campaign/process.h"
 #include "services/core/clock.h"
 #include "services/core/rng.h"
+#include "services/spec/episode_plan.h"
 #include "services/store/dataset.h"
 #include "tests/support/temporary_folder.h"
 

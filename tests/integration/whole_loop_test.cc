@@ -10,6 +10,7 @@
 #include "services/core/file.h"
 #include "services/store/dataset.h"
 #include "services/store/safetensors.h"
+#include "tests/integration/examples.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
@@ -69,6 +70,11 @@ TEST_F(WholeLoop, CollectsTrainsPublishesServesAndRollsOut) {
   const Json eval = Json::parse(*eval_text);
   ASSERT_EQ(eval.at("per_episode").size(), 3u);
   for (const auto& episode : eval.at("per_episode")) EXPECT_NE(episode.value("outcome", ""), "policy_error");
+
+  // what deploy/examples shows works with that checkpoint
+  const Path file = out_ / "run" / "loop" / "checkpoints" / "latest.safetensors";
+  ExpectDriverFollowsAPolicy(Binary("etude").parent_path(), file, kDomain, folder_);
+  ExpectSubscriberTakesACheckpoint(Binary("etude").parent_path(), file, kDomain, folder_);
 }
 
 }  // namespace

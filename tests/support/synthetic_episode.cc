@@ -5,10 +5,12 @@
 #include <cmath>
 #include <map>
 
+#include "services/codec/frame.h"
 #include "services/core/check.h"
 #include "services/core/rng.h"
 #include "services/episode/action.h"
 #include "services/episode/codec.h"
+#include "services/spec/episode_plan.h"
 #include "services/store/dataset.h"
 
 namespace etude {
@@ -92,7 +94,8 @@ void PushStep(Episode& episode, const Vector3d& p_WE, const Vector3d& next, doub
   Push(episode.eef_quat, 4, {0, 1, 0, 0});
   const Eigen::Vector2d pixel = camera.Project(p_WE);
   Push(episode.eef_pixel, 2, {pixel.x(), pixel.y()});
-  Push(episode.actions_abs, 7, {next.x(), next.y(), next.z(), M_PI, 0, 0, closed});
+  episode.actions_abs.columns = kWaypointSize;
+  episode.actions_abs.Push(ToVector({{next, FromEuler({M_PI, 0, 0})}, closed}));
   Push(episode.states, 8, {q[0], q[1], q[2], q[3], q[4], q[5], 0.8 * closed, v[0]});
   episode.supervise.push_back(1);
 }
@@ -105,7 +108,7 @@ void Describe(Episode& episode, const CampaignSpec& spec, std::uint64_t index) {
   episode.scene_sha256 = std::string(64, '0');
   episode.version = "synthetic";
   episode.robot = spec.robots[0];
-  episode.task = TaskOf(spec, index);
+  episode.task = PlanEpisode(spec, index, 0).task.text();
   episode.success = true;
   episode.image_stride = spec.image_stride;
   episode.stage_names = {"reach", "lift"};
@@ -169,7 +172,7 @@ Episode MakeSyntheticEpisode(const CampaignSpec& spec, std::uint64_t index, int 
       discs.push_back({p, kObjectRadius, SyntheticColor(spec.objects[i])});
     }
     if (t % spec.image_stride == 0)
-      episode.cameras[0].frames.push_back(store::DeflateFrame(Draw(camera, std::move(discs))));
+      episode.cameras[0].frames.push_back(codec::DeflateFrame(Draw(camera, std::move(discs))));
   }
   return episode;
 }

@@ -7,8 +7,8 @@
 #include <cstdint>
 #include <string>
 
-#include "services/episode/campaign_spec.h"
 #include "services/episode/episode.h"
+#include "services/spec/campaign_spec.h"
 
 namespace etude {
 

@@ -68,6 +68,7 @@ Advance Scheduler::Go(std::uint64_t step, Cause cause, std::string reason) {
   advances_.push_back({stage_, stage_ + 1, step, cause, std::move(reason)});
   ++stage_;
   history_.clear();
+  unmeasured_.clear();
   return advances_.back();
 }
 
@@ -76,6 +77,7 @@ std::optional<Advance> Scheduler::Tick(std::uint64_t step, double progress) {
   std::vector<std::string> errors;
   for (const auto& [module, history] : history_)
     if (!history.empty()) errors.push_back(fmt::format("{} {:.4g}", module, history.back()));
+  for (const auto& module : unmeasured_) errors.push_back(module + " has no measured error");
   return Go(step, Cause::kBudget,
             fmt::format("{:.0f} % of the run are over{}{}", 100 * progress, errors.empty() ? "" : "; ",
                         fmt::join(errors, ", ")));
@@ -85,10 +87,12 @@ std::optional<Advance> Scheduler::Observe(std::uint64_t step, double progress,
                                           const std::map<std::string, double>& errors) {
   if (stage_ == stages()) return std::nullopt;
   bool all_done = true, all_good = true;
+  unmeasured_.clear();
   std::vector<std::string> reasons;
   for (const auto& module : subtasks_[static_cast<std::size_t>(stage_ - 1)].modules) {
     const auto error = errors.find(module);
     if (error == errors.end() || !std::isfinite(error->second)) {
+      unmeasured_.insert(module);
       all_done = false;
       continue;
     }
@@ -107,6 +111,12 @@ std::optional<Advance> Scheduler::Observe(std::uint64_t step, double progress,
   if (all_done)
     return Go(step, all_good ? Cause::kGoal : Cause::kConverged, fmt::format("{}", fmt::join(reasons, ", ")));
   return Tick(step, progress);
+}
+
+bool Scheduler::NewlyUnmeasured() {
+  if (unmeasured_.empty() || said_stage_ == stage_) return false;
+  said_stage_ = stage_;
+  return true;
 }
 
 OrderedJson Scheduler::Save() const {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -27,11 +28,12 @@ struct CurriculumConfig {
 
   template <class V>
   void Visit(V& v) {
-    v("enabled", enabled);
-    v("improvement", improvement);
-    v("patience", patience);
-    v("latest_last", latest_last);
-    v("goals", goals);
+    v("enabled", enabled, "", "false: every subtask from the start");
+    v("improvement", improvement, "-",
+      "a module has converged when its best error improved by less than this fraction");
+    v("patience", patience, "-", "evaluations over which that is looked at");
+    v("latest_last", latest_last, "-", "fraction of the run at which the last subtask starts at the latest");
+    v("goals", goals, "1, px or m", "error of a module that is good enough whatever the trend");
   }
 
   void Check(std::vector<std::string>& errors) const;
@@ -71,23 +73,31 @@ class Scheduler {
   const std::vector<Advance>& advances() const { return advances_; }
 
   /// A validation result. @param progress  of the run, [0, 1]   @param errors  module -> error,
-  /// lower is better; modules that are missing or not finite count as not converged.
+  /// lower is better; modules that are missing or not finite count as not converged: they are in unmeasured() then.
   std::optional<Advance> Observe(std::uint64_t step, double progress, const std::map<std::string, double>& errors);
   /// Only looks at the budget; call as often as you like.
   std::optional<Advance> Tick(std::uint64_t step, double progress);
+
+  /// Modules of this stage without an error at the last Observe: only the budget ends the stage while there are any.
+  const std::set<std::string>& unmeasured() const { return unmeasured_; }
+  /// True once for each stage that has such modules, so that it is said and not repeated.
+  bool NewlyUnmeasured();
+  /// Fraction of the run at which this stage ends at the latest.
+  double Budget() const;
 
   OrderedJson Save() const;
   /// @error kCorrupt when it does not fit; the scheduler is unchanged then.
   Status Restore(const OrderedJson& state);
 
  private:
-  double Budget() const;
   Advance Go(std::uint64_t step, Cause cause, std::string reason);
 
   CurriculumConfig config_;
   std::vector<Subtask> subtasks_;
   int stage_ = 1;
   std::map<std::string, std::vector<double>> history_;  // errors since the stage began
+  std::set<std::string> unmeasured_;
+  int said_stage_ = 0;  // whose unmeasured modules were told of
   std::vector<Advance> advances_;
 };
 

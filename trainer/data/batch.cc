@@ -5,12 +5,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstring>
 
 #include "services/core/rng.h"
-#include "services/episode/object_names.h"
-#include "trainer/data/episode_labels.h"
 
 namespace etude::data {
 
@@ -29,6 +26,7 @@ void DataConfig::Check(std::vector<std::string>& errors) const {
   require(threads >= 1 && threads <= 256, fmt::format("threads: {} not in 1..256", threads));
   require(prefetch >= 1 && prefetch <= 1024, fmt::format("prefetch: {} not in 1..1024", prefetch));
   require(min_episodes >= 1, "min_episodes: must be >= 1");
+  require(min_valid >= 1, "min_valid: must be >= 1");
   require(refresh_s > 0, "refresh_s: must be > 0");
 }
 
@@ -81,53 +79,36 @@ class SentenceBook {
   std::map<std::string, std::int64_t> by_key_, by_text_;
 };
 
-void SetShape(LabelArray& label, std::vector<std::int64_t> shape, std::vector<std::int64_t> valid_shape,
-              bool is_class) {
+void SetShape(LabelArray& label, std::vector<std::int64_t> shape, std::vector<std::int64_t> valid_shape) {
   std::size_t size = 1, valid_size = 1;
   for (auto n : shape) size *= static_cast<std::size_t>(n);
   for (auto n : valid_shape) valid_size *= static_cast<std::size_t>(n);
   label.shape = std::move(shape);
   label.valid_shape = std::move(valid_shape);
-  label.values.assign(is_class ? 0 : size, 0.0f);
-  label.classes.assign(is_class ? size : 0, 0);
-  label.valid.assign(valid_size, 1);
-}
-
-void PutPoint(const PointLabel& point, std::string_view prefix, std::size_t row, bool pixel_valid, bool valid,
-              std::map<std::string, LabelArray>& labels) {
-  const auto put = [&](const char* name, const float* values, std::size_t columns, bool good) {
-    LabelArray& label = labels.at(std::string(prefix) + name);
-    std::copy_n(values, good ? columns : 0, label.values.begin() + static_cast<std::ptrdiff_t>(row * columns));
-    label.valid[row] = good;
-  };
-  put("_pixel", point.pixel.data(), 2, pixel_valid);
-  put("_position", point.pose.data(), 3, valid);
-  put("_pose", point.pose.data(), kPoseSize, valid);
+  label.values.assign(size, 0.0f);
+  label.valid.assign(valid_size, 0);
 }
 
 }  // namespace
 
-BatchMaker::BatchMaker(const DataConfig& config, Region crop, std::vector<std::string> objects,
-                       std::vector<std::string> tasks, std::shared_ptr<const language::Grammar> grammar,
-                       int picture_width, int picture_height)
+BatchMaker::BatchMaker(const DataConfig& config, BatchContent content, std::shared_ptr<const language::Grammar> grammar)
     : config_(config),
-      crop_(crop),
-      objects_(std::move(objects)),
-      tasks_(std::move(tasks)),
+      content_(std::move(content)),
       grammar_(std::move(grammar)),
-      cache_(std::make_unique<FrameCache>(Margin(crop, config.jitter, picture_width, picture_height),
-                                          static_cast<std::size_t>(config.cache_mb) << 20)) {}
+      cache_(std::make_unique<FrameCache>(
+          Margin(content_.crop, config.jitter, content_.picture_width, content_.picture_height),
+          static_cast<std::size_t>(config.cache_mb) << 20)) {}
 
 BatchMaker::View BatchMaker::DrawView(const Sample& sample, Augment augment) const {
-  View view{crop_.u, crop_.v};
+  View view{content_.crop.u, content_.crop.v};
   if (augment == Augment::kNo) return view;
   Rng rng(MixSeed({sample.seed}, "view"));
   const Region& region = cache_->region();
   const auto place = [&](int low, int high) {
     return low + static_cast<int>(rng.Below(static_cast<std::uint64_t>(high - low + 1)));
   };
-  view.u = place(region.u, region.u + region.width - crop_.width);
-  view.v = place(region.v, region.v + region.height - crop_.height);
+  view.u = place(region.u, region.u + region.width - content_.crop.width);
+  view.v = place(region.v, region.v + region.height - content_.crop.height);
 
   const double bias = 255 * rng.Uniform(-config_.brightness, config_.brightness);
   const double gain = 1 + rng.Uniform(-config_.contrast, config_.contrast);
@@ -143,8 +124,8 @@ BatchMaker::View BatchMaker::DrawView(const Sample& sample, Augment augment) con
 
 void BatchMaker::CopyPixels(const std::uint8_t* region, const View& view, std::uint8_t* out) const {
   const Region& whole = cache_->region();
-  const std::size_t row = static_cast<std::size_t>(crop_.width) * 3;
-  for (int y = 0; y < crop_.height; ++y) {
+  const std::size_t row = static_cast<std::size_t>(content_.crop.width) * 3;
+  for (int y = 0; y < content_.crop.height; ++y) {
     const std::uint8_t* in =
         region + (static_cast<std::size_t>(view.v - whole.v + y) * whole.width + (view.u - whole.u)) * 3;
     std::uint8_t* to = out + row * y;
@@ -164,56 +145,42 @@ void BatchMaker::Allocate(std::size_t size, int joints, Batch& batch) const {
   const auto B = static_cast<std::int64_t>(size), S = static_cast<std::int64_t>(config_.sentences);
   batch.size = static_cast<int>(size);
   batch.sentences_each = config_.sentences;
-  batch.height = crop_.height;
-  batch.width = crop_.width;
+  batch.height = content_.crop.height;
+  batch.width = content_.crop.width;
   batch.joints_each = joints;
-  batch.images.resize(size * crop_.bytes());
+  batch.images.resize(size * content_.crop.bytes());
   batch.crop_origin.assign(size * 2, 0);
   batch.joints.assign(size * static_cast<std::size_t>(joints), 0);
   batch.sentences.clear();
   batch.sentence_index.assign(static_cast<std::size_t>(B * S), 0);
   batch.frames.clear();
-  SetShape(batch.labels["target_class"], {B, S}, {B, S}, true);
-  SetShape(batch.labels["target_pixel"], {B, S, 2}, {B, S}, false);
-  SetShape(batch.labels["target_position"], {B, S, 3}, {B, S}, false);
-  SetShape(batch.labels["target_pose"], {B, S, kPoseSize}, {B, S}, false);
-  SetShape(batch.labels["ee_pixel"], {B, 1, 2}, {B, 1}, false);
-  SetShape(batch.labels["ee_position"], {B, 1, 3}, {B, 1}, false);
-  SetShape(batch.labels["ee_pose"], {B, 1, kPoseSize}, {B, 1}, false);
-  SetShape(batch.labels["displacement"], {B, S, 3}, {B, S}, false);
-  SetShape(batch.labels["trajectory"], {B, 1, kWaypoints, kWaypointSize}, {B, 1, kWaypoints}, false);
+  for (const LabelColumn& column : content_.labels) {
+    std::vector<std::int64_t> shape{B, column.entity.per_sentence() ? S : 1}, valid = shape;
+    if (column.entity.is_set()) shape.push_back(kMaxOthers), valid.push_back(kMaxOthers);
+    if (column.rule->label_parts() > 1) valid.push_back(column.rule->label_parts());
+    const auto own = column.rule->label_shape();
+    shape.insert(shape.end(), own.begin(), own.end());
+    SetShape(batch.labels[column.name], std::move(shape), std::move(valid));
+  }
 }
 
-void BatchMaker::FillLabels(const Episode& episode, int step, std::size_t b, const View& view,
-                            const std::vector<language::Command>& commands, Batch& batch) const {
-  const auto seen = [&](const std::array<float, 2>& pixel) {
-    return pixel[0] >= view.u && pixel[1] >= view.v && pixel[0] < view.u + crop_.width &&
-           pixel[1] < view.v + crop_.height;
-  };
-  const PointLabel hand = LabelHand(episode, step);
-  PutPoint(hand, "ee", b, seen(hand.pixel), true, batch.labels);
-
-  for (std::size_t s = 0; s < commands.size(); ++s) {
-    const std::size_t row = b * commands.size() + s;
-    // a sentence says "apple", never which one
-    const auto known = std::find(objects_.begin(), objects_.end(), ObjectNoun(commands[s].target));
-    auto& classes = batch.labels.at("target_class");
-    classes.valid[row] = known != objects_.end();
-    classes.classes[row] = classes.valid[row] ? known - objects_.begin() : 0;
-
-    const PointLabel target = LabelObject(*episode.FindObject(commands[s].target), step);
-    const bool finite = std::isfinite(target.pose[0] + target.pose[1] + target.pose[2] + target.pose[3]);
-    PutPoint(target, "target", row, finite && seen(target.pixel), finite, batch.labels);
-    auto& displacement = batch.labels.at("displacement");
-    displacement.valid[row] = finite;
-    for (std::size_t i = 0; finite && i < 3; ++i) displacement.values[row * 3 + i] = target.pose[i] - hand.pose[i];
+void BatchMaker::FillLabels(const LabelColumn& column, const Episode& episode, int step, std::size_t b,
+                            const View& view, const std::vector<language::Command>& commands, LabelArray& label) const {
+  const std::size_t slots = column.entity.is_set() ? kMaxOthers : 1;
+  const std::size_t rows = column.entity.per_sentence() ? commands.size() : 1;
+  const auto parts = static_cast<std::size_t>(column.rule->label_parts());
+  const std::size_t all = label.valid.size() / parts;  // labels in the array
+  const std::size_t size = label.values.size() / all;
+  const Region seen{view.u, view.v, content_.crop.width, content_.crop.height};
+  for (std::size_t s = 0; s < rows; ++s) {
+    const LabelContext context{episode, step, commands[s], content_.classes, seen};
+    const auto states = StatesOf(column.entity, context);
+    for (std::size_t k = 0; k < std::min(slots, states.size()); ++k) {
+      const std::size_t row = (b * rows + s) * slots + k;
+      column.rule->FillLabel(context, states[k], std::span(label.values).subspan(row * size, size),
+                             std::span(label.valid).subspan(row * parts, parts));
+    }
   }
-  const TrajectoryLabel trajectory = LabelTrajectory(episode, step);
-  auto& label = batch.labels.at("trajectory");
-  std::copy(trajectory.values.begin(), trajectory.values.end(),
-            label.values.begin() + static_cast<std::ptrdiff_t>(b * trajectory.values.size()));
-  std::copy(trajectory.valid.begin(), trajectory.valid.end(),
-            label.valid.begin() + static_cast<std::ptrdiff_t>(b * kWaypoints));
 }
 
 Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& samples, std::uint64_t step,
@@ -230,7 +197,7 @@ Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& sam
     const int row = entry.StepOf(samples[b].frame.frame);
     const View view = DrawView(samples[b], augment);
     ETUDE_ASSIGN_OR_RETURN(const std::uint8_t* region, cache_->Get(entry, samples[b].frame.frame, scratch));
-    CopyPixels(region, view, batch.images.data() + b * crop_.bytes());
+    CopyPixels(region, view, batch.images.data() + b * content_.crop.bytes());
     batch.crop_origin[2 * b] = static_cast<float>(view.u);
     batch.crop_origin[2 * b + 1] = static_cast<float>(view.v);
 
@@ -241,12 +208,13 @@ Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& sam
     auto joints = batch.joints.begin() + static_cast<std::ptrdiff_t>(b) * batch.joints_each;
     std::copy(gripper.begin(), gripper.end(), std::copy(arm.begin(), arm.end(), joints));
 
-    const auto commands = DrawCommands(episode, tasks_, config_.sentences, samples[b].seed);
+    const auto commands = DrawCommands(episode, content_.tasks, config_.sentences, samples[b].seed);
     Rng rng(MixSeed({samples[b].seed}, "variants"));
     for (std::size_t s = 0; s < commands.size(); ++s)
       batch.sentence_index[b * commands.size() + s] =
           book.Find(commands[s], rng.Below(static_cast<std::uint64_t>(config_.sentence_variants)), batch.sentences);
-    FillLabels(episode, row, b, view, commands, batch);
+    for (const LabelColumn& column : content_.labels)
+      FillLabels(column, episode, row, b, view, commands, batch.labels.at(column.name));
     batch.frames.push_back(samples[b].frame);
   }
   return {};

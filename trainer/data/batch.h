@@ -10,6 +10,7 @@
 
 #include "services/language/grammar.h"
 #include "trainer/data/frame_cache.h"
+#include "trainer/data/labels.h"
 #include "trainer/data/sampler.h"
 
 namespace etude::data {
@@ -28,6 +29,7 @@ struct DataConfig {
   int threads = 1;            ///< that make batches
   int prefetch = 4;           ///< batches made ahead
   int min_episodes = 24;      ///< training waits for this many when the dataset still grows
+  int min_valid = 4;          ///< and for this many of the validation split; those that are there then are the set
   double refresh_s = 5;       ///< how often a growing dataset is looked at
 
   template <class V>
@@ -45,6 +47,7 @@ struct DataConfig {
     v("threads", threads);
     v("prefetch", prefetch);
     v("min_episodes", min_episodes);
+    v("min_valid", min_valid, "-", "validation episodes that training waits for when the dataset still grows");
     v("refresh_s", refresh_s);
   }
 
@@ -52,16 +55,15 @@ struct DataConfig {
   void Check(std::vector<std::string>& errors) const;
 };
 
-/// (shape...) floats, or int64 for target_class; `valid` has one byte a sample (or a waypoint).
+/// One label of all pictures: (B, S | 1, [kMaxOthers], ...) as labels.h says.
 struct LabelArray {
   std::vector<std::int64_t> shape;
   std::vector<float> values;
-  std::vector<std::int64_t> classes;
   std::vector<std::int64_t> valid_shape;
   std::vector<std::uint8_t> valid;
 };
 
-/// B pictures with S sentences each. Labels by the names of labels.h.
+/// B pictures with S sentences each. Labels by the names of their columns.
 struct Batch {
   std::uint64_t step = 0;
   int size = 0, sentences_each = 0, height = 0, width = 0, joints_each = 0;
@@ -76,14 +78,20 @@ struct Batch {
 
 enum class Augment { kNo, kYes };
 
+/// What the policy that is trained sees and is told.
+struct BatchContent {
+  Region crop;                       ///< of the camera's picture
+  int picture_width = 0;             ///< px, of the camera; the jitter is cut to what fits
+  int picture_height = 0;            ///< px
+  std::vector<std::string> tasks;    ///< that relabelled sentences name
+  std::vector<std::string> classes;  ///< nouns that class heads know (ObjectNoun)
+  std::vector<LabelColumn> labels;
+};
+
 /// Makes batches. Const methods are thread-safe.
 class BatchMaker {
  public:
-  /// @param crop     u0, v0, width, height of the picture the policy sees, px
-  /// @param objects  classes of target_class (language::ClassOf)
-  /// @param picture_width, picture_height  of the camera; the jitter is cut to what fits
-  BatchMaker(const DataConfig& config, Region crop, std::vector<std::string> objects, std::vector<std::string> tasks,
-             std::shared_ptr<const language::Grammar> grammar, int picture_width, int picture_height);
+  BatchMaker(const DataConfig& config, BatchContent content, std::shared_ptr<const language::Grammar> grammar);
 
   /// Fills `batch` (its buffers are used again) from `samples` of `snapshot`. With kNo the crop
   /// stands still, colours are as rendered and sentences are plain templates.
@@ -97,13 +105,12 @@ class BatchMaker {
   struct View;
   View DrawView(const Sample& sample, Augment augment) const;
   void CopyPixels(const std::uint8_t* region, const View& view, std::uint8_t* out) const;
-  void FillLabels(const Episode& episode, int step, std::size_t b, const View& view,
-                  const std::vector<language::Command>& commands, Batch& batch) const;
+  void FillLabels(const LabelColumn& column, const Episode& episode, int step, std::size_t b, const View& view,
+                  const std::vector<language::Command>& commands, LabelArray& label) const;
   void Allocate(std::size_t size, int joints, Batch& batch) const;
 
   DataConfig config_;
-  Region crop_;
-  std::vector<std::string> objects_, tasks_;
+  BatchContent content_;
   std::shared_ptr<const language::Grammar> grammar_;
   std::unique_ptr<FrameCache> cache_;
 };

@@ -20,6 +20,7 @@ struct EpisodeEntry {
   std::uint64_t index = 0;
   Split split = Split::kTrain;
   store::EpisodeRecord record;
+  std::vector<std::uint32_t> usable;  ///< frames that something can be learned from, found once: UsableFrames
 
   const Episode& episode() const { return record.episode; }
   /// Control step of a frame of the first camera.
@@ -54,9 +55,16 @@ class Snapshot {
   std::size_t counts_[3] = {0, 0, 0};
 };
 
+/// The episodes of one split that `indices` name (all of it when there are none), as a snapshot that stays as it is
+/// while the dataset grows. @error kInvalidArgument: indices that are not there, by number.
+Result<std::shared_ptr<const Snapshot>> FixedSplit(const Snapshot& snapshot, Split split,
+                                                   const std::vector<std::uint64_t>& indices);
+
 /// True when the picture shows the target at a finite pose: then at least its grounding can be
 /// learned.
 bool UsableFrame(const EpisodeEntry& entry, std::uint32_t frame);
+/// All of them, for EpisodeEntry::usable.
+std::vector<std::uint32_t> UsableFrames(const EpisodeEntry& entry);
 
 /// Thread-safe.
 class Dataset {
@@ -66,20 +74,24 @@ class Dataset {
 
   const CampaignSpec& spec() const { return reader_.spec(); }
   const Path& path() const { return reader_.path(); }
-  /// Reads episode files that are new and returns how many there were. A corrupt file is logged
-  /// once and left out; it harms no other.
+  /// Reads episode files that are new and returns how many there were. A file that cannot be read is tried
+  /// again at later calls; one that is not merely out of reach is left out after kReadAttempts. It harms no other.
   Result<int> Refresh();
   std::shared_ptr<const Snapshot> snapshot() const;
-  /// Files that could not be read.
+  /// Files that were left out.
   std::size_t bad_files() const;
+  static constexpr int kReadAttempts = 5;
 
  private:
   explicit Dataset(store::DatasetReader reader);
+  std::shared_ptr<const EpisodeEntry> ReadEntry(std::uint64_t index);
+  void Publish();
 
   store::DatasetReader reader_;
   std::mutex refresh_mutex_;
   mutable std::mutex mutex_;
   std::map<std::uint64_t, std::shared_ptr<const EpisodeEntry>> entries_;  // null: a bad file
+  std::map<std::uint64_t, int> failures_;                                 // reads that failed, of files still tried
   std::size_t bad_files_ = 0;
   std::shared_ptr<const Snapshot> snapshot_;
 };

@@ -10,36 +10,12 @@
 namespace etude::data {
 namespace {
 
-std::array<float, kPoseSize> PoseVector(const Pose& pose) {
-  const auto values = ToVector({pose, 0});
-  std::array<float, kPoseSize> result{};
-  std::copy_n(values.begin(), kPoseSize, result.begin());
-  return result;
-}
-
-Pose ReadPose(std::span<const float> position, std::span<const float> wxyz) {
-  const Eigen::Quaterniond q(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
-  return {{position[0], position[1], position[2]}, q.normalized()};
-}
-
 // commanded pose and gripper of row t, the last row when t lies behind the end
 Waypoint CommandAt(const Episode& episode, int t) {
-  const auto row = episode.actions_abs.row(std::min(t, episode.actions_abs.rows() - 1));
-  return {{{row[0], row[1], row[2]}, FromEuler({row[3], row[4], row[5]})}, row[6]};
+  return FromVector(episode.actions_abs.row(std::min(t, episode.actions_abs.rows() - 1)).data());
 }
 
 }  // namespace
-
-PointLabel LabelObject(const ObjectTrack& object, int step) {
-  const auto pose = object.pose.row(step);
-  const auto pixel = object.pixel.row(step);
-  return {{pixel[0], pixel[1]}, PoseVector(ReadPose(pose.first(3), pose.subspan(3)))};
-}
-
-PointLabel LabelHand(const Episode& episode, int step) {
-  const auto pixel = episode.eef_pixel.row(step);
-  return {{pixel[0], pixel[1]}, PoseVector(ReadPose(episode.eef_pos.row(step), episode.eef_quat.row(step)))};
-}
 
 bool Supervised(const Episode& episode, int step) {
   const auto t = static_cast<std::size_t>(step);

@@ -3,8 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <cstring>
-
 namespace etude::data {
 namespace {
 constexpr std::size_t kRegionsPerBlock = 64;
@@ -40,10 +38,9 @@ Result<const std::uint8_t*> FrameCache::Get(const EpisodeEntry& entry, std::uint
   }
   ++misses_;
   const Camera& camera = entry.episode().cameras.at(0).camera;
-  if (region_.u < 0 || region_.v < 0 || region_.u + region_.width > camera.width ||
-      region_.v + region_.height > camera.height)
+  if (!codec::Fits(region_, camera.width, camera.height))
     return Fail(Code::kInvalidArgument,
-                fmt::format("crop {}x{} at ({}, {}) does not fit pictures of {}x{} px (image.crop of the policy)",
+                fmt::format("image.crop of the policy: {}x{} px at ({}, {}) does not fit pictures of {}x{} px",
                             region_.width, region_.height, region_.u, region_.v, camera.width, camera.height));
   scratch.whole.resize(static_cast<std::size_t>(camera.width) * camera.height * 3);
   ETUDE_RETURN_IF_ERROR(store::FrameReader::Read(entry.record.path, entry.record.frames[0].at(frame), scratch.whole));
@@ -51,10 +48,8 @@ Result<const std::uint8_t*> FrameCache::Get(const EpisodeEntry& entry, std::uint
   std::uint8_t* kept = Allocate();
   scratch.region.resize(region_.bytes());
   std::uint8_t* out = kept ? kept : scratch.region.data();
-  const std::size_t row = static_cast<std::size_t>(region_.width) * 3;
-  for (int y = 0; y < region_.height; ++y)
-    std::memcpy(out + row * y,
-                scratch.whole.data() + (static_cast<std::size_t>(region_.v + y) * camera.width + region_.u) * 3, row);
+  ETUDE_RETURN_IF_ERROR(
+      codec::CropPicture(scratch.whole, camera.width, camera.height, region_, {out, region_.bytes()}));
   // two threads may have decoded the same frame: the first stays, the other copy is only wasted
   // room
   const std::uint8_t* expected = nullptr;

@@ -10,15 +10,12 @@
 #include <unordered_map>
 #include <vector>
 
+#include "services/codec/crop.h"
 #include "trainer/data/dataset.h"
 
 namespace etude::data {
 
-/// Rectangle of a picture, px.
-struct Region {
-  int u = 0, v = 0, width = 0, height = 0;
-  std::size_t bytes() const { return static_cast<std::size_t>(width) * height * 3; }
-};
+using codec::Region;
 
 /// Buffers of one thread.
 struct FrameScratch {

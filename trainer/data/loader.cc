@@ -26,10 +26,10 @@ Loader::Loader(std::shared_ptr<const Dataset> dataset, std::shared_ptr<const Bat
 
 Loader::~Loader() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     stop_ = true;
   }
-  room_.notify_all();
+  room_.NotifyAll();
   for (auto& thread : threads_) thread.join();
 }
 
@@ -44,48 +44,59 @@ Result<std::unique_ptr<Batch>> Loader::MakeStep(std::uint64_t step, FrameScratch
     if (samples.empty() || status.error().code == Code::kInvalidArgument || retry > kMaxReplacements)
       return Fail(status.error().Wrap(fmt::format("make batch {}", step)));
     samples[bad] = DrawBatch(*snapshot, Split::kTrain, seed_, step, config_.batch, retry)[bad];
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     // 1, 2, 4, 8, ...: a bad file would otherwise be a line a batch
     if (std::has_single_bit(++replaced_))
       Log().warn("replaced a picture that cannot be read (count={}): {}", replaced_, status.error().message);
   }
 }
 
+std::unique_ptr<Batch> Loader::TakeSpare() {
+  if (spare_.empty()) return std::make_unique<Batch>();
+  auto batch = std::move(spare_.back());
+  spare_.pop_back();
+  return batch;
+}
+
 void Loader::Work() {
   pthread_setname_np(pthread_self(), "loader");
+  const auto ahead = static_cast<std::uint64_t>(config_.prefetch);
   FrameScratch scratch;
-  std::unique_lock lock(mutex_);
   while (true) {
-    room_.wait(lock,
-               [&] { return stop_ || next_to_make_ < next_to_give_ + static_cast<std::uint64_t>(config_.prefetch); });
-    if (stop_) return;
-    const std::uint64_t step = next_to_make_++;
-    auto batch = spare_.empty() ? std::make_unique<Batch>() : std::move(spare_.back());
-    if (!spare_.empty()) spare_.pop_back();
-    lock.unlock();
+    std::uint64_t step = 0;
+    std::unique_ptr<Batch> batch;
+    {
+      const MutexLock lock(mutex_);
+      while (!stop_ && next_to_make_ >= next_to_give_ + ahead) room_.Wait(mutex_);
+      if (stop_) return;
+      step = next_to_make_++;
+      batch = TakeSpare();
+    }
     auto result = MakeStep(step, scratch, std::move(batch));
-    lock.lock();
-    ready_.emplace(step, std::move(result));
-    made_.notify_all();
+    {
+      const MutexLock lock(mutex_);
+      ready_.emplace(step, std::move(result));
+    }
+    made_.NotifyAll();
   }
 }
 
 Result<std::unique_ptr<Batch>> Loader::Next() {
-  std::unique_lock lock(mutex_);
-  made_.wait(lock, [&] { return ready_.contains(next_to_give_); });
+  const MutexLock lock(mutex_);
+  while (!ready_.contains(next_to_give_)) made_.Wait(mutex_);
   auto node = ready_.extract(next_to_give_);
   ++next_to_give_;
-  room_.notify_one();
+  room_.NotifyOne();
   return std::move(node.mapped());
 }
 
 void Loader::Recycle(std::unique_ptr<Batch> batch) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   spare_.push_back(std::move(batch));
 }
 
 std::uint64_t Loader::replaced_frames() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return replaced_;
 }
 

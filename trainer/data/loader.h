@@ -2,14 +2,13 @@
 // Batches made ahead by threads and handed out in order.
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <thread>
 #include <vector>
 
+#include "services/core/thread_annotations.h"
 #include "trainer/data/batch.h"
 
 namespace etude::data {
@@ -34,6 +33,7 @@ class Loader {
 
  private:
   void Work();
+  std::unique_ptr<Batch> TakeSpare() ETUDE_REQUIRES(mutex_);
   Result<std::unique_ptr<Batch>> MakeStep(std::uint64_t step, FrameScratch& scratch, std::unique_ptr<Batch> batch);
 
   const std::shared_ptr<const Dataset> dataset_;
@@ -41,13 +41,13 @@ class Loader {
   const DataConfig config_;
   const std::uint64_t seed_;
 
-  mutable std::mutex mutex_;
-  std::condition_variable made_, room_;
-  std::uint64_t next_to_make_, next_to_give_;
-  std::map<std::uint64_t, Result<std::unique_ptr<Batch>>> ready_;
-  std::vector<std::unique_ptr<Batch>> spare_;
-  std::uint64_t replaced_ = 0;
-  bool stop_ = false;
+  mutable Mutex mutex_;
+  ConditionVariable made_, room_;
+  std::uint64_t next_to_make_ ETUDE_GUARDED_BY(mutex_), next_to_give_ ETUDE_GUARDED_BY(mutex_);
+  std::map<std::uint64_t, Result<std::unique_ptr<Batch>>> ready_ ETUDE_GUARDED_BY(mutex_);
+  std::vector<std::unique_ptr<Batch>> spare_ ETUDE_GUARDED_BY(mutex_);
+  std::uint64_t replaced_ ETUDE_GUARDED_BY(mutex_) = 0;
+  bool stop_ ETUDE_GUARDED_BY(mutex_) = false;
   std::vector<std::thread> threads_;  // last: they use all of the above
 };
 

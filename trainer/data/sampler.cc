@@ -8,7 +8,7 @@
 
 #include "services/core/check.h"
 #include "services/core/rng.h"
-#include "services/episode/object_names.h"
+#include "services/spec/object_names.h"
 
 namespace etude::data {
 
@@ -49,9 +49,9 @@ std::vector<Sample> SpreadFrames(const Snapshot& snapshot, Split split, std::uin
 namespace {
 
 // an object that B of "A to the left of B" may be; "" when the scene has none
-std::string DrawReference(const language::Command& demonstrated, const std::string& target,
+std::string DrawReference(const TaskSpec& task, const language::Command& demonstrated, const std::string& target,
                           const std::vector<std::string>& names, Rng& rng) {
-  const auto differs = [&](const std::string& name) { return !name.empty() && ObjectNoun(name) != ObjectNoun(target); };
+  const auto differs = [&](const std::string& name) { return !name.empty() && task.MayRefer(target, name); };
   if (differs(demonstrated.reference)) return demonstrated.reference;
   if (!demonstrated.reference.empty() && differs(demonstrated.target)) return demonstrated.target;
   std::vector<std::string> others;
@@ -85,7 +85,7 @@ std::vector<language::Command> DrawCommands(const Episode& episode, const std::v
     language::Command command{task->base, names[static_cast<std::size_t>(s - 1) % names.size()], "",
                               task->relation() ? "" : demonstrated.obstacle};
     if (task->relation()) {
-      command.reference = DrawReference(demonstrated, command.target, names, rng);
+      command.reference = DrawReference(*task->spec, demonstrated, command.target, names, rng);
       if (command.reference.empty()) command = demonstrated;
     }
     commands.push_back(std::move(command));

@@ -73,7 +73,6 @@ Status TrainConfig::Validate() const {
   require(checkpoint.every_steps >= 1 && checkpoint.keep >= 1, "checkpoint.every_steps, keep: must be >= 1");
   require(threads.replicas >= 0 && threads.replicas <= 256, "threads.replicas: not in 0..256");
   require(threads.intra_op >= 1 && threads.intra_op <= 256, "threads.intra_op: not in 1..256");
-  require(policy.image.crop.size() == 4, "policy.image.crop: four numbers (u0, v0, width, height)");
   for (const auto& name : freeze)
     require(std::any_of(policy.modules.begin(), policy.modules.end(), [&](const auto& m) { return m.name == name; }),
             fmt::format("freeze: the policy has no module '{}'", name));

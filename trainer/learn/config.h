@@ -27,15 +27,15 @@ struct OptimizerConfig {
 
   template <class V>
   void Visit(V& v) {
-    v("lr", lr);
-    v("beta1", beta1);
-    v("beta2", beta2);
-    v("epsilon", epsilon);
-    v("weight_decay", weight_decay);
-    v("warmup_steps", warmup_steps);
-    v("schedule", schedule);
-    v("final_lr", final_lr);
-    v("clip", clip);
+    v("lr", lr, "-", "largest learning rate of AdamW");
+    v("beta1", beta1, "-", "decay of the gradient's mean");
+    v("beta2", beta2, "-", "decay of the gradient's square");
+    v("epsilon", epsilon, "-", "what keeps the division finite");
+    v("weight_decay", weight_decay, "-", "of matrices and kernels, not of vectors");
+    v("warmup_steps", warmup_steps, "steps", "over which the learning rate rises from 0");
+    v("schedule", schedule, "", "cosine | constant");
+    v("final_lr", final_lr, "-", "fraction of lr at the end of the cosine");
+    v("clip", clip, "-", "largest global norm of the gradient; 0: not clipped");
   }
 };
 
@@ -45,8 +45,8 @@ struct EvalConfig {
 
   template <class V>
   void Visit(V& v) {
-    v("every_steps", every_steps);
-    v("frames", frames);
+    v("every_steps", every_steps, "steps", "between two evaluations");
+    v("frames", frames, "-", "pictures of the validation split, spread over tasks, episodes and phases");
   }
 };
 
@@ -56,8 +56,9 @@ struct CheckpointConfig {
 
   template <class V>
   void Visit(V& v) {
-    v("every_steps", every_steps);
-    v("keep", keep);
+    v("every_steps", every_steps, "steps",
+      "between two checkpoints, besides the end, every new stage and every new best");
+    v("keep", keep, "-", "newest files kept, besides the best");
   }
 };
 
@@ -69,8 +70,8 @@ struct ThreadsConfig {
 
   template <class V>
   void Visit(V& v) {
-    v("replicas", replicas);
-    v("intra_op", intra_op);
+    v("replicas", replicas, "-", "copies of the network, each on its own part of the batch; 0: one a core");
+    v("intra_op", intra_op, "-", "threads inside an operation, for each replica");
   }
 };
 
@@ -91,18 +92,18 @@ struct TrainConfig {
 
   template <class V>
   void Visit(V& v) {
-    v("name", name);
-    v("seed", seed);
-    v("steps", steps);
-    v("minutes", minutes);
-    v("ema", ema);
+    v("name", name, "", "of the experiment");
+    v("seed", seed, "-", "what everything random is drawn from");
+    v("steps", steps, "steps", "length of the run; 0: no limit by steps");
+    v("minutes", minutes, "min", "of training, without waiting for first data; 0: no limit by time");
+    v("ema", ema, "-", "decay of the averaged weights in evaluation and checkpoints; 0: off");
     v("optimizer", optimizer);
     v("data", data);
     v("curriculum", curriculum);
     v("eval", eval);
     v("checkpoint", checkpoint);
     v("threads", threads);
-    v("freeze", freeze);
+    v("freeze", freeze, "", "modules whose own parameters stay as they are");
     v("policy", policy);
   }
 

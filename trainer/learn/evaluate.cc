@@ -6,128 +6,91 @@
 #include <algorithm>
 
 #include "services/core/rng.h"
-#include "services/episode/action.h"
 #include "services/language/held_out.h"
 #include "trainer/learn/tensors.h"
+#include "trainer/policy/loss.h"
+#include "trainer/policy/names.h"
 
 namespace etude::learn {
 namespace {
 
 using torch::indexing::Slice;
 
-// weighted sums by name
-class Sums {
- public:
-  // adds the values where `valid` (broadcast to their shape)
-  void Add(const std::string& name, const torch::Tensor& values, const torch::Tensor& valid) {
-    const auto mask = valid.expand(values.sizes());
-    auto& [sum, count] = sums_[name];
-    sum += torch::where(mask, values.to(torch::kFloat64), torch::zeros({}, torch::kFloat64)).sum().item<double>();
-    count += mask.sum().item<double>();
-  }
-  bool Has(const std::string& name) const { return sums_.contains(name) && sums_.at(name).second > 0; }
-  double Mean(const std::string& name) const { return sums_.at(name).first / sums_.at(name).second; }
-  const std::map<std::string, std::pair<double, double>>& all() const { return sums_; }
+struct Sum {
+  double sum = 0, count = 0, scale = 1;
+  policy::Metric::Role role = policy::Metric::Role::kExtra;
 
- private:
-  std::map<std::string, std::pair<double, double>> sums_;
+  double Mean() const { return sum / count; }
 };
 
-torch::Tensor Distance(const torch::Tensor& a, const torch::Tensor& b, int columns) {
-  return (a.index({"...", Slice(0, columns)}) - b.index({"...", Slice(0, columns)})).norm(2, -1);
-}
-
-// angle between two rotations given as sin/cos of three Euler angles, degrees
-torch::Tensor AngleDegrees(const torch::Tensor& a, const torch::Tensor& b) {
-  const auto matrix = [](const torch::Tensor& v) {
-    const auto angle = torch::atan2(v.index({"...", Slice(0, 6, 2)}), v.index({"...", Slice(1, 6, 2)}));
-    const auto s = angle.sin(), c = angle.cos();
-    const auto at = [](const torch::Tensor& t, int i) { return t.index({"...", i}); };
-    const auto sr = at(s, 0), sp = at(s, 1), sy = at(s, 2), cr = at(c, 0), cp = at(c, 1), cy = at(c, 2);
-    // Rx(roll) Ry(pitch) Rz(yaw)
-    return torch::stack({cp * cy, -cp * sy, sp, cr * sy + sr * sp * cy, cr * cy - sr * sp * sy, -sr * cp,
-                         sr * sy - cr * sp * cy, sr * cy + cr * sp * sy, cr * cp},
-                        -1);
-  };
-  const auto trace = (matrix(a) * matrix(b)).sum(-1);
-  return torch::rad2deg(torch::acos(((trace - 1) / 2).clamp(-1, 1)));
-}
-
-void AddTrajectory(const std::string& name, const torch::Tensor& said, const torch::Tensor& label,
-                   const torch::Tensor& valid, Sums& sums) {
-  const auto ours = said.index({Slice(), Slice(0, 1)});  // of the demonstrated command
-  const auto distance = Distance(ours, label, 3);
-  sums.Add(name + ".m", distance, valid);
-  sums.Add(name + ".first_m", distance.index({"...", 0}), valid.index({"...", 0}));
-  sums.Add(name + ".deg", AngleDegrees(ours.index({"...", Slice(3, 9)}), label.index({"...", Slice(3, 9)})), valid);
-  const auto same = (ours.index({"...", 9}) > 0.5) == (label.index({"...", 9}) > 0.5);
-  sums.Add(name + ".gripper", same, valid);
-}
-
-void AddDecoder(const policy::ModuleConfig& module, const policy::ModuleOutput& output, const policy::Labels& labels,
-                Sums& sums) {
-  const std::string& target = module.decoder.target;
-  if (target.empty() || !labels.contains(target)) return;
-  const auto& label = labels.at(target);
-  const auto& valid = labels.at(target + ".valid");
-  for (const auto& [kind, said] : output.decoded) {
-    if (kind == "class") {
-      sums.Add(module.name + ".accuracy", said.argmax(-1) == label, valid);
-    } else if (kind == "trajectory") {
-      AddTrajectory(module.name, said, label, valid, sums);
-    } else if (kind == "pixel") {
-      sums.Add(module.name + ".px", Distance(said, label, 2), valid);
-    } else {
-      sums.Add(module.name + ".m", Distance(said, label, 3), valid);
-      if (kind == "pose")
-        sums.Add(module.name + ".deg",
-                 AngleDegrees(said.index({"...", Slice(3, 9)}).expand_as(label.index({"...", Slice(3, 9)})),
-                              label.index({"...", Slice(3, 9)})),
-                 valid);
-    }
+// metrics of many batches, by name
+class Sums {
+ public:
+  // adds the values where they are valid (broadcast to their shape)
+  void Add(const std::string& name, const policy::Metric& metric) {
+    const auto mask = metric.valid.expand(metric.values.sizes());
+    Sum& sum = sums_[name];
+    sum.sum +=
+        torch::where(mask, metric.values.to(torch::kFloat64), torch::zeros({}, torch::kFloat64)).sum().item<double>();
+    sum.count += mask.sum().item<double>();
+    sum.scale = metric.scale;
+    sum.role = metric.role;
   }
+  const std::map<std::string, Sum>& all() const { return sums_; }
+
+ private:
+  std::map<std::string, Sum> sums_;
+};
+
+// what its quantity measures
+void AddDecoder(const policy::PolicyConfig& config, const policy::ModuleConfig& module,
+                const policy::ModuleOutput& output, const policy::Labels& labels, Sums& sums) {
+  const policy::Quantity* quantity = policy::QuantityOf(module);
+  if (quantity == nullptr) return;
+  const policy::Target target = policy::FindTarget(labels, module.decoder.label());
+  if (!target.value.defined()) return;
+  for (const auto& metric : quantity->Measure(policy::HeadOf(config, module), output, target))
+    sums.Add(module.name + "." + metric.name, metric);
 }
 
 // is the most attended image token the one that shows the label's pixel?
 void AddAttention(const policy::ModuleConfig& module, const policy::ModuleOutput& output, const policy::Inputs& inputs,
                   const policy::Labels& labels, std::pair<int, int> grid, Sums& sums) {
-  const auto image = std::find_if(module.attend.begin(), module.attend.end(),
-                                  [](const std::string& key) { return key.starts_with("image@"); });
-  if (image == module.attend.end() || !output.attention.defined()) return;
-  const std::string name = image->substr(6);
-  if (!labels.contains(name)) return;
+  std::string entity;
+  for (const std::string& item : module.attend)
+    if (entity.empty()) entity = policy::AttendedEntity(item);
+  if (entity.empty() || !output.attention.defined()) return;
+  const policy::Target target = policy::FindTarget(labels, entity + ".pixel");
+  if (!target.value.defined() || target.value.dim() != 3) return;  // a set has several right places
   const auto [rows, columns] = grid;
   if (output.attention.size(-1) < static_cast<std::int64_t>(rows) * columns) return;
   const auto best = output.attention.index({"...", Slice(0, rows * columns)}).argmax(-1);
-  const auto in_crop = labels.at(name) - inputs.crop_origin.unsqueeze(1);
+  const auto in_crop = target.value - inputs.crop_origin.unsqueeze(1);
   const double patch_w = static_cast<double>(inputs.images.size(3)) / columns;
   const double patch_h = static_cast<double>(inputs.images.size(2)) / rows;
   const auto column = (in_crop.index({"...", 0}) / patch_w).floor(),
              row = (in_crop.index({"...", 1}) / patch_h).floor();
-  sums.Add(module.name + ".hit", best == (row * columns + column).to(torch::kInt64), labels.at(name + ".valid"));
+  const auto hit = best == (row * columns + column).to(torch::kInt64);
+  sums.Add(module.name + ".hit", {"hit", hit, target.valid, 1, policy::Metric::Role::kAccuracy});
 }
 
 Evaluation Summarize(const policy::PolicyConfig& config, const Sums& sums) {
   Evaluation result;
-  for (const auto& [name, sum_count] : sums.all()) {
-    if (sum_count.second <= 0) continue;
-    const double mean = sum_count.first / sum_count.second;
-    if (name.ends_with(".m"))
-      result.metrics[name.substr(0, name.size() - 1) + "cm"] = 100 * mean;
-    else if (name.ends_with(".first_m"))
-      result.metrics[name.substr(0, name.size() - 1) + "cm"] = 100 * mean;
-    else
-      result.metrics[name] = mean;
-  }
+  for (const auto& [name, sum] : sums.all())
+    if (sum.count > 0) result.metrics[name] = sum.scale * sum.Mean();
+  // a module's error is its quantity's; of one that decodes nothing, where it looks
+  using Role = policy::Metric::Role;
   for (const auto& module : config.modules) {
-    if (sums.Has(module.name + ".accuracy"))
-      result.errors[module.name] = 1 - sums.Mean(module.name + ".accuracy");
-    else if (sums.Has(module.name + ".px"))
-      result.errors[module.name] = sums.Mean(module.name + ".px");
-    else if (sums.Has(module.name + ".m"))
-      result.errors[module.name] = sums.Mean(module.name + ".m");
-    else if (sums.Has(module.name + ".hit"))
-      result.errors[module.name] = 1 - sums.Mean(module.name + ".hit");
+    const auto own = [&](const auto& item) {
+      return item.second.role != Role::kExtra && item.second.count > 0 && item.first.starts_with(module.name + ".");
+    };
+    const std::string hit = module.name + ".hit";
+    const auto& all = sums.all();
+    auto found = std::find_if(all.begin(), all.end(), [&](const auto& item) { return own(item) && item.first != hit; });
+    if (found == all.end()) found = std::find_if(all.begin(), all.end(), own);
+    if (found == all.end()) continue;
+    const double mean = found->second.Mean();
+    result.errors[module.name] = found->second.role == Role::kAccuracy ? 1 - mean : mean;
   }
   return result;
 }
@@ -137,7 +100,7 @@ const policy::ModuleConfig* LanguageModule(const policy::PolicyConfig& config) {
   for (const auto& module : config.modules) {
     const bool looks = std::any_of(module.reads.begin(), module.reads.end(),
                                    [](const std::string& read) { return read == "image" || read == "all"; });
-    if (module.level == 1 && module.decoder.target == "target_class" && !looks) return &module;
+    if (module.level == 1 && module.decoder.label() == "target.class" && !looks) return &module;
   }
   return nullptr;
 }
@@ -223,7 +186,7 @@ Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& make
     for (const auto& module : policy.config().modules) {
       const auto output = outputs.find(module.name);
       if (output == outputs.end()) continue;
-      AddDecoder(module, output->second, part.labels, sums);
+      AddDecoder(policy.config(), module, output->second, part.labels, sums);
       AddAttention(module, output->second, part.inputs, part.labels, policy.grid(), sums);
     }
   }

@@ -38,7 +38,8 @@ Optimizer::Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<
     ETUDE_CHECK(item.value().scalar_type() == torch::kFloat32 && item.value().is_non_overlapping_and_dense(), "{}",
                 item.key());
     const auto count = static_cast<std::size_t>(item.value().numel());
-    segments_.push_back({item.key(), total, count, item.value().dim() >= 2});
+    segments_.push_back(
+        {item.key(), total, count, item.value().dim() >= 2, item.value().sizes().vec(), item.value().strides().vec()});
     total += (count + 15) / 16 * 16;  // 64-byte alignment of each
   }
   const auto options = torch::TensorOptions().dtype(torch::kFloat32);
@@ -122,33 +123,51 @@ void Optimizer::ExchangeAverage() {
   std::swap_ranges(parameters, parameters + parameters_.numel(), average_.data_ptr<float>());
 }
 
+torch::Tensor Optimizer::ViewOf(const torch::Tensor& flat, const Segment& segment) const {
+  return flat.as_strided(segment.sizes, segment.strides, static_cast<std::int64_t>(segment.offset));
+}
+
 std::map<std::string, torch::Tensor> Optimizer::StateTensors() const {
-  std::map<std::string, torch::Tensor> tensors{
-      {"parameters", parameters_}, {"first", first_}, {"second", second_}, {"steps", steps_}};
-  if (average_.defined()) {
-    tensors["average"] = average_;
-    tensors["average_steps"] = average_steps_;
+  std::map<std::string, torch::Tensor> tensors;
+  for (std::size_t i = 0; i < segments_.size(); ++i) {
+    const Segment& segment = segments_[i];
+    tensors["first/" + segment.name] = ViewOf(first_, segment);
+    tensors["second/" + segment.name] = ViewOf(second_, segment);
+    tensors["steps/" + segment.name] = steps_.narrow(0, static_cast<std::int64_t>(i), 1);
+    if (average_.defined()) tensors["average/" + segment.name] = ViewOf(average_, segment);
   }
+  if (average_.defined()) tensors["average_steps"] = average_steps_;
   return tensors;
 }
 
 Status Optimizer::LoadStateTensors(const std::map<std::string, torch::Tensor>& tensors) {
   const torch::NoGradGuard no_grad;
-  for (const auto& [name, own] : StateTensors()) {
-    if (name.starts_with("average")) continue;
+  const auto known = [&](const std::string& name) { return tensors.contains("first/" + name); };
+  const auto own = StateTensors();
+  for (const auto& [name, tensor] : own) {
+    const auto slash = name.find('/');
+    if (slash == std::string::npos || name.starts_with("average") || !known(name.substr(slash + 1))) continue;
     const auto it = tensors.find(name);
-    if (it == tensors.end() || it->second.sizes() != own.sizes() || it->second.scalar_type() != own.scalar_type())
+    if (it == tensors.end() || it->second.sizes() != tensor.sizes() || it->second.scalar_type() != tensor.scalar_type())
       return Fail(Code::kCorrupt, fmt::format("optimizer state '{}' is missing or has another size", name));
   }
-  const bool has_average = tensors.contains("average") && tensors.contains("average_steps");
-  if (has_average && tensors.at("average").sizes() != parameters_.sizes())
-    return Fail(Code::kCorrupt, "optimizer state 'average' has another size");
-  for (auto& [name, own] : StateTensors())
-    if (!name.starts_with("average")) own.copy_(tensors.at(name));
-  if (has_average) {
-    average_ = tensors.at("average").clone();
-    average_steps_ = tensors.at("average_steps").clone();
+  const bool averaged = tensors.contains("average_steps");
+  for (const Segment& segment : segments_) {
+    const auto it = tensors.find("average/" + segment.name);
+    if (averaged && known(segment.name) && (it == tensors.end() || it->second.sizes().vec() != segment.sizes))
+      return Fail(Code::kCorrupt,
+                  fmt::format("optimizer state 'average/{}' is missing or has another size", segment.name));
   }
+  for (const auto& [name, tensor] : own)
+    if (const auto it = tensors.find(name); it != tensors.end() && !name.starts_with("average"))
+      torch::Tensor(tensor).copy_(it->second);
+  if (!averaged) return {};
+  // what has no average yet begins at what it is
+  average_ = parameters_.clone();
+  average_steps_ = tensors.at("average_steps").clone();
+  for (const Segment& segment : segments_)
+    if (const auto it = tensors.find("average/" + segment.name); it != tensors.end())
+      ViewOf(average_, segment).copy_(it->second);
   return {};
 }
 

@@ -41,9 +41,14 @@ class Optimizer {
   void UpdateAverage(double decay);
   void ExchangeAverage();
 
+  bool averages() const { return average_.defined(); }
   std::int64_t size() const { return parameters_.numel(); }
+  /// By parameter: "first/NAME", "second/NAME" (shaped as it), "steps/NAME" (1) and "average/NAME"; "average_steps".
+  /// The parameters themselves are the policy's.
   std::map<std::string, torch::Tensor> StateTensors() const;
-  /// @error kCorrupt when something is missing or has another size; nothing is changed then.
+  /// Each parameter gets what stands under its name; one that has nothing there (it was frozen) begins anew, and what
+  /// stands there for one that is frozen now is left: other parameters do not notice.
+  /// @error kCorrupt when something of a parameter is missing or has another size; nothing is changed then.
   Status LoadStateTensors(const std::map<std::string, torch::Tensor>& tensors);
 
  private:
@@ -51,7 +56,9 @@ class Optimizer {
     std::string name;
     std::size_t offset = 0, count = 0;
     bool decay = false;
+    std::vector<std::int64_t> sizes, strides;
   };
+  torch::Tensor ViewOf(const torch::Tensor& flat, const Segment& segment) const;
   OptimizerConfig config_;
   std::vector<Segment> segments_;
   torch::Tensor parameters_, first_, second_, steps_;  // (N) each; steps_: int64, one a segment

@@ -5,17 +5,18 @@
 
 #include "services/core/command.h"
 #include "services/store/safetensors.h"
-#include "trainer/learn/tensors.h"
+#include "trainer/checkpoint/tensors.h"
 
 namespace etude::learn {
 namespace {
 
-constexpr char kFormat[] = "etude training state 1";
+constexpr std::string_view kPrefix = "etude training state ";
+constexpr char kFormat[] = "etude training state 2";
 
 Status PutTensors(const std::string& prefix, const std::map<std::string, torch::Tensor>& tensors,
                   store::Safetensors& file) {
   for (const auto& [name, tensor] : tensors) {
-    ETUDE_ASSIGN_OR_RETURN(file.tensors[prefix + name], ToStore(tensor));
+    ETUDE_ASSIGN_OR_RETURN(file.tensors[prefix + name], checkpoint::ToStore(tensor));
   }
   return {};
 }
@@ -29,8 +30,12 @@ Status SaveRunState(const Path& path, const RunState& state) {
   ETUDE_RETURN_IF_ERROR(PutTensors("", {{"rng", state.rng}}, file));
   const OrderedJson run{{"step", state.step},
                         {"elapsed_s", state.elapsed_s},
+                        {"limit", state.limit},
                         {"curriculum", state.curriculum},
                         {"architecture", state.architecture},
+                        {"embodiment", ToJson(state.embodiment)},
+                        {"modules", checkpoint::ModulesToJson(state.modules)},
+                        {"validation", state.validation},
                         {"best_stage", state.best_stage},
                         {"best_score", state.best_score},
                         {"checkpoint_step", state.checkpoint_step}};
@@ -44,26 +49,34 @@ Result<RunState> LoadRunState(const Path& path) {
     const auto it = file.metadata.find(key);
     return it == file.metadata.end() ? std::string() : it->second;
   };
-  if (meta("format") != kFormat)
+  if (!meta("format").starts_with(kPrefix))
     return Fail(Code::kCorrupt, fmt::format("'{}' is not a training state", path.string()));
-  if (meta("version") != Version())
-    return Fail(Code::kInvalidArgument,
-                fmt::format("'{}' was written by version {}, this is {}", path.string(), meta("version"), Version()));
+  if (meta("format") != kFormat)
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("'{}' is an '{}' of version {}, this program goes on with '{}'; its checkpoints can be used, "
+                    "but training begins anew",
+                    path.string(), meta("format"), meta("version"), kFormat));
   RunState state;
   for (const auto& [name, tensor] : file.tensors) {
     if (name.starts_with("policy."))
-      state.policy[name.substr(7)] = FromStore(tensor);
+      state.policy[name.substr(7)] = checkpoint::FromStore(tensor);
     else if (name.starts_with("optimizer."))
-      state.optimizer[name.substr(10)] = FromStore(tensor);
+      state.optimizer[name.substr(10)] = checkpoint::FromStore(tensor);
     else if (name == "rng")
-      state.rng = FromStore(tensor);
+      state.rng = checkpoint::FromStore(tensor);
   }
   try {
     const auto run = OrderedJson::parse(meta("run"));
     state.step = run.at("step");
     state.elapsed_s = run.at("elapsed_s");
     state.curriculum = run.at("curriculum");
+    state.limit = run.at("limit");
     state.architecture = run.at("architecture");
+    ETUDE_ASSIGN_OR_RETURN(state.embodiment,
+                           FromJson<checkpoint::Embodiment>(run.at("embodiment"), path.string() + ": embodiment"));
+    ETUDE_ASSIGN_OR_RETURN(state.modules, checkpoint::ModulesFromJson(run.at("modules")));
+    state.validation = run.at("validation").get<std::vector<std::uint64_t>>();
     state.best_stage = run.at("best_stage");
     state.best_score = run.at("best_score");
     state.checkpoint_step = run.at("checkpoint_step");

@@ -6,9 +6,11 @@
 
 #include <map>
 #include <string>
+#include <vector>
 
 #include "services/core/config.h"
 #include "services/core/file.h"
+#include "trainer/checkpoint/metadata.h"
 
 namespace etude::learn {
 
@@ -18,8 +20,12 @@ struct RunState {
   torch::Tensor rng;                               ///< torch's default generator
   std::uint64_t step = 0;
   double elapsed_s = 0;      ///< of training, all runs together
+  OrderedJson limit;         ///< RunLimit::Save
   OrderedJson curriculum;    ///< Scheduler::Save
   std::string architecture;  ///< policy::ArchitectureHash
+  checkpoint::Embodiment embodiment;
+  std::map<std::string, checkpoint::ModuleRecord> modules;
+  std::vector<std::uint64_t> validation;  ///< indices of the episodes that are validated on
   int best_stage = 0;
   double best_score = 0;  ///< of the best checkpoint so far, lower is better
   std::uint64_t checkpoint_step = 0;
@@ -27,7 +33,7 @@ struct RunState {
 
 /// By rename: a reader sees the old one or the new one.
 Status SaveRunState(const Path& path, const RunState& state);
-/// @error kNotFound, kCorrupt (says what); kInvalidArgument when it was written by another version.
+/// @error kNotFound, kCorrupt (says what); kInvalidArgument when it is of another layout: of another program.
 Result<RunState> LoadRunState(const Path& path);
 
 }  // namespace etude::learn

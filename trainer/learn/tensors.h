@@ -7,7 +7,6 @@
 #include <map>
 #include <string>
 
-#include "services/store/safetensors.h"
 #include "trainer/data/batch.h"
 #include "trainer/data/statistics.h"
 #include "trainer/policy/policy.h"
@@ -23,9 +22,5 @@ struct Part {
 Part PartOf(data::Batch& batch, int first, int last);
 
 policy::Normalization ToNormalization(const data::Statistics& statistics);
-
-/// @error kInvalidArgument for a dtype that safetensors or torch does not have.
-Result<store::Tensor> ToStore(const torch::Tensor& tensor);
-torch::Tensor FromStore(const store::Tensor& tensor);
 
 }  // namespace etude::learn

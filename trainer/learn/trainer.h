@@ -8,14 +8,15 @@
 // training_state.safetensors (all that --resume needs, by rename).
 #pragma once
 
+#include <chrono>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 
+#include "trainer/checkpoint/checkpoint.h"
 #include "trainer/data/dataset.h"
 #include "trainer/learn/config.h"
-#include "trainer/learn/evaluate.h"
-#include "trainer/policy/policy.h"
 
 namespace etude::learn {
 
@@ -35,23 +36,10 @@ struct Progress {
   bool finished = false;
 };
 
-/// Weights to be kept, and what they are.
-struct CheckpointRequest {
-  std::uint64_t step = 0;
-  int stage = 1, stages = 1;
-  std::string stage_name;
-  bool best = false;  ///< the best so far: both channels
-  std::map<std::string, double> metrics;
-  std::string dataset;  ///< fingerprint of the training split
-  std::uint64_t train_episodes = 0;
-  int joints = 0;  ///< arm and gripper joints of an observation
-  const TrainConfig* config = nullptr;
-  std::map<std::string, torch::Tensor> tensors;  ///< Policy::StateTensors, averaged weights when ema > 0
-};
-
 /// Called from the training thread. A failed checkpoint stops the run with its error.
 struct Hooks {
-  std::function<Status(const CheckpointRequest&)> on_checkpoint;
+  /// Weights to be kept (averaged ones when ema > 0) and what they are; the run's name is left to the callee.
+  std::function<Status(const checkpoint::Checkpoint&)> on_checkpoint;
   std::function<void(const Progress&)> on_progress;  ///< about once a second, and at the end
 };
 
@@ -59,21 +47,24 @@ struct RunOptions {
   Path out;  ///< the run's folder
   bool resume = false;
   bool follow = false;  ///< the dataset still grows
+  /// How whoever collects the data is, asked about once a second; an error ends the run with its words, saved.
+  std::function<Status()> source;
+  std::chrono::milliseconds patience{60'000};  ///< with `follow`: silence after which nothing more is expected
 };
 
-/// Thread safety: one thread. Creating it needs at least one episode in each of train and valid
-/// (with `follow` it waits for data.min_episodes of them, or a stop request).
+/// Thread safety: one thread. Creating it needs at least one episode in each of train and valid; with `follow` it
+/// waits for enough of them (await_data.h).
 class Trainer {
  public:
-  /// @error kInvalidArgument (config; resume of another architecture), kNotFound (no data, no state
-  /// to resume), kCorrupt (state), kUnavailable (disk).
+  /// @error kInvalidArgument (config; resume of another architecture, robot or camera), kNotFound (no data, no state
+  /// to resume), kExhausted (a growing dataset that does not grow), kCorrupt (state), kUnavailable (disk).
   static Result<std::unique_ptr<Trainer>> Create(const TrainConfig& config, std::shared_ptr<data::Dataset> dataset,
                                                  const RunOptions& options, const Hooks& hooks);
   ~Trainer();
 
   /// Trains until the limit or a stop request; either way the state and a checkpoint are saved, and
-  /// it is no error. @error kInternal when the loss is not finite: then nothing is saved and the
-  /// last checkpoint stands.
+  /// it is no error. A source that fails ends it alike, with the source's error. @error kInternal when the loss is not
+  /// finite: then nothing is saved and the last checkpoint stands.
   Status Run();
   Progress progress() const;
 

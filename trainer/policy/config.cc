@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <set>
 
-#include "services/core/hash.h"
-#include "trainer/data/labels.h"
 #include "trainer/policy/names.h"
 
 namespace etude::policy {
@@ -17,9 +15,7 @@ using Errors = std::vector<std::string>;
 
 /// "unknown X 'word'", with the nearest of the candidates.
 std::string Unknown(std::string_view what, const std::string& word, const Errors& candidates) {
-  const std::string nearest = NearestMatch(word, candidates);
-  return fmt::format("unknown {} '{}'{}", what, word,
-                     nearest.empty() ? "" : fmt::format(", did you mean '{}'?", nearest));
+  return fmt::format("unknown {} '{}'{}", what, word, Suggestion(word, candidates));
 }
 
 void CheckChoice(const std::string& key, const std::string& value, const Errors& choices, Errors& errors) {
@@ -32,8 +28,14 @@ void CheckRange(const std::string& key, int value, int low, int high, Errors& er
 }
 
 void CheckImage(const ImageConfig& image, Errors& errors) {
-  if (image.crop.size() != 4 || image.crop[2] < 8 || image.crop[3] < 8 || image.crop[2] > 4096 || image.crop[3] > 4096)
-    errors.push_back("image.crop: needs u0, v0, width, height in px, sides in [8, 4096]");
+  const auto inside = [](int x, int low) { return x >= low && x <= 4096; };
+  const auto& crop = image.crop;
+  if (!crop.empty() &&
+      (crop.size() != 4 || !inside(crop[0], 0) || !inside(crop[1], 0) || !inside(crop[2], 8) || !inside(crop[3], 8)))
+    errors.push_back("image.crop: needs u0, v0 in [0, 4096] and width, height in [8, 4096] px, or nothing (derived)");
+  const auto& box = image.work_volume;
+  if (box.size() != 6 || !(box[0] < box[1] && box[2] < box[3] && box[4] < box[5]))
+    errors.push_back("image.work_volume: needs x, y and z each from and to, m");
   if (!(image.pixel_scale > 0)) errors.push_back("image.pixel_scale: must be > 0");
   CheckChoice("image.position", image.position, {"fourier", "index"}, errors);
   if (image.layers.empty()) errors.push_back("image.layers: needs at least one layer");
@@ -61,7 +63,6 @@ void CheckSizes(const PolicyConfig& config, Errors& errors) {
     errors.push_back(fmt::format("heads: {} does not divide width {}", config.heads, config.width));
   for (const int hidden : config.joint_hidden) CheckRange("joint_hidden", hidden, 1, 65536, errors);
   CheckChoice("attention", config.attention, {"module", "shared"}, errors);
-  CheckChoice("attention_loss", config.attention_loss, {"log", "mse"}, errors);
   CheckChoice("activation", config.activation, {"silu", "selu", "relu"}, errors);
   CheckChoice("precision", config.precision, {"bf16", "float32"}, errors);
   if (config.language.encoder != "default" && !config.language.encoder.starts_with("clip:"))
@@ -69,6 +70,7 @@ void CheckSizes(const PolicyConfig& config, Errors& errors) {
   CheckRange("language.buckets", config.language.buckets, 16, 1 << 24, errors);
   CheckRange("language.width", config.language.width, 1, 4096, errors);
   CheckRange("language.hidden", config.language.hidden, 1, 65536, errors);
+  config.losses.Check(errors);
   const std::set<std::string> distinct(config.objects.begin(), config.objects.end());
   if (distinct.size() != config.objects.size()) errors.push_back("objects: a name stands twice");
 }
@@ -145,54 +147,53 @@ class GraphChecker {
     if (std::find(reads.begin(), reads.end(), key) == reads.end())
       Report(module, "attend: " + Unknown("key", key, reads) + " (it must be among reads)");
     if ((key == "image") != (at != std::string::npos))
-      Report(module, fmt::format("attend: '{}' must be KEY, or image@LABEL", item));
-    if (at == std::string::npos) return;
-    const std::string label = item.substr(at + 1);
-    if (!IsLabel(label) || DecodeKind(label) != "pixel")
-      Report(module, "attend: " + Unknown("pixel label", label, Labels("pixel")));
-  }
-
-  static Errors Labels(std::string_view kind) {
-    Errors labels;
-    for (const std::string_view label : data::kLabelNames)
-      if (kind.empty() || DecodeKind(std::string(label)) == kind) labels.emplace_back(label);
-    return labels;
-  }
-
-  static bool IsLabel(const std::string& label) {
-    return std::find(data::kLabelNames.begin(), data::kLabelNames.end(), label) != data::kLabelNames.end();
+      Report(module, fmt::format("attend: '{}' must be KEY, or image@ENTITY", item));
+    if (at != std::string::npos && !data::ParseEntity(item.substr(at + 1)))
+      Report(module, "attend: " + Unknown("entity", item.substr(at + 1), data::EntityNames()));
   }
 
   void CheckDecoder(const ModuleConfig& module) {
     const DecoderConfig& decoder = module.decoder;
-    if (decoder.target.empty()) return;
-    if (!IsLabel(decoder.target)) {
-      Report(module, "decoder.target: " + Unknown("label", decoder.target, Labels("")));
-      return;
-    }
-    if (decoder.target == "target_class" && config_.objects.empty())
-      Report(module, "decoder.target: target_class needs objects");
+    if (decoder.quantity.empty() && decoder.entity.empty()) return;
+    const Quantity* quantity = QuantityOf(module);
+    const auto entity = data::ParseEntity(decoder.entity);
+    if (!entity) Report(module, "decoder.entity: " + Unknown("entity", decoder.entity, data::EntityNames()));
+    if (!quantity) Report(module, "decoder.quantity: " + Unknown("quantity", decoder.quantity, QuantityNames()));
+    if (!entity || !quantity) return;
+    if (entity->is_set() || !quantity->IsOf(*entity))
+      Report(module, fmt::format("decoder: a {} is not of '{}'", quantity->name(), decoder.entity));
+    if (decoder.quantity == "class" && config_.objects.empty()) Report(module, "decoder: a class needs objects");
+    CheckReadout(module, *quantity);
+    CheckChoice(fmt::format("modules.{}.decoder.rotation", module.name), decoder.rotation, {"6d", "euler_sincos"},
+                errors_);
     if (decoder.inputs.empty()) Report(module, "decoder.inputs: needs at least one");
+    const std::set<std::string> distinct(decoder.inputs.begin(), decoder.inputs.end());
+    if (distinct.size() != decoder.inputs.size()) Report(module, "decoder.inputs: one stands twice");
     if (!(decoder.weight >= 0)) Report(module, "decoder.weight: must be >= 0");
     for (const int hidden : decoder.hidden)
       CheckRange(fmt::format("modules.{}.decoder.hidden", module.name), hidden, 1, 65536, errors_);
     for (const std::string& input : decoder.inputs) CheckInput(module, input);
-    CheckBetween(module);
-    if (decoder.relative_to.empty()) return;
-    if (decoder.target != "trajectory") Report(module, "decoder.relative_to: is for trajectories only");
-    if (CheckEarlier(module, "decoder.relative_to", decoder.relative_to) &&
-        !Decodes(*Earlier(decoder.relative_to), "position"))
-      Report(module, fmt::format("decoder.relative_to: '{}' decodes no position", decoder.relative_to));
   }
 
-  void CheckBetween(const ModuleConfig& module) {
-    const auto& between = module.decoder.between;
-    if (between.empty()) return;
-    if (module.decoder.target != "displacement") Report(module, "decoder.between: is for displacements only");
-    if (between.size() != 2) Report(module, fmt::format("decoder.between: needs two modules, not {}", between.size()));
-    for (const std::string& name : between)
-      if (CheckEarlier(module, "decoder.between", name) && !Decodes(*Earlier(name), "position"))
-        Report(module, fmt::format("decoder.between: '{}' decodes no position", name));
+  void CheckReadout(const ModuleConfig& module, const Quantity& quantity) {
+    const DecoderConfig& decoder = module.decoder;
+    Errors readouts = quantity.own_readouts();
+    readouts.insert(readouts.begin(), {"linear", "mlp"});
+    CheckChoice(fmt::format("modules.{}.decoder.readout", module.name), decoder.readout, readouts, errors_);
+    if (decoder.readout == "linear" && !decoder.hidden.empty())
+      Report(module, "decoder.hidden: linear has no hidden layer (readout: mlp has)");
+    if (decoder.readout == "mlp" && decoder.hidden.empty())
+      Report(module, "decoder.hidden: mlp needs one (readout: linear has none)");
+    const Errors reads = ResolveReads(config_, module);
+    if (decoder.readout == "soft_argmax" && std::find(reads.begin(), reads.end(), "image") == reads.end())
+      Report(module, "decoder.readout: soft_argmax needs a module that reads the image");
+    const std::size_t wanted = decoder.readout == "difference" ? 2 : decoder.readout == "relative" ? 1 : 0;
+    if (decoder.from.size() != wanted)
+      Report(module,
+             fmt::format("decoder.from: {} needs {} modules, not {}", decoder.readout, wanted, decoder.from.size()));
+    for (const std::string& name : decoder.from)
+      if (CheckEarlier(module, "decoder.from", name) && !Decodes(*Earlier(name), "position"))
+        Report(module, fmt::format("decoder.from: '{}' decodes no position", name));
   }
 
   void CheckInput(const ModuleConfig& module, const std::string& text) {
@@ -206,8 +207,9 @@ class GraphChecker {
     const bool decoded =
         input.kind != "register" && input.kind != "soft_argmax" && input.kind != "joints" && input.kind != "language";
     const bool global = input.kind == "joints" || input.kind == "language";
-    if (input.waves && input.kind != "position" && input.kind != "displacement" && input.kind != "joints")
-      Report(module, fmt::format("decoder.inputs: '{}': waves are of a position, displacement or joints", text));
+    if (input.fourier && input.kind != "position" && input.kind != "displacement" && input.kind != "joints")
+      Report(module,
+             fmt::format("decoder.inputs: '{}': Fourier features are of a position, displacement or joints", text));
     if (decoded && input.module.empty())
       Report(module, fmt::format("decoder.inputs: '{}' must name a module, {}:MODULE", text, input.kind));
     if (global && !input.module.empty()) Report(module, fmt::format("decoder.inputs: '{}' belongs to no module", text));
@@ -230,49 +232,6 @@ class GraphChecker {
 
 }  // namespace
 
-bool IsReservedName(const std::string& name) {
-  return name == "image" || name == "language" || name == "joints" || name == "self" || name == "all";
-}
-
-std::vector<const ModuleConfig*> EvaluationOrder(const PolicyConfig& config) {
-  std::vector<const ModuleConfig*> order;
-  for (const ModuleConfig& module : config.modules) order.push_back(&module);
-  std::stable_sort(order.begin(), order.end(),
-                   [](const ModuleConfig* a, const ModuleConfig* b) { return a->level < b->level; });
-  return order;
-}
-
-std::vector<std::string> ResolveReads(const PolicyConfig& config, const ModuleConfig& module) {
-  if (std::find(module.reads.begin(), module.reads.end(), "all") == module.reads.end()) return module.reads;
-  std::vector<std::string> reads{"image", "language", "joints"};
-  for (const ModuleConfig* other : EvaluationOrder(config))
-    if (other->level < module.level) reads.push_back(other->name);
-  return reads;
-}
-
-std::string DecodeKind(const std::string& label) {
-  const auto underscore = label.rfind('_');
-  return underscore == std::string::npos ? label : label.substr(underscore + 1);
-}
-
-bool Decodes(const ModuleConfig& module, const std::string& kind) {
-  const std::string own = DecodeKind(module.decoder.target);
-  return own == kind || (kind == "position" && own == "pose");
-}
-
-DecoderInput ParseDecoderInput(const std::string& text) {
-  DecoderInput input;
-  std::string rest = text;
-  if (rest.starts_with("waves:")) {
-    input.waves = true;
-    rest = rest.substr(6);
-  }
-  const auto colon = rest.find(':');
-  input.kind = rest.substr(0, colon);
-  if (colon != std::string::npos) input.module = rest.substr(colon + 1);
-  return input;
-}
-
 Status PolicyConfig::Validate() const {
   Errors errors;
   CheckImage(image, errors);
@@ -280,18 +239,6 @@ Status PolicyConfig::Validate() const {
   GraphChecker(*this, errors).Run();
   if (errors.empty()) return {};
   return Fail(internal::ConfigError("policy " + name, errors));
-}
-
-std::string ArchitectureHash(const PolicyConfig& config) {
-  // what does not shape a weight is left out: supervision, weights of losses, gradient paths,
-  // precision
-  OrderedJson json = ToJson(config);
-  for (const char* key : {"name", "attention_loss", "precision"}) json.erase(key);
-  for (auto& module : json["modules"]) {
-    for (const char* key : {"attend", "attend_weight", "detach"}) module.erase(key);
-    for (const char* key : {"weight", "detach"}) module["decoder"].erase(key);
-  }
-  return Sha256Hex(json.dump());
 }
 
 }  // namespace etude::policy

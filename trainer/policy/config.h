@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "services/core/config.h"
+#include "trainer/policy/quantities/losses.h"
 
 namespace etude::policy {
 
@@ -32,8 +33,11 @@ struct ImageLayer {
 };
 
 struct ImageConfig {
-  /// Region of the camera's picture that the network sees, px: u0, v0, width, height.
-  std::vector<int> crop{41, 75, 144, 80};
+  /// Region of the camera's picture that the network sees, px: u0, v0, width, height. Empty: ResolveCrop (crop.h)
+  /// derives it from the camera and `work_volume`; a checkpoint has the numbers.
+  std::vector<int> crop;
+  /// Where objects and hand are, m, world: x from, to; y from, to; z from, to.
+  std::vector<double> work_volume{-0.43, 0.43, 0.0, 0.42, 0.0, 0.32};
   std::vector<ImageLayer> layers;
   std::string position = "fourier";  ///< fourier (absolute pixel coordinates) | index (the original's)
   double pixel_mean = 60;            ///< 0..255; pixels enter as (x - mean) / scale
@@ -42,6 +46,7 @@ struct ImageConfig {
   template <class V>
   void Visit(V& v) {
     v("crop", crop);
+    v("work_volume", work_volume, "m", "x from, to; y from, to; z from, to: what a derived crop holds");
     v("layers", layers);
     v("position", position);
     v("pixel_mean", pixel_mean);
@@ -64,38 +69,45 @@ struct LanguageConfig {
   }
 };
 
-/// What a module decodes its register into.
+/// What a module decodes its register into: a quantity of an entity.
 struct DecoderConfig {
-  /// Label it is trained on (trainer/data/labels.h): target_class, target_pixel, target_position,
-  /// target_pose, ee_pixel, ee_position, ee_pose, displacement, trajectory. Empty: no decoder.
-  std::string target;
-  std::vector<int> hidden;  ///< widths of hidden layers
+  /// target | reference | obstacle | others | ee | object:NAME, see trainer/data/labels.h. Empty with `quantity`: no
+  /// decoder.
+  std::string entity;
+  std::string quantity;  ///< class | pixel | position | pose | displacement | trajectory, see quantities/quantity.h
+  /// linear (no hidden layer) | mlp | soft_argmax (pixel: the expectation of its attention, plus what the network adds)
+  /// | difference (displacement: position of from[1] - position of from[0], plus ...) | relative (trajectory: offsets
+  /// from the position of from[0]).
+  std::string readout = "linear";
+  std::vector<std::string> from;  ///< modules that difference and relative refer to
+  std::string rotation = "6d";    ///< of a pose or a trajectory: 6d | euler_sincos (as printed in the paper)
+  std::vector<int> hidden;        ///< widths of hidden layers
   /// What it reads, concatenated. Of its own: register, soft_argmax (per head and their mean),
   /// joints (normalised), language (the sentence's token). Of an earlier module M: register:M,
   /// soft_argmax:M, class:M (probabilities), pixel:M, position:M, displacement:M (decoded,
-  /// normalised), and waves:position:M, waves:displacement:M (sines and cosines of several
-  /// wavelengths, for decisions about millimetres), and waves:joints (sine and cosine of each
+  /// normalised), and fourier:position:M, fourier:displacement:M (Fourier features: sines and cosines of several
+  /// wavelengths, for decisions about millimetres), and fourier:joints (sine and cosine of each
   /// joint's angle, what kinematics is made of).
   std::vector<std::string> inputs{"register"};
-  /// trajectory only: waypoints are offsets from this module's decoded position; empty: absolute.
-  std::string relative_to;
-  /// displacement only: [A, B] makes it position B - position A plus what the network adds; empty:
-  /// all of it.
-  std::vector<std::string> between;
   /// Decoded inputs carry no gradient back into the modules that they come from.
   bool detach = true;
   double weight = 1;  ///< of its loss
 
   template <class V>
   void Visit(V& v) {
-    v("target", target);
+    v("entity", entity, "", "target | reference | obstacle | ee | object:NAME");
+    v("quantity", quantity, "", "class | pixel | position | pose | displacement | trajectory");
+    v("readout", readout, "", "linear | mlp | soft_argmax | difference | relative");
+    v("from", from, "", "modules that difference (two) and relative (one) refer to");
+    v("rotation", rotation, "", "6d | euler_sincos, of a pose or a trajectory");
     v("hidden", hidden);
     v("inputs", inputs);
-    v("relative_to", relative_to);
-    v("between", between);
     v("detach", detach);
     v("weight", weight);
   }
+
+  /// "target.position", the key of its label; "" without decoder.
+  std::string label() const { return quantity.empty() ? "" : entity + "." + quantity; }
 };
 
 /// A subtask: a query attends, is supervised where to attend, and decodes.
@@ -108,7 +120,7 @@ struct ModuleConfig {
   /// lower levels.
   std::vector<std::string> reads{"all"};
   /// Supervised attention: the summed attention on this key set is driven to 1. language, joints,
-  /// self, MODULE, or image@LABEL with a pixel label (image@target_pixel). Empty: not supervised.
+  /// self, MODULE, or image@ENTITY (image@target, image@others): the image tokens under it. Empty: not supervised.
   std::vector<std::string> attend;
   double attend_weight = 1;
   /// Registers that it reads carry no gradient back (control noise cannot spoil grounding); tokens
@@ -136,11 +148,11 @@ struct PolicyConfig {
   std::vector<int> joint_hidden{128, 128};  ///< joint encoder, then `width`
   int width = 64;                           ///< d, of every token and register
   int heads = 4;
-  std::string attention = "module";    ///< module (own parameters) | shared (the paper's, per level)
-  std::string attention_loss = "log";  ///< log (bounded gradients) | mse (the original's (sum - 1)^2)
-  std::string activation = "silu";     ///< silu | selu | relu, of decoders and joint encoder
+  std::string attention = "module";  ///< module (own parameters) | shared (the paper's, per level)
+  std::string activation = "silu";   ///< silu | selu | relu, of decoders and joint encoder
   std::vector<std::string> objects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};  ///< LANG's classes
   std::string precision = "bf16";  ///< bf16 (autocast, convolutions) | float32
+  LossesConfig losses;
   std::vector<ModuleConfig> modules;
 
   template <class V>
@@ -152,18 +164,15 @@ struct PolicyConfig {
     v("width", width);
     v("heads", heads);
     v("attention", attention);
-    v("attention_loss", attention_loss);
     v("activation", activation);
     v("objects", objects);
     v("precision", precision);
+    v("losses", losses, "", "what errors cost");
     v("modules", modules);
   }
 
   /// All problems at once: names, levels (no cycles), reads, labels, sizes.
   Status Validate() const;
 };
-
-/// SHA-256 of what weights must fit: the resolved config's network part.
-std::string ArchitectureHash(const PolicyConfig& config);
 
 }  // namespace etude::policy

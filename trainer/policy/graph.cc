@@ -4,42 +4,14 @@
 #include <algorithm>
 
 #include "services/core/check.h"
-#include "services/episode/action.h"
 
 namespace etude::policy {
 namespace {
 
 using torch::Tensor;
 
-constexpr int kWaves = 5;
-constexpr double kLongestWave = 0.64;  // m; the shortest is 0.04
-
-/// sin and cos of 2 pi x / wavelength: (..., 3) m -> (..., 30).
-Tensor Waves(const Tensor& x) {
-  std::vector<Tensor> parts;
-  for (int k = 0; k < kWaves; ++k) {
-    const Tensor phase = x * (2 * M_PI * (1 << k) / kLongestWave);
-    parts.push_back(torch::sin(phase));
-    parts.push_back(torch::cos(phase));
-  }
-  return torch::cat(parts, -1);
-}
-
-Tensor Position(const ModuleOutput& output) {
-  const auto pose = output.decoded.find("pose");
-  return pose != output.decoded.end() ? pose->second.narrow(-1, 0, 3) : output.decoded.at("position");
-}
-
 bool Reads(const Wiring& wiring, const std::string& key) {
   return std::find(wiring.reads.begin(), wiring.reads.end(), key) != wiring.reads.end();
-}
-
-int DecodedWidth(const std::string& kind, int objects) {
-  if (kind == "class") return objects;
-  if (kind == "pixel") return 2;
-  if (kind == "pose") return 9;
-  if (kind == "trajectory") return kWaypoints * kWaypointSize;
-  return 3;
 }
 
 }  // namespace
@@ -63,22 +35,20 @@ struct GraphModule::Context {
 };
 
 GraphModule::GraphModule(const PolicyConfig& policy, const ModuleConfig& config, Wiring wiring,
-                         const Normalization& normalization, const TokenGrid& grid, int segment)
+                         const Normalization& normalization, const TokenGrid& grid)
     : config_(config),
       wiring_(std::move(wiring)),
       normalization_(normalization),
       width_(policy.width),
-      heads_(policy.heads),
-      objects_(static_cast<int>(policy.objects.size())),
       stride_(grid.stride),
-      segment_(segment) {
+      head_(HeadOf(policy, config)),
+      quantity_(QuantityOf(config)) {
   const bool own = policy.attention == "module";
-  const auto others = static_cast<int>(wiring_.reads.size()) - (Reads(wiring_, "image") ? 1 : 0);
   if (config_.query.empty()) register_ = register_parameter("register", torch::randn({width_}));
   if (own) {
-    attention_ = register_module("attention", std::make_shared<Attention>(width_, heads_));
+    attention_ = register_module("attention", std::make_shared<Attention>(width_, policy.heads));
     norm_ = register_module("norm", std::make_shared<LayerNorm>(width_));
-    if (others > 0) segments_ = register_parameter("segments", 0.1 * torch::randn({others, width_}));
+    RegisterSegments();
   } else if (config_.query.empty()) {
     const auto head = [&] { return std::make_shared<TokenHead>(width_, width_, policy.activation); };
     query_head_ = register_module("query_head", head());
@@ -87,28 +57,30 @@ GraphModule::GraphModule(const PolicyConfig& policy, const ModuleConfig& config,
       value_head_ = register_module("value_head", head());
     }
   }
-  if (!config_.decoder.target.empty()) MakeDecoder(policy);
+  if (quantity_ != nullptr) MakeDecoder(policy);
+}
+
+// one a key, by the key's name; drawn together, so that what a seed makes does not depend on how they are kept
+void GraphModule::RegisterSegments() {
+  std::vector<std::string> keys = wiring_.reads;
+  std::erase(keys, "image");
+  if (keys.empty()) return;
+  const Tensor drawn = 0.1 * torch::randn({static_cast<std::int64_t>(keys.size()), width_});
+  const auto segments = register_module("segments", std::make_shared<torch::nn::Module>());
+  for (std::size_t i = 0; i < keys.size(); ++i)
+    segments_.push_back(segments->register_parameter(keys[i], drawn[static_cast<std::int64_t>(i)].clone()));
 }
 
 void GraphModule::MakeDecoder(const PolicyConfig& policy) {
-  int features = 0;
+  std::vector<std::pair<std::string, int>> widths;
   for (const std::string& text : config_.decoder.inputs) {
     inputs_.push_back(ParseDecoderInput(text));
-    features += FeatureWidth(inputs_.back());
+    widths.emplace_back(text,
+                        FeatureWidth(policy, inputs_.back(), static_cast<int>(normalization_.joint_mean.size(0))));
   }
-  const std::string kind = DecodeKind(config_.decoder.target);
-  decoder_ = register_module("decoder", std::make_shared<Mlp>(features, config_.decoder.hidden,
-                                                              DecodedWidth(kind, objects_), policy.activation));
-  // a pixel starts at the soft-argmax itself, a displacement at the difference of two positions
-  if ((kind == "pixel" && Reads(wiring_, "image")) || !config_.decoder.between.empty()) decoder_->ScaleOutput(0);
-}
-
-int GraphModule::FeatureWidth(const DecoderInput& input) const {
-  if (input.waves && input.kind != "joints") return 3 * 2 * kWaves;
-  if (input.kind == "register" || input.kind == "language") return width_;
-  if (input.kind == "soft_argmax") return 2 * heads_ + 2;
-  if (input.kind == "joints") return static_cast<int>(normalization_.joint_mean.size(0)) * (input.waves ? 2 : 1);
-  return DecodedWidth(input.kind, objects_);
+  decoder_ = register_module(
+      "decoder", std::make_shared<Decoder>(widths, config_.decoder.hidden, quantity_->width(head_), policy.activation));
+  if (quantity_->starts_at_zero(head_)) decoder_->StartAtZero();
 }
 
 ModuleOutput GraphModule::Forward(const Tokens& tokens, const std::vector<ModuleOutput>& earlier,
@@ -119,7 +91,7 @@ ModuleOutput GraphModule::Forward(const Tokens& tokens, const std::vector<Module
   const Attended attended = attention.Forward(Query(context), CollectKeys(context));
 
   ModuleOutput output;
-  output.reg = norm_ != nullptr ? norm_->Forward(attended.output) : attended.output;
+  output.register_token = norm_ != nullptr ? norm_->Forward(attended.output) : attended.output;
   output.attention = attended.map;
   if (attended.pixels.defined()) {
     output.head_soft_argmax = attended.pixels + tokens.crop_origin.view({-1, 1, 1, 2});
@@ -131,11 +103,12 @@ ModuleOutput GraphModule::Forward(const Tokens& tokens, const std::vector<Module
 
 Tensor GraphModule::Query(const Context& context) {
   if (config_.query.empty()) {
-    const Tensor own =
-        query_head_ != nullptr ? query_head_->Forward(register_) + context.shared->segments[segment_] : register_;
+    const Tensor own = query_head_ != nullptr
+                           ? query_head_->Forward(register_) + context.shared->segments.at(config_.name)
+                           : register_;
     return own.expand({context.batch, context.sentences, width_});
   }
-  const Tensor& other = context.earlier[wiring_.index.at(config_.query)].reg;
+  const Tensor& other = context.earlier[wiring_.index.at(config_.query)].register_token;
   return context.Expand(config_.detach ? other.detach() : other);
 }
 
@@ -145,7 +118,7 @@ Token GraphModule::OwnToken(const Context& context, bool as_key) {
     const Tensor query = Query(context);
     return {query, query};
   }
-  const auto segment = context.shared->segments[segment_];
+  const auto segment = context.shared->segments.at(config_.name);
   return {(key_head_->Forward(register_) + segment).expand({context.batch, 1, width_}),
           (value_head_->Forward(register_) + segment).expand({context.batch, 1, width_})};
 }
@@ -168,7 +141,7 @@ Keys GraphModule::CollectKeys(const Context& context) {
     } else if (name == "self") {
       token = OwnToken(context, true);
     } else {
-      const Tensor& reg = context.earlier[wiring_.index.at(name)].reg;
+      const Tensor& reg = context.earlier[wiring_.index.at(name)].register_token;
       token.key = token.value = config_.detach ? reg.detach() : reg;
     }
     key.push_back(context.Take(token.key));
@@ -185,9 +158,10 @@ Keys GraphModule::CollectKeys(const Context& context) {
   const bool same = key[0].is_same(value[0]) && context.shared == nullptr;
   keys.other_key = stack(key);
   keys.other_value = same ? keys.other_key : stack(value);
-  if (segments_.defined()) {
-    keys.other_key = keys.other_key + segments_;
-    keys.other_value = same ? keys.other_key : keys.other_value + segments_;
+  if (!segments_.empty()) {
+    const Tensor segments = torch::stack(segments_);
+    keys.other_key = keys.other_key + segments;
+    keys.other_value = same ? keys.other_key : keys.other_value + segments;
   }
   return keys;
 }
@@ -195,7 +169,7 @@ Keys GraphModule::CollectKeys(const Context& context) {
 Tensor GraphModule::Feature(const DecoderInput& input, const Context& context, const ModuleOutput& own) const {
   if (input.kind == "joints") {
     const Tensor& x = context.tokens.joint_values;
-    if (!input.waves) return x;
+    if (!input.fourier) return x;
     const Tensor angle = normalization_.joint_mean + normalization_.joint_std * x;
     return torch::cat({torch::sin(angle), torch::cos(angle)}, -1);
   }
@@ -203,68 +177,33 @@ Tensor GraphModule::Feature(const DecoderInput& input, const Context& context, c
   const ModuleOutput& source = input.module.empty() ? own : context.earlier[wiring_.index.at(input.module)];
   const auto pass = [&](const Tensor& x, bool detach) { return detach ? x.detach() : x; };
   const bool foreign = !input.module.empty();
-  if (input.kind == "register") return pass(source.reg, foreign && config_.detach);
+  if (input.kind == "register") return pass(source.register_token, foreign && config_.detach);
   if (input.kind == "soft_argmax") {
     const Tensor pixels = torch::cat({source.head_soft_argmax.flatten(2), source.soft_argmax}, -1);
     return pass(pixels, foreign && config_.detach) / kPixelScale - 1;
   }
   const bool detach = config_.decoder.detach || config_.detach;
-  if (input.kind == "class") return pass(torch::softmax(source.decoded.at("class"), -1), detach);
-  if (input.kind == "pixel") return pass(source.decoded.at("pixel"), detach) / kPixelScale - 1;
-  if (input.kind == "displacement") {
-    const Tensor x = pass(source.decoded.at("displacement"), detach);
-    return input.waves ? Waves(x) : x / normalization_.displacement_std;
-  }
-  ETUDE_CHECK(input.kind == "position", "{}", input.kind);
-  const Tensor x = pass(Position(source), detach);
-  return input.waves ? Waves(x) : (x - normalization_.position_mean) / normalization_.position_std;
+  return FindQuantity(input.kind)->Feature(source, normalization_, input.fourier, detach);
+}
+
+// (B, S' | 1, 3) m: the position of one module, or the difference of two; undefined without `from`
+Tensor GraphModule::From(const Context& context) const {
+  const auto position = [&](const std::string& module) {
+    return PositionOf(context.earlier[static_cast<std::size_t>(wiring_.index.at(module))]);
+  };
+  const auto& from = config_.decoder.from;
+  if (from.empty()) return {};
+  const bool detach = config_.decoder.detach || (from.size() == 2 && config_.detach);
+  if (from.size() == 1) return context.Take(detach ? position(from[0]).detach() : position(from[0]));
+  const Tensor difference = context.Expand(position(from[1])) - context.Expand(position(from[0]));
+  return detach ? difference.detach() : difference;
 }
 
 void GraphModule::Decode(const Context& context, ModuleOutput& output) {
   std::vector<Tensor> features;
   for (const DecoderInput& input : inputs_) features.push_back(context.Expand(Feature(input, context, output)));
-  const Tensor raw = decoder_->Forward(features.size() == 1 ? features[0] : torch::cat(features, -1));
-
-  const std::string kind = DecodeKind(config_.decoder.target);
-  const auto place = [&](const Tensor& x) { return normalization_.position_mean + normalization_.position_std * x; };
-  if (kind == "class") {
-    output.decoded["class"] = raw;
-  } else if (kind == "pixel") {
-    output.decoded["pixel"] =
-        output.soft_argmax.defined() ? output.soft_argmax + 2.0 * stride_ * raw : kPixelScale * (1 + raw);
-  } else if (kind == "position") {
-    output.decoded["position"] = place(raw);
-  } else if (kind == "pose") {
-    output.decoded["pose"] = torch::cat({place(raw.narrow(-1, 0, 3)), raw.narrow(-1, 3, 6)}, -1);
-  } else if (kind == "displacement") {
-    Tensor displacement = normalization_.displacement_std * raw;
-    if (!config_.decoder.between.empty()) {
-      const auto position = [&](const std::string& module) {
-        const Tensor p = Position(context.earlier[wiring_.index.at(module)]);
-        return context.Expand(config_.decoder.detach || config_.detach ? p.detach() : p);
-      };
-      displacement = displacement + position(config_.decoder.between[1]) - position(config_.decoder.between[0]);
-    }
-    output.decoded["displacement"] = displacement;
-  } else {
-    DecodeTrajectory(context, raw, output);
-  }
-}
-
-void GraphModule::DecodeTrajectory(const Context& context, const Tensor& raw, ModuleOutput& output) const {
-  const Tensor points = raw.view({context.batch, context.sentences, kWaypoints, kWaypointSize});
-  Tensor xyz = points.narrow(-1, 0, 3);
-  if (config_.decoder.relative_to.empty()) {
-    xyz = normalization_.position_mean + normalization_.position_std * xyz;
-  } else {
-    const Tensor origin = Position(context.earlier[wiring_.index.at(config_.decoder.relative_to)]);
-    const Tensor fixed = config_.decoder.detach ? origin.detach() : origin;
-    xyz = context.Take(fixed).unsqueeze(2) + normalization_.offset_std * xyz;
-  }
-  output.waypoint_scale = normalization_.offset_std.mean(-1);
-  output.gripper_logits = points.select(-1, kWaypointSize - 1);
-  output.decoded["trajectory"] =
-      torch::cat({xyz, points.narrow(-1, 3, 6), torch::sigmoid(output.gripper_logits).unsqueeze(-1)}, -1);
+  const Tensor from = From(context);
+  quantity_->Decode(head_, {normalization_, stride_, &from}, decoder_->Forward(features), output);
 }
 
 }  // namespace etude::policy

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "trainer/policy/attention.h"
+#include "trainer/policy/decoder.h"
 #include "trainer/policy/image_encoder.h"
 #include "trainer/policy/layers.h"
 #include "trainer/policy/names.h"
@@ -45,15 +46,14 @@ struct Wiring {
 
 /// The paper's parameters that modules share: heads of tokens, one attention a level.
 struct SharedAttention {
-  torch::Tensor segments;  ///< (3 + own registers, d)
+  std::map<std::string, torch::Tensor> segments;  ///< (d) each: image, joints, language, modules with own registers
   std::map<int, std::shared_ptr<Attention>> levels;
 };
 
 class GraphModule : public torch::nn::Module {
  public:
-  /// @param segment  row of the shared segment table for its own register
   GraphModule(const PolicyConfig& policy, const ModuleConfig& config, Wiring wiring, const Normalization& normalization,
-              const TokenGrid& grid, int segment);
+              const TokenGrid& grid);
 
   ModuleOutput Forward(const Tokens& tokens, const std::vector<ModuleOutput>& earlier, const SharedAttention* shared);
   const ModuleConfig& config() const { return config_; }
@@ -61,27 +61,28 @@ class GraphModule : public torch::nn::Module {
 
  private:
   struct Context;
+  void RegisterSegments();
   void MakeDecoder(const PolicyConfig& policy);
-  int FeatureWidth(const DecoderInput& input) const;
   torch::Tensor Query(const Context& context);
   Keys CollectKeys(const Context& context);
   Token OwnToken(const Context& context, bool as_key);
   torch::Tensor Feature(const DecoderInput& input, const Context& context, const ModuleOutput& own) const;
   void Decode(const Context& context, ModuleOutput& output);
-  void DecodeTrajectory(const Context& context, const torch::Tensor& raw, ModuleOutput& output) const;
+  torch::Tensor From(const Context& context) const;
 
   ModuleConfig config_;
   Wiring wiring_;
   Normalization normalization_;  ///< handles of the policy's buffers
-  int width_, heads_, objects_, stride_;
-  int segment_;
-  torch::Tensor register_;  ///< (d) own query, unless the query is another module's register
-  torch::Tensor segments_;  ///< (n, d) which key is which; own attention only
+  int width_, stride_;
+  Head head_;
+  const Quantity* quantity_;             ///< nullptr: no decoder
+  torch::Tensor register_;               ///< (d) own query, unless the query is another module's register
+  std::vector<torch::Tensor> segments_;  ///< (d) of each key but the image: which is which; own attention only
   std::shared_ptr<TokenHead> query_head_, key_head_, value_head_;  ///< shared attention only
   std::shared_ptr<Attention> attention_;                           ///< own attention only
   std::shared_ptr<LayerNorm> norm_;                                ///< own attention only
   std::vector<DecoderInput> inputs_;
-  std::shared_ptr<Mlp> decoder_;
+  std::shared_ptr<Decoder> decoder_;
 };
 
 }  // namespace etude::policy

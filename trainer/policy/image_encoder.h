@@ -11,6 +11,7 @@
 
 #include "trainer/policy/config.h"
 #include "trainer/policy/layers.h"
+#include "trainer/policy/quantities/output.h"
 
 namespace etude::policy {
 
@@ -56,8 +57,5 @@ class ImageEncoder : public torch::nn::Module {
 
 /// Sines and cosines of pi 2^k x, k = 0..3, after x itself: (..., 9).
 torch::Tensor PositionFeatures(const torch::Tensor& x);
-
-/// What divides pixels before they are a feature or a residual: half of the paper's picture.
-inline constexpr double kPixelScale = 112;
 
 }  // namespace etude::policy

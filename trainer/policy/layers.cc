@@ -43,12 +43,6 @@ torch::Tensor Mlp::Forward(torch::Tensor x) {
   return x;
 }
 
-void Mlp::ScaleOutput(double factor) {
-  torch::NoGradGuard no_grad;
-  layers_.back()->weight.mul_(factor);
-  layers_.back()->bias.mul_(factor);
-}
-
 TokenHead::TokenHead(int inputs, int outputs, std::string activation)
     : linear_(register_module("linear", torch::nn::Linear(inputs, outputs))),
       norm_(register_module("norm", std::make_shared<LayerNorm>(outputs))),
@@ -68,20 +62,19 @@ NormRelu::NormRelu(int channels, Kind kind) : kind_(kind) {
 
 torch::Tensor NormRelu::Forward(const torch::Tensor& x, const torch::Tensor& residual) {
   constexpr double kEpsilon = 1e-5;
-  constexpr double kMomentum = 0.1;
   if (kind_ != Kind::kNone && CanFuseNormRelu(x)) {
     const FusedNorm norm{.per_image = kind_ == Kind::kInstance,
                          .training = kind_ == Kind::kInstance || is_training(),
                          .epsilon = kEpsilon,
-                         .momentum = kMomentum};
+                         .momentum = kNormMomentum};
     return FusedNormRelu(norm, x, weight_, bias_, running_mean_, running_var_, residual);
   }
   torch::Tensor y = x;
   if (kind_ == Kind::kBatch)
-    y = torch::batch_norm(x, weight_, bias_, running_mean_, running_var_, is_training(), kMomentum, kEpsilon,
+    y = torch::batch_norm(x, weight_, bias_, running_mean_, running_var_, is_training(), kNormMomentum, kEpsilon,
                           /*cudnn_enabled=*/true);
   if (kind_ == Kind::kInstance)
-    y = torch::instance_norm(x, {}, {}, {}, {}, /*use_input_stats=*/true, kMomentum, kEpsilon,
+    y = torch::instance_norm(x, {}, {}, {}, {}, /*use_input_stats=*/true, kNormMomentum, kEpsilon,
                              /*cudnn_enabled=*/true);
   if (residual.defined()) y = y + residual;
   return torch::relu(y);

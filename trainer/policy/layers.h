@@ -30,8 +30,6 @@ class Mlp : public torch::nn::Module {
   enum class Output { kLinear, kActivated };
   Mlp(int inputs, const std::vector<int>& hidden, int outputs, std::string activation, Output output = Output::kLinear);
   torch::Tensor Forward(torch::Tensor x);
-  /// Scales the initial weights of the last layer; 0 makes a head that starts at its bias.
-  void ScaleOutput(double factor);
 
  private:
   std::vector<torch::nn::Linear> layers_;
@@ -51,6 +49,9 @@ class TokenHead : public torch::nn::Module {
   std::shared_ptr<LayerNorm> norm_;
   std::string activation_;
 };
+
+/// Share of a batch in the running statistics of batch normalisation.
+inline constexpr double kNormMomentum = 0.1;
 
 /// relu(norm(x) [+ residual]) over (B, C, H, W); statistics in float32 whatever the type of x.
 class NormRelu : public torch::nn::Module {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Losses of one module, in units that balance: a pixel, a centimetre and a nat weigh about the
-// same.
+// The two losses of a module: where it looks, and what it says. Labels as in trainer/data/labels.h; shapes as in
+// policy.h. What a quantity's error costs is the quantity's (quantities/), with the constants of the policy's file.
 #pragma once
 
 #include <torch/torch.h>
@@ -8,36 +8,29 @@
 #include <string>
 #include <vector>
 
+#include "trainer/policy/config.h"
 #include "trainer/policy/image_encoder.h"
 #include "trainer/policy/policy.h"
 
 namespace etude::policy {
 
-/// A loss per sample with the samples that count.
-struct Masked {
-  torch::Tensor loss;   ///< (B, S')
-  torch::Tensor valid;  ///< (B, S') bool
-  /// Mean over what counts; 0 when nothing does.
-  torch::Tensor Mean() const;
-};
-
-/// (B, S, P) Gaussian of 0.6 patches around each pixel, over the tokens of the picture, summing
-/// to 1.
-/// @param pixel  (B, S, 2) px in the camera's picture
-torch::Tensor PatchTarget(const torch::Tensor& pixel, const torch::Tensor& crop_origin, const TokenGrid& grid);
-
-/// How far the attention of one module is from its supervised keys.
-///   log: cross-entropy to PatchTarget for a lone image@LABEL; else -log of the mass on the key set
-///   mse: (mass - 1)^2, an image@LABEL counting the one patch under the pixel
-/// Samples whose pixel is unlabelled or outside the crop do not count.
-/// @param keys  names of the map's columns, Policy::KeysOf
-Masked AttentionLoss(const ModuleConfig& module, const std::string& form, const std::vector<std::string>& keys,
+/// Supervised attention, per sample. Image tokens supervised alone with form "log": cross-entropy to a Gaussian patch
+/// around the entity's pixel (of a set: the mean of its members' patches). Else the mass on the key set (the entity's
+/// patches, the named keys) is driven to 1: by (mass - 1)^2 ("mse", the original's) or -log(mass) ("log").
+/// @param keys  names of the attention's columns; "image" stands for all image tokens and is first
+Masked AttentionLoss(const ModuleConfig& module, const AttentionLossConfig& form, const std::vector<std::string>& keys,
                      const ModuleOutput& output, const Labels& labels, const torch::Tensor& crop_origin,
                      const TokenGrid& grid);
 
-/// Loss of what a module decoded against its label, without its weight. Scalar; undefined without a
-/// label.
-torch::Tensor DecodeLoss(const ModuleConfig& module, const ModuleOutput& output, const Labels& labels,
-                         const torch::Tensor& crop_origin, const TokenGrid& grid);
+/// Loss of what is decoded, unweighted by the module; undefined when its label is absent.
+torch::Tensor DecodeLoss(const PolicyConfig& policy, const ModuleConfig& module, const ModuleOutput& output,
+                         const Labels& labels, const torch::Tensor& crop_origin, const TokenGrid& grid);
+
+/// (B, S, P) probability of each patch around a pixel: a Gaussian of `sigma` patches, normalised over the crop.
+torch::Tensor PatchTarget(const torch::Tensor& pixel, const torch::Tensor& crop_origin, const TokenGrid& grid,
+                          double sigma);
+
+/// The label with its mask (all valid when there is none); undefined tensors when it is absent.
+Target FindTarget(const Labels& labels, const std::string& name);
 
 }  // namespace etude::policy

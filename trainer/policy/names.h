@@ -5,13 +5,15 @@
 #include <string>
 #include <vector>
 
+#include "trainer/data/labels.h"
 #include "trainer/policy/config.h"
+#include "trainer/policy/quantities/quantity.h"
 
 namespace etude::policy {
 
-/// One entry of DecoderConfig::inputs, "[waves:]KIND[:MODULE]".
+/// One entry of DecoderConfig::inputs, "[fourier:]KIND[:MODULE]".
 struct DecoderInput {
-  bool waves = false;
+  bool fourier = false;
   std::string kind;
   std::string module;  ///< "": the module itself, or a token
 };
@@ -26,10 +28,21 @@ std::vector<const ModuleConfig*> EvaluationOrder(const PolicyConfig& config);
 /// ModuleConfig::reads with "all" written out.
 std::vector<std::string> ResolveReads(const PolicyConfig& config, const ModuleConfig& module);
 
-/// "target_pixel" -> "pixel": class, pixel, position, pose, displacement or trajectory; "" of "".
-std::string DecodeKind(const std::string& label);
+/// The quantity that it decodes; nullptr: none.
+const Quantity* QuantityOf(const ModuleConfig& module);
+/// The form of its last layer.
+Head HeadOf(const PolicyConfig& config, const ModuleConfig& module);
 
-/// Whether `module`'s decoder yields a `kind` (a pose yields a position too).
-bool Decodes(const ModuleConfig& module, const std::string& kind);
+/// Whether `module`'s decoder yields a `quantity` (a pose yields a position too).
+bool Decodes(const ModuleConfig& module, const std::string& quantity);
+
+/// Numbers of one entry of DecoderConfig::inputs. @param joints  of an observation
+int FeatureWidth(const PolicyConfig& config, const DecoderInput& input, int joints);
+
+/// "target" of "image@target"; "" of anything else.
+std::string AttendedEntity(const std::string& attend);
+
+/// The labels that the modules are trained on, each once. Rules live as long as the program.
+std::vector<data::LabelColumn> LabelColumnsOf(const PolicyConfig& config);
 
 }  // namespace etude::policy

@@ -18,9 +18,6 @@ namespace {
 
 using torch::Tensor;
 
-/// Rows of the shared segment table before those of own registers.
-enum Segment { kImageSegment, kJointSegment, kLanguageSegment, kFirstRegisterSegment };
-
 /// Seeds torch's generator for a scope and gives it back as it was.
 class SeededScope {
  public:
@@ -56,8 +53,8 @@ Status CheckNormalization(const Normalization& n) {
 bool DependsOnSentence(const ModuleConfig& module, const Wiring& wiring, const std::set<std::string>& dependent) {
   for (const std::string& key : wiring.reads)
     if (key == "language" || dependent.contains(key)) return true;
-  if (dependent.contains(module.query) || dependent.contains(module.decoder.relative_to)) return true;
-  for (const std::string& name : module.decoder.between)
+  if (dependent.contains(module.query)) return true;
+  for (const std::string& name : module.decoder.from)
     if (dependent.contains(name)) return true;
   return std::any_of(module.decoder.inputs.begin(), module.decoder.inputs.end(), [&](const std::string& text) {
     const DecoderInput input = ParseDecoderInput(text);
@@ -72,22 +69,12 @@ std::set<std::string> UsedModules(const PolicyConfig& config) {
     for (const std::string& key : ResolveReads(config, module)) used.insert(key);
     for (const std::string& input : module.decoder.inputs) used.insert(ParseDecoderInput(input).module);
     used.insert(module.query);
-    used.insert(module.decoder.relative_to);
-    used.insert(module.decoder.between.begin(), module.decoder.between.end());
+    used.insert(module.decoder.from.begin(), module.decoder.from.end());
   }
   return used;
 }
 
 }  // namespace
-
-Normalization Normalization::Unit(int joints) {
-  return {.joint_mean = torch::zeros({joints}),
-          .joint_std = torch::ones({joints}),
-          .position_mean = torch::zeros({3}),
-          .position_std = torch::ones({3}),
-          .displacement_std = torch::ones({3}),
-          .offset_std = torch::ones({kWaypoints, 3})};
-}
 
 struct Policy::Impl {
   PolicyConfig config;
@@ -101,7 +88,7 @@ struct Policy::Impl {
   std::vector<std::shared_ptr<GraphModule>> modules;  ///< in the order of evaluation
 
   bool is_shared() const { return config.attention == "shared"; }
-  Token Head(const std::string& name, const Tensor& token, int segment);
+  Token ToKeyAndValue(const std::string& name, const Tensor& token);  ///< shared attention only
   Tokens Encode(const Inputs& inputs, int level);
 };
 
@@ -141,26 +128,30 @@ Policy::Policy(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {
   const std::set<std::string> used = UsedModules(config);
   std::set<std::string> dependent;
   Wiring wiring;
-  int segment = kFirstRegisterSegment;
+  std::vector<std::string> segments{"image", "joints", "language"};  // and modules with registers of their own
   for (const ModuleConfig* module : EvaluationOrder(config)) {
     wiring.reads = ResolveReads(config, *module);
     // image tokens come first among the keys
     std::stable_partition(wiring.reads.begin(), wiring.reads.end(),
                           [](const std::string& key) { return key == "image"; });
     wiring.depends_on_sentence = DependsOnSentence(*module, wiring, dependent);
-    wiring.first_sentence_only = module->decoder.target == "trajectory" && !used.contains(module->name);
+    wiring.first_sentence_only = module->decoder.quantity == "trajectory" && !used.contains(module->name);
     if (wiring.depends_on_sentence) dependent.insert(module->name);
     p.modules.push_back(graph->register_module(
-        module->name,
-        std::make_shared<GraphModule>(config, *module, wiring, p.normalization, p.image->grid(), segment)));
-    if (module->query.empty()) ++segment;
+        module->name, std::make_shared<GraphModule>(config, *module, wiring, p.normalization, p.image->grid())));
+    if (module->query.empty()) segments.push_back(module->name);
     if (p.is_shared() && !p.shared.levels.contains(module->level))
       p.shared.levels[module->level] = register_module(fmt::format("attention{}", module->level),
                                                        std::make_shared<Attention>(config.width, config.heads));
     wiring.index[module->name] = static_cast<int>(wiring.earlier.size());
     wiring.earlier.push_back(module);
   }
-  if (p.is_shared()) p.shared.segments = register_parameter("segments", torch::randn({segment, config.width}));
+  if (!p.is_shared()) return;
+  const Tensor drawn = torch::randn({static_cast<std::int64_t>(segments.size()), config.width});
+  const auto table = register_module("segments", std::make_shared<torch::nn::Module>());
+  for (std::size_t i = 0; i < segments.size(); ++i)
+    p.shared.segments[segments[i]] =
+        table->register_parameter(segments[i], drawn[static_cast<std::int64_t>(i)].clone());
 }
 
 Policy::~Policy() = default;
@@ -168,6 +159,10 @@ Policy::~Policy() = default;
 Result<std::shared_ptr<Policy>> Policy::Create(const PolicyConfig& config, const Normalization& normalization,
                                                std::uint64_t seed) {
   ETUDE_RETURN_IF_ERROR(config.Validate());
+  if (config.image.crop.empty())
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("build policy '{}': image.crop is not resolved; it needs a camera (ResolveCrop)", config.name));
   ETUDE_RETURN_IF_ERROR(CheckNormalization(normalization));
   if (config.language.encoder != "default")
     return Fail(Code::kUnavailable, fmt::format("language encoder '{}' is not built into this version; use "
@@ -198,9 +193,9 @@ std::vector<std::string> Policy::KeysOf(const std::string& module) const {
   ETUDE_CHECK(false, "no module '{}'", module);
 }
 
-Token Policy::Impl::Head(const std::string& name, const Tensor& token, int segment) {
-  return {heads.at(name + "_key")->Forward(token) + shared.segments[segment],
-          heads.at(name + "_value")->Forward(token) + shared.segments[segment]};
+Token Policy::Impl::ToKeyAndValue(const std::string& name, const Tensor& token) {
+  return {heads.at(name + "_key")->Forward(token) + shared.segments.at(name),
+          heads.at(name + "_value")->Forward(token) + shared.segments.at(name)};
 }
 
 Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
@@ -221,9 +216,9 @@ Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
     tokens.image_pixels = image->grid().Centres(tokens.crop_origin.options());
   }
   if (is_shared()) {
-    tokens.joints = Head("joints", joint_token, kJointSegment);
-    tokens.language = Head("language", tokens.sentence, kLanguageSegment);
-    if (look) tokens.image = Head("image", picture, kImageSegment);
+    tokens.joints = ToKeyAndValue("joints", joint_token);
+    tokens.language = ToKeyAndValue("language", tokens.sentence);
+    if (look) tokens.image = ToKeyAndValue("image", picture);
   } else {
     const Tensor normed = joints_norm->Forward(joint_token);
     tokens.joints = {normed, normed};
@@ -267,12 +262,12 @@ LossTerms Policy::Loss(const Inputs& inputs, const Outputs& outputs, const Label
     const auto output = outputs.find(config.name);
     if (config.level > level || output == outputs.end()) continue;
     if (!config.attend.empty() && config.attend_weight > 0) {
-      const Masked masked = AttentionLoss(config, p.config.attention_loss, module->wiring().reads, output->second,
+      const Masked masked = AttentionLoss(config, p.config.losses.attention, module->wiring().reads, output->second,
                                           labels, origin, p.image->grid());
       if (masked.loss.defined()) add(config.name + ".attention", masked.Mean(), config.attend_weight);
     }
-    if (!config.decoder.target.empty())
-      add(config.name + ".decode", DecodeLoss(config, output->second, labels, origin, p.image->grid()),
+    if (!config.decoder.quantity.empty())
+      add(config.name + ".decode", DecodeLoss(p.config, config, output->second, labels, origin, p.image->grid()),
           config.decoder.weight);
   }
   LossTerms result;

@@ -14,19 +14,9 @@
 
 #include "services/core/result.h"
 #include "trainer/policy/config.h"
+#include "trainer/policy/quantities/output.h"
 
 namespace etude::policy {
-
-/// Statistics of the training split, saved with the checkpoint. All float32.
-struct Normalization {
-  torch::Tensor joint_mean, joint_std;        ///< (J)
-  torch::Tensor position_mean, position_std;  ///< (3) m, of objects and hand
-  torch::Tensor displacement_std;             ///< (3) m
-  torch::Tensor offset_std;                   ///< (12, 3) m, of each waypoint relative to the hand
-
-  /// Zero means and unit deviations: for weights that bring their own, and for tests.
-  static Normalization Unit(int joints);
-};
 
 struct Inputs {
   torch::Tensor images;                ///< (B, 3, h, w) uint8, channels-last; the configured crop, maybe jittered
@@ -36,25 +26,9 @@ struct Inputs {
   torch::Tensor sentence_index;        ///< (B, S) int64 into `sentences`; s = 0 is the demonstrated command
 };
 
-/// Labels by name (see trainer/data/labels.h); (B, S, ...) or (B, 1, ...) where the sentence does
+/// Labels by name, "target.position" (see trainer/data/labels.h); (B, S, ...) or (B, 1, ...) where the sentence does
 /// not matter. A bool tensor "<name>.valid" of shape (B, S|1) masks samples.
 using Labels = std::map<std::string, torch::Tensor>;
-
-/// What one module said. S' is S, or 1 where nothing it reads depends on the sentence, and for
-/// trajectories while training (they are labelled for s = 0 only).
-struct ModuleOutput {
-  torch::Tensor reg;               ///< (B, S', d) its register
-  torch::Tensor attention;         ///< (B, S', K) head-mean over its keys; image tokens first when it reads them
-  torch::Tensor soft_argmax;       ///< (B, S', 2) px in the camera's picture, when it reads the image
-  torch::Tensor head_soft_argmax;  ///< (B, S', heads, 2) px, the same of each head
-  torch::Tensor gripper_logits;    ///< (B, S', 12), when it decodes a trajectory
-  torch::Tensor waypoint_scale;    ///< (12) m, what an error of waypoint k is measured in; with a trajectory
-  /// Decoded, in SI units, as a person reads it: "class" logits, "pixel" (2), "position" (3),
-  /// "pose" (9), "displacement" (3), "trajectory" (12, 10) absolute with the gripper as a
-  /// probability.
-  std::map<std::string, torch::Tensor> decoded;
-};
-using Outputs = std::map<std::string, ModuleOutput>;
 
 struct LossTerms {
   torch::Tensor total;                  ///< scalar

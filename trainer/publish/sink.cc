@@ -4,18 +4,19 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <charconv>
 
+#include "services/bus/directory.h"
 #include "services/core/log.h"
-#include "trainer/publish/checkpoint.h"
 
 namespace etude::publish {
 namespace {
 
 namespace fs = std::filesystem;
 
-Path LinkPath(const Path& folder, const std::string& channel) { return folder / (channel + ".safetensors"); }
+using checkpoint::kBest;
+using checkpoint::kLatest;
+using checkpoint::LinkOf;
 
 // replaces a link so that a reader sees the old one or the new one
 Status PointTo(const Path& link, const Path& target) {
@@ -28,44 +29,43 @@ Status PointTo(const Path& link, const Path& target) {
   return SyncFolder(link.parent_path());
 }
 
-// one more start of the run, counted on disk
-Result<std::uint64_t> CountStart(const Path& file) {
-  std::uint64_t starts = 0;
-  if (const auto text = ReadTextFile(file, 64)) std::from_chars(text->data(), text->data() + text->size(), starts);
-  ++starts;
-  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(file, std::to_string(starts)));
-  return starts;
-}
+Path StartsFile(const Path& run_folder) { return run_folder / "checkpoints" / "starts"; }
 
-OrderedJson MetaOf(const CheckpointInfo& info) {
-  return {{"run", info.run},         {"step", info.step},       {"stage", info.stage},
-          {"stages", info.stages},   {"name", info.stage_name}, {"architecture", info.architecture},
-          {"version", info.version}, {"metrics", info.metrics}};
+// what WriteFileAtomically of a killed process left; the one trainer of the folder is this one
+void RemoveHalfWritten(const Path& folder) {
+  std::error_code error;
+  std::vector<Path> found;
+  for (const auto& item : fs::directory_iterator(folder, error))
+    if (item.path().filename().string().find(".tmp-") != std::string::npos) found.push_back(item.path());
+  for (const auto& path : found)
+    if (fs::remove(path, error)) Log().info("removed '{}', left half written by a killed run", path.string());
 }
 
 }  // namespace
 
-std::string RunNameOf(const Path& folder) {
-  std::string name = fs::absolute(folder).lexically_normal().filename().string();
-  if (name.empty()) name = fs::absolute(folder).lexically_normal().parent_path().filename().string();
-  for (char& c : name) {
-    c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    if (!std::isalnum(static_cast<unsigned char>(c)) && c != '_') c = '-';
-  }
-  name = name.substr(0, 64);
-  return name.empty() ? "run" : name;
+std::uint64_t NextStart(const Path& run_folder) {
+  std::uint64_t starts = 0;
+  if (const auto text = ReadTextFile(StartsFile(run_folder), 64))
+    std::from_chars(text->data(), text->data() + text->size(), starts);
+  return starts + 1;
 }
 
-Result<CheckpointSink> CheckpointSink::Open(const Path& run_folder, const std::string& run_name,
-                                            const bus::Participant* participant) {
+Result<CheckpointSink> CheckpointSink::Open(const Path& run_folder, const RunIdentity& run,
+                                            const bus::Participant* participant, int keep) {
   CheckpointSink sink;
+  sink.keep_ = keep;
   sink.folder_ = run_folder / "checkpoints";
-  sink.run_ = run_name;
+  sink.run_ = run;
   ETUDE_RETURN_IF_ERROR(MakeFolders(sink.folder_));
-  ETUDE_ASSIGN_OR_RETURN(sink.start_, CountStart(sink.folder_ / "starts"));
+  RemoveHalfWritten(sink.folder_);
+  RemoveHalfWritten(run_folder);
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(StartsFile(run_folder), std::to_string(run.start)));
   if (participant) {
-    ETUDE_ASSIGN_OR_RETURN(auto publisher, bus::ObjectPublisher::Open(*participant, run_name));
-    sink.publisher_ = std::make_unique<bus::ObjectPublisher>(std::move(publisher));
+    bus::SendOptions options;
+    options.owner = run.id;
+    ETUDE_ASSIGN_OR_RETURN(auto publisher,
+                           bus::BlobPublisher::Open(*participant, bus::PartitionOf(run.name, run.id), options));
+    sink.publisher_ = std::make_unique<bus::BlobPublisher>(std::move(publisher));
     sink.PublishExisting();
   }
   return sink;
@@ -73,51 +73,42 @@ Result<CheckpointSink> CheckpointSink::Open(const Path& run_folder, const std::s
 
 void CheckpointSink::PublishExisting() {
   for (const char* channel : {kBest, kLatest}) {
-    const auto bytes = ReadBinaryFile(LinkPath(folder_, channel));
+    const auto bytes = ReadBinaryFile(LinkOf(folder_, channel));
     if (!bytes) continue;
-    const auto checkpoint = DecodeCheckpoint(*bytes);
-    if (checkpoint)
-      Publish(channel, *bytes, MetaOf(checkpoint->info));
+    const auto made = checkpoint::Decode(*bytes);
+    if (made)
+      Publish(channel, *bytes, made->metadata);
     else
-      Log().warn("not published: {}: {}", LinkPath(folder_, channel).string(), checkpoint.error().message);
+      Log().warn("not published: {}: {}", LinkOf(folder_, channel).string(), made.error().message);
   }
 }
 
-void CheckpointSink::Publish(const std::string& channel, std::span<const std::uint8_t> bytes, const OrderedJson& meta) {
+void CheckpointSink::Publish(const std::string& channel, std::span<const std::uint8_t> bytes,
+                             const checkpoint::Metadata& metadata) {
   if (!publisher_) return;
-  const std::uint64_t version = start_ << 32 | ++published_;
-  const Status sent = publisher_->Publish(channel, version, bytes, meta.dump());
-  if (!sent) Log().warn("publish checkpoint run={} channel={}: {}", run_, channel, sent.error().message);
+  const std::uint64_t version = run_.start << 32 | ++published_;
+  const Status sent = publisher_->Publish(channel, version, bytes, checkpoint::Summary(metadata).dump());
+  if (!sent) Log().warn("publish checkpoint run={} channel={}: {}", run_.name, channel, sent.error().message);
 }
 
-Status CheckpointSink::Save(const learn::CheckpointRequest& request) {
-  ETUDE_ASSIGN_OR_RETURN(const auto bytes, EncodeCheckpoint(request, run_));
-  const Path name = fmt::format("{:08}.safetensors", request.step);
+Status CheckpointSink::Save(const checkpoint::Checkpoint& made) {
+  checkpoint::Checkpoint named = made;  // tensors are handles
+  named.metadata.run = run_.name;
+  const checkpoint::Metadata& metadata = named.metadata;
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, checkpoint::Encode(named));
+  const Path name = checkpoint::FileNameOf(metadata.step);
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(folder_ / name, bytes));
-  ETUDE_RETURN_IF_ERROR(PointTo(LinkPath(folder_, kLatest), name));
-  if (request.best) ETUDE_RETURN_IF_ERROR(PointTo(LinkPath(folder_, kBest), name));
-
-  const CheckpointInfo info{.run = run_,
-                            .version = ETUDE_VERSION,
-                            .stage_name = request.stage_name,
-                            .dataset = request.dataset,
-                            .architecture = policy::ArchitectureHash(request.config->policy),
-                            .step = request.step,
-                            .train_episodes = request.train_episodes,
-                            .stage = request.stage,
-                            .stages = request.stages,
-                            .joints = request.joints,
-                            .metrics = request.metrics,
-                            .train_config = {}};
-  Publish(kLatest, bytes, MetaOf(info));
-  if (request.best) Publish(kBest, bytes, MetaOf(info));
-  return Prune(request.config->checkpoint.keep);
+  ETUDE_RETURN_IF_ERROR(PointTo(LinkOf(folder_, kLatest), name));
+  if (metadata.best) ETUDE_RETURN_IF_ERROR(PointTo(LinkOf(folder_, kBest), name));
+  Publish(kLatest, bytes, metadata);
+  if (metadata.best) Publish(kBest, bytes, metadata);
+  return Prune();
 }
 
-Status CheckpointSink::Prune(int keep) const {
+Status CheckpointSink::Prune() const {
   std::error_code error;
-  const Path best = fs::read_symlink(LinkPath(folder_, kBest), error);
-  const Path latest = fs::read_symlink(LinkPath(folder_, kLatest), error);
+  const Path best = fs::read_symlink(LinkOf(folder_, kBest), error);
+  const Path latest = fs::read_symlink(LinkOf(folder_, kLatest), error);
   std::vector<Path> files;
   for (const auto& item : fs::directory_iterator(folder_, error)) {
     const Path& name = item.path().filename();
@@ -126,7 +117,7 @@ Status CheckpointSink::Prune(int keep) const {
   }
   // `latest` is one of those kept
   std::sort(files.begin(), files.end());
-  for (std::size_t i = 0; i + static_cast<std::size_t>(keep) - 1 < files.size(); ++i) fs::remove(files[i], error);
+  for (std::size_t i = 0; i + static_cast<std::size_t>(keep_) - 1 < files.size(); ++i) fs::remove(files[i], error);
   return {};
 }
 

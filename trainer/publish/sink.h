@@ -5,43 +5,48 @@
 #include <memory>
 #include <string>
 
-#include "services/bus/object_channel.h"
+#include "services/bus/blob_transfer.h"
 #include "services/core/file.h"
-#include "trainer/learn/trainer.h"
+#include "trainer/checkpoint/checkpoint.h"
+#include "trainer/checkpoint/names.h"
 
 namespace etude::publish {
 
-inline constexpr char kLatest[] = "latest";
-inline constexpr char kBest[] = "best";
+/// A run as its subscribers know it.
+struct RunIdentity {
+  std::string name, id;     ///< published in the partition NAME/ID
+  std::uint64_t start = 1;  ///< grows with every start of the run (see NextStart): versions grow over restarts
+};
+
+/// One more than the starts that `run_folder` has seen.
+std::uint64_t NextStart(const Path& run_folder);
 
 /// RUN/checkpoints/00001500.safetensors, with links latest.safetensors and best.safetensors; each
-/// by rename. The newest `checkpoint.keep` files and the best one stay. Not thread-safe.
+/// by rename. The newest `keep` files and the best one stay. Not thread-safe.
 class CheckpointSink {
  public:
   /// With a participant, checkpoints are published too, and those already in the folder at once,
-  /// for subscribers that were there before a resumed run. @error kUnavailable (disk, bus).
-  static Result<CheckpointSink> Open(const Path& run_folder, const std::string& run_name,
-                                     const bus::Participant* participant);
+  /// for subscribers that were there before a resumed run. What a killed run left half written is removed.
+  /// @error kUnavailable (disk, bus).
+  static Result<CheckpointSink> Open(const Path& run_folder, const RunIdentity& run,
+                                     const bus::Participant* participant, int keep = 3);
 
-  /// Durable and named by `latest` (and `best`) when it returns. @error of the disk. A bus that
+  /// Under this run's name. Durable and named by `latest` (and `best`) when it returns. @error of the disk. A bus that
   /// does not take it is logged, not an error: the file is there and the next one will be tried.
-  Status Save(const learn::CheckpointRequest& request);
+  Status Save(const checkpoint::Checkpoint& made);
   std::uint64_t published() const { return published_; }
 
  private:
   CheckpointSink() = default;
-  void Publish(const std::string& channel, std::span<const std::uint8_t> bytes, const OrderedJson& meta);
+  void Publish(const std::string& channel, std::span<const std::uint8_t> bytes, const checkpoint::Metadata& metadata);
   void PublishExisting();
-  Status Prune(int keep) const;
+  Status Prune() const;
 
   Path folder_;
-  std::string run_;
-  std::unique_ptr<bus::ObjectPublisher> publisher_;
-  std::uint64_t start_ = 0;  ///< starts of this run: versions grow over restarts
+  RunIdentity run_;
+  std::unique_ptr<bus::BlobPublisher> publisher_;
   std::uint64_t published_ = 0;
+  int keep_ = 3;
 };
-
-/// "Out/My Run" -> "my-run": a plain name for a folder.
-std::string RunNameOf(const Path& folder);
 
 }  // namespace etude::publish

@@ -7,33 +7,36 @@
 #include <string>
 
 #include "services/bus/messages.h"
-#include "trainer/publish/checkpoint.h"
+#include "trainer/checkpoint/checkpoint.h"
 
 namespace etude::serve {
 
 /// Immutable; Answer may be called from several threads at once.
 class Model {
  public:
-  /// @error as DecodeCheckpoint and BuildPolicy.
+  /// @error as checkpoint::Decode and checkpoint::BuildPolicy.
   static Result<std::shared_ptr<const Model>> FromBytes(std::span<const std::uint8_t> bytes);
   static Result<std::shared_ptr<const Model>> FromFile(const Path& path);
 
-  const publish::CheckpointInfo& info() const { return checkpoint_.info; }
-  const policy::PolicyConfig& config() const { return checkpoint_.policy; }
+  const checkpoint::Metadata& metadata() const { return metadata_; }
+  /// Why it may not drive a robot yet (checkpoint::WhyUntrained); "" when it may.
+  const std::string& untrained() const { return untrained_; }
   const std::string& sha256() const { return sha256_; }
 
-  /// Waypoints and the modules' outputs. An observation that does not fit (picture size, number of
-  /// joints, numbers that are not finite) is answered with `error` set and nothing else. A pure
+  /// An observation that fits, of nothing: for measuring how long an answer takes.
+  bus::Observation Trial() const;
+  /// Waypoints and the modules' outputs. An observation that does not fit what the policy was trained for (each
+  /// difference by name), or any while a module on the control path is untrained, is answered with `error` set and
+  /// nothing else. A pure
   /// function of the observation and the checkpoint.
   bus::Action Answer(const bus::Observation& observation) const;
 
  private:
   Model() = default;
   Result<policy::Inputs> Prepare(const bus::Observation& observation) const;
-  OrderedJson Describe(const policy::Outputs& outputs) const;
 
-  publish::Checkpoint checkpoint_;  // without tensors: the policy has them
-  std::string sha256_;
+  checkpoint::Metadata metadata_;
+  std::string sha256_, untrained_;
   std::shared_ptr<policy::Policy> policy_;
 };
 

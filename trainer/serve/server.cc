@@ -3,72 +3,174 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
-#include <mutex>
 #include <thread>
 #include <vector>
 
+#include "services/bus/directory.h"
 #include "services/bus/topic.h"
+#include "services/core/clock.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
+#include "services/core/thread_annotations.h"
 
 namespace etude::serve {
 
 using namespace std::chrono_literals;
 
+namespace {
+
+// What is served now, and under which run's id.
+struct Served {
+  std::string run_id;
+  std::shared_ptr<const Model> model;
+};
+
+// Where observations of one run come in and actions go out.
+struct Desk {
+  std::string run_id;
+  bus::Announcement presence;
+  bus::Writer<bus::Action> actions;
+  bus::Reader<bus::Observation> observations;
+};
+
+}  // namespace
+
 struct PolicyServer::Impl {
   const bus::Participant* participant = nullptr;
   ServerOptions options;
-  std::optional<bus::Writer<bus::Action>> writer;
-  std::optional<bus::Reader<bus::Observation>> reader;
-  std::optional<bus::ObjectSubscriber> subscriber;
+  std::optional<Desk> desk;
   std::thread follower;
   std::atomic<bool> stop{false};
   std::atomic<std::uint64_t> answered{0}, refused{0};
 
-  mutable std::mutex mutex;
-  std::shared_ptr<const Model> model;
+  LatencyMeter latency;
+  mutable Mutex mutex;
+  Served served ETUDE_GUARDED_BY(mutex);
+  Status follow_status ETUDE_GUARDED_BY(mutex);
 
   ~Impl() {
     stop = true;
     if (follower.joinable()) follower.join();
   }
-  std::shared_ptr<const Model> Current() const {
-    const std::lock_guard lock(mutex);
-    return model;
+  Served Current() const ETUDE_EXCLUDES(mutex) {
+    const MutexLock lock(mutex);
+    return served;
   }
-  void FollowCheckpoints();
+  bool Stopping() const { return stop || StopRequested(); }
+
+  Status FollowRuns();
+  Status FollowRun(bus::Directory& directory, const std::string& run_id);
+  void TakeCheckpoint(const bus::PublishedBlob& blob);
+  void Serve(const std::string& run_id, std::shared_ptr<const Model> fresh) ETUDE_EXCLUDES(mutex);
+  void TryOut(const Model& fresh);
+  Status OpenDesk(const std::string& run_id);
   Status AnswerAll(const std::vector<bus::Observation>& observations);
 };
 
-// every new checkpoint becomes the model, or is refused and the last good one stays
-void PolicyServer::Impl::FollowCheckpoints() {
-  while (!stop && !StopRequested()) {
-    const auto object = subscriber->Wait(200ms);
-    if (!object || object->channel != options.channel) continue;
-    auto fresh = Model::FromBytes(object->bytes);
-    if (!fresh) {
-      ++refused;
-      const auto kept = Current();
-      Log().warn("refused a checkpoint run={} version={}: {}; {}", options.run, object->version, fresh.error().message,
-                 kept ? fmt::format("step {} serves on", kept->info().step) : "none serves yet");
-      continue;
-    }
-    Log().info("serving run={} step={} stage={} sha256={:.12}", options.run, (*fresh)->info().step,
-               (*fresh)->info().stage_name, (*fresh)->sha256());
-    const std::lock_guard lock(mutex);
-    model = std::move(*fresh);
+// a first number for clients, before any of them has asked
+void PolicyServer::Impl::TryOut(const Model& fresh) {
+  constexpr int kTrials = 12;
+  const bus::Observation trial = fresh.Trial();
+  for (int i = 0; i < kTrials; ++i) {
+    const Stopwatch watch;
+    (void)fresh.Answer(trial);
+    if (i >= 2) latency.AddTrial(1000 * watch.Seconds());  // the first ones also fill caches
   }
+  Log().info("answering takes {} (trials of step={})", ToString(latency.Now()), fresh.metadata().step);
+}
+
+// One that may not drive yet never takes the place of one that may; until there is one its refusals are the answers.
+void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const Model> fresh) {
+  const Served current = Current();
+  const auto& kept = current.model;
+  const auto& metadata = fresh->metadata();
+  if (!fresh->untrained().empty()) {
+    ++refused;
+    const bool stays = kept && current.run_id == run_id && kept->untrained().empty();
+    Log().warn("refused a checkpoint run={}@{} step={}: not trained: {}; {}", options.run.name, run_id, metadata.step,
+               fresh->untrained(),
+               stays ? fmt::format("step {} serves on", kept->metadata().step)
+                     : "observations are answered with this refusal");
+    if (stays) return;
+  } else {
+    Log().info("serving run={}@{} step={} stage={} sha256={:.12}", options.run.name, run_id, metadata.step,
+               metadata.stage_name, fresh->sha256());
+    if (latency.Now().p99_ms == 0) TryOut(*fresh);
+  }
+  const MutexLock lock(mutex);
+  served = {run_id, std::move(fresh)};
+}
+
+// One run after the other of those that the selector fits.
+Status PolicyServer::Impl::FollowRuns() {
+  ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(*participant));
+  while (!Stopping()) {
+    // a run that is named by its whole id need not be there: it may have published all it ever will
+    std::string run_id = options.run.id;
+    if (!IsId(run_id)) {
+      ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kRun, options.run, 1s));
+      if (!found) continue;
+      run_id = found->id;
+    }
+    ETUDE_RETURN_IF_ERROR(FollowRun(directory, run_id));
+  }
+  return {};
+}
+
+// Until another run has taken its place.
+Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::string& run_id) {
+  bus::ReceiveOptions receive;
+  receive.owner = run_id;
+  ETUDE_ASSIGN_OR_RETURN(
+      auto subscriber,
+      bus::BlobSubscriber::Open(*participant, bus::PartitionOf(options.run.name, run_id), options.channel, receive));
+  Log().info("following run {}@{}", options.run.name, run_id);
+  while (!Stopping()) {
+    const auto blob = subscriber.Wait(200ms);
+    if (blob && blob->channel == options.channel) TakeCheckpoint(*blob);
+    if (directory.Replaced(bus::PresenceKind::kRun, options.run, run_id)) return {};
+  }
+  return {};
+}
+
+// Every new checkpoint becomes the model, or is refused and the last good one stays.
+void PolicyServer::Impl::TakeCheckpoint(const bus::PublishedBlob& blob) {
+  auto fresh = Model::FromBytes(blob.bytes);
+  if (!fresh) {
+    ++refused;
+    const auto kept = Current().model;
+    Log().warn("refused a checkpoint run={}@{} version={}: {}; {}", options.run.name, blob.owner, blob.version,
+               fresh.error().message,
+               kept ? fmt::format("step {} serves on", kept->metadata().step) : "none serves yet");
+    return;
+  }
+  Serve(blob.owner, std::move(*fresh));
+}
+
+Status PolicyServer::Impl::OpenDesk(const std::string& run_id) {
+  desk.reset();
+  const std::string partition = bus::PartitionOf(options.run.name, run_id);
+  ETUDE_ASSIGN_OR_RETURN(auto actions, bus::Writer<bus::Action>::Open(*participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Reader<bus::Observation>::Open(*participant, partition));
+  const auto presence = bus::MakePresence(bus::PresenceKind::kPolicy, options.run.name, run_id, options.folder);
+  // several may serve one run; the newest is the one that is found
+  ETUDE_ASSIGN_OR_RETURN(auto announced, bus::Announcement::Open(*participant, presence, Claim::kAdopt));
+  desk.emplace(Desk{run_id, std::move(announced), std::move(actions), std::move(observations)});
+  return {};
 }
 
 Status PolicyServer::Impl::AnswerAll(const std::vector<bus::Observation>& observations) {
+  const Stopwatch since_arrival;
   // a client that asked again wants the answer to its last question only
   std::map<std::string, const bus::Observation*> newest;
-  for (const auto& observation : observations) newest[observation.session] = &observation;
+  for (const auto& observation : observations)
+    if (observation.run_id == desk->run_id) newest[observation.session] = &observation;
   std::vector<const bus::Observation*> open;
   for (const auto& [session, observation] : newest) open.push_back(observation);
 
-  const auto current = Current();
+  const auto current = Current().model;
   std::vector<bus::Action> actions(open.size());
   std::atomic<std::size_t> next{0};
   const auto work = [&] {
@@ -80,14 +182,18 @@ Status PolicyServer::Impl::AnswerAll(const std::vector<bus::Observation>& observ
   work();
   for (auto& thread : others) thread.join();
 
-  for (const auto& action : actions) {
+  const Latency measured = latency.Now();
+  for (auto& action : actions) {
+    action.server_p50_ms = static_cast<float>(measured.p50_ms);
+    action.server_p99_ms = static_cast<float>(measured.p99_ms);
     if (!action.error.empty()) Log().warn("refused an observation session={}: {}", action.session, action.error);
-    const Status written = writer->Write(action);
+    const Status written = desk->actions.Write(action);
     // a client that went away must not stop the others
     if (!written)
       Log().warn("answer session={}: {}", action.session, written.error().message);
     else
       ++answered;
+    if (action.error.empty()) latency.Add(1000 * since_arrival.Seconds());
   }
   return {};
 }
@@ -99,38 +205,52 @@ PolicyServer::~PolicyServer() = default;
 
 Result<PolicyServer> PolicyServer::Open(const bus::Participant& participant, const ServerOptions& options,
                                         std::shared_ptr<const Model> model) {
+  if (model && !IsId(options.run.id))
+    return Fail(Code::kInvalidArgument,
+                fmt::format("serve a checkpoint as '{}': it needs a whole id", options.run.text()));
   auto impl = std::make_unique<Impl>();
   impl->participant = &participant;
   impl->options = options;
-  impl->model = std::move(model);
-  ETUDE_ASSIGN_OR_RETURN(impl->writer, bus::Writer<bus::Action>::Open(participant, options.run));
+  if (model) impl->Serve(options.run.id, std::move(model));
   return PolicyServer(std::move(impl));
 }
 
 Status PolicyServer::Follow() {
-  ETUDE_ASSIGN_OR_RETURN(impl_->subscriber,
-                         bus::ObjectSubscriber::Open(*impl_->participant, impl_->options.run, impl_->options.channel));
-  impl_->follower = std::thread([impl = impl_.get()] { impl->FollowCheckpoints(); });
+  impl_->follower = std::thread([impl = impl_.get()] {
+    const Status status = impl->FollowRuns();
+    if (status) return;
+    {
+      const MutexLock lock(impl->mutex);
+      impl->follow_status = status;
+    }
+    impl->stop = true;
+  });
   return {};
 }
 
 Status PolicyServer::Run() {
-  if (!impl_->Current()) Log().info("waiting for the first checkpoint of run '{}'", impl_->options.run);
-  while (!impl_->Current() && !impl_->stop && !WaitForStop(50ms)) {
+  if (!impl_->Current().model) Log().info("waiting for the first checkpoint of run '{}'", impl_->options.run.text());
+  while (!impl_->Stopping()) {
+    const Served current = impl_->Current();
+    if (!current.model) {
+      WaitForStop(50ms);
+      continue;
+    }
+    if (!impl_->desk || impl_->desk->run_id != current.run_id) ETUDE_RETURN_IF_ERROR(impl_->OpenDesk(current.run_id));
+    auto& observations = impl_->desk->observations;
+    if (observations.Wait(100ms)) ETUDE_RETURN_IF_ERROR(impl_->AnswerAll(observations.Take()));
   }
-  if (impl_->stop || StopRequested()) return {};
-  ETUDE_ASSIGN_OR_RETURN(impl_->reader, bus::Reader<bus::Observation>::Open(*impl_->participant, impl_->options.run));
-  while (!impl_->stop && !StopRequested())
-    if (impl_->reader->Wait(100ms)) ETUDE_RETURN_IF_ERROR(impl_->AnswerAll(impl_->reader->Take()));
-  return {};
+  const MutexLock lock(impl_->mutex);
+  return impl_->follow_status;
 }
 
 void PolicyServer::Stop() { impl_->stop = true; }
 std::uint64_t PolicyServer::answered() const { return impl_->answered; }
 std::uint64_t PolicyServer::refused_checkpoints() const { return impl_->refused; }
+Latency PolicyServer::latency() const { return impl_->latency.Now(); }
 std::uint64_t PolicyServer::checkpoint_step() const {
-  const auto model = impl_->Current();
-  return model ? model->info().step : 0;
+  const auto model = impl_->Current().model;
+  return model ? model->metadata().step : 0;
 }
 
 }  // namespace etude::serve

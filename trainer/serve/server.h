@@ -7,14 +7,17 @@
 #include <optional>
 #include <string>
 
-#include "services/bus/object_channel.h"
+#include "services/bus/blob_transfer.h"
 #include "services/bus/participant.h"
+#include "services/core/identity.h"
+#include "trainer/serve/latency.h"
 #include "trainer/serve/model.h"
 
 namespace etude::serve {
 
 struct ServerOptions {
-  std::string run;                 ///< partition of observations and actions
+  Selector run;                    ///< whose checkpoints are served: NAME, or NAME@ID
+  std::string folder;              ///< of the checkpoint that is served, for people
   std::string channel = "latest";  ///< of the checkpoints to follow: latest | best
   int threads = 1;                 ///< observations evaluated side by side
 };
@@ -23,21 +26,24 @@ struct ServerOptions {
 /// for a matched reader starts when it can be answered.
 class PolicyServer {
  public:
-  /// @param model  to begin with; none: waits for the first checkpoint (`follow`)
+  /// @param model  to begin with, served under `options.run` with its whole id; none: waits for the first checkpoint
+  ///               (Follow)
   static Result<PolicyServer> Open(const bus::Participant& participant, const ServerOptions& options,
                                    std::shared_ptr<const Model> model);
-  /// Also takes every checkpoint published on the run's partition from now on.
+  /// Also takes every checkpoint that the run publishes from now on. With its name alone: of the run of that name,
+  /// and when that has gone, of the next one; the old model serves until the new run's first checkpoint.
   Status Follow();
   PolicyServer(PolicyServer&&) noexcept;
   PolicyServer& operator=(PolicyServer&&) noexcept;
   ~PolicyServer();
 
-  /// Until a stop request or Stop().
+  /// Until a stop request or Stop(). @error kInvalidArgument: the run's name means several (the message lists them)
   Status Run();
   void Stop();
 
   std::uint64_t answered() const;
   std::uint64_t refused_checkpoints() const;
+  Latency latency() const;
   std::uint64_t checkpoint_step() const;  ///< 0: none yet
 
  private:

@@ -3,12 +3,9 @@
 // name. How many joints an arm has is data, too.
 #pragma once
 
-#include <Eigen/Core>
-#include <functional>
 #include <string>
 #include <vector>
 
-#include "services/core/result.h"
 #include "worker/assets/object.h"
 
 namespace etude::assets {
@@ -18,8 +15,8 @@ namespace etude::assets {
 /// with fingers that close along world x has x_E = +z_W.
 struct RobotModel {
   std::string name;
-  std::string defaults;                    ///< MJCF <default> classes, only of a user's robot
-  std::string materials;                   ///< MJCF <material> elements; a user's robot: all of <asset>
+  std::string defaults;                    ///< MJCF <default> classes
+  std::string materials;                   ///< content of <asset>
   std::string body;                        ///< MJCF <body> tree, its base where it stands in the scene
   std::string equality, tendon, actuator;  ///< content of these MJCF sections
   std::vector<AssetFile> files;
@@ -47,11 +44,5 @@ struct RobotModel {
   double turned_pitch = 1.5707963267948966;
   std::string tool_site;
 };
-
-const std::vector<std::string>& KnownRobots();
-/// @error kInvalidArgument: unknown name; the message has the nearest known one
-Result<RobotModel> MakeRobot(const std::string& name);
-
-using RobotMaker = std::function<Result<RobotModel>(const std::string& name)>;
 
 }  // namespace etude::assets

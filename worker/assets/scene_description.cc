@@ -19,7 +19,7 @@ namespace {
 // other: keeping the arm off itself is the planner's business.
 constexpr const char* kHead = R"(<mujoco model="etude">
 <compiler angle="radian" autolimits="true" inertiafromgeom="auto"/>
-<option timestep="{timestep}" integrator="Euler" solver="Newton" iterations="60" tolerance="1e-10" cone="elliptic" impratio="10"/>
+<option timestep="{timestep}" integrator="Euler" solver="Newton" jacobian="sparse" iterations="60" tolerance="1e-10" cone="elliptic" impratio="10"/>
 <size njmax="1200" nconmax="300"/>
 <statistic extent="1" center="0 0.2 0.1" meansize="0.05"/>
 <visual>
@@ -30,8 +30,6 @@ constexpr const char* kHead = R"(<mujoco model="etude">
 </visual>
 <default>
 <default class="visual"><geom contype="0" conaffinity="0" group="2" mass="0"/></default>
-<default class="robot"><geom contype="2" conaffinity="1" group="3" mass="0" friction="0.5 0.005 0.0001" solref="0.006 1" solimp="0.95 0.99 0.001" rgba="0.9 0.4 0.4 0.5"/></default>
-<default class="pad"><geom contype="2" conaffinity="1" group="3" mass="0" condim="4" friction="0.9 0.02 0.001" solref="0.006 1" solimp="0.95 0.99 0.001" rgba="0.4 0.9 0.4 0.5"/></default>
 <default class="object"><geom contype="1" conaffinity="3" group="3" condim="4" friction="0.9 0.02 0.001" solref="0.006 1" solimp="0.95 0.99 0.001" rgba="0.4 0.4 0.9 0.5"/></default>
 <default class="object_round"><geom {round}/></default>
 <default class="object_foot"><geom {foot}/></default>
@@ -104,10 +102,9 @@ std::string Digest(const SceneDescription& scene) {
 
 }  // namespace
 
-Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker& make_object,
-                                       const RobotMaker& make_robot) {
+Result<SceneDescription> DescribeScene(const SceneSpec& spec, RobotModel robot, const ObjectMaker& make_object) {
   SceneDescription scene;
-  ETUDE_ASSIGN_OR_RETURN(scene.robot, make_robot(spec.robot));
+  scene.robot = std::move(robot);
   ETUDE_ASSIGN_OR_RETURN(scene.camera, MakeCamera(spec.camera));
   std::vector<AssetFile> offered = scene.robot.files;
   offered.push_back({"wood.tex", WoodTexture().ToTexture()});

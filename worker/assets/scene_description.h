@@ -9,7 +9,7 @@
 
 #include "services/core/result.h"
 #include "services/episode/camera.h"
-#include "services/episode/campaign_spec.h"
+#include "services/spec/campaign_spec.h"
 #include "worker/assets/object.h"
 #include "worker/assets/robot.h"
 
@@ -27,10 +27,11 @@ struct SceneDescription {
 /// Physics step, s.
 inline constexpr double kTimestep = 0.002;
 
-/// A pure function of `spec`.
-/// @param make_object, make_robot  pure functions of a name: what stands behind it
-/// @error kInvalidArgument: unknown robot or object, an object named twice, a bad camera vector
-Result<SceneDescription> DescribeScene(const SceneSpec& spec, const ObjectMaker& make_object = MakeObject,
-                                       const RobotMaker& make_robot = MakeRobot);
+/// A pure function of its arguments.
+/// @param robot  what spec.robot names
+/// @param make_object  a pure function of a name: what stands behind it
+/// @error kInvalidArgument: unknown object, an object named twice, a bad camera vector
+Result<SceneDescription> DescribeScene(const SceneSpec& spec, RobotModel robot,
+                                       const ObjectMaker& make_object = MakeObject);
 
 }  // namespace etude::assets

@@ -2,7 +2,7 @@
 // A scene under other light, on another table, with other colours and friction (see WorldSpec).
 #pragma once
 
-#include "services/episode/world_spec.h"
+#include "services/spec/world_spec.h"
 #include "worker/assets/scene_description.h"
 
 namespace etude::assets {

@@ -32,6 +32,8 @@ struct Checker::Impl {
   bool ArmMayTouch(const Piece& arm_piece, const Piece& other) const;
   bool HeldMayTouch(const Piece& other) const;
   void PlaceArm(const Eigen::VectorXd& q);
+  void PlaceArm(const std::vector<Pose>& poses);
+  void FindSelfPiecePairs();
   void SetMargin(double margin);
   Collision Describe(PiecePair pair) const;
   bool IsHeld(const Piece& piece) const { return !held.empty() && piece.body_name() == held; }
@@ -50,8 +52,9 @@ struct Checker::Impl {
   double gripper = 0;
   double margin = 0;
   bool pairs_valid = false;
-  std::vector<PiecePair> pairs;  ///< in the order they are tested
-  int first_self_pair = 0;       ///< pairs from here on are self collision
+  std::vector<PiecePair> pairs;       ///< in the order they are tested
+  std::vector<PiecePair> self_pairs;  ///< of the arm against itself
+  int first_self_pair = 0;            ///< pairs from here on are self collision
   std::uint64_t checks = 0;
 };
 
@@ -60,6 +63,7 @@ Checker::Impl::Impl(std::shared_ptr<const sim::Scene> scene_in)
   AddPieces();
   PlaceStatics();
   FindSelfPairs();
+  FindSelfPiecePairs();
 }
 
 void Checker::Impl::AddPieces() {
@@ -136,8 +140,9 @@ void Checker::Impl::FindSelfPairs() {
   gripper = 0;
 }
 
-void Checker::Impl::PlaceArm(const Eigen::VectorXd& q) {
-  const std::vector<Pose> poses = kinematics.ArmPoses(q, gripper);
+void Checker::Impl::PlaceArm(const Eigen::VectorXd& q) { PlaceArm(kinematics.ArmPoses(q, gripper)); }
+
+void Checker::Impl::PlaceArm(const std::vector<Pose>& poses) {
   int body = -1;
   Eigen::Isometry3d X_WB;
   for (int i = 0; i < arm_pieces; ++i) {
@@ -180,13 +185,17 @@ void Checker::Impl::RebuildPairs() {
     if (pieces[i].role() == Role::kArm || IsHeld(pieces[i])) AddPairsOf(i);
 
   first_self_pair = static_cast<int>(pairs.size());
+  pairs.insert(pairs.end(), self_pairs.begin(), self_pairs.end());
+  pairs_valid = true;
+}
+
+void Checker::Impl::FindSelfPiecePairs() {
   for (int a = 0; a < arm_pieces; ++a) {
     for (int b = a + 1; b < arm_pieces; ++b) {
       const auto [low, high] = std::minmax(pieces[a].body(), pieces[b].body());
-      if (low != high && self_tested(low, high) == 1) pairs.emplace_back(a, b);
+      if (low != high && self_tested(low, high) == 1) self_pairs.emplace_back(a, b);
     }
   }
-  pairs_valid = true;
 }
 
 void Checker::Impl::SetMargin(double new_margin) {
@@ -320,6 +329,27 @@ std::vector<Proximity> Checker::Distances(const Eigen::VectorXd& q, double withi
     entry->p_WA = separation.p_WA;
     entry->p_WB = separation.p_WB;
     entry->normal = separation.normal;
+  }
+  return found;
+}
+
+std::vector<Checker::Overlap> Checker::SelfOverlaps(const std::vector<Pose>& X_WB, double depth) {
+  Impl& impl = *impl_;
+  impl.PlaceArm(X_WB);
+  std::vector<Overlap> found;
+  for (const auto& [first, second] : impl.self_pairs) {
+    const Piece &a = impl.pieces[first], &b = impl.pieces[second];
+    // shapes that overlap by more than `depth` have boxes that do along every axis
+    if (internal::AabbGap(a, b) > -depth || !Touch(a.shape(), a.X_WG(), b.shape(), b.X_WG())) continue;
+    const double overlap = -Separate(a.shape(), a.X_WG(), b.shape(), b.X_WG()).distance;
+    if (overlap <= depth) continue;
+    const auto known = std::ranges::find_if(
+        found, [&](const Overlap& other) { return other.body_a == a.body_name() && other.body_b == b.body_name(); });
+    if (known == found.end()) {
+      found.push_back({a.body_name(), b.body_name(), overlap});
+    } else {
+      known->depth = std::max(known->depth, overlap);
+    }
   }
   return found;
 }

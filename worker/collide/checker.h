@@ -67,6 +67,14 @@ class Checker {
   /// Everything nearer than `within` (m) to the arm and to what it holds, allowed pairs apart: one entry for each pair
   /// of bodies, with the points where they are nearest, in a fixed order (tool to base). Distances are right to 1e-5 m.
   std::vector<Proximity> Distances(const Eigen::VectorXd& q, double within, PairSet pairs = PairSet::kOthers);
+  /// Two bodies of the arm that overlap.
+  struct Overlap {
+    std::string body_a, body_b;
+    double depth = 0;  ///< m, see Separation
+  };
+  /// Pairs of SelfPairs() that overlap by more than `depth` (m), the bodies of the arm being at `X_WB` (in the order of
+  /// ArmInfo::bodies, e.g. World::ArmPoses: as they are, fingers too). One entry for each pair of bodies.
+  std::vector<Overlap> SelfOverlaps(const std::vector<Pose>& X_WB, double depth);
   /// Configurations checked since construction.
   std::uint64_t checks() const;
   /// Pairs of arm bodies that self collision tests.

@@ -100,9 +100,11 @@ std::optional<Eigen::VectorXd> Planner::Impl::FindGoal(Call& call, const Track& 
   const Pose& X_WE_goal = call.request.X_WE_goal;
   const Eigen::VectorXd& q_start = call.request.q_start;
   const sim::ArmInfo& arm = scene->arm();
-  Fail(call.outcome, OutcomeKind::kGoalUnreachable,
-       fmt::format("no inverse kinematics at ({:.3f}, {:.3f}, {:.3f}) m; the straight path ends at {:.0f} %",
-                   X_WE_goal.p.x(), X_WE_goal.p.y(), X_WE_goal.p.z(), 100 * track.reached));
+  std::string unreachable = fmt::format("no inverse kinematics at ({:.3f}, {:.3f}, {:.3f}) m", X_WE_goal.p.x(),
+                                        X_WE_goal.p.y(), X_WE_goal.p.z());
+  if (call.request.method != Method::kSampled)
+    unreachable += fmt::format("; the straight path ends at {:.0f} %", 100 * track.reached);
+  Fail(call.outcome, OutcomeKind::kGoalUnreachable, std::move(unreachable));
 
   const auto accept = [&](const Eigen::VectorXd& q) {
     if (const auto collision = call.checker.Check(q, call.margin))
@@ -141,7 +143,19 @@ void Planner::Impl::PlanStraightFirst(Call& call, const ToolLine& line, const Tr
   else if (LineIsFree(call, track) && TimeLine(call, line, track))
     return;
   if (call.request.straight_only) return;
+  GoRound(call, q_goal);
+}
 
+void Planner::Impl::PlanSampled(Call& call) {
+  Track track;
+  if (call.request.q_goal.size() > 0) track = {.q = {call.request.q_goal}, .complete = true, .reached = 1};
+  const std::optional<Eigen::VectorXd> q_goal = FindGoal(call, track);
+  if (!q_goal) return;
+  Fail(call.outcome, OutcomeKind::kNoPath, "the straight path is known to be blocked");
+  GoRound(call, *q_goal);
+}
+
+void Planner::Impl::GoRound(Call& call, const Eigen::VectorXd& q_goal) {
   if (!IsRegular(call, q_goal)) {
     Fail(call.outcome, OutcomeKind::kNotSmooth,
          "the goal lies beyond a singularity of the arm; " + call.outcome.reason);
@@ -152,8 +166,10 @@ void Planner::Impl::PlanStraightFirst(Call& call, const ToolLine& line, const Tr
 
 void Planner::Impl::Plan(Call& call) {
   if (!CheckStart(call)) return;
+  if (call.request.method == Method::kSampled) return PlanSampled(call);
   const ToolLine line(kinematics.X_WE(call.request.q_start), call.request.X_WE_goal);
   const Track track = Follow(line, call.request.q_start);
+  if (track.complete) call.outcome.q_line_end = track.q.back();
   const std::optional<Eigen::VectorXd> q_goal = FindGoal(call, track);
   if (!q_goal) return;
   if (call.request.method == Method::kPotentialField && !call.request.straight_only)

@@ -49,8 +49,10 @@ struct Motion {
 
 struct Outcome {
   OutcomeKind kind = OutcomeKind::kNoPath;
-  std::string reason;        ///< e.g. "forearm touches bottle at 62 % of the straight path"
-  Motion motion;             ///< empty unless planned
+  std::string reason;  ///< e.g. "forearm touches bottle at 62 % of the straight path"
+  Motion motion;       ///< empty unless planned
+  /// The arm at the end of the tool's straight line, empty when it cannot be followed to there.
+  Eigen::VectorXd q_line_end;
   int samples = 0;           ///< states RRT-Connect drew, 0 when it was not needed
   std::uint64_t checks = 0;  ///< collision checks spent
   /// Where the time went, s. Only to be looked at: no plan depends on it.
@@ -65,6 +67,7 @@ struct Outcome {
 
 enum class Method {
   kStraightFirst,   ///< the tool's straight line, RRT-Connect where it is blocked
+  kSampled,         ///< RRT-Connect: for those who know that the line is blocked
   kPotentialField,  ///< drawn to the goal, kept off obstacles by `clearance`; RRT-Connect out of local minima
 };
 
@@ -79,6 +82,7 @@ struct Request {
   double start_speed = 0;      ///< m/s along the path, to blend with the stage before
 
   Method method = Method::kStraightFirst;
+  Eigen::VectorXd q_goal;  ///< kSampled: tried first of the arm's configurations at the goal; may be empty
   /// kPotentialField: m from the obstacles that the field tries to keep for the whole arm; a path gets nearer where
   /// there is no room, and as near as start and goal themselves are. Straight lines and `straight_only` know only
   /// `margin`.

@@ -89,6 +89,9 @@ struct Planner::Impl {
   double FindRoom(Call& call, const Eigen::VectorXd& q_goal);
   internal::SamplingProblem MakeProblem(Call& call, const Eigen::VectorXd& q_goal);
   void Detour(Call& call, const Eigen::VectorXd& q_goal);
+  void PlanSampled(Call& call);
+  /// Detour, unless the goal lies beyond a singularity.
+  void GoRound(Call& call, const Eigen::VectorXd& q_goal);
   bool Smooth(Call& call, const std::vector<Eigen::VectorXd>& path, OutcomeKind kind);
   std::vector<Eigen::VectorXd> Shorten(Call& call, const std::vector<Eigen::VectorXd>& path);
   bool CurveIsFree(Call& call, const internal::JointCurve& curve);

@@ -13,7 +13,8 @@
 namespace etude::sim {
 namespace {
 
-constexpr int kMaxGeoms = 512;
+/// Room for what is drawn besides the model's geoms: MuJoCo leaves out what does not fit, without a word.
+constexpr int kBesidesGeoms = 100;
 
 /// MuJoCo's GL resources: textures, meshes, an off-screen framebuffer of a fixed size.
 class RenderContext {
@@ -100,7 +101,7 @@ Status Renderer::Impl::Init() {
     return Fail(Code::kUnavailable, fmt::format("the {} driver has no off-screen framebuffer of {}x{} px",
                                                 gl->backend(), view.width, view.height));
   mjv_defaultScene(&drawing);
-  mjv_makeScene(model.mj.get(), &drawing, kMaxGeoms);
+  mjv_makeScene(model.mj.get(), &drawing, model.mj->ngeom + model.mj->nsite + kBesidesGeoms);
   drawing.flags[mjRND_SHADOW] = config.shadows;
   drawing.flags[mjRND_REFLECTION] = 0;
   const mjModel& mj = *model.mj;

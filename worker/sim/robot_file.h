@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Robots of the user's own: any MJCF arm, with a small YAML that names its joints, gripper, tool and home.
+// Robots: any MJCF arm, with a small YAML that names its joints, gripper, tool and home. Those that come along are such
+// files, too.
 #pragma once
 
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -19,18 +21,21 @@ struct RobotFile {
   std::vector<std::string> joints;             ///< arm joints, base to tool
   std::vector<double> home;                    ///< rad
   std::vector<double> torque;                  ///< N m; empty: the limits of the MJCF's actuators
+  std::vector<double> armature;                ///< kg m^2, rotors seen through their gears; empty: the MJCF's
+  std::vector<double> damping;                 ///< N m s/rad; empty: the MJCF's
   std::vector<double> speed;                   ///< rad/s, the most of each joint; empty: 2 each
   double approach_pitch = 1.5707963267948966;  ///< rad below the horizontal: 0 level, pi/2 from above
   /// rad, added to approach_pitch to turn an object over: pi/2 or -pi/2; 0: towards level, or down from it
   double turn = 0;
+  std::string masses = "check";  ///< check: implausible ones are an error; trust: a warning
 
   struct Base {
     std::vector<double> position{0, -0.3, 0};  ///< m, of the robot's root body
     double yaw = 0;                            ///< rad
     template <class V>
     void Visit(V& v) {
-      v("position", position);
-      v("yaw", yaw);
+      v("position", position, "m", "of the robot's root body, world");
+      v("yaw", yaw, "rad", "of the robot's root body");
     }
   } base;
 
@@ -41,15 +46,19 @@ struct RobotFile {
     std::vector<double> opening{1, 0, 0};   ///< along which the fingers open, either sign
     template <class V>
     void Visit(V& v) {
-      v("site", site);
-      v("body", body);
-      v("position", position);
-      v("approach", approach);
-      v("opening", opening);
+      v("site", site, "", "site between the fingertips, or give body");
+      v("body", body, "", "body that the tool is fixed to, or give site");
+      v("position", position, "m", "of the tool in the site or body");
+      v("approach", approach, "-", "direction in which the hand points, there");
+      v("opening", opening, "-", "direction along which the fingers open, there; either sign");
     }
   } tool;
 
   struct Gripper {
+    std::string mjcf;                               ///< of a gripper in a file of its own, relative to the YAML
+    std::string attach;                             ///< body or site of the arm that it is mounted on
+    std::vector<double> position{0, 0, 0};          ///< m, of the gripper's root there
+    std::vector<double> euler{0, 0, 0};             ///< rad, of the gripper's root there: roll, pitch, yaw
     std::string joint;                              ///< driven
     std::map<std::string, double> coupled;          ///< joints that follow it, times this factor
     double open = 0, closed = 0;                    ///< of the driven joint, rad or m
@@ -57,25 +66,33 @@ struct RobotFile {
     std::vector<std::vector<std::string>> fingers;  ///< groups of bodies
     template <class V>
     void Visit(V& v) {
-      v("joint", joint);
-      v("coupled", coupled);
-      v("open", open);
-      v("closed", closed);
-      v("force", force);
-      v("fingers", fingers);
+      v("mjcf", mjcf, "", "of a gripper in a file of its own, relative to this file");
+      v("attach", attach, "", "body or site of the arm on which that one is mounted");
+      v("position", position, "m", "of that gripper's root there");
+      v("euler", euler, "rad", "of that gripper's root there: roll, pitch, yaw");
+      v("joint", joint, "", "joint that is driven");
+      v("coupled", coupled, "-", "joints that follow it, each by its factor");
+      v("open", open, "rad or m", "of the driven joint");
+      v("closed", closed, "rad or m", "of the driven joint");
+      v("force", force, "N m or N", "on the driven joint, > 0");
+      v("fingers", fingers, "", "groups of bodies, a group a finger");
     }
   } gripper;
 
   template <class V>
   void Visit(V& v) {
-    v("name", name);
-    v("mjcf", mjcf);
-    v("joints", joints);
-    v("home", home);
-    v("torque", torque);
-    v("speed", speed);
-    v("approach_pitch", approach_pitch);
-    v("turn", turn);
+    v("name", name, "", "plain name of the robot");
+    v("mjcf", mjcf, "", "the arm's MJCF, relative to this file");
+    v("joints", joints, "", "arm joints, base to tool");
+    v("home", home, "rad", "angles in which an episode starts");
+    v("torque", torque, "N m", "limit of each joint; none: those of the MJCF's actuators");
+    v("speed", speed, "rad/s", "limit of each joint; none: 2 each");
+    v("armature", armature, "kg m^2", "rotors seen through their gears; none: the MJCF's");
+    v("damping", damping, "N m s/rad", "of each joint; none: the MJCF's");
+    v("approach_pitch", approach_pitch, "rad",
+      "how far below the horizontal the hand points at an object: 0 level, pi/2 from above");
+    v("turn", turn, "rad", "added to approach_pitch to turn an object over; 0: towards level, or down from it");
+    v("masses", masses, "", "check: implausible ones are an error | trust: a warning");
     v("base", base);
     v("tool", tool);
     v("gripper", gripper);
@@ -84,18 +101,22 @@ struct RobotFile {
 
 struct LoadedRobot {
   assets::RobotModel model;
+  bool trust_masses = false;
   std::vector<std::string> notes;  ///< what was left out or assumed, a line each
+  std::vector<Path> sources;       ///< every file that it was read from
+  std::set<std::string> names;     ///< of its bodies, joints, geoms and sites as the files have them
 };
 
-/// True when a spec's robot is such a file.
+/// True when a spec's robot is a file of the user's own, and not one that comes along.
 bool IsRobotFile(const std::string& robot);
 
-/// Compiles the MJCF where it stands (includes, meshes, default classes), takes its robot out of it with motors in
+/// Reads the MJCF where it stands (includes, meshes, default classes), takes its robot out of it with motors in
 /// place of its actuators, and makes a RobotModel of that. Lights, cameras, sensors, and what else stands in its
-/// world stay behind.
+/// world stay behind. Files that did not change since are not read again.
+/// @param taken  names that bodies, joints, geoms and sites must not have; those that do get another
 /// @error kNotFound: a file; kInvalidArgument: all that is wrong with YAML or MJCF, MuJoCo's message
 /// Thread-safe.
-Result<LoadedRobot> LoadRobot(const Path& yaml);
+Result<LoadedRobot> LoadRobot(const Path& yaml, const std::set<std::string>& taken = {});
 
 struct MassReport {
   double total = 0;                      ///< kg, of what moves

@@ -1,53 +1,77 @@
 // SPDX-License-Identifier: Apache-2.0
-// Private to worker/sim: the XML of a user's robot, made fit to stand in a scene of ours.
+// Private to worker/sim: the XML of a robot, made fit to stand in a scene of ours.
 #pragma once
 
-#include <tinyxml2.h>
-
-#include <memory>
+#include <map>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "services/core/file.h"
 #include "services/core/result.h"
 #include "worker/assets/object.h"
+#include "worker/sim/mjcf_document.h"
 
 namespace etude::sim {
 
-/// What is taken from the user's document, renamed so that no asset and no class has a name of ours, every body
-/// and geom with a name.
+/// What is taken from a document: one body of its world with all below, and the defaults, assets, equalities and
+/// tendons that belong to it. Assets and classes get a prefix, so that none has a name of ours; every body and geom
+/// has a name. Lights, cameras, sensors, actuators and what else stands in its world stay behind.
 class RobotXml {
  public:
-  /// @param normalised  as mj_saveLastXML writes it: no includes, radians, quaternions
-  /// @param folder  of the user's file, for meshes and textures
   /// @param joint  some joint of the robot
-  static Result<RobotXml> Parse(const std::string& normalised, const Path& folder, const std::string& joint);
+  /// @param prefix  of classes and assets, "user_"
+  /// @error kInvalidArgument: no such joint; kNotFound: a mesh or texture; kCorrupt: one that is a Git LFS pointer
+  static Result<RobotXml> Take(MjcfDocument document, const std::string& joint, std::string prefix);
 
-  tinyxml2::XMLElement* root() { return root_; }  ///< <body>, the robot's base
+  /// Gives another name to what is named like one of `taken`: bodies, joints, geoms and sites.
+  void Rename(const std::set<std::string>& taken);
+  /// The name that "body", "joint", "geom" or "site" `name` of the file has now; a gripper's file comes first.
+  std::string NameOf(const std::string& kind, const std::string& name) const;
+  /// Puts `gripper`, whose names are not this robot's, under body or site `at`, displaced by `X`.
+  /// @error kInvalidArgument: no such body or site
+  Status Attach(RobotXml gripper, const std::string& at, const Pose& X);
+
+  tinyxml2::XMLElement* root() const { return root_; }  ///< <body>, the robot's base
   /// <body>, <geom>, <joint> or <site> of that name in the robot, or null.
-  tinyxml2::XMLElement* Find(const char* element, const std::string& name);
-  std::vector<tinyxml2::XMLElement*> All(const char* element);  ///< of the robot, in the order of the text
+  tinyxml2::XMLElement* Find(const char* element, const std::string& name) const;
+  std::vector<tinyxml2::XMLElement*> All(const char* element) const;  ///< of the robot, in the order of the text
+  std::set<std::string> Names() const;                                ///< of bodies, joints, geoms and sites
+  /// See MjcfDocument; of the attached gripper, too. `joint` as it is now.
+  double ActuatorLimit(const std::string& joint) const;
+  const std::string& mass_settings() const { return document_.mass_settings(); }
+  std::string prefix() const { return prefix_; }
+  const Path& file() const { return document_.file(); }
 
-  std::string Defaults();  ///< for inside our <default>
-  std::string Assets();    ///< for inside our <asset>
-  std::string Body();
-  std::string Equality();  ///< of joints and bodies of the robot
-  std::string Tendon();
+  std::string Defaults() const;  ///< for inside our <default>
+  std::string Assets() const;    ///< for inside our <asset>
+  std::string Body() const;
+  std::string Equality() const;
+  std::string Tendon() const;
   const std::vector<assets::AssetFile>& files() const { return files_; }
+  const std::vector<Path>& sources() const { return sources_; }  ///< every file that was read
   const std::vector<std::string>& notes() const { return notes_; }
 
  private:
-  RobotXml() : document_(std::make_unique<tinyxml2::XMLDocument>()) {}
-  void Rename(tinyxml2::XMLElement* element);
+  explicit RobotXml(MjcfDocument document) : document_(std::move(document)) {}
+  Status FindRoot(const std::string& joint);
+  void Prefix(tinyxml2::XMLElement* element);
+  void NameAssets();
   void NameEverything();
   void DropWhatStaysBehind();
-  Status TakeFiles(const Path& folder);
-  tinyxml2::XMLElement* Section(const char* name);
-  std::string Children(const char* section);
+  void DropUnusedAssets();
+  void KeepOnlyOwn(const char* section);
+  Status TakeFiles();
+  std::string Children(const char* section) const;
 
-  std::unique_ptr<tinyxml2::XMLDocument> document_;
+  MjcfDocument document_;
+  std::string prefix_;
   tinyxml2::XMLElement* root_ = nullptr;
+  std::map<std::string, double> limits_;                                       ///< of joints, by their name now
+  std::map<std::pair<std::string, std::string>, std::string> renamed_;         ///< (kind, name) to the name now
+  std::string other_defaults_, other_assets_, other_equality_, other_tendon_;  ///< of the gripper
   std::vector<assets::AssetFile> files_;
+  std::vector<Path> sources_;
   std::vector<std::string> notes_;
 };
 

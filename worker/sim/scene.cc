@@ -6,9 +6,12 @@
 #include <cstdlib>
 #include <cstring>
 #include <mutex>
+#include <set>
 
 #include "services/core/check.h"
 #include "services/core/log.h"
+#include "services/spec/object_names.h"
+#include "services/spec/robot_names.h"
 #include "worker/sim/model.h"
 #include "worker/sim/robot_file.h"
 #include "worker/synthesis/scene_object.h"
@@ -170,7 +173,13 @@ Result<ModelPtr> CompileXml(const std::string& mjcf, const std::vector<assets::A
   for (const auto& file : assets) files.Add(file.name, file.bytes.data(), file.bytes.size());
   files.Add("scene.xml", mjcf.data(), mjcf.size());
   char message[1000] = "";
-  ModelPtr model(mj_loadXML("scene.xml", files.vfs.get(), message, sizeof message));
+  ModelPtr model;
+  try {  // it has types of its own to throw
+    model.reset(mj_loadXML("scene.xml", files.vfs.get(), message, sizeof message));
+  } catch (...) {
+    return Fail(Code::kInternal,
+                fmt::format("MuJoCo {} failed on the composed scene without a word", mj_versionString()));
+  }
   if (!model)
     return Fail(Code::kInternal, fmt::format("MuJoCo {} refused the composed scene: {}", mj_versionString(), message));
   if (message[0]) Log().warn("MuJoCo on the composed scene: {}", message);
@@ -239,10 +248,11 @@ int Scene::body_count() const { return model_->mj->nbody; }
 
 namespace {
 
-// A known robot, or that of a user's file.
-Result<assets::RobotModel> MakeSceneRobot(const std::string& name) {
-  if (!IsRobotFile(name)) return assets::MakeRobot(name);
-  ETUDE_ASSIGN_OR_RETURN(LoadedRobot loaded, LoadRobot(name));
+Result<assets::RobotModel> MakeRobot(const SceneSpec& spec) {
+  std::set<std::string> taken{"world", "table", "sun"};
+  for (const std::string& object : spec.objects) taken.insert(SceneName(object));
+  ETUDE_ASSIGN_OR_RETURN(const Path yaml, FindRobot(spec.robot));
+  ETUDE_ASSIGN_OR_RETURN(LoadedRobot loaded, LoadRobot(yaml, taken));
   return std::move(loaded.model);
 }
 
@@ -250,8 +260,9 @@ Result<assets::RobotModel> MakeSceneRobot(const std::string& name) {
 
 Result<std::shared_ptr<const Scene>> Scene::Build(const SceneSpec& spec) {
   InstallHandlers();
+  ETUDE_ASSIGN_OR_RETURN(assets::RobotModel robot, MakeRobot(spec));
   ETUDE_ASSIGN_OR_RETURN(assets::SceneDescription description,
-                         assets::DescribeScene(spec, synthesis::MakeSceneObject, MakeSceneRobot));
+                         assets::DescribeScene(spec, std::move(robot), synthesis::MakeSceneObject));
   std::shared_ptr<Scene> scene(new Scene);
   ETUDE_ASSIGN_OR_RETURN(scene->model_->mj, CompileXml(description.mjcf, description.files));
   FillAddresses(*scene->model_, description);

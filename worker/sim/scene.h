@@ -10,7 +10,7 @@
 
 #include "services/core/result.h"
 #include "services/episode/camera.h"
-#include "services/episode/campaign_spec.h"
+#include "services/spec/campaign_spec.h"
 
 namespace etude::sim {
 

@@ -31,6 +31,7 @@ const Scene::Model::FreeBody& Find(const Scene::Model& model, const std::string&
 World::World(std::shared_ptr<const Scene> scene) : scene_(std::move(scene)), state_(std::make_unique<State>()) {
   state_->mj = scene_->model().NewData();
   state_->full_inertia.resize(static_cast<std::size_t>(scene_->model().mj->nv) * scene_->model().mj->nv);
+  for (const std::string& body : scene_->arm().bodies) state_->arm_body_ids.push_back(scene_->model().BodyId(body));
   Reset();
 }
 World::World(World&&) noexcept = default;
@@ -40,6 +41,7 @@ void World::Reset() {
   mj_resetData(scene_->model().mj.get(), state_->mj.get());
   scene_->model().SetHome(state_->mj->qpos);
   state_->under_way.clear();
+  state_->demanded.setZero(static_cast<Eigen::Index>(scene_->model().arm_v.size()));
   Forward();
 }
 
@@ -81,8 +83,9 @@ void World::Obey(const Waypoint& target, const Vector6d& V_WE) {
     const double remaining = (kPhysicsStepsPerControl - step) * mj->opt.timestep;
     const Pose X_now = Advanced(target.X_WE, V_WE, -remaining);
     state_->ReadControl(model);
-    const Eigen::VectorXd tau = OperationalSpaceTorques(state_->control, X_now, V_WE, state_->config);
-    for (std::size_t i = 0; i < model.arm_u.size(); ++i) data->ctrl[model.arm_u[i]] = tau[static_cast<Eigen::Index>(i)];
+    state_->demanded = OperationalSpaceTorques(state_->control, X_now, V_WE, state_->config);
+    for (std::size_t i = 0; i < model.arm_u.size(); ++i)
+      data->ctrl[model.arm_u[i]] = state_->demanded[static_cast<Eigen::Index>(i)];
     data->ctrl[model.gripper_u] = torque;
     mj_step2(mj, data);
     mj_step1(mj, data);
@@ -152,6 +155,14 @@ std::vector<float> World::StateVector() const {
 
 double World::time() const { return state_->mj->time; }
 
+std::vector<Pose> World::ArmPoses() const {
+  std::vector<Pose> poses;
+  for (const int body : state_->arm_body_ids) poses.push_back(scene_->model().BodyPose(state_->mj.get(), body));
+  return poses;
+}
+
+const Eigen::VectorXd& World::demanded_torque() const { return state_->demanded; }
+
 bool World::healthy() const {
   for (const int kind : {mjWARN_INERTIA, mjWARN_CONTACTFULL, mjWARN_CNSTRFULL, mjWARN_BADQPOS, mjWARN_BADQVEL,
                          mjWARN_BADQACC, mjWARN_BADCTRL})
@@ -160,6 +171,17 @@ bool World::healthy() const {
 }
 
 int World::BodyId(const std::string& name) const { return scene_->model().BodyId(name); }
+
+std::vector<std::pair<std::string_view, std::string_view>> World::Contacts() const {
+  const mjModel* mj = scene_->model().mj.get();
+  std::vector<std::pair<std::string_view, std::string_view>> pairs;
+  for (int i = 0; i < state_->mj->ncon; ++i) {
+    const mjContact& contact = state_->mj->contact[i];
+    pairs.emplace_back(mj_id2name(mj, mjOBJ_BODY, mj->geom_bodyid[contact.geom1]),
+                       mj_id2name(mj, mjOBJ_BODY, mj->geom_bodyid[contact.geom2]));
+  }
+  return pairs;
+}
 
 std::vector<std::string> World::ContactsOf(const std::string& body) const {
   const mjModel* mj = scene_->model().mj.get();

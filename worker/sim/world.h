@@ -5,6 +5,8 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "services/episode/action.h"
@@ -48,12 +50,18 @@ class World {
   Pose ObjectPose(const std::string& name) const;
   std::vector<float> StateVector() const;  ///< qpos and qvel
   double time() const;                     ///< s
+  /// Poses of ArmInfo::bodies, in their order.
+  std::vector<Pose> ArmPoses() const;
+  /// What the controller asked of each arm joint at the last physics step, before the limits, N m; zero after Reset.
+  const Eigen::VectorXd& demanded_torque() const;
   /// False once MuJoCo warned of NaN, a huge value or a full buffer since Reset: the attempt is
   /// void.
   bool healthy() const;
 
   /// MuJoCo's number of a body, as in Renderer::RenderSegmentation; 0 is "world".
   int BodyId(const std::string& name) const;
+  /// Every pair of bodies in contact now, one entry a contact point; the names live as long as the scene.
+  std::vector<std::pair<std::string_view, std::string_view>> Contacts() const;
   /// Names of bodies in contact with `body` now.
   std::vector<std::string> ContactsOf(const std::string& body) const;
   /// True when every group of fingers touches `object`.

@@ -4,13 +4,13 @@
 #include <utility>
 
 #include "services/core/rng.h"
-#include "services/episode/object_names.h"
+#include "services/spec/object_names.h"
 #include "worker/synthesis/generator.h"
 
 namespace etude::synthesis {
 
 Result<SolidObject> ObjectFromPicture(ObjectFacts facts, const Picture& picture, const PlaceOptions& options) {
-  ETUDE_ASSIGN_OR_RETURN(ReliefBody body, RaiseRelief(picture));
+  ETUDE_ASSIGN_OR_RETURN(HeightfieldBody body, RaiseHeightfield(picture));
   StandUp(body, picture.view);
   ETUDE_ASSIGN_OR_RETURN(SolidObject object, PlaceObject(std::move(facts), std::move(body.mesh), body.hole, options));
   object.texture = TextureOf(picture);

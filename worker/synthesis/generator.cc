@@ -40,10 +40,8 @@ Result<Entry> FindEntry(const std::string& name) {
     if (entry.facts.name == name) return entry;
     names.push_back(entry.facts.name);
   }
-  const std::string near = NearestMatch(name, names);
-  return Fail(Code::kInvalidArgument,
-              fmt::format("there is no class '{}'{}; there are {}", name,
-                          near.empty() ? "" : fmt::format(", did you mean '{}'?", near), fmt::join(names, ", ")));
+  return Fail(Code::kInvalidArgument, fmt::format("there is no class '{}'{}; there are {}", name,
+                                                  Suggestion(name, names), fmt::join(names, ", ")));
 }
 
 /// The mean colour of four points within a pixel, over white; on the object when its middle is.

@@ -8,7 +8,7 @@
 #include <mutex>
 
 #include "services/core/config.h"
-#include "services/episode/object_names.h"
+#include "services/spec/object_names.h"
 #include "worker/synthesis/drawn_object.h"
 
 namespace etude::synthesis {
@@ -79,6 +79,7 @@ Result<ObjectFacts> ReadObjectFacts(const Path& path) {
 
 Result<assets::ObjectModel> MakeSceneObject(const std::string& name) {
   if (const auto generated = ParseGenerated(name)) return Drawn(name, *generated);
+  if (const auto shared = SharedObject(name)) return Imported(shared->string());
   if (IsObjectPath(name)) return Imported(name);
   ETUDE_RETURN_IF_ERROR(CheckObjectName(name));
   return assets::MakeObject(name);

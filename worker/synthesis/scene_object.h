@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every object that a scene can have, by the name that a campaign gives it (see services/episode/object_names.h).
+// Every object that a scene can have, by the name that a campaign gives it (see services/spec/object_names.h).
 #pragma once
 
 #include <string>

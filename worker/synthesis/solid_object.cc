@@ -45,7 +45,7 @@ void Move(const Vector3d& by, assets::Mesh& mesh) {
   for (Vector3d& p : mesh.positions) p += by;
 }
 
-void FillFacts(const SolidObject& object, const MassProperties& mass, const Foot& foot, ObjectFacts& facts) {
+void FillFacts(const SolidObject& object, const MassProperties& mass, const SupportPolygon& foot, ObjectFacts& facts) {
   const auto [low, high] = BoxOf(object.visual);
   const Vector3d extent = high - low;
   const Eigen::Matrix3d& I = mass.inertia;
@@ -73,7 +73,7 @@ Result<SolidObject> PlaceObject(ObjectFacts facts, assets::Mesh mesh, const std:
   std::optional<Hole> placed = hole;
   if (placed) placed->centre *= scale;
 
-  Foot foot = PressFoot(mesh, options.foot);
+  SupportPolygon foot = FlattenSupport(mesh, options.foot);
   const auto [least, most] = BoxOf(mesh);
   const Vector3d middle = (least + most) / 2;
   Move(-middle, mesh);
@@ -91,7 +91,7 @@ Result<SolidObject> PlaceObject(ObjectFacts facts, assets::Mesh mesh, const std:
   return object;
 }
 
-void StandUp(ReliefBody& body, View view) {
+void StandUp(HeightfieldBody& body, View view) {
   if (view == View::kTop) return;
   const auto turn = [](const Vector3d& p) { return Vector3d(p.x(), -p.z(), p.y()); };
   for (Vector3d& p : body.mesh.positions) p = turn(p);

@@ -10,9 +10,9 @@
 #include "services/core/result.h"
 #include "worker/assets/mesh.h"
 #include "worker/assets/object.h"
-#include "worker/synthesis/foot.h"
-#include "worker/synthesis/pieces.h"
-#include "worker/synthesis/relief.h"
+#include "worker/synthesis/convex_decomposition.h"
+#include "worker/synthesis/heightfield.h"
+#include "worker/synthesis/support_polygon.h"
 #include "worker/synthesis/texture.h"
 
 namespace etude::synthesis {
@@ -71,7 +71,7 @@ struct PlaceOptions {
   double density = 600;  ///< kg/m^3
   double widest = 0;     ///< m along x; an object that would be wider is made smaller; 0: as wide as it is
   PieceOptions pieces;
-  FootOptions foot;
+  SupportOptions foot;
 };
 
 /// Scales a mesh to `facts.size_m`, presses it flat below, centres it, works out mass and collision pieces. The mass of
@@ -82,8 +82,8 @@ struct PlaceOptions {
 Result<SolidObject> PlaceObject(ObjectFacts facts, assets::Mesh mesh, const std::optional<Hole>& hole,
                                 const PlaceOptions& options = {});
 
-/// Turns a body from the picture's frame (see RaiseRelief) so that z is up.
-void StandUp(ReliefBody& body, View view);
+/// Turns a body from the picture's frame (see RaiseHeightfield) so that z is up.
+void StandUp(HeightfieldBody& body, View view);
 
 /// How the elements of a body refer to what is around them.
 struct BodyNames {

@@ -8,132 +8,89 @@
 #include <optional>
 
 #include "services/core/check.h"
-#include "services/episode/object_names.h"
 #include "services/language/grammar.h"
+#include "services/spec/content_version.h"
+#include "services/spec/object_names.h"
+#include "worker/task/episode_environment.h"
 #include "worker/task/expert.h"
 #include "worker/task/rollout.h"
-#include "worker/task/setting.h"
+#include "worker/task/start_rule.h"
 
 namespace etude::task {
 namespace {
 
 constexpr int kExpertMaxSteps = 2500;
-constexpr std::size_t kKeptSettings = 6;  // compiled scenes kept for later episodes
+constexpr std::size_t kKeptScenes = 6;  // compiled scenes kept for later episodes
 
 }  // namespace
 
-std::string_view ToString(AttemptOutcome outcome) {
-  switch (outcome) {
-    case AttemptOutcome::kSuccess:
-      return "success";
-    case AttemptOutcome::kSceneInvalid:
-      return "scene_invalid";
-    case AttemptOutcome::kPlanFailed:
-      return "plan_failed";
-    case AttemptOutcome::kGraspMissed:
-      return "grasp_missed";
-    case AttemptOutcome::kDropped:
-      return "dropped";
-    case AttemptOutcome::kCriterionFailed:
-      return "criterion_failed";
-    case AttemptOutcome::kCollision:
-      return "collision";
-    case AttemptOutcome::kTimeout:
-      return "timeout";
-    case AttemptOutcome::kUnstable:
-      return "unstable";
-    case AttemptOutcome::kPolicyError:
-      return "policy_error";
-  }
-  return "unknown";
-}
-
 struct AttemptRunner::Impl {
-  /// The setting of episode `index`: made, or one of those made last.
-  Result<Setting*> SettingOf(std::uint64_t index);
-  SessionConfig ConfigOf(std::uint64_t index) const;
-  std::optional<std::string> Prepare(Setting& setting, const SessionConfig& config, std::uint64_t index,
-                                     std::uint64_t seed) const {
-    return setting.Prepare(config, spec.randomization, ObstaclePlaceOf(spec, index), seed);
-  }
-  std::string DrawInstruction(const SessionConfig& config, std::uint64_t seed) const;
+  /// The environment of a scene: made, or one of those made last.
+  Result<EpisodeEnvironment*> EnvironmentOf(const SceneSpec& scene);
+  std::string DrawInstruction(const EpisodePlan& plan) const;
   /// Fills in identity and meaning and hands the episode over.
-  void Finish(Session& session, const Verdict& verdict, std::uint64_t index, std::uint32_t attempt,
-              const std::string& instruction, AttemptResult& result) const;
+  void Finish(EpisodeRunner& session, const Verdict& verdict, const std::string& instruction,
+              AttemptResult& result) const;
 
   CampaignSpec spec;
   std::string spec_sha256;
   sim::RendererConfig renderer;
   language::Grammar grammar;
   struct Kept {
-    SceneSpec spec;
-    std::unique_ptr<Setting> setting;
+    SceneSpec scene;
+    std::unique_ptr<EpisodeEnvironment> environment;
   };
-  std::list<Kept> settings;  ///< the one used last first
+  std::list<Kept> kept;  ///< the one used last first
 };
 
-Result<Setting*> AttemptRunner::Impl::SettingOf(std::uint64_t index) {
-  const SceneSpec wanted = SceneOf(spec, index);
-  auto it = std::find_if(settings.begin(), settings.end(), [&](const Kept& kept) { return kept.spec == wanted; });
-  if (it == settings.end()) {
-    ETUDE_ASSIGN_OR_RETURN(auto setting, Setting::Open(wanted, renderer));
-    if (settings.size() >= kKeptSettings) settings.pop_back();
-    it = settings.insert(settings.begin(), {wanted, std::move(setting)});
+Result<EpisodeEnvironment*> AttemptRunner::Impl::EnvironmentOf(const SceneSpec& scene) {
+  auto it = std::find_if(kept.begin(), kept.end(), [&](const Kept& one) { return one.scene == scene; });
+  if (it == kept.end()) {
+    ETUDE_ASSIGN_OR_RETURN(auto environment, EpisodeEnvironment::Open(scene, renderer));
+    if (kept.size() >= kKeptScenes) kept.pop_back();
+    it = kept.insert(kept.begin(), {scene, std::move(environment)});
   }
-  settings.splice(settings.begin(), settings, it);
-  return it->setting.get();
+  kept.splice(kept.begin(), kept, it);
+  return it->environment.get();
 }
 
-SessionConfig AttemptRunner::Impl::ConfigOf(std::uint64_t index) const {
-  const auto task = ParseTask(TaskOf(spec, index));
-  ETUDE_CHECK(task, "task={}", TaskOf(spec, index));
-  SessionConfig config{.task = *task,
-                       .target = TargetOf(spec, index),
-                       .reference = ReferenceOf(spec, index),
-                       .image_stride = spec.image_stride,
-                       .max_steps = kExpertMaxSteps};
-  if (task->avoid == "obstacle") config.avoid = {kObstacleObject};
-  if (task->avoid == "others") {
-    config.avoid = SceneNames(SceneOf(spec, index).objects);
-    std::erase(config.avoid, config.target);
-  }
-  return config;
+std::string AttemptRunner::Impl::DrawInstruction(const EpisodePlan& plan) const {
+  Rng rng(plan.seeds.instruction);
+  return grammar.Sample(language::CommandFor(plan.task, plan.target, plan.reference), language::Style::kTemplate, rng);
 }
 
-std::string AttemptRunner::Impl::DrawInstruction(const SessionConfig& config, std::uint64_t seed) const {
-  Rng rng(MixSeed({seed}, "language"));
-  return grammar.Sample(language::CommandFor(config.task, config.target, config.reference), language::Style::kTemplate,
-                        rng);
-}
-
-void AttemptRunner::Impl::Finish(Session& session, const Verdict& verdict, std::uint64_t index, std::uint32_t attempt,
-                                 const std::string& instruction, AttemptResult& result) const {
+void AttemptRunner::Impl::Finish(EpisodeRunner& session, const Verdict& verdict, const std::string& instruction,
+                                 AttemptResult& result) const {
+  const EpisodePlan& plan = session.plan();
   Episode& episode = session.episode();
-  const SceneSpec scene = SceneOf(spec, index);
   episode.campaign = spec.name;
-  episode.index = index;
-  episode.attempt = attempt;
-  episode.seed = EpisodeSeed(spec, index, attempt);
+  episode.index = plan.index;
+  episode.attempt = plan.attempt;
+  episode.seed = plan.seed;
   episode.spec_sha256 = spec_sha256;
   episode.scene_sha256 = session.world().scene().sha256();
-  episode.version = ETUDE_VERSION;
-  episode.robot = scene.robot;
+  episode.version = std::to_string(kContentVersion);
+  episode.robot = plan.scene.robot;
   episode.instruction = instruction;
   episode.success = verdict.ok();
   episode.outcome = ToString(verdict.outcome);
-  episode.details["disturbed_objects"] = session.disturbed();
-  if (session.config().task.avoid == "obstacle")
-    episode.details["in_the_way"] = ObstaclePlaceOf(spec, index) == ObstaclePlace::kInTheWay;
+  episode.details.update(session.judge().Report());
+  episode.details["scene"] = result.scene;
+  if (plan.has_obstacle()) episode.details["in_the_way"] = plan.obstacle == ObstaclePlace::kInTheWay;
   result.episode = std::move(episode);
 }
 
 Result<AttemptRunner> AttemptRunner::Open(const CampaignSpec& spec, const sim::RendererConfig& renderer) {
   ETUDE_RETURN_IF_ERROR(spec.Validate());
-  ETUDE_ASSIGN_OR_RETURN(auto grammar, language::Grammar::LoadFor(SceneNames(spec.objects)));
+  ETUDE_ASSIGN_OR_RETURN(auto grammar, language::Grammar::LoadFor(SceneNames(spec.objects), spec.tasks));
+  for (const auto& name : spec.tasks) {
+    ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
+    ETUDE_RETURN_IF_ERROR(CheckPredicates(*task.spec));
+  }
   auto impl = std::make_unique<Impl>(
       Impl{.spec = spec, .spec_sha256 = SpecHash(spec), .renderer = renderer, .grammar = std::move(grammar)});
   // what cannot be opened at all is said now, not at the first episode
-  ETUDE_RETURN_IF_ERROR(impl->SettingOf(0));
+  ETUDE_RETURN_IF_ERROR(impl->EnvironmentOf(PlanEpisode(spec, 0, 0).scene));
   return AttemptRunner(std::move(impl));
 }
 
@@ -150,86 +107,89 @@ void KeepTimes(const Times& times, AttemptResult& result) {
   result.deflate_s += times.deflate;
 }
 
-AttemptResult Invalid(std::string reason, const Times& times) {
+AttemptResult Judged(const Verdict& verdict, const SceneDraws& draws, const Times& preparing, const Times& running) {
   AttemptResult result;
-  result.outcome = AttemptOutcome::kSceneInvalid;
-  result.reason = std::move(reason);
-  KeepTimes(times, result);
+  result.outcome = verdict.outcome;
+  result.reason = verdict.reason;
+  result.scene = draws.Json();
+  KeepTimes(preparing, result);
+  KeepTimes(running, result);
   return result;
+}
+
+AttemptResult Invalid(std::string reason, const Times& preparing, const SceneDraws& draws = {}) {
+  return Judged({AttemptOutcome::kSceneInvalid, std::move(reason)}, draws, preparing, {});
 }
 
 }  // namespace
 
-AttemptResult AttemptRunner::Demonstrate(std::uint64_t index, std::uint32_t attempt) {
+AttemptResult AttemptRunner::Demonstrate(std::uint64_t index, std::uint32_t attempt, AttemptTrace* trace) {
   Impl& impl = *impl_;
-  const std::uint64_t seed = EpisodeSeed(impl.spec, index, attempt);
-  const SessionConfig config = impl.ConfigOf(index);
+  const EpisodePlan plan = PlanEpisode(impl.spec, index, attempt);
   Times preparing;
-  auto opened = impl.SettingOf(index);
+  auto opened = impl.EnvironmentOf(plan.scene);
   if (!opened) return Invalid(opened.error().message, preparing);
-  Setting& setting = **opened;
+  EpisodeEnvironment& in = **opened;
+  SceneDraws draws;
   {
     const Stopwatch watch(preparing.step);
-    const auto invalid = impl.Prepare(setting, config, index, seed);
-    if (invalid) return Invalid(*invalid, preparing);
+    draws = in.Prepare(plan, impl.spec.randomization);
   }
-  Session session({&setting.world, &setting.renderer, &setting.shapes}, config);
-  Expert expert(&session, &setting.planner, &setting.checker, impl.spec.randomization, seed);
+  std::optional<Tracer> tracer;
+  if (trace) tracer.emplace(in.scene, plan, impl.spec.image_stride, trace);
+  if (!draws.ok()) return Invalid(draws.failure, preparing, draws);
+  RecordConfig record{.image_stride = impl.spec.image_stride, .max_steps = kExpertMaxSteps};
+  if (tracer) record.observe = [&tracer](const sim::World& world) { tracer->Observe(world); };
+  auto opened_runner = EpisodeRunner::Open({&in.world, &in.renderer, &in.shapes, &in.checker}, plan, record);
+  if (!opened_runner) return Invalid(opened_runner.error().message, preparing, draws);
+  EpisodeRunner& session = *opened_runner;
+  Expert expert(&session, &in.planner, &in.checker, impl.spec.randomization);
+  if (trace) expert.KeepMotions(&trace->motions);
   const Verdict verdict = expert.Run();
 
-  AttemptResult result;
-  result.outcome = verdict.outcome;
-  result.reason = verdict.reason;
-  KeepTimes(preparing, result);
-  KeepTimes(session.times(), result);
-  if (!verdict.ok()) return result;
+  AttemptResult result = Judged(verdict, draws, preparing, session.times());
+  if (!verdict.ok() && (!trace || session.steps() == 0)) return result;
   session.episode().details = expert.Statistics();
-  impl.Finish(session, verdict, index, attempt, impl.DrawInstruction(config, seed), result);
+  impl.Finish(session, verdict, impl.DrawInstruction(plan), result);
   return result;
 }
 
-Result<AttemptResult> AttemptRunner::Rollout(std::uint64_t index, const PolicyFunction& policy) {
+Result<AttemptResult> AttemptRunner::Rollout(std::uint64_t index, const policy::AskFunction& ask) {
   Impl& impl = *impl_;
-  const std::uint64_t seed = EpisodeSeed(impl.spec, index, 0);
-  SessionConfig config = impl.ConfigOf(index);
+  const EpisodePlan plan = PlanEpisode(impl.spec, index, 0);
   Times preparing;
-  ETUDE_ASSIGN_OR_RETURN(Setting* const setting, impl.SettingOf(index));
+  ETUDE_ASSIGN_OR_RETURN(EpisodeEnvironment* const in, impl.EnvironmentOf(plan.scene));
+  SceneDraws draws;
   {
     const Stopwatch watch(preparing.step);
-    const auto invalid = impl.Prepare(*setting, config, index, seed);
-    if (invalid) return Invalid(*invalid, preparing);
+    draws = in->Prepare(plan, impl.spec.randomization);
   }
-  config.record_frames = impl.spec.rollout.record;
-  config.max_steps = impl.spec.rollout.max_steps;
-  Session session({&setting->world, &setting->renderer, &setting->shapes}, config);
-  const std::string instruction = impl.DrawInstruction(config, seed);
-  task::Rollout rollout(&session, &setting->checker, impl.spec.rollout, instruction);
-  ETUDE_ASSIGN_OR_RETURN(const Verdict verdict, rollout.Run(policy));
+  if (!draws.ok()) return Invalid(draws.failure, preparing, draws);
+  auto opened_runner = EpisodeRunner::Open({&in->world, &in->renderer, &in->shapes, &in->checker}, plan,
+                                           {.image_stride = impl.spec.image_stride,
+                                            .record_frames = impl.spec.rollout.record,
+                                            .max_steps = impl.spec.rollout.max_steps});
+  if (!opened_runner) return Invalid(opened_runner.error().message, preparing, draws);
+  EpisodeRunner& session = *opened_runner;
+  const std::string instruction = impl.DrawInstruction(plan);
+  task::Rollout rollout(&session, &in->checker, impl.spec.rollout, instruction);
+  ETUDE_ASSIGN_OR_RETURN(const Verdict verdict, rollout.Run(ask));
 
-  AttemptResult result;
-  result.outcome = verdict.outcome;
-  result.reason = verdict.reason;
-  KeepTimes(preparing, result);
-  KeepTimes(session.times(), result);
+  AttemptResult result = Judged(verdict, draws, preparing, session.times());
   session.episode().details = rollout.Details(verdict);
-  impl.Finish(session, verdict, index, 0, instruction, result);
+  impl.Finish(session, verdict, instruction, result);
   return result;
 }
 
 Result<StartScene> AttemptRunner::Show(std::uint64_t index, std::uint32_t attempt) {
   Impl& impl = *impl_;
-  const std::uint64_t seed = EpisodeSeed(impl.spec, index, attempt);
-  const SessionConfig config = impl.ConfigOf(index);
-  ETUDE_ASSIGN_OR_RETURN(Setting* const setting, impl.SettingOf(index));
-  if (const auto invalid = impl.Prepare(*setting, config, index, seed))
-    return Fail(Code::kNotFound, fmt::format("episode {}, attempt {}, has no scene: {}", index, attempt, *invalid));
-  return StartScene{.robot = SceneOf(impl.spec, index).robot,
-                    .task = config.task.text(),
-                    .target = config.target,
-                    .reference = config.reference,
-                    .instruction = impl.DrawInstruction(config, seed),
-                    .world = &setting->world,
-                    .renderer = &setting->renderer};
+  const EpisodePlan plan = PlanEpisode(impl.spec, index, attempt);
+  ETUDE_ASSIGN_OR_RETURN(EpisodeEnvironment* const in, impl.EnvironmentOf(plan.scene));
+  if (const SceneDraws draws = in->Prepare(plan, impl.spec.randomization); !draws.ok())
+    return Fail(Code::kNotFound,
+                fmt::format("episode {}, attempt {}, has no scene: {}", index, attempt, draws.failure));
+  return StartScene{
+      .plan = plan, .instruction = impl.DrawInstruction(plan), .world = &in->world, .renderer = &in->renderer};
 }
 
 }  // namespace etude::task

@@ -8,53 +8,29 @@
 #include <memory>
 #include <string>
 
-#include "services/episode/campaign_spec.h"
 #include "services/episode/episode.h"
+#include "services/policy/policy_types.h"
+#include "services/spec/episode_plan.h"
 #include "worker/plan/planner.h"
 #include "worker/sim/renderer.h"
+#include "worker/task/trace.h"
+#include "worker/task/verdict.h"
 
 namespace etude::task {
-
-/// Why an attempt ended; the string forms are stable (attempts.jsonl, telemetry).
-enum class AttemptOutcome {
-  kSuccess,
-  kSceneInvalid,     ///< objects could not be placed, or did not settle
-  kPlanFailed,       ///< details say which stage and why (plan::OutcomeKind)
-  kGraspMissed,      ///< fingers closed without the object
-  kDropped,          ///< held, then lost
-  kCriterionFailed,  ///< all stages ran, the success criterion says no
-  kCollision,        ///< the robot, or what it moved, touched what it had to avoid
-  kTimeout,          ///< longer than the step limit
-  kUnstable,         ///< the simulation warned
-  kPolicyError,      ///< rollout: the policy refused or did not answer
-};
-std::string_view ToString(AttemptOutcome outcome);
-
-/// What a rollout asks of a policy: an observation in, kWaypoints waypoints and the modules' outputs out.
-struct PolicyAnswer {
-  std::vector<Waypoint> waypoints;
-  OrderedJson modules;  ///< e.g. {"TAR3D": {"position": [x, y, z]}, ...}
-  std::uint64_t checkpoint_step = 0;
-};
-struct PolicyQuestion {
-  std::string instruction;
-  std::vector<float> joints;  ///< arm joints then gripper joints
-  int width = 0, height = 0;
-  std::span<const std::uint8_t> rgb;
-};
-using PolicyFunction = std::function<Result<PolicyAnswer>(const PolicyQuestion&)>;
 
 struct AttemptResult {
   AttemptOutcome outcome = AttemptOutcome::kSuccess;
   std::string reason;
   /// Complete on success; in a rollout complete always (episode.details has per-decision errors).
   Episode episode;
+  OrderedJson scene = OrderedJson::object();                   ///< SceneDraws::Json, of failures too
   double plan_s = 0, step_s = 0, render_s = 0, deflate_s = 0;  ///< where the time went
 };
 
 /// The scene of an attempt before anything moves, and what is asked for.
 struct StartScene {
-  std::string robot, task, target, reference, instruction;
+  EpisodePlan plan;
+  std::string instruction;
   const sim::World* world = nullptr;  ///< valid until the runner's next call
   sim::Renderer* renderer = nullptr;
 };
@@ -68,9 +44,10 @@ class AttemptRunner {
   ~AttemptRunner();
 
   /// Mode demonstrate: plans and plays the expert.
-  AttemptResult Demonstrate(std::uint64_t index, std::uint32_t attempt);
-  /// Mode rollout: `policy` drives. @error only what `policy` returns.
-  Result<AttemptResult> Rollout(std::uint64_t index, const PolicyFunction& policy);
+  /// @param trace  gets what a replay shows; the episode then is complete after a failure too, unless it has no step.
+  AttemptResult Demonstrate(std::uint64_t index, std::uint32_t attempt, AttemptTrace* trace = nullptr);
+  /// Mode rollout: the policy behind `ask` drives. @error only what `ask` returns.
+  Result<AttemptResult> Rollout(std::uint64_t index, const policy::AskFunction& ask);
   /// Neither: only sets the scene. @error kNotFound when (index, attempt) has none, and why.
   Result<StartScene> Show(std::uint64_t index, std::uint32_t attempt);
 

@@ -59,15 +59,18 @@ plan::Motion PushMotion(const plan::Motion& motion, int from, const Push& push) 
   return pushed;
 }
 
-bool PushIsFree(const plan::Motion& motion, const Eigen::VectorXd& q, sim::Kinematics& kinematics,
-                collide::Checker& checker) {
+PushVerdict JudgePush(const plan::Motion& motion, const Eigen::VectorXd& q, const Eigen::VectorXd& joint_speed,
+                      sim::Kinematics& kinematics, collide::Checker& checker) {
+  constexpr int kEvery = 5;  // control steps
   Eigen::VectorXd q_now = q;
-  for (int i = 4; i < motion.steps(); i += 5) {
+  for (int i = kEvery - 1; i < motion.steps(); i += kEvery) {
     const auto next = kinematics.Solve(motion.X_WE[i], q_now);
-    if (!next || checker.Check(*next, kPushMargin)) return false;
+    if (!next || checker.Check(*next, kPushMargin)) return PushVerdict::kBlocked;
+    const Eigen::VectorXd speed = (*next - q_now).cwiseAbs() * (kControlRate / kEvery);
+    if ((speed.array() > joint_speed.array()).any()) return PushVerdict::kTooFast;
     q_now = *next;
   }
-  return motion.steps() > 0;
+  return motion.steps() > 0 ? PushVerdict::kFree : PushVerdict::kBlocked;
 }
 
 }  // namespace etude::task

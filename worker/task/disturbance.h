@@ -3,7 +3,7 @@
 #pragma once
 
 #include "services/core/rng.h"
-#include "services/episode/campaign_spec.h"
+#include "services/spec/campaign_spec.h"
 #include "worker/collide/checker.h"
 #include "worker/plan/planner.h"
 
@@ -24,8 +24,10 @@ Push DrawPush(const RandomizationSpec& randomization, Rng& rng);
 /// rest. @pre 0 <= from < motion.steps()
 plan::Motion PushMotion(const plan::Motion& motion, int from, const Push& push);
 
-/// True when the arm can follow the push without touching anything. `q` is near its start.
-bool PushIsFree(const plan::Motion& motion, const Eigen::VectorXd& q, sim::Kinematics& kinematics,
-                collide::Checker& checker);
+enum class PushVerdict { kFree, kTooFast, kBlocked };
+/// Whether the arm can follow the push without touching anything, no joint faster than `joint_speed` (nv, rad/s).
+/// `q` is near its start.
+PushVerdict JudgePush(const plan::Motion& motion, const Eigen::VectorXd& q, const Eigen::VectorXd& joint_speed,
+                      sim::Kinematics& kinematics, collide::Checker& checker);
 
 }  // namespace etude::task

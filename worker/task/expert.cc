@@ -6,8 +6,9 @@
 
 #include <algorithm>
 
-#include "worker/task/goals.h"
-#include "worker/task/rehearsal.h"
+#include "worker/task/feasibility_check.h"
+#include "worker/task/primitives/tuning.h"
+#include "worker/task/task_stages.h"
 
 namespace etude::task {
 namespace {
@@ -19,20 +20,20 @@ constexpr double kAvoidMargin = 0.02;     // m kept from everything where the fi
 constexpr double kMoved = 0.005;          // m that it may move before that counts
 constexpr double kGoalTolerance = 0.015;  // m between hand and goal when a stage counts as done
 constexpr int kSettleSteps = 40;          // at most, to come within it
+constexpr int kMostDwell = 2 * kDwell;    // steps that the last command is held, at most
 
 Verdict Failed(AttemptOutcome outcome, std::string reason) { return {outcome, std::move(reason)}; }
 
 }  // namespace
 
-Expert::Expert(Session* session, StagePlanner* planner, collide::Checker* checker,
-               const RandomizationSpec& randomization, std::uint64_t seed)
+Expert::Expert(EpisodeRunner* session, StagePlanner* planner, collide::Checker* checker,
+               const RandomizationSpec& randomization)
     : session_(session),
       planner_(planner),
       checker_(checker),
       randomization_(randomization),
-      seed_(seed),
-      push_rng_(MixSeed({seed}, "push")),
-      stages_(StagesOf(session->config().task, session->shapes())),
+      push_rng_(session->plan().seeds.disturbance),
+      stages_(StagesOf(session->plan().task, session->shapes())),
       push_drawn_(stages_.size(), false),
       reference_(session->world().X_WE()) {
   for (const auto& stage : stages_) session_->episode().stage_names.push_back(stage.name);
@@ -43,37 +44,38 @@ Verdict Expert::Run() {
   while (stage < static_cast<int>(stages_.size())) {
     Verdict verdict;
     if (stages_[stage].moves()) {
-      Piece piece;
-      verdict = PlanPiece(stage, piece);
-      if (verdict.ok()) verdict = PlayPiece(piece, stage);
+      MotionSegment segment;
+      verdict = PlanSegment(stage, segment);
+      if (verdict.ok()) verdict = PlaySegment(segment, stage);
     } else {
       verdict = PlayWait(stage++);
     }
     if (!verdict.ok()) return verdict;
   }
-  return FinalCheck();
+  return Dwell();
 }
 
-Situation Expert::Now() const {
-  const std::string& target = session_->config().target;
-  const std::string& reference = session_->config().reference;
-  Situation now{.shapes = &session_->shapes(),
-                .target = target,
-                .reference = reference,
-                .X_WO = session_->world().ObjectPose(target),
-                .X_WE = reference_,
-                .X_EO = X_EO_};
+StageContext Expert::Now() const {
+  const std::string& target = session_->plan().target;
+  const std::string& reference = session_->plan().reference;
+  StageContext now{.shapes = &session_->shapes(),
+                   .target = target,
+                   .reference = reference,
+                   .X_WO = session_->world().ObjectPose(target),
+                   .X_WE = reference_,
+                   .X_EO = X_EO_};
   if (!reference.empty()) now.X_WR = session_->world().ObjectPose(reference);
   return now;
 }
 
-Surroundings Expert::Around(const Situation& now) const {
-  const Shapes& shapes = session_->shapes();
-  const double below = now.X_EO ? HeldBelow(now, now.X_WE.q)
-                                : shapes.Reach(Shapes::Part::kHand, false, now.X_WE.q, -Eigen::Vector3d::UnitZ());
-  Surroundings around{.avoid = session_->config().avoid};
+Surroundings Expert::Around(const StageContext& now) const {
+  const SceneGeometry& shapes = session_->shapes();
+  const double below = now.X_EO
+                           ? HeldBelow(now, now.X_WE.q)
+                           : shapes.Reach(SceneGeometry::Part::kHand, false, now.X_WE.q, -Eigen::Vector3d::UnitZ());
+  Surroundings around{.avoid = session_->plan().avoid};
   for (const auto& object : session_->world().scene().objects()) {
-    if (object.name == session_->config().target) continue;
+    if (object.name == session_->plan().target) continue;
     const Pose X_WO = session_->world().ObjectPose(object.name);
     around.hands.push_back(X_WO.p - Eigen::Vector3d(0, shapes.ahead_open(), 0));
     const double top = (X_WO * shapes.Centre(object.name)).z() + object.half_extent.maxCoeff();
@@ -84,58 +86,92 @@ Surroundings Expert::Around(const Situation& now) const {
 
 std::vector<Eigen::Vector3d> Expert::AvoidedPlaces() const {
   std::vector<Eigen::Vector3d> places;
-  for (const auto& name : session_->config().avoid) places.push_back(session_->world().ObjectPose(name).p);
+  for (const auto& name : session_->plan().avoid) places.push_back(session_->world().ObjectPose(name).p);
   return places;
 }
 
-Verdict Expert::AvoidWhatMoved(const Piece& piece, int step, std::optional<Piece>& rest) {
-  if (step % kWatchSteps != 0 || piece.avoided.empty()) return {};
+Verdict Expert::AvoidWhatMoved(const MotionSegment& segment, int step, std::optional<MotionSegment>& rest) {
+  if (step % kWatchSteps != 0 || segment.avoided.empty()) return {};
   const auto now = AvoidedPlaces();
   double moved = 0;
-  for (std::size_t i = 0; i < now.size(); ++i) moved = std::max(moved, (now[i] - piece.avoided[i]).norm());
+  for (std::size_t i = 0; i < now.size(); ++i) moved = std::max(moved, (now[i] - segment.avoided[i]).norm());
   if (moved < kMoved) return {};
   const Stopwatch watch(session_->times().plan);
-  const int i = piece.stage[step];
+  const int i = segment.stage[step];
   UpdateChecker(stages_[i]);
   const Eigen::VectorXd q = session_->world().q();
-  if (!planner_->FindBlockage(piece.motion, step, q)) return {};
-  Pose goal = piece.motion.X_WE.back();
-  if (i != piece.last) goal = stages_[i].goal(Now());
-  const std::uint64_t seed = MixSeed({seed_, std::uint64_t(plans_++)}, "plan");
-  const plan::Outcome outcome = planner_->Replan(piece.motion, step, q, goal, stages_[i], Around(Now()), seed);
+  const auto blockage = planner_->FindBlockage(segment.motion, step, q);
+  if (!blockage) return {};
+  Pose goal = segment.motion.X_WE.back();
+  if (i != segment.last) goal = stages_[i].goal(Now());
+  const std::uint64_t seed = NextPlanSeed();
+  const PlannedStage planned{
+      .outcome = planner_->Replan(segment.motion, step, q, goal, stages_[i], Around(Now()), seed),
+      .blocked = blockage->reason};
+  const plan::Outcome& outcome = planned.outcome;
   if (!outcome.planned())
     return Failed(AttemptOutcome::kPlanFailed, fmt::format("{}: planning anew: {}: {}", stages_[i].name,
                                                            plan::ToString(outcome.kind), outcome.reason));
   ++replans_;
-  rest = Piece{.motion = outcome.motion, .goal = {goal.p}, .first = i, .last = i, .avoided = now};
+  rest = MotionSegment{.motion = outcome.motion, .goal = {goal.p}, .first = i, .last = i, .avoided = now};
+  rest->planned.push_back(PlannedJson(i, planned));
   rest->stage.assign(static_cast<std::size_t>(outcome.motion.steps()), i);
   return {};
 }
 
+std::uint64_t Expert::NextPlanSeed() {
+  return MixSeed({session_->plan().seeds.planning, std::uint64_t(plans_++)}, "motion");
+}
+
+OrderedJson Expert::PlannedJson(int stage, const PlannedStage& planned) const {
+  return {{"stage", stages_[stage].name},
+          {"way", planned.way()},
+          {"samples", planned.outcome.samples},
+          {"checks", planned.outcome.checks},
+          {"steps", planned.outcome.motion.steps()},
+          {"blocked", planned.blocked}};
+}
+
+// Plans that were thrown away, or of stages that a push keeps from being begun, are not how stages were done.
+void Expert::KeepPlanned(const MotionSegment& segment, int last) {
+  for (int i = segment.first; i <= last; ++i) planned_.push_back(segment.planned[i - segment.first]);
+}
+
+void Expert::KeepMotion(const plan::Motion& motion, int first, int last, bool disturbance) {
+  if (!motions_) return;
+  PlayedMotion played{.step = session_->steps(), .stages = {}, .disturbance = disturbance, .motion = motion};
+  for (int i = first; i <= last; ++i) played.stages.push_back(stages_[i].name);
+  motions_->push_back(std::move(played));
+}
+
 void Expert::UpdateChecker(const Stage& stage) {
   const sim::World& world = session_->world();
-  const std::string& target = session_->config().target;
+  const std::string& target = session_->plan().target;
   for (const auto& object : world.scene().objects()) checker_->SetObject(object.name, world.ObjectPose(object.name));
   SetForStage(stage, target, X_EO_, *checker_);
 }
 
-Verdict Expert::PlanPiece(int first, Piece& piece) {
+Verdict Expert::PlanSegment(int first, MotionSegment& segment) {
   const Stopwatch watch(session_->times().plan);
-  const Verdict verdict = TryPiece(first, true, piece);
-  if (verdict.ok() || stages_[first].clearance == 0) return verdict;
-  // another way may arrive with the arm in another branch, from which the next stage can be done
-  Piece other;
-  if (!TryPiece(first, false, other).ok()) return verdict;
-  piece = std::move(other);
-  return {};
+  Verdict verdict = TrySegment(first, true, segment);
+  if (!verdict.ok() && stages_[first].clearance > 0) {
+    // another way may arrive with the arm in another branch, from which the next stage can be done
+    ++abandoned_;
+    MotionSegment other;
+    if (TrySegment(first, false, other).ok()) {
+      segment = std::move(other);
+      verdict = {};
+    }
+  }
+  return verdict;
 }
 
-Verdict Expert::TryPiece(int first, bool by_field, Piece& piece) {
-  Situation now = Now();
+Verdict Expert::TrySegment(int first, bool by_field, MotionSegment& segment) {
+  StageContext now = Now();
   Eigen::VectorXd q = session_->world().q();
   if (const auto q_reference = planner_->Solve(reference_, q)) q = *q_reference;
-  piece.first = first;
-  piece.avoided = AvoidedPlaces();
+  segment.first = first;
+  segment.avoided = AvoidedPlaces();
   for (int i = first;; ++i) {
     Stage stage = stages_[i];
     if (!by_field && stage.clearance > 0) {
@@ -144,7 +180,7 @@ Verdict Expert::TryPiece(int first, bool by_field, Piece& piece) {
     }
     UpdateChecker(stage);
     Pose goal = stage.goal(now);
-    const std::uint64_t seed = MixSeed({seed_, std::uint64_t(plans_++)}, "plan");
+    const std::uint64_t seed = NextPlanSeed();
     PlannedStage planned = planner_->Plan(q, goal, stage, Around(now), seed);
     if (stage.nearer && !planned.planned()) {
       goal = stage.nearer(now);
@@ -157,75 +193,86 @@ Verdict Expert::TryPiece(int first, bool by_field, Piece& piece) {
     const plan::Motion& motion = planned.outcome.motion;
     int overlap = 0;
     if (i == first) {
-      piece.motion = motion;
+      segment.motion = motion;
     } else {
-      overlap = planner_->JoinIfFree(piece.motion, motion, stage.limits, q);
+      overlap = planner_->JoinIfFree(segment.motion, motion, stage.limits, q);
     }
     // The corner belongs half to each stage.
-    if (!piece.stage.empty()) piece.stage.resize(piece.stage.size() - overlap / 2, i);
-    piece.stage.resize(piece.motion.steps(), i);
-    piece.goal.push_back(goal.p);
-    planned_.push_back({{"stage", stage.name},
-                        {"kind", plan::ToString(planned.outcome.kind)},
-                        {"detour", planned.detour},
-                        {"samples", planned.outcome.samples},
-                        {"checks", planned.outcome.checks},
-                        {"steps", motion.steps()},
-                        {"blocked", planned.blocked}});
-    piece.last = i;
+    if (!segment.stage.empty()) segment.stage.resize(segment.stage.size() - overlap / 2, i);
+    segment.stage.resize(segment.motion.steps(), i);
+    segment.goal.push_back(goal.p);
+    segment.planned.push_back(PlannedJson(i, planned));
+    segment.last = i;
     if (!stage.blends) return {};
     q = planned.q_end;
     now.X_WE = goal;
   }
 }
 
-Expert::Interruption Expert::DrawInterruption(const Piece& piece) {
+Expert::Interruption Expert::DrawInterruption(const MotionSegment& segment) {
   Interruption interruption;
-  for (int i = piece.first; i <= piece.last; ++i) {
+  for (int i = segment.first; i <= segment.last; ++i) {
     const Stage& stage = stages_[i];
     if (push_drawn_[i] || !stage.disturbable) continue;
     push_drawn_[i] = true;
     if (!push_rng_.Bernoulli(randomization_.disturbance_probability)) continue;
     std::vector<int> steps;  // where it may begin
-    for (int t = 0; t < piece.motion.steps(); ++t) {
-      const double left = (piece.motion.X_WE[t].p - piece.goal[i - piece.first]).norm();
-      if (piece.stage[t] == i && left > stage.calm) steps.push_back(t);
+    for (int t = 0; t < segment.motion.steps(); ++t) {
+      const double left = (segment.motion.X_WE[t].p - segment.goal[i - segment.first]).norm();
+      if (segment.stage[t] == i && left > stage.calm) steps.push_back(t);
     }
     if (steps.empty()) continue;
     const int at = steps[push_rng_.Below(steps.size())];
-    const Push push = DrawPush(randomization_, push_rng_);
-    plan::Motion motion = PushMotion(piece.motion, at, push);
-    UpdateChecker(stage);
-    if (!stage.holds) checker_->Allow({});  // a push must not hit what the stage will touch
-    const auto q = planner_->Solve(motion.X_WE.front(), session_->world().q());
-    if (!q || !PushIsFree(motion, *q, planner_->kinematics(), *checker_)) continue;
-    // One push a piece: a later stage keeps its chance for the piece that is planned afterwards.
-    return {at, std::move(motion)};
+    auto motion = FeasiblePush(segment.motion, at, stage);
+    // One push a segment: a later stage keeps its chance for the segment that is planned afterwards.
+    if (motion) return {at, std::move(*motion)};
   }
   return interruption;
 }
 
-Verdict Expert::PlayPiece(const Piece& piece, int& next_stage) {
+std::optional<plan::Motion> Expert::FeasiblePush(const plan::Motion& path, int at, const Stage& stage) {
+  constexpr int kSlowest = 4;  // times as long as drawn, for joints that are slow
+  Push push = DrawPush(randomization_, push_rng_);
+  const int drawn_steps = push.steps;
+  UpdateChecker(stage);
+  if (!stage.holds) checker_->Allow({});  // a push must not hit what the stage will touch
+  const Eigen::VectorXd joint_speed = kStages.planned_speed * session_->world().scene().arm().joint_speed;
+  for (int slower = 1; slower <= kSlowest; ++slower) {
+    push.steps = slower * drawn_steps;
+    plan::Motion motion = PushMotion(path, at, push);
+    const auto q = planner_->Solve(motion.X_WE.front(), session_->world().q());
+    if (!q) return std::nullopt;
+    const PushVerdict verdict = JudgePush(motion, *q, joint_speed, planner_->kinematics(), *checker_);
+    if (verdict == PushVerdict::kFree) return motion;
+    if (verdict == PushVerdict::kBlocked) return std::nullopt;
+  }
+  return std::nullopt;
+}
+
+Verdict Expert::PlaySegment(const MotionSegment& segment, int& next_stage) {
   Interruption push;
   {
     const Stopwatch watch(session_->times().plan);
-    push = DrawInterruption(piece);
+    push = DrawInterruption(segment);
   }
-  const int end = push.at >= 0 ? push.at : piece.motion.steps();
+  const int end = push.at >= 0 ? push.at : segment.motion.steps();
+  KeepPlanned(segment, push.at >= 0 ? segment.stage[push.at] : segment.last);
+  KeepMotion(segment.motion, segment.first, segment.last, false);
   for (int t = 0; t < end; ++t) {
-    std::optional<Piece> rest;
-    Verdict verdict = AvoidWhatMoved(piece, t, rest);
+    std::optional<MotionSegment> rest;
+    Verdict verdict = AvoidWhatMoved(segment, t, rest);
     if (!verdict.ok()) return verdict;
-    if (rest) return PlayPiece(*rest, next_stage);
-    verdict = PlayStep(piece.stage[t], piece.motion.X_WE[t], piece.motion.V_WE[t], true);
+    if (rest) return PlaySegment(*rest, next_stage);
+    verdict = PlayStep(segment.stage[t], segment.motion.X_WE[t], segment.motion.V_WE[t], true);
     if (!verdict.ok()) return verdict;
   }
   if (push.at < 0) {
-    next_stage = piece.last + 1;
-    return Settle(piece.last, piece.motion.X_WE.back());
+    next_stage = segment.last + 1;
+    return Settle(segment.last, segment.motion.X_WE.back());
   }
   ++pushes_;
-  const int stage = piece.stage[push.at];
+  const int stage = segment.stage[push.at];
+  KeepMotion(push.motion, stage, stage, true);
   for (int t = 0; t < push.motion.steps(); ++t) {
     const Verdict verdict = PlayStep(stage, push.motion.X_WE[t], push.motion.V_WE[t], false);
     if (!verdict.ok()) return verdict;
@@ -246,12 +293,14 @@ Verdict Expert::Stopped(int stage) const {
 }
 
 Verdict Expert::Check(int stage) const {
+  if (const Verdict verdict = VerdictOnViolations(session_->judge()); !verdict.ok())
+    return Failed(verdict.outcome, fmt::format("{}: {}", stages_[stage].name, verdict.reason));
   if (!stages_[stage].holds || !X_EO_) return {};
-  const Pose X_WO = session_->world().ObjectPose(session_->config().target);
+  const Pose X_WO = session_->world().ObjectPose(session_->plan().target);
   const double shift = ((session_->world().X_WE().inverse() * X_WO).p - X_EO_->p).norm();
   if (shift < kDropDistance) return {};
   return Failed(AttemptOutcome::kDropped, fmt::format("{}: {} shifted by {:.3f} m in the hand", stages_[stage].name,
-                                                      session_->config().target, shift));
+                                                      session_->plan().target, shift));
 }
 
 // Waits until the hand has caught up with the end of the motion.
@@ -269,7 +318,7 @@ Verdict Expert::Settle(int stage, const Pose& goal) {
 Verdict Expert::PlayWait(int stage) {
   const Stage& wait = stages_[stage];
   for (int t = 0; t < wait.max_steps; ++t) {
-    const bool done = !wait.done || wait.done(session_->world(), session_->config().target);
+    const bool done = !wait.done || wait.done(session_->world(), session_->plan().target);
     if (t >= wait.min_steps && done) break;
     const Verdict verdict = PlayStep(stage, reference_, Vector6::Zero(), true);
     if (!verdict.ok()) return verdict;
@@ -280,33 +329,30 @@ Verdict Expert::PlayWait(int stage) {
 Verdict Expert::AfterWait(int stage) {
   const Stage& wait = stages_[stage];
   sim::World& world = session_->world();
-  const std::string& target = session_->config().target;
+  const std::string& target = session_->plan().target;
   if (wait.done && !wait.done(world, target))
     return Failed(AttemptOutcome::kGraspMissed,
                   fmt::format("{}: {} is not between the fingers but touches {}", wait.name, target,
                               fmt::join(world.ContactsOf(target), ", ")));
-  if (wait.name == "grasp") X_EO_ = world.X_WE().inverse() * world.ObjectPose(target);
-  if (wait.name == "release") X_EO_.reset();
+  if (wait.effect == Stage::Effect::kGrasps) X_EO_ = world.X_WE().inverse() * world.ObjectPose(target);
+  if (wait.effect == Stage::Effect::kReleases) X_EO_.reset();
   return {};
 }
 
-Verdict Expert::FinalCheck() const {
-  const auto& criterion = session_->criterion();
-  const std::string& target = session_->config().target;
-  const sim::World& world = session_->world();
-  const std::string& task = session_->config().task.base;
-  if (!criterion.success())
-    return Failed(
-        AttemptOutcome::kCriterionFailed,
-        fmt::format("{}: progress {:.3f} m{}{}{}", task, criterion.progress(), criterion.lifted() ? ", lifted" : "",
-                    criterion.turned() ? ", turned" : "", criterion.laid() ? ", laid" : ""));
-  if ((task == "pick" || task == "rotate") && !world.Grasped(target))
-    return Failed(AttemptOutcome::kDropped, fmt::format("hold: {} is not held", target));
-  if (task == "put_down" && (!LiesDown(world.ObjectPose(target)) || world.Grasped(target)))
-    return Failed(AttemptOutcome::kCriterionFailed, fmt::format("{} does not lie on the table", target));
+Verdict Expert::Dwell() {
+  const int last = static_cast<int>(stages_.size()) - 1;
+  for (int t = 0; session_->judge().held() < kDwell; ++t) {
+    if (t == kMostDwell)
+      return Failed(AttemptOutcome::kCriterionFailed,
+                    fmt::format("{}: {}", session_->plan().task.base, session_->judge().Words()));
+    const Verdict verdict = PlayStep(last, reference_, Vector6::Zero(), true);
+    if (!verdict.ok()) return verdict;
+  }
   return {};
 }
 
-OrderedJson Expert::Statistics() const { return {{"planned", planned_}, {"pushes", pushes_}, {"replans", replans_}}; }
+OrderedJson Expert::Statistics() const {
+  return {{"planned", planned_}, {"abandoned", abandoned_}, {"pushes", pushes_}, {"replans", replans_}};
+}
 
 }  // namespace etude::task

@@ -5,73 +5,79 @@
 #include <string>
 #include <vector>
 
-#include "worker/task/chain.h"
 #include "worker/task/disturbance.h"
-#include "worker/task/session.h"
-#include "worker/task/stage.h"
+#include "worker/task/episode_runner.h"
+#include "worker/task/primitives/stage.h"
+#include "worker/task/stage_planner.h"
+#include "worker/task/trace.h"
 
 namespace etude::task {
 
-struct Verdict {
-  AttemptOutcome outcome = AttemptOutcome::kSuccess;
-  std::string reason;
-  bool ok() const { return outcome == AttemptOutcome::kSuccess; }
-};
-
-/// Plays one attempt in a session. Its plans and pushes are functions of `seed` and the session's state.
+/// Plays one attempt in a session. Its plans and pushes are functions of the plan's seeds and the session's state.
 class Expert {
  public:
-  Expert(Session* session, StagePlanner* planner, collide::Checker* checker, const RandomizationSpec& randomization,
-         std::uint64_t seed);
+  Expert(EpisodeRunner* session, StagePlanner* planner, collide::Checker* checker,
+         const RandomizationSpec& randomization);
 
+  /// Appends each motion that is begun from now on, for replays. `motions` outlives this.
+  void KeepMotions(std::vector<PlayedMotion>* motions) { motions_ = motions; }
   /// Runs all stages; says where and why it stopped.
   Verdict Run();
-  /// How each stage was planned, and the pushes: for Episode::details. No timings.
+  /// How each stage that was played was planned, and the pushes: for Episode::details. No timings.
   OrderedJson Statistics() const;
 
  private:
-  struct Piece {  // a run of stages that is played without stopping
+  struct MotionSegment {  // a run of stages that is played without stopping
     plan::Motion motion;
     std::vector<int> stage;                // per step
     std::vector<Eigen::Vector3d> goal;     // of each stage, by index - first
     int first = 0, last = 0;               // stages
     std::vector<Eigen::Vector3d> avoided;  // where what has to be avoided was when it was planned
+    std::vector<OrderedJson> planned;      // how, by index - first
   };
   struct Interruption {
-    int at = -1;  // step of the piece; -1: none
+    int at = -1;  // step of the segment; -1: none
     plan::Motion motion;
   };
 
+  std::uint64_t NextPlanSeed();
+  OrderedJson PlannedJson(int stage, const PlannedStage& planned) const;
+  /// Counts how the stages of `segment` up to `last` were planned: they are begun now.
+  void KeepPlanned(const MotionSegment& segment, int last);
+  void KeepMotion(const plan::Motion& motion, int first, int last, bool disturbance);
   void UpdateChecker(const Stage& stage);
-  Situation Now() const;
-  Verdict PlanPiece(int first, Piece& piece);
+  StageContext Now() const;
+  Verdict PlanSegment(int first, MotionSegment& segment);
   /// One try. @param by_field  whether stages with a clearance go down the potential field
-  Verdict TryPiece(int first, bool by_field, Piece& piece);
-  Verdict PlayPiece(const Piece& piece, int& next_stage);
-  Interruption DrawInterruption(const Piece& piece);
+  Verdict TrySegment(int first, bool by_field, MotionSegment& segment);
+  Verdict PlaySegment(const MotionSegment& segment, int& next_stage);
+  Interruption DrawInterruption(const MotionSegment& segment);
+  /// A push off `path` from step `at` on, as slow as the joints need it; nothing when there is none.
+  std::optional<plan::Motion> FeasiblePush(const plan::Motion& path, int at, const Stage& stage);
   Verdict PlayWait(int stage);
   Verdict PlayStep(int stage, const Pose& X_WE, const Vector6& V_WE, bool supervise);
   Verdict AfterWait(int stage);
   Verdict Settle(int stage, const Pose& goal);
   Verdict Check(int stage) const;
-  Verdict FinalCheck() const;
+  /// Holds the last command until the judge has seen the strict condition for its dwell.
+  Verdict Dwell();
   Verdict Stopped(int stage) const;
-  Surroundings Around(const Situation& now) const;
+  Surroundings Around(const StageContext& now) const;
   std::vector<Eigen::Vector3d> AvoidedPlaces() const;
   /// Plans the rest of `stage` anew when something that has to be avoided moved into the way. `rest` gets it.
-  Verdict AvoidWhatMoved(const Piece& piece, int step, std::optional<Piece>& rest);
+  Verdict AvoidWhatMoved(const MotionSegment& segment, int step, std::optional<MotionSegment>& rest);
 
-  Session* session_;
+  EpisodeRunner* session_;
   StagePlanner* planner_;
   collide::Checker* checker_;
   RandomizationSpec randomization_;
-  std::uint64_t seed_;
   Rng push_rng_;
   std::vector<Stage> stages_;
   std::vector<bool> push_drawn_;  // by stage: whether its one chance of a push is used up
   Pose reference_;                // last commanded pose
-  std::optional<Pose> X_EO_;      // while held
-  int plans_ = 0, pushes_ = 0, replans_ = 0;
+  std::vector<PlayedMotion>* motions_ = nullptr;
+  std::optional<Pose> X_EO_;  // while held
+  int plans_ = 0, pushes_ = 0, replans_ = 0, abandoned_ = 0;
   OrderedJson planned_ = OrderedJson::array();
 };
 

@@ -6,14 +6,14 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 namespace etude::task {
 namespace {
 
-constexpr double kMaxLinear = 0.8;      // m/s of the reference
-constexpr double kMaxAngular = 3.0;     // rad/s
-constexpr double kMaxReach = 2.0;       // m from the world's origin: nothing sane is beyond
-constexpr int kStepsAfterSuccess = 12;  // so that a video shows it
+constexpr double kMaxLinear = 0.8;   // m/s of the reference
+constexpr double kMaxAngular = 3.0;  // rad/s
+constexpr double kMaxReach = 2.0;    // m from the world's origin: nothing sane is beyond
 // The fingers close above one and open below the other: a wavering answer does not make them flutter.
 constexpr double kCloseAbove = 0.6;
 constexpr double kOpenBelow = 0.4;
@@ -28,13 +28,11 @@ Eigen::Vector3d Limited(const Eigen::Vector3d& v, double most) {
   return norm > most ? Eigen::Vector3d(v * (most / norm)) : v;
 }
 
-// Distance between what a module said (an array of three numbers) and the truth, if it said it.
-std::optional<double> ErrorOf(const OrderedJson& modules, const char* module, const char* key,
-                              const Eigen::Vector3d& truth) {
-  if (!modules.is_object() || !modules.contains(module)) return std::nullopt;
-  const auto& outputs = modules[module];
-  if (!outputs.is_object() || !outputs.contains(key)) return std::nullopt;
-  const auto& values = outputs[key];
+// What a module says about a place: {"entity": "target", "quantity": "position", "value": [x, y, z, ...]}, metres
+// first.
+std::optional<Eigen::Vector3d> SaidBy(const OrderedJson& output) {
+  if (!output.is_object() || !output.contains("value")) return std::nullopt;
+  const auto& values = output["value"];
   if (!values.is_array() || values.size() < 3) return std::nullopt;
   Eigen::Vector3d said;
   for (int i = 0; i < 3; ++i) {
@@ -42,12 +40,16 @@ std::optional<double> ErrorOf(const OrderedJson& modules, const char* module, co
     said[i] = values[i].get<double>();
   }
   if (!said.allFinite()) return std::nullopt;
-  return (said - truth).norm();
+  return said;
+}
+
+std::string TextOr(const OrderedJson& output, const char* key) {
+  return output.contains(key) && output[key].is_string() ? output[key].get<std::string>() : "";
 }
 
 }  // namespace
 
-std::string RefusalOf(const PolicyAnswer& answer) {
+std::string RefusalOf(const policy::Answer& answer) {
   if (static_cast<int>(answer.waypoints.size()) != kWaypoints)
     return fmt::format("{} waypoints instead of {}", answer.waypoints.size(), kWaypoints);
   for (int k = 0; k < kWaypoints; ++k) {
@@ -62,17 +64,19 @@ std::string RefusalOf(const PolicyAnswer& answer) {
   return {};
 }
 
-void Tracker::Follow(std::vector<Waypoint> waypoints) {
+void Tracker::Follow(std::vector<Waypoint> waypoints, int first) {
   waypoints_ = std::move(waypoints);
-  step_ = 0;
+  step_ = first;
 }
 
 Command Tracker::Next() {
+  Command command;
+  command.target = {reference_, closed_ ? 1.0 : 0.0};
+  if (waypoints_.empty()) return command;
   const Waypoint now = Interpolate(waypoints_, step_);
   const Waypoint next = Interpolate(waypoints_, step_ + 1);
   ++step_;
   const double dt = 1 / kControlRate;
-  Command command;
   command.V_WE.head<3>() = Limited((next.X_WE.p - now.X_WE.p) / dt, kMaxLinear);
   command.V_WE.tail<3>() = Limited(RotationVector(next.X_WE.q * now.X_WE.q.conjugate()) / dt, kMaxAngular);
   const Eigen::Vector3d turn = Limited(RotationVector(now.X_WE.q * reference_.q.conjugate()), kMaxAngular * dt);
@@ -84,68 +88,103 @@ Command Tracker::Next() {
   return command;
 }
 
-Rollout::Rollout(Session* session, collide::Checker* checker, const RolloutSpec& spec, std::string instruction)
+Rollout::Rollout(EpisodeRunner* session, collide::Checker* checker, const RolloutSpec& spec, std::string instruction)
     : session_(session), checker_(checker), spec_(spec), instruction_(std::move(instruction)) {
   session_->episode().stage_names = {"policy"};
 }
 
-Result<Verdict> Rollout::Run(const PolicyFunction& policy) {
+int Rollout::LatencySteps(const policy::Answer& answer) {
+  if (latency_steps_ < 0) {
+    const double ms = spec_.latency_ms >= 0 ? spec_.latency_ms : std::max(0.0, answer.server_p99_ms);
+    latency_steps_ = std::min(static_cast<int>(std::ceil(ms * 1e-3 * kControlRate - 1e-9)), kHorizonSteps);
+  }
+  return latency_steps_;
+}
+
+Result<Verdict> Rollout::Run(const policy::AskFunction& ask) {
   Tracker tracker(session_->world().X_WE(), false);
-  for (int step = 0;; ++step) {
-    if (step % spec_.replan_steps == 0 && step < spec_.max_steps && success_step_ < 0) {
-      ETUDE_ASSIGN_OR_RETURN(PolicyAnswer answer, Ask(policy));
+  std::vector<Waypoint> answered;  // not in effect yet
+  int question = 0, effect = 0;    // steps of the next question, and from which the last answer counts
+  while (!session_->judge().done()) {
+    const int step = session_->steps();
+    // an answer's first waypoint was for the step after the picture
+    const auto follow = [&] {
+      if (step == effect && !answered.empty()) tracker.Follow(std::exchange(answered, {}), latency_steps_);
+    };
+    follow();  // before the next question, which may be asked in the same step
+    if (step == question && step < spec_.max_steps) {
+      ETUDE_ASSIGN_OR_RETURN(policy::Answer answer, Ask(ask));
       const std::string refusal = RefusalOf(answer);
       if (!refusal.empty())
         return Verdict{AttemptOutcome::kPolicyError, fmt::format("step {}: the policy answered {}", step, refusal)};
       RecordDecision(answer);
-      tracker.Follow(std::move(answer.waypoints));
+      effect = step + LatencySteps(answer);
+      question = std::max(step + spec_.replan_steps, effect);
+      answered = std::move(answer.waypoints);
     }
-    if (!session_->Step(tracker.Next())) {
-      if (success_step_ >= 0) return Verdict{};
-      return Verdict{session_->failure(), fmt::format("step {}: {}, progress {:.3f} m", session_->steps(),
-                                                      session_->failure_reason(), session_->criterion().progress())};
-    }
-    if (session_->success() && success_step_ < 0) success_step_ = session_->steps();
-    if (success_step_ >= 0 && session_->steps() >= success_step_ + kStepsAfterSuccess) return Verdict{};
+    follow();
+    if (!session_->Step(tracker.Next()))
+      return Verdict{session_->failure(), fmt::format("step {}: {}; {}", session_->steps(), session_->failure_reason(),
+                                                      session_->judge().Words())};
   }
+  return VerdictOnViolations(session_->judge());
 }
 
-Result<PolicyAnswer> Rollout::Ask(const PolicyFunction& policy) {
+Result<policy::Answer> Rollout::Ask(const policy::AskFunction& ask) {
   const sim::World& world = session_->world();
   const Eigen::VectorXf arm = world.q().cast<float>();
   const Eigen::VectorXf gripper = world.gripper_q().cast<float>();
   const Camera& camera = world.scene().camera();
-  PolicyQuestion question;
+  policy::Question question;
   question.instruction = instruction_;
   question.joints.assign(arm.begin(), arm.end());
   question.joints.insert(question.joints.end(), gripper.begin(), gripper.end());
   question.width = camera.width;
   question.height = camera.height;
+  question.camera = camera;
   question.rgb = session_->Picture();
-  return policy(question);
+  return ask(question);
 }
 
-void Rollout::RecordDecision(const PolicyAnswer& answer) {
+void Rollout::RecordDecision(const policy::Answer& answer) {
   ObserveDistance();
-  const sim::World& world = session_->world();
-  const Eigen::Vector3d p_WE = world.X_WE().p;
-  const Eigen::Vector3d p_WO = world.ObjectPose(session_->config().target).p;
-  OrderedJson decision{{"step", session_->steps()}, {"checkpoint_step", answer.checkpoint_step}, {"touched", touched_}};
-  const auto add = [&](const char* module, const char* key, const Eigen::Vector3d& truth) {
-    if (const auto error = ErrorOf(answer.modules, module, key, truth)) decision[module] = *error;
-  };
-  add("TAR3D", "position", p_WO);
-  add("EE3D", "position", p_WE);
-  add("DISP", "displacement", p_WO - p_WE);
+  OrderedJson errors = OrderedJson::object();
+  if (answer.modules.is_object())
+    for (const auto& [module, output] : answer.modules.items())
+      if (const auto error = ErrorOf(output)) errors[module] = *error;
+  OrderedJson decision{{"step", session_->steps()},
+                       {"checkpoint_step", answer.checkpoint_step},
+                       {"touched", session_->judge().touched()}};
+  decision["error_m"] = std::move(errors);
   decisions_.push_back(std::move(decision));
+}
+
+std::optional<double> Rollout::ErrorOf(const OrderedJson& output) const {
+  const auto said = SaidBy(output);
+  if (!said) return std::nullopt;
+  const std::string quantity = TextOr(output, "quantity");
+  const auto entity = PlaceOf(TextOr(output, "entity"));
+  if (!entity) return std::nullopt;
+  if (quantity == "position" || quantity == "pose") return (*said - *entity).norm();
+  if (quantity == "displacement") return (*said - (*entity - session_->world().X_WE().p)).norm();
+  return std::nullopt;
+}
+
+std::optional<Eigen::Vector3d> Rollout::PlaceOf(const std::string& entity) const {
+  const sim::World& world = session_->world();
+  if (entity == "ee") return world.X_WE().p;
+  std::string name = entity.starts_with("object:") ? entity.substr(7) : entity;
+  if (entity == "target") name = session_->plan().target;
+  if (entity == "reference") name = session_->plan().reference;
+  if (entity == "obstacle") name = kObstacleObject;
+  for (const auto& object : world.scene().objects())
+    if (object.name == name) return world.ObjectPose(name).p;
+  return std::nullopt;
 }
 
 void Rollout::ObserveDistance() {
   const sim::World& world = session_->world();
-  const std::string& target = session_->config().target;
-  const auto& arm = world.scene().arm().bodies;
-  for (const auto& body : world.ContactsOf(target))
-    touched_ = touched_ || std::find(arm.begin(), arm.end(), body) != arm.end();
+  const std::string& target = session_->plan().target;
   const Stopwatch watch(session_->times().plan);
   for (const auto& object : world.scene().objects()) checker_->SetObject(object.name, world.ObjectPose(object.name));
   checker_->Allow({target});
@@ -159,9 +198,7 @@ OrderedJson Rollout::Details(const Verdict& verdict) const {
   OrderedJson details{{"outcome", ToString(verdict.outcome)},
                       {"reason", verdict.reason},
                       {"steps", session_->steps()},
-                      {"success_step", success_step_},
-                      {"progress_m", session_->criterion().progress()},
-                      {"disturbed_objects", session_->disturbed()}};
+                      {"latency_steps", std::max(0, latency_steps_)}};
   if (!nearest_pair_.empty()) {
     details["nearest_m"] = nearest_;
     details["nearest_pair"] = nearest_pair_;

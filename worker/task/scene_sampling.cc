@@ -13,8 +13,9 @@ namespace {
 constexpr int kArrangements = 100;    // whole arrangements tried
 constexpr int kDrawsPerObject = 100;  // places tried for one object of an arrangement
 constexpr int kStartDraws = 100;
-constexpr double kStartMargin = 0.005;                       // m kept free around the arm where it starts
-constexpr double kLowStartWidth = 0.30;                      // m, +- x of a low start
+constexpr double kUsualHalf = 0.05;      // m, half as wide as objects are that kMinimumDistance is enough for
+constexpr double kStartMargin = 0.005;   // m kept free around the arm where it starts
+constexpr double kLowStartWidth = 0.30;  // m, +- x of a low start
 constexpr double kLowStartNear = 0.05, kLowStartFar = 0.25;  // m, y
 constexpr double kLowStartHeight = 0.05;                     // m above the lowest
 constexpr int kWaySamples = 16;                              // states that stand for a straight way
@@ -24,10 +25,18 @@ constexpr double kClearAtEnds = 0.015;    // m kept free around the arm at the e
 constexpr double kAsideMargin = 0.05;     // m around the whole way past an obstacle aside
 constexpr double kStartDexterity = 0.06;  // m (home has 0.11): the arm can leave in any direction
 
-bool FarEnough(const Eigen::Vector3d& p, const std::vector<PlacedObject>& placed) {
-  for (const auto& other : placed) {
-    const Eigen::Vector2d d = (p - other.X_WO.p).head<2>();
-    if (d.norm() < kMinimumDistance || std::abs(d.x()) < kMinimumDistance) return false;
+// How much further than others a wide object has to be from its neighbours, m.
+double Excess(const sim::ObjectInfo& object) {
+  return std::max(0.0, object.half_extent.head<2>().maxCoeff() - kUsualHalf);
+}
+
+// @param objects  those placed first, one after another
+bool FarEnough(const Eigen::Vector3d& p, double excess, const std::vector<PlacedObject>& placed,
+               const std::vector<sim::ObjectInfo>& objects) {
+  for (std::size_t i = 0; i < placed.size(); ++i) {
+    const Eigen::Vector2d d = (p - placed[i].X_WO.p).head<2>();
+    const double least = kMinimumDistance + excess + Excess(objects[i]);
+    if (d.norm() < least || std::abs(d.x()) < least) return false;
   }
   return true;
 }
@@ -42,7 +51,7 @@ std::optional<std::vector<PlacedObject>> TryArrangement(const std::vector<sim::O
       const double x = rng.Uniform(box.x_min, box.x_max);
       const double y = rng.Uniform(box.y_min, box.y_max);
       const Eigen::Vector3d p(x, y, objects[i].rest_height);
-      if (!FarEnough(p, placed)) continue;
+      if (!FarEnough(p, Excess(objects[i]), placed, objects)) continue;
       placed.push_back({objects[i].name, {p, FromEuler({0, 0, rng.Uniform(-yaw, yaw)})}});
       found = true;
     }
@@ -188,16 +197,6 @@ std::optional<PlacedObject> PlaceObstacle(const sim::ObjectInfo& obstacle, Obsta
     if (blocked == (place == ObstaclePlace::kInTheWay)) return PlacedObject{obstacle.name, X_WO};
   }
   return std::nullopt;
-}
-
-ObstaclePlace ObstaclePlaceOf(const CampaignSpec& spec, std::uint64_t index) {
-  constexpr std::uint64_t kBlock = 20;
-  std::vector<int> order(kBlock);
-  for (std::size_t i = 0; i < kBlock; ++i) order[i] = static_cast<int>(i);
-  Rng rng(MixSeed({spec.seed, index / kBlock}, "obstacle"));
-  rng.Shuffle(order);
-  const bool in_the_way = order[index % kBlock] + 0.5 < spec.obstacle.in_the_way * kBlock;
-  return in_the_way ? ObstaclePlace::kInTheWay : ObstaclePlace::kAside;
 }
 
 }  // namespace etude::task

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "services/core/rng.h"
-#include "services/episode/campaign_spec.h"
+#include "services/spec/episode_plan.h"
 #include "worker/collide/checker.h"
 
 namespace etude::task {
@@ -53,22 +53,12 @@ std::optional<Eigen::VectorXd> DrawStart(const sim::ArmInfo& arm, const Randomiz
 std::optional<Eigen::VectorXd> DrawLowStart(const sim::ArmInfo& arm, double lowest, sim::Kinematics& kinematics,
                                             collide::Checker& checker, Rng& rng);
 
-/// Where the obstacle stands.
-enum class ObstaclePlace {
-  kInTheWay,  ///< the straight way of the hand from `q` to `goal` would touch it
-  kAside,     ///< that way passes it with kAsideMargin to spare
-};
-
-/// Puts the obstacle on the table, clear of the objects, of the arm at `q` and of the hand at `goal`; `checker` knows
-/// the objects and gets it.
+/// Puts the obstacle on the table, aside of the straight way of the hand from `q` to `goal` or in it, clear of the
+/// objects, of the arm at `q` and of the hand at `goal`; `checker` knows the objects and gets it.
 /// @returns nothing when no place was found within a fixed number of draws.
 std::optional<PlacedObject> PlaceObstacle(const sim::ObjectInfo& obstacle, ObstaclePlace place,
                                           const std::vector<PlacedObject>& objects, const Eigen::VectorXd& q,
                                           const Pose& goal, sim::Kinematics& kinematics, collide::Checker& checker,
                                           Rng& rng);
-
-/// Whether the obstacle of episode `index` stands in the way: `obstacle.in_the_way` of every 20 episodes, in a drawn
-/// order; the same for all attempts.
-ObstaclePlace ObstaclePlaceOf(const CampaignSpec& spec, std::uint64_t index);
 
 }  // namespace etude::task

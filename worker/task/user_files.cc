@@ -7,7 +7,8 @@
 
 #include "services/core/file.h"
 #include "services/core/hash.h"
-#include "services/episode/object_names.h"
+#include "services/spec/object_names.h"
+#include "services/spec/task_name.h"
 #include "worker/sim/robot_file.h"
 #include "worker/sim/scene.h"
 
@@ -17,10 +18,14 @@ Result<std::string> UserFilesSha256(const CampaignSpec& spec) {
   std::vector<std::string> robots, objects;
   std::ranges::copy_if(spec.robots, std::back_inserter(robots), sim::IsRobotFile);
   std::ranges::copy_if(spec.objects, std::back_inserter(objects), IsObjectPath);
-  if (robots.empty() && objects.empty()) return std::string();
+  std::string all;
+  for (const std::string& name : spec.tasks) {
+    ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
+    if (IsTaskPath(task.base)) all += task.spec->sha256;
+  }
+  if (robots.empty() && objects.empty()) return all.empty() ? all : Sha256Hex(all);
   if (robots.empty()) robots.push_back(spec.robots.at(0));
 
-  std::string all;
   for (const std::string& robot : robots) {
     SceneSpec scene_spec(spec);
     scene_spec.robot = robot;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The files of the user that a campaign names by their paths: robots and imported objects.
+// The files of the user that a campaign names by their paths: robots, imported objects and tasks.
 #pragma once
 
 #include <string>
 
 #include "services/core/result.h"
-#include "services/episode/campaign_spec.h"
+#include "services/spec/campaign_spec.h"
 
 namespace etude::task {
 

@@ -8,6 +8,8 @@
 #include <numbers>
 #include <vector>
 
+#include "services/spec/robot_names.h"
+#include "services/spec/task_name.h"
 #include "worker/collide/checker.h"
 #include "worker/sim/robot_file.h"
 #include "worker/task/attempt.h"
@@ -111,11 +113,10 @@ void CheckReach(const std::shared_ptr<const sim::Scene>& scene, Report& report) 
                   100.0 * reached / places, 100.0 * free / places, arm.approach_pitch / kDegree));
 }
 
-Status CheckTask(const std::string& robot, const std::string& name, const sim::RendererConfig& renderer,
-                 Report& report) {
+Status CheckTask(const std::string& robot, const TaskName& task, const sim::RendererConfig& renderer, Report& report) {
   CampaignSpec spec;
   spec.robots = {robot};
-  spec.tasks = {name};
+  spec.tasks = {task.base};
   spec.objects = {"cube"};
   ETUDE_ASSIGN_OR_RETURN(auto runner, task::AttemptRunner::Open(spec, renderer));
   int succeeded = 0;
@@ -127,10 +128,10 @@ Status CheckTask(const std::string& robot, const std::string& name, const sim::R
     else
       trouble = fmt::format("; {}: {}", task::ToString(attempt.outcome), attempt.reason);
   }
-  const bool turns = name == "put_down" || name == "rotate";
+  const bool turns = task.spec->Has(TurnSpec::kName);
   if (succeeded < kDemonstrationsNeeded && turns && sim::IsRobotFile(robot))
     trouble += "; the other sign of `turn` in its file may suit the wrist";
-  report.Line(succeeded >= kDemonstrationsNeeded, name,
+  report.Line(succeeded >= kDemonstrationsNeeded, task.base,
               fmt::format("{} of {} demonstrations with the cube succeed{}", succeeded, kDemonstrations, trouble));
   return {};
 }
@@ -142,10 +143,9 @@ Status CheckRobot(const std::string& robot, const sim::RendererConfig& renderer)
   SceneSpec spec;
   spec.robot = robot;
   spec.objects = {"cube"};
-  if (sim::IsRobotFile(robot)) {
-    ETUDE_ASSIGN_OR_RETURN(const sim::LoadedRobot loaded, sim::LoadRobot(robot));
-    for (const std::string& note : loaded.notes) report.Note(note);
-  }
+  ETUDE_ASSIGN_OR_RETURN(const Path yaml, FindRobot(robot));
+  ETUDE_ASSIGN_OR_RETURN(const sim::LoadedRobot loaded, sim::LoadRobot(yaml));
+  for (const std::string& note : loaded.notes) report.Note(note);
   ETUDE_ASSIGN_OR_RETURN(const auto scene, sim::Scene::Build(spec));
   report.Line(true, "compiles", fmt::format("{} bodies", scene->arm().bodies.size()));
   CheckJoints(scene->arm(), report);
@@ -155,8 +155,10 @@ Status CheckRobot(const std::string& robot, const sim::RendererConfig& renderer)
   CheckReach(scene, report);
   // without hand and reach no task can be tried, and every one would fail for their reason
   if (report.missing().empty())
-    for (const char* name : {"pick", "push", "put_down", "rotate"})
-      ETUDE_RETURN_IF_ERROR(CheckTask(robot, name, renderer, report));
+    for (const std::string& name : BaseTasks()) {
+      ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
+      if (!task.relation()) ETUDE_RETURN_IF_ERROR(CheckTask(robot, task, renderer, report));
+    }
   if (report.missing().empty()) return {};
   return Fail(Code::kInvalidArgument,
               fmt::format("'{}' cannot collect yet: {}", robot, fmt::join(report.missing(), ", ")));

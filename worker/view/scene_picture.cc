@@ -70,8 +70,9 @@ Status WriteScenePictures(const CampaignSpec& spec, const Path& picture, const S
   for (const std::uint64_t index : options.indices) {
     ETUDE_ASSIGN_OR_RETURN(const auto scene, runner.Show(index, options.attempt));
     const Camera& camera = scene.world->scene().camera();
-    fmt::print("episode {}: \"{}\" ({}: {} {}{})\n", index, scene.instruction, scene.robot, scene.task, scene.target,
-               scene.reference.empty() ? "" : ", " + scene.reference);
+    const EpisodePlan& plan = scene.plan;
+    fmt::print("episode {}: \"{}\" ({}: {} {}{})\n", index, scene.instruction, plan.scene.robot, plan.task.text(),
+               plan.target, plan.reference.empty() ? "" : ", " + plan.reference);
     colours.push_back(Colour(scene, camera));
     if (options.segmentation) segmentations.push_back(Segmentation(scene, camera));
     if (options.depth) depths.push_back(Depth(scene, camera));

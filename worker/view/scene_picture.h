@@ -7,7 +7,7 @@
 
 #include "services/core/file.h"
 #include "services/core/result.h"
-#include "services/episode/campaign_spec.h"
+#include "services/spec/campaign_spec.h"
 #include "worker/sim/renderer.h"
 
 namespace etude {

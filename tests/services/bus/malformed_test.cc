@@ -108,8 +108,8 @@ TEST(Malformed, TextBeyondTheLimit) {
 }
 
 TEST(Malformed, ManifestWhoseCountsContradict) {
-  Rig<ObjectManifest> rig;
-  ObjectManifest good;
+  Rig<BlobManifest> rig;
+  BlobManifest good;
   good.size = 10;
   good.chunk_size = 4;
   good.chunk_count = 3;

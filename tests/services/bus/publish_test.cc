@@ -4,7 +4,7 @@
 #include <map>
 #include <thread>
 
-#include "services/bus/object_channel.h"
+#include "services/bus/blob_transfer.h"
 #include "services/bus/typed.h"
 #include "services/core/hash.h"
 #include "tests/services/bus/two_processes.h"
@@ -24,45 +24,45 @@ SendOptions SmallChunks() {
 
 TEST(Published, EverySizeArrives) {
   const auto peers = OpenTwo(kDomain);
-  auto publisher = ObjectPublisher::Open(peers.a, "sizes", SmallChunks());
-  auto subscriber = ObjectSubscriber::Open(peers.b, "sizes", "latest");
+  auto publisher = BlobPublisher::Open(peers.a, "sizes", SmallChunks());
+  auto subscriber = BlobSubscriber::Open(peers.b, "sizes", "latest");
   ASSERT_TRUE(publisher && subscriber);
   std::uint64_t version = 0;
   for (const std::size_t size : {0u, 1u, 9'999u, 10'000u, 10'001u, 2'000'000u, 20'000u}) {
     const auto bytes = MakeBytes(size, 1);
     const auto published = publisher->Publish("latest", ++version, bytes, "{\"step\":3}");
     ASSERT_TRUE(published) << published.error().message;
-    const auto object = subscriber->Wait(20s);
-    ASSERT_TRUE(object) << size;
-    EXPECT_EQ(object->version, version);
-    EXPECT_EQ(object->bytes, bytes);
-    EXPECT_EQ(object->sha256, Sha256Hex(bytes));
-    EXPECT_EQ(object->meta_json, "{\"step\":3}");
-    EXPECT_EQ(object->channel, "latest");
+    const auto blob = subscriber->Wait(20s);
+    ASSERT_TRUE(blob) << size;
+    EXPECT_EQ(blob->version, version);
+    EXPECT_EQ(blob->bytes, bytes);
+    EXPECT_EQ(blob->sha256, Sha256Hex(bytes));
+    EXPECT_EQ(blob->meta_json, "{\"step\":3}");
+    EXPECT_EQ(blob->channel, "latest");
   }
-  EXPECT_EQ(subscriber->corrupt_objects(), 0u);
+  EXPECT_EQ(subscriber->corrupt_blobs(), 0u);
   EXPECT_EQ(publisher->matched_subscribers(), 1);
 }
 
 TEST(Published, ALateSubscriberGetsTheNewestOfEachChannel) {
   const auto peers = OpenTwo(kDomain);
-  auto publisher = ObjectPublisher::Open(peers.a, "late", SmallChunks());
+  auto publisher = BlobPublisher::Open(peers.a, "late", SmallChunks());
   ASSERT_TRUE(publisher);
   for (std::uint64_t version = 0; version < 5; ++version) {
     ASSERT_TRUE(publisher->Publish("latest", version, MakeBytes(300'000 - version * 50'000, 1), ""));
   }
   ASSERT_TRUE(publisher->Publish("best", 2, MakeBytes(70'000, 2), ""));
-  auto all = ObjectSubscriber::Open(peers.b, "late", "");
-  auto best = ObjectSubscriber::Open(peers.b, "late", "best");
+  auto all = BlobSubscriber::Open(peers.b, "late", "");
+  auto best = BlobSubscriber::Open(peers.b, "late", "best");
   ASSERT_TRUE(all && best);
   std::map<std::string, std::uint64_t> newest;
   while (newest["latest"] != 4 || newest["best"] != 2) {
-    const auto object = all->Wait(20s);
-    ASSERT_TRUE(object);
-    EXPECT_GE(object->version, newest[object->channel]);
-    newest[object->channel] = object->version;
-    if (object->channel == "latest") {
-      EXPECT_EQ(object->bytes, MakeBytes(300'000 - object->version * 50'000, 1));
+    const auto blob = all->Wait(20s);
+    ASSERT_TRUE(blob);
+    EXPECT_GE(blob->version, newest[blob->channel]);
+    newest[blob->channel] = blob->version;
+    if (blob->channel == "latest") {
+      EXPECT_EQ(blob->bytes, MakeBytes(300'000 - blob->version * 50'000, 1));
     }
   }
   const auto only = best->Wait(20s);
@@ -74,7 +74,7 @@ TEST(Published, ALateSubscriberGetsTheNewestOfEachChannel) {
 // A publisher by hand that stops in the middle of a version.
 TEST(Published, ALateSubscriberGetsTheCompleteVersionWhileTheNextIsUnderWay) {
   const auto peers = OpenTwo(kDomain);
-  auto publisher = ObjectPublisher::Open(peers.a, "half", SmallChunks());
+  auto publisher = BlobPublisher::Open(peers.a, "half", SmallChunks());
   ASSERT_TRUE(publisher);
   ASSERT_TRUE(publisher->Publish("latest", 1, MakeBytes(100'000, 1), ""));
   ASSERT_TRUE(publisher->Publish("latest", 2, MakeBytes(100'000, 2), ""));
@@ -94,22 +94,22 @@ TEST(Published, ALateSubscriberGetsTheCompleteVersionWhileTheNextIsUnderWay) {
     wire.data._buffer = const_cast<std::uint8_t*>(part.data());
     ASSERT_EQ(dds_write(chunks->get(), &wire), DDS_RETCODE_OK);
   }
-  auto subscriber = ObjectSubscriber::Open(peers.b, "half", "latest");
+  auto subscriber = BlobSubscriber::Open(peers.b, "half", "latest");
   ASSERT_TRUE(subscriber);
   std::uint64_t newest = 0;
   while (newest != 2) {  // version 1 may come first
-    const auto object = subscriber->Wait(20s);
-    ASSERT_TRUE(object);
-    EXPECT_EQ(object->bytes, MakeBytes(100'000, static_cast<std::uint32_t>(object->version)));
-    newest = object->version;
+    const auto blob = subscriber->Wait(20s);
+    ASSERT_TRUE(blob);
+    EXPECT_EQ(blob->bytes, MakeBytes(100'000, static_cast<std::uint32_t>(blob->version)));
+    newest = blob->version;
   }
   EXPECT_FALSE(subscriber->Wait(50ms));
 }
 
 TEST(Published, ASlowSubscriberSkipsSupersededVersions) {
   const auto peers = OpenTwo(kDomain);
-  auto publisher = ObjectPublisher::Open(peers.a, "slow", SmallChunks());
-  auto subscriber = ObjectSubscriber::Open(peers.b, "slow", "latest");
+  auto publisher = BlobPublisher::Open(peers.a, "slow", SmallChunks());
+  auto subscriber = BlobSubscriber::Open(peers.b, "slow", "latest");
   ASSERT_TRUE(publisher && subscriber);
   ASSERT_TRUE(publisher->Publish("latest", 1, MakeBytes(50'000, 1), ""));
   ASSERT_TRUE(subscriber->Wait(20s));
@@ -120,36 +120,36 @@ TEST(Published, ASlowSubscriberSkipsSupersededVersions) {
   std::uint64_t last = 1;
   int seen = 0;
   while (last < 20) {
-    const auto object = subscriber->Wait(20s);
-    ASSERT_TRUE(object);
-    EXPECT_GT(object->version, last);
-    EXPECT_EQ(object->bytes, MakeBytes(50'000, static_cast<std::uint32_t>(object->version)));
-    last = object->version;
+    const auto blob = subscriber->Wait(20s);
+    ASSERT_TRUE(blob);
+    EXPECT_GT(blob->version, last);
+    EXPECT_EQ(blob->bytes, MakeBytes(50'000, static_cast<std::uint32_t>(blob->version)));
+    last = blob->version;
     ++seen;
   }
   EXPECT_LE(seen, 19);
-  EXPECT_EQ(subscriber->corrupt_objects(), 0u);
+  EXPECT_EQ(subscriber->corrupt_blobs(), 0u);
 }
 
 TEST(Published, TwoSubscribersAndLostPackets) {
   const auto peers = OpenTwo(kDomain, 20);
-  auto publisher = ObjectPublisher::Open(peers.a, "loss");
-  auto one = ObjectSubscriber::Open(peers.b, "loss", "latest");
-  auto two = ObjectSubscriber::Open(peers.b, "loss", "latest");
+  auto publisher = BlobPublisher::Open(peers.a, "loss");
+  auto one = BlobSubscriber::Open(peers.b, "loss", "latest");
+  auto two = BlobSubscriber::Open(peers.b, "loss", "latest");
   ASSERT_TRUE(publisher && one && two);
   const auto bytes = MakeBytes(3'000'000, 9);
   std::thread publishing([&] { EXPECT_TRUE(publisher->Publish("latest", 1, bytes, "")); });
   for (auto* subscriber : {&*one, &*two}) {
-    const auto object = subscriber->Wait(60s);
-    ASSERT_TRUE(object);
-    EXPECT_EQ(object->bytes, bytes);
+    const auto blob = subscriber->Wait(60s);
+    ASSERT_TRUE(blob);
+    EXPECT_EQ(blob->bytes, bytes);
   }
   publishing.join();
 }
 
 TEST(Published, VersionsMustGrow) {
   const auto peers = OpenTwo(kDomain);
-  auto publisher = ObjectPublisher::Open(peers.a, "grow");
+  auto publisher = BlobPublisher::Open(peers.a, "grow");
   ASSERT_TRUE(publisher);
   ASSERT_TRUE(publisher->Publish("latest", 5, {}, ""));
   for (const std::uint64_t version : {5u, 4u}) {
@@ -163,31 +163,53 @@ TEST(Published, VersionsMustGrow) {
 
 TEST(Published, TooLargeIsNotTaken) {
   const auto peers = OpenTwo(kDomain);
-  auto publisher = ObjectPublisher::Open(peers.a, "large", SmallChunks());
+  auto publisher = BlobPublisher::Open(peers.a, "large", SmallChunks());
   ReceiveOptions options;
-  options.max_object_size = 100'000;
-  auto subscriber = ObjectSubscriber::Open(peers.b, "large", "", options);
+  options.max_blob_size = 100'000;
+  auto subscriber = BlobSubscriber::Open(peers.b, "large", "", options);
   ASSERT_TRUE(publisher && subscriber);
   ASSERT_TRUE(publisher->Publish("latest", 1, MakeBytes(100'001, 1), ""));
   ASSERT_TRUE(publisher->Publish("latest", 2, MakeBytes(100'000, 2), ""));
-  const auto object = subscriber->Wait(20s);
-  ASSERT_TRUE(object);
-  EXPECT_EQ(object->version, 2u);
+  const auto blob = subscriber->Wait(20s);
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->version, 2u);
+}
+
+// A run that was begun anew counts its versions from 1 again.
+TEST(Published, VersionsOfAnotherOwnerAreNotTaken) {
+  const auto peers = OpenTwo(kDomain);
+  const auto publisher_of = [&](const char* owner) {
+    auto options = SmallChunks();
+    options.owner = owner;
+    return BlobPublisher::Open(peers.a, "owner", options);
+  };
+  auto before = publisher_of("before"), anew = publisher_of("anew");
+  ReceiveOptions receive;
+  receive.owner = "anew";
+  auto subscriber = BlobSubscriber::Open(peers.b, "owner", "", receive);
+  ASSERT_TRUE(before && anew && subscriber);
+  ASSERT_TRUE(before->Publish("latest", 7, MakeBytes(50'000, 7), ""));
+  ASSERT_TRUE(anew->Publish("latest", 1, MakeBytes(50'000, 1), ""));
+  const auto blob = subscriber->Wait(20s);
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->owner, "anew");
+  EXPECT_EQ(blob->version, 1u);
+  EXPECT_FALSE(subscriber->Wait(50ms));
 }
 
 TEST(Published, ARestartedPublisherGoesOn) {
   const auto peers = OpenTwo(kDomain);
-  auto subscriber = ObjectSubscriber::Open(peers.b, "again", "");
+  auto subscriber = BlobSubscriber::Open(peers.b, "again", "");
   ASSERT_TRUE(subscriber);
   for (std::uint64_t version = 1; version <= 2; ++version) {
-    auto publisher = ObjectPublisher::Open(peers.a, "again", SmallChunks());
+    auto publisher = BlobPublisher::Open(peers.a, "again", SmallChunks());
     ASSERT_TRUE(publisher);
     const auto bytes = MakeBytes(200'000, static_cast<std::uint32_t>(version));
     ASSERT_TRUE(publisher->Publish("latest", version, bytes, ""));
-    const auto object = subscriber->Wait(20s);
-    ASSERT_TRUE(object);
-    EXPECT_EQ(object->version, version);
-    EXPECT_EQ(object->bytes, bytes);
+    const auto blob = subscriber->Wait(20s);
+    ASSERT_TRUE(blob);
+    EXPECT_EQ(blob->version, version);
+    EXPECT_EQ(blob->bytes, bytes);
   }
 }
 

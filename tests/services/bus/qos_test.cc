@@ -67,21 +67,22 @@ void ExpectBoth(const Participant& participant, bool transient_local, int keep_l
 
 TEST(QosOfTopics, IsWhatTheTableSays) {
   const auto peers = OpenTwo(70);
+  ExpectBoth<Presence>(peers.a, true, 1);
   ExpectBoth<CampaignAnnouncement>(peers.a, true, 1);
   ExpectBoth<WorkRequest>(peers.a, false, 0);
   ExpectBoth<Lease>(peers.a, false, 0);
   ExpectBoth<WorkerStatus>(peers.a, false, 1);
   ExpectBoth<AttemptReport>(peers.a, false, 0);
   ExpectBoth<CampaignStatus>(peers.a, true, 1);
-  ExpectBoth<ObjectManifest>(peers.a, false, 0);
-  ExpectBoth<ObjectChunk>(peers.a, false, 0);
-  ExpectBoth<ObjectAck>(peers.a, false, 0);
+  ExpectBoth<BlobManifest>(peers.a, false, 0);
+  ExpectBoth<BlobChunk>(peers.a, false, 0);
+  ExpectBoth<BlobAck>(peers.a, false, 0);
   ExpectBoth<Observation>(peers.a, false, 1);
   ExpectBoth<Action>(peers.a, false, 1);
   ExpectBoth<TrainStatus>(peers.a, true, 1);
 }
 
-TEST(QosOfTopics, PublishedObjectsThrottleTheWriterAndKeepTheLast) {
+TEST(QosOfTopics, PublishedBlobsThrottleTheWriterAndKeepTheLast) {
   const auto peers = OpenTwo(70);
   const auto writer =
       OpenWriter(peers.a, "qos", etude_wire_PublishedChunk_desc, kPublishedChunkTopic, kPublishedWriter);

@@ -6,7 +6,7 @@
 
 #include <thread>
 
-#include "services/bus/object_channel.h"
+#include "services/bus/blob_transfer.h"
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
 #include "tests/services/bus/two_processes.h"
@@ -20,9 +20,9 @@ TEST(Stop, EndsEveryWait) {
   const auto peers = OpenTwo(72);
   auto reader = Reader<WorkRequest>::Open(peers.a, "stop");
   auto writer = Writer<WorkRequest>::Open(peers.a, "stop/nobody");
-  auto sender = ObjectSender::Open(peers.a, "stop", "episode", "s");
-  auto receiver = ObjectReceiver::Open(peers.b, "stop", "other");
-  auto subscriber = ObjectSubscriber::Open(peers.b, "stop", "");
+  auto sender = BlobSender::Open(peers.a, "stop", "episode", "s");
+  auto receiver = BlobReceiver::Open(peers.b, "stop", "other");
+  auto subscriber = BlobSubscriber::Open(peers.b, "stop", "");
   ASSERT_TRUE(reader && writer && sender && receiver && subscriber);
   const Stopwatch watch;
   std::vector<std::thread> waits;

@@ -3,7 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "services/bus/wire.h"
+#include "services/core/clock.h"
+#include "services/core/stop.h"
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
@@ -89,7 +93,9 @@ Message MakeMessage() {
     message.width = 3;
     message.height = 2;
     message.image.resize(18, 7);
-  } else if constexpr (std::is_same_v<Message, ObjectManifest>) {
+    message.intrinsics.resize(4);
+    message.camera_pose.resize(7, 1);
+  } else if constexpr (std::is_same_v<Message, BlobManifest>) {
     message.size = 5;
     message.chunk_size = 4;
     message.chunk_count = 2;
@@ -102,8 +108,8 @@ Message MakeMessage() {
 template <class Message>
 class EveryMessage : public testing::Test {};
 
-using Messages = testing::Types<CampaignAnnouncement, WorkRequest, Lease, WorkerStatus, AttemptReport, CampaignStatus,
-                                ObjectManifest, ObjectChunk, ObjectAck, Observation, Action, TrainStatus>;
+using Messages = testing::Types<Presence, CampaignAnnouncement, WorkRequest, Lease, WorkerStatus, AttemptReport,
+                                CampaignStatus, BlobManifest, BlobChunk, BlobAck, Observation, Action, TrainStatus>;
 TYPED_TEST_SUITE(EveryMessage, Messages);
 
 TYPED_TEST(EveryMessage, ArrivesAsItWasWritten) {
@@ -124,7 +130,7 @@ TYPED_TEST(EveryMessage, ArrivesAsItWasWritten) {
 }
 
 TYPED_TEST(EveryMessage, ArrivesEmptyOrIsRefused) {
-  constexpr bool kMayBeEmpty = !std::is_same_v<TypeParam, ObjectManifest> && !std::is_same_v<TypeParam, ObjectChunk>;
+  constexpr bool kMayBeEmpty = !std::is_same_v<TypeParam, BlobManifest> && !std::is_same_v<TypeParam, BlobChunk>;
   const auto peers = OpenTwo(kDomain);
   auto writer = Writer<TypeParam>::Open(peers.a, "empty");
   auto reader = Reader<TypeParam>::Open(peers.b, "empty");
@@ -177,6 +183,43 @@ TEST(Topic, DisposedStateIsNotGivenToLateJoiners) {
   while (all.empty() && reader->Wait(10s)) all = reader->Take();
   ASSERT_EQ(all.size(), 1u);
   EXPECT_EQ(all[0].campaign, "here");
+}
+
+TEST(Topic, LiveIsWhatWritersThatAreThereSaidLast) {
+  const auto peers = OpenTwo(kDomain);
+  auto reader = Reader<CampaignStatus>::Open(peers.b, "live");
+  auto stays = Writer<CampaignStatus>::Open(peers.a, "live");
+  ASSERT_TRUE(reader && stays);
+  const auto counts = [&] {
+    std::vector<std::uint64_t> found;
+    for (const auto& status : reader->Live()) found.push_back(status.committed);
+    std::sort(found.begin(), found.end());
+    return found;
+  };
+  const auto wait_for = [&](const std::vector<std::uint64_t>& expected) {
+    const Stopwatch watch;
+    while (counts() != expected && watch.Seconds() < 10) WaitForStop(1ms);
+    EXPECT_EQ(counts(), expected);
+  };
+  const auto say = [](Writer<CampaignStatus>& writer, const char* campaign, std::uint64_t committed) {
+    CampaignStatus status;
+    status.campaign = campaign;
+    status.committed = committed;
+    ASSERT_TRUE(writer.Write(status));
+  };
+  say(*stays, "one", 1);
+  say(*stays, "one", 2);
+  wait_for({2});
+  {
+    auto goes = Writer<CampaignStatus>::Open(peers.a, "live");
+    ASSERT_TRUE(goes);
+    say(*goes, "two", 5);
+    wait_for({2, 5});
+    wait_for({2, 5});  // looking takes nothing away
+  }
+  wait_for({2});
+  EXPECT_FALSE(reader->Take().empty());  // also after a loan that was larger than what Take asks for
+  EXPECT_TRUE(counts().empty());
 }
 
 TEST(Topic, PartitionsAreApart) {

@@ -12,10 +12,13 @@
 #include <functional>
 #include <thread>
 
-#include "services/bus/object_channel.h"
+#include "services/bus/blob_transfer.h"
+#include "services/bus/directory.h"
 #include "services/bus/topic.h"
+#include "services/campaign/history.h"
 #include "services/campaign/process.h"
 #include "services/core/clock.h"
+#include "services/core/command.h"
 #include "services/core/rng.h"
 #include "services/store/dataset.h"
 #include "tests/services/campaign/fake_work.h"
@@ -41,7 +44,7 @@ CollectorOptions QuickOptions() {
   options.lease = 3s;
   options.status_every = 100ms;
   options.retry_commit = 50ms;
-  options.master_every = 500ms;
+  options.index_every = 500ms;
   return options;
 }
 
@@ -54,13 +57,18 @@ bool WaitFor(const std::function<bool()>& condition, std::chrono::milliseconds t
   return condition();
 }
 
-Process StartWorker(const CampaignSpec& spec, const Path& log, int ms_per_attempt,
-                    const std::string& version = Version()) {
-  auto process = Process::Start({{(ProgramFolder() / "fake_worker").string(), spec.name, std::to_string(kDomain),
-                                  std::to_string(ms_per_attempt), version},
+// `campaign`: NAME or NAME@ID
+Process StartWorkerOf(const std::string& campaign, const Path& log, int ms_per_attempt,
+                      std::uint32_t content = kContentVersion) {
+  auto process = Process::Start({{(ProgramFolder() / "fake_worker").string(), campaign, std::to_string(kDomain),
+                                  std::to_string(ms_per_attempt), std::to_string(content)},
                                  log});
   EXPECT_TRUE(process) << (process ? "" : process.error().message);
   return std::move(*process);
+}
+
+Process StartWorker(const CampaignSpec& spec, const Path& log, int ms_per_attempt) {
+  return StartWorkerOf(spec.name, log, ms_per_attempt);
 }
 
 // A collector on a thread of its own.
@@ -86,6 +94,10 @@ class Running {
   std::thread thread_;
 };
 
+std::string PartitionOf(Running& running, const CampaignSpec& spec) {
+  return bus::PartitionOf(spec.name, running->id());
+}
+
 class CollectorTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -93,8 +105,10 @@ class CollectorTest : public testing::Test {
     ASSERT_TRUE(opened) << opened.error().message;
     participant_ = std::make_unique<bus::Participant>(std::move(*opened));
   }
-  Result<Collector> Open(const CampaignSpec& spec, const Path& folder) {
-    return Collector::Open(*participant_, spec, folder, QuickOptions());
+  Result<Collector> Open(const CampaignSpec& spec, const Path& folder, Claim claim = Claim::kRefuse) {
+    CollectorOptions options = QuickOptions();
+    options.claim = claim;
+    return Collector::Open(*participant_, spec, folder, options);
   }
 
   // what must be in the folder at the end, whoever made it
@@ -196,43 +210,119 @@ TEST_F(CollectorTest, RestartedCollectorContinuesWithTheSameWorkers) {
   EXPECT_EQ(worker_b.Wait(10s), 0);
 }
 
-TEST_F(CollectorTest, WorkersOfAnotherVersionAreRefusedWithTheReason) {
-  const CampaignSpec spec = Spec("version", 4);
+TEST_F(CollectorTest, WorkersOfAnotherContentNumberAreRefusedWithTheReason) {
+  const CampaignSpec spec = Spec("content", 4);
   auto collector = Open(spec, folder_ / "data");
   ASSERT_TRUE(collector);
   Running running(std::move(*collector));
-  Process worker = StartWorker(spec, folder_ / "w.log", 5, "0.0.9");
+  Process worker = StartWorkerOf(spec.name, folder_ / "w.log", 5, 977);
 
   EXPECT_EQ(worker.Wait(20s), kExitMachine);
   const std::string log = ReadTextFile(folder_ / "w.log").value_or("");
-  EXPECT_NE(log.find("0.0.9"), std::string::npos) << log;
-  EXPECT_NE(log.find("install the same version"), std::string::npos) << log;
+  EXPECT_NE(log.find("977"), std::string::npos) << log;
+  EXPECT_NE(log.find("programs of the same content number"), std::string::npos) << log;
   EXPECT_EQ(running->progress().committed, 0u);
 }
 
-TEST_F(CollectorTest, ASecondCollectorOfTheSameCampaignIsRefused) {
-  const CampaignSpec spec = Spec("twice", 4);
+// Before ids: a second collector of the name was refused, or, unseen, leased side by side.
+TEST_F(CollectorTest, ACopiedFolderIsRefusedUnlessItIsANewOneOrAdopts) {
+  const CampaignSpec spec = Spec("copy", 4);
   auto collector = Open(spec, folder_ / "data");
   ASSERT_TRUE(collector);
   Running running(std::move(*collector));
-  auto statuses = bus::Reader<bus::CampaignStatus>::Open(*participant_, spec.name);
-  ASSERT_TRUE(statuses);
-  ASSERT_TRUE(WaitFor([&] { return !statuses->Take().empty(); }));
+  std::filesystem::copy(folder_ / "data", folder_ / "copy", std::filesystem::copy_options::recursive);
+  std::filesystem::remove(folder_ / "copy/.lock");
 
-  const auto second = Open(spec, folder_ / "other");
-  ASSERT_FALSE(second);
-  EXPECT_EQ(second.error().code, Code::kUnavailable);
-  EXPECT_NE(second.error().message.find("another collector"), std::string::npos) << second.error().message;
+  const auto refused = Open(spec, folder_ / "copy");
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Code::kUnavailable);
+  for (const std::string& text :
+       {(folder_ / "data").string(), HostName(), std::string("--new-id"), std::string("--adopt")})
+    EXPECT_NE(refused.error().message.find(text), std::string::npos) << refused.error().message;
+
+  const std::string id = running->id();
+  {
+    auto renewed = Open(spec, folder_ / "copy", Claim::kNewId);
+    ASSERT_TRUE(renewed) << renewed.error().message;
+    EXPECT_NE(renewed->id(), id);
+  }
+  std::filesystem::copy(folder_ / "data/identity.json", folder_ / "copy/identity.json",
+                        std::filesystem::copy_options::overwrite_existing);
+  auto adopting = Open(spec, folder_ / "copy", Claim::kAdopt);
+  ASSERT_TRUE(adopting) << adopting.error().message;
+  EXPECT_EQ(adopting->id(), id);
+  running.Join();
+  ASSERT_FALSE(running.status()) << "the one whose place was taken ends, with words";
+  EXPECT_EQ(running.status().error().code, Code::kUnavailable);
+  EXPECT_NE(running.status().error().message.find((folder_ / "copy").string()), std::string::npos)
+      << running.status().error().message;
+
+  Running adopted(std::move(*adopting));
+  Process worker = StartWorkerOf(spec.name + "@" + id, folder_ / "w.log", 0);
+  adopted.Join();
+  EXPECT_TRUE(adopted.status());
+  ExpectWhole(spec, folder_ / "copy");
 }
 
-TEST_F(CollectorTest, TerminatedWorkerHandsItsWorkBack) {
+TEST_F(CollectorTest, TwoCampaignsOfANameDoNotMix) {
+  const CampaignSpec one = Spec("same", 5);
+  CampaignSpec other = one;
+  other.seed = one.seed + 1;
+  Running first(std::move(*Open(one, folder_ / "one")));
+  Running second(std::move(*Open(other, folder_ / "other")));
+
+  Process lost = StartWorkerOf(one.name, folder_ / "lost.log", 0);
+  EXPECT_EQ(lost.Wait(20s), kExitUsage);
+  const std::string list = ReadTextFile(folder_ / "lost.log").value_or("");
+  for (const std::string& text : {one.name + "@" + first->id(), one.name + "@" + second->id(),
+                                  (folder_ / "one").string(), (folder_ / "other").string()})
+    EXPECT_NE(list.find(text), std::string::npos) << text << "\n" << list;
+
+  Process a = StartWorkerOf(one.name + "@" + first->id(), folder_ / "a.log", 0);
+  Process b = StartWorkerOf(one.name + "@" + second->id().substr(0, 8), folder_ / "b.log", 0);
+  first.Join();
+  second.Join();
+  ExpectWhole(one, folder_ / "one");
+  ExpectWhole(other, folder_ / "other");
+  for (auto* running : {&first, &second}) {
+    EXPECT_EQ((*running)->progress().refused, 0u);
+    EXPECT_EQ((*running)->progress().stale_results, 0u);
+  }
+}
+
+// It used to refuse the other folder's campaign for ever, because its epoch was smaller, and to make episode 0 of the
+// old one again each second.
+TEST_F(CollectorTest, AStandingWorkerGoesOnWithTheNextCampaignOfItsName) {
+  const CampaignSpec old = Spec("standing", 1000);
+  Process worker = StartWorker(old, folder_ / "w.log", 1);
+  for (int start = 0; start < 3; ++start) {
+    auto collector = Open(old, folder_ / "old");
+    ASSERT_TRUE(collector) << collector.error().message;
+    Running running(std::move(*collector));
+    const auto before = running->progress().committed;
+    ASSERT_TRUE(WaitFor([&] { return running->progress().committed > before; }));
+  }
+  EXPECT_EQ(LastEpoch(folder_ / "old").value(), 3u);
+
+  CampaignSpec anew = old;
+  anew.episodes = 6;
+  anew.seed = old.seed + 1;
+  Running running(std::move(*Open(anew, folder_ / "new")));
+  running.Join();
+
+  ExpectWhole(anew, folder_ / "new");
+  EXPECT_EQ(running->progress().refused, 0u) << "nothing was made for the old spec";
+  EXPECT_EQ(worker.Wait(10s), 0) << ReadTextFile(folder_ / "w.log").value_or("");
+}
+
+TEST_F(CollectorTest, TerminatedWorkerReleasesItsWork) {
   const CampaignSpec spec = Spec("drain", 4);
   auto collector = Open(spec, folder_ / "data");
   ASSERT_TRUE(collector);
   Running running(std::move(*collector));
   Process worker = StartWorker(spec, folder_ / "w.log", 3'600'000);
   ASSERT_TRUE(WaitFor([&] { return running->progress().workers == 1; }));
-  auto statuses = bus::Reader<bus::WorkerStatus>::Open(*participant_, spec.name);
+  auto statuses = bus::Reader<bus::WorkerStatus>::Open(*participant_, PartitionOf(running, spec));
   ASSERT_TRUE(statuses);
   ASSERT_TRUE(WaitFor([&] {
     for (const auto& status : statuses->Take())
@@ -261,7 +351,7 @@ class FullDiskSink : public EpisodeSink {
                        const std::string& details_json) override {
     return inner_->RecordFailure(index, attempt, outcome, details_json);
   }
-  Status WriteMaster() override { return inner_->WriteMaster(); }
+  Status WriteIndex() override { return inner_->WriteIndex(); }
 
  private:
   std::unique_ptr<EpisodeSink> inner_;
@@ -276,11 +366,11 @@ TEST_F(CollectorTest, FullDiskWaitsSaysSoAndResumesByItself) {
   auto collector =
       Collector::Open(*participant_, spec, std::make_unique<FullDiskSink>(std::move(*sink), full), QuickOptions());
   ASSERT_TRUE(collector) << collector.error().message;
-  auto statuses = bus::Reader<bus::CampaignStatus>::Open(*participant_, spec.name);
-  ASSERT_TRUE(statuses);
-  auto workers = bus::Reader<bus::WorkerStatus>::Open(*participant_, spec.name);
-  ASSERT_TRUE(workers);
   Running running(std::move(*collector));
+  auto statuses = bus::Reader<bus::CampaignStatus>::Open(*participant_, PartitionOf(running, spec));
+  ASSERT_TRUE(statuses);
+  auto workers = bus::Reader<bus::WorkerStatus>::Open(*participant_, PartitionOf(running, spec));
+  ASSERT_TRUE(workers);
   Process worker = StartWorker(spec, folder_ / "w.log", 0);
 
   ASSERT_TRUE(WaitFor([&] {
@@ -303,23 +393,30 @@ TEST_F(CollectorTest, FullDiskWaitsSaysSoAndResumesByItself) {
 // A worker by hand, to say things that a good one does not.
 class RawWorker {
  public:
-  RawWorker(const bus::Participant& participant, const CampaignSpec& spec, const std::string& name,
-            const std::string& files_sha256 = "")
-      : spec_(spec),
-        name_(name),
-        files_sha256_(files_sha256),
-        requests_(std::move(*bus::Writer<bus::WorkRequest>::Open(participant, spec.name))),
-        leases_(std::move(*bus::Reader<bus::Lease>::Open(participant, spec.name))),
-        sender_(std::move(*bus::ObjectSender::Open(participant, spec.name, "episode", name))) {}
+  RawWorker(const bus::Participant& participant, const CampaignSpec& spec, const std::string& id,
+            const std::string& name, const std::string& files_sha256 = "")
+      : partition_(bus::PartitionOf(spec.name, id)),
+        requests_(std::move(*bus::Writer<bus::WorkRequest>::Open(participant, partition_))),
+        reports_(std::move(*bus::Writer<bus::AttemptReport>::Open(participant, partition_))),
+        leases_(std::move(*bus::Reader<bus::Lease>::Open(participant, partition_))),
+        sender_(std::move(*bus::BlobSender::Open(participant, partition_, "episode", name, Owned(id)))) {
+    request.campaign = spec.name;
+    request.campaign_id = id;
+    request.spec_sha256 = SpecHash(spec);
+    request.worker = name;
+    request.content = kContentVersion;
+    request.files_sha256 = files_sha256;
+  }
 
   bus::Lease Ask() {
     for (int i = 0; i < 5; ++i) {
-      (void)requests_.Write({spec_.name, name_, ++id_, Version(), files_sha256_});
+      ++request.request_id;
+      (void)requests_.Write(request);
       // answers to what was asked before come late on a busy machine: only this one counts
       for (const auto deadline = std::chrono::steady_clock::now() + 2s; std::chrono::steady_clock::now() < deadline;) {
         leases_.Wait(200ms);
         for (const auto& lease : leases_.Take())
-          if (lease.worker == name_ && lease.request_id == id_) return lease;
+          if (lease.worker == request.worker && lease.request_id == request.request_id) return lease;
       }
     }
     ADD_FAILURE() << "no answer";
@@ -330,22 +427,78 @@ class RawWorker {
     EXPECT_TRUE(verdict) << (verdict ? "" : verdict.error().message);
     return verdict.value_or(bus::Verdict{bus::AckKind::kProgress, ""});
   }
+  void Report(const bus::Lease& lease, const std::string& id, const std::string& spec_sha256) {
+    bus::AttemptReport report;
+    report.campaign = request.campaign;
+    report.campaign_id = id;
+    report.spec_sha256 = spec_sha256;
+    report.worker = request.worker;
+    report.index = lease.index;
+    report.attempt = lease.attempt;
+    report.token = lease.token;
+    report.outcome = "plan_failed";
+    EXPECT_TRUE(reports_.Write(report));
+  }
+
+  bus::WorkRequest request;
 
  private:
-  CampaignSpec spec_;
-  std::string name_, files_sha256_;
+  static bus::SendOptions Owned(const std::string& id) {
+    bus::SendOptions options;
+    options.owner = id;
+    return options;
+  }
+  std::string partition_;
   bus::Writer<bus::WorkRequest> requests_;
+  bus::Writer<bus::AttemptReport> reports_;
   bus::Reader<bus::Lease> leases_;
-  bus::ObjectSender sender_;
-  std::uint64_t id_ = 0, object_ = 0;
+  bus::BlobSender sender_;
+  std::uint64_t object_ = 0;
 };
+
+TEST_F(CollectorTest, OnlyReportsOfThisCampaignAndSpecCount) {
+  const CampaignSpec spec = Spec("report", 3);
+  Running running(std::move(*Open(spec, folder_ / "data")));
+  RawWorker worker(*participant_, spec, running->id(), "raw");
+  const bus::Lease lease = worker.Ask();
+  ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
+
+  worker.Report(lease, running->id(), std::string(64, 'f'));
+  worker.Report(lease, "ffffffffffffffff", SpecHash(spec));
+  EXPECT_EQ(worker.Ask().token, lease.token) << "the reports before it were seen before the request";
+  EXPECT_TRUE(running->progress().failures.empty());
+
+  worker.Report(lease, running->id(), SpecHash(spec));
+  EXPECT_GT(worker.Ask().token, lease.token);
+  EXPECT_EQ(running->progress().failures.at("plan_failed"), 1u);
+}
+
+TEST_F(CollectorTest, WorkersThatAreReadyForAnotherSpecWaitAndThoseOfAnotherWireAreRefused) {
+  const CampaignSpec spec = Spec("ready", 3);
+  Running running(std::move(*Open(spec, folder_ / "data")));
+  RawWorker unready(*participant_, spec, running->id(), "unready");
+  unready.request.spec_sha256 = std::string(64, 'f');
+  const bus::Lease wait = unready.Ask();
+  EXPECT_EQ(wait.kind, bus::LeaseKind::kWait);
+  EXPECT_EQ(wait.spec_sha256, SpecHash(spec));
+
+  RawWorker old(*participant_, spec, running->id(), "old");
+  old.request.wire = bus::kWireVersion - 1;
+  const bus::Lease refused = old.Ask();
+  EXPECT_EQ(refused.kind, bus::LeaseKind::kRefused);
+  EXPECT_NE(refused.reason.find("wire number"), std::string::npos) << refused.reason;
+
+  RawWorker newer(*participant_, spec, running->id(), "newer");
+  newer.request.version = "99.0.0";
+  EXPECT_EQ(newer.Ask().kind, bus::LeaseKind::kWork) << "the program's version does not matter";
+}
 
 TEST_F(CollectorTest, OldTokensAreRefusedAndRepeatsAreDuplicates) {
   const CampaignSpec spec = Spec("token", 3);
   auto collector = Open(spec, folder_ / "data");
   ASSERT_TRUE(collector);
   Running running(std::move(*collector));
-  RawWorker slow(*participant_, spec, "slow"), quick(*participant_, spec, "quick");
+  RawWorker slow(*participant_, spec, running->id(), "slow"), quick(*participant_, spec, running->id(), "quick");
 
   const bus::Lease old = slow.Ask();  // and never a heartbeat
   ASSERT_EQ(old.kind, bus::LeaseKind::kWork);
@@ -373,8 +526,8 @@ TEST_F(CollectorTest, WorkersWithOtherFilesOfTheUserAreRefusedAlsoAfterARestart)
     ASSERT_TRUE(collector) << collector.error().message;
     Running running(std::move(*collector));
     // names of their own: what was said to those before a restart is not heard again
-    RawWorker same(*participant_, spec, fmt::format("same{}", start), "a"),
-        other(*participant_, spec, fmt::format("other{}", start), "b");
+    RawWorker same(*participant_, spec, running->id(), fmt::format("same{}", start), "a"),
+        other(*participant_, spec, running->id(), fmt::format("other{}", start), "b");
     if (start == 0) {
       const bus::Lease lease = same.Ask();
       ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
@@ -387,16 +540,19 @@ TEST_F(CollectorTest, WorkersWithOtherFilesOfTheUserAreRefusedAlsoAfterARestart)
   }
 }
 
-TEST_F(CollectorTest, EpisodesThatDoNotFitAreRefusedWithTheReason) {
-  const CampaignSpec spec = Spec("unfit", 2);
-  auto collector = Open(spec, folder_ / "data");
-  ASSERT_TRUE(collector);
-  Running running(std::move(*collector));
-  RawWorker worker(*participant_, spec, "raw");
-  const bus::Lease lease = worker.Ask();
-  const Episode good = FakeEpisode(spec, lease.index, lease.attempt);
+TEST_F(CollectorTest, EpisodesThatDoNotFitAreRefusedWithTheReasonAndCountAsAttempts) {
+  CampaignSpec spec = Spec("unfit", 2);
+  spec.max_attempts = 7;
+  Running running(std::move(*Open(spec, folder_ / "data")));
+  RawWorker worker(*participant_, spec, running->id(), "raw");
+  std::uint64_t last_token = 0;
   const auto expect_refused = [&](const char* what, const std::function<void(Episode&)>& change) {
-    Episode bad = good;
+    const bus::Lease lease = worker.Ask();
+    ASSERT_EQ(lease.index, 0u);
+    EXPECT_EQ(lease.attempt, 0u) << "which attempt is committed does not depend on a worker's mistake";
+    EXPECT_GT(lease.token, last_token) << "what was refused is not leased on";
+    last_token = lease.token;
+    Episode bad = FakeEpisode(spec, lease.index, lease.attempt);
     change(bad);
     const bus::Verdict verdict = worker.Send(lease, bad);
     EXPECT_EQ(verdict.kind, bus::AckKind::kRefused) << what;
@@ -404,7 +560,7 @@ TEST_F(CollectorTest, EpisodesThatDoNotFitAreRefusedWithTheReason) {
   };
   expect_refused("seed", [](Episode& episode) { ++episode.seed; });
   expect_refused("spec", [](Episode& episode) { episode.spec_sha256 = std::string(64, 'f'); });
-  expect_refused("version", [](Episode& episode) { episode.version = "0.0.1"; });
+  expect_refused("content number", [](Episode& episode) { episode.version = "0.0.1"; });
   expect_refused("index", [](Episode& episode) { episode.index = 99; });
   expect_refused("campaign", [](Episode& episode) { episode.campaign = "other"; });
   expect_refused("outcome", [](Episode& episode) {
@@ -414,9 +570,21 @@ TEST_F(CollectorTest, EpisodesThatDoNotFitAreRefusedWithTheReason) {
   EXPECT_EQ(running->progress().committed, 0u);
   EXPECT_EQ(running->progress().refused, 6u);
 
+  bus::Lease lease = worker.Ask();
+  const Episode good = FakeEpisode(spec, lease.index, lease.attempt);
   EXPECT_EQ(worker.Send(lease, good).kind, bus::AckKind::kDone);
   EXPECT_EQ(running->progress().committed, 1u);
   EXPECT_EQ(worker.Send(lease, good).kind, bus::AckKind::kDuplicate);
+
+  for (int k = 0; k < spec.max_attempts; ++k) {
+    lease = worker.Ask();
+    ASSERT_EQ(lease.kind, bus::LeaseKind::kWork) << k;
+    Episode bad = FakeEpisode(spec, lease.index, lease.attempt);
+    ++bad.seed;
+    EXPECT_EQ(worker.Send(lease, bad).kind, bus::AckKind::kRefused);
+  }
+  running.Join();
+  EXPECT_EQ(running->progress().given_up, 1u) << "it is not leased for ever";
 }
 
 }  // namespace

@@ -3,9 +3,10 @@
 #pragma once
 
 #include "services/campaign/worker_client.h"
-#include "services/core/command.h"
 #include "services/core/rng.h"
 #include "services/episode/codec.h"
+#include "services/spec/content_version.h"
+#include "services/spec/episode_plan.h"
 #include "tests/support/synthetic_episode.h"
 
 namespace etude::campaign {
@@ -17,7 +18,7 @@ inline Episode FakeEpisode(const CampaignSpec& spec, std::uint64_t index, std::u
   Episode episode = MakeSyntheticEpisode(spec, index, 20);
   episode.attempt = attempt;
   episode.seed = EpisodeSeed(spec, index, attempt);
-  episode.version = Version();
+  episode.version = std::to_string(kContentVersion);
   return episode;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A worker whose work is to make synthetic episodes: for tests of the conversation, as a process that can be
-// killed. fake_worker CAMPAIGN DOMAIN [MS_PER_ATTEMPT] [VERSION]
+// killed. fake_worker CAMPAIGN DOMAIN [MS_PER_ATTEMPT] [CONTENT]
 #include <cstdlib>
 #include <thread>
 
@@ -17,14 +17,14 @@ Status Work(int argc, char** argv) {
   options.campaign = argc > 1 ? argv[1] : "";
   const auto domain = static_cast<std::uint32_t>(argc > 2 ? std::atoi(argv[2]) : 0);
   const std::chrono::milliseconds pace(argc > 3 ? std::atoi(argv[3]) : 0);
-  if (argc > 4) options.version = argv[4];
+  if (argc > 4) options.content = static_cast<std::uint32_t>(std::atoi(argv[4]));
   options.heartbeat = std::chrono::milliseconds(100);
   options.ask_again = std::chrono::milliseconds(300);
   options.send_timeout = std::chrono::milliseconds(3000);
   ETUDE_ASSIGN_OR_RETURN(const auto participant, bus::Participant::Open({domain, ""}));
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
-  return client.Run([&](const CampaignSpec& spec) -> Result<campaign::WorkFunction> {
-    return [spec, pace](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
+  return client.Run([&](const campaign::JoinedCampaign& joined) -> Result<campaign::WorkFunction> {
+    return [spec = joined.spec, pace](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
       WaitForStop(pace);  // stands for the simulation
       return campaign::FakeAttempt(spec, item);
     };

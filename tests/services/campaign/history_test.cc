@@ -9,20 +9,25 @@
 namespace etude::campaign {
 namespace {
 
-TEST(NextEpoch, GrowsWithEveryStart) {
+TEST(Epoch, GrowsWithEveryStart) {
   TemporaryFolder folder;
-  EXPECT_EQ(NextEpoch(folder.path()).value(), 1u);
-  EXPECT_EQ(NextEpoch(folder.path()).value(), 2u);
-  EXPECT_EQ(NextEpoch(folder.path()).value(), 3u);
+  EXPECT_EQ(LastEpoch(folder.path()).value(), 0u);
+  ASSERT_TRUE(RememberEpoch(folder.path(), 1));
+  EXPECT_EQ(LastEpoch(folder.path()).value(), 1u);
+  ASSERT_TRUE(RememberEpoch(folder.path(), 7)) << "one that adopts leaves the other behind";
+  EXPECT_EQ(LastEpoch(folder.path()).value(), 7u);
+  EXPECT_FALSE(RememberEpoch(folder.path(), 7));
+  EXPECT_FALSE(RememberEpoch(folder.path(), 1ull << 32)) << "the token's half has 32 bits";
 }
 
-TEST(NextEpoch, RefusesAFileThatItDoesNotUnderstand) {
+TEST(Epoch, RefusesAFileThatItDoesNotUnderstand) {
   TemporaryFolder folder;
-  for (const char* text : {"", "{", "[]", "{\"epoch\": -1}", "{\"epoch\": \"2\"}", "{\"epoch\": 4294967295}"}) {
+  for (const char* text : {"", "{", "[]", "{\"epoch\": -1}", "{\"epoch\": \"2\"}"}) {
     ASSERT_TRUE(WriteFileAtomically(folder / "collector.json", std::string_view(text)));
-    const auto epoch = NextEpoch(folder.path());
+    const auto epoch = LastEpoch(folder.path());
     ASSERT_FALSE(epoch) << text;
     EXPECT_EQ(epoch.error().code, Code::kCorrupt) << text;
+    EXPECT_FALSE(RememberEpoch(folder.path(), 1));
     EXPECT_EQ(ReadTextFile(folder / "collector.json").value(), text) << "left as it was";
   }
 }
@@ -31,10 +36,10 @@ TEST(KnownFiles, StayOverStarts) {
   TemporaryFolder folder;
   EXPECT_FALSE(KnownFiles(folder.path()));
   EXPECT_FALSE(RememberFiles(folder.path(), "abc")) << "only a collector's folder has some";
-  ASSERT_TRUE(NextEpoch(folder.path()));
+  ASSERT_TRUE(RememberEpoch(folder.path(), 1));
   EXPECT_FALSE(KnownFiles(folder.path()));
   ASSERT_TRUE(RememberFiles(folder.path(), "abc"));
-  EXPECT_EQ(NextEpoch(folder.path()).value(), 2u);
+  ASSERT_TRUE(RememberEpoch(folder.path(), 2));
   EXPECT_EQ(KnownFiles(folder.path()), "abc");
 }
 
@@ -51,20 +56,30 @@ not json
 {"index": 8, "att)";
   ASSERT_TRUE(WriteFileAtomically(folder / "attempts.jsonl", lines));
 
-  const History history = ReadHistory(folder.path());
+  const History history = ReadHistory(folder.path(), {});
 
   ASSERT_EQ(history.indices.size(), 2u);
   EXPECT_EQ(history.indices.at(3).failures, 2u);
   EXPECT_EQ(history.indices.at(3).next_attempt, 2u);
   EXPECT_EQ(history.indices.at(5).failures, 2u) << "a policy that does not answer may fail again";
   EXPECT_EQ(history.indices.at(5).next_attempt, 0u);
-  EXPECT_EQ(history.total, 4u);
+  EXPECT_EQ(history.total, 2u);
   EXPECT_EQ(history.failures.at("dropped"), 1u);
+}
+
+TEST(ReadHistory, ARolloutWithoutASceneIsNeverTriedAgain) {
+  TemporaryFolder folder;
+  ASSERT_TRUE(WriteFileAtomically(folder / "attempts.jsonl", R"({"index": 3, "attempt": 0, "outcome": "scene_invalid"})"
+                                                             "\n"));
+  CampaignSpec spec;
+  EXPECT_EQ(ReadHistory(folder.path(), spec).indices.at(3).failures, 1u) << "a demonstration's next scene is another";
+  spec.mode = "rollout";
+  EXPECT_EQ(ReadHistory(folder.path(), spec).indices.at(3).failures, static_cast<std::uint32_t>(spec.max_attempts));
 }
 
 TEST(ReadHistory, IsEmptyWithoutAFile) {
   TemporaryFolder folder;
-  EXPECT_TRUE(ReadHistory(folder.path()).indices.empty());
+  EXPECT_TRUE(ReadHistory(folder.path(), {}).indices.empty());
 }
 
 }  // namespace

@@ -27,74 +27,83 @@ LeaseTableConfig Config(std::uint64_t total) {
 TEST(LeaseTable, LeasesLowestIndicesFirst) {
   LeaseTable table(Config(3));
   for (std::uint64_t i = 0; i < 3; ++i) {
-    const Grant grant = table.Request("w" + std::to_string(i), Time{});
-    EXPECT_EQ(grant.kind, Grant::Kind::kWork);
-    EXPECT_EQ(grant.index, i);
+    const Assignment assignment = table.Request("w" + std::to_string(i), Time{});
+    EXPECT_EQ(assignment.kind, Assignment::Kind::kWork);
+    EXPECT_EQ(assignment.index, i);
   }
-  EXPECT_EQ(table.Request("w3", Time{}).kind, Grant::Kind::kWait);
+  EXPECT_EQ(table.Request("w3", Time{}).kind, Assignment::Kind::kWait);
 }
 
 TEST(LeaseTable, AnswersARepeatedRequestWithTheSameLease) {
   LeaseTable table(Config(3));
-  const Grant first = table.Request("w", Time{});
-  const Grant again = table.Request("w", Time{} + 9s);
+  const Assignment first = table.Request("w", Time{});
+  const Assignment again = table.Request("w", Time{} + 9s);
   EXPECT_EQ(again.token, first.token);
   EXPECT_EQ(table.Expire(Time{} + 11s), 0) << "the request renews";
 }
 
 TEST(LeaseTable, ExpiredLeaseIsLeasedAgainWithALargerToken) {
   LeaseTable table(Config(1));
-  const Grant old = table.Request("dead", Time{});
+  const Assignment old = table.Request("dead", Time{});
   EXPECT_EQ(table.Expire(Time{} + 9s), 0);
   EXPECT_EQ(table.Expire(Time{} + 10s), 1);
-  const Grant grant = table.Request("alive", Time{} + 10s);
-  EXPECT_EQ(grant.index, old.index);
-  EXPECT_EQ(grant.attempt, old.attempt);
-  EXPECT_GT(grant.token, old.token);
-  EXPECT_EQ(table.Check(0, 0, old.token), Standing::kStale);
-  EXPECT_EQ(table.Check(0, 0, grant.token), Standing::kCurrent);
+  const Assignment assignment = table.Request("alive", Time{} + 10s);
+  EXPECT_EQ(assignment.index, old.index);
+  EXPECT_EQ(assignment.attempt, old.attempt);
+  EXPECT_GT(assignment.token, old.token);
+  EXPECT_EQ(table.Check(0, 0, old.token), LeaseValidity::kStale);
+  EXPECT_EQ(table.Check(0, 0, assignment.token), LeaseValidity::kCurrent);
 }
 
 TEST(LeaseTable, ExpiredTokenStaysTheNewestUntilLeasedAgain) {
   LeaseTable table(Config(1));
-  const Grant grant = table.Request("slow", Time{});
+  const Assignment assignment = table.Request("slow", Time{});
   table.Expire(Time{} + 1h);
-  EXPECT_EQ(table.Check(0, 0, grant.token), Standing::kCurrent);
+  EXPECT_EQ(table.Check(0, 0, assignment.token), LeaseValidity::kCurrent);
   table.Commit(0);
   EXPECT_TRUE(table.complete());
-  EXPECT_EQ(table.Request("other", Time{} + 1h).kind, Grant::Kind::kDone);
+  EXPECT_EQ(table.Request("other", Time{} + 1h).kind, Assignment::Kind::kDone);
 }
 
 TEST(LeaseTable, HeartbeatsKeepALease) {
   LeaseTable table(Config(1));
-  const Grant grant = table.Request("w", Time{});
+  const Assignment assignment = table.Request("w", Time{});
   for (int s = 5; s <= 100; s += 5) {
-    EXPECT_TRUE(table.Renew(grant.index, grant.token, Time{} + std::chrono::seconds(s)));
+    EXPECT_TRUE(table.Renew(assignment.index, assignment.token, Time{} + std::chrono::seconds(s)));
     EXPECT_EQ(table.Expire(Time{} + std::chrono::seconds(s)), 0);
   }
-  EXPECT_FALSE(table.Renew(grant.index, grant.token + 1, Time{}));
+  EXPECT_FALSE(table.Renew(assignment.index, assignment.token + 1, Time{}));
 }
 
 TEST(LeaseTable, FailuresLeadToTheNextAttemptAndThenToGivingUp) {
   LeaseTable table(Config(1));
   for (std::uint32_t attempt = 0; attempt < 3; ++attempt) {
-    const Grant grant = table.Request("w", Time{});
-    ASSERT_EQ(grant.kind, Grant::Kind::kWork);
-    EXPECT_EQ(grant.attempt, attempt);
+    const Assignment assignment = table.Request("w", Time{});
+    ASSERT_EQ(assignment.kind, Assignment::Kind::kWork);
+    EXPECT_EQ(assignment.attempt, attempt);
     table.Fail(0, LeaseTable::Retry::kNextAttempt);
-    EXPECT_EQ(table.Check(0, attempt, grant.token), Standing::kStale);
+    EXPECT_EQ(table.Check(0, attempt, assignment.token), LeaseValidity::kStale);
   }
   EXPECT_EQ(table.given_up(), 1u);
-  EXPECT_EQ(table.Request("w", Time{}).kind, Grant::Kind::kDone);
+  EXPECT_EQ(table.Request("w", Time{}).kind, Assignment::Kind::kDone);
+}
+
+TEST(LeaseTable, WhatCanNeverSucceedIsClosedAtOnce) {
+  LeaseTable table(Config(2));
+  const Assignment grant = table.Request("w", Time{});
+  table.Fail(grant.index, LeaseTable::Retry::kNever);
+  EXPECT_EQ(table.given_up(), 1u);
+  EXPECT_EQ(table.Request("w", Time{}).index, 1u);
+  EXPECT_EQ(table.Check(0, 0, grant.token), LeaseValidity::kStale);
 }
 
 TEST(LeaseTable, HandingBackCountsNothing) {
   LeaseTable table(Config(1));
   for (int i = 0; i < 10; ++i) {
-    const Grant grant = table.Request("w", Time{});
-    EXPECT_EQ(grant.attempt, 0u);
-    table.HandBack(0);
-    EXPECT_EQ(table.Check(0, 0, grant.token), Standing::kStale);
+    const Assignment assignment = table.Request("w", Time{});
+    EXPECT_EQ(assignment.attempt, 0u);
+    table.Release(0);
+    EXPECT_EQ(table.Check(0, 0, assignment.token), LeaseValidity::kStale);
   }
   EXPECT_EQ(table.given_up(), 0u);
 }
@@ -102,7 +111,7 @@ TEST(LeaseTable, HandingBackCountsNothing) {
 TEST(LeaseTable, AnIndexThatKillsItsWorkersYieldsToOthers) {
   LeaseTable table(Config(2));
   ASSERT_EQ(table.Request("a", Time{}).index, 0u);
-  table.ForgetWorker("a");
+  table.Revoke("a");
   EXPECT_EQ(table.Request("b", Time{}).index, 1u);
   EXPECT_EQ(table.Request("c", Time{}).index, 0u);
   EXPECT_EQ(table.lost(), 1u);
@@ -114,9 +123,9 @@ TEST(LeaseTable, BoundsWhatIsInFlight) {
   LeaseTable table(config);
   table.Request("a", Time{});
   table.Request("b", Time{});
-  EXPECT_EQ(table.Request("c", Time{}).kind, Grant::Kind::kWait);
+  EXPECT_EQ(table.Request("c", Time{}).kind, Assignment::Kind::kWait);
   table.Commit(0);
-  EXPECT_EQ(table.Request("c", Time{}).kind, Grant::Kind::kWork);
+  EXPECT_EQ(table.Request("c", Time{}).kind, Assignment::Kind::kWork);
 }
 
 TEST(LeaseTable, ResumesFromWhatIsDurable) {
@@ -127,18 +136,18 @@ TEST(LeaseTable, ResumesFromWhatIsDurable) {
   table.RestoreFailures(1, 2, 2);
   table.RestoreFailures(2, 3, 3);
   table.RestoreCommitted(99);  // of a longer campaign
-  const Grant grant = table.Request("w", Time{});
-  EXPECT_EQ(grant.index, 1u);
-  EXPECT_EQ(grant.attempt, 2u);
-  EXPECT_EQ(grant.token >> 32, 7u);
+  const Assignment assignment = table.Request("w", Time{});
+  EXPECT_EQ(assignment.index, 1u);
+  EXPECT_EQ(assignment.attempt, 2u);
+  EXPECT_EQ(assignment.token >> 32, 7u);
   EXPECT_EQ(table.Request("v", Time{}).index, 3u);
   EXPECT_EQ(table.given_up(), 1u);
-  EXPECT_EQ(table.Check(0, 0, 1), Standing::kCommitted);
+  EXPECT_EQ(table.Check(0, 0, 1), LeaseValidity::kCommitted);
 }
 
 // What an onlooker knows: every token ever granted and which index it was for.
 struct Onlooker {
-  std::map<std::uint64_t, Grant> grants;          // token -> grant
+  std::map<std::uint64_t, Assignment> grants;     // token -> assignment
   std::map<std::uint64_t, std::uint64_t> newest;  // index -> token
   std::uint64_t last_token = 0;
 };
@@ -157,7 +166,7 @@ TEST_P(LeaseTableProperty, NothingLostNothingTwice) {
     return MixSeed({index, attempt}, "fails") % 3 == 0;
   };
   Onlooker onlooker;
-  std::map<std::string, Grant> working;
+  std::map<std::string, Assignment> working;
   std::map<std::uint64_t, std::uint32_t> committed;
   std::set<std::uint64_t> given_up;
   Time now{};
@@ -168,35 +177,35 @@ TEST_P(LeaseTableProperty, NothingLostNothingTwice) {
     auto held = working.find(worker);
     const double draw = rng.Uniform();
     if (held == working.end()) {
-      const Grant grant = table.Request(worker, now);
-      if (grant.kind != Grant::Kind::kWork) continue;
-      if (!onlooker.grants.contains(grant.token)) {
-        ASSERT_GT(grant.token, onlooker.last_token) << "tokens grow strictly";
-        onlooker.last_token = grant.token;
+      const Assignment assignment = table.Request(worker, now);
+      if (assignment.kind != Assignment::Kind::kWork) continue;
+      if (!onlooker.grants.contains(assignment.token)) {
+        ASSERT_GT(assignment.token, onlooker.last_token) << "tokens grow strictly";
+        onlooker.last_token = assignment.token;
       }
-      ASSERT_FALSE(committed.contains(grant.index));
-      onlooker.grants[grant.token] = grant;
-      onlooker.newest[grant.index] = grant.token;
-      working[worker] = grant;
+      ASSERT_FALSE(committed.contains(assignment.index));
+      onlooker.grants[assignment.token] = assignment;
+      onlooker.newest[assignment.index] = assignment.token;
+      working[worker] = assignment;
     } else if (draw < 0.1) {
       working.erase(held);  // dies without a word
     } else if (draw < 0.5) {
       table.Renew(held->second.index, held->second.token, now);
     } else {
-      const Grant grant = held->second;
+      const Assignment assignment = held->second;
       working.erase(held);
-      const Standing standing = table.Check(grant.index, grant.attempt, grant.token);
-      if (standing == Standing::kCurrent) {
-        ASSERT_EQ(onlooker.newest[grant.index], grant.token) << "only the newest token is current";
-        ASSERT_FALSE(committed.contains(grant.index));
+      const LeaseValidity standing = table.Check(assignment.index, assignment.attempt, assignment.token);
+      if (standing == LeaseValidity::kCurrent) {
+        ASSERT_EQ(onlooker.newest[assignment.index], assignment.token) << "only the newest token is current";
+        ASSERT_FALSE(committed.contains(assignment.index));
         if (draw < 0.55) {
-          table.HandBack(grant.index);
-        } else if (fails(grant.index, grant.attempt)) {
-          table.Fail(grant.index, LeaseTable::Retry::kNextAttempt);
-          if (grant.attempt + 1 == config.max_attempts) given_up.insert(grant.index);
+          table.Release(assignment.index);
+        } else if (fails(assignment.index, assignment.attempt)) {
+          table.Fail(assignment.index, LeaseTable::Retry::kNextAttempt);
+          if (assignment.attempt + 1 == config.max_attempts) given_up.insert(assignment.index);
         } else {
-          table.Commit(grant.index);
-          committed[grant.index] = grant.attempt;
+          table.Commit(assignment.index);
+          committed[assignment.index] = assignment.attempt;
         }
       }
     }

@@ -9,7 +9,8 @@
 #include <map>
 
 #include "services/core/file.h"
-#include "services/episode/task_name.h"
+#include "services/spec/episode_plan.h"
+#include "services/spec/task_name.h"
 #include "tests/support/matchers.h"
 
 namespace etude::campaign {
@@ -78,11 +79,16 @@ TEST(CampaignFiles, MixedHasEveryRobotWithEveryTask) {
   const auto spec = Load("mixed");
   ASSERT_THAT(spec, IsOk());
   std::map<std::string, std::map<std::string, int>> tasks;  // robot -> task -> episodes
-  for (std::uint64_t i = 0; i < spec->episodes; ++i) ++tasks[SceneOf(*spec, i).robot][TaskOf(*spec, i)];
+  for (std::uint64_t i = 0; i < spec->episodes; ++i) {
+    const EpisodePlan plan = PlanEpisode(*spec, i, 0);
+    ++tasks[plan.scene.robot][plan.task.text()];
+  }
   ASSERT_EQ(tasks.size(), 3u);
   for (const auto& [robot, counts] : tasks) {
     EXPECT_EQ(counts.size(), spec->tasks.size()) << robot;
-    for (const auto& base : BaseTasks()) EXPECT_TRUE(counts.contains(base)) << robot << " " << base;
+    for (const char* base :
+         {"pick", "push", "put_down", "rotate", "place_left", "place_right", "place_front", "place_behind"})
+      EXPECT_TRUE(counts.contains(base)) << robot << " " << base;
   }
 }
 

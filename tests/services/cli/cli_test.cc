@@ -54,9 +54,25 @@ TEST_F(Cli, EveryCommandHasHelp) {
 
 TEST_F(Cli, HelpNamesEveryCommand) {
   const Outcome outcome = Etude({"--help"});
-  for (const char* command :
-       {"up", "collect", "collector", "worker", "train", "policy", "eval", "dataset", "checkpoint", "doctor"})
+  for (const char* command : {"up", "collect", "collector", "worker", "train", "policy", "eval", "dataset",
+                              "checkpoint", "config", "language", "doctor"})
     EXPECT_THAT(outcome.text, HasSubstr(std::string("\n  ") + command + " "));
+}
+
+TEST_F(Cli, DescribesConfigurations) {
+  const Outcome outcome = Etude({"config", "describe", "up"});
+  EXPECT_EQ(outcome.exit_code, kExitOk) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("train.minutes  (number, min, default 12.0)\n    how long training lasts"));
+  EXPECT_THAT(Etude({"config", "describe", "campaign"}).text,
+              HasSubstr("camera.fovy_deg  (number, deg, default 60.0)\n    vertical field of view"));
+  EXPECT_EQ(Etude({"config", "describe", "nothing"}).exit_code, kExitUsage);
+}
+
+TEST_F(Cli, SaysWhichHeldOutWordsTrainingNeverSaw) {
+  const Outcome outcome = Etude({"language", "held-out"});
+  EXPECT_EQ(outcome.exit_code, kExitOk) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("grab, loafs"));
+  EXPECT_THAT(outcome.text, HasSubstr("of 50 hold a word that training never saw"));
 }
 
 TEST_F(Cli, WrongUsageIsExitCode2) {
@@ -129,6 +145,20 @@ TEST_F(Cli, EvalRefusesWhatIsNoCheckpointBeforeAnythingStarts) {
   EXPECT_THAT(outcome.text, HasSubstr("a.safetensors"));
   EXPECT_THAT(outcome.text, HasSubstr("safetensors: "));
   EXPECT_THAT(outcome.text, Not(HasSubstr("started again")));
+}
+
+TEST_F(Cli, EvalOfARunThatIsNotThereSaysSoInsteadOfWaiting) {
+  const Outcome outcome = Etude({"eval", "--subscribe", "nobody", "--out", In("eval"), "--domain", "81"});
+  EXPECT_EQ(outcome.exit_code, kExitMachine) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("neither a run nor a policy server"));
+  EXPECT_EQ(Etude({"eval", "--subscribe", "Nobody@x", "--out", In("eval"), "--domain", "81"}).exit_code, kExitUsage);
+}
+
+TEST_F(Cli, AFolderIsEitherACopyOrGoesOn) {
+  const std::string spec = WriteFile("c.yaml", "name: x\n");
+  const Outcome outcome = Etude({"collect", spec, "--out", In("d"), "--new-id", "--adopt"});
+  EXPECT_EQ(outcome.exit_code, kExitUsage) << outcome.text;
+  EXPECT_THAT(Etude({"collect", "--help"}).text, HasSubstr("--adopt"));
 }
 
 TEST_F(Cli, AFolderWithoutADatasetSaysHowToMakeOne) {

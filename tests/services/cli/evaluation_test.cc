@@ -7,6 +7,8 @@
 #include <map>
 #include <set>
 
+#include "services/spec/episode_plan.h"
+
 namespace etude::cli {
 namespace {
 
@@ -22,7 +24,7 @@ TEST(EvaluationSpec, EightyRolloutsAre32And24And24) {
   ASSERT_TRUE(spec.Validate()) << spec.Validate().error().message;
   EXPECT_EQ(spec.mode, "rollout");
   std::map<std::string, int> counts;
-  for (std::uint64_t i = 0; i < spec.episodes; ++i) ++counts[TaskOf(spec, i)];
+  for (std::uint64_t i = 0; i < spec.episodes; ++i) ++counts[PlanEpisode(spec, i, 0).task.text()];
   EXPECT_EQ(counts, (std::map<std::string, int>{{"pick", 32}, {"push", 24}, {"put_down", 24}}));
 }
 

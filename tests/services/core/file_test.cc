@@ -5,10 +5,21 @@
 #include <gmock/gmock.h>
 #include <signal.h>
 #include <sys/resource.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <fstream>
+
+#include "tests/support/temporary_folder.h"
+
+// Every fsync of this program, by path, on its way to the kernel.
+static std::vector<std::string> synced_paths;
+extern "C" int fsync(int fd) {
+  std::error_code error;
+  synced_paths.push_back(std::filesystem::read_symlink("/proc/self/fd/" + std::to_string(fd), error).string());
+  return static_cast<int>(::syscall(SYS_fsync, fd));
+}
 
 namespace etude {
 namespace {
@@ -17,12 +28,8 @@ using ::testing::HasSubstr;
 
 class FileTest : public ::testing::Test {
  protected:
-  FileTest() {
-    char name[] = "/tmp/etude-file-test-XXXXXX";
-    folder_ = ::mkdtemp(name);
-  }
-  ~FileTest() override { std::filesystem::remove_all(folder_); }
-  Path folder_;
+  TemporaryFolder temporary_;
+  Path folder_ = temporary_.path();
 };
 
 TEST_F(FileTest, WritesWholeAndReadsBack) {
@@ -73,6 +80,41 @@ TEST_F(FileTest, AppenderEndsATornLine) {
     ASSERT_TRUE(appender->Sync());
   }
   EXPECT_EQ(ReadTextFile(path).value(), "{\"a\":1}\n{\"b\":\n{\"c\":3}\n");
+}
+
+TEST_F(FileTest, AppenderNeverGluesLinesAfterAShortWrite) {
+  const Path path = folder_ / "log.jsonl";
+  const pid_t child = ::fork();
+  if (child == 0) {
+    // the limit cuts the second line in its middle; then there is room again
+    ::signal(SIGXFSZ, SIG_IGN);
+    auto appender = LineAppender::Open(path);
+    const bool first = appender && appender->Append("{\"a\":1}").has_value();
+    ::rlimit limit{};
+    ::getrlimit(RLIMIT_FSIZE, &limit);
+    limit.rlim_cur = 12;
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+    const bool second = appender->Append("{\"b\":2}").has_value();
+    limit.rlim_cur = limit.rlim_max;
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+    const bool third = appender->Append("{\"c\":3}").has_value();
+    ::_exit(first && !second && third ? 0 : 1);
+  }
+  int wait_status = 0;
+  ASSERT_EQ(::waitpid(child, &wait_status, 0), child);
+  EXPECT_EQ(wait_status, 0);
+  EXPECT_EQ(ReadTextFile(path).value(), "{\"a\":1}\n{\"c\":3}\n");
+}
+
+TEST_F(FileTest, ANewFoldersEntryIsDurable) {
+  synced_paths.clear();
+  ASSERT_TRUE(MakeFolders(folder_ / "a" / "b"));
+  EXPECT_THAT(synced_paths, testing::ElementsAre(folder_.string(), (folder_ / "a").string()));
+
+  synced_paths.clear();
+  ASSERT_TRUE(MakeFolders(folder_ / "a" / "b"));
+  ASSERT_TRUE(MakeFolders(folder_ / "a" / "c" / ""));
+  EXPECT_THAT(synced_paths, testing::ElementsAre((folder_ / "a").string()));
 }
 
 TEST(PlainName, KeepsPathsOut) {

@@ -27,11 +27,15 @@ TEST(Waypoint, SurvivesItsVector) {
   EXPECT_FLOAT_EQ(back.gripper, 0.75f);
 }
 
-TEST(Waypoint, VectorNeedNotHaveUnitSinesAndCosines) {
-  auto values = ToVector({{Eigen::Vector3d::Zero(), FromEuler({0.3, -0.4, 0.5})}, 0});
-  for (int i = 3; i < 9; ++i) values[i] *= 3;
+TEST(Waypoint, VectorHasTheFirstTwoColumnsOfTheRotation) {
+  const Eigen::Quaterniond q = FromEuler({0.3, -0.4, 0.5});
+  const auto values = ToVector({{Eigen::Vector3d::Zero(), q}, 0});
+  const Eigen::Matrix3d R = q.toRotationMatrix();
 
-  EXPECT_LT(AngleBetween(FromVector(values.data()).X_WE.q, FromEuler({0.3, -0.4, 0.5})), 1e-5);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_FLOAT_EQ(values[3 + i], static_cast<float>(R(i, 0)));
+    EXPECT_FLOAT_EQ(values[6 + i], static_cast<float>(R(i, 1)));
+  }
 }
 
 TEST(Interpolate, PassesThroughTheWaypointsAndIsLinearBetween) {

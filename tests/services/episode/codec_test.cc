@@ -85,7 +85,7 @@ TEST(Codec, RefusesEveryTruncationAndEveryExtraByte) {
 TEST(Codec, RefusesHeadersThatDoNotFitTheBlobs) {
   const Bytes bytes = Encoded();
   const std::pair<const char*, const char*> edits[] = {
-      {"\"format\":1", "\"format\":2"},
+      {"\"format\":2", "\"format\":1"},
       {"\"shape\":[12,6]", "\"shape\":[12,7]"},
       {"\"shape\":[12,6]", "\"shape\":[4611686018427387904,24]"},  // 4 * product wraps to 0
       {"\"shape\":[12,6]", "\"shape\":[12]"},

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "services/codec/frame.h"
 #include "services/episode/codec.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
@@ -48,7 +49,7 @@ TEST(SyntheticEpisode, ShowsTheTargetWhereItsPixelSays) {
   for (std::uint64_t index = 0; index < 8; ++index) {
     const Episode episode = MakeSyntheticEpisode(spec, index);
     std::vector<std::uint8_t> pixels(96 * 64 * 3);
-    ASSERT_THAT(store::InflateFrame(episode.cameras[0].frames[0], pixels), IsOk());
+    ASSERT_THAT(codec::InflateFrame(episode.cameras[0].frames[0], pixels), IsOk());
 
     const auto uv = episode.FindObject(episode.target)->pixel.row(0);
     ASSERT_TRUE(uv[0] > 0 && uv[0] < 96 && uv[1] > 0 && uv[1] < 64) << uv[0] << " " << uv[1];

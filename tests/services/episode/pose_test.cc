@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "services/core/rng.h"
 
@@ -54,6 +55,44 @@ TEST(Pose, AngleBetweenIsTheAngleOfTheRotation) {
 
   EXPECT_NEAR(AngleBetween(a, a * turn), 0.7, 1e-9);
   EXPECT_NEAR(AngleBetween(a, Eigen::Quaterniond(-a.coeffs())), 0, 1e-6);
+}
+
+TEST(Rotation6D, SurvivesAndNeedsNoUnitColumns) {
+  Rng rng(3);
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::Quaterniond q = FromEuler(RandomAngles(rng));
+    Rotation6D columns = ToRotation6D(q);
+    EXPECT_LT(AngleBetween(FromRotation6D(columns), q), 1e-7);
+
+    // longer columns, the second one leaning to the first: what a network may say
+    for (int k = 0; k < 3; ++k) {
+      columns[k] *= 3;
+      columns[3 + k] = 0.5 * columns[3 + k] + 0.1 * columns[k];
+    }
+    EXPECT_LT(AngleBetween(FromRotation6D(columns), q), 1e-7);
+  }
+}
+
+TEST(Rotation6D, IsContinuousWhereEulerAnglesJump) {
+  // a hand that looks down: pitch 90 degrees, tilted by 3 mrad one way and the other
+  const Eigen::Quaterniond down = FromEuler({0.4, M_PI / 2, 0.2});
+  const auto tilt = [&](double angle) {
+    return Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d(0.3, 0.4, 0.5).normalized())) * down;
+  };
+  const Rotation6D a = ToRotation6D(tilt(-0.003)), b = ToRotation6D(tilt(0.003));
+  double square = 0;
+  for (int i = 0; i < 6; ++i) square += (a[i] - b[i]) * (a[i] - b[i]);
+
+  EXPECT_GT((ToEuler(tilt(-0.003)) - ToEuler(tilt(0.003))).norm(), 1);
+  EXPECT_LT(std::sqrt(square), 0.01);
+}
+
+TEST(Rotation6D, SaysNotANumberWhereNoRotationIs) {
+  const double inf = std::numeric_limits<double>::infinity();
+  for (const Rotation6D& none :
+       {Rotation6D{}, Rotation6D{1, 0, 0, 0, 0, 0}, Rotation6D{1, 0, 0, -2, 0, 0}, Rotation6D{0, 0, 0, 0, 1, 0},
+        Rotation6D{NAN, 0, 0, 0, 1, 0}, Rotation6D{1, 0, 0, 0, inf, 0}})
+    EXPECT_FALSE(FromRotation6D(none).coeffs().allFinite()) << none[0] << none[3] << none[4];
 }
 
 TEST(Pose, InterpolatesStraightAndByTheShortestTurn) {

@@ -32,6 +32,7 @@ const std::vector<Fault>& Faults() {
       {"infinite", [](Episode& e) { e.states.values[3] = std::numeric_limits<float>::infinity(); }, "states"},
       {"long_quaternion", [](Episode& e) { e.eef_quat.values[0] = 0.5f; }, "unit"},
       {"object_quaternion", [](Episode& e) { e.objects[0].pose.values[4] = 1; }, "unit"},
+      {"no_rotation", [](Episode& e) { e.actions_abs.values[3] = 0.5f; }, "rotation"},
       {"short_phase", [](Episode& e) { e.phase.pop_back(); }, "phase"},
       {"unnamed_phase", [](Episode& e) { e.phase[3] = 2; }, "phase"},
       {"supervise", [](Episode& e) { e.supervise[0] = 2; }, "supervise"},

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <thread>
 
+#include "services/codec/frame.h"
 #include "services/core/rng.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
@@ -54,7 +55,7 @@ TEST(DatasetReader, RecordsLeadToFramesWithoutHdf5) {
   ASSERT_EQ(record->frames[0].size(), 10u);
   std::vector<std::uint8_t> expected(32 * 32 * 3), pixels(32 * 32 * 3);
   for (std::size_t k = 0; k < 10; ++k) {
-    ASSERT_THAT(InflateFrame(episode.cameras[0].frames[k], expected), IsOk());
+    ASSERT_THAT(codec::InflateFrame(episode.cameras[0].frames[k], expected), IsOk());
     ASSERT_THAT(FrameReader::Read(record->path, record->frames[0][k], pixels), IsOk());
     EXPECT_EQ(pixels, expected) << k;
   }

@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests services/store/dataset_writer.cc, master_file.cc and summary.cc
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 
 #include "services/episode/codec.h"
+#include "services/spec/content_version.h"
+#include "services/spec/episode_plan.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
+#include "tests/support/replace_in_file.h"
 #include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
 
@@ -88,6 +93,46 @@ TEST(DatasetWriter, RefusesAnotherSpecNamingTheKeys) {
   EXPECT_THAT(refused, MessageHas("seed (1, now 77)"));
   EXPECT_THAT(refused, MessageHas("camera.width (32, now 48)"));
   EXPECT_THAT(refused, testing::Not(MessageHas("episodes (")));
+}
+
+TEST(DatasetWriter, SurvivesWhateverAWorkerSaysOfItsFailures) {
+  const TemporaryFolder folder;
+  auto writer = OpenWith(folder.path(), SyntheticSpec(), 1);
+  ASSERT_THAT(writer, IsOk());
+  const std::string deep(1'000'000, '[');
+
+  // a million brackets used to end the process
+  ASSERT_THAT(writer->RecordFailure(1, 0, "plan_failed", deep), IsOk());
+  ASSERT_THAT(writer->RecordFailure(1, 1, "plan_failed", deep + std::string(deep.size(), ']')), IsOk());
+  ASSERT_THAT(writer->RecordFailure(1, 2, "plan_failed", "\xff\xfe not JSON"), IsOk());
+  ASSERT_THAT(writer->WriteMaster(), IsOk());
+
+  const std::string lines = Slurp(folder / "attempts.jsonl");
+  EXPECT_EQ(std::count(lines.begin(), lines.end(), '\n'), 3);
+  EXPECT_LT(lines.size(), 10'000u);
+  EXPECT_THAT(Slurp(folder / "dataset.json"), testing::HasSubstr("\"plan_failed\": 3"));
+}
+
+TEST(DatasetWriter, SurvivesFilesThatSomebodyElseWrote) {
+  const TemporaryFolder folder;
+  ASSERT_THAT(OpenWith(folder.path(), SyntheticSpec(), 1), IsOk());
+  const std::string deep = std::string(1'000'000, '[') + std::string(1'000'000, ']');
+  std::ofstream(folder / "attempts.jsonl") << "{\"index\": 1, \"attempt\": 0, \"details\": " << deep << "}\n";
+
+  EXPECT_THAT(OpenWith(folder.path(), SyntheticSpec(), 1)->WriteMaster(), IsOk());
+
+  std::ofstream(folder / "dataset.json") << "{\"schema_version\": 2, \"spec\": " << deep << "}";
+  EXPECT_THAT(DatasetWriter::Open(folder.path(), SyntheticSpec()), HasCode(Code::kCorrupt));
+}
+
+TEST(DatasetWriter, RefusesToMixEpisodesOfTwoContents) {
+  const TemporaryFolder folder;
+  ASSERT_THAT(OpenWith(folder.path(), SyntheticSpec(), 1), IsOk());
+  ReplaceInFile(folder / "dataset.json", fmt::format("\"content\": {}", kContentVersion), "\"content\": 1");
+  const auto refused = DatasetWriter::Open(folder.path(), SyntheticSpec());
+  EXPECT_THAT(refused, HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(refused, MessageHas("content version 1"));
+  EXPECT_THAT(DatasetReader::Open(folder.path()), IsOk()) << "what is there can be read";
 }
 
 TEST(DatasetWriter, MayBeExtended) {

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests services/store/frame.cc
+#include "services/codec/frame.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -28,33 +30,33 @@ Bytes Pixels(int seed, std::size_t size = 48 * 48 * 3) {
 TEST(Frame, InflatesToWhatWasDeflatedAndIsDeterministic) {
   for (const std::size_t size : {std::size_t{1}, std::size_t{300}, std::size_t{224 * 224 * 3}}) {
     const Bytes pixels = Pixels(1, size);
-    const Bytes stream = DeflateFrame(pixels);
+    const Bytes stream = codec::DeflateFrame(pixels);
     Bytes back(size);
 
-    ASSERT_THAT(InflateFrame(stream, back), IsOk());
+    ASSERT_THAT(codec::InflateFrame(stream, back), IsOk());
     EXPECT_EQ(back, pixels);
-    EXPECT_EQ(stream, DeflateFrame(pixels));
+    EXPECT_EQ(stream, codec::DeflateFrame(pixels));
   }
 }
 
 TEST(Frame, RefusesEveryOtherSizeAndEveryFlippedBit) {
   const Bytes pixels = Pixels(2, 600);
-  const Bytes stream = DeflateFrame(pixels);
+  const Bytes stream = codec::DeflateFrame(pixels);
   for (const std::size_t size : {0, 599, 601}) {
     Bytes back(size);
-    EXPECT_THAT(InflateFrame(stream, back), HasCode(Code::kCorrupt)) << size;
+    EXPECT_THAT(codec::InflateFrame(stream, back), HasCode(Code::kCorrupt)) << size;
   }
   Bytes longer = stream;
   longer.push_back(0);
   Bytes back(600);
-  EXPECT_THAT(InflateFrame(longer, back), HasCode(Code::kCorrupt));
+  EXPECT_THAT(codec::InflateFrame(longer, back), HasCode(Code::kCorrupt));
   for (std::size_t size = 0; size < stream.size(); ++size)
-    ASSERT_THAT(InflateFrame(std::span(stream).first(size), back), HasCode(Code::kCorrupt)) << size;
+    ASSERT_THAT(codec::InflateFrame(std::span(stream).first(size), back), HasCode(Code::kCorrupt)) << size;
   for (std::size_t bit = 0; bit < 8 * stream.size(); ++bit) {
     Bytes flipped = stream;
     flipped[bit / 8] ^= static_cast<std::uint8_t>(1u << (bit % 8));
     // the format leaves bits without meaning; what inflates must then be the same picture
-    if (InflateFrame(flipped, back)) {
+    if (codec::InflateFrame(flipped, back)) {
       ASSERT_EQ(back, pixels) << bit;
     }
   }
@@ -69,7 +71,7 @@ struct FrameFile {
     std::ofstream file(path, std::ios::binary);
     std::uint64_t offset = 0;
     for (int k = 0; k < count; ++k) {
-      const Bytes stream = DeflateFrame(Pixels(k));
+      const Bytes stream = codec::DeflateFrame(Pixels(k));
       file.write(reinterpret_cast<const char*>(stream.data()), static_cast<std::streamsize>(stream.size()));
       locations.push_back({offset, static_cast<std::uint32_t>(stream.size())});
       offset += stream.size();

@@ -9,7 +9,9 @@
 #include <array>
 #include <cstdio>
 
+#include "services/codec/frame.h"
 #include "services/core/hash.h"
+#include "services/spec/episode_plan.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"
@@ -67,8 +69,8 @@ TEST_F(Interop, H5pySeesRobomimicsLayoutInAnEpisodeFile) {
   if (!See(EpisodePath(folder_.path(), 3), "/data/demo_3")) GTEST_SKIP() << "python3-h5py is not installed";
   const Episode episode = MakeSyntheticEpisode(spec_, 3, 23);
 
-  ExpectArray("actions", {"float32", {5, 7}, nullptr, nullptr});
-  ExpectArray("actions_abs", {"float32", {5, 7}, nullptr, nullptr});
+  ExpectArray("actions", {"float32", {5, 10}, nullptr, nullptr});
+  ExpectArray("actions_abs", {"float32", {5, 10}, nullptr, nullptr});
   ExpectArray("rewards", {"float32", {5}, nullptr, nullptr});
   ExpectArray("dones", {"int64", {5}, nullptr, nullptr});
   ExpectArray("states", {"float32", {5, 8}, nullptr, nullptr});
@@ -106,9 +108,9 @@ TEST_F(Interop, H5pySeesTheEpisodesValues) {
     }
     EXPECT_EQ(values["obs/robot0_eef_quat"][k], Json({1, 0, 0, 0}));  // w x y z = 0 1 0 0
     EXPECT_NEAR(values["actions"][k][0].get<double>(), episode.actions_abs.row(command)[0] / 1.5, 1e-6);
-    EXPECT_NEAR(values["actions"][k][6].get<double>(), 2 * episode.actions_abs.row(command)[6] - 1, 1e-6);
+    EXPECT_NEAR(values["actions"][k][9].get<double>(), 2 * episode.actions_abs.row(command)[9] - 1, 1e-6);
     std::vector<std::uint8_t> pixels(24 * 40 * 3);
-    ASSERT_THAT(InflateFrame(episode.cameras[0].frames[static_cast<std::size_t>(k)], pixels), IsOk());
+    ASSERT_THAT(codec::InflateFrame(episode.cameras[0].frames[static_cast<std::size_t>(k)], pixels), IsOk());
     EXPECT_EQ(values["obs/front_image"][k], Sha256Hex(pixels));
   }
   EXPECT_EQ(values["dones"], Json({0, 0, 0, 0, 1}));
@@ -140,7 +142,7 @@ TEST_F(Interop, H5pyFollowsTheMasterFileAndItsMasks) {
   std::map<std::string, std::vector<std::string>> masks{{"train", {}}, {"valid", {}}, {"test", {}}};
   for (std::uint64_t i = 0; i < 12; ++i) {
     masks[SplitOf(spec_, i)].push_back("demo_" + std::to_string(i));
-    masks[TaskOf(spec_, i)].push_back("demo_" + std::to_string(i));
+    masks[PlanEpisode(spec_, i, 0).task.text()].push_back("demo_" + std::to_string(i));
   }
   EXPECT_EQ(seen_["mask"], Json(masks));
 }

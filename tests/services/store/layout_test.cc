@@ -53,12 +53,13 @@ TEST(Layout, DatasetFileSurvivesAndRefusesGarbage) {
   EXPECT_EQ(ToJson(read->spec), ToJson(SyntheticSpec()));
   EXPECT_EQ(read->statistics["episodes"], 3);
 
-  for (const char* text : {"", "{", "[]", "{}", R"({"schema_version":"1","spec":{}})",
-                           R"({"schema_version":1,"spec":5})", R"({"schema_version":1,"spec":{"sed":1}})"}) {
+  for (const char* text :
+       {"", "{", "[]", "{}", R"({"schema_version":"1","spec":{}})", R"({"schema_version":1,"spec":5})",
+        R"({"schema_version":1,"spec":{"sed":1}})", R"({"schema_version":2,"spec":{}})"}) {
     ASSERT_THAT(WriteFileAtomically(path, std::string_view(text)), IsOk());
     EXPECT_THAT(ReadDatasetFile(folder.path()), HasCode(Code::kCorrupt)) << text;
   }
-  ASSERT_THAT(WriteFileAtomically(path, std::string_view(R"({"schema_version":2,"spec":{}})")), IsOk());
+  ASSERT_THAT(WriteFileAtomically(path, std::string_view(R"({"schema_version":3,"spec":{}})")), IsOk());
   EXPECT_THAT(ReadDatasetFile(folder.path()), HasCode(Code::kInvalidArgument));
 }
 

@@ -2,6 +2,8 @@
 // Tests services/store/verify.cc
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <fstream>
 
@@ -43,6 +45,49 @@ TEST(Verify, FindsNothingInAGoodDataset) {
   ASSERT_THAT(report, IsOk());
   EXPECT_EQ(report->good, kEpisodes);
   EXPECT_TRUE(report->bad.empty());
+  EXPECT_FALSE(std::filesystem::exists(dataset.path / "quarantine"));
+}
+
+// Takes every file descriptor as a program with a leak does.
+class NoFiles {
+ public:
+  NoFiles() {
+    ::getrlimit(RLIMIT_NOFILE, &before_);
+    rlimit few = before_;
+    few.rlim_cur = 64;
+    ::setrlimit(RLIMIT_NOFILE, &few);
+    for (int fd = ::dup(0); fd >= 0; fd = ::dup(0)) taken_.push_back(fd);
+  }
+  ~NoFiles() {
+    for (const int fd : taken_) ::close(fd);
+    ::setrlimit(RLIMIT_NOFILE, &before_);
+  }
+
+ private:
+  rlimit before_{};
+  std::vector<int> taken_;
+};
+
+TEST(Verify, LeavesWhatCannotBeReadNowWhereItIs) {
+  const Dataset dataset;
+  {
+    const auto reader = DatasetReader::Open(dataset.path);
+    NoFiles files;
+    const auto unread = reader->Read(0);
+    EXPECT_THAT(unread, HasCode(Code::kUnavailable));
+  }
+  EXPECT_THAT(DatasetReader::Open(dataset.path)->Read(0), IsOk());
+
+  // a folder in a file's place: open(2) succeeds, read(2) does not, and nothing says that an episode is damaged
+  const Path moved = dataset.path / "aside";
+  std::filesystem::rename(dataset.File(2), moved);
+  std::filesystem::create_directory(dataset.File(2));
+  const auto report = Verify(dataset.path, Quarantine::kYes);
+  ASSERT_THAT(report, IsOk());
+  EXPECT_EQ(report->good, kEpisodes - 1);
+  EXPECT_TRUE(report->bad.empty());
+  ASSERT_EQ(report->unread.size(), 1u);
+  EXPECT_EQ(report->unread[0].path, dataset.File(2));
   EXPECT_FALSE(std::filesystem::exists(dataset.path / "quarantine"));
 }
 

@@ -76,6 +76,28 @@ TEST(Scheduler, NeverConvergesOnErrorsThatAreNotNumbers) {
     EXPECT_FALSE(scheduler.Observe(1, 0.1, {{"LANG", std::numeric_limits<double>::quiet_NaN()}}));
 }
 
+// before, a module that is never measured held its stage until the budget ended it, without a word
+TEST(Scheduler, SaysThatAModuleHasNoMeasuredError) {
+  CurriculumConfig config;
+  config.goals = {{"LANG", 0.01}};
+  config.latest_last = 0.4;
+  Scheduler scheduler(config, FiveLevels());
+  ASSERT_TRUE(scheduler.Observe(1, 0, {{"LANG", 0.0}}));
+  EXPECT_FALSE(scheduler.NewlyUnmeasured());
+
+  EXPECT_FALSE(scheduler.Observe(2, 0.01, {{"EE2D", 0.1}}));
+  EXPECT_THAT(scheduler.unmeasured(), ::testing::ElementsAre("TAR2D"));
+  EXPECT_TRUE(scheduler.NewlyUnmeasured());
+  EXPECT_FALSE(scheduler.Observe(3, 0.02, {{"EE2D", 0.1}}));
+  EXPECT_FALSE(scheduler.NewlyUnmeasured());  // said once a stage
+
+  const auto advance = scheduler.Tick(4, 0.3);
+  ASSERT_TRUE(advance);
+  EXPECT_EQ(advance->cause, Cause::kBudget);
+  EXPECT_THAT(advance->reason, HasSubstr("TAR2D has no measured error"));
+  EXPECT_TRUE(scheduler.unmeasured().empty());
+}
+
 TEST(Scheduler, ReachesTheLastSubtaskWithinItsBudget) {
   CurriculumConfig config;
   config.latest_last = 0.2;

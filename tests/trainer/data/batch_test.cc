@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -12,6 +13,44 @@
 
 namespace etude::data {
 namespace {
+
+// position, the least that a quantity can be
+class PositionRule : public LabelRule {
+ public:
+  std::vector<std::int64_t> label_shape() const override { return {3}; }
+  void FillLabel(const LabelContext&, const EntityState& state, std::span<float> values,
+                 std::span<std::uint8_t> valid) const override {
+    std::copy_n(state.p.begin(), 3, values.begin());
+    valid[0] = 1;
+  }
+};
+
+// two numbers with a mask each: the pixel's column and row, those that lie in the view
+class PixelRule : public LabelRule {
+ public:
+  std::vector<std::int64_t> label_shape() const override { return {2}; }
+  int label_parts() const override { return 2; }
+  void FillLabel(const LabelContext& context, const EntityState& state, std::span<float> values,
+                 std::span<std::uint8_t> valid) const override {
+    const Region& view = context.view;
+    const float low[] = {static_cast<float>(view.u), static_cast<float>(view.v)};
+    const float high[] = {low[0] + static_cast<float>(view.width), low[1] + static_cast<float>(view.height)};
+    for (std::size_t i = 0; i < 2; ++i) {
+      values[i] = state.pixel[i];
+      valid[i] = values[i] >= low[i] && values[i] < high[i];
+    }
+  }
+};
+
+std::vector<LabelColumn> Columns() {
+  static const PositionRule position;
+  static const PixelRule pixel;
+  std::vector<LabelColumn> columns;
+  for (const char* entity : {"target", "ee", "others", "object:coke"})
+    columns.push_back({std::string(entity) + ".position", *ParseEntity(entity), &position});
+  columns.push_back({"target.pixel", *ParseEntity("target"), &pixel});
+  return columns;
+}
 
 class BatchTest : public ::testing::Test {
  protected:
@@ -28,7 +67,7 @@ class BatchTest : public ::testing::Test {
   }
 
   BatchMaker Maker(const DataConfig& config = {}) const {
-    return BatchMaker(config, crop_, spec_.objects, spec_.tasks, grammar_, 64, 48);
+    return BatchMaker(config, {crop_, 64, 48, spec_.tasks, spec_.objects, Columns()}, grammar_);
   }
   Batch Make(const BatchMaker& maker, Augment augment, std::uint64_t step = 0) const {
     const auto snapshot = dataset_->snapshot();
@@ -84,7 +123,7 @@ TEST_F(BatchTest, MovesTheCropWithItsOriginAndKeepsLabelsAbsolute) {
     EXPECT_EQ(at(moved, 20, 15), at(still, 20 + du, 15 + dv));
   }
   EXPECT_GT(places, 10);
-  EXPECT_EQ(moved.labels.at("target_position").values, still.labels.at("target_position").values);
+  EXPECT_EQ(moved.labels.at("target.position").values, still.labels.at("target.position").values);
 }
 
 TEST_F(BatchTest, IsTheSameWhateverTheCacheAndTheBufferHold) {
@@ -124,27 +163,58 @@ TEST_F(BatchTest, StopsKeepingCropsAtItsBound) {
 TEST_F(BatchTest, LabelsTheObjectThatEachSentenceNames) {
   const Batch batch = Make(Maker(), Augment::kYes);
   const auto snapshot = dataset_->snapshot();
-  const auto& classes = batch.labels.at("target_class");
-  const auto& position = batch.labels.at("target_position");
-  const auto& displacement = batch.labels.at("displacement");
+  const LabelArray& target = batch.labels.at("target.position");
+  const LabelArray& hand = batch.labels.at("ee.position");
+  const LabelArray& coke = batch.labels.at("object:coke.position");
+  const LabelArray& others = batch.labels.at("others.position");
+  EXPECT_EQ(target.shape, (std::vector<std::int64_t>{16, 6, 3}));
+  EXPECT_EQ(hand.shape, (std::vector<std::int64_t>{16, 1, 3}));
+  EXPECT_EQ(coke.shape, (std::vector<std::int64_t>{16, 1, 3}));
+  EXPECT_EQ(others.shape, (std::vector<std::int64_t>{16, 6, kMaxOthers, 3}));
+  EXPECT_EQ(others.valid_shape, (std::vector<std::int64_t>{16, 6, kMaxOthers}));
 
   for (int b = 0; b < batch.size; ++b) {
     const auto& entry = *snapshot->episodes()[batch.frames[b].episode];
+    const Episode& episode = entry.episode();
     const int t = entry.StepOf(batch.frames[b].frame);
+    const auto is = [&](const LabelArray& label, std::size_t row, const std::string& name) {
+      const auto p = name.empty() ? episode.eef_pos.row(t) : episode.FindObject(name)->pose.row(t).first(3);
+      return label.valid[row] && std::equal(p.begin(), p.end(), label.values.begin() + static_cast<long>(3 * row));
+    };
+    EXPECT_TRUE(is(hand, b, ""));
+    EXPECT_TRUE(is(coke, b, "coke"));
+    EXPECT_TRUE(is(target, 6 * b, episode.target)) << "the first sentence is what was demonstrated";
     for (int s = 0; s < 6; ++s) {
-      const int row = b * 6 + s;
-      ASSERT_TRUE(classes.valid[row]);
-      const auto& object = spec_.objects[static_cast<std::size_t>(classes.classes[row])];
-      if (s == 0) {
-        EXPECT_EQ(object, entry.episode().target);
-      }
-      const auto pose = entry.episode().FindObject(object)->pose.row(t);
-      for (int i = 0; i < 3; ++i) {
-        EXPECT_EQ(position.values[row * 3 + i], pose[i]);
-        EXPECT_NEAR(displacement.values[row * 3 + i], pose[i] - entry.episode().eef_pos.row(t)[i], 1e-6);
+      std::set<std::string> named;
+      for (const auto& object : spec_.objects)
+        if (is(target, 6 * b + s, object)) named.insert(object);
+      ASSERT_EQ(named.size(), 1u);
+      // the others are all but that one, and the remaining places are empty
+      for (int k = 0; k < kMaxOthers; ++k) {
+        const std::size_t row = static_cast<std::size_t>((6 * b + s) * kMaxOthers + k);
+        EXPECT_EQ(others.valid[row], k < 5);
+        EXPECT_FALSE(is(others, row, *named.begin()));
       }
     }
   }
+}
+
+TEST(Entity, WhatASceneDoesNotHaveHasNoState) {
+  Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 3);
+  const language::Command command{"pick", "coke", "", "others"};
+  const std::vector<std::string> classes;
+  const LabelContext context{episode, 0, command, classes, {}};
+  EXPECT_EQ(StatesOf(*ParseEntity("target"), context).at(0).name, "coke");
+  EXPECT_TRUE(StatesOf(*ParseEntity("reference"), context).empty());
+  EXPECT_TRUE(StatesOf(*ParseEntity("obstacle"), context).empty());
+  EXPECT_TRUE(StatesOf(*ParseEntity("object:duck"), context).empty());
+  EXPECT_EQ(StatesOf(*ParseEntity("others"), context).size(), 5u);
+
+  const language::Command relation{"place_left", "coke", "milk", "bread"};
+  const LabelContext other{episode, 0, relation, classes, {}};
+  EXPECT_EQ(StatesOf(*ParseEntity("reference"), other).at(0).name, "milk");
+  EXPECT_EQ(StatesOf(*ParseEntity("obstacle"), other).at(0).name, "bread");
+  for (const char* text : {"", "targets", "object:", "Target"}) EXPECT_FALSE(ParseEntity(text)) << text;
 }
 
 TEST_F(BatchTest, NamesEachSentenceOnce) {
@@ -161,19 +231,20 @@ TEST_F(BatchTest, MasksPixelsOutsideTheCrop) {
   DataConfig config;
   config.jitter = 0;
   const Batch batch = Make(Maker(config), Augment::kNo);
-  const auto& label = batch.labels.at("target_pixel");
+  const auto& label = batch.labels.at("target.pixel");
+  EXPECT_EQ(label.valid_shape, (std::vector<std::int64_t>{16, 6, 2}));
 
   int outside = 0;
-  for (std::size_t row = 0; row < label.valid.size(); ++row) {
-    const bool in = label.values[2 * row] < 16 && label.values[2 * row + 1] < 16;
-    EXPECT_TRUE(in || !label.valid[row]);
-    outside += !label.valid[row];
+  for (std::size_t i = 0; i < label.valid.size(); ++i) {
+    EXPECT_EQ(label.valid[i] != 0, label.values[i] >= 0 && label.values[i] < 16);
+    outside += !label.valid[i];
   }
   EXPECT_GT(outside, 0);
 }
 
 TEST_F(BatchTest, RefusesACropThatDoesNotFitThePicture) {
-  const BatchMaker maker({}, {40, 0, 64, 48}, spec_.objects, spec_.tasks, grammar_, 64, 48);
+  crop_ = {40, 0, 64, 48};
+  const BatchMaker maker = Maker();
   const auto snapshot = dataset_->snapshot();
   Batch batch;
   FrameScratch scratch;

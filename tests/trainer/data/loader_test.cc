@@ -27,8 +27,9 @@ class LoaderTest : public ::testing::Test {
   std::shared_ptr<const BatchMaker> Maker() const {
     auto grammar = language::Grammar::Load();
     EXPECT_TRUE(grammar);
-    return std::make_shared<const BatchMaker>(config_, Region{4, 4, 24, 24}, spec_.objects, spec_.tasks,
-                                              std::make_shared<const language::Grammar>(std::move(*grammar)), 32, 32);
+    return std::make_shared<const BatchMaker>(config_,
+                                              BatchContent{{4, 4, 24, 24}, 32, 32, spec_.tasks, spec_.objects, {}},
+                                              std::make_shared<const language::Grammar>(std::move(*grammar)));
   }
   // images of batches first .. last - 1
   std::vector<std::vector<std::uint8_t>> Images(std::uint64_t first, std::uint64_t last) {

@@ -24,6 +24,7 @@ Snapshot Unbalanced() {
     entry->record.episode = MakeSyntheticEpisode(spec, i, 30);
     entry->record.frames.resize(1);
     entry->record.frames[0].resize(entry->record.episode.cameras[0].frames.size());
+    entry->usable = UsableFrames(*entry);
     episodes.push_back(std::move(entry));
   }
   return Snapshot(std::move(episodes));
@@ -83,6 +84,7 @@ TEST(Snapshot, LeavesOutFramesThatShowNoTarget) {
   Episode& episode = entry->record.episode;
   for (auto& object : episode.objects)
     if (object.name == episode.target) object.pixel.values[2 * 5] = -3;  // frame 1 is control step 5
+  entry->usable = UsableFrames(*entry);
 
   const Snapshot snapshot({entry});
 
@@ -118,7 +120,7 @@ TEST(DrawCommands, RelationsKeepTheReference) {
     for (const auto& command : commands) {
       const bool swapped = command.target == episode.reference;
       const std::string expected = swapped ? episode.target : episode.reference;
-      EXPECT_EQ(command.reference, IsRelation(command.task) ? expected : "") << command.task;
+      EXPECT_EQ(command.reference, ParseTask(command.task)->relation() ? expected : "") << command.task;
     }
   }
 }

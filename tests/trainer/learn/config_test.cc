@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "services/core/config_reference.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::learn {
@@ -13,6 +14,14 @@ namespace {
 using ::testing::HasSubstr;
 
 const Path kExperiments = "trainer/experiments";
+
+TEST(TrainConfig, SaysOfEveryKeyWhatItMeansAndInWhichUnit) {
+  auto keys = ConfigReference<TrainConfig>();
+  // those of trainer/data and trainer/policy are not described yet
+  std::erase_if(keys,
+                [](const ConfigKey& key) { return key.path.starts_with("policy.") || key.path.starts_with("data."); });
+  EXPECT_THAT(MissingFromReference(keys), testing::IsEmpty());
+}
 
 TEST(LoadTrainConfig, ReadsTheShippedExperimentsWithTheirPolicies) {
   for (const char* name : {"compact", "paper"}) {

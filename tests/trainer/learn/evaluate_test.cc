@@ -24,10 +24,8 @@ TEST(Evaluate, MeasuresEveryModuleInUnitsOfPeopleAndLeavesThePolicyTraining) {
   (*policy)->train();
   auto grammar = language::Grammar::Load();
   ASSERT_TRUE(grammar);
-  const auto& crop = config.policy.image.crop;
-  const data::BatchMaker maker(config.data, {crop[0], crop[1], crop[2], crop[3]}, config.policy.objects,
-                               dataset->spec().tasks, std::make_shared<const language::Grammar>(std::move(*grammar)),
-                               kTinyPicture, kTinyPicture);
+  const data::BatchMaker maker(config.data, TinyContent(config.policy, dataset->spec()),
+                               std::make_shared<const language::Grammar>(std::move(*grammar)));
   const auto samples = data::SpreadFrames(*snapshot, data::Split::kValid, 1, 20);
 
   const auto all = Evaluate(**policy, maker, *snapshot, samples, 5, 8);

@@ -27,10 +27,8 @@ data::Batch MakeBatch(const TrainConfig& config, const Path& folder) {
   EXPECT_TRUE(dataset->Refresh());
   auto grammar = language::Grammar::Load();
   EXPECT_TRUE(grammar);
-  const auto& crop = config.policy.image.crop;
-  const data::BatchMaker maker(config.data, {crop[0], crop[1], crop[2], crop[3]}, config.policy.objects,
-                               dataset->spec().tasks, std::make_shared<const language::Grammar>(std::move(*grammar)),
-                               kTinyPicture, kTinyPicture);
+  const data::BatchMaker maker(config.data, TinyContent(config.policy, dataset->spec()),
+                               std::make_shared<const language::Grammar>(std::move(*grammar)));
   const auto snapshot = dataset->snapshot();
   data::Batch batch;
   data::FrameScratch scratch;

@@ -18,7 +18,11 @@ RunState Example() {
   state.step = 12345;
   state.elapsed_s = 1.25;
   state.curriculum = {{"stage", 2}};
+  state.limit = {{"steps", 7}};
   state.architecture = "abc";
+  state.embodiment.robot = "ur5";
+  state.modules["LANG"] = {12, 0.5};
+  state.validation = {3, 17};
   state.best_stage = 2;
   state.best_score = 0.1;
   state.checkpoint_step = 12000;
@@ -40,6 +44,10 @@ TEST(RunState, ReadsBackExactly) {
   EXPECT_EQ(again->elapsed_s, 1.25);
   EXPECT_EQ(again->curriculum, state.curriculum);
   EXPECT_EQ(again->best_score, 0.1);
+  EXPECT_EQ(again->limit, state.limit);
+  EXPECT_EQ(again->embodiment.robot, "ur5");
+  EXPECT_EQ(again->modules.at("LANG").error, 0.5);
+  EXPECT_EQ(again->validation, state.validation);
 }
 
 TEST(RunState, RefusesWhatIsNone) {

@@ -11,6 +11,8 @@
 #include "tests/support/temporary_folder.h"
 #include "tests/trainer/data/synthetic_dataset.h"
 #include "trainer/learn/trainer.h"
+#include "trainer/policy/crop.h"
+#include "trainer/policy/names.h"
 
 namespace etude::learn {
 
@@ -30,6 +32,7 @@ inline TrainConfig TinyConfig(std::vector<std::string> overrides = {}) {
                                "data.jitter=2",
                                "data.cache_mb=64",
                                "data.min_episodes=8",
+                               "data.min_valid=1",
                                "data.refresh_s=0.05",
                                "optimizer.warmup_steps=10",
                                "eval.every_steps=10",
@@ -41,6 +44,12 @@ inline TrainConfig TinyConfig(std::vector<std::string> overrides = {}) {
   auto config = LoadTrainConfig("compact", "trainer/experiments", all);
   EXPECT_TRUE(config) << config.error().message;
   return config ? *config : TrainConfig{};
+}
+
+/// What batches of a policy on TinyDataset hold.
+inline data::BatchContent TinyContent(const policy::PolicyConfig& policy, const CampaignSpec& spec) {
+  return {policy::CropOf(policy.image),  kTinyPicture, kTinyPicture, spec.tasks, policy.objects,
+          policy::LabelColumnsOf(policy)};
 }
 
 inline std::shared_ptr<data::Dataset> TinyDataset(const Path& folder, std::uint64_t episodes) {

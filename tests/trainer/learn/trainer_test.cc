@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "tests/trainer/learn/tiny_run.h"
+#include "trainer/learn/run_state.h"
 
 namespace etude::learn {
 namespace {
@@ -35,7 +36,7 @@ class TrainerTest : public ::testing::Test {
     dataset_ = TinyDataset(folder_ / "d", 24);
   }
   Status Train(const TrainConfig& config, const Path& out, bool resume = false, const Hooks& hooks = {}) {
-    auto trainer = Trainer::Create(config, dataset_, {out, resume, false}, hooks);
+    auto trainer = Trainer::Create(config, dataset_, {.out = out, .resume = resume}, hooks);
     if (!trainer) return Fail(trainer.error());
     return (*trainer)->Run();
   }
@@ -51,11 +52,11 @@ TEST_F(TrainerTest, ResumesBitForBit) {
     std::map<std::string, double> sums;
 
     Hooks hooks;
-    hooks.on_checkpoint = [&](const CheckpointRequest& request) -> Status {
-      for (const auto& [name, tensor] : request.tensors)
-        if (request.step == 40) sums[name] = tensor.to(torch::kFloat64).sum().item<double>();
+    hooks.on_checkpoint = [&](const checkpoint::Checkpoint& kept) -> Status {
+      for (const auto& [name, tensor] : kept.tensors)
+        if (kept.metadata.step == 40) sums[name] = tensor.to(torch::kFloat64).sum().item<double>();
       // a failing hook is a crash right after a saved state
-      if (stop_at > 0 && request.step == stop_at + 10) return Fail(Code::kUnavailable, "crash");
+      if (stop_at > 0 && kept.metadata.step == stop_at + 10) return Fail(Code::kUnavailable, "crash");
       return {};
     };
     const Status status = Train(config, out, resume, hooks);
@@ -97,10 +98,10 @@ TEST_F(TrainerTest, LearnsTheSyntheticTask) {
 
 TEST_F(TrainerTest, GoesThroughTheStagesAndSaysWhy) {
   const TrainConfig config = TinyConfig({"steps=20", "curriculum.latest_last=0.5"});
-  std::vector<CheckpointRequest> requests;
+  std::vector<checkpoint::Metadata> kept_before;
   Hooks hooks;
-  hooks.on_checkpoint = [&](const CheckpointRequest& request) -> Status {
-    requests.push_back(request);
+  hooks.on_checkpoint = [&](const checkpoint::Checkpoint& kept) -> Status {
+    kept_before.push_back(kept.metadata);
     return {};
   };
   std::vector<Progress> progress;
@@ -111,10 +112,10 @@ TEST_F(TrainerTest, GoesThroughTheStagesAndSaysWhy) {
   ASSERT_TRUE(stages);
   EXPECT_EQ(std::count(stages->begin(), stages->end(), '\n'), 4);
   EXPECT_THAT(*stages, HasSubstr("\"cause\":\"budget\""));
-  ASSERT_FALSE(requests.empty());
-  EXPECT_EQ(requests.back().step, 20u);
-  EXPECT_EQ(requests.back().stage, 5);
-  EXPECT_TRUE(requests.back().best);
+  ASSERT_FALSE(kept_before.empty());
+  EXPECT_EQ(kept_before.back().step, 20u);
+  EXPECT_EQ(kept_before.back().stage, 5);
+  EXPECT_TRUE(kept_before.back().best);
   ASSERT_FALSE(progress.empty());
   EXPECT_TRUE(progress.back().finished);
   EXPECT_EQ(progress.back().progress, 1.0);
@@ -126,7 +127,7 @@ TEST_F(TrainerTest, StopsOnALossThatIsNotANumberAndSavesNothing) {
                   "eval.every_steps=1000", "checkpoint.every_steps=1000"});
   int saved = 0;
   Hooks hooks;
-  hooks.on_checkpoint = [&](const CheckpointRequest&) -> Status {
+  hooks.on_checkpoint = [&](const checkpoint::Checkpoint&) -> Status {
     ++saved;
     return {};
   };
@@ -173,17 +174,83 @@ TEST_F(TrainerTest, TakesInEpisodesThatArriveWhileItTrains) {
   }();
   TrainConfig short_run = config;
   short_run.checkpoint.every_steps = 1;
-  hooks.on_checkpoint = [&](const CheckpointRequest& request) -> Status {
-    seen = request.train_episodes;
+  hooks.on_checkpoint = [&](const checkpoint::Checkpoint& kept) -> Status {
+    seen = kept.metadata.train_episodes;
     return seen == all ? Status(Fail(Code::kExhausted, "enough")) : Status();
   };
-  auto trainer = Trainer::Create(short_run, dataset_, {folder_ / "run", false, true}, hooks);
+  auto trainer = Trainer::Create(short_run, dataset_, {.out = folder_ / "run", .follow = true}, hooks);
   ASSERT_TRUE(trainer) << trainer.error().message;
   const Status status = (*trainer)->Run();
   collector.join();
 
   EXPECT_EQ(seen, all);
   EXPECT_EQ(status.error().code, Code::kExhausted);
+}
+
+// before, the growing split changed what errors were of from one evaluation to the next
+TEST_F(TrainerTest, ValidatesOnTheSameEpisodesWhileTheDatasetGrows) {
+  const auto spec = SyntheticSpec(kTinyPicture, kTinyPicture);
+  dataset_ = TinyDataset(folder_ / "growing", 24);
+  TrainConfig config = TinyConfig({"steps=30", "data.min_valid=1", "optimizer.lr=1e-12", "optimizer.weight_decay=0"});
+  Hooks hooks;
+  bool grown = false;
+  hooks.on_checkpoint = [&](const checkpoint::Checkpoint&) -> Status {
+    if (!grown) AddSyntheticEpisodes(folder_ / "growing", spec, 24, 30);
+    grown = true;
+    EXPECT_TRUE(dataset_->Refresh());
+    return {};
+  };
+  auto trainer = Trainer::Create(config, dataset_, {.out = folder_ / "run", .follow = true}, hooks);
+  ASSERT_TRUE(trainer) << trainer.error().message;
+  ASSERT_TRUE((*trainer)->Run());
+
+  const auto accuracy = Curve(folder_ / "run", "valid", "LANG.accuracy");
+  ASSERT_EQ(accuracy.size(), 3u);
+  // weights hardly move: what is measured is the same
+  EXPECT_NEAR(accuracy.begin()->second, accuracy.rbegin()->second, 1e-6);
+  const auto state = LoadRunState(folder_ / "run/training_state.safetensors");
+  ASSERT_TRUE(state) << state.error().message;
+  for (const std::uint64_t index : state->validation) EXPECT_LT(index, 24u);
+}
+
+TEST_F(TrainerTest, EndsWithTheWordsOfItsSourceAndSaves) {
+  int asked = 0;
+  const auto source = [&asked]() -> Status {
+    // alive while data are awaited
+    return ++asked > 1 ? Status(Fail(Code::kUnavailable, "the collector stopped: disk gone")) : Status();
+  };
+  auto trainer = Trainer::Create(TinyConfig({"steps=1000000", "eval.every_steps=1000000"}), dataset_,
+                                 {.out = folder_ / "run", .follow = true, .source = source}, {});
+  ASSERT_TRUE(trainer) << trainer.error().message;
+  const Status status = (*trainer)->Run();
+
+  ASSERT_FALSE(status);
+  EXPECT_THAT(status.error().message, HasSubstr("disk gone"));
+  EXPECT_TRUE(LoadRunState(folder_ / "run/training_state.safetensors"));
+}
+
+TEST_F(TrainerTest, CountsWhatEachModuleWasTrainedAndWritesTheLimitThatItKept) {
+  std::vector<checkpoint::Metadata> kept_all;
+  Hooks hooks;
+  hooks.on_checkpoint = [&](const checkpoint::Checkpoint& kept) -> Status {
+    kept_all.push_back(kept.metadata);
+    return {};
+  };
+  ASSERT_TRUE(
+      Train(TinyConfig({"steps=20", "curriculum.latest_last=0.5", "freeze=[TAR3D]"}), folder_ / "run", false, hooks));
+
+  const auto& modules = kept_all.back().modules;
+  EXPECT_EQ(modules.at("LANG").trained_steps, 20u);
+  EXPECT_LT(modules.at("CTRL").trained_steps, 15u);
+  EXPECT_GT(modules.at("CTRL").trained_steps, 0u);
+  EXPECT_TRUE(modules.at("CTRL").error);
+  EXPECT_EQ(modules.contains("TAR3D") ? modules.at("TAR3D").trained_steps : 0, 0u);  // frozen
+  // a run of minutes that ends before it can be measured was as many steps as it did
+  ASSERT_TRUE(Train(TinyConfig({"steps=0", "minutes=0.002"}), folder_ / "short"));
+  const auto written = LoadTrainConfig((folder_ / "short/config.yaml").string(), "trainer/experiments", {});
+  ASSERT_TRUE(written) << written.error().message;
+  EXPECT_EQ(written->minutes, 0);
+  EXPECT_GE(written->steps, 1u);
 }
 
 }  // namespace

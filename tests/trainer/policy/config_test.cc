@@ -4,6 +4,9 @@
 
 #include <gmock/gmock.h>
 
+#include "trainer/policy/architecture.h"
+#include "trainer/policy/names.h"
+
 namespace etude::policy {
 namespace {
 
@@ -37,8 +40,10 @@ TEST(PolicyConfig, ReportsAllProblemsAtOnceWithTheNearestName) {
   config.attention = "sparse";
   config.image.layers[0].kernel = 4;
   Module(config, "TAR2D").query = "LANGE";
-  Module(config, "EE2D").attend = {"image@ee_pixl"};
-  Module(config, "DISP").decoder.target = "displacment";
+  Module(config, "EE2D").attend = {"image@targt"};
+  Module(config, "EE3D").decoder.entity = "eee";
+  Module(config, "DISP").decoder.quantity = "displacment";
+  config.losses.pixel.beta = 0;
 
   const std::string problems = Problems(config);
 
@@ -46,8 +51,10 @@ TEST(PolicyConfig, ReportsAllProblemsAtOnceWithTheNearestName) {
   EXPECT_THAT(problems, HasSubstr("attention: 'sparse' is not one of module, shared"));
   EXPECT_THAT(problems, HasSubstr("image.layers[0].kernel: must be odd"));
   EXPECT_THAT(problems, HasSubstr("modules.TAR2D.query: unknown module 'LANGE', did you mean 'LANG'?"));
-  EXPECT_THAT(problems, HasSubstr("unknown pixel label 'ee_pixl', did you mean 'ee_pixel'?"));
-  EXPECT_THAT(problems, HasSubstr("unknown label 'displacment', did you mean 'displacement'?"));
+  EXPECT_THAT(problems, HasSubstr("modules.EE2D.attend: unknown entity 'targt', did you mean 'target'?"));
+  EXPECT_THAT(problems, HasSubstr("modules.EE3D.decoder.entity: unknown entity 'eee', did you mean 'ee'?"));
+  EXPECT_THAT(problems, HasSubstr("unknown quantity 'displacment', did you mean 'displacement'?"));
+  EXPECT_THAT(problems, HasSubstr("losses.pixel.beta: must be > 0"));
 }
 
 TEST(PolicyConfig, RefusesModulesThatAreNotEvaluatedBefore) {
@@ -67,12 +74,12 @@ TEST(PolicyConfig, AModuleMayReadItsOwnLevelOnlyAboveIt) {
 
 TEST(PolicyConfig, RefusesInputsThatNobodyDecodes) {
   PolicyConfig config = Preset("compact");
-  Module(config, "CTRL").decoder.inputs = {"register", "pixel:EE3D",  "soft_argmax", "waves:class:LANG",
+  Module(config, "CTRL").decoder.inputs = {"register", "pixel:EE3D",  "soft_argmax", "fourier:class:LANG",
                                            "position", "joints:EE3D", "speed:EE3D"};
   const std::string problems = Problems(config);
   EXPECT_THAT(problems, HasSubstr("'pixel:EE3D': that module decodes no pixel"));
   EXPECT_THAT(problems, HasSubstr("'soft_argmax': that module does not read the image"));
-  EXPECT_THAT(problems, HasSubstr("'waves:class:LANG': waves are of a position, displacement or joints"));
+  EXPECT_THAT(problems, HasSubstr("'fourier:class:LANG': Fourier features are of a position, displacement or joints"));
   EXPECT_THAT(problems, HasSubstr("'position' must name a module"));
   EXPECT_THAT(problems, HasSubstr("'joints:EE3D' belongs to no module"));
   EXPECT_THAT(problems, HasSubstr("unknown input 'speed'"));
@@ -80,7 +87,7 @@ TEST(PolicyConfig, RefusesInputsThatNobodyDecodes) {
 
 TEST(PolicyConfig, RefusesAttentionToWhatIsNotRead) {
   PolicyConfig config = Preset("compact");
-  Module(config, "LANG").attend = {"image@target_pixel"};
+  Module(config, "LANG").attend = {"image@target"};
   EXPECT_THAT(Problems(config), HasSubstr("modules.LANG.attend: unknown key 'image'"));
 }
 
@@ -93,23 +100,46 @@ TEST(PolicyConfig, RefusesNamesThatMeanSomethingElse) {
   EXPECT_THAT(Problems(config), HasSubstr("modules.EE2D.name: stands twice"));
 }
 
-TEST(PolicyConfig, RefusesRelativeToWithoutAPosition) {
+TEST(PolicyConfig, ReadoutsAreThoseOfTheQuantity) {
   PolicyConfig config = Preset("compact");
-  Module(config, "CTRL").decoder.relative_to = "LANG";
-  EXPECT_THAT(Problems(config), HasSubstr("decoder.relative_to: 'LANG' decodes no position"));
-  Module(config, "CTRL").decoder.relative_to = "";
-  Module(config, "EE3D").decoder.relative_to = "EE2D";
-  EXPECT_THAT(Problems(config), HasSubstr("modules.EE3D.decoder.relative_to: is for trajectories only"));
+  Module(config, "CTRL").decoder.from = {"LANG"};
+  EXPECT_THAT(Problems(config), HasSubstr("modules.CTRL.decoder.from: 'LANG' decodes no position"));
+  Module(config, "CTRL").decoder.from = {};
+  EXPECT_THAT(Problems(config), HasSubstr("modules.CTRL.decoder.from: relative needs 1 modules, not 0"));
+  Module(config, "DISP").decoder.from = {"EE3D"};
+  EXPECT_THAT(Problems(config), HasSubstr("modules.DISP.decoder.from: difference needs 2 modules, not 1"));
+  Module(config, "TAR3D").decoder.readout = "soft_argmax";
+  EXPECT_THAT(Problems(config), HasSubstr("modules.TAR3D.decoder.readout: 'soft_argmax' is not one of linear, mlp"));
+  Module(config, "TAR3D").decoder.readout = "linear";
+  EXPECT_THAT(Problems(config), HasSubstr("modules.TAR3D.decoder.hidden: linear has no hidden layer"));
+  Module(config, "TAR2D").decoder.readout = "mlp";
+  EXPECT_THAT(Problems(config), HasSubstr("modules.TAR2D.decoder.hidden: mlp needs one"));
 }
 
-TEST(PolicyConfig, RefusesBetweenWithoutTwoPositions) {
+TEST(PolicyConfig, QuantitiesAreOfEntitiesThatHaveThem) {
   PolicyConfig config = Preset("compact");
-  Module(config, "DISP").decoder.between = {"EE3D", "LANG"};
-  EXPECT_THAT(Problems(config), HasSubstr("modules.DISP.decoder.between: 'LANG' decodes no position"));
-  Module(config, "DISP").decoder.between = {"EE3D"};
-  EXPECT_THAT(Problems(config), HasSubstr("modules.DISP.decoder.between: needs two modules, not 1"));
-  Module(config, "TAR3D").decoder.between = {"EE3D", "EE3D"};
-  EXPECT_THAT(Problems(config), HasSubstr("modules.TAR3D.decoder.between: is for displacements only"));
+  Module(config, "TAR3D").decoder.entity = "others";
+  Module(config, "CTRL").decoder.entity = "target";
+  Module(config, "LANG").decoder.entity = "ee";
+  const std::string problems = Problems(config);
+  EXPECT_THAT(problems, HasSubstr("modules.TAR3D.decoder: a position is not of 'others'"));
+  EXPECT_THAT(problems, HasSubstr("modules.CTRL.decoder: a trajectory is not of 'target'"));
+  EXPECT_THAT(problems, HasSubstr("modules.LANG.decoder: a class is not of 'ee'"));
+
+  config = Preset("compact");
+  Module(config, "TAR3D").decoder.entity = "object:coke";
+  Module(config, "TAR2D").attend = {"image@others"};
+  EXPECT_EQ(Problems(config), "");
+}
+
+TEST(PolicyConfig, LabelsAreThoseThatModulesAskFor) {
+  PolicyConfig config = Preset("compact");
+  Module(config, "TAR2D").attend = {"image@others"};
+  std::vector<std::string> names;
+  for (const auto& column : LabelColumnsOf(config)) names.push_back(column.name);
+  EXPECT_THAT(names,
+              testing::UnorderedElementsAre("target.class", "ee.pixel", "target.pixel", "others.pixel", "ee.position",
+                                            "target.position", "target.displacement", "ee.trajectory"));
 }
 
 TEST(PolicyConfig, UnknownKeysAreRefused) {

@@ -37,21 +37,23 @@ heads: 2
 objects: [red, blue, green]
 precision: float32
 modules:
-  - {name: LANG, level: 1, reads: [language, joints], attend: [language], decoder: {target: target_class}}
-  - {name: EE2D, level: 2, reads: [joints, image], attend: ["image@ee_pixel"], decoder: {target: ee_pixel}}
-  - {name: TAR2D, level: 2, query: LANG, reads: [image, self], attend: ["image@target_pixel"],
-     decoder: {target: target_pixel, hidden: [4], inputs: [register, soft_argmax], detach: false}}
-  - {name: EE3D, level: 3, reads: [joints, EE2D], attend: [joints, EE2D],
-     decoder: {target: ee_pose, hidden: [8], inputs: [register, joints], detach: false}}
-  - {name: TAR3D, level: 3, reads: [TAR2D, EE3D], attend: [TAR2D],
-     decoder: {target: target_position, hidden: [8, 8], detach: false,
-               inputs: [register, "soft_argmax:TAR2D", "pixel:TAR2D", joints, "waves:joints", "position:EE3D"]}}
-  - {name: DISP, level: 4, reads: [EE3D, TAR3D, language], attend: [EE3D, TAR3D],
-     decoder: {target: displacement, inputs: ["position:EE3D", "position:TAR3D"], between: [EE3D, TAR3D],
+  - {name: LANG, level: 1, reads: [language, joints], attend: [language], decoder: {entity: target, quantity: class}}
+  - {name: EE2D, level: 2, reads: [joints, image], attend: ["image@ee"],
+     decoder: {entity: ee, quantity: pixel, readout: soft_argmax}}
+  - {name: TAR2D, level: 2, query: LANG, reads: [image, self], attend: ["image@target"],
+     decoder: {entity: target, quantity: pixel, readout: soft_argmax, hidden: [4], inputs: [register, soft_argmax],
                detach: false}}
+  - {name: EE3D, level: 3, reads: [joints, EE2D], attend: [joints, EE2D],
+     decoder: {entity: ee, quantity: pose, readout: mlp, hidden: [8], inputs: [register, joints], detach: false}}
+  - {name: TAR3D, level: 3, reads: [TAR2D, EE3D], attend: [TAR2D],
+     decoder: {entity: target, quantity: position, readout: mlp, hidden: [8, 8], detach: false,
+               inputs: [register, "soft_argmax:TAR2D", "pixel:TAR2D", joints, "fourier:joints", "position:EE3D"]}}
+  - {name: DISP, level: 4, reads: [EE3D, TAR3D, language], attend: [EE3D, TAR3D],
+     decoder: {entity: target, quantity: displacement, readout: difference, from: [EE3D, TAR3D],
+               inputs: ["position:EE3D", "position:TAR3D"], detach: false}}
   - {name: CTRL, level: 5, reads: [all], attend: [language, joints, EE3D, TAR3D, DISP],
-     decoder: {target: trajectory, hidden: [12, 12], relative_to: EE3D, detach: false,
-               inputs: [register, language, "class:LANG", "waves:displacement:DISP", "displacement:DISP"]}}
+     decoder: {entity: ee, quantity: trajectory, readout: relative, from: [EE3D], hidden: [12, 12], detach: false,
+               inputs: [register, language, "class:LANG", "fourier:displacement:DISP", "displacement:DISP"]}}
 )";
   const auto config = FromJson<PolicyConfig>(ParseYaml(kYaml, "tiny").value(), "tiny");
   EXPECT_TRUE(config) << config.error().message;
@@ -96,17 +98,17 @@ inline Labels MakeLabels(const PolicyConfig& config, int batch, int sentences) {
            torch::rand({batch, count, 2}) * torch::tensor({config.image.crop[2] - 8.0F, config.image.crop[3] - 8.0F});
   };
   Labels labels;
-  labels["target_class"] =
+  labels["target.class"] =
       torch::randint(0, static_cast<int>(config.objects.size()), {batch, sentences}, torch::kInt64);
-  labels["target_pixel"] = pixel(sentences);
-  labels["target_position"] = 0.2 * torch::randn({batch, sentences, 3});
-  labels["target_pose"] = 0.2 * torch::randn({batch, sentences, 9});
-  labels["ee_pixel"] = pixel(1);
-  labels["ee_position"] = 0.2 * torch::randn({batch, 1, 3});
-  labels["ee_pose"] = 0.2 * torch::randn({batch, 1, 9});
-  labels["displacement"] = 0.2 * torch::randn({batch, sentences, 3});
-  labels["trajectory"] = 0.2 * torch::randn({batch, 1, 12, 10});
-  labels["trajectory"].select(-1, 9).copy_(torch::rand({batch, 1, 12}).round());
+  labels["target.pixel"] = pixel(sentences);
+  labels["target.position"] = 0.2 * torch::randn({batch, sentences, 3});
+  labels["target.pose"] = 0.2 * torch::randn({batch, sentences, 9});
+  labels["ee.pixel"] = pixel(1);
+  labels["ee.position"] = 0.2 * torch::randn({batch, 1, 3});
+  labels["ee.pose"] = 0.2 * torch::randn({batch, 1, 9});
+  labels["target.displacement"] = 0.2 * torch::randn({batch, sentences, 3});
+  labels["ee.trajectory"] = 0.2 * torch::randn({batch, 1, 12, 10});
+  labels["ee.trajectory"].select(-1, 9).copy_(torch::rand({batch, 1, 12}).round());
   return labels;
 }
 

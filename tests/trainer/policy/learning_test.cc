@@ -50,8 +50,8 @@ Batch MakeBatch(int batch) {
   result.inputs.sentences = {"pick the red one", "pick the blue one", "push green"};
   // colours are in channel order: red, green, blue
   result.inputs.sentence_index = torch::tensor({0, 2, 1}, torch::kInt64).expand({batch, kColours}).contiguous();
-  result.labels["target_class"] = torch::arange(kColours).expand({batch, kColours}).contiguous();
-  result.labels["target_pixel"] = pixel;
+  result.labels["target.class"] = torch::arange(kColours).expand({batch, kColours}).contiguous();
+  result.labels["target.pixel"] = pixel;
   return result;
 }
 
@@ -75,10 +75,10 @@ TEST(Learning, FindsTheSquareThatTheSentenceNames) {
   torch::NoGradGuard no_grad;
   const Batch test = MakeBatch(64);
   const Outputs outputs = policy->Forward(test.inputs);
-  const Tensor error = (outputs.at("TAR2D").decoded.at("pixel") - test.labels.at("target_pixel")).norm(2, -1);
+  const Tensor error = (outputs.at("TAR2D").decoded.at("pixel") - test.labels.at("target.pixel")).norm(2, -1);
   EXPECT_LT(error.mean().item<double>(), 1.0) << "px; loss went from " << first << " to " << last;
   const Tensor named = outputs.at("LANG").decoded.at("class").argmax(-1);
-  EXPECT_TRUE(torch::equal(named, test.labels.at("target_class")));
+  EXPECT_TRUE(torch::equal(named, test.labels.at("target.class")));
 }
 
 }  // namespace

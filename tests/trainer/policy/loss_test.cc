@@ -22,12 +22,19 @@ struct Case {
 
   Case() {
     torch::manual_seed(5);
-    labels["target_pixel"] = torch::tensor(
+    labels["target.pixel"] = torch::tensor(
         {{{15.0F, 24.0F}, {31.5F, 33.0F}, {20.0F, 28.0F}}, {{12.0F, 19.0F}, {33.0F, 30.0F}, {22.2F, 27.1F}}});
     output.attention = torch::softmax(2 * torch::randn({2, 3, 24 + 2}), -1);
-    module.attend = {"image@target_pixel"};
+    module.attend = {"image@target"};
   }
-  Masked Attend(const std::string& form) { return AttentionLoss(module, form, keys, output, labels, origin, grid); }
+  Masked Attend(const std::string& kind) {
+    return AttentionLoss(module, {.kind = kind}, keys, output, labels, origin, grid);
+  }
+  double Decode(const char* entity, const char* quantity) {
+    module.decoder.entity = entity;
+    module.decoder.quantity = quantity;
+    return DecodeLoss(TinyConfig(), module, output, labels, origin, grid).item<double>();
+  }
 };
 
 /// Gaussian weights of all patches, normalised, in plain C++.
@@ -50,7 +57,7 @@ TEST(AttentionLoss, LogIsTheCrossEntropyToAGaussianPatch) {
   const Masked masked = c.Attend("log");
   for (int b = 0; b < 2; ++b) {
     for (int s = 0; s < 3; ++s) {
-      const auto at = c.labels["target_pixel"][b][s] - c.origin[b];
+      const auto at = c.labels["target.pixel"][b][s] - c.origin[b];
       const auto target = ScalarTarget(at[0].item<double>(), at[1].item<double>());
       double expected = 0;
       for (int p = 0; p < 24; ++p) expected -= target[p] * std::log(c.output.attention[b][s][p].item<double>());
@@ -62,7 +69,7 @@ TEST(AttentionLoss, LogIsTheCrossEntropyToAGaussianPatch) {
 
 TEST(AttentionLoss, MseIsOfTheMassOnTheKeySet) {
   Case c;
-  c.module.attend = {"image@target_pixel", "joints"};
+  c.module.attend = {"image@target", "joints"};
   const Masked masked = c.Attend("mse");
   // (15, 24) from (10, 20) lies in row 1, column 1
   const double mass = (c.output.attention[0][0][7] + c.output.attention[0][0][25]).item<double>();
@@ -81,9 +88,9 @@ TEST(AttentionLoss, LogOfSeveralKeysIsOfTheirSum) {
 TEST(AttentionLoss, PixelsOutsideTheCropOrUnlabelledDoNotCount) {
   Case c;
   const double all = c.Attend("log").Mean().item<double>();
-  c.labels["target_pixel"][0][1] = torch::tensor({34.5F, 33.0F});  // the crop ends at u = 34
-  c.labels["target_pixel"][1][0].fill_(std::numeric_limits<float>::quiet_NaN());
-  c.labels["target_pixel.valid"] = torch::tensor({{true, true, true}, {false, true, true}});
+  c.labels["target.pixel"][0][1] = torch::tensor({34.5F, 33.0F});  // the crop ends at u = 34
+  c.labels["target.pixel"][1][0].fill_(std::numeric_limits<float>::quiet_NaN());
+  c.labels["target.pixel.valid"] = torch::tensor({{true, true, true}, {false, true, true}});
 
   const Masked masked = c.Attend("log");
 
@@ -94,10 +101,42 @@ TEST(AttentionLoss, PixelsOutsideTheCropOrUnlabelledDoNotCount) {
   EXPECT_NE(masked.Mean().item<double>(), all);
 }
 
+TEST(AttentionLoss, OfASetIsTheMeanOverItsMembersInView) {
+  Case c;
+  c.module.attend = {"image@others"};
+  const Tensor one = torch::tensor({15.0F, 24.0F}), two = torch::tensor({31.5F, 33.0F}),
+               out = torch::tensor({90.0F, 9.0F});
+  const auto set = [&](const std::vector<Tensor>& pixels) {
+    Tensor value = torch::zeros({2, 3, 8, 2}), valid = torch::zeros({2, 3, 8}, torch::kBool);
+    for (std::size_t k = 0; k < pixels.size(); ++k) {
+      const auto slot = static_cast<std::int64_t>(2 * k);  // where they stand does not matter
+      value[0][0][slot] = pixels[k];
+      valid[0][0][slot] = true;
+    }
+    c.labels["others.pixel"] = value;
+    c.labels["others.pixel.valid"] = valid;
+    return c.Attend("log");
+  };
+  const double first = set({one}).loss[0][0].item<double>(), second = set({two}).loss[0][0].item<double>();
+
+  EXPECT_NEAR(set({one, two}).loss[0][0].item<double>(), (first + second) / 2, 1e-4);
+  EXPECT_NEAR(set({one, out}).loss[0][0].item<double>(), first, 1e-4);
+  const Tensor valid = set({one, two}).valid;
+  EXPECT_TRUE(valid[0][0].item<bool>());
+  EXPECT_EQ(valid.sum().item<std::int64_t>(), 1) << "the other samples have no others";
+  EXPECT_FALSE(set({out}).valid.any().item<bool>());
+
+  c.module.attend = {"image@others", "joints"};  // the mass: both patches and the key, each once
+  const Masked mass = set({one, two, two});
+  const auto& map = c.output.attention[0][0];
+  const Tensor both = map[7] + map[3 * 6 + 5] + map[25];
+  EXPECT_NEAR(mass.loss[0][0].item<double>(), -std::log(both.item<double>()), 1e-5);
+}
+
 TEST(PatchTarget, SumsToOneAtTheBorderToo) {
   const Case c;
   const Tensor corner = c.origin.unsqueeze(1).expand({2, 3, 2}).contiguous();
-  EXPECT_TRUE(torch::allclose(PatchTarget(corner, c.origin, c.grid).sum(-1), torch::ones({2, 3})));
+  EXPECT_TRUE(torch::allclose(PatchTarget(corner, c.origin, c.grid, 0.6).sum(-1), torch::ones({2, 3})));
 }
 
 double ScalarSmoothL1(double difference, double beta) {
@@ -107,49 +146,47 @@ double ScalarSmoothL1(double difference, double beta) {
 
 TEST(DecodeLoss, PositionIsSmoothL1InMetres) {
   Case c;
-  c.module.decoder.target = "ee_position";
   c.output.decoded["position"] = torch::tensor({{{0.1F, 0.2F, 0.3F}}, {{0.0F, 0.0F, 0.0F}}});
-  c.labels["ee_position"] = torch::tensor({{{0.102F, 0.25F, 0.3F}}, {{0.5F, 0.5F, 0.5F}}});
-  c.labels["ee_position.valid"] = torch::tensor({{true}, {false}});
+  c.labels["ee.position"] = torch::tensor({{{0.102F, 0.25F, 0.3F}}, {{0.5F, 0.5F, 0.5F}}});
+  c.labels["ee.position.valid"] = torch::tensor({{true}, {false}});
   const double expected = 20 * (ScalarSmoothL1(0.002, 0.003) + ScalarSmoothL1(0.05, 0.003)) / 3;
-  EXPECT_NEAR(DecodeLoss(c.module, c.output, c.labels, c.origin, c.grid).item<double>(), expected, 1e-5);
+  EXPECT_NEAR(c.Decode("ee", "position"), expected, 1e-5);
 }
 
 TEST(DecodeLoss, ClassIsTheCrossEntropyOverObjects) {
   Case c;
-  c.module.decoder.target = "target_class";
   c.output.decoded["class"] = torch::tensor({{{1.0F, 2.0F, 0.5F}}});
-  c.labels["target_class"] = torch::tensor({{2}}, torch::kInt64);
+  c.labels["target.class"] = torch::tensor({{2}}, torch::kInt64);
   const double expected = -0.5 + std::log(std::exp(1.0) + std::exp(2.0) + std::exp(0.5));
-  EXPECT_NEAR(DecodeLoss(c.module, c.output, c.labels, c.origin, c.grid).item<double>(), expected, 1e-5);
+  EXPECT_NEAR(c.Decode("target", "class"), expected, 1e-5);
 }
 
 TEST(DecodeLoss, TrajectoryCountsValidWaypointsOfTheFirstSentence) {
   Case c;
-  c.module.decoder.target = "trajectory";
   c.output.decoded["trajectory"] = torch::zeros({1, 2, 12, 10});
   c.output.decoded["trajectory"][0][1].fill_(99);  // another sentence: not labelled
   c.output.gripper_logits = torch::full({1, 2, 12}, 0.7F);
   c.output.waypoint_scale = torch::linspace(0.01, 0.12, 12);  // the fourth one: 4 cm
   Tensor label = torch::zeros({1, 1, 12, 10});
   label[0][0][3][1] = 0.03F;  // m
-  label[0][0][3][5] = 0.5F;   // a sine
+  label[0][0][3][5] = 0.5F;   // of the rotation
   label[0][0][3][9] = 1;      // closed
   label[0][0][4].fill_(std::numeric_limits<float>::quiet_NaN());
-  c.labels["trajectory"] = label;
+  c.labels["ee.trajectory"] = label;
   Tensor valid = torch::zeros({1, 1, 12}, torch::kBool);
   valid[0][0][3] = true;
-  c.labels["trajectory.valid"] = valid;
+  c.labels["ee.trajectory.valid"] = valid;
   const double expected =
       2 * ScalarSmoothL1(0.03 / 0.04, 0.05) / 3 + ScalarSmoothL1(0.5, 0.1) / 6 + 0.5 * std::log(1 + std::exp(-0.7));
-  EXPECT_NEAR(DecodeLoss(c.module, c.output, c.labels, c.origin, c.grid).item<double>(), expected, 1e-5);
+  EXPECT_NEAR(c.Decode("ee", "trajectory"), expected, 1e-5);
 }
 
 TEST(DecodeLoss, AnAbsentLabelIsNoLoss) {
   Case c;
-  c.module.decoder.target = "displacement";
+  c.module.decoder.entity = "target";
+  c.module.decoder.quantity = "displacement";
   c.output.decoded["displacement"] = torch::zeros({2, 3, 3});
-  EXPECT_FALSE(DecodeLoss(c.module, c.output, c.labels, c.origin, c.grid).defined());
+  EXPECT_FALSE(DecodeLoss(TinyConfig(), c.module, c.output, c.labels, c.origin, c.grid).defined());
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <thread>
@@ -24,8 +25,11 @@ std::int64_t CountParameters(const Policy& policy, const std::string& prefix = "
   return count;
 }
 
+// as for the default camera
 PolicyConfig Preset(const std::string& name) {
-  return LoadConfig<PolicyConfig>("trainer/experiments/policies/" + name + ".yaml").value();
+  PolicyConfig config = LoadConfig<PolicyConfig>("trainer/experiments/policies/" + name + ".yaml").value();
+  if (config.image.crop.empty()) config.image.crop = {40, 75, 144, 80};
+  return config;
 }
 
 Inputs WithSentence(Inputs inputs, int s) {
@@ -83,14 +87,14 @@ TEST_P(BothAttentions, SentencesTogetherEqualSentencesOneByOne) {
   policy->eval();
   const Inputs inputs = MakeInputs(config_, 4, 3);
   const Outputs together = policy->Forward(inputs);
-  EXPECT_EQ(together.at("EE2D").reg.size(1), 1);
+  EXPECT_EQ(together.at("EE2D").register_token.size(1), 1);
   EXPECT_EQ(together.at("EE3D").decoded.at("pose").size(1), 1);
   EXPECT_EQ(together.at("CTRL").decoded.at("trajectory").sizes(), torch::IntArrayRef({4, 3, 12, 10}));
   for (int s = 0; s < 3; ++s) {
     for (const auto& [name, one] : policy->Forward(WithSentence(inputs, s))) {
       const ModuleOutput& all = together.at(name);
-      const auto at = all.reg.size(1) == 1 ? 0 : s;
-      EXPECT_LT(MaxDifference(all.reg.select(1, at), one.reg.select(1, 0)), 1e-5) << name;
+      const auto at = all.register_token.size(1) == 1 ? 0 : s;
+      EXPECT_LT(MaxDifference(all.register_token.select(1, at), one.register_token.select(1, 0)), 1e-5) << name;
       EXPECT_LT(MaxDifference(all.attention.select(1, at), one.attention.select(1, 0)), 1e-5) << name;
       for (const auto& [kind, value] : one.decoded)
         EXPECT_LT(MaxDifference(all.decoded.at(kind).select(1, at), value.select(1, 0)), 1e-3) << name;
@@ -142,11 +146,12 @@ TEST_P(BothAttentions, WeightsRoundTripBitByBit) {
   a->Forward(inputs);  // moves the running statistics
   a->eval();
   b->eval();
-  const Tensor before = b->Forward(inputs).at("CTRL").reg;
+  const Tensor before = b->Forward(inputs).at("CTRL").register_token;
 
   ASSERT_TRUE(b->LoadStateTensors(a->StateTensors()));
 
-  const Tensor wanted = a->Forward(inputs).at("CTRL").reg, found = b->Forward(inputs).at("CTRL").reg;
+  const Tensor wanted = a->Forward(inputs).at("CTRL").register_token,
+               found = b->Forward(inputs).at("CTRL").register_token;
   EXPECT_TRUE(torch::equal(wanted, found));
   EXPECT_FALSE(torch::equal(before, found));
 }
@@ -177,7 +182,7 @@ TEST(Policy, UnlabelledSamplesGiveFiniteGradients) {
   const auto policy = MakePolicy(TinyConfig());
   const Inputs inputs = MakeInputs(policy->config(), 2, 2);
   Labels labels = MakeLabels(policy->config(), 2, 2);
-  for (const char* name : {"target_pixel", "target_position", "displacement"}) {
+  for (const char* name : {"target.pixel", "target.position", "target.displacement"}) {
     labels[name][1][1].fill_(std::numeric_limits<float>::quiet_NaN());
     labels[std::string(name) + ".valid"] = torch::tensor({{true, true}, {true, false}});
   }
@@ -269,7 +274,7 @@ TEST(Policy, ControlCannotMoveGroundingWhenDetached) {
       return grad.defined() && grad.abs().max().item<float>() > 0;
     };
     for (const char* name : {"image.layer0_0_weight", "modules.TAR2D.attention.key_weight",
-                             "modules.TAR3D.decoder.layer0.weight", "modules.EE3D.decoder.layer0.weight"})
+                             "modules.TAR3D.decoder.bias", "modules.EE3D.decoder.from.joints"})
       EXPECT_EQ(moved(name), !detach) << name;
     EXPECT_TRUE(moved("language.vectors"));  // verbs are learned here alone
     EXPECT_TRUE(moved("joints.layer0.weight"));
@@ -311,6 +316,35 @@ TEST(Policy, WhatIsNotBuiltInIsRefused) {
   Normalization bad = TinyNormalization();
   bad.offset_std = torch::ones({3});
   EXPECT_FALSE(Policy::Create(TinyConfig(), bad, 1));
+}
+
+TEST(Policy, ParametersAreFoundByTheNamesOfWhatTheyRead) {
+  const auto state = MakePolicy(TinyConfig())->StateTensors();
+  EXPECT_EQ(state.at("modules.TAR3D.decoder.from.fourier:joints").sizes(), torch::IntArrayRef({8, 6}));
+  EXPECT_EQ(state.at("modules.CTRL.decoder.from.class:LANG").sizes(), torch::IntArrayRef({12, 3}));
+  EXPECT_EQ(state.at("modules.CTRL.segments.DISP").sizes(), torch::IntArrayRef({8}));
+
+  // the order of a list is no part of the weights: the same names, and loaded weights say the same
+  PolicyConfig other = TinyConfig();
+  ModuleConfig* control = FindModule(other, "CTRL");
+  std::reverse(control->decoder.inputs.begin(), control->decoder.inputs.end());
+  control->reads = {"DISP", "TAR3D", "EE3D", "TAR2D", "EE2D", "LANG", "joints", "language", "image"};
+  const auto a = MakePolicy(TinyConfig(), 1), b = MakePolicy(other, 2);
+  ASSERT_TRUE(b->LoadStateTensors(a->StateTensors()));
+  a->eval();
+  b->eval();
+  const Inputs inputs = MakeInputs(TinyConfig(), 2, 2);
+  EXPECT_LT(MaxDifference(a->Forward(inputs).at("CTRL").decoded.at("trajectory"),
+                          b->Forward(inputs).at("CTRL").decoded.at("trajectory")),
+            1e-5);
+}
+
+TEST(Policy, ACropThatNobodyResolvedIsRefused) {
+  PolicyConfig config = TinyConfig();
+  config.image.crop.clear();
+  const auto policy = Policy::Create(config, TinyNormalization(), 1);
+  ASSERT_FALSE(policy);
+  EXPECT_THAT(policy.error().message, HasSubstr("image.crop"));
 }
 
 TEST(Presets, PaperHasItsSizes) {

@@ -7,7 +7,9 @@
 #include <filesystem>
 #include <set>
 
-#include "tests/trainer/publish/example_checkpoint.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/trainer/checkpoint/example_checkpoint.h"
+#include "tests/trainer/policy/fixtures.h"
 
 namespace etude::publish {
 namespace {
@@ -23,58 +25,69 @@ std::set<std::string> Files(const Path& folder) {
 
 TEST(CheckpointSink, KeepsTheNewestAndTheBest) {
   const TemporaryFolder folder;
-  const auto config = learn::TinyConfig({"checkpoint.keep=2"});
-  auto sink = CheckpointSink::Open(folder.path(), "demo", nullptr);
+  const auto config = policy::TinyConfig();
+  auto sink = CheckpointSink::Open(folder.path(), {"demo", "", 1}, nullptr, 2);
   ASSERT_TRUE(sink) << sink.error().message;
   for (std::uint64_t step = 1; step <= 6; ++step) {
-    auto request = ExampleRequest(config, step);
-    request.best = step == 2;
+    auto request = checkpoint::ExampleCheckpoint(config, step);
+    request.metadata.best = step == 2;
     ASSERT_TRUE(sink->Save(request));
   }
 
   EXPECT_EQ(Files(folder / "checkpoints"),
             (std::set<std::string>{"00000002.safetensors", "00000005.safetensors", "00000006.safetensors",
                                    "latest.safetensors", "best.safetensors", "starts"}));
-  EXPECT_EQ(ReadCheckpoint(folder / "checkpoints/latest.safetensors").value().info.step, 6u);
-  EXPECT_EQ(ReadCheckpoint(folder / "checkpoints/best.safetensors").value().info.step, 2u);
+  EXPECT_EQ(checkpoint::ReadFile(folder / "checkpoints/latest.safetensors").value().metadata.step, 6u);
+  EXPECT_EQ(checkpoint::ReadFile(folder / "checkpoints/best.safetensors").value().metadata.step, 2u);
 }
 
 TEST(CheckpointSink, PublishesToLateJoinersAlsoAfterARestart) {
   const TemporaryFolder folder;
-  const auto config = learn::TinyConfig();
+  const auto config = policy::TinyConfig();
   auto participant = bus::Participant::Open({kDomain, ""});
   ASSERT_TRUE(participant) << participant.error().message;
-  auto first = CheckpointSink::Open(folder.path(), "sink-demo", &*participant);
+  EXPECT_EQ(NextStart(folder.path()), 1u);
+  auto first = CheckpointSink::Open(folder.path(), {"sink-demo", "aaaa", 1}, &*participant);
   ASSERT_TRUE(first) << first.error().message;
-  ASSERT_TRUE(first->Save(ExampleRequest(config, 500)));
+  ASSERT_TRUE(first->Save(checkpoint::ExampleCheckpoint(config, 500)));
 
-  auto subscriber = bus::ObjectSubscriber::Open(*participant, "sink-demo", kLatest);
+  bus::ReceiveOptions receive;
+  receive.owner = "aaaa";
+  auto subscriber = bus::BlobSubscriber::Open(*participant, "sink-demo/aaaa", checkpoint::kLatest, receive);
   ASSERT_TRUE(subscriber);
   const auto before = subscriber->Wait(20s);
   ASSERT_TRUE(before);
-  EXPECT_EQ(DecodeCheckpoint(before->bytes).value().info.step, 500u);
+  EXPECT_EQ(checkpoint::Decode(before->bytes).value().metadata.step, 500u);
   EXPECT_EQ(OrderedJson::parse(before->meta_json)["step"], 500);
 
   // the trainer restarts: what is on disk is published again, then a step that is older than the
   // last one
   first = Fail(Code::kInternal, "gone");
-  auto second = CheckpointSink::Open(folder.path(), "sink-demo", &*participant);
+  EXPECT_EQ(NextStart(folder.path()), 2u);
+  auto second = CheckpointSink::Open(folder.path(), {"sink-demo", "aaaa", 2}, &*participant);
   ASSERT_TRUE(second) << second.error().message;
-  ASSERT_TRUE(second->Save(ExampleRequest(config, 400)));
+  ASSERT_TRUE(second->Save(checkpoint::ExampleCheckpoint(config, 400)));
   std::uint64_t step = 0;
   for (int i = 0; i < 4 && step != 400; ++i) {
     const auto after = subscriber->Wait(20s);
     ASSERT_TRUE(after);
-    step = DecodeCheckpoint(after->bytes).value().info.step;
+    step = checkpoint::Decode(after->bytes).value().metadata.step;
   }
   EXPECT_EQ(step, 400u);
 }
 
-TEST(RunNameOf, MakesAPlainName) {
-  EXPECT_EQ(RunNameOf("out/My Run"), "my-run");
-  EXPECT_EQ(RunNameOf("out/run_3/"), "run_3");
-  EXPECT_TRUE(IsPlainName(RunNameOf(".")));
-  EXPECT_TRUE(IsPlainName(RunNameOf("x/" + std::string(100, 'a'))));
+// before, what a killed trainer had half written stayed for ever
+TEST(CheckpointSink, RemovesWhatAKilledRunLeftHalfWritten) {
+  const TemporaryFolder folder;
+  for (const char* name : {"checkpoints/00000100.safetensors.tmp-4711", "training_state.safetensors.tmp-4711",
+                           "config.yaml.tmp-12", "checkpoints/00000050.safetensors"})
+    ASSERT_TRUE(WriteFileAtomically(folder / name, "half"));
+
+  const auto sink = CheckpointSink::Open(folder.path(), {"demo", "", 1}, nullptr);
+
+  ASSERT_TRUE(sink) << sink.error().message;
+  EXPECT_EQ(Files(folder / "checkpoints"), (std::set<std::string>{"00000050.safetensors", "starts"}));
+  EXPECT_EQ(Files(folder.path()), (std::set<std::string>{"checkpoints"}));
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 
 #include "services/core/hash.h"
 #include "services/episode/action.h"
+#include "tests/trainer/policy/fixtures.h"
 #include "tests/trainer/serve/example_observation.h"
 
 namespace etude::serve {
@@ -21,12 +22,12 @@ class ModelTest : public ::testing::Test {
  protected:
   void SetUp() override {
     at::set_num_threads(1);
-    bytes_ = publish::EncodeCheckpoint(publish::ExampleRequest(config_), "demo").value();
+    bytes_ = checkpoint::Encode(checkpoint::ExampleCheckpoint(config_)).value();
     auto model = Model::FromBytes(bytes_);
     ASSERT_TRUE(model) << model.error().message;
     model_ = *model;
   }
-  learn::TrainConfig config_ = learn::TinyConfig();
+  policy::PolicyConfig config_ = policy::TinyConfig();
   std::vector<std::uint8_t> bytes_;
   std::shared_ptr<const Model> model_;
 };
@@ -45,11 +46,19 @@ TEST_F(ModelTest, AnswersWithWaypointsAndEveryModulesOutput) {
     EXPECT_LE(action.waypoints[static_cast<std::size_t>(k * kWaypointSize + 9)], 1);
   }
   const auto modules = OrderedJson::parse(action.modules_json);
-  EXPECT_THAT(config_.policy.objects, ::testing::Contains(modules["LANG"]["class"].get<std::string>()));
-  EXPECT_EQ(modules["TAR2D"]["pixel"].size(), 2u);
+  EXPECT_THAT(config_.objects, ::testing::Contains(modules["LANG"]["value"].get<std::string>()));
+  EXPECT_EQ(modules["TAR2D"]["value"].size(), 2u);
   EXPECT_EQ(modules["TAR2D"]["soft_argmax"].size(), 2u);
-  for (const char* name : {"EE3D", "TAR3D"}) EXPECT_EQ(modules[name]["position"].size(), 3u) << name;
-  EXPECT_EQ(modules["DISP"]["displacement"].size(), 3u);
+  const auto expect = [&](const char* name, const char* entity, const char* quantity, std::size_t numbers) {
+    const OrderedJson& module = modules[name];
+    EXPECT_EQ(module["entity"], entity) << name;
+    EXPECT_EQ(module["quantity"], quantity) << name;
+    EXPECT_EQ(module["unit"], "m") << name;
+    EXPECT_EQ(module["value"].size(), numbers) << name;
+  };
+  expect("EE3D", "ee", "pose", 9);
+  expect("TAR3D", "target", "position", 3);
+  expect("DISP", "target", "displacement", 3);
 }
 
 TEST_F(ModelTest, RefusesObservationsThatDoNotFit) {
@@ -61,14 +70,33 @@ TEST_F(ModelTest, RefusesObservationsThatDoNotFit) {
     return action.error;
   };
   EXPECT_THAT(error([](auto& o) { o.image.pop_back(); }), HasSubstr("bytes"));
-  EXPECT_THAT(error([](auto& o) { o.joints.push_back(0); }), HasSubstr("8 joints"));
+  EXPECT_THAT(error([](auto& o) { o.joints.push_back(0); }), HasSubstr("joints: 8 here, 7 there"));
   EXPECT_THAT(error([](auto& o) { o.joints[2] = std::numeric_limits<float>::quiet_NaN(); }), HasSubstr("finite"));
   EXPECT_THAT(error([](auto& o) {
                 o.width = o.height = 20;
                 o.image.resize(20 * 20 * 3);
               }),
-              HasSubstr("20x20"));
+              HasSubstr("camera width: 20 here, 48 there"));
+  EXPECT_THAT(error([](auto& o) { o.robot = "panda"; }), HasSubstr("robot: panda here, ur5 there"));
+  EXPECT_THAT(error([](auto& o) { o.intrinsics = {20, 20, 24, 24}; }), HasSubstr("camera fovy"));
+  EXPECT_THAT(error([](auto& o) { o.camera_pose = {1.5, 0, 0.8, 1, 0, 0, 0}; }), HasSubstr("camera pose"));
   EXPECT_THAT(error([](auto& o) { o.width = 0xffffffffu; }), HasSubstr("bytes"));
+}
+
+// before, a checkpoint of an early stage drove the robot with the random numbers of a module that nobody had trained
+TEST_F(ModelTest, RefusesWhileAModuleOnTheControlPathIsUntrained) {
+  auto early = checkpoint::ExampleCheckpoint(config_);
+  early.metadata.modules["CTRL"] = {};
+  const auto model = Model::FromBytes(checkpoint::Encode(early).value());
+  ASSERT_TRUE(model) << model.error().message;
+  EXPECT_EQ((*model)->untrained(), "CTRL has 0 trained steps");
+
+  const auto action = (*model)->Answer(ExampleObservation(3));
+
+  EXPECT_THAT(action.error, HasSubstr("CTRL has 0 trained steps"));
+  EXPECT_EQ(action.refusal, bus::Refusal::kNotTrained);
+  EXPECT_TRUE(action.waypoints.empty());
+  EXPECT_EQ(action.checkpoint_step, 100u);
 }
 
 TEST_F(ModelTest, AnswersAnySentence) {

@@ -6,8 +6,11 @@
 
 #include <thread>
 
+#include "services/bus/directory.h"
 #include "services/bus/topic.h"
 #include "services/episode/action.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/trainer/policy/fixtures.h"
 #include "tests/trainer/serve/example_observation.h"
 #include "trainer/publish/sink.h"
 
@@ -16,13 +19,15 @@ namespace {
 
 using namespace std::chrono_literals;
 constexpr std::uint32_t kDomain = 76;
+constexpr char kId[] = "aaaa000000000001";
 
 /// A robot that asks and waits for the answer.
 class Client {
  public:
-  static Client Open(const bus::Participant& participant, const std::string& run) {
-    return {bus::Writer<bus::Observation>::Open(participant, run).value(),
-            bus::Reader<bus::Action>::Open(participant, run).value()};
+  static Client Open(const bus::Participant& participant, const Selector& run) {
+    const std::string partition = bus::PartitionOf(run.name, run.id);
+    return {bus::Writer<bus::Observation>::Open(participant, partition).value(),
+            bus::Reader<bus::Action>::Open(participant, partition).value()};
   }
   bool WaitForServer() { return writer.WaitForReaders(1, 30s); }
   bus::Action Ask(const bus::Observation& observation) {
@@ -43,31 +48,34 @@ class Client {
 
 TEST(PolicyServer, TakesOverNewCheckpointsAndKeepsTheLastGoodOne) {
   const TemporaryFolder folder;
-  const auto config = learn::TinyConfig();
+  const auto config = policy::TinyConfig();
   const std::string run = "serve-demo";
+  const Selector demo{run, kId};
   auto participant = bus::Participant::Open({kDomain, ""}).value();
-  auto sink = publish::CheckpointSink::Open(folder.path(), run, &participant).value();
-  auto server = PolicyServer::Open(participant, {run, "latest", 2}, nullptr).value();
+  auto sink = publish::CheckpointSink::Open(folder.path(), {run, kId, 1}, &participant).value();
+  auto server = PolicyServer::Open(participant, {.run = demo, .threads = 2}, nullptr).value();
   ASSERT_TRUE(server.Follow());
   std::thread serving([&] { EXPECT_TRUE(server.Run()); });
-  Client client = Client::Open(participant, run);
+  Client client = Client::Open(participant, demo);
 
   // the first checkpoint
-  ASSERT_TRUE(sink.Save(publish::ExampleRequest(config, 100, 1)));
+  ASSERT_TRUE(sink.Save(checkpoint::ExampleCheckpoint(config, 100, 1)));
   ASSERT_TRUE(client.WaitForServer());
-  auto observation = ExampleObservation(1, run);
+  auto observation = ExampleObservation(1, run, kId);
   const auto first = client.Ask(observation);
   EXPECT_EQ(first.error, "");
   EXPECT_EQ(first.checkpoint_step, 100u);
   EXPECT_EQ(first.waypoints.size(), static_cast<std::size_t>(kWaypoints * kWaypointSize));
 
   // a malformed observation is answered, and the next one too
-  auto odd = ExampleObservation(2, run);
+  auto odd = ExampleObservation(2, run, kId);
   odd.joints.clear();
   EXPECT_NE(client.Ask(odd).error, "");
 
   // one that does not fit is refused; the first serves on
-  auto publisher = bus::ObjectPublisher::Open(participant, run).value();
+  bus::SendOptions owned;
+  owned.owner = kId;
+  auto publisher = bus::BlobPublisher::Open(participant, bus::PartitionOf(run, kId), owned).value();
   const std::vector<std::uint8_t> nonsense(1000, 7);
   ASSERT_TRUE(publisher.Publish("latest", std::uint64_t{1} << 60, nonsense, "{}"));
   const auto deadline = std::chrono::steady_clock::now() + 20s;
@@ -77,7 +85,7 @@ TEST(PolicyServer, TakesOverNewCheckpointsAndKeepsTheLastGoodOne) {
   EXPECT_EQ(client.Ask(observation).checkpoint_step, 100u);
 
   // a newer one takes over, with other answers
-  const auto bytes = publish::EncodeCheckpoint(publish::ExampleRequest(config, 200, 2), run).value();
+  const auto bytes = checkpoint::Encode(checkpoint::ExampleCheckpoint(config, 200, 2)).value();
   ASSERT_TRUE(publisher.Publish("latest", (std::uint64_t{1} << 60) + 1, bytes, "{}"));
   bus::Action later;
   for (std::uint64_t id = 11; later.checkpoint_step != 200 && std::chrono::steady_clock::now() < deadline; ++id) {
@@ -92,27 +100,114 @@ TEST(PolicyServer, TakesOverNewCheckpointsAndKeepsTheLastGoodOne) {
   EXPECT_GE(server.answered(), 4u);
 }
 
+TEST(PolicyServer, DrivesNothingWithWhatIsNotTrained) {
+  const TemporaryFolder folder;
+  const auto config = policy::TinyConfig();
+  const std::string run = "serve-early";
+  auto participant = bus::Participant::Open({kDomain, ""}).value();
+  auto sink = publish::CheckpointSink::Open(folder.path(), {run, kId, 1}, &participant).value();
+  const Selector selector{run, kId};
+  auto server = PolicyServer::Open(participant, {.run = selector}, nullptr).value();
+  ASSERT_TRUE(server.Follow());
+  std::thread serving([&] { EXPECT_TRUE(server.Run()); });
+  Client client = Client::Open(participant, selector);
+  auto early = checkpoint::ExampleCheckpoint(config, 50);
+  early.metadata.modules["CTRL"] = {};
+
+  // nothing else is there: observations are answered with the refusal
+  ASSERT_TRUE(sink.Save(early));
+  ASSERT_TRUE(client.WaitForServer());
+  auto observation = ExampleObservation(1, run, kId);
+  const auto refusal = client.Ask(observation);
+  EXPECT_NE(refusal.error.find("CTRL has 0 trained steps"), std::string::npos) << refusal.error;
+  EXPECT_EQ(refusal.refusal, bus::Refusal::kNotTrained);
+  EXPECT_TRUE(refusal.waypoints.empty());
+
+  // a trained one takes over, and another that is not does not
+  ASSERT_TRUE(sink.Save(checkpoint::ExampleCheckpoint(config, 100)));
+  bus::Action answer;
+  const auto deadline = std::chrono::steady_clock::now() + 20s;
+  for (std::uint64_t id = 10; answer.checkpoint_step != 100 && std::chrono::steady_clock::now() < deadline; ++id) {
+    observation.request_id = id;
+    answer = client.Ask(observation);
+  }
+  EXPECT_EQ(answer.error, "");
+  EXPECT_GT(server.latency().p99_ms, 0);
+  EXPECT_GT(answer.server_p99_ms, 0);
+  EXPECT_GE(answer.server_p99_ms, answer.server_p50_ms);
+  early.metadata.step = 150;
+  const auto refused = server.refused_checkpoints();
+  ASSERT_TRUE(sink.Save(early));
+  while (server.refused_checkpoints() == refused && std::chrono::steady_clock::now() < deadline)
+    std::this_thread::yield();
+  observation.request_id = 1'000'000;
+  EXPECT_EQ(client.Ask(observation).checkpoint_step, 100u);
+  server.Stop();
+  serving.join();
+}
+
 TEST(PolicyServer, AnswersManyClientsAsIfEachWereAlone) {
-  const auto config = learn::TinyConfig();
+  const auto config = policy::TinyConfig();
   const std::string run = "serve-many";
   auto participant = bus::Participant::Open({kDomain, ""}).value();
-  const auto model = Model::FromBytes(publish::EncodeCheckpoint(publish::ExampleRequest(config), run).value()).value();
-  auto server = PolicyServer::Open(participant, {run, "latest", 2}, model).value();
+  const auto model = Model::FromBytes(checkpoint::Encode(checkpoint::ExampleCheckpoint(config)).value()).value();
+  EXPECT_FALSE(PolicyServer::Open(participant, {.run = {run, ""}}, model)) << "which of that name?";
+  const Selector many{run, kId};
+  auto server = PolicyServer::Open(participant, {.run = many, .threads = 2}, model).value();
   std::thread serving([&] { EXPECT_TRUE(server.Run()); });
 
   std::vector<std::thread> clients;
   for (std::uint64_t c = 0; c < 4; ++c) {
     clients.emplace_back([&, c] {
-      Client client = Client::Open(participant, run);
+      Client client = Client::Open(participant, many);
       ASSERT_TRUE(client.WaitForServer());
       for (std::uint64_t i = 0; i < 5; ++i) {
-        auto observation = ExampleObservation(100 * c + i, run);
+        auto observation = ExampleObservation(100 * c + i, run, kId);
         observation.session = "client-" + std::to_string(c);
         EXPECT_EQ(client.Ask(observation).waypoints, model->Answer(observation).waypoints);
       }
     });
   }
   for (auto& client : clients) client.join();
+  server.Stop();
+  serving.join();
+}
+
+// A run that was begun anew counts its versions from the start; its subscribers used to take them for old.
+TEST(PolicyServer, FollowsARunThatWasBegunAnew) {
+  const TemporaryFolder folder;
+  const auto config = policy::TinyConfig();
+  const std::string run = "serve-anew";
+  auto participant = bus::Participant::Open({kDomain, ""}).value();
+  const auto begin = [&](const std::string& id, const char* where, std::uint64_t step) {
+    auto presence = bus::Announcement::Open(
+        participant, bus::MakePresence(bus::PresenceKind::kRun, run, id, folder / where), Claim::kRefuse);
+    EXPECT_TRUE(presence) << presence.error().message;
+    auto sink = publish::CheckpointSink::Open(folder / where, {run, id, step}, &participant).value();
+    EXPECT_TRUE(sink.Save(checkpoint::ExampleCheckpoint(config, step)));
+    return std::pair(std::move(*presence), std::move(sink));
+  };
+  auto server = PolicyServer::Open(participant, {.run = {run, ""}}, nullptr).value();
+  ASSERT_TRUE(server.Follow());
+  std::thread serving([&] { EXPECT_TRUE(server.Run()); });
+  const auto wait_for = [&](std::uint64_t step) {
+    const auto deadline = std::chrono::steady_clock::now() + 20s;
+    while (server.checkpoint_step() != step && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+    EXPECT_EQ(server.checkpoint_step(), step);
+  };
+  {
+    const auto before = begin("aaaa000000000001", "before", 3);
+    wait_for(3);
+  }
+  const auto anew = begin("bbbb000000000002", "anew", 1);
+  wait_for(1);
+
+  Client client = Client::Open(participant, {run, "bbbb000000000002"});
+  ASSERT_TRUE(client.WaitForServer());
+  const auto observation = ExampleObservation(1, run, "bbbb000000000002");
+  const auto action = client.Ask(observation);
+  EXPECT_EQ(action.checkpoint_step, 1u);
+  EXPECT_EQ(action.run_id, "bbbb000000000002");
   server.Stop();
   serving.join();
 }

@@ -17,7 +17,10 @@ using ::testing::Not;
 SceneDescription Shifted(const WorldSpec& world) {
   SceneSpec spec;
   spec.world = world;
-  return DescribeScene(spec).value();
+  RobotModel robot;
+  robot.defaults = "<default class=\"pad\"><geom friction=\"0.9 0.02 0.001\"/></default>\n";
+  robot.materials = "<material name=\"paint\" rgba=\"0.2 0.2 0.2 1\"/>\n";
+  return DescribeScene(spec, robot).value();
 }
 
 TEST(ShiftWorld, TheNominalWorldIsTheSceneByteForByte) {

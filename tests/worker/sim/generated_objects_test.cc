@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "services/episode/object_names.h"
+#include "services/spec/object_names.h"
 #include "tests/support/matchers.h"
 #include "worker/sim/model.h"
 #include "worker/sim/world.h"

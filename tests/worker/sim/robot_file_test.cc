@@ -6,6 +6,7 @@
 
 #include <filesystem>
 
+#include "services/core/config_reference.h"
 #include "services/core/file.h"
 #include "services/core/rng.h"
 #include "tests/support/replace_in_file.h"
@@ -16,6 +17,10 @@ namespace etude::sim {
 namespace {
 
 const std::string kSketch = "deploy/robots/sketch.yaml";
+
+TEST(RobotFile, SaysOfEveryKeyWhatItMeansAndInWhichUnit) {
+  EXPECT_THAT(MissingFromReference(ConfigReference<RobotFile>()), testing::IsEmpty());
+}
 
 TEST(RobotFile, TakesTheRobotOutOfItsFile) {
   const auto loaded = LoadRobot(kSketch);
@@ -137,13 +142,159 @@ TEST_F(BrokenRobot, ShapesThatNobodyKnowsDoNotCollide) {
   EXPECT_THAT(Load().message, testing::HasSubstr("collides as neither box"));
 }
 
-TEST_F(BrokenRobot, ANameOfOursIsRefused) {
-  Replace("sketch/sketch.xml", "<body name=\"wrist\"", "<body name=\"coke\"");
+// A body called like an object, a geom called like the table, a joint called like an object's.
+TEST_F(BrokenRobot, NamesOfOursDoNotClash) {
+  Replace("sketch/sketch.xml", "<body name=\"hand\"", "<body name=\"coke\"");
+  Replace("sketch/sketch.xml", "<body name=\"left\"", "<body name=\"cube\"");
+  Replace("sketch/sketch.xml", "<geom type=\"capsule\" size=\"0.034 0.03\"",
+          "<geom name=\"table\" type=\"capsule\" size=\"0.034 0.03\"");
+  Replace("sketch/sketch.xml", "joint name=\"right_slide\"", "joint name=\"milk\"");
+  Replace("sketch/sketch.xml", "joint1=\"right_slide\"", "joint1=\"milk\"");
+  Replace("sketch.yaml", "right_slide", "milk");
+  Replace("sketch.yaml", "[left]", "[cube]");
   SceneSpec spec;
   spec.robot = (folder_ / "sketch.yaml").string();
   const auto scene = Scene::Build(spec);
-  ASSERT_FALSE(scene);
-  EXPECT_THAT(scene.error().message, testing::HasSubstr("coke"));
+  ASSERT_TRUE(scene) << scene.error().message;
+  EXPECT_EQ((*scene)->arm().finger_groups[0][0], "user_cube");
+  World world(*scene);
+  EXPECT_GT(world.ObjectPose("cube").p.y(), 0.2) << "the object, not the finger";
+  const Pose home = world.X_WE();
+  for (int i = 0; i < 100; ++i) world.Step({home, 1}, Vector6d::Zero());
+  EXPECT_NEAR((*scene)->model().coupled_q.size(), 1, 0);
+  EXPECT_NEAR(world.state().mj->qpos[(*scene)->model().coupled_q[0].first], 0, 2e-3) << "the coupled finger closes";
+
+  spec.objects = {"pepsi"};
+  const auto other = Scene::Build(spec);
+  ASSERT_TRUE(other) << other.error().message;
+  EXPECT_EQ((*other)->arm().finger_groups[0][0], "cube") << "nothing of that name stands there";
+}
+
+// franka_sim's Panda has such a class; mj_saveLastXML throws on it.
+TEST_F(BrokenRobot, AMasslessMeshClassIsRead) {
+  Replace("sketch/sketch.xml", "<geom contype=\"0\" conaffinity=\"0\" material=\"metal\" mass=\"0\"/>",
+          "<geom type=\"mesh\" contype=\"0\" conaffinity=\"0\" material=\"metal\" mass=\"0\"/>");
+  const auto loaded = LoadRobot(folder_ / "sketch.yaml");
+  EXPECT_TRUE(loaded) << loaded.error().message;
+}
+
+TEST_F(BrokenRobot, CompilerSettingsArePutIntoTheElements) {
+  // the same angles in another order, about fixed axes, and masses by the geoms' densities
+  Replace("sketch/sketch.xml", "meshdir=\"meshes\"", "meshdir=\"meshes\" eulerseq=\"ZYX\" settotalmass=\"30\"");
+  Replace("sketch/sketch.xml", "<body name=\"upper\" pos=\"0 0 0.22\">",
+          "<body name=\"upper\" pos=\"0 0 0.22\" euler=\"30 20 10\">");
+  char message[1000] = "";
+  const ModelPtr original(mj_loadXML((folder_ / "sketch/sketch.xml").c_str(), nullptr, message, sizeof message));
+  ASSERT_TRUE(original) << message;
+  SceneSpec spec;
+  spec.robot = (folder_ / "sketch.yaml").string();
+  const auto scene = Scene::Build(spec);
+  ASSERT_TRUE(scene) << scene.error().message;
+  const mjModel* ours = (*scene)->model().mj.get();
+  for (const char* name : {"turret", "upper", "fore", "left"}) {
+    const int a = mj_name2id(original.get(), mjOBJ_BODY, name), b = (*scene)->model().BodyId(name);
+    EXPECT_NEAR(original->body_mass[a], ours->body_mass[b], 1e-9) << name;
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(original->body_inertia[3 * a + k], ours->body_inertia[3 * b + k], 1e-9);
+    for (int k = 0; k < 4; ++k) EXPECT_NEAR(original->body_quat[4 * a + k], ours->body_quat[4 * b + k], 1e-12) << name;
+  }
+}
+
+TEST_F(BrokenRobot, RotorsAndFrictionMayStandInTheYaml) {
+  Replace("sketch.yaml", "base:\n", "armature: [0.3, 0.3, 0.3, 0.1, 0.1, 0.1]\ndamping: [2, 2, 2, 1, 1, 0]\nbase:\n");
+  SceneSpec spec;
+  spec.robot = (folder_ / "sketch.yaml").string();
+  const auto scene = Scene::Build(spec);
+  ASSERT_TRUE(scene) << scene.error().message;
+  const mjModel* mj = (*scene)->model().mj.get();
+  EXPECT_EQ(mj->dof_armature[(*scene)->model().arm_v[0]], 0.3);
+  EXPECT_EQ(mj->dof_damping[(*scene)->model().arm_v[5]], 0);
+  Replace("sketch.yaml", "damping: [2, 2, 2, 1, 1, 0]", "damping: [2, 2]");
+  EXPECT_THAT(Load().message, testing::HasSubstr("damping: 2 for 6 joints"));
+}
+
+/// The sketch cut at its wrist into an arm and a gripper that have names in common.
+class TwoFiles : public BrokenRobot {
+ protected:
+  TwoFiles() {
+    const std::string whole = *ReadTextFile(folder_ / "sketch/sketch.xml");
+    const std::size_t begin = whole.find("<body name=\"left\""),
+                      end = whole.find("</body>", whole.find("\"right\"")) + 7;
+    const std::string fingers = whole.substr(begin, end - begin);
+    std::string arm = whole;
+    arm.replace(begin, end - begin, "<site name=\"flange\" pos=\"0 0 0.04\" euler=\"0 0 90\"/>");
+    const auto cut = [&](const std::string& from, const std::string& to) {
+      const std::size_t at = arm.find(from);
+      arm.erase(at, arm.find(to, at) + to.size() - at);
+    };
+    cut("<equality>", "</equality>");
+    cut("<position joint=\"left_slide\"", "/>");
+    EXPECT_TRUE(WriteFileAtomically(folder_ / "sketch/sketch.xml", arm));
+    std::string text = fingers;
+    for (std::size_t at; (at = text.find("pos=\"0 0 0.04\"")) != std::string::npos;) text.erase(at, 14);
+    text =
+        "<mujoco><compiler angle=\"radian\" meshdir=\"meshes\" autolimits=\"true\"/><include file=\"assets.xml\"/>"
+        "<default><default class=\"finger\"><joint type=\"slide\" armature=\"0.1\" damping=\"400\" range=\"0 0.04\" "
+        "solreflimit=\"0.004 1\"/><geom friction=\"0.9 0.02 0.001\" condim=\"4\" material=\"rubber\"/></default>"
+        "<default class=\"look\"><geom contype=\"0\" conaffinity=\"0\" mass=\"0\"/></default></default>"
+        "<worldbody><body name=\"foot\"><geom name=\"palm\" type=\"box\" size=\"0.01 0.01 0.01\" mass=\"0.1\"/>"
+        "<site name=\"pinch\" pos=\"0 0 0.06\"/>" +
+        text + "</body></worldbody></mujoco>";
+    EXPECT_TRUE(WriteFileAtomically(folder_ / "sketch/gripper.xml", text));
+    Replace("sketch.yaml", "gripper:\n", "gripper:\n  mjcf: sketch/gripper.xml\n  attach: flange\n");
+    Replace("sketch.yaml", "site: grip ", "site: pinch ");
+  }
+};
+
+TEST_F(TwoFiles, AnArmAndAGripperAreOneRobot) {
+  SceneSpec spec;
+  spec.robot = (folder_ / "sketch.yaml").string();
+  const auto scene = Scene::Build(spec);
+  ASSERT_TRUE(scene) << scene.error().message;
+  EXPECT_THAT((*scene)->arm().bodies, testing::Contains("gripper_foot")) << "the arm's base has that name";
+  World world(*scene);
+  const Pose X_EP = SceneOf(kSketch)->arm().tool_site.empty() ? Pose{} : World(SceneOf(kSketch)).X_WE();
+  EXPECT_LT((world.X_WE().p - X_EP.p).norm(), 1e-9) << "the pinch is where the grip was";
+  const Pose home = world.X_WE();
+  for (int i = 0; i < 100; ++i) world.Step({home, 1}, Vector6d::Zero());
+  EXPECT_NEAR(world.gripper_q()[0], 0, 2e-3) << "it closes";
+  const auto again = LoadRobot(folder_ / "sketch.yaml");
+  EXPECT_EQ(again->model.finger_groups[1][0], "right");
+}
+
+TEST_F(TwoFiles, AFlangeThatIsNotThereIsNamed) {
+  Replace("sketch.yaml", "attach: flange", "attach: flansch");
+  EXPECT_THAT(Load().message, testing::HasSubstr("no body or site 'flansch'"));
+}
+
+TEST_F(BrokenRobot, LaterMujocosWordsAreNamed) {
+  Replace("sketch/sketch.xml", "<site name=\"grip\" pos=\"0 0 0.10\"/>",
+          "<frame pos=\"0 0 0.1\"><site name=\"grip\"/></frame>");
+  EXPECT_THAT(Load().message, testing::HasSubstr("<frame> belongs to a later MuJoCo"));
+}
+
+TEST_F(BrokenRobot, LaterMujocosLimitsAreTaken) {
+  Replace("sketch/sketch.xml", "<joint name=\"turn\" axis=\"0 0 1\"",
+          "<joint name=\"turn\" axis=\"0 0 1\" actuatorfrcrange=\"-44 44\"");
+  const auto loaded = LoadRobot(folder_ / "sketch.yaml");
+  ASSERT_TRUE(loaded) << loaded.error().message;
+  EXPECT_THAT(loaded->model.actuator, testing::HasSubstr("joint=\"turn\" ctrlrange=\"-44 44\""));
+}
+
+TEST_F(BrokenRobot, APointerOfGitLfsIsNoMesh) {
+  ASSERT_TRUE(WriteFileAtomically(folder_ / "sketch/meshes/beam.obj",
+                                  std::string("version https://git-lfs.github.com/spec/v1\noid sha256:12\n")));
+  EXPECT_THAT(Load().message, testing::HasSubstr("git lfs pull"));
+}
+
+TEST_F(BrokenRobot, FilesThatIncludeThemselvesEnd) {
+  Replace("sketch/assets.xml", "<asset>", "<include file=\"assets.xml\"/><asset>");
+  EXPECT_THAT(Load().message, testing::HasSubstr("includes go more than"));
+}
+
+TEST_F(BrokenRobot, AFileThatChangesIsReadAgain) {
+  ASSERT_TRUE(LoadRobot(folder_ / "sketch.yaml"));
+  Replace("sketch/sketch.xml", "forcerange=\"-150 150\"", "forcerange=\"-155 155\"");
+  EXPECT_THAT(LoadRobot(folder_ / "sketch.yaml")->model.actuator, testing::HasSubstr("-155 155"));
 }
 
 // What real descriptions have besides: a base that floats, fingers pulled by a tendon, a texture, a keyframe.

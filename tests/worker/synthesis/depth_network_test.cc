@@ -9,8 +9,8 @@
 
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
+#include "worker/synthesis/heightfield.h"
 #include "worker/synthesis/picture_file.h"
-#include "worker/synthesis/relief.h"
 
 namespace etude::synthesis {
 namespace {
@@ -76,7 +76,7 @@ TEST(DepthNetwork, GivesAPictureItsDepth) {
   EXPECT_GT(picture->depth[at(48, 48)], 0.95);
   EXPECT_LT(picture->depth[at(48, 12)], 0.5);
   EXPECT_GT(picture->depth[at(48, 30)], picture->depth[at(48, 15)]);
-  EXPECT_THAT(RaiseRelief(*picture), IsOk());
+  EXPECT_THAT(RaiseHeightfield(*picture), IsOk());
 }
 
 TEST(DepthNetwork, NamesWhatIsWrong) {

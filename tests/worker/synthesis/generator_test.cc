@@ -8,12 +8,12 @@
 #include <cmath>
 #include <set>
 
-#include "services/episode/object_names.h"
+#include "services/spec/object_names.h"
 #include "tests/support/matchers.h"
 #include "worker/synthesis/drawn_object.h"
+#include "worker/synthesis/heightfield.h"
 #include "worker/synthesis/mass.h"
 #include "worker/synthesis/pattern.h"
-#include "worker/synthesis/relief.h"
 
 namespace etude::synthesis {
 namespace {
@@ -52,7 +52,7 @@ TEST(Draw, EveryClassHasRoomDepthAndVariety) {
 TEST(Draw, EveryClassIsASoundBody) {
   for (const ClassFacts& known : KnownClasses())
     for (const std::uint64_t seed : {1, 2, 3}) {
-      const auto body = RaiseRelief(Draw(known.name, seed).value());
+      const auto body = RaiseHeightfield(Draw(known.name, seed).value());
       ASSERT_THAT(body, IsOk());
       EXPECT_TRUE(IsWatertight(body->mesh)) << known.name;
       EXPECT_EQ(CountParts(body->mesh), 1) << known.name;

@@ -8,10 +8,10 @@
 #include "tests/support/temporary_folder.h"
 #include "worker/synthesis/drawn_object.h"
 #include "worker/synthesis/generator.h"
+#include "worker/synthesis/heightfield.h"
 #include "worker/synthesis/mass.h"
 #include "worker/synthesis/object_maker.h"
 #include "worker/synthesis/picture_file.h"
-#include "worker/synthesis/relief.h"
 
 namespace etude::synthesis {
 namespace {
@@ -94,7 +94,7 @@ Result<FileMesh> ReadText(const TemporaryFolder& folder, const std::string& name
 
 TEST(MeshFile, RoundTripKeepsTheMesh) {
   const TemporaryFolder folder;
-  const auto body = RaiseRelief(Draw("pear", 1).value());
+  const auto body = RaiseHeightfield(Draw("pear", 1).value());
   ASSERT_THAT(body, IsOk());
   ASSERT_THAT(WriteFileAtomically(folder.path() / "skin.png", EncodePng(TextureOf(Draw("pear", 1).value())).value()),
               IsOk());
@@ -196,7 +196,7 @@ TEST(PictureFile, ReadsWhatItWrites) {
   for (std::size_t i = 0; i < drawn.pixels(); ++i)
     worst = std::max(worst, std::abs(static_cast<double>(read->depth[i]) - drawn.depth[i]));
   EXPECT_LT(worst, 0.051);  // the object's farthest point is lifted over the cut
-  const auto body = RaiseRelief(*read);
+  const auto body = RaiseHeightfield(*read);
   ASSERT_THAT(body, IsOk());
   EXPECT_TRUE(body->hole.has_value());
 

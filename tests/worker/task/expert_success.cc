@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "services/core/statistics.h"
+#include "tests/worker/task/largest_turn.h"
 #include "worker/task/attempt.h"
 
 namespace {
@@ -21,6 +22,7 @@ using namespace etude;
 struct Tally {
   std::uint64_t trials = 0, successes = 0, disturbed = 0, pushes = 0;
   std::vector<double> steps;
+  double turn = 0;  // largest change of the 6D rotation in a control step, commanded or achieved
   std::map<std::string, int> planned, blocked;
   std::map<std::string, std::uint64_t> stage_steps;
   double plan_s = 0, step_s = 0, render_s = 0, deflate_s = 0;
@@ -43,6 +45,7 @@ void Count(const task::AttemptResult& result, Tally& tally) {
   ++tally.successes;
   const Episode& episode = result.episode;
   tally.steps.push_back(episode.steps());
+  tally.turn = std::max(tally.turn, task::LargestTurn(episode));
   for (auto phase : episode.phase) ++tally.stage_steps[episode.stage_names[phase]];
   tally.disturbed += !episode.details["disturbed_objects"].empty();
   tally.pushes += episode.details["pushes"].get<std::uint64_t>();
@@ -60,9 +63,9 @@ void Print(const std::string& name, const Tally& tally) {
   const double n = static_cast<double>(tally.trials);
   fmt::print(
       "{}: {}/{} = {:.1f} % [{:.1f}, {:.1f}], steps mean {:.0f} min {:.0f} max {:.0f}, "
-      "{} with others moved, {} pushes\n",
+      "{} with others moved, {} pushes, 6D rotation at most {:.4f} a step\n",
       name, tally.successes, tally.trials, 100 * tally.successes / n, 100 * interval.low, 100 * interval.high,
-      Mean(tally.steps), Quantile(tally.steps, 0), Quantile(tally.steps, 1), tally.disturbed, tally.pushes);
+      Mean(tally.steps), Quantile(tally.steps, 0), Quantile(tally.steps, 1), tally.disturbed, tally.pushes, tally.turn);
   fmt::print("  ms an episode: plan {:.1f} step {:.1f} render {:.1f} deflate {:.1f}\n", 1e3 * tally.plan_s / n,
              1e3 * tally.step_s / n, 1e3 * tally.render_s / n, 1e3 * tally.deflate_s / n);
   for (const auto& [stage, steps] : tally.stage_steps)

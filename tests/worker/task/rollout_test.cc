@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "worker/task/attempt.h"
+#include "worker/task/judge.h"
 
 namespace etude::task {
 namespace {
@@ -28,21 +29,20 @@ class Playback {
  public:
   Playback(const Episode& episode, int replan_steps) : episode_(episode), replan_(replan_steps) {}
 
-  PolicyAnswer operator()(const PolicyQuestion&) {
-    PolicyAnswer answer;
+  policy::Answer operator()(const policy::Question&) {
+    policy::Answer answer;
     for (int k = 0; k < kWaypoints; ++k) {
       const int t = std::min<int>(asked_ * replan_ + static_cast<int>(WaypointStep(k)), episode_.steps() - 1);
-      const auto row = episode_.actions_abs.row(t);
-      Waypoint waypoint;
-      waypoint.X_WE = {{row[0], row[1], row[2]}, FromEuler({row[3], row[4], row[5]})};
-      waypoint.gripper = row[6];
-      answer.waypoints.push_back(waypoint);
+      answer.waypoints.push_back(FromVector(episode_.actions_abs.row(t).data()));
     }
     const int now = std::min(asked_ * replan_, episode_.steps() - 1);
     const auto hand = episode_.eef_pos.row(now);
-    answer.modules["EE3D"]["position"] = {hand[0], hand[1], hand[2]};
+    answer.modules["EE3D"] = {{"entity", "ee"}, {"quantity", "pose"}, {"value", {hand[0], hand[1], hand[2], 1, 0, 0}}};
     const auto object = episode_.FindObject(episode_.target)->pose.row(0);
-    answer.modules["TAR3D"]["position"] = {object[0], object[1], object[2] + 0.02};
+    answer.modules["TAR3D"] = {
+        {"entity", "target"}, {"quantity", "position"}, {"value", {object[0], object[1], object[2] + 0.02}}};
+    answer.modules["REF3D"] = {{"entity", "nobody"}, {"quantity", "position"}, {"value", {0, 0, 0}}};
+    answer.modules["LANG"] = {{"entity", "target"}, {"quantity", "class"}, {"value", "coke"}};
     answer.checkpoint_step = 7;
     ++asked_;
     return answer;
@@ -73,20 +73,26 @@ TEST_P(RolloutOf, OracleSucceeds) {
     const auto& details = rollout->episode.details;
     EXPECT_EQ(details["steps"].get<int>(), rollout->episode.steps());
     const auto& first = details["decisions"][0];
-    EXPECT_LT(first["EE3D"].get<double>(), 1e-4);
-    EXPECT_NEAR(first["TAR3D"].get<double>(), 0.02, 1e-3);
-    EXPECT_FALSE(first.contains("DISP")) << "the policy did not say it";
+    EXPECT_LT(first["error_m"]["EE3D"].get<double>(), 1e-4);
+    EXPECT_NEAR(first["error_m"]["TAR3D"].get<double>(), 0.02, 1e-3);
+    EXPECT_EQ(first["error_m"].size(), 2u) << "what it did not say, and what has no known truth, is left out";
+    EXPECT_TRUE(!rollout->episode.success || details["success_latched"] == true) << "success implies latched";
+    if (rollout->episode.success) {
+      EXPECT_EQ(details["done_step"].get<int>(), rollout->episode.steps() - 1) << "it ends when it was held";
+      EXPECT_LE(details["latched_step"].get<int>(), details["done_step"].get<int>() - kDwell + 1);
+      EXPECT_TRUE(details["violations"].empty());
+    }
     EXPECT_EQ(first["checkpoint_step"].get<int>(), 7);
   }
   EXPECT_GE(tried, 3);
   EXPECT_GE(successes, tried - (std::string(GetParam()) == "put_down" ? 1 : 0));
 }
 
-INSTANTIATE_TEST_SUITE_P(Tasks, RolloutOf, testing::Values("pick", "push", "put_down"),
+INSTANTIATE_TEST_SUITE_P(Tasks, RolloutOf, testing::Values("pick", "push", "put_down", "rotate", "place_left"),
                          [](const auto& info) { return std::string(info.param); });
 
-PolicyAnswer Stay(const Eigen::Vector3d& p) {
-  PolicyAnswer answer;
+policy::Answer Stay(const Eigen::Vector3d& p) {
+  policy::Answer answer;
   answer.waypoints.assign(kWaypoints, Waypoint{{p, FromEuler({3.14, 0, 1.57})}, 0});
   return answer;
 }
@@ -98,7 +104,7 @@ TEST(Rollout, EndsAtTheStepLimitWhenNothingHappens) {
   auto runner = AttemptRunner::Open(spec);
   ASSERT_TRUE(runner.has_value()) << runner.error().message;
   int asked = 0;
-  const auto rollout = runner->Rollout(0, [&](const PolicyQuestion& question) -> Result<PolicyAnswer> {
+  const auto rollout = runner->Rollout(0, [&](const policy::Question& question) -> Result<policy::Answer> {
     ++asked;
     EXPECT_FALSE(question.instruction.empty());
     EXPECT_EQ(question.rgb.size(), 64u * 64u * 3u);
@@ -114,14 +120,47 @@ TEST(Rollout, EndsAtTheStepLimitWhenNothingHappens) {
   EXPECT_TRUE(rollout->episode.cameras[0].frames.empty());
 }
 
+// Steps before the hand was first commanded to move, and questions in 120 steps.
+std::pair<int, int> Delay(double latency_ms, double server_p99_ms) {
+  CampaignSpec spec = RolloutSpecOf("pick");
+  spec.rollout.max_steps = 120;
+  spec.rollout.record = false;
+  spec.rollout.latency_ms = latency_ms;
+  auto runner = AttemptRunner::Open(spec);
+  int asked = 0;
+  const auto rollout = runner->Rollout(0, [&](const policy::Question&) {
+    ++asked;
+    policy::Answer answer = Stay({-0.3, 0.1, 0.3});
+    answer.server_p99_ms = server_p99_ms;
+    return answer;
+  });
+  const Track& commands = rollout->episode.actions_abs;
+  int still = 0;
+  while (commands.row(still)[0] == commands.row(0)[0] && commands.row(still)[2] == commands.row(0)[2]) ++still;
+  // the command of step 0 is a moving one already when there is no latency
+  const auto hand = rollout->episode.eef_pos.row(0);
+  if (std::abs(hand[0] - commands.row(0)[0]) + std::abs(hand[2] - commands.row(0)[2]) > 1e-4) still = 0;
+  EXPECT_EQ(rollout->episode.details["latency_steps"].get<int>(), still);
+  return {still, asked};
+}
+
+TEST(Rollout, TheSimulationRunsOnUntilTheAnswerTakesEffect) {
+  EXPECT_EQ(Delay(0, 100), std::pair(0, 8)) << "set to none, whatever the server needs";
+  EXPECT_EQ(Delay(16, 0), std::pair(2, 8));
+  EXPECT_EQ(Delay(17, 0), std::pair(3, 8)) << "rounded up to control steps";
+  EXPECT_EQ(Delay(-1, 17), std::pair(3, 8)) << "what the server measured";
+  EXPECT_EQ(Delay(-1, 0), std::pair(0, 8)) << "it has not measured";
+  EXPECT_EQ(Delay(200, 0), std::pair(25, 5)) << "the next question waits for the answer";
+}
+
 TEST(Rollout, RefusesGarbage) {
   auto runner = AttemptRunner::Open(RolloutSpecOf("pick"));
   ASSERT_TRUE(runner.has_value()) << runner.error().message;
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  PolicyAnswer bad = Stay({0, 0.2, 0.2});
+  policy::Answer bad = Stay({0, 0.2, 0.2});
   bad.waypoints[5].X_WE.p.x() = nan;
-  for (const PolicyAnswer& answer : {bad, PolicyAnswer{}, Stay({0, 400, 0})}) {
-    const auto rollout = runner->Rollout(1, [&](const PolicyQuestion&) { return answer; });
+  for (const policy::Answer& answer : {bad, policy::Answer{}, Stay({0, 400, 0})}) {
+    const auto rollout = runner->Rollout(1, [&](const policy::Question&) { return answer; });
     ASSERT_TRUE(rollout.has_value());
     EXPECT_EQ(rollout->outcome, AttemptOutcome::kPolicyError);
     EXPECT_FALSE(rollout->reason.empty());
@@ -132,8 +171,8 @@ TEST(Rollout, RefusesGarbage) {
 TEST(Rollout, HandsThePolicysErrorOn) {
   auto runner = AttemptRunner::Open(RolloutSpecOf("pick"));
   ASSERT_TRUE(runner.has_value()) << runner.error().message;
-  const auto rollout =
-      runner->Rollout(1, [](const PolicyQuestion&) -> Result<PolicyAnswer> { return Fail(Code::kTimeout, "no one"); });
+  const auto rollout = runner->Rollout(
+      1, [](const policy::Question&) -> Result<policy::Answer> { return Fail(Code::kTimeout, "no one"); });
   ASSERT_FALSE(rollout.has_value());
   EXPECT_EQ(rollout.error().code, Code::kTimeout);
 }

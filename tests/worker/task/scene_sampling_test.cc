@@ -66,13 +66,5 @@ TEST(PlaceObjects, ZeroYawStandsStraight) {
   for (const auto& object : *placed) EXPECT_NEAR(AngleBetween(object.X_WO.q, Eigen::Quaterniond::Identity()), 0, 1e-9);
 }
 
-TEST(TargetOf, IsSpreadOverTheObjectsAndKnowsNoAttempt) {
-  CampaignSpec spec;
-  std::map<std::string, int> counts;
-  for (std::uint64_t index = 0; index < 6000; ++index) ++counts[TargetOf(spec, index)];
-  ASSERT_EQ(counts.size(), spec.objects.size());
-  for (const auto& [name, count] : counts) EXPECT_NEAR(count, 1000, 150) << name;
-}
-
 }  // namespace
 }  // namespace etude::task

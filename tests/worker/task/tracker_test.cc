@@ -67,14 +67,14 @@ TEST(RefusalOf, AcceptsASaneAnswer) { EXPECT_EQ(RefusalOf({Line({0, 0.3, 0.1}, {
 
 TEST(RefusalOf, NamesWhatIsWrong) {
   EXPECT_NE(RefusalOf({}), "");
-  PolicyAnswer nan{Line({0, 0, 0}, {0, 0, 0})};
+  policy::Answer nan{Line({0, 0, 0}, {0, 0, 0})};
   nan.waypoints[3].X_WE.p.y() = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(RefusalOf(nan), "waypoint 3 is not finite");
-  PolicyAnswer infinite{Line({0, 0, 0}, {0, 0, 0})};
+  policy::Answer infinite{Line({0, 0, 0}, {0, 0, 0})};
   infinite.waypoints[11].gripper = std::numeric_limits<double>::infinity();
   EXPECT_NE(RefusalOf(infinite), "");
   EXPECT_NE(RefusalOf({Line({0, 5, 0}, {0, 0, 0})}), "");
-  PolicyAnswer squeezed{Line({0, 0, 0}, {0, 0, 0})};
+  policy::Answer squeezed{Line({0, 0, 0}, {0, 0, 0})};
   squeezed.waypoints[0].X_WE.q.coeffs() *= 0.5;
   EXPECT_NE(RefusalOf(squeezed), "");
 }

@@ -40,7 +40,7 @@ TEST(UserFiles, HashTellsWhatTheRobotIsMadeOfAndNotWhereItStands) {
 
 TEST(UserFiles, WhatIsMissingIsAnError) {
   CampaignSpec spec;
-  spec.objects.push_back("./no_such_folder");
+  spec.objects = {"cube", "./no_such_folder"};
   EXPECT_FALSE(UserFilesSha256(spec));
 }
 

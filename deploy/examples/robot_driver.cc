@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// A robot's driver: asks a policy over the bus and follows its answers, within limits of its own.
+//   robot_driver RUN INSTRUCTION DOMAIN QUESTIONS
+// What the policy says is advice. The driver keeps the hand inside its workspace, below its speed, and still when no
+// answer comes; it is the last one that can.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <string>
+
+#include "deploy/examples/example_robot.h"
+#include "services/bus/participant.h"
+#include "services/core/stop.h"
+#include "services/policy/client.h"
+
+using namespace std::chrono_literals;
+
+constexpr auto kWatchdog = 2000ms;       // without an answer for so long, the robot stands still
+constexpr int kStepsPerAnswer = 15;      // of the 120 control steps (8 ms each) that an answer spans
+constexpr double kMaxStep = 0.25 / 125;  // m a control step: 0.25 m/s
+const Eigen::Vector3d kLow(-0.45, 0.05, 0.02), kHigh(0.45, 0.55, 0.50);  // m, world: the workspace
+
+// The next command: towards what the policy wants, but inside the workspace and not too fast.
+etude::Waypoint Within(const etude::Waypoint& now, etude::Waypoint wanted) {
+  const Eigen::Vector3d goal = wanted.X_WE.p.cwiseMax(kLow).cwiseMin(kHigh);
+  const Eigen::Vector3d way = goal - now.X_WE.p;
+  wanted.X_WE.p = now.X_WE.p + way * std::min(1.0, kMaxStep / std::max(way.norm(), 1e-9));
+  return wanted;
+}
+
+int main(int argc, char** argv) {
+  if (argc != 5) return fmt::print(stderr, "usage: robot_driver RUN INSTRUCTION DOMAIN QUESTIONS\n"), 2;
+  etude::InstallStopSignals();
+  const auto participant = etude::bus::Participant::Open({static_cast<std::uint32_t>(std::stoul(argv[3])), ""});
+  if (!participant) return fmt::print(stderr, "{}\n", participant.error().message), 3;
+  auto policy = etude::policy::Client::Open(*participant, argv[1], "example-driver", {kWatchdog / 2, kWatchdog});
+  if (!policy) return fmt::print(stderr, "{}\n", policy.error().message), 2;
+
+  ExampleRobot robot;  // yours: joint angles, a picture, and a controller for the hand's pose
+  int answered = 0;
+  for (int question = 0; question < std::stoi(argv[4]) && !etude::StopRequested(); ++question) {
+    const auto answer = policy->Ask(robot.Look(argv[2]));
+    if (!answer) {
+      robot.Hold();
+      fmt::print("holds still: {}\n", answer.error().message);
+      continue;
+    }
+    ++answered;
+    for (int step = 1; step <= kStepsPerAnswer; ++step)
+      robot.Command(Within(robot.hand(), etude::Interpolate(answer->waypoints, step)));
+    fmt::print("step {} of training: hand at {:.3f} {:.3f} {:.3f}\n", answer->checkpoint_step, robot.hand().X_WE.p.x(),
+               robot.hand().X_WE.p.y(), robot.hand().X_WE.p.z());
+  }
+  return answered > 0 ? 0 : 3;
+}

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// Takes the checkpoints that a run publishes, each verified by its hash, and says what is in them.
+//   subscribe RUN DOMAIN COUNT
+#include <fmt/format.h>
+
+#include "services/bus/blob_transfer.h"
+#include "services/bus/directory.h"
+#include "services/core/stop.h"
+#include "services/store/safetensors.h"
+
+using namespace std::chrono_literals;
+
+etude::Status Subscribe(const std::string& name, std::uint32_t domain, int count) {
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, etude::bus::Participant::Open({domain, ""}));
+  // a run is found by its name; its id, which is unique, says where it publishes
+  ETUDE_ASSIGN_OR_RETURN(const auto selector, etude::ParseSelector(name, "RUN"));
+  ETUDE_ASSIGN_OR_RETURN(auto directory, etude::bus::Directory::Open(participant));
+  ETUDE_ASSIGN_OR_RETURN(const auto run, directory.Find(etude::bus::PresenceKind::kRun, selector, 30s));
+  if (!run) return etude::Fail(etude::Code::kUnavailable, "no run '" + name + "' on this domain");
+  const std::string partition = etude::bus::PartitionOf(run->name, run->id);
+  etude::bus::ReceiveOptions options;
+  options.owner = run->id;  // checkpoints of another run are not taken
+  ETUDE_ASSIGN_OR_RETURN(auto subscriber, etude::bus::BlobSubscriber::Open(participant, partition, "latest", options));
+  for (int taken = 0; taken < count && !etude::StopRequested();) {
+    const auto blob = subscriber.Wait(1s);
+    if (!blob) continue;
+    ETUDE_ASSIGN_OR_RETURN(const auto checkpoint, etude::store::DecodeSafetensors(blob->bytes));
+    fmt::print("version {}: {} bytes, {} tensors, sha256 {}\n", blob->version, blob->bytes.size(),
+               checkpoint.tensors.size(), blob->sha256);
+    ++taken;
+  }
+  return {};
+}
+
+int main(int argc, char** argv) {
+  if (argc != 4) return fmt::print(stderr, "usage: subscribe RUN DOMAIN COUNT\n"), 2;
+  etude::InstallStopSignals();
+  const auto status = Subscribe(argv[1], static_cast<std::uint32_t>(std::stoul(argv[2])), std::stoi(argv[3]));
+  if (!status) return fmt::print(stderr, "{}\n", status.error().message), 3;
+  return 0;
+}

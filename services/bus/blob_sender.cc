@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <deque>
+
+#include "services/bus/assembly.h"
+#include "services/bus/blob_transfer.h"
+#include "services/bus/manifest_intake.h"
+#include "services/bus/typed.h"
+#include "services/core/clock.h"
+#include "services/core/hash.h"
+#include "services/core/log.h"
+#include "services/core/stop.h"
+
+namespace etude::bus {
+namespace {
+
+using Clock = MonotonicClock;
+using std::chrono::milliseconds;
+
+// The first announcement may come before the receiver's acks find their way back: ask again soon.
+constexpr milliseconds kFirstPatience{50};
+
+// A blob between Begin and its verdict.
+struct OutgoingTransfer {
+  BlobManifest manifest;  // without data
+  std::span<const std::uint8_t> bytes;
+  bool inlined = false;               // travels inside the manifest
+  int announced = 0;                  // times
+  std::uint32_t sent = 0;             // chunks sent, in order from 0
+  std::uint32_t received = 0;         // chunks the receiver has, in order from 0
+  std::vector<std::uint32_t> resend;  // chunks before `sent` that the receiver lacks
+  Clock::time_point announce_at;      // without news until then: announce again
+  milliseconds patience = kFirstPatience;
+
+  std::uint32_t units() const { return inlined ? 1 : manifest.chunk_count; }
+  std::uint32_t in_window() const { return sent > received ? sent - received : 0; }
+};
+
+Clock::time_point After(std::chrono::nanoseconds timeout) {
+  const auto now = Clock::now();
+  const auto latest = Clock::time_point::max();
+  return timeout > latest - now ? latest : now + timeout;
+}
+
+bool IsVerdict(AckKind kind) {
+  return kind == AckKind::kDone || kind == AckKind::kDuplicate || kind == AckKind::kRefused;
+}
+
+}  // namespace
+
+struct BlobSender::Impl {
+  std::string channel;
+  std::string sender;
+  SendOptions options;
+  Endpoint manifests;
+  Endpoint chunks;
+  Endpoint acks;
+  Waiter waiter;
+  std::deque<OutgoingTransfer> transfers;
+  std::deque<Sent> verdicts;
+  int receivers = 0;
+  std::uint32_t receivers_ever = 0;
+  std::uint64_t malformed = 0;
+
+  Status OpenAll(const Participant& participant, const std::string& partition);
+  OutgoingTransfer MakeTransfer(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
+                                const std::string& meta_json) const;
+  /// Sends what the window allows.
+  void Pump();
+  bool PumpTransfer(OutgoingTransfer& transfer, std::uint32_t& in_window);
+  bool Announce(OutgoingTransfer& transfer);
+  bool SendChunk(const OutgoingTransfer& transfer, std::uint32_t index);
+  void CheckReceivers();
+  bool AnnounceOverdue();
+  void TakeAcks();
+  void OnAck(const BlobAck& ack, std::uint64_t id);
+  void OnProgress(OutgoingTransfer& transfer, const BlobAck& ack);
+  std::optional<Sent> Next(std::chrono::nanoseconds timeout, const std::uint64_t* only);
+  std::optional<Sent> PopVerdict(const std::uint64_t* only);
+  Clock::time_point NextAnnouncement() const;
+  std::deque<OutgoingTransfer>::iterator Find(std::uint64_t id) {
+    return std::find_if(transfers.begin(), transfers.end(),
+                        [id](const OutgoingTransfer& transfer) { return transfer.manifest.id == id; });
+  }
+};
+
+Status BlobSender::Impl::OpenAll(const Participant& participant, const std::string& partition) {
+  const std::string own = partition + "/" + channel;
+  ETUDE_ASSIGN_OR_RETURN(manifests, OpenWriterOf<BlobManifest>(participant, own));
+  ETUDE_ASSIGN_OR_RETURN(chunks, OpenWriterOf<BlobChunk>(participant, own));
+  ETUDE_ASSIGN_OR_RETURN(acks, OpenReaderOf<BlobAck>(participant, own));
+  ETUDE_RETURN_IF_ERROR(waiter.Open(participant));
+  ETUDE_RETURN_IF_ERROR(waiter.AddMatched(manifests));
+  ETUDE_RETURN_IF_ERROR(waiter.AddMatched(chunks));
+  ETUDE_RETURN_IF_ERROR(waiter.AddMatched(acks));
+  return waiter.AddReader(acks);
+}
+
+OutgoingTransfer BlobSender::Impl::MakeTransfer(std::uint64_t id, std::span<const std::uint8_t> bytes,
+                                                std::uint64_t token, const std::string& meta_json) const {
+  OutgoingTransfer transfer;
+  transfer.bytes = bytes;
+  transfer.inlined = bytes.size() <= options.chunk_size;
+  auto& manifest = transfer.manifest;
+  manifest.channel = channel;
+  manifest.sender = sender;
+  manifest.owner = options.owner;
+  manifest.id = id;
+  manifest.size = bytes.size();
+  manifest.chunk_size = options.chunk_size;
+  manifest.chunk_count = ChunkCount(bytes.size(), options.chunk_size);
+  manifest.token = token;
+  manifest.meta_json = meta_json;
+  if (options.integrity == Integrity::kSha256) {
+    const auto digest = Sha256Of(bytes);
+    manifest.sha256.assign(digest.begin(), digest.end());
+  } else {
+    const auto crc = CrcBytes(bytes);
+    manifest.crc32c.assign(crc.begin(), crc.end());
+  }
+  return transfer;
+}
+
+void BlobSender::Impl::Pump() {
+  if (receivers == 0 || !AnnounceOverdue()) return;
+  std::uint32_t in_window = 0;
+  for (const auto& transfer : transfers) in_window += transfer.in_window();
+  for (auto& transfer : transfers) {
+    if (!PumpTransfer(transfer, in_window)) return;
+  }
+}
+
+// False when nothing more can be sent now.
+bool BlobSender::Impl::PumpTransfer(OutgoingTransfer& transfer, std::uint32_t& in_window) {
+  while (!transfer.resend.empty()) {
+    if (!SendChunk(transfer, transfer.resend.back())) return false;
+    transfer.resend.pop_back();
+  }
+  while (transfer.sent < transfer.units() || transfer.announced == 0) {
+    if (in_window >= options.window) return false;
+    if (transfer.announced == 0 || transfer.inlined) {
+      if (!Announce(transfer)) return false;
+      if (transfer.inlined) ++in_window;
+      continue;
+    }
+    if (!SendChunk(transfer, transfer.sent)) return false;
+    ++transfer.sent;
+    ++in_window;
+  }
+  return true;
+}
+
+bool BlobSender::Impl::Announce(OutgoingTransfer& transfer) {
+  auto wire = Encode(transfer.manifest);
+  if (!wire) {  // Begin has tried it
+    Log().error("announce blob {}: {}", transfer.manifest.id, wire.error().message);
+    return false;
+  }
+  const bool with_data = transfer.inlined && transfer.received == 0;
+  if (with_data) {
+    wire->data._maximum = wire->data._length = static_cast<std::uint32_t>(transfer.bytes.size());
+    wire->data._buffer = const_cast<std::uint8_t*>(transfer.bytes.data());
+  }
+  if (dds_write(manifests.get(), &*wire) != DDS_RETCODE_OK) return false;
+  if (with_data) transfer.sent = 1;
+  if (transfer.announced > 0) transfer.patience = std::min(2 * transfer.patience, options.resend_after);
+  ++transfer.announced;
+  transfer.announce_at = Clock::now() + transfer.patience;
+  return true;
+}
+
+bool BlobSender::Impl::SendChunk(const OutgoingTransfer& transfer, std::uint32_t index) {
+  const auto data = ChunkOf(transfer.bytes, transfer.manifest.chunk_size, index);
+  etude_wire_BlobChunk wire{};
+  wire.id = transfer.manifest.id;
+  wire.index = index;
+  Encoder encode;
+  encode("channel", channel, wire.channel);
+  encode("sender", sender, wire.sender);
+  wire.data._maximum = wire.data._length = static_cast<std::uint32_t>(data.size());
+  wire.data._buffer = const_cast<std::uint8_t*>(data.data());
+  return dds_write(chunks.get(), &wire) == DDS_RETCODE_OK;
+}
+
+void BlobSender::Impl::CheckReceivers() {
+  dds_publication_matched_status_t status{};
+  dds_get_publication_matched_status(manifests.get(), &status);
+  receivers = std::min({static_cast<int>(status.current_count), MatchedReaders(chunks), MatchedWriters(acks)});
+  if (status.total_count == receivers_ever) return;
+  receivers_ever = status.total_count;
+  // a receiver (re)appeared and may know nothing of what is under way
+  for (auto& transfer : transfers) {
+    transfer.announce_at = Clock::now();
+    transfer.patience = kFirstPatience;
+  }
+}
+
+// Also the way to learn what a receiver lacks: it answers an announcement of a known blob.
+bool BlobSender::Impl::AnnounceOverdue() {
+  const auto now = Clock::now();
+  for (auto& transfer : transfers) {
+    if (transfer.announced > 0 && transfer.announce_at <= now && !Announce(transfer)) return false;
+  }
+  return true;
+}
+
+void BlobSender::Impl::TakeAcks() {
+  for (const auto& ack : TakeMessages<BlobAck>(acks, 1024, malformed)) {
+    if (ack.channel != channel || ack.sender != sender || ack.owner != options.owner) continue;
+    OnAck(ack, ack.id);
+    for (const auto id : ack.also) OnAck(ack, id);
+  }
+}
+
+void BlobSender::Impl::OnAck(const BlobAck& ack, std::uint64_t id) {
+  const auto transfer = Find(id);
+  if (transfer == transfers.end()) return;  // a late answer
+  if (!IsVerdict(ack.kind)) return OnProgress(*transfer, ack);
+  verdicts.push_back({id, {ack.kind, ack.reason}});
+  transfers.erase(transfer);
+}
+
+void BlobSender::Impl::OnProgress(OutgoingTransfer& transfer, const BlobAck& ack) {
+  transfer.patience = options.resend_after;
+  transfer.announce_at = Clock::now() + transfer.patience;
+  if (transfer.inlined) {
+    const bool has_it = ack.kind == AckKind::kProgress;
+    transfer.received = has_it ? 1 : 0;
+    if (!has_it && transfer.announced > 1) transfer.sent = 0;
+    return;
+  }
+  const std::uint32_t received = std::min(ack.received, transfer.units());
+  if (ack.kind == AckKind::kProgress) {
+    transfer.received = std::max(transfer.received, received);
+    return;
+  }
+  // a receiver answers the first announcement too, before it can have the chunks
+  if (transfer.announced < 2) return;
+  transfer.resend.clear();
+  if (received < transfer.received) {  // it has lost what it had
+    transfer.sent = received;
+  } else {
+    for (const auto index : ack.missing) {
+      if (index < transfer.sent) transfer.resend.push_back(index);
+    }
+    std::sort(transfer.resend.rbegin(), transfer.resend.rend());  // taken from the back
+  }
+  transfer.received = received;
+}
+
+std::optional<Sent> BlobSender::Impl::PopVerdict(const std::uint64_t* only) {
+  const auto found = std::find_if(verdicts.begin(), verdicts.end(),
+                                  [only](const Sent& sent) { return only == nullptr || sent.id == *only; });
+  if (found == verdicts.end()) return std::nullopt;
+  Sent sent = std::move(*found);
+  verdicts.erase(found);
+  return sent;
+}
+
+Clock::time_point BlobSender::Impl::NextAnnouncement() const {
+  auto next = Clock::time_point::max();
+  if (receivers == 0) return next;
+  for (const auto& transfer : transfers) {
+    if (transfer.announced > 0) next = std::min(next, transfer.announce_at);
+  }
+  return next;
+}
+
+std::optional<Sent> BlobSender::Impl::Next(std::chrono::nanoseconds timeout, const std::uint64_t* only) {
+  const auto end = After(timeout);
+  for (;;) {
+    if (auto sent = PopVerdict(only)) return sent;
+    TakeAcks();
+    CheckReceivers();
+    Pump();
+    if (auto sent = PopVerdict(only)) return sent;
+    const auto now = Clock::now();
+    if (StopRequested() || now >= end || transfers.empty()) return std::nullopt;
+    const auto wake = std::min(end, std::max(NextAnnouncement(), now + milliseconds(1)));
+    waiter.Wait(wake - now);
+  }
+}
+
+BlobSender::BlobSender(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+BlobSender::BlobSender(BlobSender&&) noexcept = default;
+BlobSender& BlobSender::operator=(BlobSender&&) noexcept = default;
+BlobSender::~BlobSender() = default;
+
+Result<BlobSender> BlobSender::Open(const Participant& participant, const std::string& partition,
+                                    const std::string& channel, const std::string& sender, const SendOptions& options) {
+  if (options.chunk_size == 0 || options.chunk_size > kMaxChunkSize || options.window == 0 || options.window > 1024) {
+    return Fail(Code::kInvalidArgument, fmt::format("blob sender '{}': chunk_size {} (1 to {}), window {} (1 to 1024)",
+                                                    sender, options.chunk_size, kMaxChunkSize, options.window));
+  }
+  auto impl = std::make_unique<Impl>();
+  impl->channel = channel;
+  impl->sender = sender;
+  impl->options = options;
+  ETUDE_RETURN_IF_ERROR(impl->OpenAll(participant, partition));
+  return BlobSender(std::move(impl));
+}
+
+Status BlobSender::Begin(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
+                         const std::string& meta_json) {
+  if (impl_->Find(id) != impl_->transfers.end()) {
+    return Fail(Code::kInvalidArgument, fmt::format("begin blob {}: it is under way", id));
+  }
+  OutgoingTransfer transfer = impl_->MakeTransfer(id, bytes, token, meta_json);
+  if (auto wire = Encode(transfer.manifest); !wire) {
+    return Fail(wire.error().Wrap(fmt::format("begin blob {}", id)));
+  }
+  impl_->transfers.push_back(std::move(transfer));
+  if (impl_->receivers == 0) impl_->CheckReceivers();
+  impl_->Pump();
+  return {};
+}
+
+std::optional<Sent> BlobSender::Next(std::chrono::nanoseconds timeout) { return impl_->Next(timeout, nullptr); }
+
+void BlobSender::Cancel(std::uint64_t id) {
+  const auto transfer = impl_->Find(id);
+  if (transfer != impl_->transfers.end()) impl_->transfers.erase(transfer);
+}
+
+std::size_t BlobSender::in_flight() const { return impl_->transfers.size(); }
+
+int BlobSender::matched_receivers() const {
+  return std::min({MatchedReaders(impl_->manifests), MatchedReaders(impl_->chunks), MatchedWriters(impl_->acks)});
+}
+
+Result<Verdict> BlobSender::Send(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
+                                 const std::string& meta_json, std::chrono::nanoseconds timeout) {
+  ETUDE_RETURN_IF_ERROR(Begin(id, bytes, token, meta_json));
+  if (auto sent = impl_->Next(timeout, &id)) return std::move(sent->verdict);
+  const auto transfer = impl_->Find(id);
+  std::string progress = "no chunk acknowledged";
+  if (transfer != impl_->transfers.end()) {
+    progress = fmt::format("{} of {} chunks acknowledged, {} receivers", transfer->received, transfer->units(),
+                           impl_->receivers);
+  }
+  Cancel(id);
+  return Fail(Code::kTimeout,
+              fmt::format("send blob {} of {} bytes on channel '{}': {} ({})", id, bytes.size(), impl_->channel,
+                          StopRequested() ? "a stop was requested" : "no verdict in time", progress));
+}
+
+}  // namespace etude::bus

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/bus/directory.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <ctime>
+#include <tuple>
+
+#include "services/bus/topic.h"
+#include "services/core/clock.h"
+#include "services/core/command.h"
+#include "services/core/stop.h"
+
+namespace etude::bus {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr char kPartition[] = "directory";
+// how long one that has just joined the domain looks for who else is there
+constexpr auto kLookAround = 300ms;
+
+bool Fits(const Presence& presence, PresenceKind kind, const Selector& selector) {
+  return presence.kind == kind && presence.name == selector.name && presence.id.starts_with(selector.id);
+}
+
+bool IsOlder(const Presence& a, const Presence& b) {
+  return std::tie(a.since, a.instance) < std::tie(b.since, b.instance);
+}
+
+std::string LocalTime(std::uint64_t seconds) {
+  const auto time = static_cast<std::time_t>(seconds);
+  std::tm local{};
+  if (::localtime_r(&time, &local) == nullptr) return "?";
+  return fmt::format("{:%Y-%m-%d %H:%M:%S}", local);
+}
+
+}  // namespace
+
+std::string PartitionOf(const std::string& name, const std::string& id) { return id.empty() ? name : name + "/" + id; }
+
+std::string ToString(PresenceKind kind) {
+  switch (kind) {
+    case PresenceKind::kCampaign:
+      return "campaign";
+    case PresenceKind::kRun:
+      return "run";
+    case PresenceKind::kPolicy:
+      return "policy server";
+  }
+  return "?";
+}
+
+std::string ListText(const std::vector<Presence>& presences) {
+  std::string text;
+  for (const auto& item : presences)
+    text += fmt::format("\n  {}@{}  host {}  user {}  {}  since {}", item.name, item.id, item.host, item.user,
+                        item.folder.empty() ? "-" : item.folder, LocalTime(item.since));
+  return text;
+}
+
+Presence MakePresence(PresenceKind kind, const std::string& name, const std::string& id, const std::string& folder) {
+  Presence presence;
+  presence.kind = kind;
+  presence.id = id;
+  presence.instance = NewId();
+  presence.name = name;
+  presence.version = Version();
+  presence.host = HostName();
+  presence.user = UserName();
+  presence.folder = folder.empty() ? "" : std::filesystem::absolute(folder).lexically_normal().string();
+  presence.since = static_cast<std::uint64_t>(WallSeconds());
+  return presence;
+}
+
+// ---- Directory ------------------------------------------------------------------------------------
+
+struct Directory::Impl {
+  Reader<Presence> reader;
+  std::uint32_t domain = 0;
+  MonotonicClock::time_point settled;  // from then on those who were there first are known
+};
+
+Directory::Directory(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Directory::Directory(Directory&&) noexcept = default;
+Directory& Directory::operator=(Directory&&) noexcept = default;
+Directory::~Directory() = default;
+
+Result<Directory> Directory::Open(const Participant& participant) {
+  ETUDE_ASSIGN_OR_RETURN(auto reader, Reader<Presence>::Open(participant, kPartition));
+  return Directory(
+      std::unique_ptr<Impl>(new Impl{std::move(reader), participant.domain(), MonotonicClock::now() + kLookAround}));
+}
+
+std::vector<Presence> Directory::Live() {
+  auto live = impl_->reader.Live();
+  std::sort(live.begin(), live.end(), IsOlder);
+  return live;
+}
+
+std::vector<Presence> Directory::Matching(PresenceKind kind, const Selector& selector) {
+  std::vector<Presence> matching;
+  for (auto& presence : Live()) {
+    if (!Fits(presence, kind, selector)) continue;
+    const auto same =
+        std::find_if(matching.begin(), matching.end(), [&](const Presence& other) { return other.id == presence.id; });
+    if (same == matching.end())
+      matching.push_back(std::move(presence));
+    else if (presence.epoch >= same->epoch)
+      *same = std::move(presence);
+  }
+  return matching;
+}
+
+bool Directory::Replaced(PresenceKind kind, const Selector& selector, const std::string& id) {
+  const auto matching = Matching(kind, selector);
+  const bool there = std::ranges::find(matching, id, &Presence::id) != matching.end();
+  return !there && !matching.empty();
+}
+
+Result<std::optional<Presence>> Directory::Find(PresenceKind kind, const Selector& selector,
+                                                std::chrono::nanoseconds timeout) {
+  const auto deadline = MonotonicClock::now() + timeout;
+  auto matching = Matching(kind, selector);
+  while (!StopRequested() && (matching.empty() || MonotonicClock::now() < impl_->settled)) {
+    const auto until = matching.empty() ? deadline : impl_->settled;
+    const auto left = until - MonotonicClock::now();
+    if (left.count() <= 0) break;
+    // presences are read, not taken: waiting for news would not wait
+    WaitForStop(std::min<std::chrono::nanoseconds>(left, 20ms));
+    matching = Matching(kind, selector);
+  }
+  if (matching.empty()) return std::optional<Presence>();
+  if (matching.size() > 1)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("'{}' means {} things on domain {}: say which by NAME@ID (the first digits are enough){}",
+                            selector.text(), matching.size(), impl_->domain, ListText(matching)));
+  const Presence& found = matching.front();
+  if (found.wire != kWireVersion)
+    return Fail(
+        Code::kUnavailable,
+        fmt::format("{} '{}' of {} speaks wire number {} (program {}), this program {} (program {}): use "
+                    "programs of the same wire number",
+                    ToString(kind), found.name, found.host, found.wire, found.version, kWireVersion, Version()));
+  return std::optional<Presence>(found);
+}
+
+std::vector<Presence> Directory::Others(const Presence& own) {
+  std::vector<Presence> others;
+  for (auto& presence : Live()) {
+    if (presence.kind != own.kind || presence.id != own.id || presence.instance == own.instance) continue;
+    const bool own_past = presence.host == own.host && presence.folder == own.folder;
+    if (!own_past) others.push_back(std::move(presence));
+  }
+  return others;
+}
+
+// ---- Announcement ---------------------------------------------------------------------------------
+
+struct Announcement::Impl {
+  Directory directory;
+  Writer<Presence> writer;
+  Presence presence;
+};
+
+Announcement::Announcement(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Announcement::Announcement(Announcement&&) noexcept = default;
+Announcement& Announcement::operator=(Announcement&&) noexcept = default;
+Announcement::~Announcement() {
+  if (impl_) (void)impl_->writer.Dispose(impl_->presence);
+}
+
+Result<Announcement> Announcement::Open(const Participant& participant, Presence presence, Claim claim) {
+  ETUDE_ASSIGN_OR_RETURN(auto directory, Directory::Open(participant));
+  ETUDE_ASSIGN_OR_RETURN(auto writer, Writer<Presence>::Open(participant, kPartition));
+  WaitForStop(kLookAround);
+  const auto others = directory.Others(presence);
+  if (!others.empty() && claim != Claim::kAdopt)
+    return Fail(
+        Code::kUnavailable,
+        fmt::format("{} '{}' in '{}' has id {}, which is live elsewhere on domain {}:{}\nIf this folder is a copy, "
+                    "--new-id makes it another {}; if it is to go on in the other's place, --adopt ends that "
+                    "one (one that was killed disappears by itself within 10 s)",
+                    ToString(presence.kind), presence.name, presence.folder, presence.id, participant.domain(),
+                    ListText(others), ToString(presence.kind)));
+  for (const auto& other : others) presence.epoch = std::max(presence.epoch, other.epoch + 1);
+  ETUDE_RETURN_IF_ERROR(writer.Write(presence));
+  return Announcement(std::unique_ptr<Impl>(new Impl{std::move(directory), std::move(writer), std::move(presence)}));
+}
+
+const Presence& Announcement::presence() const { return impl_->presence; }
+
+std::optional<Presence> Announcement::Successor() {
+  const Presence& own = impl_->presence;
+  for (auto& other : impl_->directory.Others(own)) {
+    const bool earlier = IsOlder(other, own);
+    if (other.epoch > own.epoch || (other.epoch == own.epoch && earlier)) return std::move(other);
+  }
+  return std::nullopt;
+}
+
+Error GivingWay(const Presence& own, const Presence& successor) {
+  return {
+      Code::kUnavailable,
+      fmt::format("{} '{}' in '{}' ends: its id {} is at work elsewhere, too, and with the better right:{}\nWhat is "
+                  "here stays; started with --new-id it is a {} of its own",
+                  ToString(own.kind), own.name, own.folder, own.id, ListText({successor}), ToString(own.kind))};
+}
+
+}  // namespace etude::bus

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// Who is on the domain: campaigns, runs and policy servers, by name and id.
+//
+//   ETUDE_ASSIGN_OR_RETURN(auto directory, Directory::Open(participant));
+//   ETUDE_ASSIGN_OR_RETURN(auto found, directory.Find(PresenceKind::kRun, {"quickstart", ""}, 10s));
+//   Reader<TrainStatus>::Open(participant, PartitionOf(found->name, found->id));
+//
+// A name that means two things is never guessed at: the error lists them.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "services/bus/messages.h"
+#include "services/bus/participant.h"
+#include "services/core/identity.h"
+#include "services/core/result.h"
+
+namespace etude::bus {
+
+/// "NAME/ID": where everything of a campaign or run travels.
+std::string PartitionOf(const std::string& name, const std::string& id);
+
+/// "campaign", "run", "policy server".
+std::string ToString(PresenceKind kind);
+
+/// Lines "  NAME@ID  host HOST  user USER  FOLDER  since 2026-01-31 12:00:00".
+std::string ListText(const std::vector<Presence>& presences);
+
+/// What this process says of itself: host, user, program version and time are filled in.
+Presence MakePresence(PresenceKind kind, const std::string& name, const std::string& id, const std::string& folder);
+
+/// Reads the directory. One thread at a time.
+class Directory {
+ public:
+  static Result<Directory> Open(const Participant& participant);
+  Directory(Directory&&) noexcept;
+  Directory& operator=(Directory&&) noexcept;
+  ~Directory();
+
+  /// All that are there now, oldest first. Of a process that was killed its presence stays for DDS's lease (10 s).
+  std::vector<Presence> Live();
+  /// Those of a kind that `selector` fits, one for each id: that with the largest epoch.
+  std::vector<Presence> Matching(PresenceKind kind, const Selector& selector);
+  /// True when none of those is `id`, but another one is there.
+  bool Replaced(PresenceKind kind, const Selector& selector, const std::string& id);
+
+  /// Waits up to `timeout` (and for a stop request) for one that fits; nothing when there is none.
+  /// @error kInvalidArgument: `selector` means several (the message lists them);
+  /// kUnavailable: it speaks another wire number.
+  Result<std::optional<Presence>> Find(PresenceKind kind, const Selector& selector, std::chrono::nanoseconds timeout);
+
+  /// Others that are at work under this kind and id. A presence of the same host and folder is none: whoever holds
+  /// the folder's lock knows that it is this start's own past.
+  std::vector<Presence> Others(const Presence& own);
+
+ private:
+  struct Impl;
+  explicit Directory(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Is in the directory for as long as it lives. One thread at a time.
+class Announcement {
+ public:
+  /// Looks around first. With kAdopt its epoch becomes larger than that of any other of its id, which then gives way.
+  /// @error kUnavailable: the id is live elsewhere (and `claim` is not kAdopt); says where and what to do.
+  static Result<Announcement> Open(const Participant& participant, Presence presence, Claim claim);
+  Announcement(Announcement&&) noexcept;
+  Announcement& operator=(Announcement&&) noexcept;
+  ~Announcement();
+
+  const Presence& presence() const;
+  /// Another one of this id with the better right: a larger epoch, or the same one and an earlier start. Then this
+  /// one must end; both were started before they could see each other, or the other one adopted the id.
+  std::optional<Presence> Successor();
+
+ private:
+  struct Impl;
+  explicit Announcement(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+/// What to say when Successor() returned one.
+Error GivingWay(const Presence& own, const Presence& successor);
+
+}  // namespace etude::bus

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+// The collector's commit thread: an episode is received, checked, made durable, acknowledged.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "services/campaign/collector_impl.h"
+#include "services/campaign/worker_client.h"
+#include "services/core/log.h"
+#include "services/episode/codec.h"
+#include "services/spec/episode_plan.h"
+
+namespace etude::campaign {
+
+using namespace std::chrono_literals;
+
+Status Collector::Impl::CheckEpisode(const Episode& episode) const {
+  const auto wrong = [&](const char* what, const auto& found, const auto& expected) {
+    return Fail(Code::kInvalidArgument, fmt::format("episode {} of campaign '{}': {} is {}, expected {}", episode.index,
+                                                    spec.name, what, found, expected));
+  };
+  if (episode.campaign != spec.name) return wrong("campaign", episode.campaign, spec.name);
+  if (episode.index >= spec.episodes) return wrong("index", episode.index, spec.episodes);
+  if (episode.version != std::to_string(options.content))
+    return wrong("content number", episode.version, std::to_string(options.content));
+  if (episode.spec_sha256 != spec_sha256) return wrong("spec", episode.spec_sha256, spec_sha256);
+  const EpisodePlan plan = PlanEpisode(spec, episode.index, episode.attempt);
+  if (episode.seed != plan.seed) return wrong("seed", episode.seed, plan.seed);
+  if (episode.task != plan.task.text()) return wrong("task", episode.task, plan.task.text());
+  if (spec.mode == "demonstrate" && !episode.success) return wrong("outcome", episode.outcome, "success");
+  return {};
+}
+
+// What a current lease brought does not fit: made again it would not fit either, so that it counts against the
+// index's attempts instead of being leased for ever. The same attempt again: which attempt is committed must not
+// depend on a worker's memory.
+void Collector::Impl::CountUnfit(std::uint64_t token) {
+  ++counters.refused;
+  const auto index = table.IndexOf(token);
+  if (!index) return;
+  table.Fail(*index, LeaseTable::Retry::kSameAttempt);
+  ++counters.failures[kUnfitEpisode];
+}
+
+std::optional<bus::Verdict> Collector::Impl::Judge(const bus::ReceivedBlob& blob, Episode& episode) {
+  auto decoded = DecodeEpisode(blob.bytes);
+  const Status fits = decoded ? CheckEpisode(*decoded) : Status(Fail(decoded.error()));
+  const MutexLock lock(mutex);
+  heard[blob.manifest.sender] = MonotonicClock::now();
+  if (!fits) {
+    CountUnfit(blob.manifest.token);
+    Log().warn("refused an episode worker={}: {}", blob.manifest.sender, fits.error().message);
+    return bus::Verdict{bus::AckKind::kRefused, fits.error().message};
+  }
+  episode = std::move(*decoded);
+  switch (table.Check(episode.index, episode.attempt, blob.manifest.token)) {
+    case LeaseValidity::kCurrent:
+      return std::nullopt;
+    case LeaseValidity::kCommitted:
+      ++counters.duplicates;
+      return bus::Verdict{bus::AckKind::kDuplicate, ""};
+    case LeaseValidity::kStale:
+      break;
+  }
+  ++counters.stale_results;
+  return bus::Verdict{bus::AckKind::kRefused,
+                      fmt::format("index {} was leased again: token {} is old", episode.index, blob.manifest.token)};
+}
+
+std::optional<bus::Verdict> Collector::Impl::CommitUntilDurable(const Episode& episode) {
+  while (true) {
+    const Status committed = [&]() -> Status {
+      const MutexLock lock(sink_mutex);
+      return sink->Commit(episode);
+    }();
+    {
+      const MutexLock lock(mutex);
+      if (committed) {
+        counters.error.clear();
+        return bus::Verdict{bus::AckKind::kDone, ""};
+      }
+      const Error& error = committed.error();
+      if (error.code == Code::kInvalidArgument || error.code == Code::kCorrupt)
+        return bus::Verdict{bus::AckKind::kRefused, error.message};
+      if (counters.error != error.message)
+        Log().error("committing waits, nothing is lost, it is tried again: {}", error.message);
+      counters.error = error.message;
+    }
+    // without the lock, so that leases stay alive meanwhile
+    if (Stopping()) return std::nullopt;
+    WaitForStop(options.retry_commit);
+    if (Stopping()) return std::nullopt;
+  }
+}
+
+void Collector::Impl::OnEpisode(const bus::ReceivedBlob& blob) {
+  Episode episode;
+  std::optional<bus::Verdict> verdict = Judge(blob, episode);
+  if (!verdict) {
+    verdict = CommitUntilDurable(episode);
+    // not durable and not at fault: no answer, so that it is sent or made again
+    if (!verdict) return;
+    const MutexLock lock(mutex);
+    if (verdict->kind == bus::AckKind::kDone) {
+      table.Commit(episode.index);
+      commits.push_back(MonotonicClock::now());
+      index_dirty = true;
+    } else {
+      CountUnfit(blob.manifest.token);
+    }
+  }
+  if (const Status sent = episodes.Acknowledge(blob.manifest, *verdict); !sent)
+    Log().warn("cannot acknowledge to worker={}: {}", blob.manifest.sender, sent.error().message);
+}
+
+void Collector::Impl::WriteIndex() {
+  if (!index_dirty) return;
+  const MutexLock lock(sink_mutex);
+  const Status written = sink->WriteIndex();
+  if (written)
+    index_dirty = false;
+  else
+    Log().warn("cannot write the dataset's index, it is tried again: {}", written.error().message);
+}
+
+// Until every worker that is there has been told (or has gone), for at most `drain`.
+void Collector::Impl::Drain() {
+  const Time end = MonotonicClock::now() + options.drain;
+  while (MonotonicClock::now() < end && !Stopping()) {
+    {
+      const MutexLock lock(mutex);
+      const Time now = MonotonicClock::now();
+      const bool waiting = std::any_of(heard.begin(), heard.end(), [&](const auto& item) ETUDE_REQUIRES(mutex) {
+        return now - item.second < kPresence && !dismissed.contains(item.first);
+      });
+      if (!waiting) return;
+    }
+    // a late duplicate is still answered
+    if (auto blob = episodes.Receive(50ms)) OnEpisode(*blob);
+  }
+}
+
+}  // namespace etude::campaign

@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: Apache-2.0
+// The collector's control thread: requests, reports, heartbeats, status.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <thread>
+
+#include "services/campaign/collector_impl.h"
+#include "services/campaign/history.h"
+#include "services/campaign/worker_client.h"
+#include "services/core/command.h"
+#include "services/core/log.h"
+
+namespace etude::campaign {
+
+using namespace std::chrono_literals;
+
+void Collector::Impl::Control() {
+  Time next_status = MonotonicClock::now();
+  while (!finished.load()) {
+    // a request is what a worker waits for; a report is always followed by one
+    if (!requests.Wait(20ms) && StopRequested()) std::this_thread::sleep_for(5ms);
+    TakeMessages();
+    if (MonotonicClock::now() < next_status) continue;
+    GiveWayToSuccessor();
+    PublishStatus();
+    next_status = MonotonicClock::now() + options.status_every;
+  }
+  TakeMessages();
+  PublishStatus();
+}
+
+// Looking around at the start cannot see one that is cut off just then.
+void Collector::Impl::GiveWayToSuccessor() {
+  const auto successor = presence.Successor();
+  if (!successor || Stopping()) return;
+  const MutexLock lock(mutex);
+  superseded = bus::GivingWay(presence.presence(), *successor);
+  stop = true;
+}
+
+void Collector::Impl::TakeMessages() {
+  // requests are taken first and answered last: a report that was sent before its worker's next request
+  // is then always seen before it
+  const auto asked = requests.Take();
+  for (const auto& report : reports.Take()) OnReport(report);
+  // heartbeats that queued while this process was suspended count before anything expires
+  for (auto taken = heartbeats.Take(); !taken.empty(); taken = heartbeats.Take())
+    for (const auto& status : taken) OnHeartbeat(status);
+  {
+    const MutexLock lock(mutex);
+    if (const int lost = table.Expire(MonotonicClock::now()))
+      Log().warn("leases expired without a word count={}", lost);
+  }
+  for (const auto& request : asked) OnRequest(request);
+}
+
+// Workers that would make other episodes than the rest, or that we would misunderstand.
+std::optional<std::string> Collector::Impl::WhyRefused(const bus::WorkRequest& request) {
+  const auto other = [&](const char* what, std::uint32_t here, std::uint32_t there) {
+    return fmt::format(
+        "campaign '{}' is collected with {} {} (program {}), this worker has {} (program {}): use "
+        "programs of the same {}",
+        spec.name, what, here, Version(), there, request.version, what);
+  };
+  if (request.wire != bus::kWireVersion) return other("wire number", bus::kWireVersion, request.wire);
+  if (request.content != options.content) return other("content number", options.content, request.content);
+  if (request.spec_sha256 != spec_sha256) return std::nullopt;  // its files are those of another spec
+  if (!files_sha256) {
+    files_sha256 = request.files_sha256;
+    const MutexLock lock(sink_mutex);
+    if (const Status remembered = RememberFiles(sink->folder(), request.files_sha256); !remembered)
+      Log().warn("after a restart the first worker's files will count: {}", remembered.error().message);
+  }
+  if (request.files_sha256 != *files_sha256)
+    return fmt::format(
+        "campaign '{}' began with other robot or object files than this worker has under the same paths "
+        "(SHA-256 {}, here {}): copy them from where it began, or collect into another folder",
+        spec.name, *files_sha256, request.files_sha256);
+  return std::nullopt;
+}
+
+bus::Lease Collector::Impl::Answer(const bus::WorkRequest& request) {
+  bus::Lease lease;
+  lease.campaign = spec.name;
+  lease.campaign_id = id;
+  lease.spec_sha256 = spec_sha256;
+  lease.worker = request.worker;
+  lease.request_id = request.request_id;
+  lease.duration_ns = static_cast<std::uint64_t>(std::chrono::nanoseconds(options.lease).count());
+  if (const auto why = WhyRefused(request)) {
+    lease.kind = bus::LeaseKind::kRefused;
+    lease.reason = *why;
+    Log().warn("refused worker={}: {}", request.worker, *why);
+    return lease;
+  }
+  const MutexLock lock(mutex);
+  heard[request.worker] = MonotonicClock::now();
+  // a stopping collector leases nothing new, and does not say that all is done; a worker that is ready for another
+  // spec sees ours in the answer and makes itself ready first
+  const bool wait = Stopping() || request.spec_sha256 != spec_sha256;
+  const Assignment assignment = wait ? Assignment{} : table.Request(request.worker, MonotonicClock::now());
+  lease.kind = assignment.kind == Assignment::Kind::kWork   ? bus::LeaseKind::kWork
+               : assignment.kind == Assignment::Kind::kDone ? bus::LeaseKind::kDone
+                                                            : bus::LeaseKind::kWait;
+  lease.index = assignment.index;
+  lease.attempt = assignment.attempt;
+  lease.token = assignment.token;
+  if (assignment.kind == Assignment::Kind::kDone) dismissed.insert(request.worker);
+  return lease;
+}
+
+void Collector::Impl::OnRequest(const bus::WorkRequest& request) {
+  if (request.campaign_id != id) return;
+  // an answer that is lost is asked for again
+  if (const Status written = leases.Write(Answer(request)); !written)
+    Log().warn("cannot answer worker={}: {}", request.worker, written.error().message);
+}
+
+void Collector::Impl::OnReport(const bus::AttemptReport& report) {
+  if (report.campaign_id != id || report.spec_sha256 != spec_sha256 || report.index >= spec.episodes) return;
+  {
+    const MutexLock lock(mutex);
+    heard[report.worker] = MonotonicClock::now();
+    if (table.Check(report.index, report.attempt, report.token) != LeaseValidity::kCurrent) {
+      ++counters.stale_results;
+      return;
+    }
+    if (report.outcome == kReleased) {
+      table.Release(report.index);
+      return;
+    }
+    ++counters.failures[IsPlainName(report.outcome) ? report.outcome : "unnamed"];
+    table.Fail(report.index, RetryOf(spec, report.outcome));
+    // the policy's absence is no attempt at the scene; it is bounded all the same
+    if (report.outcome != kPolicyError) ++failed_attempts;
+  }
+  const MutexLock lock(sink_mutex);
+  if (const Status recorded = sink->RecordFailure(report.index, report.attempt, report.outcome, report.details_json);
+      !recorded)
+    Log().warn("cannot record a failed attempt index={}: {}", report.index, recorded.error().message);
+}
+
+void Collector::Impl::OnHeartbeat(const bus::WorkerStatus& status) {
+  if (status.campaign_id != id) return;
+  const MutexLock lock(mutex);
+  const Time now = MonotonicClock::now();
+  heard[status.worker] = now;
+  if (status.token != 0) table.Renew(status.index, status.token, now);
+}
+
+CollectorProgress Collector::Impl::Snapshot() const {
+  CollectorProgress progress = counters;
+  const Time now = MonotonicClock::now();
+  progress.committed = table.committed();
+  progress.total = spec.episodes;
+  progress.given_up = table.given_up();
+  progress.attempts = table.committed() + failed_attempts;
+  progress.lost_leases = table.lost();
+  progress.complete = table.complete();
+  progress.elapsed_s = std::chrono::duration<double>(now - started).count();
+  for (const auto& [worker, time] : heard) progress.workers += now - time < kPresence && !dismissed.contains(worker);
+  const double window = std::min(progress.elapsed_s, std::chrono::duration<double>(kRateWindow).count());
+  const auto recent =
+      std::count_if(commits.begin(), commits.end(), [&](Time time) { return now - time < kRateWindow; });
+  if (window > 1) progress.episodes_per_minute = 60.0 * static_cast<double>(recent) / window;
+  const auto left = progress.total - progress.committed - progress.given_up;
+  if (progress.episodes_per_minute > 0)
+    progress.eta_s = 60.0 * static_cast<double>(left) / progress.episodes_per_minute;
+  return progress;
+}
+
+void Collector::Impl::PublishStatus() {
+  bus::CampaignStatus status;
+  {
+    const MutexLock lock(mutex);
+    const Time now = MonotonicClock::now();
+    std::erase_if(heard, [&](const auto& item) { return now - item.second > 60s; });
+    while (!commits.empty() && now - commits.front() > kRateWindow) commits.pop_front();
+    const CollectorProgress progress = Snapshot();
+    status.campaign = spec.name;
+    status.campaign_id = id;
+    status.committed = progress.committed;
+    status.total = progress.total;
+    status.attempts = progress.attempts;
+    status.given_up = progress.given_up;
+    status.workers = progress.workers;
+    status.episodes_per_minute = progress.episodes_per_minute;
+    status.eta_s = progress.eta_s;
+    status.failures_json = OrderedJson(progress.failures).dump();
+    status.error = progress.error;
+  }
+  if (const Status written = statuses.Write(status); !written)
+    Log().debug("cannot publish the status: {}", written.error().message);
+}
+
+}  // namespace etude::campaign

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// What Collector's two threads share. Run's own receives and commits episodes (collector_commit.cc); `control`
+// answers requests, reports and heartbeats (collector_control.cc), so that a slow disk never makes a lease expire.
+// Internal to services/campaign.
+#pragma once
+
+#include <atomic>
+#include <deque>
+#include <optional>
+#include <set>
+
+#include "services/bus/blob_transfer.h"
+#include "services/bus/directory.h"
+#include "services/bus/topic.h"
+#include "services/campaign/collector.h"
+#include "services/campaign/lease_table.h"
+#include "services/core/stop.h"
+#include "services/core/thread_annotations.h"
+
+namespace etude::campaign {
+
+struct Collector::Impl {
+  using Time = MonotonicClock::time_point;
+
+  CampaignSpec spec;
+  std::string spec_sha256;
+  CollectorOptions options;
+  std::string id;
+  std::uint64_t epoch = 0;
+
+  // control thread (and Open)
+  bus::Announcement presence;
+  std::optional<std::string> files_sha256;  // of the first worker
+  bus::Writer<bus::CampaignAnnouncement> announcements;
+  bus::Writer<bus::Lease> leases;
+  bus::Writer<bus::CampaignStatus> statuses;
+  bus::Reader<bus::WorkRequest> requests;
+  bus::Reader<bus::AttemptReport> reports;
+  bus::Reader<bus::WorkerStatus> heartbeats;
+  // commit thread
+  bus::BlobReceiver episodes;
+  bool index_dirty = true;  // the dataset's index lacks something that is committed
+
+  std::atomic<bool> stop{false};
+  std::atomic<bool> finished{false};  // the commit thread is done, control may end
+
+  mutable Mutex mutex;
+  Time started ETUDE_GUARDED_BY(mutex) = MonotonicClock::now();
+  LeaseTable table ETUDE_GUARDED_BY(mutex);
+  CollectorProgress counters ETUDE_GUARDED_BY(mutex);  // failures, stale_results, duplicates, refused, error
+  std::uint64_t failed_attempts ETUDE_GUARDED_BY(mutex) = 0;
+  std::map<std::string, Time> heard ETUDE_GUARDED_BY(mutex);  // worker -> last sign of life
+  std::set<std::string> dismissed ETUDE_GUARDED_BY(mutex);    // workers that were told kDone
+  std::deque<Time> commits ETUDE_GUARDED_BY(mutex);           // of the last minute
+  std::optional<Error> superseded ETUDE_GUARDED_BY(mutex);    // another collector of this id has the better right
+
+  Mutex sink_mutex;  // the sink is one thread at a time
+  std::unique_ptr<EpisodeSink> sink ETUDE_GUARDED_BY(sink_mutex);
+
+  bool Stopping() const { return stop.load() || StopRequested(); }
+  bool Complete() const ETUDE_EXCLUDES(mutex);
+  CollectorProgress Snapshot() const ETUDE_REQUIRES(mutex);
+  void Announce(bool complete);
+
+  // control thread
+  void Control();
+  void TakeMessages();
+  void OnRequest(const bus::WorkRequest& request);
+  std::optional<std::string> WhyRefused(const bus::WorkRequest& request);
+  bus::Lease Answer(const bus::WorkRequest& request);
+  void OnReport(const bus::AttemptReport& report);
+  void OnHeartbeat(const bus::WorkerStatus& status);
+  void PublishStatus();
+  void GiveWayToSuccessor();
+
+  // commit thread
+  void OnEpisode(const bus::ReceivedBlob& blob);
+  Status CheckEpisode(const Episode& episode) const;
+  std::optional<bus::Verdict> Judge(const bus::ReceivedBlob& blob, Episode& episode);
+  void CountUnfit(std::uint64_t token) ETUDE_REQUIRES(mutex);
+  std::optional<bus::Verdict> CommitUntilDurable(const Episode& episode);
+  void WriteIndex();
+  void Drain();
+};
+
+/// A worker that has not been heard for this long is not counted as present.
+inline constexpr std::chrono::seconds kPresence{5};
+/// Commits looked at for the rate.
+inline constexpr std::chrono::seconds kRateWindow{60};
+
+}  // namespace etude::campaign

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files that come with the programs: tasks, robots, objects.
+#pragma once
+
+#include <string>
+
+#include "services/core/file.h"
+#include "services/core/result.h"
+
+namespace etude {
+
+/// The folder NAME of what comes with the programs: $ETUDE_SHARE/NAME when that variable is set; else the nearest
+/// deploy/NAME (a source tree) or share/etude/NAME (an installation) above the running program.
+/// @error kNotFound: neither is there; the message says where it was looked for
+Result<Path> FindShared(const std::string& name);
+/// The same for a given value of ETUDE_SHARE ("": not set) and a given program.
+Result<Path> FindShared(const std::string& name, const std::string& share, const Path& program);
+
+}  // namespace etude

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/policy/client.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <optional>
+#include <tuple>
+
+#include "services/bus/directory.h"
+#include "services/bus/topic.h"
+#include "services/core/clock.h"
+#include "services/core/stop.h"
+#include "services/episode/bounded_json.h"
+
+namespace etude::policy {
+namespace {
+
+constexpr std::chrono::milliseconds kAskAgainAfterRefusal{500};
+
+Result<Answer> AnswerOf(const bus::Action& action) {
+  constexpr std::size_t kSize = static_cast<std::size_t>(kWaypoints) * kWaypointSize;
+  if (action.rotation != kRotationFormat)
+    return Fail(Code::kCorrupt, fmt::format("policy '{}' answered rotations as '{}', expected '{}'", action.run,
+                                            action.rotation, kRotationFormat));
+  if (action.waypoints.size() != kSize)
+    return Fail(Code::kCorrupt, fmt::format("policy '{}' answered {} numbers instead of {}", action.run,
+                                            action.waypoints.size(), kSize));
+  for (const float value : action.waypoints)
+    if (!std::isfinite(value))
+      return Fail(Code::kCorrupt, fmt::format("policy '{}' answered a number that is not finite", action.run));
+  Answer answer;
+  for (int k = 0; k < kWaypoints; ++k)
+    answer.waypoints.push_back(FromVector(action.waypoints.data() + k * kWaypointSize));
+  answer.modules = ParseBoundedJson(action.modules_json).value_or(OrderedJson::object());
+  answer.checkpoint_step = action.checkpoint_step;
+  if (std::isfinite(action.server_p99_ms) && action.server_p99_ms > 0) answer.server_p99_ms = action.server_p99_ms;
+  return answer;
+}
+
+bus::Observation ObservationOf(const Question& question) {
+  bus::Observation observation;
+  observation.instruction = question.instruction;
+  observation.joints = question.joints;
+  observation.width = static_cast<std::uint32_t>(question.width);
+  observation.height = static_cast<std::uint32_t>(question.height);
+  observation.image.assign(question.rgb.begin(), question.rgb.end());
+  observation.robot = question.robot;
+  if (question.camera) {
+    const Camera& camera = *question.camera;
+    observation.intrinsics = {camera.focal(), camera.focal(), 0.5 * camera.width, 0.5 * camera.height};
+    const auto& [p, q] = std::tie(camera.X_WC.p, camera.X_WC.q);
+    observation.camera_pose = {p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()};
+  }
+  return observation;
+}
+
+// The server that is asked, known by the id of its run.
+struct Connection {
+  bus::Presence server;
+  bus::Writer<bus::Observation> observations;
+  bus::Reader<bus::Action> actions;
+};
+
+}  // namespace
+
+struct Client::Impl {
+  const bus::Participant* participant = nullptr;
+  Selector run;
+  std::string session;
+  ClientOptions options;
+  bus::Directory directory;
+  std::optional<Connection> connection = {};
+  std::uint64_t request_id = 0;
+
+  Status Connect(std::chrono::nanoseconds timeout);
+  bool ServerHasGone();
+  std::optional<bus::Action> Await(std::chrono::nanoseconds timeout);
+};
+
+// Looks for the server; nothing is connected when there is none within `timeout`.
+Status Client::Impl::Connect(std::chrono::nanoseconds timeout) {
+  ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kPolicy, run, timeout));
+  if (!found) return {};
+  const std::string partition = bus::PartitionOf(found->name, found->id);
+  ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Writer<bus::Observation>::Open(*participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto actions, bus::Reader<bus::Action>::Open(*participant, partition));
+  connection.emplace(Connection{*found, std::move(observations), std::move(actions)});
+  // an observation that is written before the server's reader is found is lost
+  connection->observations.WaitForReaders(1, timeout);
+  return {};
+}
+
+bool Client::Impl::ServerHasGone() {
+  return directory.Matching(bus::PresenceKind::kPolicy, {run.name, connection->server.id}).empty();
+}
+
+// The answer to the last observation, or nothing within `timeout`.
+std::optional<bus::Action> Client::Impl::Await(std::chrono::nanoseconds timeout) {
+  const auto deadline = MonotonicClock::now() + timeout;
+  while (!StopRequested() && MonotonicClock::now() < deadline) {
+    if (!connection->actions.Wait(deadline - MonotonicClock::now())) break;
+    for (auto& action : connection->actions.Take()) {
+      const bool ours = action.session == session && action.run_id == connection->server.id;
+      if (ours && action.request_id == request_id) return std::move(action);
+    }
+  }
+  return std::nullopt;
+}
+
+Client::Client(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Client::Client(Client&&) noexcept = default;
+Client& Client::operator=(Client&&) noexcept = default;
+Client::~Client() = default;
+
+Result<Client> Client::Open(const bus::Participant& participant, const std::string& run, const std::string& session,
+                            const ClientOptions& options) {
+  ETUDE_ASSIGN_OR_RETURN(auto selector, ParseSelector(run, "ask the policy of run"));
+  ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
+  return Client(
+      std::unique_ptr<Impl>(new Impl{&participant, std::move(selector), session, options, std::move(directory)}));
+}
+
+Result<Answer> Client::Ask(const Question& question) {
+  Impl& impl = *impl_;
+  bus::Observation observation = ObservationOf(question);
+  observation.run = impl.run.name;
+  observation.session = impl.session;
+
+  std::string last = "no answer; is `etude policy` running for this run and domain?";
+  Stopwatch elapsed;
+  const double patience = std::chrono::duration<double>(impl.options.patience).count();
+  while (!StopRequested() && elapsed.Seconds() < patience) {
+    if (!impl.connection) {
+      ETUDE_RETURN_IF_ERROR(impl.Connect(impl.options.answer));
+      continue;
+    }
+    observation.run_id = impl.connection->server.id;
+    observation.request_id = ++impl.request_id;
+    if (const Status asked = impl.connection->observations.Write(observation); !asked) last = asked.error().message;
+    const auto action = impl.Await(impl.options.answer);
+    if (!action) {
+      if (impl.ServerHasGone()) impl.connection.reset();
+      continue;
+    }
+    if (action->error.empty()) return AnswerOf(*action);
+    // e.g. no checkpoint yet: ask again later
+    last = action->error;
+    WaitForStop(kAskAgainAfterRefusal);
+  }
+  if (StopRequested()) return Fail(Code::kTimeout, "ask the policy: this process was asked to stop");
+  return Fail(Code::kUnavailable, fmt::format("ask the policy of run '{}': {}", impl.run.text(), last));
+}
+
+}  // namespace etude::policy

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Asks a policy over the bus: an observation out, an action back. What a robot's driver does, too.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <string>
+
+#include "services/bus/participant.h"
+#include "services/core/result.h"
+#include "services/policy/policy_types.h"
+
+namespace etude::policy {
+
+struct ClientOptions {
+  std::chrono::milliseconds answer{3'000};     ///< then the observation is sent again
+  std::chrono::milliseconds patience{60'000};  ///< over all tries; a server may still load its checkpoint
+};
+
+/// One conversation with the policy server of a run. Not thread-safe.
+class Client {
+ public:
+  /// @param run  NAME, or NAME@ID where several runs of a name are served. The server need not be there yet; with NAME
+  ///             alone, when the server that answered has gone, the next one of that name is asked.
+  /// @param participant  must outlive the client
+  /// @param session  unique among all who ask
+  /// @error kInvalidArgument: not a name; of the bus.
+  static Result<Client> Open(const bus::Participant& participant, const std::string& run, const std::string& session,
+                             const ClientOptions& options = {});
+  Client(Client&&) noexcept;
+  Client& operator=(Client&&) noexcept;
+  ~Client();
+
+  /// @error kUnavailable: no answer within the patience, or the server's own refusal; kCorrupt: waypoints of
+  /// a wrong number, not finite, or with rotations written in another way than here; kInvalidArgument: the name means
+  /// several policy servers (the message lists them); kTimeout: a stop was requested meanwhile.
+  Result<Answer> Ask(const Question& question);
+
+ private:
+  struct Impl;
+  explicit Client(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace etude::policy

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+// What to collect or to evaluate. Episode i of a campaign is a pure function of (spec, i).
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "services/core/config.h"
+#include "services/core/result.h"
+#include "services/spec/world_spec.h"
+
+namespace etude {
+
+struct CameraSpec {
+  int width = 224;                              ///< px
+  int height = 224;                             ///< px
+  double fovy_deg = 60;                         ///< vertical field of view
+  std::vector<double> position{0.0, 1.5, 1.0};  ///< m, world
+  std::vector<double> euler{-1.0, 0.0, 3.14};   ///< rad, rxyz
+
+  bool operator==(const CameraSpec&) const = default;
+  template <class V>
+  void Visit(V& v) {
+    v("width", width, "px", "width of the pictures");
+    v("height", height, "px", "height of the pictures");
+    v("fovy_deg", fovy_deg, "deg", "vertical field of view");
+    v("position", position, "m", "where the camera is, world");
+    v("euler", euler, "rad", "how it is turned, rxyz; it looks along its -z");
+  }
+};
+
+/// All draws are uniform and come from the episode's seed. 0 switches one off.
+struct RandomizationSpec {
+  double yaw = 0.3;                       ///< +- rad, every object about the vertical
+  double start_position = 0.08;           ///< +- m per axis, of the hand's start
+  double start_orientation = 0.15;        ///< +- rad per axis, of the hand's start
+  double disturbance = 0.03;              ///< m, size of a push off the path that the expert recovers from
+  double disturbance_probability = 0.35;  ///< per motion stage
+  double light = 0.0;                     ///< relative change of light and colour
+
+  template <class V>
+  void Visit(V& v) {
+    v("yaw", yaw, "rad", "every object is turned about the vertical by up to +- this");
+    v("start_position", start_position, "m", "the hand's start is moved by up to +- this along each axis");
+    v("start_orientation", start_orientation, "rad", "the hand's start is turned by up to +- this about each axis");
+    v("disturbance", disturbance, "m", "size of a disturbance that the expert recovers from");
+    v("disturbance_probability", disturbance_probability, "-", "of a disturbance in each motion stage");
+    v("light", light, "-", "relative change of light and colour");
+  }
+};
+
+/// Only for tasks "...+obstacle".
+struct ObstacleSpec {
+  double in_the_way = 0.5;  ///< share of the scenes in which it blocks the straight way to the target
+
+  template <class V>
+  void Visit(V& v) {
+    v("in_the_way", in_the_way, "-", "share of the scenes in which the obstacle blocks the straight way to the target");
+  }
+};
+
+/// Only for mode "rollout": a policy drives instead of the expert.
+struct RolloutSpec {
+  std::string run;        ///< policy to ask: name of the run whose checkpoints it serves
+  int replan_steps = 15;  ///< control steps between two questions to the policy
+  int max_steps = 1500;   ///< control steps until the rollout counts as a failure
+  bool record = true;     ///< keep the frames (for videos)
+  /// From the picture to the moment its answer takes effect; the simulation goes on meanwhile, rounded up to control
+  /// steps. -1: the 99th percentile that the policy server measured.
+  double latency_ms = -1;
+
+  template <class V>
+  void Visit(V& v) {
+    v("run", run, "", "policy to ask: the run whose checkpoints it serves");
+    v("replan_steps", replan_steps, "steps of 8 ms", "control steps between two questions to the policy");
+    v("max_steps", max_steps, "steps of 8 ms", "control steps until the rollout counts as a failure");
+    v("record", record, "", "keep the frames, for videos");
+    v("latency_ms", latency_ms, "ms", "from a picture to its answer taking effect; -1 is the p99 of the server");
+  }
+};
+
+/// Shares of train, valid and test. Whole numbers are counts: {1600, 400, 400} splits 2400 episodes exactly, and
+/// every further block of six 4:1:1. With fractions each episode is drawn by itself: counts are near them.
+struct SplitSpec {
+  double train = 0.9;
+  double valid = 0.1;
+  double test = 0.0;
+
+  template <class V>
+  void Visit(V& v) {
+    v("train", train, "-", "share of the training split; whole numbers are counts");
+    v("valid", valid, "-", "share of the validation split");
+    v("test", test, "-", "share of the test split");
+  }
+};
+
+struct CampaignSpec {
+  std::string name = "campaign";     ///< plain name, also the DDS partition
+  std::string mode = "demonstrate";  ///< demonstrate | rollout
+  /// Each a known robot or the path of a robot file (.yaml). Taken in turn, kEpisodesPerScene episodes each.
+  std::vector<std::string> robots{"ur5"};
+  std::vector<std::string> tasks{"pick", "push", "put_down"};  ///< see services/spec/task_name.h
+  /// Relative frequency of each task, same length as tasks; empty = equal. Episode i's task is taken
+  /// round-robin by these weights, so that counts are exact (32/24/24 for weights 4/3/3 of 80).
+  std::vector<double> task_weights;
+  std::vector<std::string> objects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};
+  /// How many of `objects` stand on the table; 0 all of them. Others are drawn every kEpisodesPerScene episodes.
+  int objects_per_scene = 0;
+  std::uint64_t episodes = 100;
+  std::uint64_t seed = 1;
+  int image_stride = 5;   ///< control steps per frame; 1 reproduces the paper
+  int max_attempts = 10;  ///< per index; then the index is given up and counted
+  /// feasible: a start is drawn anew until the expert's feasibility check passes | first_draw: the first one is taken,
+  /// and one that the expert cannot do is an attempt "scene_invalid".
+  std::string scenes = "feasible";
+  CameraSpec camera;
+  RandomizationSpec randomization;
+  ObstacleSpec obstacle;
+  RolloutSpec rollout;
+  SplitSpec split;
+  WorldSpec world;
+
+  template <class V>
+  void Visit(V& v) {
+    v("name", name, "", "plain name (a-z, 0-9, _ and -), also on the bus");
+    v("mode", mode, "", "demonstrate: the expert drives | rollout: a policy drives");
+    v("robots", robots, "", "known robots or robot files (.yaml), taken in turn");
+    v("tasks", tasks, "", "tasks, taken in turn by their weights");
+    v("task_weights", task_weights, "-", "relative frequency of each task; none: all the same");
+    v("objects", objects, "", "objects that may stand on the table");
+    v("objects_per_scene", objects_per_scene, "-", "how many of them stand there; 0: all");
+    v("episodes", episodes, "-", "how many episodes to commit");
+    v("seed", seed, "-", "what everything random is drawn from");
+    v("image_stride", image_stride, "steps of 8 ms", "control steps between two pictures; 1 as the paper has it");
+    v("max_attempts", max_attempts, "-", "attempts at an episode until it is given up and counted");
+    v("scenes", scenes, "", "feasible: drawn anew until the expert can do the task | first_draw: taken as they come");
+    v("camera", camera);
+    v("randomization", randomization);
+    v("obstacle", obstacle);
+    v("rollout", rollout);
+    v("split", split);
+    v("world", world);
+  }
+
+  /// Ranges and names; all problems at once, with the nearest known name. A robot may be a file, an object generated.
+  Status Validate() const;
+};
+
+/// What one compiled scene is made of.
+struct SceneSpec {
+  std::string robot = "ur5";
+  std::vector<std::string> objects = CampaignSpec{}.objects;
+  CameraSpec camera;
+  WorldSpec world;
+
+  bool operator==(const SceneSpec&) const = default;
+  SceneSpec() = default;
+  /// The first robot with all objects.
+  explicit SceneSpec(const CampaignSpec& spec);
+};
+
+/// SHA-256 of what an episode's bytes depend on: kContentVersion and the resolved spec without name, episodes, split
+/// and max_attempts, so that a campaign may be extended and still match what it has collected.
+std::string SpecHash(const CampaignSpec& spec);
+
+/// Episodes after which whole numbers in `split` are met exactly, and again after each such block: their sum over
+/// their greatest common divisor. 0 when they are fractions (or the block would be longer than 10^4), so that
+/// SplitOf draws.
+std::uint64_t SplitBlock(const SplitSpec& split);
+
+/// train | valid | test of episode `index`, a function of (seed, index): stable while a campaign grows.
+std::string SplitOf(const CampaignSpec& spec, std::uint64_t index);
+
+}  // namespace etude

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// The number of what an episode's bytes depend on besides its spec.
+#pragma once
+
+#include <cstdint>
+
+namespace etude {
+
+/// Raised with every change that makes other bytes of the same (spec, index, attempt): expert, planners, physics,
+/// meshes, renderer, encodings, libraries. Apart from the program's version, so that a release that changes no byte
+/// goes on with the campaigns of the one before. Part of SpecHash, and what Episode::version says.
+///   1  first release: EpisodePlan's streams, dense constraint Jacobian
+///   2  strict judge and dwell, 6D rotations, sparse constraint Jacobian, scene draws and planner shares in details
+inline constexpr std::uint32_t kContentVersion = 2;
+
+}  // namespace etude

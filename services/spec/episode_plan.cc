@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/spec/episode_plan.h"
+
+#include <algorithm>
+#include <numeric>
+#include <set>
+
+#include "services/core/check.h"
+#include "services/core/rng.h"
+#include "services/spec/object_names.h"
+#include "services/spec/task_roles.h"
+
+namespace etude {
+namespace {
+
+constexpr std::uint64_t kObstacleBlock = 20;     // episodes after which the share of obstacles in the way is exact
+constexpr std::uint64_t kLongestPattern = 1000;  // of weighted tasks
+
+std::string DrawTask(const CampaignSpec& spec, std::uint64_t index) {
+  ETUDE_CHECK(!spec.tasks.empty());
+  if (spec.task_weights.empty()) return spec.tasks[index % spec.tasks.size()];
+
+  // Largest deficit first (as in smooth weighted round-robin): after any prefix, every task's count is
+  // within one of its share. The pattern repeats once all shares are whole numbers; kLongestPattern is a bound.
+  double total = 0;
+  for (double weight : spec.task_weights) total += weight;
+  std::vector<double> credit(spec.tasks.size(), 0.0);
+  std::size_t chosen = 0;
+  for (std::uint64_t i = 0; i <= index % kLongestPattern; ++i) {
+    for (std::size_t k = 0; k < credit.size(); ++k) credit[k] += spec.task_weights[k] / total;
+    chosen = static_cast<std::size_t>(std::max_element(credit.begin(), credit.end()) - credit.begin());
+    credit[chosen] -= 1.0;
+  }
+  return spec.tasks[chosen];
+}
+
+// The objects on the table, in the order of the spec.
+std::vector<std::string> DrawObjects(const CampaignSpec& spec, const TaskSpec& task, std::uint64_t index) {
+  if (spec.objects_per_scene == 0) return spec.objects;
+  Rng rng(MixSeed({spec.seed, index / kEpisodesPerScene}, "objects"));
+  std::vector<std::size_t> order(spec.objects.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  rng.Shuffle(order);
+  // a sentence names a class: one instance of each at most
+  std::set<std::string> classes;
+  std::erase_if(order, [&](std::size_t i) { return !classes.insert(ObjectNoun(spec.objects[i])).second; });
+  order.resize(std::min(order.size(), static_cast<std::size_t>(spec.objects_per_scene)));
+  std::sort(order.begin(), order.end());
+  std::vector<std::string> objects;
+  for (const std::size_t i : order) objects.push_back(spec.objects[i]);
+  return WithReference(task, std::move(objects), spec.objects);
+}
+
+// One of `objects`, as the scene calls it.
+std::string DrawObject(const std::vector<std::string>& objects, std::uint64_t seed) {
+  ETUDE_CHECK(!objects.empty());
+  Rng rng(seed);
+  return SceneName(objects[rng.Below(objects.size())]);
+}
+
+ObstaclePlace DrawObstaclePlace(const CampaignSpec& spec, std::uint64_t index) {
+  std::vector<int> order(kObstacleBlock);
+  std::iota(order.begin(), order.end(), 0);
+  Rng rng(MixSeed({spec.seed, index / kObstacleBlock}, "obstacle"));
+  rng.Shuffle(order);
+  const bool in_the_way = order[index % kObstacleBlock] + 0.5 < spec.obstacle.in_the_way * kObstacleBlock;
+  return in_the_way ? ObstaclePlace::kInTheWay : ObstaclePlace::kAside;
+}
+
+// What the task forbids to touch, of the objects of its scene.
+std::vector<std::string> AvoidedOf(const EpisodePlan& plan) {
+  if (plan.has_obstacle()) return {kObstacleObject};
+  if (plan.task.avoid != "others") return {};
+  std::vector<std::string> others = SceneNames(plan.scene.objects);
+  std::erase(others, plan.target);
+  return others;
+}
+
+}  // namespace
+
+std::uint64_t EpisodeSeed(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt) {
+  return MixSeed({spec.seed, index, attempt}, "episode");
+}
+
+EpisodeSeeds SeedsOf(std::uint64_t seed) {
+  return {.scene = MixSeed({seed}, "scene"),
+          .light = MixSeed({seed}, "light"),
+          .instruction = MixSeed({seed}, "language"),
+          .disturbance = MixSeed({seed}, "push"),
+          .planning = MixSeed({seed}, "planning")};
+}
+
+EpisodePlan PlanEpisode(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt) {
+  const std::string task_text = DrawTask(spec, index);
+  const auto task = ParseTask(task_text);
+  ETUDE_CHECK(task, "task={}", task_text);
+  const std::vector<std::string> objects = DrawObjects(spec, *task->spec, index);
+
+  EpisodePlan plan{.index = index, .attempt = attempt, .seed = EpisodeSeed(spec, index, attempt)};
+  plan.seeds = SeedsOf(plan.seed);
+  plan.task = *task;
+  plan.target = DrawObject(PossibleTargets(*task->spec, objects), MixSeed({spec.seed, index}, "target"));
+  if (plan.task.relation())
+    plan.reference =
+        DrawObject(PossibleReferences(*task->spec, plan.target, objects), MixSeed({spec.seed, index}, "reference"));
+  plan.scene = SceneSpec(spec);
+  plan.scene.robot = spec.robots[index / kEpisodesPerScene % spec.robots.size()];
+  plan.scene.objects = objects;
+  if (plan.has_obstacle()) plan.scene.objects.push_back(kObstacleObject);
+  plan.obstacle = DrawObstaclePlace(spec, index);
+  plan.first_draw = spec.scenes == "first_draw";
+  plan.avoid = AvoidedOf(plan);
+  return plan;
+}
+
+}  // namespace etude

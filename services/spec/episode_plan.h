@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// What episode `index` of a campaign is about, at one attempt: everything that is drawn before a world exists.
+// Drawn once and passed on as a value, so that no two places can disagree.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "services/spec/campaign_spec.h"
+#include "services/spec/task_name.h"
+
+namespace etude {
+
+/// Consecutive episodes that share one robot and one choice of objects: building a scene costs as much as an
+/// episode.
+inline constexpr std::uint64_t kEpisodesPerScene = 10;
+
+/// Where the obstacle of a task "...+obstacle" stands.
+enum class ObstaclePlace {
+  kInTheWay,  ///< the straight way of the hand to its first goal would touch it
+  kAside,     ///< that way passes it with room to spare
+};
+
+/// The streams of random numbers of one attempt. What draws from one does not move the others.
+struct EpisodeSeeds {
+  std::uint64_t scene = 0;        ///< places of the objects, start of the arm
+  std::uint64_t light = 0;        ///< light and colours
+  std::uint64_t instruction = 0;  ///< the sentence: drawn by who owns the grammar
+  std::uint64_t disturbance = 0;  ///< pushes off the path
+  std::uint64_t planning = 0;     ///< sampling planners: a stream for each motion
+};
+/// The streams that follow from an attempt's seed.
+EpisodeSeeds SeedsOf(std::uint64_t seed);
+
+/// Scene, task and objects are the same for all attempts, so that a hard object is not swapped for an easy one by a
+/// retry; the seeds are not.
+struct EpisodePlan {
+  std::uint64_t index = 0;
+  std::uint32_t attempt = 0;
+  std::uint64_t seed = 0;  ///< EpisodeSeed
+  SceneSpec scene;         ///< robot and objects, the obstacle last
+  TaskName task;
+  std::string target;                              ///< the scene's name of the object that the task is about
+  std::string reference;                           ///< relations: the object to put the target beside; else ""
+  std::vector<std::string> avoid;                  ///< objects that the robot must not touch
+  ObstaclePlace obstacle = ObstaclePlace::kAside;  ///< counts only for tasks with an obstacle
+  bool first_draw = false;  ///< the first start that is drawn counts, whether the task can be done from it or not
+  EpisodeSeeds seeds;
+
+  bool has_obstacle() const { return task.avoid == "obstacle"; }
+};
+
+/// A pure function of its arguments. Tasks come round-robin by weight; the obstacle stands in the way in
+/// `obstacle.in_the_way` of every 20 episodes, in a drawn order.
+/// @pre the spec is valid
+EpisodePlan PlanEpisode(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt);
+
+/// PlanEpisode(...).seed, for those who need nothing else.
+std::uint64_t EpisodeSeed(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt);
+
+}  // namespace etude

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which objects may play which part in a task. Objects as a campaign names them: names or paths.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "services/spec/task_spec.h"
+
+namespace etude {
+
+/// Those of `objects` that the target may be put beside, on or into; none for a task without a reference.
+std::vector<std::string> PossibleReferences(const TaskSpec& task, const std::string& target,
+                                            const std::vector<std::string>& objects);
+/// Those of `objects` that may be the target: with a reference, those that have a possible one.
+std::vector<std::string> PossibleTargets(const TaskSpec& task, const std::vector<std::string>& objects);
+
+/// `drawn` with its last object replaced by one of `objects` that may be the reference, where none of `drawn` may.
+std::vector<std::string> WithReference(const TaskSpec& task, std::vector<std::string> drawn,
+                                       const std::vector<std::string>& objects);
+
+}  // namespace etude

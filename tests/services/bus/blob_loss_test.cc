@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+// Object channels when packets, chunks, acks or receivers get lost.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <future>
+#include <thread>
+
+#include "services/bus/assembly.h"
+#include "services/bus/blob_transfer.h"
+#include "services/bus/topic.h"
+#include "services/core/hash.h"
+#include "tests/services/bus/two_processes.h"
+
+namespace etude::bus {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint32_t kDomain = 73;
+
+TEST(ObjectLoss, LostPacketsAreMadeUpFor) {
+  const auto peers = OpenTwo(kDomain, 30);
+  auto receiver = BlobReceiver::Open(peers.b, "lossy", "episode");
+  ASSERT_TRUE(receiver);
+  constexpr std::uint64_t kCount = 6;
+  std::thread sending([&peers] {
+    SendOptions options;
+    options.chunk_size = 32 * 1024;
+    options.window = 8;
+    auto sender = BlobSender::Open(peers.a, "lossy", "episode", "s", options);
+    ASSERT_TRUE(sender);
+    for (std::uint64_t id = 0; id < kCount; ++id) {
+      const auto verdict = sender->Send(id, MakeBytes(400'000 + id, 8), 0, "", 60s);
+      ASSERT_TRUE(verdict) << verdict.error().message;
+      EXPECT_EQ(verdict->kind, AckKind::kDone);
+    }
+  });
+  for (std::uint64_t id = 0; id < kCount; ++id) {
+    const auto blob = receiver->Receive(60s);
+    ASSERT_TRUE(blob);
+    EXPECT_EQ(blob->bytes, MakeBytes(400'000 + id, 8));
+    EXPECT_TRUE(receiver->Acknowledge(blob->manifest, {}));
+  }
+  for (auto done = std::async(std::launch::async, [&] { sending.join(); });
+       done.wait_for(0ms) != std::future_status::ready;) {
+    EXPECT_FALSE(receiver->Receive(20ms));  // answers what is asked again
+  }
+  EXPECT_EQ(receiver->corrupt_blobs(), 0u);
+}
+
+// A sender made by hand, so that it can do what a real one would not.
+struct Hand {
+  Writer<BlobManifest> manifests;
+  Writer<BlobChunk> chunks;
+  Reader<BlobAck> acks;
+  BlobReceiver& receiver;
+
+  Hand(const TwoProcesses& peers, const std::string& partition, BlobReceiver& to)
+      : manifests(std::move(*Writer<BlobManifest>::Open(peers.a, partition + "/episode"))),
+        chunks(std::move(*Writer<BlobChunk>::Open(peers.a, partition + "/episode"))),
+        acks(std::move(*Reader<BlobAck>::Open(peers.a, partition + "/episode"))),
+        receiver(to) {
+    EXPECT_TRUE(manifests.WaitForReaders(1, 10s));
+    EXPECT_TRUE(chunks.WaitForReaders(1, 10s));
+  }
+  BlobManifest Manifest(std::uint64_t id, const std::vector<std::uint8_t>& bytes) const {
+    BlobManifest manifest;
+    manifest.channel = "episode";
+    manifest.sender = "hand";
+    manifest.id = id;
+    manifest.size = bytes.size();
+    manifest.chunk_size = 1000;
+    manifest.chunk_count = ChunkCount(bytes.size(), 1000);
+    const auto digest = Sha256Of(bytes);
+    manifest.sha256.assign(digest.begin(), digest.end());
+    return manifest;
+  }
+  void SendChunk(std::uint64_t id, const std::vector<std::uint8_t>& bytes, std::uint32_t index) {
+    const auto data = ChunkOf(bytes, 1000, index);
+    EXPECT_TRUE(chunks.Write({"episode", "hand", id, index, {data.begin(), data.end()}}));
+  }
+  // Announces until an ack of `kind` with `received` comes; false when a blob came out instead.
+  std::optional<BlobAck> Ask(const BlobManifest& manifest, AckKind kind, std::uint32_t received) {
+    for (int attempt = 0; attempt < 500; ++attempt) {
+      EXPECT_TRUE(manifests.Write(manifest));
+      EXPECT_FALSE(receiver.Receive(5ms)) << "not complete yet";
+      if (!acks.Wait(5ms)) continue;
+      for (auto& ack : acks.Take()) {
+        if (ack.kind == kind && ack.received == received) return ack;
+      }
+    }
+    return std::nullopt;
+  }
+};
+
+TEST(ObjectLoss, TheReceiverSaysWhatIsMissing) {
+  const auto peers = OpenTwo(kDomain);
+  auto receiver = BlobReceiver::Open(peers.b, "gaps", "episode");
+  ASSERT_TRUE(receiver);
+  Hand hand(peers, "gaps", *receiver);
+  const auto bytes = MakeBytes(9'500, 1);
+  const auto manifest = hand.Manifest(1, bytes);
+  ASSERT_TRUE(hand.Ask(manifest, AckKind::kMissing, 0));
+  for (const std::uint32_t index : {0u, 1u, 3u, 4u, 7u}) hand.SendChunk(1, bytes, index);
+  std::optional<BlobAck> ack;
+  const std::vector<std::uint32_t> expected{2, 5, 6, 8, 9};
+  for (int attempt = 0; attempt < 100 && (!ack || ack->missing != expected); ++attempt) {
+    ack = hand.Ask(manifest, AckKind::kMissing, 2);  // chunks may still be on their way
+    ASSERT_TRUE(ack);
+  }
+  EXPECT_EQ(ack->missing, expected);
+  for (const auto index : ack->missing) hand.SendChunk(1, bytes, index);
+  const auto blob = receiver->Receive(10s);
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->bytes, bytes);
+}
+
+TEST(ObjectLoss, ChunksBeforeTheirManifestAreAskedForAgain) {
+  const auto peers = OpenTwo(kDomain);
+  auto receiver = BlobReceiver::Open(peers.b, "early", "episode");
+  ASSERT_TRUE(receiver);
+  Hand hand(peers, "early", *receiver);
+  const auto bytes = MakeBytes(2'500, 2);
+  for (std::uint32_t index = 0; index < 3; ++index) hand.SendChunk(1, bytes, index);
+  EXPECT_FALSE(receiver->Receive(100ms));
+  ASSERT_TRUE(hand.Ask(hand.Manifest(1, bytes), AckKind::kMissing, 0));
+  for (std::uint32_t index = 0; index < 3; ++index) hand.SendChunk(1, bytes, index);
+  const auto blob = receiver->Receive(10s);
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->bytes, bytes);
+}
+
+TEST(ObjectLoss, CorruptChunksRefuseTheObjectAndCount) {
+  const auto peers = OpenTwo(kDomain);
+  auto receiver = BlobReceiver::Open(peers.b, "corrupt", "episode");
+  ASSERT_TRUE(receiver);
+  Hand hand(peers, "corrupt", *receiver);
+  const auto bytes = MakeBytes(5'000, 3);
+  auto wrong = bytes;
+  wrong[3'333] ^= 1;
+  const auto manifest = hand.Manifest(1, bytes);
+  ASSERT_TRUE(hand.Ask(manifest, AckKind::kMissing, 0));
+  for (std::uint32_t index = 0; index < 5; ++index) hand.SendChunk(1, wrong, index);
+  while (receiver->corrupt_blobs() == 0) ASSERT_FALSE(receiver->Receive(10ms));
+  bool refused = false;
+  while (!refused) {
+    ASSERT_TRUE(hand.acks.Wait(10s));
+    for (const auto& ack : hand.acks.Take()) refused = refused || ack.kind == AckKind::kRefused;
+  }
+  // the same id may be tried again
+  ASSERT_TRUE(hand.Ask(manifest, AckKind::kMissing, 0));
+  for (std::uint32_t index = 0; index < 5; ++index) hand.SendChunk(1, bytes, index);
+  const auto blob = receiver->Receive(10s);
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->bytes, bytes);
+  EXPECT_EQ(receiver->corrupt_blobs(), 1u);
+}
+
+TEST(ObjectLoss, MalformedChunksAreDroppedAndCounted) {
+  const auto peers = OpenTwo(kDomain);
+  auto receiver = BlobReceiver::Open(peers.b, "malformed", "episode");
+  ASSERT_TRUE(receiver);
+  Hand hand(peers, "malformed", *receiver);
+  const auto bytes = MakeBytes(3'000, 4);
+  ASSERT_TRUE(hand.Ask(hand.Manifest(1, bytes), AckKind::kMissing, 0));
+  ASSERT_TRUE(hand.chunks.Write({"episode", "hand", 1, 0, std::vector<std::uint8_t>(999)}));
+  ASSERT_TRUE(hand.chunks.Write({"episode", "hand", 1, 3, std::vector<std::uint8_t>(1000)}));
+  for (std::uint32_t index = 0; index < 3; ++index) hand.SendChunk(1, bytes, index);
+  const auto blob = receiver->Receive(10s);
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->bytes, bytes);
+  EXPECT_EQ(receiver->malformed_samples(), 2u);
+}
+
+TEST(ObjectLoss, AReceiverThatRestartsInTheMiddleGetsAllOfIt) {
+  const auto peers = OpenTwo(kDomain);
+  const auto bytes = MakeBytes(4'000'000, 5);
+  SendOptions options;
+  options.chunk_size = 16 * 1024;
+  options.window = 4;
+  auto sender = BlobSender::Open(peers.a, "restart", "episode", "s", options);
+  ASSERT_TRUE(sender);
+  ASSERT_TRUE(sender->Begin(1, bytes, 0, ""));
+  {
+    auto receiver = BlobReceiver::Open(peers.b, "restart", "episode");
+    ASSERT_TRUE(receiver);
+    // a few rounds: some of the 245 chunks arrive, far from all
+    for (int round = 0; round < 8; ++round) {
+      EXPECT_FALSE(sender->Next(10ms));
+      EXPECT_FALSE(receiver->Receive(5ms));
+    }
+  }
+  EXPECT_FALSE(sender->Next(100ms));
+  auto receiver = BlobReceiver::Open(peers.b, "restart", "episode");
+  ASSERT_TRUE(receiver);
+  std::optional<ReceivedBlob> blob;
+  for (int round = 0; round < 2000 && !blob; ++round) {
+    EXPECT_FALSE(sender->Next(1ms));
+    blob = receiver->Receive(1ms);
+  }
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->bytes, bytes);
+  ASSERT_TRUE(receiver->Acknowledge(blob->manifest, {}));
+  EXPECT_TRUE(sender->Next(10s));
+}
+
+TEST(ObjectLoss, AReceiverThatRestartsBeforeItsVerdictIsAskedAgain) {
+  const auto peers = OpenTwo(kDomain);
+  const auto bytes = MakeBytes(60'000, 6);  // travels inside its manifest
+  auto sender = BlobSender::Open(peers.a, "again", "episode", "s");
+  ASSERT_TRUE(sender);
+  ASSERT_TRUE(sender->Begin(1, bytes, 0, ""));
+  const auto receive = [&](BlobReceiver& receiver) {
+    std::optional<ReceivedBlob> blob;
+    for (int round = 0; round < 2000 && !blob; ++round) {
+      EXPECT_FALSE(sender->Next(1ms));
+      blob = receiver.Receive(1ms);
+    }
+    return blob;
+  };
+  {
+    auto crashing = BlobReceiver::Open(peers.b, "again", "episode");
+    ASSERT_TRUE(crashing);
+    ASSERT_TRUE(receive(*crashing));  // and gone without an answer
+  }
+  auto receiver = BlobReceiver::Open(peers.b, "again", "episode");
+  ASSERT_TRUE(receiver);
+  const auto blob = receive(*receiver);
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->bytes, bytes);
+  ASSERT_TRUE(receiver->Acknowledge(blob->manifest, {AckKind::kDuplicate, ""}));
+  const auto sent = sender->Next(10s);
+  ASSERT_TRUE(sent);
+  EXPECT_EQ(sent->verdict.kind, AckKind::kDuplicate);
+}
+
+}  // namespace
+}  // namespace etude::bus

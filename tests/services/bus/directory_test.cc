@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/bus/directory.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "services/bus/topic.h"
+#include "services/core/clock.h"
+#include "services/core/stop.h"
+#include "tests/services/bus/two_processes.h"
+
+namespace etude::bus {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint32_t kDomain = 71;
+
+Presence MakeRun(const std::string& name, const std::string& id, const std::string& folder, std::uint64_t epoch = 1) {
+  Presence presence = MakePresence(PresenceKind::kRun, name, id, folder);
+  presence.epoch = epoch;
+  return presence;
+}
+
+Announcement Announce(const Participant& participant, const Presence& presence, Claim claim = Claim::kRefuse) {
+  auto announcement = Announcement::Open(participant, presence, claim);
+  EXPECT_TRUE(announcement) << announcement.error().message;
+  return std::move(*announcement);
+}
+
+bool WaitFor(const std::function<bool()>& condition) {
+  const Stopwatch watch;
+  while (!condition() && watch.Seconds() < 10) WaitForStop(2ms);
+  return condition();
+}
+
+TEST(Directory, FindsByNameAndByIdAndForgetsWhoEnded) {
+  const auto peers = OpenTwo(kDomain);
+  auto directory = Directory::Open(peers.b).value();
+  {
+    const auto run = Announce(peers.a, MakeRun("demo", "aaaa000000000001", "/a"));
+    for (const char* text : {"demo", "demo@a", "demo@aaaa000000000001"}) {
+      const auto found = directory.Find(PresenceKind::kRun, ParseSelector(text, "run").value(), 10s);
+      ASSERT_TRUE(found) << found.error().message;
+      ASSERT_TRUE(*found) << text;
+      EXPECT_EQ((*found)->id, "aaaa000000000001");
+      EXPECT_EQ((*found)->folder, "/a");
+      EXPECT_EQ((*found)->host, HostName());
+    }
+    EXPECT_FALSE(directory.Find(PresenceKind::kRun, {"demo", "b"}, 1ms).value());
+    EXPECT_FALSE(directory.Find(PresenceKind::kRun, {"dem", ""}, 1ms).value());
+    EXPECT_FALSE(directory.Find(PresenceKind::kCampaign, {"demo", ""}, 1ms).value());
+  }
+  EXPECT_TRUE(WaitFor([&] { return directory.Live().empty(); }));
+}
+
+TEST(Directory, ANameThatMeansTwoThingsIsAnsweredByAList) {
+  const auto peers = OpenTwo(kDomain);
+  const auto one = Announce(peers.a, MakeRun("two", "aaaa000000000001", "/one"));
+  const auto other = Announce(peers.b, MakeRun("two", "bbbb000000000002", "/other"));
+  auto directory = Directory::Open(peers.b).value();
+
+  const auto found = directory.Find(PresenceKind::kRun, {"two", ""}, 10s);
+
+  ASSERT_FALSE(found);
+  EXPECT_EQ(found.error().code, Code::kInvalidArgument);
+  for (const std::string& text :
+       {std::string("two@aaaa000000000001"), std::string("two@bbbb000000000002"), std::string("/one"),
+        std::string("/other"), HostName(), UserName(), std::string("since 20")})
+    EXPECT_NE(found.error().message.find(text), std::string::npos) << text << "\n" << found.error().message;
+  const auto selected = directory.Find(PresenceKind::kRun, {"two", "bb"}, 10s);
+  ASSERT_TRUE(selected && *selected);
+  EXPECT_EQ((*selected)->folder, "/other");
+}
+
+TEST(Directory, AnotherWireNumberIsRefusedByName) {
+  const auto peers = OpenTwo(kDomain);
+  Presence old = MakeRun("old", "aaaa000000000001", "/a");
+  old.wire = 1;
+  old.version = "0.0.9";
+  const auto announced = Announce(peers.a, old);
+  auto directory = Directory::Open(peers.b).value();
+  const auto found = directory.Find(PresenceKind::kRun, {"old", ""}, 10s);
+  ASSERT_FALSE(found);
+  EXPECT_EQ(found.error().code, Code::kUnavailable);
+  EXPECT_NE(found.error().message.find("run 'old'"), std::string::npos) << found.error().message;
+  EXPECT_NE(found.error().message.find("wire number 1"), std::string::npos) << found.error().message;
+  EXPECT_NE(found.error().message.find("0.0.9"), std::string::npos) << found.error().message;
+}
+
+TEST(Directory, AnIdThatIsLiveElsewhereIsRefusedUnlessAdopted) {
+  const auto peers = OpenTwo(kDomain);
+  auto original = Announce(peers.a, MakeRun("copied", "aaaa000000000001", "/original", 5));
+  EXPECT_FALSE(original.Successor());
+
+  const auto refused = Announcement::Open(peers.b, MakeRun("copied", "aaaa000000000001", "/copy", 5), Claim::kRefuse);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Code::kUnavailable);
+  for (const char* text : {"/original", "--new-id", "--adopt"})
+    EXPECT_NE(refused.error().message.find(text), std::string::npos) << refused.error().message;
+
+  auto adopted = Announce(peers.b, MakeRun("copied", "aaaa000000000001", "/copy", 5), Claim::kAdopt);
+  EXPECT_EQ(adopted.presence().epoch, 6u);
+  EXPECT_TRUE(WaitFor([&] { return original.Successor().has_value(); }));
+  EXPECT_EQ(original.Successor()->folder, "/copy");
+  EXPECT_FALSE(adopted.Successor());
+  // of two with one id the newer one is meant
+  auto directory = Directory::Open(peers.a).value();
+  EXPECT_EQ(directory.Find(PresenceKind::kRun, {"copied", ""}, 10s).value()->folder, "/copy");
+}
+
+TEST(Directory, ThePastOfTheSameFolderIsNoOther) {
+  const auto peers = OpenTwo(kDomain);
+  const auto killed = Announce(peers.a, MakeRun("killed", "aaaa000000000001", "/same", 1));
+  auto again = Announce(peers.b, MakeRun("killed", "aaaa000000000001", "/same", 2));
+  EXPECT_FALSE(again.Successor());
+}
+
+// Two that were started before they could see each other: exactly one gives way.
+TEST(Directory, OfTwoThatMeetLaterOneGivesWay) {
+  const auto peers = OpenTwo(kDomain);
+  Presence late = MakeRun("met", "aaaa000000000001", "/late", 3);
+  late.since += 1;
+  auto first = Announce(peers.a, MakeRun("met", "aaaa000000000001", "/first", 3));
+  auto writer = Writer<Presence>::Open(peers.b, "directory").value();
+  ASSERT_TRUE(writer.Write(late));
+  auto directory = Directory::Open(peers.a).value();
+  ASSERT_TRUE(WaitFor([&] { return directory.Live().size() == 2; }));
+  EXPECT_FALSE(first.Successor()) << "it was there first";
+  late.epoch = 4;
+  ASSERT_TRUE(writer.Write(late));
+  EXPECT_TRUE(WaitFor([&] { return first.Successor().has_value(); })) << "its tokens would be the older ones";
+  EXPECT_NE(GivingWay(first.presence(), late).message.find("/late"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace etude::bus

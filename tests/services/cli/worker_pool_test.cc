@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/cli/worker_pool.cc with programs that die, in the worker's place.
+#include "services/cli/worker_pool.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "services/core/stop.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::cli {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+class DyingWorkers : public testing::Test {
+ protected:
+  // Supervises until it is given up.
+  Error RunUntilGivenUp(const std::string& script, const std::function<std::uint64_t()>& committed) {
+    const Path program = folder_ / "worker";
+    EXPECT_TRUE(WriteFileAtomically(program, std::string_view(script)));
+    std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+    auto pool = WorkerPool::Start({.workers = 2,
+                                   .campaign = "demo@aaaa",
+                                   .bus = {},
+                                   .logs = folder_ / "logs",
+                                   .on_end = [this](const std::string&) { ++ended_; },
+                                   .committed = committed,
+                                   .program = program});
+    EXPECT_TRUE(pool);
+    const Stopwatch watch;
+    Status status;
+    while (status && watch.Seconds() < 50) {
+      status = pool->Supervise();
+      WaitForStop(1ms);
+    }
+    EXPECT_FALSE(status) << "it would go on for ever";
+    return status ? Error{} : status.error();
+  }
+
+  TemporaryFolder folder_;
+  int ended_ = 0;
+};
+
+constexpr char kCrash[] = "#!/bin/sh\necho 'GL: out of luck' >&2\nkill -SEGV $$\n";
+
+TEST_F(DyingWorkers, AreGivenUpWithTheSignalAndTheirLastWords) {
+  const Error error = RunUntilGivenUp(kCrash, [] { return std::uint64_t{0}; });
+  EXPECT_EQ(error.code, Code::kUnavailable) << "exit code 3";
+  EXPECT_EQ(ended_, HopelessDeaths(2));
+  EXPECT_THAT(error.message, HasSubstr(std::to_string(HopelessDeaths(2)) + " times"));
+  EXPECT_THAT(error.message, HasSubstr("SIGSEGV"));
+  EXPECT_THAT(error.message, HasSubstr("GL: out of luck"));
+}
+
+TEST_F(DyingWorkers, AreStartedAgainForAsLongAsEpisodesComeIn) {
+  const Error error = RunUntilGivenUp(kCrash, [this] { return static_cast<std::uint64_t>(std::min(ended_, 4)); });
+  EXPECT_EQ(ended_, 4 + HopelessDeaths(2) - 1) << "the fourth death is the first after the last commit";
+  EXPECT_THAT(error.message, HasSubstr("SIGSEGV"));
+}
+
+TEST(HopelessDeaths, GrowWithTheWorkers) {
+  EXPECT_EQ(HopelessDeaths(1), 6);
+  EXPECT_EQ(HopelessDeaths(64), 192);
+}
+
+}  // namespace
+}  // namespace etude::cli

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/policy/client.cc against policy servers by hand, over real DDS.
+#include "services/policy/client.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+
+#include "services/bus/directory.h"
+#include "services/bus/topic.h"
+#include "services/core/stop.h"
+
+namespace etude::policy {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint32_t kDomain = 77;
+constexpr char kOne[] = "aaaa000000000001";
+constexpr char kOther[] = "bbbb000000000002";
+
+// Answers every observation of a run with its own checkpoint step.
+class FakeServer {
+ public:
+  FakeServer(const bus::Participant& participant, const std::string& name, const std::string& id, std::uint64_t step)
+      : presence_(bus::Announcement::Open(participant, bus::MakePresence(bus::PresenceKind::kPolicy, name, id, ""),
+                                          Claim::kAdopt)
+                      .value()),
+        actions_(bus::Writer<bus::Action>::Open(participant, bus::PartitionOf(name, id)).value()),
+        observations_(bus::Reader<bus::Observation>::Open(participant, bus::PartitionOf(name, id)).value()),
+        thread_([this, step](const std::stop_token& stop) {
+          while (!stop.stop_requested())
+            if (observations_.Wait(20ms))
+              for (const auto& observation : observations_.Take()) Answer(observation, step);
+        }) {}
+  ~FakeServer() {
+    thread_.request_stop();
+    thread_.join();
+  }
+
+  std::atomic<int> asked{0};
+  bus::Observation last;  // read after its answer
+  std::string rotation = kRotationFormat;
+
+ private:
+  void Answer(const bus::Observation& observation, std::uint64_t step) {
+    ++asked;
+    last = observation;
+    bus::Action action;
+    action.run = observation.run;
+    action.run_id = observation.run_id;
+    action.session = observation.session;
+    action.request_id = observation.request_id;
+    action.checkpoint_step = step;
+    action.rotation = rotation;
+    action.server_p99_ms = 12.5f;
+    const auto waypoint = ToVector(Waypoint{});
+    for (int k = 0; k < kWaypoints; ++k)
+      action.waypoints.insert(action.waypoints.end(), waypoint.begin(), waypoint.end());
+    EXPECT_TRUE(actions_.Write(action));
+  }
+
+  bus::Announcement presence_;
+  bus::Writer<bus::Action> actions_;
+  bus::Reader<bus::Observation> observations_;
+  std::jthread thread_;
+};
+
+class PolicyClient : public testing::Test {
+ protected:
+  Result<Client> OpenClient(const std::string& run) {
+    return Client::Open(participant_, run, bus::UniquePeerName(), {.answer = 1s, .patience = 20s});
+  }
+  Question MakeQuestion() const {
+    Question question;
+    question.instruction = "pick up the red can";
+    question.joints = {0.1f, 0.2f};
+    question.width = question.height = 4;
+    question.rgb = picture_;
+    return question;
+  }
+
+  std::vector<std::uint8_t> picture_ = std::vector<std::uint8_t>(48, 9);
+  bus::Participant participant_ = bus::Participant::Open({kDomain, ""}).value();
+};
+
+// Two quickstarts of one host: the second one's table came from the first one's policy.
+TEST_F(PolicyClient, IsAnsweredByTheServerOfItsRunAndNoOther) {
+  FakeServer one(participant_, "twins", kOne, 571), other(participant_, "twins", kOther, 396);
+  for (const auto& [id, step] : {std::pair(kOne, 571u), std::pair(kOther, 396u)}) {
+    auto client = OpenClient(std::string("twins@") + id);
+    ASSERT_TRUE(client);
+    for (int k = 0; k < 5; ++k) {
+      const auto answer = client->Ask(MakeQuestion());
+      ASSERT_TRUE(answer) << answer.error().message;
+      EXPECT_EQ(answer->checkpoint_step, step);
+    }
+  }
+  EXPECT_EQ(one.asked, 5);
+  EXPECT_EQ(other.asked, 5);
+
+  auto unclear = OpenClient("twins");
+  ASSERT_TRUE(unclear);
+  const auto answer = unclear->Ask(MakeQuestion());
+  ASSERT_FALSE(answer);
+  EXPECT_EQ(answer.error().code, Code::kInvalidArgument);
+  for (const char* text : {kOne, kOther, "NAME@ID"})
+    EXPECT_NE(answer.error().message.find(text), std::string::npos) << answer.error().message;
+}
+
+TEST_F(PolicyClient, GoesOnWithTheNextServerOfItsName) {
+  auto client = OpenClient("next");
+  ASSERT_TRUE(client);
+  {
+    FakeServer first(participant_, "next", kOne, 1);
+    const auto answer = client->Ask(MakeQuestion());
+    ASSERT_TRUE(answer) << answer.error().message;
+    EXPECT_EQ(answer->checkpoint_step, 1u);
+  }
+  FakeServer second(participant_, "next", kOther, 2);
+  const auto answer = client->Ask(MakeQuestion());
+  ASSERT_TRUE(answer) << answer.error().message;
+  EXPECT_EQ(answer->checkpoint_step, 2u);
+}
+
+TEST_F(PolicyClient, TheObservationCarriesItsCameraAndTheAnswerItsLatency) {
+  FakeServer server(participant_, "camera", kOne, 1);
+  auto client = OpenClient("camera");
+  ASSERT_TRUE(client);
+  Question question = MakeQuestion();
+  question.robot = "ur5";
+  question.camera.emplace();
+  question.camera->width = question.camera->height = 4;
+  question.camera->X_WC.p = {0.5, 1.5, 1.0};
+  const auto answer = client->Ask(question);
+  ASSERT_TRUE(answer) << answer.error().message;
+  EXPECT_EQ(answer->server_p99_ms, 12.5);
+  const double focal = question.camera->focal();
+  EXPECT_EQ(server.last.intrinsics, (std::vector<double>{focal, focal, 2, 2}));
+  EXPECT_EQ(server.last.camera_pose, (std::vector<double>{0.5, 1.5, 1.0, 1, 0, 0, 0}));
+  EXPECT_EQ(server.last.robot, "ur5");
+  EXPECT_EQ(server.last.run_id, kOne);
+}
+
+TEST_F(PolicyClient, RotationsWrittenInAnotherWayAreRefused) {
+  FakeServer server(participant_, "rotation", kOne, 1);
+  server.rotation = "quaternion";
+  auto client = OpenClient("rotation");
+  ASSERT_TRUE(client);
+  const auto answer = client->Ask(MakeQuestion());
+  ASSERT_FALSE(answer);
+  EXPECT_EQ(answer.error().code, Code::kCorrupt);
+  EXPECT_NE(answer.error().message.find("'quaternion'"), std::string::npos) << answer.error().message;
+}
+
+TEST_F(PolicyClient, AWrongNameIsAnErrorAtOnce) {
+  for (const char* run : {"", "Two Words", "run@", "run@xyz"}) EXPECT_FALSE(OpenClient(run)) << run;
+}
+
+}  // namespace
+}  // namespace etude::policy

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/spec/episode_plan.cc
+#include "services/spec/episode_plan.h"
+
+#include <gmock/gmock.h>
+
+#include <map>
+#include <set>
+
+#include "services/spec/object_names.h"
+
+namespace etude {
+namespace {
+
+TEST(PlanEpisode, WeightsGiveExactCounts) {
+  CampaignSpec spec;
+  spec.task_weights = {4, 3, 3};
+
+  std::map<std::string, int> counts;
+  for (std::uint64_t i = 0; i < 80; ++i) ++counts[PlanEpisode(spec, i, 0).task.text()];
+
+  EXPECT_EQ(counts["pick"], 32);
+  EXPECT_EQ(counts["push"], 24);
+  EXPECT_EQ(counts["put_down"], 24);
+}
+
+TEST(PlanEpisode, ObjectsAreOfDifferentClassesAndSharedByAGroup) {
+  CampaignSpec spec;
+  spec.objects = TrainObjects();
+  spec.objects_per_scene = 4;
+  spec.robots = {"ur5", "panda", "jaco2"};
+  spec.tasks = {"pick", "place_left", "push+obstacle"};
+  std::set<std::vector<std::string>> choices;
+  std::set<std::string> seen;
+  for (std::uint64_t i = 0; i < 600; ++i) {
+    const EpisodePlan plan = PlanEpisode(spec, i, 0);
+    SceneSpec scene = plan.scene;
+    EXPECT_EQ(scene.robot, spec.robots[i / kEpisodesPerScene % 3]);
+    if (i % 3 == 2) {
+      ASSERT_EQ(scene.objects.back(), kObstacleObject) << i;
+      scene.objects.pop_back();
+    }
+    ASSERT_EQ(scene.objects.size(), 4u);
+    std::set<std::string> classes;
+    for (const auto& object : scene.objects) classes.insert(ObjectNoun(object)), seen.insert(object);
+    EXPECT_EQ(classes.size(), 4u) << i;
+    choices.insert(scene.objects);
+    EXPECT_THAT(scene.objects, testing::Contains(plan.target));
+    if (i % 3 == 1) {
+      EXPECT_THAT(scene.objects, testing::Contains(plan.reference));
+      EXPECT_NE(plan.reference, plan.target);
+    } else {
+      EXPECT_EQ(plan.reference, "");
+    }
+  }
+  EXPECT_LE(choices.size(), 600 / kEpisodesPerScene);
+  EXPECT_GT(choices.size(), 50u) << "others in each group";
+  EXPECT_EQ(seen.size(), 30u) << "each has its turn";
+}
+
+TEST(PlanEpisode, SeedsDifferByIndexAndAttempt) {
+  const CampaignSpec spec;
+
+  EXPECT_NE(EpisodeSeed(spec, 1, 0), EpisodeSeed(spec, 0, 1));
+  EXPECT_EQ(EpisodeSeed(spec, 1, 0), EpisodeSeed(spec, 1, 0));
+}
+
+TEST(PlanEpisode, SpreadsTargetsOverTheObjects) {
+  CampaignSpec spec;
+  std::map<std::string, int> counts;
+  for (std::uint64_t index = 0; index < 6000; ++index) ++counts[PlanEpisode(spec, index, 0).target];
+  ASSERT_EQ(counts.size(), spec.objects.size());
+  for (const auto& [name, count] : counts) EXPECT_NEAR(count, 1000, 150) << name;
+}
+
+TEST(PlanEpisode, PutsTheObstacleInTheWayOfExactSharesOfTwenty) {
+  CampaignSpec spec;
+  for (const auto& [share, expected] : {std::pair{0.0, 0}, {0.25, 5}, {0.5, 10}, {0.9, 18}, {1.0, 20}}) {
+    spec.obstacle.in_the_way = share;
+    for (std::uint64_t block = 0; block < 5; ++block) {
+      int in_the_way = 0;
+      for (std::uint64_t i = 20 * block; i < 20 * (block + 1); ++i)
+        in_the_way += PlanEpisode(spec, i, 0).obstacle == ObstaclePlace::kInTheWay;
+      EXPECT_EQ(in_the_way, expected) << share;
+    }
+  }
+  CampaignSpec other_seed = spec;
+  spec.obstacle.in_the_way = other_seed.obstacle.in_the_way = 0.5;
+  other_seed.seed = 2;
+  int differ = 0;
+  for (std::uint64_t i = 0; i < 100; ++i)
+    differ += PlanEpisode(spec, i, 0).obstacle != PlanEpisode(other_seed, i, 0).obstacle;
+  EXPECT_GT(differ, 20);
+}
+
+TEST(PlanEpisode, AttemptsShareAllButTheSeeds) {
+  CampaignSpec spec;
+  spec.tasks = {"place_left", "pick+obstacle", "push+others"};
+  spec.objects_per_scene = 3;
+  for (std::uint64_t i = 0; i < 60; ++i) {
+    const EpisodePlan first = PlanEpisode(spec, i, 0), second = PlanEpisode(spec, i, 1);
+    EXPECT_EQ(first.scene, second.scene);
+    EXPECT_EQ(first.task.text(), second.task.text());
+    EXPECT_EQ(first.target, second.target);
+    EXPECT_EQ(first.reference, second.reference);
+    EXPECT_EQ(first.avoid, second.avoid);
+    EXPECT_EQ(first.obstacle, second.obstacle);
+    EXPECT_NE(first.seed, second.seed);
+    const std::set<std::uint64_t> streams{first.seeds.scene,       first.seeds.light,     first.seeds.instruction,
+                                          first.seeds.disturbance, first.seeds.planning,  second.seeds.scene,
+                                          second.seeds.light,      second.seeds.planning, second.seeds.instruction};
+    EXPECT_EQ(streams.size(), 9u) << "no two streams are one";
+  }
+}
+
+TEST(PlanEpisode, AvoidsWhatTheTaskSays) {
+  CampaignSpec spec;
+  spec.tasks = {"pick", "pick+obstacle", "push+others"};
+  for (std::uint64_t i = 0; i < 30; ++i) {
+    const EpisodePlan plan = PlanEpisode(spec, i, 0);
+    if (i % 3 == 0) {
+      EXPECT_TRUE(plan.avoid.empty());
+    } else if (i % 3 == 1) {
+      EXPECT_THAT(plan.avoid, testing::ElementsAre(kObstacleObject));
+    } else {
+      EXPECT_EQ(plan.avoid.size(), spec.objects.size() - 1);
+      EXPECT_THAT(plan.avoid, testing::Not(testing::Contains(plan.target)));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace etude

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/checkpoint/names.cc
+#include "trainer/checkpoint/names.h"
+
+#include <gtest/gtest.h>
+
+namespace etude::checkpoint {
+namespace {
+
+TEST(RunNameOf, MakesAPlainName) {
+  EXPECT_EQ(RunNameOf("out/My Run"), "my-run");
+  EXPECT_EQ(RunNameOf("out/run_3/"), "run_3");
+  EXPECT_TRUE(IsPlainName(RunNameOf(".")));
+  EXPECT_TRUE(IsPlainName(RunNameOf("x/" + std::string(100, 'a'))));
+}
+
+TEST(Names, SortAsStepsDo) {
+  EXPECT_LT(FileNameOf(999), FileNameOf(1000));
+  EXPECT_EQ(LinkOf("x/checkpoints", kLatest), Path("x/checkpoints/latest.safetensors"));
+}
+
+}  // namespace
+}  // namespace etude::checkpoint

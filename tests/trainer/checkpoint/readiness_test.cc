@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/checkpoint/readiness.cc
+#include "trainer/checkpoint/readiness.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/trainer/policy/fixtures.h"
+
+namespace etude::checkpoint {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+Metadata Trained() {
+  Metadata metadata;
+  metadata.run = "demo";
+  metadata.step = 100;
+  metadata.policy = policy::TinyConfig();
+  for (const auto& module : metadata.policy.modules) metadata.modules[module.name] = {100, 0.5};
+  return metadata;
+}
+
+TEST(ControlPath, HoldsWhatTheTrajectoryDependsOn) {
+  auto config = policy::TinyConfig();
+  EXPECT_THAT(ControlPath(config), ElementsAre("LANG", "EE2D", "TAR2D", "EE3D", "TAR3D", "DISP", "CTRL"));
+
+  // a control module that looks at the hand only
+  auto* control = policy::FindModule(config, "CTRL");
+  control->reads = {"joints"};
+  control->decoder.inputs = {"register"};
+  EXPECT_THAT(ControlPath(config), ElementsAre("EE2D", "EE3D", "CTRL"));
+
+  std::erase_if(config.modules, [](const auto& module) { return module.name == "CTRL"; });
+  EXPECT_TRUE(ControlPath(config).empty());
+}
+
+TEST(CheckTrained, RefusesWhatWasNeverTrainedOrNeverMeasured) {
+  EXPECT_TRUE(CheckTrained(Trained()));
+  auto untrained = Trained();
+  untrained.modules["CTRL"].trained_steps = 0;
+  const Status refused = CheckTrained(untrained);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Code::kUnavailable);
+  for (const char* part : {"run 'demo'", "step 100", "CTRL has 0 trained steps"})
+    EXPECT_THAT(refused.error().message, HasSubstr(part));
+
+  auto unmeasured = Trained();
+  unmeasured.modules["DISP"].error.reset();
+  EXPECT_EQ(WhyUntrained(unmeasured), "DISP has no validation error");
+
+  auto missing = Trained();
+  missing.modules.erase("LANG");
+  EXPECT_EQ(WhyUntrained(missing), "LANG has 0 trained steps");
+}
+
+TEST(CheckTrained, LooksAtTheControlPathOnly) {
+  auto metadata = Trained();
+  auto* control = policy::FindModule(metadata.policy, "CTRL");
+  control->reads = {"joints"};
+  control->decoder.inputs = {"register"};
+  metadata.modules["TAR3D"] = {};
+  EXPECT_EQ(WhyUntrained(metadata), "");
+}
+
+}  // namespace
+}  // namespace etude::checkpoint

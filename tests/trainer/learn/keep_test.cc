@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/learn/keep.cc and trainer/learn/build.cc
+#include "trainer/learn/keep.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/trainer/learn/tiny_run.h"
+#include "trainer/checkpoint/readiness.h"
+#include "trainer/learn/tensors.h"
+#include "trainer/policy/layers.h"
+
+namespace etude::learn {
+namespace {
+
+using ::testing::HasSubstr;
+
+class KeepTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    at::set_num_threads(1);
+    dataset_ = TinyDataset(folder_ / "d", 24);
+  }
+  std::unique_ptr<TrainingRun> Build(const std::vector<std::string>& overrides, bool resume = false) {
+    auto run = BuildRun(TinyConfig(overrides), dataset_, {.out = folder_ / "run", .resume = resume});
+    EXPECT_TRUE(run) << run.error().message;
+    return run ? std::move(*run) : nullptr;
+  }
+  // one step with everything in training
+  static void Step(TrainingRun& run, std::uint64_t number, double lr) {
+    const auto snapshot = run.dataset->snapshot();
+    data::Batch batch;
+    data::FrameScratch scratch;
+    ASSERT_TRUE(run.maker->Make(*snapshot, data::DrawBatch(*snapshot, data::Split::kTrain, 1, number, 16), number,
+                                data::Augment::kYes, scratch, batch));
+    run.optimizer->ZeroGradients();
+    ASSERT_TRUE(run.replicas->Backward(batch, 5));
+    run.optimizer->Step(lr);
+  }
+  // running statistics that the front replica's weights have over many batches
+  static std::map<std::string, torch::Tensor> Measured(TrainingRun& run) {
+    constexpr int kBatches = 24;
+    const torch::NoGradGuard no_grad;
+    auto& policy = run.replicas->front();
+    std::map<std::string, torch::Tensor> sums;
+    data::Batch batch;
+    data::FrameScratch scratch;
+    for (int i = 0; i < kBatches; ++i) {
+      const auto snapshot = run.dataset->snapshot();
+      const auto samples = data::DrawBatch(*snapshot, data::Split::kTrain, 77, static_cast<std::uint64_t>(i), 16);
+      EXPECT_TRUE(run.maker->Make(*snapshot, samples, 0, data::Augment::kYes, scratch, batch));
+      for (const auto& item : policy.named_buffers())
+        if (item.key().find("running") != std::string::npos) item.value().zero_();
+      (void)policy.Forward(PartOf(batch, 0, batch.size).inputs, 5);
+      for (const auto& item : policy.named_buffers()) {
+        if (item.key().find("running") == std::string::npos) continue;
+        const auto scaled = item.value() / (policy::kNormMomentum * kBatches);
+        sums[item.key()] = sums.contains(item.key()) ? sums[item.key()] + scaled : scaled;
+      }
+    }
+    return sums;
+  }
+
+  TemporaryFolder folder_;
+  std::shared_ptr<data::Dataset> dataset_;
+};
+
+// before, they were evaluated and saved with the statistics of the raw weights
+TEST_F(KeepTest, AveragedWeightsHaveStatisticsThatBelongToThem) {
+  auto run = Build({"ema=0.98", "curriculum.enabled=false"});
+  ASSERT_NE(run, nullptr);
+  for (std::uint64_t i = 0; i < 12; ++i) {
+    Step(*run, i, 2e-2);
+    run->optimizer->UpdateAverage(0.98);
+  }
+  const auto raw = run->replicas->front().StateTensors();
+  std::map<std::string, torch::Tensor> before;
+  for (const auto& [name, tensor] : raw) before[name] = tensor.detach().clone();
+
+  std::map<std::string, torch::Tensor> kept, belonging;
+  {
+    const AveragedWeights averaged(*run);
+    for (const auto& [name, tensor] : run->replicas->front().StateTensors()) kept[name] = tensor.detach().clone();
+    belonging = Measured(*run);
+  }
+
+  ASSERT_FALSE(belonging.empty());
+  double own_error = 0, raw_error = 0;
+  for (const auto& [name, tensor] : belonging) {
+    own_error += (kept.at(name) - tensor).abs().sum().item<double>();
+    raw_error += (before.at(name) - tensor).abs().sum().item<double>();
+  }
+  EXPECT_LT(own_error, 0.25 * raw_error);
+  // and everything is as it was afterwards
+  for (const auto& [name, tensor] : run->replicas->front().StateTensors())
+    EXPECT_TRUE(torch::equal(tensor, before.at(name))) << name;
+}
+
+TEST_F(KeepTest, ACheckpointSaysWhatEachModuleHasBehindIt) {
+  auto run = Build({"steps=30"});
+  ASSERT_NE(run, nullptr);
+  run->modules["LANG"] = {7, 0.25};
+  std::optional<checkpoint::Checkpoint> kept;
+  Hooks hooks;
+  hooks.on_checkpoint = [&](const checkpoint::Checkpoint& checkpoint) -> Status {
+    kept = checkpoint;
+    return {};
+  };
+  ASSERT_TRUE(KeepNow(*run, hooks, true));
+
+  ASSERT_TRUE(kept);
+  EXPECT_EQ(kept->metadata.modules.at("LANG").error, 0.25);
+  EXPECT_TRUE(kept->metadata.best);
+  EXPECT_EQ(kept->metadata.embodiment.width, kTinyPicture);
+  EXPECT_FALSE(kept->metadata.embodiment.robot.empty());
+  EXPECT_THAT(checkpoint::WhyUntrained(kept->metadata), HasSubstr("CTRL has 0 trained steps"));
+
+  // and a run that goes on knows it, and validates on the same episodes
+  const auto again = Build({"steps=30"}, true);
+  ASSERT_NE(again, nullptr);
+  EXPECT_EQ(again->modules.at("LANG").trained_steps, 7u);
+  ASSERT_EQ(again->validation->episodes().size(), run->validation->episodes().size());
+}
+
+TEST_F(KeepTest, ARunDoesNotGoOnWithAnotherRobotOrCamera) {
+  auto run = Build({"steps=30"});
+  ASSERT_NE(run, nullptr);
+  run->embodiment.robot = "panda";
+  run->embodiment.fovy += 0.2;
+  ASSERT_TRUE(KeepNow(*run, {}, false));
+
+  const auto again = BuildRun(TinyConfig({"steps=30"}), dataset_, {.out = folder_ / "run", .resume = true});
+
+  ASSERT_FALSE(again);
+  EXPECT_EQ(again.error().code, Code::kInvalidArgument);
+  for (const char* part : {"robot", "panda", "fovy"}) EXPECT_THAT(again.error().message, HasSubstr(part));
+}
+
+// before: "optimizer state 'parameters' is missing or has another size"
+TEST_F(KeepTest, FreezingOnResumeChangesOnlyWhatItNames) {
+  auto run = Build({"ema=0.9"});
+  ASSERT_NE(run, nullptr);
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    Step(*run, i, 1e-2);
+    run->optimizer->UpdateAverage(0.9);
+  }
+  std::map<std::string, torch::Tensor> before;
+  for (const auto& [name, tensor] : run->optimizer->StateTensors()) before[name] = tensor.clone();
+  ASSERT_TRUE(KeepNow(*run, {}, false));
+
+  const auto frozen = Build({"ema=0.9", "freeze=[TAR3D]"}, true);
+  ASSERT_NE(frozen, nullptr);
+  const auto after = frozen->optimizer->StateTensors();
+  for (const auto& [name, tensor] : after) EXPECT_TRUE(torch::equal(tensor, before.at(name))) << name;
+  int left_out = 0;
+  for (const auto& [name, tensor] : before) {
+    if (after.contains(name)) continue;
+    EXPECT_THAT(name, HasSubstr("modules.TAR3D."));
+    ++left_out;
+  }
+  EXPECT_GT(left_out, 0);
+
+  // and back again: it begins anew, the others go on
+  ASSERT_TRUE(KeepNow(*frozen, {}, false));
+  const auto thawed = Build({"ema=0.9"}, true);
+  ASSERT_NE(thawed, nullptr);
+  const auto all = thawed->optimizer->StateTensors();
+  for (const auto& [name, tensor] : after) EXPECT_TRUE(torch::equal(all.at(name), tensor)) << name;
+  EXPECT_EQ(all.size(), before.size());
+}
+
+}  // namespace
+}  // namespace etude::learn

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/learn/limit.cc
+#include "trainer/learn/limit.h"
+
+#include <gtest/gtest.h>
+
+namespace etude::learn {
+namespace {
+
+TEST(RunLimit, OfStepsDoesNotLookAtTheClock) {
+  RunLimit limit(100, 0);
+  EXPECT_EQ(limit.Progress(25, 1e9), 0.25);
+  EXPECT_FALSE(limit.Observe(25, 1e9, true));
+  EXPECT_EQ(limit.Progress(200, 0), 1);
+}
+
+// 10 minutes; a step takes 1 s while all modules train
+TEST(RunLimit, TurnsMinutesIntoStepsOnce) {
+  RunLimit limit(0, 10);
+  std::uint64_t step = 0;
+  double elapsed = 0;
+  // the early stages are cheap and are not measured
+  for (; step < 300; ++step, elapsed += 0.1) EXPECT_FALSE(limit.Observe(step, elapsed, false));
+  EXPECT_NEAR(limit.Progress(step, elapsed), 30.0 / 600, 1e-9);
+  bool converted = false;
+  for (; !converted; ++step, elapsed += 1) converted = limit.Observe(step, elapsed, true);
+  EXPECT_EQ(step, 300 + kMeasuredSteps + 1);
+  // 230 s are over when it is measured, 370 remain
+  EXPECT_EQ(limit.minutes(), 0);
+  EXPECT_EQ(limit.steps(), 500u + 370u);
+
+  // from now on the clock says nothing, and progress goes on where it was
+  EXPECT_NEAR(limit.Progress(500, 1e9), 230.0 / 600, 1e-9);
+  EXPECT_NEAR(limit.Progress(685, 0), (230.0 / 600 + 1) / 2, 1e-9);
+  EXPECT_EQ(limit.Progress(870, 0), 1);
+  EXPECT_FALSE(limit.Observe(800, 0, true));
+}
+
+TEST(RunLimit, GoesOnWithTheStepsThatAnEarlierRunMeasured) {
+  RunLimit first(0, 10);
+  for (std::uint64_t step = 0; !first.Observe(step, static_cast<double>(step), true); ++step) {
+  }
+  const OrderedJson saved = first.Save();
+
+  RunLimit by_minutes(0, 10);  // the command line again
+  ASSERT_TRUE(by_minutes.Restore(saved));
+  EXPECT_EQ(by_minutes.steps(), first.steps());
+  EXPECT_EQ(by_minutes.minutes(), 0);
+  EXPECT_EQ(by_minutes.Progress(300, 1e9), first.Progress(300, 0));
+
+  RunLimit by_steps(first.steps(), 0);  // config.yaml
+  ASSERT_TRUE(by_steps.Restore(saved));
+  EXPECT_EQ(by_steps.Progress(300, 1e9), first.Progress(300, 0));
+
+  RunLimit longer(0, 20);  // another limit is another one
+  ASSERT_TRUE(longer.Restore(saved));
+  EXPECT_EQ(longer.minutes(), 20);
+  EXPECT_EQ(longer.steps(), 0u);
+
+  EXPECT_EQ(longer.Restore({{"steps", "many"}}).error().code, Code::kCorrupt);
+}
+
+TEST(RunLimit, ThatEndedByTimeIsAsManySteps) {
+  RunLimit limit(0, 1);
+  EXPECT_EQ(limit.Progress(50, 60), 1);
+  limit.EndAt(50);
+  EXPECT_EQ(limit.steps(), 50u);
+  EXPECT_EQ(limit.Progress(50, 0), 1);
+}
+
+TEST(RunLimit, WithBothEndsAtWhicheverComesFirst) {
+  RunLimit limit(1000, 10);
+  for (std::uint64_t step = 0; !limit.Observe(step, static_cast<double>(step), true); ++step) {
+  }
+  EXPECT_EQ(limit.steps(), 600u);
+  RunLimit few(250, 10);
+  for (std::uint64_t step = 0; !few.Observe(step, static_cast<double>(step), true); ++step) {
+  }
+  EXPECT_EQ(few.steps(), 250u);
+}
+
+}  // namespace
+}  // namespace etude::learn

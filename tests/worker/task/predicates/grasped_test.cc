@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests worker/task/predicates/grasped.cc
+#include "tests/worker/task/predicates/scene.h"
+
+namespace etude::task {
+namespace {
+
+class Grasped : public PredicateTest {};
+
+TEST_F(Grasped, IsWhatTheFingersSay) {
+  const auto grasped = Make("grasped");
+  coke().touched = true;
+  EXPECT_FALSE(grasped->Observe(now)) << "one finger only";
+  EXPECT_EQ(grasped->Words(), "coke not grasped");
+  coke().grasped = true;
+  EXPECT_TRUE(grasped->Observe(now));
+  EXPECT_FALSE(Make("{grasped: {object: milk}}")->Observe(now));
+}
+
+}  // namespace
+}  // namespace etude::task

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests worker/view/task_check.cc
+#include "worker/view/task_check.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude {
+namespace {
+
+constexpr const char* kFetch = R"(
+name: fetch
+summary: Take hold of the target and raise it high.
+words: {verbs: [fetch]}
+stages: [approach, reach, grasp, lift: {room: 0.2}, hold]
+success: {all: [{risen: {by: 5 cm}}, grasped]}
+)";
+
+class TaskCheck : public testing::Test {
+ protected:
+  Status Check(const std::string& text, const std::string& robot = "ur5") {
+    const std::string file = (folder_.path() / "fetch.yaml").string();
+    EXPECT_THAT(WriteFileAtomically(file, std::string_view(text)), IsOk());
+    return CheckTaskFile(file, {.robots = {robot}, .attempts = 1}, {});
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(TaskCheck, SaysWhatATaskOfTheUsersMeansAndTriesIt) {
+  testing::internal::CaptureStdout();
+  const Status status = Check(kFetch);
+  const std::string said = testing::internal::GetCapturedStdout();
+  EXPECT_THAT(status, IsOk()) << said;
+  for (const char* part : {"Take hold of the target and raise it high", "\"fetch red object\"", "lift (room 0.2)",
+                           "risen: the object's origin is higher", "ur5: 1 of 1 demonstrations succeed"})
+    EXPECT_THAT(said, testing::HasSubstr(part));
+}
+
+}  // namespace
+
+// A file that makes no sense is refused before anything is tried.
+class WrongTask : public testing::TestWithParam<std::pair<const char*, const char*>> {};
+
+TEST_P(WrongTask, IsRefusedWithWhatIsWrong) {
+  TemporaryFolder folder;
+  const auto& [line, message] = GetParam();
+  const std::string file = (folder.path() / "wrong.yaml").string();
+  const std::string text = std::string(
+                               "{name: wrong, words: {verbs: [fetch]}, stages: [approach, reach, grasp, lift, "
+                               "hold], success: grasped, ") +
+                           line + "}";
+  ASSERT_THAT(WriteFileAtomically(file, std::string_view(text)), IsOk());
+  const Status status = CheckTaskFile(file, {.robots = {"ur5"}, .attempts = 1}, {});
+  EXPECT_THAT(status, HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(status, MessageHas(message));
+}
+
+INSTANTIATE_TEST_SUITE_P(Every, WrongTask,
+                         testing::Values(std::pair("summry: x", "did you mean 'summary'"),
+                                         std::pair("latched: grasd", "did you mean 'grasped'"),
+                                         std::pair("latched: {risen: {of: target}}", "risen"),
+                                         std::pair("latched: {beside: {side: left}}", "reference"),
+                                         std::pair("reference: {needed: true, only: [no_such_thing]}",
+                                                   "words.places")));
+
+}  // namespace etude

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/checkpoint/readiness.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "trainer/policy/names.h"
+
+namespace etude::checkpoint {
+namespace {
+
+using policy::ModuleConfig;
+
+// names of what `module` uses; words such as "image" among them match no module
+std::vector<std::string> UsesOf(const policy::PolicyConfig& config, const ModuleConfig& module) {
+  std::vector<std::string> names = policy::ResolveReads(config, module);
+  for (const std::string& input : module.decoder.inputs) names.push_back(policy::ParseDecoderInput(input).module);
+  names.push_back(module.query);
+  names.insert(names.end(), module.decoder.from.begin(), module.decoder.from.end());
+  return names;
+}
+
+}  // namespace
+
+std::vector<std::string> ControlPath(const policy::PolicyConfig& config) {
+  const auto order = policy::EvaluationOrder(config);
+  std::set<std::string> needed;
+  std::vector<std::string> path;
+  // a module only uses earlier ones, so that one walk from the end finds all
+  for (auto it = order.rbegin(); it != order.rend(); ++it) {
+    const ModuleConfig& module = **it;
+    if (!needed.contains(module.name) && !policy::Decodes(module, "trajectory")) continue;
+    path.push_back(module.name);
+    for (auto& name : UsesOf(config, module)) needed.insert(std::move(name));
+  }
+  std::reverse(path.begin(), path.end());
+  return path;
+}
+
+std::string WhyUntrained(const Metadata& metadata) {
+  const auto path = ControlPath(metadata.policy);
+  if (path.empty()) return "no module decodes a trajectory";
+  std::vector<std::string> reasons;
+  for (const auto& module : metadata.policy.modules) {
+    if (std::find(path.begin(), path.end(), module.name) == path.end()) continue;
+    const auto record = metadata.modules.find(module.name);
+    if (record == metadata.modules.end() || record->second.trained_steps == 0)
+      reasons.push_back(module.name + " has 0 trained steps");
+    else if (!record->second.error && !module.decoder.quantity.empty())
+      reasons.push_back(module.name + " has no validation error");
+  }
+  std::string text;
+  for (const auto& reason : reasons) text += (text.empty() ? "" : "; ") + reason;
+  return text;
+}
+
+Status CheckTrained(const Metadata& metadata) {
+  const std::string why = WhyUntrained(metadata);
+  if (why.empty()) return {};
+  return Fail(Code::kUnavailable, fmt::format("the policy of run '{}', step {}, may not drive a robot yet: {}",
+                                              metadata.run, metadata.step, why));
+}
+
+}  // namespace etude::checkpoint

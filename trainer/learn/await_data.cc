@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/learn/await_data.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <set>
+
+#include "services/core/clock.h"
+#include "services/core/log.h"
+#include "services/core/stop.h"
+
+namespace etude::learn {
+namespace {
+
+using data::Split;
+
+std::size_t Planned(const CampaignSpec& spec, const char* split) {
+  std::size_t count = 0;
+  for (std::uint64_t i = 0; i < spec.episodes; ++i) count += SplitOf(spec, i) == split;
+  return count;
+}
+
+// what training needs, and what is there of it
+struct Need {
+  std::size_t train = 1, valid = 1;
+  std::set<std::string> tasks;
+
+  static Need Of(const CampaignSpec& spec, const TrainConfig& config, bool follow) {
+    Need need;
+    if (!follow) return need;
+    need.train = std::min(static_cast<std::size_t>(config.data.min_episodes), Planned(spec, "train"));
+    need.valid = std::min(static_cast<std::size_t>(config.data.min_valid), Planned(spec, "valid"));
+    // of few episodes not every task need be in the training split
+    if (need.train >= 4 * spec.tasks.size()) need.tasks.insert(spec.tasks.begin(), spec.tasks.end());
+    return need;
+  }
+  // "" when it is met
+  std::string Missing(const data::Snapshot& snapshot) const {
+    std::vector<std::string> missing;
+    const auto count = [&](const char* what, std::size_t there, std::size_t wanted) {
+      if (there < wanted) missing.push_back(fmt::format("{} of {} {} episodes", there, wanted, what));
+    };
+    count("training", snapshot.episode_count(Split::kTrain), train);
+    count("validation", snapshot.episode_count(Split::kValid), valid);
+    // a task that never comes about (no scene of it works) keeps nobody waiting for ever
+    const bool patient = snapshot.episode_count(Split::kTrain) < 2 * train;
+    for (const auto& task : tasks)
+      if (patient && !snapshot.frames(Split::kTrain).contains(task)) missing.push_back("none of task " + task);
+    for (const auto& [split, name] : {std::pair(Split::kTrain, "training"), std::pair(Split::kValid, "validation")})
+      if (missing.empty() && snapshot.frame_count(split) == 0) missing.push_back(fmt::format("no {} frame", name));
+    return fmt::format("{}", fmt::join(missing, ", "));
+  }
+};
+
+tl::unexpected<Error> NothingToTrainOn(const data::Dataset& dataset, const data::Snapshot& snapshot) {
+  return Fail(Code::kNotFound, fmt::format("train on '{}': {} usable training and {} validation frames in {} "
+                                           "episodes; collect more, or give --follow to wait for them",
+                                           dataset.path().string(), snapshot.frame_count(Split::kTrain),
+                                           snapshot.frame_count(Split::kValid), snapshot.episodes().size()));
+}
+
+}  // namespace
+
+Status AwaitData(data::Dataset& dataset, const TrainConfig& config, const AwaitOptions& options) {
+  const Need need = Need::Of(dataset.spec(), config, options.follow);
+  std::string reported;
+  auto last_change = MonotonicClock::now();
+  std::size_t seen = 0;
+  while (true) {
+    ETUDE_ASSIGN_OR_RETURN([[maybe_unused]] const int added, dataset.Refresh());
+    const auto snapshot = dataset.snapshot();
+    const std::string missing = need.Missing(*snapshot);
+    if (missing.empty()) return {};
+    if (!options.follow) return NothingToTrainOn(dataset, *snapshot);
+    if (options.source) ETUDE_RETURN_IF_ERROR(options.source());
+    if (missing != reported) Log().info("waiting for data: there are {}", missing);
+    if (snapshot->episodes().size() != seen) last_change = MonotonicClock::now();
+    seen = snapshot->episodes().size();
+    reported = missing;
+    if (MonotonicClock::now() - last_change > options.patience)
+      return Fail(Code::kExhausted,
+                  fmt::format("train on '{}' while it grows: {}, and nothing new for {} s; is its collector running? "
+                              "To train on what is there leave out --follow, or lower data.min_episodes",
+                              dataset.path().string(), missing,
+                              std::chrono::duration_cast<std::chrono::seconds>(options.patience).count()));
+    if (WaitForStop(std::chrono::milliseconds(500)))
+      return Fail(Code::kUnavailable, "stopped while waiting for the first episodes");
+  }
+}
+
+Follower::Follower(std::shared_ptr<data::Dataset> dataset, double every_s)
+    : dataset_(std::move(dataset)), every_(every_s), thread_([this] { Work(); }) {}
+
+Follower::~Follower() {
+  {
+    const MutexLock lock(mutex_);
+    stop_ = true;
+  }
+  wake_.NotifyAll();
+  thread_.join();
+}
+
+void Follower::Work() {
+  while (true) {
+    {
+      const MutexLock lock(mutex_);
+      const auto until = MonotonicClock::now() + every_;
+      while (!stop_ && MonotonicClock::now() < until) wake_.WaitFor(mutex_, until - MonotonicClock::now());
+      if (stop_) return;
+    }
+    const auto added = dataset_->Refresh();
+    if (!added) Log().warn("look for new episodes: {}", added.error().message);
+  }
+}
+
+}  // namespace etude::learn

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+// Builds a run: data, network, optimiser, and what an earlier run left.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <set>
+#include <thread>
+
+#include "services/core/log.h"
+#include "services/spec/object_names.h"
+#include "trainer/data/statistics.h"
+#include "trainer/learn/await_data.h"
+#include "trainer/learn/run.h"
+#include "trainer/learn/tensors.h"
+#include "trainer/policy/architecture.h"
+#include "trainer/policy/crop.h"
+#include "trainer/policy/names.h"
+
+namespace etude::learn {
+namespace {
+
+using Policies = std::vector<std::shared_ptr<policy::Policy>>;
+
+std::vector<curriculum::Subtask> Subtasks(const policy::PolicyConfig& config) {
+  std::map<int, curriculum::Subtask> by_level;
+  for (const auto& module : config.modules) {
+    by_level[module.level].level = module.level;
+    by_level[module.level].modules.push_back(module.name);
+  }
+  std::vector<curriculum::Subtask> subtasks;
+  for (auto& [level, subtask] : by_level) subtasks.push_back(std::move(subtask));
+  return subtasks;
+}
+
+std::set<std::string> FrozenParameters(const policy::Policy& policy, const std::vector<std::string>& modules) {
+  std::set<std::string> names;
+  for (const auto& module : modules)
+    for (auto& name : policy.ParametersOf(module)) names.insert(std::move(name));
+  return names;
+}
+
+// The classes that the policy tells apart: as configured, unless the dataset has others.
+void AdoptClasses(const std::vector<std::string>& objects, std::vector<std::string>& classes) {
+  std::vector<std::string> found;
+  for (const auto& object : objects) {
+    const std::string its_class = ObjectNoun(object);
+    if (std::find(found.begin(), found.end(), its_class) == found.end()) found.push_back(its_class);
+  }
+  const bool covered = std::all_of(found.begin(), found.end(), [&](const std::string& name) {
+    return std::find(classes.begin(), classes.end(), name) != classes.end();
+  });
+  if (covered) return;
+  Log().info("the policy's classes are the dataset's: {}", fmt::join(found, ", "));
+  classes = std::move(found);
+}
+
+// of every episode: one that is another's is named
+Result<checkpoint::Embodiment> FindEmbodiment(const data::Snapshot& snapshot) {
+  auto embodiment = checkpoint::EmbodimentOf(snapshot.episodes().front()->episode());
+  for (const auto& entry : snapshot.episodes()) {
+    const auto other = checkpoint::EmbodimentOf(entry->episode());
+    // a camera that moves is part of what is learned
+    if (other.camera_pose != embodiment.camera_pose) embodiment.camera_pose.clear();
+    if (const auto differences = checkpoint::Differences(embodiment, other); !differences.empty())
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("the dataset is of several kinds: episode {} is not as the first one ({}); a policy fits "
+                              "one: collect a dataset for each",
+                              entry->index, fmt::join(differences, "; ")));
+  }
+  return embodiment;
+}
+
+Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
+  AdoptClasses(run.dataset->spec().objects, run.config.policy.objects);
+  ETUDE_ASSIGN_OR_RETURN(auto loaded,
+                         language::Grammar::LoadFor(run.dataset->spec().objects, run.dataset->spec().tasks));
+  run.grammar = std::make_shared<const language::Grammar>(std::move(loaded));
+  policy::PolicyConfig& config = run.config.policy;
+  const auto& camera = snapshot.episodes().front()->episode().cameras.at(0).camera;
+  ETUDE_ASSIGN_OR_RETURN(const auto crop, policy::ResolveCrop(config.image, camera));
+  config.image.crop = policy::ToNumbers(crop);  // a checkpoint says what it saw
+  const data::BatchContent content{
+      crop, camera.width, camera.height, run.dataset->spec().tasks, config.objects, policy::LabelColumnsOf(config)};
+  run.maker = std::make_shared<data::BatchMaker>(run.config.data, content, run.grammar);
+  return {};
+}
+
+Result<Policies> MakeReplicas(const TrainConfig& config, const data::Statistics& statistics) {
+  SetBlasThreads(config.threads.intra_op);
+  int copies = config.threads.replicas;
+  if (copies == 0) copies = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  Policies policies;
+  for (int r = 0; r < std::min(copies, config.data.batch); ++r) {
+    ETUDE_ASSIGN_OR_RETURN(auto policy,
+                           policy::Policy::Create(config.policy, ToNormalization(statistics), config.seed));
+    policy->train();
+    policies.push_back(std::move(policy));
+  }
+  return policies;
+}
+
+// what was saved is of this network, robot and camera
+Status CheckFits(const RunState& state, const TrainingRun& run) {
+  const std::string architecture = policy::ArchitectureHash(run.config.policy);
+  if (state.architecture != architecture)
+    return Fail(Code::kInvalidArgument, fmt::format("resume '{}': its policy has another architecture ({:.12} there, "
+                                                    "{:.12} asked for); train "
+                                                    "into another folder, or leave policy.* as in its config.yaml",
+                                                    run.options.out.string(), state.architecture, architecture));
+  const auto differences = checkpoint::Differences(run.embodiment, state.embodiment);
+  if (differences.empty()) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("resume '{}': the dataset '{}' is not what the run was trained on "
+                          "({}); train into another folder, or give the data that fit",
+                          run.options.out.string(), run.dataset->path().string(), fmt::join(differences, "; ")));
+}
+
+Status RestoreState(const RunState& state, TrainingRun& run) {
+  ETUDE_RETURN_IF_ERROR(run.optimizer->LoadStateTensors(state.optimizer));
+  ETUDE_RETURN_IF_ERROR(run.scheduler->Restore(state.curriculum));
+  ETUDE_RETURN_IF_ERROR(run.limit.Restore(state.limit));
+  if (state.rng.defined()) {
+    at::Generator generator = at::detail::getDefaultCPUGenerator();
+    generator.set_state(state.rng);
+  }
+  run.modules = state.modules;
+  run.step = state.step;
+  run.elapsed_before = state.elapsed_s;
+  run.best_stage = state.best_stage;
+  if (state.best_stage > 0) run.best_score = state.best_score;
+  run.checkpoint_step = state.checkpoint_step;
+  return {};
+}
+
+Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& statistics, TrainingRun& run) {
+  ETUDE_ASSIGN_OR_RETURN(auto policies, MakeReplicas(run.config, statistics));
+  run.scheduler = std::make_unique<curriculum::Scheduler>(run.config.curriculum, Subtasks(run.config.policy));
+  run.limit = RunLimit(run.config.steps, run.config.minutes);
+  std::optional<RunState> state;
+  if (run.options.resume) {
+    ETUDE_ASSIGN_OR_RETURN(state, LoadRunState(run.options.out / "training_state.safetensors"));
+    ETUDE_RETURN_IF_ERROR(CheckFits(*state, run));
+    for (auto& policy : policies) ETUDE_RETURN_IF_ERROR(policy->LoadStateTensors(state->policy));
+  }
+  ETUDE_ASSIGN_OR_RETURN(run.validation, data::FixedSplit(snapshot, data::Split::kValid,
+                                                          state ? state->validation : std::vector<std::uint64_t>{}));
+  run.optimizer =
+      std::make_unique<Optimizer>(run.config.optimizer, policies, FrozenParameters(*policies[0], run.config.freeze));
+  if (state) ETUDE_RETURN_IF_ERROR(RestoreState(*state, run));
+  run.replicas = std::make_unique<Replicas>(std::move(policies));
+  return {};
+}
+
+}  // namespace
+
+Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::shared_ptr<data::Dataset> dataset,
+                                              const RunOptions& options) {
+  auto run = std::make_unique<TrainingRun>();
+  run->config = config;
+  run->options = options;
+  run->dataset = std::move(dataset);
+  ETUDE_RETURN_IF_ERROR(MakeFolders(options.out));
+  ETUDE_RETURN_IF_ERROR(AwaitData(*run->dataset, config, {options.follow, options.patience, options.source}));
+  const auto snapshot = run->dataset->snapshot();
+  ETUDE_ASSIGN_OR_RETURN(const auto statistics, data::ComputeStatistics(*snapshot));
+  ETUDE_ASSIGN_OR_RETURN(run->embodiment, FindEmbodiment(*snapshot));
+  ETUDE_RETURN_IF_ERROR(MakeBatchMaker(*snapshot, *run));
+  ETUDE_RETURN_IF_ERROR(BuildNetwork(*snapshot, statistics, *run));
+  ETUDE_ASSIGN_OR_RETURN(auto opened, MetricsLog::Open(options.out));
+  run->log = std::make_unique<MetricsLog>(std::move(opened));
+  Log().info(
+      "training '{}': {} parameters, {} replicas, batch {} x {} sentences, {} training and {} validation episodes, "
+      "from step {}",
+      config.name, run->optimizer->size(), run->replicas->size(), config.data.batch, config.data.sentences,
+      snapshot->episode_count(data::Split::kTrain), run->validation->episodes().size(), run->step);
+  return run;
+}
+
+}  // namespace etude::learn

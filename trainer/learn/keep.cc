@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/learn/keep.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "services/core/log.h"
+#include "services/core/rng.h"
+#include "trainer/learn/tensors.h"
+#include "trainer/policy/architecture.h"
+#include "trainer/policy/layers.h"
+
+namespace etude::learn {
+namespace {
+
+// pictures that the statistics of averaged weights are measured on: batches of training, augmented alike
+constexpr int kStatisticBatches = 4;
+
+bool IsRunningStatistic(const std::string& name) {
+  return name.ends_with("running_mean") || name.ends_with("running_var");
+}
+
+std::map<std::string, torch::Tensor> RunningStatistics(policy::Policy& policy) {
+  std::map<std::string, torch::Tensor> found;
+  for (const auto& item : policy.named_buffers())
+    if (IsRunningStatistic(item.key())) found[item.key()] = item.value();
+  return found;
+}
+
+checkpoint::Metadata MetadataOf(const TrainingRun& run, bool best) {
+  const auto snapshot = run.dataset->snapshot();
+  checkpoint::Metadata metadata;
+  metadata.step = run.step;
+  metadata.stage = run.scheduler->stage();
+  metadata.stages = run.scheduler->stages();
+  metadata.stage_name = run.scheduler->StageName();
+  metadata.best = best;
+  metadata.train_episodes = snapshot->episode_count(data::Split::kTrain);
+  metadata.dataset = snapshot->Fingerprint();
+  metadata.embodiment = run.embodiment;
+  metadata.modules = run.modules;
+  metadata.metrics = run.evaluation.metrics;
+  metadata.policy = run.config.policy;
+  metadata.train_config = ToJson(run.config);
+  return metadata;
+}
+
+RunState StateOf(const TrainingRun& run) {
+  RunState state;
+  state.policy = run.replicas->front().StateTensors();
+  state.optimizer = run.optimizer->StateTensors();
+  state.rng = at::detail::getDefaultCPUGenerator().get_state();
+  state.step = run.step;
+  state.elapsed_s = run.Elapsed();
+  state.limit = run.limit.Save();
+  state.curriculum = run.scheduler->Save();
+  state.architecture = policy::ArchitectureHash(run.config.policy);
+  state.embodiment = run.embodiment;
+  state.modules = run.modules;
+  for (const auto& entry : run.validation->episodes()) state.validation.push_back(entry->index);
+  state.best_stage = run.best_stage;
+  state.best_score = std::isfinite(run.best_score) ? run.best_score : 0;
+  state.checkpoint_step = run.checkpoint_step;
+  return state;
+}
+
+}  // namespace
+
+Status KeepConfig(const TrainingRun& run) {
+  return WriteFileAtomically(run.options.out / "config.yaml", ToYaml(ToJson(run.config)));
+}
+
+Status KeepNow(TrainingRun& run, const Hooks& hooks, bool best) {
+  if (hooks.on_checkpoint) {
+    const AveragedWeights averaged(run);
+    const Status sent = hooks.on_checkpoint({MetadataOf(run, best), run.replicas->front().StateTensors()});
+    if (!sent) return Fail(sent.error().Wrap(fmt::format("checkpoint of step {}", run.step)));
+  }
+  run.checkpoint_step = run.step;
+  return SaveRunState(run.options.out / "training_state.safetensors", StateOf(run));
+}
+
+AveragedWeights::AveragedWeights(TrainingRun& run) : run_(run) {
+  if (!run_.optimizer->averages()) return;
+  const torch::NoGradGuard no_grad;
+  for (const auto& [name, buffer] : RunningStatistics(run_.replicas->front())) own_[name] = buffer.clone();
+  run_.optimizer->ExchangeAverage();
+  if (!own_.empty()) Measure();
+}
+
+AveragedWeights::~AveragedWeights() {
+  if (!run_.optimizer->averages()) return;
+  const torch::NoGradGuard no_grad;
+  run_.optimizer->ExchangeAverage();
+  for (auto& [name, buffer] : RunningStatistics(run_.replicas->front())) buffer.copy_(own_.at(name));
+}
+
+// A running statistic that begins at 0 is momentum times the batch's after one pass: the mean over batches is had
+// without changing how the network normalises.
+void AveragedWeights::Measure() {
+  const torch::NoGradGuard no_grad;
+  policy::Policy& policy = run_.replicas->front();
+  auto buffers = RunningStatistics(policy);
+  std::map<std::string, torch::Tensor> sums;
+  for (const auto& [name, buffer] : buffers) sums[name] = torch::zeros_like(buffer);
+  const auto snapshot = run_.dataset->snapshot();
+  const std::uint64_t seed = MixSeed({run_.config.seed}, "statistics of averaged weights");
+  data::Batch batch;
+  data::FrameScratch scratch;
+  int measured = 0;
+  for (int i = 0; i < kStatisticBatches; ++i) {
+    const std::uint64_t number = run_.step * kStatisticBatches + static_cast<std::uint64_t>(i);
+    const auto samples = data::DrawBatch(*snapshot, data::Split::kTrain, seed, number, run_.config.data.batch);
+    if (const Status made = run_.maker->Make(*snapshot, samples, number, data::Augment::kYes, scratch, batch); !made) {
+      Log().warn("statistics of averaged weights: a batch is left out: {}", made.error().message);
+      continue;
+    }
+    ++measured;
+    for (auto& [name, buffer] : buffers) buffer.zero_();
+    const Part part = PartOf(batch, 0, batch.size);
+    (void)policy.Forward(part.inputs, run_.scheduler->level());
+    for (const auto& [name, buffer] : buffers) sums[name] += buffer;
+  }
+  for (auto& [name, buffer] : buffers) {
+    // nothing looked at the picture: what was there stays
+    const bool used = sums[name].abs().sum().item<double>() > 0;
+    buffer.copy_(used ? sums[name] / (policy::kNormMomentum * measured) : own_.at(name));
+  }
+}
+
+}  // namespace etude::learn

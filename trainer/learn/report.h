@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a run tells while it trains: means over windows of steps, progress once a second, a line now and then.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "trainer/learn/run.h"
+
+namespace etude::learn {
+
+/// Not thread-safe.
+class Reporter {
+ public:
+  Reporter(TrainingRun& run, const Hooks& hooks) : run_(run), hooks_(hooks) {}
+
+  void Add(const BatchLoss& loss, double wait_s, double gradient_norm);
+  /// Writes the window's means to metrics.jsonl and begins a new one. @error of the disk.
+  Status Flush();
+  /// Begins a new window without writing: rates are of training, not of validation.
+  void Restart() { window_ = {}; }
+  /// Calls the progress hook; logs a line every ten seconds, and at the end.
+  void Report(bool finished);
+  bool due() const;
+  const Progress& last() const { return last_; }
+
+ private:
+  struct Window {
+    double loss = 0, wait_s = 0, gradient_norm = 0;
+    std::map<std::string, double> terms;
+    int steps = 0;
+    Stopwatch watch;
+  };
+  void TakeRates();
+
+  TrainingRun& run_;
+  const Hooks& hooks_;
+  Window window_;
+  Progress last_;
+  Stopwatch since_progress_, since_line_;
+};
+
+}  // namespace etude::learn

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// What errors cost, as a policy's file says it. No torch here.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace etude::policy {
+
+/// weight * smooth L1: quadratic below `beta`, linear above.
+struct SmoothL1Config {
+  double weight = 1;
+  double beta = 1;  ///< in the unit that the loss is said to be in
+
+  template <class V>
+  void Visit(V& v) {
+    v("weight", weight, "-", "factor of the loss");
+    v("beta", beta, "-", "error from which on it grows linearly, in the unit that the loss is said to be in");
+  }
+};
+
+/// weight * cross-entropy.
+struct CrossEntropyConfig {
+  double weight = 1;
+
+  template <class V>
+  void Visit(V& v) {
+    v("weight", weight, "-", "factor of the cross-entropy");
+  }
+};
+
+struct AttentionLossConfig {
+  std::string kind = "log";  ///< log (bounded gradients) | mse (the original's (sum - 1)^2)
+  double patch_sigma = 0.6;  ///< image tokens; log alone on an image is the cross-entropy to a Gaussian patch
+
+  template <class V>
+  void Visit(V& v) {
+    v("kind", kind, "", "log (bounded gradients) | mse (the original's (sum - 1)^2)");
+    v("patch_sigma", patch_sigma, "-", "image tokens: width of the Gaussian patch around a pixel");
+  }
+};
+
+/// Of a pose: position + rotation; of a trajectory: waypoint + rotation + gripper.
+struct LossesConfig {
+  AttentionLossConfig attention;
+  CrossEntropyConfig class_{1};
+  SmoothL1Config pixel{10, 0.01};          ///< of pixels / kPixelScale
+  SmoothL1Config position{20, 0.003};      ///< m
+  SmoothL1Config displacement{20, 0.003};  ///< m
+  SmoothL1Config rotation{1, 0.1};         ///< of the six numbers that the head says
+  SmoothL1Config waypoint{2, 0.05};        ///< of metres / Normalization::offset_std of each waypoint
+  CrossEntropyConfig gripper{0.5};
+
+  template <class V>
+  void Visit(V& v) {
+    v("attention", attention, "", "where modules look");
+    v("class", class_, "", "of class logits");
+    v("pixel", pixel, "", "of pixels / 112");
+    v("position", position, "", "of metres");
+    v("displacement", displacement, "", "of metres");
+    v("rotation", rotation, "", "of the six numbers that a head says");
+    v("waypoint", waypoint, "", "of metres over each waypoint's spread in the data");
+    v("gripper", gripper, "", "of a waypoint's gripper");
+  }
+
+  /// Appends every problem to `errors`.
+  void Check(std::vector<std::string>& errors) const;
+};
+
+}  // namespace etude::policy

@@ -1,0 +1,298 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/sim/robot_builder.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+namespace etude::sim {
+namespace {
+
+using Eigen::Vector3d;
+using tinyxml2::XMLElement;
+
+constexpr double kSpeedIfUnknown = 2.0;  ///< rad/s
+constexpr const char* kToolSite = "etude_tool";
+constexpr double kQuarter = std::numbers::pi / 2;
+constexpr std::size_t kFewestJoints = 5, kJointsOfAnyPose = 6;
+
+/// Collects everything that is wrong.
+class Builder {
+ public:
+  Builder(const RobotFile& file, RobotXml& xml, const mjModel* alone) : file_(file), xml_(xml), mj_(alone) {
+    model_.name = file.name;
+    notes_ = xml.notes();
+  }
+
+  Result<LoadedRobot> Build(const std::string& origin) {
+    AddJoints();
+    AddGripper();
+    PrepareGeoms();
+    PlaceBase();
+    AddTool();
+    AddPitches();
+    if (file_.masses != "check" && file_.masses != "trust")
+      Wrong("masses: '{}' is neither check nor trust", file_.masses);
+    if (!errors_.empty()) return Fail(Code::kInvalidArgument, fmt::format("{}: {}", origin, fmt::join(errors_, "; ")));
+    for (XMLElement* body : xml_.All("body")) model_.bodies.push_back(body->Attribute("name"));
+    model_.defaults = xml_.Defaults();
+    model_.materials = xml_.Assets();
+    model_.body = xml_.Body();
+    model_.equality = xml_.Equality() + model_.equality;
+    model_.tendon = xml_.Tendon();
+    model_.files = xml_.files();
+    return LoadedRobot{std::move(model_), file_.masses == "trust", std::move(notes_), xml_.sources()};
+  }
+
+ private:
+  template <class... Args>
+  void Wrong(fmt::format_string<Args...> text, Args&&... args) {
+    errors_.push_back(fmt::format(text, std::forward<Args>(args)...));
+  }
+  std::string JointName(const std::string& name) const { return xml_.NameOf("joint", name); }
+  std::string BodyName(const std::string& name) const { return xml_.NameOf("body", name); }
+
+  /// Id in the compiled robot, or -1 and an error with the nearest name.
+  int Id(mjtObj type, const char* kind, const std::string& name) {
+    const int id = mj_name2id(mj_, type, xml_.NameOf(kind, name).c_str());
+    if (id >= 0) return id;
+    std::vector<std::string> names;
+    const int count = type == mjOBJ_JOINT ? mj_->njnt : type == mjOBJ_BODY ? mj_->nbody : mj_->nsite;
+    for (int i = 0; i < count; ++i)
+      if (const char* candidate = mj_id2name(mj_, type, i)) names.emplace_back(candidate);
+    Wrong("no {} '{}'{}", kind, name, Suggestion(name, names));
+    return -1;
+  }
+
+  void AddMotor(const std::string& joint, double limit) {
+    model_.actuator += fmt::format("<motor name=\"{0}\" joint=\"{0}\" ctrlrange=\"{1} {2}\"/>\n", joint, -limit, limit);
+  }
+
+  void AddJoints() {
+    const std::size_t n = file_.joints.size();
+    if (n < kFewestJoints)
+      Wrong("joints: {} of them; a hand's place and its turn about the vertical need {}", n, kFewestJoints);
+    const auto count = [&](const char* key, std::size_t given) {
+      if (given != 0 && given != n) Wrong("{}: {} for {} joints", key, given, n);
+    };
+    if (file_.home.size() != n) Wrong("home: {} angles for {} joints", file_.home.size(), n);
+    count("torque", file_.torque.size());
+    count("speed", file_.speed.size());
+    count("armature", file_.armature.size());
+    count("damping", file_.damping.size());
+    for (const std::string& name : file_.joints) model_.joints.push_back(JointName(name));
+    model_.q_home = file_.home;
+    model_.joint_speed = file_.speed.empty() ? std::vector<double>(n, kSpeedIfUnknown) : file_.speed;
+    for (std::size_t i = 0; i < n; ++i) AddJoint(i);
+  }
+
+  void AddJoint(std::size_t i) {
+    const std::string& name = file_.joints[i];
+    const int id = Id(mjOBJ_JOINT, "joint", name);
+    if (id < 0) return;
+    XMLElement* joint = xml_.Find("joint", JointName(name));
+    if (mj_->jnt_type[id] != mjJNT_HINGE) Wrong("joint '{}' is not a hinge", name);
+    double low = mj_->jnt_range[2 * id], high = mj_->jnt_range[2 * id + 1];
+    if (!mj_->jnt_limited[id]) {
+      low = -2 * std::numbers::pi, high = 2 * std::numbers::pi;
+      joint->SetAttribute("limited", "true");
+      joint->SetAttribute("range", fmt::format("{} {}", low, high).c_str());
+      notes_.push_back(fmt::format("joint '{}' has no range: two turns are allowed", name));
+    }
+    if (i < file_.home.size() && (file_.home[i] <= low || file_.home[i] >= high))
+      Wrong("home: {} of joint '{}' is not within {:.3f} .. {:.3f}", file_.home[i], name, low, high);
+    const auto set = [&](const char* key, const std::vector<double>& values) {
+      if (i >= values.size()) return;
+      if (!(values[i] >= 0)) Wrong("{}: {} of joint '{}' must be >= 0", key, values[i], name);
+      joint->SetAttribute(key, fmt::format("{}", values[i]).c_str());
+    };
+    set("armature", file_.armature);
+    set("damping", file_.damping);
+    const double torque = i < file_.torque.size() ? file_.torque[i] : xml_.ActuatorLimit(JointName(name));
+    if (!(torque > 0)) Wrong("joint '{}' has no torque limit in the MJCF: give `torque`", name);
+    AddMotor(JointName(name), torque);
+  }
+
+  void AddGripper() {
+    const RobotFile::Gripper& gripper = file_.gripper;
+    if (gripper.open == gripper.closed) Wrong("gripper: open and closed are the same");
+    if (!(gripper.force > 0)) Wrong("gripper.force: {} must be > 0", gripper.force);
+    if (gripper.fingers.size() < 2) Wrong("gripper.fingers: at least two groups of bodies");
+    for (const auto& group : gripper.fingers) {
+      for (const std::string& body : group) Id(mjOBJ_BODY, "body", body);
+      auto& names = model_.finger_groups.emplace_back();
+      for (const std::string& body : group) names.push_back(BodyName(body));
+    }
+    const std::string driven = JointName(gripper.joint);
+    Id(mjOBJ_JOINT, "joint", gripper.joint);
+    for (const auto& [joint, factor] : gripper.coupled) Couple(joint, factor, driven);
+    AddMotor(driven, 1.5 * gripper.force);
+    model_.gripper_joints = {driven};
+    model_.gripper_open = gripper.open;
+    model_.gripper_closed = gripper.closed;
+    model_.close_torque = std::copysign(gripper.force, gripper.closed - gripper.open);
+    model_.open_torque = -model_.close_torque;
+    NoteLooseJoints();
+  }
+
+  /// Unless the file couples the joint itself.
+  void Couple(const std::string& joint, double factor, const std::string& driven) {
+    Id(mjOBJ_JOINT, "joint", joint);
+    const std::string name = JointName(joint);
+    model_.coupled_joints.push_back({name, factor});
+    if (xml_.Equality().find(fmt::format("\"{}\"", name)) != std::string::npos) return;
+    model_.equality += fmt::format(
+        "<joint joint1=\"{}\" joint2=\"{}\" polycoef=\"0 {} 0 0 0\" solref=\"0.004 1\" "
+        "solimp=\"0.98 0.999 0.001\"/>\n",
+        name, driven, factor);
+  }
+
+  void NoteLooseJoints() {
+    std::set<std::string> known(model_.joints.begin(), model_.joints.end());
+    known.insert(model_.gripper_joints.at(0));
+    for (const auto& coupled : model_.coupled_joints) known.insert(coupled.joint);
+    for (int i = 0; i < mj_->njnt; ++i)
+      if (const char* name = mj_id2name(mj_, mjOBJ_JOINT, i); !name || !known.contains(name))
+        notes_.push_back(
+            fmt::format("joint '{}' is neither the arm's nor the gripper's: it hangs loose", name ? name : ""));
+  }
+
+  /// What collides gets the contact types of our scenes: the robot meets table and objects, not itself.
+  void PrepareGeoms() {
+    static const std::set<int> kKnown{mjGEOM_BOX, mjGEOM_SPHERE, mjGEOM_CAPSULE, mjGEOM_CYLINDER, mjGEOM_MESH};
+    int colliding = 0;
+    for (XMLElement* geom : xml_.All("geom")) {
+      const char* name = geom->Attribute("name");
+      const int id = mj_name2id(mj_, mjOBJ_GEOM, name);
+      const bool collides = id >= 0 && (mj_->geom_contype[id] || mj_->geom_conaffinity[id]);
+      if (!collides) continue;
+      ++colliding;
+      if (!kKnown.contains(mj_->geom_type[id]))
+        Wrong("geom '{}' collides as neither box, sphere, capsule, cylinder nor mesh", name);
+      geom->SetAttribute("contype", 2);
+      geom->SetAttribute("conaffinity", 1);
+    }
+    if (colliding == 0) Wrong("no geom of the robot collides (contype and conaffinity are 0)");
+  }
+
+  void PlaceBase() {
+    if (file_.base.position.size() != 3) return Wrong("base.position: three numbers");
+    SetPose(*xml_.root(), {Vector3d::Map(file_.base.position.data()),
+                           Eigen::Quaterniond(Eigen::AngleAxisd(file_.base.yaw, Vector3d::UnitZ()))});
+  }
+
+  /// E in the tool's body: x back along the hand, y along the opening.
+  void AddTool() {
+    const RobotFile::Tool& tool = file_.tool;
+    if (tool.site.empty() == tool.body.empty()) return Wrong("tool: a site or a body");
+    if (tool.position.size() != 3 || tool.approach.size() != 3 || tool.opening.size() != 3)
+      return Wrong("tool: position, approach and opening have three numbers each");
+    Pose X_BS;
+    int body = -1;
+    if (!tool.site.empty()) {
+      const int site = Id(mjOBJ_SITE, "site", tool.site);
+      if (site < 0) return;
+      body = mj_->site_bodyid[site];
+      const mjtNum *p = mj_->site_pos + 3 * site, *q = mj_->site_quat + 4 * site;
+      X_BS = {Vector3d(p[0], p[1], p[2]), Eigen::Quaterniond(q[0], q[1], q[2], q[3])};
+    } else {
+      body = Id(mjOBJ_BODY, "body", tool.body);
+      if (body < 0) return;
+    }
+    const Vector3d x = -Vector3d::Map(tool.approach.data()).normalized();
+    const Vector3d opening = Vector3d::Map(tool.opening.data());
+    const Vector3d y = (opening - x * x.dot(opening)).normalized();
+    if (!x.allFinite() || !y.allFinite()) return Wrong("tool: approach and opening must be apart and not zero");
+    Eigen::Matrix3d R_SE;
+    R_SE << x, y, x.cross(y);
+    Pose X_BE = X_BS * Pose{Vector3d::Map(tool.position.data()), Eigen::Quaterniond(R_SE)};
+    if (OpensTheOtherWay(body, X_BE)) X_BE.q = X_BE.q * Eigen::AngleAxisd(std::numbers::pi, Vector3d::UnitX());
+    XMLElement* site = xml_.Find("body", mj_id2name(mj_, mjOBJ_BODY, body))->InsertNewChildElement("site");
+    site->SetAttribute("name", kToolSite);
+    SetPose(*site, X_BE);
+    site->SetAttribute("size", "0.004");
+    site->SetAttribute("group", 4);
+    model_.tool_site = kToolSite;
+  }
+
+  /// A gripper may be turned by half a turn. The tasks ask for y_E along -x of the world; of the two ways the one
+  /// that is nearer to it at home saves the arm that turn.
+  bool OpensTheOtherWay(int body, const Pose& X_BE) const {
+    if (!errors_.empty()) return false;
+    const DataPtr data(mj_makeData(mj_));
+    for (std::size_t i = 0; i < model_.joints.size(); ++i)
+      data->qpos[mj_->jnt_qposadr[mj_name2id(mj_, mjOBJ_JOINT, model_.joints[i].c_str())]] = file_.home[i];
+    mj_kinematics(mj_, data.get());
+    const auto rotation = [&](int of) {
+      const mjtNum* q = data->xquat + 4 * of;
+      return Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
+    };
+    const int root = mj_name2id(mj_, mjOBJ_BODY, xml_.root()->Attribute("name"));
+    const Eigen::Quaterniond base(Eigen::AngleAxisd(file_.base.yaw, Vector3d::UnitZ()));
+    const Vector3d y_W = base * rotation(root).conjugate() * rotation(body) * X_BE.q * Vector3d::UnitY();
+    return y_W.x() > 0;
+  }
+
+  void AddPitches() {
+    const double turn = file_.turn != 0 ? file_.turn : file_.approach_pitch > kQuarter / 2 ? -kQuarter : kQuarter;
+    if (std::abs(std::abs(turn) - kQuarter) > 0.01) Wrong("turn: {}: must be pi/2, -pi/2 or 0", turn);
+    model_.approach_pitch = file_.approach_pitch;
+    model_.turned_pitch = file_.approach_pitch + turn;
+    if (file_.joints.size() >= kJointsOfAnyPose) return;
+    if (std::abs(file_.approach_pitch - kQuarter) > 0.01)
+      Wrong("approach_pitch: {}: with {} joints only a hand that points straight down (1.5708) can be turned any way",
+            file_.approach_pitch, file_.joints.size());
+    notes_.push_back(
+        fmt::format("{} joints: a hand that points straight down reaches any place; what turns an object "
+                    "over (rotate, put_down) succeeds only where the arm's plane happens to be right",
+                    file_.joints.size()));
+  }
+
+  const RobotFile& file_;
+  RobotXml& xml_;
+  const mjModel* mj_;
+  assets::RobotModel model_;
+  std::vector<std::string> notes_, errors_;
+};
+
+}  // namespace
+
+Result<ModelPtr> CompileAlone(const RobotXml& xml, const std::string& settings) {
+  const std::string text = fmt::format(
+      "<mujoco><compiler angle=\"radian\" autolimits=\"true\"{}/><default>{}</default><asset>{}</asset>"
+      "<worldbody>{}</worldbody></mujoco>",
+      settings, xml.Defaults(), xml.Assets(), xml.Body());
+  auto model = CompileXml(text, xml.files());
+  if (model) return model;
+  return Fail(Code::kInvalidArgument, fmt::format("{}: {}", xml.file().string(), model.error().message));
+}
+
+Status FixMasses(RobotXml& xml) {
+  if (xml.mass_settings().empty()) return {};
+  ETUDE_ASSIGN_OR_RETURN(const ModelPtr mj, CompileAlone(xml, xml.mass_settings()));
+  for (XMLElement* body : xml.All("body")) {
+    const int id = mj_name2id(mj.get(), mjOBJ_BODY, body->Attribute("name"));
+    while (XMLElement* old = body->FirstChildElement("inertial")) body->DeleteChild(old);
+    if (mj->body_mass[id] <= 0) {
+      for (XMLElement* geom = body->FirstChildElement("geom"); geom; geom = geom->NextSiblingElement("geom"))
+        geom->SetAttribute("mass", "0");
+      continue;
+    }
+    XMLElement* inertial = body->InsertNewChildElement("inertial");
+    const mjtNum *p = mj->body_ipos + 3 * id, *q = mj->body_iquat + 4 * id, *inertia = mj->body_inertia + 3 * id;
+    SetPose(*inertial, {Vector3d(p[0], p[1], p[2]), Eigen::Quaterniond(q[0], q[1], q[2], q[3])});
+    inertial->SetAttribute("mass", fmt::format("{}", mj->body_mass[id]).c_str());
+    inertial->SetAttribute("diaginertia", fmt::format("{} {} {}", inertia[0], inertia[1], inertia[2]).c_str());
+  }
+  return {};
+}
+
+Result<LoadedRobot> BuildRobot(const RobotFile& file, RobotXml& xml, const mjModel* alone, const std::string& origin) {
+  return Builder(file, xml, alone).Build(origin);
+}
+
+}  // namespace etude::sim

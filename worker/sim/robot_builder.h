@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// Private to worker/sim: a user's robot turned into a RobotModel.
+#pragma once
+
+#include <string>
+
+#include "worker/sim/model.h"
+#include "worker/sim/robot_file.h"
+#include "worker/sim/robot_xml.h"
+
+namespace etude::sim {
+
+/// The robot alone, compiled, to look names and values up in.
+/// @param settings  attributes of <compiler> besides
+Result<ModelPtr> CompileAlone(const RobotXml& xml, const std::string& settings = {});
+
+/// Writes the masses and inertias that its own <compiler> would have given its bodies into the document, so that it
+/// has them under other settings.
+Status FixMasses(RobotXml& xml);
+
+/// @param alone  `xml` compiled
+/// @param origin  who is at fault, for errors
+/// @error kInvalidArgument: all that is wrong at once
+Result<LoadedRobot> BuildRobot(const RobotFile& file, RobotXml& xml, const mjModel* alone, const std::string& origin);
+
+}  // namespace etude::sim

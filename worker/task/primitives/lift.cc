@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "worker/task/primitives/above_hand.h"
+
+namespace etude::task {
+namespace {
+
+Pose Lifted(const StageContext& now) { return {{now.X_WE.p.x(), now.X_WE.p.y(), kSide.lift_height}, LevelHand()}; }
+
+// Straight up, until there is `room` under what is held.
+Pose Raised(const StageContext& now, const above::Grip& grip, double room) {
+  const Eigen::Quaterniond q = grip.q();
+  const double below = now.X_EO ? HeldBelow(now, q) : above::Below(now, SceneGeometry::Part::kHand, true, q);
+  return {{now.X_WE.p.x(), now.X_WE.p.y(), std::max(now.X_WE.p.z(), below + room)}, q};
+}
+
+}  // namespace
+
+Stage MakeStage(const LiftSpec& spec, const Manner& manner) {
+  Goal goal = Lifted;
+  if (manner.above())
+    goal = [=](const StageContext& now) { return Raised(now, above::GripFor(now, manner), spec.room); };
+  return {.name = std::string(spec.kName),
+          .goal = std::move(goal),
+          .closed = true,
+          .limits = manner.Speed(0.45, 2.5, 1.5, 8.0),
+          .touches_target = true,
+          .holds = true,
+          .blends = true,
+          .disturbable = true,
+          .calm = 0.05};
+}
+
+}  // namespace etude::task

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scenes in which a task may not start because what it asks for is the case already.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "services/core/result.h"
+#include "services/spec/task_spec.h"
+#include "worker/task/geometry/scene_geometry.h"
+#include "worker/task/predicates/predicate.h"
+#include "worker/task/scene_sampling.h"
+
+namespace etude::task {
+
+/// Whether the predicates of a task can be made: their kinds, parameters and roles.
+/// @error kInvalidArgument: as MakePredicate, with the task's name and the key
+Status CheckPredicates(const TaskSpec& task);
+
+/// What of `start.not_already` holds while the objects stand like this, nothing when none does.
+/// @pre CheckPredicates(task)
+std::optional<std::string> Already(const TaskSpec& task, const Cast& cast, const std::vector<PlacedObject>& objects,
+                                   const SceneGeometry& shapes);
+
+}  // namespace etude::task

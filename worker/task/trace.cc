@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/task/trace.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace etude::task {
+
+Tracer::Tracer(std::shared_ptr<const sim::Scene> scene, const EpisodePlan& plan, int stride, AttemptTrace* trace)
+    : kinematics_(scene), checker_(scene), stride_(stride), trace_(trace) {
+  trace_->scene = scene;
+  trace_->bodies = scene->arm().bodies;
+  for (const auto& object : scene->objects()) trace_->bodies.push_back(object.name);
+  checker_.Allow({plan.target});
+}
+
+void Tracer::Observe(const sim::World& world) {
+  const sim::ArmInfo& arm = world.scene().arm();
+  const double span = arm.gripper_closed - arm.gripper_open;
+  const double gripper = std::clamp((world.gripper_q()[0] - arm.gripper_open) / span, 0.0, 1.0);
+  std::vector<Pose> poses = kinematics_.ArmPoses(world.q(), gripper);
+  for (const auto& object : world.scene().objects()) poses.push_back(world.ObjectPose(object.name));
+  trace_->poses.push_back(std::move(poses));
+  const int step = static_cast<int>(trace_->poses.size()) - 1;
+  if (step % stride_ != 0) return;
+  for (const auto& object : world.scene().objects()) checker_.SetObject(object.name, world.ObjectPose(object.name));
+  checker_.SetGripper(gripper);
+  trace_->nearest.push_back({step, checker_.Nearest(world.q())});
+}
+
+}  // namespace etude::task
