@@ -10,6 +10,7 @@
 
 #include <atomic>
 #include <functional>
+#include <map>
 #include <thread>
 
 #include "services/bus/blob_transfer.h"
@@ -284,9 +285,14 @@ TEST_F(CollectorTest, TwoCampaignsOfANameDoNotMix) {
   second.Join();
   ExpectWhole(one, folder_ / "one");
   ExpectWhole(other, folder_ / "other");
+  // each counts the failures of its own worker, and each once; a report that is on its way when its worker asks again
+  // is sent twice, and the second is refused as late (`stale_results`): no sign of a mixture
+  std::uint64_t failures = 0;
+  for (std::uint64_t index = 0; index < one.episodes; ++index) failures += FakeCommittedAttempt(index);
   for (auto* running : {&first, &second}) {
-    EXPECT_EQ((*running)->progress().refused, 0u);
-    EXPECT_EQ((*running)->progress().stale_results, 0u);
+    const CollectorProgress progress = (*running)->progress();
+    EXPECT_EQ(progress.refused, 0u);
+    EXPECT_EQ(progress.failures, (std::map<std::string, std::uint64_t>{{"plan_failed", failures}}));
   }
 }
 
