@@ -11,6 +11,7 @@
 #include "services/bus/topic.h"
 #include "services/campaign/hosted_collector.h"
 #include "services/core/command.h"
+#include "services/core/config_reference.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "trainer/learn/trainer.h"
@@ -226,6 +227,10 @@ int main(int argc, char** argv) {
       "OUT/checkpoints/{latest,best}.safetensors."};
   AddOptions(app, arguments);
   auto* doctor = app.add_subcommand("doctor", "check torch on this machine and say what it uses");
+  auto* describe =
+      app.add_subcommand("describe", "every key of an experiment with its type, unit, default and meaning");
+  bool as_json = false;
+  describe->add_flag("--json", as_json, "as JSON");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -233,6 +238,7 @@ int main(int argc, char** argv) {
   }
   return RunMain("etude-trainer", [&]() -> Status {
     if (doctor->parsed()) return Doctor();
+    if (describe->parsed()) return PrintReference(ConfigReference<learn::TrainConfig>(), as_json), Status();
     arguments.has_seed = app.count("--seed") > 0;
     if (arguments.data.empty() && !arguments.collect.empty() && !arguments.out.empty())
       arguments.data = (Path(arguments.out) / "dataset").string();

@@ -10,11 +10,13 @@
 #include "services/campaign/worker_client.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
+#include "services/core/config_reference.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "services/episode/codec.h"
 #include "services/policy/client.h"
 #include "services/store/dataset.h"
+#include "worker/sim/robot_file.h"
 #include "worker/task/attempt.h"
 #include "worker/task/user_files.h"
 #include "worker/view/replay.h"
@@ -162,12 +164,16 @@ CLI::App* AddReplay(CLI::App& app, Arguments& arguments) {
   return replay;
 }
 
-CLI::App* AddRobotCheck(CLI::App& app, Arguments& arguments) {
-  auto* robot = app.add_subcommand("robot", "robots of your own")->require_subcommand(1);
-  auto* check = robot->add_subcommand("check", "whether a robot can collect, and what is missing");
+CLI::App* AddRobotCheck(CLI::App& robot, Arguments& arguments) {
+  auto* check = robot.add_subcommand("check", "whether a robot can collect, and what is missing");
   check->add_option("robot", arguments.robot, "its YAML file (see deploy/robots), or the name of a known one")
       ->required();
   return check;
+}
+
+Status DescribeRobotFile(bool as_json) {
+  PrintReference(ConfigReference<sim::RobotFile>(), as_json);
+  return {};
 }
 
 CLI::App* AddTaskCheck(CLI::App& app, Arguments& arguments) {
@@ -200,19 +206,25 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"auto", "egl", "osmesa"}));
   auto* doctor = app.add_subcommand("doctor", "render one picture and say with what");
   auto* render = etude::AddRender(app, arguments);
-  auto* check = etude::AddRobotCheck(app, arguments);
+  auto* robot = app.add_subcommand("robot", "robots of your own")->require_subcommand(1);
+  auto* check = etude::AddRobotCheck(*robot, arguments);
+  auto* describe =
+      robot->add_subcommand("describe", "every key of a robot file with its type, unit, default and meaning");
+  bool as_json = false;
+  describe->add_flag("--json", as_json, "as JSON");
   auto* replay = etude::AddReplay(app, arguments);
   auto* task_check = etude::AddTaskCheck(app, arguments);
   app.require_subcommand(0, 1);
   try {
     app.parse(argc, argv);
-    const bool joins = !*doctor && !*render && !*check && !*replay && !*task_check;
+    const bool joins = !*doctor && !*render && !*check && !*describe && !*replay && !*task_check;
     if (joins && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
   }
   return etude::RunMain("etude-worker", [&] {
     if (*doctor) return etude::Doctor(arguments);
+    if (*describe) return etude::DescribeRobotFile(as_json);
     if (*replay) return etude::Replay(arguments);
     if (*check) return etude::CheckRobot(arguments.robot, arguments.renderer);
     if (*task_check) return etude::CheckTaskFile(arguments.task, arguments.task_check, arguments.renderer);

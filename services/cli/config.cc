@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `etude config describe KIND`: every key of a file, with its unit, default and meaning.
-#include <fmt/format.h>
-
+// `etude config describe KIND`: every key of a file, with its unit, default and meaning. Kinds that only another
+// program knows are described by it.
 #include "services/cli/command_line.h"
 #include "services/cli/up_config.h"
 #include "services/core/config_reference.h"
@@ -10,24 +9,14 @@
 namespace etude::cli {
 namespace {
 
-std::vector<ConfigKey> ReferenceOf(const std::string& kind) {
-  return kind == "up" ? ConfigReference<UpConfig>() : ConfigReference<CampaignSpec>();
-}
-
 Status Describe(const std::string& kind, bool as_json) {
-  const auto keys = ReferenceOf(kind);
-  if (!as_json) {
-    fmt::print("{}", FormatReference(keys));
-    return {};
-  }
-  OrderedJson list = OrderedJson::array();
-  for (const auto& key : keys)
-    list.push_back({{"key", key.path},
-                    {"type", key.type},
-                    {"unit", key.unit},
-                    {"default", key.default_value},
-                    {"meaning", key.meaning}});
-  fmt::print("{}\n", list.dump(1));
+  const auto ask = [&](const std::string& program, std::vector<std::string> arguments) {
+    if (as_json) arguments.push_back("--json");
+    return ExecSibling(program, arguments);
+  };
+  if (kind == "experiment") return ask("etude-trainer", {"describe"});
+  if (kind == "robot") return ask("etude-worker", {"robot", "describe"});
+  PrintReference(kind == "up" ? ConfigReference<UpConfig>() : ConfigReference<CampaignSpec>(), as_json);
   return {};
 }
 
@@ -39,7 +28,9 @@ void AddConfig(CLI::App& app, Body& body) {
   auto kind = std::make_shared<std::string>();
   auto as_json = std::make_shared<bool>(false);
   auto* describe = command->add_subcommand("describe", "every key with its type, unit, default and meaning");
-  describe->add_option("kind", *kind, "campaign | up")->required()->check(CLI::IsMember({"campaign", "up"}));
+  describe->add_option("kind", *kind, "campaign | up | experiment | robot")
+      ->required()
+      ->check(CLI::IsMember({"campaign", "up", "experiment", "robot"}));
   describe->add_flag("--json", *as_json, "as JSON");
   describe->callback([=, &body] { body = [=] { return Describe(*kind, *as_json); }; });
 }

@@ -27,4 +27,16 @@ std::string FormatReference(const std::vector<ConfigKey>& keys) {
   return text;
 }
 
+void PrintReference(const std::vector<ConfigKey>& keys, bool as_json) {
+  if (!as_json) return fmt::print("{}", FormatReference(keys));
+  OrderedJson list = OrderedJson::array();
+  for (const auto& key : keys)
+    list.push_back({{"key", key.path},
+                    {"type", key.type},
+                    {"unit", key.unit},
+                    {"default", key.default_value},
+                    {"meaning", key.meaning}});
+  fmt::print("{}\n", list.dump(1));
+}
+
 }  // namespace etude

@@ -102,5 +102,7 @@ std::vector<std::string> MissingFromReference(const std::vector<ConfigKey>& keys
 
 /// As text, two lines a key: path, type, unit and default, then the meaning.
 std::string FormatReference(const std::vector<ConfigKey>& keys);
+/// To standard output, as text or as a JSON list of {key, type, unit, default, meaning}.
+void PrintReference(const std::vector<ConfigKey>& keys, bool as_json);
 
 }  // namespace etude

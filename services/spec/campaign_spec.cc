@@ -25,97 +25,130 @@ constexpr int kMostObjects = 6;
 const std::vector<std::string> kModes{"demonstrate", "rollout"};
 const std::vector<std::string> kScenes{"feasible", "first_draw"};
 
-void CheckKnown(const char* key, const std::string& value, const std::vector<std::string>& known,
-                std::vector<std::string>& errors) {
-  if (std::find(known.begin(), known.end(), value) != known.end()) return;
-  errors.push_back(fmt::format("{}: {}", key, NotKnown(value, known)));
+/// What is wrong so far.
+class Problems {
+ public:
+  void Require(bool good, const std::string& message) {
+    if (!good) errors_.push_back(message);
+  }
+  void Require(const Status& status, const char* key = nullptr) {
+    if (!status) errors_.push_back(key ? fmt::format("{}: {}", key, status.error().message) : status.error().message);
+  }
+  void Known(const char* key, const std::string& value, const std::vector<std::string>& known) {
+    if (std::find(known.begin(), known.end(), value) != known.end()) return;
+    errors_.push_back(fmt::format("{}: {}", key, NotKnown(value, known)));
+  }
+  template <class T>
+  void InRange(const char* key, T value, T low, T high) {
+    Require(value >= low && value <= high, fmt::format("{}: {} not in {}..{}", key, value, low, high));
+  }
+  std::vector<std::string>& errors() { return errors_; }
+
+ private:
+  std::vector<std::string> errors_;
+};
+
+int OnTable(const CampaignSpec& spec) {
+  return spec.objects_per_scene == 0 ? static_cast<int>(spec.objects.size()) : spec.objects_per_scene;
 }
 
 // Whether some object can be the target, and with a reference another one that.
-void CheckRoles(const TaskName& task, const std::vector<std::string>& objects, int on_table,
-                std::vector<std::string>& errors) {
+void CheckRoles(const TaskName& task, const CampaignSpec& spec, Problems& problems) {
   if (!task.relation()) return;
-  const auto& only = task.spec->reference.only;
-  if (on_table < 2)
-    errors.push_back(fmt::format("objects: task '{}' needs a second one to refer to", task.base));
-  else if (PossibleTargets(*task.spec, objects).empty())
-    errors.push_back(fmt::format("objects: task '{}' needs one of {} to refer to, and another one to move", task.base,
-                                 fmt::join(only, ", ")));
+  if (OnTable(spec) < 2)
+    return problems.Require(false, fmt::format("objects: task '{}' needs a second one to refer to", task.base));
+  problems.Require(!PossibleTargets(*task.spec, spec.objects).empty(),
+                   fmt::format("objects: task '{}' needs one of {} to refer to, and another one to move", task.base,
+                               fmt::join(task.spec->reference.only, ", ")));
+}
+
+void CheckTasks(const CampaignSpec& spec, Problems& problems) {
+  problems.Require(!spec.tasks.empty(), "tasks: at least one");
+  for (const auto& name : spec.tasks) {
+    const auto task = ParseTask(name);
+    problems.Require(task ? Status() : Fail(task.error()), "tasks");
+    if (task) CheckRoles(*task, spec, problems);
+  }
+  problems.Require(spec.task_weights.empty() || spec.task_weights.size() == spec.tasks.size(),
+                   fmt::format("task_weights: {} for {} tasks", spec.task_weights.size(), spec.tasks.size()));
+  for (const double weight : spec.task_weights)
+    problems.Require(std::isfinite(weight) && weight > 0, fmt::format("task_weights: {} must be > 0", weight));
+}
+
+void CheckObjects(const CampaignSpec& spec, Problems& problems) {
+  const int on_table = OnTable(spec);
+  problems.Require(on_table >= 1 && on_table <= kMostObjects,
+                   fmt::format("objects: {} on the table, between 1 and {} fit{}", on_table, kMostObjects,
+                               spec.objects_per_scene == 0 ? "; set objects_per_scene to draw some of them" : ""));
+  problems.Require(spec.objects_per_scene <= static_cast<int>(spec.objects.size()),
+                   fmt::format("objects_per_scene: {} of {} objects", spec.objects_per_scene, spec.objects.size()));
+  // a sentence names a class, so that no two of one class stand on the table together
+  std::set<std::string> nouns, scene_names;
+  for (const auto& object : spec.objects) {
+    nouns.insert(ObjectNoun(object));
+    scene_names.insert(SceneName(object));
+    problems.Require(CheckObjectName(object));
+  }
+  problems.Require(on_table <= static_cast<int>(nouns.size()),
+                   fmt::format("objects: {} on the table of {} classes; one of each at most", on_table, nouns.size()));
+  problems.Require(scene_names.size() == spec.objects.size(), "objects: each name at most once");
+}
+
+void CheckCamera(const CameraSpec& camera, Problems& problems) {
+  const auto pixels_ok = [](int n) { return n >= 16 && n <= 2048; };
+  problems.Require(pixels_ok(camera.width) && pixels_ok(camera.height),
+                   fmt::format("camera: {}x{} not in 16..2048", camera.width, camera.height));
+  problems.Require(camera.fovy_deg > 1 && camera.fovy_deg < 170, "camera.fovy_deg: not in 1..170");
+  problems.Require(camera.position.size() == 3, "camera.position: three numbers");
+  problems.Require(camera.euler.size() == 3, "camera.euler: three numbers");
+}
+
+void CheckRandomization(const RandomizationSpec& randomization, Problems& problems) {
+  problems.InRange("randomization.yaw", randomization.yaw, 0.0, 3.2);
+  problems.InRange("randomization.start_position", randomization.start_position, 0.0, 0.3);
+  problems.InRange("randomization.start_orientation", randomization.start_orientation, 0.0, 0.8);
+  problems.InRange("randomization.disturbance", randomization.disturbance, 0.0, 0.2);
+  problems.InRange("randomization.disturbance_probability", randomization.disturbance_probability, 0.0, 1.0);
+  problems.InRange("randomization.light", randomization.light, 0.0, 1.0);
+}
+
+void CheckRollout(const RolloutSpec& rollout, Problems& problems) {
+  problems.Require(IsPlainName(rollout.run), fmt::format("rollout.run: '{}' must be a run's name", rollout.run));
+  problems.InRange("rollout.replan_steps", rollout.replan_steps, 1, 120);
+  problems.InRange("rollout.max_steps", rollout.max_steps, 1, 100'000);
+  problems.Require(
+      rollout.latency_ms == -1 || (rollout.latency_ms >= 0 && rollout.latency_ms <= 960),
+      fmt::format("rollout.latency_ms: {} not in 0..960, nor -1 (what the server measured)", rollout.latency_ms));
 }
 
 }  // namespace
 
 Status CampaignSpec::Validate() const {
-  std::vector<std::string> errors;
-  const auto require = [&](bool good, const std::string& message) {
-    if (!good) errors.push_back(message);
-  };
-  require(IsPlainName(name), fmt::format("name: '{}' must match [a-z0-9_-]{{1,64}}", name));
-  CheckKnown("mode", mode, kModes, errors);
-  CheckKnown("scenes", scenes, kScenes, errors);
-  require(!robots.empty(), "robots: at least one");
-  for (const auto& robot : robots)
-    if (const auto found = FindRobot(robot); !found) errors.push_back("robots: " + found.error().message);
-  const int on_table = objects_per_scene == 0 ? static_cast<int>(objects.size()) : objects_per_scene;
-  require(!tasks.empty(), "tasks: at least one");
-  for (const auto& name : tasks) {
-    const auto task = ParseTask(name);
-    if (!task) errors.push_back("tasks: " + task.error().message);
-    if (task) CheckRoles(*task, objects, on_table, errors);
+  Problems problems;
+  problems.Require(IsPlainName(name), fmt::format("name: '{}' must match [a-z0-9_-]{{1,64}}", name));
+  problems.Known("mode", mode, kModes);
+  problems.Known("scenes", scenes, kScenes);
+  problems.Require(!robots.empty(), "robots: at least one");
+  for (const auto& robot : robots) {
+    const auto found = FindRobot(robot);
+    problems.Require(found ? Status() : Fail(found.error()), "robots");
   }
-  require(task_weights.empty() || task_weights.size() == tasks.size(),
-          fmt::format("task_weights: {} for {} tasks", task_weights.size(), tasks.size()));
-  for (double weight : task_weights)
-    require(std::isfinite(weight) && weight > 0, fmt::format("task_weights: {} must be > 0", weight));
-  require(on_table >= 1 && on_table <= kMostObjects,
-          fmt::format("objects: {} on the table, between 1 and {} fit{}", on_table, kMostObjects,
-                      objects_per_scene == 0 ? "; set objects_per_scene to draw some of them" : ""));
-  require(objects_per_scene <= static_cast<int>(objects.size()),
-          fmt::format("objects_per_scene: {} of {} objects", objects_per_scene, objects.size()));
-  // a sentence names a class, so that no two of one class stand on the table together
-  std::set<std::string> nouns;
-  for (const auto& object : objects) nouns.insert(ObjectNoun(object));
-  require(on_table <= static_cast<int>(nouns.size()),
-          fmt::format("objects: {} on the table of {} classes; one of each at most", on_table, nouns.size()));
-  for (const auto& object : objects)
-    if (const Status known = CheckObjectName(object); !known) errors.push_back(known.error().message);
-  std::set<std::string> scene_names;
-  for (const auto& object : objects) scene_names.insert(SceneName(object));
-  require(scene_names.size() == objects.size(), "objects: each name at most once");
-  require(episodes >= 1 && episodes <= 10'000'000, fmt::format("episodes: {} not in 1..10^7", episodes));
-  require(image_stride >= 1 && image_stride <= 125, fmt::format("image_stride: {} not in 1..125", image_stride));
-  require(max_attempts >= 1 && max_attempts <= 1000, fmt::format("max_attempts: {} not in 1..1000", max_attempts));
-  const auto pixels_ok = [](int n) { return n >= 16 && n <= 2048; };
-  require(pixels_ok(camera.width) && pixels_ok(camera.height),
-          fmt::format("camera: {}x{} not in 16..2048", camera.width, camera.height));
-  require(camera.fovy_deg > 1 && camera.fovy_deg < 170, "camera.fovy_deg: not in 1..170");
-  require(camera.position.size() == 3, "camera.position: three numbers");
-  require(camera.euler.size() == 3, "camera.euler: three numbers");
-  const auto in_range = [&](const char* key, double value, double high) {
-    require(value >= 0 && value <= high, fmt::format("randomization.{}: {} not in 0..{}", key, value, high));
-  };
-  in_range("yaw", randomization.yaw, 3.2);
-  in_range("start_position", randomization.start_position, 0.3);
-  in_range("start_orientation", randomization.start_orientation, 0.8);
-  in_range("disturbance", randomization.disturbance, 0.2);
-  in_range("disturbance_probability", randomization.disturbance_probability, 1);
-  in_range("light", randomization.light, 1);
-  world.Check(errors);
-  require(obstacle.in_the_way >= 0 && obstacle.in_the_way <= 1,
-          fmt::format("obstacle.in_the_way: {} not in 0..1", obstacle.in_the_way));
-  if (mode == "rollout") {
-    require(IsPlainName(rollout.run), fmt::format("rollout.run: '{}' must be a run's name", rollout.run));
-    require(rollout.replan_steps >= 1 && rollout.replan_steps <= 120,
-            fmt::format("rollout.replan_steps: {} not in 1..120", rollout.replan_steps));
-    require(rollout.max_steps >= 1 && rollout.max_steps <= 100'000,
-            fmt::format("rollout.max_steps: {} not in 1..100000", rollout.max_steps));
-    require(rollout.latency_ms == -1 || (rollout.latency_ms >= 0 && rollout.latency_ms <= 960),
-            fmt::format("rollout.latency_ms: {} not in 0..960, nor -1 (what the server measured)", rollout.latency_ms));
-  }
-  require(split.train >= 0 && split.valid >= 0 && split.test >= 0 && split.train + split.valid + split.test > 0,
-          "split: fractions must be >= 0 and not all 0");
-  if (errors.empty()) return {};
-  return Fail(Code::kInvalidArgument, fmt::format("campaign '{}': {}", name, fmt::join(errors, "; ")));
+  CheckTasks(*this, problems);
+  CheckObjects(*this, problems);
+  problems.Require(episodes >= 1 && episodes <= 10'000'000, fmt::format("episodes: {} not in 1..10^7", episodes));
+  problems.InRange("image_stride", image_stride, 1, 125);
+  problems.Require(max_attempts >= 1 && max_attempts <= 1000,
+                   fmt::format("max_attempts: {} not in 1..1000", max_attempts));
+  CheckCamera(camera, problems);
+  CheckRandomization(randomization, problems);
+  world.Check(problems.errors());
+  problems.InRange("obstacle.in_the_way", obstacle.in_the_way, 0.0, 1.0);
+  if (mode == "rollout") CheckRollout(rollout, problems);
+  problems.Require(
+      split.train >= 0 && split.valid >= 0 && split.test >= 0 && split.train + split.valid + split.test > 0,
+      "split: fractions must be >= 0 and not all 0");
+  if (problems.errors().empty()) return {};
+  return Fail(Code::kInvalidArgument, fmt::format("campaign '{}': {}", name, fmt::join(problems.errors(), "; ")));
 }
 
 std::string SpecHash(const CampaignSpec& spec) {

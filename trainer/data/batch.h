@@ -34,21 +34,21 @@ struct DataConfig {
 
   template <class V>
   void Visit(V& v) {
-    v("batch", batch);
-    v("sentences", sentences);
-    v("sentence_variants", sentence_variants);
-    v("varied", varied);
-    v("noisy", noisy);
-    v("jitter", jitter);
-    v("brightness", brightness);
-    v("contrast", contrast);
-    v("colour", colour);
-    v("cache_mb", cache_mb);
-    v("threads", threads);
-    v("prefetch", prefetch);
-    v("min_episodes", min_episodes);
+    v("batch", batch, "-", "pictures a step");
+    v("sentences", sentences, "-", "commands asked about each picture; 1: no relabelling");
+    v("sentence_variants", sentence_variants, "-", "wordings of one command within a batch");
+    v("varied", varied, "-", "share of sentences with synonyms and free word order");
+    v("noisy", noisy, "-", "share that has typing errors too");
+    v("jitter", jitter, "px", "the crop is displaced by up to this much, either way");
+    v("brightness", brightness, "-", "of 255, changed by up to this share");
+    v("contrast", contrast, "-", "changed by up to this share");
+    v("colour", colour, "-", "of each channel on its own, changed by up to this share");
+    v("cache_mb", cache_mb, "MB", "decoded crops kept in memory");
+    v("threads", threads, "-", "that make batches");
+    v("prefetch", prefetch, "-", "batches made ahead");
+    v("min_episodes", min_episodes, "-", "episodes that training waits for when the dataset still grows");
     v("min_valid", min_valid, "-", "validation episodes that training waits for when the dataset still grows");
-    v("refresh_s", refresh_s);
+    v("refresh_s", refresh_s, "s", "how often a growing dataset is looked at");
   }
 
   /// Appends every problem to `errors`.

@@ -23,12 +23,12 @@ struct ImageLayer {
 
   template <class V>
   void Visit(V& v) {
-    v("kind", kind);
-    v("channels", channels);
-    v("kernel", kernel);
-    v("stride", stride);
-    v("norm", norm);
-    v("padding", padding);
+    v("kind", kind, "", "conv | residual: a block of two 3x3 convolutions");
+    v("channels", channels, "-", "that it puts out");
+    v("kernel", kernel, "px", "edge of the window, of conv only");
+    v("stride", stride, "px", "of conv only");
+    v("norm", norm, "", "batch | instance | none");
+    v("padding", padding, "", "zeros | reflect");
   }
 };
 
@@ -45,12 +45,12 @@ struct ImageConfig {
 
   template <class V>
   void Visit(V& v) {
-    v("crop", crop);
+    v("crop", crop, "px", "u0, v0, width, height of what the network sees; none: derived from camera and work_volume");
     v("work_volume", work_volume, "m", "x from, to; y from, to; z from, to: what a derived crop holds");
-    v("layers", layers);
-    v("position", position);
-    v("pixel_mean", pixel_mean);
-    v("pixel_scale", pixel_scale);
+    v("layers", layers, "", "of the image encoder, first to last");
+    v("position", position, "", "fourier: absolute pixel coordinates | index: of the token");
+    v("pixel_mean", pixel_mean, "-", "of 0..255: a pixel enters as (x - mean) / scale");
+    v("pixel_scale", pixel_scale, "-", "of 0..255, > 0");
   }
 };
 
@@ -62,10 +62,10 @@ struct LanguageConfig {
 
   template <class V>
   void Visit(V& v) {
-    v("encoder", encoder);
-    v("buckets", buckets);
-    v("width", width);
-    v("hidden", hidden);
+    v("encoder", encoder, "", "default: trained along | clip:DIR");
+    v("buckets", buckets, "-", "hashed word features");
+    v("width", width, "-", "of a word vector");
+    v("hidden", hidden, "-", "width of the hidden layer");
   }
 };
 
@@ -100,10 +100,11 @@ struct DecoderConfig {
     v("readout", readout, "", "linear | mlp | soft_argmax | difference | relative");
     v("from", from, "", "modules that difference (two) and relative (one) refer to");
     v("rotation", rotation, "", "6d | euler_sincos, of a pose or a trajectory");
-    v("hidden", hidden);
-    v("inputs", inputs);
-    v("detach", detach);
-    v("weight", weight);
+    v("hidden", hidden, "-", "widths of hidden layers");
+    v("inputs", inputs, "",
+      "what it reads, concatenated: register, joints, language, or KIND:MODULE of an earlier module");
+    v("detach", detach, "", "decoded inputs carry no gradient back into the modules they come from");
+    v("weight", weight, "-", "of its loss");
   }
 
   /// "target.position", the key of its label; "" without decoder.
@@ -130,14 +131,14 @@ struct ModuleConfig {
 
   template <class V>
   void Visit(V& v) {
-    v("name", name);
-    v("level", level);
-    v("query", query);
-    v("reads", reads);
-    v("attend", attend);
-    v("attend_weight", attend_weight);
-    v("detach", detach);
-    v("decoder", decoder);
+    v("name", name, "", "of the module, e.g. TAR2D");
+    v("level", level, "-", "order of evaluation, and the subtask of the curriculum");
+    v("query", query, "", "an earlier module; empty: a learned register of its own");
+    v("reads", reads, "", "keys of its attention: image, language, joints, self, earlier modules, or all");
+    v("attend", attend, "", "keys that its attention is supervised to: language, joints, self, MODULE, image@ENTITY");
+    v("attend_weight", attend_weight, "-", "of the loss of supervised attention");
+    v("detach", detach, "", "registers that it reads carry no gradient back");
+    v("decoder", decoder, "", "what it puts out");
   }
 };
 
@@ -157,18 +158,18 @@ struct PolicyConfig {
 
   template <class V>
   void Visit(V& v) {
-    v("name", name);
-    v("image", image);
-    v("language", language);
-    v("joint_hidden", joint_hidden);
-    v("width", width);
-    v("heads", heads);
-    v("attention", attention);
-    v("activation", activation);
-    v("objects", objects);
-    v("precision", precision);
+    v("name", name, "", "of the policy");
+    v("image", image, "", "encoder of the picture");
+    v("language", language, "", "encoder of the sentence");
+    v("joint_hidden", joint_hidden, "-", "hidden widths of the joint encoder");
+    v("width", width, "-", "of every token and register");
+    v("heads", heads, "-", "of each attention");
+    v("attention", attention, "", "module: parameters of its own | shared: one set a level, as in the paper");
+    v("activation", activation, "", "silu | selu | relu, of decoders and joint encoder");
+    v("objects", objects, "", "classes that it tells apart");
+    v("precision", precision, "", "bf16 | float32, of the convolutions");
     v("losses", losses, "", "what errors cost");
-    v("modules", modules);
+    v("modules", modules, "", "the graph");
   }
 
   /// All problems at once: names, levels (no cycles), reads, labels, sizes.

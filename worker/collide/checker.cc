@@ -192,7 +192,8 @@ void Checker::Impl::RebuildPairs() {
 void Checker::Impl::FindSelfPiecePairs() {
   for (int a = 0; a < arm_pieces; ++a) {
     for (int b = a + 1; b < arm_pieces; ++b) {
-      const auto [low, high] = std::minmax(pieces[a].body(), pieces[b].body());
+      const int low = std::min(pieces[a].body(), pieces[b].body());
+      const int high = std::max(pieces[a].body(), pieces[b].body());
       if (low != high && self_tested(low, high) == 1) self_pairs.emplace_back(a, b);
     }
   }
@@ -258,8 +259,11 @@ std::optional<Collision> Checker::Check(const Eigen::VectorXd& q, double margin)
   impl.RebuildPairs();
   impl.SetMargin(margin);
   impl.PlaceArm(q);
-  for (const Impl::PiecePair& pair : impl.pairs)
-    if (internal::Near(impl.pieces[pair.first], impl.pieces[pair.second], margin)) return impl.Describe(pair);
+  for (int i = 0; i < static_cast<int>(impl.pairs.size()); ++i) {
+    const Piece &a = impl.pieces[impl.pairs[i].first], &b = impl.pieces[impl.pairs[i].second];
+    const bool self = i >= impl.first_self_pair;
+    if (self ? internal::NearSelf(a, b, margin) : internal::Near(a, b, margin)) return impl.Describe(impl.pairs[i]);
+  }
   return std::nullopt;
 }
 

@@ -23,7 +23,9 @@ Piece::Piece(const sim::Geometry& geometry, Role role, int body)
       X_BG_(ToIsometry(geometry.X_BG)),
       center_(Eigen::Vector3d::Zero()),
       half_(Eigen::Vector3d::Zero()) {
-  if (geometry.shape == sim::Geometry::Shape::kConvex) {
+  const bool convex = geometry.shape == sim::Geometry::Shape::kConvex;
+  if (role == Role::kArm && !convex) self_inflated_.emplace(geometry, kSelfMargin);
+  if (convex) {
     Eigen::Vector3d lower = geometry.vertices.front(), upper = lower;
     for (const Eigen::Vector3d& vertex : geometry.vertices) {
       lower = lower.cwiseMin(vertex);
@@ -72,12 +74,23 @@ double AabbGap(const Piece& a, const Piece& b) {
   return std::max((a.lower() - b.upper()).maxCoeff(), (b.lower() - a.upper()).maxCoeff());
 }
 
-bool Near(const Piece& a, const Piece& b, double margin) {
+namespace {
+
+bool Near(const Piece& a, const Piece& b, double margin, const std::optional<Shape>& grown_a,
+          const std::optional<Shape>& grown_b) {
   if (AabbGap(a, b) > margin) return false;
   if (margin <= 0) return Touch(a.shape(), a.X_WG(), b.shape(), b.X_WG());
-  if (a.inflated()) return Touch(*a.inflated(), a.X_WG(), b.shape(), b.X_WG());
-  if (b.inflated()) return Touch(a.shape(), a.X_WG(), *b.inflated(), b.X_WG());
+  if (grown_a) return Touch(*grown_a, a.X_WG(), b.shape(), b.X_WG());
+  if (grown_b) return Touch(a.shape(), a.X_WG(), *grown_b, b.X_WG());
   return Distance(a.shape(), a.X_WG(), b.shape(), b.X_WG()) <= margin;
+}
+
+}  // namespace
+
+bool Near(const Piece& a, const Piece& b, double margin) { return Near(a, b, margin, a.inflated(), b.inflated()); }
+
+bool NearSelf(const Piece& a, const Piece& b, double margin) {
+  return Near(a, b, margin < kSelfMargin ? 0 : kSelfMargin, a.self_inflated(), b.self_inflated());
 }
 
 }  // namespace etude::collide::internal

@@ -12,6 +12,10 @@ namespace etude::collide::internal {
 
 enum class Role { kArm, kObject, kStatic };
 
+/// m kept between bodies of the arm, however much is kept to others: what moves them apart from where they are planned
+/// is the joints' error times a link, not the error of a place that was seen.
+inline constexpr double kSelfMargin = 0.002;
+
 Eigen::Isometry3d ToIsometry(const Pose& pose);
 
 /// One convex piece of a body.
@@ -29,6 +33,8 @@ class Piece {
   const std::string& body_name() const { return geometry_.body; }
   const Shape& shape() const { return shape_; }
   const std::optional<Shape>& inflated() const { return inflated_; }
+  /// Grown by kSelfMargin; a convex mesh has none.
+  const std::optional<Shape>& self_inflated() const { return self_inflated_; }
   const Eigen::Isometry3d& X_WG() const { return X_WG_; }
   const Eigen::Vector3d& lower() const { return lower_; }
   const Eigen::Vector3d& upper() const { return upper_; }
@@ -40,7 +46,7 @@ class Piece {
   Role role_;
   int body_;
   Shape shape_;
-  std::optional<Shape> inflated_;
+  std::optional<Shape> inflated_, self_inflated_;
   Eigen::Isometry3d X_BG_;
   Eigen::Vector3d center_, half_;  ///< AABB of the vertices in G, kConvex only
   Eigen::Isometry3d X_WG_ = Eigen::Isometry3d::Identity();
@@ -52,5 +58,7 @@ class Piece {
 double AabbGap(const Piece& a, const Piece& b);
 /// True when the pieces are closer than the margin last set (see the folder's README on inflation).
 bool Near(const Piece& a, const Piece& b, double margin);
+/// The same for two pieces of the arm, at kSelfMargin when `margin` is as much, else without.
+bool NearSelf(const Piece& a, const Piece& b, double margin);
 
 }  // namespace etude::collide::internal

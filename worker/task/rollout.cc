@@ -94,22 +94,24 @@ Rollout::Rollout(EpisodeRunner* session, collide::Checker* checker, const Rollou
 }
 
 int Rollout::LatencySteps(const policy::Answer& answer) {
-  if (latency_steps_ < 0) {
-    const double ms = spec_.latency_ms >= 0 ? spec_.latency_ms : std::max(0.0, answer.server_p99_ms);
-    latency_steps_ = std::min(static_cast<int>(std::ceil(ms * 1e-3 * kControlRate - 1e-9)), kHorizonSteps);
-  }
-  return latency_steps_;
+  if (latency_steps_ >= 0) return latency_steps_;
+  const double ms = spec_.latency_ms >= 0 ? spec_.latency_ms : answer.server_p99_ms;
+  const int steps = std::min(static_cast<int>(std::ceil(ms * 1e-3 * kControlRate - 1e-9)), kHorizonSteps);
+  // a server that has not measured itself yet says 0: the next answer settles it
+  if (spec_.latency_ms >= 0 || ms > 0) latency_steps_ = steps;
+  return steps;
 }
 
 Result<Verdict> Rollout::Run(const policy::AskFunction& ask) {
   Tracker tracker(session_->world().X_WE(), false);
   std::vector<Waypoint> answered;  // not in effect yet
   int question = 0, effect = 0;    // steps of the next question, and from which the last answer counts
+  int latency = 0;                 // of the last answer, steps
   while (!session_->judge().done()) {
     const int step = session_->steps();
     // an answer's first waypoint was for the step after the picture
     const auto follow = [&] {
-      if (step == effect && !answered.empty()) tracker.Follow(std::exchange(answered, {}), latency_steps_);
+      if (step == effect && !answered.empty()) tracker.Follow(std::exchange(answered, {}), latency);
     };
     follow();  // before the next question, which may be asked in the same step
     if (step == question && step < spec_.max_steps) {
@@ -118,7 +120,8 @@ Result<Verdict> Rollout::Run(const policy::AskFunction& ask) {
       if (!refusal.empty())
         return Verdict{AttemptOutcome::kPolicyError, fmt::format("step {}: the policy answered {}", step, refusal)};
       RecordDecision(answer);
-      effect = step + LatencySteps(answer);
+      latency = LatencySteps(answer);
+      effect = step + latency;
       question = std::max(step + spec_.replan_steps, effect);
       answered = std::move(answer.waypoints);
     }
@@ -137,6 +140,7 @@ Result<policy::Answer> Rollout::Ask(const policy::AskFunction& ask) {
   const Camera& camera = world.scene().camera();
   policy::Question question;
   question.instruction = instruction_;
+  question.robot = session_->episode().robot;
   question.joints.assign(arm.begin(), arm.end());
   question.joints.insert(question.joints.end(), gripper.begin(), gripper.end());
   question.width = camera.width;

@@ -48,7 +48,7 @@ class Rollout {
   Result<policy::Answer> Ask(const policy::AskFunction& ask);
   void RecordDecision(const policy::Answer& answer);
   void ObserveDistance();
-  /// How many control steps pass before an answer takes effect; settled by the first answer.
+  /// How many control steps pass before an answer takes effect; settled by the first answer of a server that knows its own.
   int LatencySteps(const policy::Answer& answer);
   /// How far what a module says is from the truth, m; nothing where the truth is not known or it says no place.
   std::optional<double> ErrorOf(const OrderedJson& output) const;

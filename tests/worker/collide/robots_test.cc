@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every robot's collision geometry: free at home, and the same to FCL as it is to MuJoCo.
 #include <gtest/gtest.h>
-#include <mujoco/mujoco.h>
 
 #include <algorithm>
 #include <map>
@@ -9,10 +8,10 @@
 
 #include "services/core/file.h"
 #include "services/core/rng.h"
+#include "tests/worker/collide/referee.h"
 #include "worker/collide/checker.h"
 #include "worker/collide/pieces.h"
 #include "worker/collide/separation.h"
-#include "worker/sim/model.h"
 
 namespace etude::collide {
 namespace {
@@ -52,34 +51,6 @@ TEST_P(Robot, IsFreeAtHomeOpenAndClosed) {
           << bodies[near] << " " << finger;
 }
 
-/// MuJoCo's own verdict on one pair of geoms: do they come closer than `margin`?
-class Referee {
- public:
-  explicit Referee(const sim::Scene& scene)
-      : model_(mj_copyModel(nullptr, scene.model().mj.get())), data_(mj_makeData(model_.get())) {
-    std::fill_n(model_->geom_contype, model_->ngeom, 0);
-    std::fill_n(model_->geom_conaffinity, model_->ngeom, 0);
-    model_->opt.disableflags |= mjDSBL_FILTERPARENT;
-  }
-  mjData* data() { return data_.get(); }
-  const mjModel* model() const { return model_.get(); }
-  void Pose() { mj_kinematics(model_.get(), data_.get()); }
-  bool Within(int a, int b, double margin) {
-    model_->geom_contype[a] = model_->geom_conaffinity[b] = 1;
-    model_->geom_margin[a] = model_->geom_margin[b] = margin;
-    mj_collision(model_.get(), data_.get());
-    bool within = false;
-    for (int i = 0; i < data_->ncon; ++i) within |= data_->contact[i].dist < margin;
-    model_->geom_contype[a] = model_->geom_conaffinity[b] = 0;
-    model_->geom_margin[a] = model_->geom_margin[b] = 0;
-    return within;
-  }
-
- private:
-  sim::ModelPtr model_;
-  sim::DataPtr data_;
-};
-
 // A pair at FCL's distance d must be in contact for MuJoCo once both are grown by a millimetre more in all, and not
 // when grown by a millimetre less: the distances then agree within 1 mm.
 TEST_P(Robot, DistancesAgreeWithMuJoCo) {
@@ -101,11 +72,8 @@ TEST_P(Robot, DistancesAgreeWithMuJoCo) {
     const auto a = rng.Below(pieces.size()), b = rng.Below(pieces.size());
     if (!of_arm(a) || mj->body_weldid[mj->geom_bodyid[geoms[a]]] == mj->body_weldid[mj->geom_bodyid[geoms[b]]])
       continue;
-    scene->model().SetHome(referee.data()->qpos);
-    for (const auto& [name, body] : scene->model().objects) referee.data()->qpos[body.q + 3] = 1;
-    scene->model().SetArm(referee.data()->qpos, RandomJoints(scene->arm(), rng));
-    scene->model().SetGripper(referee.data()->qpos, rng.Uniform());
-    referee.Pose();
+    const Eigen::VectorXd q = RandomJoints(scene->arm(), rng);
+    referee.Place(q, rng.Uniform());
     const auto place = [&](std::size_t i) {
       const Pose X_WB = scene->model().BodyPose(referee.data(), scene->model().BodyId(pieces[i].body));
       return internal::ToIsometry(X_WB * pieces[i].X_BG);

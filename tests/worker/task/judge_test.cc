@@ -133,8 +133,7 @@ TEST_F(JudgeTest, AFastJointIsAViolationWithItsStepAndName) {
   EXPECT_TRUE(strained);
 }
 
-// Disabled: FindSelfPiecePairs finds no pair, and with its pairs put right verdicts differ from MuJoCo (checker_test).
-TEST_F(JudgeTest, DISABLED_TheArmInItselfIsAViolationThatTheSimulationDoesNotSee) {
+TEST_F(JudgeTest, TheArmInItselfIsAViolationThatTheSimulationDoesNotSee) {
   // a configuration in which two bodies are a centimetre in each other
   Rng rng(5);
   Eigen::VectorXd q = scene_->arm().q_home;
