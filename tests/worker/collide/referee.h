@@ -26,13 +26,15 @@ class Referee {
   const mjModel* model() const { return model_.get(); }
   mjData* data() { return data_.get(); }
 
-  /// Objects stay where PlaceObject put them last.
+  /// Objects stay where PlaceObject put them last, the others where SetHome does.
   void PlaceObject(const std::string& name, const Pose& X_WO) { objects_[name] = X_WO; }
   void Place(const Eigen::VectorXd& q, double gripper) {
     scene_.SetHome(data_->qpos);
     for (const auto& [name, body] : scene_.objects) {
+      data_->qpos[body.q + 3] = 1;
       const auto it = objects_.find(name);
-      const Pose X_WO = it == objects_.end() ? Pose{} : it->second;
+      if (it == objects_.end()) continue;
+      const Pose& X_WO = it->second;
       const double qpos[7] = {X_WO.p.x(), X_WO.p.y(), X_WO.p.z(), X_WO.q.w(), X_WO.q.x(), X_WO.q.y(), X_WO.q.z()};
       std::copy_n(qpos, 7, data_->qpos + body.q);
     }
