@@ -50,15 +50,14 @@ void Count(const task::AttemptResult& result, Tally& tally) {
   tally.disturbed += !episode.details["disturbed_objects"].empty();
   tally.pushes += episode.details["pushes"].get<std::uint64_t>();
   for (const auto& stage : episode.details["planned"]) {
-    std::string kind = stage["kind"].get<std::string>();
-    if (stage["detour"].get<bool>()) kind = "detour";
     const std::string blocked = stage["blocked"].get<std::string>();
     if (!blocked.empty()) ++tally.blocked[blocked];
-    ++tally.planned[stage["stage"].get<std::string>() + "/" + kind];
+    ++tally.planned[stage["stage"].get<std::string>() + "/" + stage["way"].get<std::string>()];
   }
 }
 
 void Print(const std::string& name, const Tally& tally) {
+  if (tally.trials == 0) return;
   const Interval interval = WilsonInterval(tally.successes, tally.trials);
   const double n = static_cast<double>(tally.trials);
   fmt::print(
@@ -78,6 +77,12 @@ void Print(const std::string& name, const Tally& tally) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 1 && argv[1][0] == '-') {
+    fmt::print(
+        "expert_success [SCENES] [SEED] [TASK...]: success of the expert over seeded scenes\n"
+        "environment: ETUDE_ROBOT (ur5), ETUDE_OBJECTS (a comma-separated list), ETUDE_STRIDE (125), ETUDE_FIRST\n");
+    return 0;
+  }
   const int scenes = argc > 1 ? std::atoi(argv[1]) : 300;
   const std::uint64_t seed = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 1;
   std::vector<std::string> tasks(argv + std::min(argc, 3), argv + argc);
