@@ -12,6 +12,7 @@
 #include "services/bus/serialized.h"
 #include "services/bus/typed.h"
 #include "services/core/clock.h"
+#include "services/core/hash.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 
@@ -56,8 +57,7 @@ bool Equal(std::span<const std::uint8_t> a, const std::vector<std::uint8_t>& b) 
 }
 
 bool IsSame(const ManifestView& view, const BlobManifest& manifest) {
-  return view.size == manifest.size && view.chunk_size == manifest.chunk_size && Equal(view.sha256, manifest.sha256) &&
-         Equal(view.crc32c, manifest.crc32c);
+  return view.size == manifest.size && view.chunk_size == manifest.chunk_size && Equal(view.sha256, manifest.sha256);
 }
 
 BlobManifest ToManifest(const ManifestView& view) {
@@ -70,15 +70,9 @@ BlobManifest ToManifest(const ManifestView& view) {
   manifest.chunk_size = view.chunk_size;
   manifest.chunk_count = view.chunk_count;
   manifest.sha256.assign(view.sha256.begin(), view.sha256.end());
-  manifest.crc32c.assign(view.crc32c.begin(), view.crc32c.end());
   manifest.token = view.token;
   manifest.meta_json = view.meta_json;
   return manifest;
-}
-
-bool Fits(const BlobManifest& manifest, std::span<const std::uint8_t> bytes) {
-  if (!manifest.crc32c.empty()) return Equal(CrcBytes(bytes), manifest.crc32c);
-  return Equal(Sha256Of(bytes), manifest.sha256);
 }
 
 }  // namespace
@@ -221,13 +215,12 @@ void BlobReceiver::Impl::Start(TakenManifest& taken, Peer& peer) {
   entry.manifest = ToManifest(view);
   entry.heard = Clock::now();
   if (view.data.size() == view.size) return StartWhole(taken, entry);
-  entry.assembly.emplace(view.size, view.chunk_size, view.crc32c.empty());
+  entry.assembly.emplace(view.size, view.chunk_size);
   SendProgress(entry, AckKind::kMissing);
 }
 
 void BlobReceiver::Impl::StartWhole(TakenManifest& taken, Entry& entry) {
-  const bool fits = taken.view.crc32c.empty() ? Fits(entry.manifest, taken.view.data) : taken.crc_fits;
-  if (!fits) return RefuseCorrupt(entry.manifest);
+  if (!Equal(Sha256Of(taken.view.data), entry.manifest.sha256)) return RefuseCorrupt(entry.manifest);
   entry.whole_bytes = taken.view.data;
   entry.whole = std::move(taken.sample);
   entry.assembly.reset();
@@ -254,12 +247,8 @@ void BlobReceiver::Impl::OnChunk(const ChunkView& view) {
 }
 
 void BlobReceiver::Impl::OnComplete(Entry& entry) {
-  const bool hashed = entry.manifest.crc32c.empty();
-  if (hashed && !Equal(entry.assembly->Digest(), entry.manifest.sha256)) {
-    return RefuseCorrupt(entry.manifest);
-  }
+  if (!Equal(entry.assembly->Digest(), entry.manifest.sha256)) return RefuseCorrupt(entry.manifest);
   entry.bytes = entry.assembly->TakeBytes();
-  if (!hashed && !Fits(entry.manifest, entry.bytes)) return RefuseCorrupt(entry.manifest);
   entry.assembly.reset();
   entry.state = Entry::State::kReady;
   ready.push_back({entry.manifest.sender, entry.manifest.id});

@@ -6,7 +6,6 @@
 
 #include "services/bus/assembly.h"
 #include "services/bus/blob_transfer.h"
-#include "services/bus/manifest_intake.h"
 #include "services/bus/typed.h"
 #include "services/core/clock.h"
 #include "services/core/hash.h"
@@ -113,13 +112,8 @@ OutgoingTransfer BlobSender::Impl::MakeTransfer(std::uint64_t id, std::span<cons
   manifest.chunk_count = ChunkCount(bytes.size(), options.chunk_size);
   manifest.token = token;
   manifest.meta_json = meta_json;
-  if (options.integrity == Integrity::kSha256) {
-    const auto digest = Sha256Of(bytes);
-    manifest.sha256.assign(digest.begin(), digest.end());
-  } else {
-    const auto crc = CrcBytes(bytes);
-    manifest.crc32c.assign(crc.begin(), crc.end());
-  }
+  const auto digest = Sha256Of(bytes);
+  manifest.sha256.assign(digest.begin(), digest.end());
   return transfer;
 }
 

@@ -23,18 +23,11 @@ namespace etude::bus {
 
 inline constexpr std::uint32_t kMaxChunkSize = 512 * 1024;
 
-/// How a blob is verified at the receiving end.
-enum class Integrity : std::uint8_t {
-  kSha256,  ///< also an identity: what datasets and checkpoints are named by
-  kCrc32c,  ///< finds faults at the speed of a copy; for streams of camera frames
-};
-
 struct SendOptions {
   std::uint32_t chunk_size = 128 * 1024;        ///< bytes, <= kMaxChunkSize
   std::uint32_t window = 32;                    ///< chunks in flight without progress
   std::chrono::milliseconds resend_after{500};  ///< without any ack: send what is missing again
-  Integrity integrity = Integrity::kSha256;
-  std::string owner;  ///< id of the campaign or run that the blobs belong to
+  std::string owner;                            ///< id of the campaign or run that the blobs belong to
 };
 
 /// How the receiver judged a blob.

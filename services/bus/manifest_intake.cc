@@ -1,31 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/bus/manifest_intake.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "services/bus/assembly.h"
-#include "services/bus/checksum.h"
 #include "services/bus/typed.h"
 
 namespace etude::bus {
 namespace {
 
 bool ViewIsSound(const ManifestView& view) {
-  const bool has_sha256 = view.sha256.size() == 32 && view.crc32c.empty();
-  const bool has_crc32c = view.crc32c.size() == 4 && view.sha256.empty();
-  return (has_sha256 || has_crc32c) && ShapeIsSound(view.size, view.chunk_size, view.chunk_count) &&
+  return view.sha256.size() == 32 && ShapeIsSound(view.size, view.chunk_size, view.chunk_count) &&
          (view.data.empty() || view.data.size() == view.size) && view.meta_json.size() <= kMaxText;
 }
 
 }  // namespace
-
-std::array<std::uint8_t, 4> CrcBytes(std::span<const std::uint8_t> bytes) {
-  const std::uint32_t crc = Crc32c(bytes);
-  std::array<std::uint8_t, 4> out;
-  for (std::size_t i = 0; i < 4; ++i) out[i] = static_cast<std::uint8_t>(crc >> (8 * i));
-  return out;
-}
 
 Result<std::unique_ptr<ManifestIntake>> ManifestIntake::Open(const Participant& participant,
                                                              const std::string& partition) {
@@ -49,10 +38,6 @@ void ManifestIntake::Drain() {
     TakenManifest item;
     item.is_sound = Parse(sample.bytes(), item.view) && ViewIsSound(item.view);
     item.sample = std::move(sample);
-    if (item.is_sound && !item.view.crc32c.empty() && item.view.data.size() == item.view.size) {
-      const auto crc = CrcBytes(item.view.data);
-      item.crc_fits = std::equal(crc.begin(), crc.end(), item.view.crc32c.begin());
-    }
     const MutexLock lock(mutex_);
     taken_.push_back(std::move(item));
     if (taken_.size() == wake_after_) dds_set_guardcondition(guard_.get(), true);

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Takes manifests off DDS in the thread that received them, and checks the CRC of the blobs that
-// travel inside them there: the bytes are still in that core's cache, and fetching them into another's
-// costs as much as the check. Internal to services/bus.
+// Takes manifests off DDS in the thread that received them. Internal to services/bus.
 #pragma once
 
-#include <array>
 #include <deque>
 #include <memory>
 
@@ -17,7 +14,6 @@ struct TakenManifest {
   Serialized sample;
   ManifestView view;      ///< points into the sample
   bool is_sound = false;  ///< parsed, and its sizes fit together
-  bool crc_fits = false;  ///< of a blob that travels inside, when it has a CRC
 };
 
 class ManifestIntake {
@@ -41,8 +37,5 @@ class ManifestIntake {
   Entity guard_;
   Endpoint reader_;  // last: its end waits for the callback
 };
-
-/// Little-endian, as in BlobManifest::crc32c.
-std::array<std::uint8_t, 4> CrcBytes(std::span<const std::uint8_t> bytes);
 
 }  // namespace etude::bus

@@ -26,7 +26,6 @@ struct ManifestView {
   std::string_view sender;
   std::string_view owner;
   std::span<const std::uint8_t> sha256;
-  std::span<const std::uint8_t> crc32c;
   std::string_view meta_json;
   std::span<const std::uint8_t> data;
 };

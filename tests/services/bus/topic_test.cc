@@ -100,7 +100,6 @@ Message MakeMessage() {
     message.chunk_size = 4;
     message.chunk_count = 2;
     message.sha256.assign(32, 9);
-    message.crc32c.clear();
   }
   return message;
 }
