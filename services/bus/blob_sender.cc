@@ -74,7 +74,7 @@ struct BlobSender::Impl {
   void CheckReceivers();
   bool AnnounceOverdue();
   void TakeAcks();
-  void OnAck(const BlobAck& ack, std::uint64_t id);
+  void OnAck(const BlobAck& ack);
   void OnProgress(OutgoingTransfer& transfer, const BlobAck& ack);
   std::optional<Sent> Next(std::chrono::nanoseconds timeout, const std::uint64_t* only);
   std::optional<Sent> PopVerdict(const std::uint64_t* only);
@@ -203,16 +203,15 @@ bool BlobSender::Impl::AnnounceOverdue() {
 void BlobSender::Impl::TakeAcks() {
   for (const auto& ack : TakeMessages<BlobAck>(acks, 1024, malformed)) {
     if (ack.channel != channel || ack.sender != sender || ack.owner != options.owner) continue;
-    OnAck(ack, ack.id);
-    for (const auto id : ack.also) OnAck(ack, id);
+    OnAck(ack);
   }
 }
 
-void BlobSender::Impl::OnAck(const BlobAck& ack, std::uint64_t id) {
-  const auto transfer = Find(id);
+void BlobSender::Impl::OnAck(const BlobAck& ack) {
+  const auto transfer = Find(ack.id);
   if (transfer == transfers.end()) return;  // a late answer
   if (!IsVerdict(ack.kind)) return OnProgress(*transfer, ack);
-  verdicts.push_back({id, {ack.kind, ack.reason}});
+  verdicts.push_back({ack.id, {ack.kind, ack.reason}});
   transfers.erase(transfer);
 }
 

@@ -93,9 +93,9 @@ int BlobSubscriber::Impl::DrainManifests() {
 }
 
 int BlobSubscriber::Impl::Drain() {
-  const int taken = TakeSerialized(chunks, 64, [this](Serialized& sample) {
+  const int taken = TakeSerialized(chunks, 64, [this](std::span<const std::uint8_t> cdr) {
     PublishedChunkView view;
-    if (!Parse(sample.bytes(), view) || view.slot > 1 || view.data.empty())
+    if (!Parse(cdr, view) || view.slot > 1 || view.data.empty())
       ++malformed;
     else
       OnChunk(view);

@@ -81,18 +81,9 @@ struct ReceivedBlob {
   std::vector<std::uint8_t> bytes;  ///< verified against manifest.sha256
 };
 
-/// The same without a copy. Both are valid until the next call of ReceiveView or Receive.
-struct BlobView {
-  const BlobManifest* manifest = nullptr;
-  std::span<const std::uint8_t> bytes;
-};
-
 struct ReceiveOptions {
   std::uint64_t max_blob_size = 1ull << 30;  ///< larger manifests are refused before allocation
   std::uint64_t max_memory = 2ull << 30;     ///< of all unfinished blobs together; others wait
-  /// kDone verdicts that travel together. With more than 1, blobs of a stream are also handed on so
-  /// many at a time: throughput for up to half a millisecond of latency.
-  std::uint32_t ack_batch = 1;
   /// Verdicts remembered for each sender, to answer repeats of a blob whose acknowledgement was lost: as many as a
   /// sender has in flight.
   std::uint32_t verdicts_kept = 4;
@@ -111,13 +102,8 @@ class BlobReceiver {
   /// The next verified blob, or nothing within `timeout` (or a stop request). Blobs whose hash does
   /// not fit are refused here and counted.
   std::optional<ReceivedBlob> Receive(std::chrono::nanoseconds timeout);
-  /// The same into a blob whose memory is used again; false when there is none.
-  bool Receive(ReceivedBlob& blob, std::chrono::nanoseconds timeout);
-  /// The same where it lies: a blob of one chunk is not copied out of DDS's memory.
-  std::optional<BlobView> ReceiveView(std::chrono::nanoseconds timeout);
   /// Tells the sender. kDone only after the blob is durable. Repeats of an acknowledged blob are
-  /// answered with the same verdict without another Receive. With `ack_batch` > 1 a kDone leaves with
-  /// others, half a millisecond later at most while Receive waits.
+  /// answered with the same verdict without another Receive.
   Status Acknowledge(const BlobManifest& manifest, const Verdict& verdict);
   std::uint64_t corrupt_blobs() const;
   std::uint64_t malformed_samples() const;

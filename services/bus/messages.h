@@ -155,8 +155,7 @@ struct BlobAck {
   AckKind kind = AckKind::kProgress;
   std::uint32_t received = 0;  ///< chunks received in order from 0 (opens the sender's window)
   std::vector<std::uint32_t> missing;
-  std::string reason;               ///< for kRefused
-  std::vector<std::uint64_t> also;  ///< more ids of the same sender with the same answer
+  std::string reason;  ///< for kRefused
   std::string owner;
 };
 

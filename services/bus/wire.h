@@ -259,7 +259,6 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Bl
   ETUDE_FIELD(received);
   ETUDE_FIELD_UP_TO(missing, 1024);
   ETUDE_FIELD(reason);
-  ETUDE_FIELD_UP_TO(also, 1024);
   ETUDE_FIELD(owner);
 }
 

@@ -78,9 +78,7 @@ TEST(BlobTransfer, ObjectsOfManySizesArriveWhole) {
 
 TEST(BlobTransfer, ManyInFlightAtOnce) {
   const auto peers = OpenTwo(kDomain);
-  ReceiveOptions receive;
-  receive.ack_batch = 16;
-  Collector collector(peers.b, "flight", receive);
+  Collector collector(peers.b, "flight");
   SendOptions options;
   options.chunk_size = 16 * 1024;
   options.window = 16;
