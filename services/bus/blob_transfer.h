@@ -36,13 +36,8 @@ struct Verdict {
   std::string reason;
 };
 
-struct Sent {
-  std::uint64_t id = 0;
-  Verdict verdict;
-};
-
-/// Sends blobs and waits for their acknowledgement: one at a time (Send), or several in flight
-/// (Begin, Next). A blob that fits into one chunk travels as a single sample.
+/// Sends blobs, one at a time, and waits for their acknowledgement. A blob that fits into one chunk travels as a single
+/// sample.
 /// Thread safety: one thread at a time.
 class BlobSender {
  public:
@@ -59,17 +54,6 @@ class BlobSender {
   Result<Verdict> Send(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
                        const std::string& meta_json, std::chrono::nanoseconds timeout);
 
-  /// Starts a blob and sends what the window allows. `bytes` must stay valid and unchanged until its
-  /// verdict came from Next, or Cancel. The caller bounds the number begun with in_flight().
-  Status Begin(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
-               const std::string& meta_json);
-  /// Goes on sending, and returns the next verdict; nothing after `timeout` or a stop request.
-  std::optional<Sent> Next(std::chrono::nanoseconds timeout);
-  /// Forgets a blob that was begun; the receiver may still have got it.
-  void Cancel(std::uint64_t id);
-  std::size_t in_flight() const;
-  int matched_receivers() const;
-
  private:
   struct Impl;
   explicit BlobSender(std::unique_ptr<Impl> impl);
@@ -84,8 +68,7 @@ struct ReceivedBlob {
 struct ReceiveOptions {
   std::uint64_t max_blob_size = 1ull << 30;  ///< larger manifests are refused before allocation
   std::uint64_t max_memory = 2ull << 30;     ///< of all unfinished blobs together; others wait
-  /// Verdicts remembered for each sender, to answer repeats of a blob whose acknowledgement was lost: as many as a
-  /// sender has in flight.
+  /// Verdicts remembered for each sender, to answer repeats of a blob whose acknowledgement was lost.
   std::uint32_t verdicts_kept = 4;
   std::string owner;  ///< blobs of another owner are not taken
 };
