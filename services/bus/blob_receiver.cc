@@ -78,6 +78,7 @@ BlobManifest ToManifest(const ManifestView& view) {
 }  // namespace
 
 struct BlobReceiver::Impl {
+  Owner owner;
   std::string channel;
   ReceiveOptions options;
   Endpoint manifests;
@@ -92,7 +93,7 @@ struct BlobReceiver::Impl {
   std::uint64_t malformed = 0;
   Clock::time_point next_cleaning;
 
-  Status OpenAll(const Participant& participant, const std::string& partition);
+  Status OpenAll(const Participant& participant);
   int Drain();
   int DrainManifests();
   void OnManifest(const ManifestView& view);
@@ -114,12 +115,12 @@ struct BlobReceiver::Impl {
   ReceivedBlob Pop();
 };
 
-Status BlobReceiver::Impl::OpenAll(const Participant& participant, const std::string& partition) {
-  const std::string own = partition + "/" + channel;
+Status BlobReceiver::Impl::OpenAll(const Participant& participant) {
+  const std::string partition = owner.partition() + "/" + channel;
   // acks first: a sender that finds our readers can then be answered
-  ETUDE_ASSIGN_OR_RETURN(acks, OpenWriterOf<BlobAck>(participant, own));
-  ETUDE_ASSIGN_OR_RETURN(chunks, OpenReaderOf<BlobChunk>(participant, own));
-  ETUDE_ASSIGN_OR_RETURN(manifests, OpenReaderOf<BlobManifest>(participant, own));
+  ETUDE_ASSIGN_OR_RETURN(acks, OpenWriterOf<BlobAck>(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(chunks, OpenReaderOf<BlobChunk>(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(manifests, OpenReaderOf<BlobManifest>(participant, partition));
   ETUDE_RETURN_IF_ERROR(waiter.Open(participant));
   ETUDE_RETURN_IF_ERROR(waiter.AddReader(manifests));
   return waiter.AddReader(chunks);
@@ -137,7 +138,7 @@ int BlobReceiver::Impl::DrainManifests() {
     ManifestView view;
     if (!Parse(cdr, view) || !IsSound(view))
       ++malformed;
-    else if (view.channel == channel && view.owner == options.owner)
+    else if (view.channel == channel && view.owner == owner.id)
       OnManifest(view);
   });
 }
@@ -254,7 +255,7 @@ void BlobReceiver::Impl::RefuseCorrupt(const BlobManifest& manifest) {
 BlobAck BlobReceiver::Impl::AckOf(const BlobManifest& manifest, AckKind kind) const {
   BlobAck ack;
   ack.channel = channel;
-  ack.owner = options.owner;
+  ack.owner = owner.id;
   ack.sender = manifest.sender;
   ack.id = manifest.id;
   ack.kind = kind;
@@ -352,13 +353,14 @@ BlobReceiver::BlobReceiver(BlobReceiver&&) noexcept = default;
 BlobReceiver& BlobReceiver::operator=(BlobReceiver&&) noexcept = default;
 BlobReceiver::~BlobReceiver() = default;
 
-Result<BlobReceiver> BlobReceiver::Open(const Participant& participant, const std::string& partition,
-                                        const std::string& channel, const ReceiveOptions& options) {
+Result<BlobReceiver> BlobReceiver::Open(const Participant& participant, const Owner& owner, const std::string& channel,
+                                        const ReceiveOptions& options) {
   auto impl = std::make_unique<Impl>();
+  impl->owner = owner;
   impl->channel = channel;
   impl->options = options;
   impl->options.verdicts_kept = std::max(1u, options.verdicts_kept);
-  ETUDE_RETURN_IF_ERROR(impl->OpenAll(participant, partition));
+  ETUDE_RETURN_IF_ERROR(impl->OpenAll(participant));
   return BlobReceiver(std::move(impl));
 }
 

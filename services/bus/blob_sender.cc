@@ -52,6 +52,7 @@ bool IsVerdict(AckKind kind) {
 }  // namespace
 
 struct BlobSender::Impl {
+  Owner owner;
   std::string channel;
   std::string sender;
   SendOptions options;
@@ -64,7 +65,7 @@ struct BlobSender::Impl {
   std::uint32_t receivers_ever = 0;
   std::uint64_t malformed = 0;
 
-  Status OpenAll(const Participant& participant, const std::string& partition);
+  Status OpenAll(const Participant& participant);
   void Begin(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token, const std::string& meta_json);
   void RunUntilVerdict(std::chrono::nanoseconds timeout);
   void Pump();
@@ -75,11 +76,11 @@ struct BlobSender::Impl {
   void OnProgress(const BlobAck& ack);
 };
 
-Status BlobSender::Impl::OpenAll(const Participant& participant, const std::string& partition) {
-  const std::string own = partition + "/" + channel;
-  ETUDE_ASSIGN_OR_RETURN(manifests, OpenWriterOf<BlobManifest>(participant, own));
-  ETUDE_ASSIGN_OR_RETURN(chunks, OpenWriterOf<BlobChunk>(participant, own));
-  ETUDE_ASSIGN_OR_RETURN(acks, OpenReaderOf<BlobAck>(participant, own));
+Status BlobSender::Impl::OpenAll(const Participant& participant) {
+  const std::string partition = owner.partition() + "/" + channel;
+  ETUDE_ASSIGN_OR_RETURN(manifests, OpenWriterOf<BlobManifest>(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(chunks, OpenWriterOf<BlobChunk>(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(acks, OpenReaderOf<BlobAck>(participant, partition));
   ETUDE_RETURN_IF_ERROR(waiter.Open(participant));
   ETUDE_RETURN_IF_ERROR(waiter.AddMatched(manifests));
   ETUDE_RETURN_IF_ERROR(waiter.AddMatched(chunks));
@@ -95,7 +96,7 @@ void BlobSender::Impl::Begin(std::uint64_t id, std::span<const std::uint8_t> byt
   auto& manifest = transfer.manifest;
   manifest.channel = channel;
   manifest.sender = sender;
-  manifest.owner = options.owner;
+  manifest.owner = owner.id;
   manifest.id = id;
   manifest.size = bytes.size();
   manifest.chunk_size = options.chunk_size;
@@ -171,7 +172,7 @@ void BlobSender::Impl::CheckReceivers() {
 
 void BlobSender::Impl::TakeAcks() {
   for (const auto& ack : TakeMessages<BlobAck>(acks, 1024, malformed)) {
-    if (ack.channel != channel || ack.sender != sender || ack.owner != options.owner) continue;
+    if (ack.channel != channel || ack.sender != sender || ack.owner != owner.id) continue;
     if (ack.id != transfer.manifest.id) continue;  // a late answer
     if (IsVerdict(ack.kind))
       transfer.verdict = {ack.kind, ack.reason};
@@ -228,17 +229,18 @@ BlobSender::BlobSender(BlobSender&&) noexcept = default;
 BlobSender& BlobSender::operator=(BlobSender&&) noexcept = default;
 BlobSender::~BlobSender() = default;
 
-Result<BlobSender> BlobSender::Open(const Participant& participant, const std::string& partition,
-                                    const std::string& channel, const std::string& sender, const SendOptions& options) {
+Result<BlobSender> BlobSender::Open(const Participant& participant, const Owner& owner, const std::string& channel,
+                                    const std::string& sender, const SendOptions& options) {
   if (options.chunk_size == 0 || options.chunk_size > kMaxChunkSize || options.window == 0 || options.window > 1024) {
     return Fail(Code::kInvalidArgument, fmt::format("blob sender '{}': chunk_size {} (1 to {}), window {} (1 to 1024)",
                                                     sender, options.chunk_size, kMaxChunkSize, options.window));
   }
   auto impl = std::make_unique<Impl>();
+  impl->owner = owner;
   impl->channel = channel;
   impl->sender = sender;
   impl->options = options;
-  ETUDE_RETURN_IF_ERROR(impl->OpenAll(participant, partition));
+  ETUDE_RETURN_IF_ERROR(impl->OpenAll(participant));
   return BlobSender(std::move(impl));
 }
 

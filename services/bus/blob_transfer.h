@@ -5,6 +5,8 @@
 //
 //   point to point, acknowledged (episodes):  BlobSender -> BlobReceiver
 //   published, transient-local (checkpoints): BlobPublisher -> BlobSubscriber
+//
+// Both ends name the blobs' owner. It is in the partition and in every manifest: blobs of another owner are not taken.
 #pragma once
 
 #include <chrono>
@@ -16,6 +18,7 @@
 #include <vector>
 
 #include "services/bus/messages.h"
+#include "services/bus/owner.h"
 #include "services/bus/participant.h"
 #include "services/core/result.h"
 
@@ -27,7 +30,6 @@ struct SendOptions {
   std::uint32_t chunk_size = 128 * 1024;        ///< bytes, <= kMaxChunkSize
   std::uint32_t window = 32;                    ///< chunks in flight without progress
   std::chrono::milliseconds resend_after{500};  ///< without any ack: send what is missing again
-  std::string owner;                            ///< id of the campaign or run that the blobs belong to
 };
 
 /// How the receiver judged a blob.
@@ -41,9 +43,8 @@ struct Verdict {
 /// Thread safety: one thread at a time.
 class BlobSender {
  public:
-  static Result<BlobSender> Open(const Participant& participant, const std::string& partition,
-                                 const std::string& channel, const std::string& sender,
-                                 const SendOptions& options = {});
+  static Result<BlobSender> Open(const Participant& participant, const Owner& owner, const std::string& channel,
+                                 const std::string& sender, const SendOptions& options = {});
   BlobSender(BlobSender&&) noexcept;
   BlobSender& operator=(BlobSender&&) noexcept;
   ~BlobSender();
@@ -70,14 +71,13 @@ struct ReceiveOptions {
   std::uint64_t max_memory = 2ull << 30;     ///< of all unfinished blobs together; others wait
   /// Verdicts remembered for each sender, to answer repeats of a blob whose acknowledgement was lost.
   std::uint32_t verdicts_kept = 4;
-  std::string owner;  ///< blobs of another owner are not taken
 };
 
 /// Receives blobs of one channel from any number of senders. Thread safety: one thread at a time.
 class BlobReceiver {
  public:
-  static Result<BlobReceiver> Open(const Participant& participant, const std::string& partition,
-                                   const std::string& channel, const ReceiveOptions& options = {});
+  static Result<BlobReceiver> Open(const Participant& participant, const Owner& owner, const std::string& channel,
+                                   const ReceiveOptions& options = {});
   BlobReceiver(BlobReceiver&&) noexcept;
   BlobReceiver& operator=(BlobReceiver&&) noexcept;
   ~BlobReceiver();
@@ -101,7 +101,7 @@ class BlobReceiver {
 /// get the newest complete one. Memory on the bus is two versions a channel.
 class BlobPublisher {
  public:
-  static Result<BlobPublisher> Open(const Participant& participant, const std::string& partition,
+  static Result<BlobPublisher> Open(const Participant& participant, const Owner& owner,
                                     const SendOptions& options = {});
   BlobPublisher(BlobPublisher&&) noexcept;
   BlobPublisher& operator=(BlobPublisher&&) noexcept;
@@ -129,9 +129,9 @@ struct PublishedBlob {
 
 class BlobSubscriber {
  public:
-  /// `channel` empty: all channels of the partition.
-  static Result<BlobSubscriber> Open(const Participant& participant, const std::string& partition,
-                                     const std::string& channel, const ReceiveOptions& options = {});
+  /// `channel` empty: all channels of the owner.
+  static Result<BlobSubscriber> Open(const Participant& participant, const Owner& owner, const std::string& channel,
+                                     const ReceiveOptions& options = {});
   BlobSubscriber(BlobSubscriber&&) noexcept;
   BlobSubscriber& operator=(BlobSubscriber&&) noexcept;
   ~BlobSubscriber();

@@ -64,7 +64,7 @@ int RunWorker(const std::string& name) {
 int RunReceiver() {
   auto participant = Participant::Open({kDomain, ShortLeaseProfile()});
   if (!participant) return 1;
-  auto receiver = BlobReceiver::Open(*participant, "outage", "episode");
+  auto receiver = BlobReceiver::Open(*participant, {"outage", "1"}, "episode");
   if (!receiver) return 1;
   for (const Stopwatch watch; watch.Seconds() < kPatienceS;) {
     const auto blob = receiver->Receive(1s);
@@ -141,7 +141,7 @@ class Outage : public testing::Test {
     participant_.emplace(std::move(*opened));
     SendOptions options;
     options.chunk_size = 64 * 1024;
-    auto sender = BlobSender::Open(*participant_, "outage", "episode", "s", options);
+    auto sender = BlobSender::Open(*participant_, {"outage", "1"}, "episode", "s", options);
     ASSERT_TRUE(sender);
     sender_.emplace(std::move(*sender));
   }
@@ -157,7 +157,7 @@ class Outage : public testing::Test {
   }
   // Until the receiver counts as gone.
   void WaitUntilGone() {
-    const auto announcer = Writer<BlobManifest>::Open(*participant_, "outage/episode");
+    const auto announcer = Writer<BlobManifest>::Open(*participant_, "outage/1/episode");
     ASSERT_TRUE(announcer);
     for (const Stopwatch watch; announcer->matched_readers() > 0 && watch.Seconds() < kPatienceS;) WaitForStop(20ms);
     ASSERT_EQ(announcer->matched_readers(), 0);

@@ -21,8 +21,8 @@ constexpr std::uint32_t kDomain = 73;
 // Receives and acknowledges in a thread until it is destroyed.
 class Collector {
  public:
-  Collector(const Participant& participant, const std::string& partition, const ReceiveOptions& options = {})
-      : receiver_(std::move(*BlobReceiver::Open(participant, partition, "episode", options))) {
+  Collector(const Participant& participant, const std::string& name, const ReceiveOptions& options = {})
+      : receiver_(std::move(*BlobReceiver::Open(participant, {name, "1"}, "episode", options))) {
     thread_ = std::thread([this] { Run(); });
   }
   ~Collector() {
@@ -58,7 +58,7 @@ TEST(BlobTransfer, ObjectsOfManySizesArriveWhole) {
   SendOptions options;
   options.chunk_size = 4096;
   options.window = 8;
-  auto sender = BlobSender::Open(peers.a, "sizes", "episode", "s", options);
+  auto sender = BlobSender::Open(peers.a, {"sizes", "1"}, "episode", "s", options);
   ASSERT_TRUE(sender);
   const std::vector<std::size_t> sizes{0, 1, 4095, 4096, 4097, 8192, 100'000, 1'000'003};
   for (std::size_t i = 0; i < sizes.size(); ++i) {
@@ -85,7 +85,7 @@ TEST(BlobTransfer, TwoSendersAtOnce) {
     threads.emplace_back([&peers, name] {
       SendOptions options;
       options.chunk_size = 32 * 1024;
-      auto sender = BlobSender::Open(peers.a, "two", "episode", name, options);
+      auto sender = BlobSender::Open(peers.a, {"two", "1"}, "episode", name, options);
       ASSERT_TRUE(sender);
       for (std::uint64_t id = 0; id < 10; ++id) {
         const auto bytes = MakeBytes(300'000 + id, *name);
@@ -110,7 +110,7 @@ TEST(BlobTransfer, RepeatsAreAnsweredWithoutAnotherReceive) {
   Collector collector(peers.b, "repeat");
   const auto bytes = MakeBytes(500'000, 4);
   for (int round = 0; round < 3; ++round) {  // a worker that did not see the ack sends again
-    auto sender = BlobSender::Open(peers.a, "repeat", "episode", "same");
+    auto sender = BlobSender::Open(peers.a, {"repeat", "1"}, "episode", "same");
     ASSERT_TRUE(sender);
     const auto verdict = sender->Send(7, bytes, 0, "", 20s);
     ASSERT_TRUE(verdict) << verdict.error().message;
@@ -124,7 +124,7 @@ TEST(BlobTransfer, OnlyTheLastVerdictsOfASenderAreKept) {
   ReceiveOptions options;
   options.verdicts_kept = 2;
   Collector collector(peers.b, "kept", options);
-  auto sender = BlobSender::Open(peers.a, "kept", "episode", "s");
+  auto sender = BlobSender::Open(peers.a, {"kept", "1"}, "episode", "s");
   ASSERT_TRUE(sender);
   for (const std::uint64_t id : {1, 2, 3, 3, 2, 1}) {
     const auto verdict = sender->Send(id, MakeBytes(1000, static_cast<std::uint32_t>(id)), 0, "", 20s);
@@ -136,31 +136,53 @@ TEST(BlobTransfer, OnlyTheLastVerdictsOfASenderAreKept) {
   EXPECT_EQ(received, (std::vector<std::uint64_t>{1, 2, 3, 1})) << "2 and 3 were answered from memory";
 }
 
-TEST(BlobTransfer, BlobsOfAnotherOwnerAreNotTaken) {
+TEST(BlobTransfer, OwnersOfOneNameAreApart) {
   const auto peers = OpenTwo(kDomain);
-  ReceiveOptions receive;
-  receive.owner = "aaaa";
-  Collector collector(peers.b, "owner", receive);
-  const auto send = [&](const char* owner, std::chrono::milliseconds patience) {
-    SendOptions options;
-    options.owner = owner;
-    auto sender = BlobSender::Open(peers.a, "owner", "episode", owner, options);
+  Collector collector(peers.b, "owner");
+  const auto send = [&](const std::string& id, std::chrono::milliseconds patience) {
+    auto sender = BlobSender::Open(peers.a, {"owner", id}, "episode", "of-" + id);
     EXPECT_TRUE(sender);
     return sender->Send(1, MakeBytes(300'000, 1), 0, "", patience);
   };
-  const auto ours = send("aaaa", 20s);
+  const auto ours = send("1", 20s);
   ASSERT_TRUE(ours) << ours.error().message;
   EXPECT_EQ(ours->kind, AckKind::kDone);
-  EXPECT_FALSE(send("bbbb", 300ms));
+  EXPECT_FALSE(send("2", 300ms));
   const auto& received = collector.Stop();
   EXPECT_EQ(received.size(), 1u);
-  EXPECT_EQ(received.at("aaaa")[0].manifest.owner, "aaaa");
+  EXPECT_EQ(received.at("of-1")[0].manifest.owner, "1");
+}
+
+// Whatever writes into the partition: the manifest says whose it is.
+TEST(BlobTransfer, BlobsOfAnotherOwnerAreNotTaken) {
+  const auto peers = OpenTwo(kDomain);
+  auto receiver = BlobReceiver::Open(peers.b, {"mixed", "1"}, "episode");
+  auto manifests = Writer<BlobManifest>::Open(peers.a, "mixed/1/episode");
+  ASSERT_TRUE(receiver && manifests);
+  ASSERT_TRUE(manifests->WaitForReaders(1, 10s));
+  BlobManifest manifest;
+  manifest.channel = "episode";
+  manifest.sender = "hand";
+  manifest.data = MakeBytes(100, 1);
+  manifest.size = manifest.chunk_size = 100;
+  manifest.chunk_count = 1;
+  const auto digest = Sha256Of(manifest.data);
+  manifest.sha256.assign(digest.begin(), digest.end());
+  for (const char* owner : {"2", "1"}) {
+    manifest.owner = owner;
+    ++manifest.id;
+    ASSERT_TRUE(manifests->Write(manifest));
+  }
+  const auto blob = receiver->Receive(10s);
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->manifest.owner, "1");
+  EXPECT_EQ(blob->manifest.id, 2u);
 }
 
 TEST(BlobTransfer, TheVerdictsAndReasonsTravel) {
   const auto peers = OpenTwo(kDomain);
-  auto receiver = BlobReceiver::Open(peers.b, "verdict", "episode");
-  auto sender = BlobSender::Open(peers.a, "verdict", "episode", "s");
+  auto receiver = BlobReceiver::Open(peers.b, {"verdict", "1"}, "episode");
+  auto sender = BlobSender::Open(peers.a, {"verdict", "1"}, "episode", "s");
   ASSERT_TRUE(receiver && sender);
   const auto bytes = MakeBytes(200'000, 5);
   auto sending = std::async(std::launch::async, [&] { return sender->Send(1, bytes, 9, "", 20s); });
@@ -180,7 +202,7 @@ TEST(BlobTransfer, OversizeIsRefusedBeforeAnyMemory) {
   Collector collector(peers.b, "large", receive);
   SendOptions options;
   options.chunk_size = 16 * 1024;
-  auto sender = BlobSender::Open(peers.a, "large", "episode", "s", options);
+  auto sender = BlobSender::Open(peers.a, {"large", "1"}, "episode", "s", options);
   ASSERT_TRUE(sender);
   const auto verdict = sender->Send(1, MakeBytes(100'001, 1), 0, "", 20s);
   ASSERT_TRUE(verdict) << verdict.error().message;
@@ -194,14 +216,15 @@ TEST(BlobTransfer, OversizeIsRefusedBeforeAnyMemory) {
 
 TEST(BlobTransfer, AManifestMayNotReserveMoreThanAllowed) {
   const auto peers = OpenTwo(kDomain);
-  auto receiver = BlobReceiver::Open(peers.b, "liar", "episode");
-  auto manifests = Writer<BlobManifest>::Open(peers.a, "liar/episode");
-  auto acks = Reader<BlobAck>::Open(peers.a, "liar/episode");
+  auto receiver = BlobReceiver::Open(peers.b, {"liar", "1"}, "episode");
+  auto manifests = Writer<BlobManifest>::Open(peers.a, "liar/1/episode");
+  auto acks = Reader<BlobAck>::Open(peers.a, "liar/1/episode");
   ASSERT_TRUE(receiver && manifests && acks);
   ASSERT_TRUE(manifests->WaitForReaders(1, 10s));
   BlobManifest manifest;
   manifest.channel = "episode";
   manifest.sender = "liar";
+  manifest.owner = "1";
   manifest.size = 1ull << 39;
   manifest.chunk_size = kMaxChunkSize;
   manifest.chunk_count = static_cast<std::uint32_t>(manifest.size / kMaxChunkSize);
@@ -227,7 +250,7 @@ TEST(BlobTransfer, OthersWaitWhenMemoryIsFull) {
       options.chunk_size = 16 * 1024;
       options.window = 2;
       options.resend_after = 50ms;
-      auto sender = BlobSender::Open(peers.a, "memory", "episode", name, options);
+      auto sender = BlobSender::Open(peers.a, {"memory", "1"}, "episode", name, options);
       ASSERT_TRUE(sender);
       for (std::uint64_t id = 0; id < 3; ++id) {
         const auto verdict = sender->Send(id, MakeBytes(250'000, *name), 0, "", 30s);
@@ -243,7 +266,7 @@ TEST(BlobTransfer, OthersWaitWhenMemoryIsFull) {
 
 TEST(BlobTransfer, SendTimesOutWithoutAReceiverAndMaySendAgain) {
   const auto peers = OpenTwo(kDomain);
-  auto sender = BlobSender::Open(peers.a, "alone", "episode", "s");
+  auto sender = BlobSender::Open(peers.a, {"alone", "1"}, "episode", "s");
   ASSERT_TRUE(sender);
   const auto bytes = MakeBytes(300'000, 6);
   const auto nobody = sender->Send(1, bytes, 0, "", 50ms);
@@ -259,10 +282,10 @@ TEST(BlobTransfer, RefusesBadOptions) {
   const auto peers = OpenTwo(kDomain);
   SendOptions options;
   options.chunk_size = kMaxChunkSize + 1;
-  EXPECT_FALSE(BlobSender::Open(peers.a, "p", "c", "s", options));
+  EXPECT_FALSE(BlobSender::Open(peers.a, {"p", "1"}, "c", "s", options));
   options = {};
   options.window = 0;
-  EXPECT_FALSE(BlobSender::Open(peers.a, "p", "c", "s", options));
+  EXPECT_FALSE(BlobSender::Open(peers.a, {"p", "1"}, "c", "s", options));
 }
 
 }  // namespace

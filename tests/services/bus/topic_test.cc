@@ -272,9 +272,9 @@ TEST(Topic, RefusesWhatDoesNotFitTheWire) {
   EXPECT_TRUE(writer->Write({"c", std::string(128, 'w'), 1, "v"}));
 }
 
-TEST(Topic, RefusesWildcardPartitions) {
+TEST(Topic, RefusesWildcardPartitionsAndEmptyParts) {
   const auto peers = OpenTwo(kDomain);
-  for (const char* name : {"", "a*", "a?", "[a]", "a b"}) {
+  for (const char* name : {"", "a*", "a?", "[a]", "a b", "a/", "/a", "a//b"}) {
     const auto writer = Writer<WorkRequest>::Open(peers.a, name);
     ASSERT_FALSE(writer) << name;
     EXPECT_EQ(writer.error().code, Code::kInvalidArgument);
