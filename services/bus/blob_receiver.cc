@@ -2,12 +2,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <deque>
-#include <map>
 #include <utility>
 
 #include "services/bus/assembly.h"
 #include "services/bus/blob_transfer.h"
+#include "services/bus/inbox.h"
 #include "services/bus/serialized.h"
 #include "services/bus/typed.h"
 #include "services/core/clock.h"
@@ -22,36 +21,14 @@ using Clock = MonotonicClock;
 
 constexpr std::uint32_t kAckEvery = 8;     // chunks
 constexpr std::size_t kMaxMissing = 1024;  // indices in one ack
-constexpr std::size_t kMaxPeers = 4096;
-constexpr std::chrono::seconds kForgetAfter{60};  // an unfinished blob nobody sends any more
 
-struct Entry {
-  enum class State { kReceiving, kReady, kJudging, kJudged };
-  State state = State::kReceiving;
-  BlobManifest manifest;             // data is empty
-  std::optional<Assembly> assembly;  // kReceiving
-  std::vector<std::uint8_t> bytes;   // kReady
-  Verdict verdict;                   // kJudged
-  std::uint32_t acknowledged = 0;    // chunks reported to the sender
-  Clock::time_point heard;
-};
-
-struct Peer {
-  std::map<std::uint64_t, Entry> blobs;
-  std::deque<std::uint64_t> judged;  // oldest first
-  Clock::time_point heard;
-};
-
-struct BlobKey {
-  std::string sender;
-  std::uint64_t id = 0;
-};
+using State = IncomingBlob::State;
 
 bool Equal(std::span<const std::uint8_t> a, const std::vector<std::uint8_t>& b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end());
 }
 
-bool IsSound(const ManifestView& view) {
+bool ViewIsSound(const ManifestView& view) {
   return view.sha256.size() == 32 && ShapeIsSound(view.size, view.chunk_size, view.chunk_count) &&
          (view.data.empty() || view.data.size() == view.size) && view.meta_json.size() <= kMaxText;
 }
@@ -85,10 +62,8 @@ struct BlobReceiver::Impl {
   Endpoint chunks;
   Endpoint acks;
   Waiter waiter;
-  std::map<std::string, Peer, std::less<>> peers;
-  std::deque<BlobKey> ready;
+  Inbox inbox;
   std::vector<BlobKey> unreported;  // progress that the sender does not know
-  std::uint64_t memory = 0;         // of unfinished and ready blobs
   std::uint64_t corrupt = 0;
   std::uint64_t malformed = 0;
   Clock::time_point next_cleaning;
@@ -97,22 +72,17 @@ struct BlobReceiver::Impl {
   int Drain();
   int DrainManifests();
   void OnManifest(const ManifestView& view);
-  void AnswerKnown(const ManifestView& view, Entry& entry);
-  void Start(const ManifestView& view, Peer& peer);
-  void TakeWhole(const ManifestView& view, Entry& entry);
+  void AnswerKnown(const ManifestView& view, IncomingBlob& blob);
+  void Start(const ManifestView& view);
+  void TakeWhole(const ManifestView& view, IncomingBlob& blob);
   void OnChunk(const ChunkView& view);
-  void Finish(Entry& entry, std::vector<std::uint8_t> bytes);
-  void RefuseCorrupt(const BlobManifest& manifest);
+  void RefuseCorrupt(const IncomingBlob& blob);
   BlobAck AckOf(const BlobManifest& manifest, AckKind kind) const;
   Status SendVerdict(const BlobManifest& manifest, const Verdict& verdict);
   void Answer(const BlobManifest& manifest, const Verdict& verdict);
-  void SendProgress(Entry& entry, AckKind kind);
+  void SendProgress(IncomingBlob& blob, AckKind kind);
   void FlushProgress();
-  void Remember(Peer& peer, Entry& entry, const Verdict& verdict);
   void Clean();
-  Entry* Find(std::string_view sender, std::uint64_t id);
-  bool WaitReady(std::chrono::nanoseconds timeout);
-  ReceivedBlob Pop();
 };
 
 Status BlobReceiver::Impl::OpenAll(const Participant& participant) {
@@ -126,17 +96,10 @@ Status BlobReceiver::Impl::OpenAll(const Participant& participant) {
   return waiter.AddReader(chunks);
 }
 
-Entry* BlobReceiver::Impl::Find(std::string_view sender, std::uint64_t id) {
-  const auto peer = peers.find(sender);
-  if (peer == peers.end()) return nullptr;
-  const auto entry = peer->second.blobs.find(id);
-  return entry == peer->second.blobs.end() ? nullptr : &entry->second;
-}
-
 int BlobReceiver::Impl::DrainManifests() {
   return TakeSerialized(manifests, 64, [this](std::span<const std::uint8_t> cdr) {
     ManifestView view;
-    if (!Parse(cdr, view) || !IsSound(view))
+    if (!Parse(cdr, view) || !ViewIsSound(view))
       ++malformed;
     else if (view.channel == channel && view.owner == owner.id)
       OnManifest(view);
@@ -157,99 +120,79 @@ int BlobReceiver::Impl::Drain() {
 }
 
 void BlobReceiver::Impl::OnManifest(const ManifestView& view) {
-  auto found = peers.find(view.sender);
-  if (found == peers.end()) found = peers.emplace(std::string(view.sender), Peer{}).first;
-  Peer& peer = found->second;
-  peer.heard = Clock::now();
-  const auto known = peer.blobs.find(view.id);
-  if (known != peer.blobs.end()) {
-    Entry& entry = known->second;
-    const bool changed = entry.state == Entry::State::kReceiving && !IsSame(view, entry.manifest);
-    if (!changed) return AnswerKnown(view, entry);
-    memory -= entry.manifest.size;
-    peer.blobs.erase(known);
-  }
-  Start(view, peer);
+  IncomingBlob* const known = inbox.Find(view.sender, view.id);
+  if (known == nullptr) return Start(view);
+  const bool changed = known->state == State::kReceiving && !IsSame(view, known->manifest);
+  if (!changed) return AnswerKnown(view, *known);
+  inbox.Remove(*known);
+  Start(view);
 }
 
-void BlobReceiver::Impl::AnswerKnown(const ManifestView& view, Entry& entry) {
-  entry.heard = Clock::now();
-  switch (entry.state) {
-    case Entry::State::kReceiving:
-      if (view.data.size() == view.size && view.size > 0) return TakeWhole(view, entry);
-      return SendProgress(entry, AckKind::kMissing);
-    case Entry::State::kReady:
-    case Entry::State::kJudging:
-      return SendProgress(entry, AckKind::kProgress);
-    case Entry::State::kJudged:
-      return Answer(entry.manifest, entry.verdict);
+void BlobReceiver::Impl::AnswerKnown(const ManifestView& view, IncomingBlob& blob) {
+  blob.last_news = Clock::now();
+  switch (blob.state) {
+    case State::kReceiving:
+      if (view.data.size() == view.size && view.size > 0) return TakeWhole(view, blob);
+      return SendProgress(blob, AckKind::kMissing);
+    case State::kReady:
+    case State::kJudging:
+      return SendProgress(blob, AckKind::kProgress);
+    case State::kJudged:
+      return Answer(blob.manifest, blob.verdict);
   }
 }
 
-void BlobReceiver::Impl::Start(const ManifestView& view, Peer& peer) {
+void BlobReceiver::Impl::Start(const ManifestView& view) {
+  BlobManifest manifest = ToManifest(view);
   if (view.size > options.max_blob_size) {
-    Entry& entry = peer.blobs[view.id];
-    entry.manifest = ToManifest(view);
-    Remember(peer, entry,
-             {AckKind::kRefused, fmt::format("{} bytes, at most {} are taken", view.size, options.max_blob_size)});
-    return AnswerKnown(view, entry);
+    const Verdict verdict{AckKind::kRefused,
+                          fmt::format("{} bytes, at most {} are taken", view.size, options.max_blob_size)};
+    inbox.Judge(manifest, verdict);
+    return Answer(manifest, verdict);
   }
-  // no room: say nothing, and the sender announces it again
-  if (memory > 0 && memory + view.size > options.max_memory) return;
-  memory += view.size;
-  Entry& entry = peer.blobs[view.id];
-  entry.manifest = ToManifest(view);
-  entry.heard = Clock::now();
-  if (view.data.size() == view.size) return TakeWhole(view, entry);
-  entry.assembly.emplace(view.size, view.chunk_size);
-  SendProgress(entry, AckKind::kMissing);
+  IncomingBlob* const blob = inbox.Add(std::move(manifest), Clock::now());
+  if (blob == nullptr) return;  // say nothing, and the sender announces it again
+  if (view.data.size() == view.size) return TakeWhole(view, *blob);
+  blob->assembly.emplace(view.size, view.chunk_size);
+  SendProgress(*blob, AckKind::kMissing);
 }
 
 // Of a blob that came in its manifest: the one copy out of DDS's memory. Its verdict will be the answer.
-void BlobReceiver::Impl::TakeWhole(const ManifestView& view, Entry& entry) {
-  if (!Equal(Sha256Of(view.data), entry.manifest.sha256)) return RefuseCorrupt(entry.manifest);
-  Finish(entry, {view.data.begin(), view.data.end()});
+void BlobReceiver::Impl::TakeWhole(const ManifestView& view, IncomingBlob& blob) {
+  if (!Equal(Sha256Of(view.data), blob.manifest.sha256)) return RefuseCorrupt(blob);
+  inbox.Finish(blob, {view.data.begin(), view.data.end()});
 }
 
 void BlobReceiver::Impl::OnChunk(const ChunkView& view) {
-  Entry* entry = Find(view.sender, view.id);
-  if (entry == nullptr) {  // the manifest travels on another topic and may be just behind
+  IncomingBlob* blob = inbox.Find(view.sender, view.id);
+  if (blob == nullptr) {  // the manifest travels on another topic and may be just behind
     while (DrainManifests() > 0) {
     }
-    entry = Find(view.sender, view.id);
+    blob = inbox.Find(view.sender, view.id);
   }
-  if (entry == nullptr || entry->state != Entry::State::kReceiving) return;
-  entry->heard = Clock::now();
-  const auto added = entry->assembly->Add(view.index, view.data);
+  if (blob == nullptr || blob->state != State::kReceiving) return;
+  blob->last_news = Clock::now();
+  Assembly& assembly = *blob->assembly;
+  const auto added = assembly.Add(view.index, view.data);
   if (added == Assembly::Added::kMalformed) ++malformed;
   if (added != Assembly::Added::kNew) return;
-  if (entry->assembly->complete()) {
-    if (!Equal(entry->assembly->Digest(), entry->manifest.sha256)) return RefuseCorrupt(entry->manifest);
-    Finish(*entry, entry->assembly->TakeBytes());
-    return SendProgress(*entry, AckKind::kProgress);
+  if (assembly.complete()) {
+    if (!Equal(assembly.Digest(), blob->manifest.sha256)) return RefuseCorrupt(*blob);
+    inbox.Finish(*blob, assembly.TakeBytes());
+    return SendProgress(*blob, AckKind::kProgress);
   }
-  const std::uint32_t unreported_chunks = entry->assembly->next() - entry->acknowledged;
-  if (unreported_chunks >= kAckEvery) return SendProgress(*entry, AckKind::kProgress);
+  const std::uint32_t unreported_chunks = assembly.next() - blob->acknowledged;
+  if (unreported_chunks >= kAckEvery) return SendProgress(*blob, AckKind::kProgress);
   if (unreported_chunks == 1) unreported.push_back({std::string(view.sender), view.id});
 }
 
-void BlobReceiver::Impl::Finish(Entry& entry, std::vector<std::uint8_t> bytes) {
-  entry.bytes = std::move(bytes);
-  entry.assembly.reset();
-  entry.acknowledged = entry.manifest.chunk_count;
-  entry.state = Entry::State::kReady;
-  ready.push_back({entry.manifest.sender, entry.manifest.id});
-}
-
 // Not remembered: the sender may try again with the same id.
-void BlobReceiver::Impl::RefuseCorrupt(const BlobManifest& manifest) {
+void BlobReceiver::Impl::RefuseCorrupt(const IncomingBlob& blob) {
   ++corrupt;
-  Log().warn("blob refused: its bytes do not fit its checksum channel={} sender={} id={}", channel, manifest.sender,
-             manifest.id);
-  Answer(manifest, {AckKind::kRefused, "the bytes do not fit the checksum"});
-  memory -= manifest.size;
-  const BlobKey key{manifest.sender, manifest.id};
-  peers.find(key.sender)->second.blobs.erase(key.id);
+  Log().warn("blob refused: its bytes do not fit its checksum channel={} sender={} id={}", channel,
+             blob.manifest.sender, blob.manifest.id);
+  Answer(blob.manifest, {AckKind::kRefused, "the bytes do not fit the checksum"});
+  inbox.Remove(blob);
 }
 
 BlobAck BlobReceiver::Impl::AckOf(const BlobManifest& manifest, AckKind kind) const {
@@ -273,79 +216,28 @@ void BlobReceiver::Impl::Answer(const BlobManifest& manifest, const Verdict& ver
   if (auto written = SendVerdict(manifest, verdict); !written) Log().warn("ack not sent: {}", written.error().message);
 }
 
-void BlobReceiver::Impl::SendProgress(Entry& entry, AckKind kind) {
-  BlobAck ack = AckOf(entry.manifest, kind);
-  ack.received = entry.assembly ? entry.assembly->next() : entry.manifest.chunk_count;
-  if (kind == AckKind::kMissing) ack.missing = entry.assembly->Missing(kMaxMissing);
-  entry.acknowledged = ack.received;
+void BlobReceiver::Impl::SendProgress(IncomingBlob& blob, AckKind kind) {
+  BlobAck ack = AckOf(blob.manifest, kind);
+  ack.received = blob.assembly ? blob.assembly->next() : blob.manifest.chunk_count;
+  if (kind == AckKind::kMissing) ack.missing = blob.assembly->Missing(kMaxMissing);
+  blob.acknowledged = ack.received;
   if (auto written = WriteMessage(acks, ack); !written) Log().warn("ack not sent: {}", written.error().message);
 }
 
 void BlobReceiver::Impl::FlushProgress() {
   for (const auto& key : unreported) {
-    Entry* const entry = Find(key.sender, key.id);
-    if (entry == nullptr || entry->state != Entry::State::kReceiving) continue;
-    if (entry->assembly->next() > entry->acknowledged) SendProgress(*entry, AckKind::kProgress);
+    IncomingBlob* const blob = inbox.Find(key.sender, key.id);
+    if (blob == nullptr || blob->state != State::kReceiving) continue;
+    if (blob->assembly->next() > blob->acknowledged) SendProgress(*blob, AckKind::kProgress);
   }
   unreported.clear();
 }
 
-void BlobReceiver::Impl::Remember(Peer& peer, Entry& entry, const Verdict& verdict) {
-  if (entry.state != Entry::State::kJudged) peer.judged.push_back(entry.manifest.id);
-  entry.state = Entry::State::kJudged;
-  entry.verdict = verdict;
-  while (peer.judged.size() > options.verdicts_kept) {
-    peer.blobs.erase(peer.judged.front());
-    peer.judged.pop_front();
-  }
-}
-
-// Frees what dead senders left behind.
 void BlobReceiver::Impl::Clean() {
   const auto now = Clock::now();
   if (now < next_cleaning) return;
   next_cleaning = now + std::chrono::seconds(5);
-  for (auto& [sender, peer] : peers) {
-    std::erase_if(peer.blobs, [&](const auto& item) {
-      const Entry& entry = item.second;
-      if (entry.state != Entry::State::kReceiving || now - entry.heard < kForgetAfter) return false;
-      memory -= entry.manifest.size;
-      return true;
-    });
-  }
-  while (peers.size() > kMaxPeers) {
-    const auto oldest = std::min_element(peers.begin(), peers.end(),
-                                         [](const auto& a, const auto& b) { return a.second.heard < b.second.heard; });
-    const bool only_judged = oldest->second.blobs.size() == oldest->second.judged.size();
-    if (!only_judged) return;
-    peers.erase(oldest);
-  }
-}
-
-// The oldest verified blob; there must be one.
-ReceivedBlob BlobReceiver::Impl::Pop() {
-  const BlobKey key = std::move(ready.front());
-  ready.pop_front();
-  Entry& entry = *Find(key.sender, key.id);
-  entry.state = Entry::State::kJudging;
-  memory -= entry.manifest.size;
-  return {entry.manifest, std::move(entry.bytes)};
-}
-
-// Until a blob is ready; false after `timeout` or on a stop request.
-bool BlobReceiver::Impl::WaitReady(std::chrono::nanoseconds timeout) {
-  const auto now = Clock::now();
-  const auto latest = Clock::time_point::max();
-  const auto end = timeout > latest - now ? latest : now + timeout;
-  while (ready.empty()) {
-    if (Drain() > 0) continue;
-    FlushProgress();
-    Clean();
-    const auto left = end - Clock::now();
-    if (left.count() <= 0 || StopRequested()) return false;
-    waiter.Wait(std::min<std::chrono::nanoseconds>(left, std::chrono::seconds(5)));
-  }
-  return true;
+  inbox.Clean(now);
 }
 
 BlobReceiver::BlobReceiver(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -359,19 +251,28 @@ Result<BlobReceiver> BlobReceiver::Open(const Participant& participant, const Ow
   impl->owner = owner;
   impl->channel = channel;
   impl->options = options;
-  impl->options.verdicts_kept = std::max(1u, options.verdicts_kept);
+  impl->inbox = Inbox(options);
   ETUDE_RETURN_IF_ERROR(impl->OpenAll(participant));
   return BlobReceiver(std::move(impl));
 }
 
 std::optional<ReceivedBlob> BlobReceiver::Receive(std::chrono::nanoseconds timeout) {
-  if (!impl_->WaitReady(timeout)) return std::nullopt;
-  return impl_->Pop();
+  const auto now = Clock::now();
+  const auto latest = Clock::time_point::max();
+  const auto end = timeout > latest - now ? latest : now + timeout;
+  while (!impl_->inbox.has_finished()) {
+    if (impl_->Drain() > 0) continue;
+    impl_->FlushProgress();
+    impl_->Clean();
+    const auto left = end - Clock::now();
+    if (left.count() <= 0 || StopRequested()) return std::nullopt;
+    impl_->waiter.Wait(std::min<std::chrono::nanoseconds>(left, std::chrono::seconds(5)));
+  }
+  return impl_->inbox.Pop();
 }
 
 Status BlobReceiver::Acknowledge(const BlobManifest& manifest, const Verdict& verdict) {
-  if (Entry* const entry = impl_->Find(manifest.sender, manifest.id))
-    impl_->Remember(impl_->peers.find(manifest.sender)->second, *entry, verdict);
+  impl_->inbox.Judge(manifest, verdict);
   return impl_->SendVerdict(manifest, verdict);
 }
 
