@@ -114,8 +114,8 @@ class Telemetry {
     presence.epoch = telemetry.run_.start;
     ETUDE_ASSIGN_OR_RETURN(telemetry.presence_, bus::Announcement::Open(*participant, presence, claim));
     telemetry.run_.start = telemetry.presence_->presence().epoch;
-    ETUDE_ASSIGN_OR_RETURN(telemetry.writer_,
-                           bus::Writer<bus::TrainStatus>::Open(*participant, bus::PartitionOf(name, identity.id)));
+    ETUDE_ASSIGN_OR_RETURN(telemetry.writer_, bus::Writer<bus::TrainStatus>::Open(
+                                                  *participant, bus::Owner{name, identity.id}.partition()));
     return telemetry;
   }
 

@@ -17,10 +17,8 @@ etude::Status Subscribe(const std::string& name, std::uint32_t domain, int count
   ETUDE_ASSIGN_OR_RETURN(auto directory, etude::bus::Directory::Open(participant));
   ETUDE_ASSIGN_OR_RETURN(const auto run, directory.Find(etude::bus::PresenceKind::kRun, selector, 30s));
   if (!run) return etude::Fail(etude::Code::kUnavailable, "no run '" + name + "' on this domain");
-  const std::string partition = etude::bus::PartitionOf(run->name, run->id);
-  etude::bus::ReceiveOptions options;
-  options.owner = run->id;  // checkpoints of another run are not taken
-  ETUDE_ASSIGN_OR_RETURN(auto subscriber, etude::bus::BlobSubscriber::Open(participant, partition, "latest", options));
+  const etude::bus::Owner owner{run->name, run->id};  // checkpoints of another run are not taken
+  ETUDE_ASSIGN_OR_RETURN(auto subscriber, etude::bus::BlobSubscriber::Open(participant, owner, "latest"));
   for (int taken = 0; taken < count && !etude::StopRequested();) {
     const auto blob = subscriber.Wait(1s);
     if (!blob) continue;

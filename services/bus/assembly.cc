@@ -42,8 +42,8 @@ void UseHugePages([[maybe_unused]] std::uint8_t* data, [[maybe_unused]] std::uin
 
 }  // namespace
 
-Assembly::Assembly(std::uint64_t size, std::uint32_t chunk_size, bool hashed)
-    : size_(size), chunk_size_(chunk_size), count_(ChunkCount(size, chunk_size)), hashed_(hashed) {
+Assembly::Assembly(std::uint64_t size, std::uint32_t chunk_size)
+    : size_(size), chunk_size_(chunk_size), count_(ChunkCount(size, chunk_size)) {
   bytes_.reserve(size);
   UseHugePages(bytes_.data(), size);
 }
@@ -65,7 +65,7 @@ Assembly::Added Assembly::Add(std::uint32_t index, std::span<const std::uint8_t>
 }
 
 void Assembly::Append(std::span<const std::uint8_t> data) {
-  if (hashed_) hash_.Update(data);
+  hash_.Update(data);
   bytes_.insert(bytes_.end(), data.begin(), data.end());
   ++next_;
 }

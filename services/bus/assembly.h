@@ -25,9 +25,8 @@ class Assembly {
  public:
   enum class Added { kNew, kRepeat, kMalformed };
 
-  /// The shape must be sound. Memory is reserved here, touched as chunks come. `hashed`: compute
-  /// SHA-256 on the way.
-  Assembly(std::uint64_t size, std::uint32_t chunk_size, bool hashed = true);
+  /// The shape must be sound. Memory is reserved here, touched as chunks come.
+  Assembly(std::uint64_t size, std::uint32_t chunk_size);
 
   Added Add(std::uint32_t index, std::span<const std::uint8_t> data);
 
@@ -39,7 +38,7 @@ class Assembly {
   /// Indices not received yet, the smallest `at_most` ones.
   std::vector<std::uint32_t> Missing(std::size_t at_most) const;
 
-  /// Both once, when complete; Digest only when hashed.
+  /// Both once, when complete.
   Sha256Digest Digest() { return hash_.Finish(); }
   std::vector<std::uint8_t> TakeBytes() { return std::move(bytes_); }
 
@@ -49,7 +48,6 @@ class Assembly {
   std::uint64_t size_;
   std::uint32_t chunk_size_;
   std::uint32_t count_;
-  bool hashed_;
   std::uint32_t next_ = 0;
   std::vector<std::uint8_t> bytes_;
   std::map<std::uint32_t, std::vector<std::uint8_t>> early_;

@@ -26,6 +26,7 @@ struct Channel {
 }  // namespace
 
 struct BlobPublisher::Impl {
+  Owner owner;
   SendOptions options;
   std::string name = UniquePeerName();
   Endpoint manifests;
@@ -92,7 +93,7 @@ Status BlobPublisher::Impl::WriteManifest(const std::string& channel, std::uint6
   Encoder encode;
   encode("channel", channel, wire.channel);
   encode("publisher", name, wire.publisher);
-  encode("owner", options.owner, wire.owner);
+  encode("owner", owner.id, wire.owner);
   wire.slot = slot;
   wire.version = version;
   wire.size = size;
@@ -118,14 +119,16 @@ BlobPublisher::BlobPublisher(BlobPublisher&&) noexcept = default;
 BlobPublisher& BlobPublisher::operator=(BlobPublisher&&) noexcept = default;
 BlobPublisher::~BlobPublisher() = default;
 
-Result<BlobPublisher> BlobPublisher::Open(const Participant& participant, const std::string& partition,
+Result<BlobPublisher> BlobPublisher::Open(const Participant& participant, const Owner& owner,
                                           const SendOptions& options) {
   if (options.chunk_size == 0 || options.chunk_size > kMaxChunkSize) {
     return Fail(Code::kInvalidArgument,
                 fmt::format("blob publisher: chunk_size {} (1 to {})", options.chunk_size, kMaxChunkSize));
   }
   auto impl = std::make_unique<Impl>();
+  impl->owner = owner;
   impl->options = options;
+  const std::string partition = owner.partition();
   ETUDE_ASSIGN_OR_RETURN(impl->manifests, OpenWriter(participant, partition, etude_wire_PublishedManifest_desc,
                                                      kPublishedManifestTopic, kPublishedWriter));
   ETUDE_ASSIGN_OR_RETURN(impl->chunks, OpenWriter(participant, partition, etude_wire_PublishedChunk_desc,
@@ -139,7 +142,7 @@ Status BlobPublisher::Publish(const std::string& channel, std::uint64_t version,
   Encoder encode;
   encode("channel", channel, trial.channel);
   encode("meta_json", meta_json, trial.meta_json);
-  encode("owner", impl_->options.owner, trial.owner);
+  encode("owner", impl_->owner.id, trial.owner);
   Channel& state = impl_->channels[channel];
   std::string problem = encode.problem();
   if (state.published && version <= state.version) {

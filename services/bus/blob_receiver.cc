@@ -2,16 +2,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <deque>
-#include <map>
 #include <utility>
 
 #include "services/bus/assembly.h"
 #include "services/bus/blob_transfer.h"
-#include "services/bus/manifest_intake.h"
+#include "services/bus/inbox.h"
 #include "services/bus/serialized.h"
 #include "services/bus/typed.h"
 #include "services/core/clock.h"
+#include "services/core/hash.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 
@@ -22,42 +21,20 @@ using Clock = MonotonicClock;
 
 constexpr std::uint32_t kAckEvery = 8;     // chunks
 constexpr std::size_t kMaxMissing = 1024;  // indices in one ack
-constexpr std::size_t kMaxPeers = 4096;
-constexpr std::chrono::microseconds kBatchDelay{500};  // a verdict waits for others at most
-constexpr std::chrono::seconds kForgetAfter{60};       // an unfinished blob nobody sends any more
 
-struct Entry {
-  enum class State { kReceiving, kReady, kJudging, kJudged };
-  State state = State::kReceiving;
-  BlobManifest manifest;             // data is empty
-  std::optional<Assembly> assembly;  // kReceiving
-  std::vector<std::uint8_t> bytes;   // kReady, of a blob that came in chunks
-  Serialized whole;                  // kReady, of one that came in its manifest: DDS's own memory
-  std::span<const std::uint8_t> whole_bytes;
-  Verdict verdict;                 // kJudged
-  std::uint32_t acknowledged = 0;  // chunks reported to the sender
-  Clock::time_point heard;
-};
-
-struct Peer {
-  std::map<std::uint64_t, Entry> blobs;
-  std::deque<std::uint64_t> judged;  // oldest first
-  std::vector<std::uint64_t> done;   // kDone verdicts not yet sent
-  Clock::time_point heard;
-};
-
-struct BlobKey {
-  std::string sender;
-  std::uint64_t id = 0;
-};
+using State = IncomingBlob::State;
 
 bool Equal(std::span<const std::uint8_t> a, const std::vector<std::uint8_t>& b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end());
 }
 
+bool ViewIsSound(const ManifestView& view) {
+  return view.sha256.size() == 32 && ShapeIsSound(view.size, view.chunk_size, view.chunk_count) &&
+         (view.data.empty() || view.data.size() == view.size) && view.meta_json.size() <= kMaxText;
+}
+
 bool IsSame(const ManifestView& view, const BlobManifest& manifest) {
-  return view.size == manifest.size && view.chunk_size == manifest.chunk_size && Equal(view.sha256, manifest.sha256) &&
-         Equal(view.crc32c, manifest.crc32c);
+  return view.size == manifest.size && view.chunk_size == manifest.chunk_size && Equal(view.sha256, manifest.sha256);
 }
 
 BlobManifest ToManifest(const ManifestView& view) {
@@ -70,96 +47,71 @@ BlobManifest ToManifest(const ManifestView& view) {
   manifest.chunk_size = view.chunk_size;
   manifest.chunk_count = view.chunk_count;
   manifest.sha256.assign(view.sha256.begin(), view.sha256.end());
-  manifest.crc32c.assign(view.crc32c.begin(), view.crc32c.end());
   manifest.token = view.token;
   manifest.meta_json = view.meta_json;
   return manifest;
 }
 
-bool Fits(const BlobManifest& manifest, std::span<const std::uint8_t> bytes) {
-  if (!manifest.crc32c.empty()) return Equal(CrcBytes(bytes), manifest.crc32c);
-  return Equal(Sha256Of(bytes), manifest.sha256);
-}
-
 }  // namespace
 
 struct BlobReceiver::Impl {
+  Owner owner;
   std::string channel;
   ReceiveOptions options;
-  std::unique_ptr<ManifestIntake> manifests;
+  Endpoint manifests;
   Endpoint chunks;
   Endpoint acks;
   Waiter waiter;
-  std::map<std::string, Peer, std::less<>> peers;
-  std::deque<BlobKey> ready;
+  Inbox inbox;
   std::vector<BlobKey> unreported;  // progress that the sender does not know
-  ReceivedBlob current;             // what ReceiveView shows
-  Serialized current_whole;
-  std::uint64_t memory = 0;  // of unfinished and ready blobs
   std::uint64_t corrupt = 0;
   std::uint64_t malformed = 0;
   Clock::time_point next_cleaning;
-  std::uint32_t batched = 0;          // kDone verdicts not yet sent, of all peers
-  Clock::time_point batch_leaves_at;  // when batched > 0
 
-  Status OpenAll(const Participant& participant, const std::string& partition);
+  Status OpenAll(const Participant& participant);
   int Drain();
   int DrainManifests();
-  void OnManifest(TakenManifest& taken);
-  void AnswerKnown(TakenManifest& taken, Entry& entry);
-  void Start(TakenManifest& taken, Peer& peer);
-  void StartWhole(TakenManifest& taken, Entry& entry);
+  void OnManifest(const ManifestView& view);
+  void AnswerKnown(const ManifestView& view, IncomingBlob& blob);
+  void Start(const ManifestView& view);
+  void TakeWhole(const ManifestView& view, IncomingBlob& blob);
   void OnChunk(const ChunkView& view);
-  void OnComplete(Entry& entry);
-  void RefuseCorrupt(const BlobManifest& manifest);
-  void SendAck(BlobAck ack);
-  void SendProgress(Entry& entry, AckKind kind);
+  void RefuseCorrupt(const IncomingBlob& blob);
+  BlobAck AckOf(const BlobManifest& manifest, AckKind kind) const;
+  Status SendVerdict(const BlobManifest& manifest, const Verdict& verdict);
+  void Answer(const BlobManifest& manifest, const Verdict& verdict);
+  void SendProgress(IncomingBlob& blob, AckKind kind);
   void FlushProgress();
-  void FlushDone(const std::string& sender, Peer& peer);
-  void FlushAllDone();
-  void Remember(Peer& peer, Entry& entry, const Verdict& verdict);
   void Clean();
-  Entry* Find(std::string_view sender, std::uint64_t id);
-  bool Receive(ReceivedBlob& blob, std::chrono::nanoseconds timeout);
-  bool WaitReady(std::chrono::nanoseconds timeout);
-  bool Pop(ReceivedBlob& blob, Serialized& whole, std::span<const std::uint8_t>& whole_bytes);
 };
 
-Status BlobReceiver::Impl::OpenAll(const Participant& participant, const std::string& partition) {
-  const std::string own = partition + "/" + channel;
+Status BlobReceiver::Impl::OpenAll(const Participant& participant) {
+  const std::string partition = owner.partition() + "/" + channel;
   // acks first: a sender that finds our readers can then be answered
-  ETUDE_ASSIGN_OR_RETURN(acks, OpenWriterOf<BlobAck>(participant, own));
-  ETUDE_ASSIGN_OR_RETURN(chunks, OpenReaderOf<BlobChunk>(participant, own));
-  ETUDE_ASSIGN_OR_RETURN(manifests, ManifestIntake::Open(participant, own));
+  ETUDE_ASSIGN_OR_RETURN(acks, OpenWriterOf<BlobAck>(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(chunks, OpenReaderOf<BlobChunk>(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(manifests, OpenReaderOf<BlobManifest>(participant, partition));
   ETUDE_RETURN_IF_ERROR(waiter.Open(participant));
-  ETUDE_RETURN_IF_ERROR(manifests->Attach(waiter));
+  ETUDE_RETURN_IF_ERROR(waiter.AddReader(manifests));
   return waiter.AddReader(chunks);
 }
 
-Entry* BlobReceiver::Impl::Find(std::string_view sender, std::uint64_t id) {
-  const auto peer = peers.find(sender);
-  if (peer == peers.end()) return nullptr;
-  const auto entry = peer->second.blobs.find(id);
-  return entry == peer->second.blobs.end() ? nullptr : &entry->second;
-}
-
 int BlobReceiver::Impl::DrainManifests() {
-  auto taken = manifests->Take();
-  for (auto& item : taken) {
-    if (!item.is_sound)
+  return TakeSerialized(manifests, 64, [this](std::span<const std::uint8_t> cdr) {
+    ManifestView view;
+    if (!Parse(cdr, view) || !ViewIsSound(view))
       ++malformed;
-    else if (item.view.channel == channel && item.view.owner == options.owner)
-      OnManifest(item);
-  }
-  return static_cast<int>(taken.size());
+    else if (view.channel == channel && view.owner == owner.id)
+      OnManifest(view);
+  });
 }
 
 // Returns the number of samples taken.
 int BlobReceiver::Impl::Drain() {
   const int announced = DrainManifests();
-  const int taken = TakeSerialized(chunks, 64, [this](Serialized& sample) {
+  const int taken = TakeSerialized(chunks, 64, [this](std::span<const std::uint8_t> cdr) {
     ChunkView view;
-    if (!Parse(sample.bytes(), view) || view.data.empty())
+    if (!Parse(cdr, view) || view.data.empty())
       ++malformed;
     else if (view.channel == channel)
       OnChunk(view);
@@ -167,304 +119,161 @@ int BlobReceiver::Impl::Drain() {
   return announced + taken;
 }
 
-void BlobReceiver::Impl::OnManifest(TakenManifest& taken) {
-  const ManifestView& view = taken.view;
-  auto found = peers.find(view.sender);
-  if (found == peers.end()) found = peers.emplace(std::string(view.sender), Peer{}).first;
-  Peer& peer = found->second;
-  peer.heard = Clock::now();
-  const auto known = peer.blobs.find(view.id);
-  if (known != peer.blobs.end()) {
-    Entry& entry = known->second;
-    const bool changed = entry.state == Entry::State::kReceiving && !IsSame(view, entry.manifest);
-    if (!changed) return AnswerKnown(taken, entry);
-    memory -= entry.manifest.size;
-    peer.blobs.erase(known);
-  }
-  Start(taken, peer);
+void BlobReceiver::Impl::OnManifest(const ManifestView& view) {
+  IncomingBlob* const known = inbox.Find(view.sender, view.id);
+  if (known == nullptr) return Start(view);
+  const bool changed = known->state == State::kReceiving && !IsSame(view, known->manifest);
+  if (!changed) return AnswerKnown(view, *known);
+  inbox.Remove(*known);
+  Start(view);
 }
 
-void BlobReceiver::Impl::AnswerKnown(TakenManifest& taken, Entry& entry) {
-  const ManifestView& view = taken.view;
-  entry.heard = Clock::now();
-  switch (entry.state) {
-    case Entry::State::kReceiving:
-      if (view.data.size() == view.size && view.size > 0) return StartWhole(taken, entry);
-      return SendProgress(entry, AckKind::kMissing);
-    case Entry::State::kReady:
-    case Entry::State::kJudging:
-      return SendProgress(entry, AckKind::kProgress);
-    case Entry::State::kJudged: {
-      BlobAck ack;
-      ack.sender = view.sender;
-      ack.id = view.id;
-      ack.kind = entry.verdict.kind;
-      ack.reason = entry.verdict.reason;
-      return SendAck(std::move(ack));
-    }
+void BlobReceiver::Impl::AnswerKnown(const ManifestView& view, IncomingBlob& blob) {
+  blob.last_news = Clock::now();
+  switch (blob.state) {
+    case State::kReceiving:
+      if (view.data.size() == view.size && view.size > 0) return TakeWhole(view, blob);
+      return SendProgress(blob, AckKind::kMissing);
+    case State::kReady:
+    case State::kJudging:
+      return SendProgress(blob, AckKind::kProgress);
+    case State::kJudged:
+      return Answer(blob.manifest, blob.verdict);
   }
 }
 
-void BlobReceiver::Impl::Start(TakenManifest& taken, Peer& peer) {
-  const ManifestView& view = taken.view;
+void BlobReceiver::Impl::Start(const ManifestView& view) {
+  BlobManifest manifest = ToManifest(view);
   if (view.size > options.max_blob_size) {
-    Entry& entry = peer.blobs[view.id];
-    entry.manifest = ToManifest(view);
-    Remember(peer, entry,
-             {AckKind::kRefused, fmt::format("{} bytes, at most {} are taken", view.size, options.max_blob_size)});
-    return AnswerKnown(taken, entry);
+    const Verdict verdict{AckKind::kRefused,
+                          fmt::format("{} bytes, at most {} are taken", view.size, options.max_blob_size)};
+    inbox.Judge(manifest, verdict);
+    return Answer(manifest, verdict);
   }
-  // no room: say nothing, and the sender announces it again
-  if (memory > 0 && memory + view.size > options.max_memory) return;
-  memory += view.size;
-  Entry& entry = peer.blobs[view.id];
-  entry.manifest = ToManifest(view);
-  entry.heard = Clock::now();
-  if (view.data.size() == view.size) return StartWhole(taken, entry);
-  entry.assembly.emplace(view.size, view.chunk_size, view.crc32c.empty());
-  SendProgress(entry, AckKind::kMissing);
+  IncomingBlob* const blob = inbox.Add(std::move(manifest), Clock::now());
+  if (blob == nullptr) return;  // say nothing, and the sender announces it again
+  if (view.data.size() == view.size) return TakeWhole(view, *blob);
+  blob->assembly.emplace(view.size, view.chunk_size);
+  SendProgress(*blob, AckKind::kMissing);
 }
 
-void BlobReceiver::Impl::StartWhole(TakenManifest& taken, Entry& entry) {
-  const bool fits = taken.view.crc32c.empty() ? Fits(entry.manifest, taken.view.data) : taken.crc_fits;
-  if (!fits) return RefuseCorrupt(entry.manifest);
-  entry.whole_bytes = taken.view.data;
-  entry.whole = std::move(taken.sample);
-  entry.assembly.reset();
-  entry.acknowledged = entry.manifest.chunk_count;
-  entry.state = Entry::State::kReady;
-  ready.push_back({entry.manifest.sender, entry.manifest.id});
+// Of a blob that came in its manifest: the one copy out of DDS's memory. Its verdict will be the answer.
+void BlobReceiver::Impl::TakeWhole(const ManifestView& view, IncomingBlob& blob) {
+  if (!Equal(Sha256Of(view.data), blob.manifest.sha256)) return RefuseCorrupt(blob);
+  inbox.Finish(blob, {view.data.begin(), view.data.end()});
 }
 
 void BlobReceiver::Impl::OnChunk(const ChunkView& view) {
-  Entry* entry = Find(view.sender, view.id);
-  if (entry == nullptr) {  // the manifest travels on another topic and may be just behind
-    DrainManifests();
-    entry = Find(view.sender, view.id);
+  IncomingBlob* blob = inbox.Find(view.sender, view.id);
+  if (blob == nullptr) {  // the manifest travels on another topic and may be just behind
+    while (DrainManifests() > 0) {
+    }
+    blob = inbox.Find(view.sender, view.id);
   }
-  if (entry == nullptr || entry->state != Entry::State::kReceiving) return;
-  entry->heard = Clock::now();
-  const auto added = entry->assembly->Add(view.index, view.data);
+  if (blob == nullptr || blob->state != State::kReceiving) return;
+  blob->last_news = Clock::now();
+  Assembly& assembly = *blob->assembly;
+  const auto added = assembly.Add(view.index, view.data);
   if (added == Assembly::Added::kMalformed) ++malformed;
   if (added != Assembly::Added::kNew) return;
-  if (entry->assembly->complete()) return OnComplete(*entry);
-  const std::uint32_t unreported_chunks = entry->assembly->next() - entry->acknowledged;
-  if (unreported_chunks >= kAckEvery) return SendProgress(*entry, AckKind::kProgress);
+  if (assembly.complete()) {
+    if (!Equal(assembly.Digest(), blob->manifest.sha256)) return RefuseCorrupt(*blob);
+    inbox.Finish(*blob, assembly.TakeBytes());
+    return SendProgress(*blob, AckKind::kProgress);
+  }
+  const std::uint32_t unreported_chunks = assembly.next() - blob->acknowledged;
+  if (unreported_chunks >= kAckEvery) return SendProgress(*blob, AckKind::kProgress);
   if (unreported_chunks == 1) unreported.push_back({std::string(view.sender), view.id});
 }
 
-void BlobReceiver::Impl::OnComplete(Entry& entry) {
-  const bool hashed = entry.manifest.crc32c.empty();
-  if (hashed && !Equal(entry.assembly->Digest(), entry.manifest.sha256)) {
-    return RefuseCorrupt(entry.manifest);
-  }
-  entry.bytes = entry.assembly->TakeBytes();
-  if (!hashed && !Fits(entry.manifest, entry.bytes)) return RefuseCorrupt(entry.manifest);
-  entry.assembly.reset();
-  entry.state = Entry::State::kReady;
-  ready.push_back({entry.manifest.sender, entry.manifest.id});
-  SendProgress(entry, AckKind::kProgress);
+// Not remembered: the sender may try again with the same id.
+void BlobReceiver::Impl::RefuseCorrupt(const IncomingBlob& blob) {
+  ++corrupt;
+  Log().warn("blob refused: its bytes do not fit its checksum channel={} sender={} id={}", channel,
+             blob.manifest.sender, blob.manifest.id);
+  Answer(blob.manifest, {AckKind::kRefused, "the bytes do not fit the checksum"});
+  inbox.Remove(blob);
 }
 
-// Not remembered: the sender may try again with the same id.
-void BlobReceiver::Impl::RefuseCorrupt(const BlobManifest& manifest) {
-  ++corrupt;
-  Log().warn("blob refused: its bytes do not fit its checksum channel={} sender={} id={}", channel, manifest.sender,
-             manifest.id);
+BlobAck BlobReceiver::Impl::AckOf(const BlobManifest& manifest, AckKind kind) const {
   BlobAck ack;
+  ack.channel = channel;
+  ack.owner = owner.id;
   ack.sender = manifest.sender;
   ack.id = manifest.id;
-  ack.kind = AckKind::kRefused;
-  ack.reason = "the bytes do not fit the checksum";
-  memory -= manifest.size;
-  peers.find(ack.sender)->second.blobs.erase(ack.id);
-  SendAck(std::move(ack));
-}
-
-void BlobReceiver::Impl::SendAck(BlobAck ack) {
-  ack.channel = channel;
-  ack.owner = options.owner;
-  // a lost ack is asked for again by the sender's next announcement
-  if (auto written = WriteMessage(acks, ack); !written) {
-    Log().warn("ack not sent: {}", written.error().message);
-  }
-}
-
-void BlobReceiver::Impl::SendProgress(Entry& entry, AckKind kind) {
-  BlobAck ack;
-  ack.sender = entry.manifest.sender;
-  ack.id = entry.manifest.id;
   ack.kind = kind;
-  ack.received = entry.assembly ? entry.assembly->next() : entry.manifest.chunk_count;
-  if (kind == AckKind::kMissing) ack.missing = entry.assembly->Missing(kMaxMissing);
-  entry.acknowledged = ack.received;
-  SendAck(std::move(ack));
+  return ack;
+}
+
+Status BlobReceiver::Impl::SendVerdict(const BlobManifest& manifest, const Verdict& verdict) {
+  BlobAck ack = AckOf(manifest, verdict.kind);
+  ack.reason = verdict.reason;
+  return WriteMessage(acks, ack);
+}
+
+// A lost ack is asked for again by the sender's next announcement.
+void BlobReceiver::Impl::Answer(const BlobManifest& manifest, const Verdict& verdict) {
+  if (auto written = SendVerdict(manifest, verdict); !written) Log().warn("ack not sent: {}", written.error().message);
+}
+
+void BlobReceiver::Impl::SendProgress(IncomingBlob& blob, AckKind kind) {
+  BlobAck ack = AckOf(blob.manifest, kind);
+  ack.received = blob.assembly ? blob.assembly->next() : blob.manifest.chunk_count;
+  if (kind == AckKind::kMissing) ack.missing = blob.assembly->Missing(kMaxMissing);
+  blob.acknowledged = ack.received;
+  if (auto written = WriteMessage(acks, ack); !written) Log().warn("ack not sent: {}", written.error().message);
 }
 
 void BlobReceiver::Impl::FlushProgress() {
   for (const auto& key : unreported) {
-    Entry* const entry = Find(key.sender, key.id);
-    if (entry == nullptr || entry->state != Entry::State::kReceiving) continue;
-    if (entry->assembly->next() > entry->acknowledged) SendProgress(*entry, AckKind::kProgress);
+    IncomingBlob* const blob = inbox.Find(key.sender, key.id);
+    if (blob == nullptr || blob->state != State::kReceiving) continue;
+    if (blob->assembly->next() > blob->acknowledged) SendProgress(*blob, AckKind::kProgress);
   }
   unreported.clear();
 }
 
-void BlobReceiver::Impl::FlushDone(const std::string& sender, Peer& peer) {
-  if (peer.done.empty()) return;
-  BlobAck ack;
-  ack.sender = sender;
-  ack.kind = AckKind::kDone;
-  ack.id = peer.done.front();
-  ack.also.assign(peer.done.begin() + 1, peer.done.end());
-  batched -= static_cast<std::uint32_t>(peer.done.size());
-  peer.done.clear();
-  SendAck(std::move(ack));
-}
-
-void BlobReceiver::Impl::FlushAllDone() {
-  if (batched == 0) return;
-  for (auto& [sender, peer] : peers) FlushDone(sender, peer);
-}
-
-void BlobReceiver::Impl::Remember(Peer& peer, Entry& entry, const Verdict& verdict) {
-  if (entry.state != Entry::State::kJudged) peer.judged.push_back(entry.manifest.id);
-  entry.state = Entry::State::kJudged;
-  entry.verdict = verdict;
-  while (peer.judged.size() > options.verdicts_kept) {
-    peer.blobs.erase(peer.judged.front());
-    peer.judged.pop_front();
-  }
-}
-
-// Frees what dead senders left behind.
 void BlobReceiver::Impl::Clean() {
   const auto now = Clock::now();
   if (now < next_cleaning) return;
   next_cleaning = now + std::chrono::seconds(5);
-  for (auto& [sender, peer] : peers) {
-    std::erase_if(peer.blobs, [&](const auto& item) {
-      const Entry& entry = item.second;
-      if (entry.state != Entry::State::kReceiving || now - entry.heard < kForgetAfter) return false;
-      memory -= entry.manifest.size;
-      return true;
-    });
-  }
-  while (peers.size() > kMaxPeers) {
-    const auto oldest = std::min_element(peers.begin(), peers.end(),
-                                         [](const auto& a, const auto& b) { return a.second.heard < b.second.heard; });
-    const bool only_judged = oldest->second.blobs.size() == oldest->second.judged.size();
-    if (!only_judged) return;
-    FlushDone(oldest->first, oldest->second);
-    peers.erase(oldest);
-  }
-}
-
-// The oldest verified blob. Its bytes are those of `whole`, or, when that is empty, `blob.bytes`.
-bool BlobReceiver::Impl::Pop(ReceivedBlob& blob, Serialized& whole, std::span<const std::uint8_t>& whole_bytes) {
-  if (ready.empty()) return false;
-  const BlobKey key = std::move(ready.front());
-  ready.pop_front();
-  Entry& entry = *Find(key.sender, key.id);
-  entry.state = Entry::State::kJudging;
-  memory -= entry.manifest.size;
-  blob.manifest = entry.manifest;
-  whole = std::exchange(entry.whole, {});
-  whole_bytes = std::exchange(entry.whole_bytes, {});
-  if (whole.bytes().empty()) blob.bytes = std::exchange(entry.bytes, {});
-  return true;
-}
-
-// Until a blob is ready; false after `timeout` or on a stop request.
-bool BlobReceiver::Impl::WaitReady(std::chrono::nanoseconds timeout) {
-  const auto now = Clock::now();
-  const auto latest = Clock::time_point::max();
-  const auto end = timeout > latest - now ? latest : now + timeout;
-  while (ready.empty()) {
-    if (Drain() > 0) continue;
-    FlushProgress();
-    Clean();
-    const auto before = Clock::now();
-    if (before >= std::min(end, batch_leaves_at) || StopRequested()) FlushAllDone();
-    if (before >= end || StopRequested()) return false;
-    // in the middle of a stream one wake for a whole batch; else at once
-    manifests->WakeAfter(batched > 0 ? options.ack_batch - std::min(batched, options.ack_batch - 1) : 1);
-    const auto until = batched > 0 ? std::min(end, batch_leaves_at) : end;
-    waiter.Wait(std::min<std::chrono::nanoseconds>(until - before, std::chrono::seconds(5)));
-  }
-  return true;
-}
-
-bool BlobReceiver::Impl::Receive(ReceivedBlob& blob, std::chrono::nanoseconds timeout) {
-  if (!WaitReady(timeout)) return false;
-  Serialized whole;
-  std::span<const std::uint8_t> whole_bytes;
-  Pop(blob, whole, whole_bytes);
-  if (!whole.bytes().empty()) blob.bytes.assign(whole_bytes.begin(), whole_bytes.end());
-  return true;
+  inbox.Clean(now);
 }
 
 BlobReceiver::BlobReceiver(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 BlobReceiver::BlobReceiver(BlobReceiver&&) noexcept = default;
 BlobReceiver& BlobReceiver::operator=(BlobReceiver&&) noexcept = default;
-BlobReceiver::~BlobReceiver() {
-  if (impl_) impl_->FlushAllDone();
-}
+BlobReceiver::~BlobReceiver() = default;
 
-Result<BlobReceiver> BlobReceiver::Open(const Participant& participant, const std::string& partition,
-                                        const std::string& channel, const ReceiveOptions& options) {
+Result<BlobReceiver> BlobReceiver::Open(const Participant& participant, const Owner& owner, const std::string& channel,
+                                        const ReceiveOptions& options) {
   auto impl = std::make_unique<Impl>();
+  impl->owner = owner;
   impl->channel = channel;
   impl->options = options;
-  impl->options.ack_batch = std::clamp<std::uint32_t>(options.ack_batch, 1, 1024);
-  impl->options.verdicts_kept = std::max({1u, options.verdicts_kept, impl->options.ack_batch});
-  ETUDE_RETURN_IF_ERROR(impl->OpenAll(participant, partition));
+  impl->inbox = Inbox(options);
+  ETUDE_RETURN_IF_ERROR(impl->OpenAll(participant));
   return BlobReceiver(std::move(impl));
 }
 
 std::optional<ReceivedBlob> BlobReceiver::Receive(std::chrono::nanoseconds timeout) {
-  ReceivedBlob blob;
-  if (!impl_->Receive(blob, timeout)) return std::nullopt;
-  return blob;
-}
-
-bool BlobReceiver::Receive(ReceivedBlob& blob, std::chrono::nanoseconds timeout) {
-  return impl_->Receive(blob, timeout);
-}
-
-std::optional<BlobView> BlobReceiver::ReceiveView(std::chrono::nanoseconds timeout) {
-  impl_->current_whole.Release();
-  if (!impl_->WaitReady(timeout)) return std::nullopt;
-  std::span<const std::uint8_t> bytes;
-  impl_->Pop(impl_->current, impl_->current_whole, bytes);
-  if (impl_->current_whole.bytes().empty()) bytes = impl_->current.bytes;
-  return BlobView{&impl_->current.manifest, bytes};
+  const auto now = Clock::now();
+  const auto latest = Clock::time_point::max();
+  const auto end = timeout > latest - now ? latest : now + timeout;
+  while (!impl_->inbox.has_finished()) {
+    if (impl_->Drain() > 0) continue;
+    impl_->FlushProgress();
+    impl_->Clean();
+    const auto left = end - Clock::now();
+    if (left.count() <= 0 || StopRequested()) return std::nullopt;
+    impl_->waiter.Wait(std::min<std::chrono::nanoseconds>(left, std::chrono::seconds(5)));
+  }
+  return impl_->inbox.Pop();
 }
 
 Status BlobReceiver::Acknowledge(const BlobManifest& manifest, const Verdict& verdict) {
-  const auto peer = impl_->peers.find(manifest.sender);
-  if (peer != impl_->peers.end()) {
-    const auto entry = peer->second.blobs.find(manifest.id);
-    if (entry != peer->second.blobs.end()) {
-      impl_->Remember(peer->second, entry->second, verdict);
-      if (verdict.kind == AckKind::kDone && impl_->options.ack_batch > 1) {
-        if (impl_->batched++ == 0) impl_->batch_leaves_at = Clock::now() + kBatchDelay;
-        peer->second.done.push_back(manifest.id);
-        if (peer->second.done.size() >= impl_->options.ack_batch) {
-          impl_->FlushDone(peer->first, peer->second);
-        }
-        return {};
-      }
-    }
-  }
-  BlobAck ack;
-  ack.channel = impl_->channel;
-  ack.owner = impl_->options.owner;
-  ack.sender = manifest.sender;
-  ack.id = manifest.id;
-  ack.kind = verdict.kind;
-  ack.reason = verdict.reason;
-  return WriteMessage(impl_->acks, ack);
+  impl_->inbox.Judge(manifest, verdict);
+  return impl_->SendVerdict(manifest, verdict);
 }
 
 std::uint64_t BlobReceiver::corrupt_blobs() const { return impl_->corrupt; }

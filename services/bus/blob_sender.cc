@@ -2,11 +2,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <deque>
+#include <optional>
+#include <utility>
 
 #include "services/bus/assembly.h"
 #include "services/bus/blob_transfer.h"
-#include "services/bus/manifest_intake.h"
 #include "services/bus/typed.h"
 #include "services/core/clock.h"
 #include "services/core/hash.h"
@@ -22,8 +22,8 @@ using std::chrono::milliseconds;
 // The first announcement may come before the receiver's acks find their way back: ask again soon.
 constexpr milliseconds kFirstPatience{50};
 
-// A blob between Begin and its verdict.
-struct OutgoingTransfer {
+// The blob that is being sent.
+struct Transfer {
   BlobManifest manifest;  // without data
   std::span<const std::uint8_t> bytes;
   bool inlined = false;               // travels inside the manifest
@@ -33,6 +33,7 @@ struct OutgoingTransfer {
   std::vector<std::uint32_t> resend;  // chunks before `sent` that the receiver lacks
   Clock::time_point announce_at;      // without news until then: announce again
   milliseconds patience = kFirstPatience;
+  std::optional<Verdict> verdict;
 
   std::uint32_t units() const { return inlined ? 1 : manifest.chunk_count; }
   std::uint32_t in_window() const { return sent > received ? sent - received : 0; }
@@ -51,6 +52,7 @@ bool IsVerdict(AckKind kind) {
 }  // namespace
 
 struct BlobSender::Impl {
+  Owner owner;
   std::string channel;
   std::string sender;
   SendOptions options;
@@ -58,39 +60,27 @@ struct BlobSender::Impl {
   Endpoint chunks;
   Endpoint acks;
   Waiter waiter;
-  std::deque<OutgoingTransfer> transfers;
-  std::deque<Sent> verdicts;
+  Transfer transfer;
   int receivers = 0;
   std::uint32_t receivers_ever = 0;
   std::uint64_t malformed = 0;
 
-  Status OpenAll(const Participant& participant, const std::string& partition);
-  OutgoingTransfer MakeTransfer(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
-                                const std::string& meta_json) const;
-  /// Sends what the window allows.
+  Status OpenAll(const Participant& participant);
+  void Begin(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token, const std::string& meta_json);
+  void RunUntilVerdict(std::chrono::nanoseconds timeout);
   void Pump();
-  bool PumpTransfer(OutgoingTransfer& transfer, std::uint32_t& in_window);
-  bool Announce(OutgoingTransfer& transfer);
-  bool SendChunk(const OutgoingTransfer& transfer, std::uint32_t index);
+  bool Announce();
+  bool SendChunk(std::uint32_t index);
   void CheckReceivers();
-  bool AnnounceOverdue();
   void TakeAcks();
-  void OnAck(const BlobAck& ack, std::uint64_t id);
-  void OnProgress(OutgoingTransfer& transfer, const BlobAck& ack);
-  std::optional<Sent> Next(std::chrono::nanoseconds timeout, const std::uint64_t* only);
-  std::optional<Sent> PopVerdict(const std::uint64_t* only);
-  Clock::time_point NextAnnouncement() const;
-  std::deque<OutgoingTransfer>::iterator Find(std::uint64_t id) {
-    return std::find_if(transfers.begin(), transfers.end(),
-                        [id](const OutgoingTransfer& transfer) { return transfer.manifest.id == id; });
-  }
+  void OnProgress(const BlobAck& ack);
 };
 
-Status BlobSender::Impl::OpenAll(const Participant& participant, const std::string& partition) {
-  const std::string own = partition + "/" + channel;
-  ETUDE_ASSIGN_OR_RETURN(manifests, OpenWriterOf<BlobManifest>(participant, own));
-  ETUDE_ASSIGN_OR_RETURN(chunks, OpenWriterOf<BlobChunk>(participant, own));
-  ETUDE_ASSIGN_OR_RETURN(acks, OpenReaderOf<BlobAck>(participant, own));
+Status BlobSender::Impl::OpenAll(const Participant& participant) {
+  const std::string partition = owner.partition() + "/" + channel;
+  ETUDE_ASSIGN_OR_RETURN(manifests, OpenWriterOf<BlobManifest>(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(chunks, OpenWriterOf<BlobChunk>(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(acks, OpenReaderOf<BlobAck>(participant, partition));
   ETUDE_RETURN_IF_ERROR(waiter.Open(participant));
   ETUDE_RETURN_IF_ERROR(waiter.AddMatched(manifests));
   ETUDE_RETURN_IF_ERROR(waiter.AddMatched(chunks));
@@ -98,63 +88,48 @@ Status BlobSender::Impl::OpenAll(const Participant& participant, const std::stri
   return waiter.AddReader(acks);
 }
 
-OutgoingTransfer BlobSender::Impl::MakeTransfer(std::uint64_t id, std::span<const std::uint8_t> bytes,
-                                                std::uint64_t token, const std::string& meta_json) const {
-  OutgoingTransfer transfer;
+void BlobSender::Impl::Begin(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
+                             const std::string& meta_json) {
+  transfer = {};
   transfer.bytes = bytes;
   transfer.inlined = bytes.size() <= options.chunk_size;
   auto& manifest = transfer.manifest;
   manifest.channel = channel;
   manifest.sender = sender;
-  manifest.owner = options.owner;
+  manifest.owner = owner.id;
   manifest.id = id;
   manifest.size = bytes.size();
   manifest.chunk_size = options.chunk_size;
   manifest.chunk_count = ChunkCount(bytes.size(), options.chunk_size);
   manifest.token = token;
   manifest.meta_json = meta_json;
-  if (options.integrity == Integrity::kSha256) {
-    const auto digest = Sha256Of(bytes);
-    manifest.sha256.assign(digest.begin(), digest.end());
-  } else {
-    const auto crc = CrcBytes(bytes);
-    manifest.crc32c.assign(crc.begin(), crc.end());
-  }
-  return transfer;
+  const auto digest = Sha256Of(bytes);
+  manifest.sha256.assign(digest.begin(), digest.end());
 }
 
+// Sends what the window allows.
 void BlobSender::Impl::Pump() {
-  if (receivers == 0 || !AnnounceOverdue()) return;
-  std::uint32_t in_window = 0;
-  for (const auto& transfer : transfers) in_window += transfer.in_window();
-  for (auto& transfer : transfers) {
-    if (!PumpTransfer(transfer, in_window)) return;
-  }
-}
-
-// False when nothing more can be sent now.
-bool BlobSender::Impl::PumpTransfer(OutgoingTransfer& transfer, std::uint32_t& in_window) {
+  if (receivers == 0) return;
+  // also the way to learn what a receiver lacks: it answers an announcement of a known blob
+  const bool overdue = transfer.announced > 0 && transfer.announce_at <= Clock::now();
+  if (overdue && !Announce()) return;
   while (!transfer.resend.empty()) {
-    if (!SendChunk(transfer, transfer.resend.back())) return false;
+    if (!SendChunk(transfer.resend.back())) return;
     transfer.resend.pop_back();
   }
-  while (transfer.sent < transfer.units() || transfer.announced == 0) {
-    if (in_window >= options.window) return false;
+  while (transfer.announced == 0 || (transfer.sent < transfer.units() && transfer.in_window() < options.window)) {
     if (transfer.announced == 0 || transfer.inlined) {
-      if (!Announce(transfer)) return false;
-      if (transfer.inlined) ++in_window;
+      if (!Announce()) return;
       continue;
     }
-    if (!SendChunk(transfer, transfer.sent)) return false;
+    if (!SendChunk(transfer.sent)) return;
     ++transfer.sent;
-    ++in_window;
   }
-  return true;
 }
 
-bool BlobSender::Impl::Announce(OutgoingTransfer& transfer) {
+bool BlobSender::Impl::Announce() {
   auto wire = Encode(transfer.manifest);
-  if (!wire) {  // Begin has tried it
+  if (!wire) {  // Send has tried it
     Log().error("announce blob {}: {}", transfer.manifest.id, wire.error().message);
     return false;
   }
@@ -171,7 +146,7 @@ bool BlobSender::Impl::Announce(OutgoingTransfer& transfer) {
   return true;
 }
 
-bool BlobSender::Impl::SendChunk(const OutgoingTransfer& transfer, std::uint32_t index) {
+bool BlobSender::Impl::SendChunk(std::uint32_t index) {
   const auto data = ChunkOf(transfer.bytes, transfer.manifest.chunk_size, index);
   etude_wire_BlobChunk wire{};
   wire.id = transfer.manifest.id;
@@ -191,44 +166,28 @@ void BlobSender::Impl::CheckReceivers() {
   if (status.total_count == receivers_ever) return;
   receivers_ever = status.total_count;
   // a receiver (re)appeared and may know nothing of what is under way
-  for (auto& transfer : transfers) {
-    transfer.announce_at = Clock::now();
-    transfer.patience = kFirstPatience;
-  }
-}
-
-// Also the way to learn what a receiver lacks: it answers an announcement of a known blob.
-bool BlobSender::Impl::AnnounceOverdue() {
-  const auto now = Clock::now();
-  for (auto& transfer : transfers) {
-    if (transfer.announced > 0 && transfer.announce_at <= now && !Announce(transfer)) return false;
-  }
-  return true;
+  transfer.announce_at = Clock::now();
+  transfer.patience = kFirstPatience;
 }
 
 void BlobSender::Impl::TakeAcks() {
   for (const auto& ack : TakeMessages<BlobAck>(acks, 1024, malformed)) {
-    if (ack.channel != channel || ack.sender != sender || ack.owner != options.owner) continue;
-    OnAck(ack, ack.id);
-    for (const auto id : ack.also) OnAck(ack, id);
+    if (ack.channel != channel || ack.sender != sender || ack.owner != owner.id) continue;
+    if (ack.id != transfer.manifest.id) continue;  // a late answer
+    if (IsVerdict(ack.kind))
+      transfer.verdict = {ack.kind, ack.reason};
+    else
+      OnProgress(ack);
   }
 }
 
-void BlobSender::Impl::OnAck(const BlobAck& ack, std::uint64_t id) {
-  const auto transfer = Find(id);
-  if (transfer == transfers.end()) return;  // a late answer
-  if (!IsVerdict(ack.kind)) return OnProgress(*transfer, ack);
-  verdicts.push_back({id, {ack.kind, ack.reason}});
-  transfers.erase(transfer);
-}
-
-void BlobSender::Impl::OnProgress(OutgoingTransfer& transfer, const BlobAck& ack) {
+void BlobSender::Impl::OnProgress(const BlobAck& ack) {
   transfer.patience = options.resend_after;
   transfer.announce_at = Clock::now() + transfer.patience;
   if (transfer.inlined) {
     const bool has_it = ack.kind == AckKind::kProgress;
     transfer.received = has_it ? 1 : 0;
-    if (!has_it && transfer.announced > 1) transfer.sent = 0;
+    if (has_it || transfer.announced > 1) transfer.sent = transfer.received;
     return;
   }
   const std::uint32_t received = std::min(ack.received, transfer.units());
@@ -250,36 +209,18 @@ void BlobSender::Impl::OnProgress(OutgoingTransfer& transfer, const BlobAck& ack
   transfer.received = received;
 }
 
-std::optional<Sent> BlobSender::Impl::PopVerdict(const std::uint64_t* only) {
-  const auto found = std::find_if(verdicts.begin(), verdicts.end(),
-                                  [only](const Sent& sent) { return only == nullptr || sent.id == *only; });
-  if (found == verdicts.end()) return std::nullopt;
-  Sent sent = std::move(*found);
-  verdicts.erase(found);
-  return sent;
-}
-
-Clock::time_point BlobSender::Impl::NextAnnouncement() const {
-  auto next = Clock::time_point::max();
-  if (receivers == 0) return next;
-  for (const auto& transfer : transfers) {
-    if (transfer.announced > 0) next = std::min(next, transfer.announce_at);
-  }
-  return next;
-}
-
-std::optional<Sent> BlobSender::Impl::Next(std::chrono::nanoseconds timeout, const std::uint64_t* only) {
+// Or until `timeout`, or a stop request.
+void BlobSender::Impl::RunUntilVerdict(std::chrono::nanoseconds timeout) {
   const auto end = After(timeout);
   for (;;) {
-    if (auto sent = PopVerdict(only)) return sent;
     TakeAcks();
+    if (transfer.verdict) return;
     CheckReceivers();
     Pump();
-    if (auto sent = PopVerdict(only)) return sent;
     const auto now = Clock::now();
-    if (StopRequested() || now >= end || transfers.empty()) return std::nullopt;
-    const auto wake = std::min(end, std::max(NextAnnouncement(), now + milliseconds(1)));
-    waiter.Wait(wake - now);
+    if (StopRequested() || now >= end) return;
+    const auto next = receivers > 0 ? transfer.announce_at : Clock::time_point::max();
+    waiter.Wait(std::min(end, std::max(next, now + milliseconds(1))) - now);
   }
 }
 
@@ -288,62 +229,35 @@ BlobSender::BlobSender(BlobSender&&) noexcept = default;
 BlobSender& BlobSender::operator=(BlobSender&&) noexcept = default;
 BlobSender::~BlobSender() = default;
 
-Result<BlobSender> BlobSender::Open(const Participant& participant, const std::string& partition,
-                                    const std::string& channel, const std::string& sender, const SendOptions& options) {
+Result<BlobSender> BlobSender::Open(const Participant& participant, const Owner& owner, const std::string& channel,
+                                    const std::string& sender, const SendOptions& options) {
   if (options.chunk_size == 0 || options.chunk_size > kMaxChunkSize || options.window == 0 || options.window > 1024) {
     return Fail(Code::kInvalidArgument, fmt::format("blob sender '{}': chunk_size {} (1 to {}), window {} (1 to 1024)",
                                                     sender, options.chunk_size, kMaxChunkSize, options.window));
   }
   auto impl = std::make_unique<Impl>();
+  impl->owner = owner;
   impl->channel = channel;
   impl->sender = sender;
   impl->options = options;
-  ETUDE_RETURN_IF_ERROR(impl->OpenAll(participant, partition));
+  ETUDE_RETURN_IF_ERROR(impl->OpenAll(participant));
   return BlobSender(std::move(impl));
-}
-
-Status BlobSender::Begin(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
-                         const std::string& meta_json) {
-  if (impl_->Find(id) != impl_->transfers.end()) {
-    return Fail(Code::kInvalidArgument, fmt::format("begin blob {}: it is under way", id));
-  }
-  OutgoingTransfer transfer = impl_->MakeTransfer(id, bytes, token, meta_json);
-  if (auto wire = Encode(transfer.manifest); !wire) {
-    return Fail(wire.error().Wrap(fmt::format("begin blob {}", id)));
-  }
-  impl_->transfers.push_back(std::move(transfer));
-  if (impl_->receivers == 0) impl_->CheckReceivers();
-  impl_->Pump();
-  return {};
-}
-
-std::optional<Sent> BlobSender::Next(std::chrono::nanoseconds timeout) { return impl_->Next(timeout, nullptr); }
-
-void BlobSender::Cancel(std::uint64_t id) {
-  const auto transfer = impl_->Find(id);
-  if (transfer != impl_->transfers.end()) impl_->transfers.erase(transfer);
-}
-
-std::size_t BlobSender::in_flight() const { return impl_->transfers.size(); }
-
-int BlobSender::matched_receivers() const {
-  return std::min({MatchedReaders(impl_->manifests), MatchedReaders(impl_->chunks), MatchedWriters(impl_->acks)});
 }
 
 Result<Verdict> BlobSender::Send(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
                                  const std::string& meta_json, std::chrono::nanoseconds timeout) {
-  ETUDE_RETURN_IF_ERROR(Begin(id, bytes, token, meta_json));
-  if (auto sent = impl_->Next(timeout, &id)) return std::move(sent->verdict);
-  const auto transfer = impl_->Find(id);
-  std::string progress = "no chunk acknowledged";
-  if (transfer != impl_->transfers.end()) {
-    progress = fmt::format("{} of {} chunks acknowledged, {} receivers", transfer->received, transfer->units(),
-                           impl_->receivers);
+  impl_->Begin(id, bytes, token, meta_json);
+  if (auto wire = Encode(impl_->transfer.manifest); !wire) {
+    return Fail(wire.error().Wrap(fmt::format("send blob {}", id)));
   }
-  Cancel(id);
-  return Fail(Code::kTimeout,
-              fmt::format("send blob {} of {} bytes on channel '{}': {} ({})", id, bytes.size(), impl_->channel,
-                          StopRequested() ? "a stop was requested" : "no verdict in time", progress));
+  impl_->RunUntilVerdict(timeout);
+  const Transfer transfer = std::exchange(impl_->transfer, {});
+  if (transfer.verdict) return *transfer.verdict;
+  return Fail(
+      Code::kTimeout,
+      fmt::format("send blob {} of {} bytes on channel '{}': {} ({} of {} chunks acknowledged, {} receivers)", id,
+                  bytes.size(), impl_->channel, StopRequested() ? "a stop was requested" : "no verdict in time",
+                  transfer.received, transfer.units(), impl_->receivers));
 }
 
 }  // namespace etude::bus

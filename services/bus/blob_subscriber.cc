@@ -45,6 +45,7 @@ struct Slot {
 }  // namespace
 
 struct BlobSubscriber::Impl {
+  Owner owner;
   std::string channel;
   ReceiveOptions options;
   Endpoint manifests;
@@ -93,9 +94,9 @@ int BlobSubscriber::Impl::DrainManifests() {
 }
 
 int BlobSubscriber::Impl::Drain() {
-  const int taken = TakeSerialized(chunks, 64, [this](Serialized& sample) {
+  const int taken = TakeSerialized(chunks, 64, [this](std::span<const std::uint8_t> cdr) {
     PublishedChunkView view;
-    if (!Parse(sample.bytes(), view) || view.slot > 1 || view.data.empty())
+    if (!Parse(cdr, view) || view.slot > 1 || view.data.empty())
       ++malformed;
     else
       OnChunk(view);
@@ -117,7 +118,7 @@ void BlobSubscriber::Impl::OnManifest(const etude_wire_PublishedManifest& wire) 
     ++malformed;
     return;
   }
-  if (!Wanted(key.channel) || info.owner != options.owner || !IsNews(key.channel, wire.version)) return;
+  if (!Wanted(key.channel) || info.owner != owner.id || !IsNews(key.channel, wire.version)) return;
   key.slot = wire.slot;
   info.version = wire.version;
   info.size = wire.size;
@@ -210,11 +211,13 @@ BlobSubscriber::BlobSubscriber(BlobSubscriber&&) noexcept = default;
 BlobSubscriber& BlobSubscriber::operator=(BlobSubscriber&&) noexcept = default;
 BlobSubscriber::~BlobSubscriber() = default;
 
-Result<BlobSubscriber> BlobSubscriber::Open(const Participant& participant, const std::string& partition,
+Result<BlobSubscriber> BlobSubscriber::Open(const Participant& participant, const Owner& owner,
                                             const std::string& channel, const ReceiveOptions& options) {
   auto impl = std::make_unique<Impl>();
+  impl->owner = owner;
   impl->channel = channel;
   impl->options = options;
+  const std::string partition = owner.partition();
   ETUDE_ASSIGN_OR_RETURN(impl->chunks, OpenReader(participant, partition, etude_wire_PublishedChunk_desc,
                                                   kPublishedChunkTopic, kPublishedReader));
   ETUDE_ASSIGN_OR_RETURN(impl->manifests, OpenReader(participant, partition, etude_wire_PublishedManifest_desc,

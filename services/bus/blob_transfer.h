@@ -5,6 +5,8 @@
 //
 //   point to point, acknowledged (episodes):  BlobSender -> BlobReceiver
 //   published, transient-local (checkpoints): BlobPublisher -> BlobSubscriber
+//
+// Both ends name the blobs' owner. It is in the partition and in every manifest: blobs of another owner are not taken.
 #pragma once
 
 #include <chrono>
@@ -16,6 +18,7 @@
 #include <vector>
 
 #include "services/bus/messages.h"
+#include "services/bus/owner.h"
 #include "services/bus/participant.h"
 #include "services/core/result.h"
 
@@ -23,18 +26,10 @@ namespace etude::bus {
 
 inline constexpr std::uint32_t kMaxChunkSize = 512 * 1024;
 
-/// How a blob is verified at the receiving end.
-enum class Integrity : std::uint8_t {
-  kSha256,  ///< also an identity: what datasets and checkpoints are named by
-  kCrc32c,  ///< finds faults at the speed of a copy; for streams of camera frames
-};
-
 struct SendOptions {
   std::uint32_t chunk_size = 128 * 1024;        ///< bytes, <= kMaxChunkSize
   std::uint32_t window = 32;                    ///< chunks in flight without progress
   std::chrono::milliseconds resend_after{500};  ///< without any ack: send what is missing again
-  Integrity integrity = Integrity::kSha256;
-  std::string owner;  ///< id of the campaign or run that the blobs belong to
 };
 
 /// How the receiver judged a blob.
@@ -43,19 +38,13 @@ struct Verdict {
   std::string reason;
 };
 
-struct Sent {
-  std::uint64_t id = 0;
-  Verdict verdict;
-};
-
-/// Sends blobs and waits for their acknowledgement: one at a time (Send), or several in flight
-/// (Begin, Next). A blob that fits into one chunk travels as a single sample.
+/// Sends blobs, one at a time, and waits for their acknowledgement. A blob that fits into one chunk travels as a single
+/// sample.
 /// Thread safety: one thread at a time.
 class BlobSender {
  public:
-  static Result<BlobSender> Open(const Participant& participant, const std::string& partition,
-                                 const std::string& channel, const std::string& sender,
-                                 const SendOptions& options = {});
+  static Result<BlobSender> Open(const Participant& participant, const Owner& owner, const std::string& channel,
+                                 const std::string& sender, const SendOptions& options = {});
   BlobSender(BlobSender&&) noexcept;
   BlobSender& operator=(BlobSender&&) noexcept;
   ~BlobSender();
@@ -65,17 +54,6 @@ class BlobSender {
   /// @error kTimeout, after which the same blob may be sent again with the same id.
   Result<Verdict> Send(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
                        const std::string& meta_json, std::chrono::nanoseconds timeout);
-
-  /// Starts a blob and sends what the window allows. `bytes` must stay valid and unchanged until its
-  /// verdict came from Next, or Cancel. The caller bounds the number begun with in_flight().
-  Status Begin(std::uint64_t id, std::span<const std::uint8_t> bytes, std::uint64_t token,
-               const std::string& meta_json);
-  /// Goes on sending, and returns the next verdict; nothing after `timeout` or a stop request.
-  std::optional<Sent> Next(std::chrono::nanoseconds timeout);
-  /// Forgets a blob that was begun; the receiver may still have got it.
-  void Cancel(std::uint64_t id);
-  std::size_t in_flight() const;
-  int matched_receivers() const;
 
  private:
   struct Impl;
@@ -88,29 +66,18 @@ struct ReceivedBlob {
   std::vector<std::uint8_t> bytes;  ///< verified against manifest.sha256
 };
 
-/// The same without a copy. Both are valid until the next call of ReceiveView or Receive.
-struct BlobView {
-  const BlobManifest* manifest = nullptr;
-  std::span<const std::uint8_t> bytes;
-};
-
 struct ReceiveOptions {
   std::uint64_t max_blob_size = 1ull << 30;  ///< larger manifests are refused before allocation
   std::uint64_t max_memory = 2ull << 30;     ///< of all unfinished blobs together; others wait
-  /// kDone verdicts that travel together. With more than 1, blobs of a stream are also handed on so
-  /// many at a time: throughput for up to half a millisecond of latency.
-  std::uint32_t ack_batch = 1;
-  /// Verdicts remembered for each sender, to answer repeats of a blob whose acknowledgement was lost: as many as a
-  /// sender has in flight.
+  /// Verdicts remembered for each sender, to answer repeats of a blob whose acknowledgement was lost.
   std::uint32_t verdicts_kept = 4;
-  std::string owner;  ///< blobs of another owner are not taken
 };
 
 /// Receives blobs of one channel from any number of senders. Thread safety: one thread at a time.
 class BlobReceiver {
  public:
-  static Result<BlobReceiver> Open(const Participant& participant, const std::string& partition,
-                                   const std::string& channel, const ReceiveOptions& options = {});
+  static Result<BlobReceiver> Open(const Participant& participant, const Owner& owner, const std::string& channel,
+                                   const ReceiveOptions& options = {});
   BlobReceiver(BlobReceiver&&) noexcept;
   BlobReceiver& operator=(BlobReceiver&&) noexcept;
   ~BlobReceiver();
@@ -118,13 +85,8 @@ class BlobReceiver {
   /// The next verified blob, or nothing within `timeout` (or a stop request). Blobs whose hash does
   /// not fit are refused here and counted.
   std::optional<ReceivedBlob> Receive(std::chrono::nanoseconds timeout);
-  /// The same into a blob whose memory is used again; false when there is none.
-  bool Receive(ReceivedBlob& blob, std::chrono::nanoseconds timeout);
-  /// The same where it lies: a blob of one chunk is not copied out of DDS's memory.
-  std::optional<BlobView> ReceiveView(std::chrono::nanoseconds timeout);
   /// Tells the sender. kDone only after the blob is durable. Repeats of an acknowledged blob are
-  /// answered with the same verdict without another Receive. With `ack_batch` > 1 a kDone leaves with
-  /// others, half a millisecond later at most while Receive waits.
+  /// answered with the same verdict without another Receive.
   Status Acknowledge(const BlobManifest& manifest, const Verdict& verdict);
   std::uint64_t corrupt_blobs() const;
   std::uint64_t malformed_samples() const;
@@ -139,7 +101,7 @@ class BlobReceiver {
 /// get the newest complete one. Memory on the bus is two versions a channel.
 class BlobPublisher {
  public:
-  static Result<BlobPublisher> Open(const Participant& participant, const std::string& partition,
+  static Result<BlobPublisher> Open(const Participant& participant, const Owner& owner,
                                     const SendOptions& options = {});
   BlobPublisher(BlobPublisher&&) noexcept;
   BlobPublisher& operator=(BlobPublisher&&) noexcept;
@@ -167,9 +129,9 @@ struct PublishedBlob {
 
 class BlobSubscriber {
  public:
-  /// `channel` empty: all channels of the partition.
-  static Result<BlobSubscriber> Open(const Participant& participant, const std::string& partition,
-                                     const std::string& channel, const ReceiveOptions& options = {});
+  /// `channel` empty: all channels of the owner.
+  static Result<BlobSubscriber> Open(const Participant& participant, const Owner& owner, const std::string& channel,
+                                     const ReceiveOptions& options = {});
   BlobSubscriber(BlobSubscriber&&) noexcept;
   BlobSubscriber& operator=(BlobSubscriber&&) noexcept;
   ~BlobSubscriber();

@@ -39,8 +39,6 @@ std::string LocalTime(std::uint64_t seconds) {
 
 }  // namespace
 
-std::string PartitionOf(const std::string& name, const std::string& id) { return id.empty() ? name : name + "/" + id; }
-
 std::string ToString(PresenceKind kind) {
   switch (kind) {
     case PresenceKind::kCampaign:

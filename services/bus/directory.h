@@ -3,7 +3,7 @@
 //
 //   ETUDE_ASSIGN_OR_RETURN(auto directory, Directory::Open(participant));
 //   ETUDE_ASSIGN_OR_RETURN(auto found, directory.Find(PresenceKind::kRun, {"quickstart", ""}, 10s));
-//   Reader<TrainStatus>::Open(participant, PartitionOf(found->name, found->id));
+//   Reader<TrainStatus>::Open(participant, Owner{found->name, found->id}.partition());
 //
 // A name that means two things is never guessed at: the error lists them.
 #pragma once
@@ -15,14 +15,12 @@
 #include <vector>
 
 #include "services/bus/messages.h"
+#include "services/bus/owner.h"
 #include "services/bus/participant.h"
 #include "services/core/identity.h"
 #include "services/core/result.h"
 
 namespace etude::bus {
-
-/// "NAME/ID": where everything of a campaign or run travels.
-std::string PartitionOf(const std::string& name, const std::string& id);
 
 /// "campaign", "run", "policy server".
 std::string ToString(PresenceKind kind);

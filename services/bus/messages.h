@@ -132,8 +132,7 @@ struct BlobManifest {
   std::uint64_t size = 0;
   std::uint32_t chunk_size = 0;
   std::uint32_t chunk_count = 0;
-  std::vector<std::uint8_t> sha256;  ///< 32 bytes; empty when `crc32c` is used instead
-  std::vector<std::uint8_t> crc32c;  ///< 4 bytes, little-endian: what streams of frames use
+  std::vector<std::uint8_t> sha256;  ///< 32 bytes
   std::uint64_t token = 0;           ///< fencing token of the lease; 0 if none
   std::string meta_json;
   std::vector<std::uint8_t> data;  ///< the whole blob when it fits into one chunk, else empty
@@ -156,8 +155,7 @@ struct BlobAck {
   AckKind kind = AckKind::kProgress;
   std::uint32_t received = 0;  ///< chunks received in order from 0 (opens the sender's window)
   std::vector<std::uint32_t> missing;
-  std::string reason;               ///< for kRefused
-  std::vector<std::uint64_t> also;  ///< more ids of the same sender with the same answer
+  std::string reason;  ///< for kRefused
   std::string owner;
 };
 

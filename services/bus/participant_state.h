@@ -46,8 +46,6 @@ class Waiter {
   Status AddReader(const Endpoint& reader);
   /// A reader of `writer` came or went. Stays so until the matched status is read.
   Status AddMatched(const Endpoint& writer_or_reader);
-  /// `guard` is set. It must outlive this.
-  Status AddGuard(const Entity& guard);
   /// True when one of them has news; false after `timeout` or on a stop request.
   bool Wait(std::chrono::nanoseconds timeout);
 

@@ -49,9 +49,11 @@ Status CheckPartition(const std::string& partition) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-' ||
            c == '.' || c == '/';
   });
-  if (partition.empty() || partition.size() > 200 || !plain) {
+  // a part that is empty is a name or an id that somebody forgot
+  const bool whole = ("/" + partition + "/").find("//") == std::string::npos;
+  if (partition.size() > 200 || !plain || !whole) {
     return Fail(Code::kInvalidArgument,
-                fmt::format("partition '{}': expected 1 to 200 of A-Z a-z 0-9 _ - . /", partition));
+                fmt::format("partition '{}': expected 1 to 200 of A-Z a-z 0-9 _ - ., in parts between /", partition));
   }
   return {};
 }

@@ -72,7 +72,7 @@ bool ReadAll(std::span<const std::uint8_t> cdr, Fields&... fields) {
 
 bool Parse(std::span<const std::uint8_t> cdr, ManifestView& v) {
   return ReadAll(cdr, v.id, v.size, v.token, v.chunk_size, v.chunk_count, v.channel, v.sender, v.owner, v.sha256,
-                 v.crc32c, v.meta_json, v.data);
+                 v.meta_json, v.data);
 }
 
 bool Parse(std::span<const std::uint8_t> cdr, ChunkView& v) {
@@ -83,21 +83,8 @@ bool Parse(std::span<const std::uint8_t> cdr, PublishedChunkView& v) {
   return ReadAll(cdr, v.version, v.size, v.chunk_size, v.index, v.slot, v.channel, v.publisher, v.data);
 }
 
-Serialized::Serialized(ddsi_serdata* sample) : sample_(sample) {
-  ddsrt_iovec_t bytes{};
-  // the second reference that this makes goes at once: ours keeps the sample
-  ddsi_serdata* const held = ddsi_serdata_to_ser_ref(sample, 0, ddsi_serdata_size(sample), &bytes);
-  bytes_ = {static_cast<const std::uint8_t*>(bytes.iov_base), bytes.iov_len};
-  ddsi_serdata_to_ser_unref(held, &bytes);
-}
-
-void Serialized::Release() {
-  if (sample_ != nullptr) ddsi_serdata_unref(sample_);
-  sample_ = nullptr;
-  bytes_ = {};
-}
-
-int TakeSerialized(const Endpoint& reader, int at_most, const std::function<void(Serialized&)>& visit) {
+int TakeSerialized(const Endpoint& reader, int at_most,
+                   const std::function<void(std::span<const std::uint8_t>)>& visit) {
   constexpr int kBatch = 64;
   std::array<ddsi_serdata*, kBatch> samples{};
   std::array<dds_sample_info_t, kBatch> infos;
@@ -106,12 +93,13 @@ int TakeSerialized(const Endpoint& reader, int at_most, const std::function<void
       dds_takecdr(reader.get(), samples.data(), static_cast<std::uint32_t>(wanted), infos.data(), DDS_ANY_STATE);
   for (int i = 0; i < count; ++i) {
     ddsi_serdata* const sample = samples[static_cast<std::size_t>(i)];
-    if (!infos[static_cast<std::size_t>(i)].valid_data) {  // an instance's end
-      ddsi_serdata_unref(sample);
-      continue;
+    if (infos[static_cast<std::size_t>(i)].valid_data) {  // else an instance's end
+      ddsrt_iovec_t bytes{};
+      ddsi_serdata* const held = ddsi_serdata_to_ser_ref(sample, 0, ddsi_serdata_size(sample), &bytes);
+      visit({static_cast<const std::uint8_t*>(bytes.iov_base), bytes.iov_len});
+      ddsi_serdata_to_ser_unref(held, &bytes);
     }
-    Serialized taken(sample);
-    visit(taken);
+    ddsi_serdata_unref(sample);
   }
   return std::max(count, 0);
 }

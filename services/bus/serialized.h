@@ -8,11 +8,8 @@
 #include <functional>
 #include <span>
 #include <string_view>
-#include <utility>
 
 #include "services/bus/participant_state.h"
-
-struct ddsi_serdata;
 
 namespace etude::bus {
 
@@ -26,7 +23,6 @@ struct ManifestView {
   std::string_view sender;
   std::string_view owner;
   std::span<const std::uint8_t> sha256;
-  std::span<const std::uint8_t> crc32c;
   std::string_view meta_json;
   std::span<const std::uint8_t> data;
 };
@@ -55,30 +51,9 @@ bool Parse(std::span<const std::uint8_t> cdr, ManifestView& view);
 bool Parse(std::span<const std::uint8_t> cdr, ChunkView& view);
 bool Parse(std::span<const std::uint8_t> cdr, PublishedChunkView& view);
 
-/// Holds a sample that was taken, in Cyclone's memory.
-class Serialized {
- public:
-  Serialized() = default;
-  /// Takes over one reference.
-  explicit Serialized(ddsi_serdata* sample);
-  Serialized(Serialized&& other) noexcept
-      : sample_(std::exchange(other.sample_, nullptr)), bytes_(std::exchange(other.bytes_, {})) {}
-  Serialized& operator=(Serialized&& other) noexcept {
-    std::swap(sample_, other.sample_);
-    std::swap(bytes_, other.bytes_);
-    return *this;
-  }
-  ~Serialized() { Release(); }
-  void Release();
-  std::span<const std::uint8_t> bytes() const { return bytes_; }
-
- private:
-  ddsi_serdata* sample_ = nullptr;
-  std::span<const std::uint8_t> bytes_;
-};
-
-/// Takes up to `at_most` samples and shows each to `visit`, which may move it away to keep it. Returns
-/// how many were taken, those without data included.
-int TakeSerialized(const Endpoint& reader, int at_most, const std::function<void(Serialized&)>& visit);
+/// Takes up to `at_most` samples and shows the bytes of each to `visit`, for as long as the call lasts. Returns how
+/// many were taken, those without data included.
+int TakeSerialized(const Endpoint& reader, int at_most,
+                   const std::function<void(std::span<const std::uint8_t>)>& visit);
 
 }  // namespace etude::bus

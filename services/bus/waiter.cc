@@ -30,12 +30,6 @@ Status Waiter::AddMatched(const Endpoint& endpoint) {
   return {};
 }
 
-Status Waiter::AddGuard(const Entity& guard) {
-  const dds_return_t code = dds_waitset_attach(waitset_.get(), guard.get(), 0);
-  if (code != DDS_RETCODE_OK) return Fail(DdsError(code, "attach a guard to a waitset"));
-  return {};
-}
-
 bool Waiter::Wait(std::chrono::nanoseconds timeout) {
   // a stop request is a flag and a pipe, which a waitset cannot watch: look at it between short waits
   constexpr std::chrono::nanoseconds kSlice = std::chrono::milliseconds(50);

@@ -24,9 +24,7 @@ void Encoder::Refuse(const char* name, std::size_t size, std::size_t bound) {
 }
 
 bool IsSound(const BlobManifest& manifest) {
-  const bool has_sha256 = manifest.sha256.size() == 32 && manifest.crc32c.empty();
-  const bool has_crc32c = manifest.crc32c.size() == 4 && manifest.sha256.empty();
-  return (has_sha256 || has_crc32c) && ShapeIsSound(manifest.size, manifest.chunk_size, manifest.chunk_count) &&
+  return manifest.sha256.size() == 32 && ShapeIsSound(manifest.size, manifest.chunk_size, manifest.chunk_count) &&
          (manifest.data.empty() || manifest.data.size() == manifest.size);
 }
 

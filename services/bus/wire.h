@@ -236,7 +236,6 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Bl
   ETUDE_FIELD(chunk_size);
   ETUDE_FIELD(chunk_count);
   ETUDE_FIELD_UP_TO(sha256, 32);
-  ETUDE_FIELD_UP_TO(crc32c, 4);
   ETUDE_FIELD(token);
   ETUDE_FIELD(meta_json);
   ETUDE_FIELD_UP_TO(data, 512 * 1024);
@@ -260,7 +259,6 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Bl
   ETUDE_FIELD(received);
   ETUDE_FIELD_UP_TO(missing, 1024);
   ETUDE_FIELD(reason);
-  ETUDE_FIELD_UP_TO(also, 1024);
   ETUDE_FIELD(owner);
 }
 

@@ -73,16 +73,15 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
   const History history = ReadHistory(sink->folder(), spec);
   for (const auto& [index, past] : history.indices) table.RestoreFailures(index, past.failures, past.next_attempt);
 
-  const std::string partition = bus::PartitionOf(spec.name, id);
+  const bus::Owner owner{spec.name, id};
+  const std::string partition = owner.partition();
   ETUDE_ASSIGN_OR_RETURN(auto announcements, bus::Writer<bus::CampaignAnnouncement>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto leases, bus::Writer<bus::Lease>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Writer<bus::CampaignStatus>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto requests, bus::Reader<bus::WorkRequest>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto reports, bus::Reader<bus::AttemptReport>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto heartbeats, bus::Reader<bus::WorkerStatus>::Open(participant, partition));
-  bus::ReceiveOptions receive;
-  receive.owner = id;
-  ETUDE_ASSIGN_OR_RETURN(auto episodes, bus::BlobReceiver::Open(participant, partition, "episode", receive));
+  ETUDE_ASSIGN_OR_RETURN(auto episodes, bus::BlobReceiver::Open(participant, owner, "episode"));
 
   // before anything is committed, files may still be mended
   const auto files = sink->committed().empty() ? std::nullopt : KnownFiles(sink->folder());

@@ -47,15 +47,14 @@ struct Connection {
 
 Result<std::unique_ptr<Connection>> Connect(const bus::Participant& participant, const bus::Presence& found,
                                             const WorkerOptions& options) {
-  const std::string partition = bus::PartitionOf(found.name, found.id);
+  const bus::Owner owner{found.name, found.id};
+  const std::string partition = owner.partition();
   ETUDE_ASSIGN_OR_RETURN(auto announcements, bus::Reader<bus::CampaignAnnouncement>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto leases, bus::Reader<bus::Lease>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto requests, bus::Writer<bus::WorkRequest>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto reports, bus::Writer<bus::AttemptReport>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto heartbeats, bus::Writer<bus::WorkerStatus>::Open(participant, partition));
-  bus::SendOptions send;
-  send.owner = found.id;
-  ETUDE_ASSIGN_OR_RETURN(auto sender, bus::BlobSender::Open(participant, partition, "episode", options.name, send));
+  ETUDE_ASSIGN_OR_RETURN(auto sender, bus::BlobSender::Open(participant, owner, "episode", options.name));
   bus::WorkerStatus status;
   status.campaign = found.name;
   status.campaign_id = found.id;

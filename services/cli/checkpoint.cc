@@ -109,10 +109,8 @@ Status Watch(const WatchArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
   Log().info("waiting for checkpoints of run={}", run.text());
   ETUDE_ASSIGN_OR_RETURN(const std::string id, WaitForRun(participant, run));
-  bus::ReceiveOptions receive;
-  receive.owner = id;
-  ETUDE_ASSIGN_OR_RETURN(auto subscriber, bus::BlobSubscriber::Open(participant, bus::PartitionOf(run.name, id),
-                                                                    arguments.channel, receive));
+  if (id.empty()) return {};
+  ETUDE_ASSIGN_OR_RETURN(auto subscriber, bus::BlobSubscriber::Open(participant, {run.name, id}, arguments.channel));
   while (!StopRequested()) {
     const auto object = subscriber.Wait(std::chrono::seconds(1));
     if (!object) continue;

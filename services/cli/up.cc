@@ -256,8 +256,8 @@ Status Up(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(auto participant, bus.Open());
   const Path run_folder = Path(config.out) / "run" / config.train.run;
   ETUDE_ASSIGN_OR_RETURN(const Identity run, OpenIdentity(run_folder, arguments.claim));
-  ETUDE_ASSIGN_OR_RETURN(auto statuses,
-                         bus::Reader<bus::TrainStatus>::Open(participant, bus::PartitionOf(config.train.run, run.id)));
+  ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Reader<bus::TrainStatus>::Open(
+                                            participant, bus::Owner{config.train.run, run.id}.partition()));
   System system(config, spec, bus, arguments.claim, run, std::move(participant), std::move(statuses));
   return system.Run(arguments.keep_running);
 }

@@ -82,7 +82,7 @@ struct Client::Impl {
 Status Client::Impl::Connect(std::chrono::nanoseconds timeout) {
   ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kPolicy, run, timeout));
   if (!found) return {};
-  const std::string partition = bus::PartitionOf(found->name, found->id);
+  const std::string partition = bus::Owner{found->name, found->id}.partition();
   ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Writer<bus::Observation>::Open(*participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto actions, bus::Reader<bus::Action>::Open(*participant, partition));
   connection.emplace(Connection{*found, std::move(observations), std::move(actions)});

@@ -54,7 +54,7 @@ void Say(const char* line) {
 
 int RunChunkedSubscriber() {
   const auto participant = OpenOrDie();
-  auto subscriber = bus::BlobSubscriber::Open(participant, "bench", "latest");
+  auto subscriber = bus::BlobSubscriber::Open(participant, {"bench", "1"}, "latest");
   if (!subscriber) return 1;
   Say("ready");
   while (const auto blob = subscriber->Wait(60s)) {
@@ -119,7 +119,7 @@ int RunChunkedPublisher(int count) {
   if (const char* kilobytes = std::getenv("CHUNK_KIB")) {
     options.chunk_size = static_cast<std::uint32_t>(std::atoi(kilobytes)) * 1024;
   }
-  auto publisher = bus::BlobPublisher::Open(participant, "bench", options);
+  auto publisher = bus::BlobPublisher::Open(participant, {"bench", "1"}, options);
   if (!publisher) return 1;
   return Time(
       "chunked-subscriber", count,

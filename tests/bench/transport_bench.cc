@@ -43,7 +43,7 @@ bus::Participant OpenOrDie() {
 int RunSender() {
   InstallStopSignals();
   const auto participant = OpenOrDie();
-  auto sender = bus::BlobSender::Open(participant, "bench", "episode", bus::UniquePeerName());
+  auto sender = bus::BlobSender::Open(participant, {"bench", "1"}, "episode", bus::UniquePeerName());
   if (!sender) return 1;
   std::vector<std::uint8_t> episode(kEpisodeSize);
   for (std::size_t i = 0; i < kEpisodeSize; ++i) episode[i] = static_cast<std::uint8_t>(i * 31 + i / 255);
@@ -57,7 +57,7 @@ int RunSender() {
 // Prints verified episodes a second, and all of them.
 int RunReceiver(double seconds) {
   const auto participant = OpenOrDie();
-  auto receiver = bus::BlobReceiver::Open(participant, "bench", "episode");
+  auto receiver = bus::BlobReceiver::Open(participant, {"bench", "1"}, "episode");
   if (!receiver) return 1;
   std::uint64_t total = 0, episodes = 0;
   Stopwatch watch;

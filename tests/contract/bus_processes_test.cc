@@ -9,12 +9,15 @@
 
 #include <cstdlib>
 #include <cstring>
+#include <future>
+#include <optional>
 #include <set>
 
 #include "services/bus/blob_transfer.h"
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
 #include "services/core/hash.h"
+#include "services/core/stop.h"
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
@@ -61,7 +64,7 @@ int RunWorker(const std::string& name) {
 int RunReceiver() {
   auto participant = Participant::Open({kDomain, ShortLeaseProfile()});
   if (!participant) return 1;
-  auto receiver = BlobReceiver::Open(*participant, "outage", "episode");
+  auto receiver = BlobReceiver::Open(*participant, {"outage", "1"}, "episode");
   if (!receiver) return 1;
   for (const Stopwatch watch; watch.Seconds() < kPatienceS;) {
     const auto blob = receiver->Receive(1s);
@@ -130,31 +133,34 @@ TEST(BusProcesses, FortyFiveOnOneHostMeetWithoutMulticast) {
 
 class Outage : public testing::Test {
  protected:
+  using Sending = std::future<Result<Verdict>>;
+
   void SetUp() override {
     auto opened = Participant::Open({kDomain, ShortLeaseProfile()});
     ASSERT_TRUE(opened) << opened.error().message;
     participant_.emplace(std::move(*opened));
     SendOptions options;
     options.chunk_size = 64 * 1024;
-    auto sender = BlobSender::Open(*participant_, "outage", "episode", "s", options);
+    auto sender = BlobSender::Open(*participant_, {"outage", "1"}, "episode", "s", options);
     ASSERT_TRUE(sender);
     sender_.emplace(std::move(*sender));
   }
-  void Begin(std::uint64_t id, const std::vector<std::uint8_t>& bytes) {
-    ASSERT_TRUE(sender_->Begin(id, bytes, 0, Sha256Hex(bytes)));
+  // `bytes` must outlive it.
+  Sending Send(std::uint64_t id, const std::vector<std::uint8_t>& bytes) {
+    return std::async(std::launch::async,
+                      [this, id, &bytes] { return sender_->Send(id, bytes, 0, Sha256Hex(bytes), 60s); });
   }
-  void ExpectDone(std::uint64_t id) {
-    const auto sent = sender_->Next(60s);
-    ASSERT_TRUE(sent);
-    EXPECT_EQ(sent->id, id);
-    EXPECT_EQ(sent->verdict.kind, AckKind::kDone) << sent->verdict.reason;
+  static void ExpectDone(Sending sending) {
+    const auto verdict = sending.get();
+    ASSERT_TRUE(verdict) << verdict.error().message;
+    EXPECT_EQ(verdict->kind, AckKind::kDone) << verdict->reason;
   }
-  // Goes on sending until the receiver counts as gone.
+  // Until the receiver counts as gone.
   void WaitUntilGone() {
-    for (const Stopwatch watch; sender_->matched_receivers() > 0 && watch.Seconds() < kPatienceS;) {
-      EXPECT_FALSE(sender_->Next(20ms));
-    }
-    ASSERT_EQ(sender_->matched_receivers(), 0);
+    const auto announcer = Writer<BlobManifest>::Open(*participant_, "outage/1/episode");
+    ASSERT_TRUE(announcer);
+    for (const Stopwatch watch; announcer->matched_readers() > 0 && watch.Seconds() < kPatienceS;) WaitForStop(20ms);
+    ASSERT_EQ(announcer->matched_readers(), 0);
   }
 
   std::optional<Participant> participant_;
@@ -164,17 +170,15 @@ class Outage : public testing::Test {
 TEST_F(Outage, AReceiverThatHungLongerThanItsLeaseLosesNothing) {
   Child receiver({"receiver"});
   const auto small = MakeBytes(300'000, 1);
-  Begin(1, small);
-  ExpectDone(1);
+  ExpectDone(Send(1, small));
   const auto large = MakeBytes(20'000'000, 2);
   receiver.Signal(SIGSTOP);
-  Begin(2, large);
+  auto sending = Send(2, large);
   WaitUntilGone();
   receiver.Signal(SIGCONT);
-  ExpectDone(2);
+  ExpectDone(std::move(sending));
   const std::vector<std::uint8_t> last(1, 7);
-  Begin(3, last);
-  ExpectDone(3);
+  ExpectDone(Send(3, last));
   EXPECT_EQ(receiver.Wait(), 0);
 }
 
@@ -182,19 +186,17 @@ TEST_F(Outage, AReceiverThatWasKilledIsReplaced) {
   std::optional<Child> receiver;
   receiver.emplace(Child({"receiver"}));
   const auto small = MakeBytes(300'000, 1);
-  Begin(1, small);
-  ExpectDone(1);
+  ExpectDone(Send(1, small));
   const auto large = MakeBytes(30'000'000, 2);
   receiver->Signal(SIGSTOP);  // so that it is surely in the middle of the blob
-  Begin(2, large);
-  EXPECT_FALSE(sender_->Next(50ms));
+  auto sending = Send(2, large);
+  EXPECT_EQ(sending.wait_for(50ms), std::future_status::timeout);
   receiver->Signal(SIGKILL);
   receiver->Wait();
   Child successor({"receiver"});
-  ExpectDone(2);
+  ExpectDone(std::move(sending));
   const std::vector<std::uint8_t> last(1, 7);
-  Begin(3, last);
-  ExpectDone(3);
+  ExpectDone(Send(3, last));
   EXPECT_EQ(successor.Wait(), 0);
 }
 

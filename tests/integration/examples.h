@@ -75,9 +75,7 @@ inline void ExpectSubscriberTakesACheckpoint(const Path& programs, const Path& c
   auto announcement = bus::Announcement::Open(
       *participant, bus::MakePresence(bus::PresenceKind::kRun, "published", id, folder.string()), Claim::kRefuse);
   ASSERT_TRUE(announcement.has_value()) << announcement.error().message;
-  bus::SendOptions options;
-  options.owner = id;
-  auto publisher = bus::BlobPublisher::Open(*participant, bus::PartitionOf("published", id), options);
+  auto publisher = bus::BlobPublisher::Open(*participant, {"published", id});
   ASSERT_TRUE(publisher.has_value()) << publisher.error().message;
   const auto bytes = ReadBinaryFile(checkpoint);
   ASSERT_TRUE(bytes.has_value());

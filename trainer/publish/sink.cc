@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <charconv>
 
-#include "services/bus/directory.h"
 #include "services/core/log.h"
 
 namespace etude::publish {
@@ -61,10 +60,7 @@ Result<CheckpointSink> CheckpointSink::Open(const Path& run_folder, const RunIde
   RemoveHalfWritten(run_folder);
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(StartsFile(run_folder), std::to_string(run.start)));
   if (participant) {
-    bus::SendOptions options;
-    options.owner = run.id;
-    ETUDE_ASSIGN_OR_RETURN(auto publisher,
-                           bus::BlobPublisher::Open(*participant, bus::PartitionOf(run.name, run.id), options));
+    ETUDE_ASSIGN_OR_RETURN(auto publisher, bus::BlobPublisher::Open(*participant, {run.name, run.id}));
     sink.publisher_ = std::make_unique<bus::BlobPublisher>(std::move(publisher));
     sink.PublishExisting();
   }

@@ -121,11 +121,8 @@ Status PolicyServer::Impl::FollowRuns() {
 
 // Until another run has taken its place.
 Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::string& run_id) {
-  bus::ReceiveOptions receive;
-  receive.owner = run_id;
-  ETUDE_ASSIGN_OR_RETURN(
-      auto subscriber,
-      bus::BlobSubscriber::Open(*participant, bus::PartitionOf(options.run.name, run_id), options.channel, receive));
+  ETUDE_ASSIGN_OR_RETURN(auto subscriber,
+                         bus::BlobSubscriber::Open(*participant, {options.run.name, run_id}, options.channel));
   Log().info("following run {}@{}", options.run.name, run_id);
   while (!Stopping()) {
     const auto blob = subscriber.Wait(200ms);
@@ -151,7 +148,7 @@ void PolicyServer::Impl::TakeCheckpoint(const bus::PublishedBlob& blob) {
 
 Status PolicyServer::Impl::OpenDesk(const std::string& run_id) {
   desk.reset();
-  const std::string partition = bus::PartitionOf(options.run.name, run_id);
+  const std::string partition = bus::Owner{options.run.name, run_id}.partition();
   ETUDE_ASSIGN_OR_RETURN(auto actions, bus::Writer<bus::Action>::Open(*participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Reader<bus::Observation>::Open(*participant, partition));
   const auto presence = bus::MakePresence(bus::PresenceKind::kPolicy, options.run.name, run_id, options.folder);

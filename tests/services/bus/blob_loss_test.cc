@@ -21,14 +21,14 @@ constexpr std::uint32_t kDomain = 73;
 
 TEST(ObjectLoss, LostPacketsAreMadeUpFor) {
   const auto peers = OpenTwo(kDomain, 30);
-  auto receiver = BlobReceiver::Open(peers.b, "lossy", "episode");
+  auto receiver = BlobReceiver::Open(peers.b, {"lossy", "1"}, "episode");
   ASSERT_TRUE(receiver);
   constexpr std::uint64_t kCount = 6;
   std::thread sending([&peers] {
     SendOptions options;
     options.chunk_size = 32 * 1024;
     options.window = 8;
-    auto sender = BlobSender::Open(peers.a, "lossy", "episode", "s", options);
+    auto sender = BlobSender::Open(peers.a, {"lossy", "1"}, "episode", "s", options);
     ASSERT_TRUE(sender);
     for (std::uint64_t id = 0; id < kCount; ++id) {
       const auto verdict = sender->Send(id, MakeBytes(400'000 + id, 8), 0, "", 60s);
@@ -56,10 +56,10 @@ struct Hand {
   Reader<BlobAck> acks;
   BlobReceiver& receiver;
 
-  Hand(const TwoProcesses& peers, const std::string& partition, BlobReceiver& to)
-      : manifests(std::move(*Writer<BlobManifest>::Open(peers.a, partition + "/episode"))),
-        chunks(std::move(*Writer<BlobChunk>::Open(peers.a, partition + "/episode"))),
-        acks(std::move(*Reader<BlobAck>::Open(peers.a, partition + "/episode"))),
+  Hand(const TwoProcesses& peers, const std::string& name, BlobReceiver& to)
+      : manifests(std::move(*Writer<BlobManifest>::Open(peers.a, name + "/1/episode"))),
+        chunks(std::move(*Writer<BlobChunk>::Open(peers.a, name + "/1/episode"))),
+        acks(std::move(*Reader<BlobAck>::Open(peers.a, name + "/1/episode"))),
         receiver(to) {
     EXPECT_TRUE(manifests.WaitForReaders(1, 10s));
     EXPECT_TRUE(chunks.WaitForReaders(1, 10s));
@@ -68,6 +68,7 @@ struct Hand {
     BlobManifest manifest;
     manifest.channel = "episode";
     manifest.sender = "hand";
+    manifest.owner = "1";
     manifest.id = id;
     manifest.size = bytes.size();
     manifest.chunk_size = 1000;
@@ -96,7 +97,7 @@ struct Hand {
 
 TEST(ObjectLoss, TheReceiverSaysWhatIsMissing) {
   const auto peers = OpenTwo(kDomain);
-  auto receiver = BlobReceiver::Open(peers.b, "gaps", "episode");
+  auto receiver = BlobReceiver::Open(peers.b, {"gaps", "1"}, "episode");
   ASSERT_TRUE(receiver);
   Hand hand(peers, "gaps", *receiver);
   const auto bytes = MakeBytes(9'500, 1);
@@ -118,7 +119,7 @@ TEST(ObjectLoss, TheReceiverSaysWhatIsMissing) {
 
 TEST(ObjectLoss, ChunksBeforeTheirManifestAreAskedForAgain) {
   const auto peers = OpenTwo(kDomain);
-  auto receiver = BlobReceiver::Open(peers.b, "early", "episode");
+  auto receiver = BlobReceiver::Open(peers.b, {"early", "1"}, "episode");
   ASSERT_TRUE(receiver);
   Hand hand(peers, "early", *receiver);
   const auto bytes = MakeBytes(2'500, 2);
@@ -133,7 +134,7 @@ TEST(ObjectLoss, ChunksBeforeTheirManifestAreAskedForAgain) {
 
 TEST(ObjectLoss, CorruptChunksRefuseTheObjectAndCount) {
   const auto peers = OpenTwo(kDomain);
-  auto receiver = BlobReceiver::Open(peers.b, "corrupt", "episode");
+  auto receiver = BlobReceiver::Open(peers.b, {"corrupt", "1"}, "episode");
   ASSERT_TRUE(receiver);
   Hand hand(peers, "corrupt", *receiver);
   const auto bytes = MakeBytes(5'000, 3);
@@ -159,7 +160,7 @@ TEST(ObjectLoss, CorruptChunksRefuseTheObjectAndCount) {
 
 TEST(ObjectLoss, MalformedChunksAreDroppedAndCounted) {
   const auto peers = OpenTwo(kDomain);
-  auto receiver = BlobReceiver::Open(peers.b, "malformed", "episode");
+  auto receiver = BlobReceiver::Open(peers.b, {"malformed", "1"}, "episode");
   ASSERT_TRUE(receiver);
   Hand hand(peers, "malformed", *receiver);
   const auto bytes = MakeBytes(3'000, 4);
@@ -179,60 +180,50 @@ TEST(ObjectLoss, AReceiverThatRestartsInTheMiddleGetsAllOfIt) {
   SendOptions options;
   options.chunk_size = 16 * 1024;
   options.window = 4;
-  auto sender = BlobSender::Open(peers.a, "restart", "episode", "s", options);
+  auto sender = BlobSender::Open(peers.a, {"restart", "1"}, "episode", "s", options);
   ASSERT_TRUE(sender);
-  ASSERT_TRUE(sender->Begin(1, bytes, 0, ""));
+  auto acks = Reader<BlobAck>::Open(peers.b, "restart/1/episode");
+  ASSERT_TRUE(acks);
+  auto sending = std::async(std::launch::async, [&] { return sender->Send(1, bytes, 0, "", 60s); });
   {
-    auto receiver = BlobReceiver::Open(peers.b, "restart", "episode");
+    auto receiver = BlobReceiver::Open(peers.b, {"restart", "1"}, "episode");
     ASSERT_TRUE(receiver);
-    // a few rounds: some of the 245 chunks arrive, far from all
-    for (int round = 0; round < 8; ++round) {
-      EXPECT_FALSE(sender->Next(10ms));
-      EXPECT_FALSE(receiver->Receive(5ms));
+    // some of the 245 chunks arrive, far from all
+    for (std::uint32_t received = 0; received < 20;) {
+      ASSERT_FALSE(receiver->Receive(0ns));
+      acks->Wait(1ms);
+      for (const auto& ack : acks->Take()) received = std::max(received, ack.received);
     }
   }
-  EXPECT_FALSE(sender->Next(100ms));
-  auto receiver = BlobReceiver::Open(peers.b, "restart", "episode");
+  auto receiver = BlobReceiver::Open(peers.b, {"restart", "1"}, "episode");
   ASSERT_TRUE(receiver);
-  std::optional<ReceivedBlob> blob;
-  for (int round = 0; round < 2000 && !blob; ++round) {
-    EXPECT_FALSE(sender->Next(1ms));
-    blob = receiver->Receive(1ms);
-  }
+  const auto blob = receiver->Receive(60s);
   ASSERT_TRUE(blob);
   EXPECT_EQ(blob->bytes, bytes);
   ASSERT_TRUE(receiver->Acknowledge(blob->manifest, {}));
-  EXPECT_TRUE(sender->Next(10s));
+  EXPECT_TRUE(sending.get());
 }
 
 TEST(ObjectLoss, AReceiverThatRestartsBeforeItsVerdictIsAskedAgain) {
   const auto peers = OpenTwo(kDomain);
   const auto bytes = MakeBytes(60'000, 6);  // travels inside its manifest
-  auto sender = BlobSender::Open(peers.a, "again", "episode", "s");
+  auto sender = BlobSender::Open(peers.a, {"again", "1"}, "episode", "s");
   ASSERT_TRUE(sender);
-  ASSERT_TRUE(sender->Begin(1, bytes, 0, ""));
-  const auto receive = [&](BlobReceiver& receiver) {
-    std::optional<ReceivedBlob> blob;
-    for (int round = 0; round < 2000 && !blob; ++round) {
-      EXPECT_FALSE(sender->Next(1ms));
-      blob = receiver.Receive(1ms);
-    }
-    return blob;
-  };
+  auto sending = std::async(std::launch::async, [&] { return sender->Send(1, bytes, 0, "", 60s); });
   {
-    auto crashing = BlobReceiver::Open(peers.b, "again", "episode");
+    auto crashing = BlobReceiver::Open(peers.b, {"again", "1"}, "episode");
     ASSERT_TRUE(crashing);
-    ASSERT_TRUE(receive(*crashing));  // and gone without an answer
+    ASSERT_TRUE(crashing->Receive(20s));  // and gone without an answer
   }
-  auto receiver = BlobReceiver::Open(peers.b, "again", "episode");
+  auto receiver = BlobReceiver::Open(peers.b, {"again", "1"}, "episode");
   ASSERT_TRUE(receiver);
-  const auto blob = receive(*receiver);
+  const auto blob = receiver->Receive(20s);
   ASSERT_TRUE(blob);
   EXPECT_EQ(blob->bytes, bytes);
   ASSERT_TRUE(receiver->Acknowledge(blob->manifest, {AckKind::kDuplicate, ""}));
-  const auto sent = sender->Next(10s);
-  ASSERT_TRUE(sent);
-  EXPECT_EQ(sent->verdict.kind, AckKind::kDuplicate);
+  const auto verdict = sending.get();
+  ASSERT_TRUE(verdict) << verdict.error().message;
+  EXPECT_EQ(verdict->kind, AckKind::kDuplicate);
 }
 
 }  // namespace

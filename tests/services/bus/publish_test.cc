@@ -24,8 +24,8 @@ SendOptions SmallChunks() {
 
 TEST(Published, EverySizeArrives) {
   const auto peers = OpenTwo(kDomain);
-  auto publisher = BlobPublisher::Open(peers.a, "sizes", SmallChunks());
-  auto subscriber = BlobSubscriber::Open(peers.b, "sizes", "latest");
+  auto publisher = BlobPublisher::Open(peers.a, {"sizes", "1"}, SmallChunks());
+  auto subscriber = BlobSubscriber::Open(peers.b, {"sizes", "1"}, "latest");
   ASSERT_TRUE(publisher && subscriber);
   std::uint64_t version = 0;
   for (const std::size_t size : {0u, 1u, 9'999u, 10'000u, 10'001u, 2'000'000u, 20'000u}) {
@@ -46,14 +46,14 @@ TEST(Published, EverySizeArrives) {
 
 TEST(Published, ALateSubscriberGetsTheNewestOfEachChannel) {
   const auto peers = OpenTwo(kDomain);
-  auto publisher = BlobPublisher::Open(peers.a, "late", SmallChunks());
+  auto publisher = BlobPublisher::Open(peers.a, {"late", "1"}, SmallChunks());
   ASSERT_TRUE(publisher);
   for (std::uint64_t version = 0; version < 5; ++version) {
     ASSERT_TRUE(publisher->Publish("latest", version, MakeBytes(300'000 - version * 50'000, 1), ""));
   }
   ASSERT_TRUE(publisher->Publish("best", 2, MakeBytes(70'000, 2), ""));
-  auto all = BlobSubscriber::Open(peers.b, "late", "");
-  auto best = BlobSubscriber::Open(peers.b, "late", "best");
+  auto all = BlobSubscriber::Open(peers.b, {"late", "1"}, "");
+  auto best = BlobSubscriber::Open(peers.b, {"late", "1"}, "best");
   ASSERT_TRUE(all && best);
   std::map<std::string, std::uint64_t> newest;
   while (newest["latest"] != 4 || newest["best"] != 2) {
@@ -74,12 +74,12 @@ TEST(Published, ALateSubscriberGetsTheNewestOfEachChannel) {
 // A publisher by hand that stops in the middle of a version.
 TEST(Published, ALateSubscriberGetsTheCompleteVersionWhileTheNextIsUnderWay) {
   const auto peers = OpenTwo(kDomain);
-  auto publisher = BlobPublisher::Open(peers.a, "half", SmallChunks());
+  auto publisher = BlobPublisher::Open(peers.a, {"half", "1"}, SmallChunks());
   ASSERT_TRUE(publisher);
   ASSERT_TRUE(publisher->Publish("latest", 1, MakeBytes(100'000, 1), ""));
   ASSERT_TRUE(publisher->Publish("latest", 2, MakeBytes(100'000, 2), ""));
   const auto chunks =
-      OpenWriter(peers.a, "half", etude_wire_PublishedChunk_desc, kPublishedChunkTopic, kPublishedWriter);
+      OpenWriter(peers.a, "half/1", etude_wire_PublishedChunk_desc, kPublishedChunkTopic, kPublishedWriter);
   ASSERT_TRUE(chunks);
   const auto part = MakeBytes(10'000, 3);
   for (std::uint32_t index = 0; index < 5; ++index) {
@@ -94,7 +94,7 @@ TEST(Published, ALateSubscriberGetsTheCompleteVersionWhileTheNextIsUnderWay) {
     wire.data._buffer = const_cast<std::uint8_t*>(part.data());
     ASSERT_EQ(dds_write(chunks->get(), &wire), DDS_RETCODE_OK);
   }
-  auto subscriber = BlobSubscriber::Open(peers.b, "half", "latest");
+  auto subscriber = BlobSubscriber::Open(peers.b, {"half", "1"}, "latest");
   ASSERT_TRUE(subscriber);
   std::uint64_t newest = 0;
   while (newest != 2) {  // version 1 may come first
@@ -108,8 +108,8 @@ TEST(Published, ALateSubscriberGetsTheCompleteVersionWhileTheNextIsUnderWay) {
 
 TEST(Published, ASlowSubscriberSkipsSupersededVersions) {
   const auto peers = OpenTwo(kDomain);
-  auto publisher = BlobPublisher::Open(peers.a, "slow", SmallChunks());
-  auto subscriber = BlobSubscriber::Open(peers.b, "slow", "latest");
+  auto publisher = BlobPublisher::Open(peers.a, {"slow", "1"}, SmallChunks());
+  auto subscriber = BlobSubscriber::Open(peers.b, {"slow", "1"}, "latest");
   ASSERT_TRUE(publisher && subscriber);
   ASSERT_TRUE(publisher->Publish("latest", 1, MakeBytes(50'000, 1), ""));
   ASSERT_TRUE(subscriber->Wait(20s));
@@ -133,9 +133,9 @@ TEST(Published, ASlowSubscriberSkipsSupersededVersions) {
 
 TEST(Published, TwoSubscribersAndLostPackets) {
   const auto peers = OpenTwo(kDomain, 20);
-  auto publisher = BlobPublisher::Open(peers.a, "loss");
-  auto one = BlobSubscriber::Open(peers.b, "loss", "latest");
-  auto two = BlobSubscriber::Open(peers.b, "loss", "latest");
+  auto publisher = BlobPublisher::Open(peers.a, {"loss", "1"});
+  auto one = BlobSubscriber::Open(peers.b, {"loss", "1"}, "latest");
+  auto two = BlobSubscriber::Open(peers.b, {"loss", "1"}, "latest");
   ASSERT_TRUE(publisher && one && two);
   const auto bytes = MakeBytes(3'000'000, 9);
   std::thread publishing([&] { EXPECT_TRUE(publisher->Publish("latest", 1, bytes, "")); });
@@ -149,7 +149,7 @@ TEST(Published, TwoSubscribersAndLostPackets) {
 
 TEST(Published, VersionsMustGrow) {
   const auto peers = OpenTwo(kDomain);
-  auto publisher = BlobPublisher::Open(peers.a, "grow");
+  auto publisher = BlobPublisher::Open(peers.a, {"grow", "1"});
   ASSERT_TRUE(publisher);
   ASSERT_TRUE(publisher->Publish("latest", 5, {}, ""));
   for (const std::uint64_t version : {5u, 4u}) {
@@ -163,10 +163,10 @@ TEST(Published, VersionsMustGrow) {
 
 TEST(Published, TooLargeIsNotTaken) {
   const auto peers = OpenTwo(kDomain);
-  auto publisher = BlobPublisher::Open(peers.a, "large", SmallChunks());
+  auto publisher = BlobPublisher::Open(peers.a, {"large", "1"}, SmallChunks());
   ReceiveOptions options;
   options.max_blob_size = 100'000;
-  auto subscriber = BlobSubscriber::Open(peers.b, "large", "", options);
+  auto subscriber = BlobSubscriber::Open(peers.b, {"large", "1"}, "", options);
   ASSERT_TRUE(publisher && subscriber);
   ASSERT_TRUE(publisher->Publish("latest", 1, MakeBytes(100'001, 1), ""));
   ASSERT_TRUE(publisher->Publish("latest", 2, MakeBytes(100'000, 2), ""));
@@ -175,34 +175,41 @@ TEST(Published, TooLargeIsNotTaken) {
   EXPECT_EQ(blob->version, 2u);
 }
 
-// A run that was begun anew counts its versions from 1 again.
+// Whatever writes into the partition: the manifest says whose version it is.
 TEST(Published, VersionsOfAnotherOwnerAreNotTaken) {
   const auto peers = OpenTwo(kDomain);
-  const auto publisher_of = [&](const char* owner) {
-    auto options = SmallChunks();
-    options.owner = owner;
-    return BlobPublisher::Open(peers.a, "owner", options);
-  };
-  auto before = publisher_of("before"), anew = publisher_of("anew");
-  ReceiveOptions receive;
-  receive.owner = "anew";
-  auto subscriber = BlobSubscriber::Open(peers.b, "owner", "", receive);
-  ASSERT_TRUE(before && anew && subscriber);
-  ASSERT_TRUE(before->Publish("latest", 7, MakeBytes(50'000, 7), ""));
-  ASSERT_TRUE(anew->Publish("latest", 1, MakeBytes(50'000, 1), ""));
+  const auto manifests =
+      OpenWriter(peers.a, "owner/1", etude_wire_PublishedManifest_desc, kPublishedManifestTopic, kPublishedWriter);
+  ASSERT_TRUE(manifests);
+  etude_wire_PublishedManifest wire{};
+  std::snprintf(wire.channel, sizeof(wire.channel), "latest");
+  std::snprintf(wire.publisher, sizeof(wire.publisher), "other");
+  std::snprintf(wire.owner, sizeof(wire.owner), "2");
+  wire.version = 7;  // empty, so its manifest is all of it
+  wire.chunk_size = 10;
+  auto digest = Sha256Of({});
+  wire.sha256._length = wire.sha256._maximum = static_cast<std::uint32_t>(digest.size());
+  wire.sha256._buffer = digest.data();
+  std::string meta_json;
+  wire.meta_json = meta_json.data();
+  ASSERT_EQ(dds_write(manifests->get(), &wire), DDS_RETCODE_OK);
+  auto publisher = BlobPublisher::Open(peers.a, {"owner", "1"}, SmallChunks());
+  auto subscriber = BlobSubscriber::Open(peers.b, {"owner", "1"}, "");
+  ASSERT_TRUE(publisher && subscriber);
+  ASSERT_TRUE(publisher->Publish("latest", 1, MakeBytes(50'000, 1), ""));
   const auto blob = subscriber->Wait(20s);
   ASSERT_TRUE(blob);
-  EXPECT_EQ(blob->owner, "anew");
+  EXPECT_EQ(blob->owner, "1");
   EXPECT_EQ(blob->version, 1u);
   EXPECT_FALSE(subscriber->Wait(50ms));
 }
 
 TEST(Published, ARestartedPublisherGoesOn) {
   const auto peers = OpenTwo(kDomain);
-  auto subscriber = BlobSubscriber::Open(peers.b, "again", "");
+  auto subscriber = BlobSubscriber::Open(peers.b, {"again", "1"}, "");
   ASSERT_TRUE(subscriber);
   for (std::uint64_t version = 1; version <= 2; ++version) {
-    auto publisher = BlobPublisher::Open(peers.a, "again", SmallChunks());
+    auto publisher = BlobPublisher::Open(peers.a, {"again", "1"}, SmallChunks());
     ASSERT_TRUE(publisher);
     const auto bytes = MakeBytes(200'000, static_cast<std::uint32_t>(version));
     ASSERT_TRUE(publisher->Publish("latest", version, bytes, ""));

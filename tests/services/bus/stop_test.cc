@@ -20,9 +20,9 @@ TEST(Stop, EndsEveryWait) {
   const auto peers = OpenTwo(72);
   auto reader = Reader<WorkRequest>::Open(peers.a, "stop");
   auto writer = Writer<WorkRequest>::Open(peers.a, "stop/nobody");
-  auto sender = BlobSender::Open(peers.a, "stop", "episode", "s");
-  auto receiver = BlobReceiver::Open(peers.b, "stop", "other");
-  auto subscriber = BlobSubscriber::Open(peers.b, "stop", "");
+  auto sender = BlobSender::Open(peers.a, {"stop", "1"}, "episode", "s");
+  auto receiver = BlobReceiver::Open(peers.b, {"stop", "1"}, "other");
+  auto subscriber = BlobSubscriber::Open(peers.b, {"stop", "1"}, "");
   ASSERT_TRUE(reader && writer && sender && receiver && subscriber);
   const Stopwatch watch;
   std::vector<std::thread> waits;

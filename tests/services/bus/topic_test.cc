@@ -100,7 +100,6 @@ Message MakeMessage() {
     message.chunk_size = 4;
     message.chunk_count = 2;
     message.sha256.assign(32, 9);
-    message.crc32c.clear();
   }
   return message;
 }
@@ -273,9 +272,9 @@ TEST(Topic, RefusesWhatDoesNotFitTheWire) {
   EXPECT_TRUE(writer->Write({"c", std::string(128, 'w'), 1, "v"}));
 }
 
-TEST(Topic, RefusesWildcardPartitions) {
+TEST(Topic, RefusesWildcardPartitionsAndEmptyParts) {
   const auto peers = OpenTwo(kDomain);
-  for (const char* name : {"", "a*", "a?", "[a]", "a b"}) {
+  for (const char* name : {"", "a*", "a?", "[a]", "a b", "a/", "/a", "a//b"}) {
     const auto writer = Writer<WorkRequest>::Open(peers.a, name);
     ASSERT_FALSE(writer) << name;
     EXPECT_EQ(writer.error().code, Code::kInvalidArgument);

@@ -96,7 +96,7 @@ class Running {
 };
 
 std::string PartitionOf(Running& running, const CampaignSpec& spec) {
-  return bus::PartitionOf(spec.name, running->id());
+  return bus::Owner{spec.name, running->id()}.partition();
 }
 
 class CollectorTest : public testing::Test {
@@ -401,11 +401,11 @@ class RawWorker {
  public:
   RawWorker(const bus::Participant& participant, const CampaignSpec& spec, const std::string& id,
             const std::string& name, const std::string& files_sha256 = "")
-      : partition_(bus::PartitionOf(spec.name, id)),
+      : partition_(bus::Owner{spec.name, id}.partition()),
         requests_(std::move(*bus::Writer<bus::WorkRequest>::Open(participant, partition_))),
         reports_(std::move(*bus::Writer<bus::AttemptReport>::Open(participant, partition_))),
         leases_(std::move(*bus::Reader<bus::Lease>::Open(participant, partition_))),
-        sender_(std::move(*bus::BlobSender::Open(participant, partition_, "episode", name, Owned(id)))) {
+        sender_(std::move(*bus::BlobSender::Open(participant, bus::Owner{spec.name, id}, "episode", name))) {
     request.campaign = spec.name;
     request.campaign_id = id;
     request.spec_sha256 = SpecHash(spec);
@@ -449,11 +449,6 @@ class RawWorker {
   bus::WorkRequest request;
 
  private:
-  static bus::SendOptions Owned(const std::string& id) {
-    bus::SendOptions options;
-    options.owner = id;
-    return options;
-  }
   std::string partition_;
   bus::Writer<bus::WorkRequest> requests_;
   bus::Writer<bus::AttemptReport> reports_;

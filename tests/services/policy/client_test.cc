@@ -27,8 +27,8 @@ class FakeServer {
       : presence_(bus::Announcement::Open(participant, bus::MakePresence(bus::PresenceKind::kPolicy, name, id, ""),
                                           Claim::kAdopt)
                       .value()),
-        actions_(bus::Writer<bus::Action>::Open(participant, bus::PartitionOf(name, id)).value()),
-        observations_(bus::Reader<bus::Observation>::Open(participant, bus::PartitionOf(name, id)).value()),
+        actions_(bus::Writer<bus::Action>::Open(participant, bus::Owner{name, id}.partition()).value()),
+        observations_(bus::Reader<bus::Observation>::Open(participant, bus::Owner{name, id}.partition()).value()),
         thread_([this, step](const std::stop_token& stop) {
           while (!stop.stop_requested())
             if (observations_.Wait(20ms))

@@ -51,9 +51,7 @@ TEST(CheckpointSink, PublishesToLateJoinersAlsoAfterARestart) {
   ASSERT_TRUE(first) << first.error().message;
   ASSERT_TRUE(first->Save(checkpoint::ExampleCheckpoint(config, 500)));
 
-  bus::ReceiveOptions receive;
-  receive.owner = "aaaa";
-  auto subscriber = bus::BlobSubscriber::Open(*participant, "sink-demo/aaaa", checkpoint::kLatest, receive);
+  auto subscriber = bus::BlobSubscriber::Open(*participant, {"sink-demo", "aaaa"}, checkpoint::kLatest);
   ASSERT_TRUE(subscriber);
   const auto before = subscriber->Wait(20s);
   ASSERT_TRUE(before);

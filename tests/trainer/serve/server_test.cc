@@ -25,7 +25,7 @@ constexpr char kId[] = "aaaa000000000001";
 class Client {
  public:
   static Client Open(const bus::Participant& participant, const Selector& run) {
-    const std::string partition = bus::PartitionOf(run.name, run.id);
+    const std::string partition = bus::Owner{run.name, run.id}.partition();
     return {bus::Writer<bus::Observation>::Open(participant, partition).value(),
             bus::Reader<bus::Action>::Open(participant, partition).value()};
   }
@@ -73,9 +73,7 @@ TEST(PolicyServer, TakesOverNewCheckpointsAndKeepsTheLastGoodOne) {
   EXPECT_NE(client.Ask(odd).error, "");
 
   // one that does not fit is refused; the first serves on
-  bus::SendOptions owned;
-  owned.owner = kId;
-  auto publisher = bus::BlobPublisher::Open(participant, bus::PartitionOf(run, kId), owned).value();
+  auto publisher = bus::BlobPublisher::Open(participant, {run, kId}).value();
   const std::vector<std::uint8_t> nonsense(1000, 7);
   ASSERT_TRUE(publisher.Publish("latest", std::uint64_t{1} << 60, nonsense, "{}"));
   const auto deadline = std::chrono::steady_clock::now() + 20s;
