@@ -142,8 +142,8 @@ class Hosted {
 // receiver that acknowledges at once.
 double PartsSeconds(const bus::Participant& participant, task::AttemptRunner& runner, std::uint64_t first,
                     std::uint64_t count) {
-  auto receiver = bus::BlobReceiver::Open(participant, "bench-parts", "episode");
-  auto sender = bus::BlobSender::Open(participant, "bench-parts", "episode", "bench");
+  auto receiver = bus::BlobReceiver::Open(participant, {"bench-parts", "1"}, "episode");
+  auto sender = bus::BlobSender::Open(participant, {"bench-parts", "1"}, "episode", "bench");
   ETUDE_CHECK(receiver && sender);
   std::atomic<bool> stop{false};
   std::thread thread([&] {
