@@ -18,7 +18,7 @@ using tinyxml2::XMLElement;
 constexpr double kSpeedIfUnknown = 2.0;  ///< rad/s
 constexpr const char* kToolSite = "etude_tool";
 constexpr double kQuarter = std::numbers::pi / 2;
-constexpr std::size_t kFewestJoints = 5, kJointsOfAnyPose = 6;
+constexpr std::size_t kFewestJoints = 5;
 
 /// Collects everything that is wrong.
 class Builder {
@@ -247,8 +247,8 @@ class Builder {
       Wrong("approach_pitch: {}: with {} joints only a hand that points straight down (1.5708) can be turned any way",
             file_.approach_pitch, file_.joints.size());
     notes_.push_back(
-        fmt::format("{} joints: a hand that points straight down reaches any place; what turns an object "
-                    "over (rotate, put_down) succeeds only where the arm's plane happens to be right",
+        fmt::format("{} joints: the hand points straight down and goes to any place; tasks that turn an object over "
+                    "(rotate, put_down) are not for this arm",
                     file_.joints.size()));
   }
 
