@@ -27,10 +27,10 @@ struct RobotModel {
   std::vector<std::string> bodies;  ///< base to fingers
   /// Driven; [0] has a motor of its name.
   std::vector<std::string> gripper_joints;
-  /// Joints coupled to gripper_joints[0]: q = factor * q_driven.
+  /// Joints coupled to gripper_joints[0]: q = offset + factor * q_driven.
   struct Coupled {
     std::string joint;
-    double factor;
+    double factor = 0, offset = 0;
   };
   std::vector<Coupled> coupled_joints;
   double gripper_open = 0;                   ///< driven joint when open, rad or m

@@ -36,7 +36,11 @@ struct Scene::Model {
   std::vector<double> soft_low, soft_high;  ///< rad, where the arm's soft stops begin
   std::vector<int> gripper_q;               ///< driven joints
   int gripper_u = -1;
-  std::vector<std::pair<int, double>> coupled_q;  ///< address, factor of the driven joint
+  struct CoupledJoint {
+    int address = -1;
+    double factor = 0, offset = 0;  ///< of the driven joint, see assets::RobotModel
+  };
+  std::vector<CoupledJoint> coupled_q;
   int tool_site = -1;
   struct FreeBody {
     int body = -1, q = -1, v = -1;

@@ -9,6 +9,8 @@
 #include <numbers>
 #include <set>
 
+#include "worker/sim/gripper_loop.h"
+
 namespace etude::sim {
 namespace {
 
@@ -18,7 +20,8 @@ using tinyxml2::XMLElement;
 constexpr double kSpeedIfUnknown = 2.0;  ///< rad/s
 constexpr const char* kToolSite = "etude_tool";
 constexpr double kQuarter = std::numbers::pi / 2;
-constexpr std::size_t kFewestJoints = 5, kJointsOfAnyPose = 6;
+constexpr std::size_t kFewestJoints = 5;
+constexpr double kDampingShare = 0.5;  ///< of a joint's torque, that its damping may take at most
 
 /// Collects everything that is wrong.
 class Builder {
@@ -38,6 +41,7 @@ class Builder {
     if (file_.masses != "check" && file_.masses != "trust")
       Wrong("masses: '{}' is neither check nor trust", file_.masses);
     if (!errors_.empty()) return Fail(Code::kInvalidArgument, fmt::format("{}: {}", origin, fmt::join(errors_, "; ")));
+    ETUDE_RETURN_IF_ERROR(FindFollowers());
     for (XMLElement* body : xml_.All("body")) model_.bodies.push_back(body->Attribute("name"));
     model_.defaults = xml_.Defaults();
     model_.materials = xml_.Assets();
@@ -115,6 +119,19 @@ class Builder {
     const double torque = i < file_.torque.size() ? file_.torque[i] : xml_.ActuatorLimit(JointName(name));
     if (!(torque > 0)) Wrong("joint '{}' has no torque limit in the MJCF: give `torque`", name);
     AddMotor(JointName(name), torque);
+    const double damping = i < file_.damping.size() ? file_.damping[i] : mj_->dof_damping[mj_->jnt_dofadr[id]];
+    LimitSpeed(i, torque, damping);
+  }
+
+  /// What a joint's damping takes of its torque is lost for moving and holding the arm.
+  void LimitSpeed(std::size_t i, double torque, double damping) {
+    const double most = kDampingShare * torque / damping;
+    if (i >= model_.joint_speed.size() || !(most < model_.joint_speed[i])) return;
+    notes_.push_back(fmt::format(
+        "joint '{}' is held to {:.2f} rad/s: at {:.2f} its damping of {:g} N m s/rad would take {:.0f} % of "
+        "its {:g} N m (give `damping` if it has less)",
+        file_.joints[i], most, model_.joint_speed[i], damping, 100 * damping * model_.joint_speed[i] / torque, torque));
+    model_.joint_speed[i] = most;
   }
 
   void AddGripper() {
@@ -136,14 +153,30 @@ class Builder {
     model_.gripper_closed = gripper.closed;
     model_.close_torque = std::copysign(gripper.force, gripper.closed - gripper.open);
     model_.open_torque = -model_.close_torque;
-    NoteLooseJoints();
+  }
+
+  /// Closed chains make joints follow that nobody has to name: their place is what collision checks need.
+  Status FindFollowers() {
+    if (LooseJoints().empty()) return {};
+    ETUDE_ASSIGN_OR_RETURN(const ModelPtr whole, CompileAlone(xml_, {}, xml_.Equality() + model_.equality));
+    std::vector<std::string> words;
+    for (const Follower& follower : MeasureFollowers(*whole, model_)) {
+      model_.coupled_joints.push_back({.joint = follower.joint, .factor = follower.factor, .offset = follower.offset});
+      words.push_back(fmt::format("{} by {:.2f} (within {:.3f})", follower.joint, follower.factor, follower.deviation));
+    }
+    if (!words.empty())
+      notes_.push_back(
+          fmt::format("found by closing the gripper: {} follow {}", fmt::join(words, ", "), model_.gripper_joints[0]));
+    for (const std::string& name : LooseJoints())
+      notes_.push_back(fmt::format("joint '{}' is neither the arm's nor the gripper's: it hangs loose", name));
+    return {};
   }
 
   /// Unless the file couples the joint itself.
   void Couple(const std::string& joint, double factor, const std::string& driven) {
     Id(mjOBJ_JOINT, "joint", joint);
     const std::string name = JointName(joint);
-    model_.coupled_joints.push_back({name, factor});
+    model_.coupled_joints.push_back({.joint = name, .factor = factor});
     if (xml_.Equality().find(fmt::format("\"{}\"", name)) != std::string::npos) return;
     model_.equality += fmt::format(
         "<joint joint1=\"{}\" joint2=\"{}\" polycoef=\"0 {} 0 0 0\" solref=\"0.004 1\" "
@@ -151,14 +184,16 @@ class Builder {
         name, driven, factor);
   }
 
-  void NoteLooseJoints() {
+  /// Joints that are neither the arm's nor the gripper's, so far.
+  std::vector<std::string> LooseJoints() const {
     std::set<std::string> known(model_.joints.begin(), model_.joints.end());
     known.insert(model_.gripper_joints.at(0));
     for (const auto& coupled : model_.coupled_joints) known.insert(coupled.joint);
+    std::vector<std::string> loose;
     for (int i = 0; i < mj_->njnt; ++i)
       if (const char* name = mj_id2name(mj_, mjOBJ_JOINT, i); !name || !known.contains(name))
-        notes_.push_back(
-            fmt::format("joint '{}' is neither the arm's nor the gripper's: it hangs loose", name ? name : ""));
+        loose.emplace_back(name ? name : "");
+    return loose;
   }
 
   /// What collides gets the contact types of our scenes: the robot meets table and objects, not itself.
@@ -247,8 +282,8 @@ class Builder {
       Wrong("approach_pitch: {}: with {} joints only a hand that points straight down (1.5708) can be turned any way",
             file_.approach_pitch, file_.joints.size());
     notes_.push_back(
-        fmt::format("{} joints: a hand that points straight down reaches any place; what turns an object "
-                    "over (rotate, put_down) succeeds only where the arm's plane happens to be right",
+        fmt::format("{} joints: the hand points straight down and goes to any place; tasks that turn an object over "
+                    "(rotate, put_down) are not for this arm",
                     file_.joints.size()));
   }
 
@@ -261,11 +296,11 @@ class Builder {
 
 }  // namespace
 
-Result<ModelPtr> CompileAlone(const RobotXml& xml, const std::string& settings) {
+Result<ModelPtr> CompileAlone(const RobotXml& xml, const std::string& settings, const std::string& equality) {
   const std::string text = fmt::format(
       "<mujoco><compiler angle=\"radian\" autolimits=\"true\"{}/><default>{}</default><asset>{}</asset>"
-      "<worldbody>{}</worldbody></mujoco>",
-      settings, xml.Defaults(), xml.Assets(), xml.Body());
+      "<worldbody>{}</worldbody><tendon>{}</tendon><equality>{}</equality></mujoco>",
+      settings, xml.Defaults(), xml.Assets(), xml.Body(), equality.empty() ? "" : xml.Tendon(), equality);
   auto model = CompileXml(text, xml.files());
   if (model) return model;
   return Fail(Code::kInvalidArgument, fmt::format("{}: {}", xml.file().string(), model.error().message));

@@ -12,7 +12,8 @@ namespace etude::sim {
 
 /// The robot alone, compiled, to look names and values up in.
 /// @param settings  attributes of <compiler> besides
-Result<ModelPtr> CompileAlone(const RobotXml& xml, const std::string& settings = {});
+/// @param equality  its equalities; with them come its tendons
+Result<ModelPtr> CompileAlone(const RobotXml& xml, const std::string& settings = {}, const std::string& equality = {});
 
 /// Writes the masses and inertias that its own <compiler> would have given its bodies into the document, so that it
 /// has them under other settings.

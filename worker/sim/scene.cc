@@ -67,7 +67,7 @@ void FillAddresses(Scene::Model& model, const assets::SceneDescription& descript
     model.gripper_q.push_back(mj->jnt_qposadr[Id(mj, mjOBJ_JOINT, name)]);
   model.gripper_u = Id(mj, mjOBJ_ACTUATOR, model.robot.gripper_joints.at(0));
   for (const auto& coupled : model.robot.coupled_joints)
-    model.coupled_q.emplace_back(mj->jnt_qposadr[Id(mj, mjOBJ_JOINT, coupled.joint)], coupled.factor);
+    model.coupled_q.push_back({mj->jnt_qposadr[Id(mj, mjOBJ_JOINT, coupled.joint)], coupled.factor, coupled.offset});
   model.tool_site = Id(mj, mjOBJ_SITE, model.robot.tool_site);
   for (const auto& group : model.robot.finger_groups)
     for (const std::string& name : group) Id(mj, mjOBJ_BODY, name);
@@ -220,7 +220,7 @@ void Scene::Model::SetArm(mjtNum* qpos, const Eigen::VectorXd& q) const {
 void Scene::Model::SetGripper(mjtNum* qpos, double gripper) const {
   const double driven = robot.gripper_open + gripper * (robot.gripper_closed - robot.gripper_open);
   for (const int address : gripper_q) qpos[address] = driven;
-  for (const auto& [address, factor] : coupled_q) qpos[address] = factor * driven;
+  for (const auto& [address, factor, offset] : coupled_q) qpos[address] = offset + factor * driven;
 }
 
 Pose Scene::Model::ToolPose(const mjData* data) const {

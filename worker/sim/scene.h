@@ -26,6 +26,9 @@ struct Geometry {
   std::vector<Eigen::Vector3d> vertices;           ///< kConvex only, in G
 };
 
+/// Joints from which on a hand can be turned any way at any place.
+inline constexpr std::size_t kJointsOfAnyPose = 6;
+
 struct ArmInfo {
   std::vector<std::string> joints;  ///< arm joints, in order (data, never a constant count)
   Eigen::VectorXd q_home;           ///< (nq)
@@ -44,6 +47,9 @@ struct ArmInfo {
   double turned_pitch = 0;
   /// Frame E: origin in the fingertip zone, x back along the hand, y along the opening.
   std::string tool_site;
+  /// False of fewer than six joints: only a hand that points straight down comes to every place, turned any way about
+  /// the vertical.
+  bool turns_any_way() const { return joints.size() >= kJointsOfAnyPose; }
 };
 
 struct ObjectInfo {

@@ -11,6 +11,8 @@
 #include "services/language/grammar.h"
 #include "services/spec/content_version.h"
 #include "services/spec/object_names.h"
+#include "services/spec/robot_names.h"
+#include "worker/sim/robot_file.h"
 #include "worker/task/episode_environment.h"
 #include "worker/task/expert.h"
 #include "worker/task/rollout.h"
@@ -21,6 +23,20 @@ namespace {
 
 constexpr int kExpertMaxSteps = 2500;
 constexpr std::size_t kKeptScenes = 6;  // compiled scenes kept for later episodes
+
+/// What turns an object over is not for an arm that cannot turn its hand over.
+Status CheckTurns(const CampaignSpec& spec, const TaskName& task) {
+  if (!task.spec->Has(TurnSpec::kName)) return {};
+  for (const std::string& robot : spec.robots) {
+    ETUDE_ASSIGN_OR_RETURN(const Path yaml, FindRobot(robot));
+    ETUDE_ASSIGN_OR_RETURN(const sim::LoadedRobot loaded, sim::LoadRobot(yaml));
+    if (loaded.model.joints.size() < sim::kJointsOfAnyPose)
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("'{}' turns an object over, which {} joints of '{}' cannot: leave out one of the two",
+                              task.text(), loaded.model.joints.size(), robot));
+  }
+  return {};
+}
 
 }  // namespace
 
@@ -86,6 +102,7 @@ Result<AttemptRunner> AttemptRunner::Open(const CampaignSpec& spec, const sim::R
   for (const auto& name : spec.tasks) {
     ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
     ETUDE_RETURN_IF_ERROR(CheckPredicates(*task.spec));
+    ETUDE_RETURN_IF_ERROR(CheckTurns(spec, task));
   }
   auto impl = std::make_unique<Impl>(
       Impl{.spec = spec, .spec_sha256 = SpecHash(spec), .renderer = renderer, .grammar = std::move(grammar)});
@@ -146,6 +163,7 @@ AttemptResult AttemptRunner::Demonstrate(std::uint64_t index, std::uint32_t atte
   Expert expert(&session, &in.planner, &in.checker, impl.spec.randomization);
   if (trace) expert.KeepMotions(&trace->motions);
   const Verdict verdict = expert.Run();
+  if (trace) trace->effort.Add(session.judge().violations());
 
   AttemptResult result = Judged(verdict, draws, preparing, session.times());
   if (!verdict.ok() && (!trace || session.steps() == 0)) return result;

@@ -110,7 +110,8 @@ std::optional<Eigen::VectorXd> DrawStart(const sim::ArmInfo& arm, const Randomiz
   const Pose X_WE_home = kinematics.X_WE(arm.q_home);
   for (int draw = 0; draw < kStartDraws; ++draw) {
     const Eigen::Vector3d shift = DrawOffset(randomization.start_position, rng);
-    const Eigen::Vector3d turn = DrawOffset(randomization.start_orientation, rng);
+    Eigen::Vector3d turn = DrawOffset(randomization.start_orientation, rng);
+    if (!arm.turns_any_way()) turn.head<2>().setZero();
     const Pose X_WE{X_WE_home.p + shift, FromEuler(turn) * X_WE_home.q};
     const auto q = kinematics.Solve(X_WE, arm.q_home);
     if (q && Dexterity(kinematics, *q) > kStartDexterity && !checker.Check(*q, kStartMargin)) return q;

@@ -162,7 +162,7 @@ TEST_F(BrokenRobot, NamesOfOursDoNotClash) {
   const Pose home = world.X_WE();
   for (int i = 0; i < 100; ++i) world.Step({home, 1}, Vector6d::Zero());
   EXPECT_NEAR((*scene)->model().coupled_q.size(), 1, 0);
-  EXPECT_NEAR(world.state().mj->qpos[(*scene)->model().coupled_q[0].first], 0, 2e-3) << "the coupled finger closes";
+  EXPECT_NEAR(world.state().mj->qpos[(*scene)->model().coupled_q[0].address], 0, 2e-3) << "the coupled finger closes";
 
   spec.objects = {"pepsi"};
   const auto other = Scene::Build(spec);

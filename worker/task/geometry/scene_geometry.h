@@ -51,6 +51,8 @@ class SceneGeometry {
   double natural_pitch() const { return natural_pitch_; }
   /// Pitch after it has turned an object over by 90 degrees, rad.
   double turned_pitch() const { return turned_pitch_; }
+  /// See sim::ArmInfo.
+  bool turns_any_way() const { return turns_any_way_; }
   /// The slowest joint's speed limit, rad/s.
   double joint_speed() const { return joint_speed_; }
   /// x, y of the first joint's vertical axis, m.
@@ -73,6 +75,7 @@ class SceneGeometry {
   Placed fingers_[3], palm_;  // fingers: open, half closed, closed
   double ahead_open_ = 0, ahead_closed_ = 0, palm_ahead_ = 0, natural_pitch_ = 0, turned_pitch_ = 0, joint_speed_ = 0;
   Eigen::Vector2d base_ = Eigen::Vector2d::Zero();
+  bool turns_any_way_ = true;
 };
 
 }  // namespace etude::task

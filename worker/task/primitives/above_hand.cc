@@ -25,6 +25,7 @@ bool PalmIsClear(const StageContext& now, const Quaterniond& q) {
 }
 
 Quaterniond PushingHand(const StageContext& now) {
+  if (!now.shapes->turns_any_way()) return Hand(now.shapes->natural_pitch());
   for (double pitch = kAbove.push_pitch; pitch > kAbove.push_leaning; pitch -= 0.05)
     if (PalmIsClear(now, Hand(pitch))) return Hand(pitch);
   return Hand(kAbove.push_leaning);
