@@ -96,12 +96,22 @@ int EditDistance(const std::string& a, const std::string& b) {
   return row[b.size()];
 }
 
+// Quoted where it would read back as something else.
+void EmitText(const std::string& text, YAML::Emitter& out) {
+  const YAML::Node probe(text);
+  const bool has_control = std::any_of(text.begin(), text.end(), [](unsigned char c) { return c < ' '; });
+  if (has_control || !ScalarToJson(probe).is_string()) out << YAML::DoubleQuoted;
+  out << text;
+}
+
 void EmitYaml(const OrderedJson& json, YAML::Emitter& out) {
   if (json.is_object()) {
     if (json.empty()) out << YAML::Flow;  // {}: the block style of no keys is nothing at all
     out << YAML::BeginMap;
     for (const auto& [key, value] : json.items()) {
-      out << YAML::Key << key << YAML::Value;
+      out << YAML::Key;
+      EmitText(key, out);
+      out << YAML::Value;
       EmitYaml(value, out);
     }
     out << YAML::EndMap;
@@ -112,11 +122,7 @@ void EmitYaml(const OrderedJson& json, YAML::Emitter& out) {
     for (const auto& item : json) EmitYaml(item, out);
     out << YAML::EndSeq;
   } else if (json.is_string()) {
-    const auto& text = json.get_ref<const std::string&>();
-    // quote text that would read back as something else
-    YAML::Node probe(text);
-    if (!ScalarToJson(probe).is_string()) out << YAML::DoubleQuoted;
-    out << text;
+    EmitText(json.get_ref<const std::string&>(), out);
   } else if (json.is_null()) {
     out << YAML::Null;
   } else {

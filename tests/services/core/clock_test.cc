@@ -14,6 +14,14 @@ TEST(FormatDuration, ReadsLikeAClock) {
   EXPECT_EQ(FormatDuration(-1), "0:00");
 }
 
+TEST(FormatDuration, RoundsToSecondsAndCarries) {
+  EXPECT_EQ(FormatDuration(0.49), "0:00");
+  EXPECT_EQ(FormatDuration(59.5), "1:00");
+  EXPECT_EQ(FormatDuration(3599.4), "59:59");
+  EXPECT_EQ(FormatDuration(3599.5), "1:00:00");
+  EXPECT_EQ(FormatDuration(100 * 3600 + 61), "100:01:01");
+}
+
 TEST(MonotonicNs, NeverGoesBack) {
   std::uint64_t last = MonotonicNs();
   for (int i = 0; i < 1000; ++i) {

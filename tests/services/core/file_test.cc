@@ -9,8 +9,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <fstream>
+#include <numeric>
 
+#include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 
 // Every fsync of this program, by path, on its way to the kernel.
@@ -46,6 +49,66 @@ TEST_F(FileTest, ErrorsNameFileAndCause) {
   EXPECT_THAT(missing.error().message, HasSubstr("none"));
   ASSERT_TRUE(WriteFileAtomically(folder_ / "large", std::string(1000, 'x')));
   EXPECT_EQ(ReadTextFile(folder_ / "large", 10).error().code, Code::kExhausted);
+}
+
+// What a user can mend is another kind of error than what only a programmer can.
+TEST(ErrnoError, TellsWhatIsMissingFromWhatTheMachineRefuses) {
+  for (const int refused :
+       {ENOSPC, EDQUOT, EFBIG, EROFS, EACCES, EPERM, EIO, EMFILE, ENFILE, ENOMEM, EAGAIN, ESTALE, ETIMEDOUT})
+    EXPECT_EQ(ErrnoError("write", "x", refused).code, Code::kUnavailable) << refused;
+  EXPECT_EQ(ErrnoError("open", "x", ENOENT).code, Code::kNotFound);
+  for (const int other : {EINVAL, EISDIR, EBADF}) EXPECT_EQ(ErrnoError("open", "x", other).code, Code::kInternal);
+  EXPECT_EQ(ErrnoError("write", "/d/x", ENOSPC).message, "write '/d/x': No space left on device");
+}
+
+TEST_F(FileTest, EveryByteComesBackAndTheLimitIsTheLastSizeThatFits) {
+  std::vector<std::uint8_t> bytes(256);
+  std::iota(bytes.begin(), bytes.end(), std::uint8_t{0});
+  ASSERT_THAT(WriteFileAtomically(folder_ / "bytes", bytes), IsOk());
+  EXPECT_EQ(ReadBinaryFile(folder_ / "bytes", 256).value(), bytes);
+  EXPECT_THAT(ReadBinaryFile(folder_ / "bytes", 255), MessageHas("256 bytes, more than the limit of 255"));
+  ASSERT_THAT(WriteFileAtomically(folder_ / "empty", std::string_view()), IsOk());
+  EXPECT_EQ(ReadTextFile(folder_ / "empty", 0).value(), "");
+}
+
+TEST_F(FileTest, WhatStandsInTheWayIsNamedAndNothingIsLeft) {
+  ASSERT_THAT(WriteFileAtomically(folder_ / "file", std::string_view("x")), IsOk());
+  ASSERT_THAT(MakeFolders(folder_ / "taken" / "below"), IsOk());
+
+  EXPECT_THAT(MakeFolders(folder_ / "file" / "below"), MessageHas("file"));
+  EXPECT_THAT(WriteFileAtomically(folder_ / "file" / "below", std::string_view("y")), MessageHas("make folder"));
+  EXPECT_THAT(WriteFileAtomically(folder_ / "taken", std::string_view("y")), MessageHas("rename to"));
+  EXPECT_FALSE(ReadTextFile(folder_ / "taken")) << "a folder is no file";
+  EXPECT_THAT(SyncFile(folder_ / "none"), HasCode(Code::kNotFound));
+  EXPECT_THAT(SyncFolder(folder_ / "none"), HasCode(Code::kNotFound));
+  EXPECT_FALSE(SyncFolder(folder_ / "file"));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), {}), 2) << "no temporary file";
+}
+
+TEST_F(FileTest, WhatIsWrittenIsOnTheDiskBeforeItsNameIs) {
+  synced_paths.clear();
+  ASSERT_THAT(WriteFileAtomically(folder_ / "kept", std::string_view("x")), IsOk());
+  ASSERT_EQ(synced_paths.size(), 2u);
+  EXPECT_THAT(synced_paths[0], HasSubstr("kept.tmp-")) << "under its temporary name";
+  EXPECT_EQ(synced_paths[1], folder_.string());
+}
+
+TEST_F(FileTest, AnAppenderMayBeMovedAndAddsToWhatIsThere) {
+  const Path path = folder_ / "new" / "log.jsonl";
+  auto first = LineAppender::Open(path);
+  ASSERT_THAT(first, IsOk());
+  LineAppender moved = std::move(*first);
+  ASSERT_THAT(moved.Append("1"), IsOk());
+  {
+    auto other = LineAppender::Open(folder_ / "other");
+    ASSERT_THAT(other, IsOk());
+    *other = std::move(moved);
+    ASSERT_THAT(other->Append("2"), IsOk());
+    ASSERT_THAT(other->Sync(), IsOk());
+  }
+  ASSERT_THAT(LineAppender::Open(path)->Append("3"), IsOk());
+  EXPECT_EQ(ReadTextFile(path).value(), "1\n2\n3\n");
+  EXPECT_EQ(ReadTextFile(folder_ / "other").value(), "");
 }
 
 TEST_F(FileTest, AFullDiskLeavesTheOldFile) {
@@ -120,6 +183,7 @@ TEST_F(FileTest, ANewFoldersEntryIsDurable) {
 TEST(PlainName, KeepsPathsOut) {
   EXPECT_TRUE(IsPlainName("quickstart-2"));
   for (const char* bad : {"", "..", "a/b", "A", "a b", "\xc3\xa9"}) EXPECT_FALSE(IsPlainName(bad)) << bad;
+  EXPECT_TRUE(IsPlainName(std::string(64, 'a')));
   EXPECT_FALSE(IsPlainName(std::string(65, 'a')));
   EXPECT_FALSE(IsPlainName(std::string_view("a\0b", 3)));
 }

@@ -4,7 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+
+#include "services/core/rng.h"
 
 namespace etude {
 namespace {
@@ -17,6 +20,40 @@ TEST(WilsonInterval, MatchesHandComputedValues) {
   EXPECT_DOUBLE_EQ(WilsonInterval(0, 10).low, 0);
   EXPECT_DOUBLE_EQ(WilsonInterval(0, 0).high, 1);
 }
+
+// Wilson's bounds are the proportions p of which the observed share is just z standard deviations away.
+TEST(WilsonInterval, EndsWhereTheScoreTestDoes) {
+  constexpr double z2 = 3.841458820694124;  // 95 % quantile of chi square with one degree of freedom
+  for (std::uint64_t n = 1; n <= 60; ++n)
+    for (std::uint64_t k = 0; k <= n; ++k) {
+      const Interval interval = WilsonInterval(k, n);
+      const double share = static_cast<double>(k) / static_cast<double>(n);
+      for (const double p : {interval.low, interval.high})
+        EXPECT_NEAR((share - p) * (share - p) * static_cast<double>(n), z2 * p * (1 - p), 1e-9) << k << " of " << n;
+      EXPECT_LE(interval.low, share + 1e-12);
+      EXPECT_GE(interval.high, share - 1e-12);
+      EXPECT_NEAR(interval.low, 1 - WilsonInterval(n - k, n).high, 1e-12) << "failures mirror successes";
+    }
+}
+
+TEST(Quantile, IsThatOfTheSortedValues) {
+  Rng rng(9);
+  for (int round = 0; round < 200; ++round) {
+    std::vector<double> values(1 + rng.Below(20));
+    for (double& value : values) value = static_cast<double>(rng.Below(8));  // with values that stand twice
+    std::vector<double> sorted = values;
+    std::sort(sorted.begin(), sorted.end());
+    for (const double q : {0.0, 0.25, rng.Uniform(), 1.0}) {
+      const double place = q * static_cast<double>(sorted.size() - 1);
+      const auto below = static_cast<std::size_t>(place);
+      const std::size_t above = std::min(below + 1, sorted.size() - 1);
+      const double expected = sorted[below] + (place - static_cast<double>(below)) * (sorted[above] - sorted[below]);
+      ASSERT_NEAR(Quantile(values, q), expected, 1e-12) << q;
+    }
+  }
+}
+
+TEST(Mean, IsTheSumByTheCount) { EXPECT_DOUBLE_EQ(Mean({1, 2, 6}), 3); }
 
 TEST(Quantile, InterpolatesLinearly) {
   EXPECT_DOUBLE_EQ(Quantile({3, 1, 2}, 0.5), 2);
