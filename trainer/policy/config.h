@@ -152,7 +152,8 @@ struct PolicyConfig {
   std::string attention = "module";  ///< module (own parameters) | shared (the paper's, per level)
   std::string activation = "silu";   ///< silu | selu | relu, of decoders and joint encoder
   std::vector<std::string> objects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};  ///< LANG's classes
-  std::string precision = "bf16";  ///< bf16 (autocast, convolutions) | float32
+  /// Of the convolutions: bf16 (where the CPU is fast at it, see HasFastBf16; else float32) | float32.
+  std::string precision = "bf16";
   LossesConfig losses;
   std::vector<ModuleConfig> modules;
 
@@ -167,7 +168,7 @@ struct PolicyConfig {
     v("attention", attention, "", "module: parameters of its own | shared: one set a level, as in the paper");
     v("activation", activation, "", "silu | selu | relu, of decoders and joint encoder");
     v("objects", objects, "", "classes that it tells apart");
-    v("precision", precision, "", "bf16 | float32, of the convolutions");
+    v("precision", precision, "", "of the convolutions: bf16 (float32 on a CPU without AVX-512) | float32");
     v("losses", losses, "", "what errors cost");
     v("modules", modules, "", "the graph");
   }

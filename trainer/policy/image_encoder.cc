@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "services/core/check.h"
+#include "trainer/policy/torch_process.h"
 
 namespace etude::policy {
 namespace {
@@ -69,7 +70,7 @@ torch::Tensor PositionFeatures(const torch::Tensor& x) {
 }
 
 ImageEncoder::ImageEncoder(const ImageConfig& config, int width, const std::string& precision)
-    : config_(config), grid_(config), bf16_(precision == "bf16") {
+    : config_(config), grid_(config), bf16_(precision == "bf16" && HasFastBf16()) {
   int channels = 3;
   for (std::size_t i = 0; i < config_.layers.size(); ++i) {
     layers_.push_back(MakeLayer(config_.layers[i], channels, static_cast<int>(i)));

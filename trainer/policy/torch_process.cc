@@ -45,11 +45,14 @@ void SetTorchThreads(int threads) {
   at::globalContext().setFlushDenormal(true);
 }
 
+bool HasFastBf16() { return HasAvx512(); }
+
 std::string DescribeTorch() {
   using CoreName = char* (*)();
   const auto core = reinterpret_cast<CoreName>(::dlsym(RTLD_DEFAULT, "openblas_get_corename"));
-  return fmt::format("libtorch {}, {} threads, {}", TORCH_VERSION, at::get_num_threads(),
-                     core != nullptr ? fmt::format("OpenBLAS {}", core()) : "BLAS unknown");
+  return fmt::format("libtorch {}, {} threads, {}, convolutions in {}", TORCH_VERSION, at::get_num_threads(),
+                     core != nullptr ? fmt::format("OpenBLAS {}", core()) : "BLAS unknown",
+                     HasFastBf16() ? "bf16" : "float32 (bf16 needs AVX-512)");
 }
 
 }  // namespace etude::policy
