@@ -163,6 +163,7 @@ AttemptResult AttemptRunner::Demonstrate(std::uint64_t index, std::uint32_t atte
   Expert expert(&session, &in.planner, &in.checker, impl.spec.randomization);
   if (trace) expert.KeepMotions(&trace->motions);
   const Verdict verdict = expert.Run();
+  if (trace) trace->effort.Add(session.judge().violations());
 
   AttemptResult result = Judged(verdict, draws, preparing, session.times());
   if (!verdict.ok() && (!trace || session.steps() == 0)) return result;

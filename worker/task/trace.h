@@ -10,6 +10,7 @@
 #include "services/spec/episode_plan.h"
 #include "worker/collide/checker.h"
 #include "worker/plan/planner.h"
+#include "worker/task/effort.h"
 
 namespace etude::task {
 
@@ -32,6 +33,7 @@ struct AttemptTrace {
     collide::Collision pair;
   };
   std::vector<Near> nearest;  ///< every so many steps
+  Effort effort;
 };
 
 /// Looks at a world step by step. It has a checker of its own, so that what is traced is what happens untraced.
@@ -46,6 +48,7 @@ class Tracer {
  private:
   sim::Kinematics kinematics_;
   collide::Checker checker_;
+  std::string target_;
   int stride_;
   AttemptTrace* trace_;
 };
