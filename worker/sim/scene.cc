@@ -151,6 +151,7 @@ ArmInfo MakeArm(const Scene::Model& model) {
   arm.gripper_joints = model.robot.gripper_joints;
   arm.bodies = model.robot.bodies;
   arm.joint_speed = Eigen::VectorXd::Map(model.robot.joint_speed.data(), n);
+  arm.planned_speed = Eigen::VectorXd::Map(model.robot.planned_speed.data(), n);
   arm.finger_groups = model.robot.finger_groups;
   arm.approach_pitch = model.robot.approach_pitch;
   arm.turned_pitch = model.robot.turned_pitch;
