@@ -17,6 +17,7 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 /// there.
 constexpr double kLeastMobility = 5e-3;
 constexpr double kNullDamping = 1e-3;  ///< m (and rad)
+constexpr double kLeastRoom = 0.1;     ///< of a joint's limit that is left for it to count in WithinLimits
 
 /// `v`, no longer than `limit`.
 Eigen::Vector3d Saturated(const Eigen::Vector3d& v, double limit) {
@@ -36,10 +37,36 @@ Matrix6d TaskInertia(const Matrix6d& mobility) {
   return eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
 }
 
+/// The smallest joint motion that moves the tool by `dx`.
+Eigen::VectorXd JointMotion(const Eigen::MatrixXd& J, const Vector6d& dx, double damping) {
+  const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
+  return J.transpose() * normal.ldlt().solve(dx);
+}
+
 /// What of the joint motion `dq` does not move the tool.
 Eigen::VectorXd NullSpacePart(const Eigen::MatrixXd& J, const Eigen::VectorXd& dq) {
-  const Matrix6d normal = J * J.transpose() + kNullDamping * kNullDamping * Matrix6d::Identity();
-  return dq - J.transpose() * normal.ldlt().solve(J * dq);
+  return dq - JointMotion(J, J * dq, kNullDamping);
+}
+
+/// Velocity in the null space towards the posture. Where the tool's own motion leaves joints little of their speed,
+/// less.
+Eigen::VectorXd Slide(const ControlState& state, double rate) {
+  Eigen::VectorXd slide = rate * NullSpacePart(state.J, state.posture);
+  if (state.speed.size() != slide.size()) return slide;
+  const Eigen::VectorXd with_tool = state.v - NullSpacePart(state.J, state.v);
+  double share = 1;
+  for (Eigen::Index i = 0; i < slide.size(); ++i) {
+    const double room = std::max(0.0, state.speed[i] - std::copysign(1.0, slide[i]) * with_tool[i]);
+    if (std::abs(slide[i]) > room) share = std::min(share, room / std::abs(slide[i]));
+  }
+  return share * slide;
+}
+
+/// Towards where the joints have to go for the tool to have the velocity `V_WE`, at most the friction.
+Eigen::VectorXd OvercomingFriction(const ControlState& state, const Vector6d& V_WE, double dry_speed) {
+  constexpr double kDamping = 0.05;  // m (and rad): near a singularity no joint has far to go
+  const Eigen::VectorXd v = JointMotion(state.J, V_WE, kDamping);
+  return state.friction.cwiseProduct((v / dry_speed).cwiseMax(-1).cwiseMin(1));
 }
 
 }  // namespace
@@ -72,9 +99,23 @@ Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X
   // is taken out
   const Vector6d wrench = inertia * (acceleration + config.null_kv * V_WE);
   Eigen::VectorXd joints = -config.null_kv * state.v;
-  if (n > 6 && state.posture.size() == n) joints += config.null_kp * NullSpacePart(state.J, state.posture);
+  if (n > 6 && state.posture.size() == n) joints += config.null_kv * Slide(state, config.null_kp / config.null_kv);
   if (state.stop.size() == n) joints += config.stop_kp * state.stop;
-  return state.J.transpose() * wrench + state.bias + state.M * joints;
+  Eigen::VectorXd torque = state.J.transpose() * wrench + state.bias + state.M * joints;
+  // the velocity that would be right: what the spring and the path ask for
+  if (state.friction.size() == n) torque += OvercomingFriction(state, V_WE + acceleration / config.kv, config.dry_speed);
+  return torque;
+}
+
+Eigen::VectorXd WithinLimits(const Eigen::VectorXd& demand, const Eigen::VectorXd& bias, const Eigen::VectorXd& limit) {
+  const Eigen::VectorXd rest = demand - bias;
+  double share = 1;
+  for (Eigen::Index i = 0; i < demand.size(); ++i) {
+    if (std::abs(demand[i]) <= limit[i]) continue;
+    const double room = rest[i] > 0 ? limit[i] - bias[i] : limit[i] + bias[i];
+    if (room > kLeastRoom * limit[i]) share = std::min(share, room / std::abs(rest[i]));
+  }
+  return (bias + share * rest).cwiseMax(-limit).cwiseMin(limit);
 }
 
 }  // namespace etude::sim

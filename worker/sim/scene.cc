@@ -60,6 +60,7 @@ void FillAddresses(Scene::Model& model, const assets::SceneDescription& descript
     model.arm_q.push_back(mj->jnt_qposadr[joint]);
     model.arm_v.push_back(mj->jnt_dofadr[joint]);
     model.arm_u.push_back(Id(mj, mjOBJ_ACTUATOR, name));
+    model.has_friction = model.has_friction || mj->dof_frictionloss[mj->jnt_dofadr[joint]] > 0;
     model.soft_low.push_back(mj->jnt_range[2 * joint] + kStopMargin);
     model.soft_high.push_back(mj->jnt_range[2 * joint + 1] - kStopMargin);
   }
