@@ -16,8 +16,9 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 /// Mobility (1/kg, 1/(kg m^2)) below which a direction counts as lost: a singular arm cannot push
 /// there.
 constexpr double kLeastMobility = 5e-3;
-constexpr double kNullDamping = 1e-3;  ///< m (and rad)
-constexpr double kLeastRoom = 0.1;     ///< of a joint's limit that is left for it to count in WithinLimits
+constexpr double kNullDamping = 1e-3;   ///< m (and rad)
+constexpr double kShareDamping = 0.03;  ///< m (and rad): near a singularity the force does it alone
+constexpr double kLeastRoom = 0.1;      ///< of a joint's limit that is left for it to count in WithinLimits
 
 /// `v`, no longer than `limit`.
 Eigen::Vector3d Saturated(const Eigen::Vector3d& v, double limit) {
@@ -62,6 +63,14 @@ Eigen::VectorXd Slide(const ControlState& state, double rate) {
   return share * slide;
 }
 
+/// Joint accelerations of a redundant arm besides those that the force at the tool makes. That force alone moves light
+/// joints most; a plan's joints take the smallest motion, and a light wrist would have to be twice as fast as planned.
+Eigen::VectorXd RedundantPart(const ControlState& state, const Vector6d& acceleration, const ControllerConfig& config) {
+  Eigen::VectorXd slide = -NullSpacePart(state.J, state.v);
+  if (state.posture.size() == state.v.size()) slide += Slide(state, config.null_kp / config.null_kv);
+  return JointMotion(state.J, acceleration, kShareDamping) + config.null_kv * slide;
+}
+
 /// Towards where the joints have to go for the tool to have the velocity `V_WE`, at most the friction.
 Eigen::VectorXd OvercomingFriction(const ControlState& state, const Vector6d& V_WE, double dry_speed) {
   constexpr double kDamping = 0.05;  // m (and rad): near a singularity no joint has far to go
@@ -95,15 +104,16 @@ Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X
   acceleration.tail<3>() +=
       config.ko * Saturated(RotationVector(state.X_WE.q, X_WE_target.q), config.max_angular * config.kv / config.ko);
 
-  // N^T (-k M v) = -k (M v - J^T Lambda J v): what is left of joint damping once the tool's motion
-  // is taken out
-  const Vector6d wrench = inertia * (acceleration + config.null_kv * V_WE);
+  // what the joints do anyhow, the force at the tool need not (and takes back where it would disturb the tool)
   Eigen::VectorXd joints = -config.null_kv * state.v;
-  if (n > 6 && state.posture.size() == n) joints += config.null_kv * Slide(state, config.null_kp / config.null_kv);
+  if (n > 6) joints = RedundantPart(state, acceleration, config);
+  const Vector6d wrench =
+      inertia * (acceleration - (n > 6 ? Vector6d(state.J * joints) : Vector6d(-config.null_kv * V_WE)));
   if (state.stop.size() == n) joints += config.stop_kp * state.stop;
   Eigen::VectorXd torque = state.J.transpose() * wrench + state.bias + state.M * joints;
   // the velocity that would be right: what the spring and the path ask for
-  if (state.friction.size() == n) torque += OvercomingFriction(state, V_WE + acceleration / config.kv, config.dry_speed);
+  if (state.friction.size() == n)
+    torque += OvercomingFriction(state, V_WE + acceleration / config.kv, config.dry_speed);
   return torque;
 }
 

@@ -43,11 +43,13 @@ struct ControlState {
 /// Rotation vector (axis times angle, angle in [0, pi]) that turns `from` into `to`, in world.
 Eigen::Vector3d RotationVector(const Eigen::Quaterniond& from, const Eigen::Quaterniond& to);
 
-/// Joint torques (n), N m:
-///   tau = J^T Lambda (kp e_p + kv (V_ref - J v)) + bias + N^T(-null_kv M v)
-///         + M (1 - J^+ J) null_kp posture + M stop_kp stop + friction
-/// with Lambda = (J M^-1 J^T)^-1 (damped near singularities) and the full rotation vector as error. The
-/// posture's rest is where (1 - J^+ J) posture = 0, as in Kinematics::Solve; only the stops disturb the tool.
+/// Joint torques (n), N m, for the tool's acceleration a = kp e_p + kv (V_ref - J v):
+///   tau = J^T Lambda (a - J u) + M u + bias + M stop_kp stop + friction
+///   u = -null_kv v                                          six joints and fewer
+///   u = J^+ a + (1 - J^+ J) (null_kp posture - null_kv v)   a redundant arm
+/// with Lambda = (J M^-1 J^T)^-1 (damped near singularities) and the full rotation vector as error. u shares the tool's
+/// motion among the joints of a redundant arm as Kinematics::Solve does, whatever each weighs; the posture's rest is
+/// where (1 - J^+ J) posture = 0. Only the stops disturb the tool.
 Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X_WE_target,
                                         const Eigen::Matrix<double, 6, 1>& V_WE_target, const ControllerConfig& config);
 

@@ -2,6 +2,7 @@
 #include "worker/sim/controller.h"
 
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <cmath>
 
 #include "services/core/rng.h"
@@ -149,6 +150,19 @@ TEST(WithinLimits, AJointThatItsWeightTakesToItsLimitDoesNotStopTheOthers) {
   const Eigen::VectorXd given = WithinLimits(bias + Eigen::VectorXd(Eigen::Vector3d(30, 0, 5)), bias, limit);
   EXPECT_EQ(given[0], 30);
   EXPECT_EQ(given[2], 12);
+}
+
+// However light its last joints are, a redundant arm moves as its plan: by the smallest joint motion.
+TEST(Controller, SharesTheToolsMotionAmongJointsWhateverTheyWeigh) {
+  Rng rng(13);
+  ControlState state = RandomState(rng, 7);
+  state.v.setZero();
+  state.M.diagonal().head<4>().array() += 300;
+  const Pose target{state.X_WE.p + Eigen::Vector3d(0.01, 0, -0.01), state.X_WE.q};
+  const Eigen::VectorXd tau = OperationalSpaceTorques(state, target, Vector6d::Zero(), {});
+  const Eigen::VectorXd vdot = state.M.ldlt().solve(tau - state.bias);
+  const Eigen::VectorXd smallest = state.J.completeOrthogonalDecomposition().solve(state.J * vdot);
+  EXPECT_LT((vdot - smallest).norm(), 0.01 * vdot.norm());
 }
 
 TEST(Controller, SaturatesTheSpring) {
