@@ -24,6 +24,8 @@ struct RobotModel {
   std::vector<std::string> joints;  ///< arm joints, base to tool; each has a motor of its name
   std::vector<double> q_home;       ///< rad
   std::vector<double> joint_speed;  ///< rad/s, the published most of each arm joint
+  /// rad/s, the most that motions are planned for: less than joint_speed where damping would take too much torque
+  std::vector<double> planned_speed;
   std::vector<std::string> bodies;  ///< base to fingers
   /// Driven; [0] has a motor of its name.
   std::vector<std::string> gripper_joints;

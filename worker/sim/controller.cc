@@ -16,7 +16,9 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 /// Mobility (1/kg, 1/(kg m^2)) below which a direction counts as lost: a singular arm cannot push
 /// there.
 constexpr double kLeastMobility = 5e-3;
-constexpr double kNullDamping = 1e-3;  ///< m (and rad)
+constexpr double kNullDamping = 1e-3;   ///< m (and rad)
+constexpr double kShareDamping = 0.03;  ///< m (and rad): near a singularity the force does it alone
+constexpr double kLeastRoom = 0.1;      ///< of a joint's limit that is left for it to count in WithinLimits
 
 /// `v`, no longer than `limit`.
 Eigen::Vector3d Saturated(const Eigen::Vector3d& v, double limit) {
@@ -36,10 +38,44 @@ Matrix6d TaskInertia(const Matrix6d& mobility) {
   return eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
 }
 
+/// The smallest joint motion that moves the tool by `dx`.
+Eigen::VectorXd JointMotion(const Eigen::MatrixXd& J, const Vector6d& dx, double damping) {
+  const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
+  return J.transpose() * normal.ldlt().solve(dx);
+}
+
 /// What of the joint motion `dq` does not move the tool.
 Eigen::VectorXd NullSpacePart(const Eigen::MatrixXd& J, const Eigen::VectorXd& dq) {
-  const Matrix6d normal = J * J.transpose() + kNullDamping * kNullDamping * Matrix6d::Identity();
-  return dq - J.transpose() * normal.ldlt().solve(J * dq);
+  return dq - JointMotion(J, J * dq, kNullDamping);
+}
+
+/// Velocity in the null space towards the posture. Where the tool's own motion leaves joints little of their speed,
+/// less.
+Eigen::VectorXd Slide(const ControlState& state, double rate) {
+  Eigen::VectorXd slide = rate * NullSpacePart(state.J, state.posture);
+  if (state.speed.size() != slide.size()) return slide;
+  const Eigen::VectorXd with_tool = state.v - NullSpacePart(state.J, state.v);
+  double share = 1;
+  for (Eigen::Index i = 0; i < slide.size(); ++i) {
+    const double room = std::max(0.0, state.speed[i] - std::copysign(1.0, slide[i]) * with_tool[i]);
+    if (std::abs(slide[i]) > room) share = std::min(share, room / std::abs(slide[i]));
+  }
+  return share * slide;
+}
+
+/// Joint accelerations of a redundant arm besides those that the force at the tool makes. That force alone moves light
+/// joints most; a plan's joints take the smallest motion, and a light wrist would have to be twice as fast as planned.
+Eigen::VectorXd RedundantPart(const ControlState& state, const Vector6d& acceleration, const ControllerConfig& config) {
+  Eigen::VectorXd slide = -NullSpacePart(state.J, state.v);
+  if (state.posture.size() == state.v.size()) slide += Slide(state, config.null_kp / config.null_kv);
+  return JointMotion(state.J, acceleration, kShareDamping) + config.null_kv * slide;
+}
+
+/// Towards where the joints have to go for the tool to have the velocity `V_WE`, at most the friction.
+Eigen::VectorXd OvercomingFriction(const ControlState& state, const Vector6d& V_WE, double dry_speed) {
+  constexpr double kDamping = 0.05;  // m (and rad): near a singularity no joint has far to go
+  const Eigen::VectorXd v = JointMotion(state.J, V_WE, kDamping);
+  return state.friction.cwiseProduct((v / dry_speed).cwiseMax(-1).cwiseMin(1));
 }
 
 }  // namespace
@@ -68,13 +104,28 @@ Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X
   acceleration.tail<3>() +=
       config.ko * Saturated(RotationVector(state.X_WE.q, X_WE_target.q), config.max_angular * config.kv / config.ko);
 
-  // N^T (-k M v) = -k (M v - J^T Lambda J v): what is left of joint damping once the tool's motion
-  // is taken out
-  const Vector6d wrench = inertia * (acceleration + config.null_kv * V_WE);
+  // what the joints do anyhow, the force at the tool need not (and takes back where it would disturb the tool)
   Eigen::VectorXd joints = -config.null_kv * state.v;
-  if (n > 6 && state.posture.size() == n) joints += config.null_kp * NullSpacePart(state.J, state.posture);
+  if (n > 6) joints = RedundantPart(state, acceleration, config);
+  const Vector6d wrench =
+      inertia * (acceleration - (n > 6 ? Vector6d(state.J * joints) : Vector6d(-config.null_kv * V_WE)));
   if (state.stop.size() == n) joints += config.stop_kp * state.stop;
-  return state.J.transpose() * wrench + state.bias + state.M * joints;
+  Eigen::VectorXd torque = state.J.transpose() * wrench + state.bias + state.M * joints;
+  // the velocity that would be right: what the spring and the path ask for
+  if (state.friction.size() == n)
+    torque += OvercomingFriction(state, V_WE + acceleration / config.kv, config.dry_speed);
+  return torque;
+}
+
+Eigen::VectorXd WithinLimits(const Eigen::VectorXd& demand, const Eigen::VectorXd& bias, const Eigen::VectorXd& limit) {
+  const Eigen::VectorXd rest = demand - bias;
+  double share = 1;
+  for (Eigen::Index i = 0; i < demand.size(); ++i) {
+    if (std::abs(demand[i]) <= limit[i]) continue;
+    const double room = rest[i] > 0 ? limit[i] - bias[i] : limit[i] + bias[i];
+    if (room > kLeastRoom * limit[i]) share = std::min(share, room / std::abs(rest[i]));
+  }
+  return (bias + share * rest).cwiseMax(-limit).cwiseMin(limit);
 }
 
 }  // namespace etude::sim

@@ -34,6 +34,7 @@ struct Scene::Model {
   assets::RobotModel robot;
   std::vector<int> arm_q, arm_v, arm_u;     ///< addresses in qpos, qvel, ctrl
   std::vector<double> soft_low, soft_high;  ///< rad, where the arm's soft stops begin
+  bool has_friction = false;                ///< dry, in some joint of the arm
   std::vector<int> gripper_q;               ///< driven joints
   int gripper_u = -1;
   struct CoupledJoint {
@@ -69,8 +70,8 @@ struct World::State {
   ControllerConfig config;
   ControlState control;  ///< scratch of Step, kept for its memory
   std::vector<double> scratch, full_inertia;
-  Eigen::VectorXd demanded;       ///< (n) N m, see World::demanded_torque
-  std::vector<int> arm_body_ids;  ///< of ArmInfo::bodies
+  Eigen::VectorXd demanded;                                                    ///< (n) N m, see World::demanded_torque
+  std::vector<int> arm_body_ids;                                               ///< of ArmInfo::bodies
   /// Commands under way to the arm, the oldest first; at most the scene's control_delay.
   struct Command {
     Waypoint target;

@@ -91,6 +91,7 @@ class Builder {
     for (const std::string& name : file_.joints) model_.joints.push_back(JointName(name));
     model_.q_home = file_.home;
     model_.joint_speed = file_.speed.empty() ? std::vector<double>(n, kSpeedIfUnknown) : file_.speed;
+    model_.planned_speed = model_.joint_speed;
     for (std::size_t i = 0; i < n; ++i) AddJoint(i);
   }
 
@@ -126,12 +127,13 @@ class Builder {
   /// What a joint's damping takes of its torque is lost for moving and holding the arm.
   void LimitSpeed(std::size_t i, double torque, double damping) {
     const double most = kDampingShare * torque / damping;
-    if (i >= model_.joint_speed.size() || !(most < model_.joint_speed[i])) return;
+    if (i >= model_.planned_speed.size() || !(most < model_.planned_speed[i])) return;
     notes_.push_back(fmt::format(
-        "joint '{}' is held to {:.2f} rad/s: at {:.2f} its damping of {:g} N m s/rad would take {:.0f} % of "
+        "joint '{}' is planned for {:.2f} rad/s at most: at {:.2f} its damping of {:g} N m s/rad would take {:.0f} % "
+        "of "
         "its {:g} N m (give `damping` if it has less)",
         file_.joints[i], most, model_.joint_speed[i], damping, 100 * damping * model_.joint_speed[i] / torque, torque));
-    model_.joint_speed[i] = most;
+    model_.planned_speed[i] = most;
   }
 
   void AddGripper() {

@@ -60,6 +60,7 @@ void FillAddresses(Scene::Model& model, const assets::SceneDescription& descript
     model.arm_q.push_back(mj->jnt_qposadr[joint]);
     model.arm_v.push_back(mj->jnt_dofadr[joint]);
     model.arm_u.push_back(Id(mj, mjOBJ_ACTUATOR, name));
+    model.has_friction = model.has_friction || mj->dof_frictionloss[mj->jnt_dofadr[joint]] > 0;
     model.soft_low.push_back(mj->jnt_range[2 * joint] + kStopMargin);
     model.soft_high.push_back(mj->jnt_range[2 * joint + 1] - kStopMargin);
   }
@@ -151,6 +152,7 @@ ArmInfo MakeArm(const Scene::Model& model) {
   arm.gripper_joints = model.robot.gripper_joints;
   arm.bodies = model.robot.bodies;
   arm.joint_speed = Eigen::VectorXd::Map(model.robot.joint_speed.data(), n);
+  arm.planned_speed = Eigen::VectorXd::Map(model.robot.planned_speed.data(), n);
   arm.finger_groups = model.robot.finger_groups;
   arm.approach_pitch = model.robot.approach_pitch;
   arm.turned_pitch = model.robot.turned_pitch;

@@ -35,6 +35,8 @@ struct ArmInfo {
   Eigen::VectorXd q_min, q_max;     ///< (nq), rad
   Eigen::VectorXd torque_limit;     ///< (nu), N m
   Eigen::VectorXd joint_speed;      ///< (nv), rad/s, the published most of each joint
+  /// (nv), rad/s, the most to plan for: less than joint_speed where a joint's damping would take too much of its torque
+  Eigen::VectorXd planned_speed;
   std::vector<std::string> gripper_joints;
   std::vector<std::string> bodies;  ///< bodies of the robot, base to fingers (the base stands still)
   /// Groups of bodies that close on an object: it is grasped when each group touches it.

@@ -84,8 +84,9 @@ void World::Obey(const Waypoint& target, const Vector6d& V_WE) {
     const Pose X_now = Advanced(target.X_WE, V_WE, -remaining);
     state_->ReadControl(model);
     state_->demanded = OperationalSpaceTorques(state_->control, X_now, V_WE, state_->config);
+    const Eigen::VectorXd given = WithinLimits(state_->demanded, state_->control.bias, scene_->arm().torque_limit);
     for (std::size_t i = 0; i < model.arm_u.size(); ++i)
-      data->ctrl[model.arm_u[i]] = state_->demanded[static_cast<Eigen::Index>(i)];
+      data->ctrl[model.arm_u[i]] = given[static_cast<Eigen::Index>(i)];
     data->ctrl[model.gripper_u] = torque;
     mj_step2(mj, data);
     mj_step1(mj, data);
@@ -103,12 +104,15 @@ void World::State::ReadControl(const Scene::Model& model) {
   control.posture.resize(n);
   control.stop.resize(n);
   control.M.resize(n, n);
+  if (model.has_friction) control.friction.resize(n);
+  control.speed = Eigen::VectorXd::Map(model.robot.planned_speed.data(), n);
   for (Eigen::Index i = 0; i < n; ++i) {
     control.v[i] = mj->qvel[model.arm_v[i]];
     const double q = mj->qpos[model.arm_q[i]];
     control.posture[i] = model.robot.q_home[i] - q;
     control.stop[i] = std::max(0.0, model.soft_low[i] - q) - std::max(0.0, q - model.soft_high[i]);
     control.bias[i] = mj->qfrc_bias[model.arm_v[i]] - mj->qfrc_passive[model.arm_v[i]];
+    if (model.has_friction) control.friction[i] = mjm->dof_frictionloss[model.arm_v[i]];
     for (Eigen::Index j = 0; j < n; ++j)
       control.M(i, j) = full_inertia[static_cast<std::size_t>(model.arm_v[i]) * mjm->nv + model.arm_v[j]];
   }

@@ -236,7 +236,7 @@ std::optional<plan::Motion> Expert::FeasiblePush(const plan::Motion& path, int a
   const int drawn_steps = push.steps;
   UpdateChecker(stage);
   if (!stage.holds) checker_->Allow({});  // a push must not hit what the stage will touch
-  const Eigen::VectorXd joint_speed = kStages.planned_speed * session_->world().scene().arm().joint_speed;
+  const Eigen::VectorXd joint_speed = kStages.planned_speed * session_->world().scene().arm().planned_speed;
   for (int slower = 1; slower <= kSlowest; ++slower) {
     push.steps = slower * drawn_steps;
     plan::Motion motion = PushMotion(path, at, push);

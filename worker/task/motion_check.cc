@@ -71,7 +71,7 @@ class Mover {
 
   plan::Outcome Plan(const Eigen::VectorXd& q, const Pose& goal) {
     plan::Request request{.q_start = q, .X_WE_goal = goal, .limits = kSpeeds, .straight_only = true};
-    request.limits.joint = kStages.planned_speed * scene_->arm().joint_speed.minCoeff();
+    request.limits.joint = kStages.planned_speed * scene_->arm().planned_speed.minCoeff();
     return planner_.Plan(request, checker_, 1);
   }
 

@@ -226,6 +226,7 @@ Status CheckTask(const std::string& robot, const TaskName& task, const sim::Rend
 Status CheckTasks(const std::string& robot, const sim::Scene& scene, const sim::RendererConfig& renderer,
                   Report& report) {
   task::Effort effort;
+  if (BaseTasks().empty()) return Fail(Code::kNotFound, "no tasks to try the robot with: see `etude task check pick`");
   for (const std::string& name : BaseTasks()) {
     ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
     if (task.relation()) continue;

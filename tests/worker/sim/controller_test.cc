@@ -2,6 +2,7 @@
 #include "worker/sim/controller.h"
 
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <cmath>
 
 #include "services/core/rng.h"
@@ -97,6 +98,71 @@ TEST(Controller, HoldsJointsOffTheirStops) {
   const Eigen::VectorXd tau = OperationalSpaceTorques(state, state.X_WE, Vector6d::Zero(), config);
   const Eigen::VectorXd vdot = state.M.ldlt().solve(tau - state.bias);
   EXPECT_LT((vdot - config.stop_kp * state.stop).norm(), 1e-9);
+}
+
+TEST(Controller, SlidesHomeOnlyAsFastAsTheJointsMayTurn) {
+  Rng rng(11);
+  const ControllerConfig config;
+  ControlState state = RandomState(rng, 8);
+  state.v.setZero();
+  state.posture = 10 * RandomMatrix(rng, 8, 1);
+  const auto sliding = [&] {  // the null space's speed that nothing accelerates
+    const Eigen::VectorXd tau = OperationalSpaceTorques(state, state.X_WE, Vector6d::Zero(), config);
+    return Eigen::VectorXd(state.M.ldlt().solve(tau - state.bias) / config.null_kv);
+  };
+  const Eigen::VectorXd free = sliding();
+  state.speed = Eigen::VectorXd::Constant(8, 0.5 * free.cwiseAbs().maxCoeff());
+  const Eigen::VectorXd limited = sliding();
+  EXPECT_NEAR(limited.cwiseAbs().maxCoeff(), state.speed[0], 1e-3 * state.speed[0]);
+  EXPECT_LT((limited - 0.5 * free).norm(), 1e-3 * free.norm()) << "the same way, slower";
+}
+
+TEST(Controller, OvercomesDryFrictionTowardsItsTarget) {
+  Rng rng(12);
+  const ControllerConfig config;
+  ControlState state = RandomState(rng, 6);
+  state.v.setZero();
+  const Pose near{state.X_WE.p + Eigen::Vector3d(0.02, -0.01, 0.01), state.X_WE.q};
+  const Eigen::VectorXd without = OperationalSpaceTorques(state, near, Vector6d::Zero(), config);
+  state.friction = Eigen::VectorXd::Constant(6, 1.5);
+  const Eigen::VectorXd more = OperationalSpaceTorques(state, near, Vector6d::Zero(), config) - without;
+  EXPECT_LE(more.cwiseAbs().maxCoeff(), 1.5 + 1e-9) << "never more than the friction is";
+  const Eigen::VectorXd wanted = state.J.fullPivLu().solve((Vector6d() << 0.02, -0.01, 0.01, 0, 0, 0).finished());
+  for (int i = 0; i < 6; ++i)
+    if (std::abs(wanted[i]) > 0.004) {
+      EXPECT_GT(more[i] * wanted[i], 0) << i;
+    }
+  const Eigen::VectorXd there = OperationalSpaceTorques(state, state.X_WE, Vector6d::Zero(), config);
+  EXPECT_LT((there - state.bias).norm(), 1e-9) << "at rest nothing pushes";
+}
+
+TEST(WithinLimits, KeepsTheDirectionOfWhatMovesTheArm) {
+  const Eigen::VectorXd limit = Eigen::Vector3d(87, 87, 12), bias = Eigen::Vector3d(-40, 10, 2);
+  const Eigen::VectorXd demand = bias + Eigen::VectorXd(Eigen::Vector3d(30, -20, 40));
+  const Eigen::VectorXd given = WithinLimits(demand, bias, limit);
+  EXPECT_NEAR(given[2], 12, 1e-12);
+  EXPECT_LT((given - bias - 0.25 * (demand - bias)).norm(), 1e-12);
+  EXPECT_EQ(WithinLimits(bias, bias, limit), bias) << "nothing is taken from what is within";
+}
+
+TEST(WithinLimits, AJointThatItsWeightTakesToItsLimitDoesNotStopTheOthers) {
+  const Eigen::VectorXd limit = Eigen::Vector3d(87, 87, 12), bias = Eigen::Vector3d(0, 0, 11.9);
+  const Eigen::VectorXd given = WithinLimits(bias + Eigen::VectorXd(Eigen::Vector3d(30, 0, 5)), bias, limit);
+  EXPECT_EQ(given[0], 30);
+  EXPECT_EQ(given[2], 12);
+}
+
+// However light its last joints are, a redundant arm moves as its plan: by the smallest joint motion.
+TEST(Controller, SharesTheToolsMotionAmongJointsWhateverTheyWeigh) {
+  Rng rng(13);
+  ControlState state = RandomState(rng, 7);
+  state.v.setZero();
+  state.M.diagonal().head<4>().array() += 300;
+  const Pose target{state.X_WE.p + Eigen::Vector3d(0.01, 0, -0.01), state.X_WE.q};
+  const Eigen::VectorXd tau = OperationalSpaceTorques(state, target, Vector6d::Zero(), {});
+  const Eigen::VectorXd vdot = state.M.ldlt().solve(tau - state.bias);
+  const Eigen::VectorXd smallest = state.J.completeOrthogonalDecomposition().solve(state.J * vdot);
+  EXPECT_LT((vdot - smallest).norm(), 0.01 * vdot.norm());
 }
 
 TEST(Controller, SaturatesTheSpring) {

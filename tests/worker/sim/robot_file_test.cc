@@ -334,6 +334,42 @@ TEST_F(BrokenRobot, TurnsObjectsTowardsLevelUnlessToldOtherwise) {
   EXPECT_THAT(Load().message, testing::HasSubstr("turn: 1"));
 }
 
+// Half of the torque is left for everything else; what the judge allows stays what the maker says.
+TEST_F(BrokenRobot, DampingSlowsWhatIsPlanned) {
+  Replace("sketch.yaml", "base:\n", "damping: [1, 1, 1, 1, 1, 30]\nbase:\n");
+  const auto loaded = LoadRobot(folder_ / "sketch.yaml");
+  ASSERT_TRUE(loaded) << loaded.error().message;
+  EXPECT_EQ(loaded->model.joint_speed[5], 3);
+  EXPECT_DOUBLE_EQ(loaded->model.planned_speed[5], 0.5);
+  EXPECT_EQ(loaded->model.planned_speed[0], 2.5);
+  EXPECT_THAT(loaded->notes, testing::Contains(testing::HasSubstr("'spin' is planned for 0.50 rad/s at most")));
+}
+
+// A parallelogram of which one joint is driven: the second crank stands parallel, the bar on the first stays level.
+TEST_F(BrokenRobot, JointsOfAClosedChainAreFoundByClosingIt) {
+  Replace("sketch/sketch.xml", "<body name=\"left\"",
+          "<body name=\"crank\" pos=\"0 0.1 0\"><joint name=\"crank\" axis=\"0 1 0\" range=\"0 60\"/>"
+          "<geom class=\"look\" type=\"box\" size=\"0.004 0.004 0.02\" pos=\"0 0 0.02\" mass=\"0.02\"/>"
+          "<body name=\"bar\" pos=\"0 0 0.04\"><joint name=\"bar\" axis=\"0 1 0\"/>"
+          "<geom class=\"look\" type=\"box\" size=\"0.02 0.004 0.004\" pos=\"0.02 0 0\" mass=\"0.02\"/></body></body>"
+          "<body name=\"rocker\" pos=\"0.04 0.1 0\"><joint name=\"rocker\" axis=\"0 1 0\"/>"
+          "<geom class=\"look\" type=\"box\" size=\"0.004 0.004 0.02\" pos=\"0 0 0.02\" mass=\"0.02\"/></body>"
+          "<body name=\"left\"");
+  Replace("sketch/sketch.xml", "<equality>",
+          "<equality><connect body1=\"bar\" body2=\"rocker\" anchor=\"0.04 0 0\" solref=\"0.004 1\"/>"
+          "<joint joint1=\"crank\" joint2=\"left_slide\" polycoef=\"0.8 -20 0 0 0\"/>");
+  const auto loaded = LoadRobot(folder_ / "sketch.yaml");
+  ASSERT_TRUE(loaded) << loaded.error().message;
+  std::map<std::string, assets::RobotModel::Coupled> found;
+  for (const auto& coupled : loaded->model.coupled_joints) found[coupled.joint] = coupled;
+  ASSERT_TRUE(found.contains("crank") && found.contains("bar") && found.contains("rocker"));
+  EXPECT_NEAR(found["crank"].factor, -20, 0.5);
+  EXPECT_NEAR(found["crank"].offset, 0.8, 0.02);
+  EXPECT_NEAR(found["rocker"].factor, -20, 0.5);
+  EXPECT_NEAR(found["bar"].factor, 20, 0.5);
+  EXPECT_THAT(loaded->notes, testing::Contains(testing::HasSubstr("found by closing the gripper")));
+}
+
 TEST_F(BrokenRobot, UnknownKeysAreRefused) {
   Replace("sketch.yaml", "approach_pitch:", "aproach_pitch:");
   EXPECT_THAT(Load().message, testing::HasSubstr("approach_pitch"));

@@ -22,7 +22,9 @@ std::shared_ptr<const sim::Scene> SceneWith(const std::string& robot) {
 }
 
 TEST(Effort, CountsTheStepsBeyondAJointsTorque) {
-  sim::World world(SceneWith("deploy/robots/sketch.yaml"));
+  SketchRobot robot;
+  robot.InMjcf("kp=\"2000\" forcerange=\"-120 120\"", "kp=\"2000\" forcerange=\"-8 8\"");  // the first: turn
+  sim::World world(SceneWith(robot.yaml()));
   Effort effort;
   const Pose home = world.X_WE();
   for (int i = 0; i < 10; ++i) {
@@ -46,22 +48,29 @@ TEST(Effort, CountsTheStepsBeyondAJointsTorque) {
   const auto turn = std::ranges::find(saturated, "turn", &Effort::Joint::name);
   ASSERT_NE(turn, saturated.end());
   EXPECT_EQ(turn->steps, beyond);
-  EXPECT_EQ(turn->limit, 120);
-  EXPECT_GT(turn->demand, 120);
+  EXPECT_EQ(turn->limit, 8);
+  EXPECT_GT(turn->demand, 8);
 }
 
 TEST(Effort, NamesWhatIsTouchedUnlessItIsWanted) {
   sim::World world(SceneWith("deploy/robots/sketch.yaml"));
-  Pose low = world.X_WE();
-  world.SetObject("cube", {{low.p.x(), low.p.y(), 0.05}, Eigen::Quaterniond::Identity()});
-  world.Forward();
-  low.p.z() = -0.02;  // through the cube, into the table
+  const Pose home = world.X_WE();
   Effort unwanted, wanted;
-  for (int i = 0; i < 150; ++i) {
-    world.Step({low, 0}, Vector6::Zero());
-    unwanted.Observe(world, "");
-    wanted.Observe(world, "cube");
-  }
+  const auto press = [&](double x) {  // down, into the table
+    Pose low = home;
+    low.p.x() += x;
+    for (const double z : {home.p.z(), -0.02})
+      for (int i = 0; i < 150; ++i) {
+        low.p.z() = z;
+        world.Step({low, 0}, Vector6::Zero());
+        unwanted.Observe(world, "");
+        wanted.Observe(world, "cube");
+      }
+  };
+  world.SetObject("cube", {{home.p.x(), home.p.y(), 0.05}, Eigen::Quaterniond::Identity()});
+  world.Forward();
+  press(0);
+  press(0.2);
   const auto others = [](const Effort& effort) {
     std::vector<std::string> names;
     for (const auto& touch : effort.Touches()) names.push_back(touch.other);
@@ -97,11 +106,11 @@ TEST(MotionCheck, ArmsThatComeAlongFollow) {
 
 TEST(MotionCheck, NamesTheJointThatIsTooWeak) {
   SketchRobot robot;
-  robot.InMjcf("<position joint=\"spin\" kp=\"500\" forcerange=\"-30 30\"/>",
-               "<position joint=\"spin\" kp=\"500\" forcerange=\"-0.3 0.3\"/>");
+  robot.InMjcf("<position joint=\"bend\" kp=\"2000\" forcerange=\"-120 120\"/>",
+               "<position joint=\"bend\" kp=\"2000\" forcerange=\"-5 5\"/>");
   const auto saturated = CheckMotion(SceneWith(robot.yaml())).effort.Saturated();
   ASSERT_FALSE(saturated.empty());
-  EXPECT_EQ(saturated[0].name, "spin");
+  EXPECT_EQ(saturated[0].name, "bend");
 }
 
 }  // namespace

@@ -43,21 +43,22 @@ TEST_F(RobotCheck, TheToolMayNotBeInsideAHalfClosedFingerEither) {
 
 TEST_F(RobotCheck, ImplausibleMassesAreANoteForThoseWhoTrustThem) {
   WithoutTasks();
-  robot_.InMjcf("<geom type=\"mesh\" mesh=\"foot\" mass=\"5\"/>", "<geom type=\"mesh\" mesh=\"foot\" mass=\"500\"/>");
-  EXPECT_THAT(Said(), HasSubstr("MISSING  masses     foot has 500 kg: mend them, or say `masses: trust`"));
+  robot_.InMjcf("<geom type=\"mesh\" mesh=\"upper_beam\" mass=\"4\"/>",
+                "<geom type=\"mesh\" mesh=\"upper_beam\" mass=\"400\"/>");
+  EXPECT_THAT(Said(), HasSubstr("MISSING  masses     upper has 400 kg: mend them, or say `masses: trust`"));
   robot_.InYaml("name: sketch\n", "name: sketch\nmasses: trust\n");
   const std::string trusted = Said();
-  EXPECT_THAT(trusted, HasSubstr("masses are trusted: foot has 500 kg"));
+  EXPECT_THAT(trusted, HasSubstr("masses are trusted: upper has 400 kg"));
   EXPECT_THAT(trusted, Not(HasSubstr("MISSING  masses")));
 }
 
 TEST_F(RobotCheck, NamesTheWeakJointAndDoesNotCallItsControlGood) {
-  robot_.InMjcf("<position joint=\"spin\" kp=\"500\" forcerange=\"-30 30\"/>",
-                "<position joint=\"spin\" kp=\"500\" forcerange=\"-0.2 0.2\"/>");
+  robot_.InMjcf("<position joint=\"bend\" kp=\"2000\" forcerange=\"-120 120\"/>",
+                "<position joint=\"bend\" kp=\"2000\" forcerange=\"-5 5\"/>");
   Status status;
   const std::string said = Said(&status);
   EXPECT_THAT(said, HasSubstr("MISSING  control"));
-  EXPECT_THAT(said, HasSubstr("spin demands more than 0.2 N m in "));
+  EXPECT_THAT(said, HasSubstr("bend demands more than 5 N m in "));
   EXPECT_THAT(said, HasSubstr("raise `torque`"));
   EXPECT_THAT(said, Not(HasSubstr("ok       control")));
   EXPECT_THAT(status, HasCode(Code::kInvalidArgument));

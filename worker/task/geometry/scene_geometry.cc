@@ -61,7 +61,7 @@ SceneGeometry::SceneGeometry(const sim::Scene& scene, sim::Kinematics& kinematic
     : objects_(scene.objects()),
       natural_pitch_(scene.arm().approach_pitch),
       turned_pitch_(scene.arm().turned_pitch),
-      joint_speed_(scene.arm().joint_speed.minCoeff()),
+      joint_speed_(scene.arm().planned_speed.minCoeff()),
       turns_any_way_(scene.arm().turns_any_way()) {
   for (const auto& piece : scene.geometry()) pieces_[piece.body].push_back(piece);
   MeasureHand(scene, kinematics);

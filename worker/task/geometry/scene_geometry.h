@@ -53,7 +53,7 @@ class SceneGeometry {
   double turned_pitch() const { return turned_pitch_; }
   /// See sim::ArmInfo.
   bool turns_any_way() const { return turns_any_way_; }
-  /// The slowest joint's speed limit, rad/s.
+  /// The speed to plan for that the slowest joint has, rad/s.
   double joint_speed() const { return joint_speed_; }
   /// x, y of the first joint's vertical axis, m.
   const Eigen::Vector2d& base() const { return base_; }

@@ -31,6 +31,17 @@ Quaterniond PushingHand(const StageContext& now) {
   return Hand(kAbove.push_leaning);
 }
 
+// z of E while it pushes. A hand that cannot lean goes higher where that takes its palm over the object, as long as the
+// fingertips stay below most of it: higher up they would tip it over.
+double PushingHeight(const StageContext& now, const Quaterniond& q) {
+  const double tips = now.shapes->Reach(Part::kHand, true, q, -Vector3d::UnitZ());
+  const double low = tips + kAbove.push_height;
+  if (now.shapes->turns_any_way() || PalmIsClear(now, q)) return low;
+  const double top = TopOfTarget(now);
+  const double over = top + kAbove.palm_gap + now.shapes->Reach(Part::kPalm, true, q, -Vector3d::UnitZ());
+  return over - tips < kAbove.push_highest * top ? std::max(low, over) : low;
+}
+
 double TopOf(const StageContext& now, const std::string& object, const Pose& X_WO) {
   return (X_WO * now.shapes->Centre(object)).z() + now.shapes->object(object).half_extent.z();
 }
@@ -83,7 +94,7 @@ Pose Pushing(const StageContext& now, double further) {
   const Quaterniond q = PushingHand(now);
   const double half_depth = now.shapes->object(now.target).half_extent.y();
   const double touching = now.X_WO.p.y() - half_depth - now.shapes->Reach(Part::kFingers, true, q, Vector3d::UnitY());
-  return {{now.X_WO.p.x(), touching + further, Below(now, Part::kHand, true, q) + kAbove.push_height}, q};
+  return {{now.X_WO.p.x(), touching + further, PushingHeight(now, q)}, q};
 }
 
 Pose AtPlace(const StageContext& now, const Grip& grip, Whereto to) {

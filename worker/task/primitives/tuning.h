@@ -40,6 +40,7 @@ struct AboveTuning {
   double push_pitch = 1.35;      // fingertips first
   double push_leaning = 1.25;    // where the palm would be ahead: no further, for reach
   double push_height = 0.010;    // between fingertips and table
+  double push_highest = 0.6;     // of the object's height, for the fingertips of a hand that cannot lean
   double push_behind = 0.035;    // between fingertips and object before the push
   double vertical = 1.4;         // pitch from which on the hand counts as pointing straight down
   double tall = 0.12;            // of an object from which on a hand that holds it is above the others
