@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <map>
 #include <set>
 
@@ -34,6 +35,153 @@ TEST(CampaignSpec, ReportsAllProblemsAtOnceWithTheNearestName) {
   EXPECT_THAT(status, MessageHas("did you mean 'pick'"));
   EXPECT_THAT(status, MessageHas("image_stride"));
   EXPECT_THAT(status, MessageHas("name"));
+}
+
+// The default campaign with keys set as `--set` does.
+Result<CampaignSpec> With(const std::vector<std::string>& overrides) {
+  OrderedJson json = ToJson(CampaignSpec());
+  for (const auto& text : overrides) ETUDE_RETURN_IF_ERROR(ApplyOverride(json, text));
+  return FromJson<CampaignSpec>(json, "test.yaml");
+}
+
+Status Validated(const std::vector<std::string>& overrides) {
+  ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, With(overrides));
+  return spec.Validate();
+}
+
+TEST(CampaignSpec, RefusesWhatIsOutOfRangeAndSaysWhatIsAllowed) {
+  for (const auto& [override_text, says] : std::initializer_list<std::pair<const char*, const char*>>{
+           {"name=My Campaign", "name: 'My Campaign' must match [a-z0-9_-]{1,64}"},
+           {"mode=demo", "mode: 'demo' is not known; known: demonstrate, rollout"},
+           {"mode=rolout", "mode: 'rolout' is not known, did you mean 'rollout'?"},
+           {"scenes=feasable", "scenes: 'feasable' is not known, did you mean 'feasible'?"},
+           {"robots=[]", "robots: at least one"},
+           {"robots=[ur5, pandda]", "robots: 'pandda' is not known, did you mean 'panda'?"},
+           {"tasks=[]", "tasks: at least one"},
+           {"tasks=[push+obstacles]", "did you mean 'push+obstacle'?"},
+           {"task_weights=[1, 2]", "task_weights: 2 for 3 tasks"},
+           {"task_weights=[1, 0, 1]", "task_weights: 0 must be > 0"},
+           {"task_weights=[1, -2, 1]", "task_weights: -2 must be > 0"},
+           {"objects=[]", "objects: 0 on the table, between 1 and 6 fit"},
+           {"objects=[cube, cokke]", "objects: 'cokke' is not known, did you mean 'coke'?"},
+           {"objects=[cube, cube]", "one of each at most"},
+           {"objects=[cube, coke, pepsi, milk, bread, bottle, mug_00]", "7 on the table, between 1 and 6 fit; set obj"},
+           {"objects_per_scene=7", "objects_per_scene: 7 of 6 objects"},
+           {"objects_per_scene=-1", "objects: -1 on the table"},
+           {"objects=[my/duck, your/duck]", "objects: each name at most once"},
+           {"episodes=0", "episodes: 0 not in 1..10^7"},
+           {"episodes=10000001", "episodes: 10000001 not in 1..10^7"},
+           {"image_stride=0", "image_stride: 0 not in 1..125"},
+           {"image_stride=126", "image_stride: 126 not in 1..125"},
+           {"max_attempts=0", "max_attempts: 0 not in 1..1000"},
+           {"max_attempts=1001", "max_attempts: 1001 not in 1..1000"},
+           {"camera.width=15", "camera: 15x224 not in 16..2048"},
+           {"camera.height=2049", "camera: 224x2049 not in 16..2048"},
+           {"camera.fovy_deg=1", "camera.fovy_deg: not in 1..170"},
+           {"camera.fovy_deg=170", "camera.fovy_deg: not in 1..170"},
+           {"camera.position=[0, 1]", "camera.position: three numbers"},
+           {"camera.euler=[0, 1, 2, 3]", "camera.euler: three numbers"},
+           {"randomization.yaw=-0.1", "randomization.yaw: -0.1 not in 0..3.2"},
+           {"randomization.yaw=3.3", "randomization.yaw: 3.3 not in 0..3.2"},
+           {"randomization.start_position=0.31", "randomization.start_position: 0.31 not in 0..0.3"},
+           {"randomization.start_orientation=0.81", "randomization.start_orientation: 0.81 not in 0..0.8"},
+           {"randomization.disturbance=0.21", "randomization.disturbance: 0.21 not in 0..0.2"},
+           {"randomization.disturbance_probability=1.1", "disturbance_probability: 1.1 not in 0..1"},
+           {"randomization.light=2", "randomization.light: 2 not in 0..1"},
+           {"obstacle.in_the_way=-0.1", "obstacle.in_the_way: -0.1 not in 0..1"},
+           {"obstacle.in_the_way=1.1", "obstacle.in_the_way: 1.1 not in 0..1"},
+           {"split={train: 0, valid: 0, test: 0}", "split: fractions must be >= 0 and not all 0"},
+           {"split.valid=-0.1", "split: fractions must be >= 0 and not all 0"},
+           {"world.friction=9", "world.friction: 9 not in 0.1..4"}}) {
+    EXPECT_THAT(Validated({override_text}), HasCode(Code::kInvalidArgument)) << override_text;
+    EXPECT_THAT(Validated({override_text}), MessageHas(says)) << override_text;
+  }
+}
+
+TEST(CampaignSpec, ARolloutsKeysAreLookedAtInRolloutsOnly) {
+  for (const auto& [override_text, says] : std::initializer_list<std::pair<const char*, const char*>>{
+           {"rollout.run=''", "rollout.run: '' must be a run's name"},
+           {"rollout.run=../x", "rollout.run: '../x' must be a run's name"},
+           {"rollout.replan_steps=0", "rollout.replan_steps: 0 not in 1..120"},
+           {"rollout.replan_steps=121", "rollout.replan_steps: 121 not in 1..120"},
+           {"rollout.max_steps=0", "rollout.max_steps: 0 not in 1..100000"},
+           {"rollout.max_steps=100001", "rollout.max_steps: 100001 not in 1..100000"},
+           {"rollout.latency_ms=-2", "rollout.latency_ms: -2 not in 0..960"},
+           {"rollout.latency_ms=961", "rollout.latency_ms: 961 not in 0..960"}}) {
+    EXPECT_THAT(Validated({"mode=rollout", "rollout.run=demo", override_text}), MessageHas(says)) << override_text;
+    EXPECT_THAT(Validated({override_text}), IsOk()) << override_text;
+  }
+  EXPECT_THAT(Validated({"mode=rollout", "rollout.run=demo", "rollout.latency_ms=960"}), IsOk());
+}
+
+TEST(CampaignSpec, TakesEveryRangeUpToItsEnds) {
+  for (const char* text : {"task_weights=[0.001, 1, 1000]",
+                           "objects=[cube]",
+                           "objects_per_scene=6",
+                           "objects_per_scene=1",
+                           "episodes=1",
+                           "episodes=10000000",
+                           "image_stride=125",
+                           "max_attempts=1",
+                           "max_attempts=1000",
+                           "camera.width=16",
+                           "camera.height=2048",
+                           "camera.fovy_deg=169.9",
+                           "randomization.yaw=0",
+                           "randomization.yaw=3.2",
+                           "randomization.start_position=0.3",
+                           "randomization.start_orientation=0.8",
+                           "randomization.disturbance=0.2",
+                           "randomization.disturbance_probability=1",
+                           "randomization.light=1",
+                           "obstacle.in_the_way=0",
+                           "obstacle.in_the_way=1",
+                           "split={train: 0, valid: 0, test: 1}",
+                           "scenes=first_draw",
+                           "robots=[ur5, panda, jaco2]",
+                           "tasks=[pick+others]",
+                           "world.control_delay=50"})
+    EXPECT_THAT(Validated({text}), IsOk()) << text;
+}
+
+TEST(CampaignSpec, ATaskWithAReferenceNeedsSomethingToReferTo) {
+  EXPECT_THAT(Validated({"tasks=[place_left]", "objects=[cube]"}), MessageHas("'place_left' needs a second one"));
+  EXPECT_THAT(Validated({"tasks=[place_left]", "objects=[cube, milk]"}), IsOk());
+  EXPECT_THAT(Validated({"tasks=[stack]", "objects=[milk, bread]"}),
+              MessageHas("task 'stack' needs one of cube, coke, pepsi to refer to, and another one to move"));
+  EXPECT_THAT(Validated({"tasks=[stack]", "objects=[milk, cube]"}), IsOk());
+}
+
+// Calls `visit` with a copy of `json` for every value in it, where that value is another one of its kind.
+void ForEveryChange(OrderedJson& json, const std::string& path, OrderedJson& whole,
+                    const std::function<void(const std::string& path, const OrderedJson& changed)>& visit) {
+  if (json.is_object()) {
+    for (auto& [key, value] : json.items()) ForEveryChange(value, path.empty() ? key : path + "." + key, whole, visit);
+    return;
+  }
+  const OrderedJson before = json;
+  if (before.is_boolean()) json = !before.get<bool>();
+  if (before.is_number_integer()) json = before.get<int>() + 1;
+  if (before.is_number_unsigned()) json = before.get<std::uint64_t>() + 1;
+  if (before.is_number_float()) json = before.get<double>() + 0.001;
+  if (before.is_string()) json = before.get<std::string>() + "x";
+  if (before.is_array()) json.push_back(before.empty() ? OrderedJson(1) : before.front());
+  visit(path, whole);
+  json = before;
+}
+
+TEST(CampaignSpec, EveryOtherKeyIsAnotherCampaign) {
+  const CampaignSpec spec;
+  OrderedJson json = ToJson(spec);
+  int keys = 0;
+  ForEveryChange(json, "", json, [&](const std::string& path, const OrderedJson& changed) {
+    const auto other = FromJson<CampaignSpec>(changed, path);
+    ASSERT_THAT(other, IsOk());
+    const bool may_grow = path == "name" || path == "episodes" || path == "max_attempts" || path.starts_with("split.");
+    EXPECT_EQ(SpecHash(*other) == SpecHash(spec), may_grow) << path;
+    ++keys;
+  });
+  EXPECT_GT(keys, 40) << "all of them, those of sections too";
 }
 
 TEST(CampaignSpec, HashIgnoresOnlyWhatMayGrow) {
@@ -112,6 +260,17 @@ TEST(CampaignSpec, ExactSplitsAreDrawnAnewInEachBlockAndFollowTheSeed) {
   EXPECT_GT(differ, 2000);
   ASSERT_EQ(test_at.size(), 6u) << "every place of a block";
   for (const auto& [place, count] : test_at) EXPECT_NEAR(count, 1000.0 / 6, 60) << place;
+}
+
+TEST(CampaignSpec, FractionsNeedNotAddUpToOne) {
+  CampaignSpec half, whole;
+  half.split = {0.35, 0.1, 0.05};
+  whole.split = {0.7, 0.2, 0.1};
+  std::map<std::string, int> counts = SplitCounts(half, 0, 4000);
+  EXPECT_NEAR(counts["train"], 2800, 120);
+  EXPECT_NEAR(counts["valid"], 800, 100);
+  EXPECT_NEAR(counts["test"], 400, 80);
+  EXPECT_EQ(counts, SplitCounts(whole, 0, 4000)) << "only their ratios count";
 }
 
 TEST(CampaignSpec, FractionsAndHugeBlocksAreDrawnOneByOne) {

@@ -5,9 +5,12 @@
 #include <gmock/gmock.h>
 
 #include <map>
+#include <numeric>
 #include <set>
 
+#include "services/core/rng.h"
 #include "services/spec/object_names.h"
+#include "services/spec/task_roles.h"
 
 namespace etude {
 namespace {
@@ -22,6 +25,66 @@ TEST(PlanEpisode, WeightsGiveExactCounts) {
   EXPECT_EQ(counts["pick"], 32);
   EXPECT_EQ(counts["push"], 24);
   EXPECT_EQ(counts["put_down"], 24);
+}
+
+TEST(PlanEpisode, WeightedTasksAreNearTheirSharesAtAnyTime) {
+  Rng rng(12);
+  for (int round = 0; round < 12; ++round) {
+    CampaignSpec spec;
+    spec.tasks = {"pick", "push", "put_down", "rotate"};
+    spec.tasks.resize(2 + rng.Below(3));
+    for (std::size_t k = 0; k < spec.tasks.size(); ++k) spec.task_weights.push_back(rng.Uniform(0.1, 5));
+    const double total = std::accumulate(spec.task_weights.begin(), spec.task_weights.end(), 0.0);
+    std::map<std::string, int> counts;
+    for (std::uint64_t i = 0; i < 200; ++i) {
+      ++counts[PlanEpisode(spec, i, 0).task.text()];
+      for (std::size_t k = 0; k < spec.tasks.size(); ++k)
+        ASSERT_NEAR(counts[spec.tasks[k]], static_cast<double>(i + 1) * spec.task_weights[k] / total, 1 + 1e-9) << i;
+    }
+  }
+}
+
+TEST(PlanEpisode, WithoutWeightsTasksTakeTurns) {
+  CampaignSpec spec;
+  for (std::uint64_t i = 0; i < 9; ++i) EXPECT_EQ(PlanEpisode(spec, i, 0).task.text(), spec.tasks[i % 3]);
+}
+
+TEST(PlanEpisode, AReferenceIsOneThatTheTaskAllows) {
+  CampaignSpec spec;
+  spec.objects = TrainObjects();
+  spec.objects.insert(spec.objects.end(), {"cube", "milk", "bread", "open_box"});
+  spec.objects_per_scene = 3;
+  spec.tasks = {"stack", "drop_in", "place_behind"};
+  std::map<std::string, std::set<std::string>> references;
+  for (std::uint64_t i = 0; i < 900; ++i) {
+    const EpisodePlan plan = PlanEpisode(spec, i, 0);
+    ASSERT_THAT(plan.scene.objects, testing::Contains(plan.target)) << i;
+    ASSERT_THAT(plan.scene.objects, testing::Contains(plan.reference)) << i;
+    ASSERT_TRUE(plan.task.spec->MayRefer(plan.target, plan.reference)) << i;
+    ASSERT_EQ(plan.scene.objects.size(), 3u) << i;
+    references[plan.task.base].insert(plan.reference);
+  }
+  EXPECT_THAT(references["stack"], testing::ElementsAre("cube")) << "no can is among them";
+  EXPECT_THAT(references["drop_in"], testing::ElementsAre("open_box"));
+  EXPECT_GT(references["place_behind"].size(), 10u);
+}
+
+TEST(PlanEpisode, ScenesAreDrawnUntilOneWillDoOrTakenAsTheyCome) {
+  CampaignSpec spec;
+  EXPECT_FALSE(PlanEpisode(spec, 0, 0).first_draw);
+  spec.scenes = "first_draw";
+  EXPECT_TRUE(PlanEpisode(spec, 0, 0).first_draw);
+}
+
+TEST(PlanEpisode, AnImportedObjectIsCalledByItsFolder) {
+  CampaignSpec spec;
+  spec.tasks = {"place_left"};
+  spec.objects = {"my/things/duck", "cube"};
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    const EpisodePlan plan = PlanEpisode(spec, i, 0);
+    EXPECT_THAT(plan.scene.objects, testing::ElementsAre("my/things/duck", "cube"));
+    EXPECT_THAT((std::set<std::string>{plan.target, plan.reference}), testing::ElementsAre("cube", "duck"));
+  }
 }
 
 TEST(PlanEpisode, ObjectsAreOfDifferentClassesAndSharedByAGroup) {
