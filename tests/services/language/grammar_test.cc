@@ -4,15 +4,19 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <set>
 
 #include "services/language/held_out.h"
 #include "services/language/lexicon.h"
+#include "services/language/sentence.h"
 #include "services/language/tokenizer.h"
 #include "services/language/vocabulary.h"
 #include "services/spec/object_names.h"
+#include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
 
 namespace etude::language {
 namespace {
@@ -252,6 +256,131 @@ TEST(Grammar, RefusesWhatItCannotSay) {
   EXPECT_THAT(message({"place_left", "pear_01", "pear_02"}), HasSubstr("two objects are called 'pear'"));
   EXPECT_THAT(message({"pick", "coke", "", "coke"}), HasSubstr("two objects are called 'coke'"));
   EXPECT_THAT(message({"pick", "coke", "", "balls"}), HasSubstr("no words for object 'balls'"));
+}
+
+// A task file NAME.yaml with these words; with places it is about a second object.
+std::string WriteTask(const TemporaryFolder& folder, const std::string& name, const std::string& verbs,
+                      const std::string& places = "") {
+  const std::string text = "{name: " + name + ", words: {verbs: [" + verbs + "], places: [" + places +
+                           "]}, reference: {needed: " + (places.empty() ? "false" : "true") +
+                           "}, stages: [approach, reach, grasp, lift, hold], success: risen}";
+  const Path file = folder / (name + ".yaml");
+  EXPECT_THAT(WriteFileAtomically(file, text), IsOk());
+  return file.string();
+}
+
+TEST(Grammar, SaysATaskOfTheUsersInItsOwnWords) {
+  const TemporaryFolder folder;
+  const std::string fetch = WriteTask(folder, "fetch", "fetch, bring over"),
+                    lean = WriteTask(folder, "lean", "lean", "against, to the side of");
+  const auto grammar = Grammar::Load({}, {"pick", fetch, lean});
+  ASSERT_THAT(grammar, IsOk());
+  EXPECT_THAT(grammar->Templates({fetch, "pear_01"}), testing::UnorderedElementsAre("fetch pear", "bring over pear"));
+  EXPECT_THAT(grammar->Templates({lean, "pear_01", "mug_00"}), Contains("against cup lean pear"));
+  const auto words = grammar->Words({lean, "pear_01", "mug_00"});
+  EXPECT_THAT(words, testing::IsSupersetOf({"lean", "against", "on", "at", "side"})) << "with other prepositions";
+  EXPECT_FALSE(grammar->Check({lean, "pear_01"}));
+  EXPECT_FALSE(TheGrammar().Check({fetch, "pear_01"})) << "only who names a file knows it";
+}
+
+TEST(Grammar, TwoTasksOfACampaignNeverSoundTheSame) {
+  const TemporaryFolder folder;
+  const std::string take = WriteTask(folder, "take", "take, raise"), on = WriteTask(folder, "on", "put", "on"),
+                    above = WriteTask(folder, "above", "put", "above");
+  EXPECT_THAT(Grammar::Load({}, {"pick", take}), MessageHas("'raise' means 'pick' too; one campaign cannot have both"));
+  EXPECT_THAT(Grammar::Load({}, {"push", take}), IsOk()) << "a built-in task that is not asked for is no matter";
+  EXPECT_THAT(Grammar::Load({}, {above, on}), IsOk()) << "where it goes tells them apart";
+  EXPECT_THAT(Grammar::Load({}, {"stack", on}), MessageHas("'stack' too"));
+  EXPECT_THAT(Grammar::Load({}, {"pick", "pick+obstacle", take + "+others"}), HasCode(Code::kInvalidArgument));
+}
+
+TEST(Vocabulary, TasksWithoutPlacesShareNoVerb) {
+  std::map<std::string, std::string> meaning;
+  for (const auto& task : TheVocabulary().tasks()) {
+    if (TheVocabulary().needs_reference(task)) continue;
+    for (const auto& verb : TheVocabulary().verb(task).all) {
+      const auto [it, is_new] = meaning.emplace(verb, task);
+      EXPECT_TRUE(is_new || it->second == task) << verb << ": " << task << " and " << it->second;
+    }
+    for (const auto& verb : ParseTask(task)->spec->words.verbs)
+      EXPECT_THAT(TheVocabulary().verb(task).all, Contains(verb)) << "its own are always said";
+  }
+}
+
+TEST(Vocabulary, ASynonymThatIsAnothersOwnVerbIsSaidOfThatAlone) {
+  const TemporaryFolder folder;
+  const std::string up = WriteTask(folder, "up", "elevate");
+  ASSERT_THAT(TheVocabulary().verb("pick").all, Contains("elevate")) << "for it means to raise";
+  const auto vocabulary = Vocabulary::Load({}, {"pick", up});
+  ASSERT_THAT(vocabulary, IsOk());
+  EXPECT_THAT(vocabulary->verb("pick").all, Not(Contains("elevate")));
+  EXPECT_THAT(vocabulary->verb("pick").all, Contains("raise"));
+  EXPECT_THAT(vocabulary->verb(up).all, Contains("elevate"));
+  EXPECT_THAT(vocabulary->verb(up).all, Not(Contains("raise")));
+}
+
+TEST(HasWords, LooksForWholeWords) {
+  for (const char* text : {"red can", "the red can now", "red canister red can"})
+    EXPECT_TRUE(HasWords(text, "red can"));
+  for (const char* text : {"", "red", "red canister", "tired can", "red  can"}) EXPECT_FALSE(HasWords(text, "red can"));
+}
+
+TEST(CommandFor, SaysWhatIsToBeKeptOff) {
+  const auto obstacle = [](const char* task) { return CommandFor(*ParseTask(task), "coke", "").obstacle; };
+  EXPECT_EQ(obstacle("pick"), "");
+  EXPECT_EQ(obstacle("pick+obstacle"), "basketball");
+  EXPECT_EQ(obstacle("pick+others"), kEverythingElse);
+}
+
+// What is left of two texts without what they begin and end with alike.
+std::pair<std::string, std::string> Differing(std::string a, std::string b) {
+  while (!a.empty() && !b.empty() && a.front() == b.front()) a.erase(0, 1), b.erase(0, 1);
+  while (!a.empty() && !b.empty() && a.back() == b.back()) a.pop_back(), b.pop_back();
+  return {a, b};
+}
+
+TEST(AddTypo, ChangesOneLetterInsideOfAWord) {
+  Rng rng(37);
+  std::map<std::string, int> kinds;
+  const std::string text = "pick up the green bottle and keep away";
+  for (int i = 0; i < 4000; ++i) {
+    std::string typed = text;
+    AddTypo(typed, rng);
+    EXPECT_EQ(std::count(typed.begin(), typed.end(), ' '), std::count(text.begin(), text.end(), ' ')) << typed;
+    const auto [before, after] = Differing(text, typed);
+    const bool swapped = before.size() == 2 && after == std::string{before[1], before[0]};
+    const char* kind = before.empty() && after.empty()           ? "none"
+                       : before.size() == 1 && after.empty()     ? "dropped"
+                       : before.empty() && after.size() == 1     ? "doubled"
+                       : before.size() == 1 && after.size() == 1 ? "replaced"
+                       : swapped                                 ? "swapped"
+                                                                 : "?";
+    EXPECT_STRNE(kind, "?") << typed;
+    ++kinds[kind];
+  }
+  for (const char* kind : {"none", "dropped", "doubled", "replaced", "swapped"}) EXPECT_GT(kinds[kind], 300) << kind;
+  for (std::string shortest : {"", "a", "ab", "a b"}) {
+    const std::string kept = shortest;
+    for (int i = 0; i < 50; ++i) AddTypo(shortest, rng);
+    EXPECT_EQ(shortest, kept) << "nothing inside of a word";
+  }
+}
+
+TEST(Grammar, NoisySentencesAreWrittenAsPeopleWrite) {
+  Rng rng(41);
+  constexpr int kDraws = 4000;
+  int upper = 0, stops = 0, typos = 0;
+  const auto words = TheGrammar().Words({"pick", "coke"});
+  for (int i = 0; i < kDraws; ++i) {
+    const std::string text = TheGrammar().Sample({"pick", "coke"}, Style::kNoisy, rng);
+    upper += text[0] >= 'A' && text[0] <= 'Z';
+    stops += text.ends_with('.') || text.ends_with('!');
+    typos += !UnseenWords(Normalize(text), words).empty();
+  }
+  EXPECT_NEAR(upper, 0.3 * kDraws, 130);
+  EXPECT_NEAR(stops, 0.3 * kDraws, 130);
+  EXPECT_GT(typos, 0.25 * kDraws);
+  EXPECT_LT(typos, 0.75 * kDraws) << "a third have none, some make another word";
 }
 
 TEST(Grammar, TakesObjectsOfTheUsersOwn) {

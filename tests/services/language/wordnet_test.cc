@@ -2,7 +2,14 @@
 // Tests services/language/wordnet.cc
 #include "services/language/wordnet.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
+
+#include <map>
+
+#include "services/core/rng.h"
+#include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
 
 namespace etude::language {
 namespace {
@@ -35,6 +42,92 @@ TEST(WordNet, FindsEveryEntryOfAnIndex) {
   EXPECT_FALSE(TheWordNet().Has("cocacola", Part::kNoun));
   EXPECT_FALSE(TheWordNet().Has("", Part::kNoun));
   EXPECT_FALSE(TheWordNet().Has("zzzz", Part::kNoun));
+}
+
+// A small database in the format of wndb(5WN): entries with the lemmas of each of their senses.
+class OwnWordNet : public testing::Test {
+ protected:
+  using Senses = std::vector<std::vector<std::string>>;
+
+  OwnWordNet() {
+    for (const char* part : {"noun", "verb", "adj"})
+      for (const char* kind : {"index.", "data."}) Write(std::string(kind) + part, "  1 a licence\n");
+  }
+  void Write(const std::string& name, const std::string& text) {
+    ASSERT_THAT(WriteFileAtomically(folder_ / name, text), IsOk());
+  }
+  // Both files of a part; the entries come sorted.
+  void WritePart(const std::string& part, const std::map<std::string, Senses>& entries) {
+    std::string data = "  1 a licence\n", index = data;
+    for (const auto& [word, senses] : entries) {
+      std::string offsets;
+      for (const auto& lemmas : senses) {
+        offsets += fmt::format(" {:08}", data.size());
+        data += fmt::format("{:08} 03 n {:02x}", data.size(), lemmas.size());
+        for (const auto& lemma : lemmas) data += " " + lemma + " 0";
+        data += " 001 @ 00000000 n 0000 | what it means\n";
+      }
+      index += fmt::format("{} n {} 2 @ ~ {} 1{}\n", word, senses.size(), senses.size(), offsets);
+    }
+    Write("data." + part, data);
+    Write("index." + part, index);
+  }
+  std::vector<std::string> Synonyms(const std::string& words, Part part) {
+    return WordNet::Open(folder_.path()).value().Synonyms(words, part);
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(OwnWordNet, GivesALemmaForEachOfTheFirstSenses) {
+  WritePart("noun", {{"tin", {{"tin", "can", "Tin_Can", "tin_box"}, {"element"}}}});
+  WritePart("verb", {{"raise", {{"lift", "raise"}, {"elevate", "get_up", "lift"}, {"grow"}}}});
+  WritePart("adj", {{"blue", {{"blue(a)", "azure", "azure"}}}});
+  EXPECT_THAT(Synonyms("tin", Part::kNoun), ElementsAre("can", "tin box")) << "a name is none, a second sense neither";
+  EXPECT_THAT(Synonyms("raise", Part::kVerb), ElementsAre("lift", "elevate", "get up")) << "two senses of a verb";
+  EXPECT_THAT(Synonyms("blue", Part::kAdjective), ElementsAre("azure")) << "where it may stand is no part of it";
+  EXPECT_THAT(Synonyms("tin", Part::kVerb), IsEmpty());
+}
+
+TEST_F(OwnWordNet, FindsEveryEntryWhereverItStands) {
+  Rng rng(1);
+  for (int round = 0; round < 20; ++round) {
+    std::map<std::string, Senses> entries;
+    const auto count = rng.Below(30);
+    while (entries.size() < count) {
+      std::string word;
+      for (auto n = 1 + rng.Below(9); n > 0; --n) word += static_cast<char>('a' + rng.Below(3));
+      entries[word] = {{word, "of_" + word}};
+    }
+    WritePart("noun", entries);
+    const auto wordnet = WordNet::Open(folder_.path());
+    ASSERT_THAT(wordnet, IsOk());
+    for (const auto& [word, senses] : entries) {
+      ASSERT_TRUE(wordnet->Has(word, Part::kNoun)) << word << " of " << entries.size();
+      EXPECT_THAT(wordnet->Synonyms(word, Part::kNoun), ElementsAre("of " + word));
+      if (!entries.contains(word + "a")) {
+        EXPECT_FALSE(wordnet->Has(word + "a", Part::kNoun)) << word;
+      }
+    }
+  }
+}
+
+TEST_F(OwnWordNet, ADataFileOfAnotherVersionGivesNothing) {
+  WritePart("noun", {{"tin", {{"tin", "can"}}}});
+  Write("data.noun", ReadTextFile(folder_ / "data.noun").value().substr(2));  // each line begins two letters earlier
+  EXPECT_THAT(Synonyms("tin", Part::kNoun), IsEmpty());
+  Write("data.noun", "");
+  EXPECT_THAT(Synonyms("tin", Part::kNoun), IsEmpty());
+}
+
+TEST_F(OwnWordNet, NamesTheFileThatIsNotThere) {
+  for (const char* name : {"index.verb", "data.adj"}) {
+    const std::string text = ReadTextFile(folder_ / name).value();
+    std::filesystem::remove(folder_ / name);
+    EXPECT_THAT(WordNet::Open(folder_.path()), MessageHas(name));
+    Write(name, text);
+  }
+  EXPECT_THAT(WordNet::Open(folder_.path()), IsOk());
 }
 
 TEST(WordNet, NamesWhatIsMissing) {
