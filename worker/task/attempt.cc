@@ -190,7 +190,7 @@ Result<AttemptResult> AttemptRunner::Rollout(std::uint64_t index, const policy::
   if (!opened_runner) return Invalid(opened_runner.error().message, preparing, draws);
   EpisodeRunner& session = *opened_runner;
   const std::string instruction = impl.DrawInstruction(plan);
-  task::Rollout rollout(&session, &in->checker, impl.spec.rollout, instruction);
+  task::Rollout rollout(&session, &in->checker, in->scene, impl.spec.rollout, instruction);
   ETUDE_ASSIGN_OR_RETURN(const Verdict verdict, rollout.Run(ask));
 
   AttemptResult result = Judged(verdict, draws, preparing, session.times());

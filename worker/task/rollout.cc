@@ -13,10 +13,19 @@ namespace {
 
 constexpr double kMaxLinear = 0.8;   // m/s of the reference
 constexpr double kMaxAngular = 3.0;  // rad/s
-constexpr double kMaxReach = 2.0;    // m from the world's origin: nothing sane is beyond
+// How fast the reference's speed grows, m/s^2 and rad/s^2: what is critically damped overshoots the speed of a
+// reference that starts at once by an eighth, and a joint its limit with it.
+constexpr double kLinearGrowth = 4.0;
+constexpr double kAngularGrowth = 15.0;
+constexpr double kJointSpeedShare =
+    0.75;  // of a joint's speed limit; answers that turn the hand back overshoot it by a quarter
+constexpr double kDamping = 0.02;  // m (and rad): near a singularity no joint has to turn without end
+constexpr double kMaxReach = 2.0;  // m from the world's origin: nothing sane is beyond
 // The fingers close above one and open below the other: a wavering answer does not make them flutter.
 constexpr double kCloseAbove = 0.6;
 constexpr double kOpenBelow = 0.4;
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
 
 Eigen::Vector3d RotationVector(const Eigen::Quaterniond& q) {
   const Eigen::AngleAxisd turn(q.w() < 0 ? Eigen::Quaterniond(-q.coeffs()) : q);
@@ -77,10 +86,19 @@ Command Tracker::Next() {
   const Waypoint next = Interpolate(waypoints_, step_ + 1);
   ++step_;
   const double dt = 1 / kControlRate;
-  command.V_WE.head<3>() = Limited((next.X_WE.p - now.X_WE.p) / dt, kMaxLinear);
-  command.V_WE.tail<3>() = Limited(RotationVector(next.X_WE.q * now.X_WE.q.conjugate()) / dt, kMaxAngular);
-  const Eigen::Vector3d turn = Limited(RotationVector(now.X_WE.q * reference_.q.conjugate()), kMaxAngular * dt);
-  reference_.p += Limited(now.X_WE.p - reference_.p, kMaxLinear * dt);
+  const double linear = std::min(kMaxLinear, linear_ + kLinearGrowth * dt);
+  const double angular = std::min(kMaxAngular, angular_ + kAngularGrowth * dt);
+  command.V_WE.head<3>() = Limited((next.X_WE.p - now.X_WE.p) / dt, linear);
+  command.V_WE.tail<3>() = Limited(RotationVector(next.X_WE.q * now.X_WE.q.conjugate()) / dt, angular);
+  command.V_WE *= ShareOf(command.V_WE);
+  Vector6d step;
+  step << Limited(now.X_WE.p - reference_.p, linear * dt),
+      Limited(RotationVector(now.X_WE.q * reference_.q.conjugate()), angular * dt);
+  step *= ShareOf(step / dt);
+  linear_ = step.head<3>().norm() / dt;
+  angular_ = step.tail<3>().norm() / dt;
+  const Eigen::Vector3d turn = step.tail<3>();
+  reference_.p += step.head<3>();
   if (turn.norm() > 0)
     reference_.q = (Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized())) * reference_.q).normalized();
   closed_ = closed_ ? now.gripper > kOpenBelow : now.gripper > kCloseAbove;
@@ -88,8 +106,13 @@ Command Tracker::Next() {
   return command;
 }
 
-Rollout::Rollout(EpisodeRunner* session, collide::Checker* checker, const RolloutSpec& spec, std::string instruction)
-    : session_(session), checker_(checker), spec_(spec), instruction_(std::move(instruction)) {
+Rollout::Rollout(EpisodeRunner* session, collide::Checker* checker, std::shared_ptr<const sim::Scene> scene,
+                 const RolloutSpec& spec, std::string instruction)
+    : session_(session),
+      checker_(checker),
+      kinematics_(std::move(scene)),
+      spec_(spec),
+      instruction_(std::move(instruction)) {
   session_->episode().stage_names = {"policy"};
 }
 
@@ -103,7 +126,7 @@ int Rollout::LatencySteps(const policy::Answer& answer) {
 }
 
 Result<Verdict> Rollout::Run(const policy::AskFunction& ask) {
-  Tracker tracker(session_->world().X_WE(), false);
+  Tracker tracker(session_->world().X_WE(), false, [this](const Vector6d& V_WE) { return SpeedShareOf(V_WE); });
   std::vector<Waypoint> answered;  // not in effect yet
   int question = 0, effect = 0;    // steps of the next question, and from which the last answer counts
   int latency = 0;                 // of the last answer, steps
@@ -131,6 +154,16 @@ Result<Verdict> Rollout::Run(const policy::AskFunction& ask) {
                                                       session_->judge().Words())};
   }
   return VerdictOnViolations(session_->judge());
+}
+
+double Rollout::SpeedShareOf(const Vector6d& V_WE) {
+  const sim::World& world = session_->world();
+  const Eigen::MatrixXd J = kinematics_.Jacobian(world.q());
+  const Eigen::Matrix<double, 6, 6> normal =
+      J * J.transpose() + kDamping * kDamping * Eigen::Matrix<double, 6, 6>::Identity();
+  const Eigen::VectorXd v = J.transpose() * normal.ldlt().solve(V_WE);
+  const double most = (v.cwiseAbs().cwiseQuotient(world.scene().arm().planned_speed)).maxCoeff();
+  return most > kJointSpeedShare ? kJointSpeedShare / most : 1;
 }
 
 Result<policy::Answer> Rollout::Ask(const policy::AskFunction& ask) {

@@ -2,6 +2,7 @@
 // A policy at the controls: asked every few control steps, its waypoints tracked until the next answer.
 #pragma once
 
+#include <functional>
 #include <optional>
 
 #include "services/policy/policy_types.h"
@@ -15,10 +16,14 @@ namespace etude::task {
 /// Empty when it can.
 std::string RefusalOf(const policy::Answer& answer);
 
-/// Turns the waypoints of successive answers into references that never move faster than the arm should.
+/// Turns the waypoints of successive answers into references that never move, nor start, faster than the arm should.
 class Tracker {
  public:
-  Tracker(const Pose& X_WE, bool closed) : reference_(X_WE), closed_(closed) {}
+  /// Which share (0..1] of a velocity of the hand (m/s, rad/s; linear first, world) its joints can follow now.
+  using SpeedShare = std::function<double(const Eigen::Matrix<double, 6, 1>&)>;
+
+  Tracker(const Pose& X_WE, bool closed, SpeedShare share = nullptr)
+      : share_(std::move(share)), reference_(X_WE), closed_(closed) {}
 
   /// Begins to follow `waypoints` (kWaypoints of them) from their step `first`, which is for the next step.
   void Follow(std::vector<Waypoint> waypoints, int first = 0);
@@ -26,16 +31,21 @@ class Tracker {
   Command Next();
 
  private:
+  double ShareOf(const Eigen::Matrix<double, 6, 1>& V_WE) const { return share_ ? share_(V_WE) : 1; }
+
+  SpeedShare share_;
   std::vector<Waypoint> waypoints_;
   int step_ = 0;
   Pose reference_;
+  double linear_ = 0, angular_ = 0;  // m/s, rad/s: of the reference's last step
   bool closed_;
 };
 
 class Rollout {
  public:
   /// `checker` measures distances for the record.
-  Rollout(EpisodeRunner* session, collide::Checker* checker, const RolloutSpec& spec, std::string instruction);
+  Rollout(EpisodeRunner* session, collide::Checker* checker, std::shared_ptr<const sim::Scene> scene,
+          const RolloutSpec& spec, std::string instruction);
 
   /// The policy drives until the strict condition has held for its dwell, or to the step limit. An answer takes effect
   /// spec.latency_ms after its picture; until then the simulation goes on with the one before.
@@ -48,14 +58,18 @@ class Rollout {
   Result<policy::Answer> Ask(const policy::AskFunction& ask);
   void RecordDecision(const policy::Answer& answer);
   void ObserveDistance();
-  /// How many control steps pass before an answer takes effect; settled by the first answer of a server that knows its own.
+  /// How many control steps pass before an answer takes effect; settled by the first answer of a server that knows its
+  /// own.
   int LatencySteps(const policy::Answer& answer);
+  /// See Tracker::SpeedShare: no joint has to go near its limit.
+  double SpeedShareOf(const Eigen::Matrix<double, 6, 1>& V_WE);
   /// How far what a module says is from the truth, m; nothing where the truth is not known or it says no place.
   std::optional<double> ErrorOf(const OrderedJson& output) const;
   std::optional<Eigen::Vector3d> PlaceOf(const std::string& entity) const;
 
   EpisodeRunner* session_;
   collide::Checker* checker_;
+  sim::Kinematics kinematics_;
   RolloutSpec spec_;
   std::string instruction_;
   double nearest_ = 1e9;

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "tests/trainer/policy/fixtures.h"
+#include "trainer/policy/torch_process.h"
 
 namespace etude::policy {
 namespace {
@@ -288,7 +289,8 @@ TEST(Policy, Bfloat16IsCloseToFloat32) {
   const auto rounded = MakePolicy(config);
   const Inputs inputs = MakeInputs(config, 4, 2);
   const Tensor a = exact->Forward(inputs).at("TAR2D").soft_argmax, b = rounded->Forward(inputs).at("TAR2D").soft_argmax;
-  EXPECT_GT(MaxDifference(a, b), 0);
+  // without AVX-512 bf16 is a scalar reference, tens of times slower than float32, which is what is used there
+  EXPECT_EQ(MaxDifference(a, b) > 0, HasFastBf16());
   EXPECT_LT(MaxDifference(a, b), 0.5);
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 
 #include "worker/task/rollout.h"
@@ -40,6 +41,36 @@ TEST(Tracker, NeverJumps) {
     EXPECT_LE(command.V_WE.head<3>().norm(), 0.8 + 1e-9);
     last = command.target.X_WE;
   }
+}
+
+TEST(Tracker, GoesNoFasterThanTheJointsCan) {
+  // a hand whose joints can follow 0.1 m/s
+  Tracker tracker({}, false, [](const Eigen::Matrix<double, 6, 1>& V_WE) {
+    return std::min(1.0, 0.1 / std::max(1e-9, V_WE.head<3>().norm()));
+  });
+  tracker.Follow(Line({0.05, 0, 0}, {0.4, 0, 0}));
+  Eigen::Vector3d before = Eigen::Vector3d::Zero();
+  for (int i = 0; i < 60; ++i) {
+    const Command command = tracker.Next();
+    EXPECT_LE((command.target.X_WE.p - before).norm() * kControlRate, 0.1 + 1e-9);
+    EXPECT_LE(command.V_WE.head<3>().norm(), 0.1 + 1e-9);
+    before = command.target.X_WE.p;
+  }
+  EXPECT_NEAR(before.x(), 60 * 0.1 / kControlRate, 2e-3) << "and as fast as they can, once it has started";
+}
+
+TEST(Tracker, StartsGently) {
+  Tracker tracker({}, false);
+  tracker.Follow(Line({0.2, 0, 0}, {0, 0, 0}));
+  double before = 0, speed = 0, most = 0;
+  for (int i = 0; i < 60; ++i) {
+    const double x = tracker.Next().target.X_WE.p.x();
+    most = std::max(most, ((x - before) * kControlRate - speed) * kControlRate);
+    speed = (x - before) * kControlRate;
+    before = x;
+  }
+  EXPECT_NEAR(most, 4, 1e-6) << "m/s^2";
+  EXPECT_NEAR(before, 0.2, 1e-9) << "and arrives";
 }
 
 TEST(Tracker, HoldsTheLastWaypointWhenTheAnswerRunsOut) {
