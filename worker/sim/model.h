@@ -70,8 +70,8 @@ struct World::State {
   ControllerConfig config;
   ControlState control;  ///< scratch of Step, kept for its memory
   std::vector<double> scratch, full_inertia;
-  Eigen::VectorXd demanded;                                                    ///< (n) N m, see World::demanded_torque
-  std::vector<int> arm_body_ids;                                               ///< of ArmInfo::bodies
+  Eigen::VectorXd demanded;       ///< (n) N m, see World::demanded_torque
+  std::vector<int> arm_body_ids;  ///< of ArmInfo::bodies
   /// Commands under way to the arm, the oldest first; at most the scene's control_delay.
   struct Command {
     Waypoint target;
