@@ -83,7 +83,13 @@ class SegmentValidator : public ob::MotionValidator {
   const SamplingProblem& problem_;
 };
 
-ob::SpaceInformationPtr MakeSpace(const SamplingProblem& problem, Rng& rng, int& samples) {
+// What a search has met so far.
+struct Search {
+  int& samples;
+  bool goal_blocked = false;
+};
+
+ob::SpaceInformationPtr MakeSpace(const SamplingProblem& problem, Rng& rng, Search& search) {
   const int size = static_cast<int>(problem.lower.size());
   auto space = std::make_shared<ob::RealVectorStateSpace>(size);
   ob::RealVectorBounds bounds(size);
@@ -93,21 +99,26 @@ ob::SpaceInformationPtr MakeSpace(const SamplingProblem& problem, Rng& rng, int&
   }
   space->setBounds(bounds);
   auto information = std::make_shared<ob::SpaceInformation>(space);
-  information->setStateValidityChecker(
-      [&problem, size](const ob::State* state) { return problem.is_free(ToVector(state, size)); });
+  information->setStateValidityChecker([&problem, &search, size](const ob::State* state) {
+    const Eigen::VectorXd q = ToVector(state, size);
+    const bool is_free = problem.is_free(q);
+    search.goal_blocked = search.goal_blocked || (!is_free && q == problem.q_goal);
+    return is_free;
+  });
   information->setMotionValidator(std::make_shared<SegmentValidator>(information.get(), problem));
   information->setup();
 
   // only now: setting up draws states to size the cells of projections that are not used
   space->setStateSamplerAllocator([&](const ob::StateSpace* of) -> ob::StateSamplerPtr {
-    return std::make_shared<Sampler>(of, problem, rng, samples);
+    return std::make_shared<Sampler>(of, problem, rng, search.samples);
   });
   return information;
 }
 
 // RRT-Connect itself. @returns the path or nothing
 std::vector<Eigen::VectorXd> Solve(const SamplingProblem& problem, Rng& rng, int& samples) {
-  const ob::SpaceInformationPtr space = MakeSpace(problem, rng, samples);
+  Search search{samples};
+  const ob::SpaceInformationPtr space = MakeSpace(problem, rng, search);
   auto definition = std::make_shared<ob::ProblemDefinition>(space);
   ob::ScopedState<> start(space), goal(space);
   FromVector(problem.q_start, start.get());
@@ -120,9 +131,10 @@ std::vector<Eigen::VectorXd> Solve(const SamplingProblem& problem, Rng& rng, int
   planner.setNearestNeighbors<ompl::NearestNeighborsLinear>();
   planner.setProblemDefinition(definition);
   planner.setup();
-  const ob::PlannerTerminationCondition out_of_budget(
-      ob::PlannerTerminationConditionFn([&] { return samples >= problem.max_samples; }));
-  if (planner.solve(out_of_budget) != ob::PlannerStatus::EXACT_SOLUTION) return {};
+  // OMPL waits for another goal, without drawing a state, where the only one is blocked
+  const ob::PlannerTerminationCondition is_over(
+      ob::PlannerTerminationConditionFn([&] { return samples >= problem.max_samples || search.goal_blocked; }));
+  if (planner.solve(is_over) != ob::PlannerStatus::EXACT_SOLUTION) return {};
 
   std::vector<Eigen::VectorXd> points;
   const auto* path = definition->getSolutionPath()->as<ompl::geometric::PathGeometric>();

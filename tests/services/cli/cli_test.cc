@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "services/core/command.h"
+#include "services/core/config.h"
+#include "services/core/hash.h"
 #include "services/store/dataset.h"
 #include "services/store/safetensors.h"
 #include "tests/support/etude_command.h"
@@ -26,6 +28,28 @@ class Cli : public testing::Test {
     return (folder_ / name).string();
   }
   std::string In(const std::string& name) { return (folder_ / name).string(); }
+  OrderedJson JsonOf(std::vector<std::string> arguments) {
+    arguments.push_back("--json");
+    const Outcome outcome = Etude(arguments);
+    EXPECT_EQ(outcome.exit_code, kExitOk) << outcome.text;
+    return OrderedJson::parse(outcome.text, nullptr, false);
+  }
+  // Synthetic episodes of 10 steps, committed in this order; two attempts failed before.
+  void WriteDataset(const std::string& name, const std::vector<std::uint64_t>& indices) {
+    CampaignSpec spec = SyntheticSpec();
+    auto writer = store::DatasetWriter::Open(folder_ / name, spec);
+    ASSERT_TRUE(writer) << writer.error().message;
+    for (int i = 0; i < 2; ++i) ASSERT_TRUE(writer->RecordFailure(0, i, "plan_failed", "{}"));
+    for (const auto i : indices) ASSERT_TRUE(writer->Commit(MakeSyntheticEpisode(spec, i, 10)));
+    ASSERT_TRUE(writer->WriteMaster());
+  }
+  void WriteCheckpoint(const std::string& name, const std::map<std::string, std::string>& metadata) {
+    store::Safetensors content;
+    content.metadata = metadata;
+    content.tensors["TAR3D.register"] = {store::DType::kF32, {2, 3}, std::vector<std::uint8_t>(24)};
+    content.tensors["step"] = {store::DType::kI64, {}, std::vector<std::uint8_t>(8)};
+    ASSERT_TRUE(store::WriteSafetensors(folder_ / name, content));
+  }
 
   TemporaryFolder folder_;
 };
@@ -214,6 +238,158 @@ TEST_F(Cli, DatasetCommandsFindAFlippedBit) {
   EXPECT_THAT(verify.text, HasSubstr("000001.hdf5"));
   EXPECT_FALSE(std::filesystem::exists(file)) << "quarantined";
   EXPECT_EQ(Etude({"dataset", "verify", In("data")}).exit_code, kExitOk);
+}
+
+TEST_F(Cli, DatasetInfoCountsWhatIsThere) {
+  WriteDataset("data", {0, 1, 2, 3});
+  const OrderedJson info = JsonOf({"dataset", "info", In("data")});
+  ASSERT_TRUE(info.is_object());
+  const OrderedJson& statistics = info["statistics"];
+  EXPECT_EQ(statistics["episodes"], 4);
+  EXPECT_EQ(statistics["successes"], 4);
+  EXPECT_EQ(statistics["steps"], 40);
+  EXPECT_NEAR(statistics["seconds"].get<double>(), 40 * 0.008, 1e-12);
+  EXPECT_EQ(statistics["frames"], 4 * 2) << "each fifth of ten steps";
+  EXPECT_EQ(statistics["tasks"], (OrderedJson{{"pick", 2}, {"push", 1}, {"put_down", 1}})) << "they take turns";
+  std::uint64_t bytes = 0, split = 0;
+  for (std::uint64_t i = 0; i < 4; ++i) bytes += std::filesystem::file_size(store::EpisodePath(folder_ / "data", i));
+  EXPECT_EQ(statistics["bytes"], bytes);
+  for (const auto& [name, count] : statistics["splits"].items()) split += count.get<std::uint64_t>();
+  EXPECT_EQ(split, 4u);
+  EXPECT_EQ(info["failed_attempts"], (OrderedJson{{"plan_failed", 2}}));
+  EXPECT_THAT(info.dump(), HasSubstr("\"shape\":[\"N\",32,32,3]")) << "what its pictures are";
+
+  const Outcome text = Etude({"dataset", "info", In("data")});
+  EXPECT_EQ(text.exit_code, kExitOk);
+  const auto yaml = ParseYaml(text.text, "info");
+  ASSERT_TRUE(yaml) << text.text;
+  EXPECT_EQ((*yaml)["statistics"]["frames"], 8) << "the same as YAML";
+}
+
+TEST_F(Cli, DatasetHashIsOfTheContentNotOfHowItCameThere) {
+  WriteDataset("a", {0, 1, 2});
+  WriteDataset("b", {2, 0, 1});
+  WriteDataset("c", {0, 1, 3});
+  const auto hash = [&](const std::string& name) { return Etude({"dataset", "hash", In(name)}).text; };
+  EXPECT_EQ(hash("a"), hash("b"));
+  EXPECT_NE(hash("a"), hash("c"));
+}
+
+TEST_F(Cli, DatasetSheetIsWrittenWhereItIsAskedFor) {
+  WriteDataset("data", {0, 1});
+  const Outcome outcome =
+      Etude({"dataset", "sheet", In("data"), "--out", In("sheet.jpg"), "--index", "1", "--frames", "2"});
+  EXPECT_EQ(outcome.exit_code, kExitOk) << outcome.text;
+  EXPECT_EQ(outcome.text, In("sheet.jpg") + "\n");
+  EXPECT_GT(std::filesystem::file_size(In("sheet.jpg")), 500u);
+  EXPECT_EQ(Etude({"dataset", "sheet", In("data"), "--out", In("none.png"), "--frames", "0"}).exit_code, kExitUsage);
+  EXPECT_EQ(Etude({"dataset", "sheet", In("data"), "--out", In("none.png"), "--index", "7"}).exit_code, kExitFailure);
+  EXPECT_FALSE(std::filesystem::exists(In("none.png")));
+}
+
+TEST_F(Cli, CheckpointShowIsJsonForPrograms) {
+  WriteCheckpoint("a.safetensors", {{"run", "demo"}, {"config", R"({"width": 64})"}, {"step", "12"}});
+  const OrderedJson shown = JsonOf({"checkpoint", "show", In("a.safetensors")});
+  ASSERT_TRUE(shown.is_object());
+  EXPECT_EQ(shown["sha256"], Sha256Hex(ReadBinaryFile(In("a.safetensors")).value()));
+  EXPECT_EQ(shown["metadata"]["config"]["width"], 64) << "what has a structure is shown with it";
+  EXPECT_EQ(shown["metadata"]["step"], "12") << "and text as text";
+  EXPECT_EQ(shown["tensors"]["TAR3D.register"]["shape"], (OrderedJson{2, 3}));
+  EXPECT_EQ(shown["tensors"]["step"]["shape"], OrderedJson::array());
+  EXPECT_THAT(Etude({"checkpoint", "show", In("a.safetensors")}).text, HasSubstr("2 tensors, 7 numbers"));
+}
+
+TEST_F(Cli, CheckpointShowSaysWhetherItMayDriveARobot) {
+  WriteCheckpoint("old.safetensors", {{"run", "demo"}});
+  WriteCheckpoint("good.safetensors", {{"refused", ""}});
+  WriteCheckpoint("bad.safetensors", {{"refused", "DISP was not trained"}});
+  const auto said = [&](const std::string& name) { return Etude({"checkpoint", "show", In(name)}).text; };
+  EXPECT_THAT(said("old.safetensors"), HasSubstr("may drive a robot: not said by this older checkpoint"));
+  EXPECT_THAT(said("good.safetensors"), HasSubstr("may drive a robot: yes\n"));
+  EXPECT_THAT(said("bad.safetensors"), HasSubstr("may drive a robot: NO, the policy server refuses it: DISP was not"));
+}
+
+TEST_F(Cli, WatchingNamesARunAndAChannel) {
+  EXPECT_EQ(Etude({"checkpoint", "watch", "--out", In("w")}).exit_code, kExitUsage);
+  EXPECT_EQ(Etude({"checkpoint", "watch", "--run", "x", "--out", In("w"), "--channel", "newest"}).exit_code,
+            kExitUsage);
+  const Outcome outcome = Etude({"checkpoint", "watch", "--run", "Not A Name", "--out", In("w")});
+  EXPECT_EQ(outcome.exit_code, kExitUsage);
+  EXPECT_THAT(outcome.text, HasSubstr("--run 'Not A Name'"));
+  EXPECT_FALSE(std::filesystem::exists(In("w")));
+}
+
+TEST_F(Cli, EveryDescribedKeyIsOneThatCampaignsTake) {
+  const OrderedJson keys = JsonOf({"config", "describe", "campaign"});
+  ASSERT_GT(keys.size(), 40u);
+  std::vector<std::string> arguments{
+      "collect", WriteFile("c.yaml", ""), "--out", WriteFile("file", "") + "/below", "--domain", "81"};
+  for (const auto& key : keys) {
+    EXPECT_FALSE(key["meaning"].get<std::string>().empty() && key["type"] != "section") << key["key"];
+    if (key["type"] == "section") continue;
+    arguments.insert(arguments.end(),
+                     {"--set", key["key"].get<std::string>() + "=" + key["default"].get<std::string>()});
+  }
+  // all keys at their defaults are the default campaign, which gets as far as the folder that cannot be made
+  const Outcome outcome = Etude(arguments);
+  EXPECT_NE(outcome.exit_code, kExitUsage) << outcome.text;
+  EXPECT_NE(outcome.exit_code, kExitOk);
+  EXPECT_THAT(outcome.text, HasSubstr("file"));
+}
+
+TEST_F(Cli, HeldOutWordsDependOnWhatIsTrained) {
+  const OrderedJson three = JsonOf({"language", "held-out"});
+  const OrderedJson one = JsonOf({"language", "held-out", "--tasks", "push", "--objects", "cube", "coke"});
+  ASSERT_TRUE(three.is_object() && one.is_object());
+  EXPECT_EQ(three["table_11"].size(), 30u);
+  EXPECT_EQ(three["table_8"].size(), 50u);
+  EXPECT_LT(one["seen"].size(), three["seen"].size());
+  EXPECT_THAT(three["seen"].dump(), HasSubstr("\"raise\""));
+  EXPECT_THAT(one["seen"].dump(), Not(HasSubstr("\"raise\""))) << "only pushing was said";
+  const Outcome unknown = Etude({"language", "held-out", "--tasks", "pussh"});
+  EXPECT_EQ(unknown.exit_code, kExitUsage);
+  EXPECT_THAT(unknown.text, HasSubstr("did you mean 'push'?"));
+}
+
+TEST_F(Cli, UpNamesWhatIsMissingInItsFile) {
+  for (const auto& [text, says] : std::initializer_list<std::pair<const char*, const char*>>{
+           {"", "campaign: name a campaign file"},
+           {"campaign: c.yaml\ntrain: {run: My Run}\n", "train.run: 'My Run' must match"},
+           {"campaign: none.yaml\n", "none.yaml"},
+           {"campaign: bad.yaml\n", "did you mean 'pick'?"},
+           {"campaign: c.yaml\ncampaign_set: [episodes=0]\n", "episodes: 0 not in"}}) {
+    WriteFile("c.yaml", "name: x\n");
+    WriteFile("bad.yaml", "tasks: [pik]\n");
+    const Outcome outcome = Etude({"up", WriteFile("up.yaml", text), "--out", In("out")});
+    EXPECT_EQ(outcome.exit_code, kExitUsage) << text << outcome.text;
+    EXPECT_THAT(outcome.text, HasSubstr(says)) << text;
+  }
+  EXPECT_EQ(Etude({"up", In("none.yaml")}).exit_code, kExitFailure);
+  EXPECT_EQ(Etude({"up", In("up.yaml"), "--workers", "0"}).exit_code, kExitUsage);
+  EXPECT_FALSE(std::filesystem::exists(In("out"))) << "nothing was made";
+}
+
+TEST_F(Cli, CollectionsOptionsAreChecked) {
+  const std::string spec = WriteFile("c.yaml", "name: x\n");
+  for (const std::vector<std::string>& wrong : std::vector<std::vector<std::string>>{{"--workers", "101"},
+                                                                                     {"--workers", "-1"},
+                                                                                     {"--episodes", "0"},
+                                                                                     {"--seed", "one"},
+                                                                                     {"--domain", "231"},
+                                                                                     {"--set", "seed"},
+                                                                                     {"--frobnicate"}}) {
+    std::vector<std::string> arguments{"collect", spec, "--out", In("d")};
+    arguments.insert(arguments.end(), wrong.begin(), wrong.end());
+    EXPECT_EQ(Etude(arguments).exit_code, kExitUsage) << wrong[0];
+  }
+  EXPECT_EQ(Etude({"collector", spec, "--out", In("d"), "--lease", "0.1"}).exit_code, kExitUsage);
+  EXPECT_FALSE(std::filesystem::exists(In("d")));
+}
+
+TEST_F(Cli, SaysItsVersion) {
+  const Outcome outcome = Etude({"--version"});
+  EXPECT_EQ(outcome.exit_code, kExitOk);
+  EXPECT_EQ(outcome.text, Version() + "\n");
 }
 
 TEST_F(Cli, DatasetThatIsNotThereIsNoUsageError) {

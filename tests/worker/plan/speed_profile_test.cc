@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "services/core/rng.h"
@@ -47,6 +48,52 @@ TEST(SpeedProfile, TakesTheShortestTimeUpToOnePeriod) {
   EXPECT_EQ(SpeedProfile(0.3, 0, 0.3, 1.5, kPeriod).steps(), 150);
   // too short to reach the speed: 2 sqrt(l / a) = 0.163 s
   EXPECT_EQ(SpeedProfile(0.01, 0, 0.3, 1.5, kPeriod).steps(), 21);
+}
+
+// From rest to rest: a trapezoid takes l / v + v / a, a triangle 2 sqrt(l / a), rounded up to whole periods.
+TEST(SpeedProfile, TakesTheTimeOfTheTextbooks) {
+  Rng rng(3);
+  int triangles = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const double l = std::pow(10, rng.Uniform(-3, 1)), v = std::pow(10, rng.Uniform(-2, 1)), a = rng.Uniform(0.5, 20);
+    const bool is_triangle = v * v / a >= l;
+    triangles += is_triangle;
+    const double shortest = is_triangle ? 2 * std::sqrt(l / a) : l / v + v / a;
+    const SpeedProfile profile(l, 0, v, a, kPeriod);
+    EXPECT_EQ(profile.steps(), std::max(1, static_cast<int>(std::ceil(shortest / kPeriod - 1e-9)))) << l << " " << v;
+  }
+  EXPECT_GT(triangles, 200);
+  EXPECT_LT(triangles, 800);
+}
+
+TEST(SpeedProfile, GoesTheSameWayThereAndBack) {
+  Rng rng(4);
+  for (int i = 0; i < 200; ++i) {
+    const double length = rng.Uniform(0.01, 1);
+    const SpeedProfile profile(length, 0, rng.Uniform(0.05, 1), rng.Uniform(0.5, 5), kPeriod);
+    for (int step = 0; step <= profile.steps(); ++step) {
+      const auto there = profile.At(step), back = profile.At(profile.steps() - step);
+      ASSERT_NEAR(there.s, length - back.s, 1e-9);
+      ASSERT_NEAR(there.ds, back.ds, 1e-9);
+    }
+  }
+}
+
+TEST(SpeedProfile, AStartThatIsTooFastToStopIsLoweredAndBrakes) {
+  const double length = 0.01, accel = 1;
+  const SpeedProfile profile(length, 5, 1, accel, kPeriod);
+  EXPECT_NEAR(profile.At(0).ds, 2 * std::sqrt(accel * length), 1e-12) << "what stops at twice the acceleration";
+  for (int step = 1; step <= profile.steps(); ++step) {
+    EXPECT_LE(profile.At(step).ds, profile.At(step - 1).ds + 1e-12) << "only ever slower";
+    EXPECT_GE(profile.At(step).s, profile.At(step - 1).s);
+  }
+}
+
+TEST(WholePeriods, AreNeverShorterAndAtLeastOne) {
+  EXPECT_EQ(WholePeriods(0, 0.008), 1);
+  EXPECT_EQ(WholePeriods(0.008, 0.008), 1);
+  EXPECT_EQ(WholePeriods(0.0081, 0.008), 2);
+  EXPECT_EQ(WholePeriods(3 * 0.1, 0.1), 3) << "rounding of 0.3 adds no period";
 }
 
 }  // namespace

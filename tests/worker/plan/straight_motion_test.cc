@@ -115,6 +115,62 @@ TEST(StraightMotion, StopsWithinAShortWay) {
     EXPECT_LE((motion.V_WE[k] - motion.V_WE[k - 1]).norm(), 2.1 * Limits{}.linear_accel * kPeriod);
 }
 
+// The shortest time that the limits allow, rounded up to a control step: of the slower of both, way and turn.
+TEST(StraightMotion, TakesAsLongAsTheSlowerOfWayAndTurn) {
+  Rng rng(8);
+  const auto shortest = [](double length, double speed, double accel) {
+    return speed * speed / accel >= length ? 2 * std::sqrt(length / accel) : length / speed + speed / accel;
+  };
+  const Limits limits;
+  for (int i = 0; i < 200; ++i) {
+    const Pose start = RandomPose(rng, 0.3, 1), goal = RandomPose(rng, 0.3, 1);
+    const double length = (goal.p - start.p).norm(), angle = AngleBetween(start.q, goal.q);
+    const double speed = std::min(limits.linear / length, limits.angular / angle);
+    const double accel = std::min(limits.linear_accel / length, limits.angular_accel / angle);
+    const int steps = StraightMotion(start, goal, limits).steps() - 1;
+    EXPECT_EQ(steps, static_cast<int>(std::ceil(shortest(1, speed, accel) / kPeriod - 1e-6)));
+    EXPECT_GE((steps + 1e-6) * kPeriod, shortest(length, limits.linear, limits.linear_accel));
+    EXPECT_GE((steps + 1e-6) * kPeriod, shortest(angle, limits.angular, limits.angular_accel));
+  }
+}
+
+TEST(Motion, BetweenItsSamplesItIsInterpolatedAndBeyondThemItStays) {
+  Rng rng(9);
+  const Motion motion = StraightMotion(RandomPose(rng, 0.3, 1), RandomPose(rng, 0.3, 1), Limits{});
+  const int last = motion.steps() - 1;
+  EXPECT_EQ(motion.At(-3).p, motion.X_WE.front().p);
+  EXPECT_EQ(motion.At(last + 7.5).p, motion.X_WE.back().p);
+  for (int k = 0; k < last; ++k)
+    for (const double share : {0.0, 0.25, 0.5}) {
+      const Pose &from = motion.X_WE[k], &to = motion.X_WE[k + 1], at = motion.At(k + share);
+      EXPECT_LT((at.p - (from.p + share * (to.p - from.p))).norm(), 1e-12);
+      EXPECT_NEAR(AngleBetween(from.q, at.q), share * AngleBetween(from.q, to.q), 1e-7);
+    }
+}
+
+TEST(Brake, StopsOnThePathWithinTheLimits) {
+  Rng rng(10);
+  const Limits limits;
+  for (int i = 0; i < 50; ++i) {
+    const Pose start = RandomPose(rng, 0.4, 0.5), goal = RandomPose(rng, 0.4, 0.5);
+    const Motion motion = StraightMotion(start, goal, limits);
+    for (const int step : {0, motion.steps() / 3, motion.steps() / 2, motion.steps() - 1}) {
+      const Motion brake = Brake(motion, step, limits);
+      EXPECT_EQ(brake.X_WE.front().p, motion.X_WE[step].p);
+      EXPECT_EQ(brake.V_WE.front(), motion.V_WE[step]);
+      EXPECT_EQ(brake.V_WE.back().norm(), 0);
+      const double speed = motion.V_WE[step].head<3>().norm(), turn = motion.V_WE[step].tail<3>().norm();
+      const double seconds = std::max(speed / limits.linear_accel, turn / limits.angular_accel);
+      EXPECT_EQ(brake.steps() - 1, static_cast<int>(std::ceil(seconds / kPeriod))) << "at once";
+      const Eigen::Vector3d along = (goal.p - start.p).normalized();
+      for (const Pose& X_WE : brake.X_WE) {
+        EXPECT_LT((X_WE.p - start.p).cross(along).norm(), 1e-9) << "off the path";
+        EXPECT_LE((X_WE.p - motion.X_WE[step].p).dot(along), speed * seconds / 2 + speed * kPeriod + 1e-9);
+      }
+    }
+  }
+}
+
 TEST(StraightMotion, ToWhereItIsHasOneSample) {
   Pose here;
   here.p = {0.1, 0.2, 0.3};

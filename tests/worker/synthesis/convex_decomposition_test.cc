@@ -2,13 +2,15 @@
 // Tests worker/synthesis/convex_decomposition.cc and hull.cc
 #include "worker/synthesis/convex_decomposition.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "services/core/rng.h"
+#include "tests/worker/synthesis/shapes.h"
 #include "worker/synthesis/drawn_object.h"
 #include "worker/synthesis/hull.h"
 #include "worker/synthesis/mass.h"
@@ -17,17 +19,6 @@ namespace etude::synthesis {
 namespace {
 
 using Eigen::Vector3d;
-
-/// How far a point is out of a convex mesh; negative inside.
-double Outside(const assets::Mesh& hull, const Vector3d& p) {
-  double farthest = -std::numeric_limits<double>::infinity();
-  for (const auto& f : hull.faces) {
-    const Vector3d& a = hull.positions[f[0]];
-    const Vector3d normal = (hull.positions[f[1]] - a).cross(hull.positions[f[2]] - a).normalized();
-    farthest = std::max(farthest, normal.dot(p - a));
-  }
-  return farthest;
-}
 
 double NearestVertex(const assets::Mesh& mesh, const Vector3d& p) {
   double nearest = std::numeric_limits<double>::infinity();
@@ -65,6 +56,120 @@ TEST(ConvexHull, HoldsAllItsPoints) {
 TEST(ConvexHull, OfPointsInAPlaneIsNothing) {
   EXPECT_FALSE(ConvexHull({{0, 0, 1}, {1, 0, 1}, {0, 1, 1}, {1, 1, 1}, {0.3, 0.4, 1}}).has_value());
   EXPECT_FALSE(ConvexHull({{0, 0, 0}, {1, 0, 0}}).has_value());
+}
+
+// A plane through three points that has no point on its other side is a side of the hull: all of them, tried out.
+double HullVolumeByAllPlanes(const std::vector<Vector3d>& points) {
+  double volume = 0;
+  const int n = static_cast<int>(points.size());
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j)
+      for (int k = 0; k < n; ++k) {
+        if (i >= j || i >= k || j == k) continue;
+        const Vector3d normal = (points[j] - points[i]).cross(points[k] - points[i]);
+        const bool is_side = std::none_of(points.begin(), points.end(),
+                                          [&](const Vector3d& p) { return normal.dot(p - points[i]) > 1e-12; });
+        if (is_side) volume += points[i].dot(points[j].cross(points[k])) / 6;
+      }
+  return volume;
+}
+
+TEST(ConvexHull, IsThatOfAllPlanesTriedOut) {
+  Rng rng(4);
+  for (int round = 0; round < 30; ++round) {
+    const std::vector<Vector3d> points = NormalPoints(5 + static_cast<int>(rng.Below(20)), rng);
+    const auto hull = ConvexHull(points);
+    ASSERT_TRUE(hull.has_value());
+    EXPECT_NEAR(Integrate(*hull).mass, HullVolumeByAllPlanes(points), 1e-3);
+    EXPECT_EQ(hull->faces.size(), 2 * hull->positions.size() - 4) << "Euler, for triangles";
+  }
+}
+
+TEST(ConvexHull, OfPointsThatStandTwiceAndOfTheOctahedron) {
+  std::vector<Vector3d> points;
+  for (int k = 0; k < 3; ++k)
+    for (const double sign : {-1.0, 1.0, -1.0}) points.push_back(sign * Vector3d::Unit(k));
+  const auto hull = ConvexHull(points);
+  ASSERT_TRUE(hull.has_value());
+  EXPECT_EQ(hull->positions.size(), 6u);
+  EXPECT_EQ(hull->faces.size(), 8u);
+  EXPECT_NEAR(Integrate(*hull).mass, 4.0 / 3, 1e-12);
+}
+
+TEST(FittedHull, HasFewCornersAllOfThePointsAndNearlyTheirVolume) {
+  Rng rng(5);
+  for (const int count : {8, 16, 64}) {
+    std::vector<Vector3d> points = NormalPoints(600, rng);
+    for (Vector3d& p : points) p = p.normalized().cwiseProduct(Vector3d(1, 2, 0.5));
+    const auto fitted = FittedHull(points, count);
+    ASSERT_TRUE(fitted.has_value());
+    EXPECT_LE(fitted->positions.size(), static_cast<std::size_t>(count));
+    for (const Vector3d& p : fitted->positions) EXPECT_THAT(points, testing::Contains(p));
+    const double share = Integrate(*fitted).mass / (4 * std::numbers::pi / 3);
+    EXPECT_GT(share, count == 64 ? 0.85 : count == 16 ? 0.55 : 0.3) << count;
+    EXPECT_LT(share, 1) << "within the ellipsoid";
+  }
+  EXPECT_FALSE(FittedHull({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, 8).has_value());
+}
+
+TEST(ConvexPieces, AConvexBodyIsOnePiece) {
+  for (const assets::Mesh& body : {Box({0.1, 0.2, 0.3}, {0, 0, 0}), Cylinder(0.1, 0.5, 24)}) {
+    const auto pieces = ConvexPieces(body, std::nullopt);
+    ASSERT_EQ(pieces.size(), 1u);
+    EXPECT_NEAR(Integrate(pieces[0]).mass, Integrate(body).mass, 1e-6);
+  }
+}
+
+// A roof: convex on either side of its ridge at x = 0.1.
+TEST(ConvexPieces, ABendIsCutWhereItMustBe) {
+  // both ends are fans from a corner that sees all of them: the first and the last
+  const assets::Mesh roof =
+      assets::Extrude({{0.1, 0.15}, {0, 0.1}, {0, 0}, {0.1, 0.05}, {0.2, 0}, {0.2, 0.1}, {0.11, 0.145}}, 0.03, false);
+  const double body = 0.06 * 0.2 * 0.1;
+  ASSERT_NEAR(Integrate(roof).mass, body, 1e-12);
+  const auto one = ConvexPieces(roof, std::nullopt, {.slices = 1});
+  ASSERT_EQ(one.size(), 1u);
+  EXPECT_NEAR(Integrate(one[0]).mass, body + 0.06 * 0.2 * 0.05 / 2, 1e-9) << "the hull fills what is under it";
+  const auto two = ConvexPieces(roof, std::nullopt);
+  ASSERT_EQ(two.size(), 2u) << "no more slices than do";
+  EXPECT_NEAR(Integrate(two[0]).mass + Integrate(two[1]).mass, body, 1e-9);
+}
+
+TEST(ConvexPieces, SlicesShareABodyOutAlongItsLongestAxis) {
+  Rng rng(6);
+  for (int round = 0; round < 10; ++round) {
+    std::vector<Vector3d> points = NormalPoints(30, rng);
+    for (Vector3d& p : points) p.y() *= 4;
+    const assets::Mesh body = *ConvexHull(points);
+    // less than the body may the pieces hold: never, so that there are as many slices as may be
+    const auto pieces = ConvexPieces(body, std::nullopt, {.slices = 4, .fill = -1, .points = 1000});
+    ASSERT_EQ(pieces.size(), 4u);
+    double sum = 0;
+    for (const auto& piece : pieces) {
+      EXPECT_TRUE(IsWatertight(piece));
+      sum += Integrate(piece).mass;
+    }
+    EXPECT_NEAR(sum, Integrate(body).mass, 1e-3 * sum);
+  }
+}
+
+TEST(ConvexPieces, OfARingLeaveItsMiddleOpen) {
+  std::vector<assets::ProfilePoint> profile;
+  for (int i = 0; i <= 24; ++i) {
+    const double angle = 2 * std::numbers::pi * (i % 24) / 24;
+    profile.push_back({1 + 0.3 * std::cos(angle), 0.3 * std::sin(angle), 0});
+  }
+  const assets::Mesh ring = assets::Lathe(profile, 48);
+  ASSERT_TRUE(IsWatertight(ring));
+  for (const int sectors : {6, 8, 12}) {
+    const auto pieces = ConvexPieces(ring, Hole{}, {.sectors = sectors, .points = 200});
+    ASSERT_EQ(pieces.size(), static_cast<std::size_t>(sectors));
+    // chords cut into the hole as far as half a sector's angle takes them
+    const double open = 0.7 * std::cos(std::numbers::pi / sectors) - 0.02;
+    for (const auto& piece : pieces)
+      for (double angle = 0; angle < 6.28; angle += 0.1)
+        EXPECT_GT(Outside(piece, {open * std::cos(angle), open * std::sin(angle), 0}), 0) << sectors;
+  }
 }
 
 TEST(FarthestPoints, KeepTheHullNearly) {
