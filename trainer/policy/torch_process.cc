@@ -3,9 +3,11 @@
 
 #include <dlfcn.h>
 #include <fmt/format.h>
+#include <sys/prctl.h>
 #include <torch/torch.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdlib>
 #include <thread>
 
@@ -31,6 +33,8 @@ bool SetDefault(const char* name, const char* value) {
 }  // namespace
 
 void PrepareTorchProcess(char** argv) {
+  // a program started anew through /proc/self/exe is called `exe` by ps and pkill
+  ::prctl(PR_SET_NAME, program_invocation_short_name);
   bool changed = SetDefault("OMP_WAIT_POLICY", "PASSIVE");
   // OpenBLAS picks AVX2 kernels on CPUs that are younger than it is; half the speed of AVX-512.
   if (HasAvx512()) changed |= SetDefault("OPENBLAS_CORETYPE", "SkylakeX");

@@ -38,12 +38,6 @@ Matrix6d TaskInertia(const Matrix6d& mobility) {
   return eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
 }
 
-/// The smallest joint motion that moves the tool by `dx`.
-Eigen::VectorXd JointMotion(const Eigen::MatrixXd& J, const Vector6d& dx, double damping) {
-  const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
-  return J.transpose() * normal.ldlt().solve(dx);
-}
-
 /// What of the joint motion `dq` does not move the tool.
 Eigen::VectorXd NullSpacePart(const Eigen::MatrixXd& J, const Eigen::VectorXd& dq) {
   return dq - JointMotion(J, J * dq, kNullDamping);
@@ -79,6 +73,11 @@ Eigen::VectorXd OvercomingFriction(const ControlState& state, const Vector6d& V_
 }
 
 }  // namespace
+
+Eigen::VectorXd JointMotion(const Eigen::MatrixXd& J, const Vector6d& dx, double damping) {
+  const Matrix6d normal = J * J.transpose() + damping * damping * Matrix6d::Identity();
+  return J.transpose() * normal.ldlt().solve(dx);
+}
 
 Eigen::Vector3d RotationVector(const Eigen::Quaterniond& from, const Eigen::Quaterniond& to) {
   Eigen::Quaterniond turn = to * from.conjugate();

@@ -43,6 +43,10 @@ struct ControlState {
 /// Rotation vector (axis times angle, angle in [0, pi]) that turns `from` into `to`, in world.
 Eigen::Vector3d RotationVector(const Eigen::Quaterniond& from, const Eigen::Quaterniond& to);
 
+/// The smallest joint motion (n) that moves the tool by `dx` (6, linear first): damped least squares.
+/// @param J  (6, n) of the tool; @param damping  m (and rad), keeps it finite near a singularity
+Eigen::VectorXd JointMotion(const Eigen::MatrixXd& J, const Eigen::Matrix<double, 6, 1>& dx, double damping);
+
 /// Joint torques (n), N m, for the tool's acceleration a = kp e_p + kv (V_ref - J v):
 ///   tau = J^T Lambda (a - J u) + M u + bias + M stop_kp stop + friction
 ///   u = -null_kv v                                          six joints and fewer

@@ -8,6 +8,8 @@
 #include <optional>
 #include <utility>
 
+#include "worker/sim/controller.h"
+
 namespace etude::task {
 namespace {
 
@@ -158,10 +160,7 @@ Result<Verdict> Rollout::Run(const policy::AskFunction& ask) {
 
 double Rollout::SpeedShareOf(const Vector6d& V_WE) {
   const sim::World& world = session_->world();
-  const Eigen::MatrixXd J = kinematics_.Jacobian(world.q());
-  const Eigen::Matrix<double, 6, 6> normal =
-      J * J.transpose() + kDamping * kDamping * Eigen::Matrix<double, 6, 6>::Identity();
-  const Eigen::VectorXd v = J.transpose() * normal.ldlt().solve(V_WE);
+  const Eigen::VectorXd v = sim::JointMotion(kinematics_.Jacobian(world.q()), V_WE, kDamping);
   const double most = (v.cwiseAbs().cwiseQuotient(world.scene().arm().planned_speed)).maxCoeff();
   return most > kJointSpeedShare ? kJointSpeedShare / most : 1;
 }
