@@ -15,6 +15,7 @@
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "trainer/learn/trainer.h"
+#include "trainer/policy/policy_file.h"
 #include "trainer/policy/torch_process.h"
 #include "trainer/publish/sink.h"
 
@@ -23,7 +24,8 @@ namespace {
 
 struct Arguments {
   std::string data, collect, config, out, name;
-  std::vector<std::string> set;
+  std::string init;
+  std::vector<std::string> set, add, copy, fresh, freeze;
   double minutes = 0;
   std::uint64_t steps = 0;
   std::uint64_t seed = 0;
@@ -57,14 +59,35 @@ Path ExecutablePath() {
   return error ? Path("bin/etude-trainer") : path;
 }
 
+// what the options say, as overrides; first, since those that follow may be about the graph that they choose
+std::vector<std::string> Overrides(const Arguments& arguments) {
+  std::vector<std::string> overrides;
+  if (!arguments.init.empty()) {
+    overrides.push_back("init.from=" + OrderedJson(arguments.init).dump());
+    if (arguments.config.empty()) overrides.push_back("policy=checkpoint");
+  }
+  for (const auto& [key, names] : {std::pair{"add", &arguments.add},
+                                   {"init.copy", &arguments.copy},
+                                   {"init.fresh", &arguments.fresh},
+                                   {"init.freeze", &arguments.freeze}})
+    if (!names->empty()) overrides.push_back(fmt::format("{}={}", key, OrderedJson(*names).dump()));
+  overrides.insert(overrides.end(), arguments.set.begin(), arguments.set.end());
+  return overrides;
+}
+
+Result<OrderedJson> ReadGraph(const std::string& file) {
+  ETUDE_ASSIGN_OR_RETURN(const auto source, checkpoint::ReadFile(file));
+  return checkpoint::GraphOf(source.metadata);
+}
+
 Result<learn::TrainConfig> ReadConfig(const Arguments& arguments) {
   const char* share = std::getenv("ETUDE_SHARE");
-  ETUDE_ASSIGN_OR_RETURN(const Path experiments, learn::FindExperiments(share ? share : "", ExecutablePath()));
+  ETUDE_ASSIGN_OR_RETURN(const Path experiments, policy::FindExperiments(share ? share : "", ExecutablePath()));
   // a run that resumes is what it was, unless told otherwise
   const Path saved = Path(arguments.out) / "config.yaml";
   std::string source = arguments.config.empty() ? "compact" : arguments.config;
   if (arguments.resume && arguments.config.empty()) source = saved.string();
-  ETUDE_ASSIGN_OR_RETURN(auto config, learn::LoadTrainConfig(source, experiments, arguments.set));
+  ETUDE_ASSIGN_OR_RETURN(auto config, learn::LoadTrainConfig(source, experiments, Overrides(arguments), ReadGraph));
   if (arguments.minutes > 0 || arguments.steps > 0) {
     config.minutes = arguments.minutes;
     config.steps = arguments.steps;
@@ -79,6 +102,8 @@ Status CheckOut(const Arguments& arguments) {
     return Fail(
         Code::kInvalidArgument,
         fmt::format("'{}' holds a run already: continue it with --resume, or give another --out", arguments.out));
+  if (arguments.resume && !arguments.init.empty())
+    return Fail(Code::kInvalidArgument, "--init begins a run, --resume goes on with one: give one of them");
   if (!there && arguments.resume)
     return Fail(Code::kInvalidArgument, fmt::format("--resume: '{}' holds no run", arguments.out));
   return {};
@@ -201,6 +226,15 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
                  "experiment: compact, paper, or a YAML file (default compact; with --resume the run's own)");
   app.add_option("--set", arguments.set, "override, e.g. --set optimizer.lr=1e-3; may be repeated")
       ->allow_extra_args(false);
+  app.add_option("--init", arguments.init,
+                 "begin with this checkpoint, and with its graph unless --config names another");
+  const auto parts = [&](const char* option, std::vector<std::string>& names, const char* what) {
+    app.add_option(option, names, what)->delimiter(',')->allow_extra_args(false);
+  };
+  parts("--add", arguments.add, "put modules on top of the graph: obstacle, multi_obstacle, relational, or a file");
+  parts("--copy", arguments.copy, "parts to take from --init, e.g. image,language,LANG (default: all that both have)");
+  parts("--fresh", arguments.fresh, "parts that begin anew all the same");
+  parts("--freeze", arguments.freeze, "parts that stay as they are, bit for bit");
   app.add_option("--out", arguments.out, "the run's folder: config, metrics, checkpoints, state");
   app.add_option("--name", arguments.name, "the run's name on the bus (default: from the folder's name)");
   app.add_option("--minutes", arguments.minutes, "stop after this much training; the learning rate follows");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `etude checkpoint show|watch`.
+// `etude checkpoint show|diff|watch`.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -131,6 +131,12 @@ void AddCheckpoint(CLI::App& app, Body& body) {
   show->add_option("file", *file, "checkpoint file")->required();
   show->add_flag("--json", *as_json, "as JSON");
   show->callback([=, &body] { body = [=] { return Show(*file, *as_json); }; });
+
+  auto second = std::make_shared<std::string>();
+  auto* difference = command->add_subcommand("diff", "which parts changed from one to another, and by how much");
+  difference->add_option("first", *file, "checkpoint file")->required();
+  difference->add_option("second", *second, "checkpoint file")->required();
+  difference->callback([=, &body] { body = [=] { return ExecSibling("etude-policy", {"diff", *file, *second}); }; });
 
   auto watching = std::make_shared<WatchArguments>();
   auto* watch = command->add_subcommand("watch", "subscribe to a run; write each verified checkpoint");

@@ -52,7 +52,7 @@ class Bench {
       policy->train();
       policies.push_back(std::move(policy));
     }
-    optimizer_ = std::make_unique<learn::Optimizer>(config_.optimizer, policies, std::set<std::string>{});
+    optimizer_ = std::make_unique<learn::Optimizer>(config_.optimizer, policies);
     replicas_ = std::make_unique<learn::Replicas>(std::move(policies));
     return {};
   }

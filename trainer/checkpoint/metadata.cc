@@ -12,6 +12,7 @@
 #include "trainer/checkpoint/schema.h"
 #include "trainer/checkpoint/sizes.h"
 #include "trainer/policy/architecture.h"
+#include "trainer/policy/crop.h"
 
 namespace etude::checkpoint {
 namespace {
@@ -162,6 +163,20 @@ Result<Metadata> FromText(const std::map<std::string, std::string>& text) {
   ETUDE_ASSIGN_OR_RETURN(metadata.policy, ReadPolicy(text));
   ETUDE_RETURN_IF_ERROR(CheckEmbodiment(metadata));
   return metadata;
+}
+
+OrderedJson GraphOf(const Metadata& metadata) {
+  OrderedJson graph = policy::SaidOf(metadata.policy);
+  const auto& fits = metadata.embodiment;
+  if (fits.camera_pose.size() != 7) return graph;
+  const auto& pose = fits.camera_pose;
+  Camera camera{.width = fits.width, .height = fits.height, .fovy = fits.fovy};
+  camera.X_WC = {{pose[0], pose[1], pose[2]}, {pose[3], pose[4], pose[5], pose[6]}};
+  policy::ImageConfig derived = metadata.policy.image;
+  derived.crop.clear();
+  const auto crop = policy::ResolveCrop(derived, camera);
+  if (crop && policy::ToNumbers(*crop) == metadata.policy.image.crop) graph["image"].erase("crop");
+  return graph;
 }
 
 OrderedJson Summary(const Metadata& metadata) {

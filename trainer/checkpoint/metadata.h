@@ -51,6 +51,9 @@ std::map<std::string, std::string> ToText(const Metadata& metadata);
 /// architecture that is not the configuration's.
 Result<Metadata> FromText(const std::map<std::string, std::string>& text);
 
+/// The policy as a file would say it, for other data: without a crop that was derived from its camera.
+OrderedJson GraphOf(const Metadata& metadata);
+
 /// For people and for the bus: everything but the configurations.
 OrderedJson Summary(const Metadata& metadata);
 

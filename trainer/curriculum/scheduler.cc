@@ -62,6 +62,14 @@ Scheduler::Scheduler(const CurriculumConfig& config, std::vector<Subtask> subtas
   if (!config_.enabled) stage_ = stages();
 }
 
+void Scheduler::StartAt(int level) {
+  ETUDE_CHECK(history_.empty() && advances_.empty());
+  const auto subtask =
+      std::find_if(subtasks_.begin(), subtasks_.end(), [&](const auto& s) { return s.level == level; });
+  ETUDE_CHECK(subtask != subtasks_.end(), "level={}", level);
+  if (config_.enabled) stage_ = static_cast<int>(subtask - subtasks_.begin()) + 1;
+}
+
 double Scheduler::Budget() const { return config_.latest_last * stage_ / std::max(1, stages() - 1); }
 
 Advance Scheduler::Go(std::uint64_t step, Cause cause, std::string reason) {

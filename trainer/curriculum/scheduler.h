@@ -65,6 +65,9 @@ class Scheduler {
   /// @param subtasks  by ascending level, at least one
   Scheduler(const CurriculumConfig& config, std::vector<Subtask> subtasks);
 
+  /// Begins with the subtask of `level`: what is below it was learned before. @pre nothing was observed yet
+  void StartAt(int level);
+
   int stage() const { return stage_; }  ///< subtasks 1..stage() are trained
   int stages() const { return static_cast<int>(subtasks_.size()); }
   /// Modules of this level and below are trained.

@@ -19,6 +19,7 @@ void DataConfig::Check(std::vector<std::string>& errors) const {
   require(sentences >= 1 && sentences <= 64, fmt::format("sentences: {} not in 1..64", sentences));
   require(sentence_variants >= 1, fmt::format("sentence_variants: {} must be >= 1", sentence_variants));
   require(varied >= 0 && noisy >= 0 && varied + noisy <= 1, "varied, noisy: fractions with a sum of at most 1");
+  require(clauses >= 0 && clauses <= 1, fmt::format("clauses: {} not in 0..1", clauses));
   require(jitter >= 0 && jitter <= 64, fmt::format("jitter: {} not in 0..64", jitter));
   for (double x : {brightness, contrast, colour})
     require(x >= 0 && x < 1, fmt::format("brightness, contrast, colour: {} not in 0..1", x));
@@ -173,7 +174,7 @@ void BatchMaker::FillLabels(const LabelColumn& column, const Episode& episode, i
   const std::size_t size = label.values.size() / all;
   const Region seen{view.u, view.v, content_.crop.width, content_.crop.height};
   for (std::size_t s = 0; s < rows; ++s) {
-    const LabelContext context{episode, step, commands[s], content_.classes, seen};
+    const LabelContext context{episode, step, commands[s], content_.classes, seen, content_.known_tasks};
     const auto states = StatesOf(column.entity, context);
     for (std::size_t k = 0; k < std::min(slots, states.size()); ++k) {
       const std::size_t row = (b * rows + s) * slots + k;
@@ -208,7 +209,8 @@ Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& sam
     auto joints = batch.joints.begin() + static_cast<std::ptrdiff_t>(b) * batch.joints_each;
     std::copy(gripper.begin(), gripper.end(), std::copy(arm.begin(), arm.end(), joints));
 
-    const auto commands = DrawCommands(episode, content_.tasks, config_.sentences, samples[b].seed);
+    auto commands = DrawCommands(episode, content_.tasks, config_.sentences, samples[b].seed);
+    if (augment == Augment::kYes) AddClauses(episode, grammar_->tasks(), config_.clauses, samples[b].seed, commands);
     Rng rng(MixSeed({samples[b].seed}, "variants"));
     for (std::size_t s = 0; s < commands.size(); ++s)
       batch.sentence_index[b * commands.size() + s] =

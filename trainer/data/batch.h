@@ -21,6 +21,7 @@ struct DataConfig {
   int sentence_variants = 4;  ///< wordings of one command within a batch (each is encoded once)
   double varied = 0.4;        ///< fraction of sentences with synonyms and free word order
   double noisy = 0.3;         ///< fraction that has typing errors too; the rest are plain templates
+  double clauses = 0;         ///< fraction of relabelled sentences with something to keep off or a second object
   int jitter = 4;             ///< +- px, random place of the crop
   double brightness = 0.06;   ///< +- fraction of 255
   double contrast = 0.08;     ///< +- fraction
@@ -39,6 +40,7 @@ struct DataConfig {
     v("sentence_variants", sentence_variants, "-", "wordings of one command within a batch");
     v("varied", varied, "-", "share of sentences with synonyms and free word order");
     v("noisy", noisy, "-", "share that has typing errors too");
+    v("clauses", clauses, "-", "share of relabelled sentences that also say what to keep off, or name a second object");
     v("jitter", jitter, "px", "the crop is displaced by up to this much, either way");
     v("brightness", brightness, "-", "of 255, changed by up to this share");
     v("contrast", contrast, "-", "changed by up to this share");
@@ -86,6 +88,7 @@ struct BatchContent {
   std::vector<std::string> tasks;    ///< that relabelled sentences name
   std::vector<std::string> classes;  ///< nouns that class heads know (ObjectNoun)
   std::vector<LabelColumn> labels;
+  std::vector<std::string> known_tasks{};  ///< that task heads know
 };
 
 /// Makes batches. Const methods are thread-safe.

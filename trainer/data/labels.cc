@@ -36,14 +36,16 @@ std::optional<Entity> ParseEntity(std::string_view text) {
                                                           {"reference", Kind::kReference},
                                                           {"obstacle", Kind::kObstacle},
                                                           {"others", Kind::kOthers},
-                                                          {"ee", Kind::kEe}};
+                                                          {"ee", Kind::kEe},
+                                                          {"command", Kind::kCommand}};
   for (const auto& [name, kind] : kKinds)
     if (text == name) return Entity{kind, {}};
   return std::nullopt;
 }
 
 const std::vector<std::string>& EntityNames() {
-  static const std::vector<std::string> names{"target", "reference", "obstacle", "others", "ee", "object:NAME"};
+  static const std::vector<std::string> names{"target", "reference", "obstacle",   "others",
+                                              "ee",     "command",   "object:NAME"};
   return names;
 }
 
@@ -73,6 +75,8 @@ std::vector<EntityState> StatesOf(const Entity& entity, const LabelContext& cont
       return one(entity.object);
     case Entity::Kind::kEe:
       return {HandState(episode, context.step)};
+    case Entity::Kind::kCommand:
+      return {{context.command.task, {}, {}, {}}};
     case Entity::Kind::kOthers:
       break;
   }

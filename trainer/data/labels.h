@@ -2,7 +2,7 @@
 // A label is an entity x a quantity, "target.position". Entities and where they are belong here; how a quantity turns
 // that into numbers is a LabelRule, of which trainer/policy/quantities has one for each quantity.
 //
-// S sentences an image; target, reference, obstacle and others depend on the sentence: (B, S, ...), the rest
+// S sentences an image; target, reference, obstacle, others and command depend on the sentence: (B, S, ...), the rest
 // (B, 1, ...). `others` are a set: (B, S, kMaxOthers, ...), of which as many are valid as there are.
 #pragma once
 
@@ -33,22 +33,24 @@ struct Entity {
     kOthers,     ///< every object but the target
     kEe,         ///< the end-effector
     kObject,     ///< "object:coke": that one, whatever the sentence says
+    kCommand,    ///< no thing: what the sentence says to do
   };
   Kind kind = Kind::kTarget;
   std::string object;  ///< kObject
 
   bool per_sentence() const { return kind != Kind::kEe && kind != Kind::kObject; }
   bool is_set() const { return kind == Kind::kOthers; }
+  bool is_thing() const { return kind != Kind::kOthers && kind != Kind::kCommand; }  ///< one, with a place
 };
 
-/// "target", "reference", "obstacle", "others", "ee", "object:NAME". Nothing for another text.
+/// "target", "reference", "obstacle", "others", "ee", "command", "object:NAME". Nothing for another text.
 std::optional<Entity> ParseEntity(std::string_view text);
 /// For messages.
 const std::vector<std::string>& EntityNames();
 
 /// One thing of a picture at its control step. Spans are into the episode.
 struct EntityState {
-  std::string_view name;         ///< the object's; "" of the end-effector
+  std::string_view name;         ///< the object's; the task's of a command, which has nothing else; "" of the hand
   std::span<const float> p;      ///< (3) m, world
   std::span<const float> q;      ///< (4) w, x, y, z
   std::span<const float> pixel;  ///< (2) px in the camera's picture; NaN behind the camera
@@ -63,6 +65,7 @@ struct LabelContext {
   const language::Command& command;         ///< what the sentence means
   const std::vector<std::string>& classes;  ///< nouns that the policy's class heads know
   Region view;                              ///< what the policy sees of the camera's picture
+  std::span<const std::string> tasks{};     ///< that its task heads know
 };
 
 /// One state; several (at most kMaxOthers) of a set; none where the scene or the sentence has no such thing.

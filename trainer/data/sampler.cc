@@ -93,4 +93,29 @@ std::vector<language::Command> DrawCommands(const Episode& episode, const std::v
   return commands;
 }
 
+void AddClauses(const Episode& episode, const std::vector<std::string>& tasks, double share, std::uint64_t seed,
+                std::vector<language::Command>& commands) {
+  if (!(share > 0)) return;
+  std::vector<TaskName> relations;
+  for (const auto& name : tasks)
+    if (const auto task = ParseTask(name); task && task->relation()) relations.push_back(*task);
+  std::vector<std::string> names;
+  for (const auto& object : episode.objects) names.push_back(object.name);
+  Rng rng(MixSeed({seed}, "clauses"));
+  for (std::size_t s = 1; s < commands.size(); ++s) {
+    language::Command& command = commands[s];
+    // drawn whether it is used or not: sentences do not depend on each other
+    const bool chosen = rng.Bernoulli(share), relate = rng.Bernoulli(0.5), all = rng.Bernoulli(0.5);
+    Rng own(MixSeed({seed, s}, "clause"));
+    if (!chosen || !command.reference.empty() || !command.obstacle.empty()) continue;
+    if (!relate || relations.empty()) {
+      command.obstacle = all ? language::kEverythingElse : kObstacleObject;
+      continue;
+    }
+    const TaskName& task = relations[own.Below(relations.size())];
+    const std::string reference = DrawReference(*task.spec, {}, command.target, names, own);
+    if (!reference.empty()) command = {task.base, command.target, reference, ""};
+  }
+}
+
 }  // namespace etude::data

@@ -4,11 +4,12 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <set>
 #include <thread>
 
 #include "services/core/log.h"
 #include "services/spec/object_names.h"
+#include "services/spec/task_name.h"
+#include "trainer/checkpoint/surgery.h"
 #include "trainer/data/statistics.h"
 #include "trainer/learn/await_data.h"
 #include "trainer/learn/run.h"
@@ -33,13 +34,6 @@ std::vector<curriculum::Subtask> Subtasks(const policy::PolicyConfig& config) {
   return subtasks;
 }
 
-std::set<std::string> FrozenParameters(const policy::Policy& policy, const std::vector<std::string>& modules) {
-  std::set<std::string> names;
-  for (const auto& module : modules)
-    for (auto& name : policy.ParametersOf(module)) names.insert(std::move(name));
-  return names;
-}
-
 // The classes that the policy tells apart: as configured, unless the dataset has others.
 void AdoptClasses(const std::vector<std::string>& objects, std::vector<std::string>& classes) {
   std::vector<std::string> found;
@@ -53,6 +47,24 @@ void AdoptClasses(const std::vector<std::string>& objects, std::vector<std::stri
   if (covered) return;
   Log().info("the policy's classes are the dataset's: {}", fmt::join(found, ", "));
   classes = std::move(found);
+}
+
+// The tasks that the policy tells apart: as configured, or every task that there is, so that modules that are added
+// later find theirs; unless the dataset has others.
+void AdoptTasks(const std::vector<std::string>& tasks, policy::PolicyConfig& config) {
+  if (!policy::DecodesTask(config)) return;
+  std::vector<std::string> known = BaseTasks();
+  const auto has = [](const std::vector<std::string>& list, const std::string& name) {
+    return std::find(list.begin(), list.end(), name) != list.end();
+  };
+  bool covered = !config.tasks.empty();
+  for (const auto& text : tasks) {
+    const auto task = ParseTask(text);
+    if (!task) continue;
+    if (!has(known, task->base)) known.push_back(task->base);
+    covered = covered && has(config.tasks, task->base);
+  }
+  if (!covered) config.tasks = std::move(known);
 }
 
 // of every episode: one that is another's is named
@@ -73,6 +85,7 @@ Result<checkpoint::Embodiment> FindEmbodiment(const data::Snapshot& snapshot) {
 
 Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
   AdoptClasses(run.dataset->spec().objects, run.config.policy.objects);
+  AdoptTasks(run.dataset->spec().tasks, run.config.policy);
   ETUDE_ASSIGN_OR_RETURN(auto loaded,
                          language::Grammar::LoadFor(run.dataset->spec().objects, run.dataset->spec().tasks));
   run.grammar = std::make_shared<const language::Grammar>(std::move(loaded));
@@ -80,8 +93,10 @@ Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
   const auto& camera = snapshot.episodes().front()->episode().cameras.at(0).camera;
   ETUDE_ASSIGN_OR_RETURN(const auto crop, policy::ResolveCrop(config.image, camera));
   config.image.crop = policy::ToNumbers(crop);  // a checkpoint says what it saw
-  const data::BatchContent content{
-      crop, camera.width, camera.height, run.dataset->spec().tasks, config.objects, policy::LabelColumnsOf(config)};
+  const data::BatchContent content{crop,           camera.width,
+                                   camera.height,  run.dataset->spec().tasks,
+                                   config.objects, policy::LabelColumnsOf(config),
+                                   config.tasks};
   run.maker = std::make_shared<data::BatchMaker>(run.config.data, content, run.grammar);
   return {};
 }
@@ -98,6 +113,32 @@ Result<Policies> MakeReplicas(const TrainConfig& config, const data::Statistics&
     policies.push_back(std::move(policy));
   }
   return policies;
+}
+
+// Which parts come from where, in one line each that matters.
+void LogSurgery(const checkpoint::Checkpoint& source, const checkpoint::Surgery& surgery, const InitConfig& init) {
+  Log().info("begins with run {} step {} of '{}': copied {}; fresh {}; frozen {}", source.metadata.run,
+             source.metadata.step, init.from, fmt::join(surgery.copied, ", "),
+             surgery.fresh.empty() ? "nothing" : fmt::format("{}", fmt::join(surgery.fresh, ", ")),
+             init.freeze.empty() ? "nothing" : fmt::format("{}", fmt::join(init.freeze, ", ")));
+  for (const auto& [module, inputs] : surgery.grown)
+    Log().info("{} reads more than its original: {}", module, fmt::join(inputs, ", "));
+  if (!surgery.differences.empty())
+    Log().warn("it was trained for something else: {}", fmt::join(surgery.differences, "; "));
+}
+
+Status BeginWithCheckpoint(TrainingRun& run, Policies& policies) {
+  const InitConfig& init = run.config.init;
+  ETUDE_ASSIGN_OR_RETURN(const auto source, checkpoint::ReadFile(init.from));
+  ETUDE_ASSIGN_OR_RETURN(const auto surgery,
+                         checkpoint::Operate(source, {init.copy, init.fresh, init.freeze}, run.config.policy,
+                                             policies.front()->StateTensors(), run.embodiment));
+  for (auto& policy : policies) ETUDE_RETURN_IF_ERROR(policy->LoadStateTensors(surgery.tensors));
+  for (const auto& [module, record] : source.metadata.modules)
+    if (surgery.copied.contains(module)) run.modules[module] = record;
+  run.scheduler->StartAt(checkpoint::FirstLevelToLearn(run.config.policy, surgery));
+  LogSurgery(source, surgery, init);
+  return {};
 }
 
 // what was saved is of this network, robot and camera
@@ -142,11 +183,13 @@ Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& stat
     ETUDE_ASSIGN_OR_RETURN(state, LoadRunState(run.options.out / "training_state.safetensors"));
     ETUDE_RETURN_IF_ERROR(CheckFits(*state, run));
     for (auto& policy : policies) ETUDE_RETURN_IF_ERROR(policy->LoadStateTensors(state->policy));
+  } else if (!run.config.init.from.empty()) {
+    ETUDE_RETURN_IF_ERROR(BeginWithCheckpoint(run, policies));
   }
+  for (auto& policy : policies) policy->Freeze(run.config.init.freeze);
   ETUDE_ASSIGN_OR_RETURN(run.validation, data::FixedSplit(snapshot, data::Split::kValid,
                                                           state ? state->validation : std::vector<std::uint64_t>{}));
-  run.optimizer =
-      std::make_unique<Optimizer>(run.config.optimizer, policies, FrozenParameters(*policies[0], run.config.freeze));
+  run.optimizer = std::make_unique<Optimizer>(run.config.optimizer, policies);
   if (state) ETUDE_RETURN_IF_ERROR(RestoreState(*state, run));
   run.replicas = std::make_unique<Replicas>(std::move(policies));
   return {};

@@ -6,49 +6,99 @@
 
 #include <algorithm>
 
+#include "trainer/policy/compose.h"
+#include "trainer/policy/parts.h"
+#include "trainer/policy/policy_file.h"
+
 namespace etude::learn {
 namespace {
 
-namespace fs = std::filesystem;
-
-std::vector<std::string> NamesIn(const Path& folder) {
-  std::vector<std::string> names;
-  std::error_code ignored;
-  for (const auto& item : fs::directory_iterator(folder, ignored))
-    if (item.path().extension() == ".yaml") names.push_back(item.path().stem());
-  std::sort(names.begin(), names.end());
-  return names;
+// `freeze` stood alone before there was `init`: a run of then goes on.
+void MoveFreeze(OrderedJson& json) {
+  if (!json.is_object() || !json.contains("freeze") || (json.contains("init") && !json["init"].is_object())) return;
+  json["init"]["freeze"] = json["freeze"];
+  json.erase("freeze");
 }
 
-Result<Path> ResolveFile(const std::string& name_or_file, const std::vector<Path>& folders, const char* what) {
-  std::error_code ignored;
-  if (fs::is_regular_file(name_or_file, ignored)) return Path(name_or_file);
-  std::vector<std::string> known;
-  for (const auto& folder : folders) {
-    const Path path = folder / (name_or_file + ".yaml");
-    if (fs::is_regular_file(path, ignored)) return path;
-    for (auto& name : NamesIn(folder)) known.push_back(std::move(name));
+/// Turns names in an experiment's map into what they stand for.
+class Resolver {
+ public:
+  Resolver(std::vector<Path> folders, const GraphReader& graph_of)
+      : folders_(std::move(folders)), graph_of_(graph_of) {}
+
+  /// The override is not yet applied: policy.a.b=c needs the policy's map.
+  Status Override(OrderedJson& json, const std::string& text) const {
+    if (text.starts_with("policy.")) ETUDE_RETURN_IF_ERROR(Policy(json));
+    return ApplyOverride(json, text);
   }
-  const std::string nearest = NearestMatch(name_or_file, known);
-  return Fail(Code::kInvalidArgument, fmt::format("{} '{}': neither a file nor a name{}; names: {}", what, name_or_file,
-                                                  nearest.empty() ? "" : fmt::format(" (did you mean '{}'?)", nearest),
-                                                  fmt::join(known, ", ")));
-}
 
-Result<OrderedJson> ReadYamlMap(const Path& path) {
-  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(path, 1 << 20));
-  ETUDE_ASSIGN_OR_RETURN(auto json, ParseYaml(text, path.string()));
-  if (json.is_null()) json = OrderedJson::object();
-  return json;
-}
+  Status Policy(OrderedJson& json) const {
+    if (!json.is_object() || !json.contains("policy") || !json["policy"].is_string()) return {};
+    const auto name = json["policy"].get<std::string>();
+    if (name != kCheckpoint) {
+      ETUDE_ASSIGN_OR_RETURN(json["policy"], policy::ReadPolicyMap(name, folders_));
+      return {};
+    }
+    const std::string from = FromOf(json);
+    if (from.empty() || !graph_of_)
+      return Fail(Code::kInvalidArgument, "policy: checkpoint: needs the file of a checkpoint, init.from");
+    ETUDE_ASSIGN_OR_RETURN(json["policy"], graph_of_(from));
+    return {};
+  }
 
-// `policy: NAME` becomes the policy's own map
-Status ResolvePolicy(OrderedJson& json, const std::vector<Path>& folders) {
-  if (!json.is_object() || !json.contains("policy") || !json["policy"].is_string()) return {};
-  ETUDE_ASSIGN_OR_RETURN(const Path path, ResolveFile(json["policy"].get<std::string>(), folders, "policy"));
-  ETUDE_ASSIGN_OR_RETURN(json["policy"], ReadYamlMap(path));
-  return {};
-}
+  Status Additions(OrderedJson& json) const {
+    if (!json.is_object() || !json.contains("add")) return {};
+    const OrderedJson names = json["add"].is_string() ? OrderedJson::array({json["add"]}) : json["add"];
+    json.erase("add");
+    if (!names.is_array() || !std::all_of(names.begin(), names.end(), [](const auto& x) { return x.is_string(); }))
+      return Fail(Code::kInvalidArgument, "add: must be a list of policies' names");
+    for (const auto& name : names) ETUDE_RETURN_IF_ERROR(Add(json["policy"], name.get<std::string>()));
+    return {};
+  }
+
+ private:
+  static constexpr char kCheckpoint[] = "checkpoint";
+
+  static std::string FromOf(const OrderedJson& json) {
+    const auto pointer = OrderedJson::json_pointer("/init/from");
+    return json.contains(pointer) && json[pointer].is_string() ? json[pointer].get<std::string>() : "";
+  }
+
+  Status Add(OrderedJson& graph, const std::string& name) const {
+    const std::string own = graph.is_object() && graph.contains("name") && graph["name"].is_string()
+                                ? graph["name"].get<std::string>()
+                                : policy::PolicyConfig().name;
+    const std::string family = own.substr(0, own.find('/'));
+    std::vector<Path> places;
+    for (const auto& folder : folders_) places.push_back(folder / family);
+    ETUDE_ASSIGN_OR_RETURN(const Path path, policy::FindNamedFile(name, places, fmt::format("add to '{}':", own)));
+    ETUDE_ASSIGN_OR_RETURN(auto addition, policy::ReadYamlMap(path));
+    addition.erase("extends");  // what it is added to is there
+    ETUDE_RETURN_IF_ERROR(CheckNew(graph, addition, own, name));
+    graph = policy::Compose(graph, addition);
+    return {};
+  }
+
+  // an entry that says a level makes a module; others give an existing one more to read
+  static Status CheckNew(const OrderedJson& graph, const OrderedJson& addition, const std::string& own,
+                         const std::string& name) {
+    const auto modules = [](const OrderedJson& json) {
+      return json.is_object() && json.contains("modules") ? json["modules"] : OrderedJson::array();
+    };
+    const auto name_of = [](const OrderedJson& module) {
+      return module.is_object() && module.contains("name") ? module["name"] : OrderedJson();
+    };
+    for (const auto& entry : modules(addition))
+      for (const auto& module : modules(graph))
+        if (entry.is_object() && entry.contains("level") && name_of(entry) == name_of(module))
+          return Fail(Code::kInvalidArgument,
+                      fmt::format("add '{}': '{}' has a module {} already", name, own, name_of(entry).dump()));
+    return {};
+  }
+
+  std::vector<Path> folders_;
+  const GraphReader& graph_of_;
+};
 
 }  // namespace
 
@@ -73,9 +123,11 @@ Status TrainConfig::Validate() const {
   require(checkpoint.every_steps >= 1 && checkpoint.keep >= 1, "checkpoint.every_steps, keep: must be >= 1");
   require(threads.replicas >= 0 && threads.replicas <= 256, "threads.replicas: not in 0..256");
   require(threads.intra_op >= 1 && threads.intra_op <= 256, "threads.intra_op: not in 1..256");
-  for (const auto& name : freeze)
-    require(std::any_of(policy.modules.begin(), policy.modules.end(), [&](const auto& m) { return m.name == name; }),
-            fmt::format("freeze: the policy has no module '{}'", name));
+  for (const auto& [what, names] :
+       {std::pair{"init.copy", &init.copy}, {"init.fresh", &init.fresh}, {"init.freeze", &init.freeze}})
+    if (const auto known = policy::CheckParts(policy, what, *names); !known) errors.push_back(known.error().message);
+  require(!init.from.empty() || (init.copy.empty() && init.fresh.empty()),
+          "init.copy, init.fresh: need a checkpoint, init.from");
   data.Check(errors);
   curriculum.Check(errors);
   if (const auto status = policy.Validate(); !status) errors.push_back(status.error().message);
@@ -84,34 +136,17 @@ Status TrainConfig::Validate() const {
 }
 
 Result<TrainConfig> LoadTrainConfig(const std::string& name_or_file, const Path& experiments,
-                                    const std::vector<std::string>& overrides) {
-  ETUDE_ASSIGN_OR_RETURN(const Path path, ResolveFile(name_or_file, {experiments}, "experiment"));
-  const std::vector<Path> folders{path.parent_path() / "policies", experiments / "policies"};
-  ETUDE_ASSIGN_OR_RETURN(OrderedJson json, ReadYamlMap(path));
-  ETUDE_RETURN_IF_ERROR(ResolvePolicy(json, folders));
-  for (const auto& text : overrides) {
-    ETUDE_RETURN_IF_ERROR(ApplyOverride(json, text));
-    ETUDE_RETURN_IF_ERROR(ResolvePolicy(json, folders));
-  }
+                                    const std::vector<std::string>& overrides, const GraphReader& graph_of) {
+  ETUDE_ASSIGN_OR_RETURN(const Path path, policy::FindNamedFile(name_or_file, {experiments}, "experiment"));
+  const Resolver resolver({path.parent_path() / "policies", experiments / "policies"}, graph_of);
+  ETUDE_ASSIGN_OR_RETURN(OrderedJson json, policy::ReadYamlMap(path));
+  for (const auto& text : overrides) ETUDE_RETURN_IF_ERROR(resolver.Override(json, text));
+  ETUDE_RETURN_IF_ERROR(resolver.Policy(json));
+  ETUDE_RETURN_IF_ERROR(resolver.Additions(json));
+  MoveFreeze(json);
   ETUDE_ASSIGN_OR_RETURN(auto config, FromJson<TrainConfig>(json, path.string()));
   ETUDE_RETURN_IF_ERROR(config.Validate());
   return config;
-}
-
-Result<Path> FindExperiments(const std::string& share, const Path& executable) {
-  std::error_code ignored;
-  if (!share.empty()) {
-    if (fs::is_directory(Path(share) / "experiments", ignored)) return Path(share) / "experiments";
-    return Fail(Code::kNotFound, fmt::format("ETUDE_SHARE is '{}', which has no folder 'experiments'", share));
-  }
-  for (Path folder = fs::absolute(executable, ignored).parent_path();; folder = folder.parent_path()) {
-    for (const char* name : {"trainer/experiments", "share/etude/experiments"})
-      if (fs::is_directory(folder / name, ignored)) return folder / name;
-    if (folder == folder.parent_path()) break;
-  }
-  return Fail(Code::kNotFound,
-              fmt::format("no trainer/experiments above '{}': set ETUDE_SHARE to the folder that has 'experiments'",
-                          executable.string()));
 }
 
 }  // namespace etude::learn

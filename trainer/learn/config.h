@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -75,6 +76,23 @@ struct ThreadsConfig {
   }
 };
 
+/// What a run begins with: parts of a policy (trainer/policy/parts.h) out of a checkpoint. Once begun, resuming reads
+/// `freeze` only.
+struct InitConfig {
+  std::string from;                 ///< a checkpoint's file; "": from scratch
+  std::vector<std::string> copy;    ///< parts to take; none: all that both have, but `fresh`
+  std::vector<std::string> fresh;   ///< parts that begin anew
+  std::vector<std::string> freeze;  ///< parts that stay as they are, bit for bit
+
+  template <class V>
+  void Visit(V& v) {
+    v("from", from, "", "file of the checkpoint to begin with; empty: from scratch");
+    v("copy", copy, "", "parts to take from it; none: all that both have, but `fresh`");
+    v("fresh", fresh, "", "parts that begin anew");
+    v("freeze", freeze, "", "parts that stay as they are, bit for bit");
+  }
+};
+
 struct TrainConfig {
   std::string name = "compact";
   std::uint64_t seed = 1;
@@ -87,8 +105,8 @@ struct TrainConfig {
   EvalConfig eval;
   CheckpointConfig checkpoint;
   ThreadsConfig threads;
-  std::vector<std::string> freeze;  ///< modules whose own parameters stay as they are
-  policy::PolicyConfig policy;      ///< in a file also the name of a file in policies/ beside it
+  InitConfig init;
+  policy::PolicyConfig policy;  ///< in a file also the name of a file in policies/ beside it, or `checkpoint`
 
   template <class V>
   void Visit(V& v) {
@@ -103,7 +121,7 @@ struct TrainConfig {
     v("eval", eval);
     v("checkpoint", checkpoint);
     v("threads", threads);
-    v("freeze", freeze, "", "modules whose own parameters stay as they are");
+    v("init", init);
     v("policy", policy);
   }
 
@@ -111,15 +129,16 @@ struct TrainConfig {
   Status Validate() const;
 };
 
-/// `name_or_file`: a path, or the name of a file in `experiments` ("compact"). `policy: NAME` in it
-/// (or as an override) is replaced by the content of policies/NAME.yaml beside the file or in
-/// `experiments`, after which policy.a.b=c works too.
+/// The graph of a checkpoint file, as its policy_config says it. Given by whoever may read checkpoints.
+using GraphReader = std::function<Result<OrderedJson>(const std::string& file)>;
+
+/// `name_or_file`: a path, or the name of a file in `experiments` ("compact"). In it, or as an override:
+/// `policy: NAME` is the content of policies/NAME.yaml ("compact/base") beside the file or in `experiments`;
+/// `policy: checkpoint` is the graph of `init.from`. After it policy.a.b=c works too. `extends: NAME` in a policy's
+/// file puts it on top of another one beside it (compose.h). `add: [NAME]` puts policies/FAMILY/NAME.yaml, or the file
+/// NAME, on top of the graph, FAMILY being the first part of its name ("compact").
 /// @error kNotFound with the names there are; kInvalidArgument as LoadConfig and Validate.
 Result<TrainConfig> LoadTrainConfig(const std::string& name_or_file, const Path& experiments,
-                                    const std::vector<std::string>& overrides);
-
-/// The folder of the experiments: `share`/experiments when `share` is given, else the nearest
-/// trainer/experiments or share/etude/experiments above `executable`. @error kNotFound.
-Result<Path> FindExperiments(const std::string& share, const Path& executable);
+                                    const std::vector<std::string>& overrides, const GraphReader& graph_of = {});
 
 }  // namespace etude::learn

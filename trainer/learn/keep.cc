@@ -10,6 +10,7 @@
 #include "trainer/learn/tensors.h"
 #include "trainer/policy/architecture.h"
 #include "trainer/policy/layers.h"
+#include "trainer/policy/parts.h"
 
 namespace etude::learn {
 namespace {
@@ -21,10 +22,12 @@ bool IsRunningStatistic(const std::string& name) {
   return name.ends_with("running_mean") || name.ends_with("running_var");
 }
 
+// those of frozen parts stay as they are
 std::map<std::string, torch::Tensor> RunningStatistics(policy::Policy& policy) {
   std::map<std::string, torch::Tensor> found;
   for (const auto& item : policy.named_buffers())
-    if (IsRunningStatistic(item.key())) found[item.key()] = item.value();
+    if (IsRunningStatistic(item.key()) && !policy.frozen().contains(policy::PartOfTensor(item.key())))
+      found[item.key()] = item.value();
   return found;
 }
 

@@ -28,13 +28,12 @@ double LearningRate(const OptimizerConfig& config, std::uint64_t step, double pr
   return config.lr * warmup * (config.final_lr + (1 - config.final_lr) * cosine);
 }
 
-Optimizer::Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<policy::Policy>> replicas,
-                     const std::set<std::string>& frozen)
+Optimizer::Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<policy::Policy>> replicas)
     : config_(config) {
   const torch::NoGradGuard no_grad;
   std::size_t total = 0;
   for (const auto& item : replicas.at(0)->named_parameters()) {
-    if (frozen.contains(item.key())) continue;
+    if (!item.value().requires_grad()) continue;
     ETUDE_CHECK(item.value().scalar_type() == torch::kFloat32 && item.value().is_non_overlapping_and_dense(), "{}",
                 item.key());
     const auto count = static_cast<std::size_t>(item.value().numel());
@@ -51,8 +50,6 @@ Optimizer::Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<
   for (std::size_t r = 0; r < replicas.size(); ++r) {
     gradients_.push_back(torch::zeros_like(parameters_));
     auto named = replicas[r]->named_parameters();
-    for (const auto& name : frozen)
-      if (auto* parameter = named.find(name)) parameter->set_requires_grad(false);
     for (const auto& segment : segments_) {
       auto& parameter = named[segment.name];
       auto view = ViewLike(parameters_, segment.offset, parameter);

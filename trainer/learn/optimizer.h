@@ -8,7 +8,6 @@
 
 #include <map>
 #include <memory>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -24,9 +23,8 @@ double LearningRate(const OptimizerConfig& config, std::uint64_t step, double pr
 class Optimizer {
  public:
   /// Moves the parameters of `replicas` (same network, same weights) into shared storage.
-  /// Parameters named in `frozen` get no gradient and no update.
-  Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<policy::Policy>> replicas,
-            const std::set<std::string>& frozen);
+  /// Those that take no gradient (Policy::Freeze) are left alone.
+  Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<policy::Policy>> replicas);
 
   void ZeroGradients();
   struct Outcome {

@@ -61,7 +61,7 @@ void Trainer::Impl::LogAdvance(const std::optional<curriculum::Advance>& advance
 
 // a module that was trained by this step: its level has been reached, and nothing keeps its parameters
 void Trainer::Impl::CountModules() {
-  const auto& freeze = run.config.freeze;
+  const auto& freeze = run.config.init.freeze;
   for (const auto& module : run.config.policy.modules)
     if (module.level <= run.scheduler->level() && std::find(freeze.begin(), freeze.end(), module.name) == freeze.end())
       ++run.modules[module.name].trained_steps;

@@ -44,7 +44,7 @@ OrderedJson SaidOf(const PolicyConfig& config) { return Without(ToJson(config), 
 
 std::string ArchitectureHash(const OrderedJson& said) {
   OrderedJson json = said;
-  Erase(json, {"name", "attention_loss", "losses", "precision"});
+  Erase(json, {"name", "attention_loss", "losses", "precision", "robot_specific"});
   if (json.contains("modules") && json["modules"].is_array()) {
     for (auto& module : json["modules"]) {
       Erase(module, {"attend", "attend_weight", "detach", "losses"});

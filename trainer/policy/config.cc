@@ -7,6 +7,7 @@
 #include <set>
 
 #include "trainer/policy/names.h"
+#include "trainer/policy/parts.h"
 
 namespace etude::policy {
 namespace {
@@ -73,6 +74,8 @@ void CheckSizes(const PolicyConfig& config, Errors& errors) {
   config.losses.Check(errors);
   const std::set<std::string> distinct(config.objects.begin(), config.objects.end());
   if (distinct.size() != config.objects.size()) errors.push_back("objects: a name stands twice");
+  const std::set<std::string> tasks(config.tasks.begin(), config.tasks.end());
+  if (tasks.size() != config.tasks.size()) errors.push_back("tasks: a name stands twice");
 }
 
 /// Checks the modules one by one, in the order of evaluation, against those that stand before them.
@@ -148,8 +151,10 @@ class GraphChecker {
       Report(module, "attend: " + Unknown("key", key, reads) + " (it must be among reads)");
     if ((key == "image") != (at != std::string::npos))
       Report(module, fmt::format("attend: '{}' must be KEY, or image@ENTITY", item));
-    if (at != std::string::npos && !data::ParseEntity(item.substr(at + 1)))
-      Report(module, "attend: " + Unknown("entity", item.substr(at + 1), data::EntityNames()));
+    if (at == std::string::npos) return;
+    const auto entity = data::ParseEntity(item.substr(at + 1));
+    if (!entity) Report(module, "attend: " + Unknown("entity", item.substr(at + 1), data::EntityNames()));
+    if (entity && !PixelQuantity().IsOf(*entity)) Report(module, fmt::format("attend: '{}' has no place", item));
   }
 
   void CheckDecoder(const ModuleConfig& module) {
@@ -198,15 +203,15 @@ class GraphChecker {
 
   void CheckInput(const ModuleConfig& module, const std::string& text) {
     const DecoderInput input = ParseDecoderInput(text);
-    static const Errors kKinds{"register", "soft_argmax", "joints",   "language",
-                               "class",    "pixel",       "position", "displacement"};
+    static const Errors kOwn{"register", "soft_argmax", "joints", "joint_token", "language"};
+    static const Errors kKinds{"register", "soft_argmax", "joints", "joint_token", "language",
+                               "class",    "task",        "pixel",  "position",    "displacement"};
     if (std::find(kKinds.begin(), kKinds.end(), input.kind) == kKinds.end()) {
       Report(module, "decoder.inputs: " + Unknown("input", input.kind, kKinds));
       return;
     }
-    const bool decoded =
-        input.kind != "register" && input.kind != "soft_argmax" && input.kind != "joints" && input.kind != "language";
-    const bool global = input.kind == "joints" || input.kind == "language";
+    const bool decoded = std::find(kOwn.begin(), kOwn.end(), input.kind) == kOwn.end();
+    const bool global = input.kind == "joints" || input.kind == "joint_token" || input.kind == "language";
     if (input.fourier && input.kind != "position" && input.kind != "displacement" && input.kind != "joints")
       Report(module,
              fmt::format("decoder.inputs: '{}': Fourier features are of a position, displacement or joints", text));
@@ -237,6 +242,8 @@ Status PolicyConfig::Validate() const {
   CheckImage(image, errors);
   CheckSizes(*this, errors);
   GraphChecker(*this, errors).Run();
+  if (const auto known = CheckParts(*this, "robot_specific", robot_specific); !known)
+    errors.push_back(known.error().message);
   if (errors.empty()) return {};
   return Fail(internal::ConfigError("policy " + name, errors));
 }

@@ -74,7 +74,8 @@ struct DecoderConfig {
   /// target | reference | obstacle | others | ee | object:NAME, see trainer/data/labels.h. Empty with `quantity`: no
   /// decoder.
   std::string entity;
-  std::string quantity;  ///< class | pixel | position | pose | displacement | trajectory, see quantities/quantity.h
+  std::string
+      quantity;  ///< class | task | pixel | position | pose | displacement | trajectory, see quantities/quantity.h
   /// linear (no hidden layer) | mlp | soft_argmax (pixel: the expectation of its attention, plus what the network adds)
   /// | difference (displacement: position of from[1] - position of from[0], plus ...) | relative (trajectory: offsets
   /// from the position of from[0]).
@@ -83,8 +84,9 @@ struct DecoderConfig {
   std::string rotation = "6d";    ///< of a pose or a trajectory: 6d | euler_sincos (as printed in the paper)
   std::vector<int> hidden;        ///< widths of hidden layers
   /// What it reads, concatenated. Of its own: register, soft_argmax (per head and their mean),
-  /// joints (normalised), language (the sentence's token). Of an earlier module M: register:M,
-  /// soft_argmax:M, class:M (probabilities), pixel:M, position:M, displacement:M (decoded,
+  /// joints (normalised), joint_token (what the joint encoder makes of them), language (the sentence's token). Of an
+  /// earlier module M: register:M,
+  /// soft_argmax:M, class:M, task:M (probabilities), pixel:M, position:M, displacement:M (decoded,
   /// normalised), and fourier:position:M, fourier:displacement:M (Fourier features: sines and cosines of several
   /// wavelengths, for decisions about millimetres), and fourier:joints (sine and cosine of each
   /// joint's angle, what kinematics is made of).
@@ -95,14 +97,14 @@ struct DecoderConfig {
 
   template <class V>
   void Visit(V& v) {
-    v("entity", entity, "", "target | reference | obstacle | ee | object:NAME");
-    v("quantity", quantity, "", "class | pixel | position | pose | displacement | trajectory");
+    v("entity", entity, "", "target | reference | obstacle | ee | command | object:NAME");
+    v("quantity", quantity, "", "class | task | pixel | position | pose | displacement | trajectory");
     v("readout", readout, "", "linear | mlp | soft_argmax | difference | relative");
     v("from", from, "", "modules that difference (two) and relative (one) refer to");
     v("rotation", rotation, "", "6d | euler_sincos, of a pose or a trajectory");
     v("hidden", hidden, "-", "widths of hidden layers");
     v("inputs", inputs, "",
-      "what it reads, concatenated: register, joints, language, or KIND:MODULE of an earlier module");
+      "what it reads, concatenated: register, joints, joint_token, language, or KIND:MODULE of an earlier module");
     v("detach", detach, "", "decoded inputs carry no gradient back into the modules they come from");
     v("weight", weight, "-", "of its loss");
   }
@@ -147,13 +149,20 @@ struct PolicyConfig {
   ImageConfig image;
   LanguageConfig language;
   std::vector<int> joint_hidden{128, 128};  ///< joint encoder, then `width`
-  int width = 64;                           ///< d, of every token and register
+  /// It reads sine and cosine of each joint's angle too, what kinematics is made of.
+  bool joint_fourier = false;
+  int width = 64;  ///< d, of every token and register
   int heads = 4;
   std::string attention = "module";  ///< module (own parameters) | shared (the paper's, per level)
   std::string activation = "silu";   ///< silu | selu | relu, of decoders and joint encoder
   std::vector<std::string> objects{"cube", "coke", "pepsi", "milk", "bread", "bottle"};  ///< LANG's classes
+  /// What modules that decode the command's task tell apart. Empty: the built-in tasks and the dataset's own; a
+  /// checkpoint has them all.
+  std::vector<std::string> tasks;
   /// Of the convolutions: bf16 (where the CPU is fast at it, see HasFastBf16; else float32) | float32.
   std::string precision = "bf16";
+  /// Parts (parts.h) that know one robot: with another one they begin anew.
+  std::vector<std::string> robot_specific;
   LossesConfig losses;
   std::vector<ModuleConfig> modules;
 
@@ -163,12 +172,15 @@ struct PolicyConfig {
     v("image", image, "", "encoder of the picture");
     v("language", language, "", "encoder of the sentence");
     v("joint_hidden", joint_hidden, "-", "hidden widths of the joint encoder");
+    v("joint_fourier", joint_fourier, "", "the joint encoder reads sine and cosine of each joint's angle too");
     v("width", width, "-", "of every token and register");
     v("heads", heads, "-", "of each attention");
     v("attention", attention, "", "module: parameters of its own | shared: one set a level, as in the paper");
     v("activation", activation, "", "silu | selu | relu, of decoders and joint encoder");
     v("objects", objects, "", "classes that it tells apart");
+    v("tasks", tasks, "", "tasks that it tells apart; none: the built-in ones and the dataset's own");
     v("precision", precision, "", "of the convolutions: bf16 (float32 on a CPU without AVX-512) | float32");
+    v("robot_specific", robot_specific, "", "parts that know one robot: with another one they begin anew");
     v("losses", losses, "", "what errors cost");
     v("modules", modules, "", "the graph");
   }

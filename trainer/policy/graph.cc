@@ -16,6 +16,11 @@ bool Reads(const Wiring& wiring, const std::string& key) {
 
 }  // namespace
 
+Tensor JointFeatures(const Tensor& values, const Normalization& normalization) {
+  const Tensor angle = normalization.joint_mean + normalization.joint_std * values;
+  return torch::cat({torch::sin(angle), torch::cos(angle)}, -1);
+}
+
 /// One evaluation: what is there, and for how many sentences to work.
 struct GraphModule::Context {
   const Tokens& tokens;
@@ -169,10 +174,9 @@ Keys GraphModule::CollectKeys(const Context& context) {
 Tensor GraphModule::Feature(const DecoderInput& input, const Context& context, const ModuleOutput& own) const {
   if (input.kind == "joints") {
     const Tensor& x = context.tokens.joint_values;
-    if (!input.fourier) return x;
-    const Tensor angle = normalization_.joint_mean + normalization_.joint_std * x;
-    return torch::cat({torch::sin(angle), torch::cos(angle)}, -1);
+    return input.fourier ? JointFeatures(x, normalization_) : x;
   }
+  if (input.kind == "joint_token") return context.tokens.joint_token;
   if (input.kind == "language") return context.tokens.sentence;
   const ModuleOutput& source = input.module.empty() ? own : context.earlier[wiring_.index.at(input.module)];
   const auto pass = [&](const Tensor& x, bool detach) { return detach ? x.detach() : x; };

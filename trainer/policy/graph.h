@@ -31,6 +31,7 @@ struct Tokens {
   Token joints;                ///< (B, 1, d)
   torch::Tensor sentence;      ///< (B, S, d) the language token before key and value heads
   torch::Tensor joint_values;  ///< (B, 1, J) normalised
+  torch::Tensor joint_token;   ///< (B, 1, d) the joint token before key and value heads
   torch::Tensor image_pixels;  ///< (P, 2) px from the crop's corner
   torch::Tensor crop_origin;   ///< (B, 2) px
 };
@@ -49,6 +50,9 @@ struct SharedAttention {
   std::map<std::string, torch::Tensor> segments;  ///< (d) each: image, joints, language, modules with own registers
   std::map<int, std::shared_ptr<Attention>> levels;
 };
+
+/// (B, 1, 2J) sine and cosine of each joint's angle. @param values  (B, 1, J) normalised
+torch::Tensor JointFeatures(const torch::Tensor& values, const Normalization& normalization);
 
 class GraphModule : public torch::nn::Module {
  public:

@@ -27,8 +27,12 @@ std::vector<std::string> ResolveReads(const PolicyConfig& config, const ModuleCo
 
 const Quantity* QuantityOf(const ModuleConfig& module) { return FindQuantity(module.decoder.quantity); }
 
+const std::vector<std::string>& ClassesOf(const PolicyConfig& config, const std::string& quantity) {
+  return quantity == "task" ? config.tasks : config.objects;
+}
+
 Head HeadOf(const PolicyConfig& config, const ModuleConfig& module) {
-  return {module.decoder.readout, module.decoder.rotation, config.objects};
+  return {module.decoder.readout, module.decoder.rotation, ClassesOf(config, module.decoder.quantity)};
 }
 
 bool Decodes(const ModuleConfig& module, const std::string& quantity) {
@@ -36,12 +40,17 @@ bool Decodes(const ModuleConfig& module, const std::string& quantity) {
   return own != nullptr && own->Implies(quantity);
 }
 
+bool DecodesTask(const PolicyConfig& config) {
+  return std::any_of(config.modules.begin(), config.modules.end(),
+                     [](const ModuleConfig& module) { return module.decoder.quantity == "task"; });
+}
+
 int FeatureWidth(const PolicyConfig& config, const DecoderInput& input, int joints) {
-  if (input.kind == "register" || input.kind == "language") return config.width;
+  if (input.kind == "register" || input.kind == "language" || input.kind == "joint_token") return config.width;
   if (input.kind == "soft_argmax") return 2 * config.heads + 2;
   if (input.kind == "joints") return input.fourier ? 2 * joints : joints;
   const Quantity* quantity = FindQuantity(input.kind);
-  return quantity == nullptr ? 0 : quantity->feature_width({.classes = config.objects}, input.fourier);
+  return quantity == nullptr ? 0 : quantity->feature_width({.classes = ClassesOf(config, input.kind)}, input.fourier);
 }
 
 std::string AttendedEntity(const std::string& attend) {

@@ -30,11 +30,16 @@ std::vector<std::string> ResolveReads(const PolicyConfig& config, const ModuleCo
 
 /// The quantity that it decodes; nullptr: none.
 const Quantity* QuantityOf(const ModuleConfig& module);
+/// The names that a categorical quantity tells apart: tasks or objects.
+const std::vector<std::string>& ClassesOf(const PolicyConfig& config, const std::string& quantity);
 /// The form of its last layer.
 Head HeadOf(const PolicyConfig& config, const ModuleConfig& module);
 
 /// Whether `module`'s decoder yields a `quantity` (a pose yields a position too).
 bool Decodes(const ModuleConfig& module, const std::string& quantity);
+
+/// Whether any module decodes the command's task, so that PolicyConfig::tasks matters.
+bool DecodesTask(const PolicyConfig& config);
 
 /// Numbers of one entry of DecoderConfig::inputs. @param joints  of an observation
 int FeatureWidth(const PolicyConfig& config, const DecoderInput& input, int joints);

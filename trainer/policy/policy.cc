@@ -12,6 +12,7 @@
 #include "trainer/policy/graph.h"
 #include "trainer/policy/language_encoder.h"
 #include "trainer/policy/loss.h"
+#include "trainer/policy/parts.h"
 
 namespace etude::policy {
 namespace {
@@ -86,6 +87,7 @@ struct Policy::Impl {
   std::map<std::string, std::shared_ptr<TokenHead>> heads;  ///< shared attention only: image_key, ...
   SharedAttention shared;
   std::vector<std::shared_ptr<GraphModule>> modules;  ///< in the order of evaluation
+  std::set<std::string> frozen;                       ///< parts
 
   bool is_shared() const { return config.attention == "shared"; }
   Token ToKeyAndValue(const std::string& name, const Tensor& token);  ///< shared attention only
@@ -110,10 +112,10 @@ Policy::Policy(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {
       "language", std::make_shared<LanguageEncoder>(
                       config.language, config.width, config.activation,
                       p.is_shared() ? LanguageEncoder::Output::kLinear : LanguageEncoder::Output::kNormalised));
-  p.joints =
-      register_module("joints", std::make_shared<Mlp>(static_cast<int>(p.normalization.joint_mean.size(0)),
-                                                      config.joint_hidden, config.width, config.activation,
-                                                      p.is_shared() ? Mlp::Output::kActivated : Mlp::Output::kLinear));
+  const int joint_numbers = (config.joint_fourier ? 3 : 1) * static_cast<int>(p.normalization.joint_mean.size(0));
+  p.joints = register_module("joints",
+                             std::make_shared<Mlp>(joint_numbers, config.joint_hidden, config.width, config.activation,
+                                                   p.is_shared() ? Mlp::Output::kActivated : Mlp::Output::kLinear));
   if (p.is_shared()) {
     for (const char* name :
          {"image_key", "image_value", "joints_key", "joints_value", "language_key", "language_value"})
@@ -163,6 +165,9 @@ Result<std::shared_ptr<Policy>> Policy::Create(const PolicyConfig& config, const
     return Fail(
         Code::kInvalidArgument,
         fmt::format("build policy '{}': image.crop is not resolved; it needs a camera (ResolveCrop)", config.name));
+  if (config.tasks.empty() && DecodesTask(config))
+    return Fail(Code::kInvalidArgument,
+                fmt::format("build policy '{}': tasks is not resolved; it needs a dataset's", config.name));
   ETUDE_RETURN_IF_ERROR(CheckNormalization(normalization));
   if (config.language.encoder != "default")
     return Fail(Code::kUnavailable, fmt::format("language encoder '{}' is not built into this version; use "
@@ -203,7 +208,9 @@ Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
   const auto batch = inputs.joints.size(0), sentences = inputs.sentence_index.size(1);
   tokens.crop_origin = inputs.crop_origin.to(normalization.joint_mean.options());
   tokens.joint_values = ((inputs.joints - normalization.joint_mean) / normalization.joint_std).unsqueeze(1);
-  const Tensor joint_token = joints->Forward(tokens.joint_values);
+  const Tensor joint_token = joints->Forward(
+      config.joint_fourier ? torch::cat({tokens.joint_values, JointFeatures(tokens.joint_values, normalization)}, -1)
+                           : tokens.joint_values);
   tokens.sentence = language->Forward(inputs.sentences)
                         .index_select(0, inputs.sentence_index.flatten())
                         .view({batch, sentences, config.width});
@@ -216,12 +223,13 @@ Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
     tokens.image_pixels = image->grid().Centres(tokens.crop_origin.options());
   }
   if (is_shared()) {
+    tokens.joint_token = joint_token;
     tokens.joints = ToKeyAndValue("joints", joint_token);
     tokens.language = ToKeyAndValue("language", tokens.sentence);
     if (look) tokens.image = ToKeyAndValue("image", picture);
   } else {
-    const Tensor normed = joints_norm->Forward(joint_token);
-    tokens.joints = {normed, normed};
+    tokens.joint_token = joints_norm->Forward(joint_token);
+    tokens.joints = {tokens.joint_token, tokens.joint_token};
     tokens.language = {tokens.sentence, tokens.sentence};
     tokens.image = {picture, picture};
   }
@@ -309,12 +317,26 @@ Status Policy::LoadStateTensors(const std::map<std::string, Tensor>& tensors) {
   return {};
 }
 
-std::vector<std::string> Policy::ParametersOf(const std::string& module) const {
+std::vector<std::string> Policy::ParametersOf(const std::string& part) const {
   std::vector<std::string> names;
-  const std::string prefix = "modules." + module + ".";
   for (const auto& item : named_parameters())
-    if (item.key().starts_with(prefix)) names.push_back(item.key());
+    if (PartOfTensor(item.key()) == part) names.push_back(item.key());
   return names;
+}
+
+void Policy::Freeze(const std::vector<std::string>& parts) {
+  impl_->frozen.insert(parts.begin(), parts.end());
+  for (const auto& item : named_parameters())
+    if (impl_->frozen.contains(PartOfTensor(item.key()))) torch::Tensor(item.value()).set_requires_grad(false);
+  train(is_training());
+}
+
+const std::set<std::string>& Policy::frozen() const { return impl_->frozen; }
+
+// of all parts only the image encoder computes otherwise while it is trained
+void Policy::train(bool on) {
+  Module::train(on);
+  if (impl_->frozen.contains("image")) impl_->image->eval();
 }
 
 }  // namespace etude::policy

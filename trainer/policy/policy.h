@@ -9,6 +9,7 @@
 
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -65,9 +66,12 @@ class Policy : public torch::nn::Module {
   /// @error kInvalidArgument with every name or shape that does not fit; the policy is unchanged
   /// then.
   Status LoadStateTensors(const std::map<std::string, torch::Tensor>& tensors);
-  /// Parameters that belong to module `name` alone (empty with shared attention, but for its
-  /// register and decoder). For freezing and transplanting.
-  std::vector<std::string> ParametersOf(const std::string& module) const;
+  /// Parameters that belong to a part (parts.h). With shared attention a module's are its register and decoder.
+  std::vector<std::string> ParametersOf(const std::string& part) const;
+  /// Parts that stay as they are from now on, bit for bit: no gradients, and running statistics that only serve.
+  void Freeze(const std::vector<std::string>& parts);
+  const std::set<std::string>& frozen() const;
+  void train(bool on = true) override;
 
  private:
   struct Impl;

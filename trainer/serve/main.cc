@@ -2,6 +2,7 @@
 // etude-policy: serves checkpoints. See trainer/serve/README.md.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <iostream>
 #include <thread>
@@ -10,7 +11,10 @@
 #include "services/core/command.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
+#include "trainer/checkpoint/difference.h"
+#include "trainer/checkpoint/graph_picture.h"
 #include "trainer/checkpoint/names.h"
+#include "trainer/policy/policy_file.h"
 #include "trainer/policy/torch_process.h"
 #include "trainer/serve/server.h"
 
@@ -63,6 +67,56 @@ Status Serve(const Arguments& arguments) {
   return status;
 }
 
+// A checkpoint's file, or a policy's, by path or by name.
+Result<checkpoint::Metadata> ReadGraph(const std::string& text) {
+  if (Path(text).extension() == ".safetensors") {
+    ETUDE_ASSIGN_OR_RETURN(auto read, checkpoint::ReadFile(text));
+    return std::move(read.metadata);
+  }
+  const char* share = std::getenv("ETUDE_SHARE");
+  std::error_code ignored;
+  const Path program = std::filesystem::read_symlink("/proc/self/exe", ignored);
+  ETUDE_ASSIGN_OR_RETURN(const Path experiments, policy::FindExperiments(share ? share : "", program));
+  ETUDE_ASSIGN_OR_RETURN(const auto json, policy::ReadPolicyMap(text, {experiments / "policies"}));
+  checkpoint::Metadata metadata;
+  ETUDE_ASSIGN_OR_RETURN(metadata.policy, FromJson<policy::PolicyConfig>(json, text));
+  ETUDE_RETURN_IF_ERROR(metadata.policy.Validate());
+  return metadata;
+}
+
+Status DrawGraph(const std::string& text, const std::string& svg) {
+  ETUDE_ASSIGN_OR_RETURN(const auto metadata, ReadGraph(text));
+  if (svg.empty()) {
+    fmt::print("{}", checkpoint::GraphText(metadata));
+    return {};
+  }
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(svg, checkpoint::GraphSvg(metadata)));
+  fmt::print("{}\n", svg);
+  return {};
+}
+
+Status ShowDifference(const std::string& first, const std::string& second) {
+  ETUDE_ASSIGN_OR_RETURN(const auto a, checkpoint::ReadFile(first));
+  ETUDE_ASSIGN_OR_RETURN(const auto b, checkpoint::ReadFile(second));
+  fmt::print("{}", checkpoint::ToText(checkpoint::Compare(a, b)));
+  return {};
+}
+
+/// What the command line asks for besides serving.
+struct Looking {
+  CLI::App *graph = nullptr, *difference = nullptr;
+  std::string file, svg, first, second;
+
+  void Add(CLI::App& app) {
+    graph = app.add_subcommand("graph", "draw a policy's modules: who reads what, is supervised where, says what");
+    graph->add_option("policy", file, "a checkpoint, a policy's file, or a name: compact/obstacle")->required();
+    graph->add_option("--svg", svg, "write a drawing to this file instead of text");
+    difference = app.add_subcommand("diff", "which parts changed from one checkpoint to another, and by how much");
+    difference->add_option("first", first, "checkpoint file")->required();
+    difference->add_option("second", second, "checkpoint file")->required();
+  }
+};
+
 }  // namespace
 }  // namespace etude::serve
 
@@ -82,10 +136,16 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   arguments.bus.Add(app);
   app.add_option("--threads", arguments.threads, "observations evaluated side by side")->capture_default_str();
+  etude::serve::Looking looking;
+  looking.Add(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
   }
-  return etude::RunMain("etude-policy", [&] { return etude::serve::Serve(arguments); });
+  return etude::RunMain("etude-policy", [&] {
+    if (looking.graph->parsed()) return etude::serve::DrawGraph(looking.file, looking.svg);
+    if (looking.difference->parsed()) return etude::serve::ShowDifference(looking.first, looking.second);
+    return etude::serve::Serve(arguments);
+  });
 }

@@ -35,6 +35,17 @@ TEST(Scheduler, TrainsEverythingAtOnceWhenDisabled) {
   EXPECT_FALSE(scheduler.Tick(1, 1.0));
 }
 
+TEST(Scheduler, StartsAtTheLevelThatHasSomethingToLearn) {
+  Scheduler scheduler({}, FiveLevels());
+  scheduler.StartAt(3);
+
+  EXPECT_EQ(scheduler.stage(), 3);
+  EXPECT_EQ(scheduler.level(), 3);
+  Scheduler later({}, FiveLevels());
+  ASSERT_TRUE(later.Restore(scheduler.Save()));
+  EXPECT_EQ(later.stage(), 3);
+}
+
 TEST(Scheduler, StaysWhileTheErrorFallsAndGoesOnWhenItStops) {
   CurriculumConfig config;
   config.latest_last = 1;

@@ -148,5 +148,39 @@ TEST(DrawCommands, StartsAgainWhenTheSceneIsSmall) {
   for (const auto& command : commands) EXPECT_NE(episode.FindObject(command.target), nullptr);
 }
 
+TEST(AddClauses, SpeaksOfWhatTheTasksLackAndLeavesTheTarget) {
+  const Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 2);
+  const std::vector<std::string> tasks{"pick", "push", "put_down", "place_left", "place_behind"};
+  const auto grammar = language::Grammar::LoadFor(SyntheticSpec().objects, {});
+  ASSERT_TRUE(grammar) << grammar.error().message;
+  int with_obstacle = 0, with_reference = 0, all = 0;
+  for (std::uint64_t seed = 0; seed < 60; ++seed) {
+    const auto plain = DrawCommands(episode, {"pick", "push"}, 6, seed);
+    auto commands = plain;
+    AddClauses(episode, tasks, 0.5, seed, commands);
+
+    EXPECT_EQ(commands[0].task, plain[0].task) << "a trajectory belongs to it";
+    for (std::size_t s = 0; s < commands.size(); ++s) {
+      EXPECT_EQ(commands[s].target, plain[s].target);
+      EXPECT_NE(commands[s].reference, commands[s].target);
+      const Status said = grammar->Check(commands[s]);
+      EXPECT_TRUE(said) << said.error().message;
+      with_obstacle += !commands[s].obstacle.empty();
+      with_reference += !commands[s].reference.empty();
+      all += s > 0;
+    }
+  }
+  EXPECT_NEAR(static_cast<double>(with_obstacle + with_reference) / all, 0.5, 0.08);
+  EXPECT_GT(with_obstacle, all / 8);
+  EXPECT_GT(with_reference, all / 8);
+}
+
+TEST(AddClauses, AddsNothingByDefault) {
+  const Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 2);
+  auto commands = DrawCommands(episode, {"pick"}, 6, 1);
+  AddClauses(episode, {"pick", "place_left"}, DataConfig().clauses, 1, commands);
+  for (const auto& command : commands) EXPECT_TRUE(command.obstacle.empty() && command.reference.empty());
+}
+
 }  // namespace
 }  // namespace etude::data

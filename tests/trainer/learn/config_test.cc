@@ -12,6 +12,7 @@ namespace etude::learn {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::IsSupersetOf;
 
 const Path kExperiments = "trainer/experiments";
 
@@ -36,7 +37,7 @@ TEST(LoadTrainConfig, OverridesInsideTheNamedPolicy) {
   EXPECT_EQ(config->optimizer.lr, 1e-4);
   EXPECT_EQ(config->data.batch, 7);
 
-  const auto other = LoadTrainConfig("compact", kExperiments, {"policy=paper"});
+  const auto other = LoadTrainConfig("compact", kExperiments, {"policy=paper/base"});
   ASSERT_TRUE(other) << other.error().message;
   EXPECT_EQ(other->policy.name, "paper");
 }
@@ -53,32 +54,81 @@ TEST(LoadTrainConfig, ReadsBackItsOwnResolvedFile) {
   EXPECT_EQ(ToJson(*again), ToJson(*config));
 }
 
+std::vector<std::string> Names(const TrainConfig& config) {
+  std::vector<std::string> names;
+  for (const auto& module : config.policy.modules) names.push_back(module.name);
+  return names;
+}
+
 TEST(LoadTrainConfig, RefusesWhatItDoesNotKnowByName) {
   const auto typo = LoadTrainConfig("compact", kExperiments, {"optimiser.lr=1"});
   EXPECT_THAT(typo.error().message, HasSubstr("did you mean 'optimizer'"));
   const auto name = LoadTrainConfig("compakt", kExperiments, {});
   EXPECT_EQ(name.error().code, Code::kInvalidArgument);
   EXPECT_THAT(name.error().message, HasSubstr("compact"));
-  const auto policy = LoadTrainConfig("compact", kExperiments, {"policy=papr"});
+  const auto policy = LoadTrainConfig("compact", kExperiments, {"policy=papr/base"});
   EXPECT_THAT(policy.error().message, HasSubstr("paper"));
 }
 
 TEST(LoadTrainConfig, NamesAllProblemsAtOnce) {
-  const auto config = LoadTrainConfig("compact", kExperiments,
-                                      {"optimizer.lr=-1", "data.batch=0", "curriculum.patience=0", "freeze=[NONE]"});
+  const auto config = LoadTrainConfig(
+      "compact", kExperiments, {"optimizer.lr=-1", "data.batch=0", "curriculum.patience=0", "init.freeze=[NONE]"});
   ASSERT_FALSE(config);
   for (const char* part : {"optimizer.lr", "data.batch", "curriculum.patience", "NONE"})
     EXPECT_THAT(config.error().message, HasSubstr(part));
 }
 
-TEST(FindExperiments, LooksAboveTheProgram) {
-  const TemporaryFolder folder;
-  ASSERT_TRUE(MakeFolders(folder / "trainer/experiments"));
-  ASSERT_TRUE(MakeFolders(folder / "build/x/bin"));
+TEST(LoadTrainConfig, KnowsEveryHierarchyOfBothPresets) {
+  for (const char* preset : {"compact", "paper"})
+    for (const char* name : {"base", "obstacle", "multi_obstacle", "relational"}) {
+      const auto config = LoadTrainConfig(preset, kExperiments, {fmt::format("policy={}/{}", preset, name)});
+      ASSERT_TRUE(config) << preset << "/" << name << ": " << config.error().message;
+      EXPECT_EQ(config->policy.width, LoadTrainConfig(preset, kExperiments, {})->policy.width);
+    }
+  const auto relational = LoadTrainConfig("compact", kExperiments, {"policy=compact/relational"});
+  EXPECT_THAT(Names(*relational), IsSupersetOf({"LANG", "LANG2", "REF2D", "REF3D", "DISP2", "CTRL"}));
+}
 
-  EXPECT_EQ(FindExperiments("", folder / "build/x/bin/etude-trainer").value(), folder / "trainer/experiments");
-  EXPECT_EQ(FindExperiments((folder / "trainer").string(), "/x").value(), folder / "trainer/experiments");
-  EXPECT_EQ(FindExperiments((folder / "build").string(), "/x").error().code, Code::kNotFound);
+TEST(LoadTrainConfig, AddsModulesByName) {
+  const auto added = LoadTrainConfig("compact", kExperiments, {"add=[obstacle]"});
+  ASSERT_TRUE(added) << added.error().message;
+  EXPECT_EQ(ToJson(added->policy),
+            ToJson(LoadTrainConfig("compact", kExperiments, {"policy=compact/obstacle"})->policy));
+
+  const auto unknown = LoadTrainConfig("compact", kExperiments, {"add=[obstacel]"});
+  ASSERT_FALSE(unknown);
+  EXPECT_THAT(unknown.error().message, HasSubstr("did you mean 'obstacle'"));
+  const auto twice = LoadTrainConfig("compact", kExperiments, {"policy=compact/obstacle", "add=[obstacle]"});
+  ASSERT_FALSE(twice);
+  EXPECT_THAT(twice.error().message, HasSubstr("has a module \"OBST2D\" already"));
+}
+
+TEST(LoadTrainConfig, TakesTheGraphOfACheckpoint) {
+  const auto graph_of = [](const std::string& file) -> Result<OrderedJson> {
+    EXPECT_EQ(file, "a.safetensors");
+    auto json = ParseYaml(ReadTextFile("trainer/experiments/policies/compact/base.yaml").value(), "base").value();
+    json["width"] = 32;
+    return json;
+  };
+  const std::vector<std::string> overrides{"init.from=a.safetensors", "policy=checkpoint", "add=[obstacle]",
+                                           "init.freeze=[LANG, image]", "policy.heads=2"};
+  const auto config = LoadTrainConfig("compact", kExperiments, overrides, graph_of);
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_EQ(config->policy.width, 32);
+  EXPECT_EQ(config->policy.heads, 2);
+  EXPECT_THAT(Names(*config), IsSupersetOf({"OBST2D", "OBST3D", "DISP2"}));
+
+  const auto none = LoadTrainConfig("compact", kExperiments, {"policy=checkpoint"}, graph_of);
+  ASSERT_FALSE(none);
+  EXPECT_THAT(none.error().message, HasSubstr("init.from"));
+  EXPECT_FALSE(LoadTrainConfig("compact", kExperiments, {"init.copy=[LANG]"}));
+}
+
+// config.yaml of a run of before there was `init`
+TEST(LoadTrainConfig, ReadsFreezeWhereItStoodBefore) {
+  const auto config = LoadTrainConfig("compact", kExperiments, {"freeze=[TAR3D]"});
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_THAT(config->init.freeze, testing::ElementsAre("TAR3D"));
 }
 
 }  // namespace

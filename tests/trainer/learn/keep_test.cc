@@ -148,7 +148,7 @@ TEST_F(KeepTest, FreezingOnResumeChangesOnlyWhatItNames) {
   for (const auto& [name, tensor] : run->optimizer->StateTensors()) before[name] = tensor.clone();
   ASSERT_TRUE(KeepNow(*run, {}, false));
 
-  const auto frozen = Build({"ema=0.9", "freeze=[TAR3D]"}, true);
+  const auto frozen = Build({"ema=0.9", "init.freeze=[TAR3D]"}, true);
   ASSERT_NE(frozen, nullptr);
   const auto after = frozen->optimizer->StateTensors();
   for (const auto& [name, tensor] : after) EXPECT_TRUE(torch::equal(tensor, before.at(name))) << name;

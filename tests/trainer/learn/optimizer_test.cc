@@ -67,7 +67,7 @@ TEST(Optimizer, TakesTheSameStepAsTorchsAdamW) {
   torch::optim::AdamW reference({torch::optim::OptimizerParamGroup(matrices, options(config.optimizer.weight_decay)),
                                  torch::optim::OptimizerParamGroup(vectors, options(0))},
                                 torch::optim::AdamWOptions(1e-3));
-  Optimizer optimizer(config.optimizer, ours, {});
+  Optimizer optimizer(config.optimizer, ours);
   Replicas replicas(ours);
   auto named = theirs[0]->named_parameters();
   for (int step = 0; step < 3; ++step) {
@@ -94,7 +94,7 @@ TEST(Optimizer, LeavesModulesAloneThatAreNotTrainedYet) {
   auto policies = Policies(config, 1);
   std::map<std::string, torch::Tensor> before;
   for (const auto& item : policies[0]->named_parameters()) before[item.key()] = item.value().clone();
-  Optimizer optimizer(config.optimizer, policies, {});
+  Optimizer optimizer(config.optimizer, policies);
   Replicas replicas(policies);
 
   optimizer.ZeroGradients();
@@ -119,7 +119,8 @@ TEST(Optimizer, NeverMovesFrozenParameters) {
   ASSERT_FALSE(names.empty());
   std::map<std::string, torch::Tensor> before;
   for (const auto& item : policies[0]->named_parameters()) before[item.key()] = item.value().clone();
-  Optimizer optimizer(config.optimizer, policies, {names.begin(), names.end()});
+  policies[0]->Freeze({"TAR2D"});
+  Optimizer optimizer(config.optimizer, policies);
   Replicas replicas(policies);
 
   optimizer.ZeroGradients();
@@ -140,7 +141,7 @@ TEST(Replicas, AverageToTheGradientOfTheWholeBatchWithoutBatchNorm) {
 
   const auto step = [&](int n) {
     auto policies = Policies(config, n);
-    Optimizer optimizer(config.optimizer, policies, {});
+    Optimizer optimizer(config.optimizer, policies);
     Replicas replicas(policies);
     optimizer.ZeroGradients();
     const auto loss = replicas.Backward(batch, 5);
@@ -156,7 +157,7 @@ TEST(Replicas, AverageToTheGradientOfTheWholeBatchWithoutBatchNorm) {
 TEST(Optimizer, SharesWeightsBetweenReplicas) {
   const TrainConfig config = TinyConfig();
   auto policies = Policies(config, 2);
-  Optimizer optimizer(config.optimizer, policies, {});
+  Optimizer optimizer(config.optimizer, policies);
   const torch::NoGradGuard no_grad;
   policies[0]->parameters()[0].add_(1);
   EXPECT_TRUE(torch::equal(policies[0]->parameters()[0], policies[1]->parameters()[0]));
@@ -165,7 +166,7 @@ TEST(Optimizer, SharesWeightsBetweenReplicas) {
 TEST(Optimizer, KeepsAnAverageAsideAndSwapsItInAndOut) {
   const TrainConfig config = TinyConfig();
   auto policies = Policies(config, 1);
-  Optimizer optimizer(config.optimizer, policies, {});
+  Optimizer optimizer(config.optimizer, policies);
   auto parameter = policies[0]->parameters()[0];
   const auto start = parameter.detach().clone();
   optimizer.UpdateAverage(0.5);

@@ -236,8 +236,8 @@ TEST_F(TrainerTest, CountsWhatEachModuleWasTrainedAndWritesTheLimitThatItKept) {
     kept_all.push_back(kept.metadata);
     return {};
   };
-  ASSERT_TRUE(
-      Train(TinyConfig({"steps=20", "curriculum.latest_last=0.5", "freeze=[TAR3D]"}), folder_ / "run", false, hooks));
+  ASSERT_TRUE(Train(TinyConfig({"steps=20", "curriculum.latest_last=0.5", "init.freeze=[TAR3D]"}), folder_ / "run",
+                    false, hooks));
 
   const auto& modules = kept_all.back().modules;
   EXPECT_EQ(modules.at("LANG").trained_steps, 20u);

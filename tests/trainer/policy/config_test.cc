@@ -13,7 +13,7 @@ namespace {
 using testing::HasSubstr;
 
 PolicyConfig Preset(const std::string& name) {
-  const auto config = LoadConfig<PolicyConfig>("trainer/experiments/policies/" + name + ".yaml");
+  const auto config = LoadConfig<PolicyConfig>("trainer/experiments/policies/" + name + "/base.yaml");
   EXPECT_TRUE(config) << config.error().message;
   return *config;
 }
@@ -143,8 +143,8 @@ TEST(PolicyConfig, LabelsAreThoseThatModulesAskFor) {
 }
 
 TEST(PolicyConfig, UnknownKeysAreRefused) {
-  const auto config =
-      LoadConfig<PolicyConfig>("trainer/experiments/policies/compact.yaml", {"image.crop=[0,0,64,64]", "widht=32"});
+  const auto config = LoadConfig<PolicyConfig>("trainer/experiments/policies/compact/base.yaml",
+                                               {"image.crop=[0,0,64,64]", "widht=32"});
   ASSERT_FALSE(config);
   EXPECT_THAT(config.error().message, HasSubstr("widht"));
 }

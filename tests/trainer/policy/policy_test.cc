@@ -28,7 +28,7 @@ std::int64_t CountParameters(const Policy& policy, const std::string& prefix = "
 
 // as for the default camera
 PolicyConfig Preset(const std::string& name) {
-  PolicyConfig config = LoadConfig<PolicyConfig>("trainer/experiments/policies/" + name + ".yaml").value();
+  PolicyConfig config = LoadConfig<PolicyConfig>("trainer/experiments/policies/" + name + "/base.yaml").value();
   if (config.image.crop.empty()) config.image.crop = {40, 75, 144, 80};
   return config;
 }

@@ -15,7 +15,7 @@ class Displacement final : public Quantity {
   /// difference: of the positions of two modules (`from: [A, B]`, B - A), plus what the network adds.
   std::vector<std::string> own_readouts() const override { return {"difference"}; }
   bool IsOf(const data::Entity& entity) const override {
-    return entity.kind != data::Entity::Kind::kEe && !entity.is_set();
+    return entity.kind != data::Entity::Kind::kEe && entity.is_thing();
   }
 
   std::vector<std::int64_t> label_shape() const override { return {3}; }

@@ -14,7 +14,8 @@ class Pixel final : public Quantity {
   std::string_view meaning() const override { return "u to the right and v down in the camera's picture"; }
   /// soft_argmax: the expectation of its own attention over the picture, plus what the network adds.
   std::vector<std::string> own_readouts() const override { return {"soft_argmax"}; }
-  bool IsOf(const data::Entity&) const override { return true; }  // a set for attention; heads say one pixel
+  // a set for attention; heads say one pixel
+  bool IsOf(const data::Entity& entity) const override { return entity.is_thing() || entity.is_set(); }
 
   std::vector<std::int64_t> label_shape() const override { return {2}; }
   void FillLabel(const data::LabelContext& context, const data::EntityState& state, std::span<float> values,

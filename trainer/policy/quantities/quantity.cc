@@ -10,8 +10,9 @@ namespace etude::policy {
 namespace {
 
 const std::vector<const Quantity*>& All() {
-  static const std::vector<const Quantity*> all{&ClassQuantity(), &PixelQuantity(),        &PositionQuantity(),
-                                                &PoseQuantity(),  &DisplacementQuantity(), &TrajectoryQuantity()};
+  static const std::vector<const Quantity*> all{&ClassQuantity(),     &TaskQuantity(), &PixelQuantity(),
+                                                &PositionQuantity(),  &PoseQuantity(), &DisplacementQuantity(),
+                                                &TrajectoryQuantity()};
   return all;
 }
 

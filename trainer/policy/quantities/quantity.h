@@ -27,7 +27,7 @@ struct Metric;
 struct Head {
   std::string readout = "linear";
   std::string rotation = "6d";       ///< 6d | euler_sincos, see rotation.h
-  std::vector<std::string> classes;  ///< nouns, in the order of the logits
+  std::vector<std::string> classes;  ///< nouns or tasks, in the order of the logits
 };
 
 /// What a decoder reads besides the network's numbers.
@@ -53,7 +53,7 @@ class Quantity : public data::LabelRule {
   /// Beside linear and mlp, which every quantity has.
   virtual std::vector<std::string> own_readouts() const { return {}; }
   /// Whether it may be asked of `entity`.
-  virtual bool IsOf(const data::Entity& entity) const { return !entity.is_set(); }
+  virtual bool IsOf(const data::Entity& entity) const { return entity.is_thing(); }
   /// Whether a module that decodes it knows the `other` quantity too (a pose has a position).
   virtual bool Implies(std::string_view other) const { return other == name(); }
 
@@ -91,5 +91,6 @@ const Quantity& PositionQuantity();
 const Quantity& PoseQuantity();
 const Quantity& DisplacementQuantity();
 const Quantity& TrajectoryQuantity();
+const Quantity& TaskQuantity();
 
 }  // namespace etude::policy

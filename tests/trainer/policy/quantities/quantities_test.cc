@@ -31,7 +31,8 @@ struct Label {
 Label LabelOf(const Quantity& quantity, const Episode& episode, int step, const char* entity, data::Region view) {
   const language::Command command{"pick", episode.target};
   const std::vector<std::string> classes{"coke", "milk", "cube", "pepsi", "bread", "bottle"};
-  const data::LabelContext context{episode, step, command, classes, view};
+  static const std::vector<std::string> tasks{"push", "pick"};
+  const data::LabelContext context{episode, step, command, classes, view, tasks};
   std::int64_t size = 1;
   for (const auto n : quantity.label_shape()) size *= n;
   Label label{std::vector<float>(static_cast<std::size_t>(size)),
@@ -65,6 +66,9 @@ TEST(Quantities, LabelsAreReadOffTheEpisode) {
   EXPECT_NEAR(LabelOf(PoseQuantity(), episode, step, "ee", all).values[7], -1, 1e-6);
   const Label named = LabelOf(ClassQuantity(), episode, step, "object:milk", all);
   EXPECT_EQ(named.values[0], 1);
+  const Label task = LabelOf(TaskQuantity(), episode, step, "command", all);
+  EXPECT_EQ(task.values[0], 1);
+  EXPECT_TRUE(task.valid[0]);
   const Label points = LabelOf(TrajectoryQuantity(), episode, step, "ee", all);
   EXPECT_EQ(points.values.size(), 120u);
   EXPECT_FLOAT_EQ(points.values[0], episode.actions_abs.row(step)[0]);
@@ -120,9 +124,31 @@ TEST(Quantities, DecodeGivesBackWhatTheNetworkMeans) {
   EXPECT_EQ(output.decoded.at("pixel")[0][0][0].item<float>(), 112);
 }
 
+TEST(Quantities, OneOfManyIsLearnedByCrossEntropyAndSaidByName) {
+  const Tensor origin = torch::zeros({1, 2});
+  const Head head{.classes = {"push", "pick", "put_down"}};
+  for (const Quantity* quantity : {&ClassQuantity(), &TaskQuantity()}) {
+    ModuleOutput output;
+    const Tensor logits = torch::tensor({0.0F, 2.0F, 0.5F}).view({1, 1, 3});
+    quantity->Decode(head, {Unit(), 4}, logits, output);
+    const Target right{torch::ones({1, 1}), torch::ones({1, 1}, torch::kBool)};
+    const Target none{torch::ones({1, 1}), torch::zeros({1, 1}, torch::kBool)};
+
+    const double expected = -std::log(std::exp(2.0) / (1 + std::exp(2.0) + std::exp(0.5)));
+    EXPECT_NEAR(quantity->Loss(head, {}, output, right, {origin, 8, 8}).item<double>(), expected, 1e-6);
+    EXPECT_EQ(quantity->Loss(head, {}, output, none, {origin, 8, 8}).item<double>(), 0);
+    EXPECT_TRUE(quantity->Measure(head, output, right).at(0).values.item<bool>());
+    EXPECT_NEAR(quantity->Feature(output, Unit(), false, true)[0][0][1].item<double>(), std::exp(-expected), 1e-6);
+    OrderedJson words;
+    quantity->Say(head, output, words);
+    EXPECT_EQ(words["value"], "pick");
+    EXPECT_EQ(quantity->width(head), 3);
+  }
+}
+
 TEST(Quantities, EachHasItsNameAndUnit) {
   EXPECT_THAT(QuantityNames(),
-              testing::ElementsAre("class", "pixel", "position", "pose", "displacement", "trajectory"));
+              testing::ElementsAre("class", "task", "pixel", "position", "pose", "displacement", "trajectory"));
   for (const auto& name : QuantityNames()) {
     EXPECT_EQ(FindQuantity(name)->name(), name);
     EXPECT_FALSE(FindQuantity(name)->unit().empty());

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/checkpoint/surgery.cc
+#include "trainer/checkpoint/surgery.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/trainer/checkpoint/example_checkpoint.h"
+#include "tests/trainer/policy/fixtures.h"
+#include "trainer/policy/parts.h"
+
+namespace etude::checkpoint {
+namespace {
+
+using policy::FindModule;
+using policy::PolicyConfig;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::UnorderedElementsAre;
+
+// the base hierarchy with one module more, which CTRL reads
+PolicyConfig WithObstacle() {
+  PolicyConfig config = policy::TinyConfig();
+  policy::ModuleConfig obstacle = *FindModule(config, "TAR3D");
+  obstacle.name = "OBST3D";
+  obstacle.decoder.entity = "obstacle";
+  config.modules.push_back(obstacle);
+  FindModule(config, "CTRL")->decoder.inputs.push_back("position:OBST3D");  // it reads all
+  EXPECT_TRUE(config.Validate());
+  return config;
+}
+
+std::map<std::string, torch::Tensor> Initial(const PolicyConfig& config, int joints = kExampleJoints) {
+  return policy::MakePolicy(config, 99, joints)->StateTensors();
+}
+
+class SurgeryTest : public ::testing::Test {
+ protected:
+  SurgeryTest() : source_(ExampleCheckpoint(policy::TinyConfig())) {
+    for (auto& [name, tensor] : source_.tensors)
+      if (name.starts_with("normalization_")) tensor.fill_(0.5);
+  }
+  Result<Surgery> Do(const PolicyConfig& config, const SurgeryPlan& plan = {}, int joints = kExampleJoints) {
+    return Operate(source_, plan, config, Initial(config, joints), here_);
+  }
+
+  Checkpoint source_;
+  Embodiment here_ = ExampleEmbodiment();
+};
+
+TEST_F(SurgeryTest, CopiesAllThatBothHaveAndBeginsTheRestAnew) {
+  const PolicyConfig config = WithObstacle();
+  const auto initial = Initial(config);
+
+  const auto surgery = Do(config);
+
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  EXPECT_THAT(surgery->fresh, ElementsAre("OBST3D"));
+  ASSERT_EQ(surgery->tensors.size(), initial.size());
+  for (const auto& [name, tensor] : surgery->tensors) {
+    if (name.starts_with("normalization_")) continue;
+    const auto original = source_.tensors.find(name);
+    if (original != source_.tensors.end()) {
+      EXPECT_TRUE(torch::equal(tensor, original->second)) << name;
+    } else if (policy::PartOfTensor(name) == "OBST3D") {
+      EXPECT_TRUE(torch::equal(tensor, initial.at(name))) << name;
+    } else if (name.find(".decoder.") != std::string::npos) {
+      EXPECT_EQ(tensor.abs().max().item<float>(), 0) << name << ": at first it decodes what its original did";
+    }
+  }
+  ASSERT_TRUE(surgery->grown.contains("CTRL"));
+  EXPECT_THAT(surgery->grown.at("CTRL"), UnorderedElementsAre("decoder.from.position:OBST3D", "segments.OBST3D"));
+  EXPECT_THAT(surgery->differences, IsEmpty());
+}
+
+TEST_F(SurgeryTest, KeepsTheStatisticsThatCopiedPartsWereTrainedWith) {
+  const auto all = Do(policy::TinyConfig());
+  ASSERT_TRUE(all);
+  for (const auto& [name, tensor] : all->tensors)
+    if (name.starts_with("normalization_")) {
+      EXPECT_FLOAT_EQ(tensor.flatten()[0].item<float>(), 0.5F) << name;
+    }
+  const auto own_joints = Do(policy::TinyConfig(), {.fresh = {"joints"}});
+  ASSERT_TRUE(own_joints);
+  EXPECT_FLOAT_EQ(own_joints->tensors.at("normalization_joint_mean")[0].item<float>(), 0.1F);
+  EXPECT_FLOAT_EQ(own_joints->tensors.at("normalization_position_mean")[0].item<float>(), 0.5F);
+}
+
+TEST_F(SurgeryTest, BeginsAnewWhatKnowsAnotherRobot) {
+  PolicyConfig config = policy::TinyConfig();
+  FindModule(config, "EE3D")->decoder.inputs = {"register", "joint_token"};
+  FindModule(config, "TAR3D")->decoder.inputs = {"register", "position:EE3D"};
+  config.robot_specific = {"joints"};
+  source_ = ExampleCheckpoint(config);
+  here_.robot = "panda";
+
+  const auto surgery = Do(config, {}, 9);
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  EXPECT_THAT(surgery->fresh, ElementsAre("joints"));
+  EXPECT_EQ(surgery->tensors.at("normalization_joint_mean").numel(), 9);
+  EXPECT_THAT(surgery->differences, ElementsAre(HasSubstr("robot: panda here, ur5 there")));
+
+  const auto frozen = Do(config, {.freeze = {"joints"}}, 9);
+  ASSERT_FALSE(frozen);
+  EXPECT_THAT(frozen.error().message, HasSubstr("joints: frozen, but not copied"));
+}
+
+TEST_F(SurgeryTest, RefusesEveryPartThatDoesNotFitByName) {
+  PolicyConfig config = policy::TinyConfig();
+  FindModule(config, "TAR3D")->decoder.hidden = {9};
+  FindModule(config, "LANG")->decoder.entity = "reference";
+  FindModule(config, "DISP")->query = "TAR3D";
+
+  const auto surgery = Do(config);
+
+  ASSERT_FALSE(surgery);
+  EXPECT_EQ(surgery.error().code, Code::kInvalidArgument);
+  for (const char* part :
+       {"TAR3D: hidden is", "LANG: entity is \"target\" there, \"reference\" here", "DISP: query is"})
+    EXPECT_THAT(surgery.error().message, HasSubstr(part));
+  EXPECT_TRUE(Do(config, {.fresh = {"TAR3D", "LANG", "DISP"}}));
+}
+
+// the same shapes, another meaning
+TEST_F(SurgeryTest, RefusesWeightsThatWouldComputeSomethingElse) {
+  PolicyConfig config = policy::TinyConfig();
+  config.objects = {"red", "green", "blue"};
+  const auto classes = Do(config);
+  ASSERT_FALSE(classes);
+  EXPECT_THAT(classes.error().message, HasSubstr("LANG: objects is"));
+  config = policy::TinyConfig();
+  config.heads = 4;
+  const auto heads = Do(config);
+  ASSERT_FALSE(heads);
+  EXPECT_THAT(heads.error().message, HasSubstr("CTRL: heads is 2 there, 4 here"));
+  config = policy::TinyConfig();
+  config.image.pixel_mean = 3;
+  const auto pixels = Do(config);
+  ASSERT_FALSE(pixels);
+  EXPECT_THAT(pixels.error().message, HasSubstr("image: pixel_mean is"));
+}
+
+TEST_F(SurgeryTest, RefusesAModuleThatReadLessNow) {
+  PolicyConfig config = policy::TinyConfig();
+  FindModule(config, "CTRL")->decoder.inputs = {"register", "language"};
+  const auto surgery = Do(config);
+  ASSERT_FALSE(surgery);
+  EXPECT_THAT(surgery.error().message, HasSubstr("decoder.from.class:LANG is there and not here"));
+}
+
+TEST_F(SurgeryTest, ChecksItsPlan) {
+  const PolicyConfig config = WithObstacle();
+  EXPECT_THAT(Do(config, {.copy = {"TAR2"}}).error().message, HasSubstr("did you mean 'TAR2D'"));
+  EXPECT_THAT(Do(config, {.copy = {"LANG"}, .fresh = {"LANG"}}).error().message, HasSubstr("in copy and in fresh"));
+  EXPECT_THAT(Do(config, {.copy = {"OBST3D"}}).error().message, HasSubstr("OBST3D: the checkpoint has no such part"));
+  EXPECT_THAT(Do(config, {.freeze = {"OBST3D"}}).error().message, HasSubstr("OBST3D: frozen, but not copied"));
+  const auto some = Do(config, {.copy = {"image", "language"}});
+  ASSERT_TRUE(some);
+  EXPECT_THAT(some->copied, ElementsAre("image", "language"));
+}
+
+TEST_F(SurgeryTest, LearningStartsWhereSomethingIsNew) {
+  const PolicyConfig base = policy::TinyConfig(), more = WithObstacle();
+  EXPECT_EQ(FirstLevelToLearn(more, *Do(more)), 3);  // OBST3D
+  EXPECT_EQ(FirstLevelToLearn(base, *Do(base)), 5);
+  EXPECT_EQ(FirstLevelToLearn(base, *Do(base, {.fresh = {"DISP"}})), 4);
+  EXPECT_EQ(FirstLevelToLearn(base, *Do(base, {.fresh = {"image"}})), 2);
+  EXPECT_EQ(FirstLevelToLearn(base, *Do(base, {.fresh = {"joints"}})), 3);  // EE3D attends to them
+}
+
+}  // namespace
+}  // namespace etude::checkpoint

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/policy/compose.cc
+#include "trainer/policy/compose.h"
+
+#include <gtest/gtest.h>
+
+namespace etude::policy {
+namespace {
+
+OrderedJson Yaml(const char* text) { return ParseYaml(text, "test").value(); }
+
+TEST(Compose, AddsModulesAndWhatAnExistingOneReads) {
+  const auto base = Yaml(R"(
+name: base
+width: 64
+modules:
+  - {name: A, level: 1, reads: [image]}
+  - {name: B, level: 2, reads: [A], attend: [A], decoder: {quantity: position, hidden: [8], inputs: [register]}}
+)");
+  const auto more = Yaml(R"(
+name: base/more
+modules:
+  - {name: C, level: 1, reads: [image]}
+  - {name: B, reads: [C, A], attend: [C], decoder: {inputs: ["register:C"]}}
+)");
+  const auto wanted = Yaml(R"(
+name: base/more
+width: 64
+modules:
+  - {name: A, level: 1, reads: [image]}
+  - {name: B, level: 2, reads: [A, C], attend: [A, C],
+     decoder: {quantity: position, hidden: [8], inputs: [register, "register:C"]}}
+  - {name: C, level: 1, reads: [image]}
+)");
+  EXPECT_EQ(Compose(base, more), wanted) << Compose(base, more).dump();
+}
+
+TEST(Compose, ReplacesWhatIsNoListOfInputs) {
+  const auto base = Yaml("{width: 64, joint_hidden: [8, 8], image: {position: fourier, crop: [1, 2, 3, 4]}}");
+  const auto result = Compose(base, Yaml("{joint_hidden: [16], image: {crop: []}}"));
+  EXPECT_EQ(result, Yaml("{width: 64, joint_hidden: [16], image: {position: fourier, crop: []}}"));
+}
+
+TEST(Compose, LeavesNonsenseToTheChecks) {
+  EXPECT_EQ(Compose(Yaml("{modules: 3}"), Yaml("{modules: [{name: A}]}")), Yaml("{modules: [{name: A}]}"));
+  EXPECT_EQ(Compose(Yaml("{modules: [3, {name: A}]}"), Yaml("{modules: [4]}")), Yaml("{modules: [3, {name: A}, 4]}"));
+}
+
+}  // namespace
+}  // namespace etude::policy

@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/checkpoint/surgery.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "trainer/policy/names.h"
+#include "trainer/policy/parts.h"
+
+namespace etude::checkpoint {
+namespace {
+
+using policy::ModuleConfig;
+using policy::PolicyConfig;
+using Names = std::vector<std::string>;
+using Tensors = std::map<std::string, torch::Tensor>;
+
+constexpr std::string_view kStatistics = "normalization_", kJointStatistics = "normalization_joint_";
+
+template <class Range>
+bool Contains(const Range& range, const std::string& name) {
+  return std::ranges::find(range, name) != range.end();
+}
+
+const ModuleConfig* FindModule(const PolicyConfig& config, const std::string& name) {
+  const auto found = std::ranges::find(config.modules, name, &ModuleConfig::name);
+  return found == config.modules.end() ? nullptr : &*found;
+}
+
+/// Reports where two JSON values of a part differ.
+void Compare(const std::string& key, const OrderedJson& there, const OrderedJson& here, Names& problems) {
+  if (there != here) problems.push_back(fmt::format("{} is {} there, {} here", key, there.dump(), here.dump()));
+}
+
+void CompareKeys(const OrderedJson& there, const OrderedJson& here, std::initializer_list<const char*> keys,
+                 Names& problems) {
+  for (const char* key : keys) Compare(key, there.at(key), here.at(key), problems);
+}
+
+// What weights of the same shape would compute otherwise: what is said of the part, and of the whole.
+Names DifferencesOfMeaning(const PolicyConfig& there, const PolicyConfig& here, const std::string& part) {
+  Names problems;
+  const OrderedJson all_there = ToJson(there), all_here = ToJson(here);
+  CompareKeys(all_there, all_here, {"width", "heads", "attention", "activation"}, problems);
+  if (part == "image")
+    CompareKeys(all_there.at("image"), all_here.at("image"), {"layers", "position", "pixel_mean", "pixel_scale"},
+                problems);
+  if (part == "language") Compare("language", all_there.at("language"), all_here.at("language"), problems);
+  if (part == "joints") CompareKeys(all_there, all_here, {"joint_hidden", "joint_fourier"}, problems);
+  const ModuleConfig *a = FindModule(there, part), *b = FindModule(here, part);
+  if (!a || !b) return problems;
+  Compare("query", a->query, b->query, problems);
+  CompareKeys(ToJson(a->decoder), ToJson(b->decoder), {"entity", "quantity", "readout", "from", "rotation", "hidden"},
+              problems);
+  for (const auto& [quantity, names] : {std::pair{"class", "objects"}, {"task", "tasks"}}) {
+    const bool knows =
+        b->decoder.quantity == quantity || std::ranges::any_of(b->decoder.inputs, [&](const auto& input) {
+          return policy::ParseDecoderInput(input).kind == quantity;
+        });
+    if (knows) Compare(names, all_there.at(names), all_here.at(names), problems);
+  }
+  return problems;
+}
+
+/// Makes the tensors part by part.
+class Surgeon {
+ public:
+  Surgeon(const Checkpoint& source, const SurgeryPlan& plan, const PolicyConfig& config, const Tensors& initial)
+      : source_(source), plan_(plan), config_(config), theirs_(policy::PartsOf(source.metadata.policy)) {
+    for (const auto& [name, tensor] : initial) surgery_.tensors[name] = tensor.detach().clone();
+  }
+
+  Status CheckPlan() const {
+    for (const auto& [what, names] :
+         {std::pair{"init.copy", &plan_.copy}, {"init.fresh", &plan_.fresh}, {"init.freeze", &plan_.freeze}})
+      ETUDE_RETURN_IF_ERROR(policy::CheckParts(config_, what, *names));
+    for (const auto& part : plan_.copy)
+      if (Contains(plan_.fresh, part))
+        return Fail(Code::kInvalidArgument, fmt::format("init: '{}' stands in copy and in fresh", part));
+    return {};
+  }
+
+  void ChooseParts(bool same_robot) {
+    for (const auto& part : policy::PartsOf(config_)) {
+      const bool wanted = plan_.copy.empty() ? Contains(theirs_, part) && !Contains(plan_.fresh, part) &&
+                                                   (same_robot || !Contains(config_.robot_specific, part))
+                                             : Contains(plan_.copy, part);
+      (wanted ? surgery_.copied : surgery_.fresh).insert(part);
+    }
+  }
+
+  void CopyPart(const std::string& part) {
+    Names problems;
+    if (!Contains(theirs_, part)) problems.push_back("the checkpoint has no such part");
+    if (problems.empty()) problems = DifferencesOfMeaning(source_.metadata.policy, config_, part);
+    for (auto& [name, tensor] : surgery_.tensors) {
+      if (policy::PartOfTensor(name) != part || !problems.empty()) continue;
+      const auto original = source_.tensors.find(name);
+      if (original == source_.tensors.end())
+        Grow(part, name, tensor, problems);
+      else if (original->second.sizes() != tensor.sizes())
+        problems.push_back(fmt::format("{} is ({}) there, ({}) here", name, fmt::join(original->second.sizes(), ", "),
+                                       fmt::join(tensor.sizes(), ", ")));
+      else
+        tensor.copy_(original->second);
+    }
+    for (const auto& [name, tensor] : source_.tensors)
+      if (problems.empty() && policy::PartOfTensor(name) == part && !surgery_.tensors.contains(name))
+        problems.push_back(fmt::format("{} is there and not here", name));
+    if (!problems.empty()) problems_.push_back(fmt::format("{}: {}", part, fmt::join(problems, ", ")));
+  }
+
+  void CopyStatistics() {
+    if (surgery_.copied.empty()) return;
+    for (auto& [name, tensor] : surgery_.tensors) {
+      const bool of_joints = name.starts_with(kJointStatistics);
+      if (!name.starts_with(kStatistics) || (of_joints && !surgery_.copied.contains("joints"))) continue;
+      const auto original = source_.tensors.find(name);
+      if (original != source_.tensors.end() && original->second.sizes() == tensor.sizes())
+        tensor.copy_(original->second);
+      else
+        problems_.push_back(fmt::format("{}: the checkpoint's has another size", name));
+    }
+  }
+
+  void CheckFrozen() {
+    for (const auto& part : plan_.freeze)
+      if (!surgery_.copied.contains(part))
+        problems_.push_back(
+            fmt::format("{}: frozen, but not copied: it would never learn{}", part,
+                        Contains(config_.robot_specific, part) ? " (it knows one robot, this is another)" : ""));
+  }
+
+  Result<Surgery> Done() {
+    if (problems_.empty()) return std::move(surgery_);
+    return Fail(Code::kInvalidArgument,
+                fmt::format("begin with run {} step {}: what does not fit: {}; leave parts out with init.fresh",
+                            source_.metadata.run, source_.metadata.step, fmt::join(problems_, "; ")));
+  }
+
+  Surgery& surgery() { return surgery_; }
+
+ private:
+  void Grow(const std::string& part, const std::string& name, torch::Tensor& tensor, Names& problems) {
+    if (!policy::IsOfOneInput(name)) {
+      problems.push_back(fmt::format("{} is here and not there", name));
+      return;
+    }
+    surgery_.grown[part].push_back(name.substr(name.find(part) + part.size() + 1));
+    if (name.find(".decoder.") != std::string::npos) tensor.zero_();
+  }
+
+  const Checkpoint& source_;
+  const SurgeryPlan& plan_;
+  const PolicyConfig& config_;
+  const Names theirs_;
+  Surgery surgery_;
+  Names problems_;
+};
+
+}  // namespace
+
+Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const PolicyConfig& config,
+                        const Tensors& initial, const Embodiment& here) {
+  const torch::NoGradGuard no_grad;
+  Surgeon surgeon(source, plan, config, initial);
+  ETUDE_RETURN_IF_ERROR(surgeon.CheckPlan());
+  const std::string& robot = source.metadata.embodiment.robot;
+  surgeon.ChooseParts(robot.empty() || here.robot.empty() || robot == here.robot);
+  for (const auto& part : surgeon.surgery().copied) surgeon.CopyPart(part);
+  surgeon.CopyStatistics();
+  surgeon.CheckFrozen();
+  surgeon.surgery().differences = Differences(here, source.metadata.embodiment);
+  return surgeon.Done();
+}
+
+int FirstLevelToLearn(const PolicyConfig& config, const Surgery& surgery) {
+  const auto order = policy::EvaluationOrder(config);
+  for (const ModuleConfig* module : order) {
+    if (surgery.fresh.contains(module->name) || surgery.grown.contains(module->name)) return module->level;
+    Names used;
+    for (const auto& item : module->attend) used.push_back(item.substr(0, item.find('@')));
+    for (const auto& text : module->decoder.inputs) {
+      const auto kind = policy::ParseDecoderInput(text).kind;
+      if (kind == "language" || kind == "joint_token") used.push_back(kind == "language" ? kind : "joints");
+    }
+    for (const char* encoder : {"image", "language", "joints"})
+      if (surgery.fresh.contains(encoder) && Contains(used, encoder)) return module->level;
+  }
+  return order.back()->level;
+}
+
+}  // namespace etude::checkpoint

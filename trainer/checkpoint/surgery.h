@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// A new network from parts (trainer/policy/parts.h) of a trained one.
+#pragma once
+
+#include <torch/torch.h>
+
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "trainer/checkpoint/checkpoint.h"
+
+namespace etude::checkpoint {
+
+/// What is to be done, by parts' names.
+struct SurgeryPlan {
+  std::vector<std::string> copy;    ///< empty: every part that both have but `fresh`, and but what knows another robot
+  std::vector<std::string> fresh;   ///< begins anew
+  std::vector<std::string> freeze;  ///< stays as it is copied
+};
+
+/// What was done.
+struct Surgery {
+  std::set<std::string> copied, fresh;  ///< every part is in one of them
+  /// Of copied modules that read more than their originals: what, by module. Decoders' new columns are zero, so that
+  /// at first a copy decodes from new inputs what its original did without them.
+  std::map<std::string, std::vector<std::string>> grown;
+  std::vector<std::string> differences;          ///< of robot, camera and formats (embodiment.h), for people
+  std::map<std::string, torch::Tensor> tensors;  ///< of the whole network, as Policy::StateTensors
+};
+
+/// The network of `config` (resolved, valid) that begins as `initial`, Policy::StateTensors of it. With the first
+/// copied part come the source's statistics of positions, displacements and waypoints, with its joint encoder those of
+/// joints. @param here  what the network will be trained for
+/// @error kInvalidArgument: names that are no parts; every part that does not fit, with what differs; something frozen
+/// that is not copied.
+Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const policy::PolicyConfig& config,
+                        const std::map<std::string, torch::Tensor>& initial, const Embodiment& here);
+
+/// The lowest level at which there is something to learn: that of a module that is fresh or grown, or that is
+/// supervised to attend to, or decodes, what a fresh encoder makes; the last level when nothing is new.
+int FirstLevelToLearn(const policy::PolicyConfig& config, const Surgery& surgery);
+
+}  // namespace etude::checkpoint

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/policy/compose.h"
+
+#include <algorithm>
+
+namespace etude::policy {
+namespace {
+
+bool IsAdditive(const std::string& key) { return key == "reads" || key == "attend" || key == "inputs"; }
+
+// objects key by key; lists that name what is read grow, everything else is replaced
+void Merge(OrderedJson& into, const OrderedJson& addition) {
+  for (const auto& [key, value] : addition.items()) {
+    if (value.is_object() && into.contains(key) && into[key].is_object()) {
+      Merge(into[key], value);
+    } else if (IsAdditive(key) && value.is_array() && into.contains(key) && into[key].is_array()) {
+      for (const auto& item : value)
+        if (std::ranges::find(into[key], item) == into[key].end()) into[key].push_back(item);
+    } else {
+      into[key] = value;
+    }
+  }
+}
+
+OrderedJson* FindByName(OrderedJson& modules, const OrderedJson& entry) {
+  if (!entry.is_object() || !entry.contains("name")) return nullptr;
+  for (auto& module : modules)
+    if (module.is_object() && module.contains("name") && module["name"] == entry["name"]) return &module;
+  return nullptr;
+}
+
+}  // namespace
+
+OrderedJson Compose(const OrderedJson& base, const OrderedJson& addition) {
+  OrderedJson result = base;
+  OrderedJson rest = addition;
+  if (result.is_object() && rest.is_object() && rest.contains("modules") && rest["modules"].is_array() &&
+      result.contains("modules") && result["modules"].is_array()) {
+    for (const auto& entry : rest["modules"]) {
+      if (OrderedJson* own = FindByName(result["modules"], entry))
+        Merge(*own, entry);
+      else
+        result["modules"].push_back(entry);
+    }
+    rest.erase("modules");
+  }
+  if (result.is_object() && rest.is_object()) Merge(result, rest);
+  return result;
+}
+
+}  // namespace etude::policy

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// One policy's file on top of another's: how hierarchies grow. No torch here.
+#pragma once
+
+#include "services/core/config.h"
+
+namespace etude::policy {
+
+/// `base` with what `addition` says. A module that `base` has too is given what the addition's entry of that name
+/// reads, attends to and decodes from, in addition; its other keys are replaced, as every key of the policy is.
+/// Modules that `base` lacks are appended. Both as their files say them; nothing is checked.
+OrderedJson Compose(const OrderedJson& base, const OrderedJson& addition);
+
+}  // namespace etude::policy

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/policy/policy_file.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "trainer/policy/compose.h"
+
+namespace etude::policy {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kMostExtensions = 8;  // of one policy's file by another
+
+// "compact", "compact/obstacle"
+std::vector<std::string> NamesIn(const Path& folder) {
+  std::vector<std::string> names;
+  std::error_code ignored;
+  for (auto item = fs::recursive_directory_iterator(folder, ignored); item != fs::recursive_directory_iterator();
+       item.increment(ignored)) {
+    if (item->path().filename() == "policies") item.disable_recursion_pending();
+    if (item->path().extension() == ".yaml")
+      names.push_back(item->path().lexically_relative(folder).replace_extension());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+Result<OrderedJson> ReadExtended(const std::string& name, const std::vector<Path>& folders, int depth) {
+  if (depth > kMostExtensions)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("policy '{}': extends itself, or more than {} others", name, kMostExtensions));
+  ETUDE_ASSIGN_OR_RETURN(const Path path, FindNamedFile(name, folders, "policy"));
+  ETUDE_ASSIGN_OR_RETURN(auto json, ReadYamlMap(path));
+  if (!json.is_object() || !json.contains("extends")) return json;
+  if (!json["extends"].is_string())
+    return Fail(Code::kInvalidArgument, fmt::format("{}: extends: must be the name of a policy", path.string()));
+  std::vector<Path> nearest{path.parent_path()};
+  nearest.insert(nearest.end(), folders.begin(), folders.end());
+  ETUDE_ASSIGN_OR_RETURN(const auto base, ReadExtended(json["extends"].get<std::string>(), nearest, depth + 1));
+  json.erase("extends");
+  return Compose(base, json);
+}
+
+}  // namespace
+
+Result<Path> FindExperiments(const std::string& share, const Path& executable) {
+  std::error_code ignored;
+  if (!share.empty()) {
+    if (fs::is_directory(Path(share) / "experiments", ignored)) return Path(share) / "experiments";
+    return Fail(Code::kNotFound, fmt::format("ETUDE_SHARE is '{}', which has no folder 'experiments'", share));
+  }
+  for (Path folder = fs::absolute(executable, ignored).parent_path();; folder = folder.parent_path()) {
+    for (const char* name : {"trainer/experiments", "share/etude/experiments"})
+      if (fs::is_directory(folder / name, ignored)) return folder / name;
+    if (folder == folder.parent_path()) break;
+  }
+  return Fail(Code::kNotFound,
+              fmt::format("no trainer/experiments above '{}': set ETUDE_SHARE to the folder that has 'experiments'",
+                          executable.string()));
+}
+
+Result<Path> FindNamedFile(const std::string& name_or_file, const std::vector<Path>& folders, const std::string& what) {
+  std::error_code ignored;
+  if (fs::is_regular_file(name_or_file, ignored)) return Path(name_or_file);
+  std::vector<std::string> known;
+  for (const auto& folder : folders) {
+    const Path path = folder / (name_or_file + ".yaml");
+    if (fs::is_regular_file(path, ignored)) return path;
+    for (auto& name : NamesIn(folder)) known.push_back(std::move(name));
+  }
+  const std::string nearest = NearestMatch(name_or_file, known);
+  return Fail(Code::kInvalidArgument, fmt::format("{} '{}': neither a file nor a name{}; names: {}", what, name_or_file,
+                                                  nearest.empty() ? "" : fmt::format(" (did you mean '{}'?)", nearest),
+                                                  fmt::join(known, ", ")));
+}
+
+Result<OrderedJson> ReadYamlMap(const Path& path) {
+  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(path, 1 << 20));
+  ETUDE_ASSIGN_OR_RETURN(auto json, ParseYaml(text, path.string()));
+  if (json.is_null()) json = OrderedJson::object();
+  return json;
+}
+
+Result<OrderedJson> ReadPolicyMap(const std::string& name_or_file, const std::vector<Path>& folders) {
+  return ReadExtended(name_or_file, folders, 0);
+}
+
+}  // namespace etude::policy
