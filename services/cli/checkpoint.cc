@@ -42,12 +42,59 @@ std::string DrivesText(const std::map<std::string, std::string>& metadata) {
   return refused->second.empty() ? "yes" : "NO, the policy server refuses it: " + refused->second;
 }
 
-Status Show(const std::string& file, bool as_json) {
+// "ur5, 7 joints, pictures of 224x224 px, 60.0 degrees"
+std::string EmbodimentText(const OrderedJson& embodiment) {
+  if (!embodiment.is_object()) return "not said";
+  const auto number = [&](const char* key) {
+    return embodiment.contains(key) && embodiment[key].is_number() ? embodiment[key].get<double>() : 0.0;
+  };
+  const std::string robot =
+      embodiment.contains("robot") && embodiment["robot"].is_string() ? embodiment["robot"].get<std::string>() : "?";
+  constexpr double kDegrees = 57.29577951308232;
+  return fmt::format("{}, {} joints, pictures of {}x{} px, {:.1f} degrees", robot, number("joints"), number("width"),
+                     number("height"), number("fovy") * kDegrees);
+}
+
+// steps and last error, by module
+std::string ModulesText(const OrderedJson& modules) {
+  if (!modules.is_object()) return "  not said\n";
+  std::string text;
+  for (const auto& [name, record] : modules.items()) {
+    const auto field = [&, &record = record](const char* key) {
+      return record.is_object() && record.contains(key) && record[key].is_number() ? record[key].dump() : "-";
+    };
+    text += fmt::format("  {:<12} {:>8} steps   error {}\n", name, field("trained_steps"), field("error"));
+  }
+  return text;
+}
+
+void PrintSummary(const std::map<std::string, std::string>& text, const OrderedJson& metadata) {
+  const auto word = [&](const char* key) {
+    const auto found = text.find(key);
+    return found == text.end() ? std::string("?") : found->second;
+  };
+  const auto part = [&](const char* key) { return metadata.contains(key) ? metadata[key] : OrderedJson(); };
+  fmt::print("run: {}, step {}, stage {} of {} ({})\n", word("run"), word("step"), word("stage"), word("stages"),
+             word("stage_name"));
+  fmt::print("trained for: {}\n", EmbodimentText(part("embodiment")));
+  fmt::print("data: {} demonstrations, fingerprint {:.12}\n", word("train_episodes"), word("dataset"));
+  fmt::print("may drive a robot: {}\n", DrivesText(text));
+  fmt::print("modules (errors: 1 - accuracy, px or m):\n{}", ModulesText(part("modules")));
+  fmt::print("last validation:\n{}", ToYaml(part("metrics")));
+}
+
+struct ShowArguments {
+  std::string file;
+  bool as_json = false, all = false;
+};
+
+Status Show(const ShowArguments& arguments) {
+  const std::string& file = arguments.file;
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(file));
   auto content = store::DecodeSafetensors(bytes);
   if (!content) return Fail(content.error().Wrap("read the checkpoint '" + file + "'"));
   const OrderedJson metadata = MetadataJson(content->metadata);
-  if (as_json) {
+  if (arguments.as_json) {
     OrderedJson tensors = OrderedJson::object();
     for (const auto& [name, tensor] : content->tensors)
       tensors[name] = {{"dtype", store::ToString(tensor.dtype)}, {"shape", tensor.shape}};
@@ -55,15 +102,16 @@ Status Show(const std::string& file, bool as_json) {
     return {};
   }
   fmt::print("file: {}\nbytes: {}\nsha256: {}\n", file, bytes.size(), Sha256Hex(bytes));
-  fmt::print("metadata:\n{}", ToYaml(metadata));
-  fmt::print("may drive a robot: {}\n", DrivesText(content->metadata));
+  PrintSummary(content->metadata, metadata);
   std::uint64_t numbers = 0;
-  fmt::print("tensors:\n");
-  for (const auto& [name, tensor] : content->tensors) {
-    fmt::print("  {:<48} {:<5} [{}]\n", name, store::ToString(tensor.dtype), fmt::join(tensor.shape, ", "));
-    numbers += Count(tensor);
+  for (const auto& [name, tensor] : content->tensors) numbers += Count(tensor);
+  if (arguments.all) {
+    fmt::print("metadata:\n{}tensors:\n", ToYaml(metadata));
+    for (const auto& [name, tensor] : content->tensors)
+      fmt::print("  {:<48} {:<5} [{}]\n", name, store::ToString(tensor.dtype), fmt::join(tensor.shape, ", "));
   }
-  fmt::print("{} tensors, {} numbers\n", content->tensors.size(), numbers);
+  fmt::print("{} tensors, {} numbers (--all: each, and every setting; etude policy graph FILE: who reads what)\n",
+             content->tensors.size(), numbers);
   return {};
 }
 
@@ -126,11 +174,12 @@ void AddCheckpoint(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand("checkpoint", "look at a checkpoint, or keep those that a run publishes");
   command->require_subcommand(1);
   auto file = std::make_shared<std::string>();
-  auto as_json = std::make_shared<bool>(false);
-  auto* show = command->add_subcommand("show", "metadata, tensors and hash of a .safetensors file");
-  show->add_option("file", *file, "checkpoint file")->required();
-  show->add_flag("--json", *as_json, "as JSON");
-  show->callback([=, &body] { body = [=] { return Show(*file, *as_json); }; });
+  auto showing = std::make_shared<ShowArguments>();
+  auto* show = command->add_subcommand("show", "robot, camera, stage, modules and their errors, data, hash");
+  show->add_option("file", showing->file, "checkpoint file")->required();
+  show->add_flag("--all", showing->all, "every setting and tensor too");
+  show->add_flag("--json", showing->as_json, "as JSON");
+  show->callback([=, &body] { body = [=] { return Show(*showing); }; });
 
   auto second = std::make_shared<std::string>();
   auto* difference = command->add_subcommand("diff", "which parts changed from one to another, and by how much");

@@ -7,22 +7,11 @@
 #include <set>
 
 #include "trainer/policy/names.h"
+#include "trainer/policy/parts.h"
 
 namespace etude::checkpoint {
-namespace {
 
 using policy::ModuleConfig;
-
-// names of what `module` uses; words such as "image" among them match no module
-std::vector<std::string> UsesOf(const policy::PolicyConfig& config, const ModuleConfig& module) {
-  std::vector<std::string> names = policy::ResolveReads(config, module);
-  for (const std::string& input : module.decoder.inputs) names.push_back(policy::ParseDecoderInput(input).module);
-  names.push_back(module.query);
-  names.insert(names.end(), module.decoder.from.begin(), module.decoder.from.end());
-  return names;
-}
-
-}  // namespace
 
 std::vector<std::string> ControlPath(const policy::PolicyConfig& config) {
   const auto order = policy::EvaluationOrder(config);
@@ -33,7 +22,7 @@ std::vector<std::string> ControlPath(const policy::PolicyConfig& config) {
     const ModuleConfig& module = **it;
     if (!needed.contains(module.name) && !policy::Decodes(module, "trajectory")) continue;
     path.push_back(module.name);
-    for (auto& name : UsesOf(config, module)) needed.insert(std::move(name));
+    for (auto& name : policy::ReadParts(config, module)) needed.insert(std::move(name));
   }
   std::reverse(path.begin(), path.end());
   return path;

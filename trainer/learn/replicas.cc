@@ -40,7 +40,8 @@ void Replicas::RunPart(std::size_t replica) {
     auto& policy = *policies_[replica];
     const auto outputs = policy.Forward(part.inputs, level_);
     const auto loss = policy.Loss(part.inputs, outputs, part.labels, level_);
-    loss.total.backward();
+    // frozen parts alone, or modules whose labels this part of the batch lacks: nothing to learn from it
+    if (loss.total.requires_grad()) loss.total.backward();
     losses_[replica] = {loss.total.item<double>(), loss.terms};
   } catch (const std::exception& error) {
     errors_[replica] = error.what();

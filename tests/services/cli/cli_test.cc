@@ -193,11 +193,24 @@ TEST_F(Cli, AFolderWithoutADatasetSaysHowToMakeOne) {
 
 TEST_F(Cli, CheckpointShowListsTensorsAndMetadata) {
   store::Safetensors content;
-  content.metadata = {{"run", "demo"}, {"config", R"({"policy": {"width": 64}})"}};
+  content.metadata = {
+      {"run", "demo"},
+      {"step", "12"},
+      {"config", R"({"policy": {"width": 64}})"},
+      {"embodiment", R"({"robot": "ur5", "joints": 7, "width": 224, "height": 224, "fovy": 1.0472})"},
+      {"modules", R"({"TAR3D": {"trained_steps": 1161, "error": 0.0021}, "DISP": {"trained_steps": 3}})"}};
   content.tensors["TAR3D.register"] = {store::DType::kF32, {2, 3}, std::vector<std::uint8_t>(24)};
   ASSERT_TRUE(store::WriteSafetensors(folder_ / "a.safetensors", content));
 
-  const Outcome outcome = Etude({"checkpoint", "show", In("a.safetensors")});
+  const Outcome brief = Etude({"checkpoint", "show", In("a.safetensors")});
+  EXPECT_EQ(brief.exit_code, kExitOk) << brief.text;
+  EXPECT_THAT(brief.text, HasSubstr("run: demo, step 12"));
+  EXPECT_THAT(brief.text, HasSubstr("trained for: ur5, 7 joints, pictures of 224x224 px, 60.0 degrees"));
+  EXPECT_THAT(brief.text, HasSubstr("TAR3D            1161 steps   error 0.0021"));
+  EXPECT_THAT(brief.text, HasSubstr("DISP                3 steps   error -"));
+  EXPECT_THAT(brief.text, testing::Not(HasSubstr("width: 64")));
+
+  const Outcome outcome = Etude({"checkpoint", "show", "--all", In("a.safetensors")});
   EXPECT_EQ(outcome.exit_code, kExitOk) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr("TAR3D.register"));
   EXPECT_THAT(outcome.text, HasSubstr("[2, 3]"));

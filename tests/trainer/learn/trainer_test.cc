@@ -2,14 +2,18 @@
 // Tests trainer/learn/trainer.cc
 #include "trainer/learn/trainer.h"
 
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <set>
 #include <sstream>
 #include <thread>
 
 #include "tests/trainer/learn/tiny_run.h"
 #include "trainer/learn/run_state.h"
+#include "trainer/policy/parts.h"
 
 namespace etude::learn {
 namespace {
@@ -251,6 +255,79 @@ TEST_F(TrainerTest, CountsWhatEachModuleWasTrainedAndWritesTheLimitThatItKept) {
   ASSERT_TRUE(written) << written.error().message;
   EXPECT_EQ(written->minutes, 0);
   EXPECT_GE(written->steps, 1u);
+}
+
+// A base policy on disk, then a run that begins with it.
+class InitTest : public TrainerTest {
+ protected:
+  void SetUp() override {
+    TrainerTest::SetUp();
+    ASSERT_TRUE(Train(TinyConfig({"steps=20", "ema=0.9"}), folder_ / "base", false, Keeping(source_)));
+    const auto bytes = checkpoint::Encode(source_);
+    ASSERT_TRUE(bytes);
+    ASSERT_TRUE(WriteFileAtomically(file_, *bytes));
+  }
+  static Hooks Keeping(checkpoint::Checkpoint& last) {
+    Hooks hooks;
+    hooks.on_checkpoint = [&last](const checkpoint::Checkpoint& kept) -> Status {
+      last.metadata = kept.metadata;
+      for (const auto& [name, tensor] : kept.tensors) last.tensors[name] = tensor.detach().clone();
+      return {};
+    };
+    return hooks;
+  }
+  TrainConfig Begun(std::vector<std::string> overrides) const {
+    overrides.insert(overrides.begin(), {"init.from=" + file_.string(), "ema=0.9"});
+    return TinyConfig(std::move(overrides));
+  }
+
+  Path file_ = folder_ / "base.safetensors";
+  checkpoint::Checkpoint source_;
+};
+
+// encoders with their running statistics and averaged weights included; what is new starts to learn at its level
+TEST_F(InitTest, FrozenPartsStayBitForBitWhileModulesAreAdded) {
+  const std::set<std::string> frozen{"image", "language", "joints", "LANG",  "TASK",
+                                     "EE2D",  "TAR2D",    "EE3D",   "TAR3D", "DISP"};
+  checkpoint::Checkpoint grown;
+  ASSERT_TRUE(Train(Begun({"add=[obstacle]", fmt::format("init.freeze=[{}]", fmt::join(frozen, ", "))}),
+                    folder_ / "run", false, Keeping(grown)));
+
+  int same = 0, moved = 0;
+  for (const auto& [name, tensor] : grown.tensors) {
+    const std::string part = policy::PartOfTensor(name);
+    if (!part.empty() && !frozen.contains(part)) {
+      moved += part == "CTRL" && source_.tensors.contains(name) && !torch::equal(tensor, source_.tensors.at(name));
+      continue;
+    }
+    ++same;
+    EXPECT_TRUE(torch::equal(tensor, source_.tensors.at(name))) << name;
+  }
+  EXPECT_GT(same, 60);
+  EXPECT_GT(moved, 5);
+  const std::string stages = ReadTextFile(folder_ / "run/curriculum.jsonl").value_or("");
+  EXPECT_THAT(stages, HasSubstr("\"from\":2")) << stages;
+  EXPECT_THAT(stages, testing::Not(HasSubstr("\"from\":1,"))) << stages;
+  EXPECT_EQ(grown.metadata.modules.at("TAR2D").trained_steps, source_.metadata.modules.at("TAR2D").trained_steps);
+}
+
+TEST_F(InitTest, ResumesWithoutTheCheckpointThatItBeganWith) {
+  const auto config = Begun({"steps=20"});
+  ASSERT_TRUE(Train(config, folder_ / "run"));
+  std::filesystem::remove(file_);
+  auto longer = config;
+  longer.steps = 30;
+  EXPECT_TRUE(Train(longer, folder_ / "run", true));
+  const Status gone = Train(config, folder_ / "other");
+  ASSERT_FALSE(gone);
+  EXPECT_THAT(gone.error().message, HasSubstr("base.safetensors"));
+}
+
+TEST_F(InitTest, RefusesPartsThatDoNotFitByName) {
+  const Status wide = Train(Begun({"policy.joint_hidden=[16]"}), folder_ / "wide");
+  ASSERT_FALSE(wide);
+  EXPECT_THAT(wide.error().message, HasSubstr("joints: joint_hidden is [32] there, [16] here"));
+  EXPECT_TRUE(Train(Begun({"policy.joint_hidden=[16]", "init.fresh=[joints]"}), folder_ / "wider"));
 }
 
 }  // namespace
