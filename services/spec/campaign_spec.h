@@ -62,10 +62,12 @@ struct ObstacleSpec {
 
 /// Only for mode "rollout": a policy drives instead of the expert.
 struct RolloutSpec {
-  std::string run;        ///< policy to ask: name of the run whose checkpoints it serves
-  int replan_steps = 15;  ///< control steps between two questions to the policy
-  int max_steps = 1500;   ///< control steps until the rollout counts as a failure
-  bool record = true;     ///< keep the frames (for videos)
+  std::string run;  ///< policy to ask: name of the run whose checkpoints it serves
+  /// Control steps between two questions to the policy. Long enough for what an answer announces to come: a policy
+  /// without memory that sees the same hand on the same table announces the same release again, for ever.
+  int replan_steps = 30;
+  int max_steps = 1500;  ///< control steps until the rollout counts as a failure
+  bool record = true;    ///< keep the frames (for videos)
   /// From the picture to the moment its answer takes effect; the simulation goes on meanwhile, rounded up to control
   /// steps. -1: the 99th percentile that the policy server measured.
   double latency_ms = -1;

@@ -35,7 +35,8 @@ class Bench {
  public:
   Status Open(const Path& folder) {
     ETUDE_ASSIGN_OR_RETURN(config_, learn::LoadTrainConfig("compact", "trainer/experiments",
-                                                           {"steps=1", "policy.image.crop=[41,75,144,80]"}));
+                                                           {"steps=1", "policy.image.crop=[41,75,144,80]",
+                                                            "policy.tasks=[pick, push, put_down]"}));
     const CampaignSpec spec = SyntheticSpec(224, 224);
     ETUDE_ASSIGN_OR_RETURN(auto writer, store::DatasetWriter::Open(folder, spec));
     for (std::uint64_t i = 0; i < kEpisodes; ++i)
@@ -63,7 +64,7 @@ class Bench {
     auto maker = std::make_shared<const data::BatchMaker>(
         data,
         data::BatchContent{policy::CropOf(config_.policy.image), 224, 224, dataset_->spec().tasks,
-                           config_.policy.objects, policy::LabelColumnsOf(config_.policy)},
+                           config_.policy.objects, policy::LabelColumnsOf(config_.policy), config_.policy.tasks},
         grammar_);
     data::Loader loader(dataset_, maker, data, config_.seed, 0);
     double waited = 0;

@@ -404,7 +404,8 @@ int Main() {
   fmt::print(stderr, "{}; two spinning threads do {:.2f} x the work of one\n", DescribeTorch(), SpinRatio());
   const std::string folder = "trainer/experiments/policies/";
   const auto paper = LoadConfig<PolicyConfig>(folder + "paper/base.yaml");
-  const auto compact = LoadConfig<PolicyConfig>(folder + "compact/base.yaml", {"image.crop=[41,75,144,80]"});
+  const auto compact = LoadConfig<PolicyConfig>(folder + "compact/base.yaml",
+                                                {"image.crop=[41,75,144,80]", "tasks=[pick, push, put_down]"});
   if (!paper || !compact) {
     fmt::print(stderr, "train_bench: run it from the repository's root: {}\n",
                (!paper ? paper.error() : compact.error()).message);

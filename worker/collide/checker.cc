@@ -53,7 +53,8 @@ struct Checker::Impl {
   double margin = 0;
   bool pairs_valid = false;
   std::vector<PiecePair> pairs;       ///< in the order they are tested
-  std::vector<PiecePair> self_pairs;  ///< of the arm against itself
+  std::vector<PiecePair> self_pairs;  ///< of the arm against itself; first those that are apart at home
+  int apart_pairs = 0;                ///< how many those are
   int first_self_pair = 0;            ///< pairs from here on are self collision
   std::uint64_t checks = 0;
 };
@@ -197,6 +198,12 @@ void Checker::Impl::FindSelfPiecePairs() {
       if (low != high && self_tested(low, high) == 1) self_pairs.emplace_back(a, b);
     }
   }
+  PlaceArm(scene->arm().q_home);
+  const auto close = std::ranges::stable_partition(self_pairs, [&](const PiecePair& pair) {
+    const Piece &a = pieces[pair.first], &b = pieces[pair.second];
+    return Distance(a.shape(), a.X_WG(), b.shape(), b.X_WG()) > 2 * internal::kSelfRoom;
+  });
+  apart_pairs = static_cast<int>(self_pairs.size() - close.size());
 }
 
 void Checker::Impl::SetMargin(double new_margin) {
@@ -261,8 +268,10 @@ std::optional<Collision> Checker::Check(const Eigen::VectorXd& q, double margin)
   impl.PlaceArm(q);
   for (int i = 0; i < static_cast<int>(impl.pairs.size()); ++i) {
     const Piece &a = impl.pieces[impl.pairs[i].first], &b = impl.pieces[impl.pairs[i].second];
-    const bool self = i >= impl.first_self_pair;
-    if (self ? internal::NearSelf(a, b, margin) : internal::Near(a, b, margin)) return impl.Describe(impl.pairs[i]);
+    const int self = i - impl.first_self_pair;
+    const bool near =
+        self < 0 ? internal::Near(a, b, margin) : internal::NearSelf(a, b, margin, self < impl.apart_pairs);
+    if (near) return impl.Describe(impl.pairs[i]);
   }
   return std::nullopt;
 }

@@ -55,8 +55,8 @@ class Checker {
   /// held.
   void Attach(const std::string& object, const std::optional<Pose>& X_EO);
 
-  /// First collision at q, nothing when free. `margin` (m) inflates: pairs closer than it collide; for two bodies of
-  /// the arm 2 mm at most.
+  /// First collision at q, nothing when free. `margin` (m) inflates: pairs closer than it collide. Two bodies of the
+  /// arm keep what they always keep (pieces.h) from a margin of 2 mm on, and nothing below it.
   std::optional<Collision> Check(const Eigen::VectorXd& q, double margin = 0.0);
   /// The straight joint-space segment a -> b, both ends included, at steps of at most `resolution`
   /// rad (largest joint), by bisection. The collision found is not the first along the way.

@@ -24,7 +24,10 @@ Piece::Piece(const sim::Geometry& geometry, Role role, int body)
       center_(Eigen::Vector3d::Zero()),
       half_(Eigen::Vector3d::Zero()) {
   const bool convex = geometry.shape == sim::Geometry::Shape::kConvex;
-  if (role == Role::kArm && !convex) self_inflated_.emplace(geometry, kSelfMargin);
+  if (role == Role::kArm && !convex) {
+    self_inflated_.emplace(geometry, kSelfMargin);
+    self_roomy_.emplace(geometry, kSelfRoom);
+  }
   if (convex) {
     Eigen::Vector3d lower = geometry.vertices.front(), upper = lower;
     for (const Eigen::Vector3d& vertex : geometry.vertices) {
@@ -89,8 +92,9 @@ bool Near(const Piece& a, const Piece& b, double margin, const std::optional<Sha
 
 bool Near(const Piece& a, const Piece& b, double margin) { return Near(a, b, margin, a.inflated(), b.inflated()); }
 
-bool NearSelf(const Piece& a, const Piece& b, double margin) {
-  return Near(a, b, margin < kSelfMargin ? 0 : kSelfMargin, a.self_inflated(), b.self_inflated());
+bool NearSelf(const Piece& a, const Piece& b, double margin, bool apart) {
+  const double kept = margin < kSelfMargin ? 0 : apart ? kSelfRoom : kSelfMargin;
+  return Near(a, b, kept, a.self_inflated(apart), b.self_inflated(apart));
 }
 
 }  // namespace etude::collide::internal

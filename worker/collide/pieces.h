@@ -15,6 +15,9 @@ enum class Role { kArm, kObject, kStatic };
 /// m kept between bodies of the arm, however much is kept to others: what moves them apart from where they are planned
 /// is the joints' error times a link, not the error of a place that was seen.
 inline constexpr double kSelfMargin = 0.002;
+/// m kept between those that are twice as far apart at home, where nothing makes them near: a policy follows what was
+/// demonstrated to within a centimetre, and the folded arm has no more room than it was shown.
+inline constexpr double kSelfRoom = 0.012;
 
 Eigen::Isometry3d ToIsometry(const Pose& pose);
 
@@ -33,8 +36,8 @@ class Piece {
   const std::string& body_name() const { return geometry_.body; }
   const Shape& shape() const { return shape_; }
   const std::optional<Shape>& inflated() const { return inflated_; }
-  /// Grown by kSelfMargin; a convex mesh has none.
-  const std::optional<Shape>& self_inflated() const { return self_inflated_; }
+  /// Grown by kSelfMargin or, of a pair that is `apart`, by kSelfRoom; a convex mesh has none.
+  const std::optional<Shape>& self_inflated(bool apart) const { return apart ? self_roomy_ : self_inflated_; }
   const Eigen::Isometry3d& X_WG() const { return X_WG_; }
   const Eigen::Vector3d& lower() const { return lower_; }
   const Eigen::Vector3d& upper() const { return upper_; }
@@ -46,7 +49,7 @@ class Piece {
   Role role_;
   int body_;
   Shape shape_;
-  std::optional<Shape> inflated_, self_inflated_;
+  std::optional<Shape> inflated_, self_inflated_, self_roomy_;
   Eigen::Isometry3d X_BG_;
   Eigen::Vector3d center_, half_;  ///< AABB of the vertices in G, kConvex only
   Eigen::Isometry3d X_WG_ = Eigen::Isometry3d::Identity();
@@ -58,7 +61,8 @@ class Piece {
 double AabbGap(const Piece& a, const Piece& b);
 /// True when the pieces are closer than the margin last set (see the folder's README on inflation).
 bool Near(const Piece& a, const Piece& b, double margin);
-/// The same for two pieces of the arm, at kSelfMargin when `margin` is as much, else without.
-bool NearSelf(const Piece& a, const Piece& b, double margin);
+/// The same for two pieces of the arm: without a margin when `margin` is less than kSelfMargin, else at kSelfRoom for
+/// those that are `apart` at home and at kSelfMargin for others.
+bool NearSelf(const Piece& a, const Piece& b, double margin, bool apart);
 
 }  // namespace etude::collide::internal

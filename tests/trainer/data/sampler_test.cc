@@ -175,10 +175,10 @@ TEST(AddClauses, SpeaksOfWhatTheTasksLackAndLeavesTheTarget) {
   EXPECT_GT(with_reference, all / 8);
 }
 
-TEST(AddClauses, AddsNothingByDefault) {
+TEST(AddClauses, AddsNothingWithoutAShare) {
   const Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 2);
   auto commands = DrawCommands(episode, {"pick"}, 6, 1);
-  AddClauses(episode, {"pick", "place_left"}, DataConfig().clauses, 1, commands);
+  AddClauses(episode, {"pick", "place_left"}, 0, 1, commands);
   for (const auto& command : commands) EXPECT_TRUE(command.obstacle.empty() && command.reference.empty());
 }
 

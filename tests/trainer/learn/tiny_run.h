@@ -28,6 +28,7 @@ inline TrainConfig TinyConfig(std::vector<std::string> overrides = {}) {
                                "policy.language.buckets=1024",
                                "policy.language.width=32",
                                "policy.language.hidden=64",
+                               "policy.tasks=[pick, push, put_down]",
                                "data.batch=16",
                                "data.jitter=2",
                                "data.cache_mb=64",

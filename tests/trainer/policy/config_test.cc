@@ -138,8 +138,8 @@ TEST(PolicyConfig, LabelsAreThoseThatModulesAskFor) {
   std::vector<std::string> names;
   for (const auto& column : LabelColumnsOf(config)) names.push_back(column.name);
   EXPECT_THAT(names,
-              testing::UnorderedElementsAre("target.class", "ee.pixel", "target.pixel", "others.pixel", "ee.position",
-                                            "target.position", "target.displacement", "ee.trajectory"));
+              testing::UnorderedElementsAre("target.class", "command.task", "ee.pixel", "target.pixel", "others.pixel",
+                                            "ee.position", "target.position", "target.displacement", "ee.trajectory"));
 }
 
 TEST(PolicyConfig, UnknownKeysAreRefused) {

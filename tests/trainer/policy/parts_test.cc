@@ -15,14 +15,14 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-class BothAttentions : public testing::TestWithParam<const char*> {
+class PartsOfBoth : public testing::TestWithParam<const char*> {
  protected:
-  BothAttentions() : config_(TinyConfig()) { config_.attention = GetParam(); }
+  PartsOfBoth() : config_(TinyConfig()) { config_.attention = GetParam(); }
   PolicyConfig config_;
 };
-INSTANTIATE_TEST_SUITE_P(Parts, BothAttentions, testing::Values("module", "shared"));
+INSTANTIATE_TEST_SUITE_P(Parts, PartsOfBoth, testing::Values("module", "shared"));
 
-TEST_P(BothAttentions, EveryParameterBelongsToExactlyOnePart) {
+TEST_P(PartsOfBoth, EveryParameterBelongsToExactlyOnePart) {
   const auto policy = MakePolicy(config_);
   const auto parts = PartsOf(config_);
   std::multiset<std::string> found;

@@ -30,6 +30,7 @@ std::int64_t CountParameters(const Policy& policy, const std::string& prefix = "
 PolicyConfig Preset(const std::string& name) {
   PolicyConfig config = LoadConfig<PolicyConfig>("trainer/experiments/policies/" + name + "/base.yaml").value();
   if (config.image.crop.empty()) config.image.crop = {40, 75, 144, 80};
+  if (config.tasks.empty()) config.tasks = {"pick", "push", "put_down"};
   return config;
 }
 
