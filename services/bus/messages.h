@@ -198,6 +198,35 @@ struct Action {
   float server_p99_ms = 0;
 };
 
+/// viewer -> policy server: show me what the policy thinks of a session's observations. Said again before it ends.
+struct InsightWish {
+  std::string run;
+  std::string viewer;  ///< one per viewer
+  std::string run_id;
+  std::string session;        ///< whose observations; "": anybody's
+  std::uint32_t seconds = 0;  ///< for which it stands; 0: it is over
+  std::string what_if_json;   ///< what to answer as well, see trainer/policy/what_if.h; "": nothing
+};
+
+/// policy server -> viewer, keyed by it. Never a robot's answer.
+struct Insight {
+  std::string run;
+  std::string viewer;
+  std::string run_id;
+  std::string session;
+  std::uint64_t request_id = 0;
+  std::uint64_t checkpoint_step = 0;
+  std::string checkpoint_sha256;
+  std::string instruction;
+  std::string error;           ///< not empty: nothing else is there
+  std::string modules_json;    ///< as Action::modules_json
+  std::string what_if_json;    ///< the same with the wish's what-if; "" without one
+  std::string attention_json;  ///< layout of `attention`, see trainer/serve/insight.h
+  std::vector<std::uint8_t> attention;
+  std::uint32_t width = 0, height = 0;
+  std::vector<std::uint8_t> picture;  ///< RGB, height*width*3: the crop that the policy sees
+};
+
 // ---- train.idl ------------------------------------------------------------------------------------
 
 /// trainer -> all, keyed by run, once a second.

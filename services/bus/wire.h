@@ -296,6 +296,36 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Ac
 }
 
 template <class F, class M, class W>
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, InsightWish> {
+  ETUDE_FIELD(run);
+  ETUDE_FIELD(viewer);
+  ETUDE_FIELD(run_id);
+  ETUDE_FIELD(session);
+  ETUDE_FIELD(seconds);
+  ETUDE_FIELD(what_if_json);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Insight> {
+  ETUDE_FIELD(run);
+  ETUDE_FIELD(viewer);
+  ETUDE_FIELD(run_id);
+  ETUDE_FIELD(session);
+  ETUDE_FIELD(request_id);
+  ETUDE_FIELD(checkpoint_step);
+  ETUDE_FIELD(checkpoint_sha256);
+  ETUDE_FIELD(instruction);
+  ETUDE_FIELD(error);
+  ETUDE_FIELD(modules_json);
+  ETUDE_FIELD(what_if_json);
+  ETUDE_FIELD(attention_json);
+  ETUDE_FIELD_UP_TO(attention, 4u << 20);
+  ETUDE_FIELD(width);
+  ETUDE_FIELD(height);
+  ETUDE_FIELD_UP_TO(picture, 4u << 20);
+}
+
+template <class F, class M, class W>
 void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, TrainStatus> {
   ETUDE_FIELD(run);
   ETUDE_FIELD(step);
@@ -337,6 +367,8 @@ ETUDE_TRAITS(BlobChunk, "etude/blob/chunk", kEvents)
 ETUDE_TRAITS(BlobAck, "etude/blob/ack", kEvents)
 ETUDE_TRAITS(Observation, "etude/policy/observation", kNewest)
 ETUDE_TRAITS(Action, "etude/policy/action", kNewest)
+ETUDE_TRAITS(InsightWish, "etude/policy/insight_wish", kNewest)
+ETUDE_TRAITS(Insight, "etude/policy/insight", kNewest)
 ETUDE_TRAITS(TrainStatus, "etude/train/status", kState)
 
 #undef ETUDE_TRAITS

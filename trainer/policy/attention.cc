@@ -39,6 +39,7 @@ Attended Attention::Forward(const torch::Tensor& query, const Keys& keys) {
 
   Attended result;
   result.map = weights.mean(1);
+  result.heads = weights.transpose(1, 2);
   const auto tokens = image ? keys.image_key.size(1) : 0;
   torch::Tensor values;
   if (image) {

@@ -20,6 +20,7 @@ struct Keys {
 struct Attended {
   torch::Tensor output;  ///< (B, S, d)
   torch::Tensor map;     ///< (B, S, P + n), mean over heads; each row sums to 1
+  torch::Tensor heads;   ///< (B, S, h, P + n) the same of each head
   torch::Tensor pixels;  ///< (B, S, h, 2) px, expectation over each head's image tokens
 };
 

@@ -98,6 +98,7 @@ ModuleOutput GraphModule::Forward(const Tokens& tokens, const std::vector<Module
   ModuleOutput output;
   output.register_token = norm_ != nullptr ? norm_->Forward(attended.output) : attended.output;
   output.attention = attended.map;
+  output.head_attention = attended.heads;
   if (attended.pixels.defined()) {
     output.head_soft_argmax = attended.pixels + tokens.crop_origin.view({-1, 1, 1, 2});
     output.soft_argmax = output.head_soft_argmax.mean(2);

@@ -240,7 +240,7 @@ Tensor Policy::EncodeSentences(const std::vector<std::string>& sentences) {
   return impl_->language->Forward(sentences);
 }
 
-Outputs Policy::Forward(const Inputs& inputs, int level) {
+Outputs Policy::Forward(const Inputs& inputs, int level, const Intervention& intervene) {
   Impl& p = *impl_;
   if (level == 0) level = levels();
   const Tokens tokens = p.Encode(inputs, level);
@@ -249,6 +249,7 @@ Outputs Policy::Forward(const Inputs& inputs, int level) {
   for (const auto& module : p.modules) {
     if (module->config().level > level) break;
     results.push_back(module->Forward(tokens, results, p.is_shared() ? &p.shared : nullptr));
+    if (intervene) intervene(module->config().name, results.back());
     outputs[module->config().name] = results.back();
   }
   return outputs;

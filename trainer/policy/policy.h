@@ -7,6 +7,7 @@
 
 #include <torch/torch.h>
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <set>
@@ -36,6 +37,9 @@ struct LossTerms {
   std::map<std::string, double> terms;  ///< "LANG.attention", "TAR3D.decode", ...; they sum to total
 };
 
+/// Called with each module's name and output before any later module reads it; what it changes, they read.
+using Intervention = std::function<void(const std::string&, ModuleOutput&)>;
+
 /// Thread safety: forward in eval mode under NoGradGuard from several threads; training from one.
 class Policy : public torch::nn::Module {
  public:
@@ -48,7 +52,7 @@ class Policy : public torch::nn::Module {
   /// The tokens of sentences, (D, d): what Forward computes for inputs.sentences.
   torch::Tensor EncodeSentences(const std::vector<std::string>& sentences);
   /// Evaluates the modules of level <= `level` (all when 0).
-  Outputs Forward(const Inputs& inputs, int level = 0);
+  Outputs Forward(const Inputs& inputs, int level = 0, const Intervention& intervene = {});
   /// Losses of every module of level <= `level` that `outputs` holds. A label that is absent adds
   /// nothing.
   LossTerms Loss(const Inputs& inputs, const Outputs& outputs, const Labels& labels, int level = 0);

@@ -17,6 +17,7 @@
 #include "trainer/policy/policy_file.h"
 #include "trainer/policy/torch_process.h"
 #include "trainer/serve/server.h"
+#include "trainer/serve/watch.h"
 
 namespace etude::serve {
 namespace {
@@ -104,8 +105,10 @@ Status ShowDifference(const std::string& first, const std::string& second) {
 
 /// What the command line asks for besides serving.
 struct Looking {
-  CLI::App *graph = nullptr, *difference = nullptr;
-  std::string file, svg, first, second;
+  CLI::App *graph = nullptr, *difference = nullptr, *watch = nullptr;
+  std::string file, svg, first, second, run;
+  WatchOptions watching;
+  bus::Arguments bus;
 
   void Add(CLI::App& app) {
     graph = app.add_subcommand("graph", "draw a policy's modules: who reads what, is supervised where, says what");
@@ -114,6 +117,27 @@ struct Looking {
     difference = app.add_subcommand("diff", "which parts changed from one checkpoint to another, and by how much");
     difference->add_option("first", first, "checkpoint file")->required();
     difference->add_option("second", second, "checkpoint file")->required();
+    AddWatch(app);
+  }
+
+  void AddWatch(CLI::App& app) {
+    watch = app.add_subcommand("watch", "what the modules of a policy say while it drives, and what they would say");
+    watch->add_option("--run", run, "the run that is served: NAME, NAME@ID, or its folder")->required();
+    watch->add_option("--session", watching.session, "whose observations (default: anybody's)");
+    watch->add_option("--sentence", watching.sentence, "what if this had been said?");
+    watch->add_option("--hide", watching.hide, "what if this part of the picture were grey? U,V,WIDTH,HEIGHT, px")
+        ->allow_extra_args(false);
+    watch->add_option("--say", watching.say, "what if a module said something else? TAR3D.position=[0.1,0.3,0.04]")
+        ->allow_extra_args(false);
+    watch->add_option("--count", watching.count, "so many answers, then end");
+    watch->add_flag("--json", watching.as_json, "a line of JSON each");
+    bus.Add(*watch);
+  }
+
+  Status Watch() {
+    ETUDE_ASSIGN_OR_RETURN(watching.run, RunOf(run, "--run"));
+    ETUDE_ASSIGN_OR_RETURN(const auto participant, bus.Open());
+    return serve::Watch(participant, watching);
   }
 };
 
@@ -145,6 +169,7 @@ int main(int argc, char** argv) {
   }
   return etude::RunMain("etude-policy", [&] {
     if (looking.graph->parsed()) return etude::serve::DrawGraph(looking.file, looking.svg);
+    if (looking.watch->parsed()) return looking.Watch();
     if (looking.difference->parsed()) return etude::serve::ShowDifference(looking.first, looking.second);
     return etude::serve::Serve(arguments);
   });

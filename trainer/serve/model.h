@@ -31,9 +31,14 @@ class Model {
   /// function of the observation and the checkpoint.
   bus::Action Answer(const bus::Observation& observation) const;
 
+  /// What every module says of the observation, where it looks, and the picture that it sees; with a what-if
+  /// (trainer/policy/what_if.h) also what it would say. Not for robots: it says what untrained modules say too.
+  bus::Insight Inspect(const bus::Observation& observation, const std::string& what_if_json) const;
+
  private:
   Model() = default;
   Result<policy::Inputs> Prepare(const bus::Observation& observation) const;
+  Status InspectInto(const bus::Observation& observation, const std::string& what_if_json, bus::Insight& insight) const;
 
   checkpoint::Metadata metadata_;
   std::string sha256_, untrained_;

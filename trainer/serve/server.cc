@@ -14,6 +14,7 @@
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "services/core/thread_annotations.h"
+#include "trainer/serve/insight.h"
 
 namespace etude::serve {
 
@@ -33,6 +34,7 @@ struct Desk {
   bus::Announcement presence;
   bus::Writer<bus::Action> actions;
   bus::Reader<bus::Observation> observations;
+  std::unique_ptr<InsightDesk> insights;
 };
 
 }  // namespace
@@ -151,10 +153,11 @@ Status PolicyServer::Impl::OpenDesk(const std::string& run_id) {
   const std::string partition = bus::Owner{options.run.name, run_id}.partition();
   ETUDE_ASSIGN_OR_RETURN(auto actions, bus::Writer<bus::Action>::Open(*participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Reader<bus::Observation>::Open(*participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto insights, InsightDesk::Open(*participant, partition, run_id));
   const auto presence = bus::MakePresence(bus::PresenceKind::kPolicy, options.run.name, run_id, options.folder);
   // several may serve one run; the newest is the one that is found
   ETUDE_ASSIGN_OR_RETURN(auto announced, bus::Announcement::Open(*participant, presence, Claim::kAdopt));
-  desk.emplace(Desk{run_id, std::move(announced), std::move(actions), std::move(observations)});
+  desk.emplace(Desk{run_id, std::move(announced), std::move(actions), std::move(observations), std::move(insights)});
   return {};
 }
 
@@ -192,6 +195,7 @@ Status PolicyServer::Impl::AnswerAll(const std::vector<bus::Observation>& observ
       ++answered;
     if (action.error.empty()) latency.Add(1000 * since_arrival.Seconds());
   }
+  for (const auto* observation : open) desk->insights->Offer(*observation, current);
   return {};
 }
 

@@ -28,6 +28,7 @@ struct Normalization {
 struct ModuleOutput {
   torch::Tensor register_token;    ///< (B, S', d)
   torch::Tensor attention;         ///< (B, S', K) head-mean over its keys; image tokens first when it reads them
+  torch::Tensor head_attention;    ///< (B, S', heads, K) the same of each head
   torch::Tensor soft_argmax;       ///< (B, S', 2) px in the camera's picture, when it reads the image
   torch::Tensor head_soft_argmax;  ///< (B, S', heads, 2) px, the same of each head
   torch::Tensor gripper_logits;    ///< (B, S', 12), when it decodes a trajectory

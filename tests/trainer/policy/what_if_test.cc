@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/policy/what_if.cc
+#include "trainer/policy/what_if.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/trainer/policy/fixtures.h"
+
+namespace etude::policy {
+namespace {
+
+using testing::HasSubstr;
+
+std::string ErrorOf(const std::string& text) {
+  const auto parsed = ParseWhatIf(text, TinyConfig());
+  return parsed ? "" : parsed.error().message;
+}
+
+TEST(WhatIf, IsReadFromTextThatIsNotTrusted) {
+  const auto what_if = ParseWhatIf(
+      R"({"sentence": "push", "hide": [[1, 2, 3, 4]], "say": {"TAR3D": {"position": [1, 2, 3]}, "LANG": {"class": "red"}}})",
+      TinyConfig());
+  ASSERT_TRUE(what_if) << what_if.error().message;
+  EXPECT_EQ(what_if->sentence, "push");
+  EXPECT_EQ(what_if->hide.size(), 1u);
+  EXPECT_EQ(what_if->say.size(), 2u);
+  EXPECT_TRUE(ParseWhatIf("", TinyConfig())->empty());
+
+  EXPECT_THAT(ErrorOf("[1]"), HasSubstr("JSON map"));
+  EXPECT_THAT(ErrorOf(std::string(100000, '[')), HasSubstr("JSON map"));
+  EXPECT_THAT(ErrorOf(R"({"sentense": "x"})"), HasSubstr("did you mean 'sentence'"));
+  EXPECT_THAT(ErrorOf(R"({"hide": [[1, 2, 3]]})"), HasSubstr("[u0, v0, width, height]"));
+  EXPECT_THAT(ErrorOf(R"({"hide": [[1, 2, 3, 1e300]]})"), HasSubstr("lies in no picture"));
+  EXPECT_THAT(ErrorOf(R"({"say": {"TAR3E": {"position": [1, 2, 3]}}})"), HasSubstr("did you mean 'TAR3D'"));
+  EXPECT_THAT(ErrorOf(R"({"say": {"TAR3D": {"pixel": [1, 2]}}})"), HasSubstr("it says 'position'"));
+  EXPECT_THAT(ErrorOf(R"({"say": {"TAR3D": {"position": [1, 2]}}})"), HasSubstr("must be 3 numbers"));
+  EXPECT_THAT(ErrorOf(R"({"say": {"LANG": {"class": "rde"}}})"), HasSubstr("did you mean 'red'"));
+  EXPECT_THAT(ErrorOf(R"({"say": {"CTRL": {"trajectory": [1]}}})"), HasSubstr("cannot be replaced"));
+}
+
+TEST(WhatIf, HidesWhatLiesInTheCrop) {
+  torch::Tensor images = torch::zeros({1, 3, 16, 24}, torch::kUInt8);
+  const torch::Tensor origin = torch::tensor({{10.0F, 20.0F}});
+  WhatIf what_if;
+  what_if.hide = {{12, 21, 4, 2}, {0, 0, 11, 21}, {500, 500, 9, 9}};
+  Hide(what_if, images, origin);
+
+  torch::Tensor wanted = torch::zeros({16, 24}, torch::kUInt8);
+  wanted.narrow(0, 1, 2).narrow(1, 2, 4).fill_(128);
+  wanted[0][0] = 128;  // what of the second one is in the crop
+  EXPECT_TRUE(torch::equal(images[0][1], wanted));
+}
+
+// later modules read what is said instead; earlier ones, and a policy that nobody interferes with, do not notice
+TEST(WhatIf, LaterModulesReadWhatIsSaidInstead) {
+  const PolicyConfig config = TinyConfig();
+  const auto policy = MakePolicy(config);
+  policy->eval();
+  const torch::NoGradGuard no_grad;
+  const Inputs inputs = MakeInputs(config, 1, 1);
+  const auto plain = policy->Forward(inputs), again = policy->Forward(inputs, 0, SayInstead({}, config));
+  WhatIf what_if;
+  what_if.say["TAR3D"]["position"] = OrderedJson{0.5, 0.25, 0.125};
+  what_if.say["LANG"]["class"] = "green";
+  const auto changed = policy->Forward(inputs, 0, SayInstead(what_if, config));
+
+  EXPECT_TRUE(torch::equal(plain.at("CTRL").decoded.at("trajectory"), again.at("CTRL").decoded.at("trajectory")));
+  EXPECT_TRUE(torch::equal(plain.at("TAR2D").decoded.at("pixel"), changed.at("TAR2D").decoded.at("pixel")));
+  EXPECT_TRUE(torch::equal(changed.at("TAR3D").decoded.at("position").flatten(), torch::tensor({0.5F, 0.25F, 0.125F})));
+  EXPECT_EQ(changed.at("LANG").decoded.at("class").argmax(-1).item<std::int64_t>(), 2);
+  const auto moved = changed.at("DISP").decoded.at("displacement") - plain.at("DISP").decoded.at("displacement");
+  EXPECT_GT(moved.abs().max().item<float>(), 0.01F);
+  EXPECT_FALSE(torch::equal(plain.at("CTRL").decoded.at("trajectory"), changed.at("CTRL").decoded.at("trajectory")));
+}
+
+TEST(WhatIf, HeadsOfAttentionHaveTheMapAsTheirMean) {
+  const PolicyConfig config = TinyConfig();
+  const auto policy = MakePolicy(config);
+  const torch::NoGradGuard no_grad;
+  for (const auto& [name, output] : policy->Forward(MakeInputs(config, 2, 2))) {
+    EXPECT_EQ(output.head_attention.size(2), config.heads) << name;
+    EXPECT_LT(MaxDifference(output.head_attention.mean(2), output.attention), 1e-6F) << name;
+  }
+}
+
+}  // namespace
+}  // namespace etude::policy

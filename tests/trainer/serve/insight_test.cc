@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/serve/insight.cc, inspect.cc and watch.cc
+#include "trainer/serve/insight.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "services/bus/owner.h"
+#include "services/episode/bounded_json.h"
+#include "tests/trainer/policy/fixtures.h"
+#include "tests/trainer/serve/example_observation.h"
+#include "trainer/serve/watch.h"
+
+namespace etude::serve {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::HasSubstr;
+constexpr std::uint32_t kDomain = 77;
+constexpr char kId[] = "aaaa000000000007";
+
+std::shared_ptr<const Model> ExampleModel() {
+  const auto bytes = checkpoint::Encode(checkpoint::ExampleCheckpoint(policy::TinyConfig())).value();
+  return Model::FromBytes(bytes).value();
+}
+
+TEST(Inspect, SaysWhatTheAnswerSaysAndWhereEveryHeadLooks) {
+  const auto model = ExampleModel();
+  const auto observation = ExampleObservation(4);
+  const auto insight = model->Inspect(observation, "");
+
+  ASSERT_EQ(insight.error, "");
+  EXPECT_EQ(insight.modules_json, model->Answer(observation).modules_json) << "bit for bit what the robot is told";
+  EXPECT_EQ(insight.what_if_json, "");
+  EXPECT_EQ(insight.picture.size(), 24u * 16 * 3);
+  const auto layout = ParseBoundedJson(insight.attention_json);
+  ASSERT_TRUE(layout);
+  const auto& place = (*layout)["TAR2D"];
+  const std::size_t tokens = place["image"][0].get<std::size_t>() * place["image"][1].get<std::size_t>();
+  EXPECT_EQ(place["keys"], (OrderedJson{"self"}));
+  for (std::size_t h = 0; h < 2; ++h) {
+    const double scale = place["scale"][h].get<double>() / 255;
+    double sum = 0;
+    for (std::size_t k = 0; k <= tokens; ++k)
+      sum += scale * insight.attention.at(place["offset"].get<std::size_t>() + h * (tokens + 1) + k);
+    EXPECT_NEAR(sum, 1, 0.05) << h;
+  }
+}
+
+TEST(Inspect, AnswersWhatWouldBe) {
+  const auto model = ExampleModel();
+  const auto observation = ExampleObservation(4);
+  const auto insight = model->Inspect(observation, R"({"say": {"TAR3D": {"position": [0.5, 0.25, 0.125]}}})");
+
+  ASSERT_EQ(insight.error, "");
+  EXPECT_EQ(insight.modules_json, model->Answer(observation).modules_json);
+  const auto changed = ParseBoundedJson(insight.what_if_json).value();
+  EXPECT_EQ(changed["TAR3D"]["value"], (OrderedJson{0.5, 0.25, 0.125}));
+  EXPECT_NE(changed["DISP"]["value"], ParseBoundedJson(insight.modules_json).value()["DISP"]["value"]);
+  EXPECT_THAT(model->Inspect(observation, "{").error, HasSubstr("what if"));
+  auto odd = observation;
+  odd.joints.clear();
+  EXPECT_THAT(model->Inspect(odd, "").error, HasSubstr("joints"));
+}
+
+class Desk : public ::testing::Test {
+ protected:
+  Desk()
+      : participant_(bus::Participant::Open({kDomain, ""}).value()),
+        partition_(bus::Owner{"demo", kId}.partition()),
+        desk_(InsightDesk::Open(participant_, partition_, kId).value()),
+        wishes_(bus::Writer<bus::InsightWish>::Open(participant_, partition_).value()),
+        insights_(bus::Reader<bus::Insight>::Open(participant_, partition_).value()) {
+    EXPECT_TRUE(wishes_.WaitForReaders(1, 20s));
+  }
+  void Wish(const std::string& session, std::uint32_t seconds, const std::string& run_id = kId) {
+    bus::InsightWish wish;
+    wish.run = "demo";
+    wish.run_id = run_id;
+    wish.viewer = "viewer";
+    wish.session = session;
+    wish.seconds = seconds;
+    ASSERT_TRUE(wishes_.Write(wish));
+  }
+  // offers until something is shown, or it has been tried long enough
+  std::optional<bus::Insight> Offer(const bus::Observation& observation, std::chrono::milliseconds patience) {
+    const auto deadline = MonotonicClock::now() + patience;
+    while (MonotonicClock::now() < deadline) {
+      desk_->Offer(observation, model_);
+      insights_.Wait(20ms);
+      auto taken = insights_.Take();
+      if (!taken.empty()) return std::move(taken.back());
+    }
+    return std::nullopt;
+  }
+
+  bus::Participant participant_;
+  std::string partition_;
+  std::unique_ptr<InsightDesk> desk_;
+  bus::Writer<bus::InsightWish> wishes_;
+  bus::Reader<bus::Insight> insights_;
+  std::shared_ptr<const Model> model_ = ExampleModel();
+};
+
+TEST_F(Desk, ShowsWhoWishesWhatIsWishedAndNobodyElse) {
+  const auto observation = ExampleObservation(4, "demo", kId), other = ExampleObservation(5, "demo", kId);
+  Wish(observation.session, 30);
+  const auto insight = Offer(observation, 20s);
+  ASSERT_TRUE(insight);
+  EXPECT_EQ(insight->viewer, "viewer");
+  EXPECT_EQ(insight->request_id, observation.request_id);
+  EXPECT_EQ(insight->modules_json, model_->Inspect(observation, "").modules_json);
+  EXPECT_FALSE(Offer(other, 300ms)) << "another session's";
+
+  Wish(observation.session, 0);
+  const auto deadline = MonotonicClock::now() + 20s;
+  while (Offer(observation, 300ms) && MonotonicClock::now() < deadline) {
+  }
+  const auto shown = desk_->shown();
+  EXPECT_FALSE(Offer(observation, 300ms)) << "the wish is over";
+  EXPECT_EQ(desk_->shown(), shown);
+}
+
+TEST_F(Desk, DoesNothingForAnotherRunsWish) {
+  Wish("", 30, "bbbb000000000000");
+  EXPECT_FALSE(Offer(ExampleObservation(4, "demo", kId), 500ms));
+  EXPECT_EQ(desk_->shown(), 0u);
+}
+
+TEST_F(Desk, ShowsAtMostSoManyASecond) {
+  Wish("", 30);
+  const auto observation = ExampleObservation(4, "demo", kId);
+  ASSERT_TRUE(Offer(observation, 20s));
+  const Stopwatch watch;
+  const auto before = desk_->shown();
+  while (watch.Seconds() < 1) {
+    desk_->Offer(observation, model_);
+    insights_.Wait(5ms);
+    (void)insights_.Take();
+  }
+  EXPECT_LE(desk_->shown() - before, InsightDesk::kPerSecond + 2);
+  EXPECT_GE(desk_->shown() - before, 2);
+}
+
+TEST(Watch, MakesAWishOfItsOptions) {
+  const auto what_if = WhatIfOf(
+      {.sentence = "push it", .hide = {"1,2,3,4"}, .say = {"TAR3D.position=[0.1, 0.2, 0.3]", "LANG.class=coke"}});
+  ASSERT_TRUE(what_if) << what_if.error().message;
+  EXPECT_EQ(OrderedJson::parse(*what_if), OrderedJson::parse(R"({"sentence": "push it", "hide": [[1, 2, 3, 4]],
+      "say": {"TAR3D": {"position": [0.1, 0.2, 0.3]}, "LANG": {"class": "coke"}}})"));
+  EXPECT_EQ(WhatIfOf({}).value(), "");
+  EXPECT_THAT(WhatIfOf({.hide = {"1,2"}}).error().message, HasSubstr("--hide '1,2'"));
+  EXPECT_THAT(WhatIfOf({.say = {"TAR3D=1"}}).error().message, HasSubstr("MODULE.QUANTITY=VALUE"));
+}
+
+TEST(Watch, SaysWhatWouldBeOtherwise) {
+  const std::string text = InsightText(
+      R"({"LANG": {"entity": "target", "quantity": "class", "unit": "-", "value": "pepsi", "probability": 0.971},
+          "TAR3D": {"entity": "target", "quantity": "position", "unit": "m", "value": [0.1, 0.2, 0.3]}})",
+      R"({"LANG": {"entity": "target", "quantity": "class", "unit": "-", "value": "pepsi", "probability": 0.971},
+          "TAR3D": {"entity": "target", "quantity": "position", "unit": "m", "value": [0.5, 0.2, 0.3]}})");
+  EXPECT_THAT(text, HasSubstr("pepsi (0.97)   the same"));
+  EXPECT_THAT(text, HasSubstr("target.position        [0.100, 0.200, 0.300] m   instead [0.500, 0.200, 0.300] m"));
+  EXPECT_EQ(InsightText("nonsense", ""), "");
+}
+
+}  // namespace
+}  // namespace etude::serve

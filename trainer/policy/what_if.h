@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// What somebody wants to see answered instead: another sentence, a part of the picture hidden, a module that says
+// something else.
+//   {"sentence": "push the coke", "hide": [[100, 80, 12, 12]], "say": {"TAR3D": {"position": [0.1, 0.3, 0.04]}}}
+#pragma once
+
+#include <array>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "services/core/config.h"
+#include "trainer/policy/policy.h"
+
+namespace etude::policy {
+
+struct WhatIf {
+  std::string sentence;                  ///< "": the one that was spoken
+  std::vector<std::array<int, 4>> hide;  ///< u0, v0, width, height, px in the camera's picture: painted grey
+  /// Module -> what it decodes -> value: numbers in SI units as DescribeModules says them, or a name of class or task.
+  std::map<std::string, std::map<std::string, OrderedJson>> say;
+
+  bool empty() const { return sentence.empty() && hide.empty() && say.empty(); }
+};
+
+/// Of a text that is not trusted. @error kInvalidArgument: what is wrong, by key: unknown keys, modules and quantities
+/// (with the nearest), values of another size
+Result<WhatIf> ParseWhatIf(const std::string& text, const PolicyConfig& config);
+
+/// Grey over what is hidden. @param images  (1, 3, h, w) uint8, changed in place @param crop_origin  (1, 2) px
+void Hide(const WhatIf& what_if, torch::Tensor images, const torch::Tensor& crop_origin);
+
+/// Replaces what modules decode. The registers stay: who reads those, and not what is decoded, does not notice.
+Intervention SayInstead(const WhatIf& what_if, const PolicyConfig& config);
+
+}  // namespace etude::policy

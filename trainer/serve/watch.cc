@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/serve/watch.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cstdio>
+
+#include "services/bus/directory.h"
+#include "services/bus/topic.h"
+#include "services/core/clock.h"
+#include "services/core/config.h"
+#include "services/core/log.h"
+#include "services/core/stop.h"
+#include "services/episode/bounded_json.h"
+
+namespace etude::serve {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint32_t kStands = 5;  // s that a wish stands; it is said again before
+constexpr auto kSayAgain = 2s;
+
+// "pepsi (0.97)" or "[0.103, 0.312, 0.040] m"
+std::string ValueText(const OrderedJson& said) {
+  if (!said.is_object() || !said.contains("value")) return "-";
+  const auto& value = said["value"];
+  std::string text;
+  if (value.is_array()) {
+    std::vector<std::string> numbers;
+    for (const auto& x : value) numbers.push_back(x.is_number() ? fmt::format("{:.3f}", x.get<double>()) : "-");
+    text = fmt::format("[{}]", fmt::join(numbers, ", "));
+  } else {
+    text = value.is_string() ? value.get<std::string>() : value.dump();
+  }
+  if (said.contains("probability") && said["probability"].is_number())
+    text += fmt::format(" ({:.2f})", said["probability"].get<double>());
+  if (said.contains("unit") && said["unit"].is_string() && said["unit"] != "-")
+    text += " " + said["unit"].get<std::string>();
+  return text;
+}
+
+Status AddHidden(const std::string& text, OrderedJson& what_if) {
+  const auto rectangle = ParseBoundedJson("[" + text + "]");
+  if (!rectangle || rectangle->size() != 4)
+    return Fail(Code::kInvalidArgument, fmt::format("--hide '{}': must be U,V,WIDTH,HEIGHT in px", text));
+  what_if["hide"].push_back(*rectangle);
+  return {};
+}
+
+Status AddSaid(const std::string& text, OrderedJson& what_if) {
+  const auto dot = text.find('.'), equals = text.find('=');
+  if (dot == std::string::npos || equals == std::string::npos || dot > equals)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("--say '{}': must be MODULE.QUANTITY=VALUE, e.g. TAR3D.position=[0.1,0.3,0.04]", text));
+  const std::string value = text.substr(equals + 1);
+  const auto parsed = ParseBoundedJson(value);
+  what_if["say"][text.substr(0, dot)][text.substr(dot + 1, equals - dot - 1)] = parsed ? *parsed : OrderedJson(value);
+  return {};
+}
+
+Result<std::optional<bus::Presence>> WaitForServer(const bus::Participant& participant, const Selector& run) {
+  ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
+  while (!StopRequested()) {
+    ETUDE_ASSIGN_OR_RETURN(auto found, directory.Find(bus::PresenceKind::kPolicy, run, 1s));
+    if (found) return found;
+  }
+  return std::optional<bus::Presence>();
+}
+
+void Print(const bus::Insight& insight, bool as_json) {
+  if (as_json) {
+    const auto parsed = [](const std::string& text) { return ParseBoundedJson(text).value_or(OrderedJson()); };
+    fmt::print("{}\n", OrderedJson{{"session", insight.session},
+                                   {"request", insight.request_id},
+                                   {"step", insight.checkpoint_step},
+                                   {"instruction", insight.instruction},
+                                   {"modules", parsed(insight.modules_json)},
+                                   {"what_if", parsed(insight.what_if_json)}}
+                           .dump());
+  } else {
+    fmt::print("{} #{}  step {}  \"{}\"\n{}\n", insight.session, insight.request_id, insight.checkpoint_step,
+               insight.instruction, InsightText(insight.modules_json, insight.what_if_json));
+  }
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+Result<std::string> WhatIfOf(const WatchOptions& options) {
+  OrderedJson what_if = OrderedJson::object();
+  if (!options.sentence.empty()) what_if["sentence"] = options.sentence;
+  for (const auto& text : options.hide) ETUDE_RETURN_IF_ERROR(AddHidden(text, what_if));
+  for (const auto& text : options.say) ETUDE_RETURN_IF_ERROR(AddSaid(text, what_if));
+  return what_if.empty() ? std::string() : what_if.dump();
+}
+
+std::string InsightText(const std::string& modules_json, const std::string& what_if_json) {
+  const auto modules = ParseBoundedJson(modules_json), changed = ParseBoundedJson(what_if_json);
+  std::string text;
+  if (!modules || !modules->is_object()) return text;
+  for (const auto& [name, said] : modules->items()) {
+    const auto word = [&, &said = said](const char* key) {
+      return said.is_object() && said.contains(key) && said[key].is_string() ? said[key].get<std::string>() : "";
+    };
+    text += fmt::format("  {:<9} {:<22} {}", name,
+                        word("entity").empty() ? "" : word("entity") + "." + word("quantity"), ValueText(said));
+    if (changed && changed->is_object() && changed->contains(name)) {
+      const std::string now = ValueText((*changed)[name]);
+      text += now == ValueText(said) ? "   the same" : "   instead " + now;
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+Status Watch(const bus::Participant& participant, const WatchOptions& options) {
+  bus::InsightWish wish;
+  ETUDE_ASSIGN_OR_RETURN(wish.what_if_json, WhatIfOf(options));
+  Log().info("waiting for the policy server of run {}", options.run.text());
+  ETUDE_ASSIGN_OR_RETURN(const auto server, WaitForServer(participant, options.run));
+  if (!server) return {};
+  const std::string partition = bus::Owner{server->name, server->id}.partition();
+  ETUDE_ASSIGN_OR_RETURN(auto wishes, bus::Writer<bus::InsightWish>::Open(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto insights, bus::Reader<bus::Insight>::Open(participant, partition));
+  wish.run = server->name;
+  wish.run_id = server->id;
+  wish.viewer = "watch-" + NewId();
+  wish.session = options.session;
+  wish.seconds = kStands;
+  (void)wishes.WaitForReaders(1, 10s);
+  auto again = MonotonicClock::now();
+  for (std::uint64_t seen = 0; !StopRequested() && (options.count == 0 || seen < options.count);) {
+    if (MonotonicClock::now() >= again) {
+      ETUDE_RETURN_IF_ERROR(wishes.Write(wish));
+      again = MonotonicClock::now() + kSayAgain;
+    }
+    if (!insights.Wait(200ms)) continue;
+    for (const auto& insight : insights.Take()) {
+      if (insight.viewer != wish.viewer) continue;
+      if (!insight.error.empty()) return Fail(Code::kInvalidArgument, insight.error);
+      Print(insight, options.as_json);
+      ++seen;
+    }
+  }
+  wish.seconds = 0;
+  return wishes.Write(wish);
+}
+
+}  // namespace etude::serve

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// `etude policy watch`: what a policy thinks while it drives, in the terminal.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "services/bus/participant.h"
+#include "services/core/identity.h"
+
+namespace etude::serve {
+
+struct WatchOptions {
+  Selector run;
+  std::string session;            ///< "": anybody's
+  std::string sentence;           ///< what if this had been said
+  std::vector<std::string> hide;  ///< "U,V,WIDTH,HEIGHT" px
+  std::vector<std::string> say;   ///< "TAR3D.position=[0.1, 0.3, 0.04]", "LANG.class=coke"
+  std::uint64_t count = 0;        ///< insights until it ends; 0: until a stop request
+  bool as_json = false;           ///< a line each, without pictures and attention
+};
+
+/// The wish's what-if text. @error kInvalidArgument: an option that cannot be read
+Result<std::string> WhatIfOf(const WatchOptions& options);
+
+/// Lines for people: what every module says, and beside it what it would.
+std::string InsightText(const std::string& modules_json, const std::string& what_if_json);
+
+/// @error kInvalidArgument: the name means several servers; an insight that is an error
+Status Watch(const bus::Participant& participant, const WatchOptions& options);
+
+}  // namespace etude::serve
