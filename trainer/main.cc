@@ -5,11 +5,13 @@
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
+#include <thread>
 
 #include "services/bus/arguments.h"
 #include "services/bus/directory.h"
 #include "services/bus/topic.h"
 #include "services/campaign/hosted_collector.h"
+#include "services/campaign/process.h"
 #include "services/core/command.h"
 #include "services/core/config_reference.h"
 #include "services/core/log.h"
@@ -29,6 +31,9 @@ struct Arguments {
   double minutes = 0;
   std::uint64_t steps = 0;
   std::uint64_t seed = 0;
+  int ranks = 1, rank = -1;
+  std::string meet;
+  std::vector<std::string> words;  ///< of the command line, for other ranks
   bool has_seed = false, resume = false, follow = false, offline = false;
   Claim claim = Claim::kRefuse;
   bus::Arguments bus;
@@ -164,24 +169,92 @@ class Telemetry {
   std::optional<Error> superseded_;
 };
 
+/// What a run meets besides its data.
+struct Surroundings {
+  const bus::Participant* participant = nullptr;  ///< none: offline
+  std::function<Status()> source;
+  std::shared_ptr<learn::Ranks> ranks;
+};
+
 Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& arguments, const learn::TrainConfig& config,
-               Telemetry& telemetry, const bus::Participant* participant, const std::function<Status()>& source) {
-  ETUDE_ASSIGN_OR_RETURN(
-      auto sink, publish::CheckpointSink::Open(arguments.out, telemetry.run(), participant, config.checkpoint.keep));
+               Telemetry& telemetry, const Surroundings& around) {
+  ETUDE_ASSIGN_OR_RETURN(auto sink, publish::CheckpointSink::Open(arguments.out, telemetry.run(), around.participant,
+                                                                  config.checkpoint.keep));
   const learn::Hooks hooks{[&sink](const checkpoint::Checkpoint& made) { return sink.Save(made); },
                            [&telemetry](const learn::Progress& progress) { telemetry.Say(progress); }};
   const learn::RunOptions options{.out = arguments.out,
                                   .resume = arguments.resume,
                                   .follow = arguments.follow || !arguments.collect.empty(),
-                                  .source = source};
+                                  .source = around.source,
+                                  .ranks = around.ranks};
   ETUDE_ASSIGN_OR_RETURN(auto trainer, learn::Trainer::Create(config, std::move(dataset), options, hooks));
   ETUDE_RETURN_IF_ERROR(trainer->Run());
   return telemetry.status();
 }
 
+// "10.0.0.7:29500"
+Result<learn::RanksOptions> ReadRanks(const Arguments& arguments) {
+  learn::RanksOptions options{.size = arguments.ranks, .rank = std::max(0, arguments.rank)};
+  if (arguments.meet.empty()) {
+    if (arguments.rank > 0) return Fail(Code::kInvalidArgument, "--rank: needs --meet HOST:PORT of rank 0");
+    return options;
+  }
+  const auto colon = arguments.meet.rfind(':');
+  const int port = colon == std::string::npos ? 0 : std::atoi(arguments.meet.c_str() + colon + 1);
+  if (port < 1 || port > 65535)
+    return Fail(Code::kInvalidArgument, fmt::format("--meet '{}': must be HOST:PORT", arguments.meet));
+  options.host = arguments.meet.substr(0, colon);
+  options.port = static_cast<std::uint16_t>(port);
+  return options;
+}
+
+/// This process's place among those that train together.
+struct Together {
+  std::shared_ptr<learn::Ranks> ranks;       ///< none: it trains alone
+  std::vector<campaign::Process> processes;  ///< the others, where they were started here
+};
+
+// Without --rank the others are processes of this machine, and this is rank 0.
+Result<Together> JoinRanks(const Arguments& arguments) {
+  Together together;
+  if (arguments.ranks == 1) return together;
+  ETUDE_ASSIGN_OR_RETURN(const auto options, ReadRanks(arguments));
+  ETUDE_ASSIGN_OR_RETURN(const auto meeting, learn::Meeting::Open(options));
+  for (int rank = 1; rank < arguments.ranks && arguments.rank < 0; ++rank) {
+    campaign::ProcessOptions process{.argv = {ExecutablePath().string()},
+                                     .log = Path(arguments.out) / fmt::format("rank-{}.log", rank)};
+    process.argv.insert(process.argv.end(), arguments.words.begin(), arguments.words.end());
+    for (const std::string& word : {std::string("--rank"), std::to_string(rank), std::string("--meet"),
+                                    fmt::format("{}:{}", options.host, meeting.port())})
+      process.argv.push_back(word);
+    ETUDE_ASSIGN_OR_RETURN(auto started, campaign::Process::Start(process));
+    together.processes.push_back(std::move(started));
+  }
+  ETUDE_ASSIGN_OR_RETURN(auto ranks, learn::Ranks::Join(meeting, options));
+  together.ranks = std::move(ranks);
+  return together;
+}
+
+// A rank that does not lead: no bus, no files, the dataset as it stands on the disk.
+Status TrainAlong(const Arguments& arguments, const learn::TrainConfig& config, std::shared_ptr<learn::Ranks> ranks) {
+  const bool follow = arguments.follow || !arguments.collect.empty();
+  ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, follow, {}));
+  const learn::RunOptions options{
+      .out = arguments.out, .resume = arguments.resume, .follow = follow, .ranks = std::move(ranks)};
+  ETUDE_ASSIGN_OR_RETURN(auto trainer, learn::Trainer::Create(config, std::move(dataset), options, {}));
+  return trainer->Run();
+}
+
 Status Train(const Arguments& arguments) {
-  ETUDE_RETURN_IF_ERROR(CheckOut(arguments));
-  ETUDE_ASSIGN_OR_RETURN(const auto config, ReadConfig(arguments));
+  const bool leads = arguments.rank <= 0;
+  if (leads) ETUDE_RETURN_IF_ERROR(CheckOut(arguments));
+  ETUDE_ASSIGN_OR_RETURN(auto config, ReadConfig(arguments));
+  // ranks of one machine share its cores
+  if (config.threads.replicas == 0 && arguments.ranks > 1)
+    config.threads.replicas = std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / arguments.ranks);
+  ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
+  ETUDE_ASSIGN_OR_RETURN(const auto together, JoinRanks(arguments));
+  if (!leads) return TrainAlong(arguments, config, together.ranks);
   const std::string run = arguments.name.empty() ? checkpoint::RunNameOf(arguments.out) : arguments.name;
   if (!IsPlainName(run))
     return Fail(Code::kInvalidArgument, fmt::format("--name '{}': must match [a-z0-9_-]{{1,64}}", run));
@@ -205,7 +278,8 @@ Status Train(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, arguments.follow || collector, source));
   Log().info("run {}@{} in '{}', data '{}', {}", run, telemetry.run().id, arguments.out, arguments.data,
              policy::DescribeTorch());
-  return TrainOn(std::move(dataset), arguments, config, telemetry, participant ? &*participant : nullptr, source);
+  return TrainOn(std::move(dataset), arguments, config, telemetry,
+                 {participant ? &*participant : nullptr, source, together.ranks});
 }
 
 Status Doctor() {
@@ -239,6 +313,11 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
   app.add_option("--name", arguments.name, "the run's name on the bus (default: from the folder's name)");
   app.add_option("--minutes", arguments.minutes, "stop after this much training; the learning rate follows");
   app.add_option("--steps", arguments.steps, "stop after this many steps; with --minutes whichever comes first");
+  app.add_option("--ranks", arguments.ranks, "processes that train together, each on its part of every batch")
+      ->check(CLI::Range(1, 1024));
+  app.add_option("--rank", arguments.rank, "which of them this is (default: rank 0, and the others are started here)")
+      ->check(CLI::Range(0, 1023));
+  app.add_option("--meet", arguments.meet, "HOST:PORT where rank 0 listens, with --rank");
   app.add_flag("--resume", arguments.resume, "go on where the run in --out stopped");
   app.add_flag("--follow", arguments.follow,
                "the dataset is still growing: wait for its first episodes, take in new ones");
@@ -273,6 +352,7 @@ int main(int argc, char** argv) {
   return RunMain("etude-trainer", [&]() -> Status {
     if (doctor->parsed()) return Doctor();
     if (describe->parsed()) return PrintReference(ConfigReference<learn::TrainConfig>(), as_json), Status();
+    arguments.words.assign(argv + 1, argv + argc);
     arguments.has_seed = app.count("--seed") > 0;
     if (arguments.data.empty() && !arguments.collect.empty() && !arguments.out.empty())
       arguments.data = (Path(arguments.out) / "dataset").string();

@@ -191,8 +191,20 @@ Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& stat
                                                           state ? state->validation : std::vector<std::uint64_t>{}));
   run.optimizer = std::make_unique<Optimizer>(run.config.optimizer, policies);
   if (state) ETUDE_RETURN_IF_ERROR(RestoreState(*state, run));
-  run.replicas = std::make_unique<Replicas>(std::move(policies));
+  const auto copies = static_cast<int>(policies.size());
+  const Ranks* ranks = run.options.ranks.get();
+  run.optimizer->AverageOver(copies * (ranks ? ranks->size() : 1));
+  run.replicas = ranks ? std::make_unique<Replicas>(std::move(policies), copies * ranks->rank(), copies * ranks->size())
+                       : std::make_unique<Replicas>(std::move(policies));
   return {};
+}
+
+// All ranks train the same network, on the same data where those stand still.
+Status CheckRanks(const data::Snapshot& snapshot, const TrainingRun& run) {
+  if (!run.options.ranks) return {};
+  ETUDE_RETURN_IF_ERROR(run.options.ranks->CheckSame("configuration", ToJson(run.config).dump()));
+  if (run.options.follow) return {};
+  return run.options.ranks->CheckSame("dataset", snapshot.Fingerprint());
 }
 
 }  // namespace
@@ -209,9 +221,12 @@ Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::sh
   ETUDE_ASSIGN_OR_RETURN(const auto statistics, data::ComputeStatistics(*snapshot));
   ETUDE_ASSIGN_OR_RETURN(run->embodiment, FindEmbodiment(*snapshot));
   ETUDE_RETURN_IF_ERROR(MakeBatchMaker(*snapshot, *run));
+  ETUDE_RETURN_IF_ERROR(CheckRanks(*snapshot, *run));
   ETUDE_RETURN_IF_ERROR(BuildNetwork(*snapshot, statistics, *run));
-  ETUDE_ASSIGN_OR_RETURN(auto opened, MetricsLog::Open(options.out));
-  run->log = std::make_unique<MetricsLog>(std::move(opened));
+  if (!options.ranks || options.ranks->leads()) {
+    ETUDE_ASSIGN_OR_RETURN(auto opened, MetricsLog::Open(options.out));
+    run->log = std::make_unique<MetricsLog>(std::move(opened));
+  }
   Log().info(
       "training '{}': {} parameters, {} replicas, batch {} x {} sentences, {} training and {} validation episodes, "
       "from step {}",

@@ -41,6 +41,7 @@ Optimizer::Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<
         {item.key(), total, count, item.value().dim() >= 2, item.value().sizes().vec(), item.value().strides().vec()});
     total += (count + 15) / 16 * 16;  // 64-byte alignment of each
   }
+  copies_ = static_cast<int>(replicas.size());
   const auto options = torch::TensorOptions().dtype(torch::kFloat32);
   parameters_ = torch::zeros(static_cast<std::int64_t>(total), options);
   first_ = torch::zeros_like(parameters_);
@@ -63,20 +64,26 @@ Optimizer::Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<
 void Optimizer::ZeroGradients() {
   const torch::NoGradGuard no_grad;
   for (auto& gradient : gradients_) gradient.zero_();
+  summed_ = false;
+}
+
+torch::Tensor& Optimizer::SumGradients() {
+  const auto n = static_cast<std::size_t>(parameters_.numel());
+  for (std::size_t r = 1; r < gradients_.size() && !summed_; ++r)
+    AddInto(n, gradients_[r].data_ptr<float>(), gradients_[0].data_ptr<float>());
+  summed_ = true;
+  return gradients_[0];
 }
 
 Optimizer::Outcome Optimizer::Step(double lr) {
-  const auto n = static_cast<std::size_t>(parameters_.numel());
-  float* gradient = gradients_[0].data_ptr<float>();
-  for (std::size_t r = 1; r < gradients_.size(); ++r) AddInto(n, gradients_[r].data_ptr<float>(), gradient);
-
+  float* gradient = SumGradients().data_ptr<float>();
   std::vector<double> squares;
   double total = 0;
   for (const auto& segment : segments_) {
     squares.push_back(SumOfSquares(gradient + segment.offset, segment.count));
     total += squares.back();
   }
-  const double average = 1.0 / static_cast<double>(gradients_.size());
+  const double average = 1.0 / copies_;
   const double norm = std::sqrt(total) * average;
   if (!std::isfinite(norm)) return {norm};
 

@@ -27,6 +27,10 @@ class Optimizer {
   Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<policy::Policy>> replicas);
 
   void ZeroGradients();
+  /// The sum over the replicas, to be summed over other processes' too before Step. Step calls it unless it was.
+  torch::Tensor& SumGradients();
+  /// How many copies of the network the gradient is the mean over, others' included; at first the replicas.
+  void AverageOver(int copies) { copies_ = copies; }
   struct Outcome {
     double gradient_norm = 0;  ///< before clipping; not finite: nothing was updated
   };
@@ -62,6 +66,8 @@ class Optimizer {
   torch::Tensor parameters_, first_, second_, steps_;  // (N) each; steps_: int64, one a segment
   torch::Tensor average_, average_steps_;              // (N), (1); undefined: off
   std::vector<torch::Tensor> gradients_;               // (N), one a replica
+  bool summed_ = false;                                // the first is the sum
+  int copies_ = 1;
 };
 
 }  // namespace etude::learn

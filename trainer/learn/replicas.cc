@@ -15,8 +15,12 @@ void SetBlasThreads(int threads) {
   if (const auto set = reinterpret_cast<SetThreads>(::dlsym(RTLD_DEFAULT, "openblas_set_num_threads"))) set(threads);
 }
 
-Replicas::Replicas(std::vector<std::shared_ptr<policy::Policy>> policies)
-    : policies_(std::move(policies)), losses_(policies_.size()), errors_(policies_.size()) {
+Replicas::Replicas(std::vector<std::shared_ptr<policy::Policy>> policies, int first, int parts)
+    : policies_(std::move(policies)),
+      first_(first),
+      parts_(parts > 0 ? parts : static_cast<int>(policies_.size())),
+      losses_(policies_.size()),
+      errors_(policies_.size()) {
   for (std::size_t r = 1; r < policies_.size(); ++r) threads_.emplace_back([this, r] { Work(r); });
 }
 
@@ -30,8 +34,8 @@ Replicas::~Replicas() {
 }
 
 void Replicas::RunPart(std::size_t replica) {
-  const int n = size(), r = static_cast<int>(replica);
-  const int first = batch_->size * r / n, last = batch_->size * (r + 1) / n;
+  const int part_number = first_ + static_cast<int>(replica);
+  const int first = batch_->size * part_number / parts_, last = batch_->size * (part_number + 1) / parts_;
   errors_[replica].clear();
   losses_[replica] = {};
   if (first == last) return;

@@ -31,7 +31,9 @@ struct BatchLoss {
 /// timing: every replica has its own part of the batch and its own gradients. Not thread-safe.
 class Replicas {
  public:
-  explicit Replicas(std::vector<std::shared_ptr<policy::Policy>> policies);
+  /// @param first, parts  these replicas take parts `first`, `first` + 1, ... of as many as every batch is cut into;
+  ///                      0: there are no others
+  explicit Replicas(std::vector<std::shared_ptr<policy::Policy>> policies, int first = 0, int parts = 0);
   ~Replicas();
   Replicas(const Replicas&) = delete;
   Replicas& operator=(const Replicas&) = delete;
@@ -46,6 +48,7 @@ class Replicas {
   void Work(std::size_t replica);
 
   std::vector<std::shared_ptr<policy::Policy>> policies_;
+  const int first_, parts_;
   data::Batch* batch_ = nullptr;
   int level_ = 0;
   std::vector<BatchLoss> losses_;

@@ -38,8 +38,10 @@ struct Trainer::Impl {
   TrainingRun& run = *owned;
   Reporter reporter{run, hooks};
   std::unique_ptr<data::Loader> loader;
+  bool over = false;  ///< rank 0 said so
 
   Status Loop();
+  Status FollowRankZero();
   Status TrainStep();
   Status AfterStep();
   Status EvaluateNow(bool observe);
@@ -68,15 +70,19 @@ void Trainer::Impl::CountModules() {
 }
 
 Status Trainer::Impl::TrainStep() {
+  Ranks* ranks = run.options.ranks.get();
+  StepOrder order{true, run.scheduler->level(), LearningRate(run.config.optimizer, run.step, run.Progress())};
+  if (ranks) ETUDE_ASSIGN_OR_RETURN(order, ranks->Agree(order));
+  if ((over = !order.go)) return {};
   Stopwatch wait;
   ETUDE_ASSIGN_OR_RETURN(auto batch, loader->Next());
   const double wait_s = wait.Seconds();
   run.optimizer->ZeroGradients();
-  ETUDE_ASSIGN_OR_RETURN(const BatchLoss loss, run.replicas->Backward(*batch, run.scheduler->level()));
-  const double lr = LearningRate(run.config.optimizer, run.step, run.Progress());
-  const auto outcome = std::isfinite(loss.total) ? run.optimizer->Step(lr)
-                                                 : Optimizer::Outcome{std::numeric_limits<double>::quiet_NaN()};
-  if (!std::isfinite(outcome.gradient_norm)) return NotFinite(run, loss, outcome.gradient_norm);
+  ETUDE_ASSIGN_OR_RETURN(const BatchLoss loss, run.replicas->Backward(*batch, order.level));
+  if (ranks) ETUDE_RETURN_IF_ERROR(ranks->Sum(run.optimizer->SumGradients()));
+  const auto outcome = run.optimizer->Step(order.lr);
+  if (!std::isfinite(outcome.gradient_norm) || !std::isfinite(loss.total))
+    return NotFinite(run, loss, outcome.gradient_norm);
   run.optimizer->UpdateAverage(run.config.ema);
   loader->Recycle(std::move(batch));
   CountModules();
@@ -189,12 +195,22 @@ Status Trainer::Impl::Finish(bool stopped) {
   return run.log->Sync();
 }
 
+// What a rank does that does not lead: the same steps with the same orders, and nothing else.
+Status Trainer::Impl::FollowRankZero() {
+  loader = std::make_unique<data::Loader>(run.dataset, run.maker, run.config.data, run.config.seed, run.step);
+  while (!over && !StopRequested()) ETUDE_RETURN_IF_ERROR(TrainStep());
+  Log().info("rank {} of {}: {} at step {}", run.options.ranks->rank(), run.options.ranks->size(),
+             over ? "finished" : "stopped", run.step);
+  return {};
+}
+
 Status Trainer::Impl::Loop() {
+  std::unique_ptr<Follower> follower;
+  if (run.options.follow) follower = std::make_unique<Follower>(run.dataset, run.config.data.refresh_s);
+  if (run.options.ranks && !run.options.ranks->leads()) return FollowRankZero();
   run.config.steps = run.limit.steps();
   run.config.minutes = run.limit.minutes();
   ETUDE_RETURN_IF_ERROR(KeepConfig(run));
-  std::unique_ptr<Follower> follower;
-  if (run.options.follow) follower = std::make_unique<Follower>(run.dataset, run.config.data.refresh_s);
   loader = std::make_unique<data::Loader>(run.dataset, run.maker, run.config.data, run.config.seed, run.step);
   run.watch.Restart();
   reporter.Restart();
@@ -204,6 +220,7 @@ Status Trainer::Impl::Loop() {
     ETUDE_RETURN_IF_ERROR(AfterStep());
     ETUDE_RETURN_IF_ERROR(WatchSource());
   }
+  if (run.options.ranks) ETUDE_RETURN_IF_ERROR(run.options.ranks->Agree({.go = false}));
   return Finish(stopped);
 }
 

@@ -17,6 +17,7 @@
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/data/dataset.h"
 #include "trainer/learn/config.h"
+#include "trainer/learn/ranks.h"
 
 namespace etude::learn {
 
@@ -50,6 +51,8 @@ struct RunOptions {
   /// How whoever collects the data is, asked about once a second; an error ends the run with its words, saved.
   std::function<Status()> source;
   std::chrono::milliseconds patience{60'000};  ///< with `follow`: silence after which nothing more is expected
+  /// Others that train the same network; those but rank 0 write nothing. None: it trains alone.
+  std::shared_ptr<Ranks> ranks;
 };
 
 /// Thread safety: one thread. Creating it needs at least one episode in each of train and valid; with `follow` it

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/learn/ranks.cc, and that ranks train as replicas do
+#include "trainer/learn/ranks.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <thread>
+
+#include "tests/trainer/learn/tiny_run.h"
+
+namespace etude::learn {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::HasSubstr;
+
+// runs `work` as so many ranks, each a thread
+template <class Work>
+void AsRanks(int size, Work&& work) {
+  const Meeting meeting = Meeting::InProcess();
+  std::vector<std::thread> threads;
+  for (int rank = 0; rank < size; ++rank)
+    threads.emplace_back([&, rank] {
+      auto ranks = Ranks::Join(meeting, {.size = size, .rank = rank, .patience = 30s});
+      ASSERT_TRUE(ranks) << ranks.error().message;
+      work(std::shared_ptr<Ranks>(std::move(*ranks)));
+    });
+  for (auto& thread : threads) thread.join();
+}
+
+TEST(Ranks, SumAndFollowTheOrdersOfRankZero) {
+  AsRanks(3, [](const std::shared_ptr<Ranks>& ranks) {
+    auto values = torch::full({5}, static_cast<float>(ranks->rank() + 1));
+    ASSERT_TRUE(ranks->Sum(values));
+    EXPECT_TRUE(torch::equal(values, torch::full({5}, 6.0F)));
+    const auto order = ranks->Agree({ranks->leads(), 10 * ranks->rank() + 4, 0.25 * (ranks->rank() + 1)});
+    ASSERT_TRUE(order);
+    EXPECT_TRUE(order->go);
+    EXPECT_EQ(order->level, 4);
+    EXPECT_EQ(order->lr, 0.25);
+    EXPECT_TRUE(ranks->CheckSame("configuration", "same"));
+    const Status different = ranks->CheckSame("dataset", ranks->rank() == 2 ? "b" : "a");
+    ASSERT_FALSE(different);
+    EXPECT_THAT(different.error().message, HasSubstr("1 of the ranks have another dataset"));
+  });
+}
+
+TEST(Ranks, EndWithWordsWhenOneIsLost) {
+  AsRanks(2, [](const std::shared_ptr<Ranks>& ranks) {
+    if (!ranks->leads()) return;  // gone
+    Status lost;
+    auto values = torch::ones({4});
+    for (int i = 0; i < 100 && lost; ++i) lost = ranks->Sum(values);
+    ASSERT_FALSE(lost);
+    EXPECT_EQ(lost.error().code, Code::kUnavailable);
+    EXPECT_THAT(lost.error().message, HasSubstr("rank 0 of 2: another rank was lost"));
+  });
+}
+
+TEST(Ranks, AreNumbered) {
+  EXPECT_EQ(Ranks::Join(Meeting::InProcess(), {.size = 2, .rank = 2}).error().code, Code::kInvalidArgument);
+}
+
+class RanksTrain : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    at::set_num_threads(1);
+    dataset_ = TinyDataset(folder_ / "d", 24);
+  }
+  // the last checkpoint's tensors
+  std::map<std::string, torch::Tensor> Train(const TrainConfig& config, const Path& out,
+                                             std::shared_ptr<Ranks> ranks = nullptr) {
+    std::map<std::string, torch::Tensor> kept;
+    Hooks hooks;
+    hooks.on_checkpoint = [&](const checkpoint::Checkpoint& made) -> Status {
+      for (const auto& [name, tensor] : made.tensors) kept[name] = tensor.detach().clone();
+      return {};
+    };
+    auto trainer = Trainer::Create(config, dataset_, {.out = out, .ranks = std::move(ranks)}, hooks);
+    EXPECT_TRUE(trainer) << trainer.error().message;
+    if (!trainer) return kept;
+    const Status done = (*trainer)->Run();
+    EXPECT_TRUE(done) << done.error().message;
+    return kept;
+  }
+
+  TemporaryFolder folder_;
+  std::shared_ptr<data::Dataset> dataset_;
+};
+
+// 100 steps in float32; what differs is the order in which two sums are added
+TEST_F(RanksTrain, TwoRanksAreOneRankWithTwoReplicas) {
+  const std::vector<std::string> common{"steps=100", "eval.every_steps=50", "checkpoint.every_steps=1000",
+                                        "curriculum.enabled=false"};
+  auto two = common, one = common;
+  two.push_back("threads.replicas=2");
+  one.push_back("threads.replicas=1");
+  const auto wanted = Train(TinyConfig(two), folder_ / "replicas");
+  std::map<std::string, torch::Tensor> made;
+  AsRanks(2, [&](const std::shared_ptr<Ranks>& ranks) {
+    auto kept = Train(TinyConfig(one), folder_ / "ranks", ranks);
+    EXPECT_EQ(kept.empty(), !ranks->leads()) << "rank 0 keeps";
+    if (ranks->leads()) made = std::move(kept);
+  });
+
+  ASSERT_EQ(made.size(), wanted.size());
+  double moved = 0, length = 0;
+  for (const auto& [name, tensor] : wanted) {
+    moved += (made.at(name) - tensor).to(torch::kFloat64).square().sum().item<double>();
+    length += tensor.to(torch::kFloat64).square().sum().item<double>();
+  }
+  EXPECT_LT(std::sqrt(moved / length), 1e-5);
+}
+
+TEST_F(RanksTrain, RefuseToTrainDifferentThingsTogether) {
+  AsRanks(2, [&](const std::shared_ptr<Ranks>& ranks) {
+    const auto config = TinyConfig({ranks->leads() ? "seed=1" : "seed=2"});
+    const auto trainer = Trainer::Create(config, dataset_, {.out = folder_ / "different", .ranks = ranks}, {});
+    ASSERT_FALSE(trainer);
+    EXPECT_THAT(trainer.error().message, HasSubstr("another configuration than rank 0"));
+  });
+}
+
+}  // namespace
+}  // namespace etude::learn

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/learn/ranks.h"
+
+#include <fmt/format.h>
+
+#include <torch/csrc/distributed/c10d/HashStore.hpp>
+#include <torch/csrc/distributed/c10d/PrefixStore.hpp>
+#include <torch/csrc/distributed/c10d/ProcessGroupGloo.hpp>
+#include <torch/csrc/distributed/c10d/TCPStore.hpp>
+
+#include "services/core/hash.h"
+
+namespace etude::learn {
+namespace {
+
+using Store = c10::intrusive_ptr<c10d::Store>;
+
+Result<Store> OpenStore(const RanksOptions& options) {
+  c10d::TCPStoreOptions own;
+  own.port = options.port;
+  own.isServer = options.rank == 0;
+  own.waitWorkers = false;
+  own.timeout = options.patience;
+  try {
+    return Store(c10::make_intrusive<c10d::TCPStore>(options.host, own));
+  } catch (const std::exception& error) {
+    return Fail(Code::kUnavailable, fmt::format("ranks: {} {}:{}: {}", own.isServer ? "open" : "reach", options.host,
+                                                options.port, error.what()));
+  }
+}
+
+}  // namespace
+
+struct Ranks::Impl {
+  RanksOptions options;
+  Store store;
+  c10::intrusive_ptr<c10d::ProcessGroupGloo> group;
+
+  // library calls that wait for the others; what they throw is that one of them is gone
+  template <class Call>
+  Status Together(const char* what, Call&& call) {
+    try {
+      call()->wait();
+      return {};
+    } catch (const std::exception& error) {
+      return Fail(Code::kUnavailable,
+                  fmt::format("rank {} of {}: another rank was lost while {} ({}); resume from the last saved state",
+                              options.rank, options.size, what, error.what()));
+    }
+  }
+};
+
+Result<Meeting> Meeting::Open(const RanksOptions& options) {
+  ETUDE_ASSIGN_OR_RETURN(Store store, OpenStore(options));
+  Meeting meeting;
+  meeting.port_ = options.port;
+  if (options.rank == 0) meeting.port_ = static_cast<c10d::TCPStore&>(*store).getPort();
+  meeting.store_ = std::make_shared<Store>(std::move(store));
+  return meeting;
+}
+
+Meeting Meeting::InProcess() {
+  Meeting meeting;
+  meeting.store_ = std::make_shared<Store>(c10::make_intrusive<c10d::HashStore>());
+  return meeting;
+}
+
+Result<std::unique_ptr<Ranks>> Ranks::Join(const Meeting& meeting, const RanksOptions& options) {
+  if (options.size < 1 || options.rank < 0 || options.rank >= options.size)
+    return Fail(Code::kInvalidArgument, fmt::format("rank {}: not one of {}", options.rank, options.size));
+  auto impl = std::make_unique<Impl>();
+  impl->options = options;
+  impl->store = c10::make_intrusive<c10d::PrefixStore>("etude", *static_cast<Store*>(meeting.store_.get()));
+  try {
+    auto gloo = c10d::ProcessGroupGloo::Options::create(options.patience);
+    const bool here = options.host == "127.0.0.1" || options.host == "localhost";
+    gloo->devices.push_back(here ? c10d::ProcessGroupGloo::createDeviceForHostname("127.0.0.1")
+                                 : c10d::ProcessGroupGloo::createDefaultDevice());
+    impl->group = c10::make_intrusive<c10d::ProcessGroupGloo>(impl->store, options.rank, options.size, gloo);
+  } catch (const std::exception& error) {
+    return Fail(Code::kUnavailable,
+                fmt::format("rank {} of {}: the others did not come: {}", options.rank, options.size, error.what()));
+  }
+  return std::unique_ptr<Ranks>(new Ranks(std::move(impl)));
+}
+
+Ranks::Ranks(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Ranks::~Ranks() = default;
+
+int Ranks::rank() const { return impl_->options.rank; }
+int Ranks::size() const { return impl_->options.size; }
+
+Result<StepOrder> Ranks::Agree(const StepOrder& order) {
+  std::vector<torch::Tensor> said{
+      torch::tensor({order.go ? 1.0 : 0.0, static_cast<double>(order.level), order.lr}, torch::kFloat64)};
+  ETUDE_RETURN_IF_ERROR(impl_->Together("waiting for the next step",
+                                        [&] { return impl_->group->broadcast(said, c10d::BroadcastOptions()); }));
+  const double* values = said[0].data_ptr<double>();
+  return StepOrder{values[0] > 0, static_cast<int>(values[1]), values[2]};
+}
+
+Status Ranks::Sum(torch::Tensor& values) {
+  std::vector<torch::Tensor> tensors{values};
+  return impl_->Together("gradients were summed",
+                         [&] { return impl_->group->allreduce(tensors, c10d::AllreduceOptions()); });
+}
+
+Status Ranks::CheckSame(const std::string& what, const std::string& value) {
+  const std::string own = Sha256Hex(value);
+  std::vector<torch::Tensor> first{torch::zeros(static_cast<std::int64_t>(own.size()), torch::kUInt8)};
+  std::copy(own.begin(), own.end(), first[0].data_ptr<std::uint8_t>());
+  ETUDE_RETURN_IF_ERROR(impl_->Together("comparing with the others",
+                                        [&] { return impl_->group->broadcast(first, c10d::BroadcastOptions()); }));
+  torch::Tensor different = torch::zeros(1);
+  different[0] = std::equal(own.begin(), own.end(), first[0].data_ptr<std::uint8_t>()) ? 0.0F : 1.0F;
+  ETUDE_RETURN_IF_ERROR(Sum(different));
+  const int count = static_cast<int>(different[0].item<float>());
+  if (count == 0) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("rank {} of {}: {} of the ranks have another {} than rank 0; give all the same", rank(),
+                          size(), count, what));
+}
+
+}  // namespace etude::learn

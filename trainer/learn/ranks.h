@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// Several processes, on one host or many, that train one network: each computes the gradients of its part of every
+// batch, and all make the same step with their sum. Rank 0 decides, evaluates, keeps and publishes; the others follow.
+//
+// Over torch's c10d, with Gloo. Each rank makes the whole batch and uses its part of it, so that R ranks with one
+// replica each compute what one rank with R replicas does.
+#pragma once
+
+#include <torch/torch.h>
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "services/core/result.h"
+
+namespace etude::learn {
+
+struct RanksOptions {
+  int size = 1;
+  int rank = 0;
+  std::string host = "127.0.0.1";  ///< of rank 0
+  std::uint16_t port = 0;          ///< of rank 0; 0 at rank 0: any free one, see Meeting
+  /// A silence after which the others count as lost: longer than an evaluation, a checkpoint and the wait for data.
+  std::chrono::milliseconds patience{300'000};
+};
+
+/// Where ranks find each other; rank 0's process holds it.
+class Meeting {
+ public:
+  /// @error kUnavailable: the port is taken; the host cannot be reached within `patience`
+  static Result<Meeting> Open(const RanksOptions& options);
+  /// In this process only: ranks that are threads.
+  static Meeting InProcess();
+  std::uint16_t port() const { return port_; }
+
+ private:
+  friend class Ranks;
+  std::shared_ptr<void> store_;  ///< keeps a c10d::Store
+  std::uint16_t port_ = 0;
+};
+
+/// What rank 0 says before each step.
+struct StepOrder {
+  bool go = true;  ///< false: the run is over
+  int level = 0;   ///< modules of this level and below are trained
+  double lr = 0;
+};
+
+/// Not thread-safe. Every call is made by all ranks, in the same order.
+class Ranks {
+ public:
+  /// Waits for all. @error kUnavailable: they did not come; kInvalidArgument: not a rank of that size
+  static Result<std::unique_ptr<Ranks>> Join(const Meeting& meeting, const RanksOptions& options);
+  ~Ranks();
+
+  int rank() const;
+  int size() const;
+  bool leads() const { return rank() == 0; }
+
+  /// Rank 0's order, on every rank. @error kUnavailable: a rank was lost; the message says at what
+  Result<StepOrder> Agree(const StepOrder& order);
+  /// The sum over the ranks, in place, the same bits on each. @param values  float32, dense @error as Agree
+  Status Sum(torch::Tensor& values);
+  /// @error kInvalidArgument on every rank when `value` (a configuration, a dataset's fingerprint) is not the same on
+  /// all; as Agree
+  Status CheckSame(const std::string& what, const std::string& value);
+
+ private:
+  struct Impl;
+  explicit Ranks(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace etude::learn
