@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <mutex>
 #include <set>
 
 #include "services/core/check.h"
@@ -19,16 +20,21 @@ namespace {
 
 using torch::Tensor;
 
-/// Seeds torch's generator for a scope and gives it back as it was.
+/// Seeds torch's generator, of which a process has one, for a scope and gives it back as it was.
 class SeededScope {
  public:
   explicit SeededScope(std::uint64_t seed)
-      : generator_(at::detail::getDefaultCPUGenerator()), state_(generator_.get_state()) {
+      : lock_(Mutex()), generator_(at::detail::getDefaultCPUGenerator()), state_(generator_.get_state()) {
     torch::manual_seed(seed);
   }
   ~SeededScope() { generator_.set_state(state_); }
 
  private:
+  static std::mutex& Mutex() {
+    static std::mutex mutex;
+    return mutex;
+  }
+  const std::lock_guard<std::mutex> lock_;
   at::Generator generator_;
   Tensor state_;
 };
