@@ -34,6 +34,7 @@ void AddCheckpoint(CLI::App& app, Body& body);
 void AddConfig(CLI::App& app, Body& body);
 void AddLanguage(CLI::App& app, Body& body);
 void AddAttempt(CLI::App& app, Body& body);
+void AddResults(CLI::App& app, Body& body);
 void AddDoctor(CLI::App& app, Body& body);
 
 /// Commands that are programs of their own, or a subcommand of one: name -> program, the arguments that

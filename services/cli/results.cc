@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: Apache-2.0
+// `etude results`: makes the rows of a table of results from nothing, and the table.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "services/campaign/process.h"
+#include "services/cli/command_line.h"
+#include "services/cli/results_table.h"
+#include "services/core/clock.h"
+#include "services/core/log.h"
+#include "services/core/stop.h"
+
+namespace etude::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+  std::string file = "deploy/docs/results.yaml", out = "out/results", write;
+  std::vector<std::string> only;
+  std::uint32_t domain = 0;
+};
+
+using Words = std::vector<std::string>;
+
+/// Runs commands of `etude` one after another, each with a log of its own.
+class Maker {
+ public:
+  explicit Maker(const Arguments& arguments) : arguments_(arguments), out_(arguments.out) {}
+
+  Result<ResultLine> Make(const ResultRow& row) {
+    ETUDE_ASSIGN_OR_RETURN(const Path data, Collect(row));
+    ResultLine line{&row, {}};
+    for (const auto seed : row.train.seeds) {
+      ETUDE_ASSIGN_OR_RETURN(const Path run, Train(row, seed, data));
+      ETUDE_ASSIGN_OR_RETURN(auto report, Evaluate(row, seed, run));
+      line.reports.push_back(std::move(report));
+    }
+    return line;
+  }
+
+  /// What stands there already; nothing is run.
+  ResultLine Read(const ResultRow& row) const {
+    ResultLine line{&row, {}};
+    for (const auto seed : row.train.seeds)
+      if (auto report = ReadReport(row, seed)) line.reports.push_back(std::move(*report));
+    return line;
+  }
+
+ private:
+  Path RunOf(const std::string& row, std::uint64_t seed) const {
+    return out_ / "runs" / fmt::format("{}-{}", row, seed);
+  }
+  Path ReportOf(const ResultRow& row, std::uint64_t seed) const {
+    return out_ / "eval" / fmt::format("{}-{}", row.name, seed);
+  }
+
+  std::optional<OrderedJson> ReadReport(const ResultRow& row, std::uint64_t seed) const {
+    const auto text = ReadTextFile(ReportOf(row, seed) / "eval.json");
+    if (!text) return std::nullopt;
+    auto json = OrderedJson::parse(*text, nullptr, /*allow_exceptions=*/false);
+    const bool whole = json.is_object() && json.value("done", std::uint64_t{0}) >= row.eval.episodes;
+    return whole ? std::optional(std::move(json)) : std::nullopt;
+  }
+
+  Status Run(const std::string& what, Words words) {
+    Words argv{(campaign::ProgramFolder() / "etude").string()};
+    argv.insert(argv.end(), words.begin(), words.end());
+    argv.insert(argv.end(), {"--domain", std::to_string(arguments_.domain)});
+    const Path log = out_ / "logs" / (what + ".log");
+    ETUDE_RETURN_IF_ERROR(MakeFolders(log.parent_path()));
+    fmt::print("{}: etude {}\n", what, fmt::join(words, " "));
+    std::fflush(stdout);
+    ETUDE_ASSIGN_OR_RETURN(auto process, campaign::Process::Start({.argv = argv, .log = log}));
+    const Stopwatch watch;
+    while (process.running()) {
+      if (!StopRequested()) {
+        (void)process.Wait(std::chrono::milliseconds(500));
+        continue;
+      }
+      process.Stop(std::chrono::seconds(60));
+      return Fail(Code::kUnavailable, fmt::format("stopped in {}; begin again to go on", what));
+    }
+    if (const int code = process.Poll().value_or(1); code != 0)
+      return Fail(Code::kInternal, fmt::format("{} ended with {}: see {}", what, code, log.string()));
+    fmt::print("{}: {}\n", what, FormatDuration(watch.Seconds()));
+    return {};
+  }
+
+  static Words Sets(const std::vector<std::string>& set) {
+    Words words;
+    for (const auto& text : set) words.insert(words.end(), {"--set", text});
+    return words;
+  }
+
+  static std::string FileOf(const std::string& campaign) {
+    return campaign.ends_with(".yaml") ? campaign : fmt::format("deploy/campaigns/{}.yaml", campaign);
+  }
+
+  // a collection that is whole already is over at once
+  Result<Path> Collect(const ResultRow& row) {
+    const std::string name = row.data.name.empty() ? row.name : row.data.name;
+    const Path data = out_ / "data" / name;
+    if (collected_.insert(name).second) {
+      Words words{"collect", FileOf(row.data.campaign), "--out", data.string()};
+      if (row.data.episodes > 0) words.insert(words.end(), {"--episodes", std::to_string(row.data.episodes)});
+      const Words set = Sets(row.data.set);
+      words.insert(words.end(), set.begin(), set.end());
+      ETUDE_RETURN_IF_ERROR(Run("data-" + name, words));
+    }
+    return data;
+  }
+
+  // the run of the same seed, else of the first one that is there
+  Result<Path> InitOf(const ResultRow& row, std::uint64_t seed) const {
+    std::error_code ignored;
+    for (const std::uint64_t candidate : {seed, std::uint64_t{1}, std::uint64_t{2}, std::uint64_t{3}}) {
+      Path file = RunOf(row.train.init, candidate) / "checkpoints" / "latest.safetensors";
+      if (fs::exists(file, ignored)) return file;
+    }
+    return Fail(Code::kNotFound, fmt::format("row '{}' begins with '{}', which has not been made: leave out --row, or "
+                                             "name both",
+                                             row.name, row.train.init));
+  }
+
+  Result<Path> Train(const ResultRow& row, std::uint64_t seed, const Path& data) {
+    const Path run = RunOf(row.name, seed), whole = run / "whole";
+    std::error_code ignored;
+    if (fs::exists(whole, ignored)) return run;
+    const ResultTraining& train = row.train;
+    Words words{"train", "--data", data.string(), "--out", run.string(), "--seed", std::to_string(seed), "--offline"};
+    if (train.steps > 0) words.insert(words.end(), {"--steps", std::to_string(train.steps)});
+    if (train.minutes > 0) words.insert(words.end(), {"--minutes", fmt::format("{}", train.minutes)});
+    if (fs::exists(run / "training_state.safetensors", ignored)) {
+      words.push_back("--resume");
+    } else if (train.init.empty()) {
+      words.insert(words.end(), {"--config", train.config});
+    } else {
+      ETUDE_ASSIGN_OR_RETURN(const Path init, InitOf(row, seed));
+      words.insert(words.end(), {"--init", init.string()});
+      for (const auto& [option, names] :
+           {std::pair{"--add", &train.add}, {"--fresh", &train.fresh}, {"--freeze", &train.freeze}})
+        if (!names->empty()) words.insert(words.end(), {option, fmt::format("{}", fmt::join(*names, ","))});
+    }
+    const Words set = Sets(train.set);
+    words.insert(words.end(), set.begin(), set.end());
+    ETUDE_RETURN_IF_ERROR(Run(fmt::format("train-{}-{}", row.name, seed), words));
+    ETUDE_RETURN_IF_ERROR(WriteFileAtomically(whole, "\n"));
+    return run;
+  }
+
+  Result<OrderedJson> Evaluate(const ResultRow& row, std::uint64_t seed, const Path& run) {
+    if (auto report = ReadReport(row, seed)) return std::move(*report);
+    const ResultEvaluation& eval = row.eval;
+    Words words{"eval",
+                "--checkpoint",
+                (run / "checkpoints" / "latest.safetensors").string(),
+                "--episodes",
+                std::to_string(eval.episodes),
+                "--seed",
+                std::to_string(eval.seed),
+                "--out",
+                ReportOf(row, seed).string()};
+    if (!eval.scenes.empty()) words.insert(words.end(), {"--scenes", FileOf(eval.scenes)});
+    if (!eval.tasks.empty()) words.insert(words.end(), {"--tasks", fmt::format("{}", fmt::join(eval.tasks, ","))});
+    const Words set = Sets(eval.set);
+    words.insert(words.end(), set.begin(), set.end());
+    ETUDE_RETURN_IF_ERROR(Run(fmt::format("eval-{}-{}", row.name, seed), words));
+    auto report = ReadReport(row, seed);
+    if (!report) return Fail(Code::kInternal, fmt::format("eval-{}-{} left no whole report", row.name, seed));
+    return std::move(*report);
+  }
+
+  const Arguments& arguments_;
+  const Path out_;
+  std::set<std::string> collected_;
+};
+
+Status Results(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const auto config, LoadConfig<ResultsConfig>(arguments.file));
+  ETUDE_RETURN_IF_ERROR(config.Validate());
+  const auto wanted = [&](const ResultRow& row) {
+    return arguments.only.empty() || std::ranges::find(arguments.only, row.name) != arguments.only.end();
+  };
+  for (const auto& name : arguments.only)
+    if (std::ranges::find(config.rows, name, &ResultRow::name) == config.rows.end())
+      return Fail(Code::kInvalidArgument, fmt::format("--row '{}': no such row in {}", name, arguments.file));
+  ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
+  Maker maker(arguments);
+  std::vector<ResultLine> lines;
+  for (const auto& row : config.rows) {
+    ResultLine line = maker.Read(row);
+    if (wanted(row)) ETUDE_ASSIGN_OR_RETURN(line, maker.Make(row));
+    lines.push_back(std::move(line));
+    // after every row: a long table is worth something before its end
+    const Path table = arguments.write.empty() ? Path(arguments.out) / "results.md" : Path(arguments.write);
+    ETUDE_RETURN_IF_ERROR(WriteFileAtomically(table, ResultsTable(lines)));
+  }
+  fmt::print("{}", ResultsTable(lines));
+  return {};
+}
+
+}  // namespace
+
+Status ResultsConfig::Validate() const {
+  std::vector<std::string> errors;
+  std::set<std::string> names;
+  for (const auto& row : rows) {
+    if (!IsPlainName(row.name)) errors.push_back(fmt::format("rows: '{}' is not a plain name", row.name));
+    if (row.data.campaign.empty()) errors.push_back(fmt::format("{}: data.campaign: missing", row.name));
+    if (row.train.minutes <= 0 && row.train.steps == 0)
+      errors.push_back(fmt::format("{}: train: needs minutes or steps", row.name));
+    if (row.train.seeds.empty()) errors.push_back(fmt::format("{}: train.seeds: needs one", row.name));
+    if (!row.train.init.empty() && !names.contains(row.train.init))
+      errors.push_back(fmt::format("{}: train.init: '{}' is no row before it", row.name, row.train.init));
+    if (!names.insert(row.name).second) errors.push_back(fmt::format("rows: '{}' stands twice", row.name));
+  }
+  if (errors.empty()) return {};
+  return Fail(Code::kInvalidArgument, fmt::format("results: {}", fmt::join(errors, "; ")));
+}
+
+void AddResults(CLI::App& app, Body& body) {
+  auto arguments = std::make_shared<Arguments>();
+  auto* command = app.add_subcommand("results", "make a table of results: collect, train and roll out, row by row");
+  command->add_option("file", arguments->file, "what the rows are")->capture_default_str();
+  command->add_option("--out", arguments->out, "folder for data, runs, evaluations and logs; begun again, it goes on")
+      ->capture_default_str();
+  command->add_option("--row", arguments->only, "only this row; may be repeated")->allow_extra_args(false);
+  command->add_option("--write", arguments->write, "where the table goes (default: OUT/results.md)");
+  command->add_option("--domain", arguments->domain, "DDS domain, 0..230")->check(CLI::Range(0, 230));
+  command->callback([=, &body] { body = [=] { return Results(*arguments); }; });
+}
+
+}  // namespace etude::cli

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// What `etude results` runs: a file such as deploy/docs/results.yaml.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "services/core/config.h"
+
+namespace etude::cli {
+
+/// Demonstrations of a row.
+struct ResultData {
+  std::string name;      ///< of the dataset's folder, for rows that share one; "": the row's
+  std::string campaign;  ///< "quickstart"
+  std::uint64_t episodes = 0;
+  std::vector<std::string> set;
+
+  template <class V>
+  void Visit(V& v) {
+    v("name", name, "", "of the dataset, where rows share one; empty: the row's");
+    v("campaign", campaign, "", "campaign: a name in deploy/campaigns, or a file");
+    v("episodes", episodes, "-", "demonstrations; 0: the campaign's");
+    v("set", set, "", "KEY=VALUE over the campaign file's");
+  }
+};
+
+struct ResultTraining {
+  std::string config = "compact";
+  double minutes = 0;
+  std::uint64_t steps = 0;
+  std::vector<std::uint64_t> seeds{1};
+  std::string init;  ///< a row: its run of the same seed, or of its first
+  std::vector<std::string> add, fresh, freeze, set;
+
+  template <class V>
+  void Visit(V& v) {
+    v("config", config, "", "experiment: its name, or a file; with init only where it is not the checkpoint's graph");
+    v("minutes", minutes, "min", "of training");
+    v("steps", steps, "steps", "instead of minutes");
+    v("seeds", seeds, "-", "one run each");
+    v("init", init, "", "row whose runs these begin with; empty: from scratch");
+    v("add", add, "", "modules put on top, with init");
+    v("fresh", fresh, "", "parts that begin anew, with init");
+    v("freeze", freeze, "", "parts that stay as they are, with init");
+    v("set", set, "", "KEY=VALUE over the experiment's");
+  }
+};
+
+struct ResultEvaluation {
+  std::string scenes;  ///< a campaign; "": the nominal world
+  std::vector<std::string> tasks;
+  std::uint64_t episodes = 400;
+  std::uint64_t seed = 1;
+  std::vector<std::string> set;
+
+  template <class V>
+  void Visit(V& v) {
+    v("scenes", scenes, "", "campaign whose scenes are used; empty: pick, push and put down in the nominal world");
+    v("tasks", tasks, "", "tasks; none: the campaign's");
+    v("episodes", episodes, "-", "rollouts of each run");
+    v("seed", seed, "-", "of the scenes");
+    v("set", set, "", "KEY=VALUE over the campaign's");
+  }
+};
+
+struct ResultRow {
+  std::string name;   ///< of its folders
+  std::string title;  ///< for people
+  std::string paper;  ///< what the paper has, as text
+  double goal = 0;    ///< %, strict
+  ResultData data;
+  ResultTraining train;
+  ResultEvaluation eval;
+
+  template <class V>
+  void Visit(V& v) {
+    v("name", name, "", "plain name, of its folders");
+    v("title", title, "", "what is measured");
+    v("paper", paper, "", "what the paper has");
+    v("goal", goal, "%", "strict success that is wanted; 0: none");
+    v("data", data);
+    v("train", train);
+    v("eval", eval);
+  }
+};
+
+struct ResultsConfig {
+  std::vector<ResultRow> rows;
+
+  template <class V>
+  void Visit(V& v) {
+    v("rows", rows, "", "of the table, in the order in which they are made");
+  }
+
+  /// All problems at once: names, rows that begin with a later one, no limit of training.
+  Status Validate() const;
+};
+
+}  // namespace etude::cli

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/cli/results_table.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <map>
+
+#include "services/core/statistics.h"
+
+namespace etude::cli {
+namespace {
+
+/// Successes of several evaluations.
+struct Count {
+  std::uint64_t successes = 0, trials = 0;
+  std::vector<double> shares;  ///< of each evaluation
+
+  void Add(const OrderedJson& entry, const char* criterion) {
+    if (!entry.is_object() || !entry.contains("n") || !entry.contains(criterion)) return;
+    const auto n = entry["n"].get<std::uint64_t>();
+    const auto good = entry[criterion].value("successes", std::uint64_t{0});
+    successes += good;
+    trials += n;
+    if (n > 0) shares.push_back(static_cast<double>(good) / static_cast<double>(n));
+  }
+  double mean() const {
+    double sum = 0;
+    for (const double share : shares) sum += share;
+    return shares.empty() ? 0 : 100 * sum / static_cast<double>(shares.size());
+  }
+  std::string text() const {
+    if (trials == 0) return "-";
+    const auto interval = WilsonInterval(successes, trials);
+    return fmt::format("{:.1f} [{:.1f}, {:.1f}]", mean(), 100 * interval.low, 100 * interval.high);
+  }
+};
+
+// numbers of a report may be missing in one that another version wrote; never a reason to end
+const OrderedJson* FindPart(const OrderedJson& report, const char* key) {
+  return report.is_object() && report.contains(key) ? &report[key] : nullptr;
+}
+
+Count CountOf(const ResultLine& line, const char* criterion) {
+  Count count;
+  for (const auto& report : line.reports)
+    if (const auto* overall = FindPart(report, "overall")) count.Add(*overall, criterion);
+  return count;
+}
+
+std::string SeedsText(const Count& strict) {
+  std::vector<std::string> shares;
+  for (const double share : strict.shares) shares.push_back(fmt::format("{:.1f}", 100 * share));
+  return fmt::format("{}", fmt::join(shares, ", "));
+}
+
+std::string LimitText(const ResultTraining& train) {
+  return train.steps > 0 ? fmt::format("{} steps", train.steps) : fmt::format("{:g} min", train.minutes);
+}
+
+std::string BeginsText(const ResultTraining& train) {
+  if (train.init.empty()) return "scratch";
+  std::string text = train.init;
+  if (!train.add.empty()) text += fmt::format(" + {}", fmt::join(train.add, " + "));
+  if (!train.freeze.empty()) text += fmt::format(", {} parts frozen", train.freeze.size());
+  return text;
+}
+
+std::string RowText(const ResultLine& line) {
+  const ResultRow& row = *line.row;
+  const Count strict = CountOf(line, "success"), latched = CountOf(line, "success_latched");
+  const std::string goal =
+      row.goal > 0 ? fmt::format("{:g}{}", row.goal, strict.mean() >= row.goal ? "" : " (missed)") : "";
+  return fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", row.title, row.data.episodes,
+                     LimitText(row.train), BeginsText(row.train), strict.text(), SeedsText(strict), latched.text(),
+                     row.paper.empty() ? "-" : row.paper, goal);
+}
+
+std::string TasksText(const ResultLine& line) {
+  std::vector<std::string> order;
+  std::map<std::string, Count> strict, latched;
+  for (const auto& report : line.reports) {
+    const auto* tasks = FindPart(report, "per_task");
+    if (!tasks || !tasks->is_array()) continue;
+    for (const auto& entry : *tasks) {
+      const std::string task = entry.is_object() ? entry.value("task", "?") : "?";
+      if (!strict.contains(task)) order.push_back(task);
+      strict[task].Add(entry, "success");
+      latched[task].Add(entry, "success_latched");
+    }
+  }
+  std::string text;
+  for (const auto& task : order)
+    text += fmt::format("| {} | {} | {} | {} |\n", line.row->title, task, strict[task].text(), latched[task].text());
+  return text;
+}
+
+}  // namespace
+
+std::string ResultsTable(const std::vector<ResultLine>& lines) {
+  std::string rows, tasks;
+  for (const auto& line : lines) {
+    if (line.reports.empty()) continue;
+    rows += RowText(line);
+    tasks += TasksText(line);
+  }
+  return "| what | demonstrations | training | begins with | strict success % [95 %] | each seed | latched % [95 %] | "
+         "paper % "
+         "| goal % |\n|---|---|---|---|---|---|---|---|---|\n" +
+         rows + "\n| what | task | strict % [95 %] | latched % [95 %] |\n|---|---|---|---|\n" + tasks;
+}
+
+}  // namespace etude::cli
