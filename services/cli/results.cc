@@ -194,7 +194,9 @@ Status Results(const Arguments& arguments) {
   std::vector<ResultLine> lines;
   for (const auto& row : config.rows) {
     ResultLine line = maker.Read(row);
-    if (wanted(row)) ETUDE_ASSIGN_OR_RETURN(line, maker.Make(row));
+    if (wanted(row)) {
+      ETUDE_ASSIGN_OR_RETURN(line, maker.Make(row));
+    }
     lines.push_back(std::move(line));
     // after every row: a long table is worth something before its end
     const Path table = arguments.write.empty() ? Path(arguments.out) / "results.md" : Path(arguments.write);

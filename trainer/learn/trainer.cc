@@ -72,7 +72,9 @@ void Trainer::Impl::CountModules() {
 Status Trainer::Impl::TrainStep() {
   Ranks* ranks = run.options.ranks.get();
   StepOrder order{true, run.scheduler->level(), LearningRate(run.config.optimizer, run.step, run.Progress())};
-  if (ranks) ETUDE_ASSIGN_OR_RETURN(order, ranks->Agree(order));
+  if (ranks) {
+    ETUDE_ASSIGN_OR_RETURN(order, ranks->Agree(order));
+  }
   if ((over = !order.go)) return {};
   Stopwatch wait;
   ETUDE_ASSIGN_OR_RETURN(auto batch, loader->Next());
