@@ -13,6 +13,7 @@
 #include "services/core/hash.h"
 #include "services/core/rng.h"
 #include "services/spec/content_version.h"
+#include "services/spec/episode_world.h"
 #include "services/spec/object_names.h"
 #include "services/spec/robot_names.h"
 #include "services/spec/task_name.h"
@@ -22,6 +23,7 @@ namespace etude {
 namespace {
 
 constexpr int kMostObjects = 6;
+constexpr int kMostThings = 8;  // objects and distractors
 const std::vector<std::string> kModes{"demonstrate", "rollout"};
 const std::vector<std::string> kScenes{"feasible", "first_draw"};
 
@@ -110,6 +112,22 @@ void CheckRandomization(const RandomizationSpec& randomization, Problems& proble
   problems.InRange("randomization.disturbance", randomization.disturbance, 0.0, 0.2);
   problems.InRange("randomization.disturbance_probability", randomization.disturbance_probability, 0.0, 1.0);
   problems.InRange("randomization.light", randomization.light, 0.0, 1.0);
+  randomization.world.Check(problems.errors());
+}
+
+// What has a range of its own is looked at before this.
+void CheckRandomWorld(const CampaignSpec& spec, Problems& problems) {
+  const WorldRandomizationSpec& world = spec.randomization.world;
+  const auto classes = PossibleDistractorClasses(spec).size();
+  problems.Require(world.distractors <= static_cast<int>(classes),
+                   fmt::format("randomization.world.distractors: {} of {} classes that no sentence names",
+                               world.distractors, classes));
+  problems.Require(OnTable(spec) + world.distractors <= kMostThings,
+                   fmt::format("randomization.world.distractors: {} beside {} objects, {} fit in all",
+                               world.distractors, OnTable(spec), kMostThings));
+  if (!world.moves_camera() || spec.camera.position.size() != 3 || spec.camera.euler.size() != 3) return;
+  problems.Require(SeesWorkVolume(spec.camera),
+                   "camera: does not see all of the work volume; nor would one that moves (randomization.world)");
 }
 
 void CheckRollout(const RolloutSpec& rollout, Problems& problems) {
@@ -141,6 +159,7 @@ Status CampaignSpec::Validate() const {
                    fmt::format("max_attempts: {} not in 1..1000", max_attempts));
   CheckCamera(camera, problems);
   CheckRandomization(randomization, problems);
+  CheckRandomWorld(*this, problems);
   world.Check(problems.errors());
   problems.InRange("obstacle.in_the_way", obstacle.in_the_way, 0.0, 1.0);
   if (mode == "rollout") CheckRollout(rollout, problems);
@@ -154,6 +173,7 @@ Status CampaignSpec::Validate() const {
 std::string SpecHash(const CampaignSpec& spec) {
   OrderedJson json = ToJson(spec);
   for (const char* key : {"name", "episodes", "split", "max_attempts"}) json.erase(key);
+  if (spec.randomization.world == WorldRandomizationSpec{}) json["randomization"].erase("world");
   json["content"] = kContentVersion;
   // what the tasks' files say, not only what they are called
   OrderedJson& tasks = json["task_files"] = OrderedJson::array();
@@ -165,7 +185,12 @@ std::string SpecHash(const CampaignSpec& spec) {
 }
 
 SceneSpec::SceneSpec(const CampaignSpec& spec)
-    : robot(spec.robots.at(0)), objects(spec.objects), camera(spec.camera), world(spec.world) {}
+    : robot(spec.robots.at(0)),
+      objects(spec.objects),
+      camera(spec.camera),
+      world(spec.world),
+      tables(spec.randomization.world.tables),
+      backdrop(spec.randomization.world.background > 0) {}
 
 namespace {
 

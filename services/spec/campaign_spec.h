@@ -8,6 +8,7 @@
 
 #include "services/core/config.h"
 #include "services/core/result.h"
+#include "services/spec/world_randomization.h"
 #include "services/spec/world_spec.h"
 
 namespace etude {
@@ -38,6 +39,7 @@ struct RandomizationSpec {
   double disturbance = 0.03;              ///< m, size of a push off the path that the expert recovers from
   double disturbance_probability = 0.35;  ///< per motion stage
   double light = 0.0;                     ///< relative change of light and colour
+  WorldRandomizationSpec world;           ///< everything else that one sees
 
   template <class V>
   void Visit(V& v) {
@@ -47,6 +49,7 @@ struct RandomizationSpec {
     v("disturbance", disturbance, "m", "size of a disturbance that the expert recovers from");
     v("disturbance_probability", disturbance_probability, "-", "of a disturbance in each motion stage");
     v("light", light, "-", "relative change of light and colour");
+    v("world", world);
   }
 };
 
@@ -155,6 +158,8 @@ struct SceneSpec {
   std::vector<std::string> objects = CampaignSpec{}.objects;
   CameraSpec camera;
   WorldSpec world;
+  std::vector<std::string> tables;  ///< compiled in beside world.table, so that an episode may have one of them
+  bool backdrop = false;            ///< whether an episode may have another colour behind the table
 
   bool operator==(const SceneSpec&) const = default;
   SceneSpec() = default;
@@ -163,7 +168,8 @@ struct SceneSpec {
 };
 
 /// SHA-256 of what an episode's bytes depend on: kContentVersion and the resolved spec without name, episodes, split
-/// and max_attempts, so that a campaign may be extended and still match what it has collected.
+/// and max_attempts, so that a campaign may be extended and still match what it has collected. Without
+/// randomization.world, too, while all of it is off: campaigns from before it existed go on.
 std::string SpecHash(const CampaignSpec& spec);
 
 /// Episodes after which whole numbers in `split` are met exactly, and again after each such block: their sum over

@@ -87,7 +87,8 @@ EpisodeSeeds SeedsOf(std::uint64_t seed) {
           .light = MixSeed({seed}, "light"),
           .instruction = MixSeed({seed}, "language"),
           .disturbance = MixSeed({seed}, "push"),
-          .planning = MixSeed({seed}, "planning")};
+          .planning = MixSeed({seed}, "planning"),
+          .distractors = MixSeed({seed}, "distractor places")};
 }
 
 EpisodePlan PlanEpisode(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt) {
@@ -107,6 +108,9 @@ EpisodePlan PlanEpisode(const CampaignSpec& spec, std::uint64_t index, std::uint
   plan.scene.robot = spec.robots[index / kEpisodesPerScene % spec.robots.size()];
   plan.scene.objects = objects;
   if (plan.has_obstacle()) plan.scene.objects.push_back(kObstacleObject);
+  plan.distractors = DrawDistractors(spec, index);
+  plan.scene.objects.insert(plan.scene.objects.end(), plan.distractors.begin(), plan.distractors.end());
+  plan.world = DrawWorld(spec, index, SceneNames(plan.scene.objects));
   plan.obstacle = DrawObstaclePlace(spec, index);
   plan.first_draw = spec.scenes == "first_draw";
   plan.avoid = AvoidedOf(plan);

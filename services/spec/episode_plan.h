@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "services/spec/campaign_spec.h"
+#include "services/spec/episode_world.h"
 #include "services/spec/task_name.h"
 
 namespace etude {
@@ -29,22 +30,25 @@ struct EpisodeSeeds {
   std::uint64_t instruction = 0;  ///< the sentence: drawn by who owns the grammar
   std::uint64_t disturbance = 0;  ///< pushes off the path
   std::uint64_t planning = 0;     ///< sampling planners: a stream for each motion
+  std::uint64_t distractors = 0;  ///< places of the distractors
 };
 /// The streams that follow from an attempt's seed.
 EpisodeSeeds SeedsOf(std::uint64_t seed);
 
-/// Scene, task and objects are the same for all attempts, so that a hard object is not swapped for an easy one by a
-/// retry; the seeds are not.
+/// Scene, world, task and objects are the same for all attempts, so that a hard object is not swapped for an easy one
+/// by a retry; the seeds are not.
 struct EpisodePlan {
   std::uint64_t index = 0;
   std::uint32_t attempt = 0;
   std::uint64_t seed = 0;  ///< EpisodeSeed
-  SceneSpec scene;         ///< robot and objects, the obstacle last
+  SceneSpec scene;         ///< robot and objects, then the obstacle, then the distractors
   TaskName task;
   std::string target;                              ///< the scene's name of the object that the task is about
   std::string reference;                           ///< relations: the object to put the target beside; else ""
   std::vector<std::string> avoid;                  ///< objects that the robot must not touch
   ObstaclePlace obstacle = ObstaclePlace::kAside;  ///< counts only for tasks with an obstacle
+  std::vector<std::string> distractors;            ///< objects that only stand there: not to be touched either
+  EpisodeWorld world;                              ///< how this episode looks
   bool first_draw = false;  ///< the first start that is drawn counts, whether the task can be done from it or not
   EpisodeSeeds seeds;
 

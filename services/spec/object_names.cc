@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cctype>
 
+#include "services/core/check.h"
 #include "services/core/config.h"
 #include "services/core/share.h"
 
@@ -14,6 +15,7 @@ namespace etude {
 namespace {
 
 constexpr std::string_view kGenerated = "generated:";
+constexpr std::string_view kDistractor = "distractor_";
 
 std::vector<std::string> Instances(int from, int to) {
   std::vector<std::string> names;
@@ -94,6 +96,17 @@ std::vector<std::string> SceneNames(const std::vector<std::string>& names) {
 std::string ObjectNoun(const std::string& name) {
   const auto generated = ParseGenerated(name);
   return generated ? generated->class_name : SceneName(name);
+}
+
+std::string DistractorName(const std::string& generated) { return std::string(kDistractor) + generated; }
+
+bool IsDistractor(const std::string& name) {
+  return name.starts_with(kDistractor) && ParseGenerated(name.substr(kDistractor.size())).has_value();
+}
+
+std::string WhatDistracts(const std::string& name) {
+  ETUDE_CHECK(IsDistractor(name), "name={}", name);
+  return name.substr(kDistractor.size());
 }
 
 Result<std::vector<std::string>> ExpandObjects(const std::vector<std::string>& names) {

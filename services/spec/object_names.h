@@ -5,6 +5,7 @@
 //   basketball                               the obstacle
 //   apple_00 .. apple_09, mug_00 ..          generated: ten classes of ten instances, drawn from a fixed seed
 //   open_box                                 with the programs as files: a folder in deploy/objects
+//   distractor_apple_00                      a generated one that no sentence names; not for a campaign to ask for
 //   objects/duck, ./duck/object.yaml         imported: the folder that `etude object import` wrote
 #pragma once
 
@@ -52,6 +53,13 @@ std::string SceneName(const std::string& name);
 std::vector<std::string> SceneNames(const std::vector<std::string>& names);
 /// What a sentence calls it: the class of a generated one, else its scene's name.
 std::string ObjectNoun(const std::string& name);
+
+/// A scene's name for a generated object that only stands there, "distractor_apple_00": by its name everyone who meets
+/// it in a scene or an episode knows that no sentence is about it.
+std::string DistractorName(const std::string& generated);
+bool IsDistractor(const std::string& name);
+/// "apple_00" of "distractor_apple_00". @pre IsDistractor(name)
+std::string WhatDistracts(const std::string& name);
 
 /// Replaces "generated:train", "generated:test" and "generated:all" by the names they stand for, in place.
 /// @error kInvalidArgument: another word after "generated:"

@@ -10,6 +10,11 @@
 
 namespace etude {
 
+const std::vector<std::string>& KnownTables() {
+  static const std::vector<std::string> tables{"wood", "cloth", "stone", "plain"};
+  return tables;
+}
+
 void WorldSpec::Check(std::vector<std::string>& errors) const {
   const auto in_range = [&](const char* key, double value, double low, double high) {
     if (!(value >= low && value <= high))
@@ -30,9 +35,8 @@ void WorldSpec::Check(std::vector<std::string>& errors) const {
       light_direction.size() == 3 && light_direction[2] < 0 &&
       std::all_of(light_direction.begin(), light_direction.end(), [](double value) { return std::isfinite(value); });
   if (!shines_down) errors.push_back("world.light_direction: three numbers, the last < 0");
-  static const std::vector<std::string> tables{"wood", "cloth", "stone", "plain"};
-  if (std::find(tables.begin(), tables.end(), table) == tables.end())
-    errors.push_back("world.table: " + NotKnown(table, tables));
+  if (std::ranges::find(KnownTables(), table) == KnownTables().end())
+    errors.push_back("world.table: " + NotKnown(table, KnownTables()));
 }
 
 }  // namespace etude

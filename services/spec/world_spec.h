@@ -7,6 +7,9 @@
 
 namespace etude {
 
+/// wood, cloth, stone, plain
+const std::vector<std::string>& KnownTables();
+
 /// The same for all episodes of a campaign (RandomizationSpec has what changes between episodes; the
 /// camera's place is CameraSpec's). The defaults are the nominal world, byte for byte.
 struct WorldSpec {

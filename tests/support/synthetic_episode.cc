@@ -11,6 +11,7 @@
 #include "services/episode/action.h"
 #include "services/episode/codec.h"
 #include "services/spec/episode_plan.h"
+#include "services/spec/episode_world.h"
 #include "services/store/dataset.h"
 
 namespace etude {
@@ -27,15 +28,8 @@ struct Disc {
   std::array<std::uint8_t, 3> color;
 };
 
-Camera CameraOf(const CampaignSpec& spec) {
-  const auto& c = spec.camera;
-  Camera camera;
-  camera.width = c.width;
-  camera.height = c.height;
-  camera.fovy = c.fovy_deg * M_PI / 180;
-  camera.X_WC.p = {c.position[0], c.position[1], c.position[2]};
-  camera.X_WC.q = FromEuler({c.euler[0], c.euler[1], c.euler[2]});
-  return camera;
+Camera CameraOf(const CampaignSpec& spec, std::uint64_t index) {
+  return ToCamera(DrawCamera(spec, index).value_or(spec.camera));
 }
 
 // wood-like ground with discs on it, far ones first
@@ -140,7 +134,7 @@ Episode MakeSyntheticEpisode(const CampaignSpec& spec, std::uint64_t index, int 
   Rng rng(EpisodeSeed(spec, index, 0));
   Episode episode;
   Describe(episode, spec, index);
-  episode.cameras.push_back({CameraOf(spec), {}});
+  episode.cameras.push_back({CameraOf(spec, index), {}});
   const Camera camera = episode.cameras[0].camera;
 
   std::vector<Vector3d> places = Places(spec.objects.size(), rng);

@@ -15,7 +15,7 @@ struct Embodiment {
   std::string robot;
   int joints = 0;                   ///< numbers of an observation's joints: arm, then gripper
   int width = 0, height = 0;        ///< px, of the camera's picture
-  double fovy = 0;                  ///< rad, vertical
+  double fovy = 0;                  ///< rad, vertical; 0: not known, or it varies
   std::vector<double> camera_pose;  ///< X_WC: x, y, z (m), quaternion w, x, y, z; empty: not known, or it moves
   std::string rotation;             ///< format of rotations in labels and on the wire
   double control_rate = 0;          ///< Hz
@@ -28,7 +28,7 @@ struct Embodiment {
     v("joints", joints, "-", "numbers of an observation's joints");
     v("width", width, "px", "width of the camera's picture");
     v("height", height, "px", "height of the camera's picture");
-    v("fovy", fovy, "rad", "vertical field of view");
+    v("fovy", fovy, "rad", "vertical field of view; 0 when it varies");
     v("camera_pose", camera_pose, "m", "camera in world: x, y, z, quaternion w, x, y, z; empty when it moves");
     v("rotation", rotation, "", "format of rotations");
     v("control_rate", control_rate, "Hz", "control steps a second");

@@ -168,7 +168,7 @@ Result<Metadata> FromText(const std::map<std::string, std::string>& text) {
 OrderedJson GraphOf(const Metadata& metadata) {
   OrderedJson graph = policy::SaidOf(metadata.policy);
   const auto& fits = metadata.embodiment;
-  if (fits.camera_pose.size() != 7) return graph;
+  if (fits.camera_pose.size() != 7 || fits.fovy <= 0) return graph;
   const auto& pose = fits.camera_pose;
   Camera camera{.width = fits.width, .height = fits.height, .fovy = fits.fovy};
   camera.X_WC = {{pose[0], pose[1], pose[2]}, {pose[3], pose[4], pose[5], pose[6]}};

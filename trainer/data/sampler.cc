@@ -74,7 +74,8 @@ std::vector<language::Command> DrawCommands(const Episode& episode, const std::v
   const language::Command demonstrated = CommandOf(episode);
   std::vector<std::string> names;
   for (const auto& object : episode.objects)
-    if (object.name != episode.target && object.name != demonstrated.obstacle) names.push_back(object.name);
+    if (object.name != episode.target && object.name != demonstrated.obstacle && !IsDistractor(object.name))
+      names.push_back(object.name);
   rng.Shuffle(names);
   names.push_back(episode.target);
 
@@ -100,7 +101,8 @@ void AddClauses(const Episode& episode, const std::vector<std::string>& tasks, d
   for (const auto& name : tasks)
     if (const auto task = ParseTask(name); task && task->relation()) relations.push_back(*task);
   std::vector<std::string> names;
-  for (const auto& object : episode.objects) names.push_back(object.name);
+  for (const auto& object : episode.objects)
+    if (!IsDistractor(object.name)) names.push_back(object.name);
   Rng rng(MixSeed({seed}, "clauses"));
   for (std::size_t s = 1; s < commands.size(); ++s) {
     language::Command& command = commands[s];

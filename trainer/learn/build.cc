@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "services/core/log.h"
+#include "services/spec/episode_world.h"
 #include "services/spec/object_names.h"
 #include "services/spec/task_name.h"
 #include "trainer/checkpoint/surgery.h"
@@ -74,6 +75,7 @@ Result<checkpoint::Embodiment> FindEmbodiment(const data::Snapshot& snapshot) {
     const auto other = checkpoint::EmbodimentOf(entry->episode());
     // a camera that moves is part of what is learned
     if (other.camera_pose != embodiment.camera_pose) embodiment.camera_pose.clear();
+    if (other.fovy != embodiment.fovy) embodiment.fovy = 0;
     if (const auto differences = checkpoint::Differences(embodiment, other); !differences.empty())
       return Fail(Code::kInvalidArgument,
                   fmt::format("the dataset is of several kinds: episode {} is not as the first one ({}); a policy fits "
@@ -81,6 +83,16 @@ Result<checkpoint::Embodiment> FindEmbodiment(const data::Snapshot& snapshot) {
                               entry->index, fmt::join(differences, "; ")));
   }
   return embodiment;
+}
+
+// Those that the dataset is drawn with, the ones that are still to come too: a crop must be the same when the run is
+// resumed. Where the spec knows of no moving camera, those that the episodes have.
+std::vector<Camera> CamerasOfDataset(const CampaignSpec& spec, const data::Snapshot& snapshot) {
+  constexpr std::uint64_t kFewest = 4096;
+  if (spec.randomization.world.moves_camera()) return CamerasOf(spec, std::max(kFewest, spec.episodes));
+  std::vector<Camera> cameras;
+  for (const auto& entry : snapshot.episodes()) cameras.push_back(entry->episode().cameras.at(0).camera);
+  return cameras;
 }
 
 Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
@@ -91,7 +103,8 @@ Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
   run.grammar = std::make_shared<const language::Grammar>(std::move(loaded));
   policy::PolicyConfig& config = run.config.policy;
   const auto& camera = snapshot.episodes().front()->episode().cameras.at(0).camera;
-  ETUDE_ASSIGN_OR_RETURN(const auto crop, policy::ResolveCrop(config.image, camera));
+  const std::vector<Camera> cameras = CamerasOfDataset(run.dataset->spec(), snapshot);
+  ETUDE_ASSIGN_OR_RETURN(const auto crop, policy::ResolveCrop(config.image, cameras));
   config.image.crop = policy::ToNumbers(crop);  // a checkpoint says what it saw
   const data::BatchContent content{crop,           camera.width,
                                    camera.height,  run.dataset->spec().tasks,

@@ -32,10 +32,14 @@ std::pair<int, int> Side(double low, double high, int size, int multiple) {
   return {static_cast<int>(std::clamp<double>(first, 0, size - length)), length};
 }
 
-Result<codec::Region> Derive(const ImageConfig& image, const Camera& camera) {
-  const auto& box = image.work_volume;
+/// A rectangle of the picture, px: u, v.
+struct Bounds {
   double low[2] = {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
   double high[2] = {-low[0], -low[1]};
+};
+
+// Extends `bounds` so that they hold the work volume as the camera sees it, and the margin.
+Status Extend(const std::vector<double>& box, const Camera& camera, Bounds& bounds) {
   for (int corner = 0; corner < 8; ++corner) {
     const auto at = [&](int axis) { return box[static_cast<std::size_t>(2 * axis + ((corner >> axis) & 1))]; };
     const Eigen::Vector2d pixel = camera.Project({at(0), at(1), at(2)});
@@ -44,10 +48,18 @@ Result<codec::Region> Derive(const ImageConfig& image, const Camera& camera) {
                   "image.crop: a corner of image.work_volume lies behind the camera; give "
                   "image.crop as numbers");
     for (int i = 0; i < 2; ++i) {
-      low[i] = std::min(low[i], pixel[i] - kMargin);
-      high[i] = std::max(high[i], pixel[i] + kMargin);
+      bounds.low[i] = std::min(bounds.low[i], pixel[i] - kMargin);
+      bounds.high[i] = std::max(bounds.high[i], pixel[i] + kMargin);
     }
   }
+  return {};
+}
+
+Result<codec::Region> Derive(const ImageConfig& image, std::span<const Camera> cameras) {
+  const Camera& camera = cameras.front();
+  Bounds bounds;
+  for (const Camera& one : cameras) ETUDE_RETURN_IF_ERROR(Extend(image.work_volume, one, bounds));
+  const auto& [low, high] = bounds;
   const int multiple = std::max(kMultiple, Stride(image));
   // what the picture does not have cannot be seen: cut before the sides are rounded
   const auto side = [&](int axis, int size) {
@@ -63,9 +75,15 @@ Result<codec::Region> Derive(const ImageConfig& image, const Camera& camera) {
 }  // namespace
 
 Result<codec::Region> ResolveCrop(const ImageConfig& image, const Camera& camera) {
+  return ResolveCrop(image, std::span(&camera, 1));
+}
+
+Result<codec::Region> ResolveCrop(const ImageConfig& image, std::span<const Camera> cameras) {
+  ETUDE_CHECK(!cameras.empty());
+  const Camera& camera = cameras.front();
   codec::Region region;
   if (image.crop.empty()) {
-    ETUDE_ASSIGN_OR_RETURN(region, Derive(image, camera));
+    ETUDE_ASSIGN_OR_RETURN(region, Derive(image, cameras));
   } else {
     region = CropOf(image);
   }

@@ -3,10 +3,10 @@
 
 #include <fmt/format.h>
 
-#include <numbers>
 #include <set>
 
 #include "services/core/hash.h"
+#include "services/spec/episode_world.h"
 #include "worker/assets/geom_writer.h"
 #include "worker/assets/object_parts.h"
 #include "worker/assets/shifted_world.h"
@@ -57,13 +57,7 @@ Result<Camera> MakeCamera(const CameraSpec& spec) {
   if (spec.position.size() != 3 || spec.euler.size() != 3)
     return Fail(Code::kInvalidArgument, fmt::format("camera: position has {} and euler {} numbers, each needs 3",
                                                     spec.position.size(), spec.euler.size()));
-  Camera camera;
-  camera.width = spec.width;
-  camera.height = spec.height;
-  camera.fovy = spec.fovy_deg * std::numbers::pi / 180;
-  camera.X_WC.p = Eigen::Vector3d::Map(spec.position.data());
-  camera.X_WC.q = FromEuler(Eigen::Vector3d::Map(spec.euler.data()));
-  return camera;
+  return ToCamera(spec);
 }
 
 std::string World(const SceneDescription& scene, const CameraSpec& camera) {
@@ -130,6 +124,7 @@ Result<SceneDescription> DescribeScene(const SceneSpec& spec, RobotModel robot, 
   mjcf += "<actuator>\n" + scene.robot.actuator + "</actuator>\n</mujoco>\n";
   scene.mjcf = std::move(mjcf);
   ShiftWorld(spec.world, scene);
+  AddChoices(spec, scene);
   scene.sha256 = Digest(scene);
   return scene;
 }

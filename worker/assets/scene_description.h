@@ -24,6 +24,9 @@ struct SceneDescription {
   std::string sha256;  ///< of MJCF, file names and contents
 };
 
+/// The name of the table's geom.
+inline constexpr const char* kTableGeom = "table";
+
 /// Physics step, s.
 inline constexpr double kTimestep = 0.002;
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <set>
 #include <sstream>
 
 #include "services/core/check.h"
@@ -62,11 +63,16 @@ Canvas TableTexture(const std::string& table) {
   return WoodTexture();
 }
 
-void ShiftTable(const WorldSpec& world, SceneDescription& scene) {
-  Canvas picture = TableTexture(world.table);
-  const Color gain = Color::Map(world.table_colour.data());
+Canvas ColouredTable(const std::string& table, const std::vector<double>& colour) {
+  Canvas picture = TableTexture(table);
+  const Color gain = Color::Map(colour.data());
   for (int y = 0; y < picture.height(); ++y)
     for (int x = 0; x < picture.width(); ++x) picture.at(x, y) = picture.at(x, y).cwiseProduct(gain).cwiseMin(1);
+  return picture;
+}
+
+void ShiftTable(const WorldSpec& world, SceneDescription& scene) {
+  const Canvas picture = ColouredTable(world.table, world.table_colour);
   const auto file = std::find_if(scene.files.begin(), scene.files.end(),
                                  [](const AssetFile& candidate) { return candidate.name == "wood.tex"; });
   ETUDE_CHECK(file != scene.files.end());
@@ -91,6 +97,17 @@ void ShiftObjects(const WorldSpec& world, SceneDescription& scene) {
   }
 }
 
+void AddAsset(const std::string& element, SceneDescription& scene) {
+  Replace(scene.mjcf, "<asset>\n", "<asset>\n" + element);
+}
+
+void AddBackground(const std::vector<double>& colour, SceneDescription& scene) {
+  AddAsset(fmt::format("<texture name=\"{1}\" type=\"skybox\" builtin=\"flat\" rgb1=\"{0}\" "
+                       "rgb2=\"{0}\" width=\"8\" height=\"48\"/>\n",
+                       Numbers(colour), kBackgroundTexture),
+           scene);
+}
+
 }  // namespace
 
 void ShiftWorld(const WorldSpec& world, SceneDescription& scene) {
@@ -101,13 +118,17 @@ void ShiftWorld(const WorldSpec& world, SceneDescription& scene) {
   if (world.table != nominal.table || world.table_colour != nominal.table_colour) ShiftTable(world, scene);
   if (world.object_colour != nominal.object_colour) ShiftObjects(world, scene);
   if (world.friction != nominal.friction) Rewrite(scene.mjcf, "<geom ", "friction", Gain({world.friction}));
-  if (world.background != nominal.background) {
-    const std::string colour = Numbers(world.background);
-    Replace(scene.mjcf, "<asset>\n",
-            fmt::format("<asset>\n<texture name=\"background\" type=\"skybox\" builtin=\"flat\" rgb1=\"{0}\" "
-                        "rgb2=\"{0}\" width=\"8\" height=\"48\"/>\n",
-                        colour));
+  if (world.background != nominal.background) AddBackground(world.background, scene);
+}
+
+void AddChoices(const SceneSpec& spec, SceneDescription& scene) {
+  std::set<std::string> there{spec.world.table};
+  for (const std::string& table : spec.tables) {
+    if (!there.insert(table).second) continue;
+    scene.files.push_back({table + ".tex", ColouredTable(table, spec.world.table_colour).ToTexture()});
+    AddAsset(fmt::format("<texture name=\"{0}\" type=\"2d\" file=\"{0}.tex\"/>\n", table), scene);
   }
+  if (spec.backdrop && spec.world.background == WorldSpec().background) AddBackground(spec.world.background, scene);
 }
 
 }  // namespace etude::assets

@@ -11,4 +11,11 @@ namespace etude::assets {
 /// Leaves sha256 to the caller.
 void ShiftWorld(const WorldSpec& world, SceneDescription& scene);
 
+/// The name of the background's texture; that of a table is the table's.
+inline constexpr const char* kBackgroundTexture = "background";
+
+/// Adds what an episode may have instead of the campaign's own: SceneSpec::tables and SceneSpec::backdrop. Call it
+/// after ShiftWorld. Leaves sha256 to the caller.
+void AddChoices(const SceneSpec& spec, SceneDescription& scene);
+
 }  // namespace etude::assets

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "services/core/check.h"
+#include "worker/assets/shifted_world.h"
 #include "worker/sim/gl_context.h"
 #include "worker/sim/model.h"
 
@@ -37,10 +38,33 @@ class RenderContext {
   const mjrContext* get() const { return &con_; }
   bool offscreen() const { return con_.currentBuffer == mjFB_OFFSCREEN; }
   void Use() { mjr_setBuffer(mjFB_OFFSCREEN, &con_); }
+  /// Fills a texture of `model` with one colour, 0..1, or with its own pixels. Nothing happens when it is so already.
+  void Paint(const mjModel& model, int texture, const std::optional<Eigen::Vector3d>& colour);
 
  private:
   mjrContext con_;
+  std::optional<Eigen::Vector3d> painted_;
 };
+
+void RenderContext::Paint(const mjModel& model, int texture, const std::optional<Eigen::Vector3d>& colour) {
+  if (colour == painted_) return;
+  painted_ = colour;
+  if (!colour) return mjr_uploadTexture(&model, &con_, texture);
+  const auto pixels = static_cast<std::size_t>(model.tex_width[texture]) * model.tex_height[texture];
+  std::vector<mjtByte> rgb;
+  for (std::size_t i = 0; i < pixels; ++i)
+    for (const double channel : *colour)
+      rgb.push_back(static_cast<mjtByte>(std::lround(255 * std::clamp(channel, 0.0, 1.0))));
+  // the model is shared and constant: another view of it, with pixels of our own
+  mjModel view = model;
+  std::vector<int> begins(static_cast<std::size_t>(model.ntex), 0);
+  view.tex_adr = begins.data();
+  view.tex_rgb = rgb.data();
+  mjr_uploadTexture(&view, &con_, texture);
+}
+
+/// Its number, -1 when the model has none of this name.
+int TextureOf(const mjModel& model, const std::string& name) { return mj_name2id(&model, mjOBJ_TEXTURE, name.c_str()); }
 
 /// GL's first row is the bottom one.
 template <class T>
@@ -79,6 +103,8 @@ struct Renderer::Impl {
   mjvCamera camera{};
   std::string gl_renderer;
   Appearance appearance;
+  std::optional<Camera> moved;  // instead of the scene's camera
+  int table_geom = -1, table_texture = -1, background = -1;
   bool has_background = false;
   std::vector<std::uint8_t> segments;
 
@@ -89,7 +115,11 @@ struct Renderer::Impl {
 
   Status Init();
   void Update(const World& world);
+  const Camera& view_from() const { return moved ? *moved : scene->camera(); }
   void Dress();  ///< the drawing as `appearance` says
+  void DressLights();
+  void DressTable(mjvGeom& geom) const;
+  void DressBody(mjvGeom& geom) const;
   void Draw(RenderContext& context, int width, int height, std::uint8_t* rgb);
 };
 
@@ -114,6 +144,8 @@ Status Renderer::Impl::Init() {
   camera.type = mjCAMERA_FIXED;
   camera.fixedcamid = mj_name2id(model.mj.get(), mjOBJ_CAMERA, view.name.c_str());
   ETUDE_CHECK(camera.fixedcamid >= 0, "camera {}", view.name);
+  table_geom = mj_name2id(&mj, mjOBJ_GEOM, assets::kTableGeom);
+  background = TextureOf(mj, assets::kBackgroundTexture);
   return {};
 }
 
@@ -122,10 +154,21 @@ void Renderer::Impl::Update(const World& world) {
   gl->MakeCurrent();
   // MuJoCo asks for mutable data but changes nothing without perturbations
   mjv_updateScene(scene->model().mj.get(), world.state().mj.get(), &option, nullptr, &camera, mjCAT_ALL, &drawing);
+  if (moved) Aim(drawing, *moved);
   Dress();
 }
 
 void Renderer::Impl::Dress() {
+  DressLights();
+  for (int i = 0; i < drawing.ngeom; ++i) {
+    mjvGeom& geom = drawing.geoms[i];
+    if (geom.objtype != mjOBJ_GEOM) continue;
+    if (geom.objid == table_geom) DressTable(geom);
+    DressBody(geom);
+  }
+}
+
+void Renderer::Impl::DressLights() {
   for (int i = 0; i < drawing.nlight; ++i) {
     mjvLight& light = drawing.lights[i];
     for (int k = 0; k < 3; ++k)
@@ -135,19 +178,28 @@ void Renderer::Impl::Dress() {
     Eigen::Map<Eigen::Vector3f> direction(light.dir);
     direction = (direction + appearance.sun_shift.cast<float>()).normalized();
   }
+}
+
+void Renderer::Impl::DressTable(mjvGeom& geom) const {
+  if (table_texture >= 0) geom.texid = table_texture;
+  for (float& times : geom.texrepeat) times /= static_cast<float>(appearance.table_scale);
+  for (int k = 0; k < 3; ++k) geom.rgba[k] *= static_cast<float>(appearance.table_colour[k]);
+}
+
+void Renderer::Impl::DressBody(mjvGeom& geom) const {
   const mjModel& model = *scene->model().mj;
-  for (int i = 0; i < drawing.ngeom && !appearance.tint.empty(); ++i) {
-    mjvGeom& geom = drawing.geoms[i];
-    if (geom.objtype != mjOBJ_GEOM) continue;
-    const auto root = static_cast<std::size_t>(model.body_rootid[model.geom_bodyid[geom.objid]]);
-    for (int k = 0; k < 3 && root < appearance.tint.size(); ++k)
-      geom.rgba[k] *= static_cast<float>(appearance.tint[root][k]);
-  }
+  const auto root = static_cast<std::size_t>(model.body_rootid[model.geom_bodyid[geom.objid]]);
+  for (int k = 0; k < 3 && root < appearance.tint.size(); ++k)
+    geom.rgba[k] *= static_cast<float>(appearance.tint[root][k]);
+  if (root >= appearance.gloss.size()) return;
+  for (float* shine : {&geom.specular, &geom.shininess})
+    *shine = std::clamp(*shine + static_cast<float>(appearance.gloss[root]), 0.0F, 1.0F);
 }
 
 void Renderer::Impl::Draw(RenderContext& context, int width, int height, std::uint8_t* rgb) {
   const mjrRect area{0, 0, width, height};
   context.Use();
+  if (background >= 0) context.Paint(*scene->model().mj, background, appearance.background);
   mjr_render(area, &drawing, context.get());
   mjr_readPixels(rgb, nullptr, area, context.get());
   FlipRows(rgb, static_cast<std::size_t>(width) * 3, height);
@@ -169,10 +221,24 @@ Result<Renderer> Renderer::Open(std::shared_ptr<const Scene> scene, const Render
   return Renderer(std::move(impl));
 }
 
-void Renderer::SetAppearance(const Appearance& appearance) { impl_->appearance = appearance; }
+void Renderer::SetAppearance(const Appearance& appearance) {
+  const mjModel& model = *impl_->scene->model().mj;
+  impl_->table_texture = appearance.table.empty() ? -1 : TextureOf(model, appearance.table);
+  ETUDE_CHECK(appearance.table.empty() || impl_->table_texture >= 0, "the scene has no table '{}'", appearance.table);
+  ETUDE_CHECK(!appearance.background || impl_->background >= 0, "the scene has no backdrop");
+  impl_->appearance = appearance;
+}
+
+void Renderer::SetCamera(const std::optional<Camera>& camera) {
+  const Camera& own = impl_->scene->camera();
+  ETUDE_CHECK(!camera || (camera->width == own.width && camera->height == own.height), "{}x{}", own.width, own.height);
+  impl_->moved = camera;
+}
+
+const Camera& Renderer::camera() const { return impl_->view_from(); }
 
 void Renderer::Render(const World& world, std::span<std::uint8_t> rgb) {
-  const Camera& view = impl_->scene->camera();
+  const Camera& view = impl_->view_from();
   ETUDE_CHECK(rgb.size() == static_cast<std::size_t>(view.width) * view.height * 3, "{} bytes", rgb.size());
   impl_->Update(world);
   impl_->Draw(*impl_->frame, view.width, view.height, rgb.data());
@@ -195,7 +261,7 @@ void Renderer::RenderView(const World& world, const Camera& view, std::span<std:
 }
 
 void Renderer::RenderSegmentation(const World& world, std::span<std::int32_t> body_ids) {
-  const Camera& view = impl_->scene->camera();
+  const Camera& view = impl_->view_from();
   const std::size_t pixels = static_cast<std::size_t>(view.width) * view.height;
   ETUDE_CHECK(body_ids.size() == pixels, "{} ids", body_ids.size());
   impl_->Update(world);
@@ -221,7 +287,7 @@ void Renderer::RenderSegmentation(const World& world, std::span<std::int32_t> bo
 }
 
 void Renderer::RenderDepth(const World& world, std::span<float> depth) {
-  const Camera& view = impl_->scene->camera();
+  const Camera& view = impl_->view_from();
   ETUDE_CHECK(depth.size() == static_cast<std::size_t>(view.width) * view.height, "{} values", depth.size());
   impl_->Update(world);
   const mjrRect area{0, 0, view.width, view.height};

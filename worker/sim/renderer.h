@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -21,8 +22,8 @@ struct RendererConfig {
 };
 
 /// A GL context, its framebuffer and MuJoCo's render state. Use from the thread that made it only.
-/// A picture is a function of the world's state, the appearance and the GL driver: the same bytes
-/// each time.
+/// A picture is a function of the world's state, the appearance, the camera and the GL driver: the same bytes each
+/// time.
 class Renderer {
  public:
   /// @error kUnavailable: no GL; says what was tried and which package to install.
@@ -32,15 +33,21 @@ class Renderer {
   ~Renderer();
 
   /// Light and colours from now on; the default is the scene as described.
+  /// @pre the scene was built with its table (SceneSpec::tables) and with a backdrop, where it asks for them
   void SetAppearance(const Appearance& appearance);
+  /// Where pictures are taken from, from now on; nothing: the scene's own camera.
+  /// @pre its pictures are as large as those of the scene's camera
+  void SetCamera(const std::optional<Camera>& camera);
+  /// The camera that pictures are taken with now: what projects onto them has to use this one.
+  const Camera& camera() const;
 
-  /// Picture of the scene's camera: RGB, camera.height * camera.width * 3 bytes, top row first.
+  /// Picture of the camera: RGB, camera.height * camera.width * 3 bytes, top row first.
   void Render(const World& world, std::span<std::uint8_t> rgb);
   /// A view for people from a free camera looking at `lookat` (videos, README pictures).
   void RenderView(const World& world, const Camera& view, std::span<std::uint8_t> rgb);
-  /// Segmentation of the scene's camera: body id per pixel, -1 background; top row first.
+  /// Segmentation of the camera: body id per pixel, -1 background; top row first.
   void RenderSegmentation(const World& world, std::span<std::int32_t> body_ids);
-  /// Depth of the scene's camera: m along its viewing direction, one value a pixel, top row first; where
+  /// Depth of the camera: m along its viewing direction, one value a pixel, top row first; where
   /// nothing is drawn, the far plane.
   void RenderDepth(const World& world, std::span<float> depth);
 

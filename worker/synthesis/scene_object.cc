@@ -78,6 +78,7 @@ Result<ObjectFacts> ReadObjectFacts(const Path& path) {
 }
 
 Result<assets::ObjectModel> MakeSceneObject(const std::string& name) {
+  if (IsDistractor(name)) return Drawn(name, *ParseGenerated(WhatDistracts(name)));
   if (const auto generated = ParseGenerated(name)) return Drawn(name, *generated);
   if (const auto shared = SharedObject(name)) return Imported(shared->string());
   if (IsObjectPath(name)) return Imported(name);

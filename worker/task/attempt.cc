@@ -93,6 +93,7 @@ void AttemptRunner::Impl::Finish(EpisodeRunner& session, const Verdict& verdict,
   episode.details.update(session.judge().Report());
   episode.details["scene"] = result.scene;
   if (plan.has_obstacle()) episode.details["in_the_way"] = plan.obstacle == ObstaclePlace::kInTheWay;
+  if (plan.world != EpisodeWorld{}) episode.details["world"] = ToJson(plan.world);
   result.episode = std::move(episode);
 }
 

@@ -6,6 +6,8 @@
 #include <algorithm>
 
 #include "services/core/check.h"
+#include "services/spec/object_names.h"
+#include "worker/task/distractor_placing.h"
 #include "worker/task/feasibility_check.h"
 #include "worker/task/start_rule.h"
 #include "worker/task/task_stages.h"
@@ -53,13 +55,16 @@ OrderedJson SceneDraws::Json() const {
 }
 
 SceneDraws EpisodeEnvironment::Prepare(const EpisodePlan& plan, const RandomizationSpec& randomization) {
-  Rng rng(plan.seeds.scene), light_rng(plan.seeds.light);
-  renderer.SetAppearance(sim::DrawAppearance(randomization.light, scene->body_count(), light_rng));
+  Streams streams{Rng(plan.seeds.scene), Rng(plan.seeds.distractors)};
+  Rng light_rng(plan.seeds.light);
+  const auto appearance = sim::DrawAppearance(randomization.light, scene->body_count(), light_rng);
+  renderer.SetAppearance(sim::WithWorld(appearance, plan.world, *scene));
+  renderer.SetCamera(plan.world.camera ? std::optional(ToCamera(*plan.world.camera)) : std::nullopt);
   const auto stages = StagesOf(plan.task, shapes);
   SceneDraws draws;
   for (int left = plan.first_draw ? 1 : kStarts; left > 0; --left) {
     Rejection why;
-    const auto start = Draw(plan, stages, randomization, rng, why);
+    const auto start = Draw(plan, stages, randomization, streams, why);
     if (!start) {
       draws.rejected.push_back(std::move(why));
       continue;
@@ -80,19 +85,13 @@ SceneDraws EpisodeEnvironment::Prepare(const EpisodePlan& plan, const Randomizat
 
 std::optional<EpisodeEnvironment::Start> EpisodeEnvironment::Draw(const EpisodePlan& plan,
                                                                   const std::vector<Stage>& stages,
-                                                                  const RandomizationSpec& randomization, Rng& rng,
-                                                                  Rejection& why) {
-  std::vector<sim::ObjectInfo> infos;
-  const sim::ObjectInfo* ball = nullptr;
-  for (const auto& object : scene->objects()) {
-    if (object.name == kObstacleObject && plan.has_obstacle()) {
-      ball = &object;
-    } else {
-      infos.push_back(object);
-    }
-  }
+                                                                  const RandomizationSpec& randomization,
+                                                                  Streams& streams, Rejection& why) {
+  Rng& rng = streams.scene;
+  const Things things = ThingsOf(plan);
   const StartSpec& start_rule = plan.task.spec->start;
-  auto objects = PlaceObjects(infos, start_rule.roomy() ? RoomyBoxes() : LocationBoxes(), randomization.yaw, rng);
+  auto objects =
+      PlaceObjects(things.objects, start_rule.roomy() ? RoomyBoxes() : LocationBoxes(), randomization.yaw, rng);
   if (!objects) return why = {"no_arrangement", "no arrangement of the objects"}, std::nullopt;
   const PlacedObject* target = Find(*objects, plan.target);
   ETUDE_CHECK(target, "target={}", plan.target);
@@ -106,18 +105,57 @@ std::optional<EpisodeEnvironment::Start> EpisodeEnvironment::Draw(const EpisodeP
   const auto q = DrawArm(plan, randomization, rng);
   if (!q) return why = {"no_arm_start", "no free start of the arm"}, std::nullopt;
   now.X_WE = planner.kinematics().X_WE(*q);
-  if (ball) {
+  if (things.ball) {
     std::vector<PlacedObject> keep_clear = *objects;
     for (const auto& place : start_rule.keep_clear)
       keep_clear.push_back({"", {now.X_WO.p + Eigen::Vector3d(place[0], place[1], 0), {}}});
-    const auto placed = PlaceObstacle(*ball, plan.obstacle, keep_clear, *q, stages.front().goal(now),
+    const auto placed = PlaceObstacle(*things.ball, plan.obstacle, keep_clear, *q, stages.front().goal(now),
                                       planner.kinematics(), checker, rng);
     if (!placed) return why = {"no_obstacle_place", "no place for the obstacle"}, std::nullopt;
     objects->push_back(*placed);
   }
   if (const auto refused = CheckFeasible(stages, now, {&planner.kinematics(), &checker, *q}))
     return why = *refused, std::nullopt;
-  return Start{*objects, *q};
+  Start start{*objects, *q};
+  if (const auto refused = AddDistractors(plan, stages, now, randomization.yaw, start, streams.distractors))
+    return why = *refused, std::nullopt;
+  return start;
+}
+
+EpisodeEnvironment::Things EpisodeEnvironment::ThingsOf(const EpisodePlan& plan) const {
+  Things things;
+  for (const auto& object : scene->objects()) {
+    if (object.name == kObstacleObject && plan.has_obstacle())
+      things.ball = object;
+    else if (IsDistractor(object.name))
+      things.distractors.push_back(object);
+    else
+      things.objects.push_back(object);
+  }
+  return things;
+}
+
+std::optional<Rejection> EpisodeEnvironment::AddDistractors(const EpisodePlan& plan, const std::vector<Stage>& stages,
+                                                            const StageContext& now, double yaw, Start& start,
+                                                            Rng& rng) {
+  const auto feasible = [&] {
+    // the last check has moved the target through its task
+    checker.Attach(plan.target, std::nullopt);
+    checker.SetObject(plan.target, now.X_WO);
+    checker.Allow({});
+    checker.SetGripper(0);
+    if (checker.Check(start.q, kStartMargin)) return false;
+    return !CheckFeasible(stages, now, {&planner.kinematics(), &checker, start.q});
+  };
+  const PlacedScene placed{.infos = &scene->objects(),
+                           .objects = &start.objects,
+                           .roles = {plan.target, plan.reference},
+                           .yaw = yaw,
+                           .feasible = feasible};
+  const auto distractors = PlaceDistractors(ThingsOf(plan).distractors, placed, checker, rng);
+  if (!distractors) return Rejection{"no_distractor_place", "no place for the distractors"};
+  start.objects.insert(start.objects.end(), distractors->begin(), distractors->end());
+  return std::nullopt;
 }
 
 std::optional<Eigen::VectorXd> EpisodeEnvironment::DrawArm(const EpisodePlan& plan,

@@ -32,8 +32,9 @@ struct EpisodeEnvironment {
   /// @error kInvalidArgument (an unknown robot or object), kUnavailable (no GL)
   static Result<std::unique_ptr<EpisodeEnvironment>> Open(const SceneSpec& spec, const sim::RendererConfig& renderer);
 
-  /// Puts world and checker into the start of an attempt: objects, obstacle and arm drawn from the plan's seeds, at
-  /// rest, and such that the task can be done (see feasibility_check.h).
+  /// Puts world and checker into the start of an attempt: objects, obstacle, distractors and arm drawn from the plan's
+  /// seeds, at rest, and such that the task can be done (see feasibility_check.h); and the renderer into the plan's
+  /// world.
   /// @pre this is the environment of `plan.scene`
   SceneDraws Prepare(const EpisodePlan& plan, const RandomizationSpec& randomization);
 
@@ -50,9 +51,22 @@ struct EpisodeEnvironment {
     std::vector<PlacedObject> objects;
     Eigen::VectorXd q;
   };
+  /// The scene's objects by what they are there for.
+  struct Things {
+    std::vector<sim::ObjectInfo> objects, distractors;
+    std::optional<sim::ObjectInfo> ball;  ///< the obstacle
+  };
+  Things ThingsOf(const EpisodePlan& plan) const;
+  /// The streams that a start is drawn from.
+  struct Streams {
+    Rng scene, distractors;
+  };
   /// One draw. `why` gets the reason when it returns nothing.
   std::optional<Start> Draw(const EpisodePlan& plan, const std::vector<Stage>& stages,
-                            const RandomizationSpec& randomization, Rng& rng, Rejection& why);
+                            const RandomizationSpec& randomization, Streams& streams, Rejection& why);
+  /// Adds the distractors to a start in which the task can be done, so that it still can.
+  std::optional<Rejection> AddDistractors(const EpisodePlan& plan, const std::vector<Stage>& stages,
+                                          const StageContext& now, double yaw, Start& start, Rng& rng);
   std::optional<Eigen::VectorXd> DrawArm(const EpisodePlan& plan, const RandomizationSpec& randomization, Rng& rng);
   std::optional<std::string> Settle(const Start& start);
 };

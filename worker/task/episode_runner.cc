@@ -38,8 +38,10 @@ Stopwatch::~Stopwatch() { sum_ += static_cast<double>(NowNs() - start_ns_) * 1e-
 
 Result<EpisodeRunner> EpisodeRunner::Open(const EpisodeParts& parts, const EpisodePlan& plan,
                                           const RecordConfig& config) {
-  const JudgeCase judged{
+  JudgeCase judged{
       .criteria = CriteriaOf(plan.task), .target = plan.target, .reference = plan.reference, .avoid = plan.avoid};
+  for (const auto& name : plan.distractors)
+    if (std::ranges::find(judged.avoid, name) == judged.avoid.end()) judged.avoid.push_back(name);
   ETUDE_ASSIGN_OR_RETURN(Judge judge, Judge::Make(judged, *parts.world, *parts.shapes, parts.checker));
   return EpisodeRunner(parts, plan, config, std::move(judge));
 }
@@ -65,8 +67,8 @@ void EpisodeRunner::PrepareTracks() {
   episode_.actions_abs.columns = kWaypointSize;
   episode_.states.columns = static_cast<int>(world.StateVector().size());
   for (const auto& object : scene.objects()) episode_.objects.push_back({object.name, {.columns = 7}, {.columns = 2}});
-  episode_.cameras.push_back({scene.camera(), {}});
-  const Camera& camera = scene.camera();
+  const Camera& camera = parts_.renderer->camera();
+  episode_.cameras.push_back({camera, {}});
   picture_.resize(static_cast<std::size_t>(camera.width) * camera.height * 3);
 }
 

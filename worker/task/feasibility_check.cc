@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "services/spec/object_names.h"
 #include "worker/task/scene_sampling.h"
 
 namespace etude::task {
@@ -14,7 +15,7 @@ namespace {
 constexpr double kHeldGripper = 0.5;  // opening that stands for "around an object" in checks
 // What the hand holds is never quite where it was planned to be.
 constexpr double kMargin = 0.008;         // m kept free at the goals,
-constexpr double kObstacleMargin = 0.03;  // m from the obstacle, where a touch is a failure
+constexpr double kObstacleMargin = 0.03;  // m from obstacle and distractors, where a touch is a failure
 constexpr double kPlannerMargin = 0.002;  // m that the planner keeps, see plan::Request
 constexpr double kDexterity = 0.06;       // m, see Dexterity
 constexpr double kAside = 0.015;          // m
@@ -38,7 +39,8 @@ std::optional<Rejection> Blocked(const Eigen::VectorXd& q, double margin, Feasib
     return Rejection{"touches", fmt::format("{} touches {}", collision->body_a, collision->body_b)};
   if (margin <= kPlannerMargin || !checker.Check(q, kObstacleMargin)) return std::nullopt;
   for (const auto& near : checker.Distances(q, kObstacleMargin)) {
-    const double least = near.body_b == kObstacleObject ? kObstacleMargin : margin;
+    const bool forbidden = near.body_b == kObstacleObject || IsDistractor(near.body_b);
+    const double least = forbidden ? kObstacleMargin : margin;
     if (near.body_b != "world" && near.body_b != rehearsal.near_wanted && near.distance < least)
       return Rejection{"too_near", fmt::format("{} comes too near to {}", near.body_a, near.body_b)};
   }

@@ -40,7 +40,7 @@ std::string_view ToString(Violation::Kind kind);
 struct JudgeCase {
   Criteria criteria;
   std::string target, reference;
-  std::vector<std::string> avoid;  ///< objects that neither the robot nor the target must touch
+  std::vector<std::string> avoid;  ///< objects that neither the robot nor the target must touch; distractors too
 };
 
 /// Judges one attempt. Feed it every control step. Not thread-safe.

@@ -169,7 +169,7 @@ Result<policy::Answer> Rollout::Ask(const policy::AskFunction& ask) {
   const sim::World& world = session_->world();
   const Eigen::VectorXf arm = world.q().cast<float>();
   const Eigen::VectorXf gripper = world.gripper_q().cast<float>();
-  const Camera& camera = world.scene().camera();
+  const Camera& camera = session_->episode().cameras.at(0).camera;
   policy::Question question;
   question.instruction = instruction_;
   question.robot = session_->episode().robot;

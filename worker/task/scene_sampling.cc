@@ -14,7 +14,6 @@ constexpr int kArrangements = 100;    // whole arrangements tried
 constexpr int kDrawsPerObject = 100;  // places tried for one object of an arrangement
 constexpr int kStartDraws = 100;
 constexpr double kUsualHalf = 0.05;      // m, half as wide as objects are that kMinimumDistance is enough for
-constexpr double kStartMargin = 0.005;   // m kept free around the arm where it starts
 constexpr double kLowStartWidth = 0.30;  // m, +- x of a low start
 constexpr double kLowStartNear = 0.05, kLowStartFar = 0.25;  // m, y
 constexpr double kLowStartHeight = 0.05;                     // m above the lowest

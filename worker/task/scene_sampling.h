@@ -16,6 +16,9 @@ namespace etude::task {
 /// Objects stand at least this far apart, and this far along x too (distinct columns of the picture).
 inline constexpr double kMinimumDistance = 0.10;  // m
 
+/// Kept free around the arm where it starts.
+inline constexpr double kStartMargin = 0.005;  // m
+
 /// A part of the table that one object is put into.
 struct LocationBox {
   double x_min, x_max, y_min, y_max;  ///< m, world

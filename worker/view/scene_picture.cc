@@ -69,7 +69,7 @@ Status WriteScenePictures(const CampaignSpec& spec, const Path& picture, const S
   std::vector<cv::Mat> colours, segmentations, depths;
   for (const std::uint64_t index : options.indices) {
     ETUDE_ASSIGN_OR_RETURN(const auto scene, runner.Show(index, options.attempt));
-    const Camera& camera = scene.world->scene().camera();
+    const Camera& camera = scene.renderer->camera();
     const EpisodePlan& plan = scene.plan;
     fmt::print("episode {}: \"{}\" ({}: {} {}{})\n", index, scene.instruction, plan.scene.robot, plan.task.text(),
                plan.target, plan.reference.empty() ? "" : ", " + plan.reference);

@@ -5,8 +5,10 @@
 #include <gmock/gmock.h>
 
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <map>
+#include <set>
 
 #include "services/core/file.h"
 #include "services/spec/episode_plan.h"
@@ -35,7 +37,7 @@ TEST(CampaignFiles, AllLoadAreNamedAsTheirFileAndSayWhatTheyAre) {
       EXPECT_EQ(spec->episodes % block, 0u) << entry.path() << ": counts are exact only after whole blocks";
     }
   }
-  EXPECT_GE(files, 14);
+  EXPECT_GE(files, 15);
 }
 
 struct Row {
@@ -90,6 +92,35 @@ TEST(CampaignFiles, MixedHasEveryRobotWithEveryTask) {
          {"pick", "push", "put_down", "rotate", "place_left", "place_right", "place_front", "place_behind"})
       EXPECT_TRUE(counts.contains(base)) << robot << " " << base;
   }
+}
+
+// What the stand-in looks like is kept from a policy that is trained on `robust`.
+TEST(CampaignFiles, RobustNeverShowsTheStandIn) {
+  const auto robust = Load("robust"), stand_in = Load("real_world_stand_in");
+  ASSERT_THAT(robust, IsOk());
+  ASSERT_THAT(stand_in, IsOk());
+  const auto near = [](const auto& a, const auto& b, double within) {
+    for (std::size_t i = 0; i < 3; ++i)
+      if (std::abs(a[i] - b[i]) > within) return false;
+    return true;
+  };
+  const CameraSpec& camera = stand_in->camera;
+  std::set<std::string> tables;
+  ASSERT_EQ(robust->episodes, 1600u);
+  for (std::uint64_t i = 0; i < robust->episodes; ++i) {
+    const EpisodePlan plan = PlanEpisode(*robust, i, 0);
+    ASSERT_TRUE(plan.world.camera) << i;
+    EXPECT_TRUE(SeesWorkVolume(*plan.world.camera)) << i;
+    EXPECT_FALSE(near(plan.world.camera->position, camera.position, 0.01)) << i;
+    EXPECT_GT(plan.world.camera->fovy_deg, camera.fovy_deg + 1) << i;
+    tables.insert(plan.world.table);
+    EXPECT_EQ(plan.world.colour.size(), plan.scene.objects.size());
+    for (const auto& [name, gain] : plan.world.colour)
+      EXPECT_FALSE(near(gain, stand_in->world.object_colour, 0.002)) << i << " " << name;
+    EXPECT_FALSE(near(*plan.world.background, stand_in->world.background, 0.002)) << i;
+  }
+  EXPECT_THAT(tables, testing::ElementsAre("plain", "stone", "wood"));
+  EXPECT_THAT(tables, testing::Not(testing::Contains(stand_in->world.table)));
 }
 
 TEST(LoadSpec, SaysWhereCampaignFilesAre) {

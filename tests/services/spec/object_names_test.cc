@@ -55,6 +55,15 @@ TEST(ObjectNames, OfPathsAreTheirLastFolder) {
   EXPECT_EQ(ObjectNoun("cube"), "cube");
 }
 
+TEST(ObjectNames, ADistractorIsKnownByItsName) {
+  EXPECT_EQ(DistractorName("apple_03"), "distractor_apple_03");
+  EXPECT_TRUE(IsDistractor("distractor_apple_03"));
+  EXPECT_EQ(WhatDistracts("distractor_apple_03"), "apple_03");
+  for (const char* name : {"apple_03", "distractor_", "distractor_cube", "distractor_apple", "my/distractor_apple_03"})
+    EXPECT_FALSE(IsDistractor(name)) << name;
+  EXPECT_FALSE(ParseGenerated("distractor_apple_03"));
+}
+
 TEST(ObjectNames, UnknownOnesAreRefusedWithTheNearest) {
   for (const char* name : {"cube", "basketball", "pear_09", "objects/duck"}) EXPECT_THAT(CheckObjectName(name), IsOk());
   EXPECT_THAT(CheckObjectName("lemmon_03"), HasCode(Code::kInvalidArgument));

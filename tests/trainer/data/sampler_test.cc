@@ -148,6 +148,21 @@ TEST(DrawCommands, StartsAgainWhenTheSceneIsSmall) {
   for (const auto& command : commands) EXPECT_NE(episode.FindObject(command.target), nullptr);
 }
 
+TEST(DrawCommands, DistractorsAreNeverSpokenOf) {
+  Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 2);
+  for (auto& object : episode.objects)
+    if (object.name != episode.target && object.name != "milk" && object.name != "bread")
+      object.name = "distractor_" + std::string("apple_00");
+  std::set<std::string> named;
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    auto commands = DrawCommands(episode, {"pick", "place_front"}, 6, seed);
+    AddClauses(episode, {"pick", "place_left"}, 0.5, seed, commands);
+    for (const auto& command : commands) named.insert({command.target, command.reference, command.obstacle});
+  }
+  for (const auto& name : named) EXPECT_THAT(name, testing::Not(testing::HasSubstr("distractor")));
+  EXPECT_TRUE(named.contains(episode.target));
+}
+
 TEST(AddClauses, SpeaksOfWhatTheTasksLackAndLeavesTheTarget) {
   const Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 2);
   const std::vector<std::string> tasks{"pick", "push", "put_down", "place_left", "place_behind"};

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "services/spec/episode_world.h"
 #include "tests/trainer/learn/tiny_run.h"
 #include "trainer/checkpoint/readiness.h"
 #include "trainer/learn/tensors.h"
@@ -134,6 +135,35 @@ TEST_F(KeepTest, ARunDoesNotGoOnWithAnotherRobotOrCamera) {
   ASSERT_FALSE(again);
   EXPECT_EQ(again.error().code, Code::kInvalidArgument);
   for (const char* part : {"robot", "panda", "fovy"}) EXPECT_THAT(again.error().message, HasSubstr(part));
+}
+
+// a crop that depended on the episodes that are there would be another network when the run is resumed
+TEST_F(KeepTest, ACameraThatMovesIsPartOfWhatIsLearned) {
+  CampaignSpec spec = SyntheticSpec(kTinyPicture, kTinyPicture);
+  spec.randomization.world.camera_position = 0.1;
+  spec.randomization.world.fovy_deg = 8;
+  AddSyntheticEpisodes(folder_ / "moving", spec, 0, 12);
+  auto few = data::Dataset::Open(folder_ / "moving");
+  ASSERT_TRUE(few) << few.error().message;
+  const auto config = TinyConfig({"policy.image.crop=[]"});
+
+  const auto run = BuildRun(config, *few, {.out = folder_ / "run"});
+
+  ASSERT_TRUE(run) << run.error().message;
+  EXPECT_EQ((*run)->embodiment.fovy, 0) << "it varies";
+  EXPECT_TRUE((*run)->embodiment.camera_pose.empty());
+  EXPECT_EQ((*run)->embodiment.width, kTinyPicture);
+  const auto crop = policy::CropOf((*run)->config.policy.image);
+  for (const Camera& camera : CamerasOf(spec, 200)) {
+    const auto alone = policy::ResolveCrop(config.policy.image, camera);
+    ASSERT_TRUE(alone) << alone.error().message;
+    EXPECT_LE(crop.width, kTinyPicture);
+    EXPECT_GE(crop.width, alone->width);
+  }
+  AddSyntheticEpisodes(folder_ / "moving", spec, 12, 30);
+  const auto more = BuildRun(config, *data::Dataset::Open(folder_ / "moving"), {.out = folder_ / "other"});
+  ASSERT_TRUE(more) << more.error().message;
+  EXPECT_EQ((*more)->config.policy.image.crop, (*run)->config.policy.image.crop);
 }
 
 // before: "optimizer state 'parameters' is missing or has another size"

@@ -62,6 +62,26 @@ TEST(ResolveCrop, FollowsTheCamera) {
   EXPECT_EQ(small->width, 80);
 }
 
+TEST(ResolveCrop, OfAMovingCameraHoldsWhatEachOfThemSees) {
+  const ImageConfig image = Compact();
+  std::vector<Camera> cameras{CameraOf(60), CameraOf(52), CameraOf(66)};
+  cameras[1].X_WC.p += Eigen::Vector3d(0.1, 0.05, 0.1);
+  cameras[2].X_WC.p -= Eigen::Vector3d(0.1, 0, 0.1);
+  const auto crop = ResolveCrop(image, cameras);
+  ASSERT_TRUE(crop) << crop.error().message;
+  EXPECT_TRUE(codec::Fits(*crop, 224, 224));
+  for (const Camera& camera : cameras) ExpectHolds(image, *crop, camera);
+  const auto alone = ResolveCrop(image, cameras[0]);
+  EXPECT_GT(crop->width, alone->width);
+  EXPECT_EQ(*ResolveCrop(image, std::vector<Camera>(5, cameras[0])), *alone) << "one that stands still";
+
+  cameras.push_back(CameraOf(20));
+  EXPECT_EQ(ResolveCrop(image, cameras)->width, 224) << "no more than the picture has";
+  ImageConfig fixed = image;
+  fixed.crop = {41, 75, 144, 80};
+  EXPECT_EQ(*ResolveCrop(fixed, cameras), (codec::Region{41, 75, 144, 80})) << "as it is asked for";
+}
+
 TEST(ResolveCrop, RefusesWhatCannotBe) {
   ImageConfig image = Compact();
   image.crop = {41, 75, 144, 80};

@@ -83,6 +83,20 @@ TEST_F(ModelTest, RefusesObservationsThatDoNotFit) {
   EXPECT_THAT(error([](auto& o) { o.width = 0xffffffffu; }), HasSubstr("bytes"));
 }
 
+TEST_F(ModelTest, TakesPicturesOfAnyCameraWhenItLearnedFromOneThatMoves) {
+  auto moving = checkpoint::ExampleCheckpoint(config_);
+  moving.metadata.embodiment.fovy = 0;
+  moving.metadata.embodiment.camera_pose.clear();
+  const auto model = Model::FromBytes(checkpoint::Encode(moving).value());
+  ASSERT_TRUE(model) << model.error().message;
+  auto observation = ExampleObservation(3);
+  observation.intrinsics = {20, 20, 24, 24};
+  observation.camera_pose = {1.5, 0, 0.8, 1, 0, 0, 0};
+  const auto action = (*model)->Answer(observation);
+  EXPECT_EQ(action.error, "");
+  EXPECT_FALSE(action.waypoints.empty());
+}
+
 // before, a checkpoint of an early stage drove the robot with the random numbers of a module that nobody had trained
 TEST_F(ModelTest, RefusesWhileAModuleOnTheControlPathIsUntrained) {
   auto early = checkpoint::ExampleCheckpoint(config_);

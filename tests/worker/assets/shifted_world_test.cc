@@ -89,5 +89,29 @@ TEST(ShiftWorld, TablesAreOfDifferentColours) {
   }
 }
 
+TEST(AddChoices, TablesAndABackdropStandBesideTheScenesOwn) {
+  SceneSpec spec;
+  const std::string without = DescribeScene(spec, RobotModel{}).value().sha256;
+  spec.tables = {"wood", "stone", "plain", "stone"};
+  const SceneDescription scene = DescribeScene(spec, RobotModel{}).value();
+  EXPECT_NE(scene.sha256, without);
+  for (const char* table : {"wood", "stone", "plain"}) {
+    EXPECT_EQ(std::ranges::count(scene.files, std::string(table) + ".tex", &AssetFile::name), 1) << table;
+    EXPECT_THAT(scene.mjcf, HasSubstr(std::string("<texture name=\"") + table + "\"")) << table;
+  }
+  EXPECT_THAT(scene.mjcf, HasSubstr("<material name=\"table\" texture=\"wood\"")) << "its own";
+  EXPECT_THAT(scene.mjcf, Not(HasSubstr("skybox")));
+  spec.world.table = "cloth";
+  const SceneDescription other = DescribeScene(spec, RobotModel{}).value();
+  EXPECT_THAT(other.mjcf, HasSubstr("<material name=\"table\" texture=\"cloth\""));
+  EXPECT_EQ(std::ranges::count(other.files, std::string("wood.tex"), &AssetFile::name), 1);
+
+  spec.backdrop = true;
+  EXPECT_THAT(DescribeScene(spec, RobotModel{}).value().mjcf, HasSubstr("type=\"skybox\""));
+  spec.world.background = {0.1, 0.2, 0.3};
+  const std::string mjcf = DescribeScene(spec, RobotModel{}).value().mjcf;
+  EXPECT_EQ(mjcf.find("skybox"), mjcf.rfind("skybox")) << "once";
+}
+
 }  // namespace
 }  // namespace etude::assets

@@ -212,6 +212,146 @@ TEST(Renderer, BackgroundIsNoBody) {
   EXPECT_EQ(picture, before);
 }
 
+double MeanDifference(const Picture& a, const Picture& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += std::abs(int{a[i]} - int{b[i]});
+  return sum / static_cast<double>(a.size());
+}
+
+Picture PictureOf(const SceneSpec& spec) {
+  const auto scene = Scene::Build(spec).value();
+  World world(scene);
+  Renderer renderer = Renderer::Open(scene).value();
+  Picture picture = Blank(scene->camera());
+  renderer.Render(world, picture);
+  return picture;
+}
+
+// The nominal scene, moved without another compiled one.
+CameraSpec Elsewhere() {
+  CameraSpec camera;
+  camera.position = {0.3, 1.3, 1.2};
+  camera.euler = {-0.85, 0.15, 3.0};
+  camera.fovy_deg = 50;
+  return camera;
+}
+
+TEST(Renderer, AMovedCameraTakesThePictureOfASceneThatHasItThere) {
+  World world(FullScene());
+  Renderer renderer = OpenOrDie();
+  const Picture normal = Take(renderer, world);
+  EXPECT_EQ(renderer.camera().X_WC.p, FullScene()->camera().X_WC.p);
+  SceneSpec spec;
+  spec.camera = Elsewhere();
+  const Picture there = PictureOf(spec);
+  renderer.SetCamera(ToCamera(spec.camera));
+  EXPECT_LT(MeanDifference(Take(renderer, world), there), 0.1);
+  EXPECT_GT(MeanDifference(normal, there), 5);
+  EXPECT_EQ(renderer.camera().fovy, ToCamera(spec.camera).fovy);
+
+  // its segmentation and its depth are of the same place
+  std::vector<std::int32_t> ids(224 * 224);
+  renderer.RenderSegmentation(world, ids);
+  for (const char* name : {"cube", "coke", "pepsi"}) {
+    const Eigen::Vector2d seen = Centroid(ids, 224, world.BodyId(name));
+    EXPECT_LT((seen - renderer.camera().Project(world.ObjectPose(name).p)).norm(), 4) << name;
+  }
+  std::vector<float> depth(224 * 224);
+  renderer.RenderDepth(world, depth);
+  const Eigen::Vector3d on_table(0.1, 0.5, 0);
+  const Eigen::Vector2d pixel = renderer.camera().Project(on_table);
+  EXPECT_NEAR(depth[static_cast<std::size_t>(pixel.y()) * 224 + static_cast<std::size_t>(pixel.x())],
+              -(renderer.camera().X_WC.inverse() * on_table).z(), 0.015);
+
+  renderer.SetCamera(std::nullopt);
+  EXPECT_EQ(Take(renderer, world), normal);
+}
+
+TEST(Renderer, AnotherTableIsThatOfASceneThatHasIt) {
+  SceneSpec spec;
+  spec.tables = {"wood", "stone"};
+  const auto scene = Scene::Build(spec).value();
+  World world(scene);
+  Renderer renderer = Renderer::Open(scene).value();
+  const auto take = [&](const Appearance& appearance) {
+    renderer.SetAppearance(appearance);
+    Picture picture = Blank(scene->camera());
+    renderer.Render(world, picture);
+    return picture;
+  };
+  SceneSpec stone;
+  stone.world.table = "stone";
+  const Picture wood = take({});
+  EXPECT_EQ(wood, PictureOf(SceneSpec())) << "more tables compiled in change nothing";
+  EXPECT_EQ(take({.table = "stone"}), PictureOf(stone));
+  EXPECT_EQ(take({.table = "wood"}), wood);
+  const Picture large = take({.table_scale = 3});
+  EXPECT_GT(MeanDifference(large, wood), 0.5);
+  const Picture red = take({.table_colour = {1, 0.5, 0.5}});
+  EXPECT_LT(Mean(red), 0.9 * Mean(wood));
+  EXPECT_EQ(take({}), wood);
+}
+
+TEST(Renderer, AnotherBackgroundIsThatOfASceneThatHasIt) {
+  SceneSpec spec, blue;
+  spec.backdrop = true;
+  const auto scene = Scene::Build(spec).value();
+  World world(scene);
+  Renderer renderer = Renderer::Open(scene).value();
+  const auto take = [&](const Appearance& appearance) {
+    renderer.SetAppearance(appearance);
+    Picture picture = Blank(scene->camera());
+    renderer.Render(world, picture);
+    return picture;
+  };
+  const Picture black = take({});
+  EXPECT_EQ(black, PictureOf(SceneSpec()));
+  blue.world.background = {0.2, 0.4, 0.6};
+  EXPECT_EQ(take({.background = Eigen::Vector3d(0.2, 0.4, 0.6)}), PictureOf(blue));
+  const Picture first = take({.background = Eigen::Vector3d(0.9, 0, 0)});
+  EXPECT_NEAR(first[0], 230, 1);
+  Camera view = scene->camera();
+  view.width = view.height = 256;
+  Picture large = Blank(view);
+  renderer.RenderView(world, view, large);
+  EXPECT_NEAR(large[0], 230, 1) << "in a larger picture, too";
+  EXPECT_EQ(take({}), black);
+}
+
+TEST(Renderer, AWorldDressesItsObjectsAndNothingElse) {
+  World world(FullScene());
+  Renderer renderer = OpenOrDie();
+  const Picture normal = Take(renderer, world);
+  std::vector<std::int32_t> ids(224 * 224);
+  renderer.RenderSegmentation(world, ids);
+  renderer.SetAppearance(WithWorld({}, EpisodeWorld{}, *FullScene()));
+  EXPECT_EQ(Take(renderer, world), normal);
+  for (const EpisodeWorld& drawn : {EpisodeWorld{.colour = {{"milk", {0.5, 1, 1}}}, .gloss = {}},
+                                    EpisodeWorld{.colour = {}, .gloss = {{"milk", 0.8}}}}) {
+    renderer.SetAppearance(WithWorld({}, drawn, *FullScene()));
+    const Picture dressed = Take(renderer, world);
+    int changed = 0;
+    for (std::size_t i = 0; i < dressed.size(); ++i) {
+      if (dressed[i] == normal[i]) continue;
+      ++changed;
+      EXPECT_EQ(ids[i / 3], world.BodyId("milk"));
+    }
+    EXPECT_GT(changed, 20);
+  }
+}
+
+TEST(Renderer, ASunThatShinesFromElsewhereIsThatOfASceneThatHasIt) {
+  World world(FullScene());
+  Renderer renderer = OpenOrDie();
+  const Picture normal = Take(renderer, world);
+  SceneSpec spec;
+  const Eigen::Vector3d sun = Eigen::Vector3d(-0.10, -0.45, -1).normalized(), shift(0.4, 0.3, 0.1);
+  spec.world.light_direction = {sun.x() + shift.x(), sun.y() + shift.y(), sun.z() + shift.z()};
+  renderer.SetAppearance(WithWorld({}, EpisodeWorld{.sun_shift = {0.4, 0.3, 0.1}}, *FullScene()));
+  EXPECT_LT(MeanDifference(Take(renderer, world), PictureOf(spec)), 0.05);
+  EXPECT_GT(MeanDifference(normal, PictureOf(spec)), 0.3);
+}
+
 TEST(Renderer, RefusesUnknownBackend) {
   const auto renderer = Renderer::Open(FullScene(), {.backend = "vulkan"});
   ASSERT_FALSE(renderer);
