@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "services/campaign/suite_report.h"
 #include "services/core/statistics.h"
 
 namespace etude::campaign {
@@ -40,11 +41,7 @@ OrderedJson Share(const Rows& rows, bool RolloutRow::*criterion) {
   const auto n = static_cast<std::uint64_t>(rows.size());
   const auto successes = static_cast<std::uint64_t>(
       std::count_if(rows.begin(), rows.end(), [&](const RolloutRow* row) { return row->*criterion; }));
-  const auto interval = WilsonInterval(successes, n);
-  return {{"successes", successes},
-          {"share", n == 0 ? 0.0 : static_cast<double>(successes) / static_cast<double>(n)},
-          {"low", interval.low},
-          {"high", interval.high}};
+  return ShareJson(successes, n);
 }
 
 OrderedJson Summarise(const std::string& task, const Rows& rows) {
@@ -83,6 +80,9 @@ OrderedJson RowJson(const RolloutRow& row) {
                    {"checkpoint_step", row.checkpoint_step}};
   json["error_cm"] = row.error_cm;
   json["error_before_contact_cm"] = row.error_before_contact_cm;
+  if (row.covered) json["covered"] = *row.covered;
+  if (row.pushes) json["pushes"] = *row.pushes;
+  if (row.pushes) json["pushes_missed"] = row.pushes_missed;
   return json;
 }
 
@@ -108,6 +108,16 @@ void ReadJudgement(const OrderedJson& details, RolloutRow& row) {
       if (object.is_string()) row.disturbed.push_back(object.get<std::string>());
 }
 
+void ReadHardships(const OrderedJson& details, RolloutRow& row) {
+  if (details.contains("occlusion") && details["occlusion"].is_object() && details["occlusion"].contains("covered")) {
+    const OrderedJson& covered = details["occlusion"]["covered"];
+    if (covered.is_number() && std::isfinite(covered.get<double>())) row.covered = covered.get<double>();
+  }
+  if (!details.contains("pushes") || !details["pushes"].is_array()) return;
+  row.pushes = static_cast<int>(details["pushes"].size());
+  row.pushes_missed = static_cast<int>(std::min<std::uint64_t>(UnsignedOr0(details, "pushes_missed"), 1'000'000));
+}
+
 void ReadDecisions(const OrderedJson& decisions, RolloutRow& row) {
   std::map<std::string, std::vector<double>> all, before;
   for (const auto& decision : decisions) {
@@ -128,11 +138,6 @@ void ReadDecisions(const OrderedJson& decisions, RolloutRow& row) {
   for (const auto& [module, values] : before) row.error_before_contact_cm[module] = Mean(values);
 }
 
-std::string ShareText(const OrderedJson& share) {
-  return fmt::format("{:5.1f} [{:.1f}, {:.1f}]", 100 * share["share"].get<double>(), 100 * share["low"].get<double>(),
-                     100 * share["high"].get<double>());
-}
-
 std::string TableLine(const OrderedJson& summary, const std::vector<std::string>& modules) {
   std::string line = fmt::format("{:<18} {:>5} {:>20} {:>20} {:>10} {:>7}", summary["task"].get<std::string>(),
                                  summary["n"].get<std::uint64_t>(), ShareText(summary["success"]),
@@ -149,6 +154,19 @@ std::string TableLine(const OrderedJson& summary, const std::vector<std::string>
 
 }  // namespace
 
+OrderedJson ShareJson(std::uint64_t successes, std::uint64_t n) {
+  const auto interval = WilsonInterval(successes, n);
+  return {{"successes", successes},
+          {"share", n == 0 ? 0.0 : static_cast<double>(successes) / static_cast<double>(n)},
+          {"low", interval.low},
+          {"high", interval.high}};
+}
+
+std::string ShareText(const OrderedJson& share) {
+  return fmt::format("{:5.1f} [{:.1f}, {:.1f}]", 100 * share["share"].get<double>(), 100 * share["low"].get<double>(),
+                     100 * share["high"].get<double>());
+}
+
 RolloutRow RowOf(const Episode& rollout) {
   RolloutRow row;
   row.index = rollout.index;
@@ -161,6 +179,7 @@ RolloutRow RowOf(const Episode& rollout) {
   row.steps = rollout.steps();
   if (!rollout.details.is_object()) return row;
   ReadJudgement(rollout.details, row);
+  ReadHardships(rollout.details, row);
   if (rollout.details.contains("decisions")) ReadDecisions(rollout.details["decisions"], row);
   return row;
 }
@@ -182,6 +201,7 @@ OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, R
     report["per_task"].push_back(Summarise(task, of_task));
   }
   report["overall"] = Summarise("overall", all);
+  AddSuites(spec, rows, report);
   report["per_episode"] = OrderedJson::array();
   for (const auto* row : all) report["per_episode"].push_back(RowJson(*row));
   return report;

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -33,17 +34,27 @@ struct RolloutRow {
   /// that never had to decide, or a policy without that module).
   std::map<std::string, double> error_cm;
   std::map<std::string, double> error_before_contact_cm;  ///< of the decisions before the arm touched the target
+  std::optional<double> covered;  ///< mean share of the target's pixels under blocks; only where some were to be
+  std::optional<int> pushes;      ///< of the target; only where some were wanted
+  int pushes_missed = 0;
 };
 
 /// Reads what the worker recorded in episode.details: "success_latched", "violations" (a list of {"kind", ...}),
-/// "disturbed_objects", "latency_steps", and "decisions", a list with one map a decision: {"step": n,
-/// "checkpoint_step": n, "touched": bool, "error_m": {MODULE: m}}. What is missing or not finite is left out.
+/// "disturbed_objects", "latency_steps", "occlusion" ({"covered"}), "pushes" (a list), "pushes_missed", and
+/// "decisions", a list with one map a decision: {"step": n, "checkpoint_step": n, "touched": bool, "error_m": {MODULE:
+/// m}}. What is missing or not finite is left out.
 RolloutRow RowOf(const Episode& rollout);
 
 /// {"per_task": [...], "overall": {...}, "per_episode": [...]}: n; by each criterion successes, their share and
 /// Wilson's low and high ("success": strict, "success_latched": the authors'); rollouts with violations, by kind, and
 /// with other objects moved; error_cm and error_before_contact_cm per module: means over rollouts of their means.
+/// What a spec asks for beyond that is added by suite_report.h.
 OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, RolloutRow>& rows);
+
+/// {"successes", "share", "low", "high"}: Wilson's interval.
+OrderedJson ShareJson(std::uint64_t successes, std::uint64_t n);
+/// "50.0 [15.0, 85.0]", in %. @param share  of ShareJson
+std::string ShareText(const OrderedJson& share);
 
 /// The report as a table for a terminal, and what its columns mean.
 std::string EvalTable(const OrderedJson& report);

@@ -5,14 +5,19 @@
 #include <optional>
 
 #include "services/bus/directory.h"
+#include "services/campaign/eval_comparison.h"
 #include "services/campaign/eval_report.h"
 #include "services/campaign/scene_report.h"
 #include "services/campaign/spec_file.h"
+#include "services/campaign/suite_report.h"
 #include "services/cli/command_line.h"
 #include "services/cli/evaluation.h"
+#include "services/cli/sentence_suite.h"
 #include "services/cli/service.h"
 #include "services/core/hash.h"
+#include "services/core/log.h"
 #include "services/core/stop.h"
+#include "services/store/dataset.h"
 #include "services/store/safetensors.h"
 
 namespace etude::cli {
@@ -25,6 +30,9 @@ struct Arguments {
   int workers = DefaultWorkers();
   std::vector<std::string> overrides;
   bool first_draw = false;
+  std::string sentences;  // table8, table11 or a file
+  std::uint64_t scenes_each = 3;
+  std::string compare;
   BusArguments bus;
   Claim claim = Claim::kRefuse;
 };
@@ -86,18 +94,53 @@ Result<PolicyChoice> FollowRun(const bus::Participant& participant, const Argume
   return PolicyChoice{run, ServiceOf(arguments, {"--subscribe", run.text()})};
 }
 
-Result<CampaignSpec> Spec(const Arguments& arguments) {
-  CampaignSpec base;
-  if (!arguments.scenes.empty()) {
-    ETUDE_ASSIGN_OR_RETURN(base, campaign::LoadSpec({arguments.scenes, {}, {}, {}}));
+// The campaign whose scenes are used.
+Result<CampaignSpec> BaseSpec(const Arguments& arguments) {
+  if (arguments.scenes.empty()) return CampaignSpec();
+  return campaign::LoadSpec({arguments.scenes, {}, {}, {}});
+}
+
+Result<CampaignSpec> Spec(const CampaignSpec& base, Arguments& arguments) {
+  EvaluationOptions& evaluation = arguments.evaluation;
+  if (!arguments.sentences.empty()) {
+    ETUDE_ASSIGN_OR_RETURN(evaluation.sentences, LoadSentences(arguments.sentences));
+    evaluation.episodes = arguments.scenes_each * evaluation.sentences.size();
   }
-  CampaignSpec spec = EvaluationSpec(base, arguments.evaluation);
+  CampaignSpec spec = EvaluationSpec(base, evaluation);
   if (arguments.first_draw) spec.scenes = "first_draw";
-  return campaign::WithOverrides(std::move(spec), arguments.overrides);
+  ETUDE_ASSIGN_OR_RETURN(spec, campaign::WithOverrides(std::move(spec), arguments.overrides));
+  if (arguments.compare.empty()) return spec;
+  // said now, not after an hour of rollouts that cannot be paired
+  ETUDE_ASSIGN_OR_RETURN(const auto other, store::DatasetReader::Open(Path(arguments.compare) / "rollouts"));
+  ETUDE_RETURN_IF_ERROR(campaign::CheckSameScenes(spec, other.spec(), arguments.compare));
+  return spec;
+}
+
+// OUT against the other evaluation: printed, and OUT/comparison.json.
+Status Compare(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson comparison, campaign::CompareEvaluations(arguments.out, arguments.compare));
+  const Path file = Path(arguments.out) / "comparison.json";
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(file, comparison.dump(1) + "\n"));
+  fmt::print("{}comparison {}\n", campaign::ComparisonText(comparison), file.string());
+  return {};
+}
+
+Status Report(const Arguments& arguments, const CampaignSpec& base, OrderedJson report) {
+  if (report.contains("per_sentence")) {
+    // the collector has ended: nobody else writes the file now
+    const Status added = AddNeverSeen(base.tasks, base.objects, report);
+    if (!added) Log().warn("which words training never said: {}", added.error().message);
+    ETUDE_RETURN_IF_ERROR(WriteFileAtomically(arguments.evaluation.out / "eval.json", report.dump(1) + "\n"));
+  }
+  fmt::print("{}{}{}{}report {}/eval.json  videos {}/videos\n", campaign::EvalTable(report),
+             campaign::SuitesText(report), campaign::SentencesText(report), campaign::ScenesText(report), arguments.out,
+             arguments.out);
+  return {};
 }
 
 Status Eval(Arguments arguments) {
   arguments.evaluation.out = arguments.out;
+  if (arguments.checkpoint.empty() && arguments.subscribe.empty()) return Compare(arguments);
   PolicyChoice choice;
   if (!arguments.checkpoint.empty()) {
     ETUDE_ASSIGN_OR_RETURN(choice, ServeCheckpoint(arguments));
@@ -107,7 +150,8 @@ Status Eval(Arguments arguments) {
     ETUDE_ASSIGN_OR_RETURN(choice, FollowRun(participant, arguments));
   }
   arguments.evaluation.run = choice.run.name;
-  ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, Spec(arguments));
+  ETUDE_ASSIGN_OR_RETURN(const CampaignSpec base, BaseSpec(arguments));
+  ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, Spec(base, arguments));
   std::optional<Service> policy;
   if (choice.service) {
     ETUDE_ASSIGN_OR_RETURN(auto started, Service::Start(*choice.service));
@@ -127,9 +171,50 @@ Status Eval(Arguments arguments) {
   }
   if (policy) policy->Stop(std::chrono::seconds(5));
   if (StopRequested()) fmt::print("stopped, run again to continue\n");
-  fmt::print("{}{}report {}/eval.json  videos {}/videos\n", campaign::EvalTable(report), campaign::ScenesText(report),
-             arguments.out, arguments.out);
-  return {};
+  ETUDE_RETURN_IF_ERROR(Report(arguments, base, std::move(report)));
+  return arguments.compare.empty() ? Status() : Compare(arguments);
+}
+
+}  // namespace
+
+namespace {
+
+// Which scenes, and what is said in them.
+void AddScenes(CLI::App& command, Arguments& arguments) {
+  EvaluationOptions& evaluation = arguments.evaluation;
+  auto* episodes = command.add_option("--episodes", evaluation.episodes, "rollouts")->capture_default_str();
+  command.add_option("--seed", evaluation.seed, "of the scenes; never meets a collection's")->capture_default_str();
+  auto* tasks = command.add_option("--tasks", evaluation.tasks,
+                                   "comma-separated; left out: those of --scenes, else pick,push,put_down");
+  tasks->delimiter(',')->allow_extra_args(false);
+  command.add_option("--scenes", arguments.scenes,
+                     "campaign file whose robots, tasks, camera, objects and randomisation to use");
+  command.add_flag("--first-draw", arguments.first_draw,
+                   "take scenes as they are drawn; those in which the expert cannot do the task are counted, shown "
+                   "and left out of n");
+  auto* sentences =
+      command.add_option("--sentences", arguments.sentences,
+                         "say these, each in scenes of what it means: table8 | table11 (the paper's, which training "
+                         "never says) | a file with a line 'TASK OBJECT: SENTENCE' each");
+  sentences->excludes(tasks)->excludes(episodes);
+  command.add_option("--scenes-each", arguments.scenes_each, "scenes in which each of --sentences is said")
+      ->check(CLI::Range(1, 1000))
+      ->needs(sentences)
+      ->capture_default_str();
+}
+
+// What makes it harder.
+void AddHardships(CLI::App& command, EvaluationOptions& evaluation) {
+  command
+      .add_option(
+          "--occlude", evaluation.occlude,
+          "share of the target's pixels under grey blocks, in every picture (the paper's: 0.2, 0.42, 0.68, 0.8)")
+      ->check(CLI::Range(0.0, 1.0));
+  command
+      .add_option("--pushes", evaluation.pushes,
+                  "times that the target is slid 3 to 6 cm away before the robot has touched it (more: --set "
+                  "rollout.pushes.KEY=VALUE)")
+      ->check(CLI::Range(0, 10));
 }
 
 }  // namespace
@@ -141,28 +226,21 @@ void AddEval(CLI::App& app, Body& body) {
   auto* subscribe = command->add_option("--subscribe", arguments->subscribe,
                                         "a run's checkpoints on the bus: NAME, NAME@ID, or its folder");
   checkpoint->excludes(subscribe);
-  EvaluationOptions& evaluation = arguments->evaluation;
-  command->add_option("--episodes", evaluation.episodes, "rollouts")->capture_default_str();
-  command->add_option("--seed", evaluation.seed, "of the scenes; never meets a collection's")->capture_default_str();
   command->add_option("--workers", arguments->workers, "local workers")
       ->check(CLI::Range(0, 100))
       ->capture_default_str();
   command->add_option("--out", arguments->out, "folder for eval.json, rollouts and videos")->required();
-  command
-      ->add_option("--tasks", evaluation.tasks, "comma-separated; left out: those of --scenes, else pick,push,put_down")
-      ->delimiter(',')
-      ->allow_extra_args(false);
-  command->add_option("--videos", evaluation.videos, "at most so many mp4 files")->capture_default_str();
-  command->add_option("--scenes", arguments->scenes,
-                      "campaign file whose robots, tasks, camera, objects and randomisation to use");
-  command->add_flag("--first-draw", arguments->first_draw,
-                    "take scenes as they are drawn; those in which the expert cannot do the task are counted, shown "
-                    "and left out of n");
+  command->add_option("--videos", arguments->evaluation.videos, "at most so many mp4 files")->capture_default_str();
+  AddScenes(*command, *arguments);
+  AddHardships(*command, arguments->evaluation);
+  command->add_option("--compare", arguments->compare,
+                      "folder of another evaluation of the same scenes: then who succeeded where, and whether it can "
+                      "be chance; without a policy OUT is one, too");
   AddOverrides(*command, arguments->overrides, "rollout.replan_steps=10");
   bus::AddClaim(*command, arguments->claim);
   arguments->bus.Add(*command);
   command->callback([arguments, command, &body] {
-    if (arguments->checkpoint.empty() && arguments->subscribe.empty())
+    if (arguments->checkpoint.empty() && arguments->subscribe.empty() && arguments->compare.empty())
       throw CLI::RequiredError("--checkpoint or --subscribe");
     body = [arguments] { return Eval(*arguments); };
   });

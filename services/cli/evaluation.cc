@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "services/campaign/eval_report.h"
 #include "services/campaign/spec_file.h"
 #include "services/campaign/worker_client.h"
@@ -14,6 +16,19 @@
 #include "services/episode/bounded_json.h"
 
 namespace etude::cli {
+
+namespace {
+
+// What is said settles what is done.
+void SpeakSentences(const std::vector<SentenceSpec>& sentences, CampaignSpec& spec) {
+  spec.rollout.sentences = sentences;
+  spec.tasks.clear();
+  spec.task_weights.clear();
+  for (const auto& sentence : sentences)
+    if (std::ranges::count(spec.tasks, sentence.task) == 0) spec.tasks.push_back(sentence.task);
+}
+
+}  // namespace
 
 CampaignSpec EvaluationSpec(const CampaignSpec& base, const EvaluationOptions& options) {
   CampaignSpec spec = base;
@@ -31,6 +46,9 @@ CampaignSpec EvaluationSpec(const CampaignSpec& base, const EvaluationOptions& o
   spec.seed = MixSeed({options.seed}, "evaluation");
   spec.max_attempts = 3;
   spec.rollout.run = options.run;
+  if (options.occlude) spec.rollout.occlude = *options.occlude;
+  if (options.pushes) spec.rollout.pushes.count = *options.pushes;
+  if (!options.sentences.empty()) SpeakSentences(options.sentences, spec);
   return spec;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,13 +23,17 @@ struct EvaluationOptions {
   std::uint64_t episodes = 80;
   std::uint64_t seed = 1;
   int videos = 12;  ///< at most so many mp4 files, failures first
+  /// In place of the campaign's; sentences bring their tasks.
+  std::optional<double> occlude;
+  std::optional<int> pushes;
+  std::vector<SentenceSpec> sentences;
   Path out;
 };
 
 /// The rollout campaign of an evaluation, from a campaign whose scenes it shares, and whose tasks and weights unless
 /// `options` name others. Pick, push and put down without weights are weighted 4:3:3 (80 = 32 pick, 24 push, 24 put
-/// down). The seed is mixed with a constant of evaluations, so that no rollout's scene is one that a collection with
-/// any seed drew.
+/// down). Sentences bring their own tasks, in the order in which they first come. The seed is mixed with a constant of
+/// evaluations, so that no rollout's scene is one that a collection with any seed drew.
 CampaignSpec EvaluationSpec(const CampaignSpec& base, const EvaluationOptions& options);
 
 /// Runs the campaign with local workers and writes OUT/eval.json as it goes, then OUT/videos.

@@ -17,21 +17,6 @@ struct HeldOutArguments {
   bool as_json = false;
 };
 
-// All words of all sentences for `tasks` on `objects`, in any style.
-Result<std::set<std::string>> SeenWords(const language::Grammar& grammar, const HeldOutArguments& arguments) {
-  std::set<std::string> seen;
-  for (const auto& name : arguments.tasks) {
-    ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
-    for (std::size_t i = 0; i < arguments.objects.size(); ++i) {
-      const auto& next = arguments.objects[(i + 1) % arguments.objects.size()];
-      const auto command = language::CommandFor(task, arguments.objects[i], task.relation() ? next : "");
-      ETUDE_RETURN_IF_ERROR(grammar.Check(command));
-      seen.merge(grammar.Words(command));
-    }
-  }
-  return seen;
-}
-
 struct Row {
   std::string text, meaning;
   std::vector<std::string> unseen;
@@ -56,7 +41,7 @@ OrderedJson ToJson(const std::vector<Row>& rows) {
 
 Status HeldOut(const HeldOutArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto grammar, language::Grammar::LoadFor(arguments.objects, arguments.tasks));
-  ETUDE_ASSIGN_OR_RETURN(const auto seen, SeenWords(grammar, arguments));
+  ETUDE_ASSIGN_OR_RETURN(const auto seen, language::SeenWords(grammar, arguments.tasks, arguments.objects));
   std::vector<Row> sentences, phrases;
   for (const auto& held_out : language::HeldOutSentences())
     sentences.push_back(

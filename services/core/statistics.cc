@@ -18,6 +18,24 @@ Interval WilsonInterval(std::uint64_t successes, std::uint64_t trials) {
   return {std::max(0.0, centre - half), std::min(1.0, centre + half)};
 }
 
+double McNemarExactP(std::uint64_t only_first, std::uint64_t only_second) {
+  const std::uint64_t n = only_first + only_second, fewer = std::min(only_first, only_second);
+  if (only_first == only_second) return 1;
+  // sum of n over i, i = 0 .. fewer, as sum * 2^exponent: from n = 1024 on a binomial may be beyond a double
+  constexpr int kScale = 512;
+  double term = 1, sum = 1;
+  std::int64_t exponent = 0;
+  for (std::uint64_t i = 0; i < fewer; ++i) {
+    term = term * static_cast<double>(n - i) / static_cast<double>(i + 1);
+    sum += term;
+    if (sum < std::ldexp(1.0, kScale)) continue;
+    term = std::ldexp(term, -kScale), sum = std::ldexp(sum, -kScale);
+    exponent += kScale;
+  }
+  const std::int64_t power = std::max<std::int64_t>(exponent + 1 - static_cast<std::int64_t>(n), -10'000);
+  return std::min(1.0, std::ldexp(sum, static_cast<int>(power)));
+}
+
 double Quantile(std::vector<double> values, double q) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
   const double position = q * static_cast<double>(values.size() - 1);

@@ -16,6 +16,12 @@ struct Interval {
 /// Source: Wilson (1927), "Probable inference, the law of succession, and statistical inference".
 Interval WilsonInterval(std::uint64_t successes, std::uint64_t trials);
 
+/// Exact two-sided McNemar test of two classifiers on the same cases: the probability that a fair coin splits the cases
+/// on which just one of them was right at least as unevenly as `only_first` to `only_second`. 1 when there are none.
+/// Source: McNemar (1947), "Note on the sampling error of the difference between correlated proportions"; the binomial
+/// sum itself, without the approximation by chi-squared. Cost: O(min of the two).
+double McNemarExactP(std::uint64_t only_first, std::uint64_t only_second);
+
 /// Linear-interpolated quantile of unsorted values, q in [0, 1]; NaN when empty.
 double Quantile(std::vector<double> values, double q);
 double Mean(const std::vector<double>& values);

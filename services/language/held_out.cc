@@ -4,6 +4,8 @@
 #include <sstream>
 #include <utility>
 
+#include "services/spec/object_names.h"
+
 namespace etude::language {
 
 const std::vector<HeldOutPhrase>& HeldOutNounPhrases() {
@@ -67,6 +69,27 @@ const std::vector<HeldOutSentence>& HeldOutSentences() {
       {"put down the zero coke on the desk", "put_down", "coke"},
   };
   return sentences;
+}
+
+Result<std::set<std::string>> SeenWords(const Grammar& grammar, const std::vector<std::string>& tasks,
+                                        const std::vector<std::string>& objects) {
+  // the next object that a sentence can tell from the first
+  const auto next = [&](std::size_t i) {
+    for (std::size_t k = 1; k < objects.size(); ++k)
+      if (const auto& object = objects[(i + k) % objects.size()]; ObjectNoun(object) != ObjectNoun(objects[i]))
+        return object;
+    return objects[i];
+  };
+  std::set<std::string> seen;
+  for (const auto& name : tasks) {
+    ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
+    for (std::size_t i = 0; i < objects.size(); ++i) {
+      const auto command = CommandFor(task, objects[i], task.relation() ? next(i) : "");
+      ETUDE_RETURN_IF_ERROR(grammar.Check(command));
+      seen.merge(grammar.Words(command));
+    }
+  }
+  return seen;
 }
 
 std::vector<std::string> UnseenWords(const std::string& text, const std::set<std::string>& seen) {

@@ -6,6 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "services/core/result.h"
+#include "services/language/grammar.h"
+
 namespace etude::language {
 
 /// A sentence and what it asks for.
@@ -26,6 +29,12 @@ struct HeldOutPhrase {
 /// same follows from its base words (lexicon.h) and WordNet's rule, and UnseenWords tells the rest.
 const std::vector<HeldOutPhrase>& HeldOutNounPhrases();
 const std::vector<HeldOutSentence>& HeldOutSentences();
+
+/// Every word that training on `tasks` and `objects` says, in any style; not those that typing errors make. A relation
+/// is said with each object's next one of another class.
+/// @error kInvalidArgument: an unknown task, or an object without words in `grammar`
+Result<std::set<std::string>> SeenWords(const Grammar& grammar, const std::vector<std::string>& tasks,
+                                        const std::vector<std::string>& objects);
 
 /// The words of `text` (normalised) that are not among `seen`, in order (Grammar::Words).
 std::vector<std::string> UnseenWords(const std::string& text, const std::set<std::string>& seen);

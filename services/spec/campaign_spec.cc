@@ -137,6 +137,15 @@ void CheckRollout(const RolloutSpec& rollout, Problems& problems) {
   problems.Require(
       rollout.latency_ms == -1 || (rollout.latency_ms >= 0 && rollout.latency_ms <= 960),
       fmt::format("rollout.latency_ms: {} not in 0..960, nor -1 (what the server measured)", rollout.latency_ms));
+  problems.InRange("rollout.occlude", rollout.occlude, 0.0, 1.0);
+  rollout.pushes.Check(problems.errors());
+}
+
+// What a spec of before these keys could not say is no part of the hash while nothing is said.
+void EraseUnset(OrderedJson& rollout) {
+  const OrderedJson unset = ToJson(RolloutSpec());
+  for (const char* key : {"occlude", "pushes", "sentences"})
+    if (rollout[key] == unset[key]) rollout.erase(key);
 }
 
 }  // namespace
@@ -162,7 +171,10 @@ Status CampaignSpec::Validate() const {
   CheckRandomWorld(*this, problems);
   world.Check(problems.errors());
   problems.InRange("obstacle.in_the_way", obstacle.in_the_way, 0.0, 1.0);
-  if (mode == "rollout") CheckRollout(rollout, problems);
+  if (mode == "rollout") {
+    CheckRollout(rollout, problems);
+    CheckSentences(*this, problems.errors());
+  }
   problems.Require(
       split.train >= 0 && split.valid >= 0 && split.test >= 0 && split.train + split.valid + split.test > 0,
       "split: fractions must be >= 0 and not all 0");
@@ -174,6 +186,7 @@ std::string SpecHash(const CampaignSpec& spec) {
   OrderedJson json = ToJson(spec);
   for (const char* key : {"name", "episodes", "split", "max_attempts"}) json.erase(key);
   if (spec.randomization.world == WorldRandomizationSpec{}) json["randomization"].erase("world");
+  EraseUnset(json["rollout"]);
   json["content"] = kContentVersion;
   // what the tasks' files say, not only what they are called
   OrderedJson& tasks = json["task_files"] = OrderedJson::array();

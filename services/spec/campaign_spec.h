@@ -8,6 +8,7 @@
 
 #include "services/core/config.h"
 #include "services/core/result.h"
+#include "services/spec/suite_spec.h"
 #include "services/spec/world_randomization.h"
 #include "services/spec/world_spec.h"
 
@@ -74,6 +75,12 @@ struct RolloutSpec {
   /// From the picture to the moment its answer takes effect; the simulation goes on meanwhile, rounded up to control
   /// steps. -1: the 99th percentile that the policy server measured.
   double latency_ms = -1;
+  /// Share of the target's pixels that the policy does not see: grey blocks lie over them, 0..1.
+  double occlude = 0;
+  TargetPushSpec pushes;
+  /// Spoken in turn, one a rollout, each in a scene of what it means; empty: every sentence is drawn from the task's
+  /// templates. Tasks and targets then are the sentences', and task_weights do not count.
+  std::vector<SentenceSpec> sentences;
 
   template <class V>
   void Visit(V& v) {
@@ -82,6 +89,9 @@ struct RolloutSpec {
     v("max_steps", max_steps, "steps of 8 ms", "control steps until the rollout counts as a failure");
     v("record", record, "", "keep the frames, for videos");
     v("latency_ms", latency_ms, "ms", "from a picture to its answer taking effect; -1 is the p99 of the server");
+    v("occlude", occlude, "-", "share of the target's pixels under grey blocks of 8 x 8 px, in every picture; 0: none");
+    v("pushes", pushes);
+    v("sentences", sentences, "", "spoken in turn, each in a scene of what it means; none: from the task's templates");
   }
 };
 
@@ -168,8 +178,9 @@ struct SceneSpec {
 };
 
 /// SHA-256 of what an episode's bytes depend on: kContentVersion and the resolved spec without name, episodes, split
-/// and max_attempts, so that a campaign may be extended and still match what it has collected. Without
-/// randomization.world, too, while all of it is off: campaigns from before it existed go on.
+/// and max_attempts, so that a campaign may be extended and still match what it has collected. Keys that came later
+/// (randomization.world, rollout's occlude, pushes and sentences) count only where they are set, so that older
+/// campaigns go on.
 std::string SpecHash(const CampaignSpec& spec);
 
 /// Episodes after which whole numbers in `split` are met exactly, and again after each such block: their sum over

@@ -2,6 +2,7 @@
 #include "services/spec/episode_plan.h"
 
 #include <algorithm>
+#include <iterator>
 #include <numeric>
 #include <set>
 
@@ -51,6 +52,49 @@ std::vector<std::string> DrawObjects(const CampaignSpec& spec, const TaskSpec& t
   return WithReference(task, std::move(objects), spec.objects);
 }
 
+// The sentence that episode `index` is about; nullptr where none is written down.
+const SentenceSpec* SentenceOf(const CampaignSpec& spec, std::uint64_t index) {
+  const auto& sentences = spec.rollout.sentences;
+  if (spec.mode != "rollout" || sentences.empty()) return nullptr;
+  return &sentences[index % sentences.size()];
+}
+
+// Where `chosen` goes: in place of another instance of its class, else of the last object that nobody speaks of.
+std::vector<std::string>::iterator PlaceFor(const std::string& chosen, const SentenceSpec& sentence,
+                                            std::vector<std::string>& drawn) {
+  const auto same_class = [&](const auto& object) { return ObjectNoun(object) == ObjectNoun(chosen); };
+  if (const auto it = std::ranges::find_if(drawn, same_class); it != drawn.end()) return it;
+  const auto unspoken = [&](const auto& object) {
+    return !IsNamed(object, sentence.object) && !IsNamed(object, sentence.reference);
+  };
+  const auto last = std::find_if(drawn.rbegin(), drawn.rend(), unspoken);
+  ETUDE_CHECK(last != drawn.rend(), "sentence='{}'", sentence.text);
+  return std::prev(last.base());
+}
+
+// `drawn` with what the sentence names put in place of others, where it is not among them.
+std::vector<std::string> WithNamed(std::vector<std::string> drawn, const SentenceSpec& sentence,
+                                   const CampaignSpec& spec, std::uint64_t index) {
+  Rng rng(MixSeed({spec.seed, index}, "named"));
+  for (const std::string& name : {sentence.object, sentence.reference}) {
+    const auto named = [&](const std::string& object) { return IsNamed(object, name); };
+    if (name.empty() || std::ranges::any_of(drawn, named)) continue;
+    std::vector<std::string> candidates;
+    std::ranges::copy_if(spec.objects, std::back_inserter(candidates), named);
+    ETUDE_CHECK(!candidates.empty(), "object={}", name);
+    const std::string& chosen = candidates[rng.Below(candidates.size())];
+    *PlaceFor(chosen, sentence, drawn) = chosen;
+  }
+  return drawn;
+}
+
+// The scene's name of what a sentence calls `name`.
+std::string NamedIn(const std::vector<std::string>& objects, const std::string& name) {
+  const auto it = std::ranges::find_if(objects, [&](const auto& object) { return IsNamed(object, name); });
+  ETUDE_CHECK(it != objects.end(), "object={}", name);
+  return SceneName(*it);
+}
+
 // One of `objects`, as the scene calls it.
 std::string DrawObject(const std::vector<std::string>& objects, std::uint64_t seed) {
   ETUDE_CHECK(!objects.empty());
@@ -88,22 +132,32 @@ EpisodeSeeds SeedsOf(std::uint64_t seed) {
           .instruction = MixSeed({seed}, "language"),
           .disturbance = MixSeed({seed}, "push"),
           .planning = MixSeed({seed}, "planning"),
-          .distractors = MixSeed({seed}, "distractor places")};
+          .distractors = MixSeed({seed}, "distractor places"),
+          .occlusion = MixSeed({seed}, "occlusion"),
+          .pushes = MixSeed({seed}, "target pushes")};
 }
 
 EpisodePlan PlanEpisode(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt) {
-  const std::string task_text = DrawTask(spec, index);
+  const SentenceSpec* const sentence = SentenceOf(spec, index);
+  const std::string task_text = sentence ? sentence->task : DrawTask(spec, index);
   const auto task = ParseTask(task_text);
   ETUDE_CHECK(task, "task={}", task_text);
-  const std::vector<std::string> objects = DrawObjects(spec, *task->spec, index);
+  std::vector<std::string> objects = DrawObjects(spec, *task->spec, index);
+  if (sentence) objects = WithNamed(std::move(objects), *sentence, spec, index);
 
   EpisodePlan plan{.index = index, .attempt = attempt, .seed = EpisodeSeed(spec, index, attempt)};
   plan.seeds = SeedsOf(plan.seed);
   plan.task = *task;
-  plan.target = DrawObject(PossibleTargets(*task->spec, objects), MixSeed({spec.seed, index}, "target"));
-  if (plan.task.relation())
-    plan.reference =
-        DrawObject(PossibleReferences(*task->spec, plan.target, objects), MixSeed({spec.seed, index}, "reference"));
+  if (sentence) {
+    plan.sentence = sentence->text;
+    plan.target = NamedIn(objects, sentence->object);
+    if (plan.task.relation()) plan.reference = NamedIn(objects, sentence->reference);
+  } else {
+    plan.target = DrawObject(PossibleTargets(*task->spec, objects), MixSeed({spec.seed, index}, "target"));
+    if (plan.task.relation())
+      plan.reference =
+          DrawObject(PossibleReferences(*task->spec, plan.target, objects), MixSeed({spec.seed, index}, "reference"));
+  }
   plan.scene = SceneSpec(spec);
   plan.scene.robot = spec.robots[index / kEpisodesPerScene % spec.robots.size()];
   plan.scene.objects = objects;

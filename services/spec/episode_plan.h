@@ -31,6 +31,8 @@ struct EpisodeSeeds {
   std::uint64_t disturbance = 0;  ///< pushes off the path
   std::uint64_t planning = 0;     ///< sampling planners: a stream for each motion
   std::uint64_t distractors = 0;  ///< places of the distractors
+  std::uint64_t occlusion = 0;    ///< in which order the target is covered
+  std::uint64_t pushes = 0;       ///< pushes of the target
 };
 /// The streams that follow from an attempt's seed.
 EpisodeSeeds SeedsOf(std::uint64_t seed);
@@ -45,6 +47,7 @@ struct EpisodePlan {
   TaskName task;
   std::string target;                              ///< the scene's name of the object that the task is about
   std::string reference;                           ///< relations: the object to put the target beside; else ""
+  std::string sentence;                            ///< what is said, where the spec says it; "": drawn
   std::vector<std::string> avoid;                  ///< objects that the robot must not touch
   ObstaclePlace obstacle = ObstaclePlace::kAside;  ///< counts only for tasks with an obstacle
   std::vector<std::string> distractors;            ///< objects that only stand there: not to be touched either
@@ -55,8 +58,8 @@ struct EpisodePlan {
   bool has_obstacle() const { return task.avoid == "obstacle"; }
 };
 
-/// A pure function of its arguments. Tasks come round-robin by weight; the obstacle stands in the way in
-/// `obstacle.in_the_way` of every 20 episodes, in a drawn order.
+/// A pure function of its arguments. Tasks come round-robin by weight, a rollout's sentences in turn; the obstacle
+/// stands in the way in `obstacle.in_the_way` of every 20 episodes, in a drawn order.
 /// @pre the spec is valid
 EpisodePlan PlanEpisode(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt);
 

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -78,7 +79,16 @@ struct World::State {
     Eigen::Matrix<double, 6, 1> V_WE;
   };
   std::deque<Command> under_way;
+  /// See World::Guide; of the step to come only.
+  struct Guided {
+    Scene::Model::FreeBody body;
+    Pose X_WO;
+    Eigen::Vector3d v_WO;
+  };
+  std::optional<Guided> guided;
 
+  /// The wrench on what is guided, `remaining` s before it is due.
+  void ApplyGuide(const mjModel* model, double remaining);
   void ReadControl(const Scene::Model& model);
 };
 

@@ -42,6 +42,10 @@ class World {
   /// step
   ///              the path is taken as straight: `target` moved back by V_WE.
   void Step(const Waypoint& target, const Eigen::Matrix<double, 6, 1>& V_WE);
+  /// During the next Step an object is slid over the table: a force and a torque at its centre of mass draw it to x, y
+  /// and orientation of `X_WO`, due at the end of the step with velocity `v_WO` (m/s, world; x and y count) and no
+  /// turning; they bear most of its weight, so that it does not tip. The force is bounded: what is in the way stays.
+  void Guide(const std::string& object, const Pose& X_WO, const Eigen::Vector3d& v_WO);
 
   Eigen::VectorXd q() const;          ///< arm joints (nq), rad
   Eigen::VectorXd v() const;          ///< arm joints (nv), rad/s

@@ -15,6 +15,7 @@
 #include "worker/sim/robot_file.h"
 #include "worker/task/episode_environment.h"
 #include "worker/task/expert.h"
+#include "worker/task/occluder.h"
 #include "worker/task/rollout.h"
 #include "worker/task/start_rule.h"
 
@@ -71,6 +72,7 @@ Result<EpisodeEnvironment*> AttemptRunner::Impl::EnvironmentOf(const SceneSpec& 
 }
 
 std::string AttemptRunner::Impl::DrawInstruction(const EpisodePlan& plan) const {
+  if (!plan.sentence.empty()) return plan.sentence;
   Rng rng(plan.seeds.instruction);
   return grammar.Sample(language::CommandFor(plan.task, plan.target, plan.reference), language::Style::kTemplate, rng);
 }
@@ -184,10 +186,15 @@ Result<AttemptResult> AttemptRunner::Rollout(std::uint64_t index, const policy::
     draws = in->Prepare(plan, impl.spec.randomization);
   }
   if (!draws.ok()) return Invalid(draws.failure, preparing, draws);
-  auto opened_runner = EpisodeRunner::Open({&in->world, &in->renderer, &in->shapes, &in->checker}, plan,
-                                           {.image_stride = impl.spec.image_stride,
-                                            .record_frames = impl.spec.rollout.record,
-                                            .max_steps = impl.spec.rollout.max_steps});
+  RecordConfig record{.image_stride = impl.spec.image_stride,
+                      .record_frames = impl.spec.rollout.record,
+                      .max_steps = impl.spec.rollout.max_steps};
+  std::optional<Occluder> occluder;
+  if (const double share = impl.spec.rollout.occlude; share > 0) {
+    occluder.emplace(&in->world, &in->renderer, plan.target, share, plan.seeds.occlusion);
+    record.retouch = [&occluder](std::span<std::uint8_t> rgb) { occluder->Cover(rgb); };
+  }
+  auto opened_runner = EpisodeRunner::Open({&in->world, &in->renderer, &in->shapes, &in->checker}, plan, record);
   if (!opened_runner) return Invalid(opened_runner.error().message, preparing, draws);
   EpisodeRunner& session = *opened_runner;
   const std::string instruction = impl.DrawInstruction(plan);
@@ -196,6 +203,7 @@ Result<AttemptResult> AttemptRunner::Rollout(std::uint64_t index, const policy::
 
   AttemptResult result = Judged(verdict, draws, preparing, session.times());
   session.episode().details = rollout.Details(verdict);
+  if (occluder) session.episode().details["occlusion"] = occluder->Report();
   impl.Finish(session, verdict, instruction, result);
   return result;
 }

@@ -7,6 +7,7 @@
 #include <array>
 #include <chrono>
 #include <initializer_list>
+#include <utility>
 
 #include "services/codec/frame.h"
 #include "services/store/dataset.h"
@@ -87,6 +88,7 @@ bool EpisodeRunner::Step(const Command& command) {
   {
     const Stopwatch watch(times_.step);
     world.Step(command.target, command.V_WE);
+    if (std::exchange(target_pushed_, false)) judge_.Displaced(world);
     judge_.Observe(world);
   }
   if (!world.healthy()) {
@@ -96,10 +98,16 @@ bool EpisodeRunner::Step(const Command& command) {
   return failure_ == AttemptOutcome::kSuccess;
 }
 
+void EpisodeRunner::PushTarget(const Pose& X_WO, const Eigen::Vector3d& v_WO) {
+  parts_.world->Guide(plan_.target, X_WO, v_WO);
+  target_pushed_ = true;
+}
+
 std::span<const std::uint8_t> EpisodeRunner::Picture() {
   if (pictured_step_ != steps()) {
     const Stopwatch watch(times_.render);
     parts_.renderer->Render(*parts_.world, picture_);
+    if (config_.retouch) config_.retouch(picture_);
     pictured_step_ = steps();
   }
   return picture_;

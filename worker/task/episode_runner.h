@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -40,6 +41,8 @@ struct RecordConfig {
   bool record_frames = true;
   int max_steps = 1500;                                      ///< control steps
   std::function<void(const sim::World&)> observe = nullptr;  ///< called with every state that is recorded
+  /// Changes every picture after it is rendered, as it is recorded and as a policy gets it: RGB, top row first.
+  std::function<void(std::span<std::uint8_t>)> retouch = nullptr;
 };
 
 /// Where the time of an attempt went, s. Never part of an episode.
@@ -69,6 +72,8 @@ class EpisodeRunner {
   /// Records the state, then applies `command` for one control step.
   /// @returns false when the attempt is over for a reason of its own: see failure().
   bool Step(const Command& command);
+  /// The next Step slides the target, see World::Guide; the judge takes where it comes to as where it stood.
+  void PushTarget(const Pose& X_WO, const Eigen::Vector3d& v_WO);
   /// Picture of the state now, rendered at most once a step. Valid until the next Step.
   std::span<const std::uint8_t> Picture();
 
@@ -102,6 +107,7 @@ class EpisodeRunner {
   std::string failure_reason_;
   std::vector<std::uint8_t> picture_;
   int pictured_step_ = -1;
+  bool target_pushed_ = false;  // by the next Step
 };
 
 }  // namespace etude::task

@@ -69,6 +69,8 @@ void Judge::Observe(const sim::World& world) {
   ++step_;
 }
 
+void Judge::Displaced(const sim::World& world) { now_.at(case_.target).X_WO_start = world.ObjectPose(case_.target); }
+
 void Judge::ObserveObjects(const sim::World& world) {
   for (auto& [name, object] : now_) {
     const Pose X_WO = world.ObjectPose(name);

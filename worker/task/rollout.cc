@@ -116,6 +116,7 @@ Rollout::Rollout(EpisodeRunner* session, collide::Checker* checker, std::shared_
       spec_(spec),
       instruction_(std::move(instruction)) {
   session_->episode().stage_names = {"policy"};
+  if (spec.pushes.on()) pushes_.emplace(spec.pushes, session_->plan().seeds.pushes, session_, checker_);
 }
 
 int Rollout::LatencySteps(const policy::Answer& answer) {
@@ -151,6 +152,7 @@ Result<Verdict> Rollout::Run(const policy::AskFunction& ask) {
       answered = std::move(answer.waypoints);
     }
     follow();
+    if (pushes_) pushes_->BeforeStep();
     if (!session_->Step(tracker.Next()))
       return Verdict{session_->failure(), fmt::format("step {}: {}; {}", session_->steps(), session_->failure_reason(),
                                                       session_->judge().Words())};
@@ -238,6 +240,10 @@ OrderedJson Rollout::Details(const Verdict& verdict) const {
   if (!nearest_pair_.empty()) {
     details["nearest_m"] = nearest_;
     details["nearest_pair"] = nearest_pair_;
+  }
+  if (pushes_) {
+    details["pushes"] = pushes_->Report();
+    details["pushes_missed"] = pushes_->missed();
   }
   details["decisions"] = decisions_;
   return details;

@@ -8,6 +8,7 @@
 #include "services/policy/policy_types.h"
 #include "worker/collide/checker.h"
 #include "worker/task/episode_runner.h"
+#include "worker/task/target_pushes.h"
 #include "worker/task/verdict.h"
 
 namespace etude::task {
@@ -43,7 +44,7 @@ class Tracker {
 
 class Rollout {
  public:
-  /// `checker` measures distances for the record.
+  /// `checker` measures distances, for the record and for pushes of the target.
   Rollout(EpisodeRunner* session, collide::Checker* checker, std::shared_ptr<const sim::Scene> scene,
           const RolloutSpec& spec, std::string instruction);
 
@@ -76,6 +77,7 @@ class Rollout {
   std::string nearest_pair_;
   int latency_steps_ = -1;
   OrderedJson decisions_ = OrderedJson::array();
+  std::optional<TargetPushes> pushes_;
 };
 
 }  // namespace etude::task

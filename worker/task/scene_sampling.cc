@@ -30,13 +30,10 @@ double Excess(const sim::ObjectInfo& object) {
 }
 
 // @param objects  those placed first, one after another
-bool FarEnough(const Eigen::Vector3d& p, double excess, const std::vector<PlacedObject>& placed,
+bool FarEnough(const sim::ObjectInfo& object, const Eigen::Vector3d& p, const std::vector<PlacedObject>& placed,
                const std::vector<sim::ObjectInfo>& objects) {
-  for (std::size_t i = 0; i < placed.size(); ++i) {
-    const Eigen::Vector2d d = (p - placed[i].X_WO.p).head<2>();
-    const double least = kMinimumDistance + excess + Excess(objects[i]);
-    if (d.norm() < least || std::abs(d.x()) < least) return false;
-  }
+  for (std::size_t i = 0; i < placed.size(); ++i)
+    if (!StandApart(object, p, objects[i], placed[i].X_WO.p)) return false;
   return true;
 }
 
@@ -50,7 +47,7 @@ std::optional<std::vector<PlacedObject>> TryArrangement(const std::vector<sim::O
       const double x = rng.Uniform(box.x_min, box.x_max);
       const double y = rng.Uniform(box.y_min, box.y_max);
       const Eigen::Vector3d p(x, y, objects[i].rest_height);
-      if (!FarEnough(p, Excess(objects[i]), placed, objects)) continue;
+      if (!FarEnough(objects[i], p, placed, objects)) continue;
       placed.push_back({objects[i].name, {p, FromEuler({0, 0, rng.Uniform(-yaw, yaw)})}});
       found = true;
     }
@@ -66,6 +63,13 @@ Eigen::Vector3d DrawOffset(double size, Rng& rng) {
 }
 
 }  // namespace
+
+bool StandApart(const sim::ObjectInfo& a, const Eigen::Vector3d& p_a, const sim::ObjectInfo& b,
+                const Eigen::Vector3d& p_b) {
+  const Eigen::Vector2d d = (p_a - p_b).head<2>();
+  const double least = kMinimumDistance + Excess(a) + Excess(b);
+  return d.norm() >= least && std::abs(d.x()) >= least;
+}
 
 const std::vector<LocationBox>& LocationBoxes() {
   static const std::vector<LocationBox> boxes{{0.28, 0.43, 0.15, 0.30},   {0.10, 0.30, 0.25, 0.40},

@@ -19,6 +19,10 @@ inline constexpr double kMinimumDistance = 0.10;  // m
 /// Kept free around the arm where it starts.
 inline constexpr double kStartMargin = 0.005;  // m
 
+/// Whether two objects at p_a and p_b (origins, world) stand that far apart; wide ones stand further.
+bool StandApart(const sim::ObjectInfo& a, const Eigen::Vector3d& p_a, const sim::ObjectInfo& b,
+                const Eigen::Vector3d& p_b);
+
 /// A part of the table that one object is put into.
 struct LocationBox {
   double x_min, x_max, y_min, y_max;  ///< m, world

@@ -72,5 +72,37 @@ TEST(EvaluationSpec, TakesTheTasksOfItsCampaign) {
   EXPECT_EQ(spec.task_weights, base.task_weights);
 }
 
+TEST(EvaluationSpec, SuitesReplaceOnlyWhatTheyAreAbout) {
+  CampaignSpec base;
+  base.rollout.occlude = 0.42;
+  base.rollout.pushes = {.count = 2, .least = 0.04};
+  auto options = Options("out/a");
+  EXPECT_EQ(EvaluationSpec(base, options).rollout.occlude, 0.42) << "the campaign's own";
+  EXPECT_EQ(EvaluationSpec(base, options).rollout.pushes.count, 2);
+  options.occlude = 0;
+  options.pushes = 1;
+  const CampaignSpec spec = EvaluationSpec(base, options);
+  EXPECT_EQ(spec.rollout.occlude, 0);
+  EXPECT_EQ(spec.rollout.pushes.count, 1);
+  EXPECT_EQ(spec.rollout.pushes.least, 0.04) << "the rest stays";
+  EXPECT_TRUE(spec.rollout.sentences.empty());
+}
+
+TEST(EvaluationSpec, SentencesBringTheirTasks) {
+  CampaignSpec base;
+  base.task_weights = {1, 2, 3};
+  auto options = Options("out/a");
+  options.sentences = {
+      {"shove it", "push", "coke", ""}, {"fetch it", "pick", "coke", ""}, {"shove", "push", "milk", ""}};
+  options.episodes = 9;
+  const CampaignSpec spec = EvaluationSpec(base, options);
+  ASSERT_TRUE(spec.Validate()) << spec.Validate().error().message;
+  EXPECT_EQ(spec.tasks, (std::vector<std::string>{"push", "pick"}));
+  EXPECT_TRUE(spec.task_weights.empty());
+  std::map<std::string, int> said;
+  for (std::uint64_t i = 0; i < spec.episodes; ++i) ++said[PlanEpisode(spec, i, 0).sentence];
+  EXPECT_EQ(said, (std::map<std::string, int>{{"shove it", 3}, {"fetch it", 3}, {"shove", 3}}));
+}
+
 }  // namespace
 }  // namespace etude::cli

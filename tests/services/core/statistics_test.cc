@@ -36,6 +36,45 @@ TEST(WilsonInterval, EndsWhereTheScoreTestDoes) {
     }
 }
 
+TEST(McNemarExactP, IsTheClosedFormWhereThereIsOne) {
+  EXPECT_EQ(McNemarExactP(0, 0), 1);
+  for (std::uint64_t n = 1; n <= 60; ++n) {
+    const double all = std::ldexp(1.0, -static_cast<int>(n));  // of one outcome of n coins
+    EXPECT_DOUBLE_EQ(McNemarExactP(0, n), std::min(1.0, 2 * all)) << n;
+    if (n > 3) EXPECT_DOUBLE_EQ(McNemarExactP(n - 1, 1), 2 * (1 + static_cast<double>(n)) * all) << n;
+    EXPECT_EQ(McNemarExactP(n, n), 1) << "an even split is no evidence";
+    // an odd number of coins: one half of all outcomes has fewer of one side
+    EXPECT_DOUBLE_EQ(McNemarExactP(n, n - 1), 1) << n;
+  }
+  EXPECT_DOUBLE_EQ(McNemarExactP(0, 1000), std::ldexp(2.0, -1000));
+}
+
+TEST(McNemarExactP, IsTheSumOfTheBinomial) {
+  for (std::uint64_t n = 1; n <= 40; ++n)
+    for (std::uint64_t k = 0; k <= n; ++k) {
+      // row n of Pascal's triangle, by additions only
+      std::vector<double> row{1};
+      for (std::uint64_t i = 0; i < n; ++i) {
+        row.push_back(0);
+        for (std::size_t j = row.size() - 1; j > 0; --j) row[j] += row[j - 1];
+      }
+      double tail = 0;
+      for (std::uint64_t i = 0; i <= std::min(k, n - k); ++i) tail += row[i];
+      EXPECT_NEAR(McNemarExactP(k, n - k), std::min(1.0, 2 * std::ldexp(tail, -static_cast<int>(n))), 1e-14);
+      EXPECT_EQ(McNemarExactP(k, n - k), McNemarExactP(n - k, k));
+    }
+}
+
+TEST(McNemarExactP, HoldsWhereABinomialIsBeyondADouble) {
+  // 2000 coins: C(2000, 900) is near 10^598. The normal approximation with correction for continuity, to 1 %
+  const double z = (2000.0 / 2 - 950 - 0.5) / std::sqrt(2000.0 / 4);
+  EXPECT_NEAR(McNemarExactP(950, 1050) / std::erfc(z / std::sqrt(2.0)), 1, 0.01);
+  EXPECT_GT(McNemarExactP(900, 1100), 0);
+  EXPECT_LT(McNemarExactP(900, 1100), 1e-5);
+  EXPECT_EQ(McNemarExactP(0, 100'000), 0) << "smaller than any double";
+  EXPECT_NEAR(McNemarExactP(50'000, 50'001), 1, 1e-9);
+}
+
 TEST(Quantile, IsThatOfTheSortedValues) {
   Rng rng(9);
   for (int round = 0; round < 200; ++round) {

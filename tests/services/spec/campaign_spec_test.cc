@@ -10,6 +10,8 @@
 #include <set>
 
 #include "services/core/config_reference.h"
+#include "services/core/hash.h"
+#include "services/spec/content_version.h"
 #include "services/spec/object_names.h"
 #include "services/spec/task_name.h"
 #include "tests/support/matchers.h"
@@ -107,7 +109,11 @@ TEST(CampaignSpec, ARolloutsKeysAreLookedAtInRolloutsOnly) {
            {"rollout.max_steps=0", "rollout.max_steps: 0 not in 1..100000"},
            {"rollout.max_steps=100001", "rollout.max_steps: 100001 not in 1..100000"},
            {"rollout.latency_ms=-2", "rollout.latency_ms: -2 not in 0..960"},
-           {"rollout.latency_ms=961", "rollout.latency_ms: 961 not in 0..960"}}) {
+           {"rollout.latency_ms=961", "rollout.latency_ms: 961 not in 0..960"},
+           {"rollout.occlude=-0.1", "rollout.occlude: -0.1 not in 0..1"},
+           {"rollout.occlude=1.1", "rollout.occlude: 1.1 not in 0..1"},
+           {"rollout.pushes.count=11", "rollout.pushes.count: 11 not in 0..10"},
+           {"rollout.sentences=[{text: hi, task: pick, object: milkk}]", "did you mean 'milk'?"}}) {
     EXPECT_THAT(Validated({"mode=rollout", "rollout.run=demo", override_text}), MessageHas(says)) << override_text;
     EXPECT_THAT(Validated({override_text}), IsOk()) << override_text;
   }
@@ -165,7 +171,8 @@ void ForEveryChange(OrderedJson& json, const std::string& path, OrderedJson& who
   if (before.is_number_unsigned()) json = before.get<std::uint64_t>() + 1;
   if (before.is_number_float()) json = before.get<double>() + 0.001;
   if (before.is_string()) json = before.get<std::string>() + "x";
-  if (before.is_array()) json.push_back(before.empty() ? OrderedJson(1) : before.front());
+  const OrderedJson first = path.ends_with("sentences") ? OrderedJson::object() : OrderedJson(1);
+  if (before.is_array()) json.push_back(before.empty() ? first : before.front());
   visit(path, whole);
   json = before;
 }
@@ -182,6 +189,18 @@ TEST(CampaignSpec, EveryOtherKeyIsAnotherCampaign) {
     ++keys;
   });
   EXPECT_GT(keys, 40) << "all of them, those of sections too";
+}
+
+// Campaigns of before RolloutSpec had these keys go on: their hash is the one that they were made with.
+TEST(CampaignSpec, KeysThatCameLaterChangeNoHashWhileTheyAreUnset) {
+  const CampaignSpec spec;
+  OrderedJson json = ToJson(spec);
+  for (const char* key : {"name", "episodes", "split", "max_attempts"}) json.erase(key);
+  for (const char* key : {"occlude", "pushes", "sentences"}) ASSERT_EQ(json["rollout"].erase(key), 1u) << key;
+  json["content"] = kContentVersion;
+  json["task_files"] = OrderedJson::array();
+  for (const auto& task : spec.tasks) json["task_files"].push_back(ParseTask(task)->spec->sha256);
+  EXPECT_EQ(SpecHash(spec), Sha256Hex(json.dump()));
 }
 
 TEST(CampaignSpec, HashIgnoresOnlyWhatMayGrow) {

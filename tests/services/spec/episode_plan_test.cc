@@ -171,8 +171,9 @@ TEST(PlanEpisode, AttemptsShareAllButTheSeeds) {
     EXPECT_NE(first.seed, second.seed);
     const std::set<std::uint64_t> streams{first.seeds.scene,       first.seeds.light,     first.seeds.instruction,
                                           first.seeds.disturbance, first.seeds.planning,  second.seeds.scene,
-                                          second.seeds.light,      second.seeds.planning, second.seeds.instruction};
-    EXPECT_EQ(streams.size(), 9u) << "no two streams are one";
+                                          second.seeds.light,      second.seeds.planning, second.seeds.instruction,
+                                          first.seeds.occlusion,   first.seeds.pushes};
+    EXPECT_EQ(streams.size(), 11u) << "no two streams are one";
   }
 }
 
@@ -190,6 +191,60 @@ TEST(PlanEpisode, AvoidsWhatTheTaskSays) {
       EXPECT_THAT(plan.avoid, testing::Not(testing::Contains(plan.target)));
     }
   }
+}
+
+CampaignSpec Speaking() {
+  CampaignSpec spec;
+  spec.mode = "rollout";
+  spec.rollout.run = "demo";
+  spec.tasks = {"push", "pick", "place_left"};
+  spec.rollout.sentences = {{"push the lager", "push", "bottle", ""},
+                            {"fetch the fruit", "pick", "apple", ""},
+                            {"tea beside the loaf", "place_left", "mug_05", "bread"},
+                            {"fetch the fizz", "pick", "coke", ""}};
+  spec.objects = {"cube", "coke", "pepsi", "milk", "bread", "bottle", "mug_00", "mug_05"};
+  for (const auto& apple : {"apple_03", "apple_04", "apple_05", "apple_06"}) spec.objects.push_back(apple);
+  spec.objects_per_scene = 3;
+  return spec;
+}
+
+TEST(PlanEpisode, SpeaksItsSentencesInTurnInScenesOfWhatTheyMean) {
+  const CampaignSpec spec = Speaking();
+  ASSERT_TRUE(spec.Validate()) << spec.Validate().error().message;
+  std::set<std::string> apples;
+  for (std::uint64_t i = 0; i < 200; ++i) {
+    const EpisodePlan plan = PlanEpisode(spec, i, 0);
+    const SentenceSpec& sentence = spec.rollout.sentences[i % 4];
+    EXPECT_EQ(plan.sentence, sentence.text);
+    EXPECT_EQ(plan.task.text(), sentence.task);
+    EXPECT_TRUE(IsNamed(plan.target, sentence.object)) << plan.target;
+    EXPECT_EQ(plan.reference, sentence.reference);
+    EXPECT_THAT(plan.scene.objects, testing::Contains(plan.target));
+    std::set<std::string> classes;
+    for (const auto& object : plan.scene.objects) classes.insert(ObjectNoun(object));
+    EXPECT_EQ(classes.size(), 3u) << "three objects, one of a class, " << i;
+    if (i % 4 == 1) apples.insert(plan.target);
+    if (i % 4 != 2) continue;
+    EXPECT_EQ(plan.target, "mug_05") << "the one that is named";
+    EXPECT_THAT(plan.scene.objects, testing::Contains("bread"));
+  }
+  EXPECT_EQ(apples.size(), 4u) << "every instance of a class has its turn";
+}
+
+TEST(PlanEpisode, SentencesChangeNoSceneThatHasTheirObjects) {
+  CampaignSpec spec;
+  spec.mode = "rollout";
+  spec.tasks = {"push"};
+  CampaignSpec spoken = spec;
+  spoken.rollout.sentences = {{"shove the lager", "push", "bottle", ""}};
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    const EpisodePlan plan = PlanEpisode(spec, i, 0), said = PlanEpisode(spoken, i, 0);
+    EXPECT_EQ(plan.sentence, "") << "it is drawn";
+    EXPECT_EQ(said.scene, plan.scene);
+    EXPECT_EQ(said.seed, plan.seed);
+  }
+  spoken.mode = "demonstrate";
+  EXPECT_EQ(PlanEpisode(spoken, 0, 0).sentence, "") << "nobody speaks to the expert";
 }
 
 }  // namespace

@@ -179,5 +179,55 @@ TEST(World, SaysWhenTheSimulationBroke) {
   EXPECT_TRUE(world.healthy());
 }
 
+// Slides `name` by `by` along a smooth step of 25 control steps.
+void Slide(World& world, const std::string& name, const Eigen::Vector3d& by) {
+  const Pose start = world.ObjectPose(name);
+  const Pose hand = world.X_WE();
+  for (int i = 1; i <= 25; ++i) {
+    const double s = i / 25.0;
+    world.Guide(name, {start.p + s * s * (3 - 2 * s) * by, start.q}, 6 * s * (1 - s) / 0.2 * by);
+    world.Step({hand, 0}, Vector6d::Zero());
+  }
+}
+
+TEST(World, GuidesEveryObjectUprightOverTheTable) {
+  World world(FullScene());
+  for (const ObjectInfo& object : FullScene()->objects()) {
+    world.Reset();
+    for (const ObjectInfo& other : FullScene()->objects())
+      world.SetObject(other.name, {{0, -3, 1}, Eigen::Quaterniond::Identity()});
+    world.SetObject(object.name, {{0.1, 0.3, object.rest_height}, FromEuler({0, 0, 0.2})});
+    world.Forward();
+    Hold(world, 30);
+    const Pose before = world.ObjectPose(object.name);
+    const Eigen::Vector3d by(0.04, -0.045, 0);
+    Slide(world, object.name, by);
+    const Pose after = world.ObjectPose(object.name);
+    EXPECT_LT((after.p - before.p - by).norm(), 2e-3) << object.name;
+    EXPECT_LT(AngleBetween(after.q, before.q), 0.03) << object.name;
+    Hold(world, 50);
+    EXPECT_LT((world.ObjectPose(object.name).p - after.p).norm(), 2e-3) << object.name << " is let go at rest";
+    EXPECT_TRUE(world.healthy());
+  }
+}
+
+TEST(World, GuidesForOneStepOnly) {
+  World once(FullScene()), never(FullScene());
+  Hold(once, 20), Hold(never, 20);
+  once.Guide("coke", {{0.3, 0.3, 0}, Eigen::Quaterniond::Identity()}, Eigen::Vector3d::Zero());
+  once.Reset(), never.Reset();
+  Hold(once, 5), Hold(never, 5);
+  EXPECT_EQ(Bits(once), Bits(never)) << "a reset takes it back";
+
+  const Pose coke = once.ObjectPose("coke");
+  once.Guide("coke", {coke.p + Eigen::Vector3d(0.05, 0, 0), coke.q}, Eigen::Vector3d::Zero());
+  Hold(once, 1);
+  const mjData* data = once.state().mj.get();
+  EXPECT_TRUE(std::all_of(data->xfrc_applied, data->xfrc_applied + 6 * once.scene().model().mj->nbody,
+                          [](double value) { return value == 0; }));
+  Hold(once, 100);
+  EXPECT_LT((once.ObjectPose("coke").p - coke.p).norm(), 0.02) << "a bounded force of 8 ms";
+}
+
 }  // namespace
 }  // namespace etude::sim

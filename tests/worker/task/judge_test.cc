@@ -165,5 +165,19 @@ TEST_F(JudgeTest, HomeOfEveryRobotIsWithoutViolation) {
   }
 }
 
+TEST_F(JudgeTest, WhatSomebodyElseMovedCountsFromWhereItCameTo) {
+  Judge judge = Make("push");
+  Stay(judge, 5);
+  Stand("coke", {0, 0.45});
+  world_.Forward();
+  judge.Displaced(world_);
+  Stay(judge, 60);
+  EXPECT_FALSE(judge.success_latched()) << "the robot did not push it";
+  Stand("coke", {0, 0.50});
+  world_.Forward();
+  Stay(judge, 80);
+  EXPECT_TRUE(judge.success());
+}
+
 }  // namespace
 }  // namespace etude::task

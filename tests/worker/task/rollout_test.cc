@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "services/codec/frame.h"
+#include "services/episode/codec.h"
 #include "worker/task/attempt.h"
 #include "worker/task/judge.h"
 
@@ -165,6 +167,68 @@ TEST(Rollout, RefusesGarbage) {
     EXPECT_EQ(rollout->outcome, AttemptOutcome::kPolicyError);
     EXPECT_FALSE(rollout->reason.empty());
     EXPECT_EQ(rollout->episode.outcome, "policy_error");
+  }
+}
+
+struct Seen {
+  Episode episode;
+  std::vector<std::vector<std::uint8_t>> asked;  // pictures of questions
+};
+
+Seen LookOn(double occlude) {
+  CampaignSpec spec = RolloutSpecOf("pick");
+  spec.camera.width = spec.camera.height = 224;
+  spec.image_stride = 15;
+  spec.rollout.max_steps = 60;
+  spec.rollout.occlude = occlude;
+  auto runner = AttemptRunner::Open(spec);
+  Seen seen;
+  auto rollout = runner->Rollout(0, [&](const policy::Question& question) {
+    seen.asked.emplace_back(question.rgb.begin(), question.rgb.end());
+    return Stay({-0.11, 0.13, 0.2});
+  });
+  seen.episode = std::move(rollout->episode);
+  return seen;
+}
+
+TEST(Rollout, WhatIsOccludedIsWhatThePolicySeesAndWhatIsRecorded) {
+  const Seen plain = LookOn(0), occluded = LookOn(0.42), again = LookOn(0.42);
+  EXPECT_FALSE(plain.episode.details.contains("occlusion"));
+  EXPECT_EQ(EncodeEpisode(occluded.episode), EncodeEpisode(again.episode));
+  EXPECT_NEAR(occluded.episode.details["occlusion"]["covered"].get<double>(), 0.42, 0.03);
+  EXPECT_EQ(occluded.episode.states.values, plain.episode.states.values) << "the world is the same";
+  ASSERT_EQ(occluded.asked.size(), 4u);
+  ASSERT_EQ(occluded.episode.cameras[0].frames.size(), 4u);
+  std::vector<std::uint8_t> frame(occluded.asked[0].size());
+  for (std::size_t k = 0; k < 4; ++k) {
+    ASSERT_TRUE(codec::InflateFrame(occluded.episode.cameras[0].frames[k], frame));
+    EXPECT_EQ(frame, occluded.asked[k]);
+    EXPECT_NE(occluded.asked[k], plain.asked[k]);
+    std::size_t changed = 0;
+    for (std::size_t i = 0; i < frame.size(); i += 3)
+      if (!std::equal(&frame[i], &frame[i] + 3, &plain.asked[k][i])) {
+        ++changed;
+        EXPECT_EQ(frame[i] + frame[i + 1] + frame[i + 2], 3 * 128) << "grey";
+      }
+    EXPECT_LT(changed, 8u * 64) << "a few blocks";
+  }
+}
+
+TEST(Rollout, SaysTheSentenceThatIsWrittenDown) {
+  CampaignSpec spec = RolloutSpecOf("pick");
+  spec.rollout.max_steps = 15;
+  spec.rollout.sentences = {{"Fetch the fizz!", "pick", "coke", ""}, {"fetch the loaf", "pick", "bread", ""}};
+  auto runner = AttemptRunner::Open(spec);
+  ASSERT_TRUE(runner.has_value()) << runner.error().message;
+  for (std::uint64_t index = 0; index < 3; ++index) {
+    const SentenceSpec& sentence = spec.rollout.sentences[index % 2];
+    const auto rollout = runner->Rollout(index, [&](const policy::Question& question) {
+      EXPECT_EQ(question.instruction, sentence.text);
+      return Stay({-0.11, 0.13, 0.2});
+    });
+    ASSERT_TRUE(rollout.has_value());
+    EXPECT_EQ(rollout->episode.instruction, sentence.text);
+    EXPECT_EQ(rollout->episode.target, sentence.object);
   }
 }
 

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/campaign/eval_comparison.cc
+#include "services/campaign/eval_comparison.h"
+
+#include <gmock/gmock.h>
+
+#include "services/campaign/eval_report.h"
+#include "services/store/dataset.h"
+#include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::campaign {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+// "1" a success, "l" latched only, "0" neither, "-" not there; tasks take turns.
+OrderedJson ReportOf(const std::string& outcomes, const std::string& run = "a") {
+  CampaignSpec spec;
+  spec.tasks = {"pick", "push"};
+  spec.rollout.run = run;
+  std::map<std::uint64_t, RolloutRow> rows;
+  for (std::size_t i = 0; i < outcomes.size(); ++i) {
+    if (outcomes[i] == '-') continue;
+    RolloutRow row;
+    row.index = i;
+    row.seed = 100 + i;
+    row.task = spec.tasks[i % 2];
+    row.target = "coke";
+    row.success = outcomes[i] == '1';
+    row.success_latched = outcomes[i] != '0';
+    rows[i] = row;
+  }
+  return EvalReport(spec, rows);
+}
+
+std::vector<std::uint64_t> Counts(const OrderedJson& row) {
+  std::vector<std::uint64_t> counts;
+  for (const char* key : {"n", "both", "only_first", "only_second", "neither"})
+    counts.push_back(row[key].get<std::uint64_t>());
+  return counts;
+}
+
+TEST(CompareReports, CountsPairsPerTaskAndOverall) {
+  const auto comparison = CompareReports(ReportOf("1111100l", "a"), ReportOf("1000011l", "b"));
+  ASSERT_THAT(comparison, IsOk());
+  EXPECT_EQ((*comparison)["first"], "a");
+  EXPECT_EQ((*comparison)["second"], "b");
+  EXPECT_THAT(Counts((*comparison)["overall"]), ElementsAre(8, 1, 4, 2, 1));
+  EXPECT_THAT(Counts((*comparison)["per_task"][0]), ElementsAre(4, 1, 2, 1, 0)) << "pick: 0, 2, 4, 6";
+  EXPECT_THAT(Counts((*comparison)["per_task"][1]), ElementsAre(4, 0, 2, 1, 1)) << "push: 1, 3, 5, 7";
+  EXPECT_THAT(Counts((*comparison)["overall_latched"]), ElementsAre(8, 2, 4, 2, 0));
+  EXPECT_DOUBLE_EQ((*comparison)["overall"]["share_first"].get<double>(), 5.0 / 8);
+  // 4 against 2: (1 + 6 + 15) of 64 on each side
+  EXPECT_DOUBLE_EQ((*comparison)["overall"]["p"].get<double>(), 2 * 22.0 / 64);
+  EXPECT_EQ((*comparison)["unpaired"], 0);
+}
+
+TEST(CompareReports, LeavesOutWhatOnlyOneHas) {
+  const auto comparison = CompareReports(ReportOf("1-110"), ReportOf("10-1011"));
+  ASSERT_THAT(comparison, IsOk());
+  EXPECT_EQ((*comparison)["n"], 3) << "0, 3 and 4";
+  EXPECT_EQ((*comparison)["unpaired"], 4);
+  EXPECT_THAT(Counts((*comparison)["overall"]), ElementsAre(3, 2, 0, 0, 1));
+  EXPECT_THAT(ComparisonText(*comparison), HasSubstr("left out: 4 rollouts that only one of the two has"));
+}
+
+TEST(CompareReports, RefusesRolloutsThatAreNotOfOneScene) {
+  const OrderedJson report = ReportOf("11");
+  for (const char* key : {"seed", "task", "target"}) {
+    OrderedJson other = report;
+    other["per_episode"][1][key] = key == std::string("seed") ? OrderedJson(7u) : OrderedJson("other");
+    const auto comparison = CompareReports(report, other);
+    EXPECT_THAT(comparison, HasCode(Code::kInvalidArgument)) << key;
+    EXPECT_THAT(comparison, MessageHas("rollout 1 is 'push coke' of seed 101"));
+  }
+}
+
+TEST(CompareReports, RefusesWhatIsNoReport) {
+  for (const char* text : {"3", "{}", R"({"per_episode": 3})", R"({"per_episode": [3]})",
+                           R"({"per_episode": [{"index": 0, "seed": 1, "task": "pick"}]})"})
+    EXPECT_THAT(CompareReports(ReportOf("1"), OrderedJson::parse(text)), HasCode(Code::kCorrupt)) << text;
+}
+
+TEST(CompareReports, AsATable) {
+  const auto comparison = CompareReports(ReportOf("1111100l", "a"), ReportOf("1000011l", "b"));
+  const std::string text = ComparisonText(*comparison);
+  EXPECT_THAT(text, HasSubstr("first: a   second: b\n"));
+  EXPECT_THAT(text,
+              HasSubstr("overall                8      1          4           2        1     62.5     37.5     0.6875"))
+      << text;
+  EXPECT_THAT(text, testing::Not(HasSubstr("left out")));
+}
+
+TEST(SceneDifferences, AreWhatMakesOtherScenesAndNothingElse) {
+  CampaignSpec spec, other;
+  other.name = "other";
+  other.episodes = 7;
+  other.image_stride = 2;
+  other.max_attempts = 2;
+  other.split.train = 0.3;
+  other.camera.width = other.camera.height = 96;
+  other.rollout.run = "b";
+  other.rollout.occlude = 0.2;
+  other.rollout.pushes.count = 1;
+  EXPECT_THAT(SceneDifferences(spec, other), IsEmpty()) << "who drives, and how hard it is, may differ";
+  other.seed = 2;
+  other.world.friction = 0.5;
+  other.camera.fovy_deg = 40;
+  other.rollout.sentences = {{"fetch it", "pick", "coke", ""}};
+  const auto differences = SceneDifferences(spec, other);
+  ASSERT_EQ(differences.size(), 4u) << testing::PrintToString(differences);
+  EXPECT_EQ(differences[0], "seed (1, now 2)");
+  EXPECT_EQ(differences[1], "camera.fovy_deg (60.0, now 40.0)");
+}
+
+class Folders : public testing::Test {
+ protected:
+  void Write(const std::string& name, const CampaignSpec& spec, const std::string& outcomes) {
+    ASSERT_THAT(store::DatasetWriter::Open(folder_ / name / "rollouts", spec), IsOk());
+    ASSERT_THAT(WriteFileAtomically(folder_ / name / "eval.json", ReportOf(outcomes, name).dump()), IsOk());
+  }
+  TemporaryFolder folder_;
+};
+
+TEST_F(Folders, OfTheSameScenesAreCompared) {
+  CampaignSpec spec;
+  Write("a", spec, "10");
+  spec.rollout.occlude = 0.5;
+  Write("b", spec, "00");
+  const auto comparison = CompareEvaluations(folder_ / "a", folder_ / "b");
+  ASSERT_THAT(comparison, IsOk());
+  EXPECT_THAT(Counts((*comparison)["overall"]), ElementsAre(2, 0, 1, 0, 1));
+}
+
+TEST_F(Folders, OfOtherScenesAreRefused) {
+  CampaignSpec spec;
+  Write("a", spec, "10");
+  spec.seed = 9;
+  spec.objects.pop_back();
+  Write("b", spec, "10");
+  const auto comparison = CompareEvaluations(folder_ / "a", folder_ / "b");
+  EXPECT_THAT(comparison, HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(comparison, MessageHas("seed (9, now 1)"));
+  EXPECT_THAT(comparison, MessageHas("objects"));
+}
+
+TEST_F(Folders, ThatAreNoEvaluationsAreNamed) {
+  Write("a", CampaignSpec(), "1");
+  EXPECT_THAT(CompareEvaluations(folder_ / "a", folder_ / "none"), MessageHas("none' is no evaluation"));
+  Write("b", CampaignSpec(), "1");
+  std::filesystem::remove(folder_ / "b" / "eval.json");
+  EXPECT_THAT(CompareEvaluations(folder_ / "a", folder_ / "b"), MessageHas("b' is no evaluation"));
+}
+
+}  // namespace
+}  // namespace etude::campaign
