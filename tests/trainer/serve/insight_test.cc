@@ -16,7 +16,7 @@ namespace {
 
 using namespace std::chrono_literals;
 using ::testing::HasSubstr;
-constexpr std::uint32_t kDomain = 77;
+constexpr std::uint32_t kDomain = 78;
 constexpr char kId[] = "aaaa000000000007";
 
 std::shared_ptr<const Model> ExampleModel() {
