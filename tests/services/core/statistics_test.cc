@@ -41,7 +41,9 @@ TEST(McNemarExactP, IsTheClosedFormWhereThereIsOne) {
   for (std::uint64_t n = 1; n <= 60; ++n) {
     const double all = std::ldexp(1.0, -static_cast<int>(n));  // of one outcome of n coins
     EXPECT_DOUBLE_EQ(McNemarExactP(0, n), std::min(1.0, 2 * all)) << n;
-    if (n > 3) EXPECT_DOUBLE_EQ(McNemarExactP(n - 1, 1), 2 * (1 + static_cast<double>(n)) * all) << n;
+    if (n > 3) {
+      EXPECT_DOUBLE_EQ(McNemarExactP(n - 1, 1), 2 * (1 + static_cast<double>(n)) * all) << n;
+    }
     EXPECT_EQ(McNemarExactP(n, n), 1) << "an even split is no evidence";
     // an odd number of coins: one half of all outcomes has fewer of one side
     EXPECT_DOUBLE_EQ(McNemarExactP(n, n - 1), 1) << n;
