@@ -160,6 +160,7 @@ TEST(RandomWorld, TheExpertSucceedsAndTouchesNoDistractor) {
     for (const auto& disturbed : result.episode.details["disturbed_objects"])
       EXPECT_FALSE(IsDistractor(disturbed.get<std::string>())) << index << " " << disturbed;
   }
+  RecordProperty("successes", successes);
   EXPECT_GE(successes, 0.97 * scenes) << testing::PrintToString(failures);
   EXPECT_GT(with_distractors, 20);
 }
