@@ -380,7 +380,7 @@ void TrainCompact(const PolicyConfig& config, int batch) {
   use_threads(1);
   std::vector<std::shared_ptr<Policy>> copies;
   for (int i = 0; i < cores; ++i) copies.push_back(MakePolicy(config, "bf16"));
-  learn::Optimizer flat({}, copies, {});
+  learn::Optimizer flat({}, copies);
   learn::Replicas replicas(copies);
   const auto ours = [&] {
     use_threads(1);
