@@ -87,8 +87,7 @@ struct World::State {
   };
   std::optional<Guided> guided;
 
-  /// The wrench on what is guided, `remaining` s before it is due.
-  void ApplyGuide(const mjModel* model, double remaining);
+  void MoveGuided(const mjModel* model);
   void ReadControl(const Scene::Model& model);
 };
 

@@ -20,12 +20,6 @@ Pose Advanced(const Pose& X, const Vector6d& V, double seconds) {
   return {X.p + V.head<3>() * seconds, (Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) * X.q).normalized()};
 }
 
-// How World::Guide draws an object: critically damped, far slower than a physics step.
-constexpr double kGuideFrequency = 60;   // rad/s
-constexpr double kMostGuide = 30;        // m/s^2
-constexpr double kMostGuideTurn = 1000;  // rad/s^2
-constexpr double kWeightBorne = 0.9;     // share of the object's weight
-
 const Scene::Model::FreeBody& Find(const Scene::Model& model, const std::string& object) {
   const auto found = model.objects.find(object);
   ETUDE_CHECK(found != model.objects.end(), "the scene has no object '{}'", object);
@@ -95,43 +89,25 @@ void World::Obey(const Waypoint& target, const Vector6d& V_WE) {
     for (std::size_t i = 0; i < model.arm_u.size(); ++i)
       data->ctrl[model.arm_u[i]] = given[static_cast<Eigen::Index>(i)];
     data->ctrl[model.gripper_u] = torque;
-    if (state_->guided) state_->ApplyGuide(mj, remaining);
     mj_step2(mj, data);
     mj_step1(mj, data);
   }
-  if (!state_->guided) return;
-  mju_zero(data->xfrc_applied + 6 * state_->guided->body.body, 6);
-  state_->guided.reset();
+  if (state_->guided) state_->MoveGuided(mj);
 }
 
 void World::Guide(const std::string& object, const Pose& X_WO, const Eigen::Vector3d& v_WO) {
   state_->guided = {Find(scene_->model(), object), X_WO, v_WO};
 }
 
-void World::State::ApplyGuide(const mjModel* model, double remaining) {
+// A hand that is not in the picture: it moves what it holds, and is moved by nothing.
+void World::State::MoveGuided(const mjModel* model) {
   const auto& [body, X_WO, v_WO] = *guided;
-  const mjtNum* const now = mj->qpos + body.q;
-  const mjtNum* const moving = mj->qvel + body.v;  // linear in world, angular in the body's frame
-  const Eigen::Quaterniond q_now(now[3], now[4], now[5], now[6]);
-  constexpr double kStiffness = kGuideFrequency * kGuideFrequency, kDamping = 2 * kGuideFrequency;
-
-  Eigen::Vector3d linear = kStiffness * (X_WO.p - v_WO * remaining - Eigen::Vector3d(now[0], now[1], now[2])) +
-                           kDamping * (v_WO - Eigen::Vector3d(moving[0], moving[1], moving[2]));
-  linear.z() = 0;
-  if (linear.norm() > kMostGuide) linear *= kMostGuide / linear.norm();
-  linear -= kWeightBorne * Eigen::Vector3d::Map(model->opt.gravity);
-
-  Eigen::Quaterniond off = X_WO.q * q_now.conjugate();
-  if (off.w() < 0) off.coeffs() *= -1;
-  const Eigen::AngleAxisd turn(off.normalized());
-  const Eigen::Vector3d angular =
-      kStiffness * turn.angle() * turn.axis() - kDamping * (q_now * Eigen::Vector3d(moving[3], moving[4], moving[5]));
-  // along the principal axes of inertia
-  const auto R_WI = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>::Map(mj->ximat + 9 * body.body);
-  const Eigen::Vector3d inertia = Eigen::Vector3d::Map(model->body_inertia + 3 * body.body);
-  const Eigen::Vector3d force = model->body_mass[body.body] * linear;
-  const Eigen::Vector3d torque = R_WI * inertia.cwiseProduct(R_WI.transpose() * angular);
-  Eigen::Map<Vector6d>(mj->xfrc_applied + 6 * body.body) << force, torque;
+  const double values[7] = {X_WO.p.x(), X_WO.p.y(), X_WO.p.z(), X_WO.q.w(), X_WO.q.x(), X_WO.q.y(), X_WO.q.z()};
+  std::copy_n(values, 7, mj->qpos + body.q);
+  const double velocity[6] = {v_WO.x(), v_WO.y(), v_WO.z(), 0, 0, 0};
+  std::copy_n(velocity, 6, mj->qvel + body.v);
+  guided.reset();
+  mj_step1(model, mj.get());
 }
 
 void World::State::ReadControl(const Scene::Model& model) {

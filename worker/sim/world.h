@@ -42,9 +42,8 @@ class World {
   /// step
   ///              the path is taken as straight: `target` moved back by V_WE.
   void Step(const Waypoint& target, const Eigen::Matrix<double, 6, 1>& V_WE);
-  /// During the next Step an object is slid over the table: a force and a torque at its centre of mass draw it to x, y
-  /// and orientation of `X_WO`, due at the end of the step with velocity `v_WO` (m/s, world; x and y count) and no
-  /// turning; they bear most of its weight, so that it does not tip. The force is bounded: what is in the way stays.
+  /// The next Step ends with an object at `X_WO`, moving at `v_WO` (m/s, world) without turning, as a hand that is not
+  /// in the picture would hold it. Whoever guides keeps it off other things: it is moved, whatever is in the way.
   void Guide(const std::string& object, const Pose& X_WO, const Eigen::Vector3d& v_WO);
 
   Eigen::VectorXd q() const;          ///< arm joints (nq), rad

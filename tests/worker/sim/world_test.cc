@@ -222,11 +222,11 @@ TEST(World, GuidesForOneStepOnly) {
   const Pose coke = once.ObjectPose("coke");
   once.Guide("coke", {coke.p + Eigen::Vector3d(0.05, 0, 0), coke.q}, Eigen::Vector3d::Zero());
   Hold(once, 1);
-  const mjData* data = once.state().mj.get();
-  EXPECT_TRUE(std::all_of(data->xfrc_applied, data->xfrc_applied + 6 * once.scene().model().mj->nbody,
-                          [](double value) { return value == 0; }));
+  EXPECT_LT((once.ObjectPose("coke").p - coke.p - Eigen::Vector3d(0.05, 0, 0)).norm(), 1e-9);
+  once.SetObject("coke", coke);
+  once.Forward();
   Hold(once, 100);
-  EXPECT_LT((once.ObjectPose("coke").p - coke.p).norm(), 0.02) << "a bounded force of 8 ms";
+  EXPECT_LT((once.ObjectPose("coke").p - coke.p).norm(), 2e-3) << "later steps are its own";
 }
 
 }  // namespace

@@ -101,6 +101,7 @@ policy::Answer Stay(const Eigen::Vector3d& p) {
 
 TEST(Rollout, EndsAtTheStepLimitWhenNothingHappens) {
   CampaignSpec spec = RolloutSpecOf("pick");
+  spec.rollout.replan_steps = 15;
   spec.rollout.max_steps = 120;
   spec.rollout.record = false;
   auto runner = AttemptRunner::Open(spec);
@@ -125,6 +126,7 @@ TEST(Rollout, EndsAtTheStepLimitWhenNothingHappens) {
 // Steps before the hand was first commanded to move, and questions in 120 steps.
 std::pair<int, int> Delay(double latency_ms, double server_p99_ms) {
   CampaignSpec spec = RolloutSpecOf("pick");
+  spec.rollout.replan_steps = 15;
   spec.rollout.max_steps = 120;
   spec.rollout.record = false;
   spec.rollout.latency_ms = latency_ms;
@@ -178,7 +180,7 @@ struct Seen {
 Seen LookOn(double occlude) {
   CampaignSpec spec = RolloutSpecOf("pick");
   spec.camera.width = spec.camera.height = 224;
-  spec.image_stride = 15;
+  spec.image_stride = spec.rollout.replan_steps = 15;
   spec.rollout.max_steps = 60;
   spec.rollout.occlude = occlude;
   auto runner = AttemptRunner::Open(spec);

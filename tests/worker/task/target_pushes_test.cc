@@ -21,6 +21,7 @@ CampaignSpec Pushing(const std::string& task, int count) {
   spec.image_stride = 50;
   spec.camera.width = spec.camera.height = 64;
   spec.rollout.run = "still";
+  spec.rollout.replan_steps = 15;
   spec.rollout.max_steps = 160;
   spec.rollout.record = false;
   spec.rollout.pushes.count = count;
