@@ -142,7 +142,7 @@ TEST_F(KeepTest, ACameraThatMovesIsPartOfWhatIsLearned) {
   CampaignSpec spec = SyntheticSpec(kTinyPicture, kTinyPicture);
   spec.randomization.world.camera_position = 0.1;
   spec.randomization.world.fovy_deg = 8;
-  AddSyntheticEpisodes(folder_ / "moving", spec, 0, 12);
+  AddSyntheticEpisodes(folder_ / "moving", spec, 0, 24);
   auto few = data::Dataset::Open(folder_ / "moving");
   ASSERT_TRUE(few) << few.error().message;
   const auto config = TinyConfig({"policy.image.crop=[]"});
@@ -160,7 +160,7 @@ TEST_F(KeepTest, ACameraThatMovesIsPartOfWhatIsLearned) {
     EXPECT_LE(crop.width, kTinyPicture);
     EXPECT_GE(crop.width, alone->width);
   }
-  AddSyntheticEpisodes(folder_ / "moving", spec, 12, 30);
+  AddSyntheticEpisodes(folder_ / "moving", spec, 24, 40);
   const auto more = BuildRun(config, *data::Dataset::Open(folder_ / "moving"), {.out = folder_ / "other"});
   ASSERT_TRUE(more) << more.error().message;
   EXPECT_EQ((*more)->config.policy.image.crop, (*run)->config.policy.image.crop);

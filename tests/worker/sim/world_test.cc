@@ -194,8 +194,9 @@ TEST(World, GuidesEveryObjectUprightOverTheTable) {
   World world(FullScene());
   for (const ObjectInfo& object : FullScene()->objects()) {
     world.Reset();
+    double x = -1;  // the others stand in a row behind the robot
     for (const ObjectInfo& other : FullScene()->objects())
-      world.SetObject(other.name, {{0, -3, 1}, Eigen::Quaterniond::Identity()});
+      world.SetObject(other.name, {{x += 0.25, -0.6, other.rest_height}, Eigen::Quaterniond::Identity()});
     world.SetObject(object.name, {{0.1, 0.3, object.rest_height}, FromEuler({0, 0, 0.2})});
     world.Forward();
     Hold(world, 30);
