@@ -70,7 +70,7 @@ TEST(TargetPushes, SlideTheTargetToAnotherPlaceWhereItMayStand) {
       EXPECT_GT((to - from).norm(), spec.rollout.pushes.least - 1e-3) << episode.target;
       EXPECT_LT((to - from).norm(), spec.rollout.pushes.most + 1e-3) << episode.target;
       EXPECT_NEAR(to.z(), from.z(), 2e-3) << "on the table";
-      EXPECT_LT((later - to).norm(), 2e-3) << "it stands where it came to";
+      EXPECT_LT((later - to).norm(), 5e-3) << "it stands where it came to";
       EXPECT_TRUE(InABox(to)) << to.transpose();
       for (const auto& other : episode.objects) {
         if (other.name == episode.target) continue;
@@ -119,7 +119,8 @@ TEST(TargetPushes, AreMissedOnceTheRobotHasTouchedTheTarget) {
   spec.rollout.pushes.earliest = 120;
   spec.rollout.pushes.latest = 150;
   const Episode still = RollOut(Pushing("pick", 0), 1);
-  const Eigen::Vector3d place = At(still.FindObject(still.target)->pose, 0);
+  // a finger comes down where the target stands, not on either side of it
+  const Eigen::Vector3d place = At(still.FindObject(still.target)->pose, 0) + Eigen::Vector3d(0.04, 0, 0);
   const Episode episode = RollOut(spec, 1, place);  // straight into it
   ASSERT_EQ(episode.details["decisions"].back()["touched"], true) << "or the test says nothing";
   EXPECT_TRUE(episode.details["pushes"].empty());
