@@ -24,7 +24,7 @@ constexpr auto kSayAgain = 2s;
 
 // "pepsi (0.97)" or "[0.103, 0.312, 0.040] m"
 std::string ValueText(const OrderedJson& said) {
-  if (!said.is_object() || !said.contains("value")) return "-";
+  if (!said.is_object() || !said.contains("value")) return "";
   const auto& value = said["value"];
   std::string text;
   if (value.is_array()) {
@@ -106,7 +106,8 @@ std::string InsightText(const std::string& modules_json, const std::string& what
     };
     text += fmt::format("  {:<9} {:<22} {}", name,
                         word("entity").empty() ? "" : word("entity") + "." + word("quantity"), ValueText(said));
-    if (changed && changed->is_object() && changed->contains(name)) {
+    // a trajectory says no value
+    if (said.is_object() && said.contains("value") && changed && changed->is_object() && changed->contains(name)) {
       const std::string now = ValueText((*changed)[name]);
       text += now == ValueText(said) ? "   the same" : "   instead " + now;
     }
