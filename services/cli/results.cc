@@ -9,6 +9,7 @@
 
 #include "services/campaign/process.h"
 #include "services/cli/command_line.h"
+#include "services/cli/results_record.h"
 #include "services/cli/results_table.h"
 #include "services/core/clock.h"
 #include "services/core/log.h"
@@ -22,6 +23,7 @@ namespace fs = std::filesystem;
 struct Arguments {
   std::string file = "deploy/docs/results.yaml", out = "out/results", write;
   std::vector<std::string> only;
+  std::vector<std::uint64_t> seeds;
   std::uint32_t domain = 0;
 };
 
@@ -32,23 +34,11 @@ class Maker {
  public:
   explicit Maker(const Arguments& arguments) : arguments_(arguments), out_(arguments.out) {}
 
-  Result<ResultLine> Make(const ResultRow& row) {
+  /// Makes what is not there already of one training seed of `row`. @returns the evaluation's report
+  Result<OrderedJson> Make(const ResultRow& row, std::uint64_t seed) {
     ETUDE_ASSIGN_OR_RETURN(const Path data, Collect(row));
-    ResultLine line{&row, {}};
-    for (const auto seed : row.train.seeds) {
-      ETUDE_ASSIGN_OR_RETURN(const Path run, Train(row, seed, data));
-      ETUDE_ASSIGN_OR_RETURN(auto report, Evaluate(row, seed, run));
-      line.reports.push_back(std::move(report));
-    }
-    return line;
-  }
-
-  /// What stands there already; nothing is run.
-  ResultLine Read(const ResultRow& row) const {
-    ResultLine line{&row, {}};
-    for (const auto seed : row.train.seeds)
-      if (auto report = ReadReport(row, seed)) line.reports.push_back(std::move(*report));
-    return line;
+    ETUDE_ASSIGN_OR_RETURN(const Path run, Train(row, seed, data));
+    return Evaluate(row, seed, run);
   }
 
  private:
@@ -180,29 +170,58 @@ class Maker {
   std::set<std::string> collected_;
 };
 
-Status Results(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto config, LoadConfig<ResultsConfig>(arguments.file));
+// The table of what was measured, whoever measured it, and its records beside it.
+struct Table {
+  Path file;
+  ResultRecords records;
+
+  Path record_file() const { return Path(file).replace_extension(".json"); }
+  std::string Text(const ResultsConfig& config) const {
+    std::vector<ResultLine> lines;
+    for (const auto& row : config.rows) lines.push_back({&row, records.Find(row)});
+    return ResultsTable(lines);
+  }
+  // after every seed: a long table is worth something before its end
+  Status Save(const ResultsConfig& config) const {
+    ETUDE_RETURN_IF_ERROR(records.Save(record_file()));
+    return WriteFileAtomically(file, Text(config));
+  }
+};
+
+Status CheckRows(const Arguments& arguments, const ResultsConfig& config) {
   ETUDE_RETURN_IF_ERROR(config.Validate());
-  const auto wanted = [&](const ResultRow& row) {
-    return arguments.only.empty() || std::ranges::find(arguments.only, row.name) != arguments.only.end();
-  };
   for (const auto& name : arguments.only)
     if (std::ranges::find(config.rows, name, &ResultRow::name) == config.rows.end())
       return Fail(Code::kInvalidArgument, fmt::format("--row '{}': no such row in {}", name, arguments.file));
+  for (const auto seed : arguments.seeds)
+    if (std::ranges::none_of(config.rows, [&](const ResultRow& row) {
+          return std::ranges::find(row.train.seeds, seed) != row.train.seeds.end();
+        }))
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("--seeds {}: no row of {} is trained with it", seed, arguments.file));
+  return {};
+}
+
+Status Results(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const auto config, LoadConfig<ResultsConfig>(arguments.file));
+  ETUDE_RETURN_IF_ERROR(CheckRows(arguments, config));
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
+  Table table{arguments.write.empty() ? Path(arguments.out) / "results.md" : Path(arguments.write), {}};
+  ETUDE_ASSIGN_OR_RETURN(table.records, ResultRecords::Load(table.record_file()));
+  const auto wanted = [](const auto& list, const auto& item) {
+    return list.empty() || std::ranges::find(list, item) != list.end();
+  };
   Maker maker(arguments);
-  std::vector<ResultLine> lines;
   for (const auto& row : config.rows) {
-    ResultLine line = maker.Read(row);
-    if (wanted(row)) {
-      ETUDE_ASSIGN_OR_RETURN(line, maker.Make(row));
+    for (const auto seed : row.train.seeds) {
+      if (!wanted(arguments.only, row.name) || !wanted(arguments.seeds, seed)) continue;
+      ETUDE_ASSIGN_OR_RETURN(const OrderedJson report, maker.Make(row, seed));
+      table.records.Keep(row, {seed, MadeHere(), BriefReport(report)});
+      ETUDE_RETURN_IF_ERROR(table.Save(config));
     }
-    lines.push_back(std::move(line));
-    // after every row: a long table is worth something before its end
-    const Path table = arguments.write.empty() ? Path(arguments.out) / "results.md" : Path(arguments.write);
-    ETUDE_RETURN_IF_ERROR(WriteFileAtomically(table, ResultsTable(lines)));
   }
-  fmt::print("{}", ResultsTable(lines));
+  ETUDE_RETURN_IF_ERROR(table.Save(config));
+  fmt::print("{}", table.Text(config));
   return {};
 }
 
@@ -232,7 +251,10 @@ void AddResults(CLI::App& app, Body& body) {
   command->add_option("--out", arguments->out, "folder for data, runs, evaluations and logs; begun again, it goes on")
       ->capture_default_str();
   command->add_option("--row", arguments->only, "only this row; may be repeated")->allow_extra_args(false);
-  command->add_option("--write", arguments->write, "where the table goes (default: OUT/results.md)");
+  command->add_option("--seeds", arguments->seeds, "only these training seeds of a row")->delimiter(',');
+  command->add_option("--write", arguments->write,
+                      "where the table goes (default: OUT/results.md); what was measured is kept beside it as .json, "
+                      "so that rows made elsewhere or earlier stay in the table");
   command->add_option("--domain", arguments->domain, "DDS domain, 0..230")->check(CLI::Range(0, 230));
   command->callback([=, &body] { body = [=] { return Results(*arguments); }; });
 }

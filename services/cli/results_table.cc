@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
+#include <set>
 
 #include "services/core/statistics.h"
 
@@ -44,8 +46,8 @@ const OrderedJson* FindPart(const OrderedJson& report, const char* key) {
 
 Count CountOf(const ResultLine& line, const char* criterion) {
   Count count;
-  for (const auto& report : line.reports)
-    if (const auto* overall = FindPart(report, "overall")) count.Add(*overall, criterion);
+  for (const auto& measured : line.reports)
+    if (const auto* overall = FindPart(measured.report, "overall")) count.Add(*overall, criterion);
   return count;
 }
 
@@ -67,21 +69,53 @@ std::string BeginsText(const ResultTraining& train) {
   return text;
 }
 
+std::string MadeText(const ResultLine& line) {
+  std::set<std::string> made;
+  for (const auto& measured : line.reports) made.insert(measured.made);
+  return fmt::format("{}", fmt::join(made, "; "));
+}
+
 std::string RowText(const ResultLine& line) {
   const ResultRow& row = *line.row;
   const Count strict = CountOf(line, "success"), latched = CountOf(line, "success_latched");
   const std::string goal =
       row.goal > 0 ? fmt::format("{:g}{}", row.goal, strict.mean() >= row.goal ? "" : " (missed)") : "";
-  return fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", row.title, row.data.episodes,
+  return fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", row.title, row.data.episodes,
                      LimitText(row.train), BeginsText(row.train), strict.text(), SeedsText(strict), latched.text(),
-                     row.paper.empty() ? "-" : row.paper, goal);
+                     row.paper.empty() ? "-" : row.paper, goal, MadeText(line));
+}
+
+// means over the seeds of what eval.json has: means over rollouts of their decisions' means
+std::string ErrorsText(const ResultLine& line) {
+  std::vector<std::string> order;
+  std::map<std::string, std::vector<double>> all, before;
+  for (const auto& measured : line.reports) {
+    const auto* overall = FindPart(measured.report, "overall");
+    const auto* errors = overall ? FindPart(*overall, "error_cm") : nullptr;
+    if (!errors || !errors->is_object()) continue;
+    const auto* early = FindPart(*overall, "error_before_contact_cm");
+    for (const auto& [module, error] : errors->items()) {
+      if (!error.is_number()) continue;
+      if (!all.contains(module)) order.push_back(module);
+      all[module].push_back(error.get<double>());
+      const auto* number = early ? FindPart(*early, module.c_str()) : nullptr;
+      if (number && number->is_number()) before[module].push_back(number->get<double>());
+    }
+  }
+  const auto text = [](const std::vector<double>& values) {
+    return values.empty() ? "-" : fmt::format("{:.2f}", std::reduce(values.begin(), values.end()) / std::ssize(values));
+  };
+  std::string lines;
+  for (const auto& module : order)
+    lines += fmt::format("| {} | {} | {} | {} |\n", line.row->title, module, text(all[module]), text(before[module]));
+  return lines;
 }
 
 std::string TasksText(const ResultLine& line) {
   std::vector<std::string> order;
   std::map<std::string, Count> strict, latched;
-  for (const auto& report : line.reports) {
-    const auto* tasks = FindPart(report, "per_task");
+  for (const auto& measured : line.reports) {
+    const auto* tasks = FindPart(measured.report, "per_task");
     if (!tasks || !tasks->is_array()) continue;
     for (const auto& entry : *tasks) {
       const std::string task = entry.is_object() ? entry.value("task", "?") : "?";
@@ -99,16 +133,17 @@ std::string TasksText(const ResultLine& line) {
 }  // namespace
 
 std::string ResultsTable(const std::vector<ResultLine>& lines) {
-  std::string rows, tasks;
+  std::string rows, tasks, errors;
   for (const auto& line : lines) {
     if (line.reports.empty()) continue;
     rows += RowText(line);
     tasks += TasksText(line);
+    errors += ErrorsText(line);
   }
   return "| what | demonstrations | training | begins with | strict success % [95 %] | each seed | latched % [95 %] | "
-         "paper % "
-         "| goal % |\n|---|---|---|---|---|---|---|---|---|\n" +
-         rows + "\n| what | task | strict % [95 %] | latched % [95 %] |\n|---|---|---|---|\n" + tasks;
+         "paper % | goal % | made |\n|---|---|---|---|---|---|---|---|---|---|\n" +
+         rows + "\n| what | task | strict % [95 %] | latched % [95 %] |\n|---|---|---|---|\n" + tasks +
+         "\n| what | module | error cm | before contact |\n|---|---|---|---|\n" + errors;
 }
 
 }  // namespace etude::cli

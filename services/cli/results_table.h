@@ -5,20 +5,19 @@
 #include <string>
 #include <vector>
 
-#include "services/cli/results_config.h"
-#include "services/core/config.h"
+#include "services/cli/results_record.h"
 
 namespace etude::cli {
 
 /// One row that was measured.
 struct ResultLine {
   const ResultRow* row = nullptr;
-  std::vector<OrderedJson> reports;  ///< eval.json of each seed
+  std::vector<ResultReport> reports;  ///< of each seed
 };
 
 /// Markdown: a line a row (strict success as the mean over the seeds with the Wilson interval of all rollouts, latched
-/// beside it, demonstrations, minutes, what it began with, the paper's figure, the goal), then success by task.
-/// Rows without reports are left out.
+/// beside it, demonstrations, minutes, what it began with, the paper's figure, the goal, when and where it was made),
+/// then success by task, then the modules' errors. Rows without reports are left out.
 std::string ResultsTable(const std::vector<ResultLine>& lines);
 
 }  // namespace etude::cli

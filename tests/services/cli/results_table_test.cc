@@ -39,20 +39,31 @@ ResultRow Row(double goal) {
 // means over seeds, the interval over all rollouts
 TEST(ResultsTable, HasBothCriteriaWithIntervalsAndEverySeed) {
   const ResultRow row = Row(95);
-  const std::string table = ResultsTable({{&row, {Report(100, 90, 100), Report(100, 96, 98)}}});
+  const std::string table =
+      ResultsTable({{&row, {{1, "then", Report(100, 90, 100)}, {2, "now", Report(100, 96, 98)}}}});
 
   EXPECT_THAT(table,
               HasSubstr("| UR5 | 600 | 10 min | base + obstacle, 2 parts frozen | 93.0 [88.6, 95.8] | 90.0, 96.0 | "
-                        "99.0 [96.4, 99.7] | 82.4 | 95 (missed) |"));
+                        "99.0 [96.4, 99.7] | 82.4 | 95 (missed) | now; then |"));
   EXPECT_THAT(table, HasSubstr("| UR5 | pick | 93.0 [88.6, 95.8] | 99.0 [96.4, 99.7] |"));
   const ResultRow easy = Row(90);
-  EXPECT_THAT(ResultsTable({{&easy, {Report(100, 96, 98)}}}), Not(HasSubstr("missed")));
+  EXPECT_THAT(ResultsTable({{&easy, {{1, "now", Report(100, 96, 98)}}}}), Not(HasSubstr("missed")));
+}
+
+TEST(ResultsTable, HasTheMeanErrorOfEachModuleOverTheSeeds) {
+  const ResultRow row = Row(0);
+  OrderedJson first = Report(10, 9, 9), second = first;
+  first["overall"]["error_cm"] = {{"TAR3D", 0.2}, {"DISP", 0.5}};
+  first["overall"]["error_before_contact_cm"] = {{"TAR3D", 0.1}};
+  second["overall"]["error_cm"] = {{"TAR3D", 0.4}, {"DISP", "odd"}};
+  const std::string table = ResultsTable({{&row, {{1, "now", first}, {2, "now", second}}}});
+  EXPECT_THAT(table, HasSubstr("| UR5 | TAR3D | 0.30 | 0.10 |\n| UR5 | DISP | 0.50 | - |"));
 }
 
 TEST(ResultsTable, LeavesOutWhatWasNotMeasuredAndSurvivesOddReports) {
   const ResultRow row = Row(0);
   EXPECT_THAT(ResultsTable({{&row, {}}}), Not(HasSubstr("UR5")));
-  const std::string odd = ResultsTable({{&row, {OrderedJson::object()}}});
+  const std::string odd = ResultsTable({{&row, {{1, "now", OrderedJson::object()}}}});
   EXPECT_THAT(odd, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, 2 parts frozen | - |"));
 }
 

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/cli/results_record.cc
+#include "services/cli/results_record.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/temporary_folder.h"
+
+namespace etude::cli {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+ResultRow Row(const std::string& name) {
+  ResultRow row;
+  row.name = name;
+  row.data = {.campaign = "quickstart", .episodes = 600};
+  row.train.minutes = 10;
+  row.train.seeds = {1, 2, 3};
+  return row;
+}
+
+ResultReport Report(std::uint64_t seed, int successes) {
+  return {seed, "a day, a machine", {{"overall", {{"n", 10}, {"successes", successes}}}}};
+}
+
+std::vector<std::uint64_t> SeedsOf(const std::vector<ResultReport>& reports) {
+  std::vector<std::uint64_t> seeds;
+  for (const auto& report : reports) seeds.push_back(report.seed);
+  return seeds;
+}
+
+TEST(ResultRecords, KeepRowsOfSeveralDaysInOneFile) {
+  const TemporaryFolder folder;
+  const Path file = folder.path() / "results.json";
+  auto records = ResultRecords::Load(file);
+  ASSERT_TRUE(records) << "no file is no error: " << records.error().message;
+  records->Keep(Row("a"), Report(3, 7));
+  ASSERT_TRUE(records->Save(file));
+
+  auto later = ResultRecords::Load(file);
+  ASSERT_TRUE(later) << later.error().message;
+  later->Keep(Row("b"), Report(1, 5));
+  later->Keep(Row("a"), Report(1, 8));
+  ASSERT_TRUE(later->Save(file));
+
+  const auto whole = ResultRecords::Load(file);
+  ASSERT_TRUE(whole) << whole.error().message;
+  EXPECT_EQ(SeedsOf(whole->Find(Row("a"))), (std::vector<std::uint64_t>{1, 3})) << "in order of the seeds";
+  ASSERT_EQ(whole->Find(Row("b")).size(), 1U);
+  EXPECT_EQ(whole->Find(Row("b"))[0].made, "a day, a machine");
+  EXPECT_THAT(whole->Find(Row("c")), IsEmpty());
+}
+
+TEST(ResultRecords, AnotherMeasurementOfASeedTakesThePlaceOfTheFirst) {
+  ResultRecords records;
+  records.Keep(Row("a"), Report(2, 7));
+  records.Keep(Row("a"), Report(2, 9));
+  const auto found = records.Find(Row("a"));
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].report["overall"]["successes"], 9);
+}
+
+// a row that is defined anew must not show, or be averaged with, what was measured before
+TEST(ResultRecords, NeverMixTwoDefinitionsOfARow) {
+  ResultRecords records;
+  records.Keep(Row("a"), Report(1, 7));
+  ResultRow longer = Row("a");
+  longer.train.minutes = 20;
+  EXPECT_THAT(records.Find(longer), IsEmpty());
+  records.Keep(longer, Report(2, 9));
+  EXPECT_EQ(SeedsOf(records.Find(longer)), (std::vector<std::uint64_t>{2}));
+  EXPECT_THAT(records.Find(Row("a")), IsEmpty());
+
+  ResultRow other_scenes = longer;
+  other_scenes.eval.seed = 77;
+  EXPECT_THAT(records.Find(other_scenes), IsEmpty());
+}
+
+TEST(ResultRecords, WordsGoalAndSeedsOfARowAreNotItsDefinition) {
+  ResultRecords records;
+  records.Keep(Row("a"), Report(1, 7));
+  ResultRow reworded = Row("a");
+  reworded.title = "in other words";
+  reworded.paper = "82.4";
+  reworded.goal = 95;
+  reworded.train.seeds = {1, 2, 3, 4};
+  EXPECT_EQ(records.Find(reworded).size(), 1U);
+}
+
+TEST(ResultRecords, RefuseAFileThatIsNoneOfTheirs) {
+  const TemporaryFolder folder;
+  const Path file = folder.path() / "results.json";
+  ASSERT_TRUE(WriteFileAtomically(file, std::string_view("not json")));
+  const auto text = ResultRecords::Load(file);
+  ASSERT_FALSE(text);
+  EXPECT_THAT(text.error().message, HasSubstr("move it away"));
+  ASSERT_TRUE(WriteFileAtomically(file, std::string_view("{\"lines\": []}")));
+  const auto other = ResultRecords::Load(file);
+  ASSERT_FALSE(other);
+  EXPECT_THAT(other.error().message, HasSubstr("lines"));
+}
+
+TEST(BriefReport, KeepsWhatTablesShow) {
+  const OrderedJson report{{"overall", 1}, {"per_task", 2}, {"per_episode", OrderedJson::array({1, 2, 3})}};
+  EXPECT_EQ(BriefReport(report), (OrderedJson{{"overall", 1}, {"per_task", 2}}));
+  EXPECT_EQ(BriefReport(OrderedJson::array()), OrderedJson::object());
+}
+
+TEST(MadeHere, NamesADayAndAMachine) { EXPECT_THAT(MadeHere(), testing::MatchesRegex("20..-..-.., .+, [0-9]+ CPUs")); }
+
+}  // namespace
+}  // namespace etude::cli
