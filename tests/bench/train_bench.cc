@@ -131,7 +131,7 @@ class PlainPaper {
       const auto [registers, maps] =
           MultiHead(level, torch::cat(queries, 1), torch::cat(keys, 1), torch::cat(values, 1));
       for (std::size_t m = 0; m < modules.size(); ++m)
-        outputs[modules[m]->name] = Decode(*modules[m], inputs, registers.narrow(1, m, 1), maps.narrow(2, m, 1));
+        outputs[modules[m]->name] = Decode(*modules[m], registers.narrow(1, m, 1), maps.narrow(2, m, 1));
       for (std::size_t m = 0; m < modules.size(); ++m) {
         keys.push_back(registers.narrow(1, m, 1));
         values.push_back(registers.narrow(1, m, 1));
@@ -221,23 +221,16 @@ class PlainPaper {
     return {Linear(prefix + "output", sums), maps};
   }
 
-  ModuleOutput Decode(const ModuleConfig& module, const Inputs& inputs, const Tensor& reg, const Tensor& maps) const {
+  ModuleOutput Decode(const ModuleConfig& module, const Tensor& reg, const Tensor& maps) const {
     const Tensor& mean = W("normalization_position_mean");
     const Tensor& std = W("normalization_position_std");
     ModuleOutput output;
     output.register_token = reg;
     output.attention = maps.mean(1);
-    const auto [rows, columns] = policy_.grid();
-    const Tensor on_image = maps.narrow(-1, 0, rows * columns);
-    const double stride = static_cast<double>(config_.image.crop[2]) / columns;
-    const Tensor u = (torch::arange(columns, torch::kFloat32) + 0.5).repeat({rows}) * stride;
-    const Tensor v = (torch::arange(rows, torch::kFloat32) + 0.5).repeat_interleave(columns) * stride;
-    const Tensor per_head = torch::matmul(on_image, torch::stack({u, v}, -1)) / on_image.sum(-1, true);
-    output.soft_argmax = per_head.mean(1) + inputs.crop_origin.unsqueeze(1);
     const Tensor raw = Decoder("modules." + module.name + ".decoder.", reg, module.decoder.hidden.size() + 1);
     const std::string kind = module.decoder.quantity;
     if (kind == "class") output.decoded["class"] = raw;
-    if (kind == "pixel") output.decoded["pixel"] = output.soft_argmax + 2 * stride * raw;
+    if (kind == "pixel") output.decoded["pixel"] = 112 * (1 + raw);  // of 224
     if (kind == "pose")
       output.decoded["pose"] = torch::cat({mean + std * raw.narrow(-1, 0, 3), raw.narrow(-1, 3, 6)}, -1);
     if (kind == "displacement") output.decoded[kind] = W("normalization_displacement_std") * raw;

@@ -39,6 +39,9 @@ void CurriculumConfig::Check(std::vector<std::string>& errors) const {
   if (patience < 1) errors.push_back(fmt::format("curriculum.patience: {} must be >= 1", patience));
   if (!(latest_last >= 0 && latest_last <= 1))
     errors.push_back(fmt::format("curriculum.latest_last: {} not in 0..1", latest_last));
+  const std::vector<std::string> choices{"always", "before_last", "never"};
+  if (std::ranges::find(choices, relabelled) == choices.end())
+    errors.push_back(fmt::format("curriculum.relabelled: {}", NotKnown(relabelled, choices)));
 }
 
 std::string Subtask::Name() const { return fmt::format("{}", fmt::join(modules, "+")); }
@@ -68,6 +71,11 @@ void Scheduler::StartAt(int level) {
       std::find_if(subtasks_.begin(), subtasks_.end(), [&](const auto& s) { return s.level == level; });
   ETUDE_CHECK(subtask != subtasks_.end(), "level={}", level);
   if (config_.enabled) stage_ = static_cast<int>(subtask - subtasks_.begin()) + 1;
+}
+
+bool Scheduler::RelabelledAt(int level) const {
+  if (config_.relabelled == "before_last") return level < subtasks_.back().level;
+  return config_.relabelled == "always";
 }
 
 double Scheduler::Budget() const { return config_.latest_last * stage_ / std::max(1, stages() - 1); }

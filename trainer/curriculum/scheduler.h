@@ -23,6 +23,9 @@ struct CurriculumConfig {
   /// The last subtask starts at the latest at this fraction of the run; the earlier ones share it
   /// equally.
   double latest_last = 0.2;
+  /// When pictures are asked about relabelled commands beside the demonstrated one: always | never | before_last (the
+  /// authors': the last subtask is trained on what was demonstrated alone).
+  std::string relabelled = "always";
   /// Module -> error (1 - accuracy, px, m) that is good enough whatever the trend.
   std::map<std::string, double> goals;
 
@@ -33,6 +36,8 @@ struct CurriculumConfig {
       "a module has converged when its best error improved by less than this fraction");
     v("patience", patience, "-", "evaluations over which that is looked at");
     v("latest_last", latest_last, "-", "fraction of the run at which the last subtask starts at the latest");
+    v("relabelled", relabelled, "",
+      "when pictures are asked about relabelled commands, too: always | before_last (subtask) | never");
     v("goals", goals, "1, px or m", "error of a module that is good enough whatever the trend");
   }
 
@@ -70,6 +75,8 @@ class Scheduler {
 
   int stage() const { return stage_; }  ///< subtasks 1..stage() are trained
   int stages() const { return static_cast<int>(subtasks_.size()); }
+  /// Whether relabelled commands are asked while modules of `level` and below are trained.
+  bool RelabelledAt(int level) const;
   /// Modules of this level and below are trained.
   int level() const { return subtasks_[static_cast<std::size_t>(stage_ - 1)].level; }
   std::string StageName() const { return subtasks_[static_cast<std::size_t>(stage_ - 1)].Name(); }

@@ -222,4 +222,33 @@ Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& sam
   return {};
 }
 
+void KeepDemonstrated(Batch& batch) {
+  const auto B = static_cast<std::size_t>(batch.size), S = static_cast<std::size_t>(batch.sentences_each);
+  if (S == 1) return;
+  const auto first_of_each = [&](auto& values) {
+    const std::size_t picture = values.size() / B, sentence = picture / S;
+    for (std::size_t b = 1; b < B; ++b)
+      std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(b * picture), sentence,
+                  values.begin() + static_cast<std::ptrdiff_t>(b * sentence));
+    values.resize(B * sentence);
+  };
+  first_of_each(batch.sentence_index);
+  for (auto& [name, label] : batch.labels) {
+    if (label.shape[1] != batch.sentences_each) continue;
+    label.shape[1] = label.valid_shape[1] = 1;
+    first_of_each(label.values);
+    first_of_each(label.valid);
+  }
+  // no more text to encode than is asked
+  std::vector<std::string> asked;
+  std::map<std::int64_t, std::int64_t> places;
+  for (auto& index : batch.sentence_index) {
+    const auto [place, is_new] = places.try_emplace(index, std::ssize(asked));
+    if (is_new) asked.push_back(batch.sentences[static_cast<std::size_t>(index)]);
+    index = place->second;
+  }
+  batch.sentences = std::move(asked);
+  batch.sentences_each = 1;
+}
+
 }  // namespace etude::data

@@ -78,6 +78,9 @@ struct Batch {
   std::vector<FrameRef> frames;  ///< (B) where each picture comes from
 };
 
+/// Leaves each picture the command that its episode demonstrates (s = 0): without relabelling.
+void KeepDemonstrated(Batch& batch);
+
 enum class Augment { kNo, kYes };
 
 /// What the policy that is trained sees and is told.

@@ -79,6 +79,7 @@ Status Trainer::Impl::TrainStep() {
   Stopwatch wait;
   ETUDE_ASSIGN_OR_RETURN(auto batch, loader->Next());
   const double wait_s = wait.Seconds();
+  if (!run.scheduler->RelabelledAt(order.level)) data::KeepDemonstrated(*batch);
   run.optimizer->ZeroGradients();
   ETUDE_ASSIGN_OR_RETURN(const BatchLoss loss, run.replicas->Backward(*batch, order.level));
   if (ranks) ETUDE_RETURN_IF_ERROR(ranks->Sum(run.optimizer->SumGradients()));

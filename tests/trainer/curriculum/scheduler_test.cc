@@ -46,6 +46,27 @@ TEST(Scheduler, StartsAtTheLevelThatHasSomethingToLearn) {
   EXPECT_EQ(later.stage(), 3);
 }
 
+TEST(Scheduler, SaysWhenRelabelledCommandsAreAsked) {
+  const auto at = [](const char* relabelled, int level) {
+    CurriculumConfig config;
+    config.relabelled = relabelled;
+    return Scheduler(config, FiveLevels()).RelabelledAt(level);
+  };
+  for (int level = 1; level <= 5; ++level) {
+    EXPECT_TRUE(at("always", level));
+    EXPECT_FALSE(at("never", level));
+    EXPECT_EQ(at("before_last", level), level < 5) << level;
+  }
+}
+
+TEST(CurriculumConfig, NamesAnUnknownChoiceOfRelabelling) {
+  CurriculumConfig config;
+  config.relabelled = "allways";
+  std::vector<std::string> errors;
+  config.Check(errors);
+  EXPECT_THAT(errors, testing::ElementsAre(HasSubstr("did you mean 'always'")));
+}
+
 TEST(Scheduler, StaysWhileTheErrorFallsAndGoesOnWhenItStops) {
   CurriculumConfig config;
   config.latest_last = 1;

@@ -160,6 +160,40 @@ TEST_F(BatchTest, StopsKeepingCropsAtItsBound) {
   EXPECT_EQ(maker.cache().hits(), 0u);
 }
 
+TEST_F(BatchTest, KeepsTheDemonstratedCommandOfEachPictureAlone) {
+  const BatchMaker maker = Maker();
+  const Batch all = Make(maker, Augment::kYes);
+  Batch own = Make(maker, Augment::kYes);
+  ASSERT_EQ(all.sentences_each, 6);
+  KeepDemonstrated(own);
+
+  EXPECT_EQ(own.sentences_each, 1);
+  EXPECT_LT(own.sentences.size(), all.sentences.size()) << "sentences that nobody asks are not encoded";
+  ASSERT_EQ(own.sentence_index.size(), 16u);
+  for (std::size_t b = 0; b < 16; ++b)
+    EXPECT_EQ(own.sentences[static_cast<std::size_t>(own.sentence_index[b])],
+              all.sentences[static_cast<std::size_t>(all.sentence_index[6 * b])]);
+  EXPECT_EQ(own.images, all.images);
+
+  const auto rows = [](const LabelArray& label, std::size_t b, std::size_t of) {
+    const std::size_t size = label.values.size() / of;
+    return std::vector<float>(label.values.begin() + static_cast<std::ptrdiff_t>(b * size),
+                              label.values.begin() + static_cast<std::ptrdiff_t>((b + 1) * size));
+  };
+  EXPECT_EQ(own.labels.at("ee.position").values, all.labels.at("ee.position").values);
+  for (const char* name : {"target.position", "others.position"}) {
+    const LabelArray &few = own.labels.at(name), &many = all.labels.at(name);
+    EXPECT_EQ(few.shape[1], 1) << name;
+    EXPECT_EQ(few.valid_shape[1], 1) << name;
+    EXPECT_EQ(6 * few.values.size(), many.values.size()) << name;
+    EXPECT_EQ(6 * few.valid.size(), many.valid.size()) << name;
+    for (std::size_t b = 0; b < 16; ++b) EXPECT_EQ(rows(few, b, 16), rows(many, 6 * b, 96)) << name << b;
+  }
+  const Batch once = own;
+  KeepDemonstrated(own);
+  EXPECT_EQ(own.sentence_index, once.sentence_index) << "one command a picture stays as it is";
+}
+
 TEST_F(BatchTest, LabelsTheObjectThatEachSentenceNames) {
   const Batch batch = Make(Maker(), Augment::kYes);
   const auto snapshot = dataset_->snapshot();

@@ -29,6 +29,26 @@ TEST(LoadTrainConfig, ReadsTheShippedExperimentsWithTheirPolicies) {
   }
 }
 
+// one graph, two image encoders
+TEST(LoadTrainConfig, FaithfulIsThePaperButForItsImageEncoder) {
+  const auto faithful = LoadTrainConfig("faithful", kExperiments, {});
+  const auto paper = LoadTrainConfig("paper", kExperiments, {});
+  ASSERT_TRUE(faithful) << faithful.error().message;
+  auto ours = ToJson(faithful->policy), theirs = ToJson(paper->policy);
+  EXPECT_NE(ours["image"]["layers"], theirs["image"]["layers"]);
+  for (auto* policy : {&ours, &theirs}) {
+    (*policy)["image"].erase("layers");
+    policy->erase("name");
+  }
+  EXPECT_EQ(ours, theirs);
+  for (const auto& layer : faithful->policy.image.layers) EXPECT_LE(layer.channels, 32);
+  for (const auto& config : {*faithful, *paper}) {
+    EXPECT_EQ(config.curriculum.relabelled, "before_last");
+    EXPECT_GT(config.data.sentences, 1);
+    EXPECT_EQ(config.optimizer.clip, 1);
+  }
+}
+
 TEST(LoadTrainConfig, OverridesInsideTheNamedPolicy) {
   const auto config =
       LoadTrainConfig("compact", kExperiments, {"policy.width=48", "optimizer.lr=1e-4", "data.batch=7"});

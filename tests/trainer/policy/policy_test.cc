@@ -371,6 +371,17 @@ TEST(Presets, PaperHasItsSizes) {
   EXPECT_EQ(outputs.at("TAR3D").decoded.at("pose").size(2), 9);
 }
 
+// no soft-argmax: one linear layer from the register to a pixel, as the paper says it
+TEST(Presets, PaperReadsPixelsFromTheRegisterAlone) {
+  const PolicyConfig config = Preset("paper");
+  for (const char* name : {"EE2D", "TAR2D"}) {
+    const auto module = std::ranges::find(config.modules, name, &ModuleConfig::name);
+    ASSERT_NE(module, config.modules.end());
+    EXPECT_EQ(module->decoder.readout, "linear");
+    EXPECT_EQ(module->decoder.inputs, std::vector<std::string>{"register"});
+  }
+}
+
 TEST(Presets, CompactIsSmall) {
   const PolicyConfig config = Preset("compact");
   const auto policy = MakePolicy(config, 1, 7);
