@@ -14,13 +14,13 @@ namespace {
 
 using Tensors = std::map<std::string, torch::Tensor>;
 
-constexpr char kStatistics[] = "normalization";
+constexpr char kStatisticsPart[] = "normalization";
 
 Tensors TensorsOf(const Checkpoint& checkpoint, const std::string& part) {
   Tensors found;
   for (const auto& [name, tensor] : checkpoint.tensors) {
     const std::string own = policy::PartOfTensor(name);
-    if ((own.empty() ? kStatistics : own) == part) found[name] = tensor;
+    if ((own.empty() ? kStatisticsPart : own) == part) found[name] = tensor;
   }
   return found;
 }
@@ -63,7 +63,7 @@ std::vector<PartDifference> Compare(const Checkpoint& first, const Checkpoint& s
   std::vector<std::string> parts = policy::PartsOf(first.metadata.policy);
   for (const auto& part : policy::PartsOf(second.metadata.policy))
     if (std::find(parts.begin(), parts.end(), part) == parts.end()) parts.push_back(part);
-  parts.emplace_back(kStatistics);
+  parts.emplace_back(kStatisticsPart);
   std::vector<PartDifference> differences;
   for (const auto& part : parts)
     differences.push_back(ComparePart(part, TensorsOf(first, part), TensorsOf(second, part)));

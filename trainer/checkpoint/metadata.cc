@@ -7,7 +7,6 @@
 #include <cmath>
 
 #include "services/core/command.h"
-#include "services/episode/bounded_json.h"
 #include "trainer/checkpoint/readiness.h"
 #include "trainer/checkpoint/schema.h"
 #include "trainer/checkpoint/sizes.h"
@@ -17,7 +16,6 @@
 namespace etude::checkpoint {
 namespace {
 
-constexpr int kMaxDepth = 16;
 constexpr int kMaxJoints = 1000;
 
 using Text = std::map<std::string, std::string>;
@@ -34,15 +32,6 @@ Status Read(const Text& text, const char* key, Number& number) {
   const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
   if (error == std::errc() && end == value.data() + value.size()) return {};
   return Fail(Code::kCorrupt, fmt::format("checkpoint: metadata '{}' is '{:.100}', not a number", key, value));
-}
-
-// a map of anything
-Result<OrderedJson> ReadMap(const Text& text, const char* key) {
-  ETUDE_ASSIGN_OR_RETURN(const std::string value, Find(text, key));
-  auto json = ParseBoundedJson(value, kMaxDepth);
-  if (!json || !json->is_object())
-    return Fail(Code::kCorrupt, fmt::format("checkpoint: metadata '{}' is not a JSON map", key));
-  return std::move(*json);
 }
 
 template <class Config>

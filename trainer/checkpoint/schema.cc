@@ -18,15 +18,7 @@ namespace {
 using Text = std::map<std::string, std::string>;
 
 constexpr std::string_view kPrefix = "etude checkpoint ";
-constexpr int kMaxDepth = 16;
-
-Result<OrderedJson> ReadMap(const Text& text, const char* key) {
-  const auto it = text.find(key);
-  auto json = it == text.end() ? std::nullopt : ParseBoundedJson(it->second, kMaxDepth);
-  if (!json || !json->is_object())
-    return Fail(Code::kCorrupt, fmt::format("checkpoint: metadata '{}' is not a JSON map", key));
-  return std::move(*json);
-}
+constexpr int kMaxDepth = 16;  // of JSON in metadata
 
 // what schema 1 hashed: every key but those that shape no weight
 std::string HashOfSchema1(OrderedJson policy) {
@@ -107,6 +99,15 @@ Status UpgradeFrom1(Text& text, std::map<std::string, torch::Tensor>& tensors) {
 }
 
 }  // namespace
+
+Result<OrderedJson> ReadMap(const Text& text, const char* key) {
+  const auto it = text.find(key);
+  if (it == text.end()) return Fail(Code::kCorrupt, fmt::format("checkpoint: metadata has no '{}'", key));
+  auto json = ParseBoundedJson(it->second, kMaxDepth);
+  if (!json || !json->is_object())
+    return Fail(Code::kCorrupt, fmt::format("checkpoint: metadata '{}' is not a JSON map", key));
+  return std::move(*json);
+}
 
 std::string FormatOf(int schema) { return fmt::format("{}{}", kPrefix, schema); }
 

@@ -23,6 +23,9 @@ std::string FormatOf(int schema);
 /// @error kCorrupt: not a checkpoint; kInvalidArgument: a schema newer than kSchema.
 Result<int> SchemaOf(const std::map<std::string, std::string>& text);
 
+/// The map that metadata `text` has under `key`. @error kCorrupt: there is none, no JSON map, or one nested too deeply.
+Result<OrderedJson> ReadMap(const std::map<std::string, std::string>& text, const char* key);
+
 /// Makes metadata and tensors of `schema` those of kSchema. @error kCorrupt: by key.
 Status Upgrade(int schema, std::map<std::string, std::string>& text, std::map<std::string, torch::Tensor>& tensors);
 

@@ -13,8 +13,6 @@ namespace {
 
 using torch::Tensor;
 
-constexpr auto kChannelsLast = torch::MemoryFormat::ChannelsLast;
-
 /// torch's Function takes absent tensors only so.
 using Optional = c10::optional<Tensor>;
 

@@ -7,6 +7,8 @@
 
 namespace etude::policy {
 
+inline constexpr auto kChannelsLast = torch::MemoryFormat::ChannelsLast;  ///< of pictures and features
+
 struct FusedNorm {
   bool per_image = false;  ///< instance normalisation; else batch
   bool training = true;    ///< statistics of x; else the running ones

@@ -6,12 +6,12 @@
 #include <cmath>
 
 #include "services/core/check.h"
+#include "trainer/policy/fused_norm.h"
 #include "trainer/policy/torch_process.h"
 
 namespace etude::policy {
 namespace {
 
-constexpr auto kChannelsLast = torch::MemoryFormat::ChannelsLast;
 constexpr int kWaves = 4;
 constexpr int kPositionFeatures = 1 + 2 * kWaves;
 

@@ -25,15 +25,15 @@ Keys MakeKeys(int sentences) {
   return keys;
 }
 
-struct Case {
+struct AttentionCase {
   std::shared_ptr<Attention> attention;
   Tensor query;
   std::map<std::string, Tensor> weights;
 };
 
-Case MakeCase() {
+AttentionCase MakeAttentionCase() {
   torch::manual_seed(3);
-  Case c;
+  AttentionCase c;
   c.attention = std::make_shared<Attention>(kWidth, kHeads);
   c.attention->to(torch::kFloat64);
   c.query = torch::randn({kBatch, kQueries, kWidth}, torch::kFloat64);
@@ -48,7 +48,7 @@ Case MakeCase() {
 struct Expected {
   Tensor output, map, pixels;
 };
-Expected Textbook(const Case& c, const Keys& keys, int b, int s) {
+Expected Textbook(const AttentionCase& c, const Keys& keys, int b, int s) {
   const int head_width = kWidth / kHeads;
   const auto os = std::min<std::int64_t>(s, keys.other_key.size(1) - 1);
   const Tensor all_keys = torch::cat({keys.image_key[b], keys.other_key[b][os]});
@@ -75,7 +75,7 @@ Expected Textbook(const Case& c, const Keys& keys, int b, int s) {
 
 TEST(Attention, EqualsTheTextbook) {
   for (const int sentences : {1, kQueries}) {
-    const Case c = MakeCase();
+    const AttentionCase c = MakeAttentionCase();
     const Keys keys = MakeKeys(sentences);
     const Attended attended = c.attention->Forward(c.query, keys);
     for (int b = 0; b < kBatch; ++b) {
@@ -90,7 +90,7 @@ TEST(Attention, EqualsTheTextbook) {
 }
 
 TEST(Attention, EachRowOfTheMapSumsToOneWhateverTheKeys) {
-  const Case c = MakeCase();
+  const AttentionCase c = MakeAttentionCase();
   Keys only_image = MakeKeys(1), only_others = MakeKeys(1), both = MakeKeys(1);
   only_image.other_key = only_image.other_value = Tensor();
   only_others.image_key = only_others.image_value = only_others.image_pixels = Tensor();
@@ -109,7 +109,7 @@ TEST(Attention, SoftArgmaxOfUniformAttentionIsTheCentreOfTheGrid) {
   ASSERT_EQ(grid.rows, 4);
   ASSERT_EQ(grid.columns, 6);
   ASSERT_EQ(grid.stride, 4);
-  const Case c = MakeCase();
+  const AttentionCase c = MakeAttentionCase();
   Keys keys;
   keys.image_key = torch::zeros({kBatch, 24, kWidth}, torch::kFloat64);
   keys.image_value = torch::randn({kBatch, 24, kWidth}, torch::kFloat64);

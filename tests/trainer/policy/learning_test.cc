@@ -7,7 +7,7 @@ namespace {
 
 using torch::Tensor;
 
-constexpr int kWidth = 48, kHeight = 32, kSize = 5, kColours = 3;
+constexpr int kPictureWidth = 48, kHeight = 32, kSize = 5, kColours = 3;
 
 struct Batch {
   Inputs inputs;
@@ -16,7 +16,7 @@ struct Batch {
 
 PolicyConfig BlobConfig() {
   PolicyConfig config = TinyConfig();
-  config.image.crop = {20, 30, kWidth, kHeight};
+  config.image.crop = {20, 30, kPictureWidth, kHeight};
   config.precision = "bf16";
   config.width = 32;
   config.heads = 4;
@@ -30,13 +30,13 @@ PolicyConfig BlobConfig() {
 /// A red, a blue and a green square each in a third of the picture (in random order), asked for by name.
 Batch MakeBatch(int batch) {
   Batch result;
-  Tensor images = torch::randint(90, 110, {batch, 3, kHeight, kWidth}, torch::kUInt8);
+  Tensor images = torch::randint(90, 110, {batch, 3, kHeight, kPictureWidth}, torch::kUInt8);
   Tensor pixel = torch::empty({batch, kColours, 2});
   for (int b = 0; b < batch; ++b) {
     const Tensor thirds = torch::randperm(kColours);
     for (int colour = 0; colour < kColours; ++colour) {
-      const auto u = thirds[colour].item<std::int64_t>() * kWidth / 3 +
-                     torch::randint(0, kWidth / 3 - kSize, {1}).item<std::int64_t>();
+      const auto u = thirds[colour].item<std::int64_t>() * kPictureWidth / 3 +
+                     torch::randint(0, kPictureWidth / 3 - kSize, {1}).item<std::int64_t>();
       const auto v = torch::randint(0, kHeight - kSize, {1}).item<std::int64_t>();
       for (int channel = 0; channel < 3; ++channel)
         images[b][channel].narrow(0, v, kSize).narrow(1, u, kSize).fill_(channel == colour ? 250 : 10);

@@ -12,7 +12,7 @@ namespace {
 
 using torch::Tensor;
 
-struct Case {
+struct LossCase {
   TokenGrid grid{TinyConfig().image};
   Tensor origin = torch::tensor({{10.0F, 20.0F}, {11.0F, 18.0F}});
   Labels labels;
@@ -20,7 +20,7 @@ struct Case {
   ModuleConfig module;
   std::vector<std::string> keys{"image", "language", "joints"};
 
-  Case() {
+  LossCase() {
     torch::manual_seed(5);
     labels["target.pixel"] = torch::tensor(
         {{{15.0F, 24.0F}, {31.5F, 33.0F}, {20.0F, 28.0F}}, {{12.0F, 19.0F}, {33.0F, 30.0F}, {22.2F, 27.1F}}});
@@ -53,7 +53,7 @@ std::vector<double> ScalarTarget(double u, double v) {
 }
 
 TEST(AttentionLoss, LogIsTheCrossEntropyToAGaussianPatch) {
-  Case c;
+  LossCase c;
   const Masked masked = c.Attend("log");
   for (int b = 0; b < 2; ++b) {
     for (int s = 0; s < 3; ++s) {
@@ -68,7 +68,7 @@ TEST(AttentionLoss, LogIsTheCrossEntropyToAGaussianPatch) {
 }
 
 TEST(AttentionLoss, MseIsOfTheMassOnTheKeySet) {
-  Case c;
+  LossCase c;
   c.module.attend = {"image@target", "joints"};
   const Masked masked = c.Attend("mse");
   // (15, 24) from (10, 20) lies in row 1, column 1
@@ -77,7 +77,7 @@ TEST(AttentionLoss, MseIsOfTheMassOnTheKeySet) {
 }
 
 TEST(AttentionLoss, LogOfSeveralKeysIsOfTheirSum) {
-  Case c;
+  LossCase c;
   c.module.attend = {"language", "joints"};
   const Masked masked = c.Attend("log");
   const double mass = (c.output.attention[1][2][24] + c.output.attention[1][2][25]).item<double>();
@@ -86,7 +86,7 @@ TEST(AttentionLoss, LogOfSeveralKeysIsOfTheirSum) {
 }
 
 TEST(AttentionLoss, PixelsOutsideTheCropOrUnlabelledDoNotCount) {
-  Case c;
+  LossCase c;
   const double all = c.Attend("log").Mean().item<double>();
   c.labels["target.pixel"][0][1] = torch::tensor({34.5F, 33.0F});  // the crop ends at u = 34
   c.labels["target.pixel"][1][0].fill_(std::numeric_limits<float>::quiet_NaN());
@@ -102,7 +102,7 @@ TEST(AttentionLoss, PixelsOutsideTheCropOrUnlabelledDoNotCount) {
 }
 
 TEST(AttentionLoss, OfASetIsTheMeanOverItsMembersInView) {
-  Case c;
+  LossCase c;
   c.module.attend = {"image@others"};
   const Tensor one = torch::tensor({15.0F, 24.0F}), two = torch::tensor({31.5F, 33.0F}),
                out = torch::tensor({90.0F, 9.0F});
@@ -134,7 +134,7 @@ TEST(AttentionLoss, OfASetIsTheMeanOverItsMembersInView) {
 }
 
 TEST(PatchTarget, SumsToOneAtTheBorderToo) {
-  const Case c;
+  const LossCase c;
   const Tensor corner = c.origin.unsqueeze(1).expand({2, 3, 2}).contiguous();
   EXPECT_TRUE(torch::allclose(PatchTarget(corner, c.origin, c.grid, 0.6).sum(-1), torch::ones({2, 3})));
 }
@@ -145,7 +145,7 @@ double ScalarSmoothL1(double difference, double beta) {
 }
 
 TEST(DecodeLoss, PositionIsSmoothL1InMetres) {
-  Case c;
+  LossCase c;
   c.output.decoded["position"] = torch::tensor({{{0.1F, 0.2F, 0.3F}}, {{0.0F, 0.0F, 0.0F}}});
   c.labels["ee.position"] = torch::tensor({{{0.102F, 0.25F, 0.3F}}, {{0.5F, 0.5F, 0.5F}}});
   c.labels["ee.position.valid"] = torch::tensor({{true}, {false}});
@@ -154,7 +154,7 @@ TEST(DecodeLoss, PositionIsSmoothL1InMetres) {
 }
 
 TEST(DecodeLoss, ClassIsTheCrossEntropyOverObjects) {
-  Case c;
+  LossCase c;
   c.output.decoded["class"] = torch::tensor({{{1.0F, 2.0F, 0.5F}}});
   c.labels["target.class"] = torch::tensor({{2}}, torch::kInt64);
   const double expected = -0.5 + std::log(std::exp(1.0) + std::exp(2.0) + std::exp(0.5));
@@ -162,7 +162,7 @@ TEST(DecodeLoss, ClassIsTheCrossEntropyOverObjects) {
 }
 
 TEST(DecodeLoss, TrajectoryCountsValidWaypointsOfTheFirstSentence) {
-  Case c;
+  LossCase c;
   c.output.decoded["trajectory"] = torch::zeros({1, 2, 12, 10});
   c.output.decoded["trajectory"][0][1].fill_(99);  // another sentence: not labelled
   c.output.gripper_logits = torch::full({1, 2, 12}, 0.7F);
@@ -182,7 +182,7 @@ TEST(DecodeLoss, TrajectoryCountsValidWaypointsOfTheFirstSentence) {
 }
 
 TEST(DecodeLoss, AnAbsentLabelIsNoLoss) {
-  Case c;
+  LossCase c;
   c.module.decoder.entity = "target";
   c.module.decoder.quantity = "displacement";
   c.output.decoded["displacement"] = torch::zeros({2, 3, 3});

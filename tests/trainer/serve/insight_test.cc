@@ -16,8 +16,8 @@ namespace {
 
 using namespace std::chrono_literals;
 using ::testing::HasSubstr;
-constexpr std::uint32_t kDomain = 78;
-constexpr char kId[] = "aaaa000000000007";
+constexpr std::uint32_t kInsightDomain = 78;
+constexpr char kInsightRun[] = "aaaa000000000007";
 
 std::shared_ptr<const Model> ExampleModel() {
   const auto bytes = checkpoint::Encode(checkpoint::ExampleCheckpoint(policy::TinyConfig())).value();
@@ -66,14 +66,14 @@ TEST(Inspect, AnswersWhatWouldBe) {
 class Desk : public ::testing::Test {
  protected:
   Desk()
-      : participant_(bus::Participant::Open({kDomain, ""}).value()),
-        partition_(bus::Owner{"demo", kId}.partition()),
-        desk_(InsightDesk::Open(participant_, partition_, kId).value()),
+      : participant_(bus::Participant::Open({kInsightDomain, ""}).value()),
+        partition_(bus::Owner{"demo", kInsightRun}.partition()),
+        desk_(InsightDesk::Open(participant_, partition_, kInsightRun).value()),
         wishes_(bus::Writer<bus::InsightWish>::Open(participant_, partition_).value()),
         insights_(bus::Reader<bus::Insight>::Open(participant_, partition_).value()) {
     EXPECT_TRUE(wishes_.WaitForReaders(1, 20s));
   }
-  void Wish(const std::string& session, std::uint32_t seconds, const std::string& run_id = kId) {
+  void Wish(const std::string& session, std::uint32_t seconds, const std::string& run_id = kInsightRun) {
     bus::InsightWish wish;
     wish.run = "demo";
     wish.run_id = run_id;
@@ -103,7 +103,8 @@ class Desk : public ::testing::Test {
 };
 
 TEST_F(Desk, ShowsWhoWishesWhatIsWishedAndNobodyElse) {
-  const auto observation = ExampleObservation(4, "demo", kId), other = ExampleObservation(5, "demo", kId);
+  const auto observation = ExampleObservation(4, "demo", kInsightRun),
+             other = ExampleObservation(5, "demo", kInsightRun);
   Wish(observation.session, 30);
   const auto insight = Offer(observation, 20s);
   ASSERT_TRUE(insight);
@@ -123,13 +124,13 @@ TEST_F(Desk, ShowsWhoWishesWhatIsWishedAndNobodyElse) {
 
 TEST_F(Desk, DoesNothingForAnotherRunsWish) {
   Wish("", 30, "bbbb000000000000");
-  EXPECT_FALSE(Offer(ExampleObservation(4, "demo", kId), 500ms));
+  EXPECT_FALSE(Offer(ExampleObservation(4, "demo", kInsightRun), 500ms));
   EXPECT_EQ(desk_->shown(), 0u);
 }
 
 TEST_F(Desk, ShowsAtMostSoManyASecond) {
   Wish("", 30);
-  const auto observation = ExampleObservation(4, "demo", kId);
+  const auto observation = ExampleObservation(4, "demo", kInsightRun);
   ASSERT_TRUE(Offer(observation, 20s));
   const Stopwatch watch;
   const auto before = desk_->shown();
