@@ -158,7 +158,8 @@ std::vector<std::uint8_t> EncodeSafetensors(const Safetensors& content) {
   return bytes;
 }
 
-Result<Safetensors> DecodeSafetensors(std::span<const std::uint8_t> bytes) {
+Result<Safetensors> DecodeSafetensors(std::span<const std::uint8_t> bytes,
+                                      const std::function<bool(std::string_view)>& wanted) {
   std::uint64_t header_size = 0;
   if (bytes.size() < sizeof(header_size)) return Corrupt("shorter than 8 bytes");
   std::memcpy(&header_size, bytes.data(), sizeof(header_size));
@@ -182,6 +183,7 @@ Result<Safetensors> DecodeSafetensors(std::span<const std::uint8_t> bytes) {
   }
   ETUDE_RETURN_IF_ERROR(CheckCover(entries, buffer.size()));
   for (auto& entry : entries) {
+    if (wanted && !wanted(entry.name)) continue;
     const auto data = buffer.subspan(entry.begin, entry.end - entry.begin);
     content.tensors.emplace(std::move(entry.name),
                             Tensor{entry.dtype, std::move(entry.shape), {data.begin(), data.end()}});

@@ -4,9 +4,11 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "services/core/file.h"
@@ -38,7 +40,9 @@ std::vector<std::uint8_t> EncodeSafetensors(const Safetensors& content);
 /// @error kCorrupt: header too long (limit 100 MB), not JSON, offsets out of range, overlapping or
 /// with holes, duplicate names, sizes that do not fit shape and dtype. Nothing is allocated before
 /// it is checked.
-Result<Safetensors> DecodeSafetensors(std::span<const std::uint8_t> bytes);
+/// @param wanted  tensors for whose names it is false are checked and left out; none: all are there
+Result<Safetensors> DecodeSafetensors(std::span<const std::uint8_t> bytes,
+                                      const std::function<bool(std::string_view)>& wanted = {});
 
 Status WriteSafetensors(const Path& path, const Safetensors& content);
 Result<Safetensors> ReadSafetensors(const Path& path);

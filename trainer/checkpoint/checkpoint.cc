@@ -41,11 +41,16 @@ Result<Checkpoint> ReadFile(const Path& path) {
   return checkpoint;
 }
 
-Result<std::shared_ptr<policy::Policy>> BuildPolicy(const Checkpoint& checkpoint) {
+Result<std::shared_ptr<policy::Policy>> BuildPolicy(const Checkpoint& checkpoint, clip::Folders* folders) {
   const auto& metadata = checkpoint.metadata;
+  const auto& language = metadata.policy.language;
   const auto unit = policy::Normalization::Unit(metadata.embodiment.joints);  // the checkpoint brings the real one
   try {
-    ETUDE_ASSIGN_OR_RETURN(auto policy, policy::Policy::Create(metadata.policy, unit, 0));
+    std::shared_ptr<clip::TextEncoder> text_encoder;
+    if (folders && !language.clip_folder().empty()) {
+      ETUDE_ASSIGN_OR_RETURN(text_encoder, folders->Open(language.clip_folder(), language.sha256));
+    }
+    ETUDE_ASSIGN_OR_RETURN(auto policy, policy::Policy::Create(metadata.policy, unit, 0, std::move(text_encoder)));
     if (const auto loaded = policy->LoadStateTensors(checkpoint.tensors); !loaded)
       return Fail(Code::kCorrupt, "checkpoint: " + loaded.error().message);
     policy->eval();

@@ -14,6 +14,7 @@
 
 #include "services/core/file.h"
 #include "trainer/checkpoint/metadata.h"
+#include "trainer/policy/clip/text_encoder.h"
 #include "trainer/policy/policy.h"
 
 namespace etude::checkpoint {
@@ -34,8 +35,9 @@ Result<std::vector<std::uint8_t>> Encode(const Checkpoint& checkpoint);
 Result<Checkpoint> Decode(std::span<const std::uint8_t> bytes);
 Result<Checkpoint> ReadFile(const Path& path);
 
-/// The network with these weights, in evaluation mode. @error kCorrupt: tensors that do not fit the
-/// architecture.
-Result<std::shared_ptr<policy::Policy>> BuildPolicy(const Checkpoint& checkpoint);
+/// The network with these weights, in evaluation mode.
+/// @param folders  where clip's folder of a policy whose language is clip:DIR is looked for; none: where it says
+/// @error kCorrupt: tensors that do not fit the architecture; as clip::TextEncoder::Open
+Result<std::shared_ptr<policy::Policy>> BuildPolicy(const Checkpoint& checkpoint, clip::Folders* folders = nullptr);
 
 }  // namespace etude::checkpoint

@@ -91,7 +91,8 @@ class Drawing {
   std::string Text() {
     for (const ModuleConfig& module : metadata_.policy.modules) DrawArrows(module);
     DrawBox("image", {"picture, crop " + CropText()});
-    DrawBox("language", {"sentence, " + metadata_.policy.language.encoder});
+    const auto& language = metadata_.policy.language;
+    DrawBox("language", {"sentence, " + (language.clip_folder().empty() ? language.encoder : "clip")});
     DrawBox("joints", {metadata_.policy.joint_fourier ? "angles, sine and cosine" : "angles"});
     for (const ModuleConfig& module : metadata_.policy.modules)
       DrawBox(module.name, {SaysText(module), ProgressText(module, metadata_)});

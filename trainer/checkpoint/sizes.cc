@@ -48,8 +48,9 @@ std::uint64_t LeastParameters(const policy::PolicyConfig& config) {
   const auto& language = config.language;
   const auto width = static_cast<Size>(config.width);
   Size sum = OfImage(config.image) + OfChain(config.joint_hidden) + width * width;
-  sum += static_cast<Size>(language.buckets) * static_cast<Size>(language.width) +
-         OfChain({language.width, language.hidden, config.width});
+  if (language.clip_folder().empty())  // else a projection, of a width that only the folder tells
+    sum += static_cast<Size>(language.buckets) * static_cast<Size>(language.width) +
+           OfChain({language.width, language.hidden, config.width});
   for (const auto& module : config.modules) {
     if (config.attention == "module") sum += 4 * width * width;
     sum += OfChain(module.decoder.hidden);

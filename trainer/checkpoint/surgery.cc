@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "trainer/policy/architecture.h"
 #include "trainer/policy/names.h"
 #include "trainer/policy/parts.h"
 
@@ -47,7 +48,9 @@ Names DifferencesOfMeaning(const PolicyConfig& there, const PolicyConfig& here, 
   if (part == "image")
     CompareKeys(all_there.at("image"), all_here.at("image"), {"layers", "position", "pixel_mean", "pixel_scale"},
                 problems);
-  if (part == "language") Compare("language", all_there.at("language"), all_here.at("language"), problems);
+  if (part == "language")
+    Compare("language", policy::LanguageThatWeightsFit(all_there.at("language")),
+            policy::LanguageThatWeightsFit(all_here.at("language")), problems);
   if (part == "joints") CompareKeys(all_there, all_here, {"joint_hidden", "joint_fourier"}, problems);
   const ModuleConfig *a = FindModule(there, part), *b = FindModule(here, part);
   if (!a || !b) return problems;

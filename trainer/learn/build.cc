@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <thread>
 
 #include "services/core/log.h"
@@ -114,14 +115,32 @@ Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
   return {};
 }
 
-Result<Policies> MakeReplicas(const TrainConfig& config, const data::Statistics& statistics) {
+// What clip's folder holds becomes part of what the policy is.
+Status OpenTextEncoder(TrainingRun& run) {
+  policy::LanguageConfig& language = run.config.policy.language;
+  if (language.clip_folder().empty()) return {};
+  const Path folder = std::filesystem::absolute(language.clip_folder()).lexically_normal();
+  ETUDE_ASSIGN_OR_RETURN(run.text_encoder, clip::TextEncoder::Open(folder, language.sha256));
+  language.encoder = "clip:" + folder.string();
+  language.sha256 = run.text_encoder->sha256();
+  Log().info("language: CLIP's text tower of '{}', {} numbers a sentence, content {:.12}, frozen", folder.string(),
+             run.text_encoder->width(), language.sha256);
+  if (run.config.data.varied > 0 || run.config.data.noisy > 0)
+    Log().warn(
+        "sentences are drawn with synonyms or typing errors: each new one goes through CLIP's tower; data.varied=0 "
+        "data.noisy=0 keep to the templates, which are embedded once");
+  return {};
+}
+
+Result<Policies> MakeReplicas(const TrainingRun& run, const data::Statistics& statistics) {
+  const TrainConfig& config = run.config;
   SetBlasThreads(config.threads.intra_op);
   int copies = config.threads.replicas;
   if (copies == 0) copies = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   Policies policies;
   for (int r = 0; r < std::min(copies, config.data.batch); ++r) {
-    ETUDE_ASSIGN_OR_RETURN(auto policy,
-                           policy::Policy::Create(config.policy, ToNormalization(statistics), config.seed));
+    ETUDE_ASSIGN_OR_RETURN(
+        auto policy, policy::Policy::Create(config.policy, ToNormalization(statistics), config.seed, run.text_encoder));
     policy->train();
     policies.push_back(std::move(policy));
   }
@@ -188,7 +207,7 @@ Status RestoreState(const RunState& state, TrainingRun& run) {
 }
 
 Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& statistics, TrainingRun& run) {
-  ETUDE_ASSIGN_OR_RETURN(auto policies, MakeReplicas(run.config, statistics));
+  ETUDE_ASSIGN_OR_RETURN(auto policies, MakeReplicas(run, statistics));
   run.scheduler = std::make_unique<curriculum::Scheduler>(run.config.curriculum, Subtasks(run.config.policy));
   run.limit = RunLimit(run.config.steps, run.config.minutes);
   std::optional<RunState> state;
@@ -229,6 +248,7 @@ Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::sh
   run->options = options;
   run->dataset = std::move(dataset);
   ETUDE_RETURN_IF_ERROR(MakeFolders(options.out));
+  ETUDE_RETURN_IF_ERROR(OpenTextEncoder(*run));
   ETUDE_RETURN_IF_ERROR(AwaitData(*run->dataset, config, {options.follow, options.patience, options.source}));
   const auto snapshot = run->dataset->snapshot();
   ETUDE_ASSIGN_OR_RETURN(const auto statistics, data::ComputeStatistics(*snapshot));

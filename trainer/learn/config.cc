@@ -144,6 +144,7 @@ Result<TrainConfig> LoadTrainConfig(const std::string& name_or_file, const Path&
   ETUDE_RETURN_IF_ERROR(resolver.Policy(json));
   ETUDE_RETURN_IF_ERROR(resolver.Additions(json));
   MoveFreeze(json);
+  if (json.is_object() && json.contains("policy")) policy::WriteOutLanguage(json["policy"]);
   ETUDE_ASSIGN_OR_RETURN(auto config, FromJson<TrainConfig>(json, path.string()));
   ETUDE_RETURN_IF_ERROR(config.Validate());
   return config;

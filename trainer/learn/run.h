@@ -18,6 +18,7 @@
 #include "trainer/learn/replicas.h"
 #include "trainer/learn/run_state.h"
 #include "trainer/learn/trainer.h"
+#include "trainer/policy/clip/text_encoder.h"
 
 namespace etude::learn {
 
@@ -28,6 +29,7 @@ struct TrainingRun {
   std::shared_ptr<data::Dataset> dataset;
   std::shared_ptr<const language::Grammar> grammar;
   std::shared_ptr<const data::BatchMaker> maker;
+  std::shared_ptr<clip::TextEncoder> text_encoder;  ///< of language clip:DIR only
   std::unique_ptr<Replicas> replicas;
   std::unique_ptr<Optimizer> optimizer;
   std::unique_ptr<curriculum::Scheduler> scheduler;

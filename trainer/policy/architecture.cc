@@ -42,8 +42,19 @@ void Erase(OrderedJson& json, std::initializer_list<const char*> keys) {
 
 OrderedJson SaidOf(const PolicyConfig& config) { return Without(ToJson(config), ToJson(PolicyConfig{})); }
 
+OrderedJson LanguageThatWeightsFit(OrderedJson language) {
+  if (!language.is_object() || !language.contains("encoder") || !language["encoder"].is_string()) return language;
+  LanguageConfig config;
+  config.encoder = language["encoder"].get<std::string>();
+  if (config.clip_folder().empty()) return language;
+  language["encoder"] = "clip";
+  Erase(language, {"buckets", "width", "hidden"});
+  return language;
+}
+
 std::string ArchitectureHash(const OrderedJson& said) {
   OrderedJson json = said;
+  if (json.is_object() && json.contains("language")) json["language"] = LanguageThatWeightsFit(json["language"]);
   Erase(json, {"name", "attention_loss", "losses", "precision", "robot_specific"});
   if (json.contains("modules") && json["modules"].is_array()) {
     for (auto& module : json["modules"]) {

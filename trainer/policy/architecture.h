@@ -14,8 +14,13 @@ namespace etude::policy {
 /// again gives `config`.
 OrderedJson SaidOf(const PolicyConfig& config);
 
+/// What of a policy's `language`, as its file says it, weights must fit: of clip:DIR what the folder holds, not where
+/// it lies, and no sizes of an encoder that is not there.
+OrderedJson LanguageThatWeightsFit(OrderedJson language);
+
 /// SHA-256 of what weights must fit. Left out: names, losses and their weights, where attention is supervised,
-/// gradient paths, precision. @param said  SaidOf, or the policy_config of a checkpoint as it stands there
+/// gradient paths, precision, where clip's folder lies. @param said  SaidOf, or the policy_config of a checkpoint as it
+/// stands there
 std::string ArchitectureHash(const OrderedJson& said);
 std::string ArchitectureHash(const PolicyConfig& config);
 

@@ -14,6 +14,8 @@ namespace {
 
 using Errors = std::vector<std::string>;
 
+constexpr std::string_view kClip = "clip:";
+
 /// "unknown X 'word'", with the nearest of the candidates.
 std::string Unknown(std::string_view what, const std::string& word, const Errors& candidates) {
   return fmt::format("unknown {} '{}'{}", what, word, Suggestion(word, candidates));
@@ -57,6 +59,21 @@ void CheckImage(const ImageConfig& image, Errors& errors) {
   }
 }
 
+void CheckLanguage(const LanguageConfig& language, Errors& errors) {
+  const bool clip = !language.clip_folder().empty();
+  if (language.encoder != "default" && !clip)
+    errors.push_back(fmt::format("language.encoder: '{}' is neither default nor clip:DIR", language.encoder));
+  CheckRange("language.buckets", language.buckets, 16, 1 << 24, errors);
+  CheckRange("language.width", language.width, 1, 4096, errors);
+  CheckRange("language.hidden", language.hidden, 1, 65536, errors);
+  if (language.sha256.empty()) return;
+  const bool is_hash =
+      language.sha256.size() == 64 && language.sha256.find_first_not_of("0123456789abcdef") == std::string::npos;
+  if (!clip || !is_hash)
+    errors.push_back(fmt::format("language.sha256: '{:.100}' must be 64 hexadecimal digits, of clip:DIR, or nothing",
+                                 language.sha256));
+}
+
 void CheckSizes(const PolicyConfig& config, Errors& errors) {
   CheckRange("width", config.width, 1, 4096, errors);
   CheckRange("heads", config.heads, 1, 64, errors);
@@ -66,11 +83,7 @@ void CheckSizes(const PolicyConfig& config, Errors& errors) {
   CheckChoice("attention", config.attention, {"module", "shared"}, errors);
   CheckChoice("activation", config.activation, {"silu", "selu", "relu"}, errors);
   CheckChoice("precision", config.precision, {"bf16", "float32"}, errors);
-  if (config.language.encoder != "default" && !config.language.encoder.starts_with("clip:"))
-    errors.push_back(fmt::format("language.encoder: '{}' is neither default nor clip:DIR", config.language.encoder));
-  CheckRange("language.buckets", config.language.buckets, 16, 1 << 24, errors);
-  CheckRange("language.width", config.language.width, 1, 4096, errors);
-  CheckRange("language.hidden", config.language.hidden, 1, 65536, errors);
+  CheckLanguage(config.language, errors);
   config.losses.Check(errors);
   const std::set<std::string> distinct(config.objects.begin(), config.objects.end());
   if (distinct.size() != config.objects.size()) errors.push_back("objects: a name stands twice");
@@ -236,6 +249,10 @@ class GraphChecker {
 };
 
 }  // namespace
+
+std::string LanguageConfig::clip_folder() const {
+  return encoder.starts_with(kClip) ? encoder.substr(kClip.size()) : "";
+}
 
 Status PolicyConfig::Validate() const {
   Errors errors;

@@ -55,18 +55,26 @@ struct ImageConfig {
 };
 
 struct LanguageConfig {
-  std::string encoder = "default";  ///< default (trained along) | clip:DIR
-  int buckets = 8192;               ///< hashed features, see services/language/tokenizer.h
-  int width = 64;                   ///< word vector
-  int hidden = 128;
+  /// default (trained along) | clip:DIR (CLIP's text tower out of a folder, frozen; clip/text_encoder.h). A file may
+  /// say `language: clip:DIR` for `language: {encoder: clip:DIR}`.
+  std::string encoder = "default";
+  int buckets = 8192;  ///< hashed features, see services/language/tokenizer.h; of default only
+  int width = 64;      ///< word vector; of default only
+  int hidden = 128;    ///< of default only
+  /// Of clip's folder (clip::TextEncoder::sha256). Empty: whatever it holds when training begins; a checkpoint has it.
+  std::string sha256;
 
   template <class V>
   void Visit(V& v) {
-    v("encoder", encoder, "", "default: trained along | clip:DIR");
-    v("buckets", buckets, "-", "hashed word features");
-    v("width", width, "-", "of a word vector");
-    v("hidden", hidden, "-", "width of the hidden layer");
+    v("encoder", encoder, "", "default: trained along | clip:DIR: CLIP's text tower out of that folder, frozen");
+    v("buckets", buckets, "-", "hashed word features, of default only");
+    v("width", width, "-", "of a word vector, of default only");
+    v("hidden", hidden, "-", "width of the hidden layer, of default only");
+    v("sha256", sha256, "", "of the content of clip's folder; empty: of what it holds when training begins");
   }
+
+  /// Of clip:DIR; "" of default.
+  std::string clip_folder() const;
 };
 
 /// What a module decodes its register into: a quantity of an entity.

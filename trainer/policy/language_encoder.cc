@@ -3,8 +3,8 @@
 
 namespace etude::policy {
 
-LanguageEncoder::LanguageEncoder(const LanguageConfig& config, int width, const std::string& activation,
-                                 Output output) {
+TrainedLanguageEncoder::TrainedLanguageEncoder(const LanguageConfig& config, int width, const std::string& activation,
+                                               Output output) {
   tokenizer_.buckets = config.buckets;
   // as many features share a word, single vectors are large so that their mean is not small
   vectors_ = register_parameter("vectors", torch::randn({config.buckets, config.width}));
@@ -13,7 +13,7 @@ LanguageEncoder::LanguageEncoder(const LanguageConfig& config, int width, const 
   if (output == Output::kNormalised) norm_ = register_module("norm", std::make_shared<LayerNorm>(width));
 }
 
-torch::Tensor LanguageEncoder::Forward(const std::vector<std::string>& sentences) {
+torch::Tensor TrainedLanguageEncoder::Forward(const std::vector<std::string>& sentences) {
   // the mean over words of the mean over a word's features is one weighted sum a sentence
   std::vector<std::int64_t> ids, offsets;
   std::vector<float> weights;
@@ -33,5 +33,20 @@ torch::Tensor LanguageEncoder::Forward(const std::vector<std::string>& sentences
   const torch::Tensor tokens = mlp_->Forward(std::get<0>(sums));
   return norm_ != nullptr ? norm_->Forward(tokens) : tokens;
 }
+
+Status TrainedLanguageEncoder::Check(const std::string&) const { return {}; }
+
+ClipLanguageEncoder::ClipLanguageEncoder(std::shared_ptr<clip::TextEncoder> text_encoder, int width, Output output)
+    : text_encoder_(std::move(text_encoder)),
+      projection_(register_module("projection", torch::nn::Linear(text_encoder_->width(), width))) {
+  if (output == Output::kNormalised) norm_ = register_module("norm", std::make_shared<LayerNorm>(width));
+}
+
+torch::Tensor ClipLanguageEncoder::Forward(const std::vector<std::string>& sentences) {
+  const torch::Tensor tokens = projection_->forward(text_encoder_->Embed(sentences).to(projection_->weight.options()));
+  return norm_ != nullptr ? norm_->Forward(tokens) : tokens;
+}
+
+Status ClipLanguageEncoder::Check(const std::string& sentence) const { return text_encoder_->Check(sentence); }
 
 }  // namespace etude::policy

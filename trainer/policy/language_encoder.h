@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sentence -> language token: the mean of word vectors, each the mean of hashed features, then a
-// perceptron.
+// Sentence -> language token: trained along with the policy, or a trained projection of what CLIP says.
 #pragma once
 
 #include <torch/torch.h>
@@ -9,23 +8,50 @@
 #include <string>
 #include <vector>
 
+#include "services/core/result.h"
 #include "services/language/tokenizer.h"
+#include "trainer/policy/clip/text_encoder.h"
 #include "trainer/policy/config.h"
 #include "trainer/policy/layers.h"
 
 namespace etude::policy {
 
+/// One vector a sentence.
 class LanguageEncoder : public torch::nn::Module {
  public:
   enum class Output { kNormalised, kLinear };
-  LanguageEncoder(const LanguageConfig& config, int width, const std::string& activation, Output output);
-  /// @returns (D, d), one row a sentence
-  torch::Tensor Forward(const std::vector<std::string>& sentences);
+
+  /// @returns (D, d), one row a sentence; c10::Error for a sentence that Check refuses
+  virtual torch::Tensor Forward(const std::vector<std::string>& sentences) = 0;
+  /// @error kInvalidArgument: what the encoder cannot read, and why
+  virtual Status Check(const std::string& sentence) const = 0;
+};
+
+/// The mean of word vectors, each the mean of hashed features, then a perceptron. Reads any sentence.
+class TrainedLanguageEncoder : public LanguageEncoder {
+ public:
+  TrainedLanguageEncoder(const LanguageConfig& config, int width, const std::string& activation, Output output);
+  torch::Tensor Forward(const std::vector<std::string>& sentences) override;
+  Status Check(const std::string& sentence) const override;
 
  private:
   language::TokenizerConfig tokenizer_;
   torch::Tensor vectors_;  ///< (buckets, word width)
   std::shared_ptr<Mlp> mlp_;
+  std::shared_ptr<LayerNorm> norm_;  ///< kNormalised only
+};
+
+/// A linear map of CLIP's embedding, as in the original. The text encoder is shared, not owned, and no parameter of
+/// this module: what is trained, averaged and kept is the map.
+class ClipLanguageEncoder : public LanguageEncoder {
+ public:
+  ClipLanguageEncoder(std::shared_ptr<clip::TextEncoder> text_encoder, int width, Output output);
+  torch::Tensor Forward(const std::vector<std::string>& sentences) override;
+  Status Check(const std::string& sentence) const override;
+
+ private:
+  std::shared_ptr<clip::TextEncoder> text_encoder_;
+  torch::nn::Linear projection_{nullptr};
   std::shared_ptr<LayerNorm> norm_;  ///< kNormalised only
 };
 

@@ -56,6 +56,26 @@ Status CheckNormalization(const Normalization& n) {
   return Fail(Code::kInvalidArgument, fmt::format("normalization: {}", fmt::join(errors, "; ")));
 }
 
+// Opens clip's folder unless it is open, and empties `text_encoder` where the policy has none.
+Status CheckTextEncoder(const PolicyConfig& config, std::shared_ptr<clip::TextEncoder>& text_encoder) {
+  const LanguageConfig& language = config.language;
+  if (language.clip_folder().empty()) {
+    text_encoder = nullptr;
+    return {};
+  }
+  if (language.sha256.empty())
+    return Fail(Code::kInvalidArgument, fmt::format("build policy '{}': language.sha256 is not resolved; it needs what "
+                                                    "'{}' holds",
+                                                    config.name, language.clip_folder()));
+  if (!text_encoder) {
+    ETUDE_ASSIGN_OR_RETURN(text_encoder, clip::TextEncoder::Open(language.clip_folder(), language.sha256));
+  }
+  if (text_encoder->sha256() == language.sha256) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("build policy '{}': its language is clip's folder of content {:.12}, not {:.12}", config.name,
+                          language.sha256, text_encoder->sha256()));
+}
+
 /// Whether each module, by name, depends on the sentence through what it reads.
 bool DependsOnSentence(const ModuleConfig& module, const Wiring& wiring, const std::set<std::string>& dependent) {
   for (const std::string& key : wiring.reads)
@@ -87,6 +107,7 @@ struct Policy::Impl {
   PolicyConfig config;
   Normalization normalization;
   std::shared_ptr<ImageEncoder> image;
+  std::shared_ptr<clip::TextEncoder> text_encoder;  ///< clip:DIR only
   std::shared_ptr<LanguageEncoder> language;
   std::shared_ptr<Mlp> joints;
   std::shared_ptr<LayerNorm> joints_norm;                   ///< own attention only
@@ -96,6 +117,7 @@ struct Policy::Impl {
   std::set<std::string> frozen;                       ///< parts
 
   bool is_shared() const { return config.attention == "shared"; }
+  std::shared_ptr<LanguageEncoder> MakeLanguageEncoder() const;
   Token ToKeyAndValue(const std::string& name, const Tensor& token);  ///< shared attention only
   Tokens Encode(const Inputs& inputs, int level);
 };
@@ -114,10 +136,7 @@ Policy::Policy(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {
   own("offset_std", p.normalization.offset_std);
 
   p.image = register_module("image", std::make_shared<ImageEncoder>(config.image, config.width, config.precision));
-  p.language = register_module(
-      "language", std::make_shared<LanguageEncoder>(
-                      config.language, config.width, config.activation,
-                      p.is_shared() ? LanguageEncoder::Output::kLinear : LanguageEncoder::Output::kNormalised));
+  p.language = register_module("language", p.MakeLanguageEncoder());
   const int joint_numbers = (config.joint_fourier ? 3 : 1) * static_cast<int>(p.normalization.joint_mean.size(0));
   p.joints = register_module("joints",
                              std::make_shared<Mlp>(joint_numbers, config.joint_hidden, config.width, config.activation,
@@ -164,8 +183,14 @@ Policy::Policy(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {
 
 Policy::~Policy() = default;
 
+std::shared_ptr<LanguageEncoder> Policy::Impl::MakeLanguageEncoder() const {
+  const auto output = is_shared() ? LanguageEncoder::Output::kLinear : LanguageEncoder::Output::kNormalised;
+  if (text_encoder) return std::make_shared<ClipLanguageEncoder>(text_encoder, config.width, output);
+  return std::make_shared<TrainedLanguageEncoder>(config.language, config.width, config.activation, output);
+}
+
 Result<std::shared_ptr<Policy>> Policy::Create(const PolicyConfig& config, const Normalization& normalization,
-                                               std::uint64_t seed) {
+                                               std::uint64_t seed, std::shared_ptr<clip::TextEncoder> text_encoder) {
   ETUDE_RETURN_IF_ERROR(config.Validate());
   if (config.image.crop.empty())
     return Fail(
@@ -175,15 +200,13 @@ Result<std::shared_ptr<Policy>> Policy::Create(const PolicyConfig& config, const
     return Fail(Code::kInvalidArgument,
                 fmt::format("build policy '{}': tasks is not resolved; it needs a dataset's", config.name));
   ETUDE_RETURN_IF_ERROR(CheckNormalization(normalization));
-  if (config.language.encoder != "default")
-    return Fail(Code::kUnavailable, fmt::format("language encoder '{}' is not built into this version; use "
-                                                "language.encoder: default",
-                                                config.language.encoder));
+  ETUDE_RETURN_IF_ERROR(CheckTextEncoder(config, text_encoder));
   try {
     const SeededScope scope(seed);
     auto impl = std::make_unique<Impl>();
     impl->config = config;
     impl->normalization = normalization;
+    impl->text_encoder = std::move(text_encoder);
     return std::shared_ptr<Policy>(new Policy(std::move(impl)));
   } catch (const c10::Error& error) {
     return Fail(Code::kInternal, fmt::format("build policy '{}': {}", config.name, error.what_without_backtrace()));
@@ -245,6 +268,8 @@ Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
 Tensor Policy::EncodeSentences(const std::vector<std::string>& sentences) {
   return impl_->language->Forward(sentences);
 }
+
+Status Policy::CheckSentence(const std::string& sentence) const { return impl_->language->Check(sentence); }
 
 Outputs Policy::Forward(const Inputs& inputs, int level, const Intervention& intervene) {
   Impl& p = *impl_;

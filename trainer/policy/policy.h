@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "services/core/result.h"
+#include "trainer/policy/clip/text_encoder.h"
 #include "trainer/policy/config.h"
 #include "trainer/policy/quantities/output.h"
 
@@ -43,14 +44,19 @@ using Intervention = std::function<void(const std::string&, ModuleOutput&)>;
 /// Thread safety: forward in eval mode under NoGradGuard from several threads; training from one.
 class Policy : public torch::nn::Module {
  public:
-  /// @error kInvalidArgument from config.Validate().
+  /// @param text_encoder  of a policy whose language is clip:DIR: that folder, open; none: it is opened here
+  /// @error kInvalidArgument from config.Validate(); what is not resolved; a folder whose content is another; as
+  /// clip::TextEncoder::Open
   static Result<std::shared_ptr<Policy>> Create(const PolicyConfig& config, const Normalization& normalization,
-                                                std::uint64_t seed);
+                                                std::uint64_t seed,
+                                                std::shared_ptr<clip::TextEncoder> text_encoder = nullptr);
   ~Policy() override;
 
   const PolicyConfig& config() const;
   /// The tokens of sentences, (D, d): what Forward computes for inputs.sentences.
   torch::Tensor EncodeSentences(const std::vector<std::string>& sentences);
+  /// Whether Forward can read it: c10::Error of it otherwise. @error kInvalidArgument: why not
+  Status CheckSentence(const std::string& sentence) const;
   /// Evaluates the modules of level <= `level` (all when 0).
   Outputs Forward(const Inputs& inputs, int level = 0, const Intervention& intervene = {});
   /// Losses of every module of level <= `level` that `outputs` holds. A label that is absent adds

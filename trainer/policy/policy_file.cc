@@ -86,8 +86,15 @@ Result<OrderedJson> ReadYamlMap(const Path& path) {
   return json;
 }
 
+void WriteOutLanguage(OrderedJson& policy) {
+  if (!policy.is_object() || !policy.contains("language") || !policy["language"].is_string()) return;
+  policy["language"] = {{"encoder", policy["language"]}};
+}
+
 Result<OrderedJson> ReadPolicyMap(const std::string& name_or_file, const std::vector<Path>& folders) {
-  return ReadExtended(name_or_file, folders, 0);
+  ETUDE_ASSIGN_OR_RETURN(auto json, ReadExtended(name_or_file, folders, 0));
+  WriteOutLanguage(json);
+  return json;
 }
 
 }  // namespace etude::policy

@@ -21,7 +21,11 @@ Result<Path> FindNamedFile(const std::string& name_or_file, const std::vector<Pa
 /// @error of reading and parsing
 Result<OrderedJson> ReadYamlMap(const Path& path);
 
-/// The map of a policy's file, put on top of the one that it `extends`, which is looked for beside it first.
+/// In a policy's map: `language: clip:DIR` written out, as `language: {encoder: clip:DIR}`.
+void WriteOutLanguage(OrderedJson& policy);
+
+/// The map of a policy's file, put on top of the one that it `extends`, which is looked for beside it first;
+/// `language` is written out.
 /// @error as FindNamedFile; kInvalidArgument: extends itself
 Result<OrderedJson> ReadPolicyMap(const std::string& name_or_file, const std::vector<Path>& folders);
 

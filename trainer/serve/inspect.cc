@@ -47,6 +47,7 @@ void PutPicture(const policy::Inputs& inputs, bus::Insight& insight) {
 Status Model::InspectInto(const bus::Observation& observation, const std::string& what_if_json,
                           bus::Insight& insight) const {
   ETUDE_ASSIGN_OR_RETURN(const auto what_if, policy::ParseWhatIf(what_if_json, metadata_.policy));
+  ETUDE_RETURN_IF_ERROR(policy_->CheckSentence(what_if.sentence));
   ETUDE_ASSIGN_OR_RETURN(auto inputs, Prepare(observation));
   const torch::NoGradGuard no_grad;
   const auto outputs = policy_->Forward(inputs);

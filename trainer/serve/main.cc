@@ -23,7 +23,7 @@ namespace etude::serve {
 namespace {
 
 struct Arguments {
-  std::string subscribe, checkpoint, run, channel = "latest";
+  std::string subscribe, checkpoint, run, channel = "latest", clip;
   bus::Arguments bus;
   int threads = 1;
 };
@@ -49,11 +49,13 @@ Status Serve(const Arguments& arguments) {
     return Fail(Code::kInvalidArgument, "give either --subscribe RUN or --checkpoint FILE (see --help)");
   policy::SetTorchThreads(1);
   std::shared_ptr<const Model> model;
-  ServerOptions options{.channel = arguments.channel, .threads = std::max(1, arguments.threads)};
+  ServerOptions options{.channel = arguments.channel,
+                        .threads = std::max(1, arguments.threads),
+                        .clip_folders = std::make_shared<clip::Folders>(arguments.clip)};
   if (arguments.checkpoint.empty()) {
     ETUDE_ASSIGN_OR_RETURN(options.run, RunOf(arguments.subscribe, "--subscribe"));
   } else {
-    ETUDE_ASSIGN_OR_RETURN(model, Model::FromFile(arguments.checkpoint));
+    ETUDE_ASSIGN_OR_RETURN(model, Model::FromFile(arguments.checkpoint, options.clip_folders.get()));
     ETUDE_ASSIGN_OR_RETURN(options.run, RunOfFile(arguments, *model));
     options.folder = arguments.checkpoint;
   }
@@ -158,6 +160,9 @@ int main(int argc, char** argv) {
   app.add_option("--channel", arguments.channel, "with --subscribe: latest or best")
       ->check(CLI::IsMember({"latest", "best"}))
       ->capture_default_str();
+  app.add_option("--clip", arguments.clip,
+                 "folder of CLIP's files, in place of the one that a policy with language clip:DIR names")
+      ->envname("ETUDE_CLIP");
   arguments.bus.Add(app);
   app.add_option("--threads", arguments.threads, "observations evaluated side by side")->capture_default_str();
   etude::serve::Looking looking;

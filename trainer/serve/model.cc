@@ -32,19 +32,19 @@ checkpoint::Embodiment Seen(const bus::Observation& observation) {
 
 }  // namespace
 
-Result<std::shared_ptr<const Model>> Model::FromBytes(std::span<const std::uint8_t> bytes) {
+Result<std::shared_ptr<const Model>> Model::FromBytes(std::span<const std::uint8_t> bytes, clip::Folders* folders) {
   auto model = std::shared_ptr<Model>(new Model());
   ETUDE_ASSIGN_OR_RETURN(auto made, checkpoint::Decode(bytes));
-  ETUDE_ASSIGN_OR_RETURN(model->policy_, checkpoint::BuildPolicy(made));
+  ETUDE_ASSIGN_OR_RETURN(model->policy_, checkpoint::BuildPolicy(made, folders));
   model->metadata_ = std::move(made.metadata);
   model->untrained_ = checkpoint::WhyUntrained(model->metadata_);
   model->sha256_ = Sha256Hex(bytes);
   return std::shared_ptr<const Model>(std::move(model));
 }
 
-Result<std::shared_ptr<const Model>> Model::FromFile(const Path& path) {
+Result<std::shared_ptr<const Model>> Model::FromFile(const Path& path, clip::Folders* folders) {
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path));
-  auto model = FromBytes(bytes);
+  auto model = FromBytes(bytes, folders);
   if (!model) return Fail(model.error().Wrap(fmt::format("read '{}'", path.string())));
   return model;
 }
@@ -62,6 +62,7 @@ Result<policy::Inputs> Model::Prepare(const bus::Observation& observation) const
                 fmt::format("{} joints: this policy reads {}", observation.joints.size(), metadata_.embodiment.joints));
   if (!std::all_of(observation.joints.begin(), observation.joints.end(), [](float q) { return std::isfinite(q); }))
     return Fail(Code::kInvalidArgument, "a joint position is not a finite number");
+  ETUDE_RETURN_IF_ERROR(policy_->CheckSentence(observation.instruction));
 
   const codec::Region crop = policy::CropOf(metadata_.policy.image);
   if (!codec::Fits(crop, static_cast<int>(width), static_cast<int>(height)))

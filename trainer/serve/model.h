@@ -8,15 +8,17 @@
 
 #include "services/bus/messages.h"
 #include "trainer/checkpoint/checkpoint.h"
+#include "trainer/policy/clip/text_encoder.h"
 
 namespace etude::serve {
 
 /// Immutable; Answer may be called from several threads at once.
 class Model {
  public:
-  /// @error as checkpoint::Decode and checkpoint::BuildPolicy.
-  static Result<std::shared_ptr<const Model>> FromBytes(std::span<const std::uint8_t> bytes);
-  static Result<std::shared_ptr<const Model>> FromFile(const Path& path);
+  /// @param folders  as of checkpoint::BuildPolicy @error as checkpoint::Decode and checkpoint::BuildPolicy.
+  static Result<std::shared_ptr<const Model>> FromBytes(std::span<const std::uint8_t> bytes,
+                                                        clip::Folders* folders = nullptr);
+  static Result<std::shared_ptr<const Model>> FromFile(const Path& path, clip::Folders* folders = nullptr);
 
   const checkpoint::Metadata& metadata() const { return metadata_; }
   /// Why it may not drive a robot yet (checkpoint::WhyUntrained); "" when it may.
@@ -26,9 +28,8 @@ class Model {
   /// An observation that fits, of nothing: for measuring how long an answer takes.
   bus::Observation Trial() const;
   /// Waypoints and the modules' outputs. An observation that does not fit what the policy was trained for (each
-  /// difference by name), or any while a module on the control path is untrained, is answered with `error` set and
-  /// nothing else. A pure
-  /// function of the observation and the checkpoint.
+  /// difference by name), a sentence that it cannot read, or any while a module on the control path is untrained, is
+  /// answered with `error` set and nothing else. A pure function of the observation and the checkpoint.
   bus::Action Answer(const bus::Observation& observation) const;
 
   /// What every module says of the observation, where it looks, and the picture that it sees; with a what-if

@@ -10,6 +10,7 @@
 #include "services/bus/blob_transfer.h"
 #include "services/bus/participant.h"
 #include "services/core/identity.h"
+#include "trainer/policy/clip/text_encoder.h"
 #include "trainer/serve/latency.h"
 #include "trainer/serve/model.h"
 
@@ -20,6 +21,8 @@ struct ServerOptions {
   std::string folder;              ///< of the checkpoint that is served, for people
   std::string channel = "latest";  ///< of the checkpoints to follow: latest | best
   int threads = 1;                 ///< observations evaluated side by side
+  /// Of policies whose language is clip:DIR; open for as long as the server.
+  std::shared_ptr<clip::Folders> clip_folders = std::make_shared<clip::Folders>();
 };
 
 /// Serves one run. Observations are read only once there is a model, so that a client that waits

@@ -50,6 +50,20 @@ TEST(Safetensors, GivesTheSameContentBack) {
   }
 }
 
+TEST(Safetensors, LeavesOutWhatIsNotWanted) {
+  const Bytes bytes = EncodeSafetensors(Example());
+  const auto some =
+      DecodeSafetensors(bytes, [](std::string_view name) { return name.ends_with("bias") || name == "mask"; });
+  ASSERT_THAT(some, IsOk());
+  ASSERT_EQ(some->tensors.size(), 2u);
+  EXPECT_EQ(some->tensors.at("a.bias").data, Example().tensors.at("a.bias").data);
+  EXPECT_EQ(some->tensors.at("mask").data, Example().tensors.at("mask").data);
+  EXPECT_EQ(some->metadata, Example().metadata);
+  // and yet all of the file is checked
+  const Bytes cut(bytes.begin(), bytes.end() - 1);
+  EXPECT_THAT(DecodeSafetensors(cut, [](std::string_view) { return false; }), HasCode(Code::kCorrupt));
+}
+
 TEST(Safetensors, WritesTheDocumentedBytes) {
   Safetensors content;
   content.tensors["x"] = {DType::kU8, {2}, {5, 6}};

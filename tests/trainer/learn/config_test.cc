@@ -62,6 +62,17 @@ TEST(LoadTrainConfig, OverridesInsideTheNamedPolicy) {
   EXPECT_EQ(other->policy.name, "paper");
 }
 
+TEST(LoadTrainConfig, TakesTheLanguageInAWord) {
+  const auto config = LoadTrainConfig("compact", kExperiments, {"policy.language=clip:/models/clip"});
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_EQ(config->policy.language.clip_folder(), "/models/clip");
+  const auto key = LoadTrainConfig("paper", kExperiments, {"policy.language.encoder=clip:/models/clip"});
+  ASSERT_TRUE(key) << key.error().message;
+  EXPECT_EQ(key->policy.language.clip_folder(), "/models/clip");
+  EXPECT_THAT(LoadTrainConfig("compact", kExperiments, {"policy.language=clop:/models"}).error().message,
+              HasSubstr("neither default nor clip:DIR"));
+}
+
 TEST(LoadTrainConfig, ReadsBackItsOwnResolvedFile) {
   const TemporaryFolder folder;
   const auto config = LoadTrainConfig("compact", kExperiments, {"policy.width=48", "seed=9"});

@@ -36,5 +36,25 @@ TEST(ArchitectureHash, IsOfWhatThePolicySays) {
   EXPECT_NE(ArchitectureHash(said), hash);
 }
 
+// weights fit what the folder holds, wherever it lies and whatever the other encoder's sizes are
+TEST(ArchitectureHash, IsOfTheContentOfClipsFolderAndNotOfItsPlace) {
+  PolicyConfig here = TinyConfig();
+  here.language.encoder = "clip:/here";
+  here.language.sha256 = std::string(64, 'a');
+  PolicyConfig there = here;
+  there.language.encoder = "clip:/far/away";
+  there.language.hidden = 17;
+  EXPECT_EQ(ArchitectureHash(here), ArchitectureHash(there));
+  EXPECT_NE(ArchitectureHash(here), ArchitectureHash(TinyConfig()));
+  there.language.sha256[0] = 'b';
+  EXPECT_NE(ArchitectureHash(here), ArchitectureHash(there));
+
+  EXPECT_EQ(LanguageThatWeightsFit(ToJson(here.language)),
+            OrderedJson({{"encoder", "clip"}, {"sha256", std::string(64, 'a')}}));
+  // of the default encoder sizes are what weights fit
+  EXPECT_EQ(LanguageThatWeightsFit(ToJson(LanguageConfig{})), ToJson(LanguageConfig{}));
+  EXPECT_EQ(LanguageThatWeightsFit("odd"), OrderedJson("odd"));
+}
+
 }  // namespace
 }  // namespace etude::policy

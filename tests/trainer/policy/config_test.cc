@@ -57,6 +57,26 @@ TEST(PolicyConfig, ReportsAllProblemsAtOnceWithTheNearestName) {
   EXPECT_THAT(problems, HasSubstr("losses.pixel.beta: must be > 0"));
 }
 
+TEST(PolicyConfig, LanguageIsTrainedAlongOrClips) {
+  PolicyConfig config = Preset("compact");
+  EXPECT_EQ(config.language.clip_folder(), "");
+  config.language.encoder = "clip:/models/a b";
+  EXPECT_EQ(config.language.clip_folder(), "/models/a b");
+  EXPECT_EQ(Problems(config), "");
+  config.language.sha256 = std::string(64, 'f');
+  EXPECT_EQ(Problems(config), "");
+  for (const char* sha256 : {"abc", "FFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFF"}) {
+    config.language.sha256 = sha256;
+    EXPECT_THAT(Problems(config), HasSubstr("language.sha256")) << sha256;
+  }
+  config.language = {.encoder = "default", .sha256 = std::string(64, 'f')};
+  EXPECT_THAT(Problems(config), HasSubstr("language.sha256"));
+  for (const char* encoder : {"clip:", "clip", "bert"}) {
+    config.language = {.encoder = encoder};
+    EXPECT_THAT(Problems(config), HasSubstr("is neither default nor clip:DIR")) << encoder;
+  }
+}
+
 TEST(PolicyConfig, RefusesModulesThatAreNotEvaluatedBefore) {
   PolicyConfig config = Preset("compact");
   Module(config, "EE2D").reads = {"image", "EE3D"};

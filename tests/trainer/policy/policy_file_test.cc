@@ -32,6 +32,20 @@ TEST_F(PolicyFile, ExtendsTheOneBesideIt) {
   EXPECT_EQ(*most, ParseYaml("{name: tiny/more, width: 9, modules: [{name: A}, {name: B}]}", "test").value());
 }
 
+TEST_F(PolicyFile, MaySayTheLanguageInAWord) {
+  Write("tiny/base.yaml", "{name: tiny, language: {buckets: 64}}");
+  Write("tiny/clip.yaml", "{extends: base, language: clip:/models/clip}");
+
+  const auto clip = ReadPolicyMap("tiny/clip", {folder_ / ""});
+
+  ASSERT_TRUE(clip) << clip.error().message;
+  EXPECT_EQ((*clip)["language"], OrderedJson({{"encoder", "clip:/models/clip"}}));
+  EXPECT_EQ((*ReadPolicyMap("tiny/base", {folder_ / ""}))["language"], OrderedJson({{"buckets", 64}}));
+  OrderedJson odd = "no map";
+  WriteOutLanguage(odd);
+  EXPECT_EQ(odd, "no map");
+}
+
 TEST_F(PolicyFile, SaysWhatIsWrong) {
   Write("loop.yaml", "{extends: loop}");
   Write("list.yaml", "{extends: [loop]}");

@@ -310,12 +310,7 @@ TEST(Policy, AnswersSeveralThreadsAlike) {
   for (const Tensor& result : results) EXPECT_TRUE(torch::equal(result, results[0]));
 }
 
-TEST(Policy, WhatIsNotBuiltInIsRefused) {
-  PolicyConfig config = TinyConfig();
-  config.language.encoder = "clip:/models/clip";
-  const auto policy = Policy::Create(config, TinyNormalization(), 1);
-  ASSERT_FALSE(policy);
-  EXPECT_EQ(policy.error().code, Code::kUnavailable);
+TEST(Policy, StatisticsOfTheWrongShapeAreRefused) {
   Normalization bad = TinyNormalization();
   bad.offset_std = torch::ones({3});
   EXPECT_FALSE(Policy::Create(TinyConfig(), bad, 1));

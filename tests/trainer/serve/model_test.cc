@@ -5,11 +5,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <limits>
 #include <thread>
 
 #include "services/core/hash.h"
 #include "services/episode/action.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/trainer/policy/clip/clip_policy.h"
 #include "tests/trainer/policy/fixtures.h"
 #include "tests/trainer/serve/example_observation.h"
 
@@ -134,6 +137,57 @@ TEST_F(ModelTest, AnswersTheSameAloneAndBesideOthers) {
     EXPECT_EQ(alone[i].modules_json, beside[i].modules_json);
   }
   EXPECT_NE(alone[0].waypoints, alone[1].waypoints);
+}
+
+// the folder is needed where the policy serves, wherever it lies there, and it must hold what the policy learned from
+TEST_F(ModelTest, NeedsTheFolderOfAPolicyWhoseLanguageIsClips) {
+  const TemporaryFolder folder;
+  clip::WriteTinyClip(folder / "here", clip::TinyModel({.layers = 1}));
+  const auto bytes =
+      checkpoint::Encode(checkpoint::ExampleCheckpoint(policy::WithClip(folder / "here", config_))).value();
+  const auto model = Model::FromBytes(bytes);
+  ASSERT_TRUE(model) << model.error().message;
+  const auto answer = (*model)->Answer(ExampleObservation(3));
+  EXPECT_EQ(answer.error, "");
+  EXPECT_EQ(answer.waypoints.size(), static_cast<std::size_t>(kWaypoints * kWaypointSize));
+
+  std::filesystem::rename(folder / "here", folder / "there");
+  const auto gone = Model::FromBytes(bytes);
+  ASSERT_FALSE(gone);
+  EXPECT_THAT(gone.error().message, HasSubstr((folder / "here").string()));
+  clip::Folders there((folder / "there").string());
+  const auto moved = Model::FromBytes(bytes, &there);
+  ASSERT_TRUE(moved) << moved.error().message;
+  EXPECT_EQ((*moved)->Answer(ExampleObservation(3)).waypoints, answer.waypoints);
+
+  clip::WriteTinyClip(folder / "there", clip::TinyModel({.layers = 1}, 2));
+  clip::Folders changed((folder / "there").string());
+  const auto refused = Model::FromBytes(bytes, &changed);
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().message, HasSubstr("etude policy --clip DIR"));
+  // what is open serves on, another checkpoint of the run too
+  EXPECT_TRUE(Model::FromBytes(bytes, &there));
+}
+
+TEST_F(ModelTest, RefusesASentenceThatClipCannotRead) {
+  const TemporaryFolder folder;
+  clip::WriteTinyClip(folder / "clip", clip::TinyModel({.layers = 1}));
+  const auto model = Model::FromBytes(
+      checkpoint::Encode(checkpoint::ExampleCheckpoint(policy::WithClip(folder / "clip", config_))).value());
+  ASSERT_TRUE(model) << model.error().message;
+  auto observation = ExampleObservation(3);
+  observation.instruction = std::string(80, '!');
+  const auto action = (*model)->Answer(observation);
+  EXPECT_THAT(action.error, HasSubstr("82 tokens with its start and end, CLIP reads up to 77"));
+  EXPECT_EQ(action.refusal, bus::Refusal::kDoesNotFit);
+  EXPECT_TRUE(action.waypoints.empty());
+  EXPECT_THAT((*model)->Inspect(observation, "").error, HasSubstr("82 tokens"));
+
+  observation.instruction = "pick the cup";
+  EXPECT_EQ((*model)->Answer(observation).error, "");
+  EXPECT_EQ((*model)->Inspect(observation, R"({"sentence": "put it down"})").error, "");
+  const std::string what_if = OrderedJson{{"sentence", std::string(80, '!')}}.dump();
+  EXPECT_THAT((*model)->Inspect(observation, what_if).error, HasSubstr("82 tokens"));
 }
 
 TEST_F(ModelTest, SaysThatAFileIsMissing) { EXPECT_EQ(Model::FromFile("/nonexistent").error().code, Code::kNotFound); }
