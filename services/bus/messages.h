@@ -198,6 +198,9 @@ struct Action {
   float server_p99_ms = 0;
 };
 
+/// At most so many observations are shown to a viewer: of those that come sooner it gets no insight.
+inline constexpr int kInsightsPerSecond = 10;
+
 /// viewer -> policy server: show me what the policy thinks of a session's observations. Said again before it ends.
 struct InsightWish {
   std::string run;
@@ -225,6 +228,8 @@ struct Insight {
   std::vector<std::uint8_t> attention;
   std::uint32_t width = 0, height = 0;
   std::vector<std::uint8_t> picture;  ///< RGB, height*width*3: the crop that the policy sees
+  std::vector<float> waypoints;       ///< as Action::waypoints, rotations in 6D; empty: none, or not finite
+  std::vector<std::uint32_t> view;    ///< u, v, width, height of `picture` in the camera's, px; empty: not said
 };
 
 // ---- train.idl ------------------------------------------------------------------------------------

@@ -323,6 +323,8 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, In
   ETUDE_FIELD(width);
   ETUDE_FIELD(height);
   ETUDE_FIELD_UP_TO(picture, 4u << 20);
+  ETUDE_FIELD_UP_TO(waypoints, 4096);
+  ETUDE_FIELD_UP_TO(view, 4);
 }
 
 template <class F, class M, class W>

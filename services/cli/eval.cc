@@ -141,6 +141,8 @@ Status Report(const Arguments& arguments, const CampaignSpec& base, OrderedJson 
 Status Eval(Arguments arguments) {
   arguments.evaluation.out = arguments.out;
   if (arguments.checkpoint.empty() && arguments.subscribe.empty()) return Compare(arguments);
+  // what can be said before anything is read or started
+  ETUDE_RETURN_IF_ERROR(CheckOverlay(arguments.evaluation, CampaignSpec()));
   PolicyChoice choice;
   if (!arguments.checkpoint.empty()) {
     ETUDE_ASSIGN_OR_RETURN(choice, ServeCheckpoint(arguments));
@@ -152,6 +154,7 @@ Status Eval(Arguments arguments) {
   arguments.evaluation.run = choice.run.name;
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec base, BaseSpec(arguments));
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, Spec(base, arguments));
+  ETUDE_RETURN_IF_ERROR(CheckOverlay(arguments.evaluation, spec));
   std::optional<Service> policy;
   if (choice.service) {
     ETUDE_ASSIGN_OR_RETURN(auto started, Service::Start(*choice.service));
@@ -217,6 +220,13 @@ void AddHardships(CLI::App& command, EvaluationOptions& evaluation) {
       ->check(CLI::Range(0, 10));
 }
 
+void AddVideos(CLI::App& command, EvaluationOptions& evaluation) {
+  command.add_option("--videos", evaluation.videos, "at most so many mp4 files")->capture_default_str();
+  command.add_flag("--overlay", evaluation.overlay,
+                   "draw into the videos what the policy saw and said: where its modules look, pixels, the object "
+                   "that it names, displacement and planned waypoints, and the judge's state");
+}
+
 }  // namespace
 
 void AddEval(CLI::App& app, Body& body) {
@@ -230,7 +240,7 @@ void AddEval(CLI::App& app, Body& body) {
       ->check(CLI::Range(0, 100))
       ->capture_default_str();
   command->add_option("--out", arguments->out, "folder for eval.json, rollouts and videos")->required();
-  command->add_option("--videos", arguments->evaluation.videos, "at most so many mp4 files")->capture_default_str();
+  AddVideos(*command, arguments->evaluation);
   AddScenes(*command, *arguments);
   AddHardships(*command, arguments->evaluation);
   command->add_option("--compare", arguments->compare,
@@ -242,6 +252,8 @@ void AddEval(CLI::App& app, Body& body) {
   command->callback([arguments, command, &body] {
     if (arguments->checkpoint.empty() && arguments->subscribe.empty() && arguments->compare.empty())
       throw CLI::RequiredError("--checkpoint or --subscribe");
+    if (arguments->evaluation.overlay && arguments->checkpoint.empty() && arguments->subscribe.empty())
+      throw CLI::RequiredError("--overlay asks the policy: --checkpoint or --subscribe");
     body = [arguments] { return Eval(*arguments); };
   });
 }

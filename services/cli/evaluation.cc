@@ -14,6 +14,7 @@
 #include "services/core/rng.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
+#include "services/policy/insight_client.h"
 
 namespace etude::cli {
 
@@ -69,7 +70,30 @@ std::string RolloutLine(const campaign::CollectorProgress& progress, const Path&
   return line;
 }
 
+// Says how many decisions could be drawn. After a stop request nobody waits for answers: the next run writes them.
+Result<std::vector<Path>> WriteOverlays(const bus::Participant& participant, const EvaluationOptions& options,
+                                        const std::string& policy_id, ProgressDisplay& display) {
+  if (StopRequested()) return std::vector<Path>{};
+  ETUDE_ASSIGN_OR_RETURN(auto client,
+                         policy::InsightClient::Open(participant, Selector{options.run, policy_id}.text()));
+  display.Show("asking the policy once more what it saw and said");
+  Overlay overlay{[&client](const policy::Question& question) { return client.Ask(question); }, {}};
+  auto videos = WriteVideos(options.out / "rollouts", options.out / "videos", options.videos, &overlay);
+  if (overlay.tally.decisions > 0) display.Say(overlay.tally.Text());
+  return videos;
+}
+
 }  // namespace
+
+Status CheckOverlay(const EvaluationOptions& options, const CampaignSpec& spec) {
+  if (!options.overlay) return {};
+  if (options.videos < 1)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("--overlay is drawn into videos: --videos must be at least 1, is {}", options.videos));
+  if (!spec.rollout.record)
+    return Fail(Code::kInvalidArgument, "--overlay is drawn over recorded pictures: rollout.record must be true");
+  return {};
+}
 
 Result<OrderedJson> Evaluate(const bus::Participant& participant, const CampaignSpec& spec,
                              const EvaluationOptions& options, const HostOptions& host, ProgressDisplay& display,
@@ -89,7 +113,8 @@ Result<OrderedJson> Evaluate(const bus::Participant& participant, const Campaign
                options.out.string());
 
   // the rollouts are what counts: without videos the report still stands
-  const auto videos = WriteVideos(options.out / "rollouts", options.out / "videos", options.videos);
+  const auto videos = options.overlay ? WriteOverlays(participant, options, host.policy_id, display)
+                                      : WriteVideos(options.out / "rollouts", options.out / "videos", options.videos);
   if (!videos) Log().warn("no videos: {}", videos.error().message);
   ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(options.out / "eval.json"));
   return ParseBoundedJson(text).value_or(OrderedJson());

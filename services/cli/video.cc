@@ -6,9 +6,13 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <utility>
 
 #include "services/cli/file_names.h"
+#include "services/cli/judge_state.h"
+#include "services/cli/overlay.h"
 #include "services/codec/frame.h"
+#include "services/core/stop.h"
 #include "services/episode/action.h"
 #include "services/store/dataset.h"
 
@@ -16,7 +20,13 @@ namespace etude::cli {
 namespace {
 
 constexpr int kScale = 2;
-constexpr int kCaption = 44;  // px below the picture
+constexpr int kOverlayWidth = 640;    // px at least, so that small text is sharp ...
+constexpr int kMostOverlayScale = 4;  // ... unless the picture is tiny
+constexpr int kCaptionLine = 19;      // px below the picture
+constexpr double kFont = 0.45, kLeastFont = 0.3;
+constexpr Color kGrey{170, 170, 170};
+
+using CaptionLines = std::vector<std::vector<ColoredWord>>;
 
 struct Candidate {
   std::uint64_t index = 0;
@@ -24,14 +34,15 @@ struct Candidate {
   std::string name;
 };
 
-Result<std::vector<Candidate>> Candidates(const store::DatasetReader& reader) {
+Result<std::vector<Candidate>> Candidates(const store::DatasetReader& reader, const std::string& suffix) {
   std::vector<Candidate> candidates;
   ETUDE_ASSIGN_OR_RETURN(const auto indices, reader.List());
   for (const std::uint64_t index : indices) {
     ETUDE_ASSIGN_OR_RETURN(const auto record, reader.Read(index));
     const Episode& episode = record.episode;
     if (record.frames.empty() || record.frames[0].empty()) continue;
-    candidates.push_back({index, episode.success, VideoFileName(index, episode.task, episode.outcome)});
+    const Path name = VideoFileName(index, episode.task, episode.outcome);
+    candidates.push_back({index, episode.success, name.stem().string() + suffix + name.extension().string()});
   }
   std::stable_partition(candidates.begin(), candidates.end(), [](const auto& item) { return !item.success; });
   return candidates;
@@ -49,34 +60,103 @@ Result<cv::VideoWriter> OpenWriter(const Path& path, double fps, cv::Size size) 
                           path.string()));
 }
 
-void Caption(cv::Mat& picture, const std::string& first, const std::string& second) {
-  const int top = picture.rows - kCaption;
+// Smaller where a line is too long for the picture, down to what can still be read.
+void Caption(const CaptionLines& lines, int top, cv::Mat& picture) {
   picture.rowRange(top, picture.rows).setTo(cv::Scalar(24, 24, 24));
-  const auto put = [&](const std::string& text, int y, double value) {
-    cv::putText(picture, text, {8, y}, cv::FONT_HERSHEY_SIMPLEX, 0.45, cv::Scalar(value, value, value), 1, cv::LINE_AA);
+  const auto width = [](const std::string& text, double font) {
+    return cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, font, 1, nullptr).width;
   };
-  put(first, top + 17, 255);
-  put(second, top + 36, 170);
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    std::string whole;
+    for (const auto& word : lines[i]) whole += word.text + "  ";
+    const double fits = kFont * (picture.cols - 16) / std::max(1, width(whole, kFont));
+    const double font = std::clamp(fits, kLeastFont, kFont);
+    int x = 8;
+    for (const auto& [text, color] : lines[i]) {
+      cv::putText(picture, text, {x, top + 17 + kCaptionLine * static_cast<int>(i)}, cv::FONT_HERSHEY_SIMPLEX, font,
+                  cv::Scalar(color[0], color[1], color[2]), 1, cv::LINE_AA);
+      x += width(text + "  ", font);
+    }
+  }
 }
 
-Status WriteVideo(const Episode& episode, const Path& path) {
-  const CameraTrack& track = episode.cameras[0];
-  const int width = track.camera.width, height = track.camera.height;
-  const double fps = kControlRate / episode.image_stride;
+// The pictures of one rollout's video.
+class Painter {
+ public:
+  /// @param insights  null: plain pictures. Both are borrowed.
+  Painter(const Episode& episode, const DecisionInsights* insights)
+      : episode_(episode),
+        insights_(insights),
+        camera_(episode.cameras[0].camera),
+        scale_(insights == nullptr
+                   ? kScale
+                   : std::clamp((kOverlayWidth + camera_.width - 1) / camera_.width, 1, kMostOverlayScale)),
+        frame_(static_cast<std::size_t>(camera_.width) * camera_.height * 3),
+        enlarged_(frame_.size() * scale_ * scale_) {
+    const int lines = insights == nullptr ? 2 : 4;
+    // H.264 halves colours: sides must be even
+    const auto even = [](int side) { return side + side % 2; };
+    canvas_ = cv::Mat(even(camera_.height * scale_ + kCaptionLine * lines + 6), even(camera_.width * scale_), CV_8UC3,
+                      cv::Scalar(24, 24, 24));
+  }
+  cv::Size size() const { return canvas_.size(); }
+
+  /// As the writer wants it (BGR); valid until the next one. @error kCorrupt
+  Result<cv::Mat> Paint(std::size_t k) {
+    ETUDE_RETURN_IF_ERROR(codec::InflateFrame(episode_.cameras[0].frames[k], frame_));
+    cv::Mat large(camera_.height * scale_, camera_.width * scale_, CV_8UC3, enlarged_.data());
+    cv::resize(cv::Mat(camera_.height, camera_.width, CV_8UC3, frame_.data()), large, large.size(), 0, 0,
+               cv::INTER_CUBIC);
+    const int step = static_cast<int>(k) * episode_.image_stride;
+    const policy::Insight* insight = InsightAt(step);
+    if (insight != nullptr) DrawOverlay(*insight, camera_, scale_, enlarged_);
+    large.copyTo(canvas_(cv::Rect(0, 0, large.cols, large.rows)));
+    Caption(LinesAt(step, insight), large.rows, canvas_);
+    cv::cvtColor(canvas_, bgr_, cv::COLOR_RGB2BGR);
+    return bgr_;
+  }
+
+ private:
+  // of the last decision
+  const policy::Insight* InsightAt(int step) const {
+    if (insights_ == nullptr) return nullptr;
+    const auto next = insights_->upper_bound(step);
+    if (next == insights_->begin()) return nullptr;
+    const auto& insight = std::prev(next)->second;
+    return insight ? &*insight : nullptr;
+  }
+
+  CaptionLines LinesAt(int step, const policy::Insight* insight) const {
+    CaptionLines lines{
+        {{"\"" + episode_.instruction + "\""}},
+        {{fmt::format("{:5.2f} s   {} {}   {}", step / kControlRate, episode_.task, episode_.target, episode_.outcome),
+          kGrey}}};
+    if (insights_ == nullptr) return lines;
+    lines.push_back({{JudgeState(episode_.details, step), kGrey}});
+    if (insight == nullptr) {
+      lines.push_back({{"this decision has no overlay", kGrey}});
+    } else {
+      lines.push_back(Legend(*insight));
+      if (!insight->waypoints.empty()) lines.back().push_back({"waypoints"});
+    }
+    return lines;
+  }
+
+  const Episode& episode_;
+  const DecisionInsights* insights_;
+  const Camera& camera_;
+  const int scale_;
+  std::vector<std::uint8_t> frame_, enlarged_;  // RGB
+  cv::Mat canvas_, bgr_;
+};
+
+Status WriteVideo(const Episode& episode, const DecisionInsights* insights, const Path& path) {
   const Path temporary = path.parent_path() / ("." + path.filename().string());
-  const cv::Size size(width * kScale, height * kScale + kCaption);
   {
-    ETUDE_ASSIGN_OR_RETURN(auto writer, OpenWriter(temporary, fps, size));
-    std::vector<std::uint8_t> rgb(static_cast<std::size_t>(width) * height * 3);
-    cv::Mat picture(size, CV_8UC3), bgr, large;
-    for (std::size_t k = 0; k < track.frames.size(); ++k) {
-      ETUDE_RETURN_IF_ERROR(codec::InflateFrame(track.frames[k], rgb));
-      cv::cvtColor(cv::Mat(height, width, CV_8UC3, rgb.data()), bgr, cv::COLOR_RGB2BGR);
-      cv::resize(bgr, large, {}, kScale, kScale, cv::INTER_CUBIC);
-      large.copyTo(picture.rowRange(0, height * kScale));
-      const double seconds = static_cast<double>(k) / fps;
-      Caption(picture, "\"" + episode.instruction + "\"",
-              fmt::format("{:5.2f} s   {} {}   {}", seconds, episode.task, episode.target, episode.outcome));
+    Painter painter(episode, insights);
+    ETUDE_ASSIGN_OR_RETURN(auto writer, OpenWriter(temporary, kControlRate / episode.image_stride, painter.size()));
+    for (std::size_t k = 0; k < episode.cameras[0].frames.size(); ++k) {
+      ETUDE_ASSIGN_OR_RETURN(const cv::Mat picture, painter.Paint(k));
       writer.write(picture);
     }
   }
@@ -86,25 +166,40 @@ Status WriteVideo(const Episode& episode, const Path& path) {
   return {};
 }
 
+// False: a stop was requested, and it was not written.
+Result<bool> WriteRollout(const Episode& episode, Overlay* overlay, const Path& path) {
+  try {
+    if (overlay == nullptr) {
+      ETUDE_RETURN_IF_ERROR(WriteVideo(episode, nullptr, path));
+      return true;
+    }
+    ETUDE_ASSIGN_OR_RETURN(const DecisionInsights insights, AskInsights(episode, overlay->ask, overlay->tally));
+    // what was not asked to the end would stay without
+    if (StopRequested()) return false;
+    ETUDE_RETURN_IF_ERROR(WriteVideo(episode, &insights, path));
+    return true;
+  } catch (const cv::Exception& error) {
+    return Fail(Code::kInternal, fmt::format("write the video '{}': {}", path.string(), error.what()));
+  }
+}
+
 }  // namespace
 
-Result<std::vector<Path>> WriteVideos(const Path& rollouts, const Path& folder, int limit) {
+Result<std::vector<Path>> WriteVideos(const Path& rollouts, const Path& folder, int limit, Overlay* overlay) {
   ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(rollouts));
-  ETUDE_ASSIGN_OR_RETURN(auto candidates, Candidates(reader));
+  ETUDE_ASSIGN_OR_RETURN(auto candidates, Candidates(reader, overlay == nullptr ? "" : "-overlay"));
   candidates.resize(std::min(candidates.size(), static_cast<std::size_t>(std::max(limit, 0))));
   if (candidates.empty()) return std::vector<Path>{};
   ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
   std::vector<Path> videos;
   for (const auto& candidate : candidates) {
     const Path path = folder / candidate.name;
-    videos.push_back(path);
-    if (std::filesystem::exists(path)) continue;
-    ETUDE_ASSIGN_OR_RETURN(const Episode episode, reader.ReadWhole(candidate.index));
-    try {
-      ETUDE_RETURN_IF_ERROR(WriteVideo(episode, path));
-    } catch (const cv::Exception& error) {
-      return Fail(Code::kInternal, fmt::format("write the video '{}': {}", path.string(), error.what()));
+    if (!std::filesystem::exists(path)) {
+      ETUDE_ASSIGN_OR_RETURN(const Episode episode, reader.ReadWhole(candidate.index));
+      ETUDE_ASSIGN_OR_RETURN(const bool written, WriteRollout(episode, overlay, path));
+      if (!written) break;
     }
+    videos.push_back(path);
   }
   return videos;
 }

@@ -5,13 +5,13 @@
 
 #include <cmath>
 #include <optional>
-#include <tuple>
 
 #include "services/bus/directory.h"
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
+#include "services/policy/conversion.h"
 
 namespace etude::policy {
 namespace {
@@ -19,40 +19,18 @@ namespace {
 constexpr std::chrono::milliseconds kAskAgainAfterRefusal{500};
 
 Result<Answer> AnswerOf(const bus::Action& action) {
-  constexpr std::size_t kSize = static_cast<std::size_t>(kWaypoints) * kWaypointSize;
   if (action.rotation != kRotationFormat)
     return Fail(Code::kCorrupt, fmt::format("policy '{}' answered rotations as '{}', expected '{}'", action.run,
                                             action.rotation, kRotationFormat));
-  if (action.waypoints.size() != kSize)
-    return Fail(Code::kCorrupt, fmt::format("policy '{}' answered {} numbers instead of {}", action.run,
-                                            action.waypoints.size(), kSize));
-  for (const float value : action.waypoints)
-    if (!std::isfinite(value))
-      return Fail(Code::kCorrupt, fmt::format("policy '{}' answered a number that is not finite", action.run));
+  if (!AreWaypoints(action.waypoints))
+    return Fail(Code::kCorrupt, fmt::format("policy '{}' answered {} numbers, expected {}, all of them finite",
+                                            action.run, action.waypoints.size(), kWaypoints * kWaypointSize));
   Answer answer;
-  for (int k = 0; k < kWaypoints; ++k)
-    answer.waypoints.push_back(FromVector(action.waypoints.data() + k * kWaypointSize));
+  answer.waypoints = WaypointsOf(action.waypoints);
   answer.modules = ParseBoundedJson(action.modules_json).value_or(OrderedJson::object());
   answer.checkpoint_step = action.checkpoint_step;
   if (std::isfinite(action.server_p99_ms) && action.server_p99_ms > 0) answer.server_p99_ms = action.server_p99_ms;
   return answer;
-}
-
-bus::Observation ObservationOf(const Question& question) {
-  bus::Observation observation;
-  observation.instruction = question.instruction;
-  observation.joints = question.joints;
-  observation.width = static_cast<std::uint32_t>(question.width);
-  observation.height = static_cast<std::uint32_t>(question.height);
-  observation.image.assign(question.rgb.begin(), question.rgb.end());
-  observation.robot = question.robot;
-  if (question.camera) {
-    const Camera& camera = *question.camera;
-    observation.intrinsics = {camera.focal(), camera.focal(), 0.5 * camera.width, 0.5 * camera.height};
-    const auto& [p, q] = std::tie(camera.X_WC.p, camera.X_WC.q);
-    observation.camera_pose = {p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()};
-  }
-  return observation;
 }
 
 // The server that is asked, known by the id of its run.

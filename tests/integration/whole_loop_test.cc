@@ -3,6 +3,7 @@
 // dataset, checkpoints on DDS, a policy server that subscribes, and workers that roll its answers out.
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <cstdlib>
 #include <fstream>
 
@@ -42,6 +43,26 @@ class WholeLoop : public testing::Test {
            "  set: [data.batch=16, eval.every_steps=40, eval.frames=48, checkpoint.every_steps=40]\n"
            "eval:\n  episodes: 3\n  videos: 2\n";
   }
+
+  // An evaluation whose video shows what the policy saw and said at each of its decisions.
+  void ExpectAnOverlay(const Path& checkpoint) {
+    const std::string command = Binary("etude").string() + " eval --checkpoint " + checkpoint.string() +
+                                " --episodes 1 --workers 1 --overlay --set rollout.max_steps=240 --out " +
+                                (folder_ / "overlay").string() + " --domain " + std::to_string(kDomain) + " > " +
+                                log_.string() + " 2>&1";
+    ASSERT_EQ(RunCommand(command), 0) << ReadTextFile(log_).value_or("");
+    const std::string text = ReadTextFile(log_).value_or("");
+    int shown = 0, decisions = -1;
+    const auto line = text.find("overlay: ");
+    ASSERT_NE(line, std::string::npos) << text;
+    EXPECT_EQ(std::sscanf(text.c_str() + line, "overlay: %d of %d decisions", &shown, &decisions), 2) << text;
+    EXPECT_GT(shown, 0);
+    EXPECT_EQ(shown, decisions) << text;
+    int videos = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_ / "overlay" / "videos"))
+      videos += entry.path().filename().string().ends_with("-overlay.mp4") ? 1 : 0;
+    EXPECT_EQ(videos, 1);
+  }
 };
 
 TEST_F(WholeLoop, CollectsTrainsPublishesServesAndRollsOut) {
@@ -70,6 +91,8 @@ TEST_F(WholeLoop, CollectsTrainsPublishesServesAndRollsOut) {
   const Json eval = Json::parse(*eval_text);
   ASSERT_EQ(eval.at("per_episode").size(), 3u);
   for (const auto& episode : eval.at("per_episode")) EXPECT_NE(episode.value("outcome", ""), "policy_error");
+
+  ExpectAnOverlay(out_ / "run" / "loop" / "checkpoints" / "latest.safetensors");
 
   // what deploy/examples shows works with that checkpoint
   const Path file = out_ / "run" / "loop" / "checkpoints" / "latest.safetensors";

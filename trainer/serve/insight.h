@@ -24,7 +24,7 @@ namespace etude::serve {
 /// Works on a thread of its own, of low priority: robots are answered first, and without a wish nothing is computed.
 class InsightDesk {
  public:
-  static constexpr int kPerSecond = 10;  ///< for each viewer
+  static constexpr int kPerSecond = bus::kInsightsPerSecond;  ///< for each viewer
 
   /// @param partition  of the run @param run_id  whose wishes count
   static Result<std::unique_ptr<InsightDesk>> Open(const bus::Participant& participant, const std::string& partition,

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "trainer/policy/answer.h"
+#include "trainer/policy/crop.h"
 #include "trainer/policy/what_if.h"
 #include "trainer/serve/model.h"
 
@@ -33,8 +34,9 @@ void PutAttention(const policy::Policy& network, const std::string& module, cons
   bytes.insert(bytes.end(), first, first + scaled.numel());
 }
 
-// as the observation is, but for what the what-if changes of it
-void PutPicture(const policy::Inputs& inputs, bus::Insight& insight) {
+// As the observation is, but for what the what-if changes of it, and where it lies in the camera's.
+void PutPicture(const policy::Inputs& inputs, const codec::Region& crop, bus::Insight& insight) {
+  for (const int number : policy::ToNumbers(crop)) insight.view.push_back(static_cast<std::uint32_t>(number));
   const Tensor picture = inputs.images.select(0, 0).permute({1, 2, 0}).contiguous();
   insight.height = static_cast<std::uint32_t>(picture.size(0));
   insight.width = static_cast<std::uint32_t>(picture.size(1));
@@ -52,11 +54,14 @@ Status Model::InspectInto(const bus::Observation& observation, const std::string
   const torch::NoGradGuard no_grad;
   const auto outputs = policy_->Forward(inputs);
   insight.modules_json = policy::DescribeModules(metadata_.policy, outputs).dump();
+  insight.waypoints = policy::WaypointsOf(metadata_.policy, outputs);
+  // the modules may be seen all the same
+  if (!std::ranges::all_of(insight.waypoints, [](float x) { return std::isfinite(x); })) insight.waypoints.clear();
   OrderedJson layout = OrderedJson::object();
   for (const auto& module : metadata_.policy.modules)
     PutAttention(*policy_, module.name, outputs.at(module.name), layout, insight.attention);
   insight.attention_json = layout.dump();
-  PutPicture(inputs, insight);
+  PutPicture(inputs, policy::CropOf(metadata_.policy.image), insight);
   if (what_if.empty()) return {};
   inputs.images = inputs.images.clone();
   policy::Hide(what_if, inputs.images, inputs.crop_origin);

@@ -95,6 +95,8 @@ Message MakeMessage() {
     message.image.resize(18, 7);
     message.intrinsics.resize(4);
     message.camera_pose.resize(7, 1);
+  } else if constexpr (std::is_same_v<Message, Insight>) {
+    message.view.resize(4);
   } else if constexpr (std::is_same_v<Message, BlobManifest>) {
     message.size = 5;
     message.chunk_size = 4;
@@ -107,8 +109,9 @@ Message MakeMessage() {
 template <class Message>
 class EveryMessage : public testing::Test {};
 
-using Messages = testing::Types<Presence, CampaignAnnouncement, WorkRequest, Lease, WorkerStatus, AttemptReport,
-                                CampaignStatus, BlobManifest, BlobChunk, BlobAck, Observation, Action, TrainStatus>;
+using Messages =
+    testing::Types<Presence, CampaignAnnouncement, WorkRequest, Lease, WorkerStatus, AttemptReport, CampaignStatus,
+                   BlobManifest, BlobChunk, BlobAck, Observation, Action, InsightWish, Insight, TrainStatus>;
 TYPED_TEST_SUITE(EveryMessage, Messages);
 
 TYPED_TEST(EveryMessage, ArrivesAsItWasWritten) {

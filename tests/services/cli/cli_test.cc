@@ -197,6 +197,21 @@ TEST_F(Cli, EvalSaysWhatIsWrongWithItsSuites) {
   EXPECT_THAT(none.text, HasSubstr("is no evaluation of `etude eval`"));
 }
 
+TEST_F(Cli, EvalSaysWhatAnOverlayNeeds) {
+  const std::string checkpoint = WriteFile("a.safetensors", "short");
+  const Outcome no_videos = Etude({"eval", "--checkpoint", checkpoint, "--out", In("e"), "--overlay", "--videos", "0"});
+  EXPECT_EQ(no_videos.exit_code, kExitUsage) << no_videos.text;
+  EXPECT_THAT(no_videos.text, HasSubstr("--videos must be at least 1"));
+  const Outcome no_policy = Etude({"eval", "--out", In("e"), "--compare", In("other"), "--overlay"});
+  EXPECT_EQ(no_policy.exit_code, kExitUsage) << no_policy.text;
+  EXPECT_THAT(no_policy.text, HasSubstr("--overlay asks the policy"));
+  WriteCheckpoint("b.safetensors", {{"run", "demo"}});
+  const Outcome no_pictures = Etude({"eval", "--checkpoint", In("b.safetensors"), "--out", In("e"), "--overlay",
+                                     "--set", "rollout.record=false", "--domain", "81"});
+  EXPECT_EQ(no_pictures.exit_code, kExitUsage) << no_pictures.text;
+  EXPECT_THAT(no_pictures.text, HasSubstr("rollout.record must be true"));
+}
+
 TEST_F(Cli, AFolderIsEitherACopyOrGoesOn) {
   const std::string spec = WriteFile("c.yaml", "name: x\n");
   const Outcome outcome = Etude({"collect", spec, "--out", In("d"), "--new-id", "--adopt"});

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "services/spec/episode_plan.h"
+#include "tests/support/matchers.h"
 
 namespace etude::cli {
 namespace {
@@ -86,6 +87,24 @@ TEST(EvaluationSpec, SuitesReplaceOnlyWhatTheyAreAbout) {
   EXPECT_EQ(spec.rollout.pushes.count, 1);
   EXPECT_EQ(spec.rollout.pushes.least, 0.04) << "the rest stays";
   EXPECT_TRUE(spec.rollout.sentences.empty());
+}
+
+TEST(CheckOverlay, NeedsVideosAndPictures) {
+  auto options = Options("out/a");
+  CampaignSpec spec;
+  EXPECT_THAT(CheckOverlay(options, spec), IsOk());
+  options.overlay = true;
+  EXPECT_THAT(CheckOverlay(options, spec), IsOk());
+  options.videos = 0;
+  EXPECT_THAT(CheckOverlay(options, spec), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(CheckOverlay(options, spec), MessageHas("--videos"));
+  options.videos = 3;
+  spec.rollout.record = false;
+  EXPECT_THAT(CheckOverlay(options, spec), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(CheckOverlay(options, spec), MessageHas("rollout.record"));
+  options.overlay = false;
+  options.videos = 0;
+  EXPECT_THAT(CheckOverlay(options, spec), IsOk());
 }
 
 TEST(EvaluationSpec, SentencesBringTheirTasks) {

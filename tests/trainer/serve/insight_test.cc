@@ -33,6 +33,8 @@ TEST(Inspect, SaysWhatTheAnswerSaysAndWhereEveryHeadLooks) {
   EXPECT_EQ(insight.modules_json, model->Answer(observation).modules_json) << "bit for bit what the robot is told";
   EXPECT_EQ(insight.what_if_json, "");
   EXPECT_EQ(insight.picture.size(), 24u * 16 * 3);
+  EXPECT_EQ(insight.view, (std::vector<std::uint32_t>{10, 20, 24, 16})) << "where the picture lies in the camera's";
+  EXPECT_EQ(insight.waypoints, model->Answer(observation).waypoints);
   const auto layout = ParseBoundedJson(insight.attention_json);
   ASSERT_TRUE(layout);
   const auto& place = (*layout)["TAR2D"];

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/cli/decision_insights.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <span>
+#include <vector>
+
+#include "services/codec/frame.h"
+
+namespace etude::cli {
+namespace {
+
+struct Decision {
+  int step = 0;
+  std::uint64_t checkpoint_step = 0;
+};
+
+// As worker/task writes them into Episode::details; what cannot be read is left out.
+std::vector<Decision> DecisionsOf(const Episode& rollout) {
+  std::vector<Decision> decisions;
+  const auto listed = rollout.details.find("decisions");
+  if (listed == rollout.details.end() || !listed->is_array()) return decisions;
+  for (const auto& json : *listed) {
+    const auto step = json.find("step"), checkpoint = json.find("checkpoint_step");
+    if (step == json.end() || checkpoint == json.end()) continue;
+    if (!step->is_number_integer() || !checkpoint->is_number_integer()) continue;
+    const auto number = step->get<std::int64_t>();
+    if (number >= 0 && number < rollout.steps())
+      decisions.push_back({static_cast<int>(number), checkpoint->get<std::uint64_t>()});
+  }
+  return decisions;
+}
+
+// The picture that the policy saw; nothing when it was not recorded.
+const std::vector<std::uint8_t>* FrameAt(const Episode& rollout, int step) {
+  const auto& frames = rollout.cameras[0].frames;
+  if (step % rollout.image_stride != 0) return nullptr;
+  const auto frame = static_cast<std::size_t>(step / rollout.image_stride);
+  return frame < frames.size() ? &frames[frame] : nullptr;
+}
+
+// What worker/task/rollout.cc asked.
+policy::Question QuestionAt(const Episode& rollout, int step, std::span<const std::uint8_t> rgb) {
+  const auto arm = rollout.joint_pos.row(step), gripper = rollout.gripper_qpos.row(step);
+  policy::Question question;
+  question.instruction = rollout.instruction;
+  question.robot = rollout.robot;
+  question.joints.assign(arm.begin(), arm.end());
+  question.joints.insert(question.joints.end(), gripper.begin(), gripper.end());
+  question.camera = rollout.cameras[0].camera;
+  question.width = question.camera->width;
+  question.height = question.camera->height;
+  question.rgb = rgb;
+  return question;
+}
+
+}  // namespace
+
+std::string InsightTally::Text() const {
+  std::string text = fmt::format("overlay: {} of {} decisions", shown, decisions);
+  std::vector<std::string> reasons;
+  const auto count = [&](std::uint64_t number, const std::string& reason) {
+    if (number > 0) reasons.push_back(fmt::format("{} {}", number, reason));
+  };
+  count(other_checkpoint, "by another checkpoint than the one that is served now");
+  count(unpictured, "at a step without a recorded picture (see rollout.replan_steps and image_stride)");
+  count(unanswered, "without an answer (" + problem + ")");
+  return reasons.empty() ? text : fmt::format("{}; without: {}", text, fmt::join(reasons, ", "));
+}
+
+Result<DecisionInsights> AskInsights(const Episode& rollout, const InsightFunction& ask, InsightTally& tally) {
+  DecisionInsights insights;
+  const Camera& camera = rollout.cameras[0].camera;
+  std::vector<std::uint8_t> rgb(static_cast<std::size_t>(camera.width) * camera.height * 3);
+  for (const Decision& decision : DecisionsOf(rollout)) {
+    ++tally.decisions;
+    auto& insight = insights[decision.step];
+    const auto* frame = FrameAt(rollout, decision.step);
+    if (frame == nullptr) {
+      ++tally.unpictured;
+      continue;
+    }
+    ETUDE_RETURN_IF_ERROR(codec::InflateFrame(*frame, rgb));
+    auto said = ask(QuestionAt(rollout, decision.step, rgb));
+    if (!said) {
+      ++tally.unanswered;
+      if (tally.problem.empty()) tally.problem = said.error().message;
+    } else if (said->checkpoint_step != decision.checkpoint_step) {
+      ++tally.other_checkpoint;
+    } else {
+      insight = std::move(*said);
+      ++tally.shown;
+    }
+  }
+  return insights;
+}
+
+}  // namespace etude::cli

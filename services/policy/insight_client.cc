@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/policy/insight_client.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "services/bus/directory.h"
+#include "services/bus/topic.h"
+#include "services/core/clock.h"
+#include "services/core/stop.h"
+#include "services/policy/conversion.h"
+
+namespace etude::policy {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint32_t kStands = 5;  // s that a wish stands; it is said again before
+constexpr auto kSayAgain = 2s;
+constexpr auto kTurn = 1000ms / bus::kInsightsPerSecond;
+constexpr auto kMeet = 10s;  // for readers and writers to find each other
+
+// The server that is looked into, known by the id of its run.
+struct Connection {
+  bus::Presence server;
+  bus::Writer<bus::InsightWish> wishes;
+  bus::Writer<bus::Observation> observations;
+  bus::Reader<bus::Insight> insights;
+};
+
+}  // namespace
+
+struct InsightClient::Impl {
+  const bus::Participant* participant = nullptr;
+  Selector run;
+  std::string name;  // as a viewer, and of its session
+  InsightClientOptions options;
+  bus::Directory directory;
+  std::optional<Connection> connection = {};
+  std::string given_up = {};  // why nothing is asked any more
+  std::uint64_t request_id = 0;
+  MonotonicClock::time_point turn = {}, wish_again = {};
+
+  ~Impl() {
+    if (connection) (void)Wish(0);
+  }
+  Status Connect();
+  Status Wish(std::uint32_t seconds);
+  Result<bus::Insight> Ask(bus::Observation observation);
+  std::optional<bus::Insight> Await(std::uint64_t first);
+};
+
+Status InsightClient::Impl::Connect() {
+  ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kPolicy, run, options.server));
+  if (!found)
+    return Fail(Code::kUnavailable, fmt::format("look into the policy of run '{}': no policy server within {} s",
+                                                run.text(), options.server.count() / 1000.0));
+  const std::string partition = bus::Owner{found->name, found->id}.partition();
+  ETUDE_ASSIGN_OR_RETURN(auto wishes, bus::Writer<bus::InsightWish>::Open(*participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Writer<bus::Observation>::Open(*participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto insights, bus::Reader<bus::Insight>::Open(*participant, partition));
+  connection.emplace(Connection{*found, std::move(wishes), std::move(observations), std::move(insights)});
+  // what is written before the server's readers are found is lost
+  connection->wishes.WaitForReaders(1, kMeet);
+  connection->observations.WaitForReaders(1, kMeet);
+  return {};
+}
+
+Status InsightClient::Impl::Wish(std::uint32_t seconds) {
+  bus::InsightWish wish;
+  wish.run = connection->server.name;
+  wish.run_id = connection->server.id;
+  wish.viewer = wish.session = name;
+  wish.seconds = seconds;
+  wish_again = MonotonicClock::now() + kSayAgain;
+  return connection->wishes.Write(wish);
+}
+
+// An insight into this question, from whichever try since `first`: the answer to each is the same.
+std::optional<bus::Insight> InsightClient::Impl::Await(std::uint64_t first) {
+  const auto deadline = MonotonicClock::now() + options.again;
+  while (!StopRequested() && MonotonicClock::now() < deadline) {
+    if (!connection->insights.Wait(deadline - MonotonicClock::now())) break;
+    for (auto& insight : connection->insights.Take()) {
+      const bool ours = insight.viewer == name && insight.session == name && insight.run_id == connection->server.id;
+      if (ours && insight.request_id >= first && insight.request_id <= request_id) return std::move(insight);
+    }
+  }
+  return std::nullopt;
+}
+
+Result<bus::Insight> InsightClient::Impl::Ask(bus::Observation observation) {
+  if (!connection) ETUDE_RETURN_IF_ERROR(Connect());
+  observation.run = connection->server.name;
+  observation.run_id = connection->server.id;
+  observation.session = name;
+  const std::uint64_t first = request_id + 1;
+  const auto deadline = MonotonicClock::now() + options.patience;
+  while (!StopRequested() && MonotonicClock::now() < deadline) {
+    if (MonotonicClock::now() >= wish_again) ETUDE_RETURN_IF_ERROR(Wish(kStands));
+    WaitForStop(std::max<std::chrono::nanoseconds>(turn - MonotonicClock::now(), 0ns));
+    observation.request_id = ++request_id;
+    ETUDE_RETURN_IF_ERROR(connection->observations.Write(observation));
+    auto insight = Await(first);
+    if (!insight) continue;
+    turn = MonotonicClock::now() + kTurn;
+    return std::move(*insight);
+  }
+  if (StopRequested()) return Fail(Code::kTimeout, "look into a policy: this process was asked to stop");
+  return Fail(Code::kUnavailable, fmt::format("look into the policy of run '{}': no insight within {} s", run.text(),
+                                              options.patience.count() / 1000.0));
+}
+
+InsightClient::InsightClient(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+InsightClient::InsightClient(InsightClient&&) noexcept = default;
+InsightClient& InsightClient::operator=(InsightClient&&) noexcept = default;
+InsightClient::~InsightClient() = default;
+
+Result<InsightClient> InsightClient::Open(const bus::Participant& participant, const std::string& run,
+                                          const InsightClientOptions& options) {
+  ETUDE_ASSIGN_OR_RETURN(auto selector, ParseSelector(run, "look into the policy of run"));
+  ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
+  return InsightClient(std::unique_ptr<Impl>(
+      new Impl{&participant, std::move(selector), "insight-" + bus::UniquePeerName(), options, std::move(directory)}));
+}
+
+Result<Insight> InsightClient::Ask(const Question& question) {
+  if (!impl_->given_up.empty()) return Fail(Code::kUnavailable, impl_->given_up);
+  const auto message = impl_->Ask(ObservationOf(question));
+  if (!message) {
+    if (!StopRequested()) impl_->given_up = message.error().message;
+    return Fail(message.error());
+  }
+  return ReadInsight(*message);
+}
+
+}  // namespace etude::policy

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/cli/decision_insights.cc
+#include "services/cli/decision_insights.h"
+
+#include <gtest/gtest.h>
+
+#include "services/codec/frame.h"
+#include "tests/support/matchers.h"
+#include "tests/support/synthetic_episode.h"
+
+namespace etude::cli {
+namespace {
+
+// 50 steps, a picture every 5 of them, with a decision of checkpoint 7 at each of `steps`.
+Episode Rollout(const std::vector<int>& steps) {
+  Episode rollout = MakeSyntheticEpisode(SyntheticSpec(), 3);
+  rollout.details["decisions"] = OrderedJson::array();
+  for (const int step : steps) rollout.details["decisions"].push_back({{"step", step}, {"checkpoint_step", 7}});
+  return rollout;
+}
+
+policy::Insight InsightOf(std::uint64_t checkpoint_step) {
+  policy::Insight insight;
+  insight.checkpoint_step = checkpoint_step;
+  return insight;
+}
+
+TEST(AskInsights, AsksWhatThePolicyWasAsked) {
+  const Episode rollout = Rollout({0, 20});
+  std::vector<policy::Question> asked;
+  std::vector<std::vector<std::uint8_t>> pictures;
+  InsightTally tally;
+  const auto insights = AskInsights(
+      rollout,
+      [&](const policy::Question& question) -> Result<policy::Insight> {
+        asked.push_back(question);
+        pictures.emplace_back(question.rgb.begin(), question.rgb.end());
+        return InsightOf(7);
+      },
+      tally);
+
+  ASSERT_THAT(insights, IsOk());
+  ASSERT_EQ(asked.size(), 2u);
+  const auto arm = rollout.joint_pos.row(20), gripper = rollout.gripper_qpos.row(20);
+  std::vector<float> joints(arm.begin(), arm.end());
+  joints.insert(joints.end(), gripper.begin(), gripper.end());
+  EXPECT_EQ(asked[1].joints, joints) << "bit for bit";
+  EXPECT_NE(asked[0].joints, joints);
+  EXPECT_EQ(asked[1].instruction, rollout.instruction);
+  EXPECT_EQ(asked[1].robot, rollout.robot);
+  EXPECT_EQ(asked[1].width, 32);
+  EXPECT_EQ(asked[1].height, 32);
+  ASSERT_TRUE(asked[1].camera);
+  EXPECT_EQ(asked[1].camera->fovy, rollout.cameras[0].camera.fovy);
+  EXPECT_EQ(asked[1].camera->X_WC.p, rollout.cameras[0].camera.X_WC.p);
+  std::vector<std::uint8_t> picture(32 * 32 * 3);
+  ASSERT_THAT(codec::InflateFrame(rollout.cameras[0].frames[4], picture), IsOk());
+  EXPECT_EQ(pictures[1], picture) << "of step 20, the fifth that was recorded";
+  EXPECT_NE(pictures[0], pictures[1]);
+}
+
+TEST(AskInsights, KeepsWhatWasSaidByItsStepAndCountsTheRest) {
+  const Episode rollout = Rollout({0, 10, 13, 20, 30});
+  InsightTally tally;
+  int question = 0;
+  const auto insights = AskInsights(
+      rollout,
+      [&](const policy::Question&) -> Result<policy::Insight> {
+        ++question;
+        if (question == 2) return Fail(Code::kUnavailable, "too late");
+        return InsightOf(question == 3 ? 8 : 7);
+      },
+      tally);
+
+  ASSERT_THAT(insights, IsOk());
+  ASSERT_EQ(insights->size(), 5u);
+  EXPECT_TRUE(insights->at(0));
+  EXPECT_FALSE(insights->at(10)) << "unanswered";
+  EXPECT_FALSE(insights->at(13)) << "no picture was recorded at step 13";
+  EXPECT_FALSE(insights->at(20)) << "the server has gone on to another checkpoint";
+  EXPECT_TRUE(insights->at(30));
+  EXPECT_EQ(question, 4) << "nothing is asked about a picture that is not there";
+  EXPECT_EQ(tally.decisions, 5u);
+  EXPECT_EQ(tally.shown, 2u);
+  EXPECT_EQ(tally.Text(),
+            "overlay: 2 of 5 decisions; without: 1 by another checkpoint than the one that is served now, 1 at a step "
+            "without a recorded picture (see rollout.replan_steps and image_stride), 1 without an answer (too late)");
+}
+
+TEST(AskInsights, ManyRolloutsHaveOneTally) {
+  InsightTally tally;
+  const auto ask = [](const policy::Question&) -> Result<policy::Insight> { return InsightOf(7); };
+  ASSERT_THAT(AskInsights(Rollout({0, 10}), ask, tally), IsOk());
+  ASSERT_THAT(AskInsights(Rollout({0}), ask, tally), IsOk());
+  EXPECT_EQ(tally.Text(), "overlay: 3 of 3 decisions");
+}
+
+TEST(AskInsights, LeavesOutDecisionsThatItCannotRead) {
+  Episode rollout = Rollout({0});
+  auto& decisions = rollout.details["decisions"];
+  for (const char* odd : {"7", "{}", R"({"step": -5, "checkpoint_step": 7})", R"({"step": 50, "checkpoint_step": 7})",
+                          R"({"step": 2.5, "checkpoint_step": 7})", R"({"step": 5})"})
+    decisions.push_back(OrderedJson::parse(odd));
+  InsightTally tally;
+  const auto ask = [](const policy::Question&) -> Result<policy::Insight> { return InsightOf(7); };
+  const auto insights = AskInsights(rollout, ask, tally);
+  ASSERT_THAT(insights, IsOk());
+  EXPECT_EQ(insights->size(), 1u);
+  EXPECT_EQ(tally.decisions, 1u);
+  rollout.details = OrderedJson::object();
+  EXPECT_TRUE(AskInsights(rollout, ask, tally)->empty()) << "an expert's demonstration has none";
+}
+
+TEST(AskInsights, ADamagedPictureIsAnError) {
+  Episode rollout = Rollout({0});
+  rollout.cameras[0].frames[0] = {1, 2, 3};
+  InsightTally tally;
+  const auto ask = [](const policy::Question&) -> Result<policy::Insight> { return InsightOf(7); };
+  EXPECT_THAT(AskInsights(rollout, ask, tally), HasCode(Code::kCorrupt));
+}
+
+}  // namespace
+}  // namespace etude::cli
