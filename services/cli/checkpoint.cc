@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <cstdio>
 #include <numeric>
 
 #include "services/bus/blob_transfer.h"
@@ -159,7 +160,7 @@ Status Watch(const WatchArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const std::string id, WaitForRun(participant, run));
   if (id.empty()) return {};
   ETUDE_ASSIGN_OR_RETURN(auto subscriber, bus::BlobSubscriber::Open(participant, {run.name, id}, arguments.channel));
-  while (!StopRequested()) {
+  while (!StopRequested() && std::ferror(stdout) == 0) {  // an error of stdout: nobody reads on
     const auto object = subscriber.Wait(std::chrono::seconds(1));
     if (!object) continue;
     ETUDE_RETURN_IF_ERROR(Keep(*object, arguments.out));

@@ -5,6 +5,8 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
+#include <cstdio>
+
 namespace etude::cli {
 namespace {
 
@@ -21,7 +23,7 @@ std::size_t TerminalWidth() {
 ProgressDisplay::ProgressDisplay() : terminal_(::isatty(STDERR_FILENO)) {}
 
 ProgressDisplay::~ProgressDisplay() {
-  if (open_) fmt::print(stderr, "\n");
+  if (open_) std::fputs("\n", stderr);  // unlike fmt::print, it throws nothing
 }
 
 bool ProgressDisplay::due() const {

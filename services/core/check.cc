@@ -7,7 +7,8 @@
 namespace etude::internal {
 
 void CheckFailed(const char* expression, const char* file, int line, std::string_view explanation) {
-  fmt::print(stderr, "{}:{}: check failed: {} {}\n", file, line, expression, explanation);
+  // fputs: fmt::print throws where stderr is closed, and a bug has to abort
+  std::fputs(fmt::format("{}:{}: check failed: {} {}\n", file, line, expression, explanation).c_str(), stderr);
   std::fflush(stderr);
   std::abort();
 }

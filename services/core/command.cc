@@ -2,14 +2,51 @@
 #include "services/core/command.h"
 
 #include <fmt/format.h>
+#include <poll.h>
+#include <unistd.h>
 
+#include <cerrno>
+#include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <system_error>
 
+#include "services/core/file.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 
 namespace etude {
+namespace {
+
+// The pipe is asked, because the socket of a library breaks with the same error.
+bool NobodyReads() {
+  pollfd streams[] = {{STDOUT_FILENO, 0, 0}, {STDERR_FILENO, 0, 0}};
+  return ::poll(streams, 2, 0) > 0 && ((streams[0].revents | streams[1].revents) & (POLLERR | POLLHUP)) != 0;
+}
+
+// Says it on stderr, or to nobody: an end has no further use for an error of its own.
+int End(int exit_code, const std::string& name, const std::string& message) {
+  std::fputs(fmt::format("{}: {}\n", name, message).c_str(), stderr);
+  return exit_code;
+}
+
+// What a body printed may still be in the buffer, and a failed write in the middle of it is not said again.
+int EndOfOutput(const std::string& name) {
+  errno = 0;
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return kExitOk;
+  const int error_number = errno == 0 ? EIO : errno;
+  if (NobodyReads()) return kExitUnread;
+  const Error error = ErrnoError("write", "standard output", error_number);
+  return End(ExitCodeFor(error), name, error.message);
+}
+
+int OnException(const std::string& name, const std::exception& exception) {
+  const auto* error = dynamic_cast<const std::system_error*>(&exception);
+  if (error && error->code() == std::errc::broken_pipe && NobodyReads()) return kExitUnread;
+  return End(kExitFailure, name, fmt::format("unexpected exception: {}", exception.what()));
+}
+
+}  // namespace
 
 int ExitCodeFor(const Error& error) {
   switch (error.code) {
@@ -28,15 +65,12 @@ int RunMain(const std::string& name, const std::function<Status()>& body) {
   InitLog(name, level ? level : "info");
   try {
     const Status status = body();
-    if (status) return kExitOk;
-    fmt::print(stderr, "{}: {}\n", name, status.error().message);
-    return ExitCodeFor(status.error());
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "{}: unexpected exception: {}\n", name, error.what());
-    return kExitFailure;
+    if (status) return EndOfOutput(name);
+    return End(ExitCodeFor(status.error()), name, status.error().message);
+  } catch (const std::exception& exception) {
+    return OnException(name, exception);
   } catch (...) {  // MuJoCo's compiler, for one, throws a type of its own
-    fmt::print(stderr, "{}: unexpected exception of a library that says nothing about itself\n", name);
-    return kExitFailure;
+    return End(kExitFailure, name, "unexpected exception of a library that says nothing about itself");
   }
 }
 

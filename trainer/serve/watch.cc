@@ -132,7 +132,9 @@ Status Watch(const bus::Participant& participant, const WatchOptions& options) {
   wish.seconds = kStands;
   (void)wishes.WaitForReaders(1, 10s);
   auto again = MonotonicClock::now();
-  for (std::uint64_t seen = 0; !StopRequested() && (options.count == 0 || seen < options.count);) {
+  const auto wanted = [&](std::uint64_t seen) { return options.count == 0 || seen < options.count; };
+  // an error of stdout: nobody reads on
+  for (std::uint64_t seen = 0; !StopRequested() && wanted(seen) && std::ferror(stdout) == 0;) {
     if (MonotonicClock::now() >= again) {
       ETUDE_RETURN_IF_ERROR(wishes.Write(wish));
       again = MonotonicClock::now() + kSayAgain;

@@ -36,12 +36,20 @@ class Library {
   explicit operator bool() const { return handle_ != nullptr; }
   const std::string& error() const { return error_; }
 
-  template <class Function>
-  void Load(const char* name, Function& function) {
-    function = reinterpret_cast<Function>(dlsym(handle_, name));
-    complete_ = complete_ && function;
+  /// A function of it, for a pointer of its type; null where the library or the function is missing.
+  struct Symbol {
+    void* address;
+    template <class Function>
+    operator Function*() const {
+      return reinterpret_cast<Function*>(address);
+    }
+  };
+  Symbol Find(const char* name) {
+    void* address = handle_ ? dlsym(handle_, name) : nullptr;
+    complete_ = complete_ && address;
+    return {address};
   }
-  bool complete() const { return complete_; }
+  bool complete() const { return complete_; }  ///< all that was looked for was there
   void Pin() const { dlopen(name_, RTLD_NOW | RTLD_NODELETE); }
 
  private:
@@ -59,30 +67,16 @@ bool IsLoaded(const char* name) {
 
 struct Egl {
   Library library{"libEGL.so.1"};
-  decltype(&eglGetPlatformDisplay) GetPlatformDisplay = nullptr;
-  decltype(&eglInitialize) Initialize = nullptr;
-  decltype(&eglBindAPI) BindApi = nullptr;
-  decltype(&eglChooseConfig) ChooseConfig = nullptr;
-  decltype(&eglCreateContext) CreateContext = nullptr;
-  decltype(&eglDestroyContext) DestroyContext = nullptr;
-  decltype(&eglMakeCurrent) MakeCurrent = nullptr;
-  decltype(&eglGetCurrentContext) GetCurrentContext = nullptr;
-  decltype(&eglGetProcAddress) GetProcAddress = nullptr;
-  decltype(&eglGetError) GetError = nullptr;
-
-  Egl() {
-    if (!library) return;
-    library.Load("eglGetPlatformDisplay", GetPlatformDisplay);
-    library.Load("eglInitialize", Initialize);
-    library.Load("eglBindAPI", BindApi);
-    library.Load("eglChooseConfig", ChooseConfig);
-    library.Load("eglCreateContext", CreateContext);
-    library.Load("eglDestroyContext", DestroyContext);
-    library.Load("eglMakeCurrent", MakeCurrent);
-    library.Load("eglGetCurrentContext", GetCurrentContext);
-    library.Load("eglGetProcAddress", GetProcAddress);
-    library.Load("eglGetError", GetError);
-  }
+  decltype(&eglGetPlatformDisplay) GetPlatformDisplay = library.Find("eglGetPlatformDisplay");
+  decltype(&eglInitialize) Initialize = library.Find("eglInitialize");
+  decltype(&eglBindAPI) BindApi = library.Find("eglBindAPI");
+  decltype(&eglChooseConfig) ChooseConfig = library.Find("eglChooseConfig");
+  decltype(&eglCreateContext) CreateContext = library.Find("eglCreateContext");
+  decltype(&eglDestroyContext) DestroyContext = library.Find("eglDestroyContext");
+  decltype(&eglMakeCurrent) MakeCurrent = library.Find("eglMakeCurrent");
+  decltype(&eglGetCurrentContext) GetCurrentContext = library.Find("eglGetCurrentContext");
+  decltype(&eglGetProcAddress) GetProcAddress = library.Find("eglGetProcAddress");
+  decltype(&eglGetError) GetError = library.Find("eglGetError");
 };
 
 class EglContext : public GlContext {
@@ -166,20 +160,11 @@ Result<std::unique_ptr<GlContext>> EglContext::Open() {
 
 struct OsMesa {
   Library library{"libOSMesa.so.8"};
-  decltype(&OSMesaCreateContextAttribs) Create = nullptr;
-  decltype(&OSMesaDestroyContext) Destroy = nullptr;
-  decltype(&OSMesaMakeCurrent) MakeCurrent = nullptr;
-  decltype(&OSMesaGetCurrentContext) GetCurrent = nullptr;
-  decltype(&OSMesaGetProcAddress) GetProcAddress = nullptr;
-
-  OsMesa() {
-    if (!library) return;
-    library.Load("OSMesaCreateContextAttribs", Create);
-    library.Load("OSMesaDestroyContext", Destroy);
-    library.Load("OSMesaMakeCurrent", MakeCurrent);
-    library.Load("OSMesaGetCurrentContext", GetCurrent);
-    library.Load("OSMesaGetProcAddress", GetProcAddress);
-  }
+  decltype(&OSMesaCreateContextAttribs) Create = library.Find("OSMesaCreateContextAttribs");
+  decltype(&OSMesaDestroyContext) Destroy = library.Find("OSMesaDestroyContext");
+  decltype(&OSMesaMakeCurrent) MakeCurrent = library.Find("OSMesaMakeCurrent");
+  decltype(&OSMesaGetCurrentContext) GetCurrent = library.Find("OSMesaGetCurrentContext");
+  decltype(&OSMesaGetProcAddress) GetProcAddress = library.Find("OSMesaGetProcAddress");
 };
 
 class OsMesaGlContext : public GlContext {

@@ -23,6 +23,12 @@ constexpr double kQuarter = std::numbers::pi / 2;
 constexpr std::size_t kFewestJoints = 5;
 constexpr double kDampingShare = 0.5;  ///< of a joint's torque, that its damping may take at most
 
+/// A mass for what shall weigh nothing: MuJoCo refuses a body that moves and has none.
+constexpr const char* kNoMass = "1e-6";  // kg
+constexpr double kSomeMass = 1e-3;       // kg
+
+bool Collides(const mjModel* mj, int geom) { return mj->geom_contype[geom] || mj->geom_conaffinity[geom]; }
+
 /// Collects everything that is wrong.
 class Builder {
  public:
@@ -205,8 +211,7 @@ class Builder {
     for (XMLElement* geom : xml_.All("geom")) {
       const char* name = geom->Attribute("name");
       const int id = mj_name2id(mj_, mjOBJ_GEOM, name);
-      const bool collides = id >= 0 && (mj_->geom_contype[id] || mj_->geom_conaffinity[id]);
-      if (!collides) continue;
+      if (id < 0 || !Collides(mj_, id)) continue;
       ++colliding;
       if (!kKnown.contains(mj_->geom_type[id]))
         Wrong("geom '{}' collides as neither box, sphere, capsule, cylinder nor mesh", name);
@@ -326,6 +331,23 @@ Status FixMasses(RobotXml& xml) {
     inertial->SetAttribute("diaginertia", fmt::format("{} {} {}", inertia[0], inertia[1], inertia[2]).c_str());
   }
   return {};
+}
+
+Result<std::vector<VisualMass>> WeighVisuals(RobotXml xml) {
+  ETUDE_ASSIGN_OR_RETURN(const ModelPtr whole, CompileAlone(xml, xml.mass_settings()));
+  for (XMLElement* geom : xml.All("geom"))
+    if (const int id = mj_name2id(whole.get(), mjOBJ_GEOM, geom->Attribute("name")); !Collides(whole.get(), id))
+      geom->SetAttribute("mass", kNoMass);
+  ETUDE_ASSIGN_OR_RETURN(const ModelPtr bare, CompileAlone(xml, xml.mass_settings()));
+  std::vector<VisualMass> visuals;
+  // where the total is a setting, nothing weighs twice
+  if (mj_getTotalmass(whole.get()) - mj_getTotalmass(bare.get()) < kSomeMass) return visuals;
+  for (const XMLElement* body : xml.All("body")) {
+    const int id = mj_name2id(whole.get(), mjOBJ_BODY, body->Attribute("name"));
+    const double rest = bare->body_mass[id], mass = whole->body_mass[id] - rest;
+    if (mass > kSomeMass && rest > kSomeMass) visuals.push_back({body->Attribute("name"), mass});
+  }
+  return visuals;
 }
 
 Result<LoadedRobot> BuildRobot(const RobotFile& file, RobotXml& xml, const mjModel* alone, const std::string& origin) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "worker/sim/model.h"
 #include "worker/sim/robot_file.h"
@@ -18,6 +19,11 @@ Result<ModelPtr> CompileAlone(const RobotXml& xml, const std::string& settings =
 /// Writes the masses and inertias that its own <compiler> would have given its bodies into the document, so that it
 /// has them under other settings.
 Status FixMasses(RobotXml& xml);
+
+/// What its visual geoms weigh, see WeighVisuals(yaml), by the settings of its own <compiler>; takes it before
+/// FixMasses.
+/// @error kInvalidArgument: MuJoCo refuses the robot
+Result<std::vector<VisualMass>> WeighVisuals(RobotXml xml);
 
 /// @param alone  `xml` compiled
 /// @param origin  who is at fault, for errors

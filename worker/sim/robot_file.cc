@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <mutex>
 
@@ -16,22 +17,35 @@ namespace {
 
 using Eigen::Vector3d;
 
+Result<RobotFile> ReadFile(const Path& yaml) {
+  ETUDE_ASSIGN_OR_RETURN(RobotFile file, LoadConfig<RobotFile>(yaml));
+  if (file.joints.empty()) return Fail(Code::kInvalidArgument, fmt::format("{}: joints: none named", yaml.string()));
+  return file;
+}
+
+/// With the masses that its own <compiler> gives.
 Result<RobotXml> ReadXml(const Path& yaml, const char* key, const std::string& mjcf, const std::string& joint,
                          const char* prefix) {
   const Path path = yaml.parent_path() / mjcf;
   if (mjcf.empty() || !std::filesystem::is_regular_file(path))
     return Fail(Code::kNotFound, fmt::format("{}: {}: no file '{}'", yaml.string(), key, path.string()));
   ETUDE_ASSIGN_OR_RETURN(MjcfDocument document, MjcfDocument::Read(path));
-  ETUDE_ASSIGN_OR_RETURN(RobotXml xml, RobotXml::Take(std::move(document), joint, prefix));
-  ETUDE_RETURN_IF_ERROR(FixMasses(xml));
-  return xml;
+  return RobotXml::Take(std::move(document), joint, prefix);
+}
+
+Result<RobotXml> ReadArm(const Path& yaml, const RobotFile& file) {
+  return ReadXml(yaml, "mjcf", file.mjcf, file.joints.at(0), "user_");
+}
+Result<RobotXml> ReadHand(const Path& yaml, const RobotFile& file) {
+  return ReadXml(yaml, "gripper.mjcf", file.gripper.mjcf, file.gripper.joint, "gripper_");
 }
 
 /// Arm and, where it has a file of its own, gripper.
 /// @param names  filled with the names that both have before `taken` changes some
 Result<RobotXml> ReadRobotXml(const Path& yaml, const RobotFile& file, std::set<std::string> taken,
                               std::set<std::string>& names) {
-  ETUDE_ASSIGN_OR_RETURN(RobotXml arm, ReadXml(yaml, "mjcf", file.mjcf, file.joints.at(0), "user_"));
+  ETUDE_ASSIGN_OR_RETURN(RobotXml arm, ReadArm(yaml, file));
+  ETUDE_RETURN_IF_ERROR(FixMasses(arm));
   names = arm.Names();
   arm.Rename(taken);
   const RobotFile::Gripper& hand = file.gripper;
@@ -41,7 +55,8 @@ Result<RobotXml> ReadRobotXml(const Path& yaml, const RobotFile& file, std::set<
                 fmt::format("{}: gripper: mjcf needs attach (a body or site of the arm), and three numbers each of "
                             "position and euler",
                             yaml.string()));
-  ETUDE_ASSIGN_OR_RETURN(RobotXml gripper, ReadXml(yaml, "gripper.mjcf", hand.mjcf, hand.joint, "gripper_"));
+  ETUDE_ASSIGN_OR_RETURN(RobotXml gripper, ReadHand(yaml, file));
+  ETUDE_RETURN_IF_ERROR(FixMasses(gripper));
   names.merge(gripper.Names());
   taken.merge(arm.Names());
   gripper.Rename(taken);
@@ -51,8 +66,7 @@ Result<RobotXml> ReadRobotXml(const Path& yaml, const RobotFile& file, std::set<
 }
 
 Result<LoadedRobot> ReadRobot(const Path& yaml, const std::set<std::string>& taken) {
-  ETUDE_ASSIGN_OR_RETURN(const RobotFile file, LoadConfig<RobotFile>(yaml));
-  if (file.joints.empty()) return Fail(Code::kInvalidArgument, fmt::format("{}: joints: none named", yaml.string()));
+  ETUDE_ASSIGN_OR_RETURN(const RobotFile file, ReadFile(yaml));
   std::set<std::string> names;
   ETUDE_ASSIGN_OR_RETURN(RobotXml xml, ReadRobotXml(yaml, file, taken, names));
   ETUDE_ASSIGN_OR_RETURN(const ModelPtr alone, CompileAlone(xml));
@@ -118,6 +132,22 @@ Result<LoadedRobot> LoadRobot(const Path& yaml, const std::set<std::string>& tak
   InstallHandlers();
   static Cache cache;
   return cache.Get(yaml, taken);
+}
+
+Result<std::vector<VisualMass>> WeighVisuals(const Path& yaml) {
+  InstallHandlers();
+  ETUDE_ASSIGN_OR_RETURN(const RobotFile file, ReadFile(yaml));
+  ETUDE_ASSIGN_OR_RETURN(RobotXml arm, ReadArm(yaml, file));
+  const std::string base = Attribute(*arm.root(), "name");
+  ETUDE_ASSIGN_OR_RETURN(std::vector<VisualMass> visuals, WeighVisuals(std::move(arm)));
+  std::erase_if(visuals, [&](const VisualMass& visual) { return visual.body == base; });
+  if (!file.gripper.mjcf.empty()) {
+    ETUDE_ASSIGN_OR_RETURN(RobotXml hand, ReadHand(yaml, file));
+    ETUDE_ASSIGN_OR_RETURN(const std::vector<VisualMass> more, WeighVisuals(std::move(hand)));
+    visuals.insert(visuals.end(), more.begin(), more.end());
+  }
+  std::ranges::stable_sort(visuals, std::greater(), &VisualMass::mass);
+  return visuals;
 }
 
 MassReport WeighRobot(const Scene& scene) {

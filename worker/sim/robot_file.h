@@ -124,4 +124,16 @@ struct MassReport {
 };
 MassReport WeighRobot(const Scene& scene);
 
+/// Mass of a body's visual geoms: those that collide with nothing.
+struct VisualMass {
+  std::string body;  ///< as the file has it
+  double mass = 0;   ///< kg
+};
+
+/// Those bodies, heaviest first, in which visual geoms weigh something beside those that collide. Where both show the
+/// same link it weighs twice; many published robots leave their visual meshes the default density. The base, which
+/// stands still, is left out. Reads and compiles the files anew.
+/// @error as LoadRobot
+Result<std::vector<VisualMass>> WeighVisuals(const Path& yaml);
+
 }  // namespace etude::sim

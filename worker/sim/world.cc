@@ -20,6 +20,13 @@ Pose Advanced(const Pose& X, const Vector6d& V, double seconds) {
   return {X.p + V.head<3>() * seconds, (Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) * X.q).normalized()};
 }
 
+/// Those at `addresses`, in their order.
+Eigen::VectorXd Pick(const mjtNum* values, const std::vector<int>& addresses) {
+  Eigen::VectorXd picked(addresses.size());
+  for (std::size_t i = 0; i < addresses.size(); ++i) picked[static_cast<Eigen::Index>(i)] = values[addresses[i]];
+  return picked;
+}
+
 const Scene::Model::FreeBody& Find(const Scene::Model& model, const std::string& object) {
   const auto found = model.objects.find(object);
   ETUDE_CHECK(found != model.objects.end(), "the scene has no object '{}'", object);
@@ -135,29 +142,9 @@ void World::State::ReadControl(const Scene::Model& model) {
   }
 }
 
-Eigen::VectorXd World::q() const {
-  const auto& addresses = scene_->model().arm_q;
-  Eigen::VectorXd values(addresses.size());
-  for (std::size_t i = 0; i < addresses.size(); ++i)
-    values[static_cast<Eigen::Index>(i)] = state_->mj->qpos[addresses[i]];
-  return values;
-}
-
-Eigen::VectorXd World::v() const {
-  const auto& addresses = scene_->model().arm_v;
-  Eigen::VectorXd values(addresses.size());
-  for (std::size_t i = 0; i < addresses.size(); ++i)
-    values[static_cast<Eigen::Index>(i)] = state_->mj->qvel[addresses[i]];
-  return values;
-}
-
-Eigen::VectorXd World::gripper_q() const {
-  const auto& addresses = scene_->model().gripper_q;
-  Eigen::VectorXd values(addresses.size());
-  for (std::size_t i = 0; i < addresses.size(); ++i)
-    values[static_cast<Eigen::Index>(i)] = state_->mj->qpos[addresses[i]];
-  return values;
-}
+Eigen::VectorXd World::q() const { return Pick(state_->mj->qpos, scene_->model().arm_q); }
+Eigen::VectorXd World::v() const { return Pick(state_->mj->qvel, scene_->model().arm_v); }
+Eigen::VectorXd World::gripper_q() const { return Pick(state_->mj->qpos, scene_->model().gripper_q); }
 
 Pose World::X_WE() const { return scene_->model().ToolPose(state_->mj.get()); }
 

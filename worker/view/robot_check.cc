@@ -29,7 +29,8 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kInside = 5e-4;          // m around the tool's origin that no body of the robot may reach into
 constexpr double kRestNeeded = 3e-3;      // m off the end of a motion at rest,
 constexpr double kRestTurnNeeded = 0.02;  // rad,
-constexpr double kLagNeeded = 0.02;  // m behind it on the way: more than feed-forward at the start of a motion costs
+constexpr double kLagNeeded = 0.02;   // m behind it on the way: more than feed-forward at the start of a motion costs
+constexpr double kVisualShare = 0.1;  // of the robot's mass in geoms that collide with nothing
 constexpr double kRareSaturation = 0.01;  // of the control steps
 constexpr int kStride = 25;               // control steps between two pictures that nobody looks at
 
@@ -69,6 +70,24 @@ void CheckMasses(const sim::Scene& scene, bool trust, Report& report) {
     return report.Line(false, "masses", implausible + ": mend them, or say `masses: trust` if they are meant");
   report.Note("masses are trusted: " + implausible);
   report.Line(true, "masses", all);
+}
+
+/// A robot that weighs too much moves, too: this is said, not asked for.
+Status NoteVisualMasses(const Path& yaml, double total, Report& report) {
+  ETUDE_ASSIGN_OR_RETURN(const auto visuals, sim::WeighVisuals(yaml));
+  double mass = 0;
+  std::vector<std::string> bodies;
+  for (const auto& visual : visuals) {
+    mass += visual.mass;
+    bodies.push_back(fmt::format("{} {:.2f} kg", visual.body, visual.mass));
+  }
+  if (mass >= kVisualShare * total)
+    report.Note(
+        fmt::format("visual geoms, which collide with nothing, carry {:.2f} of {:.2f} kg beside those that "
+                    "collide: {}. Where both are the same link it weighs twice: give the visual ones mass=\"0\" "
+                    "in the MJCF, best in their default class",
+                    mass, total, fmt::join(bodies, ", ")));
+  return {};
 }
 
 /// What is inside another body cannot be grasped: the tool belongs between the fingertips.
@@ -259,6 +278,7 @@ Status CheckRobot(const std::string& robot, const sim::RendererConfig& renderer)
   report.Line(true, "compiles", fmt::format("{} bodies", scene->arm().bodies.size()));
   CheckJoints(scene->arm(), report);
   CheckMasses(*scene, loaded.trust_masses, report);
+  ETUDE_RETURN_IF_ERROR(NoteVisualMasses(yaml, sim::WeighRobot(*scene).total, report));
   CheckHome(scene, report);
   CheckTool(scene, report);
   CheckGripper(scene, report);

@@ -52,38 +52,35 @@ Observation MakeObservation() {
   return observation;
 }
 
-TEST(Malformed, ImageOfAnotherSizeThanSaid) {
+// An observation that `spoil` made wrong is refused, and the good one behind it is not.
+template <class Spoil>
+void ExpectRefused(const Spoil& spoil) {
   Rig<Observation> rig;
   const auto good = MakeObservation();
   auto wire = *Encode(good);
   std::snprintf(wire.session, sizeof(wire.session), "bad");
-  wire.width = 4096;
-  wire.height = 4096;
+  spoil(wire);
   rig.WriteRaw(wire);
   rig.ExpectOnlyTheGoodOne(good);
+}
+
+TEST(Malformed, ImageOfAnotherSizeThanSaid) {
+  ExpectRefused([](auto& wire) { wire.width = wire.height = 4096; });
 }
 
 TEST(Malformed, SidesWhoseProductOverflows) {
-  Rig<Observation> rig;
-  const auto good = MakeObservation();
-  auto wire = *Encode(good);
-  std::snprintf(wire.session, sizeof(wire.session), "bad");
-  wire.width = 0x80000000u;
-  wire.height = 0x80000004u;
-  rig.WriteRaw(wire);
-  rig.ExpectOnlyTheGoodOne(good);
+  ExpectRefused([](auto& wire) {
+    wire.width = 0x80000000u;
+    wire.height = 0x80000004u;
+  });
 }
 
 TEST(Malformed, JointsThatAreNotNumbers) {
-  Rig<Observation> rig;
-  const auto good = MakeObservation();
-  auto wire = *Encode(good);
-  std::snprintf(wire.session, sizeof(wire.session), "bad");
   float joints[] = {0.5f, std::numeric_limits<float>::quiet_NaN()};
-  wire.joints._buffer = joints;
-  wire.joints._length = wire.joints._maximum = 2;
-  rig.WriteRaw(wire);
-  rig.ExpectOnlyTheGoodOne(good);
+  ExpectRefused([&](auto& wire) {
+    wire.joints._buffer = joints;
+    wire.joints._length = wire.joints._maximum = 2;
+  });
 }
 
 TEST(Malformed, UnknownKindOfLease) {

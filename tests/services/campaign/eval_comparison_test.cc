@@ -4,7 +4,12 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
 #include "services/campaign/eval_report.h"
+#include "services/core/rng.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
@@ -65,6 +70,71 @@ TEST(CompareReports, LeavesOutWhatOnlyOneHas) {
   EXPECT_EQ((*comparison)["unpaired"], 4);
   EXPECT_THAT(Counts((*comparison)["overall"]), ElementsAre(3, 2, 0, 0, 1));
   EXPECT_THAT(ComparisonText(*comparison), HasSubstr("left out: 4 rollouts that only one of the two has"));
+}
+
+// Every count again, pair by pair, and p as the tail of a binomial from factorials.
+TEST(CompareReports, CountsWhatAnybodyCounts) {
+  Rng rng(4);
+  for (int round = 0; round < 30; ++round) {
+    std::string first, second;
+    for (int i = 0; i < 24; ++i) first += "10l-"[rng.Below(4)], second += "10l-"[rng.Below(4)];
+    const auto comparison = CompareReports(ReportOf(first, "a"), ReportOf(second, "b"));
+    ASSERT_THAT(comparison, IsOk());
+    for (const int task : {-1, 0, 1}) {  // all, pick, push
+      std::vector<std::uint64_t> counts(5);
+      for (std::size_t i = 0; i < first.size(); ++i) {
+        if (first[i] == '-' || second[i] == '-' || (task >= 0 && static_cast<int>(i % 2) != task)) continue;
+        ++counts[0];
+        ++counts[first[i] == '1' ? (second[i] == '1' ? 1 : 2) : (second[i] == '1' ? 3 : 4)];
+      }
+      const OrderedJson& row = task < 0 ? (*comparison)["overall"] : (*comparison)["per_task"][task];
+      EXPECT_EQ(Counts(row), counts) << first << " " << second;
+      const double n = static_cast<double>(counts[2] + counts[3]);
+      double tail = 0;
+      for (double k = 0; k <= static_cast<double>(std::min(counts[2], counts[3])); ++k)
+        tail += std::tgamma(n + 1) / std::tgamma(k + 1) / std::tgamma(n - k + 1) / std::exp2(n);
+      EXPECT_NEAR(row["p"].get<double>(), std::min(1.0, 2 * tail), 1e-9);
+    }
+  }
+}
+
+// Binomials by hand: of n coins, so many ways of at most k on one side, twice, over 2^n.
+TEST(CompareReports, ItsPAreThoseOfTheTables) {
+  for (const auto& [only_first, only_second, p] : {std::tuple{1, 0, 1.0},
+                                                   {5, 0, 2 * 1.0 / 32},
+                                                   {0, 6, 2 * 1.0 / 64},
+                                                   {9, 1, 2 * (1.0 + 10) / 1024},
+                                                   {2, 10, 2 * (1.0 + 12 + 66) / 4096},
+                                                   {3, 12, 2 * (1.0 + 15 + 105 + 455) / 32768}}) {
+    // what both or neither can do is no evidence
+    const std::string first = std::string(only_first, '1') + std::string(only_second, '0') + "1100";
+    const std::string second = std::string(only_first, '0') + std::string(only_second, '1') + "1100";
+    const auto comparison = CompareReports(ReportOf(first), ReportOf(second)).value();
+    EXPECT_DOUBLE_EQ(comparison["overall"]["p"].get<double>(), p) << only_first << " " << only_second;
+  }
+}
+
+TEST(CompareReports, TheOtherWayRoundIsTheSameEvidence) {
+  const auto report = ReportOf("1110l01101", "a"), other = ReportOf("0100110l00", "b");
+  const auto there = CompareReports(report, other).value(), back = CompareReports(other, report).value();
+  for (const char* key : {"overall", "overall_latched"}) {
+    EXPECT_EQ(there[key]["only_first"], back[key]["only_second"]);
+    EXPECT_EQ(there[key]["only_second"], back[key]["only_first"]);
+    EXPECT_EQ(there[key]["share_first"], back[key]["share_second"]);
+    EXPECT_EQ(there[key]["both"], back[key]["both"]);
+    EXPECT_EQ(there[key]["p"], back[key]["p"]);
+  }
+}
+
+TEST(CompareReports, WithNothingInCommonHasNoEvidence) {
+  const auto comparison = CompareReports(ReportOf("11--"), ReportOf("--11"));
+  ASSERT_THAT(comparison, IsOk());
+  EXPECT_EQ((*comparison)["n"], 0);
+  EXPECT_EQ((*comparison)["unpaired"], 4);
+  EXPECT_TRUE((*comparison)["per_task"].empty());
+  EXPECT_EQ((*comparison)["overall"]["p"], 1.0);
+  EXPECT_EQ((*comparison)["overall"]["share_first"], 0.0);
+  EXPECT_THAT(ComparisonText(*comparison), HasSubstr("left out: 4 rollouts"));
 }
 
 TEST(CompareReports, RefusesRolloutsThatAreNotOfOneScene) {

@@ -92,6 +92,19 @@ TEST_F(Cli, DescribesConfigurations) {
   EXPECT_EQ(Etude({"config", "describe", "nothing"}).exit_code, kExitUsage);
 }
 
+// The shell of a user: `etude … | head`, but that the reader has gone for certain before etude prints.
+TEST_F(Cli, IsEndedQuietlyByAReaderThatHasGone) {
+  const std::string pipeline =
+      R"(mkfifo "$1" && { read -r gone <"$1"; "$2" config describe campaign; echo "status $?" >&2; } |
+         { exec <&-; echo gone >"$1"; })";
+  auto process = campaign::Process::Start(
+      {.argv = {"/bin/sh", "-c", pipeline, "sh", In("gone"), (ProgramsFolder() / "etude").string()},
+       .log = folder_ / "output.txt"});
+  ASSERT_TRUE(process) << process.error().message;
+  ASSERT_TRUE(process->Wait(std::chrono::seconds(60)));
+  EXPECT_EQ(ReadTextFile(folder_ / "output.txt").value_or(""), "status 141\n");
+}
+
 TEST_F(Cli, SaysWhichHeldOutWordsTrainingNeverSaw) {
   const Outcome outcome = Etude({"language", "held-out"});
   EXPECT_EQ(outcome.exit_code, kExitOk) << outcome.text;

@@ -67,6 +67,38 @@ TEST(ResultsTable, LeavesOutWhatWasNotMeasuredAndSurvivesOddReports) {
   EXPECT_THAT(odd, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, 2 parts frozen | - |"));
 }
 
+// 9 of 10 and 50 of 100: the mean is of the seeds, the interval of all 110 rollouts.
+TEST(ResultsTable, SeedsCountAlikeHoweverManyRolloutsTheyHave) {
+  ResultRow row = Row(0);
+  row.train = {.steps = 4000, .seeds = {1, 2}};
+  row.paper.clear();
+  const std::string table = ResultsTable({{&row, {Report(10, 9, 10), Report(100, 50, 100)}}});
+  EXPECT_THAT(table, HasSubstr("| UR5 | 600 | 4000 steps | scratch | 70.0 [44.4, 62.7] | 90.0, 50.0 |"));
+  EXPECT_THAT(table, HasSubstr("| 100.0 [96.6, 100.0] | - |  |\n"));
+}
+
+TEST(ResultsTable, TasksStandInTheOrderInWhichTheyWereMeasured) {
+  const ResultRow row = Row(0);
+  OrderedJson both = Report(10, 5, 5);
+  both["per_task"].push_back(both["per_task"][0]);
+  both["per_task"][1]["task"] = "lift_up";
+  both["per_task"].push_back(3);  // of another version
+  const std::string table = ResultsTable({{&row, {Report(10, 9, 9), both}}});
+  const auto pick = table.find("| UR5 | pick | 70.0 ["), lift = table.find("| UR5 | lift_up | 50.0 [");
+  ASSERT_NE(pick, std::string::npos) << table;
+  ASSERT_NE(lift, std::string::npos) << table;
+  EXPECT_LT(pick, lift);
+}
+
+TEST(ResultsTable, ACriterionThatAReportLacksIsNotCounted) {
+  const ResultRow row = Row(50);
+  OrderedJson old = Report(10, 6, 8);
+  old["overall"].erase("success_latched");
+  const std::string table = ResultsTable({{&row, {old, Report(10, 8, 10)}}});
+  EXPECT_THAT(table, HasSubstr("| 70.0 [48.1, 85.5] | 60.0, 80.0 | 100.0 [72.2, 100.0] |"));
+  EXPECT_THAT(table, HasSubstr("| 82.4 | 50 |"));
+}
+
 TEST(ResultsConfig, TheShippedTableIsValid) {
   const auto config = LoadConfig<ResultsConfig>("deploy/docs/results.yaml");
   ASSERT_TRUE(config) << config.error().message;
@@ -85,6 +117,35 @@ TEST(ResultsConfig, NamesEveryProblem) {
   for (const char* part : {"a: train: needs minutes or steps", "a: data.campaign: missing", "'a' stands twice",
                            "'base' is no row before it"})
     EXPECT_THAT(status.error().message, HasSubstr(part));
+}
+
+TEST(ResultsConfig, ARowMayBeginWithOneThatCameBefore) {
+  ResultsConfig config;
+  config.rows = {Row(0), Row(0)};
+  config.rows[0].train.init.clear();
+  config.rows[1].name = "b";
+  config.rows[1].train.init = "a";
+  EXPECT_TRUE(config.Validate());
+  std::swap(config.rows[0], config.rows[1]);
+  EXPECT_THAT(config.Validate().error().message, HasSubstr("b: train.init: 'a' is no row before it"));
+  config.rows[1].train.init = "a";
+  EXPECT_THAT(config.Validate().error().message, HasSubstr("a: train.init: 'a' is no row before it")) << "nor itself";
+}
+
+TEST(ResultsConfig, FoldersHavePlainNamesAndRunsASeed) {
+  ResultsConfig config;
+  config.rows = {Row(0)};
+  config.rows[0].train.init.clear();
+  config.rows[0].name = "../elsewhere";
+  config.rows[0].train.seeds.clear();
+  const Status status = config.Validate();
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().code, Code::kInvalidArgument);
+  EXPECT_THAT(status.error().message, HasSubstr("'../elsewhere' is not a plain name"));
+  EXPECT_THAT(status.error().message, HasSubstr("train.seeds: needs one"));
+  config.rows[0].name = "here";
+  config.rows[0].train = {.minutes = 0, .steps = 1};
+  EXPECT_TRUE(config.Validate()) << "steps instead of minutes";
 }
 
 }  // namespace

@@ -140,6 +140,38 @@ TEST_F(SurgeryTest, RefusesWeightsThatWouldComputeSomethingElse) {
   EXPECT_THAT(pixels.error().message, HasSubstr("image: pixel_mean is"));
 }
 
+// What an encoder, or all of them, would compute otherwise; begun anew, an encoder may be any.
+TEST_F(SurgeryTest, RefusesEncodersThatAreOthersUnlessTheyBeginAnew) {
+  struct Case {
+    const char* part;
+    const char* says;
+    void (*change)(PolicyConfig&);
+  };
+  for (const Case& other :
+       {Case{"image", "image: pixel_scale is 60.0 there, 30.0 here",
+             [](PolicyConfig& config) { config.image.pixel_scale = 30; }},
+        Case{"language", "language: language is {", [](PolicyConfig& config) { config.language.hidden = 9; }},
+        Case{"joints", "joints: joint_hidden is [8] there, [9] here",
+             [](PolicyConfig& config) { config.joint_hidden = {9}; }}}) {
+    PolicyConfig config = policy::TinyConfig();
+    other.change(config);
+    const auto surgery = Do(config);
+    ASSERT_FALSE(surgery) << other.part;
+    EXPECT_EQ(surgery.error().code, Code::kInvalidArgument);
+    EXPECT_THAT(surgery.error().message, HasSubstr(other.says));
+    EXPECT_THAT(surgery.error().message, HasSubstr("begin with run demo step 100"));
+    const auto anew = Do(config, {.fresh = {other.part}});
+    ASSERT_TRUE(anew) << anew.error().message;
+    EXPECT_THAT(anew->fresh, ElementsAre(other.part));
+  }
+  PolicyConfig config = policy::TinyConfig();
+  config.activation = "relu";
+  const auto surgery = Do(config, {.fresh = {"image"}});
+  ASSERT_FALSE(surgery);
+  for (const char* part : {"CTRL: activation is", "joints: activation is"})
+    EXPECT_THAT(surgery.error().message, HasSubstr(part)) << "it is a matter of every part";
+}
+
 TEST_F(SurgeryTest, RefusesAModuleThatReadLessNow) {
   PolicyConfig config = policy::TinyConfig();
   FindModule(config, "CTRL")->decoder.inputs = {"register", "language"};

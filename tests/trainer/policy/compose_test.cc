@@ -41,6 +41,17 @@ TEST(Compose, ReplacesWhatIsNoListOfInputs) {
   EXPECT_EQ(result, Yaml("{width: 64, joint_hidden: [16], image: {position: fourier, crop: []}}"));
 }
 
+// What is added once is there once: a file may say again what the one below it says.
+TEST(Compose, SaidAgainChangesNothing) {
+  const auto base = Yaml("{width: 8, modules: [{name: A, reads: [image], decoder: {inputs: [register]}}]}");
+  const auto more = Yaml("{heads: 2, modules: [{name: A, reads: [language]}, {name: B, reads: [A]}]}");
+  const auto once = Compose(base, more);
+  EXPECT_EQ(Compose(once, more), once);
+  EXPECT_EQ(Compose(base, OrderedJson::object()), base);
+  EXPECT_EQ(Compose(OrderedJson::object(), base), base);
+  EXPECT_EQ(Compose(once, base), once) << "nothing is taken away";
+}
+
 TEST(Compose, LeavesNonsenseToTheChecks) {
   EXPECT_EQ(Compose(Yaml("{modules: 3}"), Yaml("{modules: [{name: A}]}")), Yaml("{modules: [{name: A}]}"));
   EXPECT_EQ(Compose(Yaml("{modules: [3, {name: A}]}"), Yaml("{modules: [4]}")), Yaml("{modules: [3, {name: A}, 4]}"));

@@ -2,6 +2,7 @@
 // Tests trainer/policy/policy_file.cc
 #include "trainer/policy/policy_file.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include "tests/support/temporary_folder.h"
@@ -54,6 +55,39 @@ TEST_F(PolicyFile, SaysWhatIsWrong) {
   EXPECT_THAT(message("loop"), HasSubstr("extends itself"));
   EXPECT_THAT(message("list"), HasSubstr("extends: must be the name"));
   EXPECT_THAT(message("tiny/bas"), HasSubstr("did you mean 'tiny/base'"));
+}
+
+TEST_F(PolicyFile, LooksForWhatItExtendsBesideItBeforeElsewhere) {
+  Write("a/base.yaml", "{width: 1}");
+  Write("b/base.yaml", "{width: 2}");
+  Write("b/more.yaml", "{extends: base}");
+  Write("c/more.yaml", "{extends: base, heads: 3}");
+  const std::vector<Path> folders{folder_ / "a", folder_ / "b"};
+  EXPECT_EQ((*ReadPolicyMap("base", folders))["width"], 1) << "the first folder that has it";
+  EXPECT_EQ((*ReadPolicyMap("more", folders))["width"], 2) << "its own";
+  const auto file = ReadPolicyMap((folder_ / "c/more.yaml").string(), folders);
+  ASSERT_TRUE(file) << file.error().message;
+  EXPECT_EQ(*file, ParseYaml("{width: 1, heads: 3}", "test").value()) << "beside a file that is named there is none";
+}
+
+TEST_F(PolicyFile, ExtendsEightOthersAndNoMore) {
+  Write("p0.yaml", "{width: 5}");
+  for (int i = 1; i <= 9; ++i)
+    Write(fmt::format("p{}.yaml", i).c_str(), fmt::format("{{extends: p{}, heads: {}}}", i - 1, i));
+  const auto most = ReadPolicyMap("p8", {folder_ / ""});
+  ASSERT_TRUE(most) << most.error().message;
+  EXPECT_EQ(*most, ParseYaml("{width: 5, heads: 8}", "test").value());
+  EXPECT_THAT(ReadPolicyMap("p9", {folder_ / ""}).error().message, HasSubstr("more than 8 others"));
+}
+
+TEST_F(PolicyFile, NamesWhatItExtendsAndIsNotThere) {
+  Write("mine.yaml", "{extends: basse}");
+  Write("base.yaml", "");
+  const auto mine = ReadPolicyMap("mine", {folder_ / ""});
+  ASSERT_FALSE(mine);
+  EXPECT_EQ(mine.error().code, Code::kInvalidArgument);
+  EXPECT_THAT(mine.error().message, HasSubstr("policy 'basse': neither a file nor a name (did you mean 'base'?)"));
+  EXPECT_EQ(*ReadPolicyMap("base", {folder_ / ""}), OrderedJson::object()) << "an empty file says nothing";
 }
 
 TEST(FindExperiments, LooksAboveTheProgram) {

@@ -7,39 +7,23 @@
 #include <algorithm>
 #include <cmath>
 
-#include "services/core/rng.h"
-#include "worker/collide/pieces.h"
+#include "tests/worker/collide/shapes.h"
 
 namespace etude::collide {
 namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
-using GeometryShape = sim::Geometry::Shape;
-
-constexpr GeometryShape kShapes[] = {GeometryShape::kBox, GeometryShape::kSphere, GeometryShape::kCapsule,
-                                     GeometryShape::kCylinder, GeometryShape::kConvex};
-
-sim::Geometry Make(GeometryShape shape, const Vector3d& size) {
-  sim::Geometry geometry;
-  geometry.name = geometry.body = "piece";
-  geometry.shape = shape;
-  geometry.size = size;
+// With a rounder hull than a box.
+sim::Geometry MakeRound(GeometryShape shape, const Vector3d& size) {
+  sim::Geometry geometry = Make(shape, size);
+  geometry.vertices.clear();
   Rng rng(3);
   if (shape == GeometryShape::kConvex)
     for (int i = 0; i < 40; ++i)
       geometry.vertices.push_back(Vector3d(rng.Normal(), rng.Normal(), rng.Normal()).normalized().cwiseProduct(size));
   return geometry;
 }
-
-Isometry3d RandomPose(Rng& rng, double reach) {
-  Pose X;
-  X.p = {rng.Uniform(-reach, reach), rng.Uniform(-reach, reach), rng.Uniform(-reach, reach)};
-  X.q = Eigen::Quaterniond(rng.Normal(), rng.Normal(), rng.Normal(), rng.Normal()).normalized();
-  return internal::ToIsometry(X);
-}
-
-Isometry3d At(double x, double y, double z) { return Isometry3d(Eigen::Translation3d(x, y, z)); }
 
 // Nearest point of a segment (along z of X, half length h) to p.
 Vector3d OnSegment(const Isometry3d& X, double half, const Vector3d& p) {
@@ -53,7 +37,8 @@ void ExpectConsistent(const Separation& s) {
 }
 
 TEST(Separate, SphereSphereIsExactOnBothSidesOfContact) {
-  const Shape a(Make(GeometryShape::kSphere, {0.05, 0, 0}), 0), b(Make(GeometryShape::kSphere, {0.03, 0, 0}), 0);
+  const Shape a(MakeRound(GeometryShape::kSphere, {0.05, 0, 0}), 0),
+      b(MakeRound(GeometryShape::kSphere, {0.03, 0, 0}), 0);
   Rng rng(1);
   int overlapping = 0;
   for (int i = 0; i < 500; ++i) {
@@ -71,9 +56,9 @@ TEST(Separate, SphereSphereIsExactOnBothSidesOfContact) {
 }
 
 TEST(Separate, CapsuleCapsuleAndCapsuleBoxAgreeWithSegments) {
-  const Shape capsule(Make(GeometryShape::kCapsule, {0.02, 0.1, 0}), 0);
-  const Shape sphere(Make(GeometryShape::kSphere, {0.03, 0, 0}), 0);
-  const Shape box(Make(GeometryShape::kBox, {0.05, 0.06, 0.07}), 0);
+  const Shape capsule(MakeRound(GeometryShape::kCapsule, {0.02, 0.1, 0}), 0);
+  const Shape sphere(MakeRound(GeometryShape::kSphere, {0.03, 0, 0}), 0);
+  const Shape box(MakeRound(GeometryShape::kBox, {0.05, 0.06, 0.07}), 0);
   Rng rng(2);
   int separate = 0;
   for (int i = 0; i < 500; ++i) {
@@ -105,8 +90,8 @@ TEST(Separate, CapsuleCapsuleAndCapsuleBoxAgreeWithSegments) {
 }
 
 TEST(Separate, BoxesAndCylindersByHand) {
-  const Shape box(Make(GeometryShape::kBox, {0.1, 0.2, 0.3}), 0);
-  const Shape cylinder(Make(GeometryShape::kCylinder, {0.05, 0.2, 0}), 0);
+  const Shape box(MakeRound(GeometryShape::kBox, {0.1, 0.2, 0.3}), 0);
+  const Shape cylinder(MakeRound(GeometryShape::kCylinder, {0.05, 0.2, 0}), 0);
 
   const Separation corner = Separate(box, At(0, 0, 0), box, At(0.23, 0.44, 0.3));
   EXPECT_NEAR(corner.distance, 0.05, 1e-5);  // an edge to an edge: 3 and 4 cm apart
@@ -133,7 +118,7 @@ TEST(Separate, EveryPairOfShapesIsProvedByAPlaneBetweenThem) {
   int separate = 0;
   for (const GeometryShape shape_a : kShapes) {
     for (const GeometryShape shape_b : kShapes) {
-      const Shape a(Make(shape_a, {0.03, 0.06, 0.02}), 0), b(Make(shape_b, {0.05, 0.04, 0.06}), 0);
+      const Shape a(MakeRound(shape_a, {0.03, 0.06, 0.02}), 0), b(MakeRound(shape_b, {0.05, 0.04, 0.06}), 0);
       for (int i = 0; i < 400; ++i) {
         const Isometry3d X_WA = RandomPose(rng, 0.12), X_WB = RandomPose(rng, 0.12);
         const Separation s = Separate(a, X_WA, b, X_WB);
@@ -168,7 +153,7 @@ TEST(Separate, MovingAlongTheNormalByTheDepthPartsOverlappingShapes) {
   double excess = 0;
   for (const GeometryShape shape_a : kShapes) {
     for (const GeometryShape shape_b : kShapes) {
-      const Shape a(Make(shape_a, {0.05, 0.08, 0.06}), 0), b(Make(shape_b, {0.06, 0.07, 0.06}), 0);
+      const Shape a(MakeRound(shape_a, {0.05, 0.08, 0.06}), 0), b(MakeRound(shape_b, {0.06, 0.07, 0.06}), 0);
       for (int i = 0; i < 60; ++i) {
         Isometry3d X_WA = RandomPose(rng, 0.05), X_WB = RandomPose(rng, 0.05);
         const Separation s = Separate(a, X_WA, b, X_WB);
@@ -193,7 +178,7 @@ TEST(Separate, MovingAlongTheNormalByTheDepthPartsOverlappingShapes) {
 }
 
 TEST(Separate, AnswersWhereCentresCoincide) {
-  const Shape sphere(Make(GeometryShape::kSphere, {0.05, 0, 0}), 0);
+  const Shape sphere(MakeRound(GeometryShape::kSphere, {0.05, 0, 0}), 0);
   const Separation s = Separate(sphere, At(0, 0, 0), sphere, At(0, 0, 0));
   ExpectConsistent(s);
   EXPECT_NEAR(s.distance, -0.1, 1e-6);

@@ -10,7 +10,7 @@
 
 #include "services/core/rng.h"
 #include "tests/worker/plan/motion_bits.h"
-#include "tests/worker/sim/scene_fixture.h"
+#include "tests/worker/plan/plan_fixture.h"
 
 namespace etude::plan {
 namespace {
@@ -25,36 +25,13 @@ Pose Standing(const std::string& name, const Eigen::Vector3d& at) {
   return X_WO;
 }
 
-class PlannerTest : public testing::Test {
+class PlannerTest : public PlanFixture {
  protected:
-  PlannerTest() { X_WE_home_ = kinematics_.X_WE(q_home_); }
-
-  // From home (the hand level, near the table, 13 cm in front) to a place beside it.
-  Request ToTheSide(double dx, double dy, double dz) const {
-    Request request;
-    request.q_start = q_home_;
-    request.X_WE_goal = X_WE_home_;
-    request.X_WE_goal.p += Eigen::Vector3d(dx, dy, dz);
-    return request;
-  }
-
   // A bottle on the way that ToTheSide(0.25, 0.1, 0) takes.
   Request Blocked() {
     const Request request = ToTheSide(0.25, 0.1, 0);
     checker_.SetObject("bottle", Standing("bottle", (X_WE_home_.p + request.X_WE_goal.p) / 2));
     return request;
-  }
-
-  // Joint positions along a motion by inverse kinematics from sample to sample.
-  std::vector<Eigen::VectorXd> JointsAlong(const Motion& motion) {
-    std::vector<Eigen::VectorXd> joints{q_home_};
-    for (const Pose& X_WE : motion.X_WE) {
-      const auto q = kinematics_.Solve(X_WE, joints.back());
-      EXPECT_TRUE(q);
-      if (!q) break;
-      joints.push_back(*q);
-    }
-    return joints;
   }
 
   void ExpectWithinLimits(const Motion& motion, const Limits& limits) {
@@ -67,13 +44,6 @@ class PlannerTest : public testing::Test {
       EXPECT_LE(change.tail<3>().norm(), limits.angular_accel * 1.1) << k;
     }
   }
-
-  std::shared_ptr<const sim::Scene> scene_ = sim::FullScene();
-  const Eigen::VectorXd& q_home_ = scene_->arm().q_home;
-  sim::Kinematics kinematics_{scene_};
-  collide::Checker checker_{scene_};
-  Planner planner_{scene_};
-  Pose X_WE_home_;
 };
 
 TEST_F(PlannerTest, GoesStraightWhereItIsFree) {
@@ -95,7 +65,7 @@ TEST_F(PlannerTest, SlowsDownWhereAJointIsTooSlow) {
 
   ASSERT_EQ(outcome.kind, OutcomeKind::kStraight) << outcome.reason;
   EXPECT_GT(outcome.motion.steps(), StraightMotion(X_WE_home_, request.X_WE_goal, request.limits).steps());
-  const auto joints = JointsAlong(outcome.motion);
+  const auto joints = JointsAlong(outcome.motion, q_home_);
   for (std::size_t k = 12; k < joints.size(); ++k)
     EXPECT_LE((joints[k] - joints[k - 10]).cwiseAbs().maxCoeff() / (10 * kPeriod), 0.4 * 1.1);
 }
@@ -135,7 +105,7 @@ TEST_F(PlannerTest, GoesAroundAnObjectWithoutTouchingIt) {
     ExpectWithinLimits(outcome.motion, request.limits);
 
     // a follower of the tool stays clear, looked at four times as closely as the planner samples
-    const auto joints = JointsAlong(outcome.motion);
+    const auto joints = JointsAlong(outcome.motion, q_home_);
     for (std::size_t k = 1; k < joints.size(); ++k) {
       const auto collision = checker_.CheckSegment(joints[k - 1], joints[k], PlannerConfig{}.resolution / 4);
       ASSERT_FALSE(collision) << collision->body_a << " " << collision->body_b << " at " << k;

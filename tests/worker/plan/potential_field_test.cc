@@ -9,7 +9,7 @@
 
 #include "services/core/rng.h"
 #include "tests/worker/plan/motion_bits.h"
-#include "tests/worker/sim/scene_fixture.h"
+#include "tests/worker/plan/plan_fixture.h"
 #include "worker/plan/planner.h"
 
 namespace etude::plan {
@@ -17,15 +17,10 @@ namespace {
 
 constexpr double kPeriod = 1 / kControlRate;
 
-class FieldTest : public testing::Test {
+class FieldTest : public PlanFixture {
  protected:
-  FieldTest() { X_WE_home_ = kinematics_.X_WE(q_home_); }
-
   Request ToTheSide(double dx, double dy, double dz) const {
-    Request request;
-    request.q_start = q_home_;
-    request.X_WE_goal = X_WE_home_;
-    request.X_WE_goal.p += Eigen::Vector3d(dx, dy, dz);
+    Request request = PlanFixture::ToTheSide(dx, dy, dz);
     request.method = Method::kPotentialField;
     return request;
   }
@@ -35,17 +30,6 @@ class FieldTest : public testing::Test {
     Pose X_WO;
     X_WO.p = p;
     checker_.SetObject(name, X_WO);
-  }
-
-  std::vector<Eigen::VectorXd> JointsAlong(const Motion& motion, const Eigen::VectorXd& q_start) {
-    std::vector<Eigen::VectorXd> joints{q_start};
-    for (const Pose& X_WE : motion.X_WE) {
-      const auto q = kinematics_.Solve(X_WE, joints.back());
-      EXPECT_TRUE(q);
-      if (!q) break;
-      joints.push_back(*q);
-    }
-    return joints;
   }
 
   // Least distance between the arm and `object` along a motion; negative in contact.
@@ -78,13 +62,6 @@ class FieldTest : public testing::Test {
       EXPECT_LT(((motion.X_WE[k].p - motion.X_WE[k - 1].p) / kPeriod - mean).norm(), 0.02) << k;
     }
   }
-
-  std::shared_ptr<const sim::Scene> scene_ = sim::FullScene();
-  const Eigen::VectorXd& q_home_ = scene_->arm().q_home;
-  sim::Kinematics kinematics_{scene_};
-  collide::Checker checker_{scene_};
-  Planner planner_{scene_};
-  Pose X_WE_home_;
 };
 
 TEST_F(FieldTest, EndsAtTheGoalWhereNothingIsInTheWay) {

@@ -25,7 +25,7 @@ Renderer OpenOrDie() {
 Picture Blank(const Camera& camera) { return Picture(static_cast<std::size_t>(camera.width) * camera.height * 3); }
 
 Picture Take(Renderer& renderer, const World& world) {
-  Picture picture = Blank(FullScene()->camera());
+  Picture picture = Blank(renderer.camera());
   renderer.Render(world, picture);
   return picture;
 }
@@ -222,9 +222,7 @@ Picture PictureOf(const SceneSpec& spec) {
   const auto scene = Scene::Build(spec).value();
   World world(scene);
   Renderer renderer = Renderer::Open(scene).value();
-  Picture picture = Blank(scene->camera());
-  renderer.Render(world, picture);
-  return picture;
+  return Take(renderer, world);
 }
 
 // The nominal scene, moved without another compiled one.
@@ -275,9 +273,7 @@ TEST(Renderer, AnotherTableIsThatOfASceneThatHasIt) {
   Renderer renderer = Renderer::Open(scene).value();
   const auto take = [&](const Appearance& appearance) {
     renderer.SetAppearance(appearance);
-    Picture picture = Blank(scene->camera());
-    renderer.Render(world, picture);
-    return picture;
+    return Take(renderer, world);
   };
   SceneSpec stone;
   stone.world.table = "stone";
@@ -300,9 +296,7 @@ TEST(Renderer, AnotherBackgroundIsThatOfASceneThatHasIt) {
   Renderer renderer = Renderer::Open(scene).value();
   const auto take = [&](const Appearance& appearance) {
     renderer.SetAppearance(appearance);
-    Picture picture = Blank(scene->camera());
-    renderer.Render(world, picture);
-    return picture;
+    return Take(renderer, world);
   };
   const Picture black = take({});
   EXPECT_EQ(black, PictureOf(SceneSpec()));

@@ -370,6 +370,67 @@ TEST_F(BrokenRobot, JointsOfAClosedChainAreFoundByClosingIt) {
   EXPECT_THAT(loaded->notes, testing::Contains(testing::HasSubstr("found by closing the gripper")));
 }
 
+/// Its looks, which weigh nothing in the example, have MuJoCo's default density of 1000 kg/m^3.
+class HeavyLooks : public BrokenRobot {
+ protected:
+  HeavyLooks() {
+    EXPECT_THAT(Names(), testing::IsEmpty()) << "the example is in order";
+    Replace("sketch/sketch.xml", "<geom contype=\"0\" conaffinity=\"0\" material=\"metal\" mass=\"0\"/>",
+            "<geom contype=\"0\" conaffinity=\"0\" material=\"metal\"/>");
+  }
+  std::vector<VisualMass> Visuals() const {
+    const auto visuals = WeighVisuals(folder_ / "sketch.yaml");
+    EXPECT_TRUE(visuals) << visuals.error().message;
+    return visuals.value_or(std::vector<VisualMass>{});
+  }
+  std::vector<std::string> Names() const {
+    std::vector<std::string> names;
+    for (const VisualMass& visual : Visuals()) names.push_back(visual.body);
+    return names;
+  }
+};
+
+TEST_F(HeavyLooks, AreWeighedBesideWhatCollides) {
+  constexpr double kPi = 3.14159265358979, kDensity = 1000;
+  const auto cylinder = [&](double radius, double half) { return kDensity * kPi * radius * radius * 2 * half; };
+  EXPECT_THAT(Names(), testing::ElementsAre("upper", "turret", "left", "right")) << "heaviest first";
+  const auto visuals = Visuals();
+  ASSERT_EQ(visuals.size(), 4u);
+  EXPECT_NEAR(visuals[0].mass, cylinder(0.055, 0.062), 1e-5);
+  EXPECT_NEAR(visuals[1].mass, cylinder(0.045, 0.082), 1e-5);
+  EXPECT_NEAR(visuals[2].mass, kDensity * 8 * 0.006 * 0.011 * 0.014, 1e-5);
+}
+
+TEST_F(HeavyLooks, WeighOnceWhereTheLinksMassIsGiven) {
+  Replace("sketch/sketch.xml", "<joint name=\"lift\" axis=\"-1 0 0\" range=\"-100 120\"/>",
+          "<joint name=\"lift\" axis=\"-1 0 0\" range=\"-100 120\"/>"
+          "<inertial pos=\"0 0 0.2\" mass=\"4\" diaginertia=\"0.06 0.06 0.01\"/>");
+  EXPECT_THAT(Names(), testing::ElementsAre("turret", "left", "right"));
+}
+
+TEST_F(HeavyLooks, WeighOnceWhereNothingElseDoes) {
+  Replace("sketch/sketch.xml", "<geom type=\"mesh\" mesh=\"upper_beam\" mass=\"4\"/>",
+          "<geom type=\"mesh\" mesh=\"upper_beam\" mass=\"0\"/>");
+  EXPECT_THAT(Names(), testing::ElementsAre("turret", "left", "right"));
+}
+
+TEST_F(HeavyLooks, WeighOnceWhereTheirGroupOrTheTotalIsASetting) {
+  Replace("sketch/sketch.xml", "meshdir=\"meshes\"", "meshdir=\"meshes\" settotalmass=\"30\"");
+  EXPECT_THAT(Names(), testing::IsEmpty());
+  Replace("sketch/sketch.xml", "settotalmass=\"30\"", "inertiagrouprange=\"0 1\"");
+  EXPECT_THAT(Names(), testing::SizeIs(4)) << "their group is 0, as that of all";
+  Replace("sketch/sketch.xml", "conaffinity=\"0\" material=\"metal\"",
+          "conaffinity=\"0\" group=\"2\" material=\"metal\"");
+  EXPECT_THAT(Names(), testing::IsEmpty());
+}
+
+TEST_F(HeavyLooks, OfTheBaseDoNotMatter) {
+  Replace("sketch/sketch.xml", "<geom type=\"mesh\" mesh=\"foot\" mass=\"5\"/>",
+          "<geom type=\"mesh\" mesh=\"foot\" mass=\"5\"/><geom class=\"look\" type=\"mesh\" mesh=\"foot\"/>");
+  EXPECT_THAT(Names(), testing::Not(testing::Contains("foot")));
+  EXPECT_THAT(Names(), testing::SizeIs(4));
+}
+
 TEST_F(BrokenRobot, UnknownKeysAreRefused) {
   Replace("sketch.yaml", "approach_pitch:", "aproach_pitch:");
   EXPECT_THAT(Load().message, testing::HasSubstr("approach_pitch"));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One seeded demonstration of every kind of task with every robot, judged again from its record.
+// Seeded demonstrations of every kind of task with every robot, one of each judged again from its record.
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -102,6 +102,22 @@ TEST_P(EveryTask, IsDemonstratedByTheRobot) {
     EXPECT_TRUE(result.episode.details["violations"].empty());
     JudgeAgain(result.episode, plan.target, plan.reference);
   }
+}
+
+// Other scenes of every task, an attempt each: whatever is kept of them must be fit to learn from.
+TEST_P(EveryTask, HasLabelsWithoutJumpsInMoreThanOneScene) {
+  const CampaignSpec spec = SpecFor(GetParam());
+  auto runner = AttemptRunner::Open(spec);
+  ASSERT_TRUE(runner) << runner.error().message;
+  const std::uint64_t tasks = spec.tasks.size();
+  std::uint64_t kept = 0;
+  for (std::uint64_t index = tasks; index < 2 * tasks; ++index) {
+    const AttemptResult result = runner->Demonstrate(index, 0);
+    if (result.outcome != AttemptOutcome::kSuccess) continue;
+    ++kept;
+    EXPECT_LE(LargestTurn(result.episode), 0.05) << result.episode.task << " of scene " << index;
+  }
+  EXPECT_GT(kept, tasks / 2);
 }
 
 INSTANTIATE_TEST_SUITE_P(Robots, EveryTask, testing::Values("ur5", "panda", "jaco2"),

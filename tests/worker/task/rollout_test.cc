@@ -7,6 +7,7 @@
 
 #include "services/codec/frame.h"
 #include "services/episode/codec.h"
+#include "tests/worker/task/rollout_spec.h"
 #include "worker/task/attempt.h"
 #include "worker/task/judge.h"
 
@@ -14,14 +15,8 @@ namespace etude::task {
 namespace {
 
 CampaignSpec RolloutSpecOf(const std::string& task) {
-  CampaignSpec spec;
-  spec.mode = "rollout";
-  spec.tasks = {task};
-  spec.seed = 31;
-  spec.image_stride = 50;
-  spec.camera.width = spec.camera.height = 64;
+  CampaignSpec spec = CheapRollout(task, "oracle");
   spec.randomization.disturbance_probability = 0;
-  spec.rollout.run = "oracle";
   spec.rollout.max_steps = 900;
   return spec;
 }

@@ -8,19 +8,14 @@
 #include <cmath>
 
 #include "services/episode/codec.h"
+#include "tests/worker/task/rollout_spec.h"
 #include "worker/task/attempt.h"
 
 namespace etude::task {
 namespace {
 
 CampaignSpec Pushing(const std::string& task, int count) {
-  CampaignSpec spec;
-  spec.mode = "rollout";
-  spec.tasks = {task};
-  spec.seed = 31;
-  spec.image_stride = 50;
-  spec.camera.width = spec.camera.height = 64;
-  spec.rollout.run = "still";
+  CampaignSpec spec = CheapRollout(task, "still");
   spec.rollout.replan_steps = 15;
   spec.rollout.max_steps = 160;
   spec.rollout.record = false;

@@ -1,38 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // turned: the object was turned over about the world's x, either way.
-#include <fmt/format.h>
-
 #include <numbers>
 
 #include "worker/task/predicates/geometry.h"
 #include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/less_than.h"
 
-namespace etude::task {
-namespace {
-
-class Turned final : public Predicate {
- public:
-  explicit Turned(const PredicateArguments& arguments)
-      : object_(arguments.object("object")), by_(arguments.number("by")), within_(arguments.number("within")) {}
-
-  bool Observe(const Observation& now) override {
-    const ObjectState& state = StateOf(now, object_);
-    error_ = TurnError(state.X_WO, state.X_WO_start, by_);
-    return error_ < within_;
-  }
-  std::string Words() const override {
-    return fmt::format("{} {:.2f} rad off its turn (< {:.2f})", object_, error_, within_);
-  }
-
- private:
-  std::string object_;
-  double by_, within_;
-  double error_ = 0;
-};
-
-}  // namespace
-
-namespace kinds {
+namespace etude::task::kinds {
 
 PredicateKind turned() {
   return {.name = "turned",
@@ -40,8 +14,13 @@ PredicateKind turned() {
           .parameters = {ObjectParameter("object", "target", "what turns"),
                          NumberParameter("by", "rad", std::numbers::pi / 2, 0, 3.2, "by this much,"),
                          NumberParameter("within", "rad", 0.5, 0, 3.2, "norm of the Euler error")},
-          .make = [](PredicateArguments& arguments) { return std::make_unique<Turned>(arguments); }};
+          .make = [](PredicateArguments& arguments) -> std::unique_ptr<Predicate> {
+            const double by = arguments.number("by");
+            return std::make_unique<LessThan>(
+                arguments.object("object"),
+                [by](const ObjectState& state) { return TurnError(state.X_WO, state.X_WO_start, by); },
+                arguments.number("within"), "{} {:.2f} rad off its turn (< {:.2f})");
+          }};
 }
 
-}  // namespace kinds
-}  // namespace etude::task
+}  // namespace etude::task::kinds

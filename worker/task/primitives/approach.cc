@@ -16,7 +16,7 @@ Pose Behind(const StageContext& now, double height, const Eigen::Quaterniond& q_
   const double aside = std::hypot(now.X_WE.p.x() - p.x(), now.X_WE.p.z() - height);
   const double far = p.y() - kSide.behind, near = p.y() - kSide.nearest;
   // A hand that is on the line already goes on from where it is instead of backing off.
-  const double y = aside < kSide.on_line ? std::clamp(now.X_WE.p.y() + 0.01, far, near) : far;
+  const double y = aside < kStages.on_line ? std::clamp(now.X_WE.p.y() + 0.01, far, near) : far;
   return {{p.x(), y - now.shapes->ahead_open(), height}, q_WE};
 }
 
@@ -28,7 +28,7 @@ Pose BeforeGrasp(const StageContext& now, const above::Grip& grip) {
   const double far = std::max(kAbove.least_back, (clear - at.p.z()) / std::sin(grip.pitch));
   const Eigen::Vector3d from = now.X_WE.p - at.p;
   const double back = -from.dot(a);
-  const bool on_line = (from + back * a).norm() < kAbove.on_line;
+  const bool on_line = (from + back * a).norm() < kStages.on_line;
   const double distance = on_line ? std::clamp(back - 0.01, far - kAbove.hover_slack, far) : far;
   return {at.p - distance * a, at.q};
 }
