@@ -169,6 +169,40 @@ class Telemetry {
   std::optional<Error> superseded_;
 };
 
+/// Tells the campaign that grows the dataset where validation errs. What cannot be said is logged: training goes on.
+class ErrorPublisher {
+ public:
+  ErrorPublisher(const bus::Participant* participant, const data::Dataset& dataset, const std::string& run_id)
+      : participant_(participant), dataset_(dataset.path()) {
+    message_.campaign = dataset.spec().name;
+    message_.run_id = run_id;
+  }
+
+  void Say(const std::vector<ErrorCell>& cells, std::uint64_t step) {
+    message_.step = step;
+    message_.errors_json = ErrorCellsText(cells);
+    const Status said = writer_ ? writer_->Write(message_) : Join();
+    if (!said) Log().warn("cannot tell campaign={} where validation errs: {}", message_.campaign, said.error().message);
+  }
+
+ private:
+  // not before there is something to say: a folder gets its id a moment after its dataset
+  Status Join() {
+    ETUDE_ASSIGN_OR_RETURN(const Identity campaign, ReadIdentity(dataset_));
+    message_.campaign_id = campaign.id;
+    const bus::Owner owner{message_.campaign, campaign.id};
+    ETUDE_ASSIGN_OR_RETURN(writer_, bus::Writer<bus::ValidationErrors>::Open(*participant_, owner.partition()));
+    constexpr std::chrono::seconds kPatience{5};
+    if (!writer_->WaitForReaders(1, kPatience)) return {};  // it may be complete, and its collector gone
+    return writer_->Write(message_);
+  }
+
+  const bus::Participant* participant_;
+  Path dataset_;
+  bus::ValidationErrors message_;
+  std::optional<bus::Writer<bus::ValidationErrors>> writer_;
+};
+
 /// What a run meets besides its data.
 struct Surroundings {
   const bus::Participant* participant = nullptr;  ///< none: offline
@@ -180,11 +214,15 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
                Telemetry& telemetry, const Surroundings& around) {
   ETUDE_ASSIGN_OR_RETURN(auto sink, publish::CheckpointSink::Open(arguments.out, telemetry.run(), around.participant,
                                                                   config.checkpoint.keep));
-  const learn::Hooks hooks{[&sink](const checkpoint::Checkpoint& made) { return sink.Save(made); },
-                           [&telemetry](const learn::Progress& progress) { telemetry.Say(progress); }};
+  learn::Hooks hooks{[&sink](const checkpoint::Checkpoint& made) { return sink.Save(made); },
+                     [&telemetry](const learn::Progress& progress) { telemetry.Say(progress); }};
+  const bool follow = arguments.follow || !arguments.collect.empty();
+  ErrorPublisher errors(around.participant, *dataset, telemetry.run().id);
+  if (follow && around.participant && dataset->spec().adaptive_sampling.on())
+    hooks.on_errors = [&errors](const std::vector<ErrorCell>& cells, std::uint64_t step) { errors.Say(cells, step); };
   const learn::RunOptions options{.out = arguments.out,
                                   .resume = arguments.resume,
-                                  .follow = arguments.follow || !arguments.collect.empty(),
+                                  .follow = follow,
                                   .source = around.source,
                                   .ranks = around.ranks};
   ETUDE_ASSIGN_OR_RETURN(auto trainer, learn::Trainer::Create(config, std::move(dataset), options, hooks));
@@ -270,8 +308,9 @@ Status Train(const Arguments& arguments) {
                          Telemetry::Open(participant ? &*participant : nullptr, run, arguments.out, arguments.claim));
   std::unique_ptr<campaign::HostedCollector> collector;
   if (!arguments.collect.empty()) {
-    ETUDE_ASSIGN_OR_RETURN(collector, campaign::HostedCollector::Start(*participant, arguments.collect, arguments.data,
-                                                                       {.claim = arguments.claim}));
+    ETUDE_ASSIGN_OR_RETURN(collector,
+                           campaign::HostedCollector::Start(*participant, arguments.collect, arguments.data,
+                                                            {.claim = arguments.claim, .run_id = telemetry.run().id}));
   }
   std::function<Status()> source;
   if (collector) source = [&collector] { return collector->status(); };

@@ -16,6 +16,7 @@
 #include "services/episode/codec.h"
 #include "services/policy/client.h"
 #include "services/store/dataset.h"
+#include "services/store/sampling_journal.h"
 #include "worker/sim/robot_file.h"
 #include "worker/task/attempt.h"
 #include "worker/task/user_files.h"
@@ -58,7 +59,7 @@ campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete)
 
 campaign::WorkFunction Demonstrate(std::shared_ptr<task::AttemptRunner> runner) {
   return [runner](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
-    return ResultOf(runner->Demonstrate(item.index, item.attempt), false);
+    return ResultOf(runner->Demonstrate(item.index, item.attempt, item.weights), false);
   };
 }
 
@@ -140,17 +141,21 @@ CLI::App* AddRender(CLI::App& app, Arguments& arguments) {
   return render;
 }
 
-// Of a campaign file, or of a dataset, whose failed attempts are then the ones its attempts.jsonl tells of.
-Result<CampaignSpec> SpecToReplay(const campaign::SpecArguments& arguments) {
-  std::error_code error;
-  if (!std::filesystem::is_directory(arguments.file, error)) return campaign::LoadSpec(arguments);
-  ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(arguments.file));
-  return campaign::WithOverrides(reader.spec(), arguments.overrides);
-}
-
+// Of a campaign file, or of a dataset, whose failed attempts are then the ones its attempts.jsonl tells of, and whose
+// sampling journal says what was asked for.
 Status Replay(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, SpecToReplay(arguments.scene_spec));
-  return ReplayAttempt(spec, arguments.replay, arguments.renderer);
+  const campaign::SpecArguments& asked = arguments.scene_spec;
+  std::error_code error;
+  if (!std::filesystem::is_directory(asked.file, error)) {
+    ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(asked));
+    return ReplayAttempt(spec, arguments.replay, arguments.renderer);
+  }
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(asked.file));
+  ETUDE_ASSIGN_OR_RETURN(const auto journal, store::SamplingJournal::Open(asked.file, reader.spec()));
+  ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::WithOverrides(reader.spec(), asked.overrides));
+  ReplayOptions replay = arguments.replay;
+  if (const SamplingEntry* entry = journal.EntryAt(replay.index)) replay.sampling = *entry;
+  return ReplayAttempt(spec, replay, arguments.renderer);
 }
 
 CLI::App* AddReplay(CLI::App& app, Arguments& arguments) {

@@ -74,7 +74,8 @@ struct Lease {
   std::uint64_t duration_ns = 0;  ///< the lease ends this long after the last heartbeat that named it
   std::string reason;             ///< for kRefused
   std::string campaign_id;
-  std::string spec_sha256;  ///< that the work is of; a worker that is ready for another one makes itself ready first
+  std::string spec_sha256;    ///< that the work is of; a worker that is ready for another one makes itself ready first
+  std::string sampling_json;  ///< the sampling weights that hold for `index` (ParseWeights); "": none
 };
 
 /// worker -> all, keyed by worker, twice a second: heartbeat of the lease it holds, and telemetry.
@@ -104,6 +105,15 @@ struct AttemptReport {
   std::string details_json;
   std::string campaign_id;
   std::string spec_sha256;  ///< that was attempted
+};
+
+/// trainer -> collector, keyed by run, after each validation: where it errs, for a campaign with adaptive sampling.
+struct ValidationErrors {
+  std::string campaign;
+  std::string run_id;
+  std::uint64_t step = 0;   ///< of the training
+  std::string errors_json;  ///< ErrorCellsText
+  std::string campaign_id;
 };
 
 /// collector -> all, keyed by campaign, once a second.

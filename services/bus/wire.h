@@ -180,6 +180,7 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Le
   ETUDE_FIELD(reason);
   ETUDE_FIELD(campaign_id);
   ETUDE_FIELD(spec_sha256);
+  ETUDE_FIELD(sampling_json);
 }
 
 template <class F, class M, class W>
@@ -209,6 +210,15 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, At
   ETUDE_FIELD(details_json);
   ETUDE_FIELD(campaign_id);
   ETUDE_FIELD(spec_sha256);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, ValidationErrors> {
+  ETUDE_FIELD(campaign);
+  ETUDE_FIELD(run_id);
+  ETUDE_FIELD(step);
+  ETUDE_FIELD(errors_json);
+  ETUDE_FIELD(campaign_id);
 }
 
 template <class F, class M, class W>
@@ -363,6 +373,7 @@ ETUDE_TRAITS(WorkRequest, "etude/campaign/request", kEvents)
 ETUDE_TRAITS(Lease, "etude/campaign/lease", kEvents)
 ETUDE_TRAITS(WorkerStatus, "etude/campaign/worker", kNewest)
 ETUDE_TRAITS(AttemptReport, "etude/campaign/report", kEvents)
+ETUDE_TRAITS(ValidationErrors, "etude/campaign/validation_errors", kNewest)
 ETUDE_TRAITS(CampaignStatus, "etude/campaign/status", kState)
 ETUDE_TRAITS(BlobManifest, "etude/blob/manifest", kEvents)
 ETUDE_TRAITS(BlobChunk, "etude/blob/chunk", kEvents)

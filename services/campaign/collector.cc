@@ -72,6 +72,7 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
   for (const std::uint64_t index : sink->committed()) table.RestoreCommitted(index);
   const History history = ReadHistory(sink->folder(), spec);
   for (const auto& [index, past] : history.indices) table.RestoreFailures(index, past.failures, past.next_attempt);
+  ETUDE_ASSIGN_OR_RETURN(auto journal, store::SamplingJournal::Open(sink->folder(), spec));
 
   const bus::Owner owner{spec.name, id};
   const std::string partition = owner.partition();
@@ -81,12 +82,15 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
   ETUDE_ASSIGN_OR_RETURN(auto requests, bus::Reader<bus::WorkRequest>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto reports, bus::Reader<bus::AttemptReport>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto heartbeats, bus::Reader<bus::WorkerStatus>::Open(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto errors, bus::Reader<bus::ValidationErrors>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto episodes, bus::BlobReceiver::Open(participant, owner, "episode"));
 
   // before anything is committed, files may still be mended
   const auto files = sink->committed().empty() ? std::nullopt : KnownFiles(sink->folder());
   CollectorProgress counters;
   counters.failures = history.failures;
+  counters.reweighted = journal.entries().size();
+  if (counters.reweighted > 0) counters.reweighted_from = journal.entries().back().from_index;
   std::unique_ptr<Impl> impl(new Impl{.spec = spec,
                                       .spec_sha256 = SpecHash(spec),
                                       .options = options,
@@ -100,10 +104,13 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
                                       .requests = std::move(requests),
                                       .reports = std::move(reports),
                                       .heartbeats = std::move(heartbeats),
+                                      .errors = std::move(errors),
+                                      .run_id = options.run_id,
                                       .episodes = std::move(episodes),
                                       .table = std::move(table),
                                       .counters = std::move(counters),
                                       .failed_attempts = history.total,
+                                      .journal = std::move(journal),
                                       .sink = std::move(sink)});
   return Collector(std::move(impl));
 }

@@ -7,7 +7,9 @@
 // Promises: an episode is acknowledged only after it is durable; an index is committed once; a collector
 // that is killed and started again on the same folder continues, with larger fencing tokens. The campaign is its
 // folder, known by the id that was minted with it: another folder's campaign of the same name is another one, and a
-// second collector of the same id ends one of the two.
+// second collector of the same id ends one of the two. Where the spec has adaptive_sampling, weights that follow from a
+// trainer's validation errors hold from an index on that nobody was leased before, once they are durable in the
+// folder's sampling journal: a restart, or the same spec and journal elsewhere, make the same episodes.
 #pragma once
 
 #include <chrono>
@@ -35,6 +37,7 @@ struct CollectorOptions {
   std::uint64_t max_in_flight = 1024;             ///< leases out at once
   Claim claim = Claim::kRefuse;                   ///< when the folder's id is live elsewhere
   std::string policy_id;                          ///< rollouts ask this run's policy; "": whoever serves its name
+  std::string run_id;                             ///< whose validation errors count; "": of the first run that speaks
   std::uint32_t content = kContentVersion;        ///< of the episodes: workers of another number are refused
 };
 
@@ -46,10 +49,13 @@ struct CollectorProgress {
   std::uint64_t lost_leases = 0;                  ///< workers that died or fell silent
   std::uint64_t stale_results = 0;                ///< refused: an old fencing token
   std::uint64_t duplicates = 0;
-  std::uint64_t refused = 0;       ///< episodes that did not fit
-  std::uint32_t workers = 0;       ///< heard within the last seconds
-  double episodes_per_minute = 0;  ///< over the last minute
-  double eta_s = 0;                ///< 0: unknown
+  std::uint64_t refused = 0;          ///< episodes that did not fit
+  std::uint64_t reweighted = 0;       ///< entries of the sampling journal, this and earlier runs
+  std::uint64_t reweighted_from = 0;  ///< episode from which on the newest of them holds
+  std::uint64_t refused_errors = 0;   ///< validation errors that were not taken
+  std::uint32_t workers = 0;          ///< heard within the last seconds
+  double episodes_per_minute = 0;     ///< over the last minute
+  double eta_s = 0;                   ///< 0: unknown
   double elapsed_s = 0;
   std::string error;  ///< e.g. disk full: committing waits
   bool complete = false;

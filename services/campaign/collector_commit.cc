@@ -24,7 +24,9 @@ Status Collector::Impl::CheckEpisode(const Episode& episode) const {
   if (episode.version != std::to_string(options.content))
     return wrong("content number", episode.version, std::to_string(options.content));
   if (episode.spec_sha256 != spec_sha256) return wrong("spec", episode.spec_sha256, spec_sha256);
-  const EpisodePlan plan = PlanEpisode(spec, episode.index, episode.attempt);
+  const EpisodePlan plan = PlanEpisode(spec, episode.index, episode.attempt, WeightsAt(episode.index));
+  if (const std::string made_with = WeightsOf(episode.details); made_with != plan.weights_sha256)
+    return wrong("the hash of its sampling weights", made_with, plan.weights_sha256);
   if (episode.seed != plan.seed) return wrong("seed", episode.seed, plan.seed);
   if (episode.task != plan.task.text()) return wrong("task", episode.task, plan.task.text());
   if (spec.mode == "demonstrate" && !episode.success) return wrong("outcome", episode.outcome, "success");

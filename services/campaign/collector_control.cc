@@ -52,6 +52,7 @@ void Collector::Impl::TakeMessages() {
     if (const int lost = table.Expire(MonotonicClock::now()))
       Log().warn("leases expired without a word count={}", lost);
   }
+  for (const auto& message : errors.Take()) OnErrors(message);
   for (const auto& request : asked) OnRequest(request);
 }
 
@@ -94,20 +95,27 @@ bus::Lease Collector::Impl::Answer(const bus::WorkRequest& request) {
     Log().warn("refused worker={}: {}", request.worker, *why);
     return lease;
   }
-  const MutexLock lock(mutex);
-  heard[request.worker] = MonotonicClock::now();
-  // a stopping collector leases nothing new, and does not say that all is done; a worker that is ready for another
-  // spec sees ours in the answer and makes itself ready first
-  const bool wait = Stopping() || request.spec_sha256 != spec_sha256;
-  const Assignment assignment = wait ? Assignment{} : table.Request(request.worker, MonotonicClock::now());
+  const Assignment assignment = Assign(request);
   lease.kind = assignment.kind == Assignment::Kind::kWork   ? bus::LeaseKind::kWork
                : assignment.kind == Assignment::Kind::kDone ? bus::LeaseKind::kDone
                                                             : bus::LeaseKind::kWait;
   lease.index = assignment.index;
   lease.attempt = assignment.attempt;
   lease.token = assignment.token;
-  if (assignment.kind == Assignment::Kind::kDone) dismissed.insert(request.worker);
+  if (assignment.kind == Assignment::Kind::kWork) lease.sampling_json = WeightsText(WeightsAt(assignment.index));
   return lease;
+}
+
+Assignment Collector::Impl::Assign(const bus::WorkRequest& request) {
+  const bool journal_is_durable = Reweight();
+  const MutexLock lock(mutex);
+  heard[request.worker] = MonotonicClock::now();
+  // a stopping collector leases nothing new, and does not say that all is done; a worker that is ready for another
+  // spec sees ours in the answer and makes itself ready first
+  if (Stopping() || request.spec_sha256 != spec_sha256 || !journal_is_durable) return {};
+  const Assignment assignment = table.Request(request.worker, MonotonicClock::now());
+  if (assignment.kind == Assignment::Kind::kDone) dismissed.insert(request.worker);
+  return assignment;
 }
 
 void Collector::Impl::OnRequest(const bus::WorkRequest& request) {
@@ -158,6 +166,7 @@ CollectorProgress Collector::Impl::Snapshot() const {
   progress.attempts = table.committed() + failed_attempts;
   progress.lost_leases = table.lost();
   progress.complete = table.complete();
+  if (progress.error.empty()) progress.error = journal_error;
   progress.elapsed_s = std::chrono::duration<double>(now - started).count();
   for (const auto& [worker, time] : heard) progress.workers += now - time < kPresence && !dismissed.contains(worker);
   const double window = std::min(progress.elapsed_s, std::chrono::duration<double>(kRateWindow).count());

@@ -16,6 +16,7 @@
 #include "services/campaign/lease_table.h"
 #include "services/core/stop.h"
 #include "services/core/thread_annotations.h"
+#include "services/store/sampling_journal.h"
 
 namespace etude::campaign {
 
@@ -37,6 +38,10 @@ struct Collector::Impl {
   bus::Reader<bus::WorkRequest> requests;
   bus::Reader<bus::AttemptReport> reports;
   bus::Reader<bus::WorkerStatus> heartbeats;
+  bus::Reader<bus::ValidationErrors> errors;
+  std::string run_id;                   // whose errors count; "": of the first that speaks
+  std::optional<SamplingEntry> wanted;  // by the newest errors; holds from no index yet
+  std::string refusal;                  // what was said last of errors that were not taken
   // commit thread
   bus::BlobReceiver episodes;
   bool index_dirty = true;  // the dataset's index lacks something that is committed
@@ -53,6 +58,10 @@ struct Collector::Impl {
   std::set<std::string> dismissed ETUDE_GUARDED_BY(mutex);    // workers that were told kDone
   std::deque<Time> commits ETUDE_GUARDED_BY(mutex);           // of the last minute
   std::optional<Error> superseded ETUDE_GUARDED_BY(mutex);    // another collector of this id has the better right
+  std::string journal_error ETUDE_GUARDED_BY(mutex);          // the sampling journal cannot be written: leasing waits
+
+  mutable Mutex journal_mutex;  // never taken while `mutex` is held
+  store::SamplingJournal journal ETUDE_GUARDED_BY(journal_mutex);
 
   Mutex sink_mutex;  // the sink is one thread at a time
   std::unique_ptr<EpisodeSink> sink ETUDE_GUARDED_BY(sink_mutex);
@@ -68,6 +77,11 @@ struct Collector::Impl {
   void OnRequest(const bus::WorkRequest& request);
   std::optional<std::string> WhyRefused(const bus::WorkRequest& request);
   bus::Lease Answer(const bus::WorkRequest& request);
+  Assignment Assign(const bus::WorkRequest& request);
+  void OnErrors(const bus::ValidationErrors& message);
+  Result<SamplingEntry> WantedBy(const bus::ValidationErrors& message);
+  bool Reweight();
+  SamplingWeights WeightsAt(std::uint64_t index) const ETUDE_EXCLUDES(journal_mutex);
   void OnReport(const bus::AttemptReport& report);
   void OnHeartbeat(const bus::WorkerStatus& status);
   void PublishStatus();

@@ -14,6 +14,7 @@ LeaseTable::LeaseTable(const LeaseTableConfig& config) : config_(config) {
 
 LeaseTable::Entry& LeaseTable::EntryOf(std::uint64_t index) {
   ETUDE_CHECK(index < config_.total, "index={} total={}", index, config_.total);
+  frontier_ = std::max(frontier_, index + 1);
   return entries_[index];
 }
 

@@ -81,6 +81,9 @@ class LeaseTable {
   /// The worker is known to be dead: its lease ends, and counts as a loss.
   void Revoke(const std::string& worker);
 
+  /// One after the largest index that was ever leased or restored: of the ones from here on nobody knows anything.
+  std::uint64_t frontier() const { return frontier_; }
+
   bool complete() const { return committed_.size() + given_up_ == config_.total; }
   std::uint64_t committed() const { return committed_.size(); }
   std::uint64_t given_up() const { return given_up_; }
@@ -108,7 +111,8 @@ class LeaseTable {
   std::optional<std::uint64_t> NextFree();
 
   LeaseTableConfig config_;
-  std::uint64_t counter_ = 0;                               ///< low half of the last token
+  std::uint64_t counter_ = 0;  ///< low half of the last token
+  std::uint64_t frontier_ = 0;
   std::uint64_t next_fresh_ = 0;                            ///< indices from here on were never leased or restored ...
   std::unordered_map<std::uint64_t, Entry> entries_;        ///< ... unless they are in here
   std::set<std::pair<std::uint32_t, std::uint64_t>> free_;  ///< (losses, index) given back

@@ -53,6 +53,7 @@ std::string ProgressLine(const CollectorProgress& progress) {
       fmt::format("{}/{} episodes  {:.1f}/min  expert {:.1f} %  {} workers", progress.committed, progress.total,
                   progress.episodes_per_minute, SuccessPercent(progress), progress.workers);
   if (progress.eta_s > 0) line += "  ETA " + FormatDuration(progress.eta_s);
+  if (progress.reweighted > 0) line += fmt::format("  weights from {}", progress.reweighted_from);
   if (progress.given_up > 0) line += fmt::format("  given up {}", progress.given_up);
   if (!progress.failures.empty()) line += "  failed: " + FailureText(progress);
   if (!progress.error.empty()) line += "  WAITING: " + progress.error;
@@ -68,6 +69,10 @@ std::string SummaryText(const CollectorProgress& progress) {
                               progress.given_up ? fmt::format(", {} given up", progress.given_up) : ""));
   row("attempts", fmt::format("{} ({:.1f} % successful)", progress.attempts, SuccessPercent(progress)));
   if (!progress.failures.empty()) row("failures", FailureText(progress));
+  if (progress.reweighted)
+    row("sampling weights", fmt::format("changed {} times, the last time from episode {} on", progress.reweighted,
+                                        progress.reweighted_from));
+  if (progress.refused_errors) row("foreign errors", fmt::format("{} refused", progress.refused_errors));
   if (progress.lost_leases) row("leases lost", fmt::format("{} (workers died or fell silent)", progress.lost_leases));
   if (progress.stale_results) row("late results", fmt::format("{} refused", progress.stale_results));
   if (progress.duplicates) row("duplicates", fmt::format("{} recognised", progress.duplicates));

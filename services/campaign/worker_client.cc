@@ -33,6 +33,7 @@ struct Connection {
 
   std::optional<bus::CampaignAnnouncement> announcement;  // the newest
   std::string ready_for;                                  // spec hash that `work` was made for
+  CampaignSpec spec;                                      // that it was made for
   WorkFunction work;
   std::string files_sha256;
   std::optional<bus::AttemptReport> last_report;  // of the last attempt that failed
@@ -152,6 +153,7 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
   if (options.files_sha256) {
     ETUDE_ASSIGN_OR_RETURN(joined->files_sha256, options.files_sha256(spec));
   }
+  joined->spec = spec;
   joined->ready_for = announcement.spec_sha256;
   return {};
 }
@@ -238,6 +240,13 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
     WaitForStop(20ms);
     return {};
   }
+  const auto weights = ParseWeights(lease.sampling_json, joined->spec);
+  if (!weights) {
+    // none that a collector of this spec would send: what is leased is asked for again
+    Log().warn("did not take a lease index={}: {}", lease.index, weights.error().message);
+    WaitForStop(200ms);
+    return {};
+  }
   joined->heartbeat->Set([&](bus::WorkerStatus& status) {
     status.phase = "play";
     status.index = lease.index;
@@ -245,7 +254,7 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
     status.token = lease.token;
   });
   Stopwatch elapsed;
-  const auto result = joined->work({lease.index, lease.attempt});
+  const auto result = joined->work({lease.index, lease.attempt, *weights});
   const double seconds = elapsed.Seconds();
   if (!result) {
     Report(lease, kReleased, "{}");

@@ -14,12 +14,14 @@
 #include "services/core/result.h"
 #include "services/spec/campaign_spec.h"
 #include "services/spec/content_version.h"
+#include "services/spec/sampling_weights.h"
 
 namespace etude::campaign {
 
 struct WorkItem {
   std::uint64_t index = 0;
   std::uint32_t attempt = 0;
+  SamplingWeights weights;  ///< that hold for `index`
 };
 
 struct WorkResult {

@@ -37,6 +37,7 @@ CampaignSpec EvaluationSpec(const CampaignSpec& base, const EvaluationOptions& o
   const Path folder = std::filesystem::weakly_canonical(std::filesystem::absolute(options.out));
   spec.name = "eval-" + Sha256Hex(folder.string()).substr(0, 12);
   spec.mode = "rollout";
+  spec.adaptive_sampling = {};  // what a trainer lacks is no matter of what it is tested on
   if (!options.tasks.empty()) {
     spec.tasks = options.tasks;
     spec.task_weights.clear();

@@ -126,11 +126,13 @@ Status System::Tick() {
 }
 
 Status System::CollectAndTrain() {
-  ETUDE_ASSIGN_OR_RETURN(
-      collection_,
-      HostedCampaign::Start(
-          participant_, spec_,
-          {.bus = bus_, .workers = config_.workers, .out = out_ / "dataset", .logs = out_ / "logs", .claim = claim_}));
+  ETUDE_ASSIGN_OR_RETURN(collection_, HostedCampaign::Start(participant_, spec_,
+                                                            {.bus = bus_,
+                                                             .workers = config_.workers,
+                                                             .out = out_ / "dataset",
+                                                             .logs = out_ / "logs",
+                                                             .claim = claim_,
+                                                             .run_id = run_.id}));
   const std::uint64_t enough = std::min(config_.train.start_episodes, spec_.episodes);
   while (!StopRequested() && !(trainer_ && trainer_->done())) {
     ETUDE_RETURN_IF_ERROR(Tick());

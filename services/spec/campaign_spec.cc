@@ -171,7 +171,9 @@ Status CampaignSpec::Validate() const {
   CheckRandomWorld(*this, problems);
   world.Check(problems.errors());
   problems.InRange("obstacle.in_the_way", obstacle.in_the_way, 0.0, 1.0);
+  adaptive_sampling.Check(problems.errors());
   if (mode == "rollout") {
+    problems.Require(!adaptive_sampling.on(), "adaptive_sampling: only for mode demonstrate");
     CheckRollout(rollout, problems);
     CheckSentences(*this, problems.errors());
   }
@@ -184,7 +186,9 @@ Status CampaignSpec::Validate() const {
 
 std::string SpecHash(const CampaignSpec& spec) {
   OrderedJson json = ToJson(spec);
-  for (const char* key : {"name", "episodes", "split", "max_attempts"}) json.erase(key);
+  for (const char* key : {"name", "episodes", "max_attempts"}) json.erase(key);
+  if (!spec.adaptive_sampling.on()) json.erase("split");
+  if (spec.adaptive_sampling == AdaptiveSamplingSpec{}) json.erase("adaptive_sampling");
   if (spec.randomization.world == WorldRandomizationSpec{}) json["randomization"].erase("world");
   EraseUnset(json["rollout"]);
   json["content"] = kContentVersion;

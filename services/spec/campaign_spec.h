@@ -8,6 +8,7 @@
 
 #include "services/core/config.h"
 #include "services/core/result.h"
+#include "services/spec/adaptive_sampling.h"
 #include "services/spec/suite_spec.h"
 #include "services/spec/world_randomization.h"
 #include "services/spec/world_spec.h"
@@ -135,6 +136,7 @@ struct CampaignSpec {
   RolloutSpec rollout;
   SplitSpec split;
   WorldSpec world;
+  AdaptiveSamplingSpec adaptive_sampling;  ///< mode demonstrate only
 
   template <class V>
   void Visit(V& v) {
@@ -156,6 +158,7 @@ struct CampaignSpec {
     v("rollout", rollout);
     v("split", split);
     v("world", world);
+    v("adaptive_sampling", adaptive_sampling);
   }
 
   /// Ranges and names; all problems at once, with the nearest known name. A robot may be a file, an object generated.
@@ -179,8 +182,8 @@ struct SceneSpec {
 
 /// SHA-256 of what an episode's bytes depend on: kContentVersion and the resolved spec without name, episodes, split
 /// and max_attempts, so that a campaign may be extended and still match what it has collected. Keys that came later
-/// (randomization.world, rollout's occlude, pushes and sentences) count only where they are set, so that older
-/// campaigns go on.
+/// (randomization.world, rollout's occlude, pushes and sentences, adaptive_sampling) count only where they are set, so
+/// that older campaigns go on. With adaptive sampling the split counts: only episodes for training follow its weights.
 std::string SpecHash(const CampaignSpec& spec);
 
 /// Episodes after which whole numbers in `split` are met exactly, and again after each such block: their sum over

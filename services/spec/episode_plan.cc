@@ -35,6 +35,34 @@ std::string DrawTask(const CampaignSpec& spec, std::uint64_t index) {
   return spec.tasks[chosen];
 }
 
+// Whether the weights decide on this episode. Validation and test stay as they are: what they measure must not move
+// with what is asked for.
+bool FollowsWeights(const CampaignSpec& spec, std::uint64_t index, const SamplingWeights& weights) {
+  if (weights.empty() || SplitOf(spec, index) != "train") return false;
+  std::vector<std::uint64_t> order(kSamplingBlock);
+  std::iota(order.begin(), order.end(), std::uint64_t{0});
+  Rng rng(MixSeed({spec.seed, index / kSamplingBlock}, "adaptive sampling"));
+  rng.Shuffle(order);
+  constexpr double kSlack = 1e-9;  // 0.15 * 20 may be a little less than 3
+  return order[index % kSamplingBlock] <
+         static_cast<std::uint64_t>(spec.adaptive_sampling.share * kSamplingBlock + kSlack);
+}
+
+double WeightOf(const std::map<std::string, double>& weights, const std::string& name) {
+  const auto it = weights.find(name);
+  ETUDE_CHECK(it != weights.end(), "no sampling weight of '{}'", name);
+  return it->second;
+}
+
+// The task of an episode that follows weights: they multiply the campaign's own.
+std::string DrawWeightedTask(const CampaignSpec& spec, std::uint64_t index, const SamplingWeights& weights) {
+  std::vector<double> each;
+  for (std::size_t k = 0; k < spec.tasks.size(); ++k)
+    each.push_back(WeightOf(weights.tasks, spec.tasks[k]) * (spec.task_weights.empty() ? 1.0 : spec.task_weights[k]));
+  Rng rng(MixSeed({spec.seed, index}, "weighted task"));
+  return spec.tasks[DrawWeighted(each, rng)];
+}
+
 // The objects on the table, in the order of the spec.
 std::vector<std::string> DrawObjects(const CampaignSpec& spec, const TaskSpec& task, std::uint64_t index) {
   if (spec.objects_per_scene == 0) return spec.objects;
@@ -102,6 +130,16 @@ std::string DrawObject(const std::vector<std::string>& objects, std::uint64_t se
   return SceneName(objects[rng.Below(objects.size())]);
 }
 
+// One of those that may be the target.
+std::string DrawTarget(const CampaignSpec& spec, const std::vector<std::string>& candidates,
+                       const SamplingWeights& weights, const EpisodePlan& plan) {
+  if (!plan.follows_weights) return DrawObject(candidates, MixSeed({spec.seed, plan.index}, "target"));
+  std::vector<double> each;
+  for (const auto& object : candidates) each.push_back(WeightOf(weights.objects, ObjectNoun(object)));
+  Rng rng(MixSeed({spec.seed, plan.index}, "weighted target"));
+  return SceneName(candidates[DrawWeighted(each, rng)]);
+}
+
 ObstaclePlace DrawObstaclePlace(const CampaignSpec& spec, std::uint64_t index) {
   std::vector<int> order(kObstacleBlock);
   std::iota(order.begin(), order.end(), 0);
@@ -134,41 +172,68 @@ EpisodeSeeds SeedsOf(std::uint64_t seed) {
           .planning = MixSeed({seed}, "planning"),
           .distractors = MixSeed({seed}, "distractor places"),
           .occlusion = MixSeed({seed}, "occlusion"),
-          .pushes = MixSeed({seed}, "target pushes")};
+          .pushes = MixSeed({seed}, "target pushes"),
+          .places = MixSeed({seed}, "target places")};
 }
 
-EpisodePlan PlanEpisode(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt) {
-  const SentenceSpec* const sentence = SentenceOf(spec, index);
-  const std::string task_text = sentence ? sentence->task : DrawTask(spec, index);
-  const auto task = ParseTask(task_text);
-  ETUDE_CHECK(task, "task={}", task_text);
-  std::vector<std::string> objects = DrawObjects(spec, *task->spec, index);
-  if (sentence) objects = WithNamed(std::move(objects), *sentence, spec, index);
+namespace {
 
+// What follows from task, target and reference, and from the index alone.
+void FillScene(const CampaignSpec& spec, const std::vector<std::string>& objects, EpisodePlan& plan) {
+  plan.scene = SceneSpec(spec);
+  plan.scene.robot = spec.robots[plan.index / kEpisodesPerScene % spec.robots.size()];
+  plan.scene.objects = objects;
+  if (plan.has_obstacle()) plan.scene.objects.push_back(kObstacleObject);
+  plan.distractors = DrawDistractors(spec, plan.index);
+  plan.scene.objects.insert(plan.scene.objects.end(), plan.distractors.begin(), plan.distractors.end());
+  plan.world = DrawWorld(spec, plan.index, SceneNames(plan.scene.objects));
+  plan.obstacle = DrawObstaclePlace(spec, plan.index);
+  plan.first_draw = spec.scenes == "first_draw";
+  plan.avoid = AvoidedOf(plan);
+}
+
+}  // namespace
+
+EpisodePlan PlanEpisode(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt,
+                        const SamplingWeights& weights) {
   EpisodePlan plan{.index = index, .attempt = attempt, .seed = EpisodeSeed(spec, index, attempt)};
   plan.seeds = SeedsOf(plan.seed);
+  plan.weights_sha256 = WeightsSha256(weights);
+  plan.follows_weights = FollowsWeights(spec, index, weights);
+  if (plan.follows_weights) plan.place_weights = weights.places;
+
+  const SentenceSpec* const sentence = SentenceOf(spec, index);
+  const std::string task_text = sentence               ? sentence->task
+                                : plan.follows_weights ? DrawWeightedTask(spec, index, weights)
+                                                       : DrawTask(spec, index);
+  const auto task = ParseTask(task_text);
+  ETUDE_CHECK(task, "task={}", task_text);
   plan.task = *task;
+  std::vector<std::string> objects = DrawObjects(spec, *task->spec, index);
   if (sentence) {
+    objects = WithNamed(std::move(objects), *sentence, spec, index);
     plan.sentence = sentence->text;
     plan.target = NamedIn(objects, sentence->object);
     if (plan.task.relation()) plan.reference = NamedIn(objects, sentence->reference);
   } else {
-    plan.target = DrawObject(PossibleTargets(*task->spec, objects), MixSeed({spec.seed, index}, "target"));
+    plan.target = DrawTarget(spec, PossibleTargets(*task->spec, objects), weights, plan);
     if (plan.task.relation())
       plan.reference =
           DrawObject(PossibleReferences(*task->spec, plan.target, objects), MixSeed({spec.seed, index}, "reference"));
   }
-  plan.scene = SceneSpec(spec);
-  plan.scene.robot = spec.robots[index / kEpisodesPerScene % spec.robots.size()];
-  plan.scene.objects = objects;
-  if (plan.has_obstacle()) plan.scene.objects.push_back(kObstacleObject);
-  plan.distractors = DrawDistractors(spec, index);
-  plan.scene.objects.insert(plan.scene.objects.end(), plan.distractors.begin(), plan.distractors.end());
-  plan.world = DrawWorld(spec, index, SceneNames(plan.scene.objects));
-  plan.obstacle = DrawObstaclePlace(spec, index);
-  plan.first_draw = spec.scenes == "first_draw";
-  plan.avoid = AvoidedOf(plan);
+  FillScene(spec, objects, plan);
   return plan;
+}
+
+OrderedJson SamplingDetails(const EpisodePlan& plan) {
+  return {{"weights_sha256", plan.weights_sha256}, {"follows", plan.follows_weights}};
+}
+
+std::string WeightsOf(const OrderedJson& details) {
+  const auto place = OrderedJson::json_pointer("/sampling/weights_sha256");
+  return details.is_object() && details.contains(place) && details[place].is_string()
+             ? details[place].get<std::string>()
+             : "";
 }
 
 }  // namespace etude

@@ -9,6 +9,7 @@
 
 #include "services/spec/campaign_spec.h"
 #include "services/spec/episode_world.h"
+#include "services/spec/sampling_weights.h"
 #include "services/spec/task_name.h"
 
 namespace etude {
@@ -16,6 +17,8 @@ namespace etude {
 /// Consecutive episodes that share one robot and one choice of objects: building a scene costs as much as an
 /// episode.
 inline constexpr std::uint64_t kEpisodesPerScene = 10;
+/// Consecutive episodes of which AdaptiveSamplingSpec::share is the largest part that follows sampling weights.
+inline constexpr std::uint64_t kSamplingBlock = 20;
 
 /// Where the obstacle of a task "...+obstacle" stands.
 enum class ObstaclePlace {
@@ -33,6 +36,7 @@ struct EpisodeSeeds {
   std::uint64_t distractors = 0;  ///< places of the distractors
   std::uint64_t occlusion = 0;    ///< in which order the target is covered
   std::uint64_t pushes = 0;       ///< pushes of the target
+  std::uint64_t places = 0;       ///< which places of the target are taken, where weights decide
 };
 /// The streams that follow from an attempt's seed.
 EpisodeSeeds SeedsOf(std::uint64_t seed);
@@ -54,14 +58,26 @@ struct EpisodePlan {
   EpisodeWorld world;                              ///< how this episode looks
   bool first_draw = false;  ///< the first start that is drawn counts, whether the task can be done from it or not
   EpisodeSeeds seeds;
+  std::string weights_sha256;         ///< of the sampling weights that hold for this index; "": none do
+  bool follows_weights = false;       ///< whether they decided on task, target and place
+  std::vector<double> place_weights;  ///< of the target's place at the start (AcceptPlace), where they did; else none
 
   bool has_obstacle() const { return task.avoid == "obstacle"; }
 };
 
 /// A pure function of its arguments. Tasks come round-robin by weight, a rollout's sentences in turn; the obstacle
-/// stands in the way in `obstacle.in_the_way` of every 20 episodes, in a drawn order.
-/// @pre the spec is valid
-EpisodePlan PlanEpisode(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt);
+/// stands in the way in `obstacle.in_the_way` of every 20 episodes, in a drawn order. Where sampling weights hold, at
+/// most `adaptive_sampling.share` of every kSamplingBlock episodes follow them, in a drawn order too and only those for
+/// training; all others are what they are without weights.
+/// @param weights  that hold for `index`: the journal's (SamplingJournal::At); none before its first entry
+/// @pre the spec is valid; the weights are none or pass CheckWeights
+EpisodePlan PlanEpisode(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt,
+                        const SamplingWeights& weights = {});
+
+/// For Episode::details["sampling"] where weights hold: {"weights_sha256", "follows"}.
+OrderedJson SamplingDetails(const EpisodePlan& plan);
+/// The weights that an episode says it was made with: their SHA-256 as in SamplingDetails; "" where it says none.
+std::string WeightsOf(const OrderedJson& details);
 
 /// PlanEpisode(...).seed, for those who need nothing else.
 std::uint64_t EpisodeSeed(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt);

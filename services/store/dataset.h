@@ -6,6 +6,7 @@
 //     episodes/000/000123.hdf5  one episode: temporary name -> fsync -> rename -> fsync of the folder
 //     dataset.hdf5              /data/demo_<i>: external links to the files above; /mask/{train,valid,test}
 //     attempts.jsonl            every failed attempt: index, attempt, seed, outcome, details
+//     sampling.jsonl            from which index on which sampling weights hold (sampling_journal.h); most have none
 //     quarantine/               what verify moved aside
 #pragma once
 
@@ -122,14 +123,16 @@ struct VerifyReport {
 
 enum class Quarantine { kNo, kYes };
 
-/// Reads every byte of every episode (checksums, every frame inflated, row counts). With kYes bad
+/// Reads every byte of every episode (checksums, every frame inflated, row counts), and whether it was made with the
+/// weights that the sampling journal has for its index. With kYes bad
 /// files are moved to quarantine/, so that a collector that resumes makes them again.
 Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine);
 
-/// SHA-256 over (index, content) of every episode in order: independent of who made it and when.
+/// SHA-256 over (index, content) of every episode in order, and over its sampling journal where it has one: independent
+/// of who made it and when.
 Result<std::string> HashDataset(const Path& dataset);
 
-/// Counts per task, target, split; steps, frames, bytes; failures by reason; feature table.
+/// Counts per task, target, split; steps, frames, bytes; failures by reason; sampling weights; feature table.
 Result<OrderedJson> DatasetInfo(const Path& dataset);
 
 }  // namespace etude::store

@@ -39,7 +39,8 @@ Status CheckFresh(const Path& dataset) {
   std::error_code error;
   for (std::filesystem::directory_iterator it(dataset, error), end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename().string();
-    if (name == internal::kLock || name.starts_with(internal::kDatasetJson)) continue;
+    // a journal that is there already says what to make: the dataset that it comes from again
+    if (name == internal::kLock || name == internal::kSampling || name.starts_with(internal::kDatasetJson)) continue;
     return Fail(Code::kInvalidArgument,
                 fmt::format("'{}' has no {} but holds '{}': not a dataset, and not empty; choose another folder",
                             dataset.string(), internal::kDatasetJson, name));

@@ -164,7 +164,8 @@ std::vector<std::string> SpecDifferences(const CampaignSpec& made_from, const Ca
   std::vector<std::string> differences;
   for (std::size_t i = 0; i < std::min(before.size(), after.size()); ++i) {
     const auto& [key, value] = before[i];
-    const bool free = key == "name" || key == "episodes" || key == "max_attempts" || key.starts_with("split.");
+    const bool free = key == "name" || key == "episodes" || key == "max_attempts" ||
+                      (key.starts_with("split.") && !now.adaptive_sampling.on());
     if (!free && value != after[i].second)
       differences.push_back(fmt::format("{} ({}, now {})", key, value.dump(), after[i].second.dump()));
   }

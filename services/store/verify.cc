@@ -8,10 +8,12 @@
 #include <thread>
 
 #include "services/core/hash.h"
+#include "services/spec/episode_plan.h"
 #include "services/store/commit_file.h"
 #include "services/store/dataset.h"
 #include "services/store/episode_file.h"
 #include "services/store/layout.h"
+#include "services/store/sampling_journal.h"
 #include "services/store/summary.h"
 
 namespace etude::store {
@@ -30,7 +32,7 @@ void ForEach(std::size_t n, const std::function<void(std::size_t)>& work) {
 }
 
 // @error what is wrong with the file of episode `index`
-Status VerifyEpisode(const DatasetReader& reader, std::uint64_t index) {
+Status VerifyEpisode(const DatasetReader& reader, const SamplingJournal& journal, std::uint64_t index) {
   const Path path = EpisodePath(reader.path(), index);
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path));
   ETUDE_ASSIGN_OR_RETURN(auto file, internal::DecodeEpisodeFile(bytes));
@@ -41,6 +43,9 @@ Status VerifyEpisode(const DatasetReader& reader, std::uint64_t index) {
   if (episode.index != index) return Fail(Code::kCorrupt, fmt::format("it holds episode {}", episode.index));
   if (episode.spec_sha256 != reader.spec_sha256())
     return Fail(Code::kCorrupt, "made from another spec than the dataset");
+  if (WeightsOf(episode.details) != WeightsSha256(journal.At(index)))
+    return Fail(Code::kCorrupt,
+                fmt::format("made with other sampling weights than {} has for it", internal::kSampling));
   if (same_schema && internal::ContentHash(episode) != content_sha256)
     return Fail(Code::kCorrupt, "content and its SHA-256 differ");
   return internal::CheckFrames(episode);
@@ -70,16 +75,17 @@ Status MoveToQuarantine(const Path& dataset, const Path& file) {
   return SyncFolder(dataset);
 }
 
-Status CheckFile(const DatasetReader& reader, const Path& path) {
+Status CheckFile(const DatasetReader& reader, const SamplingJournal& journal, const Path& path) {
   const auto index = internal::IndexOf(path);
   if (!index) return Fail(Code::kCorrupt, "not an episode's name");
-  return VerifyEpisode(reader, *index);
+  return VerifyEpisode(reader, journal, *index);
 }
 
 }  // namespace
 
 Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
   ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
+  ETUDE_ASSIGN_OR_RETURN(const auto journal, SamplingJournal::Open(dataset, reader.spec()));
   std::optional<internal::DatasetLock> lock;  // moving files away under a writer would confuse it
   if (quarantine == Quarantine::kYes) {
     ETUDE_ASSIGN_OR_RETURN(lock, internal::DatasetLock::Take(dataset));
@@ -88,7 +94,7 @@ Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
   std::erase_if(files, [](const Path& path) { return path.extension() == internal::kTemporarySuffix; });
 
   std::vector<Status> found(files.size());
-  ForEach(files.size(), [&](std::size_t i) { found[i] = CheckFile(reader, files[i]); });
+  ForEach(files.size(), [&](std::size_t i) { found[i] = CheckFile(reader, journal, files[i]); });
   VerifyReport report;
   for (std::size_t i = 0; i < files.size(); ++i) {
     if (found[i]) {
@@ -105,6 +111,7 @@ Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
 
 Result<std::string> HashDataset(const Path& dataset) {
   ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
+  ETUDE_ASSIGN_OR_RETURN(const auto journal, SamplingJournal::Open(dataset, reader.spec()));
   ETUDE_ASSIGN_OR_RETURN(const auto indices, reader.List());
   std::vector<Result<std::string>> hashes(indices.size());
   ForEach(indices.size(), [&](std::size_t i) { hashes[i] = ContentHashOf(reader, indices[i]); });
@@ -113,12 +120,15 @@ Result<std::string> HashDataset(const Path& dataset) {
     if (!hashes[i]) return Fail(hashes[i].error());
     hash.Update(fmt::format("{} {}\n", indices[i], *hashes[i]));
   }
+  for (const SamplingEntry& entry : journal.entries())
+    hash.Update(fmt::format("from {} {}\n", entry.from_index, WeightsSha256(entry.weights)));
   return ToHex(hash.Finish());
 }
 
 Result<OrderedJson> DatasetInfo(const Path& dataset) {
   ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
   ETUDE_ASSIGN_OR_RETURN(const auto indices, reader.List());
+  ETUDE_ASSIGN_OR_RETURN(const auto journal, SamplingJournal::Open(dataset, reader.spec()));
   std::map<std::uint64_t, internal::EpisodeSummary> summaries;
   OrderedJson unreadable = OrderedJson::array();
   OrderedJson features = OrderedJson::array();
@@ -131,14 +141,16 @@ Result<OrderedJson> DatasetInfo(const Path& dataset) {
     summaries[index] = internal::Summarize(*record);
     if (features.empty()) features = internal::FeatureTable(record->episode);
   }
-  return OrderedJson{{"schema_version", reader.schema_version()},
-                     {"name", reader.spec().name},
-                     {"spec_sha256", reader.spec_sha256()},
-                     {"wanted_episodes", reader.spec().episodes},
-                     {"statistics", internal::StatisticsOf(reader.spec(), summaries)},
-                     {"failed_attempts", internal::FailuresByOutcome(dataset)},
-                     {"unreadable", std::move(unreadable)},
-                     {"features", std::move(features)}};
+  OrderedJson info{{"schema_version", reader.schema_version()},
+                   {"name", reader.spec().name},
+                   {"spec_sha256", reader.spec_sha256()},
+                   {"wanted_episodes", reader.spec().episodes},
+                   {"statistics", internal::StatisticsOf(reader.spec(), summaries)},
+                   {"failed_attempts", internal::FailuresByOutcome(dataset)},
+                   {"unreadable", std::move(unreadable)},
+                   {"features", std::move(features)}};
+  if (!journal.entries().empty()) info["sampling"] = ToJson(journal.entries());
+  return info;
 }
 
 }  // namespace etude::store

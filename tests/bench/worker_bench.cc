@@ -184,7 +184,7 @@ double WholeSeconds(const bus::Participant& participant, const CampaignSpec& spe
     return [&](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
       // indices before the first are only to get going: joining and discovery are not the worker's cost per episode
       if (item.index == first && !since_first) since_first.emplace();
-      auto attempt = runner->Demonstrate(item.index, item.attempt);
+      auto attempt = runner->Demonstrate(item.index, item.attempt, item.weights);
       campaign::WorkResult result;
       if (attempt.outcome == task::AttemptOutcome::kSuccess) {
         result.episode = EncodeEpisode(attempt.episode);

@@ -184,6 +184,13 @@ void BatchMaker::FillLabels(const LabelColumn& column, const Episode& episode, i
   }
 }
 
+std::vector<language::Command> BatchMaker::CommandsOf(const Episode& episode, const Sample& sample,
+                                                      Augment augment) const {
+  auto commands = DrawCommands(episode, content_.tasks, config_.sentences, sample.seed);
+  if (augment == Augment::kYes) AddClauses(episode, grammar_->tasks(), config_.clauses, sample.seed, commands);
+  return commands;
+}
+
 Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& samples, std::uint64_t step,
                         Augment augment, FrameScratch& scratch, Batch& batch, std::size_t* bad) const {
   if (samples.empty()) return Fail(Code::kNotFound, "make a batch: the split has no frames");
@@ -209,8 +216,7 @@ Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& sam
     auto joints = batch.joints.begin() + static_cast<std::ptrdiff_t>(b) * batch.joints_each;
     std::copy(gripper.begin(), gripper.end(), std::copy(arm.begin(), arm.end(), joints));
 
-    auto commands = DrawCommands(episode, content_.tasks, config_.sentences, samples[b].seed);
-    if (augment == Augment::kYes) AddClauses(episode, grammar_->tasks(), config_.clauses, samples[b].seed, commands);
+    const auto commands = CommandsOf(episode, samples[b], augment);
     Rng rng(MixSeed({samples[b].seed}, "variants"));
     for (std::size_t s = 0; s < commands.size(); ++s)
       batch.sentence_index[b * commands.size() + s] =

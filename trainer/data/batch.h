@@ -105,6 +105,9 @@ class BatchMaker {
   Status Make(const Snapshot& snapshot, const std::vector<Sample>& samples, std::uint64_t step, Augment augment,
               FrameScratch& scratch, Batch& batch, std::size_t* bad = nullptr) const;
 
+  /// What the sentences of a sample ask for, the demonstrated command first: those that Make uses.
+  std::vector<language::Command> CommandsOf(const Episode& episode, const Sample& sample, Augment augment) const;
+
   const FrameCache& cache() const { return *cache_; }
 
  private:

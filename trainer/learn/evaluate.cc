@@ -163,35 +163,43 @@ std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const lan
   return metrics;
 }
 
-Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker, const data::Snapshot& snapshot,
-                            const std::vector<data::Sample>& samples, int level, int batch) {
+Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const BatchVisitor& visit) {
+  const auto& samples = set.samples;
   if (samples.empty()) return Fail(Code::kNotFound, "evaluate: the validation split has no frames");
   const torch::NoGradGuard no_grad;
   policy.eval();
-  Sums sums;
   data::Batch arrays;
   data::FrameScratch scratch;
-  double loss = 0;
   Status status;
-  for (std::size_t start = 0; start < samples.size() && status; start += static_cast<std::size_t>(batch)) {
-    const std::size_t end = std::min(samples.size(), start + static_cast<std::size_t>(batch));
+  for (std::size_t start = 0; start < samples.size() && status; start += static_cast<std::size_t>(set.batch)) {
+    const std::size_t end = std::min(samples.size(), start + static_cast<std::size_t>(set.batch));
     const std::vector<data::Sample> chunk(samples.begin() + static_cast<std::ptrdiff_t>(start),
                                           samples.begin() + static_cast<std::ptrdiff_t>(end));
-    status = maker.Make(snapshot, chunk, 0, data::Augment::kNo, scratch, arrays);
+    status = set.maker.Make(set.snapshot, chunk, 0, data::Augment::kNo, scratch, arrays);
     if (!status) break;
     const Part part = PartOf(arrays, 0, arrays.size);
-    const auto outputs = policy.Forward(part.inputs, level);
+    visit(chunk, part, policy.Forward(part.inputs, set.level));
+  }
+  policy.train();
+  if (!status) return Fail(status.error().Wrap("evaluate"));
+  return {};
+}
+
+Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker, const data::Snapshot& snapshot,
+                            const std::vector<data::Sample>& samples, int level, int batch) {
+  Sums sums;
+  double loss = 0;
+  const auto measure = [&](const std::vector<data::Sample>& chunk, const Part& part, const policy::Outputs& outputs) {
     loss +=
-        policy.Loss(part.inputs, outputs, part.labels, level).total.item<double>() * static_cast<double>(end - start);
+        policy.Loss(part.inputs, outputs, part.labels, level).total.item<double>() * static_cast<double>(chunk.size());
     for (const auto& module : policy.config().modules) {
       const auto output = outputs.find(module.name);
       if (output == outputs.end()) continue;
       AddDecoder(policy.config(), module, output->second, part.labels, sums);
       AddAttention(module, output->second, part.inputs, part.labels, policy.grid(), sums);
     }
-  }
-  policy.train();
-  if (!status) return Fail(status.error().Wrap("evaluate"));
+  };
+  ETUDE_RETURN_IF_ERROR(VisitBatches(policy, {maker, snapshot, samples, level, batch}, measure));
   Evaluation result = Summarize(policy.config(), sums);
   result.frames = static_cast<int>(samples.size());
   result.metrics["loss"] = loss / static_cast<double>(samples.size());

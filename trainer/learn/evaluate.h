@@ -2,10 +2,13 @@
 // Validation: what each module gets wrong, in units that people use.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "trainer/data/batch.h"
+#include "trainer/learn/tensors.h"
 #include "trainer/policy/policy.h"
 
 namespace etude::learn {
@@ -20,6 +23,23 @@ struct Evaluation {
   std::map<std::string, double> errors;
   int frames = 0;
 };
+
+/// What is looked at, and how.
+struct ValidationSet {
+  const data::BatchMaker& maker;
+  const data::Snapshot& snapshot;
+  const std::vector<data::Sample>& samples;
+  int level = 0;  ///< modules up to this one
+  int batch = 64;
+};
+
+/// Called with the samples of one batch, what the policy saw of them, and what it said.
+using BatchVisitor =
+    std::function<void(const std::vector<data::Sample>& samples, const Part& part, const policy::Outputs& outputs)>;
+
+/// Batch after batch without augmentation, in evaluation mode; the policy is back in training mode afterwards.
+/// @error of reading frames; kNotFound when there are no samples.
+Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const BatchVisitor& visit);
 
 /// Runs modules of level <= `level` over `samples` without augmentation, in evaluation mode; the
 /// policy is back in training mode afterwards. Accuracies of relabelled sentences count as much as

@@ -10,6 +10,7 @@
 #include "services/core/rng.h"
 #include "services/core/stop.h"
 #include "trainer/learn/await_data.h"
+#include "trainer/learn/error_cells.h"
 #include "trainer/learn/keep.h"
 #include "trainer/learn/report.h"
 #include "trainer/learn/run.h"
@@ -45,6 +46,7 @@ struct Trainer::Impl {
   Status TrainStep();
   Status AfterStep();
   Status EvaluateNow(bool observe);
+  void TellErrors(policy::Policy& policy);
   bool TakeBest();
   void CountModules();
   Status WatchSource();
@@ -121,6 +123,18 @@ void Trainer::Impl::LogUnmeasured() {
         run.scheduler->stage(), run.scheduler->StageName(), module, 100 * run.scheduler->Budget());
 }
 
+// Of all validation episodes that there are by now: those of the first step, by which runs are compared, are too few to
+// tell one object from another. Training goes on without it.
+void Trainer::Impl::TellErrors(policy::Policy& policy) {
+  const auto snapshot = run.dataset->snapshot();
+  const auto samples =
+      data::SpreadFrames(*snapshot, data::Split::kValid, MixSeed({run.config.seed}, "valid"), run.config.eval.frames);
+  const auto cells =
+      MeasureErrors(policy, {*run.maker, *snapshot, samples, run.scheduler->level(), run.config.data.batch});
+  if (!cells) return Log().warn("cannot tell where validation errs: {}", cells.error().message);
+  if (!cells->empty()) hooks.on_errors(*cells, run.step);
+}
+
 Status Trainer::Impl::EvaluateNow(bool observe) {
   const auto samples = data::SpreadFrames(*run.validation, data::Split::kValid, MixSeed({run.config.seed}, "valid"),
                                           run.config.eval.frames);
@@ -131,6 +145,7 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
                                                            run.scheduler->level(), run.config.data.batch));
     const auto language = learn::EvaluateLanguage(policy, *run.grammar, run.dataset->spec().tasks);
     run.evaluation.metrics.insert(language.begin(), language.end());
+    if (hooks.on_errors) TellErrors(policy);
   }
   run.evaluated_step = run.step;
   for (const auto& [module, error] : run.evaluation.errors)

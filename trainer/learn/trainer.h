@@ -13,7 +13,9 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <vector>
 
+#include "services/spec/sampling_weights.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/data/dataset.h"
 #include "trainer/learn/config.h"
@@ -42,6 +44,8 @@ struct Hooks {
   /// Weights to be kept (averaged ones when ema > 0) and what they are; the run's name is left to the callee.
   std::function<Status(const checkpoint::Checkpoint&)> on_checkpoint;
   std::function<void(const Progress&)> on_progress;  ///< about once a second, and at the end
+  /// After a validation, where the policy errs, and the step. Left out: it is not measured.
+  std::function<void(const std::vector<ErrorCell>&, std::uint64_t step)> on_errors = nullptr;
 };
 
 struct RunOptions {

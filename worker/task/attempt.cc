@@ -96,6 +96,7 @@ void AttemptRunner::Impl::Finish(EpisodeRunner& session, const Verdict& verdict,
   episode.details["scene"] = result.scene;
   if (plan.has_obstacle()) episode.details["in_the_way"] = plan.obstacle == ObstaclePlace::kInTheWay;
   if (plan.world != EpisodeWorld{}) episode.details["world"] = ToJson(plan.world);
+  if (!plan.weights_sha256.empty()) episode.details["sampling"] = SamplingDetails(plan);
   result.episode = std::move(episode);
 }
 
@@ -143,9 +144,10 @@ AttemptResult Invalid(std::string reason, const Times& preparing, const SceneDra
 
 }  // namespace
 
-AttemptResult AttemptRunner::Demonstrate(std::uint64_t index, std::uint32_t attempt, AttemptTrace* trace) {
+AttemptResult AttemptRunner::Demonstrate(std::uint64_t index, std::uint32_t attempt, const SamplingWeights& weights,
+                                         AttemptTrace* trace) {
   Impl& impl = *impl_;
-  const EpisodePlan plan = PlanEpisode(impl.spec, index, attempt);
+  const EpisodePlan plan = PlanEpisode(impl.spec, index, attempt, weights);
   Times preparing;
   auto opened = impl.EnvironmentOf(plan.scene);
   if (!opened) return Invalid(opened.error().message, preparing);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // One attempt at one episode: scene from the seed, the expert or a policy at the controls, the success
-// criterion, and the record of it. A pure function of (spec, index, attempt) (and, in a rollout, of the
-// policy's answers).
+// criterion, and the record of it. A pure function of (spec, sampling weights, index, attempt) (and, in a rollout, of
+// the policy's answers).
 #pragma once
 
 #include <functional>
@@ -44,8 +44,10 @@ class AttemptRunner {
   ~AttemptRunner();
 
   /// Mode demonstrate: plans and plays the expert.
+  /// @param weights  the sampling weights that hold for `index`
   /// @param trace  gets what a replay shows; the episode then is complete after a failure too, unless it has no step.
-  AttemptResult Demonstrate(std::uint64_t index, std::uint32_t attempt, AttemptTrace* trace = nullptr);
+  AttemptResult Demonstrate(std::uint64_t index, std::uint32_t attempt, const SamplingWeights& weights = {},
+                            AttemptTrace* trace = nullptr);
   /// Mode rollout: the policy behind `ask` drives. @error only what `ask` returns.
   Result<AttemptResult> Rollout(std::uint64_t index, const policy::AskFunction& ask);
   /// Neither: only sets the scene. @error kNotFound when (index, attempt) has none, and why.

@@ -16,6 +16,7 @@ namespace etude::task {
 namespace {
 
 constexpr int kStarts = 200;              // whole starts drawn until the task can be done in one
+constexpr int kPlaceDraws = 100;          // arrangements drawn until the target's place is taken, then any is
 constexpr int kSettleSteps = 25;          // before an attempt: objects come to rest
 constexpr double kSettleDistance = 0.01;  // m that an object may move meanwhile
 constexpr double kLowestStart = 0.03;     // m between the hand and the table in a low start
@@ -55,7 +56,7 @@ OrderedJson SceneDraws::Json() const {
 }
 
 SceneDraws EpisodeEnvironment::Prepare(const EpisodePlan& plan, const RandomizationSpec& randomization) {
-  Streams streams{Rng(plan.seeds.scene), Rng(plan.seeds.distractors)};
+  Streams streams{Rng(plan.seeds.scene), Rng(plan.seeds.distractors), Rng(plan.seeds.places)};
   Rng light_rng(plan.seeds.light);
   const auto appearance = sim::DrawAppearance(randomization.light, scene->body_count(), light_rng);
   renderer.SetAppearance(sim::WithWorld(appearance, plan.world, *scene));
@@ -90,8 +91,7 @@ std::optional<EpisodeEnvironment::Start> EpisodeEnvironment::Draw(const EpisodeP
   Rng& rng = streams.scene;
   const Things things = ThingsOf(plan);
   const StartSpec& start_rule = plan.task.spec->start;
-  auto objects =
-      PlaceObjects(things.objects, start_rule.roomy() ? RoomyBoxes() : LocationBoxes(), randomization.yaw, rng);
+  auto objects = Arrange(plan, things.objects, randomization.yaw, streams);
   if (!objects) return why = {"no_arrangement", "no arrangement of the objects"}, std::nullopt;
   const PlacedObject* target = Find(*objects, plan.target);
   ETUDE_CHECK(target, "target={}", plan.target);
@@ -120,6 +120,21 @@ std::optional<EpisodeEnvironment::Start> EpisodeEnvironment::Draw(const EpisodeP
   if (const auto refused = AddDistractors(plan, stages, now, randomization.yaw, start, streams.distractors))
     return why = *refused, std::nullopt;
   return start;
+}
+
+// Where weights decide on the target's place it is rejection sampling: each place comes as often as it would, times its
+// weight, and the rest of the arrangement is as if nobody had asked. The smallest weight is a tenth of the largest.
+std::optional<std::vector<PlacedObject>> EpisodeEnvironment::Arrange(const EpisodePlan& plan,
+                                                                     const std::vector<sim::ObjectInfo>& objects,
+                                                                     double yaw, Streams& streams) const {
+  const auto& boxes = plan.task.spec->start.roomy() ? RoomyBoxes() : LocationBoxes();
+  for (int left = kPlaceDraws;; --left) {
+    auto placed = PlaceObjects(objects, boxes, yaw, streams.scene);
+    if (!placed || left <= 1) return placed;
+    const PlacedObject* target = Find(*placed, plan.target);
+    ETUDE_CHECK(target, "target={}", plan.target);
+    if (AcceptPlace(plan.place_weights, target->X_WO.p.x(), target->X_WO.p.y(), streams.places)) return placed;
+  }
 }
 
 EpisodeEnvironment::Things EpisodeEnvironment::ThingsOf(const EpisodePlan& plan) const {

@@ -59,8 +59,11 @@ struct EpisodeEnvironment {
   Things ThingsOf(const EpisodePlan& plan) const;
   /// The streams that a start is drawn from.
   struct Streams {
-    Rng scene, distractors;
+    Rng scene, distractors, places;
   };
+  /// The objects on the table; nothing when no arrangement was found.
+  std::optional<std::vector<PlacedObject>> Arrange(const EpisodePlan& plan, const std::vector<sim::ObjectInfo>& objects,
+                                                   double yaw, Streams& streams) const;
   /// One draw. `why` gets the reason when it returns nothing.
   std::optional<Start> Draw(const EpisodePlan& plan, const std::vector<Stage>& stages,
                             const RandomizationSpec& randomization, Streams& streams, Rejection& why);

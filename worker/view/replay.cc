@@ -10,6 +10,7 @@
 
 #include "services/core/config.h"
 #include "services/store/dataset.h"
+#include "services/store/sampling_journal.h"
 #include "worker/task/attempt.h"
 
 namespace etude {
@@ -113,8 +114,12 @@ Status CheckOut(const Path& out) {
               fmt::format("write a replay to '{}': it is there and not empty; choose another folder", out.string()));
 }
 
-Status WriteEpisode(const CampaignSpec& spec, const Episode& episode, const Path& out) {
-  ETUDE_ASSIGN_OR_RETURN(auto writer, store::DatasetWriter::Open(out, spec));
+Status WriteEpisode(const CampaignSpec& spec, const Episode& episode, const ReplayOptions& options) {
+  ETUDE_ASSIGN_OR_RETURN(auto writer, store::DatasetWriter::Open(options.out, spec));
+  if (options.sampling) {
+    ETUDE_ASSIGN_OR_RETURN(auto journal, store::SamplingJournal::Open(options.out, spec));
+    ETUDE_RETURN_IF_ERROR(journal.Append(*options.sampling));
+  }
   ETUDE_RETURN_IF_ERROR(writer.Commit(episode));
   return writer.WriteMaster();
 }
@@ -128,14 +133,16 @@ Status ReplayAttempt(const CampaignSpec& spec, const ReplayOptions& options, con
                             "rollouts are recorded by `etude eval`",
                             spec.mode));
   ETUDE_RETURN_IF_ERROR(CheckOut(options.out));
+  const SamplingWeights weights = options.sampling ? options.sampling->weights : SamplingWeights();
+  if (!weights.empty()) ETUDE_RETURN_IF_ERROR(CheckWeights(weights, spec));
   ETUDE_ASSIGN_OR_RETURN(auto runner, task::AttemptRunner::Open(spec, renderer));
   task::AttemptTrace trace;
-  const task::AttemptResult result = runner.Demonstrate(options.index, options.attempt, &trace);
-  const EpisodePlan plan = PlanEpisode(spec, options.index, options.attempt);
+  const task::AttemptResult result = runner.Demonstrate(options.index, options.attempt, weights, &trace);
+  const EpisodePlan plan = PlanEpisode(spec, options.index, options.attempt, weights);
   const int steps = result.episode.steps();
   ETUDE_RETURN_IF_ERROR(MakeFolders(options.out));
   // the dataset comes first: it takes an empty folder only
-  if (steps > 0) ETUDE_RETURN_IF_ERROR(WriteEpisode(spec, result.episode, options.out));
+  if (steps > 0) ETUDE_RETURN_IF_ERROR(WriteEpisode(spec, result.episode, options));
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(options.out / "plan.json", PlanJson(plan, result, trace).dump() + "\n"));
   if (trace.scene)
     ETUDE_RETURN_IF_ERROR(WriteFileAtomically(options.out / "geometry.json", GeometryJson(trace).dump() + "\n"));

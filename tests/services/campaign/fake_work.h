@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a fake worker does: a pure function of (spec, index, attempt), with failures.
+// What a fake worker does: a pure function of (spec, sampling weights, index, attempt), with failures.
 #pragma once
 
 #include "services/campaign/worker_client.h"
@@ -14,8 +14,12 @@ namespace etude::campaign {
 /// One attempt in four fails by its nature.
 inline bool FakeFails(std::uint64_t index, std::uint32_t attempt) { return MixSeed({index, attempt}, "fake") % 4 == 0; }
 
-inline Episode FakeEpisode(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt) {
+inline Episode FakeEpisode(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt,
+                           const SamplingWeights& weights = {}) {
   Episode episode = MakeSyntheticEpisode(spec, index, 20);
+  const EpisodePlan plan = PlanEpisode(spec, index, attempt, weights);
+  episode.task = plan.task.text();
+  if (!weights.empty()) episode.details["sampling"] = SamplingDetails(plan);
   episode.attempt = attempt;
   episode.seed = EpisodeSeed(spec, index, attempt);
   episode.version = std::to_string(kContentVersion);
@@ -27,7 +31,7 @@ inline WorkResult FakeAttempt(const CampaignSpec& spec, const WorkItem& item) {
   if (FakeFails(item.index, item.attempt)) {
     result.outcome = "plan_failed";
   } else {
-    result.episode = EncodeEpisode(FakeEpisode(spec, item.index, item.attempt));
+    result.episode = EncodeEpisode(FakeEpisode(spec, item.index, item.attempt, item.weights));
   }
   return result;
 }

@@ -34,6 +34,23 @@ TEST(LeaseTable, LeasesLowestIndicesFirst) {
   EXPECT_EQ(table.Request("w3", Time{}).kind, Assignment::Kind::kWait);
 }
 
+TEST(LeaseTable, TheFrontierLiesBehindEverythingThatWasEverTouched) {
+  LeaseTable table(Config(9));
+  EXPECT_EQ(table.frontier(), 0u);
+  table.RestoreCommitted(3);
+  table.RestoreCommitted(99);
+  EXPECT_EQ(table.frontier(), 4u) << "what lies behind the end does not count";
+  table.RestoreFailures(5, 1, 1);
+  EXPECT_EQ(table.frontier(), 6u);
+  for (std::uint64_t i = 0; i < 3; ++i) EXPECT_EQ(table.Request("w" + std::to_string(i), Time{}).index, i);
+  EXPECT_EQ(table.frontier(), 6u);
+  table.Revoke("w1");
+  EXPECT_EQ(table.Request("x", Time{}).index, 4u);
+  EXPECT_EQ(table.Request("y", Time{}).index, 5u);
+  EXPECT_EQ(table.Request("z", Time{}).index, 6u);
+  EXPECT_EQ(table.frontier(), 7u);
+}
+
 TEST(LeaseTable, AnswersARepeatedRequestWithTheSameLease) {
   LeaseTable table(Config(3));
   const Assignment first = table.Request("w", Time{});

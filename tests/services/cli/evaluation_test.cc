@@ -29,6 +29,15 @@ TEST(EvaluationSpec, EightyRolloutsAre32And24And24) {
   EXPECT_EQ(counts, (std::map<std::string, int>{{"pick", 32}, {"push", 24}, {"put_down", 24}}));
 }
 
+// the spec of a collection that follows its trainer is rolled out as any other
+TEST(EvaluationSpec, FollowsNoSamplingWeights) {
+  CampaignSpec base;
+  base.adaptive_sampling.share = 0.5;
+  const CampaignSpec spec = EvaluationSpec(base, Options("out/a"));
+  EXPECT_TRUE(spec.Validate()) << (spec.Validate() ? "" : spec.Validate().error().message);
+  EXPECT_EQ(SpecHash(spec), SpecHash(EvaluationSpec(CampaignSpec{}, Options("out/a"))));
+}
+
 TEST(EvaluationSpec, SeedsNeverMeetThoseOfACollection) {
   std::set<std::uint64_t> collected;
   for (std::uint64_t seed = 0; seed < 50; ++seed) {

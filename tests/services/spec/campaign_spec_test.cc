@@ -198,10 +198,39 @@ TEST(CampaignSpec, KeysThatCameLaterChangeNoHashWhileTheyAreUnset) {
   for (const char* key : {"name", "episodes", "split", "max_attempts"}) json.erase(key);
   for (const char* key : {"occlude", "pushes", "sentences"}) ASSERT_EQ(json["rollout"].erase(key), 1u) << key;
   ASSERT_EQ(json["randomization"].erase("world"), 1u);
+  ASSERT_EQ(json.erase("adaptive_sampling"), 1u);
   json["content"] = kContentVersion;
   json["task_files"] = OrderedJson::array();
   for (const auto& task : spec.tasks) json["task_files"].push_back(ParseTask(task)->spec->sha256);
   EXPECT_EQ(SpecHash(spec), Sha256Hex(json.dump()));
+}
+
+TEST(CampaignSpec, AdaptiveSamplingHasBoundsAndIsForDemonstrations) {
+  for (const auto& [override_text, says] : std::initializer_list<std::pair<const char*, const char*>>{
+           {"adaptive_sampling.share=0.95", "adaptive_sampling.share: 0.95 not in 0.05..0.9, nor 0 (off)"},
+           {"adaptive_sampling.share=0.01", "adaptive_sampling.share"},
+           {"adaptive_sampling.share=-1", "adaptive_sampling.share"},
+           {"adaptive_sampling.share=.nan", "adaptive_sampling"},
+           {"adaptive_sampling.largest_ratio=0.9", "adaptive_sampling.largest_ratio: 0.9 not in 1..10"},
+           {"adaptive_sampling.every=9", "adaptive_sampling.every: 9 not in 10..10^6"}}) {
+    EXPECT_THAT(Validated({override_text}), HasCode(Code::kInvalidArgument)) << override_text;
+    EXPECT_THAT(Validated({override_text}), MessageHas(says)) << override_text;
+  }
+  EXPECT_THAT(Validated({"adaptive_sampling.share=0.5"}), IsOk());
+  EXPECT_THAT(Validated({"mode=rollout", "rollout.run=demo", "adaptive_sampling.share=0.5"}),
+              MessageHas("adaptive_sampling: only for mode demonstrate"));
+}
+
+// which episodes follow weights depends on the split, so that it is part of what makes their bytes
+TEST(CampaignSpec, WithAdaptiveSamplingTheSplitMayNotChange) {
+  CampaignSpec spec;
+  spec.adaptive_sampling.share = 0.5;
+  CampaignSpec other = spec;
+  other.split.train = 0.5;
+  EXPECT_NE(SpecHash(spec), SpecHash(other));
+  other = spec;
+  other.episodes = 7;
+  EXPECT_EQ(SpecHash(spec), SpecHash(other));
 }
 
 TEST(CampaignSpec, HashIgnoresOnlyWhatMayGrow) {

@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 
+#include <cmath>
 #include <map>
 #include <numeric>
 #include <set>
@@ -175,6 +176,161 @@ TEST(PlanEpisode, AttemptsShareAllButTheSeeds) {
                                           first.seeds.occlusion,   first.seeds.pushes};
     EXPECT_EQ(streams.size(), 11u) << "no two streams are one";
   }
+}
+
+CampaignSpec Adaptive(double share) {
+  CampaignSpec spec;
+  spec.adaptive_sampling.share = share;
+  return spec;
+}
+
+// Put down, cube and place 3 most, pick and coke least.
+SamplingWeights Skewed(const CampaignSpec& spec) {
+  SamplingWeights weights;
+  for (const auto& task : spec.tasks) weights.tasks[task] = 1;
+  for (const auto& object : spec.objects) weights.objects[ObjectNoun(object)] = 1;
+  weights.places.assign(kPlaces, 0.8);
+  weights.tasks["put_down"] = weights.objects["cube"] = weights.places[3] = 1.7;
+  weights.tasks["pick"] = weights.objects["coke"] = 0.6;
+  return weights;
+}
+
+void ExpectSameButWeights(const EpisodePlan& a, const EpisodePlan& b) {
+  EXPECT_EQ(a.seed, b.seed) << a.index;
+  EXPECT_EQ(a.task.text(), b.task.text()) << a.index;
+  EXPECT_EQ(a.target, b.target) << a.index;
+  EXPECT_EQ(a.reference, b.reference) << a.index;
+  EXPECT_EQ(a.scene, b.scene) << a.index;
+  EXPECT_EQ(a.world, b.world) << a.index;
+  EXPECT_EQ(a.seeds.scene, b.seeds.scene) << a.index;
+  EXPECT_EQ(a.place_weights, b.place_weights) << a.index;
+}
+
+TEST(PlanEpisode, AdaptiveSamplingChangesNothingBeforeThereAreWeights) {
+  for (std::uint64_t i = 0; i < 100; ++i) {
+    const EpisodePlan off = PlanEpisode(CampaignSpec(), i, 1), on = PlanEpisode(Adaptive(0.5), i, 1);
+    ExpectSameButWeights(off, on);
+    EXPECT_EQ(on.weights_sha256, "");
+    EXPECT_FALSE(on.follows_weights);
+    EXPECT_TRUE(on.place_weights.empty());
+  }
+}
+
+TEST(PlanEpisode, AtMostTheShareOfEachBlockFollowsWeights) {
+  for (const double share : {0.5, 0.15, 0.05, 0.9}) {
+    const CampaignSpec spec = Adaptive(share);
+    const SamplingWeights weights = Skewed(spec);
+    const int most = static_cast<int>(std::lround(share * kSamplingBlock));
+    int all = 0;
+    for (std::uint64_t block = 0; block < 100; ++block) {
+      int follow = 0;
+      for (std::uint64_t i = block * kSamplingBlock; i < (block + 1) * kSamplingBlock; ++i)
+        follow += PlanEpisode(spec, i, 0, weights).follows_weights;
+      EXPECT_LE(follow, most) << share;
+      all += follow;
+    }
+    // nine in ten are for training, and only those follow
+    EXPECT_NEAR(all, 90.0 * most, 4 * std::sqrt(9.0 * most)) << share;
+  }
+}
+
+TEST(PlanEpisode, WhatDoesNotFollowWeightsIsWhatItWasWithoutThem) {
+  const CampaignSpec spec = Adaptive(0.5);
+  const SamplingWeights weights = Skewed(spec);
+  int others = 0, differ = 0;
+  for (std::uint64_t i = 0; i < 400; ++i) {
+    const EpisodePlan without = PlanEpisode(spec, i, 0), with = PlanEpisode(spec, i, 0, weights);
+    EXPECT_EQ(with.weights_sha256, WeightsSha256(weights)) << "said all the same: they hold for it";
+    EXPECT_EQ(with.seed, without.seed);
+    EXPECT_EQ(with.scene, without.scene) << "the objects on the table are the scene's";
+    if (with.follows_weights) {
+      EXPECT_EQ(SplitOf(spec, i), "train");
+      EXPECT_EQ(with.place_weights, weights.places);
+      differ += with.task.text() != without.task.text() || with.target != without.target;
+      continue;
+    }
+    ExpectSameButWeights(with, without);
+    ++others;
+  }
+  EXPECT_GE(others, 200);
+  EXPECT_GT(differ, 100);
+}
+
+// the same from weights that were written down and read again, in another order, for every attempt
+TEST(PlanEpisode, IsAPureFunctionOfSpecWeightsIndexAndAttempt) {
+  const CampaignSpec spec = Adaptive(0.9);
+  const SamplingWeights weights = Skewed(spec);
+  const auto read = ParseWeights(WeightsText(weights), spec);
+  ASSERT_TRUE(read) << read.error().message;
+  std::vector<EpisodePlan> forwards;
+  for (std::uint64_t i = 0; i < 60; ++i) forwards.push_back(PlanEpisode(spec, i, 2, weights));
+  for (std::uint64_t i = 60; i-- > 0;) {
+    const EpisodePlan again = PlanEpisode(spec, i, 2, *read), first = PlanEpisode(spec, i, 0, *read);
+    ExpectSameButWeights(again, forwards[i]);
+    EXPECT_EQ(again.weights_sha256, forwards[i].weights_sha256);
+    EXPECT_EQ(again.follows_weights, forwards[i].follows_weights);
+    EXPECT_EQ(first.task.text(), again.task.text()) << "a retry swaps no hard task for an easy one";
+    EXPECT_EQ(first.target, again.target);
+    EXPECT_EQ(first.place_weights, again.place_weights);
+  }
+}
+
+// k of n within four standard deviations of a binomial with probability p
+void ExpectBinomial(int k, int n, double p, const std::string& what) {
+  EXPECT_NEAR(k, n * p, 4 * std::sqrt(n * p * (1 - p))) << what;
+}
+
+TEST(PlanEpisode, TwoThousandPlansFollowTheWeights) {
+  CampaignSpec spec = Adaptive(0.9);
+  spec.task_weights = {4, 3, 3};
+  const SamplingWeights weights = Skewed(spec);
+  std::map<std::string, int> tasks, targets;
+  int n = 0;
+  for (std::uint64_t i = 0; i < 2000; ++i) {
+    const EpisodePlan plan = PlanEpisode(spec, i, 0, weights);
+    if (!plan.follows_weights) continue;
+    ++n;
+    ++tasks[plan.task.text()];
+    ++targets[plan.target];
+  }
+  ASSERT_GT(n, 1500);
+  double task_total = 0, target_total = 0;
+  for (std::size_t k = 0; k < spec.tasks.size(); ++k)
+    task_total += spec.task_weights[k] * weights.tasks.at(spec.tasks[k]);
+  for (const auto& [noun, weight] : weights.objects) target_total += weight;
+  for (std::size_t k = 0; k < spec.tasks.size(); ++k)
+    ExpectBinomial(tasks[spec.tasks[k]], n, spec.task_weights[k] * weights.tasks.at(spec.tasks[k]) / task_total,
+                   spec.tasks[k]);
+  for (const auto& [noun, weight] : weights.objects) ExpectBinomial(targets[noun], n, weight / target_total, noun);
+}
+
+TEST(PlanEpisode, WeightedTargetsAreOnTheTableAndHaveTheirReference) {
+  CampaignSpec spec = Adaptive(0.9);
+  spec.tasks = {"pick", "put_down", "place_left"};
+  spec.objects = {"cube", "coke", "milk", "bread", "apple_00", "apple_01"};
+  spec.objects_per_scene = 3;
+  const SamplingWeights weights = Skewed(spec);
+  int follow = 0;
+  for (std::uint64_t i = 0; i < 200; ++i) {
+    const EpisodePlan plan = PlanEpisode(spec, i, 0, weights);
+    follow += plan.follows_weights;
+    EXPECT_THAT(SceneNames(plan.scene.objects), testing::Contains(plan.target)) << i;
+    if (!plan.task.relation()) continue;
+    EXPECT_NE(plan.reference, plan.target) << i;
+    EXPECT_THAT(SceneNames(plan.scene.objects), testing::Contains(plan.reference)) << i;
+  }
+  EXPECT_GT(follow, 100);
+}
+
+TEST(SamplingDetails, AreReadBackWhateverElseIsThere) {
+  const CampaignSpec spec = Adaptive(0.5);
+  const EpisodePlan plan = PlanEpisode(spec, 3, 0, Skewed(spec));
+  OrderedJson details{{"cost", 1}};
+  details["sampling"] = SamplingDetails(plan);
+  EXPECT_EQ(WeightsOf(details), plan.weights_sha256);
+  for (const char* text : {"{}", "[]", "7", "null", R"({"sampling": 1})", R"({"sampling": ["weights_sha256"]})",
+                           R"({"sampling": {"weights_sha256": 7}})"})
+    EXPECT_EQ(WeightsOf(OrderedJson::parse(text)), "") << text;
 }
 
 TEST(PlanEpisode, AvoidsWhatTheTaskSays) {

@@ -102,6 +102,21 @@ TEST_F(TrainerTest, LearnsTheSyntheticTask) {
   EXPECT_GT(unseen.rbegin()->second, 0.5);
 }
 
+TEST_F(TrainerTest, TellsWhereItErrsAfterEachValidationAndLearnsTheSame) {
+  const TrainConfig config = TinyConfig({"steps=20", "curriculum.enabled=false"});
+  std::vector<std::uint64_t> steps;
+  Hooks hooks;
+  hooks.on_errors = [&](const std::vector<ErrorCell>& cells, std::uint64_t step) {
+    EXPECT_FALSE(cells.empty());
+    steps.push_back(step);
+  };
+  ASSERT_TRUE(Train(config, folder_ / "told", false, hooks));
+  ASSERT_TRUE(Train(config, folder_ / "quiet"));
+
+  EXPECT_EQ(steps, (std::vector<std::uint64_t>{10, 20}));
+  EXPECT_EQ(Curve(folder_ / "told", "valid", "loss"), Curve(folder_ / "quiet", "valid", "loss"));
+}
+
 TEST_F(TrainerTest, GoesThroughTheStagesAndSaysWhy) {
   const TrainConfig config = TinyConfig({"steps=20", "curriculum.latest_last=0.5"});
   std::vector<checkpoint::Metadata> kept_before;

@@ -49,6 +49,45 @@ EpisodePlan PlanOf(const Start& start, std::uint64_t seed) {
   return plan;
 }
 
+// Where weights want the target, it stands more often; no place is given up.
+TEST(EpisodeEnvironment, TargetsStandWhereWeightsWantThem) {
+  const auto setting = OpenOrDie(SceneWith({"coke", "cube", "milk"}));
+  const auto share_left = [&](const std::vector<double>& place_weights) {
+    double left = 0, starts = 0;
+    for (std::uint64_t seed = 0; seed < 120; ++seed) {
+      EpisodePlan plan = PlanOf({.task = "pick", .target = "milk"}, seed);
+      plan.place_weights = place_weights;
+      if (!setting->Prepare(plan, RandomizationSpec()).ok()) continue;
+      ++starts;
+      left += setting->world.ObjectPose("milk").p.x() < 0;
+    }
+    EXPECT_GT(starts, 110);
+    return left / starts;
+  };
+  std::vector<double> weights(kPlaces, 0.6);
+  for (int place = 0; place < kPlaces; ++place)
+    if (place % kPlaceColumns < kPlaceColumns / 2) weights[static_cast<std::size_t>(place)] = 1.7;
+
+  const double usual = share_left({}), wanted = share_left(weights);
+
+  EXPECT_NEAR(usual, 0.5, 0.2);
+  EXPECT_GT(wanted, usual + 0.08) << "a half becomes three quarters";
+  EXPECT_LT(wanted, 0.95);
+}
+
+TEST(EpisodeEnvironment, WeightedStartsAreAPureFunctionOfThePlan) {
+  const auto one = OpenOrDie(SceneWith({"coke", "cube", "milk"})),
+             other = OpenOrDie(SceneWith({"coke", "cube", "milk"}));
+  EpisodePlan plan = PlanOf({.task = "pick", .target = "milk"}, 7);
+  plan.place_weights.assign(kPlaces, 0.6);
+  plan.place_weights[2] = 1.7;
+  ASSERT_TRUE(other->Prepare(PlanOf({.task = "push", .target = "coke"}, 8), RandomizationSpec()).ok());
+  ASSERT_TRUE(one->Prepare(plan, RandomizationSpec()).ok());
+  ASSERT_TRUE(other->Prepare(plan, RandomizationSpec()).ok());
+  for (const char* object : {"coke", "cube", "milk"})
+    EXPECT_EQ(one->world.ObjectPose(object).p, other->world.ObjectPose(object).p) << object;
+}
+
 // Milk as the target, coke as the reference, wherever a test wants them, with the hand at home.
 struct Table {
   explicit Table(const std::string& robot) : setting(OpenOrDie(SceneWith({"coke", "cube", "milk"}, robot))) {}

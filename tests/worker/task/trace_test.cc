@@ -26,7 +26,7 @@ TEST(AttemptTrace, ChangesNothing) {
   ASSERT_TRUE(runner) << runner.error().message;
   for (std::uint64_t index = 0; index < 3; ++index) {
     AttemptTrace trace;
-    const AttemptResult traced = runner->Demonstrate(index, 0, &trace), plain = runner->Demonstrate(index, 0);
+    const AttemptResult traced = runner->Demonstrate(index, 0, {}, &trace), plain = runner->Demonstrate(index, 0);
     EXPECT_EQ(traced.outcome, plain.outcome);
     EXPECT_EQ(static_cast<int>(trace.poses.size()), traced.episode.steps());
     if (plain.outcome == AttemptOutcome::kSuccess) {

@@ -8,6 +8,8 @@
 #include <filesystem>
 
 #include "services/core/config.h"
+#include "services/episode/codec.h"
+#include "services/spec/episode_plan.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
@@ -36,6 +38,38 @@ std::optional<std::uint32_t> FindAttempt(const CampaignSpec& spec, std::uint64_t
   for (std::uint32_t attempt = 0; attempt < 20; ++attempt)
     if (wanted(runner->Demonstrate(index, attempt))) return attempt;
   return std::nullopt;
+}
+
+TEST(ReplayAttempt, FollowsTheWeightsOfTheJournalAndKeepsThem) {
+  CampaignSpec spec = QuickSpec();
+  spec.tasks = {"pick", "push"};
+  spec.adaptive_sampling = {.share = 0.9, .largest_ratio = 3, .every = 10};
+  const SamplingEntry entry{.from_index = 10, .weights = WeightsFor({{"push", "milk", 3, 90, 9}}, spec)};
+  std::uint64_t index = 10;
+  while (!PlanEpisode(spec, index, 0, entry.weights).follows_weights) ++index;
+  auto runner = task::AttemptRunner::Open(spec);
+  ASSERT_THAT(runner, IsOk());
+  std::uint32_t attempt = 0;
+  task::AttemptResult made;
+  for (; attempt < 20; ++attempt) {
+    made = runner->Demonstrate(index, attempt, entry.weights);
+    if (made.outcome == task::AttemptOutcome::kSuccess) break;
+  }
+  ASSERT_EQ(made.outcome, task::AttemptOutcome::kSuccess) << made.reason;
+  EXPECT_EQ(WeightsOf(made.episode.details), WeightsSha256(entry.weights));
+
+  TemporaryFolder folder;
+  const ReplayOptions options{.index = index, .attempt = attempt, .out = folder / "out", .sampling = entry};
+  ASSERT_THAT(ReplayAttempt(spec, options, {}), IsOk());
+
+  const auto reader = store::DatasetReader::Open(folder / "out");
+  ASSERT_THAT(reader, IsOk());
+  const auto again = reader->ReadWhole(index);
+  ASSERT_THAT(again, IsOk());
+  EXPECT_EQ(EncodeEpisode(*again), EncodeEpisode(made.episode));
+  const auto report = store::Verify(folder / "out", store::Quarantine::kNo);
+  ASSERT_THAT(report, IsOk());
+  EXPECT_EQ(report->good, 1u) << "its journal came along";
 }
 
 TEST(ReplayAttempt, MakesASuccessAgain) {
@@ -124,6 +158,11 @@ TEST(ReplayAttempt, RefusesAFolderWithSomethingInIt) {
   TemporaryFolder folder;
   ASSERT_TRUE(WriteFileAtomically(folder / "precious", "x"));
   EXPECT_THAT(ReplayAttempt(QuickSpec(), {.out = folder.path()}, {}), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(
+      ReplayAttempt(QuickSpec(),
+                    {.out = folder / "other", .sampling = SamplingEntry{.weights = {.tasks = {{"fly", 1}}}}}, {}),
+      MessageHas("sampling weights"))
+      << "of a campaign that follows none";
   CampaignSpec rollout = QuickSpec();
   rollout.mode = "rollout";
   EXPECT_THAT(ReplayAttempt(rollout, {.out = folder / "new"}, {}), HasCode(Code::kInvalidArgument));
