@@ -69,12 +69,17 @@ TEST(CampaignFiles, HaveTheCountsOfThePaper) {
 }
 
 TEST(CampaignFiles, TestObjectsAreNoneOfTraining) {
-  const auto train = Load("novel_objects"), test = Load("novel_objects_test");
-  ASSERT_THAT(train, IsOk());
-  ASSERT_THAT(test, IsOk());
-  EXPECT_EQ(train->objects.size(), 30u);
-  EXPECT_EQ(test->objects.size(), 70u);
-  for (const auto& object : test->objects) EXPECT_THAT(train->objects, testing::Not(testing::Contains(object)));
+  for (const std::string name : {"novel_objects", "relations_generated"}) {
+    const auto train = Load(name), test = Load(name + "_test");
+    ASSERT_THAT(train, IsOk());
+    ASSERT_THAT(test, IsOk());
+    EXPECT_EQ(train->objects.size(), 30u) << name;
+    EXPECT_EQ(test->objects.size(), 70u) << name;
+    for (const auto& object : test->objects)
+      EXPECT_THAT(train->objects, testing::Not(testing::Contains(object))) << name;
+    EXPECT_EQ(train->tasks, test->tasks) << name;
+    EXPECT_EQ(train->camera, test->camera) << name;
+  }
 }
 
 TEST(CampaignFiles, MixedHasEveryRobotWithEveryTask) {
