@@ -12,6 +12,7 @@ namespace etude {
 ///   1  first release: EpisodePlan's streams, dense constraint Jacobian
 ///   2  strict judge and dwell, 6D rotations, sparse constraint Jacobian, scene draws and planner shares in details
 ///   3  bodies of the arm keep 12 mm from each other
-inline constexpr std::uint32_t kContentVersion = 3;
+///   4  a hand that has to close does so before it sets off where open fingers would touch something
+inline constexpr std::uint32_t kContentVersion = 4;
 
 }  // namespace etude

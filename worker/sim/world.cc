@@ -146,6 +146,11 @@ Eigen::VectorXd World::q() const { return Pick(state_->mj->qpos, scene_->model()
 Eigen::VectorXd World::v() const { return Pick(state_->mj->qvel, scene_->model().arm_v); }
 Eigen::VectorXd World::gripper_q() const { return Pick(state_->mj->qpos, scene_->model().gripper_q); }
 
+double World::gripper() const {
+  const ArmInfo& arm = scene_->arm();
+  return std::clamp((gripper_q()[0] - arm.gripper_open) / (arm.gripper_closed - arm.gripper_open), 0.0, 1.0);
+}
+
 Pose World::X_WE() const { return scene_->model().ToolPose(state_->mj.get()); }
 
 Pose World::ObjectPose(const std::string& name) const {

@@ -49,6 +49,7 @@ class World {
   Eigen::VectorXd q() const;          ///< arm joints (nq), rad
   Eigen::VectorXd v() const;          ///< arm joints (nv), rad/s
   Eigen::VectorXd gripper_q() const;  ///< driven gripper joints
+  double gripper() const;             ///< how far the fingers are closed, as measured: 0 open .. 1 closed
   Pose X_WE() const;                  ///< tool site in world
   Pose ObjectPose(const std::string& name) const;
   std::vector<float> StateVector() const;  ///< qpos and qvel

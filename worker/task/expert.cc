@@ -20,6 +20,10 @@ constexpr double kAvoidMargin = 0.02;     // m kept from everything where the fi
 constexpr double kMoved = 0.005;          // m that it may move before that counts
 constexpr double kGoalTolerance = 0.015;  // m between hand and goal when a stage counts as done
 constexpr int kSettleSteps = 40;          // at most, to come within it
+constexpr double kFingersThere = 0.1;     // of the gripper's way: so near to where it is wanted counts as there
+constexpr double kFingerMargin = 0.01;    // m that fingers which still close keep from everything
+constexpr int kFingerSteps = 100;         // that they are waited for, at most
+constexpr int kFingerLook = 5;            // steps between two looks at the way
 constexpr int kMostDwell = 2 * kDwell;    // steps that the last command is held, at most
 
 Verdict Failed(AttemptOutcome outcome, std::string reason) { return {outcome, std::move(reason)}; }
@@ -249,7 +253,35 @@ std::optional<plan::Motion> Expert::FeasiblePush(const plan::Motion& path, int a
   return std::nullopt;
 }
 
+// A motion is planned with the fingers as its stage wants them, and open ones sweep more while they still close.
+bool Expert::FingersInTheWay(const MotionSegment& segment) {
+  const Stage& stage = stages_[segment.first];
+  const double now = session_->world().gripper();
+  if (!stage.closed || stage.holds || now > 1 - kFingersThere) return false;
+  const Stopwatch watch(session_->times().plan);
+  UpdateChecker(stage);
+  Eigen::VectorXd q = session_->world().q();
+  for (int t = 0; t < std::min(kFingerSteps, segment.motion.steps()); t += kFingerLook) {
+    if (const auto solved = planner_->Solve(segment.motion.X_WE[t], q)) q = *solved;
+    for (const double gripper : {now, 0.5 * (now + 1)}) {
+      checker_->SetGripper(gripper);
+      if (checker_->Check(q, kFingerMargin)) return true;
+    }
+  }
+  return false;
+}
+
+Verdict Expert::CloseFirst(const MotionSegment& segment) {
+  if (!FingersInTheWay(segment)) return {};
+  for (int t = 0; t < kFingerSteps && session_->world().gripper() < 1 - kFingersThere; ++t) {
+    const Verdict verdict = PlayStep(segment.first, reference_, Vector6::Zero(), true);
+    if (!verdict.ok()) return verdict;
+  }
+  return {};
+}
+
 Verdict Expert::PlaySegment(const MotionSegment& segment, int& next_stage) {
+  if (const Verdict verdict = CloseFirst(segment); !verdict.ok()) return verdict;
   Interruption push;
   {
     const Stopwatch watch(session_->times().plan);

@@ -51,6 +51,10 @@ class Expert {
   /// One try. @param by_field  whether stages with a clearance go down the potential field
   Verdict TrySegment(int first, bool by_field, MotionSegment& segment);
   Verdict PlaySegment(const MotionSegment& segment, int& next_stage);
+  /// Whether fingers that have to close would touch something on their way if the arm set off at once.
+  bool FingersInTheWay(const MotionSegment& segment);
+  /// Waits for them where that is so.
+  Verdict CloseFirst(const MotionSegment& segment);
   Interruption DrawInterruption(const MotionSegment& segment);
   /// A push off `path` from step `at` on, as slow as the joints need it; nothing when there is none.
   std::optional<plan::Motion> FeasiblePush(const plan::Motion& path, int at, const Stage& stage);

@@ -15,9 +15,7 @@ Tracer::Tracer(std::shared_ptr<const sim::Scene> scene, const EpisodePlan& plan,
 }
 
 void Tracer::Observe(const sim::World& world) {
-  const sim::ArmInfo& arm = world.scene().arm();
-  const double span = arm.gripper_closed - arm.gripper_open;
-  const double gripper = std::clamp((world.gripper_q()[0] - arm.gripper_open) / span, 0.0, 1.0);
+  const double gripper = world.gripper();
   std::vector<Pose> poses = kinematics_.ArmPoses(world.q(), gripper);
   for (const auto& object : world.scene().objects()) poses.push_back(world.ObjectPose(object.name));
   trace_->poses.push_back(std::move(poses));

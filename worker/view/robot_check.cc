@@ -174,12 +174,11 @@ void CheckHome(const std::shared_ptr<const sim::Scene>& scene, Report& report) {
 }
 
 void CheckGripper(const std::shared_ptr<const sim::Scene>& scene, Report& report) {
-  const sim::ArmInfo& arm = scene->arm();
   sim::World world(scene);
   const Pose home = world.X_WE();
   const auto drive = [&](double gripper) {
     for (int i = 0; i < kDrive; ++i) world.Step({home, gripper}, Eigen::Matrix<double, 6, 1>::Zero());
-    return (world.gripper_q()[0] - arm.gripper_open) / (arm.gripper_closed - arm.gripper_open);
+    return world.gripper();
   };
   const double closed = drive(1), opened = drive(0);
   const bool good = world.healthy() && closed > kGripperNeeded && opened < 1 - kGripperNeeded;

@@ -52,6 +52,25 @@ TEST_P(Demonstrate, SucceedsOnSeededScenes) {
   EXPECT_GE(successes, scenes - 1);
 }
 
+// Scenes whose ball stands where the thumb of a hand that still closes would touch it.
+TEST(Expert, ClosesTheHandBeforeOpenFingersWouldTouchSomething) {
+  CampaignSpec spec = QuickSpec("push+obstacle");
+  spec.robots = {"jaco2"};
+  spec.seed = 1;
+  AttemptRunner runner = OpenOrDie(spec);
+  for (const std::uint64_t index : {29, 127, 165}) {
+    const auto result = runner.Demonstrate(index, 0);
+    ASSERT_EQ(result.outcome, AttemptOutcome::kSuccess) << index << ": " << result.reason;
+    const Episode& episode = result.episode;
+    const auto hand = [&](int step) { return Eigen::Map<const Eigen::Vector3f>(episode.eef_pos.row(step).data()); };
+    int closed = 0;
+    while (closed < episode.steps() && episode.gripper_qpos.row(closed)[0] < 0.8 * episode.gripper_qpos.row(200)[0])
+      ++closed;
+    EXPECT_GT(closed, 20) << index;
+    EXPECT_LT((hand(closed) - hand(0)).norm(), 0.005) << index << ": it set off with open fingers";
+  }
+}
+
 TEST_P(Demonstrate, RecordsEveryTrackAtTheControlRate) {
   const CampaignSpec spec = QuickSpec(GetParam());
   AttemptRunner runner = OpenOrDie(spec);
