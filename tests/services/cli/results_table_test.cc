@@ -72,9 +72,9 @@ TEST(ResultsTable, SeedsCountAlikeHoweverManyRolloutsTheyHave) {
   ResultRow row = Row(0);
   row.train = {.steps = 4000, .seeds = {1, 2}};
   row.paper.clear();
-  const std::string table = ResultsTable({{&row, {Report(10, 9, 10), Report(100, 50, 100)}}});
+  const std::string table = ResultsTable({{&row, {{1, "now", Report(10, 9, 10)}, {2, "now", Report(100, 50, 100)}}}});
   EXPECT_THAT(table, HasSubstr("| UR5 | 600 | 4000 steps | scratch | 70.0 [44.4, 62.7] | 90.0, 50.0 |"));
-  EXPECT_THAT(table, HasSubstr("| 100.0 [96.6, 100.0] | - |  |\n"));
+  EXPECT_THAT(table, HasSubstr("| 100.0 [96.6, 100.0] | - |  | now |\n"));
 }
 
 TEST(ResultsTable, TasksStandInTheOrderInWhichTheyWereMeasured) {
@@ -83,7 +83,7 @@ TEST(ResultsTable, TasksStandInTheOrderInWhichTheyWereMeasured) {
   both["per_task"].push_back(both["per_task"][0]);
   both["per_task"][1]["task"] = "lift_up";
   both["per_task"].push_back(3);  // of another version
-  const std::string table = ResultsTable({{&row, {Report(10, 9, 9), both}}});
+  const std::string table = ResultsTable({{&row, {{1, "now", Report(10, 9, 9)}, {2, "now", both}}}});
   const auto pick = table.find("| UR5 | pick | 70.0 ["), lift = table.find("| UR5 | lift_up | 50.0 [");
   ASSERT_NE(pick, std::string::npos) << table;
   ASSERT_NE(lift, std::string::npos) << table;
@@ -94,7 +94,7 @@ TEST(ResultsTable, ACriterionThatAReportLacksIsNotCounted) {
   const ResultRow row = Row(50);
   OrderedJson old = Report(10, 6, 8);
   old["overall"].erase("success_latched");
-  const std::string table = ResultsTable({{&row, {old, Report(10, 8, 10)}}});
+  const std::string table = ResultsTable({{&row, {{1, "now", old}, {2, "now", Report(10, 8, 10)}}}});
   EXPECT_THAT(table, HasSubstr("| 70.0 [48.1, 85.5] | 60.0, 80.0 | 100.0 [72.2, 100.0] |"));
   EXPECT_THAT(table, HasSubstr("| 82.4 | 50 |"));
 }

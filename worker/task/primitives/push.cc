@@ -26,6 +26,7 @@ Stage MakeStage(const PushSpec& spec, const Manner& manner) {
           .limits = manner.Speed(0.12, 0.5, 1.5, 8.0),
           .straight_only = true,
           .touches_target = true,
+          .held_back = kStages.held_back,
           .disturbable = true,
           .calm = 0.15,
           .back_to = 1};

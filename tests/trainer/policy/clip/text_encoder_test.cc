@@ -111,10 +111,11 @@ TEST_F(TextEncoderTest, SaysWhichFileIsMissingOrWrong) {
     EXPECT_THAT(encoder, MessageHas(reason));
   };
   for (const char* file : {"model.safetensors", "vocab.json", "merges.txt"}) {
-    WriteTinyClip(folder_ / file);
-    std::filesystem::remove(folder_ / file / file);
-    refused(folder_ / file, Code::kNotFound, (folder_ / file / file).string());
-    refused(folder_ / file, Code::kNotFound, "openai/clip-vit-base-patch32");
+    const Path without = folder_ / ("without_" + std::string(file));
+    WriteTinyClip(without);
+    std::filesystem::remove(without / file);
+    refused(without, Code::kNotFound, (without / file).string());
+    refused(without, Code::kNotFound, "openai/clip-vit-base-patch32");
   }
   refused(folder_ / "nowhere", Code::kNotFound, "it needs model.safetensors, vocab.json and merges.txt");
 
