@@ -174,7 +174,7 @@ Result<policy::Answer> Rollout::Ask(const policy::AskFunction& ask) {
   const Camera& camera = session_->episode().cameras.at(0).camera;
   policy::Question question;
   question.instruction = instruction_;
-  question.robot = session_->episode().robot;
+  question.robot = session_->plan().scene.robot;  // the episode says it at its end
   question.joints.assign(arm.begin(), arm.end());
   question.joints.insert(question.joints.end(), gripper.begin(), gripper.end());
   question.width = camera.width;
