@@ -180,7 +180,7 @@ class Sheet {
     const double tip = ends && length > 0 ? std::min(0.5, kTip / length) : 0;
     for (const auto& [ink, thickness] : {std::pair(kDark, 4), std::pair(color, 2)})
       cv::arrowedLine(picture_, Fine(a), Fine(b), ScalarOf(ink), thickness, cv::LINE_AA, kFraction, tip);
-    Write(fmt::format("{} {:.1f} cm", name, 100 * way_W.norm()), 0.5 * (a + b) + cv::Point2d(8, 0), color);
+    Write(fmt::format("{} {:.1f} cm", name, 100 * way_W.norm()), 0.5 * (a + b) + cv::Point2d(8, kTextLine), color);
   }
 
   void Line(const Vector3d& a_W, const Vector3d& b_W, const Color& color) {
