@@ -38,6 +38,11 @@ void PrepareTorchProcess(char** argv) {
   bool changed = SetDefault("OMP_WAIT_POLICY", "PASSIVE");
   // OpenBLAS picks AVX2 kernels on CPUs that are younger than it is; half the speed of AVX-512.
   if (HasAvx512()) changed |= SetDefault("OPENBLAS_CORETYPE", "SkylakeX");
+  // Every step allocates the same tensors of megabytes: memory that goes back to the kernel in between costs a tenth of
+  // the step in page faults.
+  changed |= SetDefault("GLIBC_TUNABLES",
+                        "glibc.malloc.mmap_max=0:glibc.malloc.trim_threshold=8589934592:"
+                        "glibc.malloc.top_pad=268435456:glibc.malloc.arena_max=1");
   if (!changed) return;
   ::execv("/proc/self/exe", argv);
   // without /proc the program goes on as it is: slower, not wrong
