@@ -13,6 +13,7 @@ namespace etude {
 ///   2  strict judge and dwell, 6D rotations, sparse constraint Jacobian, scene draws and planner shares in details
 ///   3  bodies of the arm keep 12 mm from each other
 ///   4  a hand that has to close does so before it sets off where open fingers would touch something
-inline constexpr std::uint32_t kContentVersion = 4;
+///   5  plans of redundant arms keep the speeds that their controller makes of them
+inline constexpr std::uint32_t kContentVersion = 5;
 
 }  // namespace etude

@@ -6,6 +6,7 @@
 #include "worker/plan/planner_impl.h"
 #include "worker/plan/retime.h"
 #include "worker/plan/shortcut.h"
+#include "worker/plan/tracking.h"
 
 namespace etude::plan {
 
@@ -65,13 +66,43 @@ bool Planner::Impl::CurveIsFree(Call& call, const JointCurve& curve) {
 }
 
 // The widest smoothing that stays free. @returns false when none does
+Planner::Impl::Strain Planner::Impl::TrackedStrain(const Motion& motion, const Eigen::VectorXd& q_start,
+                                                   double joint_limit) {
+  const Eigen::VectorXd& speed = scene->arm().planned_speed;
+  const Eigen::VectorXd limit = speed * (joint_limit / speed.minCoeff());
+  const auto velocities = TrackedVelocities(kinematics, scene->arm(), motion, q_start);
+  Strain worst;
+  for (std::size_t k = 0; k < velocities.size(); ++k) {
+    int joint = 0;
+    const double excess = velocities[k].cwiseAbs().cwiseQuotient(limit).maxCoeff(&joint);
+    if (excess > worst.excess) worst = {excess, static_cast<double>(k) / static_cast<double>(velocities.size()), joint};
+  }
+  return worst;
+}
+
+// As fast as the curve's joints allow, and those that a redundant arm's controller makes of it.
+std::optional<Motion> Planner::Impl::TimeCurve(Call& call, const JointCurve& curve) {
+  constexpr int kRounds = 8;
+  constexpr double kSlowest = 0.2;
+  double pace = 1;
+  for (int round = 0; round < kRounds && pace > kSlowest; ++round) {
+    Limits limits = call.request.limits;
+    for (double* limit : {&limits.linear, &limits.angular, &limits.joint}) *limit *= pace;
+    auto motion = internal::Retime(curve, kinematics, limits, call.request.start_speed, call.request.X_WE_goal);
+    if (!motion || !IsRedundant()) return motion;
+    const Strain worst = TrackedStrain(*motion, call.request.q_start, call.request.limits.joint);
+    if (worst.excess <= 1) return motion;
+    pace /= worst.excess * 1.01;
+  }
+  return std::nullopt;
+}
+
 bool Planner::Impl::Smooth(Call& call, const std::vector<Eigen::VectorXd>& path, OutcomeKind kind) {
   for (double spacing = 0.32; spacing >= 0.02; spacing /= 2) {
     const JointCurve curve(path, spacing);
     if (!CurveIsFree(call, curve)) continue;
     const internal::Timer timer(call.outcome.times.parameterise);
-    auto motion =
-        internal::Retime(curve, kinematics, call.request.limits, call.request.start_speed, call.request.X_WE_goal);
+    auto motion = TimeCurve(call, curve);
     if (!motion) continue;
     call.outcome.kind = kind;
     call.outcome.motion = std::move(*motion);

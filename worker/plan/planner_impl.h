@@ -84,6 +84,8 @@ struct Planner::Impl {
   Track Follow(const internal::ToolLine& line, const Eigen::VectorXd& q_start);
   bool LineIsFree(Call& call, const Track& track);
   static Strain WorstStrain(const internal::LineMotion& timed, const Track& track, double joint_limit);
+  /// Where following `motion` asks most of a redundant arm's joint; s is a share of its time.
+  Strain TrackedStrain(const Motion& motion, const Eigen::VectorXd& q_start, double joint_limit);
   bool TimeLine(Call& call, const internal::ToolLine& line, const Track& track);
   std::optional<Eigen::VectorXd> FindGoal(Call& call, const Track& track);
   double FindRoom(Call& call, const Eigen::VectorXd& q_goal);
@@ -92,13 +94,14 @@ struct Planner::Impl {
   void PlanSampled(Call& call);
   /// Detour, unless the goal lies beyond a singularity.
   void GoRound(Call& call, const Eigen::VectorXd& q_goal);
+  std::optional<Motion> TimeCurve(Call& call, const internal::JointCurve& curve);
   bool Smooth(Call& call, const std::vector<Eigen::VectorXd>& path, OutcomeKind kind);
   std::vector<Eigen::VectorXd> Shorten(Call& call, const std::vector<Eigen::VectorXd>& path);
   bool CurveIsFree(Call& call, const internal::JointCurve& curve);
   std::optional<Eigen::VectorXd> Settle(const Eigen::VectorXd& q, const Eigen::VectorXd& before);
   /// Whether tool poses leave the arm a choice. Its controller takes it, so that a curve of such an arm is only as good
   /// as what becomes of it when the tool is followed.
-  bool IsRedundant() const { return scene->arm().q_home.size() > 6; }
+  bool IsRedundant() const { return scene->arm().is_redundant(); }
   bool IsRegular(const Call& call, const Eigen::VectorXd& q);
   bool SegmentIsFree(Call& call, const Eigen::VectorXd& a, const Eigen::VectorXd& b);
   void PlanByField(Call& call, const Eigen::VectorXd& q_goal);

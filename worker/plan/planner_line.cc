@@ -82,7 +82,8 @@ bool Planner::Impl::TimeLine(Call& call, const ToolLine& line, const Track& trac
     limits.linear *= pace;
     limits.angular *= pace;
     internal::LineMotion timed = MoveAlong(line, limits, call.request.start_speed);
-    const Strain worst = WorstStrain(timed, track, asked.joint);
+    Strain worst = WorstStrain(timed, track, asked.joint);
+    if (worst.excess <= 1 && IsRedundant()) worst = TrackedStrain(timed.motion, track.q.front(), asked.joint);
     if (worst.excess <= 1) {
       call.outcome.kind = OutcomeKind::kStraight;
       call.outcome.reason = pace < 1 ? fmt::format("slowed to {:.0f} %", 100 * pace) : "free";

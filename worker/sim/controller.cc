@@ -16,9 +16,8 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 /// Mobility (1/kg, 1/(kg m^2)) below which a direction counts as lost: a singular arm cannot push
 /// there.
 constexpr double kLeastMobility = 5e-3;
-constexpr double kNullDamping = 1e-3;   ///< m (and rad)
-constexpr double kShareDamping = 0.03;  ///< m (and rad): near a singularity the force does it alone
-constexpr double kLeastRoom = 0.1;      ///< of a joint's limit that is left for it to count in WithinLimits
+constexpr double kNullDamping = 1e-3;  ///< m (and rad)
+constexpr double kLeastRoom = 0.1;     ///< of a joint's limit that is left for it to count in WithinLimits
 
 /// `v`, no longer than `limit`.
 Eigen::Vector3d Saturated(const Eigen::Vector3d& v, double limit) {
@@ -57,14 +56,6 @@ Eigen::VectorXd Slide(const ControlState& state, double rate) {
   return share * slide;
 }
 
-/// Joint accelerations of a redundant arm besides those that the force at the tool makes. That force alone moves light
-/// joints most; a plan's joints take the smallest motion, and a light wrist would have to be twice as fast as planned.
-Eigen::VectorXd RedundantPart(const ControlState& state, const Vector6d& acceleration, const ControllerConfig& config) {
-  Eigen::VectorXd slide = -NullSpacePart(state.J, state.v);
-  if (state.posture.size() == state.v.size()) slide += Slide(state, config.null_kp / config.null_kv);
-  return JointMotion(state.J, acceleration, kShareDamping) + config.null_kv * slide;
-}
-
 /// Towards where the joints have to go for the tool to have the velocity `V_WE`, at most the friction.
 Eigen::VectorXd OvercomingFriction(const ControlState& state, const Vector6d& V_WE, double dry_speed) {
   constexpr double kDamping = 0.05;  // m (and rad): near a singularity no joint has far to go
@@ -87,6 +78,23 @@ Eigen::Vector3d RotationVector(const Eigen::Quaterniond& from, const Eigen::Quat
   return turn.vec() * (2 * std::atan2(sine, turn.w()) / sine);
 }
 
+Vector6d ToolAcceleration(const ControlState& state, const Pose& X_WE_target, const Vector6d& V_WE_target,
+                          const ControllerConfig& config) {
+  Vector6d acceleration = config.kv * (V_WE_target - state.J * state.v);
+  acceleration.head<3>() +=
+      config.kp * Saturated(X_WE_target.p - state.X_WE.p, config.max_linear * config.kv / config.kp);
+  acceleration.tail<3>() +=
+      config.ko * Saturated(RotationVector(state.X_WE.q, X_WE_target.q), config.max_angular * config.kv / config.ko);
+  return acceleration;
+}
+
+Eigen::VectorXd RedundantAcceleration(const ControlState& state, const Vector6d& acceleration,
+                                      const ControllerConfig& config) {
+  Eigen::VectorXd slide = -NullSpacePart(state.J, state.v);
+  if (state.posture.size() == state.v.size()) slide += Slide(state, config.null_kp / config.null_kv);
+  return JointMotion(state.J, acceleration, config.share_damping) + config.null_kv * slide;
+}
+
 Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X_WE_target, const Vector6d& V_WE_target,
                                         const ControllerConfig& config) {
   const Eigen::Index n = state.v.size();
@@ -96,16 +104,11 @@ Eigen::VectorXd OperationalSpaceTorques(const ControlState& state, const Pose& X
   const Matrix6d mobility = state.J * state.M.llt().solve(state.J.transpose());
   const Matrix6d inertia = TaskInertia(mobility);
   const Vector6d V_WE = state.J * state.v;
-
-  Vector6d acceleration = config.kv * (V_WE_target - V_WE);
-  acceleration.head<3>() +=
-      config.kp * Saturated(X_WE_target.p - state.X_WE.p, config.max_linear * config.kv / config.kp);
-  acceleration.tail<3>() +=
-      config.ko * Saturated(RotationVector(state.X_WE.q, X_WE_target.q), config.max_angular * config.kv / config.ko);
+  const Vector6d acceleration = ToolAcceleration(state, X_WE_target, V_WE_target, config);
 
   // what the joints do anyhow, the force at the tool need not (and takes back where it would disturb the tool)
   Eigen::VectorXd joints = -config.null_kv * state.v;
-  if (n > 6) joints = RedundantPart(state, acceleration, config);
+  if (n > 6) joints = RedundantAcceleration(state, acceleration, config);
   const Vector6d wrench =
       inertia * (acceleration - (n > 6 ? Vector6d(state.J * joints) : Vector6d(-config.null_kv * V_WE)));
   if (state.stop.size() == n) joints += config.stop_kp * state.stop;

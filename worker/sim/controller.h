@@ -10,16 +10,17 @@
 namespace etude::sim {
 
 struct ControllerConfig {
-  double kp = 400;           ///< 1/s^2, position stiffness
-  double kv = 40;            ///< 1/s, damping (critical: 2 sqrt(kp))
-  double ko = 400;           ///< 1/s^2, orientation stiffness
-  double max_linear = 0.5;   ///< m/s: errors are saturated so that the spring never drives faster
-  double max_angular = 2.0;  ///< rad/s
-  double null_kv = 10;       ///< 1/s, joint damping in the null space
-  double null_kp = 40;       ///< 1/s^2, spring of a redundant arm's null space towards its posture, as far as the
-                             ///< joints' speeds allow
-  double stop_kp = 400;      ///< 1/s^2, stiffness of the soft stops (see ControlState::stop)
-  double dry_speed = 0.02;   ///< rad/s of a joint from which on the whole of its dry friction is overcome
+  double kp = 400;              ///< 1/s^2, position stiffness
+  double kv = 40;               ///< 1/s, damping (critical: 2 sqrt(kp))
+  double ko = 400;              ///< 1/s^2, orientation stiffness
+  double max_linear = 0.5;      ///< m/s: errors are saturated so that the spring never drives faster
+  double max_angular = 2.0;     ///< rad/s
+  double null_kv = 10;          ///< 1/s, joint damping in the null space
+  double null_kp = 40;          ///< 1/s^2, spring of a redundant arm's null space towards its posture, as far as the
+                                ///< joints' speeds allow
+  double share_damping = 0.03;  ///< m (and rad): near a singularity the force alone moves a redundant arm
+  double stop_kp = 400;         ///< 1/s^2, stiffness of the soft stops (see ControlState::stop)
+  double dry_speed = 0.02;      ///< rad/s of a joint from which on the whole of its dry friction is overcome
 };
 
 /// What the controller needs to know at one instant. All in world.
@@ -46,6 +47,17 @@ Eigen::Vector3d RotationVector(const Eigen::Quaterniond& from, const Eigen::Quat
 /// The smallest joint motion (n) that moves the tool by `dx` (6, linear first): damped least squares.
 /// @param J  (6, n) of the tool; @param damping  m (and rad), keeps it finite near a singularity
 Eigen::VectorXd JointMotion(const Eigen::MatrixXd& J, const Eigen::Matrix<double, 6, 1>& dx, double damping);
+
+/// What the spring and the path ask of the tool (6, linear first): kp e_p + kv (V_ref - J v). Reads X_WE, J, v.
+Eigen::Matrix<double, 6, 1> ToolAcceleration(const ControlState& state, const Pose& X_WE_target,
+                                             const Eigen::Matrix<double, 6, 1>& V_WE_target,
+                                             const ControllerConfig& config);
+
+/// `u` below of a redundant arm: joint accelerations (n) besides those that the force at the tool makes. That force
+/// alone moves light joints most; a plan's joints take the smallest motion, and a light wrist would have to be twice as
+/// fast as planned. Reads J, v, posture, speed.
+Eigen::VectorXd RedundantAcceleration(const ControlState& state, const Eigen::Matrix<double, 6, 1>& acceleration,
+                                      const ControllerConfig& config);
 
 /// Joint torques (n), N m, for the tool's acceleration a = kp e_p + kv (V_ref - J v):
 ///   tau = J^T Lambda (a - J u) + M u + bias + M stop_kp stop + friction

@@ -52,6 +52,8 @@ struct ArmInfo {
   /// False of fewer than six joints: only a hand that points straight down comes to every place, turned any way about
   /// the vertical.
   bool turns_any_way() const { return joints.size() >= kJointsOfAnyPose; }
+  /// Whether a pose of the tool leaves the joints a choice.
+  bool is_redundant() const { return joints.size() > kJointsOfAnyPose; }
 };
 
 struct ObjectInfo {
