@@ -167,7 +167,7 @@ struct PolicyConfig {
   /// What modules that decode the command's task tell apart. Empty: the built-in tasks and the dataset's own; a
   /// checkpoint has them all.
   std::vector<std::string> tasks;
-  /// Of the convolutions: bf16 (where the CPU is fast at it, see HasFastBf16; else float32) | float32.
+  /// Of the convolutions: bf16 (on CUDA, and where the CPU is fast at it, see HasFastBf16; else float32) | float32.
   std::string precision = "bf16";
   /// Parts (parts.h) that know one robot: with another one they begin anew.
   std::vector<std::string> robot_specific;

@@ -10,6 +10,7 @@
 
 #include "services/core/check.h"
 #include "services/episode/action.h"
+#include "trainer/policy/device.h"
 #include "trainer/policy/graph.h"
 #include "trainer/policy/language_encoder.h"
 #include "trainer/policy/loss.h"
@@ -219,6 +220,8 @@ int Policy::joints() const { return static_cast<int>(impl_->normalization.joint_
 
 int Policy::levels() const { return impl_->modules.back()->config().level; }
 
+torch::Device Policy::device() const { return impl_->normalization.joint_mean.device(); }
+
 std::pair<int, int> Policy::grid() const { return {impl_->image->grid().rows, impl_->image->grid().columns}; }
 
 std::vector<std::string> Policy::KeysOf(const std::string& module) const {
@@ -235,20 +238,22 @@ Token Policy::Impl::ToKeyAndValue(const std::string& name, const Tensor& token) 
 Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
   Tokens tokens;
   const auto batch = inputs.joints.size(0), sentences = inputs.sentence_index.size(1);
-  tokens.crop_origin = inputs.crop_origin.to(normalization.joint_mean.options());
-  tokens.joint_values = ((inputs.joints - normalization.joint_mean) / normalization.joint_std).unsqueeze(1);
+  const torch::Device device = normalization.joint_mean.device();
+  tokens.crop_origin = ToDevice(inputs.crop_origin, device).to(normalization.joint_mean.scalar_type());
+  tokens.joint_values =
+      ((ToDevice(inputs.joints, device) - normalization.joint_mean) / normalization.joint_std).unsqueeze(1);
   const Tensor joint_token = joints->Forward(
       config.joint_fourier ? torch::cat({tokens.joint_values, JointFeatures(tokens.joint_values, normalization)}, -1)
                            : tokens.joint_values);
   tokens.sentence = language->Forward(inputs.sentences)
-                        .index_select(0, inputs.sentence_index.flatten())
+                        .index_select(0, ToDevice(inputs.sentence_index, device).flatten())
                         .view({batch, sentences, config.width});
   const bool look = std::any_of(modules.begin(), modules.end(), [&](const auto& module) {
     return module->config().level <= level && module->wiring().reads[0] == "image";
   });
   Tensor picture;
   if (look) {
-    picture = image->Forward(inputs.images, tokens.crop_origin);
+    picture = image->Forward(ToDevice(inputs.images, device), tokens.crop_origin);
     tokens.image_pixels = image->grid().Centres(tokens.crop_origin.options());
   }
   if (is_shared()) {
