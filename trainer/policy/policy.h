@@ -89,6 +89,11 @@ class Policy : public torch::nn::Module {
  private:
   struct Impl;
   explicit Policy(std::unique_ptr<Impl> impl);
+  // what makes the network, in this order: it is the order in which weights are drawn
+  void RegisterNormalization();
+  void RegisterEncoders();
+  void RegisterModules();
+  void RegisterSegments();
   std::unique_ptr<Impl> impl_;
 };
 
