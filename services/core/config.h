@@ -4,7 +4,7 @@
 //   struct RenderConfig {
 //     int width = 224;  // > 0
 //     bool shadows = false;
-//     template <class Visitor> void Visit(Visitor& v) {
+//     void Visit(auto& v) {
 //       v("width", width, "px", "width of the picture");
 //       v("shadows", shadows, "", "whether lights cast shadows");
 //     }
