@@ -81,6 +81,9 @@ struct Hand {
     const auto data = ChunkOf(bytes, 1000, index);
     EXPECT_TRUE(chunks.Write({"episode", "hand", id, index, {data.begin(), data.end()}}));
   }
+  void SendAll(std::uint64_t id, const std::vector<std::uint8_t>& bytes) {
+    for (std::uint32_t index = 0; index < ChunkCount(bytes.size(), 1000); ++index) SendChunk(id, bytes, index);
+  }
   // Announces until an ack of `kind` with `received` comes; false when a blob came out instead.
   std::optional<BlobAck> Ask(const BlobManifest& manifest, AckKind kind, std::uint32_t received) {
     for (int attempt = 0; attempt < 500; ++attempt) {
@@ -94,6 +97,12 @@ struct Hand {
     return std::nullopt;
   }
 };
+
+void ExpectReceived(BlobReceiver& receiver, const std::vector<std::uint8_t>& bytes) {
+  const auto blob = receiver.Receive(10s);
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->bytes, bytes);
+}
 
 TEST(ObjectLoss, TheReceiverSaysWhatIsMissing) {
   const auto peers = OpenTwo(kDomain);
@@ -112,9 +121,7 @@ TEST(ObjectLoss, TheReceiverSaysWhatIsMissing) {
   }
   EXPECT_EQ(ack->missing, expected);
   for (const auto index : ack->missing) hand.SendChunk(1, bytes, index);
-  const auto blob = receiver->Receive(10s);
-  ASSERT_TRUE(blob);
-  EXPECT_EQ(blob->bytes, bytes);
+  ExpectReceived(*receiver, bytes);
 }
 
 TEST(ObjectLoss, ChunksBeforeTheirManifestAreAskedForAgain) {
@@ -123,13 +130,11 @@ TEST(ObjectLoss, ChunksBeforeTheirManifestAreAskedForAgain) {
   ASSERT_TRUE(receiver);
   Hand hand(peers, "early", *receiver);
   const auto bytes = MakeBytes(2'500, 2);
-  for (std::uint32_t index = 0; index < 3; ++index) hand.SendChunk(1, bytes, index);
+  hand.SendAll(1, bytes);
   EXPECT_FALSE(receiver->Receive(100ms));
   ASSERT_TRUE(hand.Ask(hand.Manifest(1, bytes), AckKind::kMissing, 0));
-  for (std::uint32_t index = 0; index < 3; ++index) hand.SendChunk(1, bytes, index);
-  const auto blob = receiver->Receive(10s);
-  ASSERT_TRUE(blob);
-  EXPECT_EQ(blob->bytes, bytes);
+  hand.SendAll(1, bytes);
+  ExpectReceived(*receiver, bytes);
 }
 
 TEST(ObjectLoss, CorruptChunksRefuseTheObjectAndCount) {
@@ -142,7 +147,7 @@ TEST(ObjectLoss, CorruptChunksRefuseTheObjectAndCount) {
   wrong[3'333] ^= 1;
   const auto manifest = hand.Manifest(1, bytes);
   ASSERT_TRUE(hand.Ask(manifest, AckKind::kMissing, 0));
-  for (std::uint32_t index = 0; index < 5; ++index) hand.SendChunk(1, wrong, index);
+  hand.SendAll(1, wrong);
   while (receiver->corrupt_blobs() == 0) ASSERT_FALSE(receiver->Receive(10ms));
   bool refused = false;
   while (!refused) {
@@ -151,10 +156,8 @@ TEST(ObjectLoss, CorruptChunksRefuseTheObjectAndCount) {
   }
   // the same id may be tried again
   ASSERT_TRUE(hand.Ask(manifest, AckKind::kMissing, 0));
-  for (std::uint32_t index = 0; index < 5; ++index) hand.SendChunk(1, bytes, index);
-  const auto blob = receiver->Receive(10s);
-  ASSERT_TRUE(blob);
-  EXPECT_EQ(blob->bytes, bytes);
+  hand.SendAll(1, bytes);
+  ExpectReceived(*receiver, bytes);
   EXPECT_EQ(receiver->corrupt_blobs(), 1u);
 }
 
@@ -167,10 +170,8 @@ TEST(ObjectLoss, MalformedChunksAreDroppedAndCounted) {
   ASSERT_TRUE(hand.Ask(hand.Manifest(1, bytes), AckKind::kMissing, 0));
   ASSERT_TRUE(hand.chunks.Write({"episode", "hand", 1, 0, std::vector<std::uint8_t>(999)}));
   ASSERT_TRUE(hand.chunks.Write({"episode", "hand", 1, 3, std::vector<std::uint8_t>(1000)}));
-  for (std::uint32_t index = 0; index < 3; ++index) hand.SendChunk(1, bytes, index);
-  const auto blob = receiver->Receive(10s);
-  ASSERT_TRUE(blob);
-  EXPECT_EQ(blob->bytes, bytes);
+  hand.SendAll(1, bytes);
+  ExpectReceived(*receiver, bytes);
   EXPECT_EQ(receiver->malformed_samples(), 2u);
 }
 

@@ -20,21 +20,8 @@ namespace {
 using torch::Tensor;
 
 // TinyConfig as its time wrote it
-constexpr char kOld[] = R"(
-name: tiny
-image:
-  crop: [10, 20, 24, 16]
-  layers:
-    - {kind: conv, channels: 16, kernel: 3, stride: 2}
-    - {kind: conv, channels: 16, kernel: 3, stride: 2, norm: instance}
-    - {kind: residual, channels: 16}
-language: {buckets: 64, width: 8, hidden: 8}
-joint_hidden: [8]
-width: 8
-heads: 2
+const std::string kOld = std::string(kTinyEncoders) + R"(
 attention_loss: mse
-objects: [red, blue, green]
-precision: float32
 modules:
   - {name: LANG, level: 1, reads: [language, joints], attend: [language],
      decoder: {target: target_class, hidden: [], relative_to: "", between: []}}
