@@ -133,7 +133,7 @@ void CheckWords(const TaskSpec& task, std::vector<std::string>& errors) {
     errors.push_back("words.places: only for a task with a reference; set `reference: {needed: true}`");
   for (const auto* words : {&task.words.verbs, &task.words.places})
     for (const auto& word : *words)
-      if (word.empty() || word.front() == ' ' || word.back() == ' ' ||
+      if (word.empty() || word.front() == ' ' || word.back() == ' ' || word.find("  ") != std::string::npos ||
           !std::all_of(word.begin(), word.end(), [](char c) { return c == ' ' || (c >= 'a' && c <= 'z'); }))
         errors.push_back(fmt::format("words: '{}' must be lower-case words with single spaces", word));
 }
