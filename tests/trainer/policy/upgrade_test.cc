@@ -9,6 +9,7 @@
 
 #include "services/core/rng.h"
 #include "services/store/safetensors.h"
+#include "tests/support/matchers.h"
 #include "tests/trainer/policy/fixtures.h"
 #include "trainer/policy/answer.h"
 #include "trainer/policy/crop.h"
@@ -40,6 +41,15 @@ PolicyConfig Upgraded() {
   const Status valid = config->Validate();
   EXPECT_TRUE(valid) << valid.error().message;
   return *config;
+}
+
+TEST(Upgrade, OfWhatIsNotAsItShouldBeEndsInARefusal) {
+  for (const char* json : {R"({"attention_loss": "mse", "losses": 3})", R"({"attention_loss": 3, "losses": "log"})",
+                           R"({"attention_loss": "mse", "losses": [1]})", R"({"modules": [3, {"decoder": []}]})",
+                           R"({"modules": [{"attend": [1], "decoder": {"target": 3, "between": 7, "inputs": 4}}]})"})
+    EXPECT_THAT(FromJson<PolicyConfig>(UpgradePolicyJson(OrderedJson::parse(json)), "hostile"),
+                HasCode(Code::kInvalidArgument))
+        << json;
 }
 
 TEST(Upgrade, KeysBecomeTodaysAndSinesAndCosinesStay) {
