@@ -28,8 +28,7 @@ class AtenOnly {
  public:
   AtenOnly();
   ~AtenOnly();
-  AtenOnly(const AtenOnly&) = delete;
-  AtenOnly& operator=(const AtenOnly&) = delete;
+  AtenOnly(AtenOnly&&) = delete;
 };
 
 }  // namespace etude::policy
