@@ -79,6 +79,13 @@ inline std::shared_ptr<Policy> MakePolicy(const PolicyConfig& config, std::uint6
   return *policy;
 }
 
+/// The tiny policy with attention of either kind.
+class BothAttentions : public testing::TestWithParam<const char*> {
+ protected:
+  BothAttentions() : config_(TinyConfig()) { config_.attention = GetParam(); }
+  PolicyConfig config_;
+};
+
 /// Random inputs of B images and S sentences.
 inline Inputs MakeInputs(const PolicyConfig& config, int batch, int sentences, int joints = 3) {
   torch::manual_seed(17);

@@ -6,6 +6,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "worker/plan/planner.h"
@@ -54,6 +55,9 @@ struct Stage {
 
   bool moves() const { return static_cast<bool>(goal); }
 };
+
+/// A stage that moves what the hand holds.
+Stage HeldStage(std::string_view name, Goal goal, const plan::Limits& limits);
 
 /// Lowest point of what the hand holds below E when E is oriented q_WE, m. @pre now.X_EO
 double HeldBelow(const StageContext& now, const Eigen::Quaterniond& q_WE);
