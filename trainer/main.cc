@@ -17,6 +17,7 @@
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "trainer/learn/trainer.h"
+#include "trainer/policy/device.h"
 #include "trainer/policy/policy_file.h"
 #include "trainer/policy/torch_process.h"
 #include "trainer/publish/sink.h"
@@ -32,7 +33,7 @@ struct Arguments {
   std::uint64_t steps = 0;
   std::uint64_t seed = 0;
   int ranks = 1, rank = -1;
-  std::string meet;
+  std::string meet, device = "cpu";
   std::vector<std::string> words;  ///< of the command line, for other ranks
   bool has_seed = false, resume = false, follow = false, offline = false;
   Claim claim = Claim::kRefuse;
@@ -208,6 +209,7 @@ struct Surroundings {
   const bus::Participant* participant = nullptr;  ///< none: offline
   std::function<Status()> source;
   std::shared_ptr<learn::Ranks> ranks;
+  torch::Device device = torch::kCPU;
 };
 
 Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& arguments, const learn::TrainConfig& config,
@@ -224,7 +226,8 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
                                   .resume = arguments.resume,
                                   .follow = follow,
                                   .source = around.source,
-                                  .ranks = around.ranks};
+                                  .ranks = around.ranks,
+                                  .device = around.device};
   ETUDE_ASSIGN_OR_RETURN(auto trainer, learn::Trainer::Create(config, std::move(dataset), options, hooks));
   ETUDE_RETURN_IF_ERROR(trainer->Run());
   return telemetry.status();
@@ -274,11 +277,14 @@ Result<Together> JoinRanks(const Arguments& arguments) {
 }
 
 // A rank that does not lead: no bus, no files, the dataset as it stands on the disk.
-Status TrainAlong(const Arguments& arguments, const learn::TrainConfig& config, std::shared_ptr<learn::Ranks> ranks) {
+Status TrainAlong(const Arguments& arguments, const learn::TrainConfig& config, const Surroundings& around) {
   const bool follow = arguments.follow || !arguments.collect.empty();
   ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, follow, {}));
-  const learn::RunOptions options{
-      .out = arguments.out, .resume = arguments.resume, .follow = follow, .ranks = std::move(ranks)};
+  const learn::RunOptions options{.out = arguments.out,
+                                  .resume = arguments.resume,
+                                  .follow = follow,
+                                  .ranks = around.ranks,
+                                  .device = around.device};
   ETUDE_ASSIGN_OR_RETURN(auto trainer, learn::Trainer::Create(config, std::move(dataset), options, {}));
   return trainer->Run();
 }
@@ -287,12 +293,13 @@ Status Train(const Arguments& arguments) {
   const bool leads = arguments.rank <= 0;
   if (leads) ETUDE_RETURN_IF_ERROR(CheckOut(arguments));
   ETUDE_ASSIGN_OR_RETURN(auto config, ReadConfig(arguments));
+  ETUDE_ASSIGN_OR_RETURN(const auto device, policy::OpenDevice(arguments.device, std::max(0, arguments.rank)));
   // ranks of one machine share its cores
   if (config.threads.replicas == 0 && arguments.ranks > 1)
     config.threads.replicas = std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / arguments.ranks);
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
   ETUDE_ASSIGN_OR_RETURN(const auto together, JoinRanks(arguments));
-  if (!leads) return TrainAlong(arguments, config, together.ranks);
+  if (!leads) return TrainAlong(arguments, config, {.ranks = together.ranks, .device = device});
   const std::string run = arguments.name.empty() ? checkpoint::RunNameOf(arguments.out) : arguments.name;
   if (!IsPlainName(run))
     return Fail(Code::kInvalidArgument, fmt::format("--name '{}': must match [a-z0-9_-]{{1,64}}", run));
@@ -315,10 +322,10 @@ Status Train(const Arguments& arguments) {
   std::function<Status()> source;
   if (collector) source = [&collector] { return collector->status(); };
   ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, arguments.follow || collector, source));
-  Log().info("run {}@{} in '{}', data '{}', {}", run, telemetry.run().id, arguments.out, arguments.data,
-             policy::DescribeTorch());
+  Log().info("run {}@{} in '{}', data '{}', {}, on {}", run, telemetry.run().id, arguments.out, arguments.data,
+             policy::DescribeTorch(), device.str());
   return TrainOn(std::move(dataset), arguments, config, telemetry,
-                 {participant ? &*participant : nullptr, source, together.ranks});
+                 {participant ? &*participant : nullptr, source, together.ranks, device});
 }
 
 Status Doctor() {
@@ -357,6 +364,8 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
   app.add_option("--rank", arguments.rank, "which of them this is (default: rank 0, and the others are started here)")
       ->check(CLI::Range(0, 1023));
   app.add_option("--meet", arguments.meet, "HOST:PORT where rank 0 listens, with --rank");
+  app.add_option("--device", arguments.device, "where the network is trained: cpu, cuda or cuda:NUMBER")
+      ->capture_default_str();
   app.add_flag("--resume", arguments.resume, "go on where the run in --out stopped");
   app.add_flag("--follow", arguments.follow,
                "the dataset is still growing: wait for its first episodes, take in new ones");

@@ -11,6 +11,7 @@
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
+#include "services/core/enum_name.h"
 #include "services/core/stop.h"
 
 namespace etude::bus {
@@ -40,15 +41,9 @@ std::string LocalTime(std::uint64_t seconds) {
 }  // namespace
 
 std::string ToString(PresenceKind kind) {
-  switch (kind) {
-    case PresenceKind::kCampaign:
-      return "campaign";
-    case PresenceKind::kRun:
-      return "run";
-    case PresenceKind::kPolicy:
-      return "policy server";
-  }
-  return "?";
+  return std::string(EnumName(
+      kind,
+      {{PresenceKind::kCampaign, "campaign"}, {PresenceKind::kRun, "run"}, {PresenceKind::kPolicy, "policy server"}}));
 }
 
 std::string ListText(const std::vector<Presence>& presences) {

@@ -97,6 +97,7 @@ struct WorkerClient::Impl {
   bus::WorkRequest NextRequest();
   Result<bus::Lease> Ask();
   Status Serve(const bus::Lease& lease);
+  void HandIn(const bus::Lease& lease, const WorkResult& result);
   void Send(const bus::Lease& lease, const WorkResult& result);
   void Report(const bus::Lease& lease, const std::string& outcome, const std::string& details_json);
 };
@@ -260,14 +261,7 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
     Report(lease, kReleased, "{}");
     return Fail(result.error());
   }
-  if (result->episode.empty()) {
-    ++failures;
-    Report(lease, result->outcome, result->details_json);
-  } else if (StopRequested()) {
-    Report(lease, kReleased, "{}");
-  } else {
-    Send(lease, *result);
-  }
+  HandIn(lease, *result);
   joined->heartbeat->Set([&](bus::WorkerStatus& status) {
     status.phase = "idle";
     status.token = 0;
@@ -277,6 +271,18 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
     status.frames_per_second = static_cast<double>(result->frames) / seconds;
   });
   return {};
+}
+
+// An episode is sent, a failure reported, and what a stop cut off is handed back.
+void WorkerClient::Impl::HandIn(const bus::Lease& lease, const WorkResult& result) {
+  if (result.episode.empty()) {
+    ++failures;
+    Report(lease, result.outcome, result.details_json);
+  } else if (StopRequested()) {
+    Report(lease, kReleased, "{}");
+  } else {
+    Send(lease, result);
+  }
 }
 
 WorkerClient::WorkerClient(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

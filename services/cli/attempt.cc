@@ -55,8 +55,7 @@ Status Replay(const Arguments& arguments) {
 }  // namespace
 
 void AddAttempt(CLI::App& app, Body& body) {
-  auto* command = app.add_subcommand("attempt", "make any attempt of a campaign again, to see how it went");
-  command->require_subcommand(1);
+  auto* command = AddGroup(app, "attempt", "make any attempt of a campaign again, to see how it went");
   auto arguments = std::make_shared<Arguments>();
   auto* replay = command->add_subcommand(
       "replay", "an attempt, failed or not: episode, video, planned motions, distances, where every body was");

@@ -172,8 +172,7 @@ Status Watch(const WatchArguments& arguments) {
 }  // namespace
 
 void AddCheckpoint(CLI::App& app, Body& body) {
-  auto* command = app.add_subcommand("checkpoint", "look at a checkpoint, or keep those that a run publishes");
-  command->require_subcommand(1);
+  auto* command = AddGroup(app, "checkpoint", "look at a checkpoint, or keep those that a run publishes");
   auto file = std::make_shared<std::string>();
   auto showing = std::make_shared<ShowArguments>();
   auto* show = command->add_subcommand("show", "robot, camera, stage, modules and their errors, data, hash");

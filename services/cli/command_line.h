@@ -19,6 +19,11 @@ using Body = std::function<Status()>;
 
 using BusArguments = bus::Arguments;
 
+/// A command that is one of several behind its name: `etude dataset info`.
+inline CLI::App* AddGroup(CLI::App& app, const char* name, const char* description) {
+  return app.add_subcommand(name, description)->require_subcommand(1);
+}
+
 /// Adds `--set KEY=VALUE`, repeatable.
 inline void AddOverrides(CLI::App& app, std::vector<std::string>& overrides, const char* example) {
   app.add_option("--set", overrides, std::string("KEY=VALUE over the file's, e.g. ") + example)

@@ -23,8 +23,7 @@ Status Describe(const std::string& kind, bool as_json) {
 }  // namespace
 
 void AddConfig(CLI::App& app, Body& body) {
-  auto* command = app.add_subcommand("config", "what may stand in a configuration file");
-  command->require_subcommand(1);
+  auto* command = AddGroup(app, "config", "what may stand in a configuration file");
   auto kind = std::make_shared<std::string>();
   auto as_json = std::make_shared<bool>(false);
   auto* describe = command->add_subcommand("describe", "every key with its type, unit, default and meaning");

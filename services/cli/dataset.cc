@@ -50,8 +50,7 @@ Status Sheet(const std::string& dataset, const std::string& out, const Filmstrip
 }  // namespace
 
 void AddDataset(CLI::App& app, Body& body) {
-  auto* command = app.add_subcommand("dataset", "look at a dataset, verify it, hash it");
-  command->require_subcommand(1);
+  auto* command = AddGroup(app, "dataset", "look at a dataset, verify it, hash it");
   auto dataset = std::make_shared<std::string>();
   auto as_json = std::make_shared<bool>(false), keep = std::make_shared<bool>(false);
   const auto add = [&](const char* name, const char* description) {

@@ -65,8 +65,7 @@ Status HeldOut(const HeldOutArguments& arguments) {
 }  // namespace
 
 void AddLanguage(CLI::App& app, Body& body) {
-  auto* command = app.add_subcommand("language", "what training says, and what it never says");
-  command->require_subcommand(1);
+  auto* command = AddGroup(app, "language", "what training says, and what it never says");
   auto arguments = std::make_shared<HeldOutArguments>();
   auto* held_out =
       command->add_subcommand("held-out", "the paper's unseen sentences, and which of their words training never saw");

@@ -17,8 +17,7 @@ struct ResultData {
   std::uint64_t episodes = 0;
   std::vector<std::string> set;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("name", name, "", "of the dataset, where rows share one; empty: the row's");
     v("campaign", campaign, "", "campaign: a name in deploy/campaigns, or a file");
     v("episodes", episodes, "-", "demonstrations; 0: the campaign's");
@@ -34,8 +33,7 @@ struct ResultTraining {
   std::string init;  ///< a row: its run of the same seed, or of its first
   std::vector<std::string> add, fresh, freeze, set;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("config", config, "", "experiment: its name, or a file; with init only where it is not the checkpoint's graph");
     v("minutes", minutes, "min", "of training");
     v("steps", steps, "steps", "instead of minutes");
@@ -55,8 +53,7 @@ struct ResultEvaluation {
   std::uint64_t seed = 1;
   std::vector<std::string> set;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("scenes", scenes, "", "campaign whose scenes are used; empty: pick, push and put down in the nominal world");
     v("tasks", tasks, "", "tasks; none: the campaign's");
     v("episodes", episodes, "-", "rollouts of each run");
@@ -74,8 +71,7 @@ struct ResultRow {
   ResultTraining train;
   ResultEvaluation eval;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("name", name, "", "plain name, of its folders");
     v("title", title, "", "what is measured");
     v("paper", paper, "", "what the paper has");
@@ -89,10 +85,7 @@ struct ResultRow {
 struct ResultsConfig {
   std::vector<ResultRow> rows;
 
-  template <class V>
-  void Visit(V& v) {
-    v("rows", rows, "", "of the table, in the order in which they are made");
-  }
+  void Visit(auto& v) { v("rows", rows, "", "of the table, in the order in which they are made"); }
 
   /// All problems at once: names, rows that begin with a later one, no limit of training.
   Status Validate() const;

@@ -18,8 +18,7 @@ struct ResultReport {
   std::string made;    ///< "2026-11-22, AMD EPYC, 2 CPUs"
   OrderedJson report;  ///< of eval.json what tables show: "overall", "per_task"
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("seed", seed, "-", "of the training");
     v("made", made, "", "when and on which machine");
     v("report", report, "", "overall and per task, as eval.json has them");
@@ -32,8 +31,7 @@ struct ResultRecord {
   OrderedJson definition;  ///< what of the row decides the figures: data, train but for its seeds, eval
   std::vector<ResultReport> reports;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("row", row, "", "its name");
     v("definition", definition, "", "data, training and scenes that it was made of");
     v("reports", reports, "", "one a training seed");
@@ -44,10 +42,7 @@ struct ResultRecord {
 struct ResultRecords {
   std::vector<ResultRecord> rows;
 
-  template <class V>
-  void Visit(V& v) {
-    v("rows", rows, "", "that were measured");
-  }
+  void Visit(auto& v) { v("rows", rows, "", "that were measured"); }
 
   /// @returns none where there is no file. @error kInvalidArgument: not such a file
   static Result<ResultRecords> Load(const Path& file);

@@ -4,9 +4,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
 #include <map>
-#include <numeric>
 #include <set>
 
 #include "services/core/statistics.h"
@@ -27,11 +25,7 @@ struct Count {
     trials += n;
     if (n > 0) shares.push_back(static_cast<double>(good) / static_cast<double>(n));
   }
-  double mean() const {
-    double sum = 0;
-    for (const double share : shares) sum += share;
-    return shares.empty() ? 0 : 100 * sum / static_cast<double>(shares.size());
-  }
+  double mean() const { return shares.empty() ? 0 : 100 * Mean(shares); }
   std::string text() const {
     if (trials == 0) return "-";
     const auto interval = WilsonInterval(successes, trials);
@@ -103,7 +97,7 @@ std::string ErrorsText(const ResultLine& line) {
     }
   }
   const auto text = [](const std::vector<double>& values) {
-    return values.empty() ? "-" : fmt::format("{:.2f}", std::reduce(values.begin(), values.end()) / std::ssize(values));
+    return values.empty() ? "-" : fmt::format("{:.2f}", Mean(values));
   };
   std::string lines;
   for (const auto& module : order)

@@ -17,8 +17,7 @@ struct UpTrainConfig {
   std::uint64_t start_episodes = 40;
   std::vector<std::string> set;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("config", config, "", "experiment: its name, or a file");
     v("run", run, "", "name of the run, also on the bus");
     v("minutes", minutes, "min", "how long training lasts");
@@ -33,8 +32,7 @@ struct UpEvalConfig {
   std::vector<std::string> tasks;
   int videos = 8;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("episodes", episodes, "-", "rollouts of the evaluation");
     v("seed", seed, "-", "of the evaluation's scenes");
     v("tasks", tasks, "", "tasks to evaluate; none: those that are collected");
@@ -51,8 +49,7 @@ struct UpConfig {
   UpTrainConfig train;
   UpEvalConfig eval;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("campaign", campaign, "", "campaign file, relative to this file");
     v("campaign_set", campaign_set, "", "KEY=VALUE over the campaign file's");
     v("workers", workers, "-", "worker processes; 0: one a core");

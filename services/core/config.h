@@ -4,7 +4,7 @@
 //   struct RenderConfig {
 //     int width = 224;  // > 0
 //     bool shadows = false;
-//     template <class Visitor> void Visit(Visitor& v) {
+//     void Visit(auto& v) {
 //       v("width", width, "px", "width of the picture");
 //       v("shadows", shadows, "", "whether lights cast shadows");
 //     }
@@ -111,65 +111,70 @@ class ConfigWriter {
 };
 
 template <class T>
+void ReadInteger(const OrderedJson& json, const std::string& path, T& value, std::vector<std::string>& errors) {
+  if (!json.is_number_integer()) return errors.push_back(TypeError(path, "an integer", json));
+  if (std::is_unsigned_v<T> && !json.is_number_unsigned())
+    return errors.push_back(TypeError(path, "an integer >= 0", json));
+  value = json.get<T>();
+  if (OrderedJson(value) != json) errors.push_back(TypeError(path, "a smaller integer", json));
+}
+
+inline void ReadText(const OrderedJson& json, const std::string& path, std::string& value,
+                     std::vector<std::string>& errors) {
+  if (json.is_string())
+    value = json.get<std::string>();
+  else if (json.is_number() || json.is_boolean())
+    value = json.dump();
+  else
+    errors.push_back(TypeError(path, "text", json));
+}
+
+template <class T>
+void ReadList(const OrderedJson& json, const std::string& path, T& value, std::vector<std::string>& errors) {
+  if (!json.is_array()) return errors.push_back(TypeError(path, "a list", json));
+  value.clear();
+  for (std::size_t i = 0; i < json.size(); ++i) {
+    typename T::value_type item{};
+    ReadValue(json[i], path + "[" + std::to_string(i) + "]", item, errors);
+    value.push_back(std::move(item));
+  }
+}
+
+template <class T>
+void ReadMap(const OrderedJson& json, const std::string& path, T& value, std::vector<std::string>& errors) {
+  value.clear();
+  for (const auto& [key, item_json] : json.items()) {
+    typename T::mapped_type item{};
+    ReadValue(item_json, path + "." + key, item, errors);
+    value.emplace(key, std::move(item));
+  }
+}
+
+template <class T>
 void ReadValue(const OrderedJson& json, const std::string& path, T& value, std::vector<std::string>& errors) {
   if constexpr (std::is_same_v<T, bool>) {
-    if (json.is_boolean())
-      value = json.get<bool>();
-    else
-      errors.push_back(TypeError(path, "true or false", json));
+    if (!json.is_boolean()) return errors.push_back(TypeError(path, "true or false", json));
+    value = json.get<bool>();
   } else if constexpr (std::is_integral_v<T>) {
-    if (!json.is_number_integer()) {
-      errors.push_back(TypeError(path, "an integer", json));
-    } else if (std::is_unsigned_v<T> && !json.is_number_unsigned()) {
-      errors.push_back(TypeError(path, "an integer >= 0", json));
-    } else {
-      value = json.get<T>();
-      if (OrderedJson(value) != json) errors.push_back(TypeError(path, "a smaller integer", json));
-    }
+    ReadInteger(json, path, value, errors);
   } else if constexpr (std::is_floating_point_v<T>) {
-    if (json.is_number())
-      value = json.get<T>();
-    else
-      errors.push_back(TypeError(path, "a number", json));
+    if (!json.is_number()) return errors.push_back(TypeError(path, "a number", json));
+    value = json.get<T>();
   } else if constexpr (std::is_same_v<T, std::string>) {
-    if (json.is_string())
-      value = json.get<std::string>();
-    else if (json.is_number() || json.is_boolean())
-      value = json.dump();
-    else
-      errors.push_back(TypeError(path, "text", json));
+    ReadText(json, path, value, errors);
   } else if constexpr (std::is_same_v<T, OrderedJson>) {
     value = json;
   } else if constexpr (IsVector<T>::value) {
-    if (!json.is_array()) {
-      errors.push_back(TypeError(path, "a list", json));
-      return;
-    }
-    value.clear();
-    for (std::size_t i = 0; i < json.size(); ++i) {
-      typename T::value_type item{};
-      ReadValue(json[i], path + "[" + std::to_string(i) + "]", item, errors);
-      value.push_back(std::move(item));
-    }
-  } else if constexpr (IsMap<T>::value) {
-    if (!json.is_object()) {
-      errors.push_back(TypeError(path, "a map", json));
-      return;
-    }
-    value.clear();
-    for (const auto& [key, item_json] : json.items()) {
-      typename T::mapped_type item{};
-      ReadValue(item_json, path + "." + key, item, errors);
-      value.emplace(key, std::move(item));
-    }
+    ReadList(json, path, value, errors);
   } else {
-    if (!json.is_object()) {
-      errors.push_back(TypeError(path, "a map", json));
-      return;
+    if (!json.is_object()) return errors.push_back(TypeError(path, "a map", json));
+    if constexpr (IsMap<T>::value) {
+      ReadMap(json, path, value, errors);
+    } else {
+      ConfigReader reader(json, path, errors);
+      value.Visit(reader);
+      reader.Finish();
     }
-    ConfigReader reader(json, path, errors);
-    value.Visit(reader);
-    reader.Finish();
   }
 }
 

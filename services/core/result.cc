@@ -1,26 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/core/result.h"
 
+#include "services/core/enum_name.h"
+
 namespace etude {
 
 std::string_view ToString(Code code) {
-  switch (code) {
-    case Code::kInvalidArgument:
-      return "invalid argument";
-    case Code::kNotFound:
-      return "not found";
-    case Code::kUnavailable:
-      return "unavailable";
-    case Code::kTimeout:
-      return "timeout";
-    case Code::kExhausted:
-      return "exhausted";
-    case Code::kCorrupt:
-      return "corrupt";
-    case Code::kInternal:
-      return "internal error";
-  }
-  return "unknown";
+  return EnumName(code,
+                  {{Code::kInvalidArgument, "invalid argument"},
+                   {Code::kNotFound, "not found"},
+                   {Code::kUnavailable, "unavailable"},
+                   {Code::kTimeout, "timeout"},
+                   {Code::kExhausted, "exhausted"},
+                   {Code::kCorrupt, "corrupt"},
+                   {Code::kInternal, "internal error"}},
+                  "unknown");
 }
 
 // (not inline: GCC 12 warns of std::string's operator+ where it inlines it into some callers)

@@ -6,11 +6,10 @@
 #include <cmath>
 #include <optional>
 
-#include "services/bus/directory.h"
-#include "services/bus/topic.h"
 #include "services/core/clock.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
+#include "services/policy/conversation.h"
 #include "services/policy/conversion.h"
 
 namespace etude::policy {
@@ -33,13 +32,6 @@ Result<Answer> AnswerOf(const bus::Action& action) {
   return answer;
 }
 
-// The server that is asked, known by the id of its run.
-struct Connection {
-  bus::Presence server;
-  bus::Writer<bus::Observation> observations;
-  bus::Reader<bus::Action> actions;
-};
-
 }  // namespace
 
 struct Client::Impl {
@@ -48,7 +40,7 @@ struct Client::Impl {
   std::string session;
   ClientOptions options;
   bus::Directory directory;
-  std::optional<Connection> connection = {};
+  std::optional<Conversation<bus::Action>> connection = {};
   std::uint64_t request_id = 0;
 
   Status Connect(std::chrono::nanoseconds timeout);
@@ -58,14 +50,8 @@ struct Client::Impl {
 
 // Looks for the server; nothing is connected when there is none within `timeout`.
 Status Client::Impl::Connect(std::chrono::nanoseconds timeout) {
-  ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kPolicy, run, timeout));
-  if (!found) return {};
-  const std::string partition = bus::Owner{found->name, found->id}.partition();
-  ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Writer<bus::Observation>::Open(*participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto actions, bus::Reader<bus::Action>::Open(*participant, partition));
-  connection.emplace(Connection{*found, std::move(observations), std::move(actions)});
-  // an observation that is written before the server's reader is found is lost
-  connection->observations.WaitForReaders(1, timeout);
+  ETUDE_ASSIGN_OR_RETURN(connection,
+                         Conversation<bus::Action>::Begin(*participant, directory, run, {timeout, timeout}));
   return {};
 }
 
@@ -75,15 +61,8 @@ bool Client::Impl::ServerHasGone() {
 
 // The answer to the last observation, or nothing within `timeout`.
 std::optional<bus::Action> Client::Impl::Await(std::chrono::nanoseconds timeout) {
-  const auto deadline = MonotonicClock::now() + timeout;
-  while (!StopRequested() && MonotonicClock::now() < deadline) {
-    if (!connection->actions.Wait(deadline - MonotonicClock::now())) break;
-    for (auto& action : connection->actions.Take()) {
-      const bool ours = action.session == session && action.run_id == connection->server.id;
-      if (ours && action.request_id == request_id) return std::move(action);
-    }
-  }
-  return std::nullopt;
+  return connection->Await(
+      timeout, [&](const bus::Action& action) { return action.session == session && action.request_id == request_id; });
 }
 
 Client::Client(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

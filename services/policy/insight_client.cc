@@ -7,10 +7,9 @@
 #include <optional>
 #include <utility>
 
-#include "services/bus/directory.h"
-#include "services/bus/topic.h"
 #include "services/core/clock.h"
 #include "services/core/stop.h"
+#include "services/policy/conversation.h"
 #include "services/policy/conversion.h"
 
 namespace etude::policy {
@@ -23,12 +22,10 @@ constexpr auto kSayAgain = 2s;
 constexpr auto kTurn = 1000ms / bus::kInsightsPerSecond;
 constexpr auto kMeet = 10s;  // for readers and writers to find each other
 
-// The server that is looked into, known by the id of its run.
+// With the server that is looked into.
 struct Connection {
-  bus::Presence server;
+  Conversation<bus::Insight> talk;
   bus::Writer<bus::InsightWish> wishes;
-  bus::Writer<bus::Observation> observations;
-  bus::Reader<bus::Insight> insights;
 };
 
 }  // namespace
@@ -54,25 +51,23 @@ struct InsightClient::Impl {
 };
 
 Status InsightClient::Impl::Connect() {
-  ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kPolicy, run, options.server));
-  if (!found)
+  ETUDE_ASSIGN_OR_RETURN(auto talk,
+                         Conversation<bus::Insight>::Begin(*participant, directory, run, {options.server, kMeet}));
+  if (!talk)
     return Fail(Code::kUnavailable, fmt::format("look into the policy of run '{}': no policy server within {} s",
                                                 run.text(), options.server.count() / 1000.0));
-  const std::string partition = bus::Owner{found->name, found->id}.partition();
+  const std::string partition = bus::Owner{talk->server.name, talk->server.id}.partition();
   ETUDE_ASSIGN_OR_RETURN(auto wishes, bus::Writer<bus::InsightWish>::Open(*participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Writer<bus::Observation>::Open(*participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto insights, bus::Reader<bus::Insight>::Open(*participant, partition));
-  connection.emplace(Connection{*found, std::move(wishes), std::move(observations), std::move(insights)});
-  // what is written before the server's readers are found is lost
-  connection->wishes.WaitForReaders(1, kMeet);
-  connection->observations.WaitForReaders(1, kMeet);
+  // a wish that is written before the server's reader is found is lost
+  wishes.WaitForReaders(1, kMeet);
+  connection.emplace(Connection{std::move(*talk), std::move(wishes)});
   return {};
 }
 
 Status InsightClient::Impl::Wish(std::uint32_t seconds) {
   bus::InsightWish wish;
-  wish.run = connection->server.name;
-  wish.run_id = connection->server.id;
+  wish.run = connection->talk.server.name;
+  wish.run_id = connection->talk.server.id;
   wish.viewer = wish.session = name;
   wish.seconds = seconds;
   wish_again = MonotonicClock::now() + kSayAgain;
@@ -81,21 +76,16 @@ Status InsightClient::Impl::Wish(std::uint32_t seconds) {
 
 // An insight into this question, from whichever try since `first`: the answer to each is the same.
 std::optional<bus::Insight> InsightClient::Impl::Await(std::uint64_t first) {
-  const auto deadline = MonotonicClock::now() + options.again;
-  while (!StopRequested() && MonotonicClock::now() < deadline) {
-    if (!connection->insights.Wait(deadline - MonotonicClock::now())) break;
-    for (auto& insight : connection->insights.Take()) {
-      const bool ours = insight.viewer == name && insight.session == name && insight.run_id == connection->server.id;
-      if (ours && insight.request_id >= first && insight.request_id <= request_id) return std::move(insight);
-    }
-  }
-  return std::nullopt;
+  return connection->talk.Await(options.again, [&](const bus::Insight& insight) {
+    const bool ours = insight.viewer == name && insight.session == name;
+    return ours && insight.request_id >= first && insight.request_id <= request_id;
+  });
 }
 
 Result<bus::Insight> InsightClient::Impl::Ask(bus::Observation observation) {
   if (!connection) ETUDE_RETURN_IF_ERROR(Connect());
-  observation.run = connection->server.name;
-  observation.run_id = connection->server.id;
+  observation.run = connection->talk.server.name;
+  observation.run_id = connection->talk.server.id;
   observation.session = name;
   const std::uint64_t first = request_id + 1;
   const auto deadline = MonotonicClock::now() + options.patience;
@@ -103,7 +93,7 @@ Result<bus::Insight> InsightClient::Impl::Ask(bus::Observation observation) {
     if (MonotonicClock::now() >= wish_again) ETUDE_RETURN_IF_ERROR(Wish(kStands));
     WaitForStop(std::max<std::chrono::nanoseconds>(turn - MonotonicClock::now(), 0ns));
     observation.request_id = ++request_id;
-    ETUDE_RETURN_IF_ERROR(connection->observations.Write(observation));
+    ETUDE_RETURN_IF_ERROR(connection->talk.observations.Write(observation));
     auto insight = Await(first);
     if (!insight) continue;
     turn = MonotonicClock::now() + kTurn;

@@ -17,8 +17,7 @@ struct AdaptiveSamplingSpec {
 
   bool on() const { return share > 0; }
   bool operator==(const AdaptiveSamplingSpec&) const = default;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("share", share, "-", "at most this share of the episodes is drawn by what the trainer lacks; 0: none");
     v("largest_ratio", largest_ratio, "-", "most by which the weights of two tasks, objects or places differ");
     v("every", every, "-", "episodes between two changes of the weights, and before the first");

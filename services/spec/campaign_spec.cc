@@ -101,8 +101,11 @@ void CheckCamera(const CameraSpec& camera, Problems& problems) {
   problems.Require(pixels_ok(camera.width) && pixels_ok(camera.height),
                    fmt::format("camera: {}x{} not in 16..2048", camera.width, camera.height));
   problems.Require(camera.fovy_deg > 1 && camera.fovy_deg < 170, "camera.fovy_deg: not in 1..170");
-  problems.Require(camera.position.size() == 3, "camera.position: three numbers");
-  problems.Require(camera.euler.size() == 3, "camera.euler: three numbers");
+  const auto three = [](const std::vector<double>& numbers) {
+    return numbers.size() == 3 && std::ranges::all_of(numbers, [](double number) { return std::isfinite(number); });
+  };
+  problems.Require(three(camera.position), "camera.position: three numbers");
+  problems.Require(three(camera.euler), "camera.euler: three numbers");
 }
 
 void CheckRandomization(const RandomizationSpec& randomization, Problems& problems) {
@@ -177,9 +180,9 @@ Status CampaignSpec::Validate() const {
     CheckRollout(rollout, problems);
     CheckSentences(*this, problems.errors());
   }
-  problems.Require(
-      split.train >= 0 && split.valid >= 0 && split.test >= 0 && split.train + split.valid + split.test > 0,
-      "split: fractions must be >= 0 and not all 0");
+  const double whole = split.train + split.valid + split.test;
+  problems.Require(split.train >= 0 && split.valid >= 0 && split.test >= 0 && whole > 0 && std::isfinite(whole),
+                   "split: fractions must be >= 0 and not all 0");
   if (problems.errors().empty()) return {};
   return Fail(Code::kInvalidArgument, fmt::format("campaign '{}': {}", name, fmt::join(problems.errors(), "; ")));
 }

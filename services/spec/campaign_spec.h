@@ -23,8 +23,7 @@ struct CameraSpec {
   std::vector<double> euler{-1.0, 0.0, 3.14};   ///< rad, rxyz
 
   bool operator==(const CameraSpec&) const = default;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("width", width, "px", "width of the pictures");
     v("height", height, "px", "height of the pictures");
     v("fovy_deg", fovy_deg, "deg", "vertical field of view");
@@ -43,8 +42,7 @@ struct RandomizationSpec {
   double light = 0.0;                     ///< relative change of light and colour
   WorldRandomizationSpec world;           ///< everything else that one sees
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("yaw", yaw, "rad", "every object is turned about the vertical by up to +- this");
     v("start_position", start_position, "m", "the hand's start is moved by up to +- this along each axis");
     v("start_orientation", start_orientation, "rad", "the hand's start is turned by up to +- this about each axis");
@@ -59,8 +57,7 @@ struct RandomizationSpec {
 struct ObstacleSpec {
   double in_the_way = 0.5;  ///< share of the scenes in which it blocks the straight way to the target
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("in_the_way", in_the_way, "-", "share of the scenes in which the obstacle blocks the straight way to the target");
   }
 };
@@ -83,8 +80,7 @@ struct RolloutSpec {
   /// templates. Tasks and targets then are the sentences', and task_weights do not count.
   std::vector<SentenceSpec> sentences;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("run", run, "", "policy to ask: the run whose checkpoints it serves");
     v("replan_steps", replan_steps, "steps of 8 ms", "control steps between two questions to the policy");
     v("max_steps", max_steps, "steps of 8 ms", "control steps until the rollout counts as a failure");
@@ -103,8 +99,7 @@ struct SplitSpec {
   double valid = 0.1;
   double test = 0.0;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("train", train, "-", "share of the training split; whole numbers are counts");
     v("valid", valid, "-", "share of the validation split");
     v("test", test, "-", "share of the test split");
@@ -138,8 +133,7 @@ struct CampaignSpec {
   WorldSpec world;
   AdaptiveSamplingSpec adaptive_sampling;  ///< mode demonstrate only
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("name", name, "", "plain name (a-z, 0-9, _ and -), also on the bus");
     v("mode", mode, "", "demonstrate: the expert drives | rollout: a policy drives");
     v("robots", robots, "", "known robots or robot files (.yaml), taken in turn");

@@ -35,8 +35,7 @@ struct SamplingWeights {
   /// None: everything is drawn as the spec alone says.
   bool empty() const { return tasks.empty() && objects.empty() && places.empty(); }
   bool operator==(const SamplingWeights&) const = default;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("tasks", tasks, "-", "by name");
     v("objects", objects, "-", "by noun");
     v("places", places, "-", "row by row");
@@ -62,8 +61,7 @@ struct ErrorCell {
   double error = 1;            ///< relative to the mean of all
 
   bool operator==(const ErrorCell&) const = default;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("task", task, "", "of a demonstration, or none");
     v("object", object, "", "noun");
     v("place", place, "-", "of the grid");
@@ -103,8 +101,7 @@ struct SamplingEntry {
   SamplingWeights weights;
 
   bool operator==(const SamplingEntry&) const = default;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("from_index", from_index, "-", "first episode that they hold for");
     v("run", run, "", "that asked for them");
     v("step", step, "steps", "of its training");

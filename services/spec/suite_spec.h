@@ -17,8 +17,7 @@ struct TargetPushSpec {
   int latest = 100;     ///< control step; what could not begin until then is left out and counted
 
   bool on() const { return count > 0; }
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("count", count, "-", "times that the target is pushed before the robot has touched it; 0: never");
     v("least", least, "m", "how far a push moves it, at least");
     v("most", most, "m", "how far a push moves it, at most");
@@ -37,8 +36,7 @@ struct SentenceSpec {
   std::string reference;  ///< of a relation; else ""
 
   bool operator==(const SentenceSpec&) const = default;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("text", text, "", "what is said to the policy");
     v("task", task, "", "task that the sentence means, one of the campaign's");
     v("object", object, "", "its target: an object of the campaign, or a class of them");

@@ -25,16 +25,32 @@ std::vector<std::string> PossibleTargets(const TaskSpec& task, const std::vector
   return targets;
 }
 
+namespace {
+
+// In place of another instance of its class, else of the last one that is not the target.
+std::vector<std::string> PutBeside(std::vector<std::string> drawn, const std::string& target,
+                                   const std::string& reference) {
+  const auto same_class = [&](const auto& object) { return ObjectNoun(object) == ObjectNoun(reference); };
+  if (const auto it = std::ranges::find_if(drawn, same_class); it != drawn.end()) {
+    *it = reference;
+    return drawn;
+  }
+  if (drawn.size() > 1) drawn.erase(std::prev(drawn.end(), drawn.back() == target ? 2 : 1));
+  drawn.push_back(reference);
+  return drawn;
+}
+
+}  // namespace
+
 std::vector<std::string> WithReference(const TaskSpec& task, std::vector<std::string> drawn,
                                        const std::vector<std::string>& objects) {
   if (!task.reference.needed || !PossibleTargets(task, drawn).empty()) return drawn;
-  const auto fits = [&](const std::string& object) {
-    return !PossibleReferences(task, drawn.front(), {object}).empty();
-  };
-  const auto it = std::ranges::find_if(objects, fits);
-  if (it == objects.end()) return drawn;
-  if (drawn.size() > 1) drawn.pop_back();
-  drawn.push_back(*it);
+  const std::vector<std::string> targets = drawn;
+  for (const std::string& target : targets) {
+    const auto it = std::ranges::find_if(
+        objects, [&](const auto& object) { return !PossibleReferences(task, target, {object}).empty(); });
+    if (it != objects.end()) return PutBeside(std::move(drawn), target, *it);
+  }
   return drawn;
 }
 

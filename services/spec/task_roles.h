@@ -15,7 +15,8 @@ std::vector<std::string> PossibleReferences(const TaskSpec& task, const std::str
 /// Those of `objects` that may be the target: with a reference, those that have a possible one.
 std::vector<std::string> PossibleTargets(const TaskSpec& task, const std::vector<std::string>& objects);
 
-/// `drawn` with its last object replaced by one of `objects` that may be the reference, where none of `drawn` may.
+/// `drawn` with one object replaced by one of `objects` that may be the reference, where none of `drawn` may: another
+/// instance of its class, else the last.
 std::vector<std::string> WithReference(const TaskSpec& task, std::vector<std::string> drawn,
                                        const std::vector<std::string>& objects);
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "services/core/enum_name.h"
 #include "services/core/file.h"
 
 namespace etude {
@@ -23,19 +24,11 @@ constexpr double kMostAway = 0.5;  // m of a place that is kept clear
 enum class Hand { kFree, kBeforeTarget, kBehindTarget, kAroundTarget, kHolding };
 
 std::string_view Words(Hand hand) {
-  switch (hand) {
-    case Hand::kFree:
-      return "the hand is free";
-    case Hand::kBeforeTarget:
-      return "the hand is before the target, open";
-    case Hand::kBehindTarget:
-      return "the hand is behind the target, closed";
-    case Hand::kAroundTarget:
-      return "the open fingers are round the target";
-    case Hand::kHolding:
-      return "the hand holds the target";
-  }
-  return "";
+  return EnumName(hand, {{Hand::kFree, "the hand is free"},
+                         {Hand::kBeforeTarget, "the hand is before the target, open"},
+                         {Hand::kBehindTarget, "the hand is behind the target, closed"},
+                         {Hand::kAroundTarget, "the open fingers are round the target"},
+                         {Hand::kHolding, "the hand holds the target"}});
 }
 
 // Looks at stages one after another.
@@ -140,7 +133,7 @@ void CheckWords(const TaskSpec& task, std::vector<std::string>& errors) {
     errors.push_back("words.places: only for a task with a reference; set `reference: {needed: true}`");
   for (const auto* words : {&task.words.verbs, &task.words.places})
     for (const auto& word : *words)
-      if (word.empty() || word.front() == ' ' || word.back() == ' ' ||
+      if (word.empty() || word.front() == ' ' || word.back() == ' ' || word.find("  ") != std::string::npos ||
           !std::all_of(word.begin(), word.end(), [](char c) { return c == ' ' || (c >= 'a' && c <= 'z'); }))
         errors.push_back(fmt::format("words: '{}' must be lower-case words with single spaces", word));
 }

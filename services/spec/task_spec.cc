@@ -36,8 +36,7 @@ struct StartKeys {
   OrderedJson not_already;
   std::vector<std::vector<double>> keep_clear;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("boxes", boxes, "", "standard | roomy: space before and behind every object");
     v("not_already", not_already, "", "predicate that must not hold at the start");
     v("keep_clear", keep_clear, "m", "x and y from the target, pairs: no obstacle stands there");
@@ -53,8 +52,7 @@ struct TaskKeys {
   std::vector<OrderedJson> stages;
   OrderedJson success, latched;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("name", name, "", "plain name; of a built-in task its file's");
     v("summary", summary, "", "one sentence for people");
     v("words", words, "", "of its sentences");

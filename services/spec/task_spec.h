@@ -25,17 +25,13 @@ struct ApproachSpec {
   std::string to = "grasp";  ///< grasp | push
 
   bool pushes() const { return to == "push"; }
-  template <class V>
-  void Visit(V& v) {
-    v("to", to, "", "grasp | push");
-  }
+  void Visit(auto& v) { v("to", to, "", "grasp | push"); }
 };
 
 /// The open fingers go round the target.
 struct ReachSpec {
   static constexpr std::string_view kName = "reach";
-  template <class V>
-  void Visit(V&) {}
+  void Visit(auto&) {}
 };
 
 /// The fingers close until the target is held.
@@ -44,8 +40,7 @@ struct GraspSpec {
   int min_steps = 12;  ///< control steps at least,
   int max_steps = 80;  ///< and at most
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("min_steps", min_steps, "control steps", "at least");
     v("max_steps", max_steps, "control steps", "at most, until the target is held");
   }
@@ -56,10 +51,7 @@ struct LiftSpec {
   static constexpr std::string_view kName = "lift";
   double room = 0.10;  ///< m under the target
 
-  template <class V>
-  void Visit(V& v) {
-    v("room", room, "m", "under the lifted target");
-  }
+  void Visit(auto& v) { v("room", room, "m", "under the lifted target"); }
 };
 
 /// The held target is turned over by 90 degrees.
@@ -67,8 +59,7 @@ struct TurnSpec {
   static constexpr std::string_view kName = "turn";
   double lean = 0;  ///< rad short of the quarter, for hands that come from above: room for the palm
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("lean", lean, "rad", "short of the quarter, for hands that come from above: room for the palm");
   }
 };
@@ -80,8 +71,7 @@ struct CarrySpec {
   double room = 0.19;       ///< m under the target, and over a reference that it goes on or into
 
   Whereto whereto() const;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("to", to, "", "left | right | front | behind | on_top | inside, seen from the reference");
     v("room", room, "m", "under the target, and over a reference that it goes on or into");
   }
@@ -93,8 +83,7 @@ struct PushSpec {
   double distance = 0.11;  ///< m
   double least = 0.06;     ///< m, where something is in the way further on
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("distance", distance, "m", "that the target is pushed");
     v("least", least, "m", "the same where something is in the way further on");
   }
@@ -107,8 +96,7 @@ struct PlaceSpec {
   double gap = 0.002;       ///< m between the target and what it is put on when it is released
 
   Whereto whereto() const;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("to", to, "", "here | left | right | front | behind | on_top | inside: as of carry");
     v("gap", gap, "m", "between the target and what it is put on when it is released");
   }
@@ -119,10 +107,7 @@ struct ReleaseSpec {
   static constexpr std::string_view kName = "release";
   int steps = 14;  ///< control steps
 
-  template <class V>
-  void Visit(V& v) {
-    v("steps", steps, "control steps", "that the fingers get to open");
-  }
+  void Visit(auto& v) { v("steps", steps, "control steps", "that the fingers get to open"); }
 };
 
 /// The open hand leaves.
@@ -132,8 +117,7 @@ struct RetreatSpec {
   double distance = 0.12;    ///< m, for hands that come from above
 
   bool back() const { return along == "approach"; }
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("along", along, "", "up | approach: back the way it came");
     v("distance", distance, "m", "that a hand from above leaves by");
   }
@@ -144,10 +128,7 @@ struct HoldSpec {
   static constexpr std::string_view kName = "hold";
   int steps = 20;  ///< control steps
 
-  template <class V>
-  void Visit(V& v) {
-    v("steps", steps, "control steps", "that the hand stays");
-  }
+  void Visit(auto& v) { v("steps", steps, "control steps", "that the hand stays"); }
 };
 
 using StageSpec = std::variant<ApproachSpec, ReachSpec, GraspSpec, LiftSpec, TurnSpec, CarrySpec, PushSpec, PlaceSpec,
@@ -163,8 +144,7 @@ struct TaskWordsSpec {
   std::vector<std::string> verbs;   ///< "pick up"
   std::vector<std::string> places;  ///< with a reference: where the target goes, "to the left of"
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("verbs", verbs, "", "of its sentences: pick up");
     v("places", places, "", "with a reference: where the target goes, as to the left of");
   }
@@ -175,8 +155,7 @@ struct ReferenceSpec {
   bool needed = false;
   std::vector<std::string> only;  ///< objects or classes that it may be; none: any but the target
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("needed", needed, "", "whether it is about a second object");
     v("only", only, "", "objects or classes that this may be; none: any but the target");
   }

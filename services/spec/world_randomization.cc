@@ -11,23 +11,25 @@
 namespace etude {
 
 void WorldRandomizationSpec::Check(std::vector<std::string>& errors) const {
-  const auto in_range = [&](const char* key, double value, double high) {
-    if (!(value >= 0 && value <= high))
-      errors.push_back(fmt::format("randomization.world.{}: {} not in 0..{}", key, value, high));
+  struct Range {
+    const char* key;
+    double value, high;
   };
-  in_range("camera_position", camera_position, 1);
-  in_range("camera_aim", camera_aim, 0.5);
-  in_range("camera_roll", camera_roll, 0.8);
-  in_range("fovy_deg", fovy_deg, 40);
-  in_range("light_brightness", light_brightness, 0.9);
-  in_range("light_colour", light_colour, 0.9);
-  in_range("light_direction", light_direction, 1);
-  in_range("table_scale", table_scale, 4);
-  in_range("table_colour", table_colour, 0.9);
-  in_range("background", background, 1);
-  in_range("object_colour", object_colour, 0.9);
-  in_range("object_gloss", object_gloss, 1);
-  in_range("distractors", distractors, 4);
+  for (const Range& range : {Range{"camera_position", camera_position, 1},
+                             {"camera_aim", camera_aim, 0.5},
+                             {"camera_roll", camera_roll, 0.8},
+                             {"fovy_deg", fovy_deg, 40},
+                             {"light_brightness", light_brightness, 0.9},
+                             {"light_colour", light_colour, 0.9},
+                             {"light_direction", light_direction, 1},
+                             {"table_scale", table_scale, 4},
+                             {"table_colour", table_colour, 0.9},
+                             {"background", background, 1},
+                             {"object_colour", object_colour, 0.9},
+                             {"object_gloss", object_gloss, 1},
+                             {"distractors", static_cast<double>(distractors), 4}})
+    if (!(range.value >= 0 && range.value <= range.high))
+      errors.push_back(fmt::format("randomization.world.{}: {} not in 0..{}", range.key, range.value, range.high));
   for (const std::string& table : tables)
     if (std::ranges::find(KnownTables(), table) == KnownTables().end())
       errors.push_back("randomization.world.tables: " + NotKnown(table, KnownTables()));

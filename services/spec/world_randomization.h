@@ -27,8 +27,7 @@ struct WorldRandomizationSpec {
   int distractors = 0;              ///< at most so many things on the table that no sentence names
 
   bool operator==(const WorldRandomizationSpec&) const = default;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("camera_position", camera_position, "m", "the camera is moved by up to +- this along each axis");
     v("camera_aim", camera_aim, "m", "the place on the table that it looks at is moved by up to +- this along x and y");
     v("camera_roll", camera_roll, "rad", "it is turned about its viewing direction by up to +- this");

@@ -23,8 +23,7 @@ struct WorldSpec {
   double friction = 1;                                    ///< factor of all sliding friction
   int control_delay = 0;                                  ///< control steps until a command takes effect
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("light_brightness", light_brightness, "-", "gain of all lights");
     v("light_colour", light_colour, "-", "gain of all lights: red, green, blue");
     v("light_direction", light_direction, "-", "where the sun shines: a direction, world");

@@ -8,7 +8,6 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
-#include <numeric>
 #include <string>
 #include <vector>
 
@@ -193,10 +192,6 @@ void Measure(const World& world, GlContext& gl, const std::vector<Variant>& vari
       for (int frame = 0; frame < kFrames; ++frame) drawers[i]->Frame(data);
       scores[i].fps.push_back(kFrames / std::chrono::duration<double>(Clock::now() - start).count());
     }
-}
-
-double Mean(const std::vector<double>& values) {
-  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
 void Print(const std::vector<Variant>& variants, const std::vector<Score>& scores) {

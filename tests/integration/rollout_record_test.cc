@@ -35,7 +35,7 @@ policy::Answer GoThere() {
   return answer;
 }
 
-TEST(RolloutRecord, HoldsEveryBitOfWhatThePolicyWasAsked) {
+CampaignSpec RecordSpec() {
   CampaignSpec spec;
   spec.name = "record";
   spec.mode = "rollout";
@@ -46,6 +46,22 @@ TEST(RolloutRecord, HoldsEveryBitOfWhatThePolicyWasAsked) {
   spec.rollout.replan_steps = 20;
   spec.rollout.max_steps = 110;
   spec.rollout.occlude = 0.4;  // the picture is changed after it is rendered
+  return spec;
+}
+
+void ExpectSame(const Asked& again, const Asked& asked) {
+  EXPECT_EQ(again.joints, asked.joints);
+  EXPECT_EQ(again.rgb, asked.rgb);
+  EXPECT_EQ(again.instruction, asked.instruction);
+  EXPECT_EQ(again.robot, asked.robot);
+  EXPECT_EQ(again.camera.width, asked.camera.width);
+  EXPECT_NEAR(again.camera.fovy, asked.camera.fovy, 1e-9);
+  EXPECT_TRUE(again.camera.X_WC.p.isApprox(asked.camera.X_WC.p, 1e-9));
+  EXPECT_LT(AngleBetween(again.camera.X_WC.q, asked.camera.X_WC.q), 1e-6);
+}
+
+TEST(RolloutRecord, HoldsEveryBitOfWhatThePolicyWasAsked) {
+  const CampaignSpec spec = RecordSpec();
   auto runner = task::AttemptRunner::Open(spec);
   ASSERT_THAT(runner, IsOk());
   std::vector<Asked> asked, again;
@@ -79,14 +95,8 @@ TEST(RolloutRecord, HoldsEveryBitOfWhatThePolicyWasAsked) {
   EXPECT_EQ(tally.Text(), "overlay: 6 of 6 decisions");
   ASSERT_EQ(again.size(), asked.size());
   for (std::size_t i = 0; i < asked.size(); ++i) {
-    EXPECT_EQ(again[i].joints, asked[i].joints) << i;
-    EXPECT_EQ(again[i].rgb, asked[i].rgb) << i;
-    EXPECT_EQ(again[i].instruction, asked[i].instruction);
-    EXPECT_EQ(again[i].robot, asked[i].robot);
-    EXPECT_EQ(again[i].camera.width, asked[i].camera.width);
-    EXPECT_NEAR(again[i].camera.fovy, asked[i].camera.fovy, 1e-9);
-    EXPECT_TRUE(again[i].camera.X_WC.p.isApprox(asked[i].camera.X_WC.p, 1e-9));
-    EXPECT_LT(AngleBetween(again[i].camera.X_WC.q, asked[i].camera.X_WC.q), 1e-6);
+    SCOPED_TRACE(i);
+    ExpectSame(again[i], asked[i]);
   }
   EXPECT_NE(asked[0].joints, asked[5].joints) << "the hand has moved";
   EXPECT_NE(asked[0].rgb, asked[5].rgb);

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 
 #include <string>
+#include <vector>
 
 #include "services/core/result.h"
 
@@ -32,6 +33,13 @@ MATCHER_P(MessageHas, text, "is an error that says '" + std::string(text) + "'")
   if (arg) return false;
   *result_listener << arg.error().message;
   return arg.error().message.find(text) != std::string::npos;
+}
+
+/// EXPECT_THAT(text, HasAll({"one", "another"}));
+inline auto HasAll(std::vector<std::string> parts) {
+  std::vector<testing::Matcher<const std::string&>> matchers;
+  for (const auto& part : parts) matchers.push_back(testing::HasSubstr(part));
+  return testing::AllOfArray(matchers);
 }
 
 }  // namespace etude

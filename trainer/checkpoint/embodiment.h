@@ -22,8 +22,7 @@ struct Embodiment {
   int waypoints = 0;                ///< of an answer
   int horizon = 0;                  ///< control steps that they span
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("robot", robot, "", "name of the robot");
     v("joints", joints, "-", "numbers of an observation's joints");
     v("width", width, "px", "width of the camera's picture");

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "services/core/check.h"
+#include "services/core/enum_name.h"
 
 namespace etude::curriculum {
 namespace {
@@ -47,15 +48,7 @@ void CurriculumConfig::Check(std::vector<std::string>& errors) const {
 std::string Subtask::Name() const { return fmt::format("{}", fmt::join(modules, "+")); }
 
 std::string_view ToString(Cause cause) {
-  switch (cause) {
-    case Cause::kGoal:
-      return "goal";
-    case Cause::kConverged:
-      return "converged";
-    case Cause::kBudget:
-      return "budget";
-  }
-  return "?";
+  return EnumName(cause, {{Cause::kGoal, "goal"}, {Cause::kConverged, "converged"}, {Cause::kBudget, "budget"}});
 }
 
 Scheduler::Scheduler(const CurriculumConfig& config, std::vector<Subtask> subtasks)

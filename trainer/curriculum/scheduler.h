@@ -29,8 +29,7 @@ struct CurriculumConfig {
   /// Module -> error (1 - accuracy, px, m) that is good enough whatever the trend.
   std::map<std::string, double> goals;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("enabled", enabled, "", "false: every subtask from the start");
     v("improvement", improvement, "-",
       "a module has converged when its best error improved by less than this fraction");

@@ -33,8 +33,7 @@ struct DataConfig {
   int min_valid = 4;          ///< and for this many of the validation split; those that are there then are the set
   double refresh_s = 5;       ///< how often a growing dataset is looked at
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("batch", batch, "-", "pictures a step");
     v("sentences", sentences, "-", "commands asked about each picture; 1: no relabelling");
     v("sentence_variants", sentence_variants, "-", "wordings of one command within a batch");

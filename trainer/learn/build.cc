@@ -135,7 +135,8 @@ Status OpenTextEncoder(TrainingRun& run) {
 Result<Policies> MakeReplicas(const TrainingRun& run, const data::Statistics& statistics) {
   const TrainConfig& config = run.config;
   SetBlasThreads(config.threads.intra_op);
-  int copies = config.threads.replicas;
+  // more of them keep the cores of a CPU busy; a CUDA device is with one
+  int copies = run.options.device.is_cpu() ? config.threads.replicas : 1;
   if (copies == 0) copies = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   Policies policies;
   for (int r = 0; r < std::min(copies, config.data.batch); ++r) {
@@ -218,7 +219,10 @@ Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& stat
   } else if (!run.config.init.from.empty()) {
     ETUDE_RETURN_IF_ERROR(BeginWithCheckpoint(run, policies));
   }
-  for (auto& policy : policies) policy->Freeze(run.config.init.freeze);
+  for (auto& policy : policies) {
+    policy->Freeze(run.config.init.freeze);
+    policy->to(run.options.device);
+  }
   ETUDE_ASSIGN_OR_RETURN(run.validation, data::FixedSplit(snapshot, data::Split::kValid,
                                                           state ? state->validation : std::vector<std::uint64_t>{}));
   run.optimizer = std::make_unique<Optimizer>(run.config.optimizer, policies);
@@ -262,9 +266,10 @@ Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::sh
   }
   Log().info(
       "training '{}': {} parameters, {} replicas, batch {} x {} sentences, {} training and {} validation episodes, "
-      "from step {}",
+      "on {} from step {}",
       config.name, run->optimizer->size(), run->replicas->size(), config.data.batch, config.data.sentences,
-      snapshot->episode_count(data::Split::kTrain), run->validation->episodes().size(), run->step);
+      snapshot->episode_count(data::Split::kTrain), run->validation->episodes().size(), options.device.str(),
+      run->step);
   return run;
 }
 

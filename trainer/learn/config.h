@@ -26,8 +26,7 @@ struct OptimizerConfig {
   double final_lr = 0.01;           ///< fraction of lr at the end of the cosine
   double clip = 1;                  ///< global gradient norm; 0: not clipped
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("lr", lr, "-", "largest learning rate of AdamW");
     v("beta1", beta1, "-", "decay of the gradient's mean");
     v("beta2", beta2, "-", "decay of the gradient's square");
@@ -44,8 +43,7 @@ struct EvalConfig {
   int every_steps = 250;
   int frames = 384;  ///< of the validation split, spread over tasks, episodes and phases
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("every_steps", every_steps, "steps", "between two evaluations");
     v("frames", frames, "-", "pictures of the validation split, spread over tasks, episodes and phases");
   }
@@ -55,8 +53,7 @@ struct CheckpointConfig {
   int every_steps = 500;  ///< besides the end, every new stage and every new best
   int keep = 3;           ///< newest files kept, besides the best
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("every_steps", every_steps, "steps",
       "between two checkpoints, besides the end, every new stage and every new best");
     v("keep", keep, "-", "newest files kept, besides the best");
@@ -69,8 +66,7 @@ struct ThreadsConfig {
   int replicas = 0;
   int intra_op = 1;  ///< threads inside an operation, per replica
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("replicas", replicas, "-", "copies of the network, each on its own part of the batch; 0: one a core");
     v("intra_op", intra_op, "-", "threads inside an operation, for each replica");
   }
@@ -84,8 +80,7 @@ struct InitConfig {
   std::vector<std::string> fresh;   ///< parts that begin anew
   std::vector<std::string> freeze;  ///< parts that stay as they are, bit for bit
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("from", from, "", "file of the checkpoint to begin with; empty: from scratch");
     v("copy", copy, "", "parts to take from it; none: all that both have, but `fresh`");
     v("fresh", fresh, "", "parts that begin anew");
@@ -108,8 +103,7 @@ struct TrainConfig {
   InitConfig init;
   policy::PolicyConfig policy;  ///< in a file also the name of a file in policies/ beside it, or `checkpoint`
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("name", name, "", "of the experiment");
     v("seed", seed, "-", "what everything random is drawn from");
     v("steps", steps, "steps", "length of the run; 0: no limit by steps");

@@ -59,7 +59,7 @@ void AddMetric(const std::string& module, const policy::Metric& metric, const Qu
   const auto shape = metric.values.sizes();
   const auto valid = metric.valid.expand(shape).to(torch::kFloat64).reshape({shape[0], shape[1], -1});
   const auto values = torch::where(valid > 0, metric.values.to(torch::kFloat64).reshape({shape[0], shape[1], -1}),
-                                   torch::zeros({}, torch::kFloat64));
+                                   torch::zeros({}, valid.options()));
   const auto sum = values.sum(-1).to(torch::kCPU), count = valid.sum(-1).to(torch::kCPU);
   const auto sums = sum.accessor<double, 2>(), counts = count.accessor<double, 2>();
   for (std::size_t b = 0; b < questions.size(); ++b) {

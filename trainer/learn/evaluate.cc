@@ -29,9 +29,9 @@ class Sums {
   // adds the values where they are valid (broadcast to their shape)
   void Add(const std::string& name, const policy::Metric& metric) {
     const auto mask = metric.valid.expand(metric.values.sizes());
+    const auto values = metric.values.to(torch::kFloat64);
     Sum& sum = sums_[name];
-    sum.sum +=
-        torch::where(mask, metric.values.to(torch::kFloat64), torch::zeros({}, torch::kFloat64)).sum().item<double>();
+    sum.sum += torch::where(mask, values, torch::zeros({}, values.options())).sum().item<double>();
     sum.count += mask.sum().item<double>();
     sum.scale = metric.scale;
     sum.role = metric.role;
@@ -177,7 +177,7 @@ Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const Batc
                                           samples.begin() + static_cast<std::ptrdiff_t>(end));
     status = set.maker.Make(set.snapshot, chunk, 0, data::Augment::kNo, scratch, arrays);
     if (!status) break;
-    const Part part = PartOf(arrays, 0, arrays.size);
+    const Part part = PartOf(arrays, 0, arrays.size, policy.device());
     visit(chunk, part, policy.Forward(part.inputs, set.level));
   }
   policy.train();

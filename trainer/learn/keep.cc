@@ -121,7 +121,7 @@ void AveragedWeights::Measure() {
     }
     ++measured;
     for (auto& [name, buffer] : buffers) buffer.zero_();
-    const Part part = PartOf(batch, 0, batch.size);
+    const Part part = PartOf(batch, 0, batch.size, policy.device());
     (void)policy.Forward(part.inputs, run_.scheduler->level());
     for (const auto& [name, buffer] : buffers) sums[name] += buffer;
   }

@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
+#include <optional>
 
 #include "services/core/check.h"
-#include "trainer/learn/adamw_kernel.h"
+#include "trainer/learn/flat.h"
 
 namespace etude::learn {
 namespace {
@@ -42,7 +44,7 @@ Optimizer::Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<
     total += (count + 15) / 16 * 16;  // 64-byte alignment of each
   }
   copies_ = static_cast<int>(replicas.size());
-  const auto options = torch::TensorOptions().dtype(torch::kFloat32);
+  const auto options = torch::TensorOptions().dtype(torch::kFloat32).device(replicas.front()->device());
   parameters_ = torch::zeros(static_cast<std::int64_t>(total), options);
   first_ = torch::zeros_like(parameters_);
   second_ = torch::zeros_like(parameters_);
@@ -68,43 +70,40 @@ void Optimizer::ZeroGradients() {
 }
 
 torch::Tensor& Optimizer::SumGradients() {
-  const auto n = static_cast<std::size_t>(parameters_.numel());
-  for (std::size_t r = 1; r < gradients_.size() && !summed_; ++r)
-    AddInto(n, gradients_[r].data_ptr<float>(), gradients_[0].data_ptr<float>());
+  for (std::size_t r = 1; r < gradients_.size() && !summed_; ++r) AddFlat(gradients_[r], gradients_[0]);
   summed_ = true;
   return gradients_[0];
 }
 
+AdamwStep Optimizer::NextStep(std::size_t segment, double lr, double scale) {
+  const auto t = static_cast<double>(++steps_.data_ptr<std::int64_t>()[segment]);
+  AdamwStep step;
+  step.lr = static_cast<float>(lr);
+  step.beta1 = static_cast<float>(config_.beta1);
+  step.beta2 = static_cast<float>(config_.beta2);
+  step.epsilon = static_cast<float>(config_.epsilon);
+  step.decay = segments_[segment].decay ? static_cast<float>(config_.weight_decay) : 0.0f;
+  step.correction1 = static_cast<float>(1 - std::pow(config_.beta1, t));
+  step.correction2 = static_cast<float>(1 - std::pow(config_.beta2, t));
+  step.scale = static_cast<float>(scale);
+  return step;
+}
+
 Optimizer::Outcome Optimizer::Step(double lr) {
-  float* gradient = SumGradients().data_ptr<float>();
-  std::vector<double> squares;
-  double total = 0;
-  for (const auto& segment : segments_) {
-    squares.push_back(SumOfSquares(gradient + segment.offset, segment.count));
-    total += squares.back();
-  }
+  const torch::Tensor& gradient = SumGradients();
+  std::vector<FlatRange> ranges;
+  for (const auto& segment : segments_) ranges.push_back({segment.offset, segment.count});
+  const std::vector<double> squares = SquaresOf(gradient, ranges);
+  const double total = std::accumulate(squares.begin(), squares.end(), 0.0);
   const double average = 1.0 / copies_;
   const double norm = std::sqrt(total) * average;
   if (!std::isfinite(norm)) return {norm};
 
   const double clip = config_.clip > 0 && norm > config_.clip ? config_.clip / norm : 1.0;
-  auto* steps = steps_.data_ptr<std::int64_t>();
-  for (std::size_t i = 0; i < segments_.size(); ++i) {
-    if (squares[i] == 0) continue;
-    const Segment& segment = segments_[i];
-    const auto t = static_cast<double>(++steps[i]);
-    AdamwStep step;
-    step.lr = static_cast<float>(lr);
-    step.beta1 = static_cast<float>(config_.beta1);
-    step.beta2 = static_cast<float>(config_.beta2);
-    step.epsilon = static_cast<float>(config_.epsilon);
-    step.decay = segment.decay ? static_cast<float>(config_.weight_decay) : 0.0f;
-    step.correction1 = static_cast<float>(1 - std::pow(config_.beta1, t));
-    step.correction2 = static_cast<float>(1 - std::pow(config_.beta2, t));
-    step.scale = static_cast<float>(clip * average);
-    UpdateAdamw(step, segment.count, gradient + segment.offset, first_.data_ptr<float>() + segment.offset,
-                second_.data_ptr<float>() + segment.offset, parameters_.data_ptr<float>() + segment.offset);
-  }
+  std::vector<std::optional<AdamwStep>> steps(segments_.size());
+  for (std::size_t i = 0; i < segments_.size(); ++i)
+    if (squares[i] != 0) steps[i] = NextStep(i, lr, clip * average);
+  UpdateFlat(ranges, steps, {gradient, first_, second_, parameters_});
   return {norm};
 }
 
@@ -117,14 +116,11 @@ void Optimizer::UpdateAverage(double decay) {
   // early on the average is short, so that the start does not weigh on it
   const auto t = static_cast<double>(++average_steps_.data_ptr<std::int64_t>()[0]);
   const double now = std::min(decay, (1 + t) / (10 + t));
-  Average(static_cast<std::size_t>(parameters_.numel()), static_cast<float>(now), parameters_.data_ptr<float>(),
-          average_.data_ptr<float>());
+  AverageFlat(now, parameters_, average_);
 }
 
 void Optimizer::ExchangeAverage() {
-  if (!average_.defined()) return;
-  float* parameters = parameters_.data_ptr<float>();
-  std::swap_ranges(parameters, parameters + parameters_.numel(), average_.data_ptr<float>());
+  if (average_.defined()) SwapFlat(parameters_, average_);
 }
 
 torch::Tensor Optimizer::ViewOf(const torch::Tensor& flat, const Segment& segment) const {

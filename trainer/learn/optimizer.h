@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// AdamW over one flat buffer: parameters of all replicas share their storage, gradients of each
+// AdamW over one flat buffer on the policies' device: parameters of all replicas share their storage, gradients of each
 // replica lie in one array, so that averaging, clipping, the update and saving are single passes
 // over memory.
 #pragma once
@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "trainer/learn/adamw_kernel.h"
 #include "trainer/learn/config.h"
 #include "trainer/policy/policy.h"
 
@@ -60,11 +61,13 @@ class Optimizer {
     bool decay = false;
     std::vector<std::int64_t> sizes, strides;
   };
+  /// Counts a step of a segment.
+  AdamwStep NextStep(std::size_t segment, double lr, double scale);
   torch::Tensor ViewOf(const torch::Tensor& flat, const Segment& segment) const;
   OptimizerConfig config_;
   std::vector<Segment> segments_;
-  torch::Tensor parameters_, first_, second_, steps_;  // (N) each; steps_: int64, one a segment
-  torch::Tensor average_, average_steps_;              // (N), (1); undefined: off
+  torch::Tensor parameters_, first_, second_, steps_;  // (N) each; steps_: int64, one a segment, on the CPU
+  torch::Tensor average_, average_steps_;              // (N), (1) on the CPU; undefined: off
   std::vector<torch::Tensor> gradients_;               // (N), one a replica
   bool summed_ = false;                                // the first is the sum
   int copies_ = 1;

@@ -100,9 +100,12 @@ Result<StepOrder> Ranks::Agree(const StepOrder& order) {
 }
 
 Status Ranks::Sum(torch::Tensor& values) {
-  std::vector<torch::Tensor> tensors{values};
-  return impl_->Together("gradients were summed",
-                         [&] { return impl_->group->allreduce(tensors, c10d::AllreduceOptions()); });
+  // Gloo sums what lies in the host's memory
+  std::vector<torch::Tensor> tensors{values.to(torch::kCPU)};
+  ETUDE_RETURN_IF_ERROR(impl_->Together("gradients were summed",
+                                        [&] { return impl_->group->allreduce(tensors, c10d::AllreduceOptions()); }));
+  if (!values.is_cpu()) values.copy_(tensors[0]);
+  return {};
 }
 
 Status Ranks::CheckSame(const std::string& what, const std::string& value) {

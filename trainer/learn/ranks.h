@@ -61,7 +61,8 @@ class Ranks {
 
   /// Rank 0's order, on every rank. @error kUnavailable: a rank was lost; the message says at what
   Result<StepOrder> Agree(const StepOrder& order);
-  /// The sum over the ranks, in place, the same bits on each. @param values  float32, dense @error as Agree
+  /// The sum over the ranks, in place, the same bits on each. @param values  float32, dense, on any device @error as
+  /// Agree
   Status Sum(torch::Tensor& values);
   /// @error kInvalidArgument on every rank when `value` (a configuration, a dataset's fingerprint) is not the same on
   /// all; as Agree

@@ -40,8 +40,8 @@ void Replicas::RunPart(std::size_t replica) {
   losses_[replica] = {};
   if (first == last) return;
   try {
-    const Part part = PartOf(*batch_, first, last);
     auto& policy = *policies_[replica];
+    const Part part = PartOf(*batch_, first, last, policy.device());
     const auto outputs = policy.Forward(part.inputs, level_);
     const auto loss = policy.Loss(part.inputs, outputs, part.labels, level_);
     // frozen parts alone, or modules whose labels this part of the batch lacks: nothing to learn from it

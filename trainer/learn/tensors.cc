@@ -2,28 +2,37 @@
 #include "trainer/learn/tensors.h"
 
 #include "services/episode/action.h"
+#include "trainer/policy/device.h"
 
 namespace etude::learn {
 namespace {
 
-torch::Tensor Wrap(void* data, const std::vector<std::int64_t>& shape, torch::ScalarType type, int first, int last) {
-  return torch::from_blob(data, shape, torch::TensorOptions().dtype(type)).slice(0, first, last);
-}
+/// Takes rows [first, last) out of a batch's arrays.
+struct Rows {
+  int first, last;
+  torch::Device device;
+
+  torch::Tensor Of(void* data, const std::vector<std::int64_t>& shape, torch::ScalarType type) const {
+    const auto whole = torch::from_blob(data, shape, torch::TensorOptions().dtype(type));
+    return policy::ToDevice(whole.slice(0, first, last), device);
+  }
+};
 
 }  // namespace
 
-Part PartOf(data::Batch& batch, int first, int last) {
+Part PartOf(data::Batch& batch, int first, int last, const torch::Device& device) {
   const std::int64_t B = batch.size;
+  const Rows rows{first, last, device};
   Part part;
   part.inputs.images =
-      Wrap(batch.images.data(), {B, batch.height, batch.width, 3}, torch::kUInt8, first, last).permute({0, 3, 1, 2});
-  part.inputs.crop_origin = Wrap(batch.crop_origin.data(), {B, 2}, torch::kFloat32, first, last);
-  part.inputs.joints = Wrap(batch.joints.data(), {B, batch.joints_each}, torch::kFloat32, first, last);
+      rows.Of(batch.images.data(), {B, batch.height, batch.width, 3}, torch::kUInt8).permute({0, 3, 1, 2});
+  part.inputs.crop_origin = rows.Of(batch.crop_origin.data(), {B, 2}, torch::kFloat32);
+  part.inputs.joints = rows.Of(batch.joints.data(), {B, batch.joints_each}, torch::kFloat32);
   part.inputs.sentences = batch.sentences;
-  part.inputs.sentence_index = Wrap(batch.sentence_index.data(), {B, batch.sentences_each}, torch::kInt64, first, last);
+  part.inputs.sentence_index = rows.Of(batch.sentence_index.data(), {B, batch.sentences_each}, torch::kInt64);
   for (auto& [name, label] : batch.labels) {
-    part.labels[name] = Wrap(label.values.data(), label.shape, torch::kFloat32, first, last);
-    part.labels[name + ".valid"] = Wrap(label.valid.data(), label.valid_shape, torch::kBool, first, last);
+    part.labels[name] = rows.Of(label.values.data(), label.shape, torch::kFloat32);
+    part.labels[name + ".valid"] = rows.Of(label.valid.data(), label.valid_shape, torch::kBool);
   }
   return part;
 }

@@ -13,13 +13,14 @@
 
 namespace etude::learn {
 
-/// What the network sees of pictures [first, last) of `batch`, and what it should say. Tensors
-/// share the batch's memory: it must outlive them and stay unchanged.
+/// What the network sees of pictures [first, last) of `batch`, and what it should say.
 struct Part {
   policy::Inputs inputs;
   policy::Labels labels;
 };
-Part PartOf(data::Batch& batch, int first, int last);
+/// On the CPU tensors share the batch's memory: it must outlive them and stay unchanged. On another device they are
+/// copies, which nobody waits for.
+Part PartOf(data::Batch& batch, int first, int last, const torch::Device& device = torch::kCPU);
 
 policy::Normalization ToNormalization(const data::Statistics& statistics);
 

@@ -57,6 +57,7 @@ struct RunOptions {
   std::chrono::milliseconds patience{60'000};  ///< with `follow`: silence after which nothing more is expected
   /// Others that train the same network; those but rank 0 write nothing. None: it trains alone.
   std::shared_ptr<Ranks> ranks;
+  torch::Device device = torch::kCPU;  ///< where the network is trained (policy/device.h)
 };
 
 /// Thread safety: one thread. Creating it needs at least one episode in each of train and valid; with `follow` it

@@ -31,8 +31,8 @@ std::vector<float> WaypointsOf(const PolicyConfig& config, const Outputs& output
     if (module.decoder.quantity != "trajectory" || output == outputs.end()) continue;
     const torch::Tensor said = output->second.decoded.at("trajectory");
     const torch::Tensor rotation = To6D(said.narrow(-1, 3, 6), module.decoder.rotation);
-    const torch::Tensor flat = WithRotation(said, 3, rotation).select(0, 0).select(0, 0).to(torch::kFloat32);
-    const torch::Tensor dense = flat.contiguous().view({-1});
+    const torch::Tensor flat = WithRotation(said, 3, rotation).select(0, 0).select(0, 0);
+    const torch::Tensor dense = flat.to(torch::kCPU, torch::kFloat32).contiguous().view({-1});
     return {dense.data_ptr<float>(), dense.data_ptr<float>() + dense.numel()};
   }
   return {};

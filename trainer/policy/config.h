@@ -21,8 +21,7 @@ struct ImageLayer {
   std::string norm = "batch";     ///< batch | instance | none
   std::string padding = "zeros";  ///< zeros | reflect
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("kind", kind, "", "conv | residual: a block of two 3x3 convolutions");
     v("channels", channels, "-", "that it puts out");
     v("kernel", kernel, "px", "edge of the window, of conv only");
@@ -43,8 +42,7 @@ struct ImageConfig {
   double pixel_mean = 60;            ///< 0..255; pixels enter as (x - mean) / scale
   double pixel_scale = 60;           ///< > 0
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("crop", crop, "px", "u0, v0, width, height of what the network sees; none: derived from camera and work_volume");
     v("work_volume", work_volume, "m", "x from, to; y from, to; z from, to: what a derived crop holds");
     v("layers", layers, "", "of the image encoder, first to last");
@@ -64,8 +62,7 @@ struct LanguageConfig {
   /// Of clip's folder (clip::TextEncoder::sha256). Empty: whatever it holds when training begins; a checkpoint has it.
   std::string sha256;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("encoder", encoder, "", "default: trained along | clip:DIR: CLIP's text tower out of that folder, frozen");
     v("buckets", buckets, "-", "hashed word features, of default only");
     v("width", width, "-", "of a word vector, of default only");
@@ -103,8 +100,7 @@ struct DecoderConfig {
   bool detach = true;
   double weight = 1;  ///< of its loss
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("entity", entity, "", "target | reference | obstacle | ee | command | object:NAME");
     v("quantity", quantity, "", "class | task | pixel | position | pose | displacement | trajectory");
     v("readout", readout, "", "linear | mlp | soft_argmax | difference | relative");
@@ -139,8 +135,7 @@ struct ModuleConfig {
   bool detach = false;
   DecoderConfig decoder;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("name", name, "", "of the module, e.g. TAR2D");
     v("level", level, "-", "order of evaluation, and the subtask of the curriculum");
     v("query", query, "", "an earlier module; empty: a learned register of its own");
@@ -167,15 +162,14 @@ struct PolicyConfig {
   /// What modules that decode the command's task tell apart. Empty: the built-in tasks and the dataset's own; a
   /// checkpoint has them all.
   std::vector<std::string> tasks;
-  /// Of the convolutions: bf16 (where the CPU is fast at it, see HasFastBf16; else float32) | float32.
+  /// Of the convolutions: bf16 (on CUDA, and where the CPU is fast at it, see HasFastBf16; else float32) | float32.
   std::string precision = "bf16";
   /// Parts (parts.h) that know one robot: with another one they begin anew.
   std::vector<std::string> robot_specific;
   LossesConfig losses;
   std::vector<ModuleConfig> modules;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("name", name, "", "of the policy");
     v("image", image, "", "encoder of the picture");
     v("language", language, "", "encoder of the sentence");

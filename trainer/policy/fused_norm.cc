@@ -6,6 +6,7 @@
 #include <cmath>
 #include <vector>
 
+#include "trainer/policy/device.h"
 #include "trainer/policy/norm_kernel.h"
 
 namespace etude::policy {
@@ -185,7 +186,7 @@ class Function : public torch::autograd::Function<Function> {
 }  // namespace
 
 bool CanFuseNormRelu(const torch::Tensor& x) {
-  return x.device().is_cpu() && x.dim() == 4 && x.size(1) % 16 == 0 && x.numel() > 0 &&
+  return UsesOwnKernels(x.device()) && x.dim() == 4 && x.size(1) % 16 == 0 && x.numel() > 0 &&
          x.is_contiguous(kChannelsLast) && (x.scalar_type() == torch::kFloat32 || x.scalar_type() == torch::kBFloat16);
 }
 

@@ -16,7 +16,7 @@ struct FusedNorm {
   double momentum = 0.1;
 };
 
-/// CPU, channels-last, float32 or bfloat16, channels a multiple of 16.
+/// Where our own kernels compute (device.h): channels-last, float32 or bfloat16, channels a multiple of 16.
 bool CanFuseNormRelu(const torch::Tensor& x);
 
 /// Differentiable in x, weight, bias and residual.

@@ -70,7 +70,7 @@ torch::Tensor PositionFeatures(const torch::Tensor& x) {
 }
 
 ImageEncoder::ImageEncoder(const ImageConfig& config, int width, const std::string& precision)
-    : config_(config), grid_(config), bf16_(precision == "bf16" && HasFastBf16()) {
+    : config_(config), grid_(config), wants_bf16_(precision == "bf16") {
   int channels = 3;
   for (std::size_t i = 0; i < config_.layers.size(); ++i) {
     layers_.push_back(MakeLayer(config_.layers[i], channels, static_cast<int>(i)));
@@ -118,7 +118,8 @@ torch::Tensor ImageEncoder::Forward(const torch::Tensor& images, const torch::Te
                   images.size(3) == config_.crop[2],
               "images are {}x{}, the crop is {}x{}", images.size(-1), images.size(-2), config_.crop[2],
               config_.crop[3]);
-  torch::Tensor x = Normalised(images, bf16_ ? torch::kBFloat16 : narrow_->weight.scalar_type());
+  const bool bf16 = wants_bf16_ && (images.is_cuda() || HasFastBf16());
+  torch::Tensor x = Normalised(images, bf16 ? torch::kBFloat16 : narrow_->weight.scalar_type());
   for (Layer& layer : layers_) x = ApplyLayer(layer, x);
   // channels-last memory is (B, P, C) already
   const torch::Tensor features = x.permute({0, 2, 3, 1}).reshape({x.size(0), grid_.rows * grid_.columns, x.size(1)});

@@ -48,7 +48,7 @@ class ImageEncoder : public torch::nn::Module {
 
   ImageConfig config_;
   TokenGrid grid_;
-  bool bf16_;
+  bool wants_bf16_;
   std::vector<Layer> layers_;
   torch::nn::Linear narrow_{nullptr};    ///< channels -> d
   torch::nn::Linear position_{nullptr};  ///< fourier: 18 -> d;  index: d + 2 -> d

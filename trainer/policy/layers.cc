@@ -69,15 +69,18 @@ torch::Tensor NormRelu::Forward(const torch::Tensor& x, const torch::Tensor& res
                          .momentum = kNormMomentum};
     return FusedNormRelu(norm, x, weight_, bias_, running_mean_, running_var_, residual);
   }
-  torch::Tensor y = x;
+  // as the kernel does it: float32 inside, rounded once
+  const bool rounds = kind_ != Kind::kNone && x.scalar_type() == torch::kBFloat16;
+  const torch::Tensor wide = rounds ? x.to(torch::kFloat32) : x;
+  torch::Tensor y = wide;
   if (kind_ == Kind::kBatch)
-    y = torch::batch_norm(x, weight_, bias_, running_mean_, running_var_, is_training(), kNormMomentum, kEpsilon,
+    y = torch::batch_norm(wide, weight_, bias_, running_mean_, running_var_, is_training(), kNormMomentum, kEpsilon,
                           /*cudnn_enabled=*/true);
   if (kind_ == Kind::kInstance)
-    y = torch::instance_norm(x, {}, {}, {}, {}, /*use_input_stats=*/true, kNormMomentum, kEpsilon,
+    y = torch::instance_norm(wide, {}, {}, {}, {}, /*use_input_stats=*/true, kNormMomentum, kEpsilon,
                              /*cudnn_enabled=*/true);
   if (residual.defined()) y = y + residual;
-  return torch::relu(y);
+  return torch::relu(y).to(x.scalar_type()).contiguous(x.suggest_memory_format());
 }
 
 }  // namespace etude::policy

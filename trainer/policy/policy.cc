@@ -10,6 +10,7 @@
 
 #include "services/core/check.h"
 #include "services/episode/action.h"
+#include "trainer/policy/device.h"
 #include "trainer/policy/graph.h"
 #include "trainer/policy/language_encoder.h"
 #include "trainer/policy/loss.h"
@@ -123,39 +124,49 @@ struct Policy::Impl {
 };
 
 Policy::Policy(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {
+  RegisterNormalization();
+  RegisterEncoders();
+  RegisterModules();
+  if (impl_->is_shared()) RegisterSegments();
+}
+
+void Policy::RegisterNormalization() {
+  Normalization& n = impl_->normalization;
+  for (const auto& [name, tensor] : {std::pair{"joint_mean", &n.joint_mean},
+                                     {"joint_std", &n.joint_std},
+                                     {"position_mean", &n.position_mean},
+                                     {"position_std", &n.position_std},
+                                     {"displacement_std", &n.displacement_std},
+                                     {"offset_std", &n.offset_std}})
+    *tensor = register_buffer(fmt::format("normalization_{}", name), tensor->detach().clone().to(torch::kFloat32));
+}
+
+void Policy::RegisterEncoders() {
   Impl& p = *impl_;
   const PolicyConfig& config = p.config;
-  const auto own = [&](const char* name, Tensor& tensor) {
-    tensor = register_buffer(fmt::format("normalization_{}", name), tensor.detach().clone().to(torch::kFloat32));
-  };
-  own("joint_mean", p.normalization.joint_mean);
-  own("joint_std", p.normalization.joint_std);
-  own("position_mean", p.normalization.position_mean);
-  own("position_std", p.normalization.position_std);
-  own("displacement_std", p.normalization.displacement_std);
-  own("offset_std", p.normalization.offset_std);
-
   p.image = register_module("image", std::make_shared<ImageEncoder>(config.image, config.width, config.precision));
   p.language = register_module("language", p.MakeLanguageEncoder());
   const int joint_numbers = (config.joint_fourier ? 3 : 1) * static_cast<int>(p.normalization.joint_mean.size(0));
   p.joints = register_module("joints",
                              std::make_shared<Mlp>(joint_numbers, config.joint_hidden, config.width, config.activation,
                                                    p.is_shared() ? Mlp::Output::kActivated : Mlp::Output::kLinear));
-  if (p.is_shared()) {
-    for (const char* name :
-         {"image_key", "image_value", "joints_key", "joints_value", "language_key", "language_value"})
-      p.heads[name] =
-          register_module(std::string(name) + "_head", std::make_shared<TokenHead>(config.width, config.width, "relu"));
-  } else {
+  if (!p.is_shared()) {
     p.joints_norm = register_module("joints_norm", std::make_shared<LayerNorm>(config.width));
+    return;
   }
+  for (const char* name : {"image_key", "image_value", "joints_key", "joints_value", "language_key", "language_value"})
+    p.heads[name] =
+        register_module(std::string(name) + "_head", std::make_shared<TokenHead>(config.width, config.width, "relu"));
+}
 
-  // modules, in the order of evaluation
+// In the order of evaluation.
+void Policy::RegisterModules() {
+  Impl& p = *impl_;
+  const PolicyConfig& config = p.config;
   const auto graph = register_module("modules", std::make_shared<torch::nn::Module>());
   const std::set<std::string> used = UsedModules(config);
   std::set<std::string> dependent;
   Wiring wiring;
-  std::vector<std::string> segments{"image", "joints", "language"};  // and modules with registers of their own
   for (const ModuleConfig* module : EvaluationOrder(config)) {
     wiring.reads = ResolveReads(config, *module);
     // image tokens come first among the keys
@@ -166,19 +177,24 @@ Policy::Policy(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {
     if (wiring.depends_on_sentence) dependent.insert(module->name);
     p.modules.push_back(graph->register_module(
         module->name, std::make_shared<GraphModule>(config, *module, wiring, p.normalization, p.image->grid())));
-    if (module->query.empty()) segments.push_back(module->name);
     if (p.is_shared() && !p.shared.levels.contains(module->level))
       p.shared.levels[module->level] = register_module(fmt::format("attention{}", module->level),
                                                        std::make_shared<Attention>(config.width, config.heads));
     wiring.index[module->name] = static_cast<int>(wiring.earlier.size());
     wiring.earlier.push_back(module);
   }
-  if (!p.is_shared()) return;
-  const Tensor drawn = torch::randn({static_cast<std::int64_t>(segments.size()), config.width});
+}
+
+// Of the encoders' tokens and of the modules that have registers of their own.
+void Policy::RegisterSegments() {
+  Impl& p = *impl_;
+  std::vector<std::string> names{"image", "joints", "language"};
+  for (const auto& module : p.modules)
+    if (module->config().query.empty()) names.push_back(module->config().name);
+  const Tensor drawn = torch::randn({static_cast<std::int64_t>(names.size()), p.config.width});
   const auto table = register_module("segments", std::make_shared<torch::nn::Module>());
-  for (std::size_t i = 0; i < segments.size(); ++i)
-    p.shared.segments[segments[i]] =
-        table->register_parameter(segments[i], drawn[static_cast<std::int64_t>(i)].clone());
+  for (std::size_t i = 0; i < names.size(); ++i)
+    p.shared.segments[names[i]] = table->register_parameter(names[i], drawn[static_cast<std::int64_t>(i)].clone());
 }
 
 Policy::~Policy() = default;
@@ -219,6 +235,8 @@ int Policy::joints() const { return static_cast<int>(impl_->normalization.joint_
 
 int Policy::levels() const { return impl_->modules.back()->config().level; }
 
+torch::Device Policy::device() const { return impl_->normalization.joint_mean.device(); }
+
 std::pair<int, int> Policy::grid() const { return {impl_->image->grid().rows, impl_->image->grid().columns}; }
 
 std::vector<std::string> Policy::KeysOf(const std::string& module) const {
@@ -235,20 +253,22 @@ Token Policy::Impl::ToKeyAndValue(const std::string& name, const Tensor& token) 
 Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
   Tokens tokens;
   const auto batch = inputs.joints.size(0), sentences = inputs.sentence_index.size(1);
-  tokens.crop_origin = inputs.crop_origin.to(normalization.joint_mean.options());
-  tokens.joint_values = ((inputs.joints - normalization.joint_mean) / normalization.joint_std).unsqueeze(1);
+  const torch::Device device = normalization.joint_mean.device();
+  tokens.crop_origin = ToDevice(inputs.crop_origin, device).to(normalization.joint_mean.scalar_type());
+  tokens.joint_values =
+      ((ToDevice(inputs.joints, device) - normalization.joint_mean) / normalization.joint_std).unsqueeze(1);
   const Tensor joint_token = joints->Forward(
       config.joint_fourier ? torch::cat({tokens.joint_values, JointFeatures(tokens.joint_values, normalization)}, -1)
                            : tokens.joint_values);
   tokens.sentence = language->Forward(inputs.sentences)
-                        .index_select(0, inputs.sentence_index.flatten())
+                        .index_select(0, ToDevice(inputs.sentence_index, device).flatten())
                         .view({batch, sentences, config.width});
   const bool look = std::any_of(modules.begin(), modules.end(), [&](const auto& module) {
     return module->config().level <= level && module->wiring().reads[0] == "image";
   });
   Tensor picture;
   if (look) {
-    picture = image->Forward(inputs.images, tokens.crop_origin);
+    picture = image->Forward(ToDevice(inputs.images, device), tokens.crop_origin);
     tokens.image_pixels = image->grid().Centres(tokens.crop_origin.options());
   }
   if (is_shared()) {

@@ -63,6 +63,9 @@ class Policy : public torch::nn::Module {
   /// nothing.
   LossTerms Loss(const Inputs& inputs, const Outputs& outputs, const Labels& labels, int level = 0);
 
+  /// Where its parameters lie, and where it computes: the CPU at first, `to(device)` moves it. Inputs may lie anywhere;
+  /// outputs are there, and labels have to be.
+  torch::Device device() const;
   int levels() const;
   /// Numbers of Inputs::joints, J.
   int joints() const;
@@ -86,6 +89,11 @@ class Policy : public torch::nn::Module {
  private:
   struct Impl;
   explicit Policy(std::unique_ptr<Impl> impl);
+  // what makes the network, in this order: it is the order in which weights are drawn
+  void RegisterNormalization();
+  void RegisterEncoders();
+  void RegisterModules();
+  void RegisterSegments();
   std::unique_ptr<Impl> impl_;
 };
 

@@ -114,8 +114,10 @@ void UpgradeModule(const PolicyConfig& config, const ModuleConfig& module, int j
 OrderedJson UpgradePolicyJson(OrderedJson json) {
   if (!json.is_object()) return json;
   if (json.contains("attention_loss")) {
-    json["losses"]["attention"]["kind"] = TextOf(json, "attention_loss");
+    const OrderedJson losses{{"attention", {{"kind", TextOf(json, "attention_loss")}}}};
     json.erase("attention_loss");
+    // what is no map is left for FromJson to refuse
+    if (!json.contains("losses") || json["losses"].is_object()) json["losses"].merge_patch(losses);
   }
   if (!json.contains("modules") || !json["modules"].is_array()) return json;
   for (auto& module : json["modules"]) {

@@ -15,7 +15,8 @@ namespace {
 constexpr std::size_t kMostText = 64 << 10;  // bytes
 constexpr std::size_t kMostHidden = 256;     // rectangles
 constexpr int kGrey = 128;
-constexpr float kCertain = 20;  // logit of the name that is said, others 0
+constexpr double kFarthest = 1e6;  // px or m
+constexpr float kCertain = 20;     // logit of the name that is said, others 0
 
 tl::unexpected<Error> Refuse(const std::string& why) { return Fail(Code::kInvalidArgument, "what if: " + why); }
 
@@ -38,7 +39,7 @@ Status ReadHide(const OrderedJson& list, WhatIf& what_if) {
     std::array<int, 4> rectangle{};
     for (std::size_t i = 0; i < 4; ++i) {
       const double value = item[i].get<double>();
-      if (std::abs(value) > 1e6) return Refuse("hide: a rectangle lies in no picture");
+      if (std::abs(value) > kFarthest) return Refuse("hide: a rectangle lies in no picture");
       rectangle[i] = static_cast<int>(value);
     }
     what_if.hide.push_back(rectangle);
@@ -73,6 +74,9 @@ Status CheckSaid(const PolicyConfig& config, const std::string& module, const st
   const std::size_t size = SizeOf(quantity);
   if (size == 0) return Refuse(at + ": cannot be replaced");
   if (!AllNumbers(value) || value.size() != size) return Refuse(fmt::format("{}: must be {} numbers", at, size));
+  // a float32 has to hold it
+  if (std::ranges::any_of(value, [](const OrderedJson& x) { return std::abs(x.get<double>()) > kFarthest; }))
+    return Refuse(fmt::format("{}: lies nowhere near", at));
   return {};
 }
 

@@ -18,7 +18,8 @@ using torch::Tensor;
 /// Appends one module's attention of every head, each scaled to its largest weight, and says where it lies.
 void PutAttention(const policy::Policy& network, const std::string& module, const policy::ModuleOutput& output,
                   OrderedJson& layout, std::vector<std::uint8_t>& bytes) {
-  const Tensor heads = output.head_attention.select(0, 0).select(0, 0).to(torch::kFloat32).contiguous();  // (h, K)
+  const Tensor heads =
+      output.head_attention.select(0, 0).select(0, 0).to(torch::kCPU, torch::kFloat32).contiguous();  // (h, K)
   const Tensor largest = std::get<0>(heads.max(-1, /*keepdim=*/true)).clamp_min(1e-12);
   const Tensor scaled = (heads / largest * 255).round().to(torch::kUInt8).contiguous();
   OrderedJson& place = layout[module] = {{"offset", bytes.size()}, {"heads", heads.size(0)}};

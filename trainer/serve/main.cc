@@ -14,6 +14,7 @@
 #include "trainer/checkpoint/difference.h"
 #include "trainer/checkpoint/graph_picture.h"
 #include "trainer/checkpoint/names.h"
+#include "trainer/policy/device.h"
 #include "trainer/policy/policy_file.h"
 #include "trainer/policy/torch_process.h"
 #include "trainer/serve/server.h"
@@ -23,7 +24,7 @@ namespace etude::serve {
 namespace {
 
 struct Arguments {
-  std::string subscribe, checkpoint, run, channel = "latest", clip;
+  std::string subscribe, checkpoint, run, channel = "latest", clip, device = "cpu";
   bus::Arguments bus;
   int threads = 1;
 };
@@ -48,14 +49,16 @@ Status Serve(const Arguments& arguments) {
   if (arguments.subscribe.empty() == arguments.checkpoint.empty())
     return Fail(Code::kInvalidArgument, "give either --subscribe RUN or --checkpoint FILE (see --help)");
   policy::SetTorchThreads(1);
+  ETUDE_ASSIGN_OR_RETURN(const auto device, policy::OpenDevice(arguments.device));
   std::shared_ptr<const Model> model;
   ServerOptions options{.channel = arguments.channel,
                         .threads = std::max(1, arguments.threads),
+                        .device = device,
                         .clip_folders = std::make_shared<clip::Folders>(arguments.clip)};
   if (arguments.checkpoint.empty()) {
     ETUDE_ASSIGN_OR_RETURN(options.run, RunOf(arguments.subscribe, "--subscribe"));
   } else {
-    ETUDE_ASSIGN_OR_RETURN(model, Model::FromFile(arguments.checkpoint, options.clip_folders.get()));
+    ETUDE_ASSIGN_OR_RETURN(model, Model::FromFile(arguments.checkpoint, options.clip_folders.get(), device));
     ETUDE_ASSIGN_OR_RETURN(options.run, RunOfFile(arguments, *model));
     options.folder = arguments.checkpoint;
   }
@@ -165,6 +168,7 @@ int main(int argc, char** argv) {
       ->envname("ETUDE_CLIP");
   arguments.bus.Add(app);
   app.add_option("--threads", arguments.threads, "observations evaluated side by side")->capture_default_str();
+  app.add_option("--device", arguments.device, "where they are: cpu, cuda or cuda:NUMBER")->capture_default_str();
   etude::serve::Looking looking;
   looking.Add(app);
   try {

@@ -32,19 +32,27 @@ checkpoint::Embodiment Seen(const bus::Observation& observation) {
 
 }  // namespace
 
-Result<std::shared_ptr<const Model>> Model::FromBytes(std::span<const std::uint8_t> bytes, clip::Folders* folders) {
+Result<std::shared_ptr<const Model>> Model::FromBytes(std::span<const std::uint8_t> bytes, clip::Folders* folders,
+                                                      const torch::Device& device) {
   auto model = std::shared_ptr<Model>(new Model());
   ETUDE_ASSIGN_OR_RETURN(auto made, checkpoint::Decode(bytes));
   ETUDE_ASSIGN_OR_RETURN(model->policy_, checkpoint::BuildPolicy(made, folders));
+  try {
+    model->policy_->to(device);
+  } catch (const c10::Error& error) {
+    return Fail(Code::kUnavailable,
+                fmt::format("put the policy on {}: {}", device.str(), error.what_without_backtrace()));
+  }
   model->metadata_ = std::move(made.metadata);
   model->untrained_ = checkpoint::WhyUntrained(model->metadata_);
   model->sha256_ = Sha256Hex(bytes);
   return std::shared_ptr<const Model>(std::move(model));
 }
 
-Result<std::shared_ptr<const Model>> Model::FromFile(const Path& path, clip::Folders* folders) {
+Result<std::shared_ptr<const Model>> Model::FromFile(const Path& path, clip::Folders* folders,
+                                                     const torch::Device& device) {
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path));
-  auto model = FromBytes(bytes, folders);
+  auto model = FromBytes(bytes, folders, device);
   if (!model) return Fail(model.error().Wrap(fmt::format("read '{}'", path.string())));
   return model;
 }

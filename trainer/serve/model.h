@@ -15,10 +15,13 @@ namespace etude::serve {
 /// Immutable; Answer may be called from several threads at once.
 class Model {
  public:
-  /// @param folders  as of checkpoint::BuildPolicy @error as checkpoint::Decode and checkpoint::BuildPolicy.
+  /// @param folders  as of checkpoint::BuildPolicy @param device  where it computes
+  /// @error as checkpoint::Decode and checkpoint::BuildPolicy; kUnavailable: the device has no room for it.
   static Result<std::shared_ptr<const Model>> FromBytes(std::span<const std::uint8_t> bytes,
-                                                        clip::Folders* folders = nullptr);
-  static Result<std::shared_ptr<const Model>> FromFile(const Path& path, clip::Folders* folders = nullptr);
+                                                        clip::Folders* folders = nullptr,
+                                                        const torch::Device& device = torch::kCPU);
+  static Result<std::shared_ptr<const Model>> FromFile(const Path& path, clip::Folders* folders = nullptr,
+                                                       const torch::Device& device = torch::kCPU);
 
   const checkpoint::Metadata& metadata() const { return metadata_; }
   /// Why it may not drive a robot yet (checkpoint::WhyUntrained); "" when it may.

@@ -136,7 +136,7 @@ Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::strin
 
 // Every new checkpoint becomes the model, or is refused and the last good one stays.
 void PolicyServer::Impl::TakeCheckpoint(const bus::PublishedBlob& blob) {
-  auto fresh = Model::FromBytes(blob.bytes, options.clip_folders.get());
+  auto fresh = Model::FromBytes(blob.bytes, options.clip_folders.get(), options.device);
   if (!fresh) {
     ++refused;
     const auto kept = Current().model;

@@ -17,10 +17,11 @@
 namespace etude::serve {
 
 struct ServerOptions {
-  Selector run;                    ///< whose checkpoints are served: NAME, or NAME@ID
-  std::string folder;              ///< of the checkpoint that is served, for people
-  std::string channel = "latest";  ///< of the checkpoints to follow: latest | best
-  int threads = 1;                 ///< observations evaluated side by side
+  Selector run;                        ///< whose checkpoints are served: NAME, or NAME@ID
+  std::string folder;                  ///< of the checkpoint that is served, for people
+  std::string channel = "latest";      ///< of the checkpoints to follow: latest | best
+  int threads = 1;                     ///< observations evaluated side by side
+  torch::Device device = torch::kCPU;  ///< where they are
   /// Of policies whose language is clip:DIR; open for as long as the server.
   std::shared_ptr<clip::Folders> clip_folders = std::make_shared<clip::Folders>();
 };

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "services/core/check.h"
+#include "services/core/enum_name.h"
 #include "worker/plan/planner_impl.h"
 
 namespace etude::plan {
@@ -45,28 +46,19 @@ bool Fail(Outcome& outcome, OutcomeKind kind, std::string reason) {
 }  // namespace internal
 
 std::string_view ToString(OutcomeKind kind) {
-  switch (kind) {
-    case OutcomeKind::kStraight:
-      return "straight";
-    case OutcomeKind::kSampled:
-      return "sampled";
-    case OutcomeKind::kField:
-      return "field";
-    case OutcomeKind::kFieldEscaped:
-      return "field_escaped";
-    case OutcomeKind::kGoalUnreachable:
-      return "goal_unreachable";
-    case OutcomeKind::kGoalInCollision:
-      return "goal_in_collision";
-    case OutcomeKind::kStartInCollision:
-      return "start_in_collision";
-    case OutcomeKind::kNoPath:
-      return "no_path";
-    case OutcomeKind::kNotSmooth:
-      return "not_smooth";
-  }
-  ETUDE_CHECK(false, "kind {}", static_cast<int>(kind));
-  return "";
+  const std::string_view name = EnumName(kind,
+                                         {{OutcomeKind::kStraight, "straight"},
+                                          {OutcomeKind::kSampled, "sampled"},
+                                          {OutcomeKind::kField, "field"},
+                                          {OutcomeKind::kFieldEscaped, "field_escaped"},
+                                          {OutcomeKind::kGoalUnreachable, "goal_unreachable"},
+                                          {OutcomeKind::kGoalInCollision, "goal_in_collision"},
+                                          {OutcomeKind::kStartInCollision, "start_in_collision"},
+                                          {OutcomeKind::kNoPath, "no_path"},
+                                          {OutcomeKind::kNotSmooth, "not_smooth"}},
+                                         "");
+  ETUDE_CHECK(!name.empty(), "kind {}", static_cast<int>(kind));
+  return name;
 }
 
 Pose Motion::At(double step) const {

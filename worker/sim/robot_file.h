@@ -32,8 +32,7 @@ struct RobotFile {
   struct Base {
     std::vector<double> position{0, -0.3, 0};  ///< m, of the robot's root body
     double yaw = 0;                            ///< rad
-    template <class V>
-    void Visit(V& v) {
+    void Visit(auto& v) {
       v("position", position, "m", "of the robot's root body, world");
       v("yaw", yaw, "rad", "of the robot's root body");
     }
@@ -44,8 +43,7 @@ struct RobotFile {
     std::vector<double> position{0, 0, 0};  ///< m
     std::vector<double> approach{0, 0, 1};  ///< where the hand points
     std::vector<double> opening{1, 0, 0};   ///< along which the fingers open, either sign
-    template <class V>
-    void Visit(V& v) {
+    void Visit(auto& v) {
       v("site", site, "", "site between the fingertips, or give body");
       v("body", body, "", "body that the tool is fixed to, or give site");
       v("position", position, "m", "of the tool in the site or body");
@@ -64,8 +62,7 @@ struct RobotFile {
     double open = 0, closed = 0;                    ///< of the driven joint, rad or m
     double force = 0;                               ///< N m or N on the driven joint, > 0
     std::vector<std::vector<std::string>> fingers;  ///< groups of bodies
-    template <class V>
-    void Visit(V& v) {
+    void Visit(auto& v) {
       v("mjcf", mjcf, "", "of a gripper in a file of its own, relative to this file");
       v("attach", attach, "", "body or site of the arm on which that one is mounted");
       v("position", position, "m", "of that gripper's root there");
@@ -79,8 +76,7 @@ struct RobotFile {
     }
   } gripper;
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("name", name, "", "plain name of the robot");
     v("mjcf", mjcf, "", "the arm's MJCF, relative to this file");
     v("joints", joints, "", "arm joints, base to tool");

@@ -35,8 +35,7 @@ struct ObjectFacts {
   int pieces = 0;                ///< collision_0.obj to collision_<pieces - 1>.obj; set by PlaceObject
   int faces = 0;                 ///< of visual.obj; set by PlaceObject
 
-  template <class Visitor>
-  void Visit(Visitor& v) {
+  void Visit(auto& v) {
     v("name", name);
     v("class", class_name);
     v("source", source);

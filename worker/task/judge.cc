@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "services/core/check.h"
+#include "services/core/enum_name.h"
 #include "services/episode/action.h"
 
 namespace etude::task {
@@ -26,17 +27,12 @@ bool GraspedBy(const std::vector<std::vector<std::string>>& groups, const Object
 }  // namespace
 
 std::string_view ToString(Violation::Kind kind) {
-  switch (kind) {
-    case Violation::Kind::kContact:
-      return "contact";
-    case Violation::Kind::kSelfContact:
-      return "self_contact";
-    case Violation::Kind::kJointSpeed:
-      return "joint_speed";
-    case Violation::Kind::kTorque:
-      return "torque";
-  }
-  return "unknown";
+  return EnumName(kind,
+                  {{Violation::Kind::kContact, "contact"},
+                   {Violation::Kind::kSelfContact, "self_contact"},
+                   {Violation::Kind::kJointSpeed, "joint_speed"},
+                   {Violation::Kind::kTorque, "torque"}},
+                  "unknown");
 }
 
 Result<Judge> Judge::Make(const JudgeCase& judged, const sim::World& world, const SceneGeometry& shapes,

@@ -3,36 +3,25 @@
 
 #include <fmt/format.h>
 
+#include "services/core/enum_name.h"
 #include "worker/task/judge.h"
 
 namespace etude::task {
 
 std::string_view ToString(AttemptOutcome outcome) {
-  switch (outcome) {
-    case AttemptOutcome::kSuccess:
-      return "success";
-    case AttemptOutcome::kSceneInvalid:
-      return "scene_invalid";
-    case AttemptOutcome::kPlanFailed:
-      return "plan_failed";
-    case AttemptOutcome::kGraspMissed:
-      return "grasp_missed";
-    case AttemptOutcome::kDropped:
-      return "dropped";
-    case AttemptOutcome::kCriterionFailed:
-      return "criterion_failed";
-    case AttemptOutcome::kCollision:
-      return "collision";
-    case AttemptOutcome::kViolation:
-      return "violation";
-    case AttemptOutcome::kTimeout:
-      return "timeout";
-    case AttemptOutcome::kUnstable:
-      return "unstable";
-    case AttemptOutcome::kPolicyError:
-      return "policy_error";
-  }
-  return "unknown";
+  return EnumName(outcome,
+                  {{AttemptOutcome::kSuccess, "success"},
+                   {AttemptOutcome::kSceneInvalid, "scene_invalid"},
+                   {AttemptOutcome::kPlanFailed, "plan_failed"},
+                   {AttemptOutcome::kGraspMissed, "grasp_missed"},
+                   {AttemptOutcome::kDropped, "dropped"},
+                   {AttemptOutcome::kCriterionFailed, "criterion_failed"},
+                   {AttemptOutcome::kCollision, "collision"},
+                   {AttemptOutcome::kViolation, "violation"},
+                   {AttemptOutcome::kTimeout, "timeout"},
+                   {AttemptOutcome::kUnstable, "unstable"},
+                   {AttemptOutcome::kPolicyError, "policy_error"}},
+                  "unknown");
 }
 
 Verdict VerdictOnViolations(const Judge& judge) {

@@ -81,6 +81,9 @@ struct Hand {
     const auto data = ChunkOf(bytes, 1000, index);
     EXPECT_TRUE(chunks.Write({"episode", "hand", id, index, {data.begin(), data.end()}}));
   }
+  void SendAll(std::uint64_t id, const std::vector<std::uint8_t>& bytes) {
+    for (std::uint32_t index = 0; index < ChunkCount(bytes.size(), 1000); ++index) SendChunk(id, bytes, index);
+  }
   // Announces until an ack of `kind` with `received` comes; false when a blob came out instead.
   std::optional<BlobAck> Ask(const BlobManifest& manifest, AckKind kind, std::uint32_t received) {
     for (int attempt = 0; attempt < 500; ++attempt) {
@@ -95,11 +98,26 @@ struct Hand {
   }
 };
 
+/// A receiver and the hand that sends to it.
+struct Receiving {
+  explicit Receiving(const std::string& name)
+      : receiver(std::move(*BlobReceiver::Open(peers.b, {name, "1"}, "episode"))), hand(peers, name, receiver) {}
+
+  TwoProcesses peers = OpenTwo(kDomain);
+  BlobReceiver receiver;
+  Hand hand;
+};
+
+void ExpectReceived(BlobReceiver& receiver, const std::vector<std::uint8_t>& bytes) {
+  const auto blob = receiver.Receive(10s);
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->bytes, bytes);
+}
+
 TEST(ObjectLoss, TheReceiverSaysWhatIsMissing) {
-  const auto peers = OpenTwo(kDomain);
-  auto receiver = BlobReceiver::Open(peers.b, {"gaps", "1"}, "episode");
-  ASSERT_TRUE(receiver);
-  Hand hand(peers, "gaps", *receiver);
+  Receiving to("gaps");
+  BlobReceiver& receiver = to.receiver;
+  Hand& hand = to.hand;
   const auto bytes = MakeBytes(9'500, 1);
   const auto manifest = hand.Manifest(1, bytes);
   ASSERT_TRUE(hand.Ask(manifest, AckKind::kMissing, 0));
@@ -112,38 +130,32 @@ TEST(ObjectLoss, TheReceiverSaysWhatIsMissing) {
   }
   EXPECT_EQ(ack->missing, expected);
   for (const auto index : ack->missing) hand.SendChunk(1, bytes, index);
-  const auto blob = receiver->Receive(10s);
-  ASSERT_TRUE(blob);
-  EXPECT_EQ(blob->bytes, bytes);
+  ExpectReceived(receiver, bytes);
 }
 
 TEST(ObjectLoss, ChunksBeforeTheirManifestAreAskedForAgain) {
-  const auto peers = OpenTwo(kDomain);
-  auto receiver = BlobReceiver::Open(peers.b, {"early", "1"}, "episode");
-  ASSERT_TRUE(receiver);
-  Hand hand(peers, "early", *receiver);
+  Receiving to("early");
+  BlobReceiver& receiver = to.receiver;
+  Hand& hand = to.hand;
   const auto bytes = MakeBytes(2'500, 2);
-  for (std::uint32_t index = 0; index < 3; ++index) hand.SendChunk(1, bytes, index);
-  EXPECT_FALSE(receiver->Receive(100ms));
+  hand.SendAll(1, bytes);
+  EXPECT_FALSE(receiver.Receive(100ms));
   ASSERT_TRUE(hand.Ask(hand.Manifest(1, bytes), AckKind::kMissing, 0));
-  for (std::uint32_t index = 0; index < 3; ++index) hand.SendChunk(1, bytes, index);
-  const auto blob = receiver->Receive(10s);
-  ASSERT_TRUE(blob);
-  EXPECT_EQ(blob->bytes, bytes);
+  hand.SendAll(1, bytes);
+  ExpectReceived(receiver, bytes);
 }
 
 TEST(ObjectLoss, CorruptChunksRefuseTheObjectAndCount) {
-  const auto peers = OpenTwo(kDomain);
-  auto receiver = BlobReceiver::Open(peers.b, {"corrupt", "1"}, "episode");
-  ASSERT_TRUE(receiver);
-  Hand hand(peers, "corrupt", *receiver);
+  Receiving to("corrupt");
+  BlobReceiver& receiver = to.receiver;
+  Hand& hand = to.hand;
   const auto bytes = MakeBytes(5'000, 3);
   auto wrong = bytes;
   wrong[3'333] ^= 1;
   const auto manifest = hand.Manifest(1, bytes);
   ASSERT_TRUE(hand.Ask(manifest, AckKind::kMissing, 0));
-  for (std::uint32_t index = 0; index < 5; ++index) hand.SendChunk(1, wrong, index);
-  while (receiver->corrupt_blobs() == 0) ASSERT_FALSE(receiver->Receive(10ms));
+  hand.SendAll(1, wrong);
+  while (receiver.corrupt_blobs() == 0) ASSERT_FALSE(receiver.Receive(10ms));
   bool refused = false;
   while (!refused) {
     ASSERT_TRUE(hand.acks.Wait(10s));
@@ -151,27 +163,22 @@ TEST(ObjectLoss, CorruptChunksRefuseTheObjectAndCount) {
   }
   // the same id may be tried again
   ASSERT_TRUE(hand.Ask(manifest, AckKind::kMissing, 0));
-  for (std::uint32_t index = 0; index < 5; ++index) hand.SendChunk(1, bytes, index);
-  const auto blob = receiver->Receive(10s);
-  ASSERT_TRUE(blob);
-  EXPECT_EQ(blob->bytes, bytes);
-  EXPECT_EQ(receiver->corrupt_blobs(), 1u);
+  hand.SendAll(1, bytes);
+  ExpectReceived(receiver, bytes);
+  EXPECT_EQ(receiver.corrupt_blobs(), 1u);
 }
 
 TEST(ObjectLoss, MalformedChunksAreDroppedAndCounted) {
-  const auto peers = OpenTwo(kDomain);
-  auto receiver = BlobReceiver::Open(peers.b, {"malformed", "1"}, "episode");
-  ASSERT_TRUE(receiver);
-  Hand hand(peers, "malformed", *receiver);
+  Receiving to("malformed");
+  BlobReceiver& receiver = to.receiver;
+  Hand& hand = to.hand;
   const auto bytes = MakeBytes(3'000, 4);
   ASSERT_TRUE(hand.Ask(hand.Manifest(1, bytes), AckKind::kMissing, 0));
   ASSERT_TRUE(hand.chunks.Write({"episode", "hand", 1, 0, std::vector<std::uint8_t>(999)}));
   ASSERT_TRUE(hand.chunks.Write({"episode", "hand", 1, 3, std::vector<std::uint8_t>(1000)}));
-  for (std::uint32_t index = 0; index < 3; ++index) hand.SendChunk(1, bytes, index);
-  const auto blob = receiver->Receive(10s);
-  ASSERT_TRUE(blob);
-  EXPECT_EQ(blob->bytes, bytes);
-  EXPECT_EQ(receiver->malformed_samples(), 2u);
+  hand.SendAll(1, bytes);
+  ExpectReceived(receiver, bytes);
+  EXPECT_EQ(receiver.malformed_samples(), 2u);
 }
 
 TEST(ObjectLoss, AReceiverThatRestartsInTheMiddleGetsAllOfIt) {

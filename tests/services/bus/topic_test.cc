@@ -17,50 +17,45 @@ using namespace std::chrono_literals;
 
 constexpr std::uint32_t kDomain = 70;
 
-// Gives each field a value of its own, through the same field lists that the wire uses.
-class Filler {
+// Calls Visitor::See(name, field) for every field of a message, whatever its bounds and its place on the wire.
+template <class Visitor>
+class EachField {
  public:
   template <class T, class... Rest>
   void operator()(const char* name, T& field, Rest&...) {
-    Fill(name, field);
+    static_cast<Visitor&>(*this).See(name, field);
   }
   template <class T, class W, class B>
   void operator()(const char* name, T& field, W&, B) {
-    Fill(name, field);
+    static_cast<Visitor&>(*this).See(name, field);
   }
+};
 
- private:
-  void Fill(const char* name, std::string& field) { field = std::string(name) + std::to_string(++n_); }
-  void Fill(const char*, bool& field) { field = true; }
+// Gives each field a value of its own, through the same field lists that the wire uses.
+class Filler : public EachField<Filler> {
+ public:
+  void See(const char* name, std::string& field) { field = std::string(name) + std::to_string(++n_); }
+  void See(const char*, bool& field) { field = true; }
   template <class T>
   requires std::is_arithmetic_v<T>
-  void Fill(const char*, T& field) { field = static_cast<T>(++n_ * 1000003); }
+  void See(const char*, T& field) { field = static_cast<T>(++n_ * 1000003); }
   template <class E>
   requires std::is_enum_v<E>
-  void Fill(const char*, E& field) { field = static_cast<E>(2); }
+  void See(const char*, E& field) { field = static_cast<E>(2); }
   template <class T>
-  void Fill(const char*, std::vector<T>& field) {
+  void See(const char*, std::vector<T>& field) {
     for (int i = 0; i < 5; ++i) field.push_back(static_cast<T>(++n_));
   }
   int n_ = 0;
 };
 
 // Compares two messages by what would go on the wire.
-class Lister {
+class Lister : public EachField<Lister> {
  public:
-  template <class T, class... Rest>
-  void operator()(const char* name, T& field, Rest&...) {
-    List(name, field);
-  }
-  template <class T, class W, class B>
-  void operator()(const char* name, T& field, W&, B) {
-    List(name, field);
-  }
   std::vector<std::string> fields;
 
- private:
   template <class T>
-  void List(const char* name, const T& field) {
+  void See(const char* name, const T& field) {
     std::string text = std::string(name) + "=";
     if constexpr (std::is_same_v<T, std::string>) {
       text += field;

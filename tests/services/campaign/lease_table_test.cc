@@ -162,80 +162,107 @@ TEST(LeaseTable, ResumesFromWhatIsDurable) {
   EXPECT_EQ(table.Check(0, 0, 1), LeaseValidity::kCommitted);
 }
 
-// What an onlooker knows: every token ever granted and which index it was for.
-struct Onlooker {
-  std::map<std::uint64_t, Assignment> grants;     // token -> assignment
-  std::map<std::uint64_t, std::uint64_t> newest;  // index -> token
-  std::uint64_t last_token = 0;
+// Attempt k of index i fails by its nature: a pure function, as in a real campaign.
+bool FailsByNature(std::uint64_t index, std::uint32_t attempt) { return MixSeed({index, attempt}, "fails") % 3 == 0; }
+
+// Random workers that die, hang, fail, hand back and succeed, and an onlooker who knows every token ever granted.
+class RandomCampaign {
+ public:
+  static constexpr std::uint64_t kTotal = 40;
+
+  explicit RandomCampaign(int seed)
+      : rng_(MixSeed({static_cast<std::uint64_t>(seed)}, "lease_table_test")),
+        config_(DrawConfig(rng_)),
+        table_(config_) {}
+
+  // Some time goes by, and one worker does something; the invariants are checked.
+  void Step() {
+    now_ += std::chrono::milliseconds(rng_.Below(800));
+    table_.Expire(now_);
+    const std::string worker = "w" + std::to_string(rng_.Below(6));
+    const auto held = working_.find(worker);
+    const double draw = rng_.Uniform();
+    if (held == working_.end()) {
+      Ask(worker);
+    } else if (draw < 0.1) {
+      working_.erase(held);  // dies without a word
+    } else if (draw < 0.5) {
+      table_.Renew(held->second.index, held->second.token, now_);
+    } else {
+      const Assignment assignment = held->second;
+      working_.erase(held);
+      HandIn(assignment, draw < 0.55);
+    }
+    ASSERT_LE(table_.in_flight(), config_.max_in_flight);
+  }
+  bool complete() const { return table_.complete(); }
+
+  void CheckEnd() const {
+    EXPECT_EQ(committed_.size() + given_up_.size(), kTotal);
+    EXPECT_EQ(table_.given_up(), given_up_.size());
+    // the committed attempt is the first that does not fail, whatever the workers did
+    for (const auto& [index, attempt] : committed_) {
+      EXPECT_FALSE(FailsByNature(index, attempt));
+      for (std::uint32_t earlier = 0; earlier < attempt; ++earlier) EXPECT_TRUE(FailsByNature(index, earlier));
+    }
+  }
+
+ private:
+  static LeaseTableConfig DrawConfig(Rng& rng) {
+    auto config = Config(kTotal);
+    config.max_in_flight = 1 + rng.Below(8);
+    return config;
+  }
+
+  void Ask(const std::string& worker) {
+    const Assignment assignment = table_.Request(worker, now_);
+    if (assignment.kind != Assignment::Kind::kWork) return;
+    if (granted_.insert(assignment.token).second) {
+      ASSERT_GT(assignment.token, last_token_) << "tokens grow strictly";
+      last_token_ = assignment.token;
+    }
+    ASSERT_FALSE(committed_.contains(assignment.index));
+    newest_[assignment.index] = assignment.token;
+    working_[worker] = assignment;
+  }
+
+  void HandIn(const Assignment& assignment, bool gives_back) {
+    if (table_.Check(assignment.index, assignment.attempt, assignment.token) != LeaseValidity::kCurrent) return;
+    ASSERT_EQ(newest_[assignment.index], assignment.token) << "only the newest token is current";
+    ASSERT_FALSE(committed_.contains(assignment.index));
+    if (gives_back) {
+      table_.Release(assignment.index);
+    } else if (FailsByNature(assignment.index, assignment.attempt)) {
+      table_.Fail(assignment.index, LeaseTable::Retry::kNextAttempt);
+      if (assignment.attempt + 1 == config_.max_attempts) given_up_.insert(assignment.index);
+    } else {
+      table_.Commit(assignment.index);
+      committed_[assignment.index] = assignment.attempt;
+    }
+  }
+
+  Rng rng_;
+  LeaseTableConfig config_;
+  LeaseTable table_;
+  Time now_{};
+  std::set<std::uint64_t> granted_;                // tokens
+  std::map<std::uint64_t, std::uint64_t> newest_;  // index -> token
+  std::uint64_t last_token_ = 0;
+  std::map<std::string, Assignment> working_;
+  std::map<std::uint64_t, std::uint32_t> committed_;
+  std::set<std::uint64_t> given_up_;
 };
 
-// Random workers that die, hang, fail, hand back and succeed; whatever happens, the invariants hold.
 class LeaseTableProperty : public testing::TestWithParam<int> {};
 
 TEST_P(LeaseTableProperty, NothingLostNothingTwice) {
-  Rng rng(MixSeed({static_cast<std::uint64_t>(GetParam())}, "lease_table_test"));
-  constexpr std::uint64_t kTotal = 40;
-  auto config = Config(kTotal);
-  config.max_in_flight = 1 + rng.Below(8);
-  LeaseTable table(config);
-  // attempt k of index i fails by its nature: a pure function, as in a real campaign
-  const auto fails = [](std::uint64_t index, std::uint32_t attempt) {
-    return MixSeed({index, attempt}, "fails") % 3 == 0;
-  };
-  Onlooker onlooker;
-  std::map<std::string, Assignment> working;
-  std::map<std::uint64_t, std::uint32_t> committed;
-  std::set<std::uint64_t> given_up;
-  Time now{};
-  for (int step = 0; step < 20'000 && !table.complete(); ++step) {
-    now += std::chrono::milliseconds(rng.Below(800));
-    table.Expire(now);
-    const std::string worker = "w" + std::to_string(rng.Below(6));
-    auto held = working.find(worker);
-    const double draw = rng.Uniform();
-    if (held == working.end()) {
-      const Assignment assignment = table.Request(worker, now);
-      if (assignment.kind != Assignment::Kind::kWork) continue;
-      if (!onlooker.grants.contains(assignment.token)) {
-        ASSERT_GT(assignment.token, onlooker.last_token) << "tokens grow strictly";
-        onlooker.last_token = assignment.token;
-      }
-      ASSERT_FALSE(committed.contains(assignment.index));
-      onlooker.grants[assignment.token] = assignment;
-      onlooker.newest[assignment.index] = assignment.token;
-      working[worker] = assignment;
-    } else if (draw < 0.1) {
-      working.erase(held);  // dies without a word
-    } else if (draw < 0.5) {
-      table.Renew(held->second.index, held->second.token, now);
-    } else {
-      const Assignment assignment = held->second;
-      working.erase(held);
-      const LeaseValidity standing = table.Check(assignment.index, assignment.attempt, assignment.token);
-      if (standing == LeaseValidity::kCurrent) {
-        ASSERT_EQ(onlooker.newest[assignment.index], assignment.token) << "only the newest token is current";
-        ASSERT_FALSE(committed.contains(assignment.index));
-        if (draw < 0.55) {
-          table.Release(assignment.index);
-        } else if (fails(assignment.index, assignment.attempt)) {
-          table.Fail(assignment.index, LeaseTable::Retry::kNextAttempt);
-          if (assignment.attempt + 1 == config.max_attempts) given_up.insert(assignment.index);
-        } else {
-          table.Commit(assignment.index);
-          committed[assignment.index] = assignment.attempt;
-        }
-      }
-    }
-    ASSERT_LE(table.in_flight(), config.max_in_flight);
+  RandomCampaign campaign(GetParam());
+  for (int step = 0; step < 20'000 && !campaign.complete(); ++step) {
+    campaign.Step();
+    if (HasFatalFailure()) return;
   }
-  ASSERT_TRUE(table.complete());
-  EXPECT_EQ(committed.size() + given_up.size(), kTotal);
-  EXPECT_EQ(table.given_up(), given_up.size());
-  // the committed attempt is the first that does not fail, whatever the workers did
-  for (const auto& [index, attempt] : committed) {
-    EXPECT_FALSE(fails(index, attempt));
-    for (std::uint32_t earlier = 0; earlier < attempt; ++earlier) EXPECT_TRUE(fails(index, earlier));
-  }
+  ASSERT_TRUE(campaign.complete());
+  campaign.CheckEnd();
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, LeaseTableProperty, testing::Range(0, 50));

@@ -13,8 +13,7 @@ using ::testing::HasSubstr;
 struct Lens {
   double fovy = 60;
   int width = 224;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("fovy", fovy, "deg", "vertical field of view");
     v("width", width, "px", "columns of a picture");
   }
@@ -23,8 +22,7 @@ struct Lens {
 struct Tree {
   std::string name;
   std::vector<Tree> children;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("name", name, "", "what it is called");
     v("children", children, "", "what hangs on it");
   }
@@ -36,8 +34,7 @@ struct Rig {
   std::vector<Lens> spare;
   std::map<std::string, double> gains{{"red", 2}};
   std::vector<std::vector<std::string>> groups;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("on", on, "", "whether it runs");
     v("lens", lens);
     v("spare", spare, "", "lenses to change to");
@@ -49,8 +46,7 @@ struct Rig {
 struct Bare {
   double speed = 1;
   std::string name;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("speed", speed, "", "how fast");
     v("name", name);
   }

@@ -19,8 +19,7 @@ using ::testing::HasSubstr;
 struct Inner {
   int width = 224;
   double fovy = 60;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("width", width);
     v("fovy", fovy);
   }
@@ -34,8 +33,7 @@ struct Outer {
   std::map<std::string, double> weights;
   Inner camera;
   std::vector<Inner> more;
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("name", name);
     v("shadows", shadows);
     v("count", count);

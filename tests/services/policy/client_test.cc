@@ -7,16 +7,15 @@
 #include <atomic>
 #include <thread>
 
-#include "services/bus/directory.h"
 #include "services/bus/topic.h"
 #include "services/core/stop.h"
+#include "tests/services/policy/policy_asker.h"
 
 namespace etude::policy {
 namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint32_t kDomain = 77;
 constexpr char kOne[] = "aaaa000000000001";
 constexpr char kOther[] = "bbbb000000000002";
 
@@ -24,9 +23,7 @@ constexpr char kOther[] = "bbbb000000000002";
 class FakeServer {
  public:
   FakeServer(const bus::Participant& participant, const std::string& name, const std::string& id, std::uint64_t step)
-      : presence_(bus::Announcement::Open(participant, bus::MakePresence(bus::PresenceKind::kPolicy, name, id, ""),
-                                          Claim::kAdopt)
-                      .value()),
+      : presence_(AnnounceServer(participant, name, id)),
         actions_(bus::Writer<bus::Action>::Open(participant, bus::Owner{name, id}.partition()).value()),
         observations_(bus::Reader<bus::Observation>::Open(participant, bus::Owner{name, id}.partition()).value()),
         thread_([this, step](const std::stop_token& stop) {
@@ -67,22 +64,11 @@ class FakeServer {
   std::jthread thread_;
 };
 
-class PolicyClient : public testing::Test {
+class PolicyClient : public PolicyAsker {
  protected:
   Result<Client> OpenClient(const std::string& run) {
     return Client::Open(participant_, run, bus::UniquePeerName(), {.answer = 1s, .patience = 20s});
   }
-  Question MakeQuestion() const {
-    Question question;
-    question.instruction = "pick up the red can";
-    question.joints = {0.1f, 0.2f};
-    question.width = question.height = 4;
-    question.rgb = picture_;
-    return question;
-  }
-
-  std::vector<std::uint8_t> picture_ = std::vector<std::uint8_t>(48, 9);
-  bus::Participant participant_ = bus::Participant::Open({kDomain, ""}).value();
 };
 
 // Two quickstarts of one host: the second one's table came from the first one's policy.

@@ -8,9 +8,9 @@
 #include <mutex>
 #include <thread>
 
-#include "services/bus/directory.h"
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
+#include "tests/services/policy/policy_asker.h"
 #include "tests/support/matchers.h"
 
 namespace etude::policy {
@@ -18,7 +18,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint32_t kDomain = 77;
 constexpr char kId[] = "cccc000000000003";
 
 enum class Manner { kShows, kShowsTheTryBefore, kRefuses, kIsSilent };
@@ -27,9 +26,7 @@ enum class Manner { kShows, kShowsTheTryBefore, kRefuses, kIsSilent };
 class FakeServer {
  public:
   FakeServer(const bus::Participant& participant, const std::string& name)
-      : presence_(bus::Announcement::Open(participant, bus::MakePresence(bus::PresenceKind::kPolicy, name, kId, ""),
-                                          Claim::kAdopt)
-                      .value()),
+      : presence_(AnnounceServer(participant, name, kId)),
         wishes_(bus::Reader<bus::InsightWish>::Open(participant, bus::Owner{name, kId}.partition()).value()),
         observations_(bus::Reader<bus::Observation>::Open(participant, bus::Owner{name, kId}.partition()).value()),
         insights_(bus::Writer<bus::Insight>::Open(participant, bus::Owner{name, kId}.partition()).value()),
@@ -98,22 +95,11 @@ class FakeServer {
   std::jthread thread_;
 };
 
-class PolicyInsight : public testing::Test {
+class PolicyInsight : public PolicyAsker {
  protected:
   InsightClient OpenClient(const std::string& run, std::chrono::milliseconds patience = 20s) {
     return InsightClient::Open(participant_, run, {.server = 20s, .again = 50ms, .patience = patience}).value();
   }
-  Question MakeQuestion(const std::string& instruction = "pick up the red can") const {
-    Question question;
-    question.instruction = instruction;
-    question.joints = {0.1f, 0.2f};
-    question.width = question.height = 4;
-    question.rgb = picture_;
-    return question;
-  }
-
-  std::vector<std::uint8_t> picture_ = std::vector<std::uint8_t>(48, 9);
-  bus::Participant participant_ = bus::Participant::Open({kDomain, ""}).value();
 };
 
 TEST_F(PolicyInsight, IsOfItsOwnQuestionAndItsOwnSessionAlone) {

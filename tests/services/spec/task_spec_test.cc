@@ -100,6 +100,7 @@ TEST(TaskSpec, EveryKeyHasItsRule) {
            {"words", "{verbs: [Take]}", "words: 'Take' must be lower-case words"},
            {"words", "{verbs: [' take']}", "words: ' take' must be lower-case words"},
            {"words", "{verbs: ['take ']}", "words: 'take ' must be lower-case words"},
+           {"words", "{verbs: ['pick  up']}", "words: 'pick  up' must be lower-case words with single spaces"},
            {"words", "{verbs: ['']}", "words: '' must be lower-case words"},
            {"words", "{verbs: [pick-up]}", "words: 'pick-up' must be lower-case words"},
            {"words", "{verbs: [take], places: [on]}", "words.places: only for a task with a reference"},

@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 
+#include "tests/support/matchers.h"
 #include "tests/trainer/checkpoint/example_checkpoint.h"
 #include "tests/trainer/policy/fixtures.h"
 
@@ -31,15 +32,11 @@ std::size_t CountOf(const std::string& text, const std::string& part) {
 TEST(GraphPicture, SaysWhoReadsWhatAndHowFarItIs) {
   const std::string text = GraphText(Example());
 
-  EXPECT_THAT(text, HasSubstr("tiny: 7 modules, width 8, 2 heads; run demo step 1161, robot ur5, 12 demonstrations"));
-  EXPECT_THAT(text, HasSubstr("level 2\n  EE2D\n"));
-  EXPECT_THAT(text, HasSubstr("  TAR2D  (frozen)\n    query    LANG\n    reads    image, self\n"));
-  EXPECT_THAT(text, HasSubstr("attends  image@target"));
-  EXPECT_THAT(text, HasSubstr("says     target.displacement, m: difference of EE3D, TAR3D"));
-  EXPECT_THAT(text, HasSubstr("trained  1161 steps, 0.21 cm"));
-  EXPECT_THAT(text, HasSubstr("trained  1161 steps, 99.70 % right"));
-  EXPECT_THAT(text, HasSubstr("trained  1161 steps, never measured"));
-  EXPECT_THAT(text, HasSubstr("frozen encoders: image"));
+  EXPECT_THAT(text, HasAll({"tiny: 7 modules, width 8, 2 heads; run demo step 1161, robot ur5, 12 demonstrations",
+                            "level 2\n  EE2D\n", "  TAR2D  (frozen)\n    query    LANG\n    reads    image, self\n",
+                            "attends  image@target", "says     target.displacement, m: difference of EE3D, TAR3D",
+                            "trained  1161 steps, 0.21 cm", "trained  1161 steps, 99.70 % right",
+                            "trained  1161 steps, never measured", "frozen encoders: image"}));
 }
 
 TEST(GraphPicture, DrawsABoxAPartAndAnArrowAReading) {

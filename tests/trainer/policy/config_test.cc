@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 
+#include "tests/support/matchers.h"
 #include "trainer/policy/architecture.h"
 #include "trainer/policy/names.h"
 
@@ -47,14 +48,13 @@ TEST(PolicyConfig, ReportsAllProblemsAtOnceWithTheNearestName) {
 
   const std::string problems = Problems(config);
 
-  EXPECT_THAT(problems, HasSubstr("heads: 5 does not divide width 64"));
-  EXPECT_THAT(problems, HasSubstr("attention: 'sparse' is not one of module, shared"));
-  EXPECT_THAT(problems, HasSubstr("image.layers[0].kernel: must be odd"));
-  EXPECT_THAT(problems, HasSubstr("modules.TAR2D.query: unknown module 'LANGE', did you mean 'LANG'?"));
-  EXPECT_THAT(problems, HasSubstr("modules.EE2D.attend: unknown entity 'targt', did you mean 'target'?"));
-  EXPECT_THAT(problems, HasSubstr("modules.EE3D.decoder.entity: unknown entity 'eee', did you mean 'ee'?"));
-  EXPECT_THAT(problems, HasSubstr("unknown quantity 'displacment', did you mean 'displacement'?"));
-  EXPECT_THAT(problems, HasSubstr("losses.pixel.beta: must be > 0"));
+  EXPECT_THAT(problems, HasAll({"heads: 5 does not divide width 64", "attention: 'sparse' is not one of module, shared",
+                                "image.layers[0].kernel: must be odd",
+                                "modules.TAR2D.query: unknown module 'LANGE', did you mean 'LANG'?",
+                                "modules.EE2D.attend: unknown entity 'targt', did you mean 'target'?",
+                                "modules.EE3D.decoder.entity: unknown entity 'eee', did you mean 'ee'?",
+                                "unknown quantity 'displacment', did you mean 'displacement'?",
+                                "losses.pixel.beta: must be > 0"}));
 }
 
 TEST(PolicyConfig, LanguageIsTrainedAlongOrClips) {
@@ -97,12 +97,11 @@ TEST(PolicyConfig, RefusesInputsThatNobodyDecodes) {
   Module(config, "CTRL").decoder.inputs = {"register", "pixel:EE3D",  "soft_argmax", "fourier:class:LANG",
                                            "position", "joints:EE3D", "speed:EE3D"};
   const std::string problems = Problems(config);
-  EXPECT_THAT(problems, HasSubstr("'pixel:EE3D': that module decodes no pixel"));
-  EXPECT_THAT(problems, HasSubstr("'soft_argmax': that module does not read the image"));
-  EXPECT_THAT(problems, HasSubstr("'fourier:class:LANG': Fourier features are of a position, displacement or joints"));
-  EXPECT_THAT(problems, HasSubstr("'position' must name a module"));
-  EXPECT_THAT(problems, HasSubstr("'joints:EE3D' belongs to no module"));
-  EXPECT_THAT(problems, HasSubstr("unknown input 'speed'"));
+  EXPECT_THAT(
+      problems,
+      HasAll({"'pixel:EE3D': that module decodes no pixel", "'soft_argmax': that module does not read the image",
+              "'fourier:class:LANG': Fourier features are of a position, displacement or joints",
+              "'position' must name a module", "'joints:EE3D' belongs to no module", "unknown input 'speed'"}));
 }
 
 TEST(PolicyConfig, RefusesAttentionToWhatIsNotRead) {
@@ -142,9 +141,9 @@ TEST(PolicyConfig, QuantitiesAreOfEntitiesThatHaveThem) {
   Module(config, "CTRL").decoder.entity = "target";
   Module(config, "LANG").decoder.entity = "ee";
   const std::string problems = Problems(config);
-  EXPECT_THAT(problems, HasSubstr("modules.TAR3D.decoder: a position is not of 'others'"));
-  EXPECT_THAT(problems, HasSubstr("modules.CTRL.decoder: a trajectory is not of 'target'"));
-  EXPECT_THAT(problems, HasSubstr("modules.LANG.decoder: a class is not of 'ee'"));
+  EXPECT_THAT(problems, HasAll({"modules.TAR3D.decoder: a position is not of 'others'",
+                                "modules.CTRL.decoder: a trajectory is not of 'target'",
+                                "modules.LANG.decoder: a class is not of 'ee'"}));
 
   config = Preset("compact");
   Module(config, "TAR3D").decoder.entity = "object:coke";

@@ -20,9 +20,8 @@ inline ModuleConfig* FindModule(PolicyConfig& config, const std::string& name) {
   return nullptr;
 }
 
-/// The base hierarchy on a 24x16 crop with 6x4 tokens; gradients pass everywhere.
-inline PolicyConfig TinyConfig() {
-  constexpr char kYaml[] = R"(
+/// What TinyConfig says besides its modules.
+inline constexpr char kTinyEncoders[] = R"(
 name: tiny
 image:
   crop: [10, 20, 24, 16]
@@ -36,6 +35,11 @@ width: 8
 heads: 2
 objects: [red, blue, green]
 precision: float32
+)";
+
+/// The base hierarchy on a 24x16 crop with 6x4 tokens; gradients pass everywhere.
+inline PolicyConfig TinyConfig() {
+  const std::string yaml = std::string(kTinyEncoders) + R"(
 modules:
   - {name: LANG, level: 1, reads: [language, joints], attend: [language], decoder: {entity: target, quantity: class}}
   - {name: EE2D, level: 2, reads: [joints, image], attend: ["image@ee"],
@@ -55,7 +59,7 @@ modules:
      decoder: {entity: ee, quantity: trajectory, readout: relative, from: [EE3D], hidden: [12, 12], detach: false,
                inputs: [register, language, "class:LANG", "fourier:displacement:DISP", "displacement:DISP"]}}
 )";
-  const auto config = FromJson<PolicyConfig>(ParseYaml(kYaml, "tiny").value(), "tiny");
+  const auto config = FromJson<PolicyConfig>(ParseYaml(yaml, "tiny").value(), "tiny");
   EXPECT_TRUE(config) << config.error().message;
   return *config;
 }
@@ -74,6 +78,13 @@ inline std::shared_ptr<Policy> MakePolicy(const PolicyConfig& config, std::uint6
   EXPECT_TRUE(policy) << policy.error().message;
   return *policy;
 }
+
+/// The tiny policy with attention of either kind.
+class BothAttentions : public testing::TestWithParam<const char*> {
+ protected:
+  BothAttentions() : config_(TinyConfig()) { config_.attention = GetParam(); }
+  PolicyConfig config_;
+};
 
 /// Random inputs of B images and S sentences.
 inline Inputs MakeInputs(const PolicyConfig& config, int batch, int sentences, int joints = 3) {

@@ -15,11 +15,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-class PartsOfBoth : public testing::TestWithParam<const char*> {
- protected:
-  PartsOfBoth() : config_(TinyConfig()) { config_.attention = GetParam(); }
-  PolicyConfig config_;
-};
+class PartsOfBoth : public BothAttentions {};
 INSTANTIATE_TEST_SUITE_P(Parts, PartsOfBoth, testing::Values("module", "shared"));
 
 TEST_P(PartsOfBoth, EveryParameterBelongsToExactlyOnePart) {

@@ -46,11 +46,6 @@ Labels WithSentence(const Labels& labels, int s) {
   return one;
 }
 
-class BothAttentions : public testing::TestWithParam<const char*> {
- protected:
-  BothAttentions() : config_(TinyConfig()) { config_.attention = GetParam(); }
-  PolicyConfig config_;
-};
 INSTANTIATE_TEST_SUITE_P(Policy, BothAttentions, testing::Values("module", "shared"));
 
 TEST_P(BothAttentions, GradientsEqualFiniteDifferences) {

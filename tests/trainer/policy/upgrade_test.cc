@@ -9,6 +9,7 @@
 
 #include "services/core/rng.h"
 #include "services/store/safetensors.h"
+#include "tests/support/matchers.h"
 #include "tests/trainer/policy/fixtures.h"
 #include "trainer/policy/answer.h"
 #include "trainer/policy/crop.h"
@@ -20,21 +21,8 @@ namespace {
 using torch::Tensor;
 
 // TinyConfig as its time wrote it
-constexpr char kOld[] = R"(
-name: tiny
-image:
-  crop: [10, 20, 24, 16]
-  layers:
-    - {kind: conv, channels: 16, kernel: 3, stride: 2}
-    - {kind: conv, channels: 16, kernel: 3, stride: 2, norm: instance}
-    - {kind: residual, channels: 16}
-language: {buckets: 64, width: 8, hidden: 8}
-joint_hidden: [8]
-width: 8
-heads: 2
+const std::string kOld = std::string(kTinyEncoders) + R"(
 attention_loss: mse
-objects: [red, blue, green]
-precision: float32
 modules:
   - {name: LANG, level: 1, reads: [language, joints], attend: [language],
      decoder: {target: target_class, hidden: [], relative_to: "", between: []}}
@@ -53,6 +41,15 @@ PolicyConfig Upgraded() {
   const Status valid = config->Validate();
   EXPECT_TRUE(valid) << valid.error().message;
   return *config;
+}
+
+TEST(Upgrade, OfWhatIsNotAsItShouldBeEndsInARefusal) {
+  for (const char* json : {R"({"attention_loss": "mse", "losses": 3})", R"({"attention_loss": 3, "losses": "log"})",
+                           R"({"attention_loss": "mse", "losses": [1]})", R"({"modules": [3, {"decoder": []}]})",
+                           R"({"modules": [{"attend": [1], "decoder": {"target": 3, "between": 7, "inputs": 4}}]})"})
+    EXPECT_THAT(FromJson<PolicyConfig>(UpgradePolicyJson(OrderedJson::parse(json)), "hostile"),
+                HasCode(Code::kInvalidArgument))
+        << json;
 }
 
 TEST(Upgrade, KeysBecomeTodaysAndSinesAndCosinesStay) {
@@ -113,58 +110,69 @@ TEST(Upgrade, TablesOfOldWeightsAreFoundByName) {
   }
 }
 
-// Checkpoints that the program of schema 1 trained, with an observation and what it answered then.
+// A checkpoint that the program of schema 1 trained.
+struct Old {
+  PolicyConfig config;
+  std::shared_ptr<Policy> policy;
+};
+
+Old LoadOld(const std::string& file) {
+  const auto stored = store::ReadSafetensors(file + ".safetensors").value();
+  const auto json = UpgradePolicyJson(OrderedJson::parse(stored.metadata.at("policy_config")));
+  Old old{FromJson<PolicyConfig>(json, file).value(), nullptr};
+  std::map<std::string, Tensor> tensors;
+  for (const auto& [key, tensor] : stored.tensors) {
+    EXPECT_EQ(tensor.dtype, store::DType::kF32) << key;
+    tensors[key] = torch::empty(tensor.shape);
+    std::memcpy(tensors[key].data_ptr(), tensor.data.data(), tensor.data.size());
+  }
+  UpgradeStateNames(old.config, tensors);
+  old.policy = MakePolicy(old.config, 1, 7);
+  const Status loaded = old.policy->LoadStateTensors(tensors);
+  EXPECT_TRUE(loaded) << loaded.error().message;
+  old.policy->eval();
+  return old;
+}
+
+// The observation that it answered then: a drawn picture of 48 px, after as many draws as there are joints.
+Inputs OldInputs(const PolicyConfig& config, const std::vector<float>& joints) {
+  Rng rng(3);
+  for (std::size_t i = 0; i < joints.size(); ++i) rng.Uniform(-1, 1);
+  std::vector<std::uint8_t> picture(48 * 48 * 3);
+  for (auto& pixel : picture) pixel = static_cast<std::uint8_t>(rng.Below(256));
+  const codec::Region crop = CropOf(config.image);
+  Tensor image = torch::empty({1, crop.height, crop.width, 3}, torch::kUInt8);
+  EXPECT_TRUE(codec::CropPicture(picture, 48, 48, crop, {image.data_ptr<std::uint8_t>(), crop.bytes()}));
+  return {image.permute({0, 3, 1, 2}),
+          torch::tensor({static_cast<float>(crop.u), static_cast<float>(crop.v)}).view({1, 2}),
+          torch::tensor(joints).view({1, -1}),
+          {"pick up the red can"},
+          torch::zeros({1, 1}, torch::kInt64)};
+}
+
 TEST(Upgrade, OldCheckpointsAnswerAsTheyDid) {
   for (const std::string name : {"compact", "paper"}) {
+    SCOPED_TRACE(name);
     const std::string file = "tests/trainer/checkpoint/data/" + name + "-schema1";
-    const auto stored = store::ReadSafetensors(file + ".safetensors");
-    ASSERT_TRUE(stored) << stored.error().message;
-    const auto json = UpgradePolicyJson(OrderedJson::parse(stored->metadata.at("policy_config")));
-    const auto config = FromJson<PolicyConfig>(json, name);
-    ASSERT_TRUE(config) << config.error().message;
-    std::map<std::string, Tensor> tensors;
-    for (const auto& [key, tensor] : stored->tensors) {
-      ASSERT_EQ(tensor.dtype, store::DType::kF32) << key;
-      tensors[key] = torch::empty(tensor.shape);
-      std::memcpy(tensors[key].data_ptr(), tensor.data.data(), tensor.data.size());
-    }
-    UpgradeStateNames(*config, tensors);
-    const auto policy = MakePolicy(*config, 1, 7);
-    const Status loaded = policy->LoadStateTensors(tensors);
-    ASSERT_TRUE(loaded) << loaded.error().message;
-    policy->eval();
-
+    const auto [config, policy] = LoadOld(file);
     const auto answer = OrderedJson::parse(ReadTextFile(file + ".answer.json").value());
-    const auto joints = answer["joints"].get<std::vector<float>>();
-    Rng rng(3);
-    for (std::size_t i = 0; i < joints.size(); ++i) rng.Uniform(-1, 1);
-    std::vector<std::uint8_t> picture(48 * 48 * 3);
-    for (auto& pixel : picture) pixel = static_cast<std::uint8_t>(rng.Below(256));
-    const codec::Region crop = CropOf(config->image);
-    Tensor image = torch::empty({1, crop.height, crop.width, 3}, torch::kUInt8);
-    ASSERT_TRUE(codec::CropPicture(picture, 48, 48, crop, {image.data_ptr<std::uint8_t>(), crop.bytes()}));
-    const Inputs inputs{image.permute({0, 3, 1, 2}),
-                        torch::tensor({static_cast<float>(crop.u), static_cast<float>(crop.v)}).view({1, 2}),
-                        torch::tensor(joints).view({1, -1}),
-                        {"pick up the red can"},
-                        torch::zeros({1, 1}, torch::kInt64)};
     const torch::NoGradGuard no_grad;
-    const Outputs outputs = policy->Forward(inputs);
+    const Outputs outputs = policy->Forward(OldInputs(config, answer["joints"].get<std::vector<float>>()));
     const auto expected = answer["waypoints"].get<std::vector<float>>();
     ASSERT_EQ(expected.size(), 120u);
 
     // the head says what it said, sines and cosines; what leaves the policy is 6D
     const Tensor said = outputs.at("CTRL").decoded.at("trajectory").flatten().contiguous();
-    const auto waypoints = WaypointsOf(*config, outputs);
+    const auto waypoints = WaypointsOf(config, outputs);
     ASSERT_EQ(waypoints.size(), expected.size());
     for (std::size_t k = 0; k < expected.size(); k += 10) {
-      for (std::size_t i = k; i < k + 10; ++i) EXPECT_NEAR(said.data_ptr<float>()[i], expected[i], 1e-5) << name << i;
+      for (std::size_t i = k; i < k + 10; ++i) EXPECT_NEAR(said.data_ptr<float>()[i], expected[i], 1e-5) << i;
       const auto angle = [&](std::size_t i) { return std::atan2(expected[k + 3 + 2 * i], expected[k + 4 + 2 * i]); };
       const Waypoint now = FromVector(&waypoints[k]);
-      EXPECT_LT(AngleBetween(now.X_WE.q, FromEuler({angle(0), angle(1), angle(2)})), 1e-3) << name << k;
+      EXPECT_LT(AngleBetween(now.X_WE.q, FromEuler({angle(0), angle(1), angle(2)})), 1e-3) << k;
       EXPECT_NEAR(now.gripper, expected[k + 9], 1e-5);
     }
-    const auto modules = DescribeModules(*config, outputs);
+    const auto modules = DescribeModules(config, outputs);
     EXPECT_EQ(modules["TAR3D"]["entity"], "target");
     EXPECT_EQ(modules["CTRL"].contains("value"), false);
   }

@@ -34,6 +34,7 @@ TEST(WhatIf, IsReadFromTextThatIsNotTrusted) {
   EXPECT_THAT(ErrorOf(R"({"say": {"TAR3E": {"position": [1, 2, 3]}}})"), HasSubstr("did you mean 'TAR3D'"));
   EXPECT_THAT(ErrorOf(R"({"say": {"TAR3D": {"pixel": [1, 2]}}})"), HasSubstr("it says 'position'"));
   EXPECT_THAT(ErrorOf(R"({"say": {"TAR3D": {"position": [1, 2]}}})"), HasSubstr("must be 3 numbers"));
+  EXPECT_THAT(ErrorOf(R"({"say": {"TAR3D": {"position": [1, 2, 1e300]}}})"), HasSubstr("lies nowhere near"));
   EXPECT_THAT(ErrorOf(R"({"say": {"LANG": {"class": "rde"}}})"), HasSubstr("did you mean 'red'"));
   EXPECT_THAT(ErrorOf(R"({"say": {"CTRL": {"trajectory": [1]}}})"), HasSubstr("cannot be replaced"));
 }

@@ -46,102 +46,112 @@ class Client {
   bus::Reader<bus::Action> reader;
 };
 
+/// A run, a server that follows its checkpoints, and a robot that asks it.
+class FollowedRun {
+ public:
+  FollowedRun(const std::string& name, int threads)
+      : name_(name),
+        server(PolicyServer::Open(participant, {.run = {name, kId}, .threads = threads}, nullptr).value()),
+        sink(publish::CheckpointSink::Open(folder_.path(), {name, kId, 1}, &participant).value()),
+        client(Client::Open(participant, {name, kId})) {
+    EXPECT_TRUE(server.Follow());
+    serving_ = std::thread([this] { EXPECT_TRUE(server.Run()); });
+  }
+  ~FollowedRun() {
+    server.Stop();
+    serving_.join();
+  }
+  bus::Observation Observe(std::uint64_t request) const { return ExampleObservation(request, name_, kId); }
+  /// The first answer of that checkpoint, or the last one at the deadline.
+  bus::Action AskUntil(std::uint64_t step) {
+    bus::Action answer;
+    for (std::uint64_t id = 10; answer.checkpoint_step != step && std::chrono::steady_clock::now() < deadline_; ++id)
+      answer = AskAgain(id);
+    return answer;
+  }
+  bus::Action AskAgain(std::uint64_t id) {
+    auto observation = Observe(1);
+    observation.request_id = id;
+    return client.Ask(observation);
+  }
+  void WaitForRefusals(std::uint64_t count) {
+    while (server.refused_checkpoints() < count && std::chrono::steady_clock::now() < deadline_)
+      std::this_thread::yield();
+    EXPECT_EQ(server.refused_checkpoints(), count);
+  }
+
+ private:
+  const TemporaryFolder folder_;
+  const std::string name_;
+  const std::chrono::steady_clock::time_point deadline_ = std::chrono::steady_clock::now() + 60s;
+  std::thread serving_;
+
+ public:
+  bus::Participant participant = bus::Participant::Open({kDomain, ""}).value();
+  PolicyServer server;
+  publish::CheckpointSink sink;
+  Client client;
+};
+
 TEST(PolicyServer, TakesOverNewCheckpointsAndKeepsTheLastGoodOne) {
-  const TemporaryFolder folder;
   const auto config = policy::TinyConfig();
-  const std::string run = "serve-demo";
-  const Selector demo{run, kId};
-  auto participant = bus::Participant::Open({kDomain, ""}).value();
-  auto sink = publish::CheckpointSink::Open(folder.path(), {run, kId, 1}, &participant).value();
-  auto server = PolicyServer::Open(participant, {.run = demo, .threads = 2}, nullptr).value();
-  ASSERT_TRUE(server.Follow());
-  std::thread serving([&] { EXPECT_TRUE(server.Run()); });
-  Client client = Client::Open(participant, demo);
+  FollowedRun run("serve-demo", 2);
 
   // the first checkpoint
-  ASSERT_TRUE(sink.Save(checkpoint::ExampleCheckpoint(config, 100, 1)));
-  ASSERT_TRUE(client.WaitForServer());
-  auto observation = ExampleObservation(1, run, kId);
-  const auto first = client.Ask(observation);
+  ASSERT_TRUE(run.sink.Save(checkpoint::ExampleCheckpoint(config, 100, 1)));
+  ASSERT_TRUE(run.client.WaitForServer());
+  const auto first = run.client.Ask(run.Observe(1));
   EXPECT_EQ(first.error, "");
   EXPECT_EQ(first.checkpoint_step, 100u);
   EXPECT_EQ(first.waypoints.size(), static_cast<std::size_t>(kWaypoints * kWaypointSize));
 
   // a malformed observation is answered, and the next one too
-  auto odd = ExampleObservation(2, run, kId);
+  auto odd = run.Observe(2);
   odd.joints.clear();
-  EXPECT_NE(client.Ask(odd).error, "");
+  EXPECT_NE(run.client.Ask(odd).error, "");
 
   // one that does not fit is refused; the first serves on
-  auto publisher = bus::BlobPublisher::Open(participant, {run, kId}).value();
+  auto publisher = bus::BlobPublisher::Open(run.participant, {"serve-demo", kId}).value();
   const std::vector<std::uint8_t> nonsense(1000, 7);
   ASSERT_TRUE(publisher.Publish("latest", std::uint64_t{1} << 60, nonsense, "{}"));
-  const auto deadline = std::chrono::steady_clock::now() + 20s;
-  while (server.refused_checkpoints() == 0 && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
-  EXPECT_EQ(server.refused_checkpoints(), 1u);
-  observation.request_id = 10;
-  EXPECT_EQ(client.Ask(observation).checkpoint_step, 100u);
+  run.WaitForRefusals(1);
+  EXPECT_EQ(run.AskAgain(9).checkpoint_step, 100u);
 
   // a newer one takes over, with other answers
   const auto bytes = checkpoint::Encode(checkpoint::ExampleCheckpoint(config, 200, 2)).value();
   ASSERT_TRUE(publisher.Publish("latest", (std::uint64_t{1} << 60) + 1, bytes, "{}"));
-  bus::Action later;
-  for (std::uint64_t id = 11; later.checkpoint_step != 200 && std::chrono::steady_clock::now() < deadline; ++id) {
-    observation.request_id = id;
-    later = client.Ask(observation);
-  }
+  const auto later = run.AskUntil(200);
   EXPECT_EQ(later.checkpoint_step, 200u);
   EXPECT_NE(later.waypoints, first.waypoints);
-
-  server.Stop();
-  serving.join();
-  EXPECT_GE(server.answered(), 4u);
+  EXPECT_GE(run.server.answered(), 4u);
 }
 
 TEST(PolicyServer, DrivesNothingWithWhatIsNotTrained) {
-  const TemporaryFolder folder;
   const auto config = policy::TinyConfig();
-  const std::string run = "serve-early";
-  auto participant = bus::Participant::Open({kDomain, ""}).value();
-  auto sink = publish::CheckpointSink::Open(folder.path(), {run, kId, 1}, &participant).value();
-  const Selector selector{run, kId};
-  auto server = PolicyServer::Open(participant, {.run = selector}, nullptr).value();
-  ASSERT_TRUE(server.Follow());
-  std::thread serving([&] { EXPECT_TRUE(server.Run()); });
-  Client client = Client::Open(participant, selector);
+  FollowedRun run("serve-early", 1);
   auto early = checkpoint::ExampleCheckpoint(config, 50);
   early.metadata.modules["CTRL"] = {};
 
   // nothing else is there: observations are answered with the refusal
-  ASSERT_TRUE(sink.Save(early));
-  ASSERT_TRUE(client.WaitForServer());
-  auto observation = ExampleObservation(1, run, kId);
-  const auto refusal = client.Ask(observation);
+  ASSERT_TRUE(run.sink.Save(early));
+  ASSERT_TRUE(run.client.WaitForServer());
+  const auto refusal = run.client.Ask(run.Observe(1));
   EXPECT_NE(refusal.error.find("CTRL has 0 trained steps"), std::string::npos) << refusal.error;
   EXPECT_EQ(refusal.refusal, bus::Refusal::kNotTrained);
   EXPECT_TRUE(refusal.waypoints.empty());
 
   // a trained one takes over, and another that is not does not
-  ASSERT_TRUE(sink.Save(checkpoint::ExampleCheckpoint(config, 100)));
-  bus::Action answer;
-  const auto deadline = std::chrono::steady_clock::now() + 20s;
-  for (std::uint64_t id = 10; answer.checkpoint_step != 100 && std::chrono::steady_clock::now() < deadline; ++id) {
-    observation.request_id = id;
-    answer = client.Ask(observation);
-  }
+  ASSERT_TRUE(run.sink.Save(checkpoint::ExampleCheckpoint(config, 100)));
+  const auto answer = run.AskUntil(100);
   EXPECT_EQ(answer.error, "");
-  EXPECT_GT(server.latency().p99_ms, 0);
+  EXPECT_GT(run.server.latency().p99_ms, 0);
   EXPECT_GT(answer.server_p99_ms, 0);
   EXPECT_GE(answer.server_p99_ms, answer.server_p50_ms);
   early.metadata.step = 150;
-  const auto refused = server.refused_checkpoints();
-  ASSERT_TRUE(sink.Save(early));
-  while (server.refused_checkpoints() == refused && std::chrono::steady_clock::now() < deadline)
-    std::this_thread::yield();
-  observation.request_id = 1'000'000;
-  EXPECT_EQ(client.Ask(observation).checkpoint_step, 100u);
-  server.Stop();
-  serving.join();
+  const auto refused = run.server.refused_checkpoints();
+  ASSERT_TRUE(run.sink.Save(early));
+  run.WaitForRefusals(refused + 1);
+  EXPECT_EQ(run.AskAgain(1'000'000).checkpoint_step, 100u);
 }
 
 TEST(PolicyServer, AnswersManyClientsAsIfEachWereAlone) {

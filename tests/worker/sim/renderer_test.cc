@@ -30,6 +30,13 @@ Picture Take(Renderer& renderer, const World& world) {
   return picture;
 }
 
+/// The body that each pixel of a picture of 224 px shows.
+std::vector<std::int32_t> Segment(Renderer& renderer, const World& world) {
+  std::vector<std::int32_t> ids(224 * 224);
+  renderer.RenderSegmentation(world, ids);
+  return ids;
+}
+
 double Mean(const Picture& picture) {
   return std::accumulate(picture.begin(), picture.end(), 0.0) / static_cast<double>(picture.size());
 }
@@ -61,8 +68,7 @@ TEST(Renderer, SameStateSameBytes) {
   view.height = 256;
   Picture large = Blank(view);
   renderer.RenderView(world, view, large);
-  std::vector<std::int32_t> ids(224 * 224);
-  renderer.RenderSegmentation(world, ids);
+  auto ids = Segment(renderer, world);
   Renderer other = OpenOrDie();
   EXPECT_EQ(Take(other, world), first);
   EXPECT_EQ(Take(renderer, world), first);
@@ -99,8 +105,7 @@ TEST(Renderer, ProjectionAgreesWithTheCamera) {
 TEST(Renderer, TopRowIsFar) {
   World world(FullScene());
   Renderer renderer = OpenOrDie();
-  std::vector<std::int32_t> ids(224 * 224);
-  renderer.RenderSegmentation(world, ids);
+  auto ids = Segment(renderer, world);
   EXPECT_TRUE(std::all_of(ids.begin(), ids.begin() + 224, [](int id) { return id == -1; })) << "background above";
   const auto base = Centroid(ids, 224, world.BodyId("shoulder"));
   const auto can = Centroid(ids, 224, world.BodyId("coke"));
@@ -172,8 +177,7 @@ TEST(Renderer, TintColoursOneObject) {
   World world(FullScene());
   Renderer renderer = OpenOrDie();
   const Picture normal = Take(renderer, world);
-  std::vector<std::int32_t> ids(224 * 224);
-  renderer.RenderSegmentation(world, ids);
+  auto ids = Segment(renderer, world);
   Appearance appearance;
   const int milk = world.BodyId("milk");
   appearance.tint.assign(static_cast<std::size_t>(milk) + 1, Eigen::Vector3d::Ones());
@@ -204,8 +208,7 @@ TEST(Renderer, BackgroundIsNoBody) {
   EXPECT_NEAR(picture[0], 128, 2);  // the top row is behind the table
   EXPECT_NEAR(picture[1], 64, 2);
   EXPECT_NEAR(picture[2], 191, 2);
-  std::vector<std::int32_t> ids(224 * 224);
-  renderer->RenderSegmentation(world, ids);
+  auto ids = Segment(*renderer, world);
   EXPECT_EQ(ids[0], -1);
   const Picture before = picture;
   renderer->Render(world, picture);
@@ -248,8 +251,7 @@ TEST(Renderer, AMovedCameraTakesThePictureOfASceneThatHasItThere) {
   EXPECT_EQ(renderer.camera().fovy, ToCamera(spec.camera).fovy);
 
   // its segmentation and its depth are of the same place
-  std::vector<std::int32_t> ids(224 * 224);
-  renderer.RenderSegmentation(world, ids);
+  auto ids = Segment(renderer, world);
   for (const char* name : {"cube", "coke", "pepsi"}) {
     const Eigen::Vector2d seen = Centroid(ids, 224, world.BodyId(name));
     EXPECT_LT((seen - renderer.camera().Project(world.ObjectPose(name).p)).norm(), 4) << name;
@@ -316,8 +318,7 @@ TEST(Renderer, AWorldDressesItsObjectsAndNothingElse) {
   World world(FullScene());
   Renderer renderer = OpenOrDie();
   const Picture normal = Take(renderer, world);
-  std::vector<std::int32_t> ids(224 * 224);
-  renderer.RenderSegmentation(world, ids);
+  auto ids = Segment(renderer, world);
   renderer.SetAppearance(WithWorld({}, EpisodeWorld{}, *FullScene()));
   EXPECT_EQ(Take(renderer, world), normal);
   for (const EpisodeWorld& drawn : {EpisodeWorld{.colour = {{"milk", {0.5, 1, 1}}}, .gloss = {}},

@@ -112,49 +112,60 @@ TEST(OcclusionOrder, IsAllBlocksInAnOrderOfItsSeed) {
   for (int i = 0; i < static_cast<int>(order.size()); ++i) EXPECT_EQ(order[i], i);
 }
 
-TEST(Occluder, FollowsTheTargetThroughThePictures) {
-  const auto scene = sim::FullScene();
-  const Camera& camera = scene->camera();
-  sim::World world(scene);
-  auto renderer = sim::Renderer::Open(scene);
-  ASSERT_TRUE(renderer) << renderer.error().message;
-  Occluder occluder(&world, &*renderer, "coke", 0.5, 3);
-  EXPECT_FALSE(occluder.Report().contains("covered")) << "nothing was seen yet";
-  const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
-  std::vector<std::uint8_t> plain(3 * pixels), covered(3 * pixels);
-  std::vector<std::int32_t> bodies(pixels);
-  for (const Eigen::Vector2d& at : {Eigen::Vector2d(0.35, 0.2), {-0.3, 0.3}, {0.0, 0.35}}) {
-    world.SetObject("coke", {{at.x(), at.y(), 0.15}, Eigen::Quaterniond::Identity()});
-    world.Forward();
-    renderer->Render(world, plain);
-    renderer->RenderSegmentation(world, bodies);
-    covered = plain;
-    occluder.Cover(covered);
+// A can that is moved about, half of it hidden in each picture.
+class OccluderTest : public testing::Test {
+ protected:
+  OccluderTest() : pixels_(static_cast<std::size_t>(camera_.width) * camera_.height) {
+    plain_.resize(3 * pixels_);
+    bodies_.resize(pixels_);
+  }
+
+  void PutCan(const Eigen::Vector3d& at) {
+    world_.SetObject("coke", {at, Eigen::Quaterniond::Identity()});
+    world_.Forward();
+    renderer_.Render(world_, plain_);
+    renderer_.RenderSegmentation(world_, bodies_);
+    covered_ = plain_;
+    occluder_.Cover(covered_);
+  }
+  bool Changed(std::size_t pixel) const {
+    return !std::equal(&plain_[3 * pixel], &plain_[3 * pixel] + 3, &covered_[3 * pixel]);
+  }
+  bool OfCan(std::size_t pixel) const { return bodies_[pixel] == world_.BodyId("coke"); }
+
+  std::shared_ptr<const sim::Scene> scene_ = sim::FullScene();
+  const Camera& camera_ = scene_->camera();
+  sim::World world_{scene_};
+  sim::Renderer renderer_ = std::move(sim::Renderer::Open(scene_).value());
+  Occluder occluder_{&world_, &renderer_, "coke", 0.5, 3};
+  std::size_t pixels_;
+  std::vector<std::uint8_t> plain_, covered_;
+  std::vector<std::int32_t> bodies_;
+};
+
+TEST_F(OccluderTest, FollowsTheTargetThroughThePictures) {
+  EXPECT_FALSE(occluder_.Report().contains("covered")) << "nothing was seen yet";
+  for (const Eigen::Vector3d& at : {Eigen::Vector3d(0.35, 0.2, 0.15), {-0.3, 0.3, 0.15}, {0.0, 0.35, 0.15}}) {
+    PutCan(at);
     int shown = 0, hidden = 0;
-    for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
-      const bool changed = !std::equal(&plain[3 * pixel], &plain[3 * pixel] + 3, &covered[3 * pixel]);
-      shown += bodies[pixel] == world.BodyId("coke");
-      hidden += changed && bodies[pixel] == world.BodyId("coke");
-      if (changed) {
-        const Eigen::Vector2d here(static_cast<double>(pixel % camera.width),
-                                   static_cast<double>(pixel / camera.width));
-        EXPECT_LT((here - camera.Project({at.x(), at.y(), 0.15})).norm(), 24) << "near the target only";
-      }
+    for (std::size_t pixel = 0; pixel < pixels_; ++pixel) {
+      shown += OfCan(pixel);
+      hidden += Changed(pixel) && OfCan(pixel);
+      if (!Changed(pixel)) continue;
+      const Eigen::Vector2d here(static_cast<double>(pixel % camera_.width),
+                                 static_cast<double>(pixel / camera_.width));
+      EXPECT_LT((here - camera_.Project(at)).norm(), 24) << "near the target only";
     }
     ASSERT_GT(shown, 30);
     EXPECT_NEAR(hidden, 0.5 * shown, 1);
   }
-  EXPECT_EQ(occluder.Report()["pictures"], 3);
-  EXPECT_NEAR(occluder.Report()["covered"].get<double>(), 0.5, 0.02);
-  EXPECT_EQ(occluder.Report()["share"], 0.5);
+  EXPECT_EQ(occluder_.Report()["pictures"], 3);
+  EXPECT_NEAR(occluder_.Report()["covered"].get<double>(), 0.5, 0.02);
+  EXPECT_EQ(occluder_.Report()["share"], 0.5);
 
-  world.SetObject("coke", {{0, -3, 1}, Eigen::Quaterniond::Identity()});
-  world.Forward();
-  renderer->Render(world, plain);
-  covered = plain;
-  occluder.Cover(covered);
-  EXPECT_EQ(covered, plain) << "it is out of sight";
-  EXPECT_EQ(occluder.Report()["pictures"], 3);
+  PutCan({0, -3, 1});
+  EXPECT_EQ(covered_, plain_) << "it is out of sight";
+  EXPECT_EQ(occluder_.Report()["pictures"], 3);
 }
 
 }  // namespace

@@ -9,7 +9,6 @@ namespace etude::policy {
 /// Head::classes are the names. What a label is, is the subclass's.
 class Categorical : public Quantity {
  public:
-  std::string_view unit() const override { return "-"; }
   std::vector<std::int64_t> label_shape() const override { return {}; }
   int width(const Head& head) const override { return static_cast<int>(head.classes.size()); }
   void Decode(const Head& head, const Decoding& decoding, const torch::Tensor& raw,
@@ -24,6 +23,7 @@ class Categorical : public Quantity {
   void Say(const Head& head, const ModuleOutput& output, OrderedJson& words) const override;
 
  protected:
+  Categorical(std::string_view name, std::string_view meaning) : Quantity(name, "-", meaning) {}
   /// The label that says `name`; none where the list lacks it.
   static void FillName(std::span<const std::string> names, std::string_view name, std::span<float> values,
                        std::span<std::uint8_t> valid);

@@ -8,8 +8,7 @@ namespace {
 
 class Class final : public Categorical {
  public:
-  std::string_view name() const override { return "class"; }
-  std::string_view meaning() const override { return "which of the policy's objects the sentence means"; }
+  Class() : Categorical("class", "which of the policy's objects the sentence means") {}
   bool IsOf(const data::Entity& entity) const override { return entity.per_sentence() && entity.is_thing(); }
   // a sentence says "apple", never which one
   void FillLabel(const data::LabelContext& context, const data::EntityState& state, std::span<float> values,

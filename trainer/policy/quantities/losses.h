@@ -12,8 +12,7 @@ struct SmoothL1Config {
   double weight = 1;
   double beta = 1;  ///< in the unit that the loss is said to be in
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("weight", weight, "-", "factor of the loss");
     v("beta", beta, "-", "error from which on it grows linearly, in the unit that the loss is said to be in");
   }
@@ -23,18 +22,14 @@ struct SmoothL1Config {
 struct CrossEntropyConfig {
   double weight = 1;
 
-  template <class V>
-  void Visit(V& v) {
-    v("weight", weight, "-", "factor of the cross-entropy");
-  }
+  void Visit(auto& v) { v("weight", weight, "-", "factor of the cross-entropy"); }
 };
 
 struct AttentionLossConfig {
   std::string kind = "log";  ///< log (bounded gradients) | mse (the original's (sum - 1)^2)
   double patch_sigma = 0.6;  ///< image tokens; log alone on an image is the cross-entropy to a Gaussian patch
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("kind", kind, "", "log (bounded gradients) | mse (the original's (sum - 1)^2)");
     v("patch_sigma", patch_sigma, "-", "image tokens: width of the Gaussian patch around a pixel");
   }
@@ -51,8 +46,7 @@ struct LossesConfig {
   SmoothL1Config waypoint{2, 0.05};        ///< of metres / Normalization::offset_std of each waypoint
   CrossEntropyConfig gripper{0.5};
 
-  template <class V>
-  void Visit(V& v) {
+  void Visit(auto& v) {
     v("attention", attention, "", "where modules look");
     v("class", class_, "", "of class logits");
     v("pixel", pixel, "", "of pixels / 112");

@@ -1,23 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where in the camera's picture something is, px: its exact perspective projection.
-#include "trainer/policy/quantities/common.h"
+#include "trainer/policy/quantities/point.h"
 
 namespace etude::policy {
 namespace {
 
 using torch::Tensor;
 
-class Pixel final : public Quantity {
+class Pixel final : public Point {
  public:
-  std::string_view name() const override { return "pixel"; }
-  std::string_view unit() const override { return "px"; }
-  std::string_view meaning() const override { return "u to the right and v down in the camera's picture"; }
+  Pixel() : Point("pixel", "px", "u to the right and v down in the camera's picture", 2) {}
   /// soft_argmax: the expectation of its own attention over the picture, plus what the network adds.
   std::vector<std::string> own_readouts() const override { return {"soft_argmax"}; }
   // a set for attention; heads say one pixel
   bool IsOf(const data::Entity& entity) const override { return entity.is_thing() || entity.is_set(); }
 
-  std::vector<std::int64_t> label_shape() const override { return {2}; }
   void FillLabel(const data::LabelContext& context, const data::EntityState& state, std::span<float> values,
                  std::span<std::uint8_t> valid) const override {
     const auto& view = context.view;
@@ -32,7 +29,6 @@ class Pixel final : public Quantity {
     valid[0] = 1;
   }
 
-  int width(const Head&) const override { return 2; }
   bool starts_at_zero(const Head& head) const override { return head.readout == "soft_argmax"; }
   void Decode(const Head& head, const Decoding& decoding, const Tensor& raw, ModuleOutput& output) const override {
     output.decoded["pixel"] =
@@ -45,20 +41,11 @@ class Pixel final : public Quantity {
     return (detach ? pixel.detach() : pixel) / kPixelScale - 1;
   }
 
-  Tensor Loss(const Head&, const LossesConfig& losses, const ModuleOutput& output, const Target& target,
-              const PictureView& view) const override {
-    const Tensor pixel = target.Clean();
-    const Tensor loss = SmoothL1(output.decoded.at("pixel") / kPixelScale, pixel / kPixelScale, losses.pixel).mean(-1);
-    return Masked{losses.pixel.weight * loss, target.valid & InView(pixel, view)}.Mean();
-  }
-
-  std::vector<Metric> Measure(const Head&, const ModuleOutput& output, const Target& target) const override {
-    return {{"px", Distance(output.decoded.at("pixel"), target.value, 2), target.valid, 1, Metric::Role::kError}};
-  }
-
-  void Say(const Head&, const ModuleOutput& output, OrderedJson& words) const override {
-    words["value"] = Rounded(output.decoded.at("pixel"));
-  }
+ protected:
+  const SmoothL1Config& CostOf(const LossesConfig& losses) const override { return losses.pixel; }
+  double cost_unit() const override { return kPixelScale; }
+  Tensor Counts(const Tensor& label, const PictureView& view) const override { return InView(label, view); }
+  double metric_scale() const override { return 1; }
 };
 
 }  // namespace

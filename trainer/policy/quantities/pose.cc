@@ -10,9 +10,7 @@ using torch::Tensor;
 
 class Pose final : public Quantity {
  public:
-  std::string_view name() const override { return "pose"; }
-  std::string_view unit() const override { return "m"; }
-  std::string_view meaning() const override { return "x, y, z in world, then the rotation in 6D"; }
+  Pose() : Quantity("pose", "m", "x, y, z in world, then the rotation in 6D") {}
   bool Implies(std::string_view other) const override { return other == "pose" || other == "position"; }
 
   std::vector<std::int64_t> label_shape() const override { return {9}; }

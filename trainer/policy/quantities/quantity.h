@@ -46,9 +46,9 @@ struct PictureView {
 
 class Quantity : public data::LabelRule {
  public:
-  virtual std::string_view name() const = 0;     ///< "position"
-  virtual std::string_view unit() const = 0;     ///< of its value: "m", "px", "-"
-  virtual std::string_view meaning() const = 0;  ///< one line for people
+  std::string_view name() const { return name_; }        ///< "position"
+  std::string_view unit() const { return unit_; }        ///< of its value: "m", "px", "-"
+  std::string_view meaning() const { return meaning_; }  ///< one line for people
 
   /// Beside linear and mlp, which every quantity has.
   virtual std::vector<std::string> own_readouts() const { return {}; }
@@ -78,6 +78,13 @@ class Quantity : public data::LabelRule {
   /// Adds to `words` what the first sample's first sentence is answered, for people and for other programs: "value", in
   /// unit(), rotations in 6D.
   virtual void Say(const Head& head, const ModuleOutput& output, OrderedJson& words) const = 0;
+
+ protected:
+  Quantity(std::string_view name, std::string_view unit, std::string_view meaning)
+      : name_(name), unit_(unit), meaning_(meaning) {}
+
+ private:
+  std::string_view name_, unit_, meaning_;
 };
 
 /// nullptr: no such quantity.

@@ -8,8 +8,7 @@ namespace {
 
 class Task final : public Categorical {
  public:
-  std::string_view name() const override { return "task"; }
-  std::string_view meaning() const override { return "which of the policy's tasks the sentence means"; }
+  Task() : Categorical("task", "which of the policy's tasks the sentence means") {}
   bool IsOf(const data::Entity& entity) const override { return entity.kind == data::Entity::Kind::kCommand; }
   void FillLabel(const data::LabelContext& context, const data::EntityState& state, std::span<float> values,
                  std::span<std::uint8_t> valid) const override {

@@ -16,9 +16,7 @@ constexpr int kGripper = kWaypointSize - 1;
 
 class Trajectory final : public Quantity {
  public:
-  std::string_view name() const override { return "trajectory"; }
-  std::string_view unit() const override { return "m"; }
-  std::string_view meaning() const override { return "waypoints over the next 120 control steps"; }
+  Trajectory() : Quantity("trajectory", "m", "waypoints over the next 120 control steps") {}
   /// relative: offsets from the position of another module (`from: [MODULE]`).
   std::vector<std::string> own_readouts() const override { return {"relative"}; }
   bool IsOf(const data::Entity& entity) const override { return entity.kind == data::Entity::Kind::kEe; }

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 
 namespace etude::task {
 namespace {
@@ -32,13 +32,6 @@ class All final : public Predicate {
 
 }  // namespace
 
-namespace kinds {
+PredicateKind kinds::all() { return CombinationOf<All>("all", "every child holds now"); }
 
-PredicateKind all() {
-  return {.name = "all", .says = "every child holds now", .combines = true, .make = [](PredicateArguments& arguments) {
-            return std::make_unique<All>(arguments);
-          }};
-}
-
-}  // namespace kinds
 }  // namespace etude::task

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 
 namespace etude::task {
 namespace {
@@ -29,13 +29,6 @@ class Any final : public Predicate {
 
 }  // namespace
 
-namespace kinds {
+PredicateKind kinds::any() { return CombinationOf<Any>("any", "some child holds now"); }
 
-PredicateKind any() {
-  return {.name = "any", .says = "some child holds now", .combines = true, .make = [](PredicateArguments& arguments) {
-            return std::make_unique<Any>(arguments);
-          }};
-}
-
-}  // namespace kinds
 }  // namespace etude::task

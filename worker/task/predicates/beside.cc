@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "worker/task/predicates/geometry.h"
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 
 namespace etude::task {
 namespace {
@@ -36,20 +36,15 @@ class Beside final : public Predicate {
 
 }  // namespace
 
-namespace kinds {
-
-PredicateKind beside() {
+PredicateKind kinds::beside() {
   const BesideBounds bounds;
-  return {.name = "beside",
-          .says = "the object is on one side of another, as seen in the picture",
-          .parameters = {ObjectParameter("object", "target", "what is placed"),
-                         ObjectParameter("of", "reference", "beside what"),
-                         WordParameter("side", Sides(), "front is towards the camera"),
-                         NumberParameter("near", "m", bounds.near, 0, 1, "origins at least so far apart that way,"),
-                         NumberParameter("far", "m", bounds.far, 0, 1, "at most so far,"),
-                         NumberParameter("aside", "m", bounds.aside, 0, 1, "and at most so far across it")},
-          .make = [](PredicateArguments& arguments) { return std::make_unique<Beside>(arguments); }};
+  return KindOf<Beside>(
+      "beside", "the object is on one side of another, as seen in the picture",
+      {ObjectParameter("object", "target", "what is placed"), ObjectParameter("of", "reference", "beside what"),
+       WordParameter("side", Sides(), "front is towards the camera"),
+       NumberParameter("near", "m", bounds.near, 0, 1, "origins at least so far apart that way,"),
+       NumberParameter("far", "m", bounds.far, 0, 1, "at most so far,"),
+       NumberParameter("aside", "m", bounds.aside, 0, 1, "and at most so far across it")});
 }
 
-}  // namespace kinds
 }  // namespace etude::task

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // grasped: every group of fingers touches the object.
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 
 namespace etude::task {
 namespace {
@@ -19,14 +19,9 @@ class Grasped final : public Predicate {
 
 }  // namespace
 
-namespace kinds {
-
-PredicateKind grasped() {
-  return {.name = "grasped",
-          .says = "every group of fingers touches the object",
-          .parameters = {ObjectParameter("object", "target", "what is held")},
-          .make = [](PredicateArguments& arguments) { return std::make_unique<Grasped>(arguments); }};
+PredicateKind kinds::grasped() {
+  return KindOf<Grasped>("grasped", "every group of fingers touches the object",
+                         {ObjectParameter("object", "target", "what is held")});
 }
 
-}  // namespace kinds
 }  // namespace etude::task

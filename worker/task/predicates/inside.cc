@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "worker/task/predicates/geometry.h"
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 
 namespace etude::task {
 namespace {
@@ -36,16 +36,11 @@ class Inside final : public Predicate {
 
 }  // namespace
 
-namespace kinds {
-
-PredicateKind inside() {
-  return {.name = "inside",
-          .says = "the object's middle is within another's walls and its lowest point below the rim",
-          .parameters = {ObjectParameter("object", "target", "what is dropped in"),
-                         ObjectParameter("of", "reference", "into what"),
-                         NumberParameter("deep", "m", 0.01, 0, 1, "its lowest point is more than this below the rim")},
-          .make = [](PredicateArguments& arguments) { return std::make_unique<Inside>(arguments); }};
+PredicateKind kinds::inside() {
+  return KindOf<Inside>(
+      "inside", "the object's middle is within another's walls and its lowest point below the rim",
+      {ObjectParameter("object", "target", "what is dropped in"), ObjectParameter("of", "reference", "into what"),
+       NumberParameter("deep", "m", 0.01, 0, 1, "its lowest point is more than this below the rim")});
 }
 
-}  // namespace kinds
 }  // namespace etude::task

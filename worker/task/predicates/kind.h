@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a file of this folder defines: a kind of predicate, its parameters and how one is made. A kind NAME is the
-// file NAME.cc with a function `PredicateKind kinds::NAME()`, and a word in the list of CMakeLists.txt.
+// file NAME.cc with a function `PredicateKind kinds::NAME()`, and a word in the list of CMakeLists.txt, from which
+// kinds.h with its declaration is made.
 #pragma once
 
 #include <functional>
@@ -56,6 +57,23 @@ struct PredicateKind {
   bool combines = false;  ///< has children and no parameters
   std::function<std::unique_ptr<Predicate>(PredicateArguments&)> make;
 };
+
+/// A kind whose predicates are made as P(arguments).
+template <class P>
+PredicateKind KindOf(std::string name, std::string says, std::vector<PredicateParameter> parameters) {
+  return {.name = std::move(name),
+          .says = std::move(says),
+          .parameters = std::move(parameters),
+          .make = [](PredicateArguments& arguments) { return std::make_unique<P>(arguments); }};
+}
+
+/// The same of one that has children.
+template <class P>
+PredicateKind CombinationOf(std::string name, std::string says) {
+  PredicateKind kind = KindOf<P>(std::move(name), std::move(says), {});
+  kind.combines = true;
+  return kind;
+}
 
 /// All kinds, in order of name.
 const std::vector<PredicateKind>& PredicateKinds();

@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "worker/task/predicates/predicate.h"
+#include "worker/task/predicates/kind.h"
 
 namespace etude::task {
 
@@ -34,5 +34,17 @@ class LessThan final : public Predicate {
   const char* words_;
   double seen_ = 0;
 };
+
+/// A kind of them that needs no other argument than its object and its bound.
+inline PredicateKind LessThanKind(std::string name, std::string says, const std::string& object,
+                                  PredicateParameter bound, LessThan::Measure measure, const char* words) {
+  const std::string least = bound.name;
+  return {.name = std::move(name),
+          .says = std::move(says),
+          .parameters = {ObjectParameter("object", "target", object), std::move(bound)},
+          .make = [=](PredicateArguments& arguments) -> std::unique_ptr<Predicate> {
+            return std::make_unique<LessThan>(arguments.object("object"), measure, arguments.number(least), words);
+          }};
+}
 
 }  // namespace etude::task

@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "worker/task/predicates/geometry.h"
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 
 namespace etude::task {
 namespace {
@@ -35,17 +35,12 @@ class Lying final : public Predicate {
 
 }  // namespace
 
-namespace kinds {
-
-PredicateKind lying() {
-  return {.name = "lying",
-          .says = "the object lies on its side on the table",
-          .parameters = {ObjectParameter("object", "target", "what lies"),
-                         // a lying cone (a pear) leans that much
-                         NumberParameter("within", "rad", 0.7, 0, 1.6, "its axis is so near to the horizontal"),
-                         NumberParameter("below", "m", 0.08, 0, 1, "its origin is lower than this")},
-          .make = [](PredicateArguments& arguments) { return std::make_unique<Lying>(arguments); }};
+PredicateKind kinds::lying() {
+  return KindOf<Lying>("lying", "the object lies on its side on the table",
+                       {ObjectParameter("object", "target", "what lies"),
+                        // a lying cone (a pear) leans that much
+                        NumberParameter("within", "rad", 0.7, 0, 1.6, "its axis is so near to the horizontal"),
+                        NumberParameter("below", "m", 0.08, 0, 1, "its origin is lower than this")});
 }
 
-}  // namespace kinds
 }  // namespace etude::task

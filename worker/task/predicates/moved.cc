@@ -4,7 +4,7 @@
 
 #include "services/core/check.h"
 #include "worker/task/predicates/geometry.h"
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 
 namespace etude::task {
 namespace {
@@ -46,18 +46,13 @@ class Moved final : public Predicate {
 
 }  // namespace
 
-namespace kinds {
-
-PredicateKind moved() {
+PredicateKind kinds::moved() {
   std::vector<std::string> directions{"any", "+x", "-x", "+y", "-y"};
   directions.insert(directions.end(), Sides().begin(), Sides().end());
-  return {.name = "moved",
-          .says = "the object's origin is away from where it stood",
-          .parameters = {ObjectParameter("object", "target", "what moves"),
-                         NumberParameter("by", "m", 0.03, 0, 2, "by more than this"),
-                         WordParameter("along", directions, "in this direction of the world or of the picture")},
-          .make = [](PredicateArguments& arguments) { return std::make_unique<Moved>(arguments); }};
+  return KindOf<Moved>(
+      "moved", "the object's origin is away from where it stood",
+      {ObjectParameter("object", "target", "what moves"), NumberParameter("by", "m", 0.03, 0, 2, "by more than this"),
+       WordParameter("along", directions, "in this direction of the world or of the picture")});
 }
 
-}  // namespace kinds
 }  // namespace etude::task

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "worker/task/predicates/geometry.h"
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 
 namespace etude::task {
 namespace {
@@ -46,17 +46,12 @@ class On final : public Predicate {
 
 }  // namespace
 
-namespace kinds {
-
-PredicateKind on() {
-  return {.name = "on",
-          .says = "the object stands on another one and not on the table",
-          .parameters = {ObjectParameter("object", "target", "what is placed"),
-                         ObjectParameter("of", "reference", "on what"),
-                         NumberParameter("aside", "m", 0.03, 0, 1, "middles at most so far apart, seen from above"),
-                         NumberParameter("within", "m", 0.01, 0, 0.1, "between the one's lowest and the other's top")},
-          .make = [](PredicateArguments& arguments) { return std::make_unique<On>(arguments); }};
+PredicateKind kinds::on() {
+  return KindOf<On>(
+      "on", "the object stands on another one and not on the table",
+      {ObjectParameter("object", "target", "what is placed"), ObjectParameter("of", "reference", "on what"),
+       NumberParameter("aside", "m", 0.03, 0, 1, "middles at most so far apart, seen from above"),
+       NumberParameter("within", "m", 0.01, 0, 0.1, "between the one's lowest and the other's top")});
 }
 
-}  // namespace kinds
 }  // namespace etude::task

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // released: no body of the robot touches the object.
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 
 namespace etude::task {
 namespace {
@@ -22,14 +22,9 @@ class Released final : public Predicate {
 
 }  // namespace
 
-namespace kinds {
-
-PredicateKind released() {
-  return {.name = "released",
-          .says = "no body of the robot touches the object",
-          .parameters = {ObjectParameter("object", "target", "what is let go")},
-          .make = [](PredicateArguments& arguments) { return std::make_unique<Released>(arguments); }};
+PredicateKind kinds::released() {
+  return KindOf<Released>("released", "no body of the robot touches the object",
+                          {ObjectParameter("object", "target", "what is let go")});
 }
 
-}  // namespace kinds
 }  // namespace etude::task

@@ -2,7 +2,7 @@
 // risen: the object's origin is higher than where it stood, or higher above the table.
 #include <fmt/format.h>
 
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 
 namespace etude::task {
 namespace {
@@ -30,16 +30,11 @@ class Risen final : public Predicate {
 
 }  // namespace
 
-namespace kinds {
-
-PredicateKind risen() {
-  return {.name = "risen",
-          .says = "the object's origin is higher than where it stood",
-          .parameters = {ObjectParameter("object", "target", "what rises"),
-                         NumberParameter("by", "m", 0.03, 0, 2, "by more than this"),
-                         WordParameter("from", {"start", "table"}, "above its own start, or above the table")},
-          .make = [](PredicateArguments& arguments) { return std::make_unique<Risen>(arguments); }};
+PredicateKind kinds::risen() {
+  return KindOf<Risen>(
+      "risen", "the object's origin is higher than where it stood",
+      {ObjectParameter("object", "target", "what rises"), NumberParameter("by", "m", 0.03, 0, 2, "by more than this"),
+       WordParameter("from", {"start", "table"}, "above its own start, or above the table")});
 }
 
-}  // namespace kinds
 }  // namespace etude::task

@@ -2,7 +2,7 @@
 // then: the children held one after another, and the last one holds now.
 #include <fmt/format.h>
 
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 
 namespace etude::task {
 namespace {
@@ -34,14 +34,8 @@ class Then final : public Predicate {
 
 }  // namespace
 
-namespace kinds {
-
-PredicateKind then() {
-  return {.name = "then",
-          .says = "the children held one after another, and the last one holds now",
-          .combines = true,
-          .make = [](PredicateArguments& arguments) { return std::make_unique<Then>(arguments); }};
+PredicateKind kinds::then() {
+  return CombinationOf<Then>("then", "the children held one after another, and the last one holds now");
 }
 
-}  // namespace kinds
 }  // namespace etude::task

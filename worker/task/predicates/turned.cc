@@ -3,12 +3,12 @@
 #include <numbers>
 
 #include "worker/task/predicates/geometry.h"
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 #include "worker/task/predicates/less_than.h"
 
-namespace etude::task::kinds {
+namespace etude::task {
 
-PredicateKind turned() {
+PredicateKind kinds::turned() {
   return {.name = "turned",
           .says = "the object is turned about the world's x against how it stood, either way",
           .parameters = {ObjectParameter("object", "target", "what turns"),
@@ -23,4 +23,4 @@ PredicateKind turned() {
           }};
 }
 
-}  // namespace etude::task::kinds
+}  // namespace etude::task

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 
 namespace etude::task {
 namespace {
@@ -38,15 +38,10 @@ class Untouched final : public Predicate {
 
 }  // namespace
 
-namespace kinds {
-
-PredicateKind untouched() {
-  return {.name = "untouched",
-          .says = "the objects never were away from where they stood",
-          .parameters = {ObjectsParameter("objects", "others", "others: all but target and reference"),
-                         NumberParameter("within", "m", 0.02, 0, 1, "at most so far, from the first step on")},
-          .make = [](PredicateArguments& arguments) { return std::make_unique<Untouched>(arguments); }};
+PredicateKind kinds::untouched() {
+  return KindOf<Untouched>("untouched", "the objects never were away from where they stood",
+                           {ObjectsParameter("objects", "others", "others: all but target and reference"),
+                            NumberParameter("within", "m", 0.02, 0, 1, "at most so far, from the first step on")});
 }
 
-}  // namespace kinds
 }  // namespace etude::task

@@ -3,21 +3,16 @@
 #include <numbers>
 
 #include "worker/task/predicates/geometry.h"
-#include "worker/task/predicates/kind.h"
+#include "worker/task/predicates/kinds.h"
 #include "worker/task/predicates/less_than.h"
 
-namespace etude::task::kinds {
+namespace etude::task {
 
-PredicateKind upright() {
-  return {.name = "upright",
-          .says = "the object's vertical axis is near the world's",
-          .parameters = {ObjectParameter("object", "target", "what stands"),
-                         NumberParameter("within", "rad", std::numbers::pi / 6, 0, 3.2, "tilted by less than this")},
-          .make = [](PredicateArguments& arguments) -> std::unique_ptr<Predicate> {
-            return std::make_unique<LessThan>(
-                arguments.object("object"), [](const ObjectState& state) { return TiltOf(state.X_WO); },
-                arguments.number("within"), "{} tilted by {:.2f} rad (< {:.2f})");
-          }};
+PredicateKind kinds::upright() {
+  const auto bound = NumberParameter("within", "rad", std::numbers::pi / 6, 0, 3.2, "tilted by less than this");
+  return LessThanKind(
+      "upright", "the object's vertical axis is near the world's", "what stands", bound,
+      [](const ObjectState& state) { return TiltOf(state.X_WO); }, "{} tilted by {:.2f} rad (< {:.2f})");
 }
 
-}  // namespace etude::task::kinds
+}  // namespace etude::task

@@ -20,14 +20,9 @@ Pose Carried(const StageContext& now, const above::Grip& grip, const CarrySpec& 
 }  // namespace
 
 Stage MakeStage(const CarrySpec& spec, const Manner& manner) {
-  return {.name = std::string(spec.kName),
-          .goal = [=](const StageContext& now) { return Carried(now, above::GripFor(now, manner), spec); },
-          .closed = true,
-          .limits = manner.Speed(0.45, 2.0, 1.5, 8.0),
-          .touches_target = true,
-          .holds = true,
-          .disturbable = true,
-          .calm = 0.04};
+  return HeldStage(
+      spec.kName, [=](const StageContext& now) { return Carried(now, above::GripFor(now, manner), spec); },
+      manner.Speed(0.45, 2.0, 1.5, 8.0));
 }
 
 }  // namespace etude::task

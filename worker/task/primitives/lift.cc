@@ -21,15 +21,10 @@ Stage MakeStage(const LiftSpec& spec, const Manner& manner) {
   Goal goal = Lifted;
   if (manner.above())
     goal = [=](const StageContext& now) { return Raised(now, above::GripFor(now, manner), spec.room); };
-  return {.name = std::string(spec.kName),
-          .goal = std::move(goal),
-          .closed = true,
-          .limits = manner.Speed(0.45, 2.5, 1.5, 8.0),
-          .touches_target = true,
-          .holds = true,
-          .blends = true,
-          .disturbable = true,
-          .calm = 0.05};
+  Stage stage = HeldStage(spec.kName, std::move(goal), manner.Speed(0.45, 2.5, 1.5, 8.0));
+  stage.blends = true;
+  stage.calm = 0.05;
+  return stage;
 }
 
 }  // namespace etude::task

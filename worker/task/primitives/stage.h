@@ -6,6 +6,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "worker/plan/planner.h"
@@ -41,19 +42,22 @@ struct Stage {
   bool straight_only = false;    ///< a detour would be worse than a failure
   bool touches_target = false;   ///< contact of hand and target is wanted
   bool nears_reference = false;  ///< the held target goes onto or into the reference: only contact is too near
-  double held_back = 0;      ///< m that what it pushes may keep the hand from its goal: the judge says if it was enough
-  bool holds = false;        ///< the target moves with the hand
-  bool blends = false;       ///< runs into the next stage without stopping
-  bool disturbable = false;  ///< a push off the path may happen
-  double calm = 0;           ///< m before the goal where no push begins
-  int back_to = 0;           ///< stages to go back after a push (realign before reaching again)
-  int min_steps = 0;         ///< waiting stages: control steps, at least and
-  int max_steps = 0;         ///< at most, until `done`
+  double held_back = 0;          ///< m that what it pushes may keep the hand from its goal
+  bool holds = false;            ///< the target moves with the hand
+  bool blends = false;           ///< runs into the next stage without stopping
+  bool disturbable = false;      ///< a push off the path may happen
+  double calm = 0;               ///< m before the goal where no push begins
+  int back_to = 0;               ///< stages to go back after a push (realign before reaching again)
+  int min_steps = 0;             ///< waiting stages: control steps, at least and
+  int max_steps = 0;             ///< at most, until `done`
   std::function<bool(const sim::World&, const std::string& target)> done;
   Effect effect = Effect::kNone;
 
   bool moves() const { return static_cast<bool>(goal); }
 };
+
+/// A stage that moves what the hand holds.
+Stage HeldStage(std::string_view name, Goal goal, const plan::Limits& limits);
 
 /// Lowest point of what the hand holds below E when E is oriented q_WE, m. @pre now.X_EO
 double HeldBelow(const StageContext& now, const Eigen::Quaterniond& q_WE);

@@ -42,14 +42,7 @@ Pose TurnedFromAbove(const StageContext& now, double lean) {
 Stage MakeStage(const TurnSpec& spec, const Manner& manner) {
   Goal goal = TurnedFromTheSide;
   if (manner.above()) goal = [=](const StageContext& now) { return TurnedFromAbove(now, spec.lean); };
-  return {.name = std::string(spec.kName),
-          .goal = std::move(goal),
-          .closed = true,
-          .limits = manner.Speed(0.45, 2.0, 2.4, 10.0),
-          .touches_target = true,
-          .holds = true,
-          .disturbable = true,
-          .calm = 0.04};
+  return HeldStage(spec.kName, std::move(goal), manner.Speed(0.45, 2.0, 2.4, 10.0));
 }
 
 }  // namespace etude::task

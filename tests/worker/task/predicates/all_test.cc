@@ -5,9 +5,7 @@
 namespace etude::task {
 namespace {
 
-class All : public PredicateTest {};
-
-TEST_F(All, NeedsEveryChildNowAndNamesThoseThatAreMissing) {
+TEST_F(PredicateTest, AllNeedsEveryChildNowAndNamesThoseThatAreMissing) {
   const auto all = Make("{all: [risen, grasped, released]}");
   coke().X_WO.p.z() = 0.1;
   EXPECT_FALSE(all->Observe(now));
@@ -17,7 +15,7 @@ TEST_F(All, NeedsEveryChildNowAndNamesThoseThatAreMissing) {
   EXPECT_EQ(all->Words(), "everything holds");
 }
 
-TEST_F(All, ShowsEveryStepToEveryChild) {
+TEST_F(PredicateTest, AllShowsEveryStepToEveryChild) {
   const auto all = Make("{all: [grasped, untouched]}");  // the second has a memory
   bread().X_WO.p.x() += 0.1;
   EXPECT_FALSE(all->Observe(now));

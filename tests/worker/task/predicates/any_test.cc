@@ -5,9 +5,7 @@
 namespace etude::task {
 namespace {
 
-class Any : public PredicateTest {};
-
-TEST_F(Any, NeedsOneChildAndShowsEveryStepToAll) {
+TEST_F(PredicateTest, AnyNeedsOneChildAndShowsEveryStepToAll) {
   const auto any = Make("{any: [grasped, untouched]}");
   coke().grasped = true;
   bread().X_WO.p.x() += 0.1;

@@ -5,9 +5,7 @@
 namespace etude::task {
 namespace {
 
-class AtRest : public PredicateTest {};
-
-TEST_F(AtRest, IsSlowerThanWasSaid) {
+TEST_F(PredicateTest, AtRestIsSlowerThanWasSaid) {
   const auto at_rest = Make("{at_rest: {slower_than: 3 cm/s}}");
   coke().speed = 0.029;
   EXPECT_TRUE(at_rest->Observe(now));

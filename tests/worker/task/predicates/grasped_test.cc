@@ -5,9 +5,7 @@
 namespace etude::task {
 namespace {
 
-class Grasped : public PredicateTest {};
-
-TEST_F(Grasped, IsWhatTheFingersSay) {
+TEST_F(PredicateTest, GraspedIsWhatTheFingersSay) {
   const auto grasped = Make("grasped");
   coke().touched = true;
   EXPECT_FALSE(grasped->Observe(now)) << "one finger only";

@@ -7,9 +7,7 @@
 namespace etude::task {
 namespace {
 
-class Kind : public PredicateTest {};
-
-TEST_F(Kind, RefusesWhatItDoesNotKnowAndSaysWhatItDoes) {
+TEST_F(PredicateTest, KindRefusesWhatItDoesNotKnowAndSaysWhatItDoes) {
   for (const auto& [yaml, says] : std::initializer_list<std::pair<const char*, const char*>>{
            {"rise", "'rise' is not known, did you mean 'risen'?"},
            {"{risen: {bye: 3 cm}}", "predicate 'risen': 'bye' is not known, did you mean 'by'?"},
@@ -29,13 +27,13 @@ TEST_F(Kind, RefusesWhatItDoesNotKnowAndSaysWhatItDoes) {
   }
 }
 
-TEST_F(Kind, ARoleThatNothingPlaysIsAnError) {
+TEST_F(PredicateTest, KindARoleThatNothingPlaysIsAnError) {
   const auto made = MakePredicate({.kind = "beside"}, {.target = "coke", .reference = "", .objects = {"coke"}});
   ASSERT_FALSE(made.has_value());
   EXPECT_THAT(made.error().message, testing::HasSubstr("the scene has no 'reference'"));
 }
 
-TEST_F(Kind, EveryKindSaysWhatItAndItsParametersMean) {
+TEST_F(PredicateTest, KindEveryKindSaysWhatItAndItsParametersMean) {
   std::vector<std::string> names;
   for (const auto& kind : PredicateKinds()) {
     names.push_back(kind.name);

@@ -5,9 +5,7 @@
 namespace etude::task {
 namespace {
 
-class Low : public PredicateTest {};
-
-TEST_F(Low, IsLowerThanWasSaid) {
+TEST_F(PredicateTest, LowIsLowerThanWasSaid) {
   const auto low = Make("{low: {below: 8 cm}}");
   EXPECT_TRUE(low->Observe(now));
   coke().X_WO.p.z() = 0.081;

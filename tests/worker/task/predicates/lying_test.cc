@@ -5,9 +5,7 @@
 namespace etude::task {
 namespace {
 
-class Lying : public PredicateTest {};
-
-TEST_F(Lying, TellsUprightFromLying) {
+TEST_F(PredicateTest, LyingTellsUprightFromLying) {
   const auto lying = Make("lying");
   EXPECT_FALSE(lying->Observe(now));
   for (const Eigen::Vector3d& rpy : {Eigen::Vector3d(-kQuarter, 0, 0), Eigen::Vector3d(0, kQuarter, 0)}) {
@@ -18,7 +16,7 @@ TEST_F(Lying, TellsUprightFromLying) {
   }
 }
 
-TEST_F(Lying, LeansAsFarAsWasSaid) {
+TEST_F(PredicateTest, LyingLeansAsFarAsWasSaid) {
   coke().X_WO = At(0, 0.3, 0.025, {kQuarter - 0.3, 0, 0});
   EXPECT_TRUE(Make("{lying: {within: 0.31 rad}}")->Observe(now));
   EXPECT_FALSE(Make("{lying: {within: 0.29 rad}}")->Observe(now));

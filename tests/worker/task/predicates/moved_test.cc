@@ -5,9 +5,7 @@
 namespace etude::task {
 namespace {
 
-class Moved : public PredicateTest {};
-
-TEST_F(Moved, CountsOnlyAlongItsDirection) {
+TEST_F(PredicateTest, MovedCountsOnlyAlongItsDirection) {
   const auto pushed = Make("{moved: {by: 3 cm, along: +y}}");
   coke().X_WO.p = {0.3, 0.2, 0.04};
   EXPECT_FALSE(pushed->Observe(now)) << "aside and back";
@@ -15,7 +13,7 @@ TEST_F(Moved, CountsOnlyAlongItsDirection) {
   EXPECT_TRUE(pushed->Observe(now));
 }
 
-TEST_F(Moved, KnowsTheSidesOfThePictureAndAnyDirection) {
+TEST_F(PredicateTest, MovedKnowsTheSidesOfThePictureAndAnyDirection) {
   coke().X_WO.p = {0.05, 0.3, 0.04};
   EXPECT_TRUE(Make("{moved: {along: left}}")->Observe(now)) << "the camera looks from +y: its left is +x";
   EXPECT_FALSE(Make("{moved: {along: right}}")->Observe(now));

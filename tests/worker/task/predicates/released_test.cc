@@ -5,9 +5,7 @@
 namespace etude::task {
 namespace {
 
-class Released : public PredicateTest {};
-
-TEST_F(Released, IsNotTouchedByAnyBodyOfTheRobot) {
+TEST_F(PredicateTest, ReleasedIsNotTouchedByAnyBodyOfTheRobot) {
   const auto released = Make("released");
   EXPECT_TRUE(released->Observe(now));
   coke().touched = true;

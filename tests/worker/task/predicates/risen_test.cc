@@ -5,9 +5,7 @@
 namespace etude::task {
 namespace {
 
-class Risen : public PredicateTest {};
-
-TEST_F(Risen, NeedsMoreThanWasSaid) {
+TEST_F(PredicateTest, RisenNeedsMoreThanWasSaid) {
   const auto risen = Make("{risen: {by: 3 cm}}");
   EXPECT_FALSE(risen->Observe(now));
   coke().X_WO.p.z() = 0.0699;
@@ -18,7 +16,7 @@ TEST_F(Risen, NeedsMoreThanWasSaid) {
   EXPECT_FALSE(risen->Observe(now)) << "a state, not a memory";
 }
 
-TEST_F(Risen, CountsFromTheTableWhenAsked) {
+TEST_F(PredicateTest, RisenCountsFromTheTableWhenAsked) {
   const auto risen = Make("{risen: {by: 10 cm, from: table, object: milk}}");
   milk().X_WO.p.z() = 0.099;
   EXPECT_FALSE(risen->Observe(now));

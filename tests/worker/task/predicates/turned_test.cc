@@ -5,9 +5,7 @@
 namespace etude::task {
 namespace {
 
-class Turned : public PredicateTest {};
-
-TEST_F(Turned, CountsEitherWayAboutXOnly) {
+TEST_F(PredicateTest, TurnedCountsEitherWayAboutXOnly) {
   const auto turned = Make("turned");
   for (const auto& [rpy, holds] : {std::pair{Eigen::Vector3d(kQuarter, 0, 0), true},
                                    {Eigen::Vector3d(-kQuarter, 0, 0), true},
@@ -21,7 +19,7 @@ TEST_F(Turned, CountsEitherWayAboutXOnly) {
   }
 }
 
-TEST_F(Turned, IsMeasuredAgainstTheYawAtTheStart) {
+TEST_F(PredicateTest, TurnedIsMeasuredAgainstTheYawAtTheStart) {
   const auto turned = Make("turned");
   for (const double yaw : {-0.3, 0.0, 0.3, 1.2}) {
     coke().X_WO_start = At(0, 0.3, 0.04, {0, 0, yaw});

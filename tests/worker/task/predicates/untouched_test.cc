@@ -5,9 +5,7 @@
 namespace etude::task {
 namespace {
 
-class Untouched : public PredicateTest {};
-
-TEST_F(Untouched, RemembersThatSomethingWasMovedAndBack) {
+TEST_F(PredicateTest, UntouchedRemembersThatSomethingWasMovedAndBack) {
   const auto untouched = Make("untouched");
   bread().X_WO.p.x() += 0.019;
   EXPECT_TRUE(untouched->Observe(now));
@@ -18,7 +16,7 @@ TEST_F(Untouched, RemembersThatSomethingWasMovedAndBack) {
   EXPECT_THAT(untouched->Words(), testing::HasSubstr("bread was moved by 0.021 m"));
 }
 
-TEST_F(Untouched, OthersAreNeitherTargetNorReference) {
+TEST_F(PredicateTest, UntouchedOthersAreNeitherTargetNorReference) {
   const auto others = Make("untouched"), reference = Make("{untouched: {objects: reference}}");
   coke().X_WO.p.x() += 1;
   milk().X_WO.p.x() += 1;

@@ -5,9 +5,7 @@
 namespace etude::task {
 namespace {
 
-class Upright : public PredicateTest {};
-
-TEST_F(Upright, LeansByLessThanThirtyDegreesWhateverItsYaw) {
+TEST_F(PredicateTest, UprightLeansByLessThanThirtyDegreesWhateverItsYaw) {
   const auto upright = Make("upright");
   for (const double yaw : {0.0, 1.0, 3.0}) {
     coke().X_WO = At(0, 0.3, 0.04, {0.51, 0, yaw});
