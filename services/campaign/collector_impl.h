@@ -92,7 +92,7 @@ struct Collector::Impl {
   Status CheckEpisode(const Episode& episode) const;
   std::optional<bus::Verdict> Judge(const bus::ReceivedBlob& blob, Episode& episode);
   void CountUnfit(std::uint64_t token) ETUDE_REQUIRES(mutex);
-  std::optional<bus::Verdict> CommitUntilDurable(const Episode& episode);
+  std::optional<bus::Verdict> CommitUntilDurable(const Episode& episode, const store::CommitFacts& facts);
   void WriteIndex();
   void Drain();
 };

@@ -19,7 +19,9 @@ class DatasetSink : public EpisodeSink {
 
   const Path& folder() const override { return folder_; }
   const std::set<std::uint64_t>& committed() const override { return writer_.committed(); }
-  Status Commit(const Episode& episode) override { return writer_.Commit(episode); }
+  Status Commit(const Episode& episode, const store::CommitFacts& facts) override {
+    return writer_.Commit(episode, facts);
+  }
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json) override {
     return writer_.RecordFailure(index, attempt, outcome, details_json);

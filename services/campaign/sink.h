@@ -11,6 +11,7 @@
 #include "services/core/result.h"
 #include "services/episode/episode.h"
 #include "services/spec/campaign_spec.h"
+#include "services/store/commit_journal.h"
 
 namespace etude::campaign {
 
@@ -26,7 +27,8 @@ class EpisodeSink {
   /// Durable when it returns. On error nothing of the episode is visible.
   /// @error kInvalidArgument, kCorrupt: the episode is at fault and is refused; anything else (disk
   /// full) is tried again.
-  virtual Status Commit(const Episode& episode) = 0;
+  /// @param facts  who made it and how long that took, for the journal
+  virtual Status Commit(const Episode& episode, const store::CommitFacts& facts) = 0;
   virtual Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                                const std::string& details_json) = 0;
   /// Rewrites what is derived (master file, statistics). Now and then, and at the end.

@@ -12,6 +12,7 @@
 #include "services/campaign/heartbeat.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
+#include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
@@ -214,7 +215,10 @@ void WorkerClient::Impl::Report(const bus::Lease& lease, const std::string& outc
 
 void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result) {
   joined->heartbeat->SetPhase("send");
-  const OrderedJson meta{{"index", lease.index}, {"attempt", lease.attempt}};
+  const OrderedJson meta{{"index", lease.index},
+                         {"attempt", lease.attempt},
+                         {"host", HostName()},
+                         {"timings", TimesJson(result.times)}};
   while (true) {
     // the token is unique, so it is the blob's id too: a repeat is recognised
     const auto verdict =
@@ -254,8 +258,9 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
     status.token = lease.token;
   });
   Stopwatch elapsed;
-  const auto result = joined->work({lease.index, lease.attempt, *weights});
+  auto result = joined->work({lease.index, lease.attempt, *weights});
   const double seconds = elapsed.Seconds();
+  if (result) result->times.wall_s = seconds;
   if (!result) {
     Report(lease, kReleased, "{}");
     return Fail(result.error());

@@ -12,6 +12,7 @@
 
 #include "services/bus/participant.h"
 #include "services/core/result.h"
+#include "services/episode/attempt_times.h"
 #include "services/spec/campaign_spec.h"
 #include "services/spec/content_version.h"
 #include "services/spec/sampling_weights.h"
@@ -30,6 +31,7 @@ struct WorkResult {
   std::string outcome;
   std::string details_json = "{}";
   std::uint64_t steps = 0, frames = 0;  ///< for telemetry
+  AttemptTimes times;  ///< where the time went; wall_s is filled in by the client. Beside the episode, never in it
 };
 
 /// Does one attempt. An Error ends the worker (the machine is at fault), after releasing the lease.

@@ -20,7 +20,9 @@
 #include "services/campaign/process.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
+#include "services/core/identity.h"
 #include "services/core/rng.h"
+#include "services/store/commit_journal.h"
 #include "services/store/dataset.h"
 #include "tests/services/campaign/fake_work.h"
 #include "tests/services/campaign/running_collector.h"
@@ -108,6 +110,15 @@ TEST_F(CollectorTest, OneWorkerCompletesACampaign) {
   EXPECT_EQ(progress.failures.at("plan_failed"), failed);
   ExpectWhole(spec, folder_ / "data");
   EXPECT_TRUE(std::filesystem::exists(folder_ / "data/dataset.hdf5"));
+  store::CommitTable commits(folder_ / "data");
+  ASSERT_TRUE(commits.Refresh());
+  ASSERT_EQ(commits.size(), spec.episodes);
+  for (std::size_t row = 0; row < commits.size(); ++row) {
+    EXPECT_EQ(commits.host().At(row), HostName());
+    EXPECT_FALSE(commits.worker().At(row).empty());
+    EXPECT_EQ(commits.timings()[row].plan_s, 0.25) << "beside the episode, not in it";
+    EXPECT_GT(commits.timings()[row].wall_s, 0);
+  }
   const auto code = worker.Wait(10s);
   EXPECT_EQ(code, 0) << "the worker goes home by itself\n" << ReadTextFile(folder_ / "w.log").value_or("");
 }
