@@ -40,7 +40,7 @@ Collector::~Collector() = default;
 Result<Collector> Collector::Open(const bus::Participant& participant, const CampaignSpec& spec, const Path& folder,
                                   const CollectorOptions& options) {
   ETUDE_RETURN_IF_ERROR(spec.Validate());
-  ETUDE_ASSIGN_OR_RETURN(auto sink, OpenSink(folder, spec));
+  ETUDE_ASSIGN_OR_RETURN(auto sink, OpenSink(folder, spec, options.subject));
   return Open(participant, spec, std::move(sink), options);
 }
 

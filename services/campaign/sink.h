@@ -7,6 +7,7 @@
 #include <set>
 #include <string>
 
+#include "services/campaign/eval_report.h"
 #include "services/core/file.h"
 #include "services/core/result.h"
 #include "services/episode/episode.h"
@@ -37,9 +38,13 @@ class EpisodeSink {
 
 /// Mode demonstrate: a store::DatasetWriter.
 Result<std::unique_ptr<EpisodeSink>> OpenDatasetSink(const Path& dataset, const CampaignSpec& spec);
-/// Mode rollout: FOLDER/eval.json, rewritten with every episode, and FOLDER/rollouts, a dataset of them.
-Result<std::unique_ptr<EpisodeSink>> OpenEvalSink(const Path& folder, const CampaignSpec& spec);
+/// Mode rollout: FOLDER/rollouts, a dataset of them; FOLDER/eval.jsonl, a row with every rollout, so that an
+/// evaluation can be watched; and FOLDER/eval.json, the report, rewritten every few seconds and at the end.
+/// @param subject  what is evaluated; of one that names no checkpoint the report that is there already has the word
+Result<std::unique_ptr<EpisodeSink>> OpenEvalSink(const Path& folder, const CampaignSpec& spec,
+                                                  const EvalSubject& subject = {});
 /// By spec.mode.
-Result<std::unique_ptr<EpisodeSink>> OpenSink(const Path& folder, const CampaignSpec& spec);
+Result<std::unique_ptr<EpisodeSink>> OpenSink(const Path& folder, const CampaignSpec& spec,
+                                              const EvalSubject& subject = {});
 
 }  // namespace etude::campaign

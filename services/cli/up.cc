@@ -179,7 +179,9 @@ Status System::RollOut() {
                                .seed = config_.eval.seed,
                                .videos = config_.eval.videos,
                                // a new policy gets a new folder; the same one is resumed
-                               .out = out_ / "eval" / fmt::format("step-{:06}", step)};
+                               .out = out_ / "eval" / fmt::format("step-{:06}", step),
+                               .subject = {.run_id = run_.id, .run = config_.train.run},
+                               .run_folder = out_ / "run" / config_.train.run};
   const CampaignSpec spec = EvaluationSpec(spec_, evaluation);
   ETUDE_RETURN_IF_ERROR(spec.Validate());
   display_.Say(fmt::format("[{}] rolling out {} episodes", FormatDuration(since_start_.Seconds()), spec.episodes));
