@@ -51,7 +51,7 @@ std::string_view ToString(Cause cause) {
     case Cause::kGoal:
       return "goal";
     case Cause::kConverged:
-      return "converged";
+      return "plateau";
     case Cause::kBudget:
       return "budget";
   }
