@@ -9,6 +9,7 @@
 
 #include "services/bus/arguments.h"
 #include "services/bus/directory.h"
+#include "services/bus/process_reporter.h"
 #include "services/bus/topic.h"
 #include "services/campaign/hosted_collector.h"
 #include "services/campaign/process.h"
@@ -314,6 +315,11 @@ Status Train(const Arguments& arguments) {
     ETUDE_ASSIGN_OR_RETURN(participant, arguments.bus.Open());
   } else if (!arguments.collect.empty()) {
     return Fail(Code::kInvalidArgument, "--collect needs the bus: leave out --offline");
+  }
+  std::unique_ptr<bus::ProcessReporter> reporter;
+  if (participant) {
+    ETUDE_ASSIGN_OR_RETURN(reporter,
+                           bus::ProcessReporter::Start(*participant, {.role = "trainer", .folder = arguments.out}));
   }
   ETUDE_ASSIGN_OR_RETURN(auto telemetry,
                          Telemetry::Open(participant ? &*participant : nullptr, run, arguments.out, arguments.claim));

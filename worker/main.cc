@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "services/bus/arguments.h"
+#include "services/bus/process_reporter.h"
 #include "services/campaign/spec_file.h"
 #include "services/campaign/worker_client.h"
 #include "services/core/clock.h"
@@ -85,6 +86,7 @@ campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, std:
 
 Status Work(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "worker"}));
   campaign::WorkerOptions options = arguments.worker;
   options.files_sha256 = task::UserFilesSha256;
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));

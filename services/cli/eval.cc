@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "services/bus/directory.h"
+#include "services/bus/process_reporter.h"
 #include "services/campaign/eval_comparison.h"
 #include "services/campaign/eval_report.h"
 #include "services/campaign/scene_report.h"
@@ -160,6 +161,8 @@ Status Eval(Arguments arguments) {
     ETUDE_ASSIGN_OR_RETURN(choice, ServeCheckpoint(arguments));
   }
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto reporter,
+                         bus::ProcessReporter::Start(participant, {.role = "etude eval", .folder = arguments.out}));
   if (arguments.checkpoint.empty()) {
     ETUDE_ASSIGN_OR_RETURN(choice, FollowRun(participant, arguments));
     choice.subject.run = choice.run.name;

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "services/bus/directory.h"
+#include "services/bus/process_reporter.h"
 #include "services/bus/topic.h"
 #include "services/campaign/eval_report.h"
 #include "services/campaign/spec_file.h"
@@ -34,6 +35,7 @@ struct Arguments {
   std::string out;
   bool keep_running = false;
   std::string profile;
+  std::string log = "text";
   Claim claim = Claim::kRefuse;
 };
 
@@ -256,8 +258,10 @@ Status Up(const Arguments& arguments) {
   resolved["episodes"] = spec.episodes;
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(Path(config.out) / "up.yaml", ToYaml(resolved)));
 
-  const BusArguments bus{config.domain, arguments.profile};
+  const BusArguments bus{config.domain, arguments.profile, arguments.log};
   ETUDE_ASSIGN_OR_RETURN(auto participant, bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto reporter,
+                         bus::ProcessReporter::Start(participant, {.role = "etude up", .folder = config.out}));
   const Path run_folder = Path(config.out) / "run" / config.train.run;
   ETUDE_ASSIGN_OR_RETURN(const Identity run, OpenIdentity(run_folder, arguments.claim));
   ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Reader<bus::TrainStatus>::Open(
@@ -279,6 +283,7 @@ void AddUp(CLI::App& app, Body& body) {
   command->add_flag("--keep-running", arguments->keep_running, "keep the policy server up at the end, until Ctrl-C");
   command->add_option("--domain", arguments->domain, "DDS domain")->check(CLI::Range(0, 230));
   command->add_option("--profile", arguments->profile, "Cyclone DDS XML file");
+  BusArguments::AddLog(*command, arguments->log);
   bus::AddClaim(*command, arguments->claim);
   AddOverrides(*command, arguments->overrides, "train.config=paper");
   command->callback([arguments, &body] { body = [arguments] { return Up(*arguments); }; });

@@ -110,8 +110,8 @@ template <class Message>
 class EveryMessage : public testing::Test {};
 
 using Messages = testing::Types<Presence, CampaignAnnouncement, WorkRequest, Lease, WorkerStatus, AttemptReport,
-                                ValidationErrors, CampaignStatus, BlobManifest, BlobChunk, BlobAck, Observation, Action,
-                                InsightWish, Insight, TrainStatus>;
+                                ValidationErrors, CampaignStatus, CampaignControl, BlobManifest, BlobChunk, BlobAck, Observation, Action,
+                                InsightWish, Insight, PolicyStatus, ProcessStatus, ProcessEvent, TrainStatus>;
 TYPED_TEST_SUITE(EveryMessage, Messages);
 
 TYPED_TEST(EveryMessage, ArrivesAsItWasWritten) {
