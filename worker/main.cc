@@ -55,15 +55,27 @@ campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete)
     result.episode = EncodeEpisode(attempt.episode);
     return result;
   }
-  result.details_json =
-      OrderedJson{{"reason", attempt.reason}, {"scene", attempt.scene},       {"plan_s", attempt.plan_s},
-                  {"step_s", attempt.step_s}, {"render_s", attempt.render_s}, {"deflate_s", attempt.deflate_s}}
-          .dump();
+  OrderedJson details{{"reason", attempt.reason}};
+  details.update(attempt.failure);
+  details.update(OrderedJson{{"scene", attempt.scene},
+                             {"plan_s", attempt.plan_s},
+                             {"step_s", attempt.step_s},
+                             {"render_s", attempt.render_s},
+                             {"deflate_s", attempt.deflate_s}});
+  result.details_json = details.dump();
   return result;
+}
+
+std::function<void(std::string_view, int)> ToProgress(const campaign::WorkItem& item) {
+  if (!item.progress) return {};
+  return [progress = item.progress](std::string_view stage, int step) {
+    progress(stage, static_cast<std::uint32_t>(step));
+  };
 }
 
 campaign::WorkFunction Demonstrate(std::shared_ptr<task::AttemptRunner> runner) {
   return [runner](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
+    runner->OnProgress(ToProgress(item));
     return ResultOf(runner->Demonstrate(item.index, item.attempt, item.weights), false);
   };
 }
@@ -71,6 +83,7 @@ campaign::WorkFunction Demonstrate(std::shared_ptr<task::AttemptRunner> runner) 
 campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, std::shared_ptr<policy::Client> policy) {
   const policy::AskFunction ask = [policy](const policy::Question& question) { return policy->Ask(question); };
   return [runner, ask](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
+    runner->OnProgress(ToProgress(item));
     auto attempt = runner->Rollout(item.index, ask);
     if (attempt) {
       // without a scene nothing was rolled out

@@ -100,6 +100,7 @@ struct WorkerClient::Impl {
   Status Serve(const bus::Lease& lease);
   void Send(const bus::Lease& lease, const WorkResult& result);
   void Report(const bus::Lease& lease, const std::string& outcome, const std::string& details_json);
+  static void Count(const WorkResult& result, double send_s, bus::WorkerStatus& status);
 };
 
 // Waits for the campaign and its announcement; again when another one has taken the place of the one that was joined.
@@ -237,6 +238,19 @@ void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result)
   }
 }
 
+// What an attempt adds to a worker's sums.
+void WorkerClient::Impl::Count(const WorkResult& result, double send_s, bus::WorkerStatus& status) {
+  status.stage.clear();
+  status.last_outcome = (result.outcome.empty() ? "success" : result.outcome).substr(0, 127);
+  status.plan_s += result.times.plan_s;
+  status.step_s += result.times.step_s;
+  status.render_s += result.times.render_s;
+  status.deflate_s += result.times.deflate_s;
+  status.send_s += send_s;
+  status.plan_histogram.resize(bus::kPlanBins);
+  ++status.plan_histogram[bus::PlanBin(result.times.plan_s)];
+}
+
 Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
   // this very attempt was reported already: the report was lost, or is on its way
   if (joined->last_report && joined->last_report->token == lease.token) {
@@ -252,13 +266,23 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
     return {};
   }
   joined->heartbeat->Set([&](bus::WorkerStatus& status) {
-    status.phase = "play";
+    status.phase = "plan";
+    status.stage.clear();
+    status.step = 0;
     status.index = lease.index;
     status.attempt = lease.attempt;
     status.token = lease.token;
   });
   Stopwatch elapsed;
-  auto result = joined->work({lease.index, lease.attempt, *weights});
+  const auto progress = [heartbeat = joined->heartbeat.get()](std::string_view stage, std::uint32_t step) {
+    heartbeat->Set([&](bus::WorkerStatus& status) {
+      status.phase = "play";
+      if (status.stage != stage) status.stage = stage.substr(0, 63);
+      status.step = step;
+    });
+  };
+  double send_s = 0;
+  auto result = joined->work({lease.index, lease.attempt, *weights, progress});
   const double seconds = elapsed.Seconds();
   if (result) result->times.wall_s = seconds;
   if (!result) {
@@ -271,11 +295,14 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
   } else if (StopRequested()) {
     Report(lease, kReleased, "{}");
   } else {
+    Stopwatch sending;
     Send(lease, *result);
+    send_s = sending.Seconds();
   }
   joined->heartbeat->Set([&](bus::WorkerStatus& status) {
     status.phase = "idle";
     status.token = 0;
+    Count(*result, send_s, status);
     status.episodes = episodes;
     status.failures = failures;
     status.steps_per_second = static_cast<double>(result->steps) / seconds;

@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "services/bus/participant.h"
@@ -19,10 +20,14 @@
 
 namespace etude::campaign {
 
+/// Says how far the attempt is; from the thread of the work function.
+using ProgressFunction = std::function<void(std::string_view stage, std::uint32_t step)>;
+
 struct WorkItem {
   std::uint64_t index = 0;
   std::uint32_t attempt = 0;
   SamplingWeights weights;  ///< that hold for `index`
+  ProgressFunction progress = nullptr;
 };
 
 struct WorkResult {

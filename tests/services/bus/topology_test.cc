@@ -16,7 +16,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint32_t kDomain = 73;
+constexpr std::uint32_t kDomain = 86;
 
 TEST(Endpoints, AreThoseOfAllParticipantsWithTheirQos) {
   const auto peers = OpenTwo(kDomain);

@@ -93,6 +93,24 @@ TEST(PolicyServer, TakesOverNewCheckpointsAndKeepsTheLastGoodOne) {
   EXPECT_EQ(later.checkpoint_step, 200u);
   EXPECT_NE(later.waypoints, first.waypoints);
 
+  // everyone can see which weights drive
+  auto statuses = bus::Reader<bus::PolicyStatus>::Open(participant, bus::Owner{run, kId}.partition());
+  ASSERT_TRUE(statuses);
+  bus::PolicyStatus status;
+  while (status.step != 200 && statuses->Wait(20s))
+    for (auto& taken : statuses->Take()) status = std::move(taken);
+  EXPECT_EQ(status.step, 200u);
+  EXPECT_EQ(status.sha256, later.checkpoint_sha256);
+  EXPECT_EQ(status.run_id, kId);
+  EXPECT_EQ(status.channel, "latest");
+  EXPECT_TRUE(status.control_trained);
+  EXPECT_GE(status.answered, 4u);
+  EXPECT_EQ(status.refused, 2u) << "a checkpoint and an observation";
+  EXPECT_TRUE(status.last_refusal.starts_with("checkpoint: ")) << status.last_refusal;
+  EXPECT_GE(status.sessions, 1u);
+  EXPECT_GT(status.p95_ms, 0);
+  EXPECT_GT(status.since, 0u);
+
   server.Stop();
   serving.join();
   EXPECT_GE(server.answered(), 4u);
