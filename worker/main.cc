@@ -47,10 +47,8 @@ campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete)
   result.outcome = task::ToString(attempt.outcome);
   result.steps = static_cast<std::uint64_t>(attempt.episode.steps());
   for (const auto& camera : attempt.episode.cameras) result.frames += camera.frames.size();
-  result.times = {.plan_s = attempt.plan_s,
-                  .step_s = attempt.step_s,
-                  .render_s = attempt.render_s,
-                  .deflate_s = attempt.deflate_s};
+  result.times = {
+      .plan_s = attempt.plan_s, .step_s = attempt.step_s, .render_s = attempt.render_s, .deflate_s = attempt.deflate_s};
   if (attempt.outcome == task::AttemptOutcome::kSuccess || always_complete) {
     result.episode = EncodeEpisode(attempt.episode);
     return result;

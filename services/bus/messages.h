@@ -282,11 +282,11 @@ struct PolicyStatus {
   std::string sha256;      ///< of that checkpoint
   std::uint32_t stage = 0, stages = 0;
   std::string stage_name;
-  bool control_trained = false;  ///< it may drive; else observations are refused
-  std::uint64_t since = 0;       ///< when it began to serve it, seconds since 1970
-  std::uint64_t answered = 0;    ///< observations, since its start, those that were refused too
-  std::uint64_t refused = 0;     ///< checkpoints and observations
-  std::string last_refusal;      ///< in words
+  bool control_trained = false;   ///< it may drive; else observations are refused
+  std::uint64_t since = 0;        ///< when it began to serve it, seconds since 1970
+  std::uint64_t answered = 0;     ///< observations, since its start, those that were refused too
+  std::uint64_t refused = 0;      ///< checkpoints and observations
+  std::string last_refusal;       ///< in words
   double p50_ms = 0, p95_ms = 0;  ///< of answers; before there are some: of its own trials
   std::uint32_t sessions = 0;     ///< that asked within the last 10 s
 };

@@ -20,7 +20,8 @@ struct TopicQos {
 inline constexpr TopicQos kEvents{false, 0};  ///< requests, leases, reports, chunks: none is lost
 inline constexpr TopicQos kNewest{false, 1};  ///< telemetry, observations: the newest counts
 inline constexpr TopicQos kState{true, 1};    ///< as kNewest, and late joiners get it too
-inline constexpr TopicQos kRecent{true, 64, std::chrono::milliseconds{1000}, 64};  ///< the last ones, also for late joiners
+inline constexpr TopicQos kRecent{true, 64, std::chrono::milliseconds{1000},
+                                  64};  ///< the last ones, also for late joiners
 /// Published blobs: the writer keeps everything until it is acknowledged (which throttles it), and
 /// the last of each key for late joiners.
 inline constexpr TopicQos kPublishedWriter{true, 0};

@@ -147,12 +147,16 @@ TopicEntry EntryOf() {
 }
 
 const std::vector<TopicEntry>& Entries() {
-  static const std::vector<TopicEntry> entries{
-      EntryOf<Presence>(),       EntryOf<CampaignAnnouncement>(), EntryOf<WorkRequest>(),     EntryOf<Lease>(),
-      EntryOf<WorkerStatus>(),   EntryOf<AttemptReport>(),        EntryOf<ValidationErrors>(), EntryOf<CampaignStatus>(),
-      EntryOf<CampaignControl>(), EntryOf<BlobManifest>(),        EntryOf<BlobChunk>(),       EntryOf<BlobAck>(),
-      EntryOf<Observation>(),    EntryOf<Action>(),               EntryOf<InsightWish>(),     EntryOf<Insight>(),
-      EntryOf<PolicyStatus>(),   EntryOf<ProcessStatus>(),        EntryOf<ProcessEvent>(),    EntryOf<TrainStatus>()};
+  static const std::vector<TopicEntry> entries{EntryOf<Presence>(),         EntryOf<CampaignAnnouncement>(),
+                                               EntryOf<WorkRequest>(),      EntryOf<Lease>(),
+                                               EntryOf<WorkerStatus>(),     EntryOf<AttemptReport>(),
+                                               EntryOf<ValidationErrors>(), EntryOf<CampaignStatus>(),
+                                               EntryOf<CampaignControl>(),  EntryOf<BlobManifest>(),
+                                               EntryOf<BlobChunk>(),        EntryOf<BlobAck>(),
+                                               EntryOf<Observation>(),      EntryOf<Action>(),
+                                               EntryOf<InsightWish>(),      EntryOf<Insight>(),
+                                               EntryOf<PolicyStatus>(),     EntryOf<ProcessStatus>(),
+                                               EntryOf<ProcessEvent>(),     EntryOf<TrainStatus>()};
   return entries;
 }
 
@@ -182,7 +186,8 @@ std::string Mismatch(const PeerEndpoint& writer, const PeerEndpoint& reader) {
   if (reader.reliable && !writer.reliable) return "the reader asks for reliable, the writer is best effort";
   if (reader.transient_local && !writer.transient_local)
     return "the reader asks for transient-local, the writer is volatile";
-  if (reader.type != writer.type) return fmt::format("the reader's type is {}, the writer's {}", reader.type, writer.type);
+  if (reader.type != writer.type)
+    return fmt::format("the reader's type is {}, the writer's {}", reader.type, writer.type);
   return "";
 }
 

@@ -219,15 +219,9 @@ OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, R
                        const EvalSubject& subject) {
   Rows all;
   for (const auto& [index, row] : rows) all.push_back(&row);
-  OrderedJson report{{"campaign", spec.name},
-                     {"run", spec.rollout.run},
-                     {"seed", spec.seed},
-                     {"episodes", spec.episodes},
-                     {"done", rows.size()},
-                     {"policy", PolicyJson(subject)},
-                     {"dataset", subject.dataset},
-                     {"judge", "strict"},
-                     {"created", subject.created}};
+  OrderedJson report{{"campaign", spec.name},      {"run", spec.rollout.run}, {"seed", spec.seed},
+                     {"episodes", spec.episodes},  {"done", rows.size()},     {"policy", PolicyJson(subject)},
+                     {"dataset", subject.dataset}, {"judge", "strict"},       {"created", subject.created}};
   report["latency"] = Latency(spec, all);
   report["per_task"] = OrderedJson::array();
   for (const auto& task : spec.tasks) {

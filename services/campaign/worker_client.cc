@@ -216,10 +216,8 @@ void WorkerClient::Impl::Report(const bus::Lease& lease, const std::string& outc
 
 void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result) {
   joined->heartbeat->SetPhase("send");
-  const OrderedJson meta{{"index", lease.index},
-                         {"attempt", lease.attempt},
-                         {"host", HostName()},
-                         {"timings", TimesJson(result.times)}};
+  const OrderedJson meta{
+      {"index", lease.index}, {"attempt", lease.attempt}, {"host", HostName()}, {"timings", TimesJson(result.times)}};
   while (true) {
     // the token is unique, so it is the blob's id too: a repeat is recognised
     const auto verdict =

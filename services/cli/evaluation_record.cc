@@ -63,8 +63,7 @@ void NameCheckpoint(const Path& run_folder, const std::set<std::uint64_t>& steps
 }  // namespace
 
 Result<campaign::EvalSubject> SubjectOfCheckpoint(std::span<const std::uint8_t> bytes, const Path& file) {
-  ETUDE_ASSIGN_OR_RETURN(const auto content,
-                         store::DecodeSafetensors(bytes, [](std::string_view) { return false; }));
+  ETUDE_ASSIGN_OR_RETURN(const auto content, store::DecodeSafetensors(bytes, [](std::string_view) { return false; }));
   const auto word = [&](const char* key) {
     const auto found = content.metadata.find(key);
     return found == content.metadata.end() ? std::string() : found->second;

@@ -2,6 +2,7 @@
 // `etude up`: collection, training, policy server and rollouts on this machine, supervised.
 #include <fmt/format.h>
 
+#include <map>
 #include <optional>
 
 #include "services/bus/directory.h"
@@ -13,6 +14,8 @@
 #include "services/cli/evaluation.h"
 #include "services/cli/service.h"
 #include "services/cli/up_config.h"
+#include "services/cli/up_record.h"
+#include "services/core/command.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 
@@ -43,7 +46,7 @@ struct Arguments {
 class System {
  public:
   System(UpConfig config, CampaignSpec spec, BusArguments bus, Claim claim, Identity run, bus::Participant participant,
-         bus::Reader<bus::TrainStatus> train_statuses)
+         bus::Reader<bus::TrainStatus> train_statuses, UpRecord* record)
       : config_(std::move(config)),
         spec_(std::move(spec)),
         bus_(std::move(bus)),
@@ -51,7 +54,8 @@ class System {
         run_(std::move(run)),
         out_(config_.out),
         participant_(std::move(participant)),
-        train_statuses_(std::move(train_statuses)) {}
+        train_statuses_(std::move(train_statuses)),
+        record_(record) {}
 
   Status Run(bool keep_running);
 
@@ -73,6 +77,7 @@ class System {
   Path out_;
   bus::Participant participant_;
   bus::Reader<bus::TrainStatus> train_statuses_;
+  UpRecord* record_;
   std::optional<bus::TrainStatus> train_;
   std::unique_ptr<HostedCampaign> collection_;
   std::optional<campaign::CollectorProgress> collected_;  // final, once collection has ended
@@ -124,6 +129,10 @@ Status System::Tick() {
   if (policy_) ETUDE_RETURN_IF_ERROR(policy_->Supervise());
   for (auto& status : train_statuses_.Take())
     if (status.run_id == run_.id) train_ = std::move(status);
+  std::map<std::string, pid_t> children;
+  if (const auto pid = trainer_ ? trainer_->pid() : std::nullopt) children["trainer"] = *pid;
+  if (const auto pid = policy_ ? policy_->pid() : std::nullopt) children["policy"] = *pid;
+  record_->SetChildren(children);
   return {};
 }
 
@@ -266,8 +275,17 @@ Status Up(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const Identity run, OpenIdentity(run_folder, arguments.claim));
   ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Reader<bus::TrainStatus>::Open(
                                             participant, bus::Owner{config.train.run, run.id}.partition()));
-  System system(config, spec, bus, arguments.claim, run, std::move(participant), std::move(statuses));
-  return system.Run(arguments.keep_running);
+  const Path out = config.out;
+  ETUDE_ASSIGN_OR_RETURN(
+      auto record,
+      UpRecord::Begin(
+          out, config.domain,
+          {{"dataset", out / "dataset"}, {"run", run_folder}, {"eval", out / "eval"}, {"logs", out / "logs"}}, ""));
+  System system(config, spec, bus, arguments.claim, run, std::move(participant), std::move(statuses), &record);
+  const Status done = system.Run(arguments.keep_running);
+  record.SetChildren({});
+  record.End(done ? kExitOk : ExitCodeFor(done.error()));
+  return done;
 }
 
 }  // namespace

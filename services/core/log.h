@@ -24,7 +24,8 @@ void InitLog(const std::string& name, const std::string& level);
 spdlog::logger& Log();
 
 /// What a message is about, for programs: the words of its constant text, up to its first value or colon.
-/// "refused a checkpoint run=a@b: too old" -> "refused_a_checkpoint". At most 64 bytes; "message" where there is no word.
+/// "refused a checkpoint run=a@b: too old" -> "refused_a_checkpoint". At most 64 bytes; "message" where there is no
+/// word.
 std::string CodeOf(std::string_view text);
 
 struct LogRecord {

@@ -10,8 +10,8 @@
 namespace etude {
 
 struct ProcessFacts {
-  std::uint64_t rss_bytes = 0;  ///< resident memory; 0: not known
-  double cpu = 0;               ///< cores in use, mean since the last call: 1 is one core
+  std::uint64_t rss_bytes = 0;                              ///< resident memory; 0: not known
+  double cpu = 0;                                           ///< cores in use, mean since the last call: 1 is one core
   std::uint64_t disk_free_bytes = 0, disk_total_bytes = 0;  ///< of the folder's disk, as a user has it; 0: not known
 };
 

@@ -22,7 +22,7 @@ namespace {
 
 constexpr std::size_t kLongestLine = 64 << 10;  // a line that is longer is none of ours
 constexpr int kDeepestLine = 4;                 // levels of JSON
-constexpr int kJerkStride = 5;                  // control steps: closer, the floats' last bits would be what is measured
+constexpr int kJerkStride = 5;  // control steps: closer, the floats' last bits would be what is measured
 
 double ToMilliseconds(double seconds) { return std::round(seconds * 1000) / 1000; }
 
@@ -210,11 +210,11 @@ Result<CommitRow> ParseCommitLine(std::string_view line) {
   keys.Read("draws", row.draws);
   if (json->contains("timings")) row.facts.timings = TimesOf((*json)["timings"]);
   if (keys.ok()) return row;
-  return Fail(Code::kCorrupt, fmt::format("a line of {}: a value is of another kind than expected", internal::kCommits));
+  return Fail(Code::kCorrupt,
+              fmt::format("a line of {}: a value is of another kind than expected", internal::kCommits));
 }
 
-Result<CommitJournal> CommitJournal::Open(const Path& dataset,
-                                          const std::map<std::uint64_t, std::uint64_t>& bytes_of) {
+Result<CommitJournal> CommitJournal::Open(const Path& dataset, const std::map<std::uint64_t, std::uint64_t>& bytes_of) {
   const Path path = dataset / internal::kCommits;
   std::map<std::uint64_t, std::size_t> line_of;  // episode -> its last line
   std::vector<std::string> kept;

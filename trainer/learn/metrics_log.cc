@@ -61,9 +61,9 @@ std::string_view ToString(End cause) {
 }
 
 Status MetricsLog::WriteEnd(std::uint64_t step, double elapsed_s, End cause, const std::string& reason) {
-  const OrderedJson line{{"kind", "end"},       {"step", step},
-                         {"elapsed_s", elapsed_s}, {"time", WallSeconds()},
-                         {"cause", ToString(cause)}, {"reason", reason}};
+  const OrderedJson line{
+      {"kind", "end"},   {"step", step}, {"elapsed_s", elapsed_s}, {"time", WallSeconds()}, {"cause", ToString(cause)},
+      {"reason", reason}};
   ETUDE_RETURN_IF_ERROR(lines_.Append(line.dump(-1, ' ', false, OrderedJson::error_handler_t::replace)));
   return lines_.Sync();
 }

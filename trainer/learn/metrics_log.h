@@ -16,10 +16,11 @@ namespace etude::learn {
 enum class End { kFinished, kStopped, kFailed };
 std::string_view ToString(End cause);  ///< finished | stopped | failed
 
-/// OUT/metrics.jsonl: {"kind": "train"|"valid", "step", "elapsed_s", "time", name: value, ...}, {"kind": "stage", "step",
-/// "stage", "name", "cause", "reason"}, {"kind": "checkpoint", "step", "time", "file", "sha256", "channel"} and {"kind":
-/// "end", "step", "elapsed_s", "time", "cause", "reason"}; OUT/curriculum.jsonl: one line an advance, with its cause
-/// (goal | plateau | budget); OUT/events.out.tfevents.*: tags "train/NAME", "valid/NAME". A step that goes back, after a
+/// OUT/metrics.jsonl: {"kind": "train"|"valid", "step", "elapsed_s", "time", name: value, ...}, {"kind": "stage",
+/// "step", "stage", "name", "cause", "reason"}, {"kind": "checkpoint", "step", "time", "file", "sha256", "channel"} and
+/// {"kind": "end", "step", "elapsed_s", "time", "cause", "reason"}; OUT/curriculum.jsonl: one line an advance, with its
+/// cause (goal | plateau | budget); OUT/events.out.tfevents.*: tags "train/NAME", "valid/NAME". A step that goes back,
+/// after a
 /// --resume, takes the place of what stands before.
 class MetricsLog {
  public:

@@ -35,7 +35,6 @@ constexpr double kStatusEvery = 1;  // s
 constexpr auto kSessionSilence = 10s;
 constexpr std::size_t kMostSessions = 10'000;  // that are counted
 
-
 // Where observations of one run come in and actions go out.
 struct Desk {
   std::string run_id;

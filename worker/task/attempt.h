@@ -24,7 +24,7 @@ struct AttemptResult {
   std::string reason;
   /// Complete on success; in a rollout complete always (episode.details has per-decision errors).
   Episode episode;
-  OrderedJson scene = OrderedJson::object();                   ///< SceneDraws::Json, of failures too
+  OrderedJson scene = OrderedJson::object();  ///< SceneDraws::Json, of failures too
   /// Of a demonstration that failed: "stage" in which it did, "pair" that touched and should not have ("" when none
   /// did), "point": where the hand was then, m in the world.
   OrderedJson failure = OrderedJson::object();

@@ -117,7 +117,8 @@ TEST(CommitJournal, DropsWhatIsTornDoubledOrOfAFileThatIsNotThere) {
   const std::string whole = Journal(folder.path());
   const std::string first = whole.substr(0, whole.find('\n') + 1);
   std::filesystem::remove(EpisodePath(folder.path(), 2));
-  std::ofstream(folder / "commits.jsonl", std::ios::app) << first << "not json\n" << "{\"index\": 1, \"byt";
+  std::ofstream(folder / "commits.jsonl", std::ios::app) << first << "not json\n"
+                                                         << "{\"index\": 1, \"byt";
 
   CommitTo(folder.path(), {3});
 
@@ -200,7 +201,8 @@ TEST(CommitTable, ItsMemoryHasABoundWhateverTheFileHolds) {
 }
 
 TEST(CommitLine, KeysThatAreMissingKeepTheirDefaults) {
-  const auto row = ParseCommitLine(R"({"index": 4, "later": [1], "timings": {"plan_s": -1, "step_s": "x", "wall_s": 2}})");
+  const auto row =
+      ParseCommitLine(R"({"index": 4, "later": [1], "timings": {"plan_s": -1, "step_s": "x", "wall_s": 2}})");
   ASSERT_THAT(row, IsOk());
   EXPECT_EQ(row->index, 4u);
   EXPECT_EQ(row->facts.timings.plan_s, 0);
