@@ -9,6 +9,7 @@
 
 #include "services/bus/arguments.h"
 #include "services/bus/directory.h"
+#include "services/bus/process_reporter.h"
 #include "services/bus/topic.h"
 #include "services/campaign/hosted_collector.h"
 #include "services/campaign/process.h"
@@ -16,6 +17,7 @@
 #include "services/core/config_reference.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
+#include "trainer/learn/metrics_log.h"
 #include "trainer/learn/trainer.h"
 #include "trainer/policy/device.h"
 #include "trainer/policy/policy_file.h"
@@ -212,11 +214,21 @@ struct Surroundings {
   torch::Device device = torch::kCPU;
 };
 
+// The files first, then a line in the run's metrics that says so: without it training goes on.
+Status Keep(publish::CheckpointSink& sink, const Path& out, const checkpoint::Checkpoint& made) {
+  ETUDE_ASSIGN_OR_RETURN(const publish::Kept kept, sink.Save(made));
+  for (const auto& channel : kept.channels) {
+    const Status noted = learn::NoteCheckpoint(out, made.metadata.step, kept.file, kept.sha256, channel);
+    if (!noted) Log().warn("{}", noted.error().message);
+  }
+  return {};
+}
+
 Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& arguments, const learn::TrainConfig& config,
                Telemetry& telemetry, const Surroundings& around) {
   ETUDE_ASSIGN_OR_RETURN(auto sink, publish::CheckpointSink::Open(arguments.out, telemetry.run(), around.participant,
                                                                   config.checkpoint.keep));
-  learn::Hooks hooks{[&sink](const checkpoint::Checkpoint& made) { return sink.Save(made); },
+  learn::Hooks hooks{[&](const checkpoint::Checkpoint& made) { return Keep(sink, arguments.out, made); },
                      [&telemetry](const learn::Progress& progress) { telemetry.Say(progress); }};
   const bool follow = arguments.follow || !arguments.collect.empty();
   ErrorPublisher errors(around.participant, *dataset, telemetry.run().id);
@@ -310,6 +322,11 @@ Status Train(const Arguments& arguments) {
     ETUDE_ASSIGN_OR_RETURN(participant, arguments.bus.Open());
   } else if (!arguments.collect.empty()) {
     return Fail(Code::kInvalidArgument, "--collect needs the bus: leave out --offline");
+  }
+  std::unique_ptr<bus::ProcessReporter> reporter;
+  if (participant) {
+    ETUDE_ASSIGN_OR_RETURN(reporter,
+                           bus::ProcessReporter::Start(*participant, {.role = "trainer", .folder = arguments.out}));
   }
   ETUDE_ASSIGN_OR_RETURN(auto telemetry,
                          Telemetry::Open(participant ? &*participant : nullptr, run, arguments.out, arguments.claim));

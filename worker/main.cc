@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "services/bus/arguments.h"
+#include "services/bus/process_reporter.h"
 #include "services/campaign/spec_file.h"
 #include "services/campaign/worker_client.h"
 #include "services/core/clock.h"
@@ -46,19 +47,33 @@ campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete)
   result.outcome = task::ToString(attempt.outcome);
   result.steps = static_cast<std::uint64_t>(attempt.episode.steps());
   for (const auto& camera : attempt.episode.cameras) result.frames += camera.frames.size();
+  result.times = {
+      .plan_s = attempt.plan_s, .step_s = attempt.step_s, .render_s = attempt.render_s, .deflate_s = attempt.deflate_s};
   if (attempt.outcome == task::AttemptOutcome::kSuccess || always_complete) {
     result.episode = EncodeEpisode(attempt.episode);
     return result;
   }
-  result.details_json =
-      OrderedJson{{"reason", attempt.reason}, {"scene", attempt.scene},       {"plan_s", attempt.plan_s},
-                  {"step_s", attempt.step_s}, {"render_s", attempt.render_s}, {"deflate_s", attempt.deflate_s}}
-          .dump();
+  OrderedJson details{{"reason", attempt.reason}};
+  details.update(attempt.failure);
+  details.update(OrderedJson{{"scene", attempt.scene},
+                             {"plan_s", attempt.plan_s},
+                             {"step_s", attempt.step_s},
+                             {"render_s", attempt.render_s},
+                             {"deflate_s", attempt.deflate_s}});
+  result.details_json = details.dump();
   return result;
+}
+
+std::function<void(std::string_view, int)> ToProgress(const campaign::WorkItem& item) {
+  if (!item.progress) return {};
+  return [progress = item.progress](std::string_view stage, int step) {
+    progress(stage, static_cast<std::uint32_t>(step));
+  };
 }
 
 campaign::WorkFunction Demonstrate(std::shared_ptr<task::AttemptRunner> runner) {
   return [runner](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
+    runner->OnProgress(ToProgress(item));
     return ResultOf(runner->Demonstrate(item.index, item.attempt, item.weights), false);
   };
 }
@@ -66,6 +81,7 @@ campaign::WorkFunction Demonstrate(std::shared_ptr<task::AttemptRunner> runner) 
 campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, std::shared_ptr<policy::Client> policy) {
   const policy::AskFunction ask = [policy](const policy::Question& question) { return policy->Ask(question); };
   return [runner, ask](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
+    runner->OnProgress(ToProgress(item));
     auto attempt = runner->Rollout(item.index, ask);
     if (attempt) {
       // without a scene nothing was rolled out
@@ -81,6 +97,7 @@ campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, std:
 
 Status Work(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "worker"}));
   campaign::WorkerOptions options = arguments.worker;
   options.files_sha256 = task::UserFilesSha256;
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));

@@ -10,6 +10,7 @@
 
 #include "services/bus/participant.h"
 #include "services/core/identity.h"
+#include "services/core/log_format.h"
 
 namespace etude::bus {
 
@@ -25,15 +26,32 @@ inline void AddClaim(CLI::App& app, Claim& claim) {
 struct Arguments {
   std::uint32_t domain = 0;
   std::string profile;  ///< empty: $CYCLONEDDS_URI, else this machine only
+  std::string log = "text";
 
   void Add(CLI::App& app) {
     app.add_option("--domain", domain, "DDS domain, 0..230")->check(CLI::Range(0, 230))->capture_default_str();
     app.add_option("--profile", profile, "Cyclone DDS XML file (default: this machine only)");
+    AddLog(app, log);
+  }
+  /// `--log`: how this process and those that it starts write their log.
+  static void AddLog(CLI::App& app, std::string& log) {
+    app.add_option_function<std::string>(
+           "--log",
+           [&log](const std::string& format) {
+             log = format;
+             SetLogFormat(format == "json" ? LogFormat::kJson : LogFormat::kText);
+           },
+           "text | json: the log on stderr, a JSON object a line for programs")
+        ->check(CLI::IsMember({"text", "json"}));
   }
   /// @error as Participant::Open.
   Result<Participant> Open() const { return Participant::Open({domain, profile}); }
   /// The same for a child: its command line, and its environment.
-  std::vector<std::string> Flags() const { return {"--domain", std::to_string(domain)}; }
+  std::vector<std::string> Flags() const {
+    std::vector<std::string> flags{"--domain", std::to_string(domain)};
+    if (log != "text") flags.insert(flags.end(), {"--log", log});
+    return flags;
+  }
   std::map<std::string, std::string> Environment() const {
     if (profile.empty()) return {};
     return {{"CYCLONEDDS_URI", profile}};

@@ -44,11 +44,14 @@ namespace {
 
 // Writes, and waits for slow subscribers for as long as allowed.
 template <class Wire>
-Status WritePatiently(const Endpoint& writer, const Wire& wire, std::string_view what) {
+Status WritePatiently(const Endpoint& writer, const Wire& wire, std::uint64_t bytes, std::string_view what) {
   const Stopwatch watch;
   for (;;) {
     const dds_return_t code = dds_write(writer.get(), &wire);
-    if (code == DDS_RETCODE_OK) return {};
+    if (code == DDS_RETCODE_OK) {
+      writer.traffic->Add(bytes);
+      return {};
+    }
     if (code != DDS_RETCODE_TIMEOUT || watch.Seconds() > kGiveUpAfterS || StopRequested()) {
       return Fail(DdsError(code, what));
     }
@@ -79,8 +82,8 @@ Status BlobPublisher::Impl::WriteChunks(const std::string& channel, std::uint64_
     wire.chunk_size = options.chunk_size;
     wire.data._maximum = wire.data._length = static_cast<std::uint32_t>(data.size());
     wire.data._buffer = const_cast<std::uint8_t*>(data.data());
-    ETUDE_RETURN_IF_ERROR(
-        WritePatiently(chunks, wire, fmt::format("publish chunk {} of {} on channel '{}'", index, count, channel)));
+    ETUDE_RETURN_IF_ERROR(WritePatiently(chunks, wire, data.size(),
+                                         fmt::format("publish chunk {} of {} on channel '{}'", index, count, channel)));
     hash.Update(data);  // while the subscribers are already at work on it
   }
   return {};
@@ -102,7 +105,8 @@ Status BlobPublisher::Impl::WriteManifest(const std::string& channel, std::uint6
   wire.sha256._maximum = wire.sha256._length = static_cast<std::uint32_t>(digest.size());
   wire.sha256._buffer = const_cast<std::uint8_t*>(digest.data());
   encode("meta_json", meta_json, wire.meta_json);
-  return WritePatiently(manifests, wire, fmt::format("publish on channel '{}'", channel));
+  return WritePatiently(manifests, wire, sizeof wire + meta_json.size(),
+                        fmt::format("publish on channel '{}'", channel));
 }
 
 // Chunks of a longer version that was in this slot before: the bus need not keep them.

@@ -139,6 +139,7 @@ bool BlobSender::Impl::Announce() {
     wire->data._buffer = const_cast<std::uint8_t*>(transfer.bytes.data());
   }
   if (dds_write(manifests.get(), &*wire) != DDS_RETCODE_OK) return false;
+  manifests.traffic->Add(wire->data._length + transfer.manifest.meta_json.size());
   if (with_data) transfer.sent = 1;
   if (transfer.announced > 0) transfer.patience = std::min(2 * transfer.patience, options.resend_after);
   ++transfer.announced;
@@ -156,7 +157,9 @@ bool BlobSender::Impl::SendChunk(std::uint32_t index) {
   encode("sender", sender, wire.sender);
   wire.data._maximum = wire.data._length = static_cast<std::uint32_t>(data.size());
   wire.data._buffer = const_cast<std::uint8_t*>(data.data());
-  return dds_write(chunks.get(), &wire) == DDS_RETCODE_OK;
+  if (dds_write(chunks.get(), &wire) != DDS_RETCODE_OK) return false;
+  chunks.traffic->Add(data.size());
+  return true;
 }
 
 void BlobSender::Impl::CheckReceivers() {

@@ -87,7 +87,9 @@ int BlobSubscriber::Impl::DrainManifests() {
   dds_sample_info_t infos[kBatch];
   const dds_return_t count = dds_take(manifests.get(), samples, infos, kBatch, kBatch);
   for (int i = 0; i < count; ++i) {
-    if (infos[i].valid_data) OnManifest(*static_cast<etude_wire_PublishedManifest*>(samples[i]));
+    if (!infos[i].valid_data) continue;
+    manifests.traffic->Add(sizeof(etude_wire_PublishedManifest));
+    OnManifest(*static_cast<etude_wire_PublishedManifest*>(samples[i]));
   }
   if (count > 0) dds_return_loan(manifests.get(), samples, count);
   return std::max(count, 0);

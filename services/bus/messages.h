@@ -92,7 +92,21 @@ struct WorkerStatus {
   double steps_per_second = 0;
   double frames_per_second = 0;
   std::string campaign_id;
+  std::string stage;         ///< of the attempt under way, as the expert or the rollout calls it; "": none
+  std::uint32_t step = 0;    ///< control steps of the attempt that are done
+  std::string last_outcome;  ///< of the last attempt: "success", or its typed reason; "": none yet
+  /// Sums over all attempts since the start, where the time of attempts went (AttemptTimes), and what sending took.
+  double plan_s = 0, step_s = 0, render_s = 0, deflate_s = 0, send_s = 0;
+  std::vector<std::uint32_t> plan_histogram;  ///< attempts by their planning time: kPlanBins (PlanBin), or none yet
 };
+
+/// Bins of WorkerStatus::plan_histogram: below 10, 20, 40 ... 10,240 ms, and longer.
+inline constexpr std::size_t kPlanBins = 12;
+constexpr std::size_t PlanBin(double plan_s) {
+  std::size_t bin = 0;
+  for (double edge = 0.01; bin + 1 < kPlanBins && plan_s >= edge; edge *= 2) ++bin;
+  return bin;
+}
 
 /// worker -> collector: an attempt that produced no episode, and why. Answered by the next Lease.
 struct AttemptReport {
@@ -129,6 +143,20 @@ struct CampaignStatus {
   std::string failures_json;  ///< {"reason": count}
   std::string error;          ///< e.g. disk full: committing waits
   std::string campaign_id;
+  std::string state;            ///< running | draining | paused | stopping | complete
+  std::string control_id;       ///< of the last CampaignControl that was taken
+  std::string control_refusal;  ///< why it was not followed; "": it was
+};
+
+enum class ControlAction : std::uint8_t { kPause = 0, kDrain = 1, kResume = 2, kStop = 3 };
+
+/// `etude campaign` -> collector. Answered by a CampaignStatus with its control_id; said again, it counts once.
+struct CampaignControl {
+  std::string campaign;
+  std::string control_id;  ///< random, of this request
+  std::string campaign_id;
+  ControlAction action = ControlAction::kPause;
+  std::string host, user;  ///< who asks, for the log
 };
 
 // ---- blob.idl: large messages in chunks (services/bus/blob_transfer.h) ----------------------------
@@ -240,6 +268,57 @@ struct Insight {
   std::vector<std::uint8_t> picture;  ///< RGB, height*width*3: the crop that the policy sees
   std::vector<float> waypoints;       ///< as Action::waypoints, rotations in 6D; empty: none, or not finite
   std::vector<std::uint32_t> view;    ///< u, v, width, height of `picture` in the camera's, px; empty: not said
+};
+
+/// policy server -> all, keyed by server, once a second: what it serves and how that goes.
+struct PolicyStatus {
+  std::string run;
+  std::string server;  ///< unique: host-pid-random
+  std::string run_id;
+  std::string host;
+  std::uint32_t pid = 0;
+  std::string channel;     ///< that it follows: latest | best; "": one file
+  std::uint64_t step = 0;  ///< of the checkpoint that it serves
+  std::string sha256;      ///< of that checkpoint
+  std::uint32_t stage = 0, stages = 0;
+  std::string stage_name;
+  bool control_trained = false;   ///< it may drive; else observations are refused
+  std::uint64_t since = 0;        ///< when it began to serve it, seconds since 1970
+  std::uint64_t answered = 0;     ///< observations, since its start, those that were refused too
+  std::uint64_t refused = 0;      ///< checkpoints and observations
+  std::string last_refusal;       ///< in words
+  double p50_ms = 0, p95_ms = 0;  ///< of answers; before there are some: of its own trials
+  std::uint32_t sessions = 0;     ///< that asked within the last 10 s
+};
+
+// ---- process.idl ----------------------------------------------------------------------------------
+
+/// every process -> all, keyed by process, once a second.
+struct ProcessStatus {
+  std::string process;  ///< unique: host-pid-random
+  std::string role;     ///< worker | collector | trainer | policy | gateway | etude up | ...
+  std::string host;
+  std::uint32_t pid = 0;
+  std::string version;
+  std::uint64_t since = 0;      ///< start, seconds since 1970
+  std::uint64_t rss_bytes = 0;  ///< resident memory
+  double cpu = 0;               ///< cores in use, mean over the last interval: 1 is one core
+  std::string folder;           ///< that it writes to, if any; the disk is that of this folder, else of the working one
+  std::uint64_t disk_free_bytes = 0, disk_total_bytes = 0;
+  std::string participant;  ///< its DDS participant, 32 hexadecimal digits
+  /// [{"topic", "kind": "writer" | "reader", "samples", "bytes", "matched"}]: since the start, by topic; bytes of the
+  /// fields, without what DDS adds.
+  std::string topics_json;
+};
+
+/// every process -> all, keyed by process: what it logged at warn and above.
+struct ProcessEvent {
+  std::string process, role, host;
+  std::uint64_t number = 0;   ///< counts those of the process: a gap is what was dropped
+  std::uint64_t time_ms = 0;  ///< since 1970
+  std::string level;          ///< warn | error
+  std::string code;           ///< CodeOf, services/core/log.h
+  std::string text;
 };
 
 // ---- train.idl ------------------------------------------------------------------------------------

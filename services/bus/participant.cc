@@ -176,10 +176,38 @@ Result<Endpoint> OpenEndpoint(const Participant& participant, const std::string&
                          CheckEntity(is_writer ? dds_create_writer(group, out.topic.get(), qos.get(), nullptr)
                                                : dds_create_reader(group, out.topic.get(), qos.get(), nullptr),
                                      what));
+  out.traffic = out.state->TrafficOf(topic, is_writer);
+  out.traffic->Join(out.endpoint.get());
   return out;
 }
 
 }  // namespace
+
+void Traffic::Join(dds_entity_t endpoint) {
+  const MutexLock lock(mutex);
+  // those that are gone make room: a worker opens some for every campaign that it joins
+  std::erase_if(endpoints, [](dds_entity_t other) { return dds_get_parent(other) < 0; });
+  endpoints.push_back(endpoint);
+}
+
+int Traffic::Matched(bool is_writer) {
+  const MutexLock lock(mutex);
+  int matched = 0;
+  for (const dds_entity_t endpoint : endpoints) {
+    // not by the matched status: reading that takes its news from whoever waits for it
+    const dds_return_t count = is_writer ? dds_get_matched_subscriptions(endpoint, nullptr, 0)
+                                         : dds_get_matched_publications(endpoint, nullptr, 0);
+    matched += std::max(count, 0);
+  }
+  return matched;
+}
+
+std::shared_ptr<Traffic> Participant::State::TrafficOf(const std::string& topic, bool is_writer) {
+  const MutexLock lock(mutex);
+  auto& traffic_of = traffic[{topic, is_writer}];
+  if (!traffic_of) traffic_of = std::make_shared<Traffic>();
+  return traffic_of;
+}
 
 Error DdsError(dds_return_t code, std::string_view attempted) {
   Code kind = Code::kUnavailable;

@@ -2,21 +2,49 @@
 // What a Participant shares with the entities made from it. Internal to services/bus.
 #pragma once
 
+#include <atomic>
 #include <chrono>
+#include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "services/bus/entity.h"
 #include "services/bus/participant.h"
 #include "services/bus/qos.h"
+#include "services/core/thread_annotations.h"
 
 namespace etude::bus {
+
+/// What went through the writers, or the readers, of one topic, since the participant was opened. Thread-safe.
+struct Traffic {
+  std::atomic<std::uint64_t> samples{0};
+  std::atomic<std::uint64_t> bytes{0};  ///< of the fields, without what DDS adds
+
+  void Add(std::uint64_t sample_bytes) {
+    samples.fetch_add(1, std::memory_order_relaxed);
+    bytes.fetch_add(sample_bytes, std::memory_order_relaxed);
+  }
+  /// An endpoint that is there, and may be gone later.
+  void Join(dds_entity_t endpoint) ETUDE_EXCLUDES(mutex);
+  /// The other side's endpoints, over all of this side's that are there.
+  int Matched(bool is_writer) ETUDE_EXCLUDES(mutex);
+
+  Mutex mutex;
+  std::vector<dds_entity_t> endpoints ETUDE_GUARDED_BY(mutex);
+};
 
 struct Participant::State {
   std::shared_ptr<Entity> domain;  ///< outlives the participant
   Entity participant;
   std::uint32_t id = 0;
+
+  Mutex mutex;
+  /// By topic and whether it is of writers.
+  std::map<std::pair<std::string, bool>, std::shared_ptr<Traffic>> traffic ETUDE_GUARDED_BY(mutex);
+  std::shared_ptr<Traffic> TrafficOf(const std::string& topic, bool is_writer) ETUDE_EXCLUDES(mutex);
 };
 
 /// A topic with its writer or reader in a partition.
@@ -26,6 +54,7 @@ struct Endpoint {
   Entity topic;
   Entity endpoint;  ///< writer or reader
   bool is_writer = false;
+  std::shared_ptr<Traffic> traffic;
 
   dds_entity_t get() const { return endpoint.get(); }
 };

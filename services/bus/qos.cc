@@ -16,7 +16,7 @@ Qos MakeQos(const TopicQos& topic) {
                        DDS_MSECS(static_cast<dds_duration_t>(topic.max_blocking.count())));
   dds_qset_durability(qos, topic.transient_local ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
   // what a late joiner gets is ruled by this policy, not by the history
-  dds_qset_durability_service(qos, 0, DDS_HISTORY_KEEP_LAST, 1, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED,
+  dds_qset_durability_service(qos, 0, DDS_HISTORY_KEEP_LAST, topic.late, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED,
                               DDS_LENGTH_UNLIMITED);
   dds_qset_history(qos, history, depth);
   dds_qset_resource_limits(qos, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);

@@ -14,11 +14,14 @@ struct TopicQos {
   bool transient_local = false;                  ///< late joiners get the last sample of each key
   int keep_last = 0;                             ///< samples kept per key by writer and reader; 0: all
   std::chrono::milliseconds max_blocking{1000};  ///< a reliable writer waits this long for room
+  int late = 1;                                  ///< with transient_local: samples per key for late joiners
 };
 
 inline constexpr TopicQos kEvents{false, 0};  ///< requests, leases, reports, chunks: none is lost
 inline constexpr TopicQos kNewest{false, 1};  ///< telemetry, observations: the newest counts
 inline constexpr TopicQos kState{true, 1};    ///< as kNewest, and late joiners get it too
+inline constexpr TopicQos kRecent{true, 64, std::chrono::milliseconds{1000},
+                                  64};  ///< the last ones, also for late joiners
 /// Published blobs: the writer keeps everything until it is acknowledged (which throttles it), and
 /// the last of each key for late joiners.
 inline constexpr TopicQos kPublishedWriter{true, 0};

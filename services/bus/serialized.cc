@@ -96,6 +96,7 @@ int TakeSerialized(const Endpoint& reader, int at_most,
     if (infos[static_cast<std::size_t>(i)].valid_data) {  // else an instance's end
       ddsrt_iovec_t bytes{};
       ddsi_serdata* const held = ddsi_serdata_to_ser_ref(sample, 0, ddsi_serdata_size(sample), &bytes);
+      reader.traffic->Add(bytes.iov_len);
       visit({static_cast<const std::uint8_t*>(bytes.iov_base), bytes.iov_len});
       ddsi_serdata_to_ser_unref(held, &bytes);
     }

@@ -14,11 +14,13 @@
 namespace etude::bus {
 
 /// The wire struct borrows the message's memory.
+/// @param bytes  gets the size of its fields
 template <class Message>
-Result<typename Traits<Message>::Wire> Encode(const Message& message) {
+Result<typename Traits<Message>::Wire> Encode(const Message& message, std::uint64_t* bytes = nullptr) {
   typename Traits<Message>::Wire wire{};
   Encoder encoder;
   Fields(encoder, message, wire);
+  if (bytes) *bytes = encoder.bytes();
   std::string problem = encoder.problem();
   if (problem.empty() && !IsSound(message)) problem = "its sizes contradict each other";
   if (!problem.empty()) {
@@ -29,20 +31,25 @@ Result<typename Traits<Message>::Wire> Encode(const Message& message) {
 
 template <class Message>
 Status WriteMessage(const Endpoint& writer, const Message& message) {
-  ETUDE_ASSIGN_OR_RETURN(const auto wire, Encode(message));
+  std::uint64_t bytes = 0;
+  ETUDE_ASSIGN_OR_RETURN(const auto wire, Encode(message, &bytes));
   const dds_return_t code = dds_write(writer.get(), &wire);
-  if (code == DDS_RETCODE_OK) return {};
+  if (code == DDS_RETCODE_OK) {
+    writer.traffic->Add(bytes);
+    return {};
+  }
   return Fail(DdsError(code, fmt::format("write on topic '{}'", Traits<Message>::kTopic)));
 }
 
 template <class Message>
 void DecodeAll(void* const* samples, const dds_sample_info_t* infos, int count, std::vector<Message>& messages,
-               std::uint64_t& malformed) {
+               std::uint64_t& malformed, Traffic* traffic = nullptr) {
   for (int i = 0; i < count; ++i) {
     if (!infos[i].valid_data) continue;  // an instance's end
     Message message;
     Decoder decoder;
     Fields(decoder, message, *static_cast<const typename Traits<Message>::Wire*>(samples[i]));
+    if (traffic) traffic->Add(decoder.bytes());
     if (decoder.ok() && IsSound(message))
       messages.push_back(std::move(message));
     else
@@ -78,7 +85,7 @@ std::vector<Message> TakeMessages(const Endpoint& reader, int at_most, std::uint
     const int wanted = std::min(kBatch, at_most - static_cast<int>(messages.size()));
     const dds_return_t count = dds_take(reader.get(), samples, infos, kBatch, static_cast<std::uint32_t>(wanted));
     if (count <= 0) break;
-    DecodeAll(samples, infos, count, messages, malformed);
+    DecodeAll(samples, infos, count, messages, malformed, reader.traffic.get());
     dds_return_loan(reader.get(), samples, count);
   }
   return messages;

@@ -15,6 +15,7 @@
 #include "campaign.h"
 #include "policy.h"
 #include "presence.h"
+#include "process.h"
 #include "services/bus/messages.h"
 #include "services/bus/qos.h"
 #include "train.h"
@@ -35,23 +36,33 @@ class Encoder {
   void operator()(const char* name, const std::string& from, char (&to)[kSize]) {
     if (!CheckText(name, from, kSize - 1)) return;
     std::memcpy(to, from.c_str(), from.size() + 1);
+    bytes_ += from.size();
   }
   void operator()(const char* name, const std::string& from, char*& to) {
     if (CheckText(name, from, kMaxText)) to = const_cast<char*>(from.c_str());
+    bytes_ += from.size();
   }
   template <class T>
   requires std::is_arithmetic_v<T>
-  void operator()(const char*, const T& from, T& to) { to = from; }
+  void operator()(const char*, const T& from, T& to) {
+    to = from;
+    bytes_ += sizeof(T);
+  }
   template <class E>
   requires std::is_enum_v<E>
-  void operator()(const char*, const E& from, std::uint8_t& to, E) { to = static_cast<std::uint8_t>(from); }
+  void operator()(const char*, const E& from, std::uint8_t& to, E) {
+    to = static_cast<std::uint8_t>(from);
+    ++bytes_;
+  }
   template <class T, class Sequence>
   void operator()(const char* name, const std::vector<T>& from, Sequence& to, std::size_t bound) {
     if (from.size() > bound) return Refuse(name, from.size(), bound);
     to._maximum = to._length = static_cast<std::uint32_t>(from.size());
     to._buffer = const_cast<T*>(from.data());
     to._release = false;
+    bytes_ += from.size() * sizeof(T);
   }
+  std::uint64_t bytes() const { return bytes_; }  ///< of the fields
   /// Empty, or what does not fit.
   const std::string& problem() const { return problem_; }
 
@@ -59,6 +70,7 @@ class Encoder {
   bool CheckText(const char* name, const std::string& text, std::size_t bound);
   void Refuse(const char* name, std::size_t size, std::size_t bound);
   std::string problem_;
+  std::uint64_t bytes_ = 0;
 };
 
 /// Copies a C struct into a message and checks every length.
@@ -67,6 +79,7 @@ class Decoder {
   template <std::size_t kSize>
   void operator()(const char*, std::string& to, const char (&from)[kSize]) {
     const std::size_t size = ::strnlen(from, kSize);
+    bytes_ += size;
     if (size == kSize)
       ok_ = false;
     else
@@ -77,6 +90,7 @@ class Decoder {
   void operator()(const char*, std::string& to, const Pointer& from) {
     if (from == nullptr) return to.clear();
     const std::size_t size = ::strnlen(from, kMaxText + 1);
+    bytes_ += size;
     if (size > kMaxText)
       ok_ = false;
     else
@@ -84,10 +98,14 @@ class Decoder {
   }
   template <class T>
   requires std::is_arithmetic_v<T>
-  void operator()(const char*, T& to, const T& from) { to = from; }
+  void operator()(const char*, T& to, const T& from) {
+    to = from;
+    bytes_ += sizeof(T);
+  }
   template <class E>
   requires std::is_enum_v<E>
   void operator()(const char*, E& to, const std::uint8_t& from, E last) {
+    ++bytes_;
     if (from > static_cast<std::uint8_t>(last))
       ok_ = false;
     else
@@ -100,14 +118,17 @@ class Decoder {
       return;
     }
     to.assign(from._buffer, from._buffer + from._length);
+    bytes_ += from._length * sizeof(T);
     if constexpr (std::is_floating_point_v<T>) {
       for (const T value : to) ok_ = ok_ && std::isfinite(value);
     }
   }
   bool ok() const { return ok_; }
+  std::uint64_t bytes() const { return bytes_; }  ///< of the fields
 
  private:
   bool ok_ = true;
+  std::uint64_t bytes_ = 0;
 };
 
 /// The checks that go beyond a single field.
@@ -197,6 +218,15 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Wo
   ETUDE_FIELD(steps_per_second);
   ETUDE_FIELD(frames_per_second);
   ETUDE_FIELD(campaign_id);
+  ETUDE_FIELD(stage);
+  ETUDE_FIELD(step);
+  ETUDE_FIELD(last_outcome);
+  ETUDE_FIELD(plan_s);
+  ETUDE_FIELD(step_s);
+  ETUDE_FIELD(render_s);
+  ETUDE_FIELD(deflate_s);
+  ETUDE_FIELD(send_s);
+  ETUDE_FIELD_UP_TO(plan_histogram, kPlanBins);
 }
 
 template <class F, class M, class W>
@@ -234,6 +264,19 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Ca
   ETUDE_FIELD(failures_json);
   ETUDE_FIELD(error);
   ETUDE_FIELD(campaign_id);
+  ETUDE_FIELD(state);
+  ETUDE_FIELD(control_id);
+  ETUDE_FIELD(control_refusal);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, CampaignControl> {
+  ETUDE_FIELD(campaign);
+  ETUDE_FIELD(control_id);
+  ETUDE_FIELD(campaign_id);
+  ETUDE_FIELD_UP_TO(action, ControlAction::kStop);
+  ETUDE_FIELD(host);
+  ETUDE_FIELD(user);
 }
 
 template <class F, class M, class W>
@@ -355,6 +398,58 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Tr
   ETUDE_FIELD(run_id);
 }
 
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, PolicyStatus> {
+  ETUDE_FIELD(run);
+  ETUDE_FIELD(server);
+  ETUDE_FIELD(run_id);
+  ETUDE_FIELD(host);
+  ETUDE_FIELD(pid);
+  ETUDE_FIELD(channel);
+  ETUDE_FIELD(step);
+  ETUDE_FIELD(sha256);
+  ETUDE_FIELD(stage);
+  ETUDE_FIELD(stages);
+  ETUDE_FIELD(stage_name);
+  ETUDE_FIELD(control_trained);
+  ETUDE_FIELD(since);
+  ETUDE_FIELD(answered);
+  ETUDE_FIELD(refused);
+  ETUDE_FIELD(last_refusal);
+  ETUDE_FIELD(p50_ms);
+  ETUDE_FIELD(p95_ms);
+  ETUDE_FIELD(sessions);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, ProcessStatus> {
+  ETUDE_FIELD(process);
+  ETUDE_FIELD(role);
+  ETUDE_FIELD(host);
+  ETUDE_FIELD(pid);
+  ETUDE_FIELD(version);
+  ETUDE_FIELD(since);
+  ETUDE_FIELD(rss_bytes);
+  ETUDE_FIELD(cpu);
+  ETUDE_FIELD(folder);
+  ETUDE_FIELD(disk_free_bytes);
+  ETUDE_FIELD(disk_total_bytes);
+  ETUDE_FIELD(participant);
+  ETUDE_FIELD(topics_json);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, ProcessEvent> {
+  ETUDE_FIELD(process);
+  ETUDE_FIELD(role);
+  ETUDE_FIELD(host);
+  ETUDE_FIELD(number);
+  ETUDE_FIELD(time_ms);
+  ETUDE_FIELD(level);
+  ETUDE_FIELD(code);
+  ETUDE_FIELD(text);
+}
+
 #undef ETUDE_FIELD
 #undef ETUDE_FIELD_UP_TO
 
@@ -375,6 +470,7 @@ ETUDE_TRAITS(WorkerStatus, "etude/campaign/worker", kNewest)
 ETUDE_TRAITS(AttemptReport, "etude/campaign/report", kEvents)
 ETUDE_TRAITS(ValidationErrors, "etude/campaign/validation_errors", kNewest)
 ETUDE_TRAITS(CampaignStatus, "etude/campaign/status", kState)
+ETUDE_TRAITS(CampaignControl, "etude/campaign/control", kEvents)
 ETUDE_TRAITS(BlobManifest, "etude/blob/manifest", kEvents)
 ETUDE_TRAITS(BlobChunk, "etude/blob/chunk", kEvents)
 ETUDE_TRAITS(BlobAck, "etude/blob/ack", kEvents)
@@ -382,6 +478,9 @@ ETUDE_TRAITS(Observation, "etude/policy/observation", kNewest)
 ETUDE_TRAITS(Action, "etude/policy/action", kNewest)
 ETUDE_TRAITS(InsightWish, "etude/policy/insight_wish", kNewest)
 ETUDE_TRAITS(Insight, "etude/policy/insight", kNewest)
+ETUDE_TRAITS(PolicyStatus, "etude/policy/status", kState)
+ETUDE_TRAITS(ProcessStatus, "etude/process/status", kNewest)
+ETUDE_TRAITS(ProcessEvent, "etude/process/event", kRecent)
 ETUDE_TRAITS(TrainStatus, "etude/train/status", kState)
 
 #undef ETUDE_TRAITS

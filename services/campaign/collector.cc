@@ -40,7 +40,7 @@ Collector::~Collector() = default;
 Result<Collector> Collector::Open(const bus::Participant& participant, const CampaignSpec& spec, const Path& folder,
                                   const CollectorOptions& options) {
   ETUDE_RETURN_IF_ERROR(spec.Validate());
-  ETUDE_ASSIGN_OR_RETURN(auto sink, OpenSink(folder, spec));
+  ETUDE_ASSIGN_OR_RETURN(auto sink, OpenSink(folder, spec, options.subject));
   return Open(participant, spec, std::move(sink), options);
 }
 
@@ -83,6 +83,7 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
   ETUDE_ASSIGN_OR_RETURN(auto reports, bus::Reader<bus::AttemptReport>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto heartbeats, bus::Reader<bus::WorkerStatus>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto errors, bus::Reader<bus::ValidationErrors>::Open(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto controls, bus::Reader<bus::CampaignControl>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto episodes, bus::BlobReceiver::Open(participant, owner, "episode"));
 
   // before anything is committed, files may still be mended
@@ -105,6 +106,7 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
                                       .reports = std::move(reports),
                                       .heartbeats = std::move(heartbeats),
                                       .errors = std::move(errors),
+                                      .controls = std::move(controls),
                                       .run_id = options.run_id,
                                       .episodes = std::move(episodes),
                                       .table = std::move(table),

@@ -38,6 +38,7 @@ struct CollectorOptions {
   Claim claim = Claim::kRefuse;                   ///< when the folder's id is live elsewhere
   std::string policy_id;                          ///< rollouts ask this run's policy; "": whoever serves its name
   std::string run_id;                             ///< whose validation errors count; "": of the first run that speaks
+  EvalSubject subject;                            ///< in mode rollout: what is evaluated, for the report
   std::uint32_t content = kContentVersion;        ///< of the episodes: workers of another number are refused
 };
 

@@ -7,12 +7,30 @@
 #include "services/campaign/collector_impl.h"
 #include "services/campaign/worker_client.h"
 #include "services/core/log.h"
+#include "services/episode/bounded_json.h"
 #include "services/episode/codec.h"
 #include "services/spec/episode_plan.h"
 
 namespace etude::campaign {
 
 using namespace std::chrono_literals;
+
+namespace {
+
+// What the worker says of itself beside the episode. It decides nothing: what is not understood is left out.
+store::CommitFacts FactsOf(const bus::BlobManifest& manifest) {
+  constexpr std::size_t kLongest = 16 << 10;
+  constexpr std::size_t kLongestName = 128;
+  store::CommitFacts facts{.worker = manifest.sender};
+  const auto meta = manifest.meta_json.size() > kLongest ? std::nullopt : ParseBoundedJson(manifest.meta_json, 4);
+  if (!meta || !meta->is_object()) return facts;
+  if (meta->contains("host") && (*meta)["host"].is_string())
+    facts.host = (*meta)["host"].get<std::string>().substr(0, kLongestName);
+  if (meta->contains("timings")) facts.timings = TimesOf((*meta)["timings"]);
+  return facts;
+}
+
+}  // namespace
 
 Status Collector::Impl::CheckEpisode(const Episode& episode) const {
   const auto wrong = [&](const char* what, const auto& found, const auto& expected) {
@@ -69,11 +87,12 @@ std::optional<bus::Verdict> Collector::Impl::Judge(const bus::ReceivedBlob& blob
                       fmt::format("index {} was leased again: token {} is old", episode.index, blob.manifest.token)};
 }
 
-std::optional<bus::Verdict> Collector::Impl::CommitUntilDurable(const Episode& episode) {
+std::optional<bus::Verdict> Collector::Impl::CommitUntilDurable(const Episode& episode,
+                                                                const store::CommitFacts& facts) {
   while (true) {
     const Status committed = [&]() -> Status {
       const MutexLock lock(sink_mutex);
-      return sink->Commit(episode);
+      return sink->Commit(episode, facts);
     }();
     {
       const MutexLock lock(mutex);
@@ -99,7 +118,7 @@ void Collector::Impl::OnEpisode(const bus::ReceivedBlob& blob) {
   Episode episode;
   std::optional<bus::Verdict> verdict = Judge(blob, episode);
   if (!verdict) {
-    verdict = CommitUntilDurable(episode);
+    verdict = CommitUntilDurable(episode, FactsOf(blob.manifest));
     // not durable and not at fault: no answer, so that it is sent or made again
     if (!verdict) return;
     const MutexLock lock(mutex);

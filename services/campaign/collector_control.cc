@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <thread>
 
 #include "services/campaign/collector_impl.h"
@@ -10,6 +11,7 @@
 #include "services/campaign/worker_client.h"
 #include "services/core/command.h"
 #include "services/core/log.h"
+#include "services/episode/bounded_json.h"
 
 namespace etude::campaign {
 
@@ -53,6 +55,9 @@ void Collector::Impl::TakeMessages() {
       Log().warn("leases expired without a word count={}", lost);
   }
   for (const auto& message : errors.Take()) OnErrors(message);
+  bool controlled = false;
+  for (const auto& control : controls.Take()) controlled = OnControl(control) || controlled;
+  if (controlled) PublishStatus();  // who asked waits for it
   for (const auto& request : asked) OnRequest(request);
 }
 
@@ -113,6 +118,8 @@ Assignment Collector::Impl::Assign(const bus::WorkRequest& request) {
   // a stopping collector leases nothing new, and does not say that all is done; a worker that is ready for another
   // spec sees ours in the answer and makes itself ready first
   if (Stopping() || request.spec_sha256 != spec_sha256 || !journal_is_durable) return {};
+  // a worker that asks again, because the answer was lost, is told again what it holds
+  if (leasing != Leasing::kOn && !table.complete() && !table.Holds(request.worker)) return {};
   const Assignment assignment = table.Request(request.worker, MonotonicClock::now());
   if (assignment.kind == Assignment::Kind::kDone) dismissed.insert(request.worker);
   return assignment;
@@ -124,6 +131,20 @@ void Collector::Impl::OnRequest(const bus::WorkRequest& request) {
   if (const Status written = leases.Write(Answer(request)); !written)
     Log().warn("cannot answer worker={}: {}", request.worker, written.error().message);
 }
+
+namespace {
+
+// What the worker says, and when it said so. What is no JSON object stays what it is.
+std::string DetailsOf(const bus::AttemptReport& report) {
+  constexpr int kDeepest = 16;
+  auto details = ParseBoundedJson(report.details_json, kDeepest);
+  if (!details || !details->is_object()) return report.details_json;
+  (*details)["t"] = std::round(WallSeconds() * 1000) / 1000;
+  (*details)["worker"] = report.worker;
+  return details->dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+}
+
+}  // namespace
 
 void Collector::Impl::OnReport(const bus::AttemptReport& report) {
   if (report.campaign_id != id || report.spec_sha256 != spec_sha256 || report.index >= spec.episodes) return;
@@ -144,7 +165,7 @@ void Collector::Impl::OnReport(const bus::AttemptReport& report) {
     if (report.outcome != kPolicyError) ++failed_attempts;
   }
   const MutexLock lock(sink_mutex);
-  if (const Status recorded = sink->RecordFailure(report.index, report.attempt, report.outcome, report.details_json);
+  if (const Status recorded = sink->RecordFailure(report.index, report.attempt, report.outcome, DetailsOf(report));
       !recorded)
     Log().warn("cannot record a failed attempt index={}: {}", report.index, recorded.error().message);
 }
@@ -155,6 +176,49 @@ void Collector::Impl::OnHeartbeat(const bus::WorkerStatus& status) {
   const Time now = MonotonicClock::now();
   heard[status.worker] = now;
   if (status.token != 0) table.Renew(status.index, status.token, now);
+}
+
+// True when it is for this campaign and new: its answer is the next status.
+bool Collector::Impl::OnControl(const bus::CampaignControl& control) {
+  if (control.campaign_id != id || control.control_id.empty()) return false;
+  const MutexLock lock(mutex);
+  if (control.control_id == control_id) return true;
+  control_id = control.control_id;
+  control_refusal = Follow(control.action);
+  const char* const names[] = {"pause", "drain", "resume", "stop"};
+  Log().info("{} asked by {}@{}{}", names[static_cast<int>(control.action)], control.user, control.host,
+             control_refusal.empty() ? "" : ": refused: " + control_refusal);
+  return true;
+}
+
+// Why it cannot be followed; "" when it was.
+std::string Collector::Impl::Follow(bus::ControlAction action) {
+  if (table.complete()) return fmt::format("campaign '{}' is complete: there is nothing left to lease", spec.name);
+  if (Stopping()) return fmt::format("the collector of '{}' is about to end", spec.name);
+  switch (action) {
+    case bus::ControlAction::kPause:
+      leasing = Leasing::kPaused;
+      return "";
+    case bus::ControlAction::kDrain:
+      leasing = Leasing::kDraining;
+      return "";
+    case bus::ControlAction::kResume:
+      if (leasing == Leasing::kOn) return fmt::format("campaign '{}' is not paused", spec.name);
+      leasing = Leasing::kOn;
+      return "";
+    case bus::ControlAction::kStop:
+      stop = true;
+      return "";
+  }
+  return "an action that this collector does not know";
+}
+
+std::string Collector::Impl::StateNow() {
+  if (leasing == Leasing::kDraining && table.in_flight() == 0) leasing = Leasing::kPaused;
+  if (table.complete()) return "complete";
+  if (Stopping()) return "stopping";
+  if (leasing == Leasing::kOn) return "running";
+  return leasing == Leasing::kPaused ? "paused" : "draining";
 }
 
 CollectorProgress Collector::Impl::Snapshot() const {
@@ -198,6 +262,9 @@ void Collector::Impl::PublishStatus() {
     status.eta_s = progress.eta_s;
     status.failures_json = OrderedJson(progress.failures).dump();
     status.error = progress.error;
+    status.state = StateNow();
+    status.control_id = control_id;
+    status.control_refusal = control_refusal;
   }
   if (const Status written = statuses.Write(status); !written)
     Log().debug("cannot publish the status: {}", written.error().message);

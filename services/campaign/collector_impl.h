@@ -39,6 +39,7 @@ struct Collector::Impl {
   bus::Reader<bus::AttemptReport> reports;
   bus::Reader<bus::WorkerStatus> heartbeats;
   bus::Reader<bus::ValidationErrors> errors;
+  bus::Reader<bus::CampaignControl> controls;
   std::string run_id;                   // whose errors count; "": of the first that speaks
   std::optional<SamplingEntry> wanted;  // by the newest errors; holds from no index yet
   std::string refusal;                  // what was said last of errors that were not taken
@@ -59,6 +60,10 @@ struct Collector::Impl {
   std::deque<Time> commits ETUDE_GUARDED_BY(mutex);           // of the last minute
   std::optional<Error> superseded ETUDE_GUARDED_BY(mutex);    // another collector of this id has the better right
   std::string journal_error ETUDE_GUARDED_BY(mutex);          // the sampling journal cannot be written: leasing waits
+  enum class Leasing { kOn, kDraining, kPaused };             // kDraining: off, and some leases are still out
+  Leasing leasing ETUDE_GUARDED_BY(mutex) = Leasing::kOn;     // as `etude campaign` asked for; a restart forgets it
+  std::string control_id ETUDE_GUARDED_BY(mutex);             // of the last request that was taken
+  std::string control_refusal ETUDE_GUARDED_BY(mutex);        // why it was not followed
 
   mutable Mutex journal_mutex;  // never taken while `mutex` is held
   store::SamplingJournal journal ETUDE_GUARDED_BY(journal_mutex);
@@ -84,6 +89,9 @@ struct Collector::Impl {
   SamplingWeights WeightsAt(std::uint64_t index) const ETUDE_EXCLUDES(journal_mutex);
   void OnReport(const bus::AttemptReport& report);
   void OnHeartbeat(const bus::WorkerStatus& status);
+  bool OnControl(const bus::CampaignControl& control);
+  std::string Follow(bus::ControlAction action) ETUDE_REQUIRES(mutex);
+  std::string StateNow() ETUDE_REQUIRES(mutex);
   void PublishStatus();
   void GiveWayToSuccessor();
 
@@ -92,7 +100,7 @@ struct Collector::Impl {
   Status CheckEpisode(const Episode& episode) const;
   std::optional<bus::Verdict> Judge(const bus::ReceivedBlob& blob, Episode& episode);
   void CountUnfit(std::uint64_t token) ETUDE_REQUIRES(mutex);
-  std::optional<bus::Verdict> CommitUntilDurable(const Episode& episode);
+  std::optional<bus::Verdict> CommitUntilDurable(const Episode& episode, const store::CommitFacts& facts);
   void WriteIndex();
   void Drain();
 };

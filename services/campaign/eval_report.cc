@@ -63,27 +63,12 @@ OrderedJson Summarise(const std::string& task, const Rows& rows) {
   return summary;
 }
 
-OrderedJson RowJson(const RolloutRow& row) {
-  OrderedJson json{{"index", row.index},
-                   {"seed", row.seed},
-                   {"task", row.task},
-                   {"target", row.target},
-                   {"instruction", row.instruction},
-                   {"success", row.success},
-                   {"success_latched", row.success_latched},
-                   {"outcome", row.outcome},
-                   {"violations", row.violations},
-                   {"disturbed_objects", row.disturbed},
-                   {"steps", row.steps},
-                   {"decisions", row.decisions},
-                   {"latency_steps", row.latency_steps},
-                   {"checkpoint_step", row.checkpoint_step}};
-  json["error_cm"] = row.error_cm;
-  json["error_before_contact_cm"] = row.error_before_contact_cm;
-  if (row.covered) json["covered"] = *row.covered;
-  if (row.pushes) json["pushes"] = *row.pushes;
-  if (row.pushes) json["pushes_missed"] = row.pushes_missed;
-  return json;
+OrderedJson PolicyJson(const EvalSubject& subject) {
+  return {{"run_id", subject.run_id},
+          {"run", subject.run},
+          {"sha256", subject.sha256},
+          {"step", subject.step},
+          {"file", subject.file}};
 }
 
 // The setting, and what came of it: rollouts may have found different servers.
@@ -167,10 +152,56 @@ std::string ShareText(const OrderedJson& share) {
                      100 * share["high"].get<double>());
 }
 
+OrderedJson RowJson(const RolloutRow& row) {
+  OrderedJson json{{"index", row.index},
+                   {"seed", row.seed},
+                   {"robot", row.robot},
+                   {"task", row.task},
+                   {"target", row.target},
+                   {"reference", row.reference},
+                   {"instruction", row.instruction},
+                   {"success", row.success},
+                   {"success_latched", row.success_latched},
+                   {"outcome", row.outcome},
+                   {"violations", row.violations},
+                   {"disturbed_objects", row.disturbed},
+                   {"steps", row.steps},
+                   {"decisions", row.decisions},
+                   {"latency_steps", row.latency_steps},
+                   {"checkpoint_step", row.checkpoint_step}};
+  json["error_cm"] = row.error_cm;
+  json["error_before_contact_cm"] = row.error_before_contact_cm;
+  if (row.covered) json["covered"] = *row.covered;
+  if (row.pushes) json["pushes"] = *row.pushes;
+  if (row.pushes) json["pushes_missed"] = row.pushes_missed;
+  if (row.wall_s > 0) json["wall_s"] = row.wall_s;
+  return json;
+}
+
+EvalSubject SubjectOf(const OrderedJson& report) {
+  EvalSubject subject;
+  if (!report.is_object()) return subject;
+  const auto text = [](const OrderedJson& json, const char* key) {
+    return json.contains(key) && json[key].is_string() ? json[key].get<std::string>() : std::string();
+  };
+  subject.dataset = text(report, "dataset");
+  if (report.contains("created") && report["created"].is_number()) subject.created = report["created"].get<double>();
+  if (!report.contains("policy") || !report["policy"].is_object()) return subject;
+  const OrderedJson& policy = report["policy"];
+  subject.run_id = text(policy, "run_id");
+  subject.run = text(policy, "run");
+  subject.sha256 = text(policy, "sha256");
+  subject.step = UnsignedOr0(policy, "step");
+  subject.file = text(policy, "file");
+  return subject;
+}
+
 RolloutRow RowOf(const Episode& rollout) {
   RolloutRow row;
   row.index = rollout.index;
   row.seed = rollout.seed;
+  row.robot = rollout.robot;
+  row.reference = rollout.reference;
   row.task = rollout.task;
   row.target = rollout.target;
   row.instruction = rollout.instruction;
@@ -184,14 +215,13 @@ RolloutRow RowOf(const Episode& rollout) {
   return row;
 }
 
-OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, RolloutRow>& rows) {
+OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, RolloutRow>& rows,
+                       const EvalSubject& subject) {
   Rows all;
   for (const auto& [index, row] : rows) all.push_back(&row);
-  OrderedJson report{{"campaign", spec.name},
-                     {"run", spec.rollout.run},
-                     {"seed", spec.seed},
-                     {"episodes", spec.episodes},
-                     {"done", rows.size()}};
+  OrderedJson report{{"campaign", spec.name},      {"run", spec.rollout.run}, {"seed", spec.seed},
+                     {"episodes", spec.episodes},  {"done", rows.size()},     {"policy", PolicyJson(subject)},
+                     {"dataset", subject.dataset}, {"judge", "strict"},       {"created", subject.created}};
   report["latency"] = Latency(spec, all);
   report["per_task"] = OrderedJson::array();
   for (const auto& task : spec.tasks) {

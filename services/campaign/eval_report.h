@@ -20,7 +20,7 @@ namespace etude::campaign {
 struct RolloutRow {
   std::uint64_t index = 0;
   std::uint64_t seed = 0;
-  std::string task, target, instruction;
+  std::string robot, task, target, reference, instruction;
   bool success = false;          ///< the strict condition was held, without a violation
   bool success_latched = false;  ///< the authors' criterion, from the same rollout
   std::string outcome;
@@ -37,7 +37,20 @@ struct RolloutRow {
   std::optional<double> covered;  ///< mean share of the target's pixels under blocks; only where some were to be
   std::optional<int> pushes;      ///< of the target; only where some were wanted
   int pushes_missed = 0;
+  double wall_s = 0;  ///< that the rollout took, by the clock; 0: not known. Not of the episode: RowOf leaves it
 };
+
+/// What is evaluated: nothing of it is in the rollouts. What is empty is not known.
+struct EvalSubject {
+  std::string run_id, run;  ///< of the policy
+  std::string sha256;       ///< of the checkpoint, as 64 hexadecimal digits
+  std::uint64_t step = 0;   ///< of the checkpoint
+  std::string file;         ///< of the checkpoint
+  std::string dataset;      ///< that it was trained on: the checkpoint's fingerprint of it
+  double created = 0;       ///< of the evaluation, seconds since 1970
+};
+/// As an earlier report says it; empty where that is none.
+EvalSubject SubjectOf(const OrderedJson& report);
 
 /// Reads what the worker recorded in episode.details: "success_latched", "violations" (a list of {"kind", ...}),
 /// "disturbed_objects", "latency_steps", "occlusion" ({"covered"}), "pushes" (a list), "pushes_missed", and
@@ -48,8 +61,13 @@ RolloutRow RowOf(const Episode& rollout);
 /// {"per_task": [...], "overall": {...}, "per_episode": [...]}: n; by each criterion successes, their share and
 /// Wilson's low and high ("success": strict, "success_latched": the authors'); rollouts with violations, by kind, and
 /// with other objects moved; error_cm and error_before_contact_cm per module: means over rollouts of their means.
-/// What a spec asks for beyond that is added by suite_report.h.
-OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, RolloutRow>& rows);
+/// Before them "policy" {"run_id", "run", "sha256", "step", "file"}, "dataset", "judge" and "created" say what was
+/// evaluated. What a spec asks for beyond that is added by suite_report.h.
+OrderedJson EvalReport(const CampaignSpec& spec, const std::map<std::uint64_t, RolloutRow>& rows,
+                       const EvalSubject& subject = {});
+
+/// A row as eval.json's "per_episode" and eval.jsonl have it.
+OrderedJson RowJson(const RolloutRow& row);
 
 /// {"successes", "share", "low", "high"}: Wilson's interval.
 OrderedJson ShareJson(std::uint64_t successes, std::uint64_t n);

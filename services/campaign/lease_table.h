@@ -59,6 +59,8 @@ class LeaseTable {
 
   /// Work for `worker`: the lease it already holds (renewed), else the lowest free index.
   Assignment Request(const std::string& worker, Time now);
+  /// Whether a lease of `worker` is out.
+  bool Holds(const std::string& worker) const { return holder_.contains(worker); }
   /// A heartbeat that names `token`; false when that lease is not current.
   bool Renew(std::uint64_t index, std::uint64_t token, Time now);
   /// Makes leases that were not renewed in time free again; returns how many. Their tokens stay current

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include "services/bus/arguments.h"
+#include "services/bus/process_reporter.h"
 #include "services/campaign/collector.h"
 #include "services/campaign/spec_file.h"
 #include "services/core/command.h"
@@ -22,6 +23,8 @@ struct Arguments {
 Status Collect(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(arguments.spec));
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto reporter,
+                         bus::ProcessReporter::Start(participant, {.role = "collector", .folder = arguments.out}));
   campaign::CollectorOptions options;
   options.lease = std::chrono::milliseconds(static_cast<std::int64_t>(arguments.lease_s * 1000));
   options.claim = arguments.claim;

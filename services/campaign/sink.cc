@@ -2,10 +2,12 @@
 #include "services/campaign/sink.h"
 
 #include <map>
+#include <optional>
 
-#include "services/campaign/eval_report.h"
 #include "services/campaign/scene_report.h"
+#include "services/core/clock.h"
 #include "services/episode/bounded_json.h"
+#include "services/store/commit_journal.h"
 #include "services/store/dataset.h"
 
 namespace etude::campaign {
@@ -19,7 +21,9 @@ class DatasetSink : public EpisodeSink {
 
   const Path& folder() const override { return folder_; }
   const std::set<std::uint64_t>& committed() const override { return writer_.committed(); }
-  Status Commit(const Episode& episode) override { return writer_.Commit(episode); }
+  Status Commit(const Episode& episode, const store::CommitFacts& facts) override {
+    return writer_.Commit(episode, facts);
+  }
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json) override {
     return writer_.RecordFailure(index, attempt, outcome, details_json);
@@ -31,35 +35,63 @@ class DatasetSink : public EpisodeSink {
   store::DatasetWriter writer_;
 };
 
-// Rollouts are a dataset too (FOLDER/rollouts), and eval.json is derived from it: a crash between the two
-// loses nothing, because Open derives it again.
+std::string LineOf(const RolloutRow& row) {
+  return RowJson(row).dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+}
+
+constexpr double kReportEvery = 2;  // s; the report of 400 rollouts is 200 kB
+
+// What was evaluated when the folder was made.
+EvalSubject Remember(const Path& out, EvalSubject subject) {
+  const auto text = ReadTextFile(out / "eval.json", 256 << 20);
+  const EvalSubject before = text ? SubjectOf(ParseBoundedJson(*text).value_or(OrderedJson())) : EvalSubject();
+  if (subject.sha256.empty() && !before.sha256.empty()) subject = before;
+  subject.created = before.created > 0 ? before.created : WallSeconds();
+  return subject;
+}
+
+// Rollouts are a dataset too (FOLDER/rollouts), and eval.json and eval.jsonl are derived from it: a crash between them
+// loses nothing, because Open derives them again.
 class EvalSink : public EpisodeSink {
  public:
-  EvalSink(Path out, CampaignSpec spec, store::DatasetWriter writer)
-      : out_(std::move(out)), folder_(out_ / "rollouts"), spec_(std::move(spec)), writer_(std::move(writer)) {}
+  EvalSink(Path out, CampaignSpec spec, EvalSubject subject, store::DatasetWriter writer)
+      : out_(std::move(out)),
+        folder_(out_ / "rollouts"),
+        spec_(std::move(spec)),
+        subject_(std::move(subject)),
+        writer_(std::move(writer)) {}
 
   Status Restore() {
     if (!writer_.committed().empty()) {
       ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(folder_));
+      store::CommitTable commits(folder_);
+      ETUDE_RETURN_IF_ERROR(commits.Refresh());
       for (const std::uint64_t index : writer_.committed()) {
         ETUDE_ASSIGN_OR_RETURN(const auto record, reader.Read(index));
-        rows_[index] = RowOf(record.episode);
+        RolloutRow& row = rows_[index] = RowOf(record.episode);
+        if (const auto at = commits.RowOfIndex(index); at < commits.size()) row.wall_s = commits.timings()[at].wall_s;
         scenes_.Add(record.episode);
       }
     }
     scenes_.Restore(folder_);
+    ETUDE_RETURN_IF_ERROR(RestoreLines());
     return WriteReport();
   }
 
   const Path& folder() const override { return folder_; }
   const std::set<std::uint64_t>& committed() const override { return writer_.committed(); }
 
-  Status Commit(const Episode& episode) override {
-    ETUDE_RETURN_IF_ERROR(writer_.Commit(episode));
-    rows_[episode.index] = RowOf(episode);
+  Status Commit(const Episode& episode, const store::CommitFacts& facts) override {
+    const bool again = writer_.Contains(episode.index);
+    ETUDE_RETURN_IF_ERROR(writer_.Commit(episode, facts));
+    if (again) return {};
+    RolloutRow& row = rows_[episode.index] = RowOf(episode);
+    row.wall_s = facts.timings.wall_s;
     scenes_.Add(episode);
-    // the rollout is durable; a report that cannot be written now is written with the next one
-    (void)WriteReport();
+    // the rollout is durable; what cannot be written now is derived from it with the next start
+    if (lines_) (void)lines_->Append(LineOf(row));
+    if (since_report_.Seconds() > kReportEvery || rows_.size() == 1 || rows_.size() == spec_.episodes)
+      (void)WriteReport();
     return {};
   }
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
@@ -74,15 +106,27 @@ class EvalSink : public EpisodeSink {
   }
 
  private:
-  Status WriteReport() const {
-    OrderedJson report = EvalReport(spec_, rows_);
+  Status WriteReport() {
+    OrderedJson report = EvalReport(spec_, rows_, subject_);
     report["scenes"] = scenes_.Json(spec_.scenes);
+    since_report_.Restart();
     return WriteFileAtomically(out_ / "eval.json", report.dump(1) + "\n");
+  }
+  // A row a rollout, in the order of their indices; those to come are appended.
+  Status RestoreLines() {
+    std::string text;
+    for (const auto& [index, row] : rows_) text += LineOf(row) + "\n";
+    ETUDE_RETURN_IF_ERROR(WriteFileAtomically(out_ / "eval.jsonl", text));
+    ETUDE_ASSIGN_OR_RETURN(lines_, LineAppender::Open(out_ / "eval.jsonl"));
+    return {};
   }
 
   Path out_, folder_;
   CampaignSpec spec_;
+  EvalSubject subject_;
   store::DatasetWriter writer_;
+  std::optional<LineAppender> lines_;
+  Stopwatch since_report_;
   std::map<std::uint64_t, RolloutRow> rows_;
   SceneReport scenes_;
 };
@@ -94,15 +138,17 @@ Result<std::unique_ptr<EpisodeSink>> OpenDatasetSink(const Path& dataset, const 
   return std::make_unique<DatasetSink>(dataset, std::move(writer));
 }
 
-Result<std::unique_ptr<EpisodeSink>> OpenEvalSink(const Path& folder, const CampaignSpec& spec) {
+Result<std::unique_ptr<EpisodeSink>> OpenEvalSink(const Path& folder, const CampaignSpec& spec,
+                                                  const EvalSubject& subject) {
   ETUDE_ASSIGN_OR_RETURN(auto writer, store::DatasetWriter::Open(folder / "rollouts", spec));
-  auto sink = std::make_unique<EvalSink>(folder, spec, std::move(writer));
+  auto sink = std::make_unique<EvalSink>(folder, spec, Remember(folder, subject), std::move(writer));
   ETUDE_RETURN_IF_ERROR(sink->Restore());
   return sink;
 }
 
-Result<std::unique_ptr<EpisodeSink>> OpenSink(const Path& folder, const CampaignSpec& spec) {
-  return spec.mode == "rollout" ? OpenEvalSink(folder, spec) : OpenDatasetSink(folder, spec);
+Result<std::unique_ptr<EpisodeSink>> OpenSink(const Path& folder, const CampaignSpec& spec,
+                                              const EvalSubject& subject) {
+  return spec.mode == "rollout" ? OpenEvalSink(folder, spec, subject) : OpenDatasetSink(folder, spec);
 }
 
 }  // namespace etude::campaign

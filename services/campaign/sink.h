@@ -7,10 +7,12 @@
 #include <set>
 #include <string>
 
+#include "services/campaign/eval_report.h"
 #include "services/core/file.h"
 #include "services/core/result.h"
 #include "services/episode/episode.h"
 #include "services/spec/campaign_spec.h"
+#include "services/store/commit_journal.h"
 
 namespace etude::campaign {
 
@@ -26,7 +28,8 @@ class EpisodeSink {
   /// Durable when it returns. On error nothing of the episode is visible.
   /// @error kInvalidArgument, kCorrupt: the episode is at fault and is refused; anything else (disk
   /// full) is tried again.
-  virtual Status Commit(const Episode& episode) = 0;
+  /// @param facts  who made it and how long that took, for the journal
+  virtual Status Commit(const Episode& episode, const store::CommitFacts& facts) = 0;
   virtual Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                                const std::string& details_json) = 0;
   /// Rewrites what is derived (master file, statistics). Now and then, and at the end.
@@ -35,9 +38,13 @@ class EpisodeSink {
 
 /// Mode demonstrate: a store::DatasetWriter.
 Result<std::unique_ptr<EpisodeSink>> OpenDatasetSink(const Path& dataset, const CampaignSpec& spec);
-/// Mode rollout: FOLDER/eval.json, rewritten with every episode, and FOLDER/rollouts, a dataset of them.
-Result<std::unique_ptr<EpisodeSink>> OpenEvalSink(const Path& folder, const CampaignSpec& spec);
+/// Mode rollout: FOLDER/rollouts, a dataset of them; FOLDER/eval.jsonl, a row with every rollout, so that an
+/// evaluation can be watched; and FOLDER/eval.json, the report, rewritten every few seconds and at the end.
+/// @param subject  what is evaluated; of one that names no checkpoint the report that is there already has the word
+Result<std::unique_ptr<EpisodeSink>> OpenEvalSink(const Path& folder, const CampaignSpec& spec,
+                                                  const EvalSubject& subject = {});
 /// By spec.mode.
-Result<std::unique_ptr<EpisodeSink>> OpenSink(const Path& folder, const CampaignSpec& spec);
+Result<std::unique_ptr<EpisodeSink>> OpenSink(const Path& folder, const CampaignSpec& spec,
+                                              const EvalSubject& subject = {});
 
 }  // namespace etude::campaign

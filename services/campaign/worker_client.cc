@@ -12,6 +12,7 @@
 #include "services/campaign/heartbeat.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
+#include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
@@ -72,6 +73,17 @@ Result<std::unique_ptr<Connection>> Connect(const bus::Participant& participant,
                      .heartbeat = std::make_unique<Heartbeat>(std::move(heartbeats), status, options.heartbeat)});
 }
 
+/// What tells `heartbeat` how far an attempt is.
+ProgressFunction ProgressTo(Heartbeat& heartbeat) {
+  return [&heartbeat](std::string_view stage, std::uint32_t step) {
+    heartbeat.Set([&](bus::WorkerStatus& status) {
+      status.phase = "play";
+      if (status.stage != stage) status.stage = stage.substr(0, 63);
+      status.step = step;
+    });
+  };
+}
+
 Status Refuse(const std::string& campaign, const char* what, std::uint32_t there, const std::string& program,
               std::uint32_t here) {
   return Fail(Code::kUnavailable,
@@ -97,9 +109,10 @@ struct WorkerClient::Impl {
   bus::WorkRequest NextRequest();
   Result<bus::Lease> Ask();
   Status Serve(const bus::Lease& lease);
-  void HandIn(const bus::Lease& lease, const WorkResult& result);
+  double HandIn(const bus::Lease& lease, const WorkResult& result);
   void Send(const bus::Lease& lease, const WorkResult& result);
   void Report(const bus::Lease& lease, const std::string& outcome, const std::string& details_json);
+  static void Count(const WorkResult& result, double send_s, bus::WorkerStatus& status);
 };
 
 // Waits for the campaign and its announcement; again when another one has taken the place of the one that was joined.
@@ -215,7 +228,8 @@ void WorkerClient::Impl::Report(const bus::Lease& lease, const std::string& outc
 
 void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result) {
   joined->heartbeat->SetPhase("send");
-  const OrderedJson meta{{"index", lease.index}, {"attempt", lease.attempt}};
+  const OrderedJson meta{
+      {"index", lease.index}, {"attempt", lease.attempt}, {"host", HostName()}, {"timings", TimesJson(result.times)}};
   while (true) {
     // the token is unique, so it is the blob's id too: a repeat is recognised
     const auto verdict =
@@ -234,6 +248,19 @@ void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result)
   }
 }
 
+// What an attempt adds to a worker's sums.
+void WorkerClient::Impl::Count(const WorkResult& result, double send_s, bus::WorkerStatus& status) {
+  status.stage.clear();
+  status.last_outcome = (result.outcome.empty() ? "success" : result.outcome).substr(0, 127);
+  status.plan_s += result.times.plan_s;
+  status.step_s += result.times.step_s;
+  status.render_s += result.times.render_s;
+  status.deflate_s += result.times.deflate_s;
+  status.send_s += send_s;
+  status.plan_histogram.resize(bus::kPlanBins);
+  ++status.plan_histogram[bus::PlanBin(result.times.plan_s)];
+}
+
 Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
   // this very attempt was reported already: the report was lost, or is on its way
   if (joined->last_report && joined->last_report->token == lease.token) {
@@ -249,22 +276,26 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
     return {};
   }
   joined->heartbeat->Set([&](bus::WorkerStatus& status) {
-    status.phase = "play";
+    status.phase = "plan";
+    status.stage.clear();
+    status.step = 0;
     status.index = lease.index;
     status.attempt = lease.attempt;
     status.token = lease.token;
   });
   Stopwatch elapsed;
-  const auto result = joined->work({lease.index, lease.attempt, *weights});
+  auto result = joined->work({lease.index, lease.attempt, *weights, ProgressTo(*joined->heartbeat)});
   const double seconds = elapsed.Seconds();
+  if (result) result->times.wall_s = seconds;
   if (!result) {
     Report(lease, kReleased, "{}");
     return Fail(result.error());
   }
-  HandIn(lease, *result);
+  const double send_s = HandIn(lease, *result);
   joined->heartbeat->Set([&](bus::WorkerStatus& status) {
     status.phase = "idle";
     status.token = 0;
+    Count(*result, send_s, status);
     status.episodes = episodes;
     status.failures = failures;
     status.steps_per_second = static_cast<double>(result->steps) / seconds;
@@ -273,16 +304,19 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
   return {};
 }
 
-// An episode is sent, a failure reported, and what a stop cut off is handed back.
-void WorkerClient::Impl::HandIn(const bus::Lease& lease, const WorkResult& result) {
+// An episode is sent, a failure reported, and what a stop cut off is handed back. Returns the seconds of the sending.
+double WorkerClient::Impl::HandIn(const bus::Lease& lease, const WorkResult& result) {
   if (result.episode.empty()) {
     ++failures;
     Report(lease, result.outcome, result.details_json);
   } else if (StopRequested()) {
     Report(lease, kReleased, "{}");
   } else {
+    const Stopwatch sending;
     Send(lease, result);
+    return sending.Seconds();
   }
+  return 0;
 }
 
 WorkerClient::WorkerClient(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

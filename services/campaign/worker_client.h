@@ -8,20 +8,26 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "services/bus/participant.h"
 #include "services/core/result.h"
+#include "services/episode/attempt_times.h"
 #include "services/spec/campaign_spec.h"
 #include "services/spec/content_version.h"
 #include "services/spec/sampling_weights.h"
 
 namespace etude::campaign {
 
+/// Says how far the attempt is; from the thread of the work function.
+using ProgressFunction = std::function<void(std::string_view stage, std::uint32_t step)>;
+
 struct WorkItem {
   std::uint64_t index = 0;
   std::uint32_t attempt = 0;
   SamplingWeights weights;  ///< that hold for `index`
+  ProgressFunction progress = nullptr;
 };
 
 struct WorkResult {
@@ -30,6 +36,7 @@ struct WorkResult {
   std::string outcome;
   std::string details_json = "{}";
   std::uint64_t steps = 0, frames = 0;  ///< for telemetry
+  AttemptTimes times;  ///< where the time went; wall_s is filled in by the client. Beside the episode, never in it
 };
 
 /// Does one attempt. An Error ends the worker (the machine is at fault), after releasing the lease.

@@ -2,6 +2,7 @@
 // `etude collect`: a collector and local workers until the dataset is complete.
 #include <fmt/format.h>
 
+#include "services/bus/process_reporter.h"
 #include "services/campaign/spec_file.h"
 #include "services/cli/command_line.h"
 #include "services/cli/hosted_campaign.h"
@@ -22,6 +23,8 @@ struct Arguments {
 Status Collect(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(arguments.spec));
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto reporter,
+                         bus::ProcessReporter::Start(participant, {.role = "etude collect", .folder = arguments.out}));
   ETUDE_ASSIGN_OR_RETURN(auto hosted, HostedCampaign::Start(participant, spec,
                                                             {.bus = arguments.bus,
                                                              .workers = arguments.workers,

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "services/bus/directory.h"
+#include "services/bus/process_reporter.h"
 #include "services/campaign/eval_comparison.h"
 #include "services/campaign/eval_report.h"
 #include "services/campaign/scene_report.h"
@@ -12,13 +13,13 @@
 #include "services/campaign/suite_report.h"
 #include "services/cli/command_line.h"
 #include "services/cli/evaluation.h"
+#include "services/cli/evaluation_record.h"
 #include "services/cli/sentence_suite.h"
 #include "services/cli/service.h"
-#include "services/core/hash.h"
+#include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "services/store/dataset.h"
-#include "services/store/safetensors.h"
 
 namespace etude::cli {
 namespace {
@@ -41,6 +42,7 @@ struct Arguments {
 struct PolicyChoice {
   Selector run;
   std::optional<ServiceOptions> service;
+  campaign::EvalSubject subject = {};
 };
 
 ServiceOptions ServiceOf(const Arguments& arguments, std::vector<std::string> policy_arguments) {
@@ -54,15 +56,26 @@ ServiceOptions ServiceOf(const Arguments& arguments, std::vector<std::string> po
   return service;
 }
 
+// The id of the run whose folder RUN/checkpoints the file lies in; "" where it lies elsewhere.
+std::string TrainedAs(const Path& checkpoint) {
+  std::error_code error;
+  const Path file = std::filesystem::canonical(checkpoint, error);
+  if (error || file.parent_path().filename() != "checkpoints") return "";
+  const auto identity = ReadIdentity(file.parent_path().parent_path());
+  return identity ? identity->id : "";
+}
+
 // A server of our own, under an id that only this evaluation knows.
 Result<PolicyChoice> ServeCheckpoint(const Arguments& arguments) {
   const auto bytes = ReadBinaryFile(arguments.checkpoint);
   if (!bytes) return Fail(Code::kInvalidArgument, "--checkpoint: " + bytes.error().message);
   // read here once: a policy server that cannot would be started again and again
-  if (const auto content = store::DecodeSafetensors(*bytes); !content)
-    return Fail(content.error().Wrap("read the checkpoint '" + arguments.checkpoint + "'"));
-  const Selector run{"eval-" + Sha256Hex(*bytes).substr(0, 12), NewId()};
-  return PolicyChoice{run, ServiceOf(arguments, {"--checkpoint", arguments.checkpoint, "--run", run.text()})};
+  auto subject = SubjectOfCheckpoint(*bytes, arguments.checkpoint);
+  if (!subject) return Fail(subject.error().Wrap("read the checkpoint '" + arguments.checkpoint + "'"));
+  const Selector run{"eval-" + subject->sha256.substr(0, 12), NewId()};
+  subject->run_id = TrainedAs(arguments.checkpoint);
+  return PolicyChoice{run, ServiceOf(arguments, {"--checkpoint", arguments.checkpoint, "--run", run.text()}),
+                      std::move(*subject)};
 }
 
 // A run's name, NAME@ID, or its folder.
@@ -148,10 +161,18 @@ Status Eval(Arguments arguments) {
     ETUDE_ASSIGN_OR_RETURN(choice, ServeCheckpoint(arguments));
   }
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto reporter,
+                         bus::ProcessReporter::Start(participant, {.role = "etude eval", .folder = arguments.out}));
   if (arguments.checkpoint.empty()) {
     ETUDE_ASSIGN_OR_RETURN(choice, FollowRun(participant, arguments));
+    choice.subject.run = choice.run.name;
+    choice.subject.run_id = choice.run.id;
+    std::error_code ignored;
+    if (std::filesystem::is_directory(arguments.subscribe, ignored))
+      arguments.evaluation.run_folder = arguments.subscribe;
   }
   arguments.evaluation.run = choice.run.name;
+  arguments.evaluation.subject = choice.subject;
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec base, BaseSpec(arguments));
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, Spec(base, arguments));
   ETUDE_RETURN_IF_ERROR(CheckOverlay(arguments.evaluation, spec));

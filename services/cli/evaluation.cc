@@ -8,6 +8,7 @@
 #include "services/campaign/eval_report.h"
 #include "services/campaign/spec_file.h"
 #include "services/campaign/worker_client.h"
+#include "services/cli/evaluation_record.h"
 #include "services/cli/video.h"
 #include "services/core/hash.h"
 #include "services/core/log.h"
@@ -99,7 +100,9 @@ Status CheckOverlay(const EvaluationOptions& options, const CampaignSpec& spec) 
 Result<OrderedJson> Evaluate(const bus::Participant& participant, const CampaignSpec& spec,
                              const EvaluationOptions& options, const HostOptions& host, ProgressDisplay& display,
                              const std::function<Status()>& watch) {
-  ETUDE_ASSIGN_OR_RETURN(auto hosted, HostedCampaign::Start(participant, spec, host));
+  HostOptions with_subject = host;
+  with_subject.subject = options.subject;
+  ETUDE_ASSIGN_OR_RETURN(auto hosted, HostedCampaign::Start(participant, spec, with_subject));
   while (!hosted->ended() && !StopRequested()) {
     ETUDE_RETURN_IF_ERROR(hosted->Supervise());
     ETUDE_RETURN_IF_ERROR(watch());
@@ -117,8 +120,7 @@ Result<OrderedJson> Evaluate(const bus::Participant& participant, const Campaign
   const auto videos = options.overlay ? WriteOverlays(participant, options, host.policy_id, display)
                                       : WriteVideos(options.out / "rollouts", options.out / "videos", options.videos);
   if (!videos) Log().warn("no videos: {}", videos.error().message);
-  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(options.out / "eval.json"));
-  return ParseBoundedJson(text).value_or(OrderedJson());
+  return CompleteReport(options.out, options.run_folder, videos.value_or(std::vector<Path>{}));
 }
 
 }  // namespace etude::cli

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "services/bus/participant.h"
+#include "services/campaign/eval_report.h"
 #include "services/cli/hosted_campaign.h"
 #include "services/cli/progress.h"
 #include "services/core/config.h"
@@ -29,6 +30,8 @@ struct EvaluationOptions {
   std::optional<int> pushes;
   std::vector<SentenceSpec> sentences;
   Path out;
+  campaign::EvalSubject subject;  ///< what is known of the policy before it is asked
+  Path run_folder;                ///< of the run that is followed; "": not known
 };
 
 /// The rollout campaign of an evaluation, from a campaign whose scenes it shares, and whose tasks and weights unless
@@ -40,8 +43,8 @@ CampaignSpec EvaluationSpec(const CampaignSpec& base, const EvaluationOptions& o
 /// @error kInvalidArgument: an overlay without videos, or without the pictures that it is drawn over
 Status CheckOverlay(const EvaluationOptions& options, const CampaignSpec& spec);
 
-/// Runs the campaign with local workers and writes OUT/eval.json as it goes, then OUT/videos, for which the policy is
-/// asked once more where they have an overlay.
+/// Runs the campaign with local workers and writes OUT/eval.jsonl and OUT/eval.json as it goes, then OUT/videos, for
+/// which the policy is asked once more where they have an overlay.
 /// @param watch  called a few times a second; an error ends the evaluation (e.g. the policy died)
 /// @returns the report (see campaign::EvalReport). A stop request is no error: the report has what is done.
 Result<OrderedJson> Evaluate(const bus::Participant& participant, const CampaignSpec& spec,

@@ -28,10 +28,11 @@ struct HostedCampaign::Host {
 
 Result<std::unique_ptr<HostedCampaign>> HostedCampaign::Start(const bus::Participant& participant,
                                                               const CampaignSpec& spec, const HostOptions& options) {
-  ETUDE_ASSIGN_OR_RETURN(
-      auto collector,
-      campaign::Collector::Open(participant, spec, options.out,
-                                {.claim = options.claim, .policy_id = options.policy_id, .run_id = options.run_id}));
+  ETUDE_ASSIGN_OR_RETURN(auto collector, campaign::Collector::Open(participant, spec, options.out,
+                                                                   {.claim = options.claim,
+                                                                    .policy_id = options.policy_id,
+                                                                    .run_id = options.run_id,
+                                                                    .subject = options.subject}));
   // nothing is there to be done: no workers are needed
   const auto before = collector.progress();
   std::unique_ptr<HostedCampaign> hosted(new HostedCampaign);

@@ -20,9 +20,10 @@ struct HostOptions {
   int workers = 1;  ///< 0: only others' workers
   Path out;         ///< what the collector opens
   Path logs;
-  Claim claim = Claim::kRefuse;  ///< when the folder's id is live elsewhere
-  std::string policy_id;         ///< the run whose policy rollouts ask; "": whoever serves its name
-  std::string run_id;            ///< the run whose validation errors count; "": the first that speaks
+  Claim claim = Claim::kRefuse;   ///< when the folder's id is live elsewhere
+  std::string policy_id;          ///< the run whose policy rollouts ask; "": whoever serves its name
+  std::string run_id;             ///< the run whose validation errors count; "": the first that speaks
+  campaign::EvalSubject subject;  ///< of an evaluation: what is evaluated
 };
 
 /// Runs the collector on a thread of its own and supervises the workers from the caller's.

@@ -54,10 +54,13 @@ int Main(int argc, char** argv) {
   AddUp(app, body);
   AddCollect(app, body);
   for (const auto& own : OwnPrograms()) app.add_subcommand(own.command, own.description);
+  AddTop(app, body);
+  AddCampaign(app, body);
   AddEval(app, body);
   AddDataset(app, body);
   AddAttempt(app, body);
   AddCheckpoint(app, body);
+  AddTopic(app, body);
   AddConfig(app, body);
   AddLanguage(app, body);
   AddResults(app, body);

@@ -32,6 +32,8 @@ class Service {
   /// It ended by itself with exit code 0.
   bool done() const { return done_; }
   void Stop(std::chrono::milliseconds patience);
+  /// Of the child that is there now.
+  std::optional<pid_t> pid() const { return process_ ? std::optional(process_->pid()) : std::nullopt; }
 
  private:
   explicit Service(ServiceOptions options) : options_(std::move(options)) {}

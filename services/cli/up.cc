@@ -2,9 +2,11 @@
 // `etude up`: collection, training, policy server and rollouts on this machine, supervised.
 #include <fmt/format.h>
 
+#include <map>
 #include <optional>
 
 #include "services/bus/directory.h"
+#include "services/bus/process_reporter.h"
 #include "services/bus/topic.h"
 #include "services/campaign/eval_report.h"
 #include "services/campaign/spec_file.h"
@@ -12,6 +14,8 @@
 #include "services/cli/evaluation.h"
 #include "services/cli/service.h"
 #include "services/cli/up_config.h"
+#include "services/cli/up_record.h"
+#include "services/core/command.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 
@@ -34,6 +38,7 @@ struct Arguments {
   std::string out;
   bool keep_running = false;
   std::string profile;
+  std::string log = "text";
   Claim claim = Claim::kRefuse;
 };
 
@@ -41,7 +46,7 @@ struct Arguments {
 class System {
  public:
   System(UpConfig config, CampaignSpec spec, BusArguments bus, Claim claim, Identity run, bus::Participant participant,
-         bus::Reader<bus::TrainStatus> train_statuses)
+         bus::Reader<bus::TrainStatus> train_statuses, UpRecord* record)
       : config_(std::move(config)),
         spec_(std::move(spec)),
         bus_(std::move(bus)),
@@ -49,7 +54,8 @@ class System {
         run_(std::move(run)),
         out_(config_.out),
         participant_(std::move(participant)),
-        train_statuses_(std::move(train_statuses)) {}
+        train_statuses_(std::move(train_statuses)),
+        record_(record) {}
 
   Status Run(bool keep_running);
 
@@ -71,6 +77,7 @@ class System {
   Path out_;
   bus::Participant participant_;
   bus::Reader<bus::TrainStatus> train_statuses_;
+  UpRecord* record_;
   std::optional<bus::TrainStatus> train_;
   std::unique_ptr<HostedCampaign> collection_;
   std::optional<campaign::CollectorProgress> collected_;  // final, once collection has ended
@@ -122,6 +129,10 @@ Status System::Tick() {
   if (policy_) ETUDE_RETURN_IF_ERROR(policy_->Supervise());
   for (auto& status : train_statuses_.Take())
     if (status.run_id == run_.id) train_ = std::move(status);
+  std::map<std::string, pid_t> children;
+  if (const auto pid = trainer_ ? trainer_->pid() : std::nullopt) children["trainer"] = *pid;
+  if (const auto pid = policy_ ? policy_->pid() : std::nullopt) children["policy"] = *pid;
+  record_->SetChildren(children);
   return {};
 }
 
@@ -179,7 +190,9 @@ Status System::RollOut() {
                                .seed = config_.eval.seed,
                                .videos = config_.eval.videos,
                                // a new policy gets a new folder; the same one is resumed
-                               .out = out_ / "eval" / fmt::format("step-{:06}", step)};
+                               .out = out_ / "eval" / fmt::format("step-{:06}", step),
+                               .subject = {.run_id = run_.id, .run = config_.train.run},
+                               .run_folder = out_ / "run" / config_.train.run};
   const CampaignSpec spec = EvaluationSpec(spec_, evaluation);
   ETUDE_RETURN_IF_ERROR(spec.Validate());
   display_.Say(fmt::format("[{}] rolling out {} episodes", FormatDuration(since_start_.Seconds()), spec.episodes));
@@ -254,14 +267,25 @@ Status Up(const Arguments& arguments) {
   resolved["episodes"] = spec.episodes;
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(Path(config.out) / "up.yaml", ToYaml(resolved)));
 
-  const BusArguments bus{config.domain, arguments.profile};
+  const BusArguments bus{config.domain, arguments.profile, arguments.log};
   ETUDE_ASSIGN_OR_RETURN(auto participant, bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto reporter,
+                         bus::ProcessReporter::Start(participant, {.role = "etude up", .folder = config.out}));
   const Path run_folder = Path(config.out) / "run" / config.train.run;
   ETUDE_ASSIGN_OR_RETURN(const Identity run, OpenIdentity(run_folder, arguments.claim));
   ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Reader<bus::TrainStatus>::Open(
                                             participant, bus::Owner{config.train.run, run.id}.partition()));
-  System system(config, spec, bus, arguments.claim, run, std::move(participant), std::move(statuses));
-  return system.Run(arguments.keep_running);
+  const Path out = config.out;
+  ETUDE_ASSIGN_OR_RETURN(
+      auto record,
+      UpRecord::Begin(
+          out, config.domain,
+          {{"dataset", out / "dataset"}, {"run", run_folder}, {"eval", out / "eval"}, {"logs", out / "logs"}}, ""));
+  System system(config, spec, bus, arguments.claim, run, std::move(participant), std::move(statuses), &record);
+  const Status done = system.Run(arguments.keep_running);
+  record.SetChildren({});
+  record.End(done ? kExitOk : ExitCodeFor(done.error()));
+  return done;
 }
 
 }  // namespace
@@ -277,6 +301,7 @@ void AddUp(CLI::App& app, Body& body) {
   command->add_flag("--keep-running", arguments->keep_running, "keep the policy server up at the end, until Ctrl-C");
   command->add_option("--domain", arguments->domain, "DDS domain")->check(CLI::Range(0, 230));
   command->add_option("--profile", arguments->profile, "Cyclone DDS XML file");
+  BusArguments::AddLog(*command, arguments->log);
   bus::AddClaim(*command, arguments->claim);
   AddOverrides(*command, arguments->overrides, "train.config=paper");
   command->callback([arguments, &body] { body = [arguments] { return Up(*arguments); }; });

@@ -6,6 +6,7 @@
 //     episodes/000/000123.hdf5  one episode: temporary name -> fsync -> rename -> fsync of the folder
 //     dataset.hdf5              /data/demo_<i>: external links to the files above; /mask/{train,valid,test}
 //     attempts.jsonl            every failed attempt: index, attempt, seed, outcome, details
+//     commits.jsonl             every committed episode in a line (commit_journal.h): a cache of what the files hold
 //     sampling.jsonl            from which index on which sampling weights hold (sampling_journal.h); most have none
 //     quarantine/               what verify moved aside
 #pragma once
@@ -22,6 +23,7 @@
 #include "services/core/result.h"
 #include "services/episode/episode.h"
 #include "services/spec/campaign_spec.h"
+#include "services/store/commit_journal.h"
 
 namespace etude::store {
 
@@ -49,12 +51,13 @@ class DatasetWriter {
 
   /// Durable when it returns. On error nothing of the episode is visible and the dataset is as
   /// before; kUnavailable (disk full) may be tried again.
-  Status Commit(const Episode& episode);
+  /// @param facts  for its line in commits.jsonl; nothing of them enters the episode's file
+  Status Commit(const Episode& episode, const CommitFacts& facts = {});
   /// Appends to attempts.jsonl.
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json);
-  /// Rewrites dataset.hdf5 (links and masks) and dataset.json (statistics), each by rename. Call
-  /// now and then and at the end; everything in it is derived from the episode files.
+  /// Rewrites dataset.hdf5 (links and masks) and dataset.json (statistics), each by rename, and adds to commits.jsonl
+  /// the lines that it lacks. Call now and then and at the end; everything in it is derived from the episode files.
   Status WriteMaster();
 
  private:

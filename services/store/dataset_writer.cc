@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <sys/stat.h>
 
+#include <algorithm>
 #include <fstream>
 #include <map>
 #include <utility>
 
+#include "services/core/clock.h"
 #include "services/core/log.h"
 #include "services/episode/bounded_json.h"
 #include "services/spec/episode_plan.h"
 #include "services/store/commit_file.h"
+#include "services/store/commit_journal.h"
 #include "services/store/dataset.h"
 #include "services/store/episode_file.h"
 #include "services/store/layout.h"
@@ -88,6 +92,26 @@ std::set<AttemptId> RecordedAttempts(const Path& dataset) {
   return attempts;
 }
 
+// Of the episodes that are there; 0 where the file cannot be asked.
+std::map<std::uint64_t, std::uint64_t> SizesOf(const std::vector<Path>& files) {
+  std::map<std::uint64_t, std::uint64_t> sizes;
+  for (const auto& path : files) {
+    const auto index = internal::IndexOf(path);
+    if (!index) continue;
+    std::error_code error;
+    const auto bytes = std::filesystem::file_size(path, error);
+    sizes[*index] = error ? 0 : bytes;
+  }
+  return sizes;
+}
+
+// When a file was committed, seconds since 1970, as well as its folder knows.
+double CommitTime(const Path& path) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) return 0;
+  return static_cast<double>(info.st_mtim.tv_sec) + 1e-9 * static_cast<double>(info.st_mtim.tv_nsec);
+}
+
 }  // namespace
 
 struct DatasetWriter::Impl {
@@ -96,11 +120,13 @@ struct DatasetWriter::Impl {
   std::string spec_sha256;
   internal::DatasetLock lock;
   LineAppender attempts;
+  CommitJournal commits;
   std::set<AttemptId> recorded = {};
   std::set<std::uint64_t> committed = {};
   std::map<std::uint64_t, internal::EpisodeSummary> summaries = {};  // of those committed, read when needed
 
   Status Summarize();
+  void Note(CommitRow row, const CommitFacts& facts, double t);
 };
 
 DatasetWriter::DatasetWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -132,10 +158,12 @@ Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpe
   ETUDE_ASSIGN_OR_RETURN(const auto files, internal::ListEpisodeFolder(dataset));
   ETUDE_RETURN_IF_ERROR(RemoveTemporaries(dataset, files));
   ETUDE_ASSIGN_OR_RETURN(auto attempts, LineAppender::Open(dataset / internal::kAttempts));
-  auto impl = std::unique_ptr<Impl>(new Impl{dataset, spec, SpecHash(spec), std::move(lock), std::move(attempts)});
+  const auto sizes = SizesOf(files);
+  ETUDE_ASSIGN_OR_RETURN(auto commits, CommitJournal::Open(dataset, sizes));
+  auto impl = std::unique_ptr<Impl>(
+      new Impl{dataset, spec, SpecHash(spec), std::move(lock), std::move(attempts), std::move(commits)});
   impl->recorded = RecordedAttempts(dataset);
-  for (const auto& path : files)
-    if (const auto index = internal::IndexOf(path)) impl->committed.insert(*index);
+  for (const auto& [index, bytes] : sizes) impl->committed.insert(index);
   return DatasetWriter(std::move(impl));
 }
 
@@ -143,7 +171,14 @@ const std::set<std::uint64_t>& DatasetWriter::committed() const { return impl_->
 
 bool DatasetWriter::Contains(std::uint64_t index) const { return impl_->committed.contains(index); }
 
-Status DatasetWriter::Commit(const Episode& episode) {
+// The episode is durable: a line that cannot be written now is made from its file with the next index.
+void DatasetWriter::Impl::Note(CommitRow row, const CommitFacts& facts, double t) {
+  row.facts = facts;
+  row.t = t;
+  if (const Status noted = commits.Append(row); !noted) Log().warn("{}", noted.error().message);
+}
+
+Status DatasetWriter::Commit(const Episode& episode, const CommitFacts& facts) {
   if (Contains(episode.index)) return {};
   const auto context = [&] { return fmt::format("commit episode {} to '{}'", episode.index, impl_->dataset.string()); };
   if (episode.spec_sha256 != impl_->spec_sha256)
@@ -157,6 +192,7 @@ Status DatasetWriter::Commit(const Episode& episode) {
   for (const auto& camera : episode.cameras) frames += camera.frames.size();
   impl_->committed.insert(episode.index);
   impl_->summaries[episode.index] = internal::Summarize(episode, frames, bytes->size());
+  impl_->Note(RowOf(episode, frames, bytes->size()), facts, WallSeconds());
   return {};
 }
 
@@ -176,17 +212,21 @@ Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt, 
   return {};
 }
 
-// Reads what an earlier run committed. A file that cannot be read stays out of the master file.
+// Reads what an earlier run committed, and what the journal lacks. A file that cannot be read stays out of both.
 Status DatasetWriter::Impl::Summarize() {
-  if (summaries.size() == committed.size()) return {};
+  const auto known = [this](std::uint64_t index) { return summaries.contains(index) && commits.Contains(index); };
+  if (std::ranges::all_of(committed, known)) return {};
   ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
   for (const std::uint64_t index : committed) {
-    if (summaries.contains(index)) continue;
+    if (known(index)) continue;
     const auto record = reader.Read(index);
-    if (record)
-      summaries[index] = internal::Summarize(*record);
-    else
+    if (!record) {
       Log().warn("left out of the master file: {}", record.error().message);
+      continue;
+    }
+    const auto& summary = summaries[index] = internal::Summarize(*record);
+    if (!commits.Contains(index))
+      Note(RowOf(record->episode, summary.frames, summary.bytes), {}, CommitTime(record->path));
   }
   return {};
 }
@@ -194,6 +234,7 @@ Status DatasetWriter::Impl::Summarize() {
 Status DatasetWriter::WriteMaster() {
   ETUDE_RETURN_IF_ERROR(impl_->Summarize());
   ETUDE_RETURN_IF_ERROR(impl_->attempts.Sync());
+  ETUDE_RETURN_IF_ERROR(impl_->commits.Sync());
   ETUDE_RETURN_IF_ERROR(internal::WriteMasterFile(impl_->dataset, impl_->spec, impl_->summaries));
   OrderedJson statistics = internal::StatisticsOf(impl_->spec, impl_->summaries);
   statistics["failed_attempts"] = internal::FailuresByOutcome(impl_->dataset);

@@ -17,6 +17,7 @@ namespace etude::store::internal {
 inline constexpr const char* kDatasetJson = "dataset.json";
 inline constexpr const char* kMasterFile = "dataset.hdf5";
 inline constexpr const char* kAttempts = "attempts.jsonl";
+inline constexpr const char* kCommits = "commits.jsonl";
 inline constexpr const char* kSampling = "sampling.jsonl";
 inline constexpr const char* kEpisodes = "episodes";
 inline constexpr const char* kQuarantine = "quarantine";

@@ -92,8 +92,8 @@ class NotingSink : public campaign::EpisodeSink {
       : inner_(std::move(inner)), commits_(commits) {}
   const Path& folder() const override { return inner_->folder(); }
   const std::set<std::uint64_t>& committed() const override { return inner_->committed(); }
-  Status Commit(const Episode& episode) override {
-    const Status committed = inner_->Commit(episode);
+  Status Commit(const Episode& episode, const store::CommitFacts& facts) override {
+    const Status committed = inner_->Commit(episode, facts);
     const std::lock_guard lock(commits_.mutex);
     commits_.entries.push_back({MonotonicClock::now(), static_cast<double>(episode.steps())});
     return committed;

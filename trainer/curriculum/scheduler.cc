@@ -48,7 +48,7 @@ void CurriculumConfig::Check(std::vector<std::string>& errors) const {
 std::string Subtask::Name() const { return fmt::format("{}", fmt::join(modules, "+")); }
 
 std::string_view ToString(Cause cause) {
-  return EnumName(cause, {{Cause::kGoal, "goal"}, {Cause::kConverged, "converged"}, {Cause::kBudget, "budget"}});
+  return EnumName(cause, {{Cause::kGoal, "goal"}, {Cause::kConverged, "plateau"}, {Cause::kBudget, "budget"}});
 }
 
 Scheduler::Scheduler(const CurriculumConfig& config, std::vector<Subtask> subtasks)

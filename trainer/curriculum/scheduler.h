@@ -52,7 +52,7 @@ struct Subtask {
 };
 
 enum class Cause { kGoal, kConverged, kBudget };
-std::string_view ToString(Cause cause);
+std::string_view ToString(Cause cause);  ///< goal | plateau | budget; as written in a run's files
 
 /// One step forward, kept for the record.
 struct Advance {

@@ -43,8 +43,37 @@ Status MetricsLog::WriteAdvance(const curriculum::Advance& advance, const std::s
       {"step", advance.step},
       {"stage", advance.to},
       {"name", stage_name},
+      {"cause", ToString(advance.cause)},
       {"reason",
        advance.reason}}.dump());
+}
+
+std::string_view ToString(End cause) {
+  switch (cause) {
+    case End::kFinished:
+      return "finished";
+    case End::kStopped:
+      return "stopped";
+    case End::kFailed:
+      return "failed";
+  }
+  return "?";
+}
+
+Status MetricsLog::WriteEnd(std::uint64_t step, double elapsed_s, End cause, const std::string& reason) {
+  const OrderedJson line{
+      {"kind", "end"},   {"step", step}, {"elapsed_s", elapsed_s}, {"time", WallSeconds()}, {"cause", ToString(cause)},
+      {"reason", reason}};
+  ETUDE_RETURN_IF_ERROR(lines_.Append(line.dump(-1, ' ', false, OrderedJson::error_handler_t::replace)));
+  return lines_.Sync();
+}
+
+Status NoteCheckpoint(const Path& out, std::uint64_t step, const std::string& file, const std::string& sha256,
+                      const std::string& channel) {
+  ETUDE_ASSIGN_OR_RETURN(auto lines, LineAppender::Open(out / "metrics.jsonl"));
+  const OrderedJson line{{"kind", "checkpoint"}, {"step", step},     {"time", WallSeconds()},
+                         {"file", file},         {"sha256", sha256}, {"channel", channel}};
+  return lines.Append(line.dump());
 }
 
 Status MetricsLog::Sync() {

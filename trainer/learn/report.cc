@@ -41,6 +41,7 @@ Status Reporter::Flush() {
       {"learning_rate", LearningRate(run_.config.optimizer, run_.step, run_.Progress())},
       {"samples_per_second", last_.samples_per_second},
       {"data_wait", last_.data_wait},
+      {"episodes", static_cast<double>(run_.dataset->snapshot()->episode_count(data::Split::kTrain))},
       {"stage", run_.scheduler->stage()}};
   for (const auto& [name, value] : window_.terms) scalars[name] = value / n;
   window_ = {};

@@ -40,6 +40,7 @@ struct Trainer::Impl {
   Reporter reporter{run, hooks};
   std::unique_ptr<data::Loader> loader;
   bool over = false;  ///< rank 0 said so
+  bool stopped = false;
 
   Status Loop();
   Status FollowRankZero();
@@ -50,7 +51,8 @@ struct Trainer::Impl {
   bool TakeBest();
   void CountModules();
   Status WatchSource();
-  Status Finish(bool stopped);
+  Status Finish();
+  Status NoteEnd(Status ended);
   void LogAdvance(const std::optional<curriculum::Advance>& advance);
   void LogUnmeasured();
 };
@@ -191,11 +193,22 @@ Status Trainer::Impl::WatchSource() {
   reporter.Report(false);
   const Status alive = run.options.source ? run.options.source() : Status();
   if (alive) return {};
-  ETUDE_RETURN_IF_ERROR(Finish(true));
+  stopped = true;
+  ETUDE_RETURN_IF_ERROR(Finish());
   return Fail(alive.error().Wrap(fmt::format("training stopped at step {} and can be resumed", run.step)));
 }
 
-Status Trainer::Impl::Finish(bool stopped) {
+// The run's last word in its files. What cannot be written any more changes nothing of how it ended.
+Status Trainer::Impl::NoteEnd(Status ended) {
+  if (run.options.ranks && !run.options.ranks->leads()) return ended;
+  const End cause = !ended ? End::kFailed : stopped ? End::kStopped : End::kFinished;
+  const std::string reason = ended ? std::string() : ended.error().message;
+  if (const Status noted = run.log->WriteEnd(run.step, run.Elapsed(), cause, reason); !noted)
+    Log().warn("{}", noted.error().message);
+  return ended;
+}
+
+Status Trainer::Impl::Finish() {
   loader.reset();
   ETUDE_RETURN_IF_ERROR(reporter.Flush());
   if (!stopped && run.limit.minutes() > 0) {
@@ -232,14 +245,13 @@ Status Trainer::Impl::Loop() {
   loader = std::make_unique<data::Loader>(run.dataset, run.maker, run.config.data, run.config.seed, run.step);
   run.watch.Restart();
   reporter.Restart();
-  bool stopped = false;
   while (run.Progress() < 1 && !(stopped = StopRequested())) {
     ETUDE_RETURN_IF_ERROR(TrainStep());
     ETUDE_RETURN_IF_ERROR(AfterStep());
     ETUDE_RETURN_IF_ERROR(WatchSource());
   }
   if (run.options.ranks) ETUDE_RETURN_IF_ERROR(run.options.ranks->Agree({.go = false}));
-  return Finish(stopped);
+  return Finish();
 }
 
 Trainer::Trainer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -259,11 +271,13 @@ Result<std::unique_ptr<Trainer>> Trainer::Create(const TrainConfig& config, std:
 }
 
 Status Trainer::Run() {
-  try {
-    return impl_->Loop();
-  } catch (const c10::Error& error) {
-    return Fail(Code::kInternal, fmt::format("train: {}", error.what_without_backtrace()));
-  }
+  return impl_->NoteEnd([this]() -> Status {
+    try {
+      return impl_->Loop();
+    } catch (const c10::Error& error) {
+      return Fail(Code::kInternal, fmt::format("train: {}", error.what_without_backtrace()));
+    }
+  }());
 }
 
 Progress Trainer::progress() const { return impl_->reporter.last(); }

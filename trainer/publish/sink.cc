@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <charconv>
 
+#include "services/core/hash.h"
 #include "services/core/log.h"
 
 namespace etude::publish {
@@ -87,7 +88,7 @@ void CheckpointSink::Publish(const std::string& channel, std::span<const std::ui
   if (!sent) Log().warn("publish checkpoint run={} channel={}: {}", run_.name, channel, sent.error().message);
 }
 
-Status CheckpointSink::Save(const checkpoint::Checkpoint& made) {
+Result<Kept> CheckpointSink::Save(const checkpoint::Checkpoint& made) {
   checkpoint::Checkpoint named = made;  // tensors are handles
   named.metadata.run = run_.name;
   const checkpoint::Metadata& metadata = named.metadata;
@@ -98,7 +99,10 @@ Status CheckpointSink::Save(const checkpoint::Checkpoint& made) {
   if (metadata.best) ETUDE_RETURN_IF_ERROR(PointTo(LinkOf(folder_, kBest), name));
   Publish(kLatest, bytes, metadata);
   if (metadata.best) Publish(kBest, bytes, metadata);
-  return Prune();
+  ETUDE_RETURN_IF_ERROR(Prune());
+  Kept kept{name.string(), Sha256Hex(bytes), {kLatest}};
+  if (metadata.best) kept.channels.push_back(kBest);
+  return kept;
 }
 
 Status CheckpointSink::Prune() const {

@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "services/bus/blob_transfer.h"
 #include "services/core/file.h"
@@ -21,6 +22,13 @@ struct RunIdentity {
 /// One more than the starts that `run_folder` has seen.
 std::uint64_t NextStart(const Path& run_folder);
 
+/// A checkpoint as it lies in the run's folder.
+struct Kept {
+  std::string file;                   ///< name in RUN/checkpoints
+  std::string sha256;                 ///< of its bytes
+  std::vector<std::string> channels;  ///< that name it: latest, and best
+};
+
 /// RUN/checkpoints/00001500.safetensors, with links latest.safetensors and best.safetensors; each
 /// by rename. The newest `keep` files and the best one stay. Not thread-safe.
 class CheckpointSink {
@@ -33,7 +41,7 @@ class CheckpointSink {
 
   /// Under this run's name. Durable and named by `latest` (and `best`) when it returns. @error of the disk. A bus that
   /// does not take it is logged, not an error: the file is there and the next one will be tried.
-  Status Save(const checkpoint::Checkpoint& made);
+  Result<Kept> Save(const checkpoint::Checkpoint& made);
   std::uint64_t published() const { return published_; }
 
  private:

@@ -28,7 +28,8 @@ Latency LatencyMeter::Now() const {
   if (from.empty()) return {};
   std::vector<double> values(from.begin(), from.end());
   const double p50_ms = Quantile(values, 0.5);
-  return {count_, p50_ms, Quantile(std::move(values), 0.99)};
+  const double p95_ms = Quantile(values, 0.95);
+  return {count_, p50_ms, p95_ms, Quantile(std::move(values), 0.99)};
 }
 
 std::string ToString(const Latency& latency) {

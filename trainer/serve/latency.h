@@ -12,7 +12,7 @@ namespace etude::serve {
 
 struct Latency {
   std::uint64_t answers = 0;  ///< since the start; 0: these are of the server's own trials
-  double p50_ms = 0, p99_ms = 0;
+  double p50_ms = 0, p95_ms = 0, p99_ms = 0;
 };
 
 /// Quantiles over the last kWindow answers; before the first kTrusted of them over the trials that the server made

@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "services/bus/arguments.h"
+#include "services/bus/process_reporter.h"
 #include "services/core/command.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
@@ -63,6 +64,7 @@ Status Serve(const Arguments& arguments) {
     options.folder = arguments.checkpoint;
   }
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "policy"}));
   ETUDE_ASSIGN_OR_RETURN(auto server, PolicyServer::Open(participant, options, model));
   if (model)
     Log().info("serving run={} step={} from '{}'", options.run.text(), model->metadata().step, arguments.checkpoint);

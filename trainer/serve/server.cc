@@ -2,6 +2,7 @@
 #include "trainer/serve/server.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <map>
@@ -11,6 +12,7 @@
 #include "services/bus/directory.h"
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
+#include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "services/core/thread_annotations.h"
@@ -26,7 +28,12 @@ namespace {
 struct Served {
   std::string run_id;
   std::shared_ptr<const Model> model;
+  std::uint64_t since = 0;  // seconds since 1970
 };
+
+constexpr double kStatusEvery = 1;  // s
+constexpr auto kSessionSilence = 10s;
+constexpr std::size_t kMostSessions = 10'000;  // that are counted
 
 // Where observations of one run come in and actions go out.
 struct Desk {
@@ -34,6 +41,7 @@ struct Desk {
   bus::Announcement presence;
   bus::Writer<bus::Action> actions;
   bus::Reader<bus::Observation> observations;
+  bus::Writer<bus::PolicyStatus> statuses;
   std::unique_ptr<InsightDesk> insights;
 };
 
@@ -45,12 +53,17 @@ struct PolicyServer::Impl {
   std::optional<Desk> desk;
   std::thread follower;
   std::atomic<bool> stop{false};
-  std::atomic<std::uint64_t> answered{0}, refused{0};
+  std::atomic<std::uint64_t> answered{0}, refused{0}, refused_observations{0};
+  const std::string name = bus::UniquePeerName();
+  // of Run's thread
+  std::map<std::string, MonotonicClock::time_point> sessions;  // when each asked last
+  std::optional<Stopwatch> since_status;
 
   LatencyMeter latency;
   mutable Mutex mutex;
   Served served ETUDE_GUARDED_BY(mutex);
   Status follow_status ETUDE_GUARDED_BY(mutex);
+  std::string last_refusal ETUDE_GUARDED_BY(mutex);
 
   ~Impl() {
     stop = true;
@@ -67,6 +80,8 @@ struct PolicyServer::Impl {
   void TakeCheckpoint(const bus::PublishedBlob& blob);
   void Serve(const std::string& run_id, std::shared_ptr<const Model> fresh) ETUDE_EXCLUDES(mutex);
   void TryOut(const Model& fresh);
+  void NoteRefusal(const std::string& reason) ETUDE_EXCLUDES(mutex);
+  void PublishStatus();
   Status OpenDesk(const std::string& run_id);
   Status AnswerAll(const std::vector<bus::Observation>& observations);
 };
@@ -83,6 +98,49 @@ void PolicyServer::Impl::TryOut(const Model& fresh) {
   Log().info("answering takes {} (trials of step={})", ToString(latency.Now()), fresh.metadata().step);
 }
 
+void PolicyServer::Impl::NoteRefusal(const std::string& reason) {
+  constexpr std::size_t kLongest = 500;
+  const MutexLock lock(mutex);
+  last_refusal = reason.substr(0, kLongest);
+}
+
+// What is served and how that goes, for whoever looks; not more often than once a second.
+void PolicyServer::Impl::PublishStatus() {
+  if (!desk || (since_status && since_status->Seconds() < kStatusEvery)) return;
+  since_status.emplace();
+  const Served current = Current();
+  if (!current.model || current.run_id != desk->run_id) return;
+  const auto now = MonotonicClock::now();
+  std::erase_if(sessions, [&](const auto& session) { return now - session.second > kSessionSilence; });
+  const checkpoint::Metadata& metadata = current.model->metadata();
+  const Latency measured = latency.Now();
+  bus::PolicyStatus status;
+  status.run = options.run.name;
+  status.server = name;
+  status.run_id = current.run_id;
+  status.host = HostName();
+  status.pid = static_cast<std::uint32_t>(::getpid());
+  if (follower.joinable()) status.channel = options.channel;
+  status.step = metadata.step;
+  status.sha256 = current.model->sha256();
+  status.stage = static_cast<std::uint32_t>(metadata.stage);
+  status.stages = static_cast<std::uint32_t>(metadata.stages);
+  status.stage_name = metadata.stage_name;
+  status.control_trained = current.model->untrained().empty();
+  status.since = current.since;
+  status.answered = answered;
+  status.refused = refused + refused_observations;
+  status.p50_ms = measured.p50_ms;
+  status.p95_ms = measured.p95_ms;
+  status.sessions = static_cast<std::uint32_t>(sessions.size());
+  {
+    const MutexLock lock(mutex);
+    status.last_refusal = last_refusal;
+  }
+  if (const Status written = desk->statuses.Write(status); !written)
+    Log().debug("cannot say what is served: {}", written.error().message);
+}
+
 // One that may not drive yet never takes the place of one that may; until there is one its refusals are the answers.
 void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const Model> fresh) {
   const Served current = Current();
@@ -90,6 +148,7 @@ void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const 
   const auto& metadata = fresh->metadata();
   if (!fresh->untrained().empty()) {
     ++refused;
+    NoteRefusal(fmt::format("checkpoint of step {}: not trained: {}", metadata.step, fresh->untrained()));
     const bool stays = kept && current.run_id == run_id && kept->untrained().empty();
     Log().warn("refused a checkpoint run={}@{} step={}: not trained: {}; {}", options.run.name, run_id, metadata.step,
                fresh->untrained(),
@@ -102,7 +161,7 @@ void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const 
     if (latency.Now().p99_ms == 0) TryOut(*fresh);
   }
   const MutexLock lock(mutex);
-  served = {run_id, std::move(fresh)};
+  served = {run_id, std::move(fresh), static_cast<std::uint64_t>(WallSeconds())};
 }
 
 // One run after the other of those that the selector fits.
@@ -139,6 +198,7 @@ void PolicyServer::Impl::TakeCheckpoint(const bus::PublishedBlob& blob) {
   auto fresh = Model::FromBytes(blob.bytes, options.clip_folders.get(), options.device);
   if (!fresh) {
     ++refused;
+    NoteRefusal("checkpoint: " + fresh.error().message);
     const auto kept = Current().model;
     Log().warn("refused a checkpoint run={}@{} version={}: {}; {}", options.run.name, blob.owner, blob.version,
                fresh.error().message,
@@ -153,11 +213,14 @@ Status PolicyServer::Impl::OpenDesk(const std::string& run_id) {
   const std::string partition = bus::Owner{options.run.name, run_id}.partition();
   ETUDE_ASSIGN_OR_RETURN(auto actions, bus::Writer<bus::Action>::Open(*participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Reader<bus::Observation>::Open(*participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Writer<bus::PolicyStatus>::Open(*participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto insights, InsightDesk::Open(*participant, partition, run_id));
   const auto presence = bus::MakePresence(bus::PresenceKind::kPolicy, options.run.name, run_id, options.folder);
   // several may serve one run; the newest is the one that is found
   ETUDE_ASSIGN_OR_RETURN(auto announced, bus::Announcement::Open(*participant, presence, Claim::kAdopt));
-  desk.emplace(Desk{run_id, std::move(announced), std::move(actions), std::move(observations), std::move(insights)});
+  desk.emplace(Desk{run_id, std::move(announced), std::move(actions), std::move(observations), std::move(statuses),
+                    std::move(insights)});
+  since_status.reset();
   return {};
 }
 
@@ -168,7 +231,10 @@ Status PolicyServer::Impl::AnswerAll(const std::vector<bus::Observation>& observ
   for (const auto& observation : observations)
     if (observation.run_id == desk->run_id) newest[observation.session] = &observation;
   std::vector<const bus::Observation*> open;
-  for (const auto& [session, observation] : newest) open.push_back(observation);
+  for (const auto& [session, observation] : newest) {
+    open.push_back(observation);
+    if (sessions.size() < kMostSessions || sessions.contains(session)) sessions[session] = MonotonicClock::now();
+  }
 
   const auto current = Current().model;
   std::vector<bus::Action> actions(open.size());
@@ -186,7 +252,11 @@ Status PolicyServer::Impl::AnswerAll(const std::vector<bus::Observation>& observ
   for (auto& action : actions) {
     action.server_p50_ms = static_cast<float>(measured.p50_ms);
     action.server_p99_ms = static_cast<float>(measured.p99_ms);
-    if (!action.error.empty()) Log().warn("refused an observation session={}: {}", action.session, action.error);
+    if (!action.error.empty()) {
+      ++refused_observations;
+      NoteRefusal("observation: " + action.error);
+      Log().warn("refused an observation session={}: {}", action.session, action.error);
+    }
     const Status written = desk->actions.Write(action);
     // a client that went away must not stop the others
     if (!written)
@@ -240,6 +310,7 @@ Status PolicyServer::Run() {
     if (!impl_->desk || impl_->desk->run_id != current.run_id) ETUDE_RETURN_IF_ERROR(impl_->OpenDesk(current.run_id));
     auto& observations = impl_->desk->observations;
     if (observations.Wait(100ms)) ETUDE_RETURN_IF_ERROR(impl_->AnswerAll(observations.Take()));
+    impl_->PublishStatus();
   }
   const MutexLock lock(impl_->mutex);
   return impl_->follow_status;

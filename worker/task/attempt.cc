@@ -58,6 +58,7 @@ struct AttemptRunner::Impl {
     std::unique_ptr<EpisodeEnvironment> environment;
   };
   std::list<Kept> kept;  ///< the one used last first
+  std::function<void(std::string_view stage, int step)> progress;
 };
 
 Result<EpisodeEnvironment*> AttemptRunner::Impl::EnvironmentOf(const SceneSpec& scene) {
@@ -144,6 +145,29 @@ AttemptResult Invalid(std::string reason, const Times& preparing, const SceneDra
 
 }  // namespace
 
+namespace {
+
+OrderedJson FailureOf(EpisodeRunner& session, const Verdict& verdict) {
+  const Episode& episode = session.episode();
+  std::string stage = verdict.stage;
+  if (stage.empty() && !episode.phase.empty() && episode.phase.back() < episode.stage_names.size())
+    stage = episode.stage_names[episode.phase.back()];
+  std::string pair;  // a violation of speed or torque is of a joint
+  if (const auto& all = session.judge().violations(); !all.empty()) {
+    const bool touched =
+        all.front().kind == Violation::Kind::kContact || all.front().kind == Violation::Kind::kSelfContact;
+    if (touched && verdict.outcome == VerdictOnViolations(session.judge()).outcome) pair = all.front().what;
+  }
+  const Eigen::Vector3d p = session.world().X_WE().p;
+  return {{"stage", stage}, {"pair", pair}, {"point", {p.x(), p.y(), p.z()}}};
+}
+
+}  // namespace
+
+void AttemptRunner::OnProgress(std::function<void(std::string_view stage, int step)> progress) {
+  impl_->progress = std::move(progress);
+}
+
 AttemptResult AttemptRunner::Demonstrate(std::uint64_t index, std::uint32_t attempt, const SamplingWeights& weights,
                                          AttemptTrace* trace) {
   Impl& impl = *impl_;
@@ -161,6 +185,7 @@ AttemptResult AttemptRunner::Demonstrate(std::uint64_t index, std::uint32_t atte
   if (trace) tracer.emplace(in.scene, plan, impl.spec.image_stride, trace);
   if (!draws.ok()) return Invalid(draws.failure, preparing, draws);
   RecordConfig record{.image_stride = impl.spec.image_stride, .max_steps = kExpertMaxSteps};
+  record.progress = impl.progress;
   if (tracer) record.observe = [&tracer](const sim::World& world) { tracer->Observe(world); };
   auto opened_runner = EpisodeRunner::Open({&in.world, &in.renderer, &in.shapes, &in.checker}, plan, record);
   if (!opened_runner) return Invalid(opened_runner.error().message, preparing, draws);
@@ -171,6 +196,7 @@ AttemptResult AttemptRunner::Demonstrate(std::uint64_t index, std::uint32_t atte
   if (trace) trace->effort.Add(session.judge().violations());
 
   AttemptResult result = Judged(verdict, draws, preparing, session.times());
+  if (!verdict.ok()) result.failure = FailureOf(session, verdict);
   if (!verdict.ok() && (!trace || session.steps() == 0)) return result;
   session.episode().details = expert.Statistics();
   impl.Finish(session, verdict, impl.DrawInstruction(plan), result);
@@ -191,6 +217,7 @@ Result<AttemptResult> AttemptRunner::Rollout(std::uint64_t index, const policy::
   RecordConfig record{.image_stride = impl.spec.image_stride,
                       .record_frames = impl.spec.rollout.record,
                       .max_steps = impl.spec.rollout.max_steps};
+  record.progress = impl.progress;
   std::optional<Occluder> occluder;
   if (const double share = impl.spec.rollout.occlude; share > 0) {
     occluder.emplace(&in->world, &in->renderer, plan.target, share, plan.seeds.occlusion);

@@ -7,6 +7,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "services/episode/episode.h"
 #include "services/policy/policy_types.h"
@@ -23,7 +24,10 @@ struct AttemptResult {
   std::string reason;
   /// Complete on success; in a rollout complete always (episode.details has per-decision errors).
   Episode episode;
-  OrderedJson scene = OrderedJson::object();                   ///< SceneDraws::Json, of failures too
+  OrderedJson scene = OrderedJson::object();  ///< SceneDraws::Json, of failures too
+  /// Of a demonstration that failed: "stage" in which it did, "pair" that touched and should not have ("" when none
+  /// did), "point": where the hand was then, m in the world.
+  OrderedJson failure = OrderedJson::object();
   double plan_s = 0, step_s = 0, render_s = 0, deflate_s = 0;  ///< where the time went
 };
 
@@ -50,6 +54,8 @@ class AttemptRunner {
                             AttemptTrace* trace = nullptr);
   /// Mode rollout: the policy behind `ask` drives. @error only what `ask` returns.
   Result<AttemptResult> Rollout(std::uint64_t index, const policy::AskFunction& ask);
+  /// From now on told before every control step of an attempt which stage it is in and how many steps are done.
+  void OnProgress(std::function<void(std::string_view stage, int step)> progress);
   /// Neither: only sets the scene. @error kNotFound when (index, attempt) has none, and why.
   Result<StartScene> Show(std::uint64_t index, std::uint32_t attempt);
 

@@ -84,6 +84,8 @@ bool EpisodeRunner::Step(const Command& command) {
   RecordState();
   if (config_.observe) config_.observe(*parts_.world);
   RecordCommand(command);
+  const auto phase = static_cast<std::size_t>(command.phase);
+  if (config_.progress && phase < episode_.stage_names.size()) config_.progress(episode_.stage_names[phase], step);
   sim::World& world = *parts_.world;
   {
     const Stopwatch watch(times_.step);

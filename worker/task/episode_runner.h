@@ -41,6 +41,8 @@ struct RecordConfig {
   bool record_frames = true;
   int max_steps = 1500;                                      ///< control steps
   std::function<void(const sim::World&)> observe = nullptr;  ///< called with every state that is recorded
+  /// Called before every control step: how far it is.
+  std::function<void(std::string_view stage, int step)> progress = nullptr;
   /// Changes every picture after it is rendered, as it is recorded and as a policy gets it: RGB, top row first.
   std::function<void(std::span<std::uint8_t>)> retouch = nullptr;
 };

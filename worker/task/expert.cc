@@ -28,6 +28,12 @@ constexpr int kMostDwell = 2 * kDwell;    // steps that the last command is held
 
 Verdict Failed(AttemptOutcome outcome, std::string reason) { return {outcome, std::move(reason)}; }
 
+// Of a stage that was not begun: the last step is of another one.
+Verdict NotPlanned(const Stage& stage, std::string_view what, const plan::Outcome& outcome) {
+  return {AttemptOutcome::kPlanFailed,
+          fmt::format("{}: {}{}: {}", stage.name, what, plan::ToString(outcome.kind), outcome.reason), stage.name};
+}
+
 }  // namespace
 
 Expert::Expert(EpisodeRunner* session, StagePlanner* planner, collide::Checker* checker,
@@ -113,9 +119,7 @@ Verdict Expert::AvoidWhatMoved(const MotionSegment& segment, int step, std::opti
       .outcome = planner_->Replan(segment.motion, step, q, goal, stages_[i], Around(Now()), seed),
       .blocked = blockage->reason};
   const plan::Outcome& outcome = planned.outcome;
-  if (!outcome.planned())
-    return Failed(AttemptOutcome::kPlanFailed, fmt::format("{}: planning anew: {}: {}", stages_[i].name,
-                                                           plan::ToString(outcome.kind), outcome.reason));
+  if (!outcome.planned()) return NotPlanned(stages_[i], "planning anew: ", outcome);
   ++replans_;
   rest = MotionSegment{.motion = outcome.motion, .goal = {goal.p}, .first = i, .last = i, .avoided = now};
   rest->planned.push_back(PlannedJson(i, planned));
@@ -190,10 +194,7 @@ Verdict Expert::TrySegment(int first, bool by_field, MotionSegment& segment) {
       goal = stage.nearer(now);
       planned = planner_->Plan(q, goal, stage, Around(now), seed);
     }
-    if (!planned.planned())
-      return Failed(
-          AttemptOutcome::kPlanFailed,
-          fmt::format("{}: {}: {}", stage.name, plan::ToString(planned.outcome.kind), planned.outcome.reason));
+    if (!planned.planned()) return NotPlanned(stage, "", planned.outcome);
     const plan::Motion& motion = planned.outcome.motion;
     int overlap = 0;
     if (i == first) {

@@ -26,6 +26,7 @@ std::string_view ToString(AttemptOutcome outcome);
 struct Verdict {
   AttemptOutcome outcome = AttemptOutcome::kSuccess;
   std::string reason;
+  std::string stage = {};  ///< in which it ended, where that is not the one of the last step; "": that one
   bool ok() const { return outcome == AttemptOutcome::kSuccess; }
 };
 

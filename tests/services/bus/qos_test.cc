@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "services/bus/typed.h"
 #include "tests/services/bus/two_processes.h"
 
@@ -51,7 +53,7 @@ void Expect(const Endpoint& endpoint, bool transient_local, int keep_last) {
   }
   if (endpoint.is_writer && transient_local) {
     EXPECT_EQ(seen.service_history, DDS_HISTORY_KEEP_LAST);
-    EXPECT_EQ(seen.service_depth, 1);
+    EXPECT_EQ(seen.service_depth, std::max(keep_last, 1)) << "what late joiners get";
   }
 }
 
@@ -80,6 +82,10 @@ TEST(QosOfTopics, IsWhatTheTableSays) {
   ExpectBoth<Observation>(peers.a, false, 1);
   ExpectBoth<Action>(peers.a, false, 1);
   ExpectBoth<TrainStatus>(peers.a, true, 1);
+  ExpectBoth<CampaignControl>(peers.a, false, 0);
+  ExpectBoth<PolicyStatus>(peers.a, true, 1);
+  ExpectBoth<ProcessStatus>(peers.a, false, 1);
+  ExpectBoth<ProcessEvent>(peers.a, true, 64);
 }
 
 TEST(QosOfTopics, PublishedBlobsThrottleTheWriterAndKeepTheLast) {

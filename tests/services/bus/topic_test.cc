@@ -104,9 +104,10 @@ Message MakeMessage() {
 template <class Message>
 class EveryMessage : public testing::Test {};
 
-using Messages = testing::Types<Presence, CampaignAnnouncement, WorkRequest, Lease, WorkerStatus, AttemptReport,
-                                ValidationErrors, CampaignStatus, BlobManifest, BlobChunk, BlobAck, Observation, Action,
-                                InsightWish, Insight, TrainStatus>;
+using Messages =
+    testing::Types<Presence, CampaignAnnouncement, WorkRequest, Lease, WorkerStatus, AttemptReport, ValidationErrors,
+                   CampaignStatus, CampaignControl, BlobManifest, BlobChunk, BlobAck, Observation, Action, InsightWish,
+                   Insight, PolicyStatus, ProcessStatus, ProcessEvent, TrainStatus>;
 TYPED_TEST_SUITE(EveryMessage, Messages);
 
 TYPED_TEST(EveryMessage, ArrivesAsItWasWritten) {

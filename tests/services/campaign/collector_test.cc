@@ -20,7 +20,9 @@
 #include "services/campaign/process.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
+#include "services/core/identity.h"
 #include "services/core/rng.h"
+#include "services/store/commit_journal.h"
 #include "services/store/dataset.h"
 #include "tests/services/campaign/fake_work.h"
 #include "tests/services/campaign/running_collector.h"
@@ -108,6 +110,21 @@ TEST_F(CollectorTest, OneWorkerCompletesACampaign) {
   EXPECT_EQ(progress.failures.at("plan_failed"), failed);
   ExpectWhole(spec, folder_ / "data");
   EXPECT_TRUE(std::filesystem::exists(folder_ / "data/dataset.hdf5"));
+  store::CommitTable commits(folder_ / "data");
+  ASSERT_TRUE(commits.Refresh());
+  ASSERT_EQ(commits.size(), spec.episodes);
+  for (std::size_t row = 0; row < commits.size(); ++row) {
+    EXPECT_EQ(commits.host().At(row), HostName());
+    EXPECT_FALSE(commits.worker().At(row).empty());
+    EXPECT_EQ(commits.timings()[row].plan_s, 0.25) << "beside the episode, not in it";
+    EXPECT_GT(commits.timings()[row].wall_s, 0);
+  }
+  const std::string attempts = ReadTextFile(folder_ / "data/attempts.jsonl").value_or("");
+  if (failed > 0) {
+    const auto first = OrderedJson::parse(attempts.substr(0, attempts.find('\n')));
+    EXPECT_FALSE(first["details"]["worker"].get<std::string>().empty());
+    EXPECT_GT(first["details"]["t"].get<double>(), 1.6e9);
+  }
   const auto code = worker.Wait(10s);
   EXPECT_EQ(code, 0) << "the worker goes home by itself\n" << ReadTextFile(folder_ / "w.log").value_or("");
 }
@@ -305,9 +322,9 @@ class FullDiskSink : public EpisodeSink {
   FullDiskSink(std::unique_ptr<EpisodeSink> inner, std::atomic<bool>& full) : inner_(std::move(inner)), full_(full) {}
   const Path& folder() const override { return inner_->folder(); }
   const std::set<std::uint64_t>& committed() const override { return inner_->committed(); }
-  Status Commit(const Episode& episode) override {
+  Status Commit(const Episode& episode, const store::CommitFacts& facts) override {
     if (full_) return Fail(Code::kUnavailable, "write 'x': No space left on device");
-    return inner_->Commit(episode);
+    return inner_->Commit(episode, facts);
   }
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json) override {

@@ -32,6 +32,7 @@ inline WorkResult FakeAttempt(const CampaignSpec& spec, const WorkItem& item) {
     result.outcome = "plan_failed";
   } else {
     result.episode = EncodeEpisode(FakeEpisode(spec, item.index, item.attempt, item.weights));
+    result.times.plan_s = 0.25;
   }
   return result;
 }

@@ -67,6 +67,14 @@ TEST_F(Cli, EveryCommandHasHelp) {
                                                        {"checkpoint"},
                                                        {"checkpoint", "show"},
                                                        {"checkpoint", "watch"},
+                                                       {"top"},
+                                                       {"campaign"},
+                                                       {"campaign", "list"},
+                                                       {"campaign", "status"},
+                                                       {"campaign", "drain"},
+                                                       {"topic", "list"},
+                                                       {"topic", "echo"},
+                                                       {"topic", "hz"},
                                                        {"doctor"}};
   for (auto arguments : commands) {
     arguments.push_back("--help");

@@ -118,7 +118,8 @@ TEST(Crash, LeftoversOfEarlierRunsAreRemoved) {
   ASSERT_THAT(DatasetWriter::Open(folder.path(), spec), IsOk());
 
   EXPECT_THAT(NamesIn(folder / "episodes/000"), testing::ElementsAre("000000.hdf5"));
-  EXPECT_THAT(NamesIn(folder.path()), testing::ElementsAre(".lock", "attempts.jsonl", "dataset.json", "episodes"));
+  EXPECT_THAT(NamesIn(folder.path()),
+              testing::ElementsAre(".lock", "attempts.jsonl", "commits.jsonl", "dataset.json", "episodes"));
 }
 
 // A file size limit stands in for a full disk: write(2) fails part of the way.

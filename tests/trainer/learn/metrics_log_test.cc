@@ -33,7 +33,31 @@ TEST(MetricsLog, WritesLinesThatParseEvenForNumbersJsonDoesNotHave) {
   EXPECT_EQ(json["lr"], 0.1);
   ASSERT_TRUE(std::getline(lines, line));
   EXPECT_EQ(OrderedJson::parse(line)["kind"], "stage");
+  EXPECT_EQ(OrderedJson::parse(line)["cause"], "budget");
   EXPECT_TRUE(ReadTextFile(folder / "curriculum.jsonl").value().starts_with("{"));
+}
+
+TEST(MetricsLog, SaysWhatWasKeptAndHowItEnded) {
+  const TemporaryFolder folder;
+  auto log = MetricsLog::Open(folder.path());
+  ASSERT_TRUE(log) << log.error().message;
+  ASSERT_TRUE(NoteCheckpoint(folder.path(), 500, "00000500.safetensors", "ab", "best"));
+  ASSERT_TRUE(log->WriteEnd(501, 2.5, End::kFailed, "the disk is full \xff"));
+
+  std::istringstream lines(ReadTextFile(folder / "metrics.jsonl").value_or(""));
+  std::string kept, end;
+  ASSERT_TRUE(std::getline(lines, kept) && std::getline(lines, end));
+  const auto checkpoint = OrderedJson::parse(kept), last = OrderedJson::parse(end);
+  EXPECT_EQ(checkpoint["kind"], "checkpoint");
+  EXPECT_EQ(checkpoint["step"], 500);
+  EXPECT_EQ(checkpoint["file"], "00000500.safetensors");
+  EXPECT_EQ(checkpoint["sha256"], "ab");
+  EXPECT_EQ(checkpoint["channel"], "best");
+  EXPECT_EQ(last["kind"], "end");
+  EXPECT_EQ(last["step"], 501);
+  EXPECT_EQ(last["cause"], "failed");
+  EXPECT_EQ(ToString(End::kFinished), "finished");
+  EXPECT_EQ(ToString(End::kStopped), "stopped");
 }
 
 }  // namespace

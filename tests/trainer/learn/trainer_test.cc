@@ -81,6 +81,26 @@ TEST_F(TrainerTest, ResumesBitForBit) {
   EXPECT_EQ(a, b);
 }
 
+TEST_F(TrainerTest, ItsFilesSayHowItEnded) {
+  const TrainConfig config = TinyConfig({"steps=60", "checkpoint.every_steps=30"});
+  ASSERT_TRUE(Train(config, folder_ / "run"));
+  const auto last = [](const Path& run) {
+    const std::string text = ReadTextFile(run / "metrics.jsonl").value();
+    return OrderedJson::parse(text.substr(text.rfind('\n', text.size() - 2) + 1));
+  };
+  EXPECT_EQ(last(folder_ / "run")["kind"], "end");
+  EXPECT_EQ(last(folder_ / "run")["cause"], "finished");
+  EXPECT_EQ(last(folder_ / "run")["step"], 60);
+  EXPECT_EQ(Curve(folder_ / "run", "train", "episodes").begin()->second,
+            static_cast<double>(dataset_->snapshot()->episode_count(data::Split::kTrain)));
+
+  Hooks hooks;
+  hooks.on_checkpoint = [](const checkpoint::Checkpoint&) -> Status { return Fail(Code::kUnavailable, "disk full"); };
+  EXPECT_FALSE(Train(config, folder_ / "failed", false, hooks));
+  EXPECT_EQ(last(folder_ / "failed")["cause"], "failed");
+  EXPECT_NE(last(folder_ / "failed")["reason"].get<std::string>().find("disk full"), std::string::npos);
+}
+
 TEST_F(TrainerTest, LearnsTheSyntheticTask) {
   const TrainConfig config = TinyConfig({"steps=240", "eval.every_steps=20", "curriculum.latest_last=0.25",
                                          "checkpoint.every_steps=1000", "optimizer.lr=4e-3"});

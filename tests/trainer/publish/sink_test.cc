@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <set>
 
+#include "services/core/hash.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/trainer/checkpoint/example_checkpoint.h"
 #include "tests/trainer/policy/fixtures.h"
@@ -31,7 +32,11 @@ TEST(CheckpointSink, KeepsTheNewestAndTheBest) {
   for (std::uint64_t step = 1; step <= 6; ++step) {
     auto request = checkpoint::ExampleCheckpoint(config, step);
     request.metadata.best = step == 2;
-    ASSERT_TRUE(sink->Save(request));
+    const auto kept = sink->Save(request);
+    ASSERT_TRUE(kept) << kept.error().message;
+    const Path file = folder / "checkpoints" / kept->file;
+    EXPECT_EQ(kept->sha256, Sha256Hex(ReadBinaryFile(file).value()));
+    EXPECT_EQ(kept->channels.size(), step == 2 ? 2u : 1u);
   }
 
   EXPECT_EQ(Files(folder / "checkpoints"),

@@ -74,6 +74,15 @@ class FollowedRun {
     observation.request_id = id;
     return client.Ask(observation);
   }
+  /// What the server says of itself once it serves that checkpoint.
+  bus::PolicyStatus StatusOf(std::uint64_t step) {
+    auto statuses = bus::Reader<bus::PolicyStatus>::Open(participant, bus::Owner{name_, kId}.partition());
+    EXPECT_TRUE(statuses);
+    bus::PolicyStatus status;
+    while (status.step != step && statuses->Wait(20s))
+      for (auto& taken : statuses->Take()) status = std::move(taken);
+    return status;
+  }
   void WaitForRefusals(std::uint64_t count) {
     while (server.refused_checkpoints() < count && std::chrono::steady_clock::now() < deadline_)
       std::this_thread::yield();
@@ -124,6 +133,20 @@ TEST(PolicyServer, TakesOverNewCheckpointsAndKeepsTheLastGoodOne) {
   EXPECT_EQ(later.checkpoint_step, 200u);
   EXPECT_NE(later.waypoints, first.waypoints);
   EXPECT_GE(run.server.answered(), 4u);
+
+  // everyone can see which weights drive
+  const bus::PolicyStatus status = run.StatusOf(200);
+  EXPECT_EQ(status.step, 200u);
+  EXPECT_EQ(status.sha256, later.checkpoint_sha256);
+  EXPECT_EQ(status.run_id, kId);
+  EXPECT_EQ(status.channel, "latest");
+  EXPECT_TRUE(status.control_trained);
+  EXPECT_GE(status.answered, 4u);
+  EXPECT_EQ(status.refused, 2u) << "a checkpoint and an observation";
+  EXPECT_TRUE(status.last_refusal.starts_with("checkpoint: ")) << status.last_refusal;
+  EXPECT_GE(status.sessions, 1u);
+  EXPECT_GT(status.p95_ms, 0);
+  EXPECT_GT(status.since, 0u);
 }
 
 TEST(PolicyServer, DrivesNothingWithWhatIsNotTrained) {

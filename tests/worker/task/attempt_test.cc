@@ -46,6 +46,8 @@ TEST_P(Demonstrate, SucceedsOnSeededScenes) {
     successes += result.outcome == AttemptOutcome::kSuccess;
     if (result.outcome != AttemptOutcome::kSuccess) {
       EXPECT_FALSE(result.reason.empty());
+      EXPECT_EQ(result.failure["point"].size(), 3u);
+      EXPECT_TRUE(result.failure["stage"].is_string() && result.failure["pair"].is_string());
       EXPECT_EQ(result.episode.steps(), 0) << "a failed attempt is no episode";
     }
   }
@@ -160,6 +162,23 @@ TEST(Attempt, WithoutDisturbancesEveryStepIsSupervised) {
   const auto result = FirstSuccess(runner, 2);
   ASSERT_EQ(result.outcome, AttemptOutcome::kSuccess) << result.reason;
   EXPECT_THAT(result.episode.supervise, testing::Each(1));
+}
+
+TEST(Attempt, SaysHowFarItIs) {
+  AttemptRunner runner = OpenOrDie(QuickSpec("pick"));
+  std::vector<std::string> stages;
+  int steps = 0;
+  runner.OnProgress([&](std::string_view stage, int step) {
+    EXPECT_EQ(step, steps);
+    steps = step + 1;
+    if (stages.empty() || stages.back() != stage) stages.emplace_back(stage);
+  });
+  const auto result = runner.Demonstrate(0, 0);
+  runner.OnProgress(nullptr);
+  ASSERT_EQ(result.outcome, AttemptOutcome::kSuccess) << result.reason;
+  EXPECT_EQ(steps, result.episode.steps());
+  EXPECT_GT(stages.size(), 2u);
+  for (const auto& stage : stages) EXPECT_EQ(std::ranges::count(result.episode.stage_names, stage), 1) << stage;
 }
 
 TEST(Attempt, RefusesABadSpec) {

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/cli/top_text.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "services/episode/bounded_json.h"
+
+namespace etude::cli {
+namespace {
+
+using Time = MonotonicClock::time_point;
+
+constexpr double kStale = 3;  // s of silence that are worth a word
+constexpr std::size_t kLeastWorkers = 3;
+
+// "6,589"
+std::string Grouped(std::uint64_t value) {
+  std::string text = std::to_string(value);
+  for (auto at = static_cast<std::ptrdiff_t>(text.size()) - 3; at > 0; at -= 3)
+    text.insert(static_cast<std::size_t>(at), ",");
+  return text;
+}
+
+template <class Message>
+std::string Age(const Heard<Message>& heard, Time now) {
+  const double age_s = heard.AgeSeconds(now);
+  return age_s > kStale ? fmt::format("silent {:.0f} s", age_s) : fmt::format("{:.1f} s", age_s);
+}
+
+std::string Doing(const bus::CampaignStatus& status) {
+  if (status.state == "complete" || (status.total > 0 && status.committed + status.given_up >= status.total))
+    return fmt::format("collected {} of {}", Grouped(status.committed), Grouped(status.total));
+  const std::string state = status.state.empty() || status.state == "running" ? "collecting" : status.state + " at";
+  std::string text = fmt::format("{} {} of {}", state, Grouped(status.committed), Grouped(status.total));
+  if (state == "collecting" && status.eta_s > 0) text += ", done in " + FormatDuration(status.eta_s);
+  return text;
+}
+
+std::string Doing(const bus::TrainStatus& status) {
+  return fmt::format("{} stage {}/{} {}, step {}", status.finished ? "trained to" : "training", status.stage,
+                     status.stages, status.stage_name, Grouped(status.step));
+}
+
+std::string Doing(const bus::PolicyStatus& status) {
+  if (!status.control_trained) return fmt::format("step {} answers, not trained to drive yet", Grouped(status.step));
+  return fmt::format("step {} serves {} session{}", Grouped(status.step), status.sessions,
+                     status.sessions == 1 ? "" : "s");
+}
+
+std::vector<std::string> CampaignLines(const CampaignView& campaign, Time now) {
+  const std::string name = campaign.presence.name + "@" + campaign.presence.id;
+  if (!campaign.status) return {fmt::format("campaign {}  on {}: no word yet", name, campaign.presence.host)};
+  const bus::CampaignStatus& status = campaign.status->message;
+  std::vector<std::string> lines{
+      fmt::format("campaign {}  {}  {} attempts, {} given up  {:.1f}/min  {} workers  heard {}", name, Doing(status),
+                  Grouped(status.attempts), status.given_up, status.episodes_per_minute, status.workers,
+                  Age(*campaign.status, now))};
+  if (!status.error.empty()) lines.push_back("  WAITING: " + status.error);
+  std::vector<std::string> failures;
+  if (const auto json = ParseBoundedJson(status.failures_json, 2); json && json->is_object())
+    for (const auto& [reason, count] : json->items())
+      if (count.is_number_unsigned()) failures.push_back(fmt::format("{} {}", reason, count.get<std::uint64_t>()));
+  if (!failures.empty()) lines.push_back(fmt::format("  failed: {}", fmt::join(failures, "  ")));
+  return lines;
+}
+
+std::vector<std::string> WorkerLines(const CampaignView& campaign, Time now) {
+  std::vector<std::string> lines;
+  for (const auto& [name, heard] : campaign.workers) {
+    const bus::WorkerStatus& status = heard.message;
+    const double planned = status.plan_s / std::max<double>(1, static_cast<double>(status.episodes + status.failures));
+    const std::string at = status.token == 0 ? "-" : fmt::format("#{} a{}", status.index, status.attempt);
+    lines.push_back(fmt::format("  {:<28} {:<5} {:<10} {:<12} {:>5} {:>6} {:>5}  {:>6.2f} s {:>6.0f}/s  {:<16} {}",
+                                name, status.phase, at, status.stage.empty() ? "-" : status.stage, status.step,
+                                status.episodes, status.failures, planned, status.steps_per_second,
+                                status.last_outcome.empty() ? "-" : status.last_outcome, Age(heard, now)));
+  }
+  return lines;
+}
+
+std::vector<std::string> RunLines(const RunView& run, Time now) {
+  std::vector<std::string> lines;
+  if (run.status) {
+    const bus::TrainStatus& status = run.status->message;
+    std::string line = fmt::format("run {}@{}  {}  loss {:.4g}  {:.0f} samples/s  waits {:.1f} %  {} episodes",
+                                   run.name, run.id, Doing(status), status.loss, status.samples_per_second,
+                                   100 * status.data_wait, Grouped(status.episodes));
+    if (status.eta_s > 0 && !status.finished) line += "  ETA " + FormatDuration(status.eta_s);
+    if (!status.finished) line += "  heard " + Age(*run.status, now);
+    lines.push_back(line);
+    std::string errors;
+    if (const auto json = ParseBoundedJson(status.metrics_json, 2); json && json->is_object())
+      for (const auto& [name, value] : json->items())
+        if (value.is_number() && (name.ends_with(".cm") || name.ends_with(".px") || name.ends_with(".accuracy")))
+          errors += fmt::format("  {} {:.3g}", name, value.get<double>());
+    if (!errors.empty()) lines.push_back("  validation:" + errors);
+  }
+  for (const auto& [server, heard] : run.policies) {
+    const bus::PolicyStatus& status = heard.message;
+    lines.push_back(fmt::format(
+        "policy {}@{}  {}  sha256 {:.12}  answered {}, refused {}  p50 {:.1f} ms, p95 {:.1f} ms  on {}  heard {}",
+        run.name, run.id, Doing(status), status.sha256, Grouped(status.answered), status.refused, status.p50_ms,
+        status.p95_ms, status.host, Age(heard, now)));
+    if (!status.last_refusal.empty()) lines.push_back("  refused last: " + status.last_refusal);
+  }
+  return lines;
+}
+
+// What came over the bus may hold what moves a cursor.
+std::string Printable(std::string line) {
+  for (char& c : line)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
+  return line;
+}
+
+}  // namespace
+
+std::string StateSentence(const BusView& view, Time now) {
+  std::vector<std::string> parts;
+  for (const auto& [id, campaign] : view.campaigns) {
+    std::string part = campaign.presence.name + ": ";
+    part += campaign.status ? Doing(campaign.status->message) : "no word yet";
+    if (campaign.status && campaign.status->AgeSeconds(now) > kStale)
+      part += fmt::format(" ({})", Age(*campaign.status, now));
+    parts.push_back(part);
+  }
+  for (const auto& [id, run] : view.runs) {
+    if (run.status) parts.push_back(run.name + ": " + Doing(run.status->message));
+    for (const auto& [server, policy] : run.policies) parts.push_back(run.name + ": " + Doing(policy.message));
+  }
+  if (parts.empty()) return fmt::format("nothing is live on domain {}", view.domain);
+  return fmt::format("{}", fmt::join(parts, "; "));
+}
+
+std::string TopText(const BusView& view, Time now, std::size_t rows, std::size_t columns) {
+  std::vector<std::string> head{StateSentence(view, now), ""}, workers, tail;
+  for (const auto& [id, campaign] : view.campaigns) {
+    for (auto& line : CampaignLines(campaign, now)) head.push_back(std::move(line));
+    for (auto& line : WorkerLines(campaign, now)) workers.push_back(std::move(line));
+  }
+  for (const auto& [id, run] : view.runs)
+    for (auto& line : RunLines(run, now)) tail.push_back(std::move(line));
+  if (!workers.empty())
+    head.push_back(fmt::format("  {:<28} {:<5} {:<10} {:<12} {:>5} {:>6} {:>5}  {:>8} {:>8}  {:<16} {}", "worker",
+                               "does", "episode", "stage", "step", "done", "fail", "plan", "steps", "last", "heard"));
+  const std::size_t others = head.size() + tail.size() + 2;
+  std::size_t shown = workers.size();
+  if (rows > 0 && shown + others > rows)
+    shown = std::min(shown, rows > others + kLeastWorkers ? rows - others : kLeastWorkers);
+  const std::size_t hidden = workers.size() - shown;
+  workers.resize(shown);
+  if (hidden > 0) workers.push_back(fmt::format("  and {} more", hidden));
+  std::string text;
+  for (const auto* part : {&head, &workers, &tail})
+    for (const auto& line : *part) text += Printable(line).substr(0, columns > 0 ? columns : line.size()) + "\n";
+  return text;
+}
+
+}  // namespace etude::cli

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+// `etude topic list|echo|hz`: the bus itself, for people.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <map>
+#include <set>
+
+#include "services/bus/topology.h"
+#include "services/cli/bus_watch.h"
+#include "services/cli/command_line.h"
+#include "services/cli/topic_rates.h"
+#include "services/core/config.h"
+#include "services/core/stop.h"
+
+namespace etude::cli {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::size_t kMostPartitions = 64;  // that are read at once
+
+struct Arguments {
+  std::string topic, partition;
+  bool as_json = false, bulk = false;
+  std::uint64_t count = 0;
+  double seconds = 5;
+  BusArguments bus;
+};
+
+// DDS participant -> "worker 4711@lab-7"
+std::map<std::string, std::string> PeerNames(const BusView& view) {
+  std::map<std::string, std::string> names;
+  for (const auto& [process, heard] : view.processes) {
+    const bus::ProcessStatus& status = heard.message;
+    names[status.participant] = fmt::format("{} {}@{}", status.role, status.pid, status.host);
+  }
+  return names;
+}
+
+struct TopicRow {
+  std::set<std::string> types, qos, problems;
+  std::vector<bus::PeerEndpoint> writers, readers;
+};
+
+std::map<std::string, TopicRow> RowsOf(const std::vector<bus::PeerEndpoint>& endpoints, const std::string& own) {
+  std::map<std::string, TopicRow> rows;
+  for (const auto& endpoint : endpoints) {
+    if (endpoint.participant == own) continue;
+    TopicRow& row = rows[endpoint.topic];
+    row.types.insert(endpoint.type);
+    row.qos.insert(bus::QosText(endpoint));
+    (endpoint.is_writer ? row.writers : row.readers).push_back(endpoint);
+  }
+  for (auto& [topic, row] : rows)
+    for (const auto& writer : row.writers)
+      for (const auto& reader : row.readers)
+        if (const std::string why = bus::Mismatch(writer, reader); !why.empty()) row.problems.insert(why);
+  return rows;
+}
+
+std::string PeersText(const std::vector<bus::PeerEndpoint>& endpoints,
+                      const std::map<std::string, std::string>& names) {
+  std::set<std::string> peers;
+  for (const auto& endpoint : endpoints) {
+    const auto name = names.find(endpoint.participant);
+    peers.insert(name == names.end() ? endpoint.participant.substr(0, 12) : name->second);
+  }
+  return fmt::format("{}", fmt::join(peers, ", "));
+}
+
+OrderedJson RowJson(const std::string& topic, const TopicRow& row, const std::map<std::string, std::string>& names) {
+  OrderedJson json{{"topic", topic}, {"types", row.types}, {"qos", row.qos}, {"problems", row.problems}};
+  for (const auto* side : {&row.writers, &row.readers}) {
+    OrderedJson list = OrderedJson::array();
+    for (const auto& endpoint : *side) {
+      const auto name = names.find(endpoint.participant);
+      list.push_back({{"peer", name == names.end() ? "" : name->second},
+                      {"participant", endpoint.participant},
+                      {"partitions", endpoint.partitions}});
+    }
+    json[side == &row.writers ? "writers" : "readers"] = std::move(list);
+  }
+  return json;
+}
+
+Status List(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
+  ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
+  ETUDE_ASSIGN_OR_RETURN(const auto endpoints, bus::Endpoints(participant));
+  const auto names = PeerNames(watch.view());
+  const auto rows = RowsOf(endpoints, bus::ParticipantId(participant));
+  OrderedJson all = OrderedJson::array();
+  for (const auto& [topic, row] : rows) {
+    all.push_back(RowJson(topic, row, names));
+    if (arguments.as_json) continue;
+    fmt::print("{}\n  type     {}\n  QoS      {}\n  writers  {}{}\n  readers  {}{}\n", topic,
+               fmt::join(row.types, ", "), fmt::join(row.qos, "; "), row.writers.size(),
+               row.writers.empty() ? "" : ": " + PeersText(row.writers, names), row.readers.size(),
+               row.readers.empty() ? "" : ": " + PeersText(row.readers, names));
+    for (const auto& problem : row.problems) fmt::print("  MISMATCH {}\n", problem);
+  }
+  if (arguments.as_json) fmt::print("{}\n", all.dump(1, ' ', false, OrderedJson::error_handler_t::replace));
+  if (!arguments.as_json && rows.empty()) fmt::print("nobody else is on domain {}\n", participant.domain());
+  return {};
+}
+
+// The partitions in which somebody writes the topic now.
+Result<std::set<std::string>> Written(const bus::Participant& participant, const Arguments& arguments) {
+  if (!arguments.partition.empty()) return std::set<std::string>{arguments.partition};
+  ETUDE_ASSIGN_OR_RETURN(const auto endpoints, bus::Endpoints(participant));
+  std::set<std::string> partitions;
+  for (const auto& endpoint : endpoints)
+    if (endpoint.is_writer && endpoint.topic == arguments.topic)
+      partitions.insert(endpoint.partitions.begin(), endpoint.partitions.end());
+  partitions.erase("");
+  return partitions;
+}
+
+bool IsBulk(const std::string& topic) { return topic == "etude/blob/chunk" || topic == "etude/blob/manifest"; }
+
+Status CheckTopic(const Arguments& arguments) {
+  const auto known = bus::KnownTopics();
+  if (std::ranges::count(known, arguments.topic) == 0)
+    return Fail(Code::kInvalidArgument, "topic " + NotKnown(arguments.topic, known));
+  if (IsBulk(arguments.topic) && !arguments.bulk)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("topic '{}' carries episodes: their senders would send every byte here, too, and wait for "
+                            "it; `etude topic hz {}` counts them, --bulk reads them all the same",
+                            arguments.topic, arguments.topic));
+  return {};
+}
+
+Status Echo(const Arguments& arguments) {
+  ETUDE_RETURN_IF_ERROR(CheckTopic(arguments));
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  std::map<std::string, std::unique_ptr<bus::Echo>> readers;  // by partition
+  std::uint64_t printed = 0;
+  for (int round = 0; !StopRequested() && std::ferror(stdout) == 0; ++round) {
+    if (round % 10 == 0) {  // a new run or campaign has a partition of its own
+      ETUDE_ASSIGN_OR_RETURN(const auto partitions, Written(participant, arguments));
+      for (const auto& partition : partitions) {
+        if (readers.contains(partition) || readers.size() >= kMostPartitions) continue;
+        ETUDE_ASSIGN_OR_RETURN(readers[partition], bus::Echo::Open(participant, arguments.topic, partition));
+      }
+    }
+    for (auto& [partition, reader] : readers)
+      for (const auto& message : reader->Take()) {
+        fmt::print("{}\n", message.dump(-1, ' ', false, OrderedJson::error_handler_t::replace));
+        if (++printed == arguments.count) return {};
+      }
+    std::fflush(stdout);
+    WaitForStop(100ms);
+  }
+  return {};
+}
+
+Status Hz(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
+  ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
+  TopicRates rates;
+  rates.Begin(watch.view());
+  ETUDE_RETURN_IF_ERROR(
+      watch.LookAround(std::chrono::milliseconds(static_cast<std::int64_t>(arguments.seconds * 1000))));
+  bool any = false;
+  for (const auto& [topic, rate] : rates.End(watch.view())) {
+    if (!arguments.topic.empty() && topic != arguments.topic) continue;
+    any = true;
+    fmt::print("{:<36} {:>9.1f}/s {:>11.1f} kB/s  {} writing process{}\n", topic, rate.samples_per_second,
+               rate.bytes_per_second / 1000, rate.writers, rate.writers == 1 ? "" : "es");
+  }
+  if (!any)
+    fmt::print("no process on domain {} counts {}\n", participant.domain(),
+               arguments.topic.empty() ? "any topic" : "topic '" + arguments.topic + "'");
+  return {};
+}
+
+}  // namespace
+
+void AddTopic(CLI::App& app, Body& body) {
+  auto* command = app.add_subcommand("topic", "the bus: topics with types, QoS and peers; messages; rates");
+  command->require_subcommand(1);
+  auto arguments = std::make_shared<Arguments>();
+  auto* list = command->add_subcommand("list", "every topic: type, QoS, who writes and who reads it");
+  list->add_flag("--json", arguments->as_json, "as JSON");
+  arguments->bus.Add(*list);
+  list->callback([=, &body] { body = [=] { return List(*arguments); }; });
+
+  auto* echo = command->add_subcommand("echo", "messages of a topic, a line of JSON each");
+  echo->add_option("topic", arguments->topic, "e.g. etude/campaign/status")->required();
+  echo->add_option("--partition", arguments->partition,
+                   "NAME/ID of a campaign or a run (default: all that are written)");
+  echo->add_option("--count", arguments->count, "so many messages, then end");
+  echo->add_flag("--bulk", arguments->bulk, "also topics that carry episodes");
+  arguments->bus.Add(*echo);
+  echo->callback([=, &body] { body = [=] { return Echo(*arguments); }; });
+
+  auto* hz = command->add_subcommand("hz", "messages and bytes a second, as their writers count them");
+  hz->add_option("topic", arguments->topic, "only this one");
+  hz->add_option("--seconds", arguments->seconds, "to count for")
+      ->check(CLI::Range(1.0, 3600.0))
+      ->capture_default_str();
+  arguments->bus.Add(*hz);
+  hz->callback([=, &body] { body = [=] { return Hz(*arguments); }; });
+}
+
+}  // namespace etude::cli

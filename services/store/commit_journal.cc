@@ -1,0 +1,398 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/store/commit_journal.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <fstream>
+#include <limits>
+
+#include "services/core/log.h"
+#include "services/episode/action.h"
+#include "services/episode/bounded_json.h"
+#include "services/store/layout.h"
+
+namespace etude::store {
+namespace {
+
+constexpr std::size_t kLongestLine = 64 << 10;  // a line that is longer is none of ours
+constexpr int kDeepestLine = 4;                 // levels of JSON
+constexpr int kJerkStride = 5;  // control steps: closer, the floats' last bits would be what is measured
+
+double ToMilliseconds(double seconds) { return std::round(seconds * 1000) / 1000; }
+
+double PathLength(const Track& position) {
+  double sum = 0;
+  for (int t = 1; t < position.rows(); ++t) {
+    const auto a = position.row(t - 1), b = position.row(t);
+    sum += std::hypot(double{b[0]} - a[0], double{b[1]} - a[1], double{b[2]} - a[2]);
+  }
+  return sum;
+}
+
+double Jerk(const Track& position) {
+  const double h = kJerkStride / kControlRate;
+  double sum = 0;
+  int count = 0;
+  for (int t = 0; t + 3 * kJerkStride < position.rows(); t += kJerkStride, ++count) {
+    const auto a = position.row(t), b = position.row(t + kJerkStride), c = position.row(t + 2 * kJerkStride),
+               d = position.row(t + 3 * kJerkStride);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const double third = (double{d[axis]} - 3.0 * c[axis] + 3.0 * b[axis] - a[axis]) / (h * h * h);
+      sum += third * third;
+    }
+  }
+  return count == 0 ? 0 : std::sqrt(sum / count);
+}
+
+std::uint64_t DrawsOf(const OrderedJson& details) {
+  if (!details.is_object() || !details.contains("scene")) return 0;
+  const OrderedJson& scene = details["scene"];
+  if (!scene.is_object() || !scene.contains("draws") || !scene["draws"].is_number_unsigned()) return 0;
+  return scene["draws"].get<std::uint64_t>();
+}
+
+// Reads keys of one object; remembers whether one was of another kind.
+class Keys {
+ public:
+  explicit Keys(const OrderedJson& json) : json_(json) {}
+  void Read(const char* key, std::string& value) {
+    if (const auto* found = Find(key)) Take(found->is_string(), *found, value);
+  }
+  void Read(const char* key, std::uint64_t& value) {
+    if (const auto* found = Find(key)) Take(found->is_number_unsigned(), *found, value);
+  }
+  void Read(const char* key, std::uint32_t& value) {
+    std::uint64_t wide = value;
+    Read(key, wide);
+    ok_ = ok_ && wide <= std::numeric_limits<std::uint32_t>::max();
+    value = static_cast<std::uint32_t>(wide);
+  }
+  void Read(const char* key, double& value) {
+    if (const auto* found = Find(key)) Take(found->is_number(), *found, value);
+    ok_ = ok_ && std::isfinite(value);
+  }
+  bool ok() const { return ok_; }
+
+ private:
+  const OrderedJson* Find(const char* key) const {
+    const auto found = json_.find(key);
+    return found == json_.end() || found->is_null() ? nullptr : &*found;
+  }
+  template <class T>
+  void Take(bool fits, const OrderedJson& found, T& value) {
+    if (fits)
+      value = found.get<T>();
+    else
+      ok_ = false;
+  }
+  const OrderedJson& json_;
+  bool ok_ = true;
+};
+
+std::uint32_t Narrow(std::uint64_t value) {
+  return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, std::numeric_limits<std::uint32_t>::max()));
+}
+
+// Cuts blocks into lines. One that is too long for ours is passed over without being kept.
+class LineCutter {
+ public:
+  // fn(line, bytes of the block behind it) for each line that is whole; null: it was too long
+  template <class Function>
+  void Add(std::string_view block, const Function& fn) {
+    for (auto end = block.find('\n'); end != std::string_view::npos; end = block.find('\n')) {
+      Keep(block.substr(0, end));
+      block.remove_prefix(end + 1);
+      fn(too_long_ ? nullptr : &line_, block.size());
+      line_.clear();
+      too_long_ = false;
+    }
+    Keep(block);
+  }
+
+ private:
+  void Keep(std::string_view part) {
+    too_long_ = too_long_ || line_.size() + part.size() > kLongestLine;
+    if (too_long_)
+      line_.clear();
+    else
+      line_.append(part);
+  }
+  std::string line_;
+  bool too_long_ = false;
+};
+
+// A file descriptor that closes itself.
+class Descriptor {
+ public:
+  explicit Descriptor(const Path& path) : fd_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {}
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+}  // namespace
+
+CommitRow RowOf(const Episode& episode, std::uint64_t frames, std::uint64_t bytes) {
+  CommitRow row;
+  row.index = episode.index;
+  row.attempt = episode.attempt;
+  row.bytes = bytes;
+  row.steps = static_cast<std::uint64_t>(episode.steps());
+  row.frames = frames;
+  row.outcome = episode.outcome;
+  row.robot = episode.robot;
+  row.task = episode.task;
+  row.target = episode.target;
+  row.reference = episode.reference;
+  row.instruction = episode.instruction;
+  row.path_m = PathLength(episode.eef_pos);
+  row.jerk = Jerk(episode.eef_pos);
+  row.draws = DrawsOf(episode.details);
+  return row;
+}
+
+std::string LineOf(const CommitRow& row) {
+  const OrderedJson line{{"index", row.index},
+                         {"attempt", row.attempt},
+                         {"t", ToMilliseconds(row.t)},
+                         {"worker", row.facts.worker},
+                         {"host", row.facts.host},
+                         {"bytes", row.bytes},
+                         {"steps", row.steps},
+                         {"frames", row.frames},
+                         {"outcome", row.outcome},
+                         {"robot", row.robot},
+                         {"task", row.task},
+                         {"target", row.target},
+                         {"reference", row.reference},
+                         {"instruction", row.instruction},
+                         {"timings", TimesJson(row.facts.timings)},
+                         {"path_m", row.path_m},
+                         {"jerk", row.jerk},
+                         {"draws", row.draws}};
+  return line.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+}
+
+Result<CommitRow> ParseCommitLine(std::string_view line) {
+  const auto json = line.size() > kLongestLine ? std::nullopt : ParseBoundedJson(line, kDeepestLine);
+  if (!json || !json->is_object() || !json->contains("index"))
+    return Fail(Code::kCorrupt, fmt::format("a line of {}: no JSON object with an index", internal::kCommits));
+  CommitRow row;
+  Keys keys(*json);
+  keys.Read("index", row.index);
+  keys.Read("attempt", row.attempt);
+  keys.Read("t", row.t);
+  keys.Read("worker", row.facts.worker);
+  keys.Read("host", row.facts.host);
+  keys.Read("bytes", row.bytes);
+  keys.Read("steps", row.steps);
+  keys.Read("frames", row.frames);
+  keys.Read("outcome", row.outcome);
+  keys.Read("robot", row.robot);
+  keys.Read("task", row.task);
+  keys.Read("target", row.target);
+  keys.Read("reference", row.reference);
+  keys.Read("instruction", row.instruction);
+  keys.Read("path_m", row.path_m);
+  keys.Read("jerk", row.jerk);
+  keys.Read("draws", row.draws);
+  if (json->contains("timings")) row.facts.timings = TimesOf((*json)["timings"]);
+  if (keys.ok()) return row;
+  return Fail(Code::kCorrupt,
+              fmt::format("a line of {}: a value is of another kind than expected", internal::kCommits));
+}
+
+Result<CommitJournal> CommitJournal::Open(const Path& dataset, const std::map<std::uint64_t, std::uint64_t>& bytes_of) {
+  const Path path = dataset / internal::kCommits;
+  std::map<std::uint64_t, std::size_t> line_of;  // episode -> its last line
+  std::vector<std::string> kept;
+  std::size_t dropped = 0;
+  {
+    std::ifstream file(path);
+    for (std::string line; std::getline(file, line);) {
+      const auto row = file.eof() ? Result<CommitRow>(Fail(Code::kCorrupt, "torn")) : ParseCommitLine(line);
+      const auto found = row ? bytes_of.find(row->index) : bytes_of.end();
+      if (found == bytes_of.end() || found->second != row->bytes) {
+        ++dropped;
+        continue;
+      }
+      const auto [before, fresh] = line_of.try_emplace(row->index, kept.size());
+      if (fresh) {
+        kept.push_back(std::move(line));
+      } else {
+        kept[before->second] = std::move(line);
+        ++dropped;
+      }
+    }
+  }
+  if (dropped > 0) {
+    Log().info("{}: lines without their episode are dropped count={}", path.string(), dropped);
+    std::string text;
+    for (const auto& line : kept) text += line + "\n";
+    ETUDE_RETURN_IF_ERROR(WriteFileAtomically(path, text));
+  }
+  ETUDE_ASSIGN_OR_RETURN(auto lines, LineAppender::Open(path));
+  CommitJournal journal(std::move(lines));
+  for (const auto& [index, line] : line_of) journal.rows_.insert(index);
+  return journal;
+}
+
+Status CommitJournal::Append(const CommitRow& row) {
+  ETUDE_RETURN_IF_ERROR(lines_.Append(LineOf(row)));
+  rows_.insert(row.index);
+  return {};
+}
+
+void WordColumn::Set(std::size_t row, const std::string& text) {
+  static const std::string kOther = "…";
+  const bool fits = text.size() <= kLongestWord && (words_.size() < kMostWords || code_of_.contains(text));
+  const std::string& word = fits ? text : kOther;
+  const auto [found, fresh] = code_of_.try_emplace(word, static_cast<std::uint32_t>(words_.size()));
+  if (fresh) words_.push_back(word);
+  if (row == codes_.size())
+    codes_.push_back(found->second);
+  else
+    codes_[row] = found->second;
+}
+
+void WordColumn::Clear() {
+  codes_.clear();
+  words_.clear();
+  code_of_.clear();
+}
+
+CommitTable::CommitTable(const Path& dataset, std::size_t most_rows)
+    : file_(dataset / internal::kCommits), most_rows_(most_rows) {}
+
+void CommitTable::Clear() {
+  row_of_.clear();
+  for (auto* column : {&index_, &bytes_}) column->clear();
+  for (auto* column : {&attempt_, &steps_, &frames_, &draws_}) column->clear();
+  t_.clear();
+  for (auto* column : {&path_m_, &jerk_}) column->clear();
+  timings_.clear();
+  for (auto* column : {&worker_, &host_, &outcome_, &robot_, &task_, &target_, &reference_, &instruction_})
+    column->Clear();
+  unread_ = offset_ = 0;
+  ++generation_;
+}
+
+void CommitTable::Put(std::size_t row, const CommitRow& from) {
+  if (row == index_.size()) {
+    index_.push_back(0);
+    bytes_.push_back(0);
+    for (auto* column : {&attempt_, &steps_, &frames_, &draws_}) column->push_back(0);
+    t_.push_back(0);
+    for (auto* column : {&path_m_, &jerk_}) column->push_back(0);
+    timings_.emplace_back();
+  }
+  index_[row] = from.index;
+  bytes_[row] = from.bytes;
+  attempt_[row] = from.attempt;
+  steps_[row] = Narrow(from.steps);
+  frames_[row] = Narrow(from.frames);
+  draws_[row] = Narrow(from.draws);
+  t_[row] = from.t;
+  path_m_[row] = static_cast<float>(from.path_m);
+  jerk_[row] = static_cast<float>(from.jerk);
+  timings_[row] = from.facts.timings;
+  worker_.Set(row, from.facts.worker);
+  host_.Set(row, from.facts.host);
+  outcome_.Set(row, from.outcome);
+  robot_.Set(row, from.robot);
+  task_.Set(row, from.task);
+  target_.Set(row, from.target);
+  reference_.Set(row, from.reference);
+  instruction_.Set(row, from.instruction);
+}
+
+void CommitTable::Take(std::string_view line) {
+  const auto row = ParseCommitLine(line);
+  const bool known = row && row_of_.contains(row->index);
+  if (!row || (!known && size() >= most_rows_)) {
+    ++unread_;
+    return;
+  }
+  const std::size_t at = row_of_.try_emplace(row->index, size()).first->second;
+  Put(at, *row);
+}
+
+Result<bool> CommitTable::Refresh() {
+  const Descriptor file(file_);
+  if (file.get() < 0 && errno == ENOENT) {
+    const bool had = size() > 0;
+    if (had) Clear();
+    return had;
+  }
+  struct stat info {};
+  if (file.get() < 0 || ::fstat(file.get(), &info) != 0) return Fail(ErrnoError("read", file_, errno));
+  const auto length = static_cast<std::uint64_t>(info.st_size);
+  const bool replaced = info.st_dev != device_ || info.st_ino != inode_ || length < offset_;
+  if (replaced) Clear();
+  device_ = info.st_dev;
+  inode_ = info.st_ino;
+  const std::uint64_t before = offset_;
+  ETUDE_RETURN_IF_ERROR(TakeLines(file.get(), length));
+  return replaced || offset_ != before;
+}
+
+Status CommitTable::TakeLines(int file, std::uint64_t length) {
+  LineCutter cutter;
+  std::vector<char> block(1 << 18);
+  for (std::uint64_t at = offset_; at < length;) {
+    const auto want = static_cast<std::size_t>(std::min<std::uint64_t>(block.size(), length - at));
+    const ssize_t got = ::pread(file, block.data(), want, static_cast<off_t>(at));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return Fail(ErrnoError("read", file_, errno));
+    if (got == 0) break;
+    at += static_cast<std::uint64_t>(got);
+    cutter.Add({block.data(), static_cast<std::size_t>(got)}, [&](const std::string* line, std::size_t left) {
+      offset_ = at - left;
+      if (line)
+        Take(*line);
+      else
+        ++unread_;
+    });
+  }
+  return {};
+}
+
+std::size_t CommitTable::RowOfIndex(std::uint64_t index) const {
+  const auto found = row_of_.find(index);
+  return found == row_of_.end() ? size() : found->second;
+}
+
+CommitRow CommitTable::Row(std::size_t row) const {
+  CommitRow out;
+  out.index = index_[row];
+  out.attempt = attempt_[row];
+  out.t = t_[row];
+  out.facts = {worker_.At(row), host_.At(row), timings_[row]};
+  out.bytes = bytes_[row];
+  out.steps = steps_[row];
+  out.frames = frames_[row];
+  out.outcome = outcome_.At(row);
+  out.robot = robot_.At(row);
+  out.task = task_.At(row);
+  out.target = target_.At(row);
+  out.reference = reference_.At(row);
+  out.instruction = instruction_.At(row);
+  out.path_m = path_m_[row];
+  out.jerk = jerk_[row];
+  out.draws = draws_[row];
+  return out;
+}
+
+}  // namespace etude::store

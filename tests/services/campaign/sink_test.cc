@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/campaign/sink.cc
+#include "services/campaign/sink.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "services/core/clock.h"
+#include "tests/support/matchers.h"
+#include "tests/support/synthetic_episode.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::campaign {
+namespace {
+
+CampaignSpec RolloutSpec() {
+  CampaignSpec spec = SyntheticSpec();
+  spec.mode = "rollout";
+  spec.episodes = 3;
+  return spec;
+}
+
+store::CommitFacts Took(double wall_s) {
+  store::CommitFacts facts;
+  facts.timings.wall_s = wall_s;
+  return facts;
+}
+
+std::vector<OrderedJson> Lines(const Path& file) {
+  std::vector<OrderedJson> lines;
+  std::istringstream text(ReadTextFile(file).value_or(""));
+  for (std::string line; std::getline(text, line);) lines.push_back(OrderedJson::parse(line));
+  return lines;
+}
+
+OrderedJson Report(const Path& out) { return OrderedJson::parse(ReadTextFile(out / "eval.json").value_or("null")); }
+
+TEST(EvalSink, ARolloutIsARowAtOnceAndTheReportSaysOfWhat) {
+  const TemporaryFolder folder;
+  const CampaignSpec spec = RolloutSpec();
+  const EvalSubject subject{.run_id = "00112233445566aa",
+                            .run = "demo",
+                            .sha256 = std::string(64, 'a'),
+                            .step = 900,
+                            .file = "/runs/demo/checkpoints/00000900.safetensors",
+                            .dataset = "f00"};
+  auto sink = OpenSink(folder.path(), spec, subject);
+  ASSERT_THAT(sink, IsOk());
+  EXPECT_TRUE(Lines(folder / "eval.jsonl").empty());
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    ASSERT_THAT((*sink)->Commit(MakeSyntheticEpisode(spec, i), Took(1.5)), IsOk());
+    EXPECT_EQ(Lines(folder / "eval.jsonl").size(), i + 1) << "nobody has to wait for the report";
+  }
+
+  const OrderedJson report = Report(folder.path());
+  EXPECT_EQ(report["done"], 3);
+  EXPECT_EQ(report["policy"].dump(), OrderedJson({{"run_id", subject.run_id},
+                                                  {"run", "demo"},
+                                                  {"sha256", subject.sha256},
+                                                  {"step", 900},
+                                                  {"file", subject.file}})
+                                         .dump());
+  EXPECT_EQ(report["dataset"], "f00");
+  EXPECT_EQ(report["judge"], "strict");
+  EXPECT_NEAR(report["created"].get<double>(), WallSeconds(), 120);
+  const OrderedJson& row = report["per_episode"][1];
+  EXPECT_EQ(row.dump(), Lines(folder / "eval.jsonl")[1].dump());
+  EXPECT_EQ(row["robot"], MakeSyntheticEpisode(spec, 1).robot);
+  EXPECT_TRUE(row.contains("reference"));
+  EXPECT_TRUE(row.contains("success_latched"));
+  EXPECT_EQ(row["wall_s"], 1.5);
+}
+
+TEST(EvalSink, GoesOnWhereItStoppedWithoutARowTwice) {
+  const TemporaryFolder folder;
+  const CampaignSpec spec = RolloutSpec();
+  {
+    auto sink = OpenSink(folder.path(), spec, {.run = "demo", .sha256 = std::string(64, 'a'), .step = 900});
+    ASSERT_THAT(sink, IsOk());
+    ASSERT_THAT((*sink)->Commit(MakeSyntheticEpisode(spec, 1), Took(2)), IsOk());
+  }
+  std::ofstream(folder / "eval.jsonl", std::ios::app) << "{\"index\": 2, \"to";
+  const double created = Report(folder.path())["created"];
+
+  auto sink = OpenSink(folder.path(), spec);
+  ASSERT_THAT(sink, IsOk());
+  ASSERT_THAT((*sink)->Commit(MakeSyntheticEpisode(spec, 1), Took(9)), IsOk());
+  ASSERT_THAT((*sink)->Commit(MakeSyntheticEpisode(spec, 0), Took(3)), IsOk());
+  ASSERT_THAT((*sink)->WriteIndex(), IsOk());
+
+  const auto lines = Lines(folder / "eval.jsonl");
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_EQ(lines[0]["index"], 1);
+  EXPECT_EQ(lines[0]["wall_s"], 2) << "from the journal of the rollouts";
+  EXPECT_EQ(lines[1]["index"], 0);
+  const OrderedJson report = Report(folder.path());
+  EXPECT_EQ(report["created"], created);
+  EXPECT_EQ(report["policy"]["step"], 900) << "a start that names no checkpoint takes none away";
+  EXPECT_EQ(report["done"], 2);
+}
+
+}  // namespace
+}  // namespace etude::campaign

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/cli/campaign.cc, top.cc, topic.cc and bus_watch.cc against a collector, as a user meets them
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <future>
+
+#include "services/core/command.h"
+#include "services/store/dataset.h"
+#include "tests/services/campaign/fake_work.h"
+#include "tests/services/campaign/running_collector.h"
+#include "tests/support/etude_command.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::campaign {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr std::uint32_t kDomain = 87;
+
+// What stands behind the lines of the log.
+OrderedJson JsonIn(const std::string& text) {
+  const auto begin = text.find('{');
+  return begin == std::string::npos ? OrderedJson() : OrderedJson::parse(text.substr(begin), nullptr, false);
+}
+
+class BusCommands : public testing::Test {
+ protected:
+  void SetUp() override {
+    spec_ = SyntheticSpec();
+    spec_.name = "commands-" + std::to_string(::getpid());
+    spec_.episodes = 6;
+    auto participant = bus::Participant::Open({kDomain, ""});
+    ASSERT_TRUE(participant) << participant.error().message;
+    participant_ = std::make_unique<bus::Participant>(std::move(*participant));
+    auto collector = Collector::Open(*participant_, spec_, folder_ / "data", QuickOptions());
+    ASSERT_TRUE(collector) << collector.error().message;
+    running_ = std::make_unique<Running>(std::move(*collector));
+  }
+  CommandOutcome Etude(std::vector<std::string> arguments, const std::string& log = "output.txt") {
+    arguments.insert(arguments.end(), {"--domain", std::to_string(kDomain)});
+    return RunEtude(arguments, folder_ / log);
+  }
+  CommandOutcome Campaign(const std::string& action, const std::string& log = "output.txt") {
+    return Etude({"campaign", action, spec_.name}, log);
+  }
+  bus::Verdict Finish(RawWorker& worker, const bus::Lease& lease) {
+    return worker.Send(lease, FakeEpisode(spec_, lease.index, lease.attempt));
+  }
+
+  TemporaryFolder folder_;
+  CampaignSpec spec_;
+  std::unique_ptr<bus::Participant> participant_;
+  std::unique_ptr<Running> running_;
+};
+
+TEST_F(BusCommands, PauseLeasesNothingNewAndLosesNothing) {
+  RawWorker first(*participant_, spec_, (*running_)->id(), "first");
+  RawWorker second(*participant_, spec_, (*running_)->id(), "second");
+  const bus::Lease lease = first.Ask();
+  ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
+
+  const auto paused = Campaign("pause");
+  EXPECT_EQ(paused.exit_code, kExitOk) << paused.text;
+  EXPECT_THAT(paused.text, HasSubstr(": paused, 0 of 6 committed"));
+  EXPECT_THAT(paused.text, HasSubstr("etude campaign resume"));
+  EXPECT_EQ(second.Ask().kind, bus::LeaseKind::kWait);
+  EXPECT_EQ(first.Ask().index, lease.index) << "who asks again is told what it holds";
+  EXPECT_EQ(Finish(first, lease).kind, bus::AckKind::kDone) << "what is leased is committed";
+  EXPECT_EQ(first.Ask().kind, bus::LeaseKind::kWait);
+
+  const auto resumed = Campaign("resume");
+  EXPECT_EQ(resumed.exit_code, kExitOk) << resumed.text;
+  EXPECT_THAT(resumed.text, HasSubstr(": running, 1 of 6 committed"));
+  EXPECT_EQ(second.Ask().kind, bus::LeaseKind::kWork);
+
+  const auto again = Campaign("resume");
+  EXPECT_EQ(again.exit_code, kExitUsage);
+  EXPECT_THAT(again.text, HasSubstr("refused: campaign '" + spec_.name + "' is not paused"));
+}
+
+TEST_F(BusCommands, DrainWaitsForWhatIsLeased) {
+  RawWorker worker(*participant_, spec_, (*running_)->id(), "worker");
+  const bus::Lease lease = worker.Ask();
+  ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
+  auto drained = std::async(std::launch::async, [this] { return Campaign("drain", "drain.txt"); });
+  auto statuses = bus::Reader<bus::CampaignStatus>::Open(*participant_, PartitionOf(*running_, spec_));
+  ASSERT_TRUE(statuses);
+  std::string state;
+  while (state != "draining" && statuses->Wait(20s))
+    for (const auto& status : statuses->Take()) state = status.state;
+  EXPECT_EQ(state, "draining");
+  EXPECT_EQ(Finish(worker, lease).kind, bus::AckKind::kDone);
+
+  const auto outcome = drained.get();
+  EXPECT_EQ(outcome.exit_code, kExitOk) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr(": paused, 1 of 6 committed"));
+}
+
+TEST_F(BusCommands, StopEndsTheCollectorWhichResumesLater) {
+  const auto stopped = Campaign("stop");
+  EXPECT_EQ(stopped.exit_code, kExitOk) << stopped.text;
+  EXPECT_THAT(stopped.text, HasSubstr(": stopping"));
+  running_->Join();
+  EXPECT_TRUE(running_->status());
+  EXPECT_FALSE((*running_)->progress().complete);
+  running_.reset();
+
+  const auto gone = Campaign("pause");
+  EXPECT_EQ(gone.exit_code, kExitFailure);
+  EXPECT_THAT(gone.text, HasSubstr("is not live on domain 87"));
+
+  Running again(std::move(*Collector::Open(*participant_, spec_, folder_ / "data", QuickOptions())));
+  RawWorker worker(*participant_, spec_, again->id(), "worker");
+  EXPECT_EQ(worker.Ask().kind, bus::LeaseKind::kWork);
+}
+
+TEST_F(BusCommands, ShowWhatIsLive) {
+  const auto list = Etude({"campaign", "list"});
+  EXPECT_EQ(list.exit_code, kExitOk) << list.text;
+  EXPECT_THAT(list.text, HasSubstr(spec_.name + "@" + (*running_)->id() + "  running  0/6"));
+
+  const auto status = Etude({"campaign", "status", spec_.name, "--json"});
+  ASSERT_EQ(status.exit_code, kExitOk) << status.text;
+  const auto json = JsonIn(status.text);
+  EXPECT_EQ(json["total"], 6);
+  EXPECT_EQ(json["state"], "running");
+
+  const auto top = Etude({"top", "--once"});
+  EXPECT_EQ(top.exit_code, kExitOk) << top.text;
+  EXPECT_THAT(top.text, HasSubstr(spec_.name + ": collecting 0 of 6"));
+}
+
+TEST_F(BusCommands, TopicsAndTheirMessages) {
+  const auto list = Etude({"topic", "list"});
+  EXPECT_EQ(list.exit_code, kExitOk) << list.text;
+  EXPECT_THAT(list.text, HasSubstr("etude/campaign/status\n  type     etude::wire::CampaignStatus\n"));
+  EXPECT_THAT(list.text, HasSubstr("reliable, transient-local, last 1"));
+
+  const auto echo =
+      Etude({"topic", "echo", "etude/campaign/status", "--count", "1", "--partition", PartitionOf(*running_, spec_)});
+  ASSERT_EQ(echo.exit_code, kExitOk) << echo.text;
+  const auto message = JsonIn(echo.text);
+  EXPECT_EQ(message["campaign"], spec_.name);
+  EXPECT_EQ(message["total"], 6);
+
+  const auto bulk = Etude({"topic", "echo", "etude/blob/chunk"});
+  EXPECT_EQ(bulk.exit_code, kExitUsage);
+  EXPECT_THAT(bulk.text, HasSubstr("etude topic hz etude/blob/chunk"));
+  const auto unknown = Etude({"topic", "echo", "etude/campaign/statu"});
+  EXPECT_EQ(unknown.exit_code, kExitUsage);
+  EXPECT_THAT(unknown.text, HasSubstr("did you mean 'etude/campaign/status'"));
+}
+
+}  // namespace
+}  // namespace etude::campaign

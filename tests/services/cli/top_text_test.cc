@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/cli/top_text.cc and topic_rates.cc
+#include "services/cli/top_text.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "services/cli/topic_rates.h"
+
+namespace etude::cli {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+using namespace std::chrono_literals;
+
+const MonotonicClock::time_point kNow{1000s};
+
+BusView Collecting() {
+  BusView view;
+  CampaignView& campaign = view.campaigns["0011"];
+  campaign.presence.name = "quickstart";
+  campaign.presence.id = "0011";
+  bus::CampaignStatus status;
+  status.committed = 1412;
+  status.total = 6000;
+  status.eta_s = 185;
+  status.episodes_per_minute = 61.3;
+  status.workers = 2;
+  status.state = "running";
+  status.failures_json = R"({"plan_failed": 4})";
+  campaign.status = {status, kNow};
+  for (int i = 0; i < 40; ++i) {
+    bus::WorkerStatus worker;
+    worker.worker = fmt::format("lab-7-{:02}", i);
+    worker.phase = "play";
+    worker.stage = "reach";
+    worker.step = 212;
+    worker.token = 1;
+    worker.index = 413;
+    worker.last_outcome = "success";
+    campaign.workers[worker.worker] = {worker, kNow};
+  }
+  return view;
+}
+
+RunView Training() {
+  RunView run{.name = "quickstart", .id = "0022"};
+  bus::TrainStatus status;
+  status.step = 6589;
+  status.stage = status.stages = 5;
+  status.stage_name = "CTRL";
+  status.loss = 0.25;
+  status.metrics_json = R"({"TAR3D.cm": 0.15, "loss": 3})";
+  run.status = {status, kNow};
+  bus::PolicyStatus policy;
+  policy.server = "lab-7-1";
+  policy.step = 6500;
+  policy.sha256 = "c4ad6f0ef74d11112222";
+  policy.control_trained = true;
+  policy.sessions = 1;
+  run.policies["lab-7-1"] = {policy, kNow};
+  return run;
+}
+
+TEST(StateSentence, SaysWhatGoesOn) {
+  BusView view = Collecting();
+  EXPECT_EQ(StateSentence(view, kNow), "quickstart: collecting 1,412 of 6,000, done in 3:05");
+  view.runs["0022"] = Training();
+  EXPECT_THAT(StateSentence(view, kNow), HasSubstr("quickstart: training stage 5/5 CTRL, step 6,589"));
+  EXPECT_THAT(StateSentence(view, kNow), HasSubstr("step 6,500 serves 1 session"));
+  EXPECT_EQ(StateSentence(BusView{.domain = 7}, kNow), "nothing is live on domain 7");
+}
+
+TEST(StateSentence, KnowsWhatStandsAndWhatIsSilent) {
+  BusView view = Collecting();
+  auto& status = view.campaigns["0011"].status->message;
+  status.state = "paused";
+  EXPECT_EQ(StateSentence(view, kNow), "quickstart: paused at 1,412 of 6,000");
+  status.state = "running";
+  EXPECT_THAT(StateSentence(view, kNow + 14s), HasSubstr("(silent 14 s)"));
+  status.committed = status.total;
+  EXPECT_EQ(StateSentence(view, kNow), "quickstart: collected 6,000 of 6,000");
+}
+
+TEST(TopText, ShowsCampaignWorkersTrainingAndPolicy) {
+  BusView view = Collecting();
+  view.runs["0022"] = Training();
+  const std::string text = TopText(view, kNow);
+  EXPECT_THAT(text, HasSubstr("61.3/min"));
+  EXPECT_THAT(text, HasSubstr("failed: plan_failed 4"));
+  EXPECT_THAT(text, HasSubstr("lab-7-39"));
+  EXPECT_THAT(text, HasSubstr("#413 a0"));
+  EXPECT_THAT(text, HasSubstr("loss 0.25"));
+  EXPECT_THAT(text, HasSubstr("TAR3D.cm 0.15"));
+  EXPECT_THAT(text, HasSubstr("sha256 c4ad6f0ef74d "));
+}
+
+TEST(TopText, FitsTheScreen) {
+  BusView view = Collecting();
+  view.runs["0022"] = Training();
+  view.campaigns["0011"].workers.begin()->second.message.stage = "bad\x1b[2J";
+  const std::string text = TopText(view, kNow, 20, 60);
+  EXPECT_LE(std::count(text.begin(), text.end(), '\n'), 20);
+  EXPECT_THAT(text, HasSubstr("more"));
+  EXPECT_THAT(text, Not(HasSubstr("\x1b"))) << "what came over the bus moves no cursor";
+  for (std::size_t at = 0, end; (end = text.find('\n', at)) != std::string::npos; at = end + 1)
+    EXPECT_LE(end - at, 60u);
+}
+
+TEST(TopicRates, AreDifferencesOfWhatWritersCount) {
+  const auto status = [](std::uint64_t samples) {
+    bus::ProcessStatus process;
+    process.process = "p";
+    process.topics_json = fmt::format(R"([{{"topic": "t", "kind": "writer", "samples": {}, "bytes": {}}},)"
+                                      R"({{"topic": "t", "kind": "reader", "samples": 9, "bytes": 9}}, 3, {{}}])",
+                                      samples, 100 * samples);
+    return process;
+  };
+  BusView view;
+  view.processes["p"] = {status(10), kNow};
+  TopicRates rates;
+  rates.Begin(view);
+  view.processes["p"] = {status(30), kNow + 4s};
+  view.processes["new"] = {status(99), kNow + 4s};
+
+  const auto found = rates.End(view);
+
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_DOUBLE_EQ(found.at("t").samples_per_second, 5);
+  EXPECT_DOUBLE_EQ(found.at("t").bytes_per_second, 500);
+  EXPECT_EQ(found.at("t").writers, 1);
+}
+
+}  // namespace
+}  // namespace etude::cli

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/core/process_facts.cc
+#include "services/core/process_facts.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/temporary_folder.h"
+
+namespace etude {
+namespace {
+
+TEST(ProcessMeter, KnowsMemoryAndDisk) {
+  const TemporaryFolder folder;
+  const ProcessFacts facts = ProcessMeter(folder / "not/there/yet").Measure();
+  EXPECT_GT(facts.rss_bytes, 1u << 20);
+  EXPECT_GT(facts.disk_total_bytes, 0u);
+  EXPECT_LE(facts.disk_free_bytes, facts.disk_total_bytes);
+  EXPECT_EQ(ProcessMeter(folder.path()).Measure().disk_total_bytes, facts.disk_total_bytes) << "of the one above it";
+}
+
+TEST(ProcessMeter, CountsTheCoresThatAreInUse) {
+  ProcessMeter meter;
+  (void)meter.Measure();
+  const Stopwatch watch;
+  volatile double sum = 0;
+  while (watch.Seconds() < 0.2) sum = sum + 1;
+  const double cpu = meter.Measure().cpu;
+  EXPECT_GT(cpu, 0.05) << "also on a busy machine";
+  EXPECT_LT(cpu, 4);
+}
+
+}  // namespace
+}  // namespace etude
