@@ -59,8 +59,8 @@ struct Mp4Writer::Impl {
 
   Status Check(int result, const char* what) const {
     if (result >= 0) return {};
-    const bool disk = result == AVERROR(ENOSPC) || result == AVERROR(EACCES) || result == AVERROR(ENOENT) ||
-                      result == AVERROR(EROFS);
+    const bool disk =
+        result == AVERROR(ENOSPC) || result == AVERROR(EACCES) || result == AVERROR(ENOENT) || result == AVERROR(EROFS);
     return Fail(disk ? Code::kUnavailable : Code::kInternal,
                 fmt::format("write the video '{}': {}: {}", path.string(), what, Words(result)));
   }
@@ -100,8 +100,7 @@ Status Mp4Writer::Impl::OpenCodec() {
 Status Mp4Writer::Impl::OpenFile() {
   AVFormatContext* made = nullptr;
   // the path, for the index is put in front in a second pass
-  ETUDE_RETURN_IF_ERROR(
-      Check(avformat_alloc_output_context2(&made, nullptr, "mp4", path.c_str()), "make a container"));
+  ETUDE_RETURN_IF_ERROR(Check(avformat_alloc_output_context2(&made, nullptr, "mp4", path.c_str()), "make a container"));
   file.reset(made);
   file->flags |= AVFMT_FLAG_BITEXACT;
   ETUDE_RETURN_IF_ERROR(OpenCodec());
@@ -164,9 +163,8 @@ Status Mp4Writer::Add(std::span<const std::uint8_t> rgb, KeyFrame key) {
   Impl& impl = *impl_;
   const auto& format = impl.format;
   if (rgb.size() != 3ull * format.width * format.height)
-    return Fail(Code::kInvalidArgument,
-                fmt::format("write the video '{}': a picture of {} bytes is not {}x{} RGB", impl.path.string(),
-                            rgb.size(), format.width, format.height));
+    return Fail(Code::kInvalidArgument, fmt::format("write the video '{}': a picture of {} bytes is not {}x{} RGB",
+                                                    impl.path.string(), rgb.size(), format.width, format.height));
   ETUDE_RETURN_IF_ERROR(impl.Check(av_frame_make_writable(impl.frame.get()), "take a picture"));
   const std::uint8_t* const planes[] = {rgb.data()};
   const int strides[] = {3 * format.width};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures -> an mp4 whose picture k is shown at exactly k / fps: H.264, constant rate, no B-frames, every second picture
-// a key frame, so that readers who ask for single pictures find them quickly. libav stays behind this header.
+// Pictures -> an mp4 whose picture k is shown at exactly k / fps: H.264, constant rate, no B-frames, every second
+// picture a key frame, so that readers who ask for single pictures find them quickly. libav stays behind this header.
 //
 //   ETUDE_ASSIGN_OR_RETURN(auto video, Mp4Writer::Create("a.mp4", {.width = 64, .height = 64, .fps = 25}));
 //   for (const auto& rgb : pictures) ETUDE_RETURN_IF_ERROR(video.Add(rgb, KeyFrame::kAsNeeded));

@@ -18,8 +18,8 @@ enum class Encoding : std::int32_t { kPlain = 0, kRle = 3 };
 PhysicalType PhysicalTypeOf(ParquetType type);
 
 struct Page {
-  std::string bytes;             ///< header and data
-  std::uint64_t levels = 0;      ///< entries: values, and a place for each empty list
+  std::string bytes;                    ///< header and data
+  std::uint64_t levels = 0;             ///< entries: values, and a place for each empty list
   std::optional<std::string> min, max;  ///< of the values, plain encoding; none: no value, or one that is not a number
 };
 

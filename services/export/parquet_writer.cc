@@ -97,8 +97,8 @@ void Chunk(ThriftWriter& thrift, const ParquetColumn& column, const ChunkRecord&
   thrift.Long(2, static_cast<std::int64_t>(chunk.offset));
   thrift.BeginStruct(3);
   thrift.Integer(1, static_cast<std::int32_t>(internal::PhysicalTypeOf(column.type)));
-  thrift.Integers(2, {static_cast<std::int32_t>(internal::Encoding::kPlain),
-                      static_cast<std::int32_t>(internal::Encoding::kRle)});
+  thrift.Integers(
+      2, {static_cast<std::int32_t>(internal::Encoding::kPlain), static_cast<std::int32_t>(internal::Encoding::kRle)});
   thrift.Texts(3, PathOf(column));
   thrift.Integer(4, 0);  // not compressed
   thrift.Long(5, static_cast<std::int64_t>(chunk.levels));

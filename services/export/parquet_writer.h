@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Apache Parquet files, as much of the format as columns of numbers, texts and lists of them need: data pages of version
-// 1, plain encoding, no compression, a page a column and row group, statistics. Debian 12 has no library that writes
-// them. Source: parquet-format (parquet.thrift, README.md, Encodings.md, LogicalTypes.md) of the Apache Software
+// Apache Parquet files, as much of the format as columns of numbers, texts and lists of them need: data pages of
+// version 1, plain encoding, no compression, a page a column and row group, statistics. Debian 12 has no library that
+// writes them. Source: parquet-format (parquet.thrift, README.md, Encodings.md, LogicalTypes.md) of the Apache Software
 // Foundation.
 //
 //   ETUDE_ASSIGN_OR_RETURN(auto file, ParquetWriter::Create("a.parquet", {{"t", kFloat}, {"q", kFloat, 1}}, {}));
