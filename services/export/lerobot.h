@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "services/core/file.h"
+#include "services/core/output_folder.h"
 #include "services/core/result.h"
-#include "services/export/output_folder.h"
 
 namespace etude::exports {
 

@@ -7,6 +7,7 @@
 //     dataset.hdf5              /data/demo_<i>: external links to the files above; /mask/{train,valid,test}
 //     attempts.jsonl            every failed attempt: index, attempt, seed, outcome, details
 //     sampling.jsonl            from which index on which sampling weights hold (sampling_journal.h); most have none
+//     filters.json              episodes that someone picked, by a name (filter_keys.h); most have none
 //     quarantine/               what verify moved aside
 #pragma once
 

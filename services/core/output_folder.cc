@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "services/export/output_folder.h"
+#include "services/core/output_folder.h"
 
 #include <fmt/format.h>
 
 #include <system_error>
 
-namespace etude::exports {
+namespace etude {
 namespace {
 
 namespace fs = std::filesystem;
@@ -18,13 +18,13 @@ Path Plain(const Path& out) {
 
 }  // namespace
 
-Result<OutputFolder> OutputFolder::Create(const Path& out, Leftover leftover) {
+Result<Path> ClaimOutput(const Path& out, Leftover leftover) {
   const Path place = Plain(out);
   const Path partial = place.parent_path() / (place.filename().string() + ".partial");
   std::error_code error;
   if (fs::exists(place, error) && !(fs::is_directory(place, error) && fs::is_empty(place, error)))
     return Fail(Code::kInvalidArgument,
-                fmt::format("'{}' is there already, and not an empty folder; name another one", place.string()));
+                fmt::format("'{}' is there already; name another place, nothing is written over", place.string()));
   if (fs::exists(partial, error)) {
     if (leftover == Leftover::kRefuse)
       return Fail(Code::kInvalidArgument,
@@ -34,15 +34,24 @@ Result<OutputFolder> OutputFolder::Create(const Path& out, Leftover leftover) {
     fs::remove_all(partial, error);
     if (error) return Fail(ErrnoError("remove", partial, error.value()));
   }
-  ETUDE_RETURN_IF_ERROR(MakeFolders(partial));
-  return OutputFolder(place, partial);
+  ETUDE_RETURN_IF_ERROR(MakeFolders(place.parent_path()));
+  return partial;
 }
 
-Status OutputFolder::Commit() {
+Status CommitOutput(const Path& partial, const Path& out) {
+  const Path place = Plain(out);
   std::error_code error;
-  fs::rename(partial_, out_, error);  // over an empty folder, too
-  if (error) return Fail(ErrnoError("rename to", out_, error.value()));
-  return SyncFolder(out_.parent_path());
+  fs::rename(partial, place, error);  // over an empty folder, too
+  if (error) return Fail(ErrnoError("rename to", place, error.value()));
+  return SyncFolder(place.parent_path());
 }
 
-}  // namespace etude::exports
+Result<OutputFolder> OutputFolder::Create(const Path& out, Leftover leftover) {
+  ETUDE_ASSIGN_OR_RETURN(Path partial, ClaimOutput(out, leftover));
+  ETUDE_RETURN_IF_ERROR(MakeFolders(partial));
+  return OutputFolder(out, std::move(partial));
+}
+
+Status OutputFolder::Commit() { return CommitOutput(partial_, out_); }
+
+}  // namespace etude
