@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -28,6 +29,21 @@ struct Selection {
 /// @error kNotFound: no dataset, a filter key that it lacks, an index that it lacks; kCorrupt, kUnavailable: an episode
 /// that cannot be read (`etude dataset verify` sets damaged ones aside)
 Result<std::vector<std::uint64_t>> Select(const Path& dataset, const Selection& selection);
+
+/// Name of a part -> its episodes, ascending. Names are fit to be folders'.
+using Groups = std::map<std::string, std::vector<std::uint64_t>>;
+
+/// By robot | task | target | split | outcome.
+/// @error kInvalidArgument: another word; as Select
+Result<Groups> GroupEpisodes(const Path& dataset, const std::string& by);
+
+struct PartShare {
+  std::string name;
+  double share = 0;  ///< > 0; relative to the sum of all
+};
+/// Deals the episodes at random, always the same for the same episodes: counts are the shares', rounded.
+/// @error kInvalidArgument: no part, a name that is not plain or comes twice, a share that is not positive; kNotFound
+Result<Groups> DealEpisodes(const Path& dataset, const std::vector<PartShare>& parts);
 
 /// Called now and then.
 using EditProgress = std::function<void(std::uint64_t done, std::uint64_t total)>;
