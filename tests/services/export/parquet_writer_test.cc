@@ -3,6 +3,7 @@
 // nothing with them, and by hyparquet where Node has it.
 #include "services/export/parquet_writer.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -60,7 +61,6 @@ class Parquet : public testing::Test {
                                       {{"key", "a value"}});
     ASSERT_THAT(file, IsOk());
     for (int g = 0; g < groups; ++g) {
-      OrderedJson rows = OrderedJson::array();
       ASSERT_THAT(file->WriteRowGroup(100, ExampleCells(g)), IsOk());
     }
     EXPECT_EQ(file->rows(), static_cast<std::uint64_t>(groups) * 100);
@@ -78,7 +78,7 @@ class Parquet : public testing::Test {
             {"text", i == 7 ? "" : "ä" + std::to_string(i)},
             {"vector", OrderedJson::array({1.0f * i, -2.0f * g})},
             {"words", words},
-            {"picture", {{{0.25 * i}}, {{1.0}}, {{2.0}}}}};
+            {"picture", OrderedJson::parse(fmt::format("[[[{}]],[[1.0]],[[2.0]]]", 0.25 * i))}};
   }
 
   static std::vector<ParquetCells> ExampleCells(int g) {
@@ -184,9 +184,9 @@ TEST_F(Parquet, RefusesCellsThatDoNotFit) {
 
 TEST_F(Parquet, RefusesColumnsWithoutOrWithOneName) {
   EXPECT_THAT(ParquetWriter::Create(path_, {}, {}), HasCode(Code::kInvalidArgument));
-  EXPECT_THAT(ParquetWriter::Create(path_, {{"a"}, {"a"}}, {}), MessageHas("has it twice"));
-  EXPECT_THAT(ParquetWriter::Create(path_, {{""}}, {}), HasCode(Code::kInvalidArgument));
-  EXPECT_THAT(ParquetWriter::Create(folder_ / "none/a.parquet", {{"a"}}, {}), HasCode(Code::kNotFound));
+  EXPECT_THAT(ParquetWriter::Create(path_, {ParquetColumn{"a"}, ParquetColumn{"a"}}, {}), MessageHas("has it twice"));
+  EXPECT_THAT(ParquetWriter::Create(path_, {ParquetColumn{""}}, {}), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(ParquetWriter::Create(folder_ / "none/a.parquet", {ParquetColumn{"a"}}, {}), HasCode(Code::kNotFound));
 }
 
 }  // namespace
