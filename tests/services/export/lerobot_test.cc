@@ -51,8 +51,7 @@ class LeRobot : public testing::Test {
     EXPECT_EQ(row["frame_index"], k);
     EXPECT_EQ(row["episode_index"], episode.index);
     EXPECT_EQ(row["timestamp"].get<float>(), static_cast<float>(k / 25.0));
-    for (std::size_t i = 0; i < 10; ++i)
-      EXPECT_EQ(row["action"][i].get<float>(), episode.actions_abs.row(command)[i]);
+    for (std::size_t i = 0; i < 10; ++i) EXPECT_EQ(row["action"][i].get<float>(), episode.actions_abs.row(command)[i]);
     for (std::size_t i = 0; i < 6; ++i)
       EXPECT_EQ(row["observation.state"][i].get<float>(), episode.joint_pos.row(step)[i]);
     EXPECT_EQ(row["observation.state"][6].get<float>(), episode.gripper_qpos.row(step)[0]);

@@ -14,7 +14,9 @@ namespace {
 
 constexpr int kPictures = 103;
 
-std::vector<std::uint8_t> Grey(int k) { return std::vector<std::uint8_t>(32 * 16 * 3, static_cast<std::uint8_t>(k * 2)); }
+std::vector<std::uint8_t> Grey(int k) {
+  return std::vector<std::uint8_t>(32 * 16 * 3, static_cast<std::uint8_t>(k * 2));
+}
 
 void WriteExample(const Path& path) {
   auto video = Mp4Writer::Create(path, {.width = 32, .height = 16, .fps = 25});
