@@ -221,6 +221,18 @@ Status Import(const EditArguments& arguments) {
   return {};
 }
 
+void AddExportOptions(CLI::App& exporting, const std::shared_ptr<EditArguments>& exported) {
+  exporting.add_option("dataset", exported->dataset, "dataset folder")->required();
+  exporting.add_option("out", exported->out, "lerobot: a new folder; robomimic: a new .hdf5 file")->required();
+  exporting.add_option("--format", exported->format, "lerobot | robomimic")
+      ->required()
+      ->check(CLI::IsMember({"lerobot", "robomimic"}));
+  exporting.add_option("--version", exported->version, "of LeRobot's format: 3.0 | 2.1")
+      ->check(CLI::IsMember({"3.0", "2.1"}))
+      ->capture_default_str();
+  exported->choice.Add(exporting);
+}
+
 void AddImport(CLI::App& command, Body& body, const std::shared_ptr<EditArguments>& arguments) {
   auto* import = command.add_subcommand("import", "a dataset of others' demonstrations");
   import->add_option("folder", arguments->dataset, "what to read: a folder an episode, each with states.json")
@@ -276,15 +288,7 @@ void AddDatasetEdit(CLI::App& command, Body& body) {
   removed->choice.Add(*remove);
 
   const auto [exporting, exported] = add("export", "for LeRobot (a folder) or robomimic (one file)", &Export);
-  exporting->add_option("dataset", exported->dataset, "dataset folder")->required();
-  exporting->add_option("out", exported->out, "lerobot: a new folder; robomimic: a new .hdf5 file")->required();
-  exporting->add_option("--format", exported->format, "lerobot | robomimic")
-      ->required()
-      ->check(CLI::IsMember({"lerobot", "robomimic"}));
-  exporting->add_option("--version", exported->version, "of LeRobot's format: 3.0 | 2.1")
-      ->check(CLI::IsMember({"3.0", "2.1"}))
-      ->capture_default_str();
-  exported->choice.Add(*exporting);
+  AddExportOptions(*exporting, exported);
 
   AddImport(command, body, std::make_shared<EditArguments>());
 }
