@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `etude checkpoint show|diff|watch`.
+// `etude checkpoint show|diff|export|watch`.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -172,7 +172,7 @@ Status Watch(const WatchArguments& arguments) {
 }  // namespace
 
 void AddCheckpoint(CLI::App& app, Body& body) {
-  auto* command = AddGroup(app, "checkpoint", "look at a checkpoint, or keep those that a run publishes");
+  auto* command = AddGroup(app, "checkpoint", "look at a checkpoint, export it, or keep those that a run publishes");
   auto file = std::make_shared<std::string>();
   auto showing = std::make_shared<ShowArguments>();
   auto* show = command->add_subcommand("show", "robot, camera, stage, modules and their errors, data, hash");
@@ -186,6 +186,13 @@ void AddCheckpoint(CLI::App& app, Body& body) {
   difference->add_option("first", *file, "checkpoint file")->required();
   difference->add_option("second", *second, "checkpoint file")->required();
   difference->callback([=, &body] { body = [=] { return ExecSibling("etude-policy", {"diff", *file, *second}); }; });
+
+  auto out = std::make_shared<std::string>(), format = std::make_shared<std::string>();
+  auto* exporting = command->add_subcommand("export", "for programs without Etude: TorchScript, opens with libtorch");
+  exporting->add_option("file", *file, "checkpoint file")->required();
+  exporting->add_option("out", *out, "the file to write, .pt")->required();
+  exporting->add_option("--format", *format, "torchscript")->required()->check(CLI::IsMember({"torchscript"}));
+  exporting->callback([=, &body] { body = [=] { return ExecSibling("etude-policy", {"torchscript", *file, *out}); }; });
 
   auto watching = std::make_shared<WatchArguments>();
   auto* watch = command->add_subcommand("watch", "subscribe to a run; write each verified checkpoint");

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// `etude dataset info|verify|hash|sheet`.
+// `etude dataset info|verify|hash|sheet`; dataset_edit.h has the rest.
 #include "services/store/dataset.h"
 
 #include <fmt/format.h>
 
 #include "services/cli/command_line.h"
+#include "services/cli/dataset_edit.h"
 #include "services/cli/filmstrip.h"
 #include "services/core/config.h"
 
@@ -50,7 +51,7 @@ Status Sheet(const std::string& dataset, const std::string& out, const Filmstrip
 }  // namespace
 
 void AddDataset(CLI::App& app, Body& body) {
-  auto* command = AddGroup(app, "dataset", "look at a dataset, verify it, hash it");
+  auto* command = AddGroup(app, "dataset", "look at a dataset, verify it, take it apart, export it");
   auto dataset = std::make_shared<std::string>();
   auto as_json = std::make_shared<bool>(false), keep = std::make_shared<bool>(false);
   const auto add = [&](const char* name, const char* description) {
@@ -74,6 +75,7 @@ void AddDataset(CLI::App& app, Body& body) {
   sheet->add_option("--episodes", options->episodes, "else so many rows: the first ones")->capture_default_str();
   sheet->add_option("--frames", options->frames, "columns")->capture_default_str();
   sheet->callback([=, &body] { body = [=] { return Sheet(*dataset, *out, *options); }; });
+  AddDatasetEdit(*command, body);
 }
 
 }  // namespace etude::cli

@@ -8,6 +8,7 @@
 //     attempts.jsonl            every failed attempt: index, attempt, seed, outcome, details
 //     commits.jsonl             every committed episode in a line (commit_journal.h): a cache of what the files hold
 //     sampling.jsonl            from which index on which sampling weights hold (sampling_journal.h); most have none
+//     filters.json              episodes that someone picked, by a name (filter_keys.h); most have none
 //     quarantine/               what verify moved aside
 #pragma once
 

@@ -15,6 +15,7 @@
 #include "services/store/commit_file.h"
 #include "services/store/commit_journal.h"
 #include "services/store/dataset.h"
+#include "services/store/edit.h"
 #include "services/store/episode_file.h"
 #include "services/store/layout.h"
 #include "services/store/master_file.h"
@@ -155,6 +156,7 @@ Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpe
   if (!found || ToJson(found->spec) != ToJson(spec))
     ETUDE_RETURN_IF_ERROR(internal::WriteDatasetFile(dataset, description));
 
+  ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
   ETUDE_ASSIGN_OR_RETURN(const auto files, internal::ListEpisodeFolder(dataset));
   ETUDE_RETURN_IF_ERROR(RemoveTemporaries(dataset, files));
   ETUDE_ASSIGN_OR_RETURN(auto attempts, LineAppender::Open(dataset / internal::kAttempts));

@@ -102,17 +102,31 @@ HdfWriter::HdfWriter()
       dataset_(H5Pcreate(H5P_DATASET_CREATE)) {
   const Hid creation(H5Pcreate(H5P_FILE_CREATE));
   const Hid access = MemoryAccess();
-
-  // no time of day in the file; attributes and few links stay in the object's own header
-  const bool good =
-      link_ && group_ && dataset_ && creation && access && KeepImage(access.get(), image_.get()) &&
-      H5Pset_obj_track_times(creation.get(), false) >= 0 && H5Pset_obj_track_times(group_.get(), false) >= 0 &&
-      H5Pset_obj_track_times(dataset_.get(), false) >= 0 && H5Pset_attr_phase_change(group_.get(), 128, 64) >= 0 &&
-      H5Pset_link_phase_change(group_.get(), 64, 32) >= 0 && H5Pset_create_intermediate_group(link_.get(), 1) >= 0;
+  const bool good = creation && access && KeepImage(access.get(), image_.get()) &&
+                    H5Pset_obj_track_times(creation.get(), false) >= 0 && MakePropertyLists();
   if (Check(good, "set up")) {
     file_ = Hid(H5Fcreate("new.hdf5", H5F_ACC_TRUNC, creation.get(), access.get()));
     Check(bool(file_), "create a file in memory");
   }
+}
+
+HdfWriter::HdfWriter(const Path& file, OnDisk how)
+    : link_(H5Pcreate(H5P_LINK_CREATE)), group_(H5Pcreate(H5P_GROUP_CREATE)), dataset_(H5Pcreate(H5P_DATASET_CREATE)) {
+  const Hid creation(H5Pcreate(H5P_FILE_CREATE));
+  const Hid access(H5Pcreate(H5P_FILE_ACCESS));
+  const bool good = creation && access && H5Pset_libver_bounds(access.get(), H5F_LIBVER_V18, H5F_LIBVER_V18) >= 0 &&
+                    H5Pset_obj_track_times(creation.get(), false) >= 0 && MakePropertyLists();
+  if (!Check(good, "set up")) return;
+  file_ = Hid(how == OnDisk::kNew ? H5Fcreate(file.c_str(), H5F_ACC_TRUNC, creation.get(), access.get())
+                                  : H5Fopen(file.c_str(), H5F_ACC_RDWR, access.get()));
+  Check(bool(file_), "open '" + file.string() + "'");
+}
+
+// no time of day in the file; attributes and few links stay in the object's own header
+bool HdfWriter::MakePropertyLists() {
+  return link_ && group_ && dataset_ && H5Pset_obj_track_times(group_.get(), false) >= 0 &&
+         H5Pset_obj_track_times(dataset_.get(), false) >= 0 && H5Pset_attr_phase_change(group_.get(), 128, 64) >= 0 &&
+         H5Pset_link_phase_change(group_.get(), 64, 32) >= 0 && H5Pset_create_intermediate_group(link_.get(), 1) >= 0;
 }
 
 bool HdfWriter::Check(bool good, const std::string& what) {
@@ -208,10 +222,26 @@ void HdfWriter::ExternalLink(const std::string& path, const std::string& file, c
         "link " + path);
 }
 
+void HdfWriter::CopyFrom(std::span<const std::uint8_t> bytes, const std::string& path) {
+  if (!failed_.empty()) return;
+  const Hid access = MemoryAccess();
+  const bool ready =
+      access && H5Pset_file_image(access.get(), const_cast<std::uint8_t*>(bytes.data()), bytes.size()) >= 0;
+  if (!Check(ready, "read bytes")) return;
+  const Hid source(H5Fopen("source.hdf5", H5F_ACC_RDONLY, access.get()));
+  if (!Check(bool(source), "open bytes")) return;
+  Group(path.substr(0, path.rfind('/')));
+  Check(H5Ocopy(source.get(), path.c_str(), file_.get(), path.c_str(), H5P_DEFAULT, link_.get()) >= 0, "copy " + path);
+}
+
 Result<std::vector<std::uint8_t>> HdfWriter::Finish() {
   if (failed_.empty()) Check(H5Fflush(file_.get(), H5F_SCOPE_LOCAL) >= 0, "flush");
   for (Hid* id : {&file_, &link_, &group_, &dataset_}) *id = Hid();
   lock_.Release();
+  if (!image_) {
+    if (!failed_.empty()) return Fail(Code::kInternal, "write an HDF5 file: " + failed_);
+    return std::vector<std::uint8_t>{};
+  }
 
   // memory grows in steps; where the file ends stands in its superblock (version 2, file format
   // III.A)

@@ -15,6 +15,7 @@
 #include <string_view>
 #include <vector>
 
+#include "services/core/file.h"
 #include "services/core/result.h"
 #include "services/store/dataset.h"
 
@@ -62,11 +63,14 @@ struct FileImage {
 template <class T>
 struct HdfType;
 
-/// Builds an HDF5 file in memory. The same calls give the same bytes: no time stamps, fixed format
-/// version. Paths are absolute ("/data/demo_1/actions"); missing groups are made.
+/// Builds an HDF5 file in memory, or adds to one on disk. The same calls give the same bytes: no time stamps, fixed
+/// format version. Paths are absolute ("/data/demo_1/actions"); missing groups are made.
 class HdfWriter {
  public:
   HdfWriter();
+  /// Of a file on disk, which need not fit into memory: made, empty, or opened to add to it.
+  enum class OnDisk { kNew, kAdd };
+  HdfWriter(const Path& file, OnDisk how);
 
   void Group(const std::string& path);
   /// Variable-length UTF-8.
@@ -89,8 +93,10 @@ class HdfWriter {
   /// (n,) byte strings of one length, padded with NUL.
   void FixedStrings(const std::string& path, const std::vector<std::string>& texts);
   void ExternalLink(const std::string& path, const std::string& file, const std::string& object);
+  /// `path` of another file, whose bytes these are, with all below it: compressed chunks as they are.
+  void CopyFrom(std::span<const std::uint8_t> bytes, const std::string& path);
 
-  /// The file's bytes; call once, last. @error kInternal with the first call that failed.
+  /// The file's bytes, none of a file on disk; call once, last. @error kInternal with the first call that failed.
   Result<std::vector<std::uint8_t>> Finish();
 
  private:
@@ -100,9 +106,10 @@ class HdfWriter {
                   std::size_t count);
   // remembers a failed call; returns whether all is well
   bool Check(bool good, const std::string& what);
+  bool MakePropertyLists();
 
   HdfLock lock_;
-  std::unique_ptr<FileImage> image_;
+  std::unique_ptr<FileImage> image_;   // null: on disk
   Hid file_, link_, group_, dataset_;  // the file; creation property lists
   std::string failed_;
 };

@@ -19,6 +19,7 @@ inline constexpr const char* kMasterFile = "dataset.hdf5";
 inline constexpr const char* kAttempts = "attempts.jsonl";
 inline constexpr const char* kCommits = "commits.jsonl";
 inline constexpr const char* kSampling = "sampling.jsonl";
+inline constexpr const char* kFilters = "filters.json";
 inline constexpr const char* kEpisodes = "episodes";
 inline constexpr const char* kQuarantine = "quarantine";
 inline constexpr const char* kLock = ".lock";

@@ -11,35 +11,56 @@
 namespace etude::store::internal {
 namespace {
 
+// "demo_12"
+std::string DemoName(std::uint64_t index) {
+  const std::string group = DemoGroup(index);
+  return group.substr(group.rfind('/') + 1);
+}
+
 Result<std::vector<std::uint8_t>> MasterBytes(const CampaignSpec& spec,
-                                              const std::map<std::uint64_t, EpisodeSummary>& episodes) {
+                                              const std::map<std::uint64_t, EpisodeSummary>& episodes,
+                                              const FilterKeys& chosen) {
   HdfWriter file;
-  std::map<std::string, std::vector<std::string>> masks{{"train", {}}, {"valid", {}}, {"test", {}}};
   std::int64_t total = 0;
   file.Group("/data");
   for (const auto& [index, episode] : episodes) {
-    const std::string group = DemoGroup(index);
-    const std::string name = group.substr(group.rfind('/') + 1);
     // relative to the master file's own folder, so that a dataset may be moved
-    file.ExternalLink(group, EpisodePath("", index).generic_string(), group);
-    masks[SplitOf(spec, index)].push_back(name);
-    std::string task = episode.task;
-    std::replace(task.begin(), task.end(), '+', '_');
-    if (IsPlainName(task)) masks[task].push_back(name);
+    file.ExternalLink(DemoGroup(index), EpisodePath("", index).generic_string(), DemoGroup(index));
     total += static_cast<std::int64_t>(episode.samples);
   }
   file.Attribute("/data", "total", total);
   file.Attribute("/data", "env_args", EnvArgs());
   file.Attribute("/data", "spec_sha256", SpecHash(spec));
-  for (const auto& [name, demos] : masks) file.FixedStrings("/mask/" + name, demos);
+  for (const auto& [name, demos] : MasksOf(spec, episodes, chosen)) file.FixedStrings("/mask/" + name, demos);
   return file.Finish();
 }
 
 }  // namespace
 
+std::map<std::string, std::vector<std::string>> MasksOf(const CampaignSpec& spec,
+                                                        const std::map<std::uint64_t, EpisodeSummary>& episodes,
+                                                        const FilterKeys& chosen) {
+  std::map<std::string, std::vector<std::string>> masks{{"train", {}}, {"valid", {}}, {"test", {}}};
+  for (const auto& [index, episode] : episodes) {
+    masks[SplitOf(spec, index)].push_back(DemoName(index));
+    std::string task = episode.task;
+    std::replace(task.begin(), task.end(), '+', '_');
+    if (IsPlainName(task)) masks[task].push_back(DemoName(index));
+  }
+  for (const auto& [name, indices] : chosen) {
+    auto& demos = masks[name];
+    demos.clear();  // a key of this name counts, also where a task has it
+    for (const std::uint64_t index : indices)
+      if (episodes.contains(index)) demos.push_back(DemoName(index));
+  }
+  return masks;
+}
+
 Status WriteMasterFile(const Path& dataset, const CampaignSpec& spec,
                        const std::map<std::uint64_t, EpisodeSummary>& episodes) {
-  ETUDE_ASSIGN_OR_RETURN(const auto bytes, MasterBytes(spec, episodes));
+  // keys that cannot be read keep no collector from its work; whoever reads or changes them is told
+  const FilterKeys chosen = ReadFilterKeys(dataset).value_or(FilterKeys());
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, MasterBytes(spec, episodes, chosen));
   return WriteFileAtomically(dataset / kMasterFile, bytes);
 }
 

@@ -25,17 +25,22 @@ OrderedJson DescribeModules(const PolicyConfig& config, const Outputs& outputs) 
   return json;
 }
 
-std::vector<float> WaypointsOf(const PolicyConfig& config, const Outputs& outputs) {
+torch::Tensor WaypointTensor(const PolicyConfig& config, const Outputs& outputs) {
   for (const ModuleConfig& module : config.modules) {
     const auto output = outputs.find(module.name);
     if (module.decoder.quantity != "trajectory" || output == outputs.end()) continue;
     const torch::Tensor said = output->second.decoded.at("trajectory");
     const torch::Tensor rotation = To6D(said.narrow(-1, 3, 6), module.decoder.rotation);
-    const torch::Tensor flat = WithRotation(said, 3, rotation).select(0, 0).select(0, 0);
-    const torch::Tensor dense = flat.to(torch::kCPU, torch::kFloat32).contiguous().view({-1});
-    return {dense.data_ptr<float>(), dense.data_ptr<float>() + dense.numel()};
+    return WithRotation(said, 3, rotation).select(0, 0).select(0, 0).to(torch::kFloat32);
   }
   return {};
+}
+
+std::vector<float> WaypointsOf(const PolicyConfig& config, const Outputs& outputs) {
+  const torch::Tensor waypoints = WaypointTensor(config, outputs);
+  if (!waypoints.defined()) return {};
+  const torch::Tensor dense = waypoints.to(torch::kCPU).contiguous().view({-1});
+  return {dense.data_ptr<float>(), dense.data_ptr<float>() + dense.numel()};
 }
 
 }  // namespace etude::policy

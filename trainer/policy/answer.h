@@ -15,6 +15,10 @@ namespace etude::policy {
 /// "soft_argmax" (px). Which modules there are and what they mean is the policy's file's.
 OrderedJson DescribeModules(const PolicyConfig& config, const Outputs& outputs);
 
+/// (kWaypoints, kWaypointSize) of the first sample's first sentence, as WaypointsOf; undefined: no module decodes a
+/// trajectory.
+torch::Tensor WaypointTensor(const PolicyConfig& config, const Outputs& outputs);
+
 /// The waypoints of the module that decodes a trajectory, kWaypoints * kWaypointSize numbers as in
 /// services/episode/action.h, rotations in 6D whatever the head's form. Empty: no module decodes one.
 std::vector<float> WaypointsOf(const PolicyConfig& config, const Outputs& outputs);

@@ -3,6 +3,10 @@
 
 namespace etude::policy {
 
+torch::Tensor LanguageEncoder::ForwardIds(const torch::Tensor&) {
+  TORCH_CHECK(false, "this policy's language encoder reads sentences, not features of words");
+}
+
 TrainedLanguageEncoder::TrainedLanguageEncoder(const LanguageConfig& config, int width, const std::string& activation,
                                                Output output) {
   tokenizer_.buckets = config.buckets;
@@ -30,7 +34,20 @@ torch::Tensor TrainedLanguageEncoder::Forward(const std::vector<std::string>& se
                                          torch::tensor(offsets, torch::kInt64).to(device),
                                          /*scale_grad_by_freq=*/false, /*mode=*/0, /*sparse=*/false,
                                          torch::tensor(weights, torch::kFloat32).to(vectors_.options()));
-  const torch::Tensor tokens = mlp_->Forward(std::get<0>(sums));
+  return Finish(std::get<0>(sums));
+}
+
+// No number of words or features is written into what is traced.
+torch::Tensor TrainedLanguageEncoder::ForwardIds(const torch::Tensor& ids) {
+  const torch::Tensor there = (ids >= 0).to(vectors_.scalar_type());
+  const torch::Tensor features = there.sum(1, /*keepdim=*/true);  // (W, 1) of each word
+  const torch::Tensor words = features.clamp_max(1).sum();        // that are there
+  const torch::Tensor weights = (there / (features.clamp_min(1) * words)).unsqueeze(-1);
+  return Finish((torch::embedding(vectors_, ids.clamp_min(0)) * weights).flatten(0, 1).sum(0, /*keepdim=*/true));
+}
+
+torch::Tensor TrainedLanguageEncoder::Finish(const torch::Tensor& means) {
+  const torch::Tensor tokens = mlp_->Forward(means);
   return norm_ != nullptr ? norm_->Forward(tokens) : tokens;
 }
 

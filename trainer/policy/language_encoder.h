@@ -23,6 +23,10 @@ class LanguageEncoder : public torch::nn::Module {
 
   /// @returns (D, d), one row a sentence; c10::Error for a sentence that Check refuses
   virtual torch::Tensor Forward(const std::vector<std::string>& sentences) = 0;
+  /// The same of one sentence whose words are features already: for who has no tokeniser of ours (TorchScript).
+  /// @param ids  (W, F) int64, a word a row, as language::Tokenize has them; -1 fills rows and rows of nothing
+  /// @returns (1, d); c10::Error of an encoder that reads no features
+  virtual torch::Tensor ForwardIds(const torch::Tensor& ids);
   /// @error kInvalidArgument: what the encoder cannot read, and why
   virtual Status Check(const std::string& sentence) const = 0;
 };
@@ -32,9 +36,12 @@ class TrainedLanguageEncoder : public LanguageEncoder {
  public:
   TrainedLanguageEncoder(const LanguageConfig& config, int width, const std::string& activation, Output output);
   torch::Tensor Forward(const std::vector<std::string>& sentences) override;
+  torch::Tensor ForwardIds(const torch::Tensor& ids) override;
   Status Check(const std::string& sentence) const override;
 
  private:
+  torch::Tensor Finish(const torch::Tensor& means);
+
   language::TokenizerConfig tokenizer_;
   torch::Tensor vectors_;  ///< (buckets, word width)
   std::shared_ptr<Mlp> mlp_;

@@ -2,6 +2,7 @@
 #include "trainer/policy/layers.h"
 
 #include <fmt/format.h>
+#include <torch/csrc/jit/frontend/tracer.h>
 
 #include "services/core/check.h"
 #include "trainer/policy/fused_norm.h"
@@ -62,7 +63,8 @@ NormRelu::NormRelu(int channels, Kind kind) : kind_(kind) {
 
 torch::Tensor NormRelu::Forward(const torch::Tensor& x, const torch::Tensor& residual) {
   constexpr double kEpsilon = 1e-5;
-  if (kind_ != Kind::kNone && CanFuseNormRelu(x)) {
+  // what is traced must run where this program is not: in torch's own operations
+  if (kind_ != Kind::kNone && CanFuseNormRelu(x) && !torch::jit::tracer::isTracing()) {
     const FusedNorm norm{.per_image = kind_ == Kind::kInstance,
                          .training = kind_ == Kind::kInstance || is_training(),
                          .epsilon = kEpsilon,

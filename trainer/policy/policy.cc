@@ -260,9 +260,10 @@ Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
   const Tensor joint_token = joints->Forward(
       config.joint_fourier ? torch::cat({tokens.joint_values, JointFeatures(tokens.joint_values, normalization)}, -1)
                            : tokens.joint_values);
-  tokens.sentence = language->Forward(inputs.sentences)
-                        .index_select(0, ToDevice(inputs.sentence_index, device).flatten())
-                        .view({batch, sentences, config.width});
+  const Tensor encoded =
+      inputs.token_ids.defined() ? language->ForwardIds(inputs.token_ids) : language->Forward(inputs.sentences);
+  tokens.sentence =
+      encoded.index_select(0, ToDevice(inputs.sentence_index, device).flatten()).view({batch, sentences, config.width});
   const bool look = std::any_of(modules.begin(), modules.end(), [&](const auto& module) {
     return module->config().level <= level && module->wiring().reads[0] == "image";
   });

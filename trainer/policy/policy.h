@@ -26,6 +26,7 @@ struct Inputs {
   torch::Tensor crop_origin;           ///< (B, 2) float: u0, v0 of each picture in the camera's picture, px
   torch::Tensor joints;                ///< (B, J) float, raw: arm joints then gripper joints
   std::vector<std::string> sentences;  ///< D distinct sentences
+  torch::Tensor token_ids;             ///< instead of sentences, of one (LanguageEncoder::ForwardIds)
   torch::Tensor sentence_index;        ///< (B, S) int64 into `sentences`; s = 0 is the demonstrated command
 };
 

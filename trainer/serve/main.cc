@@ -15,6 +15,7 @@
 #include "trainer/checkpoint/difference.h"
 #include "trainer/checkpoint/graph_picture.h"
 #include "trainer/checkpoint/names.h"
+#include "trainer/checkpoint/torchscript.h"
 #include "trainer/policy/device.h"
 #include "trainer/policy/policy_file.h"
 #include "trainer/policy/torch_process.h"
@@ -110,10 +111,18 @@ Status ShowDifference(const std::string& first, const std::string& second) {
   return {};
 }
 
+Status ExportTorchScript(const std::string& file, const std::string& out) {
+  ETUDE_ASSIGN_OR_RETURN(const auto checkpoint, checkpoint::ReadFile(file));
+  ETUDE_ASSIGN_OR_RETURN(const std::string bytes, checkpoint::ToTorchScript(checkpoint));
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(out, bytes));
+  fmt::print("{}: {} bytes; forward(crop, joints, token_ids) -> waypoints\n", out, bytes.size());
+  return {};
+}
+
 /// What the command line asks for besides serving.
 struct Looking {
-  CLI::App *graph = nullptr, *difference = nullptr, *watch = nullptr;
-  std::string file, svg, first, second, run;
+  CLI::App *graph = nullptr, *difference = nullptr, *torchscript = nullptr, *watch = nullptr;
+  std::string file, svg, first, second, run, out;
   WatchOptions watching;
   bus::Arguments bus;
 
@@ -124,6 +133,9 @@ struct Looking {
     difference = app.add_subcommand("diff", "which parts changed from one checkpoint to another, and by how much");
     difference->add_option("first", first, "checkpoint file")->required();
     difference->add_option("second", second, "checkpoint file")->required();
+    torchscript = app.add_subcommand("torchscript", "a checkpoint as a file that plain libtorch opens");
+    torchscript->add_option("checkpoint", file, "checkpoint file")->required();
+    torchscript->add_option("out", out, "the file to write, .pt")->required();
     AddWatch(app);
   }
 
@@ -181,6 +193,7 @@ int main(int argc, char** argv) {
   return etude::RunMain("etude-policy", [&] {
     if (looking.graph->parsed()) return etude::serve::DrawGraph(looking.file, looking.svg);
     if (looking.watch->parsed()) return looking.Watch();
+    if (looking.torchscript->parsed()) return etude::serve::ExportTorchScript(looking.file, looking.out);
     if (looking.difference->parsed()) return etude::serve::ShowDifference(looking.first, looking.second);
     return etude::serve::Serve(arguments);
   });

@@ -64,6 +64,12 @@ TEST_F(Cli, EveryCommandHasHelp) {
                                                        {"dataset", "info"},
                                                        {"dataset", "verify"},
                                                        {"dataset", "hash"},
+                                                       {"dataset", "filter"},
+                                                       {"dataset", "split"},
+                                                       {"dataset", "merge"},
+                                                       {"dataset", "delete"},
+                                                       {"dataset", "export"},
+                                                       {"dataset", "import"},
                                                        {"checkpoint"},
                                                        {"checkpoint", "show"},
                                                        {"checkpoint", "watch"},
@@ -465,6 +471,40 @@ TEST_F(Cli, DatasetThatIsNotThereIsNoUsageError) {
   const Outcome outcome = Etude({"dataset", "info", In("none")});
   EXPECT_EQ(outcome.exit_code, kExitFailure);
   EXPECT_THAT(outcome.text, HasSubstr("none"));
+}
+
+TEST_F(Cli, TakesDatasetsApartAndTogether) {
+  WriteDataset("data", {0, 1, 2, 3, 4, 5});
+  EXPECT_THAT(Etude({"dataset", "filter", In("data"), In("a"), "--index", "0-2", "5"}).text, HasSubstr("4 episodes"));
+  EXPECT_THAT(Etude({"dataset", "filter", In("data"), In("b"), "--index", "3", "4"}).text, HasSubstr("2 episodes"));
+  EXPECT_EQ(Etude({"dataset", "merge", In("a"), In("b"), "--out", In("all")}).exit_code, kExitOk);
+  EXPECT_EQ(Etude({"dataset", "hash", In("all")}).text, Etude({"dataset", "hash", In("data")}).text);
+
+  EXPECT_EQ(Etude({"dataset", "filter", In("all"), "--as", "keep", "--index", "1", "4"}).exit_code, kExitOk);
+  const Outcome asked = Etude({"dataset", "delete", In("all"), "--key", "keep"});
+  EXPECT_EQ(asked.exit_code, kExitUsage);
+  EXPECT_THAT(asked.text, HasSubstr("would delete 2 episodes for good: 1, 4; --yes does"));
+  EXPECT_EQ(Etude({"dataset", "delete", In("all"), "--key", "keep", "--yes"}).exit_code, kExitOk);
+  EXPECT_THAT(Etude({"dataset", "verify", In("all")}).text, HasSubstr("4 good, 0 bad"));
+  EXPECT_EQ(Etude({"dataset", "delete", In("all"), "--yes"}).exit_code, kExitUsage);  // everything is never meant
+
+  const Outcome split = Etude({"dataset", "split", In("data"), In("parts"), "--parts", "train=0.5", "valid=0.5"});
+  EXPECT_EQ(split.exit_code, kExitOk) << split.text;
+  EXPECT_THAT(Etude({"dataset", "verify", In("parts/valid")}).text, HasSubstr("3 good, 0 bad"));
+  EXPECT_EQ(Etude({"dataset", "filter", In("data"), In("c"), "--index", "9-3"}).exit_code, kExitUsage);
+  EXPECT_EQ(Etude({"dataset", "filter", In("data"), In("c"), "--robot", "panda"}).exit_code, kExitFailure);
+}
+
+TEST_F(Cli, ExportsForOthers) {
+  WriteDataset("data", {0, 1});
+  const Outcome lerobot = Etude({"dataset", "export", In("data"), In("lerobot"), "--format", "lerobot"});
+  EXPECT_EQ(lerobot.exit_code, kExitOk) << lerobot.text;
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "lerobot/meta/info.json"));
+  EXPECT_EQ(Etude({"dataset", "export", In("data"), In("lerobot"), "--format", "lerobot"}).exit_code, kExitUsage);
+  EXPECT_EQ(Etude({"dataset", "export", In("data"), In("r.hdf5"), "--format", "robomimic"}).exit_code, kExitOk);
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "r.hdf5.train_data.json"));
+  EXPECT_EQ(Etude({"dataset", "export", In("data"), In("x"), "--format", "rlds"}).exit_code, kExitUsage);
+  EXPECT_EQ(Etude({"dataset", "import", In("none"), In("x"), "--format", "modattn"}).exit_code, kExitFailure);
 }
 
 }  // namespace

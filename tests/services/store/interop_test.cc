@@ -3,39 +3,18 @@
 // file.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include <array>
-#include <cstdio>
 
 #include "services/codec/frame.h"
 #include "services/core/hash.h"
 #include "services/spec/episode_plan.h"
 #include "services/store/dataset.h"
+#include "tests/services/store/read_with_h5py.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
 namespace {
-
-struct Output {
-  int code = -1;
-  std::string text;
-};
-
-Output RunCommand(const std::string& command) {
-  Output output;
-  FILE* pipe = ::popen(command.c_str(), "r");
-  if (pipe == nullptr) return output;
-  std::array<char, 4096> buffer;
-  for (std::size_t got; (got = ::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;)
-    output.text.append(buffer.data(), got);
-  const int status = ::pclose(pipe);
-  output.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  return output;
-}
 
 class Interop : public testing::Test {
  protected:
@@ -48,12 +27,9 @@ class Interop : public testing::Test {
 
   // GTEST_SKIP must stand in the test itself, so this says whether h5py is there
   bool See(const Path& file, const std::string& group) {
-    const Output output =
-        RunCommand("/usr/bin/python3 tests/services/store/read_with_h5py.py " + file.string() + " " + group);
-    if (output.code == 77) return false;
-    EXPECT_EQ(output.code, 0) << output.text;
-    seen_ = Json::parse(output.text, nullptr, false);
-    return true;
+    const auto seen = ReadWithH5py(file, group);
+    if (seen) seen_ = *seen;
+    return seen.has_value();
   }
 
   void ExpectArray(const std::string& name, const Json& description) {
@@ -158,9 +134,9 @@ TEST_F(Interop, TheMasterFileMayBeMovedWithItsDataset) {
 }
 
 TEST_F(Interop, H5dumpReadsEveryByteOfAnEpisodeFile) {
-  if (RunCommand("h5dump --version 2>&1").code != 0) GTEST_SKIP() << "hdf5-tools is not installed";
+  if (RunInShell("h5dump --version 2>&1").code != 0) GTEST_SKIP() << "hdf5-tools is not installed";
 
-  const Output dump = RunCommand("h5dump " + EpisodePath(folder_.path(), 0).string() + " 2>&1");
+  const ShellOutput dump = RunInShell("h5dump " + EpisodePath(folder_.path(), 0).string() + " 2>&1");
 
   EXPECT_EQ(dump.code, 0) << dump.text.substr(0, 500);
   EXPECT_THAT(dump.text, testing::HasSubstr("GROUP \"demo_0\""));

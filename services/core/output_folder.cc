@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/core/output_folder.h"
+
+#include <fmt/format.h>
+
+#include <system_error>
+
+namespace etude {
+namespace {
+
+namespace fs = std::filesystem;
+
+// OUT without a slash at its end, absolute, so that its parent can be named
+Path Plain(const Path& out) {
+  const Path whole = fs::absolute(out).lexically_normal();
+  return whole.has_filename() ? whole : whole.parent_path();
+}
+
+}  // namespace
+
+Result<Path> ClaimOutput(const Path& out, Leftover leftover) {
+  const Path place = Plain(out);
+  const Path partial = place.parent_path() / (place.filename().string() + ".partial");
+  std::error_code error;
+  if (fs::exists(place, error) && !(fs::is_directory(place, error) && fs::is_empty(place, error)))
+    return Fail(Code::kInvalidArgument,
+                fmt::format("'{}' is there already; name another place, nothing is written over", place.string()));
+  if (fs::exists(partial, error)) {
+    if (leftover == Leftover::kRefuse)
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("'{}' is what an earlier command left that did not end (or one that is at work now); "
+                              "--restart removes it and begins anew",
+                              partial.string()));
+    fs::remove_all(partial, error);
+    if (error) return Fail(ErrnoError("remove", partial, error.value()));
+  }
+  ETUDE_RETURN_IF_ERROR(MakeFolders(place.parent_path()));
+  return partial;
+}
+
+Status CommitOutput(const Path& partial, const Path& out) {
+  const Path place = Plain(out);
+  std::error_code error;
+  fs::rename(partial, place, error);  // over an empty folder, too
+  if (error) return Fail(ErrnoError("rename to", place, error.value()));
+  return SyncFolder(place.parent_path());
+}
+
+Result<OutputFolder> OutputFolder::Create(const Path& out, Leftover leftover) {
+  ETUDE_ASSIGN_OR_RETURN(Path partial, ClaimOutput(out, leftover));
+  ETUDE_RETURN_IF_ERROR(MakeFolders(partial));
+  return OutputFolder(out, std::move(partial));
+}
+
+Status OutputFolder::Commit() { return CommitOutput(partial_, out_); }
+
+}  // namespace etude

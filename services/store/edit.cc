@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/store/edit.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+
+#include "services/core/stop.h"
+#include "services/episode/bounded_json.h"
+#include "services/store/filter_keys.h"
+#include "services/store/layout.h"
+#include "services/store/master_file.h"
+#include "services/store/summary.h"
+
+namespace etude::store {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kDeleting = "deleting.json";  // a deletion that has begun
+
+bool Holds(const std::vector<std::string>& allowed, const std::string& value) {
+  return allowed.empty() || std::find(allowed.begin(), allowed.end(), value) != allowed.end();
+}
+
+bool Fits(const Selection& selection, const CampaignSpec& spec, const Episode& episode) {
+  return Holds(selection.tasks, episode.task) && Holds(selection.targets, episode.target) &&
+         Holds(selection.robots, episode.robot) && Holds(selection.outcomes, episode.outcome) &&
+         Holds(selection.splits, SplitOf(spec, episode.index)) && episode.steps() >= selection.min_steps.value_or(0) &&
+         episode.steps() <= selection.max_steps.value_or(episode.steps());
+}
+
+// Whether only indices are asked for, so that no file has to be read.
+bool NeedsEpisodes(const Selection& s) {
+  return !(s.tasks.empty() && s.targets.empty() && s.robots.empty() && s.outcomes.empty() && s.splits.empty()) ||
+         s.min_steps || s.max_steps;
+}
+
+// Episodes that filter keys and indices leave.
+Result<std::vector<std::uint64_t>> Candidates(const DatasetReader& reader, const Selection& selection) {
+  ETUDE_ASSIGN_OR_RETURN(auto indices, reader.List());
+  if (!selection.keys.empty()) {
+    ETUDE_ASSIGN_OR_RETURN(const FilterKeys keys, ReadFilterKeys(reader.path()));
+    std::set<std::uint64_t> chosen;
+    for (const auto& name : selection.keys) {
+      const auto key = keys.find(name);
+      if (key == keys.end())
+        return Fail(Code::kNotFound, fmt::format("dataset '{}' has no filter key '{}'", reader.path().string(), name));
+      chosen.insert(key->second.begin(), key->second.end());
+    }
+    std::erase_if(indices, [&](std::uint64_t index) { return !chosen.contains(index); });
+  }
+  if (selection.indices.empty()) return indices;
+  for (const std::uint64_t index : selection.indices)
+    if (!fs::exists(EpisodePath(reader.path(), index)))
+      return Fail(Code::kNotFound, fmt::format("dataset '{}' has no episode {}", reader.path().string(), index));
+  std::erase_if(indices, [&](std::uint64_t index) { return !selection.indices.contains(index); });
+  return indices;
+}
+
+// The same file under another name where the file system can, else a copy.
+Status LinkOrCopy(const Path& from, const Path& to) {
+  ETUDE_RETURN_IF_ERROR(MakeFolders(to.parent_path()));
+  std::error_code error;
+  fs::create_hard_link(from, to, error);
+  if (!error) return {};
+  fs::copy_file(from, to, error);
+  if (error) return Fail(ErrnoError("copy", from, error.value()));
+  return SyncFile(to);
+}
+
+// Lines of attempts.jsonl about these episodes; they are only a record, so lines that do not parse are left out.
+Status CopyAttempts(const Path& from, const std::set<std::uint64_t>& indices, LineAppender& to) {
+  std::ifstream file(from / internal::kAttempts);
+  for (std::string line; std::getline(file, line);) {
+    const OrderedJson json = ParseBoundedJson(line).value_or(OrderedJson());
+    if (json.is_object() && json.contains("index") && json["index"].is_number_unsigned() &&
+        indices.contains(json["index"].get<std::uint64_t>()))
+      ETUDE_RETURN_IF_ERROR(to.Append(line));
+  }
+  return {};
+}
+
+// What the sources' filter keys say of the episodes that come along.
+Status CopyFilterKeys(const std::vector<internal::EpisodeSource>& sources, const Path& to) {
+  OrderedJson json = OrderedJson::object();
+  for (const auto& source : sources) {
+    ETUDE_ASSIGN_OR_RETURN(const FilterKeys keys, ReadFilterKeys(source.dataset));
+    for (const auto& [name, chosen] : keys)
+      for (const std::uint64_t index : chosen)
+        if (source.indices.contains(index)) json[name].push_back(index);
+  }
+  if (json.empty()) return {};
+  return WriteFileAtomically(to / internal::kFilters, json.dump() + "\n");
+}
+
+Status CopyAttempts(const std::vector<internal::EpisodeSource>& sources, const Path& to) {
+  ETUDE_ASSIGN_OR_RETURN(auto attempts, LineAppender::Open(to / internal::kAttempts));
+  for (const auto& source : sources) ETUDE_RETURN_IF_ERROR(CopyAttempts(source.dataset, source.indices, attempts));
+  return attempts.Sync();
+}
+
+// Description and sampling journal: what all of one spec have alike.
+Status CopyDescription(const Path& from, const Path& to) {
+  ETUDE_ASSIGN_OR_RETURN(const std::string description, ReadTextFile(from / internal::kDatasetJson));
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(to / internal::kDatasetJson, description));
+  if (!fs::exists(from / internal::kSampling)) return {};
+  ETUDE_ASSIGN_OR_RETURN(const std::string journal, ReadTextFile(from / internal::kSampling));
+  return WriteFileAtomically(to / internal::kSampling, journal);
+}
+
+// @error kNotFound, kCorrupt: there is no dataset
+Status CheckDataset(const Path& dataset) {
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
+  (void)reader;
+  return {};
+}
+
+Status SyncEpisodeFolders(const Path& dataset) {
+  ETUDE_ASSIGN_OR_RETURN(const auto files, internal::ListEpisodeFolder(dataset));
+  std::set<Path> folders;
+  for (const auto& file : files) folders.insert(file.parent_path());
+  for (const auto& folder : folders) ETUDE_RETURN_IF_ERROR(SyncFolder(folder));
+  return {};
+}
+
+}  // namespace
+
+Result<std::vector<std::uint64_t>> Select(const Path& dataset, const Selection& selection) {
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
+  ETUDE_ASSIGN_OR_RETURN(const auto candidates, Candidates(reader, selection));
+  if (!NeedsEpisodes(selection)) return candidates;
+  std::vector<std::uint64_t> fitting;
+  for (const std::uint64_t index : candidates) {
+    ETUDE_ASSIGN_OR_RETURN(const auto record, reader.Read(index));
+    if (Fits(selection, reader.spec(), record.episode)) fitting.push_back(index);
+  }
+  return fitting;
+}
+
+Status CopyEpisodes(const Path& dataset, const std::vector<std::uint64_t>& indices, const Path& out, Leftover leftover,
+                    const EditProgress& progress) {
+  if (Status there = CheckDataset(dataset); !there) return there;
+  if (indices.empty())
+    return Fail(Code::kInvalidArgument,
+                fmt::format("no episode of '{}' is chosen: nothing to write to '{}'", dataset.string(), out.string()));
+  ETUDE_ASSIGN_OR_RETURN(auto folder, OutputFolder::Create(out, leftover));
+  ETUDE_RETURN_IF_ERROR(internal::FillDataset(folder.path(), {{dataset, {indices.begin(), indices.end()}}}, progress));
+  return folder.Commit();
+}
+
+Status DeleteEpisodes(const Path& dataset, const std::vector<std::uint64_t>& indices) {
+  if (Status there = CheckDataset(dataset); !there) return there;
+  if (indices.empty())
+    return Fail(Code::kInvalidArgument, fmt::format("delete from '{}': no episode is chosen", dataset.string()));
+  ETUDE_ASSIGN_OR_RETURN(const auto lock, internal::DatasetLock::Take(dataset));
+  ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
+  for (const std::uint64_t index : indices)
+    if (!fs::exists(EpisodePath(dataset, index)))
+      return Fail(Code::kNotFound,
+                  fmt::format("delete from '{}': it has no episode {}; nothing was deleted", dataset.string(), index));
+  // from here on it will be done, by this process or by the next one
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(dataset / kDeleting, OrderedJson(indices).dump() + "\n"));
+  ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
+  return internal::RefreshDerived(dataset);
+}
+
+namespace internal {
+
+Status FillDataset(const Path& to, const std::vector<EpisodeSource>& sources, const EditProgress& progress) {
+  ETUDE_RETURN_IF_ERROR(CopyDescription(sources.front().dataset, to));
+  ETUDE_RETURN_IF_ERROR(CopyAttempts(sources, to));
+  ETUDE_RETURN_IF_ERROR(CopyFilterKeys(sources, to));
+  std::uint64_t done = 0, total = 0;
+  for (const auto& source : sources) total += source.indices.size();
+  for (const auto& source : sources)
+    for (const std::uint64_t index : source.indices) {
+      if (StopRequested())
+        return Fail(Code::kExhausted, fmt::format("stopped after {} of {} episodes; what is there lies in '{}' "
+                                                  "(--restart begins anew)",
+                                                  done, total, to.string()));
+      ETUDE_RETURN_IF_ERROR(LinkOrCopy(EpisodePath(source.dataset, index), EpisodePath(to, index)));
+      ++done;
+      if (progress) progress(done, total);
+    }
+  ETUDE_RETURN_IF_ERROR(SyncEpisodeFolders(to));
+  return RefreshDerived(to);
+}
+
+Status FinishDeletion(const Path& dataset) {
+  const Path intent = dataset / kDeleting;
+  const auto text = ReadTextFile(intent, 64 << 20);
+  if (!text && text.error().code == Code::kNotFound) return {};
+  if (!text) return Fail(text.error());
+  const OrderedJson json = ParseBoundedJson(*text).value_or(OrderedJson());
+  std::set<std::uint64_t> indices;
+  if (json.is_array())
+    for (const auto& index : json)
+      if (index.is_number_unsigned()) indices.insert(index.get<std::uint64_t>());
+  if (!json.is_array() || indices.size() != json.size())
+    return Fail(Code::kCorrupt, fmt::format("read '{}': not a list of episodes; remove the file, and delete what you "
+                                            "want deleted once more",
+                                            intent.string()));
+  ETUDE_RETURN_IF_ERROR(ForgetEpisodes(dataset, indices));
+  std::set<Path> folders;
+  for (const std::uint64_t index : indices) {
+    const Path path = EpisodePath(dataset, index);
+    std::error_code error;
+    if (fs::remove(path, error)) folders.insert(path.parent_path());
+    if (error) return Fail(ErrnoError("delete", path, error.value()));
+  }
+  for (const auto& folder : folders) ETUDE_RETURN_IF_ERROR(SyncFolder(folder));
+  std::error_code error;
+  fs::remove(intent, error);
+  if (error) return Fail(ErrnoError("delete", intent, error.value()));
+  return SyncFolder(dataset);
+}
+
+Status RefreshDerived(const Path& dataset) {
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
+  ETUDE_ASSIGN_OR_RETURN(const auto indices, reader.List());
+  std::map<std::uint64_t, EpisodeSummary> summaries;
+  for (const std::uint64_t index : indices)
+    if (const auto record = reader.Read(index)) summaries[index] = Summarize(*record);  // others verify finds
+  ETUDE_RETURN_IF_ERROR(WriteMasterFile(dataset, reader.spec(), summaries));
+
+  // only the statistics change: schema, content and spec are those of the episodes
+  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(dataset / kDatasetJson));
+  OrderedJson description = ParseBoundedJson(text).value_or(OrderedJson());
+  if (!description.is_object())
+    return Fail(Code::kCorrupt, fmt::format("read '{}': not a map", (dataset / kDatasetJson).string()));
+  OrderedJson statistics = StatisticsOf(reader.spec(), summaries);
+  statistics["failed_attempts"] = FailuresByOutcome(dataset);
+  description["statistics"] = std::move(statistics);
+  return WriteFileAtomically(dataset / kDatasetJson, description.dump(2) + "\n");
+}
+
+}  // namespace internal
+
+}  // namespace etude::store

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/store/filter_keys.h"
+
+#include <fmt/format.h>
+
+#include "services/episode/bounded_json.h"
+#include "services/store/edit.h"
+#include "services/store/layout.h"
+
+namespace etude::store {
+namespace {
+
+constexpr std::uint64_t kMaxFile = 64 << 20;
+
+Status CheckName(const CampaignSpec& spec, const std::string& name) {
+  if (!IsPlainName(name))
+    return Fail(Code::kInvalidArgument,
+                fmt::format("filter key '{}': a name has only a-z, 0-9, _ and -, at most 64 of them", name));
+  bool taken = name == "train" || name == "valid" || name == "test";
+  for (const auto& task : spec.tasks) taken = taken || task == name;
+  if (taken)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("filter key '{}': splits and tasks have keys of their own names; choose another", name));
+  return {};
+}
+
+Status Write(const Path& dataset, const FilterKeys& keys) {
+  OrderedJson json = OrderedJson::object();
+  for (const auto& [name, indices] : keys) json[name] = indices;
+  return WriteFileAtomically(dataset / internal::kFilters, json.dump() + "\n");
+}
+
+}  // namespace
+
+Result<FilterKeys> ReadFilterKeys(const Path& dataset) {
+  const Path path = dataset / internal::kFilters;
+  const auto text = ReadTextFile(path, kMaxFile);
+  if (!text && text.error().code == Code::kNotFound) return FilterKeys();
+  if (!text) return Fail(text.error());
+  const auto bad = [&](const std::string& what) {
+    return Fail(Code::kCorrupt, fmt::format("read '{}': {}; mend it or remove it", path.string(), what));
+  };
+  const auto json = ParseBoundedJson(*text);
+  if (!json || !json->is_object()) return bad("not a map of names");
+  FilterKeys keys;
+  for (const auto& [name, indices] : json->items()) {
+    if (!IsPlainName(name) || !indices.is_array()) return bad(fmt::format("'{:.64}' is no key with a list", name));
+    for (const auto& index : indices) {
+      if (!index.is_number_unsigned()) return bad(fmt::format("key '{}' lists what is no episode", name));
+      keys[name].insert(index.get<std::uint64_t>());
+    }
+  }
+  return keys;
+}
+
+Status WriteFilterKey(const Path& dataset, const std::string& name, const std::set<std::uint64_t>& indices) {
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
+  ETUDE_RETURN_IF_ERROR(CheckName(reader.spec(), name));
+  ETUDE_ASSIGN_OR_RETURN(const auto lock, internal::DatasetLock::Take(dataset));
+  ETUDE_ASSIGN_OR_RETURN(const auto listed, reader.List());
+  const std::set<std::uint64_t> there(listed.begin(), listed.end());
+  for (const std::uint64_t index : indices)
+    if (!there.contains(index))
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("filter key '{}': dataset '{}' has no episode {}", name, dataset.string(), index));
+  ETUDE_ASSIGN_OR_RETURN(auto keys, ReadFilterKeys(dataset));
+  keys.erase(name);
+  if (!indices.empty()) keys[name] = indices;
+  ETUDE_RETURN_IF_ERROR(Write(dataset, keys));
+  return internal::RefreshDerived(dataset);
+}
+
+namespace internal {
+
+Status ForgetEpisodes(const Path& dataset, const std::set<std::uint64_t>& indices) {
+  ETUDE_ASSIGN_OR_RETURN(auto keys, ReadFilterKeys(dataset));
+  if (keys.empty()) return {};
+  for (auto& [name, chosen] : keys) std::erase_if(chosen, [&](std::uint64_t index) { return indices.contains(index); });
+  std::erase_if(keys, [](const auto& key) { return key.second.empty(); });
+  return Write(dataset, keys);
+}
+
+}  // namespace internal
+
+}  // namespace etude::store

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "services/core/hash.h"
+#include "services/core/stop.h"
+#include "services/store/edit.h"
+#include "services/store/layout.h"
+
+namespace etude::store {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Part {
+  DatasetReader reader;
+  std::vector<std::uint64_t> indices;
+};
+
+Result<std::vector<Part>> OpenParts(const std::vector<Path>& datasets) {
+  if (datasets.size() < 2)
+    return Fail(Code::kInvalidArgument, fmt::format("merge {} dataset(s): name at least two", datasets.size()));
+  std::vector<Part> parts;
+  for (const auto& dataset : datasets) {
+    ETUDE_ASSIGN_OR_RETURN(auto reader, DatasetReader::Open(dataset));
+    ETUDE_ASSIGN_OR_RETURN(auto indices, reader.List());
+    parts.push_back({std::move(reader), std::move(indices)});
+  }
+  return parts;
+}
+
+// The journal's text, "" where there is none.
+Result<std::string> JournalOf(const Part& part) {
+  const Path path = part.reader.path() / internal::kSampling;
+  if (!fs::exists(path)) return std::string();
+  return ReadTextFile(path);
+}
+
+bool OfOneSpec(const std::vector<Part>& parts) {
+  return std::all_of(parts.begin(), parts.end(), [&](const Part& part) {
+    return part.reader.spec_sha256() == parts[0].reader.spec_sha256() &&
+           part.reader.schema_version() == parts[0].reader.schema_version();
+  });
+}
+
+Status CheckStopped() {
+  if (!StopRequested()) return {};
+  return Fail(Code::kExhausted, "merge: stopped before it was done; --restart begins anew");
+}
+
+// Which dataset each episode comes from. @error where two have it, and not the same
+Result<std::map<std::uint64_t, const Part*>> Owners(const std::vector<Part>& parts) {
+  std::map<std::uint64_t, const Part*> owners;
+  for (const Part& part : parts)
+    for (const std::uint64_t index : part.indices) {
+      const auto [owner, added] = owners.emplace(index, &part);
+      if (added) continue;
+      const Path first = owner->second->reader.path(), second = part.reader.path();
+      ETUDE_ASSIGN_OR_RETURN(const auto a, ReadBinaryFile(EpisodePath(first, index)));
+      ETUDE_ASSIGN_OR_RETURN(const auto b, ReadBinaryFile(EpisodePath(second, index)));
+      if (a != b)
+        return Fail(Code::kInvalidArgument,
+                    fmt::format("merge: '{}' and '{}' are of one spec, but their episodes {} differ; `etude dataset "
+                                "verify` says which one is damaged",
+                                first.string(), second.string(), index));
+    }
+  return owners;
+}
+
+// Copies what the first has, then adds what the others have beyond it.
+Result<MergeReport> MergeOneSpec(const std::vector<Part>& parts, const Path& out, Leftover leftover,
+                                 const EditProgress& progress) {
+  ETUDE_ASSIGN_OR_RETURN(const std::string journal, JournalOf(parts[0]));
+  for (const Part& part : parts) {
+    ETUDE_ASSIGN_OR_RETURN(const std::string other, JournalOf(part));
+    if (other != journal)
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("merge: '{}' and '{}' have different sampling journals ({}): an index means another "
+                              "episode in each",
+                              parts[0].reader.path().string(), part.reader.path().string(), internal::kSampling));
+  }
+  ETUDE_ASSIGN_OR_RETURN(const auto owners, Owners(parts));
+  ETUDE_ASSIGN_OR_RETURN(auto folder, OutputFolder::Create(out, leftover));
+  const auto sources = [&](const Part& part) {
+    std::set<std::uint64_t> own;
+    for (const auto& [index, owner] : owners)
+      if (owner == &part) own.insert(index);
+    return own;
+  };
+  std::vector<internal::EpisodeSource> chosen;
+  for (const Part& part : parts) chosen.push_back({part.reader.path(), sources(part)});
+  ETUDE_RETURN_IF_ERROR(internal::FillDataset(folder.path(), chosen, progress));
+  ETUDE_RETURN_IF_ERROR(folder.Commit());
+  return MergeReport{owners.size(), false};
+}
+
+template <class T>
+void Join(std::vector<T>& all, const std::vector<T>& more) {
+  for (const T& item : more)
+    if (std::find(all.begin(), all.end(), item) == all.end()) all.push_back(item);
+}
+
+Result<CampaignSpec> JointSpec(const std::vector<Part>& parts) {
+  CampaignSpec spec = parts[0].reader.spec();
+  spec.episodes = 0;
+  for (const Part& part : parts) {
+    const CampaignSpec& other = part.reader.spec();
+    if (other.image_stride != spec.image_stride || other.camera.width != spec.camera.width ||
+        other.camera.height != spec.camera.height)
+      return Fail(
+          Code::kInvalidArgument,
+          fmt::format("merge: '{}' has pictures of {}x{} px each {} steps, '{}' of {}x{} px each {}",
+                      parts[0].reader.path().string(), spec.camera.width, spec.camera.height, spec.image_stride,
+                      part.reader.path().string(), other.camera.width, other.camera.height, other.image_stride));
+    Join(spec.robots, other.robots);
+    Join(spec.tasks, other.tasks);
+    Join(spec.objects, other.objects);
+    spec.episodes += part.indices.size();
+  }
+  spec.name = "merged";
+  spec.task_weights.clear();
+  spec.adaptive_sampling = {};
+  return spec;
+}
+
+// What it was stays readable; the weights that its campaign had do not hold for its new number.
+void MoveTo(const CampaignSpec& spec, const std::string& spec_sha256, std::uint64_t index, Episode& episode) {
+  OrderedJson from{{"campaign", episode.campaign}, {"index", episode.index}, {"spec_sha256", episode.spec_sha256}};
+  if (const auto sampling = episode.details.find("sampling"); sampling != episode.details.end()) {
+    from["sampling"] = *sampling;
+    episode.details.erase("sampling");
+  }
+  episode.details["merged_from"] = std::move(from);
+  episode.campaign = spec.name;
+  episode.spec_sha256 = spec_sha256;
+  episode.index = index;
+}
+
+Result<MergeReport> MergeDifferent(const std::vector<Part>& parts, const Path& out, Leftover leftover,
+                                   const EditProgress& progress) {
+  ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, JointSpec(parts));
+  ETUDE_ASSIGN_OR_RETURN(auto folder, OutputFolder::Create(out, leftover));
+  std::uint64_t done = 0;
+  {
+    ETUDE_ASSIGN_OR_RETURN(auto writer, DatasetWriter::Open(folder.path(), spec));
+    const std::string spec_sha256 = SpecHash(spec);
+    for (const Part& part : parts)
+      for (const std::uint64_t index : part.indices) {
+        ETUDE_RETURN_IF_ERROR(CheckStopped());
+        ETUDE_ASSIGN_OR_RETURN(Episode episode, part.reader.ReadWhole(index));
+        MoveTo(spec, spec_sha256, done, episode);
+        ETUDE_RETURN_IF_ERROR(writer.Commit(episode));
+        ++done;
+        if (progress) progress(done, spec.episodes);
+      }
+    ETUDE_RETURN_IF_ERROR(writer.WriteMaster());
+  }
+  ETUDE_RETURN_IF_ERROR(folder.Commit());
+  return MergeReport{done, true};
+}
+
+}  // namespace
+
+Result<MergeReport> MergeDatasets(const std::vector<Path>& datasets, const Path& out, Leftover leftover,
+                                  const EditProgress& progress) {
+  ETUDE_ASSIGN_OR_RETURN(const auto parts, OpenParts(datasets));
+  return OfOneSpec(parts) ? MergeOneSpec(parts, out, leftover, progress)
+                          : MergeDifferent(parts, out, leftover, progress);
+}
+
+}  // namespace etude::store

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/store/plain_file.h"
+
+#include <fmt/format.h>
+
+#include <map>
+
+#include "services/core/stop.h"
+#include "services/store/episode_file.h"
+#include "services/store/filter_keys.h"
+#include "services/store/hdf.h"
+#include "services/store/master_file.h"
+#include "services/store/summary.h"
+
+namespace etude::store {
+namespace {
+
+using internal::HdfWriter;
+
+class PlainFile {
+ public:
+  PlainFile(const DatasetReader& reader, Path path) : reader_(reader), path_(std::move(path)) {}
+
+  Status Create() {
+    HdfWriter file(path_, HdfWriter::OnDisk::kNew);
+    file.Group("/data");
+    return Done(file.Finish());
+  }
+
+  // Opened and closed for each, for HDF5 is locked as long as a writer lives.
+  Status Add(std::uint64_t index) {
+    const Path path = EpisodePath(reader_.path(), index);
+    const auto context = [&] { return fmt::format("export '{}'", path.string()); };
+    ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path));
+    auto decoded = internal::DecodeEpisodeFile(bytes);
+    if (!decoded) return Fail(decoded.error().Wrap(context()));
+    ETUDE_ASSIGN_OR_RETURN(const auto content, internal::CheckSeal(bytes));
+    HdfWriter file(path_, HdfWriter::OnDisk::kAdd);
+    file.CopyFrom(content, internal::DemoGroup(index));
+    if (Status copied = Done(file.Finish()); !copied) return Fail(copied.error().Wrap(context()));
+    Remember({path, std::move(decoded->episode), std::move(decoded->frames)});
+    return {};
+  }
+
+  Status Finish(PlainFileReport& report) {
+    ETUDE_ASSIGN_OR_RETURN(const FilterKeys keys, ReadFilterKeys(reader_.path()));
+    HdfWriter file(path_, HdfWriter::OnDisk::kAdd);
+    for (const auto& [index, summary] : summaries_) report.samples += summary.samples;
+    file.Attribute("/data", "total", static_cast<std::int64_t>(report.samples));
+    file.Attribute("/data", "env_args", internal::EnvArgs());
+    file.Attribute("/data", "spec_sha256", reader_.spec_sha256());
+    for (const auto& [name, demos] : internal::MasksOf(reader_.spec(), summaries_, keys))
+      file.FixedStrings("/mask/" + name, demos);
+    std::size_t n = 0;
+    for (const auto& [sentence, demos] : sentences_) {
+      const std::string mask = "/mask/" + LanguageKey(n++);
+      file.FixedStrings(mask, demos);
+      file.Attribute(mask, "lang", sentence);
+    }
+    report.episodes = summaries_.size();
+    report.sentences = sentences_.size();
+    return Done(file.Finish());
+  }
+
+  // robomimic's train.data: [{"path", "filter_key", "lang"}, ...]
+  OrderedJson TrainData(const Path& out) const {
+    OrderedJson data = OrderedJson::array();
+    std::size_t n = 0;
+    for (const auto& [sentence, demos] : sentences_)
+      data.push_back({{"path", out.string()}, {"filter_key", LanguageKey(n++)}, {"lang", sentence}});
+    return data;
+  }
+
+ private:
+  static std::string LanguageKey(std::size_t n) { return fmt::format("lang_{:04d}", n); }
+
+  static Status Done(const Result<std::vector<std::uint8_t>>& finished) {
+    if (!finished) return Fail(finished.error());
+    return {};
+  }
+
+  void Remember(const EpisodeRecord& record) {
+    const std::uint64_t index = record.episode.index;
+    summaries_[index] = internal::Summarize(record);
+    if (SplitOf(reader_.spec(), index) != "train") return;
+    const std::string group = internal::DemoGroup(index);
+    sentences_[record.episode.instruction].push_back(group.substr(group.rfind('/') + 1));
+  }
+
+  const DatasetReader& reader_;
+  Path path_;
+  std::map<std::uint64_t, internal::EpisodeSummary> summaries_;
+  std::map<std::string, std::vector<std::string>> sentences_;  // of the training split -> demos
+};
+
+}  // namespace
+
+Result<PlainFileReport> WritePlainFile(const Path& dataset, const Path& out, const PlainFileOptions& options) {
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
+  auto indices = options.indices;
+  if (indices.empty()) {
+    ETUDE_ASSIGN_OR_RETURN(indices, reader.List());
+  }
+  if (indices.empty())
+    return Fail(Code::kNotFound, fmt::format("export '{}': it has no episodes yet", dataset.string()));
+  ETUDE_ASSIGN_OR_RETURN(const Path partial, ClaimOutput(out, options.leftover));
+  PlainFile file(reader, partial);
+  ETUDE_RETURN_IF_ERROR(file.Create());
+  for (std::size_t i = 0; i < indices.size(); ++i) {
+    if (StopRequested())
+      return Fail(Code::kExhausted, fmt::format("stopped after {} of {} episodes; '{}' is not whole (--restart begins "
+                                                "anew)",
+                                                i, indices.size(), partial.string()));
+    ETUDE_RETURN_IF_ERROR(file.Add(indices[i]));
+    if (options.progress) options.progress(i + 1, indices.size());
+  }
+  PlainFileReport report;
+  ETUDE_RETURN_IF_ERROR(file.Finish(report));
+  ETUDE_RETURN_IF_ERROR(SyncFile(partial));
+  report.train_data = out.string() + ".train_data.json";
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(report.train_data, file.TrainData(out).dump(2) + "\n"));
+  ETUDE_RETURN_IF_ERROR(CommitOutput(partial, out));
+  return report;
+}
+
+}  // namespace etude::store

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/core/output_folder.cc
+#include "services/core/output_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude {
+namespace {
+
+TEST(OutputFolder, AppearsWithAllThatIsInIt) {
+  const TemporaryFolder folder;
+  auto out = OutputFolder::Create(folder / "a/b/", Leftover::kRefuse);
+  ASSERT_THAT(out, IsOk());
+  ASSERT_THAT(WriteFileAtomically(out->path() / "x", std::string_view("1")), IsOk());
+  EXPECT_FALSE(std::filesystem::exists(folder / "a/b"));
+
+  ASSERT_THAT(out->Commit(), IsOk());
+
+  EXPECT_EQ(*ReadTextFile(folder / "a/b/x"), "1");
+  EXPECT_FALSE(std::filesystem::exists(folder / "a/b.partial"));
+}
+
+TEST(OutputFolder, TakesAnEmptyFoldersPlaceButNoOther) {
+  const TemporaryFolder folder;
+  ASSERT_THAT(MakeFolders(folder / "empty"), IsOk());
+  auto out = OutputFolder::Create(folder / "empty", Leftover::kRefuse);
+  ASSERT_THAT(out, IsOk());
+  ASSERT_THAT(WriteFileAtomically(out->path() / "x", std::string_view("1")), IsOk());
+  ASSERT_THAT(out->Commit(), IsOk());
+
+  EXPECT_THAT(OutputFolder::Create(folder / "empty", Leftover::kRemove), MessageHas("is there already"));
+  EXPECT_EQ(*ReadTextFile(folder / "empty/x"), "1");
+}
+
+TEST(OutputFolder, SaysWhatAnInterruptedCommandLeft) {
+  const TemporaryFolder folder;
+  ASSERT_THAT(WriteFileAtomically(folder / "out.partial/x", std::string_view("1")), IsOk());
+
+  EXPECT_THAT(OutputFolder::Create(folder / "out", Leftover::kRefuse), MessageHas("--restart"));
+  EXPECT_TRUE(std::filesystem::exists(folder / "out.partial/x"));
+  EXPECT_THAT(OutputFolder::Create(folder / "out", Leftover::kRemove), IsOk());
+  EXPECT_FALSE(std::filesystem::exists(folder / "out.partial/x"));
+}
+
+}  // namespace
+}  // namespace etude

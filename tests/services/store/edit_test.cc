@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/store/edit.cc, groups.cc and filter_keys.cc
+#include "services/store/edit.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "services/store/filter_keys.h"
+#include "services/store/layout.h"
+#include "tests/support/matchers.h"
+#include "tests/support/synthetic_episode.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::store {
+namespace {
+
+using testing::ElementsAre;
+
+class Edit : public testing::Test {
+ protected:
+  void SetUp() override {
+    auto writer = DatasetWriter::Open(data_, spec_);
+    ASSERT_THAT(writer, IsOk());
+    ASSERT_THAT(writer->RecordFailure(2, 0, "slip", "{}"), IsOk());
+    ASSERT_THAT(writer->RecordFailure(5, 0, "slip", "{}"), IsOk());
+    for (std::uint64_t i = 0; i < 10; ++i)
+      ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(spec_, i, 10 + static_cast<int>(i))), IsOk());
+    ASSERT_THAT(writer->WriteMaster(), IsOk());
+  }
+
+  static std::vector<std::uint64_t> List(const Path& dataset) { return *DatasetReader::Open(dataset)->List(); }
+  static void ExpectSound(const Path& dataset, std::uint64_t episodes) {
+    const auto report = Verify(dataset, Quarantine::kNo);
+    ASSERT_THAT(report, IsOk());
+    EXPECT_EQ(report->good, episodes);
+    EXPECT_TRUE(report->bad.empty());
+    const auto info = DatasetInfo(dataset);
+    ASSERT_THAT(info, IsOk());
+    const auto description = internal::ReadDatasetFile(dataset);
+    ASSERT_THAT(description, IsOk());
+    EXPECT_EQ(description->statistics["episodes"], episodes);
+    EXPECT_EQ((*info)["statistics"], [&] {
+      OrderedJson statistics = description->statistics;
+      statistics.erase("failed_attempts");
+      return statistics;
+    }());
+  }
+
+  TemporaryFolder folder_;
+  CampaignSpec spec_ = SyntheticSpec();
+  Path data_ = folder_ / "data";
+};
+
+TEST_F(Edit, SelectsWhatFitsEveryList) {
+  EXPECT_EQ(Select(data_, {})->size(), 10u);
+  EXPECT_THAT(*Select(data_, {.indices = {7, 2}}), ElementsAre(2, 7));
+  EXPECT_THAT(*Select(data_, {.min_steps = 12, .max_steps = 13}), ElementsAre(2, 3));
+  const auto picks = Select(data_, {.tasks = {"pick"}});
+  ASSERT_THAT(picks, IsOk());
+  EXPECT_FALSE(picks->empty());
+  const auto reader = DatasetReader::Open(data_);
+  for (const std::uint64_t i : *picks) EXPECT_EQ(reader->Read(i)->episode.task, "pick");
+  EXPECT_TRUE(Select(data_, {.tasks = {"pick"}, .robots = {"panda"}})->empty());
+  EXPECT_THAT(Select(data_, {.indices = {99}}), HasCode(Code::kNotFound));
+  EXPECT_THAT(Select(data_, {.keys = {"none"}}), MessageHas("no filter key 'none'"));
+}
+
+TEST_F(Edit, CopiesEpisodesWithTheirBytesAndWhatIsSaidOfThem) {
+  ASSERT_THAT(WriteFilterKey(data_, "keep", {2, 3}), IsOk());
+
+  ASSERT_THAT(CopyEpisodes(data_, {2, 7}, folder_ / "some", Leftover::kRefuse), IsOk());
+
+  EXPECT_THAT(List(folder_ / "some"), ElementsAre(2, 7));
+  EXPECT_EQ(*ReadBinaryFile(EpisodePath(folder_ / "some", 7)), *ReadBinaryFile(EpisodePath(data_, 7)));
+  ExpectSound(folder_ / "some", 2);
+  EXPECT_EQ(*ReadFilterKeys(folder_ / "some"), (FilterKeys{{"keep", {2}}}));
+  const std::string attempts = *ReadTextFile(folder_ / "some/attempts.jsonl");
+  EXPECT_THAT(attempts, testing::HasSubstr("\"index\":2"));
+  EXPECT_THAT(attempts, testing::Not(testing::HasSubstr("\"index\":5")));
+  EXPECT_THAT(CopyEpisodes(data_, {1}, folder_ / "some", Leftover::kRefuse), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(CopyEpisodes(data_, {}, folder_ / "other", Leftover::kRefuse), MessageHas("no episode"));
+
+  // the campaign goes on in the copy
+  EXPECT_THAT(DatasetWriter::Open(folder_ / "some", spec_), IsOk());
+}
+
+TEST_F(Edit, ACopyOutlivesItsOriginal) {
+  ASSERT_THAT(CopyEpisodes(data_, {1}, folder_ / "one", Leftover::kRefuse), IsOk());
+  ASSERT_THAT(DeleteEpisodes(data_, {1}), IsOk());
+  ExpectSound(folder_ / "one", 1);
+}
+
+TEST_F(Edit, DeletesAllOrNothing) {
+  ASSERT_THAT(WriteFilterKey(data_, "keep", {3, 4}), IsOk());
+  EXPECT_THAT(DeleteEpisodes(data_, {3, 99}), MessageHas("nothing was deleted"));
+  EXPECT_EQ(List(data_).size(), 10u);
+
+  ASSERT_THAT(DeleteEpisodes(data_, {0, 3}), IsOk());
+
+  EXPECT_THAT(List(data_), ElementsAre(1, 2, 4, 5, 6, 7, 8, 9));
+  ExpectSound(data_, 8);
+  EXPECT_EQ(*ReadFilterKeys(data_), (FilterKeys{{"keep", {4}}}));
+  auto writer = DatasetWriter::Open(data_, spec_);  // a campaign that goes on makes them again
+  ASSERT_THAT(writer, IsOk());
+  EXPECT_FALSE(writer->Contains(3));
+}
+
+TEST_F(Edit, EndsADeletionThatWasInterrupted) {
+  ASSERT_THAT(WriteFileAtomically(data_ / "deleting.json", std::string_view("[2, 5]")), IsOk());
+  std::filesystem::remove(EpisodePath(data_, 2));  // so far it came
+
+  { ASSERT_THAT(DatasetWriter::Open(data_, spec_), IsOk()); }
+
+  EXPECT_EQ(List(data_).size(), 8u);
+  EXPECT_FALSE(std::filesystem::exists(EpisodePath(data_, 5)));
+  EXPECT_FALSE(std::filesystem::exists(data_ / "deleting.json"));
+}
+
+TEST_F(Edit, IsRefusedWhileACollectorWrites) {
+  const auto writer = DatasetWriter::Open(data_, spec_);
+  ASSERT_THAT(writer, IsOk());
+
+  EXPECT_THAT(DeleteEpisodes(data_, {1}), HasCode(Code::kUnavailable));
+  EXPECT_THAT(WriteFilterKey(data_, "keep", {1}), MessageHas("being written by another process"));
+  EXPECT_EQ(List(data_).size(), 10u);
+  EXPECT_THAT(CopyEpisodes(data_, {1}, folder_ / "one", Leftover::kRefuse), IsOk());  // reading is free
+}
+
+TEST_F(Edit, FilterKeysHaveNamesOfTheirOwn) {
+  EXPECT_THAT(WriteFilterKey(data_, "train", {1}), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(WriteFilterKey(data_, "pick", {1}), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(WriteFilterKey(data_, "../x", {1}), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(WriteFilterKey(data_, "keep", {77}), MessageHas("no episode 77"));
+  ASSERT_THAT(WriteFilterKey(data_, "keep", {1, 2}), IsOk());
+  EXPECT_THAT(*Select(data_, {.keys = {"keep"}}), ElementsAre(1, 2));
+  ASSERT_THAT(WriteFilterKey(data_, "keep", {}), IsOk());  // none: it goes
+  EXPECT_TRUE(ReadFilterKeys(data_)->empty());
+}
+
+TEST_F(Edit, SaysWhatIsWrongWithDamagedFiles) {
+  for (const char* text : {"[1]", "{\"a\": 1}", "{\"a\": [-1]}", "{\"A b\": [1]}", "{"}) {
+    ASSERT_THAT(WriteFileAtomically(data_ / "filters.json", std::string_view(text)), IsOk());
+    EXPECT_THAT(ReadFilterKeys(data_), HasCode(Code::kCorrupt)) << text;
+  }
+  { EXPECT_THAT(DatasetWriter::Open(data_, spec_)->WriteMaster(), IsOk()); }  // collection goes on all the same
+  std::filesystem::remove(data_ / "filters.json");
+  ASSERT_THAT(WriteFileAtomically(data_ / "deleting.json", std::string_view("{\"a\": 1}")), IsOk());
+  EXPECT_THAT(DeleteEpisodes(data_, {1}), HasCode(Code::kCorrupt));
+  EXPECT_EQ(List(data_).size(), 10u);
+}
+
+TEST_F(Edit, GroupsByWhatEpisodesSay) {
+  const auto groups = GroupEpisodes(data_, "task");
+  ASSERT_THAT(groups, IsOk());
+  std::size_t total = 0;
+  for (const auto& [name, indices] : *groups) {
+    EXPECT_TRUE(IsPlainName(name)) << name;
+    total += indices.size();
+  }
+  EXPECT_EQ(total, 10u);
+  EXPECT_THAT(GroupEpisodes(data_, "colour"), HasCode(Code::kInvalidArgument));
+}
+
+TEST_F(Edit, DealsShares) {
+  const auto parts = DealEpisodes(data_, {{"a", 0.8}, {"b", 0.2}});
+  ASSERT_THAT(parts, IsOk());
+  EXPECT_EQ(parts->at("a").size(), 8u);
+  EXPECT_EQ(parts->at("b").size(), 2u);
+  std::set<std::uint64_t> all(parts->at("a").begin(), parts->at("a").end());
+  all.insert(parts->at("b").begin(), parts->at("b").end());
+  EXPECT_EQ(all.size(), 10u);
+  EXPECT_EQ(*DealEpisodes(data_, {{"a", 0.8}, {"b", 0.2}}), *parts);
+  EXPECT_THAT(DealEpisodes(data_, {{"a", 0.8}, {"a", 0.2}}), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(DealEpisodes(data_, {{"a", -1}}), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(DealEpisodes(data_, {{"../a", 1}}), HasCode(Code::kInvalidArgument));
+}
+
+}  // namespace
+}  // namespace etude::store

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/store/merge.cc
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "services/store/edit.h"
+#include "tests/support/matchers.h"
+#include "tests/support/synthetic_episode.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::store {
+namespace {
+
+using testing::ElementsAre;
+
+class Merge : public testing::Test {
+ protected:
+  Path Write(const std::string& name, const CampaignSpec& spec, const std::vector<std::uint64_t>& indices,
+             int steps = 10) {
+    auto writer = DatasetWriter::Open(folder_ / name, spec);
+    EXPECT_THAT(writer, IsOk());
+    for (const std::uint64_t i : indices) EXPECT_THAT(writer->Commit(MakeSyntheticEpisode(spec, i, steps)), IsOk());
+    EXPECT_THAT(writer->WriteMaster(), IsOk());
+    return folder_ / name;
+  }
+  void ExpectSound(std::uint64_t episodes) {
+    const auto report = Verify(out_, Quarantine::kNo);
+    ASSERT_THAT(report, IsOk());
+    EXPECT_EQ(report->good, episodes);
+    EXPECT_TRUE(report->bad.empty()) << report->bad[0].reason;
+  }
+
+  TemporaryFolder folder_;
+  CampaignSpec spec_ = SyntheticSpec();
+  Path out_ = folder_ / "merged";
+};
+
+TEST_F(Merge, OfOneSpecKeepsEveryByte) {
+  const auto report = MergeDatasets({Write("a", spec_, {0, 2}), Write("b", spec_, {2, 5})}, out_, Leftover::kRefuse);
+
+  ASSERT_THAT(report, IsOk());
+  EXPECT_EQ(report->episodes, 3u);
+  EXPECT_FALSE(report->renumbered);
+  EXPECT_THAT(*DatasetReader::Open(out_)->List(), ElementsAre(0, 2, 5));
+  EXPECT_EQ(*ReadBinaryFile(EpisodePath(out_, 5)), *ReadBinaryFile(EpisodePath(folder_ / "b", 5)));
+  EXPECT_EQ(*HashDataset(out_), *HashDataset(Write("all", spec_, {0, 2, 5})));
+  ExpectSound(3);
+}
+
+TEST_F(Merge, UndoesAFilter) {
+  const Path all = Write("all", spec_, {0, 1, 2, 3});
+  ASSERT_THAT(CopyEpisodes(all, {0, 3}, folder_ / "a", Leftover::kRefuse), IsOk());
+  ASSERT_THAT(CopyEpisodes(all, {1, 2}, folder_ / "b", Leftover::kRefuse), IsOk());
+  ASSERT_THAT(MergeDatasets({folder_ / "a", folder_ / "b"}, out_, Leftover::kRefuse), IsOk());
+  EXPECT_EQ(*HashDataset(out_), *HashDataset(all));
+}
+
+TEST_F(Merge, OfDifferentSpecsNumbersAnewAndSaysWhereFrom) {
+  CampaignSpec other = spec_;
+  other.seed = 77;
+  other.name = "second";
+  other.robots = {"panda"};
+  const auto report = MergeDatasets({Write("a", spec_, {4}), Write("b", other, {0, 4})}, out_, Leftover::kRefuse);
+
+  ASSERT_THAT(report, IsOk());
+  EXPECT_TRUE(report->renumbered);
+  const auto reader = DatasetReader::Open(out_);
+  ASSERT_THAT(reader, IsOk());
+  EXPECT_THAT(*reader->List(), ElementsAre(0, 1, 2));
+  EXPECT_THAT(reader->spec().robots, ElementsAre("ur5", "panda"));
+  const auto last = reader->ReadWhole(2);
+  ASSERT_THAT(last, IsOk());
+  EXPECT_EQ(last->robot, "panda");
+  EXPECT_EQ(last->details["merged_from"]["campaign"], "second");
+  EXPECT_EQ(last->details["merged_from"]["index"], 4);
+  EXPECT_EQ(last->details["merged_from"]["spec_sha256"], SpecHash(other));
+  EXPECT_EQ(last->cameras[0].frames, MakeSyntheticEpisode(other, 4, 10).cameras[0].frames);
+  ExpectSound(3);
+}
+
+TEST_F(Merge, RefusesWhatDoesNotGoTogether) {
+  const Path a = Write("a", spec_, {1});
+  EXPECT_THAT(MergeDatasets({a}, out_, Leftover::kRefuse), MessageHas("at least two"));
+  EXPECT_THAT(MergeDatasets({a, folder_ / "none"}, out_, Leftover::kRefuse), HasCode(Code::kNotFound));
+  EXPECT_THAT(MergeDatasets({a, Write("b", spec_, {1}, 20)}, out_, Leftover::kRefuse), MessageHas("differ"));
+  CampaignSpec large = SyntheticSpec(64, 64);
+  EXPECT_THAT(MergeDatasets({a, Write("c", large, {0})}, out_, Leftover::kRefuse), MessageHas("64x64"));
+  EXPECT_FALSE(std::filesystem::exists(out_));
+}
+
+}  // namespace
+}  // namespace etude::store

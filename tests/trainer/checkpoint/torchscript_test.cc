@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests trainer/checkpoint/torchscript.cc: opened as a program would that has libtorch and nothing of ours.
+#include "trainer/checkpoint/torchscript.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <torch/script.h>
+
+#include <sstream>
+
+#include "tests/support/matchers.h"
+#include "tests/trainer/checkpoint/example_checkpoint.h"
+#include "tests/trainer/policy/fixtures.h"
+#include "trainer/policy/answer.h"
+
+namespace etude::checkpoint {
+namespace {
+
+TEST(TorchScript, GivesTheSameWaypointsInPlainLibtorch) {
+  const auto example = ExampleCheckpoint(policy::TinyConfig());
+  const auto bytes = ToTorchScript(example);
+  ASSERT_THAT(bytes, IsOk());
+
+  std::istringstream stream(*bytes);
+  torch::jit::ExtraFilesMap files{{kTorchScriptFacts, ""}};
+  torch::jit::Module module = torch::jit::load(stream, c10::nullopt, files);
+
+  const auto policy = BuildPolicy(example);
+  ASSERT_THAT(policy, IsOk());
+  const torch::NoGradGuard no_grad;
+  torch::manual_seed(3);
+  for (const char* sentence : {"grasp the red one", "push", "put down the green thing over there now please"}) {
+    policy::Inputs inputs;
+    inputs.images = torch::randint(256, {1, 3, 16, 24}, torch::kUInt8);
+    inputs.crop_origin = torch::tensor({10.0F, 20.0F}).view({1, 2});
+    inputs.joints = torch::rand({1, kExampleJoints});
+    inputs.sentences = {sentence};
+    inputs.sentence_index = torch::zeros({1, 1}, torch::kInt64);
+    const auto wanted = policy::WaypointTensor((*policy)->config(), (*policy)->Forward(inputs));
+    const auto said = module.forward({inputs.images, inputs.joints, TokenIds(sentence, 64)}).toTensor();
+
+    ASSERT_EQ(said.sizes(), wanted.sizes());
+    EXPECT_LE((said - wanted).abs().max().item<double>(), 1e-5) << sentence;
+  }
+  const auto facts = OrderedJson::parse(files[kTorchScriptFacts]);
+  EXPECT_EQ(facts["crop"], OrderedJson::parse("[10, 20, 24, 16]"));
+  EXPECT_EQ(facts["step"], 100);
+  EXPECT_EQ(facts["token_buckets"], 64);
+}
+
+TEST(TorchScript, KeepsWeightsAsParameters) {
+  const auto bytes = ToTorchScript(ExampleCheckpoint(policy::TinyConfig()));
+  ASSERT_THAT(bytes, IsOk());
+  std::istringstream stream(*bytes);
+  const torch::jit::Module module = torch::jit::load(stream);
+  EXPECT_GT(module.parameters().size(), 20u);
+}
+
+TEST(TorchScript, RefusesInWords) {
+  auto config = policy::TinyConfig();
+  config.modules.pop_back();  // CTRL
+  EXPECT_THAT(ToTorchScript(ExampleCheckpoint(config)), MessageHas("decodes a trajectory"));
+
+  auto untrained = ExampleCheckpoint(policy::TinyConfig());
+  untrained.metadata.modules["DISP"].trained_steps = 0;
+  EXPECT_THAT(ToTorchScript(untrained), MessageHas("DISP"));
+
+  auto clip = ExampleCheckpoint(policy::TinyConfig());
+  clip.metadata.policy.language.encoder = "clip:/somewhere";
+  EXPECT_THAT(ToTorchScript(clip), MessageHas("clip"));
+}
+
+TEST(TokenIds, FillUpRowsWithMinusOne) {
+  const auto ids = TokenIds("a longerword", 64);
+  ASSERT_EQ(ids.dim(), 2);
+  EXPECT_EQ(ids.size(0), 2);
+  EXPECT_GE(ids.min().item<std::int64_t>(), -1);
+  EXPECT_LT(ids.max().item<std::int64_t>(), 64);
+  EXPECT_EQ(ids[0][-1].item<std::int64_t>(), -1);
+}
+
+}  // namespace
+}  // namespace etude::checkpoint

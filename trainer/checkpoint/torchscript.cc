@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/checkpoint/torchscript.h"
+
+#include <fmt/format.h>
+#include <torch/csrc/jit/frontend/tracer.h>
+#include <torch/script.h>
+
+#include <algorithm>
+#include <cctype>
+#include <set>
+#include <sstream>
+
+#include "services/episode/action.h"
+#include "services/language/tokenizer.h"
+#include "trainer/checkpoint/readiness.h"
+#include "trainer/policy/answer.h"
+#include "trainer/policy/crop.h"
+
+namespace etude::checkpoint {
+namespace {
+
+using torch::Tensor;
+
+constexpr double kTolerance = 1e-5;  // m, and of rotations and gripper
+constexpr const char* kSentences[] = {"pick up the red cube", "push it", "please put the green bottle down next to me"};
+
+struct Question {
+  Tensor crop, joints, token_ids;
+};
+
+Question RandomQuestion(const policy::PolicyConfig& config, int joints, const char* sentence, torch::Generator draw) {
+  const codec::Region crop = policy::CropOf(config.image);
+  return {torch::randint(256, {1, 3, crop.height, crop.width}, draw, torch::kUInt8),
+          torch::rand({1, joints}, draw, torch::kFloat32) * 2 - 1, TokenIds(sentence, config.language.buckets)};
+}
+
+policy::Inputs InputsOf(const policy::PolicyConfig& config, const Question& question) {
+  const codec::Region crop = policy::CropOf(config.image);
+  policy::Inputs inputs;
+  inputs.images = question.crop;
+  inputs.crop_origin = torch::tensor({static_cast<float>(crop.u), static_cast<float>(crop.v)}).view({1, 2});
+  inputs.joints = question.joints;
+  inputs.token_ids = question.token_ids;
+  inputs.sentence_index = torch::zeros({1, 1}, torch::kInt64);
+  return inputs;
+}
+
+// "modules.CTRL.decoder.from.position:TAR3D" as a name that TorchScript takes, different from those before
+std::string AttributeName(const std::string& name, std::set<std::string>& taken) {
+  std::string plain = name;
+  std::replace_if(
+      plain.begin(), plain.end(), [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; }, '_');
+  std::string free = plain;
+  for (int n = 2; !taken.insert(free).second; ++n) free = fmt::format("{}_{}", plain, n);
+  return free;
+}
+
+// The weights are the module's parameters, by the tensors that the policy computes with.
+void RegisterWeights(policy::Policy& policy, torch::jit::Module& module) {
+  std::set<std::string> taken{"training"};
+  for (const auto& parameter : policy.named_parameters()) {
+    parameter.value().requires_grad_(false);
+    module.register_parameter(AttributeName(parameter.key(), taken), parameter.value(), /*is_buffer=*/false);
+  }
+  for (const auto& buffer : policy.named_buffers())
+    module.register_buffer(AttributeName(buffer.key(), taken), buffer.value());
+}
+
+// One evaluation, written down operation by operation.
+torch::jit::Module Trace(policy::Policy& policy, const Question& example) {
+  torch::jit::Module module("__torch__.EtudePolicy");
+  module.register_attribute("training", c10::BoolType::get(), false);
+  RegisterWeights(policy, module);
+  const auto evaluate = [&](torch::jit::Stack inputs) {
+    const Question question{inputs[0].toTensor(), inputs[1].toTensor(), inputs[2].toTensor()};
+    const auto outputs = policy.Forward(InputsOf(policy.config(), question));
+    return torch::jit::Stack{policy::WaypointTensor(policy.config(), outputs).contiguous()};
+  };
+  const auto [state, said] =
+      torch::jit::tracer::trace({example.crop, example.joints, example.token_ids}, evaluate,
+                                [](const torch::autograd::Variable&) { return std::string(); }, /*strict=*/true,
+                                /*force_outplace=*/false, &module, {"crop", "joints", "token_ids"});
+  const c10::QualifiedName name(*module.type()->name(), "forward");
+  module.type()->addMethod(module._ivalue()->compilation_unit()->create_function(name, state->graph));
+  return module;
+}
+
+OrderedJson Facts(const Metadata& metadata) {
+  return {{"format", "etude-torchscript-1"},
+          {"run", metadata.run},
+          {"step", metadata.step},
+          {"policy", metadata.policy.name},
+          {"robot", metadata.embodiment.robot},
+          {"joints", metadata.embodiment.joints},
+          {"picture", OrderedJson::array({metadata.embodiment.width, metadata.embodiment.height})},
+          {"crop", metadata.policy.image.crop},
+          {"token_buckets", metadata.policy.language.buckets},
+          {"waypoints", kWaypoints},
+          {"waypoint", kWaypointNames},
+          {"horizon_steps", kHorizonSteps},
+          {"control_rate_hz", kControlRate}};
+}
+
+// The largest difference between what the file and the policy say.
+double Disagreement(const std::string& bytes, policy::Policy& policy) {
+  std::istringstream stream(bytes);
+  torch::jit::Module module = torch::jit::load(stream);
+  auto draw = at::detail::createCPUGenerator(1);
+  double most = 0;
+  for (const char* sentence : kSentences) {
+    const Question question = RandomQuestion(policy.config(), policy.joints(), sentence, draw);
+    const Tensor said = module.forward({question.crop, question.joints, question.token_ids}).toTensor();
+    policy::Inputs inputs = InputsOf(policy.config(), question);
+    inputs.token_ids = Tensor();
+    inputs.sentences = {sentence};
+    const Tensor wanted = policy::WaypointTensor(policy.config(), policy.Forward(inputs));
+    most = std::max(most, (said - wanted).abs().max().item<double>());
+  }
+  return most;
+}
+
+Result<std::string> Write(policy::Policy& policy, const Metadata& metadata) {
+  const torch::NoGradGuard no_grad;
+  auto draw = at::detail::createCPUGenerator(0);
+  const auto module = Trace(policy, RandomQuestion(policy.config(), policy.joints(), kSentences[0], draw));
+  std::ostringstream stream;
+  module.save(stream, {{kTorchScriptFacts, Facts(metadata).dump(1)}});
+  std::string bytes = std::move(stream).str();
+  const double difference = Disagreement(bytes, policy);
+  if (!(difference <= kTolerance))
+    return Fail(Code::kInternal, fmt::format("as TorchScript the policy says something else (by {}, more than {})",
+                                             difference, kTolerance));
+  return bytes;
+}
+
+}  // namespace
+
+Tensor TokenIds(const std::string& sentence, int buckets) {
+  language::TokenizerConfig tokenizer;
+  tokenizer.buckets = buckets;
+  const auto words = language::Tokenize(sentence, tokenizer);
+  std::size_t features = 1;
+  for (const auto& word : words) features = std::max(features, word.size());
+  Tensor ids =
+      torch::full({static_cast<std::int64_t>(words.size()), static_cast<std::int64_t>(features)}, -1, torch::kInt64);
+  for (std::size_t w = 0; w < words.size(); ++w)
+    for (std::size_t f = 0; f < words[w].size(); ++f)
+      ids[static_cast<std::int64_t>(w)][static_cast<std::int64_t>(f)] = words[w][f];
+  return ids;
+}
+
+Result<std::string> ToTorchScript(const Checkpoint& checkpoint) {
+  const auto& metadata = checkpoint.metadata;
+  const auto context = [&](const std::string& what) {
+    return fmt::format("export the checkpoint of run '{}', step {}, as TorchScript: {}", metadata.run, metadata.step,
+                       what);
+  };
+  if (!metadata.policy.language.clip_folder().empty())
+    return Fail(Code::kInvalidArgument,
+                context("its language is clip's text encoder, which is not in the checkpoint; a policy with its own "
+                        "language encoder (policy.language=default) can be exported"));
+  const auto& modules = metadata.policy.modules;
+  if (std::none_of(modules.begin(), modules.end(),
+                   [](const auto& module) { return module.decoder.quantity == "trajectory"; }))
+    return Fail(Code::kInvalidArgument, context("none of its modules decodes a trajectory"));
+  if (Status trained = CheckTrained(metadata); !trained)
+    return Fail(Code::kInvalidArgument, context(trained.error().message));
+  Checkpoint exact = checkpoint;
+  exact.metadata.policy.precision = "float32";
+  ETUDE_ASSIGN_OR_RETURN(const auto policy, BuildPolicy(exact));
+  try {
+    return Write(*policy, metadata);
+  } catch (const std::exception& error) {  // of torch
+    return Fail(Code::kInternal, context(error.what()));
+  }
+}
+
+}  // namespace etude::checkpoint
