@@ -52,7 +52,7 @@ export function Shell() {
         <header class="top">
           <button type="button" class="button icon-only menu" aria-label="Pages" aria-expanded={menu} onClick={() => setMenu(!menu)}><Icon path="M2 4h12M2 8h12M2 12h12" /></button>
           {page && page.sources.length > 0 && <Pickers page={page} />}
-          <p class="sentence" title={newest?.sentence} data-sentence>{newest?.sentence ?? ''}</p>
+          <p class="sentence" title={newest?.sentence} data-sentence>{page?.path === '' ? '' : newest?.sentence ?? ''}</p>
           <ConnectionDot />
           <ThemeSwitch />
           <button type="button" class="button plain icon-only" aria-label="Keyboard shortcuts" onClick={() => setHelp(true)}>?</button>
@@ -78,6 +78,7 @@ function Rail(props: { open: boolean; page: Page | undefined }) {
   const groups = [...new Set(pages.filter((one) => !one.hidden).map((one) => one.group))];
   return (
     <nav class="rail" aria-label="Pages" {...(props.open ? { 'data-open': '' } : {})}>
+      <div>
       <a class="brand" href="/"><img src="/icon.svg" alt="" />Etude</a>
       {groups.map((group) => (
         <div>
@@ -89,6 +90,7 @@ function Rail(props: { open: boolean; page: Page | undefined }) {
           </ul>
         </div>
       ))}
+      </div>
     </nav>
   );
 }

@@ -16,13 +16,18 @@ export function CheckpointsPage() {
   return <Loaded of={answer}>{(data) => <Content of={data} run={id} />}</Loaded>;
 }
 
-/** Figures in cm and px come first, then those of the language. */
+/** Figures in cm and px, in the order of the curriculum. */
 function metricColumns(rows: Checkpoint[]): string[] {
   const names = [...new Set(rows.flatMap((one) => Object.keys(one.metrics)))];
-  const wanted = names.filter((name) => /\.(cm|px)$/.test(name) || /^LANG\.accuracy$/.test(name));
+  const wanted = names.filter((name) => /\.(cm|px)$/.test(name) );
   const rank = (name: string) => ['LANG', 'EE2D', 'TAR2D', 'EE3D', 'TAR3D', 'REF', 'DISP', 'CTRL'].findIndex((one) => name.startsWith(one));
-  return wanted.sort((a, b) => rank(a) - rank(b)).slice(0, 8);
+  return wanted.sort((a, b) => rank(a) - rank(b)).slice(0, 6);
 }
+
+const served: Column<Checkpoint> = {
+  key: 'served', title: 'served by', width: 'minmax(120px, 1.5fr)', card: 'long',
+  cell: (one) => one.refused ? <span class="bad">refused: {one.refused}</span> : one.served_by.length ? one.served_by.map((server) => `${server.host}${server.since ? ` since ${clock(server.since, false)}` : ''}`).join(', ') : <span class="muted">{none}</span>,
+};
 
 function Content(props: { of: Checkpoints; run: string }) {
   const rows = props.of.checkpoints;
@@ -34,11 +39,10 @@ function Content(props: { of: Checkpoints; run: string }) {
     { key: 'step', title: 'step', width: '8ch', card: 'title', cell: (one) => count(one.step) },
     { key: 'stage', title: 'stage', width: 'minmax(110px, 1fr)', cell: (one) => one.error ? <span class="bad" title={one.error}>cannot be read</span> : <>{one.stage}/{one.stages} {one.stage_name}</> },
     { key: 'channel', title: 'channel', width: 'minmax(110px, 1fr)', cell: (one) => <span class="row tight">{one.channels.map((name) => <Chip tone={name === 'best' ? 'good' : ''}>{name === 'best' ? '★ best' : name}</Chip>)}{!one.error && !one.control_trained && <Chip tone="warn">hand untrained</Chip>}</span> },
-    ...metricColumns(rows).map((name): Column<Checkpoint> => ({ key: name, title: name.replace('.accuracy', '').replace('.', ' '), width: '10ch', number: true, cell: (one) => number(one.metrics[name], 2) })),
+    ...metricColumns(rows).map((name): Column<Checkpoint> => ({ key: name, title: name.replace('.', ' '), width: '9ch', number: true, cell: (one) => number(one.metrics[name], 2) })),
     { key: 'bytes', title: 'size', width: '9ch', number: true, cell: (one) => bytes(one.bytes) },
     { key: 'sha', title: 'sha256', width: '14ch', cell: (one) => <span class="mono" title={one.sha256 ?? ''}>{one.sha256 ? short(one.sha256) : <span class="muted">computing</span>}</span> },
-    { key: 'served', title: 'served by', width: 'minmax(120px, 1.5fr)', card: 'long', cell: (one) => one.refused ? <span class="bad">refused: {one.refused}</span> : one.served_by.length ? one.served_by.map((server) => `${server.host}${server.since ? ` since ${clock(server.since, false)}` : ''}`).join(', ') : <span class="muted">{none}</span> },
-    { key: 'modified', title: 'written', width: '10ch', number: true, cell: (one) => <span class="muted" title={day(one.modified)}>{clock(one.modified)}</span> },
+    ...(rows.some((one) => one.served_by.length || one.refused) ? [served] : []),
   ];
   return (
     <>

@@ -120,8 +120,8 @@ function Rows(props: { of: Dataset; text: string }) {
             ...(props.of.role === 'rollouts' ? [{ key: 'outcome', title: 'outcome', width: '10ch', cell: (row: Row) => row.success === null ? none : <span class={row.success ? 'good' : 'bad'}>{row.success ? '✓' : '✕'} {row.outcome}</span> }] : []),
             { key: 'task', title: 'task', width: 'minmax(84px, 1fr)', cell: (row) => row.task ?? none },
             { key: 'target', title: 'target', width: 'minmax(64px, 1fr)', cell: (row) => row.target ?? none },
-            { key: 'robot', title: 'robot', width: '7ch', card: 'none', cell: (row) => row.robot ?? none },
-            { key: 'instruction', title: 'instruction', width: 'minmax(180px, 3fr)', card: 'long', cell: (row) => <span class="secondary" title={row.instruction ?? ''}>{row.instruction ?? none}</span> },
+            ...(((props.of.spec as { robots?: string[] }).robots?.length ?? 1) > 1 ? [{ key: 'robot', title: 'robot', width: '7ch', cell: (row: Row) => row.robot ?? none }] : []),
+            { key: 'instruction', title: 'instruction', width: 'minmax(130px, 3fr)', card: 'long', cell: (row) => <span class="secondary" title={row.instruction ?? ''}>{row.instruction ?? none}</span> },
             { key: 'steps', title: 'steps', width: '6ch', number: true, sort: 'steps', cell: (row) => count(row.steps) },
             { key: 'draws', title: 'draws', width: '6ch', number: true, sort: 'draws', cell: (row) => count(row.draws) },
             { key: 'odd', title: 'odd', width: '6ch', number: true, sort: 'odd', cell: (row) => fixed(row.odd, 1) },
@@ -140,9 +140,9 @@ function Distributions(props: { of: Summary; dataset: Dataset }) {
   const targets = [...new Set(of.matrix.map((one) => one.target))];
   return (
     <>
-      <Panel title="Places of the targets at the start" aside={<span class="small muted">metres, as the camera looks</span>}><Places of={of.places} dataset={props.dataset.id} /></Panel>
+      <Panel title="Places of the targets at the start" aside={<span class="small muted">metres</span>}><Places of={of.places} dataset={props.dataset.id} /></Panel>
       <Panel title="Task and target">
-        <div class="scroll-x" tabIndex={0} role="region" aria-label="Episodes by task and target">
+        <div class="scroll-x" tabIndex={0} role="group" aria-label="Episodes by task and target">
           <table class="plain" data-task-target>
             <thead><tr><th>target</th>{tasks.map((task) => <th class="num">{task}</th>)}</tr></thead>
             <tbody>{targets.map((target) => <tr><td>{target}</td>{tasks.map((task) => {

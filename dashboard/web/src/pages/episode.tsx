@@ -142,7 +142,7 @@ function Details(props: { episode: Episode }) {
         ['file', bytes(episode.bytes)],
       ]} />
       {details.planned && details.planned.length > 0 && (
-        <div class="scroll-x" tabIndex={0} role="region" aria-label="Planned motions">
+        <div class="scroll-x" tabIndex={0} role="group" aria-label="Planned motions">
           <table class="plain">
             <thead><tr><th>planned</th><th>way</th><th class="num">samples</th><th class="num">checks</th><th class="num">steps</th></tr></thead>
             <tbody>{details.planned.map((one) => <tr title={one.blocked ?? ''}><td>{one.stage}</td><td class="secondary">{one.way ?? one.kind}</td><td class="num">{count(one.samples)}</td><td class="num">{count(one.checks)}</td><td class="num">{count(one.steps)}</td></tr>)}</tbody>
@@ -262,7 +262,7 @@ function makePlots(episode: Episode, tracks: Tensors): { title: string; unit: st
     const values = track(tracks, name);
     const meta = about(name);
     if (!values || !meta) continue;
-    plots.push({ title, unit: unit || meta.unit, lines: Array.from({ length: meta.columns }, (_one, i) => ({ label: (meta.labels[i] ?? String(i + 1)).replace(/_joint$/, '').replace(/^.*_joint/, 'joint '), token: lineTokens[i % lineTokens.length]!, x, values: column(values, meta.columns, i, factor) })) });
+    plots.push({ title, unit: unit || meta.unit, lines: Array.from({ length: meta.columns }, (_one, i) => ({ label: (meta.labels[i] ?? (meta.columns === 1 ? 'opening' : String(i + 1))).replace(/_joint$/, '').replace(/^.*_joint/, 'joint '), token: lineTokens[i % lineTokens.length]!, x, values: column(values, meta.columns, i, factor) })) });
   }
   const decisions = (episode.details as { decisions?: Record<string, number>[] }).decisions;
   if (decisions?.length) {

@@ -61,8 +61,7 @@ function Content(props: { of: Eval }) {
         <Panel title="What else happened"><Reports of={of} /></Panel>
       </div>
       {problem && <Failed problem={{ title: 'The rollouts could not be read', status: 0, detail: problem }} />}
-      <Scenes of={of} rows={rows} />
-      <Compare of={of} versus={versus} />
+      <Scenes of={of} rows={rows} versus={versus} />
     </>
   );
 }
@@ -74,7 +73,7 @@ function proportion(one: TaskReport) {
 function Reports(props: { of: Eval }) {
   const { of } = props;
   return (
-    <div class="scroll-x" tabIndex={0} role="region" aria-label="By task">
+    <div class="scroll-x" tabIndex={0} role="group" aria-label="By task">
       <table class="plain" data-reports>
         <thead><tr><th>task</th><th class="num">n</th><th class="num">latched</th><th class="num">violations</th><th class="num">others moved</th>{of.modules.map((name) => <th class="num">{name} cm</th>)}</tr></thead>
         <tbody>{[...of.per_task, of.overall].map((one) => (
@@ -89,7 +88,7 @@ function kind(row: EvalRow): string {
   return row.success ? 'success' : row.success_latched ? 'latched' : 'failure';
 }
 
-function Scenes(props: { of: Eval; rows: EvalRow[] }) {
+function Scenes(props: { of: Eval; rows: EvalRow[]; versus: string }) {
   const { of } = props;
   const [order, setOrder] = parameter('order', 'failures');
   const [task, setTask] = parameter('task');
@@ -101,6 +100,7 @@ function Scenes(props: { of: Eval; rows: EvalRow[] }) {
   const row = props.rows.find((one) => String(one.index) === picked) ?? (failed ? rows[0] : undefined);
   return (
     <div class="columns main-side">
+      <div class="stack">
       <Panel title="Scenes" aside={<><Select label="Task" value={task} options={[['', 'every task'], ...of.per_task.map((one) => [one.task, one.task] as const)]} choose={(value) => setTask(value)} /><Segments label="Order" value={order} options={[['failures', 'failures first'], ['index', 'by number']]} choose={(value) => setOrder(value)} /></>}>
         <p class="small secondary" data-failed={failed}>{failed ? `${failed} of ${fit.length} failed` : fit.length ? `None of ${fit.length} failed.` : 'No rollout is finished yet.'} <span class="muted">✕ failed · ◐ succeeded, but not strictly · filled: success</span></p>
         <div class="seeds" role="group" aria-label="Rollouts">
@@ -110,6 +110,8 @@ function Scenes(props: { of: Eval; rows: EvalRow[] }) {
           {Array.from({ length: task ? 0 : Math.max(0, Math.min(2000, of.episodes - of.done)) }, () => <span class="open" aria-hidden="true" />)}
         </div>
       </Panel>
+      <Compare of={of} versus={props.versus} />
+      </div>
       {row ? <Scene of={of} row={row} /> : <Panel title="Scene"><p class="muted">Choose a scene to see its rollout.</p></Panel>}
     </div>
   );
@@ -183,7 +185,7 @@ function Differences(props: { of: Diff }) {
   return (
     <>
       <h2>What else differs: {count(of.total)} {of.total === 1 ? 'key' : 'keys'}</h2>
-      {of.total > 0 && <div class="scroll-x" tabIndex={0} role="region" aria-label="Keys that differ"><table class="plain" data-diff><thead><tr><th>key</th><th>A</th><th>B</th></tr></thead><tbody>{of.keys.slice(0, 40).map((one) => <tr><td class="mono">{one.key}</td><td class="mono">{JSON.stringify(one.a)}</td><td class="mono">{JSON.stringify(one.b)}</td></tr>)}</tbody></table></div>}
+      {of.total > 0 && <div class="scroll-x" tabIndex={0} role="group" aria-label="Keys that differ"><table class="plain" data-diff><thead><tr><th>key</th><th>A</th><th>B</th></tr></thead><tbody>{of.keys.slice(0, 40).map((one) => <tr><td class="mono">{one.key}</td><td class="mono">{JSON.stringify(one.a)}</td><td class="mono">{JSON.stringify(one.b)}</td></tr>)}</tbody></table></div>}
     </>
   );
 }

@@ -58,6 +58,8 @@ export function Fleet() {
           <>
             <div class="page-head">
               <p data-fleet-summary><b>{count(fleet.total)}</b> hosts · <b>{count(fleet.workers)}</b> workers{fleet.per_min !== null && <> · <b>{number(fleet.per_min)}</b> a minute</>}{fleet.ok !== null && <> · <b>{percent(fleet.ok)}</b> of attempts ok</>}</p>
+              {oneOf(fleet, (host) => host.version) && <span class="muted">version {oneOf(fleet, (host) => host.version)}</span>}
+              {oneOf(fleet, (host) => host.fingerprint) && fleet.total > 1 && <span class="muted">fingerprints equal</span>}
               {!fleet.live && <Chip>from journals: nothing is on the bus</Chip>}
               <span class="fill" />
               <Search label="Filter hosts, workers, tasks" value={filter} change={(value) => setFilter(value, true)} width={28} />
@@ -74,6 +76,12 @@ export function Fleet() {
   );
 }
 
+/** What all hosts have in common, else nothing. */
+function oneOf(fleet: FleetAnswer, of: (host: Host) => string | null): string | null {
+  const all = new Set(fleet.hosts.map(of));
+  return all.size === 1 ? [...all][0] ?? null : null;
+}
+
 function place(order: string[], host: string): number {
   const at = order.indexOf(host);
   return at < 0 ? order.length : at;
@@ -82,23 +90,27 @@ function place(order: string[], host: string): number {
 function columns(fleet: FleetAnswer, at: number, toggle: (host: string) => void, isFolded: (host: string) => boolean): Column<Row>[] {
   const prints = new Set(fleet.hosts.map((one) => one.fingerprint).filter(Boolean));
   void now.value;
-  return [
-    { key: 'name', title: 'host and worker', width: 'minmax(180px, 1.4fr)', sort: 'host', card: 'title', cell: (row) => row.worker
+  const told = (one: (host: Host) => unknown) => fleet.hosts.some((host) => one(host) !== null);
+  const all: Column<Row>[] = [
+    { key: 'name', title: 'host and worker', width: 'minmax(130px, 1.2fr)', sort: 'host', card: 'title', cell: (row) => row.worker
       ? <span class="secondary">{row.worker.worker}</span>
       : <button type="button" class="button plain" aria-expanded={!isFolded(row.host.host)} onClick={() => toggle(row.host.host)}><b>{isFolded(row.host.host) ? '▸' : '▾'} {row.host.host}</b></button> },
-    { key: 'slots', title: 'busy', width: '7ch', number: true, sort: 'slots', cell: (row) => row.worker ? '' : `${row.host.busy}/${row.host.slots}` },
+    { key: 'slots', title: 'busy', width: '5ch', number: true, sort: 'slots', cell: (row) => row.worker ? '' : `${row.host.busy}/${row.host.slots}` },
     { key: 'per_min', title: 'a minute', width: '8ch', number: true, sort: 'per_min', cell: (row) => number((row.worker ?? row.host).per_min) },
-    { key: 'ok', title: 'ok', width: '8ch', number: true, cell: (row) => row.worker ? (row.worker.episodes + row.worker.failures ? percent(row.worker.episodes / (row.worker.episodes + row.worker.failures)) : none) : percent(row.host.ok) },
-    { key: 'episodes', title: 'episodes', width: '8ch', number: true, cell: (row) => row.worker ? count(row.worker.episodes) : count(row.host.workers.reduce((sum, one) => sum + one.episodes, 0)) },
-    { key: 'now', title: 'makes', width: 'minmax(240px, 2fr)', card: 'long', cell: (row) => row.worker ? making(row.worker) : '' },
-    { key: 'last', title: 'last', width: 'minmax(80px, 1fr)', cell: (row) => row.worker ? <span class={row.worker.last && row.worker.last !== 'success' ? 'warn' : 'muted'}>{row.worker.last ?? ''}</span> : '' },
-    { key: 'strip', title: 'last 60 s', width: '128px', card: 'none', cell: (row) => row.worker && row.worker.strip ? <Strip text={row.worker.strip} /> : '' },
-    { key: 'plan', title: 'plan p50, p95', width: '15ch', number: true, cell: (row) => row.worker || row.host.plan_p50_s === null ? '' : `${number(row.host.plan_p50_s, 2)}, ${number(row.host.plan_p95_s, 2)} s` },
-    { key: 'rss', title: 'memory', width: '9ch', number: true, cell: (row) => row.worker || row.host.rss_mb === null ? '' : `${count(row.host.rss_mb)} MB` },
+    { key: 'ok', title: 'ok', width: '7ch', number: true, cell: (row) => row.worker ? (row.worker.episodes + row.worker.failures ? percent(row.worker.episodes / (row.worker.episodes + row.worker.failures)) : none) : percent(row.host.ok) },
+    { key: 'episodes', title: 'done', width: '6ch', number: true, cell: (row) => row.worker ? count(row.worker.episodes) : count(row.host.workers.reduce((sum, one) => sum + one.episodes, 0)) },
+    { key: 'now', title: 'makes', width: 'minmax(190px, 4fr)', card: 'long', cell: (row) => row.worker ? making(row.worker) : '' },
+    { key: 'last', title: 'last', width: 'minmax(76px, 1fr)', cell: (row) => row.worker ? <span class={row.worker.last && row.worker.last !== 'success' ? 'warn' : 'muted'}>{row.worker.last ?? ''}</span> : '' },
+    { key: 'strip', title: 'last 60 s', width: '96px', card: 'none', cell: (row) => row.worker && row.worker.strip ? <Strip text={row.worker.strip} /> : '' },
+    { key: 'plan', title: 'plan p50, p95', width: '12ch', number: true, cell: (row) => row.worker || row.host.plan_p50_s === null ? '' : `${number(row.host.plan_p50_s, 2)}, ${number(row.host.plan_p95_s, 2)} s` },
+    { key: 'rss', title: 'memory', width: '8ch', number: true, cell: (row) => row.worker || row.host.rss_mb === null ? '' : `${number(row.host.rss_mb / 1000, 2)} GB` },
     { key: 'version', title: 'version', width: '9ch', cell: (row) => row.worker ? '' : row.host.version ?? '' },
     { key: 'print', title: 'fingerprint', width: '11ch', cell: (row) => row.worker || !row.host.fingerprint ? '' : <span class={`mono${prints.size > 1 ? ' warn' : ''}`}>{short(row.host.fingerprint, 8)}</span> },
-    { key: 'age', title: 'heard', width: '8ch', number: true, sort: 'age', cell: (row) => fleet.live ? <Age ms={(row.worker ?? row.host).age_ms} at={at} /> : '' },
+    { key: 'age', title: 'heard', width: '6ch', number: true, sort: 'age', cell: (row) => fleet.live ? <Age ms={(row.worker ?? row.host).age_ms} at={at} /> : '' },
   ];
+  const differ = (one: (host: Host) => string | null) => new Set(fleet.hosts.map(one).filter(Boolean)).size > 1;
+  const absent = new Set([!told((host) => host.plan_p50_s) && 'plan', !told((host) => host.rss_mb) && 'rss', !differ((host) => host.version) && 'version', !differ((host) => host.fingerprint) && 'print', !fleet.live && 'age', !fleet.live && 'strip']);
+  return all.filter((one) => !absent.has(one.key));
 }
 
 function making(worker: Worker): string {

@@ -55,7 +55,7 @@ function Matrix(props: { of: Campaign; failed: number }) {
     <Panel title="Failures by reason and task">
       {!of.failures_by.length
         ? <p class="secondary" data-no-failures>{props.failed === 0 ? `0 of ${count(of.status.attempts)} attempts failed.` : `${count(props.failed)} attempts failed; no journal says why.`}</p>
-        : <div class="scroll-x" tabIndex={0} role="region" aria-label="Failures by reason and task">
+        : <div class="scroll-x" tabIndex={0} role="group" aria-label="Failures by reason and task">
           <table class="plain" data-matrix>
             <thead><tr><th>reason, stage</th>{tasks.map((task) => <th class="num">{task}</th>)}<th class="num">all</th></tr></thead>
             <tbody>{reasons.map((reason) => {

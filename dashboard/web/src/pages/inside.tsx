@@ -31,7 +31,7 @@ function errorOf(node: GraphNode): string {
 
 function about(node: GraphNode): string {
   const entity = { ee: 'hand', command: 'task' }[node.entity] ?? node.entity;
-  return node.quantity === 'class' ? `names the ${entity}` : node.quantity === 'task' ? 'names the task' : node.quantity === 'trajectory' ? 'waypoints of the hand' : `${node.quantity} of the ${entity}`;
+  return node.quantity === 'class' ? `names the ${entity}` : node.quantity === 'task' ? 'names the task' : node.quantity === 'displacement' ? `way to the ${entity}` : node.quantity === 'trajectory' ? 'waypoints of the hand' : `${node.quantity} of the ${entity}`;
 }
 
 function Content(props: { of: Graph; run: string }) {
@@ -46,19 +46,15 @@ function Content(props: { of: Graph; run: string }) {
         <p><b>{of.nodes.length}</b> modules in {new Set(of.nodes.map((one) => one.level)).size} levels · {count(of.nodes.reduce((sum, one) => sum + (one.parameters ?? 0), 0))} parameters{of.checkpoint ? <> · errors of <a href={link('checkpoints', { run: props.run })}>{of.checkpoint}</a></> : ' · nothing saved yet'}</p>
         {of.architecture && <Chip>architecture <span class="mono">{short(of.architecture)}</span></Chip>}
       </div>
-      <div class="columns main-side">
-        <Panel title="What reads what" aside={<Legend />}>
-          <Drawing of={of} selected={selected} select={(name) => select(name, true)} />
-        </Panel>
-        {node && <Side node={node} graph={of} select={(name) => select(name, true)} run={props.run} />}
-      </div>
+      <Panel title="What reads what" aside={<Legend />}><Drawing of={of} selected={selected} select={(name) => select(name, true)} /></Panel>
+      {node && <Side node={node} graph={of} run={props.run} />}
       <Panel title="Modules" flush>
         <Table label="Modules" rows={of.nodes} id={(row) => row.name} selected={selected} link={(row) => link('inside', { run: props.run, module: row.name })} columns={[
           { key: 'name', title: 'module', width: 'minmax(80px, 1fr)', card: 'title', cell: (row) => row.name },
           { key: 'level', title: 'level', width: '6ch', number: true, cell: (row) => row.level },
-          { key: 'about', title: 'says', width: 'minmax(150px, 2fr)', card: 'long', cell: (row) => about(row) },
-          { key: 'reads', title: 'reads', width: 'minmax(200px, 3fr)', card: 'long', cell: (row) => <span class="secondary">{row.reads.join(', ')}</span> },
-          { key: 'attend', title: 'attention supervised on', width: 'minmax(180px, 2fr)', card: 'long', cell: (row) => <span class="secondary">{row.attend.join(', ')}</span> },
+          { key: 'about', title: 'says', width: 'minmax(140px, 2fr)', card: 'long', cell: (row) => about(row) },
+          { key: 'reads', title: 'reads', width: 'minmax(150px, 3fr)', card: 'long', cell: (row) => <span class="secondary">{row.reads.join(', ')}</span> },
+          { key: 'attend', title: 'attention supervised on', width: 'minmax(150px, 2fr)', card: 'long', cell: (row) => <span class="secondary">{row.attend.join(', ')}</span> },
           { key: 'error', title: 'error', width: 'minmax(90px, 1fr)', number: true, cell: (row) => errorOf(row) },
           { key: 'trained', title: 'trained steps', width: '13ch', number: true, cell: (row) => row.trained ? count(row.trained_steps) : <span class="muted">stage {row.stage}</span> },
           { key: 'parameters', title: 'parameters', width: '11ch', number: true, cell: (row) => count(row.parameters) },
@@ -78,7 +74,7 @@ function Legend() {
   );
 }
 
-const box = { width: 156, height: 68, inputHeight: 36, across: 92, down: 20 };
+const box = { width: 154, height: 68, inputHeight: 36, across: 58, down: 20 };
 
 interface Place { x: number; y: number; height: number }
 
@@ -116,8 +112,8 @@ function Drawing(props: { of: Graph; selected: string; select: (name: string) =>
   const touches = (edge: Graph['edges'][number]) => edge.from === selected || edge.to === selected;
   const edges = [...of.edges].sort((a, b) => Number(touches(a)) - Number(touches(b)));
   return (
-    <div class="graph" tabIndex={0} role="region" aria-label="Drawing of the modules">
-      <svg width={width + 4} height={height + 16} viewBox={`-2 -8 ${width + 4} ${height + 16}`} role="group" aria-label="Modules and what flows between them">
+    <div class="graph" tabIndex={0} role="group" aria-label="Drawing of the modules">
+      <svg style={{ maxWidth: `${width + 4}px` }} viewBox={`-2 -8 ${width + 4} ${height + 16}`} role="group" aria-label="Modules and what flows between them">
         {edges.map((edge) => <Edge edge={edge} places={places} on={touches(edge)} into={edge.to === selected} />)}
         {of.inputs.map((name) => {
           const at = places.get(name);
@@ -142,7 +138,7 @@ function Box(props: { node: GraphNode; at: Place; selected: boolean; select: () 
     props.select();
   };
   return (
-    <g transform={`translate(${at.x} ${at.y})`} class="node" role="button" tabIndex={0} aria-pressed={props.selected} aria-label={`${node.name}: ${about(node)}, error ${errorOf(node)}`} data-node={node.name} onClick={props.select} onKeyDown={choose}>
+    <g transform={`translate(${at.x} ${at.y})`} class="node" role="button" tabIndex={0} aria-pressed={props.selected} data-node={node.name} onClick={props.select} onKeyDown={choose}>
       <rect width={box.width} height={at.height} rx="4" fill="var(--panel)" stroke={props.selected ? 'var(--accent)' : 'var(--edge)'} stroke-width={props.selected ? 2 : 1} {...(node.trained ? {} : { 'stroke-dasharray': '4 3' })} />
       <rect x="1" y="1" width="5" height={at.height - 2} rx="2" fill={`var(--${moduleColor(node.name)})`} />
       <text x="16" y="22" font-size="14" font-weight="600" fill="var(--text)">{node.name}{node.frozen ? ' (frozen)' : ''}</text>
@@ -174,15 +170,15 @@ function Edge(props: { edge: Graph['edges'][number]; places: Map<string, Place>;
   );
 }
 
-function Side(props: { node: GraphNode; graph: Graph; select: (name: string) => void; run: string }) {
+function Side(props: { node: GraphNode; graph: Graph; run: string }) {
   const { node, graph } = props;
   const names = new Set(graph.nodes.map((one) => one.name));
   const list = (all: string[]) => (all.length ? <>{all.map((one, i) => <>{i > 0 && ', '}{names.has(one) ? <a href={link('inside', { run: props.run, module: one })}>{one}</a> : one}</>)}</> : none);
   const readers = [...new Set(graph.edges.filter((one) => one.from === node.name).map((one) => one.to))];
   return (
-    <Panel title={node.name}>
-      <p class="figure">{errorOf(node)}</p>
-      <Facts rows={[
+    <Panel title={node.name} aside={<a href={link('training', { run: props.run })}>Its curves</a>}>
+      <Facts two rows={[
+        ['error', <b>{errorOf(node)}</b>],
         ['says', about(node)],
         ['level', String(node.level)],
         ['reads', list(node.reads)],
@@ -197,7 +193,6 @@ function Side(props: { node: GraphNode; graph: Graph; select: (name: string) => 
         ['trained', node.trained ? `${count(node.trained_steps)} steps, since stage ${node.stage ?? none}` : `not yet, stage ${node.stage ?? none}`],
         ['frozen', node.frozen ? 'yes' : 'no'],
       ]} />
-      <p><a href={link('training', { run: props.run })}>Its curves</a></p>
     </Panel>
   );
 }

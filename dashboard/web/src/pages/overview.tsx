@@ -20,7 +20,7 @@ export function Overview() {
         <p class="sentence figure" data-overview-sentence>{data.sentence}</p>
       </div>
       {data.warnings.length > 0 && <Warnings of={data} />}
-      <div class="grid stretch">
+      <div class="grid three stretch">
         {tiles.demonstrations && <Demonstrations of={tiles.demonstrations} />}
         {tiles.training && <TrainingTile of={tiles.training} />}
         {tiles.policy && <PolicyTile of={tiles.policy} />}
@@ -35,7 +35,7 @@ export function Overview() {
         </Panel>
       </div>
       <Panel title="Sources" flush>
-        <div class="scroll-x" tabIndex={0} role="region" aria-label="Sources">
+        <div class="scroll-x" tabIndex={0} role="group" aria-label="List of sources">
           <table class="plain sources">
             <thead><tr><th>name</th><th>what</th><th>state</th><th>folder</th><th class="num">changed</th></tr></thead>
             <tbody>{data.sources.slice(0, 20).map((one) => (

@@ -179,7 +179,7 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
   return (
     <>
       {others}
-      <Panel title="Loss"><Chart title="loss" lines={lines(loss)} height={220} {...common} note={shared.range ? 'zoomed; double click for all' : 'drag to zoom'} /></Panel>
+      <Panel label="Loss"><Chart title="Loss"lines={lines(loss)} height={220} {...common} note={shared.range ? 'zoomed; double click for all' : 'drag to zoom'} /></Panel>
       <h2>Validation</h2>
       <div class="grid narrow charts">
         {modules.map((module) => {

@@ -112,8 +112,8 @@ export function Loaded<T>(props: { of: Resource<T>; height?: number; children: (
   );
 }
 
-export function Facts(props: { rows: [string, ComponentChildren][] }) {
-  return <dl class="facts">{props.rows.map(([name, value]) => [<dt>{name}</dt>, <dd>{value}</dd>])}</dl>;
+export function Facts(props: { rows: [string, ComponentChildren][]; two?: boolean }) {
+  return <dl class={`facts${props.two ? ' two' : ''}`}>{props.rows.map(([name, value]) => [<dt>{name}</dt>, <dd>{value}</dd>])}</dl>;
 }
 
 export function Segments<T extends string>(props: { label: string; value: T; options: readonly (readonly [T, string])[]; choose: (value: T) => void }) {

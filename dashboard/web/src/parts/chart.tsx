@@ -175,7 +175,7 @@ function describe(line: Line): string {
 /** What tests and screen readers read: exact figures of each line. */
 function HiddenTable(props: ChartProps) {
   return (
-    <table class="sr" data-table={props.title}>
+    <div class="sr"><table data-table={props.title}>
       <caption>{props.title}{props.unit ? `, ${props.unit}` : ''}</caption>
       <thead><tr><th scope="col">line</th><th scope="col">n</th><th scope="col">min</th><th scope="col">max</th><th scope="col">last</th></tr></thead>
       <tbody>
@@ -186,7 +186,7 @@ function HiddenTable(props: ChartProps) {
           return <tr data-line={line.label}><th scope="row">{line.label}</th><td>{s.n}</td><td>{String(low)}</td><td>{String(high)}</td><td>{String(s.last)}</td></tr>;
         })}
       </tbody>
-    </table>
+    </table></div>
   );
 }
 
@@ -222,7 +222,7 @@ function options(props: { current: ChartProps }, legend: { current: (HTMLElement
     },
     series, bands,
     axes: [
-      { ...axis, size: 24, gap: 4, space: 70, values: (_u, splits) => splits.map((value) => (props.current.xFormat ?? compact)(value)) },
+      { ...axis, size: 24, gap: 4, space: 56, values: (_u, splits) => splits.map((value) => (props.current.xFormat ?? compact)(value)) },
       { ...axis, size: 52, gap: 6, space: 32, values: (_u, splits) => splits.map((value, i) => (value === null || (now.log && i % 2) ? '' : compact(value))) },
     ],
     hooks: {
@@ -280,7 +280,7 @@ function drawBehind(u: uPlot, props: ChartProps): void {
       ctx.fillRect(left, bbox.top, right - left, bbox.height);
     }
     ctx.fillStyle = color('muted');
-    if (right - left > ctx.measureText(band.label).width + 8) ctx.fillText(band.label, left + 4 * devicePixelRatio, bbox.top + 2);
+    if (bbox.height > 160 * devicePixelRatio && right - left > ctx.measureText(band.label).width + 8) ctx.fillText(band.label, left + 4 * devicePixelRatio, bbox.top + 2);
   });
   ctx.restore();
 }

@@ -28,7 +28,7 @@ export function Places(props: { of: Summary['places']; dataset: string }) {
       <svg viewBox={`0 0 ${width} ${height}`} width="100%" role="img" aria-label={`${x_m.length} places of targets, x ${right.toFixed(2)} to ${left.toFixed(2)} m, y ${far.toFixed(2)} to ${near.toFixed(2)} m`}>
         {lines.map((at) => <line x1={px(at)} x2={px(at)} y1="0" y2={height} stroke="var(--line)" />)}
         {rows.map((at) => <line x1="0" x2={width} y1={py(at)} y2={py(at)} stroke="var(--line)" />)}
-        {lines.map((at) => <text x={px(at) + 3} y={height - 4} font-size="10" fill="var(--muted)">{at.toFixed(1)}</text>)}
+        {lines.map((at) => <text x={px(at) + 3} y={height - 4} font-size="10" fill="var(--muted)">{Math.abs(at) < 0.05 ? '0' : at.toFixed(1)}</text>)}
         {x_m.map((x, i) => {
           const kind = tasks.indexOf(task[i]!);
           return <path d={glyphs[kind % glyphs.length]!} transform={`translate(${px(x).toFixed(1)} ${py(y_m[i]!).toFixed(1)})`} fill={`var(--${tokens[kind % tokens.length]})`} opacity="0.75" onClick={() => navigate(episodeLink(props.dataset, index[i]!))} />;

@@ -84,6 +84,8 @@ function Grid<Row>(props: TableProps<Row>) {
   const rowHeight = useRef(28);
   const virtual = props.height !== undefined && props.rows.length > 60;
   const template = props.columns.map((column) => column.width).join(' ');
+  // rows are grids of their own: the same least width keeps their columns in line
+  const least = `calc(${props.columns.map((column) => /^minmax\(([^,]+),/.exec(column.width)?.[1] ?? column.width).join(' + ')} + ${12 * (props.columns.length - 1) + 32}px)`;
   const measure = () => {
     const box = scroller.current;
     if (!box || !virtual) return;
@@ -112,9 +114,9 @@ function Grid<Row>(props: TableProps<Row>) {
   const from = virtual ? view.from : 0;
   const rows = virtual ? props.rows.slice(view.from, view.to) : props.rows;
   return (
-    <div class="table scroll" ref={scroller} onScroll={measure} tabIndex={0} role="region" aria-label={props.label}
+    <div class="table scroll" ref={scroller} onScroll={measure} tabIndex={0} role="group" aria-label={props.label}
       style={props.height ? { maxHeight: `${props.height}px` } : {}}>
-      <div role="table" aria-label={props.label} aria-rowcount={props.rows.length + 1}>
+      <div role="table" aria-label={props.label} aria-rowcount={props.rows.length + 1} style={{ minWidth: least }}>
         <div class="head" role="row" style={{ gridTemplateColumns: template }}>
           {props.columns.map((column) => <HeadCell column={column} sort={props.sort} setSort={props.setSort} />)}
         </div>

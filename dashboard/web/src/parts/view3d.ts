@@ -2,8 +2,8 @@
 // The scene in space: table, tool path by stage and as commanded, objects at their places, the camera that recorded.
 // Loaded when it is first needed; draws on demand only.
 import {
-  BufferGeometry, CameraHelper, Color, Float32BufferAttribute, GridHelper, HemisphereLight, Line, LineBasicMaterial, LineDashedMaterial, Mesh,
-  MeshLambertMaterial, PerspectiveCamera, Quaternion, Scene, SphereGeometry, Vector3, WebGLRenderer, DirectionalLight,
+  BufferGeometry, CameraHelper, CatmullRomCurve3, Color, Float32BufferAttribute, GridHelper, HemisphereLight, Line, LineBasicMaterial, LineDashedMaterial, Mesh,
+  MeshLambertMaterial, PerspectiveCamera, Quaternion, Scene, SphereGeometry, TubeGeometry, Vector3, WebGLRenderer, DirectionalLight,
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import { color } from '../core/theme';
@@ -21,10 +21,10 @@ export function mount(host: HTMLElement, labels: HTMLElement, data: SpaceData): 
   sun.position.set(-0.5, 0.5, 3);
   scene.add(sun);
 
-  const grid = new GridHelper(1.5, 15, color('edge'), color('line'));
+  const grid = new GridHelper(1.5, 15, color('line'), color('line'));
   grid.rotation.x = Math.PI / 2;
   scene.add(grid);
-  for (const path of data.paths) scene.add(lineOf(path.points, path.token, path.dashed));
+  for (const path of data.paths) scene.add(path.dashed || path.points.length < 9 ? lineOf(path.points, path.token, path.dashed) : tube(path.points, path.token));
 
   const tool = ball(0.012, 'hand');
   scene.add(tool);
@@ -54,7 +54,8 @@ export function mount(host: HTMLElement, labels: HTMLElement, data: SpaceData): 
     if (name === 'camera' && data.camera) {
       const [x, y, z] = data.camera.position as [number, number, number];
       camera.position.set(x, y, z);
-      camera.fov = (data.camera.fovy_rad * 180) / Math.PI;
+      // from where it was recorded, but nearer: what is in front of the arm fills the view
+      camera.fov = (data.camera.fovy_rad * 180) / Math.PI / 1.8;
       const toward = new Vector3(0, 0, -1).applyQuaternion(quaternion(data.camera.quaternion_wxyz));
       // the point on the table that the camera looks at, so that one turns about what one sees
       const distance = toward.z < -0.05 ? Math.min(3, z / -toward.z) : 1.5;
@@ -132,6 +133,16 @@ function lineOf(points: Float32Array, token: string, dashed: boolean): Line {
   const line = new Line(geometry, material);
   if (dashed) line.computeLineDistances();
   return line;
+}
+
+/** A path of visible width: lines are one pixel wide in WebGL. */
+function tube(points: Float32Array, token: string): Mesh {
+  const n = points.length / 3;
+  const every = Math.max(1, Math.ceil(n / 120));
+  const places: Vector3[] = [];
+  for (let i = 0; i < n; i += every) places.push(new Vector3().fromArray(points, 3 * i));
+  places.push(new Vector3().fromArray(points, 3 * (n - 1)));
+  return new Mesh(new TubeGeometry(new CatmullRomCurve3(places), places.length * 2, 0.0035, 6), new MeshLambertMaterial({ color: paint(token) }));
 }
 
 function ball(radius: number, token: string): Mesh {
