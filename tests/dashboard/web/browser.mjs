@@ -25,7 +25,8 @@ export async function openPage(browser, base, { width = 1280, height = 900, them
   const context = await browser.newContext({ viewport: { width, height }, colorScheme: theme, reducedMotion: 'reduce', deviceScaleFactor: 1 });
   const page = await context.newPage();
   const wrong = [];
-  page.on('console', (message) => { if (message.type() === 'error') wrong.push(`console: ${message.text()} ${message.location().url ?? ''}`); });
+  // that scenes differ (409) is an answer, which the browser notes as a failed request
+  page.on('console', (message) => { if (message.type() === 'error' && !message.text().includes('409 (Conflict)')) wrong.push(`console: ${message.text()} ${message.location().url ?? ''}`); });
   page.on('pageerror', (error) => wrong.push(`exception: ${error.message}`));
   page.on('request', (request) => { if (!/^(data|blob):/.test(request.url()) && new URL(request.url()).host !== new URL(base).host) wrong.push(`foreign request: ${request.url()}`); });
   return { page, context, wrong };

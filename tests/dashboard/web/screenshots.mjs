@@ -1,10 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of every page: node screenshots.mjs http://127.0.0.1:8080 OUT [page,page] [width,width] [theme,theme]
+// Pictures of every page, and what axe and the console say of it.
+//   node screenshots.mjs http://127.0.0.1:8080 OUT [page,page] [width,width] [theme,theme]   of a gateway that runs
+//   node screenshots.mjs --start OUT DIR...                                                 of one started over DIR...
 import { mkdirSync } from 'node:fs';
-import { join } from 'node:path';
+import { join, resolve } from 'node:path';
 import { addresses, axe, launch, openPage, overflow, themes, visit, widths } from './browser.mjs';
+import { startGateway } from './gateway.mjs';
 
-const [base, out, only, wide, which] = process.argv.slice(2);
+const [first, out, ...rest] = process.argv.slice(2);
+const gateway = first === '--start' ? await startGateway(rest.map((one) => resolve(one))) : null;
+const base = gateway?.address ?? first;
+const [only, wide, which] = gateway ? [] : rest;
 if (!out) {
   console.error('screenshots: node screenshots.mjs ADDRESS OUT [pages] [widths] [themes]');
   process.exit(2);
@@ -37,4 +43,5 @@ for (const [name, address] of Object.entries(addresses(home))) {
   }
 }
 await browser.close();
+await gateway?.stop();
 process.exit(failed ? 1 : 0);

@@ -73,8 +73,8 @@ function Detail(props: { of: Checkpoint; run: string; folder: string }) {
         <Command text={`etude checkpoint promote ${props.folder} ${of.file}`} />
       </Panel>
       {!of.error && <Panel title="Modules" aside={<span class="small muted">{count(total)} parameters</span>}>
-        <table class="plain"><thead><tr><th>module</th><th class="num">error</th><th class="num">trained steps</th><th class="num">parameters</th></tr></thead>
-          <tbody>{[...new Set([...Object.keys(of.modules), ...Object.keys(of.parameters)])].map((name) => <tr><td>{name}</td><td class="num">{number(of.modules[name]?.error, 2)}</td><td class="num">{count(of.modules[name]?.trained_steps)}</td><td class="num">{count(of.parameters[name])}</td></tr>)}</tbody></table>
+        <div class="scroll-x" tabIndex={0} role="group" aria-label="Modules of this checkpoint"><table class="plain"><thead><tr><th>module</th><th class="num">error</th><th class="num">trained steps</th><th class="num">parameters</th></tr></thead>
+          <tbody>{[...new Set([...Object.keys(of.modules), ...Object.keys(of.parameters)])].map((name) => <tr><td>{name}</td><td class="num">{number(of.modules[name]?.error, 2)}</td><td class="num">{count(of.modules[name]?.trained_steps)}</td><td class="num">{count(of.parameters[name])}</td></tr>)}</tbody></table></div>
       </Panel>}
     </div>
   );

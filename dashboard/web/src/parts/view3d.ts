@@ -47,7 +47,8 @@ export function mount(host: HTMLElement, labels: HTMLElement, data: SpaceData): 
   controls.minPolarAngle = (5 * Math.PI) / 180;
   controls.maxPolarAngle = (85 * Math.PI) / 180;
 
-  if (data.camera) scene.add(frustum(data.camera));
+  const recorded = data.camera ? frustum(data.camera) : null;
+  if (recorded) scene.add(recorded);
   const view = (name: 'camera' | 'top' | 'side') => {
     controls.target.set(0, 0.3, 0.05);
     camera.fov = 45;
@@ -74,6 +75,8 @@ export function mount(host: HTMLElement, labels: HTMLElement, data: SpaceData): 
   const draw = () => {
     queued ||= requestAnimationFrame(() => {
       queued = 0;
+      // seen from within, the recording camera would be a cross over the picture
+      if (recorded) recorded.visible = camera.position.distanceTo(new Vector3().fromArray(data.camera!.position)) > 0.1;
       renderer.render(scene, camera);
       for (const { body, label } of bodies) {
         const at = body.position.clone().project(camera);
