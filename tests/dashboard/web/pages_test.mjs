@@ -209,7 +209,7 @@ test('Inside: a box for each module of the config, all reachable by keyboard', a
   await open(pages.inside, async (page) => {
     assert.equal(await page.locator('[data-node]').count(), graph.nodes.length);
     await page.locator(`[data-node="${graph.nodes[0].name}"]`).press('Enter');
-    assert.ok(page.url().includes(`module=${graph.nodes[0].name}`));
+    await page.waitForURL(`**module=${graph.nodes[0].name}**`);
   });
 });
 

@@ -114,7 +114,7 @@ function Rows(props: { of: Dataset; text: string }) {
       {first.error && <Failed problem={first.error} retry={first.reload} />}
       {data && !data.total && <Empty title={data.all ? 'No episode fits these filters' : 'The first episode is under way'}>{data.all ? `${count(data.all)} are there without them.` : 'Episodes appear here when they are committed.'}</Empty>}
       {rows.length > 0 && (
-        <Table label="Episodes" rows={rows} id={(row) => row.index} height={720} link={(row) => episodeLink(props.of.id, row.index)} sort={sort} setSort={(value) => setSort(value)} {...(current.next ? { more } : {})}
+        <Table label="Episodes" rows={rows} id={(row) => row.index} height={960} link={(row) => episodeLink(props.of.id, row.index)} sort={sort} setSort={(value) => setSort(value)} {...(current.next ? { more } : {})}
           columns={[
             { key: 'index', title: '#', width: '6ch', sort: 'index', card: 'title', cell: (row) => row.index },
             ...(props.of.role === 'rollouts' ? [{ key: 'outcome', title: 'outcome', width: '10ch', cell: (row: Row) => row.success === null ? none : <span class={row.success ? 'good' : 'bad'}>{row.success ? '✓' : '✕'} {row.outcome}</span> }] : []),
@@ -154,7 +154,7 @@ function Distributions(props: { of: Summary; dataset: Dataset }) {
         </div>
       </Panel>
       <Panel title="Length in steps"><Histogram edges={of.lengths.edges_steps} counts={of.lengths.counts} label="steps" format={(edge) => count(edge)} /></Panel>
-      <Panel title="Words"><Bars label="Words of the instructions" rows={of.words.map((one) => ({ name: one.word, value: one.count }))} limit={14} /></Panel>
+      <Panel title="Words"><Bars label="Words of the instructions" rows={of.words.map((one) => ({ name: one.word, value: one.count }))} limit={10} /></Panel>
       {of.odd.length > 0 && (
         <Panel title="Odd ones" aside={<span class="small muted">largest robust z within a task</span>}>
           <ul class="events">{of.odd.slice(0, 8).map((one) => <li><span class="num strong">{fixed(one.odd, 1)}</span><span><a href={episodeLink(props.dataset.id, one.index)}>#{one.index}</a> {one.task} <span class="muted">by {one.what.replace('_', ' ')}</span></span></li>)}</ul>

@@ -20,9 +20,9 @@ export function LogsPage() {
   const [older, setOlder] = useState<{ of: string; lines: LogLine[]; next: string | null } | null>(null);
   const before = older?.of === text ? older : null;
   const newest = (follow && live) || first.data;
-  const foot = useRef<HTMLDivElement>(null);
+  const box = useRef<HTMLDivElement>(null);
   const shown = newest?.lines.length ?? 0;
-  useEffect(() => { if (follow && !before) foot.current?.scrollIntoView({ block: 'nearest' }); }, [newest?.lines[shown - 1]?.n]);
+  useEffect(() => { if (follow && !before && box.current) box.current.scrollTop = box.current.scrollHeight; }, [newest?.lines[shown - 1]?.n]);
   return (
     <Loaded of={{ ...first, data: newest }}>
       {(data) => {
@@ -44,11 +44,12 @@ export function LogsPage() {
               <label class="inline"><input type="checkbox" checked={follow} onChange={(event) => setFollow(event.currentTarget.checked)} /> follow</label>
             </div>
             <Panel flush label="Lines">
+              <div class="log-box" ref={box} tabIndex={0} role="group" aria-label="Log lines">
               {next && <div class="more"><button type="button" class="button" onClick={() => { void more(); }}>Older lines</button></div>}
               {lines.length
                 ? <ol class="log" data-log-lines={lines.length}>{lines.map((one) => <li key={`${one.source}:${one.n}`} data-level={one.level ?? ''}><span class="muted">{one.t ?? ''}</span><span class={one.level === 'warn' ? 'warn' : one.level === 'error' ? 'bad' : 'muted'}>{one.level ?? ''}</span><span class="muted">{name(data, one.source)}</span><span>{one.text}</span></li>)}</ol>
                 : <Empty title="No line fits">{`${count(data.sources.length)} files were searched.`}</Empty>}
-              <div ref={foot} />
+              </div>
             </Panel>
           </>
         );

@@ -43,7 +43,7 @@ export function Space(props: { data: SpaceData; playhead: Playhead }) {
   useKeys([...views, ['0', 'camera'] as const].map(([keys, name]) => ({ keys, does: `3D from ${name}`, run: () => current.current?.view(name) })));
   if (flat) return <TopView data={props.data} playhead={props.playhead} />;
   return (
-    <div class="view3d" ref={host} role="group" aria-label="3D view: tool path, objects and camera">
+    <div class={`view3d${asked ? '' : ' closed'}`} ref={host} role="group" aria-label="3D view: tool path, objects and camera">
       <div class="labels" ref={labels} aria-hidden="true" />
       {asked
         ? <div class="keys">{views.map(([, name]) => <button type="button" class="button" onClick={() => current.current?.view(name)}>{name}</button>)}</div>

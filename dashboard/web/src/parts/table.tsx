@@ -49,7 +49,7 @@ export function Table<Row>(props: TableProps<Row>) {
 }
 
 function Cards<Row>(props: TableProps<Row>) {
-  const [shown, setShown] = useState(30);
+  const [shown, setShown] = useState(12);
   return (
     <>
       <ul class="cards" aria-label={props.label}>
@@ -60,6 +60,7 @@ function Cards<Row>(props: TableProps<Row>) {
               {props.columns.map((column) => {
                 if (column.card === 'none') return null;
                 const content = column.cell(row);
+                if (content === '' || content === null || content === undefined) return null;
                 if (column.card === 'title') return <div class="title">{address ? <a href={address}>{content}</a> : content}</div>;
                 return <div class={`pair${column.card === 'long' ? ' long' : ''}`}><span>{column.title}</span><span>{content}</span></div>;
               })}
@@ -69,7 +70,7 @@ function Cards<Row>(props: TableProps<Row>) {
       </ul>
       {(shown < props.rows.length || props.more) && (
         <div class="more">
-          <button type="button" class="button" onClick={() => { setShown(shown + 30); if (shown + 30 >= props.rows.length) props.more?.(); }}>Show more</button>
+          <button type="button" class="button" onClick={() => { setShown(shown + 24); if (shown + 24 >= props.rows.length) props.more?.(); }}>Show more</button>
           <span class="muted small">{Math.min(shown, props.rows.length)} of {props.rows.length} loaded</span>
         </div>
       )}
