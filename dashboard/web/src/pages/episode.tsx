@@ -227,6 +227,8 @@ function spaceData(episode: Episode, tracks: Tensors | undefined): SpaceData | n
   return { tool, paths, objects, camera: camera ? { position: camera.position_m, quaternion_wxyz: camera.quaternion_wxyz, fovy_rad: camera.fovy_rad } : null };
 }
 
+interface Decision { step: number; checkpoint_step: number; touched: boolean; error_m?: Record<string, number> }
+
 const lineTokens = ['target', 'hand', 'language', 'reference', 'obstacle', 'others', 'text', 'muted'];
 
 function Plots(props: { episode: Episode; tracks: Tensors; playhead: Playhead; seek: (step: number) => void }) {
@@ -264,10 +266,12 @@ function makePlots(episode: Episode, tracks: Tensors): { title: string; unit: st
     if (!values || !meta) continue;
     plots.push({ title, unit: unit || meta.unit, lines: Array.from({ length: meta.columns }, (_one, i) => ({ label: (meta.labels[i] ?? (meta.columns === 1 ? 'opening' : String(i + 1))).replace(/_joint$/, '').replace(/^.*_joint/, 'joint '), token: lineTokens[i % lineTokens.length]!, x, values: column(values, meta.columns, i, factor) })) });
   }
-  const decisions = (episode.details as { decisions?: Record<string, number>[] }).decisions;
-  if (decisions?.length) {
-    const names = Object.keys(decisions[0]!).filter((name) => /^[A-Z]/.test(name));
-    plots.unshift({ title: 'Errors at each decision', unit: 'mm', lines: names.map((name, i) => ({ label: name, token: moduleColor(name) === 'motion' ? 'text' : i ? moduleColor(name) : 'target', x: Float64Array.from(decisions, (one) => one['step'] ?? 0), values: Float64Array.from(decisions, (one) => (one[name] ?? NaN) * 1000), points: true })) });
+  const decisions = (episode.details as { decisions?: Decision[] }).decisions ?? [];
+  const names = [...new Set(decisions.flatMap((one) => Object.keys(one.error_m ?? {})))];
+  if (names.length) {
+    const at = Float64Array.from(decisions, (one) => one.step);
+    const token = (name: string) => (moduleColor(name) === 'motion' ? 'text' : moduleColor(name));
+    plots.unshift({ title: 'Errors at each decision', unit: 'mm', lines: names.map((name) => ({ label: name, token: token(name), x: at, values: Float64Array.from(decisions, (one) => 1000 * (one.error_m?.[name] ?? NaN)), points: true })) });
   }
   return plots;
 }

@@ -138,7 +138,7 @@ function Box(props: { node: GraphNode; at: Place; selected: boolean; select: () 
     props.select();
   };
   return (
-    <g transform={`translate(${at.x} ${at.y})`} class="node" role="button" tabIndex={0} aria-pressed={props.selected} data-node={node.name} onClick={props.select} onKeyDown={choose}>
+    <g transform={`translate(${at.x} ${at.y})`} class="node" role="button" tabindex={0} aria-pressed={props.selected} data-node={node.name} onClick={props.select} onKeyDown={choose}>
       <rect width={box.width} height={at.height} rx="4" fill="var(--panel)" stroke={props.selected ? 'var(--accent)' : 'var(--edge)'} stroke-width={props.selected ? 2 : 1} {...(node.trained ? {} : { 'stroke-dasharray': '4 3' })} />
       <rect x="1" y="1" width="5" height={at.height - 2} rx="2" fill={`var(--${moduleColor(node.name)})`} />
       <text x="16" y="22" font-size="14" font-weight="600" fill="var(--text)">{node.name}{node.frozen ? ' (frozen)' : ''}</text>

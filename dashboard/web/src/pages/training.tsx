@@ -86,7 +86,7 @@ function Content(props: { ids: string[]; run: Run; live: LiveTrain | undefined; 
         <span class="fill" />
         <Segments label="Horizontal axis" value={axis} options={axes} choose={(value) => { setParameters({ x: value === 'step' ? null : value, range: null }); }} />
         <Segments label="Vertical axis" value={scale} options={[['lin', 'lin'], ['log', 'log']]} choose={(value) => setScale(value)} />
-        <Select label="Smoothing" showLabel value={width} options={[['0', 'none'], ['100', '100 steps'], ['200', '200 steps'], ['500', '500 steps'], ['1000', '1,000 steps']]} choose={(value) => setWidth(value)} />
+        <Select label="Smoothing" value={width} options={[['0', 'not smoothed'], ['100', 'over 100 steps'], ['200', 'over 200 steps'], ['500', 'over 500 steps'], ['1000', 'over 1,000 steps']]} choose={(value) => setWidth(value)} />
         <a class="button" href={`${root}/runs/${run.id}/series.csv?kind=train`} download={`${run.name}-train.csv`}>CSV</a>
       </div>
       <Compare ids={props.ids} />

@@ -271,6 +271,7 @@ function drawBehind(u: uPlot, props: ChartProps): void {
   ctx.save();
   ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
   ctx.textBaseline = 'top';
+  ctx.textAlign = 'left';
   props.bands?.forEach((band, i) => {
     const left = Math.max(bbox.left, u.valToPos(band.from, 'x', true));
     const right = Math.min(bbox.left + bbox.width, u.valToPos(band.to, 'x', true));
