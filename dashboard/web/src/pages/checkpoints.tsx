@@ -4,7 +4,7 @@ import type { ComponentChildren } from 'preact';
 import { root, useResource } from '../core/api';
 import { bytes, clock, count, day, none, number, short } from '../core/format';
 import { link, parameter } from '../core/router';
-import { chosen, sourcesOf } from '../core/sources';
+import { chosen } from '../core/sources';
 import type { Checkpoint, Checkpoints } from '../core/types';
 import { Chip, Command, Empty, Facts, Loaded, Panel } from '../parts/basics';
 import { Table, type Column } from '../parts/table';
@@ -31,7 +31,6 @@ const served: Column<Checkpoint> = {
 
 function Content(props: { of: Checkpoints; run: string }) {
   const rows = props.of.checkpoints;
-  const folder = sourcesOf('run').find((one) => one.id === props.run)?.folder ?? 'RUN';
   const [file] = parameter('file', rows[0]?.file ?? '');
   const row = rows.find((one) => one.file === file);
   if (!rows.length) return <Panel><Empty title="Nothing saved yet">{props.of.next_step !== null ? `The first save is due at step ${count(props.of.next_step)}.` : 'A run saves at the interval that checkpoint.every_steps says.'}</Empty></Panel>;
@@ -48,12 +47,12 @@ function Content(props: { of: Checkpoints; run: string }) {
     <>
       <div class="page-head"><p><b>{count(rows.length)}</b> kept{props.of.next_step !== null && ` · next at step ${count(props.of.next_step)}`}</p></div>
       <Panel flush label="Checkpoints"><Table label="Checkpoints" rows={rows} id={(one) => one.file} columns={columns} selected={file} link={(one) => link('checkpoints', { run: props.run, file: one.file })} /></Panel>
-      {row && <Detail of={row} run={props.run} folder={folder} />}
+      {row && <Detail of={row} run={props.run} />}
     </>
   );
 }
 
-function Detail(props: { of: Checkpoint; run: string; folder: string }) {
+function Detail(props: { of: Checkpoint; run: string }) {
   const { of } = props;
   const parameters = Object.entries(of.parameters);
   const total = parameters.reduce((sum, [, n]) => sum + n, 0);
@@ -69,8 +68,6 @@ function Detail(props: { of: Checkpoint; run: string; folder: string }) {
           ] as [string, ComponentChildren][]} />}
         <h2>Follow on another machine</h2>
         <Command text={`etude checkpoint watch --run ${of.run ?? 'RUN'} --channel ${of.channels.includes('best') ? 'best' : 'latest'} --out DIR`} />
-        <h2>Make it the best</h2>
-        <Command text={`etude checkpoint promote ${props.folder} ${of.file}`} />
       </Panel>
       {!of.error && <Panel title="Modules" aside={<span class="small muted">{count(total)} parameters</span>}>
         <div class="scroll-x" tabIndex={0} role="group" aria-label="Modules of this checkpoint"><table class="plain"><thead><tr><th>module</th><th class="num">error</th><th class="num">trained steps</th><th class="num">parameters</th></tr></thead>

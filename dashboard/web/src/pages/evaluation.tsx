@@ -146,7 +146,7 @@ function Compare(props: { of: Eval; versus: string }) {
   const others = sourcesOf('eval').filter((one) => one.id !== of.id);
   const pair = useResource<Pair>(versus ? `/evals/${of.id}/pair/${versus}` : null);
   const diff = useResource<Diff>(versus ? `/diff?a=${encodeURIComponent(of.id)}&b=${encodeURIComponent(versus)}` : null);
-  if (!others.length) return <Panel title="Compare"><p class="secondary">With a second evaluation on the same seed, both are compared scene by scene:</p><Command text={`etude eval --checkpoint OTHER.safetensors --episodes ${of.episodes} --seed ${of.seed} --out eval-b`} /></Panel>;
+  if (!others.length) return <Panel title="Compare"><p class="secondary">With a second evaluation, given the --seed that this one was given, both are compared scene by scene:</p><Command text={`etude eval --checkpoint OTHER.safetensors --episodes ${of.episodes} --seed SEED --out eval-b`} /></Panel>;
   return (
     <Panel title="Compare" aside={<Select label="with" showLabel value={versus} options={[['', 'choose an evaluation'], ...others.map((one) => [one.id, one.name] as const)]} choose={(id) => setParameters({ vs: id })} />}>
       {!versus && <p class="secondary">A is {of.name}. Choose B: scenes that both rolled out are compared one by one.</p>}
