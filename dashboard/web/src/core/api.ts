@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// Questions to the gateway. An answer that does not come leaves the old data standing beside the reason.
+import { useEffect, useRef, useState } from 'preact/hooks';
+import { epoch, heard, lost } from './connection';
+
+export interface Problem { title: string; status: number; detail?: string; hint?: string }
+
+export class RequestError extends Error {
+  constructor(readonly problem: Problem) {
+    super(problem.title);
+  }
+}
+
+export const root = '/api/v1';
+
+async function request(path: string, signal?: AbortSignal): Promise<Response> {
+  let response: Response;
+  try {
+    response = await fetch(root + path, { signal: signal ?? null, credentials: 'same-origin' });
+  } catch (error) {
+    if (signal?.aborted) throw error;
+    lost();
+    throw new RequestError({ title: 'The gateway does not answer', status: 0, detail: `GET ${root}${path}` });
+  }
+  heard();
+  if (response.ok) return response;
+  let problem: Problem = { title: `${response.status} ${response.statusText}`, status: response.status };
+  if (response.headers.get('content-type')?.includes('json')) problem = { ...problem, ...(await response.json() as Problem) };
+  throw new RequestError(problem);
+}
+
+export async function getJson<T>(path: string, signal?: AbortSignal): Promise<T> {
+  return (await request(path, signal)).json() as Promise<T>;
+}
+
+export async function getBytes(path: string, signal?: AbortSignal): Promise<ArrayBuffer> {
+  return (await request(path, signal)).arrayBuffer();
+}
+
+export interface Resource<T> {
+  data: T | undefined;
+  /** The data is that of an earlier path or moment, and the newer one is under way. */
+  pending: boolean;
+  error: Problem | undefined;
+  reload: () => void;
+}
+
+/** Loads `path` (null: nothing), again every `every` ms where given, when `round` changes, and after the gateway has come back. */
+export function useResource<T>(path: string | null, options: { every?: number; round?: unknown; load?: (path: string, signal: AbortSignal) => Promise<T> } = {}): Resource<T> {
+  const [state, setState] = useState<{ data?: T; error?: Problem; path?: string | null }>({});
+  const [round, setRound] = useState(0);
+  const load = useRef(options.load ?? getJson<T>);
+  const generation = epoch.value;
+  useEffect(() => {
+    if (path === null) {
+      setState({});
+      return;
+    }
+    const abort = new AbortController();
+    let timer = 0;
+    const ask = async () => {
+      try {
+        const data = await load.current(path, abort.signal);
+        setState({ data, path });
+      } catch (error) {
+        if (abort.signal.aborted) return;
+        const problem = error instanceof RequestError ? error.problem : { title: 'The answer could not be read', status: 0, detail: String(error) };
+        setState((old) => ({ ...(old.data !== undefined && old.path === path ? { data: old.data } : {}), error: problem, path }));
+      }
+      if (options.every) timer = window.setTimeout(ask, document.hidden ? Math.max(5000, options.every) : options.every);
+    };
+    void ask();
+    return () => {
+      abort.abort();
+      window.clearTimeout(timer);
+    };
+  }, [path, round, generation, options.round]);
+  return {
+    data: path === null ? undefined : state.data,
+    pending: path !== null && state.path !== path,
+    error: state.path === path ? state.error : undefined,
+    reload: () => setRound(round + 1),
+  };
+}
+
+/** Query text of an API address: repeated for arrays, nothing for what is empty. */
+export function query(values: Record<string, string | number | readonly string[] | null | undefined>): string {
+  const parts = new URLSearchParams();
+  for (const [name, value] of Object.entries(values)) {
+    if (Array.isArray(value)) value.forEach((one) => parts.append(name, one));
+    else if (value !== null && value !== undefined && value !== '') parts.set(name, String(value));
+  }
+  const text = parts.toString();
+  return text ? `?${text}` : '';
+}

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+// One WebSocket to the gateway for all channels, and what is known about whether the gateway is there.
+import { signal } from '@preact/signals';
+import { useEffect, useState } from 'preact/hooks';
+
+export type Connection = 'wait' | 'live' | 'lost';
+
+/** Whether the gateway answers; `wait` before the first answer. */
+export const connection = signal<Connection>('wait');
+/** When it was heard last, ms since 1970. */
+export const lastHeard = signal(0);
+/** Grows each time the gateway comes back: whoever shows its data asks again. */
+export const epoch = signal(0);
+/** Ticks twice a second for ages; slower in a hidden tab. */
+export const now = signal(Date.now());
+
+export function heard(): void {
+  lastHeard.value = Date.now();
+  if (connection.value === 'wait') connection.value = 'live';
+}
+
+export function lost(): void {
+  connection.value = 'lost';
+  if (!socket) schedule(250);
+}
+
+interface Subscription { id: string; ch: string; args: unknown; hz: number; listeners: Set<(data: unknown) => void>; last?: unknown }
+interface Message { ch: string; id: string; seq: number; t: string; data?: unknown; error?: unknown }
+
+const subscriptions = new Map<string, Subscription>();
+let socket: WebSocket | null = null;
+let pause = 250;
+let timer = 0;
+let began = false;
+
+export function start(): void {
+  began = true;
+  window.setInterval(() => { if (!document.hidden || Date.now() - now.value > 5000) now.value = Date.now(); }, 500);
+  document.addEventListener('visibilitychange', () => {
+    for (const one of subscriptions.values()) send(one);
+  });
+  open();
+}
+
+function open(): void {
+  timer = 0;
+  const address = `${window.location.protocol === 'https:' ? 'wss' : 'ws'}://${window.location.host}/api/v1/live`;
+  const opening = new WebSocket(address);
+  socket = opening;
+  opening.onopen = () => {
+    pause = 250;
+    const back = connection.value === 'lost';
+    connection.value = 'live';
+    lastHeard.value = Date.now();
+    for (const one of subscriptions.values()) send(one);
+    if (back) epoch.value++;
+  };
+  opening.onmessage = (event) => {
+    lastHeard.value = Date.now();
+    if (typeof event.data === 'string') receive(JSON.parse(event.data) as Message);
+  };
+  opening.onclose = () => {
+    if (socket !== opening) return;
+    socket = null;
+    connection.value = 'lost';
+    schedule(pause);
+    pause = Math.min(5000, pause * 2);
+  };
+}
+
+function schedule(wait: number): void {
+  if (began && !timer) timer = window.setTimeout(open, wait);
+}
+
+function key(ch: string, args: unknown): string {
+  return ch + JSON.stringify(args ?? {});
+}
+
+function send(one: Subscription): void {
+  if (socket?.readyState !== WebSocket.OPEN) return;
+  socket.send(JSON.stringify({ op: 'sub', ch: one.ch, id: one.id, args: one.args ?? {}, hz: document.hidden ? 0.2 : one.hz }));
+}
+
+function receive(message: Message): void {
+  const one = subscriptions.get(message.id);
+  if (!one || message.data === undefined) return;
+  one.last = message.data;
+  for (const listener of one.listeners) listener(message.data);
+}
+
+/** The newest data of a channel with these arguments, undefined until the first. */
+export function useLive<T>(ch: string | null, args: Record<string, unknown> = {}, hz = 2): T | undefined {
+  const id = ch === null ? '' : key(ch, args);
+  const [data, setData] = useState<T | undefined>(() => subscriptions.get(id)?.last as T | undefined);
+  useEffect(() => {
+    if (ch === null) return;
+    let one = subscriptions.get(id);
+    if (!one) {
+      one = { id, ch, args, hz, listeners: new Set() };
+      subscriptions.set(id, one);
+      send(one);
+    }
+    const listener = (value: unknown) => setData(value as T);
+    one.listeners.add(listener);
+    if (one.last !== undefined) listener(one.last);
+    return () => {
+      one.listeners.delete(listener);
+      if (one.listeners.size) return;
+      subscriptions.delete(id);
+      if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ op: 'unsub', ch, id }));
+    };
+  }, [id]);
+  return data;
+}

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// Numbers, durations and sizes as the pages write them. A missing value is an en dash, never a zero.
+
+export type Maybe<T> = T | null | undefined;
+export const none = '–';
+
+export function finite(value: unknown): value is number {
+  return typeof value === 'number' && Number.isFinite(value);
+}
+
+/** `digits` significant digits, thin for large numbers: 0.1532 → 0.153, 6589 → 6,589. */
+export function number(value: Maybe<number>, digits = 3): string {
+  if (!finite(value)) return none;
+  const size = Math.abs(value);
+  if (size >= 10 ** digits || Number.isInteger(value)) return Math.round(value).toLocaleString('en-US');
+  if (size !== 0 && size < 0.001) return value.toExponential(Math.max(0, digits - 2)).replace('e-0', 'e-');
+  return value.toPrecision(digits).replace(/(\.\d*?)0+$/, '$1').replace(/\.$/, '');
+}
+
+export function fixed(value: Maybe<number>, places: number): string {
+  return finite(value) ? value.toLocaleString('en-US', { minimumFractionDigits: places, maximumFractionDigits: places }) : none;
+}
+
+export function count(value: Maybe<number>): string {
+  return finite(value) ? Math.round(value).toLocaleString('en-US') : none;
+}
+
+/** A share in 0..1 as per cent with one place, none at 0 and 100. */
+export function percent(share: Maybe<number>, places = 1): string {
+  if (!finite(share)) return none;
+  const value = share * 100;
+  return (Number.isInteger(+value.toFixed(places)) ? value.toFixed(0) : value.toFixed(places)) + ' %';
+}
+
+export function duration(seconds: Maybe<number>): string {
+  if (!finite(seconds) || seconds < 0) return none;
+  const whole = Math.round(seconds);
+  const hours = Math.floor(whole / 3600);
+  const minutes = Math.floor((whole % 3600) / 60);
+  const rest = String(whole % 60).padStart(2, '0');
+  return hours ? `${hours}:${String(minutes).padStart(2, '0')}:${rest}` : `${minutes}:${rest}`;
+}
+
+/** How long ago, short: 0.3 s, 14 s, 3 min, 5 h, 2 d. */
+export function age(milliseconds: Maybe<number>): string {
+  if (!finite(milliseconds)) return none;
+  const seconds = Math.max(0, milliseconds / 1000);
+  if (seconds < 10) return `${seconds.toFixed(1)} s`;
+  if (seconds < 100) return `${Math.round(seconds)} s`;
+  if (seconds < 5400) return `${Math.round(seconds / 60)} min`;
+  if (seconds < 129600) return `${Math.round(seconds / 3600)} h`;
+  return `${Math.round(seconds / 86400)} d`;
+}
+
+export function bytes(value: Maybe<number>): string {
+  if (!finite(value)) return none;
+  const units = ['B', 'kB', 'MB', 'GB', 'TB'];
+  let size = value;
+  let unit = 0;
+  while (size >= 1000 && unit < units.length - 1) {
+    size /= 1000;
+    unit++;
+  }
+  return `${unit === 0 ? size : number(size)} ${units[unit]}`;
+}
+
+/** Wall clock of an RFC 3339 time, an epoch in seconds or one in milliseconds. */
+export function clock(time: Maybe<string | number>, seconds = true): string {
+  const date = toDate(time);
+  if (!date) return none;
+  return date.toLocaleTimeString('en-GB', seconds ? {} : { hour: '2-digit', minute: '2-digit' });
+}
+
+export function day(time: Maybe<string | number>): string {
+  const date = toDate(time);
+  return date ? `${date.toLocaleDateString('en-CA')} ${date.toLocaleTimeString('en-GB')}` : none;
+}
+
+function toDate(time: Maybe<string | number>): Date | null {
+  if (time === null || time === undefined || time === '') return null;
+  const date = new Date(typeof time === 'number' && time < 1e11 ? time * 1000 : time);
+  return Number.isNaN(date.getTime()) ? null : date;
+}
+
+export function short(hash: Maybe<string>, digits = 12): string {
+  return hash ? hash.slice(0, digits) : none;
+}
+
+export function plural(n: number, word: string): string {
+  return `${count(n)} ${word}${n === 1 ? '' : 's'}`;
+}
+
+/** p values as they are read: 0.69, 0.013, < 0.001. */
+export function probability(p: Maybe<number>): string {
+  if (!finite(p)) return none;
+  return p < 0.001 ? '< 0.001' : p < 0.1 ? p.toFixed(3) : p.toFixed(2);
+}

@@ -1,0 +1,901 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the gateway answers. Written by dashboard/web/types from dashboard/server/openapi.json: not edited by hand.
+
+export type Problem = {
+  type?: string;
+  title: string;
+  status: number;
+  detail: string;
+  /** what to do; a command where there is one */
+  hint?: string;
+  /** 409 of a pair: keys that differ */
+  differences?: string[];
+};
+
+export type State = "running" | "silent" | "finished" | "stopped" | "failed" | "unknown";
+
+export type Source = {
+  /** what routes take; [A-Za-z0-9._@-]+ */
+  id: string;
+  /** campaign: seen on the bus only, no folder below the ones given */
+  kind: "dataset" | "run" | "eval" | "campaign";
+  /** for people */
+  name: string;
+  state: State;
+  /** newest change; RFC 3339, UTC */
+  updated: string | null;
+  /** ms since the value was published or the file changed; null: not known */
+  age_ms: number | null;
+  /** seen on the bus now */
+  live: boolean;
+  /** relative to the folder given, for people */
+  folder: string | null;
+  /** dataset: rollouts of an evaluation */
+  role: "demonstrations" | "rollouts" | null;
+};
+
+export type Warning = {
+  code: "worker_silent" | "no_commits" | "campaign_error" | "given_up" | "data_wait" | "loss_not_finite" | "disk" | "unserved_checkpoint" | "policy_refuses" | "fingerprint_differs" | "two_sources" | "unreadable" | "run_failed" | "stage_budget";
+  text: string;
+  /** RFC 3339, UTC */
+  since: string | null;
+  /** page of the dashboard, e.g. /fleet?filter=w1 */
+  link: string;
+};
+
+export type Share = {
+  successes: number;
+  /** 0..1 */
+  share: number;
+  /** Wilson, 95 % */
+  low: number;
+  high: number;
+};
+
+export type TaskSuccess = {
+  /** or 'overall' */
+  task: string;
+  n: number;
+  success: Share;
+  success_latched: Share | null;
+};
+
+export type Tiles = {
+  demonstrations: {
+    /** id of the campaign or dataset */
+    source: string;
+    name: string;
+    committed: number;
+    total: number;
+    given_up: number;
+    /** failed attempts */
+    failed: number;
+    workers: number;
+    per_min: number | null;
+    eta_s: number | null;
+    /** one value per 10 s, oldest first, at most 60 */
+    history_per_min: number[];
+    live: boolean;
+  } | null;
+  training: {
+    source: string;
+    name: string;
+    step: number;
+    /** planned; null: until stopped */
+    steps: number | null;
+    stage: number;
+    stages: number;
+    stage_name: string;
+    loss: number | null;
+    samples_per_s: number | null;
+    /** share of a step, 0..1 */
+    data_wait: number | null;
+    eta_s: number | null;
+    checkpoint_step: number | null;
+    finished: boolean;
+    /** newest validation, e.g. {"TAR3D.cm": 0.15} */
+    errors: Record<string, number>;
+    live: boolean;
+  } | null;
+  policy: {
+    /** run id */
+    source: string | null;
+    name: string;
+    /** policy servers at work */
+    instances: number;
+    checkpoint_step: number | null;
+    /** ms since the value was published or the file changed; null: not known */
+    age_ms: number | null;
+    p50_ms: number | null;
+    p95_ms: number | null;
+  } | null;
+  success: {
+    source: string;
+    kind: "eval" | "expert";
+    name: string;
+    done: number;
+    episodes: number;
+    tasks: TaskSuccess[];
+    overall: TaskSuccess;
+  } | null;
+  ladder: {
+    source: string;
+    stages: Stage[];
+  } | null;
+  /** newest first, at most 12 */
+  events: {
+    /** RFC 3339, UTC */
+    t: string;
+    level: "info" | "warn" | "error";
+    text: string;
+    link: string;
+  }[];
+};
+
+export type Home = {
+  sentence: string;
+  state: State;
+  /** of this answer; RFC 3339, UTC */
+  time: string;
+  /** of the program */
+  version: string;
+  /** folders given */
+  dirs: string[];
+  /** DDS domain; null: no bus */
+  domain: number | null;
+  /** actions are available: a token was given at start */
+  actions: boolean;
+  /** newest change first; at most 100 */
+  sources: Source[];
+  warnings: Warning[];
+  tiles: Tiles;
+};
+
+export type Worker = {
+  worker: string;
+  host: string;
+  /** id of its source */
+  campaign: string;
+  /** idle | plan | play | send */
+  phase: string;
+  /** phases of the last 60 s, oldest first, one letter a sample: i p y s, '.' not heard; at most 120 */
+  strip: string;
+  index: number | null;
+  attempt: number | null;
+  robot: string | null;
+  task: string | null;
+  target: string | null;
+  stage: string | null;
+  step: number | null;
+  /** outcome of its last attempt */
+  last: string | null;
+  /** acknowledged since its start */
+  episodes: number;
+  failures: number;
+  /** over the last 60 s */
+  per_min: number | null;
+  steps_per_s: number;
+  frames_per_s: number;
+  age_ms: number;
+};
+
+export type Host = {
+  host: string;
+  /** workers */
+  slots: number;
+  busy: number;
+  per_min: number | null;
+  /** share of attempts that were committed, 0..1 */
+  ok: number | null;
+  plan_p50_s: number | null;
+  plan_p95_s: number | null;
+  rss_mb: number | null;
+  version: string | null;
+  fingerprint: string | null;
+  age_ms: number;
+  workers: Worker[];
+};
+
+export type Fleet = {
+  /** hosts that fit the filter */
+  total: number;
+  /** of all hosts that fit */
+  workers: number;
+  /** offset of the next page */
+  next: number | null;
+  per_min: number | null;
+  ok: number | null;
+  /** false: nothing on the bus, hosts come from journals */
+  live: boolean;
+  hosts: Host[];
+};
+
+export type CampaignStatus = {
+  committed: number;
+  total: number;
+  /** committed + failed */
+  attempts: number;
+  given_up: number;
+  workers: number;
+  per_min: number | null;
+  eta_s: number | null;
+  /** '' when all is well */
+  error: string;
+  live: boolean;
+  /** ms since the value was published or the file changed; null: not known */
+  age_ms: number | null;
+};
+
+export type Timing = {
+  /** that the sums are of */
+  attempts: number;
+  plan_s: number;
+  step_s: number;
+  render_s: number;
+  deflate_s: number;
+  send_s: number | null;
+  plan_p50_s: number | null;
+  plan_p95_s: number | null;
+  plan_histogram: {
+    /** 13 edges, logarithmic */
+    edges_s: number[];
+    /** 12 */
+    counts: number[];
+  };
+};
+
+export type Campaign = {
+  id: string;
+  name: string;
+  state: State;
+  /** dataset id; null: seen on the bus only */
+  dataset: string | null;
+  /** as written by its process; integers beyond 2^53 and every key named seed are strings */
+  spec: Record<string, unknown> | null;
+  spec_sha256: string | null;
+  status: CampaignStatus;
+  /** failed attempts by reason */
+  failures: Record<string, number>;
+  /** reason x stage x task x robot */
+  failures_by: {
+    reason: string;
+    stage: string | null;
+    task: string;
+    robot: string;
+    count: number;
+  }[];
+  timing: Timing | null;
+  tasks: string[];
+  robots: string[];
+};
+
+export type Attempt = {
+  index: number;
+  attempt: number;
+  /** u64 */
+  seed: string;
+  /** success, or the typed reason */
+  outcome: string;
+  /** in words */
+  reason: string | null;
+  stage: string | null;
+  /** what touched */
+  pair: string | null;
+  robot: string;
+  task: string;
+  target: string;
+  worker: string | null;
+  /** RFC 3339, UTC */
+  t: string | null;
+  plan_s: number | null;
+  step_s: number | null;
+  render_s: number | null;
+  deflate_s: number | null;
+  /** its episode is in the dataset */
+  has_pictures: boolean;
+};
+
+export type Attempts = {
+  /** that fit */
+  total: number;
+  /** pass as before */
+  next: string | null;
+  /** newest first */
+  rows: Attempt[];
+};
+
+export type Dataset = {
+  id: string;
+  name: string;
+  folder: string;
+  role: "demonstrations" | "rollouts";
+  /** id, of rollouts */
+  eval: string | null;
+  state: State;
+  /** RFC 3339, UTC */
+  updated: string | null;
+  /** ms since the value was published or the file changed; null: not known */
+  age_ms: number | null;
+  /** identity.json */
+  identity: string | null;
+  schema_version: number;
+  content: number;
+  /** as written by its process; integers beyond 2^53 and every key named seed are strings */
+  spec: Record<string, unknown>;
+  spec_sha256: string;
+  /** as written by its process; integers beyond 2^53 and every key named seed are strings */
+  statistics: Record<string, unknown>;
+  /** files there now */
+  episodes: number;
+  /** that the spec asks for */
+  total: number;
+  failed_attempts: Record<string, number>;
+  /** files that could not be read so far */
+  unreadable: number;
+  /** at most 20 */
+  unreadable_files: {
+    index: number;
+    reason: string;
+  }[];
+  /** commits.jsonl is there */
+  journal: boolean;
+  /** filter keys: train, valid, test, and those of masks/ */
+  keys: string[];
+  cameras: string[];
+  /** of episode files, as far as counted */
+  bytes: number;
+};
+
+export type Episodes = {
+  /** that fit the filter */
+  total: number;
+  /** episodes in the dataset */
+  all: number;
+  /** whose attributes are known; the others are being read and are null until then */
+  known: number;
+  /** pass as before */
+  next: string | null;
+  /** arrays of equal length, a row each */
+  columns: {
+    index: number[];
+    task: (string | null)[];
+    target: (string | null)[];
+    reference: (string | null)[];
+    robot: (string | null)[];
+    outcome: (string | null)[];
+    success: (boolean | null)[];
+    split: string[];
+    worker: (string | null)[];
+    host: (string | null)[];
+    instruction: (string | null)[];
+    attempt: (number | null)[];
+    steps: (number | null)[];
+    frames: (number | null)[];
+    bytes: (number | null)[];
+    draws: (number | null)[];
+    odd: (number | null)[];
+    t: (string | null)[];
+  };
+};
+
+export type Summary = {
+  total: number;
+  known: number;
+  tasks: Record<string, number>;
+  targets: Record<string, number>;
+  robots: Record<string, number>;
+  outcomes: Record<string, number>;
+  splits: Record<string, number>;
+  matrix: {
+    task: string;
+    target: string;
+    count: number;
+    /** from the spec; null: with a filter, or drawn */
+    expected: number | null;
+  }[];
+  lengths: {
+    edges_steps: number[];
+    counts: number[];
+  };
+  /** scenes by number of draws */
+  draws: Record<string, number>;
+  /** most frequent first */
+  words: {
+    word: string;
+    count: number;
+  }[];
+  /** of the targets at the start, world; at most 2,000, evenly taken */
+  places: {
+    index: number[];
+    x_m: number[];
+    y_m: number[];
+    task: string[];
+    target: string[];
+  };
+  /** largest first */
+  odd: {
+    index: number;
+    odd: number;
+    /** steps | path_m | jerk | joint_speed */
+    what: string;
+    task: string;
+  }[];
+};
+
+export type Camera = {
+  name: string;
+  width_px: number;
+  height_px: number;
+  fovy_rad: number;
+  frames: number;
+  position_m: number[];
+  /** camera in world; looks along -z, y up */
+  quaternion_wxyz: number[];
+};
+
+export type Episode = {
+  dataset: string;
+  index: number;
+  attempt: number;
+  /** u64 */
+  seed: string;
+  campaign: string;
+  robot: string;
+  task: string;
+  target: string;
+  reference: string;
+  instruction: string;
+  success: boolean;
+  outcome: string;
+  split: string;
+  spec_sha256: string;
+  scene_sha256: string;
+  /** content number */
+  version: string;
+  steps: number;
+  duration_s: number;
+  control_rate_hz: number;
+  /** control steps per picture; picture k belongs to step k*image_stride */
+  image_stride: number;
+  /** of its file */
+  bytes: number;
+  /** spans of the expert's stages */
+  stages: {
+    name: string;
+    /** step */
+    from: number;
+    /** one after its last step */
+    to: number;
+  }[];
+  /** spans that nobody imitates */
+  unsupervised: {
+    from: number;
+    to: number;
+  }[];
+  objects: string[];
+  tracks: {
+    /** joint_pos, eef_pos, objects/coke/pose, ... */
+    name: string;
+    columns: number;
+    labels: string[];
+    /** m | rad | rad/s | px | - */
+    unit: string;
+  }[];
+  cameras: Camera[];
+  /** as written by its process; integers beyond 2^53 and every key named seed are strings */
+  details: Record<string, unknown>;
+  /** neighbour in the dataset */
+  previous: number | null;
+  next: number | null;
+  worker: string | null;
+  host: string | null;
+  /** RFC 3339, UTC */
+  t: string | null;
+};
+
+export type Stage = {
+  /** from 1 */
+  stage: number;
+  name: string;
+  /** null: not reached */
+  from_step: number | null;
+  /** null: current or not reached */
+  to_step: number | null;
+  state: "done" | "current" | "ahead";
+  /** why it ended: goal | budget | patience | ... */
+  cause: string | null;
+  reason: string | null;
+};
+
+export type Curriculum = {
+  stages: Stage[];
+  /** lines of curriculum.jsonl */
+  advances: Record<string, unknown>[];
+};
+
+export type SeriesKey = {
+  /** KIND/NAME, e.g. train/loss, valid/TAR3D.cm */
+  key: string;
+  /** train | valid */
+  kind: string;
+  name: string;
+  module: string | null;
+  /** cm | px | deg | share | s | 1/s */
+  unit: string | null;
+  /** lines that have it */
+  n: number;
+  /** of them null: not finite */
+  nulls: number;
+  last: number | null;
+};
+
+export type Run = {
+  id: string;
+  name: string;
+  /** null: seen on the bus only */
+  folder: string | null;
+  identity: string | null;
+  state: State;
+  /** RFC 3339, UTC */
+  updated: string | null;
+  /** ms since the value was published or the file changed; null: not known */
+  age_ms: number | null;
+  live: boolean;
+  step: number;
+  /** planned */
+  steps: number | null;
+  stage: number;
+  stages: number;
+  stage_name: string;
+  elapsed_s: number | null;
+  loss: number | null;
+  samples_per_s: number | null;
+  data_wait: number | null;
+  /** in the training split */
+  episodes: number | null;
+  eta_s: number | null;
+  checkpoint_step: number | null;
+  /** in the order of the policy */
+  modules: string[];
+  goals: {
+    module: string;
+    /** in the unit shown */
+    goal: number;
+    /** newest, same unit */
+    value: number | null;
+    /** cm | px | -  */
+    unit: string;
+    reached: boolean | null;
+    /** series key of the value */
+    key: string | null;
+  }[];
+  keys: SeriesKey[];
+  /** losses that were not finite, at most 100 */
+  nulls: {
+    step: number;
+    key: string;
+  }[];
+  /** starts: the first, and each resume */
+  lives: {
+    from_step: number;
+    /** RFC 3339, UTC */
+    t: string | null;
+  }[];
+  end: {
+    cause: "finished" | "stopped" | "failed";
+    step: number | null;
+    /** RFC 3339, UTC */
+    t: string | null;
+  } | null;
+  /** dataset id that its checkpoints name; null: not below the folders given */
+  dataset: string | null;
+  /** as written by its process; integers beyond 2^53 and every key named seed are strings */
+  config: Record<string, unknown> | null;
+  /** the last line was not whole and was left out */
+  torn: boolean;
+};
+
+export type GraphNode = {
+  name: string;
+  level: number;
+  entity: string;
+  quantity: string;
+  reads: string[];
+  query: string;
+  attend: string[];
+  /** of its decoder */
+  inputs: string[];
+  /** modules whose decoded values it takes */
+  from: string[];
+  between: string[];
+  relative_to: string;
+  detach: boolean;
+  parameters: number | null;
+  /** SI units: m, px, share wrong */
+  error: number | null;
+  trained_steps: number | null;
+  /** that trains it first */
+  stage: number | null;
+  trained: boolean;
+  frozen: boolean;
+};
+
+export type Graph = {
+  /** file that parameters and errors are of */
+  checkpoint: string | null;
+  architecture: string | null;
+  inputs: string[];
+  nodes: GraphNode[];
+  edges: {
+    from: string;
+    to: string;
+    kind: "register" | "query" | "decoded";
+  }[];
+  /** left to right, order within a column is for drawing */
+  columns: string[][];
+};
+
+export type Checkpoint = {
+  file: string;
+  step: number | null;
+  stage: number | null;
+  stages: number | null;
+  stage_name: string | null;
+  bytes: number;
+  /** RFC 3339, UTC */
+  modified: string;
+  /** null: being computed */
+  sha256: string | null;
+  /** latest, best: links to this file */
+  channels: string[];
+  metrics: Record<string, number | null>;
+  modules: Record<string, {
+    trained_steps: number | null;
+    error: number | null;
+  }>;
+  /** numbers by module */
+  parameters: Record<string, number>;
+  /** hash */
+  dataset: string | null;
+  architecture: string | null;
+  robot: string | null;
+  joints: number | null;
+  train_episodes: number | null;
+  version: string | null;
+  run: string | null;
+  /** last stage reached */
+  control_trained: boolean;
+  refused: string | null;
+  /** why its header could not be read */
+  error: string | null;
+  served_by: {
+    host: string;
+    /** RFC 3339, UTC */
+    since: string | null;
+  }[];
+};
+
+export type Checkpoints = {
+  run: string;
+  /** newest first */
+  checkpoints: Checkpoint[];
+  /** when the next one is due */
+  next_step: number | null;
+};
+
+export type TaskReport = {
+  task: string;
+  n: number;
+  success: Share;
+  success_latched?: Share;
+  with_violations?: number;
+  violations?: Record<string, number>;
+  with_others_moved?: number;
+  error_cm?: Record<string, number>;
+  error_before_contact_cm?: Record<string, number>;
+};
+
+export type Eval = {
+  id: string;
+  name: string;
+  folder: string;
+  state: State;
+  /** RFC 3339, UTC */
+  updated: string | null;
+  /** ms since the value was published or the file changed; null: not known */
+  age_ms: number | null;
+  campaign: string;
+  run: string;
+  /** run source, where it is known */
+  run_id: string | null;
+  checkpoint: {
+    step: number | null;
+    /** or its first 12 digits */
+    sha256: string | null;
+    file: string | null;
+  } | null;
+  /** u64 */
+  seed: string;
+  episodes: number;
+  done: number;
+  per_task: TaskReport[];
+  overall: TaskReport;
+  /** with errors, the paper's first */
+  modules: string[];
+  /** as written by its process; integers beyond 2^53 and every key named seed are strings */
+  latency: Record<string, unknown> | null;
+  /** as written by its process; integers beyond 2^53 and every key named seed are strings */
+  scenes: Record<string, unknown> | null;
+  /** as written by its process; integers beyond 2^53 and every key named seed are strings */
+  extra: Record<string, unknown>;
+  /** id of its rollouts */
+  dataset: string | null;
+  /** as written by its process; integers beyond 2^53 and every key named seed are strings */
+  spec: Record<string, unknown> | null;
+};
+
+export type EvalRow = {
+  index: number;
+  /** u64 */
+  seed: string;
+  task: string;
+  target: string;
+  reference: string;
+  robot: string;
+  instruction: string;
+  success: boolean;
+  success_latched: boolean;
+  outcome: string;
+  violations: string[];
+  disturbed_objects: string[];
+  steps: number;
+  decisions: number;
+  latency_steps: number;
+  checkpoint_step: number;
+  error_cm: Record<string, number>;
+  error_before_contact_cm: Record<string, number>;
+  /** address of the video made by eval */
+  video: string | null;
+};
+
+export type EvalRows = {
+  total: number;
+  /** offset of the next page */
+  next: number | null;
+  rows: EvalRow[];
+};
+
+export type PairCounts = {
+  /** or 'overall' */
+  task: string;
+  n: number;
+  both: number;
+  only_a: number;
+  only_b: number;
+  neither: number;
+  share_a: number;
+  share_b: number;
+  /** share_a - share_b */
+  difference: number;
+  /** Newcombe's paired score interval, 95 % */
+  low: number;
+  high: number;
+  /** exact McNemar, two-sided */
+  p: number;
+};
+
+export type Pair = {
+  a: string;
+  b: string;
+  /** rollouts that only one has */
+  unpaired: number;
+  n: number;
+  both: number;
+  only_a: number;
+  only_b: number;
+  neither: number;
+  share_a: number;
+  share_b: number;
+  /** share_a - share_b */
+  difference: number;
+  /** Newcombe's paired score interval, 95 % */
+  low: number;
+  high: number;
+  /** exact McNemar, two-sided */
+  p: number;
+  latched: PairCounts;
+  per_task: PairCounts[];
+  /** rollouts that differ first; at most 1,000 */
+  rows: {
+    index: number;
+    seed: string;
+    task: string;
+    target: string;
+    a: boolean;
+    b: boolean;
+  }[];
+};
+
+export type Diff = {
+  a: string;
+  b: string;
+  /** keys that differ */
+  total: number;
+  /** at most 500 */
+  keys: {
+    key: string;
+    a: unknown;
+    b: unknown;
+  }[];
+};
+
+export type LogLine = {
+  source: string;
+  /** byte offset of the line in its file */
+  n: number;
+  /** as written */
+  t: string | null;
+  level: "debug" | "info" | "warn" | "error" | null;
+  /** at most 4,000 characters */
+  text: string;
+};
+
+export type Logs = {
+  sources: {
+    id: string;
+    name: string;
+    bytes: number;
+    /** RFC 3339, UTC */
+    updated: string;
+  }[];
+  /** oldest first */
+  lines: LogLine[];
+  /** pass as before for older lines */
+  next: string | null;
+};
+
+export type Action = {
+  action: string;
+  description: string;
+  arguments: {
+    name: string;
+    required: boolean;
+    description: string;
+  }[];
+  available: boolean;
+  why_not: string | null;
+};
+
+export type Actions = {
+  /** a token was given at start */
+  enabled: boolean;
+  /** this request brought it */
+  authorized: boolean;
+  actions: Action[];
+};
+
+export type Job = {
+  id: string;
+  action: string;
+  /** for copying */
+  command: string;
+  state: "running" | "done" | "failed";
+  /** 0..1 */
+  progress: number | null;
+  /** RFC 3339, UTC */
+  started: string;
+  /** RFC 3339, UTC */
+  ended: string | null;
+  exit_code: number | null;
+  /** last lines, at most 200 */
+  log: string[];
+  /** as written by its process; integers beyond 2^53 and every key named seed are strings */
+  result: Record<string, unknown> | null;
+};
+
+export type Ready = {
+  ready: boolean;
+  sentence: string;
+  sources: number;
+  bus: boolean;
+};

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which weights there are, how good each part is, and which drive a robot now. Headers only are read.
+import type { ComponentChildren } from 'preact';
+import { root, useResource } from '../core/api';
+import { bytes, clock, count, day, none, number, short } from '../core/format';
+import { link, parameter } from '../core/router';
+import { chosen } from '../core/sources';
+import type { Checkpoint, Checkpoints } from '../core/types';
+import { Chip, Command, Empty, Facts, Loaded, Panel } from '../parts/basics';
+import { Table, type Column } from '../parts/table';
+
+export function CheckpointsPage() {
+  const id = chosen('run');
+  const answer = useResource<Checkpoints>(id && `/runs/${id}/checkpoints`, { every: 10000 });
+  if (!id) return <Panel><Empty title="No run here yet" command="etude train --data data --config compact --out run --minutes 10">Checkpoints come with a run:</Empty></Panel>;
+  return <Loaded of={answer}>{(data) => <Content of={data} run={id} />}</Loaded>;
+}
+
+/** Figures in cm and px, in the order of the curriculum. */
+function metricColumns(rows: Checkpoint[]): string[] {
+  const names = [...new Set(rows.flatMap((one) => Object.keys(one.metrics)))];
+  const wanted = names.filter((name) => /\.(cm|px)$/.test(name) );
+  const rank = (name: string) => ['LANG', 'EE2D', 'TAR2D', 'EE3D', 'TAR3D', 'REF', 'DISP', 'CTRL'].findIndex((one) => name.startsWith(one));
+  return wanted.sort((a, b) => rank(a) - rank(b)).slice(0, 6);
+}
+
+const served: Column<Checkpoint> = {
+  key: 'served', title: 'served by', width: 'minmax(120px, 1.5fr)', card: 'long',
+  cell: (one) => one.refused ? <span class="bad">refused: {one.refused}</span> : one.served_by.length ? one.served_by.map((server) => `${server.host}${server.since ? ` since ${clock(server.since, false)}` : ''}`).join(', ') : <span class="muted">{none}</span>,
+};
+
+function Content(props: { of: Checkpoints; run: string }) {
+  const rows = props.of.checkpoints;
+  const [file] = parameter('file', rows[0]?.file ?? '');
+  const row = rows.find((one) => one.file === file);
+  if (!rows.length) return <Panel><Empty title="Nothing saved yet">{props.of.next_step !== null ? `The first save is due at step ${count(props.of.next_step)}.` : 'A run saves at the interval that checkpoint.every_steps says.'}</Empty></Panel>;
+  const columns: Column<Checkpoint>[] = [
+    { key: 'step', title: 'step', width: '8ch', card: 'title', cell: (one) => count(one.step) },
+    { key: 'stage', title: 'stage', width: 'minmax(110px, 1fr)', cell: (one) => one.error ? <span class="bad" title={one.error}>cannot be read</span> : <>{one.stage}/{one.stages} {one.stage_name}</> },
+    { key: 'channel', title: 'channel', width: 'minmax(110px, 1fr)', cell: (one) => <span class="row tight">{one.channels.map((name) => <Chip tone={name === 'best' ? 'good' : ''}>{name === 'best' ? '★ best' : name}</Chip>)}{!one.error && !one.control_trained && <Chip tone="warn">hand untrained</Chip>}</span> },
+    ...metricColumns(rows).map((name): Column<Checkpoint> => ({ key: name, title: name.replace('.', ' '), width: '9ch', number: true, cell: (one) => number(one.metrics[name], 2) })),
+    { key: 'bytes', title: 'size', width: '9ch', number: true, cell: (one) => bytes(one.bytes) },
+    { key: 'sha', title: 'sha256', width: '14ch', cell: (one) => <span class="mono" title={one.sha256 ?? ''}>{one.sha256 ? short(one.sha256) : <span class="muted">computing</span>}</span> },
+    ...(rows.some((one) => one.served_by.length || one.refused) ? [served] : []),
+  ];
+  return (
+    <>
+      <div class="page-head"><p><b>{count(rows.length)}</b> kept{props.of.next_step !== null && ` · next at step ${count(props.of.next_step)}`}</p></div>
+      <Panel flush label="Checkpoints"><Table label="Checkpoints" rows={rows} id={(one) => one.file} columns={columns} selected={file} link={(one) => link('checkpoints', { run: props.run, file: one.file })} /></Panel>
+      {row && <Detail of={row} run={props.run} />}
+    </>
+  );
+}
+
+function Detail(props: { of: Checkpoint; run: string }) {
+  const { of } = props;
+  const parameters = Object.entries(of.parameters);
+  const total = parameters.reduce((sum, [, n]) => sum + n, 0);
+  return (
+    <div class="grid wide">
+      <Panel title={of.file} aside={!of.error && <a class="button" href={`${root}/runs/${props.run}/checkpoints/${encodeURIComponent(of.file)}`} download={of.file}>Download {bytes(of.bytes)}</a>}>
+        {of.error
+          ? <p class="bad">{of.error}</p>
+          : <Facts rows={[
+            ['sha256', <span class="mono" data-sha256>{of.sha256 ?? 'computing'}</span>],
+            ['run', of.run ?? none], ['robot', of.robot ?? none], ['joints', count(of.joints)], ['demonstrations', count(of.train_episodes)],
+            ['dataset', <span class="mono">{short(of.dataset)}</span>], ['architecture', <span class="mono">{short(of.architecture)}</span>], ['written', day(of.modified)], ['version', of.version ?? none],
+          ] as [string, ComponentChildren][]} />}
+        <h2>Follow on another machine</h2>
+        <Command text={`etude checkpoint watch --run ${of.run ?? 'RUN'} --channel ${of.channels.includes('best') ? 'best' : 'latest'} --out DIR`} />
+      </Panel>
+      {!of.error && <Panel title="Modules" aside={<span class="small muted">{count(total)} parameters</span>}>
+        <div class="scroll-x" tabIndex={0} role="group" aria-label="Modules of this checkpoint"><table class="plain"><thead><tr><th>module</th><th class="num">error</th><th class="num">trained steps</th><th class="num">parameters</th></tr></thead>
+          <tbody>{[...new Set([...Object.keys(of.modules), ...Object.keys(of.parameters)])].map((name) => <tr><td>{name}</td><td class="num">{number(of.modules[name]?.error, 2)}</td><td class="num">{count(of.modules[name]?.trained_steps)}</td><td class="num">{count(of.parameters[name])}</td></tr>)}</tbody></table></div>
+      </Panel>}
+    </div>
+  );
+}

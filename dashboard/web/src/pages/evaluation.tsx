@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+// How often it succeeds, which rollouts failed, and whether one checkpoint is better than another on the same scenes.
+import { useEffect, useState } from 'preact/hooks';
+import { getJson, useResource } from '../core/api';
+import { useLive } from '../core/connection';
+import { count, fixed, none, number, percent, probability, short } from '../core/format';
+import { useKeys } from '../core/keys';
+import { link, parameter, setParameters } from '../core/router';
+import { chosen, episodeLink, nameOf, sourcesOf } from '../core/sources';
+import type { Diff, Eval, EvalRow, EvalRows, Pair, TaskReport } from '../core/types';
+import { Chip, Command, Empty, Facts, Failed, Figure, Loaded, Panel, Segments, Select, StateChip } from '../parts/basics';
+import { Difference, Dots } from '../parts/dots';
+
+export function Evaluation() {
+  const id = chosen('eval')?.split(',')[0] ?? null;
+  const first = useResource<Eval>(id && `/evals/${id}`, { every: 10000 });
+  const live = useLive<Eval>(id ? 'eval' : null, { id: id ?? '' }, 1);
+  if (!id) return <Panel><Empty title="No evaluation here yet" command="etude eval --checkpoint run/checkpoints/latest.safetensors --episodes 60 --out eval">Rollouts on scenes that training never saw, with the newest checkpoint:</Empty></Panel>;
+  return <Loaded of={{ ...first, data: live?.id === id ? live : first.data }}>{(data) => <Content key={data.id} of={data} />}</Loaded>;
+}
+
+/** All rows, page by page, again when rollouts were added. */
+function useRows(of: Eval): { rows: EvalRow[]; problem: string } {
+  const [state, setState] = useState<{ rows: EvalRow[]; problem: string }>({ rows: [], problem: '' });
+  useEffect(() => {
+    const abort = new AbortController();
+    const load = async () => {
+      const rows: EvalRow[] = [];
+      let offset: number | null = 0;
+      while (offset !== null) {
+        const page: EvalRows = await getJson<EvalRows>(`/evals/${of.id}/rows?offset=${offset}&limit=1000`, abort.signal);
+        rows.push(...page.rows);
+        offset = page.next;
+      }
+      setState({ rows, problem: '' });
+    };
+    load().catch((error: unknown) => { if (!abort.signal.aborted) setState((old) => ({ ...old, problem: String(error) })); });
+    return () => abort.abort();
+  }, [of.id, of.done]);
+  return state;
+}
+
+function Content(props: { of: Eval }) {
+  const { of } = props;
+  const { rows, problem } = useRows(of);
+  const [versus] = parameter('vs');
+  const s = of.overall.success;
+  return (
+    <>
+      <div class="page-head">
+        <StateChip state={of.state} />
+        <div class="row" data-eval-summary><Figure large value={of.done ? percent(s.share) : none} label="success" /><span class="secondary">[{fixed(100 * s.low, 1)} {fixed(100 * s.high, 1)}]<br /><span data-figure="successes">{count(s.successes)}</span> of {count(of.overall.n)}{of.done < of.episodes && `, ${count(of.episodes - of.done)} to go`}</span></div>
+        <span class="fill" />
+        {of.checkpoint && <Chip>step {count(of.checkpoint.step)}{of.checkpoint.sha256 && <> · <span class="mono">{short(of.checkpoint.sha256)}</span></>}</Chip>}
+        {of.run_id ? <a href={link('training', { run: of.run_id })}>run {nameOf(of.run_id)}</a> : <span class="muted">{of.run}</span>}
+        <span class="muted">scenes of seed <span class="mono" data-seed>{of.seed}</span></span>
+      </div>
+      {of.done < of.episodes && <div class="bar" role="img" aria-label={`${of.done} of ${of.episodes}`}><div style={{ width: `${(100 * of.done) / Math.max(1, of.episodes)}%` }} /></div>}
+      <div class="grid wide">
+        <Panel title="Success by task" aside={<span class="small muted">strict judge</span>}><Dots label="Success by task" rows={[...of.per_task, of.overall].map((one) => proportion(one))} /></Panel>
+        <Panel title="What else happened"><Reports of={of} /></Panel>
+      </div>
+      {problem && <Failed problem={{ title: 'The rollouts could not be read', status: 0, detail: problem }} />}
+      <Scenes of={of} rows={rows} versus={versus} />
+    </>
+  );
+}
+
+function proportion(one: TaskReport) {
+  return { name: one.task, n: one.n, k: one.success.successes, share: one.success.share, low: one.success.low, high: one.success.high };
+}
+
+function Reports(props: { of: Eval }) {
+  const { of } = props;
+  return (
+    <div class="scroll-x" tabIndex={0} role="group" aria-label="By task">
+      <table class="plain" data-reports>
+        <thead><tr><th>task</th><th class="num">n</th><th class="num">latched</th><th class="num">violations</th><th class="num">others moved</th>{of.modules.map((name) => <th class="num">{name} cm</th>)}</tr></thead>
+        <tbody>{[...of.per_task, of.overall].map((one) => (
+          <tr><td>{one.task}</td><td class="num">{one.n}</td><td class="num">{one.success_latched ? percent(one.success_latched.share) : none}</td><td class="num" title={Object.entries(one.violations ?? {}).map(([name, n]) => `${name} ${n}`).join(', ')}>{one.with_violations ?? none}</td><td class="num">{one.with_others_moved ?? none}</td>
+            {of.modules.map((name) => <td class="num nowrap" title="all decisions, in brackets those before contact">{number(one.error_cm?.[name], 2)} <span class="muted small">({number(one.error_before_contact_cm?.[name], 2)})</span></td>)}</tr>))}</tbody>
+      </table>
+    </div>
+  );
+}
+
+function kind(row: EvalRow): string {
+  return row.success ? 'success' : row.success_latched ? 'latched' : 'failure';
+}
+
+function Scenes(props: { of: Eval; rows: EvalRow[]; versus: string }) {
+  const { of } = props;
+  const [order, setOrder] = parameter('order', 'failures');
+  const [task, setTask] = parameter('task');
+  const [picked] = parameter('scene');
+  useKeys([{ keys: 'f', does: 'failures first', run: () => setOrder(order === 'failures' ? 'index' : 'failures') }]);
+  const fit = props.rows.filter((one) => !task || one.task === task);
+  const rows = order === 'failures' ? [...fit].sort((a, b) => Number(a.success) - Number(b.success) || Number(a.success_latched) - Number(b.success_latched) || a.index - b.index) : fit;
+  const failed = fit.filter((one) => !one.success).length;
+  const row = props.rows.find((one) => String(one.index) === picked) ?? (failed ? rows[0] : undefined);
+  return (
+    <div class="columns main-side">
+      <div class="stack">
+      <Panel title="Scenes" aside={<><Select label="Task" value={task} options={[['', 'every task'], ...of.per_task.map((one) => [one.task, one.task] as const)]} choose={(value) => setTask(value)} /><Segments label="Order" value={order} options={[['failures', 'failures first'], ['index', 'by number']]} choose={(value) => setOrder(value)} /></>}>
+        <p class="small secondary" data-failed={failed}>{failed ? `${failed} of ${fit.length} failed` : fit.length ? `None of ${fit.length} failed.` : 'No rollout is finished yet.'} <span class="muted">✕ failed · ◐ succeeded, but not strictly · filled: success</span></p>
+        <div class="seeds" role="group" aria-label="Rollouts">
+          {rows.map((one) => (
+            <a key={one.index} href={link('evaluation', { eval: of.id, ...current('vs', 'task', 'order'), scene: one.index })} data-outcome={kind(one)} data-scene={one.index} title={`#${one.index} ${one.task} ${one.target}: ${one.outcome}`}
+              aria-label={`${one.index} ${one.task} ${one.target} ${one.outcome}`} {...(row === one ? { 'aria-current': 'true' as const } : {})}>{kind(one) === 'failure' ? '✕' : kind(one) === 'latched' ? '◐' : ''}</a>))}
+          {Array.from({ length: task ? 0 : Math.max(0, Math.min(2000, of.episodes - of.done)) }, () => <span class="open" aria-hidden="true" />)}
+        </div>
+      </Panel>
+      <Compare of={of} versus={props.versus} />
+      </div>
+      {row ? <Scene of={of} row={row} /> : <Panel title="Scene"><p class="muted">Choose a scene to see its rollout.</p></Panel>}
+    </div>
+  );
+}
+
+function current(...names: string[]): Record<string, string> {
+  return Object.fromEntries(names.map((name) => [name, parameter(name)[0]]));
+}
+
+function Scene(props: { of: Eval; row: EvalRow }) {
+  const { of, row } = props;
+  return (
+    <Panel title={`Scene ${row.index}`} aside={of.dataset && <a href={episodeLink(of.dataset, row.index)}>Step by step</a>}>
+      {row.video && <div class="picture"><video key={row.video} src={row.video} controls muted playsInline preload="metadata" aria-label={`Rollout ${row.index}`} /></div>}
+      <p><span class={row.success ? 'good' : 'bad'}>{row.success ? '✓' : '✕'} {row.outcome}</span> <q>{row.instruction}</q></p>
+      <Facts rows={[
+        ['task', `${row.task} ${row.target}${row.reference ? ` ${row.reference}` : ''}`],
+        ...(row.robot ? [['robot', row.robot] as [string, string]] : []),
+        ['latched', row.success_latched ? 'yes' : 'no'],
+        ...(row.violations.length ? [['violations', row.violations.join(', ')] as [string, string]] : []),
+        ...(row.disturbed_objects.length ? [['moved others', row.disturbed_objects.join(', ')] as [string, string]] : []),
+        ['length', `${count(row.steps)} steps, ${count(row.decisions)} decisions`],
+        ...Object.entries(row.error_cm).map(([name, value]) => [name, `${number(value, 2)} cm, before contact ${number(row.error_before_contact_cm[name], 2)} cm`] as [string, string]),
+        ['seed', <span class="mono">{row.seed}</span>],
+      ]} />
+    </Panel>
+  );
+}
+
+function Compare(props: { of: Eval; versus: string }) {
+  const { of, versus } = props;
+  const others = sourcesOf('eval').filter((one) => one.id !== of.id);
+  const pair = useResource<Pair>(versus ? `/evals/${of.id}/pair/${versus}` : null);
+  const diff = useResource<Diff>(versus ? `/diff?a=${encodeURIComponent(of.id)}&b=${encodeURIComponent(versus)}` : null);
+  if (!others.length) return <Panel title="Compare"><p class="secondary">With a second evaluation, given the --seed that this one was given, both are compared scene by scene:</p><Command text={`etude eval --checkpoint OTHER.safetensors --episodes ${of.episodes} --seed SEED --out eval-b`} /></Panel>;
+  return (
+    <Panel title="Compare" aside={<Select label="with" showLabel value={versus} options={[['', 'choose an evaluation'], ...others.map((one) => [one.id, one.name] as const)]} choose={(id) => setParameters({ vs: id })} />}>
+      {!versus && <p class="secondary">A is {of.name}. Choose B: scenes that both rolled out are compared one by one.</p>}
+      {pair.error && <div class="problem" role="alert"><h2>{pair.error.title}</h2><p>{pair.error.detail}</p></div>}
+      {pair.data && <Paired of={pair.data} a={of} b={versus} />}
+      {diff.data && <Differences of={diff.data} />}
+    </Panel>
+  );
+}
+
+function Paired(props: { of: Pair; a: Eval; b: string }) {
+  const { of } = props;
+  const apart = of.low > 0 ? 'A is better' : of.high < 0 ? 'B is better' : 'not told apart';
+  const differing = of.rows.filter((one) => one.a !== one.b);
+  return (
+    <div class="grid" data-pair>
+      <div class="stack">
+        <p><b class="figure">{of.difference >= 0 ? '+' : ''}{fixed(100 * of.difference, 1)}</b> points, A − B [{fixed(100 * of.low, 1)} {fixed(100 * of.high, 1)}] · {apart}</p>
+        <Difference value={of.difference} low={of.low} high={of.high} />
+        <p class="secondary small">{count(of.n)} shared scenes{of.unpaired > 0 && `, ${count(of.unpaired)} in one only`} · exact McNemar p = {probability(of.p)}</p>
+      </div>
+      <table class="plain">
+        <thead><tr><th>task</th><th class="num">n</th><th class="num">both</th><th class="num">only A</th><th class="num">only B</th><th class="num">neither</th><th class="num">A − B</th></tr></thead>
+        <tbody>{[...of.per_task, { ...of, task: 'overall' }].map((one) => <tr><td>{one.task}</td><td class="num">{one.n}</td><td class="num">{one.both}</td><td class="num">{one.only_a}</td><td class="num">{one.only_b}</td><td class="num">{one.neither}</td><td class="num">{fixed(100 * one.difference, 1)}</td></tr>)}</tbody>
+      </table>
+      <div>
+        <h2>Scenes that differ</h2>
+        {differing.length ? <ul class="row">{differing.slice(0, 60).map((one) => <li><a class="button" href={link('evaluation', { eval: one.a ? props.b : props.a.id, vs: one.a ? props.a.id : props.b, scene: one.index })}>#{one.index} {one.task} {one.target}: only {one.a ? 'A' : 'B'}</a></li>)}</ul> : <p class="secondary">None: both succeed and fail on the same scenes.</p>}
+      </div>
+    </div>
+  );
+}
+
+function Differences(props: { of: Diff }) {
+  const { of } = props;
+  return (
+    <>
+      <h2>What else differs: {count(of.total)} {of.total === 1 ? 'key' : 'keys'}</h2>
+      {of.total > 0 && <div class="scroll-x" tabIndex={0} role="group" aria-label="Keys that differ"><table class="plain" data-diff><thead><tr><th>key</th><th>A</th><th>B</th></tr></thead><tbody>{of.keys.slice(0, 40).map((one) => <tr><td class="mono">{one.key}</td><td class="mono">{JSON.stringify(one.a)}</td><td class="mono">{JSON.stringify(one.b)}</td></tr>)}</tbody></table></div>}
+    </>
+  );
+}

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+// Hosts and their workers: does an added one work, and is it worth it.
+import { useRef, useState } from 'preact/hooks';
+import { query, useResource } from '../core/api';
+import { now, useLive } from '../core/connection';
+import { count, none, number, percent, short } from '../core/format';
+import { parameter } from '../core/router';
+import type { Fleet as FleetAnswer, Host, Worker } from '../core/types';
+import { Age, Chip, Empty, Loaded, Panel, Search } from '../parts/basics';
+import { Table, type Column } from '../parts/table';
+
+const phases: Record<string, string> = { i: 'line', p: 'hand', y: 'target', s: 'reference', '.': 'bad' };
+
+/** The phases of the last minute; an empty place was not heard. */
+function Strip(props: { text: string }) {
+  const n = Math.max(1, props.text.length);
+  return (
+    <svg class="strip" viewBox={`0 0 ${n} 1`} preserveAspectRatio="none" role="img" aria-label={summary(props.text)}>
+      {[...props.text].map((one, i) => one !== '.' && <rect x={i} y={one === 'i' ? 0.7 : 0} width="1.02" height={one === 'i' ? 0.3 : 1} fill={`var(--${phases[one] ?? 'muted'})`} />)}
+    </svg>
+  );
+}
+
+function summary(text: string): string {
+  const share = (letter: string) => Math.round((100 * [...text].filter((one) => one === letter).length) / Math.max(1, text.length));
+  return `idle ${share('i')} %, plans ${share('p')} %, plays ${share('y')} %, sends ${share('s')} %`;
+}
+
+type Row = { host: Host; worker: Worker | null };
+
+export function Fleet() {
+  const [filter, setFilter] = parameter('filter');
+  const [sort, setSort] = parameter('sort', 'host');
+  const args = { sort, ...(filter ? { filter } : {}), limit: 200 };
+  const first = useResource<FleetAnswer>(`/fleet${query(args)}`);
+  const live = useLive<FleetAnswer>('fleet', args);
+  const at = useRef(Date.now());
+  const data = live ?? first.data;
+  const before = useRef(data);
+  if (before.current !== data) {
+    before.current = data;
+    at.current = Date.now();
+  }
+  const [folded, setFolded] = useState<Set<string>>(new Set());
+  const [held, setHeld] = useState<string[] | null>(null);
+  return (
+    <Loaded of={{ ...first, data }}>
+      {(fleet) => {
+        if (!fleet.hosts.length && !filter) {
+          return <Panel><Empty title="No worker has been heard and no journal names one" command="etude worker --campaign NAME">On any machine of this network a worker joins a campaign by its name:</Empty></Panel>;
+        }
+        const order = held ?? fleet.hosts.map((one) => one.host);
+        const hosts = [...fleet.hosts].sort((a, b) => place(order, a.host) - place(order, b.host));
+        const many = fleet.workers > 200;
+        const rows: Row[] = hosts.flatMap((host) => [{ host, worker: null }, ...(many !== folded.has(host.host) ? [] : host.workers.map((worker) => ({ host, worker })))]);
+        const toggle = (name: string) => setFolded((old) => { const next = new Set(old); if (!next.delete(name)) next.add(name); return next; });
+        return (
+          <>
+            <div class="page-head">
+              <p data-fleet-summary><b>{count(fleet.total)}</b> hosts · <b>{count(fleet.workers)}</b> workers{fleet.per_min !== null && <> · <b>{number(fleet.per_min)}</b> a minute</>}{fleet.ok !== null && <> · <b>{percent(fleet.ok)}</b> of attempts ok</>}</p>
+              {oneOf(fleet, (host) => host.version) && <span class="muted">version {oneOf(fleet, (host) => host.version)}</span>}
+              {oneOf(fleet, (host) => host.fingerprint) && fleet.total > 1 && <span class="muted">fingerprints equal</span>}
+              {!fleet.live && <Chip>from journals: nothing is on the bus</Chip>}
+              <span class="fill" />
+              <Search label="Filter hosts, workers, tasks" value={filter} change={(value) => setFilter(value, true)} width={28} />
+            </div>
+            <section class="panel flush" aria-label="Hosts and workers" onPointerEnter={() => setHeld(fleet.hosts.map((one) => one.host))} onPointerLeave={() => setHeld(null)}>
+              <Table label="Hosts and workers" rows={rows} id={(row) => row.worker?.worker ?? row.host.host} height={720} sort={sort} setSort={(value) => setSort(value)}
+                columns={columns(fleet, at.current, toggle, (host) => many !== folded.has(host))} />
+            </section>
+            <p class="small muted row" aria-hidden="true">{([['i', 'idle'], ['p', 'plans'], ['y', 'plays'], ['s', 'sends']] as const).map(([letter, word]) => <span class="row"><svg width="12" height="12"><rect width="12" height={letter === 'i' ? 4 : 12} y={letter === 'i' ? 8 : 0} fill={`var(--${phases[letter]})`} /></svg>{word}</span>)}</p>
+          </>
+        );
+      }}
+    </Loaded>
+  );
+}
+
+/** What all hosts have in common, else nothing. */
+function oneOf(fleet: FleetAnswer, of: (host: Host) => string | null): string | null {
+  const all = new Set(fleet.hosts.map(of));
+  return all.size === 1 ? [...all][0] ?? null : null;
+}
+
+function place(order: string[], host: string): number {
+  const at = order.indexOf(host);
+  return at < 0 ? order.length : at;
+}
+
+function columns(fleet: FleetAnswer, at: number, toggle: (host: string) => void, isFolded: (host: string) => boolean): Column<Row>[] {
+  const prints = new Set(fleet.hosts.map((one) => one.fingerprint).filter(Boolean));
+  void now.value;
+  const told = (one: (host: Host) => unknown) => fleet.hosts.some((host) => one(host) !== null);
+  const all: Column<Row>[] = [
+    { key: 'name', title: 'host and worker', width: 'minmax(130px, 1.2fr)', sort: 'host', card: 'title', cell: (row) => row.worker
+      ? <span class="secondary">{row.worker.worker}</span>
+      : <button type="button" class="button plain" aria-expanded={!isFolded(row.host.host)} onClick={() => toggle(row.host.host)}><b>{isFolded(row.host.host) ? '▸' : '▾'} {row.host.host}</b></button> },
+    { key: 'slots', title: 'busy', width: '5ch', number: true, sort: 'slots', cell: (row) => row.worker ? '' : `${row.host.busy}/${row.host.slots}` },
+    { key: 'per_min', title: 'a minute', width: '8ch', number: true, sort: 'per_min', cell: (row) => number((row.worker ?? row.host).per_min) },
+    { key: 'ok', title: 'ok', width: '7ch', number: true, cell: (row) => row.worker ? (row.worker.episodes + row.worker.failures ? percent(row.worker.episodes / (row.worker.episodes + row.worker.failures)) : none) : percent(row.host.ok) },
+    { key: 'episodes', title: 'done', width: '6ch', number: true, cell: (row) => row.worker ? count(row.worker.episodes) : count(row.host.workers.reduce((sum, one) => sum + one.episodes, 0)) },
+    { key: 'now', title: 'makes', width: 'minmax(190px, 4fr)', card: 'long', cell: (row) => row.worker ? making(row.worker) : '' },
+    { key: 'last', title: 'last', width: 'minmax(76px, 1fr)', cell: (row) => row.worker ? <span class={row.worker.last && row.worker.last !== 'success' ? 'warn' : 'muted'}>{row.worker.last ?? ''}</span> : '' },
+    { key: 'strip', title: 'last 60 s', width: '96px', card: 'none', cell: (row) => row.worker && row.worker.strip ? <Strip text={row.worker.strip} /> : '' },
+    { key: 'plan', title: 'plan p50, p95', width: '12ch', number: true, cell: (row) => row.worker || row.host.plan_p50_s === null ? '' : `${number(row.host.plan_p50_s, 2)}, ${number(row.host.plan_p95_s, 2)} s` },
+    { key: 'rss', title: 'memory', width: '8ch', number: true, cell: (row) => row.worker || row.host.rss_mb === null ? '' : `${number(row.host.rss_mb / 1000, 2)} GB` },
+    { key: 'version', title: 'version', width: '9ch', cell: (row) => row.worker ? '' : row.host.version ?? '' },
+    { key: 'print', title: 'fingerprint', width: '11ch', cell: (row) => row.worker || !row.host.fingerprint ? '' : <span class={`mono${prints.size > 1 ? ' warn' : ''}`}>{short(row.host.fingerprint, 8)}</span> },
+    { key: 'age', title: 'heard', width: '6ch', number: true, sort: 'age', cell: (row) => fleet.live ? <Age ms={(row.worker ?? row.host).age_ms} at={at} /> : '' },
+  ];
+  const differ = (one: (host: Host) => string | null) => new Set(fleet.hosts.map(one).filter(Boolean)).size > 1;
+  const absent = new Set([!told((host) => host.plan_p50_s) && 'plan', !told((host) => host.rss_mb) && 'rss', !differ((host) => host.version) && 'version', !differ((host) => host.fingerprint) && 'print', !fleet.live && 'age', !fleet.live && 'strip']);
+  return all.filter((one) => !absent.has(one.key));
+}
+
+function making(worker: Worker): string {
+  if (worker.index === null) return worker.phase;
+  const what = [worker.task, worker.robot, worker.target].filter(Boolean).join(' ');
+  const where = worker.stage ? `${worker.stage}${worker.step !== null ? `, step ${worker.step}` : ''}` : worker.phase;
+  return `#${worker.index}${worker.attempt ? ` try ${worker.attempt + 1}` : ''} ${what} · ${where}`;
+}

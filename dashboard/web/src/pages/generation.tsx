@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+// What fails, where and why, and what the time goes into.
+import { useEffect, useRef, useState } from 'preact/hooks';
+import { getBytes, query, root, useResource } from '../core/api';
+import { useLive } from '../core/connection';
+import { count, duration, none, number, percent } from '../core/format';
+import { link, navigate, parameter, setParameters } from '../core/router';
+import { readSafetensors } from '../core/safetensors';
+import { chosen, episodeLink } from '../core/sources';
+import { color, paints } from '../core/theme';
+import type { Attempt, Attempts, Campaign, CampaignStatus, Timing } from '../core/types';
+import { Chip, Empty, Failed, Figure, Loaded, Panel, Segments, StateChip } from '../parts/basics';
+import { Histogram } from '../parts/chart';
+import { Table } from '../parts/table';
+
+export function Generation() {
+  const id = chosen('dataset');
+  const campaign = useResource<Campaign>(id && `/campaigns/${id}`, { every: 5000 });
+  const live = useLive<{ status: CampaignStatus; total: number; rows: Attempt[] }>(id ? 'attempts' : null, { campaign: id ?? '' }, 1);
+  if (!id) return <Panel><Empty title="No campaign here yet" command="etude collect deploy/campaigns/quickstart.yaml --out data">Attempts appear with the first worker:</Empty></Panel>;
+  return (
+    <Loaded of={campaign}>
+      {(data) => {
+        const status = live?.status ?? data.status;
+        const failed = Math.max(0, status.attempts - status.committed);
+        return (
+          <>
+            <div class="page-head">
+              <StateChip state={data.state} />
+              <p data-attempts-summary>{status.live && status.per_min !== null && <><b>{number(status.per_min)}</b> a minute · </>}<b>{count(status.attempts)}</b> attempts · <b>{count(status.committed)}</b> of {count(status.total)} committed · <b>{count(failed)}</b> failed{status.attempts > 0 && ` (${percent(failed / status.attempts)})`} · <b>{count(status.given_up)}</b> given up</p>
+              {status.error && <Chip tone="bad">{status.error}</Chip>}
+              {status.eta_s !== null && status.live && <span class="muted">{duration(status.eta_s)} left</span>}
+            </div>
+            <div class="grid wide">
+              <Matrix of={data} failed={failed} />
+              <Time of={data.timing} />
+            </div>
+            <Cells id={id} round={status.attempts} />
+            <Latest id={id} round={status.attempts} dataset={data.dataset} />
+          </>
+        );
+      }}
+    </Loaded>
+  );
+}
+
+/** Reason by task: numbers with bars of one hue, since nine reasons cannot be nine colours. */
+function Matrix(props: { of: Campaign; failed: number }) {
+  const { of } = props;
+  const tasks = of.tasks;
+  const reasons = [...new Set(of.failures_by.map((one) => [one.reason, one.stage].filter(Boolean).join(' ')))];
+  const cell = (reason: string, task: string) => of.failures_by.filter((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason && one.task === task).reduce((sum, one) => sum + one.count, 0);
+  const most = Math.max(1, ...reasons.flatMap((reason) => tasks.map((task) => cell(reason, task))));
+  return (
+    <Panel title="Failures by reason and task">
+      {!of.failures_by.length
+        ? <p class="secondary" data-no-failures>{props.failed === 0 ? `0 of ${count(of.status.attempts)} attempts failed.` : `${count(props.failed)} attempts failed; no journal says why.`}</p>
+        : <div class="scroll-x" tabIndex={0} role="group" aria-label="Failures by reason and task">
+          <table class="plain" data-matrix>
+            <thead><tr><th>reason, stage</th>{tasks.map((task) => <th class="num">{task}</th>)}<th class="num">all</th></tr></thead>
+            <tbody>{reasons.map((reason) => {
+              const sum = tasks.reduce((total, task) => total + cell(reason, task), 0);
+              const code = of.failures_by.find((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason);
+              return <tr><td>{reason}</td>{tasks.map((task) => {
+                const n = cell(reason, task);
+                return <td class="num">{n ? <a href={link('generation', { dataset: of.id, reason: code?.reason ?? '', stage: code?.stage, task, outcome: 'failed' })}><Meter share={n / most} />{n}</a> : <span class="muted">·</span>}</td>;
+              })}<td class="num strong">{sum}</td></tr>;
+            })}</tbody>
+          </table>
+        </div>}
+    </Panel>
+  );
+}
+
+function Meter(props: { share: number }) {
+  return <svg width="32" height="8" aria-hidden="true"><rect x={32 * (1 - props.share)} width={32 * props.share} height="8" fill="var(--accent)" opacity="0.5" /></svg>;
+}
+
+function Time(props: { of: Timing | null }) {
+  const timing = props.of;
+  if (!timing || !timing.attempts) return <Panel title="Time of an attempt"><p class="secondary">No journal of times: this dataset is from before commits.jsonl, or nothing has been committed.</p></Panel>;
+  const parts: [string, number, string][] = [['plan', timing.plan_s, 'hand'], ['step', timing.step_s, 'target'], ['render', timing.render_s, 'reference'], ['deflate', timing.deflate_s, 'language'], ['send', timing.send_s ?? 0, 'others']];
+  const sum = parts.reduce((total, [, value]) => total + value, 0) || 1;
+  let at = 0;
+  return (
+    <Panel title="Time of an attempt" aside={<span class="muted small">{count(timing.attempts)} attempts</span>}>
+      <div class="row apart"><Figure value={number(sum / timing.attempts, 3)} unit="s each" label="attempt_s" /><span class="secondary">plan p50 {number(timing.plan_p50_s, 2)} s, p95 {number(timing.plan_p95_s, 2)} s</span></div>
+      <svg width="100%" height="16" role="img" aria-label={parts.map(([name, value]) => `${name} ${percent(value / sum, 0)}`).join(', ')}>
+        {parts.map(([, value, token]) => {
+          const x = at;
+          at += value / sum;
+          return <rect x={`${100 * x}%`} width={`${100 * (value / sum)}%`} height="16" fill={`var(--${token})`} />;
+        })}
+      </svg>
+      <p class="row small">{parts.filter(([, value]) => value > 0).map(([name, value, token]) => <span class="row nowrap"><svg width="10" height="10" aria-hidden="true"><rect width="10" height="10" fill={`var(--${token})`} /></svg>{name} <b>{percent(value / sum, 0)}</b> <span class="muted">{number(value / timing.attempts, 2)} s</span></span>)}</p>
+      <h2>Seconds of planning, logarithmic bins</h2>
+      <Histogram edges={timing.plan_histogram.edges_s} counts={timing.plan_histogram.counts} label="plan seconds" format={(edge) => `${number(edge, 2)} s`} height={72} />
+    </Panel>
+  );
+}
+
+const cellNames = ['open', 'committed', 'committed after failures', 'given up', 'failed so far'];
+const cellTokens = ['line', 'good', 'warn', 'bad', 'hand'];
+
+/** One square an index; where one points is said in words. */
+function Cells(props: { id: string; round: number }) {
+  const answer = useResource<ArrayBuffer>(`/campaigns/${props.id}/cells`, { load: getBytes, every: 10000 });
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const [over, setOver] = useState<number | null>(null);
+  const [width, setWidth] = useState(0);
+  const paint = paints.value;
+  const cells = answer.data ? readSafetensors(answer.data).tensors.get('cells')?.values : undefined;
+  const size = (cells?.length ?? 0) > 4000 ? 5 : 10;
+  const across = Math.max(1, Math.floor(width / size));
+  useEffect(() => {
+    const box = canvas.current?.parentElement;
+    if (!box) return;
+    const watch = new ResizeObserver(() => setWidth(box.clientWidth));
+    watch.observe(box);
+    setWidth(box.clientWidth);
+    return () => watch.disconnect();
+  }, [cells !== undefined]);
+  useEffect(() => {
+    const element = canvas.current;
+    const context = element?.getContext('2d');
+    if (!element || !context || !cells || !width) return;
+    const scale = devicePixelRatio;
+    element.width = across * size * scale;
+    element.height = Math.ceil(cells.length / across) * size * scale;
+    element.style.width = `${across * size}px`;
+    element.style.height = `${Math.ceil(cells.length / across) * size}px`;
+    context.scale(scale, scale);
+    cells.forEach((value, i) => {
+      context.fillStyle = color(cellTokens[value] ?? 'line');
+      context.fillRect((i % across) * size, Math.floor(i / across) * size, size - 1, size - 1);
+    });
+  }, [answer.data, width, paint]);
+  const index = (event: MouseEvent) => {
+    const box = canvas.current!.getBoundingClientRect();
+    const at = Math.floor((event.clientY - box.top) / size) * across + Math.floor((event.clientX - box.left) / size);
+    return cells && at >= 0 && at < cells.length ? at : null;
+  };
+  if (answer.error) return <Panel title="Seeds"><Failed problem={answer.error} retry={answer.reload} /></Panel>;
+  if (!cells) return null;
+  const tally = cellNames.map((_name, value) => [...cells].filter((one) => one === value).length);
+  return (
+    <Panel title="Seeds" aside={<span class="small secondary">{over === null ? `${count(cells.length)} indices, one square each` : `#${over}: ${cellNames[cells[over] ?? 0]}`}</span>}>
+      <div><canvas ref={canvas} role="img" aria-label={cellNames.map((name, i) => `${tally[i]} ${name}`).join(', ')} onMouseMove={(event) => setOver(index(event))} onMouseLeave={() => setOver(null)}
+        onClick={(event) => { const at = index(event); if (at !== null && (cells[at] === 1 || cells[at] === 2)) navigate(episodeLink(props.id, at)); else if (at !== null) setParameters({ index: at }); }} /></div>
+      <p class="row small" data-cells>{cellNames.map((name, i) => tally[i]! > 0 && <span class="row"><svg width="10" height="10" aria-hidden="true"><rect width="10" height="10" fill={`var(--${cellTokens[i]})`} /></svg>{name} <b>{count(tally[i])}</b></span>)}</p>
+    </Panel>
+  );
+}
+
+function Latest(props: { id: string; round: number; dataset: string | null }) {
+  const [outcome, setOutcome] = parameter('outcome', 'all');
+  const names = ['task', 'reason', 'stage', 'index'] as const;
+  const filter = Object.fromEntries(names.map((name) => [name, parameter(name)[0]]));
+  const [held, setHeld] = useState(props.round);
+  const rows = useResource<Attempts>(`/campaigns/${props.id}/attempts${query({ ...filter, outcome: outcome === 'all' ? '' : outcome, limit: 100 })}`, { round: held });
+  const fresh = props.round - held;
+  const set = names.filter((name) => filter[name]);
+  const data = rows.data;
+  const tiles = data?.rows.filter((one) => one.has_pictures).slice(0, 8) ?? [];
+  return (
+    <Panel title="Latest attempts" flush aside={
+      <>
+        {fresh > 0 && <button type="button" class="button pill" onClick={() => setHeld(props.round)}>{fresh} new ▲</button>}
+        {set.map((name) => <button type="button" class="button" onClick={() => setParameters({ [name]: null })} aria-label={`remove the filter ${name}`}>{name}: {filter[name]} ✕</button>)}
+        <Segments label="Outcome" value={outcome} options={[['all', 'all'], ['success', 'ok'], ['failed', 'failed']]} choose={(value) => setOutcome(value)} />
+      </>}>
+      {rows.error && <Failed problem={rows.error} retry={rows.reload} />}
+      {data && !data.rows.length && <Empty title={outcome === 'failed' ? 'No failed attempt' : 'No attempt yet'}>{outcome === 'failed' ? 'Nothing that was tried has failed with these filters.' : 'The first one appears here when a worker has finished it.'}</Empty>}
+      {tiles.length > 0 && outcome !== 'failed' && <div class="tiles pad">{tiles.map((one) => <Tile of={one} dataset={props.dataset ?? props.id} />)}</div>}
+      {data && data.rows.length > 0 && (
+        <Table label="Attempts" rows={data.rows} id={(row) => `${row.index}.${row.attempt}`} height={440} link={(row) => link(`episode/${props.dataset ?? props.id}/${row.index}`, row.has_pictures ? {} : { attempt: row.attempt })}
+          columns={[
+            { key: 'index', title: '#', width: '7ch', card: 'title', cell: (row) => <>{row.index}{row.attempt > 0 && <span class="muted">.{row.attempt}</span>}</> },
+            { key: 'outcome', title: 'outcome', width: 'minmax(110px, 1fr)', cell: (row) => <span class={row.outcome === 'success' ? 'good' : 'bad'}>{row.outcome === 'success' ? '✓ ok' : `✕ ${row.outcome}`}</span> },
+            { key: 'task', title: 'task', width: 'minmax(90px, 1fr)', cell: (row) => row.task },
+            { key: 'target', title: 'target', width: 'minmax(70px, 1fr)', cell: (row) => row.target },
+            { key: 'robot', title: 'robot', width: '8ch', cell: (row) => row.robot },
+            { key: 'reason', title: 'reason', width: 'minmax(220px, 4fr)', card: 'long', cell: (row) => <span class="secondary" title={row.reason ?? ''}>{row.reason ?? ''}</span> },
+            { key: 'plan', title: 'plan s', width: '7ch', number: true, cell: (row) => row.plan_s === null ? none : number(row.plan_s, 2) },
+            { key: 'step', title: 'step s', width: '7ch', number: true, card: 'none', cell: (row) => number(row.step_s, 2) },
+            { key: 'render', title: 'render s', width: '8ch', number: true, card: 'none', cell: (row) => number(row.render_s, 2) },
+            { key: 'worker', title: 'worker', width: 'minmax(120px, 1.5fr)', card: 'none', cell: (row) => <span class="muted">{row.worker ?? ''}</span> },
+          ]} />
+      )}
+      {data && <p class="more small muted">{count(data.rows.length)} of {count(data.total)} shown, newest first</p>}
+    </Panel>
+  );
+}
+
+function Tile(props: { of: Attempt; dataset: string }) {
+  const one = props.of;
+  return (
+    <a class="tile" href={episodeLink(props.dataset, one.index)}>
+      <img loading="lazy" decoding="async" alt="" src={`${root}/datasets/${props.dataset}/episodes/${one.index}/strip.webp`} />
+      <span class="caption"><span>#{one.index} {one.task} {one.target}</span><span class={one.outcome === 'success' ? 'good' : 'bad'}>{one.outcome === 'success' ? '✓' : '✕'}</span></span>
+    </a>
+  );
+}
+

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Lines of the log files, newest at the foot; older ones on request.
+import { useEffect, useRef, useState } from 'preact/hooks';
+import { getJson, query, useResource } from '../core/api';
+import { useLive } from '../core/connection';
+import { bytes, count } from '../core/format';
+import { parameter } from '../core/router';
+import type { LogLine, Logs } from '../core/types';
+import { Empty, Loaded, Panel, Search, Select } from '../parts/basics';
+
+export function LogsPage() {
+  const [source, setSource] = parameter('source');
+  const [level, setLevel] = parameter('level');
+  const [q, setQ] = parameter('q');
+  const [follow, setFollow] = useState(true);
+  const args = { ...(source ? { source } : {}), ...(level ? { level } : {}), ...(q ? { q } : {}), limit: 200 };
+  const text = query(args);
+  const first = useResource<Logs>(`/logs${text}`);
+  const live = useLive<Logs>(follow ? 'logs' : null, args, 1);
+  const [older, setOlder] = useState<{ of: string; lines: LogLine[]; next: string | null } | null>(null);
+  const before = older?.of === text ? older : null;
+  const newest = (follow && live) || first.data;
+  const box = useRef<HTMLDivElement>(null);
+  const shown = newest?.lines.length ?? 0;
+  useEffect(() => { if (follow && !before && box.current) box.current.scrollTop = box.current.scrollHeight; }, [newest?.lines[shown - 1]?.n]);
+  return (
+    <Loaded of={{ ...first, data: newest }}>
+      {(data) => {
+        const next = before ? before.next : data.next;
+        const lines = [...(before?.lines ?? []), ...data.lines];
+        const more = async () => {
+          if (!next) return;
+          const page = await getJson<Logs>(`/logs${query({ ...args, before: next })}`);
+          setOlder({ of: text, lines: [...page.lines, ...(before?.lines ?? [])], next: page.next });
+        };
+        if (!data.sources.length) return <Panel><Empty title="No log files">Processes that etude up, collect or eval start write to logs/ beside what they make; others write to their terminal.</Empty></Panel>;
+        return (
+          <>
+            <div class="page-head">
+              <Select label="Level" value={level} options={[['', 'every level'], ['info', 'info and above'], ['warn', 'warnings and errors'], ['error', 'errors']]} choose={(value) => setLevel(value)} />
+              <Select label="Source" value={source} options={[['', `all ${data.sources.length} files`], ...data.sources.map((one) => [one.id, `${one.name} (${bytes(one.bytes)})`] as const)]} choose={(value) => setSource(value)} />
+              <Search label="Text in the line" value={q} change={(value) => setQ(value, true)} width={28} />
+              <span class="fill" />
+              <label class="inline"><input type="checkbox" checked={follow} onChange={(event) => setFollow(event.currentTarget.checked)} /> follow</label>
+            </div>
+            <Panel flush label="Lines">
+              <div class="log-box" ref={box} tabIndex={0} role="group" aria-label="Log lines">
+              {next && <div class="more"><button type="button" class="button" onClick={() => { void more(); }}>Older lines</button></div>}
+              {lines.length
+                ? <ol class="log" data-log-lines={lines.length}>{lines.map((one) => <li key={`${one.source}:${one.n}`} data-level={one.level ?? ''}><span class="muted">{one.t ?? ''}</span><span class={one.level === 'warn' ? 'warn' : one.level === 'error' ? 'bad' : 'muted'}>{one.level ?? ''}</span><span class="muted">{name(data, one.source)}</span><span>{one.text}</span></li>)}</ol>
+                : <Empty title="No line fits">{`${count(data.sources.length)} files were searched.`}</Empty>}
+              </div>
+            </Panel>
+          </>
+        );
+      }}
+    </Loaded>
+  );
+}
+
+function name(data: Logs, id: string): string {
+  return data.sources.find((one) => one.id === id)?.name ?? id;
+}

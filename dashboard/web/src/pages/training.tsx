@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+// Does it learn, is it fed, why does a stage stand. Colour is the run, the panel is the module.
+import { useEffect, useState } from 'preact/hooks';
+import { getBytes, root, useResource } from '../core/api';
+import { epoch, useLive } from '../core/connection';
+import { clock, count, duration, number, percent } from '../core/format';
+import { useKeys } from '../core/keys';
+import { link, parameter, setParameters } from '../core/router';
+import { readSafetensors } from '../core/safetensors';
+import { chosenAll, nameOf, sourcesOf } from '../core/sources';
+import { smooth } from '../core/stats';
+import { hues } from '../core/theme';
+import type { Checkpoints, Curriculum, Run, SeriesKey, State } from '../core/types';
+import { Chip, Command, Empty, Failed, Loaded, Panel, Segments, Select, Skeleton, StateChip } from '../parts/basics';
+import { Chart, type Line } from '../parts/chart';
+import { Ladder } from './overview';
+
+interface Curve { x: Float64Array; min: Float64Array; max: Float64Array; last: Float64Array }
+type Curves = Map<string, Curve>;
+interface LiveTrain { run: string; state: State; step: number; stage: number; stages: number; stage_name: string; loss: number | null; samples_per_s: number | null; data_wait: number | null; eta_s: number | null }
+
+const axes = [['step', 'step'], ['elapsed', 'time'], ['samples', 'samples']] as const;
+type Axis = (typeof axes)[number][0];
+
+/** The curves of one run; asked again when it has trained on. */
+function useCurves(run: Run | undefined, keys: string[], axis: Axis, range: [number, number] | null, round: number): Curves | undefined {
+  const [curves, setCurves] = useState<Curves>();
+  const text = keys.join(',');
+  const id = run?.id;
+  const generation = epoch.value;
+  useEffect(() => {
+    if (!id || !keys.length) return;
+    const abort = new AbortController();
+    const load = async () => {
+      const merged: Curves = new Map();
+      for (let i = 0; i < keys.length; i += 32) {
+        const part = keys.slice(i, i + 32).map(encodeURIComponent).join(',');
+        const bounds = range ? `&from=${range[0]}&to=${range[1]}` : '';
+        const { tensors } = readSafetensors(await getBytes(`/runs/${id}/series?keys=${part}&x=${axis}${bounds}&points=600`, abort.signal));
+        for (const key of keys.slice(i, i + 32)) {
+          const [x, min, max, last] = ['x', 'min', 'max', 'last'].map((name) => tensors.get(`${key}/${name}`)?.values as Float64Array | undefined);
+          if (x && min && max && last) merged.set(key, { x, min, max, last });
+        }
+      }
+      if (!abort.signal.aborted) setCurves(merged);
+    };
+    load().catch(() => undefined);
+    return () => abort.abort();
+  }, [id, text, axis, range?.[0], range?.[1], round, generation]);
+  return curves;
+}
+
+export function Training() {
+  const ids = chosenAll('run');
+  if (!ids.length) return <Panel><Empty title="No run here yet" command="etude train --data data --config compact --out run --minutes 10">A run appears with its first line of metrics:</Empty></Panel>;
+  return <Runs ids={ids.slice(0, 4)} />;
+}
+
+function Runs(props: { ids: string[] }) {
+  const first = useResource<Run>(`/runs/${props.ids[0]}`, { every: 5000 });
+  const curriculum = useResource<Curriculum>(`/runs/${props.ids[0]}/curriculum`, { every: 10000 });
+  const checkpoints = useResource<Checkpoints>(`/runs/${props.ids[0]}/checkpoints`, { every: 20000 });
+  const live = useLive<LiveTrain>('train', { run: props.ids[0] }, 1);
+  return <Loaded of={first} height={600}>{(run) => <Content ids={props.ids} run={run} live={live?.run === run.id ? live : undefined} curriculum={curriculum.data} checkpoints={checkpoints.data} />}</Loaded>;
+}
+
+function Content(props: { ids: string[]; run: Run; live: LiveTrain | undefined; curriculum: Curriculum | undefined; checkpoints: Checkpoints | undefined }) {
+  const { run } = props;
+  const axis = parameter('x', 'step')[0] as Axis;
+  const [scale, setScale] = parameter('y', 'lin');
+  const [width, setWidth] = parameter('smooth', '0');
+  const [rangeText] = parameter('range');
+  const range = rangeText ? (rangeText.split('..').map(Number) as [number, number]) : null;
+  const zoom = (next: [number, number] | null) => setParameters({ range: next ? next.map((value) => Math.round(value)).join('..') : null });
+  useKeys([
+    { keys: 'y', does: 'axis linear or logarithmic', run: () => setScale(scale === 'lin' ? 'log' : 'lin') },
+    { keys: 's', does: 'smoothing', run: () => setWidth(width === '0' ? '200' : '0') },
+  ]);
+  const step = props.live?.step ?? run.step;
+  const shared: Shared = { axis, log: scale === 'log', smoothing: Number(width), range, zoom, bands: bands(props.curriculum, run, axis), marks: marks(props.checkpoints, run, axis) };
+  return (
+    <>
+      <div class="page-head">
+        <StateChip state={props.live?.state ?? run.state} />
+        <p data-run-summary>step <b>{count(step)}</b>{run.steps ? ` of ${count(run.steps)}` : ''} · stage <b>{props.live?.stage ?? run.stage} of {run.stages}</b> {props.live?.stage_name ?? run.stage_name} · {duration(run.elapsed_s)}{(props.live?.eta_s ?? run.eta_s) !== null && ` · ${duration(props.live?.eta_s ?? run.eta_s)} left`}{run.episodes !== null && ` · ${count(run.episodes)} episodes`}</p>
+        <span class="fill" />
+        <Segments label="Horizontal axis" value={axis} options={axes} choose={(value) => { setParameters({ x: value === 'step' ? null : value, range: null }); }} />
+        <Segments label="Vertical axis" value={scale} options={[['lin', 'lin'], ['log', 'log']]} choose={(value) => setScale(value)} />
+        <Select label="Smoothing" value={width} options={[['0', 'not smoothed'], ['100', 'over 100 steps'], ['200', 'over 200 steps'], ['500', 'over 500 steps'], ['1000', 'over 1,000 steps']]} choose={(value) => setWidth(value)} />
+        <a class="button" href={`${root}/runs/${run.id}/series.csv?kind=train`} download={`${run.name}-train.csv`}>CSV</a>
+      </div>
+      <Compare ids={props.ids} />
+      {run.end?.cause === 'failed' && <div class="problem" role="alert"><h2>The run ended with an error at step {count(run.end.step)}</h2><p>Checkpoint {count(run.checkpoint_step)} stands. See the <a href={link('logs', { level: 'warn' })}>logs</a>, then go on from there:</p><Command text={`etude train --data DATA --out ${run.folder ?? 'RUN'} --resume`} /></div>}
+      {props.curriculum && <Panel title="Curriculum"><Ladder stages={props.curriculum.stages} /><Reasons of={props.curriculum} /></Panel>}
+      <Goals of={run} />
+      {!run.keys.length ? <Panel><Empty title="Waiting for data">{`The first line of metrics comes with step 50. ${run.episodes !== null ? `${count(run.episodes)} episodes are there so far.` : ''}`}</Empty></Panel> : <Charts ids={props.ids} run={run} round={Math.floor(step / 50)} shared={shared} />}
+    </>
+  );
+}
+
+function Compare(props: { ids: string[] }) {
+  const others = sourcesOf('run').filter((one) => !props.ids.includes(one.id));
+  if (props.ids.length < 2 && !others.length) return null;
+  const set = (ids: string[]) => setParameters({ run: ids.join(',') });
+  return (
+    <div class="row">
+      {props.ids.map((id, i) => (
+        <span class="chip"><svg width="10" height="10" aria-hidden="true"><circle cx="5" cy="5" r="5" fill={`var(--${hues[i]})`} /></svg>{nameOf(id)}
+          {props.ids.length > 1 && <button type="button" class="button plain" aria-label={`remove ${nameOf(id)}`} onClick={() => set(props.ids.filter((one) => one !== id))}>✕</button>}
+        </span>))}
+      {others.length > 0 && props.ids.length < 4 && <Select label="Compare with" value="" options={[['', 'compare with…'], ...others.map((one) => [one.id, one.name] as const)]} choose={(id) => { if (id) set([...props.ids, id]); }} />}
+    </div>
+  );
+}
+
+function Reasons(props: { of: Curriculum }) {
+  const ended = props.of.stages.filter((one) => one.reason);
+  if (!ended.length) return null;
+  return (
+    <ul class="small" data-advances>
+      {ended.map((one) => <li><span class={one.cause === 'goal' ? 'good' : 'warn'}>{one.cause === 'goal' ? '✓' : '▲'} {one.stage} {one.name}</span> <span class="secondary">ended at {count(one.to_step)} by {one.cause}: {one.reason}</span></li>)}
+    </ul>
+  );
+}
+
+function Goals(props: { of: Run }) {
+  if (!props.of.goals.length) return null;
+  return (
+    <section class="goals" aria-label="Goals of the modules">
+      {props.of.goals.map((one) => (
+        <div class="panel goal" data-goal={one.module}>
+          <h2>{one.module}</h2>
+          <p><span class="figure">{number(one.value, 2)}</span> <span class="muted small">{one.unit === '-' ? 'share wrong' : one.unit}</span></p>
+          <p class="small">{one.reached === null ? <span class="muted">goal {number(one.goal)}</span> : one.reached ? <span class="good">✓ goal {number(one.goal)}</span> : <span class="warn">{one.value !== null ? `${number(one.value / one.goal, 2)} × ` : ''}goal {number(one.goal)}</span>}</p>
+        </div>))}
+    </section>
+  );
+}
+
+interface Shared { axis: Axis; log: boolean; smoothing: number; range: [number, number] | null; zoom: (range: [number, number] | null) => void; bands: { from: number; to: number; label: string }[]; marks: { x: number; token: string; glyph: string }[] }
+
+function bands(curriculum: Curriculum | undefined, run: Run, axis: Axis): Shared['bands'] {
+  if (axis !== 'step' || !curriculum) return [];
+  return curriculum.stages.filter((one) => one.from_step !== null).map((one) => ({ from: one.from_step!, to: one.to_step ?? run.step, label: one.name }));
+}
+
+function marks(checkpoints: Checkpoints | undefined, run: Run, axis: Axis): Shared['marks'] {
+  if (axis !== 'step') return [];
+  return [
+    ...(checkpoints?.checkpoints ?? []).filter((one) => one.step !== null).map((one) => ({ x: one.step!, token: one.channels.includes('best') ? 'accent' : 'muted', glyph: one.channels.includes('best') ? '★' : '▾' })),
+    ...run.lives.slice(1).map((one) => ({ x: one.from_step, token: 'warn', glyph: '↻' })),
+  ];
+}
+
+const units: Record<string, string> = { cm: 'cm', px: 'px', deg: '°', share: 'share', s: 's', '1/s': '1/s' };
+
+function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared }) {
+  const { run, ids, shared } = props;
+  const keys = run.keys.map((one) => one.key);
+  const base = useCurves(run, keys, shared.axis, shared.range, props.round);
+  const others = ids.slice(1).map((id) => <OtherRun key={id} id={id} />);
+  const extra = useOthers(ids.slice(1), keys, shared);
+  if (!base) return <Skeleton height={480} />;
+  const runs = [{ id: run.id, curves: base }, ...extra];
+  const lines = (entries: { key: SeriesKey; label: string; dash?: boolean; points?: boolean }[], smoothable = true): Line[] => runs.flatMap(({ id, curves }, r) => entries.flatMap(({ key, label, dash, points }) => {
+    const curve = curves.get(key.key);
+    if (!curve) return [];
+    const name = runs.length > 1 ? `${nameOf(id)}${entries.length > 1 ? ` ${label}` : ''}` : label;
+    const token = runs.length > 1 || entries.length < 2 ? hues[r]! : entries.length > 2 ? hues[entries.findIndex((one) => one.key === key) % hues.length]! : entries[0]!.key === key ? 'target' : 'hand';
+    const line: Line = { label: name, token, x: curve.x, values: curve.last as unknown as (number | null)[], min: curve.min as unknown as number[], max: curve.max as unknown as number[], ...(dash ? { dash } : {}), ...(points ? { points } : {}) };
+    if (!smoothable || !shared.smoothing || points) return [line];
+    return [{ ...line, faint: true, label: `${name} raw` }, { ...line, values: smooth(curve.x, line.values, shared.smoothing), min: [], max: [] }];
+  }));
+  const find = (text: string) => run.keys.find((one) => one.key === text);
+  const common = { sync: 'training', bands: shared.bands, marks: shared.marks, range: shared.range, zoom: shared.zoom, log: shared.log, xLabel: shared.axis, ...(shared.axis === 'elapsed' ? { xFormat: duration } : {}) };
+  const loss = [find('train/loss') && { key: find('train/loss')!, label: 'train' }, find('valid/loss') && { key: find('valid/loss')!, label: 'valid', points: true, dash: true }].filter(Boolean) as { key: SeriesKey; label: string; points?: boolean }[];
+  const modules = run.modules.length ? run.modules : [...new Set(run.keys.map((one) => one.module).filter((one): one is string => one !== null))];
+  const running = run.keys.filter((one) => one.kind === 'train' && one.module === null && one.name !== 'loss' && one.name !== 'stage');
+  return (
+    <>
+      {others}
+      <Panel label="Loss"><Chart title="Loss"lines={lines(loss)} height={220} {...common} note={shared.range ? 'zoomed; double click for all' : 'drag to zoom'} /></Panel>
+      <h2>Validation</h2>
+      <div class="grid narrow charts">
+        {modules.map((module) => {
+          const own = run.keys.filter((one) => one.kind === 'valid' && one.module === module);
+          const byUnit = [...new Set(own.map((one) => one.unit))];
+          const goal = run.goals.find((one) => one.module === module);
+          return byUnit.map((unit) => {
+            const entries = own.filter((one) => one.unit === unit).map((key) => ({ key, label: key.name.slice(module.length + 1), points: true }));
+            const held = goal && entries.some((one) => one.key.key === goal.key) ? goal.goal : null;
+            return <Panel><Chart title={`${module} ${unit === 'share' ? entries.map((one) => one.label).join(', ') : ''}`.trim()} unit={units[unit ?? ''] ?? ''} lines={lines(entries)} goal={held} {...common} /></Panel>;
+          });
+        })}
+      </div>
+      <h2>Losses of the modules</h2>
+      <div class="grid narrow charts">
+        {modules.map((module) => {
+          const entries = run.keys.filter((one) => one.kind === 'train' && one.module === module).map((key) => ({ key, label: key.name.slice(module.length + 1), dash: key.name.endsWith('.attention') })).sort((a, b) => (a.label === 'decode' ? -1 : b.label === 'decode' ? 1 : 0));
+          return entries.length > 0 && <Panel><Chart title={`${module} loss`} lines={lines(entries)} {...common} /></Panel>;
+        })}
+      </div>
+      <h2>Running</h2>
+      <div class="grid narrow charts">
+        {running.map((key) => <Panel><Chart title={key.name.replaceAll('_', ' ')} unit={units[key.unit ?? ''] ?? ''} lines={lines([{ key, label: runs.length > 1 ? '' : 'train' }], !/rate|stage/.test(key.name))} {...common} /></Panel>)}
+      </div>
+      <p class="small muted">Newest line {clock(run.updated)}{run.nulls.length > 0 && <Chip tone="bad">{run.nulls.length} values not finite</Chip>}{run.torn && ' · the last line was not whole and was left out'}{run.data_wait !== null && ` · waits for data ${percent(run.data_wait, 2)}`}{run.checkpoint_step === null ? '' : ` · checkpoint ${count(run.checkpoint_step)}`}</p>
+    </>
+  );
+}
+
+function OtherRun(props: { id: string }) {
+  const run = useResource<Run>(`/runs/${props.id}`);
+  return run.error ? <Failed problem={run.error} retry={run.reload} /> : run.data ? null : <span class="sr">{`loading ${props.id}`}</span>;
+}
+
+function useOthers(ids: string[], keys: string[], shared: Shared): { id: string; curves: Curves }[] {
+  // at most three beside the first; always three hooks, so that their number does not change
+  const slots = [0, 1, 2].map((i) => {
+    const id = ids[i];
+    return { id, curves: useCurves(id ? ({ id } as Run) : undefined, keys, shared.axis, shared.range, 0) };
+  });
+  return slots.flatMap(({ id, curves }) => (id && curves ? [{ id, curves }] : []));
+}

@@ -1,0 +1,355 @@
+// SPDX-License-Identifier: Apache-2.0
+// Lines over x by uPlot (loaded with the first chart that is seen): made once, fed in animation frames, one cursor for the page, a hidden table for those who cannot see a canvas.
+import type uPlot from 'uplot';
+import { useEffect, useRef, useState } from 'preact/hooks';
+import { color, paints } from '../core/theme';
+import { number } from '../core/format';
+import { summarize } from '../core/stats';
+
+export interface Line {
+  label: string;
+  /** Token of its colour. */
+  token: string;
+  x: ArrayLike<number>;
+  values: ArrayLike<number | null>;
+  /** Bounds of what each point stands for, where points were merged. */
+  min?: ArrayLike<number | null>;
+  max?: ArrayLike<number | null>;
+  dash?: boolean;
+  points?: boolean;
+  faint?: boolean;
+}
+
+export interface ChartProps {
+  title: string;
+  unit?: string;
+  lines: Line[];
+  height?: number;
+  /** Spans of x with a name, drawn behind. */
+  bands?: { from: number; to: number; label: string }[];
+  marks?: { x: number; token: string; glyph: string }[];
+  goal?: number | null;
+  log?: boolean;
+  /** Charts with the same key share their cursor. */
+  sync?: string;
+  range?: [number, number] | null;
+  zoom?: (range: [number, number] | null) => void;
+  xLabel?: string;
+  xFormat?: (x: number) => string;
+  cursor?: (x: number | null) => void;
+  /** A moment shown elsewhere on the page, marked without rendering anew. */
+  follow?: { follow: (listener: (x: number) => void) => () => void };
+  /** A click says which x. */
+  pick?: (x: number) => void;
+  note?: string;
+}
+
+type Column = (number | null | undefined)[];
+
+function align(lines: Line[]): { x: Float64Array; columns: Column[] } {
+  const all = new Set<number>();
+  for (const line of lines) for (let i = 0; i < line.x.length; i++) all.add(line.x[i]!);
+  const x = Float64Array.from(all).sort();
+  const place = new Map<number, number>();
+  x.forEach((value, i) => place.set(value, i));
+  const spread = (line: Line, values: ArrayLike<number | null> | undefined): Column => {
+    const column: Column = new Array<undefined>(x.length).fill(undefined);
+    if (!values) return column;
+    for (let i = 0; i < line.x.length; i++) {
+      const value = values[i];
+      column[place.get(line.x[i]!)!] = value === null || value === undefined || !Number.isFinite(value) ? null : value;
+    }
+    return column;
+  };
+  return { x, columns: lines.flatMap((line) => [spread(line, line.values), spread(line, line.min), spread(line, line.max)]) };
+}
+
+const font = '12px system-ui, sans-serif';
+
+export function Chart(props: ChartProps) {
+  const host = useRef<HTMLDivElement>(null);
+  const plot = useRef<uPlot | null>(null);
+  const latest = useRef(props);
+  latest.current = props;
+  const legend = useRef<(HTMLElement | null)[]>([]);
+  const live = useRef<HTMLParagraphElement>(null);
+  const [visible, setVisible] = useState(false);
+  const shape = props.lines.map((line) => `${line.label}|${line.token}|${line.dash}|${line.points}|${line.faint}`).join() + props.log;
+  const paint = paints.value;
+
+  useEffect(() => {
+    const watcher = new IntersectionObserver(([entry]) => { if (entry?.isIntersecting) setVisible(true); }, { rootMargin: '300px' });
+    if (host.current) watcher.observe(host.current);
+    return () => watcher.disconnect();
+  }, []);
+
+  useEffect(() => {
+    const box = host.current;
+    if (!visible || !box) return;
+    let undo = () => {};
+    let gone = false;
+    void import('uplot').then(({ default: Plot }) => {
+      if (gone) return;
+      const made = new Plot(options(latest, legend, box.clientWidth), data(latest.current), box);
+      plot.current = made;
+      const resize = new ResizeObserver(() => { if (box.clientWidth > 0) made.setSize({ width: box.clientWidth, height: latest.current.height ?? 150 }); });
+      resize.observe(box);
+      const pick = () => { if (made.cursor.idx !== null && made.cursor.idx !== undefined) latest.current.pick?.(made.data[0][made.cursor.idx]!); };
+      made.over.addEventListener('click', pick);
+      const stop = followed(made, latest.current.follow);
+      undo = () => {
+        resize.disconnect();
+        stop();
+        made.destroy();
+        plot.current = null;
+      };
+    });
+    return () => {
+      gone = true;
+      undo();
+    };
+  }, [visible, shape]);
+
+  useEffect(() => {
+    const frame = requestAnimationFrame(() => {
+      if (!plot.current) return;
+      plot.current.setData(data(latest.current), true);
+    });
+    return () => cancelAnimationFrame(frame);
+  }, [props.lines]);
+  useEffect(() => { plot.current?.redraw(false, true); }, [paint, props.bands, props.marks, props.goal]);
+  useEffect(() => {
+    const made = plot.current;
+    if (!made) return;
+    made.setData(data(latest.current), true);
+  }, [props.range?.[0], props.range?.[1]]);
+
+  const arrows = (event: KeyboardEvent) => {
+    const made = plot.current;
+    if (!made || !event.key.startsWith('Arrow')) return;
+    event.preventDefault();
+    const step = (event.shiftKey ? 10 : 1) * (event.key === 'ArrowLeft' ? -1 : 1);
+    const n = made.data[0].length;
+    const index = Math.max(0, Math.min(n - 1, (made.cursor.idx ?? n - 1) + step));
+    made.setCursor({ left: made.valToPos(made.data[0][index]!, 'x'), top: 10 });
+    if (live.current) live.current.textContent = `${(props.xLabel ?? 'step')} ${made.data[0][index]}: ` + props.lines.map((line, i) => `${line.label} ${number(made.data[1 + 3 * i]?.[index])}`).join(', ');
+  };
+
+  const missing = props.lines.reduce((sum, line) => sum + summarize(line.values).missing, 0);
+  return (
+    <figure class="chart" data-chart={props.title}>
+      <figcaption>
+        <h3>{props.title}{props.unit && <span class="muted small"> {props.unit}</span>}</h3>
+        {props.note && <span class="small muted">{props.note}</span>}
+        {missing > 0 && <span class="small bad">{missing} not finite</span>}
+      </figcaption>
+      <div class="legend">
+        {props.lines.map((line, i) => !line.faint && (
+          <span class="key">
+            <svg aria-hidden="true" viewBox="0 0 18 8"><line x1="0" x2="18" y1="4" y2="4" stroke={`var(--${line.token})`} stroke-width="2" {...(line.dash ? { 'stroke-dasharray': '4 3' } : {})} />{line.points && <circle cx="9" cy="4" r="3" fill={`var(--${line.token})`} />}</svg>
+            {line.label} <b ref={(element) => { legend.current[i] = element; }}>{number(summarize(line.values).last)}</b>
+          </span>
+        ))}
+      </div>
+      <div class="plot" ref={host} tabIndex={0} role="img" data-arrows aria-label={`${props.title}${props.unit ? `, ${props.unit}` : ''}: ${props.lines.map((line) => describe(line)).join('; ')}. Arrow keys move the cursor.`}
+        style={{ height: `${props.height ?? 150}px` }} onKeyDown={arrows} onDblClick={() => props.zoom?.(null)} />
+      <p class="sr" aria-live="polite" ref={live} />
+      <HiddenTable {...props} />
+    </figure>
+  );
+}
+
+function followed(made: uPlot, moment: ChartProps['follow']): () => void {
+  if (!moment) return () => {};
+  const mark = document.createElement('div');
+  mark.className = 'at';
+  made.over.append(mark);
+  return moment.follow((x) => { mark.style.transform = `translateX(${made.valToPos(x, 'x')}px)`; });
+}
+
+function describe(line: Line): string {
+  const s = summarize(line.values);
+  return s.n ? `${line.label} ${s.n} values, ${number(s.min)} to ${number(s.max)}, last ${number(s.last)}` : `${line.label} no values`;
+}
+
+/** What tests and screen readers read: exact figures of each line. */
+function HiddenTable(props: ChartProps) {
+  return (
+    <div class="sr"><table data-table={props.title}>
+      <caption>{props.title}{props.unit ? `, ${props.unit}` : ''}</caption>
+      <thead><tr><th scope="col">line</th><th scope="col">n</th><th scope="col">min</th><th scope="col">max</th><th scope="col">last</th></tr></thead>
+      <tbody>
+        {props.lines.filter((line) => !line.faint).map((line) => {
+          const s = summarize(line.values);
+          const low = line.min ? summarize(line.min).min : s.min;
+          const high = line.max ? summarize(line.max).max : s.max;
+          return <tr data-line={line.label}><th scope="row">{line.label}</th><td>{s.n}</td><td>{String(low)}</td><td>{String(high)}</td><td>{String(s.last)}</td></tr>;
+        })}
+      </tbody>
+    </table></div>
+  );
+}
+
+function data(props: ChartProps): uPlot.AlignedData {
+  const { x, columns } = align(props.lines);
+  return [x, ...columns] as unknown as uPlot.AlignedData;
+}
+
+function options(props: { current: ChartProps }, legend: { current: (HTMLElement | null)[] }, width: number): uPlot.Options {
+  const now = props.current;
+  const series: uPlot.Series[] = [{}];
+  const bands: uPlot.Band[] = [];
+  now.lines.forEach((line, i) => {
+    const stroke = () => color(line.token);
+    series.push({
+      label: line.label, stroke, width: line.faint ? 1 : 1.75, ...(line.dash ? { dash: [5, 4] } : {}), alpha: line.faint ? 0.35 : 1, spanGaps: false,
+      points: { show: line.points ? true : undefined as unknown as boolean, size: line.points ? 5 : 3, fill: stroke, stroke },
+    });
+    // the spread of merged points, filled and without outline
+    series.push({ width: 0, points: { show: false } }, { width: 0, points: { show: false } });
+    bands.push({ series: [3 * i + 3, 3 * i + 2], fill: () => color(line.token).replace('rgb(', 'rgba(').replace(')', ', 0.18)') });
+  });
+  const axis = { stroke: () => color('muted'), font, grid: { stroke: () => color('line'), width: 1 }, ticks: { show: false }, border: { show: false } };
+  return {
+    width: Math.max(80, width), height: now.height ?? 150, legend: { show: false }, padding: [8, 8, 0, 0],
+    cursor: {
+      ...(now.sync ? { sync: { key: now.sync, setSeries: false } } : {}),
+      drag: { x: Boolean(now.zoom), y: false, setScale: false, uni: 10 }, points: { size: 6 }, y: false,
+    },
+    scales: {
+      x: { time: false, range: (_u, low, high) => props.current.range ?? (low === high ? [low - 1, high + 1] : [low, high]) },
+      y: { ...(now.log ? { distr: 4, asinh: 1e-4 } : {}), range: (_u, low, high) => yRange(props.current, low, high) },
+    },
+    series, bands,
+    axes: [
+      { ...axis, size: 24, gap: 4, space: 56, values: (_u, splits) => splits.map((value) => (props.current.xFormat ?? compact)(value)) },
+      { ...axis, size: 52, gap: 6, space: 32, values: (_u, splits) => splits.map((value, i) => (value === null || (now.log && i % 2) ? '' : compact(value))) },
+    ],
+    hooks: {
+      drawClear: [(u) => drawBehind(u, props.current)],
+      draw: [(u) => drawAbove(u, props.current)],
+      setCursor: [(u) => {
+        const index = u.cursor.idx;
+        props.current.lines.forEach((line, i) => {
+          const element = legend.current[i];
+          if (!element) return;
+          const value = index === null || index === undefined ? null : u.data[1 + 3 * i]?.[index];
+          element.textContent = number(value ?? (index === null || index === undefined ? summarize(line.values).last : null));
+        });
+        props.current.cursor?.(index === null || index === undefined ? null : u.data[0][index]!);
+      }],
+      setSelect: [(u) => {
+        if (u.select.width < 4) return;
+        props.current.zoom?.([u.posToVal(u.select.left, 'x'), u.posToVal(u.select.left + u.select.width, 'x')]);
+        u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+      }],
+    },
+  };
+}
+
+function yRange(props: ChartProps, low: number | null, high: number | null): [number, number] {
+  let from = low ?? 0;
+  let to = high ?? 1;
+  if (props.goal !== null && props.goal !== undefined) {
+    from = Math.min(from, props.goal);
+    to = Math.max(to, props.goal);
+  }
+  if (from === to) return [from - (Math.abs(from) || 1) * 0.1, to + (Math.abs(to) || 1) * 0.1];
+  const pad = (to - from) * 0.06;
+  return [from >= 0 && from - pad < 0 ? Math.min(0, from) : from - pad, to + pad];
+}
+
+function compact(value: number): string {
+  const size = Math.abs(value);
+  if (size >= 1e6) return `${number(value / 1e6, 2)}M`;
+  if (size >= 1e4) return `${number(value / 1e3, 3)}k`;
+  return size !== 0 && size < 0.001 ? value.toExponential(0) : String(+value.toPrecision(3));
+}
+
+function drawBehind(u: uPlot, props: ChartProps): void {
+  const { ctx, bbox } = u;
+  ctx.save();
+  ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+  ctx.textBaseline = 'top';
+  ctx.textAlign = 'left';
+  props.bands?.forEach((band, i) => {
+    const left = Math.max(bbox.left, u.valToPos(band.from, 'x', true));
+    const right = Math.min(bbox.left + bbox.width, u.valToPos(band.to, 'x', true));
+    if (right <= left) return;
+    if (i % 2) {
+      ctx.fillStyle = color('hover');
+      ctx.fillRect(left, bbox.top, right - left, bbox.height);
+    }
+    ctx.fillStyle = color('muted');
+    if (bbox.height > 160 * devicePixelRatio && right - left > ctx.measureText(band.label).width + 8) ctx.fillText(band.label, left + 4 * devicePixelRatio, bbox.top + 2);
+  });
+  ctx.restore();
+}
+
+function drawAbove(u: uPlot, props: ChartProps): void {
+  const { ctx, bbox } = u;
+  ctx.save();
+  ctx.lineWidth = devicePixelRatio;
+  if (props.goal !== null && props.goal !== undefined) {
+    const y = u.valToPos(props.goal, 'y', true);
+    ctx.setLineDash([3 * devicePixelRatio, 3 * devicePixelRatio]);
+    ctx.strokeStyle = color('good');
+    line(ctx, bbox.left, y, bbox.left + bbox.width, y);
+    ctx.setLineDash([]);
+  }
+  for (const mark of props.marks ?? []) {
+    const x = u.valToPos(mark.x, 'x', true);
+    if (x < bbox.left - 1 || x > bbox.left + bbox.width + 1) continue;
+    ctx.fillStyle = color(mark.token);
+    ctx.font = `${10 * devicePixelRatio}px system-ui, sans-serif`;
+    ctx.textAlign = 'center';
+    ctx.fillText(mark.glyph, x, bbox.top + bbox.height - 3 * devicePixelRatio);
+  }
+  // a value that is not finite is a red tick on the axis, not a gap without a word
+  ctx.strokeStyle = color('bad');
+  props.lines.forEach((one) => {
+    for (let i = 0; i < one.x.length; i++) {
+      const value = one.values[i];
+      if (value === undefined || (value !== null && Number.isFinite(value))) continue;
+      const x = u.valToPos(one.x[i]!, 'x', true);
+      line(ctx, x, bbox.top + bbox.height - 6 * devicePixelRatio, x, bbox.top + bbox.height);
+    }
+  });
+  ctx.restore();
+}
+
+function line(ctx: CanvasRenderingContext2D, x0: number, y0: number, x1: number, y1: number): void {
+  ctx.beginPath();
+  ctx.moveTo(x0, y0);
+  ctx.lineTo(x1, y1);
+  ctx.stroke();
+}
+
+/** A line without axes, for a tile. */
+export function Spark(props: { values: number[]; label: string }) {
+  const top = Math.max(1e-9, ...props.values);
+  const n = Math.max(2, props.values.length);
+  const points = props.values.map((value, i) => `${(300 * i) / (n - 1)},${34 - (30 * value) / top}`).join(' ');
+  return (
+    <svg class="spark" viewBox="0 0 300 36" preserveAspectRatio="none" role="img" aria-label={props.label}>
+      {props.values.length > 1 && <><polygon points={`0,36 ${points} 300,36`} fill="var(--accent-soft)" /><polyline points={points} fill="none" stroke="var(--accent)" stroke-width="1.5" vector-effect="non-scaling-stroke" /></>}
+    </svg>
+  );
+}
+
+/** Counts in bins as bars, with edges named. */
+export function Histogram(props: { edges: number[]; counts: number[]; label: string; format?: (edge: number) => string; height?: number }) {
+  const most = Math.max(1, ...props.counts);
+  const n = Math.max(1, props.counts.length);
+  const height = props.height ?? 96;
+  const name = props.format ?? ((edge: number) => number(edge));
+  return (
+    <figure class="chart" data-histogram={props.label}>
+      <svg width="100%" height={height} viewBox={`0 0 ${n * 10} ${height}`} preserveAspectRatio="none" role="img" aria-label={`${props.label}: ${props.counts.map((one, i) => `${name(props.edges[i] ?? 0)} to ${name(props.edges[i + 1] ?? 0)}: ${one}`).join(', ')}`}>
+        {props.counts.map((one, i) => one > 0 && <rect x={i * 10 + 0.5} width="9" y={height - Math.max(2, (height * one) / most)} height={Math.max(2, (height * one) / most)} fill="var(--accent)"><title>{`${name(props.edges[i] ?? 0)} – ${name(props.edges[i + 1] ?? 0)}: ${one}`}</title></rect>)}
+        <line x1="0" x2={n * 10} y1={height - 0.5} y2={height - 0.5} stroke="var(--edge)" vector-effect="non-scaling-stroke" />
+      </svg>
+      <div class="row apart small muted" aria-hidden="true"><span>{name(props.edges[0] ?? 0)}</span><span>{name(props.edges[Math.floor(n / 2)] ?? 0)}</span><span>{name(props.edges[n] ?? 0)}</span></div>
+    </figure>
+  );
+}

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// Positions on the table, as the camera sees it: world -x to the right, the robot at the top.
+import type { Summary } from '../core/types';
+import { navigate } from '../core/router';
+import { episodeLink } from '../core/sources';
+
+const glyphs = ['M-3 2.5 L0 -3 L3 2.5Z', 'M-2.5 -3 L3 0 L-2.5 3Z', 'M-3 -2.5 L0 3 L3 -2.5Z', 'M-3 0 A3 3 0 1 1 3 0 A3 3 0 1 1 -3 0Z', 'M-2.5 -2.5H2.5V2.5H-2.5Z', 'M0 -3.4 L3.4 0 L0 3.4 L-3.4 0Z'];
+const tokens = ['target', 'hand', 'language', 'reference', 'obstacle', 'others'];
+
+export function Places(props: { of: Summary['places']; dataset: string }) {
+  const { x_m, y_m, task, index } = props.of;
+  if (!x_m.length) return <p class="muted">Not read yet.</p>;
+  const tasks = [...new Set(task)];
+  const left = Math.max(...x_m) + 0.04;
+  const right = Math.min(...x_m) - 0.04;
+  const near = Math.max(...y_m) + 0.04;
+  const far = Math.min(...y_m) - 0.04;
+  const width = 400;
+  const height = Math.min(400, (width * (near - far)) / (left - right));
+  const px = (x: number) => (width * (left - x)) / (left - right);
+  const py = (y: number) => (height * (y - far)) / (near - far);
+  const lines: number[] = [];
+  for (let at = Math.ceil(right * 10) / 10; at <= left; at += 0.1) lines.push(at);
+  const rows: number[] = [];
+  for (let at = Math.ceil(far * 10) / 10; at <= near; at += 0.1) rows.push(at);
+  return (
+    <figure class="chart" data-places={x_m.length}>
+      <svg viewBox={`0 0 ${width} ${height}`} width="100%" role="img" aria-label={`${x_m.length} places of targets, x ${right.toFixed(2)} to ${left.toFixed(2)} m, y ${far.toFixed(2)} to ${near.toFixed(2)} m`}>
+        {lines.map((at) => <line x1={px(at)} x2={px(at)} y1="0" y2={height} stroke="var(--line)" />)}
+        {rows.map((at) => <line x1="0" x2={width} y1={py(at)} y2={py(at)} stroke="var(--line)" />)}
+        {lines.map((at) => <text x={px(at) + 3} y={height - 4} font-size="10" fill="var(--muted)">{Math.abs(at) < 0.05 ? '0' : at.toFixed(1)}</text>)}
+        {x_m.map((x, i) => {
+          const kind = tasks.indexOf(task[i]!);
+          return <path d={glyphs[kind % glyphs.length]!} transform={`translate(${px(x).toFixed(1)} ${py(y_m[i]!).toFixed(1)})`} fill={`var(--${tokens[kind % tokens.length]})`} opacity="0.75" onClick={() => navigate(episodeLink(props.dataset, index[i]!))} />;
+        })}
+      </svg>
+      <p class="row small">{tasks.map((name, i) => <span class="row"><svg width="12" height="12" viewBox="-6 -6 12 12" aria-hidden="true"><path d={glyphs[i % glyphs.length]!} fill={`var(--${tokens[i % tokens.length]})`} transform="scale(1.4)" /></svg>{name}</span>)}</p>
+    </figure>
+  );
+}

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the folders hold, read without the gateway: the oracle of the page tests.
+import { createHash } from 'node:crypto';
+import { existsSync, lstatSync, readFileSync, readdirSync } from 'node:fs';
+import { join } from 'node:path';
+
+/** Folders below these that have `name`, at most six levels down. */
+export function foldersWith(dirs, name, depth = 6) {
+  const found = [];
+  const look = (folder, left) => {
+    if (existsSync(join(folder, name))) found.push(folder);
+    if (left === 0) return;
+    for (const entry of readdirSync(folder, { withFileTypes: true })) {
+      if (entry.isDirectory() && !['episodes', 'checkpoints', 'videos'].includes(entry.name)) look(join(folder, entry.name), left - 1);
+    }
+  };
+  for (const dir of dirs) look(dir, depth);
+  return found;
+}
+
+/** u64 beyond 2^53 as text, which JSON.parse alone would round. */
+export function parse(text) {
+  return JSON.parse(text.replace(/"seed":\s*(\d+)/g, '"seed":"$1"'));
+}
+
+export const readJson = (path) => parse(readFileSync(path, 'utf8'));
+
+/** Whole lines; a torn last one is left out. */
+export function readLines(path) {
+  if (!existsSync(path)) return [];
+  const text = readFileSync(path, 'utf8');
+  return text.slice(0, text.lastIndexOf('\n') + 1).split('\n').filter(Boolean).map(parse);
+}
+
+/** Points of a series; a step that goes back supersedes what an older life wrote from there on. */
+export function series(folder, kind, key) {
+  let points = [];
+  for (const line of readLines(join(folder, 'metrics.jsonl'))) {
+    if (line.kind !== kind) continue;
+    if (points.length && line.step <= points[points.length - 1].step) points = points.filter((one) => one.step < line.step);
+    if (key in line) points.push({ step: line.step, value: line[key] });
+  }
+  const values = points.map((one) => one.value).filter((one) => one !== null);
+  return { min: Math.min(...values), max: Math.max(...values), last: values[values.length - 1], missing: points.length - values.length };
+}
+
+export function episodeFiles(folder) {
+  const episodes = join(folder, 'episodes');
+  if (!existsSync(episodes)) return [];
+  return readdirSync(episodes).flatMap((part) => readdirSync(join(episodes, part)).filter((name) => name.endsWith('.hdf5'))).sort();
+}
+
+export function checkpoints(run) {
+  const folder = join(run, 'checkpoints');
+  if (!existsSync(folder)) return [];
+  return readdirSync(folder).filter((name) => /^\d+\.safetensors$/.test(name) && !lstatSync(join(folder, name)).isSymbolicLink())
+    .map((name) => ({ name, sha256: createHash('sha256').update(readFileSync(join(folder, name))).digest('hex') })).sort((a, b) => b.name.localeCompare(a.name));
+}

@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every page of the real gateway over real folders, in Debian's Chromium: figures against the files, axe, keyboard, a restart.
+// ETUDE_DIRS: the folders, separated by ':'.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { join, resolve } from 'node:path';
+import { addresses, axe, launch, openPage, overflow, settle, themes, visit, widths } from './browser.mjs';
+import { checkpoints, episodeFiles, foldersWith, readJson, readLines, series } from './files.mjs';
+import { startGateway } from './gateway.mjs';
+
+const dirs = (process.env.ETUDE_DIRS ?? '').split(':').filter(Boolean).map((one) => resolve(one));
+let gateway;
+let browser;
+let home;
+let pages;
+
+before(async () => {
+  assert.ok(dirs.length, 'ETUDE_DIRS names no folder');
+  gateway = await startGateway(dirs);
+  browser = await launch();
+  home = await get('/home');
+  pages = addresses(home);
+});
+
+after(async () => {
+  await browser?.close();
+  await gateway?.stop();
+});
+
+const get = async (path) => (await fetch(`${gateway.address}/api/v1${path}`)).json();
+
+/** Opens an address, gives the page to `look`, and asks that nothing went wrong meanwhile. */
+async function open(address, look, options = {}) {
+  const { page, context, wrong } = await openPage(browser, gateway.address, options);
+  try {
+    await visit(page, gateway.address + address);
+    await look(page);
+    assert.deepEqual(wrong, []);
+  } finally {
+    await context.close();
+  }
+}
+
+/** The folder on disk of a source, which the gateway names from the folder given or from that one's parent. */
+function folderOf(source, file) {
+  const all = foldersWith(dirs, file);
+  const found = all.find((folder) => dirs.some((dir) => resolve(dir, source.folder ?? '.') === folder)) ?? all.find((folder) => folder.endsWith(`/${source.folder}`));
+  return found ?? assert.fail(`none of ${all.join(', ')} is ${source.name} (${source.folder})`);
+}
+
+const source = (kind, role) => home.sources.find((one) => one.kind === kind && (!role || one.role === role));
+const text = async (page, selector) => (await page.locator(selector).first().innerText()).trim();
+const close = (a, b, what) => assert.ok(Math.abs(a - b) <= 1e-9 * Math.max(1, Math.abs(b)), `${what}: page ${a}, file ${b}`);
+
+test('the browser plays H.264 and draws WebGL', async () => {
+  await open('/', async (page) => {
+    const able = await page.evaluate(() => ({ h264: document.createElement('video').canPlayType('video/mp4; codecs="avc1.42E01E"'), webgl: Boolean(document.createElement('canvas').getContext('webgl2')) }));
+    assert.notEqual(able.h264, '');
+    assert.ok(able.webgl);
+  });
+});
+
+test('every page opens without errors, fits its window and passes axe', async (t) => {
+  for (const [name, address] of Object.entries(pages)) {
+    for (const width of widths) {
+      for (const theme of themes) {
+        await t.test(`${name} ${width} ${theme}`, async () => {
+          await open(address, async (page) => {
+            assert.deepEqual(await axe(page), []);
+            assert.deepEqual(await overflow(page), []);
+          }, { width, theme });
+        });
+      }
+    }
+  }
+});
+
+test('Overview says what the gateway says, intervals as in eval.json', async () => {
+  await open('/', async (page) => {
+    assert.equal(await text(page, '[data-overview-sentence]'), (await get('/home')).sentence);
+    const success = home.tiles.success;
+    if (success?.kind !== 'eval') return;
+    const file = readJson(join(folderOf(home.sources.find((one) => one.id === success.source), 'eval.json'), 'eval.json'));
+    for (const task of file.per_task) {
+      const row = await text(page, `.dot-row:has-text("${task.task}")`);
+      assert.ok(row.includes(`[${(100 * task.success.low).toFixed(1)} ${(100 * task.success.high).toFixed(1)}]`), row);
+    }
+  });
+});
+
+test('Training: every curve has the least, largest and last value of metrics.jsonl', async () => {
+  const run = source('run');
+  if (!run) return;
+  const folder = folderOf(run, 'metrics.jsonl');
+  const about = await get(`/runs/${run.id}`);
+  if (about.state === 'running') return;
+  await open(pages.training, async (page) => {
+    const tables = await page.evaluate(() => Object.fromEntries([...document.querySelectorAll('table[data-table]')].map((table) => [table.dataset.table, Object.fromEntries([...table.querySelectorAll('tr[data-line]')].map((row) => [row.dataset.line, [...row.querySelectorAll('td')].map((cell) => Number(cell.textContent))]))])));
+    const compare = (table, line, kind, key) => {
+      const [, min, max, last] = tables[table]?.[line] ?? assert.fail(`no line ${line} in chart ${table}`);
+      const file = series(folder, kind, key);
+      close(min, file.min, `${key} min`);
+      close(max, file.max, `${key} max`);
+      close(last, file.last, `${key} last`);
+    };
+    compare('Loss', 'train', 'train', 'loss');
+    compare('Loss', 'valid', 'valid', 'loss');
+    compare('learning rate', 'train', 'train', 'learning_rate');
+    for (const key of about.keys.filter((one) => one.kind === 'train' && one.module)) compare(`${key.module} loss`, key.name.slice(key.module.length + 1), 'train', key.name);
+    const ended = readLines(join(folder, 'curriculum.jsonl'));
+    const said = ended.length ? await text(page, '[data-advances]') : '';
+    for (const one of ended) assert.ok(said.includes(one.reason), one.reason);
+  });
+});
+
+test('Evaluation: successes, n, failures first, seeds beyond 2^53', async () => {
+  const evaluation = source('eval');
+  if (!evaluation) return;
+  const file = readJson(join(folderOf(evaluation, 'eval.json'), 'eval.json'));
+  await open(pages.evaluation, async (page) => {
+    assert.equal(Number((await text(page, '[data-figure="successes"]')).replaceAll(',', '')), file.overall.success.successes);
+    assert.equal(await text(page, '[data-seed]'), file.seed);
+    const cells = await page.locator('[data-scene]').evaluateAll((all) => all.map((one) => ({ index: Number(one.dataset.scene), outcome: one.dataset.outcome })));
+    assert.equal(cells.length, file.per_episode.length);
+    const failed = file.per_episode.filter((one) => !one.success).length;
+    assert.ok(cells.slice(0, failed).every((one) => one.outcome !== 'success'));
+    for (const cell of cells) assert.equal(cell.outcome === 'success', file.per_episode.find((one) => one.index === cell.index).success);
+  });
+});
+
+test('Evaluation: a pair has the counts of the files, or is refused', async () => {
+  const [a, b] = home.sources.filter((one) => one.kind === 'eval');
+  if (!b) return;
+  const [first, second] = [a, b].map((one) => readJson(join(folderOf(one, 'eval.json'), 'eval.json')));
+  const other = new Map(second.per_episode.map((one) => [`${one.seed} ${one.task} ${one.target}`, one.success]));
+  const shared = first.per_episode.filter((one) => other.has(`${one.seed} ${one.task} ${one.target}`));
+  await open(`/evaluation?eval=${a.id}&vs=${b.id}`, async (page) => {
+    await page.waitForSelector('[data-pair], .problem');
+    if (await page.locator('[data-pair]').count() === 0) return;
+    const cells = await page.locator('[data-pair] table tr').last().locator('td').allInnerTexts();
+    const count = (x, y) => shared.filter((one) => one.success === x && other.get(`${one.seed} ${one.task} ${one.target}`) === y).length;
+    assert.deepEqual(cells.slice(1, 6).map(Number), [shared.length, count(true, true), count(true, false), count(false, true), count(false, false)]);
+  });
+});
+
+test('Dataset: rows and filters count what lies in the folder', async () => {
+  const dataset = source('dataset', 'demonstrations');
+  if (!dataset) return;
+  const folder = folderOf(dataset, 'dataset.json');
+  const { statistics } = readJson(join(folder, 'dataset.json'));
+  const total = async (page) => Number((await text(page, '[data-total]')).replaceAll(',', '').split(' ')[0]);
+  await open(pages.dataset, async (page) => assert.equal(await total(page), episodeFiles(folder).length));
+  const [task, count] = Object.entries(statistics?.tasks ?? {})[0] ?? [];
+  if (task && statistics.episodes === episodeFiles(folder).length) await open(`${pages.dataset}&task=${task}`, async (page) => assert.equal(await total(page), count));
+});
+
+test('Generation: attempts are those committed and those of attempts.jsonl', async () => {
+  const dataset = source('dataset', 'demonstrations');
+  if (!dataset) return;
+  const folder = folderOf(dataset, 'dataset.json');
+  const failed = readLines(join(folder, 'attempts.jsonl')).filter((one) => one.outcome !== 'success').length;
+  await open(pages.generation, async (page) => {
+    const numbers = (await page.locator('[data-attempts-summary] b').allInnerTexts()).map((one) => Number(one.replaceAll(',', '')));
+    const committed = episodeFiles(folder).length;
+    assert.ok(numbers.includes(committed + failed) && numbers.includes(committed) && numbers.includes(failed), numbers.join());
+  });
+});
+
+test('Episode: the picture follows the step, space is drawn', async () => {
+  if (!pages.episode) return;
+  const id = source('dataset', 'demonstrations').id;
+  const episode = await get(`/datasets/${id}/episodes/0`);
+  await open(pages.episode, async (page) => {
+    assert.equal(await text(page, '[data-seed]'), episode.seed);
+    const slider = page.locator('input[type=range]');
+    for (let i = 0; i < 20; i++) {
+      const step = (i * 7919) % episode.steps;
+      await slider.evaluate((element, value) => { element.value = value; element.dispatchEvent(new Event('input', { bubbles: true })); }, String(step));
+      const k = Math.min(episode.cameras[0].frames - 1, Math.floor(step / episode.image_stride));
+      await page.waitForSelector(`canvas[data-picture="${k}"]`, { timeout: 5000 });
+    }
+    // pixels of the stored picture against what the server gives as raw bytes
+    const answer = await fetch(`${gateway.address}/api/v1/datasets/${id}/episodes/0/pictures/${episode.cameras[0].name}/0.rgb`);
+    const bytes = new Uint8Array(await answer.arrayBuffer());
+    await slider.evaluate((element) => { element.value = '0'; element.dispatchEvent(new Event('input', { bubbles: true })); });
+    await page.waitForSelector('canvas[data-picture="0"]');
+    const shown = await page.locator('canvas[data-picture]').evaluate((element) => [...element.getContext('2d').getImageData(0, 0, element.width, element.height).data]);
+    assert.deepEqual(shown.filter((_value, i) => i % 4 !== 3), [...bytes]);
+    await page.waitForSelector('.view3d canvas');
+    const image = await page.locator('.view3d').screenshot();
+    assert.ok(image.length > 4000, `the 3D view is ${image.length} bytes of PNG: nothing was drawn`);
+  });
+});
+
+test('Checkpoints: as many rows as files, and the SHA-256 of the chosen one', async () => {
+  const run = source('run');
+  if (!run) return;
+  const files = checkpoints(folderOf(run, 'metrics.jsonl'));
+  if (!files.length) return;
+  await open(`/checkpoints?run=${run.id}&file=${files[0].name}`, async (page) => {
+    assert.equal(await page.locator('[role=row][data-id]').count(), files.length);
+    await page.waitForFunction((hash) => document.querySelector('[data-sha256]')?.textContent === hash, files[0].sha256, { timeout: 30000 });
+  });
+});
+
+test('Inside: a box for each module of the config, all reachable by keyboard', async () => {
+  if (!pages.inside) return;
+  const graph = await get(`/runs/${source('run').id}/graph`);
+  await open(pages.inside, async (page) => {
+    assert.equal(await page.locator('[data-node]').count(), graph.nodes.length);
+    await page.locator(`[data-node="${graph.nodes[0].name}"]`).press('Enter');
+    await page.waitForURL(`**module=${graph.nodes[0].name}**`);
+  });
+});
+
+test('keys go to pages, back and forward work, unknown addresses say so', async () => {
+  await open('/', async (page) => {
+    await page.keyboard.press('g');
+    await page.keyboard.press('l');
+    await page.waitForURL('**/logs');
+    await page.goBack();
+    await page.waitForSelector('[data-overview-sentence]');
+    await page.goForward();
+    await page.waitForURL('**/logs');
+    await page.keyboard.press('?');
+    await page.waitForSelector('dialog[open]');
+    await page.keyboard.press('Escape');
+  });
+  const { page, context } = await openPage(browser, gateway.address);
+  await page.goto(`${gateway.address}/nowhere`);
+  await page.waitForSelector('text=There is no such page');
+  await context.close();
+});
+
+test('the gateway is killed and started again under a page', async () => {
+  const { page, context } = await openPage(browser, gateway.address);
+  await visit(page, gateway.address + (pages.training ?? '/'));
+  await page.waitForSelector('.connection[data-state=live]');
+  const port = Number(new URL(gateway.address).port);
+  await gateway.stop('SIGKILL');
+  await page.waitForSelector('.banner', { timeout: 10000 });
+  gateway = await startGateway(dirs, port);
+  await page.waitForSelector('.banner', { state: 'detached', timeout: 15000 });
+  await settle(page);
+  assert.equal(await page.locator('.problem').count(), 0);
+  await context.close();
+});
