@@ -7,7 +7,7 @@
 
 #include "services/bus/directory.h"
 #include "services/bus/owner.h"
-#include "services/bus/typed.h"
+#include "services/bus/topic.h"
 #include "services/core/log.h"
 
 namespace etude::live {
