@@ -148,10 +148,10 @@ Status Mp4Writer::Impl::Drain() {
 Result<Mp4Writer> Mp4Writer::Open(const Path& path, const Mp4Options& options) {
   if (options.width <= 0 || options.height <= 0 || options.width % 2 != 0 || options.height % 2 != 0 ||
       options.rate.numerator <= 0 || options.rate.denominator <= 0 || options.key_frame_every <= 0) {
-    return Fail(Code::kInvalidArgument,
-                fmt::format("write the video '{}': {}x{} px at {}/{} pictures a second; sides must be even and positive",
-                            path.string(), options.width, options.height, options.rate.numerator,
-                            options.rate.denominator));
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("write the video '{}': {}x{} px at {}/{} pictures a second; sides must be even and positive",
+                    path.string(), options.width, options.height, options.rate.numerator, options.rate.denominator));
   }
   auto impl = std::make_unique<Impl>();
   impl->path = path;
@@ -193,7 +193,8 @@ Status Mp4Writer::Finish() {
   if (const int code = avcodec_send_frame(impl.codec.get(), nullptr); code < 0)
     return Refused(impl.path, "end the stream", code);
   ETUDE_RETURN_IF_ERROR(impl.Drain());
-  if (const int code = av_write_trailer(impl.format.get()); code < 0) return Refused(impl.path, "write the index", code);
+  if (const int code = av_write_trailer(impl.format.get()); code < 0)
+    return Refused(impl.path, "write the index", code);
   if (const int code = avio_closep(&impl.format->pb); code < 0) return Refused(impl.path, "close the file", code);
   return {};
 }

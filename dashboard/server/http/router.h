@@ -23,6 +23,7 @@ enum class Lane : std::uint8_t { kFiles, kEpisodes };
 enum class Access : std::uint8_t {
   kRead,    ///< whoever the gateway is open to; the token where it is bound to more than this machine
   kAction,  ///< the token, always
+  kSignIn,  ///< whoever reaches it under a known name: to show the token
   kPublic,  ///< anyone who reaches it, under whatever name: probes of a supervisor
 };
 

@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <array>
+#include <cctype>
 #include <utility>
 
 #include "dashboard/server/http/answers.h"
@@ -31,6 +33,15 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 13> kTypes{
      {".mp4", "video/mp4"},
      {".woff2", "font/woff2"},
      {".safetensors", "application/vnd.safetensors"}}};
+
+// "main-TTGKP5R6.js": the bundler put a hash of the content into its name
+bool NamesItsContent(const std::string& name) {
+  constexpr std::size_t kHash = 8;
+  const auto dot = name.rfind('.');
+  if (dot == std::string::npos || dot < kHash + 2 || name[dot - kHash - 1] != '-') return false;
+  return std::all_of(name.begin() + static_cast<std::ptrdiff_t>(dot - kHash), name.begin() + static_cast<std::ptrdiff_t>(dot),
+                     [](unsigned char c) { return std::isupper(c) || std::isdigit(c); });
+}
 
 Answer NotBuilt(const Path& folder) {
   Answer answer = BytesAnswer(
@@ -90,9 +101,8 @@ Result<Answer> StaticFiles::Serve(const Request& request) {
   const bool compressed = files_.contains(name + ".gz") && Accepts(request.accept_encoding, "gzip");
   const File* file = Load(compressed ? name + ".gz" : name);
   if (!file) return Fail(Code::kNotFound, fmt::format("'{:.100}' is not one of the pages' files", name));
-  // names below assets/ have a hash of their content
   Answer answer = BytesAnswer(*file->content, ContentTypeOf(name),
-                              name.starts_with("assets/") ? Caching::kImmutable : Caching::kRevalidate);
+                              NamesItsContent(name) ? Caching::kImmutable : Caching::kRevalidate);
   answer.etag = file->tag + (compressed ? "-z" : "");
   if (compressed) answer.content_encoding = "gzip";
   return answer;

@@ -227,6 +227,12 @@ EpisodeRow DatasetSource::RowFromSpec(std::uint64_t index) {
   return row;
 }
 
+EpisodeRow DatasetSource::About(std::uint64_t index) {
+  MutexLock lock(mutex_);
+  if (const auto known = rows_.find(index); known != rows_.end()) return known->second;
+  return RowFromSpec(index);
+}
+
 void DatasetSource::ReadCommits() {
   commits_.Refresh([this] { rows_.clear(), changed_ = true; },
                    [this](const OrderedJson& line) {

@@ -82,6 +82,8 @@ class DatasetSource {
   bool ReadNext();
   /// One of the last few is kept. Takes HDF5's lock. @error of the store
   Result<std::shared_ptr<const store::EpisodeRecord>> Episode(std::uint64_t index);
+  /// What an episode is about, made or not: index, split, and what follows from the spec.
+  EpisodeRow About(std::uint64_t index);
   /// Names of masks/<key>.json, and their episodes. Small files, read each time.
   std::vector<std::string> Keys() const;
   /// @error kNotFound
