@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small lab: a dataset with failed attempts, a run with checkpoints, two evaluations of the same scenes, a log. Written
-// by the store's own writers where it has some.
+// A small lab: a dataset with failed attempts, a run with checkpoints, two evaluations of the same scenes, a log.
+// Written by the store's own writers where it has some.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -30,8 +30,9 @@ inline void WriteExampleDataset(const Path& folder, std::uint64_t episodes = kEp
     const Status committed = writer->Commit(MakeSyntheticEpisode(spec, i, kSteps));
     ASSERT_TRUE(committed) << committed.error().message;
   }
-  ASSERT_TRUE(writer->RecordFailure(2, 0, "plan_failed",
-                                    R"({"reason":"reach: no path","plan_s":0.25,"step_s":0.5,"render_s":0.1,"deflate_s":0.01})"));
+  ASSERT_TRUE(writer->RecordFailure(
+      2, 0, "plan_failed",
+      R"({"reason":"reach: no path","plan_s":0.25,"step_s":0.5,"render_s":0.1,"deflate_s":0.01})"));
   ASSERT_TRUE(writer->RecordFailure(9, 0, "grasp_missed", R"({"reason":"grasp: nothing in the hand"})"));
   ASSERT_TRUE(writer->WriteMaster());
   ASSERT_TRUE(OpenIdentity(folder));
@@ -40,14 +41,20 @@ inline void WriteExampleDataset(const Path& folder, std::uint64_t episodes = kEp
 inline std::string MetricsText() {
   std::string text;
   for (int step = 50; step <= 200; step += 50)
-    text += OrderedJson{{"kind", "train"},      {"step", step},       {"elapsed_s", step / 10.0},
-                        {"time", 1795369600.0 + step}, {"loss", step == 150 ? OrderedJson() : OrderedJson(100.0 / step)},
-                        {"LANG.decode", 0.5},   {"data_wait", 0.01},  {"samples_per_second", 900.0},
+    text += OrderedJson{{"kind", "train"},
+                        {"step", step},
+                        {"elapsed_s", step / 10.0},
+                        {"time", 1795369600.0 + step},
+                        {"loss", step == 150 ? OrderedJson() : OrderedJson(100.0 / step)},
+                        {"LANG.decode", 0.5},
+                        {"data_wait", 0.01},
+                        {"samples_per_second", 900.0},
                         {"stage", 2.0}}
                 .dump() +
             "\n";
-  text += R"({"kind":"valid","step":200,"elapsed_s":21.0,"time":1795369821.0,"LANG.accuracy":0.75,"TAR3D.cm":0.5,"loss":1.0})"
-          "\n";
+  text +=
+      R"({"kind":"valid","step":200,"elapsed_s":21.0,"time":1795369821.0,"LANG.accuracy":0.75,"TAR3D.cm":0.5,"loss":1.0})"
+      "\n";
   return text + R"({"kind":"train","st)";  // torn
 }
 
@@ -73,9 +80,16 @@ inline void WriteExampleRun(const Path& folder) {
       "\n"));
   ASSERT_TRUE(OpenIdentity(folder));
   store::Safetensors content;
-  content.metadata = {{"step", "200"},       {"stage", "2"},    {"stages", "2"},     {"stage_name", "TAR3D"},
-                      {"run", "example"},    {"refused", ""},   {"version", "0.1.0"}, {"train_episodes", "5"},
-                      {"metrics", R"({"TAR3D.cm":0.5})"},       {"architecture", std::string(64, 'a')},
+  content.metadata = {{"step", "200"},
+                      {"stage", "2"},
+                      {"stages", "2"},
+                      {"stage_name", "TAR3D"},
+                      {"run", "example"},
+                      {"refused", ""},
+                      {"version", "0.1.0"},
+                      {"train_episodes", "5"},
+                      {"metrics", R"({"TAR3D.cm":0.5})"},
+                      {"architecture", std::string(64, 'a')},
                       {"modules", R"({"LANG":{"trained_steps":200,"error":0.25}})"},
                       {"embodiment", R"({"robot":"ur5","joints":7})"}};
   content.tensors["modules.LANG.w"] = {store::DType::kF32, {2, 3}, std::vector<std::uint8_t>(24)};
@@ -109,11 +123,17 @@ inline void WriteExampleEval(const Path& folder, std::uint64_t failed, std::uint
                     {"error_cm", {{"TAR3D", 0.2}}}});
   }
   const OrderedJson share{{"successes", 3}, {"share", 0.75}, {"low", 0.3}, {"high", 0.95}};
-  const OrderedJson overall{{"task", "overall"}, {"n", 4}, {"success", share}, {"success_latched", share},
-                            {"error_cm", {{"TAR3D", 0.2}}}};
-  const OrderedJson report{{"campaign", "synthetic"}, {"run", "example"},          {"seed", seed},
-                           {"episodes", 4},           {"done", 4},                 {"per_task", {overall}},
-                           {"overall", overall},      {"latency", {{"setting_ms", 0}}}, {"per_episode", rows}};
+  const OrderedJson overall{
+      {"task", "overall"}, {"n", 4}, {"success", share}, {"success_latched", share}, {"error_cm", {{"TAR3D", 0.2}}}};
+  const OrderedJson report{{"campaign", "synthetic"},
+                           {"run", "example"},
+                           {"seed", seed},
+                           {"episodes", 4},
+                           {"done", 4},
+                           {"per_task", {overall}},
+                           {"overall", overall},
+                           {"latency", {{"setting_ms", 0}}},
+                           {"per_episode", rows}};
   ASSERT_TRUE(WriteFileAtomically(folder / "eval.json", report.dump()));
   ASSERT_TRUE(WriteFileAtomically(folder / "videos" / "000001-pick-success.mp4", "not really a video"));
 }
@@ -127,8 +147,9 @@ class ExampleFolders {
     WriteExampleEval(root() / "eval_a", 0);
     WriteExampleEval(root() / "eval_b", 1);
     WriteExampleEval(root() / "eval_other", 1, 9002);
-    EXPECT_TRUE(WriteFileAtomically(root() / "logs" / "trainer.log",
-                                    "17:22:57 info etude-trainer: begins\n17:22:58 warn etude-trainer: slow disk\nend\n"));
+    EXPECT_TRUE(
+        WriteFileAtomically(root() / "logs" / "trainer.log",
+                            "17:22:57 info etude-trainer: begins\n17:22:58 warn etude-trainer: slow disk\nend\n"));
   }
   Path root() const { return folder_ / "lab"; }
 

@@ -57,12 +57,10 @@ TEST(NewcombePairedInterval, MatchesTheFormulasOfThePaper) {
     std::uint64_t both, first, second, neither;
     double low, high;
   };
-  for (const auto& [both, first, second, neither, low, high] : {Case{391, 4, 2, 3, -0.0101109, 0.0215505},
-                                                               Case{36, 12, 2, 0, 0.0569296, 0.3404276},
-                                                               Case{20, 12, 2, 16, 0.0561564, 0.3292070},
-                                                               Case{53, 2, 0, 0, -0.0340324, 0.1232346},
-                                                               Case{54, 0, 0, 0, -0.0664136, 0.0664136},
-                                                               Case{0, 54, 0, 0, 0.9060770, 1}}) {
+  for (const auto& [both, first, second, neither, low, high] :
+       {Case{391, 4, 2, 3, -0.0101109, 0.0215505}, Case{36, 12, 2, 0, 0.0569296, 0.3404276},
+        Case{20, 12, 2, 16, 0.0561564, 0.3292070}, Case{53, 2, 0, 0, -0.0340324, 0.1232346},
+        Case{54, 0, 0, 0, -0.0664136, 0.0664136}, Case{0, 54, 0, 0, 0.9060770, 1}}) {
     const Interval interval = NewcombePairedInterval(both, first, second, neither);
     EXPECT_NEAR(interval.low, low, 1e-6) << both << " " << first << " " << second << " " << neither;
     EXPECT_NEAR(interval.high, high, 1e-6) << both << " " << first << " " << second << " " << neither;

@@ -29,7 +29,14 @@ class ContractTest : public ApiFixture {
   }
   // the answer's schema
   const OrderedJson& SchemaOf(const std::string& pattern) {
-    return document_.at("paths").at(pattern).at("get").at("responses").at("200").at("content").at("application/json").at("schema");
+    return document_.at("paths")
+        .at(pattern)
+        .at("get")
+        .at("responses")
+        .at("200")
+        .at("content")
+        .at("application/json")
+        .at("schema");
   }
   static std::vector<double> Doubles(const store::Tensor& tensor) {
     std::vector<double> values(tensor.data.size() / sizeof(double));
@@ -107,7 +114,8 @@ TEST_F(ContractTest, SeedsAreText) {
   const auto episode = GetJson(kPrefix + "/datasets/lab.data/episodes/1");
   const auto dataset = GetJson(kPrefix + "/datasets/lab.data");
   EXPECT_EQ(dataset["spec"]["seed"], std::to_string(kLargeSeed));
-  EXPECT_EQ(episode["seed"], std::to_string(PlanEpisode(sources_.Dataset("lab.data").value()->View().value()->info.spec, 1, 0).seed));
+  EXPECT_EQ(episode["seed"],
+            std::to_string(PlanEpisode(sources_.Dataset("lab.data").value()->View().value()->info.spec, 1, 0).seed));
 }
 
 TEST_F(ContractTest, PicturesAreTheOnesOfTheFile) {
@@ -255,8 +263,9 @@ TEST_F(ContractTest, ActionsAreCommandsAndNeedTheToken) {
   const std::string id = OrderedJson::parse(accepted.body)["job"];
   EXPECT_THAT(Problems(SchemaOf("/jobs/{id}"), GetJson(kPrefix + "/jobs/" + id)), IsEmpty());
   EXPECT_EQ(Ask(request, kPrefix + "/actions").status, 503) << "one heavy job at a time";
-  for (const char* body : {R"({"action":"rm"})", R"({"action":"promote"})", "[]", "x",
-                           R"({"action":"evaluate","run":"lab.run","file":"00000200.safetensors","seed":"1; rm -rf /"})"}) {
+  for (const char* body :
+       {R"({"action":"rm"})", R"({"action":"promote"})", "[]", "x",
+        R"({"action":"evaluate","run":"lab.run","file":"00000200.safetensors","seed":"1; rm -rf /"})"}) {
     request.body = body;
     EXPECT_EQ(Ask(request, kPrefix + "/actions").status, 400) << body;
   }

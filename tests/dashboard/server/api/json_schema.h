@@ -72,7 +72,8 @@ inline void CheckSchema(const OrderedJson& document, const OrderedJson& schema, 
     return;
   }
   if (schema.contains("type") && !internal::TypeFits(schema["type"], value)) {
-    problems.push_back(fmt::format("{}: {} is not of type {}", path, value.dump().substr(0, 60), schema["type"].dump()));
+    problems.push_back(
+        fmt::format("{}: {} is not of type {}", path, value.dump().substr(0, 60), schema["type"].dump()));
     return;
   }
   if (schema.contains("enum")) {

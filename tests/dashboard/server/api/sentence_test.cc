@@ -12,9 +12,10 @@ TEST(Sentence, TellsWhatIsUnderWay) {
   facts.collection = CollectionFacts{"quickstart", "running", 412, 600, 0, 185.0};
   facts.training = TrainingFacts{"running", "CTRL", 5, 5, 6589, std::nullopt, std::nullopt};
   facts.policy = PolicyFacts{6500, 1};
-  EXPECT_EQ(Sentence(facts),
-            "quickstart: collecting 412 of 600, done in 3:05; training stage 5/5 CTRL, step 6,589; step 6,500 on a policy "
-            "server");
+  EXPECT_EQ(
+      Sentence(facts),
+      "quickstart: collecting 412 of 600, done in 3:05; training stage 5/5 CTRL, step 6,589; step 6,500 on a policy "
+      "server");
 }
 
 TEST(Sentence, TellsWhatHasEnded) {

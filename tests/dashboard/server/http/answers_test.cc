@@ -17,9 +17,7 @@ TEST(ForBrowsers, NumbersThatJavaScriptCannotHoldBecomeText) {
   EXPECT_EQ(json["in"][0]["seed"], "8");
 }
 
-TEST(JsonAnswer, TakesBytesThatAreNoText) {
-  EXPECT_NO_THROW(JsonAnswer({{"name", "a\xff"}}));
-}
+TEST(JsonAnswer, TakesBytesThatAreNoText) { EXPECT_NO_THROW(JsonAnswer({{"name", "a\xff"}})); }
 
 TEST(ProblemOf, HasTheStatusOfItsKind) {
   EXPECT_EQ(ProblemOf({Code::kNotFound, "x"}).status, 404);

@@ -41,7 +41,8 @@ TEST(HostName, IsWhatStandsBeforeThePort) {
 
 TEST(Service, AnswersOnlyToNamesThatItIsKnownBy) {
   const auto service = MakeService({.hosts = {"lab-7"}});
-  for (const char* host : {"localhost", "localhost:9000", "127.0.0.1:8080", "[::1]:8080", "192.168.0.7", "lab-7:8080"}) {
+  for (const char* host :
+       {"localhost", "localhost:9000", "127.0.0.1:8080", "[::1]:8080", "192.168.0.7", "lab-7:8080"}) {
     auto request = Ask(host);
     EXPECT_EQ(service.Handle(request).status, 200) << host;
   }

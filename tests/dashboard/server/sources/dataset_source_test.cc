@@ -42,10 +42,22 @@ TEST(DatasetSource, TheJournalSavesOpeningFilesAndTheFilesDecide) {
   ExampleFolders lab;
   std::string journal;
   for (const std::uint64_t index : {0, 1, 99})  // 99 was set aside: it has no file
-    journal += OrderedJson{{"index", index}, {"attempt", 1},     {"t", 1795369600.0}, {"worker", "w1"}, {"host", "h"},
-                           {"bytes", 10},    {"steps", 77},      {"frames", 16},      {"outcome", "success"},
-                           {"task", "pick"}, {"target", "coke"}, {"robot", "ur5"},    {"instruction", "pick the coke"},
-                           {"path_m", 0.5},  {"draws", 2},       {"timings", {{"plan_s", 0.1}}}}
+    journal += OrderedJson{{"index", index},
+                           {"attempt", 1},
+                           {"t", 1795369600.0},
+                           {"worker", "w1"},
+                           {"host", "h"},
+                           {"bytes", 10},
+                           {"steps", 77},
+                           {"frames", 16},
+                           {"outcome", "success"},
+                           {"task", "pick"},
+                           {"target", "coke"},
+                           {"robot", "ur5"},
+                           {"instruction", "pick the coke"},
+                           {"path_m", 0.5},
+                           {"draws", 2},
+                           {"timings", {{"plan_s", 0.1}}}}
                    .dump() +
                "\n";
   ASSERT_THAT(WriteFileAtomically(lab.root() / "data" / "commits.jsonl", journal), IsOk());

@@ -16,7 +16,11 @@ namespace etude::sources {
 namespace {
 
 OrderedJson Train(std::uint64_t step, OrderedJson loss) {
-  return {{"kind", "train"}, {"step", step}, {"elapsed_s", 1.0}, {"time", 100.0 + static_cast<double>(step)}, {"loss", loss}};
+  return {{"kind", "train"},
+          {"step", step},
+          {"elapsed_s", 1.0},
+          {"time", 100.0 + static_cast<double>(step)},
+          {"loss", loss}};
 }
 
 TEST(MetricsTable, KeepsKindsApartAndCountsNulls) {
