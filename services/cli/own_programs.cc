@@ -16,6 +16,7 @@ const std::vector<OwnProgram>& OwnPrograms() {
       {"worker", "etude-worker", "join a campaign, from any host"},
       {"train", "etude-trainer", "train a policy on a dataset, also while it grows"},
       {"policy", "etude-policy", "answer observations with actions, swapping to each new checkpoint"},
+      {"dashboard", "etude-gateway", "web pages over folders and what is on the bus"},
       {"scene", "etude-worker", "look at a campaign's scenes", {"scene"}},
       {"robot", "etude-worker", "check a robot of your own", {"robot"}},
       {"task", "etude-worker", "check a task of your own", {"task"}},

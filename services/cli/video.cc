@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
-#include <opencv2/videoio.hpp>
 #include <utility>
 
 #include "services/cli/file_names.h"
@@ -15,6 +14,7 @@
 #include "services/core/stop.h"
 #include "services/episode/action.h"
 #include "services/store/dataset.h"
+#include "services/video/mp4_writer.h"
 
 namespace etude::cli {
 namespace {
@@ -46,18 +46,6 @@ Result<std::vector<Candidate>> Candidates(const store::DatasetReader& reader, co
   }
   std::stable_partition(candidates.begin(), candidates.end(), [](const auto& item) { return !item.success; });
   return candidates;
-}
-
-Result<cv::VideoWriter> OpenWriter(const Path& path, double fps, cv::Size size) {
-  for (const char* code : {"avc1", "mp4v"}) {
-    cv::VideoWriter writer(path.string(), cv::CAP_FFMPEG, cv::VideoWriter::fourcc(code[0], code[1], code[2], code[3]),
-                           fps, size);
-    if (writer.isOpened()) return writer;
-  }
-  return Fail(Code::kUnavailable,
-              fmt::format("write the video '{}': OpenCV has neither an H.264 nor an MPEG-4 encoder; install "
-                          "libopencv-dev and libavcodec-dev",
-                          path.string()));
 }
 
 // Smaller where a line is too long for the picture, down to what can still be read.
@@ -101,8 +89,8 @@ class Painter {
   }
   cv::Size size() const { return canvas_.size(); }
 
-  /// As the writer wants it (BGR); valid until the next one. @error kCorrupt
-  Result<cv::Mat> Paint(std::size_t k) {
+  /// RGB; valid until the next one. @error kCorrupt
+  Result<std::span<const std::uint8_t>> Paint(std::size_t k) {
     ETUDE_RETURN_IF_ERROR(codec::InflateFrame(episode_.cameras[0].frames[k], frame_));
     cv::Mat large(camera_.height * scale_, camera_.width * scale_, CV_8UC3, enlarged_.data());
     cv::resize(cv::Mat(camera_.height, camera_.width, CV_8UC3, frame_.data()), large, large.size(), 0, 0,
@@ -112,8 +100,7 @@ class Painter {
     if (insight != nullptr) DrawOverlay(*insight, camera_, scale_, enlarged_);
     large.copyTo(canvas_(cv::Rect(0, 0, large.cols, large.rows)));
     Caption(LinesAt(step, insight), large.rows, canvas_);
-    cv::cvtColor(canvas_, bgr_, cv::COLOR_RGB2BGR);
-    return bgr_;
+    return std::span<const std::uint8_t>(canvas_.data, canvas_.total() * canvas_.elemSize());
   }
 
  private:
@@ -147,19 +134,21 @@ class Painter {
   const Camera& camera_;
   const int scale_;
   std::vector<std::uint8_t> frame_, enlarged_;  // RGB
-  cv::Mat canvas_, bgr_;
+  cv::Mat canvas_;
 };
 
 Status WriteVideo(const Episode& episode, const DecisionInsights* insights, const Path& path) {
   const Path temporary = path.parent_path() / ("." + path.filename().string());
-  {
-    Painter painter(episode, insights);
-    ETUDE_ASSIGN_OR_RETURN(auto writer, OpenWriter(temporary, kControlRate / episode.image_stride, painter.size()));
-    for (std::size_t k = 0; k < episode.cameras[0].frames.size(); ++k) {
-      ETUDE_ASSIGN_OR_RETURN(const cv::Mat picture, painter.Paint(k));
-      writer.write(picture);
-    }
+  Painter painter(episode, insights);
+  ETUDE_ASSIGN_OR_RETURN(
+      auto writer, video::Mp4Writer::Open(temporary, {.width = painter.size().width,
+                                                      .height = painter.size().height,
+                                                      .rate = {static_cast<int>(kControlRate), episode.image_stride}}));
+  for (std::size_t k = 0; k < episode.cameras[0].frames.size(); ++k) {
+    ETUDE_ASSIGN_OR_RETURN(const auto picture, painter.Paint(k));
+    ETUDE_RETURN_IF_ERROR(writer.Write(picture));
   }
+  ETUDE_RETURN_IF_ERROR(writer.Finish());
   std::error_code error;
   std::filesystem::rename(temporary, path, error);
   if (error) return Fail(Code::kUnavailable, fmt::format("write the video '{}': {}", path.string(), error.message()));

@@ -23,7 +23,7 @@ struct Overlay {
 ///                 saw and said at its last decision (overlay.h) and the judge's state. A decision without an insight
 ///                 has its pictures plain. A stop request ends it before the next video.
 /// @returns the files.
-/// @error of the store; kUnavailable when OpenCV cannot write mp4.
+/// @error of the store; kUnavailable when libav cannot write mp4.
 Result<std::vector<Path>> WriteVideos(const Path& rollouts, const Path& folder, int limit, Overlay* overlay = nullptr);
 
 }  // namespace etude::cli

@@ -36,6 +36,25 @@ double McNemarExactP(std::uint64_t only_first, std::uint64_t only_second) {
   return std::min(1.0, std::ldexp(sum, static_cast<int>(power)));
 }
 
+Interval NewcombePairedInterval(std::uint64_t both, std::uint64_t only_first, std::uint64_t only_second,
+                                std::uint64_t neither) {
+  const std::uint64_t n = both + only_first + only_second + neither;
+  if (n == 0) return {-1, 1};
+  const double a = static_cast<double>(both), b = static_cast<double>(only_first);
+  const double c = static_cast<double>(only_second), d = static_cast<double>(neither), count = static_cast<double>(n);
+  const double p1 = (a + b) / count, p2 = (a + c) / count;
+  const Interval first = WilsonInterval(both + only_first, n), second = WilsonInterval(both + only_second, n);
+  // the correlation of the two, drawn towards 0 where it is positive: a d - b c loses n / 2, but not its sign
+  const double product = (a + b) * (c + d) * (a + c) * (b + d);
+  double phi = a * d - b * c;
+  if (phi > 0) phi = std::max(phi - count / 2, 0.0);
+  phi = product > 0 ? phi / std::sqrt(product) : 0;
+  const auto half = [&](double x, double y) { return std::sqrt(std::max(0.0, x * x - 2 * phi * x * y + y * y)); };
+  const double difference = p1 - p2;
+  return {std::max(-1.0, difference - half(p1 - first.low, second.high - p2)),
+          std::min(1.0, difference + half(first.high - p1, p2 - second.low))};
+}
+
 double Quantile(std::vector<double> values, double q) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
   const double position = q * static_cast<double>(values.size() - 1);

@@ -22,6 +22,13 @@ Interval WilsonInterval(std::uint64_t successes, std::uint64_t trials);
 /// sum itself, without the approximation by chi-squared. Cost: O(min of the two).
 double McNemarExactP(std::uint64_t only_first, std::uint64_t only_second);
 
+/// Difference of two proportions on the same cases, first - second, 95 %: the score interval for paired data, with
+/// a continuity correction to their correlation. (-1, 1) when there are no cases.
+/// Source: Newcombe (1998), "Improved confidence intervals for the difference between binomial proportions based on
+/// paired data", method 10.
+Interval NewcombePairedInterval(std::uint64_t both, std::uint64_t only_first, std::uint64_t only_second,
+                                std::uint64_t neither);
+
 /// Linear-interpolated quantile of unsorted values, q in [0, 1]; NaN when empty.
 double Quantile(std::vector<double> values, double q);
 double Mean(const std::vector<double>& values);

@@ -51,6 +51,25 @@ TEST(McNemarExactP, IsTheClosedFormWhereThereIsOne) {
   EXPECT_DOUBLE_EQ(McNemarExactP(0, 1000), std::ldexp(2.0, -1000));
 }
 
+// Reference: the formulas of the paper, evaluated independently.
+TEST(NewcombePairedInterval, MatchesTheFormulasOfThePaper) {
+  struct Case {
+    std::uint64_t both, first, second, neither;
+    double low, high;
+  };
+  for (const auto& [both, first, second, neither, low, high] :
+       {Case{391, 4, 2, 3, -0.0101109, 0.0215505}, Case{36, 12, 2, 0, 0.0569296, 0.3404276},
+        Case{20, 12, 2, 16, 0.0561564, 0.3292070}, Case{53, 2, 0, 0, -0.0340324, 0.1232346},
+        Case{54, 0, 0, 0, -0.0664136, 0.0664136}, Case{0, 54, 0, 0, 0.9060770, 1}}) {
+    const Interval interval = NewcombePairedInterval(both, first, second, neither);
+    EXPECT_NEAR(interval.low, low, 1e-6) << both << " " << first << " " << second << " " << neither;
+    EXPECT_NEAR(interval.high, high, 1e-6) << both << " " << first << " " << second << " " << neither;
+    const Interval mirrored = NewcombePairedInterval(both, second, first, neither);
+    EXPECT_NEAR(mirrored.low, -interval.high, 1e-12) << "the other way round";
+  }
+  EXPECT_EQ(NewcombePairedInterval(0, 0, 0, 0).low, -1);
+}
+
 TEST(McNemarExactP, IsTheSumOfTheBinomial) {
   for (std::uint64_t n = 1; n <= 40; ++n)
     for (std::uint64_t k = 0; k <= n; ++k) {

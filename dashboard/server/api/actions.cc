@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: Apache-2.0
+// What changes something: each action is an etude command, shown for copying and, with the token, run as a child.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "dashboard/server/api/context.h"
+#include "dashboard/server/api/jobs.h"
+#include "services/episode/bounded_json.h"
+
+namespace etude::api {
+namespace {
+
+using sources::TextOf;
+using sources::UnsignedOf;
+
+struct ArgumentHelp {
+  const char* name;
+  bool required;
+  const char* description;
+};
+struct ActionHelp {
+  const char* action;
+  const char* description;
+  std::vector<ArgumentHelp> arguments;
+  const char* why_not;  // "": it can be done
+};
+
+const std::vector<ActionHelp>& Known() {
+  static const std::vector<ActionHelp> known{
+      {"evaluate",
+       "roll a checkpoint out on fresh scenes",
+       {{"run", true, "run id"},
+        {"file", true, "checkpoint"},
+        {"episodes", false, "rollouts, 1 to 10,000; 40"},
+        {"seed", false, "of the scenes, as text; 9001"}},
+       ""},
+      {"replay",
+       "make an attempt again, to see how it went",
+       {{"dataset", true, "dataset id"}, {"index", true, "episode"}, {"attempt", false, "attempt at it; 0"}},
+       ""},
+      {"verify", "read every byte of a dataset and report damaged files", {{"dataset", true, "dataset id"}}, ""},
+      {"promote", "make a checkpoint a run's best", {{"run", true, "run id"}, {"file", true, "checkpoint"}},
+       "this version has no command for it"}};
+  return known;
+}
+
+struct Command {
+  std::vector<std::string> arguments;
+  Weight weight = Weight::kLight;
+};
+
+Result<Command> Evaluate(Context& context, const OrderedJson& body) {
+  ETUDE_ASSIGN_OR_RETURN(const auto run, context.sources.Run(TextOf(body, "run")));
+  ETUDE_ASSIGN_OR_RETURN(const auto view, run->View());
+  const std::string file = TextOf(body, "file");
+  if (std::ranges::find(view->checkpoints, file, &sources::CheckpointHeader::file) == view->checkpoints.end())
+    return Fail(Code::kNotFound, fmt::format("file: the run has no checkpoint '{:.100}'", file));
+  const auto episodes = UnsignedOf(body, "episodes").value_or(40);
+  const std::string seed = TextOf(body, "seed", "9001");
+  const bool number = !seed.empty() && seed.size() <= 20 && std::ranges::all_of(seed, [](char c) { return c >= '0' && c <= '9'; });
+  if (episodes < 1 || episodes > 10'000 || !number)
+    return Fail(Code::kInvalidArgument, "evaluate: episodes must be 1 to 10,000, seed a whole number as text");
+  const std::string stem = Path(file).stem().string();
+  const Path folder = run->found().folder;
+  const Path out = folder.parent_path() / fmt::format("{}-eval-{}-{}", folder.filename().string(), stem, seed);
+  return Command{{"eval", "--checkpoint", (folder / "checkpoints" / file).string(), "--episodes",
+                  std::to_string(episodes), "--seed", seed, "--out", out.string()},
+                 Weight::kHeavy};
+}
+
+Result<Command> Replay(Context& context, const OrderedJson& body) {
+  ETUDE_ASSIGN_OR_RETURN(const auto dataset, context.sources.Dataset(TextOf(body, "dataset")));
+  const auto index = UnsignedOf(body, "index");
+  const auto attempt = UnsignedOf(body, "attempt").value_or(0);
+  if (!index || attempt > 1'000'000) return Fail(Code::kInvalidArgument, "replay: index must be a whole number");
+  // beside the dataset, which holds nothing but what its spec says
+  const Path& folder = dataset->found().folder;
+  const Path out =
+      folder.parent_path() / fmt::format("{}-replay-{:06}-{}", folder.filename().string(), *index, attempt);
+  return Command{{"attempt", "replay", folder.string(), "--index", std::to_string(*index), "--attempt",
+                  std::to_string(attempt), "--out", out.string()},
+                 Weight::kLight};
+}
+
+Result<Command> Verify(Context& context, const OrderedJson& body) {
+  ETUDE_ASSIGN_OR_RETURN(const auto dataset, context.sources.Dataset(TextOf(body, "dataset")));
+  return Command{{"dataset", "verify", dataset->found().folder.string(), "--keep"}, Weight::kHeavy};
+}
+
+Result<Command> CommandFor(Context& context, const OrderedJson& body) {
+  const std::string action = TextOf(body, "action");
+  if (action == "evaluate") return Evaluate(context, body);
+  if (action == "replay") return Replay(context, body);
+  if (action == "verify") return Verify(context, body);
+  std::vector<std::string> names;
+  for (const auto& known : Known()) {
+    if (action == known.action) return Fail(Code::kInvalidArgument, fmt::format("{}: {}", action, known.why_not));
+    names.emplace_back(known.action);
+  }
+  return Fail(Code::kInvalidArgument, "action: " + NotKnown(action.substr(0, 40), names));
+}
+
+Result<OrderedJson> Body(const http::Request& request) {
+  // a form of another page cannot send this type without being asked for first (CORS)
+  if (!request.content_type.starts_with("application/json"))
+    return Fail(Code::kInvalidArgument, "Content-Type must be application/json");
+  auto json = ParseBoundedJson(request.body, 8);
+  if (!json || !json->is_object()) return Fail(Code::kInvalidArgument, "the body is not a JSON object");
+  return std::move(*json);
+}
+
+Result<http::Answer> Act(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, Body(request));
+  ETUDE_ASSIGN_OR_RETURN(const Command command, CommandFor(context, body));
+  std::vector<std::string> words{"etude"};
+  words.insert(words.end(), command.arguments.begin(), command.arguments.end());
+  if (sources::FlagOf(body, "dry_run")) return http::JsonAnswer({{"command", CommandText(words)}});
+  if (!request.authorized) {
+    return http::Problem(context.security.enabled() ? 401 : 403, "The token is needed",
+                         "an action needs the gateway's token", "copy the command, or sign in: " + CommandText(words));
+  }
+  ETUDE_ASSIGN_OR_RETURN(const std::string id,
+                         context.jobs.Add({TextOf(body, "action"), command.arguments, command.weight}));
+  return http::JsonAnswer({{"job", id}, {"command", CommandText(words)}}, 202);
+}
+
+Result<http::Answer> Actions(Context& context, const http::Request& request) {
+  OrderedJson rows = OrderedJson::array();
+  for (const auto& known : Known()) {
+    OrderedJson arguments = OrderedJson::array();
+    for (const auto& argument : known.arguments)
+      arguments.push_back(
+          {{"name", argument.name}, {"required", argument.required}, {"description", argument.description}});
+    const std::string why_not = !context.security.enabled() ? "the gateway was started without a token" : known.why_not;
+    rows.push_back({{"action", known.action},
+                    {"description", known.description},
+                    {"arguments", arguments},
+                    {"available", why_not.empty()},
+                    {"why_not", sources::TextOrNull(why_not)}});
+  }
+  return http::JsonAnswer(
+      {{"enabled", context.security.enabled()}, {"authorized", request.authorized}, {"actions", rows}});
+}
+
+http::Answer Empty() {
+  http::Answer answer;
+  answer.status = 204;
+  answer.content_type.clear();
+  answer.caching = http::Caching::kNever;
+  return answer;
+}
+
+Result<http::Answer> SignIn(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, Body(request));
+  if (!context.security.TokenMatches(TextOf(body, "token")))
+    return http::Problem(context.security.enabled() ? 401 : 403, "Not the token", "that is not this gateway's token");
+  http::Answer answer = Empty();
+  answer.headers.emplace_back("Set-Cookie", context.security.CookieHeader());
+  return answer;
+}
+
+}  // namespace
+
+void AddActionRoutes(http::Router& router, Context& context) {
+  const auto add = [&](const char* method, const std::string& path, http::Access access, auto handler) {
+    router.Add(
+        method, kPrefix + path, http::Lane::kFiles,
+        [&context, handler](const http::Request& request) -> Result<http::Answer> { return handler(context, request); },
+        access);
+  };
+  using http::Access;
+  add("GET", "/actions", Access::kRead, Actions);
+  add("POST", "/actions", Access::kRead, Act);  // it looks at the token itself: a dry run needs none
+  add("GET", "/session", Access::kSignIn, [](Context& of, const http::Request& request) -> Result<http::Answer> {
+    return http::JsonAnswer({{"enabled", of.security.enabled()}, {"authorized", request.authorized}});
+  });
+  add("POST", "/session", Access::kSignIn, SignIn);
+  add("DELETE", "/session", Access::kSignIn, [](Context&, const http::Request&) -> Result<http::Answer> {
+    http::Answer answer = Empty();
+    answer.headers.emplace_back("Set-Cookie", http::Security::ExpiredCookieHeader());
+    return answer;
+  });
+  add("GET", "/jobs", Access::kRead, [](Context& of, const http::Request&) -> Result<http::Answer> {
+    return http::JsonAnswer({{"jobs", of.jobs.All()}});
+  });
+  add("GET", "/jobs/{id}", Access::kRead, [](Context& of, const http::Request& request) -> Result<http::Answer> {
+    ETUDE_ASSIGN_OR_RETURN(const OrderedJson json, of.jobs.Json(request.Parameter("id")));
+    return http::JsonAnswer(json);
+  });
+  add("DELETE", "/jobs/{id}", Access::kAction, [](Context& of, const http::Request& request) -> Result<http::Answer> {
+    ETUDE_RETURN_IF_ERROR(of.jobs.Stop(request.Parameter("id")));
+    return Empty();
+  });
+}
+
+}  // namespace etude::api

@@ -1,0 +1,292 @@
+// SPDX-License-Identifier: Apache-2.0
+// A campaign: its spec and status, its attempts, and a cell for each of its episodes.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+
+#include "dashboard/server/api/arrays.h"
+#include "dashboard/server/api/context.h"
+#include "services/core/statistics.h"
+#include "services/episode/bounded_json.h"
+#include "services/spec/episode_plan.h"
+
+namespace etude::api {
+namespace {
+
+using sources::Maybe;
+using sources::TextOrNull;
+
+// What is known of a campaign: a dataset's view, what is heard, or both.
+struct Opened {
+  std::string id, name, dataset;
+  std::shared_ptr<const sources::DatasetView> view;  // null: on the bus only
+  std::shared_ptr<const live::LiveView> live;
+  const live::LiveCampaign* heard = nullptr;  // in `live`
+};
+
+Result<Opened> Open(Context& context, const std::string& id) {
+  Opened opened;
+  opened.id = id;
+  opened.live = context.live();
+  for (const auto& [identity, campaign] : opened.live->campaigns)
+    if (BusId(campaign.presence) == id) opened.heard = &campaign, opened.name = campaign.presence.name;
+  if (opened.heard) return opened;
+  ETUDE_ASSIGN_OR_RETURN(const auto source, context.sources.Dataset(id));
+  ETUDE_ASSIGN_OR_RETURN(opened.view, source->View());
+  opened.name = opened.view->info.spec.name;
+  opened.dataset = id;
+  opened.heard = LiveOf(*opened.live, *opened.view);
+  return opened;
+}
+
+// ---- /campaigns/{id} ------------------------------------------------------------------------------
+
+OrderedJson FailuresBy(const sources::DatasetView& view) {
+  std::map<std::array<std::string, 4>, std::uint64_t> counts;
+  for (const auto& row : view.failures) ++counts[{row.outcome, row.stage, row.task, row.robot}];
+  OrderedJson json = OrderedJson::array();
+  for (const auto& [key, count] : counts)
+    if (json.size() < 500)
+      json.push_back({{"reason", key[0]},
+                      {"stage", TextOrNull(key[1])},
+                      {"task", key[2]},
+                      {"robot", key[3]},
+                      {"count", count}});
+  return json;
+}
+
+// Where the time of attempts went: failed ones from attempts.jsonl, committed ones from the journal.
+OrderedJson Timing(const sources::DatasetView& view) {
+  constexpr std::size_t kBins = 12;
+  std::vector<double> plans;
+  double plan = 0, step = 0, render = 0, deflate = 0, send = 0;
+  bool sent = false;
+  std::uint64_t n = 0;
+  const auto take = [&](const auto& row) {
+    if (!row.plan_s) return;
+    ++n;
+    plans.push_back(*row.plan_s);
+    plan += *row.plan_s, step += row.step_s.value_or(0);
+    render += row.render_s.value_or(0), deflate += row.deflate_s.value_or(0);
+  };
+  for (const auto& row : view.failures) take(row);
+  for (const auto& row : view.rows) {
+    take(row);
+    if (row.send_s) send += *row.send_s, sent = true;
+  }
+  if (n == 0) return nullptr;
+  std::vector<double> edges{0};
+  for (double edge = 0.01; edges.size() <= kBins; edge *= 2) edges.push_back(edge);
+  std::vector<std::uint64_t> counts(kBins, 0);
+  for (const double value : plans) {
+    std::size_t bin = 0;
+    while (bin + 1 < kBins && value >= edges[bin + 1]) ++bin;
+    ++counts[bin];
+  }
+  return {{"attempts", n},
+          {"plan_s", plan},
+          {"step_s", step},
+          {"render_s", render},
+          {"deflate_s", deflate},
+          {"send_s", sent ? OrderedJson(send) : OrderedJson()},
+          {"plan_p50_s", Quantile(plans, 0.5)},
+          {"plan_p95_s", Quantile(plans, 0.95)},
+          {"plan_histogram", {{"edges_s", edges}, {"counts", counts}}}};
+}
+
+OrderedJson SpecOf(const Opened& opened) {
+  if (opened.view) return http::ForBrowsers(opened.view->info.spec_json);
+  const auto json = ParseBoundedJson(opened.heard->spec_json);
+  return json && json->is_object() ? http::ForBrowsers(*json) : OrderedJson();
+}
+
+OrderedJson TextsOf(const OrderedJson& spec, const char* key) {
+  const auto& list = sources::PartOf(spec, key);
+  return list.is_array() ? list : OrderedJson::array();
+}
+
+Result<http::Answer> Campaign(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request.Parameter("id")));
+  const auto state = StateOf(opened.view.get(), opened.heard);
+  const OrderedJson spec = SpecOf(opened);
+  OrderedJson failures = OrderedJson::object();
+  if (opened.view) {
+    std::map<std::string, std::uint64_t> counts;
+    for (const auto& row : opened.view->failures) ++counts[row.outcome];
+    failures = counts;
+  } else if (opened.heard->status) {
+    if (auto json = ParseBoundedJson(opened.heard->status->failures_json); json && json->is_object())
+      failures = std::move(*json);
+  }
+  return http::JsonAnswer({{"id", opened.id},
+                           {"name", opened.name},
+                           {"state", state.state},
+                           {"dataset", TextOrNull(opened.dataset)},
+                           {"spec", spec},
+                           {"spec_sha256", opened.view ? OrderedJson(opened.view->info.spec_sha256) : OrderedJson()},
+                           {"status", StatusJson(state)},
+                           {"failures", failures},
+                           {"failures_by", opened.view ? FailuresBy(*opened.view) : OrderedJson::array()},
+                           {"timing", opened.view ? Timing(*opened.view) : OrderedJson()},
+                           {"tasks", TextsOf(spec, "tasks")},
+                           {"robots", TextsOf(spec, "robots")}});
+}
+
+// ---- attempts -------------------------------------------------------------------------------------
+
+// One row, before it is JSON.
+struct Row {
+  std::uint64_t index = 0, order = 0;
+  std::uint32_t attempt = 0;
+  std::optional<std::uint64_t> seed;
+  std::string outcome, reason, stage, pair, task, target, robot, worker;
+  std::optional<double> t, plan_s, step_s, render_s, deflate_s;
+  bool has_pictures = false;
+};
+
+std::vector<Row> RowsOf(const Opened& opened) {
+  std::vector<Row> rows;
+  if (!opened.view) {
+    for (const auto& heard : opened.heard->attempts) {
+      Row row;
+      row.index = heard.report.index, row.attempt = heard.report.attempt;
+      row.outcome = heard.report.outcome, row.worker = heard.report.worker;
+      row.t = heard.t;
+      if (const auto details = ParseBoundedJson(heard.report.details_json))
+        row.reason = sources::TextOf(*details, "reason");
+      rows.push_back(std::move(row));
+    }
+    return rows;
+  }
+  std::map<std::uint64_t, std::uint64_t> failed;
+  for (const auto& failure : opened.view->failures) {
+    ++failed[failure.index];
+    rows.push_back({failure.index, 0, failure.attempt, failure.seed, failure.outcome, failure.reason, failure.stage,
+                    failure.pair, failure.task, failure.target, failure.robot, failure.worker, failure.t,
+                    failure.plan_s, failure.step_s, failure.render_s, failure.deflate_s, false});
+  }
+  for (const auto& row : opened.view->rows)
+    rows.push_back({row.index, 0, row.known ? row.attempt : static_cast<std::uint32_t>(failed[row.index]), std::nullopt,
+                    row.known ? row.outcome : "success", "", "", "", row.task, row.target, row.robot, row.worker, row.t,
+                    row.plan_s, row.step_s, row.render_s, row.deflate_s, true});
+  // by time where it is known, else by index: which is how leases go
+  std::ranges::stable_sort(rows, [](const Row& a, const Row& b) {
+    if (a.t && b.t && *a.t != *b.t) return *a.t > *b.t;
+    return std::pair(a.index, a.attempt) > std::pair(b.index, b.attempt);
+  });
+  return rows;
+}
+
+OrderedJson RowJson(const Row& row, const Opened& opened) {
+  const bool planned = opened.view && row.index < 10'000'000;
+  const std::string seed = row.seed ? std::to_string(*row.seed)
+                           : planned ? std::to_string(EpisodeSeed(opened.view->info.spec, row.index, row.attempt))
+                                     : "";
+  return {{"index", row.index},
+          {"attempt", row.attempt},
+          {"seed", seed},
+          {"outcome", row.outcome},
+          {"reason", TextOrNull(row.reason)},
+          {"stage", TextOrNull(row.stage)},
+          {"pair", TextOrNull(row.pair)},
+          {"robot", row.robot},
+          {"task", row.task},
+          {"target", row.target},
+          {"worker", TextOrNull(row.worker)},
+          {"t", sources::TimeJson(row.t)},
+          {"plan_s", Maybe(row.plan_s)},
+          {"step_s", Maybe(row.step_s)},
+          {"render_s", Maybe(row.render_s)},
+          {"deflate_s", Maybe(row.deflate_s)},
+          {"has_pictures", row.has_pictures}};
+}
+
+Result<std::vector<Row>> Filtered(const Opened& opened, const http::Query& query) {
+  auto rows = RowsOf(opened);
+  const auto keep = [&](const char* key, std::string Row::*member) {
+    const auto wanted = query.All(key);
+    if (!wanted.empty())
+      std::erase_if(rows, [&](const Row& row) { return std::ranges::find(wanted, row.*member) == wanted.end(); });
+  };
+  keep("task", &Row::task);
+  keep("robot", &Row::robot);
+  keep("target", &Row::target);
+  keep("reason", &Row::outcome);
+  keep("worker", &Row::worker);
+  keep("stage", &Row::stage);
+  const std::string outcome = query.Get("outcome").value_or("all");
+  if (outcome != "all" && outcome != "success" && outcome != "failed")
+    return Fail(Code::kInvalidArgument, "outcome: " + NotKnown(outcome.substr(0, 40), {"all", "success", "failed"}));
+  if (outcome != "all") std::erase_if(rows, [&](const Row& row) { return row.has_pictures != (outcome == "success"); });
+  ETUDE_ASSIGN_OR_RETURN(const auto index, query.Integer("index", -1, -1, INT64_MAX));
+  if (index >= 0) std::erase_if(rows, [&](const Row& row) { return row.index != static_cast<std::uint64_t>(index); });
+  return rows;
+}
+
+Result<http::Answer> Attempts(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request.Parameter("id")));
+  ETUDE_ASSIGN_OR_RETURN(const auto limit, request.query.Integer("limit", 50, 1, 200));
+  ETUDE_ASSIGN_OR_RETURN(const auto offset, request.query.Integer("before", 0, 0, 100'000'000));
+  ETUDE_ASSIGN_OR_RETURN(const auto rows, Filtered(opened, request.query));
+  const auto first = std::min(rows.size(), static_cast<std::size_t>(offset));
+  const auto last = std::min(rows.size(), first + static_cast<std::size_t>(limit));
+  OrderedJson page = OrderedJson::array();
+  for (std::size_t i = first; i < last; ++i) page.push_back(RowJson(rows[i], opened));
+  return http::JsonAnswer({{"total", rows.size()},
+                           {"next", last < rows.size() ? OrderedJson(std::to_string(last)) : OrderedJson()},
+                           {"rows", page}});
+}
+
+// ---- cells ----------------------------------------------------------------------------------------
+
+Result<http::Answer> Cells(Context& context, const http::Request& request) {
+  constexpr std::uint64_t kMost = 1'000'000;  // the answer's bound
+  enum : std::uint8_t { kOpen, kCommitted, kRetried, kGivenUp, kFailed };
+  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request.Parameter("id")));
+  const auto state = StateOf(opened.view.get(), opened.heard);
+  std::vector<std::uint8_t> cells(std::min(state.total, kMost), kOpen);
+  if (opened.view) {
+    const auto& view = *opened.view;
+    std::map<std::uint64_t, int> failures;
+    for (const auto& row : view.failures)
+      if (row.index < cells.size()) {
+        const bool last = ++failures[row.index] >= view.info.spec.max_attempts || row.outcome == "scene_invalid";
+        cells[row.index] = last ? kGivenUp : kFailed;
+      }
+    for (const auto& row : view.rows)
+      if (row.index < cells.size()) cells[row.index] = failures.contains(row.index) ? kRetried : kCommitted;
+  }
+  store::Safetensors content;
+  content.tensors["cells"] = TensorOf(store::DType::kU8, cells);
+  content.metadata = {{"total", std::to_string(state.total)}};
+  return ArraysAnswer(content);
+}
+
+}  // namespace
+
+Result<OrderedJson> LatestAttempts(Context& context, const std::string& campaign) {
+  constexpr std::size_t kMost = 20;
+  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, campaign));
+  const auto rows = RowsOf(opened);
+  OrderedJson newest = OrderedJson::array();
+  for (const auto& row : rows)
+    if (newest.size() < kMost) newest.push_back(RowJson(row, opened));
+  return OrderedJson{{"status", StatusJson(StateOf(opened.view.get(), opened.heard))},
+                     {"total", rows.size()},
+                     {"rows", newest}};
+}
+
+void AddCampaignRoutes(http::Router& router, Context& context) {
+  const auto add = [&](const std::string& path, auto handler) {
+    router.Add("GET", kPrefix + path, http::Lane::kFiles,
+               [&context, handler](const http::Request& request) { return handler(context, request); });
+  };
+  add("/campaigns/{id}", Campaign);
+  add("/campaigns/{id}/attempts", Attempts);
+  add("/campaigns/{id}/cells", Cells);
+}
+
+}  // namespace etude::api

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dashboard/server/api/context.h"
+
+#include <algorithm>
+
+#include "dashboard/server/sources/files.h"
+
+namespace etude::api {
+namespace {
+
+constexpr double kFresh_s = 30;  // files that changed within it are being written
+constexpr std::int64_t kSilent_ms = 10'000;
+
+bool IsFresh(double updated) { return WallSeconds() - updated < kFresh_s; }
+
+}  // namespace
+
+bool Context::Begin(const std::string& key) {
+  std::lock_guard lock(mutex_);
+  return under_way_.insert(key).second;
+}
+
+void Context::End(const std::string& key) {
+  std::lock_guard lock(mutex_);
+  under_way_.erase(key);
+}
+
+// One at a time and to the end of the queue, so that requests come in between.
+void Context::ReadInBackground(std::shared_ptr<sources::DatasetSource> dataset) {
+  const std::string key = "dataset " + dataset->found().id;
+  if (!Begin(key)) return;
+  later(http::Lane::kEpisodes, [this, dataset, key] {
+    const bool more = dataset->ReadNext();
+    End(key);
+    if (more) ReadInBackground(dataset);
+  });
+}
+
+void Context::HashInBackground(std::shared_ptr<sources::RunSource> run) {
+  const std::string key = "run " + run->found().id;
+  if (!Begin(key)) return;
+  later(http::Lane::kFiles, [this, run, key] {
+    const bool more = run->HashNext();
+    End(key);
+    if (more) HashInBackground(run);
+  });
+}
+
+http::Router MakeRouter(Context& context) {
+  http::Router router;
+  AddHomeRoutes(router, context);
+  AddFleetRoutes(router, context);
+  AddCampaignRoutes(router, context);
+  AddDatasetRoutes(router, context);
+  AddEpisodeRoutes(router, context);
+  AddRunRoutes(router, context);
+  AddEvalRoutes(router, context);
+  AddLogRoutes(router, context);
+  AddActionRoutes(router, context);
+  AddMetricsRoutes(router, context);
+  router.Add("GET", kPrefix + "/openapi.json", http::Lane::kFiles,
+             [&context](const http::Request&) -> Result<http::Answer> {
+               return http::BytesAnswer(context.openapi, "application/json");
+             });
+  return router;
+}
+
+std::string BusId(const bus::Presence& presence) { return presence.name + "@" + presence.id; }
+
+OrderedJson AgeOf(double seconds) {
+  if (seconds <= 0) return nullptr;
+  return static_cast<std::int64_t>(std::max(0.0, (WallSeconds() - seconds) * 1000));
+}
+
+const live::LiveCampaign* LiveOf(const live::LiveView& live, const sources::DatasetView& view) {
+  const auto found = live.campaigns.find(view.info.identity);
+  return found == live.campaigns.end() ? nullptr : &found->second;
+}
+
+const live::LiveRun* LiveOf(const live::LiveView& live, const sources::RunView& view) {
+  const auto found = live.runs.find(view.identity);
+  return found == live.runs.end() ? nullptr : &found->second;
+}
+
+// What was written decides whether it is finished; being heard only tells running from silent.
+CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign* heard) {
+  CampaignState state;
+  if (view) {
+    state.committed = view->rows.size();
+    state.total = view->info.spec.episodes;
+    state.given_up = view->GivenUp();
+    state.failed = view->failures.size();
+    state.updated = view->info.updated;
+  }
+  if (heard && heard->status) {
+    const auto& status = *heard->status;
+    state.committed = std::max(state.committed, status.committed);
+    state.total = status.total;
+    state.given_up = std::max(state.given_up, status.given_up);
+    state.failed = std::max(state.failed, status.attempts - std::min(status.attempts, status.committed));
+  }
+  state.live = heard && heard->present && live::AgeMs(heard->heard) < kSilent_ms;
+  if (state.live) {
+    state.updated = WallSeconds();
+    if (heard->status) {
+      state.workers = heard->status->workers;
+      state.per_minute = heard->status->episodes_per_minute;
+      if (heard->status->eta_s > 0) state.eta_s = heard->status->eta_s;
+      state.error = heard->status->error;
+    }
+  }
+  if (state.total > 0 && state.committed + state.given_up >= state.total)
+    state.state = "finished";
+  else if (!state.error.empty())
+    state.state = "failed";
+  else
+    state.state = state.live || IsFresh(state.updated) ? "running" : "silent";
+  return state;
+}
+
+OrderedJson StatusJson(const CampaignState& state) {
+  return {{"committed", state.committed},
+          {"total", state.total},
+          {"attempts", state.committed + state.failed},
+          {"given_up", state.given_up},
+          {"workers", state.workers},
+          {"per_min", sources::Maybe(state.per_minute)},
+          {"eta_s", sources::Maybe(state.eta_s)},
+          {"error", state.error},
+          {"live", state.live},
+          {"age_ms", AgeOf(state.updated)}};
+}
+
+namespace {
+
+void FromFiles(const sources::RunView& view, RunState& state) {
+  const auto& metrics = view.metrics;
+  state.step = metrics.step();
+  state.updated = view.updated;
+  state.loss = metrics.Last("train/loss");
+  state.samples_per_s = metrics.Last("train/samples_per_second");
+  state.data_wait = metrics.Last("train/data_wait");
+  if (const auto stage = metrics.Last("train/stage")) state.stage = static_cast<std::uint64_t>(*stage);
+  if (const auto episodes = metrics.Last("train/episodes")) state.episodes = static_cast<std::uint64_t>(*episodes);
+  if (const auto found = metrics.series().find("train/loss");
+      found != metrics.series().end() && !found->second.elapsed.empty())
+    state.elapsed_s = found->second.elapsed.back();
+  if (const auto steps = sources::UnsignedOf(view.config, "steps"); steps && *steps > 0) state.steps = steps;
+  if (!view.curriculum.empty()) {
+    state.stage = std::max(state.stage, sources::UnsignedOf(view.curriculum.back(), "to").value_or(0));
+    state.stage_name = sources::TextOf(view.curriculum.back(), "name");
+  }
+  for (const auto& header : view.checkpoints) {
+    const auto text = [&](const char* key) {
+      const auto found = header.metadata.find(key);
+      return found == header.metadata.end() ? std::string() : found->second;
+    };
+    if (!header.error.empty()) continue;
+    const auto number = [&](const char* key) { return std::strtoull(text(key).c_str(), nullptr, 10); };
+    state.checkpoint_step = number("step");
+    state.stages = number("stages");
+    if (state.stage_name.empty()) state.stage_name = text("stage_name");
+    break;
+  }
+}
+
+void FromBus(const bus::TrainStatus& status, RunState& state) {
+  state.step = std::max(state.step, status.step);
+  state.stage = status.stage;
+  state.stages = status.stages;
+  state.stage_name = status.stage_name;
+  if (status.step > 0) {
+    state.loss = status.loss;
+    state.samples_per_s = status.samples_per_second;
+    state.data_wait = status.data_wait;
+  }
+  state.episodes = status.episodes;
+  if (status.eta_s > 0) state.eta_s = status.eta_s;
+  if (status.checkpoint_step > 0) state.checkpoint_step = status.checkpoint_step;
+}
+
+}  // namespace
+
+RunState StateOf(const sources::RunView* view, const live::LiveRun* heard) {
+  RunState state;
+  if (view) FromFiles(*view, state);
+  state.live = heard && heard->present && live::AgeMs(heard->heard) < kSilent_ms;
+  if (heard && heard->status) FromBus(*heard->status, state);
+  if (state.live) state.updated = WallSeconds();
+  state.stages = std::max(state.stages, state.stage);
+  const auto* end = view && view->metrics.end() ? &*view->metrics.end() : nullptr;
+  if (end)
+    state.state = end->cause;
+  else if ((heard && heard->status && heard->status->finished) || (state.steps && state.step >= *state.steps))
+    state.state = "finished";
+  else
+    state.state = state.live || IsFresh(state.updated) ? "running" : "silent";
+  if (state.state != "finished" && state.state != "stopped" && state.state != "failed" && state.state != "running")
+    state.state = "silent";
+  return state;
+}
+
+std::string EvalState(const sources::EvalView& view) {
+  const auto wanted = sources::UnsignedOf(view.report, "episodes").value_or(0);
+  const auto invalid = sources::UnsignedOf(sources::PartOf(view.report, "scenes"), "invalid").value_or(0);
+  if (wanted > 0 && view.rows.size() + invalid >= wanted) return "finished";
+  return IsFresh(view.updated) ? "running" : "silent";
+}
+
+}  // namespace etude::api

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+// What every resource of the API answers from, and the resources' routes, a file each.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+
+#include "dashboard/server/http/answers.h"
+#include "dashboard/server/http/router.h"
+#include "dashboard/server/http/security.h"
+#include "dashboard/server/live/bus_watch.h"
+#include "dashboard/server/sources/sources.h"
+
+namespace etude::api {
+
+class Jobs;
+
+inline const std::string kPrefix = "/api/v1";
+
+/// Thread-safe; outlives the server.
+struct Context {
+  sources::Sources& sources;
+  /// What is on the bus; an empty view without one.
+  std::function<std::shared_ptr<const live::LiveView>()> live;
+  /// Runs work later, on a thread for files or episodes.
+  std::function<void(http::Lane, std::function<void()>)> later;
+  const http::Security& security;
+  Jobs& jobs;
+  Path videos;        ///< cache of episodes as mp4
+  std::string openapi;  ///< text of openapi.json
+  int domain = -1;    ///< -1: no bus
+
+  /// Begins to read what of a dataset's rows is not known, an episode at a time, unless it is under way.
+  void ReadInBackground(std::shared_ptr<sources::DatasetSource> dataset);
+  void HashInBackground(std::shared_ptr<sources::RunSource> run);
+
+ private:
+  bool Begin(const std::string& key);
+  void End(const std::string& key);
+  std::mutex mutex_;
+  std::set<std::string> under_way_;
+
+ public:
+  Context(sources::Sources& all, std::function<std::shared_ptr<const live::LiveView>()> view,
+          std::function<void(http::Lane, std::function<void()>)> run_later, const http::Security& secured, Jobs& runner)
+      : sources(all), live(std::move(view)), later(std::move(run_later)), security(secured), jobs(runner) {}
+};
+
+void AddHomeRoutes(http::Router& router, Context& context);
+void AddFleetRoutes(http::Router& router, Context& context);
+void AddCampaignRoutes(http::Router& router, Context& context);
+void AddDatasetRoutes(http::Router& router, Context& context);
+void AddEpisodeRoutes(http::Router& router, Context& context);
+void AddRunRoutes(http::Router& router, Context& context);
+void AddEvalRoutes(http::Router& router, Context& context);
+void AddLogRoutes(http::Router& router, Context& context);
+void AddActionRoutes(http::Router& router, Context& context);
+void AddMetricsRoutes(http::Router& router, Context& context);
+/// All of them, and openapi.json.
+http::Router MakeRouter(Context& context);
+
+// ---- what resources share ---------------------------------------------------------------------
+
+/// A campaign that is a dataset's, and what is heard of it.
+struct CampaignState {
+  std::string state;  ///< running | silent | finished | stopped | failed | unknown
+  bool live = false;
+  std::uint64_t committed = 0, total = 0, given_up = 0, failed = 0, workers = 0;
+  std::optional<double> per_minute, eta_s;
+  std::string error;
+  double updated = 0;  ///< seconds since 1970
+};
+const live::LiveCampaign* LiveOf(const live::LiveView& live, const sources::DatasetView& view);
+CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign* heard);
+OrderedJson StatusJson(const CampaignState& state);
+
+struct RunState {
+  std::string state;
+  bool live = false;
+  std::uint64_t step = 0, stage = 0, stages = 0;
+  std::optional<std::uint64_t> steps, checkpoint_step, episodes;
+  std::string stage_name;
+  std::optional<double> loss, samples_per_s, data_wait, eta_s, elapsed_s;
+  double updated = 0;
+};
+/// @param view  null: seen on the bus only
+const live::LiveRun* LiveOf(const live::LiveView& live, const sources::RunView& view);
+RunState StateOf(const sources::RunView* view, const live::LiveRun* heard);
+std::string EvalState(const sources::EvalView& view);
+
+/// "NAME@ID" of what is only on the bus.
+std::string BusId(const bus::Presence& presence);
+/// ms since a moment of the wall clock; null when it is not known.
+OrderedJson AgeOf(double seconds_since_1970);
+
+OrderedJson HomeJson(Context& context);
+Result<OrderedJson> FleetJson(Context& context, const http::Query& query);
+Result<OrderedJson> EvalJson(Context& context, const std::string& id);
+Result<OrderedJson> LogsJson(Context& context, const http::Query& query);
+/// Channels attempts and train of the WebSocket.
+Result<OrderedJson> LatestAttempts(Context& context, const std::string& campaign);
+Result<OrderedJson> TrainNews(Context& context, const std::string& run, std::uint64_t since);
+
+}  // namespace etude::api

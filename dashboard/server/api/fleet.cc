@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+// GET /fleet: hosts and their workers, from the bus, or from the journals of what has ended.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "dashboard/server/api/context.h"
+#include "services/core/statistics.h"
+
+namespace etude::api {
+namespace {
+
+using sources::Maybe;
+using sources::TextOrNull;
+
+struct WorkerRow {
+  std::string worker, campaign, phase, strip, last, task, target, robot;
+  std::optional<std::uint64_t> index, attempt;
+  std::uint64_t episodes = 0, failures = 0;
+  std::optional<double> per_minute;
+  double steps_per_s = 0, frames_per_s = 0;
+  std::int64_t age_ms = 0;
+};
+
+struct HostRow {
+  std::string host;
+  std::vector<WorkerRow> workers;
+  std::vector<double> plans;
+
+  std::optional<double> PerMinute() const {
+    std::optional<double> sum;
+    for (const auto& worker : workers)
+      if (worker.per_minute) sum = sum.value_or(0) + *worker.per_minute;
+    return sum;
+  }
+  std::optional<double> Ok() const {
+    std::uint64_t good = 0, all = 0;
+    for (const auto& worker : workers) good += worker.episodes, all += worker.episodes + worker.failures;
+    if (all == 0) return std::nullopt;
+    return static_cast<double>(good) / static_cast<double>(all);
+  }
+  std::int64_t AgeMs() const {
+    std::int64_t age = INT64_MAX;
+    for (const auto& worker : workers) age = std::min(age, worker.age_ms);
+    return workers.empty() ? 0 : age;
+  }
+  std::size_t Busy() const {
+    return static_cast<std::size_t>(
+        std::ranges::count_if(workers, [](const auto& worker) { return !worker.phase.empty() && worker.phase != "idle"; }));
+  }
+};
+
+using Hosts = std::map<std::string, HostRow>;
+
+// The source that a campaign on the bus is shown under.
+std::string SourceOf(Context& context, const live::LiveCampaign& campaign) {
+  for (const auto& found : *context.sources.catalog().List()) {
+    if (found.kind != sources::Kind::kDataset) continue;
+    const auto source = context.sources.Dataset(found.id);
+    if (!source) continue;
+    const auto view = (*source)->View();
+    if (view && (*view)->info.identity == campaign.presence.id) return found.id;
+  }
+  return BusId(campaign.presence);
+}
+
+Hosts FromBus(Context& context, const live::LiveView& live) {
+  Hosts hosts;
+  for (const auto& [id, campaign] : live.campaigns) {
+    if (!campaign.present || campaign.workers.empty()) continue;
+    const std::string source = SourceOf(context, campaign);
+    for (const auto& [name, heard] : campaign.workers) {
+      const auto& status = heard.status;
+      WorkerRow row;
+      row.worker = name, row.campaign = source, row.phase = status.phase, row.strip = heard.strip, row.last = heard.last;
+      if (status.token != 0) row.index = status.index, row.attempt = status.attempt;
+      row.episodes = status.episodes, row.failures = status.failures;
+      row.per_minute = heard.PerMinute();
+      row.steps_per_s = status.steps_per_second, row.frames_per_s = status.frames_per_second;
+      row.age_ms = live::AgeMs(heard.heard);
+      auto& host = hosts[status.host];
+      host.host = status.host;
+      host.workers.push_back(std::move(row));
+    }
+  }
+  return hosts;
+}
+
+// Of the dataset that changed last and says who made its episodes.
+Hosts FromJournals(Context& context) {
+  Hosts hosts;
+  std::shared_ptr<const sources::DatasetView> newest;
+  std::string id;
+  for (const auto& found : *context.sources.catalog().List()) {
+    if (found.kind != sources::Kind::kDataset || !found.eval.empty()) continue;
+    const auto source = context.sources.Dataset(found.id);
+    if (!source) continue;
+    const auto view = (*source)->View();
+    if (view && (*view)->info.journal && (!newest || (*view)->info.updated > newest->info.updated))
+      newest = *view, id = found.id;
+  }
+  if (!newest) return hosts;
+  for (const auto& row : newest->rows) {
+    if (row.worker.empty()) continue;
+    auto& host = hosts[row.host];
+    host.host = row.host;
+    auto worker = std::ranges::find(host.workers, row.worker, &WorkerRow::worker);
+    if (worker == host.workers.end()) {
+      host.workers.push_back({});
+      worker = std::prev(host.workers.end());
+      worker->worker = row.worker, worker->campaign = id;
+    }
+    ++worker->episodes;
+    if (row.t) worker->age_ms = static_cast<std::int64_t>((WallSeconds() - *row.t) * 1000);
+    if (row.plan_s) host.plans.push_back(*row.plan_s);
+  }
+  return hosts;
+}
+
+OrderedJson WorkerJson(const WorkerRow& row, const std::string& host) {
+  return {{"worker", row.worker},
+          {"host", host},
+          {"campaign", row.campaign},
+          {"phase", row.phase},
+          {"strip", row.strip},
+          {"index", Maybe(row.index)},
+          {"attempt", Maybe(row.attempt)},
+          {"robot", TextOrNull(row.robot)},
+          {"task", TextOrNull(row.task)},
+          {"target", TextOrNull(row.target)},
+          {"stage", nullptr},
+          {"step", nullptr},
+          {"last", TextOrNull(row.last)},
+          {"episodes", row.episodes},
+          {"failures", row.failures},
+          {"per_min", Maybe(row.per_minute)},
+          {"steps_per_s", row.steps_per_s},
+          {"frames_per_s", row.frames_per_s},
+          {"age_ms", row.age_ms}};
+}
+
+OrderedJson HostJson(const HostRow& host) {
+  constexpr std::size_t kMostWorkers = 200;
+  OrderedJson workers = OrderedJson::array();
+  for (const auto& worker : host.workers)
+    if (workers.size() < kMostWorkers) workers.push_back(WorkerJson(worker, host.host));
+  return {{"host", host.host},
+          {"slots", host.workers.size()},
+          {"busy", host.Busy()},
+          {"per_min", Maybe(host.PerMinute())},
+          {"ok", Maybe(host.Ok())},
+          {"plan_p50_s", host.plans.empty() ? OrderedJson() : OrderedJson(Quantile(host.plans, 0.5))},
+          {"plan_p95_s", host.plans.empty() ? OrderedJson() : OrderedJson(Quantile(host.plans, 0.95))},
+          {"rss_mb", nullptr},
+          {"version", nullptr},
+          {"fingerprint", nullptr},
+          {"age_ms", host.AgeMs()},
+          {"workers", workers}};
+}
+
+// What a worker does follows from its campaign's spec and the episode's index.
+void AddTasks(Context& context, std::vector<HostRow*>& hosts) {
+  for (auto* host : hosts)
+    for (auto& worker : host->workers) {
+      if (!worker.index) continue;
+      const auto source = context.sources.Dataset(worker.campaign);
+      if (!source) continue;
+      const auto about = (*source)->About(*worker.index);
+      worker.task = about.task, worker.target = about.target, worker.robot = about.robot;
+    }
+}
+
+bool Fits(const HostRow& host, const WorkerRow& worker, const std::string& text) {
+  return text.empty() || host.host.find(text) != std::string::npos || worker.worker.find(text) != std::string::npos ||
+         worker.task.find(text) != std::string::npos || worker.phase == text;
+}
+
+void Sort(std::vector<HostRow*>& hosts, std::string order) {
+  const bool descending = order.starts_with('-');
+  if (descending) order.erase(0, 1);
+  std::ranges::stable_sort(hosts, [&](const HostRow* a, const HostRow* b) {
+    if (descending) std::swap(a, b);
+    if (order == "per_min") return a->PerMinute().value_or(-1) < b->PerMinute().value_or(-1);
+    if (order == "age") return a->AgeMs() < b->AgeMs();
+    if (order == "slots") return a->workers.size() < b->workers.size();
+    return a->host < b->host;
+  });
+}
+
+}  // namespace
+
+Result<OrderedJson> FleetJson(Context& context, const http::Query& query) {
+  ETUDE_ASSIGN_OR_RETURN(const auto offset, query.Integer("offset", 0, 0, 1'000'000));
+  ETUDE_ASSIGN_OR_RETURN(const auto limit, query.Integer("limit", 50, 1, 200));
+  const auto view = context.live();
+  Hosts hosts = FromBus(context, *view);
+  const bool live = !hosts.empty();
+  if (!live) hosts = FromJournals(context);
+  std::vector<HostRow*> rows;
+  for (auto& [name, host] : hosts) rows.push_back(&host);
+  AddTasks(context, rows);
+  const std::string text = query.Get("filter").value_or("");
+  std::size_t workers = 0;
+  std::optional<double> per_minute;
+  std::uint64_t good = 0, all = 0;
+  for (auto* host : rows) {
+    std::erase_if(host->workers, [&](const WorkerRow& worker) { return !Fits(*host, worker, text); });
+    workers += host->workers.size();
+    if (const auto rate = host->PerMinute()) per_minute = per_minute.value_or(0) + *rate;
+    for (const auto& worker : host->workers) good += worker.episodes, all += worker.episodes + worker.failures;
+  }
+  std::erase_if(rows, [](const HostRow* host) { return host->workers.empty(); });
+  Sort(rows, query.Get("sort").value_or("host"));
+  const auto first = std::min(rows.size(), static_cast<std::size_t>(offset));
+  const auto last = std::min(rows.size(), first + static_cast<std::size_t>(limit));
+  OrderedJson page = OrderedJson::array();
+  for (std::size_t i = first; i < last; ++i) page.push_back(HostJson(*rows[i]));
+  return OrderedJson{
+      {"total", rows.size()},
+      {"workers", workers},
+      {"next", last < rows.size() ? OrderedJson(last) : OrderedJson()},
+      {"per_min", Maybe(per_minute)},
+      {"ok", all == 0 ? OrderedJson() : OrderedJson(static_cast<double>(good) / static_cast<double>(all))},
+      {"live", live},
+      {"hosts", page}};
+}
+
+void AddFleetRoutes(http::Router& router, Context& context) {
+  router.Add("GET", kPrefix + "/fleet", http::Lane::kFiles,
+             [&context](const http::Request& request) -> Result<http::Answer> {
+               ETUDE_ASSIGN_OR_RETURN(const OrderedJson json, FleetJson(context, request.query));
+               return http::JsonAnswer(json);
+             });
+}
+
+}  // namespace etude::api

@@ -1,0 +1,494 @@
+// SPDX-License-Identifier: Apache-2.0
+// GET /home: the sentence, sources, warnings and tiles of the Overview.
+#include <fmt/format.h>
+#include <sys/statvfs.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "dashboard/server/api/context.h"
+#include "dashboard/server/api/curriculum.h"
+#include "dashboard/server/api/sentence.h"
+#include "services/core/command.h"
+#include "services/core/statistics.h"
+
+namespace etude::api {
+namespace {
+
+using sources::Found;
+using sources::Kind;
+using sources::Maybe;
+using sources::PartOf;
+using sources::TextOf;
+using sources::TimeJson;
+
+constexpr std::size_t kMostSources = 100;
+constexpr std::size_t kMostLooked = 40;  // of a kind: the Overview is asked for all the time
+constexpr std::size_t kMostEvents = 12;
+
+template <class View, class State>
+struct Item {
+  Found found;  // folder empty: seen on the bus only
+  std::shared_ptr<const View> view;
+  State state;
+  std::string name;
+};
+using DatasetItem = Item<sources::DatasetView, CampaignState>;
+using RunItem = Item<sources::RunView, RunState>;
+using EvalItem = Item<sources::EvalView, std::string>;
+
+// Everything that /home is made of.
+struct Gathered {
+  std::shared_ptr<const live::LiveView> live;
+  std::vector<DatasetItem> datasets;
+  std::vector<RunItem> runs;
+  std::vector<EvalItem> evals;
+  std::vector<std::string> unreadable;  // what could not be read, and why
+};
+
+void GatherFiles(Context& context, Gathered& all) {
+  std::size_t datasets = 0, runs = 0, evals = 0;
+  for (const auto& found : *context.sources.catalog().List()) {
+    const auto failed = [&](const Error& error) { all.unreadable.push_back(found.shown + ": " + error.message); };
+    if (found.kind == Kind::kDataset && datasets++ < kMostLooked) {
+      const auto source = context.sources.Dataset(found.id);
+      const auto view = source ? (*source)->View() : Fail(source.error());
+      if (!view)
+        failed(view.error());
+      else
+        all.datasets.push_back({found, *view, StateOf(view->get(), LiveOf(*all.live, **view)), found.name});
+    } else if (found.kind == Kind::kRun && runs++ < kMostLooked) {
+      const auto source = context.sources.Run(found.id);
+      const auto view = source ? (*source)->View() : Fail(source.error());
+      if (!view)
+        failed(view.error());
+      else
+        all.runs.push_back({found, *view, StateOf(view->get(), LiveOf(*all.live, **view)), found.name});
+    } else if (found.kind == Kind::kEval && evals++ < kMostLooked) {
+      const auto source = context.sources.Eval(found.id);
+      const auto view = source ? (*source)->View() : Fail(source.error());
+      if (!view)
+        failed(view.error());
+      else
+        all.evals.push_back({found, *view, EvalState(**view), found.name});
+    }
+  }
+}
+
+Gathered Gather(Context& context) {
+  Gathered all;
+  all.live = context.live();
+  GatherFiles(context, all);
+  for (const auto& [id, campaign] : all.live->campaigns) {
+    const bool known = std::ranges::any_of(all.datasets, [&](const auto& item) { return item.view->info.identity == id; });
+    if (known || !campaign.present) continue;
+    Found found;
+    found.id = BusId(campaign.presence);
+    all.datasets.push_back({found, nullptr, StateOf(nullptr, &campaign), campaign.presence.name});
+  }
+  for (const auto& [id, run] : all.live->runs) {
+    const bool known = std::ranges::any_of(all.runs, [&](const auto& item) { return item.view->identity == id; });
+    if (known || !run.present) continue;
+    Found found;
+    found.kind = Kind::kRun;
+    found.id = BusId(run.presence);
+    all.runs.push_back({found, nullptr, StateOf(nullptr, &run), run.presence.name});
+  }
+  return all;
+}
+
+// What is under way counts before what changed last.
+template <class Items, class Of>
+auto Newest(const Items& items, Of&& updated) -> decltype(&items[0]) {
+  decltype(&items[0]) newest = nullptr;
+  for (const auto& item : items)
+    if (!newest || updated(item) > updated(*newest)) newest = &item;
+  return newest;
+}
+const DatasetItem* NewestDataset(const Gathered& all) {
+  std::vector<const DatasetItem*> collections;
+  for (const auto& item : all.datasets)
+    if (item.found.eval.empty()) collections.push_back(&item);
+  const auto newest = Newest(collections, [](const auto* item) { return item->state.updated; });
+  return newest ? *newest : nullptr;
+}
+const RunItem* NewestRun(const Gathered& all) {
+  return Newest(all.runs, [](const auto& item) { return item.state.updated; });
+}
+const EvalItem* NewestEval(const Gathered& all) {
+  return Newest(all.evals, [](const auto& item) { return item.view->updated; });
+}
+
+OrderedJson SourceJson(const std::string& kind, const Found& found, const std::string& name, const std::string& state,
+                       double updated, bool live) {
+  const bool dataset = found.kind == Kind::kDataset && !found.folder.empty();
+  return {{"id", found.id},
+          {"kind", kind},
+          {"name", name},
+          {"state", state},
+          {"updated", TimeJson(updated)},
+          {"age_ms", AgeOf(updated)},
+          {"live", live},
+          {"folder", sources::TextOrNull(found.shown)},
+          {"role", dataset ? OrderedJson(found.eval.empty() ? "demonstrations" : "rollouts") : OrderedJson()}};
+}
+
+OrderedJson SourcesJson(const Gathered& all) {
+  std::vector<std::pair<double, OrderedJson>> rows;
+  for (const auto& item : all.datasets)
+    rows.emplace_back(item.state.updated, SourceJson(item.view ? "dataset" : "campaign", item.found, item.name,
+                                                     item.state.state, item.state.updated, item.state.live));
+  for (const auto& item : all.runs)
+    rows.emplace_back(item.state.updated, SourceJson("run", item.found, item.name, item.state.state,
+                                                     item.state.updated, item.state.live));
+  for (const auto& item : all.evals)
+    rows.emplace_back(item.view->updated,
+                      SourceJson("eval", item.found, item.name, item.state, item.view->updated, false));
+  std::ranges::stable_sort(rows, std::greater<>(), [](const auto& row) { return row.first; });
+  OrderedJson json = OrderedJson::array();
+  for (auto& [updated, row] : rows)
+    if (json.size() < kMostSources) json.push_back(std::move(row));
+  return json;
+}
+
+// ---- warnings ---------------------------------------------------------------------------------
+
+OrderedJson Warning(const char* code, const std::string& text, const std::string& link, double since = 0) {
+  return {{"code", code}, {"text", text}, {"since", TimeJson(since)}, {"link", link}};
+}
+
+void WarnOfCampaigns(const Gathered& all, OrderedJson& warnings) {
+  constexpr std::int64_t kSilent_ms = 3000, kNoCommit_ms = 60'000;
+  for (const auto& [id, campaign] : all.live->campaigns) {
+    if (!campaign.present || !campaign.status) continue;
+    const auto& name = campaign.presence.name;
+    const bool finished = campaign.complete || campaign.status->committed >= campaign.status->total;
+    if (!campaign.status->error.empty())
+      warnings.push_back(Warning("campaign_error", name + ": " + campaign.status->error, "/generation"));
+    if (!finished && campaign.status->workers > 0 && live::AgeMs(campaign.changed) > kNoCommit_ms)
+      warnings.push_back(Warning("no_commits",
+                                 fmt::format("{}: no commit for {} s with {} workers", name,
+                                             live::AgeMs(campaign.changed) / 1000, campaign.status->workers),
+                                 "/fleet", WallSeconds() - static_cast<double>(live::AgeMs(campaign.changed)) / 1000));
+    for (const auto& [worker, heard] : campaign.workers)
+      if (const auto age = live::AgeMs(heard.heard); !finished && age > kSilent_ms && warnings.size() < 50)
+        warnings.push_back(Warning("worker_silent", fmt::format("worker {} silent for {} s", worker, age / 1000),
+                                   "/fleet?filter=" + worker, WallSeconds() - static_cast<double>(age) / 1000));
+  }
+  for (const auto& item : all.datasets) {
+    if (item.state.given_up > 0 && item.found.eval.empty())
+      warnings.push_back(
+          Warning("given_up", fmt::format("{}: {} given up", item.name, item.state.given_up), "/generation"));
+    if (item.view && item.view->info.unreadable > 0)
+      warnings.push_back(Warning("unreadable",
+                                 fmt::format("{}: {} files unreadable; etude dataset verify says more", item.name,
+                                             item.view->info.unreadable),
+                                 "/dataset?dataset=" + item.found.id));
+  }
+}
+
+void WarnOfRuns(const Gathered& all, OrderedJson& warnings) {
+  constexpr double kDataWait = 0.2;
+  for (const auto& item : all.runs) {
+    const std::string link = "/training?run=" + item.found.id;
+    if (item.state.state == "running" && item.state.data_wait.value_or(0) > kDataWait)
+      warnings.push_back(Warning(
+          "data_wait", fmt::format("{}: waits for data {:.0f} % of the time", item.name, 100 * *item.state.data_wait),
+          link));
+    if (item.state.state == "failed") warnings.push_back(Warning("run_failed", item.name + ": training failed", link));
+    if (!item.view) continue;
+    const auto loss = item.view->metrics.series().find("train/loss");
+    if (loss != item.view->metrics.series().end() && loss->second.nulls > 0)
+      warnings.push_back(Warning("loss_not_finite",
+                                 fmt::format("{}: the loss was not finite {} times", item.name, loss->second.nulls), link));
+    for (const auto& line : item.view->curriculum)
+      if (TextOf(line, "cause") == "budget")
+        warnings.push_back(Warning("stage_budget",
+                                   fmt::format("{}: stage {} ended by its budget, not by its goal", item.name,
+                                               sources::UnsignedOf(line, "from").value_or(0)),
+                                   link));
+  }
+}
+
+void WarnOfDisks(Context& context, OrderedJson& warnings) {
+  constexpr double kLeast = 0.1;
+  std::set<unsigned long> seen;
+  for (const auto& root : context.sources.catalog().roots()) {
+    struct statvfs disk {};
+    if (::statvfs(root.c_str(), &disk) != 0 || disk.f_blocks == 0 || !seen.insert(disk.f_fsid).second) continue;
+    const double free = static_cast<double>(disk.f_bavail) / static_cast<double>(disk.f_blocks);
+    if (free < kLeast)
+      warnings.push_back(
+          Warning("disk", fmt::format("disk of {} {:.0f} % free", root.filename().string(), 100 * free), "/fleet"));
+  }
+}
+
+OrderedJson Warnings(Context& context, const Gathered& all) {
+  OrderedJson warnings = OrderedJson::array();
+  WarnOfCampaigns(all, warnings);
+  WarnOfRuns(all, warnings);
+  WarnOfDisks(context, warnings);
+  for (const auto& text : all.unreadable) warnings.push_back(Warning("unreadable", text, "/logs"));
+  return warnings;
+}
+
+// ---- tiles ------------------------------------------------------------------------------------
+
+// Commits per minute of the last ten minutes of collection, a value each ten seconds.
+OrderedJson HistoryOfFiles(const sources::DatasetView& view) {
+  constexpr double kBin_s = 10;
+  constexpr int kBins = 60;
+  double last = 0;
+  for (const auto& row : view.rows) last = std::max(last, row.t.value_or(0));
+  if (last <= 0) return OrderedJson::array();
+  std::vector<double> bins(kBins, 0);
+  for (const auto& row : view.rows) {
+    if (!row.t) continue;
+    const auto back = static_cast<int>((last - *row.t) / kBin_s);
+    if (back >= 0 && back < kBins) bins[static_cast<std::size_t>(kBins - 1 - back)] += 60 / kBin_s;
+  }
+  return bins;
+}
+
+OrderedJson DemonstrationsTile(const Gathered& all) {
+  const auto* item = NewestDataset(all);
+  if (!item) return nullptr;
+  const auto& state = item->state;
+  OrderedJson history = OrderedJson::array();
+  if (item->view) {
+    const auto* heard = LiveOf(*all.live, *item->view);
+    history = heard && heard->per_minute.size() > 1 ? OrderedJson(heard->per_minute) : HistoryOfFiles(*item->view);
+  }
+  return {{"source", item->found.id},   {"name", item->name},
+          {"committed", state.committed}, {"total", state.total},
+          {"given_up", state.given_up},  {"failed", state.failed},
+          {"workers", state.workers},    {"per_min", Maybe(state.per_minute)},
+          {"eta_s", Maybe(state.eta_s)}, {"history_per_min", history},
+          {"live", state.live}};
+}
+
+OrderedJson ErrorsOf(const sources::RunView* view) {
+  OrderedJson errors = OrderedJson::object();
+  if (!view) return errors;
+  for (const auto& [key, series] : view->metrics.series()) {
+    constexpr std::string_view kValid = "valid/";
+    const auto last = view->metrics.Last(key);
+    if (key.starts_with(kValid) && key != "valid/loss" && last) errors[key.substr(kValid.size())] = *last;
+  }
+  return errors;
+}
+
+OrderedJson TrainingTile(const Gathered& all) {
+  const auto* item = NewestRun(all);
+  if (!item) return nullptr;
+  const auto& state = item->state;
+  return {{"source", item->found.id},
+          {"name", item->name},
+          {"step", state.step},
+          {"steps", Maybe(state.steps)},
+          {"stage", state.stage},
+          {"stages", state.stages},
+          {"stage_name", state.stage_name},
+          {"loss", Maybe(state.loss)},
+          {"samples_per_s", Maybe(state.samples_per_s)},
+          {"data_wait", Maybe(state.data_wait)},
+          {"eta_s", Maybe(state.eta_s)},
+          {"checkpoint_step", Maybe(state.checkpoint_step)},
+          {"finished", state.state == "finished"},
+          {"errors", ErrorsOf(item->view.get())},
+          {"live", state.live}};
+}
+
+OrderedJson PolicyTile(const Gathered& all) {
+  const auto* item = NewestRun(all);
+  if (all.live->policies.empty()) return nullptr;
+  const auto& presence = all.live->policies.front().presence;
+  const bool ours = item && item->view && item->view->identity == presence.id;
+  double saved = 0;
+  if (ours && !item->view->checkpoints.empty()) saved = item->view->checkpoints.front().stamp.modified_s();
+  return {{"source", ours ? OrderedJson(item->found.id) : OrderedJson()},
+          {"name", presence.name},
+          {"instances", all.live->policies.size()},
+          {"checkpoint_step", ours ? Maybe(item->state.checkpoint_step) : OrderedJson()},
+          {"age_ms", AgeOf(saved)},
+          {"p50_ms", nullptr},
+          {"p95_ms", nullptr}};
+}
+
+OrderedJson ShareJson(std::uint64_t successes, std::uint64_t n) {
+  const Interval interval = WilsonInterval(successes, n);
+  return {{"successes", successes},
+          {"share", n == 0 ? 0.0 : static_cast<double>(successes) / static_cast<double>(n)},
+          {"low", interval.low},
+          {"high", interval.high}};
+}
+
+OrderedJson TaskShare(const std::string& task, std::uint64_t successes, std::uint64_t n) {
+  return {{"task", task}, {"n", n}, {"success", ShareJson(successes, n)}, {"success_latched", nullptr}};
+}
+
+OrderedJson TaskOfReport(const OrderedJson& summary) {
+  return {{"task", TextOf(summary, "task")},
+          {"n", sources::UnsignedOf(summary, "n").value_or(0)},
+          {"success", PartOf(summary, "success").is_object() ? PartOf(summary, "success") : ShareJson(0, 0)},
+          {"success_latched", PartOf(summary, "success_latched")}};
+}
+
+OrderedJson EvalTile(const EvalItem& item) {
+  OrderedJson tasks = OrderedJson::array();
+  for (const auto& summary : PartOf(item.view->report, "per_task")) tasks.push_back(TaskOfReport(summary));
+  return {{"source", item.found.id},
+          {"kind", "eval"},
+          {"name", item.name},
+          {"done", item.view->rows.size()},
+          {"episodes", sources::UnsignedOf(item.view->report, "episodes").value_or(0)},
+          {"tasks", tasks},
+          {"overall", TaskOfReport(PartOf(item.view->report, "overall"))}};
+}
+
+// No evaluation yet: attempts of the expert that were committed, of all that were made.
+OrderedJson ExpertTile(const DatasetItem& item) {
+  std::map<std::string, std::pair<std::uint64_t, std::uint64_t>> tasks;  // successes, n
+  for (const auto& row : item.view->rows) ++tasks[row.task].first, ++tasks[row.task].second;
+  for (const auto& row : item.view->failures) ++tasks[row.task].second;
+  OrderedJson rows = OrderedJson::array();
+  std::uint64_t successes = 0, n = 0;
+  for (const auto& [task, counts] : tasks) {
+    if (!task.empty()) rows.push_back(TaskShare(task, counts.first, counts.second));
+    successes += counts.first, n += counts.second;
+  }
+  return {{"source", item.found.id}, {"kind", "expert"},
+          {"name", item.name},       {"done", successes},
+          {"episodes", n},           {"tasks", rows},
+          {"overall", TaskShare("overall", successes, n)}};
+}
+
+OrderedJson SuccessTile(const Gathered& all) {
+  const auto* eval = NewestEval(all);
+  if (eval && !eval->view->rows.empty()) return EvalTile(*eval);
+  const auto* dataset = NewestDataset(all);
+  return dataset && dataset->view && !dataset->view->rows.empty() ? ExpertTile(*dataset) : OrderedJson();
+}
+
+OrderedJson LadderTile(const Gathered& all) {
+  const auto* run = NewestRun(all);
+  if (!run || !run->view) return nullptr;
+  return {{"source", run->found.id}, {"stages", StagesJson(*run->view, run->state)}};
+}
+
+OrderedJson Events(const Gathered& all) {
+  std::vector<std::pair<double, OrderedJson>> events;
+  const auto add = [&](double t, const char* level, std::string text, std::string link) {
+    events.emplace_back(t, OrderedJson{{"t", sources::Rfc3339(t)}, {"level", level}, {"text", text}, {"link", link}});
+  };
+  for (const auto& item : all.runs) {
+    if (!item.view) continue;
+    const std::string link = "/training?run=" + item.found.id;
+    for (const auto& header : item.view->checkpoints) {
+      if (!header.error.empty()) continue;
+      const auto step = header.metadata.find("step");
+      add(header.stamp.modified_s(), "info",
+          fmt::format("{}: checkpoint {}", item.name, step == header.metadata.end() ? header.file : step->second),
+          "/checkpoints?run=" + item.found.id);
+    }
+    if (const auto& end = item.view->metrics.end(); end && end->t)
+      add(*end->t, end->cause == "failed" ? "error" : "info", item.name + ": training " + end->cause, link);
+  }
+  for (const auto& item : all.evals)
+    if (item.state == "finished")
+      add(item.view->updated, "info", fmt::format("{}: {} rollouts", item.name, item.view->rows.size()),
+          "/evaluation?eval=" + item.found.id);
+  for (const auto& [id, campaign] : all.live->campaigns)
+    for (std::size_t i = 0; i < std::min(campaign.attempts.size(), kMostEvents); ++i) {
+      const auto& attempt = campaign.attempts[i];
+      add(attempt.t, "warn", fmt::format("{}: #{} {}", campaign.presence.name, attempt.report.index, attempt.report.outcome),
+          "/generation");
+    }
+  std::ranges::stable_sort(events, std::greater<>(), [](const auto& event) { return event.first; });
+  OrderedJson json = OrderedJson::array();
+  for (auto& [t, event] : events)
+    if (json.size() < kMostEvents) json.push_back(std::move(event));
+  return json;
+}
+
+Facts FactsOf(Context& context, const Gathered& all) {
+  Facts facts;
+  if (const auto* item = NewestDataset(all))
+    facts.collection = CollectionFacts{item->name,          item->state.state,    item->state.committed,
+                                       item->state.total, item->state.given_up, item->state.eta_s};
+  if (const auto* item = NewestRun(all))
+    facts.training = TrainingFacts{item->state.state, item->state.stage_name, item->state.stage,    item->state.stages,
+                                   item->state.step,  item->state.eta_s,      item->state.elapsed_s};
+  if (!all.live->policies.empty()) facts.policy = PolicyFacts{std::nullopt, all.live->policies.size()};
+  if (const auto* item = NewestEval(all)) {
+    const auto& success = PartOf(PartOf(item->view->report, "overall"), "success");
+    facts.evaluation = EvaluationFacts{item->state, sources::NumberOf(success, "share").value_or(0),
+                                       item->view->rows.size(),
+                                       sources::UnsignedOf(item->view->report, "episodes").value_or(0)};
+  }
+  std::string places;
+  for (const auto& root : context.sources.catalog().roots()) places += (places.empty() ? "" : ", ") + root.string();
+  if (context.domain >= 0) places += fmt::format("{}domain {}", places.empty() ? "" : " and on ", context.domain);
+  facts.looked_in = places.empty() ? "no folder and on no bus" : places;
+  return facts;
+}
+
+// of the most telling part
+std::string StateOfAll(const Gathered& all) {
+  std::vector<std::string> states;
+  if (const auto* item = NewestDataset(all)) states.push_back(item->state.state);
+  if (const auto* item = NewestRun(all)) states.push_back(item->state.state);
+  if (const auto* item = NewestEval(all)) states.push_back(item->state);
+  for (const char* state : {"failed", "running", "silent", "stopped", "finished"})
+    if (std::ranges::find(states, state) != states.end()) return state;
+  return "unknown";
+}
+
+}  // namespace
+
+OrderedJson HomeJson(Context& context) {
+  const Gathered all = Gather(context);
+  OrderedJson dirs = OrderedJson::array();
+  for (const auto& root : context.sources.catalog().roots()) dirs.push_back(root.string());
+  OrderedJson tiles{{"demonstrations", DemonstrationsTile(all)},
+                    {"training", TrainingTile(all)},
+                    {"policy", PolicyTile(all)},
+                    {"success", SuccessTile(all)},
+                    {"ladder", LadderTile(all)},
+                    {"events", Events(all)}};
+  return {{"sentence", Sentence(FactsOf(context, all))},
+          {"state", StateOfAll(all)},
+          {"time", sources::Rfc3339(WallSeconds())},
+          {"version", Version()},
+          {"dirs", dirs},
+          {"domain", context.domain >= 0 ? OrderedJson(context.domain) : OrderedJson()},
+          {"actions", context.security.enabled()},
+          {"sources", SourcesJson(all)},
+          {"warnings", Warnings(context, all)},
+          {"tiles", http::ForBrowsers(tiles)}};
+}
+
+void AddHomeRoutes(http::Router& router, Context& context) {
+  router.Add("GET", kPrefix + "/home", http::Lane::kFiles,
+             [&context](const http::Request&) -> Result<http::Answer> { return http::JsonAnswer(HomeJson(context)); });
+  router.Add(
+      "GET", "/healthz", http::Lane::kFiles,
+      [](const http::Request&) -> Result<http::Answer> { return http::BytesAnswer("ok\n", "text/plain"); },
+      http::Access::kPublic);
+  router.Add(
+      "GET", "/readyz", http::Lane::kFiles,
+      [&context](const http::Request&) -> Result<http::Answer> {
+        const auto live = context.live();
+        const bool bus = context.domain >= 0 && live->error.empty();
+        const bool ready = context.domain < 0 || bus;
+        // a probe comes without a token: it learns no names
+        OrderedJson json{{"ready", ready},
+                         {"sentence", ready ? "ready" : "the bus is not read"},
+                         {"sources", context.sources.catalog().List()->size()},
+                         {"bus", bus}};
+        return http::JsonAnswer(json, ready ? 200 : 503);
+      },
+      http::Access::kPublic);
+}
+
+}  // namespace etude::api

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dashboard/server/api/jobs.h"
+
+#include <fmt/format.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <cctype>
+#include <fstream>
+
+#include "dashboard/server/sources/files.h"
+#include "services/core/clock.h"
+#include "services/core/identity.h"
+#include "services/core/log.h"
+
+namespace etude::api {
+namespace {
+
+constexpr std::size_t kAtOnce = 4, kKept = 50, kLogLines = 200;
+constexpr std::streamoff kLogTail = 64 * 1024;
+constexpr std::chrono::seconds kPatience{5};
+
+std::vector<std::string> Tail(const Path& log) {
+  std::vector<std::string> lines;
+  std::ifstream stream(log, std::ios::binary | std::ios::ate);
+  if (!stream) return lines;
+  const auto size = static_cast<std::streamoff>(stream.tellg());
+  stream.seekg(std::max<std::streamoff>(0, size - kLogTail));
+  for (std::string line; std::getline(stream, line);) {
+    if (const auto over = line.rfind('\r'); over != std::string::npos) line.erase(0, over + 1);
+    if (!line.empty()) lines.push_back(line.substr(0, 2000));
+  }
+  if (lines.size() > kLogLines) lines.erase(lines.begin(), lines.end() - kLogLines);
+  return lines;
+}
+
+}  // namespace
+
+std::string CommandText(const std::vector<std::string>& arguments) {
+  std::string text;
+  for (const auto& argument : arguments) {
+    const bool plain = !argument.empty() && std::ranges::all_of(argument, [](unsigned char c) {
+      return std::isalnum(c) || std::string_view("_-./=@:,+").find(static_cast<char>(c)) != std::string_view::npos;
+    });
+    if (!text.empty()) text += ' ';
+    if (plain) {
+      text += argument;
+      continue;
+    }
+    text += '\'';
+    for (const char c : argument) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    text += '\'';
+  }
+  return text;
+}
+
+Result<std::string> Jobs::Add(const Request& request) {
+  MutexLock lock(mutex_);
+  const auto running = [](const Job& job) { return job.running(); };
+  if (static_cast<std::size_t>(std::ranges::count_if(jobs_, running)) >= kAtOnce)
+    return Fail(Code::kUnavailable, fmt::format("{} jobs are at work; wait for one to end, or stop it", kAtOnce));
+  if (request.weight == Weight::kHeavy &&
+      std::ranges::any_of(jobs_, [](const Job& job) { return job.running() && job.weight == Weight::kHeavy; }))
+    return Fail(Code::kUnavailable, "a job of this kind is at work: one at a time; wait for it to end, or stop it");
+  Job job;
+  job.id = NewId();
+  job.action = request.action;
+  job.arguments = request.arguments;
+  job.weight = request.weight;
+  job.started = WallSeconds();
+  std::vector<std::string> words{"etude"};
+  words.insert(words.end(), request.arguments.begin(), request.arguments.end());
+  job.command = CommandText(words);
+  jobs_.push_front(std::move(job));
+  while (jobs_.size() > kKept && !jobs_.back().running()) jobs_.pop_back();
+  return jobs_.front().id;
+}
+
+void Jobs::StartJob(Job& job) {
+  const auto program = campaign::FindSibling("etude");
+  if (program) {
+    std::vector<std::string> argv{program->string()};
+    argv.insert(argv.end(), job.arguments.begin(), job.arguments.end());
+    auto process = campaign::Process::Start({argv, LogOf(job), {}});
+    if (process) {
+      job.process.emplace(std::move(*process));
+      Log().info("job={} pid={}: {}", job.id, job.process->pid(), job.command);
+      return;
+    }
+    job.problem = process.error().message;
+  } else {
+    job.problem = program.error().message;
+  }
+  job.exit_code = 1;
+  job.ended = WallSeconds();
+}
+
+void Jobs::Pump() {
+  MutexLock lock(mutex_);
+  for (auto& job : jobs_) {
+    if (!job.running()) continue;
+    if (!job.process) {
+      StartJob(job);
+      continue;
+    }
+    if (std::exchange(job.stop, false)) job.process->Signal(SIGTERM);
+    job.exit_code = job.process->Poll();
+    if (!job.exit_code) continue;
+    job.ended = WallSeconds();
+    job.process.reset();
+  }
+}
+
+Status Jobs::Stop(const std::string& id) {
+  MutexLock lock(mutex_);
+  const auto job = std::ranges::find(jobs_, id, &Job::id);
+  if (job == jobs_.end()) return Fail(Code::kNotFound, fmt::format("there is no job '{:.40}'", id));
+  job->stop = job->running();
+  return {};
+}
+
+void Jobs::StopAll() {
+  MutexLock lock(mutex_);
+  for (auto& job : jobs_)
+    if (job.process) job.process->Signal(SIGTERM);
+  for (auto& job : jobs_)
+    if (job.process) job.process->Stop(kPatience);
+}
+
+OrderedJson Jobs::JsonOf(const Job& job) const {
+  auto log = Tail(LogOf(job));
+  if (!job.problem.empty()) log.push_back(job.problem);
+  const char* state = job.running() ? "running" : job.exit_code == 0 ? "done" : "failed";
+  return {{"id", job.id},
+          {"action", job.action},
+          {"command", job.command},
+          {"state", state},
+          {"progress", nullptr},
+          {"started", sources::Rfc3339(job.started)},
+          {"ended", sources::TimeJson(job.ended)},
+          {"exit_code", job.exit_code ? OrderedJson(*job.exit_code) : OrderedJson()},
+          {"log", log},
+          {"result", nullptr}};
+}
+
+Result<OrderedJson> Jobs::Json(const std::string& id) const {
+  MutexLock lock(mutex_);
+  const auto job = std::ranges::find(jobs_, id, &Job::id);
+  if (job == jobs_.end()) return Fail(Code::kNotFound, fmt::format("there is no job '{:.40}'", id));
+  return JsonOf(*job);
+}
+
+OrderedJson Jobs::All() const {
+  MutexLock lock(mutex_);
+  OrderedJson all = OrderedJson::array();
+  for (const auto& job : jobs_) all.push_back(JsonOf(job));
+  return all;
+}
+
+}  // namespace etude::api

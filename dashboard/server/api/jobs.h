@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// Commands that somebody with the token started: children of the gateway, each with its log.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "services/campaign/process.h"
+#include "services/core/config.h"
+#include "services/core/thread_annotations.h"
+
+namespace etude::api {
+
+/// Whether two of it may run at once.
+enum class Weight : std::uint8_t { kLight, kHeavy };
+
+/// Thread-safe, but its thread-bound children need Start, Poll and the end on one thread that lives as long as the
+/// gateway: see Pump.
+class Jobs {
+ public:
+  /// @param folder  for the logs
+  explicit Jobs(Path folder) : folder_(std::move(folder)) {}
+
+  struct Request {
+    std::string action;
+    std::vector<std::string> arguments;  ///< behind `etude`, never through a shell
+    Weight weight = Weight::kLight;
+  };
+  /// Waits for the next Pump. @returns its id. @error kUnavailable: four are at work, or a heavy one is
+  Result<std::string> Add(const Request& request);
+  /// Starts what waits and looks after what runs. Call a few times a second, always on the same thread: the kernel ends
+  /// children with the thread that started them.
+  void Pump();
+  /// Asks it to end (SIGTERM). @error kNotFound
+  Status Stop(const std::string& id);
+  /// Ends all children; on the thread of Pump.
+  void StopAll();
+
+  Result<OrderedJson> Json(const std::string& id) const;  ///< Job of openapi.json. @error kNotFound
+  OrderedJson All() const;                                ///< newest first
+
+ private:
+  struct Job {
+    std::string id, action, command;
+    std::vector<std::string> arguments;
+    Weight weight = Weight::kLight;
+    double started = 0, ended = 0;
+    std::optional<int> exit_code;
+    std::optional<campaign::Process> process;
+    bool stop = false;
+    std::string problem;  // why it could not be started
+    bool running() const { return ended == 0; }
+  };
+  void StartJob(Job& job) ETUDE_REQUIRES(mutex_);
+  OrderedJson JsonOf(const Job& job) const;
+  Path LogOf(const Job& job) const { return folder_ / (job.id + ".log"); }
+
+  const Path folder_;
+  mutable Mutex mutex_;
+  std::deque<Job> jobs_ ETUDE_GUARDED_BY(mutex_);  // newest first
+};
+
+/// For a shell: quoted where it has to be.
+std::string CommandText(const std::vector<std::string>& arguments);
+
+}  // namespace etude::api

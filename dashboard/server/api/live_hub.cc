@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dashboard/server/api/live_hub.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "services/episode/bounded_json.h"
+
+namespace etude::api {
+namespace {
+
+constexpr std::size_t kMostSubscriptions = 16;  // of a browser
+constexpr std::size_t kMostSnapshots = 200;
+constexpr double kLeastHz = 0.2;
+
+struct Channel {
+  const char* name;
+  double top_hz;
+};
+constexpr Channel kChannels[] = {{"home", 2}, {"fleet", 2}, {"attempts", 1}, {"train", 1}, {"eval", 1}, {"logs", 4}};
+
+const Channel* FindChannel(const std::string& name) {
+  for (const auto& channel : kChannels)
+    if (name == channel.name) return &channel;
+  return nullptr;
+}
+
+std::string Dump(const OrderedJson& json) { return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace); }
+
+// Arguments as the parameters that the route of the same name takes.
+http::Query QueryOf(const OrderedJson& arguments) {
+  std::string text;
+  const auto escaped = [](const std::string& value) {
+    std::string result;
+    for (const char c : value) result += fmt::format("%{:02X}", static_cast<unsigned char>(c));
+    return result;
+  };
+  if (arguments.is_object())
+    for (const auto& [key, value] : arguments.items())
+      text += (text.empty() ? "" : "&") + escaped(key) + "=" +
+              escaped(value.is_string() ? value.get<std::string>() : value.dump());
+  return http::Query(text);
+}
+
+}  // namespace
+
+// One browser.
+class LiveHub::Client : public http::SocketClient, public std::enable_shared_from_this<Client> {
+ public:
+  explicit Client(std::shared_ptr<http::Socket> socket) : socket_(std::move(socket)) {}
+
+  void OnText(const std::string& text) override {
+    const auto message = ParseBoundedJson(text, 8);
+    if (!message || !message->is_object()) return Complain("", "", "not a JSON object");
+    const std::string op = sources::TextOf(*message, "op");
+    const std::string channel = sources::TextOf(*message, "ch");
+    const std::string id = sources::TextOf(*message, "id", channel);
+    // no channel of today needs the token; it is taken so that clients need not know
+    if (op == "auth") return;
+    if (op == "unsub") {
+      MutexLock lock(mutex_);
+      std::erase_if(subscriptions_, [&](const auto& item) { return item.id == id; });
+      return;
+    }
+    if (op != "sub") return Complain(channel, id, "op: sub, unsub or auth");
+    Subscribe(channel, id, *message);
+  }
+
+  void OnClosed() override {
+    MutexLock lock(mutex_);
+    subscriptions_.clear();
+  }
+
+  // What is due now; each is under way until Done.
+  std::vector<Subscription> Due() {
+    std::vector<Subscription> due;
+    const auto now = MonotonicClock::now();
+    MutexLock lock(mutex_);
+    for (auto& item : subscriptions_) {
+      if (item.under_way || item.due > now || socket_->Waits(item.id)) continue;
+      item.under_way = true;
+      // a browser that takes long is asked less often, but not below once in two seconds for it
+      const auto slowed = std::min<std::chrono::milliseconds>(item.period * socket_->slowdown(),
+                                                              std::max(item.period, std::chrono::milliseconds(2000)));
+      item.due = now + slowed;
+      due.push_back(item);
+    }
+    return due;
+  }
+
+  void Done(const Subscription& subscription, const std::string& data) {
+    std::uint64_t sequence = 0;
+    {
+      MutexLock lock(mutex_);
+      const auto item = std::ranges::find(subscriptions_, subscription.id, &Subscription::id);
+      if (item == subscriptions_.end()) return;
+      item->under_way = false;
+      if (item->key != subscription.key) return;  // it asks for something else by now
+      sequence = ++sequence_;
+    }
+    socket_->Send(subscription.id, fmt::format(R"({{"ch":{},"id":{},"seq":{},"t":"{}",{}}})",
+                                               Dump(OrderedJson(subscription.channel)), Dump(OrderedJson(subscription.id)),
+                                               sequence, sources::Rfc3339(WallSeconds()), data));
+  }
+
+ private:
+  void Complain(const std::string& channel, const std::string& id, const std::string& error) {
+    socket_->Send("error " + id, Dump({{"ch", channel}, {"id", id}, {"error", error}}));
+  }
+
+  void Subscribe(const std::string& name, const std::string& id, const OrderedJson& message) {
+    const Channel* channel = FindChannel(name);
+    if (!channel) return Complain(name, id, "there is no such channel");
+    if (id.size() > 100) return Complain(name, "", "id: too long");
+    Subscription item;
+    item.id = id;
+    item.channel = name;
+    item.arguments = sources::PartOf(message, "args");
+    item.key = name + Dump(item.arguments);
+    const double hz = std::clamp(sources::NumberOf(message, "hz").value_or(channel->top_hz), kLeastHz, channel->top_hz);
+    item.period = std::chrono::milliseconds(std::llround(1000 / hz));
+    MutexLock lock(mutex_);
+    const auto known = std::ranges::find(subscriptions_, id, &Subscription::id);
+    if (known != subscriptions_.end())
+      *known = std::move(item);
+    else if (subscriptions_.size() < kMostSubscriptions)
+      subscriptions_.push_back(std::move(item));
+    else
+      Complain(name, id, fmt::format("at most {} subscriptions", kMostSubscriptions));
+  }
+
+  const std::shared_ptr<http::Socket> socket_;
+  Mutex mutex_;
+  std::vector<Subscription> subscriptions_ ETUDE_GUARDED_BY(mutex_);
+  std::uint64_t sequence_ ETUDE_GUARDED_BY(mutex_) = 0;
+};
+
+LiveHub::LiveHub(Context& context) : context_(context) {}
+LiveHub::~LiveHub() = default;
+
+std::shared_ptr<http::SocketClient> LiveHub::Connect(const http::Request&, std::shared_ptr<http::Socket> socket) {
+  auto client = std::make_shared<Client>(std::move(socket));
+  MutexLock lock(mutex_);
+  clients_.push_back(client);
+  return client;
+}
+
+std::size_t LiveHub::clients() const {
+  MutexLock lock(mutex_);
+  return static_cast<std::size_t>(std::ranges::count_if(clients_, [](const auto& client) { return !client.expired(); }));
+}
+
+// "data":… or "error":…
+std::string LiveHub::Compute(const Subscription& subscription) {
+  const std::string& channel = subscription.channel;
+  const OrderedJson& arguments = subscription.arguments;
+  const auto json = [&]() -> Result<OrderedJson> {
+    if (channel == "home") return HomeJson(context_);
+    if (channel == "fleet") return FleetJson(context_, QueryOf(arguments));
+    if (channel == "attempts") return LatestAttempts(context_, sources::TextOf(arguments, "campaign"));
+    if (channel == "train")
+      return TrainNews(context_, sources::TextOf(arguments, "run"), sources::UnsignedOf(arguments, "since").value_or(0));
+    if (channel == "eval") return EvalJson(context_, sources::TextOf(arguments, "id"));
+    return LogsJson(context_, QueryOf(arguments));
+  }();
+  if (!json) return "\"error\":" + Dump(OrderedJson(json.error().message));
+  return "\"data\":" + Dump(*json);
+}
+
+void LiveHub::Deliver(const std::shared_ptr<Client>& client, const Subscription& subscription) {
+  {
+    MutexLock lock(mutex_);
+    const auto made = snapshots_.find(subscription.key);
+    if (made != snapshots_.end() && MonotonicClock::now() - made->second.made < std::chrono::milliseconds(200))
+      return client->Done(subscription, made->second.text);
+  }
+  const std::string text = Compute(subscription);
+  {
+    MutexLock lock(mutex_);
+    if (snapshots_.size() > kMostSnapshots) snapshots_.clear();
+    snapshots_[subscription.key] = {text, MonotonicClock::now()};
+  }
+  client->Done(subscription, text);
+}
+
+void LiveHub::Tick() {
+  std::vector<std::shared_ptr<Client>> clients;
+  {
+    MutexLock lock(mutex_);
+    std::erase_if(clients_, [](const auto& client) { return client.expired(); });
+    for (const auto& client : clients_)
+      if (auto held = client.lock()) clients.push_back(std::move(held));
+  }
+  for (const auto& client : clients)
+    for (auto& subscription : client->Due())
+      context_.later(http::Lane::kFiles, [this, client, subscription] { Deliver(client, subscription); });
+}
+
+}  // namespace etude::api

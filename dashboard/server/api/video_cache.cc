@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dashboard/server/api/video_cache.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <vector>
+
+#include "dashboard/server/sources/files.h"
+#include "services/core/hash.h"
+#include "services/episode/action.h"
+#include "services/video/mp4_writer.h"
+#include "services/video/picture.h"
+
+namespace etude::api {
+namespace {
+
+constexpr int kScale = 2;  // 4:2:0 halves colours: every pixel twice keeps its own
+
+Status Make(const store::EpisodeRecord& record, std::size_t camera, const Path& file) {
+  const Camera& of = record.episode.cameras[camera].camera;
+  ETUDE_ASSIGN_OR_RETURN(
+      auto writer, video::Mp4Writer::Open(file, {.width = of.width * kScale,
+                                                 .height = of.height * kScale,
+                                                 .rate = {static_cast<int>(kControlRate), record.episode.image_stride}}));
+  video::Picture picture{of.width, of.height,
+                         std::vector<std::uint8_t>(static_cast<std::size_t>(of.width) * of.height * 3)};
+  for (const auto& where : record.frames[camera]) {
+    ETUDE_RETURN_IF_ERROR(store::FrameReader::Read(record.path, where, picture.rgb));
+    ETUDE_RETURN_IF_ERROR(writer.Write(video::Enlarged(picture, kScale).rgb));
+  }
+  return writer.Finish();
+}
+
+void Trim(const Path& folder, const Path& keep, std::uint64_t most_bytes) {
+  struct Entry {
+    Path path;
+    std::uint64_t size;
+    std::filesystem::file_time_type used;
+  };
+  std::vector<Entry> entries;
+  std::uint64_t total = 0;
+  std::error_code error;
+  for (std::filesystem::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    std::error_code ignored;
+    if (it->path().extension() != ".mp4") continue;
+    entries.push_back({it->path(), it->file_size(ignored), it->last_write_time(ignored)});
+    total += entries.back().size;
+  }
+  std::ranges::sort(entries, {}, &Entry::used);
+  for (const auto& entry : entries) {
+    if (total <= most_bytes) return;
+    if (entry.path == keep) continue;
+    std::error_code ignored;
+    std::filesystem::remove(entry.path, ignored);
+    total -= entry.size;
+  }
+}
+
+}  // namespace
+
+Result<Path> CachedVideo(const Path& folder, const store::EpisodeRecord& record, std::size_t camera,
+                         std::uint64_t most_bytes) {
+  if (camera >= record.frames.size() || record.frames[camera].empty())
+    return Fail(Code::kNotFound, fmt::format("episode {} has no pictures", record.episode.index));
+  const std::string key = sources::StampOf(record.path).tag() + record.path.string() + std::to_string(camera);
+  const Path file = folder / (Sha256Hex(key).substr(0, 32) + ".mp4");
+  std::error_code error;
+  if (std::filesystem::exists(file, error)) {
+    // the time of last use decides which ones go
+    std::filesystem::last_write_time(file, std::filesystem::file_time_type::clock::now(), error);
+    return file;
+  }
+  ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
+  const Path temporary = folder / ("." + file.filename().string());
+  if (const Status made = Make(record, camera, temporary); !made) {
+    std::filesystem::remove(temporary, error);
+    return Fail(made.error());
+  }
+  std::filesystem::rename(temporary, file, error);
+  if (error) return Fail(Code::kUnavailable, fmt::format("keep the video '{}': {}", file.string(), error.message()));
+  Trim(folder, file, most_bytes);
+  return file;
+}
+
+Result<std::string> ReadSpan(const Path& file, std::uint64_t offset, std::uint64_t size) {
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) return Fail(Code::kNotFound, fmt::format("there is no file '{}'", file.filename().string()));
+  std::string bytes(size, '\0');
+  stream.seekg(static_cast<std::streamoff>(offset));
+  if (!stream.read(bytes.data(), static_cast<std::streamsize>(size)))
+    return Fail(Code::kCorrupt, fmt::format("'{}' ends before byte {}", file.filename().string(), offset + size));
+  return bytes;
+}
+
+}  // namespace etude::api

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dashboard/server/gateway.h"
+
+#include <fmt/format.h>
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdlib>
+
+#include "dashboard/server/api/context.h"
+#include "dashboard/server/api/jobs.h"
+#include "dashboard/server/api/live_hub.h"
+#include "dashboard/server/http/server.h"
+#include "dashboard/server/http/static_files.h"
+#include "services/campaign/process.h"
+#include "services/core/identity.h"
+#include "services/core/log.h"
+#include "services/core/share.h"
+#include "services/core/stop.h"
+
+namespace etude::dashboard {
+namespace {
+
+using namespace std::chrono_literals;
+
+bool IsLoopback(const std::string& address) { return address.starts_with("127.") || address == "::1"; }
+
+std::string Trimmed(std::string text) {
+  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.pop_back();
+  return text;
+}
+
+Status MakeToken(const Path& file) {
+  ETUDE_RETURN_IF_ERROR(MakeFolders(std::filesystem::absolute(file).parent_path()));
+  const int fd = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (fd < 0) return Fail(ErrnoError("make the token file", file, errno));
+  const std::string token = NewId() + NewId() + "\n";
+  const bool written = ::write(fd, token.data(), token.size()) == static_cast<ssize_t>(token.size());
+  const int error = errno;
+  ::close(fd);
+  if (!written) return Fail(ErrnoError("write the token file", file, error));
+  Log().info("made a token in {}", file.string());
+  return {};
+}
+
+Result<std::string> ReadToken(const Path& file) {
+  constexpr std::size_t kShortest = 16;
+  if (file.empty()) return std::string();
+  std::error_code error;
+  if (!std::filesystem::exists(file, error)) ETUDE_RETURN_IF_ERROR(MakeToken(file));
+  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(file, 4096));
+  std::string token = Trimmed(text);
+  if (token.size() >= kShortest) return token;
+  return Fail(Code::kInvalidArgument,
+              fmt::format("--token-file {}: the token has {} characters; at least {} are needed, such as those of "
+                          "`openssl rand -hex 16`",
+                          file.string(), token.size(), kShortest));
+}
+
+// The built pages in a source tree above the program, or where they are installed.
+Path FindPages() {
+  std::error_code ignored;
+  const Path built = "dashboard/web/dist";
+  for (Path folder = campaign::ProgramFolder(); folder != folder.parent_path(); folder = folder.parent_path())
+    if (std::filesystem::is_regular_file(folder / built / "index.html", ignored)) return folder / built;
+  return FindShared("web").value_or(built);
+}
+
+Path CacheFolder() {
+  if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache && *cache) return Path(cache) / "etude" / "dashboard";
+  if (const char* home = std::getenv("HOME"); home && *home) return Path(home) / ".cache" / "etude" / "dashboard";
+  return std::filesystem::temp_directory_path() / fmt::format("etude-dashboard-{}", ::getuid());
+}
+
+Result<http::SecurityConfig> SecurityOf(const GatewayOptions& options) {
+  http::SecurityConfig config;
+  config.reads_need_token = !IsLoopback(options.address);
+  for (auto host : options.hosts) {
+    std::ranges::transform(host, host.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    config.hosts.push_back(std::move(host));
+  }
+  ETUDE_ASSIGN_OR_RETURN(config.token, ReadToken(options.token_file));
+  if (config.reads_need_token && config.token.empty())
+    return Fail(Code::kInvalidArgument,
+                fmt::format("--bind {}: other machines could read everything; name a --token-file FILE, too",
+                            options.address));
+  return config;
+}
+
+std::shared_ptr<const live::LiveView> NoBus() {
+  static const auto empty = std::make_shared<const live::LiveView>();
+  return empty;
+}
+
+}  // namespace
+
+// In the order in which they need each other; the server goes first at the end, and its threads with it.
+struct Gateway::Parts {
+  Parts(const GatewayOptions& chosen, const http::SecurityConfig& secured)
+      : options(chosen),
+        cache(chosen.cache.empty() ? CacheFolder() : chosen.cache),
+        sources(chosen.dirs),
+        jobs(cache / "jobs"),
+        security(secured),
+        bus(chosen.use_bus ? std::make_unique<live::BusWatch>(chosen.bus) : nullptr),
+        context(
+            sources, [this] { return bus ? bus->View() : NoBus(); },
+            [this](http::Lane lane, std::function<void()> work) { server->InLane(lane, std::move(work)); }, security,
+            jobs),
+        pages(chosen.web.empty() ? FindPages() : chosen.web),
+        hub(context) {
+    context.videos = cache / "videos";
+    context.openapi = OpenApiText();
+    context.domain = chosen.use_bus ? static_cast<int>(chosen.bus.domain) : -1;
+    service = std::make_unique<http::Service>(api::MakeRouter(context), security,
+                                              [this](const http::Request& request) { return pages.Serve(request); });
+  }
+
+  const GatewayOptions options;
+  const Path cache;
+  sources::Sources sources;
+  api::Jobs jobs;
+  const http::Security security;
+  std::unique_ptr<live::BusWatch> bus;
+  api::Context context;
+  http::StaticFiles pages;
+  api::LiveHub hub;
+  std::unique_ptr<http::Service> service;
+  std::unique_ptr<http::Server> server;
+};
+
+Result<std::unique_ptr<Gateway>> Gateway::Open(const GatewayOptions& options) {
+  ETUDE_ASSIGN_OR_RETURN(const auto security, SecurityOf(options));
+  auto parts = std::make_unique<Parts>(options, security);
+  http::ServerOptions serving;
+  serving.address = options.address;
+  serving.port = options.port;
+  auto* hub = &parts->hub;
+  ETUDE_ASSIGN_OR_RETURN(
+      parts->server,
+      http::Server::Open(serving, *parts->service,
+                         [hub](const http::Request& request, std::shared_ptr<http::Socket> socket) {
+                           return hub->Connect(request, std::move(socket));
+                         }));
+  return std::unique_ptr<Gateway>(new Gateway(std::move(parts)));
+}
+
+Gateway::Gateway(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {
+  auto& server = *parts_->server;
+  server.Every(100ms, [this] {
+    parts_->hub.Tick();
+    if (StopRequested()) parts_->server->Stop();
+  });
+  server.Every(250ms, [this] { parts_->jobs.Pump(); });
+}
+
+Gateway::~Gateway() = default;
+
+std::uint16_t Gateway::port() const { return parts_->server->port(); }
+
+std::string Gateway::url() const {
+  const auto& address = parts_->options.address;
+  const bool six = address.find(':') != std::string::npos;
+  return fmt::format("http://{}:{}", six ? "[" + address + "]" : address, port());
+}
+
+void Gateway::Run() {
+  parts_->server->Run();
+  parts_->jobs.StopAll();
+}
+
+void Gateway::Stop() { parts_->server->Stop(); }
+
+}  // namespace etude::dashboard

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the server's connections share. Internal to dashboard/server/http.
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/asio/thread_pool.hpp>
+#include <boost/beast/core/tcp_stream.hpp>
+#include <boost/beast/http/message.hpp>
+#include <boost/beast/http/string_body.hpp>
+#include <list>
+#include <memory>
+
+#include "dashboard/server/http/server.h"
+
+namespace etude::http {
+
+namespace net = boost::asio;
+namespace beast = boost::beast;
+
+struct Server::State {
+  State(const ServerOptions& server_options, const Service& served, SocketFactory factory)
+      : options(server_options),
+        service(served),
+        sockets(std::move(factory)),
+        acceptor(network),
+        files(server_options.file_threads),
+        episodes(1) {}
+
+  void Accept();
+
+  std::size_t open_connections = 0;  // network thread only; first, as connections end with the network
+  const ServerOptions options;
+  const Service& service;
+  const SocketFactory sockets;
+  net::io_context network{1};
+  net::ip::tcp::acceptor acceptor;
+  net::thread_pool files, episodes;
+  std::list<net::steady_timer> timers;
+};
+
+using BeastRequest = beast::http::request<beast::http::string_body>;
+
+/// Reads and answers requests of one connection until it ends. Counts itself among `state`'s.
+void StartConnection(Server::State& state, beast::tcp_stream stream);
+/// Takes the connection over as a WebSocket.
+/// @param ended  called once it is over
+void StartSocket(Server::State& state, beast::tcp_stream stream, BeastRequest upgrade, const Request& request,
+                 std::function<void()> ended);
+
+}  // namespace etude::http

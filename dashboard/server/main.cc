@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// etude-gateway: `etude dashboard`.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+
+#include "dashboard/server/gateway.h"
+#include "services/core/command.h"
+#include "services/core/log.h"
+
+namespace etude {
+namespace {
+
+Status Serve(dashboard::GatewayOptions options) {
+  if (options.dirs.empty()) options.dirs.push_back(".");
+  ETUDE_ASSIGN_OR_RETURN(const auto gateway, dashboard::Gateway::Open(options));
+  // the address is what people and programs wait for
+  fmt::print("dashboard  {}\n", gateway->url());
+  std::fflush(stdout);
+  gateway->Run();
+  return {};
+}
+
+}  // namespace
+}  // namespace etude
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Web pages over datasets, runs and evaluations below the given folders, and over what is on the bus. It changes\n"
+      "nothing unless a token was given, and answers this machine alone unless told otherwise.",
+      "etude dashboard");
+  etude::dashboard::GatewayOptions options;
+  std::vector<std::string> dirs;
+  std::string token_file, web, cache;
+  bool no_bus = false;
+  app.add_option("--dir", dirs, "folder to look in; repeatable (default: the current one)")->allow_extra_args(false);
+  app.add_option("--port", options.port, "0: any free one")->capture_default_str();
+  app.add_option("--bind", options.address, "address to listen at; another than this machine's own needs --token-file")
+      ->capture_default_str();
+  app.add_option("--host", options.hosts, "name that browsers open it by; repeatable")->allow_extra_args(false);
+  app.add_option("--token-file", token_file, "whoever has its content may act; made when it is not there");
+  app.add_flag("--no-bus", no_bus, "files alone");
+  app.add_option("--web", web, "folder of the built pages (default: those that come along)");
+  app.add_option("--cache", cache, "folder for videos (default: ~/.cache/etude/dashboard)");
+  options.bus.Add(app);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
+  }
+  options.dirs.assign(dirs.begin(), dirs.end());
+  options.token_file = token_file;
+  options.web = web;
+  options.cache = cache;
+  options.use_bus = !no_bus;
+  return etude::RunMain("etude-gateway", [&] { return etude::Serve(options); });
+}

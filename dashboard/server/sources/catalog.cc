@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dashboard/server/sources/catalog.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <deque>
+#include <set>
+#include <tuple>
+#include <utility>
+
+namespace etude::sources {
+namespace {
+
+constexpr int kDeepest = 5;             // folders below a root
+constexpr std::size_t kMostEntries = 20'000;  // looked at, of one root
+constexpr std::size_t kMostFound = 1'000;
+constexpr std::chrono::seconds kScanEvery{3};
+// what only holds files of what was found already
+constexpr std::array<std::string_view, 7> kClosed{"episodes", "videos", "checkpoints", "quarantine", "masks", "objects",
+                                                  "node_modules"};
+
+std::string IdOf(const std::string& shown) {
+  std::string id;
+  for (const char c : shown) {
+    const bool plain = std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_' || c == '.';
+    id += c == '/' ? '.' : plain ? c : '_';
+  }
+  return id;
+}
+
+bool Has(const Path& folder, const char* file) {
+  std::error_code error;
+  return std::filesystem::is_regular_file(folder / file, error);
+}
+
+std::optional<Kind> KindOf(const Path& folder) {
+  if (Has(folder, "dataset.json")) return Kind::kDataset;
+  if (Has(folder, "eval.json") || Has(folder / "rollouts", "dataset.json")) return Kind::kEval;
+  std::error_code error;
+  if (Has(folder, "metrics.jsonl") || (Has(folder, "config.yaml") && Has(folder, "identity.json")) ||
+      (std::filesystem::is_directory(folder / "checkpoints", error) && Has(folder, "config.yaml")))
+    return Kind::kRun;
+  return std::nullopt;
+}
+
+// Looks through one root, folders that lie higher first.
+class Search {
+ public:
+  Search(std::vector<Found>& found, std::vector<Catalog::LogFile>& logs) : found_(found), logs_(logs) {}
+
+  void Root(const Path& root) {
+    const std::string name = root.filename().empty() ? root.parent_path().filename().string() : root.filename().string();
+    std::deque<Step> open{{root, name, "", 0}};
+    std::size_t entries = 0;
+    while (!open.empty() && entries < kMostEntries && found_.size() < kMostFound) {
+      const Step step = std::move(open.front());
+      open.pop_front();
+      const std::string eval = Note(step);
+      if (step.depth < kDeepest) entries += Enter(step, eval, open);
+    }
+  }
+
+ private:
+  struct Step {
+    Path folder;
+    std::string shown, eval;  // eval: of which this folder is the rollouts
+    int depth = 0;
+  };
+
+  // returns the id when it is an evaluation
+  std::string Note(const Step& step) {
+    const auto kind = KindOf(step.folder);
+    if (!kind) return "";
+    const std::string wanted = IdOf(step.shown);
+    std::string id = wanted;
+    for (int n = 2; !ids_.emplace(*kind, id).second; ++n) id = fmt::format("{}-{}", wanted, n);
+    found_.push_back({*kind, id, step.folder.filename().string(), step.folder, step.shown,
+                      *kind == Kind::kDataset ? step.eval : ""});
+    return *kind == Kind::kEval ? id : "";
+  }
+
+  std::size_t Enter(const Step& step, const std::string& eval, std::deque<Step>& open) {
+    std::vector<Path> folders;
+    std::size_t entries = 0;
+    std::error_code error;
+    std::filesystem::directory_iterator it(step.folder, error), end;
+    for (; !error && it != end && entries < kMostEntries; it.increment(error), ++entries) {
+      const std::string name = it->path().filename().string();
+      std::error_code ignored;
+      if (name.starts_with('.') || it->is_symlink(ignored)) continue;
+      if (it->is_directory(ignored)) {
+        if (std::ranges::find(kClosed, name) == kClosed.end()) folders.push_back(it->path());
+      } else if (name.ends_with(".log") && logs_.size() < kMostFound) {
+        logs_.push_back({IdOf(step.shown + "/" + name), step.folder, name});
+      }
+    }
+    std::ranges::sort(folders);
+    for (auto& folder : folders) {
+      const std::string name = folder.filename().string();
+      open.push_back({std::move(folder), step.shown + "/" + name, name == "rollouts" ? eval : "", step.depth + 1});
+    }
+    return entries;
+  }
+
+  std::vector<Found>& found_;
+  std::vector<Catalog::LogFile>& logs_;
+  std::set<std::pair<Kind, std::string>> ids_;
+};
+
+std::vector<Path> Canonical(const std::vector<Path>& roots) {
+  std::vector<Path> canonical;
+  for (const auto& root : roots) {
+    std::error_code error;
+    Path path = std::filesystem::canonical(root, error);
+    // one that is not there yet may come
+    canonical.push_back(error ? std::filesystem::absolute(root).lexically_normal() : path);
+  }
+  return canonical;
+}
+
+}  // namespace
+
+std::string ToString(Kind kind) {
+  switch (kind) {
+    case Kind::kDataset: return "dataset";
+    case Kind::kRun: return "run";
+    case Kind::kEval: break;
+  }
+  return "eval";
+}
+
+Catalog::Catalog(std::vector<Path> roots) : roots_(Canonical(roots)) {}
+
+void Catalog::Scan() {
+  const auto now = MonotonicClock::now();
+  if (found_ && now - scanned_ < kScanEvery) return;
+  auto found = std::make_shared<std::vector<Found>>();
+  auto logs = std::make_shared<std::vector<LogFile>>();
+  Search search(*found, *logs);
+  for (const auto& root : roots_) search.Root(root);
+  std::ranges::sort(*found, {}, [](const Found& item) { return std::tie(item.kind, item.id); });
+  found_ = std::move(found);
+  logs_ = std::move(logs);
+  scanned_ = now;
+}
+
+std::shared_ptr<const std::vector<Found>> Catalog::List() {
+  MutexLock lock(mutex_);
+  Scan();
+  return found_;
+}
+
+std::shared_ptr<const std::vector<Catalog::LogFile>> Catalog::Logs() {
+  MutexLock lock(mutex_);
+  Scan();
+  return logs_;
+}
+
+Result<Found> Catalog::Find(Kind kind, const std::string& id) {
+  const auto found = List();
+  for (const auto& item : *found)
+    if (item.kind == kind && item.id == id) return item;
+  std::string known;
+  for (const auto& item : *found)
+    if (item.kind == kind && known.size() < 300) known += (known.empty() ? "" : ", ") + item.id;
+  return Fail(Code::kNotFound, fmt::format("there is no {} '{:.100}'; there are: {}", ToString(kind), id,
+                                           known.empty() ? "none" : known));
+}
+
+}  // namespace etude::sources

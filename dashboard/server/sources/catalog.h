@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// What lies below the folders that the gateway was given: datasets, runs and evaluations, told by their files. Every
+// name in a request is looked up here and never joined into a path.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "services/core/clock.h"
+#include "services/core/file.h"
+#include "services/core/thread_annotations.h"
+
+namespace etude::sources {
+
+enum class Kind : std::uint8_t { kDataset, kRun, kEval };
+std::string ToString(Kind kind);  ///< "dataset", "run", "eval"
+
+struct Found {
+  Kind kind = Kind::kDataset;
+  std::string id;      ///< the folder below its root, with '.' between its parts: "quickstart.run.base"; unique of a kind
+  std::string name;    ///< the folder's own
+  Path folder;         ///< absolute, without links
+  std::string shown;   ///< for people: "quickstart/run/base"
+  std::string eval;    ///< a dataset of rollouts: the evaluation's id; else ""
+};
+
+/// Thread-safe.
+class Catalog {
+ public:
+  /// @param roots  folders; one that is itself a dataset, a run or an evaluation is found as such
+  explicit Catalog(std::vector<Path> roots);
+
+  /// What is there, looked for again at most every three seconds; in order of kind and id.
+  std::shared_ptr<const std::vector<Found>> List();
+  /// @error kNotFound: names what there is
+  Result<Found> Find(Kind kind, const std::string& id);
+  const std::vector<Path>& roots() const { return roots_; }
+  /// Folders named logs below the roots, and files directly in them that end in .log: (id, absolute folder, file).
+  struct LogFile {
+    std::string id;
+    Path folder, file;
+  };
+  std::shared_ptr<const std::vector<LogFile>> Logs();
+
+ private:
+  void Scan() ETUDE_REQUIRES(mutex_);
+
+  const std::vector<Path> roots_;
+  Mutex mutex_;
+  std::shared_ptr<const std::vector<Found>> found_ ETUDE_GUARDED_BY(mutex_);
+  std::shared_ptr<const std::vector<LogFile>> logs_ ETUDE_GUARDED_BY(mutex_);
+  MonotonicClock::time_point scanned_ ETUDE_GUARDED_BY(mutex_){};
+};
+
+}  // namespace etude::sources

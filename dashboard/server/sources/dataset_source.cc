@@ -1,0 +1,386 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dashboard/server/sources/dataset_source.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "services/core/identity.h"
+#include "services/core/statistics.h"
+#include "services/episode/bounded_json.h"
+#include "services/spec/episode_plan.h"
+
+namespace etude::sources {
+namespace {
+
+constexpr std::chrono::milliseconds kRefreshEvery{500};
+constexpr std::size_t kRecent = 4;             // episodes kept, 1 MB each
+constexpr std::size_t kMostRows = 1'000'000;   // of a list
+constexpr std::size_t kMostUnreadable = 20;    // named
+constexpr std::uint64_t kJsonBytes = 16 << 20;
+constexpr std::size_t kFewest = 8;  // episodes of a task, to call one of them odd
+
+void TakeCommit(const OrderedJson& line, EpisodeRow& row) {
+  row.known = true;
+  row.task = TextOf(line, "task", row.task);
+  row.target = TextOf(line, "target", row.target);
+  row.reference = TextOf(line, "reference", row.reference);
+  row.robot = TextOf(line, "robot", row.robot);
+  row.outcome = TextOf(line, "outcome", "success");
+  row.instruction = TextOf(line, "instruction");
+  row.worker = TextOf(line, "worker");
+  row.host = TextOf(line, "host");
+  row.attempt = static_cast<std::uint32_t>(UnsignedOf(line, "attempt").value_or(0));
+  row.steps = UnsignedOf(line, "steps").value_or(0);
+  row.frames = UnsignedOf(line, "frames").value_or(0);
+  row.bytes = UnsignedOf(line, "bytes").value_or(0);
+  row.draws = UnsignedOf(line, "draws").value_or(0);
+  row.t = NumberOf(line, "t");
+  row.path_m = NumberOf(line, "path_m");
+  row.jerk = NumberOf(line, "jerk");
+  const auto& timings = PartOf(line, "timings");
+  row.plan_s = NumberOf(timings, "plan_s");
+  row.step_s = NumberOf(timings, "step_s");
+  row.render_s = NumberOf(timings, "render_s");
+  row.deflate_s = NumberOf(timings, "deflate_s");
+  row.send_s = NumberOf(timings, "send_s");
+}
+
+double PathLength(const Track& positions) {
+  double length = 0;
+  for (int t = 1; t < positions.rows(); ++t) {
+    double squared = 0;
+    for (int axis = 0; axis < positions.columns; ++axis) {
+      const double difference = positions.row(t)[axis] - positions.row(t - 1)[axis];
+      squared += difference * difference;
+    }
+    length += std::sqrt(squared);
+  }
+  return length;
+}
+
+// Root mean square of third differences over 5 steps (0.04 s) of the hand, m/s^3.
+std::optional<double> Jerk(const Track& positions) {
+  constexpr int kGap = 5;
+  constexpr double kStep_s = 0.04;
+  double sum = 0;
+  int n = 0;
+  for (int t = 3 * kGap; t < positions.rows(); ++t, ++n)
+    for (int axis = 0; axis < positions.columns; ++axis) {
+      const auto at = [&](int back) { return static_cast<double>(positions.row(t - back * kGap)[axis]); };
+      const double third = (at(0) - 3 * at(1) + 3 * at(2) - at(3)) / (kStep_s * kStep_s * kStep_s);
+      sum += third * third;
+    }
+  if (n == 0) return std::nullopt;
+  return std::sqrt(sum / n);
+}
+
+void TakeEpisode(const store::EpisodeRecord& record, EpisodeRow& row) {
+  const etude::Episode& episode = record.episode;
+  row.known = true;
+  row.task = episode.task, row.target = episode.target, row.reference = episode.reference, row.robot = episode.robot;
+  row.outcome = episode.outcome, row.instruction = episode.instruction;
+  row.attempt = episode.attempt;
+  row.steps = static_cast<std::uint64_t>(episode.steps());
+  row.frames = 0;
+  for (const auto& camera : record.frames) row.frames += camera.size();
+  std::error_code error;
+  row.bytes = std::filesystem::file_size(record.path, error);
+  row.draws = UnsignedOf(PartOf(episode.details, "scene"), "draws").value_or(0);
+  const FileStamp stamp = StampOf(record.path);
+  if (!row.t && stamp.exists()) row.t = stamp.modified_s();
+  row.path_m = PathLength(episode.eef_pos);
+  row.jerk = Jerk(episode.eef_pos);
+  double speed = 0;
+  for (const float value : episode.joint_vel.values) speed = std::max(speed, std::abs(static_cast<double>(value)));
+  row.joint_speed = speed;
+  if (const auto* object = episode.FindObject(episode.target); object && object->pose.rows() > 0)
+    row.place_m = {{object->pose.row(0)[0], object->pose.row(0)[1]}};
+}
+
+AttemptRow FailureFrom(const OrderedJson& line) {
+  AttemptRow row;
+  row.index = UnsignedOf(line, "index").value_or(0);
+  row.seed = UnsignedOf(line, "seed").value_or(0);
+  row.attempt = static_cast<std::uint32_t>(UnsignedOf(line, "attempt").value_or(0));
+  row.outcome = TextOf(line, "outcome");
+  const auto& details = PartOf(line, "details");
+  row.reason = TextOf(details, "reason");
+  row.worker = TextOf(details, "worker");
+  row.t = NumberOf(details, "t");
+  row.stage = TextOf(details, "stage");
+  // where it is only in the words, "approach: step 21: ..."
+  if (const auto colon = row.reason.find(": "); row.stage.empty() && colon != std::string::npos && colon < 40)
+    row.stage = row.reason.substr(0, colon);
+  const auto& pair = PartOf(details, "pair");
+  if (pair.is_string()) row.pair = pair.get<std::string>();
+  if (pair.is_array() && pair.size() == 2 && pair[0].is_string() && pair[1].is_string())
+    row.pair = pair[0].get<std::string>() + "–" + pair[1].get<std::string>();
+  row.plan_s = NumberOf(details, "plan_s");
+  row.step_s = NumberOf(details, "step_s");
+  row.render_s = NumberOf(details, "render_s");
+  row.deflate_s = NumberOf(details, "deflate_s");
+  return row;
+}
+
+struct Measure {
+  const char* name;
+  std::optional<double> (*of)(const EpisodeRow&);
+};
+
+constexpr std::array<Measure, 4> kMeasures{
+    {{"steps", [](const EpisodeRow& row) -> std::optional<double> { return static_cast<double>(row.steps); }},
+     {"path_m", [](const EpisodeRow& row) { return row.path_m; }},
+     {"jerk", [](const EpisodeRow& row) { return row.jerk; }},
+     {"joint_speed", [](const EpisodeRow& row) { return row.joint_speed; }}}};
+
+void MarkOdd(std::vector<EpisodeRow*>& rows, const Measure& measure) {
+  std::vector<double> values;
+  for (const auto* row : rows)
+    if (const auto value = measure.of(*row)) values.push_back(*value);
+  if (values.size() < kFewest) return;
+  const double median = Quantile(values, 0.5);
+  std::vector<double> deviations;
+  for (const double value : values) deviations.push_back(std::abs(value - median));
+  const double scale = 1.4826 * Quantile(std::move(deviations), 0.5);
+  if (!(scale > 0)) return;
+  for (auto* row : rows) {
+    const auto value = measure.of(*row);
+    if (!value) continue;
+    const double z = std::abs(*value - median) / scale;
+    if (row->odd && *row->odd >= z) continue;
+    row->odd = z;
+    row->odd_what = measure.name;
+  }
+}
+
+}  // namespace
+
+void MarkOdd(std::vector<EpisodeRow>& rows) {
+  std::map<std::string, std::vector<EpisodeRow*>> by_task;
+  for (auto& row : rows)
+    if (row.known) by_task[row.task].push_back(&row);
+  for (auto& [task, of_task] : by_task)
+    for (const auto& measure : kMeasures) MarkOdd(of_task, measure);
+}
+
+const EpisodeRow* DatasetView::Find(std::uint64_t index) const {
+  const auto found = std::ranges::lower_bound(rows, index, {}, &EpisodeRow::index);
+  return found == rows.end() || found->index != index ? nullptr : &*found;
+}
+
+std::uint64_t DatasetView::GivenUp() const {
+  std::map<std::uint64_t, std::set<std::uint32_t>> failed;
+  std::uint64_t given_up = 0;
+  for (const auto& row : failures) {
+    if (row.outcome == "policy_error" || Find(row.index)) continue;  // that one is made again, whatever its number
+    auto& attempts = failed[row.index];
+    const bool never = row.outcome == "scene_invalid" && info.spec.scenes == "first_draw";
+    const auto before = attempts.size();
+    const auto most = static_cast<std::size_t>(std::max(1, info.spec.max_attempts));
+    if (never)
+      while (attempts.size() < most) attempts.insert(static_cast<std::uint32_t>(1'000'000 + attempts.size()));
+    else
+      attempts.insert(row.attempt);
+    given_up += before < most && attempts.size() >= most ? 1 : 0;
+  }
+  return given_up;
+}
+
+DatasetSource::DatasetSource(Found found)
+    : found_(std::move(found)), commits_(found_.folder / "commits.jsonl"), attempts_(found_.folder / "attempts.jsonl") {}
+
+Status DatasetSource::ReadSpec() {
+  const FileStamp stamp = StampOf(found_.folder / "dataset.json");
+  if (reader_ && stamp == spec_stamp_) return {};
+  ETUDE_ASSIGN_OR_RETURN(auto reader, store::DatasetReader::Open(found_.folder));
+  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(found_.folder / "dataset.json", kJsonBytes));
+  const auto json = ParseBoundedJson(text);
+  if (!json) return Fail(Code::kCorrupt, fmt::format("read '{}': dataset.json is not JSON", found_.shown));
+  info_.spec = reader.spec();
+  info_.spec_json = PartOf(*json, "spec");
+  info_.statistics = PartOf(*json, "statistics");
+  info_.spec_sha256 = reader.spec_sha256();
+  info_.schema_version = reader.schema_version();
+  info_.content = static_cast<std::int64_t>(UnsignedOf(*json, "content").value_or(0));
+  if (const auto identity = ReadIdentity(found_.folder)) info_.identity = identity->id;
+  // what follows from the spec is only worked out for one that makes sense here: its files may be elsewhere
+  sampling_.reset();
+  if (info_.spec.Validate())
+    if (auto journal = store::SamplingJournal::Open(found_.folder, info_.spec)) sampling_.emplace(std::move(*journal));
+  reader_.emplace(std::move(reader));
+  spec_stamp_ = stamp;
+  changed_ = true;
+  return {};
+}
+
+EpisodeRow DatasetSource::RowFromSpec(std::uint64_t index) {
+  EpisodeRow row;
+  row.index = index;
+  row.split = SplitOf(info_.spec, index);
+  if (!sampling_) return row;
+  const EpisodePlan plan = PlanEpisode(info_.spec, index, 0, sampling_->At(index));
+  row.task = plan.task.text();
+  row.target = plan.target, row.reference = plan.reference, row.robot = plan.scene.robot;
+  return row;
+}
+
+EpisodeRow DatasetSource::About(std::uint64_t index) {
+  MutexLock lock(mutex_);
+  if (const auto known = rows_.find(index); known != rows_.end()) return known->second;
+  return RowFromSpec(index);
+}
+
+void DatasetSource::ReadCommits() {
+  commits_.Refresh([this] { rows_.clear(), changed_ = true; },
+                   [this](const OrderedJson& line) {
+                     const auto index = UnsignedOf(line, "index");
+                     if (!index || rows_.size() >= kMostRows) return;
+                     EpisodeRow row;
+                     row.index = *index;
+                     row.split = SplitOf(info_.spec, *index);
+                     TakeCommit(line, row);
+                     rows_[*index] = std::move(row);
+                     changed_ = true;
+                   });
+  info_.journal = commits_.stamp().exists();
+}
+
+void DatasetSource::ReadFailures() {
+  attempts_.Refresh([this] { failures_.clear(), changed_ = true; },
+                    [this](const OrderedJson& line) {
+                      if (!UnsignedOf(line, "index") || failures_.size() >= kMostRows) return;
+                      AttemptRow row = FailureFrom(line);
+                      const EpisodeRow about = RowFromSpec(row.index);
+                      row.task = about.task, row.target = about.target, row.robot = about.robot;
+                      failures_.push_back(std::move(row));
+                      changed_ = true;
+                    });
+}
+
+// The files decide what is committed: the journal may be behind, or of episodes that were set aside.
+Status DatasetSource::ListEpisodes() {
+  ETUDE_ASSIGN_OR_RETURN(const auto indices, reader_->List());
+  const std::size_t before = rows_.size();
+  std::erase_if(rows_, [&](const auto& item) { return !std::ranges::binary_search(indices, item.first); });
+  changed_ = changed_ || rows_.size() != before;
+  for (const auto index : indices) {
+    if (rows_.contains(index) || rows_.size() >= kMostRows) continue;
+    rows_.emplace(index, RowFromSpec(index));
+    changed_ = true;
+  }
+  return {};
+}
+
+Status DatasetSource::Refresh() {
+  if (view_ && MonotonicClock::now() - refreshed_ < kRefreshEvery) return {};
+  ETUDE_RETURN_IF_ERROR(ReadSpec());
+  ReadCommits();
+  ReadFailures();
+  ETUDE_RETURN_IF_ERROR(ListEpisodes());
+  std::error_code error;
+  info_.updated = std::max({spec_stamp_.modified_s(), commits_.stamp().modified_s(), attempts_.stamp().modified_s()});
+  if (!rows_.empty()) {
+    const auto newest = StampOf(store::EpisodePath(found_.folder, rows_.rbegin()->first));
+    info_.updated = std::max(info_.updated, newest.modified_s());
+  }
+  refreshed_ = MonotonicClock::now();
+  return {};
+}
+
+std::shared_ptr<const DatasetView> DatasetSource::Build() {
+  auto view = std::make_shared<DatasetView>();
+  view->info = info_;
+  view->failures = failures_;
+  view->rows.reserve(rows_.size());
+  for (const auto& [index, row] : rows_) {
+    view->rows.push_back(row);
+    view->known += row.known ? 1 : 0;
+  }
+  MarkOdd(view->rows);
+  return view;
+}
+
+Result<std::shared_ptr<const DatasetView>> DatasetSource::View() {
+  MutexLock lock(mutex_);
+  ETUDE_RETURN_IF_ERROR(Refresh());
+  if (changed_ || !view_) view_ = Build();
+  changed_ = false;
+  return view_;
+}
+
+bool DatasetSource::ReadNext() {
+  std::uint64_t index = 0;
+  std::optional<store::DatasetReader> reader;
+  {
+    MutexLock lock(mutex_);
+    if (!reader_) return false;
+    // newest first: that is what a list shows first
+    const auto next = std::find_if(rows_.rbegin(), rows_.rend(), [&](const auto& item) ETUDE_REQUIRES(mutex_) {
+      return !item.second.known && !info_.unreadable_files.contains(item.first);
+    });
+    if (next == rows_.rend() || info_.unreadable_files.size() >= kMostUnreadable) return false;
+    index = next->first;
+    reader = *reader_;
+  }
+  const auto record = reader->Read(index);
+  MutexLock lock(mutex_);
+  changed_ = true;
+  if (!record) {
+    ++info_.unreadable;
+    info_.unreadable_files[index] = record.error().message;
+    return true;
+  }
+  if (const auto row = rows_.find(index); row != rows_.end()) TakeEpisode(*record, row->second);
+  return true;
+}
+
+Result<std::shared_ptr<const store::EpisodeRecord>> DatasetSource::Episode(std::uint64_t index) {
+  std::optional<store::DatasetReader> reader;
+  {
+    MutexLock lock(mutex_);
+    const auto found = std::ranges::find(recent_, index, [](const auto& item) { return item.first; });
+    if (found != recent_.end()) {
+      recent_.splice(recent_.begin(), recent_, found);
+      return recent_.front().second;
+    }
+    ETUDE_RETURN_IF_ERROR(ReadSpec());
+    reader = *reader_;
+  }
+  ETUDE_ASSIGN_OR_RETURN(auto record, reader->Read(index));
+  auto shared = std::make_shared<const store::EpisodeRecord>(std::move(record));
+  MutexLock lock(mutex_);
+  recent_.emplace_front(index, shared);
+  if (recent_.size() > kRecent) recent_.pop_back();
+  return shared;
+}
+
+std::vector<std::string> DatasetSource::Keys() const {
+  std::vector<std::string> keys;
+  std::error_code error;
+  std::filesystem::directory_iterator entries(found_.folder / "masks", error), end;
+  for (; !error && entries != end && keys.size() < 200; entries.increment(error)) {
+    const std::string stem = entries->path().stem().string();
+    if (entries->path().extension() == ".json" && IsPlainName(stem)) keys.push_back(stem);
+  }
+  std::ranges::sort(keys);
+  return keys;
+}
+
+Result<std::set<std::uint64_t>> DatasetSource::EpisodesOfKey(const std::string& key) const {
+  const auto missing = [&] { return Fail(Code::kNotFound, fmt::format("there is no filter key '{:.64}'", key)); };
+  if (!IsPlainName(key)) return missing();
+  const auto text = ReadTextFile(found_.folder / "masks" / (key + ".json"), kJsonBytes);
+  if (!text) return missing();
+  const auto json = ParseBoundedJson(*text);
+  if (!json) return missing();
+  const OrderedJson& list = json->is_object() ? PartOf(*json, "episodes") : *json;
+  std::set<std::uint64_t> episodes;
+  for (const auto& item : list)
+    if (item.is_number_unsigned()) episodes.insert(item.get<std::uint64_t>());
+  return episodes;
+}
+
+}  // namespace etude::sources

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+// A dataset as the dashboard shows it: rows of its episodes from its journal (commits.jsonl) or, where there is none,
+// from the spec at once and from the files in the background; failed attempts; single episodes.
+#pragma once
+
+#include <cstdint>
+#include <list>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "dashboard/server/sources/catalog.h"
+#include "dashboard/server/sources/files.h"
+#include "services/core/thread_annotations.h"
+#include "services/spec/campaign_spec.h"
+#include "services/store/dataset.h"
+#include "services/store/sampling_journal.h"
+
+namespace etude::sources {
+
+/// One episode in lists. What is not known yet is empty; task, target, reference and robot follow from the spec.
+struct EpisodeRow {
+  std::uint64_t index = 0;
+  bool known = false;  ///< the rest was read, not only what follows from the spec
+  std::string task, target, reference, robot, split;
+  std::string outcome, instruction, worker, host;
+  std::uint32_t attempt = 0;
+  std::uint64_t steps = 0, frames = 0, bytes = 0, draws = 0;
+  std::optional<double> t;  ///< of the commit, seconds since 1970
+  std::optional<double> path_m, jerk, joint_speed;
+  std::optional<std::array<double, 2>> place_m;  ///< x, y of the target at the start, world
+  std::optional<double> odd;                     ///< largest robust z within its task
+  std::string odd_what;
+  std::optional<double> plan_s, step_s, render_s, deflate_s, send_s;
+};
+
+/// A line of attempts.jsonl.
+struct AttemptRow {
+  std::uint64_t index = 0, seed = 0;
+  std::uint32_t attempt = 0;
+  std::string outcome, reason, stage, pair, worker;
+  std::string task, target, robot;  ///< follow from the spec
+  std::optional<double> t, plan_s, step_s, render_s, deflate_s;
+};
+
+struct DatasetInfo {
+  CampaignSpec spec;
+  OrderedJson spec_json, statistics;
+  std::string spec_sha256, identity;
+  int schema_version = 0;
+  std::int64_t content = 0;
+  bool journal = false;
+  std::uint64_t unreadable = 0;
+  std::map<std::uint64_t, std::string> unreadable_files;  ///< the first of them: index -> reason
+  double updated = 0;                                     ///< newest change of its files, seconds since 1970
+};
+
+/// Everything at one moment; rows by index, attempts in the order of their lines. Immutable, shared by requests.
+struct DatasetView {
+  DatasetInfo info;
+  std::vector<EpisodeRow> rows;
+  std::vector<AttemptRow> failures;
+  std::uint64_t known = 0;
+
+  /// nullptr: no such episode.
+  const EpisodeRow* Find(std::uint64_t index) const;
+  std::uint64_t GivenUp() const;  ///< indices whose attempts are used up
+};
+
+/// Thread-safe.
+class DatasetSource {
+ public:
+  explicit DatasetSource(Found found);
+
+  const Found& found() const { return found_; }
+  /// As it is now; files are looked at again at most twice a second. @error of the store
+  Result<std::shared_ptr<const DatasetView>> View();
+  /// Reads the attributes of one episode that is not known; false: none is left. Takes HDF5's lock.
+  bool ReadNext();
+  /// One of the last few is kept. Takes HDF5's lock. @error of the store
+  Result<std::shared_ptr<const store::EpisodeRecord>> Episode(std::uint64_t index);
+  /// What an episode is about, made or not: index, split, and what follows from the spec.
+  EpisodeRow About(std::uint64_t index);
+  /// Names of masks/<key>.json, and their episodes. Small files, read each time.
+  std::vector<std::string> Keys() const;
+  /// @error kNotFound
+  Result<std::set<std::uint64_t>> EpisodesOfKey(const std::string& key) const;
+
+ private:
+  Status Refresh() ETUDE_REQUIRES(mutex_);
+  Status ReadSpec() ETUDE_REQUIRES(mutex_);
+  void ReadCommits() ETUDE_REQUIRES(mutex_);
+  void ReadFailures() ETUDE_REQUIRES(mutex_);
+  Status ListEpisodes() ETUDE_REQUIRES(mutex_);
+  EpisodeRow RowFromSpec(std::uint64_t index) ETUDE_REQUIRES(mutex_);
+  std::shared_ptr<const DatasetView> Build() ETUDE_REQUIRES(mutex_);
+
+  const Found found_;
+  mutable Mutex mutex_;
+  MonotonicClock::time_point refreshed_ ETUDE_GUARDED_BY(mutex_){};
+  std::optional<store::DatasetReader> reader_ ETUDE_GUARDED_BY(mutex_);
+  std::optional<store::SamplingJournal> sampling_ ETUDE_GUARDED_BY(mutex_);
+  FileStamp spec_stamp_ ETUDE_GUARDED_BY(mutex_);
+  DatasetInfo info_ ETUDE_GUARDED_BY(mutex_);
+  JsonLines commits_ ETUDE_GUARDED_BY(mutex_), attempts_ ETUDE_GUARDED_BY(mutex_);
+  std::map<std::uint64_t, EpisodeRow> rows_ ETUDE_GUARDED_BY(mutex_);
+  std::vector<AttemptRow> failures_ ETUDE_GUARDED_BY(mutex_);
+  std::shared_ptr<const DatasetView> view_ ETUDE_GUARDED_BY(mutex_);
+  bool changed_ ETUDE_GUARDED_BY(mutex_) = true;
+  std::list<std::pair<std::uint64_t, std::shared_ptr<const store::EpisodeRecord>>> recent_ ETUDE_GUARDED_BY(mutex_);
+};
+
+/// Sets odd and odd_what: for each of steps, path, jerk and joint speed |x - median| / (1.4826 MAD) within the task;
+/// the largest counts. Tasks with fewer than eight known episodes have none.
+void MarkOdd(std::vector<EpisodeRow>& rows);
+
+}  // namespace etude::sources

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dashboard/server/sources/eval_source.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "services/core/statistics.h"
+#include "services/episode/bounded_json.h"
+
+namespace etude::sources {
+namespace {
+
+constexpr std::chrono::seconds kRefreshEvery{1};
+constexpr std::uint64_t kJsonBytes = 64 << 20;
+constexpr std::size_t kMostRows = 100'000;
+constexpr std::size_t kMostVideos = 2'000;
+
+// rows of both, by index; a streamed one may be newer than the report
+std::vector<OrderedJson> Merged(const OrderedJson& report, const std::vector<OrderedJson>& streamed) {
+  std::map<std::uint64_t, const OrderedJson*> rows;
+  const auto& listed = PartOf(report, "per_episode");
+  const auto take = [&](const OrderedJson& row) {
+    if (const auto index = UnsignedOf(row, "index"); index && rows.size() < kMostRows) rows[*index] = &row;
+  };
+  if (listed.is_array())
+    for (const auto& row : listed) take(row);
+  for (const auto& row : streamed) {
+    const auto index = UnsignedOf(row, "index");
+    if (index && !rows.contains(*index)) take(row);
+  }
+  std::vector<OrderedJson> merged;
+  merged.reserve(rows.size());
+  for (const auto& [index, row] : rows) merged.push_back(*row);
+  return merged;
+}
+
+std::vector<std::string> VideosIn(const Path& folder) {
+  std::vector<std::string> names;
+  std::error_code error;
+  std::filesystem::directory_iterator entries(folder, error), end;
+  for (; !error && entries != end && names.size() < kMostVideos; entries.increment(error)) {
+    const std::string name = entries->path().filename().string();
+    if (name.ends_with(".mp4") && !name.starts_with('.')) names.push_back(name);
+  }
+  std::ranges::sort(names);
+  return names;
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const EvalView>> EvalSource::View() {
+  MutexLock lock(mutex_);
+  if (view_ && MonotonicClock::now() - refreshed_ < kRefreshEvery) return view_;
+  if (const auto stamp = StampOf(found_.folder / "eval.json"); stamp != report_stamp_) {
+    OrderedJson report = OrderedJson::object();
+    if (stamp.exists()) {
+      ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(found_.folder / "eval.json", kJsonBytes));
+      auto json = ParseBoundedJson(text);
+      if (!json || !json->is_object())
+        return Fail(Code::kCorrupt, fmt::format("read '{}': eval.json is not a report", found_.shown));
+      report = std::move(*json);
+    }
+    now_.report = std::move(report);
+    report_stamp_ = stamp;
+  }
+  lines_.Refresh([&] { streamed_.clear(); },
+                 [&](const OrderedJson& row) {
+                   if (streamed_.size() < kMostRows) streamed_.push_back(row);
+                 });
+  const Path spec_file = found_.folder / "rollouts" / "dataset.json";
+  if (const auto stamp = StampOf(spec_file); stamp != spec_stamp_) {
+    now_.spec = nullptr;
+    if (const auto text = ReadTextFile(spec_file, kJsonBytes))
+      if (const auto json = ParseBoundedJson(*text)) now_.spec = PartOf(*json, "spec");
+    spec_stamp_ = stamp;
+  }
+  now_.rows = Merged(now_.report, streamed_);
+  now_.videos = VideosIn(found_.folder / "videos");
+  now_.updated = std::max(report_stamp_.modified_s(), lines_.stamp().modified_s());
+  refreshed_ = MonotonicClock::now();
+  view_ = std::make_shared<const EvalView>(now_);
+  return view_;
+}
+
+OrderedJson PairJson(const PairCounts& counts) {
+  const auto share = [&](std::uint64_t successes) {
+    return counts.n() == 0 ? 0.0 : static_cast<double>(successes) / static_cast<double>(counts.n());
+  };
+  const double a = share(counts.both + counts.only_a), b = share(counts.both + counts.only_b);
+  const Interval interval = NewcombePairedInterval(counts.both, counts.only_a, counts.only_b, counts.neither);
+  return {{"n", counts.n()},
+          {"both", counts.both},
+          {"only_a", counts.only_a},
+          {"only_b", counts.only_b},
+          {"neither", counts.neither},
+          {"share_a", a},
+          {"share_b", b},
+          {"difference", a - b},
+          {"low", interval.low},
+          {"high", interval.high},
+          {"p", McNemarExactP(counts.only_a, counts.only_b)}};
+}
+
+}  // namespace etude::sources

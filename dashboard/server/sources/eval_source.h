@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// An evaluation from its folder: the report, its rows, its videos.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "dashboard/server/sources/catalog.h"
+#include "dashboard/server/sources/files.h"
+#include "services/core/thread_annotations.h"
+
+namespace etude::sources {
+
+struct EvalView {
+  OrderedJson report;             ///< eval.json; an empty object before the first
+  std::vector<OrderedJson> rows;  ///< its per_episode, or eval.jsonl's where that has more, by index
+  OrderedJson spec;               ///< of its rollouts; null when there are none yet
+  std::vector<std::string> videos;  ///< names in videos/
+  double updated = 0;             ///< seconds since 1970
+};
+
+/// Thread-safe.
+class EvalSource {
+ public:
+  explicit EvalSource(Found found) : found_(std::move(found)), lines_(found_.folder / "eval.jsonl") {}
+  const Found& found() const { return found_; }
+  /// As it is now; files are looked at again at most once a second. @error kCorrupt: eval.json is no JSON
+  Result<std::shared_ptr<const EvalView>> View();
+
+ private:
+  const Found found_;
+  Mutex mutex_;
+  MonotonicClock::time_point refreshed_ ETUDE_GUARDED_BY(mutex_){};
+  FileStamp report_stamp_ ETUDE_GUARDED_BY(mutex_), spec_stamp_ ETUDE_GUARDED_BY(mutex_);
+  JsonLines lines_ ETUDE_GUARDED_BY(mutex_);
+  std::vector<OrderedJson> streamed_ ETUDE_GUARDED_BY(mutex_);
+  EvalView now_ ETUDE_GUARDED_BY(mutex_);
+  std::shared_ptr<const EvalView> view_ ETUDE_GUARDED_BY(mutex_);
+};
+
+/// Two evaluations of the same scenes, rollout by rollout.
+struct PairCounts {
+  std::uint64_t both = 0, only_a = 0, only_b = 0, neither = 0;
+  std::uint64_t n() const { return both + only_a + only_b + neither; }
+};
+/// {n, both, only_a, only_b, neither, share_a, share_b, difference, low, high, p}
+OrderedJson PairJson(const PairCounts& counts);
+
+}  // namespace etude::sources

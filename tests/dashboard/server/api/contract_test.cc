@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests dashboard/server/api: every route answers as openapi.json says, with the numbers of the files.
+#include <fmt/ranges.h>
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <cstring>
+#include <set>
+
+#include "services/codec/frame.h"
+#include "tests/dashboard/server/api/api_fixture.h"
+#include "tests/dashboard/server/api/json_schema.h"
+#include "tests/support/matchers.h"
+
+namespace etude::api {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+class ContractTest : public ApiFixture {
+ protected:
+  const OrderedJson document_ = OrderedJson::parse(dashboard::OpenApiText());
+
+  std::vector<std::string> Problems(const OrderedJson& schema, const OrderedJson& value) {
+    std::vector<std::string> problems;
+    CheckSchema(document_, schema, value, "", problems);
+    return problems;
+  }
+  // the answer's schema
+  const OrderedJson& SchemaOf(const std::string& pattern) {
+    return document_.at("paths")
+        .at(pattern)
+        .at("get")
+        .at("responses")
+        .at("200")
+        .at("content")
+        .at("application/json")
+        .at("schema");
+  }
+  static std::vector<double> Doubles(const store::Tensor& tensor) {
+    std::vector<double> values(tensor.data.size() / sizeof(double));
+    std::memcpy(values.data(), tensor.data.data(), tensor.data.size());
+    return values;
+  }
+};
+
+// what stands for {name} in an address
+const std::map<std::string, std::string> kExamples{
+    {"/home", "/home"},
+    {"/fleet", "/fleet"},
+    {"/campaigns/{id}", "/campaigns/lab.data"},
+    {"/campaigns/{id}/attempts", "/campaigns/lab.data/attempts"},
+    {"/datasets/{id}", "/datasets/lab.data"},
+    {"/datasets/{id}/episodes", "/datasets/lab.data/episodes?task=pick&limit=2"},
+    {"/datasets/{id}/summary", "/datasets/lab.data/summary"},
+    {"/datasets/{id}/episodes/{n}", "/datasets/lab.data/episodes/1"},
+    {"/runs/{id}", "/runs/lab.run"},
+    {"/runs/{id}/curriculum", "/runs/lab.run/curriculum"},
+    {"/runs/{id}/graph", "/runs/lab.run/graph"},
+    {"/runs/{id}/checkpoints", "/runs/lab.run/checkpoints"},
+    {"/evals/{id}", "/evals/lab.eval_a"},
+    {"/evals/{id}/rows", "/evals/lab.eval_a/rows"},
+    {"/evals/{a}/pair/{b}", "/evals/lab.eval_a/pair/lab.eval_b"},
+    {"/diff", "/diff?a=lab.eval_a&b=lab.eval_other"},
+    {"/logs", "/logs"},
+    {"/actions", "/actions"},
+    {"/session", "/session"},
+    {"/jobs", "/jobs"},
+    {"/openapi.json", "/openapi.json"}};
+
+TEST_F(ContractTest, EveryJsonRouteAnswersAsDescribed) {
+  for (int pass = 0; pass < 2; ++pass) {  // before and after everything was read
+    for (const auto& [pattern, address] : kExamples) {
+      const auto json = GetJson(kPrefix + address);
+      EXPECT_THAT(Problems(SchemaOf(pattern), json), IsEmpty()) << address;
+    }
+    RunLater();
+  }
+}
+
+TEST_F(ContractTest, DescriptionAndRoutesAreTheSame) {
+  std::set<std::string> described, served;
+  for (const auto& [pattern, methods] : document_["paths"].items())
+    for (const auto& [method, operation] : methods.items()) described.insert(method + " " + pattern);
+  for (const auto& route : service_.router().routes()) {
+    if (!route.pattern.starts_with(kPrefix)) continue;
+    std::string method = route.method;
+    for (char& c : method) c = static_cast<char>(std::tolower(c));
+    served.insert(method + " " + route.pattern.substr(kPrefix.size()));
+  }
+  EXPECT_EQ(described, served);
+}
+
+TEST_F(ContractTest, UnknownThingsAreProblems) {
+  for (const char* address :
+       {"/runs/none", "/datasets/..%2Flab.data", "/datasets/lab.data/episodes/99", "/datasets/lab.data/episodes/x",
+        "/datasets/lab.data/episodes/1/pictures/side/0.rgb", "/datasets/lab.data/episodes/1/pictures/front/999.rgb",
+        "/runs/lab.run/checkpoints/evil.safetensors", "/runs/lab.run/checkpoints/..%2Fconfig.yaml",
+        "/evals/lab.eval_a/videos/none.mp4", "/jobs/none", "/nothing"}) {
+    const auto answer = Get(kPrefix + address);
+    EXPECT_EQ(answer.status, 404) << address;
+    EXPECT_EQ(answer.content_type, "application/problem+json") << address;
+    EXPECT_THAT(Problems(document_["components"]["schemas"]["Problem"], OrderedJson::parse(answer.body)), IsEmpty());
+  }
+  for (const char* address :
+       {"/datasets/lab.data/episodes?limit=0", "/datasets/lab.data/episodes?steps=many",
+        "/datasets/lab.data/episodes?sort=colour", "/datasets/lab.data/episodes/1/tracks?names=nose",
+        "/runs/lab.run/series?x=moon", "/logs?level=loud"})
+    EXPECT_EQ(Get(kPrefix + address).status, 400) << address;
+}
+
+TEST_F(ContractTest, SeedsAreText) {
+  const auto episode = GetJson(kPrefix + "/datasets/lab.data/episodes/1");
+  const auto dataset = GetJson(kPrefix + "/datasets/lab.data");
+  EXPECT_EQ(dataset["spec"]["seed"], std::to_string(kLargeSeed));
+  EXPECT_EQ(episode["seed"],
+            std::to_string(PlanEpisode(sources_.Dataset("lab.data").value()->View().value()->info.spec, 1, 0).seed));
+}
+
+TEST_F(ContractTest, PicturesAreTheOnesOfTheFile) {
+  const std::string base = kPrefix + "/datasets/lab.data/episodes/1/";
+  const auto reader = store::DatasetReader::Open(lab_.root() / "data").value();
+  const Episode episode = reader.ReadWhole(1).value();
+  const auto rgb = Get(base + "pictures/front/3.rgb");
+  EXPECT_EQ(rgb.content_encoding, "deflate");
+  const auto& stored = episode.cameras[0].frames[3];
+  EXPECT_EQ(rgb.body, std::string(stored.begin(), stored.end())) << "the chunk as it lies there";
+  EXPECT_TRUE(Get(base + "pictures/front/3.png").body.starts_with("\x89PNG"));
+  EXPECT_EQ(Get(base + "pictures/front/3.webp?w=64").body.substr(8, 4), "WEBP");
+  EXPECT_EQ(Get(base + "strip.webp").body.substr(8, 4), "WEBP");
+  const auto video = Get(base + "video/front.mp4");
+  ASSERT_TRUE(video.file) << video.body;
+  EXPECT_GT(video.file->size, 500u);
+  EXPECT_EQ(Get(base + "video/front.mp4").etag, video.etag) << "made once";
+}
+
+TEST_F(ContractTest, TracksAreWholeOrBucketsWithTheirExtremes) {
+  const std::string base = kPrefix + "/datasets/lab.data/episodes/1/tracks?names=eef_pos,phase";
+  const auto whole = GetArrays(base);
+  ASSERT_TRUE(whole.tensors.contains("eef_pos"));
+  EXPECT_THAT(whole.tensors.at("eef_pos").shape, ElementsAre(kSteps, 3));
+  EXPECT_EQ(whole.metadata.at("bucketed"), "false");
+  EXPECT_EQ(whole.tensors.size(), 3u);
+
+  const auto part = GetArrays(base + "&points=10&from=5&to=45");
+  ASSERT_TRUE(part.tensors.contains("eef_pos/max"));
+  EXPECT_THAT(part.tensors.at("eef_pos/max").shape, ElementsAre(10, 3));
+  float all[kSteps][3], high[10][3];
+  std::memcpy(all, whole.tensors.at("eef_pos").data.data(), sizeof all);
+  std::memcpy(high, part.tensors.at("eef_pos/max").data.data(), sizeof high);
+  for (int bucket = 0; bucket < 10; ++bucket) {
+    float most = -1e9f;
+    for (int t = 5 + 4 * bucket; t < 9 + 4 * bucket; ++t) most = std::max(most, all[t][2]);
+    EXPECT_EQ(high[bucket][2], most) << bucket;
+  }
+}
+
+TEST_F(ContractTest, ListsFilterSortAndGoOn) {
+  RunLater();
+  (void)GetJson(kPrefix + "/datasets/lab.data/episodes");
+  RunLater();
+  const auto first = GetJson(kPrefix + "/datasets/lab.data/episodes?limit=4");
+  EXPECT_EQ(first["total"], kEpisodes);
+  EXPECT_EQ(first["columns"]["index"], OrderedJson({5, 4, 3, 2})) << "newest first";
+  const auto rest = GetJson(kPrefix + "/datasets/lab.data/episodes?limit=4&before=" + first["next"].get<std::string>());
+  EXPECT_EQ(rest["columns"]["index"], OrderedJson({1, 0}));
+  EXPECT_TRUE(rest["next"].is_null());
+  const auto pick = GetJson(kPrefix + "/datasets/lab.data/episodes?task=pick&sort=index");
+  for (const auto& task : pick["columns"]["task"]) EXPECT_EQ(task, "pick");
+  EXPECT_LT(pick["total"], kEpisodes);
+  EXPECT_EQ(GetJson(kPrefix + "/datasets/lab.data/episodes?steps=51..")["total"], 0);
+}
+
+TEST_F(ContractTest, SeriesHaveTheLinesNumbers) {
+  const auto arrays = GetArrays(kPrefix + "/runs/lab.run/series?keys=train/loss,valid/TAR3D.cm,none/none");
+  EXPECT_THAT(Doubles(arrays.tensors.at("train/loss/x")), ElementsAre(50, 100, 200)) << "the null is a gap";
+  EXPECT_THAT(Doubles(arrays.tensors.at("train/loss/last")), ElementsAre(2, 1, 0.5));
+  EXPECT_THAT(Doubles(arrays.tensors.at("valid/TAR3D.cm/max")), ElementsAre(0.5));
+  EXPECT_EQ(OrderedJson::parse(arrays.metadata.at("nulls"))["train/loss"], 1);
+  const auto run = GetJson(kPrefix + "/runs/lab.run");
+  EXPECT_EQ(run["state"], "finished") << "it has the steps that it was to have";
+  EXPECT_EQ(run["torn"], true);
+  EXPECT_EQ(run["nulls"], OrderedJson::parse(R"([{"step":150,"key":"train/loss"}])"));
+  EXPECT_EQ(run["goals"][1]["goal"], 1.2) << "m in the file, cm on the page";
+  EXPECT_EQ(run["goals"][1]["reached"], true);
+  EXPECT_EQ(run["goals"][0]["reached"], false);
+}
+
+TEST_F(ContractTest, CheckpointsAreHeadersAndFiles) {
+  (void)GetJson(kPrefix + "/runs/lab.run/checkpoints");
+  RunLater();
+  const auto json = GetJson(kPrefix + "/runs/lab.run/checkpoints");
+  ASSERT_EQ(json["checkpoints"].size(), 1u);
+  EXPECT_EQ(json["checkpoints"][0]["channels"], OrderedJson({"latest"}));
+  EXPECT_EQ(json["checkpoints"][0]["sha256"].get<std::string>().size(), 64u);
+  EXPECT_EQ(json["checkpoints"][0]["parameters"]["LANG"], 6);
+  const auto file = Get(kPrefix + "/runs/lab.run/checkpoints/00000200.safetensors");
+  ASSERT_TRUE(file.file);
+  EXPECT_EQ(file.file->size, json["checkpoints"][0]["bytes"]);
+}
+
+TEST_F(ContractTest, PairsCountAndRefuseOtherScenes) {
+  const auto pair = GetJson(kPrefix + "/evals/lab.eval_a/pair/lab.eval_b");
+  EXPECT_EQ(pair["both"], 2);
+  EXPECT_EQ(pair["only_a"], 1);
+  EXPECT_EQ(pair["only_b"], 1);
+  EXPECT_EQ(pair["p"], 1.0);
+  EXPECT_EQ(pair["rows"][0]["a"] == pair["rows"][0]["b"], false) << "those that differ come first";
+  EXPECT_EQ(pair["latched"]["both"], 4);
+  const auto refused = Get(kPrefix + "/evals/lab.eval_a/pair/lab.eval_other");
+  EXPECT_EQ(refused.status, 409);
+  EXPECT_NE(refused.body.find("seed"), std::string::npos) << "says which key differs";
+}
+
+TEST_F(ContractTest, AttemptsHaveCommittedAndFailedOnes) {
+  const auto all = GetJson(kPrefix + "/campaigns/lab.data/attempts");
+  EXPECT_EQ(all["total"], kEpisodes + 2);
+  const auto failed = GetJson(kPrefix + "/campaigns/lab.data/attempts?reason=plan_failed");
+  ASSERT_EQ(failed["total"], 1);
+  EXPECT_EQ(failed["rows"][0]["stage"], "reach");
+  EXPECT_EQ(failed["rows"][0]["has_pictures"], false);
+  const auto cells = GetArrays(kPrefix + "/campaigns/lab.data/cells").tensors.at("cells").data;
+  ASSERT_EQ(cells.size(), 20u);
+  EXPECT_EQ(cells[0], 1);
+  EXPECT_EQ(cells[2], 2) << "committed after a failed attempt";
+  EXPECT_EQ(cells[9], 4);
+  EXPECT_EQ(cells[10], 0);
+}
+
+TEST_F(ContractTest, HomeSpeaksOfAllThree) {
+  const auto home = GetJson(kPrefix + "/home");
+  const std::string sentence = home["sentence"];
+  EXPECT_NE(sentence.find("6 of 20"), std::string::npos) << sentence;
+  EXPECT_NE(sentence.find("stage 2/2 TAR3D"), std::string::npos) << sentence;
+  EXPECT_NE(sentence.find("75.0 %"), std::string::npos) << sentence;
+  std::set<std::string> codes;
+  for (const auto& warning : home["warnings"]) codes.insert(warning["code"]);
+  EXPECT_TRUE(codes.contains("stage_budget"));
+  EXPECT_TRUE(codes.contains("loss_not_finite"));
+}
+
+TEST_F(ContractTest, LogsFilterByLevel) {
+  const auto logs = GetJson(kPrefix + "/logs?source=lab.logs.trainer.log&level=warn");
+  ASSERT_EQ(logs["lines"].size(), 1u);
+  EXPECT_EQ(logs["lines"][0]["level"], "warn");
+  EXPECT_EQ(GetJson(kPrefix + "/logs")["lines"].size(), 3u);
+}
+
+TEST_F(ContractTest, ActionsAreCommandsAndNeedTheToken) {
+  http::Request request;
+  request.method = "POST";
+  request.content_type = "application/json";
+  request.body = R"({"action":"evaluate","run":"lab.run","file":"00000200.safetensors","dry_run":true})";
+  const auto shown = Ask(request, kPrefix + "/actions");
+  EXPECT_EQ(shown.status, 200) << shown.body;
+  EXPECT_NE(shown.body.find("etude eval --checkpoint"), std::string::npos);
+  request.body = R"({"action":"evaluate","run":"lab.run","file":"00000200.safetensors"})";
+  EXPECT_EQ(Ask(request, kPrefix + "/actions").status, 401);
+  request.authorization = std::string("Bearer ") + kTestToken;
+  const auto accepted = Ask(request, kPrefix + "/actions");
+  EXPECT_EQ(accepted.status, 202) << accepted.body;
+  const std::string id = OrderedJson::parse(accepted.body)["job"];
+  EXPECT_THAT(Problems(SchemaOf("/jobs/{id}"), GetJson(kPrefix + "/jobs/" + id)), IsEmpty());
+  EXPECT_EQ(Ask(request, kPrefix + "/actions").status, 503) << "one heavy job at a time";
+  for (const char* body :
+       {R"({"action":"rm"})", R"({"action":"promote"})", "[]", "x",
+        R"({"action":"evaluate","run":"lab.run","file":"00000200.safetensors","seed":"1; rm -rf /"})"}) {
+    request.body = body;
+    EXPECT_EQ(Ask(request, kPrefix + "/actions").status, 400) << body;
+  }
+  request.content_type = "text/plain";
+  EXPECT_EQ(Ask(request, kPrefix + "/actions").status, 400) << "what a form of another page can send";
+}
+
+TEST_F(ContractTest, SigningInSetsACookieThatCounts) {
+  http::Request request;
+  request.method = "POST";
+  request.content_type = "application/json";
+  request.body = R"({"token":"wrong wrong wrong wrong"})";
+  EXPECT_EQ(Ask(request, kPrefix + "/session").status, 401);
+  request.body = OrderedJson{{"token", kTestToken}}.dump();
+  const auto answer = Ask(request, kPrefix + "/session");
+  ASSERT_EQ(answer.status, 204);
+  const std::string cookie = answer.headers.at(0).second;
+  EXPECT_NE(cookie.find("HttpOnly"), std::string::npos);
+  EXPECT_NE(cookie.find("SameSite=Strict"), std::string::npos);
+  http::Request next;
+  next.cookie = cookie.substr(0, cookie.find(';'));
+  EXPECT_NE(Ask(next, kPrefix + "/session").body.find("\"authorized\":true"), std::string::npos);
+}
+
+TEST_F(ContractTest, MetricsAreWhatPrometheusReads) {
+  const auto text = Get("/metrics").body;
+  EXPECT_NE(text.find("etude_demonstrations_total{campaign=\"lab.data\"} 6\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("reason=\"plan_failed\""), std::string::npos);
+  EXPECT_NE(text.find("etude_plan_seconds_bucket{campaign=\"lab.data\",le=\"+Inf\"} 1\n"), std::string::npos);
+  EXPECT_NE(text.find("etude_checkpoint_step{run=\"lab.run\",channel=\"latest\"} 200\n"), std::string::npos);
+  EXPECT_EQ(Get("/healthz").body, "ok\n");
+  EXPECT_EQ(Get("/readyz").status, 200);
+}
+
+}  // namespace
+}  // namespace etude::api

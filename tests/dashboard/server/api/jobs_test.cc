@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests dashboard/server/api/jobs.cc
+#include "dashboard/server/api/jobs.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::api {
+namespace {
+
+TEST(CommandText, IsWhatAShellTakesAsOneWordEach) {
+  EXPECT_EQ(CommandText({"etude", "eval", "--out", "a b", "it's", "", "$(rm)"}),
+            "etude eval --out 'a b' 'it'\\''s' '' '$(rm)'");
+}
+
+TEST(Jobs, AreFewAtOnce) {
+  TemporaryFolder folder;
+  Jobs jobs(folder / "jobs");
+  EXPECT_THAT(jobs.Add({"evaluate", {"eval"}, Weight::kHeavy}), IsOk());
+  EXPECT_THAT(jobs.Add({"evaluate", {"eval"}, Weight::kHeavy}), HasCode(Code::kUnavailable));
+  for (int i = 0; i < 3; ++i) EXPECT_THAT(jobs.Add({"replay", {"attempt"}, Weight::kLight}), IsOk());
+  EXPECT_THAT(jobs.Add({"replay", {"attempt"}, Weight::kLight}), HasCode(Code::kUnavailable));
+  EXPECT_EQ(jobs.All().size(), 4u);
+  EXPECT_THAT(jobs.Json("none"), HasCode(Code::kNotFound));
+  EXPECT_THAT(jobs.Stop("none"), HasCode(Code::kNotFound));
+}
+
+TEST(Jobs, OneThatCannotBeStartedSaysWhy) {
+  TemporaryFolder folder;
+  Jobs jobs(folder / "jobs");
+  const auto id = jobs.Add({"verify", {"dataset"}, Weight::kLight});
+  ASSERT_THAT(id, IsOk());
+  EXPECT_EQ(jobs.Json(*id).value()["state"], "running");
+  jobs.Pump();  // no etude lies beside this test
+  const auto json = jobs.Json(*id).value();
+  EXPECT_EQ(json["state"], "failed");
+  EXPECT_NE(json["log"].back().get<std::string>().find("etude"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace etude::api

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests dashboard/server/gateway.cc
+#include "dashboard/server/gateway.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <thread>
+
+#include "tests/dashboard/server/example_folders.h"
+#include "tests/support/matchers.h"
+
+namespace etude::dashboard {
+namespace {
+
+GatewayOptions Options(const Path& folder) {
+  GatewayOptions options;
+  options.dirs = {folder};
+  options.port = 0;
+  options.use_bus = false;
+  options.cache = folder / "cache";
+  return options;
+}
+
+TEST(Gateway, ServesFoldersAlone) {
+  ExampleFolders lab;
+  auto gateway = Gateway::Open(Options(lab.root()));
+  ASSERT_THAT(gateway, IsOk());
+  EXPECT_EQ((*gateway)->url(), "http://127.0.0.1:" + std::to_string((*gateway)->port()));
+  std::thread serving([&] { (*gateway)->Run(); });
+
+  namespace wire = boost::beast::http;
+  boost::asio::io_context context;
+  boost::asio::ip::tcp::socket socket(context);
+  socket.connect({boost::asio::ip::address_v4::loopback(), (*gateway)->port()});
+  wire::request<wire::empty_body> request(wire::verb::get, "/api/v1/home", 11);
+  request.set(wire::field::host, "localhost");
+  wire::write(socket, request);
+  boost::beast::flat_buffer buffer;
+  wire::response<wire::string_body> reply;
+  wire::read(socket, buffer, reply);
+  EXPECT_EQ(reply.result_int(), 200u);
+  EXPECT_NE(reply.body().find("lab.run"), std::string::npos);
+
+  (*gateway)->Stop();
+  serving.join();
+}
+
+TEST(Gateway, OtherMachinesNeedAToken) {
+  TemporaryFolder folder;
+  auto options = Options(folder.path());
+  options.address = "0.0.0.0";
+  EXPECT_THAT(Gateway::Open(options), MessageHas("--token-file"));
+  options.token_file = folder / "token";
+  ASSERT_THAT(Gateway::Open(options), IsOk());
+  struct stat status {};
+  ASSERT_EQ(::stat(options.token_file.c_str(), &status), 0) << "made";
+  EXPECT_EQ(status.st_mode & 0777, 0600u);
+  ASSERT_THAT(WriteFileAtomically(options.token_file, "short"), IsOk());
+  EXPECT_THAT(Gateway::Open(options), HasCode(Code::kInvalidArgument));
+}
+
+}  // namespace
+}  // namespace etude::dashboard

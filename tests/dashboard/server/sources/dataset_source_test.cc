@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests dashboard/server/sources/dataset_source.cc
+#include "dashboard/server/sources/dataset_source.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/dashboard/server/example_folders.h"
+#include "tests/support/matchers.h"
+
+namespace etude::sources {
+namespace {
+
+Found DataOf(const ExampleFolders& lab) { return {Kind::kDataset, "data", "data", lab.root() / "data", "data", ""}; }
+
+TEST(DatasetSource, RowsAreThereAtOnceAndFillInFromTheFiles) {
+  ExampleFolders lab;
+  // whoever writes datasets may also keep a journal; this is about one without
+  std::filesystem::remove(lab.root() / "data" / "commits.jsonl");
+  DatasetSource source(DataOf(lab));
+  const auto before = source.View().value();
+  ASSERT_EQ(before->rows.size(), kEpisodes);
+  EXPECT_EQ(before->known, 0u);
+  const CampaignSpec spec = before->info.spec;
+  for (const auto& row : before->rows) {
+    const auto plan = PlanEpisode(spec, row.index, 0);
+    EXPECT_EQ(row.task, plan.task.text());
+    EXPECT_EQ(row.target, plan.target);
+    EXPECT_EQ(row.split, SplitOf(spec, row.index));
+  }
+  while (source.ReadNext()) {
+  }
+  // what was read is in the next view, which is built anew at once
+  const auto after = source.View().value();
+  EXPECT_EQ(after->known, kEpisodes);
+  EXPECT_EQ(after->rows[0].steps, kSteps);
+  EXPECT_EQ(after->rows[0].frames, (kSteps + 4) / 5);
+  EXPECT_GT(after->rows[0].path_m.value_or(0), 0);
+  EXPECT_TRUE(after->rows[0].place_m);
+}
+
+TEST(DatasetSource, TheJournalSavesOpeningFilesAndTheFilesDecide) {
+  ExampleFolders lab;
+  std::string journal;
+  for (const std::uint64_t index : {0, 1, 99})  // 99 was set aside: it has no file
+    journal += OrderedJson{{"index", index},
+                           {"attempt", 1},
+                           {"t", 1795369600.0},
+                           {"worker", "w1"},
+                           {"host", "h"},
+                           {"bytes", 10},
+                           {"steps", 77},
+                           {"frames", 16},
+                           {"outcome", "success"},
+                           {"task", "pick"},
+                           {"target", "coke"},
+                           {"robot", "ur5"},
+                           {"instruction", "pick the coke"},
+                           {"path_m", 0.5},
+                           {"draws", 2},
+                           {"timings", {{"plan_s", 0.1}}}}
+                   .dump() +
+               "\n";
+  ASSERT_THAT(WriteFileAtomically(lab.root() / "data" / "commits.jsonl", journal), IsOk());
+  DatasetSource source(DataOf(lab));
+  const auto view = source.View().value();
+  EXPECT_EQ(view->rows.size(), kEpisodes);
+  EXPECT_EQ(view->known, 2u);
+  EXPECT_EQ(view->Find(1)->steps, 77u);
+  EXPECT_EQ(view->Find(1)->worker, "w1");
+  EXPECT_EQ(view->Find(1)->plan_s, 0.1);
+  EXPECT_EQ(view->Find(99), nullptr);
+}
+
+TEST(DatasetSource, FailedAttemptsSayWhatTheyWereAbout) {
+  ExampleFolders lab;
+  DatasetSource source(DataOf(lab));
+  const auto view = source.View().value();
+  ASSERT_EQ(view->failures.size(), 2u);
+  EXPECT_EQ(view->failures[0].outcome, "plan_failed");
+  EXPECT_EQ(view->failures[0].stage, "reach");
+  EXPECT_EQ(view->failures[0].plan_s, 0.25);
+  EXPECT_EQ(view->failures[0].task, PlanEpisode(view->info.spec, 2, 0).task.text());
+  EXPECT_EQ(view->GivenUp(), 0u);
+}
+
+TEST(DatasetSource, ADamagedFileIsNamedAndTheOthersGoOn) {
+  ExampleFolders lab;
+  std::filesystem::remove(lab.root() / "data" / "commits.jsonl");
+  ASSERT_THAT(WriteFileAtomically(store::EpisodePath(lab.root() / "data", 3), "not an episode"), IsOk());
+  DatasetSource source(DataOf(lab));
+  ASSERT_THAT(source.View(), IsOk());
+  while (source.ReadNext()) {
+  }
+  const auto view = source.View().value();
+  EXPECT_EQ(view->known, kEpisodes - 1);
+  EXPECT_EQ(view->info.unreadable, 1u);
+  EXPECT_TRUE(view->info.unreadable_files.contains(3));
+  EXPECT_THAT(source.Episode(3), HasCode(Code::kCorrupt));
+  EXPECT_THAT(source.Episode(2), IsOk());
+}
+
+TEST(MarkOdd, FindsTheOneThatTookTooLong) {
+  std::vector<EpisodeRow> rows(12);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    rows[i].known = true;
+    rows[i].task = "pick";
+    rows[i].steps = i == 7 ? 1500 : 300 + i;
+  }
+  rows[0].task = "push";  // alone of its task
+  MarkOdd(rows);
+  EXPECT_GT(rows[7].odd.value_or(0), 50);
+  EXPECT_EQ(rows[7].odd_what, "steps");
+  EXPECT_LT(rows[6].odd.value_or(99), 3);
+  EXPECT_FALSE(rows[0].odd);
+}
+
+TEST(DatasetSource, KeysAreFilesOfTheMasksFolder) {
+  ExampleFolders lab;
+  ASSERT_THAT(WriteFileAtomically(lab.root() / "data" / "masks" / "good.json", "[0, 2]"), IsOk());
+  DatasetSource source(DataOf(lab));
+  EXPECT_EQ(source.Keys(), (std::vector<std::string>{"good"}));
+  EXPECT_EQ(source.EpisodesOfKey("good").value(), (std::set<std::uint64_t>{0, 2}));
+  EXPECT_THAT(source.EpisodesOfKey("../good"), HasCode(Code::kNotFound));
+}
+
+}  // namespace
+}  // namespace etude::sources
