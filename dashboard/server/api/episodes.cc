@@ -113,13 +113,22 @@ OrderedJson Cameras(const store::EpisodeRecord& record) {
   return cameras;
 }
 
+// Its neighbours, and what only the list knows of it.
+OrderedJson PlaceInList(const std::vector<sources::EpisodeRow>& rows, std::uint64_t index) {
+  const auto at = std::ranges::lower_bound(rows, index, {}, &sources::EpisodeRow::index);
+  const bool listed = at != rows.end() && at->index == index;
+  const auto after = listed ? std::next(at) : at;
+  return {{"previous", at == rows.begin() ? OrderedJson() : OrderedJson(std::prev(at)->index)},
+          {"next", after == rows.end() ? OrderedJson() : OrderedJson(after->index)},
+          {"worker", listed ? sources::TextOrNull(at->worker) : OrderedJson()},
+          {"host", listed ? sources::TextOrNull(at->host) : OrderedJson()},
+          {"t", listed ? sources::TimeJson(at->t) : OrderedJson()}};
+}
+
 Result<http::Answer> EpisodeAnswer(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request));
   ETUDE_ASSIGN_OR_RETURN(const auto view, opened.source->View());
   const Episode& episode = opened.record->episode;
-  const auto at = std::ranges::lower_bound(view->rows, episode.index, {}, &sources::EpisodeRow::index);
-  const bool listed = at != view->rows.end() && at->index == episode.index;
-  const auto after = listed ? std::next(at) : at;
   std::vector<std::string> objects;
   for (const auto& object : episode.objects) objects.push_back(object.name);
   std::error_code error;
@@ -136,7 +145,7 @@ Result<http::Answer> EpisodeAnswer(Context& context, const http::Request& reques
                    {"instruction", episode.instruction},
                    {"success", episode.success},
                    {"outcome", episode.outcome},
-                   {"split", SplitOf(view->info.spec, episode.index)},
+                   {"split", sources::SplitOrNone(view->info.spec, episode.index)},
                    {"spec_sha256", episode.spec_sha256},
                    {"scene_sha256", episode.scene_sha256},
                    {"version", episode.version},
@@ -150,12 +159,8 @@ Result<http::Answer> EpisodeAnswer(Context& context, const http::Request& reques
                    {"objects", objects},
                    {"tracks", Tracks(episode)},
                    {"cameras", Cameras(*opened.record)},
-                   {"details", http::ForBrowsers(episode.details)},
-                   {"previous", at == view->rows.begin() ? OrderedJson() : OrderedJson(std::prev(at)->index)},
-                   {"next", after == view->rows.end() ? OrderedJson() : OrderedJson(after->index)},
-                   {"worker", listed ? sources::TextOrNull(at->worker) : OrderedJson()},
-                   {"host", listed ? sources::TextOrNull(at->host) : OrderedJson()},
-                   {"t", listed ? sources::TimeJson(at->t) : OrderedJson()}};
+                   {"details", http::ForBrowsers(episode.details)}};
+  json.update(PlaceInList(view->rows, episode.index));
   return http::JsonAnswer(json);
 }
 
@@ -224,7 +229,7 @@ Result<http::Answer> TracksAnswer(Context& context, const http::Request& request
   window.to = static_cast<int>(std::clamp<std::int64_t>(to, from, steps));
   window.points = static_cast<int>(points);
   auto names = Names(request.query);
-  const auto wanted = [&](const std::string& name) { return names.empty() ? name != "states" : names.erase(name) > 0; };
+  const auto wanted = [&](const std::string& name) { return names.erase(name) > 0; };
   const bool all = names.empty();
   store::Safetensors content;
   VisitTracks(episode, [&](const std::string& name, const Track& track, int) {

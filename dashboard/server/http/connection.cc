@@ -103,6 +103,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     error_code ignored;
     stream_.socket().shutdown(net::ip::tcp::socket::shutdown_send, ignored);
   }
+  void Drain();
 
   Server::State& state_;
   beast::tcp_stream stream_;
@@ -111,6 +112,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::string host_;
   bool keep_alive_ = false;
   unsigned version_ = 11;
+  bool refused_ = false;
+  std::size_t drained_ = 0;   // bytes
   std::uint64_t served_ = 0;  // tells a late answer from the one that is waited for
 };
 
@@ -163,7 +166,22 @@ void Connection::Dispatch(Request request) {
 void Connection::Refuse(Answer answer) {
   ++served_;
   keep_alive_ = false;
+  refused_ = true;
   Write(Request{}, std::move(answer));
+}
+
+// Of a request that was refused the rest may still come. A connection that is closed with bytes unread is reset, and
+// the client never sees why: what comes is passed over, for a short while.
+void Connection::Drain() {
+  constexpr std::size_t kMost = 1 << 20;
+  constexpr std::chrono::seconds kPatience{2};
+  stream_.expires_after(kPatience);
+  buffer_.consume(buffer_.size());
+  stream_.async_read_some(buffer_.prepare(16 * 1024), [self = shared_from_this()](const error_code& error,
+                                                                                  std::size_t size) {
+    self->drained_ += size;
+    if (!error && self->drained_ < kMost) self->Drain();
+  });
 }
 
 template <class Message>
@@ -268,8 +286,9 @@ void Connection::WriteChunk(std::shared_ptr<FileTransfer> transfer) {
 
 void Connection::OnWritten(const error_code& error) {
   if (error) return;
-  if (!keep_alive_) return Close();
-  Read();
+  if (keep_alive_) return Read();
+  Close();
+  if (refused_) Drain();
 }
 
 }  // namespace

@@ -158,6 +158,11 @@ void MarkOdd(std::vector<EpisodeRow*>& rows, const Measure& measure) {
 
 }  // namespace
 
+std::string SplitOrNone(const CampaignSpec& spec, std::uint64_t index) {
+  const auto& [train, valid, test] = spec.split;
+  return train >= 0 && valid >= 0 && test >= 0 && train + valid + test > 0 ? SplitOf(spec, index) : "";
+}
+
 void MarkOdd(std::vector<EpisodeRow>& rows) {
   std::map<std::string, std::vector<EpisodeRow*>> by_task;
   for (auto& row : rows)
@@ -219,7 +224,7 @@ Status DatasetSource::ReadSpec() {
 EpisodeRow DatasetSource::RowFromSpec(std::uint64_t index) {
   EpisodeRow row;
   row.index = index;
-  row.split = SplitOf(info_.spec, index);
+  row.split = SplitOrNone(info_.spec, index);
   if (!sampling_) return row;
   const EpisodePlan plan = PlanEpisode(info_.spec, index, 0, sampling_->At(index));
   row.task = plan.task.text();
@@ -240,7 +245,7 @@ void DatasetSource::ReadCommits() {
                      if (!index || rows_.size() >= kMostRows) return;
                      EpisodeRow row;
                      row.index = *index;
-                     row.split = SplitOf(info_.spec, *index);
+                     row.split = SplitOrNone(info_.spec, *index);
                      TakeCommit(line, row);
                      rows_[*index] = std::move(row);
                      changed_ = true;

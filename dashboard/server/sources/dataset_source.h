@@ -113,6 +113,9 @@ class DatasetSource {
   std::list<std::pair<std::uint64_t, std::shared_ptr<const store::EpisodeRecord>>> recent_ ETUDE_GUARDED_BY(mutex_);
 };
 
+/// SplitOf; "" for a spec that has no split, as only a damaged one does.
+std::string SplitOrNone(const CampaignSpec& spec, std::uint64_t index);
+
 /// Sets odd and odd_what: for each of steps, path, jerk and joint speed |x - median| / (1.4826 MAD) within the task;
 /// the largest counts. Tasks with fewer than eight known episodes have none.
 void MarkOdd(std::vector<EpisodeRow>& rows);
