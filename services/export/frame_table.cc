@@ -9,7 +9,6 @@
 
 #include "services/episode/action.h"
 #include "services/episode/codec.h"
-#include "services/export/mp4_writer.h"
 
 namespace etude::exports {
 namespace {
@@ -120,20 +119,21 @@ const char* DtypeOf(ParquetType type) {
 }
 
 OrderedJson VideoJson(const CameraFeature& camera, int fps) {
+  const video::Mp4Options options = VideoOptions(camera, fps);
   return {{"dtype", "video"},
           {"shape", OrderedJson::array({camera.height, camera.width, 3})},
           {"names", OrderedJson::array({"height", "width", "channels"})},
           {"info",
            {{"video.height", camera.height},
             {"video.width", camera.width},
-            {"video.codec", VideoFormat::kCodec},
-            {"video.pix_fmt", VideoFormat::kPixelFormat},
+            {"video.codec", options.kCodec},
+            {"video.pix_fmt", options.kPixelFormat},
             {"video.is_depth_map", false},
             {"video.fps", fps},
             {"video.channels", 3},
-            {"video.g", VideoFormat::kKeyFrameEvery},
-            {"video.crf", VideoFormat::kCrf},
-            {"video.preset", VideoFormat::kPreset},
+            {"video.g", options.key_frame_every},
+            {"video.crf", options.crf},
+            {"video.preset", options.kPreset},
             {"has_audio", false}}}};
 }
 
@@ -148,6 +148,10 @@ std::vector<std::string> Differences(const FrameLayout& a, const FrameLayout& b)
 }
 
 }  // namespace
+
+video::Mp4Options VideoOptions(const CameraFeature& camera, int fps) {
+  return {.width = camera.width, .height = camera.height, .rate = {fps, 1}, .key_frame_every = 2, .crf = 23};
+}
 
 Result<FrameLayout> LayoutOf(const Episode& episode) {
   FrameLayout layout{

@@ -13,6 +13,7 @@
 #include "services/episode/episode.h"
 #include "services/export/feature_statistics.h"
 #include "services/export/parquet_writer.h"
+#include "services/video/mp4_writer.h"
 
 namespace etude::exports {
 
@@ -40,6 +41,9 @@ struct FrameLayout {
   std::vector<CameraFeature> cameras;  ///< that have pictures
   bool operator==(const FrameLayout&) const = default;
 };
+
+/// Every second picture is a key frame, so that readers who ask for single pictures find them quickly.
+video::Mp4Options VideoOptions(const CameraFeature& camera, int fps);
 
 /// Where an episode and its rows stand in the export.
 struct FramePlace {

@@ -52,8 +52,7 @@ class Files21 final : public LeRobotFiles {
     for (const auto& camera : layout_.cameras) {
       ETUDE_RETURN_IF_ERROR(MakeFolders(folder / camera.name));
       const Path path = folder / camera.name / fmt::format("episode_{:06d}.mp4", episode.place.episode);
-      ETUDE_ASSIGN_OR_RETURN(
-          auto video, Mp4Writer::Create(path, {.width = camera.width, .height = camera.height, .fps = layout_.fps}));
+      ETUDE_ASSIGN_OR_RETURN(auto video, video::Mp4Writer::Open(path, VideoOptions(camera, layout_.fps)));
       for (const auto& track : episode.source->cameras) {
         if (track.camera.name != camera.camera) continue;
         ETUDE_ASSIGN_OR_RETURN(episode.table.statistics[camera.name], WritePictures(track, video));

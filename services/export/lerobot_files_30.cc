@@ -61,8 +61,8 @@ class RollingTable {
 // Episodes' pictures, in one file after the other; those of an episode stay together.
 class RollingVideo {
  public:
-  RollingVideo(Path folder, VideoFormat format, std::uint64_t limit)
-      : folder_(std::move(folder)), format_(format), limit_(limit) {}
+  RollingVideo(Path folder, const video::Mp4Options& options, std::uint64_t limit)
+      : folder_(std::move(folder)), options_(options), limit_(limit) {}
 
   Status Begin() {
     if (file_ && file_->bytes() >= limit_) {
@@ -72,13 +72,13 @@ class RollingVideo {
     if (file_) return {};
     const Path path = number_.In(folder_, ".mp4");
     ETUDE_RETURN_IF_ERROR(MakeFolders(path.parent_path()));
-    ETUDE_ASSIGN_OR_RETURN(file_, Mp4Writer::Create(path, format_));
+    ETUDE_ASSIGN_OR_RETURN(file_, video::Mp4Writer::Open(path, options_));
     return {};
   }
-  Mp4Writer& file() { return *file_; }
+  video::Mp4Writer& file() { return *file_; }
   FileNumber number() const { return number_; }
   // a time is a whole number of pictures over the rate: never a sum of rounded times
-  double Now() const { return static_cast<double>(file_->frames()) / format_.fps; }
+  double Now() const { return static_cast<double>(file_->pictures()) / options_.rate.numerator; }
   Status Finish() {
     if (!file_) return {};
     ETUDE_RETURN_IF_ERROR(file_->Finish());
@@ -88,10 +88,10 @@ class RollingVideo {
 
  private:
   Path folder_;
-  VideoFormat format_;
+  video::Mp4Options options_;
   std::uint64_t limit_;
   FileNumber number_;
-  std::optional<Mp4Writer> file_;
+  std::optional<video::Mp4Writer> file_;
 };
 
 // What pandas wants to be told, so that rows are found by their sentence.
@@ -120,9 +120,7 @@ class Files30 final : public LeRobotFiles {
         data_(folder / "data", options.data_file_bytes),
         metadata_(folder / "meta/episodes", options.data_file_bytes) {
     for (const auto& camera : layout.cameras)
-      videos_.emplace_back(folder / "videos" / camera.name,
-                           VideoFormat{.width = camera.width, .height = camera.height, .fps = layout.fps},
-                           options.video_file_bytes);
+      videos_.emplace_back(folder / "videos" / camera.name, VideoOptions(camera, layout.fps), options.video_file_bytes);
   }
 
   Status Write(LeRobotEpisode& episode) override {

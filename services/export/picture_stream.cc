@@ -9,14 +9,14 @@
 
 namespace etude::exports::internal {
 
-Result<FeatureStatistics> WritePictures(const CameraTrack& track, Mp4Writer& video) {
+Result<FeatureStatistics> WritePictures(const CameraTrack& track, video::Mp4Writer& video) {
   std::vector<std::uint8_t> rgb(3ull * track.camera.width * track.camera.height);
   PictureStatistics statistics;
   for (std::size_t k = 0; k < track.frames.size(); ++k) {
     if (Status inflated = codec::InflateFrame(track.frames[k], rgb); !inflated)
       return Fail(inflated.error().Wrap(fmt::format("camera {} frame {}", track.camera.name, k)));
     statistics.Add(rgb);
-    ETUDE_RETURN_IF_ERROR(video.Add(rgb, k == 0 ? KeyFrame::kForced : KeyFrame::kAsNeeded));
+    ETUDE_RETURN_IF_ERROR(video.Write(rgb, k == 0 ? video::KeyFrame::kForced : video::KeyFrame::kAsNeeded));
   }
   return statistics.Finish();
 }

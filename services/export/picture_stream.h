@@ -5,11 +5,11 @@
 #include "services/core/result.h"
 #include "services/episode/episode.h"
 #include "services/export/feature_statistics.h"
-#include "services/export/mp4_writer.h"
+#include "services/video/mp4_writer.h"
 
 namespace etude::exports::internal {
 
 /// The first picture becomes a key frame. @error kCorrupt: a frame does not inflate; of the encoder
-Result<FeatureStatistics> WritePictures(const CameraTrack& track, Mp4Writer& video);
+Result<FeatureStatistics> WritePictures(const CameraTrack& track, video::Mp4Writer& video);
 
 }  // namespace etude::exports::internal

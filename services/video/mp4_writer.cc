@@ -64,11 +64,15 @@ void Configure(const Mp4Options& options, const AVFormatContext& format, AVCodec
   codec.pix_fmt = AV_PIX_FMT_YUV420P;
   codec.thread_count = 1;  // small pictures: threads cost more than they give, and the machine is shared
   codec.bit_rate = 4'000'000;
+  codec.color_range = AVCOL_RANGE_MPEG;
+  codec.colorspace = AVCOL_SPC_SMPTE170M;  // what swscale converts to
+  codec.flags |= AV_CODEC_FLAG_BITEXACT;
   if (format.oformat->flags & AVFMT_GLOBALHEADER) codec.flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
   if (std::string_view(codec.codec->name) != "libx264") return;
   codec.bit_rate = 0;
-  av_opt_set(codec.priv_data, "preset", "veryfast", 0);
-  av_opt_set(codec.priv_data, "crf", "21", 0);
+  av_opt_set(codec.priv_data, "preset", Mp4Options::kPreset, 0);
+  av_opt_set_int(codec.priv_data, "crf", options.crf, 0);
+  av_opt_set_int(codec.priv_data, "forced-idr", 1, 0);
 }
 
 }  // namespace
@@ -83,6 +87,7 @@ struct Mp4Writer::Impl {
   std::unique_ptr<SwsContext, FreeScaler> scaler;
   AVStream* stream = nullptr;  // of `format`
   std::int64_t pictures = 0;
+  std::uint64_t bytes = 0;
 
   Status OpenEncoder();
   Status OpenFile();
@@ -109,7 +114,8 @@ Status Mp4Writer::Impl::OpenEncoder() {
   frame->height = options.height;
   if (const int code = av_frame_get_buffer(frame.get(), 0); code < 0) return Refused(path, "allocate a picture", code);
   scaler.reset(sws_getContext(options.width, options.height, AV_PIX_FMT_RGB24, options.width, options.height,
-                              codec->pix_fmt, SWS_BICUBIC, nullptr, nullptr, nullptr));
+                              codec->pix_fmt, SWS_BICUBIC | SWS_ACCURATE_RND | SWS_BITEXACT, nullptr, nullptr,
+                              nullptr));
   if (!scaler) return Fail(Code::kInternal, fmt::format("write the video '{}': no colour conversion", path.string()));
   return {};
 }
@@ -139,6 +145,7 @@ Status Mp4Writer::Impl::Drain() {
     packet->duration = 1;
     av_packet_rescale_ts(packet.get(), codec->time_base, stream->time_base);
     packet->stream_index = stream->index;
+    bytes += static_cast<std::uint64_t>(packet->size);
     // it takes over the packet's data
     if (const int written = av_interleaved_write_frame(format.get(), packet.get()); written < 0)
       return Refused(path, "write", written);
@@ -160,6 +167,7 @@ Result<Mp4Writer> Mp4Writer::Open(const Path& path, const Mp4Options& options) {
   if (const int code = avformat_alloc_output_context2(&format, nullptr, "mp4", path.c_str()); code < 0)
     return Refused(path, "open the format", code);
   impl->format.reset(format);
+  impl->format->flags |= AVFMT_FLAG_BITEXACT;  // no library's version in the file
   ETUDE_RETURN_IF_ERROR(impl->OpenEncoder());
   ETUDE_RETURN_IF_ERROR(impl->OpenFile());
   return Mp4Writer(std::move(impl));
@@ -170,7 +178,7 @@ Mp4Writer::Mp4Writer(Mp4Writer&&) noexcept = default;
 Mp4Writer& Mp4Writer::operator=(Mp4Writer&&) noexcept = default;
 Mp4Writer::~Mp4Writer() = default;
 
-Status Mp4Writer::Write(std::span<const std::uint8_t> rgb) {
+Status Mp4Writer::Write(std::span<const std::uint8_t> rgb, KeyFrame key) {
   auto& impl = *impl_;
   const auto expected = static_cast<std::size_t>(impl.options.width) * impl.options.height * 3;
   if (rgb.size() != expected) {
@@ -182,6 +190,7 @@ Status Mp4Writer::Write(std::span<const std::uint8_t> rgb) {
   const std::uint8_t* source[] = {rgb.data()};
   const int stride[] = {impl.options.width * 3};
   sws_scale(impl.scaler.get(), source, stride, 0, impl.options.height, impl.frame->data, impl.frame->linesize);
+  impl.frame->pict_type = key == KeyFrame::kForced ? AV_PICTURE_TYPE_I : AV_PICTURE_TYPE_NONE;
   impl.frame->pts = impl.pictures++;
   if (const int code = avcodec_send_frame(impl.codec.get(), impl.frame.get()); code < 0)
     return Refused(impl.path, "encode", code);
@@ -196,7 +205,10 @@ Status Mp4Writer::Finish() {
   if (const int code = av_write_trailer(impl.format.get()); code < 0)
     return Refused(impl.path, "write the index", code);
   if (const int code = avio_closep(&impl.format->pb); code < 0) return Refused(impl.path, "close the file", code);
-  return {};
+  return SyncFile(impl.path);
 }
+
+std::int64_t Mp4Writer::pictures() const { return impl_->pictures; }
+std::uint64_t Mp4Writer::bytes() const { return impl_->bytes; }
 
 }  // namespace etude::video

@@ -25,10 +25,21 @@ struct Mp4Options {
   int width = 0, height = 0;  ///< px; even, as H.264 halves colours
   FrameRate rate;
   int key_frame_every = 5;  ///< pictures; small: a jump to any picture decodes few others
+  int crf = 21;             ///< x264's constant rate factor; smaller is better and larger
+
+  static constexpr const char* kCodec = "h264";
+  static constexpr const char* kPixelFormat = "yuv420p";
+  static constexpr const char* kPreset = "veryfast";
 };
 
-/// One file, H.264 (MPEG-4 where libav has no encoder of it), constant frame rate, no B-frames, its index in front so
-/// that a browser plays it while it arrives. Without Finish the file is not playable. Not thread-safe.
+enum class KeyFrame : std::uint8_t {
+  kAsNeeded,
+  kForced,  ///< e.g. the first picture of an episode: nothing before it is needed to show it
+};
+
+/// One file, H.264 (MPEG-4 where libav has no encoder of it), picture k shown at exactly k / rate, no B-frames, its
+/// index in front so that a browser plays it while it arrives. The same pictures are the same bytes. Without Finish the
+/// file is not playable. Not thread-safe.
 class Mp4Writer {
  public:
   /// @error kInvalidArgument: sides that are not even or not positive; kUnavailable: no encoder, or the disk refuses.
@@ -37,10 +48,13 @@ class Mp4Writer {
   Mp4Writer& operator=(Mp4Writer&&) noexcept;
   ~Mp4Writer();
 
-  /// @param rgb  height * width * 3 bytes. @error kUnavailable when encoder or disk refuse
-  Status Write(std::span<const std::uint8_t> rgb);
-  /// Writes what the encoder still holds, and the index. Call once, last.
+  /// @param rgb  height * width * 3 bytes, row-major, top row first. @error kUnavailable when encoder or disk refuse
+  Status Write(std::span<const std::uint8_t> rgb, KeyFrame key = KeyFrame::kAsNeeded);
+  /// Writes what the encoder still holds, and the index; durable when it returns. Call once, last.
   Status Finish();
+
+  std::int64_t pictures() const;  ///< written
+  std::uint64_t bytes() const;    ///< handed to the file until now
 
  private:
   struct Impl;

@@ -12,7 +12,7 @@
 #include "services/store/dataset.h"
 #include "tests/services/export/node_reader.h"
 #include "tests/services/export/parquet_reader.h"
-#include "tests/services/export/video_reader.h"
+#include "tests/services/video/video_reader.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
@@ -127,7 +127,7 @@ TEST_F(LeRobot, Version30SaysWhereEachEpisodeIs) {
 TEST_F(LeRobot, Version30PutsEpisodesOneAfterTheOtherIntoOneVideo) {
   ASSERT_THAT(ExportLeRobot(dataset_, out_, {}), IsOk());
 
-  const VideoContent video = ReadVideo(out_ / "videos" / kCamera / "chunk-000/file-000.mp4");
+  const video::VideoContent video = video::ReadVideo(out_ / "videos" / kCamera / "chunk-000/file-000.mp4");
   const ParquetFile episodes(out_ / "meta/episodes/chunk-000/file-000.parquet");
   std::size_t first = 0;
   for (const auto& row : episodes.rows()) {
@@ -164,7 +164,8 @@ TEST_F(LeRobot, Version21HasAFileAnEpisode) {
     EXPECT_FALSE(statistics[i]["stats"]["action"].contains("q01"));
     for (std::size_t k = 0; k < data.rows().size(); ++k)
       CheckRow(data.rows()[k], episode, static_cast<int>(k), index++);
-    const VideoContent video = ReadVideo(out_ / "videos/chunk-000" / kCamera / fmt::format("episode_{:06d}.mp4", i));
+    const video::VideoContent video =
+        video::ReadVideo(out_ / "videos/chunk-000" / kCamera / fmt::format("episode_{:06d}.mp4", i));
     EXPECT_EQ(video.times.size(), data.rows().size());
   }
 }

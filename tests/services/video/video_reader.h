@@ -14,7 +14,7 @@ extern "C" {
 #include <libavformat/avformat.h>
 }
 
-namespace etude::exports {
+namespace etude::video {
 
 struct VideoContent {
   int width = 0, height = 0;
@@ -64,4 +64,4 @@ inline VideoContent ReadVideo(const Path& path) {
   return content;
 }
 
-}  // namespace etude::exports
+}  // namespace etude::video
