@@ -323,8 +323,9 @@ OrderedJson ModulesJson(const OrderedJson& modules) {
 OrderedJson CheckpointJson(const sources::CheckpointHeader& header, const OrderedJson& served_by) {
   const Metadata metadata(header.metadata);
   const OrderedJson embodiment = metadata.Part("embodiment");
+  const OrderedJson said = metadata.Part("metrics");
   OrderedJson metrics = OrderedJson::object();
-  for (const auto& [name, value] : metadata.Part("metrics").items())
+  for (const auto& [name, value] : said.items())
     if (value.is_number() || value.is_null()) metrics[name] = value;
   const OrderedJson stage = metadata.Number("stage"), stages = metadata.Number("stages");
   const std::string refused = metadata.Text("refused");
