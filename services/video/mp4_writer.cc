@@ -160,6 +160,7 @@ Result<Mp4Writer> Mp4Writer::Open(const Path& path, const Mp4Options& options) {
         fmt::format("write the video '{}': {}x{} px at {}/{} pictures a second; sides must be even and positive",
                     path.string(), options.width, options.height, options.rate.numerator, options.rate.denominator));
   }
+  av_log_set_level(AV_LOG_ERROR);  // encoders tell their statistics otherwise
   auto impl = std::make_unique<Impl>();
   impl->path = path;
   impl->options = options;

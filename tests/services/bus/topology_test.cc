@@ -23,7 +23,10 @@ TEST(Endpoints, AreThoseOfAllParticipantsWithTheirQos) {
   auto writer = Writer<CampaignStatus>::Open(peers.a, "mine/0011");
   auto reader = Reader<CampaignStatus>::Open(peers.b, "mine/0011");
   ASSERT_TRUE(writer && reader);
+  // the reader's side knows of the writer, too, once something came
   ASSERT_TRUE(writer->WaitForReaders(1, 10s));
+  ASSERT_TRUE(writer->Write({}));
+  ASSERT_TRUE(reader->Wait(10s));
 
   const auto all = Endpoints(peers.b);
   ASSERT_TRUE(all) << all.error().message;

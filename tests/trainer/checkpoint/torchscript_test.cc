@@ -40,7 +40,9 @@ TEST(TorchScript, GivesTheSameWaypointsInPlainLibtorch) {
     const auto said = module.forward({inputs.images, inputs.joints, TokenIds(sentence, 64)}).toTensor();
 
     ASSERT_EQ(said.sizes(), wanted.sizes());
-    EXPECT_LE((said - wanted).abs().max().item<double>(), 1e-5) << sentence;
+    const auto apart = (said - wanted).abs().view({-1, kWaypointSize});
+    EXPECT_LE(apart.narrow(1, 0, 3).max().item<double>(), 1e-5) << sentence << ": m";
+    EXPECT_LE(apart.narrow(1, 3, kWaypointSize - 3).max().item<double>(), 1e-4) << sentence << ": rotations, gripper";
   }
   const auto facts = OrderedJson::parse(files[kTorchScriptFacts]);
   EXPECT_EQ(facts["crop"], OrderedJson::parse("[10, 20, 24, 16]"));

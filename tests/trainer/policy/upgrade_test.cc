@@ -147,6 +147,7 @@ Inputs OldInputs(const PolicyConfig& config, const std::vector<float>& joints) {
           torch::tensor({static_cast<float>(crop.u), static_cast<float>(crop.v)}).view({1, 2}),
           torch::tensor(joints).view({1, -1}),
           {"pick up the red can"},
+          {},
           torch::zeros({1, 1}, torch::kInt64)};
 }
 

@@ -257,7 +257,7 @@ TEST_F(ContractTest, ActionsAreCommandsAndNeedTheToken) {
   EXPECT_NE(shown.body.find("etude eval --checkpoint"), std::string::npos);
   request.body = R"({"action":"evaluate","run":"lab.run","file":"00000200.safetensors"})";
   EXPECT_EQ(Ask(request, kPrefix + "/actions").status, 401);
-  request.authorization = std::string("Bearer ") + kTestToken;
+  request.authorization = fmt::format("Bearer {}", kTestToken);
   const auto accepted = Ask(request, kPrefix + "/actions");
   EXPECT_EQ(accepted.status, 202) << accepted.body;
   const std::string id = OrderedJson::parse(accepted.body)["job"];

@@ -2,6 +2,7 @@
 // Tests dashboard/server/http/security.cc and service.cc: who may ask what.
 #include "dashboard/server/http/security.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "dashboard/server/http/service.h"
@@ -60,13 +61,13 @@ TEST(Service, OtherPagesNeitherActNorListen) {
   const auto service = MakeService({.token = kToken});
   for (const char* origin : {"http://evil.example", "null", "http://localhost:8081"}) {
     auto request = Ask("localhost:8080", "POST", "/api/v1/act");
-    request.authorization = std::string("Bearer ") + kToken;
+    request.authorization = fmt::format("Bearer {}", kToken);
     request.origin = origin;
     EXPECT_EQ(service.Handle(request).status, 403) << origin;
     EXPECT_TRUE(service.CheckSocket(request)) << origin;
   }
   auto own = Ask("localhost:8080", "POST", "/api/v1/act");
-  own.authorization = std::string("Bearer ") + kToken;
+  own.authorization = fmt::format("Bearer {}", kToken);
   own.origin = "http://localhost:8080";
   EXPECT_EQ(service.Handle(own).status, 200);
   EXPECT_FALSE(service.CheckSocket(own));
@@ -87,8 +88,8 @@ TEST(Service, ActionsNeedTheToken) {
   const std::string session = cookie.substr(0, cookie.find(';'));
   for (const auto& [authorization, cookies, status] :
        {Case{"", "", 401}, Case{"Bearer wrong", "", 401}, Case{kToken, "", 401},
-        Case{std::string("Bearer ") + kToken, "", 200}, Case{"", session, 200}, Case{"", "a=b; " + session, 200},
-        Case{"", std::string("etude_session=") + kToken, 401}, Case{"", "etude_session=", 401}}) {
+        Case{fmt::format("Bearer {}", kToken), "", 200}, Case{"", session, 200}, Case{"", "a=b; " + session, 200},
+        Case{"", fmt::format("etude_session={}", kToken), 401}, Case{"", "etude_session=", 401}}) {
     auto act = Ask("localhost", "POST", "/api/v1/act");
     act.authorization = authorization;
     act.cookie = cookies;
@@ -104,7 +105,7 @@ TEST(Service, ReadsNeedTheTokenWhereOtherMachinesReachIt) {
   auto request = Ask("192.168.0.7:8080");
   EXPECT_EQ(service.Handle(request).status, 401);
   EXPECT_TRUE(service.CheckSocket(request));
-  request.authorization = std::string("Bearer ") + kToken;
+  request.authorization = fmt::format("Bearer {}", kToken);
   EXPECT_EQ(service.Handle(request).status, 200);
   EXPECT_FALSE(service.CheckSocket(request));
   auto sign_in = Ask("192.168.0.7:8080", "POST", "/api/v1/session");
