@@ -126,9 +126,9 @@ struct Gateway::Parts {
   std::unique_ptr<live::BusWatch> bus;
   api::Context context;
   http::StaticFiles pages;
-  api::LiveHub hub;
   std::unique_ptr<http::Service> service;
   std::unique_ptr<http::Server> server;
+  api::LiveHub hub;  // last: it holds sockets, which must not outlive their server
 };
 
 Result<std::unique_ptr<Gateway>> Gateway::Open(const GatewayOptions& options) {

@@ -76,6 +76,7 @@ class ServerTest : public testing::Test {
   void TearDown() override {
     server_->Stop();
     thread_.join();
+    opened_ = {};  // a socket must not outlive its server
     server_.reset();
   }
   tcp::socket Connect() {
@@ -103,9 +104,9 @@ class ServerTest : public testing::Test {
 
   TemporaryFolder folder_;
   std::promise<void> release_, closed_;
-  std::promise<std::shared_ptr<Socket>> opened_;
   std::unique_ptr<Service> service_;
   std::unique_ptr<Server> server_;
+  std::promise<std::shared_ptr<Socket>> opened_;
   std::thread thread_;
   net::io_context client_;
 };
