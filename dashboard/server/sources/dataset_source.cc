@@ -11,6 +11,7 @@
 #include "services/core/statistics.h"
 #include "services/episode/bounded_json.h"
 #include "services/spec/episode_plan.h"
+#include "services/store/commit_journal.h"
 
 namespace etude::sources {
 namespace {
@@ -48,51 +49,20 @@ void TakeCommit(const OrderedJson& line, EpisodeRow& row) {
   row.send_s = NumberOf(timings, "send_s");
 }
 
-double PathLength(const Track& positions) {
-  double length = 0;
-  for (int t = 1; t < positions.rows(); ++t) {
-    double squared = 0;
-    for (int axis = 0; axis < positions.columns; ++axis) {
-      const double difference = positions.row(t)[axis] - positions.row(t - 1)[axis];
-      squared += difference * difference;
-    }
-    length += std::sqrt(squared);
-  }
-  return length;
-}
-
-// Root mean square of third differences over 5 steps (0.04 s) of the hand, m/s^3.
-std::optional<double> Jerk(const Track& positions) {
-  constexpr int kGap = 5;
-  constexpr double kStep_s = 0.04;
-  double sum = 0;
-  int n = 0;
-  for (int t = 3 * kGap; t < positions.rows(); ++t, ++n)
-    for (int axis = 0; axis < positions.columns; ++axis) {
-      const auto at = [&](int back) { return static_cast<double>(positions.row(t - back * kGap)[axis]); };
-      const double third = (at(0) - 3 * at(1) + 3 * at(2) - at(3)) / (kStep_s * kStep_s * kStep_s);
-      sum += third * third;
-    }
-  if (n == 0) return std::nullopt;
-  return std::sqrt(sum / n);
-}
-
 void TakeEpisode(const store::EpisodeRecord& record, EpisodeRow& row) {
   const etude::Episode& episode = record.episode;
-  row.known = true;
-  row.task = episode.task, row.target = episode.target, row.reference = episode.reference, row.robot = episode.robot;
-  row.outcome = episode.outcome, row.instruction = episode.instruction;
-  row.attempt = episode.attempt;
-  row.steps = static_cast<std::uint64_t>(episode.steps());
-  row.frames = 0;
-  for (const auto& camera : record.frames) row.frames += camera.size();
-  std::error_code error;
-  row.bytes = std::filesystem::file_size(record.path, error);
-  row.draws = UnsignedOf(PartOf(episode.details, "scene"), "draws").value_or(0);
+  std::uint64_t frames = 0;
+  for (const auto& camera : record.frames) frames += camera.size();
   const FileStamp stamp = StampOf(record.path);
+  const store::CommitRow made = store::RowOf(episode, frames, stamp.size);
+  row.known = true;
+  row.task = made.task, row.target = made.target, row.reference = made.reference, row.robot = made.robot;
+  row.outcome = made.outcome, row.instruction = made.instruction;
+  row.attempt = made.attempt;
+  row.steps = made.steps, row.frames = made.frames, row.bytes = made.bytes, row.draws = made.draws;
   if (!row.t && stamp.exists()) row.t = stamp.modified_s();
-  row.path_m = PathLength(episode.eef_pos);
-  row.jerk = Jerk(episode.eef_pos);
+  row.path_m = made.path_m;
+  if (made.jerk > 0) row.jerk = made.jerk;
   double speed = 0;
   for (const float value : episode.joint_vel.values) speed = std::max(speed, std::abs(static_cast<double>(value)));
   row.joint_speed = speed;
