@@ -8,6 +8,10 @@ target_compile_features(etude_options INTERFACE cxx_std_20)
 target_include_directories(etude_options INTERFACE ${CMAKE_SOURCE_DIR})
 target_compile_options(etude_options INTERFACE
   $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Werror -Wno-missing-field-initializers -ffp-contract=off>)
+# Sources compiled several as one (CMAKE_UNITY_BUILD) look like headers to this warning.
+if(CMAKE_UNITY_BUILD)
+  target_compile_options(etude_options INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wno-subobject-linkage>)
+endif()
 target_compile_definitions(etude_options INTERFACE
   ETUDE_VERSION="${PROJECT_VERSION}" SPDLOG_COMPILED_LIB SPDLOG_FMT_EXTERNAL)
 if(ETUDE_SANITIZE)

@@ -17,44 +17,44 @@ namespace etude::campaign {
 namespace {
 
 // One rollout of a report.
-struct Row {
+struct PairRow {
   std::uint64_t seed = 0;
   std::string task, target;
   bool success = false, latched = false;
 };
-using Rows = std::map<std::uint64_t, Row>;
+using PairRows = std::map<std::uint64_t, PairRow>;
 
-Result<Row> RowFrom(const OrderedJson& json) {
+Result<PairRow> RowFrom(const OrderedJson& json) {
   const auto has = [&](const char* key, auto is) { return json.contains(key) && (json[key].*is)(); };
   using J = OrderedJson;
   if (!json.is_object() || !has("index", &J::is_number_unsigned) || !has("seed", &J::is_number_unsigned) ||
       !has("task", &J::is_string) || !has("target", &J::is_string) || !has("success", &J::is_boolean) ||
       !has("success_latched", &J::is_boolean))
     return Fail(Code::kCorrupt, "compare: a rollout of a report lacks its index, seed, task, target or success");
-  return Row{json["seed"].get<std::uint64_t>(), json["task"].get<std::string>(), json["target"].get<std::string>(),
-             json["success"].get<bool>(), json["success_latched"].get<bool>()};
+  return PairRow{json["seed"].get<std::uint64_t>(), json["task"].get<std::string>(), json["target"].get<std::string>(),
+                 json["success"].get<bool>(), json["success_latched"].get<bool>()};
 }
 
-Result<Rows> RowsOf(const OrderedJson& report) {
+Result<PairRows> RowsOf(const OrderedJson& report) {
   if (!report.is_object() || !report.contains("per_episode") || !report["per_episode"].is_array())
     return Fail(Code::kCorrupt, "compare: not the report of an evaluation");
-  Rows rows;
+  PairRows rows;
   for (const auto& json : report["per_episode"]) {
-    ETUDE_ASSIGN_OR_RETURN(Row row, RowFrom(json));
+    ETUDE_ASSIGN_OR_RETURN(PairRow row, RowFrom(json));
     rows[json["index"].get<std::uint64_t>()] = std::move(row);
   }
   return rows;
 }
 
 // Rollouts that both have.
-using Pairs = std::vector<std::pair<const Row*, const Row*>>;
+using Pairs = std::vector<std::pair<const PairRow*, const PairRow*>>;
 
-Result<Pairs> Paired(const Rows& first, const Rows& second) {
+Result<Pairs> Paired(const PairRows& first, const PairRows& second) {
   Pairs pairs;
   for (const auto& [index, row] : first) {
     const auto it = second.find(index);
     if (it == second.end()) continue;
-    const Row& other = it->second;
+    const PairRow& other = it->second;
     if (row.seed != other.seed || row.task != other.task || row.target != other.target)
       return Fail(Code::kInvalidArgument,
                   fmt::format("compare: rollout {} is '{} {}' of seed {} in one and '{} {}' of seed {} in the other: "
@@ -65,7 +65,7 @@ Result<Pairs> Paired(const Rows& first, const Rows& second) {
   return pairs;
 }
 
-OrderedJson Counted(const std::string& task, const Pairs& pairs, bool Row::*criterion) {
+OrderedJson Counted(const std::string& task, const Pairs& pairs, bool PairRow::*criterion) {
   PairedCounts counts;
   for (const auto& [first, second] : pairs) {
     if (!task.empty() && first->task != task) continue;
@@ -155,8 +155,8 @@ Status CheckSameScenes(const CampaignSpec& first, const CampaignSpec& second, co
 }
 
 Result<OrderedJson> CompareReports(const OrderedJson& first, const OrderedJson& second) {
-  ETUDE_ASSIGN_OR_RETURN(const Rows rows, RowsOf(first));
-  ETUDE_ASSIGN_OR_RETURN(const Rows others, RowsOf(second));
+  ETUDE_ASSIGN_OR_RETURN(const PairRows rows, RowsOf(first));
+  ETUDE_ASSIGN_OR_RETURN(const PairRows others, RowsOf(second));
   ETUDE_ASSIGN_OR_RETURN(const Pairs pairs, Paired(rows, others));
   OrderedJson json{{"first", RunOf(first)},
                    {"second", RunOf(second)},
@@ -167,9 +167,9 @@ Result<OrderedJson> CompareReports(const OrderedJson& first, const OrderedJson& 
     if (std::ranges::count(tasks, pair.first->task) == 0) tasks.push_back(pair.first->task);
   std::ranges::sort(tasks);
   json["per_task"] = OrderedJson::array();
-  for (const auto& task : tasks) json["per_task"].push_back(Counted(task, pairs, &Row::success));
-  json["overall"] = Counted("", pairs, &Row::success);
-  json["overall_latched"] = Counted("", pairs, &Row::latched);
+  for (const auto& task : tasks) json["per_task"].push_back(Counted(task, pairs, &PairRow::success));
+  json["overall"] = Counted("", pairs, &PairRow::success);
+  json["overall_latched"] = Counted("", pairs, &PairRow::latched);
   return json;
 }
 

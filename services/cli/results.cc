@@ -28,6 +28,7 @@ struct Arguments {
 };
 
 using Words = std::vector<std::string>;
+constexpr const char* kWhole = "whole";  // in a run's folder: it has come to its end
 
 /// Runs commands of `etude` one after another, each with a log of its own.
 class Maker {
@@ -36,8 +37,12 @@ class Maker {
 
   /// Makes what is not there already of one training seed of `row`. @returns the evaluation's report
   Result<OrderedJson> Make(const ResultRow& row, std::uint64_t seed) {
-    ETUDE_ASSIGN_OR_RETURN(const Path data, Collect(row));
-    ETUDE_ASSIGN_OR_RETURN(const Path run, Train(row, seed, data));
+    const Path run = RunOf(row.name, seed);
+    std::error_code ignored;
+    if (!fs::exists(run / kWhole, ignored)) {
+      ETUDE_ASSIGN_OR_RETURN(const Path data, Collect(row));
+      ETUDE_RETURN_IF_ERROR(Train(row, seed, data, run));
+    }
     return Evaluate(row, seed, run);
   }
 
@@ -117,10 +122,8 @@ class Maker {
                                              row.name, row.train.init));
   }
 
-  Result<Path> Train(const ResultRow& row, std::uint64_t seed, const Path& data) {
-    const Path run = RunOf(row.name, seed), whole = run / "whole";
+  Status Train(const ResultRow& row, std::uint64_t seed, const Path& data, const Path& run) {
     std::error_code ignored;
-    if (fs::exists(whole, ignored)) return run;
     const ResultTraining& train = row.train;
     Words words{"train", "--data", data.string(), "--out", run.string(), "--seed", std::to_string(seed), "--offline"};
     if (train.steps > 0) words.insert(words.end(), {"--steps", std::to_string(train.steps)});
@@ -139,8 +142,7 @@ class Maker {
     const Words set = Sets(train.set);
     words.insert(words.end(), set.begin(), set.end());
     ETUDE_RETURN_IF_ERROR(Run(fmt::format("train-{}-{}", row.name, seed), words));
-    ETUDE_RETURN_IF_ERROR(WriteFileAtomically(whole, "\n"));
-    return run;
+    return WriteFileAtomically(run / kWhole, "\n");
   }
 
   Result<OrderedJson> Evaluate(const ResultRow& row, std::uint64_t seed, const Path& run) {

@@ -16,17 +16,18 @@
 namespace etude {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, Whereto>, 7> kPlaces{{{"here", Whereto::kHere},
-                                                                       {"left", Whereto::kLeft},
-                                                                       {"right", Whereto::kRight},
-                                                                       {"front", Whereto::kFront},
-                                                                       {"behind", Whereto::kBehind},
-                                                                       {"on_top", Whereto::kOnTop},
-                                                                       {"inside", Whereto::kInside}}};
+constexpr std::array<std::pair<std::string_view, Whereto>, 7> kWheretos{{{"here", Whereto::kHere},
+                                                                         {"left", Whereto::kLeft},
+                                                                         {"right", Whereto::kRight},
+                                                                         {"front", Whereto::kFront},
+                                                                         {"behind", Whereto::kBehind},
+                                                                         {"on_top", Whereto::kOnTop},
+                                                                         {"inside", Whereto::kInside}}};
 
 Whereto WheretoOf(const std::string& to) {
-  const auto it = std::find_if(kPlaces.begin(), kPlaces.end(), [&](const auto& place) { return place.first == to; });
-  ETUDE_CHECK(it != kPlaces.end(), "to={}", to);
+  const auto it =
+      std::find_if(kWheretos.begin(), kWheretos.end(), [&](const auto& place) { return place.first == to; });
+  ETUDE_CHECK(it != kWheretos.end(), "to={}", to);
   return it->second;
 }
 
@@ -127,7 +128,7 @@ const std::vector<std::string>& PrimitiveNames() {
 const std::vector<std::string>& WheretoNames() {
   static const std::vector<std::string> names = [] {
     std::vector<std::string> all;
-    for (const auto& [name, whereto] : kPlaces) all.emplace_back(name);
+    for (const auto& [name, whereto] : kWheretos) all.emplace_back(name);
     return all;
   }();
   return names;

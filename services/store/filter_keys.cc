@@ -10,7 +10,7 @@
 namespace etude::store {
 namespace {
 
-constexpr std::uint64_t kMaxFile = 64 << 20;
+constexpr std::uint64_t kMaxKeysFile = 64 << 20;
 
 Status CheckName(const CampaignSpec& spec, const std::string& name) {
   if (!IsPlainName(name))
@@ -34,7 +34,7 @@ Status Write(const Path& dataset, const FilterKeys& keys) {
 
 Result<FilterKeys> ReadFilterKeys(const Path& dataset) {
   const Path path = dataset / internal::kFilters;
-  const auto text = ReadTextFile(path, kMaxFile);
+  const auto text = ReadTextFile(path, kMaxKeysFile);
   if (!text && text.error().code == Code::kNotFound) return FilterKeys();
   if (!text) return Fail(text.error());
   const auto bad = [&](const std::string& what) {

@@ -15,7 +15,7 @@
 namespace etude::assets {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 /// Collects the pieces of one object; mass is shared out by volume.
 class Builder {
@@ -44,7 +44,7 @@ class Builder {
   /// An upright cylinder between two heights above the lowest point.
   void Cylinder(double radius, double from, double to) {
     pieces_.push_back(
-        {"cylinder", {radius, (to - from) / 2}, Middle(from, to), "", kPi * radius * radius * (to - from)});
+        {"cylinder", {radius, (to - from) / 2}, Middle(from, to), "", pi * radius * radius * (to - from)});
   }
   /// A sphere on the ground; it needs more than the usual friction to come to rest.
   void Ball(double radius) { pieces_.push_back({"sphere", {radius}, 0, "", 1, " friction=\"0.9 0.02 0.005\""}); }
@@ -143,7 +143,7 @@ ObjectModel Bottle() {
   builder.Visual("bottle_cap", BottleCapMesh(rest), "bottle_cap");
   builder.Cylinder(kBottleRadius, 0, kBottleShoulder);
   const double r = kBottleRadius, n = kBottleNeckRadius, rise = kBottleNeck - kBottleShoulder;
-  builder.Hull("bottle_shoulder", BottleShoulderHull(rest), kPi * rise * (r * r + r * n + n * n) / 3);
+  builder.Hull("bottle_shoulder", BottleShoulderHull(rest), pi * rise * (r * r + r * n + n * n) / 3);
   builder.Cylinder(n + .0008, kBottleNeck, kBottleHeight);
   return builder.Finish(true);
 }

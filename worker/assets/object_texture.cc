@@ -10,7 +10,7 @@ namespace etude::assets {
 namespace {
 
 using Eigen::Vector2d;
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 const Color kWhite(0.97, 0.97, 0.97), kSilver(0.80, 0.81, 0.83);
 constexpr int kCanWidth = 512, kCanRows = 256;
@@ -38,8 +38,8 @@ Shape Between(Low low, High high) {
 Canvas CokeTexture() {
   Canvas canvas(kCanWidth, kCanRows, {0.80, 0.05, 0.08});
   const double period = kCanWidth / 2.0;
-  const auto wave = [=](double x) { return 178 + 20 * std::sin(2 * kPi * (x - 20) / period); };
-  canvas.Paint(Between(wave, [=](double x) { return wave(x) + 17 + 7 * std::cos(2 * kPi * (x - 40) / period); }),
+  const auto wave = [=](double x) { return 178 + 20 * std::sin(2 * pi * (x - 20) / period); };
+  canvas.Paint(Between(wave, [=](double x) { return wave(x) + 17 + 7 * std::cos(2 * pi * (x - 40) / period); }),
                kWhite);
   for (const double centre : kLabelCentres) {
     const double size = 62, width = Canvas::TextWidth("Coke", size) + 0.2 * size;
@@ -76,7 +76,7 @@ Canvas MilkTexture() {
   const Color white(0.985, 0.985, 0.97), blue(0.10, 0.36, 0.78);
   Canvas canvas(w, h, white);
   canvas.Paint(Rectangle({-1, .09 * h}, {w + 1, .13 * h}), blue);  // a stripe on the roof
-  const auto hill = [=](double x) { return .66 * h + 22 * std::sin(2 * kPi * x / w + .5); };
+  const auto hill = [=](double x) { return .66 * h + 22 * std::sin(2 * pi * x / w + .5); };
   canvas.Paint(Between(hill, [=](double) { return h + 1.0; }), {0.36, 0.68, 0.93});
   canvas.Paint(Between([=](double x) { return hill(w - x) + 34; }, [=](double) { return h + 1.0; }), blue);
   const double size = 43, width = Canvas::TextWidth("MILK", size);
@@ -118,7 +118,7 @@ Canvas BallTexture() {
   Canvas canvas(w, h, orange);
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x) {
-      const double around = 2 * kPi * (x + .5) / w, down = kPi * (y + .5) / h;
+      const double around = 2 * pi * (x + .5) / w, down = pi * (y + .5) / h;
       const Eigen::Vector3d p(std::sin(down) * std::cos(around), std::sin(down) * std::sin(around), std::cos(down));
       // two great circles, and a curve to each side that bulges away from them; distances in radii
       const double side = std::abs(p.x()) - (0.42 + 0.30 * p.z() * p.z());
@@ -139,7 +139,7 @@ Canvas WoodTexture() {
       const int plank = std::min(planks - 1, static_cast<int>(u * planks));
       const double across = u * planks - plank, shift = 7.3 * plank;
       const double warp = Noise(across * 2 + shift, v * 5 + shift, 21);
-      const double rings = .5 + .5 * std::sin(2 * kPi * (across * 3.2 + 1.7 * warp + shift));
+      const double rings = .5 + .5 * std::sin(2 * pi * (across * 3.2 + 1.7 * warp + shift));
       const double fibre = Noise(u * 190, v * 16 + shift, 22);
       const double tone = .94 + .12 * Noise(plank * 3.7, .5, 23);
       const double seam = std::min({across, 1 - across}) * n / planks < 1.2 ? .62 : 1.0;

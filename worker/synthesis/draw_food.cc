@@ -10,7 +10,7 @@ namespace etude::synthesis {
 namespace {
 
 using Eigen::Vector2d;
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 /// A wavy line of a few waves: the sum of three sines.
 struct Waves {
@@ -21,7 +21,7 @@ struct Waves {
     Waves waves;
     for (int k = 0; k < 3; ++k) {
       waves.amplitude[k] = amplitude * rng.Uniform(0.4, 1.0) / (k + 1);
-      waves.phase[k] = rng.Uniform(0, 2 * kPi);
+      waves.phase[k] = rng.Uniform(0, 2 * pi);
       waves.count[k] = slowest + static_cast<int>(rng.Below(3)) + 3 * k;
     }
     return waves;
@@ -51,7 +51,7 @@ Drawing DrawDonut(Rng& rng) {
   const Color icing =
       Pick(rng, {{.95, .52, .68}, {.36, .18, .09}, {.97, .94, .88}, {.96, .82, .36}, {.52, .78, .86}, {.66, .46, .80}});
   const int topping = static_cast<int>(rng.Below(4));  // none, bright sprinkles, dark sprinkles, drizzle
-  const double drizzle_turn = rng.Uniform(0, kPi), spacing = rng.Uniform(0.11, 0.15);
+  const double drizzle_turn = rng.Uniform(0, pi), spacing = rng.Uniform(0.11, 0.15);
   const std::uint32_t seed = NoiseSeed(rng);
   const std::vector<Color> bright{{.95, .20, .25}, {.98, .85, .20}, {.25, .60, .90}, {.30, .75, .35}, {1, 1, 1}};
   const bool is_dark = icing.sum() < 1.2;

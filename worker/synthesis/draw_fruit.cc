@@ -9,7 +9,7 @@ namespace etude::synthesis {
 namespace {
 
 using Eigen::Vector2d;
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 double Bump(double x, double width) { return std::exp(-(x / width) * (x / width)); }
 
@@ -43,7 +43,7 @@ Drawing DrawApple(Rng& rng) {
   const Vector2d dip(0.02 * lean, 0.70 * (1 - notch) - 0.04);
   const Stalk stalk{dip - Vector2d(0, 0.06), dip + Vector2d(lean, rng.Uniform(0.24, 0.34)), rng.Uniform(0.030, 0.045)};
   const bool has_leaf = rng.Bernoulli(0.6);
-  const double side = rng.Bernoulli(0.5) ? 0.5 : kPi - 0.5;
+  const double side = rng.Bernoulli(0.5) ? 0.5 : pi - 0.5;
   const Leaf leaf{dip + Vector2d(0.5 * lean, 0.14), side + rng.Uniform(-0.2, 0.2), rng.Uniform(0.35, 0.5),
                   rng.Uniform(0.10, 0.15)};
 
@@ -53,7 +53,7 @@ Drawing DrawApple(Rng& rng) {
     const Vector2d q(p.x() / wide, p.y() + 0.08);
     const double angle = std::atan2(q.x(), q.y());
     const double outline =
-        0.78 * (1 - notch * Bump(angle, 0.42) - foot * Bump(kPi - std::abs(angle), 0.35) + taper * std::cos(angle));
+        0.78 * (1 - notch * Bump(angle, 0.42) - foot * Bump(pi - std::abs(angle), 0.35) + taper * std::cos(angle));
     const double share = q.norm() / outline;
     if (share < 1) {
       texel.height = Dome(share, 0.74);
@@ -73,7 +73,7 @@ Drawing DrawApple(Rng& rng) {
 }
 
 Drawing DrawOrange(Rng& rng) {
-  const double wide = rng.Uniform(0.91, 0.97), lump = rng.Uniform(0, 0.02), turn = rng.Uniform(0, 2 * kPi);
+  const double wide = rng.Uniform(0.91, 0.97), lump = rng.Uniform(0, 0.02), turn = rng.Uniform(0, 2 * pi);
   const Color skin = Pick(rng, {{.96, .52, .06}, {.93, .42, .05}, {.98, .62, .12}, {.88, .36, .06}}, 0.03);
   const double pores = rng.Uniform(0.045, 0.065);
   const bool has_leaf = rng.Bernoulli(0.5);
@@ -137,7 +137,7 @@ Drawing DrawStrawberry(Rng& rng) {
       }
     }
     for (int i = 0; i < leaves; ++i) {
-      const double fan = kPi - lift + (kPi + 2 * lift) * (i + 0.5) / leaves;
+      const double fan = pi - lift + (pi + 2 * lift) * (i + 0.5) / leaves;
       const Leaf leaf{crown, fan, leaf_length, 0.11, green};
       leaf.Paint(p, std::max(texel.height, 0.0) + 0.05, texel);
     }

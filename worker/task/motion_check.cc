@@ -14,10 +14,10 @@ namespace {
 using Eigen::Vector3d;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
-constexpr double kWay = 0.10;  // m
-constexpr double kTurn = 0.6;  // rad
-constexpr int kRest = 50;      // control steps after a motion until it counts as at rest
-constexpr double kAside = 3;   // m, where no arm meets the objects
+constexpr double kWay = 0.10;       // m
+constexpr double kTurn = 0.6;       // rad
+constexpr int kRest = 50;           // control steps after a motion until it counts as at rest
+constexpr double kParkedAside = 3;  // m, where no arm meets the objects
 constexpr plan::Limits kSpeeds{.linear = 0.70, .angular = 2.4, .linear_accel = 3.5, .angular_accel = 12.0};
 
 struct Way {
@@ -43,9 +43,9 @@ class Mover {
       : scene_(scene), world_(scene), checker_(scene), planner_(scene) {}
 
   MotionCheck Run() {
-    double aside = kAside;
+    double aside = kParkedAside;
     for (const auto& object : scene_->objects())
-      world_.SetObject(object.name, {{aside += 0.5, kAside, object.rest_height}, Eigen::Quaterniond::Identity()});
+      world_.SetObject(object.name, {{aside += 0.5, kParkedAside, object.rest_height}, Eigen::Quaterniond::Identity()});
     world_.Forward();
     const Pose home = world_.X_WE();
     for (const Way& way : Ways(home)) ThereAndBack(way, home);

@@ -10,14 +10,14 @@
 namespace etude::task {
 namespace {
 
-constexpr int kArrangements = 100;    // whole arrangements tried
-constexpr int kDrawsPerObject = 100;  // places tried for one object of an arrangement
+constexpr int kSceneArrangements = 100;  // whole arrangements tried
+constexpr int kDrawsPerObject = 100;     // places tried for one object of an arrangement
 constexpr int kStartDraws = 100;
 constexpr double kUsualHalf = 0.05;      // m, half as wide as objects are that kMinimumDistance is enough for
 constexpr double kLowStartWidth = 0.30;  // m, +- x of a low start
 constexpr double kLowStartNear = 0.05, kLowStartFar = 0.25;  // m, y
 constexpr double kLowStartHeight = 0.05;                     // m above the lowest
-constexpr int kWaySamples = 16;                              // states that stand for a straight way
+constexpr int kWayStates = 16;                               // states that stand for a straight way
 constexpr int kObstacleDraws = 60;
 constexpr double kObstacleGap = 0.05;     // m between the obstacle and the middle of an object
 constexpr double kClearAtEnds = 0.015;    // m kept free around the arm at the ends of its way
@@ -100,7 +100,7 @@ bool SingularityBetween(sim::Kinematics& kinematics, const Eigen::VectorXd& a, c
 std::optional<std::vector<PlacedObject>> PlaceObjects(const std::vector<sim::ObjectInfo>& objects,
                                                       const std::vector<LocationBox>& all_boxes, double yaw, Rng& rng) {
   ETUDE_CHECK(objects.size() <= all_boxes.size(), "{} objects", objects.size());
-  for (int arrangement = 0; arrangement < kArrangements; ++arrangement) {
+  for (int arrangement = 0; arrangement < kSceneArrangements; ++arrangement) {
     std::vector<LocationBox> boxes = all_boxes;
     rng.Shuffle(boxes);
     if (auto placed = TryArrangement(objects, boxes, yaw, rng)) return placed;
@@ -144,8 +144,8 @@ std::vector<Eigen::VectorXd> StraightWay(const Eigen::VectorXd& q_start, const P
                                          sim::Kinematics& kinematics) {
   const Pose start = kinematics.X_WE(q_start);
   std::vector<Eigen::VectorXd> way{q_start};
-  for (int i = 1; i <= kWaySamples; ++i) {
-    const double s = static_cast<double>(i) / kWaySamples;
+  for (int i = 1; i <= kWayStates; ++i) {
+    const double s = static_cast<double>(i) / kWayStates;
     const auto q = kinematics.Solve(Interpolate(start, goal, s), way.back());
     if (!q) break;
     way.push_back(*q);

@@ -8,10 +8,10 @@
 namespace etude::sim {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 const auto kIgnore = [](const Pose&) {};
 
-const Eigen::Quaterniond kLevel = FromEuler({kPi, 0, kPi / 2}), kDown = FromEuler({kPi / 2, 0, kPi / 2});
+const Eigen::Quaterniond kLevel = FromEuler({pi, 0, pi / 2}), kDown = FromEuler({pi / 2, 0, pi / 2});
 
 class Grasp : public testing::TestWithParam<std::string> {
  protected:
@@ -74,14 +74,14 @@ TEST_P(Grasp, HoldsThroughLiftTurnAndSwing) {
   ASSERT_TRUE(world_.Grasped(GetParam()));
   const Pose X_EO_end = InHand();
   EXPECT_LT((X_EO_end.p - X_EO.p).norm(), 4e-3);
-  EXPECT_LT(AngleBetween(X_EO_end.q, X_EO.q), 5 * kPi / 180);
+  EXPECT_LT(AngleBetween(X_EO_end.q, X_EO.q), 5 * pi / 180);
   EXPECT_TRUE(world_.healthy());
   RecordProperty("slip_mm", std::to_string((X_EO_end.p - X_EO.p).norm() * 1e3));
 
   // it stays where it falls
   LetGo();
   const Pose fallen = Object();
-  EXPECT_GT(std::acos((fallen.q * Eigen::Vector3d::UnitZ()).z()), 75 * kPi / 180) << "lies on its side";
+  EXPECT_GT(std::acos((fallen.q * Eigen::Vector3d::UnitZ()).z()), 75 * pi / 180) << "lies on its side";
   MoveTo(world_, {{0, 0.13, 0.20}, kDown}, 0.3, 0, 60, kIgnore);
   EXPECT_LT((Object().p - fallen.p).norm(), 1e-3) << "at rest";
   EXPECT_TRUE(world_.healthy());

@@ -11,13 +11,13 @@
 namespace etude::sim {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 /// The tool by the published Denavit-Hartenberg table, independent of the MJCF.
 Eigen::Isometry3d ByTable(const Eigen::VectorXd& q) {
   const std::array<double, 6> a{0, -0.425, -0.39225, 0, 0, 0};
   const std::array<double, 6> d{0.089159, 0, 0, 0.10915, 0.09465, 0.0823};
-  const std::array<double, 6> alpha{kPi / 2, 0, 0, kPi / 2, -kPi / 2, 0};
+  const std::array<double, 6> alpha{pi / 2, 0, 0, pi / 2, -pi / 2, 0};
   Eigen::Isometry3d T(Eigen::Translation3d(0, -0.3, 0));
   for (int i = 0; i < 6; ++i)
     T = T * Eigen::AngleAxisd(q[i], Eigen::Vector3d::UnitZ()) * Eigen::Translation3d(a[i], 0, d[i]) *
@@ -35,7 +35,7 @@ TEST(Kinematics, AgreesWithPublishedTable) {
   Kinematics kinematics(FullScene());
   Rng rng(1);
   for (int k = 0; k < 1000; ++k) {
-    const Eigen::VectorXd q = RandomJoints(rng, 2 * kPi);
+    const Eigen::VectorXd q = RandomJoints(rng, 2 * pi);
     const Pose X = kinematics.X_WE(q);
     const Eigen::Isometry3d T = ByTable(q);
     ASSERT_LT((X.p - T.translation()).norm(), 1e-6) << "q = " << q.transpose();
@@ -49,7 +49,7 @@ TEST(Kinematics, HomeIsLowLevelAndAhead) {
   Kinematics kinematics(FullScene());
   const Pose X = kinematics.X_WE(FullScene()->arm().q_home);
   EXPECT_LT((X.p - Eigen::Vector3d(-0.10915, 0.133, 0.074)).norm(), 1e-6);
-  EXPECT_LT(AngleBetween(X.q, FromEuler({kPi, 0, kPi / 2})), 1e-6);
+  EXPECT_LT(AngleBetween(X.q, FromEuler({pi, 0, pi / 2})), 1e-6);
   // approaching along +y, fingers left and right along x
   EXPECT_LT((X.q * -Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitY()).norm(), 1e-6);
   EXPECT_LT((X.q * Eigen::Vector3d::UnitY() + Eigen::Vector3d::UnitX()).norm(), 1e-6);
@@ -59,7 +59,7 @@ TEST(Kinematics, JacobianIsTheDerivative) {
   Kinematics kinematics(FullScene());
   Rng rng(2);
   for (int k = 0; k < 100; ++k) {
-    const Eigen::VectorXd q = RandomJoints(rng, kPi);
+    const Eigen::VectorXd q = RandomJoints(rng, pi);
     const Eigen::MatrixXd J = kinematics.Jacobian(q);
     ASSERT_EQ(J.rows(), 6);
     ASSERT_EQ(J.cols(), 6);
@@ -81,7 +81,7 @@ TEST(Kinematics, PointJacobiansAreTheDerivativesOfPointsOnBodies) {
   const ArmInfo& arm = FullScene()->arm();
   Rng rng(4);
   for (int k = 0; k < 20; ++k) {
-    const Eigen::VectorXd q = RandomJoints(rng, kPi);
+    const Eigen::VectorXd q = RandomJoints(rng, pi);
     const Eigen::Vector3d p_B(rng.Uniform(-0.1, 0.1), rng.Uniform(-0.1, 0.1), rng.Uniform(-0.1, 0.1));
     const std::vector<Pose> bodies = kinematics.ArmPoses(q, 0);
     std::vector<Kinematics::BodyPoint> points;
@@ -119,7 +119,7 @@ TEST(Kinematics, AgreesWithMuJoCo) {
     Rng rng(5);
     for (int k = 0; k < 50; ++k) {
       Eigen::VectorXd q = arm.q_home;
-      for (double& value : q) value += rng.Uniform(-kPi / 2, kPi / 2);
+      for (double& value : q) value += rng.Uniform(-pi / 2, pi / 2);
       const double gripper = rng.Uniform(0, 1);
       model.SetArm(data->qpos, q);
       model.SetGripper(data->qpos, gripper);
@@ -205,20 +205,20 @@ TEST(Kinematics, SolvesPosesThatItReached) {
 TEST(Kinematics, ReachesTheWholeTable) {
   Kinematics kinematics(FullScene());
   const ArmInfo& arm = FullScene()->arm();
-  for (const double roll : {kPi, kPi / 2})
+  for (const double roll : {pi, pi / 2})
     for (double x = -0.43; x <= 0.431; x += 0.086)
       for (double y = 0.10; y <= 0.421; y += 0.08)
         for (const double z : {0.05, 0.20}) {
           // the hand that points down is 15 cm nearer than the object was (see the put-down task)
-          if (roll < kPi && (y > (std::abs(x) > 0.3 ? 0.20 : 0.26) || z > 0.1)) continue;
-          const Pose X{{x, y, z}, FromEuler({roll, 0, kPi / 2})};
+          if (roll < pi && (y > (std::abs(x) > 0.3 ? 0.20 : 0.26) || z > 0.1)) continue;
+          const Pose X{{x, y, z}, FromEuler({roll, 0, pi / 2})};
           EXPECT_TRUE(kinematics.Solve(X, arm.q_home)) << x << " " << y << " " << z << " roll " << roll;
         }
 }
 
 TEST(Kinematics, SaysNoWhenOutOfReach) {
   Kinematics kinematics(FullScene());
-  const Pose X{{0, 1.2, 0.2}, FromEuler({kPi, 0, kPi / 2})};
+  const Pose X{{0, 1.2, 0.2}, FromEuler({pi, 0, pi / 2})};
   EXPECT_FALSE(kinematics.Solve(X, FullScene()->arm().q_home));
 }
 

@@ -15,14 +15,14 @@
 namespace etude::sim {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
 using Eigen::Isometry3d;
 using Eigen::Translation3d;
 using Eigen::Vector3d;
+using std::numbers::pi;
 
 /// The hand as it comes at an object from `pitch` below the horizontal, fingers closing along x.
 Eigen::Quaterniond NaturalHand(double pitch) {
-  return Eigen::AngleAxisd(-pitch, Vector3d::UnitX()) * FromEuler({kPi, 0, kPi / 2});
+  return Eigen::AngleAxisd(-pitch, Vector3d::UnitX()) * FromEuler({pi, 0, pi / 2});
 }
 
 Eigen::AngleAxisd TurnX(double angle) { return {angle, Vector3d::UnitX()}; }
@@ -34,32 +34,32 @@ Eigen::AngleAxisd TurnZ(double angle) { return {angle, Vector3d::UnitZ()}; }
 /// Franka: table after Craig, flange, hand turned by -45 degrees.
 Isometry3d PandaByTable(const Eigen::VectorXd& q) {
   const std::array<double, 7> a{0, 0, 0, 0.0825, -0.0825, 0, 0.088}, d{0.333, 0, 0.316, 0, 0.384, 0, 0},
-      alpha{0, -kPi / 2, kPi / 2, kPi / 2, -kPi / 2, kPi / 2, kPi / 2};
-  Isometry3d T = Translation3d(0, -0.3, 0) * TurnZ(kPi / 2);
+      alpha{0, -pi / 2, pi / 2, pi / 2, -pi / 2, pi / 2, pi / 2};
+  Isometry3d T = Translation3d(0, -0.3, 0) * TurnZ(pi / 2);
   for (int i = 0; i < 7; ++i)
     T = T * TurnX(alpha[i]) * Translation3d(a[i], 0, 0) * TurnZ(q[i]) * Translation3d(0, 0, d[i]);
   // the hand opens along its y
-  return T * Translation3d(0, 0, 0.107 + 0.1034) * TurnZ(-kPi / 4) * TurnZ(-kPi / 2);
+  return T * Translation3d(0, 0, 0.107 + 0.1034) * TurnZ(-pi / 4) * TurnZ(-pi / 2);
 }
 
 /// Kinova: classic table; the robot's own angles; 20 mm beyond the published end effector.
 Isometry3d JacoByTable(const Eigen::VectorXd& q) {
-  const double aa = kPi / 6, k = std::sin(aa) / std::sin(2 * aa);
+  const double aa = pi / 6, k = std::sin(aa) / std::sin(2 * aa);
   const std::array<double, 6> a{0, 0.41, 0, 0, 0, 0};
   const std::array<double, 6> d{
       0.2755, 0, -0.0098, -(0.2073 + k * 0.0741), -k * (0.0741 + 0.0741), -(k * 0.0741 + 0.16)};
-  const std::array<double, 6> alpha{kPi / 2, kPi, kPi / 2, 2 * aa, 2 * aa, kPi};
-  const std::array<double, 6> theta{-q[0], q[1] - kPi / 2, q[2] + kPi / 2, q[3], q[4] - kPi, q[5] + kPi / 2};
+  const std::array<double, 6> alpha{pi / 2, pi, pi / 2, 2 * aa, 2 * aa, pi};
+  const std::array<double, 6> theta{-q[0], q[1] - pi / 2, q[2] + pi / 2, q[3], q[4] - pi, q[5] + pi / 2};
   Isometry3d T(Translation3d(0, -0.2, 0));
   for (int i = 0; i < 6; ++i) T = T * TurnZ(theta[i]) * Translation3d(a[i], 0, d[i]) * TurnX(alpha[i]);
   // the hand opens along its y
-  return T * Translation3d(0, 0, 0.02) * TurnZ(kPi / 2);
+  return T * Translation3d(0, 0, 0.02) * TurnZ(pi / 2);
 }
 
 /// Universal Robots: classic table.
 Isometry3d Ur5ByTable(const Eigen::VectorXd& q) {
   const std::array<double, 6> a{0, -0.425, -0.39225, 0, 0, 0}, d{0.089159, 0, 0, 0.10915, 0.09465, 0.0823},
-      alpha{kPi / 2, 0, 0, kPi / 2, -kPi / 2, 0};
+      alpha{pi / 2, 0, 0, pi / 2, -pi / 2, 0};
   Isometry3d T(Translation3d(0, -0.3, 0));
   for (int i = 0; i < 6; ++i) T = T * TurnZ(q[i]) * Translation3d(a[i], 0, d[i]) * TurnX(alpha[i]);
   return T * Translation3d(0, 0, 0.177);
@@ -79,8 +79,7 @@ class Robot : public testing::TestWithParam<Case> {
   Eigen::VectorXd RandomJoints(Rng& rng) const {
     Eigen::VectorXd q(arm_.q_home.size());
     for (int i = 0; i < q.size(); ++i)
-      q[i] =
-          rng.Uniform(std::max(arm_.q_min[i], -kPi), std::min(arm_.q_max[i], kPi + (arm_.q_min[i] > -kPi ? kPi : 0)));
+      q[i] = rng.Uniform(std::max(arm_.q_min[i], -pi), std::min(arm_.q_max[i], pi + (arm_.q_min[i] > -pi ? pi : 0)));
     return q;
   }
 };
@@ -200,7 +199,7 @@ TEST_P(RobotGrasp, LiftsAndHoldsWithoutCreeping) {
   ASSERT_TRUE(world.Grasped(object));
   EXPECT_GT(world.ObjectPose(object).p.z(), X_WO.p.z() + 0.14);
   EXPECT_LT((X_EO_end.p - X_EO.p).norm(), 3e-3);
-  EXPECT_LT(AngleBetween(X_EO_end.q, X_EO.q), 3 * kPi / 180);
+  EXPECT_LT(AngleBetween(X_EO_end.q, X_EO.q), 3 * pi / 180);
   RecordProperty("creep_mm", std::to_string((X_EO_end.p - X_EO.p).norm() * 1e3));
 
   // it is let go of again
@@ -241,7 +240,7 @@ TEST_P(Robot, HoldsHalfAKilogram) {
   const Pose X_EO_end = world.X_WE().inverse() * world.ObjectPose("cube");
   EXPECT_TRUE(world.Grasped("cube"));
   EXPECT_LT((X_EO_end.p - X_EO.p).norm(), 3e-3);
-  EXPECT_LT(AngleBetween(X_EO_end.q, X_EO.q), 5 * kPi / 180);
+  EXPECT_LT(AngleBetween(X_EO_end.q, X_EO.q), 5 * pi / 180);
 }
 
 INSTANTIATE_TEST_SUITE_P(Every, Robot,
