@@ -83,7 +83,8 @@ function(etude_add_test name)
   add_executable(${name} ${arg_SRCS})
   target_link_libraries(${name} PRIVATE etude_options ${arg_LIBS} GTest::gmock GTest::gtest_main)
   etude_use_precompiled_headers(${name} etude_test_pch)
-  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
+  # one source at a time: each test file has a domain and fixtures of its own, of the same names
+  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests UNITY_BUILD OFF)
   add_test(NAME ${name} COMMAND ${name} WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})
   set_tests_properties(${name} PROPERTIES LABELS ${arg_LABEL} TIMEOUT ${arg_TIMEOUT}
     ENVIRONMENT "ETUDE_BIN=${CMAKE_BINARY_DIR}/bin")
