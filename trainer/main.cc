@@ -16,6 +16,7 @@
 #include "services/core/command.h"
 #include "services/core/config_reference.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "trainer/learn/metrics_log.h"
 #include "trainer/learn/trainer.h"
@@ -228,8 +229,13 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
                Telemetry& telemetry, const Surroundings& around) {
   ETUDE_ASSIGN_OR_RETURN(auto sink, publish::CheckpointSink::Open(arguments.out, telemetry.run(), around.participant,
                                                                   config.checkpoint.keep));
+  WatchedLoop watched;  // the trainer's: it reports progress or asks for its source about once a second
   learn::Hooks hooks{[&](const checkpoint::Checkpoint& made) { return Keep(sink, arguments.out, made); },
-                     [&telemetry](const learn::Progress& progress) { telemetry.Say(progress); }};
+                     [&](const learn::Progress& progress) {
+                       watched.Moved();
+                       ServiceManager::Get().Say(fmt::format("step {}, {}", progress.step, progress.stage_name));
+                       telemetry.Say(progress);
+                     }};
   const bool follow = arguments.follow || !arguments.collect.empty();
   ErrorPublisher errors(around.participant, *dataset, telemetry.run().id);
   if (follow && around.participant && dataset->spec().adaptive_sampling.on())
@@ -237,9 +243,14 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
   const learn::RunOptions options{.out = arguments.out,
                                   .resume = arguments.resume,
                                   .follow = follow,
-                                  .source = around.source,
+                                  .source =
+                                      [&] {
+                                        watched.Moved();
+                                        return around.source ? around.source() : Status();
+                                      },
                                   .ranks = around.ranks,
                                   .device = around.device};
+  ServiceManager::Get().Ready(fmt::format("run {}", telemetry.run().id));
   ETUDE_ASSIGN_OR_RETURN(auto trainer, learn::Trainer::Create(config, std::move(dataset), options, hooks));
   ETUDE_RETURN_IF_ERROR(trainer->Run());
   return telemetry.status();
