@@ -229,10 +229,8 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
                Telemetry& telemetry, const Surroundings& around) {
   ETUDE_ASSIGN_OR_RETURN(auto sink, publish::CheckpointSink::Open(arguments.out, telemetry.run(), around.participant,
                                                                   config.checkpoint.keep));
-  WatchedLoop watched;  // the trainer's: it reports progress or asks for its source about once a second
   learn::Hooks hooks{[&](const checkpoint::Checkpoint& made) { return Keep(sink, arguments.out, made); },
-                     [&](const learn::Progress& progress) {
-                       watched.Moved();
+                     [&telemetry](const learn::Progress& progress) {
                        ServiceManager::Get().Say(fmt::format("step {}, {}", progress.step, progress.stage_name));
                        telemetry.Say(progress);
                      }};
@@ -243,14 +241,9 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
   const learn::RunOptions options{.out = arguments.out,
                                   .resume = arguments.resume,
                                   .follow = follow,
-                                  .source =
-                                      [&] {
-                                        watched.Moved();
-                                        return around.source ? around.source() : Status();
-                                      },
+                                  .source = around.source,
                                   .ranks = around.ranks,
                                   .device = around.device};
-  ServiceManager::Get().Ready(fmt::format("run {}", telemetry.run().id));
   ETUDE_ASSIGN_OR_RETURN(auto trainer, learn::Trainer::Create(config, std::move(dataset), options, hooks));
   ETUDE_RETURN_IF_ERROR(trainer->Run());
   return telemetry.status();
@@ -347,8 +340,12 @@ Status Train(const Arguments& arguments) {
                            campaign::HostedCollector::Start(*participant, arguments.collect, arguments.data,
                                                             {.claim = arguments.claim, .run_id = telemetry.run().id}));
   }
-  std::function<Status()> source;
-  if (collector) source = [&collector] { return collector->status(); };
+  WatchedLoop watched;  // both waiting for data and training ask for their source about once a second
+  const std::function<Status()> source = [&] {
+    watched.Moved();
+    return collector ? collector->status() : Status();
+  };
+  ServiceManager::Get().Ready(fmt::format("run {}@{}", run, telemetry.run().id));
   ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, arguments.follow || collector, source));
   Log().info("run {}@{} in '{}', data '{}', {}, on {}", run, telemetry.run().id, arguments.out, arguments.data,
              policy::DescribeTorch(), device.str());
