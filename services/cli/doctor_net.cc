@@ -145,7 +145,8 @@ std::vector<std::string> Advice(const NetworkReport& report) {
   else if (SmallestBuffer(report) < (1u << 20))
     lines.push_back(fmt::format("a socket of DDS has {} to receive in: raise SocketReceiveBufferSize in the profile",
                                 Mib(SmallestBuffer(report))));
-  if (report.closed_ports_per_second > kManyLost)
+  // on one machine they cost little, and are the price of asking every port
+  if (!report.local_only && report.closed_ports_per_second > kManyLost)
     lines.push_back(fmt::format("{:.0f} datagrams a second come for ports where nobody listens: list hubs only, and lower "
                                 "MaxAutoParticipantIndex in the profile (--write-profile does both)",
                                 report.closed_ports_per_second));
@@ -158,7 +159,7 @@ std::vector<std::string> Advice(const NetworkReport& report) {
       lines.push_back(fmt::format("peers are looked for by multicast on {}, which does not work there ({}): set "
                                   "AllowMulticast to false and list the hubs as peers",
                                   interface.name, interface.multicast_problem));
-    if (interface.mtu > 0 && interface.mtu < kUsualMtu && !interface.loopback)
+    if (!report.local_only && interface.mtu > 0 && interface.mtu < kUsualMtu && !interface.loopback)
       lines.push_back(fmt::format("{} carries {} bytes a packet (a tunnel?): set MaxRexmitMessageSize to {}B in the profile",
                                   interface.name, interface.mtu, interface.mtu - 44));
   }
