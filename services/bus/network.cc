@@ -126,12 +126,13 @@ Result<std::vector<NetworkPeer>> Peers(const Participant& participant) {
       if (!infos[i].valid_data || infos[i].instance_state != DDS_ALIVE_INSTANCE_STATE) continue;
       const auto& found = *static_cast<const dds_builtintopic_participant_t*>(samples[i]);
       const std::string id = IdText(found.key);
-      peers.push_back({.participant = id,
-                       .host = PropertyOf(found.qos, "__Hostname"),
-                       .process = PropertyOf(found.qos, "__ProcessName"),
-                       .pid = static_cast<std::uint32_t>(std::strtoul(PropertyOf(found.qos, "__Pid").c_str(), nullptr, 10)),
-                       .addresses = PropertyOf(found.qos, "__NetworkAddresses"),
-                       .is_self = id == self});
+      peers.push_back(
+          {.participant = id,
+           .host = PropertyOf(found.qos, "__Hostname"),
+           .process = PropertyOf(found.qos, "__ProcessName"),
+           .pid = static_cast<std::uint32_t>(std::strtoul(PropertyOf(found.qos, "__Pid").c_str(), nullptr, 10)),
+           .addresses = PropertyOf(found.qos, "__NetworkAddresses"),
+           .is_self = id == self});
     }
     dds_return_loan(reader.get(), samples, count);
   }
@@ -158,7 +159,8 @@ Result<std::vector<ClockOffset>> MeasureClocks(const Participant& participant, s
       const auto& wire = *static_cast<const etude_wire_ProcessStatus*>(samples[i]);
       // the quickest message is the one that tells best
       const double ahead = 1e-9 * static_cast<double>(infos[i].source_timestamp - now);
-      const auto [known, is_new] = by_participant.try_emplace(wire.participant, ClockOffset{wire.participant, wire.host, ahead});
+      const auto [known, is_new] =
+          by_participant.try_emplace(wire.participant, ClockOffset{wire.participant, wire.host, ahead});
       if (!is_new) known->second.seconds = std::max(known->second.seconds, ahead);
     }
     if (count > 0) dds_return_loan(reader.get(), samples, count);
@@ -220,7 +222,7 @@ Result<UdpCounters> ReadUdpCounters() {
 }
 
 std::string TryMulticast(const std::string& address) {
-  in_addr interface{};
+  in_addr interface {};
   if (::inet_pton(AF_INET, address.c_str(), &interface) != 1) return fmt::format("'{}' is no IPv4 address", address);
   const Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   sockaddr_in bound{};
@@ -234,12 +236,14 @@ std::string TryMulticast(const std::string& address) {
   if (::bind(socket.get(), reinterpret_cast<sockaddr*>(&bound), size) != 0 ||
       ::getsockname(socket.get(), reinterpret_cast<sockaddr*>(&bound), &size) != 0)
     return failed("open a socket");
-  if (::setsockopt(socket.get(), IPPROTO_IP, IP_ADD_MEMBERSHIP, &group, sizeof group) != 0) return failed("join a group");
+  if (::setsockopt(socket.get(), IPPROTO_IP, IP_ADD_MEMBERSHIP, &group, sizeof group) != 0)
+    return failed("join a group");
   if (::setsockopt(socket.get(), IPPROTO_IP, IP_MULTICAST_IF, &interface, sizeof interface) != 0)
     return failed("choose the interface");
   sockaddr_in to = bound;
   to.sin_addr = group.imr_multiaddr;
-  if (::sendto(socket.get(), "etude", 5, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 5) return failed("send");
+  if (::sendto(socket.get(), "etude", 5, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 5)
+    return failed("send");
   pollfd readable{socket.get(), POLLIN, 0};
   char buffer[16];
   if (::poll(&readable, 1, 500) != 1 || ::recv(socket.get(), buffer, sizeof buffer, 0) != 5)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What DDS has found on the network, and how this host's sockets and clock stand: for `etude doctor net`, not for programs
-// that work over the bus.
+// What DDS has found on the network, and how this host's sockets and clock stand: for `etude doctor net`, not for
+// programs that work over the bus.
 #pragma once
 
 #include <chrono>
@@ -31,15 +31,16 @@ struct ClockOffset {
   double seconds = 0;  ///< behind where negative; off by the time a message takes, below a millisecond in a LAN
 };
 
-/// Listens to the signs of life of all processes for `duration`, or until a stop request; those that gave none (a process
-/// gives one a second) are left out.
+/// Listens to the signs of life of all processes for `duration`, or until a stop request; those that gave none (a
+/// process gives one a second) are left out.
 Result<std::vector<ClockOffset>> MeasureClocks(const Participant& participant, std::chrono::nanoseconds duration);
 
 /// A UDP socket of this process, as the kernel has it.
 struct OwnSocket {
   std::string address;
   std::uint16_t port = 0;
-  std::uint64_t receive_buffer = 0, send_buffer = 0;  ///< bytes that the program may use (Linux sets aside twice as much)
+  std::uint64_t receive_buffer = 0,
+                send_buffer = 0;  ///< bytes that the program may use (Linux sets aside twice as much)
 };
 /// Those that are bound to a port, by port.
 std::vector<OwnSocket> OwnUdpSockets();
@@ -62,8 +63,8 @@ struct UdpCounters {
 /// @error kUnavailable: no /proc/net/snmp
 Result<UdpCounters> ReadUdpCounters();
 
-/// Sends itself a datagram by multicast over the interface of `address`: "" when it comes back, else why not. This shows what
-/// the host does, not whether the switches between hosts forward it.
+/// Sends itself a datagram by multicast over the interface of `address`: "" when it comes back, else why not. This
+/// shows what the host does, not whether the switches between hosts forward it.
 std::string TryMulticast(const std::string& address);
 
 }  // namespace etude::bus

@@ -65,8 +65,9 @@ Result<NetworkReport> Look(const bus::Arguments& arguments, double seconds) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.Open());
   ETUDE_ASSIGN_OR_RETURN(const bus::UdpCounters before, bus::ReadUdpCounters());
   const Stopwatch watch;
-  ETUDE_ASSIGN_OR_RETURN(report.clocks, bus::MeasureClocks(participant, std::chrono::nanoseconds(
-                                                                            static_cast<std::int64_t>(1e9 * seconds))));
+  ETUDE_ASSIGN_OR_RETURN(
+      report.clocks,
+      bus::MeasureClocks(participant, std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * seconds))));
   report.seconds = watch.Seconds();
   ETUDE_ASSIGN_OR_RETURN(const bus::UdpCounters after, bus::ReadUdpCounters());
   report.sent_per_second = PerSecond(after.sent, before.sent, report.seconds);
@@ -76,7 +77,8 @@ Result<NetworkReport> Look(const bus::Arguments& arguments, double seconds) {
   report.sockets = bus::OwnUdpSockets();
   std::ifstream("/proc/sys/net/core/rmem_max") >> report.rmem_max;
   for (const auto& interface : bus::Interfaces())
-    report.interfaces.push_back({interface, interface.multicast ? bus::TryMulticast(interface.address) : "switched off"});
+    report.interfaces.push_back(
+        {interface, interface.multicast ? bus::TryMulticast(interface.address) : "switched off"});
   return report;
 }
 
@@ -132,36 +134,43 @@ Status DoctorNet(const NetArguments& arguments) {
 std::vector<std::string> Advice(const NetworkReport& report) {
   std::vector<std::string> lines;
   if (report.local_only)
-    lines.push_back("other hosts cannot be seen with the built-in profile: choose one of deploy/dds, or make one with "
-                    "--write-profile FILE --hub HOST");
+    lines.push_back(
+        "other hosts cannot be seen with the built-in profile: choose one of deploy/dds, or make one with "
+        "--write-profile FILE --hub HOST");
   else if (OtherHosts(report).empty())
-    lines.push_back(fmt::format("no process of another host was seen: start one there on domain {}, with this profile; UDP "
-                                "ports {} to {} must be open between the hosts, and each must have a way to a hub",
-                                report.domain, Port(report.domain, 0), Port(report.domain, 249)));
+    lines.push_back(
+        fmt::format("no process of another host was seen: start one there on domain {}, with this profile; UDP "
+                    "ports {} to {} must be open between the hosts, and each must have a way to a hub",
+                    report.domain, Port(report.domain, 0), Port(report.domain, 249)));
   if (report.rmem_max > 0 && report.rmem_max < kWantedBuffer)
-    lines.push_back(fmt::format("bursts of episodes and checkpoints are lost and sent again: sudo sysctl -w "
-                                "net.core.rmem_max={} (it is {})",
-                                kWantedBuffer, report.rmem_max));
+    lines.push_back(
+        fmt::format("bursts of episodes and checkpoints are lost and sent again: sudo sysctl -w "
+                    "net.core.rmem_max={} (it is {})",
+                    kWantedBuffer, report.rmem_max));
   else if (SmallestBuffer(report) < (1u << 20))
     lines.push_back(fmt::format("a socket of DDS has {} to receive in: raise SocketReceiveBufferSize in the profile",
                                 Mib(SmallestBuffer(report))));
   // on one machine they cost little, and are the price of asking every port
   if (!report.local_only && report.closed_ports_per_second > kManyLost)
-    lines.push_back(fmt::format("{:.0f} datagrams a second come for ports where nobody listens: list hubs only, and lower "
-                                "MaxAutoParticipantIndex in the profile (--write-profile does both)",
-                                report.closed_ports_per_second));
+    lines.push_back(
+        fmt::format("{:.0f} datagrams a second come for ports where nobody listens: list hubs only, and lower "
+                    "MaxAutoParticipantIndex in the profile (--write-profile does both)",
+                    report.closed_ports_per_second));
   if (report.overflows_per_second > 0)
-    lines.push_back(fmt::format("{:.1f} datagrams a second are dropped because a socket's buffer is full: raise "
-                                "net.core.rmem_max, or give the process a core",
-                                report.overflows_per_second));
+    lines.push_back(
+        fmt::format("{:.1f} datagrams a second are dropped because a socket's buffer is full: raise "
+                    "net.core.rmem_max, or give the process a core",
+                    report.overflows_per_second));
   for (const auto& interface : report.interfaces) {
     if (interface.discovery && !interface.multicast_problem.empty())
-      lines.push_back(fmt::format("peers are looked for by multicast on {}, which does not work there ({}): set "
-                                  "AllowMulticast to false and list the hubs as peers",
-                                  interface.name, interface.multicast_problem));
+      lines.push_back(
+          fmt::format("peers are looked for by multicast on {}, which does not work there ({}): set "
+                      "AllowMulticast to false and list the hubs as peers",
+                      interface.name, interface.multicast_problem));
     if (!report.local_only && interface.mtu > 0 && interface.mtu < kUsualMtu && !interface.loopback)
-      lines.push_back(fmt::format("{} carries {} bytes a packet (a tunnel?): set MaxRexmitMessageSize to {}B in the profile",
-                                  interface.name, interface.mtu, interface.mtu - 44));
+      lines.push_back(
+          fmt::format("{} carries {} bytes a packet (a tunnel?): set MaxRexmitMessageSize to {}B in the profile",
+                      interface.name, interface.mtu, interface.mtu - 44));
   }
   for (const auto& clock : report.clocks)
     if (std::abs(clock.seconds) > kSameTime)
@@ -185,10 +194,10 @@ std::string ToText(const NetworkReport& report) {
                         clock == report.clocks.end() ? "" : fmt::format("  clock {:+.3f} s", clock->seconds)));
   }
   for (const auto& interface : report.interfaces)
-    row("interface", fmt::format("{} {}, {} bytes a packet, multicast {}{}", interface.name, interface.address,
-                                 interface.mtu,
-                                 interface.multicast_problem.empty() ? "works here" : interface.multicast_problem,
-                                 interface.discovery ? ", looks for peers by it" : ""));
+    row("interface",
+        fmt::format("{} {}, {} bytes a packet, multicast {}{}", interface.name, interface.address, interface.mtu,
+                    interface.multicast_problem.empty() ? "works here" : interface.multicast_problem,
+                    interface.discovery ? ", looks for peers by it" : ""));
   for (const auto& socket : report.sockets)
     row("socket", fmt::format("{}:{} receives in {}, sends from {}", socket.address, socket.port,
                               Mib(socket.receive_buffer), Mib(socket.send_buffer)));
@@ -205,7 +214,7 @@ nlohmann::ordered_json ToJson(const NetworkReport& report) {
   json["ports"] = {Port(report.domain, 0), Port(report.domain, 249)};
   auto& peers = json["peers"] = Json::array();
   for (const auto& peer : report.peers) {
-    Json entry{{"host", peer.host},           {"process", peer.process},     {"pid", peer.pid},
+    Json entry{{"host", peer.host},           {"process", peer.process},         {"pid", peer.pid},
                {"addresses", peer.addresses}, {"participant", peer.participant}, {"self", peer.is_self}};
     const auto clock = std::ranges::find(report.clocks, peer.participant, &bus::ClockOffset::participant);
     entry["clock_offset_s"] = clock == report.clocks.end() ? Json() : Json(clock->seconds);
@@ -235,7 +244,8 @@ nlohmann::ordered_json ToJson(const NetworkReport& report) {
 
 Result<std::string> StarProfile(const std::string& cloud_xml, const std::vector<std::string>& hubs, int processes) {
   if (hubs.empty())
-    return Fail(Code::kInvalidArgument, "make a profile: name the hosts of collector, trainer and policy server by --hub");
+    return Fail(Code::kInvalidArgument,
+                "make a profile: name the hosts of collector, trainer and policy server by --hub");
   std::string peers = "\n";
   std::set<std::string> known;
   for (const auto& hub : hubs) {
@@ -252,9 +262,12 @@ CLI::App* AddDoctorNet(CLI::App& doctor, std::function<Status()>& body) {
   auto arguments = std::make_shared<NetArguments>();
   arguments->bus.Add(*command);
   command->add_flag("--json", arguments->as_json, "as JSON");
-  command->add_option("--seconds", arguments->seconds, "to look for")->check(CLI::Range(0.5, 600.0))->capture_default_str();
-  auto* write = command->add_option("--write-profile", arguments->profile,
-                                    "instead: write a Cyclone DDS profile for hosts without multicast, a star around --hub");
+  command->add_option("--seconds", arguments->seconds, "to look for")
+      ->check(CLI::Range(0.5, 600.0))
+      ->capture_default_str();
+  auto* write =
+      command->add_option("--write-profile", arguments->profile,
+                          "instead: write a Cyclone DDS profile for hosts without multicast, a star around --hub");
   command
       ->add_option("--hub", arguments->hubs,
                    "host of a collector, trainer or policy server: address or name; repeatable")

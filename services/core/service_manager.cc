@@ -18,7 +18,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto kBetweenLines = 1s;    // of STATUS=
+constexpr auto kBetweenLines = 1s;     // of STATUS=
 constexpr auto kBetweenRounds = 10ms;  // of a loop that goes round more often, the lock is taken no more than so
 
 std::uint64_t NumberIn(const char* variable) {
@@ -78,9 +78,8 @@ ServiceManager::~ServiceManager() = default;
 // A manager that does not read is not waited for: what is lost is a line for people or one of four signs of life.
 void ServiceManager::Send(std::string_view message) {
   if (socket_->length == 0) return;
-  [[maybe_unused]] const auto sent =
-      ::sendto(socket_->fd, message.data(), message.size(), MSG_NOSIGNAL,
-               reinterpret_cast<const sockaddr*>(&socket_->address), socket_->length);
+  [[maybe_unused]] const auto sent = ::sendto(socket_->fd, message.data(), message.size(), MSG_NOSIGNAL,
+                                              reinterpret_cast<const sockaddr*>(&socket_->address), socket_->length);
 }
 
 void ServiceManager::Ready(std::string_view status) {

@@ -23,8 +23,9 @@ namespace etude {
 class ServiceManager {
  public:
   struct Environment {
-    std::string socket;              ///< $NOTIFY_SOCKET: a path, or "@name" of Linux's abstract ones; "": nobody listens
-    std::chrono::microseconds watchdog{};  ///< $WATCHDOG_USEC; 0: no watchdog, or one of another process ($WATCHDOG_PID)
+    std::string socket;  ///< $NOTIFY_SOCKET: a path, or "@name" of Linux's abstract ones; "": nobody listens
+    std::chrono::microseconds
+        watchdog{};  ///< $WATCHDOG_USEC; 0: no watchdog, or one of another process ($WATCHDOG_PID)
   };
   static Environment FromEnvironment();
 

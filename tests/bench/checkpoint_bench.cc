@@ -5,7 +5,8 @@
 //   checkpoint               the one sample with Cyclone DDS as it comes, without a profile
 //   checkpoint_same_profile  the one sample with our profile, whose large packets help it as well
 //   checkpoint_ddsperf       one-sample checkpoints back to back, as ddsperf sends them, without a profile
-//   checkpoint_floor         the larger of one SHA-256 pass over the bytes and ddsperf's time for them in samples of 512 KiB
+//   checkpoint_floor         the larger of one SHA-256 pass over the bytes and ddsperf's time for them in samples of
+//   512 KiB
 //                            with our profile: what a transfer that hashes while it sends and receives comes to
 // All sides run in turn, A/B/C/D/A/B/C/D, in processes of their own.
 #include <dds/dds.h>
@@ -172,9 +173,7 @@ double RunDdsperf() {
 }
 
 // All bytes in samples of the largest chunk.
-double RunDdsperfInChunks() {
-  return DdsperfMs(bus::kMaxChunkSize) * static_cast<double>(kSize) / bus::kMaxChunkSize;
-}
+double RunDdsperfInChunks() { return DdsperfMs(bus::kMaxChunkSize) * static_cast<double>(kSize) / bus::kMaxChunkSize; }
 
 double HashMs() {
   const auto bytes = MakeCheckpoint();

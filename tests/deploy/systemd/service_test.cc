@@ -28,10 +28,9 @@ class ServiceTest : public ::testing::Test {
     arguments[0] = (ProgramsFolder() / arguments[0]).string();
     arguments.insert(arguments.end(), {"--domain", "104"});
     // the shell becomes the program, which keeps its process id
-    std::vector<std::string> argv{"/bin/sh", "-c",
-                                  "export NOTIFY_SOCKET=" + socket_.name() +
-                                      " WATCHDOG_USEC=1000000 WATCHDOG_PID=$$; exec \"$@\"",
-                                  "sh"};
+    std::vector<std::string> argv{
+        "/bin/sh", "-c",
+        "export NOTIFY_SOCKET=" + socket_.name() + " WATCHDOG_USEC=1000000 WATCHDOG_PID=$$; exec \"$@\"", "sh"};
     argv.insert(argv.end(), arguments.begin(), arguments.end());
     auto process = campaign::Process::Start({argv, folder_ / "log", {}});
     ASSERT_THAT(process, IsOk());
@@ -56,7 +55,8 @@ class ServiceTest : public ::testing::Test {
 };
 
 TEST_F(ServiceTest, ACollector) {
-  Start({"etude-collector", "deploy/campaigns/quickstart.yaml", "--out", (folder_ / "data").string(), "--episodes", "2"});
+  Start(
+      {"etude-collector", "deploy/campaigns/quickstart.yaml", "--out", (folder_ / "data").string(), "--episodes", "2"});
   ExpectAWholeLife("campaign quickstart@");
 }
 

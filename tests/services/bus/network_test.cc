@@ -63,9 +63,9 @@ TEST(Network, TheSocketsOfDdsAreAmongOurs) {
 }
 
 TEST(Network, TheLoopbackIsUp) {
-  EXPECT_THAT(Interfaces(), Contains(AllOf(Field(&NetworkInterface::address, "127.0.0.1"),
-                                           Field(&NetworkInterface::loopback, true),
-                                           Field(&NetworkInterface::mtu, Gt(0)))));
+  EXPECT_THAT(Interfaces(),
+              Contains(AllOf(Field(&NetworkInterface::address, "127.0.0.1"), Field(&NetworkInterface::loopback, true),
+                             Field(&NetworkInterface::mtu, Gt(0)))));
 }
 
 TEST(Network, CountersCountADatagramForAClosedPort) {

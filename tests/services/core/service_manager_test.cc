@@ -26,8 +26,8 @@ TEST(ServiceManager, SaysItsStatesInOrderAndTheGreatOnesOnce) {
   manager.Say("committed 1");
   manager.Stopping();
   manager.Stopping();
-  EXPECT_THAT(socket.Take(), ElementsAre("READY=1\nSTATUS=campaign a with 2 workers", "STATUS=committed 1",
-                                         "STOPPING=1"));
+  EXPECT_THAT(socket.Take(),
+              ElementsAre("READY=1\nSTATUS=campaign a with 2 workers", "STATUS=committed 1", "STOPPING=1"));
 }
 
 TEST(ServiceManager, SpeaksToAnAbstractSocket) {
