@@ -16,6 +16,7 @@
 #include "services/core/command.h"
 #include "services/core/config_reference.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "trainer/learn/metrics_log.h"
 #include "trainer/learn/trainer.h"
@@ -229,7 +230,10 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
   ETUDE_ASSIGN_OR_RETURN(auto sink, publish::CheckpointSink::Open(arguments.out, telemetry.run(), around.participant,
                                                                   config.checkpoint.keep));
   learn::Hooks hooks{[&](const checkpoint::Checkpoint& made) { return Keep(sink, arguments.out, made); },
-                     [&telemetry](const learn::Progress& progress) { telemetry.Say(progress); }};
+                     [&telemetry](const learn::Progress& progress) {
+                       ServiceManager::Get().Say(fmt::format("step {}, {}", progress.step, progress.stage_name));
+                       telemetry.Say(progress);
+                     }};
   const bool follow = arguments.follow || !arguments.collect.empty();
   ErrorPublisher errors(around.participant, *dataset, telemetry.run().id);
   if (follow && around.participant && dataset->spec().adaptive_sampling.on())
@@ -336,8 +340,12 @@ Status Train(const Arguments& arguments) {
                            campaign::HostedCollector::Start(*participant, arguments.collect, arguments.data,
                                                             {.claim = arguments.claim, .run_id = telemetry.run().id}));
   }
-  std::function<Status()> source;
-  if (collector) source = [&collector] { return collector->status(); };
+  WatchedLoop watched;  // both waiting for data and training ask for their source about once a second
+  const std::function<Status()> source = [&] {
+    watched.Moved();
+    return collector ? collector->status() : Status();
+  };
+  ServiceManager::Get().Ready(fmt::format("run {}@{}", run, telemetry.run().id));
   ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, arguments.follow || collector, source));
   Log().info("run {}@{} in '{}', data '{}', {}, on {}", run, telemetry.run().id, arguments.out, arguments.data,
              policy::DescribeTorch(), device.str());

@@ -13,6 +13,7 @@
 #include "services/core/command.h"
 #include "services/core/config_reference.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "services/episode/codec.h"
 #include "services/policy/client.h"
@@ -101,11 +102,13 @@ Status Work(const Arguments& arguments) {
   campaign::WorkerOptions options = arguments.worker;
   options.files_sha256 = task::UserFilesSha256;
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
+  ServiceManager::Get().Ready(fmt::format("looking for campaign {}", options.campaign));
   return client.Run([&](const campaign::JoinedCampaign& joined) -> Result<campaign::WorkFunction> {
     const CampaignSpec& spec = joined.spec;
     ETUDE_ASSIGN_OR_RETURN(auto opened, task::AttemptRunner::Open(spec, arguments.renderer));
     auto runner = std::make_shared<task::AttemptRunner>(std::move(opened));
     Log().info("joined campaign={}@{} mode={} worker={}", spec.name, joined.id, spec.mode, client.name());
+    ServiceManager::Get().Say(fmt::format("campaign {}@{} as {}", spec.name, joined.id, client.name()));
     if (spec.mode != "rollout") return Demonstrate(runner);
     ETUDE_ASSIGN_OR_RETURN(auto policy, policy::Client::Open(participant, joined.policy, client.name()));
     return RollOut(runner, std::make_shared<policy::Client>(std::move(policy)));

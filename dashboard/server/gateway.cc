@@ -17,6 +17,7 @@
 #include "services/campaign/process.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
 #include "services/core/share.h"
 #include "services/core/stop.h"
 
@@ -167,6 +168,8 @@ std::string Gateway::url() const {
 }
 
 void Gateway::Run() {
+  WatchedLoop watched;
+  parts_->server->Every(1s, [&watched] { watched.Moved(); });
   parts_->server->Run();
   parts_->jobs.StopAll();
 }

@@ -8,6 +8,7 @@
 #include "dashboard/server/gateway.h"
 #include "services/core/command.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
 
 namespace etude {
 namespace {
@@ -18,6 +19,7 @@ Status Serve(dashboard::GatewayOptions options) {
   // the address is what people and programs wait for
   fmt::print("dashboard  {}\n", gateway->url());
   std::fflush(stdout);
+  ServiceManager::Get().Ready(gateway->url());
   gateway->Run();
   return {};
 }

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/campaign/collector.h"
 
+#include <optional>
 #include <thread>
+#include <utility>
 
 #include "services/campaign/collector_impl.h"
 #include "services/campaign/history.h"
 #include "services/core/command.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
 
 namespace etude::campaign {
 
@@ -129,12 +132,15 @@ Status Collector::Run() {
   std::thread control([&impl] { impl.Control(); });
 
   Stopwatch since_index;
+  std::optional<WatchedLoop> watched(std::in_place);
   while (!impl.Stopping() && !impl.Complete()) {
+    watched->Moved();
     if (auto blob = impl.episodes.Receive(50ms)) impl.OnEpisode(*blob);
     if (since_index.Seconds() * 1000 < static_cast<double>(impl.options.index_every.count())) continue;
     impl.WriteIndex();
     since_index.Restart();
   }
+  watched.reset();
   impl.WriteIndex();
   if (impl.Complete()) {
     impl.Announce(true);

@@ -11,6 +11,7 @@
 #include "services/campaign/worker_client.h"
 #include "services/core/command.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
 #include "services/episode/bounded_json.h"
 
 namespace etude::campaign {
@@ -19,7 +20,9 @@ using namespace std::chrono_literals;
 
 void Collector::Impl::Control() {
   Time next_status = MonotonicClock::now();
+  WatchedLoop watched;
   while (!finished.load()) {
+    watched.Moved();
     // a request is what a worker waits for; a report is always followed by one
     if (!requests.Wait(20ms) && StopRequested()) std::this_thread::sleep_for(5ms);
     TakeMessages();

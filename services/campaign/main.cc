@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // etude-collector: owns a campaign; workers on any host join it.
 #include <CLI/CLI.hpp>
+#include <condition_variable>
+#include <mutex>
+#include <stop_token>
+#include <thread>
 
 #include "services/bus/arguments.h"
 #include "services/bus/process_reporter.h"
@@ -8,6 +12,7 @@
 #include "services/campaign/spec_file.h"
 #include "services/core/command.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
 
 namespace etude {
 namespace {
@@ -20,6 +25,17 @@ struct Arguments {
   Claim claim = Claim::kRefuse;
 };
 
+// Tells the service manager once a second how far the campaign is, until it is stopped.
+void TellProgress(const std::stop_token& stop, const campaign::Collector& collector) {
+  std::mutex mutex;
+  std::condition_variable_any wake;
+  std::unique_lock lock(mutex);
+  while (!stop.stop_requested()) {
+    ServiceManager::Get().Say(campaign::ProgressLine(collector.progress()));
+    wake.wait_for(lock, stop, std::chrono::seconds(1), [] { return false; });
+  }
+}
+
 Status Collect(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(arguments.spec));
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
@@ -29,6 +45,8 @@ Status Collect(const Arguments& arguments) {
   options.lease = std::chrono::milliseconds(static_cast<std::int64_t>(arguments.lease_s * 1000));
   options.claim = arguments.claim;
   ETUDE_ASSIGN_OR_RETURN(auto collector, campaign::Collector::Open(participant, spec, arguments.out, options));
+  ServiceManager::Get().Ready(fmt::format("campaign {}@{}", spec.name, collector.id()));
+  const std::jthread teller([&](const std::stop_token& stop) { TellProgress(stop, collector); });
   ETUDE_RETURN_IF_ERROR(collector.Run());
   fmt::print("{}\n", campaign::SummaryText(collector.progress()));
   return {};

@@ -8,12 +8,15 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <iterator>
 #include <thread>
 #include <utility>
 
 #include "services/core/check.h"
 #include "services/core/clock.h"
+#include "services/core/service_manager.h"
 
 extern char** environ;
 
@@ -24,7 +27,10 @@ std::vector<std::string> EnvironmentWith(const std::map<std::string, std::string
   std::vector<std::string> result;
   for (char** entry = environ; *entry; ++entry) {
     const std::string text = *entry;
-    if (!extra.contains(text.substr(0, text.find('=')))) result.push_back(text);
+    const std::string key = text.substr(0, text.find('='));
+    // a child that has the service manager's address would speak in this process's name
+    const bool is_mine = std::ranges::find(ServiceManager::kVariables, key) != std::end(ServiceManager::kVariables);
+    if (!is_mine && !extra.contains(key)) result.push_back(text);
   }
   for (const auto& [key, value] : extra) result.push_back(key + "=" + value);
   return result;

@@ -14,6 +14,7 @@
 #include "services/core/command.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
 
@@ -73,9 +74,10 @@ Result<std::unique_ptr<Connection>> Connect(const bus::Participant& participant,
                      .heartbeat = std::make_unique<Heartbeat>(std::move(heartbeats), status, options.heartbeat)});
 }
 
-/// What tells `heartbeat` how far an attempt is.
-ProgressFunction ProgressTo(Heartbeat& heartbeat) {
-  return [&heartbeat](std::string_view stage, std::uint32_t step) {
+/// What tells `heartbeat` how far an attempt is, and the service manager that it moves.
+ProgressFunction ProgressTo(Heartbeat& heartbeat, WatchedLoop& watched) {
+  return [&heartbeat, &watched](std::string_view stage, std::uint32_t step) {
+    watched.Moved();
     heartbeat.Set([&](bus::WorkerStatus& status) {
       status.phase = "play";
       if (status.stage != stage) status.stage = stage.substr(0, 63);
@@ -102,6 +104,7 @@ struct WorkerClient::Impl {
   std::unique_ptr<Connection> joined;
   std::uint64_t request_id = 0;
   std::uint64_t episodes = 0, failures = 0;
+  std::optional<WatchedLoop> watched;  // while Run is at it
 
   Status Join();
   bool Replaced();
@@ -124,6 +127,7 @@ Status WorkerClient::Impl::Join() {
   Stopwatch since_word;
   bool said = false;
   while (!StopRequested() && !(joined && joined->announcement)) {
+    watched->Moved();
     if (!said || since_word.Seconds() > 30) {
       Log().info("waiting for campaign={}: is its collector running on this domain?", selector.text());
       since_word.Restart();
@@ -191,6 +195,7 @@ Result<bus::Lease> WorkerClient::Impl::Ask() {
   // the first answers may be lost while both sides still discover each other
   auto patience = std::min<std::chrono::milliseconds>(100ms, options.ask_again);
   while (!StopRequested()) {
+    watched->Moved();
     const bus::WorkRequest request = NextRequest();
     if (const Status asked = joined->requests.Write(request); !asked) Log().debug("request: {}", asked.error().message);
     const auto deadline = MonotonicClock::now() + patience;
@@ -231,6 +236,7 @@ void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result)
   const OrderedJson meta{
       {"index", lease.index}, {"attempt", lease.attempt}, {"host", HostName()}, {"timings", TimesJson(result.times)}};
   while (true) {
+    watched->Moved();
     // the token is unique, so it is the blob's id too: a repeat is recognised
     const auto verdict =
         joined->sender.Send(lease.token, result.episode, lease.token, meta.dump(), options.send_timeout);
@@ -284,7 +290,7 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
     status.token = lease.token;
   });
   Stopwatch elapsed;
-  auto result = joined->work({lease.index, lease.attempt, *weights, ProgressTo(*joined->heartbeat)});
+  auto result = joined->work({lease.index, lease.attempt, *weights, ProgressTo(*joined->heartbeat, *watched)});
   const double seconds = elapsed.Seconds();
   if (result) result->times.wall_s = seconds;
   if (!result) {
@@ -336,7 +342,9 @@ Result<WorkerClient> WorkerClient::Open(const bus::Participant& participant, con
 
 Status WorkerClient::Run(const WorkFactory& factory) {
   Impl& impl = *impl_;
+  impl.watched.emplace();
   while (!StopRequested()) {
+    impl.watched->Moved();
     ETUDE_RETURN_IF_ERROR(impl.Join());
     if (StopRequested()) break;
     impl.joined->TakeAnnouncements();

@@ -10,6 +10,7 @@
 #include "services/bus/topic.h"
 #include "services/campaign/process.h"
 #include "services/cli/command_line.h"
+#include "services/cli/doctor_net.h"
 #include "services/core/clock.h"
 #include "services/core/file.h"
 
@@ -127,7 +128,10 @@ void AddDoctor(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand("doctor", "check rendering, bus, torch, sockets and disk of this machine");
   auto arguments = std::make_shared<BusArguments>();
   arguments->Add(*command);
-  command->callback([arguments, &body] { body = [arguments] { return Doctor(*arguments); }; });
+  const auto* net = AddDoctorNet(*command, body);
+  command->callback([arguments, net, &body] {
+    if (!*net) body = [arguments] { return Doctor(*arguments); };
+  });
 }
 
 }  // namespace etude::cli

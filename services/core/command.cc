@@ -13,6 +13,7 @@
 
 #include "services/core/file.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
 #include "services/core/stop.h"
 
 namespace etude {
@@ -65,6 +66,7 @@ int RunMain(const std::string& name, const std::function<Status()>& body) {
   InitLog(name, level ? level : "info");
   try {
     const Status status = body();
+    ServiceManager::Get().Stopping();
     if (status) return EndOfOutput(name);
     return End(ExitCodeFor(status.error()), name, status.error().message);
   } catch (const std::exception& exception) {

@@ -12,6 +12,7 @@
 #include "services/core/command.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
 #include "trainer/checkpoint/difference.h"
 #include "trainer/checkpoint/graph_picture.h"
 #include "trainer/checkpoint/names.h"
@@ -71,6 +72,7 @@ Status Serve(const Arguments& arguments) {
     Log().info("serving run={} step={} from '{}'", options.run.text(), model->metadata().step, arguments.checkpoint);
   else
     ETUDE_RETURN_IF_ERROR(server.Follow());
+  ServiceManager::Get().Ready(fmt::format("run {}", options.run.text()));
   const Status status = server.Run();
   Log().info("answered {} observations: {}", server.answered(), ToString(server.latency()));
   return status;

@@ -14,6 +14,7 @@
 #include "services/core/clock.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "services/core/thread_annotations.h"
 #include "trainer/serve/insight.h"
@@ -76,7 +77,7 @@ struct PolicyServer::Impl {
   bool Stopping() const { return stop || StopRequested(); }
 
   Status FollowRuns();
-  Status FollowRun(bus::Directory& directory, const std::string& run_id);
+  Status FollowRun(bus::Directory& directory, const std::string& run_id, WatchedLoop& watched);
   void TakeCheckpoint(const bus::PublishedBlob& blob);
   void Serve(const std::string& run_id, std::shared_ptr<const Model> fresh) ETUDE_EXCLUDES(mutex);
   void TryOut(const Model& fresh);
@@ -167,7 +168,9 @@ void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const 
 // One run after the other of those that the selector fits.
 Status PolicyServer::Impl::FollowRuns() {
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(*participant));
+  WatchedLoop watched;
   while (!Stopping()) {
+    watched.Moved();
     // a run that is named by its whole id need not be there: it may have published all it ever will
     std::string run_id = options.run.id;
     if (!IsId(run_id)) {
@@ -175,17 +178,18 @@ Status PolicyServer::Impl::FollowRuns() {
       if (!found) continue;
       run_id = found->id;
     }
-    ETUDE_RETURN_IF_ERROR(FollowRun(directory, run_id));
+    ETUDE_RETURN_IF_ERROR(FollowRun(directory, run_id, watched));
   }
   return {};
 }
 
 // Until another run has taken its place.
-Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::string& run_id) {
+Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::string& run_id, WatchedLoop& watched) {
   ETUDE_ASSIGN_OR_RETURN(auto subscriber,
                          bus::BlobSubscriber::Open(*participant, {options.run.name, run_id}, options.channel));
   Log().info("following run {}@{}", options.run.name, run_id);
   while (!Stopping()) {
+    watched.Moved();
     const auto blob = subscriber.Wait(200ms);
     if (blob && blob->channel == options.channel) TakeCheckpoint(*blob);
     if (directory.Replaced(bus::PresenceKind::kRun, options.run, run_id)) return {};
@@ -301,7 +305,9 @@ Status PolicyServer::Follow() {
 
 Status PolicyServer::Run() {
   if (!impl_->Current().model) Log().info("waiting for the first checkpoint of run '{}'", impl_->options.run.text());
+  WatchedLoop watched;
   while (!impl_->Stopping()) {
+    watched.Moved();
     const Served current = impl_->Current();
     if (!current.model) {
       WaitForStop(50ms);

@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <cstdlib>
+
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
@@ -26,6 +28,16 @@ TEST(Process, WritesItsOutputIntoTheLogWithTheGivenEnvironment) {
   ASSERT_TRUE(process) << process.error().message;
   EXPECT_EQ(process->Wait(10s), 0);
   EXPECT_EQ(ReadTextFile(folder / "logs/a.log").value(), "out etude\nerr\n");
+}
+
+TEST(Process, DoesNotHandOnTheServiceManagersAddress) {
+  TemporaryFolder folder;
+  ::setenv("NOTIFY_SOCKET", "/run/notify", 1);
+  auto process = Process::Start({{"/bin/sh", "-c", "echo \"[$NOTIFY_SOCKET]\""}, folder / "log", {}});
+  ::unsetenv("NOTIFY_SOCKET");
+  ASSERT_TRUE(process) << process.error().message;
+  EXPECT_EQ(process->Wait(10s), 0);
+  EXPECT_EQ(ReadTextFile(folder / "log").value(), "[]\n");
 }
 
 TEST(Process, ReportsAProgramThatIsNotThere) {

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// The units in deploy/systemd: systemd takes them as they are, and they start programs and files that there are.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sstream>
+
+#include "services/core/file.h"
+#include "tests/support/etude_command.h"
+#include "tests/support/matchers.h"
+#include "tests/support/run_command.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+std::string With(std::string text, const std::string& from, const std::string& to) {
+  for (std::size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size())
+    text.replace(at, from.size(), to);
+  return text;
+}
+
+class UnitsTest : public ::testing::Test {
+ protected:
+  // As an installation writes them, with the programs that were built and the settings of the source tree.
+  void SetUp() override {
+    for (const auto& entry : std::filesystem::directory_iterator("deploy/systemd")) {
+      if (entry.path().extension() != ".in") continue;
+      std::string text = ReadTextFile(entry.path()).value_or("");
+      text = With(text, "@bindir@", ProgramsFolder().string());
+      text = With(text, "@share@", std::filesystem::absolute("deploy").string());
+      text = With(text, "@settings@", folder_.path().string());
+      ASSERT_THAT(text, Not(HasSubstr("@bin"))) << entry.path();
+      units_[entry.path().stem().string()] = text;
+      ASSERT_THAT(WriteFileAtomically(folder_ / entry.path().stem().string(), text), IsOk());
+    }
+  }
+
+  std::vector<std::string> Services() const {
+    std::vector<std::string> names;
+    for (const auto& [name, text] : units_)
+      if (name.ends_with(".service")) names.push_back(name);
+    return names;
+  }
+
+  const TemporaryFolder folder_;
+  std::map<std::string, std::string> units_;
+};
+
+TEST_F(UnitsTest, SystemdTakesThem) {
+  if (RunInShell("command -v systemd-analyze").code != 0) GTEST_SKIP() << "systemd-analyze is not installed";
+  std::string files;
+  for (const auto& [name, text] : units_)
+    if (!name.ends_with(".env")) files += " '" + (folder_ / name).string() + "'";
+  const auto output = RunInShell("SYSTEMD_LOG_LEVEL=warning systemd-analyze verify --man=no" + files + " 2>&1");
+  EXPECT_EQ(output.code, 0) << output.text;
+  EXPECT_EQ(output.text, "");
+}
+
+TEST_F(UnitsTest, AreHardened) {
+  if (RunInShell("command -v systemd-analyze").code != 0) GTEST_SKIP() << "systemd-analyze is not installed";
+  for (const auto& name : Services()) {
+    // 10 is a service with every right; each of ours reaches the "OK" of below 3
+    const auto output = RunInShell("systemd-analyze security --offline=true --threshold=30 --no-pager '" +
+                                   (folder_ / name).string() + "' 2>&1");
+    EXPECT_EQ(output.code, 0) << name << "\n" << output.text;
+  }
+}
+
+TEST_F(UnitsTest, EachIsWatched) {
+  EXPECT_THAT(Services(), testing::SizeIs(5));
+  for (const auto& name : Services()) {
+    EXPECT_THAT(units_[name], HasSubstr("\nType=notify\n")) << name;
+    EXPECT_THAT(units_[name], HasSubstr("\nWatchdogSec=")) << name;
+    EXPECT_THAT(units_[name], HasSubstr("\nPartOf=etude.target\n")) << name;
+  }
+}
+
+// A variable that a unit names is set, and a file that a setting names is there.
+TEST_F(UnitsTest, SettingsFit) {
+  const std::string& settings = units_["etude.env"];
+  for (const auto& name : Services()) {
+    std::istringstream words(units_[name]);
+    for (std::string word; words >> word;) {
+      const auto at = word.find("$ETUDE_");
+      if (at == std::string::npos) continue;
+      const auto end = word.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZ_", at + 1);
+      const std::string variable = word.substr(at + 1, end == std::string::npos ? end : end - at - 1);
+      EXPECT_THAT(settings, HasSubstr("\n" + variable + "=")) << name;
+    }
+  }
+  const std::string campaign = std::filesystem::absolute("deploy/campaigns/quickstart.yaml").string();
+  EXPECT_THAT(settings, HasSubstr("ETUDE_COLLECTOR=" + campaign));
+  EXPECT_TRUE(std::filesystem::exists(campaign));
+}
+
+}  // namespace
+}  // namespace etude
