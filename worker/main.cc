@@ -23,6 +23,7 @@
 #include "services/store/sampling_journal.h"
 #include "worker/sim/robot_file.h"
 #include "worker/task/attempt.h"
+#include "worker/task/outcome_meaning.h"
 #include "worker/task/user_files.h"
 #include "worker/view/replay.h"
 #include "worker/view/robot_check.h"

@@ -5,7 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
-#include "dashboard/server/api/context.h"
+#include "dashboard/server/api/metrics.h"
 #include "dashboard/server/gateway.h"
 #include "services/core/command.h"
 #include "services/core/command_table.h"

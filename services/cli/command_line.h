@@ -44,9 +44,6 @@ void AddDoctor(CLI::App& app, Body& body);
 void AddTop(CLI::App& app, Body& body);
 void AddTopic(CLI::App& app, Body& body);
 void AddCampaign(CLI::App& app, Body& body);
-// These two say what all commands are: `app` has to live until the body has run.
-void AddCompletion(CLI::App& app, Body& body);
-void AddReference(CLI::App& app, Body& body);
 
 /// Commands that are programs of their own, or a subcommand of one: name -> program, the arguments that
 /// come first, and what `etude --help` says of it.

@@ -7,7 +7,6 @@
 #include <cstring>
 
 #include "services/cli/all_commands.h"
-#include "services/cli/command_line.h"
 
 namespace etude::cli {
 namespace {

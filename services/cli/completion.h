@@ -5,9 +5,13 @@
 
 #include <string>
 
+#include "services/cli/command_line.h"
 #include "services/core/config.h"
 
 namespace etude::cli {
+
+/// `app` has to live until the body has run: what it offers is asked for then.
+void AddCompletion(CLI::App& app, Body& body);
 
 /// @param commands  AllCommands. Completes command words, options, values that are of a set, and else files.
 std::string BashCompletion(const OrderedJson& commands);

@@ -5,6 +5,8 @@
 #include <cstring>
 
 #include "services/cli/command_line.h"
+#include "services/cli/completion.h"
+#include "services/cli/reference.h"
 #include "services/core/command.h"
 #include "services/core/command_table.h"
 #include "services/core/config.h"

@@ -8,7 +8,6 @@
 #include "services/bus/blob_transfer.h"
 #include "services/bus/topology.h"
 #include "services/cli/all_commands.h"
-#include "services/cli/command_line.h"
 #include "services/cli/sibling_text.h"
 #include "services/core/file.h"
 #include "services/core/identity.h"

@@ -4,9 +4,13 @@
 
 #include <string>
 
+#include "services/cli/command_line.h"
 #include "services/core/config.h"
 
 namespace etude::cli {
+
+/// `app` has to live until the body has run: what it offers is asked for then.
+void AddReference(CLI::App& app, Body& body);
 
 /// commands.md. @param commands  AllCommands
 std::string CommandsPage(const OrderedJson& commands);

@@ -2,35 +2,26 @@
 // How an attempt ended.
 #pragma once
 
-#include <array>
 #include <string>
 #include <string_view>
 
 namespace etude::task {
 
-/// Why an attempt ended (Meaning says it in words); the string forms are stable (attempts.jsonl, telemetry).
+/// Why an attempt ended; the string forms are stable (attempts.jsonl, telemetry).
 enum class AttemptOutcome {
   kSuccess,
-  kSceneInvalid,
-  kPlanFailed,
-  kGraspMissed,
-  kDropped,
-  kCriterionFailed,
-  kCollision,
-  kViolation,
-  kTimeout,
-  kUnstable,
-  kPolicyError,
+  kSceneInvalid,     ///< objects could not be placed, or did not settle
+  kPlanFailed,       ///< details say which stage and why (plan::OutcomeKind)
+  kGraspMissed,      ///< fingers closed without the object
+  kDropped,          ///< held, then lost
+  kCriterionFailed,  ///< all stages ran, the judge says no
+  kCollision,        ///< the robot, or the target, touched what it had to avoid
+  kViolation,        ///< the robot touched itself, or went beyond a joint's speed or torque
+  kTimeout,          ///< longer than the step limit
+  kUnstable,         ///< the simulation warned
+  kPolicyError,      ///< rollout: the policy refused or did not answer
 };
-/// In the order of their numbers.
-inline constexpr std::array kAttemptOutcomes{
-    AttemptOutcome::kSuccess,     AttemptOutcome::kSceneInvalid, AttemptOutcome::kPlanFailed,
-    AttemptOutcome::kGraspMissed, AttemptOutcome::kDropped,      AttemptOutcome::kCriterionFailed,
-    AttemptOutcome::kCollision,   AttemptOutcome::kViolation,    AttemptOutcome::kTimeout,
-    AttemptOutcome::kUnstable,    AttemptOutcome::kPolicyError};
 std::string_view ToString(AttemptOutcome outcome);
-/// "fingers closed without the object"
-std::string_view Meaning(AttemptOutcome outcome);
 
 struct Verdict {
   AttemptOutcome outcome = AttemptOutcome::kSuccess;

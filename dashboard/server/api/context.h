@@ -59,8 +59,6 @@ void AddEvalRoutes(http::Router& router, Context& context);
 void AddLogRoutes(http::Router& router, Context& context);
 void AddActionRoutes(http::Router& router, Context& context);
 void AddMetricsRoutes(http::Router& router, Context& context);
-/// The "# HELP" and "# TYPE" lines of /metrics.
-std::string MetricFamilies();
 /// All of them, and openapi.json.
 http::Router MakeRouter(Context& context);
 

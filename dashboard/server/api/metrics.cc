@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // GET /metrics: what Grafana and alerts read, in Prometheus' text format. Labels are names of campaigns, runs, tasks and
 // reasons only: one a worker would grow without end.
+#include "dashboard/server/api/metrics.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
