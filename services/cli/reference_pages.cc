@@ -38,11 +38,18 @@ std::string OptionText(const OrderedJson& option) {
   return text;
 }
 
+// The default; of what depends on the machine that is asked, that it does.
+std::string DefaultText(const OrderedJson& option) {
+  const std::string name = option["names"][0];
+  if (name == "--workers" || name == "--threads") return option["default"] == "" ? "" : "by its cores";
+  return Code(option["default"].get<std::string>());
+}
+
 std::string OptionTable(const OrderedJson& options) {
   std::string table;
   for (const auto& option : options) {
     if (option["names"][0] == "--help") continue;
-    table += fmt::format("| {} | {} | {} |\n", OptionText(option), Code(option["default"].get<std::string>()),
+    table += fmt::format("| {} | {} | {} |\n", OptionText(option), DefaultText(option),
                          Cell(option["description"].get<std::string>()));
   }
   return table.empty() ? "" : "\n| option or argument | default | meaning |\n|---|---|---|\n" + table;

@@ -211,7 +211,8 @@ int main(int argc, char** argv) {
     if (looking.graph->parsed()) return etude::serve::DrawGraph(looking.file, looking.svg);
     if (looking.watch->parsed()) return looking.Watch();
     if (looking.torchscript->parsed()) return etude::serve::ExportTorchScript(looking.file, looking.out);
-    if (looking.difference->parsed()) return etude::serve::ShowDifference(looking.first, looking.second, looking.as_json);
+    if (looking.difference->parsed())
+      return etude::serve::ShowDifference(looking.first, looking.second, looking.as_json);
     return etude::serve::Serve(arguments);
   });
 }

@@ -10,10 +10,10 @@ namespace etude::task {
 
 /// In the order of their numbers.
 inline constexpr std::array kAttemptOutcomes{
-    AttemptOutcome::kSuccess,    AttemptOutcome::kSceneInvalid, AttemptOutcome::kPlanFailed,
+    AttemptOutcome::kSuccess,     AttemptOutcome::kSceneInvalid, AttemptOutcome::kPlanFailed,
     AttemptOutcome::kGraspMissed, AttemptOutcome::kDropped,      AttemptOutcome::kCriterionFailed,
-    AttemptOutcome::kCollision,  AttemptOutcome::kViolation,    AttemptOutcome::kTimeout,
-    AttemptOutcome::kUnstable,   AttemptOutcome::kPolicyError};
+    AttemptOutcome::kCollision,   AttemptOutcome::kViolation,    AttemptOutcome::kTimeout,
+    AttemptOutcome::kUnstable,    AttemptOutcome::kPolicyError};
 
 /// For people: "the fingers closed without the object".
 std::string_view Meaning(AttemptOutcome outcome);

@@ -16,8 +16,8 @@ using testing::HasSubstr;
 using testing::Not;
 
 OrderedJson Option(const std::string& name, const std::string& value) {
-  return {{"names", {name}},  {"positional", false}, {"value", value},   {"choices", OrderedJson::array()},
-          {"default", ""},    {"required", false},   {"repeats", false}, {"description", "a | b"}};
+  return {{"names", {name}}, {"positional", false}, {"value", value},   {"choices", OrderedJson::array()},
+          {"default", ""},   {"required", false},   {"repeats", false}, {"description", "a | b"}};
 }
 
 OrderedJson Commands() {
@@ -26,8 +26,7 @@ OrderedJson Commands() {
                           {"description", "look"},
                           {"options", {help, Option("--size", "INT")}},
                           {"commands", OrderedJson::array()}};
-  const OrderedJson group{
-      {"name", "dataset"}, {"description", "datasets"}, {"options", {help}}, {"commands", {inner}}};
+  const OrderedJson group{{"name", "dataset"}, {"description", "datasets"}, {"options", {help}}, {"commands", {inner}}};
   return {{"name", "etude"}, {"description", ""}, {"options", {help}}, {"commands", {group}}};
 }
 
@@ -56,7 +55,8 @@ TEST(HttpPage, NamesRequestsWithTheirQueries) {
 }
 
 TEST(ConfigSection, HasUnitsAndDefaults) {
-  const OrderedJson key{{"key", "camera.width"}, {"type", "integer"}, {"unit", "px"}, {"default", "224"}, {"meaning", "wide"}};
+  const OrderedJson key{
+      {"key", "camera.width"}, {"type", "integer"}, {"unit", "px"}, {"default", "224"}, {"meaning", "wide"}};
   EXPECT_THAT(ConfigSection("campaign", "What.", {key}), HasSubstr("| `camera.width` | integer | `224` | px | wide |"));
 }
 
