@@ -14,6 +14,7 @@
 #include "services/campaign/hosted_collector.h"
 #include "services/campaign/process.h"
 #include "services/core/command.h"
+#include "services/core/command_table.h"
 #include "services/core/config_reference.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
@@ -417,11 +418,7 @@ int main(int argc, char** argv) {
       app.add_subcommand("describe", "every key of an experiment with its type, unit, default and meaning");
   bool as_json = false;
   describe->add_flag("--json", as_json, "as JSON");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kExitOk : kExitUsage;
-  }
+  if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
   return RunMain("etude-trainer", [&]() -> Status {
     if (doctor->parsed()) return Doctor();
     if (describe->parsed()) return PrintReference(ConfigReference<learn::TrainConfig>(), as_json), Status();

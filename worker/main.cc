@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // etude-worker: joins a campaign and makes its episodes, with the expert or with a policy at the controls.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <filesystem>
@@ -11,6 +13,7 @@
 #include "services/campaign/worker_client.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
+#include "services/core/command_table.h"
 #include "services/core/config_reference.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
@@ -21,6 +24,7 @@
 #include "services/store/sampling_journal.h"
 #include "worker/sim/robot_file.h"
 #include "worker/task/attempt.h"
+#include "worker/task/outcome_meaning.h"
 #include "worker/task/user_files.h"
 #include "worker/view/replay.h"
 #include "worker/view/robot_check.h"
@@ -201,6 +205,17 @@ Status DescribeRobotFile(bool as_json) {
   return {};
 }
 
+// What `reason` in attempts.jsonl, in telemetry and in evaluations may be.
+Status DescribeOutcomes(bool as_json) {
+  OrderedJson list = OrderedJson::array();
+  for (const auto outcome : task::kAttemptOutcomes)
+    list.push_back({{"outcome", task::ToString(outcome)}, {"meaning", task::Meaning(outcome)}});
+  if (as_json) return fmt::print("{}\n", list.dump(1)), Status();
+  for (const auto outcome : task::kAttemptOutcomes)
+    fmt::print("{:<18} {}\n", task::ToString(outcome), task::Meaning(outcome));
+  return {};
+}
+
 CLI::App* AddTaskCheck(CLI::App& app, Arguments& arguments) {
   auto* task = app.add_subcommand("task", "tasks of your own")->require_subcommand(1);
   auto* check = task->add_subcommand("check", "what a task means, on which robots it works, and what is wrong with it");
@@ -237,19 +252,19 @@ int main(int argc, char** argv) {
       robot->add_subcommand("describe", "every key of a robot file with its type, unit, default and meaning");
   bool as_json = false;
   describe->add_flag("--json", as_json, "as JSON");
+  auto* outcomes = app.add_subcommand("outcomes", "how an attempt may end, and what each means");
+  outcomes->add_flag("--json", as_json, "as JSON");
   auto* replay = etude::AddReplay(app, arguments);
   auto* task_check = etude::AddTaskCheck(app, arguments);
   app.require_subcommand(0, 1);
-  try {
-    app.parse(argc, argv);
-    const bool joins = !*doctor && !*render && !*check && !*describe && !*replay && !*task_check;
-    if (joins && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
-  }
+  app.callback([&] {
+    if (app.get_subcommands().empty() && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
+  });
+  if (const auto ended = etude::ParseCommandLine(app, argc, argv)) return *ended;
   return etude::RunMain("etude-worker", [&] {
     if (*doctor) return etude::Doctor(arguments);
     if (*describe) return etude::DescribeRobotFile(as_json);
+    if (*outcomes) return etude::DescribeOutcomes(as_json);
     if (*replay) return etude::Replay(arguments);
     if (*check) return etude::CheckRobot(arguments.robot, arguments.renderer);
     if (*task_check) return etude::CheckTaskFile(arguments.task, arguments.task_check, arguments.renderer);

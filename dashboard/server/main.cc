@@ -5,8 +5,10 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "dashboard/server/api/metrics.h"
 #include "dashboard/server/gateway.h"
 #include "services/core/command.h"
+#include "services/core/command_table.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
 
@@ -24,6 +26,11 @@ Status Serve(dashboard::GatewayOptions options) {
   return {};
 }
 
+Status Describe(const std::string& what) {
+  fmt::print("{}\n", what == "http" ? dashboard::OpenApiText() : api::MetricFamilies());
+  return {};
+}
+
 }  // namespace
 }  // namespace etude
 
@@ -34,7 +41,7 @@ int main(int argc, char** argv) {
       "etude dashboard");
   etude::dashboard::GatewayOptions options;
   std::vector<std::string> dirs;
-  std::string token_file, web, cache;
+  std::string token_file, web, cache, describe;
   bool no_bus = false;
   app.add_option("--dir", dirs, "folder to look in; repeatable (default: the current one)")->allow_extra_args(false);
   app.add_option("--port", options.port, "0: any free one")->capture_default_str();
@@ -45,16 +52,17 @@ int main(int argc, char** argv) {
   app.add_flag("--no-bus", no_bus, "files alone");
   app.add_option("--web", web, "folder of the built pages (default: those that come along)");
   app.add_option("--cache", cache, "folder for videos (default: ~/.cache/etude/dashboard)");
+  app.add_option("--describe", describe, "only print what it serves: http (OpenAPI) | metrics (names and types)")
+      ->check(CLI::IsMember({"http", "metrics"}));
   options.bus.Add(app);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
-  }
+  if (const auto ended = etude::ParseCommandLine(app, argc, argv)) return *ended;
   options.dirs.assign(dirs.begin(), dirs.end());
   options.token_file = token_file;
   options.web = web;
   options.cache = cache;
   options.use_bus = !no_bus;
-  return etude::RunMain("etude-gateway", [&] { return etude::Serve(options); });
+  return etude::RunMain("etude-gateway", [&] {
+    if (!describe.empty()) return etude::Describe(describe);
+    return etude::Serve(options);
+  });
 }

@@ -11,6 +11,7 @@
 #include "services/campaign/collector.h"
 #include "services/campaign/spec_file.h"
 #include "services/core/command.h"
+#include "services/core/command_table.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
 
@@ -71,10 +72,6 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.5, 3600.0));
   etude::bus::AddClaim(app, arguments.claim);
   arguments.bus.Add(app);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
-  }
+  if (const auto ended = etude::ParseCommandLine(app, argc, argv)) return *ended;
   return etude::RunMain("etude-collector", [&] { return etude::Collect(arguments); });
 }

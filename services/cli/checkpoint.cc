@@ -185,7 +185,14 @@ void AddCheckpoint(CLI::App& app, Body& body) {
   auto* difference = command->add_subcommand("diff", "which parts changed from one to another, and by how much");
   difference->add_option("first", *file, "checkpoint file")->required();
   difference->add_option("second", *second, "checkpoint file")->required();
-  difference->callback([=, &body] { body = [=] { return ExecSibling("etude-policy", {"diff", *file, *second}); }; });
+  difference->add_flag("--json", showing->as_json, "as JSON");
+  difference->callback([=, &body] {
+    body = [=] {
+      std::vector<std::string> arguments{"diff", *file, *second};
+      if (showing->as_json) arguments.push_back("--json");
+      return ExecSibling("etude-policy", arguments);
+    };
+  });
 
   auto out = std::make_shared<std::string>(), format = std::make_shared<std::string>();
   auto* exporting = command->add_subcommand("export", "for programs without Etude: TorchScript, opens with libtorch");

@@ -18,12 +18,26 @@ Status Info(const std::string& dataset, bool as_json) {
   return {};
 }
 
-Status Verify(const std::string& dataset, bool keep) {
+// [{path, reason}]
+template <class List>
+OrderedJson Files(const List& files) {
+  OrderedJson list = OrderedJson::array();
+  for (const auto& file : files) list.push_back({{"path", file.path.string()}, {"reason", file.reason}});
+  return list;
+}
+
+Status Verify(const std::string& dataset, bool keep, bool as_json) {
   ETUDE_ASSIGN_OR_RETURN(const auto report,
                          store::Verify(dataset, keep ? store::Quarantine::kNo : store::Quarantine::kYes));
-  for (const auto& bad : report.bad) fmt::print("bad     {}: {}\n", bad.path.string(), bad.reason);
-  for (const auto& unread : report.unread) fmt::print("unread  {}: {}\n", unread.path.string(), unread.reason);
-  fmt::print("{} good, {} bad, {} could not be read\n", report.good, report.bad.size(), report.unread.size());
+  if (as_json) {
+    fmt::print("{}\n",
+               OrderedJson{{"good", report.good}, {"bad", Files(report.bad)}, {"unread", Files(report.unread)}}.dump(
+                   1, ' ', false, OrderedJson::error_handler_t::replace));
+  } else {
+    for (const auto& bad : report.bad) fmt::print("bad     {}: {}\n", bad.path.string(), bad.reason);
+    for (const auto& unread : report.unread) fmt::print("unread  {}: {}\n", unread.path.string(), unread.reason);
+    fmt::print("{} good, {} bad, {} could not be read\n", report.good, report.bad.size(), report.unread.size());
+  }
   if (report.bad.empty() && report.unread.empty()) return {};
   if (report.bad.empty())
     return Fail(Code::kUnavailable,
@@ -64,7 +78,8 @@ void AddDataset(CLI::App& app, Body& body) {
   info->callback([=, &body] { body = [=] { return Info(*dataset, *as_json); }; });
   auto* verify = add("verify", "read every byte; damaged episodes are moved to quarantine/");
   verify->add_flag("--keep", *keep, "only report, move nothing");
-  verify->callback([=, &body] { body = [=] { return Verify(*dataset, *keep); }; });
+  verify->add_flag("--json", *as_json, "as JSON: {good, bad: [{path, reason}], unread}");
+  verify->callback([=, &body] { body = [=] { return Verify(*dataset, *keep, *as_json); }; });
   auto* hash = add("hash", "SHA-256 of the content, the same whoever collected it");
   hash->callback([=, &body] { body = [=] { return Hash(*dataset); }; });
   auto out = std::make_shared<std::string>("sheet.png");

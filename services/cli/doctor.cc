@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // `etude doctor`: can this machine run Etude? Each check is ok, or says what to do.
 #include <fmt/format.h>
-#include <sys/mman.h>
 #include <sys/statvfs.h>
-#include <unistd.h>
 
 #include <fstream>
 
 #include "services/bus/topic.h"
-#include "services/campaign/process.h"
 #include "services/cli/command_line.h"
 #include "services/cli/doctor_net.h"
+#include "services/cli/sibling_text.h"
 #include "services/core/clock.h"
+#include "services/core/config.h"
 #include "services/core/file.h"
 
 namespace etude::cli {
@@ -28,38 +27,13 @@ Finding Ok(std::string text) { return {Finding::Kind::kOk, std::move(text)}; }
 Finding Advice(std::string text) { return {Finding::Kind::kAdvice, std::move(text)}; }
 Finding Missing(std::string text) { return {Finding::Kind::kMissing, std::move(text)}; }
 
-std::string Trimmed(std::string text) {
-  while (!text.empty() && text.back() == '\n') text.pop_back();
-  return text;
-}
-
-// A file without a name: it is gone with this process, however that ends.
-class UnnamedFile {
- public:
-  UnnamedFile() : fd_(::memfd_create("etude-doctor", MFD_CLOEXEC)) {}
-  ~UnnamedFile() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  UnnamedFile(const UnnamedFile&) = delete;
-  UnnamedFile& operator=(const UnnamedFile&) = delete;
-  // Where this process and its children can open it.
-  Path path() const { return fmt::format("/proc/{}/fd/{}", ::getpid(), fd_); }
-
- private:
-  int fd_;
-};
-
 // Asks a sibling's own doctor.
 Finding AskProgram(const std::string& name) {
-  const auto program = campaign::FindSibling(name);
-  if (!program) return Missing(program.error().message);
-  const UnnamedFile log;
-  auto process = campaign::Process::Start({{program->string(), "doctor"}, log.path(), {{"ETUDE_LOG", "error"}}});
-  if (!process) return Missing(process.error().message);
-  const auto exit_code = process->Wait(60s);
-  const std::string text = Trimmed(ReadTextFile(log.path()).value_or(""));
-  if (!exit_code) return Missing(fmt::format("{} doctor did not end within 60 s", name));
-  return *exit_code == 0 ? Ok(text) : Missing(text.empty() ? fmt::format("exit code {}", *exit_code) : text);
+  const auto answer = AskSibling(name, {"doctor"});
+  if (!answer) return Missing(answer.error().message);
+  const std::string& text = answer->text;
+  return answer->exit_code == 0 ? Ok(text)
+                                : Missing(text.empty() ? fmt::format("exit code {}", answer->exit_code) : text);
 }
 
 // A message to ourselves and back.
@@ -101,23 +75,32 @@ Finding CheckDisk() {
   return Advice(fmt::format("only {:.1f} GB free in {}; 1000 episodes take about 2 GB", free_gb, here.string()));
 }
 
-Status Doctor(const BusArguments& arguments) {
+struct Arguments {
+  BusArguments bus;
+  bool as_json = false;
+};
+
+Status Doctor(const Arguments& arguments) {
   int missing = 0;
+  OrderedJson checks = OrderedJson::array();
   const auto report = [&](const char* what, const Finding& finding) {
     const char* word = finding.kind == Finding::Kind::kOk       ? "ok"
                        : finding.kind == Finding::Kind::kAdvice ? "note"
                                                                 : "MISSING";
+    missing += finding.kind == Finding::Kind::kMissing;
+    checks.push_back({{"check", what}, {"state", word}, {"text", finding.text}});
+    if (arguments.as_json) return;
     std::string text = finding.text;
     for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 19) text.insert(at + 1, 18, ' ');
     fmt::print("{:<9} {:<7} {}\n", what, word, text);
     std::fflush(stdout);
-    missing += finding.kind == Finding::Kind::kMissing;
   };
   report("rendering", AskProgram("etude-worker"));
-  report("bus", CheckBus(arguments));
+  report("bus", CheckBus(arguments.bus));
   report("torch", AskProgram("etude-trainer"));
   report("sockets", CheckSocketBuffer());
   report("disk", CheckDisk());
+  if (arguments.as_json) fmt::print("{}\n", checks.dump(1, ' ', false, OrderedJson::error_handler_t::replace));
   if (missing == 0) return {};
   return Fail(Code::kUnavailable, fmt::format("{} of what Etude needs is missing on this machine, see above", missing));
 }
@@ -126,8 +109,9 @@ Status Doctor(const BusArguments& arguments) {
 
 void AddDoctor(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand("doctor", "check rendering, bus, torch, sockets and disk of this machine");
-  auto arguments = std::make_shared<BusArguments>();
-  arguments->Add(*command);
+  auto arguments = std::make_shared<Arguments>();
+  command->add_flag("--json", arguments->as_json, "as JSON: a list of {check, state, text}");
+  arguments->bus.Add(*command);
   const auto* net = AddDoctorNet(*command, body);
   command->callback([arguments, net, &body] {
     if (!*net) body = [arguments] { return Doctor(*arguments); };

@@ -30,7 +30,7 @@ struct Arguments {
   std::string out;
   int workers = DefaultWorkers();
   std::vector<std::string> overrides;
-  bool first_draw = false;
+  bool first_draw = false, as_json = false;
   std::string sentences;  // table8, table11 or a file
   std::uint64_t scenes_each = 3;
   std::string compare;
@@ -134,7 +134,10 @@ Status Compare(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson comparison, campaign::CompareEvaluations(arguments.out, arguments.compare));
   const Path file = Path(arguments.out) / "comparison.json";
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(file, comparison.dump(1) + "\n"));
-  fmt::print("{}comparison {}\n", campaign::ComparisonText(comparison), file.string());
+  if (arguments.as_json)
+    fmt::print("{}\n", comparison.dump(1));
+  else
+    fmt::print("{}comparison {}\n", campaign::ComparisonText(comparison), file.string());
   return {};
 }
 
@@ -144,6 +147,10 @@ Status Report(const Arguments& arguments, const CampaignSpec& base, OrderedJson 
     const Status added = AddNeverSeen(base.tasks, base.objects, report);
     if (!added) Log().warn("which words training never said: {}", added.error().message);
     ETUDE_RETURN_IF_ERROR(WriteFileAtomically(arguments.evaluation.out / "eval.json", report.dump(1) + "\n"));
+  }
+  if (arguments.as_json) {
+    if (arguments.compare.empty()) fmt::print("{}\n", report.dump(1));
+    return {};
   }
   fmt::print("{}{}{}{}report {}/eval.json  videos {}/videos\n", campaign::EvalTable(report),
              campaign::SuitesText(report), campaign::SentencesText(report), campaign::ScenesText(report), arguments.out,
@@ -194,7 +201,7 @@ Status Eval(Arguments arguments) {
                                             [&] { return policy ? policy->Supervise() : Status(); }));
   }
   if (policy) policy->Stop(std::chrono::seconds(5));
-  if (StopRequested()) fmt::print("stopped, run again to continue\n");
+  if (StopRequested()) fmt::print(stderr, "stopped, run again to continue\n");
   ETUDE_RETURN_IF_ERROR(Report(arguments, base, std::move(report)));
   return arguments.compare.empty() ? Status() : Compare(arguments);
 }
@@ -267,6 +274,7 @@ void AddEval(CLI::App& app, Body& body) {
   command->add_option("--compare", arguments->compare,
                       "folder of another evaluation of the same scenes: then who succeeded where, and whether it can "
                       "be chance; without a policy OUT is one, too");
+  command->add_flag("--json", arguments->as_json, "print what eval.json says, or with --compare comparison.json");
   AddOverrides(*command, arguments->overrides, "rollout.replan_steps=10");
   bus::AddClaim(*command, arguments->claim);
   arguments->bus.Add(*command);

@@ -5,7 +5,10 @@
 #include <cstring>
 
 #include "services/cli/command_line.h"
+#include "services/cli/completion.h"
+#include "services/cli/reference.h"
 #include "services/core/command.h"
+#include "services/core/command_table.h"
 #include "services/core/config.h"
 
 namespace etude::cli {
@@ -65,7 +68,10 @@ int Main(int argc, char** argv) {
   AddLanguage(app, body);
   AddResults(app, body);
   AddDoctor(app, body);
+  AddCompletion(app, body);
+  AddReference(app, body);
   app.footer("Each command has its own --help. Exit codes: 0 done, 2 wrong usage, 3 the machine cannot, 1 else.");
+  if (argc == 2 && std::strcmp(argv[1], "--command-table") == 0) return *ParseCommandLine(app, argc, argv);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

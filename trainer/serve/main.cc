@@ -10,6 +10,8 @@
 #include "services/bus/arguments.h"
 #include "services/bus/process_reporter.h"
 #include "services/core/command.h"
+#include "services/core/command_table.h"
+#include "services/core/enum_name.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
@@ -106,10 +108,27 @@ Status DrawGraph(const std::string& text, const std::string& svg) {
   return {};
 }
 
-Status ShowDifference(const std::string& first, const std::string& second) {
+// [{part, state, relative, numbers, tensors}]; `relative` only of what changed.
+OrderedJson DifferenceJson(const std::vector<checkpoint::PartDifference>& differences) {
+  using State = checkpoint::PartDifference::State;
+  OrderedJson list = OrderedJson::array();
+  for (const auto& part : differences) {
+    const auto state = EnumName(part.state, {{State::kSame, "same"},
+                                             {State::kChanged, "changed"},
+                                             {State::kReshaped, "reshaped"},
+                                             {State::kOnlyInFirst, "only in the first"},
+                                             {State::kOnlyInSecond, "only in the second"}});
+    list.push_back({{"part", part.part}, {"state", state}, {"numbers", part.numbers}, {"tensors", part.tensors}});
+    if (part.state == State::kChanged) list.back()["relative"] = part.relative;
+  }
+  return list;
+}
+
+Status ShowDifference(const std::string& first, const std::string& second, bool as_json) {
   ETUDE_ASSIGN_OR_RETURN(const auto a, checkpoint::ReadFile(first));
   ETUDE_ASSIGN_OR_RETURN(const auto b, checkpoint::ReadFile(second));
-  fmt::print("{}", checkpoint::ToText(checkpoint::Compare(a, b)));
+  const auto differences = checkpoint::Compare(a, b);
+  fmt::print("{}", as_json ? DifferenceJson(differences).dump(1) + "\n" : checkpoint::ToText(differences));
   return {};
 }
 
@@ -125,6 +144,7 @@ Status ExportTorchScript(const std::string& file, const std::string& out) {
 struct Looking {
   CLI::App *graph = nullptr, *difference = nullptr, *torchscript = nullptr, *watch = nullptr;
   std::string file, svg, first, second, run, out;
+  bool as_json = false;
   WatchOptions watching;
   bus::Arguments bus;
 
@@ -135,6 +155,7 @@ struct Looking {
     difference = app.add_subcommand("diff", "which parts changed from one checkpoint to another, and by how much");
     difference->add_option("first", first, "checkpoint file")->required();
     difference->add_option("second", second, "checkpoint file")->required();
+    difference->add_flag("--json", as_json, "as JSON");
     torchscript = app.add_subcommand("torchscript", "a checkpoint as a file that plain libtorch opens");
     torchscript->add_option("checkpoint", file, "checkpoint file")->required();
     torchscript->add_option("out", out, "the file to write, .pt")->required();
@@ -187,16 +208,13 @@ int main(int argc, char** argv) {
   app.add_option("--device", arguments.device, "where they are: cpu, cuda or cuda:NUMBER")->capture_default_str();
   etude::serve::Looking looking;
   looking.Add(app);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
-  }
+  if (const auto ended = etude::ParseCommandLine(app, argc, argv)) return *ended;
   return etude::RunMain("etude-policy", [&] {
     if (looking.graph->parsed()) return etude::serve::DrawGraph(looking.file, looking.svg);
     if (looking.watch->parsed()) return looking.Watch();
     if (looking.torchscript->parsed()) return etude::serve::ExportTorchScript(looking.file, looking.out);
-    if (looking.difference->parsed()) return etude::serve::ShowDifference(looking.first, looking.second);
+    if (looking.difference->parsed())
+      return etude::serve::ShowDifference(looking.first, looking.second, looking.as_json);
     return etude::serve::Serve(arguments);
   });
 }

@@ -13,6 +13,7 @@
 
 #include "services/core/clock.h"
 #include "services/core/command.h"
+#include "services/core/command_table.h"
 #include "services/core/stop.h"
 #include "worker/synthesis/depth_network.h"
 #include "worker/synthesis/drawn_object.h"
@@ -254,11 +255,7 @@ int main(int argc, char** argv) {
   auto* import = synthesis::AddImport(app, arguments);
   synthesis::AddGallery(app, arguments);
   app.require_subcommand(1);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
-  }
+  if (const auto ended = etude::ParseCommandLine(app, argc, argv)) return *ended;
   return etude::RunMain("etude-object", [&] {
     if (*synthesize) return synthesis::Synthesize(arguments);
     return *import ? synthesis::Import(arguments) : synthesis::Gallery(arguments);

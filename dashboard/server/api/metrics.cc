@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // GET /metrics: what Grafana and alerts read, in Prometheus' text format. Labels are names of campaigns, runs, tasks and
 // reasons only: one a worker would grow without end.
+#include "dashboard/server/api/metrics.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <map>
+#include <sstream>
 
 #include "dashboard/server/api/context.h"
 
@@ -119,6 +122,16 @@ void Training(const std::vector<Run>& runs, Exposition& out) {
                      std::strtod(step->second.c_str(), nullptr));
 }
 
+std::string Exposed(const std::vector<Dataset>& datasets, const std::vector<Run>& runs, std::size_t policies) {
+  Exposition out;
+  Collection(datasets, out);
+  PlanSeconds(datasets, out);
+  Training(runs, out);
+  out.Family("etude_policy_servers", "gauge", "Policy servers on the bus.");
+  out.Sample("etude_policy_servers", {}, static_cast<double>(policies));
+  return out.Take();
+}
+
 std::string Text(Context& context) {
   const auto live = context.live();
   std::vector<Dataset> datasets;
@@ -136,16 +149,18 @@ std::string Text(Context& context) {
       if (view) runs.push_back({found.id, *view, StateOf(view->get(), LiveOf(*live, **view))});
     }
   }
-  Exposition out;
-  Collection(datasets, out);
-  PlanSeconds(datasets, out);
-  Training(runs, out);
-  out.Family("etude_policy_servers", "gauge", "Policy servers on the bus.");
-  out.Sample("etude_policy_servers", {}, static_cast<double>(live->policies.size()));
-  return out.Take();
+  return Exposed(datasets, runs, live->policies.size());
 }
 
 }  // namespace
+
+std::string MetricFamilies() {
+  std::string families;
+  std::istringstream all(Exposed({}, {}, 0));
+  for (std::string line; std::getline(all, line);)
+    if (line.starts_with('#')) families += line + "\n";
+  return families;
+}
 
 void AddMetricsRoutes(http::Router& router, Context& context) {
   router.Add("GET", "/metrics", http::Lane::kFiles, [&context](const http::Request&) -> Result<http::Answer> {

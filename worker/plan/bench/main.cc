@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 
 #include "services/core/command.h"
+#include "services/core/command_table.h"
 #include "services/core/file.h"
 #include "worker/plan/bench/measure.h"
 
@@ -69,10 +70,6 @@ int main(int argc, char** argv) {
   CLI::App app("Plans motions apart from any campaign, to measure the planners.", "etude plan");
   app.require_subcommand(1);
   etude::AddBench(app, arguments);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
-  }
+  if (const auto ended = etude::ParseCommandLine(app, argc, argv)) return *ended;
   return etude::RunMain("etude-plan", [&] { return etude::Bench(arguments); });
 }

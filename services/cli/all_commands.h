@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "services/core/config.h"
+#include "services/core/result.h"
+
+namespace etude::cli {
+
+/// CommandTable of `etude` as a user meets it: in the place of each command that is a program of its own stands what
+/// that program says of itself. @error of a program that cannot be asked
+Result<OrderedJson> AllCommands(const CLI::App& app);
+
+/// Every command with its words, in order: {"dataset info", row}. Those that only group others are left out.
+std::vector<std::pair<std::string, OrderedJson>> FlatCommands(const OrderedJson& commands);
+
+}  // namespace etude::cli

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/cli/completion.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cstring>
+
+#include "services/cli/all_commands.h"
+
+namespace etude::cli {
+namespace {
+
+// For both shells. A path of commands ("dataset info") is found word by word; a word that is no command, option or
+// option's value counts as a positional one.
+constexpr const char* kWalk = R"sh(  local route="" position=0 word skip=0 i
+  for ((i = FIRST; i < CURRENT_WORD; ++i)); do
+    word=${WORDS_ARRAY[i]}
+    if ((skip)); then skip=0; continue; fi
+    if [[ $word == -* ]]; then
+      [[ $word != *=* && " $(_etude_values "$route") " == *" $word "* ]] && skip=1
+    elif [[ " $(_etude_commands "$route") " == *" $word "* ]]; then
+      route="${route:+$route }$word"
+    else
+      ((++position))
+    fi
+  done
+)sh";
+
+std::string Quoted(const std::string& text) {
+  std::string quoted = "'";
+  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
+std::string Arm(const std::string& pattern, const std::vector<std::string>& words) {
+  if (words.empty()) return "";
+  return fmt::format("    {}) echo {} ;;\n", Quoted(pattern), Quoted(fmt::format("{}", fmt::join(words, " "))));
+}
+
+// The bodies of the functions that are asked for words.
+struct Arms {
+  std::string commands, options, values, choices;
+};
+
+void Collect(const OrderedJson& row, const std::string& path, Arms& arms) {
+  std::vector<std::string> commands, options, values;
+  int position = 0;
+  for (const auto& option : row["options"]) {
+    const auto names = option["names"].get<std::vector<std::string>>();
+    const auto choices = option["choices"].get<std::vector<std::string>>();
+    if (option["positional"].get<bool>()) {
+      arms.choices += Arm(fmt::format("{}:{}", path, position++), choices);
+      continue;
+    }
+    options.insert(options.end(), names.begin(), names.end());
+    if (option["value"] != "") values.insert(values.end(), names.begin(), names.end());
+    for (const auto& name : names) arms.choices += Arm(path + ":" + name, choices);
+  }
+  for (const auto& command : row["commands"]) commands.push_back(command["name"]);
+  arms.commands += Arm(path, commands);
+  arms.options += Arm(path, options);
+  arms.values += Arm(path, values);
+  for (const auto& command : row["commands"])
+    Collect(command, (path.empty() ? "" : path + " ") + command["name"].get<std::string>(), arms);
+}
+
+std::string Functions(const OrderedJson& commands) {
+  Arms arms;
+  Collect(commands, "", arms);
+  const auto function = [](const char* name, const std::string& body) {
+    return fmt::format("{}() {{\n  case $1 in\n{}  esac\n}}\n", name, body);
+  };
+  return "# commands after a path of them\n" + function("_etude_commands", arms.commands) + "# options of a command\n" +
+         function("_etude_options", arms.options) + "# those of them that take a value\n" +
+         function("_etude_values", arms.values) +
+         "# what PATH:OPTION, or PATH:NUMBER of a positional argument, may be\n" +
+         function("_etude_choices", arms.choices);
+}
+
+std::string Walk(const char* first, const char* current, const char* words) {
+  std::string walk = kWalk;
+  for (const auto& [name, value] : {std::pair{"FIRST", first}, {"CURRENT_WORD", current}, {"WORDS_ARRAY", words}})
+    for (std::size_t at; (at = walk.find(name)) != std::string::npos;) walk.replace(at, std::strlen(name), value);
+  return walk;
+}
+
+Status Print(const CLI::App& app, const std::string& shell) {
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson commands, AllCommands(app));
+  fmt::print("{}", shell == "bash" ? BashCompletion(commands) : ZshCompletion(commands));
+  return {};
+}
+
+}  // namespace
+
+std::string BashCompletion(const OrderedJson& commands) {
+  return "# bash completion of etude, made by `etude completion bash`\n" + Functions(commands) + "_etude() {\n" +
+         Walk("1", "COMP_CWORD", "COMP_WORDS") +
+         R"sh(  local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD - 1]} offered=""
+  if ((skip)); then
+    offered=$(_etude_choices "$route:$previous")
+  elif [[ $current == -* ]]; then
+    offered=$(_etude_options "$route")
+  else
+    offered="$(_etude_commands "$route") $(_etude_choices "$route:$position")"
+  fi
+  # shellcheck disable=SC2207
+  COMPREPLY=($(compgen -W "$offered" -- "$current"))
+}
+complete -o default -F _etude etude
+)sh";
+}
+
+std::string ZshCompletion(const OrderedJson& commands) {
+  return "#compdef etude\n# zsh completion of etude, made by `etude completion zsh`\n" + Functions(commands) +
+         "_etude() {\n" + Walk("2", "CURRENT", "words") +
+         R"sh(  local current=${words[CURRENT]} previous=${words[CURRENT - 1]} offered=""
+  if ((skip)); then
+    offered=$(_etude_choices "$route:$previous")
+  elif [[ $current == -* ]]; then
+    offered=$(_etude_options "$route")
+  else
+    offered="$(_etude_commands "$route") $(_etude_choices "$route:$position")"
+  fi
+  if [[ -n ${offered// /} ]]; then compadd -- ${=offered}; else _files; fi
+}
+compdef _etude etude 2>/dev/null
+)sh";
+}
+
+void AddCompletion(CLI::App& app, Body& body) {
+  auto shell = std::make_shared<std::string>();
+  auto* command = app.add_subcommand("completion", "a script that completes commands, options and values after TAB");
+  command->add_option("shell", *shell, "bash | zsh")->required()->check(CLI::IsMember({"bash", "zsh"}));
+  command->callback([shell, &app, &body] { body = [shell, &app] { return Print(app, *shell); }; });
+}
+
+}  // namespace etude::cli

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/core/command_table.h"
+
+#include <fmt/format.h>
+
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "services/core/command.h"
+
+namespace etude {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// "TEXT:{latest,best}": one of a set
+std::vector<std::string> ChoicesIn(const std::string& type) {
+  const auto open = type.find(":{"), close = type.rfind('}');
+  std::vector<std::string> choices;
+  if (open == std::string::npos || close == std::string::npos) return choices;
+  return CLI::detail::split(type.substr(open + 2, close - open - 2), ',');
+}
+
+// "INT:INT in [0 - 230]" says twice that it is a number
+std::string ValueOf(const std::string& type, bool has_choices) {
+  const auto colon = type.find(':');
+  if (colon == std::string::npos) return type;
+  return has_choices ? type.substr(0, colon) : type.substr(colon + 1);
+}
+
+Json OptionRow(const CLI::Option& option) {
+  Json names = Json::array();
+  for (const auto& name : option.get_lnames()) names.push_back("--" + name);
+  for (const auto& name : option.get_snames()) names.push_back("-" + name);
+  const bool positional = option.get_positional();
+  if (names.empty()) names.push_back(option.get_name(true));
+  const bool flag = option.get_items_expected_max() == 0;
+  const std::string type = flag ? "" : option.get_type_name();
+  const auto choices = ChoicesIn(type);
+  return {{"names", std::move(names)},
+          {"positional", positional},
+          {"value", ValueOf(type, !choices.empty())},
+          {"choices", choices},
+          {"default", option.get_default_str()},
+          {"required", option.get_required()},
+          {"repeats", option.get_items_expected_max() > 1},
+          {"description", option.get_description()}};
+}
+
+}  // namespace
+
+Json CommandTable(const CLI::App& app) {
+  Json options = Json::array(), commands = Json::array();
+  for (const auto* option : app.get_options())
+    if (!option->get_group().empty()) options.push_back(OptionRow(*option));
+  for (const auto* command : app.get_subcommands([](const CLI::App*) { return true; }))
+    if (!command->get_group().empty()) commands.push_back(CommandTable(*command));
+  return {{"name", app.get_name()},
+          {"description", app.get_description()},
+          {"options", std::move(options)},
+          {"commands", std::move(commands)}};
+}
+
+std::optional<int> ParseCommandLine(CLI::App& app, int argc, char** argv) {
+  if (argc == 2 && std::strcmp(argv[1], "--command-table") == 0) {
+    fmt::print("{}\n", CommandTable(app).dump(1));
+    return kExitOk;
+  }
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kExitOk : kExitUsage;
+  }
+  return std::nullopt;
+}
+
+}  // namespace etude
