@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// F25: a campaign under seeded chaos for ETUDE_SOAK_MINUTES (tests/run soak --minutes M): workers are killed and stopped,
-// the collector is killed and stopped for the first half and lives through the second, in which its memory and open
-// files are watched. Without the variable: a quarter of a minute.
+// F25: a campaign under seeded chaos for ETUDE_SOAK_MINUTES (tests/run soak --minutes M): workers are killed and
+// stopped, the collector is killed and stopped for the first half and lives through the second, in which its memory and
+// open files are watched. Without the variable: a quarter of a minute.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -33,7 +33,8 @@ Taken TakenBy(pid_t pid, double minutes) {
     resident = std::strtoull(text.c_str() + at + 6, nullptr, 10);
   taken.rss_mb = static_cast<double>(resident) / 1024;
   std::error_code error;
-  for (std::filesystem::directory_iterator it(proc / "fd", error), end; !error && it != end; it.increment(error)) ++size;
+  for (std::filesystem::directory_iterator it(proc / "fd", error), end; !error && it != end; it.increment(error))
+    ++size;
   taken.files = size;
   return taken;
 }
@@ -100,8 +101,9 @@ TEST(Soak, F25NothingIsLostWhateverHappens) {
   const double slope = SlopeOf(samples);
   EXPECT_LE(most->files, fewest->files + 16) << "open files grow";
   if (minutes >= 10) EXPECT_LT(slope, 1.0) << "MB a minute";
-  ReportRow("F25", fmt::format("{:g} min of chaos, {} harms; collector {:.0f} MB, {:+.2f} MB/min, {} to {} open files", minutes,
-                               harms, samples.back().rss_mb, slope, fewest->files, most->files),
+  ReportRow("F25",
+            fmt::format("{:g} min of chaos, {} harms; collector {:.0f} MB, {:+.2f} MB/min, {} to {} open files",
+                        minutes, harms, samples.back().rss_mb, slope, fewest->files, most->files),
             counts);
 }
 
