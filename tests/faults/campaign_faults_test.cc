@@ -92,7 +92,7 @@ TEST(Faults, F11F21WorkersThatHangLoseTheirLease) {
 
 // What a stranger would send who has seen the bus: an episode of a committed index again, with tokens old and invented.
 TEST(Faults, F12LateAndRepeatedEpisodesCountOnce) {
-  CampaignRun run({.name = "f12", .domain = 91, .episodes = 25, .ms_per_attempt = 60});
+  CampaignRun run({.name = "f12", .domain = 91, .episodes = 25, .ms_per_attempt = 200});
   run.StartCollector();
   run.StartWorker();
   run.WaitForCommitted(4);

@@ -106,7 +106,8 @@ std::vector<Ack> CampaignRun::Acks() const { return ReadAcks(AckLogs()); }
 
 Counts CampaignRun::Scan() const {
   Scanner scanner;
-  return scanner.Scan(ReadEpisodes(dataset()), Acks());
+  const auto acks = Acks();  // first: what is answered meanwhile would look lost
+  return scanner.Scan(ReadEpisodes(dataset()), acks);
 }
 
 std::string CampaignRun::Logs() const {

@@ -13,6 +13,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
+#include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -99,6 +100,19 @@ int Opened(int fd, int flags) {
     if (path != nullptr) Trace('C', InodeOf(fd), (flags & O_TRUNC) != 0, path, nullptr, 0);
   }
   return fd;
+}
+
+// Seconds that the wall clock is off by now.
+time_t ClockOffset() {
+  static const volatile double* const offset = []() -> const double* {
+    const char* file = ::getenv("ETUDE_SHIM_CLOCK");
+    const int fd = file == nullptr ? -1 : static_cast<int>(::syscall(SYS_openat, AT_FDCWD, file, O_RDONLY | O_CLOEXEC));
+    if (fd < 0) return nullptr;
+    void* const page = ::mmap(nullptr, sizeof(double), PROT_READ, MAP_SHARED, fd, 0);
+    ::close(fd);
+    return page == MAP_FAILED ? nullptr : static_cast<const double*>(page);
+  }();
+  return offset == nullptr ? 0 : static_cast<time_t>(*offset);
 }
 
 mode_t ModeOf(int flags, va_list arguments) {
@@ -225,16 +239,19 @@ int clock_gettime(clockid_t clock, timespec* time) {
   using Function = int(clockid_t, timespec*);
   static Function* const real = Real<Function>("clock_gettime");
   const int result = real(clock, time);
-  static const volatile double* const offset = []() -> const double* {
-    const char* file = ::getenv("ETUDE_SHIM_CLOCK");
-    const int fd = file == nullptr ? -1 : static_cast<int>(::syscall(SYS_openat, AT_FDCWD, file, O_RDONLY | O_CLOEXEC));
-    if (fd < 0) return nullptr;
-    void* const page = ::mmap(nullptr, sizeof(double), PROT_READ, MAP_SHARED, fd, 0);
-    ::close(fd);
-    return page == MAP_FAILED ? nullptr : static_cast<const double*>(page);
-  }();
-  if (result == 0 && clock == CLOCK_REALTIME && offset != nullptr) time->tv_sec += static_cast<time_t>(*offset);
+  if (result == 0 && clock == CLOCK_REALTIME) time->tv_sec += ClockOffset();
   return result;
+}
+
+// Until a wall-clock time that was computed with the moved clock; the kernel's own has not moved.
+int pthread_cond_timedwait(pthread_cond_t* condition, pthread_mutex_t* mutex, const timespec* until) {
+  using Function = int(pthread_cond_t*, pthread_mutex_t*, const timespec*);
+  static Function* const real =
+      reinterpret_cast<Function*>(::dlvsym(RTLD_NEXT, "pthread_cond_timedwait", "GLIBC_2.3.2"));
+  timespec unmoved = *until;
+  constexpr time_t kSurelyWallClock = 500'000'000;  // what is smaller counts from the machine's start
+  if (unmoved.tv_sec > kSurelyWallClock) unmoved.tv_sec -= ClockOffset();
+  return real(condition, mutex, &unmoved);
 }
 
 }  // extern "C"
