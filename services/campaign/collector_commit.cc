@@ -6,6 +6,7 @@
 
 #include "services/campaign/collector_impl.h"
 #include "services/campaign/worker_client.h"
+#include "services/core/crash_point.h"
 #include "services/core/log.h"
 #include "services/episode/bounded_json.h"
 #include "services/episode/codec.h"
@@ -130,8 +131,10 @@ void Collector::Impl::OnEpisode(const bus::ReceivedBlob& blob) {
       CountUnfit(blob.manifest.token);
     }
   }
+  if (verdict->kind != bus::AckKind::kRefused) CrashPoint("collector.before_ack", episode.index);
   if (const Status sent = episodes.Acknowledge(blob.manifest, *verdict); !sent)
     Log().warn("cannot acknowledge to worker={}: {}", blob.manifest.sender, sent.error().message);
+  CrashPoint("collector.after_ack", episode.index);
 }
 
 void Collector::Impl::WriteIndex() {

@@ -9,9 +9,11 @@
 #include "services/bus/blob_transfer.h"
 #include "services/bus/directory.h"
 #include "services/bus/topic.h"
+#include "services/campaign/ack_log.h"
 #include "services/campaign/heartbeat.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
+#include "services/core/crash_point.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
@@ -105,6 +107,7 @@ struct WorkerClient::Impl {
   std::uint64_t request_id = 0;
   std::uint64_t episodes = 0, failures = 0;
   std::optional<WatchedLoop> watched;  // while Run is at it
+  AckLog acknowledged = AckLog::FromEnvironment();
 
   Status Join();
   bool Replaced();
@@ -233,6 +236,7 @@ void WorkerClient::Impl::Report(const bus::Lease& lease, const std::string& outc
 
 void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result) {
   joined->heartbeat->SetPhase("send");
+  CrashPoint("worker.before_send", lease.index);
   const OrderedJson meta{
       {"index", lease.index}, {"attempt", lease.attempt}, {"host", HostName()}, {"timings", TimesJson(result.times)}};
   while (true) {
@@ -241,6 +245,8 @@ void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result)
     const auto verdict =
         joined->sender.Send(lease.token, result.episode, lease.token, meta.dump(), options.send_timeout);
     if (verdict) {
+      CrashPoint("worker.after_ack", lease.index);
+      acknowledged.Note(joined->id, lease, *verdict, result.episode);
       if (verdict->kind == bus::AckKind::kRefused)
         Log().warn("refused index={} attempt={}: {}", lease.index, lease.attempt, verdict->reason);
       else

@@ -11,6 +11,8 @@
 #include <cstring>
 #include <utility>
 
+#include "services/core/crash_point.h"
+
 namespace etude {
 namespace {
 
@@ -137,17 +139,22 @@ Status WriteFileAtomically(const Path& path, std::span<const std::uint8_t> bytes
   {
     Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
     if (file.get() < 0) return Fail(ErrnoError("create", temporary, errno));
-    if (!WriteAll(file.get(), bytes.data(), bytes.size()) || ::fsync(file.get()) != 0) {
+    bool whole = WriteAll(file.get(), bytes.data(), bytes.size());
+    CrashPoint("file.written");
+    whole = whole && ::fsync(file.get()) == 0;
+    if (!whole) {
       const int error_number = errno;
       ::unlink(temporary.c_str());
       return Fail(ErrnoError("write", path, error_number));
     }
   }
+  CrashPoint("file.synced");
   if (::rename(temporary.c_str(), path.c_str()) != 0) {
     const int error_number = errno;
     ::unlink(temporary.c_str());
     return Fail(ErrnoError("rename to", path, error_number));
   }
+  CrashPoint("file.renamed");
   return SyncFolder(path.parent_path());
 }
 

@@ -8,12 +8,31 @@
 #include <string>
 #include <utility>
 
+#include "services/core/crash_point.h"
+
 namespace etude::store::internal {
 namespace {
 
 std::function<void(CommitPoint)> commit_probe;
 
+constexpr std::string_view NameOf(CommitPoint point) {
+  switch (point) {
+    case CommitPoint::kCreated:
+      return "commit.created";
+    case CommitPoint::kWritten:
+      return "commit.written";
+    case CommitPoint::kSynced:
+      return "commit.synced";
+    case CommitPoint::kRenamed:
+      return "commit.renamed";
+    case CommitPoint::kDone:
+      break;
+  }
+  return "commit.done";
+}
+
 void Reach(CommitPoint point) {
+  CrashPoint(NameOf(point));
   if (commit_probe) commit_probe(point);
 }
 

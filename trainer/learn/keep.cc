@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "services/core/crash_point.h"
 #include "services/core/log.h"
 #include "services/core/rng.h"
 #include "trainer/learn/tensors.h"
@@ -80,6 +81,7 @@ Status KeepNow(TrainingRun& run, const Hooks& hooks, bool best) {
     const Status sent = hooks.on_checkpoint({MetadataOf(run, best), run.replicas->front().StateTensors()});
     if (!sent) return Fail(sent.error().Wrap(fmt::format("checkpoint of step {}", run.step)));
   }
+  CrashPoint("trainer.checkpoint_kept", run.step);
   run.checkpoint_step = run.step;
   return SaveRunState(run.options.out / "training_state.safetensors", StateOf(run));
 }

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+// Processes of a campaign that are killed, stopped and hung, at random and at every named point.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <thread>
+
+#include "services/bus/blob_transfer.h"
+#include "services/core/identity.h"
+#include "services/core/rng.h"
+#include "services/store/dataset.h"
+#include "tests/faults/campaign_run.h"
+#include "tests/services/campaign/fake_work.h"
+
+namespace etude::faults {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr int kKilled = 128 + SIGKILL;
+
+TEST(Faults, F1WorkersThatAreKilledMidEpisode) {
+  CampaignRun run({.name = "f1", .domain = 90, .episodes = 40, .ms_per_attempt = 30});
+  run.StartCollector();
+  for (int i = 0; i < 3; ++i) run.StartWorker();
+  Rng rng(1);
+  for (std::uint64_t kill = 1; kill <= 8; ++kill) {
+    run.WaitForCommitted(4 * kill);
+    std::this_thread::sleep_for(std::chrono::milliseconds(rng.Below(30)));  // anywhere in an episode
+    run.ReplaceWorker(rng.Below(run.workers()));
+  }
+  ReportRow("F1", "8 of 3 workers killed mid-episode", run.Finish());
+}
+
+TEST(Faults, F2WorkersThatDieWithAnEpisodeSentOrAnswered) {
+  CampaignRun run({.name = "f2", .domain = 90, .episodes = 30});
+  run.StartCollector();
+  run.StartWorker({{"ETUDE_CRASH_AT", "worker.before_send:2"}});
+  run.StartWorker({{"ETUDE_CRASH_AT", "worker.after_ack:3"}});
+  run.StartWorker({{"ETUDE_CRASH_AT", "worker.after_ack:4"}});
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(run.worker(i).Wait(60s), kKilled) << i << run.Logs();
+  run.StartWorker();
+  ReportRow("F2", "3 workers killed before sending, and before noting the answer", run.Finish());
+}
+
+TEST(Faults, F3CollectorsThatDieAtEveryPointOfACommit) {
+  CampaignRun run({.name = "f3", .domain = 90, .episodes = 40, .ms_per_attempt = 5});
+  for (int i = 0; i < 2; ++i) run.StartWorker();
+  const std::vector<std::string> points{
+      "file.written:1",  "file.synced:1",    "file.renamed:1", "commit.created:2",       "commit.written:2",
+      "commit.synced:2", "commit.renamed:2", "commit.done:2",  "collector.before_ack:2", "collector.after_ack:2",
+  };
+  for (const auto& point : points) {
+    auto& collector = run.StartCollector({{"ETUDE_CRASH_AT", point}});
+    EXPECT_EQ(collector.Wait(30s), kKilled) << point << run.Logs();
+    const Counts counts = run.Scan();
+    EXPECT_TRUE(counts.clean()) << point << " " << counts.Text();
+  }
+  run.StartCollector();
+  ReportRow("F3", fmt::format("collector killed at {} points between write, fsync, rename and answer", points.size()),
+            run.Finish());
+}
+
+TEST(Faults, F5CollectorsThatComeBackFenceTheirPast) {
+  CampaignRun run({.name = "f5", .domain = 90, .episodes = 40, .ms_per_attempt = 20});
+  run.StartCollector();
+  for (int i = 0; i < 2; ++i) run.StartWorker();
+  for (std::uint64_t kill = 1; kill <= 3; ++kill) {
+    run.WaitForCommitted(10 * kill);
+    run.collector().Signal(SIGKILL);
+    run.collector().Wait(5s);
+    run.StartCollector();
+  }
+  const Counts counts = run.Finish();
+  std::map<std::uint64_t, std::uint64_t> of_epoch;
+  for (const Ack& ack : run.Acks()) ++of_epoch[ack.token >> 32];
+  EXPECT_EQ(of_epoch.size(), 4u) << "each life of the collector answered for tokens of its own";
+  ReportRow("F5", "collector killed 3 times; tokens of each life are larger", counts);
+}
+
+TEST(Faults, F11F21WorkersThatHangLoseTheirLease) {
+  CampaignRun run({.name = "f21", .domain = 90, .episodes = 30, .lease_s = "1", .ms_per_attempt = 20});
+  run.StartCollector();
+  for (int i = 0; i < 2; ++i) run.StartWorker();
+  run.WaitForCommitted(5);
+  run.worker(0).Signal(SIGSTOP);
+  run.WaitForCommitted(29);  // what it holds is leased again
+  run.worker(0).Signal(SIGCONT);
+  ReportRow("F21", "worker stopped for longer than its lease", run.Finish());
+}
+
+// What a stranger would send who has seen the bus: an episode of a committed index again, with tokens old and invented.
+TEST(Faults, F12LateAndRepeatedEpisodesCountOnce) {
+  CampaignRun run({.name = "f12", .domain = 91, .episodes = 25, .ms_per_attempt = 200});
+  run.StartCollector();
+  run.StartWorker();
+  run.WaitForCommitted(4);
+  const auto identity = OpenIdentity(run.dataset(), Claim::kRefuse);
+  ASSERT_TRUE(identity) << identity.error().message;
+  auto participant = bus::Participant::Open({91, ""});
+  ASSERT_TRUE(participant) << participant.error().message;
+  const auto replay = [&](const std::string& id, std::uint64_t index, std::uint64_t token,
+                          std::chrono::seconds patience) {
+    auto sender = bus::BlobSender::Open(*participant, {run.spec().name, id}, "episode", "replay");
+    EXPECT_TRUE(sender);
+    const auto bytes = EncodeEpisode(campaign::FakeEpisode(run.spec(), index, campaign::FakeCommittedAttempt(index)));
+    return sender->Send(token, bytes, token, "{}", patience);
+  };
+  std::uint64_t old = 0;
+  for (const Ack& ack : run.Acks()) old = ack.token;
+  const auto again = replay(identity->id, 0, old, 30s);
+  ASSERT_TRUE(again) << again.error().message;
+  EXPECT_EQ(again->kind, bus::AckKind::kDuplicate) << again->reason;
+  const auto invented = replay(identity->id, 24, (7ull << 32) + 1, 30s);
+  ASSERT_TRUE(invented) << invented.error().message;
+  EXPECT_EQ(invented->kind, bus::AckKind::kRefused) << "nobody was leased that";
+  EXPECT_FALSE(replay(NewId(), 1, old, 1s)) << "another campaign's: nobody answers";
+  ReportRow("F12", "an episode sent again, with an invented token, and under another campaign's id", run.Finish());
+}
+
+TEST(Faults, F17FortyWorkersWithoutMulticast) {
+  CampaignRun run({.name = "f17", .domain = 92, .episodes = 120, .lease_s = "20", .ms_per_attempt = 200});
+  run.StartCollector();
+  for (int i = 0; i < 40; ++i) run.StartWorker();
+  const Counts counts = run.Finish(120s);
+  EXPECT_EQ(counts.acknowledged, 120u);
+  ReportRow("F17", "40 workers on one host without multicast", counts);
+}
+
+TEST(Faults, F24StoppedProcessesHandBackAndEndWithZero) {
+  CampaignRun run({.name = "f24", .domain = 90, .episodes = 30, .ms_per_attempt = 30});
+  run.StartCollector();
+  for (int i = 0; i < 2; ++i) run.StartWorker();
+  run.WaitForCommitted(6);
+  run.worker(0).Signal(SIGTERM);
+  EXPECT_EQ(run.worker(0).Wait(5s), 0);
+  run.collector().Signal(SIGTERM);
+  EXPECT_EQ(run.collector().Wait(5s), 0);
+  EXPECT_TRUE(run.Scan().clean());
+  run.StartCollector();
+  ReportRow("F24", "worker and collector stopped by SIGTERM: exit code 0 within 5 s", run.Finish());
+}
+
+}  // namespace
+}  // namespace etude::faults

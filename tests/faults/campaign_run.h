@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// A campaign of real processes to do harm to: the program etude-collector, fake workers (synthetic episodes, so that
+// hundreds pass in seconds), their acknowledgement logs, and at the end the scanner's word.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "services/campaign/process.h"
+#include "services/core/clock.h"
+#include "services/spec/campaign_spec.h"
+#include "tests/faults/scanner.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::faults {
+
+using Environment = std::map<std::string, std::string>;
+
+/// Prints "F7 lost=0 duplicated=0 partial=0 mismatched=0 ...", expects that it is so, and appends a row of the table in
+/// deploy/docs/reliability.md to the file that ETUDE_FAULTS_REPORT names.
+void ReportRow(const std::string& fault, const std::string& what, const Counts& counts);
+
+/// Until `met`, at most `patience`; returns whether it was.
+bool WaitUntil(const std::function<bool()>& met, std::chrono::milliseconds patience = std::chrono::seconds(60));
+
+struct RunOptions {
+  std::string name;
+  std::uint32_t domain = 90;
+  std::uint64_t episodes = 30;
+  std::string lease_s = "1.5";
+  int ms_per_attempt = 10;
+  Environment environment;                    ///< of every process
+  std::vector<std::string> collector_prefix;  ///< e.g. ip netns exec NAME
+  std::vector<std::string> worker_prefix;
+};
+
+class CampaignRun {
+ public:
+  explicit CampaignRun(RunOptions options);
+
+  const Path& folder() const { return folder_.path(); }
+  Path dataset() const { return folder() / "data"; }
+  const CampaignSpec& spec() const { return spec_; }
+
+  /// Ends the one before, if it still runs.
+  campaign::Process& StartCollector(const Environment& environment = {});
+  campaign::Process& collector() { return *collector_; }
+  /// Each has a log of acknowledgements of its own.
+  campaign::Process& StartWorker(const Environment& environment = {});
+  campaign::Process& worker(std::size_t which) { return workers_[which]; }
+  std::size_t workers() const { return workers_.size(); }
+  /// SIGKILL, and another in its place.
+  void ReplaceWorker(std::size_t which);
+
+  /// Episodes that are visible in the folder.
+  std::uint64_t Committed() const;
+  void WaitForCommitted(std::uint64_t episodes);
+  std::vector<Ack> Acks() const;
+
+  /// Until the collector says by its end that all is committed; then scans, and expects every episode in its place with
+  /// the bytes that a calm run gives.
+  Counts Finish(std::chrono::seconds patience = std::chrono::seconds(60));
+  Counts Scan() const;
+  std::string Logs() const;
+
+ private:
+  std::vector<Path> AckLogs() const;
+
+  RunOptions options_;
+  TemporaryFolder folder_;
+  CampaignSpec spec_;
+  std::optional<campaign::Process> collector_;
+  std::vector<campaign::Process> workers_;
+  int started_ = 0;
+};
+
+}  // namespace etude::faults
