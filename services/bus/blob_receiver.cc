@@ -13,6 +13,7 @@
 #include "services/core/hash.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
+#include "services/core/thread_annotations.h"
 
 namespace etude::bus {
 namespace {
@@ -67,6 +68,11 @@ struct BlobReceiver::Impl {
   std::uint64_t corrupt = 0;
   std::uint64_t malformed = 0;
   Clock::time_point next_cleaning;
+
+  Mutex mutex;
+  std::vector<std::pair<BlobManifest, Verdict>> judged ETUDE_GUARDED_BY(mutex);  // told, and not in the inbox yet
+
+  void TakeVerdicts() ETUDE_EXCLUDES(mutex);
 
   Status OpenAll(const Participant& participant);
   int Drain();
@@ -256,12 +262,23 @@ Result<BlobReceiver> BlobReceiver::Open(const Participant& participant, const Ow
   return BlobReceiver(std::move(impl));
 }
 
+// The inbox is the receiving thread's.
+void BlobReceiver::Impl::TakeVerdicts() {
+  const auto taken = [this] {
+    const MutexLock lock(mutex);
+    return std::exchange(judged, {});
+  }();
+  for (const auto& [manifest, verdict] : taken) inbox.Judge(manifest, verdict);
+}
+
 std::optional<ReceivedBlob> BlobReceiver::Receive(std::chrono::nanoseconds timeout) {
   const auto now = Clock::now();
   const auto latest = Clock::time_point::max();
   const auto end = timeout > latest - now ? latest : now + timeout;
+  impl_->TakeVerdicts();
   while (!impl_->inbox.has_finished()) {
     if (impl_->Drain() > 0) continue;
+    impl_->TakeVerdicts();
     impl_->FlushProgress();
     impl_->Clean();
     const auto left = end - Clock::now();
@@ -272,7 +289,10 @@ std::optional<ReceivedBlob> BlobReceiver::Receive(std::chrono::nanoseconds timeo
 }
 
 Status BlobReceiver::Acknowledge(const BlobManifest& manifest, const Verdict& verdict) {
-  impl_->inbox.Judge(manifest, verdict);
+  {
+    const MutexLock lock(impl_->mutex);
+    impl_->judged.emplace_back(manifest, verdict);
+  }
   return impl_->SendVerdict(manifest, verdict);
 }
 

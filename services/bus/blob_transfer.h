@@ -68,12 +68,13 @@ struct ReceivedBlob {
 
 struct ReceiveOptions {
   std::uint64_t max_blob_size = 1ull << 30;  ///< larger manifests are refused before allocation
-  std::uint64_t max_memory = 2ull << 30;     ///< of all unfinished blobs together; others wait
+  /// Of all blobs that came and were not acknowledged yet; others wait with their senders. One alone may be larger.
+  std::uint64_t max_memory = 2ull << 30;
   /// Verdicts remembered for each sender, to answer repeats of a blob whose acknowledgement was lost.
   std::uint32_t verdicts_kept = 4;
 };
 
-/// Receives blobs of one channel from any number of senders. Thread safety: one thread at a time.
+/// Receives blobs of one channel from any number of senders. Thread safety: one thread at a time; Acknowledge from any.
 class BlobReceiver {
  public:
   static Result<BlobReceiver> Open(const Participant& participant, const Owner& owner, const std::string& channel,

@@ -53,8 +53,7 @@ ReceivedBlob Inbox::Pop() {
   const BlobKey key = std::move(finished_.front());
   finished_.pop_front();
   IncomingBlob& blob = *Find(key.sender, key.id);
-  blob.state = State::kJudging;
-  memory_ -= blob.manifest.size;
+  blob.state = State::kJudging;  // whoever popped it holds its memory until it is judged
   return {blob.manifest, std::exchange(blob.bytes, {})};
 }
 
@@ -63,6 +62,7 @@ void Inbox::Judge(const BlobManifest& manifest, const Verdict& verdict) {
   if (known != nullptr && (known->state == State::kReceiving || known->state == State::kReady)) return;
   Sender& sender = senders_[manifest.sender];
   IncomingBlob& blob = sender.blobs[manifest.id];
+  if (known != nullptr && blob.state == State::kJudging) memory_ -= blob.manifest.size;
   if (blob.state != State::kJudged) sender.judged.push_back(manifest.id);
   blob.state = State::kJudged;
   blob.manifest = manifest;

@@ -32,7 +32,7 @@ struct IncomingBlob {
   MonotonicClock::time_point last_news{};  // from its sender
 };
 
-/// The blobs of every sender: those under way, which take memory until they are handed on, and the last ones judged.
+/// The blobs of every sender: those under way, which count as memory until they are judged, and the last ones judged.
 /// Pointers and references stay valid until their blob is removed, forgotten or has lost its place among the judged.
 /// Not thread-safe.
 class Inbox {
@@ -55,7 +55,7 @@ class Inbox {
   void Judge(const BlobManifest& manifest, const Verdict& verdict);
   /// Forgets blobs that nobody has sent for a minute, and the senders beyond 4096 that were there first.
   void Clean(TimePoint now);
-  std::uint64_t memory() const { return memory_; }  ///< of the blobs under way, finished ones included, bytes
+  std::uint64_t memory() const { return memory_; }  ///< of the blobs that came and are not judged yet, bytes
 
  private:
   struct Sender {

@@ -4,6 +4,7 @@
 #include <optional>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "services/campaign/collector_impl.h"
 #include "services/campaign/history.h"
@@ -87,7 +88,7 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
   ETUDE_ASSIGN_OR_RETURN(auto heartbeats, bus::Reader<bus::WorkerStatus>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto errors, bus::Reader<bus::ValidationErrors>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto controls, bus::Reader<bus::CampaignControl>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto episodes, bus::BlobReceiver::Open(participant, owner, "episode"));
+  ETUDE_ASSIGN_OR_RETURN(auto episodes, bus::BlobReceiver::Open(participant, owner, "episode", {.max_memory = options.max_memory}));
 
   // before anything is committed, files may still be mended
   const auto files = sink->committed().empty() ? std::nullopt : KnownFiles(sink->folder());
@@ -112,11 +113,11 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
                                       .controls = std::move(controls),
                                       .run_id = options.run_id,
                                       .episodes = std::move(episodes),
+                                      .sink = std::move(sink),
                                       .table = std::move(table),
                                       .counters = std::move(counters),
                                       .failed_attempts = history.total,
-                                      .journal = std::move(journal),
-                                      .sink = std::move(sink)});
+                                      .journal = std::move(journal)});
   return Collector(std::move(impl));
 }
 
@@ -130,22 +131,25 @@ Status Collector::Run() {
   Log().info("campaign={}@{} episodes={} committed={} epoch={}", impl.spec.name, impl.id, impl.spec.episodes,
              progress().committed, impl.epoch);
   std::thread control([&impl] { impl.Control(); });
+  std::thread indexer([&impl] { impl.IndexNowAndThen(); });
+  std::vector<std::thread> committing;
+  for (std::size_t i = 0; i < impl.CommitThreads(); ++i) committing.emplace_back([&impl] { impl.CommitLoop(); });
 
-  Stopwatch since_index;
   std::optional<WatchedLoop> watched(std::in_place);
   while (!impl.Stopping() && !impl.Complete()) {
     watched->Moved();
-    if (auto blob = impl.episodes.Receive(50ms)) impl.OnEpisode(*blob);
-    if (since_index.Seconds() * 1000 < static_cast<double>(impl.options.index_every.count())) continue;
-    impl.WriteIndex();
-    since_index.Restart();
+    if (auto blob = impl.episodes.Receive(50ms)) impl.Enqueue(std::move(*blob));
   }
   watched.reset();
-  impl.WriteIndex();
   if (impl.Complete()) {
+    impl.WriteIndex();
     impl.Announce(true);
     impl.Drain();
   }
+  impl.Close();
+  for (auto& thread : committing) thread.join();
+  indexer.join();
+  impl.WriteIndex();
   impl.finished.store(true);
   control.join();
   const CollectorProgress progress = this->progress();

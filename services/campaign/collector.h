@@ -31,10 +31,14 @@ namespace etude::campaign {
 struct CollectorOptions {
   std::chrono::milliseconds lease{10'000};  ///< a worker silent for this long loses its work
   std::chrono::milliseconds status_every{1'000};
-  std::chrono::milliseconds index_every{30'000};  ///< dataset.hdf5 and statistics
+  std::chrono::milliseconds index_every{30'000};  ///< dataset.hdf5 and statistics; less often where they take long
   std::chrono::milliseconds retry_commit{1'000};  ///< after a full disk
   std::chrono::milliseconds drain{2'000};         ///< at the end, to tell workers that it is done
   std::uint64_t max_in_flight = 1024;             ///< leases out at once
+  std::size_t commit_threads = 0;                 ///< 0: as many as cores, at most 4
+  /// Bytes of episodes that came and are not durable yet; one alone may be larger. Senders beyond it wait, so that a
+  /// stalled or full disk costs no more memory than this.
+  std::uint64_t max_memory = 512ull << 20;
   Claim claim = Claim::kRefuse;                   ///< when the folder's id is live elsewhere
   std::string policy_id;                          ///< rollouts ask this run's policy; "": whoever serves its name
   std::string run_id;                             ///< whose validation errors count; "": of the first run that speaks

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The collector's commit thread: an episode is received, checked, made durable, acknowledged.
+// The collector's commit threads: episodes were received and hashed, and are checked, made durable and acknowledged
+// here, in groups.
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <thread>
 
 #include "services/campaign/collector_impl.h"
 #include "services/campaign/worker_client.h"
 #include "services/core/crash_point.h"
+#include "services/core/hash.h"
 #include "services/core/log.h"
 #include "services/episode/bounded_json.h"
 #include "services/episode/codec.h"
@@ -63,9 +66,16 @@ void Collector::Impl::CountUnfit(std::uint64_t token) {
   ++counters.failures[kUnfitEpisode];
 }
 
-std::optional<bus::Verdict> Collector::Impl::Judge(const bus::ReceivedBlob& blob, Episode& episode) {
-  auto decoded = DecodeEpisode(blob.bytes);
-  const Status fits = decoded ? CheckEpisode(*decoded) : Status(Fail(decoded.error()));
+// An episode that is made durable now, by the thread that claimed its index.
+struct Collector::Impl::Claim {
+  bus::ReceivedBlob blob;
+  EpisodeView view;  // into the blob
+};
+
+// What to answer at once; nothing where its index is claimed by it, or by another one that came before: `blob` then
+// waits until that one is settled.
+std::optional<bus::Verdict> Collector::Impl::Judge(bus::ReceivedBlob& blob, const Result<EpisodeView>& view) {
+  const Status fits = view ? CheckEpisode(view->episode) : Status(Fail(view.error()));
   const MutexLock lock(mutex);
   heard[blob.manifest.sender] = MonotonicClock::now();
   if (!fits) {
@@ -73,9 +83,14 @@ std::optional<bus::Verdict> Collector::Impl::Judge(const bus::ReceivedBlob& blob
     Log().warn("refused an episode worker={}: {}", blob.manifest.sender, fits.error().message);
     return bus::Verdict{bus::AckKind::kRefused, fits.error().message};
   }
-  episode = std::move(*decoded);
+  const Episode& episode = view->episode;
+  if (const auto before = committing.find(episode.index); before != committing.end()) {
+    before->second.push_back(std::move(blob));
+    return std::nullopt;
+  }
   switch (table.Check(episode.index, episode.attempt, blob.manifest.token)) {
     case LeaseValidity::kCurrent:
+      committing.try_emplace(episode.index);
       return std::nullopt;
     case LeaseValidity::kCommitted:
       ++counters.duplicates;
@@ -88,63 +103,154 @@ std::optional<bus::Verdict> Collector::Impl::Judge(const bus::ReceivedBlob& blob
                       fmt::format("index {} was leased again: token {} is old", episode.index, blob.manifest.token)};
 }
 
-std::optional<bus::Verdict> Collector::Impl::CommitUntilDurable(const Episode& episode,
-                                                                const store::CommitFacts& facts) {
-  while (true) {
-    const Status committed = [&]() -> Status {
-      const MutexLock lock(sink_mutex);
-      return sink->Commit(episode, facts);
-    }();
-    {
-      const MutexLock lock(mutex);
-      if (committed) {
-        counters.error.clear();
-        return bus::Verdict{bus::AckKind::kDone, ""};
-      }
-      const Error& error = committed.error();
-      if (error.code == Code::kInvalidArgument || error.code == Code::kCorrupt)
-        return bus::Verdict{bus::AckKind::kRefused, error.message};
-      if (counters.error != error.message)
-        Log().error("committing waits, nothing is lost, it is tried again: {}", error.message);
-      counters.error = error.message;
+void Collector::Impl::Acknowledge(const bus::BlobManifest& manifest, const bus::Verdict& verdict) {
+  if (const Status sent = episodes.Acknowledge(manifest, verdict); !sent)
+    Log().warn("cannot acknowledge to worker={}: {}", manifest.sender, sent.error().message);
+}
+
+void Collector::Impl::OnEpisode(bus::ReceivedBlob blob, std::vector<Claim>& claims) {
+  auto view = ViewEpisode(blob.bytes);
+  if (const auto verdict = Judge(blob, view)) return Acknowledge(blob.manifest, *verdict);
+  if (!blob.bytes.empty()) claims.push_back({std::move(blob), std::move(*view)});  // else it waits for another one
+}
+
+// The index is free again. Without a verdict (a stop came before the disk) nobody is answered: it is sent again, or
+// made again.
+void Collector::Impl::Settle(const Claim& claim, const std::optional<bus::Verdict>& verdict) {
+  const std::uint64_t index = claim.view.episode.index;
+  std::vector<bus::ReceivedBlob> waiting;
+  {
+    const MutexLock lock(mutex);
+    waiting = std::move(committing[index]);
+    committing.erase(index);
+    if (verdict && verdict->kind == bus::AckKind::kDone) {
+      table.Commit(index);
+      commits.push_back(MonotonicClock::now());
+      index_dirty = true;
+    } else if (verdict) {
+      CountUnfit(claim.blob.manifest.token);
     }
-    // without the lock, so that leases stay alive meanwhile
-    if (Stopping()) return std::nullopt;
-    WaitForStop(options.retry_commit);
-    if (Stopping()) return std::nullopt;
+  }
+  if (verdict) {
+    const bool promised = verdict->kind == bus::AckKind::kDone;
+    if (promised) CrashPoint("collector.before_ack", index);
+    Acknowledge(claim.blob.manifest, *verdict);
+    if (promised) CrashPoint("collector.after_ack", index);
+  }
+  for (auto& blob : waiting) Enqueue(std::move(blob));
+}
+
+// Answers those that are decided; what the disk did not take stays in `claims`. False when nothing is left.
+bool Collector::Impl::SettleOrKeep(std::vector<Claim>& claims, const std::vector<Status>& statuses) {
+  std::vector<Claim> kept;
+  std::string error;
+  for (std::size_t i = 0; i < claims.size(); ++i) {
+    const Code code = statuses[i] ? Code::kInternal : statuses[i].error().code;
+    if (statuses[i]) {
+      Settle(claims[i], bus::Verdict{bus::AckKind::kDone, ""});
+    } else if (code == Code::kInvalidArgument || code == Code::kCorrupt) {
+      Settle(claims[i], bus::Verdict{bus::AckKind::kRefused, statuses[i].error().message});
+    } else {
+      error = statuses[i].error().message;
+      kept.push_back(std::move(claims[i]));
+    }
+  }
+  claims = std::move(kept);
+  const MutexLock lock(mutex);
+  if (!error.empty() && counters.error != error)
+    Log().error("committing waits, nothing is lost, it is tried again: {}", error);
+  counters.error = error;
+  return !claims.empty();
+}
+
+void Collector::Impl::CommitUntilDurable(std::vector<Claim> claims) {
+  while (!claims.empty()) {
+    std::vector<store::ArrivedEpisode> group;
+    for (const Claim& claim : claims) {
+      Sha256Digest digest{};
+      std::ranges::copy(claim.blob.manifest.sha256, digest.begin());  // the receiver found it to be that of the bytes
+      group.push_back({&claim.view, ToHex(digest), FactsOf(claim.blob.manifest)});
+    }
+    if (!SettleOrKeep(claims, sink->CommitGroup(group))) return;
+    // leases stay alive meanwhile, and the receiver takes no more than its bound
+    if (!Stopping()) WaitForStop(options.retry_commit);
+    if (!Stopping()) continue;
+    for (const Claim& claim : claims) Settle(claim, std::nullopt);
+    return;
   }
 }
 
-void Collector::Impl::OnEpisode(const bus::ReceivedBlob& blob) {
-  Episode episode;
-  std::optional<bus::Verdict> verdict = Judge(blob, episode);
-  if (!verdict) {
-    verdict = CommitUntilDurable(episode, FactsOf(blob.manifest));
-    // not durable and not at fault: no answer, so that it is sent or made again
-    if (!verdict) return;
-    const MutexLock lock(mutex);
-    if (verdict->kind == bus::AckKind::kDone) {
-      table.Commit(episode.index);
-      commits.push_back(MonotonicClock::now());
-      index_dirty = true;
-    } else {
-      CountUnfit(blob.manifest.token);
-    }
+std::size_t Collector::Impl::CommitThreads() const {
+  if (options.commit_threads > 0) return options.commit_threads;
+  return std::clamp(std::thread::hardware_concurrency(), 1u, 4u);
+}
+
+// A share of what is there, so that all threads have work and each group saves fsyncs. Empty: it is over.
+std::vector<bus::ReceivedBlob> Collector::Impl::NextBatch() {
+  constexpr std::size_t kLargestGroup = 16;
+  const MutexLock lock(queue_mutex);
+  while (queue.empty() && !closing) queue_changed.Wait(queue_mutex);
+  std::vector<bus::ReceivedBlob> batch;
+  if (closing) return batch;
+  const std::size_t threads = CommitThreads();
+  for (std::size_t n = std::min((queue.size() + threads - 1) / threads, kLargestGroup); n > 0; --n) {
+    batch.push_back(std::move(queue.front()));
+    queue.pop_front();
   }
-  if (verdict->kind != bus::AckKind::kRefused) CrashPoint("collector.before_ack", episode.index);
-  if (const Status sent = episodes.Acknowledge(blob.manifest, *verdict); !sent)
-    Log().warn("cannot acknowledge to worker={}: {}", blob.manifest.sender, sent.error().message);
-  CrashPoint("collector.after_ack", episode.index);
+  return batch;
+}
+
+void Collector::Impl::CommitLoop() {
+  for (auto batch = NextBatch(); !batch.empty(); batch = NextBatch()) {
+    std::vector<Claim> claims;
+    for (auto& blob : batch) OnEpisode(std::move(blob), claims);
+    CommitUntilDurable(std::move(claims));
+  }
+}
+
+void Collector::Impl::Enqueue(bus::ReceivedBlob blob) {
+  {
+    const MutexLock lock(queue_mutex);
+    queue.push_back(std::move(blob));
+  }
+  queue_changed.NotifyOne();
+}
+
+void Collector::Impl::Close() {
+  {
+    const MutexLock lock(queue_mutex);
+    closing = true;
+  }
+  queue_changed.NotifyAll();
+  over.NotifyAll();
+}
+
+// True when it is time, false when it is over.
+bool Collector::Impl::WaitForIndex(std::chrono::milliseconds pause) {
+  const Time end = MonotonicClock::now() + pause;
+  const MutexLock lock(queue_mutex);
+  while (!closing && MonotonicClock::now() < end) over.WaitFor(queue_mutex, end - MonotonicClock::now());
+  return !closing;
+}
+
+// Writing it takes longer the more there is: at most a twentieth of the time goes into it.
+void Collector::Impl::IndexNowAndThen() {
+  constexpr int kShare = 20;
+  std::chrono::milliseconds pause = options.index_every;
+  while (WaitForIndex(pause)) {
+    const Time begin = MonotonicClock::now();
+    WriteIndex();
+    pause = std::max(options.index_every, std::chrono::duration_cast<std::chrono::milliseconds>(
+                                              kShare * (MonotonicClock::now() - begin)));
+  }
 }
 
 void Collector::Impl::WriteIndex() {
-  if (!index_dirty) return;
-  const MutexLock lock(sink_mutex);
-  const Status written = sink->WriteIndex();
-  if (written)
-    index_dirty = false;
-  else
+  if (!index_dirty.exchange(false)) return;
+  if (const Status written = sink->WriteIndex(); !written) {
+    index_dirty = true;
     Log().warn("cannot write the dataset's index, it is tried again: {}", written.error().message);
+  }
 }
 
 // Until every worker that is there has been told (or has gone), for at most `drain`.
@@ -160,7 +266,7 @@ void Collector::Impl::Drain() {
       if (!waiting) return;
     }
     // a late duplicate is still answered
-    if (auto blob = episodes.Receive(50ms)) OnEpisode(*blob);
+    if (auto blob = episodes.Receive(50ms)) Enqueue(std::move(*blob));
   }
 }
 

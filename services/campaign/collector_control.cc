@@ -77,7 +77,6 @@ std::optional<std::string> Collector::Impl::WhyRefused(const bus::WorkRequest& r
   if (request.spec_sha256 != spec_sha256) return std::nullopt;  // its files are those of another spec
   if (!files_sha256) {
     files_sha256 = request.files_sha256;
-    const MutexLock lock(sink_mutex);
     if (const Status remembered = RememberFiles(sink->folder(), request.files_sha256); !remembered)
       Log().warn("after a restart the first worker's files will count: {}", remembered.error().message);
   }
@@ -167,7 +166,6 @@ void Collector::Impl::OnReport(const bus::AttemptReport& report) {
     // the policy's absence is no attempt at the scene; it is bounded all the same
     if (report.outcome != kPolicyError) ++failed_attempts;
   }
-  const MutexLock lock(sink_mutex);
   if (const Status recorded = sink->RecordFailure(report.index, report.attempt, report.outcome, DetailsOf(report));
       !recorded)
     Log().warn("cannot record a failed attempt index={}: {}", report.index, recorded.error().message);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What Collector's two threads share. Run's own receives and commits episodes (collector_commit.cc); `control`
-// answers requests, reports and heartbeats (collector_control.cc), so that a slow disk never makes a lease expire.
+// What Collector's threads share. Run's own receives episodes, a few commit them in groups (collector_commit.cc);
+// `control` answers requests, reports and heartbeats (collector_control.cc), so that a slow disk never makes a lease
+// expire; `indexer` writes what is derived.
 // Internal to services/campaign.
 #pragma once
 
@@ -16,6 +17,7 @@
 #include "services/campaign/lease_table.h"
 #include "services/core/stop.h"
 #include "services/core/thread_annotations.h"
+#include "services/episode/codec.h"
 #include "services/store/sampling_journal.h"
 
 namespace etude::campaign {
@@ -43,12 +45,12 @@ struct Collector::Impl {
   std::string run_id;                   // whose errors count; "": of the first that speaks
   std::optional<SamplingEntry> wanted;  // by the newest errors; holds from no index yet
   std::string refusal;                  // what was said last of errors that were not taken
-  // commit thread
-  bus::BlobReceiver episodes;
-  bool index_dirty = true;  // the dataset's index lacks something that is committed
+  bus::BlobReceiver episodes;            // Run's thread receives, those that commit acknowledge
+  std::unique_ptr<EpisodeSink> sink;     // safe for all of them
+  std::atomic<bool> index_dirty{true};   // the dataset's index lacks something that is committed
 
   std::atomic<bool> stop{false};
-  std::atomic<bool> finished{false};  // the commit thread is done, control may end
+  std::atomic<bool> finished{false};  // all is committed that will be, control may end
 
   mutable Mutex mutex;
   Time started ETUDE_GUARDED_BY(mutex) = MonotonicClock::now();
@@ -65,11 +67,16 @@ struct Collector::Impl {
   std::string control_id ETUDE_GUARDED_BY(mutex);             // of the last request that was taken
   std::string control_refusal ETUDE_GUARDED_BY(mutex);        // why it was not followed
 
+  // Indices that are made durable now, and what came for them meanwhile: it is judged when the first one is settled.
+  std::map<std::uint64_t, std::vector<bus::ReceivedBlob>> committing ETUDE_GUARDED_BY(mutex);
+
+  Mutex queue_mutex;  // never taken while `mutex` is held
+  ConditionVariable queue_changed, over;  // the latter: closing
+  std::deque<bus::ReceivedBlob> queue ETUDE_GUARDED_BY(queue_mutex);  // its bound is the receiver's max_memory
+  bool closing ETUDE_GUARDED_BY(queue_mutex) = false;                 // what is still queued is sent again elsewhere
+
   mutable Mutex journal_mutex;  // never taken while `mutex` is held
   store::SamplingJournal journal ETUDE_GUARDED_BY(journal_mutex);
-
-  Mutex sink_mutex;  // the sink is one thread at a time
-  std::unique_ptr<EpisodeSink> sink ETUDE_GUARDED_BY(sink_mutex);
 
   bool Stopping() const { return stop.load() || StopRequested(); }
   bool Complete() const ETUDE_EXCLUDES(mutex);
@@ -95,14 +102,29 @@ struct Collector::Impl {
   void PublishStatus();
   void GiveWayToSuccessor();
 
-  // commit thread
-  void OnEpisode(const bus::ReceivedBlob& blob);
-  Status CheckEpisode(const Episode& episode) const;
-  std::optional<bus::Verdict> Judge(const bus::ReceivedBlob& blob, Episode& episode);
-  void CountUnfit(std::uint64_t token) ETUDE_REQUIRES(mutex);
-  std::optional<bus::Verdict> CommitUntilDurable(const Episode& episode, const store::CommitFacts& facts);
-  void WriteIndex();
+  // receiving thread
+  void Enqueue(bus::ReceivedBlob blob) ETUDE_EXCLUDES(queue_mutex);
+  void Close() ETUDE_EXCLUDES(queue_mutex);
   void Drain();
+
+  // commit threads
+  struct Claim;
+  std::size_t CommitThreads() const;
+  void CommitLoop();
+  std::vector<bus::ReceivedBlob> NextBatch() ETUDE_EXCLUDES(queue_mutex);
+  void OnEpisode(bus::ReceivedBlob blob, std::vector<Claim>& claims);
+  Status CheckEpisode(const Episode& episode) const;
+  std::optional<bus::Verdict> Judge(bus::ReceivedBlob& blob, const Result<EpisodeView>& view);
+  void CountUnfit(std::uint64_t token) ETUDE_REQUIRES(mutex);
+  void CommitUntilDurable(std::vector<Claim> claims);
+  bool SettleOrKeep(std::vector<Claim>& claims, const std::vector<Status>& statuses);
+  void Settle(const Claim& claim, const std::optional<bus::Verdict>& verdict);
+  void Acknowledge(const bus::BlobManifest& manifest, const bus::Verdict& verdict);
+
+  // indexer
+  void IndexNowAndThen();
+  bool WaitForIndex(std::chrono::milliseconds pause) ETUDE_EXCLUDES(queue_mutex);
+  void WriteIndex();
 };
 
 /// A worker that has not been heard for this long is not counted as present.

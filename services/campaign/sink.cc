@@ -6,6 +6,7 @@
 
 #include "services/campaign/scene_report.h"
 #include "services/core/clock.h"
+#include "services/core/thread_annotations.h"
 #include "services/episode/bounded_json.h"
 #include "services/store/commit_journal.h"
 #include "services/store/dataset.h"
@@ -23,6 +24,9 @@ class DatasetSink : public EpisodeSink {
   const std::set<std::uint64_t>& committed() const override { return writer_.committed(); }
   Status Commit(const Episode& episode, const store::CommitFacts& facts) override {
     return writer_.Commit(episode, facts);
+  }
+  std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode> group) override {
+    return writer_.CommitGroup(group);
   }
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json) override {
@@ -62,6 +66,7 @@ class EvalSink : public EpisodeSink {
         writer_(std::move(writer)) {}
 
   Status Restore() {
+    const MutexLock lock(mutex_);
     if (!writer_.committed().empty()) {
       ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(folder_));
       store::CommitTable commits(folder_);
@@ -82,38 +87,53 @@ class EvalSink : public EpisodeSink {
   const std::set<std::uint64_t>& committed() const override { return writer_.committed(); }
 
   Status Commit(const Episode& episode, const store::CommitFacts& facts) override {
-    const bool again = writer_.Contains(episode.index);
     ETUDE_RETURN_IF_ERROR(writer_.Commit(episode, facts));
-    if (again) return {};
-    RolloutRow& row = rows_[episode.index] = RowOf(episode);
-    row.wall_s = facts.timings.wall_s;
-    scenes_.Add(episode);
-    // the rollout is durable; what cannot be written now is derived from it with the next start
-    if (lines_) (void)lines_->Append(LineOf(row));
-    if (since_report_.Seconds() > kReportEvery || rows_.size() == 1 || rows_.size() == spec_.episodes)
-      (void)WriteReport();
+    const MutexLock lock(mutex_);
+    Report(episode, facts);
     return {};
+  }
+  std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode> group) override {
+    auto statuses = writer_.CommitGroup(group);
+    const MutexLock lock(mutex_);
+    for (std::size_t i = 0; i < group.size(); ++i)
+      if (statuses[i]) Report(group[i].view->episode, group[i].facts);
+    return statuses;
   }
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json) override {
-    if (const auto details = ParseBoundedJson(details_json, kDeepestDetails))
+    if (const auto details = ParseBoundedJson(details_json, kDeepestDetails)) {
+      const MutexLock lock(mutex_);
       scenes_.AddFailure(index, outcome, *details);
+    }
     return writer_.RecordFailure(index, attempt, outcome, details_json);
   }
   Status WriteIndex() override {
-    ETUDE_RETURN_IF_ERROR(WriteReport());
+    {
+      const MutexLock lock(mutex_);
+      ETUDE_RETURN_IF_ERROR(WriteReport());
+    }
     return writer_.WriteMaster();
   }
 
  private:
-  Status WriteReport() {
+  // The rollout is durable; what cannot be written now is derived from it with the next start.
+  void Report(const Episode& episode, const store::CommitFacts& facts) ETUDE_REQUIRES(mutex_) {
+    if (rows_.contains(episode.index)) return;
+    RolloutRow& row = rows_[episode.index] = RowOf(episode);
+    row.wall_s = facts.timings.wall_s;
+    scenes_.Add(episode);
+    if (lines_) (void)lines_->Append(LineOf(row));
+    if (since_report_.Seconds() > kReportEvery || rows_.size() == 1 || rows_.size() == spec_.episodes)
+      (void)WriteReport();
+  }
+  Status WriteReport() ETUDE_REQUIRES(mutex_) {
     OrderedJson report = EvalReport(spec_, rows_, subject_);
     report["scenes"] = scenes_.Json(spec_.scenes);
     since_report_.Restart();
     return WriteFileAtomically(out_ / "eval.json", report.dump(1) + "\n");
   }
   // A row a rollout, in the order of their indices; those to come are appended.
-  Status RestoreLines() {
+  Status RestoreLines() ETUDE_REQUIRES(mutex_) {
     std::string text;
     for (const auto& [index, row] : rows_) text += LineOf(row) + "\n";
     ETUDE_RETURN_IF_ERROR(WriteFileAtomically(out_ / "eval.jsonl", text));
@@ -125,13 +145,26 @@ class EvalSink : public EpisodeSink {
   CampaignSpec spec_;
   EvalSubject subject_;
   store::DatasetWriter writer_;
-  std::optional<LineAppender> lines_;
-  Stopwatch since_report_;
-  std::map<std::uint64_t, RolloutRow> rows_;
-  SceneReport scenes_;
+  Mutex mutex_;
+  std::optional<LineAppender> lines_ ETUDE_GUARDED_BY(mutex_);
+  Stopwatch since_report_ ETUDE_GUARDED_BY(mutex_);
+  std::map<std::uint64_t, RolloutRow> rows_ ETUDE_GUARDED_BY(mutex_);
+  SceneReport scenes_ ETUDE_GUARDED_BY(mutex_);
 };
 
 }  // namespace
+
+std::vector<Status> EpisodeSink::CommitGroup(std::span<const store::ArrivedEpisode> group) {
+  std::vector<Status> statuses;
+  for (const auto& arrived : group) {
+    Episode episode = arrived.view->episode;
+    for (std::size_t i = 0; i < episode.cameras.size(); ++i)
+      for (const auto frame : arrived.view->frames[i])
+        episode.cameras[i].frames.emplace_back(frame.begin(), frame.end());
+    statuses.push_back(Commit(episode, arrived.facts));
+  }
+  return statuses;
+}
 
 Result<std::unique_ptr<EpisodeSink>> OpenDatasetSink(const Path& dataset, const CampaignSpec& spec) {
   ETUDE_ASSIGN_OR_RETURN(auto writer, store::DatasetWriter::Open(dataset, spec));

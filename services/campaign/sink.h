@@ -5,7 +5,9 @@
 #include <cstdint>
 #include <memory>
 #include <set>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "services/campaign/eval_report.h"
 #include "services/core/file.h"
@@ -13,23 +15,27 @@
 #include "services/episode/episode.h"
 #include "services/spec/campaign_spec.h"
 #include "services/store/commit_journal.h"
+#include "services/store/dataset.h"
 
 namespace etude::campaign {
 
-/// The durable end of a campaign. Called from one thread at a time.
+/// The durable end of a campaign. Thread safety: all functions but committed() from any thread, of different episodes at
+/// once.
 class EpisodeSink {
  public:
   virtual ~EpisodeSink() = default;
 
   /// Folder of episodes/ and attempts.jsonl; the collector keeps its epoch there.
   virtual const Path& folder() const = 0;
-  /// Indices that are durable already.
+  /// Indices that are durable already; before anything is committed.
   virtual const std::set<std::uint64_t>& committed() const = 0;
   /// Durable when it returns. On error nothing of the episode is visible.
   /// @error kInvalidArgument, kCorrupt: the episode is at fault and is refused; anything else (disk
   /// full) is tried again.
   /// @param facts  who made it and how long that took, for the journal
   virtual Status Commit(const Episode& episode, const store::CommitFacts& facts) = 0;
+  /// Several at once, which may cost less. @returns for each what Commit would
+  virtual std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode> group);
   virtual Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                                const std::string& details_json) = 0;
   /// Rewrites what is derived (master file, statistics). Now and then, and at the end.

@@ -40,12 +40,11 @@ struct ArrayList {
   }
 };
 
-OrderedJson CameraHeader(const CameraTrack& track) {
-  const Camera& camera = track.camera;
+OrderedJson CameraHeader(const Camera& camera, const std::vector<Bytes>& frames) {
   const auto& p = camera.X_WC.p;
   const auto& q = camera.X_WC.q;
   auto sizes = OrderedJson::array();
-  for (const auto& frame : track.frames) sizes.push_back(frame.size());
+  for (const Bytes frame : frames) sizes.push_back(frame.size());
   return {{"name", camera.name},
           {"width", camera.width},
           {"height", camera.height},
@@ -55,7 +54,7 @@ OrderedJson CameraHeader(const CameraTrack& track) {
           {"frames", std::move(sizes)}};
 }
 
-OrderedJson Header(const Episode& episode) {
+OrderedJson Header(const Episode& episode, const FrameSpans& frames) {
   OrderedJson json = {{"format", kFormat},
                       {"campaign", episode.campaign},
                       {"index", episode.index},
@@ -77,12 +76,29 @@ OrderedJson Header(const Episode& episode) {
   json["objects"] = OrderedJson::array();
   for (const auto& object : episode.objects) json["objects"].push_back(object.name);
   json["cameras"] = OrderedJson::array();
-  for (const auto& camera : episode.cameras) json["cameras"].push_back(CameraHeader(camera));
+  for (std::size_t i = 0; i < episode.cameras.size(); ++i)
+    json["cameras"].push_back(CameraHeader(episode.cameras[i].camera, frames[i]));
   return json;
 }
 
 Bytes BytesOf(const std::vector<float>& values) {
   return {reinterpret_cast<const std::uint8_t*>(values.data()), values.size() * sizeof(float)};
+}
+
+ArrayList ArraysOf(const Episode& episode) {
+  ArrayList arrays;
+  VisitTracks(episode, [&](const std::string& name, const Track& track, int) {
+    arrays.Add(name, "f32", {track.rows(), track.columns}, BytesOf(track.values));
+  });
+  arrays.Add("phase", "u8", {episode.phase.size()}, episode.phase);
+  arrays.Add("supervise", "u8", {episode.supervise.size()}, episode.supervise);
+  return arrays;
+}
+
+std::string HeaderText(const Episode& episode, const FrameSpans& frames, OrderedJson array_entries) {
+  OrderedJson json = Header(episode, frames);
+  json["arrays"] = std::move(array_entries);
+  return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
 }
 
 // ---------------------------------------------------------------------------------------- decode
@@ -269,13 +285,13 @@ void ReadTracks(BlobReader& blobs, Episode& episode) {
   episode.supervise.assign(supervise.begin(), supervise.end());
 }
 
-void ReadFrames(const OrderedJson& camera, BlobReader& blobs, CameraTrack& track, std::string& error) {
+void ReadFrames(const OrderedJson& camera, BlobReader& blobs, std::vector<Bytes>& frames, std::string& error) {
   FieldReader fields(camera, error);
   for (const auto& size : fields.List("frames", kMaxSteps)) {
     if (!size.is_number_unsigned()) fields.Complain("frames");
     const Bytes frame = error.empty() ? blobs.Take(size.get<std::uint64_t>()) : Bytes{};
     if (!error.empty()) return;
-    track.frames.emplace_back(frame.begin(), frame.end());
+    frames.push_back(frame);
   }
 }
 
@@ -294,16 +310,15 @@ Result<OrderedJson> ReadHeader(Bytes bytes, std::size_t& header_end) {
 
 }  // namespace
 
+FrameSpans FramesOf(const Episode& episode) {
+  FrameSpans frames;
+  for (const auto& track : episode.cameras) frames.emplace_back(track.frames.begin(), track.frames.end());
+  return frames;
+}
+
 std::vector<std::uint8_t> EncodeEpisode(const Episode& episode) {
-  ArrayList arrays;
-  VisitTracks(episode, [&](const std::string& name, const Track& track, int) {
-    arrays.Add(name, "f32", {track.rows(), track.columns}, BytesOf(track.values));
-  });
-  arrays.Add("phase", "u8", {episode.phase.size()}, episode.phase);
-  arrays.Add("supervise", "u8", {episode.supervise.size()}, episode.supervise);
-  OrderedJson json = Header(episode);
-  json["arrays"] = std::move(arrays.entries);
-  const std::string header = json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+  ArrayList arrays = ArraysOf(episode);
+  const std::string header = HeaderText(episode, FramesOf(episode), std::move(arrays.entries));
   const auto header_size = static_cast<std::uint32_t>(header.size());
 
   std::size_t total = kPrefix + header.size() + arrays.size;
@@ -324,11 +339,14 @@ std::vector<std::uint8_t> EncodeEpisode(const Episode& episode) {
   return bytes;
 }
 
-Result<Episode> DecodeEpisode(std::span<const std::uint8_t> bytes) {
-  std::size_t header_end = 0;
+namespace {
+
+// The pictures stay in `bytes`; nothing is validated beyond what the bytes themselves say.
+Result<EpisodeView> ReadView(Bytes bytes, std::size_t& header_end) {
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson json, ReadHeader(bytes, header_end));
   std::string error;
-  Episode episode;
+  EpisodeView view;
+  Episode& episode = view.episode;
   FieldReader header(json, error);
   ReadScalars(header, episode);
   const auto& cameras = header.List("cameras", kMaxCameras);
@@ -336,11 +354,39 @@ Result<Episode> DecodeEpisode(std::span<const std::uint8_t> bytes) {
 
   BlobReader blobs(header.List("arrays", 16 + 2 * kMaxObjects), bytes.subspan(header_end), error);
   ReadTracks(blobs, episode);
-  for (std::size_t i = 0; i < episode.cameras.size(); ++i) ReadFrames(cameras[i], blobs, episode.cameras[i], error);
+  view.frames.resize(episode.cameras.size());
+  for (std::size_t i = 0; i < episode.cameras.size(); ++i) ReadFrames(cameras[i], blobs, view.frames[i], error);
   blobs.Finish();
   if (!error.empty()) return Fail(Code::kCorrupt, "episode: " + error);
-  if (Status valid = ValidateEpisode(episode); !valid) return Fail(Code::kCorrupt, "episode: " + valid.error().message);
-  return episode;
+  return view;
+}
+
+Status Corrupt(const Status& invalid) { return Fail(Code::kCorrupt, "episode: " + invalid.error().message); }
+
+}  // namespace
+
+Result<Episode> DecodeEpisode(std::span<const std::uint8_t> bytes) {
+  std::size_t header_end = 0;
+  ETUDE_ASSIGN_OR_RETURN(EpisodeView view, ReadView(bytes, header_end));
+  for (std::size_t i = 0; i < view.frames.size(); ++i)
+    for (const Bytes frame : view.frames[i]) view.episode.cameras[i].frames.emplace_back(frame.begin(), frame.end());
+  if (Status valid = ValidateEpisode(view.episode); !valid) return Fail(Corrupt(valid).error());
+  return std::move(view.episode);
+}
+
+Result<EpisodeView> ViewEpisode(std::span<const std::uint8_t> bytes) {
+  std::size_t header_end = 0;
+  ETUDE_ASSIGN_OR_RETURN(EpisodeView view, ReadView(bytes, header_end));
+  if (Status valid = ValidateEpisode(view.episode); !valid) return Fail(Corrupt(valid).error());
+  for (std::size_t i = 0; i < view.frames.size(); ++i)
+    if (Status valid = ValidateFrames(view.episode, i, view.frames[i]); !valid) return Fail(Corrupt(valid).error());
+  // arrays and pictures lie as they must, or reading them had failed: what is left free is the header's text
+  const std::string text = HeaderText(view.episode, view.frames, ArraysOf(view.episode).entries);
+  const auto header = bytes.subspan(kPrefix, header_end - kPrefix);
+  if (!std::equal(header.begin(), header.end(), text.begin(), text.end(),
+                  [](std::uint8_t a, char b) { return a == static_cast<std::uint8_t>(b); }))
+    return Fail(Code::kCorrupt, "episode: its header is not written as this program writes it");
+  return view;
 }
 
 }  // namespace etude

@@ -34,11 +34,29 @@ inline std::int64_t FrameCount(std::int64_t steps, int image_stride) {
 /// @error kInvalidArgument with the first thing that does not fit.
 Status ValidateEpisode(const Episode& episode);
 
+/// What ValidateEpisode asks of the pictures of one camera, for pictures that the episode does not hold itself.
+Status ValidateFrames(const Episode& episode, std::size_t camera,
+                      std::span<const std::span<const std::uint8_t>> frames);
+
 /// The episode should be valid (DecodeEpisode refuses others). Text that is not UTF-8 is replaced.
 std::vector<std::uint8_t> EncodeEpisode(const Episode& episode);
 
 /// @error kCorrupt with what does not fit: magic, header, sizes, row counts that differ from T,
 /// NaN.
 Result<Episode> DecodeEpisode(std::span<const std::uint8_t> bytes);
+
+/// Deflated pictures that lie elsewhere, [camera][frame].
+using FrameSpans = std::vector<std::vector<std::span<const std::uint8_t>>>;
+/// Those of an episode that holds them; valid as long as it is.
+FrameSpans FramesOf(const Episode& episode);
+
+/// An episode whose pictures were left where they are.
+struct EpisodeView {
+  Episode episode;    ///< cameras have no frames
+  FrameSpans frames;  ///< into the bytes that were decoded
+};
+/// DecodeEpisode without copying the pictures, for bytes that are EncodeEpisode's own: their SHA-256 is then that of the
+/// episode. @error as DecodeEpisode; kCorrupt, too, when the same episode would be encoded otherwise
+Result<EpisodeView> ViewEpisode(std::span<const std::uint8_t> bytes);
 
 }  // namespace etude

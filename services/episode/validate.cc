@@ -101,26 +101,32 @@ Status CheckPhases(const Episode& episode, std::size_t steps) {
   return {};
 }
 
-Status CheckCamera(const CameraTrack& track, std::int64_t frame_count) {
-  const Camera& camera = track.camera;
+Status CheckCamera(const Camera& camera) {
   const std::string where = "camera " + camera.name;
   if (camera.width < 1 || camera.height < 1 || camera.width > kMaxImageSide || camera.height > kMaxImageSide)
     return Bad(fmt::format("{}: {}x{} px", where, camera.width, camera.height));
   if (!(camera.fovy > 0 && camera.fovy < std::numbers::pi)) return Bad(where + ": field of view");
   if (!camera.X_WC.p.allFinite() || !(std::abs(camera.X_WC.q.norm() - 1) < 1e-3))
     return Bad(where + ": pose is not finite or not a rotation");
-  if (!track.frames.empty() && static_cast<std::int64_t>(track.frames.size()) != frame_count)
-    return Bad(fmt::format("{}: {} frames, not {}", where, track.frames.size(), frame_count));
-
-  // an incompressible frame grows by 5 bytes a block of at least 4 KiB
-  const std::uint64_t pixels = 3ull * camera.width * camera.height;
-  for (const auto& frame : track.frames)
-    if (frame.empty() || frame.size() > pixels + pixels / 256 + 64)
-      return Bad(fmt::format("{}: a frame of {} bytes", where, frame.size()));
   return {};
 }
 
 }  // namespace
+
+Status ValidateFrames(const Episode& episode, std::size_t camera,
+                      std::span<const std::span<const std::uint8_t>> frames) {
+  const Camera& seen_by = episode.cameras[camera].camera;
+  const std::string where = "camera " + seen_by.name;
+  const std::int64_t wanted = FrameCount(episode.steps(), episode.image_stride);
+  if (!frames.empty() && static_cast<std::int64_t>(frames.size()) != wanted)
+    return Bad(fmt::format("{}: {} frames, not {}", where, frames.size(), wanted));
+  // an incompressible frame grows by 5 bytes a block of at least 4 KiB
+  const std::uint64_t pixels = 3ull * seen_by.width * seen_by.height;
+  for (const auto& frame : frames)
+    if (frame.empty() || frame.size() > pixels + pixels / 256 + 64)
+      return Bad(fmt::format("{}: a frame of {} bytes", where, frame.size()));
+  return {};
+}
 
 Status ValidateEpisode(const Episode& episode) {
   const auto steps = static_cast<std::int64_t>(episode.eef_pos.values.size() / 3);
@@ -135,8 +141,9 @@ Status ValidateEpisode(const Episode& episode) {
   });
   ETUDE_RETURN_IF_ERROR(tracks);
   ETUDE_RETURN_IF_ERROR(CheckPhases(episode, static_cast<std::size_t>(steps)));
-  for (const auto& camera : episode.cameras)
-    ETUDE_RETURN_IF_ERROR(CheckCamera(camera, FrameCount(steps, episode.image_stride)));
+  for (const auto& track : episode.cameras) ETUDE_RETURN_IF_ERROR(CheckCamera(track.camera));
+  const FrameSpans frames = FramesOf(episode);
+  for (std::size_t i = 0; i < frames.size(); ++i) ETUDE_RETURN_IF_ERROR(ValidateFrames(episode, i, frames[i]));
   return {};
 }
 

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Making a file appear whole, durable, or not at all.
+// Making files appear whole, durable, or not at all.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <vector>
 
 #include "services/core/file.h"
 #include "services/core/result.h"
@@ -18,6 +19,16 @@ inline constexpr std::string_view kTemporarySuffix = ".tmp";
 /// makes). On error neither the file nor the temporary one is there. @error kUnavailable when the
 /// disk refuses.
 Status CommitFile(const Path& path, std::span<const std::uint8_t> bytes);
+
+/// A file whose bytes lie in several places.
+struct FileToCommit {
+  Path path;
+  std::vector<std::span<const std::uint8_t>> pieces;
+};
+/// CommitFile for several at once, which costs less: each is written and fsynced, then all are renamed, then each folder
+/// is fsynced once. Thread-safe for different paths. @returns for each file what CommitFile would: one that fails takes
+/// none but those of its folder along, and those only where that folder's fsync failed.
+std::vector<Status> CommitFiles(std::span<const FileToCommit> files);
 
 /// Where a crash may strike between two system calls of CommitFile.
 enum class CommitPoint { kCreated, kWritten, kSynced, kRenamed, kDone };

@@ -15,6 +15,7 @@
 #include "services/core/log.h"
 #include "services/episode/action.h"
 #include "services/episode/bounded_json.h"
+#include "services/episode/codec.h"
 #include "services/store/layout.h"
 
 namespace etude::store {
@@ -160,11 +161,51 @@ CommitRow RowOf(const Episode& episode, std::uint64_t frames, std::uint64_t byte
   row.path_m = PathLength(episode.eef_pos);
   row.jerk = Jerk(episode.eef_pos);
   row.draws = DrawsOf(episode.details);
+  row.counted = true;
+  row.success = episode.success;
+  row.samples = static_cast<std::uint64_t>(FrameCount(episode.steps(), episode.image_stride));
+  row.scene.Add(episode.details);
+  row.planned.Add(episode.details);
   return row;
 }
 
+namespace {
+
+OrderedJson SceneJson(const SceneTally& scene) {
+  return {{"scenes", scene.scenes}, {"first_draw", scene.first_draw}, {"draws", scene.draws}, {"rejected", scene.rejected}};
+}
+
+void ReadCounts(const OrderedJson& json, Counts& counts, bool& good) {
+  good = good && json.is_object();
+  if (!json.is_object()) return;
+  for (const auto& [key, value] : json.items()) {
+    good = good && value.is_number_unsigned();
+    if (value.is_number_unsigned()) counts[key] = value.get<std::uint64_t>();
+  }
+}
+
+// False when a part is missing or of another kind: then the episode's file is asked.
+bool ReadCounted(const OrderedJson& json, CommitRow& row) {
+  for (const char* key : {"success", "samples", "scene", "planned"})
+    if (!json.contains(key)) return false;
+  const OrderedJson &scene = json["scene"], &planned = json["planned"];
+  bool good = json["success"].is_boolean() && scene.is_object() && planned.is_object() && scene.contains("rejected");
+  if (!good) return false;
+  row.success = json["success"].get<bool>();
+  Keys line(json), of_scene(scene);
+  line.Read("samples", row.samples);
+  of_scene.Read("scenes", row.scene.scenes);
+  of_scene.Read("first_draw", row.scene.first_draw);
+  of_scene.Read("draws", row.scene.draws);
+  ReadCounts(scene["rejected"], row.scene.rejected, good);
+  for (const auto& [stage, ways] : planned.items()) ReadCounts(ways, row.planned.ways[stage], good);
+  return good && line.ok() && of_scene.ok();
+}
+
+}  // namespace
+
 std::string LineOf(const CommitRow& row) {
-  const OrderedJson line{{"index", row.index},
+  OrderedJson line{{"index", row.index},
                          {"attempt", row.attempt},
                          {"t", ToMilliseconds(row.t)},
                          {"worker", row.facts.worker},
@@ -182,6 +223,12 @@ std::string LineOf(const CommitRow& row) {
                          {"path_m", row.path_m},
                          {"jerk", row.jerk},
                          {"draws", row.draws}};
+  if (row.counted) {
+    line["success"] = row.success;
+    line["samples"] = row.samples;
+    line["scene"] = SceneJson(row.scene);
+    line["planned"] = row.planned.ways;
+  }
   return line.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
 }
 
@@ -209,12 +256,14 @@ Result<CommitRow> ParseCommitLine(std::string_view line) {
   keys.Read("jerk", row.jerk);
   keys.Read("draws", row.draws);
   if (json->contains("timings")) row.facts.timings = TimesOf((*json)["timings"]);
+  row.counted = ReadCounted(*json, row);
   if (keys.ok()) return row;
   return Fail(Code::kCorrupt,
               fmt::format("a line of {}: a value is of another kind than expected", internal::kCommits));
 }
 
-Result<CommitJournal> CommitJournal::Open(const Path& dataset, const std::map<std::uint64_t, std::uint64_t>& bytes_of) {
+Result<CommitJournal> CommitJournal::Open(const Path& dataset, const std::map<std::uint64_t, std::uint64_t>& bytes_of,
+                                          const std::function<void(const CommitRow&)>& found_row) {
   const Path path = dataset / internal::kCommits;
   std::map<std::uint64_t, std::size_t> line_of;  // episode -> its last line
   std::vector<std::string> kept;
@@ -229,6 +278,7 @@ Result<CommitJournal> CommitJournal::Open(const Path& dataset, const std::map<st
         continue;
       }
       const auto [before, fresh] = line_of.try_emplace(row->index, kept.size());
+      if (found_row) found_row(*row);
       if (fresh) {
         kept.push_back(std::move(line));
       } else {

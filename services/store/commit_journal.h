@@ -10,6 +10,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <string>
 #include <string_view>
@@ -19,6 +20,7 @@
 
 #include "services/core/file.h"
 #include "services/core/result.h"
+#include "services/episode/attempt_details.h"
 #include "services/episode/attempt_times.h"
 #include "services/episode/episode.h"
 
@@ -42,6 +44,12 @@ struct CommitRow {
   double path_m = 0;        ///< way of the hand
   double jerk = 0;          ///< of the hand, m/s^3: root mean square of third differences over 0.04 s
   std::uint64_t draws = 0;  ///< of starts, until one was taken; 0: not said
+  // for the dataset's statistics; lines of an older program are without them, and `counted` is then false
+  bool counted = false;
+  bool success = false;
+  std::uint64_t samples = 0;  ///< at the rate of images
+  SceneTally scene;
+  PlanTally planned;
 };
 
 /// What the episode itself says; `t` and `facts` are left as they are by default.
@@ -49,7 +57,8 @@ struct CommitRow {
 CommitRow RowOf(const Episode& episode, std::uint64_t frames, std::uint64_t bytes);
 
 /// A line without its end: {"index", "attempt", "t", "worker", "host", "bytes", "steps", "frames", "outcome", "robot",
-/// "task", "target", "reference", "instruction", "timings": {...}, "path_m", "jerk", "draws"}.
+/// "task", "target", "reference", "instruction", "timings": {...}, "path_m", "jerk", "draws"} and, when it is counted,
+/// "success", "samples", "scene", "planned".
 std::string LineOf(const CommitRow& row);
 /// Keys that are missing keep their defaults, others are ignored. @error kCorrupt: not JSON, without an index, or with
 /// a value of another kind
@@ -60,8 +69,10 @@ class CommitJournal {
  public:
   /// Brings the journal in line with the files: what is torn, comes twice (the last counts), or is of a file that is
   /// not there or has another size is dropped, by rename.
-  /// @param bytes_of  size of every committed episode's file   @error kUnavailable
-  static Result<CommitJournal> Open(const Path& dataset, const std::map<std::uint64_t, std::uint64_t>& bytes_of);
+  /// @param bytes_of  size of every committed episode's file
+  /// @param found     called with each line of an episode that is there, in their order   @error kUnavailable
+  static Result<CommitJournal> Open(const Path& dataset, const std::map<std::uint64_t, std::uint64_t>& bytes_of,
+                                    const std::function<void(const CommitRow&)>& found = nullptr);
 
   bool Contains(std::uint64_t index) const { return rows_.contains(index); }
   /// One write(2); durable after Sync. On error the journal is as before.

@@ -22,6 +22,7 @@
 
 #include "services/core/file.h"
 #include "services/core/result.h"
+#include "services/episode/codec.h"
 #include "services/episode/episode.h"
 #include "services/spec/campaign_spec.h"
 #include "services/store/commit_journal.h"
@@ -35,8 +36,15 @@ inline constexpr int kOldestSchema = 1;
 /// DATASET/episodes/000/000123.hdf5
 Path EpisodePath(const Path& dataset, std::uint64_t index);
 
-/// The one writer of a dataset (a lock file keeps a second one out). Thread safety: one thread at a
-/// time.
+/// An episode as it came to who commits it: encoded and hashed elsewhere, its pictures where they lie.
+struct ArrivedEpisode {
+  const EpisodeView* view = nullptr;
+  std::string content_sha256;  ///< hex, of EncodeEpisode's bytes
+  CommitFacts facts;
+};
+
+/// The one writer of a dataset (a lock file keeps a second one out). Thread safety: all functions but committed() from
+/// any thread, of different episodes at once.
 class DatasetWriter {
  public:
   /// Makes the dataset, or opens it to resume. Temporary files of a crash are removed.
@@ -47,6 +55,7 @@ class DatasetWriter {
   DatasetWriter& operator=(DatasetWriter&&) noexcept;
   ~DatasetWriter();
 
+  /// While nobody commits.
   const std::set<std::uint64_t>& committed() const;
   bool Contains(std::uint64_t index) const;
 
@@ -54,11 +63,16 @@ class DatasetWriter {
   /// before; kUnavailable (disk full) may be tried again.
   /// @param facts  for its line in commits.jsonl; nothing of them enters the episode's file
   Status Commit(const Episode& episode, const CommitFacts& facts = {});
+  /// Several at once, of different indices: files are fsynced together and each folder once, nothing is hashed again, the
+  /// bytes are made without HDF5. Of the pictures every 16th is inflated, all begin as a zlib stream; Verify looks at
+  /// each. @returns for each what Commit would
+  std::vector<Status> CommitGroup(std::span<const ArrivedEpisode> group);
   /// Appends to attempts.jsonl.
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json);
   /// Rewrites dataset.hdf5 (links and masks) and dataset.json (statistics), each by rename, and adds to commits.jsonl
-  /// the lines that it lacks. Call now and then and at the end; everything in it is derived from the episode files.
+  /// the lines that it lacks. Call now and then and at the end: its time grows with the dataset, and commits go on
+  /// meanwhile. Everything in it is derived from the episode files, of which only those are read that the journal lacks.
   Status WriteMaster();
 
  private:

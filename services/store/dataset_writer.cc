@@ -10,6 +10,7 @@
 
 #include "services/core/clock.h"
 #include "services/core/log.h"
+#include "services/core/thread_annotations.h"
 #include "services/episode/bounded_json.h"
 #include "services/spec/episode_plan.h"
 #include "services/store/commit_file.h"
@@ -25,6 +26,7 @@ namespace etude::store {
 namespace {
 
 constexpr std::size_t kMaxDetailsText = 1000;
+constexpr std::uint64_t kInflateEvery = 16;  // pictures, of what workers deflated and SHA-256 covers
 
 using AttemptId = std::pair<std::uint64_t, std::uint32_t>;
 
@@ -106,6 +108,11 @@ std::map<std::uint64_t, std::uint64_t> SizesOf(const std::vector<Path>& files) {
   return sizes;
 }
 
+internal::EpisodeSummary SummaryOf(const CommitRow& row) {
+  return {row.task, row.target, row.outcome, row.success, row.steps, row.samples, row.frames, row.bytes, row.scene,
+          row.planned};
+}
+
 // When a file was committed, seconds since 1970, as well as its folder knows.
 double CommitTime(const Path& path) {
   struct stat info {};
@@ -120,14 +127,24 @@ struct DatasetWriter::Impl {
   CampaignSpec spec;
   std::string spec_sha256;
   internal::DatasetLock lock;
-  LineAppender attempts;
-  CommitJournal commits;
-  std::set<AttemptId> recorded = {};
-  std::set<std::uint64_t> committed = {};
-  std::map<std::uint64_t, internal::EpisodeSummary> summaries = {};  // of those committed, read when needed
 
-  Status Summarize();
-  void Note(CommitRow row, const CommitFacts& facts, double t);
+  Mutex master_mutex = {};  // one WriteMaster at a time; never taken while `mutex` is held
+  mutable Mutex mutex = {};
+  LineAppender attempts ETUDE_GUARDED_BY(mutex);
+  CommitJournal commits ETUDE_GUARDED_BY(mutex);
+  std::set<AttemptId> recorded ETUDE_GUARDED_BY(mutex) = {};
+  std::map<std::string, std::uint64_t> failures ETUDE_GUARDED_BY(mutex) = {};  // by outcome
+  std::set<std::uint64_t> committed ETUDE_GUARDED_BY(mutex) = {};
+  internal::Statistics statistics ETUDE_GUARDED_BY(mutex) = {};  // of `entries`
+  std::vector<internal::MasterEntry> entries ETUDE_GUARDED_BY(mutex) = {};
+  std::set<std::string> tasks ETUDE_GUARDED_BY(mutex) = {};  // that entries point to
+  // committed, and not counted by the journal: what is known of each
+  std::map<std::uint64_t, CommitRow> uncounted ETUDE_GUARDED_BY(mutex) = {};
+
+  void Take(std::uint64_t index, const internal::EpisodeSummary& summary) ETUDE_REQUIRES(mutex);
+  void Note(const CommitRow& row) ETUDE_REQUIRES(mutex);
+  Status CountTheUncounted() ETUDE_EXCLUDES(mutex);
+  Status CheckArrived(const ArrivedEpisode& arrived) const;
 };
 
 DatasetWriter::DatasetWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -161,45 +178,123 @@ Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpe
   ETUDE_RETURN_IF_ERROR(RemoveTemporaries(dataset, files));
   ETUDE_ASSIGN_OR_RETURN(auto attempts, LineAppender::Open(dataset / internal::kAttempts));
   const auto sizes = SizesOf(files);
-  ETUDE_ASSIGN_OR_RETURN(auto commits, CommitJournal::Open(dataset, sizes));
-  auto impl = std::unique_ptr<Impl>(
-      new Impl{dataset, spec, SpecHash(spec), std::move(lock), std::move(attempts), std::move(commits)});
+  std::vector<CommitRow> rows;
+  ETUDE_ASSIGN_OR_RETURN(auto commits,
+                         CommitJournal::Open(dataset, sizes, [&](const CommitRow& row) { rows.push_back(row); }));
+  auto impl = std::unique_ptr<Impl>(new Impl{.dataset = dataset,
+                                             .spec = spec,
+                                             .spec_sha256 = SpecHash(spec),
+                                             .lock = std::move(lock),
+                                             .attempts = std::move(attempts),
+                                             .commits = std::move(commits)});
+  const MutexLock writing(impl->mutex);
   impl->recorded = RecordedAttempts(dataset);
-  for (const auto& [index, bytes] : sizes) impl->committed.insert(index);
+  impl->failures = internal::FailuresByOutcome(dataset);
+  for (const auto& [index, bytes] : sizes) {
+    impl->committed.insert(index);
+    impl->uncounted[index].index = index;
+  }
+  for (auto& row : rows) {
+    if (!impl->uncounted.contains(row.index)) continue;  // a second line
+    if (row.counted) {
+      impl->Take(row.index, SummaryOf(row));
+      impl->uncounted.erase(row.index);
+    } else {
+      impl->uncounted[row.index] = std::move(row);
+    }
+  }
   return DatasetWriter(std::move(impl));
 }
 
-const std::set<std::uint64_t>& DatasetWriter::committed() const { return impl_->committed; }
+const std::set<std::uint64_t>& DatasetWriter::committed() const {
+  const MutexLock lock(impl_->mutex);
+  return impl_->committed;
+}
 
-bool DatasetWriter::Contains(std::uint64_t index) const { return impl_->committed.contains(index); }
+bool DatasetWriter::Contains(std::uint64_t index) const {
+  const MutexLock lock(impl_->mutex);
+  return impl_->committed.contains(index);
+}
 
-// The episode is durable: a line that cannot be written now is made from its file with the next index.
-void DatasetWriter::Impl::Note(CommitRow row, const CommitFacts& facts, double t) {
-  row.facts = facts;
-  row.t = t;
+void DatasetWriter::Impl::Take(std::uint64_t index, const internal::EpisodeSummary& summary) {
+  statistics.Add(spec, index, summary);
+  entries.push_back({index, summary.samples, &*tasks.insert(summary.task).first});
+}
+
+// The episode is durable: a line that cannot be written now is made from its file with the next start.
+void DatasetWriter::Impl::Note(const CommitRow& row) {
   if (const Status noted = commits.Append(row); !noted) Log().warn("{}", noted.error().message);
+}
+
+Status DatasetWriter::Impl::CheckArrived(const ArrivedEpisode& arrived) const {
+  const Episode& episode = arrived.view->episode;
+  if (episode.spec_sha256 != spec_sha256)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("it was made from another spec ({}, not {})", episode.spec_sha256, spec_sha256));
+  if (Status good = internal::CheckFrames(episode, arrived.view->frames, kInflateEvery); !good)
+    return Fail(Code::kInvalidArgument, good.error().message);
+  return {};
 }
 
 Status DatasetWriter::Commit(const Episode& episode, const CommitFacts& facts) {
   if (Contains(episode.index)) return {};
-  const auto context = [&] { return fmt::format("commit episode {} to '{}'", episode.index, impl_->dataset.string()); };
-  if (episode.spec_sha256 != impl_->spec_sha256)
-    return Fail(Code::kInvalidArgument, fmt::format("{}: it was made from another spec ({}, not {})", context(),
-                                                    episode.spec_sha256, impl_->spec_sha256));
-  const auto bytes = internal::EncodeEpisodeFile(episode);
-  if (!bytes) return Fail(bytes.error().Wrap(context()));
-  if (Status done = internal::CommitFile(EpisodePath(impl_->dataset, episode.index), *bytes); !done)
-    return Fail(done.error().Wrap(context()));
-  std::uint64_t frames = 0;
-  for (const auto& camera : episode.cameras) frames += camera.frames.size();
-  impl_->committed.insert(episode.index);
-  impl_->summaries[episode.index] = internal::Summarize(episode, frames, bytes->size());
-  impl_->Note(RowOf(episode, frames, bytes->size()), facts, WallSeconds());
-  return {};
+  EpisodeView view{episode, FramesOf(episode)};
+  Status good = ValidateEpisode(episode);
+  if (good) good = internal::CheckFrames(episode, view.frames);
+  if (!good)
+    return Fail(Code::kInvalidArgument, fmt::format("commit episode {} to '{}': {}", episode.index,
+                                                    impl_->dataset.string(), good.error().message));
+  const ArrivedEpisode arrived{&view, internal::ContentHash(episode), facts};
+  return CommitGroup({&arrived, 1}).front();
+}
+
+std::vector<Status> DatasetWriter::CommitGroup(std::span<const ArrivedEpisode> group) {
+  std::vector<Status> statuses(group.size());
+  std::vector<std::size_t> fresh;  // positions in the group of those that are written
+  std::vector<internal::EpisodeFileParts> parts;
+  std::vector<internal::FileToCommit> files;
+  for (std::size_t i = 0; i < group.size(); ++i) {
+    const EpisodeView& view = *group[i].view;
+    if (Contains(view.episode.index)) continue;
+    statuses[i] = impl_->CheckArrived(group[i]);
+    if (!statuses[i]) continue;
+    auto made = internal::LayOutEpisodeFile(view.episode, view.frames, group[i].content_sha256);
+    if (!made) {
+      statuses[i] = Fail(made.error());
+      continue;
+    }
+    fresh.push_back(i);
+    parts.push_back(std::move(*made));
+  }
+  for (std::size_t k = 0; k < fresh.size(); ++k)
+    files.push_back({EpisodePath(impl_->dataset, group[fresh[k]].view->episode.index), parts[k].pieces()});
+  const auto committed = internal::CommitFiles(files);
+
+  const MutexLock lock(impl_->mutex);
+  for (std::size_t k = 0; k < fresh.size(); ++k) {
+    const std::size_t i = fresh[k];
+    const EpisodeView& view = *group[i].view;
+    statuses[i] = committed[k];
+    if (!committed[k]) continue;
+    std::uint64_t frames = 0;
+    for (const auto& camera : view.frames) frames += camera.size();
+    CommitRow row = RowOf(view.episode, frames, parts[k].size());
+    row.facts = group[i].facts;
+    row.t = WallSeconds();
+    impl_->committed.insert(row.index);
+    impl_->Take(row.index, SummaryOf(row));
+    impl_->Note(row);
+  }
+  for (std::size_t i = 0; i < group.size(); ++i)
+    if (!statuses[i])
+      statuses[i] = Fail(statuses[i].error().Wrap(
+          fmt::format("commit episode {} to '{}'", group[i].view->episode.index, impl_->dataset.string())));
+  return statuses;
 }
 
 Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                                     const std::string& details_json) {
+  const MutexLock lock(impl_->mutex);
   if (impl_->recorded.contains({index, attempt})) return {};  // made again after a crash
   // whatever a worker sent: what is no JSON, or has no end of brackets, is kept as text
   auto details = ParseBoundedJson(details_json);
@@ -211,35 +306,51 @@ Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt, 
                             {"details", std::move(*details)}};
   ETUDE_RETURN_IF_ERROR(impl_->attempts.Append(line.dump(-1, ' ', false, OrderedJson::error_handler_t::replace)));
   impl_->recorded.emplace(index, attempt);
+  ++impl_->failures[outcome];
   return {};
 }
 
-// Reads what an earlier run committed, and what the journal lacks. A file that cannot be read stays out of both.
-Status DatasetWriter::Impl::Summarize() {
-  const auto known = [this](std::uint64_t index) { return summaries.contains(index) && commits.Contains(index); };
-  if (std::ranges::all_of(committed, known)) return {};
+// Reads what an earlier run committed and the journal lacks. A file that cannot be read stays out of both.
+Status DatasetWriter::Impl::CountTheUncounted() {
+  const auto rows = [&] {
+    const MutexLock lock(mutex);
+    return uncounted;
+  }();
+  if (rows.empty()) return {};
   ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
-  for (const std::uint64_t index : committed) {
-    if (known(index)) continue;
+  for (const auto& [index, known] : rows) {
     const auto record = reader.Read(index);
     if (!record) {
       Log().warn("left out of the master file: {}", record.error().message);
       continue;
     }
-    const auto& summary = summaries[index] = internal::Summarize(*record);
-    if (!commits.Contains(index))
-      Note(RowOf(record->episode, summary.frames, summary.bytes), {}, CommitTime(record->path));
+    const auto summary = internal::Summarize(*record);
+    CommitRow row = RowOf(record->episode, summary.frames, summary.bytes);
+    row.facts = known.facts;
+    row.t = known.t > 0 ? known.t : CommitTime(record->path);
+    const MutexLock lock(mutex);
+    Take(index, summary);
+    Note(row);
+    uncounted.erase(index);
   }
   return {};
 }
 
 Status DatasetWriter::WriteMaster() {
-  ETUDE_RETURN_IF_ERROR(impl_->Summarize());
-  ETUDE_RETURN_IF_ERROR(impl_->attempts.Sync());
-  ETUDE_RETURN_IF_ERROR(impl_->commits.Sync());
-  ETUDE_RETURN_IF_ERROR(internal::WriteMasterFile(impl_->dataset, impl_->spec, impl_->summaries));
-  OrderedJson statistics = internal::StatisticsOf(impl_->spec, impl_->summaries);
-  statistics["failed_attempts"] = internal::FailuresByOutcome(impl_->dataset);
+  const MutexLock one_at_a_time(impl_->master_mutex);
+  ETUDE_RETURN_IF_ERROR(impl_->CountTheUncounted());
+  std::vector<internal::MasterEntry> entries;
+  OrderedJson statistics;
+  {
+    const MutexLock lock(impl_->mutex);
+    ETUDE_RETURN_IF_ERROR(impl_->attempts.Sync());
+    ETUDE_RETURN_IF_ERROR(impl_->commits.Sync());
+    entries = impl_->entries;
+    statistics = impl_->statistics.Json();
+    statistics["failed_attempts"] = impl_->failures;
+  }
+  std::ranges::sort(entries, {}, &internal::MasterEntry::index);
+  ETUDE_RETURN_IF_ERROR(internal::WriteMasterFile(impl_->dataset, impl_->spec, entries));
   return internal::WriteDatasetFile(impl_->dataset, {impl_->spec, std::move(statistics)});
 }
 

@@ -223,7 +223,7 @@ Status RefreshDerived(const Path& dataset) {
   std::map<std::uint64_t, EpisodeSummary> summaries;
   for (const std::uint64_t index : indices)
     if (const auto record = reader.Read(index)) summaries[index] = Summarize(*record);  // others verify finds
-  ETUDE_RETURN_IF_ERROR(WriteMasterFile(dataset, reader.spec(), summaries));
+  ETUDE_RETURN_IF_ERROR(WriteMasterFile(dataset, reader.spec(), EntriesOf(summaries)));
 
   // only the statistics change: schema, content and spec are those of the episodes
   ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(dataset / kDatasetJson));

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "services/codec/checksum.h"
 #include "services/codec/frame.h"
 #include "services/core/check.h"
 #include "services/core/hash.h"
@@ -12,14 +13,29 @@
 #include "services/episode/codec.h"
 #include "services/episode/tracks.h"
 #include "services/store/hdf.h"
+#include "services/store/hdf_image.h"
 
 namespace etude::store::internal {
 namespace {
 
-constexpr std::size_t kSealSize = 113;
+constexpr std::string_view kSealBegin = "\nETUDE-SEAL ";
+constexpr std::size_t kSeal1Size = 113;
 
-std::string Seal(std::span<const std::uint8_t> bytes) {
+std::string Seal(std::uint32_t crc32, std::uint64_t size) {
+  return fmt::format("\nETUDE-SEAL 2 crc32={:08x} bytes={:020}\n", crc32, size);
+}
+
+std::string SealOf(std::span<const std::uint8_t> bytes) { return Seal(codec::Crc32(0, bytes), bytes.size()); }
+
+// What was written until a pass of SHA-256 over each file became too slow: still good.
+std::string Seal1Of(std::span<const std::uint8_t> bytes) {
   return fmt::format("\nETUDE-SEAL 1 sha256={} bytes={:020}\n", Sha256Hex(bytes), bytes.size());
+}
+
+bool EndsWith(std::span<const std::uint8_t> bytes, std::string_view text) {
+  return bytes.size() >= text.size() &&
+         std::equal(text.begin(), text.end(), bytes.end() - static_cast<std::ptrdiff_t>(text.size()),
+                    [](char a, std::uint8_t b) { return static_cast<std::uint8_t>(a) == b; });
 }
 
 // Rows `steps` of a track, each through `change`.
@@ -43,11 +59,16 @@ void ScaleAction(std::vector<float>& row) {
   }
 }
 
-// Writes one episode under its group.
+// Writes one episode under its group into a file of either kind, HdfImage or HdfWriter.
+template <class File>
 class Writer {
  public:
-  Writer(const Episode& episode, const std::string& content_sha256, HdfWriter& file)
-      : episode_(episode), content_sha256_(content_sha256), file_(file), demo_(DemoGroup(episode.index)) {
+  Writer(const Episode& episode, const FrameSpans& frames, const std::string& content_sha256, File& file)
+      : episode_(episode),
+        frames_(frames),
+        content_sha256_(content_sha256),
+        file_(file),
+        demo_(DemoGroup(episode.index)) {
     for (int t = 0; t < episode.steps(); t += episode.image_stride) {
       image_steps_.push_back(t);
       action_steps_.push_back(std::min(t + episode.image_stride, episode.steps()) - 1);
@@ -65,7 +86,7 @@ class Writer {
     WriteRobomimic();
     WriteObservations();
     WriteControl();
-    for (const auto& camera : episode_.cameras) WriteCamera(camera);
+    for (std::size_t i = 0; i < episode_.cameras.size(); ++i) WriteCamera(episode_.cameras[i].camera, frames_[i]);
   }
 
  private:
@@ -162,8 +183,7 @@ class Writer {
     file_.Array(demo_ + "/control/supervise", episode_.supervise, {steps});
   }
 
-  void WriteCamera(const CameraTrack& track) {
-    const Camera& camera = track.camera;
+  void WriteCamera(const Camera& camera, const std::vector<std::span<const std::uint8_t>>& frames) {
     const std::string group = demo_ + "/cameras/" + camera.name;
     const auto& p = camera.X_WC.p;
     const auto& q = camera.X_WC.q;
@@ -183,13 +203,14 @@ class Writer {
     for (int i = 0; i < 3; ++i) X.insert(X.end(), {R(i, 0), -R(i, 1), -R(i, 2), p[i]});
     X.insert(X.end(), {0, 0, 0, 1});
     file_.Array(group + "/pose", X, {4, 4});
-    if (!track.frames.empty())
-      file_.Frames(demo_ + "/obs/" + camera.name + "_image", camera.height, camera.width, track.frames);
+    if (!frames.empty())
+      file_.Frames(demo_ + "/obs/" + camera.name + "_image", camera.height, camera.width, frames);
   }
 
   const Episode& episode_;
+  const FrameSpans& frames_;
   const std::string& content_sha256_;
-  HdfWriter& file_;
+  File& file_;
   const std::string demo_;
   std::vector<int> image_steps_;   // control step of each image
   std::vector<int> action_steps_;  // last control step before the next image
@@ -207,47 +228,88 @@ std::string EnvArgs() {
 
 std::string ContentHash(const Episode& episode) { return Sha256Hex(EncodeEpisode(episode)); }
 
-Status CheckFrames(const Episode& episode) {
+Status CheckFrames(const Episode& episode, const FrameSpans& frames, std::uint64_t every) {
   std::vector<std::uint8_t> pixels;
-  for (const auto& track : episode.cameras) {
-    pixels.resize(3ull * track.camera.width * track.camera.height);
-    for (std::size_t k = 0; k < track.frames.size(); ++k)
-      if (Status inflated = codec::InflateFrame(track.frames[k], pixels); !inflated)
-        return Fail(inflated.error().Wrap(fmt::format("camera {} frame {}", track.camera.name, k)));
+  for (std::size_t i = 0; i < episode.cameras.size(); ++i) {
+    const Camera& camera = episode.cameras[i].camera;
+    pixels.resize(3ull * camera.width * camera.height);
+    for (std::size_t k = 0; k < frames[i].size(); ++k) {
+      const auto context = [&] { return fmt::format("camera {} frame {}", camera.name, k); };
+      // RFC 1950: deflate, and a head that is divisible by 31
+      const auto frame = frames[i][k];
+      if (frame.size() < 6 || (frame[0] & 0x0F) != 8 || (256 * frame[0] + frame[1]) % 31 != 0)
+        return Fail(Code::kCorrupt, context() + ": not a zlib stream");
+      const bool asked = k % every == episode.index % every || (k + 1 == frames[i].size() && k < every);
+      if (!asked) continue;
+      if (Status inflated = codec::InflateFrame(frame, pixels); !inflated)
+        return Fail(inflated.error().Wrap(context()));
+    }
   }
   return {};
 }
 
 void AppendSeal(std::vector<std::uint8_t>& bytes) {
-  const std::string seal = Seal(bytes);
+  const std::string seal = SealOf(bytes);
   ETUDE_CHECK(seal.size() == kSealSize, "{}", seal.size());
   bytes.insert(bytes.end(), seal.begin(), seal.end());
 }
 
 Result<std::span<const std::uint8_t>> CheckSeal(std::span<const std::uint8_t> bytes) {
-  if (bytes.size() <= kSealSize) return Fail(Code::kCorrupt, fmt::format("only {} bytes", bytes.size()));
-  const auto content = bytes.first(bytes.size() - kSealSize);
-  const auto seal = bytes.last(kSealSize);
-  if (!std::equal(seal.begin(), seal.begin() + 12, "\nETUDE-SEAL "))
-    return Fail(Code::kCorrupt, "no seal at its end: cut off, or not written by Etude");
-  const std::string expected = Seal(content);
-  if (!std::equal(seal.begin(), seal.end(), expected.begin(), expected.end()))
-    return Fail(Code::kCorrupt, "changed after it was written: SHA-256 or size differ from the seal's");
-  return content;
+  if (bytes.size() <= kSeal1Size) return Fail(Code::kCorrupt, fmt::format("only {} bytes", bytes.size()));
+  bool sealed = false;
+  for (const auto& [size, seal_of] : {std::pair{kSealSize, &SealOf}, {kSeal1Size, &Seal1Of}}) {
+    if (!EndsWith(bytes.first(bytes.size() - size + kSealBegin.size()), kSealBegin)) continue;
+    sealed = true;
+    const auto content = bytes.first(bytes.size() - size);
+    if (EndsWith(bytes, seal_of(content))) return content;
+  }
+  if (!sealed) return Fail(Code::kCorrupt, "no seal at its end: cut off, or not written by Etude");
+  return Fail(Code::kCorrupt, "changed after it was written: checksum or size differ from the seal's");
+}
+
+std::vector<std::span<const std::uint8_t>> EpisodeFileParts::pieces() const {
+  std::vector<std::span<const std::uint8_t>> pieces{head};
+  pieces.insert(pieces.end(), frames.begin(), frames.end());
+  pieces.emplace_back(reinterpret_cast<const std::uint8_t*>(seal.data()), seal.size());
+  return pieces;
+}
+
+std::uint64_t EpisodeFileParts::size() const {
+  std::uint64_t size = head.size() + seal.size();
+  for (const auto frame : frames) size += frame.size();
+  return size;
+}
+
+Result<EpisodeFileParts> LayOutEpisodeFile(const Episode& episode, const FrameSpans& frames,
+                                           const std::string& content_sha256) {
+  HdfImage file;
+  Writer(episode, frames, content_sha256, file).Write();
+  ETUDE_ASSIGN_OR_RETURN(auto image, file.Finish());
+  EpisodeFileParts parts{std::move(image.head), std::move(image.frames), ""};
+  const std::uint64_t size = parts.size();
+  std::uint32_t crc32 = codec::Crc32(0, parts.head);
+  for (const auto frame : parts.frames) crc32 = codec::Crc32(crc32, frame);
+  parts.seal = Seal(crc32, size);
+  return parts;
 }
 
 Result<std::vector<std::uint8_t>> EncodeEpisodeFile(const Episode& episode) {
   ETUDE_RETURN_IF_ERROR(ValidateEpisode(episode));
-  if (Status frames = CheckFrames(episode); !frames) return Fail(Code::kInvalidArgument, frames.error().message);
-  const std::string content_sha256 = ContentHash(episode);
-  const auto build = [&] {  // HDF5 is locked in here only
-    HdfWriter file;
-    Writer(episode, content_sha256, file).Write();
-    return file.Finish();
-  };
-  ETUDE_ASSIGN_OR_RETURN(auto bytes, build());
-  AppendSeal(bytes);
+  const FrameSpans frames = FramesOf(episode);
+  if (Status good = CheckFrames(episode, frames); !good) return Fail(Code::kInvalidArgument, good.error().message);
+  ETUDE_ASSIGN_OR_RETURN(const auto parts, LayOutEpisodeFile(episode, frames, ContentHash(episode)));
+  std::vector<std::uint8_t> bytes;
+  bytes.reserve(parts.size());
+  for (const auto piece : parts.pieces()) bytes.insert(bytes.end(), piece.begin(), piece.end());
   return bytes;
+}
+
+Result<std::vector<std::uint8_t>> EncodeByLibrary(const Episode& episode) {
+  const FrameSpans frames = FramesOf(episode);
+  const std::string content_sha256 = ContentHash(episode);
+  HdfWriter file;  // HDF5 is locked from here on
+  Writer(episode, frames, content_sha256, file).Write();
+  return file.Finish();
 }
 
 }  // namespace etude::store::internal

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // One episode <-> the bytes of its HDF5 file; format.md tells the layout. A file is an HDF5 file
-// followed by a seal, one line of text with the SHA-256 of all before it. HDF5 readers ignore what
+// followed by a seal, one line of text with a checksum of all before it. HDF5 readers ignore what
 // follows their data, and a damaged file is recognised before HDF5 looks at it.
 #pragma once
 
@@ -11,6 +11,7 @@
 
 #include "services/core/result.h"
 #include "services/episode/action.h"
+#include "services/episode/codec.h"
 #include "services/episode/episode.h"
 #include "services/store/dataset.h"
 
@@ -23,6 +24,23 @@ inline constexpr double kActionHigh[kWaypointSize] = {1.5, 1.5, 1.5, 1, 1, 1, 1,
 /// The bytes are a pure function of the episode.
 /// @error kInvalidArgument when the episode is not valid or a frame does not inflate to its size.
 Result<std::vector<std::uint8_t>> EncodeEpisodeFile(const Episode& episode);
+/// The same file as HDF5's own library lays it out, without a seal: what the one above is compared with.
+/// @error kInternal
+Result<std::vector<std::uint8_t>> EncodeByLibrary(const Episode& episode);
+
+/// A file in pieces, so that pictures are not copied: they lie where `frames` says, between `head` and `seal`.
+struct EpisodeFileParts {
+  std::vector<std::uint8_t> head;
+  std::vector<std::span<const std::uint8_t>> frames;
+  std::string seal;
+
+  std::vector<std::span<const std::uint8_t>> pieces() const;  ///< in order
+  std::uint64_t size() const;
+};
+/// Of an episode that was found valid (ViewEpisode). Does not take the mutex of HDF5, makes no pass over the pictures
+/// but that of the checksum. `frames` must outlive the result. @error kInternal
+Result<EpisodeFileParts> LayOutEpisodeFile(const Episode& episode, const FrameSpans& frames,
+                                           const std::string& content_sha256);
 
 struct EpisodeFile {
   int schema_version = kSchemaVersion;             ///< of the file; `episode` is converted to this program's
@@ -39,9 +57,12 @@ Episode WithFrames(EpisodeFile file, std::span<const std::uint8_t> bytes);
 /// SHA-256 of the encoded episode: of what it says, not of how the file lies.
 std::string ContentHash(const Episode& episode);
 
-/// Every frame is a zlib stream of its camera's size. @error kCorrupt
-Status CheckFrames(const Episode& episode);
+/// Every `every`th frame, beginning with one that follows from the episode's index, is a zlib stream of its camera's
+/// size; the others begin as one. @error kCorrupt
+Status CheckFrames(const Episode& episode, const FrameSpans& frames, std::uint64_t every = 1);
 
+/// Bytes of the seal that is written. An earlier kind, of 113 bytes with a SHA-256, is read, too.
+inline constexpr std::size_t kSealSize = 56;
 void AppendSeal(std::vector<std::uint8_t>& bytes);
 /// The bytes without their seal. @error kCorrupt
 Result<std::span<const std::uint8_t>> CheckSeal(std::span<const std::uint8_t> bytes);

@@ -180,7 +180,7 @@ void HdfWriter::WriteArray(const std::string& path, const Shape& shape, hid_t na
 }
 
 void HdfWriter::Frames(const std::string& path, int height, int width,
-                       const std::vector<std::vector<std::uint8_t>>& streams) {
+                       const std::vector<std::span<const std::uint8_t>>& streams) {
   if (!failed_.empty()) return;
   Group(path.substr(0, path.rfind('/')));
   const auto h = static_cast<std::uint64_t>(height);

@@ -18,15 +18,15 @@ std::string DemoName(std::uint64_t index) {
 }
 
 Result<std::vector<std::uint8_t>> MasterBytes(const CampaignSpec& spec,
-                                              const std::map<std::uint64_t, EpisodeSummary>& episodes,
+                                              const std::vector<MasterEntry>& episodes,
                                               const FilterKeys& chosen) {
   HdfWriter file;
   std::int64_t total = 0;
   file.Group("/data");
-  for (const auto& [index, episode] : episodes) {
+  for (const auto& [index, samples, task] : episodes) {
     // relative to the master file's own folder, so that a dataset may be moved
     file.ExternalLink(DemoGroup(index), EpisodePath("", index).generic_string(), DemoGroup(index));
-    total += static_cast<std::int64_t>(episode.samples);
+    total += static_cast<std::int64_t>(samples);
   }
   file.Attribute("/data", "total", total);
   file.Attribute("/data", "env_args", EnvArgs());
@@ -37,13 +37,20 @@ Result<std::vector<std::uint8_t>> MasterBytes(const CampaignSpec& spec,
 
 }  // namespace
 
+std::vector<MasterEntry> EntriesOf(const std::map<std::uint64_t, EpisodeSummary>& episodes) {
+  std::vector<MasterEntry> entries;
+  entries.reserve(episodes.size());
+  for (const auto& [index, episode] : episodes) entries.push_back({index, episode.samples, &episode.task});
+  return entries;
+}
+
 std::map<std::string, std::vector<std::string>> MasksOf(const CampaignSpec& spec,
-                                                        const std::map<std::uint64_t, EpisodeSummary>& episodes,
+                                                        const std::vector<MasterEntry>& episodes,
                                                         const FilterKeys& chosen) {
   std::map<std::string, std::vector<std::string>> masks{{"train", {}}, {"valid", {}}, {"test", {}}};
-  for (const auto& [index, episode] : episodes) {
+  for (const auto& [index, samples, made_for] : episodes) {
     masks[SplitOf(spec, index)].push_back(DemoName(index));
-    std::string task = episode.task;
+    std::string task = *made_for;
     std::replace(task.begin(), task.end(), '+', '_');
     if (IsPlainName(task)) masks[task].push_back(DemoName(index));
   }
@@ -51,13 +58,13 @@ std::map<std::string, std::vector<std::string>> MasksOf(const CampaignSpec& spec
     auto& demos = masks[name];
     demos.clear();  // a key of this name counts, also where a task has it
     for (const std::uint64_t index : indices)
-      if (episodes.contains(index)) demos.push_back(DemoName(index));
+      if (std::ranges::binary_search(episodes, index, {}, &MasterEntry::index)) demos.push_back(DemoName(index));
   }
   return masks;
 }
 
 Status WriteMasterFile(const Path& dataset, const CampaignSpec& spec,
-                       const std::map<std::uint64_t, EpisodeSummary>& episodes) {
+                       const std::vector<MasterEntry>& episodes) {
   // keys that cannot be read keep no collector from its work; whoever reads or changes them is told
   const FilterKeys chosen = ReadFilterKeys(dataset).value_or(FilterKeys());
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, MasterBytes(spec, episodes, chosen));

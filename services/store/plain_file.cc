@@ -49,7 +49,7 @@ class PlainFile {
     file.Attribute("/data", "total", static_cast<std::int64_t>(report.samples));
     file.Attribute("/data", "env_args", internal::EnvArgs());
     file.Attribute("/data", "spec_sha256", reader_.spec_sha256());
-    for (const auto& [name, demos] : internal::MasksOf(reader_.spec(), summaries_, keys))
+    for (const auto& [name, demos] : internal::MasksOf(reader_.spec(), internal::EntriesOf(summaries_), keys))
       file.FixedStrings("/mask/" + name, demos);
     std::size_t n = 0;
     for (const auto& [sentence, demos] : sentences_) {

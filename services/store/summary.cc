@@ -35,33 +35,35 @@ EpisodeSummary Summarize(const EpisodeRecord& record) {
   return Summarize(record.episode, frames, error ? 0 : bytes);
 }
 
+void Statistics::Add(const CampaignSpec& spec, std::uint64_t index, const EpisodeSummary& episode) {
+  ++episodes_;
+  ++tasks_[episode.task];
+  ++targets_[episode.target];
+  ++outcomes_[episode.outcome];
+  ++splits_[SplitOf(spec, index)];
+  successes_ += episode.success ? 1 : 0;
+  sum_.steps += episode.steps;
+  sum_.samples += episode.samples;
+  sum_.frames += episode.frames;
+  sum_.bytes += episode.bytes;
+  sum_.scene.Add(episode.scene);
+  sum_.planned.Add(episode.planned);
+}
+
+OrderedJson Statistics::Json() const {
+  return {{"episodes", episodes_},     {"successes", successes_},
+          {"steps", sum_.steps},       {"seconds", static_cast<double>(sum_.steps) / kControlRate},
+          {"samples", sum_.samples},   {"frames", sum_.frames},
+          {"bytes", sum_.bytes},       {"tasks", tasks_},
+          {"targets", targets_},       {"splits", splits_},
+          {"outcomes", outcomes_},     {"scenes", sum_.scene.Json()},
+          {"planned", sum_.planned.Json()}};
+}
+
 OrderedJson StatisticsOf(const CampaignSpec& spec, const std::map<std::uint64_t, EpisodeSummary>& episodes) {
-  std::map<std::string, std::uint64_t> tasks, targets, outcomes;
-  std::map<std::string, std::uint64_t> splits{{"train", 0}, {"valid", 0}, {"test", 0}};
-  EpisodeSummary sum;
-  SceneTally scenes;
-  PlanTally planned;
-  std::uint64_t successes = 0;
-  for (const auto& [index, episode] : episodes) {
-    ++tasks[episode.task];
-    ++targets[episode.target];
-    ++outcomes[episode.outcome];
-    ++splits[SplitOf(spec, index)];
-    successes += episode.success ? 1 : 0;
-    sum.steps += episode.steps;
-    sum.samples += episode.samples;
-    sum.frames += episode.frames;
-    sum.bytes += episode.bytes;
-    scenes.Add(episode.scene);
-    planned.Add(episode.planned);
-  }
-  return {{"episodes", episodes.size()}, {"successes", successes},
-          {"steps", sum.steps},          {"seconds", static_cast<double>(sum.steps) / kControlRate},
-          {"samples", sum.samples},      {"frames", sum.frames},
-          {"bytes", sum.bytes},          {"tasks", tasks},
-          {"targets", targets},          {"splits", splits},
-          {"outcomes", outcomes},        {"scenes", scenes.Json()},
-          {"planned", planned.Json()}};
+  Statistics statistics;
+  for (const auto& [index, episode] : episodes) statistics.Add(spec, index, episode);
+  return statistics.Json();
 }
 
 OrderedJson FeatureTable(const Episode& episode) {

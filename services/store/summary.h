@@ -26,7 +26,20 @@ EpisodeSummary Summarize(const Episode& episode, std::uint64_t frames, std::uint
 /// Of the file of `record`.
 EpisodeSummary Summarize(const EpisodeRecord& record);
 
-/// Counts by task, target, split; sums; see DatasetInfo.
+/// What is counted of a dataset while it grows: an episode costs the same, however many there are.
+class Statistics {
+ public:
+  void Add(const CampaignSpec& spec, std::uint64_t index, const EpisodeSummary& episode);
+  /// Counts by task, target, split; sums; see DatasetInfo.
+  OrderedJson Json() const;
+
+ private:
+  std::map<std::string, std::uint64_t> tasks_, targets_, outcomes_;
+  std::map<std::string, std::uint64_t> splits_{{"train", 0}, {"valid", 0}, {"test", 0}};
+  EpisodeSummary sum_;
+  std::uint64_t episodes_ = 0, successes_ = 0;
+};
+
 OrderedJson StatisticsOf(const CampaignSpec& spec, const std::map<std::uint64_t, EpisodeSummary>& episodes);
 
 /// What an episode has: [{"name", "dtype", "shape", "rate_hz"}, ...]; the first extent is of time.

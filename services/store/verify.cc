@@ -48,7 +48,7 @@ Status VerifyEpisode(const DatasetReader& reader, const SamplingJournal& journal
                 fmt::format("made with other sampling weights than {} has for it", internal::kSampling));
   if (same_schema && internal::ContentHash(episode) != content_sha256)
     return Fail(Code::kCorrupt, "content and its SHA-256 differ");
-  return internal::CheckFrames(episode);
+  return internal::CheckFrames(episode, FramesOf(episode));
 }
 
 // An older schema's hash is the one its writer computed (the seal says that it is): reading converts the content.

@@ -39,8 +39,13 @@ TEST(Inbox, HandsOnWhatWasFinishedFirst) {
   EXPECT_EQ(second.manifest.sender, "left");
   EXPECT_EQ(second.bytes, MakeBytes(10, 2));
   EXPECT_FALSE(inbox.has_finished());
-  EXPECT_EQ(inbox.memory(), 0u);
   EXPECT_EQ(inbox.Find("left", 1)->state, IncomingBlob::State::kJudging);
+  EXPECT_EQ(inbox.memory(), 30u) << "who popped them holds them";
+  inbox.Judge(first.manifest, {});
+  EXPECT_EQ(inbox.memory(), 10u);
+  inbox.Judge(first.manifest, {});
+  inbox.Judge(second.manifest, {});
+  EXPECT_EQ(inbox.memory(), 0u);
 }
 
 TEST(Inbox, TakesOneBlobOfAnySizeAndOthersWhileThereIsRoom) {

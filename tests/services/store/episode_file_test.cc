@@ -144,7 +144,7 @@ TEST(EpisodeFile, RefusesResealedFilesWhoseNumbersDoNotFit) {
   };
   for (const auto& [from, to] : edits) {
     ASSERT_EQ(from.size(), to.size());
-    Bytes edited(bytes.begin(), bytes.end() - 113);
+    Bytes edited(bytes.begin(), bytes.end() - static_cast<std::ptrdiff_t>(kSealSize));
     const auto at = std::search(edited.begin(), edited.end(), from.begin(), from.end());
     ASSERT_NE(at, edited.end()) << from;
     std::copy(to.begin(), to.end(), at);
