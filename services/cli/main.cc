@@ -64,6 +64,7 @@ int Main(int argc, char** argv) {
   AddConfig(app, body);
   AddLanguage(app, body);
   AddResults(app, body);
+  AddSecurity(app, body);
   AddDoctor(app, body);
   app.footer("Each command has its own --help. Exit codes: 0 done, 2 wrong usage, 3 the machine cannot, 1 else.");
   try {
