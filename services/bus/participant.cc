@@ -14,6 +14,7 @@
 #include <optional>
 #include <random>
 #include <regex>
+#include <tuple>
 
 #include "services/bus/access.h"
 #include "services/bus/local_profile.h"

@@ -6,6 +6,8 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <ctime>
 
 #include "services/core/clock.h"
 #include "services/security/certificate.h"
@@ -99,7 +101,7 @@ Status CheckSigned(const Path& folder, const char* name, X509* authority) {
   X509_STORE_set_flags(store.get(), X509_V_FLAG_NO_CHECK_TIME);
   X509_STORE_set_purpose(store.get(), X509_PURPOSE_ANY);
   const bool sound = document && content != nullptr &&
-                     PKCS7_verify(document.get(), nullptr, store.get(), owned.get(), nullptr, PKCS7_TEXT) == 1;
+                     PKCS7_verify(document.get(), nullptr, store.get(), owned.get(), nullptr, 0) == 1;
   if (sound) return {};
   return Refuse(folder, OpensslError(Code::kUnavailable,
                                      fmt::format("'{}' is not what permissions-ca.pem signed; copy it again", name))
