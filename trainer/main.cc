@@ -37,7 +37,7 @@ struct Arguments {
   std::uint64_t steps = 0;
   std::uint64_t seed = 0;
   int ranks = 1, rank = -1;
-  std::string meet, device = "cpu";
+  std::string meet, device = "cpu", sign;
   std::vector<std::string> words;  ///< of the command line, for other ranks
   bool has_seed = false, resume = false, follow = false, offline = false;
   Claim claim = Claim::kRefuse;
@@ -155,6 +155,7 @@ class Telemetry {
   }
 
   const publish::RunIdentity& run() const { return run_; }
+  void SignWith(std::shared_ptr<const security::CheckpointSigner> signer) { run_.signer = std::move(signer); }
   void Say(const learn::Progress& progress) {
     if (!writer_) return;
     if (const Status written = writer_->Write(ToMessage(run_, progress)); !written)
@@ -324,9 +325,16 @@ Status Train(const Arguments& arguments) {
 
   std::optional<bus::Participant> participant;
   if (!arguments.offline) {
-    ETUDE_ASSIGN_OR_RETURN(participant, arguments.bus.Open());
+    std::vector<security::Role> roles{security::Role::kTrainer};
+    if (!arguments.collect.empty()) roles.push_back(security::Role::kCollector);
+    ETUDE_ASSIGN_OR_RETURN(participant, arguments.bus.Open(roles));
   } else if (!arguments.collect.empty()) {
     return Fail(Code::kInvalidArgument, "--collect needs the bus: leave out --offline");
+  }
+  std::shared_ptr<const security::CheckpointSigner> signer;
+  if (!arguments.sign.empty()) {
+    ETUDE_ASSIGN_OR_RETURN(auto opened, security::CheckpointSigner::Open(arguments.sign));
+    signer = std::make_shared<const security::CheckpointSigner>(std::move(opened));
   }
   std::unique_ptr<bus::ProcessReporter> reporter;
   if (participant) {
@@ -335,6 +343,7 @@ Status Train(const Arguments& arguments) {
   }
   ETUDE_ASSIGN_OR_RETURN(auto telemetry,
                          Telemetry::Open(participant ? &*participant : nullptr, run, arguments.out, arguments.claim));
+  telemetry.SignWith(std::move(signer));
   std::unique_ptr<campaign::HostedCollector> collector;
   if (!arguments.collect.empty()) {
     ETUDE_ASSIGN_OR_RETURN(collector,
@@ -395,6 +404,8 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
   app.add_flag("--resume", arguments.resume, "go on where the run in --out stopped");
   app.add_flag("--follow", arguments.follow,
                "the dataset is still growing: wait for its first episodes, take in new ones");
+  app.add_option("--sign", arguments.sign,
+                 "sign published checkpoints with this key (etude security signing-key FILE)");
   app.add_flag("--offline", arguments.offline, "do not publish on the bus");
   bus::AddClaim(app, arguments.claim);
   arguments.bus.Add(app);

@@ -101,7 +101,7 @@ campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, std:
 }
 
 Status Work(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kWorker}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "worker"}));
   campaign::WorkerOptions options = arguments.worker;
   options.files_sha256 = task::UserFilesSha256;

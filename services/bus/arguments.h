@@ -11,6 +11,8 @@
 #include "services/bus/participant.h"
 #include "services/core/identity.h"
 #include "services/core/log_format.h"
+#include "services/security/checkpoint_signature.h"
+#include "services/security/identity.h"
 
 namespace etude::bus {
 
@@ -23,15 +25,30 @@ inline void AddClaim(CLI::App& app, Claim& claim) {
   new_id->excludes(adopt);
 }
 
+/// `--verify` and `--floor`.
+inline void AddVerify(CLI::App& app, security::VerifyArguments& verify) {
+  app.add_option("--verify", verify.key, "take only checkpoints signed by this Ed25519 key (FILE.pub)");
+  app.add_option(
+      "--floor", verify.floor,
+      "with --verify: file of the newest versions taken, older ones are refused (default: in ~/.local/state)");
+}
+
 struct Arguments {
   std::uint32_t domain = 0;
   std::string profile;  ///< empty: $CYCLONEDDS_URI, else this machine only
   std::string log = "text";
+  std::string security;  ///< folder of the identity; empty: without security
 
   void Add(CLI::App& app) {
     app.add_option("--domain", domain, "DDS domain, 0..230")->check(CLI::Range(0, 230))->capture_default_str();
     app.add_option("--profile", profile, "Cyclone DDS XML file (default: this machine only)");
+    AddSecurity(app, security);
     AddLog(app, log);
+  }
+  /// `--security`: the identity of this process; those that it starts get theirs from it (Flags).
+  static void AddSecurity(CLI::App& app, std::string& security) {
+    app.add_option("--security", security, "who this is on a secured bus: DIR/NAME of `etude security issue`")
+        ->envname("ETUDE_SECURITY");
   }
   /// `--log`: how this process and those that it starts write their log.
   static void AddLog(CLI::App& app, std::string& log) {
@@ -44,11 +61,16 @@ struct Arguments {
            "text | json: the log on stderr, a JSON object a line for programs")
         ->check(CLI::IsMember({"text", "json"}));
   }
+  /// @param roles  what the process does on the bus: its identity, if it has one, must allow that
   /// @error as Participant::Open.
-  Result<Participant> Open() const { return Participant::Open({domain, profile}); }
-  /// The same for a child: its command line, and its environment.
-  std::vector<std::string> Flags() const {
+  Result<Participant> Open(const std::vector<security::Role>& roles = {}) const {
+    return Participant::Open({domain, profile, security, roles});
+  }
+  /// The same for a child in a role: its command line, and its environment. Its identity is this one when that has the
+  /// role, else the neighbour of the role's name.
+  std::vector<std::string> Flags(security::Role role) const {
     std::vector<std::string> flags{"--domain", std::to_string(domain)};
+    if (!security.empty()) flags.insert(flags.end(), {"--security", security::IdentityFor(security, role).string()});
     if (log != "text") flags.insert(flags.end(), {"--log", log});
     return flags;
   }

@@ -68,6 +68,7 @@ struct BlobSubscriber::Impl {
   void DropSuperseded(const std::string& name);
   void Clear(Slot& slot);
   bool IsNews(std::string_view name, std::uint64_t version) const;
+  bool Accept(const PublishedBlob& blob) const;
   bool Wanted(std::string_view name) const { return channel.empty() || name == channel; }
 };
 
@@ -186,12 +187,16 @@ void BlobSubscriber::Impl::Finish(const SlotKey& key, Slot& slot) {
   if (!slot.assembly || !slot.assembly->complete() || !slot.info) return;
   if (slot.info->version != *slot.version) return;
   const auto digest = slot.assembly->Digest();
-  const bool fits =
+  bool fits =
       slot.info->size == slot.assembly->size() && std::equal(digest.begin(), digest.end(), slot.info->sha256.begin());
   if (fits) {
-    returned[key.channel] = *slot.version;
-    ready[key.channel] = {key.channel,          *slot.version, slot.info->owner,
-                          slot.info->meta_json, ToHex(digest), slot.assembly->TakeBytes()};
+    PublishedBlob blob{key.channel,          *slot.version, slot.info->owner,
+                       slot.info->meta_json, ToHex(digest), slot.assembly->TakeBytes()};
+    fits = Accept(blob);
+    if (fits) {
+      returned[key.channel] = blob.version;
+      ready[key.channel] = std::move(blob);
+    }
   } else {
     ++corrupt;
     Log().warn("published blob dropped: its bytes do not fit its checksum channel={} version={}", key.channel,
@@ -202,10 +207,25 @@ void BlobSubscriber::Impl::Finish(const SlotKey& key, Slot& slot) {
   if (fits) DropSuperseded(key.channel);
 }
 
+bool BlobSubscriber::Impl::Accept(const PublishedBlob& blob) const {
+  if (!options.accept) return true;
+  const Status judged = options.accept(blob);
+  if (!judged)
+    Log().warn("published blob refused channel={} version={}: {}", blob.channel, blob.version, judged.error().message);
+  return judged.has_value();
+}
+
 void BlobSubscriber::Impl::DropSuperseded(const std::string& name) {
   for (auto& [key, slot] : slots) {
     if (key.channel == name && slot.version && !IsNews(name, *slot.version)) Clear(slot);
   }
+}
+
+std::function<Status(const PublishedBlob&)> AcceptSigned(std::shared_ptr<security::CheckpointVerifier> verifier) {
+  if (!verifier) return {};
+  return [verifier = std::move(verifier)](const PublishedBlob& blob) {
+    return verifier->Check({blob.owner, blob.channel, blob.version, blob.sha256}, blob.meta_json);
+  };
 }
 
 BlobSubscriber::BlobSubscriber(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

@@ -11,6 +11,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -21,6 +22,7 @@
 #include "services/bus/owner.h"
 #include "services/bus/participant.h"
 #include "services/core/result.h"
+#include "services/security/checkpoint_signature.h"
 
 namespace etude::bus {
 
@@ -66,12 +68,17 @@ struct ReceivedBlob {
   std::vector<std::uint8_t> bytes;  ///< verified against manifest.sha256
 };
 
+struct PublishedBlob;
+
 struct ReceiveOptions {
   std::uint64_t max_blob_size = 1ull << 30;  ///< larger manifests are refused before allocation
   /// Of all blobs that came and were not acknowledged yet; others wait with their senders. One alone may be larger.
   std::uint64_t max_memory = 2ull << 30;
   /// Verdicts remembered for each sender, to answer repeats of a blob whose acknowledgement was lost.
   std::uint32_t verdicts_kept = 4;
+  /// Of subscribers: judges a whole, verified blob. One that it refuses is logged and dropped as if it had never been
+  /// published, so that it cannot hold back a good one of a lower version. Empty: all are taken.
+  std::function<Status(const PublishedBlob&)> accept;
 };
 
 /// Receives blobs of one channel from any number of senders. Thread safety: one thread at a time; Acknowledge from any.
@@ -127,6 +134,9 @@ struct PublishedBlob {
   std::string sha256;               ///< hex
   std::vector<std::uint8_t> bytes;  ///< verified
 };
+
+/// For ReceiveOptions::accept: only what `verifier` takes; none: everything.
+std::function<Status(const PublishedBlob&)> AcceptSigned(std::shared_ptr<security::CheckpointVerifier> verifier);
 
 class BlobSubscriber {
  public:

@@ -22,6 +22,20 @@ using namespace std::chrono_literals;
 constexpr char kPartition[] = "directory";
 // how long one that has just joined the domain looks for who else is there
 constexpr auto kLookAround = 300ms;
+// and under security at most until all that it sees have been authenticated
+constexpr auto kMostAuthentication = 3s;
+// the same for one that may be called often: a handshake takes 0.2 to 0.7 s
+constexpr auto kSettledSecured = 1500ms;
+
+// Waits, or not for a stop: then whoever was there first is known.
+void WaitForOthers(const Participant& participant) {
+  const auto latest = MonotonicClock::now() + kMostAuthentication;
+  if (WaitForStop(kLookAround) || !participant.secured()) return;
+  while (!participant.AllAdmitted() && MonotonicClock::now() < latest)
+    if (WaitForStop(20ms)) return;
+  // what they keep for late joiners comes after that
+  WaitForStop(kLookAround);
+}
 
 bool Fits(const Presence& presence, PresenceKind kind, const Selector& selector) {
   return presence.kind == kind && presence.name == selector.name && presence.id.starts_with(selector.id);
@@ -83,8 +97,8 @@ Directory::~Directory() = default;
 
 Result<Directory> Directory::Open(const Participant& participant) {
   ETUDE_ASSIGN_OR_RETURN(auto reader, Reader<Presence>::Open(participant, kPartition));
-  return Directory(
-      std::unique_ptr<Impl>(new Impl{std::move(reader), participant.domain(), MonotonicClock::now() + kLookAround}));
+  const auto settled = MonotonicClock::now() + (participant.secured() ? kSettledSecured : kLookAround);
+  return Directory(std::unique_ptr<Impl>(new Impl{std::move(reader), participant.domain(), settled}));
 }
 
 std::vector<Presence> Directory::Live() {
@@ -168,7 +182,7 @@ Announcement::~Announcement() {
 Result<Announcement> Announcement::Open(const Participant& participant, Presence presence, Claim claim) {
   ETUDE_ASSIGN_OR_RETURN(auto directory, Directory::Open(participant));
   ETUDE_ASSIGN_OR_RETURN(auto writer, Writer<Presence>::Open(participant, kPartition));
-  WaitForStop(kLookAround);
+  WaitForOthers(participant);
   const auto others = directory.Others(presence);
   if (!others.empty() && claim != Claim::kAdopt)
     return Fail(

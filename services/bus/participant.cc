@@ -11,10 +11,16 @@
 #include <fstream>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <random>
+#include <regex>
+#include <tuple>
 
+#include "services/bus/access.h"
 #include "services/bus/local_profile.h"
 #include "services/bus/participant_state.h"
+#include "services/bus/participant_watch.h"
+#include "services/bus/security_log.h"
 #include "services/core/file.h"
 #include "services/core/log.h"
 
@@ -25,6 +31,7 @@ namespace {
 struct DdsLog {
   std::mutex mutex;
   std::string last_error;
+  SecurityLines security;
 };
 
 DdsLog& GetDdsLog() {
@@ -41,7 +48,12 @@ void OnDdsLog(void*, const dds_log_data_t* data) {
     const std::scoped_lock lock(log.mutex);
     log.last_error = text;
   }
-  if (is_error || (data->priority & DDS_LC_WARNING) != 0) Log().warn("dds: {}", text);
+  if (!is_error && (data->priority & DDS_LC_WARNING) == 0) return;
+  if (const auto line = TranslateSecurity(text)) {
+    if (const auto once = GetDdsLog().security.Take(*line)) Log().warn("{}", *once);
+    return;
+  }
+  Log().warn("dds: {}", text);
 }
 
 std::string TakeLastDdsError() {
@@ -51,6 +63,9 @@ std::string TakeLastDdsError() {
 }
 
 std::string Advice(const std::string& explanation) {
+  if (explanation.find("denied by default rule") != std::string::npos) {
+    return "; its permissions do not name this domain: issue it with --domain";
+  }
   if (explanation.find("participant index") != std::string::npos) {
     return "; raise Discovery/MaxAutoParticipantIndex in the profile, end other processes of this "
            "domain, or use another domain";
@@ -106,6 +121,60 @@ Domains& GetDomains() {
   return *domains;
 }
 
+// A number with its unit, as the profile says sizes; nothing when it is none.
+std::optional<double> BytesIn(const std::string& profile, const std::string& element) {
+  static const std::map<std::string, double> kUnits{
+      {"", 1}, {"B", 1}, {"kB", 1024}, {"KiB", 1024}, {"MB", 1024 * 1024}, {"MiB", 1024 * 1024}};
+  std::smatch found;
+  if (!std::regex_search(profile, found, std::regex("<" + element + ">\\s*([0-9.]+)\\s*([A-Za-z]*)\\s*<")))
+    return std::nullopt;
+  const auto unit = kUnits.find(found[2]);
+  return unit == kUnits.end() ? std::nullopt : std::optional(std::stod(found[1]) * unit->second);
+}
+
+// What works without security and fails in silence with it.
+Status CheckProfile(const std::string& profile) {
+  constexpr double kMostFragment = 65000;
+  const auto fragment = BytesIn(profile, "FragmentSize");
+  if (fragment && *fragment > kMostFragment) {
+    return Fail(Code::kUnavailable,
+                fmt::format("DDS profile: FragmentSize is {:.0f} B: what security adds makes datagrams larger than UDP "
+                            "takes, and nothing arrives; at most {:.0f} B",
+                            *fragment, kMostFragment));
+  }
+  static const std::regex kSharedMemory("<(SharedMemory|Shm)>[\\s\\S]*?<Enable>\\s*true\\s*<");
+  if (std::regex_search(profile, kSharedMemory)) {
+    return Fail(Code::kUnavailable,
+                "DDS profile: SharedMemory is on, which passes by all security; set SharedMemory/Enable to false");
+  }
+  return {};
+}
+
+// The identity as properties of the participant: the profile stays the user's.
+Qos SecurityQos(const security::Identity& identity) {
+  Qos qos(dds_create_qos());
+  const auto set = [&](const char* name, const std::string& value) { dds_qset_prop(qos.get(), name, value.c_str()); };
+  const auto file = [&](const char* name) { return "file:" + (identity.folder / name).string(); };
+  for (const auto& [part, library, function] : {std::tuple{"auth", "dds_security_auth", "authentication"},
+                                                {"crypto", "dds_security_crypto", "crypto"},
+                                                {"access", "dds_security_ac", "access_control"}}) {
+    const std::string prefix = std::string("dds.sec.") + part + ".library.";
+    set((prefix + "path").c_str(), library);
+    set((prefix + "init").c_str(), std::string("init_") + function);
+    set((prefix + "finalize").c_str(), std::string("finalize_") + function);
+  }
+  set("dds.sec.auth.identity_ca", file("identity-ca.pem"));
+  set("dds.sec.auth.private_key", file("key.pem"));
+  set("dds.sec.auth.identity_certificate", file("cert.pem"));
+  set("dds.sec.access.permissions_ca", file("permissions-ca.pem"));
+  set("dds.sec.access.governance", file("governance.p7s"));
+  set("dds.sec.access.permissions", file("permissions.p7s"));
+  set("org.eclipse.cyclonedds.sec.auth.crl", file("crl.pem"));
+  // its discovery messages are in clear: they need not say more than they must
+  set("__ProcessName", "-");
+  return qos;
+}
+
 // A process has a domain once; participants with the same profile share it.
 Result<std::shared_ptr<Entity>> OpenDomain(const ParticipantConfig& config, const std::string& profile) {
   auto& domains = GetDomains();
@@ -156,6 +225,10 @@ Result<Endpoint> OpenEndpoint(const Participant& participant, const std::string&
                               const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& topic_qos,
                               bool is_writer) {
   ETUDE_RETURN_IF_ERROR(CheckPartition(partition));
+  if (!IsKnownTopic(topic)) {
+    return Fail(Code::kInvalidArgument,
+                fmt::format("topic '{}' is not in the table of topics (services/bus/access.h)", topic));
+  }
   Endpoint out;
   out.state = participant.state();
   out.is_writer = is_writer;
@@ -214,7 +287,10 @@ Error DdsError(dds_return_t code, std::string_view attempted) {
   if (code == DDS_RETCODE_TIMEOUT) kind = Code::kTimeout;
   if (code == DDS_RETCODE_BAD_PARAMETER) kind = Code::kInvalidArgument;
   if (code == DDS_RETCODE_OUT_OF_RESOURCES) kind = Code::kExhausted;
-  return {kind, fmt::format("{}: {}", attempted, dds_strretcode(code))};
+  const char* const advice = code == DDS_RETCODE_NOT_ALLOWED_BY_SECURITY
+                                 ? "; this identity's roles, campaigns and runs do not include it (etude security show)"
+                                 : "";
+  return {kind, fmt::format("{}: {}{}", attempted, dds_strretcode(code), advice)};
 }
 
 Result<Participant> Participant::Open(const ParticipantConfig& config) {
@@ -223,11 +299,19 @@ Result<Participant> Participant::Open(const ParticipantConfig& config) {
   }
   ETUDE_ASSIGN_OR_RETURN(const std::string profile, ProfileText(config.profile));
   auto state = std::make_shared<State>();
+  Qos qos;
+  if (!config.security.empty()) {
+    ETUDE_ASSIGN_OR_RETURN(state->identity, security::OpenIdentity(config.security, config.roles));
+    ETUDE_RETURN_IF_ERROR(CheckProfile(profile));
+    qos = SecurityQos(*state->identity);
+  }
   ETUDE_ASSIGN_OR_RETURN(state->domain, OpenDomain(config, profile));
-  const dds_entity_t handle = dds_create_participant(config.domain, nullptr, nullptr);
+  TakeLastDdsError();
+  const dds_entity_t handle = dds_create_participant(config.domain, qos.get(), nullptr);
   if (handle < 0) return Fail(OpenError(handle, config, "join"));
   state->participant = Entity(handle);
   state->id = config.domain;
+  if (state->identity) state->watch = ParticipantWatch::Start(*state, *state->identity);
   WarnAboutReceiveBuffer();
   KeepChunksOnTheHeap();
   return Participant(std::move(state));
@@ -239,6 +323,11 @@ Participant& Participant::operator=(Participant&&) noexcept = default;
 Participant::~Participant() = default;
 
 std::uint32_t Participant::domain() const { return state_->id; }
+bool Participant::secured() const { return state_->identity.has_value(); }
+bool Participant::AllAdmitted() const {
+  const Peers peers = LookAround(*state_);
+  return std::ranges::includes(peers.admitted, peers.seen);
+}
 
 Result<Endpoint> OpenWriter(const Participant& participant, const std::string& partition,
                             const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& qos) {

@@ -5,8 +5,10 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "services/core/result.h"
+#include "services/security/role.h"
 
 namespace etude::bus {
 
@@ -15,19 +17,30 @@ struct ParticipantConfig {
   /// A Cyclone DDS XML file or inline XML. Empty: $CYCLONEDDS_URI if set, else the built-in local
   /// profile (loopback, no multicast, up to 120 processes; the same text as deploy/dds/local.xml).
   std::string profile;
+  /// Folder of this process's identity (`etude security issue`). Empty: without security, unless the profile has a
+  /// Security section of its own.
+  std::string security;
+  std::vector<security::Role> roles;  ///< that the identity must have
 };
 
 /// One DDS participant. Thread-safe; must outlive every Writer and Reader made from it (they share it).
 class Participant {
  public:
   /// The first one also tells malloc to keep up to 64 MB of freed memory (see participant.cc).
-  /// @error kUnavailable: no interface, no free participant index, bad profile; says which and what to do.
+  /// With an identity it is watched: that it is about to expire is warned of in time and ends the process before the
+  /// library falls silent, and so does being admitted by nobody (see participant_watch.h).
+  /// @error kUnavailable: no interface, no free participant index, bad profile, an identity that cannot work; says
+  /// which and what to do.
   static Result<Participant> Open(const ParticipantConfig& config = {});
   Participant(Participant&&) noexcept;
   Participant& operator=(Participant&&) noexcept;
   ~Participant();
 
   std::uint32_t domain() const;
+  bool secured() const;  ///< with an identity
+  /// True when every participant that was seen on the domain has been heard, too. Under security that takes a
+  /// handshake each (0.2 to 0.7 s); strangers never are.
+  bool AllAdmitted() const;
   struct State;
   const std::shared_ptr<State>& state() const { return state_; }
 

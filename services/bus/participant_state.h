@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,6 +16,7 @@
 #include "services/bus/participant.h"
 #include "services/bus/qos.h"
 #include "services/core/thread_annotations.h"
+#include "services/security/identity.h"
 
 namespace etude::bus {
 
@@ -36,15 +38,20 @@ struct Traffic {
   std::vector<dds_entity_t> endpoints ETUDE_GUARDED_BY(mutex);
 };
 
+class ParticipantWatch;
+
 struct Participant::State {
   std::shared_ptr<Entity> domain;  ///< outlives the participant
   Entity participant;
   std::uint32_t id = 0;
+  std::optional<security::Identity> identity;
 
   Mutex mutex;
   /// By topic and whether it is of writers.
   std::map<std::pair<std::string, bool>, std::shared_ptr<Traffic>> traffic ETUDE_GUARDED_BY(mutex);
   std::shared_ptr<Traffic> TrafficOf(const std::string& topic, bool is_writer) ETUDE_EXCLUDES(mutex);
+
+  std::shared_ptr<ParticipantWatch> watch;  ///< ends before all that it looks at; none without an identity
 };
 
 /// A topic with its writer or reader in a partition.

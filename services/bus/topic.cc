@@ -118,26 +118,7 @@ std::uint64_t Reader<Message>::malformed() const {
   template class Writer<Name>;  \
   template class Reader<Name>;
 
-ETUDE_INSTANTIATE(Presence)
-ETUDE_INSTANTIATE(CampaignAnnouncement)
-ETUDE_INSTANTIATE(WorkRequest)
-ETUDE_INSTANTIATE(Lease)
-ETUDE_INSTANTIATE(WorkerStatus)
-ETUDE_INSTANTIATE(AttemptReport)
-ETUDE_INSTANTIATE(ValidationErrors)
-ETUDE_INSTANTIATE(CampaignStatus)
-ETUDE_INSTANTIATE(CampaignControl)
-ETUDE_INSTANTIATE(BlobManifest)
-ETUDE_INSTANTIATE(BlobChunk)
-ETUDE_INSTANTIATE(BlobAck)
-ETUDE_INSTANTIATE(Observation)
-ETUDE_INSTANTIATE(Action)
-ETUDE_INSTANTIATE(InsightWish)
-ETUDE_INSTANTIATE(Insight)
-ETUDE_INSTANTIATE(PolicyStatus)
-ETUDE_INSTANTIATE(ProcessStatus)
-ETUDE_INSTANTIATE(ProcessEvent)
-ETUDE_INSTANTIATE(TrainStatus)
+ETUDE_MESSAGES(ETUDE_INSTANTIATE)
 
 #undef ETUDE_INSTANTIATE
 

@@ -147,16 +147,9 @@ TopicEntry EntryOf() {
 }
 
 const std::vector<TopicEntry>& Entries() {
-  static const std::vector<TopicEntry> entries{EntryOf<Presence>(),         EntryOf<CampaignAnnouncement>(),
-                                               EntryOf<WorkRequest>(),      EntryOf<Lease>(),
-                                               EntryOf<WorkerStatus>(),     EntryOf<AttemptReport>(),
-                                               EntryOf<ValidationErrors>(), EntryOf<CampaignStatus>(),
-                                               EntryOf<CampaignControl>(),  EntryOf<BlobManifest>(),
-                                               EntryOf<BlobChunk>(),        EntryOf<BlobAck>(),
-                                               EntryOf<Observation>(),      EntryOf<Action>(),
-                                               EntryOf<InsightWish>(),      EntryOf<Insight>(),
-                                               EntryOf<PolicyStatus>(),     EntryOf<ProcessStatus>(),
-                                               EntryOf<ProcessEvent>(),     EntryOf<TrainStatus>()};
+#define ETUDE_ENTRY(Name) EntryOf<Name>(),
+  static const std::vector<TopicEntry> entries{ETUDE_MESSAGES(ETUDE_ENTRY)};
+#undef ETUDE_ENTRY
   return entries;
 }
 

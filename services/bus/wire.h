@@ -16,6 +16,7 @@
 #include "policy.h"
 #include "presence.h"
 #include "process.h"
+#include "services/bus/access.h"
 #include "services/bus/messages.h"
 #include "services/bus/qos.h"
 #include "train.h"
@@ -453,37 +454,58 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Pr
 #undef ETUDE_FIELD
 #undef ETUDE_FIELD_UP_TO
 
-#define ETUDE_TRAITS(Name, topic_name, topic_qos)                                          \
+#define ETUDE_TRAITS(Name, topic_name, topic_qos, topic_scope, ...)                        \
   template <>                                                                              \
   struct Traits<Name> {                                                                    \
+    using Role = security::Role;                                                           \
     using Wire = etude_wire_##Name;                                                        \
     static const dds_topic_descriptor_t& descriptor() { return etude_wire_##Name##_desc; } \
     static constexpr const char* kTopic = topic_name;                                      \
     static constexpr TopicQos kQos = topic_qos;                                            \
+    static constexpr Access kAccess{Scope::topic_scope, __VA_ARGS__};                      \
   };
 
-ETUDE_TRAITS(Presence, "etude/directory/presence", kState)
-ETUDE_TRAITS(CampaignAnnouncement, "etude/campaign/announcement", kState)
-ETUDE_TRAITS(WorkRequest, "etude/campaign/request", kEvents)
-ETUDE_TRAITS(Lease, "etude/campaign/lease", kEvents)
-ETUDE_TRAITS(WorkerStatus, "etude/campaign/worker", kNewest)
-ETUDE_TRAITS(AttemptReport, "etude/campaign/report", kEvents)
-ETUDE_TRAITS(ValidationErrors, "etude/campaign/validation_errors", kNewest)
-ETUDE_TRAITS(CampaignStatus, "etude/campaign/status", kState)
-ETUDE_TRAITS(CampaignControl, "etude/campaign/control", kEvents)
-ETUDE_TRAITS(BlobManifest, "etude/blob/manifest", kEvents)
-ETUDE_TRAITS(BlobChunk, "etude/blob/chunk", kEvents)
-ETUDE_TRAITS(BlobAck, "etude/blob/ack", kEvents)
-ETUDE_TRAITS(Observation, "etude/policy/observation", kNewest)
-ETUDE_TRAITS(Action, "etude/policy/action", kNewest)
-ETUDE_TRAITS(InsightWish, "etude/policy/insight_wish", kNewest)
-ETUDE_TRAITS(Insight, "etude/policy/insight", kNewest)
-ETUDE_TRAITS(PolicyStatus, "etude/policy/status", kState)
-ETUDE_TRAITS(ProcessStatus, "etude/process/status", kNewest)
-ETUDE_TRAITS(ProcessEvent, "etude/process/event", kRecent)
-ETUDE_TRAITS(TrainStatus, "etude/train/status", kState)
+// topic, QoS, where it lives, who writes it, who reads it
+ETUDE_TRAITS(Presence, "etude/directory/presence", kState, kDirectory,
+             MaskOf(Role::kCollector, Role::kTrainer, Role::kPolicy), kEveryRole)
+ETUDE_TRAITS(CampaignAnnouncement, "etude/campaign/announcement", kState, kCampaign, MaskOf(Role::kCollector),
+             MaskOf(Role::kWorker, Role::kGateway, Role::kSubscriber))
+ETUDE_TRAITS(WorkRequest, "etude/campaign/request", kEvents, kCampaign, MaskOf(Role::kWorker), MaskOf(Role::kCollector))
+ETUDE_TRAITS(Lease, "etude/campaign/lease", kEvents, kCampaign, MaskOf(Role::kCollector), MaskOf(Role::kWorker))
+ETUDE_TRAITS(WorkerStatus, "etude/campaign/worker", kNewest, kCampaign, MaskOf(Role::kWorker),
+             MaskOf(Role::kCollector, Role::kGateway))
+ETUDE_TRAITS(AttemptReport, "etude/campaign/report", kEvents, kCampaign, MaskOf(Role::kWorker),
+             MaskOf(Role::kCollector, Role::kGateway))
+ETUDE_TRAITS(ValidationErrors, "etude/campaign/validation_errors", kNewest, kCampaign, MaskOf(Role::kTrainer),
+             MaskOf(Role::kCollector))
+ETUDE_TRAITS(CampaignStatus, "etude/campaign/status", kState, kCampaign, MaskOf(Role::kCollector),
+             MaskOf(Role::kWorker, Role::kGateway, Role::kSubscriber))
+ETUDE_TRAITS(CampaignControl, "etude/campaign/control", kEvents, kCampaign, MaskOf(Role::kGateway),
+             MaskOf(Role::kCollector))
+ETUDE_TRAITS(BlobManifest, "etude/blob/manifest", kEvents, kEpisodes, MaskOf(Role::kWorker), MaskOf(Role::kCollector))
+ETUDE_TRAITS(BlobChunk, "etude/blob/chunk", kEvents, kEpisodes, MaskOf(Role::kWorker), MaskOf(Role::kCollector))
+ETUDE_TRAITS(BlobAck, "etude/blob/ack", kEvents, kEpisodes, MaskOf(Role::kCollector), MaskOf(Role::kWorker))
+ETUDE_TRAITS(Observation, "etude/policy/observation", kNewest, kRun,
+             MaskOf(Role::kRobot, Role::kWorker, Role::kGateway), MaskOf(Role::kPolicy))
+ETUDE_TRAITS(Action, "etude/policy/action", kNewest, kRun, MaskOf(Role::kPolicy),
+             MaskOf(Role::kRobot, Role::kWorker, Role::kGateway))
+ETUDE_TRAITS(InsightWish, "etude/policy/insight_wish", kNewest, kRun, MaskOf(Role::kGateway), MaskOf(Role::kPolicy))
+ETUDE_TRAITS(Insight, "etude/policy/insight", kNewest, kRun, MaskOf(Role::kPolicy), MaskOf(Role::kGateway))
+ETUDE_TRAITS(PolicyStatus, "etude/policy/status", kState, kRun, MaskOf(Role::kPolicy),
+             MaskOf(Role::kRobot, Role::kGateway, Role::kSubscriber))
+ETUDE_TRAITS(ProcessStatus, "etude/process/status", kNewest, kDirectory, kEveryRole, MaskOf(Role::kGateway))
+ETUDE_TRAITS(ProcessEvent, "etude/process/event", kRecent, kDirectory, kEveryRole, MaskOf(Role::kGateway))
+ETUDE_TRAITS(TrainStatus, "etude/train/status", kState, kRun, MaskOf(Role::kTrainer),
+             MaskOf(Role::kGateway, Role::kSubscriber))
 
 #undef ETUDE_TRAITS
+
+/// All of them: what has no reader and writer, is not shown by `etude topic` and may be used by no role, is not here.
+#define ETUDE_MESSAGES(X)                                                                                   \
+  X(Presence)                                                                                               \
+  X(CampaignAnnouncement) X(WorkRequest) X(Lease) X(WorkerStatus) X(AttemptReport) X(ValidationErrors)      \
+      X(CampaignStatus) X(CampaignControl) X(BlobManifest) X(BlobChunk) X(BlobAck) X(Observation) X(Action) \
+          X(InsightWish) X(Insight) X(PolicyStatus) X(ProcessStatus) X(ProcessEvent) X(TrainStatus)
 
 inline constexpr char kPublishedManifestTopic[] = "etude/blob/published_manifest";
 inline constexpr char kPublishedChunkTopic[] = "etude/blob/published_chunk";

@@ -39,7 +39,7 @@ void TellProgress(const std::stop_token& stop, const campaign::Collector& collec
 
 Status Collect(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(arguments.spec));
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kCollector}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
                          bus::ProcessReporter::Start(participant, {.role = "collector", .folder = arguments.out}));
   campaign::CollectorOptions options;

@@ -47,7 +47,7 @@ OrderedJson StatusJson(const CampaignView& campaign) {
 std::string Dumped(const OrderedJson& json) { return json.dump(1, ' ', false, OrderedJson::error_handler_t::replace); }
 
 Status List(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
   OrderedJson all = OrderedJson::array();
@@ -78,7 +78,7 @@ Result<bus::Presence> Find(const bus::Participant& participant, const std::strin
 }
 
 Status Show(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(const bus::Presence found, Find(participant, arguments.name));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
@@ -135,7 +135,7 @@ Result<bus::CampaignStatus> Ask(const bus::Participant& participant, const bus::
 }
 
 Status Command(const Arguments& arguments, const Control& control) {
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(const bus::Presence found, Find(participant, arguments.name));
   ETUDE_ASSIGN_OR_RETURN(
       auto statuses, bus::Reader<bus::CampaignStatus>::Open(participant, bus::Owner{found.name, found.id}.partition()));

@@ -15,6 +15,7 @@
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
+#include "services/security/checkpoint_signature.h"
 #include "services/store/safetensors.h"
 
 namespace etude::cli {
@@ -119,6 +120,7 @@ Status Show(const ShowArguments& arguments) {
 struct WatchArguments {
   std::string run, channel, out;
   bool once = false;
+  security::VerifyArguments verify;
   BusArguments bus;
 };
 
@@ -155,11 +157,13 @@ Result<std::string> WaitForRun(const bus::Participant& participant, const Select
 Status Watch(const WatchArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const Selector run, ParseSelector(arguments.run, "--run"));
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kSubscriber}));
+  ETUDE_ASSIGN_OR_RETURN(const auto verifier, arguments.verify.Open());
   Log().info("waiting for checkpoints of run={}", run.text());
   ETUDE_ASSIGN_OR_RETURN(const std::string id, WaitForRun(participant, run));
   if (id.empty()) return {};
-  ETUDE_ASSIGN_OR_RETURN(auto subscriber, bus::BlobSubscriber::Open(participant, {run.name, id}, arguments.channel));
+  ETUDE_ASSIGN_OR_RETURN(auto subscriber, bus::BlobSubscriber::Open(participant, {run.name, id}, arguments.channel,
+                                                                    {.accept = bus::AcceptSigned(verifier)}));
   while (!StopRequested() && std::ferror(stdout) == 0) {  // an error of stdout: nobody reads on
     const auto object = subscriber.Wait(std::chrono::seconds(1));
     if (!object) continue;
@@ -207,6 +211,7 @@ void AddCheckpoint(CLI::App& app, Body& body) {
   watch->add_option("--out", watching->out, "folder for <channel>-<step>.safetensors")->required();
   watch->add_option("--channel", watching->channel, "latest | best (default: both)")
       ->check(CLI::IsMember({"latest", "best"}));
+  bus::AddVerify(*watch, watching->verify);
   watch->add_flag("--once", watching->once, "one checkpoint, then end");
   watching->bus.Add(*watch);
   watch->callback([=, &body] { body = [=] { return Watch(*watching); }; });

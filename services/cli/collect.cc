@@ -22,7 +22,7 @@ struct Arguments {
 
 Status Collect(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(arguments.spec));
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kCollector}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
                          bus::ProcessReporter::Start(participant, {.role = "etude collect", .folder = arguments.out}));
   ETUDE_ASSIGN_OR_RETURN(auto hosted, HostedCampaign::Start(participant, spec,

@@ -41,6 +41,7 @@ void AddLanguage(CLI::App& app, Body& body);
 void AddAttempt(CLI::App& app, Body& body);
 void AddResults(CLI::App& app, Body& body);
 void AddDoctor(CLI::App& app, Body& body);
+void AddSecurity(CLI::App& app, Body& body);
 void AddTop(CLI::App& app, Body& body);
 void AddTopic(CLI::App& app, Body& body);
 void AddCampaign(CLI::App& app, Body& body);

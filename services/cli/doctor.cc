@@ -41,13 +41,14 @@ Finding CheckBus(const BusArguments& arguments) {
   auto participant = arguments.Open();
   if (!participant) return Missing(participant.error().message);
   const std::string partition = "doctor-" + bus::UniquePeerName();
-  auto reader = bus::Reader<bus::WorkRequest>::Open(*participant, partition);
+  auto reader = bus::Reader<bus::ProcessEvent>::Open(*participant, partition);
   if (!reader) return Missing(reader.error().message);
-  auto writer = bus::Writer<bus::WorkRequest>::Open(*participant, partition);
+  auto writer = bus::Writer<bus::ProcessEvent>::Open(*participant, partition);
   if (!writer) return Missing(writer.error().message);
   if (!writer->WaitForReaders(1, 5s)) return Missing("a writer and a reader in one process do not find each other");
   Stopwatch elapsed;
-  if (const Status sent = writer->Write({"doctor", "doctor", 1, "1"}); !sent) return Missing(sent.error().message);
+  if (const Status sent = writer->Write({.process = "doctor", .role = "doctor"}); !sent)
+    return Missing(sent.error().message);
   if (!reader->Wait(5s) || reader->Take().empty())
     return Missing("a message to this process did not arrive within 5 s");
   return Ok(fmt::format("domain {}, a message there in {:.2f} ms", arguments.domain, 1e3 * elapsed.Seconds()));

@@ -50,7 +50,7 @@ ServiceOptions ServiceOf(const Arguments& arguments, std::vector<std::string> po
   service.program = "etude-policy";
   service.log = arguments.evaluation.out / "logs" / "policy.log";
   service.arguments = std::move(policy_arguments);
-  const auto flags = arguments.bus.Flags();
+  const auto flags = arguments.bus.Flags(security::Role::kPolicy);
   service.arguments.insert(service.arguments.end(), flags.begin(), flags.end());
   service.environment = arguments.bus.Environment();
   return service;
@@ -167,7 +167,7 @@ Status Eval(Arguments arguments) {
   if (!arguments.checkpoint.empty()) {
     ETUDE_ASSIGN_OR_RETURN(choice, ServeCheckpoint(arguments));
   }
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kCollector}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
                          bus::ProcessReporter::Start(participant, {.role = "etude eval", .folder = arguments.out}));
   if (arguments.checkpoint.empty()) {

@@ -67,6 +67,7 @@ int Main(int argc, char** argv) {
   AddConfig(app, body);
   AddLanguage(app, body);
   AddResults(app, body);
+  AddSecurity(app, body);
   AddDoctor(app, body);
   AddCompletion(app, body);
   AddReference(app, body);

@@ -31,7 +31,7 @@ Screen ScreenNow() {
 }
 
 Status Top(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   // who is there says so once a second
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));

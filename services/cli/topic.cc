@@ -87,7 +87,7 @@ OrderedJson RowJson(const std::string& topic, const TopicRow& row, const std::ma
 }
 
 Status List(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
   ETUDE_ASSIGN_OR_RETURN(const auto endpoints, bus::Endpoints(participant));
@@ -136,7 +136,7 @@ Status CheckTopic(const Arguments& arguments) {
 
 Status Echo(const Arguments& arguments) {
   ETUDE_RETURN_IF_ERROR(CheckTopic(arguments));
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   std::map<std::string, std::unique_ptr<bus::Echo>> readers;  // by partition
   std::uint64_t printed = 0;
   for (int round = 0; !StopRequested() && std::ferror(stdout) == 0; ++round) {
@@ -159,7 +159,7 @@ Status Echo(const Arguments& arguments) {
 }
 
 Status Hz(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
   TopicRates rates;

@@ -39,6 +39,7 @@ struct Arguments {
   bool keep_running = false;
   std::string profile;
   std::string log = "text";
+  std::string security;
   Claim claim = Claim::kRefuse;
 };
 
@@ -97,7 +98,7 @@ Status System::StartTraining() {
                        "--minutes", fmt::format("{}", config_.train.minutes),
                        "--follow"};
   for (const auto& text : config_.train.set) trainer.arguments.insert(trainer.arguments.end(), {"--set", text});
-  const auto flags = bus_.Flags();
+  const auto flags = bus_.Flags(security::Role::kTrainer);
   trainer.arguments.insert(trainer.arguments.end(), flags.begin(), flags.end());
   trainer.restart_arguments = {"--resume"};
   // an earlier `up` on the same folder was stopped: go on from there
@@ -112,7 +113,8 @@ Status System::StartTraining() {
   ServiceOptions policy;
   policy.program = "etude-policy";
   policy.arguments = {"--subscribe", Selector{config_.train.run, run_.id}.text()};
-  policy.arguments.insert(policy.arguments.end(), flags.begin(), flags.end());
+  const auto serving_flags = bus_.Flags(security::Role::kPolicy);
+  policy.arguments.insert(policy.arguments.end(), serving_flags.begin(), serving_flags.end());
   policy.environment = bus_.Environment();
   policy.log = out_ / "logs" / "policy.log";
   ETUDE_ASSIGN_OR_RETURN(auto serving, Service::Start(policy));
@@ -267,8 +269,8 @@ Status Up(const Arguments& arguments) {
   resolved["episodes"] = spec.episodes;
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(Path(config.out) / "up.yaml", ToYaml(resolved)));
 
-  const BusArguments bus{config.domain, arguments.profile, arguments.log};
-  ETUDE_ASSIGN_OR_RETURN(auto participant, bus.Open());
+  const BusArguments bus{config.domain, arguments.profile, arguments.log, arguments.security};
+  ETUDE_ASSIGN_OR_RETURN(auto participant, bus.Open({security::Role::kCollector, security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
                          bus::ProcessReporter::Start(participant, {.role = "etude up", .folder = config.out}));
   const Path run_folder = Path(config.out) / "run" / config.train.run;
@@ -301,6 +303,7 @@ void AddUp(CLI::App& app, Body& body) {
   command->add_flag("--keep-running", arguments->keep_running, "keep the policy server up at the end, until Ctrl-C");
   command->add_option("--domain", arguments->domain, "DDS domain")->check(CLI::Range(0, 230));
   command->add_option("--profile", arguments->profile, "Cyclone DDS XML file");
+  BusArguments::AddSecurity(*command, arguments->security);
   BusArguments::AddLog(*command, arguments->log);
   bus::AddClaim(*command, arguments->claim);
   AddOverrides(*command, arguments->overrides, "train.config=paper");

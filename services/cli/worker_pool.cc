@@ -70,7 +70,7 @@ Status WorkerPool::StartSlot(std::size_t k) {
   slot.name = fmt::format("{}-w{}", bus::UniquePeerName(), k);
   campaign::ProcessOptions process;
   process.argv = {program_.string(), "--campaign", options_.campaign, "--name", slot.name};
-  const auto flags = options_.bus.Flags();
+  const auto flags = options_.bus.Flags(security::Role::kWorker);
   process.argv.insert(process.argv.end(), flags.begin(), flags.end());
   process.environment = options_.bus.Environment();
   process.log = LogOf(k);

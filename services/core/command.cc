@@ -15,6 +15,7 @@
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
 #include "services/core/stop.h"
+#include "services/core/stop_reason.h"
 
 namespace etude {
 namespace {
@@ -65,7 +66,8 @@ int RunMain(const std::string& name, const std::function<Status()>& body) {
   const char* level = std::getenv("ETUDE_LOG");
   InitLog(name, level ? level : "info");
   try {
-    const Status status = body();
+    Status status = body();
+    if (const auto reason = ReasonOfStop(); reason && status) status = Fail(*reason);
     ServiceManager::Get().Stopping();
     if (status) return EndOfOutput(name);
     return End(ExitCodeFor(status.error()), name, status.error().message);

@@ -84,7 +84,14 @@ void CheckpointSink::Publish(const std::string& channel, std::span<const std::ui
                              const checkpoint::Metadata& metadata) {
   if (!publisher_) return;
   const std::uint64_t version = run_.start << 32 | ++published_;
-  const Status sent = publisher_->Publish(channel, version, bytes, checkpoint::Summary(metadata).dump());
+  std::string summary = checkpoint::Summary(metadata).dump();
+  if (run_.signer) {
+    auto is_signed = run_.signer->Sign({run_.id, channel, version, Sha256Hex(bytes)}, summary);
+    if (!is_signed)
+      return Log().warn("not published: run={} channel={}: {}", run_.name, channel, is_signed.error().message);
+    summary = std::move(*is_signed);
+  }
+  const Status sent = publisher_->Publish(channel, version, bytes, summary);
   if (!sent) Log().warn("publish checkpoint run={} channel={}: {}", run_.name, channel, sent.error().message);
 }
 

@@ -8,6 +8,7 @@
 
 #include "services/bus/blob_transfer.h"
 #include "services/core/file.h"
+#include "services/security/checkpoint_signature.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/checkpoint/names.h"
 
@@ -17,6 +18,7 @@ namespace etude::publish {
 struct RunIdentity {
   std::string name, id;     ///< published in the partition NAME/ID
   std::uint64_t start = 1;  ///< grows with every start of the run (see NextStart): versions grow over restarts
+  std::shared_ptr<const security::CheckpointSigner> signer = {};  ///< signs what is published; none: nobody does
 };
 
 /// One more than the starts that `run_folder` has seen.

@@ -31,6 +31,7 @@ namespace {
 struct Arguments {
   std::string subscribe, checkpoint, run, channel = "latest", clip, device = "cpu";
   bus::Arguments bus;
+  security::VerifyArguments verify;
   int threads = 1;
 };
 
@@ -53,13 +54,17 @@ Result<Selector> RunOfFile(const Arguments& arguments, const Model& model) {
 Status Serve(const Arguments& arguments) {
   if (arguments.subscribe.empty() == arguments.checkpoint.empty())
     return Fail(Code::kInvalidArgument, "give either --subscribe RUN or --checkpoint FILE (see --help)");
+  if (!arguments.verify.key.empty() && arguments.subscribe.empty())
+    return Fail(Code::kInvalidArgument, "--verify is of published checkpoints: it needs --subscribe RUN");
   policy::SetTorchThreads(1);
   ETUDE_ASSIGN_OR_RETURN(const auto device, policy::OpenDevice(arguments.device));
+  ETUDE_ASSIGN_OR_RETURN(auto verifier, arguments.verify.Open());
   std::shared_ptr<const Model> model;
   ServerOptions options{.channel = arguments.channel,
                         .threads = std::max(1, arguments.threads),
                         .device = device,
                         .clip_folders = std::make_shared<clip::Folders>(arguments.clip)};
+  options.accept = bus::AcceptSigned(std::move(verifier));
   if (arguments.checkpoint.empty()) {
     ETUDE_ASSIGN_OR_RETURN(options.run, RunOf(arguments.subscribe, "--subscribe"));
   } else {
@@ -67,7 +72,7 @@ Status Serve(const Arguments& arguments) {
     ETUDE_ASSIGN_OR_RETURN(options.run, RunOfFile(arguments, *model));
     options.folder = arguments.checkpoint;
   }
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kPolicy}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "policy"}));
   ETUDE_ASSIGN_OR_RETURN(auto server, PolicyServer::Open(participant, options, model));
   if (model)
@@ -178,7 +183,7 @@ struct Looking {
 
   Status Watch() {
     ETUDE_ASSIGN_OR_RETURN(watching.run, RunOf(run, "--run"));
-    ETUDE_ASSIGN_OR_RETURN(const auto participant, bus.Open());
+    ETUDE_ASSIGN_OR_RETURN(const auto participant, bus.Open({security::Role::kGateway}));
     return serve::Watch(participant, watching);
   }
 };
@@ -204,6 +209,7 @@ int main(int argc, char** argv) {
                  "folder of CLIP's files, in place of the one that a policy with language clip:DIR names")
       ->envname("ETUDE_CLIP");
   arguments.bus.Add(app);
+  etude::bus::AddVerify(app, arguments.verify);
   app.add_option("--threads", arguments.threads, "observations evaluated side by side")->capture_default_str();
   app.add_option("--device", arguments.device, "where they are: cpu, cuda or cuda:NUMBER")->capture_default_str();
   etude::serve::Looking looking;

@@ -78,6 +78,7 @@ struct PolicyServer::Impl {
 
   Status FollowRuns();
   Status FollowRun(bus::Directory& directory, const std::string& run_id, WatchedLoop& watched);
+  Status Judge(const bus::PublishedBlob& blob);
   void TakeCheckpoint(const bus::PublishedBlob& blob);
   void Serve(const std::string& run_id, std::shared_ptr<const Model> fresh) ETUDE_EXCLUDES(mutex);
   void TryOut(const Model& fresh);
@@ -185,8 +186,10 @@ Status PolicyServer::Impl::FollowRuns() {
 
 // Until another run has taken its place.
 Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::string& run_id, WatchedLoop& watched) {
-  ETUDE_ASSIGN_OR_RETURN(auto subscriber,
-                         bus::BlobSubscriber::Open(*participant, {options.run.name, run_id}, options.channel));
+  ETUDE_ASSIGN_OR_RETURN(
+      auto subscriber,
+      bus::BlobSubscriber::Open(*participant, {options.run.name, run_id}, options.channel,
+                                {.accept = [this](const bus::PublishedBlob& blob) { return Judge(blob); }}));
   Log().info("following run {}@{}", options.run.name, run_id);
   while (!Stopping()) {
     watched.Moved();
@@ -195,6 +198,17 @@ Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::strin
     if (directory.Replaced(bus::PresenceKind::kRun, options.run, run_id)) return {};
   }
   return {};
+}
+
+// Before anything of it is parsed.
+Status PolicyServer::Impl::Judge(const bus::PublishedBlob& blob) {
+  if (!options.accept) return {};
+  Status judged = options.accept(blob);
+  if (!judged) {
+    ++refused;
+    NoteRefusal("checkpoint: " + judged.error().message);
+  }
+  return judged;
 }
 
 // Every new checkpoint becomes the model, or is refused and the last good one stays.

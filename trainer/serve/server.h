@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -17,9 +18,11 @@
 namespace etude::serve {
 
 struct ServerOptions {
-  Selector run;                        ///< whose checkpoints are served: NAME, or NAME@ID
-  std::string folder;                  ///< of the checkpoint that is served, for people
-  std::string channel = "latest";      ///< of the checkpoints to follow: latest | best
+  Selector run;                    ///< whose checkpoints are served: NAME, or NAME@ID
+  std::string folder;              ///< of the checkpoint that is served, for people
+  std::string channel = "latest";  ///< of the checkpoints to follow: latest | best
+  /// Whose checkpoints of the run are taken, see BlobSubscriber; empty: all.
+  std::function<Status(const bus::PublishedBlob&)> accept;
   int threads = 1;                     ///< observations evaluated side by side
   torch::Device device = torch::kCPU;  ///< where they are
   /// Of policies whose language is clip:DIR; open for as long as the server.

@@ -23,7 +23,7 @@ constexpr std::size_t kStrip = 120;
 constexpr std::size_t kMostAttempts = 200;
 constexpr std::size_t kMostWorkers = 4096;
 constexpr std::size_t kMostOwners = 256;
-constexpr auto kLook = 250ms;       // messages
+constexpr auto kLook = 250ms;        // messages
 constexpr auto kDirectory = 1000ms;  // who is there
 
 char Letter(const std::string& phase) {
@@ -223,7 +223,7 @@ void BusWatch::Run(std::stop_token stop) {
     model.view().error = error.message;
     Publish(model.view());
   };
-  auto participant = arguments_.Open();
+  auto participant = arguments_.Open({security::Role::kGateway});
   if (!participant) return failed(participant.error());
   auto directory = bus::Directory::Open(*participant);
   if (!directory) return failed(directory.error());

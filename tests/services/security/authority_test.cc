@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/security/authority.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include "services/core/clock.h"
+#include "services/security/identity.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::security {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::int64_t Now() { return static_cast<std::int64_t>(WallSeconds()); }
+
+class AuthorityTest : public ::testing::Test {
+ protected:
+  void SetUp() override { ASSERT_TRUE(InitAuthority(folder_.path(), Protection::kEncrypt)); }
+
+  // Valid from `begin` to `end`, seconds from now.
+  Result<Path> IssueWorker(const std::string& name, std::int64_t begin = -60, std::int64_t end = 86400) {
+    return Issue(folder_.path(), {.name = name,
+                                  .roles = {Role::kWorker},
+                                  .grants = {{true, "etude/campaign/request", "q/*"}},
+                                  .not_before = Now() + begin,
+                                  .not_after = Now() + end});
+  }
+  static std::string Refusal(const Path& identity, const std::vector<Role>& roles = {Role::kWorker}) {
+    const auto opened = OpenIdentity(identity, roles);
+    return opened ? "" : opened.error().message;
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(AuthorityTest, AnIdentityIsWhatWasIssued) {
+  const auto path = IssueWorker("rack-1");
+  ASSERT_TRUE(path) << path.error().message;
+  const auto identity = OpenIdentity(*path, {Role::kWorker});
+  ASSERT_TRUE(identity) << identity.error().message;
+  EXPECT_EQ(identity->name, "rack-1");
+  EXPECT_EQ(identity->subject, "CN=rack-1,OU=worker,O=Etude");
+  EXPECT_NEAR(static_cast<double>(identity->not_after), static_cast<double>(Now() + 86400), 5);
+  struct stat info {};
+  ASSERT_EQ(::stat((*path / "key.pem").c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777u, 0600u);
+  ASSERT_EQ(::stat((folder_.path() / "ca" / "identity-ca.key").c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777u, 0600u);
+}
+
+TEST_F(AuthorityTest, NamesAreTakenOnceAndAgainAfterRevocation) {
+  ASSERT_TRUE(IssueWorker("rack-1"));
+  EXPECT_FALSE(IssueWorker("rack-1"));
+  ASSERT_TRUE(Revoke(folder_.path(), "rack-1"));
+  const auto again = IssueWorker("rack-1");
+  ASSERT_TRUE(again) << again.error().message;
+  EXPECT_EQ(Refusal(*again), "");
+  EXPECT_FALSE(Revoke(folder_.path(), "nobody"));
+}
+
+TEST_F(AuthorityTest, NamesThatWouldSplitASubjectAreRefused) {
+  for (const char* name : {"", "a,b", "a/b", "A", "ca", "public", "a b", ".."}) EXPECT_FALSE(IssueWorker(name)) << name;
+}
+
+TEST_F(AuthorityTest, ASecondAuthorityInAFolderIsRefused) {
+  EXPECT_FALSE(InitAuthority(folder_.path(), Protection::kEncrypt));
+}
+
+TEST_F(AuthorityTest, ShowsWhatWasIssued) {
+  ASSERT_TRUE(IssueWorker("rack-1"));
+  ASSERT_TRUE(IssueWorker("rack-2"));
+  ASSERT_TRUE(Revoke(folder_.path(), "rack-2"));
+  const auto issued = ReadIssued(folder_.path());
+  ASSERT_TRUE(issued);
+  ASSERT_EQ(issued->size(), 2u);
+  EXPECT_FALSE((*issued)[0].revoked);
+  EXPECT_TRUE((*issued)[1].revoked);
+  EXPECT_EQ((*issued)[0].roles, std::vector<std::string>{"worker"});
+}
+
+TEST_F(AuthorityTest, RefusesWhatTheBusWouldBeSilentAbout) {
+  const Path path = IssueWorker("rack-1").value();
+  EXPECT_THAT(Refusal(path, {Role::kCollector}), HasSubstr("its role is worker"));
+  EXPECT_THAT(Refusal(path / "nowhere"), HasSubstr("no such folder"));
+  ASSERT_EQ(::chmod((path / "key.pem").c_str(), 0644), 0);
+  EXPECT_THAT(Refusal(path), HasSubstr("chmod 600"));
+  ASSERT_EQ(::chmod((path / "key.pem").c_str(), 0600), 0);
+  EXPECT_EQ(Refusal(path), "");
+  std::filesystem::remove(path / "crl.pem");
+  EXPECT_THAT(Refusal(path), HasSubstr("'crl.pem' is missing"));
+}
+
+TEST_F(AuthorityTest, RefusesIdentitiesOutOfTheirTime) {
+  EXPECT_THAT(Refusal(IssueWorker("past", -7200, -3600).value()), HasSubstr("it expired on"));
+  EXPECT_THAT(Refusal(IssueWorker("future", 3600, 7200).value()), HasSubstr("it holds from"));
+  EXPECT_THAT(Refusal(IssueWorker("ending", -86400, 30).value()), HasSubstr("about to expire"));
+}
+
+TEST_F(AuthorityTest, RefusesTheRevoked) {
+  const Path path = IssueWorker("rack-1").value();
+  const Path other = IssueWorker("rack-2").value();
+  ASSERT_TRUE(Revoke(folder_.path(), "rack-1"));
+  EXPECT_THAT(Refusal(path), HasSubstr("is revoked"));
+  EXPECT_EQ(Refusal(other), "");
+}
+
+TEST_F(AuthorityTest, RefusesAlteredDocumentsAndForeignParts) {
+  const Path path = IssueWorker("rack-1").value();
+  std::string text = ReadTextFile(path / "permissions.p7s").value();
+  const std::string before = text;
+  text.replace(text.find("q/*"), 3, "x/*");
+  ASSERT_TRUE(WriteFileAtomically(path / "permissions.p7s", text));
+  EXPECT_THAT(Refusal(path), HasSubstr("is not what permissions-ca.pem signed"));
+  ASSERT_TRUE(WriteFileAtomically(path / "permissions.p7s", before));
+  EXPECT_EQ(Refusal(path), "");
+
+  const TemporaryFolder foreign;
+  ASSERT_TRUE(InitAuthority(foreign.path(), Protection::kEncrypt));
+  std::filesystem::copy_file(foreign.path() / "public" / "identity-ca.pem", path / "identity-ca.pem",
+                             std::filesystem::copy_options::overwrite_existing);
+  EXPECT_THAT(Refusal(path), HasSubstr("two authorities"));
+}
+
+TEST_F(AuthorityTest, ChildrenGetTheNeighbourOfTheirRole) {
+  const Path worker = IssueWorker("worker").value();
+  const auto up = Issue(folder_.path(), {.name = "up",
+                                         .roles = {Role::kCollector, Role::kGateway},
+                                         .not_before = Now() - 60,
+                                         .not_after = Now() + 86400});
+  ASSERT_TRUE(up) << up.error().message;
+  EXPECT_EQ(IdentityFor(*up, Role::kCollector), *up);
+  EXPECT_EQ(IdentityFor(*up, Role::kWorker), worker.lexically_normal());
+  EXPECT_EQ(IdentityFor(*up, Role::kTrainer), *up) << "it is refused there, with the reason";
+}
+
+TEST(IdentityDates, WarnInTimeAndEndBeforeTheEnd) {
+  Identity identity;
+  identity.not_before = 1'000'000;
+  identity.not_after = 2'000'000;
+  EXPECT_EQ(WarnAt(identity), 1'800'000);
+  EXPECT_EQ(EndAt(identity), 1'999'940);
+}
+
+}  // namespace
+}  // namespace etude::security
