@@ -17,18 +17,6 @@ using sources::TextOf;
 using sources::TextOrNull;
 using sources::UnsignedOf;
 
-struct Opened {
-  std::shared_ptr<sources::EvalSource> source;
-  std::shared_ptr<const sources::EvalView> view;
-};
-
-Result<Opened> Open(Context& context, const std::string& id) {
-  Opened opened;
-  ETUDE_ASSIGN_OR_RETURN(opened.source, context.sources.Eval(id));
-  ETUDE_ASSIGN_OR_RETURN(opened.view, opened.source->View());
-  return opened;
-}
-
 // ---- the report ---------------------------------------------------------------------------------
 
 // A row of per_task with what older reports lack filled in.
@@ -130,7 +118,7 @@ std::map<std::uint64_t, std::string> VideosByIndex(const std::vector<std::string
 
 Result<http::Answer> Rows(Context& context, const http::Request& request) {
   const std::string id = request.Parameter("id");
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, id));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEval opened, OpenEval(context, id));
   ETUDE_ASSIGN_OR_RETURN(const auto offset, request.query.Integer("offset", 0, 0, 10'000'000));
   ETUDE_ASSIGN_OR_RETURN(const auto limit, request.query.Integer("limit", 400, 1, 1000));
   const auto tasks = request.query.All("task"), outcomes = request.query.All("outcome");
@@ -153,7 +141,7 @@ Result<http::Answer> Rows(Context& context, const http::Request& request) {
 }
 
 Result<http::Answer> Video(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request.Parameter("id")));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEval opened, OpenEval(context, request.Parameter("id")));
   const std::string name = request.Parameter("file");
   if (std::ranges::find(opened.view->videos, name) == opened.view->videos.end())
     return Fail(Code::kNotFound, fmt::format("the evaluation has no video '{:.100}'", name));
@@ -210,8 +198,8 @@ http::Answer OtherScenes(const std::string& a, const std::string& b, const std::
 }
 
 // Keys of the specs that make other scenes; none where a spec cannot be had.
-std::vector<std::string> SpecDifferences(const Opened& a, const Opened& b) {
-  const auto spec = [](const Opened& opened) { return FromJson<CampaignSpec>(opened.view->spec, "spec"); };
+std::vector<std::string> SpecDifferences(const OpenedEval& a, const OpenedEval& b) {
+  const auto spec = [](const OpenedEval& opened) { return FromJson<CampaignSpec>(opened.view->spec, "spec"); };
   const auto first = spec(a), second = spec(b);
   return first && second ? campaign::SceneDifferences(*first, *second) : std::vector<std::string>{};
 }
@@ -233,8 +221,8 @@ OrderedJson PairRowsJson(std::vector<PairRow> rows) {
 
 Result<http::Answer> Pair(Context& context, const http::Request& request) {
   const std::string id_a = request.Parameter("a"), id_b = request.Parameter("b");
-  ETUDE_ASSIGN_OR_RETURN(const Opened a, Open(context, id_a));
-  ETUDE_ASSIGN_OR_RETURN(const Opened b, Open(context, id_b));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEval a, OpenEval(context, id_a));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEval b, OpenEval(context, id_b));
   if (const auto differences = SpecDifferences(a, b); !differences.empty()) return OtherScenes(id_a, id_b, differences);
   const auto first = ByIndex(*a.view), second = ByIndex(*b.view);
   std::vector<PairRow> rows;
@@ -263,7 +251,7 @@ Result<http::Answer> Pair(Context& context, const http::Request& request) {
 }  // namespace
 
 Result<OrderedJson> EvalJson(Context& context, const std::string& id) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, id));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEval opened, OpenEval(context, id));
   const auto& [source, view] = opened;
   const auto& report = view->report;
   OrderedJson tasks = OrderedJson::array();

@@ -8,13 +8,18 @@
 
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/curriculum.h"
-#include "dashboard/server/api/sentence.h"
 #include "services/core/command.h"
 #include "services/core/statistics.h"
+#include "services/monitor/sentence.h"
 
 namespace etude::api {
 namespace {
 
+using monitor::CollectionFacts;
+using monitor::EvaluationFacts;
+using monitor::Facts;
+using monitor::PolicyFacts;
+using monitor::TrainingFacts;
 using sources::Found;
 using sources::Kind;
 using sources::Maybe;
@@ -46,32 +51,27 @@ struct Gathered {
   std::vector<std::string> unreadable;  // what could not be read, and why
 };
 
+// Adds one of a kind, or why it cannot be read.
+template <class Item, class Opened, class StateOfView>
+void GatherOne(const Found& found, const Result<Opened>& opened, StateOfView&& state, std::vector<Item>& items,
+               std::vector<std::string>& unreadable) {
+  if (!opened)
+    unreadable.push_back(found.shown + ": " + opened.error().message);
+  else
+    items.push_back({found, opened->view, state(*opened->view), found.name});
+}
+
 void GatherFiles(Context& context, Gathered& all) {
-  std::size_t datasets = 0, runs = 0, evals = 0;
+  std::map<Kind, std::size_t> looked;
+  const auto of_bus = [&](const auto& view) { return StateOf(&view, LiveOf(*all.live, view)); };
   for (const auto& found : *context.sources.catalog().List()) {
-    const auto failed = [&](const Error& error) { all.unreadable.push_back(found.shown + ": " + error.message); };
-    if (found.kind == Kind::kDataset && datasets++ < kMostLooked) {
-      const auto source = context.sources.Dataset(found.id);
-      const auto view = source ? (*source)->View() : Fail(source.error());
-      if (!view)
-        failed(view.error());
-      else
-        all.datasets.push_back({found, *view, StateOf(view->get(), LiveOf(*all.live, **view)), found.name});
-    } else if (found.kind == Kind::kRun && runs++ < kMostLooked) {
-      const auto source = context.sources.Run(found.id);
-      const auto view = source ? (*source)->View() : Fail(source.error());
-      if (!view)
-        failed(view.error());
-      else
-        all.runs.push_back({found, *view, StateOf(view->get(), LiveOf(*all.live, **view)), found.name});
-    } else if (found.kind == Kind::kEval && evals++ < kMostLooked) {
-      const auto source = context.sources.Eval(found.id);
-      const auto view = source ? (*source)->View() : Fail(source.error());
-      if (!view)
-        failed(view.error());
-      else
-        all.evals.push_back({found, *view, EvalState(**view), found.name});
-    }
+    if (looked[found.kind]++ >= kMostLooked) continue;
+    if (found.kind == Kind::kDataset)
+      GatherOne(found, OpenDataset(context, found.id), of_bus, all.datasets, all.unreadable);
+    else if (found.kind == Kind::kRun)
+      GatherOne(found, OpenRun(context, found.id), of_bus, all.runs, all.unreadable);
+    else
+      GatherOne(found, OpenEval(context, found.id), EvalState, all.evals, all.unreadable);
   }
 }
 
@@ -223,11 +223,44 @@ void WarnOfDisks(Context& context, OrderedJson& warnings) {
   }
 }
 
+// What processes and policy servers say of themselves.
+void WarnOfProcesses(const Gathered& all, OrderedJson& warnings) {
+  constexpr double kLeast = 0.1;
+  constexpr std::int64_t kSilent_ms = 3000;
+  std::set<std::string> disks;
+  for (const auto& [process, heard] : all.live->processes) {
+    const auto& status = heard.message;
+    if (status.disk_total_bytes == 0 || warnings.size() >= 100) continue;
+    const double free = static_cast<double>(status.disk_free_bytes) / static_cast<double>(status.disk_total_bytes);
+    if (free < kLeast && disks.insert(status.host + status.folder).second)
+      warnings.push_back(Warning("disk", fmt::format("disk of {} on {} {:.0f} % free", status.role, status.host, 100 * free),
+                                 "/fleet?filter=" + status.host));
+    const std::set<std::string> lasting{"collector", "trainer", "policy"};
+    if (const auto age = live::AgeMs(heard.at); lasting.contains(status.role) && age > kSilent_ms)
+      warnings.push_back(Warning("process_silent", fmt::format("{} on {} silent for {} s", status.role, status.host, age / 1000),
+                                 "/fleet?filter=" + status.host, WallSeconds() - static_cast<double>(age) / 1000));
+  }
+  for (const auto* server : ServersOf(*all.live))
+    if (!server->status.last_refusal.empty())
+      warnings.push_back(Warning("policy_refuses", fmt::format("policy on {} refused: {}", server->status.host,
+                                                               server->status.last_refusal),
+                                 "/logs"));
+  for (const auto& [id, campaign] : all.live->campaigns) {
+    std::set<std::string> of_campaign;
+    for (const auto& [worker, heard] : campaign.workers)
+      if (const auto print = all.live->prints.find(worker); print != all.live->prints.end())
+        of_campaign.insert(print->second);
+    if (campaign.present && of_campaign.size() > 1)
+      warnings.push_back(Warning("fingerprint", campaign.presence.name + ": workers are ready for different work", "/fleet"));
+  }
+}
+
 OrderedJson Warnings(Context& context, const Gathered& all) {
   OrderedJson warnings = OrderedJson::array();
   WarnOfCampaigns(all, warnings);
   WarnOfRuns(all, warnings);
   WarnOfDisks(context, warnings);
+  WarnOfProcesses(all, warnings);
   for (const auto& text : all.unreadable) warnings.push_back(Warning("unreadable", text, "/logs"));
   return warnings;
 }
@@ -282,37 +315,41 @@ OrderedJson TrainingTile(const Gathered& all) {
   const auto* item = NewestRun(all);
   if (!item) return nullptr;
   const auto& state = item->state;
-  return {{"source", item->found.id},
-          {"name", item->name},
-          {"step", state.step},
-          {"steps", Maybe(state.steps)},
-          {"stage", state.stage},
-          {"stages", state.stages},
-          {"stage_name", state.stage_name},
-          {"loss", Maybe(state.loss)},
-          {"samples_per_s", Maybe(state.samples_per_s)},
-          {"data_wait", Maybe(state.data_wait)},
-          {"eta_s", Maybe(state.eta_s)},
-          {"checkpoint_step", Maybe(state.checkpoint_step)},
-          {"finished", state.state == "finished"},
-          {"errors", ErrorsOf(item->view.get())},
-          {"live", state.live}};
+  OrderedJson json{{"source", item->found.id}, {"name", item->name}};
+  json.update(ProgressJson(state));
+  json.update(OrderedJson{{"steps", Maybe(state.steps)},
+                          {"finished", state.state == "finished"},
+                          {"errors", ErrorsOf(item->view.get())},
+                          {"live", state.live}});
+  return json;
 }
 
+// Of the server that was heard answering most; without one that says how it does, of who has announced itself.
 OrderedJson PolicyTile(const Gathered& all) {
-  const auto* item = NewestRun(all);
   if (all.live->policies.empty()) return nullptr;
-  const auto& presence = all.live->policies.front().presence;
-  const bool ours = item && item->view && item->view->identity == presence.id;
-  double saved = 0;
-  if (ours && !item->view->checkpoints.empty()) saved = item->view->checkpoints.front().stamp.modified_s();
-  return {{"source", ours ? OrderedJson(item->found.id) : OrderedJson()},
-          {"name", presence.name},
-          {"instances", all.live->policies.size()},
-          {"checkpoint_step", ours ? Maybe(item->state.checkpoint_step) : OrderedJson()},
-          {"age_ms", AgeOf(saved)},
-          {"p50_ms", nullptr},
-          {"p95_ms", nullptr}};
+  const auto servers = ServersOf(*all.live);
+  const auto busiest = std::ranges::max_element(servers, {}, [](const auto* server) { return server->status.answered; });
+  const live::LiveServer* server = busiest == servers.end() ? nullptr : *busiest;
+  const std::string run_id = server ? server->status.run_id : all.live->policies.front().presence.id;
+  const auto ours = std::ranges::find_if(all.runs, [&](const auto& item) { return item.view && item.view->identity == run_id; });
+  OrderedJson json{{"source", ours == all.runs.end() ? OrderedJson() : OrderedJson(ours->found.id)},
+                   {"name", server ? server->status.run : all.live->policies.front().presence.name},
+                   {"instances", all.live->policies.size()}};
+  if (!server) {
+    json.update(OrderedJson::parse(R"({"checkpoint_step": null, "age_ms": null, "p50_ms": null, "p95_ms": null,
+        "answers_per_s": null, "sessions": null, "may_drive": null, "last_refusal": null})"));
+    return json;
+  }
+  const auto& status = server->status;
+  json.update(OrderedJson{{"checkpoint_step", status.step},
+                          {"age_ms", live::AgeMs(server->heard)},
+                          {"p50_ms", status.p50_ms},
+                          {"p95_ms", status.p95_ms},
+                          {"answers_per_s", Maybe(server->AnswersPerSecond())},
+                          {"sessions", status.sessions},
+                          {"may_drive", status.control_trained},
+                          {"last_refusal", sources::TextOrNull(status.last_refusal)}});
+  return json;
 }
 
 OrderedJson ShareJson(std::uint64_t successes, std::uint64_t n) {
@@ -404,6 +441,9 @@ OrderedJson Events(const Gathered& all) {
       add(attempt.t, "warn", fmt::format("{}: #{} {}", campaign.presence.name, attempt.report.index, attempt.report.outcome),
           "/generation");
     }
+  for (const auto& [event] : *all.live->events)
+    add(static_cast<double>(event.time_ms) / 1000, event.level == "error" ? "error" : "warn",
+        fmt::format("{} on {}: {}", event.role, event.host, event.text), "/logs");
   std::ranges::stable_sort(events, std::greater<>(), [](const auto& event) { return event.first; });
   OrderedJson json = OrderedJson::array();
   for (auto& [t, event] : events)
@@ -414,12 +454,17 @@ OrderedJson Events(const Gathered& all) {
 Facts FactsOf(Context& context, const Gathered& all) {
   Facts facts;
   if (const auto* item = NewestDataset(all))
-    facts.collection = CollectionFacts{item->name,          item->state.state,    item->state.committed,
-                                       item->state.total, item->state.given_up, item->state.eta_s};
+    facts.collection =
+        CollectionFacts{item->name,       item->state.control.empty() ? item->state.state : item->state.control,
+                        item->state.committed, item->state.total, item->state.given_up, item->state.eta_s};
   if (const auto* item = NewestRun(all))
     facts.training = TrainingFacts{item->state.state, item->state.stage_name, item->state.stage,    item->state.stages,
                                    item->state.step,  item->state.eta_s,      item->state.elapsed_s};
-  if (!all.live->policies.empty()) facts.policy = PolicyFacts{std::nullopt, all.live->policies.size()};
+  if (!all.live->policies.empty()) {
+    const auto servers = ServersOf(*all.live);
+    facts.policy = servers.size() == 1 ? monitor::FactsOf(servers.front()->status)
+                                       : PolicyFacts{std::nullopt, all.live->policies.size(), std::nullopt, true};
+  }
   if (const auto* item = NewestEval(all)) {
     const auto& success = PartOf(PartOf(item->view->report, "overall"), "success");
     facts.evaluation = EvaluationFacts{item->state, sources::NumberOf(success, "share").value_or(0),
@@ -456,7 +501,7 @@ OrderedJson HomeJson(Context& context) {
                     {"success", SuccessTile(all)},
                     {"ladder", LadderTile(all)},
                     {"events", Events(all)}};
-  return {{"sentence", Sentence(FactsOf(context, all))},
+  return {{"sentence", monitor::Sentence(FactsOf(context, all))},
           {"state", StateOfAll(all)},
           {"time", sources::Rfc3339(WallSeconds())},
           {"version", Version()},

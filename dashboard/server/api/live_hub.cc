@@ -20,7 +20,8 @@ struct Channel {
   const char* name;
   double top_hz;
 };
-constexpr Channel kChannels[] = {{"home", 2}, {"fleet", 2}, {"attempts", 1}, {"train", 1}, {"eval", 1}, {"logs", 4}};
+constexpr Channel kChannels[] = {{"home", 2}, {"fleet", 2}, {"attempts", 1}, {"train", 1}, {"eval", 1}, {"logs", 4},
+                                 {"events", 2}, {"topics", 1}, {"sample", 4}};
 
 const Channel* FindChannel(const std::string& name) {
   for (const auto& channel : kChannels)
@@ -164,6 +165,9 @@ std::string LiveHub::Compute(const Subscription& subscription) {
     if (channel == "train")
       return TrainNews(context_, sources::TextOf(arguments, "run"), sources::UnsignedOf(arguments, "since").value_or(0));
     if (channel == "eval") return EvalJson(context_, sources::TextOf(arguments, "id"));
+    if (channel == "events") return EventsJson(context_, QueryOf(arguments));
+    if (channel == "topics") return TopicsJson(context_);
+    if (channel == "sample") return SampleJson(context_, sources::TextOf(arguments, "topic"));
     return LogsJson(context_, QueryOf(arguments));
   }();
   if (!json) return "\"error\":" + Dump(OrderedJson(json.error().message));
