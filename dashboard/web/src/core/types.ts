@@ -952,7 +952,7 @@ export type Insight = {
   sentence: string;
   modules: Record<string, ModuleSays>;
   /** the same with the what-if of the request */
-  what_if: null | Record<string, ModuleSays>;
+  what_if: Record<string, ModuleSays> | null;
   attention: Record<string, {
     rows: number;
     columns: number;

@@ -64,6 +64,8 @@ const std::map<std::string, std::string> kExamples{
     {"/evals/{a}/pair/{b}", "/evals/lab.eval_a/pair/lab.eval_b"},
     {"/diff", "/diff?a=lab.eval_a&b=lab.eval_other"},
     {"/logs", "/logs"},
+    {"/events", "/events"},
+    {"/topics", "/topics"},
     {"/actions", "/actions"},
     {"/session", "/session"},
     {"/jobs", "/jobs"},
