@@ -120,7 +120,7 @@ function Seen(props: { episode: Episode; picture: number; module: string; of: In
         {attention && attention.weights.map((weight, i) => {
           const width = view.width / attention.columns;
           const height = view.height / attention.rows;
-          return <rect x={view.u + (i % attention.columns) * width} y={view.v + Math.floor(i / attention.columns) * height} width={width + 0.3} height={height + 0.3} fill="#000" opacity={0.6 * (1 - Math.sqrt(weight / most))} />;
+          return <rect x={view.u + (i % attention.columns) * width} y={view.v + Math.floor(i / attention.columns) * height} width={width} height={height} fill="#000" shape-rendering="crispEdges" opacity={0.6 * (1 - Math.sqrt(weight / most))} />;
         })}
         {[...props.hidden, ...(drag ? [rectangle(drag)] : [])].map(([x, y, width, height]) => <rect x={x} y={y} width={width} height={height} fill="#808080" stroke="#fff" stroke-width="1" />)}
         {truth && <g class="mark" transform={`translate(${truth[0]} ${truth[1]})`}>{(['casing', 'line', 'hair'] as const).map((layer) => <circle class={`${layer} target`} r="5" />)}</g>}
@@ -157,7 +157,7 @@ function Said(props: { of: Insight; run: string; module: string }) {
         <thead><tr><th>module</th><th>says</th>{of.what_if && <><th>would say</th><th class="num">Δ</th></>}<th class="num">looks at picture</th></tr></thead>
         <tbody>{Object.entries(of.modules).map(([name, one]) => (
           <tr data-module={name} {...(name === props.module ? { 'aria-selected': 'true' as const } : {})}>
-            <td><a href={link('inside', { run: props.run, module: name })}><span class="swatch" style={{ background: `var(--${moduleColor(name)})` }} /> {name}</a></td>
+            <td class="nowrap"><a href={link('inside', { run: props.run, module: name })}><span class="swatch" style={{ background: `var(--${moduleColor(name)})` }} /> {name}</a></td>
             <td>{words(one)}</td>
             {of.what_if && <><td>{words(of.what_if[name])}</td><td class="num">{difference(one, of.what_if[name])}</td></>}
             <td class="num">{of.attention[name] ? number(of.attention[name]!.share, 2) : none}</td>

@@ -26,7 +26,7 @@ export function Overview() {
         {tiles.policy && <PolicyTile of={tiles.policy} />}
       </div>
       {tiles.ladder && <Panel title="Curriculum" aside={<a href={link('training', { run: tiles.ladder.source })}>Training</a>}><Ladder stages={tiles.ladder.stages} /></Panel>}
-      <div class="grid wide">
+      <div class="grid wide stretch">
         {tiles.success && <Success of={tiles.success} />}
         <Panel title="Events">
           {tiles.events.length
