@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dashboard/server/gateway.h"
 
-#include <fmt/format.h>
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -84,9 +84,9 @@ Result<http::SecurityConfig> SecurityOf(const GatewayOptions& options) {
   }
   ETUDE_ASSIGN_OR_RETURN(config.token, ReadToken(options.token_file));
   if (config.reads_need_token && config.token.empty())
-    return Fail(Code::kInvalidArgument,
-                fmt::format("--bind {}: other machines could read everything; name a --token-file FILE, too",
-                            options.address));
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("--bind {}: other machines could read everything; name a --token-file FILE, too", options.address));
   return config;
 }
 
@@ -151,12 +151,11 @@ Result<std::unique_ptr<Gateway>> Gateway::Open(const GatewayOptions& options) {
   serving.address = options.address;
   serving.port = options.port;
   auto* hub = &parts->hub;
-  ETUDE_ASSIGN_OR_RETURN(
-      parts->server,
-      http::Server::Open(serving, *parts->service,
-                         [hub](const http::Request& request, std::shared_ptr<http::Socket> socket) {
-                           return hub->Connect(request, std::move(socket));
-                         }));
+  ETUDE_ASSIGN_OR_RETURN(parts->server,
+                         http::Server::Open(serving, *parts->service,
+                                            [hub](const http::Request& request, std::shared_ptr<http::Socket> socket) {
+                                              return hub->Connect(request, std::move(socket));
+                                            }));
   return std::unique_ptr<Gateway>(new Gateway(std::move(parts)));
 }
 

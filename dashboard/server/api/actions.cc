@@ -57,7 +57,9 @@ struct Command {
   std::vector<std::string> arguments;
   Weight weight = Weight::kLight;
 
-  void AddFlags(const std::vector<std::string>& flags) { arguments.insert(arguments.end(), flags.begin(), flags.end()); }
+  void AddFlags(const std::vector<std::string>& flags) {
+    arguments.insert(arguments.end(), flags.begin(), flags.end());
+  }
 };
 
 // A checkpoint that the run has, looked up and never joined from what was asked.
@@ -75,12 +77,13 @@ Result<Command> Evaluate(Context& context, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const Path checkpoint, CheckpointOf(context, body));
   const auto episodes = UnsignedOf(body, "episodes").value_or(40);
   const std::string seed = TextOf(body, "seed", "9001");
-  const bool number = !seed.empty() && seed.size() <= 20 && std::ranges::all_of(seed, [](char c) { return c >= '0' && c <= '9'; });
+  const bool number =
+      !seed.empty() && seed.size() <= 20 && std::ranges::all_of(seed, [](char c) { return c >= '0' && c <= '9'; });
   if (episodes < 1 || episodes > 10'000 || !number)
     return Fail(Code::kInvalidArgument, "evaluate: episodes must be 1 to 10,000, seed a whole number as text");
   const Path folder = checkpoint.parent_path().parent_path();
-  const Path out = folder.parent_path() / fmt::format("{}-eval-{}-{}", folder.filename().string(),
-                                                      checkpoint.stem().string(), seed);
+  const Path out =
+      folder.parent_path() / fmt::format("{}-eval-{}-{}", folder.filename().string(), checkpoint.stem().string(), seed);
   Command command{{"eval", "--checkpoint", checkpoint.string(), "--episodes", std::to_string(episodes), "--seed", seed,
                    "--out", out.string()},
                   Weight::kHeavy};

@@ -126,16 +126,11 @@ CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign
 }
 
 OrderedJson StatusJson(const CampaignState& state) {
-  return {{"committed", state.committed},
-          {"total", state.total},
-          {"attempts", state.committed + state.failed},
-          {"given_up", state.given_up},
-          {"workers", state.workers},
-          {"per_min", sources::Maybe(state.per_minute)},
-          {"eta_s", sources::Maybe(state.eta_s)},
-          {"error", state.error},
-          {"live", state.live},
-          {"age_ms", AgeOf(state.updated)}};
+  return {
+      {"committed", state.committed},         {"total", state.total},     {"attempts", state.committed + state.failed},
+      {"given_up", state.given_up},           {"workers", state.workers}, {"per_min", sources::Maybe(state.per_minute)},
+      {"eta_s", sources::Maybe(state.eta_s)}, {"error", state.error},     {"live", state.live},
+      {"age_ms", AgeOf(state.updated)}};
 }
 
 namespace {

@@ -32,9 +32,9 @@ struct Context {
   std::function<void(http::Lane, std::function<void()>)> later;
   const http::Security& security;
   Jobs& jobs;
-  Path videos;        ///< cache of episodes as mp4
-  std::string openapi;  ///< text of openapi.json
-  int domain = -1;    ///< -1: no bus
+  Path videos;                         ///< cache of episodes as mp4
+  std::string openapi;                 ///< text of openapi.json
+  int domain = -1;                     ///< -1: no bus
   std::vector<std::string> bus_flags;  ///< --domain and --profile of commands that this gateway shows and runs
   /// Newest messages of a topic; not set: no bus. @error as live::BusWatch::Newest
   std::function<Result<std::vector<live::Sample>>(const std::string& topic)> newest;
@@ -96,7 +96,9 @@ auto OpenSource(Result<std::shared_ptr<Source>> source)
 inline Result<OpenedDataset> OpenDataset(Context& context, const std::string& id) {
   return OpenSource(context.sources.Dataset(id));
 }
-inline Result<OpenedRun> OpenRun(Context& context, const std::string& id) { return OpenSource(context.sources.Run(id)); }
+inline Result<OpenedRun> OpenRun(Context& context, const std::string& id) {
+  return OpenSource(context.sources.Run(id));
+}
 inline Result<OpenedEval> OpenEval(Context& context, const std::string& id) {
   return OpenSource(context.sources.Eval(id));
 }
@@ -111,7 +113,7 @@ struct CampaignState {
   std::optional<double> per_minute, eta_s;
   std::string error;
   std::string control;  ///< paused | draining | stopping, while its collector says so; "": at work
-  double updated = 0;  ///< seconds since 1970
+  double updated = 0;   ///< seconds since 1970
 };
 const live::LiveCampaign* LiveOf(const live::LiveView& live, const sources::DatasetView& view);
 CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign* heard);

@@ -74,8 +74,8 @@ OrderedJson ModulesWithErrors(const OrderedJson& overall) {
 
 // What a report has beyond the usual.
 OrderedJson Extra(const OrderedJson& report) {
-  static const std::set<std::string> known{"campaign", "run",  "seed",     "episodes", "done",   "per_task",
-                                           "overall",  "latency", "scenes", "per_episode"};
+  static const std::set<std::string> known{"campaign", "run",     "seed",    "episodes", "done",
+                                           "per_task", "overall", "latency", "scenes",   "per_episode"};
   OrderedJson extra = OrderedJson::object();
   for (const auto& [key, value] : report.items())
     if (!known.contains(key)) extra[key] = http::ForBrowsers(value);
@@ -101,7 +101,8 @@ OrderedJson RowJson(const OrderedJson& row, const std::string& id, const std::ma
   for (const char* key : {"error_cm", "error_before_contact_cm"})
     if (!json.contains(key) || !json[key].is_object()) json[key] = OrderedJson::object();
   const auto video = videos.find(UnsignedOf(row, "index").value_or(0));
-  json["video"] = video == videos.end() ? OrderedJson() : OrderedJson(kPrefix + "/evals/" + id + "/videos/" + video->second);
+  json["video"] =
+      video == videos.end() ? OrderedJson() : OrderedJson(kPrefix + "/evals/" + id + "/videos/" + video->second);
   return json;
 }
 
@@ -135,9 +136,8 @@ Result<http::Answer> Rows(Context& context, const http::Request& request) {
   const auto videos = VideosByIndex(opened.view->videos);
   OrderedJson page = OrderedJson::array();
   for (std::size_t i = first; i < last; ++i) page.push_back(RowJson(*rows[i], id, videos));
-  return http::JsonAnswer({{"total", rows.size()},
-                           {"next", last < rows.size() ? OrderedJson(last) : OrderedJson()},
-                           {"rows", page}});
+  return http::JsonAnswer(
+      {{"total", rows.size()}, {"next", last < rows.size() ? OrderedJson(last) : OrderedJson()}, {"rows", page}});
 }
 
 Result<http::Answer> Video(Context& context, const http::Request& request) {
@@ -189,8 +189,9 @@ OrderedJson Counted(const std::vector<PairRow>& rows, const std::string& task, b
 }
 
 http::Answer OtherScenes(const std::string& a, const std::string& b, const std::vector<std::string>& differences) {
-  http::Answer answer = http::Problem(409, "Other scenes", fmt::format("{} and {} were not evaluated in the same scenes", a, b),
-                                      "only evaluations of the same scenes can be paired: the same --seed, tasks and --scenes");
+  http::Answer answer =
+      http::Problem(409, "Other scenes", fmt::format("{} and {} were not evaluated in the same scenes", a, b),
+                    "only evaluations of the same scenes can be paired: the same --seed, tasks and --scenes");
   OrderedJson json = OrderedJson::parse(answer.body);
   json["differences"] = differences;
   answer.body = json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);

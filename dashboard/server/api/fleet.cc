@@ -77,8 +77,8 @@ struct HostRow {
     return fmt::format("{}", fmt::join(prints, ", "));
   }
   std::size_t Busy() const {
-    return static_cast<std::size_t>(
-        std::ranges::count_if(workers, [](const auto& worker) { return !worker.phase.empty() && worker.phase != "idle"; }));
+    return static_cast<std::size_t>(std::ranges::count_if(
+        workers, [](const auto& worker) { return !worker.phase.empty() && worker.phase != "idle"; }));
   }
 };
 

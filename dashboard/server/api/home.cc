@@ -80,7 +80,8 @@ Gathered Gather(Context& context) {
   all.live = context.live();
   GatherFiles(context, all);
   for (const auto& [id, campaign] : all.live->campaigns) {
-    const bool known = std::ranges::any_of(all.datasets, [&](const auto& item) { return item.view->info.identity == id; });
+    const bool known =
+        std::ranges::any_of(all.datasets, [&](const auto& item) { return item.view->info.identity == id; });
     if (known || !campaign.present) continue;
     Found found;
     found.id = BusId(campaign.presence);
@@ -139,8 +140,8 @@ OrderedJson SourcesJson(const Gathered& all) {
     rows.emplace_back(item.state.updated, SourceJson(item.view ? "dataset" : "campaign", item.found, item.name,
                                                      item.state.state, item.state.updated, item.state.live));
   for (const auto& item : all.runs)
-    rows.emplace_back(item.state.updated, SourceJson("run", item.found, item.name, item.state.state,
-                                                     item.state.updated, item.state.live));
+    rows.emplace_back(item.state.updated,
+                      SourceJson("run", item.found, item.name, item.state.state, item.state.updated, item.state.live));
   for (const auto& item : all.evals)
     rows.emplace_back(item.view->updated,
                       SourceJson("eval", item.found, item.name, item.state, item.view->updated, false));
@@ -180,10 +181,10 @@ void WarnOfCampaigns(const Gathered& all, OrderedJson& warnings) {
       warnings.push_back(
           Warning("given_up", fmt::format("{}: {} given up", item.name, item.state.given_up), "/generation"));
     if (item.view && item.view->info.unreadable > 0)
-      warnings.push_back(Warning("unreadable",
-                                 fmt::format("{}: {} files unreadable; etude dataset verify says more", item.name,
-                                             item.view->info.unreadable),
-                                 "/dataset?dataset=" + item.found.id));
+      warnings.push_back(Warning(
+          "unreadable",
+          fmt::format("{}: {} files unreadable; etude dataset verify says more", item.name, item.view->info.unreadable),
+          "/dataset?dataset=" + item.found.id));
   }
 }
 
@@ -199,8 +200,8 @@ void WarnOfRuns(const Gathered& all, OrderedJson& warnings) {
     if (!item.view) continue;
     const auto loss = item.view->metrics.series().find("train/loss");
     if (loss != item.view->metrics.series().end() && loss->second.nulls > 0)
-      warnings.push_back(Warning("loss_not_finite",
-                                 fmt::format("{}: the loss was not finite {} times", item.name, loss->second.nulls), link));
+      warnings.push_back(Warning(
+          "loss_not_finite", fmt::format("{}: the loss was not finite {} times", item.name, loss->second.nulls), link));
     for (const auto& line : item.view->curriculum)
       if (TextOf(line, "cause") == "budget")
         warnings.push_back(Warning("stage_budget",
@@ -233,25 +234,28 @@ void WarnOfProcesses(const Gathered& all, OrderedJson& warnings) {
     if (status.disk_total_bytes == 0 || warnings.size() >= 100) continue;
     const double free = static_cast<double>(status.disk_free_bytes) / static_cast<double>(status.disk_total_bytes);
     if (free < kLeast && disks.insert(status.host + status.folder).second)
-      warnings.push_back(Warning("disk", fmt::format("disk of {} on {} {:.0f} % free", status.role, status.host, 100 * free),
+      warnings.push_back(Warning("disk",
+                                 fmt::format("disk of {} on {} {:.0f} % free", status.role, status.host, 100 * free),
                                  "/fleet?filter=" + status.host));
     const std::set<std::string> lasting{"collector", "trainer", "policy"};
     if (const auto age = live::AgeMs(heard.at); lasting.contains(status.role) && age > kSilent_ms)
-      warnings.push_back(Warning("process_silent", fmt::format("{} on {} silent for {} s", status.role, status.host, age / 1000),
+      warnings.push_back(Warning("process_silent",
+                                 fmt::format("{} on {} silent for {} s", status.role, status.host, age / 1000),
                                  "/fleet?filter=" + status.host, WallSeconds() - static_cast<double>(age) / 1000));
   }
   for (const auto* server : ServersOf(*all.live))
     if (!server->status.last_refusal.empty())
-      warnings.push_back(Warning("policy_refuses", fmt::format("policy on {} refused: {}", server->status.host,
-                                                               server->status.last_refusal),
-                                 "/logs"));
+      warnings.push_back(
+          Warning("policy_refuses",
+                  fmt::format("policy on {} refused: {}", server->status.host, server->status.last_refusal), "/logs"));
   for (const auto& [id, campaign] : all.live->campaigns) {
     std::set<std::string> of_campaign;
     for (const auto& [worker, heard] : campaign.workers)
       if (const auto print = all.live->prints.find(worker); print != all.live->prints.end())
         of_campaign.insert(print->second);
     if (campaign.present && of_campaign.size() > 1)
-      warnings.push_back(Warning("fingerprint", campaign.presence.name + ": workers are ready for different work", "/fleet"));
+      warnings.push_back(
+          Warning("fingerprint", campaign.presence.name + ": workers are ready for different work", "/fleet"));
   }
 }
 
@@ -292,11 +296,16 @@ OrderedJson DemonstrationsTile(const Gathered& all) {
     const auto* heard = LiveOf(*all.live, *item->view);
     history = heard && heard->per_minute.size() > 1 ? OrderedJson(heard->per_minute) : HistoryOfFiles(*item->view);
   }
-  return {{"source", item->found.id},   {"name", item->name},
-          {"committed", state.committed}, {"total", state.total},
-          {"given_up", state.given_up},  {"failed", state.failed},
-          {"workers", state.workers},    {"per_min", Maybe(state.per_minute)},
-          {"eta_s", Maybe(state.eta_s)}, {"history_per_min", history},
+  return {{"source", item->found.id},
+          {"name", item->name},
+          {"committed", state.committed},
+          {"total", state.total},
+          {"given_up", state.given_up},
+          {"failed", state.failed},
+          {"workers", state.workers},
+          {"per_min", Maybe(state.per_minute)},
+          {"eta_s", Maybe(state.eta_s)},
+          {"history_per_min", history},
           {"live", state.live}};
 }
 
@@ -328,10 +337,12 @@ OrderedJson TrainingTile(const Gathered& all) {
 OrderedJson PolicyTile(const Gathered& all) {
   if (all.live->policies.empty()) return nullptr;
   const auto servers = ServersOf(*all.live);
-  const auto busiest = std::ranges::max_element(servers, {}, [](const auto* server) { return server->status.answered; });
+  const auto busiest =
+      std::ranges::max_element(servers, {}, [](const auto* server) { return server->status.answered; });
   const live::LiveServer* server = busiest == servers.end() ? nullptr : *busiest;
   const std::string run_id = server ? server->status.run_id : all.live->policies.front().presence.id;
-  const auto ours = std::ranges::find_if(all.runs, [&](const auto& item) { return item.view && item.view->identity == run_id; });
+  const auto ours =
+      std::ranges::find_if(all.runs, [&](const auto& item) { return item.view && item.view->identity == run_id; });
   OrderedJson json{{"source", ours == all.runs.end() ? OrderedJson() : OrderedJson(ours->found.id)},
                    {"name", server ? server->status.run : all.live->policies.front().presence.name},
                    {"instances", all.live->policies.size()}};
@@ -394,9 +405,12 @@ OrderedJson ExpertTile(const DatasetItem& item) {
     if (!task.empty()) rows.push_back(TaskShare(task, counts.first, counts.second));
     successes += counts.first, n += counts.second;
   }
-  return {{"source", item.found.id}, {"kind", "expert"},
-          {"name", item.name},       {"done", successes},
-          {"episodes", n},           {"tasks", rows},
+  return {{"source", item.found.id},
+          {"kind", "expert"},
+          {"name", item.name},
+          {"done", successes},
+          {"episodes", n},
+          {"tasks", rows},
           {"overall", TaskShare("overall", successes, n)}};
 }
 
@@ -438,7 +452,8 @@ OrderedJson Events(const Gathered& all) {
   for (const auto& [id, campaign] : all.live->campaigns)
     for (std::size_t i = 0; i < std::min(campaign.attempts.size(), kMostEvents); ++i) {
       const auto& attempt = campaign.attempts[i];
-      add(attempt.t, "warn", fmt::format("{}: #{} {}", campaign.presence.name, attempt.report.index, attempt.report.outcome),
+      add(attempt.t, "warn",
+          fmt::format("{}: #{} {}", campaign.presence.name, attempt.report.index, attempt.report.outcome),
           "/generation");
     }
   for (const auto& [event] : *all.live->events)
@@ -454,9 +469,12 @@ OrderedJson Events(const Gathered& all) {
 Facts FactsOf(Context& context, const Gathered& all) {
   Facts facts;
   if (const auto* item = NewestDataset(all))
-    facts.collection =
-        CollectionFacts{item->name,       item->state.control.empty() ? item->state.state : item->state.control,
-                        item->state.committed, item->state.total, item->state.given_up, item->state.eta_s};
+    facts.collection = CollectionFacts{item->name,
+                                       item->state.control.empty() ? item->state.state : item->state.control,
+                                       item->state.committed,
+                                       item->state.total,
+                                       item->state.given_up,
+                                       item->state.eta_s};
   if (const auto* item = NewestRun(all))
     facts.training = TrainingFacts{item->state.state, item->state.stage_name, item->state.stage,    item->state.stages,
                                    item->state.step,  item->state.eta_s,      item->state.elapsed_s};
@@ -467,9 +485,9 @@ Facts FactsOf(Context& context, const Gathered& all) {
   }
   if (const auto* item = NewestEval(all)) {
     const auto& success = PartOf(PartOf(item->view->report, "overall"), "success");
-    facts.evaluation = EvaluationFacts{item->state, sources::NumberOf(success, "share").value_or(0),
-                                       item->view->rows.size(),
-                                       sources::UnsignedOf(item->view->report, "episodes").value_or(0)};
+    facts.evaluation =
+        EvaluationFacts{item->state, sources::NumberOf(success, "share").value_or(0), item->view->rows.size(),
+                        sources::UnsignedOf(item->view->report, "episodes").value_or(0)};
   }
   std::string places;
   for (const auto& root : context.sources.catalog().roots()) places += (places.empty() ? "" : ", ") + root.string();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // POST /insight: what the policy that serves a run sees in a recorded picture and says of it, and what it would say of
-// another sentence, with a part hidden, or with a module's output replaced. Answered for that picture alone: the question
-// has a session that no robot has.
+// another sentence, with a part hidden, or with a module's output replaced. Answered for that picture alone: the
+// question has a session that no robot has.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -92,7 +92,8 @@ OrderedJson WaypointsJson(const policy::Insight& insight) {
 
 Result<http::Answer> Answer(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, JsonBody(request));
-  if (!context.look) return Fail(Code::kUnavailable, "this gateway reads no bus (--no-bus): no policy server can be asked");
+  if (!context.look)
+    return Fail(Code::kUnavailable, "this gateway reads no bus (--no-bus): no policy server can be asked");
   const std::string run = TextOf(body, "run");
   const auto name = BusNameOfPolicy(context, run);
   if (!name)

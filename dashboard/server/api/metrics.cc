@@ -172,9 +172,11 @@ void Processes(const live::LiveView& live, Exposition& out) {
   each("etude_process_cpu_cores", "Cores that they use.", &Sum::cpu);
   const auto bus = [&](const char* name, const char* help, double monitor::TopicCount::*value) {
     out.Family(name, "counter", help);
-    for (const auto& [key, count] : topics) out.Sample(name, {{"host", key.first}, {"topic", key.second}}, count.*value);
+    for (const auto& [key, count] : topics)
+      out.Sample(name, {{"host", key.first}, {"topic", key.second}}, count.*value);
   };
-  bus("etude_bus_bytes_total", "Bytes written to a topic by the processes that are there now.", &monitor::TopicCount::bytes);
+  bus("etude_bus_bytes_total", "Bytes written to a topic by the processes that are there now.",
+      &monitor::TopicCount::bytes);
   bus("etude_bus_samples_total", "Messages written to a topic by the processes that are there now.",
       &monitor::TopicCount::samples);
 }
@@ -187,7 +189,8 @@ std::string Text(Context& context) {
   for (const auto& found : *context.sources.catalog().List()) {
     if (found.kind == sources::Kind::kDataset && found.eval.empty() && datasets.size() < kMost) {
       const auto opened = OpenDataset(context, found.id);
-      if (opened) datasets.push_back({found.id, opened->view, StateOf(opened->view.get(), LiveOf(*live, *opened->view))});
+      if (opened)
+        datasets.push_back({found.id, opened->view, StateOf(opened->view.get(), LiveOf(*live, *opened->view))});
     }
     if (found.kind == sources::Kind::kRun && runs.size() < kMost) {
       const auto opened = OpenRun(context, found.id);

@@ -88,8 +88,7 @@ OrderedJson GoalJson(const sources::RunView& view, const std::string& module, do
     double scale;  // shown per unit of the file
     bool from_accuracy;
   };
-  static constexpr Shape kShapes[] = {
-      {"cm", "cm", 100, false}, {"px", "px", 1, false}, {"accuracy", "-", 1, true}};
+  static constexpr Shape kShapes[] = {{"cm", "cm", 100, false}, {"px", "px", 1, false}, {"accuracy", "-", 1, true}};
   OrderedJson json{{"module", module}, {"goal", goal},       {"value", nullptr},
                    {"unit", "-"},      {"reached", nullptr}, {"key", nullptr}};
   for (const auto& shape : kShapes) {
@@ -119,8 +118,8 @@ OrderedJson GoalsJson(const sources::RunView& view) {
 
 // ---- /runs/{id} ---------------------------------------------------------------------------------
 
-OrderedJson RunJson(const std::string& id, const std::string& name, const sources::RunView& view,
-                    const RunState& state, const std::string& folder) {
+OrderedJson RunJson(const std::string& id, const std::string& name, const sources::RunView& view, const RunState& state,
+                    const std::string& folder) {
   OrderedJson lives = OrderedJson::array();
   for (const auto& life : view.metrics.lives())
     lives.push_back({{"from_step", life.from_step}, {"t", sources::TimeJson(life.t)}});
@@ -188,7 +187,8 @@ Result<std::vector<double>> Abscissa(const sources::Series& series, const std::s
   if (x == "step") return series.step;
   if (x == "time") return series.time;
   if (x == "elapsed") return series.elapsed;
-  if (x != "samples") return Fail(Code::kInvalidArgument, "x: " + NotKnown(x.substr(0, 40), {"step", "time", "elapsed", "samples"}));
+  if (x != "samples")
+    return Fail(Code::kInvalidArgument, "x: " + NotKnown(x.substr(0, 40), {"step", "time", "elapsed", "samples"}));
   std::vector<double> samples = series.step;
   for (double& value : samples) value *= samples_a_step;
   return samples;
@@ -369,7 +369,8 @@ Result<http::Answer> CheckpointFile(Context& context, const http::Request& reque
   const auto header = std::ranges::find(headers, name, &sources::CheckpointHeader::file);
   if (header == headers.end())
     return Fail(Code::kNotFound, fmt::format("the run has no checkpoint file '{:.100}'", name));
-  ETUDE_ASSIGN_OR_RETURN(const auto open, sources::OpenBelow(opened.source->found().folder / "checkpoints", header->file));
+  ETUDE_ASSIGN_OR_RETURN(const auto open,
+                         sources::OpenBelow(opened.source->found().folder / "checkpoints", header->file));
   http::Answer answer;
   answer.content_type = "application/vnd.safetensors";
   answer.file = http::FileBody{std::make_shared<http::OpenFile>(open.fd), open.stamp.size};
@@ -382,7 +383,8 @@ Result<http::Answer> CheckpointFile(Context& context, const http::Request& reque
 // ---- differences --------------------------------------------------------------------------------
 
 void Flatten(const OrderedJson& json, const std::string& path, std::map<std::string, OrderedJson>& leaves) {
-  const bool list_of_maps = json.is_array() && std::ranges::any_of(json, [](const auto& item) { return item.is_object(); });
+  const bool list_of_maps =
+      json.is_array() && std::ranges::any_of(json, [](const auto& item) { return item.is_object(); });
   if (json.is_object() && !json.empty()) {
     for (const auto& [key, value] : json.items()) Flatten(value, path.empty() ? key : path + "." + key, leaves);
   } else if (list_of_maps) {

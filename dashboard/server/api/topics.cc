@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // GET /topics, /topics/{topic}/newest and /events: the bus itself, and what its processes warned of.
+#include "services/monitor/topics.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 
 #include "dashboard/server/api/context.h"
-#include "services/monitor/topics.h"
 
 namespace etude::api {
 namespace {

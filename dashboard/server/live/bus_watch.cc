@@ -20,7 +20,7 @@ using namespace std::chrono_literals;
 constexpr std::size_t kMostOwners = 256;
 constexpr std::size_t kMostWishes = 16;
 constexpr auto kWishStands = 5s;
-constexpr auto kLook = 250ms;       // messages
+constexpr auto kLook = 250ms;        // messages
 constexpr auto kDirectory = 1000ms;  // who is there
 
 // The readers of one campaign.
@@ -60,8 +60,7 @@ struct ProcessReaders {
   bus::Reader<bus::ProcessEvent> events;
 
   static Result<ProcessReaders> Open(const bus::Participant& participant) {
-    ETUDE_ASSIGN_OR_RETURN(auto statuses,
-                           bus::Reader<bus::ProcessStatus>::Open(participant, bus::kProcessPartition));
+    ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Reader<bus::ProcessStatus>::Open(participant, bus::kProcessPartition));
     ETUDE_ASSIGN_OR_RETURN(auto events, bus::Reader<bus::ProcessEvent>::Open(participant, bus::kProcessPartition));
     return ProcessReaders{std::move(statuses), std::move(events)};
   }
@@ -85,7 +84,8 @@ class Ears {
     const auto serves = [&](const std::string& id) {
       return std::ranges::any_of(model.view().policies, [&](const auto& policy) { return policy.presence.id == id; });
     };
-    std::erase_if(runs_, [&](const auto& item) { return !model.view().runs.contains(item.first) && !serves(item.first); });
+    std::erase_if(runs_,
+                  [&](const auto& item) { return !model.view().runs.contains(item.first) && !serves(item.first); });
     if (auto endpoints = bus::Endpoints(*participant_))
       model.Topics(std::move(*endpoints), bus::ParticipantId(*participant_), MonotonicClock::now());
   }
@@ -165,9 +165,10 @@ Result<std::vector<Sample>> BusWatch::Newest(const std::string& topic) {
   if (std::ranges::find(known, topic) == known.end())
     return Fail(Code::kNotFound, "topic " + NotKnown(topic.substr(0, 100), known));
   if (monitor::IsBulk(topic))
-    return Fail(Code::kInvalidArgument, fmt::format("topic '{}' carries episodes: reading it would double their traffic; "
-                                                    "its rate is counted by those who write it",
-                                                    topic));
+    return Fail(Code::kInvalidArgument,
+                fmt::format("topic '{}' carries episodes: reading it would double their traffic; "
+                            "its rate is counted by those who write it",
+                            topic));
   const auto now = MonotonicClock::now();
   MutexLock lock(mutex_);
   std::erase_if(wishes_, [&](const auto& item) { return item.second.until < now; });

@@ -24,9 +24,9 @@ using TimePoint = MonotonicClock::time_point;
 struct LiveWorker {
   bus::WorkerStatus status;
   TimePoint heard{};
-  std::string strip;                            ///< phases of the last 60 s, one letter each half second, oldest first
+  std::string strip;  ///< phases of the last 60 s, one letter each half second, oldest first
   std::deque<std::pair<TimePoint, std::uint64_t>> episodes;  ///< counts of the last 60 s, for a rate
-  std::string last;                             ///< outcome of its last attempt; "": not heard
+  std::string last;                                          ///< outcome of its last attempt; "": not heard
   /// Episodes a minute over the last 60 s; nullopt: not heard for long enough.
   std::optional<double> PerMinute() const;
 };
@@ -42,12 +42,12 @@ struct LiveCampaign {
   bool present = false;  ///< its collector is there now
   std::optional<bus::CampaignStatus> status;
   TimePoint heard{};
-  std::string spec_json;            ///< of its announcement; "": not heard
+  std::string spec_json;  ///< of its announcement; "": not heard
   bool complete = false;
-  std::deque<double> per_minute;    ///< a value each 10 s, oldest first, at most 60
+  std::deque<double> per_minute;  ///< a value each 10 s, oldest first, at most 60
   TimePoint sampled{};
-  std::uint64_t committed = 0;      ///< at the last change
-  TimePoint changed{};              ///< of `committed`
+  std::uint64_t committed = 0;  ///< at the last change
+  TimePoint changed{};          ///< of `committed`
   std::map<std::string, LiveWorker> workers;
   std::deque<LiveAttempt> attempts;  ///< newest first, at most 200
 };
@@ -84,14 +84,13 @@ struct LiveView {
   std::map<std::string, LiveCampaign> campaigns;
   std::map<std::string, LiveRun> runs;
   std::vector<LivePolicy> policies;
-  std::map<std::string, LiveServer> servers;    ///< by PolicyStatus::server, those heard within 10 s
-  std::map<std::string, std::string> prints;    ///< worker -> what its work depends on, as a short hash
-  monitor::Processes processes;                 ///< those heard within a minute
+  std::map<std::string, LiveServer> servers;  ///< by PolicyStatus::server, those heard within 10 s
+  std::map<std::string, std::string> prints;  ///< worker -> what its work depends on, as a short hash
+  monitor::Processes processes;               ///< those heard within a minute
   std::shared_ptr<const std::deque<LiveEvent>> events = std::make_shared<std::deque<LiveEvent>>();  ///< newest first
   std::map<std::string, monitor::TopicRate> rates;  ///< by topic, over the last seconds
   /// What DDS has discovered; empty until it was looked at.
-  std::shared_ptr<const std::vector<bus::PeerEndpoint>> endpoints =
-      std::make_shared<std::vector<bus::PeerEndpoint>>();
+  std::shared_ptr<const std::vector<bus::PeerEndpoint>> endpoints = std::make_shared<std::vector<bus::PeerEndpoint>>();
   std::string participant;  ///< of who looks, as PeerEndpoint::participant
 };
 

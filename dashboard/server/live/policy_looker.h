@@ -21,7 +21,8 @@ class PolicyLooker {
 
   /// Each question is of a session of its own that no robot has: nothing drives by its answer.
   /// @param run  NAME@ID   @param what_if_json  see InsightClient::Ask
-  /// @error kUnavailable: nobody answers within a few seconds, or two questions wait already; else as InsightClient::Ask
+  /// @error kUnavailable: nobody answers within a few seconds, or two questions wait already; else as
+  /// InsightClient::Ask
   Result<policy::Insight> Look(const std::string& run, const policy::Question& question,
                                const std::string& what_if_json);
 

@@ -16,9 +16,9 @@ namespace etude::sources {
 namespace {
 
 constexpr std::chrono::milliseconds kRefreshEvery{500};
-constexpr std::size_t kRecent = 4;             // episodes kept, 1 MB each
-constexpr std::size_t kMostRows = 1'000'000;   // of a list
-constexpr std::size_t kMostUnreadable = 20;    // named
+constexpr std::size_t kRecent = 4;            // episodes kept, 1 MB each
+constexpr std::size_t kMostRows = 1'000'000;  // of a list
+constexpr std::size_t kMostUnreadable = 20;   // named
 constexpr std::uint64_t kJsonBytes = 16 << 20;
 constexpr std::size_t kFewest = 8;  // episodes of a task, to call one of them odd
 

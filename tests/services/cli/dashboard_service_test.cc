@@ -21,7 +21,8 @@ constexpr std::uint32_t kDomain = 61;
 // Supervises until it has an address, fails, or 30 s have passed.
 Status Settle(DashboardService& service) {
   Status status;
-  for (const auto end = MonotonicClock::now() + 30s; status && service.address().empty() && MonotonicClock::now() < end;) {
+  for (const auto end = MonotonicClock::now() + 30s;
+       status && service.address().empty() && MonotonicClock::now() < end;) {
     status = service.Supervise();
     std::this_thread::sleep_for(5ms);
   }

@@ -54,8 +54,12 @@ class LiveApiTest : public ApiFixture {
     event.process = "lab-7-1", event.role = "worker", event.host = "lab-7", event.level = "warn";
     event.text = "the disk is slow", event.time_ms = 1'795'369'600'000;
     model.On(std::vector<bus::ProcessEvent>{event});
-    model.Topics({{.topic = "etude/campaign/worker", .type = "WorkerStatus", .is_writer = true,
-                   .partitions = {"lab/1"}, .participant = "aa", .reliable = true}},
+    model.Topics({{.topic = "etude/campaign/worker",
+                   .type = "WorkerStatus",
+                   .is_writer = true,
+                   .partitions = {"lab/1"},
+                   .participant = "aa",
+                   .reliable = true}},
                  "me", now);
     live_ = std::make_shared<const live::LiveView>(model.view());
     context_.domain = 60;

@@ -85,8 +85,8 @@ bus::ProcessStatus Process(const std::string& name, int samples) {
   bus::ProcessStatus status;
   status.process = name;
   status.role = "collector";
-  status.topics_json = fmt::format(R"([{{"topic": "t", "kind": "writer", "samples": {}, "bytes": {}}}])", samples,
-                                   100 * samples);
+  status.topics_json =
+      fmt::format(R"([{{"topic": "t", "kind": "writer", "samples": {}, "bytes": {}}}])", samples, 100 * samples);
   return status;
 }
 
