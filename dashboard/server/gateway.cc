@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dashboard/server/gateway.h"
 
-#include <fmt/format.h>
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -14,6 +14,7 @@
 #include "dashboard/server/api/live_hub.h"
 #include "dashboard/server/http/server.h"
 #include "dashboard/server/http/static_files.h"
+#include "dashboard/server/live/policy_looker.h"
 #include "services/campaign/process.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
@@ -84,9 +85,9 @@ Result<http::SecurityConfig> SecurityOf(const GatewayOptions& options) {
   }
   ETUDE_ASSIGN_OR_RETURN(config.token, ReadToken(options.token_file));
   if (config.reads_need_token && config.token.empty())
-    return Fail(Code::kInvalidArgument,
-                fmt::format("--bind {}: other machines could read everything; name a --token-file FILE, too",
-                            options.address));
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("--bind {}: other machines could read everything; name a --token-file FILE, too", options.address));
   return config;
 }
 
@@ -106,6 +107,7 @@ struct Gateway::Parts {
         jobs(cache / "jobs"),
         security(secured),
         bus(chosen.use_bus ? std::make_unique<live::BusWatch>(chosen.bus) : nullptr),
+        looker(chosen.bus),
         context(
             sources, [this] { return bus ? bus->View() : NoBus(); },
             [this](http::Lane lane, std::function<void()> work) { server->InLane(lane, std::move(work)); }, security,
@@ -114,9 +116,19 @@ struct Gateway::Parts {
         hub(context) {
     context.videos = cache / "videos";
     context.openapi = OpenApiText();
-    context.domain = chosen.use_bus ? static_cast<int>(chosen.bus.domain) : -1;
+    if (chosen.use_bus) JoinBus(chosen.bus);
     service = std::make_unique<http::Service>(api::MakeRouter(context), security,
                                               [this](const http::Request& request) { return pages.Serve(request); });
+  }
+
+  void JoinBus(const bus::Arguments& arguments) {
+    context.domain = static_cast<int>(arguments.domain);
+    context.bus_flags = {"--domain", std::to_string(arguments.domain)};
+    if (!arguments.profile.empty()) context.bus_flags.insert(context.bus_flags.end(), {"--profile", arguments.profile});
+    context.newest = [this](const std::string& topic) { return bus->Newest(topic); };
+    context.look = [this](const std::string& run, const policy::Question& question, const std::string& what_if) {
+      return looker.Look(run, question, what_if);
+    };
   }
 
   const GatewayOptions options;
@@ -125,6 +137,7 @@ struct Gateway::Parts {
   api::Jobs jobs;
   const http::Security security;
   std::unique_ptr<live::BusWatch> bus;
+  live::PolicyLooker looker;
   api::Context context;
   http::StaticFiles pages;
   std::unique_ptr<http::Service> service;
@@ -139,12 +152,11 @@ Result<std::unique_ptr<Gateway>> Gateway::Open(const GatewayOptions& options) {
   serving.address = options.address;
   serving.port = options.port;
   auto* hub = &parts->hub;
-  ETUDE_ASSIGN_OR_RETURN(
-      parts->server,
-      http::Server::Open(serving, *parts->service,
-                         [hub](const http::Request& request, std::shared_ptr<http::Socket> socket) {
-                           return hub->Connect(request, std::move(socket));
-                         }));
+  ETUDE_ASSIGN_OR_RETURN(parts->server,
+                         http::Server::Open(serving, *parts->service,
+                                            [hub](const http::Request& request, std::shared_ptr<http::Socket> socket) {
+                                              return hub->Connect(request, std::move(socket));
+                                            }));
   return std::unique_ptr<Gateway>(new Gateway(std::move(parts)));
 }
 

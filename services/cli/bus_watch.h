@@ -12,16 +12,11 @@
 #include "services/bus/participant.h"
 #include "services/core/clock.h"
 #include "services/core/result.h"
+#include "services/monitor/topics.h"
 
 namespace etude::cli {
 
-/// A message and when it came.
-template <class Message>
-struct Heard {
-  Message message;
-  MonotonicClock::time_point at{};
-  double AgeSeconds(MonotonicClock::time_point now) const { return std::chrono::duration<double>(now - at).count(); }
-};
+using monitor::Heard;
 
 struct CampaignView {
   bus::Presence presence;
@@ -39,7 +34,7 @@ struct BusView {
   std::uint32_t domain = 0;
   std::map<std::string, CampaignView> campaigns;  ///< by id, those that are live
   std::map<std::string, RunView> runs;            ///< by id: trained or served now
-  std::map<std::string, Heard<bus::ProcessStatus>> processes;
+  monitor::Processes processes;
 };
 
 /// Listens from its opening on. It is there for people: it reads no bulk topic. One thread at a time.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `etude checkpoint show|diff|export|watch`.
+// `etude checkpoint show|diff|export|promote|watch`.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -12,6 +12,7 @@
 #include "services/cli/file_names.h"
 #include "services/core/config.h"
 #include "services/core/hash.h"
+#include "services/core/link.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
@@ -117,6 +118,42 @@ Status Show(const ShowArguments& arguments) {
   return {};
 }
 
+struct PromoteArguments {
+  std::string run, checkpoint;
+};
+
+// "1500", "00001500.safetensors" or a path to it -> the name in RUN/checkpoints.
+std::string NameOfCheckpoint(const std::string& text) {
+  const bool step = !text.empty() && text.size() <= 18 && text.find_first_not_of("0123456789") == std::string::npos;
+  return step ? fmt::format("{:08}.safetensors", std::stoull(text)) : Path(text).filename().string();
+}
+
+// The link is what a run's `best` is: a trainer at work publishes it with its next checkpoint, one that is resumed at
+// once, and what it names is never cleared away.
+Status Promote(const PromoteArguments& arguments) {
+  const Path folder = Path(arguments.run) / "checkpoints";
+  const std::string name = NameOfCheckpoint(arguments.checkpoint);
+  std::error_code error;
+  const bool there = std::filesystem::is_regular_file(std::filesystem::symlink_status(folder / name, error));
+  if (!there || !name.ends_with(".safetensors"))
+    return Fail(Code::kNotFound,
+                fmt::format("promote '{}': '{}' has no checkpoint of that name; `ls {}` shows those that are kept",
+                            arguments.checkpoint, folder.string(), folder.string()));
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(folder / name));
+  const auto content = store::DecodeSafetensors(bytes);
+  if (!content) return Fail(content.error().Wrap("promote '" + (folder / name).string() + "'"));
+  const Path link = folder / "best.safetensors";
+  const Path before = std::filesystem::read_symlink(link, error);
+  ETUDE_RETURN_IF_ERROR(PointLink(link, name));
+  fmt::print("best: {}{}\nmay drive a robot: {}\n", name, before.empty() ? "" : " (was " + before.string() + ")",
+             DrivesText(content->metadata));
+  fmt::print(
+      "subscribers of channel best get it from the run's trainer: with its next checkpoint, or once it is "
+      "resumed\nserve it now: etude policy --checkpoint {}\n",
+      link.string());
+  return {};
+}
+
 struct WatchArguments {
   std::string run, channel, out;
   bool once = false;
@@ -176,7 +213,8 @@ Status Watch(const WatchArguments& arguments) {
 }  // namespace
 
 void AddCheckpoint(CLI::App& app, Body& body) {
-  auto* command = AddGroup(app, "checkpoint", "look at a checkpoint, export it, or keep those that a run publishes");
+  auto* command = AddGroup(app, "checkpoint",
+                           "look at a checkpoint, export it, make it a run's best, or keep those that a run publishes");
   auto file = std::make_shared<std::string>();
   auto showing = std::make_shared<ShowArguments>();
   auto* show = command->add_subcommand("show", "robot, camera, stage, modules and their errors, data, hash");
@@ -204,6 +242,12 @@ void AddCheckpoint(CLI::App& app, Body& body) {
   exporting->add_option("out", *out, "the file to write, .pt")->required();
   exporting->add_option("--format", *format, "torchscript")->required()->check(CLI::IsMember({"torchscript"}));
   exporting->callback([=, &body] { body = [=] { return ExecSibling("etude-policy", {"torchscript", *file, *out}); }; });
+
+  auto promoting = std::make_shared<PromoteArguments>();
+  auto* promote = command->add_subcommand("promote", "make a checkpoint its run's best, in place of the one that was");
+  promote->add_option("run", promoting->run, "folder of the run")->required();
+  promote->add_option("checkpoint", promoting->checkpoint, "STEP, or FILE in RUN/checkpoints")->required();
+  promote->callback([=, &body] { body = [=] { return Promote(*promoting); }; });
 
   auto watching = std::make_shared<WatchArguments>();
   auto* watch = command->add_subcommand("watch", "subscribe to a run; write each verified checkpoint");

@@ -41,21 +41,6 @@ const std::vector<std::uint8_t>* FrameAt(const Episode& rollout, int step) {
   return frame < frames.size() ? &frames[frame] : nullptr;
 }
 
-// What worker/task/rollout.cc asked.
-policy::Question QuestionAt(const Episode& rollout, int step, std::span<const std::uint8_t> rgb) {
-  const auto arm = rollout.joint_pos.row(step), gripper = rollout.gripper_qpos.row(step);
-  policy::Question question;
-  question.instruction = rollout.instruction;
-  question.robot = rollout.robot;
-  question.joints.assign(arm.begin(), arm.end());
-  question.joints.insert(question.joints.end(), gripper.begin(), gripper.end());
-  question.camera = rollout.cameras[0].camera;
-  question.width = question.camera->width;
-  question.height = question.camera->height;
-  question.rgb = rgb;
-  return question;
-}
-
 }  // namespace
 
 std::string InsightTally::Text() const {
@@ -83,7 +68,7 @@ Result<DecisionInsights> AskInsights(const Episode& rollout, const InsightFuncti
       continue;
     }
     ETUDE_RETURN_IF_ERROR(codec::InflateFrame(*frame, rgb));
-    auto said = ask(QuestionAt(rollout, decision.step, rgb));
+    auto said = ask(policy::QuestionAt(rollout, decision.step, rgb));
     if (!said) {
       ++tally.unanswered;
       if (tally.problem.empty()) tally.problem = said.error().message;

@@ -8,22 +8,18 @@
 #include <vector>
 
 #include "services/episode/bounded_json.h"
+#include "services/monitor/sentence.h"
 
 namespace etude::cli {
 namespace {
 
 using Time = MonotonicClock::time_point;
+using monitor::FactsOf;
+using monitor::Grouped;
+using monitor::Text;
 
 constexpr double kStale = 3;  // s of silence that are worth a word
 constexpr std::size_t kLeastWorkers = 3;
-
-// "6,589"
-std::string Grouped(std::uint64_t value) {
-  std::string text = std::to_string(value);
-  for (auto at = static_cast<std::ptrdiff_t>(text.size()) - 3; at > 0; at -= 3)
-    text.insert(static_cast<std::size_t>(at), ",");
-  return text;
-}
 
 template <class Message>
 std::string Age(const Heard<Message>& heard, Time now) {
@@ -31,34 +27,14 @@ std::string Age(const Heard<Message>& heard, Time now) {
   return age_s > kStale ? fmt::format("silent {:.0f} s", age_s) : fmt::format("{:.1f} s", age_s);
 }
 
-std::string Doing(const bus::CampaignStatus& status) {
-  if (status.state == "complete" || (status.total > 0 && status.committed + status.given_up >= status.total))
-    return fmt::format("collected {} of {}", Grouped(status.committed), Grouped(status.total));
-  const std::string state = status.state.empty() || status.state == "running" ? "collecting" : status.state + " at";
-  std::string text = fmt::format("{} {} of {}", state, Grouped(status.committed), Grouped(status.total));
-  if (state == "collecting" && status.eta_s > 0) text += ", done in " + FormatDuration(status.eta_s);
-  return text;
-}
-
-std::string Doing(const bus::TrainStatus& status) {
-  return fmt::format("{} stage {}/{} {}, step {}", status.finished ? "trained to" : "training", status.stage,
-                     status.stages, status.stage_name, Grouped(status.step));
-}
-
-std::string Doing(const bus::PolicyStatus& status) {
-  if (!status.control_trained) return fmt::format("step {} answers, not trained to drive yet", Grouped(status.step));
-  return fmt::format("step {} serves {} session{}", Grouped(status.step), status.sessions,
-                     status.sessions == 1 ? "" : "s");
-}
-
 std::vector<std::string> CampaignLines(const CampaignView& campaign, Time now) {
   const std::string name = campaign.presence.name + "@" + campaign.presence.id;
   if (!campaign.status) return {fmt::format("campaign {}  on {}: no word yet", name, campaign.presence.host)};
   const bus::CampaignStatus& status = campaign.status->message;
   std::vector<std::string> lines{
-      fmt::format("campaign {}  {}  {} attempts, {} given up  {:.1f}/min  {} workers  heard {}", name, Doing(status),
-                  Grouped(status.attempts), status.given_up, status.episodes_per_minute, status.workers,
-                  Age(*campaign.status, now))};
+      fmt::format("campaign {}  {}  {} attempts, {} given up  {:.1f}/min  {} workers  heard {}", name,
+                  Text(FactsOf(campaign.presence.name, status)), Grouped(status.attempts), status.given_up,
+                  status.episodes_per_minute, status.workers, Age(*campaign.status, now))};
   if (!status.error.empty()) lines.push_back("  WAITING: " + status.error);
   std::vector<std::string> failures;
   if (const auto json = ParseBoundedJson(status.failures_json, 2); json && json->is_object())
@@ -87,9 +63,8 @@ std::vector<std::string> RunLines(const RunView& run, Time now) {
   if (run.status) {
     const bus::TrainStatus& status = run.status->message;
     std::string line = fmt::format("run {}@{}  {}  loss {:.4g}  {:.0f} samples/s  waits {:.1f} %  {} episodes",
-                                   run.name, run.id, Doing(status), status.loss, status.samples_per_second,
+                                   run.name, run.id, Text(FactsOf(status)), status.loss, status.samples_per_second,
                                    100 * status.data_wait, Grouped(status.episodes));
-    if (status.eta_s > 0 && !status.finished) line += "  ETA " + FormatDuration(status.eta_s);
     if (!status.finished) line += "  heard " + Age(*run.status, now);
     lines.push_back(line);
     std::string errors;
@@ -103,7 +78,7 @@ std::vector<std::string> RunLines(const RunView& run, Time now) {
     const bus::PolicyStatus& status = heard.message;
     lines.push_back(fmt::format(
         "policy {}@{}  {}  sha256 {:.12}  answered {}, refused {}  p50 {:.1f} ms, p95 {:.1f} ms  on {}  heard {}",
-        run.name, run.id, Doing(status), status.sha256, Grouped(status.answered), status.refused, status.p50_ms,
+        run.name, run.id, Text(FactsOf(status)), status.sha256, Grouped(status.answered), status.refused, status.p50_ms,
         status.p95_ms, status.host, Age(heard, now)));
     if (!status.last_refusal.empty()) lines.push_back("  refused last: " + status.last_refusal);
   }
@@ -123,14 +98,14 @@ std::string StateSentence(const BusView& view, Time now) {
   std::vector<std::string> parts;
   for (const auto& [id, campaign] : view.campaigns) {
     std::string part = campaign.presence.name + ": ";
-    part += campaign.status ? Doing(campaign.status->message) : "no word yet";
+    part += campaign.status ? Text(FactsOf(campaign.presence.name, campaign.status->message)) : "no word yet";
     if (campaign.status && campaign.status->AgeSeconds(now) > kStale)
       part += fmt::format(" ({})", Age(*campaign.status, now));
     parts.push_back(part);
   }
   for (const auto& [id, run] : view.runs) {
-    if (run.status) parts.push_back(run.name + ": " + Doing(run.status->message));
-    for (const auto& [server, policy] : run.policies) parts.push_back(run.name + ": " + Doing(policy.message));
+    if (run.status) parts.push_back(run.name + ": " + Text(FactsOf(run.status->message)));
+    for (const auto& [server, policy] : run.policies) parts.push_back(run.name + ": " + Text(FactsOf(policy.message)));
   }
   if (parts.empty()) return fmt::format("nothing is live on domain {}", view.domain);
   return fmt::format("{}", fmt::join(parts, "; "));

@@ -11,9 +11,9 @@
 #include "services/bus/topology.h"
 #include "services/cli/bus_watch.h"
 #include "services/cli/command_line.h"
-#include "services/cli/topic_rates.h"
 #include "services/core/config.h"
 #include "services/core/stop.h"
+#include "services/monitor/topics.h"
 
 namespace etude::cli {
 namespace {
@@ -30,37 +30,6 @@ struct Arguments {
   BusArguments bus;
 };
 
-// DDS participant -> "worker 4711@lab-7"
-std::map<std::string, std::string> PeerNames(const BusView& view) {
-  std::map<std::string, std::string> names;
-  for (const auto& [process, heard] : view.processes) {
-    const bus::ProcessStatus& status = heard.message;
-    names[status.participant] = fmt::format("{} {}@{}", status.role, status.pid, status.host);
-  }
-  return names;
-}
-
-struct TopicRow {
-  std::set<std::string> types, qos, problems;
-  std::vector<bus::PeerEndpoint> writers, readers;
-};
-
-std::map<std::string, TopicRow> RowsOf(const std::vector<bus::PeerEndpoint>& endpoints, const std::string& own) {
-  std::map<std::string, TopicRow> rows;
-  for (const auto& endpoint : endpoints) {
-    if (endpoint.participant == own) continue;
-    TopicRow& row = rows[endpoint.topic];
-    row.types.insert(endpoint.type);
-    row.qos.insert(bus::QosText(endpoint));
-    (endpoint.is_writer ? row.writers : row.readers).push_back(endpoint);
-  }
-  for (auto& [topic, row] : rows)
-    for (const auto& writer : row.writers)
-      for (const auto& reader : row.readers)
-        if (const std::string why = bus::Mismatch(writer, reader); !why.empty()) row.problems.insert(why);
-  return rows;
-}
-
 std::string PeersText(const std::vector<bus::PeerEndpoint>& endpoints,
                       const std::map<std::string, std::string>& names) {
   std::set<std::string> peers;
@@ -71,31 +40,16 @@ std::string PeersText(const std::vector<bus::PeerEndpoint>& endpoints,
   return fmt::format("{}", fmt::join(peers, ", "));
 }
 
-OrderedJson RowJson(const std::string& topic, const TopicRow& row, const std::map<std::string, std::string>& names) {
-  OrderedJson json{{"topic", topic}, {"types", row.types}, {"qos", row.qos}, {"problems", row.problems}};
-  for (const auto* side : {&row.writers, &row.readers}) {
-    OrderedJson list = OrderedJson::array();
-    for (const auto& endpoint : *side) {
-      const auto name = names.find(endpoint.participant);
-      list.push_back({{"peer", name == names.end() ? "" : name->second},
-                      {"participant", endpoint.participant},
-                      {"partitions", endpoint.partitions}});
-    }
-    json[side == &row.writers ? "writers" : "readers"] = std::move(list);
-  }
-  return json;
-}
-
 Status List(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
   ETUDE_ASSIGN_OR_RETURN(const auto endpoints, bus::Endpoints(participant));
-  const auto names = PeerNames(watch.view());
-  const auto rows = RowsOf(endpoints, bus::ParticipantId(participant));
+  const auto names = monitor::PeerNames(watch.view().processes);
+  const auto rows = monitor::TopicRows(endpoints, bus::ParticipantId(participant));
   OrderedJson all = OrderedJson::array();
   for (const auto& [topic, row] : rows) {
-    all.push_back(RowJson(topic, row, names));
+    all.push_back(monitor::TopicJson(topic, row, names));
     if (arguments.as_json) continue;
     fmt::print("{}\n  type     {}\n  QoS      {}\n  writers  {}{}\n  readers  {}{}\n", topic,
                fmt::join(row.types, ", "), fmt::join(row.qos, "; "), row.writers.size(),
@@ -112,21 +66,14 @@ Status List(const Arguments& arguments) {
 Result<std::set<std::string>> Written(const bus::Participant& participant, const Arguments& arguments) {
   if (!arguments.partition.empty()) return std::set<std::string>{arguments.partition};
   ETUDE_ASSIGN_OR_RETURN(const auto endpoints, bus::Endpoints(participant));
-  std::set<std::string> partitions;
-  for (const auto& endpoint : endpoints)
-    if (endpoint.is_writer && endpoint.topic == arguments.topic)
-      partitions.insert(endpoint.partitions.begin(), endpoint.partitions.end());
-  partitions.erase("");
-  return partitions;
+  return monitor::WrittenPartitions(endpoints, arguments.topic);
 }
-
-bool IsBulk(const std::string& topic) { return topic == "etude/blob/chunk" || topic == "etude/blob/manifest"; }
 
 Status CheckTopic(const Arguments& arguments) {
   const auto known = bus::KnownTopics();
   if (std::ranges::count(known, arguments.topic) == 0)
     return Fail(Code::kInvalidArgument, "topic " + NotKnown(arguments.topic, known));
-  if (IsBulk(arguments.topic) && !arguments.bulk)
+  if (monitor::IsBulk(arguments.topic) && !arguments.bulk)
     return Fail(Code::kInvalidArgument,
                 fmt::format("topic '{}' carries episodes: their senders would send every byte here, too, and wait for "
                             "it; `etude topic hz {}` counts them, --bulk reads them all the same",
@@ -162,12 +109,12 @@ Status Hz(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
-  TopicRates rates;
-  rates.Begin(watch.view());
+  monitor::TopicRates rates;
+  rates.Begin(watch.view().processes);
   ETUDE_RETURN_IF_ERROR(
       watch.LookAround(std::chrono::milliseconds(static_cast<std::int64_t>(arguments.seconds * 1000))));
   bool any = false;
-  for (const auto& [topic, rate] : rates.End(watch.view())) {
+  for (const auto& [topic, rate] : rates.End(watch.view().processes)) {
     if (!arguments.topic.empty() && topic != arguments.topic) continue;
     any = true;
     fmt::print("{:<36} {:>9.1f}/s {:>11.1f} kB/s  {} writing process{}\n", topic, rate.samples_per_second,

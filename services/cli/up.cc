@@ -11,6 +11,7 @@
 #include "services/campaign/eval_report.h"
 #include "services/campaign/spec_file.h"
 #include "services/cli/command_line.h"
+#include "services/cli/dashboard_service.h"
 #include "services/cli/evaluation.h"
 #include "services/cli/service.h"
 #include "services/cli/up_config.h"
@@ -37,6 +38,8 @@ struct Arguments {
   std::optional<std::uint32_t> domain;
   std::string out;
   bool keep_running = false;
+  bool no_dashboard = false;
+  std::uint16_t dashboard_port = 8080;
   std::string profile;
   std::string log = "text";
   std::string security;
@@ -47,7 +50,7 @@ struct Arguments {
 class System {
  public:
   System(UpConfig config, CampaignSpec spec, BusArguments bus, Claim claim, Identity run, bus::Participant participant,
-         bus::Reader<bus::TrainStatus> train_statuses, UpRecord* record)
+         bus::Reader<bus::TrainStatus> train_statuses, UpRecord* record, std::optional<DashboardService> dashboard)
       : config_(std::move(config)),
         spec_(std::move(spec)),
         bus_(std::move(bus)),
@@ -56,7 +59,8 @@ class System {
         out_(config_.out),
         participant_(std::move(participant)),
         train_statuses_(std::move(train_statuses)),
-        record_(record) {}
+        record_(record),
+        dashboard_(std::move(dashboard)) {}
 
   Status Run(bool keep_running);
 
@@ -64,6 +68,7 @@ class System {
   Status CollectAndTrain();
   Status StartTraining();
   Status Tick();
+  void TickDashboard();
   Status RollOut();
   void Drain();
   std::string Line();
@@ -79,6 +84,7 @@ class System {
   bus::Participant participant_;
   bus::Reader<bus::TrainStatus> train_statuses_;
   UpRecord* record_;
+  std::optional<DashboardService> dashboard_;
   std::optional<bus::TrainStatus> train_;
   std::unique_ptr<HostedCampaign> collection_;
   std::optional<campaign::CollectorProgress> collected_;  // final, once collection has ended
@@ -134,8 +140,25 @@ Status System::Tick() {
   std::map<std::string, pid_t> children;
   if (const auto pid = trainer_ ? trainer_->pid() : std::nullopt) children["trainer"] = *pid;
   if (const auto pid = policy_ ? policy_->pid() : std::nullopt) children["policy"] = *pid;
+  TickDashboard();
+  if (const auto pid = dashboard_ ? dashboard_->pid() : std::nullopt) children["dashboard"] = *pid;
   record_->SetChildren(children);
   return {};
+}
+
+// Pages are for people: what is collected and trained does not depend on them.
+void System::TickDashboard() {
+  if (!dashboard_) return;
+  const std::string before = dashboard_->address();
+  const Status well = dashboard_->Supervise();
+  if (!well) {
+    display_.Say("no dashboard: " + well.error().message);
+    dashboard_.reset();
+  }
+  const std::string now = dashboard_ ? dashboard_->address() : "";
+  if (now == before) return;
+  if (!now.empty()) display_.Say("dashboard   " + now);
+  record_->SetAddress(now);
 }
 
 Status System::CollectAndTrain() {
@@ -217,6 +240,7 @@ void System::Drain() {
   if (collection_) (void)collection_->Finish();
   if (trainer_) trainer_->Stop(kTrainerPatience);
   if (policy_) policy_->Stop(kPolicyPatience);
+  if (dashboard_) dashboard_->Stop(kPolicyPatience);
 }
 
 void System::PrintWhere() const {
@@ -259,6 +283,15 @@ Result<UpConfig> Load(const Arguments& arguments) {
   return config;
 }
 
+// nullopt: it is not wanted, or it cannot be started; then it is said why.
+std::optional<DashboardService> StartDashboard(const Arguments& arguments, const Path& out, const BusArguments& bus) {
+  if (arguments.no_dashboard) return std::nullopt;
+  auto started = DashboardService::Start({out, arguments.dashboard_port, bus});
+  if (started) return std::move(*started);
+  fmt::print("no dashboard: {}\n", started.error().message);
+  return std::nullopt;
+}
+
 Status Up(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const UpConfig config, Load(arguments));
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec,
@@ -283,7 +316,8 @@ Status Up(const Arguments& arguments) {
       UpRecord::Begin(
           out, config.domain,
           {{"dataset", out / "dataset"}, {"run", run_folder}, {"eval", out / "eval"}, {"logs", out / "logs"}}, ""));
-  System system(config, spec, bus, arguments.claim, run, std::move(participant), std::move(statuses), &record);
+  System system(config, spec, bus, arguments.claim, run, std::move(participant), std::move(statuses), &record,
+                StartDashboard(arguments, out, bus));
   const Status done = system.Run(arguments.keep_running);
   record.SetChildren({});
   record.End(done ? kExitOk : ExitCodeFor(done.error()));
@@ -301,6 +335,11 @@ void AddUp(CLI::App& app, Body& body) {
   command->add_option("--out", arguments->out, "folder for dataset, run, evaluation and logs; resumes what is there");
   command->add_option("--workers", arguments->workers, "local workers")->check(CLI::Range(1, 100));
   command->add_flag("--keep-running", arguments->keep_running, "keep the policy server up at the end, until Ctrl-C");
+  command->add_flag("--no-dashboard", arguments->no_dashboard, "without the web pages");
+  command
+      ->add_option("--dashboard-port", arguments->dashboard_port,
+                   "where the web pages are, on this machine; 0: any free port")
+      ->capture_default_str();
   command->add_option("--domain", arguments->domain, "DDS domain")->check(CLI::Range(0, 230));
   command->add_option("--profile", arguments->profile, "Cyclone DDS XML file");
   BusArguments::AddSecurity(*command, arguments->security);

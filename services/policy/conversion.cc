@@ -35,4 +35,19 @@ std::vector<Waypoint> WaypointsOf(std::span<const float> numbers) {
   return waypoints;
 }
 
+// What worker/task/rollout.cc asked.
+Question QuestionAt(const Episode& episode, int step, std::span<const std::uint8_t> rgb) {
+  const auto arm = episode.joint_pos.row(step), gripper = episode.gripper_qpos.row(step);
+  Question question;
+  question.instruction = episode.instruction;
+  question.robot = episode.robot;
+  question.joints.assign(arm.begin(), arm.end());
+  question.joints.insert(question.joints.end(), gripper.begin(), gripper.end());
+  question.camera = episode.cameras[0].camera;
+  question.width = question.camera->width;
+  question.height = question.camera->height;
+  question.rgb = rgb;
+  return question;
+}
+
 }  // namespace etude::policy

@@ -94,6 +94,12 @@ Result<Insight> ReadInsight(const bus::Insight& message) {
   auto modules = ParseBoundedJson(message.modules_json);
   if (!modules || !modules->is_object()) return Fail(Code::kCorrupt, "read an insight: it says nothing of modules");
   insight.modules = std::move(*modules);
+  if (!message.what_if_json.empty()) {
+    auto what_if = ParseBoundedJson(message.what_if_json);
+    if (!what_if || !what_if->is_object())
+      return Fail(Code::kCorrupt, "read an insight: what it says to the what-if is no JSON object");
+    insight.what_if = std::move(*what_if);
+  }
   ETUDE_RETURN_IF_ERROR(ReadAttention(message, insight));
   const auto& view = message.view;
   if (!view.empty() && (view.size() != 4 || std::ranges::any_of(view, [](auto side) { return side > kMostSide; })))

@@ -36,6 +36,7 @@ struct Insight {
   std::map<std::string, PictureAttention> attention;  ///< by module, of those that read the picture
   View view;                                          ///< of no size: not said
   std::vector<Waypoint> waypoints;                    ///< kWaypoints in world, or none
+  OrderedJson what_if;                                ///< as `modules`, of what was asked as well; null: nothing was
 };
 
 /// @error kInvalidArgument: the server's own, in its words; kCorrupt: what does not parse or does not fit together

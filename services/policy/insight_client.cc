@@ -33,18 +33,22 @@ struct Connection {
 struct InsightClient::Impl {
   const bus::Participant* participant = nullptr;
   Selector run;
+  std::string base;  // of the names
   std::string name;  // as a viewer, and of its session
   InsightClientOptions options;
   bus::Directory directory;
   std::optional<Connection> connection = {};
   std::string given_up = {};  // why nothing is asked any more
   std::uint64_t request_id = 0;
+  std::string what_if = {};
+  std::uint64_t what_ifs = 0;  // different ones so far
   MonotonicClock::time_point turn = {}, wish_again = {};
 
   ~Impl() {
     if (connection) (void)Wish(0);
   }
   Status Connect();
+  void Suppose(const std::string& what_if_json);
   Status Wish(std::uint32_t seconds);
   Result<bus::Insight> Ask(bus::Observation observation);
   std::optional<bus::Insight> Await(std::uint64_t first);
@@ -70,8 +74,19 @@ Status InsightClient::Impl::Wish(std::uint32_t seconds) {
   wish.run_id = connection->talk.server.id;
   wish.viewer = wish.session = name;
   wish.seconds = seconds;
+  wish.what_if_json = what_if;
   wish_again = MonotonicClock::now() + kSayAgain;
   return connection->wishes.Write(wish);
+}
+
+// An insight does not say to which wish it belongs, and wishes and observations may overtake each other: another name
+// tells them apart.
+void InsightClient::Impl::Suppose(const std::string& what_if_json) {
+  if (what_if_json == what_if) return;
+  if (connection) (void)Wish(0);
+  what_if = what_if_json;
+  name = fmt::format("{}-{}", base, ++what_ifs);
+  wish_again = {};
 }
 
 // An insight into this question, from whichever try since `first`: the answer to each is the same.
@@ -113,12 +128,14 @@ Result<InsightClient> InsightClient::Open(const bus::Participant& participant, c
                                           const InsightClientOptions& options) {
   ETUDE_ASSIGN_OR_RETURN(auto selector, ParseSelector(run, "look into the policy of run"));
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
-  return InsightClient(std::unique_ptr<Impl>(
-      new Impl{&participant, std::move(selector), "insight-" + bus::UniquePeerName(), options, std::move(directory)}));
+  const std::string base = "insight-" + bus::UniquePeerName();
+  return InsightClient(
+      std::unique_ptr<Impl>(new Impl{&participant, std::move(selector), base, base, options, std::move(directory)}));
 }
 
-Result<Insight> InsightClient::Ask(const Question& question) {
+Result<Insight> InsightClient::Ask(const Question& question, const std::string& what_if_json) {
   if (!impl_->given_up.empty()) return Fail(Code::kUnavailable, impl_->given_up);
+  impl_->Suppose(what_if_json);
   const auto message = impl_->Ask(ObservationOf(question));
   if (!message) {
     if (!StopRequested()) impl_->given_up = message.error().message;

@@ -37,7 +37,9 @@ class InsightClient {
   /// @error kUnavailable: no server, or no insight within the patience. It is remembered: nothing more is asked then,
   /// so that whoever has hundreds of questions waits once. kInvalidArgument: the server's refusal of this question, or
   /// a name that means several servers; kCorrupt: see ReadInsight; kTimeout: a stop was requested meanwhile.
-  Result<Insight> Ask(const Question& question);
+  /// @param what_if_json  to be answered as well, see trainer/policy/what_if.h; "": nothing. It is answered for this
+  /// question alone: each different one has a wish and a session of its own.
+  Result<Insight> Ask(const Question& question, const std::string& what_if_json = "");
 
  private:
   struct Impl;

@@ -13,6 +13,7 @@
 #include "services/core/result.h"
 #include "services/episode/action.h"
 #include "services/episode/camera.h"
+#include "services/episode/episode.h"
 
 namespace etude::policy {
 
@@ -25,6 +26,10 @@ struct Question {
   std::string robot;                  ///< a known robot's name or its file's; "": not said
   std::optional<Camera> camera;       ///< that took the picture, in the robot's world; none: not said
 };
+
+/// What a rollout asked at a step of its record, or would have asked in a demonstration.
+/// @param rgb  the picture of cameras[0] at that step; the question points into it
+Question QuestionAt(const Episode& episode, int step, std::span<const std::uint8_t> rgb);
 
 /// kWaypoints waypoints over the next kHorizonSteps control steps, and what the modules say.
 struct Answer {

@@ -69,7 +69,7 @@ TEST_F(WholeLoop, CollectsTrainsPublishesServesAndRollsOut) {
   WriteConfigs();
   const std::string up = Binary("etude").string() + " up " + (folder_ / "up.yaml").string() + " --out " +
                          out_.string() + " --minutes 0.6 --domain " + std::to_string(kDomain) +
-                         " --set eval.seed=3 > " + log_.string() + " 2>&1";
+                         " --set eval.seed=3 --dashboard-port 0 > " + log_.string() + " 2>&1";
   ASSERT_EQ(RunCommand(up), 0) << ReadTextFile(log_).value_or("");
 
   // every demonstration is there and whole

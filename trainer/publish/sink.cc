@@ -7,6 +7,7 @@
 #include <charconv>
 
 #include "services/core/hash.h"
+#include "services/core/link.h"
 #include "services/core/log.h"
 
 namespace etude::publish {
@@ -17,17 +18,6 @@ namespace fs = std::filesystem;
 using checkpoint::kBest;
 using checkpoint::kLatest;
 using checkpoint::LinkOf;
-
-// replaces a link so that a reader sees the old one or the new one
-Status PointTo(const Path& link, const Path& target) {
-  const Path temporary = link.string() + ".new";
-  std::error_code error;
-  fs::remove(temporary, error);
-  fs::create_symlink(target, temporary, error);
-  if (!error) fs::rename(temporary, link, error);
-  if (error) return Fail(ErrnoError("point", link, error.value()));
-  return SyncFolder(link.parent_path());
-}
 
 Path StartsFile(const Path& run_folder) { return run_folder / "checkpoints" / "starts"; }
 
@@ -60,6 +50,8 @@ Result<CheckpointSink> CheckpointSink::Open(const Path& run_folder, const RunIde
   RemoveHalfWritten(sink.folder_);
   RemoveHalfWritten(run_folder);
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(StartsFile(run_folder), std::to_string(run.start)));
+  std::error_code none;
+  sink.best_ = fs::read_symlink(LinkOf(sink.folder_, kBest), none);
   if (participant) {
     ETUDE_ASSIGN_OR_RETURN(auto publisher, bus::BlobPublisher::Open(*participant, {run.name, run.id}));
     sink.publisher_ = std::make_unique<bus::BlobPublisher>(std::move(publisher));
@@ -69,15 +61,27 @@ Result<CheckpointSink> CheckpointSink::Open(const Path& run_folder, const RunIde
 }
 
 void CheckpointSink::PublishExisting() {
-  for (const char* channel : {kBest, kLatest}) {
-    const auto bytes = ReadBinaryFile(LinkOf(folder_, channel));
-    if (!bytes) continue;
-    const auto made = checkpoint::Decode(*bytes);
-    if (made)
-      Publish(channel, *bytes, made->metadata);
-    else
-      Log().warn("not published: {}: {}", LinkOf(folder_, channel).string(), made.error().message);
-  }
+  for (const char* channel : {kBest, kLatest}) PublishNamed(channel);
+}
+
+void CheckpointSink::PublishNamed(const std::string& channel) {
+  const auto bytes = ReadBinaryFile(LinkOf(folder_, channel));
+  if (!bytes) return;
+  const auto made = checkpoint::Decode(*bytes);
+  if (made)
+    Publish(channel, *bytes, made->metadata);
+  else
+    Log().warn("not published: {}: {}", LinkOf(folder_, channel).string(), made.error().message);
+}
+
+// `etude checkpoint promote` points `best` elsewhere while this run is under way.
+void CheckpointSink::PublishPromoted() {
+  std::error_code error;
+  const Path now = fs::read_symlink(LinkOf(folder_, kBest), error);
+  if (error || now == best_) return;
+  best_ = now;
+  Log().info("run={}: '{}' was promoted to channel {}", run_.name, now.string(), kBest);
+  PublishNamed(kBest);
 }
 
 void CheckpointSink::Publish(const std::string& channel, std::span<const std::uint8_t> bytes,
@@ -101,9 +105,13 @@ Result<Kept> CheckpointSink::Save(const checkpoint::Checkpoint& made) {
   const checkpoint::Metadata& metadata = named.metadata;
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, checkpoint::Encode(named));
   const Path name = checkpoint::FileNameOf(metadata.step);
+  PublishPromoted();
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(folder_ / name, bytes));
-  ETUDE_RETURN_IF_ERROR(PointTo(LinkOf(folder_, kLatest), name));
-  if (metadata.best) ETUDE_RETURN_IF_ERROR(PointTo(LinkOf(folder_, kBest), name));
+  ETUDE_RETURN_IF_ERROR(PointLink(LinkOf(folder_, kLatest), name));
+  if (metadata.best) {
+    ETUDE_RETURN_IF_ERROR(PointLink(LinkOf(folder_, kBest), name));
+    best_ = name;
+  }
   Publish(kLatest, bytes, metadata);
   if (metadata.best) Publish(kBest, bytes, metadata);
   ETUDE_RETURN_IF_ERROR(Prune());

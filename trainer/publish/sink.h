@@ -50,9 +50,12 @@ class CheckpointSink {
   CheckpointSink() = default;
   void Publish(const std::string& channel, std::span<const std::uint8_t> bytes, const checkpoint::Metadata& metadata);
   void PublishExisting();
+  void PublishNamed(const std::string& channel);
+  void PublishPromoted();
   Status Prune() const;
 
   Path folder_;
+  Path best_;  // that `best` named when it was looked at last
   RunIdentity run_;
   std::unique_ptr<bus::BlobPublisher> publisher_;
   std::uint64_t published_ = 0;

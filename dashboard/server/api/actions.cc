@@ -6,7 +6,6 @@
 
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/jobs.h"
-#include "services/episode/bounded_json.h"
 
 namespace etude::api {
 namespace {
@@ -23,7 +22,6 @@ struct ActionHelp {
   const char* action;
   const char* description;
   std::vector<ArgumentHelp> arguments;
-  const char* why_not;  // "": it can be done
 };
 
 const std::vector<ActionHelp>& Known() {
@@ -33,40 +31,92 @@ const std::vector<ActionHelp>& Known() {
        {{"run", true, "run id"},
         {"file", true, "checkpoint"},
         {"episodes", false, "rollouts, 1 to 10,000; 40"},
-        {"seed", false, "of the scenes, as text; 9001"}},
-       ""},
+        {"seed", false, "of the scenes, as text; 9001"}}},
       {"replay",
        "make an attempt again, to see how it went",
-       {{"dataset", true, "dataset id"}, {"index", true, "episode"}, {"attempt", false, "attempt at it; 0"}},
-       ""},
-      {"verify", "read every byte of a dataset and report damaged files", {{"dataset", true, "dataset id"}}, ""},
-      {"promote", "make a checkpoint a run's best", {{"run", true, "run id"}, {"file", true, "checkpoint"}},
-       "this version has no command for it"}};
+       {{"dataset", true, "dataset id"}, {"index", true, "episode"}, {"attempt", false, "attempt at it; 0"}}},
+      {"verify", "read every byte of a dataset and report damaged files", {{"dataset", true, "dataset id"}}},
+      {"pause",
+       "lease nothing new to a campaign's workers; what is leased is finished and committed",
+       {{"campaign", true, "dataset id, or NAME@ID on the bus"}}},
+      {"drain",
+       "as pause, and wait until nothing is leased any more",
+       {{"campaign", true, "dataset id, or NAME@ID on the bus"}}},
+      {"resume", "lease again", {{"campaign", true, "dataset id, or NAME@ID on the bus"}}},
+      {"stop",
+       "end a campaign's collector; started again, it resumes",
+       {{"campaign", true, "dataset id, or NAME@ID on the bus"}}},
+      {"promote", "make a checkpoint a run's best", {{"run", true, "run id"}, {"file", true, "checkpoint"}}},
+      {"serve",
+       "start a policy server for a checkpoint, or for what a run publishes; it serves until the job is stopped",
+       {{"run", true, "run id"}, {"file", false, "checkpoint; default: those that the run publishes"}}}};
   return known;
 }
 
 struct Command {
   std::vector<std::string> arguments;
   Weight weight = Weight::kLight;
+
+  void AddFlags(const std::vector<std::string>& flags) {
+    arguments.insert(arguments.end(), flags.begin(), flags.end());
+  }
 };
 
-Result<Command> Evaluate(Context& context, const OrderedJson& body) {
-  ETUDE_ASSIGN_OR_RETURN(const auto run, context.sources.Run(TextOf(body, "run")));
-  ETUDE_ASSIGN_OR_RETURN(const auto view, run->View());
+// A checkpoint that the run has, looked up and never joined from what was asked.
+Result<Path> CheckpointOf(Context& context, const OrderedJson& body) {
+  ETUDE_ASSIGN_OR_RETURN(const OpenedRun run, OpenRun(context, TextOf(body, "run")));
   const std::string file = TextOf(body, "file");
-  if (std::ranges::find(view->checkpoints, file, &sources::CheckpointHeader::file) == view->checkpoints.end())
+  const auto& headers = run.view->checkpoints;
+  const auto header = std::ranges::find(headers, file, &sources::CheckpointHeader::file);
+  if (header == headers.end())
     return Fail(Code::kNotFound, fmt::format("file: the run has no checkpoint '{:.100}'", file));
+  return run.source->found().folder / "checkpoints" / header->file;
+}
+
+Result<Command> Evaluate(Context& context, const OrderedJson& body) {
+  ETUDE_ASSIGN_OR_RETURN(const Path checkpoint, CheckpointOf(context, body));
   const auto episodes = UnsignedOf(body, "episodes").value_or(40);
   const std::string seed = TextOf(body, "seed", "9001");
-  const bool number = !seed.empty() && seed.size() <= 20 && std::ranges::all_of(seed, [](char c) { return c >= '0' && c <= '9'; });
+  const bool number =
+      !seed.empty() && seed.size() <= 20 && std::ranges::all_of(seed, [](char c) { return c >= '0' && c <= '9'; });
   if (episodes < 1 || episodes > 10'000 || !number)
     return Fail(Code::kInvalidArgument, "evaluate: episodes must be 1 to 10,000, seed a whole number as text");
-  const std::string stem = Path(file).stem().string();
-  const Path folder = run->found().folder;
-  const Path out = folder.parent_path() / fmt::format("{}-eval-{}-{}", folder.filename().string(), stem, seed);
-  return Command{{"eval", "--checkpoint", (folder / "checkpoints" / file).string(), "--episodes",
-                  std::to_string(episodes), "--seed", seed, "--out", out.string()},
-                 Weight::kHeavy};
+  const Path folder = checkpoint.parent_path().parent_path();
+  const Path out =
+      folder.parent_path() / fmt::format("{}-eval-{}-{}", folder.filename().string(), checkpoint.stem().string(), seed);
+  Command command{{"eval", "--checkpoint", checkpoint.string(), "--episodes", std::to_string(episodes), "--seed", seed,
+                   "--out", out.string()},
+                  Weight::kHeavy};
+  command.AddFlags(context.bus_flags);
+  return command;
+}
+
+// Its collector does it: it answers on the bus.
+Result<Command> Control(Context& context, const std::string& action, const OrderedJson& body) {
+  ETUDE_ASSIGN_OR_RETURN(const std::string name, BusNameOfCampaign(context, TextOf(body, "campaign")));
+  Command command{{"campaign", action, name}, Weight::kLight};
+  command.AddFlags(context.bus_flags);
+  return command;
+}
+
+Result<Command> Promote(Context& context, const OrderedJson& body) {
+  ETUDE_ASSIGN_OR_RETURN(const Path checkpoint, CheckpointOf(context, body));
+  const Path run = checkpoint.parent_path().parent_path();
+  return Command{{"checkpoint", "promote", run.string(), checkpoint.filename().string()}, Weight::kLight};
+}
+
+Result<Command> Serve(Context& context, const OrderedJson& body) {
+  if (context.domain < 0) return Fail(Code::kInvalidArgument, "serve: this gateway is on no bus (--no-bus)");
+  Command command{{"policy"}, Weight::kLight};
+  if (TextOf(body, "file").empty()) {
+    ETUDE_ASSIGN_OR_RETURN(const OpenedRun run, OpenRun(context, TextOf(body, "run")));
+    command.AddFlags({"--subscribe", run.source->found().folder.string()});
+  } else {
+    ETUDE_ASSIGN_OR_RETURN(const Path checkpoint, CheckpointOf(context, body));
+    command.AddFlags({"--checkpoint", checkpoint.string()});
+  }
+  command.AddFlags(context.bus_flags);
+  return command;
 }
 
 Result<Command> Replay(Context& context, const OrderedJson& body) {
@@ -93,25 +143,17 @@ Result<Command> CommandFor(Context& context, const OrderedJson& body) {
   if (action == "evaluate") return Evaluate(context, body);
   if (action == "replay") return Replay(context, body);
   if (action == "verify") return Verify(context, body);
+  if (action == "promote") return Promote(context, body);
+  if (action == "serve") return Serve(context, body);
+  if (action == "pause" || action == "drain" || action == "resume" || action == "stop")
+    return Control(context, action, body);
   std::vector<std::string> names;
-  for (const auto& known : Known()) {
-    if (action == known.action) return Fail(Code::kInvalidArgument, fmt::format("{}: {}", action, known.why_not));
-    names.emplace_back(known.action);
-  }
+  for (const auto& known : Known()) names.emplace_back(known.action);
   return Fail(Code::kInvalidArgument, "action: " + NotKnown(action.substr(0, 40), names));
 }
 
-Result<OrderedJson> Body(const http::Request& request) {
-  // a form of another page cannot send this type without being asked for first (CORS)
-  if (!request.content_type.starts_with("application/json"))
-    return Fail(Code::kInvalidArgument, "Content-Type must be application/json");
-  auto json = ParseBoundedJson(request.body, 8);
-  if (!json || !json->is_object()) return Fail(Code::kInvalidArgument, "the body is not a JSON object");
-  return std::move(*json);
-}
-
 Result<http::Answer> Act(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, Body(request));
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, JsonBody(request));
   ETUDE_ASSIGN_OR_RETURN(const Command command, CommandFor(context, body));
   std::vector<std::string> words{"etude"};
   words.insert(words.end(), command.arguments.begin(), command.arguments.end());
@@ -132,7 +174,7 @@ Result<http::Answer> Actions(Context& context, const http::Request& request) {
     for (const auto& argument : known.arguments)
       arguments.push_back(
           {{"name", argument.name}, {"required", argument.required}, {"description", argument.description}});
-    const std::string why_not = !context.security.enabled() ? "the gateway was started without a token" : known.why_not;
+    const std::string why_not = context.security.enabled() ? "" : "the gateway was started without a token";
     rows.push_back({{"action", known.action},
                     {"description", known.description},
                     {"arguments", arguments},
@@ -152,7 +194,7 @@ http::Answer Empty() {
 }
 
 Result<http::Answer> SignIn(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, Body(request));
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, JsonBody(request));
   if (!context.security.TokenMatches(TextOf(body, "token")))
     return http::Problem(context.security.enabled() ? 401 : 403, "Not the token", "that is not this gateway's token");
   http::Answer answer = Empty();

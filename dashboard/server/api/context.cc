@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dashboard/server/api/context.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "dashboard/server/sources/files.h"
+#include "services/episode/bounded_json.h"
 
 namespace etude::api {
 namespace {
@@ -56,6 +59,8 @@ http::Router MakeRouter(Context& context) {
   AddRunRoutes(router, context);
   AddEvalRoutes(router, context);
   AddLogRoutes(router, context);
+  AddTopicRoutes(router, context);
+  AddInsightRoutes(router, context);
   AddActionRoutes(router, context);
   AddMetricsRoutes(router, context);
   router.Add("GET", kPrefix + "/openapi.json", http::Lane::kFiles,
@@ -107,6 +112,8 @@ CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign
       state.per_minute = heard->status->episodes_per_minute;
       if (heard->status->eta_s > 0) state.eta_s = heard->status->eta_s;
       state.error = heard->status->error;
+      const auto& said = heard->status->state;
+      if (said == "paused" || said == "draining" || said == "stopping") state.control = said;
     }
   }
   if (state.total > 0 && state.committed + state.given_up >= state.total)
@@ -119,16 +126,11 @@ CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign
 }
 
 OrderedJson StatusJson(const CampaignState& state) {
-  return {{"committed", state.committed},
-          {"total", state.total},
-          {"attempts", state.committed + state.failed},
-          {"given_up", state.given_up},
-          {"workers", state.workers},
-          {"per_min", sources::Maybe(state.per_minute)},
-          {"eta_s", sources::Maybe(state.eta_s)},
-          {"error", state.error},
-          {"live", state.live},
-          {"age_ms", AgeOf(state.updated)}};
+  return {
+      {"committed", state.committed},         {"total", state.total},     {"attempts", state.committed + state.failed},
+      {"given_up", state.given_up},           {"workers", state.workers}, {"per_min", sources::Maybe(state.per_minute)},
+      {"eta_s", sources::Maybe(state.eta_s)}, {"error", state.error},     {"live", state.live},
+      {"age_ms", AgeOf(state.updated)}};
 }
 
 namespace {
@@ -198,6 +200,62 @@ RunState StateOf(const sources::RunView* view, const live::LiveRun* heard) {
   if (state.state != "finished" && state.state != "stopped" && state.state != "failed" && state.state != "running")
     state.state = "silent";
   return state;
+}
+
+OrderedJson ProgressJson(const RunState& state) {
+  return {{"step", state.step},
+          {"stage", state.stage},
+          {"stages", state.stages},
+          {"stage_name", state.stage_name},
+          {"loss", sources::Maybe(state.loss)},
+          {"samples_per_s", sources::Maybe(state.samples_per_s)},
+          {"data_wait", sources::Maybe(state.data_wait)},
+          {"eta_s", sources::Maybe(state.eta_s)},
+          {"checkpoint_step", sources::Maybe(state.checkpoint_step)}};
+}
+
+std::vector<const live::LiveServer*> ServersOf(const live::LiveView& live, const std::string& run_id) {
+  std::vector<const live::LiveServer*> servers;
+  for (const auto& [name, server] : live.servers)
+    if (run_id.empty() || server.status.run_id == run_id) servers.push_back(&server);
+  return servers;
+}
+
+namespace {
+
+tl::unexpected<Error> NotLive(const char* what, const std::string& id) {
+  return Fail(Code::kNotFound, fmt::format("no {} of '{:.100}' is on the bus now", what, id));
+}
+
+}  // namespace
+
+Result<std::string> BusNameOfCampaign(Context& context, const std::string& id) {
+  const auto live = context.live();
+  const auto dataset = OpenDataset(context, id);
+  for (const auto& [identity, campaign] : live->campaigns) {
+    const std::string name = BusId(campaign.presence);
+    if (campaign.present && (name == id || (dataset && dataset->view->info.identity == identity))) return name;
+  }
+  return NotLive("campaign", id);
+}
+
+Result<std::string> BusNameOfPolicy(Context& context, const std::string& id) {
+  const auto live = context.live();
+  const auto run = OpenRun(context, id);
+  for (const auto& policy : live->policies) {
+    const std::string name = BusId(policy.presence);
+    if (name == id || (run && run->view->identity == policy.presence.id)) return name;
+  }
+  return NotLive("policy server", id);
+}
+
+Result<OrderedJson> JsonBody(const http::Request& request) {
+  // a form of another page cannot send this type without being asked for first (CORS)
+  if (!request.content_type.starts_with("application/json"))
+    return Fail(Code::kInvalidArgument, "Content-Type must be application/json");
+  auto json = ParseBoundedJson(request.body, 8);
+  if (!json || !json->is_object()) return Fail(Code::kInvalidArgument, "the body is not a JSON object");
+  return std::move(*json);
 }
 
 std::string EvalState(const sources::EvalView& view) {

@@ -7,12 +7,15 @@
 #include <mutex>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "dashboard/server/http/answers.h"
 #include "dashboard/server/http/router.h"
 #include "dashboard/server/http/security.h"
 #include "dashboard/server/live/bus_watch.h"
 #include "dashboard/server/sources/sources.h"
+#include "services/policy/insight.h"
+#include "services/policy/policy_types.h"
 
 namespace etude::api {
 
@@ -29,9 +32,15 @@ struct Context {
   std::function<void(http::Lane, std::function<void()>)> later;
   const http::Security& security;
   Jobs& jobs;
-  Path videos;        ///< cache of episodes as mp4
-  std::string openapi;  ///< text of openapi.json
-  int domain = -1;    ///< -1: no bus
+  Path videos;                         ///< cache of episodes as mp4
+  std::string openapi;                 ///< text of openapi.json
+  int domain = -1;                     ///< -1: no bus
+  std::vector<std::string> bus_flags;  ///< --domain and --profile of commands that this gateway shows and runs
+  /// Newest messages of a topic; not set: no bus. @error as live::BusWatch::Newest
+  std::function<Result<std::vector<live::Sample>>(const std::string& topic)> newest;
+  /// Asks a policy server what it sees and says; not set: no bus. @error as live::PolicyLooker::Look
+  std::function<Result<policy::Insight>(const std::string& run, const policy::Question&, const std::string& what_if)>
+      look;
 
   /// Begins to read what of a dataset's rows is not known, an episode at a time, unless it is under way.
   void ReadInBackground(std::shared_ptr<sources::DatasetSource> dataset);
@@ -57,12 +66,44 @@ void AddEpisodeRoutes(http::Router& router, Context& context);
 void AddRunRoutes(http::Router& router, Context& context);
 void AddEvalRoutes(http::Router& router, Context& context);
 void AddLogRoutes(http::Router& router, Context& context);
+void AddTopicRoutes(http::Router& router, Context& context);
+void AddInsightRoutes(http::Router& router, Context& context);
 void AddActionRoutes(http::Router& router, Context& context);
 void AddMetricsRoutes(http::Router& router, Context& context);
 /// All of them, and openapi.json.
 http::Router MakeRouter(Context& context);
 
 // ---- what resources share ---------------------------------------------------------------------
+
+/// What a request names, and how it is now.
+template <class Source, class View>
+struct Opened {
+  std::shared_ptr<Source> source;
+  std::shared_ptr<const View> view;
+};
+using OpenedDataset = Opened<sources::DatasetSource, sources::DatasetView>;
+using OpenedRun = Opened<sources::RunSource, sources::RunView>;
+using OpenedEval = Opened<sources::EvalSource, sources::EvalView>;
+
+/// @error kNotFound; of the source
+template <class Source>
+auto OpenSource(Result<std::shared_ptr<Source>> source)
+    -> Result<Opened<Source, std::remove_cvref_t<decltype(**source.value()->View())>>> {
+  if (!source) return Fail(source.error());
+  ETUDE_ASSIGN_OR_RETURN(auto view, (*source)->View());
+  return {{std::move(*source), std::move(view)}};
+}
+inline Result<OpenedDataset> OpenDataset(Context& context, const std::string& id) {
+  return OpenSource(context.sources.Dataset(id));
+}
+inline Result<OpenedRun> OpenRun(Context& context, const std::string& id) {
+  return OpenSource(context.sources.Run(id));
+}
+inline Result<OpenedEval> OpenEval(Context& context, const std::string& id) {
+  return OpenSource(context.sources.Eval(id));
+}
+/// The body of a POST as a JSON object. @error kInvalidArgument
+Result<OrderedJson> JsonBody(const http::Request& request);
 
 /// A campaign that is a dataset's, and what is heard of it.
 struct CampaignState {
@@ -71,7 +112,8 @@ struct CampaignState {
   std::uint64_t committed = 0, total = 0, given_up = 0, failed = 0, workers = 0;
   std::optional<double> per_minute, eta_s;
   std::string error;
-  double updated = 0;  ///< seconds since 1970
+  std::string control;  ///< paused | draining | stopping, while its collector says so; "": at work
+  double updated = 0;   ///< seconds since 1970
 };
 const live::LiveCampaign* LiveOf(const live::LiveView& live, const sources::DatasetView& view);
 CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign* heard);
@@ -89,6 +131,13 @@ struct RunState {
 /// @param view  null: seen on the bus only
 const live::LiveRun* LiveOf(const live::LiveView& live, const sources::RunView& view);
 RunState StateOf(const sources::RunView* view, const live::LiveRun* heard);
+/// What the Training tile, /runs/{id} and the channel train all say of it.
+OrderedJson ProgressJson(const RunState& state);
+/// The servers that say how they do, of one run or, with "", of all.
+std::vector<const live::LiveServer*> ServersOf(const live::LiveView& live, const std::string& run_id = "");
+/// "NAME@ID" of a campaign or a run on the bus: `id` is its source, or that itself. @error kNotFound: not live
+Result<std::string> BusNameOfCampaign(Context& context, const std::string& id);
+Result<std::string> BusNameOfPolicy(Context& context, const std::string& id);
 std::string EvalState(const sources::EvalView& view);
 
 /// "NAME@ID" of what is only on the bus.
@@ -100,6 +149,9 @@ OrderedJson HomeJson(Context& context);
 Result<OrderedJson> FleetJson(Context& context, const http::Query& query);
 Result<OrderedJson> EvalJson(Context& context, const std::string& id);
 Result<OrderedJson> LogsJson(Context& context, const http::Query& query);
+Result<OrderedJson> EventsJson(Context& context, const http::Query& query);
+OrderedJson TopicsJson(Context& context);
+Result<OrderedJson> SampleJson(Context& context, const std::string& topic);
 /// Channels attempts and train of the WebSocket.
 Result<OrderedJson> LatestAttempts(Context& context, const std::string& campaign);
 Result<OrderedJson> TrainNews(Context& context, const std::string& run, std::uint64_t since);

@@ -17,18 +17,6 @@ using sources::TextOf;
 using sources::TextOrNull;
 using sources::UnsignedOf;
 
-struct Opened {
-  std::shared_ptr<sources::EvalSource> source;
-  std::shared_ptr<const sources::EvalView> view;
-};
-
-Result<Opened> Open(Context& context, const std::string& id) {
-  Opened opened;
-  ETUDE_ASSIGN_OR_RETURN(opened.source, context.sources.Eval(id));
-  ETUDE_ASSIGN_OR_RETURN(opened.view, opened.source->View());
-  return opened;
-}
-
 // ---- the report ---------------------------------------------------------------------------------
 
 // A row of per_task with what older reports lack filled in.
@@ -86,8 +74,8 @@ OrderedJson ModulesWithErrors(const OrderedJson& overall) {
 
 // What a report has beyond the usual.
 OrderedJson Extra(const OrderedJson& report) {
-  static const std::set<std::string> known{"campaign", "run",  "seed",     "episodes", "done",   "per_task",
-                                           "overall",  "latency", "scenes", "per_episode"};
+  static const std::set<std::string> known{"campaign", "run",     "seed",    "episodes", "done",
+                                           "per_task", "overall", "latency", "scenes",   "per_episode"};
   OrderedJson extra = OrderedJson::object();
   for (const auto& [key, value] : report.items())
     if (!known.contains(key)) extra[key] = http::ForBrowsers(value);
@@ -113,7 +101,8 @@ OrderedJson RowJson(const OrderedJson& row, const std::string& id, const std::ma
   for (const char* key : {"error_cm", "error_before_contact_cm"})
     if (!json.contains(key) || !json[key].is_object()) json[key] = OrderedJson::object();
   const auto video = videos.find(UnsignedOf(row, "index").value_or(0));
-  json["video"] = video == videos.end() ? OrderedJson() : OrderedJson(kPrefix + "/evals/" + id + "/videos/" + video->second);
+  json["video"] =
+      video == videos.end() ? OrderedJson() : OrderedJson(kPrefix + "/evals/" + id + "/videos/" + video->second);
   return json;
 }
 
@@ -130,7 +119,7 @@ std::map<std::uint64_t, std::string> VideosByIndex(const std::vector<std::string
 
 Result<http::Answer> Rows(Context& context, const http::Request& request) {
   const std::string id = request.Parameter("id");
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, id));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEval opened, OpenEval(context, id));
   ETUDE_ASSIGN_OR_RETURN(const auto offset, request.query.Integer("offset", 0, 0, 10'000'000));
   ETUDE_ASSIGN_OR_RETURN(const auto limit, request.query.Integer("limit", 400, 1, 1000));
   const auto tasks = request.query.All("task"), outcomes = request.query.All("outcome");
@@ -147,13 +136,12 @@ Result<http::Answer> Rows(Context& context, const http::Request& request) {
   const auto videos = VideosByIndex(opened.view->videos);
   OrderedJson page = OrderedJson::array();
   for (std::size_t i = first; i < last; ++i) page.push_back(RowJson(*rows[i], id, videos));
-  return http::JsonAnswer({{"total", rows.size()},
-                           {"next", last < rows.size() ? OrderedJson(last) : OrderedJson()},
-                           {"rows", page}});
+  return http::JsonAnswer(
+      {{"total", rows.size()}, {"next", last < rows.size() ? OrderedJson(last) : OrderedJson()}, {"rows", page}});
 }
 
 Result<http::Answer> Video(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request.Parameter("id")));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEval opened, OpenEval(context, request.Parameter("id")));
   const std::string name = request.Parameter("file");
   if (std::ranges::find(opened.view->videos, name) == opened.view->videos.end())
     return Fail(Code::kNotFound, fmt::format("the evaluation has no video '{:.100}'", name));
@@ -201,8 +189,9 @@ OrderedJson Counted(const std::vector<PairRow>& rows, const std::string& task, b
 }
 
 http::Answer OtherScenes(const std::string& a, const std::string& b, const std::vector<std::string>& differences) {
-  http::Answer answer = http::Problem(409, "Other scenes", fmt::format("{} and {} were not evaluated in the same scenes", a, b),
-                                      "only evaluations of the same scenes can be paired: the same --seed, tasks and --scenes");
+  http::Answer answer =
+      http::Problem(409, "Other scenes", fmt::format("{} and {} were not evaluated in the same scenes", a, b),
+                    "only evaluations of the same scenes can be paired: the same --seed, tasks and --scenes");
   OrderedJson json = OrderedJson::parse(answer.body);
   json["differences"] = differences;
   answer.body = json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
@@ -210,8 +199,8 @@ http::Answer OtherScenes(const std::string& a, const std::string& b, const std::
 }
 
 // Keys of the specs that make other scenes; none where a spec cannot be had.
-std::vector<std::string> SpecDifferences(const Opened& a, const Opened& b) {
-  const auto spec = [](const Opened& opened) { return FromJson<CampaignSpec>(opened.view->spec, "spec"); };
+std::vector<std::string> SpecDifferences(const OpenedEval& a, const OpenedEval& b) {
+  const auto spec = [](const OpenedEval& opened) { return FromJson<CampaignSpec>(opened.view->spec, "spec"); };
   const auto first = spec(a), second = spec(b);
   return first && second ? campaign::SceneDifferences(*first, *second) : std::vector<std::string>{};
 }
@@ -233,8 +222,8 @@ OrderedJson PairRowsJson(std::vector<PairRow> rows) {
 
 Result<http::Answer> Pair(Context& context, const http::Request& request) {
   const std::string id_a = request.Parameter("a"), id_b = request.Parameter("b");
-  ETUDE_ASSIGN_OR_RETURN(const Opened a, Open(context, id_a));
-  ETUDE_ASSIGN_OR_RETURN(const Opened b, Open(context, id_b));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEval a, OpenEval(context, id_a));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEval b, OpenEval(context, id_b));
   if (const auto differences = SpecDifferences(a, b); !differences.empty()) return OtherScenes(id_a, id_b, differences);
   const auto first = ByIndex(*a.view), second = ByIndex(*b.view);
   std::vector<PairRow> rows;
@@ -263,7 +252,7 @@ Result<http::Answer> Pair(Context& context, const http::Request& request) {
 }  // namespace
 
 Result<OrderedJson> EvalJson(Context& context, const std::string& id) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, id));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEval opened, OpenEval(context, id));
   const auto& [source, view] = opened;
   const auto& report = view->report;
   OrderedJson tasks = OrderedJson::array();

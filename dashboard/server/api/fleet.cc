@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // GET /fleet: hosts and their workers, from the bus, or from the journals of what has ended.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
+#include <set>
 
 #include "dashboard/server/api/context.h"
 #include "services/core/statistics.h"
@@ -15,8 +18,8 @@ using sources::Maybe;
 using sources::TextOrNull;
 
 struct WorkerRow {
-  std::string worker, campaign, phase, strip, last, task, target, robot;
-  std::optional<std::uint64_t> index, attempt;
+  std::string worker, campaign, phase, strip, last, task, target, robot, stage, print;
+  std::optional<std::uint64_t> index, attempt, step;
   std::uint64_t episodes = 0, failures = 0;
   std::optional<double> per_minute;
   double steps_per_s = 0, frames_per_s = 0;
@@ -26,7 +29,9 @@ struct WorkerRow {
 struct HostRow {
   std::string host;
   std::vector<WorkerRow> workers;
+  std::vector<const monitor::Heard<bus::ProcessStatus>*> processes;
   std::vector<double> plans;
+  std::array<double, bus::kPlanBins> plan_bins{};  // of live workers, who publish a histogram
 
   std::optional<double> PerMinute() const {
     std::optional<double> sum;
@@ -43,11 +48,37 @@ struct HostRow {
   std::int64_t AgeMs() const {
     std::int64_t age = INT64_MAX;
     for (const auto& worker : workers) age = std::min(age, worker.age_ms);
-    return workers.empty() ? 0 : age;
+    for (const auto* process : processes) age = std::min(age, live::AgeMs(process->at));
+    return age == INT64_MAX ? 0 : age;
+  }
+  // Plans from the journal, or from the histograms of live workers.
+  std::optional<double> PlanQuantile(double q) const {
+    if (!plans.empty()) return Quantile(plans, q);
+    double all = 0;
+    for (const double count : plan_bins) all += count;
+    if (all == 0) return std::nullopt;
+    double below = 0, edge = 0.01;
+    for (std::size_t bin = 0; bin < plan_bins.size(); ++bin, edge *= 2) {
+      if (below + plan_bins[bin] >= q * all) return edge;  // the bin's upper edge
+      below += plan_bins[bin];
+    }
+    return edge;
+  }
+  // One where all agree.
+  std::string Versions() const {
+    std::set<std::string> versions;
+    for (const auto* process : processes) versions.insert(process->message.version);
+    return fmt::format("{}", fmt::join(versions, ", "));
+  }
+  std::string Prints() const {
+    std::set<std::string> prints;
+    for (const auto& worker : workers)
+      if (!worker.print.empty()) prints.insert(worker.print);
+    return fmt::format("{}", fmt::join(prints, ", "));
   }
   std::size_t Busy() const {
-    return static_cast<std::size_t>(
-        std::ranges::count_if(workers, [](const auto& worker) { return !worker.phase.empty() && worker.phase != "idle"; }));
+    return static_cast<std::size_t>(std::ranges::count_if(
+        workers, [](const auto& worker) { return !worker.phase.empty() && worker.phase != "idle"; }));
   }
 };
 
@@ -73,8 +104,14 @@ Hosts FromBus(Context& context, const live::LiveView& live) {
     for (const auto& [name, heard] : campaign.workers) {
       const auto& status = heard.status;
       WorkerRow row;
-      row.worker = name, row.campaign = source, row.phase = status.phase, row.strip = heard.strip, row.last = heard.last;
-      if (status.token != 0) row.index = status.index, row.attempt = status.attempt;
+      row.worker = name, row.campaign = source, row.phase = status.phase, row.strip = heard.strip;
+      row.last = status.last_outcome.empty() ? heard.last : status.last_outcome;
+      if (status.token != 0) {
+        row.index = status.index, row.attempt = status.attempt;
+        row.stage = status.stage;
+        if (!status.stage.empty()) row.step = status.step;
+      }
+      if (const auto print = live.prints.find(name); print != live.prints.end()) row.print = print->second;
       row.episodes = status.episodes, row.failures = status.failures;
       row.per_minute = heard.PerMinute();
       row.steps_per_s = status.steps_per_second, row.frames_per_s = status.frames_per_second;
@@ -82,7 +119,14 @@ Hosts FromBus(Context& context, const live::LiveView& live) {
       auto& host = hosts[status.host];
       host.host = status.host;
       host.workers.push_back(std::move(row));
+      for (std::size_t bin = 0; bin < std::min(status.plan_histogram.size(), host.plan_bins.size()); ++bin)
+        host.plan_bins[bin] += status.plan_histogram[bin];
     }
+  }
+  for (const auto& [name, heard] : live.processes) {
+    auto& host = hosts[heard.message.host];
+    host.host = heard.message.host;
+    host.processes.push_back(&heard);
   }
   return hosts;
 }
@@ -129,8 +173,8 @@ OrderedJson WorkerJson(const WorkerRow& row, const std::string& host) {
           {"robot", TextOrNull(row.robot)},
           {"task", TextOrNull(row.task)},
           {"target", TextOrNull(row.target)},
-          {"stage", nullptr},
-          {"step", nullptr},
+          {"stage", TextOrNull(row.stage)},
+          {"step", Maybe(row.step)},
           {"last", TextOrNull(row.last)},
           {"episodes", row.episodes},
           {"failures", row.failures},
@@ -140,22 +184,46 @@ OrderedJson WorkerJson(const WorkerRow& row, const std::string& host) {
           {"age_ms", row.age_ms}};
 }
 
+OrderedJson ProcessJson(const monitor::Heard<bus::ProcessStatus>& heard) {
+  const auto& status = heard.message;
+  const double total = static_cast<double>(status.disk_total_bytes);
+  return {{"process", status.process},
+          {"role", status.role},
+          {"pid", status.pid},
+          {"version", status.version},
+          {"since", sources::TimeJson(static_cast<double>(status.since))},
+          {"rss_mb", static_cast<double>(status.rss_bytes) / 1e6},
+          {"cpu", status.cpu},
+          {"folder", TextOrNull(status.folder)},
+          {"disk_free", total > 0 ? OrderedJson(static_cast<double>(status.disk_free_bytes) / total) : OrderedJson()},
+          {"age_ms", live::AgeMs(heard.at)}};
+}
+
 OrderedJson HostJson(const HostRow& host) {
   constexpr std::size_t kMostWorkers = 200;
   OrderedJson workers = OrderedJson::array();
   for (const auto& worker : host.workers)
     if (workers.size() < kMostWorkers) workers.push_back(WorkerJson(worker, host.host));
+  OrderedJson processes = OrderedJson::array();
+  std::optional<double> rss_mb, cpu;
+  for (const auto* process : host.processes) {
+    rss_mb = rss_mb.value_or(0) + static_cast<double>(process->message.rss_bytes) / 1e6;
+    cpu = cpu.value_or(0) + process->message.cpu;
+    if (processes.size() < kMostWorkers) processes.push_back(ProcessJson(*process));
+  }
   return {{"host", host.host},
           {"slots", host.workers.size()},
           {"busy", host.Busy()},
           {"per_min", Maybe(host.PerMinute())},
           {"ok", Maybe(host.Ok())},
-          {"plan_p50_s", host.plans.empty() ? OrderedJson() : OrderedJson(Quantile(host.plans, 0.5))},
-          {"plan_p95_s", host.plans.empty() ? OrderedJson() : OrderedJson(Quantile(host.plans, 0.95))},
-          {"rss_mb", nullptr},
-          {"version", nullptr},
-          {"fingerprint", nullptr},
+          {"plan_p50_s", Maybe(host.PlanQuantile(0.5))},
+          {"plan_p95_s", Maybe(host.PlanQuantile(0.95))},
+          {"rss_mb", Maybe(rss_mb)},
+          {"cpu", Maybe(cpu)},
+          {"version", TextOrNull(host.Versions())},
+          {"fingerprint", TextOrNull(host.Prints())},
           {"age_ms", host.AgeMs()},
+          {"processes", processes},
           {"workers", workers}};
 }
 
@@ -195,8 +263,15 @@ Result<OrderedJson> FleetJson(Context& context, const http::Query& query) {
   ETUDE_ASSIGN_OR_RETURN(const auto limit, query.Integer("limit", 50, 1, 200));
   const auto view = context.live();
   Hosts hosts = FromBus(context, *view);
-  const bool live = !hosts.empty();
-  if (!live) hosts = FromJournals(context);
+  const bool live = std::ranges::any_of(hosts, [](const auto& item) { return !item.second.workers.empty(); });
+  if (!live) {
+    // who made what there is, and what runs now besides
+    Hosts made = FromJournals(context);
+    for (auto& [name, host] : made) {
+      host.processes = std::move(hosts[name].processes);
+      hosts[name] = std::move(host);
+    }
+  }
   std::vector<HostRow*> rows;
   for (auto& [name, host] : hosts) rows.push_back(&host);
   AddTasks(context, rows);
@@ -210,7 +285,10 @@ Result<OrderedJson> FleetJson(Context& context, const http::Query& query) {
     if (const auto rate = host->PerMinute()) per_minute = per_minute.value_or(0) + *rate;
     for (const auto& worker : host->workers) good += worker.episodes, all += worker.episodes + worker.failures;
   }
-  std::erase_if(rows, [](const HostRow* host) { return host->workers.empty(); });
+  std::erase_if(rows, [&](const HostRow* host) {
+    const bool named = text.empty() || host->host.find(text) != std::string::npos;
+    return host->workers.empty() && (host->processes.empty() || !named);
+  });
   Sort(rows, query.Get("sort").value_or("host"));
   const auto first = std::min(rows.size(), static_cast<std::size_t>(offset));
   const auto last = std::min(rows.size(), first + static_cast<std::size_t>(limit));

@@ -8,13 +8,18 @@
 
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/curriculum.h"
-#include "dashboard/server/api/sentence.h"
 #include "services/core/command.h"
 #include "services/core/statistics.h"
+#include "services/monitor/sentence.h"
 
 namespace etude::api {
 namespace {
 
+using monitor::CollectionFacts;
+using monitor::EvaluationFacts;
+using monitor::Facts;
+using monitor::PolicyFacts;
+using monitor::TrainingFacts;
 using sources::Found;
 using sources::Kind;
 using sources::Maybe;
@@ -46,32 +51,27 @@ struct Gathered {
   std::vector<std::string> unreadable;  // what could not be read, and why
 };
 
+// Adds one of a kind, or why it cannot be read.
+template <class Item, class Opened, class StateOfView>
+void GatherOne(const Found& found, const Result<Opened>& opened, StateOfView&& state, std::vector<Item>& items,
+               std::vector<std::string>& unreadable) {
+  if (!opened)
+    unreadable.push_back(found.shown + ": " + opened.error().message);
+  else
+    items.push_back({found, opened->view, state(*opened->view), found.name});
+}
+
 void GatherFiles(Context& context, Gathered& all) {
-  std::size_t datasets = 0, runs = 0, evals = 0;
+  std::map<Kind, std::size_t> looked;
+  const auto of_bus = [&](const auto& view) { return StateOf(&view, LiveOf(*all.live, view)); };
   for (const auto& found : *context.sources.catalog().List()) {
-    const auto failed = [&](const Error& error) { all.unreadable.push_back(found.shown + ": " + error.message); };
-    if (found.kind == Kind::kDataset && datasets++ < kMostLooked) {
-      const auto source = context.sources.Dataset(found.id);
-      const auto view = source ? (*source)->View() : Fail(source.error());
-      if (!view)
-        failed(view.error());
-      else
-        all.datasets.push_back({found, *view, StateOf(view->get(), LiveOf(*all.live, **view)), found.name});
-    } else if (found.kind == Kind::kRun && runs++ < kMostLooked) {
-      const auto source = context.sources.Run(found.id);
-      const auto view = source ? (*source)->View() : Fail(source.error());
-      if (!view)
-        failed(view.error());
-      else
-        all.runs.push_back({found, *view, StateOf(view->get(), LiveOf(*all.live, **view)), found.name});
-    } else if (found.kind == Kind::kEval && evals++ < kMostLooked) {
-      const auto source = context.sources.Eval(found.id);
-      const auto view = source ? (*source)->View() : Fail(source.error());
-      if (!view)
-        failed(view.error());
-      else
-        all.evals.push_back({found, *view, EvalState(**view), found.name});
-    }
+    if (looked[found.kind]++ >= kMostLooked) continue;
+    if (found.kind == Kind::kDataset)
+      GatherOne(found, OpenDataset(context, found.id), of_bus, all.datasets, all.unreadable);
+    else if (found.kind == Kind::kRun)
+      GatherOne(found, OpenRun(context, found.id), of_bus, all.runs, all.unreadable);
+    else
+      GatherOne(found, OpenEval(context, found.id), EvalState, all.evals, all.unreadable);
   }
 }
 
@@ -80,7 +80,8 @@ Gathered Gather(Context& context) {
   all.live = context.live();
   GatherFiles(context, all);
   for (const auto& [id, campaign] : all.live->campaigns) {
-    const bool known = std::ranges::any_of(all.datasets, [&](const auto& item) { return item.view->info.identity == id; });
+    const bool known =
+        std::ranges::any_of(all.datasets, [&](const auto& item) { return item.view->info.identity == id; });
     if (known || !campaign.present) continue;
     Found found;
     found.id = BusId(campaign.presence);
@@ -139,8 +140,8 @@ OrderedJson SourcesJson(const Gathered& all) {
     rows.emplace_back(item.state.updated, SourceJson(item.view ? "dataset" : "campaign", item.found, item.name,
                                                      item.state.state, item.state.updated, item.state.live));
   for (const auto& item : all.runs)
-    rows.emplace_back(item.state.updated, SourceJson("run", item.found, item.name, item.state.state,
-                                                     item.state.updated, item.state.live));
+    rows.emplace_back(item.state.updated,
+                      SourceJson("run", item.found, item.name, item.state.state, item.state.updated, item.state.live));
   for (const auto& item : all.evals)
     rows.emplace_back(item.view->updated,
                       SourceJson("eval", item.found, item.name, item.state, item.view->updated, false));
@@ -180,10 +181,10 @@ void WarnOfCampaigns(const Gathered& all, OrderedJson& warnings) {
       warnings.push_back(
           Warning("given_up", fmt::format("{}: {} given up", item.name, item.state.given_up), "/generation"));
     if (item.view && item.view->info.unreadable > 0)
-      warnings.push_back(Warning("unreadable",
-                                 fmt::format("{}: {} files unreadable; etude dataset verify says more", item.name,
-                                             item.view->info.unreadable),
-                                 "/dataset?dataset=" + item.found.id));
+      warnings.push_back(Warning(
+          "unreadable",
+          fmt::format("{}: {} files unreadable; etude dataset verify says more", item.name, item.view->info.unreadable),
+          "/dataset?dataset=" + item.found.id));
   }
 }
 
@@ -199,8 +200,8 @@ void WarnOfRuns(const Gathered& all, OrderedJson& warnings) {
     if (!item.view) continue;
     const auto loss = item.view->metrics.series().find("train/loss");
     if (loss != item.view->metrics.series().end() && loss->second.nulls > 0)
-      warnings.push_back(Warning("loss_not_finite",
-                                 fmt::format("{}: the loss was not finite {} times", item.name, loss->second.nulls), link));
+      warnings.push_back(Warning(
+          "loss_not_finite", fmt::format("{}: the loss was not finite {} times", item.name, loss->second.nulls), link));
     for (const auto& line : item.view->curriculum)
       if (TextOf(line, "cause") == "budget")
         warnings.push_back(Warning("stage_budget",
@@ -223,11 +224,47 @@ void WarnOfDisks(Context& context, OrderedJson& warnings) {
   }
 }
 
+// What processes and policy servers say of themselves.
+void WarnOfProcesses(const Gathered& all, OrderedJson& warnings) {
+  constexpr double kLeast = 0.1;
+  constexpr std::int64_t kSilent_ms = 3000;
+  std::set<std::string> disks;
+  for (const auto& [process, heard] : all.live->processes) {
+    const auto& status = heard.message;
+    if (status.disk_total_bytes == 0 || warnings.size() >= 100) continue;
+    const double free = static_cast<double>(status.disk_free_bytes) / static_cast<double>(status.disk_total_bytes);
+    if (free < kLeast && disks.insert(status.host + status.folder).second)
+      warnings.push_back(Warning("disk",
+                                 fmt::format("disk of {} on {} {:.0f} % free", status.role, status.host, 100 * free),
+                                 "/fleet?filter=" + status.host));
+    const std::set<std::string> lasting{"collector", "trainer", "policy"};
+    if (const auto age = live::AgeMs(heard.at); lasting.contains(status.role) && age > kSilent_ms)
+      warnings.push_back(Warning("process_silent",
+                                 fmt::format("{} on {} silent for {} s", status.role, status.host, age / 1000),
+                                 "/fleet?filter=" + status.host, WallSeconds() - static_cast<double>(age) / 1000));
+  }
+  for (const auto* server : ServersOf(*all.live))
+    if (!server->status.last_refusal.empty())
+      warnings.push_back(
+          Warning("policy_refuses",
+                  fmt::format("policy on {} refused: {}", server->status.host, server->status.last_refusal), "/logs"));
+  for (const auto& [id, campaign] : all.live->campaigns) {
+    std::set<std::string> of_campaign;
+    for (const auto& [worker, heard] : campaign.workers)
+      if (const auto print = all.live->prints.find(worker); print != all.live->prints.end())
+        of_campaign.insert(print->second);
+    if (campaign.present && of_campaign.size() > 1)
+      warnings.push_back(
+          Warning("fingerprint", campaign.presence.name + ": workers are ready for different work", "/fleet"));
+  }
+}
+
 OrderedJson Warnings(Context& context, const Gathered& all) {
   OrderedJson warnings = OrderedJson::array();
   WarnOfCampaigns(all, warnings);
   WarnOfRuns(all, warnings);
   WarnOfDisks(context, warnings);
+  WarnOfProcesses(all, warnings);
   for (const auto& text : all.unreadable) warnings.push_back(Warning("unreadable", text, "/logs"));
   return warnings;
 }
@@ -259,11 +296,16 @@ OrderedJson DemonstrationsTile(const Gathered& all) {
     const auto* heard = LiveOf(*all.live, *item->view);
     history = heard && heard->per_minute.size() > 1 ? OrderedJson(heard->per_minute) : HistoryOfFiles(*item->view);
   }
-  return {{"source", item->found.id},   {"name", item->name},
-          {"committed", state.committed}, {"total", state.total},
-          {"given_up", state.given_up},  {"failed", state.failed},
-          {"workers", state.workers},    {"per_min", Maybe(state.per_minute)},
-          {"eta_s", Maybe(state.eta_s)}, {"history_per_min", history},
+  return {{"source", item->found.id},
+          {"name", item->name},
+          {"committed", state.committed},
+          {"total", state.total},
+          {"given_up", state.given_up},
+          {"failed", state.failed},
+          {"workers", state.workers},
+          {"per_min", Maybe(state.per_minute)},
+          {"eta_s", Maybe(state.eta_s)},
+          {"history_per_min", history},
           {"live", state.live}};
 }
 
@@ -282,37 +324,43 @@ OrderedJson TrainingTile(const Gathered& all) {
   const auto* item = NewestRun(all);
   if (!item) return nullptr;
   const auto& state = item->state;
-  return {{"source", item->found.id},
-          {"name", item->name},
-          {"step", state.step},
-          {"steps", Maybe(state.steps)},
-          {"stage", state.stage},
-          {"stages", state.stages},
-          {"stage_name", state.stage_name},
-          {"loss", Maybe(state.loss)},
-          {"samples_per_s", Maybe(state.samples_per_s)},
-          {"data_wait", Maybe(state.data_wait)},
-          {"eta_s", Maybe(state.eta_s)},
-          {"checkpoint_step", Maybe(state.checkpoint_step)},
-          {"finished", state.state == "finished"},
-          {"errors", ErrorsOf(item->view.get())},
-          {"live", state.live}};
+  OrderedJson json{{"source", item->found.id}, {"name", item->name}};
+  json.update(ProgressJson(state));
+  json.update(OrderedJson{{"steps", Maybe(state.steps)},
+                          {"finished", state.state == "finished"},
+                          {"errors", ErrorsOf(item->view.get())},
+                          {"live", state.live}});
+  return json;
 }
 
+// Of the server that was heard answering most; without one that says how it does, of who has announced itself.
 OrderedJson PolicyTile(const Gathered& all) {
-  const auto* item = NewestRun(all);
   if (all.live->policies.empty()) return nullptr;
-  const auto& presence = all.live->policies.front().presence;
-  const bool ours = item && item->view && item->view->identity == presence.id;
-  double saved = 0;
-  if (ours && !item->view->checkpoints.empty()) saved = item->view->checkpoints.front().stamp.modified_s();
-  return {{"source", ours ? OrderedJson(item->found.id) : OrderedJson()},
-          {"name", presence.name},
-          {"instances", all.live->policies.size()},
-          {"checkpoint_step", ours ? Maybe(item->state.checkpoint_step) : OrderedJson()},
-          {"age_ms", AgeOf(saved)},
-          {"p50_ms", nullptr},
-          {"p95_ms", nullptr}};
+  const auto servers = ServersOf(*all.live);
+  const auto busiest =
+      std::ranges::max_element(servers, {}, [](const auto* server) { return server->status.answered; });
+  const live::LiveServer* server = busiest == servers.end() ? nullptr : *busiest;
+  const std::string run_id = server ? server->status.run_id : all.live->policies.front().presence.id;
+  const auto ours =
+      std::ranges::find_if(all.runs, [&](const auto& item) { return item.view && item.view->identity == run_id; });
+  OrderedJson json{{"source", ours == all.runs.end() ? OrderedJson() : OrderedJson(ours->found.id)},
+                   {"name", server ? server->status.run : all.live->policies.front().presence.name},
+                   {"instances", all.live->policies.size()}};
+  if (!server) {
+    json.update(OrderedJson::parse(R"({"checkpoint_step": null, "age_ms": null, "p50_ms": null, "p95_ms": null,
+        "answers_per_s": null, "sessions": null, "may_drive": null, "last_refusal": null})"));
+    return json;
+  }
+  const auto& status = server->status;
+  json.update(OrderedJson{{"checkpoint_step", status.step},
+                          {"age_ms", live::AgeMs(server->heard)},
+                          {"p50_ms", status.p50_ms},
+                          {"p95_ms", status.p95_ms},
+                          {"answers_per_s", Maybe(server->AnswersPerSecond())},
+                          {"sessions", status.sessions},
+                          {"may_drive", status.control_trained},
+                          {"last_refusal", sources::TextOrNull(status.last_refusal)}});
+  return json;
 }
 
 OrderedJson ShareJson(std::uint64_t successes, std::uint64_t n) {
@@ -357,9 +405,12 @@ OrderedJson ExpertTile(const DatasetItem& item) {
     if (!task.empty()) rows.push_back(TaskShare(task, counts.first, counts.second));
     successes += counts.first, n += counts.second;
   }
-  return {{"source", item.found.id}, {"kind", "expert"},
-          {"name", item.name},       {"done", successes},
-          {"episodes", n},           {"tasks", rows},
+  return {{"source", item.found.id},
+          {"kind", "expert"},
+          {"name", item.name},
+          {"done", successes},
+          {"episodes", n},
+          {"tasks", rows},
           {"overall", TaskShare("overall", successes, n)}};
 }
 
@@ -401,9 +452,13 @@ OrderedJson Events(const Gathered& all) {
   for (const auto& [id, campaign] : all.live->campaigns)
     for (std::size_t i = 0; i < std::min(campaign.attempts.size(), kMostEvents); ++i) {
       const auto& attempt = campaign.attempts[i];
-      add(attempt.t, "warn", fmt::format("{}: #{} {}", campaign.presence.name, attempt.report.index, attempt.report.outcome),
+      add(attempt.t, "warn",
+          fmt::format("{}: #{} {}", campaign.presence.name, attempt.report.index, attempt.report.outcome),
           "/generation");
     }
+  for (const auto& [event] : *all.live->events)
+    add(static_cast<double>(event.time_ms) / 1000, event.level == "error" ? "error" : "warn",
+        fmt::format("{} on {}: {}", event.role, event.host, event.text), "/logs");
   std::ranges::stable_sort(events, std::greater<>(), [](const auto& event) { return event.first; });
   OrderedJson json = OrderedJson::array();
   for (auto& [t, event] : events)
@@ -414,17 +469,25 @@ OrderedJson Events(const Gathered& all) {
 Facts FactsOf(Context& context, const Gathered& all) {
   Facts facts;
   if (const auto* item = NewestDataset(all))
-    facts.collection = CollectionFacts{item->name,          item->state.state,    item->state.committed,
-                                       item->state.total, item->state.given_up, item->state.eta_s};
+    facts.collection = CollectionFacts{item->name,
+                                       item->state.control.empty() ? item->state.state : item->state.control,
+                                       item->state.committed,
+                                       item->state.total,
+                                       item->state.given_up,
+                                       item->state.eta_s};
   if (const auto* item = NewestRun(all))
     facts.training = TrainingFacts{item->state.state, item->state.stage_name, item->state.stage,    item->state.stages,
                                    item->state.step,  item->state.eta_s,      item->state.elapsed_s};
-  if (!all.live->policies.empty()) facts.policy = PolicyFacts{std::nullopt, all.live->policies.size()};
+  if (!all.live->policies.empty()) {
+    const auto servers = ServersOf(*all.live);
+    facts.policy = servers.size() == 1 ? monitor::FactsOf(servers.front()->status)
+                                       : PolicyFacts{std::nullopt, all.live->policies.size(), std::nullopt, true};
+  }
   if (const auto* item = NewestEval(all)) {
     const auto& success = PartOf(PartOf(item->view->report, "overall"), "success");
-    facts.evaluation = EvaluationFacts{item->state, sources::NumberOf(success, "share").value_or(0),
-                                       item->view->rows.size(),
-                                       sources::UnsignedOf(item->view->report, "episodes").value_or(0)};
+    facts.evaluation =
+        EvaluationFacts{item->state, sources::NumberOf(success, "share").value_or(0), item->view->rows.size(),
+                        sources::UnsignedOf(item->view->report, "episodes").value_or(0)};
   }
   std::string places;
   for (const auto& root : context.sources.catalog().roots()) places += (places.empty() ? "" : ", ") + root.string();
@@ -456,7 +519,7 @@ OrderedJson HomeJson(Context& context) {
                     {"success", SuccessTile(all)},
                     {"ladder", LadderTile(all)},
                     {"events", Events(all)}};
-  return {{"sentence", Sentence(FactsOf(context, all))},
+  return {{"sentence", monitor::Sentence(FactsOf(context, all))},
           {"state", StateOfAll(all)},
           {"time", sources::Rfc3339(WallSeconds())},
           {"version", Version()},

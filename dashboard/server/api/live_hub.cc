@@ -20,7 +20,8 @@ struct Channel {
   const char* name;
   double top_hz;
 };
-constexpr Channel kChannels[] = {{"home", 2}, {"fleet", 2}, {"attempts", 1}, {"train", 1}, {"eval", 1}, {"logs", 4}};
+constexpr Channel kChannels[] = {{"home", 2}, {"fleet", 2},  {"attempts", 1}, {"train", 1}, {"eval", 1},
+                                 {"logs", 4}, {"events", 2}, {"topics", 1},   {"sample", 4}};
 
 const Channel* FindChannel(const std::string& name) {
   for (const auto& channel : kChannels)
@@ -101,9 +102,9 @@ class LiveHub::Client : public http::SocketClient, public std::enable_shared_fro
       if (item->key != subscription.key) return;  // it asks for something else by now
       sequence = ++sequence_;
     }
-    socket_->Send(subscription.id, fmt::format(R"({{"ch":{},"id":{},"seq":{},"t":"{}",{}}})",
-                                               Dump(OrderedJson(subscription.channel)), Dump(OrderedJson(subscription.id)),
-                                               sequence, sources::Rfc3339(WallSeconds()), data));
+    socket_->Send(subscription.id,
+                  fmt::format(R"({{"ch":{},"id":{},"seq":{},"t":"{}",{}}})", Dump(OrderedJson(subscription.channel)),
+                              Dump(OrderedJson(subscription.id)), sequence, sources::Rfc3339(WallSeconds()), data));
   }
 
  private:
@@ -150,7 +151,8 @@ std::shared_ptr<http::SocketClient> LiveHub::Connect(const http::Request&, std::
 
 std::size_t LiveHub::clients() const {
   MutexLock lock(mutex_);
-  return static_cast<std::size_t>(std::ranges::count_if(clients_, [](const auto& client) { return !client.expired(); }));
+  return static_cast<std::size_t>(
+      std::ranges::count_if(clients_, [](const auto& client) { return !client.expired(); }));
 }
 
 // "data":… or "error":…
@@ -162,8 +164,12 @@ std::string LiveHub::Compute(const Subscription& subscription) {
     if (channel == "fleet") return FleetJson(context_, QueryOf(arguments));
     if (channel == "attempts") return LatestAttempts(context_, sources::TextOf(arguments, "campaign"));
     if (channel == "train")
-      return TrainNews(context_, sources::TextOf(arguments, "run"), sources::UnsignedOf(arguments, "since").value_or(0));
+      return TrainNews(context_, sources::TextOf(arguments, "run"),
+                       sources::UnsignedOf(arguments, "since").value_or(0));
     if (channel == "eval") return EvalJson(context_, sources::TextOf(arguments, "id"));
+    if (channel == "events") return EventsJson(context_, QueryOf(arguments));
+    if (channel == "topics") return TopicsJson(context_);
+    if (channel == "sample") return SampleJson(context_, sources::TextOf(arguments, "topic"));
     return LogsJson(context_, QueryOf(arguments));
   }();
   if (!json) return "\"error\":" + Dump(OrderedJson(json.error().message));

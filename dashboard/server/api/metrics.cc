@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// GET /metrics: what Grafana and alerts read, in Prometheus' text format. Labels are names of campaigns, runs, tasks and
-// reasons only: one a worker would grow without end.
+// GET /metrics: what Grafana and alerts read, in Prometheus' text format. Labels are names of campaigns, runs, tasks,
+// reasons, hosts, roles and topics only: one a worker would grow without end.
 #include "dashboard/server/api/metrics.h"
 
 #include <fmt/format.h>
@@ -122,13 +122,75 @@ void Training(const std::vector<Run>& runs, Exposition& out) {
                      std::strtod(step->second.c_str(), nullptr));
 }
 
-std::string Exposed(const std::vector<Dataset>& datasets, const std::vector<Run>& runs, std::size_t policies) {
+void Policies(const live::LiveView& live, Exposition& out) {
+  const auto each = [&](const char* name, const char* type, const char* help, auto value) {
+    out.Family(name, type, help);
+    for (const auto* server : ServersOf(live)) {
+      const auto& status = server->status;
+      const std::optional<double> number = value(*server);
+      if (number) out.Sample(name, {{"run", status.run + "@" + status.run_id}, {"host", status.host}}, *number);
+    }
+  };
+  out.Family("etude_policy_servers", "gauge", "Policy servers on the bus.");
+  out.Sample("etude_policy_servers", {}, static_cast<double>(live.policies.size()));
+  using Number = std::optional<double>;
+  each("etude_policy_step", "gauge", "Step of the checkpoint that is served.",
+       [](const live::LiveServer& server) -> Number { return static_cast<double>(server.status.step); });
+  each("etude_policy_answers_total", "counter", "Observations answered.",
+       [](const live::LiveServer& server) -> Number { return static_cast<double>(server.status.answered); });
+  each("etude_policy_refusals_total", "counter", "Checkpoints and observations refused.",
+       [](const live::LiveServer& server) -> Number { return static_cast<double>(server.status.refused); });
+  each("etude_policy_answers_per_second", "gauge", "Observations answered a second, over ten seconds.",
+       [](const live::LiveServer& server) { return server.AnswersPerSecond(); });
+  each("etude_policy_sessions", "gauge", "Sessions that asked within ten seconds.",
+       [](const live::LiveServer& server) -> Number { return server.status.sessions; });
+  each("etude_policy_p50_seconds", "gauge", "Median time from observation to action.",
+       [](const live::LiveServer& server) -> Number { return server.status.p50_ms / 1000; });
+  each("etude_policy_p95_seconds", "gauge", "95 % of answers take no longer.",
+       [](const live::LiveServer& server) -> Number { return server.status.p95_ms / 1000; });
+}
+
+// By host and role: several of a role on a host are added up, a label each would grow without end.
+void Processes(const live::LiveView& live, Exposition& out) {
+  struct Sum {
+    double rss = 0, cpu = 0, count = 0;
+  };
+  std::map<std::pair<std::string, std::string>, Sum> sums;
+  std::map<std::pair<std::string, std::string>, monitor::TopicCount> topics;  // by host, topic
+  for (const auto& [process, heard] : live.processes) {
+    const auto& status = heard.message;
+    Sum& sum = sums[{status.host, status.role}];
+    sum.rss += static_cast<double>(status.rss_bytes), sum.cpu += status.cpu, sum.count += 1;
+    for (const auto& [topic, count] : monitor::Written(status)) {
+      auto& total = topics[{status.host, topic}];
+      total.samples += count.samples, total.bytes += count.bytes;
+    }
+  }
+  const auto each = [&](const char* name, const char* help, double Sum::*value) {
+    out.Family(name, "gauge", help);
+    for (const auto& [key, sum] : sums) out.Sample(name, {{"host", key.first}, {"role", key.second}}, sum.*value);
+  };
+  each("etude_processes", "Processes that are heard.", &Sum::count);
+  each("etude_process_resident_bytes", "Their resident memory.", &Sum::rss);
+  each("etude_process_cpu_cores", "Cores that they use.", &Sum::cpu);
+  const auto bus = [&](const char* name, const char* help, double monitor::TopicCount::*value) {
+    out.Family(name, "counter", help);
+    for (const auto& [key, count] : topics)
+      out.Sample(name, {{"host", key.first}, {"topic", key.second}}, count.*value);
+  };
+  bus("etude_bus_bytes_total", "Bytes written to a topic by the processes that are there now.",
+      &monitor::TopicCount::bytes);
+  bus("etude_bus_samples_total", "Messages written to a topic by the processes that are there now.",
+      &monitor::TopicCount::samples);
+}
+
+std::string Exposed(const std::vector<Dataset>& datasets, const std::vector<Run>& runs, const live::LiveView& live) {
   Exposition out;
   Collection(datasets, out);
   PlanSeconds(datasets, out);
   Training(runs, out);
-  out.Family("etude_policy_servers", "gauge", "Policy servers on the bus.");
-  out.Sample("etude_policy_servers", {}, static_cast<double>(policies));
+  Policies(live, out);
+  Processes(live, out);
   return out.Take();
 }
 
@@ -139,24 +201,23 @@ std::string Text(Context& context) {
   constexpr std::size_t kMost = 40;
   for (const auto& found : *context.sources.catalog().List()) {
     if (found.kind == sources::Kind::kDataset && found.eval.empty() && datasets.size() < kMost) {
-      const auto source = context.sources.Dataset(found.id);
-      const auto view = source ? (*source)->View() : Fail(source.error());
-      if (view) datasets.push_back({found.id, *view, StateOf(view->get(), LiveOf(*live, **view))});
+      const auto opened = OpenDataset(context, found.id);
+      if (opened)
+        datasets.push_back({found.id, opened->view, StateOf(opened->view.get(), LiveOf(*live, *opened->view))});
     }
     if (found.kind == sources::Kind::kRun && runs.size() < kMost) {
-      const auto source = context.sources.Run(found.id);
-      const auto view = source ? (*source)->View() : Fail(source.error());
-      if (view) runs.push_back({found.id, *view, StateOf(view->get(), LiveOf(*live, **view))});
+      const auto opened = OpenRun(context, found.id);
+      if (opened) runs.push_back({found.id, opened->view, StateOf(opened->view.get(), LiveOf(*live, *opened->view))});
     }
   }
-  return Exposed(datasets, runs, live->policies.size());
+  return Exposed(datasets, runs, *live);
 }
 
 }  // namespace
 
 std::string MetricFamilies() {
   std::string families;
-  std::istringstream all(Exposed({}, {}, 0));
+  std::istringstream all(Exposed({}, {}, {}));
   for (std::string line; std::getline(all, line);)
     if (line.starts_with('#')) families += line + "\n";
   return families;

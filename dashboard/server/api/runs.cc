@@ -20,18 +20,6 @@ using sources::PartOf;
 using sources::TextOf;
 using sources::TextOrNull;
 
-struct Opened {
-  std::shared_ptr<sources::RunSource> source;
-  std::shared_ptr<const sources::RunView> view;
-};
-
-Result<Opened> Open(Context& context, const std::string& id) {
-  Opened opened;
-  ETUDE_ASSIGN_OR_RETURN(opened.source, context.sources.Run(id));
-  ETUDE_ASSIGN_OR_RETURN(opened.view, opened.source->View());
-  return opened;
-}
-
 // ---- names of figures ---------------------------------------------------------------------------
 
 struct KeyParts {
@@ -100,8 +88,7 @@ OrderedJson GoalJson(const sources::RunView& view, const std::string& module, do
     double scale;  // shown per unit of the file
     bool from_accuracy;
   };
-  static constexpr Shape kShapes[] = {
-      {"cm", "cm", 100, false}, {"px", "px", 1, false}, {"accuracy", "-", 1, true}};
+  static constexpr Shape kShapes[] = {{"cm", "cm", 100, false}, {"px", "px", 1, false}, {"accuracy", "-", 1, true}};
   OrderedJson json{{"module", module}, {"goal", goal},       {"value", nullptr},
                    {"unit", "-"},      {"reached", nullptr}, {"key", nullptr}};
   for (const auto& shape : kShapes) {
@@ -131,43 +118,36 @@ OrderedJson GoalsJson(const sources::RunView& view) {
 
 // ---- /runs/{id} ---------------------------------------------------------------------------------
 
-OrderedJson RunJson(const std::string& id, const std::string& name, const sources::RunView& view,
-                    const RunState& state, const std::string& folder) {
+OrderedJson RunJson(const std::string& id, const std::string& name, const sources::RunView& view, const RunState& state,
+                    const std::string& folder) {
   OrderedJson lives = OrderedJson::array();
   for (const auto& life : view.metrics.lives())
     lives.push_back({{"from_step", life.from_step}, {"t", sources::TimeJson(life.t)}});
   OrderedJson end;
   if (const auto& said = view.metrics.end())
     end = {{"cause", said->cause}, {"step", Maybe(said->step)}, {"t", sources::TimeJson(said->t)}};
-  return {{"id", id},
-          {"name", name},
-          {"folder", TextOrNull(folder)},
-          {"identity", TextOrNull(view.identity)},
-          {"state", state.state},
-          {"updated", sources::TimeJson(state.updated)},
-          {"age_ms", AgeOf(state.updated)},
-          {"live", state.live},
-          {"step", state.step},
-          {"steps", Maybe(state.steps)},
-          {"stage", state.stage},
-          {"stages", state.stages},
-          {"stage_name", state.stage_name},
-          {"elapsed_s", Maybe(state.elapsed_s)},
-          {"loss", Maybe(state.loss)},
-          {"samples_per_s", Maybe(state.samples_per_s)},
-          {"data_wait", Maybe(state.data_wait)},
-          {"episodes", Maybe(state.episodes)},
-          {"eta_s", Maybe(state.eta_s)},
-          {"checkpoint_step", Maybe(state.checkpoint_step)},
-          {"modules", Modules(view.config)},
-          {"goals", GoalsJson(view)},
-          {"keys", KeysJson(view.metrics)},
-          {"nulls", NullsJson(view.metrics)},
-          {"lives", lives},
-          {"end", end},
-          {"dataset", nullptr},
-          {"config", view.config.is_null() ? OrderedJson() : http::ForBrowsers(view.config)},
-          {"torn", view.torn}};
+  OrderedJson json{{"id", id},
+                   {"name", name},
+                   {"folder", TextOrNull(folder)},
+                   {"identity", TextOrNull(view.identity)},
+                   {"state", state.state},
+                   {"updated", sources::TimeJson(state.updated)},
+                   {"age_ms", AgeOf(state.updated)},
+                   {"live", state.live}};
+  json.update(ProgressJson(state));
+  json.update(OrderedJson{{"steps", Maybe(state.steps)},
+                          {"elapsed_s", Maybe(state.elapsed_s)},
+                          {"episodes", Maybe(state.episodes)},
+                          {"modules", Modules(view.config)},
+                          {"goals", GoalsJson(view)},
+                          {"keys", KeysJson(view.metrics)},
+                          {"nulls", NullsJson(view.metrics)},
+                          {"lives", lives},
+                          {"end", end},
+                          {"dataset", nullptr},
+                          {"config", view.config.is_null() ? OrderedJson() : http::ForBrowsers(view.config)},
+                          {"torn", view.torn}});
+  return json;
 }
 
 Result<http::Answer> Run(Context& context, const http::Request& request) {
@@ -176,7 +156,7 @@ Result<http::Answer> Run(Context& context, const http::Request& request) {
   for (const auto& [identity, run] : live->runs)
     if (BusId(run.presence) == id)
       return http::JsonAnswer(RunJson(id, run.presence.name, sources::RunView{}, StateOf(nullptr, &run), ""));
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, id));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, id));
   const auto& found = opened.source->found();
   return http::JsonAnswer(
       RunJson(id, found.name, *opened.view, StateOf(opened.view.get(), LiveOf(*live, *opened.view)), found.shown));
@@ -207,7 +187,8 @@ Result<std::vector<double>> Abscissa(const sources::Series& series, const std::s
   if (x == "step") return series.step;
   if (x == "time") return series.time;
   if (x == "elapsed") return series.elapsed;
-  if (x != "samples") return Fail(Code::kInvalidArgument, "x: " + NotKnown(x.substr(0, 40), {"step", "time", "elapsed", "samples"}));
+  if (x != "samples")
+    return Fail(Code::kInvalidArgument, "x: " + NotKnown(x.substr(0, 40), {"step", "time", "elapsed", "samples"}));
   std::vector<double> samples = series.step;
   for (double& value : samples) value *= samples_a_step;
   return samples;
@@ -215,7 +196,7 @@ Result<std::vector<double>> Abscissa(const sources::Series& series, const std::s
 
 Result<http::Answer> SeriesAnswer(Context& context, const http::Request& request) {
   constexpr std::size_t kMostKeys = 32;
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request.Parameter("id")));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, request.Parameter("id")));
   const double infinity = std::numeric_limits<double>::infinity();
   ETUDE_ASSIGN_OR_RETURN(const double from, Bound(request.query, "from", -infinity));
   ETUDE_ASSIGN_OR_RETURN(const double to, Bound(request.query, "to", infinity));
@@ -245,7 +226,7 @@ Result<http::Answer> SeriesAnswer(Context& context, const http::Request& request
 
 // A row for each step at which lines of the kind stand.
 Result<http::Answer> Csv(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request.Parameter("id")));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, request.Parameter("id")));
   const std::string prefix = request.query.Get("kind").value_or("train") + "/";
   std::vector<std::pair<std::string, const sources::Series*>> columns;
   std::map<double, std::pair<double, double>> rows;  // step -> time, elapsed
@@ -275,7 +256,7 @@ Result<http::Answer> Csv(Context& context, const http::Request& request) {
 // ---- curriculum, graph --------------------------------------------------------------------------
 
 Result<http::Answer> Curriculum(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request.Parameter("id")));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, request.Parameter("id")));
   const auto state = StateOf(opened.view.get(), LiveOf(*context.live(), *opened.view));
   OrderedJson advances = OrderedJson::array();
   for (const auto& line : opened.view->curriculum) advances.push_back(http::ForBrowsers(line));
@@ -283,7 +264,7 @@ Result<http::Answer> Curriculum(Context& context, const http::Request& request) 
 }
 
 Result<http::Answer> Graph(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request.Parameter("id")));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, request.Parameter("id")));
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson json, GraphJson(*opened.view));
   return http::JsonAnswer(json);
 }
@@ -354,21 +335,26 @@ OrderedJson CheckpointJson(const sources::CheckpointHeader& header, const Ordere
           {"served_by", served_by}};
 }
 
+// By the hash of what a server says that it serves, or by its step until the file is hashed.
+OrderedJson ServedBy(const live::LiveView& live, const std::string& run_id, const sources::CheckpointHeader& header) {
+  OrderedJson servers = OrderedJson::array();
+  const auto step = Metadata(header.metadata).Number("step");
+  for (const auto* server : ServersOf(live, run_id)) {
+    const auto& status = server->status;
+    if (header.sha256.empty() ? step != status.step : header.sha256 != status.sha256) continue;
+    servers.push_back({{"host", status.host}, {"since", sources::TimeJson(static_cast<double>(status.since))}});
+  }
+  return servers;
+}
+
 Result<http::Answer> Checkpoints(Context& context, const http::Request& request) {
   const std::string id = request.Parameter("id");
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, id));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, id));
   context.HashInBackground(opened.source);
   const auto live = context.live();
-  // a server without a file of its own follows the channel latest
-  OrderedJson servers = OrderedJson::array();
-  for (const auto& policy : live->policies)
-    if (policy.presence.id == opened.view->identity)
-      servers.push_back({{"host", policy.presence.host}, {"since", sources::TimeJson(static_cast<double>(policy.presence.since))}});
   OrderedJson rows = OrderedJson::array();
-  for (const auto& header : opened.view->checkpoints) {
-    const bool latest = std::ranges::find(header.channels, "latest") != header.channels.end();
-    rows.push_back(CheckpointJson(header, latest ? servers : OrderedJson::array()));
-  }
+  for (const auto& header : opened.view->checkpoints)
+    rows.push_back(CheckpointJson(header, ServedBy(*live, opened.view->identity, header)));
   const auto state = StateOf(opened.view.get(), LiveOf(*live, *opened.view));
   OrderedJson next;
   const auto every = sources::UnsignedOf(PartOf(opened.view->config, "checkpoint"), "every_steps").value_or(0);
@@ -377,13 +363,14 @@ Result<http::Answer> Checkpoints(Context& context, const http::Request& request)
 }
 
 Result<http::Answer> CheckpointFile(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request.Parameter("id")));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, request.Parameter("id")));
   const std::string name = request.Parameter("file");
   const auto& headers = opened.view->checkpoints;
   const auto header = std::ranges::find(headers, name, &sources::CheckpointHeader::file);
   if (header == headers.end())
     return Fail(Code::kNotFound, fmt::format("the run has no checkpoint file '{:.100}'", name));
-  ETUDE_ASSIGN_OR_RETURN(const auto open, sources::OpenBelow(opened.source->found().folder / "checkpoints", header->file));
+  ETUDE_ASSIGN_OR_RETURN(const auto open,
+                         sources::OpenBelow(opened.source->found().folder / "checkpoints", header->file));
   http::Answer answer;
   answer.content_type = "application/vnd.safetensors";
   answer.file = http::FileBody{std::make_shared<http::OpenFile>(open.fd), open.stamp.size};
@@ -396,7 +383,8 @@ Result<http::Answer> CheckpointFile(Context& context, const http::Request& reque
 // ---- differences --------------------------------------------------------------------------------
 
 void Flatten(const OrderedJson& json, const std::string& path, std::map<std::string, OrderedJson>& leaves) {
-  const bool list_of_maps = json.is_array() && std::ranges::any_of(json, [](const auto& item) { return item.is_object(); });
+  const bool list_of_maps =
+      json.is_array() && std::ranges::any_of(json, [](const auto& item) { return item.is_object(); });
   if (json.is_object() && !json.empty()) {
     for (const auto& [key, value] : json.items()) Flatten(value, path.empty() ? key : path + "." + key, leaves);
   } else if (list_of_maps) {
@@ -411,14 +399,10 @@ void Flatten(const OrderedJson& json, const std::string& path, std::map<std::str
 
 // The config of a run, the spec of a dataset or of an evaluation.
 Result<OrderedJson> SettingsOf(Context& context, const std::string& id) {
-  if (const auto run = Open(context, id)) return run->view->config;
-  if (const auto dataset = context.sources.Dataset(id)) {
-    ETUDE_ASSIGN_OR_RETURN(const auto view, (*dataset)->View());
-    return view->info.spec_json;
-  }
-  ETUDE_ASSIGN_OR_RETURN(const auto eval, context.sources.Eval(id));
-  ETUDE_ASSIGN_OR_RETURN(const auto view, eval->View());
-  return view->spec;
+  if (const auto run = OpenRun(context, id)) return run->view->config;
+  if (const auto dataset = OpenDataset(context, id)) return dataset->view->info.spec_json;
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEval eval, OpenEval(context, id));
+  return eval.view->spec;
 }
 
 Result<http::Answer> Diff(Context& context, const http::Request& request) {
@@ -456,25 +440,17 @@ Result<OrderedJson> TrainNews(Context& context, const std::string& id, std::uint
   if (heard) {
     state = StateOf(nullptr, heard);
   } else {
-    ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, id));
+    ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, id));
     held = opened.view;
     view = held.get();
     state = StateOf(view, LiveOf(*live, *view));
   }
   OrderedJson lines = OrderedJson::array();
   for (const auto& line : view->metrics.LinesAfter(since, kMost)) lines.push_back(http::ForBrowsers(line));
-  return OrderedJson{{"run", id},
-                     {"state", state.state},
-                     {"step", state.step},
-                     {"stage", state.stage},
-                     {"stages", state.stages},
-                     {"stage_name", state.stage_name},
-                     {"loss", Maybe(state.loss)},
-                     {"samples_per_s", Maybe(state.samples_per_s)},
-                     {"data_wait", Maybe(state.data_wait)},
-                     {"eta_s", Maybe(state.eta_s)},
-                     {"checkpoint_step", Maybe(state.checkpoint_step)},
-                     {"lines", lines}};
+  OrderedJson json{{"run", id}, {"state", state.state}};
+  json.update(ProgressJson(state));
+  json["lines"] = std::move(lines);
+  return json;
 }
 
 void AddRunRoutes(http::Router& router, Context& context) {

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 
+#include "dashboard/server/live/sample_tap.h"
 #include "services/bus/directory.h"
 #include "services/bus/owner.h"
+#include "services/bus/process_reporter.h"
 #include "services/bus/topic.h"
 #include "services/core/log.h"
 
@@ -15,22 +17,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto kForget = 10min;
-constexpr auto kWindow = 60s;
-constexpr auto kSampleEvery = 10s;
-constexpr std::size_t kSamples = 60;
-constexpr std::size_t kStrip = 120;
-constexpr std::size_t kMostAttempts = 200;
-constexpr std::size_t kMostWorkers = 4096;
 constexpr std::size_t kMostOwners = 256;
+constexpr std::size_t kMostWishes = 16;
+constexpr auto kWishStands = 5s;
 constexpr auto kLook = 250ms;        // messages
 constexpr auto kDirectory = 1000ms;  // who is there
-
-char Letter(const std::string& phase) {
-  if (phase == "plan") return 'p';
-  if (phase == "play") return 'y';
-  return phase == "send" ? 's' : 'i';
-}
 
 // The readers of one campaign.
 struct CampaignReaders {
@@ -38,21 +29,51 @@ struct CampaignReaders {
   bus::Reader<bus::CampaignAnnouncement> announcement;
   bus::Reader<bus::WorkerStatus> workers;
   bus::Reader<bus::AttemptReport> attempts;
+  bus::Reader<bus::WorkRequest> requests;
 
   static Result<CampaignReaders> Open(const bus::Participant& participant, const std::string& partition) {
     ETUDE_ASSIGN_OR_RETURN(auto status, bus::Reader<bus::CampaignStatus>::Open(participant, partition));
     ETUDE_ASSIGN_OR_RETURN(auto announcement, bus::Reader<bus::CampaignAnnouncement>::Open(participant, partition));
     ETUDE_ASSIGN_OR_RETURN(auto workers, bus::Reader<bus::WorkerStatus>::Open(participant, partition));
     ETUDE_ASSIGN_OR_RETURN(auto attempts, bus::Reader<bus::AttemptReport>::Open(participant, partition));
-    return CampaignReaders{std::move(status), std::move(announcement), std::move(workers), std::move(attempts)};
+    ETUDE_ASSIGN_OR_RETURN(auto requests, bus::Reader<bus::WorkRequest>::Open(participant, partition));
+    return CampaignReaders{std::move(status), std::move(announcement), std::move(workers), std::move(attempts),
+                           std::move(requests)};
+  }
+};
+
+// The readers of one run.
+struct RunReaders {
+  bus::Reader<bus::TrainStatus> training;
+  bus::Reader<bus::PolicyStatus> servers;
+
+  static Result<RunReaders> Open(const bus::Participant& participant, const std::string& partition) {
+    ETUDE_ASSIGN_OR_RETURN(auto training, bus::Reader<bus::TrainStatus>::Open(participant, partition));
+    ETUDE_ASSIGN_OR_RETURN(auto servers, bus::Reader<bus::PolicyStatus>::Open(participant, partition));
+    return RunReaders{std::move(training), std::move(servers)};
+  }
+};
+
+// The readers of what every process says.
+struct ProcessReaders {
+  bus::Reader<bus::ProcessStatus> statuses;
+  bus::Reader<bus::ProcessEvent> events;
+
+  static Result<ProcessReaders> Open(const bus::Participant& participant) {
+    ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Reader<bus::ProcessStatus>::Open(participant, bus::kProcessPartition));
+    ETUDE_ASSIGN_OR_RETURN(auto events, bus::Reader<bus::ProcessEvent>::Open(participant, bus::kProcessPartition));
+    return ProcessReaders{std::move(statuses), std::move(events)};
   }
 };
 
 // Everything that is read.
 class Ears {
  public:
-  Ears(const bus::Participant& participant, bus::Directory directory)
-      : participant_(participant), directory_(std::move(directory)) {}
+  static Result<Ears> Open(const bus::Participant& participant) {
+    ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
+    ETUDE_ASSIGN_OR_RETURN(auto processes, ProcessReaders::Open(participant));
+    return Ears(participant, std::move(directory), std::move(processes));
+  }
 
   void LookAround(LiveModel& model) {
     const auto present = directory_.Live();
@@ -60,7 +81,13 @@ class Ears {
     for (const auto& presence : present) Follow(presence);
     // who has gone has no more to say
     std::erase_if(campaigns_, [&](const auto& item) { return !model.view().campaigns.contains(item.first); });
-    std::erase_if(runs_, [&](const auto& item) { return !model.view().runs.contains(item.first); });
+    const auto serves = [&](const std::string& id) {
+      return std::ranges::any_of(model.view().policies, [&](const auto& policy) { return policy.presence.id == id; });
+    };
+    std::erase_if(runs_,
+                  [&](const auto& item) { return !model.view().runs.contains(item.first) && !serves(item.first); });
+    if (auto endpoints = bus::Endpoints(*participant_))
+      model.Topics(std::move(*endpoints), bus::ParticipantId(*participant_), MonotonicClock::now());
   }
 
   void Listen(LiveModel& model) {
@@ -70,130 +97,48 @@ class Ears {
       for (const auto& message : readers.announcement.Take()) model.On(id, message, now);
       for (const auto& message : readers.workers.Take()) model.On(id, message, now);
       for (const auto& message : readers.attempts.Take()) model.On(id, message, now, WallSeconds());
+      for (const auto& message : readers.requests.Take()) model.On(id, message);
     }
-    for (auto& [id, reader] : runs_)
-      for (const auto& message : reader.Take()) model.On(id, message, now);
+    for (auto& [id, readers] : runs_) {
+      for (const auto& message : readers.training.Take()) model.On(id, message, now);
+      for (const auto& message : readers.servers.Take())
+        if (message.run_id == id) model.On(message, now);
+    }
+    for (const auto& message : processes_.statuses.Take()) model.On(message, now);
+    model.On(processes_.events.Take());
   }
 
  private:
+  Ears(const bus::Participant& participant, bus::Directory directory, ProcessReaders processes)
+      : participant_(&participant), directory_(std::move(directory)), processes_(std::move(processes)) {}
+
   void Follow(const bus::Presence& presence) {
     if (presence.wire != bus::kWireVersion || campaigns_.size() + runs_.size() >= kMostOwners) return;
     const std::string partition = bus::Owner{presence.name, presence.id}.partition();
     if (presence.kind == bus::PresenceKind::kCampaign && !campaigns_.contains(presence.id)) {
-      auto readers = CampaignReaders::Open(participant_, partition);
+      auto readers = CampaignReaders::Open(*participant_, partition);
       if (readers)
         campaigns_.emplace(presence.id, std::move(*readers));
       else
         Log().warn("campaign={}: {}", presence.name, readers.error().message);
     }
-    if (presence.kind == bus::PresenceKind::kRun && !runs_.contains(presence.id)) {
-      auto reader = bus::Reader<bus::TrainStatus>::Open(participant_, partition);
-      if (reader)
-        runs_.emplace(presence.id, std::move(*reader));
+    if (presence.kind != bus::PresenceKind::kCampaign && !runs_.contains(presence.id)) {
+      auto readers = RunReaders::Open(*participant_, partition);
+      if (readers)
+        runs_.emplace(presence.id, std::move(*readers));
       else
-        Log().warn("run={}: {}", presence.name, reader.error().message);
+        Log().warn("run={}: {}", presence.name, readers.error().message);
     }
   }
 
-  const bus::Participant& participant_;
+  const bus::Participant* participant_;
   bus::Directory directory_;
+  ProcessReaders processes_;
   std::map<std::string, CampaignReaders> campaigns_;
-  std::map<std::string, bus::Reader<bus::TrainStatus>> runs_;
+  std::map<std::string, RunReaders> runs_;
 };
 
 }  // namespace
-
-std::int64_t AgeMs(TimePoint heard) {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(MonotonicClock::now() - heard).count();
-}
-
-std::optional<double> LiveWorker::PerMinute() const {
-  if (episodes.size() < 2) return std::nullopt;
-  const auto seconds = std::chrono::duration<double>(episodes.back().first - episodes.front().first).count();
-  if (seconds < 5) return std::nullopt;
-  // a worker that was started again counts from 0
-  const auto first = episodes.front().second, last = episodes.back().second;
-  return last >= first ? 60.0 * static_cast<double>(last - first) / seconds : 0.0;
-}
-
-void LiveModel::Directory(const std::vector<bus::Presence>& present, TimePoint now) {
-  for (auto& [id, campaign] : view_.campaigns) campaign.present = false;
-  for (auto& [id, run] : view_.runs) run.present = false;
-  view_.policies.clear();
-  for (const auto& presence : present) {
-    if (presence.kind == bus::PresenceKind::kPolicy) view_.policies.push_back({presence});
-    if (presence.kind == bus::PresenceKind::kCampaign &&
-        (view_.campaigns.contains(presence.id) || view_.campaigns.size() < kMostOwners)) {
-      auto& campaign = view_.campaigns[presence.id];
-      campaign.presence = presence;
-      campaign.present = true;
-      if (campaign.heard == TimePoint{}) campaign.heard = now;
-    }
-    if (presence.kind == bus::PresenceKind::kRun &&
-        (view_.runs.contains(presence.id) || view_.runs.size() < kMostOwners)) {
-      auto& run = view_.runs[presence.id];
-      run.presence = presence;
-      run.present = true;
-      if (run.heard == TimePoint{}) run.heard = now;
-    }
-  }
-  const auto forgotten = [&](const auto& item) { return !item.second.present && now - item.second.heard > kForget; };
-  std::erase_if(view_.campaigns, forgotten);
-  std::erase_if(view_.runs, forgotten);
-}
-
-void LiveModel::On(const std::string& id, const bus::CampaignStatus& status, TimePoint now) {
-  auto& campaign = view_.campaigns[id];
-  campaign.heard = now;
-  if (!campaign.status || status.committed != campaign.committed) {
-    campaign.committed = status.committed;
-    campaign.changed = now;
-  }
-  campaign.status = status;
-  if (!campaign.per_minute.empty() && now - campaign.sampled < kSampleEvery) return;
-  campaign.sampled = now;
-  campaign.per_minute.push_back(status.episodes_per_minute);
-  if (campaign.per_minute.size() > kSamples) campaign.per_minute.pop_front();
-}
-
-void LiveModel::On(const std::string& id, const bus::CampaignAnnouncement& announcement, TimePoint) {
-  auto& campaign = view_.campaigns[id];
-  campaign.spec_json = announcement.spec_json;
-  campaign.complete = announcement.complete;
-}
-
-void LiveModel::On(const std::string& id, const bus::WorkerStatus& status, TimePoint now) {
-  auto& campaign = view_.campaigns[id];
-  std::erase_if(campaign.workers, [&](const auto& item) { return now - item.second.heard > kForget; });
-  if (!campaign.workers.contains(status.worker) && campaign.workers.size() >= kMostWorkers) return;
-  auto& worker = campaign.workers[status.worker];
-  if (worker.heard != TimePoint{}) {
-    if (status.episodes > worker.status.episodes) worker.last = "success";
-    // silence is a dot for each half second that is missing
-    for (auto gap = now - worker.heard - 1s; gap > 0s && worker.strip.size() < 2 * kStrip; gap -= 500ms)
-      worker.strip += '.';
-  }
-  worker.strip += Letter(status.phase);
-  if (worker.strip.size() > kStrip) worker.strip.erase(0, worker.strip.size() - kStrip);
-  worker.episodes.emplace_back(now, status.episodes);
-  while (worker.episodes.size() > 2 && now - worker.episodes.front().first > kWindow) worker.episodes.pop_front();
-  worker.status = status;
-  worker.heard = now;
-}
-
-void LiveModel::On(const std::string& id, const bus::AttemptReport& report, TimePoint, double wall) {
-  auto& campaign = view_.campaigns[id];
-  if (const auto worker = campaign.workers.find(report.worker); worker != campaign.workers.end())
-    worker->second.last = report.outcome;
-  campaign.attempts.push_front({report, wall});
-  if (campaign.attempts.size() > kMostAttempts) campaign.attempts.pop_back();
-}
-
-void LiveModel::On(const std::string& id, const bus::TrainStatus& status, TimePoint now) {
-  auto& run = view_.runs[id];
-  run.status = status;
-  run.heard = now;
-}
 
 BusWatch::BusWatch(const bus::Arguments& arguments) : arguments_(arguments) {
   LiveView view;
@@ -215,6 +160,39 @@ std::shared_ptr<const LiveView> BusWatch::View() const {
   return view_;
 }
 
+Result<std::vector<Sample>> BusWatch::Newest(const std::string& topic) {
+  const auto known = bus::KnownTopics();
+  if (std::ranges::find(known, topic) == known.end())
+    return Fail(Code::kNotFound, "topic " + NotKnown(topic.substr(0, 100), known));
+  if (monitor::IsBulk(topic))
+    return Fail(Code::kInvalidArgument,
+                fmt::format("topic '{}' carries episodes: reading it would double their traffic; "
+                            "its rate is counted by those who write it",
+                            topic));
+  const auto now = MonotonicClock::now();
+  MutexLock lock(mutex_);
+  std::erase_if(wishes_, [&](const auto& item) { return item.second.until < now; });
+  if (!wishes_.contains(topic) && wishes_.size() >= kMostWishes)
+    return Fail(Code::kUnavailable, fmt::format("{} topics are being read already", kMostWishes));
+  Wish& wish = wishes_[topic];
+  wish.until = now + kWishStands;
+  return wish.samples;
+}
+
+void BusWatch::Serve(SampleTap& tap) {
+  std::vector<std::string> topics;
+  {
+    const auto now = MonotonicClock::now();
+    MutexLock lock(mutex_);
+    std::erase_if(wishes_, [&](const auto& item) { return item.second.until < now; });
+    for (const auto& [topic, wish] : wishes_) topics.push_back(topic);
+  }
+  const auto samples = tap.Read(topics);
+  MutexLock lock(mutex_);
+  for (const auto& [topic, newest] : samples)
+    if (const auto wish = wishes_.find(topic); wish != wishes_.end()) wish->second.samples = newest;
+}
+
 void BusWatch::Run(std::stop_token stop) {
   LiveModel model;
   model.view().enabled = true;
@@ -225,16 +203,19 @@ void BusWatch::Run(std::stop_token stop) {
   };
   auto participant = arguments_.Open({security::Role::kGateway});
   if (!participant) return failed(participant.error());
-  auto directory = bus::Directory::Open(*participant);
-  if (!directory) return failed(directory.error());
-  Ears ears(*participant, std::move(*directory));
+  auto ears = Ears::Open(*participant);
+  if (!ears) return failed(ears.error());
+  const auto reporter = bus::ProcessReporter::Start(*participant, {.role = "gateway"});
+  if (!reporter) Log().warn("this gateway does not say how it is: {}", reporter.error().message);
+  SampleTap tap(*participant);
   TimePoint looked{};
   while (!stop.stop_requested()) {
     if (MonotonicClock::now() - looked >= kDirectory) {
-      ears.LookAround(model);
+      ears->LookAround(model);
       looked = MonotonicClock::now();
     }
-    ears.Listen(model);
+    ears->Listen(model);
+    Serve(tap);
     Publish(model.view());
     std::this_thread::sleep_for(kLook);
   }

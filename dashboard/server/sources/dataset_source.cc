@@ -11,42 +11,47 @@
 #include "services/core/statistics.h"
 #include "services/episode/bounded_json.h"
 #include "services/spec/episode_plan.h"
-#include "services/store/commit_journal.h"
 
 namespace etude::sources {
 namespace {
 
 constexpr std::chrono::milliseconds kRefreshEvery{500};
-constexpr std::size_t kRecent = 4;             // episodes kept, 1 MB each
-constexpr std::size_t kMostRows = 1'000'000;   // of a list
-constexpr std::size_t kMostUnreadable = 20;    // named
+constexpr std::size_t kRecent = 4;            // episodes kept, 1 MB each
+constexpr std::size_t kMostRows = 1'000'000;  // of a list
+constexpr std::size_t kMostUnreadable = 20;   // named
 constexpr std::uint64_t kJsonBytes = 16 << 20;
 constexpr std::size_t kFewest = 8;  // episodes of a task, to call one of them odd
 
-void TakeCommit(const OrderedJson& line, EpisodeRow& row) {
+// What the journal leaves at 0 was not measured.
+std::optional<double> Measured(double value) { return value > 0 ? std::optional(value) : std::nullopt; }
+
+// What a line of the journal and an episode's file both say.
+void TakeMade(const store::CommitRow& made, EpisodeRow& row) {
   row.known = true;
-  row.task = TextOf(line, "task", row.task);
-  row.target = TextOf(line, "target", row.target);
-  row.reference = TextOf(line, "reference", row.reference);
-  row.robot = TextOf(line, "robot", row.robot);
-  row.outcome = TextOf(line, "outcome", "success");
-  row.instruction = TextOf(line, "instruction");
-  row.worker = TextOf(line, "worker");
-  row.host = TextOf(line, "host");
-  row.attempt = static_cast<std::uint32_t>(UnsignedOf(line, "attempt").value_or(0));
-  row.steps = UnsignedOf(line, "steps").value_or(0);
-  row.frames = UnsignedOf(line, "frames").value_or(0);
-  row.bytes = UnsignedOf(line, "bytes").value_or(0);
-  row.draws = UnsignedOf(line, "draws").value_or(0);
-  row.t = NumberOf(line, "t");
-  row.path_m = NumberOf(line, "path_m");
-  row.jerk = NumberOf(line, "jerk");
-  const auto& timings = PartOf(line, "timings");
-  row.plan_s = NumberOf(timings, "plan_s");
-  row.step_s = NumberOf(timings, "step_s");
-  row.render_s = NumberOf(timings, "render_s");
-  row.deflate_s = NumberOf(timings, "deflate_s");
-  row.send_s = NumberOf(timings, "send_s");
+  const auto take = [](const std::string& text, std::string& into) {
+    if (!text.empty()) into = text;
+  };
+  take(made.task, row.task);
+  take(made.target, row.target);
+  take(made.reference, row.reference);
+  take(made.robot, row.robot);
+  row.outcome = made.outcome.empty() ? "success" : made.outcome;
+  row.instruction = made.instruction;
+  row.attempt = made.attempt;
+  row.steps = made.steps, row.frames = made.frames, row.bytes = made.bytes, row.draws = made.draws;
+  row.path_m = Measured(made.path_m);
+  row.jerk = Measured(made.jerk);
+}
+
+void TakeCommit(const store::CommitRow& made, EpisodeRow& row) {
+  TakeMade(made, row);
+  row.worker = made.facts.worker;
+  row.host = made.facts.host;
+  row.t = Measured(made.t);
+  row.plan_s = Measured(made.facts.timings.plan_s);
+  row.step_s = Measured(made.facts.timings.step_s);
+  row.render_s = Measured(made.facts.timings.render_s);
+  row.deflate_s = Measured(made.facts.timings.deflate_s);
 }
 
 void TakeEpisode(const store::EpisodeRecord& record, EpisodeRow& row) {
@@ -54,15 +59,8 @@ void TakeEpisode(const store::EpisodeRecord& record, EpisodeRow& row) {
   std::uint64_t frames = 0;
   for (const auto& camera : record.frames) frames += camera.size();
   const FileStamp stamp = StampOf(record.path);
-  const store::CommitRow made = store::RowOf(episode, frames, stamp.size);
-  row.known = true;
-  row.task = made.task, row.target = made.target, row.reference = made.reference, row.robot = made.robot;
-  row.outcome = made.outcome, row.instruction = made.instruction;
-  row.attempt = made.attempt;
-  row.steps = made.steps, row.frames = made.frames, row.bytes = made.bytes, row.draws = made.draws;
+  TakeMade(store::RowOf(episode, frames, stamp.size), row);
   if (!row.t && stamp.exists()) row.t = stamp.modified_s();
-  row.path_m = made.path_m;
-  if (made.jerk > 0) row.jerk = made.jerk;
   double speed = 0;
   for (const float value : episode.joint_vel.values) speed = std::max(speed, std::abs(static_cast<double>(value)));
   row.joint_speed = speed;
@@ -165,7 +163,7 @@ std::uint64_t DatasetView::GivenUp() const {
 }
 
 DatasetSource::DatasetSource(Found found)
-    : found_(std::move(found)), commits_(found_.folder / "commits.jsonl"), attempts_(found_.folder / "attempts.jsonl") {}
+    : found_(std::move(found)), commits_(found_.folder, kMostRows), attempts_(found_.folder / "attempts.jsonl") {}
 
 Status DatasetSource::ReadSpec() {
   const FileStamp stamp = StampOf(found_.folder / "dataset.json");
@@ -209,18 +207,21 @@ EpisodeRow DatasetSource::About(std::uint64_t index) {
 }
 
 void DatasetSource::ReadCommits() {
-  commits_.Refresh([this] { rows_.clear(), changed_ = true; },
-                   [this](const OrderedJson& line) {
-                     const auto index = UnsignedOf(line, "index");
-                     if (!index || rows_.size() >= kMostRows) return;
-                     EpisodeRow row;
-                     row.index = *index;
-                     row.split = SplitOrNone(info_.spec, *index);
-                     TakeCommit(line, row);
-                     rows_[*index] = std::move(row);
-                     changed_ = true;
-                   });
-  info_.journal = commits_.stamp().exists();
+  commits_stamp_ = StampOf(found_.folder / "commits.jsonl");
+  info_.journal = commits_stamp_.exists();
+  const std::uint64_t before = commits_.generation();
+  const auto changed = commits_.Refresh();
+  if (!changed || !*changed) return;
+  if (commits_.generation() != before) rows_.clear();
+  changed_ = true;
+  // all of them: a later line of an index takes the place of the earlier one
+  for (std::size_t i = 0; i < commits_.size(); ++i) {
+    EpisodeRow row;
+    row.index = commits_.index()[i];
+    row.split = SplitOrNone(info_.spec, row.index);
+    TakeCommit(commits_.Row(i), row);
+    rows_[row.index] = std::move(row);
+  }
 }
 
 void DatasetSource::ReadFailures() {
@@ -256,7 +257,7 @@ Status DatasetSource::Refresh() {
   ReadFailures();
   ETUDE_RETURN_IF_ERROR(ListEpisodes());
   std::error_code error;
-  info_.updated = std::max({spec_stamp_.modified_s(), commits_.stamp().modified_s(), attempts_.stamp().modified_s()});
+  info_.updated = std::max({spec_stamp_.modified_s(), commits_stamp_.modified_s(), attempts_.stamp().modified_s()});
   if (!rows_.empty()) {
     const auto newest = StampOf(store::EpisodePath(found_.folder, rows_.rbegin()->first));
     info_.updated = std::max(info_.updated, newest.modified_s());

@@ -16,6 +16,7 @@
 #include "dashboard/server/sources/files.h"
 #include "services/core/thread_annotations.h"
 #include "services/spec/campaign_spec.h"
+#include "services/store/commit_journal.h"
 #include "services/store/dataset.h"
 #include "services/store/sampling_journal.h"
 
@@ -105,7 +106,9 @@ class DatasetSource {
   std::optional<store::SamplingJournal> sampling_ ETUDE_GUARDED_BY(mutex_);
   FileStamp spec_stamp_ ETUDE_GUARDED_BY(mutex_);
   DatasetInfo info_ ETUDE_GUARDED_BY(mutex_);
-  JsonLines commits_ ETUDE_GUARDED_BY(mutex_), attempts_ ETUDE_GUARDED_BY(mutex_);
+  store::CommitTable commits_ ETUDE_GUARDED_BY(mutex_);
+  FileStamp commits_stamp_ ETUDE_GUARDED_BY(mutex_);
+  JsonLines attempts_ ETUDE_GUARDED_BY(mutex_);
   std::map<std::uint64_t, EpisodeRow> rows_ ETUDE_GUARDED_BY(mutex_);
   std::vector<AttemptRow> failures_ ETUDE_GUARDED_BY(mutex_);
   std::shared_ptr<const DatasetView> view_ ETUDE_GUARDED_BY(mutex_);

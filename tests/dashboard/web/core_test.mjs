@@ -66,3 +66,11 @@ test('safetensors: header, offsets, types', async () => {
   assert.deepEqual([[...tensors.get('a').values], [...tensors.get('b').values], metadata.x], [[7], [0.5, -2], 'step']);
   assert.throws(() => readSafetensors(file.buffer.slice(file.byteOffset, file.byteOffset + 20)), /header of/);
 });
+
+test('a tie is rounded to the even digit, as the programs do', async () => {
+  const { percent, rounded } = await load('format.ts');
+  assert.equal(percent(385 / 400), '96.2 %');
+  assert.equal(percent(0.96375), '96.4 %');
+  assert.equal(rounded(0.75, 1), '0.8');
+  assert.equal(percent(1), '100 %');
+});

@@ -72,6 +72,7 @@ TEST_F(Cli, EveryCommandHasHelp) {
                                                        {"dataset", "import"},
                                                        {"checkpoint"},
                                                        {"checkpoint", "show"},
+                                                       {"checkpoint", "promote"},
                                                        {"checkpoint", "watch"},
                                                        {"top"},
                                                        {"campaign"},
@@ -505,6 +506,25 @@ TEST_F(Cli, ExportsForOthers) {
   EXPECT_TRUE(std::filesystem::exists(folder_ / "r.hdf5.train_data.json"));
   EXPECT_EQ(Etude({"dataset", "export", In("data"), In("x"), "--format", "rlds"}).exit_code, kExitUsage);
   EXPECT_EQ(Etude({"dataset", "import", In("none"), In("x"), "--format", "modattn"}).exit_code, kExitFailure);
+}
+
+TEST_F(Cli, PromotingPointsBestAtACheckpointOfTheRun) {
+  ASSERT_TRUE(MakeFolders(folder_ / "run/checkpoints"));
+  WriteCheckpoint("run/checkpoints/00001500.safetensors", {{"refused", ""}});
+  WriteCheckpoint("run/checkpoints/00002000.safetensors", {{"refused", "TAR3D is not trained"}});
+  const Path best = folder_ / "run/checkpoints/best.safetensors";
+  const Outcome first = Etude({"checkpoint", "promote", In("run"), "1500"});
+  EXPECT_EQ(first.exit_code, kExitOk) << first.text;
+  EXPECT_EQ(std::filesystem::read_symlink(best), "00001500.safetensors");
+  const Outcome second = Etude({"checkpoint", "promote", In("run"), In("run/checkpoints/00002000.safetensors")});
+  EXPECT_EQ(std::filesystem::read_symlink(best), "00002000.safetensors");
+  EXPECT_THAT(second.text, HasSubstr("was 00001500.safetensors"));
+  EXPECT_THAT(second.text, HasSubstr("TAR3D is not trained")) << "it says what it may not do";
+  for (const char* other : {"7", "best.safetensors", "../config.yaml", ""}) {
+    const Outcome refused = Etude({"checkpoint", "promote", In("run"), other});
+    EXPECT_NE(refused.exit_code, kExitOk) << other;
+    EXPECT_EQ(std::filesystem::read_symlink(best), "00002000.safetensors") << other;
+  }
 }
 
 }  // namespace

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests services/cli/top_text.cc and topic_rates.cc
+// Tests services/cli/top_text.cc
 #include "services/cli/top_text.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-
-#include "services/cli/topic_rates.h"
 
 namespace etude::cli {
 namespace {
@@ -81,7 +79,7 @@ TEST(StateSentence, KnowsWhatStandsAndWhatIsSilent) {
   status.state = "running";
   EXPECT_THAT(StateSentence(view, kNow + 14s), HasSubstr("(silent 14 s)"));
   status.committed = status.total;
-  EXPECT_EQ(StateSentence(view, kNow), "quickstart: collected 6,000 of 6,000");
+  EXPECT_EQ(StateSentence(view, kNow), "quickstart: collected 6,000");
 }
 
 TEST(TopText, ShowsCampaignWorkersTrainingAndPolicy) {
@@ -107,30 +105,6 @@ TEST(TopText, FitsTheScreen) {
   EXPECT_THAT(text, Not(HasSubstr("\x1b"))) << "what came over the bus moves no cursor";
   for (std::size_t at = 0, end; (end = text.find('\n', at)) != std::string::npos; at = end + 1)
     EXPECT_LE(end - at, 60u);
-}
-
-TEST(TopicRates, AreDifferencesOfWhatWritersCount) {
-  const auto status = [](std::uint64_t samples) {
-    bus::ProcessStatus process;
-    process.process = "p";
-    process.topics_json = fmt::format(R"([{{"topic": "t", "kind": "writer", "samples": {}, "bytes": {}}},)"
-                                      R"({{"topic": "t", "kind": "reader", "samples": 9, "bytes": 9}}, 3, {{}}])",
-                                      samples, 100 * samples);
-    return process;
-  };
-  BusView view;
-  view.processes["p"] = {status(10), kNow};
-  TopicRates rates;
-  rates.Begin(view);
-  view.processes["p"] = {status(30), kNow + 4s};
-  view.processes["new"] = {status(99), kNow + 4s};
-
-  const auto found = rates.End(view);
-
-  ASSERT_EQ(found.size(), 1u);
-  EXPECT_DOUBLE_EQ(found.at("t").samples_per_second, 5);
-  EXPECT_DOUBLE_EQ(found.at("t").bytes_per_second, 500);
-  EXPECT_EQ(found.at("t").writers, 1);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "services/core/hash.h"
+#include "services/core/link.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/trainer/checkpoint/example_checkpoint.h"
 #include "tests/trainer/policy/fixtures.h"
@@ -80,6 +81,24 @@ TEST(CheckpointSink, PublishesToLateJoinersAlsoAfterARestart) {
 }
 
 // before, what a killed trainer had half written stayed for ever
+TEST(CheckpointSink, PublishesWhatSomebodyPromoted) {
+  const TemporaryFolder folder;
+  const auto config = policy::TinyConfig();
+  auto participant = bus::Participant::Open({kDomain, ""});
+  ASSERT_TRUE(participant) << participant.error().message;
+  auto sink = CheckpointSink::Open(folder.path(), {"sink-promoted", "aaaa", 1}, &*participant);
+  ASSERT_TRUE(sink) << sink.error().message;
+  auto subscriber = bus::BlobSubscriber::Open(*participant, {"sink-promoted", "aaaa"}, checkpoint::kBest);
+  ASSERT_TRUE(subscriber);
+  ASSERT_TRUE(sink->Save(checkpoint::ExampleCheckpoint(config, 100)));
+  ASSERT_TRUE(PointLink(folder / "checkpoints/best.safetensors", "00000100.safetensors"));
+  ASSERT_TRUE(sink->Save(checkpoint::ExampleCheckpoint(config, 200)));
+
+  const auto published = subscriber->Wait(20s);
+  ASSERT_TRUE(published);
+  EXPECT_EQ(checkpoint::Decode(published->bytes).value().metadata.step, 100u);
+}
+
 TEST(CheckpointSink, RemovesWhatAKilledRunLeftHalfWritten) {
   const TemporaryFolder folder;
   for (const char* name : {"checkpoints/00000100.safetensors.tmp-4711", "training_state.safetensors.tmp-4711",

@@ -13,14 +13,14 @@ export class RequestError extends Error {
 
 export const root = '/api/v1';
 
-async function request(path: string, signal?: AbortSignal): Promise<Response> {
+async function request(path: string, signal?: AbortSignal, init: RequestInit = {}): Promise<Response> {
   let response: Response;
   try {
-    response = await fetch(root + path, { signal: signal ?? null, credentials: 'same-origin' });
+    response = await fetch(root + path, { ...init, signal: signal ?? null, credentials: 'same-origin' });
   } catch (error) {
     if (signal?.aborted) throw error;
     lost();
-    throw new RequestError({ title: 'The gateway does not answer', status: 0, detail: `GET ${root}${path}` });
+    throw new RequestError({ title: 'The gateway does not answer', status: 0, detail: `${init.method ?? 'GET'} ${root}${path}` });
   }
   heard();
   if (response.ok) return response;
@@ -31,6 +31,16 @@ async function request(path: string, signal?: AbortSignal): Promise<Response> {
 
 export async function getJson<T>(path: string, signal?: AbortSignal): Promise<T> {
   return (await request(path, signal)).json() as Promise<T>;
+}
+
+/** An answer without a body is undefined. */
+export async function postJson<T>(path: string, body: unknown, signal?: AbortSignal): Promise<T> {
+  const response = await request(path, signal, { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(body) });
+  return (response.status === 204 ? undefined : await response.json()) as T;
+}
+
+export async function stopJob(id: string): Promise<void> {
+  await request(`/jobs/${id}`, undefined, { method: 'DELETE' });
 }
 
 export async function getBytes(path: string, signal?: AbortSignal): Promise<ArrayBuffer> {

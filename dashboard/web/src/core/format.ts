@@ -17,6 +17,13 @@ export function number(value: Maybe<number>, digits = 3): string {
   return value.toPrecision(digits).replace(/(\.\d*?)0+$/, '$1').replace(/\.$/, '');
 }
 
+/** With so many places, as the programs round: a tie goes to the even digit. */
+export function rounded(value: number, places: number): string {
+  const scaled = value * 10 ** places;
+  const below = Math.floor(scaled);
+  return scaled - below === 0.5 && below % 2 === 0 ? (below / 10 ** places).toFixed(places) : value.toFixed(places);
+}
+
 export function fixed(value: Maybe<number>, places: number): string {
   return finite(value) ? value.toLocaleString('en-US', { minimumFractionDigits: places, maximumFractionDigits: places }) : none;
 }
@@ -29,7 +36,8 @@ export function count(value: Maybe<number>): string {
 export function percent(share: Maybe<number>, places = 1): string {
   if (!finite(share)) return none;
   const value = share * 100;
-  return (Number.isInteger(+value.toFixed(places)) ? value.toFixed(0) : value.toFixed(places)) + ' %';
+  const text = rounded(value, places);
+  return (Number.isInteger(+text) ? value.toFixed(0) : text) + ' %';
 }
 
 export function duration(seconds: Maybe<number>): string {

@@ -108,6 +108,10 @@ export type Tiles = {
     age_ms: number | null;
     p50_ms: number | null;
     p95_ms: number | null;
+    answers_per_s: number | null;
+    sessions: number | null;
+    may_drive: boolean | null;
+    last_refusal: string | null;
   } | null;
   success: {
     source: string;
@@ -179,6 +183,22 @@ export type Worker = {
   age_ms: number;
 };
 
+export type Process = {
+  process: string;
+  /** worker, collector, trainer, policy, gateway, ... */
+  role: string;
+  pid: number;
+  version: string;
+  since: string | null;
+  rss_mb: number;
+  /** cores in use */
+  cpu: number;
+  folder: string | null;
+  /** share of the disk of its folder, 0..1 */
+  disk_free: number | null;
+  age_ms: number;
+};
+
 export type Host = {
   host: string;
   /** workers */
@@ -190,9 +210,12 @@ export type Host = {
   plan_p50_s: number | null;
   plan_p95_s: number | null;
   rss_mb: number | null;
+  /** cores in use by the processes of this host */
+  cpu: number | null;
   version: string | null;
   fingerprint: string | null;
   age_ms: number;
+  processes: Process[];
   workers: Worker[];
 };
 
@@ -852,6 +875,108 @@ export type Logs = {
   lines: LogLine[];
   /** pass as before for older lines */
   next: string | null;
+};
+
+export type Event = {
+  process: string;
+  role: string;
+  host: string;
+  /** counts those of the process: a gap is what was dropped */
+  n: number;
+  t: string;
+  level: "warn" | "error";
+  code: string;
+  text: string;
+};
+
+export type Events = {
+  total: number;
+  /** newest first */
+  events: Event[];
+};
+
+export type Peer = {
+  /** role, pid and host; empty where it does not say */
+  peer: string;
+  participant: string;
+  partitions: string[];
+};
+
+export type Topic = {
+  topic: string;
+  types: string[];
+  qos: string[];
+  /** why a reader does not get what a writer writes */
+  problems: string[];
+  writers: Peer[];
+  readers: Peer[];
+  /** as its writers count; null: none counts */
+  per_s: number | null;
+  bytes_per_s: number | null;
+  /** carries episodes: counted, never read */
+  bulk: boolean;
+};
+
+export type Topics = {
+  domain: number | null;
+  error: string | null;
+  topics: Topic[];
+};
+
+export type Sample = {
+  partition: string;
+  age_ms: number;
+  /** byte fields as {bytes: n} */
+  message: Record<string, unknown>;
+};
+
+export type Samples = {
+  topic: string;
+  /** the newest of each partition; none: none came since somebody began to look */
+  samples: Sample[];
+};
+
+export type ModuleSays = {
+  entity?: string;
+  quantity?: string;
+  unit?: string;
+  value?: unknown;
+  probability?: number;
+  /** px */
+  soft_argmax?: number[];
+};
+
+export type Insight = {
+  run: string;
+  checkpoint_step: number;
+  sentence: string;
+  modules: Record<string, ModuleSays>;
+  /** the same with the what-if of the request */
+  what_if: Record<string, ModuleSays> | null;
+  attention: Record<string, {
+    rows: number;
+    columns: number;
+    /** of it that falls on the picture, 0..1 */
+    share: number;
+    /** row by row over the view, mean of the heads */
+    weights: number[];
+  }>;
+  /** part of the picture that the policy sees, px; of no size: not said */
+  view: {
+    u: number;
+    v: number;
+    width: number;
+    height: number;
+  };
+  /** x, y, z (m) and gripper 0..1 */
+  waypoints: number[][];
+  truth: {
+    target: string;
+    reference: string | null;
+    instruction: string;
+    /** hand and objects, px */
+    pixels: Record<string, number[]>;
+  };
 };
 
 export type Action = {

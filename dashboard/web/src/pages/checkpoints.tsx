@@ -6,6 +6,7 @@ import { bytes, clock, count, day, none, number, short } from '../core/format';
 import { link, parameter } from '../core/router';
 import { chosen } from '../core/sources';
 import type { Checkpoint, Checkpoints } from '../core/types';
+import { ActionButton } from '../parts/actions';
 import { Chip, Command, Empty, Facts, Loaded, Panel } from '../parts/basics';
 import { Table, type Column } from '../parts/table';
 
@@ -66,6 +67,11 @@ function Detail(props: { of: Checkpoint; run: string }) {
             ['run', of.run ?? none], ['robot', of.robot ?? none], ['joints', count(of.joints)], ['demonstrations', count(of.train_episodes)],
             ['dataset', <span class="mono">{short(of.dataset)}</span>], ['architecture', <span class="mono">{short(of.architecture)}</span>], ['written', day(of.modified)], ['version', of.version ?? none],
           ] as [string, ComponentChildren][]} />}
+        {!of.error && <p class="row">
+          {!of.channels.includes('best') && <ActionButton label="Make it best" about="The run's channel best names this checkpoint from then on." of={{ action: 'promote', run: props.run, file: of.file }} />}
+          <ActionButton label="Evaluate" about="Rolls it out in 40 scenes that no collection has." of={{ action: 'evaluate', run: props.run, file: of.file }} />
+          <ActionButton label="Serve" about="Starts a policy server that answers with this checkpoint, until the job is stopped." of={{ action: 'serve', run: props.run, file: of.file }} />
+        </p>}
         <h2>Follow on another machine</h2>
         <Command text={`etude checkpoint watch --run ${of.run ?? 'RUN'} --channel ${of.channels.includes('best') ? 'best' : 'latest'} --out DIR`} />
       </Panel>

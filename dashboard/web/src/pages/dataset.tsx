@@ -34,7 +34,7 @@ function Content(props: { of: Dataset }) {
     <>
       <div class="page-head">
         <StateChip state={of.state} />
-        <p data-dataset-summary><b>{count(of.episodes)}</b>{of.episodes < of.total && ` of ${count(of.total)}`} episodes · <b>{duration(stats.seconds)}</b> · <b>{count(stats.frames)}</b> pictures · <b>{bytes(of.bytes)}</b></p>
+        <p data-dataset-summary><b>{count(of.episodes)}</b>{of.episodes < of.total && ` of ${count(of.total)}`} episodes · <b>{duration(stats.seconds)}</b> · <b>{count(stats.frames)}</b> pictures{of.bytes > 0 && <> · <b>{bytes(of.bytes)}</b></>}</p>
         {of.unreadable > 0 && <Chip tone="bad" title={of.unreadable_files.map((one) => `#${one.index}: ${one.reason}`).join('\n')}>{of.unreadable} of {of.episodes} files unreadable</Chip>}
         {of.role === 'rollouts' && <Chip>rollouts</Chip>}
       </div>

@@ -3,7 +3,7 @@
 import { useRef, useState } from 'preact/hooks';
 import { query, useResource } from '../core/api';
 import { now, useLive } from '../core/connection';
-import { count, none, number, percent, short } from '../core/format';
+import { age, count, none, number, percent, short } from '../core/format';
 import { parameter } from '../core/router';
 import type { Fleet as FleetAnswer, Host, Worker } from '../core/types';
 import { Age, Chip, Empty, Loaded, Panel, Search } from '../parts/basics';
@@ -46,7 +46,7 @@ export function Fleet() {
   return (
     <Loaded of={{ ...first, data }}>
       {(fleet) => {
-        if (!fleet.hosts.length && !filter) {
+        if (!fleet.workers && !filter && !fleet.hosts.some((one) => one.processes.length)) {
           return <Panel><Empty title="No worker has been heard and no journal names one" command="etude worker --campaign NAME">On any machine of this network a worker joins a campaign by its name:</Empty></Panel>;
         }
         const order = held ?? fleet.hosts.map((one) => one.host);
@@ -57,7 +57,7 @@ export function Fleet() {
         return (
           <>
             <div class="page-head">
-              <p data-fleet-summary><b>{count(fleet.total)}</b> hosts · <b>{count(fleet.workers)}</b> workers{fleet.per_min !== null && <> · <b>{number(fleet.per_min)}</b> a minute</>}{fleet.ok !== null && <> · <b>{percent(fleet.ok)}</b> of attempts ok</>}</p>
+              <p data-fleet-summary><b>{count(fleet.total)}</b> {fleet.total === 1 ? 'host' : 'hosts'} · <b>{count(fleet.workers)}</b> {fleet.workers === 1 ? 'worker' : 'workers'}{fleet.per_min !== null && <> · <b>{number(fleet.per_min)}</b> a minute</>}{fleet.ok !== null && <> · <b>{percent(fleet.ok)}</b> of attempts ok</>}</p>
               {oneOf(fleet, (host) => host.version) && <span class="muted">version {oneOf(fleet, (host) => host.version)}</span>}
               {oneOf(fleet, (host) => host.fingerprint) && fleet.total > 1 && <span class="muted">fingerprints equal</span>}
               {!fleet.live && <Chip>from journals: nothing is on the bus</Chip>}
@@ -69,10 +69,32 @@ export function Fleet() {
                 columns={columns(fleet, at.current, toggle, (host) => many !== folded.has(host))} />
             </section>
             <p class="small muted row" aria-hidden="true">{([['i', 'idle'], ['p', 'plans'], ['y', 'plays'], ['s', 'sends']] as const).map(([letter, word]) => <span class="row"><svg width="12" height="12"><rect width="12" height={letter === 'i' ? 4 : 12} y={letter === 'i' ? 8 : 0} fill={`var(--${phases[letter]})`} /></svg>{word}</span>)}</p>
+            <Processes of={fleet} />
           </>
         );
       }}
     </Loaded>
+  );
+}
+
+/** What is not a worker: who collects, trains, serves and shows. */
+function Processes(props: { of: FleetAnswer }) {
+  const rows = props.of.hosts.flatMap((host) => host.processes.filter((one) => one.role !== 'worker').map((one) => ({ host: host.host, ...one })));
+  if (!rows.length) return null;
+  return (
+    <Panel title="Processes" flush>
+      <Table label="Processes" rows={rows} id={(row) => row.process} columns={[
+        { key: 'role', title: 'process', width: 'minmax(110px, 1fr)', card: 'title', cell: (row) => row.role },
+        { key: 'host', title: 'host', width: 'minmax(110px, 1fr)', cell: (row) => row.host },
+        { key: 'pid', title: 'pid', width: '9ch', number: true, cell: (row) => String(row.pid) },
+        { key: 'rss', title: 'memory', width: '9ch', number: true, cell: (row) => `${number(row.rss_mb, 3)} MB` },
+        { key: 'cpu', title: 'cores', width: '7ch', number: true, cell: (row) => number(row.cpu, 2) },
+        { key: 'disk', title: 'disk free', width: '10ch', number: true, cell: (row) => row.disk_free === null ? none : <span class={row.disk_free < 0.1 ? 'bad' : ''}>{percent(row.disk_free)}</span> },
+        { key: 'folder', title: 'writes to', width: 'minmax(120px, 3fr)', card: 'long', cell: (row) => <span class="muted">{row.folder ?? ''}</span> },
+        { key: 'version', title: 'version', width: '10ch', cell: (row) => row.version },
+        { key: 'age', title: 'heard', width: '7ch', number: true, cell: (row) => <span class={row.age_ms > 3000 ? 'warn' : ''}>{age(row.age_ms)}</span> },
+      ]} />
+    </Panel>
   );
 }
 
@@ -92,24 +114,25 @@ function columns(fleet: FleetAnswer, at: number, toggle: (host: string) => void,
   void now.value;
   const told = (one: (host: Host) => unknown) => fleet.hosts.some((host) => one(host) !== null);
   const all: Column<Row>[] = [
-    { key: 'name', title: 'host and worker', width: 'minmax(130px, 1.2fr)', sort: 'host', card: 'title', cell: (row) => row.worker
+    { key: 'name', title: 'host and worker', width: 'minmax(116px, 1.2fr)', sort: 'host', card: 'title', cell: (row) => row.worker
       ? <span class="secondary">{row.worker.worker}</span>
       : <button type="button" class="button plain" aria-expanded={!isFolded(row.host.host)} onClick={() => toggle(row.host.host)}><b>{isFolded(row.host.host) ? '▸' : '▾'} {row.host.host}</b></button> },
     { key: 'slots', title: 'busy', width: '5ch', number: true, sort: 'slots', cell: (row) => row.worker ? '' : `${row.host.busy}/${row.host.slots}` },
-    { key: 'per_min', title: 'a minute', width: '8ch', number: true, sort: 'per_min', cell: (row) => number((row.worker ?? row.host).per_min) },
+    { key: 'per_min', title: 'a minute', width: '7ch', number: true, sort: 'per_min', cell: (row) => number((row.worker ?? row.host).per_min) },
     { key: 'ok', title: 'ok', width: '7ch', number: true, cell: (row) => row.worker ? (row.worker.episodes + row.worker.failures ? percent(row.worker.episodes / (row.worker.episodes + row.worker.failures)) : none) : percent(row.host.ok) },
     { key: 'episodes', title: 'done', width: '6ch', number: true, cell: (row) => row.worker ? count(row.worker.episodes) : count(row.host.workers.reduce((sum, one) => sum + one.episodes, 0)) },
-    { key: 'now', title: 'makes', width: 'minmax(190px, 4fr)', card: 'long', cell: (row) => row.worker ? making(row.worker) : '' },
+    { key: 'now', title: 'makes', width: 'minmax(150px, 4fr)', card: 'long', cell: (row) => row.worker ? making(row.worker) : '' },
     { key: 'last', title: 'last', width: 'minmax(76px, 1fr)', cell: (row) => row.worker ? <span class={row.worker.last && row.worker.last !== 'success' ? 'warn' : 'muted'}>{row.worker.last ?? ''}</span> : '' },
-    { key: 'strip', title: 'last 60 s', width: '96px', card: 'none', cell: (row) => row.worker && row.worker.strip ? <Strip text={row.worker.strip} /> : '' },
-    { key: 'plan', title: 'plan p50, p95', width: '12ch', number: true, cell: (row) => row.worker || row.host.plan_p50_s === null ? '' : `${number(row.host.plan_p50_s, 2)}, ${number(row.host.plan_p95_s, 2)} s` },
-    { key: 'rss', title: 'memory', width: '8ch', number: true, cell: (row) => row.worker || row.host.rss_mb === null ? '' : `${number(row.host.rss_mb / 1000, 2)} GB` },
+    { key: 'strip', title: 'last 60 s', width: '72px', card: 'none', cell: (row) => row.worker && row.worker.strip ? <Strip text={row.worker.strip} /> : '' },
+    { key: 'plan', title: 'plan p50, p95', width: '11ch', number: true, cell: (row) => row.worker || row.host.plan_p50_s === null ? '' : `${number(row.host.plan_p50_s, 2)}, ${number(row.host.plan_p95_s, 2)} s` },
+    { key: 'rss', title: 'memory', width: '7ch', number: true, cell: (row) => row.worker || row.host.rss_mb === null ? '' : `${number(row.host.rss_mb / 1000, 2)} GB` },
+    { key: 'cpu', title: 'cores', width: '5ch', number: true, cell: (row) => row.worker || row.host.cpu === null ? '' : number(row.host.cpu, 2) },
     { key: 'version', title: 'version', width: '9ch', cell: (row) => row.worker ? '' : row.host.version ?? '' },
-    { key: 'print', title: 'fingerprint', width: '11ch', cell: (row) => row.worker || !row.host.fingerprint ? '' : <span class={`mono${prints.size > 1 ? ' warn' : ''}`}>{short(row.host.fingerprint, 8)}</span> },
+    { key: 'print', title: 'fingerprint', width: '11ch', cell: (row) => row.worker || !row.host.fingerprint ? '' : <span class={`mono${prints.size > 1 ? ' warn' : ''}`}>{short(row.host.fingerprint, 18)}</span> },
     { key: 'age', title: 'heard', width: '6ch', number: true, sort: 'age', cell: (row) => fleet.live ? <Age ms={(row.worker ?? row.host).age_ms} at={at} /> : '' },
   ];
   const differ = (one: (host: Host) => string | null) => new Set(fleet.hosts.map(one).filter(Boolean)).size > 1;
-  const absent = new Set([!told((host) => host.plan_p50_s) && 'plan', !told((host) => host.rss_mb) && 'rss', !differ((host) => host.version) && 'version', !differ((host) => host.fingerprint) && 'print', !fleet.live && 'age', !fleet.live && 'strip']);
+  const absent = new Set([!told((host) => host.plan_p50_s) && 'plan', !told((host) => host.rss_mb) && 'rss', !told((host) => host.cpu) && 'cpu', !differ((host) => host.version) && 'version', !differ((host) => host.fingerprint) && 'print', !fleet.live && 'age', !fleet.live && 'strip']);
   return all.filter((one) => !absent.has(one.key));
 }
 

@@ -9,6 +9,7 @@ import { readSafetensors } from '../core/safetensors';
 import { chosen, episodeLink } from '../core/sources';
 import { color, paints } from '../core/theme';
 import type { Attempt, Attempts, Campaign, CampaignStatus, Timing } from '../core/types';
+import { ActionButton } from '../parts/actions';
 import { Chip, Empty, Failed, Figure, Loaded, Panel, Segments, StateChip } from '../parts/basics';
 import { Histogram } from '../parts/chart';
 import { Table } from '../parts/table';
@@ -30,6 +31,7 @@ export function Generation() {
               <p data-attempts-summary>{status.live && status.per_min !== null && <><b>{number(status.per_min)}</b> a minute · </>}<b>{count(status.attempts)}</b> attempts · <b>{count(status.committed)}</b> of {count(status.total)} committed · <b>{count(failed)}</b> failed{status.attempts > 0 && ` (${percent(failed / status.attempts)})`} · <b>{count(status.given_up)}</b> given up</p>
               {status.error && <Chip tone="bad">{status.error}</Chip>}
               {status.eta_s !== null && status.live && <span class="muted">{duration(status.eta_s)} left</span>}
+              {status.live && status.committed < status.total && <><span class="fill" /><Controls campaign={id} /></>}
             </div>
             <div class="grid wide">
               <Matrix of={data} failed={failed} />
@@ -41,6 +43,18 @@ export function Generation() {
         );
       }}
     </Loaded>
+  );
+}
+
+function Controls(props: { campaign: string }) {
+  const campaign = props.campaign;
+  return (
+    <span class="row">
+      <ActionButton label="Pause" about="Nothing new is leased to workers; what is leased is finished and committed." of={{ action: 'pause', campaign }} />
+      <ActionButton label="Drain" about="As pause, and waits until nothing is leased any more." of={{ action: 'drain', campaign }} />
+      <ActionButton label="Resume" about="Leases again." of={{ action: 'resume', campaign }} />
+      <ActionButton label="Stop" about="Ends the collector. What is committed stays; started again, it resumes." of={{ action: 'stop', campaign }} />
+    </span>
   );
 }
 

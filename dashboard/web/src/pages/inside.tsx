@@ -11,6 +11,7 @@ import { moduleColor } from '../core/theme';
 import type { Graph, GraphNode } from '../core/types';
 import { Chip, Command, Empty, Facts, Loaded, Panel } from '../parts/basics';
 import { Table } from '../parts/table';
+import { AskPolicy } from './ask_policy';
 
 export function Inside() {
   const id = chosen('run');
@@ -47,6 +48,7 @@ function Content(props: { of: Graph; run: string }) {
         {of.architecture && <Chip>architecture <span class="mono">{short(of.architecture)}</span></Chip>}
       </div>
       <Panel title="What reads what" aside={<Legend />}><Drawing of={of} selected={selected} select={(name) => select(name, true)} /></Panel>
+      <AskPolicy run={props.run} module={selected} />
       {node && <Side node={node} graph={of} run={props.run} />}
       <Panel title="Modules" flush>
         <Table label="Modules" rows={of.nodes} id={(row) => row.name} selected={selected} link={(row) => link('inside', { run: props.run, module: row.name })} columns={[

@@ -3,9 +3,9 @@
 import { useEffect, useRef, useState } from 'preact/hooks';
 import { getJson, query, useResource } from '../core/api';
 import { useLive } from '../core/connection';
-import { bytes, count } from '../core/format';
+import { bytes, clock, count } from '../core/format';
 import { parameter } from '../core/router';
-import type { LogLine, Logs } from '../core/types';
+import type { Events, LogLine, Logs } from '../core/types';
 import { Empty, Loaded, Panel, Search, Select } from '../parts/basics';
 
 export function LogsPage() {
@@ -20,6 +20,7 @@ export function LogsPage() {
   const [older, setOlder] = useState<{ of: string; lines: LogLine[]; next: string | null } | null>(null);
   const before = older?.of === text ? older : null;
   const newest = (follow && live) || first.data;
+  const warned = useLive<Events>('events', { ...(level === 'error' ? { level } : {}), ...(q ? { q } : {}), limit: 50 }, 1);
   const box = useRef<HTMLDivElement>(null);
   const shown = newest?.lines.length ?? 0;
   useEffect(() => { if (follow && !before && box.current) box.current.scrollTop = box.current.scrollHeight; }, [newest?.lines[shown - 1]?.n]);
@@ -33,7 +34,7 @@ export function LogsPage() {
           const page = await getJson<Logs>(`/logs${query({ ...args, before: next })}`);
           setOlder({ of: text, lines: [...page.lines, ...(before?.lines ?? [])], next: page.next });
         };
-        if (!data.sources.length) return <Panel><Empty title="No log files">Processes that etude up, collect or eval start write to logs/ beside what they make; others write to their terminal.</Empty></Panel>;
+        if (!data.sources.length && !warned?.total) return <Panel><Empty title="No log files">Processes that etude up, collect or eval start write to logs/ beside what they make; others write to their terminal.</Empty></Panel>;
         return (
           <>
             <div class="page-head">
@@ -43,6 +44,7 @@ export function LogsPage() {
               <span class="fill" />
               <label class="inline"><input type="checkbox" checked={follow} onChange={(event) => setFollow(event.currentTarget.checked)} /> follow</label>
             </div>
+            {warned !== undefined && warned.total > 0 && <OfBus of={warned} />}
             <Panel flush label="Lines">
               <div class="log-box" ref={box} tabIndex={0} role="group" aria-label="Log lines">
               {next && <div class="more"><button type="button" class="button" onClick={() => { void more(); }}>Older lines</button></div>}
@@ -55,6 +57,17 @@ export function LogsPage() {
         );
       }}
     </Loaded>
+  );
+}
+
+/** What processes on the bus warned of, on whatever host: newest first. */
+function OfBus(props: { of: Events }) {
+  return (
+    <Panel title="Warned on the bus" flush aside={<span class="small muted">{count(props.of.total)} heard, newest first</span>}>
+      <div class="event-box" tabIndex={0} role="group" aria-label="Events of processes">
+        <ol class="log" data-events={props.of.total}>{props.of.events.map((one) => <li key={`${one.process}:${one.n}`} data-level={one.level}><span class="muted">{clock(one.t)}</span><span class={one.level === 'error' ? 'bad' : 'warn'}>{one.level}</span><span class="muted">{one.role} {one.host}</span><span>{one.text}</span></li>)}</ol>
+      </div>
+    </Panel>
   );
 }
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Does it run, when is it done, did anything stop: the page for the lab's screen.
 import { home } from '../core/sources';
-import { clock, count, duration, number, percent, age } from '../core/format';
+import { clock, count, duration, number, percent, plural, age } from '../core/format';
 import { link } from '../core/router';
 import type { Home, Stage, Tiles } from '../core/types';
-import { Empty, Figure, Panel, StateChip } from '../parts/basics';
+import { Chip, Empty, Figure, Panel, StateChip } from '../parts/basics';
 import { Spark } from '../parts/chart';
 import { Dots } from '../parts/dots';
 
@@ -26,7 +26,7 @@ export function Overview() {
         {tiles.policy && <PolicyTile of={tiles.policy} />}
       </div>
       {tiles.ladder && <Panel title="Curriculum" aside={<a href={link('training', { run: tiles.ladder.source })}>Training</a>}><Ladder stages={tiles.ladder.stages} /></Panel>}
-      <div class="grid wide">
+      <div class="grid wide stretch">
         {tiles.success && <Success of={tiles.success} />}
         <Panel title="Events">
           {tiles.events.length
@@ -112,7 +112,7 @@ function TrainingTile(props: { of: NonNullable<Tiles['training']> }) {
         <span class="secondary num">stage {one.stage} of {one.stages}<br />{one.stage_name}</span>
       </div>
       <div class="bar" role="img" aria-label={`step ${one.step} of ${one.steps ?? 'unknown'}`}><div style={{ width: `${one.steps ? (100 * one.step) / one.steps : one.finished ? 100 : 0}%` }} /></div>
-      <p class="small secondary">{one.finished ? 'finished' : one.eta_s !== null ? `${duration(one.eta_s)} left` : ''}{one.samples_per_s !== null && ` · ${count(one.samples_per_s)} samples/s`}{one.data_wait !== null && ` · waits for data ${percent(one.data_wait, 2)}`}</p>
+      <p class="small secondary">{[one.finished ? 'finished' : one.eta_s !== null && `${duration(one.eta_s)} left`, one.samples_per_s !== null && `${count(one.samples_per_s)} samples/s`, one.data_wait !== null && `waits for data ${percent(one.data_wait, 2)}`].filter(Boolean).join(' · ')}</p>
       {errors.length > 0 && <p class="row small">{errors.map(([name, value]) => <span class="nowrap"><span class="muted">{name.split('.')[0]}</span> <b>{number(value, 2)}</b> <span class="muted">{name.split('.')[1]}</span></span>)}</p>}
     </Panel>
   );
@@ -122,8 +122,12 @@ function PolicyTile(props: { of: NonNullable<Tiles['policy']> }) {
   const one = props.of;
   return (
     <Panel title="Policy" aside={one.source ? <a href={link('checkpoints', { run: one.source })}>{one.name}</a> : <span class="muted">{one.name}</span>}>
-      <Figure large value={count(one.checkpoint_step)} unit="step served" label="policy_step" />
-      <p class="small secondary">{one.instances === 1 ? 'one server' : `${one.instances} servers`}{one.p95_ms !== null && ` · answers in ${number(one.p50_ms, 2)} ms, p95 ${number(one.p95_ms, 2)} ms`}{one.age_ms !== null && ` · heard ${age(one.age_ms)} ago`}</p>
+      <div class="row apart">
+        <Figure large value={count(one.checkpoint_step)} unit="step served" label="policy_step" />
+        {one.may_drive === false && <Chip tone="warn">not trained to drive</Chip>}
+      </div>
+      <p class="small secondary">{[one.instances === 1 ? 'one server' : `${one.instances} servers`, one.sessions !== null && plural(one.sessions, 'session'), one.answers_per_s !== null && `${number(one.answers_per_s, 2)} answers/s`, one.p95_ms !== null && `p50 ${number(one.p50_ms, 2)} ms, p95 ${number(one.p95_ms, 2)} ms`, one.age_ms !== null && `heard ${age(one.age_ms)} ago`].filter(Boolean).join(' · ')}</p>
+      {one.last_refusal && <p class="small warn">refused: {one.last_refusal}</p>}
     </Panel>
   );
 }

@@ -64,6 +64,8 @@ const std::map<std::string, std::string> kExamples{
     {"/evals/{a}/pair/{b}", "/evals/lab.eval_a/pair/lab.eval_b"},
     {"/diff", "/diff?a=lab.eval_a&b=lab.eval_other"},
     {"/logs", "/logs"},
+    {"/events", "/events"},
+    {"/topics", "/topics"},
     {"/actions", "/actions"},
     {"/session", "/session"},
     {"/jobs", "/jobs"},
@@ -264,7 +266,7 @@ TEST_F(ContractTest, ActionsAreCommandsAndNeedTheToken) {
   EXPECT_THAT(Problems(SchemaOf("/jobs/{id}"), GetJson(kPrefix + "/jobs/" + id)), IsEmpty());
   EXPECT_EQ(Ask(request, kPrefix + "/actions").status, 503) << "one heavy job at a time";
   for (const char* body :
-       {R"({"action":"rm"})", R"({"action":"promote"})", "[]", "x",
+       {R"({"action":"rm"})", "[]", "x",
         R"({"action":"evaluate","run":"lab.run","file":"00000200.safetensors","seed":"1; rm -rf /"})"}) {
     request.body = body;
     EXPECT_EQ(Ask(request, kPrefix + "/actions").status, 400) << body;

@@ -1,8 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests dashboard/server/live/bus_watch.cc
+// Tests dashboard/server/live: live_model.cc, bus_watch.cc and sample_tap.cc
 #include "dashboard/server/live/bus_watch.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+
+#include <thread>
+
+#include "services/bus/process_reporter.h"
+#include "services/bus/topic.h"
+#include "tests/support/matchers.h"
 
 namespace etude::live {
 namespace {
@@ -72,6 +79,100 @@ TEST_F(LiveModelTest, WhatWentAwayIsKeptForAWhile) {
   EXPECT_FALSE(campaign().present);
   model_.Directory({}, start_ + 1h);
   EXPECT_FALSE(model_.view().campaigns.contains(id_));
+}
+
+bus::ProcessStatus Process(const std::string& name, int samples) {
+  bus::ProcessStatus status;
+  status.process = name;
+  status.role = "collector";
+  status.topics_json =
+      fmt::format(R"([{{"topic": "t", "kind": "writer", "samples": {}, "bytes": {}}}])", samples, 100 * samples);
+  return status;
+}
+
+TEST_F(LiveModelTest, ProcessesGiveRatesAndAreForgotten) {
+  model_.On(Process("p", 10), start_);
+  model_.Topics({}, "me", start_);
+  model_.On(Process("p", 50), start_ + 4s);
+  model_.Topics({}, "me", start_ + 5s);
+  EXPECT_DOUBLE_EQ(model_.view().rates.at("t").samples_per_second, 10);
+  EXPECT_DOUBLE_EQ(model_.view().rates.at("t").bytes_per_second, 1000);
+  model_.Topics({}, "me", start_ + 2min);
+  EXPECT_TRUE(model_.view().processes.empty());
+}
+
+TEST_F(LiveModelTest, APolicyServersAnswersAreCountedOverSeconds) {
+  bus::PolicyStatus status;
+  status.server = "s";
+  for (int i = 0; i <= 30; ++i) {
+    status.answered = static_cast<std::uint64_t>(8 * i);
+    model_.On(status, start_ + i * 1s);
+  }
+  const auto& server = model_.view().servers.at("s");
+  EXPECT_NEAR(server.AnswersPerSecond().value(), 8, 1e-9);
+  EXPECT_LE(server.answered.size(), 12u);
+  model_.Topics({}, "me", start_ + 1min);
+  EXPECT_TRUE(model_.view().servers.empty()) << "it is silent";
+}
+
+TEST_F(LiveModelTest, EventsComeOnceNewestFirstAndAreBounded) {
+  std::vector<bus::ProcessEvent> events;
+  for (std::uint64_t i = 0; i < 700; ++i) {
+    bus::ProcessEvent event;
+    event.process = "p";
+    event.number = i;
+    event.time_ms = i;
+    events.push_back(event);
+  }
+  model_.On(events);
+  model_.On(std::vector<bus::ProcessEvent>{events.back()});
+  const auto& kept = *model_.view().events;
+  ASSERT_EQ(kept.size(), 500u);
+  EXPECT_EQ(kept[0].event.number, 699u);
+  EXPECT_EQ(kept[1].event.number, 698u) << "heard twice, kept once";
+}
+
+TEST_F(LiveModelTest, WhatWorkersAreReadyForIsCompared) {
+  bus::WorkRequest request;
+  request.campaign_id = id_;
+  request.spec_sha256 = "aa";
+  for (const char* worker : {"w0", "w1", "w2"}) {
+    request.worker = worker;
+    request.content = worker == std::string("w2") ? 2 : 1;
+    model_.On(id_, request);
+  }
+  const auto& prints = model_.view().prints;
+  EXPECT_EQ(prints.at("w0"), prints.at("w1"));
+  EXPECT_NE(prints.at("w0"), prints.at("w2"));
+}
+
+// Looks until it is so, for 20 s at most.
+template <class Condition>
+bool Eventually(Condition&& condition) {
+  for (const auto end = MonotonicClock::now() + 20s; MonotonicClock::now() < end;) {
+    if (condition()) return true;
+    std::this_thread::sleep_for(20ms);
+  }
+  return false;
+}
+
+TEST(BusWatch, HearsProcessesAndReadsATopicWhileSomebodyLooks) {
+  constexpr std::uint32_t kDomain = 60;
+  const auto participant = bus::Participant::Open({kDomain, ""});
+  ASSERT_THAT(participant, IsOk());
+  const auto reporter = bus::ProcessReporter::Start(*participant, {.role = "collector", .every = 50ms});
+  ASSERT_THAT(reporter, IsOk());
+  BusWatch watch({kDomain, "", "text"});
+  EXPECT_TRUE(Eventually([&] {
+    const auto view = watch.View();
+    return view->processes.contains((*reporter)->process()) && !view->endpoints->empty();
+  }));
+  EXPECT_TRUE(Eventually([&] {
+    const auto samples = watch.Newest("etude/process/status");
+    return samples && !samples->empty() && samples->front().message["role"].is_string();
+  }));
+  EXPECT_THAT(watch.Newest("etude/blob/chunk"), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(watch.Newest("etude/none"), HasCode(Code::kNotFound));
 }
 
 }  // namespace

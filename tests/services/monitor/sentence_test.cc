@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests dashboard/server/api/sentence.cc
-#include "dashboard/server/api/sentence.h"
+// Tests services/monitor/sentence.cc
+#include "services/monitor/sentence.h"
 
 #include <gtest/gtest.h>
 
-namespace etude::api {
+namespace etude::monitor {
 namespace {
 
 TEST(Sentence, TellsWhatIsUnderWay) {
@@ -36,6 +36,25 @@ TEST(Sentence, NeverCallsSilenceAnEnd) {
             "q: collection silent at 412 of 1,600; training failed at step 12; 112 of 400 rollouts, 50.0 % success");
 }
 
+TEST(Sentence, KnowsWhatAPolicyServerSays) {
+  bus::PolicyStatus status;
+  status.step = 6500;
+  status.sessions = 1;
+  EXPECT_EQ(Text(FactsOf(status)), "step 6,500 answers, not trained to drive yet");
+  status.control_trained = true;
+  EXPECT_EQ(Text(FactsOf(status)), "step 6,500 serves 1 session");
+}
+
+TEST(Sentence, SaysWhatACampaignWaitsFor) {
+  bus::CampaignStatus status;
+  status.committed = 412;
+  status.total = 600;
+  status.state = "paused";
+  EXPECT_EQ(Text(FactsOf("q", status)), "paused at 412 of 600");
+  status.given_up = 188;
+  EXPECT_EQ(Text(FactsOf("q", status)), "collected 412 of 600, gave up 188");
+}
+
 TEST(Sentence, SaysWhereItLookedInVain) {
   Facts facts;
   facts.looked_in = "/data and on domain 0";
@@ -43,4 +62,4 @@ TEST(Sentence, SaysWhereItLookedInVain) {
 }
 
 }  // namespace
-}  // namespace etude::api
+}  // namespace etude::monitor

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// What changes something: a button that shows the etude command for copying and, with the token, runs it as a job.
+import { useEffect, useRef, useState } from 'preact/hooks';
+import { getJson, postJson, RequestError, stopJob, type Problem } from '../core/api';
+import { home } from '../core/sources';
+import type { Job } from '../core/types';
+import { Chip, Command, Failed } from './basics';
+
+type Arguments = { action: string } & Record<string, string | number>;
+
+export function ActionButton(props: { label: string; about: string; of: Arguments }) {
+  const [open, setOpen] = useState(false);
+  return (
+    <>
+      <button type="button" class="button" data-action={props.of.action} onClick={() => setOpen(true)}>{props.label}</button>
+      {open && <Confirm {...props} close={() => setOpen(false)} />}
+    </>
+  );
+}
+
+function problemOf(error: unknown): Problem {
+  return error instanceof RequestError ? error.problem : { title: 'It could not be done', status: 0, detail: String(error) };
+}
+
+function Confirm(props: { label: string; about: string; of: Arguments; close: () => void }) {
+  const dialog = useRef<HTMLDialogElement>(null);
+  const [command, setCommand] = useState('');
+  const [problem, setProblem] = useState<Problem | null>(null);
+  const [authorized, setAuthorized] = useState(false);
+  const [token, setToken] = useState('');
+  const [job, setJob] = useState<Job | null>(null);
+  useEffect(() => {
+    dialog.current?.showModal();
+    postJson<{ command: string }>('/actions', { ...props.of, dry_run: true }).then((answer) => setCommand(answer.command)).catch((error: unknown) => setProblem(problemOf(error)));
+    getJson<{ authorized: boolean }>('/session').then((answer) => setAuthorized(answer.authorized)).catch(() => undefined);
+  }, []);
+  useEffect(() => {
+    if (job?.state !== 'running') return;
+    const timer = window.setInterval(() => { getJson<Job>(`/jobs/${job.id}`).then(setJob).catch(() => undefined); }, 1000);
+    return () => window.clearInterval(timer);
+  }, [job?.id, job?.state]);
+  const run = async () => {
+    setProblem(null);
+    try {
+      if (!authorized) await postJson('/session', { token });
+      setAuthorized(true);
+      const { job: id } = await postJson<{ job: string }>('/actions', props.of);
+      setJob(await getJson<Job>(`/jobs/${id}`));
+    } catch (error) {
+      setProblem(problemOf(error));
+    }
+  };
+  return (
+    <dialog ref={dialog} onClose={props.close} aria-label={props.label}>
+      <div class="stack">
+        <div class="row apart"><h2 class="figure">{props.label}</h2><button type="button" class="button" onClick={() => dialog.current?.close()}>Close</button></div>
+        <p class="secondary">{props.about}</p>
+        {command && <Command text={command} />}
+        {problem && <Failed problem={problem} />}
+        {!home.value?.actions && <p class="small muted">This gateway was started without --token-file: it changes nothing. Copy the command.</p>}
+        {home.value?.actions && command && !job && (
+          <form class="row" onSubmit={(event) => { event.preventDefault(); void run(); }}>
+            {!authorized && <input class="field" type="password" autocomplete="current-password" aria-label="Token" placeholder="token of this gateway" value={token} onInput={(event) => setToken(event.currentTarget.value)} />}
+            <button type="submit" class="button" disabled={!authorized && !token}>Run it</button>
+          </form>
+        )}
+        {job && <Progress of={job} />}
+      </div>
+    </dialog>
+  );
+}
+
+function Progress(props: { of: Job }) {
+  const { of } = props;
+  return (
+    <>
+      <p class="row"><Chip tone={of.state === 'done' ? 'good' : of.state === 'failed' ? 'bad' : ''}>{of.state}</Chip>{of.state === 'running' && <button type="button" class="button" onClick={() => { void stopJob(of.id); }}>Stop it</button>}</p>
+      {of.log.length > 0 && <pre class="job-log" tabIndex={0} role="group" aria-label="Its output">{of.log.slice(-12).join('\n')}</pre>}
+    </>
+  );
+}

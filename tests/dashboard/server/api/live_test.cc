@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests dashboard/server/api with something on the bus: fleet, home, metrics, topics, events, insight, actions.
+#include <gmock/gmock.h>
+
+#include "tests/dashboard/server/api/api_fixture.h"
+#include "tests/dashboard/server/api/json_schema.h"
+#include "tests/support/matchers.h"
+
+namespace etude::api {
+namespace {
+
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+class LiveApiTest : public ApiFixture {
+ protected:
+  LiveApiTest() {
+    const auto dataset = sources_.Dataset("lab.data").value()->View().value();
+    live::LiveModel model;
+    model.view().enabled = true;
+    const auto now = MonotonicClock::now();
+    bus::Presence campaign;
+    campaign.id = dataset->info.identity;
+    campaign.name = "lab";
+    bus::Presence policy;
+    policy.kind = bus::PresenceKind::kPolicy;
+    policy.id = sources_.Run("lab.run").value()->View().value()->identity;
+    policy.name = "demo";
+    if (policy.id.empty()) policy.id = "00112233445566778899aabbccddeeff";
+    policy_name_ = BusId(policy);
+    model.Directory({campaign, policy}, now);
+    bus::CampaignStatus status;
+    status.committed = 6, status.total = 20, status.state = "paused", status.workers = 1;
+    model.On(campaign.id, status, now);
+    bus::WorkerStatus worker;
+    worker.worker = "w0", worker.host = "lab-7", worker.phase = "play", worker.stage = "reach", worker.step = 212;
+    worker.token = 1, worker.index = 7, worker.last_outcome = "plan_failed";
+    worker.plan_histogram.assign(bus::kPlanBins, 0);
+    worker.plan_histogram[3] = 9;
+    model.On(campaign.id, worker, now);
+    bus::WorkRequest request;
+    request.worker = "w0", request.campaign_id = campaign.id;
+    model.On(campaign.id, request);
+    bus::ProcessStatus process;
+    process.process = "lab-7-1", process.host = "lab-7", process.role = "worker", process.version = "0.1.0";
+    process.rss_bytes = 50'000'000, process.cpu = 0.5, process.participant = "aa";
+    process.topics_json = R"([{"topic": "etude/campaign/worker", "kind": "writer", "samples": 3, "bytes": 900}])";
+    model.On(process, now);
+    bus::PolicyStatus server;
+    server.server = "s", server.run = policy.name, server.run_id = policy.id, server.host = "lab-9";
+    server.step = 200, server.control_trained = true, server.sessions = 2, server.p50_ms = 4, server.p95_ms = 9;
+    model.On(server, now);
+    bus::ProcessEvent event;
+    event.process = "lab-7-1", event.role = "worker", event.host = "lab-7", event.level = "warn";
+    event.text = "the disk is slow", event.time_ms = 1'795'369'600'000;
+    model.On(std::vector<bus::ProcessEvent>{event});
+    model.Topics({{.topic = "etude/campaign/worker",
+                   .type = "WorkerStatus",
+                   .is_writer = true,
+                   .partitions = {"lab/1"},
+                   .participant = "aa",
+                   .reliable = true}},
+                 "me", now);
+    live_ = std::make_shared<const live::LiveView>(model.view());
+    context_.domain = 60;
+    context_.bus_flags = {"--domain", "60"};
+  }
+  http::Answer Post(const std::string& target, const OrderedJson& body) {
+    http::Request request;
+    request.method = "POST";
+    request.content_type = "application/json";
+    request.body = body.dump();
+    return Ask(request, kPrefix + target);
+  }
+  std::vector<std::string> Problems(const char* schema, const OrderedJson& value) {
+    const auto document = OrderedJson::parse(dashboard::OpenApiText());
+    std::vector<std::string> problems;
+    CheckSchema(document, document["components"]["schemas"][schema], value, "", problems);
+    return problems;
+  }
+  std::string policy_name_;
+};
+
+TEST_F(LiveApiTest, AHostHasWorkersWithStageAndStepAndItsProcesses) {
+  const auto fleet = GetJson(kPrefix + "/fleet");
+  EXPECT_THAT(Problems("Fleet", fleet), IsEmpty());
+  ASSERT_EQ(fleet["hosts"].size(), 1u) << fleet.dump(1);
+  const auto& host = fleet["hosts"][0];
+  EXPECT_EQ(host["rss_mb"], 50.0);
+  EXPECT_EQ(host["cpu"], 0.5);
+  EXPECT_EQ(host["version"], "0.1.0");
+  EXPECT_EQ(host["fingerprint"].get<std::string>().size(), 8u);
+  EXPECT_EQ(host["plan_p95_s"], 0.08) << "the upper edge of the bin";
+  EXPECT_EQ(host["processes"][0]["role"], "worker");
+  EXPECT_EQ(host["workers"][0]["stage"], "reach");
+  EXPECT_EQ(host["workers"][0]["step"], 212);
+  EXPECT_EQ(host["workers"][0]["last"], "plan_failed");
+}
+
+TEST_F(LiveApiTest, HomeSaysWhatStandsAndWhatIsServed) {
+  const auto home = GetJson(kPrefix + "/home");
+  EXPECT_THAT(Problems("Home", home), IsEmpty());
+  EXPECT_THAT(home["sentence"].get<std::string>(), HasSubstr("paused at 6 of 20"));
+  EXPECT_THAT(home["sentence"].get<std::string>(), HasSubstr("step 200 serves 2 sessions"));
+  EXPECT_EQ(home["tiles"]["policy"]["p95_ms"], 9.0);
+  EXPECT_EQ(home["tiles"]["policy"]["may_drive"], true);
+}
+
+TEST_F(LiveApiTest, MetricsHavePoliciesProcessesAndTheBus) {
+  const auto text = Get("/metrics").body;
+  EXPECT_THAT(text, HasSubstr("etude_bus_bytes_total{host=\"lab-7\",topic=\"etude/campaign/worker\"} 900\n"));
+  EXPECT_THAT(text, HasSubstr("etude_process_resident_bytes{host=\"lab-7\",role=\"worker\"} 50000000\n"));
+  EXPECT_THAT(text, HasSubstr("host=\"lab-9\"} 0.009\n"));
+}
+
+TEST_F(LiveApiTest, TopicsHavePeersAndEventsAreFiltered) {
+  const auto topics = GetJson(kPrefix + "/topics");
+  EXPECT_THAT(Problems("Topics", topics), IsEmpty());
+  ASSERT_EQ(topics["topics"].size(), 1u);
+  EXPECT_EQ(topics["topics"][0]["writers"][0]["peer"], "worker 0@lab-7");
+  const auto events = GetJson(kPrefix + "/events?q=disk");
+  EXPECT_THAT(Problems("Events", events), IsEmpty());
+  EXPECT_EQ(events["total"], 1);
+  EXPECT_EQ(GetJson(kPrefix + "/events?level=error")["total"], 0);
+  EXPECT_EQ(Get(kPrefix + "/events?level=loud").status, 400);
+}
+
+TEST_F(LiveApiTest, ANewestSampleIsThatOfTheTopicThatWasAskedFor) {
+  EXPECT_EQ(Get(kPrefix + "/topics/etude%2Fcampaign%2Fworker/newest").status, 503) << "without a bus";
+  context_.newest = [](const std::string& topic) -> Result<std::vector<live::Sample>> {
+    EXPECT_EQ(topic, "etude/campaign/worker");
+    return std::vector<live::Sample>{{"lab/1", {{"seed", 5}, {"host", "h"}}, MonotonicClock::now()}};
+  };
+  const auto sample = GetJson(kPrefix + "/topics/etude%2Fcampaign%2Fworker/newest");
+  EXPECT_THAT(Problems("Samples", sample), IsEmpty());
+  EXPECT_EQ(sample["samples"][0]["message"]["host"], "h");
+}
+
+TEST_F(LiveApiTest, AnInsightIsOfTheRecordedPictureAndItsWhatIf) {
+  const OrderedJson source{{"dataset", "lab.data"}, {"episode", 1}, {"picture", 3}};
+  OrderedJson body{{"run", policy_name_}, {"source", source}, {"what_if", {{"sentence", "push the coke"}}}};
+  EXPECT_EQ(Post("/insight", body).status, 503) << "without a bus";
+  std::string asked_run, asked_what_if;
+  const Episode episode = store::DatasetReader::Open(lab_.root() / "data").value().ReadWhole(1).value();
+  context_.look = [&](const std::string& run, const policy::Question& question,
+                      const std::string& what_if) -> Result<policy::Insight> {
+    asked_run = run, asked_what_if = what_if;
+    EXPECT_EQ(question.instruction, episode.instruction);
+    EXPECT_EQ(question.joints[0], episode.joint_pos.row(3 * episode.image_stride)[0]);
+    EXPECT_EQ(question.rgb.size(), static_cast<std::size_t>(question.width * question.height * 3));
+    policy::Insight insight;
+    insight.checkpoint_step = 200;
+    insight.modules["TAR2D"] = {{"quantity", "pixel"}, {"unit", "px"}, {"value", {1.5, 2.5}}};
+    insight.what_if = insight.modules;
+    insight.attention["TAR2D"] = {1, 2, {0.25, 0.5}};
+    insight.waypoints.resize(2);
+    return insight;
+  };
+  const auto answer = Post("/insight", body);
+  ASSERT_EQ(answer.status, 200) << answer.body;
+  const auto json = OrderedJson::parse(answer.body);
+  EXPECT_THAT(Problems("Insight", json), IsEmpty());
+  EXPECT_EQ(json["attention"]["TAR2D"]["share"], 0.75);
+  EXPECT_TRUE(json["truth"]["pixels"].contains(episode.target));
+  EXPECT_EQ(asked_run, policy_name_);
+  EXPECT_EQ(asked_what_if, R"({"sentence":"push the coke"})");
+  body["run"] = "lab.none";
+  EXPECT_EQ(Post("/insight", body).status, 409);
+  body["run"] = policy_name_;
+  body["what_if"] = {{"drive", true}};
+  EXPECT_EQ(Post("/insight", body).status, 400);
+  body.erase("what_if");
+  body["source"]["picture"] = 9999;
+  EXPECT_EQ(Post("/insight", body).status, 404);
+}
+
+TEST_F(LiveApiTest, ActionsOnWhatIsLiveAreTheCommandsOfAUser) {
+  const auto command = [&](OrderedJson body) {
+    body["dry_run"] = true;
+    return Post("/actions", body);
+  };
+  for (const char* action : {"pause", "drain", "resume", "stop"}) {
+    const auto shown = command({{"action", action}, {"campaign", "lab.data"}});
+    ASSERT_EQ(shown.status, 200) << shown.body;
+    EXPECT_THAT(shown.body, HasSubstr(std::string("etude campaign ") + action + " lab@"));
+    EXPECT_THAT(shown.body, HasSubstr("--domain 60"));
+  }
+  EXPECT_EQ(command({{"action", "pause"}, {"campaign", "lab.eval_a"}}).status, 404);
+  const std::string file = "00000200.safetensors";
+  EXPECT_THAT(command({{"action", "promote"}, {"run", "lab.run"}, {"file", file}}).body,
+              HasSubstr("etude checkpoint promote "));
+  EXPECT_THAT(command({{"action", "serve"}, {"run", "lab.run"}, {"file", file}}).body,
+              HasSubstr("etude policy --checkpoint "));
+  EXPECT_THAT(command({{"action", "serve"}, {"run", "lab.run"}}).body, HasSubstr("etude policy --subscribe "));
+  EXPECT_EQ(command({{"action", "promote"}, {"run", "lab.run"}, {"file", "../config.yaml"}}).status, 404);
+}
+
+}  // namespace
+}  // namespace etude::api
