@@ -156,7 +156,9 @@ const std::vector<TopicEntry>& Entries() {
                                                EntryOf<Observation>(),      EntryOf<Action>(),
                                                EntryOf<InsightWish>(),      EntryOf<Insight>(),
                                                EntryOf<PolicyStatus>(),     EntryOf<ProcessStatus>(),
-                                               EntryOf<ProcessEvent>(),     EntryOf<TrainStatus>()};
+                                               EntryOf<ProcessEvent>(),     EntryOf<TrainStatus>(),
+                                               EntryOf<PlayCommand>(),      EntryOf<PlayState>(),
+                                               EntryOf<PlayFrame>()};
   return entries;
 }
 
