@@ -18,6 +18,7 @@
 #include "services/policy/client.h"
 #include "services/store/dataset.h"
 #include "services/store/sampling_journal.h"
+#include "worker/play.h"
 #include "worker/sim/robot_file.h"
 #include "worker/task/attempt.h"
 #include "worker/task/user_files.h"
@@ -40,6 +41,7 @@ struct Arguments {
   ReplayOptions replay;
   std::string task;
   TaskCheckOptions task_check;
+  PlayOptions play;
 };
 
 campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete) {
@@ -236,10 +238,12 @@ int main(int argc, char** argv) {
   describe->add_flag("--json", as_json, "as JSON");
   auto* replay = etude::AddReplay(app, arguments);
   auto* task_check = etude::AddTaskCheck(app, arguments);
+  auto* play = etude::AddPlay(app, arguments.play);
+  play->fallthrough();  // --domain, --gl
   app.require_subcommand(0, 1);
   try {
     app.parse(argc, argv);
-    const bool joins = !*doctor && !*render && !*check && !*describe && !*replay && !*task_check;
+    const bool joins = !*doctor && !*render && !*check && !*describe && !*replay && !*task_check && !*play;
     if (joins && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? etude::kExitOk : etude::kExitUsage;
@@ -250,6 +254,7 @@ int main(int argc, char** argv) {
     if (*replay) return etude::Replay(arguments);
     if (*check) return etude::CheckRobot(arguments.robot, arguments.renderer);
     if (*task_check) return etude::CheckTaskFile(arguments.task, arguments.task_check, arguments.renderer);
+    if (*play) return etude::Play(arguments.play, arguments.bus, arguments.renderer);
     return *render ? etude::RenderScene(arguments) : etude::Work(arguments);
   });
 }
