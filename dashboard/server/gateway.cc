@@ -105,6 +105,7 @@ struct Gateway::Parts {
         jobs(cache / "jobs"),
         security(secured),
         bus(chosen.use_bus ? std::make_unique<live::BusWatch>(chosen.bus) : nullptr),
+        play(chosen.use_bus ? std::make_unique<live::PlayWatch>(chosen.bus) : nullptr),
         context(
             sources, [this] { return bus ? bus->View() : NoBus(); },
             [this](http::Lane lane, std::function<void()> work) { server->InLane(lane, std::move(work)); }, security,
@@ -113,6 +114,7 @@ struct Gateway::Parts {
         hub(context) {
     context.videos = cache / "videos";
     context.openapi = OpenApiText();
+    context.play = play.get();
     context.domain = chosen.use_bus ? static_cast<int>(chosen.bus.domain) : -1;
     service = std::make_unique<http::Service>(api::MakeRouter(context), security,
                                               [this](const http::Request& request) { return pages.Serve(request); });
@@ -124,6 +126,7 @@ struct Gateway::Parts {
   api::Jobs jobs;
   const http::Security security;
   std::unique_ptr<live::BusWatch> bus;
+  std::unique_ptr<live::PlayWatch> play;
   api::Context context;
   http::StaticFiles pages;
   std::unique_ptr<http::Service> service;

@@ -57,6 +57,7 @@ http::Router MakeRouter(Context& context) {
   AddEvalRoutes(router, context);
   AddLogRoutes(router, context);
   AddActionRoutes(router, context);
+  AddPlayRoutes(router, context);
   AddMetricsRoutes(router, context);
   router.Add("GET", kPrefix + "/openapi.json", http::Lane::kFiles,
              [&context](const http::Request&) -> Result<http::Answer> {

@@ -12,6 +12,7 @@
 #include "dashboard/server/http/router.h"
 #include "dashboard/server/http/security.h"
 #include "dashboard/server/live/bus_watch.h"
+#include "dashboard/server/live/play_watch.h"
 #include "dashboard/server/sources/sources.h"
 
 namespace etude::api {
@@ -32,6 +33,7 @@ struct Context {
   Path videos;        ///< cache of episodes as mp4
   std::string openapi;  ///< text of openapi.json
   int domain = -1;    ///< -1: no bus
+  live::PlayWatch* play = nullptr;  ///< null: no bus
 
   /// Begins to read what of a dataset's rows is not known, an episode at a time, unless it is under way.
   void ReadInBackground(std::shared_ptr<sources::DatasetSource> dataset);
@@ -58,6 +60,7 @@ void AddRunRoutes(http::Router& router, Context& context);
 void AddEvalRoutes(http::Router& router, Context& context);
 void AddLogRoutes(http::Router& router, Context& context);
 void AddActionRoutes(http::Router& router, Context& context);
+void AddPlayRoutes(http::Router& router, Context& context);
 void AddMetricsRoutes(http::Router& router, Context& context);
 /// All of them, and openapi.json.
 http::Router MakeRouter(Context& context);
@@ -100,6 +103,8 @@ OrderedJson HomeJson(Context& context);
 Result<OrderedJson> FleetJson(Context& context, const http::Query& query);
 Result<OrderedJson> EvalJson(Context& context, const std::string& id);
 Result<OrderedJson> LogsJson(Context& context, const http::Query& query);
+/// Channel play. @error kNotFound: no such session; kUnavailable: no bus
+Result<OrderedJson> PlayJson(Context& context, const std::string& session);
 /// Channels attempts and train of the WebSocket.
 Result<OrderedJson> LatestAttempts(Context& context, const std::string& campaign);
 Result<OrderedJson> TrainNews(Context& context, const std::string& run, std::uint64_t since);
