@@ -11,6 +11,7 @@ import { Inside } from './inside';
 import { Evaluation } from './evaluation';
 import { CheckpointsPage } from './checkpoints';
 import { LogsPage } from './logs';
+import { PlayPage } from './play';
 
 export interface Page {
   path: string;
@@ -35,5 +36,6 @@ export const pages: readonly Page[] = [
   { path: 'inside', title: 'Inside', key: 'i', group: 'Learn', icon: 'M3 4h3v3H3zM3 10h3v3H3zM10 7h3v3h-3zM6 5.5h2l2 3M6 11.5h2l2-3', sources: ['run'], view: Inside },
   { path: 'checkpoints', title: 'Checkpoints', key: 'c', group: 'Learn', icon: 'M4 14V2h7l-2 3 2 3H4', sources: ['run'], view: CheckpointsPage },
   { path: 'evaluation', title: 'Evaluation', key: 'e', group: 'Judge', icon: 'M2 8.5l3.5 4L14 4', sources: ['eval'], view: Evaluation },
+  { path: 'play', title: 'Play', key: 'k', group: 'Judge', icon: 'M4 2.5v11l9-5.5z', sources: [], view: PlayPage },
   { path: 'logs', title: 'Logs', key: 'l', group: 'System', icon: 'M3 3h10M3 6.5h7M3 10h10M3 13.5h5', sources: [], view: LogsPage },
 ];
