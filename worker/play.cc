@@ -34,8 +34,8 @@ using TimePoint = MonotonicClock::time_point;
 
 constexpr auto kMoving = 100ms;  // between two states, and two pictures, while something moves
 constexpr auto kResting = 500ms;
-constexpr auto kBehind = 200ms;                 // more than this is not caught up with
-constexpr std::size_t kAnswersKept = 64;        // of commands, for those that are said again
+constexpr auto kBehind = 200ms;           // more than this is not caught up with
+constexpr std::size_t kAnswersKept = 64;  // of commands, for those that are said again
 constexpr policy::ClientOptions kPatience{.answer = 3s, .patience = 10s};
 
 // Simulated time against the clock's.
@@ -72,9 +72,7 @@ class Pace {
   int steps_ = 0;
 };
 
-std::string Text(const OrderedJson& json) {
-  return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
-}
+std::string Text(const OrderedJson& json) { return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace); }
 
 std::vector<float> NumbersOf(const std::vector<Waypoint>& waypoints) {
   std::vector<float> numbers;
@@ -253,10 +251,10 @@ Status Host::Accept(const OrderedJson& arguments) {
                           .home = said.home};
   ETUDE_RETURN_IF_ERROR(session_->Check(sentence));
   state_.sentence = sentence.text;
-  state_.meaning_json = sentence.judged() ? Text({{"task", sentence.task},
-                                                  {"target", sentence.target},
-                                                  {"reference", sentence.reference}})
-                                          : "";
+  state_.meaning_json =
+      sentence.judged()
+          ? Text({{"task", sentence.task}, {"target", sentence.target}, {"reference", sentence.reference}})
+          : "";
   state_.outcome.clear();
   state_.reason.clear();
   state_.phase = "moving";  // whoever reads the answer sees that it goes on
@@ -270,9 +268,9 @@ void Host::Say() {
   const task::Sentence sentence = *std::exchange(said_, std::nullopt);
   stop_ = false;
   pace_.Restart();
-  const auto verdict =
-      session_->Say(sentence, [this](const policy::Question& question) { return policy_.Ask(question); },
-                    [this] { return BeforeStep(); });
+  const auto verdict = session_->Say(
+      sentence, [this](const policy::Question& question) { return policy_.Ask(question); },
+      [this] { return BeforeStep(); });
   state_.phase = "rest";
   asked_ = MonotonicClock::now();
   if (verdict) {

@@ -338,7 +338,7 @@ struct PlayState {
   std::string modules_json;               ///< as Action::modules_json
   std::uint64_t checkpoint_step = 0;      ///< of the last answer
   double policy_ms = 0;                   ///< that the last answer took, as the worker waited for it
-  double speed = 0;                       ///< of simulated time against the clock's, since the last state; 1 is real time
+  double speed = 0;  ///< of simulated time against the clock's, since the last state; 1 is real time
   std::uint64_t attempts = 0, successes = 0;  ///< sentences that ended, and how many of them the judge took
 };
 

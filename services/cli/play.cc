@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `etude play open|list|say|stop|nudge|hide|show|scene|reset|close`: talking to a policy in a scene that a worker keeps.
+// `etude play open|list|say|stop|nudge|hide|show|scene|reset|close`: talking to a policy in a scene that a worker
+// keeps.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -71,8 +72,8 @@ std::vector<std::string> OnTable(const OrderedJson& scene) {
 // What a sentence means in a session, as the person has it: the options first, else the grammar.
 Result<language::Meaning> MeaningIn(const bus::PlayState& state, const std::string& sentence) {
   const OrderedJson scene = Parsed(state.scene_json);
-  ETUDE_ASSIGN_OR_RETURN(const auto parser, language::MeaningParser::Load(TextsOf(scene, "tasks"),
-                                                                          TextsOf(scene, "campaign_objects")));
+  ETUDE_ASSIGN_OR_RETURN(const auto parser,
+                         language::MeaningParser::Load(TextsOf(scene, "tasks"), TextsOf(scene, "campaign_objects")));
   return parser.Parse(sentence, OnTable(scene));
 }
 
@@ -84,7 +85,7 @@ void PrintMeaning(const language::Meaning& meaning, const play::SayArguments& sa
     fmt::print("  means   {} {}{}\n", say.task, say.target, say.reference.empty() ? "" : ", " + say.reference);
   const auto unseen = meaning.unseen();
   fmt::print("  words   {}\n", unseen.empty() ? std::string("training says all of them")
-                                             : fmt::format("never seen in training: {}", fmt::join(unseen, ", ")));
+                                              : fmt::format("never seen in training: {}", fmt::join(unseen, ", ")));
   std::fflush(stdout);
 }
 
@@ -235,12 +236,18 @@ Status StartPolicy(const Arguments& arguments, std::string& run, Children& child
 Status StartWorker(const Arguments& arguments, const std::string& run, Children& children) {
   ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling("etude-worker"));
   campaign::ProcessOptions options;
-  options.argv = {program.string(), "play",
-                  arguments.spec,   "--run",
-                  run,              "--session",
-                  arguments.session, "--index",
-                  std::to_string(arguments.index), "--speed",
-                  fmt::format("{}", arguments.speed), "--idle",
+  options.argv = {program.string(),
+                  "play",
+                  arguments.spec,
+                  "--run",
+                  run,
+                  "--session",
+                  arguments.session,
+                  "--index",
+                  std::to_string(arguments.index),
+                  "--speed",
+                  fmt::format("{}", arguments.speed),
+                  "--idle",
                   fmt::format("{}", arguments.idle_s)};
   for (const auto& text : arguments.overrides) options.argv.insert(options.argv.end(), {"--set", text});
   const auto flags = arguments.bus.Flags();
@@ -282,7 +289,8 @@ Status Open(Arguments arguments) {
   }
   Status first;
   for (const auto& sentence : arguments.sentences) {
-    arguments.say = {.sentence = sentence, .task = "", .target = "", .reference = "", .max_steps = arguments.say.max_steps};
+    arguments.say = {
+        .sentence = sentence, .task = "", .target = "", .reference = "", .max_steps = arguments.say.max_steps};
     const Status said = SayIn(client, arguments.session, arguments);
     if (first && !said) first = said;
     if (StopRequested() || (!said && said.error().code == Code::kUnavailable)) break;
@@ -379,9 +387,8 @@ void AddPlay(CLI::App& app, Body& body) {
         {"reset", bus::PlayAction::kReset, "the scene as it was set"},
         {"close", bus::PlayAction::kClose, "ends the session"}}) {
     auto* one = AddOne(*command, name, description, arguments);
-    one->callback([=, &body, chosen = action] {
-      body = [=] { return Command(*arguments, chosen, OrderedJson::object()); };
-    });
+    one->callback(
+        [=, &body, chosen = action] { body = [=] { return Command(*arguments, chosen, OrderedJson::object()); }; });
   }
 }
 

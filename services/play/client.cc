@@ -23,8 +23,8 @@ constexpr std::size_t kLongestName = 64;
 const std::vector<std::pair<std::string, bus::PlayAction>>& Actions() {
   using bus::PlayAction;
   static const std::vector<std::pair<std::string, PlayAction>> actions{
-      {"scene", PlayAction::kScene}, {"say", PlayAction::kSay},   {"stop", PlayAction::kStop},
-      {"nudge", PlayAction::kNudge}, {"hide", PlayAction::kHide}, {"show", PlayAction::kShow},
+      {"scene", PlayAction::kScene}, {"say", PlayAction::kSay},    {"stop", PlayAction::kStop},
+      {"nudge", PlayAction::kNudge}, {"hide", PlayAction::kHide},  {"show", PlayAction::kShow},
       {"reset", PlayAction::kReset}, {"close", PlayAction::kClose}};
   return actions;
 }
@@ -79,8 +79,8 @@ Result<bus::PlayState> Client::Find(const std::string& session, std::chrono::nan
   }
 }
 
-Result<bus::PlayState> Client::Command(const std::string& session, bus::PlayAction action,
-                                       const OrderedJson& arguments, std::chrono::nanoseconds timeout) {
+Result<bus::PlayState> Client::Command(const std::string& session, bus::PlayAction action, const OrderedJson& arguments,
+                                       std::chrono::nanoseconds timeout) {
   const auto deadline = MonotonicClock::now() + timeout;
   bus::PlayCommand command;
   command.session = session;
@@ -133,9 +133,8 @@ std::optional<bus::PlayFrame> Frames::Take(std::chrono::nanoseconds timeout) {
 }
 
 bool IsSessionName(const std::string& name) {
-  return !name.empty() && name.size() <= kLongestName && std::ranges::all_of(name, [](unsigned char c) {
-    return std::isalnum(c) || c == '_' || c == '-';
-  });
+  return !name.empty() && name.size() <= kLongestName &&
+         std::ranges::all_of(name, [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-'; });
 }
 
 std::string FramePartition(const std::string& session) { return std::string(bus::kPlayPartition) + "/" + session; }

@@ -96,8 +96,8 @@ class PlayProcess : public testing::Test {
     oracle_.emplace(participant_, demonstration_.episode);
     const char* bin = std::getenv("ETUDE_BIN");
     const Path program = (bin ? Path(bin) : campaign::ProgramFolder().parent_path() / "bin") / "etude-worker";
-    auto worker = campaign::Process::Start({{program.string(), "play", file.string(), "--run", kRun, "--session", "test",
-                                             "--speed", "0", "--domain", std::to_string(kDomain)},
+    auto worker = campaign::Process::Start({{program.string(), "play", file.string(), "--run", kRun, "--session",
+                                             "test", "--speed", "0", "--domain", std::to_string(kDomain)},
                                             folder_ / "worker.log",
                                             {}});
     ASSERT_TRUE(worker) << worker.error().message;

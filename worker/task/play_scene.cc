@@ -60,9 +60,7 @@ double YawOf(const Pose& X_WO) {
   return std::atan2(x.y(), x.x());
 }
 
-ObjectPlace PlaceOf(const std::string& name, const Pose& X_WO) {
-  return {name, X_WO.p.x(), X_WO.p.y(), YawOf(X_WO)};
-}
+ObjectPlace PlaceOf(const std::string& name, const Pose& X_WO) { return {name, X_WO.p.x(), X_WO.p.y(), YawOf(X_WO)}; }
 
 bool Overlap(const sim::ObjectInfo& a, const ObjectPlace& at_a, const sim::ObjectInfo& b, const ObjectPlace& at_b) {
   const Corners corners_a = CornersOf(a, at_a), corners_b = CornersOf(b, at_b);
@@ -83,7 +81,8 @@ Result<std::vector<PlacedObject>> PlaceUpright(const std::vector<sim::ObjectInfo
       return Fail(Code::kInvalidArgument, "place objects: " + NotKnown(place.name.substr(0, 40), names));
     if (const std::string why = ProblemOf(*object, place); !why.empty()) refuse(why);
     for (std::size_t i = 0; i < placed.size(); ++i) {
-      if (placed[i]->name == place.name) refuse(fmt::format("{} is placed twice", place.name));
+      if (placed[i]->name == place.name)
+        refuse(fmt::format("{} is placed twice", place.name));
       else if (Overlap(*placed[i], places[i], *object, place))
         refuse(fmt::format("{} and {} are in one place", placed[i]->name, place.name));
     }

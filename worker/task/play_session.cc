@@ -149,8 +149,9 @@ Status PlaySession::Settle(EpisodeEnvironment& in, const std::vector<PlacedObjec
     const Pose X_WO = in.world.ObjectPose(object.name);
     const double moved = (X_WO.p - object.X_WO.p).norm();
     if (!in.world.healthy() || moved > kSettleDistance || AngleBetween(X_WO.q, object.X_WO.q) > kSettleTilt)
-      return Fail(Code::kInvalidArgument,
-                  fmt::format("place objects: {} does not come to rest there: it moved by {:.3f} m", object.name, moved));
+      return Fail(
+          Code::kInvalidArgument,
+          fmt::format("place objects: {} does not come to rest there: it moved by {:.3f} m", object.name, moved));
   }
   return {};
 }
@@ -287,8 +288,8 @@ bool PlaySession::IsHome() const {
   return !closed_ && (now.p - home.p).norm() < kHomeWithin && AngleBetween(now.q, home.q) < kHomeTurn;
 }
 
-// What is held is put down where it is, the fingers open and back off, then the arm is planned to where the scene began.
-// Where no way is found the arm stays: policies may start from anywhere, if not as well.
+// What is held is put down where it is, the fingers open and back off, then the arm is planned to where the scene
+// began. Where no way is found the arm stays: policies may start from anywhere, if not as well.
 bool PlaySession::GoHome(const Hook& hook) {
   if (closed_) {
     double below = 0;

@@ -26,7 +26,7 @@ inline constexpr int kNudgeSteps = 25;
 /// What a person says, and means: the judge takes it from here, never from the policy.
 struct Sentence {
   std::string text;
-  std::string task;               ///< "pick", "push+others"; "": not judged, it runs to its limit or until it is stopped
+  std::string task;  ///< "pick", "push+others"; "": not judged, it runs to its limit or until it is stopped
   std::string target, reference;  ///< objects of the scene
   int max_steps = 0;              ///< control steps; 0: the campaign's rollout.max_steps
   bool home = true;               ///< an arm that is elsewhere first lets go and comes back to where the scene began
@@ -102,7 +102,8 @@ class PlaySession {
   };
 
   PlaySession(const CampaignSpec& spec, const sim::RendererConfig& renderer);
-  Result<std::vector<PlacedObject>> Arranged(const EpisodeEnvironment& in, const std::vector<ObjectPlace>& places) const;
+  Result<std::vector<PlacedObject>> Arranged(const EpisodeEnvironment& in,
+                                             const std::vector<ObjectPlace>& places) const;
   Status Prepare(EpisodeEnvironment& in, const EpisodePlan& plan, const std::vector<ObjectPlace>& places) const;
   void Forget();
   Status Settle(EpisodeEnvironment& in, const std::vector<PlacedObject>& objects) const;
@@ -112,7 +113,8 @@ class PlaySession {
   Status Move(Slide slide);
   void GoOnSliding();
   void Rest(int steps);
-  bool Follow(const std::vector<Waypoint>& targets, const std::vector<Eigen::Matrix<double, 6, 1>>& V, const Hook& hook);
+  bool Follow(const std::vector<Waypoint>& targets, const std::vector<Eigen::Matrix<double, 6, 1>>& V,
+              const Hook& hook);
   bool Straight(const Eigen::Vector3d& by, bool closed, const Hook& hook);
   bool IsHome() const;
   bool GoHome(const Hook& hook);
@@ -127,8 +129,8 @@ class PlaySession {
   Eigen::VectorXd home_;                // the arm where the scene began
   std::map<std::string, Pose> hidden_;  // where they stood
   std::optional<Slide> slide_;
-  bool closed_ = false;                // the fingers, as commanded last
-  EpisodeRunner* running_ = nullptr;   // while a sentence drives
+  bool closed_ = false;               // the fingers, as commanded last
+  EpisodeRunner* running_ = nullptr;  // while a sentence drives
   const char* doing_ = "rest";
   int steps_ = 0, max_steps_ = 0;
   OrderedJson judged_ = OrderedJson::object();

@@ -23,7 +23,9 @@ struct Channel {
 constexpr Channel kChannels[] = {{"home", 2}, {"fleet", 2}, {"attempts", 1}, {"train", 1}, {"eval", 1}, {"logs", 4}, {"play", 10}};
 
 // How old a snapshot may be that several browsers share.
-std::chrono::milliseconds FreshFor(const std::string& channel) { return std::chrono::milliseconds(channel == "play" ? 80 : 200); }
+std::chrono::milliseconds FreshFor(const std::string& channel) {
+  return std::chrono::milliseconds(channel == "play" ? 80 : 200);
+}
 
 const Channel* FindChannel(const std::string& name) {
   for (const auto& channel : kChannels)

@@ -259,7 +259,8 @@ Result<http::Answer> Scene(Context& context, const http::Request& request) {
     const Path fresh = folder / fmt::format("{}.{}.png", file.stem().string(), NewId());
     ETUDE_RETURN_IF_ERROR(Render(spec, index, fresh));
     std::filesystem::rename(fresh, file, error);
-    if (error) return Fail(Code::kUnavailable, fmt::format("keep the picture '{}': {}", file.string(), error.message()));
+    if (error)
+      return Fail(Code::kUnavailable, fmt::format("keep the picture '{}': {}", file.string(), error.message()));
     TrimScenes(folder);
   }
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(file));
@@ -288,9 +289,8 @@ void AddPlayRoutes(http::Router& router, Context& context) {
   add("GET", "/play/sessions/{id}", Access::kRead, Show);
   add("POST", "/play/sessions/{id}/commands", Access::kAction, Command);
   add("GET", "/play/sessions/{id}/frame.jpg", Access::kRead, Picture);
-  add("GET", "/play/sessions/{id}/meaning", Access::kRead, [parsers](Context& of, const http::Request& request) {
-    return Meaning(of, *parsers, request);
-  });
+  add("GET", "/play/sessions/{id}/meaning", Access::kRead,
+      [parsers](Context& of, const http::Request& request) { return Meaning(of, *parsers, request); });
   add("GET", "/scenes/{id}/{index}.png", Access::kRead, Scene);
 }
 

@@ -39,9 +39,8 @@ Status PlayWatch::Start() {
     MutexLock reading(mutex_);
     reading_ = &*participant_;
   }
-  thread_ = std::jthread([this, heard = std::move(client)](std::stop_token stop) mutable {
-    Run(std::move(stop), std::move(heard));
-  });
+  thread_ = std::jthread(
+      [this, heard = std::move(client)](std::stop_token stop) mutable { Run(std::move(stop), std::move(heard)); });
   return {};
 }
 

@@ -45,7 +45,10 @@ Eigen::Vector3d Place(const PlaySession& session, const std::string& object) {
 }
 
 Sentence SentenceOf(const EpisodePlan& plan, int max_steps = 0) {
-  return {.text = "do it", .task = plan.task.text(), .target = plan.target, .reference = plan.reference,
+  return {.text = "do it",
+          .task = plan.task.text(),
+          .target = plan.target,
+          .reference = plan.reference,
           .max_steps = max_steps};
 }
 
@@ -62,11 +65,11 @@ TEST(PlaySession, ASentenceInAFreshSceneIsTheRolloutThatAnEvaluationMakes) {
   ASSERT_TRUE(rollout);
   auto session = Open(spec);
   int hooked = 0;
-  const auto verdict = session->Say(SentenceOf(session->plan()),
-                                    Playback(demonstration.episode, spec.rollout.replan_steps), [&] {
-                                      ++hooked;
-                                      return true;
-                                    });
+  const auto verdict =
+      session->Say(SentenceOf(session->plan()), Playback(demonstration.episode, spec.rollout.replan_steps), [&] {
+        ++hooked;
+        return true;
+      });
   ASSERT_TRUE(verdict) << verdict.error().message;
   EXPECT_EQ(verdict->outcome, rollout->outcome);
   EXPECT_EQ(session->step(), rollout->episode.steps());
@@ -100,9 +103,9 @@ TEST(PlaySession, GoesOnInTheSameSceneAndComesHomeFirst) {
 
 TEST(PlaySession, PutsObjectsWhereTheyAreWanted) {
   auto session = Open(SpecOf(kTask));
-  const Status set = session->SetScene(0, {{"coke", -0.25, 0.6, 0.2}});
+  const Status set = session->SetScene(0, {{"coke", -0.5, 0.6, 0.2}});
   ASSERT_TRUE(set) << set.error().message;
-  EXPECT_NEAR(Place(*session, "coke").x(), -0.25, 0.01);
+  EXPECT_NEAR(Place(*session, "coke").x(), -0.5, 0.01);
   EXPECT_NEAR(Place(*session, "coke").y(), 0.6, 0.01);
 }
 
@@ -151,7 +154,7 @@ TEST(PlaySession, NudgesWithoutTheJudgeTakingItForTheRobot) {
 
 TEST(PlaySession, NudgesAtRestAndRefusesWhatCannotBe) {
   auto session = Open(SpecOf(kTask));
-  ASSERT_TRUE(session->SetScene(0, {{"coke", -0.25, 0.6, 0}}));
+  ASSERT_TRUE(session->SetScene(0, {{"coke", -0.5, 0.6, 0}}));
   const Eigen::Vector3d before = Place(*session, "coke");
   ASSERT_TRUE(session->Nudge("coke", -0.03, 0));
   EXPECT_NEAR(Place(*session, "coke").x() - before.x(), -0.03, 0.005);
@@ -197,8 +200,8 @@ TEST(PlaySession, OutlivesAPolicyThatFails) {
 
 TEST(PlaySession, RunsWhatHasNoMeaningToItsLimitUnjudged) {
   auto session = Open(SpecOf(kTask));
-  const auto verdict =
-      session->Say({.text = "sing", .task = "", .target = "", .reference = "", .max_steps = 5}, Still(*session), nullptr);
+  const auto verdict = session->Say({.text = "sing", .task = "", .target = "", .reference = "", .max_steps = 5},
+                                    Still(*session), nullptr);
   ASSERT_TRUE(verdict) << verdict.error().message;
   EXPECT_EQ(verdict->outcome, AttemptOutcome::kTimeout);
   EXPECT_EQ(session->JudgeJson()["judged"], false);
