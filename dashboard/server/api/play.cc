@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <mutex>
 
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/jobs.h"
@@ -244,7 +245,7 @@ void TrimScenes(const Path& folder) {
 }
 
 // The first picture of an episode, rendered once; named by what the spec's file says now.
-Result<http::Answer> Scene(Context& context, const http::Request& request) {
+Result<http::Answer> Scene(Context& context, std::mutex& rendering, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(Path spec, SpecOf(context, request.Parameter("id")));
   ETUDE_ASSIGN_OR_RETURN(const auto index, request.Index("index"));
   if (index > kMostIndex) return Fail(Code::kInvalidArgument, "index: too large");
@@ -255,6 +256,9 @@ Result<http::Answer> Scene(Context& context, const http::Request& request) {
   const Path folder = context.videos.parent_path() / "scenes";
   const Path file = folder / (Sha256Hex(key).substr(0, 32) + ".png");
   if (!std::filesystem::exists(file, error)) {
+    // one at a time: whoever asks for many must not keep the others waiting
+    const std::unique_lock one(rendering, std::try_to_lock);
+    if (!one) return Fail(Code::kUnavailable, "render a scene: another one is being rendered; ask again");
     ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
     const Path fresh = folder / fmt::format("{}.{}.png", file.stem().string(), NewId());
     ETUDE_RETURN_IF_ERROR(Render(spec, index, fresh));
@@ -291,7 +295,9 @@ void AddPlayRoutes(http::Router& router, Context& context) {
   add("GET", "/play/sessions/{id}/frame.jpg", Access::kRead, Picture);
   add("GET", "/play/sessions/{id}/meaning", Access::kRead,
       [parsers](Context& of, const http::Request& request) { return Meaning(of, *parsers, request); });
-  add("GET", "/scenes/{id}/{index}.png", Access::kRead, Scene);
+  const auto rendering = std::make_shared<std::mutex>();
+  add("GET", "/scenes/{id}/{index}.png", Access::kRead,
+      [rendering](Context& of, const http::Request& request) { return Scene(of, *rendering, request); });
 }
 
 }  // namespace etude::api

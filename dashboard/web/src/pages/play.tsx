@@ -41,6 +41,7 @@ function Opener(props: { data: Sessions; session: string; choose: (name: string)
   const [policy, setPolicy] = useState('');
   const [index, setIndex] = useState('0');
   const [said, setSaid] = useState('');
+  const [shown, show] = useState('');
   const [token, setToken] = useState('');
   const run = policy || data.policies[0] || '';
   const open = async () => {
@@ -49,6 +50,7 @@ function Opener(props: { data: Sessions; session: string; choose: (name: string)
       setToken('');
       const opened = await postJson<{ session: string; command: string }>('/play/sessions', { spec: campaign, run, index: Number(index) || 0 });
       setSaid(opened.command);
+      show('');
       props.choose(opened.session);
     } catch (error) {
       setSaid(reasonOf(error));
@@ -62,9 +64,10 @@ function Opener(props: { data: Sessions; session: string; choose: (name: string)
         <label class="inline">Number<input class="field" type="number" min="0" value={index} onInput={(event) => setIndex(event.currentTarget.value)} /></label>
         <Select showLabel label="Policy" value={run} options={data.policies.length ? data.policies.map((one) => [one, one] as const) : [['', 'none is served']]} choose={setPolicy} />
         <label class="inline">Token<input class="field" type="password" autocomplete="off" value={token} onInput={(event) => setToken(event.currentTarget.value)} /></label>
+        <button type="button" class="button" onClick={() => show(`${encodeURIComponent(campaign)}/${Number(index) || 0}`)}>Preview</button>
         <button type="button" class="button" disabled={!run} onClick={() => { void open(); }}>Open</button>
       </div>
-      {!props.session && <img class="play-scene" src={`${root}/scenes/${encodeURIComponent(campaign)}/${Number(index) || 0}.png`} alt={`The scene of episode ${index} of ${campaign}`} loading="lazy" />}
+      {shown && <img class="play-scene" src={`${root}/scenes/${shown}.png`} alt={`The scene ${shown}`} />}
       {said && <p class="small muted" role="status">{said}</p>}
       {!data.policies.length && <Command text="etude policy --checkpoint FILE" />}
     </Panel>
