@@ -258,6 +258,7 @@ Status Host::Accept(const OrderedJson& arguments) {
   state_.outcome.clear();
   state_.reason.clear();
   state_.phase = "moving";  // whoever reads the answer sees that it goes on
+  stop_ = false;  // a stop that comes with the sentence counts
   said_ = std::move(sentence);
   return {};
 }
@@ -266,7 +267,6 @@ Status Host::Accept(const OrderedJson& arguments) {
 
 void Host::Say() {
   const task::Sentence sentence = *std::exchange(said_, std::nullopt);
-  stop_ = false;
   pace_.Restart();
   const auto verdict = session_->Say(
       sentence, [this](const policy::Question& question) { return policy_.Ask(question); },
