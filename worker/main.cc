@@ -22,6 +22,7 @@
 #include "services/policy/client.h"
 #include "services/store/dataset.h"
 #include "services/store/sampling_journal.h"
+#include "worker/play.h"
 #include "worker/sim/robot_file.h"
 #include "worker/task/attempt.h"
 #include "worker/task/outcome_meaning.h"
@@ -45,6 +46,7 @@ struct Arguments {
   ReplayOptions replay;
   std::string task;
   TaskCheckOptions task_check;
+  PlayOptions play;
 };
 
 campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete) {
@@ -256,6 +258,8 @@ int main(int argc, char** argv) {
   outcomes->add_flag("--json", as_json, "as JSON");
   auto* replay = etude::AddReplay(app, arguments);
   auto* task_check = etude::AddTaskCheck(app, arguments);
+  auto* play = etude::AddPlay(app, arguments.play);
+  play->fallthrough();  // --domain, --gl
   app.require_subcommand(0, 1);
   app.callback([&] {
     if (app.get_subcommands().empty() && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
@@ -268,6 +272,7 @@ int main(int argc, char** argv) {
     if (*replay) return etude::Replay(arguments);
     if (*check) return etude::CheckRobot(arguments.robot, arguments.renderer);
     if (*task_check) return etude::CheckTaskFile(arguments.task, arguments.task_check, arguments.renderer);
+    if (*play) return etude::Play(arguments.play, arguments.bus, arguments.renderer);
     return *render ? etude::RenderScene(arguments) : etude::Work(arguments);
   });
 }

@@ -108,6 +108,7 @@ struct Gateway::Parts {
         security(secured),
         bus(chosen.use_bus ? std::make_unique<live::BusWatch>(chosen.bus) : nullptr),
         looker(chosen.bus),
+        play(chosen.use_bus ? std::make_unique<live::PlayWatch>(chosen.bus) : nullptr),
         context(
             sources, [this] { return bus ? bus->View() : NoBus(); },
             [this](http::Lane lane, std::function<void()> work) { server->InLane(lane, std::move(work)); }, security,
@@ -117,6 +118,7 @@ struct Gateway::Parts {
     context.videos = cache / "videos";
     context.openapi = OpenApiText();
     if (chosen.use_bus) JoinBus(chosen.bus);
+    context.play = play.get();
     service = std::make_unique<http::Service>(api::MakeRouter(context), security,
                                               [this](const http::Request& request) { return pages.Serve(request); });
   }
@@ -138,6 +140,7 @@ struct Gateway::Parts {
   const http::Security security;
   std::unique_ptr<live::BusWatch> bus;
   live::PolicyLooker looker;
+  std::unique_ptr<live::PlayWatch> play;
   api::Context context;
   http::StaticFiles pages;
   std::unique_ptr<http::Service> service;

@@ -14,6 +14,7 @@ using security::Role;
 std::vector<std::string> PartitionsOf(Scope scope, const std::vector<std::string>& campaigns,
                                       const std::vector<std::string>& runs) {
   if (scope == Scope::kDirectory) return {"directory"};
+  if (scope == Scope::kPlay) return {"play", "play/*"};
   if (scope == Scope::kDoctor) return {"doctor-*"};
   const bool of_run = scope == Scope::kRun || scope == Scope::kRelay;
   const std::string end = scope == Scope::kEpisodes ? "/*/episode" : scope == Scope::kRelay ? "/*/relay" : "/*";

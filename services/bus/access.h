@@ -18,6 +18,7 @@ enum class Scope : std::uint8_t {
   kEpisodes,   ///< CAMPAIGN/ID/episode
   kRun,        ///< RUN/ID
   kRelay,      ///< RUN/ID/relay: what another process passes on for a run
+  kPlay,       ///< "play", and "play/SESSION"
   kDoctor,     ///< "doctor-...": a process talking to itself
 };
 

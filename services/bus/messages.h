@@ -291,6 +291,67 @@ struct PolicyStatus {
   std::uint32_t sessions = 0;     ///< that asked within the last 10 s
 };
 
+// ---- play.idl -------------------------------------------------------------------------------------
+
+/// The DDS partition of PlayCommand and PlayState; a session's frames are in kPlayPartition/SESSION.
+inline constexpr char kPlayPartition[] = "play";
+
+enum class PlayAction : std::uint8_t {
+  kScene = 0,  ///< {"index", "objects": [{"name", "x", "y", "yaw"}]}: set the scene, with objects where they are put
+  kSay = 1,    ///< {"sentence", "task", "target", "reference", "max_steps"}: the policy drives
+  kStop = 2,   ///< it stops driving; the scene stays as it is
+  kNudge = 3,  ///< {"object", "dx", "dy"}: slides an object, m in the world
+  kHide = 4,   ///< {"object"}: out of the picture
+  kShow = 5,   ///< {"object"}: back to where it was hidden
+  kReset = 6,  ///< the scene as it was set
+  kClose = 7,  ///< ends the session
+};
+
+/// `etude play`, gateway -> worker in mode play, keyed by session. Said again until a PlayState names it; it counts
+/// once.
+struct PlayCommand {
+  std::string session;
+  std::string command_id;  ///< random, of this request
+  PlayAction action = PlayAction::kScene;
+  std::string arguments_json;  ///< see PlayAction; services/play/command.h
+  std::string host, user;      ///< who asks, for the log
+};
+
+/// worker in mode play -> all, keyed by session, at most ten times a second.
+struct PlayState {
+  std::string session;
+  std::string host;
+  std::uint32_t pid = 0;
+  std::string run;         ///< whose policy it asks: NAME or NAME@ID
+  std::string scene_json;  ///< {"campaign", "robot", "index", "seed", "camera", "tasks", "objects", "hidden", "table"}
+  std::string phase;       ///< rest | moving | ended
+  std::string command_id;  ///< of the command that was taken last
+  std::string refusal;     ///< why it was not followed; "": it was
+  std::string sentence;    ///< that is, or was last, obeyed; "": none yet
+  std::string meaning_json;  ///< what the judge takes it to mean: {"task", "target", "reference"}; "": not judged
+  std::uint32_t step = 0, max_steps = 0;  ///< control steps of this sentence
+  std::string judge_json;                 ///< {"done", "held", "words", "success_latched", "violations", "disturbed"}
+  std::string outcome;                    ///< of the sentence, once it ended: "success", "stopped", "timeout", ...
+  std::string reason;                     ///< in words
+  std::vector<float> joints;              ///< arm, then gripper; rad or m
+  std::vector<float> waypoints;           ///< of the last answer, as Action::waypoints
+  std::string modules_json;               ///< as Action::modules_json
+  std::uint64_t checkpoint_step = 0;      ///< of the last answer
+  double policy_ms = 0;                   ///< that the last answer took, as the worker waited for it
+  double speed = 0;  ///< of simulated time against the clock's, since the last state; 1 is real time
+  std::uint64_t attempts = 0, successes = 0;  ///< sentences that ended, and how many of them the judge took
+};
+
+/// worker in mode play -> who watches, keyed by session, at most ten times a second.
+struct PlayFrame {
+  std::string session;
+  std::uint64_t number = 0;  ///< counts those of the session
+  std::uint32_t step = 0;    ///< of PlayState
+  std::uint32_t width = 0, height = 0;
+  std::string format;               ///< "jpeg"
+  std::vector<std::uint8_t> image;  ///< encoded
+};
+
 // ---- process.idl ----------------------------------------------------------------------------------
 
 /// every process -> all, keyed by process, once a second.

@@ -13,6 +13,7 @@
 
 #include "blob.h"
 #include "campaign.h"
+#include "play.h"
 #include "policy.h"
 #include "presence.h"
 #include "process.h"
@@ -451,6 +452,54 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Pr
   ETUDE_FIELD(text);
 }
 
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, PlayCommand> {
+  ETUDE_FIELD(session);
+  ETUDE_FIELD(command_id);
+  ETUDE_FIELD_UP_TO(action, PlayAction::kClose);
+  ETUDE_FIELD(arguments_json);
+  ETUDE_FIELD(host);
+  ETUDE_FIELD(user);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, PlayState> {
+  ETUDE_FIELD(session);
+  ETUDE_FIELD(host);
+  ETUDE_FIELD(pid);
+  ETUDE_FIELD(run);
+  ETUDE_FIELD(scene_json);
+  ETUDE_FIELD(phase);
+  ETUDE_FIELD(command_id);
+  ETUDE_FIELD(refusal);
+  ETUDE_FIELD(sentence);
+  ETUDE_FIELD(meaning_json);
+  ETUDE_FIELD(step);
+  ETUDE_FIELD(max_steps);
+  ETUDE_FIELD(judge_json);
+  ETUDE_FIELD(outcome);
+  ETUDE_FIELD(reason);
+  ETUDE_FIELD_UP_TO(joints, 64);
+  ETUDE_FIELD_UP_TO(waypoints, 4096);
+  ETUDE_FIELD(modules_json);
+  ETUDE_FIELD(checkpoint_step);
+  ETUDE_FIELD(policy_ms);
+  ETUDE_FIELD(speed);
+  ETUDE_FIELD(attempts);
+  ETUDE_FIELD(successes);
+}
+
+template <class F, class M, class W>
+void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, PlayFrame> {
+  ETUDE_FIELD(session);
+  ETUDE_FIELD(number);
+  ETUDE_FIELD(step);
+  ETUDE_FIELD(width);
+  ETUDE_FIELD(height);
+  ETUDE_FIELD(format);
+  ETUDE_FIELD_UP_TO(image, 1u << 20);
+}
+
 #undef ETUDE_FIELD
 #undef ETUDE_FIELD_UP_TO
 
@@ -493,6 +542,9 @@ ETUDE_TRAITS(InsightWish, "etude/policy/insight_wish", kNewest, kRun, MaskOf(Rol
 ETUDE_TRAITS(Insight, "etude/policy/insight", kNewest, kRun, MaskOf(Role::kPolicy), MaskOf(Role::kGateway))
 ETUDE_TRAITS(PolicyStatus, "etude/policy/status", kState, kRun, MaskOf(Role::kPolicy),
              MaskOf(Role::kRobot, Role::kGateway, Role::kSubscriber))
+ETUDE_TRAITS(PlayCommand, "etude/play/command", kEvents, kPlay, MaskOf(Role::kGateway), MaskOf(Role::kWorker))
+ETUDE_TRAITS(PlayState, "etude/play/state", kNewest, kPlay, MaskOf(Role::kWorker), MaskOf(Role::kGateway))
+ETUDE_TRAITS(PlayFrame, "etude/play/frame", kNewest, kPlay, MaskOf(Role::kWorker), MaskOf(Role::kGateway))
 ETUDE_TRAITS(ProcessStatus, "etude/process/status", kNewest, kDirectory, kEveryRole, MaskOf(Role::kGateway))
 ETUDE_TRAITS(ProcessEvent, "etude/process/event", kRecent, kDirectory, kEveryRole, MaskOf(Role::kGateway))
 ETUDE_TRAITS(TrainStatus, "etude/train/status", kState, kRun, MaskOf(Role::kTrainer),
@@ -505,7 +557,7 @@ ETUDE_TRAITS(TrainStatus, "etude/train/status", kState, kRun, MaskOf(Role::kTrai
   X(Presence)                                                                                               \
   X(CampaignAnnouncement) X(WorkRequest) X(Lease) X(WorkerStatus) X(AttemptReport) X(ValidationErrors)      \
       X(CampaignStatus) X(CampaignControl) X(BlobManifest) X(BlobChunk) X(BlobAck) X(Observation) X(Action) \
-          X(InsightWish) X(Insight) X(PolicyStatus) X(ProcessStatus) X(ProcessEvent) X(TrainStatus)
+          X(InsightWish) X(Insight) X(PolicyStatus) X(PlayCommand) X(PlayState) X(PlayFrame) X(ProcessStatus) X(ProcessEvent) X(TrainStatus)
 
 inline constexpr char kPublishedManifestTopic[] = "etude/blob/published_manifest";
 inline constexpr char kPublishedChunkTopic[] = "etude/blob/published_chunk";

@@ -45,6 +45,7 @@ void AddSecurity(CLI::App& app, Body& body);
 void AddTop(CLI::App& app, Body& body);
 void AddTopic(CLI::App& app, Body& body);
 void AddCampaign(CLI::App& app, Body& body);
+void AddPlay(CLI::App& app, Body& body);
 
 /// Commands that are programs of their own, or a subcommand of one: name -> program, the arguments that
 /// come first, and what `etude --help` says of it.

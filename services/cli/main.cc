@@ -60,6 +60,7 @@ int Main(int argc, char** argv) {
   AddTop(app, body);
   AddCampaign(app, body);
   AddEval(app, body);
+  AddPlay(app, body);
   AddDataset(app, body);
   AddAttempt(app, body);
   AddCheckpoint(app, body);

@@ -29,11 +29,10 @@ Result<Grammar> Grammar::Load(const std::vector<OwnObject>& own, const std::vect
 }
 
 Result<Grammar> Grammar::LoadFor(const std::vector<std::string>& objects, const std::vector<std::string>& tasks) {
-  ETUDE_ASSIGN_OR_RETURN(Grammar grammar, Load({}, tasks));
-  std::vector<OwnObject> own;
-  for (const auto& object : objects)
-    if (!grammar.vocabulary_->FindNoun(object)) own.push_back({object, {}});
-  return own.empty() ? grammar : Load(own, tasks);
+  ETUDE_ASSIGN_OR_RETURN(auto vocabulary, Vocabulary::LoadFor(objects, tasks));
+  Grammar grammar;
+  grammar.vocabulary_ = std::make_shared<const Vocabulary>(std::move(vocabulary));
+  return grammar;
 }
 
 Status Grammar::Check(const Command& command) const {

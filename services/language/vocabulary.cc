@@ -235,4 +235,13 @@ Result<Vocabulary> Vocabulary::Load(const std::vector<OwnObject>& own, const std
   return vocabulary;
 }
 
+Result<Vocabulary> Vocabulary::LoadFor(const std::vector<std::string>& objects, const std::vector<std::string>& tasks) {
+  ETUDE_ASSIGN_OR_RETURN(Vocabulary vocabulary, Load({}, tasks));
+  std::vector<OwnObject> own;
+  for (const auto& object : objects)
+    if (!vocabulary.FindNoun(object)) own.push_back({object, {}});
+  if (own.empty()) return vocabulary;
+  return Load(own, tasks);
+}
+
 }  // namespace etude::language

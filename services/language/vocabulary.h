@@ -31,6 +31,8 @@ class Vocabulary {
   };
 
   static Result<Vocabulary> Load(const std::vector<OwnObject>& own, const std::vector<std::string>& tasks);
+  /// With every one of `objects` that has no built-in words called by its name.
+  static Result<Vocabulary> LoadFor(const std::vector<std::string>& objects, const std::vector<std::string>& tasks);
 
   const Noun* FindNoun(const std::string& object) const;  ///< of the object or of its class; or nullptr
   const Words& verb(const std::string& task) const { return verbs_.at(task); }

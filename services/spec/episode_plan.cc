@@ -149,15 +149,6 @@ ObstaclePlace DrawObstaclePlace(const CampaignSpec& spec, std::uint64_t index) {
   return in_the_way ? ObstaclePlace::kInTheWay : ObstaclePlace::kAside;
 }
 
-// What the task forbids to touch, of the objects of its scene.
-std::vector<std::string> AvoidedOf(const EpisodePlan& plan) {
-  if (plan.has_obstacle()) return {kObstacleObject};
-  if (plan.task.avoid != "others") return {};
-  std::vector<std::string> others = SceneNames(plan.scene.objects);
-  std::erase(others, plan.target);
-  return others;
-}
-
 }  // namespace
 
 std::uint64_t EpisodeSeed(const CampaignSpec& spec, std::uint64_t index, std::uint32_t attempt) {
@@ -189,7 +180,7 @@ void FillScene(const CampaignSpec& spec, const std::vector<std::string>& objects
   plan.world = DrawWorld(spec, plan.index, SceneNames(plan.scene.objects));
   plan.obstacle = DrawObstaclePlace(spec, plan.index);
   plan.first_draw = spec.scenes == "first_draw";
-  plan.avoid = AvoidedOf(plan);
+  plan.avoid = AvoidedObjects(plan.task, plan.target, plan.scene.objects);
 }
 
 }  // namespace

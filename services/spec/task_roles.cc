@@ -54,4 +54,13 @@ std::vector<std::string> WithReference(const TaskSpec& task, std::vector<std::st
   return drawn;
 }
 
+std::vector<std::string> AvoidedObjects(const TaskName& task, const std::string& target,
+                                        const std::vector<std::string>& objects) {
+  if (task.avoid == "obstacle") return {kObstacleObject};
+  if (task.avoid != "others") return {};
+  std::vector<std::string> others = SceneNames(objects);
+  std::erase(others, target);
+  return others;
+}
+
 }  // namespace etude

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "services/spec/task_name.h"
 #include "services/spec/task_spec.h"
 
 namespace etude {
@@ -19,5 +20,9 @@ std::vector<std::string> PossibleTargets(const TaskSpec& task, const std::vector
 /// instance of its class, else the last.
 std::vector<std::string> WithReference(const TaskSpec& task, std::vector<std::string> drawn,
                                        const std::vector<std::string>& objects);
+
+/// What a task forbids to touch, of the objects of its scene (as SceneSpec names them); as scenes call them.
+std::vector<std::string> AvoidedObjects(const TaskName& task, const std::string& target,
+                                        const std::vector<std::string>& objects);
 
 }  // namespace etude

@@ -74,6 +74,11 @@ void EpisodeRunner::PrepareTracks() {
 }
 
 bool EpisodeRunner::Step(const Command& command) {
+  if (config_.go_on && !config_.go_on()) {
+    failure_ = AttemptOutcome::kStopped;
+    failure_reason_ = "stopped";
+    return false;
+  }
   if (steps() >= config_.max_steps) {
     failure_ = AttemptOutcome::kTimeout;
     failure_reason_ = "still not done";

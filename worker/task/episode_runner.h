@@ -43,6 +43,8 @@ struct RecordConfig {
   std::function<void(const sim::World&)> observe = nullptr;  ///< called with every state that is recorded
   /// Called before every control step: how far it is.
   std::function<void(std::string_view stage, int step)> progress = nullptr;
+  /// Asked before every control step, where it may move things too; false ends the attempt there, as kStopped.
+  std::function<bool()> go_on = nullptr;
   /// Changes every picture after it is rendered, as it is recorded and as a policy gets it: RGB, top row first.
   std::function<void(std::span<std::uint8_t>)> retouch = nullptr;
 };
@@ -81,7 +83,7 @@ class EpisodeRunner {
 
   int steps() const { return episode_.steps(); }
   const Judge& judge() const { return judge_; }
-  /// kUnstable or kTimeout once Step returned false, and what happened.
+  /// kUnstable, kTimeout or kStopped once Step returned false, and what happened.
   AttemptOutcome failure() const { return failure_; }
   const std::string& failure_reason() const { return failure_reason_; }
 

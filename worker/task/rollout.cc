@@ -128,8 +128,8 @@ int Rollout::LatencySteps(const policy::Answer& answer) {
   return steps;
 }
 
-Result<Verdict> Rollout::Run(const policy::AskFunction& ask) {
-  Tracker tracker(session_->world().X_WE(), false, [this](const Vector6d& V_WE) { return SpeedShareOf(V_WE); });
+Result<Verdict> Rollout::Run(const policy::AskFunction& ask, bool closed) {
+  Tracker tracker(session_->world().X_WE(), closed, [this](const Vector6d& V_WE) { return SpeedShareOf(V_WE); });
   std::vector<Waypoint> answered;  // not in effect yet
   int question = 0, effect = 0;    // steps of the next question, and from which the last answer counts
   int latency = 0;                 // of the last answer, steps

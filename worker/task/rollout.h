@@ -51,7 +51,8 @@ class Rollout {
   /// The policy drives until the strict condition has held for its dwell, or to the step limit. An answer takes effect
   /// spec.latency_ms after its picture; until then the simulation goes on with the one before.
   /// @error what `policy` returns
-  Result<Verdict> Run(const policy::AskFunction& ask);
+  /// @param closed  whether the fingers are closed at the start
+  Result<Verdict> Run(const policy::AskFunction& ask, bool closed = false);
   /// Per-decision errors and the outcome's circumstances, for Episode::details.
   OrderedJson Details(const Verdict& verdict) const;
 

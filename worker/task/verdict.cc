@@ -20,7 +20,8 @@ std::string_view ToString(AttemptOutcome outcome) {
                    {AttemptOutcome::kViolation, "violation"},
                    {AttemptOutcome::kTimeout, "timeout"},
                    {AttemptOutcome::kUnstable, "unstable"},
-                   {AttemptOutcome::kPolicyError, "policy_error"}},
+                   {AttemptOutcome::kPolicyError, "policy_error"},
+                   {AttemptOutcome::kStopped, "stopped"}},
                   "unknown");
 }
 

@@ -20,6 +20,7 @@ enum class AttemptOutcome {
   kTimeout,          ///< longer than the step limit
   kUnstable,         ///< the simulation warned
   kPolicyError,      ///< rollout: the policy refused or did not answer
+  kStopped,          ///< whoever watches stopped it (RecordConfig::go_on)
 };
 std::string_view ToString(AttemptOutcome outcome);
 

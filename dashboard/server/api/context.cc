@@ -62,6 +62,7 @@ http::Router MakeRouter(Context& context) {
   AddTopicRoutes(router, context);
   AddInsightRoutes(router, context);
   AddActionRoutes(router, context);
+  AddPlayRoutes(router, context);
   AddMetricsRoutes(router, context);
   router.Add("GET", kPrefix + "/openapi.json", http::Lane::kFiles,
              [&context](const http::Request&) -> Result<http::Answer> {

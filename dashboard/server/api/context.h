@@ -13,6 +13,7 @@
 #include "dashboard/server/http/router.h"
 #include "dashboard/server/http/security.h"
 #include "dashboard/server/live/bus_watch.h"
+#include "dashboard/server/live/play_watch.h"
 #include "dashboard/server/sources/sources.h"
 #include "services/policy/insight.h"
 #include "services/policy/policy_types.h"
@@ -41,6 +42,7 @@ struct Context {
   /// Asks a policy server what it sees and says; not set: no bus. @error as live::PolicyLooker::Look
   std::function<Result<policy::Insight>(const std::string& run, const policy::Question&, const std::string& what_if)>
       look;
+  live::PlayWatch* play = nullptr;     ///< null: no bus
 
   /// Begins to read what of a dataset's rows is not known, an episode at a time, unless it is under way.
   void ReadInBackground(std::shared_ptr<sources::DatasetSource> dataset);
@@ -69,6 +71,7 @@ void AddLogRoutes(http::Router& router, Context& context);
 void AddTopicRoutes(http::Router& router, Context& context);
 void AddInsightRoutes(http::Router& router, Context& context);
 void AddActionRoutes(http::Router& router, Context& context);
+void AddPlayRoutes(http::Router& router, Context& context);
 void AddMetricsRoutes(http::Router& router, Context& context);
 /// All of them, and openapi.json.
 http::Router MakeRouter(Context& context);
@@ -152,6 +155,8 @@ Result<OrderedJson> LogsJson(Context& context, const http::Query& query);
 Result<OrderedJson> EventsJson(Context& context, const http::Query& query);
 OrderedJson TopicsJson(Context& context);
 Result<OrderedJson> SampleJson(Context& context, const std::string& topic);
+/// Channel play. @error kNotFound: no such session; kUnavailable: no bus
+Result<OrderedJson> PlayJson(Context& context, const std::string& session);
 /// Channels attempts and train of the WebSocket.
 Result<OrderedJson> LatestAttempts(Context& context, const std::string& campaign);
 Result<OrderedJson> TrainNews(Context& context, const std::string& run, std::uint64_t since);

@@ -21,7 +21,12 @@ struct Channel {
   double top_hz;
 };
 constexpr Channel kChannels[] = {{"home", 2}, {"fleet", 2},  {"attempts", 1}, {"train", 1}, {"eval", 1},
-                                 {"logs", 4}, {"events", 2}, {"topics", 1},   {"sample", 4}};
+                                 {"logs", 4}, {"events", 2}, {"topics", 1},   {"sample", 4},  {"play", 10}};
+
+// How old a snapshot may be that several browsers share.
+std::chrono::milliseconds FreshFor(const std::string& channel) {
+  return std::chrono::milliseconds(channel == "play" ? 80 : 200);
+}
 
 const Channel* FindChannel(const std::string& name) {
   for (const auto& channel : kChannels)
@@ -166,6 +171,7 @@ std::string LiveHub::Compute(const Subscription& subscription) {
     if (channel == "train")
       return TrainNews(context_, sources::TextOf(arguments, "run"),
                        sources::UnsignedOf(arguments, "since").value_or(0));
+    if (channel == "play") return PlayJson(context_, sources::TextOf(arguments, "session"));
     if (channel == "eval") return EvalJson(context_, sources::TextOf(arguments, "id"));
     if (channel == "events") return EventsJson(context_, QueryOf(arguments));
     if (channel == "topics") return TopicsJson(context_);
@@ -180,7 +186,7 @@ void LiveHub::Deliver(const std::shared_ptr<Client>& client, const Subscription&
   {
     MutexLock lock(mutex_);
     const auto made = snapshots_.find(subscription.key);
-    if (made != snapshots_.end() && MonotonicClock::now() - made->second.made < std::chrono::milliseconds(200))
+    if (made != snapshots_.end() && MonotonicClock::now() - made->second.made < FreshFor(subscription.channel))
       return client->Done(subscription, made->second.text);
   }
   const std::string text = Compute(subscription);

@@ -72,6 +72,7 @@ export function addresses(home) {
     ...(evaluation ? { evaluation: `/evaluation?eval=${evaluation}` } : {}),
     ...(others.length ? { compare: `/evaluation?eval=${evaluation}&vs=${others[0].id}` } : {}),
     ...(rollouts ? { rollout: `/episode/${rollouts}/0` } : {}),
+    play: '/play',
     logs: '/logs',
   };
 }

@@ -84,6 +84,9 @@ TEST(QosOfTopics, IsWhatTheTableSays) {
   ExpectBoth<TrainStatus>(peers.a, true, 1);
   ExpectBoth<CampaignControl>(peers.a, false, 0);
   ExpectBoth<PolicyStatus>(peers.a, true, 1);
+  ExpectBoth<PlayCommand>(peers.a, false, 0);
+  ExpectBoth<PlayState>(peers.a, false, 1);
+  ExpectBoth<PlayFrame>(peers.a, false, 1);
   ExpectBoth<ProcessStatus>(peers.a, false, 1);
   ExpectBoth<ProcessEvent>(peers.a, true, 64);
 }

@@ -71,6 +71,8 @@ std::string PartitionIn(Scope scope) {
       return "directory";
     case Scope::kEpisodes:
       return "q/1/episode";
+    case Scope::kPlay:
+      return "play";
     default:
       return "q/1";
   }

@@ -107,7 +107,7 @@ class EveryMessage : public testing::Test {};
 using Messages =
     testing::Types<Presence, CampaignAnnouncement, WorkRequest, Lease, WorkerStatus, AttemptReport, ValidationErrors,
                    CampaignStatus, CampaignControl, BlobManifest, BlobChunk, BlobAck, Observation, Action, InsightWish,
-                   Insight, PolicyStatus, ProcessStatus, ProcessEvent, TrainStatus>;
+                   Insight, PolicyStatus, PlayCommand, PlayState, PlayFrame, ProcessStatus, ProcessEvent, TrainStatus>;
 TYPED_TEST_SUITE(EveryMessage, Messages);
 
 TYPED_TEST(EveryMessage, ArrivesAsItWasWritten) {

@@ -1024,3 +1024,34 @@ export type Ready = {
   sources: number;
   bus: boolean;
 };
+
+export type PlaySession = {
+  session: string;
+  host: string;
+  /** whose policy it asks */
+  run: string;
+  phase: "rest" | "moving" | "ended";
+  age_ms: number;
+  /** number of its newest picture; 0: none yet */
+  frame: number;
+  /** campaign, robot, index, seed, camera, tasks, campaign_objects, table_half_m, objects: name, x, y, z, yaw (m, rad), half_extent, hidden */
+  scene: Record<string, unknown>;
+  sentence: string;
+  /** task, target, reference that the judge takes; null: not judged */
+  meaning: null | Record<string, unknown>;
+  step: number;
+  max_steps: number;
+  /** doing, judged, done, held, dwell, words, touched, success_latched, violations, disturbed */
+  judge: Record<string, unknown>;
+  outcome: string;
+  reason: string;
+  joints: number[];
+  /** of the last answer: x, y, z (m, world), rotation in 6D, gripper */
+  waypoints: number[][];
+  modules: Record<string, unknown>;
+  checkpoint_step: number;
+  policy_ms: number;
+  speed: number;
+  attempts: number;
+  successes: number;
+};

@@ -67,6 +67,7 @@ const std::map<std::string, std::string> kExamples{
     {"/events", "/events"},
     {"/topics", "/topics"},
     {"/actions", "/actions"},
+    {"/play/sessions", "/play/sessions"},
     {"/session", "/session"},
     {"/jobs", "/jobs"},
     {"/openapi.json", "/openapi.json"}};
@@ -273,6 +274,45 @@ TEST_F(ContractTest, ActionsAreCommandsAndNeedTheToken) {
   }
   request.content_type = "text/plain";
   EXPECT_EQ(Ask(request, kPrefix + "/actions").status, 400) << "what a form of another page can send";
+}
+
+TEST_F(ContractTest, PlayIsClosedWithoutTheTokenAndWithoutABus) {
+  EXPECT_EQ(GetJson(kPrefix + "/play/sessions")["enabled"], false);
+  EXPECT_FALSE(GetJson(kPrefix + "/play/sessions")["campaigns"].empty()) << "those that come along";
+  EXPECT_EQ(Get(kPrefix + "/play/sessions/one").status, 503);
+  http::Request request;
+  request.method = "POST";
+  request.content_type = "application/json";
+  request.body = R"({"spec":"quickstart","run":"base"})";
+  EXPECT_EQ(Ask(request, kPrefix + "/play/sessions").status, 401);
+  EXPECT_EQ(Ask(request, kPrefix + "/play/sessions/one/commands").status, 401);
+  request.authorization = fmt::format("Bearer {}", kTestToken);
+  EXPECT_EQ(Ask(request, kPrefix + "/play/sessions").status, 503) << "no bus";
+}
+
+TEST_F(ContractTest, OpeningAPlaySessionStartsAWorkerAndTakesNoPath) {
+  live::PlayWatch watch(bus::Arguments{.domain = 66});
+  context_.play = &watch;
+  context_.domain = 66;
+  http::Request request;
+  request.method = "POST";
+  request.content_type = "application/json";
+  request.authorization = fmt::format("Bearer {}", kTestToken);
+  request.body = R"({"spec":"quickstart","run":"base","index":3})";
+  const auto opened = Ask(request, kPrefix + "/play/sessions");
+  ASSERT_EQ(opened.status, 202) << opened.body;
+  const auto json = OrderedJson::parse(opened.body);
+  EXPECT_NE(json["command"].get<std::string>().find("etude worker play"), std::string::npos);
+  EXPECT_NE(json["command"].get<std::string>().find("--index 3 --domain 66"), std::string::npos);
+  EXPECT_EQ(GetJson(kPrefix + "/jobs/" + json["job"].get<std::string>())["action"], "play");
+  for (const char* body : {R"({"spec":"../../etc/passwd","run":"base"})", R"({"spec":"quickstart","run":"a b"})",
+                           R"({"spec":"/tmp/x.yaml","run":"base"})", R"({"run":"base"})"}) {
+    request.body = body;
+    const int status = Ask(request, kPrefix + "/play/sessions").status;
+    EXPECT_TRUE(status == 400 || status == 404) << body << ": " << status;
+  }
+  EXPECT_EQ(Get(kPrefix + "/play/sessions/none").status, 404);
+  context_.play = nullptr;
 }
 
 TEST_F(ContractTest, SigningInSetsACookieThatCounts) {

@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+// Play: sessions in which people talk to a policy, and pictures of scenes to begin with.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <mutex>
+
+#include "dashboard/server/api/context.h"
+#include "dashboard/server/api/jobs.h"
+#include "dashboard/server/live/play_watch.h"
+#include "services/campaign/process.h"
+#include "services/core/hash.h"
+#include "services/core/identity.h"
+#include "services/core/share.h"
+#include "services/core/thread_annotations.h"
+#include "services/episode/action.h"
+#include "services/episode/bounded_json.h"
+#include "services/language/meaning.h"
+#include "services/play/client.h"
+
+namespace etude::api {
+namespace {
+
+using sources::TextOf;
+using sources::UnsignedOf;
+using namespace std::chrono_literals;
+
+constexpr std::size_t kScenesKept = 500;
+constexpr auto kRenders = 9s;  // within what a request may take
+constexpr std::uint64_t kMostIndex = 1'000'000'000;
+
+OrderedJson Parsed(const std::string& text) {
+  return http::ForBrowsers(ParseBoundedJson(text, 12).value_or(OrderedJson::object()));
+}
+
+OrderedJson JsonOf(const live::PlayWatch::Session& session) {
+  const bus::PlayState& state = session.state;
+  OrderedJson waypoints = OrderedJson::array();
+  for (std::size_t i = 0; i + kWaypointSize <= state.waypoints.size(); i += kWaypointSize)
+    waypoints.push_back(std::vector<float>(state.waypoints.begin() + static_cast<std::ptrdiff_t>(i),
+                                           state.waypoints.begin() + static_cast<std::ptrdiff_t>(i + kWaypointSize)));
+  return {{"session", state.session},
+          {"host", state.host},
+          {"run", state.run},
+          {"phase", state.phase},
+          {"age_ms", session.age_ms},
+          {"frame", session.frame},
+          {"scene", Parsed(state.scene_json)},
+          {"sentence", state.sentence},
+          {"meaning", state.meaning_json.empty() ? OrderedJson() : Parsed(state.meaning_json)},
+          {"step", state.step},
+          {"max_steps", state.max_steps},
+          {"judge", Parsed(state.judge_json)},
+          {"outcome", state.outcome},
+          {"reason", state.reason},
+          {"joints", state.joints},
+          {"waypoints", std::move(waypoints)},
+          {"modules", Parsed(state.modules_json)},
+          {"checkpoint_step", state.checkpoint_step},
+          {"policy_ms", state.policy_ms},
+          {"speed", state.speed},
+          {"attempts", state.attempts},
+          {"successes", state.successes}};
+}
+
+Result<live::PlayWatch*> WatchOf(Context& context) {
+  if (context.play) return context.play;
+  return Fail(Code::kUnavailable, "play: this gateway reads no bus (--no-bus)");
+}
+
+// Campaign files that come with the programs, by name.
+std::vector<std::string> ShippedCampaigns() {
+  std::vector<std::string> names;
+  const auto folder = FindShared("campaigns");
+  std::error_code error;
+  if (!folder) return names;
+  for (std::filesystem::directory_iterator it(*folder, error), end; !error && it != end; it.increment(error))
+    if (it->path().extension() == ".yaml") names.push_back(it->path().stem().string());
+  std::ranges::sort(names);
+  return names;
+}
+
+// A dataset that was found, or a campaign that comes along: never a path of the request's.
+Result<Path> SpecOf(Context& context, const std::string& id) {
+  const auto names = ShippedCampaigns();
+  if (std::ranges::find(names, id) != names.end()) {
+    ETUDE_ASSIGN_OR_RETURN(const Path folder, FindShared("campaigns"));
+    return folder / (id + ".yaml");
+  }
+  ETUDE_ASSIGN_OR_RETURN(const auto dataset, context.sources.Dataset(id));
+  return dataset->found().folder;
+}
+
+Result<OrderedJson> Body(const http::Request& request) {
+  if (!request.content_type.starts_with("application/json"))
+    return Fail(Code::kInvalidArgument, "Content-Type must be application/json");
+  auto json = ParseBoundedJson(request.body, 8);
+  if (!json || !json->is_object()) return Fail(Code::kInvalidArgument, "the body is not a JSON object");
+  return std::move(*json);
+}
+
+Result<http::Answer> List(Context& context, const http::Request&) {
+  OrderedJson sessions = OrderedJson::array(), policies = OrderedJson::array();
+  if (context.play) {
+    ETUDE_ASSIGN_OR_RETURN(const auto all, context.play->Sessions());
+    for (const auto& session : all) sessions.push_back(JsonOf(session));
+  }
+  for (const auto& policy : context.live()->policies) policies.push_back(BusId(policy.presence));
+  return http::JsonAnswer({{"enabled", context.play != nullptr},
+                           {"sessions", std::move(sessions)},
+                           {"policies", std::move(policies)},
+                           {"campaigns", ShippedCampaigns()}});
+}
+
+// Starts the worker as a job.
+Result<http::Answer> Open(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(const auto watch, WatchOf(context));
+  (void)watch;
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, Body(request));
+  ETUDE_ASSIGN_OR_RETURN(const Path spec, SpecOf(context, TextOf(body, "spec")));
+  ETUDE_ASSIGN_OR_RETURN(const Selector run, ParseSelector(TextOf(body, "run"), "run"));
+  const auto index = UnsignedOf(body, "index").value_or(0);
+  if (index > kMostIndex) return Fail(Code::kInvalidArgument, "index: too large");
+  const std::string session = "play-" + NewId().substr(0, 8);
+  const std::vector<std::string> arguments{"worker",
+                                           "play",
+                                           spec.string(),
+                                           "--run",
+                                           run.text(),
+                                           "--session",
+                                           session,
+                                           "--index",
+                                           std::to_string(index),
+                                           "--domain",
+                                           std::to_string(context.domain)};
+  ETUDE_ASSIGN_OR_RETURN(const std::string job, context.jobs.Add({"play", arguments, Weight::kLight}));
+  std::vector<std::string> words{"etude"};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  return http::JsonAnswer({{"session", session}, {"job", job}, {"command", CommandText(words)}}, 202);
+}
+
+Result<http::Answer> Show(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson json, PlayJson(context, request.Parameter("id")));
+  return http::JsonAnswer(json);
+}
+
+Result<http::Answer> Command(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(const auto watch, WatchOf(context));
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, Body(request));
+  ETUDE_ASSIGN_OR_RETURN(const auto action, play::ActionOf(TextOf(body, "action")));
+  OrderedJson arguments = sources::PartOf(body, "arguments");
+  if (arguments.is_null()) arguments = OrderedJson::object();
+  const auto state = watch->Command(request.Parameter("id"), action, arguments);
+  if (state) return http::JsonAnswer({{"accepted", true}, {"refusal", ""}});
+  // what the session refuses is its answer
+  if (state.error().code != Code::kInvalidArgument) return Fail(state.error());
+  return http::JsonAnswer({{"accepted", false}, {"refusal", state.error().message}});
+}
+
+Result<http::Answer> Picture(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(const auto watch, WatchOf(context));
+  ETUDE_ASSIGN_OR_RETURN(const bus::PlayFrame frame, watch->Frame(request.Parameter("id")));
+  if (frame.format != "jpeg") return Fail(Code::kCorrupt, "the picture is no JPEG");
+  return http::BytesAnswer(std::string(frame.image.begin(), frame.image.end()), "image/jpeg", http::Caching::kNever);
+}
+
+// Of a few campaigns: WordNet is read for each.
+class Parsers {
+ public:
+  Result<std::shared_ptr<const language::MeaningParser>> For(const OrderedJson& scene) {
+    constexpr std::size_t kMost = 8;
+    const auto texts = [&](const char* key) {
+      std::vector<std::string> list;
+      if (const OrderedJson& part = sources::PartOf(scene, key); part.is_array())
+        for (const auto& item : part)
+          if (item.is_string()) list.push_back(item.get<std::string>());
+      return list;
+    };
+    const std::string key = sources::PartOf(scene, "tasks").dump() + sources::PartOf(scene, "campaign_objects").dump();
+    MutexLock lock(mutex_);
+    auto& parser = parsers_[key];
+    if (!parser) {
+      auto loaded = language::MeaningParser::Load(texts("tasks"), texts("campaign_objects"));
+      if (!loaded) {
+        parsers_.erase(key);
+        return Fail(loaded.error());
+      }
+      parser = std::make_shared<const language::MeaningParser>(std::move(*loaded));
+    }
+    const auto result = parser;
+    if (parsers_.size() > kMost) parsers_.clear();
+    return result;
+  }
+
+ private:
+  Mutex mutex_;
+  std::map<std::string, std::shared_ptr<const language::MeaningParser>> parsers_ ETUDE_GUARDED_BY(mutex_);
+};
+
+Result<http::Answer> Meaning(Context& context, Parsers& parsers, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson state, PlayJson(context, request.Parameter("id")));
+  const OrderedJson& scene = sources::PartOf(state, "scene");
+  ETUDE_ASSIGN_OR_RETURN(const auto parser, parsers.For(scene));
+  std::vector<std::string> on_table;
+  for (const auto& object : sources::PartOf(scene, "objects"))
+    if (!sources::FlagOf(object, "hidden")) on_table.push_back(TextOf(object, "name"));
+  const auto sentence = request.query.Get("sentence").value_or("");
+  return http::JsonAnswer(language::ToJson(parser->Parse(sentence, on_table)));
+}
+
+// ---- scenes ---------------------------------------------------------------------------------------
+
+Status Render(const Path& spec, std::uint64_t index, const Path& file) {
+  ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling("etude-worker"));
+  const Path log = file.string() + ".log";
+  ETUDE_ASSIGN_OR_RETURN(auto process,
+                         campaign::Process::Start({{program.string(), "scene", "render", spec.string(), "--index",
+                                                    std::to_string(index), "--out", file.string()},
+                                                   log,
+                                                   {}}));
+  const auto code = process.Wait(kRenders);
+  std::error_code ignored;
+  if (code == 0) {
+    std::filesystem::remove(log, ignored);
+    return {};
+  }
+  const auto said = ReadTextFile(log, 1 << 16);
+  std::filesystem::remove(log, ignored);
+  if (!code) return Fail(Code::kTimeout, "render a scene: it takes too long");
+  return Fail(Code::kInvalidArgument,
+              fmt::format("render a scene: {}", said ? said->substr(0, 500) : "etude-worker failed"));
+}
+
+void TrimScenes(const Path& folder) {
+  std::vector<std::pair<std::filesystem::file_time_type, Path>> files;
+  std::error_code error;
+  for (std::filesystem::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    std::error_code ignored;
+    if (it->path().extension() == ".png") files.emplace_back(it->last_write_time(ignored), it->path());
+  }
+  std::ranges::sort(files);
+  for (std::size_t i = 0; i + kScenesKept < files.size(); ++i) std::filesystem::remove(files[i].second, error);
+}
+
+// The first picture of an episode, rendered once; named by what the spec's file says now.
+Result<http::Answer> Scene(Context& context, std::mutex& rendering, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(Path spec, SpecOf(context, request.Parameter("id")));
+  ETUDE_ASSIGN_OR_RETURN(const auto index, request.Index("index"));
+  if (index > kMostIndex) return Fail(Code::kInvalidArgument, "index: too large");
+  std::error_code error;
+  if (std::filesystem::is_directory(spec, error))
+    return Fail(Code::kInvalidArgument, "scenes: of a dataset the pictures themselves are there; name a campaign");
+  const std::string key = sources::StampOf(spec).tag() + spec.string() + " " + std::to_string(index);
+  const Path folder = context.videos.parent_path() / "scenes";
+  const Path file = folder / (Sha256Hex(key).substr(0, 32) + ".png");
+  if (!std::filesystem::exists(file, error)) {
+    // one at a time: whoever asks for many must not keep the others waiting
+    const std::unique_lock one(rendering, std::try_to_lock);
+    if (!one) return Fail(Code::kUnavailable, "render a scene: another one is being rendered; ask again");
+    ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
+    const Path fresh = folder / fmt::format("{}.{}.png", file.stem().string(), NewId());
+    ETUDE_RETURN_IF_ERROR(Render(spec, index, fresh));
+    std::filesystem::rename(fresh, file, error);
+    if (error)
+      return Fail(Code::kUnavailable, fmt::format("keep the picture '{}': {}", file.string(), error.message()));
+    TrimScenes(folder);
+  }
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(file));
+  return http::BytesAnswer(std::string(bytes.begin(), bytes.end()), "image/png");
+}
+
+}  // namespace
+
+Result<OrderedJson> PlayJson(Context& context, const std::string& session) {
+  ETUDE_ASSIGN_OR_RETURN(const auto watch, WatchOf(context));
+  ETUDE_ASSIGN_OR_RETURN(const auto looked, watch->Look(session));
+  return JsonOf(looked);
+}
+
+void AddPlayRoutes(http::Router& router, Context& context) {
+  using http::Access;
+  const auto add = [&](const char* method, const std::string& path, Access access, auto handler) {
+    router.Add(
+        method, kPrefix + path, http::Lane::kFiles,
+        [&context, handler](const http::Request& request) -> Result<http::Answer> { return handler(context, request); },
+        access);
+  };
+  const auto parsers = std::make_shared<Parsers>();
+  add("GET", "/play/sessions", Access::kRead, List);
+  add("POST", "/play/sessions", Access::kAction, Open);
+  add("GET", "/play/sessions/{id}", Access::kRead, Show);
+  add("POST", "/play/sessions/{id}/commands", Access::kAction, Command);
+  add("GET", "/play/sessions/{id}/frame.jpg", Access::kRead, Picture);
+  add("GET", "/play/sessions/{id}/meaning", Access::kRead,
+      [parsers](Context& of, const http::Request& request) { return Meaning(of, *parsers, request); });
+  const auto rendering = std::make_shared<std::mutex>();
+  add("GET", "/scenes/{id}/{index}.png", Access::kRead,
+      [rendering](Context& of, const http::Request& request) { return Scene(of, *rendering, request); });
+}
+
+}  // namespace etude::api

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dashboard/server/live/play_watch.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "services/core/log.h"
+
+namespace etude::live {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto kLook = 30ms;
+constexpr auto kForgotten = 10s;  // pictures that nobody asks for
+constexpr auto kAnswer = 8s;      // of a session, within what a request may take
+
+}  // namespace
+
+PlayWatch::~PlayWatch() {
+  thread_.request_stop();
+  if (thread_.joinable()) thread_.join();
+}
+
+Status PlayWatch::Start() {
+  MutexLock lock(start_mutex_);
+  if (participant_) return {};
+  ETUDE_ASSIGN_OR_RETURN(auto participant, arguments_.Open());
+  ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
+  ETUDE_ASSIGN_OR_RETURN(auto commander, play::Client::Open(participant));
+  participant_.emplace(std::move(participant));
+  {
+    MutexLock commands(command_mutex_);
+    commander_.emplace(std::move(commander));
+  }
+  {
+    MutexLock reading(mutex_);
+    reading_ = &*participant_;
+  }
+  thread_ = std::jthread(
+      [this, heard = std::move(client)](std::stop_token stop) mutable { Run(std::move(stop), std::move(heard)); });
+  return {};
+}
+
+void PlayWatch::Run(std::stop_token stop, play::Client client) {
+  while (!stop.stop_requested()) {
+    const auto& sessions = client.Listen(kLook);
+    MutexLock lock(mutex_);
+    sessions_ = sessions;
+    TakeFrames();
+  }
+}
+
+void PlayWatch::TakeFrames() {
+  std::erase_if(watched_, [this](const auto& item) {
+    return !sessions_.contains(item.first) || MonotonicClock::now() - item.second.asked > kForgotten;
+  });
+  for (auto& [name, watched] : watched_) {
+    if (!watched.frames) {
+      auto frames = play::Frames::Open(*reading_, name);
+      if (!frames) {
+        Log().warn("session={}: {}", name, frames.error().message);
+        continue;
+      }
+      watched.frames.emplace(std::move(*frames));
+    }
+    if (auto frame = watched.frames->Take(0ns)) watched.newest = std::move(*frame);
+  }
+}
+
+Result<std::vector<PlayWatch::Session>> PlayWatch::Sessions() {
+  ETUDE_RETURN_IF_ERROR(Start());
+  std::vector<Session> all;
+  MutexLock lock(mutex_);
+  for (const auto& [name, heard] : sessions_) {
+    const auto watched = watched_.find(name);
+    const auto age = std::chrono::duration_cast<std::chrono::milliseconds>(MonotonicClock::now() - heard.heard);
+    const bool pictured = watched != watched_.end() && watched->second.newest;
+    all.push_back({heard.state, age.count(), pictured ? watched->second.newest->number : 0});
+  }
+  return all;
+}
+
+Result<PlayWatch::Session> PlayWatch::Look(const std::string& name) {
+  {
+    ETUDE_RETURN_IF_ERROR(Start());
+    MutexLock lock(mutex_);
+    if (sessions_.contains(name)) watched_[name].asked = MonotonicClock::now();
+  }
+  ETUDE_ASSIGN_OR_RETURN(auto all, Sessions());
+  const auto found = std::ranges::find_if(all, [&](const Session& one) { return one.state.session == name; });
+  if (found == all.end()) return Fail(Code::kNotFound, fmt::format("no play session '{:.64}' is live", name));
+  return std::move(*found);
+}
+
+Result<bus::PlayFrame> PlayWatch::Frame(const std::string& name) {
+  ETUDE_ASSIGN_OR_RETURN(const Session session, Look(name));
+  MutexLock lock(mutex_);
+  const auto watched = watched_.find(name);
+  if (watched == watched_.end() || !watched->second.newest)
+    return Fail(Code::kNotFound, fmt::format("play session '{}' has sent no picture yet", session.state.session));
+  return *watched->second.newest;
+}
+
+Result<bus::PlayState> PlayWatch::Command(const std::string& name, bus::PlayAction action,
+                                          const OrderedJson& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const Session session, Look(name));
+  MutexLock lock(command_mutex_);
+  return commander_->Command(session.state.session, action, arguments, kAnswer);
+}
+
+}  // namespace etude::live

@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+// Play: a scene, a sentence, and the policy that obeys it or does not.
+import { useEffect, useState } from 'preact/hooks';
+import { query, root, useResource } from '../core/api';
+import { useLive } from '../core/connection';
+import { postJson, reasonOf } from '../core/post';
+import { parameter } from '../core/router';
+import type { PlaySession } from '../core/types';
+import { Chip, Command, Empty, Facts, Loaded, Panel, Select } from '../parts/basics';
+import { TableTop, type Standing } from '../parts/table_top';
+
+interface Sessions { enabled: boolean; sessions: PlaySession[]; policies: string[]; campaigns: string[] }
+interface Meaning { sentence: string; words: { text: string; seen: boolean }[]; task: string; target: string; reference: string; why: string }
+interface Scene { campaign: string; robot: string; index: number; seed: string; tasks: string[]; objects: Standing[]; table_half_m: number; camera: View }
+interface View { width: number; height: number; fovy: number; position: number[]; quaternion: number[] }
+interface Judge { doing?: string; judged?: boolean; done?: boolean; held?: number; dwell?: number; words?: string; violations?: unknown[]; disturbed?: string[] }
+
+export function PlayPage() {
+  const [session, setSession] = parameter('session');
+  const all = useResource<Sessions>('/play/sessions', { every: 2000 });
+  return (
+    <Loaded of={all}>
+      {(data) => {
+        if (!data.enabled) return <Panel><Empty title="This gateway reads no bus" command="etude dashboard --dir . --domain 0">Play needs the bus, on which a policy is served.</Empty></Panel>;
+        const there = data.sessions.some((one) => one.session === session);
+        return (
+          <>
+            <Opener data={data} session={session} choose={setSession} />
+            {session && (there ? <Table session={session} key={session} /> : <Panel><p role="status" class="muted">{session} is being opened, or has ended.</p></Panel>)}
+            {!session && <Panel><Empty title="No session is chosen" command="etude play open deploy/campaigns/quickstart.yaml --run RUN">Open one above, or on the command line.</Empty></Panel>}
+          </>
+        );
+      }}
+    </Loaded>
+  );
+}
+
+function Opener(props: { data: Sessions; session: string; choose: (name: string) => void }) {
+  const { data } = props;
+  const [campaign, setCampaign] = useState('quickstart');
+  const [policy, setPolicy] = useState('');
+  const [index, setIndex] = useState('0');
+  const [said, setSaid] = useState('');
+  const [shown, show] = useState('');
+  const [token, setToken] = useState('');
+  const run = policy || data.policies[0] || '';
+  const open = async () => {
+    try {
+      if (token) await postJson('/session', { token });
+      setToken('');
+      const opened = await postJson<{ session: string; command: string }>('/play/sessions', { spec: campaign, run, index: Number(index) || 0 });
+      setSaid(opened.command);
+      show('');
+      props.choose(opened.session);
+    } catch (error) {
+      setSaid(reasonOf(error));
+    }
+  };
+  return (
+    <Panel title="Sessions">
+      <div class="row wrap">
+        {data.sessions.length > 0 && <Select showLabel label="Session" value={props.session} options={[['', 'choose one'], ...data.sessions.map((one) => [one.session, `${one.session} (${one.phase})`] as const)]} choose={props.choose} />}
+        <Select showLabel label="Scene of" value={campaign} options={data.campaigns.map((one) => [one, one] as const)} choose={setCampaign} />
+        <label class="inline">Number<input class="field" type="number" min="0" value={index} onInput={(event) => setIndex(event.currentTarget.value)} /></label>
+        <Select showLabel label="Policy" value={run} options={data.policies.length ? data.policies.map((one) => [one, one] as const) : [['', 'none is served']]} choose={setPolicy} />
+        <label class="inline">Token<input class="field" type="password" autocomplete="off" value={token} onInput={(event) => setToken(event.currentTarget.value)} /></label>
+        <button type="button" class="button" onClick={() => show(`${encodeURIComponent(campaign)}/${Number(index) || 0}`)}>Preview</button>
+        <button type="button" class="button" disabled={!run} onClick={() => { void open(); }}>Open</button>
+      </div>
+      {shown && <img class="play-scene" src={`${root}/scenes/${shown}.png`} alt={`The scene ${shown}`} />}
+      {said && <p class="small muted" role="status">{said}</p>}
+      {!data.policies.length && <Command text="etude policy --checkpoint FILE" />}
+    </Panel>
+  );
+}
+
+function Table(props: { session: string }) {
+  const address = `/play/sessions/${encodeURIComponent(props.session)}`;
+  const first = useResource<PlaySession>(address, { every: 5000 });
+  const live = useLive<PlaySession>('play', { session: props.session }, 10);
+  const [selected, select] = useState('');
+  const [refusal, setRefusal] = useState('');
+  const [places, setPlaces] = useState<Record<string, { x: number; y: number; yaw: number }>>({});
+  const send = async (action: string, values: Record<string, unknown> = {}): Promise<boolean> => {
+    try {
+      const answer = await postJson<{ accepted: boolean; refusal: string }>(`${address}/commands`, { action, arguments: values });
+      setRefusal(answer.refusal);
+      return answer.accepted;
+    } catch (error) {
+      setRefusal(reasonOf(error));
+      return false;
+    }
+  };
+  return (
+    <Loaded of={{ ...first, data: live ?? first.data }}>
+      {(state) => {
+        const scene = state.scene as unknown as Scene;
+        const resting = state.phase === 'rest';
+        const place = async (name: string, x: number, y: number) => {
+          const yaw = scene.objects.find((one) => one.name === name)?.yaw ?? 0;
+          const next = { ...places, [name]: { x, y, yaw } };
+          if (await send('scene', { index: scene.index, objects: Object.entries(next).map(([of, at]) => ({ name: of, ...at })) })) setPlaces(next);
+        };
+        return (
+          <div class="play">
+            <Panel title={`${scene.campaign} ${scene.index}, ${scene.robot}`} aside={<Chip>{state.run}</Chip>}>
+              <Live session={props.session} state={state} scene={scene} />
+              <p class="row wrap small"><span>{(state.judge as Judge).doing ?? state.phase}</span><span class="num">step {state.step}{state.max_steps ? ` of ${state.max_steps}` : ''}</span><span class="num">policy {state.policy_ms.toFixed(0)} ms</span>{!resting && <span class="num">{state.speed.toFixed(1)}× real time</span>}</p>
+            </Panel>
+            <div class="stack">
+              <Say address={address} state={state} send={send} />
+              <Verdict state={state} />
+              <Panel title="Table">
+                <TableTop half={scene.table_half_m} objects={scene.objects} selected={selected} select={select} move={resting ? (name, x, y) => { void place(name, x, y); } : null} />
+                <Moves selected={scene.objects.find((one) => one.name === selected)} send={send} reset={() => { void send('reset'); }} />
+                {refusal && <p class="bad" role="alert">{refusal}</p>}
+              </Panel>
+              <Modules modules={state.modules as Record<string, unknown>} step={state.checkpoint_step} />
+            </div>
+          </div>
+        );
+      }}
+    </Loaded>
+  );
+}
+
+/** The policy's own picture, with where it wants the hand to go. */
+function Live(props: { session: string; state: PlaySession; scene: Scene }) {
+  const { camera } = props.scene;
+  const points = props.state.phase === 'moving' ? props.state.waypoints.map((one) => project(camera, one)).filter((one) => one !== null) : [];
+  return (
+    <div class="play-picture">
+      <img src={`${root}/play/sessions/${encodeURIComponent(props.session)}/frame.jpg?n=${props.state.frame}`} width={camera.width} height={camera.height} alt="What the robot's camera sees" data-frame={props.state.frame} />
+      <svg viewBox={`0 0 ${camera.width} ${camera.height}`} aria-hidden="true">
+        {points.length > 1 && <polyline points={points.map((one) => one.join(',')).join(' ')} />}
+        {points.map(([u, v], i) => <circle cx={u} cy={v} r={camera.width / 90} opacity={1 - (0.7 * i) / points.length} />)}
+      </svg>
+    </div>
+  );
+}
+
+/** World (m) to picture (px); null behind the camera. The camera looks along its -z, y up. */
+function project(camera: View, p: number[]): [number, number] | null {
+  const [w = 1, x = 0, y = 0, z = 0] = camera.quaternion;
+  const d = [0, 1, 2].map((i) => (p[i] ?? 0) - (camera.position[i] ?? 0)) as [number, number, number];
+  // rotated by the inverse of the camera's orientation
+  const t = [2 * (d[1] * z - d[2] * y), 2 * (d[2] * x - d[0] * z), 2 * (d[0] * y - d[1] * x)] as [number, number, number];
+  const c = [d[0] + w * t[0] + (t[1] * z - t[2] * y), d[1] + w * t[1] + (t[2] * x - t[0] * z), d[2] + w * t[2] + (t[0] * y - t[1] * x)] as [number, number, number];
+  if (c[2] >= -1e-6) return null;
+  const focal = camera.height / 2 / Math.tan(camera.fovy / 2);
+  return [camera.width / 2 + (focal * c[0]) / -c[2], camera.height / 2 - (focal * c[1]) / -c[2]];
+}
+
+function Say(props: { address: string; state: PlaySession; send: (action: string, values?: Record<string, unknown>) => Promise<boolean> }) {
+  const [sentence, setSentence] = useState('');
+  const [asked, setAsked] = useState('');
+  useEffect(() => {
+    const timer = window.setTimeout(() => setAsked(sentence.trim()), 200);
+    return () => window.clearTimeout(timer);
+  }, [sentence]);
+  const meaning = useResource<Meaning>(asked ? `${props.address}/meaning${query({ sentence: asked })}` : null);
+  const resting = props.state.phase === 'rest';
+  const means = meaning.data;
+  const run = () => {
+    if (!resting || !sentence.trim()) return;
+    const known = means && !meaning.pending && asked === sentence.trim() ? means : null;
+    void props.send('say', { sentence: sentence.trim(), task: known?.task ?? '', target: known?.target ?? '', reference: known?.reference ?? '' });
+  };
+  return (
+    <Panel title="Say">
+      <form class="row" onSubmit={(event) => { event.preventDefault(); run(); }}>
+        <input class="field fill" aria-label="Sentence" placeholder="push the red can" value={sentence} maxLength={500} onInput={(event) => setSentence(event.currentTarget.value)} />
+        <button type="submit" class="button" disabled={!resting || !sentence.trim() || (asked !== '' && means === undefined && !meaning.error)}>Run</button>
+        <button type="button" class="button" disabled={resting} onClick={() => { void props.send('stop'); }}>Stop</button>
+      </form>
+      {means && asked && (
+        <div aria-live="polite">
+          <p>{means.words.map((word) => <><span class={word.seen ? '' : 'unseen'} title={word.seen ? 'training says it' : 'training never says it'}>{word.text}</span> </>)}</p>
+          <p class="small" data-meaning>{means.task ? <>means <b>{means.task} {means.target}{means.reference && `, ${means.reference}`}</b></> : <span class="warn">not judged: {means.why}</span>}{means.words.some((word) => !word.seen) && <span class="muted"> · never seen in training: {means.words.filter((word) => !word.seen).map((word) => word.text).join(', ')}</span>}</p>
+        </div>
+      )}
+    </Panel>
+  );
+}
+
+function Verdict(props: { state: PlaySession }) {
+  const { state } = props;
+  const judge = state.judge as Judge;
+  if (!state.sentence) return null;
+  const tone = state.outcome === 'success' ? 'good' : state.outcome === '' || state.outcome === 'unjudged' || state.outcome === 'stopped' ? '' : 'bad';
+  return (
+    <Panel title="Judge" aside={<span class="num small">{state.successes} of {state.attempts} done</span>}>
+      <p>“{state.sentence}” {state.outcome ? <Chip tone={tone}>{state.outcome === 'success' ? '✓ ' : ''}{state.outcome}</Chip> : <Chip>▶ under way</Chip>}</p>
+      {state.reason && <p class="small">{state.reason}</p>}
+      {judge.words && <p class="small secondary">{judge.words}</p>}
+      {judge.judged && <p class="small muted">held {judge.held ?? 0} of {judge.dwell ?? 0} steps · {judge.violations?.length ?? 0} violations{judge.disturbed?.length ? ` · disturbed: ${judge.disturbed.join(', ')}` : ''}</p>}
+    </Panel>
+  );
+}
+
+const nudges: [string, string, number, number][] = [['←', 'left', 0.03, 0], ['→', 'right', -0.03, 0], ['↑', 'away', 0, -0.03], ['↓', 'nearer', 0, 0.03]];
+
+function Moves(props: { selected: Standing | undefined; send: (action: string, values?: Record<string, unknown>) => Promise<boolean>; reset: () => void }) {
+  const { selected, send } = props;
+  return (
+    <div class="row wrap">
+      <span class="small">{selected ? selected.name : 'choose an object'}</span>
+      {nudges.map(([glyph, name, dx, dy]) => <button type="button" class="button icon-only" aria-label={`Nudge ${name} by 3 cm`} disabled={!selected || selected.hidden} onClick={() => { void send('nudge', { object: selected!.name, dx, dy }); }}>{glyph}</button>)}
+      <button type="button" class="button" disabled={!selected} onClick={() => { void send(selected!.hidden ? 'show' : 'hide', { object: selected!.name }); }}>{selected?.hidden ? 'Show' : 'Hide'}</button>
+      <span class="fill" />
+      <button type="button" class="button" onClick={props.reset}>Reset</button>
+      <button type="button" class="button" onClick={() => { void send('close'); }}>Close</button>
+    </div>
+  );
+}
+
+function Modules(props: { modules: Record<string, unknown>; step: number }) {
+  const rows = Object.entries(props.modules).map(([name, said]) => [name, text(said)] as [string, string]);
+  if (!rows.length) return null;
+  return <Panel title="Modules" aside={<span class="num small">checkpoint {props.step}</span>}><Facts rows={rows} /></Panel>;
+}
+
+function text(said: unknown): string {
+  const value = said !== null && typeof said === 'object' && 'value' in said ? (said as { value: unknown }).value : said;
+  if (Array.isArray(value)) return value.map((one) => (typeof one === 'number' ? one.toFixed(3) : String(one))).join(' ');
+  return typeof value === 'number' ? value.toFixed(3) : typeof value === 'string' ? value : JSON.stringify(value);
+}

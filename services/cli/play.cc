@@ -1,0 +1,395 @@
+// SPDX-License-Identifier: Apache-2.0
+// `etude play open|list|say|stop|nudge|hide|show|scene|reset|close`: talking to a policy in a scene that a worker
+// keeps.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+#include <sstream>
+
+#include "services/campaign/process.h"
+#include "services/cli/command_line.h"
+#include "services/cli/service.h"
+#include "services/core/identity.h"
+#include "services/core/stop.h"
+#include "services/episode/bounded_json.h"
+#include "services/language/meaning.h"
+#include "services/play/arguments.h"
+#include "services/play/client.h"
+
+namespace etude::cli {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto kAppears = 3s;   // a session that is there is heard within this
+constexpr auto kOpens = 120s;   // a scene is compiled and drawn
+constexpr auto kLine = 1000ms;  // between two lines of a sentence that is obeyed
+
+struct Arguments {
+  std::string session;
+  play::SayArguments say;
+  bool stay = false, as_json = false;
+  play::NudgeArguments nudge;
+  std::uint64_t index = 0;
+  std::vector<std::string> places;
+  // open
+  std::string spec, run, checkpoint;
+  double speed = 1, idle_s = 900;
+  std::vector<std::string> sentences, overrides;
+  BusArguments bus;
+};
+
+std::string Dumped(const OrderedJson& json, int indent = -1) {
+  return json.dump(indent, ' ', false, OrderedJson::error_handler_t::replace);
+}
+
+OrderedJson Parsed(const std::string& text) { return ParseBoundedJson(text, 12).value_or(OrderedJson::object()); }
+
+std::vector<std::string> TextsOf(const OrderedJson& json, const char* key) {
+  std::vector<std::string> texts;
+  if (json.is_object() && json.contains(key) && json[key].is_array())
+    for (const auto& item : json[key])
+      if (item.is_string()) texts.push_back(item.get<std::string>());
+  return texts;
+}
+
+std::string TextOf(const OrderedJson& json, const char* key) {
+  return json.is_object() && json.contains(key) && json[key].is_string() ? json[key].get<std::string>() : "";
+}
+
+// The objects that stand in a session's scene.
+std::vector<std::string> OnTable(const OrderedJson& scene) {
+  std::vector<std::string> names;
+  if (!scene.is_object() || !scene.contains("objects") || !scene["objects"].is_array()) return names;
+  for (const auto& object : scene["objects"])
+    if (object.is_object() && !object.value("hidden", false)) names.push_back(TextOf(object, "name"));
+  return names;
+}
+
+// What a sentence means in a session, as the person has it: the options first, else the grammar.
+Result<language::Meaning> MeaningIn(const bus::PlayState& state, const std::string& sentence) {
+  const OrderedJson scene = Parsed(state.scene_json);
+  ETUDE_ASSIGN_OR_RETURN(const auto parser,
+                         language::MeaningParser::Load(TextsOf(scene, "tasks"), TextsOf(scene, "campaign_objects")));
+  return parser.Parse(sentence, OnTable(scene));
+}
+
+void PrintMeaning(const language::Meaning& meaning, const play::SayArguments& say) {
+  fmt::print("\"{}\"\n", say.sentence);
+  if (say.task.empty())
+    fmt::print("  means   not known ({}): not judged; --task and --target say what it means\n", meaning.why);
+  else
+    fmt::print("  means   {} {}{}\n", say.task, say.target, say.reference.empty() ? "" : ", " + say.reference);
+  const auto unseen = meaning.unseen();
+  fmt::print("  words   {}\n", unseen.empty() ? std::string("training says all of them")
+                                              : fmt::format("never seen in training: {}", fmt::join(unseen, ", ")));
+  std::fflush(stdout);
+}
+
+void PrintLine(const bus::PlayState& state) {
+  const OrderedJson judge = Parsed(state.judge_json);
+  fmt::print("  step {:4} of {}  {}  policy {:.0f} ms (checkpoint {})  {:.1f}x  {}\n", state.step, state.max_steps,
+             TextOf(judge, "doing"), state.policy_ms, state.checkpoint_step, state.speed, TextOf(judge, "words"));
+  std::fflush(stdout);
+}
+
+// Lines until the sentence has ended. @error kInternal: it was not done; kUnavailable: the session is gone
+Status Follow(play::Client& client, const std::string& session) {
+  MonotonicClock::time_point printed = MonotonicClock::now();
+  while (!StopRequested()) {
+    const auto& sessions = client.Listen(500ms);
+    const auto found = sessions.find(session);
+    if (found == sessions.end())
+      return Fail(Code::kUnavailable, fmt::format("play session '{}' has ended, or is silent", session));
+    const bus::PlayState& state = found->second.state;
+    if (state.phase == "moving") {
+      if (MonotonicClock::now() - printed < kLine) continue;
+      PrintLine(state);
+      printed = MonotonicClock::now();
+      continue;
+    }
+    fmt::print("  {} after {} steps{}{}\n", state.outcome, state.step, state.reason.empty() ? "" : ": ", state.reason);
+    std::fflush(stdout);
+    if (state.outcome == "success" || state.outcome == "unjudged" || state.outcome == "stopped") return {};
+    return Fail(Code::kInternal, fmt::format("\"{}\": {}", state.sentence, state.outcome));
+  }
+  const auto stopped = client.Command(session, bus::PlayAction::kStop, OrderedJson::object(), 2s);
+  return Fail(Code::kTimeout, stopped ? "stopped" : "stopped: " + stopped.error().message);
+}
+
+Status SayIn(play::Client& client, const std::string& session, const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const bus::PlayState state, client.Find(session, kAppears));
+  play::SayArguments say = arguments.say;
+  say.home = !arguments.stay;
+  ETUDE_ASSIGN_OR_RETURN(const language::Meaning meaning, MeaningIn(state, say.sentence));
+  if (say.task.empty() && meaning.command) {
+    say.task = meaning.task();
+    if (say.target.empty()) say.target = meaning.command->target;
+    if (say.reference.empty()) say.reference = meaning.command->reference;
+  }
+  PrintMeaning(meaning, say);
+  ETUDE_ASSIGN_OR_RETURN(const bus::PlayState taken, client.Command(session, bus::PlayAction::kSay, ToJson(say)));
+  (void)taken;
+  return Follow(client, session);
+}
+
+Status List(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
+  const auto until = MonotonicClock::now() + kAppears;
+  while (MonotonicClock::now() < until && !StopRequested()) client.Listen(200ms);
+  OrderedJson all = OrderedJson::array();
+  for (const auto& [name, heard] : client.Listen(0ns)) {
+    const bus::PlayState& state = heard.state;
+    const OrderedJson scene = Parsed(state.scene_json);
+    all.push_back({{"session", name},
+                   {"host", state.host},
+                   {"run", state.run},
+                   {"phase", state.phase},
+                   {"scene", scene},
+                   {"sentence", state.sentence},
+                   {"outcome", state.outcome},
+                   {"attempts", state.attempts},
+                   {"successes", state.successes}});
+    if (arguments.as_json) continue;
+    fmt::print("{}  {}  policy {}  {} scene {}  {} of {} sentences done  host {}\n", name, state.phase, state.run,
+               TextOf(scene, "campaign"), scene.value("index", std::uint64_t{0}), state.successes, state.attempts,
+               state.host);
+  }
+  if (arguments.as_json)
+    fmt::print("{}\n", Dumped(all, 1));
+  else if (all.empty())
+    fmt::print("no play session is live on domain {}; open one with: etude play open SPEC --run RUN\n",
+               participant.domain());
+  return {};
+}
+
+Status Say(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
+  return SayIn(client, arguments.session, arguments);
+}
+
+Status Command(const Arguments& arguments, bus::PlayAction action, const OrderedJson& json) {
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
+  ETUDE_ASSIGN_OR_RETURN(const bus::PlayState found, client.Find(arguments.session, kAppears));
+  ETUDE_ASSIGN_OR_RETURN(const bus::PlayState state, client.Command(found.session, action, json));
+  fmt::print("{}: {}\n", state.session, action == bus::PlayAction::kClose ? "ending" : state.phase);
+  return {};
+}
+
+// "coke=0.1,0.45" or "coke=0.1,0.45,0.3": m, m, rad
+Result<play::ObjectPlace> PlaceOf(const std::string& text) {
+  play::ObjectPlace place;
+  const auto equals = text.find('=');
+  std::istringstream numbers(equals == std::string::npos ? "" : text.substr(equals + 1));
+  char comma = ',';
+  place.name = text.substr(0, equals);
+  bool read = static_cast<bool>(numbers >> place.x >> comma >> place.y) && comma == ',';
+  if (read && numbers.peek() == ',') read = static_cast<bool>(numbers >> comma >> place.yaw);
+  numbers >> std::ws;
+  if (read && numbers.eof()) return place;
+  return Fail(Code::kInvalidArgument, fmt::format("--place '{}': write OBJECT=X,Y or OBJECT=X,Y,YAW (m, rad)", text));
+}
+
+Status SetScene(const Arguments& arguments) {
+  play::SceneArguments scene{.index = arguments.index, .objects = {}};
+  for (const auto& text : arguments.places) {
+    ETUDE_ASSIGN_OR_RETURN(auto place, PlaceOf(text));
+    scene.objects.push_back(std::move(place));
+  }
+  return Command(arguments, bus::PlayAction::kScene, ToJson(scene));
+}
+
+// ---- open -----------------------------------------------------------------------------------------
+
+struct Children {
+  std::optional<Service> policy;
+  std::optional<campaign::Process> worker;
+
+  ~Children() {
+    if (worker) worker->Stop(5s);
+    if (policy) policy->Stop(5s);
+  }
+};
+
+Status StartPolicy(const Arguments& arguments, std::string& run, Children& children) {
+  if (arguments.checkpoint.empty()) return {};
+  const std::string id = NewId();
+  run = "play-" + id.substr(0, 6) + "@" + id;
+  ServiceOptions options;
+  options.program = "etude-policy";
+  options.arguments = {"--checkpoint", arguments.checkpoint, "--run", run};
+  const auto flags = arguments.bus.Flags();
+  options.arguments.insert(options.arguments.end(), flags.begin(), flags.end());
+  options.environment = arguments.bus.Environment();
+  options.log = std::filesystem::temp_directory_path() / fmt::format("etude-play-policy-{}.log", id);
+  ETUDE_ASSIGN_OR_RETURN(auto policy, Service::Start(options));
+  children.policy.emplace(std::move(policy));
+  return {};
+}
+
+Status StartWorker(const Arguments& arguments, const std::string& run, Children& children) {
+  ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling("etude-worker"));
+  campaign::ProcessOptions options;
+  options.argv = {program.string(),
+                  "play",
+                  arguments.spec,
+                  "--run",
+                  run,
+                  "--session",
+                  arguments.session,
+                  "--index",
+                  std::to_string(arguments.index),
+                  "--speed",
+                  fmt::format("{}", arguments.speed),
+                  "--idle",
+                  fmt::format("{}", arguments.idle_s)};
+  for (const auto& text : arguments.overrides) options.argv.insert(options.argv.end(), {"--set", text});
+  const auto flags = arguments.bus.Flags();
+  options.argv.insert(options.argv.end(), flags.begin(), flags.end());
+  options.environment = arguments.bus.Environment();
+  ETUDE_ASSIGN_OR_RETURN(auto worker, campaign::Process::Start(options));
+  children.worker.emplace(std::move(worker));
+  return {};
+}
+
+Status AwaitSession(play::Client& client, const Arguments& arguments, Children& children) {
+  const auto deadline = MonotonicClock::now() + kOpens;
+  while (MonotonicClock::now() < deadline && !StopRequested()) {
+    if (client.Listen(200ms).contains(arguments.session)) return {};
+    if (children.policy) ETUDE_RETURN_IF_ERROR(children.policy->Supervise());
+    // the worker has said what is wrong
+    if (const auto code = children.worker->Poll())
+      return Fail(*code == 2 ? Code::kInvalidArgument : Code::kUnavailable,
+                  fmt::format("open a play session: etude-worker ended with {}", *code));
+  }
+  return Fail(Code::kTimeout, "open a play session: it does not appear");
+}
+
+Status Open(Arguments arguments) {
+  if (arguments.session.empty()) arguments.session = "play-" + NewId().substr(0, 6);
+  if (arguments.run.empty() == arguments.checkpoint.empty())
+    return Fail(Code::kInvalidArgument, "open a play session: give either --run or --checkpoint");
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
+  Children children;
+  std::string run = arguments.run;
+  ETUDE_RETURN_IF_ERROR(StartPolicy(arguments, run, children));
+  ETUDE_RETURN_IF_ERROR(StartWorker(arguments, run, children));
+  ETUDE_RETURN_IF_ERROR(AwaitSession(client, arguments, children));
+  if (arguments.sentences.empty()) {
+    fmt::print("talk to it with: etude play say {} --domain {} 'push the red can'\n", arguments.session,
+               participant.domain());
+    std::fflush(stdout);
+  }
+  Status first;
+  for (const auto& sentence : arguments.sentences) {
+    arguments.say = {
+        .sentence = sentence, .task = "", .target = "", .reference = "", .max_steps = arguments.say.max_steps};
+    const Status said = SayIn(client, arguments.session, arguments);
+    if (first && !said) first = said;
+    if (StopRequested() || (!said && said.error().code == Code::kUnavailable)) break;
+  }
+  while (arguments.sentences.empty() && children.worker->running() && !StopRequested()) {
+    if (children.policy) ETUDE_RETURN_IF_ERROR(children.policy->Supervise());
+    children.worker->Wait(250ms);
+  }
+  return first;
+}
+
+// ---- declarations ---------------------------------------------------------------------------------
+
+using Shared = std::shared_ptr<Arguments>;
+
+void AddOpen(CLI::App& command, const Shared& arguments, Body& body) {
+  auto* open = command.add_subcommand("open", "a scene, kept by a worker until it is closed; with --say for as long");
+  open->add_option("spec", arguments->spec, "campaign file, or the folder of a dataset")->required();
+  open->add_option("--run", arguments->run, "policy to ask: the run whose checkpoints are served, NAME or NAME@ID");
+  open->add_option("--checkpoint", arguments->checkpoint, "a .safetensors file, to serve it meanwhile");
+  open->add_option("--index", arguments->index, "episode whose scene it begins with")->capture_default_str();
+  open->add_option("--session", arguments->session, "name (default: one of its own)");
+  open->add_option("--say", arguments->sentences, "sentence; several are said one after another, in the same scene")
+      ->allow_extra_args(false);
+  open->add_option("--max-steps", arguments->say.max_steps, "control steps of a sentence; 0: the campaign's");
+  open->add_flag("--stay", arguments->stay, "the arm does not come home between two sentences");
+  open->add_option("--speed", arguments->speed, "of the simulation against the clock; 0: as fast as it goes")
+      ->capture_default_str();
+  open->add_option("--idle", arguments->idle_s, "s without a command after which it ends; 0: never")
+      ->capture_default_str();
+  AddOverrides(*open, arguments->overrides, "camera.width=448");
+  arguments->bus.Add(*open);
+  open->callback([=, &body] { body = [=] { return Open(*arguments); }; });
+}
+
+CLI::App* AddOne(CLI::App& command, const char* name, const char* description, const Shared& arguments) {
+  auto* one = command.add_subcommand(name, description);
+  one->add_option("session", arguments->session, "as `etude play list` shows it")->required();
+  arguments->bus.Add(*one);
+  return one;
+}
+
+void AddSay(CLI::App& command, const Shared& arguments, Body& body) {
+  auto* say = AddOne(command, "say", "a sentence: what it means, then how it goes, until it is done or not", arguments);
+  say->add_option("sentence", arguments->say.sentence, "for the policy")->required();
+  say->add_option("--task", arguments->say.task, "that it means, for the judge (default: as the grammar has it)");
+  say->add_option("--target", arguments->say.target, "object that it is about");
+  say->add_option("--reference", arguments->say.reference, "object beside which");
+  say->add_option("--max-steps", arguments->say.max_steps, "control steps; 0: the campaign's");
+  say->add_flag("--stay", arguments->stay, "the arm does not come home first");
+  say->callback([=, &body] { body = [=] { return Say(*arguments); }; });
+}
+
+void AddMoves(CLI::App& command, const Shared& arguments, Body& body) {
+  auto* nudge = AddOne(command, "nudge", "slides an object over the table", arguments);
+  nudge->add_option("object", arguments->nudge.object, "as the scene calls it")->required();
+  nudge->add_option("dx", arguments->nudge.dx, "m, world")->required();
+  nudge->add_option("dy", arguments->nudge.dy, "m, world")->required();
+  nudge->callback(
+      [=, &body] { body = [=] { return Command(*arguments, bus::PlayAction::kNudge, ToJson(arguments->nudge)); }; });
+  for (const auto& [name, action, description] :
+       {std::tuple{"hide", bus::PlayAction::kHide, "takes an object out of the picture"},
+        {"show", bus::PlayAction::kShow, "puts a hidden object back"}}) {
+    auto* one = AddOne(command, name, description, arguments);
+    one->add_option("object", arguments->nudge.object, "as the scene calls it")->required();
+    one->callback([=, &body, chosen = action] {
+      body = [=] {
+        const play::ObjectArguments object{arguments->nudge.object};
+        return Command(*arguments, chosen, ToJson(object));
+      };
+    });
+  }
+  auto* scene = AddOne(command, "scene", "sets another scene, or objects where you want them", arguments);
+  scene->add_option("--index", arguments->index, "episode of the session's campaign")->capture_default_str();
+  scene->add_option("--place", arguments->places, "OBJECT=X,Y or OBJECT=X,Y,YAW: m and rad, world; repeatable")
+      ->allow_extra_args(false);
+  scene->callback([=, &body] { body = [=] { return SetScene(*arguments); }; });
+}
+
+}  // namespace
+
+void AddPlay(CLI::App& app, Body& body) {
+  auto* command = AddGroup(app, "play", "talk to a policy in a scene of your own: open, say, nudge, hide, reset ...");
+  auto arguments = std::make_shared<Arguments>();
+  AddOpen(*command, arguments, body);
+  auto* list = command->add_subcommand("list", "sessions that are live on this domain");
+  list->add_flag("--json", arguments->as_json, "as JSON");
+  arguments->bus.Add(*list);
+  list->callback([=, &body] { body = [=] { return List(*arguments); }; });
+  AddSay(*command, arguments, body);
+  AddMoves(*command, arguments, body);
+  for (const auto& [name, action, description] :
+       {std::tuple{"stop", bus::PlayAction::kStop, "the policy stops driving; the scene stays"},
+        {"reset", bus::PlayAction::kReset, "the scene as it was set"},
+        {"close", bus::PlayAction::kClose, "ends the session"}}) {
+    auto* one = AddOne(*command, name, description, arguments);
+    one->callback(
+        [=, &body, chosen = action] { body = [=] { return Command(*arguments, chosen, OrderedJson::object()); }; });
+  }
+}
+
+}  // namespace etude::cli

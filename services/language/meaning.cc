@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/language/meaning.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <sstream>
+
+#include "services/language/held_out.h"
+#include "services/language/lexicon.h"
+#include "services/language/tokenizer.h"
+#include "services/language/vocabulary.h"
+#include "services/spec/object_names.h"
+
+namespace etude::language {
+namespace {
+
+using Strings = std::vector<std::string>;
+
+Strings Split(const std::string& text) {
+  Strings words;
+  std::istringstream stream(text);
+  for (std::string word; stream >> word;) words.push_back(std::move(word));
+  return words;
+}
+
+// Where `phrase` stands in `words` from `from` on, as it is.
+std::optional<std::size_t> Find(const Strings& words, const Strings& phrase, std::size_t from = 0) {
+  const auto it = std::search(words.begin() + static_cast<std::ptrdiff_t>(std::min(from, words.size())), words.end(),
+                              phrase.begin(), phrase.end());
+  if (phrase.empty() || it == words.end()) return std::nullopt;
+  return static_cast<std::size_t>(it - words.begin());
+}
+
+bool IsArticle(const std::string& word) {
+  return word == "the" || word == "a" || word == "an" || word == "that" || word == "this";
+}
+
+// Words that were understood; what is left is understood otherwise.
+void Take(Strings& words, std::size_t at, std::size_t count) {
+  const auto first = words.begin() + static_cast<std::ptrdiff_t>(at);
+  words.erase(first, first + static_cast<std::ptrdiff_t>(std::min(count, words.size() - at)));
+}
+
+// One of the things that a phrase may stand for, and where it does.
+struct Found {
+  std::string name;
+  std::size_t at = 0, words = 0;
+};
+
+// The longest phrase wins; of equal ones the first. Names that share it stand beside each other.
+struct Best {
+  std::vector<Found> found;
+
+  void Offer(Found one) {
+    const std::size_t length = found.empty() ? 0 : found.front().words;
+    if (one.words < length) return;
+    if (one.words > length) found.clear();
+    const bool known = std::ranges::any_of(found, [&](const Found& other) { return other.name == one.name; });
+    if (!known) found.push_back(std::move(one));
+  }
+  bool empty() const { return found.empty(); }
+  bool one() const { return found.size() == 1; }
+  std::string names() const {
+    Strings texts;
+    for (const auto& one : found) texts.push_back(one.name);
+    return fmt::format("{}", fmt::join(texts, " or "));
+  }
+};
+
+// Every phrase for an object, held out ones too: those are what a person tries.
+Strings PhrasesOf(const Vocabulary& vocabulary, const std::string& object) {
+  Strings phrases;
+  if (const Vocabulary::Noun* noun = vocabulary.FindNoun(object))
+    for (const NounTemplate* half : {&noun->base, &noun->varied})
+      for (const auto& adjective : half->adjectives)
+        for (const auto& head : half->nouns) phrases.push_back(JoinWords(adjective, head));
+  for (const auto& held_out : HeldOutNounPhrases())
+    if (held_out.object == object) phrases.push_back(held_out.text);
+  return phrases;
+}
+
+Best FindObject(const Vocabulary& vocabulary, const Strings& objects, const Strings& words) {
+  Best best;
+  for (const auto& object : objects)
+    for (const auto& phrase : PhrasesOf(vocabulary, object)) {
+      const Strings split = Split(phrase);
+      if (const auto at = Find(words, split)) best.Offer({object, *at, split.size()});
+    }
+  return best;
+}
+
+// The object whose phrase begins at `at`, an article aside.
+Best ObjectAt(const Vocabulary& vocabulary, const Strings& objects, const Strings& words, std::size_t at) {
+  if (at < words.size() && IsArticle(words[at])) ++at;
+  Best best;
+  for (const auto& object : objects)
+    for (const auto& phrase : PhrasesOf(vocabulary, object)) {
+      const Strings split = Split(phrase);
+      if (Find(words, split, at) == at) best.Offer({object, at, split.size()});
+    }
+  return best;
+}
+
+// Number of the verb's words when they all stand in `words`, in order; 0 else. Others may stand between them.
+bool HasVerb(const Strings& words, const std::string& verb) {
+  std::size_t at = 0;
+  for (const auto& word : Split(verb)) {
+    const auto it = std::find(words.begin() + static_cast<std::ptrdiff_t>(at), words.end(), word);
+    if (it == words.end()) return false;
+    at = static_cast<std::size_t>(it - words.begin()) + 1;
+  }
+  return true;
+}
+
+// "without touching the ball" and what it keeps off; taken out of `words`.
+Strings KeepingWords(const Vocabulary& vocabulary) {
+  Strings all;
+  const ObstacleWords& lexicon = ObstacleLexicon();
+  for (const auto* texts : {&lexicon.before, &lexicon.after, &vocabulary.avoid()})
+    all.insert(all.end(), texts->begin(), texts->end());
+  for (const auto& verb : vocabulary.touch())
+    for (const char* negation : {"do not ", "never ", "without "}) all.push_back(negation + verb);
+  return all;
+}
+
+std::string TakeObstacle(const Vocabulary& vocabulary, Strings& words) {
+  const ObstacleWords& lexicon = ObstacleLexicon();
+  Found keep;
+  for (const auto& text : KeepingWords(vocabulary)) {
+    const Strings split = Split(text);
+    const auto at = Find(words, split);
+    if (at && split.size() > keep.words) keep = {text, *at, split.size()};
+  }
+  if (keep.words == 0) return "";
+  const std::size_t after = keep.at + keep.words;
+  for (const auto* texts : {&lexicon.others, &lexicon.any_other})
+    for (const auto& text : *texts) {
+      const Strings split = Split(text);
+      if (Find(words, split, after) != after) continue;
+      Take(words, keep.at, keep.words + split.size());
+      return kEverythingElse;
+    }
+  const Best ball = ObjectAt(vocabulary, {kObstacleObject}, words, after);
+  if (!ball.one()) return "";
+  Take(words, keep.at, ball.found.front().at + ball.found.front().words - keep.at);
+  return kObstacleObject;
+}
+
+// "to the left of the milk": the task that goes there, and beside what; taken out of `words`.
+struct Place {
+  std::string task, reference, why;
+};
+Place TakePlace(const Vocabulary& vocabulary, const Strings& objects, Strings& words) {
+  Best best;
+  for (const auto& task : vocabulary.tasks()) {
+    if (!vocabulary.needs_reference(task)) continue;
+    for (const auto& place : vocabulary.place(task).all) {
+      const Strings split = Split(place);
+      if (const auto at = Find(words, split)) best.Offer({task, *at, split.size()});
+    }
+  }
+  if (!best.one()) return {};
+  const Found& place = best.found.front();
+  const Best reference = ObjectAt(vocabulary, objects, words, place.at + place.words);
+  if (reference.empty()) return {.task = place.name, .reference = "", .why = "beside what is not said"};
+  if (!reference.one()) return {.task = place.name, .reference = "", .why = "beside " + reference.names()};
+  const Found& beside = reference.found.front();
+  Take(words, place.at, beside.at + beside.words - place.at);
+  return {.task = place.name, .reference = beside.name, .why = ""};
+}
+
+// A task without a place, by its verb.
+Best TaskOf(const Vocabulary& vocabulary, const Strings& words) {
+  Best best;
+  for (const auto& task : vocabulary.tasks()) {
+    if (vocabulary.needs_reference(task)) continue;
+    for (const auto& verb : vocabulary.verb(task).all)
+      if (HasVerb(words, verb)) best.Offer({task, 0, Split(verb).size()});
+  }
+  return best;
+}
+
+void Understand(const Vocabulary& vocabulary, const Strings& objects, Meaning& meaning) {
+  Strings words = Split(meaning.sentence);
+  if (words.empty()) return void(meaning.why = "nothing is said");
+  for (const auto& held_out : HeldOutSentences())
+    if (held_out.text == meaning.sentence && std::ranges::find(objects, held_out.object) != objects.end())
+      return void(meaning.command = Command{.task = held_out.task, .target = held_out.object});
+  Command command;
+  command.obstacle = TakeObstacle(vocabulary, words);
+  const Place place = TakePlace(vocabulary, objects, words);
+  if (!place.why.empty()) return void(meaning.why = place.why);
+  command.task = place.task;
+  command.reference = place.reference;
+  if (command.task.empty()) {
+    const Best task = TaskOf(vocabulary, words);
+    if (task.empty()) return void(meaning.why = "no verb of a task that is known");
+    if (!task.one()) return void(meaning.why = "it could be " + task.names());
+    command.task = task.found.front().name;
+  }
+  const Best target = FindObject(vocabulary, objects, words);
+  if (target.empty()) return void(meaning.why = "no object of the table is named");
+  if (!target.one()) return void(meaning.why = "it could be " + target.names());
+  command.target = target.found.front().name;
+  meaning.command = std::move(command);
+}
+
+}  // namespace
+
+std::string Meaning::task() const {
+  if (!command) return "";
+  if (command->obstacle.empty()) return command->task;
+  return command->task + (command->obstacle == kEverythingElse ? "+others" : "+obstacle");
+}
+
+std::vector<std::string> Meaning::unseen() const {
+  Strings list;
+  for (const auto& word : words)
+    if (!word.seen) list.push_back(word.text);
+  return list;
+}
+
+OrderedJson ToJson(const Meaning& meaning) {
+  OrderedJson words = OrderedJson::array();
+  for (const auto& word : meaning.words) words.push_back({{"text", word.text}, {"seen", word.seen}});
+  return {{"sentence", meaning.sentence},
+          {"words", std::move(words)},
+          {"task", meaning.task()},
+          {"target", meaning.command ? meaning.command->target : ""},
+          {"reference", meaning.command ? meaning.command->reference : ""},
+          {"why", meaning.why}};
+}
+
+Result<MeaningParser> MeaningParser::Load(const std::vector<std::string>& tasks,
+                                          const std::vector<std::string>& objects) {
+  MeaningParser parser;
+  parser.objects_ = SceneNames(objects);
+  ETUDE_ASSIGN_OR_RETURN(const Grammar grammar, Grammar::LoadFor(parser.objects_, tasks));
+  ETUDE_ASSIGN_OR_RETURN(parser.seen_, SeenWords(grammar, tasks, parser.objects_));
+  ETUDE_ASSIGN_OR_RETURN(auto vocabulary, Vocabulary::LoadFor(parser.objects_, tasks));
+  parser.vocabulary_ = std::make_shared<const Vocabulary>(std::move(vocabulary));
+  return parser;
+}
+
+Meaning MeaningParser::Parse(const std::string& sentence, const std::vector<std::string>& on_table) const {
+  Meaning meaning;
+  meaning.sentence = Normalize(sentence.substr(0, 1000));
+  for (auto& word : Split(meaning.sentence)) {
+    const bool seen = seen_.contains(word);
+    meaning.words.push_back({std::move(word), seen});
+  }
+  Understand(*vocabulary_, on_table.empty() ? objects_ : on_table, meaning);
+  return meaning;
+}
+
+}  // namespace etude::language
