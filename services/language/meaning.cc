@@ -81,26 +81,33 @@ Strings PhrasesOf(const Vocabulary& vocabulary, const std::string& object) {
   return phrases;
 }
 
+// By its phrases; where there is none by its name, which the grammar itself may never say alone.
 Best FindObject(const Vocabulary& vocabulary, const Strings& objects, const Strings& words) {
-  Best best;
-  for (const auto& object : objects)
+  Best best, by_name;
+  for (const auto& object : objects) {
     for (const auto& phrase : PhrasesOf(vocabulary, object)) {
       const Strings split = Split(phrase);
       if (const auto at = Find(words, split)) best.Offer({object, *at, split.size()});
     }
-  return best;
+    const Strings name = Split(Normalize(ObjectNoun(object)));
+    if (const auto at = Find(words, name)) by_name.Offer({object, *at, name.size()});
+  }
+  return best.empty() ? by_name : best;
 }
 
 // The object whose phrase begins at `at`, an article aside.
 Best ObjectAt(const Vocabulary& vocabulary, const Strings& objects, const Strings& words, std::size_t at) {
   if (at < words.size() && IsArticle(words[at])) ++at;
-  Best best;
-  for (const auto& object : objects)
+  Best best, by_name;
+  for (const auto& object : objects) {
     for (const auto& phrase : PhrasesOf(vocabulary, object)) {
       const Strings split = Split(phrase);
       if (Find(words, split, at) == at) best.Offer({object, at, split.size()});
     }
-  return best;
+    const Strings name = Split(Normalize(ObjectNoun(object)));
+    if (Find(words, name, at) == at) by_name.Offer({object, at, name.size()});
+  }
+  return best.empty() ? by_name : best;
 }
 
 // Number of the verb's words when they all stand in `words`, in order; 0 else. Others may stand between them.
