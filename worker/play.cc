@@ -258,7 +258,7 @@ Status Host::Accept(const OrderedJson& arguments) {
   state_.outcome.clear();
   state_.reason.clear();
   state_.phase = "moving";  // whoever reads the answer sees that it goes on
-  stop_ = false;  // a stop that comes with the sentence counts
+  stop_ = false;            // a stop that comes with the sentence counts
   said_ = std::move(sentence);
   return {};
 }

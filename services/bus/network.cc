@@ -21,6 +21,7 @@
 #include <sstream>
 #include <tuple>
 
+#include "services/bus/builtin_topic.h"
 #include "services/bus/participant_state.h"
 #include "services/bus/process_reporter.h"
 #include "services/bus/topology.h"
@@ -32,12 +33,6 @@ namespace etude::bus {
 namespace {
 
 constexpr std::uint32_t kDiscoveryGroup = 0xEFFF0001;  // 239.255.0.1, where DDS participants look for each other
-
-std::string IdText(const dds_guid_t& guid) {
-  std::string text;
-  for (const std::uint8_t byte : guid.v) text += fmt::format("{:02x}", byte);
-  return text;
-}
 
 std::string PropertyOf(const dds_qos_t* qos, const char* name) {
   char* value = nullptr;
@@ -111,31 +106,19 @@ std::set<std::string> DiscoveringInterfaces() {
 
 Result<std::vector<NetworkPeer>> Peers(const Participant& participant) {
   const std::string self = ParticipantId(participant);
-  ETUDE_ASSIGN_OR_RETURN(const Entity reader,
-                         CheckEntity(dds_create_reader(participant.state()->participant.get(),
-                                                       DDS_BUILTIN_TOPIC_DCPSPARTICIPANT, nullptr, nullptr),
-                                     "look at who is on the domain"));
   std::vector<NetworkPeer> peers;
-  constexpr int kBatch = 64;
-  while (true) {
-    void* samples[kBatch] = {};
-    dds_sample_info_t infos[kBatch];
-    const dds_return_t count = dds_take(reader.get(), samples, infos, kBatch, kBatch);
-    if (count <= 0) break;
-    for (int i = 0; i < count; ++i) {
-      if (!infos[i].valid_data || infos[i].instance_state != DDS_ALIVE_INSTANCE_STATE) continue;
-      const auto& found = *static_cast<const dds_builtintopic_participant_t*>(samples[i]);
-      const std::string id = IdText(found.key);
-      peers.push_back(
-          {.participant = id,
-           .host = PropertyOf(found.qos, "__Hostname"),
-           .process = PropertyOf(found.qos, "__ProcessName"),
-           .pid = static_cast<std::uint32_t>(std::strtoul(PropertyOf(found.qos, "__Pid").c_str(), nullptr, 10)),
-           .addresses = PropertyOf(found.qos, "__NetworkAddresses"),
-           .is_self = id == self});
-    }
-    dds_return_loan(reader.get(), samples, count);
-  }
+  ETUDE_RETURN_IF_ERROR(ForEachLive<dds_builtintopic_participant_t>(
+      participant.state()->participant.get(), DDS_BUILTIN_TOPIC_DCPSPARTICIPANT,
+      [&](const dds_builtintopic_participant_t& found) {
+        const std::string id = GuidText(found.key);
+        peers.push_back(
+            {.participant = id,
+             .host = PropertyOf(found.qos, "__Hostname"),
+             .process = PropertyOf(found.qos, "__ProcessName"),
+             .pid = static_cast<std::uint32_t>(std::strtoul(PropertyOf(found.qos, "__Pid").c_str(), nullptr, 10)),
+             .addresses = PropertyOf(found.qos, "__NetworkAddresses"),
+             .is_self = id == self});
+      }));
   std::ranges::sort(peers, {}, [](const NetworkPeer& peer) { return std::tie(peer.host, peer.process, peer.pid); });
   return peers;
 }

@@ -325,7 +325,7 @@ Participant::~Participant() = default;
 std::uint32_t Participant::domain() const { return state_->id; }
 bool Participant::secured() const { return state_->identity.has_value(); }
 bool Participant::AllAdmitted() const {
-  const Peers peers = LookAround(*state_);
+  const PeersSeen peers = LookAround(*state_);
   return std::ranges::includes(peers.admitted, peers.seen);
 }
 

@@ -9,6 +9,7 @@
 #include <mutex>
 #include <thread>
 
+#include "services/bus/builtin_topic.h"
 #include "services/core/clock.h"
 #include "services/core/log.h"
 #include "services/core/stop_reason.h"
@@ -18,30 +19,6 @@ namespace {
 
 using security::Role;
 
-std::string IdText(const dds_guid_t& guid) {
-  std::string text;
-  for (const std::uint8_t byte : guid.v) text += fmt::format("{:02x}", byte);
-  return text;
-}
-
-// Calls `use` with every live sample of a builtin topic.
-template <class Sample, class Use>
-void ForEach(dds_entity_t participant, dds_entity_t topic, const Use& use) {
-  const Entity reader(dds_create_reader(participant, topic, nullptr, nullptr));
-  if (reader.get() <= 0) return;
-  constexpr int kBatch = 64;
-  while (true) {
-    void* samples[kBatch] = {};
-    dds_sample_info_t infos[kBatch];
-    const dds_return_t count = dds_take(reader.get(), samples, infos, kBatch, kBatch);
-    if (count <= 0) return;
-    for (int i = 0; i < count; ++i)
-      if (infos[i].valid_data && infos[i].instance_state == DDS_ALIVE_INSTANCE_STATE)
-        use(*static_cast<const Sample*>(samples[i]));
-    dds_return_loan(reader.get(), samples, count);
-  }
-}
-
 // A process that others depend on goes on for those that it has; the others end and are started again.
 bool IsHub(const security::Identity& identity) {
   return identity.Has(Role::kCollector) || identity.Has(Role::kTrainer) || identity.Has(Role::kGateway) ||
@@ -50,26 +27,28 @@ bool IsHub(const security::Identity& identity) {
 
 }  // namespace
 
-Peers LookAround(const Participant::State& state) {
-  Peers peers;
+PeersSeen LookAround(const Participant::State& state) {
+  PeersSeen peers;
   const dds_entity_t participant = state.participant.get();
   dds_guid_t own{};
   dds_get_guid(participant, &own);
-  const std::string self = IdText(own);
-  ForEach<dds_builtintopic_participant_t>(
-      participant, DDS_BUILTIN_TOPIC_DCPSPARTICIPANT,
-      [&](const dds_builtintopic_participant_t& found) { peers.seen.insert(IdText(found.key)); });
+  const std::string self = GuidText(own);
   const auto admit = [&](const dds_builtintopic_endpoint_t& found) {
-    peers.admitted.insert(IdText(found.participant_key));
+    peers.admitted.insert(GuidText(found.participant_key));
   };
-  ForEach<dds_builtintopic_endpoint_t>(participant, DDS_BUILTIN_TOPIC_DCPSPUBLICATION, admit);
-  ForEach<dds_builtintopic_endpoint_t>(participant, DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION, admit);
+  for (const Status& looked :
+       {ForEachLive<dds_builtintopic_participant_t>(
+            participant, DDS_BUILTIN_TOPIC_DCPSPARTICIPANT,
+            [&](const dds_builtintopic_participant_t& found) { peers.seen.insert(GuidText(found.key)); }),
+        ForEachLive<dds_builtintopic_endpoint_t>(participant, DDS_BUILTIN_TOPIC_DCPSPUBLICATION, admit),
+        ForEachLive<dds_builtintopic_endpoint_t>(participant, DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION, admit)})
+    if (!looked) Log().warn("{}", looked.error().message);
   peers.seen.erase(self);
   peers.admitted.erase(self);
   return peers;
 }
 
-PeerJudge::Finding PeerJudge::Look(const Peers& peers, double now_s) {
+PeerJudge::Finding PeerJudge::Look(const PeersSeen& peers, double now_s) {
   Finding finding;
   ever_admitted_.insert(peers.admitted.begin(), peers.admitted.end());
   std::erase_if(waiting_, [&](const auto& item) {

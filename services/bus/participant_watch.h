@@ -16,11 +16,11 @@
 namespace etude::bus {
 
 /// Who is on the domain, by DDS id.
-struct Peers {
+struct PeersSeen {
   std::set<std::string> seen;      ///< participants whose discovery message came
   std::set<std::string> admitted;  ///< of which an endpoint is known: under security after the handshake only
 };
-Peers LookAround(const Participant::State& state);
+PeersSeen LookAround(const Participant::State& state);
 
 /// What is wrong with the peers, from one look to the next; apart from the bus so that it can be tested.
 class PeerJudge {
@@ -33,7 +33,7 @@ class PeerJudge {
     bool alone = false;             ///< somebody is there, and nobody was ever admitted
   };
   /// @param now_s  of a clock that never goes back
-  Finding Look(const Peers& peers, double now_s);
+  Finding Look(const PeersSeen& peers, double now_s);
 
  private:
   std::map<std::string, double> waiting_;  // since when it has been seen and not admitted

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "services/bus/builtin_topic.h"
 #include "services/bus/participant_state.h"
 #include "services/bus/topic.h"
 #include "services/bus/wire.h"
@@ -13,12 +14,6 @@
 
 namespace etude::bus {
 namespace {
-
-std::string IdText(const dds_guid_t& guid) {
-  std::string text;
-  for (const std::uint8_t byte : guid.v) text += fmt::format("{:02x}", byte);
-  return text;
-}
 
 std::vector<std::string> PartitionsOf(const dds_qos_t* qos) {
   std::uint32_t count = 0;
@@ -38,7 +33,7 @@ PeerEndpoint Describe(const dds_builtintopic_endpoint_t& found, bool is_writer) 
   endpoint.topic = found.topic_name;
   endpoint.type = found.type_name;
   endpoint.is_writer = is_writer;
-  endpoint.participant = IdText(found.participant_key);
+  endpoint.participant = GuidText(found.participant_key);
   endpoint.partitions = PartitionsOf(found.qos);
   dds_reliability_kind_t reliability = DDS_RELIABILITY_BEST_EFFORT;
   dds_durability_kind_t durability = DDS_DURABILITY_VOLATILE;
@@ -55,23 +50,10 @@ PeerEndpoint Describe(const dds_builtintopic_endpoint_t& found, bool is_writer) 
 }
 
 Status Collect(const Participant& participant, bool is_writer, std::vector<PeerEndpoint>& endpoints) {
-  ETUDE_ASSIGN_OR_RETURN(
-      const Entity reader,
-      CheckEntity(dds_create_reader(participant.state()->participant.get(),
-                                    is_writer ? DDS_BUILTIN_TOPIC_DCPSPUBLICATION : DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION,
-                                    nullptr, nullptr),
-                  "look at who is on the domain"));
-  constexpr int kBatch = 64;
-  while (true) {
-    void* samples[kBatch] = {};
-    dds_sample_info_t infos[kBatch];
-    const dds_return_t count = dds_take(reader.get(), samples, infos, kBatch, kBatch);
-    if (count <= 0) return {};
-    for (int i = 0; i < count; ++i)
-      if (infos[i].valid_data && infos[i].instance_state == DDS_ALIVE_INSTANCE_STATE)
-        endpoints.push_back(Describe(*static_cast<const dds_builtintopic_endpoint_t*>(samples[i]), is_writer));
-    dds_return_loan(reader.get(), samples, count);
-  }
+  return ForEachLive<dds_builtintopic_endpoint_t>(
+      participant.state()->participant.get(),
+      is_writer ? DDS_BUILTIN_TOPIC_DCPSPUBLICATION : DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION,
+      [&](const dds_builtintopic_endpoint_t& found) { endpoints.push_back(Describe(found, is_writer)); });
 }
 
 // A field list's visitor that makes JSON of a message.
@@ -166,7 +148,7 @@ Result<std::vector<PeerEndpoint>> Endpoints(const Participant& participant) {
 std::string ParticipantId(const Participant& participant) {
   dds_guid_t guid{};
   dds_get_guid(participant.state()->participant.get(), &guid);
-  return IdText(guid);
+  return GuidText(guid);
 }
 
 std::string QosText(const PeerEndpoint& endpoint) {

@@ -88,7 +88,8 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
   ETUDE_ASSIGN_OR_RETURN(auto heartbeats, bus::Reader<bus::WorkerStatus>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto errors, bus::Reader<bus::ValidationErrors>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto controls, bus::Reader<bus::CampaignControl>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto episodes, bus::BlobReceiver::Open(participant, owner, "episode", {.max_memory = options.max_memory}));
+  ETUDE_ASSIGN_OR_RETURN(auto episodes,
+                         bus::BlobReceiver::Open(participant, owner, "episode", {.max_memory = options.max_memory}));
 
   // before anything is committed, files may still be mended
   const auto files = sink->committed().empty() ? std::nullopt : KnownFiles(sink->folder());

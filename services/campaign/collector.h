@@ -39,11 +39,11 @@ struct CollectorOptions {
   /// Bytes of episodes that came and are not durable yet; one alone may be larger. Senders beyond it wait, so that a
   /// stalled or full disk costs no more memory than this.
   std::uint64_t max_memory = 512ull << 20;
-  Claim claim = Claim::kRefuse;                   ///< when the folder's id is live elsewhere
-  std::string policy_id;                          ///< rollouts ask this run's policy; "": whoever serves its name
-  std::string run_id;                             ///< whose validation errors count; "": of the first run that speaks
-  EvalSubject subject;                            ///< in mode rollout: what is evaluated, for the report
-  std::uint32_t content = kContentVersion;        ///< of the episodes: workers of another number are refused
+  Claim claim = Claim::kRefuse;             ///< when the folder's id is live elsewhere
+  std::string policy_id;                    ///< rollouts ask this run's policy; "": whoever serves its name
+  std::string run_id;                       ///< whose validation errors count; "": of the first run that speaks
+  EvalSubject subject;                      ///< in mode rollout: what is evaluated, for the report
+  std::uint32_t content = kContentVersion;  ///< of the episodes: workers of another number are refused
 };
 
 /// A snapshot of how far a campaign is.

@@ -240,8 +240,8 @@ void Collector::Impl::IndexNowAndThen() {
   while (WaitForIndex(pause)) {
     const Time begin = MonotonicClock::now();
     WriteIndex();
-    pause = std::max(options.index_every, std::chrono::duration_cast<std::chrono::milliseconds>(
-                                              kShare * (MonotonicClock::now() - begin)));
+    pause = std::max(options.index_every,
+                     std::chrono::duration_cast<std::chrono::milliseconds>(kShare * (MonotonicClock::now() - begin)));
   }
 }
 

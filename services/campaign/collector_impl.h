@@ -45,9 +45,9 @@ struct Collector::Impl {
   std::string run_id;                   // whose errors count; "": of the first that speaks
   std::optional<SamplingEntry> wanted;  // by the newest errors; holds from no index yet
   std::string refusal;                  // what was said last of errors that were not taken
-  bus::BlobReceiver episodes;            // Run's thread receives, those that commit acknowledge
-  std::unique_ptr<EpisodeSink> sink;     // safe for all of them
-  std::atomic<bool> index_dirty{true};   // the dataset's index lacks something that is committed
+  bus::BlobReceiver episodes;           // Run's thread receives, those that commit acknowledge
+  std::unique_ptr<EpisodeSink> sink;    // safe for all of them
+  std::atomic<bool> index_dirty{true};  // the dataset's index lacks something that is committed
 
   std::atomic<bool> stop{false};
   std::atomic<bool> finished{false};  // all is committed that will be, control may end
@@ -70,8 +70,8 @@ struct Collector::Impl {
   // Indices that are made durable now, and what came for them meanwhile: it is judged when the first one is settled.
   std::map<std::uint64_t, std::vector<bus::ReceivedBlob>> committing ETUDE_GUARDED_BY(mutex);
 
-  Mutex queue_mutex;  // never taken while `mutex` is held
-  ConditionVariable queue_changed, over;  // the latter: closing
+  Mutex queue_mutex;                                                  // never taken while `mutex` is held
+  ConditionVariable queue_changed, over;                              // the latter: closing
   std::deque<bus::ReceivedBlob> queue ETUDE_GUARDED_BY(queue_mutex);  // its bound is the receiver's max_memory
   bool closing ETUDE_GUARDED_BY(queue_mutex) = false;                 // what is still queued is sent again elsewhere
 

@@ -19,8 +19,8 @@
 
 namespace etude::campaign {
 
-/// The durable end of a campaign. Thread safety: all functions but committed() from any thread, of different episodes at
-/// once.
+/// The durable end of a campaign. Thread safety: all functions but committed() from any thread, of different episodes
+/// at once.
 class EpisodeSink {
  public:
   virtual ~EpisodeSink() = default;

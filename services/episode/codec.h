@@ -55,8 +55,8 @@ struct EpisodeView {
   Episode episode;    ///< cameras have no frames
   FrameSpans frames;  ///< into the bytes that were decoded
 };
-/// DecodeEpisode without copying the pictures, for bytes that are EncodeEpisode's own: their SHA-256 is then that of the
-/// episode. @error as DecodeEpisode; kCorrupt, too, when the same episode would be encoded otherwise
+/// DecodeEpisode without copying the pictures, for bytes that are EncodeEpisode's own: their SHA-256 is then that of
+/// the episode. @error as DecodeEpisode; kCorrupt, too, when the same episode would be encoded otherwise
 Result<EpisodeView> ViewEpisode(std::span<const std::uint8_t> bytes);
 
 }  // namespace etude

@@ -25,9 +25,9 @@ struct FileToCommit {
   Path path;
   std::vector<std::span<const std::uint8_t>> pieces;
 };
-/// CommitFile for several at once, which costs less: each is written and fsynced, then all are renamed, then each folder
-/// is fsynced once. Thread-safe for different paths. @returns for each file what CommitFile would: one that fails takes
-/// none but those of its folder along, and those only where that folder's fsync failed.
+/// CommitFile for several at once, which costs less: each is written and fsynced, then all are renamed, then each
+/// folder is fsynced once. Thread-safe for different paths. @returns for each file what CommitFile would: one that
+/// fails takes none but those of its folder along, and those only where that folder's fsync failed.
 std::vector<Status> CommitFiles(std::span<const FileToCommit> files);
 
 /// Where a crash may strike between two system calls of CommitFile.

@@ -172,7 +172,8 @@ CommitRow RowOf(const Episode& episode, std::uint64_t frames, std::uint64_t byte
 namespace {
 
 OrderedJson SceneJson(const SceneTally& scene) {
-  return {{"scenes", scene.scenes}, {"first_draw", scene.first_draw}, {"draws", scene.draws}, {"rejected", scene.rejected}};
+  return {
+      {"scenes", scene.scenes}, {"first_draw", scene.first_draw}, {"draws", scene.draws}, {"rejected", scene.rejected}};
 }
 
 void ReadCounts(const OrderedJson& json, Counts& counts, bool& good) {
@@ -206,23 +207,23 @@ bool ReadCounted(const OrderedJson& json, CommitRow& row) {
 
 std::string LineOf(const CommitRow& row) {
   OrderedJson line{{"index", row.index},
-                         {"attempt", row.attempt},
-                         {"t", ToMilliseconds(row.t)},
-                         {"worker", row.facts.worker},
-                         {"host", row.facts.host},
-                         {"bytes", row.bytes},
-                         {"steps", row.steps},
-                         {"frames", row.frames},
-                         {"outcome", row.outcome},
-                         {"robot", row.robot},
-                         {"task", row.task},
-                         {"target", row.target},
-                         {"reference", row.reference},
-                         {"instruction", row.instruction},
-                         {"timings", TimesJson(row.facts.timings)},
-                         {"path_m", row.path_m},
-                         {"jerk", row.jerk},
-                         {"draws", row.draws}};
+                   {"attempt", row.attempt},
+                   {"t", ToMilliseconds(row.t)},
+                   {"worker", row.facts.worker},
+                   {"host", row.facts.host},
+                   {"bytes", row.bytes},
+                   {"steps", row.steps},
+                   {"frames", row.frames},
+                   {"outcome", row.outcome},
+                   {"robot", row.robot},
+                   {"task", row.task},
+                   {"target", row.target},
+                   {"reference", row.reference},
+                   {"instruction", row.instruction},
+                   {"timings", TimesJson(row.facts.timings)},
+                   {"path_m", row.path_m},
+                   {"jerk", row.jerk},
+                   {"draws", row.draws}};
   if (row.counted) {
     line["success"] = row.success;
     line["samples"] = row.samples;

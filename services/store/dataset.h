@@ -63,16 +63,17 @@ class DatasetWriter {
   /// before; kUnavailable (disk full) may be tried again.
   /// @param facts  for its line in commits.jsonl; nothing of them enters the episode's file
   Status Commit(const Episode& episode, const CommitFacts& facts = {});
-  /// Several at once, of different indices: files are fsynced together and each folder once, nothing is hashed again, the
-  /// bytes are made without HDF5. Of the pictures every 16th is inflated, all begin as a zlib stream; Verify looks at
-  /// each. @returns for each what Commit would
+  /// Several at once, of different indices: files are fsynced together and each folder once, nothing is hashed again,
+  /// the bytes are made without HDF5. Of the pictures every 16th is inflated, all begin as a zlib stream; Verify looks
+  /// at each. @returns for each what Commit would
   std::vector<Status> CommitGroup(std::span<const ArrivedEpisode> group);
   /// Appends to attempts.jsonl.
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json);
   /// Rewrites dataset.hdf5 (links and masks) and dataset.json (statistics), each by rename, and adds to commits.jsonl
   /// the lines that it lacks. Call now and then and at the end: its time grows with the dataset, and commits go on
-  /// meanwhile. Everything in it is derived from the episode files, of which only those are read that the journal lacks.
+  /// meanwhile. Everything in it is derived from the episode files, of which only those are read that the journal
+  /// lacks.
   Status WriteMaster();
 
  private:

@@ -109,8 +109,8 @@ std::map<std::uint64_t, std::uint64_t> SizesOf(const std::vector<Path>& files) {
 }
 
 internal::EpisodeSummary SummaryOf(const CommitRow& row) {
-  return {row.task, row.target, row.outcome, row.success, row.steps, row.samples, row.frames, row.bytes, row.scene,
-          row.planned};
+  return {row.task,    row.target, row.outcome, row.success, row.steps,
+          row.samples, row.frames, row.bytes,   row.scene,   row.planned};
 }
 
 // When a file was committed, seconds since 1970, as well as its folder knows.

@@ -203,8 +203,7 @@ class Writer {
     for (int i = 0; i < 3; ++i) X.insert(X.end(), {R(i, 0), -R(i, 1), -R(i, 2), p[i]});
     X.insert(X.end(), {0, 0, 0, 1});
     file_.Array(group + "/pose", X, {4, 4});
-    if (!frames.empty())
-      file_.Frames(demo_ + "/obs/" + camera.name + "_image", camera.height, camera.width, frames);
+    if (!frames.empty()) file_.Frames(demo_ + "/obs/" + camera.name + "_image", camera.height, camera.width, frames);
   }
 
   const Episode& episode_;

@@ -52,7 +52,6 @@ class HdfLock {
   std::unique_lock<std::mutex> lock_;
 };
 
-
 /// A file's memory while HDF5 has it, and its bytes once HDF5 has closed it.
 struct FileImage {
   std::size_t size = 0;
@@ -89,7 +88,8 @@ class HdfWriter {
   }
   /// (frames, height, width, 3) uint8, one frame a chunk with the deflate filter; the zlib streams
   /// become the chunks as they are.
-  void Frames(const std::string& path, int height, int width, const std::vector<std::span<const std::uint8_t>>& streams);
+  void Frames(const std::string& path, int height, int width,
+              const std::vector<std::span<const std::uint8_t>>& streams);
   /// (n,) byte strings of one length, padded with NUL.
   void FixedStrings(const std::string& path, const std::vector<std::string>& texts);
   void ExternalLink(const std::string& path, const std::string& file, const std::string& object);

@@ -18,10 +18,10 @@ using Bytes = std::vector<std::uint8_t>;
 
 constexpr std::uint64_t kUndefined = UINT64_MAX;  // an address
 constexpr std::size_t kSuperblockSize = 48;
-constexpr std::size_t kHeapHead = 16;     // of a collection, and of each object in it
-constexpr std::size_t kHeapLeast = 4096;  // bytes of a collection, as the library has it
+constexpr std::size_t kHeapHead = 16;      // of a collection, and of each object in it
+constexpr std::size_t kHeapLeast = 4096;   // bytes of a collection, as the library has it
 constexpr std::size_t kHeapMost = 60'000;  // beyond, the next text begins another collection
-constexpr std::size_t kTreeSlots = 64;    // entries of a node: twice the library's default K of 32
+constexpr std::size_t kTreeSlots = 64;     // entries of a node: twice the library's default K of 32
 constexpr std::size_t kMostMessage = 65'535;
 
 enum Message : std::uint8_t {
@@ -105,8 +105,7 @@ Bytes FloatType(std::uint32_t size, const FloatLayout& layout) {
   Put(type, size);
   Put(type, std::uint16_t{0});
   Put(type, static_cast<std::uint16_t>(8 * size));
-  Put(type, std::span<const std::uint8_t>(
-                Bytes{layout.exponent_at, layout.exponent_bits, 0, layout.mantissa_bits}));
+  Put(type, std::span<const std::uint8_t>(Bytes{layout.exponent_at, layout.exponent_bits, 0, layout.mantissa_bits}));
   Put(type, layout.bias);
   return type;
 }
@@ -220,7 +219,7 @@ struct HdfImage::Object {
  private:
   void PutGroup(Bytes& out) const {
     PutMessage(out, kLinkInfo, 0, CompactInfo());
-    Bytes info{0, 1};              // with bounds, as those of attributes
+    Bytes info{0, 1};  // with bounds, as those of attributes
     Put(info, std::uint16_t{64});
     Put(info, std::uint16_t{32});
     PutMessage(out, kGroupInfo, kConstant, info);
@@ -373,8 +372,9 @@ HdfImage::Object* HdfImage::Make(const std::string& path) {
   if (above == nullptr) return nullptr;
   constexpr std::size_t kLongestName = 255;
   if (!above->group || name.empty() || name.size() > kLongestName || by_path_.contains(path)) {
-    Complain(fmt::format("'{}' cannot be made: it is there, its parent is no group, or its name is not of 1 to {} bytes",
-                         path, kLongestName));
+    Complain(
+        fmt::format("'{}' cannot be made: it is there, its parent is no group, or its name is not of 1 to {} bytes",
+                    path, kLongestName));
     return nullptr;
   }
   Object* const made = objects_.emplace_back(std::make_unique<Object>(false)).get();

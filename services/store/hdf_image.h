@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // An HDF5 file's bytes without HDF5's library: no lock, no parser, one pass, and large data stays where it is. What it
-// knows of the format is what an episode's file needs (HDF5 File Format Specification 3.0): superblock 2, object headers
-// 2 with compact links and attributes, contiguous arrays, pictures in chunks under a version 1 B-tree, texts in global
-// heaps. The library, h5py and h5dump read it as a file of format 1.8; tests compare it with what HdfWriter makes of the
-// same calls.
+// knows of the format is what an episode's file needs (HDF5 File Format Specification 3.0): superblock 2, object
+// headers 2 with compact links and attributes, contiguous arrays, pictures in chunks under a version 1 B-tree, texts in
+// global heaps. The library, h5py and h5dump read it as a file of format 1.8; tests compare it with what HdfWriter
+// makes of the same calls.
 #pragma once
 
 #include <cstdint>

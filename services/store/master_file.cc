@@ -17,8 +17,7 @@ std::string DemoName(std::uint64_t index) {
   return group.substr(group.rfind('/') + 1);
 }
 
-Result<std::vector<std::uint8_t>> MasterBytes(const CampaignSpec& spec,
-                                              const std::vector<MasterEntry>& episodes,
+Result<std::vector<std::uint8_t>> MasterBytes(const CampaignSpec& spec, const std::vector<MasterEntry>& episodes,
                                               const FilterKeys& chosen) {
   HdfWriter file;
   std::int64_t total = 0;
@@ -63,8 +62,7 @@ std::map<std::string, std::vector<std::string>> MasksOf(const CampaignSpec& spec
   return masks;
 }
 
-Status WriteMasterFile(const Path& dataset, const CampaignSpec& spec,
-                       const std::vector<MasterEntry>& episodes) {
+Status WriteMasterFile(const Path& dataset, const CampaignSpec& spec, const std::vector<MasterEntry>& episodes) {
   // keys that cannot be read keep no collector from its work; whoever reads or changes them is told
   const FilterKeys chosen = ReadFilterKeys(dataset).value_or(FilterKeys());
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, MasterBytes(spec, episodes, chosen));

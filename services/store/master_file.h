@@ -18,15 +18,14 @@ struct MasterEntry {
 /// In the order of indices; they point into `episodes`.
 std::vector<MasterEntry> EntriesOf(const std::map<std::uint64_t, EpisodeSummary>& episodes);
 
-/// robomimic's filter keys: train, valid, test, each task, and `chosen`. Name -> "demo_<i>", in the order of indices, in
-/// which `episodes` must be.
+/// robomimic's filter keys: train, valid, test, each task, and `chosen`. Name -> "demo_<i>", in the order of indices,
+/// in which `episodes` must be.
 std::map<std::string, std::vector<std::string>> MasksOf(const CampaignSpec& spec,
                                                         const std::vector<MasterEntry>& episodes,
                                                         const FilterKeys& chosen);
 
 /// Rewrites DATASET/dataset.hdf5 by rename: /data/demo_<i> as external links into the episodes'
 /// files, /mask/{train,valid,test}, /mask/<task> and the dataset's own filter keys as fixed-length byte strings.
-Status WriteMasterFile(const Path& dataset, const CampaignSpec& spec,
-                       const std::vector<MasterEntry>& episodes);
+Status WriteMasterFile(const Path& dataset, const CampaignSpec& spec, const std::vector<MasterEntry>& episodes);
 
 }  // namespace etude::store::internal

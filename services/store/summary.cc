@@ -51,12 +51,12 @@ void Statistics::Add(const CampaignSpec& spec, std::uint64_t index, const Episod
 }
 
 OrderedJson Statistics::Json() const {
-  return {{"episodes", episodes_},     {"successes", successes_},
-          {"steps", sum_.steps},       {"seconds", static_cast<double>(sum_.steps) / kControlRate},
-          {"samples", sum_.samples},   {"frames", sum_.frames},
-          {"bytes", sum_.bytes},       {"tasks", tasks_},
-          {"targets", targets_},       {"splits", splits_},
-          {"outcomes", outcomes_},     {"scenes", sum_.scene.Json()},
+  return {{"episodes", episodes_},         {"successes", successes_},
+          {"steps", sum_.steps},           {"seconds", static_cast<double>(sum_.steps) / kControlRate},
+          {"samples", sum_.samples},       {"frames", sum_.frames},
+          {"bytes", sum_.bytes},           {"tasks", tasks_},
+          {"targets", targets_},           {"splits", splits_},
+          {"outcomes", outcomes_},         {"scenes", sum_.scene.Json()},
           {"planned", sum_.planned.Json()}};
 }
 

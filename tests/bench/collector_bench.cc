@@ -361,7 +361,9 @@ int RunBench(std::uint64_t total, Path dataset, const Path& tmpfs, const Path& d
 
 int main(int argc, char** argv) {
   const auto argument = [&](int i, const char* otherwise) { return std::string(argc > i ? argv[i] : otherwise); };
-  const auto number = [&](int i, const char* otherwise) { return std::strtoull(argument(i, otherwise).c_str(), nullptr, 10); };
+  const auto number = [&](int i, const char* otherwise) {
+    return std::strtoull(argument(i, otherwise).c_str(), nullptr, 10);
+  };
   if (argc == 6 && std::strcmp(argv[1], "sender") == 0)
     return RunSender(static_cast<std::uint32_t>(number(2, "")), argv[3], number(4, ""), argv[5]);
   if (argc == 6 && std::strcmp(argv[1], "collector") == 0)

@@ -131,8 +131,7 @@ void ExpectAsTheLibraryMakesIt(const Episode& episode) {
   for (const auto& [name, text] : right) right_names.push_back(name);
   EXPECT_EQ(left_names, right_names);
   EXPECT_GT(left.size(), 40u);
-  for (const auto& [name, text] : right)
-    EXPECT_TRUE(!left.contains(name) || left.at(name) == text) << name;
+  for (const auto& [name, text] : right) EXPECT_TRUE(!left.contains(name) || left.at(name) == text) << name;
 }
 
 TEST(HdfImage, IsForTheLibraryWhatItMakesItself) {
