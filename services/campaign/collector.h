@@ -36,8 +36,6 @@ struct CollectorOptions {
   std::chrono::milliseconds retry_commit{1'000};  ///< after a full disk
   std::chrono::milliseconds drain{2'000};         ///< at the end, to tell workers that it is done
   std::chrono::milliseconds away{15'000};  ///< the same, when some that worked in the last minute are not to be heard
-  /// A worker that beats but says no progress of its attempt for so long loses its lease.
-  std::chrono::milliseconds stall{120'000};
   int unfit_budget = 3;  ///< episodes in a row that do not fit; then their worker is sent away
   std::chrono::milliseconds policy_patience{300'000};  ///< rollouts without one answer; then the evaluation fails
   std::uint64_t max_in_flight = 1024;                  ///< leases out at once
@@ -94,7 +92,7 @@ class Collector {
   const std::string& id() const;
   CollectorProgress progress() const;
   /// Workers whose leases were taken since the last call: they did not beat, or beat and did not move for
-  /// `stall`. Whoever started them should end them and start others.
+  /// the spec's stall_timeout_s. Whoever started them should end them and start others.
   std::vector<std::string> TakeSilent();
   /// The caller knows that `worker` is dead (it was its child): its lease is revoked and free at once.
   void Revoke(const std::string& worker);

@@ -65,13 +65,14 @@ void Collector::Impl::EndSilent() {
   const Time now = MonotonicClock::now();
   const std::size_t before = silent.size();
   if (const int lost = table.Expire(now, &silent)) Log().warn("leases expired without a word count={}", lost);
+  const std::chrono::duration<double> patience(spec.stall_timeout_s);
   for (auto& [worker, motion] : motions) {
     // what is sent may wait for our own disk
-    if (motion.token == 0 || motion.phase == "send" || now - motion.since < options.stall) continue;
+    if (motion.token == 0 || motion.phase == "send" || now - motion.since < patience) continue;
     motion.since = now;
     if (!table.Renew(motion.index, motion.token, now)) continue;  // not its lease any more
     Log().warn("took a lease from a worker that does not move worker={} index={} stage='{}' step={} for {} s", worker,
-               motion.index, motion.stage, motion.step, options.stall.count() / 1000);
+               motion.index, motion.stage, motion.step, spec.stall_timeout_s);
     table.Revoke(worker);
     ++counters.failures["stalled"];
     silent.push_back(worker);

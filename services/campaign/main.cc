@@ -16,7 +16,7 @@ struct Arguments {
   campaign::SpecArguments spec;
   std::string out;
   bus::Arguments bus;
-  double lease_s = 10, stall_s = 120;
+  double lease_s = 10;
   Claim claim = Claim::kRefuse;
 };
 
@@ -27,7 +27,6 @@ Status Collect(const Arguments& arguments) {
                          bus::ProcessReporter::Start(participant, {.role = "collector", .folder = arguments.out}));
   campaign::CollectorOptions options;
   options.lease = std::chrono::milliseconds(static_cast<std::int64_t>(arguments.lease_s * 1000));
-  options.stall = std::chrono::milliseconds(static_cast<std::int64_t>(arguments.stall_s * 1000));
   options.claim = arguments.claim;
   ETUDE_ASSIGN_OR_RETURN(auto collector, campaign::Collector::Open(participant, spec, arguments.out, options));
   ETUDE_RETURN_IF_ERROR(collector.Run());
@@ -52,10 +51,6 @@ int main(int argc, char** argv) {
       ->allow_extra_args(false);
   app.add_option("--lease", arguments.lease_s, "seconds of silence after which a worker's work goes to another")
       ->check(CLI::Range(0.5, 3600.0));
-  app.add_option("--stall-timeout", arguments.stall_s,
-                 "seconds without progress of an attempt after which its worker loses it, though it beats")
-      ->check(CLI::Range(1.0, 86'400.0))
-      ->capture_default_str();
   etude::bus::AddClaim(app, arguments.claim);
   arguments.bus.Add(app);
   try {

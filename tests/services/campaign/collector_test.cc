@@ -538,10 +538,9 @@ class Beating {
 };
 
 TEST_F(CollectorTest, AWorkerThatBeatsAndDoesNotMoveLosesItsLease) {
-  const CampaignSpec spec = Spec("stall", 2);
-  CollectorOptions options = QuickOptions();
-  options.stall = 1s;
-  Running running(std::move(*Collector::Open(*participant_, spec, folder_ / "data", options)));
+  CampaignSpec spec = Spec("stall", 2);
+  spec.stall_timeout_s = 1;
+  Running running(std::move(*Open(spec, folder_ / "data")));
   RawWorker hung(*participant_, spec, running->id(), "hung"), moving(*participant_, spec, running->id(), "moving");
   const bus::Lease stuck = hung.Ask(), at_work = moving.Ask();
   Beating still(*participant_, running, spec, stuck, "hung"), moves(*participant_, running, spec, at_work, "moving");
