@@ -594,12 +594,14 @@ TEST_F(CollectorTest, AnIdleWorkerEndsWhenNobodyWantsItForAsLongAsItWasTold) {
 TEST_F(CollectorTest, APolicyThatDoesNotAnswerDropsNoRolloutAndEndsTheEvaluationWithWords) {
   CampaignSpec spec = Spec("outage", 1);
   spec.mode = "rollout";
+  spec.rollout.run = "run";
   spec.max_attempts = 2;
   CollectorOptions options = QuickOptions();
   options.policy_patience = 1s;
   auto collector = Collector::Open(*participant_, spec, folder_ / "data", options);
   ASSERT_TRUE(collector) << collector.error().message;
-  Running running(std::move(*collector));
+  auto owner = std::make_unique<Running>(std::move(*collector));
+  Running& running = *owner;
   RawWorker worker(*participant_, spec, running->id(), "raw");
   const auto fail = [&] {
     bus::Lease lease = worker.Ask();
@@ -622,6 +624,7 @@ TEST_F(CollectorTest, APolicyThatDoesNotAnswerDropsNoRolloutAndEndsTheEvaluation
       << running.status().error().message;
 
   // and the next start begins where it was
+  owner.reset();
   auto again = Collector::Open(*participant_, spec, folder_ / "data", options);
   ASSERT_TRUE(again) << again.error().message;
   EXPECT_EQ(again->progress().given_up, 0u);

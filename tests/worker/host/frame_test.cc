@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <thread>
 
@@ -16,9 +17,10 @@ using namespace std::chrono_literals;
 
 std::vector<std::uint8_t> Encoded(FrameKind kind, const std::string& head, const std::vector<std::uint8_t>& bytes) {
   const auto header = FrameHeader(kind, static_cast<std::uint32_t>(head.size()), bytes.size());
-  std::vector<std::uint8_t> all(header.begin(), header.end());
-  all.insert(all.end(), head.begin(), head.end());
-  all.insert(all.end(), bytes.begin(), bytes.end());
+  std::vector<std::uint8_t> all(header.size() + head.size() + bytes.size());
+  auto end = std::copy(header.begin(), header.end(), all.begin());
+  end = std::copy(head.begin(), head.end(), end);
+  std::copy(bytes.begin(), bytes.end(), end);
   return all;
 }
 
