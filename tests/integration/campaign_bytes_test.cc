@@ -7,7 +7,7 @@
 
 #include <cstdlib>
 #include <filesystem>
-#include <sstream>
+#include <fstream>
 #include <thread>
 
 #include "services/campaign/collector.h"
@@ -68,7 +68,7 @@ std::vector<pid_t> ChildrenOf(pid_t parent) {
   std::vector<pid_t> children;
   std::error_code error;
   for (const auto& task : std::filesystem::directory_iterator(fmt::format("/proc/{}/task", parent), error)) {
-    std::istringstream pids(ReadTextFile(task.path() / "children").value_or(""));
+    std::ifstream pids(task.path() / "children");  // its size is said to be 0
     for (pid_t pid = 0; pids >> pid;) children.push_back(pid);
   }
   return children;
