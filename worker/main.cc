@@ -6,9 +6,12 @@
 #include <cstdlib>
 #include <filesystem>
 #include <optional>
+#include <thread>
+#include <vector>
 
 #include "services/bus/arguments.h"
 #include "services/bus/process_reporter.h"
+#include "services/campaign/process.h"
 #include "services/campaign/spec_file.h"
 #include "services/campaign/worker_client.h"
 #include "services/core/clock.h"
@@ -16,12 +19,16 @@
 #include "services/core/command_table.h"
 #include "services/core/config_reference.h"
 #include "services/core/log.h"
+#include "services/core/pinned_process.h"
 #include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "services/episode/codec.h"
 #include "services/policy/client.h"
 #include "services/store/dataset.h"
 #include "services/store/sampling_journal.h"
+#include "worker/fingerprint.h"
+#include "worker/host/child.h"
+#include "worker/host/slot.h"
 #include "worker/play.h"
 #include "worker/sim/robot_file.h"
 #include "worker/task/attempt.h"
@@ -47,6 +54,10 @@ struct Arguments {
   std::string task;
   TaskCheckOptions task_check;
   PlayOptions play;
+  int slots = 0;       ///< 0: this process makes the episodes itself
+  bool child = false;  ///< of a host with slots
+  double stall_s = 90;
+  bool fingerprint = false, json = false;
 };
 
 campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete) {
@@ -85,8 +96,7 @@ campaign::WorkFunction Demonstrate(std::shared_ptr<task::AttemptRunner> runner) 
   };
 }
 
-campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, std::shared_ptr<policy::Client> policy) {
-  const policy::AskFunction ask = [policy](const policy::Question& question) { return policy->Ask(question); };
+campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, const policy::AskFunction& ask) {
   return [runner, ask](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
     runner->OnProgress(ToProgress(item));
     auto attempt = runner->Rollout(item.index, ask);
@@ -99,6 +109,12 @@ campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, std:
     const std::string outcome = StopRequested() ? campaign::kReleased : campaign::kPolicyError;
     return campaign::WorkResult{.outcome = outcome,
                                 .details_json = OrderedJson{{"reason", attempt.error().message}}.dump()};
+  };
+}
+
+policy::AskFunction AskOf(policy::Client policy) {
+  return [client = std::make_shared<policy::Client>(std::move(policy))](const policy::Question& question) {
+    return client->Ask(question);
   };
 }
 
@@ -117,8 +133,63 @@ Status Work(const Arguments& arguments) {
     ServiceManager::Get().Say(fmt::format("campaign {}@{} as {}", spec.name, joined.id, client.name()));
     if (spec.mode != "rollout") return Demonstrate(runner);
     ETUDE_ASSIGN_OR_RETURN(auto policy, policy::Client::Open(participant, joined.policy, client.name()));
-    return RollOut(runner, std::make_shared<policy::Client>(std::move(policy)));
+    return RollOut(runner, AskOf(std::move(policy)));
   });
+}
+
+// Makes what the host at the other end of descriptor 3 asks for.
+Status BeChild(const Arguments& arguments) {
+  return host::ServeHost(
+      host::Channel(host::kHostDescriptor),
+      [&](const campaign::JoinedCampaign& joined, const policy::AskFunction& ask) -> Result<campaign::WorkFunction> {
+        ETUDE_ASSIGN_OR_RETURN(auto opened, task::AttemptRunner::Open(joined.spec, arguments.renderer));
+        auto runner = std::make_shared<task::AttemptRunner>(std::move(opened));
+        return joined.spec.mode == "rollout" ? RollOut(runner, ask) : Demonstrate(runner);
+      });
+}
+
+// One slot of a host, on a thread of its own: a worker on the bus whose attempts a child makes.
+Status WorkInSlot(const Arguments& arguments, const bus::Participant& participant, host::SlotOptions slot_options) {
+  campaign::WorkerOptions options = arguments.worker;
+  options.name = slot_options.name;
+  options.files_sha256 = task::UserFilesSha256;
+  ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
+  host::Slot slot(std::move(slot_options));
+  return client.Run([&](const campaign::JoinedCampaign& joined) -> Result<campaign::WorkFunction> {
+    ETUDE_RETURN_IF_ERROR(slot.Begin(joined));
+    policy::AskFunction ask;
+    if (joined.spec.mode == "rollout") {
+      ETUDE_ASSIGN_OR_RETURN(auto policy, policy::Client::Open(participant, joined.policy, client.name()));
+      ask = AskOf(std::move(policy));
+    }
+    return [&slot, ask](const campaign::WorkItem& item) { return slot.Do(item, ask); };
+  });
+}
+
+// One participant for all slots. A slot that ends with an error ends its host: what refused it refuses the others.
+Status Host(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "worker"}));
+  ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling("etude-worker"));
+  const std::string name = arguments.worker.name.empty() ? bus::UniquePeerName() : arguments.worker.name;
+  host::SlotOptions options;
+  options.argv = {program.string(), "--child", "--gl", arguments.renderer.backend};
+  if (arguments.bus.log != "text") options.argv.insert(options.argv.end(), {"--log", arguments.bus.log});
+  options.hopeless = std::max(6, 3 * arguments.slots);
+  options.stall = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * arguments.stall_s));
+  std::vector<Status> ended(static_cast<std::size_t>(arguments.slots));
+  std::vector<std::thread> threads;
+  for (std::size_t k = 0; k < ended.size(); ++k) {
+    options.name = fmt::format("{}-s{}", name, k);
+    threads.emplace_back([&, k, options] {
+      ended[k] = WorkInSlot(arguments, participant, options);
+      if (!ended[k]) RequestStop();
+    });
+  }
+  for (auto& thread : threads) thread.join();
+  for (const Status& status : ended)
+    if (!status) return status;
+  return {};
 }
 
 // Renders one picture and says with what.
@@ -139,6 +210,16 @@ Status Doctor(const Arguments& arguments) {
                             "try --gl osmesa",
                             renderer.backend(), *low, *high));
   fmt::print("{} on {}, a picture in {:.1f} ms\n", renderer.backend(), renderer.gl_renderer(), 1e3 * elapsed.Seconds());
+  return {};
+}
+
+Status PrintFingerprint(const Arguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const Fingerprint fingerprint, TakeFingerprint(arguments.renderer));
+  OrderedJson json = OrderedJson::object();
+  for (const auto& [name, value] : fingerprint) json[name] = value;
+  if (arguments.json) fmt::print("{}\n", json.dump());
+  for (const auto& [name, value] : fingerprint)
+    if (!arguments.json) fmt::print("{:<10} {}\n", name, value);
   return {};
 }
 
@@ -236,6 +317,7 @@ CLI::App* AddTaskCheck(CLI::App& app, Arguments& arguments) {
 }  // namespace etude
 
 int main(int argc, char** argv) {
+  etude::PinProcess(argv);
   // llvmpipe is fastest without threads of its own when every core has a worker
   ::setenv("LP_NUM_THREADS", "0", 0);
   etude::Arguments arguments;
@@ -244,8 +326,26 @@ int main(int argc, char** argv) {
   arguments.bus.Add(app);
   app.add_option("--name", arguments.worker.name, "unique name on the bus");
   app.add_flag("--once", arguments.worker.once, "one attempt, then home");
+  app.add_option_function<double>(
+         "--idle-timeout",
+         [&](double seconds) {
+           arguments.worker.idle_timeout = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * seconds));
+         },
+         "seconds without work, then home (default: waits for ever)")
+      ->check(CLI::Range(0.1, 1e6));
   app.add_option("--gl", arguments.renderer.backend, "auto | egl | osmesa")
       ->check(CLI::IsMember({"auto", "egl", "osmesa"}));
+  app.add_option("--slots", arguments.slots,
+                 "makes so many episodes at a time, each in a supervised child; one participant on the bus for all")
+      ->check(CLI::Range(1, 1024));
+  app.add_option("--stall-timeout", arguments.stall_s,
+                 "with --slots: seconds without a word of a child that works, after which it is replaced")
+      ->check(CLI::Range(1.0, 86'400.0))
+      ->capture_default_str();
+  auto* fingerprint = app.add_flag("--fingerprint", arguments.fingerprint,
+                                   "prints what the bytes of this machine's episodes depend on, and ends");
+  app.add_flag("--json", arguments.json, "the fingerprint as JSON")->needs(fingerprint);
+  app.add_flag("--child", arguments.child)->group("");  // hidden: how a host starts its children
   auto* doctor = app.add_subcommand("doctor", "render one picture and say with what");
   auto* render = etude::AddRender(app, arguments);
   auto* robot = app.add_subcommand("robot", "robots of your own")->require_subcommand(1);
@@ -262,10 +362,13 @@ int main(int argc, char** argv) {
   play->fallthrough();  // --domain, --gl
   app.require_subcommand(0, 1);
   app.callback([&] {
-    if (app.get_subcommands().empty() && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
+    const bool joins = app.get_subcommands().empty() && !arguments.child && !arguments.fingerprint;
+    if (joins && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
   });
   if (const auto ended = etude::ParseCommandLine(app, argc, argv)) return *ended;
   return etude::RunMain("etude-worker", [&] {
+    if (arguments.child) return etude::BeChild(arguments);
+    if (arguments.fingerprint) return etude::PrintFingerprint(arguments);
     if (*doctor) return etude::Doctor(arguments);
     if (*describe) return etude::DescribeRobotFile(as_json);
     if (*outcomes) return etude::DescribeOutcomes(as_json);
@@ -273,6 +376,7 @@ int main(int argc, char** argv) {
     if (*check) return etude::CheckRobot(arguments.robot, arguments.renderer);
     if (*task_check) return etude::CheckTaskFile(arguments.task, arguments.task_check, arguments.renderer);
     if (*play) return etude::Play(arguments.play, arguments.bus, arguments.renderer);
-    return *render ? etude::RenderScene(arguments) : etude::Work(arguments);
+    if (*render) return etude::RenderScene(arguments);
+    return arguments.slots > 0 ? etude::Host(arguments) : etude::Work(arguments);
   });
 }

@@ -157,7 +157,7 @@ Status Collector::Run() {
   Log().info("campaign={} committed={}/{} given_up={} attempts={}", impl.spec.name, progress.committed, progress.total,
              progress.given_up, progress.attempts);
   const MutexLock lock(impl.mutex);
-  if (impl.superseded) return Fail(*impl.superseded);
+  if (impl.ended_by) return Fail(*impl.ended_by);
   return {};
 }
 
@@ -170,10 +170,16 @@ CollectorProgress Collector::progress() const {
   return impl_->Snapshot();
 }
 
+std::vector<std::string> Collector::TakeSilent() {
+  const MutexLock lock(impl_->mutex);
+  return std::exchange(impl_->silent, {});
+}
+
 void Collector::Revoke(const std::string& worker) {
   const MutexLock lock(impl_->mutex);
   impl_->table.Revoke(worker);
   impl_->heard.erase(worker);
+  impl_->motions.erase(worker);
 }
 
 }  // namespace etude::campaign

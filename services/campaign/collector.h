@@ -17,6 +17,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "services/bus/participant.h"
 #include "services/campaign/sink.h"
@@ -34,8 +35,11 @@ struct CollectorOptions {
   std::chrono::milliseconds index_every{30'000};  ///< dataset.hdf5 and statistics; less often where they take long
   std::chrono::milliseconds retry_commit{1'000};  ///< after a full disk
   std::chrono::milliseconds drain{2'000};         ///< at the end, to tell workers that it is done
-  std::uint64_t max_in_flight = 1024;             ///< leases out at once
-  std::size_t commit_threads = 0;                 ///< 0: as many as cores, at most 4
+  std::chrono::milliseconds away{15'000};  ///< the same, when some that worked in the last minute are not to be heard
+  int unfit_budget = 3;                    ///< episodes in a row that do not fit; then their worker is sent away
+  std::chrono::milliseconds policy_patience{300'000};  ///< rollouts without one answer; then the evaluation fails
+  std::uint64_t max_in_flight = 1024;                  ///< leases out at once
+  std::size_t commit_threads = 0;                      ///< 0: as many as cores, at most 4
   /// Bytes of episodes that came and are not durable yet; one alone may be larger. Senders beyond it wait, so that a
   /// stalled or full disk costs no more memory than this.
   std::uint64_t max_memory = 512ull << 20;
@@ -83,13 +87,17 @@ class Collector {
 
   /// Blocks until every index is committed or given up, Stop() is called or the process is asked to stop.
   /// Always leaves the folder complete in itself (index written). A stop is no error.
-  /// @error kUnavailable: another collector of the same id appeared, and has the better right to it.
+  /// @error kUnavailable: another collector of the same id appeared, and has the better right to it; in mode rollout:
+  /// the policy has answered nobody for `policy_patience`. What is committed stays, and no rollout is given up for it.
   Status Run();
   void Stop();
 
   /// Of the campaign: NAME@ID is what a worker joins.
   const std::string& id() const;
   CollectorProgress progress() const;
+  /// Workers whose leases were taken since the last call: they did not beat, or beat and did not move for
+  /// the spec's stall_timeout_s. Whoever started them should end them and start others.
+  std::vector<std::string> TakeSilent();
   /// The caller knows that `worker` is dead (it was its child): its lease is revoked and free at once.
   void Revoke(const std::string& worker);
 

@@ -55,12 +55,16 @@ Status Collector::Impl::CheckEpisode(const Episode& episode) const {
   return {};
 }
 
-// What a current lease brought does not fit: made again it would not fit either, so that it counts against the
-// index's attempts instead of being leased for ever. The same attempt again: which attempt is committed must not
-// depend on a worker's memory.
-void Collector::Impl::CountUnfit(std::uint64_t token) {
+// What does not fit is its worker's fault: it counts against that one, which is sent away when it goes on like this
+// (WhySentAway). The same attempt again: which attempt is committed, and whether one is, must not depend on a worker.
+void Collector::Impl::CountUnfit(const bus::BlobManifest& manifest, const std::string& reason) {
   ++counters.refused;
-  const auto index = table.IndexOf(token);
+  constexpr std::size_t kMostRemembered = 10'000;
+  if (unfit.size() > kMostRemembered) unfit.clear();
+  Unfit& mistakes = unfit[manifest.sender];
+  ++mistakes.in_a_row;
+  mistakes.reason = reason;
+  const auto index = table.IndexOf(manifest.token);
   if (!index) return;
   table.Fail(*index, LeaseTable::Retry::kSameAttempt);
   ++counters.failures[kUnfitEpisode];
@@ -79,7 +83,7 @@ std::optional<bus::Verdict> Collector::Impl::Judge(bus::ReceivedBlob& blob, cons
   const MutexLock lock(mutex);
   heard[blob.manifest.sender] = MonotonicClock::now();
   if (!fits) {
-    CountUnfit(blob.manifest.token);
+    CountUnfit(blob.manifest, fits.error().message);
     Log().warn("refused an episode worker={}: {}", blob.manifest.sender, fits.error().message);
     return bus::Verdict{bus::AckKind::kRefused, fits.error().message};
   }
@@ -125,10 +129,12 @@ void Collector::Impl::Settle(const Claim& claim, const std::optional<bus::Verdic
     committing.erase(index);
     if (verdict && verdict->kind == bus::AckKind::kDone) {
       table.Commit(index);
+      unfit.erase(claim.blob.manifest.sender);
+      policy_away_since.reset();
       commits.push_back(MonotonicClock::now());
       index_dirty = true;
     } else if (verdict) {
-      CountUnfit(claim.blob.manifest.token);
+      CountUnfit(claim.blob.manifest, verdict->reason);
     }
   }
   if (verdict) {
@@ -253,15 +259,18 @@ void Collector::Impl::WriteIndex() {
   }
 }
 
-// Until every worker that is there has been told (or has gone), for at most `drain`.
+// Until every worker that is there has been told (or has gone), for at most `drain`; for those that were there within
+// the last minute and have not been heard since the end, because a link is down, for at most `away`.
 void Collector::Impl::Drain() {
-  const Time end = MonotonicClock::now() + options.drain;
-  while (MonotonicClock::now() < end && !Stopping()) {
+  const Time begin = MonotonicClock::now();
+  while (!Stopping()) {
     {
       const MutexLock lock(mutex);
       const Time now = MonotonicClock::now();
       const bool waiting = std::any_of(heard.begin(), heard.end(), [&](const auto& item) ETUDE_REQUIRES(mutex) {
-        return now - item.second < kPresence && !dismissed.contains(item.first);
+        if (dismissed.contains(item.first)) return false;
+        const bool there = item.second >= begin;
+        return now - begin < (there ? options.drain : std::max(options.drain, options.away));
       });
       if (!waiting) return;
     }

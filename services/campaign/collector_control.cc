@@ -40,7 +40,7 @@ void Collector::Impl::GiveWayToSuccessor() {
   const auto successor = presence.Successor();
   if (!successor || Stopping()) return;
   const MutexLock lock(mutex);
-  superseded = bus::GivingWay(presence.presence(), *successor);
+  ended_by = bus::GivingWay(presence.presence(), *successor);
   stop = true;
 }
 
@@ -52,16 +52,45 @@ void Collector::Impl::TakeMessages() {
   // heartbeats that queued while this process was suspended count before anything expires
   for (auto taken = heartbeats.Take(); !taken.empty(); taken = heartbeats.Take())
     for (const auto& status : taken) OnHeartbeat(status);
-  {
-    const MutexLock lock(mutex);
-    if (const int lost = table.Expire(MonotonicClock::now()))
-      Log().warn("leases expired without a word count={}", lost);
-  }
+  EndSilent();
   for (const auto& message : errors.Take()) OnErrors(message);
   bool controlled = false;
   for (const auto& control : controls.Take()) controlled = OnControl(control) || controlled;
   if (controlled) PublishStatus();  // who asked waits for it
   for (const auto& request : asked) OnRequest(request);
+}
+
+// Leases of those who say nothing, and of those who say that they live and do not move: a planner that never ends, a
+// simulation that hangs, while the thread that beats goes on.
+void Collector::Impl::EndSilent() {
+  constexpr std::size_t kMostRemembered = 1000;
+  const MutexLock lock(mutex);
+  const Time now = MonotonicClock::now();
+  const std::size_t before = silent.size();
+  if (const int lost = table.Expire(now, &silent)) Log().warn("leases expired without a word count={}", lost);
+  const std::chrono::duration<double> patience(spec.stall_timeout_s);
+  for (auto& [worker, motion] : motions) {
+    // what is sent may wait for our own disk
+    if (motion.token == 0 || motion.phase == "send" || now - motion.since < patience) continue;
+    motion.since = now;
+    if (!table.Renew(motion.index, motion.token, now)) continue;  // not its lease any more
+    Log().warn("took a lease from a worker that does not move worker={} index={} stage='{}' step={} for {} s", worker,
+               motion.index, motion.stage, motion.step, spec.stall_timeout_s);
+    table.Revoke(worker);
+    ++counters.failures["stalled"];
+    silent.push_back(worker);
+  }
+  for (std::size_t k = before; k < silent.size(); ++k) motions.erase(silent[k]);
+  if (silent.size() > kMostRemembered) silent.erase(silent.begin(), silent.end() - kMostRemembered);
+}
+
+// A worker whose episodes never fit is no use here, and would be leased the same work for ever.
+std::optional<std::string> Collector::Impl::WhySentAway(const std::string& worker) const {
+  const MutexLock lock(mutex);
+  const auto found = unfit.find(worker);
+  if (found == unfit.end() || found->second.in_a_row < options.unfit_budget) return std::nullopt;
+  return fmt::format("the last {} episodes of worker {} did not fit campaign '{}'; the last one: {}",
+                     found->second.in_a_row, worker, spec.name, found->second.reason);
 }
 
 // Workers that would make other episodes than the rest, or that we would misunderstand.
@@ -74,6 +103,7 @@ std::optional<std::string> Collector::Impl::WhyRefused(const bus::WorkRequest& r
   };
   if (request.wire != bus::kWireVersion) return other("wire number", bus::kWireVersion, request.wire);
   if (request.content != options.content) return other("content number", options.content, request.content);
+  if (const auto why = WhySentAway(request.worker)) return why;
   if (request.spec_sha256 != spec_sha256) return std::nullopt;  // its files are those of another spec
   if (!files_sha256) {
     files_sha256 = request.files_sha256;
@@ -157,14 +187,15 @@ void Collector::Impl::OnReport(const bus::AttemptReport& report) {
       ++counters.stale_results;
       return;
     }
-    if (report.outcome == kReleased) {
-      table.Release(report.index);
-      return;
-    }
+    if (report.outcome == kReleased) return OnReleased(report);
     ++counters.failures[IsPlainName(report.outcome) ? report.outcome : "unnamed"];
     table.Fail(report.index, RetryOf(spec, report.outcome));
-    // the policy's absence is no attempt at the scene; it is bounded all the same
-    if (report.outcome != kPolicyError) ++failed_attempts;
+    if (report.outcome == kPolicyError) {
+      OnPolicyError(report);
+    } else {
+      ++failed_attempts;
+      policy_away_since.reset();
+    }
   }
   if (const Status recorded = sink->RecordFailure(report.index, report.attempt, report.outcome, DetailsOf(report));
       !recorded)
@@ -175,8 +206,48 @@ void Collector::Impl::OnHeartbeat(const bus::WorkerStatus& status) {
   if (status.campaign_id != id) return;
   const MutexLock lock(mutex);
   const Time now = MonotonicClock::now();
+  if (status.phase == kGone) {
+    heard.erase(status.worker);
+    motions.erase(status.worker);
+    return;
+  }
   heard[status.worker] = now;
-  if (status.token != 0) table.Renew(status.index, status.token, now);
+  if (status.token == 0) {
+    motions.erase(status.worker);
+    return;
+  }
+  table.Renew(status.index, status.token, now);
+  Motion& motion = motions[status.worker];
+  if (!motion.SameAs(status)) motion = {status.index, status.token, status.phase, status.stage, status.step, now};
+}
+
+// A host whose child was lost says so: counted by name, not against the attempt, and the index yields to others.
+void Collector::Impl::OnReleased(const bus::AttemptReport& report) {
+  const auto details = ParseBoundedJson(report.details_json, 4).value_or(OrderedJson());
+  const bool said = details.is_object() && details.contains("reason") && details["reason"].is_string();
+  const std::string reason = said ? details["reason"].get<std::string>() : "";
+  if (reason != kChildCrashed && reason != kChildHung) return table.Release(report.index);
+  ++counters.failures[reason];
+  Log().warn("a worker lost its child worker={} index={}: {}", report.worker, report.index, details.dump());
+  table.Fail(report.index, LeaseTable::Retry::kSameAttempt);
+}
+
+// The policy's absence is no attempt at the scene. Rollouts wait for it, with words, and none is given up; after a
+// while the evaluation fails.
+void Collector::Impl::OnPolicyError(const bus::AttemptReport& report) {
+  const Time now = MonotonicClock::now();
+  if (!policy_away_since) policy_away_since = now;
+  const auto details = ParseBoundedJson(report.details_json, 4).value_or(OrderedJson());
+  policy_error = details.is_object() && details.contains("reason") && details["reason"].is_string()
+                     ? details["reason"].get<std::string>().substr(0, 1000)
+                     : "no reason said";
+  if (now - *policy_away_since < options.policy_patience || Stopping()) return;
+  const double seconds = std::chrono::duration<double>(now - *policy_away_since).count();
+  ended_by = Error{Code::kUnavailable,
+                   fmt::format("roll out '{}': the policy of run '{}' answered nobody for {:.0f} s ({}); {} of {} "
+                               "rollouts are kept: start its `etude policy`, then run this again",
+                               spec.name, spec.rollout.run, seconds, policy_error, table.committed(), spec.episodes)};
+  stop = true;
 }
 
 // True when it is for this campaign and new: its answer is the next status.
@@ -232,6 +303,7 @@ CollectorProgress Collector::Impl::Snapshot() const {
   progress.lost_leases = table.lost();
   progress.complete = table.complete();
   if (progress.error.empty()) progress.error = journal_error;
+  if (progress.error.empty() && policy_away_since) progress.error = "the policy does not answer: " + policy_error;
   progress.elapsed_s = std::chrono::duration<double>(now - started).count();
   for (const auto& [worker, time] : heard) progress.workers += now - time < kPresence && !dismissed.contains(worker);
   const double window = std::min(progress.elapsed_s, std::chrono::duration<double>(kRateWindow).count());
@@ -250,6 +322,7 @@ void Collector::Impl::PublishStatus() {
     const MutexLock lock(mutex);
     const Time now = MonotonicClock::now();
     std::erase_if(heard, [&](const auto& item) { return now - item.second > 60s; });
+    std::erase_if(motions, [&](const auto& item) ETUDE_REQUIRES(mutex) { return !heard.contains(item.first); });
     while (!commits.empty() && now - commits.front() > kRateWindow) commits.pop_front();
     const CollectorProgress progress = Snapshot();
     status.campaign = spec.name;

@@ -60,12 +60,30 @@ struct Collector::Impl {
   std::map<std::string, Time> heard ETUDE_GUARDED_BY(mutex);  // worker -> last sign of life
   std::set<std::string> dismissed ETUDE_GUARDED_BY(mutex);    // workers that were told kDone
   std::deque<Time> commits ETUDE_GUARDED_BY(mutex);           // of the last minute
-  std::optional<Error> superseded ETUDE_GUARDED_BY(mutex);    // another collector of this id has the better right
-  std::string journal_error ETUDE_GUARDED_BY(mutex);          // the sampling journal cannot be written: leasing waits
-  enum class Leasing { kOn, kDraining, kPaused };             // kDraining: off, and some leases are still out
-  Leasing leasing ETUDE_GUARDED_BY(mutex) = Leasing::kOn;     // as `etude campaign` asked for; a restart forgets it
-  std::string control_id ETUDE_GUARDED_BY(mutex);             // of the last request that was taken
-  std::string control_refusal ETUDE_GUARDED_BY(mutex);        // why it was not followed
+  std::optional<Error> ended_by ETUDE_GUARDED_BY(mutex);      // e.g. another collector of this id has the better right
+  struct Motion {                                             // of a worker's attempt, by its heartbeats
+    std::uint64_t index = 0, token = 0;
+    std::string phase, stage;
+    std::uint32_t step = 0;
+    Time since{};  // of the last change
+    bool SameAs(const bus::WorkerStatus& status) const {
+      return token == status.token && step == status.step && phase == status.phase && stage == status.stage;
+    }
+  };
+  std::map<std::string, Motion> motions ETUDE_GUARDED_BY(mutex);  // of workers that hold a lease
+  std::vector<std::string> silent ETUDE_GUARDED_BY(mutex);        // for TakeSilent
+  struct Unfit {
+    int in_a_row = 0;
+    std::string reason;  // of the last one
+  };
+  std::map<std::string, Unfit> unfit ETUDE_GUARDED_BY(mutex);     // by worker
+  std::optional<Time> policy_away_since ETUDE_GUARDED_BY(mutex);  // the first of the rollouts that got no answer
+  std::string policy_error ETUDE_GUARDED_BY(mutex);               // what the last of them says
+  std::string journal_error ETUDE_GUARDED_BY(mutex);       // the sampling journal cannot be written: leasing waits
+  enum class Leasing { kOn, kDraining, kPaused };          // kDraining: off, and some leases are still out
+  Leasing leasing ETUDE_GUARDED_BY(mutex) = Leasing::kOn;  // as `etude campaign` asked for; a restart forgets it
+  std::string control_id ETUDE_GUARDED_BY(mutex);          // of the last request that was taken
+  std::string control_refusal ETUDE_GUARDED_BY(mutex);     // why it was not followed
 
   // Indices that are made durable now, and what came for them meanwhile: it is judged when the first one is settled.
   std::map<std::uint64_t, std::vector<bus::ReceivedBlob>> committing ETUDE_GUARDED_BY(mutex);
@@ -96,6 +114,10 @@ struct Collector::Impl {
   SamplingWeights WeightsAt(std::uint64_t index) const ETUDE_EXCLUDES(journal_mutex);
   void OnReport(const bus::AttemptReport& report);
   void OnHeartbeat(const bus::WorkerStatus& status);
+  void EndSilent() ETUDE_EXCLUDES(mutex);
+  void OnReleased(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
+  void OnPolicyError(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
+  std::optional<std::string> WhySentAway(const std::string& worker) const ETUDE_EXCLUDES(mutex);
   bool OnControl(const bus::CampaignControl& control);
   std::string Follow(bus::ControlAction action) ETUDE_REQUIRES(mutex);
   std::string StateNow() ETUDE_REQUIRES(mutex);
@@ -115,7 +137,7 @@ struct Collector::Impl {
   void OnEpisode(bus::ReceivedBlob blob, std::vector<Claim>& claims);
   Status CheckEpisode(const Episode& episode) const;
   std::optional<bus::Verdict> Judge(bus::ReceivedBlob& blob, const Result<EpisodeView>& view);
-  void CountUnfit(std::uint64_t token) ETUDE_REQUIRES(mutex);
+  void CountUnfit(const bus::BlobManifest& manifest, const std::string& reason) ETUDE_REQUIRES(mutex);
   void CommitUntilDurable(std::vector<Claim> claims);
   bool SettleOrKeep(std::vector<Claim>& claims, const std::vector<Status>& statuses);
   void Settle(const Claim& claim, const std::optional<bus::Verdict>& verdict);

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "services/bus/topic.h"
+#include "services/campaign/worker_client.h"
 #include "services/core/log.h"
 #include "services/core/thread_annotations.h"
 
@@ -26,6 +27,9 @@ class Heartbeat {
   ~Heartbeat() {
     thread_.request_stop();
     thread_.join();
+    // the collector need not wait for it
+    SetPhase(kGone);
+    (void)writer_.Write(Current());
     // the worker is gone for good: late joiners need not see it
     (void)writer_.Dispose(status_);
   }

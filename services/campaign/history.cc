@@ -86,14 +86,17 @@ History ReadHistory(const Path& folder, const CampaignSpec& spec) {
     const auto attempt = json["attempt"].get<std::uint32_t>();
     const auto outcome = json["outcome"].get<std::string>();
     const auto retry = RetryOf(spec, outcome);
-    const bool same = retry == LeaseTable::Retry::kSameAttempt;
-    if (!same && !seen.emplace(index, attempt).second) continue;
+    if (retry == LeaseTable::Retry::kSameAttempt) {
+      ++history.failures[outcome];  // and nothing of the index's own attempts
+      continue;
+    }
+    if (!seen.emplace(index, attempt).second) continue;
     History::Index& past = history.indices[index];
     past.failures =
         retry == LeaseTable::Retry::kNever ? static_cast<std::uint32_t>(spec.max_attempts) : past.failures + 1;
-    if (!same) past.next_attempt = std::max(past.next_attempt, attempt + 1);
+    past.next_attempt = std::max(past.next_attempt, attempt + 1);
     ++history.failures[outcome];
-    if (!same) ++history.total;
+    ++history.total;
   }
   return history;
 }

@@ -100,7 +100,7 @@ bool LeaseTable::Renew(std::uint64_t index, std::uint64_t token, Time now) {
   return true;
 }
 
-int LeaseTable::Expire(Time now) {
+int LeaseTable::Expire(Time now, std::vector<std::string>* holders) {
   std::vector<std::uint64_t> expired;
   for (const std::uint64_t index : live_)
     if (EntryOf(index).deadline <= now) expired.push_back(index);
@@ -108,6 +108,7 @@ int LeaseTable::Expire(Time now) {
     Entry& entry = EntryOf(index);
     ++entry.losses;
     ++lost_;
+    if (holders) holders->push_back(entry.worker);
     Free(index, entry);
   }
   return static_cast<int>(expired.size());
@@ -140,6 +141,10 @@ void LeaseTable::Fail(std::uint64_t index, Retry retry) {
   ETUDE_CHECK(!entry.closed && entry.token != 0, "index={}: no current lease", index);
   free_.erase({entry.losses, index});  // it may have expired, and still be the newest
   entry.token = 0;
+  if (retry == Retry::kSameAttempt) {
+    ++entry.losses;
+    return Free(index, entry);
+  }
   ++entry.failures;
   if (retry == Retry::kNextAttempt) ++entry.attempt;
   if (entry.failures >= config_.max_attempts || retry == Retry::kNever) {

@@ -63,9 +63,9 @@ class LeaseTable {
   bool Holds(const std::string& worker) const { return holder_.contains(worker); }
   /// A heartbeat that names `token`; false when that lease is not current.
   bool Renew(std::uint64_t index, std::uint64_t token, Time now);
-  /// Makes leases that were not renewed in time free again; returns how many. Their tokens stay current
-  /// until the index is leased again: a late result is then still the newest there is.
-  int Expire(Time now);
+  /// Makes leases that were not renewed in time free again; returns how many, and whose in `holders`. Their tokens stay
+  /// current until the index is leased again: a late result is then still the newest there is.
+  int Expire(Time now, std::vector<std::string>* holders = nullptr);
 
   /// The index whose newest lease has this token; nothing when it is stale.
   std::optional<std::uint64_t> IndexOf(std::uint64_t token) const;
@@ -76,7 +76,8 @@ class LeaseTable {
   void Commit(std::uint64_t index);
   enum class Retry { kNextAttempt, kSameAttempt, kNever };
   /// A failed attempt with a current token (Check first). Frees the index with the next attempt, or gives
-  /// it up when max_attempts have failed, or at once when it can never succeed.
+  /// it up when max_attempts have failed, or at once when it can never succeed. kSameAttempt: not the attempt's failure
+  /// but its worker's, or the policy's; nothing is counted, and the index yields to others.
   void Fail(std::uint64_t index, Retry retry);
   /// The holder of the current token gives the work back undone: free again, nothing is counted.
   void Release(std::uint64_t index);

@@ -43,8 +43,14 @@ std::vector<char*> Pointers(std::vector<std::string>& texts) {
   return pointers;
 }
 
+// What the child gets of the parent's descriptors; -1: none.
+struct ProcessDescriptors {
+  int output, socket, report;
+};
+
 // In the child between fork and exec: only what is safe after a fork of a process with threads.
-[[noreturn]] void BecomeProgram(char* const* argv, char* const* environment, int log, int report, pid_t parent) {
+[[noreturn]] void BecomeProgram(char* const* argv, char* const* environment, const ProcessDescriptors& descriptors,
+                                pid_t parent) {
   ::setpgid(0, 0);
   ::prctl(PR_SET_PDEATHSIG, SIGTERM);
   if (::getppid() != parent) ::_exit(127);  // it died before prctl
@@ -54,9 +60,18 @@ std::vector<char*> Pointers(std::vector<std::string>& texts) {
   ::signal(SIGPIPE, SIG_DFL);
   const int null = ::open("/dev/null", O_RDONLY);
   if (null >= 0) ::dup2(null, 0);
-  if (log >= 0) {
-    ::dup2(log, 1);
-    ::dup2(log, 2);
+  if (descriptors.output >= 0) {
+    ::dup2(descriptors.output, 1);
+    ::dup2(descriptors.output, 2);
+  }
+  int report = descriptors.report;
+  if (descriptors.socket >= 0) {
+    // number 3 may be taken by what is still needed
+    if (report == 3) report = ::fcntl(report, F_DUPFD_CLOEXEC, 4);
+    if (descriptors.socket == 3)
+      ::fcntl(3, F_SETFD, 0);
+    else
+      ::dup2(descriptors.socket, 3);
   }
   ::execve(argv[0], argv, environment);
   const int error = errno;
@@ -81,7 +96,10 @@ Result<Process> Process::Start(const ProcessOptions& options) {
   ETUDE_CHECK(::pipe2(report, O_CLOEXEC) == 0, "errno={}", errno);
   const pid_t parent = ::getpid();
   const pid_t pid = ::fork();
-  if (pid == 0) BecomeProgram(argv_pointers.data(), environment_pointers.data(), log, report[1], parent);
+  if (pid == 0) {
+    const int output = options.output >= 0 ? options.output : log;
+    BecomeProgram(argv_pointers.data(), environment_pointers.data(), {output, options.socket, report[1]}, parent);
+  }
   const int fork_error = errno;
   ::close(report[1]);
   if (log >= 0) ::close(log);

@@ -20,6 +20,8 @@ struct ProcessOptions {
   std::vector<std::string> argv;                   ///< argv[0] is the program's path
   Path log;                                        ///< stdout and stderr are appended; empty: inherited
   std::map<std::string, std::string> environment;  ///< beside the parent's
+  int socket = -1;                                 ///< a descriptor that the child has as number 3; -1: none
+  int output = -1;                                 ///< instead of `log`: a descriptor for stdout and stderr
 };
 
 /// Owns one child in a process group of its own, so that Ctrl-C on the terminal reaches only the parent,

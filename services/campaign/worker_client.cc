@@ -108,9 +108,12 @@ struct WorkerClient::Impl {
   std::uint64_t episodes = 0, failures = 0;
   std::optional<WatchedLoop> watched;  // while Run is at it
   AckLog acknowledged = AckLog::FromEnvironment();
+  Stopwatch since_work = {};  // since anybody had work, or took what was made
 
   Status Join();
   bool Replaced();
+  bool Unwanted() const;
+  bool CollectorHasGone();
   Status Prepare(const WorkFactory& factory);
   bus::WorkRequest NextRequest();
   Result<bus::Lease> Ask();
@@ -129,7 +132,7 @@ Status WorkerClient::Impl::Join() {
   }
   Stopwatch since_word;
   bool said = false;
-  while (!StopRequested() && !(joined && joined->announcement)) {
+  while (!StopRequested() && !Unwanted() && !(joined && joined->announcement)) {
     watched->Moved();
     if (!said || since_word.Seconds() > 30) {
       Log().info("waiting for campaign={}: is its collector running on this domain?", selector.text());
@@ -151,6 +154,15 @@ Status WorkerClient::Impl::Join() {
 
 // True when the collector of the joined campaign is not there and that of another one of the name is.
 bool WorkerClient::Impl::Replaced() { return directory.Replaced(bus::PresenceKind::kCampaign, selector, joined->id); }
+
+bool WorkerClient::Impl::Unwanted() const {
+  return options.idle_timeout.count() > 0 &&
+         1000 * since_work.Seconds() > static_cast<double>(options.idle_timeout.count());
+}
+
+bool WorkerClient::Impl::CollectorHasGone() {
+  return directory.Matching(bus::PresenceKind::kCampaign, {selector.name, joined->id}).empty();
+}
 
 // Makes the work function, again when the spec has changed.
 Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
@@ -213,7 +225,7 @@ Result<bus::Lease> WorkerClient::Impl::Ask() {
     joined->TakeAnnouncements();
     if (joined->complete()) none.kind = bus::LeaseKind::kDone;
     const bool changed = joined->announcement->spec_sha256 != joined->ready_for;
-    if (joined->complete() || changed || Replaced()) break;
+    if (joined->complete() || changed || Unwanted() || Replaced()) break;
   }
   return none;
 }
@@ -257,6 +269,10 @@ void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result)
     Log().warn("not acknowledged yet, sending again index={}: {}", lease.index, verdict.error().message);
     joined->TakeAnnouncements();
     if (joined->complete() || Replaced()) return;
+    if (!Unwanted() || !CollectorHasGone()) continue;
+    Log().warn("gave up index={}: its collector has gone and nobody took it for {} s", lease.index,
+               since_work.Seconds());
+    return;
   }
 }
 
@@ -303,6 +319,7 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
     Report(lease, kReleased, "{}");
     return Fail(result.error());
   }
+  since_work.Restart();
   const double send_s = HandIn(lease, *result);
   joined->heartbeat->Set([&](bus::WorkerStatus& status) {
     status.phase = "idle";
@@ -349,10 +366,15 @@ Result<WorkerClient> WorkerClient::Open(const bus::Participant& participant, con
 Status WorkerClient::Run(const WorkFactory& factory) {
   Impl& impl = *impl_;
   impl.watched.emplace();
+  impl.since_work.Restart();
   while (!StopRequested()) {
     impl.watched->Moved();
     ETUDE_RETURN_IF_ERROR(impl.Join());
     if (StopRequested()) break;
+    if (impl.Unwanted()) {
+      Log().info("going home: nobody had work for {:.0f} s (--idle-timeout)", impl.since_work.Seconds());
+      break;
+    }
     impl.joined->TakeAnnouncements();
     ETUDE_RETURN_IF_ERROR(impl.Prepare(factory));
     ETUDE_ASSIGN_OR_RETURN(const bus::Lease lease, impl.Ask());
@@ -369,6 +391,7 @@ Status WorkerClient::Run(const WorkFactory& factory) {
         if (lease.spec_sha256 != impl.joined->ready_for) break;
         ETUDE_RETURN_IF_ERROR(impl.Serve(lease));
         if (impl.options.once) return {};
+        if (!impl.Unwanted()) impl.since_work.Restart();
         break;
     }
   }

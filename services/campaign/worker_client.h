@@ -55,7 +55,8 @@ struct WorkerOptions {
   std::string campaign;  ///< NAME, or NAME@ID of one of several; with NAME alone the next one of that name follows
   std::string name;      ///< unique on the bus; empty: UniquePeerName()
   std::uint32_t content = kContentVersion;
-  bool once = false;  ///< one attempt, then home
+  bool once = false;                          ///< one attempt, then home
+  std::chrono::milliseconds idle_timeout{0};  ///< without work for so long it goes home; 0: it waits for ever
   /// SHA-256 over the files that a spec names (robots, objects), "" when it names none. The collector lets work only
   /// those who have the same ones. Left out: "".
   std::function<Result<std::string>(const CampaignSpec&)> files_sha256;
@@ -74,7 +75,8 @@ class WorkerClient {
 
   const std::string& name() const;
 
-  /// Waits for the campaign, then works until it is complete or a stop is requested; both are success.
+  /// Waits for the campaign, then works until it is complete, a stop is requested, or nobody had work for
+  /// `idle_timeout`; all of them are success.
   /// A collector that restarts is waited for. On a stop the lease is released.
   /// @error kInvalidArgument: the name means several campaigns (the message lists them); kUnavailable: the collector
   /// has another wire or content number, or the work function's error.
@@ -86,8 +88,13 @@ class WorkerClient {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Phase of the last heartbeat of a worker that goes home.
+inline constexpr char kGone[] = "gone";
 /// Outcome of an AttemptReport that releases the lease undone; nothing is counted.
 inline constexpr char kReleased[] = "released";
+/// "reason" in the details of a kReleased report: the host's child that worked on it is no more.
+inline constexpr char kChildCrashed[] = "child_crashed";
+inline constexpr char kChildHung[] = "child_hung";
 /// What the collector counts when an episode does not fit what was leased; the same attempt is tried again.
 inline constexpr char kUnfitEpisode[] = "unfit_episode";
 /// Outcome of a rollout whose policy did not answer; the same attempt is tried again.

@@ -45,7 +45,8 @@ Result<std::unique_ptr<HostedCampaign>> HostedCampaign::Start(const bus::Partici
                                             .bus = options.bus,
                                             .logs = options.logs,
                                             .on_end = [&running](const std::string& name) { running.Revoke(name); },
-                                            .committed = [&running] { return running.progress().committed; }}));
+                                            .committed = [&running] { return running.progress().committed; },
+                                            .silent = [&running] { return running.TakeSilent(); }}));
   hosted->pool_.emplace(std::move(pool));
   return hosted;
 }

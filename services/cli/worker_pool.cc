@@ -111,7 +111,19 @@ Status WorkerPool::OnEnd(std::size_t k, int exit_code) {
   return {};
 }
 
+// SIGKILL: who does not move, or is stopped, does not answer to less.
+void WorkerPool::EndSilent() {
+  if (!options_.silent) return;
+  for (const std::string& name : options_.silent()) {
+    const auto slot = std::ranges::find(slots_, name, &Slot::name);
+    if (slot == slots_.end() || !slot->process) continue;
+    Log().warn("worker={} did not move and has lost its lease: it is ended", name);
+    slot->process->Signal(SIGKILL);
+  }
+}
+
 Status WorkerPool::Supervise() {
+  EndSilent();
   for (std::size_t k = 0; k < slots_.size(); ++k) {
     Slot& slot = slots_[k];
     if (slot.finished) continue;

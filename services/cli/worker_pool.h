@@ -23,6 +23,8 @@ struct WorkerPoolOptions {
   std::function<void(const std::string&)> on_end;
   /// Episodes committed so far: workers that die are started again for as long as this grows.
   std::function<std::uint64_t()> committed;
+  /// Workers that lost their leases because they were silent or did not move: they are ended and started again.
+  std::function<std::vector<std::string>()> silent = nullptr;
   Path program;  ///< empty: the sibling etude-worker
 };
 
@@ -52,6 +54,7 @@ class WorkerPool {
   explicit WorkerPool(WorkerPoolOptions options) : options_(std::move(options)) {}
   Status StartSlot(std::size_t k);
   Status OnEnd(std::size_t k, int exit_code);
+  void EndSilent();
   Path LogOf(std::size_t k) const;
 
   WorkerPoolOptions options_;

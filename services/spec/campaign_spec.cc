@@ -169,6 +169,7 @@ Status CampaignSpec::Validate() const {
   problems.InRange("image_stride", image_stride, 1, 125);
   problems.Require(max_attempts >= 1 && max_attempts <= 1000,
                    fmt::format("max_attempts: {} not in 1..1000", max_attempts));
+  problems.InRange("stall_timeout_s", stall_timeout_s, 1.0, 86'400.0);
   CheckCamera(camera, problems);
   CheckRandomization(randomization, problems);
   CheckRandomWorld(*this, problems);
@@ -189,7 +190,7 @@ Status CampaignSpec::Validate() const {
 
 std::string SpecHash(const CampaignSpec& spec) {
   OrderedJson json = ToJson(spec);
-  for (const char* key : {"name", "episodes", "max_attempts"}) json.erase(key);
+  for (const char* key : {"name", "episodes", "max_attempts", "stall_timeout_s"}) json.erase(key);
   if (!spec.adaptive_sampling.on()) json.erase("split");
   if (spec.adaptive_sampling == AdaptiveSamplingSpec{}) json.erase("adaptive_sampling");
   if (spec.randomization.world == WorldRandomizationSpec{}) json["randomization"].erase("world");

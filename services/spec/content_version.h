@@ -14,6 +14,7 @@ namespace etude {
 ///   3  bodies of the arm keep 12 mm from each other
 ///   4  a hand that has to close does so before it sets off where open fingers would touch something
 ///   5  plans of redundant arms keep the speeds that their controller makes of them
-inline constexpr std::uint32_t kContentVersion = 5;
+///   6  libm and llvmpipe in the same variants on every CPU (services/core/pinned_process.h)
+inline constexpr std::uint32_t kContentVersion = 6;
 
 }  // namespace etude

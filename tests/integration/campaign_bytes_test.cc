@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // A campaign is a pure function of its spec: the same bytes from one real worker, from three, and from three
 // that are killed at random.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <thread>
 
 #include "services/campaign/collector.h"
@@ -56,13 +59,27 @@ struct Chaos {
   int workers = 1;
   int kills = 0;
   std::uint64_t seed = 0;
+  int slots = 0;  // > 0: of one host, whose children are killed instead
+  std::map<std::string, std::string> environment = {};
 };
+
+// Of a host: the processes whose parent it is.
+std::vector<pid_t> ChildrenOf(pid_t parent) {
+  std::vector<pid_t> children;
+  std::error_code error;
+  for (const auto& task : std::filesystem::directory_iterator(fmt::format("/proc/{}/task", parent), error)) {
+    std::ifstream pids(task.path() / "children");  // its size is said to be 0
+    for (pid_t pid = 0; pids >> pid;) children.push_back(pid);
+  }
+  return children;
+}
 
 class CampaignBytes : public testing::Test {
  protected:
-  static Process StartWorker(const Path& log) {
-    auto process = Process::Start(
-        {{WorkerProgram().string(), "--campaign", "bytes", "--domain", std::to_string(kDomain)}, log, {}});
+  static Process StartWorker(const Path& log, const Chaos& chaos) {
+    std::vector<std::string> argv{WorkerProgram().string(), "--campaign", "bytes", "--domain", std::to_string(kDomain)};
+    if (chaos.slots > 0) argv.insert(argv.end(), {"--slots", std::to_string(chaos.slots)});
+    auto process = Process::Start({argv, log, chaos.environment});
     EXPECT_TRUE(process) << (process ? "" : process.error().message);
     return std::move(*process);
   }
@@ -78,7 +95,7 @@ class CampaignBytes : public testing::Test {
     EXPECT_TRUE(collector) << collector.error().message;
     std::thread thread([&] { EXPECT_TRUE(collector->Run()); });
     std::vector<Process> workers;
-    for (int k = 0; k < chaos.workers; ++k) workers.push_back(StartWorker(dataset / "worker.log"));
+    for (int k = 0; k < chaos.workers; ++k) workers.push_back(StartWorker(dataset / "worker.log", chaos));
 
     Rng rng(chaos.seed);
     const auto give_up = MonotonicClock::now() + 120s;
@@ -89,9 +106,15 @@ class CampaignBytes : public testing::Test {
       std::this_thread::sleep_for(std::chrono::milliseconds(2 + rng.Below(20)));
       if (kills == chaos.kills || collector->progress().committed < next_kill) continue;
       Process& victim = workers[rng.Below(workers.size())];
-      victim.Signal(SIGKILL);
-      victim.Wait(5s);
-      victim = StartWorker(dataset / "worker.log");
+      if (chaos.slots > 0) {
+        const auto children = ChildrenOf(victim.pid());
+        if (children.empty()) continue;
+        ::kill(children[rng.Below(children.size())], SIGKILL);
+      } else {
+        victim.Signal(SIGKILL);
+        victim.Wait(5s);
+        victim = StartWorker(dataset / "worker.log", chaos);
+      }
       ++kills;
       next_kill = collector->progress().committed + 1;
     }
@@ -102,6 +125,15 @@ class CampaignBytes : public testing::Test {
     collector->Stop();
     thread.join();
     return Files(spec, dataset);
+  }
+
+  // Two episodes of each kind, enough for libm and pictures to differ.
+  static std::string HashWith(const std::map<std::string, std::string>& environment) {
+    CampaignSpec spec = Mixed();
+    spec.episodes = 6;
+    TemporaryFolder folder;
+    (void)Collect(spec, folder / "data", {.environment = environment});
+    return store::HashDataset(folder / "data").value_or("none");
   }
 
   // An index that was given up has no file, in none of the three.
@@ -133,6 +165,40 @@ class CampaignBytes : public testing::Test {
 TEST_F(CampaignBytes, AreTheSameFromOneWorkerThreeAndThreeThatAreKilled) { ExpectSameBytes(OneRobot(), 0); }
 
 TEST_F(CampaignBytes, AreTheSameWithAllRobotsAndTasksMixed) { ExpectSameBytes(Mixed(), 2); }
+
+TEST_F(CampaignBytes, AreTheSameFromAHostOfThreeSlotsWhoseChildrenAreKilled) {
+  const CampaignSpec spec = Mixed();
+  TemporaryFolder folder;
+  const auto singles = Collect(spec, folder / "singles", {.workers = 3});
+  const std::string hash = store::HashDataset(folder / "singles").value();
+
+  const auto host = Collect(spec, folder / "host", {.slots = 3});
+  EXPECT_EQ(store::HashDataset(folder / "host").value(), hash);
+  EXPECT_TRUE(host == singles) << "the files themselves are equal, byte for byte";
+
+  const auto killed = Collect(spec, folder / "killed", {.kills = 6, .seed = 5, .slots = 3});
+  EXPECT_EQ(store::HashDataset(folder / "killed").value(), hash);
+  EXPECT_TRUE(killed == singles);
+}
+
+// What another CPU would take: each of these changes something where nothing is pinned, so that the test can fail.
+TEST_F(CampaignBytes, DoNotDependOnTheCpu) {
+  const std::string hash = HashWith({});
+  const std::string libm = "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F";
+  EXPECT_EQ(HashWith({{"GLIBC_TUNABLES", libm}}), hash);
+  EXPECT_EQ(HashWith({{"GLIBC_TUNABLES", "glibc.cpu.hwcaps=-FMA"}}), hash);
+  EXPECT_EQ(HashWith({{"GALLIUM_OVERRIDE_CPU_CAPS", "sse2"}}), hash);
+  EXPECT_EQ(HashWith({{"LP_NUM_THREADS", "1"}}), hash);
+  EXPECT_EQ(HashWith({{"LP_NUM_THREADS", "4"}}), hash);
+
+  const std::string unpinned = HashWith({{"ETUDE_UNPINNED", "1"}});
+  EXPECT_NE(HashWith({{"ETUDE_UNPINNED", "1"}, {"GALLIUM_OVERRIDE_CPU_CAPS", "sse2"}}), unpinned)
+      << "llvmpipe draws otherwise with SSE2";
+#if defined(__x86_64__)
+  if (!__builtin_cpu_supports("fma")) GTEST_SKIP() << "this CPU has the variants of libm that the pins ask for";
+#endif
+  EXPECT_NE(unpinned, hash) << "libm rounds otherwise with FMA";
+}
 
 }  // namespace
 }  // namespace etude::campaign

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "services/core/crash_point.h"
+#include "services/core/disk_wait.h"
 #include "services/core/log.h"
 #include "services/core/rng.h"
 #include "trainer/learn/tensors.h"
@@ -72,18 +73,23 @@ RunState StateOf(const TrainingRun& run) {
 }  // namespace
 
 Status KeepConfig(const TrainingRun& run) {
-  return WriteFileAtomically(run.options.out / "config.yaml", ToYaml(ToJson(run.config)));
+  return WriteWhenThereIsRoom(
+      "config.yaml", [&] { return WriteFileAtomically(run.options.out / "config.yaml", ToYaml(ToJson(run.config))); });
 }
 
 Status KeepNow(TrainingRun& run, const Hooks& hooks, bool best) {
   if (hooks.on_checkpoint) {
     const AveragedWeights averaged(run);
-    const Status sent = hooks.on_checkpoint({MetadataOf(run, best), run.replicas->front().StateTensors()});
+    const checkpoint::Checkpoint made{MetadataOf(run, best), run.replicas->front().StateTensors()};
+    const Status sent = WriteWhenThereIsRoom(fmt::format("the checkpoint of step {}", run.step),
+                                             [&] { return hooks.on_checkpoint(made); });
     if (!sent) return Fail(sent.error().Wrap(fmt::format("checkpoint of step {}", run.step)));
   }
   CrashPoint("trainer.checkpoint_kept", run.step);
   run.checkpoint_step = run.step;
-  return SaveRunState(run.options.out / "training_state.safetensors", StateOf(run));
+  return WriteWhenThereIsRoom("the state that --resume needs", [&] {
+    return SaveRunState(run.options.out / "training_state.safetensors", StateOf(run));
+  });
 }
 
 AveragedWeights::AveragedWeights(TrainingRun& run) : run_(run) {

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "services/core/disk_wait.h"
 #include "services/core/log.h"
 
 namespace etude::learn {
@@ -45,7 +46,8 @@ Status Reporter::Flush() {
       {"stage", run_.scheduler->stage()}};
   for (const auto& [name, value] : window_.terms) scalars[name] = value / n;
   window_ = {};
-  return run_.log->Write("train", run_.step, run_.Elapsed(), scalars);
+  return WriteWhenThereIsRoom("metrics.jsonl",
+                              [&] { return run_.log->Write("train", run_.step, run_.Elapsed(), scalars); });
 }
 
 void Reporter::Report(bool finished) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "services/core/disk_wait.h"
 #include "services/core/log.h"
 #include "services/core/rng.h"
 #include "services/core/stop.h"
@@ -152,7 +153,8 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
   run.evaluated_step = run.step;
   for (const auto& [module, error] : run.evaluation.errors)
     if (std::isfinite(error)) run.modules[module].error = error;
-  ETUDE_RETURN_IF_ERROR(run.log->Write("valid", run.step, run.Elapsed(), run.evaluation.metrics));
+  ETUDE_RETURN_IF_ERROR(WriteWhenThereIsRoom(
+      "metrics.jsonl", [&] { return run.log->Write("valid", run.step, run.Elapsed(), run.evaluation.metrics); }));
   const int stage = run.scheduler->stage();
   const bool best = TakeBest();
   if (observe) {

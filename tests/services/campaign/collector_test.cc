@@ -453,15 +453,16 @@ TEST_F(CollectorTest, WorkersWithOtherFilesOfTheUserAreRefusedAlsoAfterARestart)
   }
 }
 
-TEST_F(CollectorTest, EpisodesThatDoNotFitAreRefusedWithTheReasonAndCountAsAttempts) {
+TEST_F(CollectorTest, EpisodesThatDoNotFitAreRefusedWithTheReasonAndCostTheIndexNothing) {
   CampaignSpec spec = Spec("unfit", 2);
-  spec.max_attempts = 7;
-  Running running(std::move(*Open(spec, folder_ / "data")));
+  spec.max_attempts = 2;
+  CollectorOptions options = QuickOptions();
+  options.unfit_budget = 7;
+  Running running(std::move(*Collector::Open(*participant_, spec, folder_ / "data", options)));
   RawWorker worker(*participant_, spec, running->id(), "raw");
   std::uint64_t last_token = 0;
   const auto expect_refused = [&](const char* what, const std::function<void(Episode&)>& change) {
     const bus::Lease lease = worker.Ask();
-    ASSERT_EQ(lease.index, 0u);
     EXPECT_EQ(lease.attempt, 0u) << "which attempt is committed does not depend on a worker's mistake";
     EXPECT_GT(lease.token, last_token) << "what was refused is not leased on";
     last_token = lease.token;
@@ -489,15 +490,144 @@ TEST_F(CollectorTest, EpisodesThatDoNotFitAreRefusedWithTheReasonAndCountAsAttem
   EXPECT_EQ(running->progress().committed, 1u);
   EXPECT_EQ(worker.Send(lease, good).kind, bus::AckKind::kDuplicate);
 
-  for (int k = 0; k < spec.max_attempts; ++k) {
+  // a worker that goes on like this is sent away with the reason, and another one makes the same attempt
+  for (int k = 0; k < options.unfit_budget; ++k) {
     lease = worker.Ask();
-    ASSERT_EQ(lease.kind, bus::LeaseKind::kWork) << k;
+    ASSERT_EQ(lease.kind, bus::LeaseKind::kWork) << k << ": what fitted before began a new count";
+    EXPECT_EQ(lease.attempt, 0u);
     Episode bad = FakeEpisode(spec, lease.index, lease.attempt);
     ++bad.seed;
     EXPECT_EQ(worker.Send(lease, bad).kind, bus::AckKind::kRefused);
   }
+  const bus::Lease away = worker.Ask();
+  EXPECT_EQ(away.kind, bus::LeaseKind::kRefused);
+  EXPECT_NE(away.reason.find("did not fit"), std::string::npos) << away.reason;
+  EXPECT_NE(away.reason.find("seed"), std::string::npos) << away.reason;
+  RawWorker other(*participant_, spec, running->id(), "other");
+  lease = other.Ask();
+  ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
+  EXPECT_EQ(lease.attempt, 0u);
+  EXPECT_EQ(other.Send(lease, FakeEpisode(spec, lease.index, 0)).kind, bus::AckKind::kDone);
+  EXPECT_EQ(other.Ask().kind, bus::LeaseKind::kDone);
+  EXPECT_EQ(running->progress().given_up, 0u);
+}
+
+// A heartbeat said again and again by hand.
+class Beating {
+ public:
+  Beating(const bus::Participant& participant, Running& running, const CampaignSpec& spec, const bus::Lease& lease,
+          const std::string& worker)
+      : writer_(std::move(*bus::Writer<bus::WorkerStatus>::Open(participant, PartitionOf(running, spec)))) {
+    status_.campaign = spec.name;
+    status_.campaign_id = running->id();
+    status_.worker = worker;
+    status_.index = lease.index;
+    status_.attempt = lease.attempt;
+    status_.token = lease.token;
+    status_.phase = "play";
+    status_.stage = "reach";
+  }
+  void Beat(std::uint32_t step) {
+    status_.step = step;
+    EXPECT_TRUE(writer_.Write(status_));
+  }
+
+ private:
+  bus::Writer<bus::WorkerStatus> writer_;
+  bus::WorkerStatus status_;
+};
+
+TEST_F(CollectorTest, AWorkerThatBeatsAndDoesNotMoveLosesItsLease) {
+  CampaignSpec spec = Spec("stall", 2);
+  spec.stall_timeout_s = 1;
+  Running running(std::move(*Open(spec, folder_ / "data")));
+  RawWorker hung(*participant_, spec, running->id(), "hung"), moving(*participant_, spec, running->id(), "moving");
+  const bus::Lease stuck = hung.Ask(), at_work = moving.Ask();
+  Beating still(*participant_, running, spec, stuck, "hung"), moves(*participant_, running, spec, at_work, "moving");
+
+  std::vector<std::string> silent;
+  std::uint32_t step = 0;
+  EXPECT_TRUE(WaitFor(
+      [&] {
+        still.Beat(7);
+        moves.Beat(++step);
+        for (const auto& name : running->TakeSilent()) silent.push_back(name);
+        return !silent.empty();
+      },
+      20s));
+
+  EXPECT_EQ(silent, std::vector<std::string>{"hung"}) << "its supervisor is told; the other one moves";
+  EXPECT_EQ(running->progress().lost_leases, 1u);
+  EXPECT_EQ(running->progress().failures.at("stalled"), 1u);
+  RawWorker next(*participant_, spec, running->id(), "next");
+  const bus::Lease again = next.Ask();
+  EXPECT_EQ(again.index, stuck.index);
+  EXPECT_EQ(again.attempt, stuck.attempt) << "the attempt is not counted";
+  EXPECT_GT(again.token, stuck.token);
+}
+
+TEST_F(CollectorTest, AWorkerThatWasAwayAtTheEndIsSentHomeWhenItComesBack) {
+  const CampaignSpec spec = Spec("away", 1);
+  CollectorOptions options = QuickOptions();
+  options.drain = 200ms;
+  options.away = 60s;
+  Running running(std::move(*Collector::Open(*participant_, spec, folder_ / "data", options)));
+  RawWorker away(*participant_, spec, running->id(), "away");
+  ASSERT_EQ(away.Ask().kind, bus::LeaseKind::kWork);
+  Process worker = StartWorker(spec, folder_ / "w.log", 0);
+  ASSERT_TRUE(WaitFor([&] { return running->progress().complete; })) << "with the lease that the other one lost";
+  ASSERT_TRUE(WaitFor([&] { return running->progress().workers == 0; })) << "nobody is heard any more";
+
+  EXPECT_EQ(away.Ask().kind, bus::LeaseKind::kDone);
   running.Join();
-  EXPECT_EQ(running->progress().given_up, 1u) << "it is not leased for ever";
+}
+
+TEST_F(CollectorTest, AnIdleWorkerEndsWhenNobodyWantsItForAsLongAsItWasTold) {
+  const CampaignSpec spec = Spec("idle", 1);  // and no collector of it
+  ::setenv("FAKE_IDLE_TIMEOUT_MS", "500", 1);
+  Process worker = StartWorker(spec, folder_ / "w.log", 0);
+  ::unsetenv("FAKE_IDLE_TIMEOUT_MS");
+  EXPECT_EQ(worker.Wait(20s), 0);
+  EXPECT_NE(ReadTextFile(folder_ / "w.log").value_or("").find("nobody had work"), std::string::npos);
+}
+
+TEST_F(CollectorTest, APolicyThatDoesNotAnswerDropsNoRolloutAndEndsTheEvaluationWithWords) {
+  CampaignSpec spec = Spec("outage", 1);
+  spec.mode = "rollout";
+  spec.rollout.run = "run";
+  spec.max_attempts = 2;
+  CollectorOptions options = QuickOptions();
+  options.policy_patience = 1s;
+  auto collector = Collector::Open(*participant_, spec, folder_ / "data", options);
+  ASSERT_TRUE(collector) << collector.error().message;
+  auto owner = std::make_unique<Running>(std::move(*collector));
+  Running& running = *owner;
+  RawWorker worker(*participant_, spec, running->id(), "raw");
+  const auto fail = [&] {
+    bus::Lease lease = worker.Ask();
+    ASSERT_EQ(lease.kind, bus::LeaseKind::kWork) << "more often than max_attempts";
+    EXPECT_EQ(lease.attempt, 0u);
+    worker.Report(lease, running->id(), SpecHash(spec), kPolicyError, R"({"reason": "no answer of 'run'"})");
+  };
+  for (int k = 0; k < 4; ++k) fail();
+  ASSERT_TRUE(WaitFor([&] { return !running->progress().error.empty(); }));
+  EXPECT_NE(running->progress().error.find("no answer of 'run'"), std::string::npos) << running->progress().error;
+  EXPECT_EQ(running->progress().given_up, 0u);
+
+  const auto outage = MonotonicClock::now() + 1s;
+  ASSERT_TRUE(WaitFor([&] { return MonotonicClock::now() > outage; }));
+  fail();
+  running.Join();
+  ASSERT_FALSE(running.status());
+  EXPECT_EQ(running.status().error().code, Code::kUnavailable);
+  EXPECT_NE(running.status().error().message.find("no answer of 'run'"), std::string::npos)
+      << running.status().error().message;
+
+  // and the next start begins where it was
+  owner.reset();
+  auto again = Collector::Open(*participant_, spec, folder_ / "data", options);
+  ASSERT_TRUE(again) << again.error().message;
+  EXPECT_EQ(again->progress().given_up, 0u);
 }
 
 }  // namespace

@@ -18,6 +18,8 @@ Status Work(int argc, char** argv) {
   const auto domain = static_cast<std::uint32_t>(argc > 2 ? std::atoi(argv[2]) : 0);
   const std::chrono::milliseconds pace(argc > 3 ? std::atoi(argv[3]) : 0);
   if (argc > 4) options.content = static_cast<std::uint32_t>(std::atoi(argv[4]));
+  if (const char* idle = std::getenv("FAKE_IDLE_TIMEOUT_MS"))
+    options.idle_timeout = std::chrono::milliseconds(std::atoi(idle));
   options.heartbeat = std::chrono::milliseconds(100);
   options.ask_again = std::chrono::milliseconds(300);
   options.send_timeout = std::chrono::milliseconds(3000);

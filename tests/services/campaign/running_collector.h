@@ -25,6 +25,7 @@ inline CollectorOptions QuickOptions() {
   options.status_every = 100ms;
   options.retry_commit = 50ms;
   options.index_every = 500ms;
+  options.away = 0ms;
   return options;
 }
 
@@ -101,7 +102,8 @@ class RawWorker {
     EXPECT_TRUE(verdict) << (verdict ? "" : verdict.error().message);
     return verdict.value_or(bus::Verdict{bus::AckKind::kProgress, ""});
   }
-  void Report(const bus::Lease& lease, const std::string& id, const std::string& spec_sha256) {
+  void Report(const bus::Lease& lease, const std::string& id, const std::string& spec_sha256,
+              const std::string& outcome = "plan_failed", const std::string& details_json = "") {
     bus::AttemptReport report;
     report.campaign = request.campaign;
     report.campaign_id = id;
@@ -110,7 +112,8 @@ class RawWorker {
     report.index = lease.index;
     report.attempt = lease.attempt;
     report.token = lease.token;
-    report.outcome = "plan_failed";
+    report.outcome = outcome;
+    report.details_json = details_json;
     EXPECT_TRUE(reports_.Write(report));
   }
 

@@ -60,6 +60,36 @@ TEST_F(DyingWorkers, AreStartedAgainForAsLongAsEpisodesComeIn) {
   EXPECT_THAT(error.message, HasSubstr("SIGSEGV"));
 }
 
+TEST_F(DyingWorkers, ThatDoNotMoveAreEndedAndStartedAgain) {
+  const Path program = folder_ / "worker";
+  ASSERT_TRUE(WriteFileAtomically(program, std::string_view("#!/bin/sh\necho $4 >> $0.names\nexec sleep 600\n")));
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  std::string hung;
+  auto pool = WorkerPool::Start({.workers = 1,
+                                 .campaign = "demo@aaaa",
+                                 .bus = {},
+                                 .logs = folder_ / "logs",
+                                 .on_end = [this](const std::string&) { ++ended_; },
+                                 .committed = [] { return std::uint64_t{0}; },
+                                 .silent =
+                                     [&] {
+                                       std::vector<std::string> names{"another-host-w0"};
+                                       if (ended_ == 0) names.push_back(hung);
+                                       return names;
+                                     },
+                                 .program = program});
+  ASSERT_TRUE(pool);
+  const Stopwatch watch;
+  while (pool->restarts() == 0 && watch.Seconds() < 30) {
+    const std::string names = ReadTextFile(program.string() + ".names").value_or("");
+    hung = names.substr(0, names.find('\n'));
+    ASSERT_TRUE(pool->Supervise());
+    WaitForStop(1ms);
+  }
+  EXPECT_EQ(ended_, 1);
+  EXPECT_EQ(pool->restarts(), 1);
+}
+
 TEST(HopelessDeaths, GrowWithTheWorkers) {
   EXPECT_EQ(HopelessDeaths(1), 6);
   EXPECT_EQ(HopelessDeaths(64), 192);

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests worker/host/slot.cc and child.cc with children that crash, hang and say garbage.
+#include "worker/host/slot.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "services/core/clock.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::host {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+class SlotTest : public testing::Test {
+ protected:
+  SlotTest()
+      : slot_({.argv = {(campaign::ProgramFolder() / "scripted_child").string(), (folder_ / "state").string()},
+               .name = "s0",
+               .stall = 5000ms}) {}
+  void SetUp() override { ASSERT_TRUE(slot_.Begin({"ab", {}, ""})); }
+
+  Result<campaign::WorkResult> Do(std::uint64_t index) {
+    return slot_.Do({.index = index, .attempt = 4, .weights = {}, .progress = progress_},
+                    [](const policy::Question& question) -> Result<policy::Answer> {
+                      if (question.instruction != "which" || question.rgb.size() != 12)
+                        return Fail(Code::kCorrupt, "another question");
+                      return policy::Answer{.waypoints = {}, .modules = OrderedJson::object(), .checkpoint_step = 77};
+                    });
+  }
+  // The first try is lost for `reason`, the second one, by another child, is as if nothing had been.
+  void ExpectReplaced(std::uint64_t index, const char* reason, const char* ended_by) {
+    const auto before = slot_.pid();
+    const auto lost = Do(index);
+    ASSERT_TRUE(lost) << lost.error().message;
+    EXPECT_EQ(lost->outcome, campaign::kReleased) << "the attempt is anybody's again";
+    EXPECT_TRUE(lost->episode.empty());
+    const auto details = OrderedJson::parse(lost->details_json);
+    EXPECT_EQ(details["reason"], reason);
+    EXPECT_THAT(details["ended_by"].get<std::string>(), HasSubstr(ended_by));
+    last_words_ = details["last_words"].get<std::string>();
+    const auto made = Do(index);
+    ASSERT_TRUE(made) << made.error().message;
+    EXPECT_EQ(made->episode, (std::vector<std::uint8_t>{1, 2, 3}));
+    EXPECT_NE(slot_.pid(), before);
+  }
+
+  TemporaryFolder folder_;
+  campaign::ProgressFunction progress_;
+  std::string last_words_;
+  Slot slot_;
+};
+
+TEST_F(SlotTest, MakesResultsAndTellsOfProgress) {
+  std::vector<std::string> heard;
+  progress_ = [&](std::string_view stage, std::uint32_t step) {
+    heard.push_back(std::string(stage) + std::to_string(step));
+  };
+  const auto made = Do(0);
+  ASSERT_TRUE(made) << made.error().message;
+  EXPECT_EQ(made->outcome, "success");
+  EXPECT_EQ(made->steps, 4u);
+  EXPECT_EQ(heard, std::vector<std::string>{"reach3"});
+}
+
+TEST_F(SlotTest, ReplacesAChildThatCrashesAndKeepsItsLastWords) {
+  ExpectReplaced(1, campaign::kChildCrashed, "SIGSEGV");
+  EXPECT_THAT(last_words_, HasSubstr("out of luck"));
+}
+
+TEST_F(SlotTest, ReplacesAChildThatHangs) {
+  const Stopwatch watch;
+  ExpectReplaced(2, campaign::kChildHung, "without a word");
+  EXPECT_LT(watch.Seconds(), 60);
+}
+
+TEST_F(SlotTest, ReplacesAChildThatSaysGarbage) { ExpectReplaced(3, campaign::kChildCrashed, "frame"); }
+
+TEST_F(SlotTest, AsksThePolicyForItsChild) {
+  const auto made = Do(4);
+  ASSERT_TRUE(made) << made.error().message;
+  EXPECT_EQ(made->steps, 77u);
+}
+
+TEST_F(SlotTest, PassesAnErrorOfTheWorkOnAndKeepsTheChild) {
+  const auto before = slot_.pid();
+  const auto failed = Do(5);
+  ASSERT_FALSE(failed);
+  EXPECT_EQ(failed.error().code, Code::kUnavailable);
+  EXPECT_EQ(failed.error().message, "no GL here");
+  EXPECT_EQ(slot_.pid(), before);
+}
+
+TEST_F(SlotTest, GivesUpWhenChildrenDieWithoutOneResult) {
+  for (int k = 0; k < 5; ++k) {
+    const auto lost = Do(6);
+    ASSERT_TRUE(lost) << k << lost.error().message;
+    EXPECT_EQ(lost->outcome, campaign::kReleased);
+  }
+  const auto given_up = Do(6);
+  ASSERT_FALSE(given_up);
+  EXPECT_EQ(given_up.error().code, Code::kUnavailable);
+  EXPECT_THAT(given_up.error().message, HasSubstr("SIGSEGV"));
+  EXPECT_THAT(given_up.error().message, HasSubstr("out of luck"));
+}
+
+}  // namespace
+}  // namespace etude::host

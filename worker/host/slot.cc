@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/host/slot.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <signal.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+
+#include "services/core/clock.h"
+#include "services/core/file.h"
+#include "services/core/log.h"
+#include "services/core/stop.h"
+#include "worker/host/messages.h"
+
+namespace etude::host {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::size_t kMostWords = 2000;
+constexpr auto kLook = 50ms;
+constexpr auto kStopPatience = 500ms;
+
+std::string HowItEnded(int exit_code) {
+  const int signal_number = exit_code - 128;
+  const char* name = signal_number > 0 ? ::sigabbrev_np(signal_number) : nullptr;
+  return name ? fmt::format("signal SIG{}", name) : fmt::format("exit code {}", exit_code);
+}
+
+}  // namespace
+
+Slot::Slot(SlotOptions options) : options_(std::move(options)) {}
+Slot::~Slot() { Forget(); }
+
+std::optional<pid_t> Slot::pid() const { return process_ ? std::optional(process_->pid()) : std::nullopt; }
+
+void Slot::Forget() {
+  channel_.reset();  // a child whose host has gone ends by itself
+  if (process_) process_->Stop(std::chrono::duration_cast<std::chrono::milliseconds>(kStopPatience));
+  process_.reset();
+  if (words_fd_ >= 0) ::close(words_fd_);
+  words_fd_ = -1;
+}
+
+Status Slot::Start() {
+  Forget();
+  last_words_.clear();
+  ETUDE_ASSIGN_OR_RETURN(const auto ends, MakeSocketPair());
+  channel_.emplace(ends[0]);
+  const Channel childs(ends[1]);  // closed here once it has its own
+  channel_->LimitSend(options_.stall);
+  int words[2];
+  if (::pipe2(words, O_CLOEXEC | O_NONBLOCK) != 0) return Fail(ErrnoError("make", "a pipe for a child", errno));
+  words_fd_ = words[0];
+  auto started = campaign::Process::Start({.argv = options_.argv, .socket = childs.descriptor(), .output = words[1]});
+  ::close(words[1]);
+  if (!started) return Fail(started.error());
+  process_.emplace(std::move(*started));
+  return {};
+}
+
+// The host's log has what its children say; their last words are kept for the report of their end.
+void Slot::ReadWords() {
+  char text[4096];
+  for (ssize_t got; words_fd_ >= 0 && (got = ::read(words_fd_, text, sizeof text)) > 0;) {
+    const auto size = static_cast<std::size_t>(got);
+    [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, text, size);
+    last_words_.append(text, size);
+    if (last_words_.size() > kMostWords) last_words_.erase(0, last_words_.size() - kMostWords);
+  }
+}
+
+// Ends the child that is no use any more; `why` where it did not end by itself.
+Slot::Loss Slot::End(const char* reason, const std::string& why) {
+  // what crashed closes its socket a moment before it has ended
+  auto exit_code = process_->Wait(reason == std::string_view(campaign::kChildHung) ? 0ms : 1000ms);
+  const bool by_itself = exit_code.has_value();
+  if (!by_itself) {
+    process_->Signal(SIGKILL);
+    exit_code = process_->Wait(5s);
+  }
+  ReadWords();
+  Loss loss{by_itself ? campaign::kChildCrashed : reason, by_itself ? HowItEnded(*exit_code) : why};
+  process_.reset();
+  Forget();
+  return loss;
+}
+
+// Until a frame of the wanted kind, or a failure, is in `answer`; or the child is lost.
+std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem* item, const policy::AskFunction& ask,
+                                      Result<Frame>& answer) {
+  auto heard = MonotonicClock::now();
+  while (true) {
+    if (StopRequested()) {
+      Forget();
+      answer = Fail(Code::kTimeout, "this process was asked to stop");
+      return std::nullopt;
+    }
+    auto frame = channel_->Receive(std::chrono::duration_cast<std::chrono::milliseconds>(kLook));
+    ReadWords();
+    if (!frame) return End(campaign::kChildCrashed, frame.error().message);
+    if (!*frame) {
+      if (MonotonicClock::now() - heard < options_.stall) continue;
+      return End(campaign::kChildHung, fmt::format("SIGKILL after {} s without a word", options_.stall.count() / 1000));
+    }
+    if ((*frame)->kind == FrameKind::kQuestion && item && ask) {
+      if (const Status replied = Reply(**frame, ask); !replied)
+        return End(campaign::kChildCrashed, replied.error().message);
+    } else if ((*frame)->kind == FrameKind::kProgress && item) {
+      const OrderedJson& head = (*frame)->head;
+      if (item->progress && head.contains("step") && head["step"].is_number_unsigned() && head.contains("stage") &&
+          head["stage"].is_string())
+        item->progress(head["stage"].get<std::string>(), head["step"].get<std::uint32_t>());
+    } else if ((*frame)->kind == wanted || (*frame)->kind == FrameKind::kFailure) {
+      answer = std::move(**frame);
+      return std::nullopt;
+    } else {
+      return End(campaign::kChildCrashed,
+                 fmt::format("it said something out of turn (frame kind {})", static_cast<int>((*frame)->kind)));
+    }
+    heard = MonotonicClock::now();  // after an answer of the policy's, however long it took
+  }
+}
+
+Status Slot::Reply(const Frame& frame, const policy::AskFunction& ask) {
+  ETUDE_ASSIGN_OR_RETURN(const policy::Question question, QuestionOf(frame));
+  const auto answer = ask(question);
+  if (!answer) return channel_->Send(FrameKind::kFailure, ErrorHead(answer.error()));
+  return channel_->Send(FrameKind::kAnswer, AnswerHead(*answer));
+}
+
+Status Slot::CountDeath(const Loss& loss) {
+  const int deaths = ++*options_.deaths;
+  Log().warn("a child is lost and replaced slot={} reason={} ended_by='{}'", options_.name, loss.reason, loss.ended_by);
+  if (deaths < options_.hopeless) return {};
+  return Fail(
+      Code::kUnavailable,
+      fmt::format("{} children died without one result meanwhile; the last one ended by {}. Its last words:\n{}",
+                  deaths, loss.ended_by, last_words_));
+}
+
+Status Slot::Begin(const campaign::JoinedCampaign& joined) {
+  joined_ = joined;
+  while (true) {
+    if (!process_) ETUDE_RETURN_IF_ERROR(Start());
+    Result<Frame> answer = Fail(Code::kInternal, "");
+    const Status sent = channel_->Send(FrameKind::kCampaign, CampaignHead(*joined_));
+    const auto loss = sent ? Await(FrameKind::kReady, nullptr, {}, answer)
+                           : std::optional(End(campaign::kChildCrashed, sent.error().message));
+    if (loss) {
+      ETUDE_RETURN_IF_ERROR(CountDeath(*loss));
+      if (WaitForStop(200ms)) return {};
+      continue;
+    }
+    if (!answer) return StopRequested() ? Status() : Status(Fail(answer.error()));
+    if (answer->kind == FrameKind::kFailure) return Fail(ErrorOf(answer->head));
+    return {};
+  }
+}
+
+Result<campaign::WorkResult> Slot::Release(const Loss& loss) {
+  ETUDE_RETURN_IF_ERROR(CountDeath(loss));
+  campaign::WorkResult result{.outcome = campaign::kReleased};
+  result.details_json =
+      OrderedJson{{"reason", loss.reason}, {"ended_by", loss.ended_by}, {"last_words", last_words_}}.dump(
+          -1, ' ', false, OrderedJson::error_handler_t::replace);
+  return result;
+}
+
+Result<campaign::WorkResult> Slot::Do(const campaign::WorkItem& item, const policy::AskFunction& ask) {
+  if (!process_) ETUDE_RETURN_IF_ERROR(Begin(*joined_));
+  if (!process_) return campaign::WorkResult{.outcome = campaign::kReleased};  // a stop
+  Result<Frame> answer = Fail(Code::kInternal, "");
+  const Status sent = channel_->Send(FrameKind::kWork, WorkHead(item));
+  auto loss = sent ? Await(FrameKind::kResult, &item, ask, answer)
+                   : std::optional(End(campaign::kChildCrashed, sent.error().message));
+  if (loss) return Release(*loss);
+  if (!answer) return campaign::WorkResult{.outcome = campaign::kReleased};  // a stop
+  if (answer->kind == FrameKind::kFailure) return Fail(ErrorOf(answer->head));
+  auto result = ResultOf(std::move(*answer));
+  if (!result) return Release(End(campaign::kChildCrashed, result.error().message));
+  *options_.deaths = 0;
+  return result;
+}
+
+}  // namespace etude::host
