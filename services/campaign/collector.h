@@ -36,7 +36,7 @@ struct CollectorOptions {
   std::chrono::milliseconds retry_commit{1'000};  ///< after a full disk
   std::chrono::milliseconds drain{2'000};         ///< at the end, to tell workers that it is done
   std::chrono::milliseconds away{15'000};  ///< the same, when some that worked in the last minute are not to be heard
-  int unfit_budget = 3;  ///< episodes in a row that do not fit; then their worker is sent away
+  int unfit_budget = 3;                    ///< episodes in a row that do not fit; then their worker is sent away
   std::chrono::milliseconds policy_patience{300'000};  ///< rollouts without one answer; then the evaluation fails
   std::uint64_t max_in_flight = 1024;                  ///< leases out at once
   Claim claim = Claim::kRefuse;                        ///< when the folder's id is live elsewhere
