@@ -26,7 +26,7 @@ Result<DashboardService> DashboardService::Start(const DashboardOptions& options
   ServiceOptions service;
   service.program = "etude-gateway";
   service.arguments = {"--dir", options.out.string(), "--port", std::to_string(options.port)};
-  const auto flags = options.bus.Flags();
+  const auto flags = options.bus.Flags(security::Role::kGateway);
   service.arguments.insert(service.arguments.end(), flags.begin(), flags.end());
   service.environment = options.bus.Environment();
   service.log = options.out / "logs" / "dashboard.log";

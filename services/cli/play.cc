@@ -224,7 +224,7 @@ Status StartPolicy(const Arguments& arguments, std::string& run, Children& child
   ServiceOptions options;
   options.program = "etude-policy";
   options.arguments = {"--checkpoint", arguments.checkpoint, "--run", run};
-  const auto flags = arguments.bus.Flags();
+  const auto flags = arguments.bus.Flags(security::Role::kPolicy);
   options.arguments.insert(options.arguments.end(), flags.begin(), flags.end());
   options.environment = arguments.bus.Environment();
   options.log = std::filesystem::temp_directory_path() / fmt::format("etude-play-policy-{}.log", id);
@@ -250,7 +250,7 @@ Status StartWorker(const Arguments& arguments, const std::string& run, Children&
                   "--idle",
                   fmt::format("{}", arguments.idle_s)};
   for (const auto& text : arguments.overrides) options.argv.insert(options.argv.end(), {"--set", text});
-  const auto flags = arguments.bus.Flags();
+  const auto flags = arguments.bus.Flags(security::Role::kWorker);
   options.argv.insert(options.argv.end(), flags.begin(), flags.end());
   options.environment = arguments.bus.Environment();
   ETUDE_ASSIGN_OR_RETURN(auto worker, campaign::Process::Start(options));
