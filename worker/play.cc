@@ -82,10 +82,10 @@ std::vector<float> NumbersOf(const std::vector<Waypoint>& waypoints) {
 }
 
 // The session, and what the bus sees of it.
-class Host {
+class PlayHost {
  public:
-  static Result<Host> Open(const PlayOptions& options, const CampaignSpec& spec, const bus::Participant& participant,
-                           const sim::RendererConfig& renderer);
+  static Result<PlayHost> Open(const PlayOptions& options, const CampaignSpec& spec,
+                               const bus::Participant& participant, const sim::RendererConfig& renderer);
   // Until it is closed, idle or stopped.
   Status Run();
 
@@ -94,8 +94,9 @@ class Host {
     std::string id, refusal;
   };
 
-  Host(const PlayOptions& options, CampaignSpec spec, std::unique_ptr<task::PlaySession> session, policy::Client policy,
-       bus::Reader<bus::PlayCommand> commands, bus::Writer<bus::PlayState> states, bus::Writer<bus::PlayFrame> frames)
+  PlayHost(const PlayOptions& options, CampaignSpec spec, std::unique_ptr<task::PlaySession> session,
+           policy::Client policy, bus::Reader<bus::PlayCommand> commands, bus::Writer<bus::PlayState> states,
+           bus::Writer<bus::PlayFrame> frames)
       : options_(options),
         spec_(std::move(spec)),
         session_(std::move(session)),
@@ -137,8 +138,8 @@ class Host {
   TimePoint published_{}, asked_ = MonotonicClock::now();
 };
 
-Result<Host> Host::Open(const PlayOptions& options, const CampaignSpec& spec, const bus::Participant& participant,
-                        const sim::RendererConfig& renderer) {
+Result<PlayHost> PlayHost::Open(const PlayOptions& options, const CampaignSpec& spec,
+                                const bus::Participant& participant, const sim::RendererConfig& renderer) {
   ETUDE_ASSIGN_OR_RETURN(auto session, task::PlaySession::Open(spec, options.index, renderer));
   ETUDE_ASSIGN_OR_RETURN(auto policy,
                          policy::Client::Open(participant, options.run, "play-" + options.session, kPatience));
@@ -146,11 +147,11 @@ Result<Host> Host::Open(const PlayOptions& options, const CampaignSpec& spec, co
   ETUDE_ASSIGN_OR_RETURN(auto states, bus::Writer<bus::PlayState>::Open(participant, bus::kPlayPartition));
   ETUDE_ASSIGN_OR_RETURN(auto frames,
                          bus::Writer<bus::PlayFrame>::Open(participant, play::FramePartition(options.session)));
-  return Host(options, spec, std::move(session), std::move(policy), std::move(commands), std::move(states),
-              std::move(frames));
+  return PlayHost(options, spec, std::move(session), std::move(policy), std::move(commands), std::move(states),
+                  std::move(frames));
 }
 
-Status Host::Run() {
+Status PlayHost::Run() {
   while (!StopRequested() && !close_) {
     TakeCommands();
     if (said_) Say();
@@ -177,7 +178,7 @@ Status Host::Run() {
 
 // ---- commands -------------------------------------------------------------------------------------
 
-void Host::TakeCommands() {
+void PlayHost::TakeCommands() {
   for (const auto& command : commands_.Take()) {
     if (command.session != state_.session) continue;
     asked_ = MonotonicClock::now();
@@ -197,7 +198,7 @@ void Host::TakeCommands() {
   }
 }
 
-Status Host::Obey(const bus::PlayCommand& command) {
+Status PlayHost::Obey(const bus::PlayCommand& command) {
   const auto json = ParseBoundedJson(command.arguments_json.empty() ? "{}" : command.arguments_json, 8);
   if (!json) return Fail(Code::kInvalidArgument, "play command: its arguments are not JSON");
   using bus::PlayAction;
@@ -229,7 +230,7 @@ Status Host::Obey(const bus::PlayCommand& command) {
   return Fail(Code::kInvalidArgument, "play command: an action that this program does not know");
 }
 
-Status Host::Scene(const OrderedJson& arguments) {
+Status PlayHost::Scene(const OrderedJson& arguments) {
   if (moving() || said_) return Fail(Code::kUnavailable, "the policy drives: stop it first");
   ETUDE_ASSIGN_OR_RETURN(const auto scene, play::ReadArguments<play::SceneArguments>(arguments));
   ETUDE_RETURN_IF_ERROR(session_->SetScene(scene.index, scene.objects));
@@ -240,7 +241,7 @@ Status Host::Scene(const OrderedJson& arguments) {
   return {};
 }
 
-Status Host::Accept(const OrderedJson& arguments) {
+Status PlayHost::Accept(const OrderedJson& arguments) {
   if (moving() || said_) return Fail(Code::kUnavailable, "a sentence is being obeyed: stop it first");
   ETUDE_ASSIGN_OR_RETURN(const auto said, play::ReadArguments<play::SayArguments>(arguments));
   task::Sentence sentence{.text = said.sentence,
@@ -265,7 +266,7 @@ Status Host::Accept(const OrderedJson& arguments) {
 
 // ---- driving --------------------------------------------------------------------------------------
 
-void Host::Say() {
+void PlayHost::Say() {
   const task::Sentence sentence = *std::exchange(said_, std::nullopt);
   pace_.Restart();
   const auto verdict = session_->Say(
@@ -289,7 +290,7 @@ void Host::Say() {
   Publish(true);
 }
 
-bool Host::BeforeStep() {
+bool PlayHost::BeforeStep() {
   pace_.Step();
   TakeCommands();
   if (MonotonicClock::now() - published_ >= kMoving) Publish(true);
@@ -298,7 +299,7 @@ bool Host::BeforeStep() {
 
 // ---- what is said ---------------------------------------------------------------------------------
 
-void Host::Publish(bool with_picture) {
+void PlayHost::Publish(bool with_picture) {
   published_ = MonotonicClock::now();
   OrderedJson scene = session_->SceneJson();
   scene["campaign"] = spec_.name;
@@ -327,7 +328,7 @@ void Host::Publish(bool with_picture) {
   if (with_picture && frames_.matched_readers() > 0) PublishPicture();
 }
 
-void Host::PublishPicture() {
+void PlayHost::PublishPicture() {
   const Camera& camera = session_->camera();
   auto image = EncodeJpeg(session_->Picture(), camera.width, camera.height);
   if (!image) return Log().warn("session={}: {}", state_.session, image.error().message);
@@ -383,7 +384,7 @@ Status Play(const PlayOptions& options, const bus::Arguments& bus, const sim::Re
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, SpecOf(chosen.spec));
   ETUDE_ASSIGN_OR_RETURN(const auto participant, bus.Open());
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "play"}));
-  ETUDE_ASSIGN_OR_RETURN(Host host, Host::Open(chosen, spec, participant, renderer));
+  ETUDE_ASSIGN_OR_RETURN(PlayHost host, PlayHost::Open(chosen, spec, participant, renderer));
   // the name is what people and programs wait for
   fmt::print("play {}\n", chosen.session);
   std::fflush(stdout);

@@ -20,7 +20,7 @@ namespace {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-constexpr int kSettleSteps = 50;          // control steps after something was moved
+constexpr int kPlacedSettleSteps = 50;    // control steps after something was moved
 constexpr double kSettleDistance = 0.01;  // m that an object may move by itself meanwhile
 constexpr double kSettleTilt = 0.05;      // rad
 constexpr double kParkedBehind = 6.0;     // m along y: behind every camera that looks at the table
@@ -144,7 +144,7 @@ Status PlaySession::Settle(EpisodeEnvironment& in, const std::vector<PlacedObjec
   in.world.SetArm(q);
   in.world.Forward();
   const Waypoint here{in.world.X_WE(), 0};
-  for (int step = 0; step < kSettleSteps; ++step) in.world.Step(here, Vector6d::Zero());
+  for (int step = 0; step < kPlacedSettleSteps; ++step) in.world.Step(here, Vector6d::Zero());
   for (const auto& object : objects) {
     const Pose X_WO = in.world.ObjectPose(object.name);
     const double moved = (X_WO.p - object.X_WO.p).norm();
@@ -232,7 +232,7 @@ Status PlaySession::Show(const std::string& name) {
 
 Status PlaySession::Move(Slide slide) {
   slide_ = std::move(slide);
-  if (!running_) Rest(slide_->steps + kSettleSteps);
+  if (!running_) Rest(slide_->steps + kPlacedSettleSteps);
   return {};
 }
 
@@ -376,7 +376,7 @@ Result<Verdict> PlaySession::Say(const Sentence& sentence, const policy::AskFunc
   doing_ = "driving";
   auto verdict = Drive(sentence, plan, ask, hook);
   doing_ = "rest";
-  Rest(kSettleSteps);
+  Rest(kPlacedSettleSteps);
   return verdict;
 }
 
