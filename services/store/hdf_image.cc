@@ -8,6 +8,7 @@
 #include <bit>
 #include <cstring>
 #include <limits>
+#include <type_traits>
 
 namespace etude::store::internal {
 namespace {
@@ -39,7 +40,7 @@ enum Message : std::uint8_t {
 constexpr std::uint8_t kConstant = 1, kUnshared = 4;  // message flags
 
 template <class T>
-void Put(Bytes& out, T value) {
+void Put(Bytes& out, T value) requires std::is_arithmetic_v<T> {
   const auto at = out.size();
   out.resize(at + sizeof(T));
   std::memcpy(out.data() + at, &value, sizeof(T));
