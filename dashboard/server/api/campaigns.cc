@@ -20,15 +20,15 @@ using sources::Maybe;
 using sources::TextOrNull;
 
 // What is known of a campaign: a dataset's view, what is heard, or both.
-struct Opened {
+struct OpenedCampaign {
   std::string id, name, dataset;
   std::shared_ptr<const sources::DatasetView> view;  // null: on the bus only
   std::shared_ptr<const live::LiveView> live;
   const live::LiveCampaign* heard = nullptr;  // in `live`
 };
 
-Result<Opened> Open(Context& context, const std::string& id) {
-  Opened opened;
+Result<OpenedCampaign> Open(Context& context, const std::string& id) {
+  OpenedCampaign opened;
   opened.id = id;
   opened.live = context.live();
   for (const auto& [identity, campaign] : opened.live->campaigns)
@@ -97,7 +97,7 @@ OrderedJson Timing(const sources::DatasetView& view) {
           {"plan_histogram", {{"edges_s", edges}, {"counts", counts}}}};
 }
 
-OrderedJson SpecOf(const Opened& opened) {
+OrderedJson SpecOf(const OpenedCampaign& opened) {
   if (opened.view) return http::ForBrowsers(opened.view->info.spec_json);
   const auto json = ParseBoundedJson(opened.heard->spec_json);
   return json && json->is_object() ? http::ForBrowsers(*json) : OrderedJson();
@@ -109,7 +109,7 @@ OrderedJson TextsOf(const OrderedJson& spec, const char* key) {
 }
 
 Result<http::Answer> Campaign(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request.Parameter("id")));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedCampaign opened, Open(context, request.Parameter("id")));
   const auto state = StateOf(opened.view.get(), opened.heard);
   const OrderedJson spec = SpecOf(opened);
   OrderedJson failures = OrderedJson::object();
@@ -147,7 +147,7 @@ struct Row {
   bool has_pictures = false;
 };
 
-std::vector<Row> RowsOf(const Opened& opened) {
+std::vector<Row> RowsOf(const OpenedCampaign& opened) {
   std::vector<Row> rows;
   if (!opened.view) {
     for (const auto& heard : opened.heard->attempts) {
@@ -180,7 +180,7 @@ std::vector<Row> RowsOf(const Opened& opened) {
   return rows;
 }
 
-OrderedJson RowJson(const Row& row, const Opened& opened) {
+OrderedJson RowJson(const Row& row, const OpenedCampaign& opened) {
   const bool planned = opened.view && row.index < 10'000'000;
   const std::string seed = row.seed ? std::to_string(*row.seed)
                            : planned ? std::to_string(EpisodeSeed(opened.view->info.spec, row.index, row.attempt))
@@ -204,7 +204,7 @@ OrderedJson RowJson(const Row& row, const Opened& opened) {
           {"has_pictures", row.has_pictures}};
 }
 
-Result<std::vector<Row>> Filtered(const Opened& opened, const http::Query& query) {
+Result<std::vector<Row>> Filtered(const OpenedCampaign& opened, const http::Query& query) {
   auto rows = RowsOf(opened);
   const auto keep = [&](const char* key, std::string Row::*member) {
     const auto wanted = query.All(key);
@@ -227,7 +227,7 @@ Result<std::vector<Row>> Filtered(const Opened& opened, const http::Query& query
 }
 
 Result<http::Answer> Attempts(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request.Parameter("id")));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedCampaign opened, Open(context, request.Parameter("id")));
   ETUDE_ASSIGN_OR_RETURN(const auto limit, request.query.Integer("limit", 50, 1, 200));
   ETUDE_ASSIGN_OR_RETURN(const auto offset, request.query.Integer("before", 0, 0, 100'000'000));
   ETUDE_ASSIGN_OR_RETURN(const auto rows, Filtered(opened, request.query));
@@ -245,7 +245,7 @@ Result<http::Answer> Attempts(Context& context, const http::Request& request) {
 Result<http::Answer> Cells(Context& context, const http::Request& request) {
   constexpr std::uint64_t kMost = 1'000'000;  // the answer's bound
   enum : std::uint8_t { kOpen, kCommitted, kRetried, kGivenUp, kFailed };
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request.Parameter("id")));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedCampaign opened, Open(context, request.Parameter("id")));
   const auto state = StateOf(opened.view.get(), opened.heard);
   std::vector<std::uint8_t> cells(std::min(state.total, kMost), kOpen);
   if (opened.view) {
@@ -269,7 +269,7 @@ Result<http::Answer> Cells(Context& context, const http::Request& request) {
 
 Result<OrderedJson> LatestAttempts(Context& context, const std::string& campaign) {
   constexpr std::size_t kMost = 20;
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, campaign));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedCampaign opened, Open(context, campaign));
   const auto rows = RowsOf(opened);
   OrderedJson newest = OrderedJson::array();
   for (const auto& row : rows)

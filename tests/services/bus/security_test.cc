@@ -8,6 +8,7 @@
 #include "services/bus/security_log.h"
 #include "services/bus/topic.h"
 #include "services/bus/topology.h"
+#include "services/bus/typed.h"
 #include "services/bus/wire.h"
 #include "services/core/clock.h"
 #include "services/security/authority.h"
