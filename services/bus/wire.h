@@ -559,9 +559,10 @@ ETUDE_TRAITS(TrainStatus, "etude/train/status", kState, kRun, MaskOf(Role::kTrai
   X(WorkRequest)                                                                                                    \
   X(Lease)                                                                                                          \
   X(WorkerStatus)                                                                                                   \
-  X(AttemptReport) X(ValidationErrors) X(CampaignStatus) X(CampaignControl) X(BlobManifest) X(BlobChunk) X(BlobAck) \
-      X(Observation) X(Action) X(InsightWish) X(Insight) X(PolicyStatus) X(PlayCommand) X(PlayState) X(PlayFrame)   \
-          X(ProcessStatus) X(ProcessEvent) X(TrainStatus)
+  X(AttemptReport)                                                                                                  \
+  X(ValidationErrors) X(CampaignStatus) X(CampaignControl) X(BlobManifest) X(BlobChunk) X(BlobAck) X(Observation)   \
+      X(Action) X(InsightWish) X(Insight) X(PolicyStatus) X(PlayCommand) X(PlayState) X(PlayFrame) X(ProcessStatus) \
+          X(ProcessEvent) X(TrainStatus)
 
 inline constexpr char kPublishedManifestTopic[] = "etude/blob/published_manifest";
 inline constexpr char kPublishedChunkTopic[] = "etude/blob/published_chunk";
