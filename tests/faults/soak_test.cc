@@ -100,7 +100,9 @@ TEST(Soak, F25NothingIsLostWhateverHappens) {
                                                   [](const Taken& a, const Taken& b) { return a.files < b.files; });
   const double slope = SlopeOf(samples);
   EXPECT_LE(most->files, fewest->files + 16) << "open files grow";
-  if (minutes >= 10) EXPECT_LT(slope, 1.0) << "MB a minute";
+  if (minutes >= 10) {
+    EXPECT_LT(slope, 1.0) << "MB a minute";
+  }
   ReportRow("F25",
             fmt::format("{:g} min of chaos, {} harms; collector {:.0f} MB, {:+.2f} MB/min, {} to {} open files",
                         minutes, harms, samples.back().rss_mb, slope, fewest->files, most->files),

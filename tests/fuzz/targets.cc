@@ -38,7 +38,8 @@ void EpisodeFile(Input bytes) {
   store::internal::AppendSeal(sealed);
   auto file = store::internal::DecodeEpisodeFile(sealed);
   if (!file) return;
-  (void)store::internal::CheckFrames(store::internal::WithFrames(std::move(*file), sealed));
+  const Episode episode = store::internal::WithFrames(std::move(*file), sealed);
+  (void)store::internal::CheckFrames(episode, FramesOf(episode));
 }
 
 void Tensors(Input bytes) {
