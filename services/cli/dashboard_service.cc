@@ -24,7 +24,7 @@ std::string AddressIn(const Path& log, std::uint64_t begin) {
 
 Result<DashboardService> DashboardService::Start(const DashboardOptions& options) {
   ServiceOptions service;
-  service.program = "etude-gateway";
+  service.program = options.program;
   service.arguments = {"--dir", options.out.string(), "--port", std::to_string(options.port)};
   const auto flags = options.bus.Flags(security::Role::kGateway);
   service.arguments.insert(service.arguments.end(), flags.begin(), flags.end());

@@ -14,6 +14,7 @@ struct DashboardOptions {
   Path out;                   ///< what it shows; its log is out/logs/dashboard.log
   std::uint16_t port = 8080;  ///< 0: any free one
   BusArguments bus;
+  std::string program = "etude-gateway";  ///< beside this program, or a path
 };
 
 /// Not thread-safe; Start, Supervise and Stop on one thread.

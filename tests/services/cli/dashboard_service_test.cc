@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+#include <filesystem>
 #include <thread>
 
 #include "services/core/clock.h"
@@ -17,6 +19,11 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::uint32_t kDomain = 61;
+
+std::string Gateway() {
+  const char* folder = std::getenv("ETUDE_BIN");
+  return std::filesystem::absolute(Path(folder ? folder : "build/bin") / "etude-gateway").string();
+}
 
 // Supervises until it has an address, fails, or 30 s have passed.
 Status Settle(DashboardService& service) {
@@ -31,14 +38,14 @@ Status Settle(DashboardService& service) {
 
 TEST(DashboardService, SaysItsAddressAndATakenPortIsAnError) {
   TemporaryFolder folder;
-  auto first = DashboardService::Start({folder.path(), 0, {kDomain, "", "text"}});
+  auto first = DashboardService::Start({folder.path(), 0, {kDomain, "", "text"}, Gateway()});
   ASSERT_THAT(first, IsOk());
   ASSERT_THAT(Settle(*first), IsOk());
   ASSERT_THAT(first->address(), testing::StartsWith("http://127.0.0.1:"));
   const auto port = static_cast<std::uint16_t>(std::stoi(first->address().substr(first->address().rfind(':') + 1)));
 
   TemporaryFolder other;
-  auto second = DashboardService::Start({other.path(), port, {kDomain, "", "text"}});
+  auto second = DashboardService::Start({other.path(), port, {kDomain, "", "text"}, Gateway()});
   ASSERT_THAT(second, IsOk());
   EXPECT_THAT(Settle(*second), MessageHas(std::to_string(port)));
   EXPECT_EQ(second->address(), "");

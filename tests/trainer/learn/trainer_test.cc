@@ -61,8 +61,8 @@ TEST_F(TrainerTest, ResumesBitForBit) {
     hooks.on_checkpoint = [&](const checkpoint::Checkpoint& kept) -> Status {
       for (const auto& [name, tensor] : kept.tensors)
         if (kept.metadata.step == 40) sums[name] = tensor.to(torch::kFloat64).sum().item<double>();
-      // a failing hook is a crash right after a saved state
-      if (stop_at > 0 && kept.metadata.step == stop_at + 10) return Fail(Code::kUnavailable, "crash");
+      // a hook that fails for good is a crash right after a saved state
+      if (stop_at > 0 && kept.metadata.step == stop_at + 10) return Fail(Code::kInternal, "crash");
       return {};
     };
     const Status status = Train(config, out, resume, hooks);
@@ -95,7 +95,7 @@ TEST_F(TrainerTest, ItsFilesSayHowItEnded) {
             static_cast<double>(dataset_->snapshot()->episode_count(data::Split::kTrain)));
 
   Hooks hooks;
-  hooks.on_checkpoint = [](const checkpoint::Checkpoint&) -> Status { return Fail(Code::kUnavailable, "disk full"); };
+  hooks.on_checkpoint = [](const checkpoint::Checkpoint&) -> Status { return Fail(Code::kInternal, "disk full"); };
   EXPECT_FALSE(Train(config, folder_ / "failed", false, hooks));
   EXPECT_EQ(last(folder_ / "failed")["cause"], "failed");
   EXPECT_NE(last(folder_ / "failed")["reason"].get<std::string>().find("disk full"), std::string::npos);

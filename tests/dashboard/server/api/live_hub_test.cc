@@ -4,6 +4,9 @@
 
 #include <gmock/gmock.h>
 
+#include <map>
+#include <set>
+
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/dashboard/server/api/json_schema.h"
 
@@ -45,7 +48,12 @@ TEST_F(LiveHubTest, EveryChannelSendsWhatIsDescribed) {
                                                      {"attempts", R"({"campaign":"lab.data"})"},
                                                      {"train", R"({"run":"lab.run","since":50})"},
                                                      {"eval", R"({"id":"lab.eval_a"})"},
-                                                     {"logs", R"({"level":"warn"})"}};
+                                                     {"logs", R"({"level":"warn"})"},
+                                                     {"events", R"({"level":"warn"})"},
+                                                     {"topics", "{}"},
+                                                     {"sample", R"({"topic":"etude/process/status"})"},
+                                                     {"play", R"({"session":"play-1"})"}};
+  const std::set<std::string> of_the_bus{"sample", "play"};  // there is none here
   for (const auto& [channel, about] : document["x-live"]["channels"].items()) {
     ASSERT_TRUE(arguments.contains(channel)) << channel;
     client_->OnText(R"({"op":"sub","ch":")" + channel + R"(","args":)" + arguments.at(channel) + "}");
@@ -54,6 +62,10 @@ TEST_F(LiveHubTest, EveryChannelSendsWhatIsDescribed) {
   ASSERT_EQ(socket_->sent.size(), arguments.size());
   for (const auto& message : socket_->sent) {
     const std::string channel = message["ch"];
+    if (of_the_bus.contains(channel)) {
+      EXPECT_TRUE(message.contains("error")) << message.dump();
+      continue;
+    }
     ASSERT_TRUE(message.contains("data")) << message.dump();
     std::vector<std::string> problems;
     CheckSchema(document, document["x-live"]["server"], message, channel, problems);
