@@ -5,6 +5,7 @@
 #include <openssl/sha.h>
 
 #include <algorithm>
+#include <boost/crc.hpp>
 #include <charconv>
 #include <cstring>
 #include <fstream>
@@ -39,7 +40,9 @@ bool IsWhole(std::span<const std::uint8_t> bytes) {
   if (at == std::string_view::npos || !text.ends_with('\n')) return false;
   const std::string_view seal = text.substr(at);
   const bool one_line = seal.find('\n', 1) == seal.size() - 1;
-  return one_line && seal.find(HexSha256(bytes.first(at))) != std::string_view::npos &&
+  boost::crc_32_type crc;
+  crc.process_bytes(bytes.data(), at);
+  return one_line && seal.find(fmt::format("crc32={:08x}", crc.checksum())) != std::string_view::npos &&
          seal.find(std::to_string(at)) != std::string_view::npos;
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Holds what senders were told (their acknowledgement logs, services/campaign/ack_log.h) against what lies in a
 // dataset. Reads bytes and names, nothing through services/store: a fault in the store's own checks must not hide
-// itself. What it knows of an episode file: it is HDF5, it ends with a seal (SHA-256 and size of all before), it names
+// itself. What it knows of an episode file: it is HDF5, it ends with a seal (CRC-32 and size of all before), it names
 // its group demo_INDEX and holds, as text, the SHA-256 of the bytes that the sender sent.
 #pragma once
 
