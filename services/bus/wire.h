@@ -553,18 +553,13 @@ ETUDE_TRAITS(TrainStatus, "etude/train/status", kState, kRun, MaskOf(Role::kTrai
 #undef ETUDE_TRAITS
 
 /// All of them: what has no reader and writer, is not shown by `etude topic` and may be used by no role, is not here.
-#define ETUDE_MESSAGES(X)                                                                                    \
-  X(Presence)                                                                                                \
-  X(CampaignAnnouncement)                                                                                    \
-  X(WorkRequest)                                                                                             \
-  X(Lease)                                                                                                   \
-  X(WorkerStatus)                                                                                            \
-  X(AttemptReport)                                                                                           \
-  X(ValidationErrors)                                                                                        \
-  X(CampaignStatus)                                                                                          \
-  X(CampaignControl)                                                                                         \
-  X(BlobManifest) X(BlobChunk) X(BlobAck) X(Observation) X(Action) X(InsightWish) X(Insight) X(PolicyStatus) \
-      X(PlayCommand) X(PlayState) X(PlayFrame) X(ProcessStatus) X(ProcessEvent) X(TrainStatus)
+// clang-format off
+#define ETUDE_MESSAGES(X) \
+  X(Presence) X(CampaignAnnouncement) X(WorkRequest) X(Lease) X(WorkerStatus) X(AttemptReport) \
+  X(ValidationErrors) X(CampaignStatus) X(CampaignControl) X(BlobManifest) X(BlobChunk) X(BlobAck) \
+  X(Observation) X(Action) X(InsightWish) X(Insight) X(PolicyStatus) X(PlayCommand) \
+  X(PlayState) X(PlayFrame) X(ProcessStatus) X(ProcessEvent) X(TrainStatus)
+// clang-format on
 
 inline constexpr char kPublishedManifestTopic[] = "etude/blob/published_manifest";
 inline constexpr char kPublishedChunkTopic[] = "etude/blob/published_chunk";
