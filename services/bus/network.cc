@@ -27,6 +27,7 @@
 #include "services/bus/topology.h"
 #include "services/bus/typed.h"
 #include "services/core/clock.h"
+#include "services/core/descriptor.h"
 #include "services/core/stop.h"
 
 namespace etude::bus {
@@ -47,21 +48,6 @@ std::string AddressText(const in_addr& address) {
   ::inet_ntop(AF_INET, &address, text, sizeof text);
   return text;
 }
-
-// A file descriptor that is closed at the end.
-class Descriptor {
- public:
-  explicit Descriptor(int fd) : fd_(fd) {}
-  ~Descriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
 
 // Linux tells twice what a program may use.
 std::uint64_t BufferOf(int fd, int option) {

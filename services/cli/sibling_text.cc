@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "services/campaign/process.h"
+#include "services/core/descriptor.h"
 #include "services/core/file.h"
 
 namespace etude::cli {
@@ -17,17 +18,12 @@ using namespace std::chrono_literals;
 // A file without a name: it is gone with this process, however that ends.
 class UnnamedFile {
  public:
-  UnnamedFile() : fd_(::memfd_create("etude-sibling", MFD_CLOEXEC)) {}
-  ~UnnamedFile() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  UnnamedFile(const UnnamedFile&) = delete;
-  UnnamedFile& operator=(const UnnamedFile&) = delete;
+  UnnamedFile() : file_(::memfd_create("etude-sibling", MFD_CLOEXEC)) {}
   // Where this process and its children can open it.
-  Path path() const { return fmt::format("/proc/{}/fd/{}", ::getpid(), fd_); }
+  Path path() const { return fmt::format("/proc/{}/fd/{}", ::getpid(), file_.get()); }
 
  private:
-  int fd_;
+  Descriptor file_;
 };
 
 }  // namespace

@@ -12,24 +12,10 @@
 #include <utility>
 
 #include "services/core/crash_point.h"
+#include "services/core/descriptor.h"
 
 namespace etude {
 namespace {
-
-// A file descriptor that closes itself.
-class Descriptor {
- public:
-  explicit Descriptor(int fd) : fd_(fd) {}
-  ~Descriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
 
 // write(2) until all is written; false with errno set on failure
 bool WriteAll(int fd, const std::uint8_t* data, std::size_t size) {
@@ -169,36 +155,23 @@ Result<LineAppender> LineAppender::Open(const Path& path) {
   return LineAppender(path, fd);
 }
 
-LineAppender::LineAppender(LineAppender&& other) noexcept
-    : path_(std::move(other.path_)), fd_(std::exchange(other.fd_, -1)) {}
-
-LineAppender& LineAppender::operator=(LineAppender&& other) noexcept {
-  std::swap(path_, other.path_);
-  std::swap(fd_, other.fd_);
-  return *this;
-}
-
-LineAppender::~LineAppender() {
-  if (fd_ >= 0) ::close(fd_);
-}
-
 Status LineAppender::Append(std::string_view line) {
   struct stat info {};
-  if (::fstat(fd_, &info) != 0) return Fail(ErrnoError("stat", path_, errno));
+  if (::fstat(file_.get(), &info) != 0) return Fail(ErrnoError("stat", path_, errno));
   // what a crash, or a write that was cut short, left without an end is ended here, so that this line stands alone
   char last = '\n';
-  const bool torn = info.st_size > 0 && ::pread(fd_, &last, 1, info.st_size - 1) == 1 && last != '\n';
+  const bool torn = info.st_size > 0 && ::pread(file_.get(), &last, 1, info.st_size - 1) == 1 && last != '\n';
   std::string text = torn ? "\n" : "";
   text += line;
   text += '\n';
-  if (WriteAll(fd_, reinterpret_cast<const std::uint8_t*>(text.data()), text.size())) return {};
+  if (WriteAll(file_.get(), reinterpret_cast<const std::uint8_t*>(text.data()), text.size())) return {};
   const int error_number = errno;
-  (void)!::ftruncate(fd_, info.st_size);  // if not even that works, the next line ends the torn one
+  (void)!::ftruncate(file_.get(), info.st_size);  // if not even that works, the next line ends the torn one
   return Fail(ErrnoError("append to", path_, error_number));
 }
 
 Status LineAppender::Sync() {
-  if (::fsync(fd_) != 0) return Fail(ErrnoError("fsync", path_, errno));
+  if (::fsync(file_.get()) != 0) return Fail(ErrnoError("fsync", path_, errno));
   return {};
 }
 

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "services/core/descriptor.h"
 #include "services/core/result.h"
 
 namespace etude {
@@ -40,18 +41,15 @@ Status MakeFolders(const Path& folder);  ///< with parents; their entries are du
 class LineAppender {
  public:
   static Result<LineAppender> Open(const Path& path);
-  LineAppender(LineAppender&& other) noexcept;
-  LineAppender& operator=(LineAppender&& other) noexcept;
-  ~LineAppender();
 
   /// Writes `line` and a newline, or nothing. A torn last line (a crash, a full disk) is ended first.
   Status Append(std::string_view line);
   Status Sync();
 
  private:
-  LineAppender(Path path, int fd) : path_(std::move(path)), fd_(fd) {}
+  LineAppender(Path path, int fd) : path_(std::move(path)), file_(fd) {}
   Path path_;
-  int fd_ = -1;
+  Descriptor file_;
 };
 
 /// True when `name` is fit to be a campaign, run or object name: [a-z0-9_-]{1,64}. Keeps names from

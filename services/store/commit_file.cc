@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "services/core/crash_point.h"
+#include "services/core/descriptor.h"
 #include "services/core/thread_annotations.h"
 
 namespace etude::store::internal {
@@ -78,19 +79,11 @@ class Pending {
       : path_(file.path), temporary_(file.path.string() + std::string(kTemporarySuffix)) {
     status_ = Write(file);
   }
-  Pending(Pending&& other) noexcept
-      : path_(std::move(other.path_)),
-        temporary_(std::move(other.temporary_)),
-        fd_(std::exchange(other.fd_, -1)),
-        status_(std::move(other.status_)) {}
-  ~Pending() {
-    if (fd_ >= 0) ::close(fd_);
-  }
 
   void Sync() {
-    if (fd_ < 0) return;
-    int error_number = ::fsync(fd_) == 0 ? 0 : errno;
-    if (::close(std::exchange(fd_, -1)) != 0 && error_number == 0) error_number = errno;
+    if (!file_) return;
+    int error_number = ::fsync(file_.get()) == 0 ? 0 : errno;
+    if (::close(file_.release()) != 0 && error_number == 0) error_number = errno;
     if (error_number != 0) return Abandon(ErrnoError("write", path_, error_number));
     Reach(CommitPoint::kSynced);
   }
@@ -111,17 +104,17 @@ class Pending {
  private:
   Status Write(const FileToCommit& file) {
     ETUDE_RETURN_IF_ERROR(MakeDurableFolders(path_.parent_path()));
-    fd_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-    if (fd_ < 0) return Fail(ErrnoError("create", temporary_, errno));
+    file_.reset(::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+    if (!file_) return Fail(ErrnoError("create", temporary_, errno));
     Reach(CommitPoint::kCreated);
-    if (const int error_number = WriteAll(fd_, file.pieces); error_number != 0) {
-      ::close(std::exchange(fd_, -1));
+    if (const int error_number = WriteAll(file_.get(), file.pieces); error_number != 0) {
+      file_.reset();
       ::unlink(temporary_.c_str());
       return Fail(ErrnoError("write", path_, error_number));
     }
     Reach(CommitPoint::kWritten);
     // the disk begins with it while the next one is written; only a hint
-    (void)!::sync_file_range(fd_, 0, 0, SYNC_FILE_RANGE_WRITE);
+    (void)!::sync_file_range(file_.get(), 0, 0, SYNC_FILE_RANGE_WRITE);
     return {};
   }
   void Abandon(const Error& error) {
@@ -130,7 +123,7 @@ class Pending {
   }
 
   Path path_, temporary_;
-  int fd_ = -1;
+  Descriptor file_;
   Status status_;
 };
 

@@ -12,6 +12,7 @@
 #include <fstream>
 #include <limits>
 
+#include "services/core/descriptor.h"
 #include "services/core/log.h"
 #include "services/episode/action.h"
 #include "services/episode/bounded_json.h"
@@ -126,21 +127,6 @@ class LineCutter {
   }
   std::string line_;
   bool too_long_ = false;
-};
-
-// A file descriptor that closes itself.
-class Descriptor {
- public:
-  explicit Descriptor(const Path& path) : fd_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {}
-  ~Descriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int get() const { return fd_; }
-
- private:
-  int fd_;
 };
 
 }  // namespace
@@ -381,7 +367,7 @@ void CommitTable::Take(std::string_view line) {
 }
 
 Result<bool> CommitTable::Refresh() {
-  const Descriptor file(file_);
+  const Descriptor file(::open(file_.c_str(), O_RDONLY | O_CLOEXEC));
   if (file.get() < 0 && errno == ENOENT) {
     const bool had = size() > 0;
     if (had) Clear();

@@ -7,6 +7,7 @@
 
 #include <cerrno>
 
+#include "services/core/descriptor.h"
 #include "services/store/dataset.h"
 
 namespace etude::store {
@@ -18,18 +19,18 @@ constexpr std::uint64_t kMaxOffset = 1ull << 60;
 std::uint64_t StreamBound(std::size_t size) { return size + size / 256 + 64; }
 
 Status ReadAt(const Path& file, std::uint64_t offset, std::span<std::uint8_t> bytes) {
-  const int fd = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) return Fail(ErrnoError("open", file, errno));
+  const Descriptor open(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!open) return Fail(ErrnoError("open", file, errno));
   std::size_t done = 0;
   int error_number = 0;
   while (done < bytes.size()) {
-    const ssize_t got = ::pread(fd, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
+    const ssize_t got =
+        ::pread(open.get(), bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) error_number = errno;
     if (got <= 0) break;
     done += static_cast<std::size_t>(got);
   }
-  ::close(fd);
   if (error_number != 0) return Fail(ErrnoError("read", file, error_number));
   if (done < bytes.size())
     return Fail(Code::kCorrupt, fmt::format("read '{}': it ends at {} inside a frame", file.string(), offset + done));

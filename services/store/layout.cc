@@ -85,7 +85,7 @@ Result<DatasetLock> DatasetLock::Take(const Path& dataset) {
   const Path path = dataset / kLock;
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
   if (fd < 0) return Fail(ErrnoError("open", path, errno));
-  DatasetLock lock(fd);
+  DatasetLock lock{Descriptor(fd)};
   if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
     if (errno != EWOULDBLOCK) return Fail(ErrnoError("lock", path, errno));
     std::array<char, 128> owner{};
@@ -101,17 +101,6 @@ Result<DatasetLock> DatasetLock::Take(const Path& dataset) {
   // only for the message above; a full disk must not keep anyone out
   if (::ftruncate(fd, 0) == 0) (void)!::pwrite(fd, owner.data(), owner.size(), 0);
   return lock;
-}
-
-DatasetLock::DatasetLock(DatasetLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-
-DatasetLock& DatasetLock::operator=(DatasetLock&& other) noexcept {
-  std::swap(fd_, other.fd_);
-  return *this;
-}
-
-DatasetLock::~DatasetLock() {
-  if (fd_ >= 0) ::close(fd_);
 }
 
 namespace {

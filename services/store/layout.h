@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "services/core/descriptor.h"
 #include "services/core/file.h"
 #include "services/core/result.h"
 #include "services/spec/campaign_spec.h"
@@ -36,13 +37,10 @@ class DatasetLock {
   /// @error kUnavailable when another one holds it (names the process), or the folder is not
   /// writable.
   static Result<DatasetLock> Take(const Path& dataset);
-  DatasetLock(DatasetLock&& other) noexcept;
-  DatasetLock& operator=(DatasetLock&& other) noexcept;
-  ~DatasetLock();
 
  private:
-  explicit DatasetLock(int fd) : fd_(fd) {}
-  int fd_ = -1;
+  explicit DatasetLock(Descriptor file) : file_(std::move(file)) {}
+  Descriptor file_;
 };
 
 /// Content of dataset.json.

@@ -115,21 +115,9 @@ Result<EventFile> EventFile::Open(const Path& folder) {
   return file;
 }
 
-EventFile::EventFile(EventFile&& other) noexcept : path_(std::move(other.path_)), fd_(std::exchange(other.fd_, -1)) {}
-
-EventFile& EventFile::operator=(EventFile&& other) noexcept {
-  std::swap(path_, other.path_);
-  std::swap(fd_, other.fd_);
-  return *this;
-}
-
-EventFile::~EventFile() {
-  if (fd_ >= 0) ::close(fd_);
-}
-
 Status EventFile::Write(std::uint64_t step, const std::map<std::string, double>& scalars) {
   const std::string record = EventRecord(WallSeconds(), step, scalars);
-  if (::write(fd_, record.data(), record.size()) != static_cast<ssize_t>(record.size()))
+  if (::write(file_.get(), record.data(), record.size()) != static_cast<ssize_t>(record.size()))
     return Fail(ErrnoError("write", path_, errno));
   return {};
 }

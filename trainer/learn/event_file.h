@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 
+#include "services/core/descriptor.h"
 #include "services/core/file.h"
 
 namespace etude::learn {
@@ -27,16 +28,13 @@ class EventFile {
  public:
   /// @error kUnavailable
   static Result<EventFile> Open(const Path& folder);
-  EventFile(EventFile&& other) noexcept;
-  EventFile& operator=(EventFile&& other) noexcept;
-  ~EventFile();
 
   Status Write(std::uint64_t step, const std::map<std::string, double>& scalars);
 
  private:
-  EventFile(Path path, int fd) : path_(std::move(path)), fd_(fd) {}
+  EventFile(Path path, int fd) : path_(std::move(path)), file_(fd) {}
   Path path_;
-  int fd_ = -1;
+  Descriptor file_;
 };
 
 }  // namespace etude::learn

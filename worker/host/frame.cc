@@ -82,19 +82,6 @@ Result<std::optional<Frame>> FrameDecoder::Next() {
   return std::optional<Frame>(std::move(frame));
 }
 
-Channel::Channel(Channel&& other) noexcept
-    : fd_(std::exchange(other.fd_, -1)), decoder_(std::exchange(other.decoder_, {})) {}
-
-Channel& Channel::operator=(Channel&& other) noexcept {
-  std::swap(fd_, other.fd_);
-  std::swap(decoder_, other.decoder_);
-  return *this;
-}
-
-Channel::~Channel() {
-  if (fd_ >= 0) ::close(fd_);
-}
-
 namespace {
 
 Status WriteAll(int fd, const std::uint8_t* data, std::size_t size) {
@@ -118,18 +105,18 @@ Status Channel::Send(FrameKind kind, const OrderedJson& head, std::span<const st
     return Fail(Code::kInvalidArgument,
                 fmt::format("write a frame: {} and {} bytes are too many", text.size(), bytes.size()));
   const auto header = FrameHeader(kind, static_cast<std::uint32_t>(text.size()), bytes.size());
-  ETUDE_RETURN_IF_ERROR(WriteAll(fd_, header.data(), header.size()));
-  ETUDE_RETURN_IF_ERROR(WriteAll(fd_, reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
-  return WriteAll(fd_, bytes.data(), bytes.size());
+  ETUDE_RETURN_IF_ERROR(WriteAll(socket_.get(), header.data(), header.size()));
+  ETUDE_RETURN_IF_ERROR(WriteAll(socket_.get(), reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  return WriteAll(socket_.get(), bytes.data(), bytes.size());
 }
 
 Result<std::optional<Frame>> Channel::Receive(std::chrono::milliseconds timeout) {
   ETUDE_ASSIGN_OR_RETURN(auto ready, decoder_.Next());
   if (ready) return ready;
-  pollfd readable{fd_, POLLIN, 0};
+  pollfd readable{socket_.get(), POLLIN, 0};
   if (::poll(&readable, 1, static_cast<int>(timeout.count())) <= 0) return std::nullopt;
   std::vector<std::uint8_t> chunk(256 << 10);
-  const ssize_t got = ::recv(fd_, chunk.data(), chunk.size(), MSG_DONTWAIT);
+  const ssize_t got = ::recv(socket_.get(), chunk.data(), chunk.size(), MSG_DONTWAIT);
   if (got < 0 && (errno == EINTR || errno == EAGAIN)) return std::nullopt;
   if (got < 0) return Fail(Code::kUnavailable, fmt::format("read a frame: {}", std::strerror(errno)));
   if (got == 0) return Fail(Code::kUnavailable, "read a frame: the other end has gone");
@@ -141,7 +128,7 @@ void Channel::LimitSend(std::chrono::milliseconds timeout) {
   timeval limit{};
   limit.tv_sec = timeout.count() / 1000;
   limit.tv_usec = 1000 * (timeout.count() % 1000);
-  ::setsockopt(fd_, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);
+  ::setsockopt(socket_.get(), SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);
 }
 
 Result<std::array<int, 2>> MakeSocketPair() {

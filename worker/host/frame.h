@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "services/core/config.h"
+#include "services/core/descriptor.h"
 #include "services/core/result.h"
 
 namespace etude::host {
@@ -57,12 +58,9 @@ class FrameDecoder {
 /// A connected stream socket; owns the descriptor. One thread at a time.
 class Channel {
  public:
-  explicit Channel(int descriptor) : fd_(descriptor) {}
-  Channel(Channel&& other) noexcept;
-  Channel& operator=(Channel&& other) noexcept;
-  ~Channel();
+  explicit Channel(int descriptor) : socket_(descriptor) {}
 
-  int descriptor() const { return fd_; }
+  int descriptor() const { return socket_.get(); }
   /// Blocks until all is written. @error kUnavailable: nobody reads; kTimeout: not within the socket's send timeout.
   Status Send(FrameKind kind, const OrderedJson& head, std::span<const std::uint8_t> bytes = {});
   /// The next frame; nothing within `timeout`. @error kUnavailable: the other end has gone; kCorrupt
@@ -71,7 +69,7 @@ class Channel {
   void LimitSend(std::chrono::milliseconds timeout);
 
  private:
-  int fd_ = -1;
+  Descriptor socket_;
   FrameDecoder decoder_;
 };
 

@@ -43,8 +43,7 @@ void Slot::Forget() {
   channel_.reset();  // a child whose host has gone ends by itself
   if (process_) process_->Stop(std::chrono::duration_cast<std::chrono::milliseconds>(kStopPatience));
   process_.reset();
-  if (words_fd_ >= 0) ::close(words_fd_);
-  words_fd_ = -1;
+  words_.reset();
 }
 
 Status Slot::Start() {
@@ -56,9 +55,10 @@ Status Slot::Start() {
   channel_->LimitSend(options_.stall);
   int words[2];
   if (::pipe2(words, O_CLOEXEC | O_NONBLOCK) != 0) return Fail(ErrnoError("make", "a pipe for a child", errno));
-  words_fd_ = words[0];
-  auto started = campaign::Process::Start({.argv = options_.argv, .socket = childs.descriptor(), .output = words[1]});
-  ::close(words[1]);
+  words_.reset(words[0]);
+  const Descriptor childs_words(words[1]);
+  auto started =
+      campaign::Process::Start({.argv = options_.argv, .socket = childs.descriptor(), .output = childs_words.get()});
   if (!started) return Fail(started.error());
   process_.emplace(std::move(*started));
   return {};
@@ -67,7 +67,7 @@ Status Slot::Start() {
 // The host's log has what its children say; their last words are kept for the report of their end.
 void Slot::ReadWords() {
   char text[4096];
-  for (ssize_t got; words_fd_ >= 0 && (got = ::read(words_fd_, text, sizeof text)) > 0;) {
+  for (ssize_t got; words_ && (got = ::read(words_.get(), text, sizeof text)) > 0;) {
     const auto size = static_cast<std::size_t>(got);
     [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, text, size);
     last_words_.append(text, size);

@@ -11,6 +11,7 @@
 
 #include "services/campaign/process.h"
 #include "services/campaign/worker_client.h"
+#include "services/core/descriptor.h"
 #include "services/policy/policy_types.h"
 #include "worker/host/frame.h"
 
@@ -63,7 +64,7 @@ class Slot {
   std::optional<campaign::JoinedCampaign> joined_;
   std::optional<campaign::Process> process_;
   std::optional<Channel> channel_;
-  int words_fd_ = -1;       // the child's stdout and stderr
+  Descriptor words_;        // the child's stdout and stderr
   std::string last_words_;  // their end
 };
 

@@ -334,10 +334,10 @@ Result<http::Answer> Video(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request));
   ETUDE_ASSIGN_OR_RETURN(const std::size_t camera, CameraOf(*opened.record, request.Parameter("camera")));
   ETUDE_ASSIGN_OR_RETURN(const Path file, CachedVideo(context.videos, *opened.record, camera));
-  ETUDE_ASSIGN_OR_RETURN(const auto open, sources::OpenBelow(file.parent_path(), file.filename()));
+  ETUDE_ASSIGN_OR_RETURN(auto open, sources::OpenBelow(file.parent_path(), file.filename()));
   http::Answer answer;
   answer.content_type = "video/mp4";
-  answer.file = http::FileBody{std::make_shared<http::OpenFile>(open.fd), open.stamp.size};
+  answer.file = http::FileBody{std::make_shared<Descriptor>(std::move(open.file)), open.stamp.size};
   answer.etag = file.stem().string();
   return answer;
 }

@@ -145,10 +145,10 @@ Result<http::Answer> Video(Context& context, const http::Request& request) {
   const std::string name = request.Parameter("file");
   if (std::ranges::find(opened.view->videos, name) == opened.view->videos.end())
     return Fail(Code::kNotFound, fmt::format("the evaluation has no video '{:.100}'", name));
-  ETUDE_ASSIGN_OR_RETURN(const auto open, sources::OpenBelow(opened.source->found().folder / "videos", name));
+  ETUDE_ASSIGN_OR_RETURN(auto open, sources::OpenBelow(opened.source->found().folder / "videos", name));
   http::Answer answer;
   answer.content_type = "video/mp4";
-  answer.file = http::FileBody{std::make_shared<http::OpenFile>(open.fd), open.stamp.size};
+  answer.file = http::FileBody{std::make_shared<Descriptor>(std::move(open.file)), open.stamp.size};
   answer.etag = open.stamp.tag();
   return answer;
 }

@@ -48,10 +48,9 @@ struct Window {
 // Whole lines that end before `before` bytes, of at most kWindow bytes.
 Result<Window> ReadWindow(const sources::Catalog::LogFile& log, std::uint64_t before) {
   ETUDE_ASSIGN_OR_RETURN(const auto open, sources::OpenBelow(log.folder, log.file));
-  const http::OpenFile file(open.fd);
   const std::uint64_t end = std::min(before, open.stamp.size), begin = end > kWindow ? end - kWindow : 0;
   std::string text(end - begin, '\0');
-  const auto got = ::pread(file.fd(), text.data(), text.size(), static_cast<off_t>(begin));
+  const auto got = ::pread(open.file.get(), text.data(), text.size(), static_cast<off_t>(begin));
   text.resize(got > 0 ? static_cast<std::size_t>(got) : 0);
   std::size_t at = 0;
   if (begin > 0) at = std::min(text.find('\n') + 1, text.size());  // npos + 1 is 0: one line as long as the window

@@ -63,7 +63,7 @@ const char* CachingText(Caching caching) {
 struct FileTransfer {
   wire::response<wire::buffer_body> response;
   wire::response_serializer<wire::buffer_body> serializer{response};
-  std::shared_ptr<OpenFile> file;
+  std::shared_ptr<Descriptor> file;
   std::uint64_t offset = 0, left = 0;
   std::array<char, 128 * 1024> chunk{};
 };
@@ -263,7 +263,7 @@ void Connection::WriteFile(const Request& request, Answer answer, bool head) {
 
 void Connection::WriteChunk(std::shared_ptr<FileTransfer> transfer) {
   const auto wanted = std::min<std::uint64_t>(transfer->left, transfer->chunk.size());
-  const auto got = ::pread(transfer->file->fd(), transfer->chunk.data(), wanted, static_cast<off_t>(transfer->offset));
+  const auto got = ::pread(transfer->file->get(), transfer->chunk.data(), wanted, static_cast<off_t>(transfer->offset));
   if (got <= 0) {  // cut while it was sent: the client must see that it is not whole
     stream_.close();
     return;

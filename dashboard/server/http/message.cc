@@ -101,8 +101,4 @@ Result<std::uint64_t> Request::Index(const std::string& name) const {
   return Fail(Code::kNotFound, fmt::format("'{:.40}' is not a number", text));
 }
 
-OpenFile::~OpenFile() {
-  if (fd_ >= 0) ::close(fd_);
-}
-
 }  // namespace etude::http

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "services/core/descriptor.h"
 #include "services/core/file.h"
 #include "services/core/result.h"
 
@@ -58,20 +59,8 @@ std::optional<std::vector<std::string>> SplitPath(std::string_view path);
 std::optional<std::string> PercentDecoded(std::string_view text, bool plus_is_space = false);
 
 /// An open file that goes out as it is; closed with its last owner.
-class OpenFile {
- public:
-  explicit OpenFile(int fd) : fd_(fd) {}
-  ~OpenFile();
-  OpenFile(const OpenFile&) = delete;
-  OpenFile& operator=(const OpenFile&) = delete;
-  int fd() const { return fd_; }
-
- private:
-  int fd_;
-};
-
 struct FileBody {
-  std::shared_ptr<OpenFile> file;
+  std::shared_ptr<Descriptor> file;
   std::uint64_t size = 0;
 };
 

@@ -27,14 +27,6 @@ FileStamp StampFrom(const struct stat& status) {
           static_cast<std::int64_t>(status.st_mtim.tv_sec) * 1'000'000'000 + status.st_mtim.tv_nsec};
 }
 
-// Closes what it holds.
-struct Descriptor {
-  int fd = -1;
-  ~Descriptor() {
-    if (fd >= 0) ::close(fd);
-  }
-};
-
 }  // namespace
 
 std::string FileStamp::tag() const { return fmt::format("{:x}-{:x}-{:x}-{:x}", device, inode, size, modified_ns); }
@@ -55,16 +47,14 @@ Result<ConfinedFile> OpenBelow(const Path& folder, const Path& relative) {
   }
   if (steps.empty()) return outside();
   Descriptor at{::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
-  for (std::size_t i = 0; i < steps.size() && at.fd >= 0; ++i) {
+  for (std::size_t i = 0; i < steps.size() && at; ++i) {
     const int kind = i + 1 < steps.size() ? O_DIRECTORY : O_NONBLOCK;
-    const int next = ::openat(at.fd, steps[i].c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | kind);
-    ::close(at.fd);
-    at.fd = next;
+    at = Descriptor(::openat(at.get(), steps[i].c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | kind));
   }
   struct stat status {};
-  if (at.fd < 0 || ::fstat(at.fd, &status) != 0 || !S_ISREG(status.st_mode))
+  if (!at || ::fstat(at.get(), &status) != 0 || !S_ISREG(status.st_mode))
     return Fail(Code::kNotFound, fmt::format("there is no file '{}'", relative.string()));
-  return ConfinedFile{std::exchange(at.fd, -1), StampFrom(status)};
+  return ConfinedFile{std::move(at), StampFrom(status)};
 }
 
 void JsonLines::Refresh(const std::function<void()>& reset, const std::function<void(const OrderedJson&)>& line) {
@@ -78,8 +68,8 @@ void JsonLines::Refresh(const std::function<void()>& reset, const std::function<
   Descriptor file{::open(path_.c_str(), O_RDONLY | O_CLOEXEC)};
   std::string text;
   std::vector<char> chunk(kReadChunk);
-  for (std::uint64_t at = offset_; file.fd >= 0;) {
-    const auto got = ::pread(file.fd, chunk.data(), chunk.size(), static_cast<off_t>(at));
+  for (std::uint64_t at = offset_; file;) {
+    const auto got = ::pread(file.get(), chunk.data(), chunk.size(), static_cast<off_t>(at));
     if (got <= 0) break;
     at += static_cast<std::uint64_t>(got);
     text.append(chunk.data(), static_cast<std::size_t>(got));

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "services/core/config.h"
+#include "services/core/descriptor.h"
 #include "services/core/file.h"
 #include "services/core/result.h"
 
@@ -28,7 +29,7 @@ struct FileStamp {
 FileStamp StampOf(const Path& path);
 
 struct ConfinedFile {
-  int fd = -1;  ///< the caller's to close
+  Descriptor file;
   FileStamp stamp;
 };
 /// Opens FOLDER/relative for reading; no step of `relative` may be a link, "..", or absolute.

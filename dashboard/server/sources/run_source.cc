@@ -40,14 +40,6 @@ std::uint64_t Numbers(const OrderedJson& tensor) {
   return numbers;
 }
 
-// Closes what it holds.
-struct Descriptor {
-  int fd = -1;
-  ~Descriptor() {
-    if (fd >= 0) ::close(fd);
-  }
-};
-
 bool ReadAt(int fd, std::uint64_t offset, char* data, std::size_t size) {
   std::size_t done = 0;
   while (done < size) {
@@ -174,11 +166,10 @@ Buckets Bucketed(const std::vector<double>& x, const std::vector<double>& value,
 
 Result<CheckpointHeader> ReadCheckpointHeader(const Path& folder, const std::string& file, std::uint64_t header_bytes) {
   ETUDE_ASSIGN_OR_RETURN(const ConfinedFile open, OpenBelow(folder, file));
-  const Descriptor descriptor{open.fd};
   CheckpointHeader header;
   header.file = file;
   header.stamp = open.stamp;
-  const auto json = HeaderJson(open.fd, file, open.stamp.size, header_bytes);
+  const auto json = HeaderJson(open.file.get(), file, open.stamp.size, header_bytes);
   if (!json) {
     header.error = json.error().message;
     return header;
@@ -277,10 +268,9 @@ bool RunSource::HashNext() {
   const auto open = OpenBelow(found_.folder / "checkpoints", file);
   Sha256 hash;
   if (open) {
-    const Descriptor descriptor{open->fd};
     std::vector<std::uint8_t> chunk(1 << 20);
     for (std::uint64_t at = 0;;) {
-      const auto got = ::pread(open->fd, chunk.data(), chunk.size(), static_cast<off_t>(at));
+      const auto got = ::pread(open->file.get(), chunk.data(), chunk.size(), static_cast<off_t>(at));
       if (got <= 0) break;
       hash.Update(std::span<const std::uint8_t>(chunk.data(), static_cast<std::size_t>(got)));
       at += static_cast<std::uint64_t>(got);

@@ -47,7 +47,7 @@ class ServerTest : public testing::Test {
     router.Add("GET", "/file", Lane::kFiles, [this](const Request&) -> Result<Answer> {
       Answer answer;
       const int fd = ::open((folder_ / "file.bin").c_str(), O_RDONLY | O_CLOEXEC);
-      answer.file = FileBody{std::make_shared<OpenFile>(fd), 300'003};
+      answer.file = FileBody{std::make_shared<Descriptor>(fd), 300'003};
       answer.content_type = "application/octet-stream";
       answer.etag = "tag";
       return answer;
