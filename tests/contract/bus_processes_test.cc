@@ -21,7 +21,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace bus_processes_test {
 
 using namespace std::chrono_literals;
 
@@ -200,7 +200,7 @@ TEST_F(Outage, AReceiverThatWasKilledIsReplaced) {
   EXPECT_EQ(successor.Wait(), 0);
 }
 
-}  // namespace
+}  // namespace bus_processes_test
 }  // namespace etude::bus
 
 int main(int argc, char** argv) {

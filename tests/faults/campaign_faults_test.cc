@@ -14,7 +14,7 @@
 #include "tests/services/campaign/fake_work.h"
 
 namespace etude::faults {
-namespace {
+namespace campaign_faults_test {
 
 using namespace std::chrono_literals;
 
@@ -142,5 +142,5 @@ TEST(Faults, F24StoppedProcessesHandBackAndEndWithZero) {
   ReportRow("F24", "worker and collector stopped by SIGTERM: exit code 0 within 5 s", run.Finish());
 }
 
-}  // namespace
+}  // namespace campaign_faults_test
 }  // namespace etude::faults

@@ -15,7 +15,7 @@
 #include "tests/faults/disk_model.h"
 
 namespace etude::faults {
-namespace {
+namespace disk_faults_test {
 
 using namespace std::chrono_literals;
 
@@ -226,5 +226,5 @@ TEST(Faults, F16TheModelSeesAnAnswerThatCameTooEarly) {
   EXPECT_EQ(disk.AfterLoss(Survives::kNothing, rng).at("data/a.hdf5").size(), 5u);
 }
 
-}  // namespace
+}  // namespace disk_faults_test
 }  // namespace etude::faults

@@ -12,7 +12,7 @@
 #include "tests/support/run_command.h"
 
 namespace etude::faults {
-namespace {
+namespace network_faults_test {
 
 using namespace std::chrono_literals;
 
@@ -138,5 +138,5 @@ TEST(Faults, F9PacketsThatAreLost) {
   }
 }
 
-}  // namespace
+}  // namespace network_faults_test
 }  // namespace etude::faults

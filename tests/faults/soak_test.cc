@@ -14,7 +14,7 @@
 #include "tests/faults/campaign_run.h"
 
 namespace etude::faults {
-namespace {
+namespace soak_test {
 
 using namespace std::chrono_literals;
 
@@ -109,5 +109,5 @@ TEST(Soak, F25NothingIsLostWhateverHappens) {
             counts);
 }
 
-}  // namespace
+}  // namespace soak_test
 }  // namespace etude::faults

@@ -10,7 +10,7 @@
 #include "tests/fuzz/targets.h"
 
 namespace etude::fuzz {
-namespace {
+namespace mutation_test {
 
 // Seconds a target: what ETUDE_FUZZ_SECONDS says, else as long as kMutations take.
 constexpr int kMutations = 2000;
@@ -74,5 +74,5 @@ INSTANTIATE_TEST_SUITE_P(Fuzz, Mutations, testing::Range<std::size_t>(0, 7),
 
 TEST(Fuzz, KnowsEveryTarget) { EXPECT_EQ(Targets().size(), 7u); }
 
-}  // namespace
+}  // namespace mutation_test
 }  // namespace etude::fuzz

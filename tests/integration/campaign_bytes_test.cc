@@ -19,7 +19,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
-namespace {
+namespace campaign_bytes_test {
 
 using namespace std::chrono_literals;
 
@@ -200,5 +200,5 @@ TEST_F(CampaignBytes, DoNotDependOnTheCpu) {
   EXPECT_NE(unpinned, hash) << "libm rounds otherwise with FMA";
 }
 
-}  // namespace
+}  // namespace campaign_bytes_test
 }  // namespace etude::campaign

@@ -18,7 +18,7 @@
 #include "worker/task/attempt.h"
 
 namespace etude {
-namespace {
+namespace play_test {
 
 using namespace std::chrono_literals;
 using bus::PlayAction;
@@ -174,5 +174,5 @@ TEST_F(PlayProcess, MovesThingsResetsAndEnds) {
   EXPECT_EQ(worker_->Wait(30s), 0);
 }
 
-}  // namespace
+}  // namespace play_test
 }  // namespace etude

@@ -10,7 +10,7 @@
 #include "worker/task/attempt.h"
 
 namespace etude {
-namespace {
+namespace rollout_record_test {
 
 struct Asked {
   std::string instruction, robot;
@@ -102,5 +102,5 @@ TEST(RolloutRecord, HoldsEveryBitOfWhatThePolicyWasAsked) {
   EXPECT_NE(asked[0].rgb, asked[5].rgb);
 }
 
-}  // namespace
+}  // namespace rollout_record_test
 }  // namespace etude

@@ -15,7 +15,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace whole_loop_test {
 
 constexpr int kDomain = 88;
 
@@ -100,5 +100,5 @@ TEST_F(WholeLoop, CollectsTrainsPublishesServesAndRollsOut) {
   ExpectSubscriberTakesACheckpoint(Binary("etude").parent_path(), file, kDomain, folder_);
 }
 
-}  // namespace
+}  // namespace whole_loop_test
 }  // namespace etude

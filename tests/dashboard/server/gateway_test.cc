@@ -15,7 +15,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::dashboard {
-namespace {
+namespace gateway_test {
 
 GatewayOptions Options(const Path& folder) {
   GatewayOptions options;
@@ -64,5 +64,5 @@ TEST(Gateway, OtherMachinesNeedAToken) {
   EXPECT_THAT(Gateway::Open(options), HasCode(Code::kInvalidArgument));
 }
 
-}  // namespace
+}  // namespace gateway_test
 }  // namespace etude::dashboard

@@ -15,7 +15,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace examples_test {
 
 using testing::HasSubstr;
 
@@ -87,5 +87,5 @@ TEST_F(Examples, AreAsShortAsTheySay) {
   }
 }
 
-}  // namespace
+}  // namespace examples_test
 }  // namespace etude

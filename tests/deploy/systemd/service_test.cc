@@ -11,7 +11,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace service_test {
 
 using namespace std::chrono_literals;
 using ::testing::Contains;
@@ -87,5 +87,5 @@ TEST_F(ServiceTest, AWrongArgumentIsNeverReady) {
   EXPECT_THAT(socket_.Take(), Not(Contains(HasSubstr("READY"))));
 }
 
-}  // namespace
+}  // namespace service_test
 }  // namespace etude

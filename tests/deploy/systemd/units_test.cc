@@ -12,7 +12,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace units_test {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -97,5 +97,5 @@ TEST_F(UnitsTest, SettingsFit) {
   EXPECT_TRUE(std::filesystem::exists(campaign));
 }
 
-}  // namespace
+}  // namespace units_test
 }  // namespace etude

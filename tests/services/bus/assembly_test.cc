@@ -6,7 +6,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace assembly_test {
 
 using Added = Assembly::Added;
 
@@ -54,5 +54,5 @@ TEST(Shape, RefusesWhatDoesNotFitTogether) {
   EXPECT_FALSE(ShapeIsSound(~0ull, 1024, 0));  // the sum in the count would overflow
 }
 
-}  // namespace
+}  // namespace assembly_test
 }  // namespace etude::bus

@@ -13,7 +13,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace blob_loss_test {
 
 using namespace std::chrono_literals;
 
@@ -233,5 +233,5 @@ TEST(ObjectLoss, AReceiverThatRestartsBeforeItsVerdictIsAskedAgain) {
   EXPECT_EQ(verdict->kind, AckKind::kDuplicate);
 }
 
-}  // namespace
+}  // namespace blob_loss_test
 }  // namespace etude::bus

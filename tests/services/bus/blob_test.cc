@@ -12,7 +12,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace blob_test {
 
 using namespace std::chrono_literals;
 
@@ -288,5 +288,5 @@ TEST(BlobTransfer, RefusesBadOptions) {
   EXPECT_FALSE(BlobSender::Open(peers.a, {"p", "1"}, "c", "s", options));
 }
 
-}  // namespace
+}  // namespace blob_test
 }  // namespace etude::bus

@@ -11,7 +11,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace directory_test {
 
 using namespace std::chrono_literals;
 
@@ -134,5 +134,5 @@ TEST(Directory, OfTwoThatMeetLaterOneGivesWay) {
   EXPECT_NE(GivingWay(first.presence(), late).message.find("/late"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace directory_test
 }  // namespace etude::bus

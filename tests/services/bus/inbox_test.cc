@@ -6,7 +6,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace inbox_test {
 
 using namespace std::chrono_literals;
 
@@ -112,5 +112,5 @@ TEST(Inbox, ForgetsTheFirstOfTooManySenders) {
   EXPECT_TRUE(inbox.Find("1", 1));
 }
 
-}  // namespace
+}  // namespace inbox_test
 }  // namespace etude::bus

@@ -11,7 +11,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace malformed_test {
 
 using namespace std::chrono_literals;
 
@@ -157,5 +157,5 @@ TEST(Malformed, ParserSurvivesEveryTruncationAndEveryByte) {
   }
 }
 
-}  // namespace
+}  // namespace malformed_test
 }  // namespace etude::bus

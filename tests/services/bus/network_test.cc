@@ -15,7 +15,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::bus {
-namespace {
+namespace network_test {
 
 using namespace std::chrono_literals;
 using ::testing::AllOf;
@@ -89,5 +89,5 @@ TEST(Network, MulticastSaysWhyNot) {
   EXPECT_THAT(TryMulticast("192.0.2.1"), testing::Not(testing::IsEmpty()));  // no interface of ours
 }
 
-}  // namespace
+}  // namespace network_test
 }  // namespace etude::bus

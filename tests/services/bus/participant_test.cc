@@ -11,7 +11,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace participant_test {
 
 using namespace std::chrono_literals;
 
@@ -109,5 +109,5 @@ TEST(PeerName, IsUnique) {
   EXPECT_NE(names.begin()->find(std::to_string(::getpid())), std::string::npos);
 }
 
-}  // namespace
+}  // namespace participant_test
 }  // namespace etude::bus

@@ -16,7 +16,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace process_reporter_test {
 
 using namespace std::chrono_literals;
 
@@ -118,5 +118,5 @@ TEST(ProcessReporter, AFloodOfWarningsHasABound) {
   InitLog("test", "info");
 }
 
-}  // namespace
+}  // namespace process_reporter_test
 }  // namespace etude::bus

@@ -10,7 +10,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace publish_test {
 
 using namespace std::chrono_literals;
 
@@ -220,5 +220,5 @@ TEST(Published, ARestartedPublisherGoesOn) {
   }
 }
 
-}  // namespace
+}  // namespace publish_test
 }  // namespace etude::bus

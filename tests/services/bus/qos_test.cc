@@ -10,7 +10,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace qos_test {
 
 struct Seen {
   dds_durability_kind_t durability{};
@@ -102,5 +102,5 @@ TEST(QosOfTopics, PublishedBlobsThrottleTheWriterAndKeepTheLast) {
   Expect(*reader, true, 1);
 }
 
-}  // namespace
+}  // namespace qos_test
 }  // namespace etude::bus

@@ -16,7 +16,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::bus {
-namespace {
+namespace security_test {
 
 using namespace std::chrono_literals;
 using security::Role;
@@ -243,5 +243,5 @@ TEST(PeerJudge, KnowsWhenNobodyAdmitsIt) {
   EXPECT_FALSE(admitted.Look({{"hub", "stranger"}, {"hub"}}, 60).alone);
 }
 
-}  // namespace
+}  // namespace security_test
 }  // namespace etude::bus

@@ -12,7 +12,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace stop_test {
 
 using namespace std::chrono_literals;
 
@@ -41,5 +41,5 @@ TEST(Stop, EndsEveryWait) {
   EXPECT_LT(watch.Seconds(), 5.0);
 }
 
-}  // namespace
+}  // namespace stop_test
 }  // namespace etude::bus

@@ -11,7 +11,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace topic_test {
 
 using namespace std::chrono_literals;
 
@@ -280,5 +280,5 @@ TEST(Topic, RefusesWildcardPartitionsAndEmptyParts) {
   }
 }
 
-}  // namespace
+}  // namespace topic_test
 }  // namespace etude::bus

@@ -12,7 +12,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace {
+namespace topology_test {
 
 using namespace std::chrono_literals;
 
@@ -95,5 +95,5 @@ TEST(Echo, KnowsEveryTopicAndNoOther) {
       << none.error().message;
 }
 
-}  // namespace
+}  // namespace topology_test
 }  // namespace etude::bus

@@ -14,7 +14,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
-namespace {
+namespace adaptive_sampling_test {
 
 constexpr std::uint32_t kDomain = 99;
 constexpr char kRun[] = "0123456789abcdef";
@@ -282,5 +282,5 @@ TEST_F(AdaptiveSampling, LeasingWaitsWhileTheJournalCannotBeWritten) {
   EXPECT_EQ(running->progress().error, "");
 }
 
-}  // namespace
+}  // namespace adaptive_sampling_test
 }  // namespace etude::campaign

@@ -29,7 +29,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
-namespace {
+namespace collector_test {
 
 using namespace std::chrono_literals;
 
@@ -630,5 +630,5 @@ TEST_F(CollectorTest, APolicyThatDoesNotAnswerDropsNoRolloutAndEndsTheEvaluation
   EXPECT_EQ(again->progress().given_up, 0u);
 }
 
-}  // namespace
+}  // namespace collector_test
 }  // namespace etude::campaign

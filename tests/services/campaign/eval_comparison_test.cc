@@ -15,7 +15,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
-namespace {
+namespace eval_comparison_test {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -225,5 +225,5 @@ TEST_F(Folders, ThatAreNoEvaluationsAreNamed) {
   EXPECT_THAT(CompareEvaluations(folder_ / "a", folder_ / "b"), MessageHas("b' is no evaluation"));
 }
 
-}  // namespace
+}  // namespace eval_comparison_test
 }  // namespace etude::campaign

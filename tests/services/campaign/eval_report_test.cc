@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 
 namespace etude::campaign {
-namespace {
+namespace eval_report_test {
 
 Episode Rollout(std::uint64_t index, const std::string& task, bool success) {
   Episode episode;
@@ -135,5 +135,5 @@ TEST_F(Report, TableShowsBothCriteriaSideBySide) {
   EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 7) << "head, three tasks, overall, two lines of meaning";
 }
 
-}  // namespace
+}  // namespace eval_report_test
 }  // namespace etude::campaign

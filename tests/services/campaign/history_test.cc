@@ -7,7 +7,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
-namespace {
+namespace history_test {
 
 TEST(Epoch, GrowsWithEveryStart) {
   TemporaryFolder folder;
@@ -81,5 +81,5 @@ TEST(ReadHistory, IsEmptyWithoutAFile) {
   EXPECT_TRUE(ReadHistory(folder.path(), {}).indices.empty());
 }
 
-}  // namespace
+}  // namespace history_test
 }  // namespace etude::campaign

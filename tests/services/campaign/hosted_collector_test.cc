@@ -8,7 +8,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
-namespace {
+namespace hosted_collector_test {
 
 constexpr std::uint32_t kDomain = 97;
 
@@ -38,5 +38,5 @@ TEST(HostedCollector, SaysWhatIsWrongWithItsFile) {
             Code::kInvalidArgument);
 }
 
-}  // namespace
+}  // namespace hosted_collector_test
 }  // namespace etude::campaign

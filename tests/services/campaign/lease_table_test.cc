@@ -11,7 +11,7 @@
 #include "services/core/rng.h"
 
 namespace etude::campaign {
-namespace {
+namespace lease_table_test {
 
 using namespace std::chrono_literals;
 using Time = LeaseTable::Time;
@@ -267,5 +267,5 @@ TEST_P(LeaseTableProperty, NothingLostNothingTwice) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, LeaseTableProperty, testing::Range(0, 50));
 
-}  // namespace
+}  // namespace lease_table_test
 }  // namespace etude::campaign

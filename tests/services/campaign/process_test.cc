@@ -10,7 +10,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
-namespace {
+namespace process_test {
 
 using namespace std::chrono_literals;
 
@@ -73,5 +73,5 @@ TEST(FindSibling, SaysHowToBuildWhatIsMissing) {
   EXPECT_NE(sibling.error().message.find("cmake --build"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace process_test
 }  // namespace etude::campaign

@@ -7,7 +7,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
-namespace {
+namespace scene_report_test {
 
 OrderedJson Details(unsigned draws, const std::vector<std::string>& reasons) {
   OrderedJson rejected = OrderedJson::array();
@@ -108,5 +108,5 @@ TEST(SceneReport, ReadsOverLinesThatSayNothing) {
   EXPECT_EQ(nothing.Json("first_draw")["invalid"], 0u);
 }
 
-}  // namespace
+}  // namespace scene_report_test
 }  // namespace etude::campaign

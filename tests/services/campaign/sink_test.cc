@@ -14,7 +14,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
-namespace {
+namespace sink_test {
 
 CampaignSpec RolloutSpec() {
   CampaignSpec spec = SyntheticSpec();
@@ -102,5 +102,5 @@ TEST(EvalSink, GoesOnWhereItStoppedWithoutARowTwice) {
   EXPECT_EQ(report["done"], 2);
 }
 
-}  // namespace
+}  // namespace sink_test
 }  // namespace etude::campaign

@@ -16,7 +16,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::campaign {
-namespace {
+namespace spec_file_test {
 
 const Path kFolder = "deploy/campaigns";
 
@@ -145,5 +145,5 @@ TEST(LoadSpec, FlagsReplaceWhatTheFileSays) {
   EXPECT_EQ(spec->objects.size(), 30u) << "sets are expanded after the flags";
 }
 
-}  // namespace
+}  // namespace spec_file_test
 }  // namespace etude::campaign

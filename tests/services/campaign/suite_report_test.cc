@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 
 namespace etude::campaign {
-namespace {
+namespace suite_report_test {
 
 using testing::HasSubstr;
 
@@ -104,5 +104,5 @@ TEST(RowOfASuite, ReadsWhatTheWorkerRecorded) {
   }
 }
 
-}  // namespace
+}  // namespace suite_report_test
 }  // namespace etude::campaign

@@ -14,7 +14,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
-namespace {
+namespace bus_commands_test {
 
 using testing::HasSubstr;
 
@@ -154,5 +154,5 @@ TEST_F(BusCommands, TopicsAndTheirMessages) {
   EXPECT_THAT(unknown.text, HasSubstr("did you mean 'etude/campaign/status'"));
 }
 
-}  // namespace
+}  // namespace bus_commands_test
 }  // namespace etude::campaign

@@ -13,7 +13,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace cli_test {
 
 using testing::HasSubstr;
 using testing::Not;
@@ -527,5 +527,5 @@ TEST_F(Cli, PromotingPointsBestAtACheckpointOfTheRun) {
   }
 }
 
-}  // namespace
+}  // namespace cli_test
 }  // namespace etude

@@ -14,7 +14,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
-namespace {
+namespace completion_test {
 
 using testing::Contains;
 using testing::ElementsAre;
@@ -85,5 +85,5 @@ TEST_F(Completion, ZshTakesItsScriptWhereItIsThere) {
   EXPECT_EQ(output.code, 0) << output.text;
 }
 
-}  // namespace
+}  // namespace completion_test
 }  // namespace etude::cli

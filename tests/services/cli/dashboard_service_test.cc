@@ -14,7 +14,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
-namespace {
+namespace dashboard_service_test {
 
 using namespace std::chrono_literals;
 
@@ -52,5 +52,5 @@ TEST(DashboardService, SaysItsAddressAndATakenPortIsAnError) {
   first->Stop(5s);
 }
 
-}  // namespace
+}  // namespace dashboard_service_test
 }  // namespace etude::cli

@@ -9,7 +9,7 @@
 #include "tests/support/synthetic_episode.h"
 
 namespace etude::cli {
-namespace {
+namespace decision_insights_test {
 
 // 50 steps, a picture every 5 of them, with a decision of checkpoint 7 at each of `steps`.
 Episode Rollout(const std::vector<int>& steps) {
@@ -119,5 +119,5 @@ TEST(AskInsights, ADamagedPictureIsAnError) {
   EXPECT_THAT(AskInsights(rollout, ask, tally), HasCode(Code::kCorrupt));
 }
 
-}  // namespace
+}  // namespace decision_insights_test
 }  // namespace etude::cli

@@ -9,7 +9,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::cli {
-namespace {
+namespace doctor_net_test {
 
 using ::testing::Contains;
 using ::testing::ElementsAre;
@@ -119,5 +119,5 @@ TEST_F(StarProfileTest, RefusesWhatIsNoHost) {
   EXPECT_THAT(StarProfile("<CycloneDDS/>", {"hub"}, 16), Not(IsOk()));
 }
 
-}  // namespace
+}  // namespace doctor_net_test
 }  // namespace etude::cli

@@ -10,7 +10,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
-namespace {
+namespace evaluation_record_test {
 
 std::vector<std::uint8_t> Checkpoint() {
   store::Safetensors content;
@@ -89,5 +89,5 @@ TEST(CompleteReport, ACheckpointThatIsGoneIsNotNamed) {
   EXPECT_THAT(CompleteReport(folder / "eval", "", {}), HasCode(Code::kCorrupt));
 }
 
-}  // namespace
+}  // namespace evaluation_record_test
 }  // namespace etude::cli

@@ -11,7 +11,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::cli {
-namespace {
+namespace evaluation_test {
 
 EvaluationOptions Options(const Path& out) {
   EvaluationOptions options;
@@ -132,5 +132,5 @@ TEST(EvaluationSpec, SentencesBringTheirTasks) {
   EXPECT_EQ(said, (std::map<std::string, int>{{"shove it", 3}, {"fetch it", 3}, {"shove", 3}}));
 }
 
-}  // namespace
+}  // namespace evaluation_test
 }  // namespace etude::cli

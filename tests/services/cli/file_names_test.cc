@@ -9,7 +9,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::cli {
-namespace {
+namespace file_names_test {
 
 TEST(CheckpointFileName, TakesNoPathFromAPublisher) {
   EXPECT_EQ(CheckpointFileName("latest", 12).value(), "latest-00000012.safetensors");
@@ -27,5 +27,5 @@ TEST(VideoFileName, TakesNoPathFromAnEpisode) {
   EXPECT_LT(VideoFileName(0, std::string(4000, 'a'), std::string(4000, 'b')).size(), 255u);
 }
 
-}  // namespace
+}  // namespace file_names_test
 }  // namespace etude::cli

@@ -9,7 +9,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
-namespace {
+namespace filmstrip_test {
 
 // Width and height as the PNG's header says.
 std::pair<int, int> SizeOf(const Path& png) {
@@ -53,6 +53,17 @@ TEST(WriteFilmstrips, TakesRowsByNumberAndWritesJpegToItsName) {
   EXPECT_EQ(WriteFilmstrips(folder / "data", folder / "e.png", {.indices = {7}}).error().code, Code::kNotFound);
 }
 
+TEST(WriteFilmstrips, MovesWhereItsNameSaysSo) {
+  TemporaryFolder folder;
+  WriteThreeEpisodes(folder / "data");
+  ASSERT_TRUE(WriteFilmstrips(folder / "data", folder / "moving.webp", {.episodes = 2}));
+  const std::string webp = ReadTextFile(folder / "moving.webp").value();
+  EXPECT_EQ(webp.substr(0, 4) + webp.substr(8, 4), "RIFFWEBP");
+  EXPECT_NE(webp.find("ANMF"), std::string::npos) << "it has more than one picture";
+  ASSERT_TRUE(WriteFilmstrips(folder / "data", folder / "moving.mp4", {.episodes = 2}));
+  EXPECT_EQ(ReadTextFile(folder / "moving.mp4").value().substr(4, 4), "ftyp");
+}
+
 TEST(WriteFilmstrips, SaysWhatIsMissing) {
   TemporaryFolder folder;
   EXPECT_EQ(WriteFilmstrips(folder / "nothing", folder / "sheet.png").error().code, Code::kNotFound);
@@ -60,5 +71,5 @@ TEST(WriteFilmstrips, SaysWhatIsMissing) {
             Code::kInvalidArgument);
 }
 
-}  // namespace
+}  // namespace filmstrip_test
 }  // namespace etude::cli

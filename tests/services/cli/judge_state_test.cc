@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::cli {
-namespace {
+namespace judge_state_test {
 
 OrderedJson Details() {
   return OrderedJson::parse(R"({
@@ -47,5 +47,5 @@ TEST(JudgeState, LeavesOutWhatItCannotRead) {
             "judge: ? ? at 0.01 s, ? elbow at 0.02 s");
 }
 
-}  // namespace
+}  // namespace judge_state_test
 }  // namespace etude::cli

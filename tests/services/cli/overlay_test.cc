@@ -10,7 +10,7 @@
 #include <numbers>
 
 namespace etude::cli {
-namespace {
+namespace overlay_test {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
@@ -332,5 +332,5 @@ TEST(VisiblePart, HoldsEveryVisiblePointOfTheSegmentAndNoOther) {
   EXPECT_GT(visible, 500);
 }
 
-}  // namespace
+}  // namespace overlay_test
 }  // namespace etude::cli

@@ -10,7 +10,7 @@
 #include "tests/support/run_command.h"
 
 namespace etude::cli {
-namespace {
+namespace reference_test {
 
 using testing::HasSubstr;
 using testing::Not;
@@ -67,5 +67,5 @@ TEST(Reference, IsWhatTheProgramsSay) {
   EXPECT_EQ(output.code, 0) << output.text;
 }
 
-}  // namespace
+}  // namespace reference_test
 }  // namespace etude::cli

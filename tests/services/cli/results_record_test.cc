@@ -8,7 +8,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
-namespace {
+namespace results_record_test {
 
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -116,5 +116,5 @@ TEST(MadeHere, NamesADayAndAMachine) {
 #endif
 }
 
-}  // namespace
+}  // namespace results_record_test
 }  // namespace etude::cli

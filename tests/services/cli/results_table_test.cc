@@ -9,7 +9,7 @@
 #include "services/core/config_reference.h"
 
 namespace etude::cli {
-namespace {
+namespace results_table_test {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -148,5 +148,5 @@ TEST(ResultsConfig, FoldersHavePlainNamesAndRunsASeed) {
   EXPECT_TRUE(config.Validate()) << "steps instead of minutes";
 }
 
-}  // namespace
+}  // namespace results_table_test
 }  // namespace etude::cli

@@ -12,7 +12,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
-namespace {
+namespace sentence_suite_test {
 
 using testing::ElementsAre;
 
@@ -83,5 +83,5 @@ TEST(NeverSeen, IsOfEachSentenceWhatTrainingNeverSays) {
   EXPECT_TRUE(without.empty());
 }
 
-}  // namespace
+}  // namespace sentence_suite_test
 }  // namespace etude::cli

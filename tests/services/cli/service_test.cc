@@ -10,7 +10,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
-namespace {
+namespace service_test {
 
 using namespace std::chrono_literals;
 
@@ -35,5 +35,5 @@ TEST(Service, AProgramThatIsNotBuiltIsTheMachinesFault) {
   EXPECT_EQ(service.error().code, Code::kUnavailable);
 }
 
-}  // namespace
+}  // namespace service_test
 }  // namespace etude::cli

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::cli {
-namespace {
+namespace top_text_test {
 
 using testing::HasSubstr;
 using testing::Not;
@@ -107,5 +107,5 @@ TEST(TopText, FitsTheScreen) {
     EXPECT_LE(end - at, 60u);
 }
 
-}  // namespace
+}  // namespace top_text_test
 }  // namespace etude::cli

@@ -7,11 +7,11 @@
 #include "services/core/config_reference.h"
 
 namespace etude::cli {
-namespace {
+namespace up_config_test {
 
 TEST(UpConfig, SaysOfEveryKeyWhatItMeansAndInWhichUnit) {
   EXPECT_THAT(MissingFromReference(ConfigReference<UpConfig>()), testing::IsEmpty());
 }
 
-}  // namespace
+}  // namespace up_config_test
 }  // namespace etude::cli

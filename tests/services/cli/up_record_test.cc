@@ -9,7 +9,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
-namespace {
+namespace up_record_test {
 
 TEST(UpRecord, SaysThatItRunsAndHowItEnded) {
   const TemporaryFolder folder;
@@ -34,5 +34,5 @@ TEST(UpRecord, SaysThatItRunsAndHowItEnded) {
   EXPECT_GE(read()["ended"].get<double>(), read()["started"].get<double>());
 }
 
-}  // namespace
+}  // namespace up_record_test
 }  // namespace etude::cli

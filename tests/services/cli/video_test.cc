@@ -10,7 +10,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
-namespace {
+namespace video_test {
 
 // Four rollouts of 64 x 48 pixels, the third of which failed, with a decision at steps 0 and 15.
 void WriteRollouts(const Path& folder) {
@@ -98,5 +98,5 @@ TEST(WriteVideos, ADecisionWithoutAnInsightCostsNoFrame) {
   EXPECT_EQ(overlay.tally.Text(), "overlay: 4 of 8 decisions; without: 4 without an answer (too late)");
 }
 
-}  // namespace
+}  // namespace video_test
 }  // namespace etude::cli

@@ -9,7 +9,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
-namespace {
+namespace worker_pool_test {
 
 using namespace std::chrono_literals;
 using testing::HasSubstr;
@@ -95,5 +95,5 @@ TEST(HopelessDeaths, GrowWithTheWorkers) {
   EXPECT_EQ(HopelessDeaths(64), 192);
 }
 
-}  // namespace
+}  // namespace worker_pool_test
 }  // namespace etude::cli

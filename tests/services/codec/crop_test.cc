@@ -11,7 +11,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::codec {
-namespace {
+namespace crop_test {
 
 std::vector<std::uint8_t> Counting(int width, int height) {
   std::vector<std::uint8_t> picture(static_cast<std::size_t>(width) * height * 3);
@@ -48,5 +48,5 @@ TEST(CropPicture, RefusesWhatLiesOutsideWithoutReadingIt) {
   EXPECT_THAT(CropPicture(std::span(picture).first(59), 5, 4, {0, 0, 2, 2}, out), HasCode(Code::kInvalidArgument));
 }
 
-}  // namespace
+}  // namespace crop_test
 }  // namespace etude::codec

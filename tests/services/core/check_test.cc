@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude {
-namespace {
+namespace check_test {
 
 TEST(CheckDeathTest, NamesExpressionAndValues) {
   EXPECT_DEATH(ETUDE_CHECK(1 == 2, "left={} right={}", 1, 2), "1 == 2 left=1 right=2");
@@ -13,5 +13,5 @@ TEST(CheckDeathTest, NamesExpressionAndValues) {
 
 TEST(Check, PassesSilently) { ETUDE_CHECK(true, "never formatted {}", 1); }
 
-}  // namespace
+}  // namespace check_test
 }  // namespace etude

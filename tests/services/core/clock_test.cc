@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude {
-namespace {
+namespace clock_test {
 
 TEST(FormatDuration, ReadsLikeAClock) {
   EXPECT_EQ(FormatDuration(5), "0:05");
@@ -31,5 +31,5 @@ TEST(MonotonicNs, NeverGoesBack) {
   }
 }
 
-}  // namespace
+}  // namespace clock_test
 }  // namespace etude

@@ -10,7 +10,7 @@
 #include "services/core/command.h"
 
 namespace etude {
-namespace {
+namespace command_table_test {
 
 using Json = nlohmann::ordered_json;
 
@@ -89,5 +89,5 @@ TEST(ParseCommandLine, PrintsItsTableWhenAsked) {
   EXPECT_EQ(Json::parse(testing::internal::GetCapturedStdout()), CommandTable(program.app));
 }
 
-}  // namespace
+}  // namespace command_table_test
 }  // namespace etude

@@ -18,7 +18,7 @@
 #include <tuple>
 
 namespace etude {
-namespace {
+namespace command_test {
 
 using testing::ExitedWithCode;
 
@@ -129,5 +129,5 @@ TEST(OutputDeathTest, ASocketWhosePeerIsGoneEndsNoService) {
   EXPECT_EXIT(::_exit(RunMain("etude", serve)), ExitedWithCode(kExitOk), "^$");
 }
 
-}  // namespace
+}  // namespace command_test
 }  // namespace etude

@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 
 namespace etude {
-namespace {
+namespace config_reference_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -94,5 +94,5 @@ TEST(ConfigReference, ReadsAsText) {
   EXPECT_THAT(text, HasSubstr("gains  (map of numbers, default {\"red\":2.0})"));
 }
 
-}  // namespace
+}  // namespace config_reference_test
 }  // namespace etude

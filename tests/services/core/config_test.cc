@@ -12,7 +12,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace config_test {
 
 using ::testing::HasSubstr;
 
@@ -323,5 +323,5 @@ TEST(NotKnown, SaysTheNearestAndAll) {
   EXPECT_EQ(NotKnown("zzzzzzz", {"push", "pick"}), "'zzzzzzz' is not known; known: push, pick");
 }
 
-}  // namespace
+}  // namespace config_test
 }  // namespace etude

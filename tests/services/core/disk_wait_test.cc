@@ -7,7 +7,7 @@
 #include "services/core/log.h"
 
 namespace etude {
-namespace {
+namespace disk_wait_test {
 
 using namespace std::chrono_literals;
 
@@ -45,5 +45,5 @@ TEST(WriteWhenThereIsRoom, DoesNotWaitForWhatNoRoomMends) {
   EXPECT_EQ(tries, 1);
 }
 
-}  // namespace
+}  // namespace disk_wait_test
 }  // namespace etude

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude {
-namespace {
+namespace enum_name_test {
 
 enum class Colour { kRed = 3, kBlue = 7 };
 
@@ -23,5 +23,5 @@ TEST(EnumName, OfAValueThatIsNotThereIsWhatWasAskedFor) {
   EXPECT_EQ(EnumName(Colour::kBlue, {{Colour::kRed, "red"}}, "other"), "other");
 }
 
-}  // namespace
+}  // namespace enum_name_test
 }  // namespace etude

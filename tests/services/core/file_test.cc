@@ -25,7 +25,7 @@ extern "C" int fsync(int fd) {
 }
 
 namespace etude {
-namespace {
+namespace file_test {
 
 using ::testing::HasSubstr;
 
@@ -188,5 +188,5 @@ TEST(PlainName, KeepsPathsOut) {
   EXPECT_FALSE(IsPlainName(std::string_view("a\0b", 3)));
 }
 
-}  // namespace
+}  // namespace file_test
 }  // namespace etude

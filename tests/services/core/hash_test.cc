@@ -9,7 +9,7 @@
 #include "services/core/rng.h"
 
 namespace etude {
-namespace {
+namespace hash_test {
 
 TEST(Sha256, MatchesPublishedVectors) {
   EXPECT_EQ(Sha256Hex(std::string_view("")), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
@@ -54,5 +54,5 @@ TEST(Sha256, PiecesGiveTheSameDigest) {
   EXPECT_EQ(ToHex(hash.Finish()), Sha256Hex(std::string_view("abc")));
 }
 
-}  // namespace
+}  // namespace hash_test
 }  // namespace etude

@@ -9,7 +9,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace identity_test {
 
 class IdentityTest : public testing::Test {
  protected:
@@ -70,5 +70,5 @@ TEST(Selector, IsANameOrANameAtAnId) {
   }
 }
 
-}  // namespace
+}  // namespace identity_test
 }  // namespace etude

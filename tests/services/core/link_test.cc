@@ -8,7 +8,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace link_test {
 
 TEST(PointLink, TakesThePlaceOfWhatWasThere) {
   const TemporaryFolder folder;
@@ -24,5 +24,5 @@ TEST(PointLink, SaysWhichOneCannotBeMade) {
   EXPECT_THAT(PointLink(folder / "none" / "best", "1"), MessageHas("none/best"));
 }
 
-}  // namespace
+}  // namespace link_test
 }  // namespace etude

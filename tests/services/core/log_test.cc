@@ -8,7 +8,7 @@
 #include <vector>
 
 namespace etude {
-namespace {
+namespace log_test {
 
 TEST(CodeOf, IsTheConstantTextsWords) {
   EXPECT_EQ(CodeOf("refused a checkpoint run=a@b step=3: too old"), "refused_a_checkpoint");
@@ -65,5 +65,5 @@ TEST(Log, JsonIsAnObjectALine) {
   EXPECT_EQ(second["text"], "second");
 }
 
-}  // namespace
+}  // namespace log_test
 }  // namespace etude

@@ -9,7 +9,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace output_folder_test {
 
 TEST(OutputFolder, AppearsWithAllThatIsInIt) {
   const TemporaryFolder folder;
@@ -46,5 +46,5 @@ TEST(OutputFolder, SaysWhatAnInterruptedCommandLeft) {
   EXPECT_FALSE(std::filesystem::exists(folder / "out.partial/x"));
 }
 
-}  // namespace
+}  // namespace output_folder_test
 }  // namespace etude

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude {
-namespace {
+namespace pinned_process_test {
 
 TEST(PinnedEnvironment, MasksTheVariantsOfLibmAndKeepsOtherTunables) {
   const auto none = PinnedEnvironment([](const char*) -> const char* { return nullptr; });
@@ -29,5 +29,5 @@ TEST(PinnedEnvironment, IsSettledOnceItIsSet) {
       << "a program is started again once, not for ever";
 }
 
-}  // namespace
+}  // namespace pinned_process_test
 }  // namespace etude

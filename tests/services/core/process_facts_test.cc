@@ -7,7 +7,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace process_facts_test {
 
 TEST(ProcessMeter, KnowsMemoryAndDisk) {
   const TemporaryFolder folder;
@@ -29,5 +29,5 @@ TEST(ProcessMeter, CountsTheCoresThatAreInUse) {
   EXPECT_LT(cpu, 4);
 }
 
-}  // namespace
+}  // namespace process_facts_test
 }  // namespace etude

@@ -7,7 +7,7 @@
 #include <memory>
 
 namespace etude {
-namespace {
+namespace result_test {
 
 Result<std::unique_ptr<int>> Make(bool good) {
   if (!good) return Fail(Code::kCorrupt, "bad bytes");
@@ -26,5 +26,5 @@ TEST(Result, PropagatesValueAndError) {
   EXPECT_EQ(ToString(Code::kUnavailable), "unavailable");
 }
 
-}  // namespace
+}  // namespace result_test
 }  // namespace etude

@@ -12,7 +12,7 @@
 #include <vector>
 
 namespace etude {
-namespace {
+namespace rng_test {
 
 TEST(Rng, MatchesAnIndependentXoshiro) {
   // state {1, 2, 3, 4}: first outputs of the authors' reference, worked out by hand:
@@ -149,5 +149,5 @@ TEST(MixSeed, OneBitOfANumberChangesHalfOfTheSeed) {
   EXPECT_NEAR(flipped / 64, 32, 2);
 }
 
-}  // namespace
+}  // namespace rng_test
 }  // namespace etude

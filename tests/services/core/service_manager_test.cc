@@ -11,7 +11,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace service_manager_test {
 
 using namespace std::chrono_literals;
 using ::testing::ElementsAre;
@@ -115,5 +115,5 @@ TEST(ServiceManagerEnvironment, AWatchdogOfAnotherProcessIsNotOurs) {
   for (const char* variable : ServiceManager::kVariables) ::unsetenv(variable);
 }
 
-}  // namespace
+}  // namespace service_manager_test
 }  // namespace etude

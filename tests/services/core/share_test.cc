@@ -8,7 +8,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace share_test {
 
 TEST(FindShared, LooksAboveTheProgram) {
   TemporaryFolder folder;
@@ -35,5 +35,5 @@ TEST(FindShared, TheVariableDecidesAlone) {
 
 TEST(FindShared, TestsFindTheTasks) { EXPECT_THAT(FindShared("tasks"), IsOk()); }
 
-}  // namespace
+}  // namespace share_test
 }  // namespace etude

@@ -10,7 +10,7 @@
 #include "services/core/rng.h"
 
 namespace etude {
-namespace {
+namespace statistics_test {
 
 TEST(WilsonInterval, MatchesHandComputedValues) {
   // 8 of 10: centre (0.8 + 0.19207) / 1.38415 and half-width, z = 1.96
@@ -122,5 +122,5 @@ TEST(Quantile, InterpolatesLinearly) {
   EXPECT_TRUE(std::isnan(Mean({})));
 }
 
-}  // namespace
+}  // namespace statistics_test
 }  // namespace etude

@@ -9,7 +9,7 @@
 #include "services/core/clock.h"
 
 namespace etude {
-namespace {
+namespace stop_test {
 
 using namespace std::chrono_literals;
 
@@ -38,5 +38,5 @@ TEST(StopDeathTest, ASecondSignalKills) {
 
 TEST(Stop, WaitingTimesOutWithoutOne) { EXPECT_FALSE(WaitForStop(1ms)); }
 
-}  // namespace
+}  // namespace stop_test
 }  // namespace etude

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude {
-namespace {
+namespace action_test {
 
 std::vector<Waypoint> Line() {
   std::vector<Waypoint> waypoints(kWaypoints);
@@ -57,5 +57,5 @@ TEST(Interpolate, HoldsTheGripperUntilItsWaypointAndClampsTheEnds) {
   EXPECT_LT((Interpolate(line, -5).X_WE.p - line.front().X_WE.p).norm(), 1e-9);
 }
 
-}  // namespace
+}  // namespace action_test
 }  // namespace etude

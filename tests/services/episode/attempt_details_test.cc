@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 
 namespace etude {
-namespace {
+namespace attempt_details_test {
 
 OrderedJson Scene(int draws, const std::vector<std::string>& reasons) {
   OrderedJson rejected = OrderedJson::array();
@@ -71,5 +71,5 @@ TEST(Text, HasTheMostFrequentFirst) {
   EXPECT_EQ(Text(Counts{}), "");
 }
 
-}  // namespace
+}  // namespace attempt_details_test
 }  // namespace etude

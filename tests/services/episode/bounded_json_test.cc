@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude {
-namespace {
+namespace bounded_json_test {
 
 TEST(BoundedJson, ReadsWhatIsJsonAndKeepsTheOrderOfKeys) {
   const auto json = ParseBoundedJson(R"({"b": [1, 2.5, "x"], "a": {"c": null}})", 3);
@@ -32,5 +32,5 @@ TEST(BoundedJson, RefusesDeepNestingWithoutUsingTheStack) {
   EXPECT_FALSE(ParseBoundedJson(std::string(1'000'000, '[') + std::string(1'000'000, ']'), 40));
 }
 
-}  // namespace
+}  // namespace bounded_json_test
 }  // namespace etude

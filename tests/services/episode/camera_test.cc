@@ -7,7 +7,7 @@
 #include <cmath>
 
 namespace etude {
-namespace {
+namespace camera_test {
 
 TEST(Camera, ProjectsTheAxisToTheMiddleAndTheFieldOfViewToTheEdge) {
   Camera camera;
@@ -42,5 +42,5 @@ TEST(Camera, ProjectsThroughItsPose) {
   EXPECT_NEAR(pixel.y(), 112 + camera.focal() * 0.1 / 1.5, 1e-9);
 }
 
-}  // namespace
+}  // namespace camera_test
 }  // namespace etude

@@ -14,7 +14,7 @@
 #include "tests/support/synthetic_episode.h"
 
 namespace etude {
-namespace {
+namespace codec_test {
 
 using Bytes = std::vector<std::uint8_t>;
 
@@ -169,5 +169,5 @@ TEST(Codec, NeverCrashesOrAllocatesWildlyOnMutatedBytes) {
   EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 64 * 1024);  // KiB
 }
 
-}  // namespace
+}  // namespace codec_test
 }  // namespace etude

@@ -11,7 +11,7 @@
 #include "tests/support/synthetic_episode.h"
 
 namespace etude {
-namespace {
+namespace episode_test {
 
 TEST(Episode, FindsObjectsByName) {
   const Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 0);
@@ -61,5 +61,5 @@ TEST(SyntheticEpisode, ShowsTheTargetWhereItsPixelSays) {
   EXPECT_LE(hidden, 2);  // the hand or a nearer object may stand before it
 }
 
-}  // namespace
+}  // namespace episode_test
 }  // namespace etude

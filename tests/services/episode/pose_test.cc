@@ -10,7 +10,7 @@
 #include "services/core/rng.h"
 
 namespace etude {
-namespace {
+namespace pose_test {
 
 Eigen::Vector3d RandomAngles(Rng& rng) {
   return {rng.Uniform(-3.1, 3.1), rng.Uniform(-1.5, 1.5), rng.Uniform(-3.1, 3.1)};
@@ -104,5 +104,5 @@ TEST(Pose, InterpolatesStraightAndByTheShortestTurn) {
   EXPECT_LT(AngleBetween(Interpolate(a, b, 1).q, b.q), 1e-7);
 }
 
-}  // namespace
+}  // namespace pose_test
 }  // namespace etude

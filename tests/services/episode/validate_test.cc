@@ -12,7 +12,7 @@
 #include "tests/support/synthetic_episode.h"
 
 namespace etude {
-namespace {
+namespace validate_test {
 
 struct Fault {
   const char* name;
@@ -82,5 +82,5 @@ TEST(ValidateEpisode, AllowsWhatMayBeAbsent) {
   EXPECT_THAT(ValidateEpisode(episode), IsOk());
 }
 
-}  // namespace
+}  // namespace validate_test
 }  // namespace etude

@@ -11,7 +11,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::exports {
-namespace {
+namespace feature_statistics_test {
 
 using testing::DoubleNear;
 using testing::ElementsAre;
@@ -86,5 +86,5 @@ TEST(JsonTable, FindsTypesAndDepths) {
   EXPECT_THAT(internal::CellsOf({row, OrderedJson::parse(R"({"n": "1"})")}, columns), MessageHas("column 'n'"));
 }
 
-}  // namespace
+}  // namespace feature_statistics_test
 }  // namespace etude::exports

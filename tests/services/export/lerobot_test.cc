@@ -18,7 +18,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::exports {
-namespace {
+namespace lerobot_test {
 
 constexpr int kEpisodes = 5;
 constexpr const char* kCamera = "observation.images.front";
@@ -229,5 +229,5 @@ TEST_F(LeRobot, RefusesWhatCannotBeOneDataset) {
   EXPECT_THAT(ExportLeRobot(folder_ / "odd", folder_ / "out2", {}), MessageHas("whole number"));
 }
 
-}  // namespace
+}  // namespace lerobot_test
 }  // namespace etude::exports

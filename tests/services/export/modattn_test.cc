@@ -15,7 +15,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::exports {
-namespace {
+namespace modattn_test {
 
 constexpr int kSteps = 6;
 
@@ -137,5 +137,5 @@ TEST_F(Modattn, LeavesOutWhatIsBadWhenAskedTo) {
   EXPECT_THAT(report->skipped[1], testing::HasSubstr("3.png"));
 }
 
-}  // namespace
+}  // namespace modattn_test
 }  // namespace etude::exports

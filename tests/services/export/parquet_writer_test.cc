@@ -17,7 +17,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::exports {
-namespace {
+namespace parquet_writer_test {
 
 TEST(ThriftWriter, WritesWhatTheProtocolsDescriptionSays) {
   internal::ThriftWriter thrift;
@@ -189,5 +189,5 @@ TEST_F(Parquet, RefusesColumnsWithoutOrWithOneName) {
   EXPECT_THAT(ParquetWriter::Create(folder_ / "none/a.parquet", {ParquetColumn{"a"}}, {}), HasCode(Code::kNotFound));
 }
 
-}  // namespace
+}  // namespace parquet_writer_test
 }  // namespace etude::exports

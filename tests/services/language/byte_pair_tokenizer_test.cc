@@ -8,7 +8,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::language {
-namespace {
+namespace byte_pair_tokenizer_test {
 
 using Symbols = std::vector<std::string>;
 
@@ -181,5 +181,5 @@ TEST(BytePairTokenizer, RefusesFilesThatAreNotWhatTheyShouldBe) {
   refused(good, merges + "\na b</w>\n", "merges.txt:3: 'a b</w>' makes 'ab</w>', which vocab.json lacks");
 }
 
-}  // namespace
+}  // namespace byte_pair_tokenizer_test
 }  // namespace etude::language

@@ -19,7 +19,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::language {
-namespace {
+namespace grammar_test {
 
 using ::testing::Contains;
 using ::testing::HasSubstr;
@@ -501,5 +501,5 @@ TEST(HeldOut, NamesTheWordsThatTrainingNeverSaw) {
   EXPECT_EQ(HeldOutNounPhrases()[0].object, "milk");
 }
 
-}  // namespace
+}  // namespace grammar_test
 }  // namespace etude::language

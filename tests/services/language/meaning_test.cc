@@ -7,7 +7,7 @@
 #include "services/core/rng.h"
 
 namespace etude::language {
-namespace {
+namespace meaning_test {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -109,5 +109,5 @@ TEST(Meaning, TellsWhichWordsTrainingNeverSays) {
   EXPECT_EQ(json["target"], "milk");
 }
 
-}  // namespace
+}  // namespace meaning_test
 }  // namespace etude::language

@@ -10,7 +10,7 @@
 #include "services/core/rng.h"
 
 namespace etude::language {
-namespace {
+namespace tokenizer_test {
 
 TEST(Normalize, LowersAndDropsPunctuation) {
   EXPECT_EQ(Normalize("  Pick UP the Coke-can! "), "pick up the coke can");
@@ -120,5 +120,5 @@ TEST(Tokenize, IsBounded) {
   EXPECT_EQ(Tokenize(std::string("\xff\x00\x80 x", 5), config).size(), 3u);  // NUL separates
 }
 
-}  // namespace
+}  // namespace tokenizer_test
 }  // namespace etude::language

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::language {
-namespace {
+namespace unicode_test {
 
 TEST(Utf8, EveryCodePointIsReadAsItWasWritten) {
   int wrong = 0, read = 0;
@@ -62,5 +62,5 @@ TEST(ToLower, KnowsLatinGreekAndCyrillic) {
     EXPECT_EQ(ToLower(code), code) << static_cast<unsigned>(code);
 }
 
-}  // namespace
+}  // namespace unicode_test
 }  // namespace etude::language

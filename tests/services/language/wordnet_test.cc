@@ -12,7 +12,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::language {
-namespace {
+namespace wordnet_test {
 
 using ::testing::Contains;
 using ::testing::ElementsAre;
@@ -137,5 +137,5 @@ TEST(WordNet, NamesWhatIsMissing) {
   EXPECT_THAT(wordnet.error().message, ::testing::HasSubstr("install wordnet-base"));
 }
 
-}  // namespace
+}  // namespace wordnet_test
 }  // namespace etude::language

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::monitor {
-namespace {
+namespace sentence_test {
 
 TEST(Sentence, TellsWhatIsUnderWay) {
   Facts facts;
@@ -61,5 +61,5 @@ TEST(Sentence, SaysWhereItLookedInVain) {
   EXPECT_EQ(Sentence(facts), "nothing found in /data and on domain 0");
 }
 
-}  // namespace
+}  // namespace sentence_test
 }  // namespace etude::monitor

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::monitor {
-namespace {
+namespace topics_test {
 
 using testing::ElementsAre;
 using namespace std::chrono_literals;
@@ -67,5 +67,5 @@ TEST(TopicRates, AreDifferencesOfWhatWritersCount) {
   EXPECT_EQ(found.at("t").writers, 1);
 }
 
-}  // namespace
+}  // namespace topics_test
 }  // namespace etude::monitor

@@ -12,7 +12,7 @@
 #include "services/play/arguments.h"
 
 namespace etude::play {
-namespace {
+namespace client_test {
 
 using namespace std::chrono_literals;
 
@@ -154,5 +154,5 @@ TEST(PlayActions, HaveNames) {
   EXPECT_FALSE(IsSessionName("*"));
 }
 
-}  // namespace
+}  // namespace client_test
 }  // namespace etude::play

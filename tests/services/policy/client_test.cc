@@ -12,7 +12,7 @@
 #include "tests/services/policy/policy_asker.h"
 
 namespace etude::policy {
-namespace {
+namespace client_test {
 
 using namespace std::chrono_literals;
 
@@ -144,5 +144,5 @@ TEST_F(PolicyClient, AWrongNameIsAnErrorAtOnce) {
   for (const char* run : {"", "Two Words", "run@", "run@xyz"}) EXPECT_FALSE(OpenClient(run)) << run;
 }
 
-}  // namespace
+}  // namespace client_test
 }  // namespace etude::policy

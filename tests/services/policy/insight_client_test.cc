@@ -14,7 +14,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::policy {
-namespace {
+namespace insight_client_test {
 
 using namespace std::chrono_literals;
 
@@ -197,5 +197,5 @@ TEST_F(PolicyInsight, SaysThatNobodyServesTheRun) {
   EXPECT_FALSE(InsightClient::Open(participant_, "Two Words"));
 }
 
-}  // namespace
+}  // namespace insight_client_test
 }  // namespace etude::policy

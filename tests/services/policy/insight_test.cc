@@ -9,7 +9,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::policy {
-namespace {
+namespace insight_test {
 
 // TAR2D with two heads over 1 x 3 tokens and one key more, behind two bytes of somebody else's; LANG reads no picture.
 bus::Insight MakeMessage() {
@@ -116,5 +116,5 @@ TEST(ReadInsight, RefusesWhatDoesNotFitTogether) {
   EXPECT_THAT(ReadInsight(view), HasCode(Code::kCorrupt));
 }
 
-}  // namespace
+}  // namespace insight_test
 }  // namespace etude::policy

@@ -10,7 +10,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::security {
-namespace {
+namespace authority_test {
 
 using ::testing::HasSubstr;
 
@@ -144,5 +144,5 @@ TEST(IdentityDates, WarnInTimeAndEndBeforeTheEnd) {
   EXPECT_EQ(EndAt(identity), 1'999'940);
 }
 
-}  // namespace
+}  // namespace authority_test
 }  // namespace etude::security

@@ -8,7 +8,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::security {
-namespace {
+namespace checkpoint_signature_test {
 
 using ::testing::HasSubstr;
 
@@ -82,5 +82,5 @@ TEST_F(CheckpointSignatureTest, RefusesKeysThatOthersCanReadOrOverwrite) {
   EXPECT_THAT(signer.error().message, HasSubstr("chmod 600"));
 }
 
-}  // namespace
+}  // namespace checkpoint_signature_test
 }  // namespace etude::security

@@ -17,7 +17,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude {
-namespace {
+namespace campaign_spec_test {
 
 TEST(CampaignSpec, SaysOfEveryKeyWhatItMeansAndInWhichUnit) {
   EXPECT_THAT(MissingFromReference(ConfigReference<CampaignSpec>()), testing::IsEmpty());
@@ -353,5 +353,5 @@ TEST(CampaignSpec, OneObjectOfAClassAtMost) {
   EXPECT_THAT(spec.Validate(), MessageHas("2 on the table of 1 classes")) << "nothing to put it beside";
 }
 
-}  // namespace
+}  // namespace campaign_spec_test
 }  // namespace etude

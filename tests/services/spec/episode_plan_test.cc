@@ -14,7 +14,7 @@
 #include "services/spec/task_roles.h"
 
 namespace etude {
-namespace {
+namespace episode_plan_test {
 
 TEST(PlanEpisode, WeightsGiveExactCounts) {
   CampaignSpec spec;
@@ -403,5 +403,5 @@ TEST(PlanEpisode, SentencesChangeNoSceneThatHasTheirObjects) {
   EXPECT_EQ(PlanEpisode(spoken, 0, 0).sentence, "") << "nobody speaks to the expert";
 }
 
-}  // namespace
+}  // namespace episode_plan_test
 }  // namespace etude

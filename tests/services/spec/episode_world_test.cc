@@ -12,7 +12,7 @@
 #include "services/spec/object_names.h"
 
 namespace etude {
-namespace {
+namespace episode_world_test {
 
 WorldRandomizationSpec Everything() {
   WorldRandomizationSpec world;
@@ -247,5 +247,5 @@ TEST(DrawDistractors, AreNoneThatASentenceCouldMean) {
   EXPECT_EQ(seen.size(), 8u * kTrainInstances);
 }
 
-}  // namespace
+}  // namespace episode_world_test
 }  // namespace etude

@@ -8,7 +8,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude {
-namespace {
+namespace object_names_test {
 
 TEST(ObjectNames, GeneratedOnesAreAClassAndTwoDigits) {
   const auto parsed = ParseGenerated("strawberry_07");
@@ -71,5 +71,5 @@ TEST(ObjectNames, UnknownOnesAreRefusedWithTheNearest) {
   EXPECT_THAT(CheckObjectName("botle"), MessageHas("'bottle'"));
 }
 
-}  // namespace
+}  // namespace object_names_test
 }  // namespace etude

@@ -12,7 +12,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude {
-namespace {
+namespace predicate_spec_test {
 
 Result<PredicateSpec> FromYaml(const std::string& text) {
   const auto json = ParseYaml(text, "test");
@@ -144,5 +144,5 @@ TEST(PredicateSpec, IsBoundedInDepthAndNumber) {
   EXPECT_FALSE(PredicateFromJson({{"all", many}}, "many").has_value());
 }
 
-}  // namespace
+}  // namespace predicate_spec_test
 }  // namespace etude

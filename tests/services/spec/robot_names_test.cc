@@ -7,7 +7,7 @@
 #include "services/spec/campaign_spec.h"
 
 namespace etude {
-namespace {
+namespace robot_names_test {
 
 using ::testing::HasSubstr;
 
@@ -32,5 +32,5 @@ TEST(RobotNames, AnUnknownOneIsRefusedWithTheNearest) {
   EXPECT_THAT(spec.Validate().error().message, HasSubstr("robots: 'ur55' is not known, did you mean 'ur5'?"));
 }
 
-}  // namespace
+}  // namespace robot_names_test
 }  // namespace etude

@@ -11,7 +11,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude {
-namespace {
+namespace sampling_weights_test {
 
 CampaignSpec Adaptive() {
   CampaignSpec spec;
@@ -240,5 +240,5 @@ TEST(AcceptPlace, WithoutWeightsDrawsNothing) {
   EXPECT_EQ(rng.state(), before);
 }
 
-}  // namespace
+}  // namespace sampling_weights_test
 }  // namespace etude

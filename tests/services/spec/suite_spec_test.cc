@@ -8,7 +8,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude {
-namespace {
+namespace suite_spec_test {
 
 std::vector<std::string> Problems(const TargetPushSpec& pushes) {
   std::vector<std::string> errors;
@@ -68,5 +68,5 @@ TEST(SentenceSpec, SaysWhichSentenceCannotBeSpokenAndWhy) {
   }
 }
 
-}  // namespace
+}  // namespace suite_spec_test
 }  // namespace etude

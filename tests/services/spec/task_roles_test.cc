@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 
 namespace etude {
-namespace {
+namespace task_roles_test {
 
 using testing::ElementsAre;
 using testing::IsEmpty;
@@ -46,5 +46,5 @@ TEST(WithReference, TakesThePlaceOfAnotherInstanceOfItsClass) {
               ElementsAre("mug_00", "apple_05", "pear_00"));
 }
 
-}  // namespace
+}  // namespace task_roles_test
 }  // namespace etude

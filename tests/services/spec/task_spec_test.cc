@@ -17,7 +17,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace task_spec_test {
 
 constexpr const char* kGood = R"(
 name: pick_well
@@ -352,5 +352,5 @@ TEST(TaskName, ACampaignsHashDependsOnWhatItsTaskFilesSay) {
   EXPECT_NE(SpecHash(spec), without);
 }
 
-}  // namespace
+}  // namespace task_spec_test
 }  // namespace etude

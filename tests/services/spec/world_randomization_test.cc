@@ -12,7 +12,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude {
-namespace {
+namespace world_randomization_test {
 
 Status Validated(const std::vector<std::string>& overrides) {
   OrderedJson json = ToJson(CampaignSpec());
@@ -76,5 +76,5 @@ TEST(WorldRandomization, SwitchedOffACampaignIsTheOneFromBeforeItExisted) {
   EXPECT_NE(SpecHash(*before), SpecHash(spec));
 }
 
-}  // namespace
+}  // namespace world_randomization_test
 }  // namespace etude

@@ -10,7 +10,7 @@
 #include "services/core/config.h"
 
 namespace etude {
-namespace {
+namespace world_spec_test {
 
 using ::testing::HasSubstr;
 
@@ -76,5 +76,5 @@ TEST(WorldSpec, WhatIsNotFiniteIsOutOfEveryRange) {
   EXPECT_EQ(errors.size(), 5u) << testing::PrintToString(errors);
 }
 
-}  // namespace
+}  // namespace world_spec_test
 }  // namespace etude

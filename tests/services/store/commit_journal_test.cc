@@ -15,7 +15,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
-namespace {
+namespace commit_journal_test {
 
 const CommitFacts kFacts{"lab-7-w0", "lab-7", {.plan_s = 0.5, .step_s = 0.25, .wall_s = 1.5}};
 
@@ -212,5 +212,5 @@ TEST(CommitLine, KeysThatAreMissingKeepTheirDefaults) {
   EXPECT_THAT(ParseCommitLine(R"({"index": 1, "attempt": 99999999999})"), HasCode(Code::kCorrupt));
 }
 
-}  // namespace
+}  // namespace commit_journal_test
 }  // namespace etude::store

@@ -19,7 +19,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
-namespace {
+namespace crash_test {
 
 using internal::CommitPoint;
 
@@ -174,5 +174,5 @@ TEST(CommitFile, NamesTheFolderThatCannotBeWritten) {
   EXPECT_EQ(*ReadBinaryFile(folder / "a/b/x.hdf5"), bytes);
 }
 
-}  // namespace
+}  // namespace crash_test
 }  // namespace etude::store

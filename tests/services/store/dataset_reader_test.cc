@@ -15,7 +15,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
-namespace {
+namespace dataset_reader_test {
 
 TEST(DatasetReader, NeedsADataset) {
   const TemporaryFolder folder;
@@ -104,5 +104,5 @@ TEST(DatasetReader, ReadsWhileEpisodesAreCommitted) {
   EXPECT_GE(reads, 90);
 }
 
-}  // namespace
+}  // namespace dataset_reader_test
 }  // namespace etude::store

@@ -17,7 +17,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
-namespace {
+namespace dataset_writer_test {
 
 Result<DatasetWriter> OpenWith(const Path& dataset, const CampaignSpec& spec, int episodes) {
   auto writer = DatasetWriter::Open(dataset, spec);
@@ -254,5 +254,5 @@ TEST(DatasetInfo, CountsWhatIsThere) {
   EXPECT_EQ(on_disk, statistics);
 }
 
-}  // namespace
+}  // namespace dataset_writer_test
 }  // namespace etude::store

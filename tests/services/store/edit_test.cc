@@ -12,7 +12,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
-namespace {
+namespace edit_test {
 
 using testing::ElementsAre;
 
@@ -175,5 +175,5 @@ TEST_F(Edit, DealsShares) {
   EXPECT_THAT(DealEpisodes(data_, {{"../a", 1}}), HasCode(Code::kInvalidArgument));
 }
 
-}  // namespace
+}  // namespace edit_test
 }  // namespace etude::store

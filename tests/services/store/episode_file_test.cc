@@ -16,7 +16,7 @@
 #include "tests/support/synthetic_episode.h"
 
 namespace etude::store::internal {
-namespace {
+namespace episode_file_test {
 
 using Bytes = std::vector<std::uint8_t>;
 
@@ -153,5 +153,5 @@ TEST(EpisodeFile, RefusesResealedFilesWhoseNumbersDoNotFit) {
   }
 }
 
-}  // namespace
+}  // namespace episode_file_test
 }  // namespace etude::store::internal

@@ -15,7 +15,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
-namespace {
+namespace frame_test {
 
 using Bytes = std::vector<std::uint8_t>;
 
@@ -114,5 +114,5 @@ TEST(FrameReader, ReadsFromManyThreadsAtOnce) {
   EXPECT_EQ(wrong, 0);
 }
 
-}  // namespace
+}  // namespace frame_test
 }  // namespace etude::store

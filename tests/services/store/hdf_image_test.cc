@@ -15,7 +15,7 @@
 #include "tests/support/synthetic_episode.h"
 
 namespace etude::store::internal {
-namespace {
+namespace hdf_image_test {
 
 using Bytes = std::vector<std::uint8_t>;
 
@@ -210,5 +210,5 @@ TEST(HdfImage, SaysWhatDoesNotFit) {
   EXPECT_THAT(failing([](HdfImage& image) { image.Group("/" + std::string(256, 'n')); }), HasSubstr("255"));
 }
 
-}  // namespace
+}  // namespace hdf_image_test
 }  // namespace etude::store::internal

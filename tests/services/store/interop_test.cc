@@ -14,7 +14,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
-namespace {
+namespace interop_test {
 
 class Interop : public testing::Test {
  protected:
@@ -143,5 +143,5 @@ TEST_F(Interop, H5dumpReadsEveryByteOfAnEpisodeFile) {
   EXPECT_THAT(dump.text, testing::HasSubstr("DATASET \"front_image\""));
 }
 
-}  // namespace
+}  // namespace interop_test
 }  // namespace etude::store

@@ -11,7 +11,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store::internal {
-namespace {
+namespace layout_test {
 
 TEST(Layout, PathsAndIndicesAreInverse) {
   for (const std::uint64_t index : {0ull, 123ull, 999ull, 1000ull, 999'999ull, 1'234'567ull}) {
@@ -73,5 +73,5 @@ TEST(Layout, SpecDifferencesNameTheKeys) {
   EXPECT_THAT(SpecDifferences(a, b), testing::ElementsAre("seed (1, now 9)", "camera.fovy_deg (60.0, now 50.0)"));
 }
 
-}  // namespace
+}  // namespace layout_test
 }  // namespace etude::store::internal

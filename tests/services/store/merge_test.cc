@@ -9,7 +9,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
-namespace {
+namespace merge_test {
 
 using testing::ElementsAre;
 
@@ -88,5 +88,5 @@ TEST_F(Merge, RefusesWhatDoesNotGoTogether) {
   EXPECT_FALSE(std::filesystem::exists(out_));
 }
 
-}  // namespace
+}  // namespace merge_test
 }  // namespace etude::store

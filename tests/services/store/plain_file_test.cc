@@ -14,7 +14,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
-namespace {
+namespace plain_file_test {
 
 class PlainFile : public testing::Test {
  protected:
@@ -92,5 +92,5 @@ TEST_F(PlainFile, IsRefusedInWords) {
   EXPECT_FALSE(std::filesystem::exists(folder_ / "b.hdf5"));
 }
 
-}  // namespace
+}  // namespace plain_file_test
 }  // namespace etude::store

@@ -14,7 +14,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
-namespace {
+namespace safetensors_test {
 
 using Bytes = std::vector<std::uint8_t>;
 
@@ -184,5 +184,5 @@ TEST(Safetensors, NeverCrashesOrAllocatesWildlyOnMutatedBytes) {
   EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 64 * 1024);  // KiB
 }
 
-}  // namespace
+}  // namespace safetensors_test
 }  // namespace etude::store

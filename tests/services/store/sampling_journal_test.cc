@@ -15,7 +15,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
-namespace {
+namespace sampling_journal_test {
 
 constexpr char kRun[] = "0123456789abcdef";
 
@@ -220,5 +220,5 @@ TEST(SampledDataset, IsNotGoneOnWithUnderAnotherSplit) {
   EXPECT_THAT(DatasetWriter::Open(folder / "d", other), IsOk());
 }
 
-}  // namespace
+}  // namespace sampling_journal_test
 }  // namespace etude::store

@@ -11,7 +11,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
-namespace {
+namespace schema_test {
 
 constexpr char kOld[] = "tests/data/dataset_schema_1";
 
@@ -63,5 +63,5 @@ TEST(Schema1, IsNotAddedTo) {
   EXPECT_THAT(writer, MessageHas("another folder"));
 }
 
-}  // namespace
+}  // namespace schema_test
 }  // namespace etude::store

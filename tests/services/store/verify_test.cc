@@ -14,7 +14,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::store {
-namespace {
+namespace verify_test {
 
 constexpr int kEpisodes = 6;
 
@@ -201,5 +201,5 @@ TEST(HashDataset, DependsOnContentAndNumberAlone) {
   EXPECT_THAT(HashDataset(one.folder.path()), HasCode(Code::kNotFound));
 }
 
-}  // namespace
+}  // namespace verify_test
 }  // namespace etude::store

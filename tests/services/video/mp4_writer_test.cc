@@ -11,7 +11,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::video {
-namespace {
+namespace mp4_writer_test {
 
 constexpr int kSide = 64, kPictures = 103, kForced = 52;
 
@@ -81,5 +81,5 @@ TEST(Mp4Writer, RefusesWhatNoEncoderTakes) {
   EXPECT_THAT(writer->Write(std::vector<std::uint8_t>(10)), HasCode(Code::kInvalidArgument));
 }
 
-}  // namespace
+}  // namespace mp4_writer_test
 }  // namespace etude::video

@@ -9,7 +9,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::video {
-namespace {
+namespace picture_test {
 
 // 4 x 2 px, each of its own colour
 Picture Example() {
@@ -57,5 +57,5 @@ TEST(Picture, IsEnlargedAndJoinedPixelByPixel) {
   EXPECT_EQ(Resized(picture, 2).height, 1);
 }
 
-}  // namespace
+}  // namespace picture_test
 }  // namespace etude::video

@@ -13,7 +13,7 @@
 #include "trainer/policy/architecture.h"
 
 namespace etude::checkpoint {
-namespace {
+namespace checkpoint_test {
 
 using ::testing::HasSubstr;
 
@@ -138,5 +138,5 @@ TEST(Checkpoint, SurvivesDamagedBytes) {
   }
 }
 
-}  // namespace
+}  // namespace checkpoint_test
 }  // namespace etude::checkpoint

@@ -16,7 +16,7 @@
 #include "trainer/policy/parts.h"
 
 namespace etude::checkpoint {
-namespace {
+namespace clip_checkpoint_test {
 
 using policy::PolicyConfig;
 using ::testing::AnyOf;
@@ -129,5 +129,5 @@ TEST_F(ClipCheckpointTest, ThePictureOfItsGraphNamesNoPlace) {
   EXPECT_THAT(svg, Not(HasSubstr(folder_.path().string())));
 }
 
-}  // namespace
+}  // namespace clip_checkpoint_test
 }  // namespace etude::checkpoint

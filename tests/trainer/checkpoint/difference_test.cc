@@ -8,7 +8,7 @@
 #include "tests/trainer/policy/fixtures.h"
 
 namespace etude::checkpoint {
-namespace {
+namespace difference_test {
 
 using State = PartDifference::State;
 using ::testing::HasSubstr;
@@ -52,5 +52,5 @@ TEST(Difference, TellsOtherShapesAndOtherParts) {
   EXPECT_THAT(ToText(Compare(first, second)), HasSubstr("only in the first"));
 }
 
-}  // namespace
+}  // namespace difference_test
 }  // namespace etude::checkpoint

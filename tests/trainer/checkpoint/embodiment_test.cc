@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::checkpoint {
-namespace {
+namespace embodiment_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -67,5 +67,5 @@ TEST(Differences, AreNoneOfWhatIsNotKnownOrTheSameRotation) {
   EXPECT_THAT(Differences(Embodiment{.joints = 7}, here), IsEmpty());
 }
 
-}  // namespace
+}  // namespace embodiment_test
 }  // namespace etude::checkpoint

@@ -9,7 +9,7 @@
 #include "tests/trainer/policy/fixtures.h"
 
 namespace etude::checkpoint {
-namespace {
+namespace graph_picture_test {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -61,5 +61,5 @@ TEST(GraphPicture, OfAFileSaysNothingOfTraining) {
   EXPECT_THAT(GraphSvg(metadata), HasSubstr("&lt;&amp;&quot;>"));
 }
 
-}  // namespace
+}  // namespace graph_picture_test
 }  // namespace etude::checkpoint

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::checkpoint {
-namespace {
+namespace names_test {
 
 TEST(RunNameOf, MakesAPlainName) {
   EXPECT_EQ(RunNameOf("out/My Run"), "my-run");
@@ -19,5 +19,5 @@ TEST(Names, SortAsStepsDo) {
   EXPECT_EQ(LinkOf("x/checkpoints", kLatest), Path("x/checkpoints/latest.safetensors"));
 }
 
-}  // namespace
+}  // namespace names_test
 }  // namespace etude::checkpoint

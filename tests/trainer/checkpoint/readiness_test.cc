@@ -8,7 +8,7 @@
 #include "tests/trainer/policy/fixtures.h"
 
 namespace etude::checkpoint {
-namespace {
+namespace readiness_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -64,5 +64,5 @@ TEST(CheckTrained, LooksAtTheControlPathOnly) {
   EXPECT_EQ(WhyUntrained(metadata), "");
 }
 
-}  // namespace
+}  // namespace readiness_test
 }  // namespace etude::checkpoint

@@ -16,7 +16,7 @@
 #include "trainer/policy/architecture.h"
 
 namespace etude::checkpoint {
-namespace {
+namespace schema_test {
 
 using ::testing::HasSubstr;
 
@@ -108,5 +108,5 @@ TEST(Schema1, NoticesAConfigurationThatWasChanged) {
   EXPECT_THAT(Decode(store::EncodeSafetensors(*file)).error().message, HasSubstr("architecture"));
 }
 
-}  // namespace
+}  // namespace schema_test
 }  // namespace etude::checkpoint

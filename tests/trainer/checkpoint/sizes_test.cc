@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::checkpoint {
-namespace {
+namespace sizes_test {
 
 using ::testing::HasSubstr;
 
@@ -58,5 +58,5 @@ TEST(CheckSizes, RefusesACropThatLiesInNoPicture) {
   EXPECT_THAT(CheckSizes(config, 1'000'000).error().message, HasSubstr("tokens"));
 }
 
-}  // namespace
+}  // namespace sizes_test
 }  // namespace etude::checkpoint

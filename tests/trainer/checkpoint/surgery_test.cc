@@ -9,7 +9,7 @@
 #include "trainer/policy/parts.h"
 
 namespace etude::checkpoint {
-namespace {
+namespace surgery_test {
 
 using policy::FindModule;
 using policy::PolicyConfig;
@@ -200,5 +200,5 @@ TEST_F(SurgeryTest, LearningStartsWhereSomethingIsNew) {
   EXPECT_EQ(FirstLevelToLearn(base, *Do(base, {.fresh = {"joints"}})), 3);  // EE3D attends to them
 }
 
-}  // namespace
+}  // namespace surgery_test
 }  // namespace etude::checkpoint

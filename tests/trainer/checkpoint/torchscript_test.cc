@@ -14,7 +14,7 @@
 #include "trainer/policy/answer.h"
 
 namespace etude::checkpoint {
-namespace {
+namespace torchscript_test {
 
 TEST(TorchScript, GivesTheSameWaypointsInPlainLibtorch) {
   const auto example = ExampleCheckpoint(policy::TinyConfig());
@@ -81,5 +81,5 @@ TEST(TokenIds, FillUpRowsWithMinusOne) {
   EXPECT_EQ(ids[0][-1].item<std::int64_t>(), -1);
 }
 
-}  // namespace
+}  // namespace torchscript_test
 }  // namespace etude::checkpoint

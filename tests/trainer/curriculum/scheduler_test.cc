@@ -10,7 +10,7 @@
 #include "services/core/rng.h"
 
 namespace etude::curriculum {
-namespace {
+namespace scheduler_test {
 
 using ::testing::HasSubstr;
 
@@ -190,5 +190,5 @@ TEST(Scheduler, RefusesAStateOfAnotherPolicy) {
   EXPECT_EQ(scheduler.Save(), before);
 }
 
-}  // namespace
+}  // namespace scheduler_test
 }  // namespace etude::curriculum

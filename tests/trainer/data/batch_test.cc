@@ -12,7 +12,7 @@
 #include "tests/trainer/data/synthetic_dataset.h"
 
 namespace etude::data {
-namespace {
+namespace batch_test {
 
 // position, the least that a quantity can be
 class PositionRule : public LabelRule {
@@ -300,5 +300,5 @@ TEST(DataConfig, NamesEveryProblem) {
   EXPECT_EQ(errors.size(), 2u);
 }
 
-}  // namespace
+}  // namespace batch_test
 }  // namespace etude::data

@@ -10,7 +10,7 @@
 #include "tests/trainer/data/synthetic_dataset.h"
 
 namespace etude::data {
-namespace {
+namespace dataset_test {
 
 TEST(Dataset, GrowsWithItsFolderAndKeepsOldSnapshots) {
   const TemporaryFolder folder;
@@ -118,5 +118,5 @@ TEST(Dataset, SaysThatAFolderIsNone) {
   EXPECT_EQ(Dataset::Open(folder / "none").error().code, Code::kNotFound);
 }
 
-}  // namespace
+}  // namespace dataset_test
 }  // namespace etude::data

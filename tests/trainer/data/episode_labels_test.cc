@@ -9,7 +9,7 @@
 #include "tests/support/synthetic_episode.h"
 
 namespace etude::data {
-namespace {
+namespace episode_labels_test {
 
 // commands whose x is the step: 0, 1, 2, ... metres; gripper closes at step 30
 Episode Ramp(int steps) {
@@ -65,5 +65,5 @@ TEST(LabelTrajectory, MasksWaypointsBehindADisturbance) {
   }
 }
 
-}  // namespace
+}  // namespace episode_labels_test
 }  // namespace etude::data

@@ -12,7 +12,7 @@
 #include "tests/trainer/data/synthetic_dataset.h"
 
 namespace etude::data {
-namespace {
+namespace frame_cache_test {
 
 constexpr Region kRegion{4, 6, 20, 24};
 constexpr std::size_t kUnlimited = 1u << 30;
@@ -133,5 +133,5 @@ TEST_F(Frames, AreTheSameForThreadsThatAskAtOnce) {
   EXPECT_EQ(cache.hits() + cache.misses(), static_cast<std::uint64_t>(kThreads * kRounds) * count);
 }
 
-}  // namespace
+}  // namespace frame_cache_test
 }  // namespace etude::data

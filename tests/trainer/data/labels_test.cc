@@ -9,7 +9,7 @@
 #include "tests/support/synthetic_episode.h"
 
 namespace etude::data {
-namespace {
+namespace labels_test {
 
 using testing::ElementsAre;
 using testing::IsEmpty;
@@ -140,5 +140,5 @@ TEST_F(States, AreFiniteUnlessTheirPoseIsNot) {
   EXPECT_TRUE(HandState(episode_, kStep - 1).finite());
 }
 
-}  // namespace
+}  // namespace labels_test
 }  // namespace etude::data

@@ -10,7 +10,7 @@
 #include "tests/trainer/data/synthetic_dataset.h"
 
 namespace etude::data {
-namespace {
+namespace loader_test {
 
 class LoaderTest : public ::testing::Test {
  protected:
@@ -89,5 +89,5 @@ TEST_F(LoaderTest, EndsWithAnErrorWhenThereIsNothing) {
   EXPECT_EQ(loader.Next().error().code, Code::kNotFound);
 }
 
-}  // namespace
+}  // namespace loader_test
 }  // namespace etude::data

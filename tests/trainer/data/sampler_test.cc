@@ -10,7 +10,7 @@
 #include "tests/support/synthetic_episode.h"
 
 namespace etude::data {
-namespace {
+namespace sampler_test {
 
 // a snapshot without files; episodes of task `pick` are ten times as many as the others'
 Snapshot Unbalanced() {
@@ -197,5 +197,5 @@ TEST(AddClauses, AddsNothingWithoutAShare) {
   for (const auto& command : commands) EXPECT_TRUE(command.obstacle.empty() && command.reference.empty());
 }
 
-}  // namespace
+}  // namespace sampler_test
 }  // namespace etude::data

@@ -9,7 +9,7 @@
 #include "tests/support/synthetic_episode.h"
 
 namespace etude::data {
-namespace {
+namespace statistics_test {
 
 std::shared_ptr<EpisodeEntry> Entry(std::uint64_t index, Split split) {
   auto entry = std::make_shared<EpisodeEntry>();
@@ -64,5 +64,5 @@ TEST(ComputeStatistics, SaysThatThereIsNothingToMeasure) {
   EXPECT_EQ(ComputeStatistics(Snapshot({Entry(0, Split::kValid)})).error().code, Code::kNotFound);
 }
 
-}  // namespace
+}  // namespace statistics_test
 }  // namespace etude::data

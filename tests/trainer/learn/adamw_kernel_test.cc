@@ -10,7 +10,7 @@
 #include "services/core/rng.h"
 
 namespace etude::learn {
-namespace {
+namespace adamw_kernel_test {
 
 TEST(UpdateAdamw, AgreesWithTheFormulasInDoublePrecision) {
   Rng rng(1);
@@ -56,5 +56,5 @@ TEST(Average, MovesTowardsTheValue) {
   for (float x : average) EXPECT_FLOAT_EQ(x, 0.25f);
 }
 
-}  // namespace
+}  // namespace adamw_kernel_test
 }  // namespace etude::learn

@@ -10,7 +10,7 @@
 #include "tests/trainer/learn/tiny_run.h"
 
 namespace etude::learn {
-namespace {
+namespace await_data_test {
 
 using ::testing::HasSubstr;
 
@@ -53,5 +53,5 @@ TEST(AwaitData, EndsWithTheWordsOfItsCollector) {
   EXPECT_THAT(waited.error().message, HasSubstr("disk gone"));
 }
 
-}  // namespace
+}  // namespace await_data_test
 }  // namespace etude::learn

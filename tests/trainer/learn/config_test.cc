@@ -9,7 +9,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::learn {
-namespace {
+namespace config_test {
 
 using ::testing::HasSubstr;
 using ::testing::IsSupersetOf;
@@ -162,5 +162,5 @@ TEST(LoadTrainConfig, ReadsFreezeWhereItStoodBefore) {
   EXPECT_THAT(config->init.freeze, testing::ElementsAre("TAR3D"));
 }
 
-}  // namespace
+}  // namespace config_test
 }  // namespace etude::learn

@@ -15,7 +15,7 @@
 #include "trainer/learn/tensors.h"
 
 namespace etude::learn {
-namespace {
+namespace error_cells_test {
 
 // by hand: the mean of TAR2D is 4 px, of TAR3D 0.5 m
 TEST(ToErrorCells, AveragesErrorsRelativeToTheirModules) {
@@ -132,5 +132,5 @@ TEST_F(MeasureErrorsTest, SaysNothingBeforeAModuleSaysWhereThingsAre) {
   EXPECT_THAT(Measure(5), HasCode(Code::kNotFound));
 }
 
-}  // namespace
+}  // namespace error_cells_test
 }  // namespace etude::learn

@@ -9,7 +9,7 @@
 #include "trainer/learn/tensors.h"
 
 namespace etude::learn {
-namespace {
+namespace evaluate_test {
 
 TEST(Evaluate, MeasuresEveryModuleInUnitsOfPeopleAndLeavesThePolicyTraining) {
   const TemporaryFolder folder;
@@ -64,5 +64,5 @@ TEST(EvaluateLanguage, AsksAboutSentencesOutsideOfTraining) {
   EXPECT_TRUE((*policy)->is_training());
 }
 
-}  // namespace
+}  // namespace evaluate_test
 }  // namespace etude::learn

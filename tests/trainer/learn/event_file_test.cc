@@ -10,7 +10,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::learn {
-namespace {
+namespace event_file_test {
 
 std::span<const std::uint8_t> Bytes(std::string_view text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
@@ -75,5 +75,5 @@ TEST(EventFile, BeginsWithTheVersionAndAppends) {
   EXPECT_EQ(files, 1);
 }
 
-}  // namespace
+}  // namespace event_file_test
 }  // namespace etude::learn

@@ -15,7 +15,7 @@
 #include "trainer/policy/parts.h"
 
 namespace etude::learn {
-namespace {
+namespace flat_test {
 
 using torch::Tensor;
 
@@ -113,5 +113,5 @@ TEST(Flat, TheOptimizerMakesTheSameStepsWithTorchsOperations) {
   for (const auto& [name, tensor] : ours) EXPECT_TRUE(torch::allclose(tensor, theirs.at(name), 1e-5, 1e-6)) << name;
 }
 
-}  // namespace
+}  // namespace flat_test
 }  // namespace etude::learn

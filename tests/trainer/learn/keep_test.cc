@@ -12,7 +12,7 @@
 #include "trainer/policy/layers.h"
 
 namespace etude::learn {
-namespace {
+namespace keep_test {
 
 using ::testing::HasSubstr;
 
@@ -199,5 +199,5 @@ TEST_F(KeepTest, FreezingOnResumeChangesOnlyWhatItNames) {
   EXPECT_EQ(all.size(), before.size());
 }
 
-}  // namespace
+}  // namespace keep_test
 }  // namespace etude::learn

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::learn {
-namespace {
+namespace limit_test {
 
 TEST(RunLimit, OfStepsDoesNotLookAtTheClock) {
   RunLimit limit(100, 0);
@@ -79,5 +79,5 @@ TEST(RunLimit, WithBothEndsAtWhicheverComesFirst) {
   EXPECT_EQ(few.steps(), 250u);
 }
 
-}  // namespace
+}  // namespace limit_test
 }  // namespace etude::learn

@@ -11,7 +11,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::learn {
-namespace {
+namespace metrics_log_test {
 
 TEST(MetricsLog, WritesLinesThatParseEvenForNumbersJsonDoesNotHave) {
   const TemporaryFolder folder;
@@ -60,5 +60,5 @@ TEST(MetricsLog, SaysWhatWasKeptAndHowItEnded) {
   EXPECT_EQ(ToString(End::kStopped), "stopped");
 }
 
-}  // namespace
+}  // namespace metrics_log_test
 }  // namespace etude::learn

@@ -9,7 +9,7 @@
 #include "trainer/learn/tensors.h"
 
 namespace etude::learn {
-namespace {
+namespace optimizer_test {
 
 std::vector<std::shared_ptr<policy::Policy>> Policies(const TrainConfig& config, int n) {
   std::vector<std::shared_ptr<policy::Policy>> policies;
@@ -185,5 +185,5 @@ TEST(Optimizer, KeepsAnAverageAsideAndSwapsItInAndOut) {
   EXPECT_LT((averaged - start).max().item<float>(), 1.0f);
 }
 
-}  // namespace
+}  // namespace optimizer_test
 }  // namespace etude::learn

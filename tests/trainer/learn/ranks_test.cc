@@ -11,7 +11,7 @@
 #include "tests/trainer/learn/tiny_run.h"
 
 namespace etude::learn {
-namespace {
+namespace ranks_test {
 
 using namespace std::chrono_literals;
 using ::testing::HasSubstr;
@@ -123,5 +123,5 @@ TEST_F(RanksTrain, RefuseToTrainDifferentThingsTogether) {
   });
 }
 
-}  // namespace
+}  // namespace ranks_test
 }  // namespace etude::learn

@@ -7,7 +7,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::learn {
-namespace {
+namespace run_state_test {
 
 RunState Example() {
   RunState state;
@@ -63,5 +63,5 @@ TEST(RunState, RefusesWhatIsNone) {
   EXPECT_EQ(LoadRunState(folder / "cut").error().code, Code::kCorrupt);
 }
 
-}  // namespace
+}  // namespace run_state_test
 }  // namespace etude::learn

@@ -18,7 +18,7 @@
 #include "trainer/policy/parts.h"
 
 namespace etude::learn {
-namespace {
+namespace trainer_test {
 
 using ::testing::HasSubstr;
 
@@ -454,5 +454,5 @@ TEST_F(InitTest, RefusesPartsThatDoNotFitByName) {
   EXPECT_TRUE(Train(Begun({"policy.joint_hidden=[16]", "init.fresh=[joints]"}), folder_ / "wider"));
 }
 
-}  // namespace
+}  // namespace trainer_test
 }  // namespace etude::learn

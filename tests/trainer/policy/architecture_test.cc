@@ -7,7 +7,7 @@
 #include "tests/trainer/policy/fixtures.h"
 
 namespace etude::policy {
-namespace {
+namespace architecture_test {
 
 TEST(SaidOf, LeavesOutDefaultsAndReadsBack) {
   const auto config = TinyConfig();
@@ -56,5 +56,5 @@ TEST(ArchitectureHash, IsOfTheContentOfClipsFolderAndNotOfItsPlace) {
   EXPECT_EQ(LanguageThatWeightsFit("odd"), OrderedJson("odd"));
 }
 
-}  // namespace
+}  // namespace architecture_test
 }  // namespace etude::policy

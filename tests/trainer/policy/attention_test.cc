@@ -9,7 +9,7 @@
 #include "trainer/policy/image_encoder.h"
 
 namespace etude::policy {
-namespace {
+namespace attention_test {
 
 using torch::Tensor;
 
@@ -122,5 +122,5 @@ TEST(Attention, SoftArgmaxOfUniformAttentionIsTheCentreOfTheGrid) {
   EXPECT_TRUE(torch::allclose(keys.image_pixels[7], torch::tensor({6.0, 6.0}, torch::kFloat64)));
 }
 
-}  // namespace
+}  // namespace attention_test
 }  // namespace etude::policy

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::policy {
-namespace {
+namespace compose_test {
 
 OrderedJson Yaml(const char* text) { return ParseYaml(text, "test").value(); }
 
@@ -57,5 +57,5 @@ TEST(Compose, LeavesNonsenseToTheChecks) {
   EXPECT_EQ(Compose(Yaml("{modules: [3, {name: A}]}"), Yaml("{modules: [4]}")), Yaml("{modules: [3, {name: A}, 4]}"));
 }
 
-}  // namespace
+}  // namespace compose_test
 }  // namespace etude::policy

@@ -9,7 +9,7 @@
 #include "trainer/policy/names.h"
 
 namespace etude::policy {
-namespace {
+namespace config_test {
 
 using testing::HasSubstr;
 
@@ -184,5 +184,5 @@ TEST(ArchitectureHash, FollowsWhatShapesWeightsOnly) {
   EXPECT_NE(ArchitectureHash(config), hash);
 }
 
-}  // namespace
+}  // namespace config_test
 }  // namespace etude::policy

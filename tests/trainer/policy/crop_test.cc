@@ -9,7 +9,7 @@
 #include "services/spec/campaign_spec.h"
 
 namespace etude::policy {
-namespace {
+namespace crop_test {
 
 Camera CameraOf(double fovy_deg, int side = 224) {
   const CameraSpec spec;
@@ -98,5 +98,5 @@ TEST(ResolveCrop, RefusesWhatCannotBe) {
   EXPECT_FALSE(ResolveCrop(image, CameraOf(30)));
 }
 
-}  // namespace
+}  // namespace crop_test
 }  // namespace etude::policy

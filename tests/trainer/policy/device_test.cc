@@ -14,7 +14,7 @@
 #include "trainer/policy/layers.h"
 
 namespace etude::policy {
-namespace {
+namespace device_test {
 
 TEST(Device, OfAWrongNameIsRefused) {
   for (const char* name : {"", "gpu", "cudaa", "cuda:", "cuda:x", "cuda:-1", "cuda:1x", "cpu:0"})
@@ -112,5 +112,5 @@ TEST(NormRelu, TheFallbackComputesBfloat16InsideInFloat32) {
   EXPECT_TRUE(torch::allclose(ours.to(torch::kFloat32), theirs.to(torch::kFloat32), 1.0 / 128, 1e-6));
 }
 
-}  // namespace
+}  // namespace device_test
 }  // namespace etude::policy

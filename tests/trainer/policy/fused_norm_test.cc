@@ -7,7 +7,7 @@
 #include "trainer/policy/norm_kernel.h"
 
 namespace etude::policy {
-namespace {
+namespace fused_norm_test {
 
 using torch::Tensor;
 
@@ -102,5 +102,5 @@ TEST(NormKernel, AnyCpuAndThisCpuAgree) {
   EXPECT_TRUE(torch::allclose(a, b, 1e-5, 1e-6));  // fused multiply-add differs in the last digit
 }
 
-}  // namespace
+}  // namespace fused_norm_test
 }  // namespace etude::policy

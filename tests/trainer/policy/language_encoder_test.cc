@@ -14,7 +14,7 @@
 #include "trainer/policy/policy.h"
 
 namespace etude::policy {
-namespace {
+namespace language_encoder_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -140,5 +140,5 @@ TEST_F(ClipPolicyTest, IsNotBuiltWithoutItsFolder) {
   EXPECT_THAT(Policy::Create(TinyConfig(), TinyNormalization(), 1, other), IsOk());
 }
 
-}  // namespace
+}  // namespace language_encoder_test
 }  // namespace etude::policy

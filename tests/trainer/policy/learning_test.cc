@@ -3,7 +3,7 @@
 #include "tests/trainer/policy/fixtures.h"
 
 namespace etude::policy {
-namespace {
+namespace learning_test {
 
 using torch::Tensor;
 
@@ -81,5 +81,5 @@ TEST(Learning, FindsTheSquareThatTheSentenceNames) {
   EXPECT_TRUE(torch::equal(named, test.labels.at("target.class")));
 }
 
-}  // namespace
+}  // namespace learning_test
 }  // namespace etude::policy

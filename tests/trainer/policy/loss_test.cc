@@ -8,7 +8,7 @@
 #include "tests/trainer/policy/fixtures.h"
 
 namespace etude::policy {
-namespace {
+namespace loss_test {
 
 using torch::Tensor;
 
@@ -189,5 +189,5 @@ TEST(DecodeLoss, AnAbsentLabelIsNoLoss) {
   EXPECT_FALSE(DecodeLoss(TinyConfig(), c.module, c.output, c.labels, c.origin, c.grid).defined());
 }
 
-}  // namespace
+}  // namespace loss_test
 }  // namespace etude::policy

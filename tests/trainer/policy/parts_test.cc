@@ -9,7 +9,7 @@
 #include "tests/trainer/policy/fixtures.h"
 
 namespace etude::policy {
-namespace {
+namespace parts_test {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -132,5 +132,5 @@ TEST(JointToken, HidesHowManyJointsThereAre) {
   EXPECT_EQ(nine->Forward(inputs).at("EE3D").decoded.at("pose").size(0), 2);
 }
 
-}  // namespace
+}  // namespace parts_test
 }  // namespace etude::policy

@@ -8,7 +8,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::policy {
-namespace {
+namespace policy_file_test {
 
 using testing::HasSubstr;
 
@@ -100,5 +100,5 @@ TEST(FindExperiments, LooksAboveTheProgram) {
   EXPECT_EQ(FindExperiments((folder / "build").string(), "/x").error().code, Code::kNotFound);
 }
 
-}  // namespace
+}  // namespace policy_file_test
 }  // namespace etude::policy

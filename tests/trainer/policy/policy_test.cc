@@ -13,7 +13,7 @@
 #include "trainer/policy/torch_process.h"
 
 namespace etude::policy {
-namespace {
+namespace policy_test {
 
 using testing::HasSubstr;
 using torch::Tensor;
@@ -383,5 +383,5 @@ TEST(Presets, CompactIsSmall) {
   EXPECT_EQ(outputs.at("CTRL").decoded.at("trajectory").sizes(), torch::IntArrayRef({2, 1, 12, 10}));
 }
 
-}  // namespace
+}  // namespace policy_test
 }  // namespace etude::policy

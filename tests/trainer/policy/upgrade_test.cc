@@ -16,7 +16,7 @@
 #include "trainer/policy/names.h"
 
 namespace etude::policy {
-namespace {
+namespace upgrade_test {
 
 using torch::Tensor;
 
@@ -195,5 +195,5 @@ TEST(Upgrade, WhatDoesNotFitIsLeftForTheLoaderToRefuse) {
   }
 }
 
-}  // namespace
+}  // namespace upgrade_test
 }  // namespace etude::policy

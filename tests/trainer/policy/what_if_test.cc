@@ -7,7 +7,7 @@
 #include "tests/trainer/policy/fixtures.h"
 
 namespace etude::policy {
-namespace {
+namespace what_if_test {
 
 using testing::HasSubstr;
 
@@ -84,5 +84,5 @@ TEST(WhatIf, HeadsOfAttentionHaveTheMapAsTheirMean) {
   }
 }
 
-}  // namespace
+}  // namespace what_if_test
 }  // namespace etude::policy

@@ -14,7 +14,7 @@
 #include "tests/trainer/policy/fixtures.h"
 
 namespace etude::publish {
-namespace {
+namespace sink_test {
 
 using namespace std::chrono_literals;
 constexpr std::uint32_t kDomain = 75;
@@ -112,5 +112,5 @@ TEST(CheckpointSink, RemovesWhatAKilledRunLeftHalfWritten) {
   EXPECT_EQ(Files(folder.path()), (std::set<std::string>{"checkpoints"}));
 }
 
-}  // namespace
+}  // namespace sink_test
 }  // namespace etude::publish

@@ -12,7 +12,7 @@
 #include "trainer/serve/watch.h"
 
 namespace etude::serve {
-namespace {
+namespace insight_test {
 
 using namespace std::chrono_literals;
 using ::testing::HasSubstr;
@@ -167,5 +167,5 @@ TEST(Watch, SaysWhatWouldBeOtherwise) {
   EXPECT_EQ(InsightText("nonsense", ""), "");
 }
 
-}  // namespace
+}  // namespace insight_test
 }  // namespace etude::serve

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::serve {
-namespace {
+namespace latency_test {
 
 TEST(LatencyMeter, SaysZeroBeforeAnythingIsMeasured) {
   EXPECT_EQ(LatencyMeter().Now().p99_ms, 0);
@@ -33,5 +33,5 @@ TEST(LatencyMeter, IsOfTheLastAnswers) {
   EXPECT_EQ(ToString({3, 8.34, 11, 12.1}), "p50 8.3 ms, p99 12.1 ms");
 }
 
-}  // namespace
+}  // namespace latency_test
 }  // namespace etude::serve

@@ -17,7 +17,7 @@
 #include "trainer/serve/server.h"
 
 namespace etude::serve {
-namespace {
+namespace looked_into_test {
 
 using namespace std::chrono_literals;
 using ::testing::Contains;
@@ -135,5 +135,5 @@ TEST_F(LookedInto, AnInsightSaysWhatTheRobotIsTold) {
   }
 }
 
-}  // namespace
+}  // namespace looked_into_test
 }  // namespace etude::serve

@@ -17,7 +17,7 @@
 #include "tests/trainer/serve/example_observation.h"
 
 namespace etude::serve {
-namespace {
+namespace model_test {
 
 using ::testing::HasSubstr;
 
@@ -192,5 +192,5 @@ TEST_F(ModelTest, RefusesASentenceThatClipCannotRead) {
 
 TEST_F(ModelTest, SaysThatAFileIsMissing) { EXPECT_EQ(Model::FromFile("/nonexistent").error().code, Code::kNotFound); }
 
-}  // namespace
+}  // namespace model_test
 }  // namespace etude::serve

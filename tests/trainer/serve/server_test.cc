@@ -15,7 +15,7 @@
 #include "trainer/publish/sink.h"
 
 namespace etude::serve {
-namespace {
+namespace server_test {
 
 using namespace std::chrono_literals;
 constexpr std::uint32_t kDomain = 76;
@@ -243,5 +243,5 @@ TEST(PolicyServer, FollowsARunThatWasBegunAnew) {
   serving.join();
 }
 
-}  // namespace
+}  // namespace server_test
 }  // namespace etude::serve

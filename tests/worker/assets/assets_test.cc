@@ -12,7 +12,7 @@
 #include "worker/assets/scene_description.h"
 
 namespace etude::assets {
-namespace {
+namespace assets_test {
 
 using Eigen::Vector3d;
 
@@ -165,5 +165,5 @@ TEST(SceneDescription, RefusesWhatItDoesNotKnow) {
   EXPECT_THAT(DescribeScene(spec, {}).error().message, testing::HasSubstr("camera"));
 }
 
-}  // namespace
+}  // namespace assets_test
 }  // namespace etude::assets

@@ -10,7 +10,7 @@
 #include "services/core/rng.h"
 
 namespace etude::assets {
-namespace {
+namespace canvas_test {
 
 using Eigen::Vector2d;
 
@@ -98,5 +98,5 @@ TEST(Noise, IsFlatAtWholeNumbers) {
     for (const double step : {-1e-4, 1e-4}) EXPECT_NEAR(Noise(x + step, 3, 1), Noise(x, 3, 1), 1e-6);
 }
 
-}  // namespace
+}  // namespace canvas_test
 }  // namespace etude::assets

@@ -13,7 +13,7 @@
 #include "worker/assets/geom_writer.h"
 
 namespace etude::assets {
-namespace {
+namespace mesh_test {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
@@ -167,5 +167,5 @@ TEST(GeomWriter, LeavesOutWhatIsTheIdentity) {
   EXPECT_EQ(Geom("visual", "mesh", {}, {}), "<geom class=\"visual\" type=\"mesh\"/>\n");
 }
 
-}  // namespace
+}  // namespace mesh_test
 }  // namespace etude::assets

@@ -14,7 +14,7 @@
 #include "worker/sim/model.h"
 
 namespace etude::assets {
-namespace {
+namespace object_test {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
@@ -155,5 +155,5 @@ TEST(Objects, HaveTextureCoordinatesWithinTheirPicture) {
     }
 }
 
-}  // namespace
+}  // namespace object_test
 }  // namespace etude::assets

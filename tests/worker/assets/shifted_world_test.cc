@@ -9,7 +9,7 @@
 #include <set>
 
 namespace etude::assets {
-namespace {
+namespace shifted_world_test {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -113,5 +113,5 @@ TEST(AddChoices, TablesAndABackdropStandBesideTheScenesOwn) {
   EXPECT_EQ(mjcf.find("skybox"), mjcf.rfind("skybox")) << "once";
 }
 
-}  // namespace
+}  // namespace shifted_world_test
 }  // namespace etude::assets

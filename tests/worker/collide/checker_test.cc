@@ -14,7 +14,7 @@
 #include "worker/collide/self_pairs.h"
 
 namespace etude::collide {
-namespace {
+namespace checker_test {
 
 const sim::ObjectInfo& Object(const std::string& name) {
   return *std::ranges::find_if(sim::FullScene()->objects(), [&](const auto& object) { return object.name == name; });
@@ -316,5 +316,5 @@ TEST_F(AgainstMujoco, VerdictsAgreeOnRandomConfigurations) {
   EXPECT_LE(extra, kConfigurations / 100);
 }
 
-}  // namespace
+}  // namespace checker_test
 }  // namespace etude::collide

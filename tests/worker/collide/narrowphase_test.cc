@@ -8,7 +8,7 @@
 #include "worker/collide/separation.h"
 
 namespace etude::collide {
-namespace {
+namespace narrowphase_test {
 
 TEST(Narrowphase, KnowsDistancesThatAreEasyByHand) {
   const Shape sphere(Make(GeometryShape::kSphere, {0.1, 0, 0}), 0);
@@ -46,5 +46,5 @@ TEST(Narrowphase, TouchAgreesWithDistanceForAllPairsOfShapes) {
   EXPECT_LT(touching, 2250);
 }
 
-}  // namespace
+}  // namespace narrowphase_test
 }  // namespace etude::collide

@@ -16,7 +16,7 @@
 #include "worker/collide/separation.h"
 
 namespace etude::collide::internal {
-namespace {
+namespace pieces_test {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
@@ -202,5 +202,5 @@ TEST(SelfRoom, IsKeptByEveryConfigurationThatIsFree) {
   EXPECT_GT(refused_for_room, 2);
 }
 
-}  // namespace
+}  // namespace pieces_test
 }  // namespace etude::collide::internal

@@ -14,7 +14,7 @@
 #include "worker/collide/separation.h"
 
 namespace etude::collide {
-namespace {
+namespace robots_test {
 
 std::shared_ptr<const sim::Scene> SceneOf(const std::string& robot) {
   SceneSpec spec;
@@ -99,5 +99,5 @@ TEST_P(Robot, DistancesAgreeWithMuJoCo) {
 INSTANTIATE_TEST_SUITE_P(Every, Robot, testing::Values("ur5", "panda", "jaco2", "deploy/robots/sketch.yaml"),
                          [](const auto& info) { return Path(info.param).stem().string(); });
 
-}  // namespace
+}  // namespace robots_test
 }  // namespace etude::collide

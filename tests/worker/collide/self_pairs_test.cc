@@ -12,7 +12,7 @@
 #include "tests/worker/sim/scene_fixture.h"
 
 namespace etude::collide::internal {
-namespace {
+namespace self_pairs_test {
 
 class Structure : public testing::TestWithParam<std::string> {
  protected:
@@ -88,5 +88,5 @@ TEST(SpreadConfigurations, AreTheSameEachTimeWithinTheLimitsAndWideApart) {
   }
 }
 
-}  // namespace
+}  // namespace self_pairs_test
 }  // namespace etude::collide::internal

@@ -10,7 +10,7 @@
 #include "tests/worker/collide/shapes.h"
 
 namespace etude::collide {
-namespace {
+namespace separation_test {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
@@ -184,5 +184,5 @@ TEST(Separate, AnswersWhereCentresCoincide) {
   EXPECT_NEAR(s.distance, -0.1, 1e-6);
 }
 
-}  // namespace
+}  // namespace separation_test
 }  // namespace etude::collide

@@ -11,7 +11,7 @@
 #include "services/core/rng.h"
 
 namespace etude::host {
-namespace {
+namespace frame_test {
 
 using namespace std::chrono_literals;
 
@@ -114,5 +114,5 @@ TEST(Channel, SaysWhenTheOtherEndHasGoneOrDoesNotRead) {
   EXPECT_EQ(received.error().code, Code::kUnavailable);
 }
 
-}  // namespace
+}  // namespace frame_test
 }  // namespace etude::host

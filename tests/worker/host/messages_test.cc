@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::host {
-namespace {
+namespace messages_test {
 
 // As it arrives: text, parsed again.
 OrderedJson Travelled(const OrderedJson& head) { return OrderedJson::parse(head.dump()); }
@@ -80,5 +80,5 @@ TEST(Messages, WhatIsWrongIsRefused) {
   EXPECT_FALSE(QuestionOf({FrameKind::kQuestion, QuestionHead(question), {}})) << "no such picture is there";
 }
 
-}  // namespace
+}  // namespace messages_test
 }  // namespace etude::host

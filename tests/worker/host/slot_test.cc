@@ -9,7 +9,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::host {
-namespace {
+namespace slot_test {
 
 using namespace std::chrono_literals;
 using testing::HasSubstr;
@@ -106,5 +106,5 @@ TEST_F(SlotTest, GivesUpWhenChildrenDieWithoutOneResult) {
   EXPECT_THAT(given_up.error().message, HasSubstr("out of luck"));
 }
 
-}  // namespace
+}  // namespace slot_test
 }  // namespace etude::host

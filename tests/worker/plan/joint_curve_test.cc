@@ -11,7 +11,7 @@
 #include "worker/plan/shortcut.h"
 
 namespace etude::plan::internal {
-namespace {
+namespace joint_curve_test {
 
 std::vector<Eigen::VectorXd> Corner() { return {Eigen::Vector2d(0, 0), Eigen::Vector2d(1, 0), Eigen::Vector2d(1, 1)}; }
 
@@ -138,5 +138,5 @@ TEST(Shortcut, ShortensWhereFreeAndKeepsTheEnds) {
   EXPECT_EQ(same, path);
 }
 
-}  // namespace
+}  // namespace joint_curve_test
 }  // namespace etude::plan::internal

@@ -13,7 +13,7 @@
 #include "tests/worker/plan/plan_fixture.h"
 
 namespace etude::plan {
-namespace {
+namespace planner_test {
 
 constexpr double kPeriod = 1 / kControlRate;
 
@@ -291,5 +291,5 @@ TEST(OutcomeKind, HasStableNames) {
   EXPECT_EQ(ToString(OutcomeKind::kNotSmooth), "not_smooth");
 }
 
-}  // namespace
+}  // namespace planner_test
 }  // namespace etude::plan

@@ -13,7 +13,7 @@
 #include "worker/plan/planner.h"
 
 namespace etude::plan {
-namespace {
+namespace potential_field_test {
 
 constexpr double kPeriod = 1 / kControlRate;
 
@@ -305,5 +305,5 @@ TEST_F(FieldTest, AvoidsAnObstacleThatMovesIntoTheWay) {
   EXPECT_GT(replanned, 5);
 }
 
-}  // namespace
+}  // namespace potential_field_test
 }  // namespace etude::plan

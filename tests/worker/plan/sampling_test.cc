@@ -8,7 +8,7 @@
 #include <cmath>
 
 namespace etude::plan::internal {
-namespace {
+namespace sampling_test {
 
 using Eigen::Vector2d;
 using Eigen::VectorXd;
@@ -109,5 +109,5 @@ TEST(SamplePath, StaysInItsBox) {
   EXPECT_GT(highest, -0.7) << "up to its border";
 }
 
-}  // namespace
+}  // namespace sampling_test
 }  // namespace etude::plan::internal

@@ -10,7 +10,7 @@
 #include "services/core/rng.h"
 
 namespace etude::plan::internal {
-namespace {
+namespace speed_profile_test {
 
 constexpr double kPeriod = 0.008;
 
@@ -96,5 +96,5 @@ TEST(WholePeriods, AreNeverShorterAndAtLeastOne) {
   EXPECT_EQ(WholePeriods(3 * 0.1, 0.1), 3) << "rounding of 0.3 adds no period";
 }
 
-}  // namespace
+}  // namespace speed_profile_test
 }  // namespace etude::plan::internal

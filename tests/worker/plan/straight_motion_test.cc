@@ -8,7 +8,7 @@
 #include "worker/plan/planner.h"
 
 namespace etude::plan {
-namespace {
+namespace straight_motion_test {
 
 constexpr double kPeriod = 1 / kControlRate;
 
@@ -180,5 +180,5 @@ TEST(StraightMotion, ToWhereItIsHasOneSample) {
   EXPECT_EQ(motion.V_WE[0].norm(), 0);
 }
 
-}  // namespace
+}  // namespace straight_motion_test
 }  // namespace etude::plan

@@ -6,7 +6,7 @@
 #include "tests/worker/sim/scene_fixture.h"
 
 namespace etude::plan {
-namespace {
+namespace tracking_test {
 
 class TrackingTest : public testing::Test {
  protected:
@@ -71,5 +71,5 @@ TEST_F(TrackingTest, KeepsTheSpeedThatAMotionBeginsWith) {
   EXPECT_NEAR(tool.head<3>().norm(), motion.V_WE.front().head<3>().norm(), 0.03);
 }
 
-}  // namespace
+}  // namespace tracking_test
 }  // namespace etude::plan

@@ -9,7 +9,7 @@
 #include "tests/worker/sim/scene_fixture.h"
 
 namespace etude::sim {
-namespace {
+namespace controller_test {
 
 Eigen::MatrixXd RandomMatrix(Rng& rng, int rows, int cols) {
   Eigen::MatrixXd m(rows, cols);
@@ -208,5 +208,5 @@ TEST(Controller, StepResponseInTheSimulationIsSecondOrder) {
   }
 }
 
-}  // namespace
+}  // namespace controller_test
 }  // namespace etude::sim

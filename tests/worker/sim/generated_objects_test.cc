@@ -10,7 +10,7 @@
 #include "worker/sim/world.h"
 
 namespace etude::sim {
-namespace {
+namespace generated_objects_test {
 
 /// Scenes of five of `names` and the basketball each.
 std::vector<SceneSpec> ScenesOf(const std::vector<std::string>& names) {
@@ -79,5 +79,5 @@ TEST(GeneratedObjects, CollideAsLargeAsTheyLook) {
   }
 }
 
-}  // namespace
+}  // namespace generated_objects_test
 }  // namespace etude::sim

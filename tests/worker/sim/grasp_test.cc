@@ -6,7 +6,7 @@
 #include "tests/worker/sim/scene_fixture.h"
 
 namespace etude::sim {
-namespace {
+namespace grasp_test {
 
 using std::numbers::pi;
 const auto kIgnore = [](const Pose&) {};
@@ -90,5 +90,5 @@ TEST_P(Grasp, HoldsThroughLiftTurnAndSwing) {
 INSTANTIATE_TEST_SUITE_P(EveryObject, Grasp, testing::Values("cube", "coke", "pepsi", "milk", "bread", "bottle"),
                          [](const auto& info) { return info.param; });
 
-}  // namespace
+}  // namespace grasp_test
 }  // namespace etude::sim

@@ -9,7 +9,7 @@
 #include "worker/sim/model.h"
 
 namespace etude::sim {
-namespace {
+namespace kinematics_test {
 
 using std::numbers::pi;
 
@@ -244,5 +244,5 @@ TEST(Kinematics, FingersCloseInParallel) {
   }
 }
 
-}  // namespace
+}  // namespace kinematics_test
 }  // namespace etude::sim

@@ -13,7 +13,7 @@
 #include "worker/sim/model.h"
 
 namespace etude::sim {
-namespace {
+namespace mjcf_document_test {
 
 using testing::DoubleNear;
 using testing::ElementsAre;
@@ -224,5 +224,5 @@ TEST(Poses, AreReadAsTheyWereWritten) {
   EXPECT_LT((PoseOf(*element).q.coeffs() - pose.q.coeffs()).norm(), 1e-15);
 }
 
-}  // namespace
+}  // namespace mjcf_document_test
 }  // namespace etude::sim

@@ -9,7 +9,7 @@
 #include "worker/sim/renderer.h"
 
 namespace etude::sim {
-namespace {
+namespace osmesa_test {
 
 std::vector<std::uint8_t> Take(Renderer& renderer, const World& world) {
   std::vector<std::uint8_t> picture(224 * 224 * 3);
@@ -49,5 +49,5 @@ TEST(OsMesa, DrawsAlikeAgainAndAgain) {
   EXPECT_EQ(Take(*renderer, world), first);
 }
 
-}  // namespace
+}  // namespace osmesa_test
 }  // namespace etude::sim

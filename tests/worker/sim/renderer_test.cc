@@ -9,7 +9,7 @@
 #include "tests/worker/sim/scene_fixture.h"
 
 namespace etude::sim {
-namespace {
+namespace renderer_test {
 
 using Picture = std::vector<std::uint8_t>;
 
@@ -354,5 +354,5 @@ TEST(Renderer, RefusesUnknownBackend) {
   EXPECT_THAT(renderer.error().message, testing::HasSubstr("osmesa"));
 }
 
-}  // namespace
+}  // namespace renderer_test
 }  // namespace etude::sim

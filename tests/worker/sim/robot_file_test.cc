@@ -14,7 +14,7 @@
 #include "worker/sim/model.h"
 
 namespace etude::sim {
-namespace {
+namespace robot_file_test {
 
 const std::string kSketch = "deploy/robots/sketch.yaml";
 
@@ -436,5 +436,5 @@ TEST_F(BrokenRobot, UnknownKeysAreRefused) {
   EXPECT_THAT(Load().message, testing::HasSubstr("approach_pitch"));
 }
 
-}  // namespace
+}  // namespace robot_file_test
 }  // namespace etude::sim

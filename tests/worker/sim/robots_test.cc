@@ -13,7 +13,7 @@
 #include "worker/sim/model.h"
 
 namespace etude::sim {
-namespace {
+namespace robots_test {
 
 using Eigen::Isometry3d;
 using Eigen::Translation3d;
@@ -254,5 +254,5 @@ INSTANTIATE_TEST_SUITE_P(Every, RobotGrasp,
                            return Path(std::get<0>(info.param)).stem().string() + "_" + std::get<1>(info.param);
                          });
 
-}  // namespace
+}  // namespace robots_test
 }  // namespace etude::sim

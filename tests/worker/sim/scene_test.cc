@@ -12,7 +12,7 @@
 #include "worker/sim/model.h"
 
 namespace etude::sim {
-namespace {
+namespace scene_test {
 
 TEST(Scene, RefusesUnknownNames) {
   SceneSpec spec;
@@ -125,5 +125,5 @@ TEST(Scene, EveryRobotBodyThatMovesHasGeometry) {
   EXPECT_TRUE(with.contains("world"));
 }
 
-}  // namespace
+}  // namespace scene_test
 }  // namespace etude::sim

@@ -12,7 +12,7 @@
 #include "worker/sim/model.h"
 
 namespace etude::sim {
-namespace {
+namespace world_test {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
@@ -230,5 +230,5 @@ TEST(World, GuidesForOneStepOnly) {
   EXPECT_LT((once.ObjectPose("coke").p - coke.p).norm(), 2e-3) << "later steps are its own";
 }
 
-}  // namespace
+}  // namespace world_test
 }  // namespace etude::sim

@@ -16,7 +16,7 @@
 #include "worker/synthesis/mass.h"
 
 namespace etude::synthesis {
-namespace {
+namespace convex_decomposition_test {
 
 using Eigen::Vector3d;
 
@@ -232,5 +232,5 @@ TEST(Pieces, LeaveTheHoleOpen) {
     }
 }
 
-}  // namespace
+}  // namespace convex_decomposition_test
 }  // namespace etude::synthesis

@@ -13,7 +13,7 @@
 #include "worker/synthesis/picture_file.h"
 
 namespace etude::synthesis {
-namespace {
+namespace depth_network_test {
 
 // just enough of protobuf's wire format for an ONNX file
 std::string Varint(std::uint64_t value) {
@@ -96,5 +96,5 @@ TEST(DepthNetwork, NamesWhatIsWrong) {
   EXPECT_THAT(network->Read(rgb), HasCode(Code::kInvalidArgument));
 }
 
-}  // namespace
+}  // namespace depth_network_test
 }  // namespace etude::synthesis

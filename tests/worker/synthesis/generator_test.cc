@@ -16,7 +16,7 @@
 #include "worker/synthesis/pattern.h"
 
 namespace etude::synthesis {
-namespace {
+namespace generator_test {
 
 /// Mean difference of two pictures' colours, 0..255.
 double Difference(const Picture& a, const Picture& b) {
@@ -116,5 +116,5 @@ TEST(Pattern, RampGoesBothWays) {
   EXPECT_DOUBLE_EQ(Ramp(1, 2, 1.5), 0.5);
 }
 
-}  // namespace
+}  // namespace generator_test
 }  // namespace etude::synthesis

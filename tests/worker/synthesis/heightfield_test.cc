@@ -13,7 +13,7 @@
 #include "worker/synthesis/mass.h"
 
 namespace etude::synthesis {
-namespace {
+namespace heightfield_test {
 
 /// A picture of a height field over x right, y up, both in -1..1; the object is where it is positive.
 Picture PictureOf(const std::function<double(double, double)>& height, int size = 120) {
@@ -135,5 +135,5 @@ TEST(Relief, RefusesAnEmptyOrInconsistentPicture) {
   EXPECT_EQ(RaiseHeightfield(PictureOf(Ball), options).error().code, Code::kInvalidArgument);
 }
 
-}  // namespace
+}  // namespace heightfield_test
 }  // namespace etude::synthesis

@@ -12,7 +12,7 @@
 #include "worker/synthesis/hull.h"
 
 namespace etude::synthesis {
-namespace {
+namespace mass_test {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
@@ -205,5 +205,5 @@ TEST(IsWatertight, SeesAMissingAndATurnedFace) {
   EXPECT_EQ(CountParts(two), 2);
 }
 
-}  // namespace
+}  // namespace mass_test
 }  // namespace etude::synthesis

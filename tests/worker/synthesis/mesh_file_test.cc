@@ -14,7 +14,7 @@
 #include "worker/synthesis/picture_file.h"
 
 namespace etude::synthesis {
-namespace {
+namespace mesh_file_test {
 
 constexpr const char* kTetrahedronStl = R"(solid t
 facet normal 0 0 -1
@@ -206,5 +206,5 @@ TEST(PictureFile, ReadsWhatItWrites) {
   EXPECT_THAT(ReadPicture(rgb, depth, 0.4), HasCode(Code::kCorrupt));
 }
 
-}  // namespace
+}  // namespace mesh_file_test
 }  // namespace etude::synthesis

@@ -14,7 +14,7 @@
 #include "worker/synthesis/scene_object.h"
 
 namespace etude::synthesis {
-namespace {
+namespace object_command_test {
 
 using testing::HasSubstr;
 
@@ -154,5 +154,5 @@ TEST_F(ObjectCommand, SaysWhatIsWrong) {
   EXPECT_FALSE(std::filesystem::exists(folder_ / "objects")) << "nothing was made";
 }
 
-}  // namespace
+}  // namespace object_command_test
 }  // namespace etude::synthesis

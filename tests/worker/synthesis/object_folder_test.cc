@@ -18,7 +18,7 @@
 #include "worker/synthesis/scene_object.h"
 
 namespace etude::synthesis {
-namespace {
+namespace object_folder_test {
 
 using Eigen::Vector3d;
 using Model = std::unique_ptr<mjModel, decltype(&mj_deleteModel)>;
@@ -198,5 +198,5 @@ TEST(PlaceObject, RefusesWhatHasNoVolume) {
   EXPECT_THAT(PlaceObject({.name = "none", .size_m = 0.1}, {}, std::nullopt), HasCode(Code::kInvalidArgument));
 }
 
-}  // namespace
+}  // namespace object_folder_test
 }  // namespace etude::synthesis

@@ -18,7 +18,7 @@
 #include "worker/synthesis/texture.h"
 
 namespace etude::synthesis {
-namespace {
+namespace shaded_view_test {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
@@ -222,5 +222,5 @@ TEST(Pattern, ADomeIsRoundAndOverMixes) {
   EXPECT_EQ(texel.height, 0.2);
 }
 
-}  // namespace
+}  // namespace shaded_view_test
 }  // namespace etude::synthesis

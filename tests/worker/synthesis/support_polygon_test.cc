@@ -12,7 +12,7 @@
 #include "worker/synthesis/mass.h"
 
 namespace etude::synthesis {
-namespace {
+namespace support_polygon_test {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
@@ -84,5 +84,5 @@ TEST(FlattenSupport, StandsWithinTheCutOfAnyBody) {
   }
 }
 
-}  // namespace
+}  // namespace support_polygon_test
 }  // namespace etude::synthesis

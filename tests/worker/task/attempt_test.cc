@@ -8,7 +8,7 @@
 #include "services/episode/codec.h"
 
 namespace etude::task {
-namespace {
+namespace attempt_test {
 
 CampaignSpec QuickSpec(const std::string& task) {
   CampaignSpec spec;
@@ -204,5 +204,5 @@ TEST(Show, SetsTheSceneThatTheDemonstrationStartsFrom) {
   EXPECT_TRUE(std::equal(state.begin(), state.end(), result.episode.states.row(0).begin()));
 }
 
-}  // namespace
+}  // namespace attempt_test
 }  // namespace etude::task

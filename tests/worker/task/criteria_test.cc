@@ -5,7 +5,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace criteria_test {
 
 // The coke as the target, followed through what happens to it. Latched criteria count once and for all.
 class CriteriaTest : public PredicateTest {
@@ -151,5 +151,5 @@ TEST_P(Relation, IsNotLatchedByPushingItThere) {
 INSTANTIATE_TEST_SUITE_P(Four, Relation, testing::Values("place_left", "place_right", "place_front", "place_behind"),
                          [](const auto& info) { return std::string(info.param); });
 
-}  // namespace
+}  // namespace criteria_test
 }  // namespace etude::task

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::task {
-namespace {
+namespace disturbance_test {
 
 TEST(DrawPush, StaysWithinTheSpec) {
   RandomizationSpec randomization;
@@ -48,5 +48,5 @@ TEST(PushMotion, MayBeginNearTheEnd) {
   EXPECT_NEAR(pushed.X_WE.back().p.x(), 0.1, 1e-3);
 }
 
-}  // namespace
+}  // namespace disturbance_test
 }  // namespace etude::task

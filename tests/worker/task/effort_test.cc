@@ -8,7 +8,7 @@
 #include "worker/task/motion_check.h"
 
 namespace etude::task {
-namespace {
+namespace effort_test {
 
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
@@ -113,5 +113,5 @@ TEST(MotionCheck, NamesTheJointThatIsTooWeak) {
   EXPECT_EQ(saturated[0].name, "bend");
 }
 
-}  // namespace
+}  // namespace effort_test
 }  // namespace etude::task

@@ -13,7 +13,7 @@
 #include "worker/task/task_stages.h"
 
 namespace etude::task {
-namespace {
+namespace episode_environment_test {
 
 constexpr int kWaySamples = 60;
 
@@ -325,5 +325,5 @@ TEST(Expert, PlansOnceWhenNothingMoves) {
   EXPECT_EQ(expert.Statistics()["replans"].get<int>(), 0);
 }
 
-}  // namespace
+}  // namespace episode_environment_test
 }  // namespace etude::task

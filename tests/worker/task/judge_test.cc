@@ -10,7 +10,7 @@
 #include "services/core/rng.h"
 
 namespace etude::task {
-namespace {
+namespace judge_test {
 
 constexpr double kQuarter = std::numbers::pi / 2;
 
@@ -179,5 +179,5 @@ TEST_F(JudgeTest, WhatSomebodyElseMovedCountsFromWhereItCameTo) {
   EXPECT_TRUE(judge.success());
 }
 
-}  // namespace
+}  // namespace judge_test
 }  // namespace etude::task

@@ -11,7 +11,7 @@
 #include "tests/worker/sim/scene_fixture.h"
 
 namespace etude::task {
-namespace {
+namespace occluder_test {
 
 constexpr int kWidth = 60, kHeight = 44;  // no multiples of a block
 constexpr std::size_t kPixels = static_cast<std::size_t>(kWidth) * kHeight;
@@ -168,5 +168,5 @@ TEST_F(OccluderTest, FollowsTheTargetThroughThePictures) {
   EXPECT_EQ(occluder_.Report()["pictures"], 3);
 }
 
-}  // namespace
+}  // namespace occluder_test
 }  // namespace etude::task

@@ -9,7 +9,7 @@
 #include "worker/task/attempt.h"
 
 namespace etude::task {
-namespace {
+namespace play_session_test {
 
 using testing::HasSubstr;
 
@@ -220,5 +220,5 @@ TEST(PlayPlaces, OverlapAsSeenFromAbove) {
   EXPECT_TRUE(Overlap(box, at, box, {"b", 0, 0.55, M_PI_2})) << "turned, it is longer that way";
 }
 
-}  // namespace
+}  // namespace play_session_test
 }  // namespace etude::task

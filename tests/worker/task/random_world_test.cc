@@ -13,7 +13,7 @@
 #include "worker/task/distractor_placing.h"
 
 namespace etude::task {
-namespace {
+namespace random_world_test {
 
 CampaignSpec Robust() {
   auto spec = campaign::LoadSpec({.file = "deploy/campaigns/robust.yaml", .episodes = {}, .seed = {}, .overrides = {}});
@@ -256,5 +256,5 @@ TEST(PlaceDistractors, LooksForAnotherArrangementWhereTheTaskCannotBeDone) {
   EXPECT_TRUE(PlaceDistractors({}, placed, checker, rng)->empty()) << "nothing to place, nothing to ask";
 }
 
-}  // namespace
+}  // namespace random_world_test
 }  // namespace etude::task

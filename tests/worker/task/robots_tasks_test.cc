@@ -13,7 +13,7 @@
 #include "worker/task/criteria.h"
 
 namespace etude::task {
-namespace {
+namespace robots_tasks_test {
 
 CampaignSpec SpecFor(const std::string& robot) {
   CampaignSpec spec;
@@ -123,5 +123,5 @@ TEST_P(EveryTask, HasLabelsWithoutJumpsInMoreThanOneScene) {
 INSTANTIATE_TEST_SUITE_P(Robots, EveryTask, testing::Values("ur5", "panda", "jaco2"),
                          [](const auto& info) { return std::string(info.param); });
 
-}  // namespace
+}  // namespace robots_tasks_test
 }  // namespace etude::task

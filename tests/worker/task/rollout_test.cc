@@ -13,7 +13,7 @@
 #include "worker/task/judge.h"
 
 namespace etude::task {
-namespace {
+namespace rollout_test {
 
 CampaignSpec RolloutSpecOf(const std::string& task) {
   CampaignSpec spec = CheapRollout(task, "oracle");
@@ -209,5 +209,5 @@ TEST(Rollout, HandsThePolicysErrorOn) {
   EXPECT_EQ(rollout.error().code, Code::kTimeout);
 }
 
-}  // namespace
+}  // namespace rollout_test
 }  // namespace etude::task

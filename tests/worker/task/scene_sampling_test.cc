@@ -7,7 +7,7 @@
 #include <set>
 
 namespace etude::task {
-namespace {
+namespace scene_sampling_test {
 
 std::vector<sim::ObjectInfo> SixObjects() {
   std::vector<sim::ObjectInfo> objects;
@@ -66,5 +66,5 @@ TEST(PlaceObjects, ZeroYawStandsStraight) {
   for (const auto& object : *placed) EXPECT_NEAR(AngleBetween(object.X_WO.q, Eigen::Quaterniond::Identity()), 0, 1e-9);
 }
 
-}  // namespace
+}  // namespace scene_sampling_test
 }  // namespace etude::task

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::task {
-namespace {
+namespace stage_planner_test {
 
 plan::Motion Straight(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double yaw_to = 0) {
   return plan::StraightMotion({from, Eigen::Quaterniond::Identity()}, {to, FromEuler({0, 0, yaw_to})}, {});
@@ -46,5 +46,5 @@ TEST(Join, OverlapIsBoundedByTheShorterMotion) {
   EXPECT_LT((joined.X_WE.back().p - b.X_WE.back().p).norm(), 2e-3);
 }
 
-}  // namespace
+}  // namespace stage_planner_test
 }  // namespace etude::task

@@ -10,7 +10,7 @@
 #include "worker/task/verdict.h"
 
 namespace etude::task {
-namespace {
+namespace start_rule_test {
 
 PredicateSpec Spec(const std::string& yaml) {
   return PredicateFromJson(ParseYaml(yaml, "test").value(), "test").value();
@@ -96,5 +96,5 @@ TEST(AttemptOutcomes, HaveNamesOfTheirOwn) {
   EXPECT_EQ(ToString(kSuccess), "success");
 }
 
-}  // namespace
+}  // namespace start_rule_test
 }  // namespace etude::task

@@ -12,7 +12,7 @@
 #include "worker/task/attempt.h"
 
 namespace etude::task {
-namespace {
+namespace target_pushes_test {
 
 CampaignSpec Pushing(const std::string& task, int count) {
   CampaignSpec spec = CheapRollout(task, "still");
@@ -122,5 +122,5 @@ TEST(TargetPushes, AreMissedOnceTheRobotHasTouchedTheTarget) {
   EXPECT_EQ(episode.details["pushes_missed"], 3);
 }
 
-}  // namespace
+}  // namespace target_pushes_test
 }  // namespace etude::task

@@ -8,7 +8,7 @@
 #include "worker/task/criteria.h"
 
 namespace etude::task {
-namespace {
+namespace task_stages_test {
 
 struct Fixture {
   Fixture() {
@@ -125,5 +125,5 @@ TEST(Stages, PlaceBringsTheObjectJustAboveTheTable) {
   }
 }
 
-}  // namespace
+}  // namespace task_stages_test
 }  // namespace etude::task

@@ -10,7 +10,7 @@
 #include "worker/task/attempt.h"
 
 namespace etude::task {
-namespace {
+namespace trace_test {
 
 CampaignSpec QuickSpec() {
   CampaignSpec spec;
@@ -70,5 +70,5 @@ TEST(PlannerStatistics, CountEachStageOnceForEachTimeItIsDone) {
   EXPECT_GE(pushes, 4) << "stages that are planned again are what this is about";
 }
 
-}  // namespace
+}  // namespace trace_test
 }  // namespace etude::task

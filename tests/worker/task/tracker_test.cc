@@ -7,7 +7,7 @@
 #include "worker/task/rollout.h"
 
 namespace etude::task {
-namespace {
+namespace tracker_test {
 
 std::vector<Waypoint> Line(const Eigen::Vector3d& from, const Eigen::Vector3d& velocity, double gripper = 0) {
   std::vector<Waypoint> waypoints(kWaypoints);
@@ -110,5 +110,5 @@ TEST(RefusalOf, NamesWhatIsWrong) {
   EXPECT_NE(RefusalOf(squeezed), "");
 }
 
-}  // namespace
+}  // namespace tracker_test
 }  // namespace etude::task

@@ -11,7 +11,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::task {
-namespace {
+namespace user_files_test {
 
 std::string HashOf(const Path& robot) {
   CampaignSpec spec;
@@ -44,5 +44,5 @@ TEST(UserFiles, WhatIsMissingIsAnError) {
   EXPECT_FALSE(UserFilesSha256(spec));
 }
 
-}  // namespace
+}  // namespace user_files_test
 }  // namespace etude::task

@@ -16,7 +16,7 @@
 #include "worker/task/attempt.h"
 
 namespace etude {
-namespace {
+namespace replay_test {
 
 CampaignSpec QuickSpec() {
   CampaignSpec spec;
@@ -168,5 +168,5 @@ TEST(ReplayAttempt, RefusesAFolderWithSomethingInIt) {
   EXPECT_THAT(ReplayAttempt(rollout, {.out = folder / "new"}, {}), HasCode(Code::kInvalidArgument));
 }
 
-}  // namespace
+}  // namespace replay_test
 }  // namespace etude

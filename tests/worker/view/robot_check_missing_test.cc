@@ -10,7 +10,7 @@
 #include "worker/view/robot_check.h"
 
 namespace etude {
-namespace {
+namespace robot_check_missing_test {
 
 using testing::HasSubstr;
 using testing::Not;
@@ -61,5 +61,5 @@ TEST_F(MissingOfARobot, WhatItsFileSaysWrongIsSaidFirst) {
   EXPECT_THAT(CheckRobot((folder_ / "none.yaml").string(), {}), HasCode(Code::kNotFound));
 }
 
-}  // namespace
+}  // namespace robot_check_missing_test
 }  // namespace etude

@@ -8,7 +8,7 @@
 #include "tests/support/sketch_robot.h"
 
 namespace etude {
-namespace {
+namespace robot_check_test {
 
 using testing::HasSubstr;
 using testing::Not;
@@ -89,5 +89,5 @@ TEST_F(RobotCheck, FiveJointsDoWhatNeedsNoTurningOver) {
   EXPECT_THAT(said, Not(HasSubstr("MISSING")));
 }
 
-}  // namespace
+}  // namespace robot_check_test
 }  // namespace etude

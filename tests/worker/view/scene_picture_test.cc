@@ -14,7 +14,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace scene_picture_test {
 
 CampaignSpec SmallSpec() {
   CampaignSpec spec;
@@ -108,5 +108,5 @@ TEST_F(ScenePicture, SaysWhatIsWrong) {
   EXPECT_FALSE(std::filesystem::exists(folder_ / "a.png"));
 }
 
-}  // namespace
+}  // namespace scene_picture_test
 }  // namespace etude

@@ -8,7 +8,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude {
-namespace {
+namespace task_check_test {
 
 constexpr const char* kFetch = R"(
 name: fetch
@@ -39,7 +39,7 @@ TEST_F(TaskCheck, SaysWhatATaskOfTheUsersMeansAndTriesIt) {
     EXPECT_THAT(said, testing::HasSubstr(part));
 }
 
-}  // namespace
+}  // namespace task_check_test
 
 // A file that makes no sense is refused before anything is tried.
 class WrongTask : public testing::TestWithParam<std::pair<const char*, const char*>> {};

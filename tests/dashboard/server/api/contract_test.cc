@@ -13,7 +13,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::api {
-namespace {
+namespace contract_test {
 
 using testing::ElementsAre;
 using testing::IsEmpty;
@@ -342,5 +342,5 @@ TEST_F(ContractTest, MetricsAreWhatPrometheusReads) {
   EXPECT_EQ(Get("/readyz").status, 200);
 }
 
-}  // namespace
+}  // namespace contract_test
 }  // namespace etude::api

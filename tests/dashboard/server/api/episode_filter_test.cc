@@ -8,7 +8,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::api {
-namespace {
+namespace episode_filter_test {
 
 class EpisodeFilterTest : public testing::Test {
  protected:
@@ -57,5 +57,5 @@ TEST_F(EpisodeFilterTest, SpansMayBeOpenAndTheUnknownIsInNone) {
   EXPECT_THAT(EpisodeFilter::From(http::Query("key=none"), dataset_), HasCode(Code::kNotFound));
 }
 
-}  // namespace
+}  // namespace episode_filter_test
 }  // namespace etude::api

@@ -6,7 +6,7 @@
 #include "tests/dashboard/server/api/api_fixture.h"
 
 namespace etude::api {
-namespace {
+namespace fuzz_test {
 
 constexpr int kRounds = 2000;
 
@@ -120,5 +120,5 @@ TEST_F(Fuzz, EveryRouteAnswersWhateverItIsAsked) {
   EXPECT_EQ(jobs_.All().size(), 0u);
 }
 
-}  // namespace
+}  // namespace fuzz_test
 }  // namespace etude::api

@@ -8,7 +8,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::api {
-namespace {
+namespace jobs_test {
 
 TEST(CommandText, IsWhatAShellTakesAsOneWordEach) {
   EXPECT_EQ(CommandText({"etude", "eval", "--out", "a b", "it's", "", "$(rm)"}),
@@ -39,5 +39,5 @@ TEST(Jobs, OneThatCannotBeStartedSaysWhy) {
   EXPECT_NE(json["log"].back().get<std::string>().find("etude"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace jobs_test
 }  // namespace etude::api

@@ -11,7 +11,7 @@
 #include "tests/dashboard/server/api/json_schema.h"
 
 namespace etude::api {
-namespace {
+namespace live_hub_test {
 
 class FakeSocket : public http::Socket {
  public:
@@ -114,5 +114,5 @@ TEST_F(LiveHubTest, ABrowserThatLeftIsForgotten) {
   EXPECT_EQ(hub_.clients(), 0u);
 }
 
-}  // namespace
+}  // namespace live_hub_test
 }  // namespace etude::api

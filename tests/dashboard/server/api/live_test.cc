@@ -7,7 +7,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::api {
-namespace {
+namespace live_test {
 
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -195,5 +195,5 @@ TEST_F(LiveApiTest, ActionsOnWhatIsLiveAreTheCommandsOfAUser) {
   EXPECT_EQ(command({{"action", "promote"}, {"run", "lab.run"}, {"file", "../config.yaml"}}).status, 404);
 }
 
-}  // namespace
+}  // namespace live_test
 }  // namespace etude::api

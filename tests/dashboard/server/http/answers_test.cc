@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::http {
-namespace {
+namespace answers_test {
 
 TEST(ForBrowsers, NumbersThatJavaScriptCannotHoldBecomeText) {
   const auto json = ForBrowsers(OrderedJson::parse(
@@ -28,5 +28,5 @@ TEST(ProblemOf, HasTheStatusOfItsKind) {
   EXPECT_EQ(OrderedJson::parse(answer.body)["detail"], "file 3 is cut");
 }
 
-}  // namespace
+}  // namespace answers_test
 }  // namespace etude::http

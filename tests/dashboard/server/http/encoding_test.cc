@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::http {
-namespace {
+namespace encoding_test {
 
 TEST(ParseRange, TakesOneRangeOfBytes) {
   struct Case {
@@ -78,5 +78,5 @@ TEST(Finish, SaysThatNothingChanged) {
   EXPECT_EQ(changed.status, 200);
 }
 
-}  // namespace
+}  // namespace encoding_test
 }  // namespace etude::http

@@ -8,7 +8,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::http {
-namespace {
+namespace message_test {
 
 using testing::ElementsAre;
 
@@ -36,5 +36,5 @@ TEST(Query, NumbersHaveBounds) {
     EXPECT_THAT(query.Integer(key, 1, 1, 500), HasCode(Code::kInvalidArgument)) << key;
 }
 
-}  // namespace
+}  // namespace message_test
 }  // namespace etude::http

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 namespace etude::http {
-namespace {
+namespace router_test {
 
 class RouterTest : public testing::Test {
  protected:
@@ -51,5 +51,5 @@ TEST_F(RouterTest, SaysWhichMethodsAnAddressHas) {
   EXPECT_THAT(allowed_, testing::ElementsAre("POST"));
 }
 
-}  // namespace
+}  // namespace router_test
 }  // namespace etude::http

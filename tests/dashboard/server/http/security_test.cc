@@ -8,7 +8,7 @@
 #include "dashboard/server/http/service.h"
 
 namespace etude::http {
-namespace {
+namespace security_test {
 
 constexpr const char* kToken = "0123456789abcdef0123";
 
@@ -136,5 +136,5 @@ TEST(SecurityHeaders, AllowNoScriptOfOthersAndNoInlineOne) {
   EXPECT_EQ(SecurityHeaders("x; script-src *").at(0).second.find("script-src *"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace security_test
 }  // namespace etude::http

@@ -19,7 +19,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::http {
-namespace {
+namespace server_test {
 
 namespace beast = boost::beast;
 namespace net = boost::asio;
@@ -225,5 +225,5 @@ TEST(Server, SaysThatAPortIsTaken) {
   EXPECT_THAT(Server::Open(options, service, none), HasCode(Code::kInvalidArgument));
 }
 
-}  // namespace
+}  // namespace server_test
 }  // namespace etude::http

@@ -8,7 +8,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::http {
-namespace {
+namespace static_files_test {
 
 Request Ask(const std::string& path) {
   Request request;
@@ -54,5 +54,5 @@ TEST(StaticFiles, SaysHowToBuildThePages) {
   EXPECT_NE(answer->body.find("npm run build"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace static_files_test
 }  // namespace etude::http

@@ -12,7 +12,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::live {
-namespace {
+namespace bus_watch_test {
 
 using namespace std::chrono_literals;
 
@@ -175,5 +175,5 @@ TEST(BusWatch, HearsProcessesAndReadsATopicWhileSomebodyLooks) {
   EXPECT_THAT(watch.Newest("etude/none"), HasCode(Code::kNotFound));
 }
 
-}  // namespace
+}  // namespace bus_watch_test
 }  // namespace etude::live

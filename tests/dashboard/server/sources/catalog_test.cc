@@ -9,7 +9,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::sources {
-namespace {
+namespace catalog_test {
 
 TEST(Catalog, FindsDatasetsRunsAndEvaluationsByTheirFiles) {
   ExampleFolders lab;
@@ -53,5 +53,5 @@ TEST(Catalog, FoldersOfOneNameGetIdsOfTheirOwn) {
   EXPECT_THAT(catalog.Find(Kind::kDataset, "lab.data-2"), IsOk());
 }
 
-}  // namespace
+}  // namespace catalog_test
 }  // namespace etude::sources

@@ -8,7 +8,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::sources {
-namespace {
+namespace dataset_source_test {
 
 Found DataOf(const ExampleFolders& lab) { return {Kind::kDataset, "data", "data", lab.root() / "data", "data", ""}; }
 
@@ -123,5 +123,5 @@ TEST(DatasetSource, KeysAreFilesOfTheMasksFolder) {
   EXPECT_THAT(source.EpisodesOfKey("../good"), HasCode(Code::kNotFound));
 }
 
-}  // namespace
+}  // namespace dataset_source_test
 }  // namespace etude::sources

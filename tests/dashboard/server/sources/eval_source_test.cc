@@ -8,7 +8,7 @@
 #include "tests/support/matchers.h"
 
 namespace etude::sources {
-namespace {
+namespace eval_source_test {
 
 TEST(EvalSource, RowsOfTheStreamComeBeforeTheReportHasThem) {
   ExampleFolders lab;
@@ -40,5 +40,5 @@ TEST(PairJson, HasTheNumbersOfTheDesignsExample) {
   EXPECT_NEAR(json["p"].get<double>(), 0.6875, 1e-12);
 }
 
-}  // namespace
+}  // namespace eval_source_test
 }  // namespace etude::sources

@@ -11,7 +11,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::sources {
-namespace {
+namespace files_test {
 
 TEST(OpenBelow, FollowsNoLinkAndLeavesNoFolder) {
   TemporaryFolder folder;
@@ -77,5 +77,5 @@ TEST(Time, GoesThereAndBack) {
   EXPECT_TRUE(TimeJson(std::nullopt).is_null());
 }
 
-}  // namespace
+}  // namespace files_test
 }  // namespace etude::sources

@@ -13,7 +13,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace etude::sources {
-namespace {
+namespace run_source_test {
 
 OrderedJson Train(std::uint64_t step, OrderedJson loss) {
   return {{"kind", "train"},
@@ -112,5 +112,5 @@ TEST(RunSource, ReadsHeadersChannelsAndHashes) {
   EXPECT_EQ(view->checkpoints[1].sha256, Sha256Hex(bytes));
 }
 
-}  // namespace
+}  // namespace run_source_test
 }  // namespace etude::sources

@@ -15,7 +15,7 @@
 #include "tests/trainer/policy/clip/tiny_clip.h"
 
 namespace etude::clip {
-namespace {
+namespace text_encoder_test {
 
 std::shared_ptr<TextEncoder> MustOpen(const Path& folder, std::size_t remembered = TextEncoder::kRemembered) {
   auto encoder = TextEncoder::Open(folder, "", remembered);
@@ -214,5 +214,5 @@ TEST_F(TextEncoderTest, FoldersAreOpenedOnce) {
   EXPECT_THAT(instead.Open("/nowhere", std::string(64, 'b')), MessageHas("--clip DIR"));
 }
 
-}  // namespace
+}  // namespace text_encoder_test
 }  // namespace etude::clip

@@ -9,7 +9,7 @@
 #include "tests/trainer/policy/clip/tiny_clip.h"
 
 namespace etude::clip {
-namespace {
+namespace tower_test {
 
 using Ids = std::vector<std::int64_t>;
 
@@ -171,5 +171,5 @@ TEST(Tower, RefusesTensorsByTheirNames) {
   EXPECT_THAT(Tower::Create(TinyModel(), deeper), MessageHas("'text_model.encoder.layers.2.layer_norm1.weight'"));
 }
 
-}  // namespace
+}  // namespace tower_test
 }  // namespace etude::clip

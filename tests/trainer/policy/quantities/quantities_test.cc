@@ -13,7 +13,7 @@
 #include "trainer/policy/quantities/rotation.h"
 
 namespace etude::policy {
-namespace {
+namespace quantities_test {
 
 using torch::Tensor;
 
@@ -176,5 +176,5 @@ TEST(Rotation, BothFormsAreTheSameRotationAs6D) {
   }
 }
 
-}  // namespace
+}  // namespace quantities_test
 }  // namespace etude::policy

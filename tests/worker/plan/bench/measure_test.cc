@@ -8,7 +8,7 @@
 #include "worker/plan/bench/plain_rrt.h"
 
 namespace etude::plan {
-namespace {
+namespace measure_test {
 
 TEST(PlanningScene, IsAFunctionOfSeedAndIndexAndFreeAtBothEnds) {
   const auto scene = sim::FullScene();
@@ -93,5 +93,5 @@ TEST(PlainRrt, FindsPathsAndStopsAtItsDeadline) {
   EXPECT_EQ(plain.Plan(request, checker, 0).kind, OutcomeKind::kNoPath);
 }
 
-}  // namespace
+}  // namespace measure_test
 }  // namespace etude::plan

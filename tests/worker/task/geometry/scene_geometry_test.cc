@@ -11,7 +11,7 @@
 #include "services/core/rng.h"
 
 namespace etude::task {
-namespace {
+namespace scene_geometry_test {
 
 using Eigen::Vector3d;
 using Shape = sim::Geometry::Shape;
@@ -156,5 +156,5 @@ TEST_P(Measured, AnObjectStandsOnItsLowestPoint) {
 INSTANTIATE_TEST_SUITE_P(Robots, Measured, testing::Values("ur5", "panda", "jaco2"),
                          [](const auto& info) { return std::string(info.param); });
 
-}  // namespace
+}  // namespace scene_geometry_test
 }  // namespace etude::task

@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace all_test {
 
 TEST_F(PredicateTest, AllNeedsEveryChildNowAndNamesThoseThatAreMissing) {
   const auto all = Make("{all: [risen, grasped, released]}");
@@ -24,5 +24,5 @@ TEST_F(PredicateTest, AllShowsEveryStepToEveryChild) {
   EXPECT_FALSE(all->Observe(now));
 }
 
-}  // namespace
+}  // namespace all_test
 }  // namespace etude::task

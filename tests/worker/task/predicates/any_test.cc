@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace any_test {
 
 TEST_F(PredicateTest, AnyNeedsOneChildAndShowsEveryStepToAll) {
   const auto any = Make("{any: [grasped, untouched]}");
@@ -15,5 +15,5 @@ TEST_F(PredicateTest, AnyNeedsOneChildAndShowsEveryStepToAll) {
   EXPECT_FALSE(any->Observe(now)) << "the second saw the bread move while the first held";
 }
 
-}  // namespace
+}  // namespace any_test
 }  // namespace etude::task

@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace at_rest_test {
 
 TEST_F(PredicateTest, AtRestIsSlowerThanWasSaid) {
   const auto at_rest = Make("{at_rest: {slower_than: 3 cm/s}}");
@@ -14,5 +14,5 @@ TEST_F(PredicateTest, AtRestIsSlowerThanWasSaid) {
   EXPECT_THAT(at_rest->Words(), testing::HasSubstr("0.031 m/s"));
 }
 
-}  // namespace
+}  // namespace at_rest_test
 }  // namespace etude::task

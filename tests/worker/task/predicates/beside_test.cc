@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace beside_test {
 
 class Beside : public PredicateTest {
  protected:
@@ -43,5 +43,5 @@ TEST_F(Beside, FollowsTheReferenceWhenItWasMoved) {
   EXPECT_FALSE(Make("beside")->Observe(now));
 }
 
-}  // namespace
+}  // namespace beside_test
 }  // namespace etude::task

@@ -9,7 +9,7 @@
 #include "worker/task/predicates/kind.h"
 
 namespace etude::task {
-namespace {
+namespace bounds_test {
 
 /// One quantity that a predicate bounds. All bounds are powers of two, and so are the places: nothing is rounded.
 struct BoundCase {
@@ -174,5 +174,5 @@ TEST_F(Written, ARoleIsWhoPlaysItAndANameIsItself) {
   EXPECT_TRUE(grasped("coke", TheCast()) && grasped("coke", swapped));
 }
 
-}  // namespace
+}  // namespace bounds_test
 }  // namespace etude::task

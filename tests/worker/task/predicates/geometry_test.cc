@@ -11,7 +11,7 @@
 #include "services/core/rng.h"
 
 namespace etude::task {
-namespace {
+namespace geometry_test {
 
 constexpr double kHalfTurn = std::numbers::pi;
 
@@ -119,5 +119,5 @@ TEST(IsOnSide, IsARectangleBesideTheOther) {
   EXPECT_LT(on_some, 3000);
 }
 
-}  // namespace
+}  // namespace geometry_test
 }  // namespace etude::task

@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace grasped_test {
 
 TEST_F(PredicateTest, GraspedIsWhatTheFingersSay) {
   const auto grasped = Make("grasped");
@@ -15,5 +15,5 @@ TEST_F(PredicateTest, GraspedIsWhatTheFingersSay) {
   EXPECT_FALSE(Make("{grasped: {object: milk}}")->Observe(now));
 }
 
-}  // namespace
+}  // namespace grasped_test
 }  // namespace etude::task

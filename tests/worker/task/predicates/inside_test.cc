@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace inside_test {
 
 class Inside : public PredicateTest {
  protected:
@@ -33,5 +33,5 @@ TEST_F(Inside, TurnsWithTheBox) {
   EXPECT_FALSE(inside->Observe(now));
 }
 
-}  // namespace
+}  // namespace inside_test
 }  // namespace etude::task

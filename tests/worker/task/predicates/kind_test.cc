@@ -5,7 +5,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace kind_test {
 
 TEST_F(PredicateTest, KindRefusesWhatItDoesNotKnowAndSaysWhatItDoes) {
   for (const auto& [yaml, says] : std::initializer_list<std::pair<const char*, const char*>>{
@@ -56,5 +56,5 @@ TEST_F(PredicateTest, KindEveryKindSaysWhatItAndItsParametersMean) {
                                             "at_rest", "beside", "on", "inside", "untouched", "all", "any", "then"}));
 }
 
-}  // namespace
+}  // namespace kind_test
 }  // namespace etude::task

@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace low_test {
 
 TEST_F(PredicateTest, LowIsLowerThanWasSaid) {
   const auto low = Make("{low: {below: 8 cm}}");
@@ -13,5 +13,5 @@ TEST_F(PredicateTest, LowIsLowerThanWasSaid) {
   EXPECT_THAT(low->Words(), testing::HasSubstr("0.081 m"));
 }
 
-}  // namespace
+}  // namespace low_test
 }  // namespace etude::task

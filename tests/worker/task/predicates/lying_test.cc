@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace lying_test {
 
 TEST_F(PredicateTest, LyingTellsUprightFromLying) {
   const auto lying = Make("lying");
@@ -22,5 +22,5 @@ TEST_F(PredicateTest, LyingLeansAsFarAsWasSaid) {
   EXPECT_FALSE(Make("{lying: {within: 0.29 rad}}")->Observe(now));
 }
 
-}  // namespace
+}  // namespace lying_test
 }  // namespace etude::task

@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace moved_test {
 
 TEST_F(PredicateTest, MovedCountsOnlyAlongItsDirection) {
   const auto pushed = Make("{moved: {by: 3 cm, along: +y}}");
@@ -22,5 +22,5 @@ TEST_F(PredicateTest, MovedKnowsTheSidesOfThePictureAndAnyDirection) {
   EXPECT_FALSE(Make("{moved: {by: 6 cm}}")->Observe(now));
 }
 
-}  // namespace
+}  // namespace moved_test
 }  // namespace etude::task

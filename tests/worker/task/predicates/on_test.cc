@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace on_test {
 
 class On : public PredicateTest {
  protected:
@@ -41,5 +41,5 @@ TEST_F(On, MeasuresTheBoxAsItIsTurned) {
   EXPECT_TRUE(on->Observe(now)) << "a can on its side: " << on->Words();
 }
 
-}  // namespace
+}  // namespace on_test
 }  // namespace etude::task

@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace released_test {
 
 TEST_F(PredicateTest, ReleasedIsNotTouchedByAnyBodyOfTheRobot) {
   const auto released = Make("released");
@@ -13,5 +13,5 @@ TEST_F(PredicateTest, ReleasedIsNotTouchedByAnyBodyOfTheRobot) {
   EXPECT_EQ(released->Words(), "coke touched by the robot");
 }
 
-}  // namespace
+}  // namespace released_test
 }  // namespace etude::task

@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace risen_test {
 
 TEST_F(PredicateTest, RisenNeedsMoreThanWasSaid) {
   const auto risen = Make("{risen: {by: 3 cm}}");
@@ -25,5 +25,5 @@ TEST_F(PredicateTest, RisenCountsFromTheTableWhenAsked) {
   EXPECT_THAT(risen->Words(), testing::HasSubstr("milk above the table by 0.101 m"));
 }
 
-}  // namespace
+}  // namespace risen_test
 }  // namespace etude::task

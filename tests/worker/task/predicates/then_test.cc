@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace then_test {
 
 class Then : public PredicateTest {
  protected:
@@ -42,5 +42,5 @@ TEST_F(Then, TwoThingsMayHappenAtOneStep) {
   EXPECT_TRUE(then->Observe(now));
 }
 
-}  // namespace
+}  // namespace then_test
 }  // namespace etude::task

@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace turned_test {
 
 TEST_F(PredicateTest, TurnedCountsEitherWayAboutXOnly) {
   const auto turned = Make("turned");
@@ -28,5 +28,5 @@ TEST_F(PredicateTest, TurnedIsMeasuredAgainstTheYawAtTheStart) {
   }
 }
 
-}  // namespace
+}  // namespace turned_test
 }  // namespace etude::task

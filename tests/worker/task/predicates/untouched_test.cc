@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace untouched_test {
 
 TEST_F(PredicateTest, UntouchedRemembersThatSomethingWasMovedAndBack) {
   const auto untouched = Make("untouched");
@@ -24,5 +24,5 @@ TEST_F(PredicateTest, UntouchedOthersAreNeitherTargetNorReference) {
   EXPECT_FALSE(reference->Observe(now));
 }
 
-}  // namespace
+}  // namespace untouched_test
 }  // namespace etude::task

@@ -3,7 +3,7 @@
 #include "tests/worker/task/predicates/scene.h"
 
 namespace etude::task {
-namespace {
+namespace upright_test {
 
 TEST_F(PredicateTest, UprightLeansByLessThanThirtyDegreesWhateverItsYaw) {
   const auto upright = Make("upright");
@@ -17,5 +17,5 @@ TEST_F(PredicateTest, UprightLeansByLessThanThirtyDegreesWhateverItsYaw) {
   EXPECT_FALSE(upright->Observe(now)) << "on its head";
 }
 
-}  // namespace
+}  // namespace upright_test
 }  // namespace etude::task
