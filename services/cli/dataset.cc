@@ -85,7 +85,7 @@ void AddDataset(CLI::App& app, Body& body) {
   auto out = std::make_shared<std::string>("sheet.png");
   auto options = std::make_shared<FilmstripOptions>();
   auto* sheet = add("sheet", "a picture to look at: episodes as filmstrips");
-  sheet->add_option("--out", *out, "picture, .png or .jpg")->capture_default_str();
+  sheet->add_option("--out", *out, "picture, .png or .jpg; moving, side by side: .webp or .mp4")->capture_default_str();
   sheet->add_option("--index", options->indices, "rows: these episodes, in this order");
   sheet->add_option("--episodes", options->episodes, "else so many rows: the first ones")->capture_default_str();
   sheet->add_option("--frames", options->frames, "columns")->capture_default_str();

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "services/codec/frame.h"
 #include "services/episode/action.h"
 #include "services/store/dataset.h"
+#include "services/video/mp4_writer.h"
 
 namespace etude::cli {
 namespace {
@@ -36,6 +38,58 @@ Result<cv::Mat> Row(const Episode& episode, int columns) {
   return row;
 }
 
+// An episode's tile of a moving picture: the last picture stays when it is over.
+class Tile {
+ public:
+  Tile(Episode episode, cv::Mat place) : episode_(std::move(episode)), place_(std::move(place)) {
+    const cv::Mat below = place_.rowRange(place_.rows - kCaption, place_.rows);
+    cv::putText(below, episode_.instruction, {5, 16}, cv::FONT_HERSHEY_SIMPLEX, 0.38, cv::Scalar(230, 230, 230), 1,
+                cv::LINE_AA);
+  }
+  std::size_t pictures() const { return episode_.cameras[0].frames.size(); }
+  Status Show(std::size_t k) {
+    const auto& frames = episode_.cameras[0].frames;
+    if (k >= frames.size()) return {};
+    const Camera& camera = episode_.cameras[0].camera;
+    std::vector<std::uint8_t> rgb(static_cast<std::size_t>(camera.width) * camera.height * 3);
+    ETUDE_RETURN_IF_ERROR(codec::InflateFrame(frames[k], rgb));
+    cv::Mat picture(camera.height, camera.width, CV_8UC3, rgb.data());
+    cv::resize(picture, place_.rowRange(0, place_.rows - kCaption), {place_.cols, place_.rows - kCaption}, 0, 0,
+               cv::INTER_AREA);
+    return {};
+  }
+
+ private:
+  Episode episode_;
+  cv::Mat place_;
+};
+
+// All of them side by side, RGB, from their first picture to the end of the longest.
+Status WriteMoving(std::vector<Episode> episodes, const Path& file) {
+  const Camera& camera = episodes[0].cameras[0].camera;
+  const int width = camera.width / 2 * 2, height = camera.height / 2 * 2 + kCaption;  // H.264 and WebP halve colours
+  const int columns = static_cast<int>(episodes.size());
+  const video::FrameRate rate{static_cast<int>(kControlRate), episodes[0].image_stride};
+  cv::Mat canvas(height, columns * width, CV_8UC3, cv::Scalar(24, 24, 24));
+  std::vector<Tile> tiles;
+  std::size_t pictures = 0;
+  for (auto& episode : episodes) {
+    const int left = static_cast<int>(tiles.size()) * width;
+    tiles.emplace_back(std::move(episode), canvas(cv::Rect(left, 0, width, height)));
+    pictures = std::max(pictures, tiles.back().pictures());
+  }
+  video::Mp4Options options{.width = canvas.cols, .height = canvas.rows, .rate = rate};
+  if (file.extension() == ".webp") options.container = video::Container::kAnimatedWebp;
+  ETUDE_ASSIGN_OR_RETURN(auto writer, video::Mp4Writer::Open(file, options));
+  for (std::size_t k = 0; k < pictures; ++k) {
+    for (auto& tile : tiles) {
+      ETUDE_RETURN_IF_ERROR(tile.Show(k));
+    }
+    ETUDE_RETURN_IF_ERROR(writer.Write({canvas.data, canvas.total() * canvas.elemSize()}));
+  }
+  return writer.Finish();
+}
+
 }  // namespace
 
 Status WriteFilmstrips(const Path& dataset, const Path& picture, const FilmstripOptions& options) {
@@ -45,14 +99,21 @@ Status WriteFilmstrips(const Path& dataset, const Path& picture, const Filmstrip
   ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(dataset));
   ETUDE_ASSIGN_OR_RETURN(const auto all, reader.List());
   const bool chosen = !options.indices.empty();
+  const bool moving = picture.extension() == ".webp" || picture.extension() == ".mp4";
   std::vector<cv::Mat> rows;
+  std::vector<Episode> episodes;
   for (const std::uint64_t index : chosen ? options.indices : all) {
-    if (!chosen && static_cast<int>(rows.size()) == options.episodes) break;
-    ETUDE_ASSIGN_OR_RETURN(const Episode episode, reader.ReadWhole(index));
+    if (!chosen && static_cast<int>(rows.size() + episodes.size()) == options.episodes) break;
+    ETUDE_ASSIGN_OR_RETURN(Episode episode, reader.ReadWhole(index));
     if (episode.cameras.empty() || episode.cameras[0].frames.empty()) continue;
+    if (moving) {
+      episodes.push_back(std::move(episode));
+      continue;
+    }
     ETUDE_ASSIGN_OR_RETURN(auto row, Row(episode, options.frames));
     rows.push_back(std::move(row));
   }
+  if (moving && !episodes.empty()) return WriteMoving(std::move(episodes), picture);
   if (rows.empty())
     return Fail(Code::kNotFound, fmt::format("filmstrips of '{}': no episode with pictures", dataset.string()));
   cv::Mat sheet;

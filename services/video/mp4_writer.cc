@@ -48,7 +48,8 @@ tl::unexpected<Error> Refused(const Path& path, std::string_view what, int code)
   return Fail(Code::kUnavailable, fmt::format("write the video '{}': {}: {}", path.string(), what, Text(code)));
 }
 
-const AVCodec* FindEncoder() {
+const AVCodec* FindEncoder(Container container) {
+  if (container == Container::kAnimatedWebp) return avcodec_find_encoder_by_name("libwebp_anim");
   if (const AVCodec* codec = avcodec_find_encoder_by_name("libx264")) return codec;
   if (const AVCodec* codec = avcodec_find_encoder(AV_CODEC_ID_H264)) return codec;
   return avcodec_find_encoder(AV_CODEC_ID_MPEG4);
@@ -68,6 +69,8 @@ void Configure(const Mp4Options& options, const AVFormatContext& format, AVCodec
   codec.colorspace = AVCOL_SPC_SMPTE170M;  // what swscale converts to
   codec.flags |= AV_CODEC_FLAG_BITEXACT;
   if (format.oformat->flags & AVFMT_GLOBALHEADER) codec.flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
+  if (options.container == Container::kAnimatedWebp)
+    av_opt_set_double(codec.priv_data, "quality", static_cast<double>(options.webp_quality), 0);
   if (std::string_view(codec.codec->name) != "libx264") return;
   codec.bit_rate = 0;
   av_opt_set(codec.priv_data, "preset", Mp4Options::kPreset, 0);
@@ -96,10 +99,11 @@ struct Mp4Writer::Impl {
 };
 
 Status Mp4Writer::Impl::OpenEncoder() {
-  const AVCodec* encoder = FindEncoder();
+  const AVCodec* encoder = FindEncoder(options.container);
   if (!encoder) {
     return Fail(Code::kUnavailable,
-                fmt::format("write the video '{}': libav has neither an H.264 nor an MPEG-4 encoder", path.string()));
+                fmt::format("write the video '{}': libav has no encoder of it ({})", path.string(),
+                            options.container == Container::kMp4 ? "H.264 or MPEG-4" : "animated WebP"));
   }
   codec.reset(avcodec_alloc_context3(encoder));
   ETUDE_CHECK(codec != nullptr);
@@ -130,7 +134,8 @@ Status Mp4Writer::Impl::OpenFile() {
   if (const int code = avio_open(&format->pb, path.c_str(), AVIO_FLAG_WRITE); code < 0)
     return Refused(path, "open the file", code);
   AVDictionary* settings = nullptr;
-  av_dict_set(&settings, "movflags", "+faststart", 0);
+  if (options.container == Container::kMp4) av_dict_set(&settings, "movflags", "+faststart", 0);
+  if (options.container == Container::kAnimatedWebp) av_dict_set(&settings, "loop", "0", 0);  // for ever
   const int code = avformat_write_header(format.get(), &settings);
   av_dict_free(&settings);
   if (code < 0) return Refused(path, "write the header", code);
@@ -165,7 +170,8 @@ Result<Mp4Writer> Mp4Writer::Open(const Path& path, const Mp4Options& options) {
   impl->path = path;
   impl->options = options;
   AVFormatContext* format = nullptr;
-  if (const int code = avformat_alloc_output_context2(&format, nullptr, "mp4", path.c_str()); code < 0)
+  const char* kind = options.container == Container::kMp4 ? "mp4" : "webp";
+  if (const int code = avformat_alloc_output_context2(&format, nullptr, kind, path.c_str()); code < 0)
     return Refused(path, "open the format", code);
   impl->format.reset(format);
   impl->format->flags |= AVFMT_FLAG_BITEXACT;  // no library's version in the file

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures to an mp4 file. libav stays behind this header.
+// Pictures to an mp4 file, or to a moving picture. libav stays behind this header.
 //
 //   ETUDE_ASSIGN_OR_RETURN(auto writer, Mp4Writer::Open(path, {.width = 448, .height = 448, .rate = {125, 5}}));
 //   for (const auto& picture : pictures) ETUDE_RETURN_IF_ERROR(writer.Write(picture));
@@ -21,11 +21,19 @@ struct FrameRate {
   int denominator = 1;
 };
 
+enum class Container : std::uint8_t {
+  kMp4,
+  kAnimatedWebp,  ///< for pages that show pictures and play no video; repeats for ever, and cannot be jumped in
+};
+
 struct Mp4Options {
   int width = 0, height = 0;  ///< px; even, as H.264 halves colours
   FrameRate rate;
   int key_frame_every = 5;  ///< pictures; small: a jump to any picture decodes few others
   int crf = 21;             ///< x264's constant rate factor; smaller is better and larger
+
+  Container container = Container::kMp4;
+  float webp_quality = 55;  ///< 0 to 100
 
   static constexpr const char* kCodec = "h264";
   static constexpr const char* kPixelFormat = "yuv420p";
