@@ -45,6 +45,14 @@ std::string Libraries() {
   return fmt::format("glibc {}, {}", ::gnu_get_libc_version(), fmt::join(found, ", "));
 }
 
+// "llvmpipe (LLVM 15.0.6, 256 bits)": as wide as the CPU's vectors are; its pictures are the same.
+std::string WithoutVectorWidth(std::string driver) {
+  const auto end = driver.rfind(" bits)"), begin = driver.rfind(", ", end);
+  if (driver.starts_with("llvmpipe") && end != std::string::npos && begin != std::string::npos)
+    driver.erase(begin, end + std::string_view(" bits").size() - begin);
+  return driver;
+}
+
 // Joints, objects and contacts of an arm that presses on what it meets.
 std::string PhysicsProbe(sim::World& world) {
   world.Reset();
@@ -81,7 +89,7 @@ std::string LibmProbe() {
   return ToHex(hash.Finish());
 }
 
-Result<Fingerprint> TakeFingerprint(const sim::RendererConfig& config) {
+Result<campaign::Fingerprint> TakeFingerprint(const sim::RendererConfig& config) {
   ETUDE_ASSIGN_OR_RETURN(const auto scene, sim::Scene::Build(SceneSpec{}));
   ETUDE_ASSIGN_OR_RETURN(auto renderer, sim::Renderer::Open(scene, config));
   sim::World world(scene);
@@ -90,12 +98,12 @@ Result<Fingerprint> TakeFingerprint(const sim::RendererConfig& config) {
   world.Forward();
   std::vector<std::uint8_t> rgb(static_cast<std::size_t>(scene->camera().width) * scene->camera().height * 3);
   renderer.Render(world, rgb);
-  return Fingerprint{{"content", std::to_string(kContentVersion)},
-                     {"libraries", Libraries()},
-                     {"gl", fmt::format("{}: {}", renderer.backend(), renderer.gl_renderer())},
-                     {"picture", Sha256Hex(rgb)},
-                     {"physics", physics},
-                     {"libm", LibmProbe()}};
+  return campaign::Fingerprint{{"content", std::to_string(kContentVersion)},
+                               {"libraries", Libraries()},
+                               {"gl", WithoutVectorWidth(renderer.gl_renderer())},
+                               {"picture", Sha256Hex(rgb)},
+                               {"physics", physics},
+                               {"libm", LibmProbe()}};
 }
 
 }  // namespace etude

@@ -3,21 +3,18 @@
 #pragma once
 
 #include <string>
-#include <utility>
-#include <vector>
 
+#include "services/campaign/fingerprint.h"
 #include "services/core/result.h"
 #include "worker/sim/renderer.h"
 
 namespace etude {
 
-/// Name and value, in a fixed order.
-using Fingerprint = std::vector<std::pair<std::string, std::string>>;
-
-/// content number; libraries that are loaded, by the names of their files; the GL driver; SHA-256 of a rendered
+/// content number; libraries that are loaded, by the names of their files; the GL driver, without the width of its
+/// vectors, which changes no picture (but on a GPU there is none); SHA-256 of a rendered
 /// picture, of a simulation's states, of the results of libm on a fixed list of arguments.
 /// @error as Renderer::Open, Scene::Build
-Result<Fingerprint> TakeFingerprint(const sim::RendererConfig& renderer);
+Result<campaign::Fingerprint> TakeFingerprint(const sim::RendererConfig& renderer);
 
 /// Of libm alone: what differs between CPUs of one C library.
 std::string LibmProbe();

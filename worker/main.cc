@@ -123,6 +123,7 @@ Status Work(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "worker"}));
   campaign::WorkerOptions options = arguments.worker;
   options.files_sha256 = task::UserFilesSha256;
+  ETUDE_ASSIGN_OR_RETURN(options.fingerprint, TakeFingerprint(arguments.renderer));
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
   ServiceManager::Get().Ready(fmt::format("looking for campaign {}", options.campaign));
   return client.Run([&](const campaign::JoinedCampaign& joined) -> Result<campaign::WorkFunction> {
@@ -149,10 +150,12 @@ Status BeChild(const Arguments& arguments) {
 }
 
 // One slot of a host, on a thread of its own: a worker on the bus whose attempts a child makes.
-Status WorkInSlot(const Arguments& arguments, const bus::Participant& participant, host::SlotOptions slot_options) {
+Status WorkInSlot(const Arguments& arguments, const bus::Participant& participant, host::SlotOptions slot_options,
+                  const campaign::Fingerprint& fingerprint) {
   campaign::WorkerOptions options = arguments.worker;
   options.name = slot_options.name;
   options.files_sha256 = task::UserFilesSha256;
+  options.fingerprint = fingerprint;
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
   host::Slot slot(std::move(slot_options));
   return client.Run([&](const campaign::JoinedCampaign& joined) -> Result<campaign::WorkFunction> {
@@ -171,6 +174,7 @@ Status Host(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "worker"}));
   ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling("etude-worker"));
+  ETUDE_ASSIGN_OR_RETURN(const auto fingerprint, TakeFingerprint(arguments.renderer));
   const std::string name = arguments.worker.name.empty() ? bus::UniquePeerName() : arguments.worker.name;
   host::SlotOptions options;
   options.argv = {program.string(), "--child", "--gl", arguments.renderer.backend};
@@ -182,7 +186,7 @@ Status Host(const Arguments& arguments) {
   for (std::size_t k = 0; k < ended.size(); ++k) {
     options.name = fmt::format("{}-s{}", name, k);
     threads.emplace_back([&, k, options] {
-      ended[k] = WorkInSlot(arguments, participant, options);
+      ended[k] = WorkInSlot(arguments, participant, options, fingerprint);
       if (!ended[k]) RequestStop();
     });
   }
@@ -214,7 +218,7 @@ Status Doctor(const Arguments& arguments) {
 }
 
 Status PrintFingerprint(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const Fingerprint fingerprint, TakeFingerprint(arguments.renderer));
+  ETUDE_ASSIGN_OR_RETURN(const campaign::Fingerprint fingerprint, TakeFingerprint(arguments.renderer));
   OrderedJson json = OrderedJson::object();
   for (const auto& [name, value] : fingerprint) json[name] = value;
   if (arguments.json) fmt::print("{}\n", json.dump());

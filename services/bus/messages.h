@@ -58,6 +58,7 @@ struct WorkRequest {
   std::string spec_sha256;  ///< the spec that the worker is ready for
   std::uint32_t wire = kWireVersion;
   std::uint32_t content = 0;
+  std::string fingerprint_json;  ///< what this worker's bytes depend on (services/campaign/fingerprint.h); "": not said
 };
 
 enum class LeaseKind : std::uint8_t { kWork = 0, kWait = 1, kDone = 2, kRefused = 3 };

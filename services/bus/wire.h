@@ -188,6 +188,7 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Wo
   ETUDE_FIELD(spec_sha256);
   ETUDE_FIELD(wire);
   ETUDE_FIELD(content);
+  ETUDE_FIELD(fingerprint_json);
 }
 
 template <class F, class M, class W>

@@ -93,6 +93,7 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
 
   // before anything is committed, files may still be mended
   const auto files = sink->committed().empty() ? std::nullopt : KnownFiles(sink->folder());
+  const auto fingerprint = sink->committed().empty() ? std::nullopt : KnownFingerprint(sink->folder());
   CollectorProgress counters;
   counters.failures = history.failures;
   counters.reweighted = journal.entries().size();
@@ -104,6 +105,7 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
                                       .epoch = epoch,
                                       .presence = std::move(presence),
                                       .files_sha256 = files,
+                                      .fingerprint = fingerprint,
                                       .announcements = std::move(announcements),
                                       .leases = std::move(leases),
                                       .statuses = std::move(statuses),

@@ -30,6 +30,8 @@ store::CommitFacts FactsOf(const bus::BlobManifest& manifest) {
   if (!meta || !meta->is_object()) return facts;
   if (meta->contains("host") && (*meta)["host"].is_string())
     facts.host = (*meta)["host"].get<std::string>().substr(0, kLongestName);
+  if (meta->contains("fingerprint") && (*meta)["fingerprint"].is_string())
+    facts.fingerprint = (*meta)["fingerprint"].get<std::string>().substr(0, kLongestName);
   if (meta->contains("timings")) facts.timings = TimesOf((*meta)["timings"]);
   return facts;
 }

@@ -115,7 +115,25 @@ std::optional<std::string> Collector::Impl::WhyRefused(const bus::WorkRequest& r
         "campaign '{}' began with other robot or object files than this worker has under the same paths "
         "(SHA-256 {}, here {}): copy them from where it began, or collect into another folder",
         spec.name, *files_sha256, request.files_sha256);
-  return std::nullopt;
+  return WhyUnlike(request);
+}
+
+// A host whose episodes would have other bytes. One that does not say what they depend on is an older program's.
+std::optional<std::string> Collector::Impl::WhyUnlike(const bus::WorkRequest& request) {
+  if (request.fingerprint_json.empty() || spec.determinism == "none") return std::nullopt;
+  const auto there = ParseFingerprint(request.fingerprint_json);
+  if (!there) return there.error().message;
+  if (!fingerprint) {
+    fingerprint = *there;
+    if (const Status remembered = RememberFingerprint(sink->folder(), *there); !remembered)
+      Log().warn("after a restart the first worker's fingerprint will count: {}", remembered.error().message);
+  }
+  const auto difference = FirstDifference(*fingerprint, *there, spec.determinism);
+  if (!difference) return std::nullopt;
+  return fmt::format(
+      "this host's episodes would have other bytes than those of campaign '{}' ({}): use the same libraries and driver "
+      "(`etude worker --fingerprint` prints them), or allow it with determinism: physics or none",
+      spec.name, *difference);
 }
 
 bus::Lease Collector::Impl::Answer(const bus::WorkRequest& request) {

@@ -14,6 +14,7 @@
 #include "services/bus/directory.h"
 #include "services/bus/topic.h"
 #include "services/campaign/collector.h"
+#include "services/campaign/fingerprint.h"
 #include "services/campaign/lease_table.h"
 #include "services/core/stop.h"
 #include "services/core/thread_annotations.h"
@@ -34,6 +35,7 @@ struct Collector::Impl {
   // control thread (and Open)
   bus::Announcement presence;
   std::optional<std::string> files_sha256;  // of the first worker
+  std::optional<Fingerprint> fingerprint;   // of the first worker that says one
   bus::Writer<bus::CampaignAnnouncement> announcements;
   bus::Writer<bus::Lease> leases;
   bus::Writer<bus::CampaignStatus> statuses;
@@ -106,6 +108,7 @@ struct Collector::Impl {
   void TakeMessages();
   void OnRequest(const bus::WorkRequest& request);
   std::optional<std::string> WhyRefused(const bus::WorkRequest& request);
+  std::optional<std::string> WhyUnlike(const bus::WorkRequest& request);
   bus::Lease Answer(const bus::WorkRequest& request);
   Assignment Assign(const bus::WorkRequest& request);
   void OnErrors(const bus::ValidationErrors& message);

@@ -27,6 +27,21 @@ Result<OrderedJson> ReadCollectorFile(const Path& folder) {
   return ParseBoundedJson(text).value_or(OrderedJson());
 }
 
+// A text beside the epoch, kept over starts.
+std::optional<std::string> Known(const Path& folder, const char* key) {
+  const auto json = ReadCollectorFile(folder);
+  if (!json || !json->is_object() || !json->contains(key) || !(*json)[key].is_string()) return std::nullopt;
+  return (*json)[key].get<std::string>();
+}
+
+Status Remember(const Path& folder, const char* key, const std::string& text) {
+  ETUDE_ASSIGN_OR_RETURN(OrderedJson json, ReadCollectorFile(folder));
+  if (!json.is_object())
+    return Fail(Code::kCorrupt, fmt::format("'{}' is not a collector's", CollectorFile(folder).string()));
+  json[key] = text;
+  return WriteCollectorFile(folder, json);
+}
+
 }  // namespace
 
 Result<std::uint64_t> LastEpoch(const Path& folder) {
@@ -50,19 +65,19 @@ Status RememberEpoch(const Path& folder, std::uint64_t epoch) {
   return WriteCollectorFile(folder, json);
 }
 
-std::optional<std::string> KnownFiles(const Path& folder) {
-  const auto json = ReadCollectorFile(folder);
-  if (!json || !json->is_object() || !json->contains("files_sha256") || !(*json)["files_sha256"].is_string())
-    return std::nullopt;
-  return (*json)["files_sha256"].get<std::string>();
+std::optional<std::string> KnownFiles(const Path& folder) { return Known(folder, "files_sha256"); }
+
+Status RememberFiles(const Path& folder, const std::string& sha256) { return Remember(folder, "files_sha256", sha256); }
+
+std::optional<Fingerprint> KnownFingerprint(const Path& folder) {
+  const auto text = Known(folder, "fingerprint");
+  if (!text) return std::nullopt;
+  auto known = ParseFingerprint(*text);
+  return known ? std::optional(std::move(*known)) : std::nullopt;
 }
 
-Status RememberFiles(const Path& folder, const std::string& sha256) {
-  ETUDE_ASSIGN_OR_RETURN(OrderedJson json, ReadCollectorFile(folder));
-  if (!json.is_object())
-    return Fail(Code::kCorrupt, fmt::format("'{}' is not a collector's", CollectorFile(folder).string()));
-  json["files_sha256"] = sha256;
-  return WriteCollectorFile(folder, json);
+Status RememberFingerprint(const Path& folder, const Fingerprint& fingerprint) {
+  return Remember(folder, "fingerprint", FingerprintText(fingerprint));
 }
 
 LeaseTable::Retry RetryOf(const CampaignSpec& spec, const std::string& outcome) {

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "services/campaign/fingerprint.h"
 #include "services/campaign/lease_table.h"
 #include "services/core/file.h"
 #include "services/core/result.h"
@@ -24,6 +25,11 @@ Status RememberEpoch(const Path& folder, std::uint64_t epoch);
 std::optional<std::string> KnownFiles(const Path& folder);
 /// @error kNotFound, kCorrupt: no FOLDER/collector.json, or not ours; kUnavailable when it cannot be written
 Status RememberFiles(const Path& folder, const std::string& sha256);
+
+/// What the first worker's bytes depended on; nothing when none has said it.
+std::optional<Fingerprint> KnownFingerprint(const Path& folder);
+/// @error as RememberFiles
+Status RememberFingerprint(const Path& folder, const Fingerprint& fingerprint);
 
 struct History {
   struct Index {

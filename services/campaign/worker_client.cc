@@ -201,6 +201,7 @@ bus::WorkRequest WorkerClient::Impl::NextRequest() {
   request.content = options.content;
   request.spec_sha256 = joined->ready_for;
   request.files_sha256 = joined->files_sha256;
+  if (!options.fingerprint.empty()) request.fingerprint_json = FingerprintText(options.fingerprint);
   return request;
 }
 
@@ -249,8 +250,9 @@ void WorkerClient::Impl::Report(const bus::Lease& lease, const std::string& outc
 void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result) {
   joined->heartbeat->SetPhase("send");
   CrashPoint("worker.before_send", lease.index);
-  const OrderedJson meta{
+  OrderedJson meta{
       {"index", lease.index}, {"attempt", lease.attempt}, {"host", HostName()}, {"timings", TimesJson(result.times)}};
+  if (!options.fingerprint.empty()) meta["fingerprint"] = ShortHash(options.fingerprint);
   while (true) {
     watched->Moved();
     // the token is unique, so it is the blob's id too: a repeat is recognised

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "services/bus/participant.h"
+#include "services/campaign/fingerprint.h"
 #include "services/core/result.h"
 #include "services/episode/attempt_times.h"
 #include "services/spec/campaign_spec.h"
@@ -60,6 +61,9 @@ struct WorkerOptions {
   /// SHA-256 over the files that a spec names (robots, objects), "" when it names none. The collector lets work only
   /// those who have the same ones. Left out: "".
   std::function<Result<std::string>(const CampaignSpec&)> files_sha256;
+  /// What its bytes depend on; the collector lets work only those who agree as the campaign's `determinism` asks for.
+  /// Left out: not compared.
+  Fingerprint fingerprint;
   std::chrono::milliseconds heartbeat{500};
   std::chrono::milliseconds ask_again{1'000};      ///< a request without an answer is repeated
   std::chrono::milliseconds send_timeout{30'000};  ///< per try; the same object is sent again

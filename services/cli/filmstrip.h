@@ -16,8 +16,8 @@ struct FilmstripOptions {
   int frames = 8;  ///< of each, evenly spread over its length, both ends among them
 };
 
-/// To a name that ends in .webp or .mp4: the episodes side by side, moving, at real time. Else writes the picture, as JPEG to a name that ends in .jpg, else as PNG; under each row what was asked for and how it
-/// went.
+/// To a name that ends in .webp or .mp4: the episodes side by side, moving, at real time. Else writes the picture, as
+/// JPEG to a name that ends in .jpg, else as PNG; under each row what was asked for and how it went.
 /// @error of the store; kNotFound when an index is not there or no episode has pictures; kInvalidArgument for counts
 /// below 1;
 /// kUnavailable when the file cannot be written.

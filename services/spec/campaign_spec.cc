@@ -26,6 +26,7 @@ constexpr int kMostObjects = 6;
 constexpr int kMostThings = 8;  // objects and distractors
 const std::vector<std::string> kModes{"demonstrate", "rollout"};
 const std::vector<std::string> kScenes{"feasible", "first_draw"};
+const std::vector<std::string> kDeterminism{"bytes", "physics", "none"};
 
 /// What is wrong so far.
 class Problems {
@@ -158,6 +159,7 @@ Status CampaignSpec::Validate() const {
   problems.Require(IsPlainName(name), fmt::format("name: '{}' must match [a-z0-9_-]{{1,64}}", name));
   problems.Known("mode", mode, kModes);
   problems.Known("scenes", scenes, kScenes);
+  problems.Known("determinism", determinism, kDeterminism);
   problems.Require(!robots.empty(), "robots: at least one");
   for (const auto& robot : robots) {
     const auto found = FindRobot(robot);
@@ -190,7 +192,7 @@ Status CampaignSpec::Validate() const {
 
 std::string SpecHash(const CampaignSpec& spec) {
   OrderedJson json = ToJson(spec);
-  for (const char* key : {"name", "episodes", "max_attempts", "stall_timeout_s"}) json.erase(key);
+  for (const char* key : {"name", "episodes", "max_attempts", "stall_timeout_s", "determinism"}) json.erase(key);
   if (!spec.adaptive_sampling.on()) json.erase("split");
   if (spec.adaptive_sampling == AdaptiveSamplingSpec{}) json.erase("adaptive_sampling");
   if (spec.randomization.world == WorldRandomizationSpec{}) json["randomization"].erase("world");

@@ -124,6 +124,8 @@ struct CampaignSpec {
   int max_attempts = 10;  ///< per index; then the index is given up and counted
   /// A worker that beats but says no progress of its attempt for so long loses its lease, s.
   double stall_timeout_s = 120;
+  /// What hosts must agree in: bytes (all that an episode depends on) | physics (pictures may differ) | none.
+  std::string determinism = "bytes";
   /// feasible: a start is drawn anew until the expert's feasibility check passes | first_draw: the first one is taken,
   /// and one that the expert cannot do is an attempt "scene_invalid".
   std::string scenes = "feasible";
@@ -148,6 +150,7 @@ struct CampaignSpec {
     v("image_stride", image_stride, "steps of 8 ms", "control steps between two pictures; 1 as the paper has it");
     v("max_attempts", max_attempts, "-", "attempts at an episode until it is given up and counted");
     v("stall_timeout_s", stall_timeout_s, "s", "a worker whose attempt does not move for so long loses its lease");
+    v("determinism", determinism, "", "what hosts must agree in: bytes | physics: pictures may differ | none");
     v("scenes", scenes, "", "feasible: drawn anew until the expert can do the task | first_draw: taken as they come");
     v("camera", camera);
     v("randomization", randomization);
@@ -178,10 +181,10 @@ struct SceneSpec {
 };
 
 /// SHA-256 of what an episode's bytes depend on: kContentVersion and the resolved spec without name, episodes, split,
-/// max_attempts and stall_timeout_s, so that a campaign may be extended and still match what it has collected. Keys
-/// that came later (randomization.world, rollout's occlude, pushes and sentences, adaptive_sampling) count only where
-/// they are set, so that older campaigns go on. With adaptive sampling the split counts: only episodes for training
-/// follow its weights.
+/// max_attempts, stall_timeout_s and determinism, so that a campaign may be extended and still match what it has
+/// collected. Keys that came later (randomization.world, rollout's occlude, pushes and sentences, adaptive_sampling)
+/// count only where they are set, so that older campaigns go on. With adaptive sampling the split counts: only episodes
+/// for training follow its weights.
 std::string SpecHash(const CampaignSpec& spec);
 
 /// Episodes after which whole numbers in `split` are met exactly, and again after each such block: their sum over

@@ -197,6 +197,7 @@ std::string LineOf(const CommitRow& row) {
                    {"t", ToMilliseconds(row.t)},
                    {"worker", row.facts.worker},
                    {"host", row.facts.host},
+                   {"fingerprint", row.facts.fingerprint},
                    {"bytes", row.bytes},
                    {"steps", row.steps},
                    {"frames", row.frames},
@@ -230,6 +231,7 @@ Result<CommitRow> ParseCommitLine(std::string_view line) {
   keys.Read("t", row.t);
   keys.Read("worker", row.facts.worker);
   keys.Read("host", row.facts.host);
+  keys.Read("fingerprint", row.facts.fingerprint);
   keys.Read("bytes", row.bytes);
   keys.Read("steps", row.steps);
   keys.Read("frames", row.frames);

@@ -29,6 +29,7 @@ namespace etude::store {
 /// Who made an episode and how long it took: nothing of it enters the episode's bytes. "" and 0: not known.
 struct CommitFacts {
   std::string worker, host;
+  std::string fingerprint;  ///< short hash of what the host's bytes depend on; "": not said
   AttemptTimes timings;
 };
 
@@ -56,9 +57,9 @@ struct CommitRow {
 /// @param frames  of all cameras   @param bytes  of its file
 CommitRow RowOf(const Episode& episode, std::uint64_t frames, std::uint64_t bytes);
 
-/// A line without its end: {"index", "attempt", "t", "worker", "host", "bytes", "steps", "frames", "outcome", "robot",
-/// "task", "target", "reference", "instruction", "timings": {...}, "path_m", "jerk", "draws"} and, when it is counted,
-/// "success", "samples", "scene", "planned".
+/// A line without its end: {"index", "attempt", "t", "worker", "host", "fingerprint", "bytes", "steps", "frames",
+/// "outcome", "robot", "task", "target", "reference", "instruction", "timings": {...}, "path_m", "jerk", "draws"} and,
+/// when it is counted, "success", "samples", "scene", "planned".
 std::string LineOf(const CommitRow& row);
 /// Keys that are missing keep their defaults, others are ignored. @error kCorrupt: not JSON, without an index, or with
 /// a value of another kind

@@ -453,6 +453,29 @@ TEST_F(CollectorTest, WorkersWithOtherFilesOfTheUserAreRefusedAlsoAfterARestart)
   }
 }
 
+TEST_F(CollectorTest, HostsWhoseBytesDifferFromTheFirstOnesAreRefusedUnlessTheCampaignAllowsThem) {
+  CampaignSpec spec = Spec("hosts", 4);
+  const auto refused_at_start = [&](int start, const char* determinism) {
+    spec.determinism = determinism;
+    auto collector = Open(spec, folder_ / "data");
+    if (!collector) return collector.error().message;
+    Running running(std::move(*collector));
+    RawWorker same(*participant_, spec, running->id(), fmt::format("same{}", start)),
+        other(*participant_, spec, running->id(), fmt::format("other{}", start)),
+        silent(*participant_, spec, running->id(), fmt::format("silent{}", start));
+    same.request.fingerprint_json = R"({"picture": "aa", "physics": "cc"})";
+    other.request.fingerprint_json = R"({"picture": "bb", "physics": "cc"})";
+    const bus::Lease lease = same.Ask();
+    EXPECT_EQ(lease.kind, bus::LeaseKind::kWork);
+    EXPECT_EQ(same.Send(lease, FakeEpisode(spec, lease.index, lease.attempt)).kind, bus::AckKind::kDone);
+    EXPECT_NE(silent.Ask().kind, bus::LeaseKind::kRefused) << "an older program does not say it";
+    return other.Ask().reason;
+  };
+  EXPECT_NE(refused_at_start(0, "bytes").find("picture: here aa, there bb"), std::string::npos);
+  EXPECT_EQ(refused_at_start(1, "physics"), "") << "pictures may differ; and the dataset goes on";
+  EXPECT_NE(refused_at_start(2, "bytes").find("picture: here aa, there bb"), std::string::npos) << "remembered";
+}
+
 TEST_F(CollectorTest, EpisodesThatDoNotFitAreRefusedWithTheReasonAndCostTheIndexNothing) {
   CampaignSpec spec = Spec("unfit", 2);
   spec.max_attempts = 2;

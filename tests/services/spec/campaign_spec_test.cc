@@ -73,6 +73,7 @@ TEST(CampaignSpec, RefusesWhatIsOutOfRangeAndSaysWhatIsAllowed) {
                  {"max_attempts=0", "max_attempts: 0 not in 1..1000"},
                  {"max_attempts=1001", "max_attempts: 1001 not in 1..1000"},
                  {"stall_timeout_s=0.5", "stall_timeout_s: 0.5 not in 1..86400"},
+                 {"determinism=byte", "determinism"},
                  {"camera.width=15", "camera: 15x224 not in 16..2048"},
                  {"camera.height=2049", "camera: 224x2049 not in 16..2048"},
                  {"camera.fovy_deg=1", "camera.fovy_deg: not in 1..170"},
@@ -199,7 +200,7 @@ TEST(CampaignSpec, EveryOtherKeyIsAnotherCampaign) {
     const auto other = FromJson<CampaignSpec>(changed, path);
     ASSERT_THAT(other, IsOk());
     const bool may_grow = path == "name" || path == "episodes" || path == "max_attempts" || path == "stall_timeout_s" ||
-                          path.starts_with("split.");
+                          path == "determinism" || path.starts_with("split.");
     EXPECT_EQ(SpecHash(*other) == SpecHash(spec), may_grow) << path;
     ++keys;
   });
@@ -210,7 +211,8 @@ TEST(CampaignSpec, EveryOtherKeyIsAnotherCampaign) {
 TEST(CampaignSpec, KeysThatCameLaterChangeNoHashWhileTheyAreUnset) {
   const CampaignSpec spec;
   OrderedJson json = ToJson(spec);
-  for (const char* key : {"name", "episodes", "split", "max_attempts", "stall_timeout_s"}) json.erase(key);
+  for (const char* key : {"name", "episodes", "split", "max_attempts", "stall_timeout_s", "determinism"})
+    json.erase(key);
   for (const char* key : {"occlude", "pushes", "sentences"}) ASSERT_EQ(json["rollout"].erase(key), 1u) << key;
   ASSERT_EQ(json["randomization"].erase("world"), 1u);
   ASSERT_EQ(json.erase("adaptive_sampling"), 1u);
