@@ -25,60 +25,29 @@ struct FileNumber {
   }
 };
 
-// Row groups, in one file after the other.
-class RollingTable {
+// One file after the other, each of about `limit` bytes.
+template <class File>
+class Rolling {
  public:
-  RollingTable(Path folder, std::uint64_t limit) : folder_(std::move(folder)), limit_(limit) {}
+  Rolling(Path folder, const char* extension, std::uint64_t limit)
+      : folder_(std::move(folder)), extension_(extension), limit_(limit) {}
 
-  /// The file that the next row group comes into.
-  Result<FileNumber> Next(const std::vector<ParquetColumn>& columns) {
-    if (file_ && file_->bytes() >= limit_) {
-      ETUDE_RETURN_IF_ERROR(Finish());
-      ++number_.number;
-    }
-    if (!file_) {
-      const Path path = number_.In(folder_, ".parquet");
-      ETUDE_RETURN_IF_ERROR(MakeFolders(path.parent_path()));
-      ETUDE_ASSIGN_OR_RETURN(file_, ParquetWriter::Create(path, columns, {}));
-    }
-    return number_;
-  }
-  Status Write(std::size_t rows, const std::vector<ParquetCells>& cells) { return file_->WriteRowGroup(rows, cells); }
-  Status Finish() {
-    if (!file_) return {};
-    ETUDE_RETURN_IF_ERROR(file_->Finish());
-    file_.reset();
-    return {};
-  }
-
- private:
-  Path folder_;
-  std::uint64_t limit_;
-  FileNumber number_;
-  std::optional<ParquetWriter> file_;
-};
-
-// Episodes' pictures, in one file after the other; those of an episode stay together.
-class RollingVideo {
- public:
-  RollingVideo(Path folder, const video::Mp4Options& options, std::uint64_t limit)
-      : folder_(std::move(folder)), options_(options), limit_(limit) {}
-
-  Status Begin() {
+  /// What comes next comes into number(), which `open` opens where it is a new one.
+  template <class Open>
+  Status Begin(const Open& open) {
     if (file_ && file_->bytes() >= limit_) {
       ETUDE_RETURN_IF_ERROR(Finish());
       ++number_.number;
     }
     if (file_) return {};
-    const Path path = number_.In(folder_, ".mp4");
+    const Path path = number_.In(folder_, extension_);
     ETUDE_RETURN_IF_ERROR(MakeFolders(path.parent_path()));
-    ETUDE_ASSIGN_OR_RETURN(file_, video::Mp4Writer::Open(path, options_));
+    ETUDE_ASSIGN_OR_RETURN(file_, open(path));
     return {};
   }
-  video::Mp4Writer& file() { return *file_; }
+  File& file() { return *file_; }
+  const File& file() const { return *file_; }
   FileNumber number() const { return number_; }
-  // a time is a whole number of pictures over the rate: never a sum of rounded times
-  double Now() const { return static_cast<double>(file_->pictures()) / options_.rate.numerator; }
   Status Finish() {
     if (!file_) return {};
     ETUDE_RETURN_IF_ERROR(file_->Finish());
@@ -88,10 +57,39 @@ class RollingVideo {
 
  private:
   Path folder_;
-  video::Mp4Options options_;
+  const char* extension_;
   std::uint64_t limit_;
   FileNumber number_;
-  std::optional<video::Mp4Writer> file_;
+  std::optional<File> file_;
+};
+
+// Row groups.
+class RollingTable : public Rolling<ParquetWriter> {
+ public:
+  RollingTable(Path folder, std::uint64_t limit) : Rolling(std::move(folder), ".parquet", limit) {}
+
+  /// The file that the next row group comes into.
+  Result<FileNumber> Next(const std::vector<ParquetColumn>& columns) {
+    ETUDE_RETURN_IF_ERROR(Begin([&](const Path& path) { return ParquetWriter::Create(path, columns, {}); }));
+    return number();
+  }
+  Status Write(std::size_t rows, const std::vector<ParquetCells>& cells) { return file().WriteRowGroup(rows, cells); }
+};
+
+// Episodes' pictures; those of an episode stay together.
+class RollingVideo : public Rolling<video::Mp4Writer> {
+ public:
+  RollingVideo(Path folder, const video::Mp4Options& options, std::uint64_t limit)
+      : Rolling(std::move(folder), ".mp4", limit), options_(options) {}
+
+  Status Begin() {
+    return Rolling::Begin([&](const Path& path) { return video::Mp4Writer::Open(path, options_); });
+  }
+  // a time is a whole number of pictures over the rate: never a sum of rounded times
+  double Now() const { return static_cast<double>(file().pictures()) / options_.rate.numerator; }
+
+ private:
+  video::Mp4Options options_;
 };
 
 // What pandas wants to be told, so that rows are found by their sentence.

@@ -267,16 +267,24 @@ TEST(Renderer, AMovedCameraTakesThePictureOfASceneThatHasItThere) {
   EXPECT_EQ(Take(renderer, world), normal);
 }
 
+// Pictures of one compiled scene in several appearances.
+struct AppearanceRig {
+  explicit AppearanceRig(const SceneSpec& spec)
+      : scene(Scene::Build(spec).value()), world(scene), renderer(Renderer::Open(scene).value()) {}
+  Picture operator()(const Appearance& appearance) {
+    renderer.SetAppearance(appearance);
+    return Take(renderer, world);
+  }
+
+  std::shared_ptr<const Scene> scene;
+  World world;
+  Renderer renderer;
+};
+
 TEST(Renderer, AnotherTableIsThatOfASceneThatHasIt) {
   SceneSpec spec;
   spec.tables = {"wood", "stone"};
-  const auto scene = Scene::Build(spec).value();
-  World world(scene);
-  Renderer renderer = Renderer::Open(scene).value();
-  const auto take = [&](const Appearance& appearance) {
-    renderer.SetAppearance(appearance);
-    return Take(renderer, world);
-  };
+  AppearanceRig take(spec);
   SceneSpec stone;
   stone.world.table = "stone";
   const Picture wood = take({});
@@ -293,23 +301,17 @@ TEST(Renderer, AnotherTableIsThatOfASceneThatHasIt) {
 TEST(Renderer, AnotherBackgroundIsThatOfASceneThatHasIt) {
   SceneSpec spec, blue;
   spec.backdrop = true;
-  const auto scene = Scene::Build(spec).value();
-  World world(scene);
-  Renderer renderer = Renderer::Open(scene).value();
-  const auto take = [&](const Appearance& appearance) {
-    renderer.SetAppearance(appearance);
-    return Take(renderer, world);
-  };
+  AppearanceRig take(spec);
   const Picture black = take({});
   EXPECT_EQ(black, PictureOf(SceneSpec()));
   blue.world.background = {0.2, 0.4, 0.6};
   EXPECT_EQ(take({.background = Eigen::Vector3d(0.2, 0.4, 0.6)}), PictureOf(blue));
   const Picture first = take({.background = Eigen::Vector3d(0.9, 0, 0)});
   EXPECT_NEAR(first[0], 230, 1);
-  Camera view = scene->camera();
+  Camera view = take.scene->camera();
   view.width = view.height = 256;
   Picture large = Blank(view);
-  renderer.RenderView(world, view, large);
+  take.renderer.RenderView(take.world, view, large);
   EXPECT_NEAR(large[0], 230, 1) << "in a larger picture, too";
   EXPECT_EQ(take({}), black);
 }
