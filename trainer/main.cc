@@ -307,6 +307,30 @@ Status TrainAlong(const Arguments& arguments, const learn::TrainConfig& config, 
   return trainer->Run();
 }
 
+Result<std::string> RunName(const Arguments& arguments) {
+  const std::string run = arguments.name.empty() ? checkpoint::RunNameOf(arguments.out) : arguments.name;
+  if (IsPlainName(run)) return run;
+  return Fail(Code::kInvalidArgument, fmt::format("--name '{}': must match [a-z0-9_-]{{1,64}}", run));
+}
+
+// None when it trains offline.
+Result<std::optional<bus::Participant>> JoinBus(const Arguments& arguments) {
+  if (arguments.offline && !arguments.collect.empty())
+    return Fail(Code::kInvalidArgument, "--collect needs the bus: leave out --offline");
+  if (arguments.offline) return std::nullopt;
+  std::vector<security::Role> roles{security::Role::kTrainer};
+  if (!arguments.collect.empty()) roles.push_back(security::Role::kCollector);
+  ETUDE_ASSIGN_OR_RETURN(auto participant, arguments.bus.Open(roles));
+  return std::optional<bus::Participant>(std::move(participant));
+}
+
+// None without --sign.
+Result<std::shared_ptr<const security::CheckpointSigner>> OpenSigner(const Arguments& arguments) {
+  if (arguments.sign.empty()) return nullptr;
+  ETUDE_ASSIGN_OR_RETURN(auto opened, security::CheckpointSigner::Open(arguments.sign));
+  return std::make_shared<const security::CheckpointSigner>(std::move(opened));
+}
+
 Status Train(const Arguments& arguments) {
   const bool leads = arguments.rank <= 0;
   if (leads) ETUDE_RETURN_IF_ERROR(CheckOut(arguments));
@@ -318,24 +342,11 @@ Status Train(const Arguments& arguments) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
   ETUDE_ASSIGN_OR_RETURN(const auto together, JoinRanks(arguments));
   if (!leads) return TrainAlong(arguments, config, {.ranks = together.ranks, .device = device});
-  const std::string run = arguments.name.empty() ? checkpoint::RunNameOf(arguments.out) : arguments.name;
-  if (!IsPlainName(run))
-    return Fail(Code::kInvalidArgument, fmt::format("--name '{}': must match [a-z0-9_-]{{1,64}}", run));
+  ETUDE_ASSIGN_OR_RETURN(const std::string run, RunName(arguments));
   policy::SetTorchThreads(config.threads.intra_op);
 
-  std::optional<bus::Participant> participant;
-  if (!arguments.offline) {
-    std::vector<security::Role> roles{security::Role::kTrainer};
-    if (!arguments.collect.empty()) roles.push_back(security::Role::kCollector);
-    ETUDE_ASSIGN_OR_RETURN(participant, arguments.bus.Open(roles));
-  } else if (!arguments.collect.empty()) {
-    return Fail(Code::kInvalidArgument, "--collect needs the bus: leave out --offline");
-  }
-  std::shared_ptr<const security::CheckpointSigner> signer;
-  if (!arguments.sign.empty()) {
-    ETUDE_ASSIGN_OR_RETURN(auto opened, security::CheckpointSigner::Open(arguments.sign));
-    signer = std::make_shared<const security::CheckpointSigner>(std::move(opened));
-  }
+  ETUDE_ASSIGN_OR_RETURN(auto participant, JoinBus(arguments));
+  ETUDE_ASSIGN_OR_RETURN(auto signer, OpenSigner(arguments));
   std::unique_ptr<bus::ProcessReporter> reporter;
   if (participant) {
     ETUDE_ASSIGN_OR_RETURN(reporter,

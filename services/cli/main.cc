@@ -38,22 +38,7 @@ int Usage(const CLI::App& app, const CLI::ParseError& error, int argc, char** ar
   return kExitUsage;
 }
 
-int Main(int argc, char** argv) {
-  if (const OwnProgram* own = FindOwnProgram(argc, argv))
-    return RunMain("etude " + std::string(own->command), [&] {
-      std::vector<std::string> arguments = own->prefix;
-      arguments.insert(arguments.end(), argv + 2, argv + argc);
-      return ExecSibling(own->program, arguments);
-    });
-
-  CLI::App app(
-      "Language-conditioned robot policies: many workers plan demonstrations in simulation, a trainer learns\n"
-      "module by module while they arrive, and every checkpoint goes out on a topic.",
-      "etude");
-  app.set_version_flag("--version", Version());
-  app.require_subcommand(1);
-  app.get_formatter()->column_width(28);
-  Body body;
+void AddCommands(CLI::App& app, Body& body) {
   AddUp(app, body);
   AddCollect(app, body);
   for (const auto& own : OwnPrograms()) app.add_subcommand(own.command, own.description);
@@ -72,6 +57,25 @@ int Main(int argc, char** argv) {
   AddDoctor(app, body);
   AddCompletion(app, body);
   AddReference(app, body);
+}
+
+int Main(int argc, char** argv) {
+  if (const OwnProgram* own = FindOwnProgram(argc, argv))
+    return RunMain("etude " + std::string(own->command), [&] {
+      std::vector<std::string> arguments = own->prefix;
+      arguments.insert(arguments.end(), argv + 2, argv + argc);
+      return ExecSibling(own->program, arguments);
+    });
+
+  CLI::App app(
+      "Language-conditioned robot policies: many workers plan demonstrations in simulation, a trainer learns\n"
+      "module by module while they arrive, and every checkpoint goes out on a topic.",
+      "etude");
+  app.set_version_flag("--version", Version());
+  app.require_subcommand(1);
+  app.get_formatter()->column_width(28);
+  Body body;
+  AddCommands(app, body);
   app.footer("Each command has its own --help. Exit codes: 0 done, 2 wrong usage, 3 the machine cannot, 1 else.");
   if (argc == 2 && std::strcmp(argv[1], "--command-table") == 0) return *ParseCommandLine(app, argc, argv);
   try {

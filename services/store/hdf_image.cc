@@ -216,6 +216,7 @@ struct HdfImage::Object {
   }
 
   void WriteTree(Bytes& out) const;
+  void WriteTreeKey(Bytes& out, std::uint64_t frame) const;
 
  private:
   void PutGroup(Bytes& out) const {
@@ -285,20 +286,21 @@ struct HdfImage::Object {
   }
 };
 
+void HdfImage::Object::WriteTreeKey(Bytes& out, std::uint64_t frame) const {
+  const bool last = frame >= frames.size();
+  Put(out, static_cast<std::uint32_t>(last ? 0 : frames[frame].size()));
+  Put(out, std::uint32_t{0});  // no filter is left out
+  Put(out, std::uint64_t{std::min<std::uint64_t>(frame, frames.size())});
+  for (std::size_t i = 1; i < shape.size(); ++i) Put(out, last ? shape[i] : std::uint64_t{0});
+  Put(out, std::uint64_t{last ? 1u : 0u});
+}
+
 // III.A.1, node type 1. `data_address` is that of the root: levels follow each other from the root down to the leaves,
 // and what the leaves name lies one after the other behind `first_frame`, which the caller has put into `data`.
 void HdfImage::Object::WriteTree(Bytes& out) const {
   std::uint64_t first_frame = 0;
   std::memcpy(&first_frame, data.data(), sizeof(first_frame));
   const auto levels = tree_levels();
-  const auto put_key = [&](std::uint64_t frame) {
-    const bool last = frame >= frames.size();
-    Put(out, static_cast<std::uint32_t>(last ? 0 : frames[frame].size()));
-    Put(out, std::uint32_t{0});  // no filter is left out
-    Put(out, std::uint64_t{std::min<std::uint64_t>(frame, frames.size())});
-    for (std::size_t i = 1; i < shape.size(); ++i) Put(out, last ? shape[i] : std::uint64_t{0});
-    Put(out, std::uint64_t{last ? 1u : 0u});
-  };
   std::vector<std::uint64_t> level_at(levels.size());
   std::uint64_t at = data_address;
   for (std::size_t level = levels.size(); level-- > 0; at += levels[level] * node_size()) level_at[level] = at;
@@ -320,11 +322,11 @@ void HdfImage::Object::WriteTree(Bytes& out) const {
       sibling(node > 0, node - 1);
       sibling(node + 1 < levels[level], node + 1);
       for (std::size_t i = first; i < first + used; ++i) {
-        put_key(i * span);
+        WriteTreeKey(out, i * span);
         Put(out, level == 0 ? frame_at : level_at[level - 1] + i * node_size());
         if (level == 0) frame_at += frames[i].size();
       }
-      put_key((first + used) * span);
+      WriteTreeKey(out, (first + used) * span);
       PadTo(out, begin + node_size());
     }
   }
@@ -478,8 +480,7 @@ void HdfImage::WriteHeaps(Bytes& out) const {
   }
 }
 
-Result<HdfImageBytes> HdfImage::Finish() {
-  if (!failed_.empty()) return Fail(Code::kInternal, "make an HDF5 file: " + failed_);
+std::uint64_t HdfImage::PlaceHead() {
   std::uint64_t at = kSuperblockSize;
   for (const auto& object : objects_) {
     Bytes header;
@@ -487,9 +488,7 @@ Result<HdfImageBytes> HdfImage::Finish() {
     object->address = at;
     at += header.size();
   }
-  at = Align8(at);
-  const std::uint64_t heaps_at = at;
-  at = PlaceTexts(at);
+  at = PlaceTexts(Align8(at));
   for (const auto& object : objects_)
     if (object->chunked()) {
       object->data_address = at = Align8(at);
@@ -500,8 +499,14 @@ Result<HdfImageBytes> HdfImage::Finish() {
       object->data_address = at = Align8(at);
       at += object->data.size();
     }
+  return at;
+}
+
+Result<HdfImageBytes> HdfImage::Finish() {
+  if (!failed_.empty()) return Fail(Code::kInternal, "make an HDF5 file: " + failed_);
+  const std::uint64_t head_size = PlaceHead();
+  std::uint64_t at = head_size;
   HdfImageBytes image;
-  const std::uint64_t head_size = at;
   for (const auto& object : objects_) {
     if (!object->chunked()) continue;
     Put(object->data, at);
@@ -519,7 +524,7 @@ Result<HdfImageBytes> HdfImage::Finish() {
   Put(out, objects_.front()->address);
   PutChecksumFrom(out, 0);
   for (const auto& object : objects_) object->WriteHeader(out, texts_);
-  PadTo(out, heaps_at);
+  PadTo(out, Align8(out.size()));
   WriteHeaps(out);
   for (const auto& object : objects_)
     if (object->chunked()) {

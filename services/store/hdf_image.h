@@ -74,6 +74,7 @@ class HdfImage {
                     std::span<const std::uint8_t> data);
   void AddArray(const std::string& path, const Bytes& type, const Shape& shape, std::span<const std::uint8_t> data);
   void Complain(std::string what);
+  std::uint64_t PlaceHead();  ///< gives all but the frames their addresses; returns where it ends
   std::uint64_t PlaceTexts(std::uint64_t at);
   void WriteHeaps(Bytes& out) const;
 

@@ -43,6 +43,21 @@ Status SaveRunState(const Path& path, const RunState& state) {
   return store::WriteSafetensors(path, file);
 }
 
+namespace {
+
+void TakeTensors(const store::Safetensors& file, RunState& state) {
+  for (const auto& [name, tensor] : file.tensors) {
+    if (name.starts_with("policy."))
+      state.policy[name.substr(7)] = checkpoint::FromStore(tensor);
+    else if (name.starts_with("optimizer."))
+      state.optimizer[name.substr(10)] = checkpoint::FromStore(tensor);
+    else if (name == "rng")
+      state.rng = checkpoint::FromStore(tensor);
+  }
+}
+
+}  // namespace
+
 Result<RunState> LoadRunState(const Path& path) {
   ETUDE_ASSIGN_OR_RETURN(const auto file, store::ReadSafetensors(path));
   const auto meta = [&](const char* key) {
@@ -58,14 +73,7 @@ Result<RunState> LoadRunState(const Path& path) {
                     "but training begins anew",
                     path.string(), meta("format"), meta("version"), kFormat));
   RunState state;
-  for (const auto& [name, tensor] : file.tensors) {
-    if (name.starts_with("policy."))
-      state.policy[name.substr(7)] = checkpoint::FromStore(tensor);
-    else if (name.starts_with("optimizer."))
-      state.optimizer[name.substr(10)] = checkpoint::FromStore(tensor);
-    else if (name == "rng")
-      state.rng = checkpoint::FromStore(tensor);
-  }
+  TakeTensors(file, state);
   try {
     const auto run = OrderedJson::parse(meta("run"));
     state.step = run.at("step");

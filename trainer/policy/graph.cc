@@ -129,6 +129,15 @@ Token GraphModule::OwnToken(const Context& context, bool as_key) {
           (value_head_->Forward(register_) + segment).expand({context.batch, 1, width_})};
 }
 
+Token GraphModule::TokenOf(const std::string& name, const Context& context) {
+  if (name == "language") return context.tokens.language;
+  if (name == "joints") return context.tokens.joints;
+  if (name == "self") return OwnToken(context, true);
+  const Tensor& reg = context.earlier[wiring_.index.at(name)].register_token;
+  const Tensor token = config_.detach ? reg.detach() : reg;
+  return {token, token};
+}
+
 Keys GraphModule::CollectKeys(const Context& context) {
   Keys keys;
   std::vector<Tensor> key, value;
@@ -139,17 +148,7 @@ Keys GraphModule::CollectKeys(const Context& context) {
       keys.image_pixels = context.tokens.image_pixels;
       continue;
     }
-    Token token;
-    if (name == "language") {
-      token = context.tokens.language;
-    } else if (name == "joints") {
-      token = context.tokens.joints;
-    } else if (name == "self") {
-      token = OwnToken(context, true);
-    } else {
-      const Tensor& reg = context.earlier[wiring_.index.at(name)].register_token;
-      token.key = token.value = config_.detach ? reg.detach() : reg;
-    }
+    const Token token = TokenOf(name, context);
     key.push_back(context.Take(token.key));
     value.push_back(context.Take(token.value));
   }

@@ -69,6 +69,7 @@ class GraphModule : public torch::nn::Module {
   void MakeDecoder(const PolicyConfig& policy);
   torch::Tensor Query(const Context& context);
   Keys CollectKeys(const Context& context);
+  Token TokenOf(const std::string& name, const Context& context);
   Token OwnToken(const Context& context, bool as_key);
   torch::Tensor Feature(const DecoderInput& input, const Context& context, const ModuleOutput& own) const;
   void Decode(const Context& context, ModuleOutput& output);
