@@ -78,7 +78,7 @@ void Print(const bus::Insight& insight, bool as_json) {
                                    {"instruction", insight.instruction},
                                    {"modules", parsed(insight.modules_json)},
                                    {"what_if", parsed(insight.what_if_json)}}
-                           .dump());
+                           .dump(-1, ' ', false, OrderedJson::error_handler_t::replace));
   } else {
     fmt::print("{} #{}  step {}  \"{}\"\n{}\n", insight.session, insight.request_id, insight.checkpoint_step,
                insight.instruction, InsightText(insight.modules_json, insight.what_if_json));
