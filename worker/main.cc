@@ -22,6 +22,7 @@
 #include "services/core/pinned_process.h"
 #include "services/core/service_manager.h"
 #include "services/core/stop.h"
+#include "services/core/without_throwing.h"
 #include "services/episode/codec.h"
 #include "services/policy/client.h"
 #include "services/store/dataset.h"
@@ -78,7 +79,7 @@ campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete)
                              {"step_s", attempt.step_s},
                              {"render_s", attempt.render_s},
                              {"deflate_s", attempt.deflate_s}});
-  result.details_json = details.dump();
+  result.details_json = details.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
   return result;
 }
 
@@ -108,7 +109,8 @@ campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, cons
     // the policy did not answer: not the rollout's failure, it is tried again
     const std::string outcome = StopRequested() ? campaign::kReleased : campaign::kPolicyError;
     return campaign::WorkResult{.outcome = outcome,
-                                .details_json = OrderedJson{{"reason", attempt.error().message}}.dump()};
+                                .details_json = OrderedJson{{"reason", attempt.error().message}}.dump(
+                                    -1, ' ', false, OrderedJson::error_handler_t::replace)};
   };
 }
 
@@ -171,7 +173,7 @@ Status WorkInSlot(const Arguments& arguments, const bus::Participant& participan
 
 // One participant for all slots. A slot that ends with an error ends its host: what refused it refuses the others.
 Status Host(const Arguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kWorker}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "worker"}));
   ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling("etude-worker"));
   ETUDE_ASSIGN_OR_RETURN(const auto fingerprint, TakeFingerprint(arguments.renderer));
@@ -179,14 +181,15 @@ Status Host(const Arguments& arguments) {
   host::SlotOptions options;
   options.argv = {program.string(), "--child", "--gl", arguments.renderer.backend};
   if (arguments.bus.log != "text") options.argv.insert(options.argv.end(), {"--log", arguments.bus.log});
-  options.hopeless = std::max(6, 3 * arguments.slots);
+  options.hopeless = campaign::HopelessDeaths(arguments.slots);
   options.stall = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * arguments.stall_s));
+  ServiceManager::Get().Ready(fmt::format("looking for campaign {}", arguments.worker.campaign));
   std::vector<Status> ended(static_cast<std::size_t>(arguments.slots));
   std::vector<std::thread> threads;
   for (std::size_t k = 0; k < ended.size(); ++k) {
     options.name = fmt::format("{}-s{}", name, k);
     threads.emplace_back([&, k, options] {
-      ended[k] = WorkInSlot(arguments, participant, options, fingerprint);
+      ended[k] = WithoutThrowing([&] { return WorkInSlot(arguments, participant, options, fingerprint); });
       if (!ended[k]) RequestStop();
     });
   }

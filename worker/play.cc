@@ -36,7 +36,9 @@ constexpr auto kMoving = 100ms;  // between two states, and two pictures, while 
 constexpr auto kResting = 500ms;
 constexpr auto kBehind = 200ms;           // more than this is not caught up with
 constexpr std::size_t kAnswersKept = 64;  // of commands, for those that are said again
-constexpr policy::ClientOptions kPatience{.answer = 3s, .patience = 10s};
+// A try at the policy ends well before those who watch take the session for gone (play::kSilent).
+constexpr policy::ClientOptions kTry{.answer = 2s, .patience = 2s};
+constexpr auto kPatience = 10s;  // over all tries
 
 // Simulated time against the clock's.
 class Pace {
@@ -115,8 +117,11 @@ class PlayHost {
   void TakeCommands();
   Status Obey(const bus::PlayCommand& command);
   Status Scene(const OrderedJson& arguments);
+  void ForgetSentence();
   Status Accept(const OrderedJson& arguments);
   void Say();
+  Result<policy::Answer> Ask(const policy::Question& question);
+  Status Reset();
   bool BeforeStep();
   void Publish(bool with_picture);
   void PublishPicture();
@@ -141,8 +146,7 @@ class PlayHost {
 Result<PlayHost> PlayHost::Open(const PlayOptions& options, const CampaignSpec& spec,
                                 const bus::Participant& participant, const sim::RendererConfig& renderer) {
   ETUDE_ASSIGN_OR_RETURN(auto session, task::PlaySession::Open(spec, options.index, renderer));
-  ETUDE_ASSIGN_OR_RETURN(auto policy,
-                         policy::Client::Open(participant, options.run, "play-" + options.session, kPatience));
+  ETUDE_ASSIGN_OR_RETURN(auto policy, policy::Client::Open(participant, options.run, "play-" + options.session, kTry));
   ETUDE_ASSIGN_OR_RETURN(auto commands, bus::Reader<bus::PlayCommand>::Open(participant, bus::kPlayPartition));
   ETUDE_ASSIGN_OR_RETURN(auto states, bus::Writer<bus::PlayState>::Open(participant, bus::kPlayPartition));
   ETUDE_ASSIGN_OR_RETURN(auto frames,
@@ -156,11 +160,7 @@ Status PlayHost::Run() {
     TakeCommands();
     if (said_) Say();
     if (std::exchange(reset_, false)) {
-      if (const Status reset = session_->Reset(); !reset) return reset;
-      state_.outcome.clear();
-      state_.reason.clear();
-      state_.sentence.clear();
-      state_.meaning_json.clear();
+      ETUDE_RETURN_IF_ERROR(Reset());
       published_ = {};
     }
     if (MonotonicClock::now() - published_ >= kResting) Publish(true);
@@ -220,8 +220,8 @@ Status PlayHost::Obey(const bus::PlayCommand& command) {
       return command.action == PlayAction::kHide ? session_->Hide(chosen.object) : session_->Show(chosen.object);
     }
     case PlayAction::kReset:
-      stop_ = moving();
-      reset_ = true;
+      if (!moving()) return Reset();  // at once: the answer shows it, and the next command finds it done
+      stop_ = reset_ = true;
       return {};
     case PlayAction::kClose:
       stop_ = close_ = true;
@@ -234,11 +234,21 @@ Status PlayHost::Scene(const OrderedJson& arguments) {
   if (moving() || said_) return Fail(Code::kUnavailable, "the policy drives: stop it first");
   ETUDE_ASSIGN_OR_RETURN(const auto scene, play::ReadArguments<play::SceneArguments>(arguments));
   ETUDE_RETURN_IF_ERROR(session_->SetScene(scene.index, scene.objects));
+  ForgetSentence();
+  return {};
+}
+
+Status PlayHost::Reset() {
+  ETUDE_RETURN_IF_ERROR(session_->Reset());
+  ForgetSentence();
+  return {};
+}
+
+void PlayHost::ForgetSentence() {
   state_.outcome.clear();
   state_.reason.clear();
   state_.sentence.clear();
   state_.meaning_json.clear();
-  return {};
 }
 
 Status PlayHost::Accept(const OrderedJson& arguments) {
@@ -269,9 +279,10 @@ Status PlayHost::Accept(const OrderedJson& arguments) {
 void PlayHost::Say() {
   const task::Sentence sentence = *std::exchange(said_, std::nullopt);
   pace_.Restart();
-  const auto verdict = session_->Say(
-      sentence, [this](const policy::Question& question) { return policy_.Ask(question); },
-      [this] { return BeforeStep(); });
+  auto verdict = session_->Say(
+      sentence, [this](const policy::Question& question) { return Ask(question); }, [this] { return BeforeStep(); });
+  if (verdict && verdict->outcome == task::AttemptOutcome::kPolicyError && stop_)
+    verdict->outcome = task::AttemptOutcome::kStopped;
   state_.phase = "rest";
   asked_ = MonotonicClock::now();
   if (verdict) {
@@ -288,6 +299,19 @@ void PlayHost::Say() {
   }
   Log().info("session={} sentence='{}': {} {}", state_.session, sentence.text, state_.outcome, state_.reason);
   Publish(true);
+}
+
+// In short tries: between two of them the session says that it is there, and can be stopped.
+Result<policy::Answer> PlayHost::Ask(const policy::Question& question) {
+  const auto deadline = MonotonicClock::now() + kPatience;
+  while (true) {
+    auto answer = policy_.Ask(question);
+    const bool again = !answer && answer.error().code == Code::kUnavailable && MonotonicClock::now() < deadline;
+    if (!again || StopRequested()) return answer;
+    TakeCommands();
+    if (stop_) return Fail(Code::kTimeout, "stopped while it waited for its policy");
+    Publish(false);
+  }
 }
 
 bool PlayHost::BeforeStep() {
@@ -309,7 +333,7 @@ void PlayHost::Publish(bool with_picture) {
   state_.step = static_cast<std::uint32_t>(session_->step());
   state_.max_steps = static_cast<std::uint32_t>(session_->max_steps());
   OrderedJson judge = session_->JudgeJson();
-  judge["doing"] = session_->doing();
+  judge["doing"] = std::string(session_->doing());
   state_.judge_json = Text(judge);
   const Eigen::VectorXf arm = session_->world().q().cast<float>();
   const Eigen::VectorXf gripper = session_->world().gripper_q().cast<float>();
@@ -317,8 +341,8 @@ void PlayHost::Publish(bool with_picture) {
   state_.joints.insert(state_.joints.end(), gripper.begin(), gripper.end());
   const policy::Answer& answer = session_->answer();
   state_.waypoints = NumbersOf(answer.waypoints);
-  for (const float value : state_.waypoints)
-    if (!std::isfinite(value)) state_.waypoints.clear();
+  if (!std::ranges::all_of(state_.waypoints, [](float value) { return std::isfinite(value); }))
+    state_.waypoints.clear();
   state_.modules_json = answer.modules.is_object() ? Text(answer.modules) : "";
   state_.checkpoint_step = answer.checkpoint_step;
   state_.policy_ms = session_->policy_ms();
@@ -363,7 +387,7 @@ CLI::App* AddPlay(CLI::App& app, PlayOptions& options) {
   play->add_option("--index", options.index, "episode whose scene it begins with")->capture_default_str();
   play->add_option("--seed", options.spec.seed, "instead of the spec's");
   play->add_option("--speed", options.speed, "of the simulation against the clock; 0: as fast as it goes")
-      ->check(CLI::Range(0.0, 100.0))
+      ->check((CLI::Range(0.0, 0.0) | CLI::Range(0.01, 100.0)).description("0 or 0.01 .. 100"))
       ->capture_default_str();
   play->add_option("--idle", options.idle_s, "s without a command after which it ends; 0: never")
       ->check(CLI::NonNegativeNumber)
@@ -382,7 +406,7 @@ Status Play(const PlayOptions& options, const bus::Arguments& bus, const sim::Re
                 fmt::format("--session '{:.80}': letters, digits, _ and -, 1 to 64 of them", chosen.session));
   if (chosen.spec.seed) chosen.spec.overrides.push_back(fmt::format("seed={}", *chosen.spec.seed));
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, SpecOf(chosen.spec));
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, bus.Open());
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, bus.Open({security::Role::kWorker}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "play"}));
   ETUDE_ASSIGN_OR_RETURN(PlayHost host, PlayHost::Open(chosen, spec, participant, renderer));
   // the name is what people and programs wait for

@@ -84,7 +84,7 @@ struct WorkerStatus {
   std::string campaign;
   std::string worker;
   std::string host;
-  std::string phase;  ///< idle | plan | play | send
+  std::string phase;  ///< idle | plan | play | send | gone
   std::uint64_t index = 0;
   std::uint32_t attempt = 0;
   std::uint64_t token = 0;     ///< 0: holds no lease
@@ -239,6 +239,8 @@ struct Action {
 
 /// At most so many observations are shown to a viewer: of those that come sooner it gets no insight.
 inline constexpr int kInsightsPerSecond = 10;
+/// s that viewers let a wish stand, and after which they say it again.
+inline constexpr std::uint32_t kWishStands = 5, kWishAgain = 2;
 
 /// viewer -> policy server: show me what the policy thinks of a session's observations. Said again before it ends.
 struct InsightWish {
@@ -299,7 +301,7 @@ inline constexpr char kPlayPartition[] = "play";
 
 enum class PlayAction : std::uint8_t {
   kScene = 0,  ///< {"index", "objects": [{"name", "x", "y", "yaw"}]}: set the scene, with objects where they are put
-  kSay = 1,    ///< {"sentence", "task", "target", "reference", "max_steps"}: the policy drives
+  kSay = 1,    ///< {"sentence", "task", "target", "reference", "max_steps", "home"}: the policy drives
   kStop = 2,   ///< it stops driving; the scene stays as it is
   kNudge = 3,  ///< {"object", "dx", "dy"}: slides an object, m in the world
   kHide = 4,   ///< {"object"}: out of the picture
@@ -314,7 +316,7 @@ struct PlayCommand {
   std::string session;
   std::string command_id;  ///< random, of this request
   PlayAction action = PlayAction::kScene;
-  std::string arguments_json;  ///< see PlayAction; services/play/command.h
+  std::string arguments_json;  ///< see PlayAction; services/play/arguments.h
   std::string host, user;      ///< who asks, for the log
 };
 
@@ -323,12 +325,13 @@ struct PlayState {
   std::string session;
   std::string host;
   std::uint32_t pid = 0;
-  std::string run;         ///< whose policy it asks: NAME or NAME@ID
-  std::string scene_json;  ///< {"campaign", "robot", "index", "seed", "camera", "tasks", "objects", "hidden", "table"}
-  std::string phase;       ///< rest | moving | ended
-  std::string command_id;  ///< of the command that was taken last
-  std::string refusal;     ///< why it was not followed; "": it was
-  std::string sentence;    ///< that is, or was last, obeyed; "": none yet
+  std::string run;  ///< whose policy it asks: NAME or NAME@ID
+  /// {"campaign", "tasks", "campaign_objects", "robot", "index", "seed", "camera", "objects", "table_half_m"}
+  std::string scene_json;
+  std::string phase;         ///< rest | moving | ended
+  std::string command_id;    ///< of the command that was taken last
+  std::string refusal;       ///< why it was not followed; "": it was
+  std::string sentence;      ///< that is, or was last, obeyed; "": none yet
   std::string meaning_json;  ///< what the judge takes it to mean: {"task", "target", "reference"}; "": not judged
   std::uint32_t step = 0, max_steps = 0;  ///< control steps of this sentence
   std::string judge_json;                 ///< {"done", "held", "words", "success_latched", "violations", "disturbed"}

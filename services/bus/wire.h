@@ -520,7 +520,8 @@ ETUDE_TRAITS(Presence, "etude/directory/presence", kState, kDirectory,
              MaskOf(Role::kCollector, Role::kTrainer, Role::kPolicy), kEveryRole)
 ETUDE_TRAITS(CampaignAnnouncement, "etude/campaign/announcement", kState, kCampaign, MaskOf(Role::kCollector),
              MaskOf(Role::kWorker, Role::kGateway, Role::kSubscriber))
-ETUDE_TRAITS(WorkRequest, "etude/campaign/request", kEvents, kCampaign, MaskOf(Role::kWorker), MaskOf(Role::kCollector))
+ETUDE_TRAITS(WorkRequest, "etude/campaign/request", kEvents, kCampaign, MaskOf(Role::kWorker),
+             MaskOf(Role::kCollector, Role::kGateway))
 ETUDE_TRAITS(Lease, "etude/campaign/lease", kEvents, kCampaign, MaskOf(Role::kCollector), MaskOf(Role::kWorker))
 ETUDE_TRAITS(WorkerStatus, "etude/campaign/worker", kNewest, kCampaign, MaskOf(Role::kWorker),
              MaskOf(Role::kCollector, Role::kGateway))

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/campaign/hosted_collector.h"
 
-#include <exception>
-
 #include "services/campaign/spec_file.h"
 #include "services/core/log.h"
+#include "services/core/without_throwing.h"
 
 namespace etude::campaign {
 
@@ -20,14 +19,7 @@ Result<std::unique_ptr<HostedCollector>> HostedCollector::Start(const bus::Parti
 
 HostedCollector::HostedCollector(Collector collector)
     : collector_(std::move(collector)), thread_([this] {
-        // nobody is above a thread: what is thrown here would end the program without words
-        const Status ended = [this]() -> Status {
-          try {
-            return collector_.Run();
-          } catch (const std::exception& error) {
-            return Fail(Code::kInternal, error.what());
-          }
-        }();
+        const Status ended = WithoutThrowing([this] { return collector_.Run(); });
         if (ended) return;
         Log().error("the collector stopped: {}", ended.error().message);
         const MutexLock lock(mutex_);

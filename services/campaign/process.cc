@@ -3,7 +3,9 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <linux/close_range.h>
 #include <signal.h>
+#include <string.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -16,6 +18,7 @@
 
 #include "services/core/check.h"
 #include "services/core/clock.h"
+#include "services/core/descriptor.h"
 #include "services/core/service_manager.h"
 
 extern char** environ;
@@ -73,40 +76,52 @@ struct ProcessDescriptors {
     else
       ::dup2(descriptors.socket, 3);
   }
+  // libraries open sockets without the flag: a child that held them would keep ports of ours taken. A kernel that does
+  // not know this call hands them on, as before
+  const unsigned from = descriptors.socket >= 0 ? 4 : 3;
+  ::close_range(from, ~0U, CLOSE_RANGE_CLOEXEC);
   ::execve(argv[0], argv, environment);
   const int error = errno;
   [[maybe_unused]] const auto written = ::write(report, &error, sizeof error);
   ::_exit(127);
 }
 
+// What the child reports through `report` before it ends; 0 once exec has closed the pipe.
+int ReadExecError(int report) {
+  int error = 0;
+  ssize_t got = 0;
+  do got = ::read(report, &error, sizeof error);
+  while (got < 0 && errno == EINTR);
+  return got == sizeof error ? error : 0;
+}
+
 }  // namespace
 
 Result<Process> Process::Start(const ProcessOptions& options) {
   ETUDE_CHECK(!options.argv.empty());
-  int log = -1;
+  Descriptor log;
   if (!options.log.empty()) {
     ETUDE_RETURN_IF_ERROR(MakeFolders(options.log.parent_path()));
-    log = ::open(options.log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-    if (log < 0) return Fail(ErrnoError("open the log", options.log, errno));
+    log.reset(::open(options.log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
+    if (!log) return Fail(ErrnoError("open the log", options.log, errno));
   }
   auto argv = options.argv;
   auto environment = EnvironmentWith(options.environment);
   const auto argv_pointers = Pointers(argv), environment_pointers = Pointers(environment);
   int report[2];  // closes by itself when exec succeeds
-  ETUDE_CHECK(::pipe2(report, O_CLOEXEC) == 0, "errno={}", errno);
+  if (::pipe2(report, O_CLOEXEC) != 0) return Fail(ErrnoError("make a pipe to start", options.argv[0], errno));
+  const Descriptor reported(report[0]);
+  Descriptor to_report(report[1]);
   const pid_t parent = ::getpid();
   const pid_t pid = ::fork();
   if (pid == 0) {
-    const int output = options.output >= 0 ? options.output : log;
-    BecomeProgram(argv_pointers.data(), environment_pointers.data(), {output, options.socket, report[1]}, parent);
+    const int output = options.output >= 0 ? options.output : log.get();
+    BecomeProgram(argv_pointers.data(), environment_pointers.data(), {output, options.socket, to_report.get()}, parent);
   }
   const int fork_error = errno;
-  ::close(report[1]);
-  if (log >= 0) ::close(log);
-  int exec_error = 0;
-  if (pid > 0 && ::read(report[0], &exec_error, sizeof exec_error) != sizeof exec_error) exec_error = 0;
-  ::close(report[0]);
+  to_report.reset();
   if (pid < 0) return Fail(ErrnoError("start", options.argv[0], fork_error));
+  const int exec_error = ReadExecError(reported.get());
   Process process(pid);
   if (exec_error != 0) {
     process.Wait(std::chrono::milliseconds(1000));
@@ -116,11 +131,14 @@ Result<Process> Process::Start(const ProcessOptions& options) {
 }
 
 Process::Process(Process&& other) noexcept
-    : pid_(std::exchange(other.pid_, -1)), exit_code_(std::exchange(other.exit_code_, std::nullopt)) {}
+    : pid_(std::exchange(other.pid_, -1)),
+      exit_code_(std::exchange(other.exit_code_, std::nullopt)),
+      terminated_(std::exchange(other.terminated_, false)) {}
 
 Process& Process::operator=(Process&& other) noexcept {
   std::swap(pid_, other.pid_);
   std::swap(exit_code_, other.exit_code_);
+  std::swap(terminated_, other.terminated_);
   return *this;
 }
 
@@ -128,7 +146,8 @@ Process::~Process() {
   if (pid_ < 0 || Poll()) return;
   Signal(SIGKILL);
   int status = 0;
-  ::waitpid(pid_, &status, 0);
+  while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
+  }
 }
 
 std::optional<int> Process::Poll() {
@@ -150,15 +169,28 @@ void Process::Signal(int signal_number) {
   if (pid_ > 0 && !exit_code_) ::kill(-pid_, signal_number);
 }
 
+void Process::Terminate() {
+  if (!std::exchange(terminated_, true)) Signal(SIGTERM);
+}
+
 int Process::Stop(std::chrono::milliseconds patience) {
   if (pid_ < 0) return 0;
-  if (!Poll()) Signal(SIGTERM);
+  if (!Poll()) Terminate();
   if (!Wait(patience)) {
     Signal(SIGKILL);
     Wait(std::chrono::milliseconds(5000));
   }
   return exit_code_.value_or(128 + SIGKILL);
 }
+
+std::string HowItEnded(int exit_code) {
+  const int signal_number = exit_code - 128;
+  const char* name = signal_number > 0 ? ::sigabbrev_np(signal_number) : nullptr;
+  if (!name) return fmt::format("exit code {}", exit_code);
+  return fmt::format("signal SIG{} ({})", name, ::sigdescr_np(signal_number));
+}
+
+int HopelessDeaths(int children) { return std::max(6, 3 * children); }
 
 Path ProgramFolder() {
   std::error_code error;

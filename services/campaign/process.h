@@ -44,14 +44,22 @@ class Process {
   std::optional<int> Wait(std::chrono::milliseconds timeout);
   /// Sends a signal to the child's group.
   void Signal(int signal_number);
-  /// SIGTERM, then SIGKILL after `patience`; returns the exit code.
+  /// SIGTERM, but not a second one: programs of ours take that as an order to end at once instead of draining.
+  void Terminate();
+  /// Terminate, then SIGKILL after `patience`; returns the exit code.
   int Stop(std::chrono::milliseconds patience);
 
  private:
   explicit Process(pid_t pid) : pid_(pid) {}
   pid_t pid_ = -1;
   std::optional<int> exit_code_;
+  bool terminated_ = false;
 };
+
+/// An exit code of Process for people: "signal SIGSEGV (Segmentation fault)", "exit code 1".
+std::string HowItEnded(int exit_code);
+/// Deaths of `children` of a kind without one result after which it is given up to start them again.
+int HopelessDeaths(int children);
 
 /// The folder of this program; its siblings (etude-worker, ...) lie beside it.
 Path ProgramFolder();

@@ -181,7 +181,7 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
     return Fail(Code::kUnavailable, fmt::format("join {}: the announced hash does not fit the spec", origin));
   joined->work = nullptr;  // the old one's context goes first
   const Selector policy{spec.rollout.run, announcement.policy_id};
-  ETUDE_ASSIGN_OR_RETURN(joined->work, factory({joined->id, spec, policy.text()}));
+  ETUDE_ASSIGN_OR_RETURN(joined->work, factory({joined->id, spec, policy.text(), [this] { watched->Moved(); }}));
   joined->files_sha256.clear();
   if (options.files_sha256) {
     ETUDE_ASSIGN_OR_RETURN(joined->files_sha256, options.files_sha256(spec));
@@ -287,6 +287,7 @@ void WorkerClient::Impl::Count(const WorkResult& result, double send_s, bus::Wor
   status.render_s += result.times.render_s;
   status.deflate_s += result.times.deflate_s;
   status.send_s += send_s;
+  if (result.outcome == kReleased) return;  // not made to its end: no plan's time
   status.plan_histogram.resize(bus::kPlanBins);
   ++status.plan_histogram[bus::PlanBin(result.times.plan_s)];
 }
@@ -338,7 +339,7 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
 // An episode is sent, a failure reported, and what a stop cut off is handed back. Returns the seconds of the sending.
 double WorkerClient::Impl::HandIn(const bus::Lease& lease, const WorkResult& result) {
   if (result.episode.empty()) {
-    ++failures;
+    if (result.outcome != kReleased) ++failures;
     Report(lease, result.outcome, result.details_json);
   } else if (StopRequested()) {
     Report(lease, kReleased, "{}");

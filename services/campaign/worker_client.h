@@ -47,6 +47,8 @@ struct JoinedCampaign {
   std::string id;
   CampaignSpec spec;
   std::string policy;  ///< whom rollouts ask: RUN or RUN@ID (see services/policy/client.h)
+  /// For a factory to call while it takes long: the service manager is told that it moves. May be empty.
+  std::function<void()> moved = nullptr;
 };
 /// Makes the function for a campaign; called again when the spec changes, or another campaign of the name takes the
 /// place of one that has gone. Factory and function run on the thread that called Run.

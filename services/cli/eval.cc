@@ -167,7 +167,9 @@ Status Eval(Arguments arguments) {
   if (!arguments.checkpoint.empty()) {
     ETUDE_ASSIGN_OR_RETURN(choice, ServeCheckpoint(arguments));
   }
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kCollector}));
+  std::vector<security::Role> roles{security::Role::kCollector};
+  if (arguments.evaluation.overlay) roles.push_back(security::Role::kGateway);  // it asks for insights
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open(roles));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
                          bus::ProcessReporter::Start(participant, {.role = "etude eval", .folder = arguments.out}));
   if (arguments.checkpoint.empty()) {

@@ -4,6 +4,8 @@
 #include <atomic>
 #include <thread>
 
+#include "services/core/without_throwing.h"
+
 namespace etude::cli {
 
 struct HostedCampaign::Host {
@@ -14,7 +16,7 @@ struct HostedCampaign::Host {
 
   explicit Host(campaign::Collector opened) : collector(std::move(opened)) {
     thread = std::thread([this] {
-      status = collector.Run();
+      status = WithoutThrowing([this] { return collector.Run(); });
       ended.store(true);
     });
   }

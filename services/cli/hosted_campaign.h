@@ -34,7 +34,7 @@ class HostedCampaign {
   /// Drains: workers end first, then the collector.
   ~HostedCampaign();
 
-  /// Call a few times a second. @error of the workers (WorkerPool::Supervise) or of the collector.
+  /// Call a few times a second. @error of the workers (WorkerPool::Supervise); the collector's own is Finish's.
   Status Supervise();
   /// True when the collector has ended: complete, or stopped.
   bool ended() const;

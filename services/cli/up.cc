@@ -66,6 +66,7 @@ class System {
 
  private:
   Status CollectAndTrain();
+  Status EndCollection(std::uint64_t enough);
   Status StartTraining();
   Status Tick();
   void TickDashboard();
@@ -175,18 +176,27 @@ Status System::CollectAndTrain() {
     if (collection_) {
       const auto progress = collection_->progress();
       if (!trainer_ && (progress.committed >= enough || progress.complete)) ETUDE_RETURN_IF_ERROR(StartTraining());
-      if (collection_->ended()) {
-        ETUDE_RETURN_IF_ERROR(collection_->Finish());
-        collected_ = collection_->progress();
-        collection_.reset();
-        display_.Say(fmt::format("[{}] collected:\n{}", FormatDuration(since_start_.Seconds()),
-                                 campaign::SummaryText(*collected_)));
-      }
+      if (collection_->ended()) ETUDE_RETURN_IF_ERROR(EndCollection(enough));
     }
     if (display_.due()) display_.Show(Line());
     WaitForStop(100ms);
   }
   return {};
+}
+
+// It is complete, or somebody has stopped it: then there may be too little to begin to train with.
+Status System::EndCollection(std::uint64_t enough) {
+  ETUDE_RETURN_IF_ERROR(collection_->Finish());
+  collected_ = collection_->progress();
+  collection_.reset();
+  display_.Say(
+      fmt::format("[{}] collected:\n{}", FormatDuration(since_start_.Seconds()), campaign::SummaryText(*collected_)));
+  if (trainer_ || StopRequested()) return {};
+  if (collected_->committed >= enough || collected_->complete) return StartTraining();
+  return Fail(Code::kUnavailable,
+              fmt::format("train: the campaign was stopped with {} of the {} episodes that training begins with "
+                          "(train.start_episodes); run again to go on",
+                          collected_->committed, enough));
 }
 
 std::string System::TrainLine() const {

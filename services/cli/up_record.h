@@ -14,9 +14,9 @@
 
 namespace etude::cli {
 
-/// {"pids": {"up", "trainer", "policy"}, "domain", "folders": {"dataset", "run", "eval", "logs"}, "address", "started",
-/// "ended", "exit"}: times in seconds since 1970; "ended" and "exit" are null while it runs. Where its process is gone
-/// and "ended" is null, it was killed. Written by rename; not thread-safe.
+/// {"pids": {"up", "trainer", "policy", "dashboard"}, "domain", "folders": {"dataset", "run", "eval", "logs"},
+/// "address", "started", "ended", "exit"}: times in seconds since 1970; "ended" and "exit" are null while it runs.
+/// Where its process is gone and "ended" is null, it was killed. Written by rename; not thread-safe.
 class UpRecord {
  public:
   /// @param address  of the dashboard; "": none   @error of the disk

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 #include <signal.h>
-#include <string.h>
 
 #include <algorithm>
 #include <deque>
@@ -27,17 +26,7 @@ MonotonicClock::duration BackOff(int deaths) {
   return std::min<MonotonicClock::duration>(10s, 250ms * (1 << std::min(deaths, 6)));
 }
 
-// "signal SIGSEGV (Segmentation fault)", "exit code 1"
-std::string HowItEnded(int exit_code) {
-  const int signal_number = exit_code - 128;
-  const char* name = signal_number > 0 ? ::sigabbrev_np(signal_number) : nullptr;
-  if (!name) return fmt::format("exit code {}", exit_code);
-  return fmt::format("signal SIG{} ({})", name, ::sigdescr_np(signal_number));
-}
-
 }  // namespace
-
-int HopelessDeaths(int workers) { return std::max(6, 3 * workers); }
 
 int DefaultWorkers() { return static_cast<int>(std::max(1u, std::thread::hardware_concurrency())); }
 
@@ -99,15 +88,15 @@ Status WorkerPool::OnEnd(std::size_t k, int exit_code) {
   const std::uint64_t committed = options_.committed ? options_.committed() : 0;
   deaths_ = committed == committed_ ? deaths_ + 1 : 1;
   committed_ = committed;
-  if (deaths_ >= HopelessDeaths(options_.workers))
+  if (deaths_ >= campaign::HopelessDeaths(options_.workers))
     return Fail(Code::kUnavailable,
                 fmt::format("workers died {} times without one episode committed meanwhile; the last one ended by {} "
                             "after {:.1f} s. Its last words, from {}:{}",
-                            deaths_, HowItEnded(exit_code), std::chrono::duration<double>(life).count(),
+                            deaths_, campaign::HowItEnded(exit_code), std::chrono::duration<double>(life).count(),
                             LogOf(k).string(), LogTail(LogOf(k))));
   slot.deaths = life > kHealthyAfter ? 1 : slot.deaths + 1;
   slot.start_again = now + BackOff(slot.deaths);
-  Log().warn("worker={} ended by {}, it is started again", slot.name, HowItEnded(exit_code));
+  Log().warn("worker={} ended by {}, it is started again", slot.name, campaign::HowItEnded(exit_code));
   return {};
 }
 
@@ -143,7 +132,7 @@ Status WorkerPool::Supervise() {
 
 void WorkerPool::Stop() {
   for (auto& slot : slots_)
-    if (slot.process) slot.process->Signal(SIGTERM);
+    if (slot.process) slot.process->Terminate();
   const auto deadline = MonotonicClock::now() + kPatience;
   for (auto& slot : slots_) {
     if (!slot.process) continue;

@@ -34,8 +34,9 @@ class WorkerPool {
   static Result<WorkerPool> Start(const WorkerPoolOptions& options);
 
   /// Call a few times a second: restarts what died.
-  /// @error kUnavailable when the machine cannot run workers: all ended with exit code 3 at once, or HopelessDeaths
-  /// died without one episode committed meanwhile; the message says how the last one ended, with its log's last lines.
+  /// @error kUnavailable when the machine cannot run workers: all ended with exit code 3 at once, or
+  /// campaign::HopelessDeaths died without one episode committed meanwhile; the message says how the last one ended,
+  /// with its log's last lines.
   Status Supervise();
   /// SIGTERM to all, SIGKILL after a few seconds.
   void Stop();
@@ -64,9 +65,6 @@ class WorkerPool {
   int deaths_ = 0;               // of all workers, since the last commit
   std::uint64_t committed_ = 0;  // when it was looked at last
 };
-
-/// Deaths of `workers` workers without one episode committed after which it is given up.
-int HopelessDeaths(int workers);
 
 /// Number of workers to start when the user does not say: one a core.
 int DefaultWorkers();

@@ -90,7 +90,9 @@ Result<bus::PlayState> Client::Command(const std::string& session, bus::PlayActi
   command.host = HostName();
   command.user = UserName();
   impl_->commands.WaitForReaders(1, std::min<std::chrono::nanoseconds>(timeout, 5s));
-  MonotonicClock::time_point again{};
+  // once in any case: who was asked to stop says so to the session, too
+  ETUDE_RETURN_IF_ERROR(impl_->commands.Write(command));
+  MonotonicClock::time_point again = MonotonicClock::now() + kSayAgain;
   while (MonotonicClock::now() < deadline && !StopRequested()) {
     if (MonotonicClock::now() >= again) {
       ETUDE_RETURN_IF_ERROR(impl_->commands.Write(command));

@@ -38,7 +38,8 @@ class Client {
   /// The state of a session, which need not be there yet. @error kNotFound: not heard within `timeout`
   Result<bus::PlayState> Find(const std::string& session, std::chrono::nanoseconds timeout);
 
-  /// Says it again until the session answers. @returns its state then
+  /// Says it again until the session answers; once, and without waiting, when a stop is requested. @returns its state
+  /// then
   /// @error kInvalidArgument: it refused, in its words; kUnavailable: no answer within `timeout`
   Result<bus::PlayState> Command(const std::string& session, bus::PlayAction action, const OrderedJson& arguments,
                                  std::chrono::nanoseconds timeout = std::chrono::seconds(15));

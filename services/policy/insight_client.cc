@@ -17,8 +17,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint32_t kStands = 5;  // s that a wish stands; it is said again before
-constexpr auto kSayAgain = 2s;
 constexpr auto kTurn = 1000ms / bus::kInsightsPerSecond;
 constexpr auto kMeet = 10s;  // for readers and writers to find each other
 
@@ -75,7 +73,7 @@ Status InsightClient::Impl::Wish(std::uint32_t seconds) {
   wish.viewer = wish.session = name;
   wish.seconds = seconds;
   wish.what_if_json = what_if;
-  wish_again = MonotonicClock::now() + kSayAgain;
+  wish_again = MonotonicClock::now() + std::chrono::seconds(bus::kWishAgain);
   return connection->wishes.Write(wish);
 }
 
@@ -105,7 +103,7 @@ Result<bus::Insight> InsightClient::Impl::Ask(bus::Observation observation) {
   const std::uint64_t first = request_id + 1;
   const auto deadline = MonotonicClock::now() + options.patience;
   while (!StopRequested() && MonotonicClock::now() < deadline) {
-    if (MonotonicClock::now() >= wish_again) ETUDE_RETURN_IF_ERROR(Wish(kStands));
+    if (MonotonicClock::now() >= wish_again) ETUDE_RETURN_IF_ERROR(Wish(bus::kWishStands));
     WaitForStop(std::max<std::chrono::nanoseconds>(turn - MonotonicClock::now(), 0ns));
     observation.request_id = ++request_id;
     ETUDE_RETURN_IF_ERROR(connection->talk.observations.Write(observation));

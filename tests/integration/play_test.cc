@@ -165,7 +165,9 @@ TEST_F(PlayProcess, MovesThingsResetsAndEnds) {
   const auto hidden = Command(PlayAction::kHide, {{"object", "milk"}});
   ASSERT_TRUE(hidden) << hidden.error().message;
   EXPECT_THAT(hidden->scene_json, HasSubstr("\"hidden\":true"));
-  ASSERT_TRUE(Command(PlayAction::kReset));
+  const auto reset = Command(PlayAction::kReset);
+  ASSERT_TRUE(reset) << reset.error().message;
+  EXPECT_THAT(reset->scene_json, testing::Not(HasSubstr("\"hidden\":true"))) << "the answer shows it";
   const auto off_the_table = Command(
       PlayAction::kScene, ToJson(play::SceneArguments{.index = 0, .objects = {{.name = "milk", .x = 3, .y = 3}}}));
   ASSERT_FALSE(off_the_table);

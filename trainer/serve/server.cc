@@ -17,6 +17,7 @@
 #include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "services/core/thread_annotations.h"
+#include "services/core/without_throwing.h"
 #include "trainer/serve/insight.h"
 
 namespace etude::serve {
@@ -244,6 +245,9 @@ Status PolicyServer::Impl::OpenDesk(const std::string& run_id) {
 
 Status PolicyServer::Impl::AnswerAll(const std::vector<bus::Observation>& observations) {
   const Stopwatch since_arrival;
+  const Served serving = Current();
+  // another run has taken this one's place since: who asks goes on with its desk
+  if (serving.run_id != desk->run_id) return {};
   // a client that asked again wants the answer to its last question only
   std::map<std::string, const bus::Observation*> newest;
   for (const auto& observation : observations)
@@ -254,7 +258,7 @@ Status PolicyServer::Impl::AnswerAll(const std::vector<bus::Observation>& observ
     if (sessions.size() < kMostSessions || sessions.contains(session)) sessions[session] = MonotonicClock::now();
   }
 
-  const auto current = Current().model;
+  const auto& current = serving.model;
   std::vector<bus::Action> actions(open.size());
   std::atomic<std::size_t> next{0};
   const auto work = [&] {
@@ -306,7 +310,7 @@ Result<PolicyServer> PolicyServer::Open(const bus::Participant& participant, con
 
 Status PolicyServer::Follow() {
   impl_->follower = std::thread([impl = impl_.get()] {
-    const Status status = impl->FollowRuns();
+    const Status status = WithoutThrowing([impl] { return impl->FollowRuns(); });
     if (status) return;
     {
       const MutexLock lock(impl->mutex);

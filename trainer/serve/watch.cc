@@ -19,9 +19,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint32_t kStands = 5;  // s that a wish stands; it is said again before
-constexpr auto kSayAgain = 2s;
-
 // "pepsi (0.97)" or "[0.103, 0.312, 0.040] m"
 std::string ValueText(const OrderedJson& said) {
   if (!said.is_object() || !said.contains("value")) return "";
@@ -78,7 +75,7 @@ void Print(const bus::Insight& insight, bool as_json) {
                                    {"instruction", insight.instruction},
                                    {"modules", parsed(insight.modules_json)},
                                    {"what_if", parsed(insight.what_if_json)}}
-                           .dump());
+                           .dump(-1, ' ', false, OrderedJson::error_handler_t::replace));
   } else {
     fmt::print("{} #{}  step {}  \"{}\"\n{}\n", insight.session, insight.request_id, insight.checkpoint_step,
                insight.instruction, InsightText(insight.modules_json, insight.what_if_json));
@@ -129,7 +126,7 @@ Status Watch(const bus::Participant& participant, const WatchOptions& options) {
   wish.run_id = server->id;
   wish.viewer = "watch-" + NewId();
   wish.session = options.session;
-  wish.seconds = kStands;
+  wish.seconds = bus::kWishStands;
   (void)wishes.WaitForReaders(1, 10s);
   auto again = MonotonicClock::now();
   const auto wanted = [&](std::uint64_t seen) { return options.count == 0 || seen < options.count; };
@@ -137,7 +134,7 @@ Status Watch(const bus::Participant& participant, const WatchOptions& options) {
   for (std::uint64_t seen = 0; !StopRequested() && wanted(seen) && std::ferror(stdout) == 0;) {
     if (MonotonicClock::now() >= again) {
       ETUDE_RETURN_IF_ERROR(wishes.Write(wish));
-      again = MonotonicClock::now() + kSayAgain;
+      again = MonotonicClock::now() + std::chrono::seconds(bus::kWishAgain);
     }
     if (!insights.Wait(200ms)) continue;
     for (const auto& insight : insights.Take()) {

@@ -20,7 +20,7 @@ namespace etude::host {
 namespace {
 
 constexpr std::array<std::uint8_t, 4> kMagic{'E', 't', 'd', 'F'};
-constexpr int kDeepestHead = 32;
+constexpr int kDeepestHead = kMaxJsonDepth + 2;  // a head holds what was bounded itself
 
 template <class Number>
 void Put(Number number, std::uint8_t* to) {

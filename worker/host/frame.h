@@ -37,7 +37,8 @@ struct Frame {
 };
 
 inline constexpr std::size_t kFrameHeader = 20;
-inline constexpr std::uint32_t kLongestHead = 4 << 20;
+/// A policy's modules may be 4 MiB on the bus, and more as JSON in JSON.
+inline constexpr std::uint32_t kLongestHead = 16 << 20;
 inline constexpr std::uint64_t kMostBytes = 1ull << 30;
 
 std::array<std::uint8_t, kFrameHeader> FrameHeader(FrameKind kind, std::uint32_t head_size, std::uint64_t bytes_size);

@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <signal.h>
-#include <string.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -23,14 +22,9 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::size_t kMostWords = 2000;
+constexpr int kMostReads = 64;  // at once: a child that never stops talking does not keep its host
 constexpr auto kLook = 50ms;
 constexpr auto kStopPatience = 500ms;
-
-std::string HowItEnded(int exit_code) {
-  const int signal_number = exit_code - 128;
-  const char* name = signal_number > 0 ? ::sigabbrev_np(signal_number) : nullptr;
-  return name ? fmt::format("signal SIG{}", name) : fmt::format("exit code {}", exit_code);
-}
 
 }  // namespace
 
@@ -67,7 +61,9 @@ Status Slot::Start() {
 // The host's log has what its children say; their last words are kept for the report of their end.
 void Slot::ReadWords() {
   char text[4096];
-  for (ssize_t got; words_ && (got = ::read(words_.get(), text, sizeof text)) > 0;) {
+  for (int reads = 0; reads < kMostReads && words_; ++reads) {
+    const ssize_t got = ::read(words_.get(), text, sizeof text);
+    if (got <= 0) return;
     const auto size = static_cast<std::size_t>(got);
     [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, text, size);
     last_words_.append(text, size);
@@ -85,7 +81,7 @@ Slot::Loss Slot::End(const char* reason, const std::string& why) {
     exit_code = process_->Wait(5s);
   }
   ReadWords();
-  Loss loss{by_itself ? campaign::kChildCrashed : reason, by_itself ? HowItEnded(*exit_code) : why};
+  Loss loss{by_itself ? campaign::kChildCrashed : reason, by_itself ? campaign::HowItEnded(*exit_code) : why};
   process_.reset();
   Forget();
   return loss;
@@ -96,6 +92,7 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
                                       Result<Frame>& answer) {
   auto heard = MonotonicClock::now();
   while (true) {
+    if (!item && joined_->moved) joined_->moved();  // an attempt says for itself that it goes on
     if (StopRequested()) {
       Forget();
       answer = Fail(Code::kTimeout, "this process was asked to stop");

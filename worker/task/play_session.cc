@@ -232,7 +232,8 @@ Status PlaySession::Show(const std::string& name) {
 
 Status PlaySession::Move(Slide slide) {
   slide_ = std::move(slide);
-  if (!running_) Rest(slide_->steps + kPlacedSettleSteps);
+  // while the arm comes home, or a policy drives, it goes on with their steps
+  if (doing_ == kAtRest) Rest(slide_->steps + kPlacedSettleSteps);
   return {};
 }
 
@@ -329,6 +330,9 @@ Result<EpisodePlan> PlaySession::PlanOf(const Sentence& sentence) const {
   plan.sentence = sentence.text;
   const auto& objects = environment_->scene->objects();
   if (sentence.text.empty()) return Fail(Code::kInvalidArgument, "say: the sentence is empty");
+  if (sentence.max_steps > kMostSentenceSteps)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("say: max_steps {}: at most {}", sentence.max_steps, kMostSentenceSteps));
   if (!sentence.judged()) {
     plan.task = NeverDone();
     plan.target = objects.front().name;
@@ -370,13 +374,16 @@ Result<Verdict> PlaySession::Say(const Sentence& sentence, const policy::AskFunc
   if (sentence.home && !IsHome()) {
     doing_ = "homing";
     const bool home = GoHome(hook);
-    doing_ = "rest";
-    if (!home) return Verdict{AttemptOutcome::kStopped, "stopped on the way home"};
+    if (!home) {
+      doing_ = kAtRest;
+      Rest(kPlacedSettleSteps);  // what slides arrives
+      return Verdict{AttemptOutcome::kStopped, "stopped on the way home"};
+    }
   }
   doing_ = "driving";
   auto verdict = Drive(sentence, plan, ask, hook);
-  doing_ = "rest";
-  Rest(kPlacedSettleSteps);
+  doing_ = kAtRest;
+  Rest(kPlacedSettleSteps);  // what slides arrives
   return verdict;
 }
 
@@ -393,7 +400,9 @@ Result<Verdict> PlaySession::Drive(const Sentence& sentence, const EpisodePlan& 
                          EpisodeRunner::Open({&in.world, &in.renderer, &in.shapes, &in.checker}, plan, record));
   running_ = &runner;
   const bool judged = sentence.judged();
-  task::Rollout rollout(&runner, &in.checker, in.scene, spec_.rollout, sentence.text);
+  RolloutSpec driven = spec_.rollout;
+  driven.max_steps = max_steps_;  // the policy is asked to the sentence's end
+  task::Rollout rollout(&runner, &in.checker, in.scene, driven, sentence.text);
   const auto verdict = rollout.Run(
       [&](const policy::Question& question) -> Result<policy::Answer> {
         const etude::Stopwatch watch;
@@ -404,7 +413,6 @@ Result<Verdict> PlaySession::Drive(const Sentence& sentence, const EpisodePlan& 
       },
       closed_);
   running_ = nullptr;
-  slide_.reset();
   steps_ = runner.steps();
   judged_ = JsonOf(runner.judge(), judged);
   const Track& commands = runner.episode().actions_abs;

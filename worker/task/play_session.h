@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "services/policy/policy_types.h"
@@ -22,6 +23,8 @@ namespace etude::task {
 inline constexpr double kMostNudge = 0.15;
 /// Control steps that a nudge takes: 0.2 s.
 inline constexpr int kNudgeSteps = 25;
+/// Control steps that a sentence may be given, as a campaign's rollout may.
+inline constexpr int kMostSentenceSteps = 100'000;
 
 /// What a person says, and means: the judge takes it from here, never from the policy.
 struct Sentence {
@@ -64,7 +67,7 @@ class PlaySession {
   /// Puts it back. @error kInvalidArgument: it is not hidden; kUnavailable: something stands there
   Status Show(const std::string& object);
 
-  /// @error kInvalidArgument: a task or object that the scene has not, a hidden one
+  /// @error kInvalidArgument: a task or object that the scene has not, a hidden one; too many steps
   Status Check(const Sentence& sentence) const;
   /// The policy drives from the present state of the world, until the judge's strict condition has held, the limit, or
   /// the hook's false; without a task to its limit, which then is no failure. A policy that does not answer, or answers
@@ -83,7 +86,7 @@ class PlaySession {
   int step() const;
   int max_steps() const { return max_steps_; }
   /// rest | homing | driving
-  const char* doing() const { return doing_; }
+  std::string_view doing() const { return doing_; }
   const policy::Answer& answer() const { return answer_; }  ///< the last one; no waypoints: none yet
   double policy_ms() const { return policy_ms_; }           ///< that it took
   /// {"judged", "done", "held", "dwell", "words", "touched", "success_latched", "violations", "disturbed"}; {} before
@@ -131,7 +134,8 @@ class PlaySession {
   std::optional<Slide> slide_;
   bool closed_ = false;               // the fingers, as commanded last
   EpisodeRunner* running_ = nullptr;  // while a sentence drives
-  const char* doing_ = "rest";
+  static constexpr std::string_view kAtRest = "rest";
+  std::string_view doing_ = kAtRest;
   int steps_ = 0, max_steps_ = 0;
   OrderedJson judged_ = OrderedJson::object();
   policy::Answer answer_;

@@ -122,7 +122,9 @@ Rollout::Rollout(EpisodeRunner* session, collide::Checker* checker, std::shared_
 int Rollout::LatencySteps(const policy::Answer& answer) {
   if (latency_steps_ >= 0) return latency_steps_;
   const double ms = spec_.latency_ms >= 0 ? spec_.latency_ms : answer.server_p99_ms;
-  const int steps = std::min(static_cast<int>(std::ceil(ms * 1e-3 * kControlRate - 1e-9)), kHorizonSteps);
+  // a number off the wire may be more than an int holds
+  const double asked = std::ceil(ms * 1e-3 * kControlRate - 1e-9);
+  const int steps = static_cast<int>(std::min<double>(kHorizonSteps, asked));
   // a server that has not measured itself yet says 0: the next answer settles it
   if (spec_.latency_ms >= 0 || ms > 0) latency_steps_ = steps;
   return steps;

@@ -103,7 +103,7 @@ void Jobs::Pump() {
       StartJob(job);
       continue;
     }
-    if (std::exchange(job.stop, false)) job.process->Signal(SIGTERM);
+    if (std::exchange(job.stop, false)) job.process->Terminate();
     job.exit_code = job.process->Poll();
     if (!job.exit_code) continue;
     job.ended = WallSeconds();
@@ -122,7 +122,7 @@ Status Jobs::Stop(const std::string& id) {
 void Jobs::StopAll() {
   MutexLock lock(mutex_);
   for (auto& job : jobs_)
-    if (job.process) job.process->Signal(SIGTERM);
+    if (job.process) job.process->Terminate();
   for (auto& job : jobs_)
     if (job.process) job.process->Stop(kPatience);
 }

@@ -65,6 +65,11 @@ TEST_F(ServiceTest, AWorkerThatWaitsForItsCampaign) {
   ExpectAWholeLife("campaign nobodys");
 }
 
+TEST_F(ServiceTest, AWorkerWithSlots) {
+  Start({"etude-worker", "--campaign", "nobodys", "--slots", "1"});
+  ExpectAWholeLife("campaign nobodys");
+}
+
 TEST_F(ServiceTest, AGateway) {
   Start({"etude-gateway", "--dir", folder_.path().string(), "--port", "0", "--no-bus"});
   ExpectAWholeLife("http://127.0.0.1:");

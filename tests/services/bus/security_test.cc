@@ -135,6 +135,29 @@ TEST_F(SecurityTest, EveryTopicHasItsRule) {
   }
 }
 
+template <class Message>
+void ExpectTheGatewayReads() {
+  EXPECT_NE(Traits<Message>::kAccess.subscribe & MaskOf(Role::kGateway), 0u) << Traits<Message>::kTopic;
+}
+
+// One reader that is refused keeps a campaign or a run off the pages altogether.
+TEST(GatewayAccess, HasEveryTopicThatThePagesShow) {
+  ExpectTheGatewayReads<Presence>();
+  ExpectTheGatewayReads<CampaignStatus>();
+  ExpectTheGatewayReads<CampaignAnnouncement>();
+  ExpectTheGatewayReads<WorkerStatus>();
+  ExpectTheGatewayReads<AttemptReport>();
+  ExpectTheGatewayReads<WorkRequest>();
+  ExpectTheGatewayReads<TrainStatus>();
+  ExpectTheGatewayReads<PolicyStatus>();
+  ExpectTheGatewayReads<ProcessStatus>();
+  ExpectTheGatewayReads<ProcessEvent>();
+  ExpectTheGatewayReads<PlayState>();
+  ExpectTheGatewayReads<PlayFrame>();
+  ExpectTheGatewayReads<Action>();
+  ExpectTheGatewayReads<Insight>();
+}
+
 // A collector that hears requests, and what becomes of others who make them.
 TEST_F(SecurityTest, OnlyThoseOfTheAuthorityAreHeard) {
   const auto hub = Join(150, Identity(*ours_, "hub", {Role::kCollector}));

@@ -2,11 +2,13 @@
 // Tests services/campaign/process.cc
 #include "services/campaign/process.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 
 #include <cstdlib>
 
+#include "services/core/descriptor.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
@@ -53,6 +55,33 @@ TEST(Process, StopEndsAChildThatIgnoresSigterm) {
   ASSERT_TRUE(process);
   while (ReadTextFile(folder / "log").value_or("") != "ready\n") process->Wait(5ms);
   EXPECT_EQ(process->Stop(100ms), 128 + SIGKILL);
+}
+
+TEST(Process, IsTerminatedOnceWhoeverOwnsIt) {
+  TemporaryFolder folder;
+  // the second SIGTERM, as with our programs, ends it without its last word
+  constexpr char kScript[] =
+      "trap 'trap \"exit 1\" TERM; sleep 1; echo drained; exit 0' TERM; echo ready; while :; do sleep 0.05; done";
+  auto process = Process::Start({{"/bin/sh", "-c", kScript}, folder / "log", {}});
+  ASSERT_TRUE(process);
+  while (ReadTextFile(folder / "log").value_or("") != "ready\n") process->Wait(5ms);
+  process->Terminate();
+  Process moved = std::move(*process);
+  moved.Terminate();
+  *process = std::move(moved);
+  EXPECT_EQ(process->Stop(30s), 0);
+  EXPECT_EQ(ReadTextFile(folder / "log").value(), "ready\ndrained\n");
+}
+
+TEST(Process, DoesNotHandOnItsDescriptors) {
+  TemporaryFolder folder;
+  const Descriptor ours(::open("/dev/null", O_RDONLY));  // as libraries open sockets: without O_CLOEXEC
+  ASSERT_TRUE(ours);
+  const std::string script = "[ -e /proc/self/fd/" + std::to_string(ours.get()) + " ] && echo open || echo closed";
+  auto process = Process::Start({{"/bin/sh", "-c", script}, folder / "log", {}});
+  ASSERT_TRUE(process) << process.error().message;
+  EXPECT_EQ(process->Wait(10s), 0);
+  EXPECT_EQ(ReadTextFile(folder / "log").value(), "closed\n");
 }
 
 TEST(Process, IsEndedWithItsOwner) {

@@ -48,15 +48,15 @@ constexpr char kCrash[] = "#!/bin/sh\necho 'GL: out of luck' >&2\nkill -SEGV $$\
 TEST_F(DyingWorkers, AreGivenUpWithTheSignalAndTheirLastWords) {
   const Error error = RunUntilGivenUp(kCrash, [] { return std::uint64_t{0}; });
   EXPECT_EQ(error.code, Code::kUnavailable) << "exit code 3";
-  EXPECT_EQ(ended_, HopelessDeaths(2));
-  EXPECT_THAT(error.message, HasSubstr(std::to_string(HopelessDeaths(2)) + " times"));
+  EXPECT_EQ(ended_, campaign::HopelessDeaths(2));
+  EXPECT_THAT(error.message, HasSubstr(std::to_string(campaign::HopelessDeaths(2)) + " times"));
   EXPECT_THAT(error.message, HasSubstr("SIGSEGV"));
   EXPECT_THAT(error.message, HasSubstr("GL: out of luck"));
 }
 
 TEST_F(DyingWorkers, AreStartedAgainForAsLongAsEpisodesComeIn) {
   const Error error = RunUntilGivenUp(kCrash, [this] { return static_cast<std::uint64_t>(std::min(ended_, 4)); });
-  EXPECT_EQ(ended_, 4 + HopelessDeaths(2) - 1) << "the fourth death is the first after the last commit";
+  EXPECT_EQ(ended_, 4 + campaign::HopelessDeaths(2) - 1) << "the fourth death is the first after the last commit";
   EXPECT_THAT(error.message, HasSubstr("SIGSEGV"));
 }
 
@@ -90,9 +90,36 @@ TEST_F(DyingWorkers, ThatDoNotMoveAreEndedAndStartedAgain) {
   EXPECT_EQ(pool->restarts(), 1);
 }
 
+TEST(WorkerPool, StopLetsWorkersDrain) {
+  TemporaryFolder folder;
+  const Path program = folder / "worker";
+  // the second SIGTERM, as with our workers, ends them without their last word
+  ASSERT_TRUE(
+      WriteFileAtomically(program, std::string_view("#!/bin/sh\n"
+                                                    "trap 'trap \"exit 1\" TERM; sleep 1; echo drained; exit 0' "
+                                                    "TERM\necho ready\nwhile :; do sleep 0.05; done\n")));
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  auto pool = WorkerPool::Start({.workers = 2,
+                                 .campaign = "demo@aaaa",
+                                 .bus = {},
+                                 .logs = folder / "logs",
+                                 .on_end = nullptr,
+                                 .committed = nullptr,
+                                 .program = program});
+  ASSERT_TRUE(pool) << pool.error().message;
+  const auto said = [&](int k) {
+    return ReadTextFile(folder / "logs" / ("worker-" + std::to_string(k) + ".log")).value_or("");
+  };
+  const Stopwatch watch;
+  while ((said(0) != "ready\n" || said(1) != "ready\n") && watch.Seconds() < 30) WaitForStop(5ms);
+  pool->Stop();
+  EXPECT_EQ(said(0), "ready\ndrained\n");
+  EXPECT_EQ(said(1), "ready\ndrained\n");
+}
+
 TEST(HopelessDeaths, GrowWithTheWorkers) {
-  EXPECT_EQ(HopelessDeaths(1), 6);
-  EXPECT_EQ(HopelessDeaths(64), 192);
+  EXPECT_EQ(campaign::HopelessDeaths(1), 6);
+  EXPECT_EQ(campaign::HopelessDeaths(64), 192);
 }
 
 }  // namespace worker_pool_test

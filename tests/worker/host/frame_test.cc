@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "services/core/rng.h"
+#include "services/episode/bounded_json.h"
 
 namespace etude::host {
 namespace frame_test {
@@ -58,6 +59,19 @@ TEST(FrameDecoder, RefusesImpossibleLengthsBeforeTheirBytesCome) {
     EXPECT_EQ(added.error().code, Code::kCorrupt);
     EXPECT_FALSE(decoder.Next()) << "it stays in error";
   }
+}
+
+TEST(FrameDecoder, TakesWhatAPolicyMaySay) {
+  // as deep as a policy's modules may be, inside of an answer
+  const std::string modules = std::string(kMaxJsonDepth, '[') + std::string(kMaxJsonDepth, ']');
+  const std::string text(5u << 20, 'x');
+  FrameDecoder decoder;
+  ASSERT_TRUE(
+      decoder.Add(Encoded(FrameKind::kAnswer, R"({"modules": )" + modules + R"(, "text": ")" + text + "\"}", {})));
+  const auto frame = decoder.Next();
+  ASSERT_TRUE(frame) << frame.error().message;
+  ASSERT_TRUE(*frame);
+  EXPECT_EQ((*frame)->head["text"].get<std::string>().size(), text.size());
 }
 
 TEST(FrameDecoder, RefusesHeadsThatAreNoObjects) {

@@ -152,6 +152,35 @@ TEST(PlaySession, NudgesWithoutTheJudgeTakingItForTheRobot) {
   EXPECT_EQ(verdict->outcome, AttemptOutcome::kTimeout) << verdict->reason;
 }
 
+TEST(PlaySession, ANudgeThatWasAcceptedArrivesAfterTheSentence) {
+  auto session = Open(SpecOf(kTask));
+  const std::string target = session->plan().target;
+  const Eigen::Vector3d before = Place(*session, target);
+  int steps = 0;
+  bool nudged = false;
+  ASSERT_TRUE(session->Say(SentenceOf(session->plan(), 30), Still(*session), [&] {
+    if (++steps == 25) nudged = session->Nudge(target, 0, 0.05).has_value();
+    return true;
+  }));
+  ASSERT_TRUE(nudged);
+  EXPECT_NEAR(Place(*session, target).y() - before.y(), 0.05, 0.015);
+}
+
+TEST(PlaySession, AsksThePolicyToTheSentencesEndWhateverTheCampaignGives) {
+  CampaignSpec spec = SpecOf(kTask);
+  spec.rollout.max_steps = 5;
+  auto session = Open(spec);
+  int asked = 0;
+  const auto still = Still(*session);
+  const auto count = [&](const policy::Question& question) {
+    ++asked;
+    return still(question);
+  };
+  ASSERT_TRUE(session->Say(SentenceOf(session->plan(), 4 * spec.rollout.replan_steps), count, nullptr));
+  EXPECT_GE(asked, 3);
+  EXPECT_FALSE(session->Check(SentenceOf(session->plan(), kMostSentenceSteps + 1)));
+}
+
 TEST(PlaySession, NudgesAtRestAndRefusesWhatCannotBe) {
   auto session = Open(SpecOf(kTask));
   ASSERT_TRUE(session->SetScene(0, {{"coke", -0.5, 0.6, 0}}));
