@@ -13,6 +13,7 @@
 
 #include "services/core/clock.h"
 #include "services/core/file.h"
+#include "services/core/printable.h"
 #include "services/core/share.h"
 
 namespace etude::cli {
@@ -181,7 +182,9 @@ std::vector<std::string> Advice(const NetworkReport& report) {
 
 std::string ToText(const NetworkReport& report) {
   std::string text;
-  const auto row = [&](const char* name, const std::string& value) { text += fmt::format("{:<11} {}\n", name, value); };
+  const auto row = [&](const char* name, const std::string& value) {
+    text += fmt::format("{:<11} {}\n", name, Printable(value));
+  };
   row("domain", fmt::format("{}, ports {} to {}", report.domain, Port(report.domain, 0), Port(report.domain, 249)));
   row("profile", report.profile);
   const auto hosts = OtherHosts(report);
