@@ -273,9 +273,7 @@ void BlobReceiver::Impl::TakeVerdicts() {
 }
 
 std::optional<ReceivedBlob> BlobReceiver::Receive(std::chrono::nanoseconds timeout) {
-  const auto now = Clock::now();
-  const auto latest = Clock::time_point::max();
-  const auto end = timeout > latest - now ? latest : now + timeout;
+  const auto end = Deadline(timeout);
   impl_->TakeVerdicts();
   while (!impl_->inbox.has_finished()) {
     // whoever sends without an end does not hold up the caller

@@ -301,9 +301,7 @@ Result<BlobSubscriber> BlobSubscriber::Open(const Participant& participant, cons
 }
 
 std::optional<PublishedBlob> BlobSubscriber::Wait(std::chrono::nanoseconds timeout) {
-  const auto now = Clock::now();
-  const auto latest = Clock::time_point::max();
-  const auto end = timeout > latest - now ? latest : now + timeout;
+  const auto end = Deadline(timeout);
   for (;;) {
     impl_->JudgeUndecided();
     // whoever sends without an end does not hold up the caller

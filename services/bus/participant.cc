@@ -7,13 +7,13 @@
 
 #include <algorithm>
 #include <bit>
-#include <fstream>
 #include <map>
 #include <mutex>
 #include <random>
 #include <tuple>
 
 #include "services/bus/access.h"
+#include "services/bus/network.h"
 #include "services/bus/participant_state.h"
 #include "services/bus/participant_watch.h"
 #include "services/bus/profile.h"
@@ -72,7 +72,7 @@ std::string Advice(const std::string& explanation) {
            "deploy/dds)";
   }
   if (explanation.find("receive buffer") != std::string::npos) {
-    return "; run 'sysctl -w net.core.rmem_max=4194304' or lower SocketReceiveBufferSize";
+    return fmt::format("; run 'sysctl -w net.core.rmem_max={}' or lower SocketReceiveBufferSize", kWantedReceiveBuffer);
   }
   return "; check the profile (see deploy/dds)";
 }
@@ -160,14 +160,10 @@ void KeepChunksOnTheHeap() {
 void WarnAboutReceiveBuffer() {
   static std::once_flag once;
   std::call_once(once, [] {
-    std::ifstream file("/proc/sys/net/core/rmem_max");
-    std::uint64_t bytes = 0;
-    if (file >> bytes && bytes < 4'194'304) {
-      Log().warn(
-          "socket buffers are limited: bursts are slower; run 'sysctl -w "
-          "net.core.rmem_max=4194304' rmem_max={}",
-          bytes);
-    }
+    const auto bytes = LargestReceiveBuffer();
+    if (bytes && *bytes < kWantedReceiveBuffer)
+      Log().warn("socket buffers are limited: bursts are slower; run 'sysctl -w net.core.rmem_max={}' rmem_max={}",
+                 kWantedReceiveBuffer, *bytes);
   });
 }
 
