@@ -90,7 +90,7 @@ TEST_F(CheckpointSignatureTest, AFloorThatCannotBeReadIsNoneThatIsMissing) {
   auto verifier = Verifier();
   const Path floor = folder_.path() / "floor.json";
   const std::string key = "0123456789abcdef/latest";
-  for (const std::string text :
+  for (const std::string& text :
        {std::string("no json"), std::string("[]"), "{\"" + key + "\": 5}", "{\"" + key + "\": {\"version\": \"5\"}}",
         "{\"" + key + "\": {\"version\": -1, \"sha256\": \"\"}}"}) {
     ASSERT_TRUE(WriteFileAtomically(floor, std::string_view(text)));
