@@ -248,11 +248,11 @@ void BlobSubscriber::Impl::Judge(PublishedBlob blob) {
     Log().warn("published blob refused channel={} version={}: {}", name, blob.version, judged.error().message);
     return;
   }
-  if (blob.version > told[name]) {
+  const auto [known, is_first] = told.try_emplace(name, blob.version);
+  if (is_first || blob.version > known->second)
     Log().warn("published blob waits, it is judged again and again channel={} version={}: {}", name, blob.version,
                judged.error().message);
-    told[name] = blob.version;
-  }
+  known->second = std::max(known->second, blob.version);
   auto& kept = undecided[name];
   if (kept.version <= blob.version) kept = std::move(blob);
 }
