@@ -22,6 +22,7 @@ using Clock = MonotonicClock;
 
 constexpr std::uint32_t kAckEvery = 8;     // chunks
 constexpr std::size_t kMaxMissing = 1024;  // indices in one ack
+constexpr int kMostBatches = 16;           // of manifests, to find one for a chunk
 
 using State = IncomingBlob::State;
 
@@ -106,7 +107,7 @@ int BlobReceiver::Impl::DrainManifests() {
   return TakeSerialized(manifests, 64, [this](std::span<const std::uint8_t> cdr) {
     ManifestView view;
     if (!Parse(cdr, view) || !ViewIsSound(view))
-      ++malformed;
+      TellMalformed(Traits<BlobManifest>::kTopic, ++malformed);
     else if (view.channel == channel && view.owner == owner.id)
       OnManifest(view);
   });
@@ -118,7 +119,7 @@ int BlobReceiver::Impl::Drain() {
   const int taken = TakeSerialized(chunks, 64, [this](std::span<const std::uint8_t> cdr) {
     ChunkView view;
     if (!Parse(cdr, view) || view.data.empty())
-      ++malformed;
+      TellMalformed(Traits<BlobChunk>::kTopic, ++malformed);
     else if (view.channel == channel)
       OnChunk(view);
   });
@@ -172,7 +173,7 @@ void BlobReceiver::Impl::TakeWhole(const ManifestView& view, IncomingBlob& blob)
 void BlobReceiver::Impl::OnChunk(const ChunkView& view) {
   IncomingBlob* blob = inbox.Find(view.sender, view.id);
   if (blob == nullptr) {  // the manifest travels on another topic and may be just behind
-    while (DrainManifests() > 0) {
+    for (int batch = 0; batch < kMostBatches && DrainManifests() > 0; ++batch) {
     }
     blob = inbox.Find(view.sender, view.id);
   }
@@ -180,7 +181,7 @@ void BlobReceiver::Impl::OnChunk(const ChunkView& view) {
   blob->last_news = Clock::now();
   Assembly& assembly = *blob->assembly;
   const auto added = assembly.Add(view.index, view.data);
-  if (added == Assembly::Added::kMalformed) ++malformed;
+  if (added == Assembly::Added::kMalformed) TellMalformed(Traits<BlobChunk>::kTopic, ++malformed);
   if (added != Assembly::Added::kNew) return;
   if (assembly.complete()) {
     if (!Equal(assembly.Digest(), blob->manifest.sha256)) return RefuseCorrupt(*blob);
@@ -272,15 +273,16 @@ void BlobReceiver::Impl::TakeVerdicts() {
 }
 
 std::optional<ReceivedBlob> BlobReceiver::Receive(std::chrono::nanoseconds timeout) {
-  const auto now = Clock::now();
-  const auto latest = Clock::time_point::max();
-  const auto end = timeout > latest - now ? latest : now + timeout;
+  const auto end = Deadline(timeout);
   impl_->TakeVerdicts();
   while (!impl_->inbox.has_finished()) {
-    if (impl_->Drain() > 0) continue;
+    // whoever sends without an end does not hold up the caller
+    const bool took = impl_->Drain() > 0;
+    if (took && Clock::now() < end && !StopRequested()) continue;
     impl_->TakeVerdicts();
     impl_->FlushProgress();
     impl_->Clean();
+    if (impl_->inbox.has_finished()) break;
     const auto left = end - Clock::now();
     if (left.count() <= 0 || StopRequested()) return std::nullopt;
     impl_->waiter.Wait(std::min<std::chrono::nanoseconds>(left, std::chrono::seconds(5)));

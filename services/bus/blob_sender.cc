@@ -39,12 +39,6 @@ struct Transfer {
   std::uint32_t in_window() const { return sent > received ? sent - received : 0; }
 };
 
-Clock::time_point After(std::chrono::nanoseconds timeout) {
-  const auto now = Clock::now();
-  const auto latest = Clock::time_point::max();
-  return timeout > latest - now ? latest : now + timeout;
-}
-
 bool IsVerdict(AckKind kind) {
   return kind == AckKind::kDone || kind == AckKind::kDuplicate || kind == AckKind::kRefused;
 }
@@ -214,7 +208,7 @@ void BlobSender::Impl::OnProgress(const BlobAck& ack) {
 
 // Or until `timeout`, or a stop request.
 void BlobSender::Impl::RunUntilVerdict(std::chrono::nanoseconds timeout) {
-  const auto end = After(timeout);
+  const auto end = Deadline(timeout);
   for (;;) {
     TakeAcks();
     if (transfer.verdict) return;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 #include <tuple>
+#include <utility>
 
 #include "services/bus/assembly.h"
 #include "services/bus/blob_transfer.h"
@@ -17,6 +18,10 @@ namespace etude::bus {
 namespace {
 
 using Clock = MonotonicClock;
+
+// Of every channel a publisher has two, and a restarted one is another publisher.
+constexpr std::size_t kMostSlots = 256;
+constexpr std::chrono::seconds kJudgeAgain{1};
 
 struct SlotKey {
   std::string channel;
@@ -40,6 +45,13 @@ struct Slot {
   std::optional<std::uint64_t> version;
   Clock::time_point heard;
   std::optional<PublishedInfo> info;  // may be of another version for a while
+
+  std::uint64_t memory() const { return (assembly ? assembly->size() : 0) + (info ? info->meta_json.size() : 0); }
+  // `version` stays: the rest of its chunks begins nothing
+  void Clear() {
+    assembly.reset();
+    info.reset();
+  }
 };
 
 }  // namespace
@@ -53,8 +65,8 @@ struct BlobSubscriber::Impl {
   Waiter waiter;
   std::map<SlotKey, Slot> slots;
   std::map<std::string, std::uint64_t, std::less<>> returned;  // newest version of each channel
-  std::map<std::string, PublishedBlob> ready;
-  std::uint64_t memory = 0;
+  std::map<std::string, PublishedBlob> ready, undecided;       // by channel; undecided: `accept` could not judge it yet
+  std::map<std::string, std::uint64_t> told;                   // newest undecided version that was logged, by channel
   std::uint64_t corrupt = 0;
   std::uint64_t malformed = 0;
 
@@ -63,12 +75,16 @@ struct BlobSubscriber::Impl {
   void OnManifest(const etude_wire_PublishedManifest& wire);
   void OnChunk(const PublishedChunkView& view);
   bool Start(Slot& slot, std::uint64_t version, std::uint64_t size, std::uint32_t chunk_size);
-  void MakeRoom(std::uint64_t size);
+  Slot& SlotOf(const SlotKey& key);
+  std::uint64_t ReadyBytes() const;
+  bool ReadyIsFull() const { return !ready.empty() && ReadyBytes() >= options.max_memory; }
+  std::uint64_t Memory() const;
+  void MakeRoom(std::uint64_t size, const Slot& for_slot);
   void Finish(const SlotKey& key, Slot& slot);
   void DropSuperseded(const std::string& name);
-  void Clear(Slot& slot);
   bool IsNews(std::string_view name, std::uint64_t version) const;
-  bool Accept(const PublishedBlob& blob) const;
+  void Judge(PublishedBlob blob);
+  void JudgeUndecided();
   bool Wanted(std::string_view name) const { return channel.empty() || name == channel; }
 };
 
@@ -77,9 +93,28 @@ bool BlobSubscriber::Impl::IsNews(std::string_view name, std::uint64_t version) 
   return newest == returned.end() || version > newest->second;
 }
 
-void BlobSubscriber::Impl::Clear(Slot& slot) {
-  if (slot.assembly) memory -= slot.assembly->size();
-  slot.assembly.reset();
+// Of what is verified.
+std::uint64_t BlobSubscriber::Impl::ReadyBytes() const {
+  std::uint64_t sum = 0;
+  for (const auto* blobs : {&ready, &undecided})
+    for (const auto& [name, blob] : *blobs) sum += blob.bytes.size() + blob.meta_json.size();
+  return sum;
+}
+
+// Of all that is held, bytes.
+std::uint64_t BlobSubscriber::Impl::Memory() const {
+  std::uint64_t sum = ReadyBytes();
+  for (const auto& [key, slot] : slots) sum += slot.memory();
+  return sum;
+}
+
+// In the place of the one that was not heard of for the longest time, when there are too many.
+Slot& BlobSubscriber::Impl::SlotOf(const SlotKey& key) {
+  if (slots.size() >= kMostSlots && !slots.contains(key))
+    slots.erase(std::ranges::min_element(slots, {}, [](const auto& item) { return item.second.heard; }));
+  Slot& slot = slots[key];
+  slot.heard = Clock::now();
+  return slot;
 }
 
 int BlobSubscriber::Impl::DrainManifests() {
@@ -100,7 +135,7 @@ int BlobSubscriber::Impl::Drain() {
   const int taken = TakeSerialized(chunks, 64, [this](std::span<const std::uint8_t> cdr) {
     PublishedChunkView view;
     if (!Parse(cdr, view) || view.slot > 1 || view.data.empty())
-      ++malformed;
+      TellMalformed(kPublishedChunkTopic, ++malformed);
     else
       OnChunk(view);
   });
@@ -118,7 +153,7 @@ void BlobSubscriber::Impl::OnManifest(const etude_wire_PublishedManifest& wire) 
   decode("sha256", info.sha256, wire.sha256, 32);
   if (!decode.ok() || info.sha256.size() != 32 || wire.slot > 1 ||
       !ShapeIsSound(wire.size, wire.chunk_size, wire.chunk_count)) {
-    ++malformed;
+    TellMalformed(kPublishedManifestTopic, ++malformed);
     return;
   }
   if (!Wanted(key.channel) || info.owner != owner.id || !IsNews(key.channel, wire.version)) return;
@@ -126,20 +161,22 @@ void BlobSubscriber::Impl::OnManifest(const etude_wire_PublishedManifest& wire) 
   info.version = wire.version;
   info.size = wire.size;
   info.chunk_size = wire.chunk_size;
-  Slot& slot = slots[key];
+  Slot& slot = SlotOf(key);
   if (slot.info && slot.info->version > info.version) return;
   const bool is_newer = !slot.version || *slot.version < info.version;
   if (wire.size == 0 && is_newer && !Start(slot, info.version, 0, info.chunk_size)) return;
+  slot.info.reset();
+  MakeRoom(info.meta_json.size(), slot);
   slot.info = std::move(info);
   Finish(key, slot);
 }
 
 // False when the blob may not be taken.
 bool BlobSubscriber::Impl::Start(Slot& slot, std::uint64_t version, std::uint64_t size, std::uint32_t chunk_size) {
-  Clear(slot);
+  slot.assembly.reset();
   slot.version = version;
   if (!ShapeIsSound(size, chunk_size, chunk_size > 0 ? ChunkCount(size, chunk_size) : 0)) {
-    ++malformed;
+    TellMalformed(kPublishedChunkTopic, ++malformed);
     return false;
   }
   if (size > options.max_blob_size || size > options.max_memory) {
@@ -147,36 +184,35 @@ bool BlobSubscriber::Impl::Start(Slot& slot, std::uint64_t version, std::uint64_
                std::min(options.max_blob_size, options.max_memory));
     return false;
   }
-  MakeRoom(size);
-  slot.heard = Clock::now();
+  MakeRoom(size, slot);
   slot.assembly.emplace(size, chunk_size);
-  memory += size;
   return true;
 }
 
-// Gives up the versions that have not moved for the longest time, such as those of a dead publisher.
-void BlobSubscriber::Impl::MakeRoom(std::uint64_t size) {
-  while (memory > 0 && memory + size > options.max_memory) {
+// Gives up the versions that have not moved for the longest time, such as those of a dead publisher. What is verified
+// already stays: Wait takes no more from the bus while that alone fills the memory.
+void BlobSubscriber::Impl::MakeRoom(std::uint64_t size, const Slot& for_slot) {
+  while (Memory() + size > options.max_memory) {
     Slot* stalest = nullptr;
     for (auto& [key, slot] : slots) {
       const bool is_staler = stalest == nullptr || slot.heard < stalest->heard;
-      if (slot.assembly && slot.assembly->size() > 0 && is_staler) stalest = &slot;
+      if (&slot != &for_slot && slot.memory() > 0 && is_staler) stalest = &slot;
     }
-    Clear(*stalest);
+    if (stalest == nullptr) return;
+    stalest->Clear();
   }
 }
 
 void BlobSubscriber::Impl::OnChunk(const PublishedChunkView& view) {
   if (!Wanted(view.channel) || !IsNews(view.channel, view.version)) return;
   const SlotKey key{std::string(view.channel), std::string(view.publisher), view.slot};
-  Slot& slot = slots[key];
+  Slot& slot = SlotOf(key);
   const bool is_newer = !slot.version || *slot.version < view.version;
   if (is_newer && !Start(slot, view.version, view.size, view.chunk_size)) return;
   if (!slot.assembly || *slot.version != view.version) return;
-  slot.heard = Clock::now();
   if (slot.assembly->size() != view.size || slot.assembly->chunk_size() != view.chunk_size ||
       slot.assembly->Add(view.index, view.data) == Assembly::Added::kMalformed) {
-    ++malformed;
+    TellMalformed(kPublishedChunkTopic, ++malformed);
     return;
   }
   Finish(key, slot);
@@ -187,38 +223,52 @@ void BlobSubscriber::Impl::Finish(const SlotKey& key, Slot& slot) {
   if (!slot.assembly || !slot.assembly->complete() || !slot.info) return;
   if (slot.info->version != *slot.version) return;
   const auto digest = slot.assembly->Digest();
-  bool fits =
-      slot.info->size == slot.assembly->size() && std::equal(digest.begin(), digest.end(), slot.info->sha256.begin());
-  if (fits) {
+  if (slot.info->size == slot.assembly->size() && std::equal(digest.begin(), digest.end(), slot.info->sha256.begin())) {
     PublishedBlob blob{key.channel,          *slot.version, slot.info->owner,
                        slot.info->meta_json, ToHex(digest), slot.assembly->TakeBytes()};
-    fits = Accept(blob);
-    if (fits) {
-      returned[key.channel] = blob.version;
-      ready[key.channel] = std::move(blob);
-    }
-  } else {
-    ++corrupt;
-    Log().warn("published blob dropped: its bytes do not fit its checksum channel={} version={}", key.channel,
-               *slot.version);
+    slot.Clear();
+    return Judge(std::move(blob));  // which may remove the slot
   }
-  Clear(slot);
-  slot.info.reset();
-  if (fits) DropSuperseded(key.channel);
+  ++corrupt;
+  Log().warn("published blob dropped: its bytes do not fit its checksum channel={} version={}", key.channel,
+             *slot.version);
+  slot.Clear();
 }
 
-bool BlobSubscriber::Impl::Accept(const PublishedBlob& blob) const {
-  if (!options.accept) return true;
-  const Status judged = options.accept(blob);
-  if (!judged)
-    Log().warn("published blob refused channel={} version={}: {}", blob.channel, blob.version, judged.error().message);
-  return judged.has_value();
+// Takes it, refuses it, or keeps it aside when it cannot be judged now (a disk is full): it is not sent again.
+void BlobSubscriber::Impl::Judge(PublishedBlob blob) {
+  const std::string name = blob.channel;
+  const Status judged = options.accept ? options.accept(blob) : Status();
+  if (judged) {
+    returned[name] = blob.version;
+    ready[name] = std::move(blob);
+    return DropSuperseded(name);
+  }
+  if (judged.error().code != Code::kUnavailable) {
+    Log().warn("published blob refused channel={} version={}: {}", name, blob.version, judged.error().message);
+    return;
+  }
+  const auto [known, is_first] = told.try_emplace(name, blob.version);
+  if (is_first || blob.version > known->second)
+    Log().warn("published blob waits, it is judged again and again channel={} version={}: {}", name, blob.version,
+               judged.error().message);
+  known->second = std::max(known->second, blob.version);
+  auto& kept = undecided[name];
+  if (kept.version <= blob.version) kept = std::move(blob);
 }
 
+void BlobSubscriber::Impl::JudgeUndecided() {
+  for (auto& [name, blob] : std::exchange(undecided, {}))
+    if (IsNews(name, blob.version)) Judge(std::move(blob));
+}
+
+// Slots too: a publisher that is gone leaves nothing behind.
 void BlobSubscriber::Impl::DropSuperseded(const std::string& name) {
-  for (auto& [key, slot] : slots) {
-    if (key.channel == name && slot.version && !IsNews(name, *slot.version)) Clear(slot);
-  }
+  std::erase_if(slots, [&](const auto& item) {
+    const auto& [key, slot] = item;
+    const std::uint64_t newest = std::max(slot.version.value_or(0), slot.info ? slot.info->version : 0);
+    return key.channel == name && !IsNews(name, newest);
+  });
 }
 
 std::function<Status(const PublishedBlob&)> AcceptSigned(std::shared_ptr<security::CheckpointVerifier> verifier) {
@@ -251,11 +301,11 @@ Result<BlobSubscriber> BlobSubscriber::Open(const Participant& participant, cons
 }
 
 std::optional<PublishedBlob> BlobSubscriber::Wait(std::chrono::nanoseconds timeout) {
-  const auto now = Clock::now();
-  const auto latest = Clock::time_point::max();
-  const auto end = timeout > latest - now ? latest : now + timeout;
+  const auto end = Deadline(timeout);
   for (;;) {
-    while (impl_->Drain() > 0) {
+    impl_->JudgeUndecided();
+    // whoever sends without an end does not hold up the caller
+    while (!impl_->ReadyIsFull() && impl_->Drain() > 0 && Clock::now() < end && !StopRequested()) {
     }
     if (!impl_->ready.empty()) {
       auto first = impl_->ready.extract(impl_->ready.begin());
@@ -263,7 +313,7 @@ std::optional<PublishedBlob> BlobSubscriber::Wait(std::chrono::nanoseconds timeo
     }
     const auto left = end - Clock::now();
     if (left.count() <= 0 || StopRequested()) return std::nullopt;
-    impl_->waiter.Wait(left);
+    impl_->waiter.Wait(impl_->undecided.empty() ? left : std::min<std::chrono::nanoseconds>(left, kJudgeAgain));
   }
 }
 

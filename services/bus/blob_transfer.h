@@ -72,12 +72,12 @@ struct PublishedBlob;
 
 struct ReceiveOptions {
   std::uint64_t max_blob_size = 1ull << 30;  ///< larger manifests are refused before allocation
-  /// Of all blobs that came and were not acknowledged yet; others wait with their senders. One alone may be larger.
+  /// Of all blobs that came and were not acknowledged yet, with what is said of them; others wait. One may be larger.
   std::uint64_t max_memory = 2ull << 30;
   /// Verdicts remembered for each sender, to answer repeats of a blob whose acknowledgement was lost.
   std::uint32_t verdicts_kept = 4;
-  /// Of subscribers: judges a whole, verified blob. One that it refuses is logged and dropped as if it had never been
-  /// published, so that it cannot hold back a good one of a lower version. Empty: all are taken.
+  /// Of subscribers: judges a whole, verified blob. One that it refuses is logged and dropped as if never published, so
+  /// that it cannot hold back a good one of a lower version; with kUnavailable it is asked again. Empty: all are taken.
   std::function<Status(const PublishedBlob&)> accept;
 };
 

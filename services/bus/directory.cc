@@ -12,6 +12,7 @@
 #include "services/core/clock.h"
 #include "services/core/command.h"
 #include "services/core/enum_name.h"
+#include "services/core/printable.h"
 #include "services/core/stop.h"
 
 namespace etude::bus {
@@ -63,8 +64,8 @@ std::string ToString(PresenceKind kind) {
 std::string ListText(const std::vector<Presence>& presences) {
   std::string text;
   for (const auto& item : presences)
-    text += fmt::format("\n  {}@{}  host {}  user {}  {}  since {}", item.name, item.id, item.host, item.user,
-                        item.folder.empty() ? "-" : item.folder, LocalTime(item.since));
+    text += "\n" + Printable(fmt::format("  {}@{}  host {}  user {}  {}  since {}", item.name, item.id, item.host,
+                                         item.user, item.folder.empty() ? "-" : item.folder, LocalTime(item.since)));
   return text;
 }
 
@@ -146,11 +147,11 @@ Result<std::optional<Presence>> Directory::Find(PresenceKind kind, const Selecto
                             selector.text(), matching.size(), impl_->domain, ListText(matching)));
   const Presence& found = matching.front();
   if (found.wire != kWireVersion)
-    return Fail(
-        Code::kUnavailable,
-        fmt::format("{} '{}' of {} speaks wire number {} (program {}), this program {} (program {}): use "
-                    "programs of the same wire number",
-                    ToString(kind), found.name, found.host, found.wire, found.version, kWireVersion, Version()));
+    return Fail(Code::kUnavailable,
+                fmt::format("{} '{}' of {} speaks wire number {} (program {}), this program {} (program {}): use "
+                            "programs of the same wire number",
+                            ToString(kind), found.name, Printable(found.host), found.wire, Printable(found.version),
+                            kWireVersion, Version()));
   return std::optional<Presence>(found);
 }
 

@@ -14,6 +14,9 @@ constexpr std::chrono::seconds kForgetAfter{60};
 
 using State = IncomingBlob::State;
 
+// What a blob costs that is not judged yet.
+std::uint64_t MemoryOf(const BlobManifest& manifest) { return manifest.size + manifest.meta_json.size(); }
+
 }  // namespace
 
 IncomingBlob* Inbox::Find(std::string_view sender, std::uint64_t id) {
@@ -24,8 +27,9 @@ IncomingBlob* Inbox::Find(std::string_view sender, std::uint64_t id) {
 }
 
 IncomingBlob* Inbox::Add(BlobManifest manifest, TimePoint now) {
-  if (memory_ > 0 && memory_ + manifest.size > options_.max_memory) return nullptr;
-  memory_ += manifest.size;
+  const std::uint64_t size = MemoryOf(manifest);
+  if (memory_ > 0 && memory_ + size > options_.max_memory) return nullptr;
+  memory_ += size;
   Sender& sender = senders_[manifest.sender];
   sender.last_begun = now;
   IncomingBlob& blob = sender.blobs[manifest.id];
@@ -35,7 +39,7 @@ IncomingBlob* Inbox::Add(BlobManifest manifest, TimePoint now) {
 }
 
 void Inbox::Remove(const IncomingBlob& blob) {
-  memory_ -= blob.manifest.size;
+  memory_ -= MemoryOf(blob.manifest);
   const std::uint64_t id = blob.manifest.id;
   senders_.find(blob.manifest.sender)->second.blobs.erase(id);
 }
@@ -62,10 +66,11 @@ void Inbox::Judge(const BlobManifest& manifest, const Verdict& verdict) {
   if (known != nullptr && (known->state == State::kReceiving || known->state == State::kReady)) return;
   Sender& sender = senders_[manifest.sender];
   IncomingBlob& blob = sender.blobs[manifest.id];
-  if (known != nullptr && blob.state == State::kJudging) memory_ -= blob.manifest.size;
+  if (known != nullptr && blob.state == State::kJudging) memory_ -= MemoryOf(blob.manifest);
   if (blob.state != State::kJudged) sender.judged.push_back(manifest.id);
   blob.state = State::kJudged;
   blob.manifest = manifest;
+  blob.manifest.meta_json = {};  // of those that are judged many are kept
   blob.verdict = verdict;
   while (sender.judged.size() > std::max(1u, options_.verdicts_kept)) {
     sender.blobs.erase(sender.judged.front());
@@ -78,7 +83,7 @@ void Inbox::Clean(TimePoint now) {
     std::erase_if(sender.blobs, [&](const auto& item) {
       const IncomingBlob& blob = item.second;
       if (blob.state != State::kReceiving || now - blob.last_news < kForgetAfter) return false;
-      memory_ -= blob.manifest.size;
+      memory_ -= MemoryOf(blob.manifest);
       return true;
     });
   }

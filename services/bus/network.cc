@@ -174,6 +174,12 @@ std::vector<NetworkInterface> Interfaces() {
   return found;
 }
 
+std::optional<std::uint64_t> LargestReceiveBuffer() {
+  std::ifstream file("/proc/sys/net/core/rmem_max");
+  std::uint64_t bytes = 0;
+  return file >> bytes ? std::optional(bytes) : std::nullopt;
+}
+
 Result<UdpCounters> ReadUdpCounters() {
   std::ifstream file("/proc/net/snmp");
   std::string names, values;

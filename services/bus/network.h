@@ -54,6 +54,11 @@ struct NetworkInterface {
 };
 std::vector<NetworkInterface> Interfaces();
 
+/// What a socket's receive buffer should be able to hold, bytes: the profiles in deploy/dds ask for it.
+inline constexpr std::uint64_t kWantedReceiveBuffer = 4u << 20;
+/// What one may hold on this host (net.core.rmem_max), bytes; nothing where that cannot be read.
+std::optional<std::uint64_t> LargestReceiveBuffer();
+
 /// The kernel's counters of UDP over IPv4, of the whole host (of the network namespace).
 struct UdpCounters {
   std::uint64_t sent = 0, received = 0;

@@ -6,22 +6,19 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cctype>
-#include <cstdlib>
-#include <fstream>
+#include <bit>
 #include <map>
 #include <mutex>
-#include <optional>
 #include <random>
-#include <regex>
 #include <tuple>
 
 #include "services/bus/access.h"
-#include "services/bus/local_profile.h"
+#include "services/bus/network.h"
 #include "services/bus/participant_state.h"
 #include "services/bus/participant_watch.h"
+#include "services/bus/profile.h"
 #include "services/bus/security_log.h"
-#include "services/core/file.h"
+#include "services/core/identity.h"
 #include "services/core/log.h"
 
 namespace etude::bus {
@@ -75,7 +72,7 @@ std::string Advice(const std::string& explanation) {
            "deploy/dds)";
   }
   if (explanation.find("receive buffer") != std::string::npos) {
-    return "; run 'sysctl -w net.core.rmem_max=4194304' or lower SocketReceiveBufferSize";
+    return fmt::format("; run 'sysctl -w net.core.rmem_max={}' or lower SocketReceiveBufferSize", kWantedReceiveBuffer);
   }
   return "; check the profile (see deploy/dds)";
 }
@@ -87,24 +84,6 @@ Error OpenError(dds_return_t code, const ParticipantConfig& config, std::string_
   if (!explanation.empty()) error.message += ": " + explanation;
   error.message += Advice(explanation);
   return error;
-}
-
-// The text of the profile: inline XML, a file's, the environment's, or the built-in one.
-Result<std::string> ProfileText(const std::string& profile) {
-  if (profile.empty()) {
-    const char* const uri = std::getenv("CYCLONEDDS_URI");
-    return std::string(uri != nullptr && *uri != '\0' ? uri : kLocalProfile);
-  }
-  const auto first =
-      std::find_if_not(profile.begin(), profile.end(), [](unsigned char c) { return std::isspace(c) != 0; });
-  if (first != profile.end() && *first == '<') return profile;
-  auto text = ReadTextFile(profile, 1 << 20);
-  if (!text) {
-    Error error = std::move(text).error().Wrap("DDS profile");
-    error.code = Code::kUnavailable;
-    return Fail(std::move(error));
-  }
-  return std::move(*text);
 }
 
 struct Domains {
@@ -119,35 +98,6 @@ struct Domains {
 Domains& GetDomains() {
   static auto* const domains = new Domains;
   return *domains;
-}
-
-// A number with its unit, as the profile says sizes; nothing when it is none.
-std::optional<double> BytesIn(const std::string& profile, const std::string& element) {
-  static const std::map<std::string, double> kUnits{
-      {"", 1}, {"B", 1}, {"kB", 1024}, {"KiB", 1024}, {"MB", 1024 * 1024}, {"MiB", 1024 * 1024}};
-  std::smatch found;
-  if (!std::regex_search(profile, found, std::regex("<" + element + ">\\s*([0-9.]+)\\s*([A-Za-z]*)\\s*<")))
-    return std::nullopt;
-  const auto unit = kUnits.find(found[2]);
-  return unit == kUnits.end() ? std::nullopt : std::optional(std::stod(found[1]) * unit->second);
-}
-
-// What works without security and fails in silence with it.
-Status CheckProfile(const std::string& profile) {
-  constexpr double kMostFragment = 65000;
-  const auto fragment = BytesIn(profile, "FragmentSize");
-  if (fragment && *fragment > kMostFragment) {
-    return Fail(Code::kUnavailable,
-                fmt::format("DDS profile: FragmentSize is {:.0f} B: what security adds makes datagrams larger than UDP "
-                            "takes, and nothing arrives; at most {:.0f} B",
-                            *fragment, kMostFragment));
-  }
-  static const std::regex kSharedMemory("<(SharedMemory|Shm)>[\\s\\S]*?<Enable>\\s*true\\s*<");
-  if (std::regex_search(profile, kSharedMemory)) {
-    return Fail(Code::kUnavailable,
-                "DDS profile: SharedMemory is on, which passes by all security; set SharedMemory/Enable to false");
-  }
-  return {};
 }
 
 // The identity as properties of the participant: the profile stays the user's.
@@ -210,14 +160,10 @@ void KeepChunksOnTheHeap() {
 void WarnAboutReceiveBuffer() {
   static std::once_flag once;
   std::call_once(once, [] {
-    std::ifstream file("/proc/sys/net/core/rmem_max");
-    std::uint64_t bytes = 0;
-    if (file >> bytes && bytes < 4'194'304) {
-      Log().warn(
-          "socket buffers are limited: bursts are slower; run 'sysctl -w "
-          "net.core.rmem_max=4194304' rmem_max={}",
-          bytes);
-    }
+    const auto bytes = LargestReceiveBuffer();
+    if (bytes && *bytes < kWantedReceiveBuffer)
+      Log().warn("socket buffers are limited: bursts are slower; run 'sysctl -w net.core.rmem_max={}' rmem_max={}",
+                 kWantedReceiveBuffer, *bytes);
   });
 }
 
@@ -302,7 +248,7 @@ Result<Participant> Participant::Open(const ParticipantConfig& config) {
   Qos qos;
   if (!config.security.empty()) {
     ETUDE_ASSIGN_OR_RETURN(state->identity, security::OpenIdentity(config.security, config.roles));
-    ETUDE_RETURN_IF_ERROR(CheckProfile(profile));
+    ETUDE_RETURN_IF_ERROR(CheckSecuredProfile(profile));
     qos = SecurityQos(*state->identity);
   }
   ETUDE_ASSIGN_OR_RETURN(state->domain, OpenDomain(config, profile));
@@ -339,6 +285,10 @@ Result<Endpoint> OpenReader(const Participant& participant, const std::string& p
   return OpenEndpoint(participant, partition, type, topic, qos, false);
 }
 
+void TellMalformed(std::string_view topic, std::uint64_t count) {
+  if (std::has_single_bit(count)) Log().warn("malformed samples were dropped topic={} count={}", topic, count);
+}
+
 int MatchedReaders(const Endpoint& writer) {
   dds_publication_matched_status_t status{};
   dds_get_publication_matched_status(writer.get(), &status);
@@ -352,10 +302,8 @@ int MatchedWriters(const Endpoint& reader) {
 }
 
 std::string UniquePeerName() {
-  char host[65] = {};
-  if (::gethostname(host, sizeof(host) - 1) != 0) std::snprintf(host, sizeof(host), "host");
   std::random_device device;
-  return fmt::format("{}-{}-{:04x}", host, ::getpid(), device() & 0xffffu);
+  return fmt::format("{}-{}-{:04x}", HostName(), ::getpid(), device() & 0xffffu);
 }
 
 }  // namespace etude::bus

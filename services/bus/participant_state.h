@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -70,6 +71,10 @@ Result<Endpoint> OpenWriter(const Participant& participant, const std::string& p
                             const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& qos);
 Result<Endpoint> OpenReader(const Participant& participant, const std::string& partition,
                             const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& qos);
+
+/// Warns that samples of `topic` were dropped because a field was out of its bounds, `count` of them by now: when that
+/// is a power of two, since a peer that sends nothing else must not fill the log.
+void TellMalformed(std::string_view topic, std::uint64_t count);
 
 int MatchedReaders(const Endpoint& writer);
 int MatchedWriters(const Endpoint& reader);

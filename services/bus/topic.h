@@ -55,8 +55,8 @@ class Reader {
 
   /// Everything received and not yet taken, oldest first. Malformed samples are dropped and counted.
   std::vector<Message> Take(int at_most = 256);
-  /// The newest of every key whose writer is still there, taken or not; for topics of QoS "state". A writer that
-  /// ended counts as gone at once, one that was killed after DDS's lease (10 s).
+  /// The newest of every key whose writer is still there, taken or not, 256 at most; for topics of QoS "state". A
+  /// writer that ended counts as gone at once, one that was killed after DDS's lease (10 s).
   std::vector<Message> Live();
   /// Blocks until data is there, `timeout` is over, or a stop is requested; true when data is there.
   bool Wait(std::chrono::nanoseconds timeout);

@@ -53,7 +53,7 @@ void DecodeAll(void* const* samples, const dds_sample_info_t* infos, int count, 
     if (decoder.ok() && IsSound(message))
       messages.push_back(std::move(message));
     else
-      ++malformed;
+      TellMalformed(Traits<Message>::kTopic, ++malformed);
   }
 }
 

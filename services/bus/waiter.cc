@@ -33,9 +33,7 @@ Status Waiter::AddMatched(const Endpoint& endpoint) {
 bool Waiter::Wait(std::chrono::nanoseconds timeout) {
   // a stop request is a flag and a pipe, which a waitset cannot watch: look at it between short waits
   constexpr std::chrono::nanoseconds kSlice = std::chrono::milliseconds(50);
-  const auto now = MonotonicClock::now();
-  const auto latest = MonotonicClock::time_point::max();
-  const auto end = timeout > latest - now ? latest : now + timeout;
+  const auto end = Deadline(timeout);
   while (!StopRequested()) {
     const auto left = std::max<std::chrono::nanoseconds>(end - MonotonicClock::now(), {});
     const auto slice = std::min(left, kSlice);

@@ -122,17 +122,26 @@ struct PromoteArguments {
   std::string run, checkpoint;
 };
 
-// "1500", "00001500.safetensors" or a path to it -> the name in RUN/checkpoints.
-std::string NameOfCheckpoint(const std::string& text) {
+// "1500", "00001500.safetensors" or a path to it -> the name in `folder`, RUN/checkpoints.
+Result<std::string> NameOfCheckpoint(const std::string& text, const Path& folder) {
   const bool step = !text.empty() && text.size() <= 18 && text.find_first_not_of("0123456789") == std::string::npos;
-  return step ? fmt::format("{:08}.safetensors", std::stoull(text)) : Path(text).filename().string();
+  if (step) return fmt::format("{:08}.safetensors", std::stoull(text));
+  const Path path(text);
+  const std::string name = path.filename().string();
+  std::error_code error;
+  if (!path.has_parent_path() || std::filesystem::equivalent(path, folder / name, error)) return name;
+  return Fail(
+      Code::kInvalidArgument,
+      fmt::format("promote '{}': it is not in '{}'; a run's best is one of its own checkpoints: name its run, or "
+                  "a STEP of this one",
+                  text, folder.string()));
 }
 
 // The link is what a run's `best` is: a trainer at work publishes it with its next checkpoint, one that is resumed at
 // once, and what it names is never cleared away.
 Status Promote(const PromoteArguments& arguments) {
   const Path folder = Path(arguments.run) / "checkpoints";
-  const std::string name = NameOfCheckpoint(arguments.checkpoint);
+  ETUDE_ASSIGN_OR_RETURN(const std::string name, NameOfCheckpoint(arguments.checkpoint, folder));
   std::error_code error;
   const bool there = std::filesystem::is_regular_file(std::filesystem::symlink_status(folder / name, error));
   if (!there || !name.ends_with(".safetensors"))
@@ -161,23 +170,23 @@ struct WatchArguments {
   BusArguments bus;
 };
 
-// An object that arrived is verified by its hash already; here that it is a checkpoint.
-Status Keep(const bus::PublishedBlob& object, const Path& out) {
+// An object that arrived is verified by its hash already; here that it is a checkpoint. False: it was refused.
+Result<bool> Keep(const bus::PublishedBlob& object, const Path& out) {
   const auto content = store::DecodeSafetensors(object.bytes);
   if (!content) {
     Log().warn("refused channel={} version={}: {}", object.channel, object.version, content.error().message);
-    return {};
+    return false;
   }
   const auto name = CheckpointFileName(object.channel, object.version);
   if (!name) {
     Log().warn("refused a checkpoint: {}", name.error().message);
-    return {};
+    return false;
   }
   const Path path = out / *name;
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(path, object.bytes));
   fmt::print("{} {} {}\n", path.string(), object.bytes.size(), object.sha256);
   std::fflush(stdout);
-  return {};
+  return true;
 }
 
 // The id of the run that is meant; "" on a stop request.
@@ -204,8 +213,8 @@ Status Watch(const WatchArguments& arguments) {
   while (!StopRequested() && std::ferror(stdout) == 0) {  // an error of stdout: nobody reads on
     const auto object = subscriber.Wait(std::chrono::seconds(1));
     if (!object) continue;
-    ETUDE_RETURN_IF_ERROR(Keep(*object, arguments.out));
-    if (arguments.once) break;
+    ETUDE_ASSIGN_OR_RETURN(const bool kept, Keep(*object, arguments.out));
+    if (kept && arguments.once) break;
   }
   return {};
 }
@@ -241,7 +250,9 @@ void AddCheckpoint(CLI::App& app, Body& body) {
   exporting->add_option("file", *file, "checkpoint file")->required();
   exporting->add_option("out", *out, "the file to write, .pt")->required();
   exporting->add_option("--format", *format, "torchscript")->required()->check(CLI::IsMember({"torchscript"}));
-  exporting->callback([=, &body] { body = [=] { return ExecSibling("etude-policy", {"torchscript", *file, *out}); }; });
+  exporting->callback([=, &body] {
+    body = [=] { return ExecSibling("etude-policy", {*format, *file, *out}); };  // names all that options write to
+  });
 
   auto promoting = std::make_shared<PromoteArguments>();
   auto* promote = command->add_subcommand("promote", "make a checkpoint its run's best, in place of the one that was");
@@ -252,7 +263,7 @@ void AddCheckpoint(CLI::App& app, Body& body) {
   auto watching = std::make_shared<WatchArguments>();
   auto* watch = command->add_subcommand("watch", "subscribe to a run; write each verified checkpoint");
   watch->add_option("--run", watching->run, "the run: NAME or NAME@ID")->required();
-  watch->add_option("--out", watching->out, "folder for <channel>-<step>.safetensors")->required();
+  watch->add_option("--out", watching->out, "folder for <channel>-<version>.safetensors")->required();
   watch->add_option("--channel", watching->channel, "latest | best (default: both)")
       ->check(CLI::IsMember({"latest", "best"}));
   bus::AddVerify(*watch, watching->verify);

@@ -12,7 +12,7 @@ namespace etude::cli {
 namespace {
 
 // For both shells. A path of commands ("dataset info") is found word by word; a word that is no command, option or
-// option's value counts as a positional one.
+// option's value counts as a positional one. Then what may stand in the place of the current word.
 constexpr const char* kWalk = R"sh(  local route="" position=0 word skip=0 i
   for ((i = FIRST; i < CURRENT_WORD; ++i)); do
     word=${WORDS_ARRAY[i]}
@@ -25,6 +25,14 @@ constexpr const char* kWalk = R"sh(  local route="" position=0 word skip=0 i
       ((++position))
     fi
   done
+  local current=${WORDS_ARRAY[CURRENT_WORD]} previous=${WORDS_ARRAY[CURRENT_WORD - 1]} offered=""
+  if ((skip)); then
+    offered=$(_etude_choices "$route:$previous")
+  elif [[ $current == -* ]]; then
+    offered=$(_etude_options "$route")
+  else
+    offered="$(_etude_commands "$route") $(_etude_choices "$route:$position")"
+  fi
 )sh";
 
 std::string Quoted(const std::string& text) {
@@ -96,15 +104,7 @@ Status Print(const CLI::App& app, const std::string& shell) {
 std::string BashCompletion(const OrderedJson& commands) {
   return "# bash completion of etude, made by `etude completion bash`\n" + Functions(commands) + "_etude() {\n" +
          Walk("1", "COMP_CWORD", "COMP_WORDS") +
-         R"sh(  local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD - 1]} offered=""
-  if ((skip)); then
-    offered=$(_etude_choices "$route:$previous")
-  elif [[ $current == -* ]]; then
-    offered=$(_etude_options "$route")
-  else
-    offered="$(_etude_commands "$route") $(_etude_choices "$route:$position")"
-  fi
-  # shellcheck disable=SC2207
+         R"sh(  # shellcheck disable=SC2207
   COMPREPLY=($(compgen -W "$offered" -- "$current"))
 }
 complete -o default -F _etude etude
@@ -114,15 +114,7 @@ complete -o default -F _etude etude
 std::string ZshCompletion(const OrderedJson& commands) {
   return "#compdef etude\n# zsh completion of etude, made by `etude completion zsh`\n" + Functions(commands) +
          "_etude() {\n" + Walk("2", "CURRENT", "words") +
-         R"sh(  local current=${words[CURRENT]} previous=${words[CURRENT - 1]} offered=""
-  if ((skip)); then
-    offered=$(_etude_choices "$route:$previous")
-  elif [[ $current == -* ]]; then
-    offered=$(_etude_options "$route")
-  else
-    offered="$(_etude_commands "$route") $(_etude_choices "$route:$position")"
-  fi
-  if [[ -n ${offered// /} ]]; then compadd -- ${=offered}; else _files; fi
+         R"sh(  if [[ -n ${offered// /} ]]; then compadd -- ${=offered}; else _files; fi
 }
 compdef _etude etude 2>/dev/null
 )sh";

@@ -234,24 +234,22 @@ void AddExportOptions(CLI::App& exporting, const std::shared_ptr<EditArguments>&
 }
 
 void AddImport(CLI::App& command, Body& body, const std::shared_ptr<EditArguments>& arguments) {
-  auto* import = command.add_subcommand("import", "a dataset of others' demonstrations");
-  import->add_option("folder", arguments->dataset, "what to read: a folder an episode, each with states.json")
+  auto* importing = command.add_subcommand("import", "a dataset of others' demonstrations");
+  importing->add_option("folder", arguments->dataset, "what to read: a folder an episode, each with states.json")
       ->required();
-  import->add_option("out", arguments->out, "the new dataset's folder")->required();
-  import->add_option("--format", arguments->format, "modattn: the published layout of the paper's authors")
+  importing->add_option("out", arguments->out, "the new dataset's folder")->required();
+  importing->add_option("--format", arguments->format, "modattn: the published layout of the paper's authors")
       ->required()
       ->check(CLI::IsMember({"modattn"}));
-  import->add_option("--robot", arguments->modattn.robot, "which robot it was")->capture_default_str();
-  import->add_option("--name", arguments->modattn.name, "name of the campaign in the dataset")->capture_default_str();
-  import->add_option("--fovy", arguments->modattn.fovy_deg, "the camera's vertical field of view, degrees")
+  importing->add_option("--robot", arguments->modattn.robot, "which robot it was")->capture_default_str();
+  importing->add_option("--name", arguments->modattn.name, "name of the campaign in the dataset")
       ->capture_default_str();
-  import->add_flag("--skip-bad", arguments->modattn.skip_bad, "leave out what cannot be read, instead of ending");
-  import->add_flag("--restart", arguments->restart, "remove what an interrupted command left");
-  import->callback([=, &body] { body = [=] { return Import(*arguments);
-};
-}  // namespace
-);
-}  // namespace etude::cli
+  importing->add_option("--fovy", arguments->modattn.fovy_deg, "the camera's vertical field of view, degrees")
+      ->capture_default_str();
+  importing->add_flag("--skip-bad", arguments->modattn.skip_bad, "leave out what cannot be read, instead of ending");
+  importing->add_flag("--restart", arguments->restart, "remove what an interrupted command left");
+  importing->callback([=, &body] { body = [=] { return Import(*arguments); }; });
+}
 
 }  // namespace
 

@@ -3,8 +3,7 @@
 #include <fmt/format.h>
 #include <sys/statvfs.h>
 
-#include <fstream>
-
+#include "services/bus/network.h"
 #include "services/bus/topic.h"
 #include "services/cli/command_line.h"
 #include "services/cli/doctor_net.h"
@@ -55,15 +54,13 @@ Finding CheckBus(const BusArguments& arguments) {
 }
 
 Finding CheckSocketBuffer() {
-  std::ifstream file("/proc/sys/net/core/rmem_max");
-  std::uint64_t bytes = 0;
-  if (!(file >> bytes)) return Advice("cannot read /proc/sys/net/core/rmem_max");
-  constexpr std::uint64_t kWanted = 4u << 20;
-  if (bytes >= kWanted) return Ok(fmt::format("net.core.rmem_max = {} bytes", bytes));
+  const auto bytes = bus::LargestReceiveBuffer();
+  if (!bytes) return Advice("cannot read /proc/sys/net/core/rmem_max");
+  if (*bytes >= bus::kWantedReceiveBuffer) return Ok(fmt::format("net.core.rmem_max = {} bytes", *bytes));
   return Advice(
       fmt::format("net.core.rmem_max = {} bytes; large objects travel faster with: sudo sysctl -w "
                   "net.core.rmem_max={}",
-                  bytes, kWanted));
+                  *bytes, bus::kWantedReceiveBuffer));
 }
 
 Finding CheckDisk() {

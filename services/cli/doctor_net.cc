@@ -7,21 +7,20 @@
 #include <cctype>
 #include <cmath>
 #include <cstdlib>
-#include <fstream>
 #include <memory>
 #include <set>
 
 #include "services/core/clock.h"
 #include "services/core/file.h"
+#include "services/core/printable.h"
 #include "services/core/share.h"
 
 namespace etude::cli {
 namespace {
 
-constexpr std::uint64_t kWantedBuffer = 4u << 20;  // bytes, as the profiles in deploy/dds ask for
-constexpr int kUsualMtu = 1500;                    // bytes
-constexpr double kSameTime = 1;                    // s: leases do not depend on clocks, but people compare logs
-constexpr double kManyLost = 20;                   // datagrams/s to ports where nobody listens
+constexpr int kUsualMtu = 1500;   // bytes
+constexpr double kSameTime = 1;   // s: leases do not depend on clocks, but people compare logs
+constexpr double kManyLost = 20;  // datagrams/s to ports where nobody listens
 
 double PerSecond(std::uint64_t after, std::uint64_t before, double seconds) {
   return seconds > 0 ? static_cast<double>(after - before) / seconds : 0;
@@ -42,7 +41,7 @@ std::set<std::string> OtherHosts(const NetworkReport& report) {
 }
 
 std::uint64_t SmallestBuffer(const NetworkReport& report) {
-  std::uint64_t smallest = kWantedBuffer;
+  std::uint64_t smallest = bus::kWantedReceiveBuffer;
   for (const auto& socket : report.sockets) smallest = std::min(smallest, socket.receive_buffer);
   return smallest;
 }
@@ -75,7 +74,7 @@ Result<NetworkReport> Look(const bus::Arguments& arguments, double seconds) {
   report.overflows_per_second = PerSecond(after.buffer_overflows, before.buffer_overflows, report.seconds);
   ETUDE_ASSIGN_OR_RETURN(report.peers, bus::Peers(participant));
   report.sockets = bus::OwnUdpSockets();
-  std::ifstream("/proc/sys/net/core/rmem_max") >> report.rmem_max;
+  report.rmem_max = bus::LargestReceiveBuffer().value_or(0);
   for (const auto& interface : bus::Interfaces())
     report.interfaces.push_back(
         {interface, interface.multicast ? bus::TryMulticast(interface.address) : "switched off"});
@@ -142,11 +141,11 @@ std::vector<std::string> Advice(const NetworkReport& report) {
         fmt::format("no process of another host was seen: start one there on domain {}, with this profile; UDP "
                     "ports {} to {} must be open between the hosts, and each must have a way to a hub",
                     report.domain, Port(report.domain, 0), Port(report.domain, 249)));
-  if (report.rmem_max > 0 && report.rmem_max < kWantedBuffer)
+  if (report.rmem_max > 0 && report.rmem_max < bus::kWantedReceiveBuffer)
     lines.push_back(
         fmt::format("bursts of episodes and checkpoints are lost and sent again: sudo sysctl -w "
                     "net.core.rmem_max={} (it is {})",
-                    kWantedBuffer, report.rmem_max));
+                    bus::kWantedReceiveBuffer, report.rmem_max));
   else if (SmallestBuffer(report) < (1u << 20))
     lines.push_back(fmt::format("a socket of DDS has {} to receive in: raise SocketReceiveBufferSize in the profile",
                                 Mib(SmallestBuffer(report))));
@@ -181,7 +180,9 @@ std::vector<std::string> Advice(const NetworkReport& report) {
 
 std::string ToText(const NetworkReport& report) {
   std::string text;
-  const auto row = [&](const char* name, const std::string& value) { text += fmt::format("{:<11} {}\n", name, value); };
+  const auto row = [&](const char* name, const std::string& value) {
+    text += fmt::format("{:<11} {}\n", name, Printable(value));
+  };
   row("domain", fmt::format("{}, ports {} to {}", report.domain, Port(report.domain, 0), Port(report.domain, 249)));
   row("profile", report.profile);
   const auto hosts = OtherHosts(report);
@@ -201,7 +202,7 @@ std::string ToText(const NetworkReport& report) {
   for (const auto& socket : report.sockets)
     row("socket", fmt::format("{}:{} receives in {}, sends from {}", socket.address, socket.port,
                               Mib(socket.receive_buffer), Mib(socket.send_buffer)));
-  row("buffers", fmt::format("net.core.rmem_max {} bytes, {} wanted", report.rmem_max, kWantedBuffer));
+  row("buffers", fmt::format("net.core.rmem_max {} bytes, {} wanted", report.rmem_max, bus::kWantedReceiveBuffer));
   row("traffic", fmt::format("{:.1f} datagrams/s sent by this host, {:.1f}/s for closed ports, {:.1f}/s dropped",
                              report.sent_per_second, report.closed_ports_per_second, report.overflows_per_second));
   for (const auto& line : Advice(report)) row("advice", line);

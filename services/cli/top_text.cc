@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "services/core/printable.h"
 #include "services/episode/bounded_json.h"
 #include "services/monitor/sentence.h"
 
@@ -83,13 +84,6 @@ std::vector<std::string> RunLines(const RunView& run, Time now) {
     if (!status.last_refusal.empty()) lines.push_back("  refused last: " + status.last_refusal);
   }
   return lines;
-}
-
-// What came over the bus may hold what moves a cursor.
-std::string Printable(std::string line) {
-  for (char& c : line)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
-  return line;
 }
 
 }  // namespace

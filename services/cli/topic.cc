@@ -12,6 +12,7 @@
 #include "services/cli/bus_watch.h"
 #include "services/cli/command_line.h"
 #include "services/core/config.h"
+#include "services/core/printable.h"
 #include "services/core/stop.h"
 #include "services/monitor/topics.h"
 
@@ -30,6 +31,7 @@ struct Arguments {
   BusArguments bus;
 };
 
+// ": a, b", or nothing where there are none.
 std::string PeersText(const std::vector<bus::PeerEndpoint>& endpoints,
                       const std::map<std::string, std::string>& names) {
   std::set<std::string> peers;
@@ -37,7 +39,7 @@ std::string PeersText(const std::vector<bus::PeerEndpoint>& endpoints,
     const auto name = names.find(endpoint.participant);
     peers.insert(name == names.end() ? endpoint.participant.substr(0, 12) : name->second);
   }
-  return fmt::format("{}", fmt::join(peers, ", "));
+  return fmt::format("{}{}", peers.empty() ? "" : ": ", fmt::join(peers, ", "));
 }
 
 Status List(const Arguments& arguments) {
@@ -51,11 +53,13 @@ Status List(const Arguments& arguments) {
   for (const auto& [topic, row] : rows) {
     all.push_back(monitor::TopicJson(topic, row, names));
     if (arguments.as_json) continue;
-    fmt::print("{}\n  type     {}\n  QoS      {}\n  writers  {}{}\n  readers  {}{}\n", topic,
-               fmt::join(row.types, ", "), fmt::join(row.qos, "; "), row.writers.size(),
-               row.writers.empty() ? "" : ": " + PeersText(row.writers, names), row.readers.size(),
-               row.readers.empty() ? "" : ": " + PeersText(row.readers, names));
-    for (const auto& problem : row.problems) fmt::print("  MISMATCH {}\n", problem);
+    const auto line = [](const std::string& text) { fmt::print("{}\n", Printable(text)); };
+    line(topic);
+    line(fmt::format("  type     {}", fmt::join(row.types, ", ")));
+    line(fmt::format("  QoS      {}", fmt::join(row.qos, "; ")));
+    line(fmt::format("  writers  {}{}", row.writers.size(), PeersText(row.writers, names)));
+    line(fmt::format("  readers  {}{}", row.readers.size(), PeersText(row.readers, names)));
+    for (const auto& problem : row.problems) line("  MISMATCH " + problem);
   }
   if (arguments.as_json) fmt::print("{}\n", all.dump(1, ' ', false, OrderedJson::error_handler_t::replace));
   if (!arguments.as_json && rows.empty()) fmt::print("nobody else is on domain {}\n", participant.domain());
@@ -117,7 +121,7 @@ Status Hz(const Arguments& arguments) {
   for (const auto& [topic, rate] : rates.End(watch.view().processes)) {
     if (!arguments.topic.empty() && topic != arguments.topic) continue;
     any = true;
-    fmt::print("{:<36} {:>9.1f}/s {:>11.1f} kB/s  {} writing process{}\n", topic, rate.samples_per_second,
+    fmt::print("{:<36} {:>9.1f}/s {:>11.1f} kB/s  {} writing process{}\n", Printable(topic), rate.samples_per_second,
                rate.bytes_per_second / 1000, rate.writers, rate.writers == 1 ? "" : "es");
   }
   if (!any)

@@ -16,6 +16,13 @@ inline std::uint64_t MonotonicNs() {
       std::chrono::duration_cast<std::chrono::nanoseconds>(MonotonicClock::now().time_since_epoch()).count());
 }
 
+/// `timeout` from now, at most the end of time: for timeouts such as std::chrono::nanoseconds::max().
+inline MonotonicClock::time_point Deadline(std::chrono::nanoseconds timeout) {
+  const auto now = MonotonicClock::now();
+  constexpr auto kLatest = MonotonicClock::time_point::max();
+  return timeout > kLatest - now ? kLatest : now + timeout;
+}
+
 /// Seconds of CPU-independent elapsed time, for measuring.
 class Stopwatch {
  public:

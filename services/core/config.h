@@ -25,6 +25,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "services/core/file.h"
@@ -115,8 +116,10 @@ void ReadInteger(const OrderedJson& json, const std::string& path, T& value, std
   if (!json.is_number_integer()) return errors.push_back(TypeError(path, "an integer", json));
   if (std::is_unsigned_v<T> && !json.is_number_unsigned())
     return errors.push_back(TypeError(path, "an integer >= 0", json));
+  const bool fits = json.is_number_unsigned() ? std::in_range<T>(json.get<std::uint64_t>())
+                                              : std::in_range<T>(json.get<std::int64_t>());
+  if (!fits) return errors.push_back(TypeError(path, "a smaller integer", json));
   value = json.get<T>();
-  if (OrderedJson(value) != json) errors.push_back(TypeError(path, "a smaller integer", json));
 }
 
 inline void ReadText(const OrderedJson& json, const std::string& path, std::string& value,

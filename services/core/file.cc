@@ -13,6 +13,7 @@
 
 #include "services/core/crash_point.h"
 #include "services/core/descriptor.h"
+#include "services/core/identity.h"
 
 namespace etude {
 namespace {
@@ -121,7 +122,8 @@ Status SyncFile(const Path& path) {
 
 Status WriteFileAtomically(const Path& path, std::span<const std::uint8_t> bytes) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(path.parent_path()));
-  const Path temporary = path.string() + fmt::format(".tmp-{}", ::getpid());
+  // threads share a pid, and so do containers on one volume
+  const Path temporary = path.string() + fmt::format(".tmp-{}-{:.8}", ::getpid(), NewId());
   {
     Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
     if (file.get() < 0) return Fail(ErrnoError("create", temporary, errno));

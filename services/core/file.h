@@ -26,7 +26,7 @@ Result<std::vector<std::uint8_t>> ReadBinaryFile(const Path& path, std::uint64_t
 
 /// Writes a whole file so that a reader sees the old one or the new one, never a part: temporary name
 /// in the same folder, fsync, rename, fsync of the folder. Makes missing parent folders.
-/// On error the old file is unchanged and no temporary file is left.
+/// On error no temporary file is left, and the old file is unchanged unless only the fsync of the folder failed.
 Status WriteFileAtomically(const Path& path, std::span<const std::uint8_t> bytes);
 Status WriteFileAtomically(const Path& path, std::string_view text);
 

@@ -12,6 +12,7 @@
 #include <cctype>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "services/core/thread_annotations.h"
 
@@ -76,6 +77,13 @@ class ListenerSink : public spdlog::sinks::base_sink<std::mutex> {
   void flush_() override {}
 };
 
+// Of a word as users write it; none for what is no level.
+std::optional<spdlog::level::level_enum> LevelNamed(const std::string& word) {
+  for (const auto level : {spdlog::level::err, spdlog::level::warn, spdlog::level::info, spdlog::level::debug})
+    if (word == LevelOf(level) || spdlog::level::from_str(word) == level) return level;
+  return std::nullopt;
+}
+
 }  // namespace
 
 void SetLogFormat(LogFormat format) { log_format = format; }
@@ -89,9 +97,13 @@ void InitLog(const std::string& name, const std::string& level) {
     shown->set_formatter(std::make_unique<JsonFormatter>());
   else
     shown->set_pattern("%H:%M:%S %^%l%$ %n: %v");
-  logger->set_level(spdlog::level::from_str(level));
+  const auto known = LevelNamed(level);
+  shown->set_level(known.value_or(spdlog::level::info));
+  logger->set_level(std::min(shown->level(), heard->level()));  // listeners hear warnings whatever is shown
   logger->flush_on(spdlog::level::info);
   spdlog::set_default_logger(std::move(logger));
+  // not silence, which spdlog takes an unknown word for
+  if (!known && !level.empty()) Log().warn("log level '{}' is none of error, warn, info, debug: info is taken", level);
 }
 
 spdlog::logger& Log() { return *spdlog::default_logger_raw(); }

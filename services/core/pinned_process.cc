@@ -2,6 +2,7 @@
 #include "services/core/pinned_process.h"
 
 #include <errno.h>
+#include <sys/auxv.h>
 #include <sys/prctl.h>
 #include <unistd.h>
 
@@ -40,6 +41,8 @@ void PinProcess(char** argv) {
   // a program started anew through /proc/self/exe is called `exe` by ps and pkill
   ::prctl(PR_SET_NAME, program_invocation_short_name);
   if (std::getenv("ETUDE_UNPINNED")) return;
+  // with capabilities of its file, or set-uid: glibc takes its tunables out of the environment at every start
+  if (::getauxval(AT_SECURE) != 0) return;
   bool changed = false;
   for (const auto& [name, pinned] : PinnedEnvironment(ValueOf)) {
     const char* now = std::getenv(name.c_str());

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "services/core/clock.h"
 #include "services/security/certificate.h"
@@ -103,9 +104,12 @@ Status AddExtension(X509* certificate, int nid, const char* value) {
   return {};
 }
 
-void AddName(X509_NAME* name, const char* field, const std::string& value) {
-  X509_NAME_add_entry_by_txt(name, field, MBSTRING_UTF8, reinterpret_cast<const unsigned char*>(value.data()),
-                             static_cast<int>(value.size()), -1, 0);
+// Of at most 64 bytes, as X.509 bounds the parts of a name.
+Status AddName(X509_NAME* name, const char* field, const std::string& value) {
+  if (X509_NAME_add_entry_by_txt(name, field, MBSTRING_UTF8, reinterpret_cast<const unsigned char*>(value.data()),
+                                 static_cast<int>(value.size()), -1, 0) == 1)
+    return {};
+  return Fail(OpensslError(Code::kInvalidArgument, fmt::format("put {}='{}' into a certificate's name", field, value)));
 }
 
 struct Subject {
@@ -128,9 +132,9 @@ Result<Certificate> MakeCertificate(const Subject& subject, const Key& own, cons
   ASN1_TIME_set(X509_getm_notBefore(raw), not_before);
   ASN1_TIME_set(X509_getm_notAfter(raw), not_after);
   X509_NAME* const name = X509_get_subject_name(raw);
-  AddName(name, "O", "Etude");
-  if (!subject.unit.empty()) AddName(name, "OU", subject.unit);
-  AddName(name, "CN", subject.name);
+  ETUDE_RETURN_IF_ERROR(AddName(name, "O", "Etude"));
+  if (!subject.unit.empty()) ETUDE_RETURN_IF_ERROR(AddName(name, "OU", subject.unit));
+  ETUDE_RETURN_IF_ERROR(AddName(name, "CN", subject.name));
   X509_set_issuer_name(raw, authority ? X509_get_subject_name(authority) : name);
   X509_set_pubkey(raw, own.get());
   const bool is_authority = authority == nullptr;
@@ -256,8 +260,12 @@ Status CheckOptions(const IssueOptions& options) {
   return {};
 }
 
-// Its files, but for those of the authority.
-Result<std::string> WriteIdentity(const Path& folder, const Path& identity, const IssueOptions& options) {
+// The files of an identity, but for those of the authority.
+struct IdentityFiles {
+  std::string serial, key, certificate, permissions;
+};
+
+Result<IdentityFiles> MakeIdentity(const Path& folder, const IssueOptions& options) {
   ETUDE_ASSIGN_OR_RETURN(const Authority identities, OpenAuthority(folder, "identity"));
   ETUDE_ASSIGN_OR_RETURN(const Authority permissions, OpenAuthority(folder, "permissions"));
   std::string unit;
@@ -266,17 +274,21 @@ Result<std::string> WriteIdentity(const Path& folder, const Path& identity, cons
   ETUDE_ASSIGN_OR_RETURN(const Certificate certificate,
                          MakeCertificate({unit, options.name}, key, identities.certificate.get(), identities.key,
                                          options.not_before, options.not_after));
-  ETUDE_ASSIGN_OR_RETURN(const std::string key_text, PemOf(key));
-  ETUDE_ASSIGN_OR_RETURN(const std::string certificate_text, PemOf(certificate));
-  ETUDE_ASSIGN_OR_RETURN(
-      const std::string permissions_text,
-      SignDocument(PermissionsText(SubjectOf(certificate.get()), options), permissions.certificate, permissions.key));
+  IdentityFiles files;
+  files.serial = SerialOf(certificate.get());
+  ETUDE_ASSIGN_OR_RETURN(files.key, PemOf(key));
+  ETUDE_ASSIGN_OR_RETURN(files.certificate, PemOf(certificate));
+  ETUDE_ASSIGN_OR_RETURN(files.permissions, SignDocument(PermissionsText(SubjectOf(certificate.get()), options),
+                                                         permissions.certificate, permissions.key));
+  return files;
+}
+
+Status WriteIdentity(const Path& identity, const IdentityFiles& files) {
   std::error_code error;
   std::filesystem::remove(identity / "key.pem", error);
-  ETUDE_RETURN_IF_ERROR(WriteSecret(identity / "key.pem", key_text));
-  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(identity / "cert.pem", certificate_text));
-  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(identity / "permissions.p7s", permissions_text));
-  return SerialOf(certificate.get());
+  ETUDE_RETURN_IF_ERROR(WriteSecret(identity / "key.pem", files.key));
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(identity / "cert.pem", files.certificate));
+  return WriteFileAtomically(identity / "permissions.p7s", files.permissions);
 }
 
 }  // namespace
@@ -302,7 +314,9 @@ Status InitAuthority(const Path& folder, Protection protection) {
   return WriteIssued(folder, {});
 }
 
-Result<Path> Issue(const Path& folder, const IssueOptions& options) {
+Result<Path> Issue(const Path& folder, const IssueOptions& asked) {
+  IssueOptions options = asked;  // a role that is given twice counts once
+  std::erase_if(options.roles, [seen = std::set<Role>()](Role role) mutable { return !seen.insert(role).second; });
   ETUDE_RETURN_IF_ERROR(CheckOptions(options));
   ETUDE_ASSIGN_OR_RETURN(auto issued, ReadIssued(folder));
   for (const auto& other : issued)
@@ -311,13 +325,16 @@ Result<Path> Issue(const Path& folder, const IssueOptions& options) {
                   fmt::format("'{}' was issued already and holds until {}; revoke it first, or take another --name",
                               options.name, UtcText(other.not_after)));
   const Path identity = folder / options.name;
-  ETUDE_RETURN_IF_ERROR(MakeFolders(identity));
-  ETUDE_ASSIGN_OR_RETURN(const std::string serial, WriteIdentity(folder, identity, options));
-  ETUDE_RETURN_IF_ERROR(CopyPublic(folder, identity));
-  Issued entry{options.name, serial, {}, options.campaigns, options.runs, options.not_before, options.not_after, {}};
+  ETUDE_ASSIGN_OR_RETURN(const IdentityFiles files, MakeIdentity(folder, options));
+  Issued entry{options.name,       files.serial,      {}, options.campaigns, options.runs,
+               options.not_before, options.not_after, {}};
   for (const Role role : options.roles) entry.roles.push_back(ToString(role));
   issued.push_back(std::move(entry));
+  // first of all: what is not listed could not be revoked
   ETUDE_RETURN_IF_ERROR(WriteIssued(folder, issued));
+  ETUDE_RETURN_IF_ERROR(MakeFolders(identity));
+  ETUDE_RETURN_IF_ERROR(WriteIdentity(identity, files));
+  ETUDE_RETURN_IF_ERROR(CopyPublic(folder, identity));
   return identity;
 }
 
@@ -333,8 +350,9 @@ Status Revoke(const Path& folder, const std::string& name) {
     return Fail(Code::kNotFound, fmt::format("'{}' has issued no '{}'; see: etude security show {}", folder.string(),
                                              name, folder.string()));
   ETUDE_ASSIGN_OR_RETURN(const Authority identities, OpenAuthority(folder, "identity"));
-  ETUDE_RETURN_IF_ERROR(WriteCrl(folder, identities, issued));
+  // the list first: the next revocation makes its CRL of it, and what only the CRL knew would be valid again
   ETUDE_RETURN_IF_ERROR(WriteIssued(folder, issued));
+  ETUDE_RETURN_IF_ERROR(WriteCrl(folder, identities, issued));
   ETUDE_ASSIGN_OR_RETURN(const std::string crl, ReadTextFile(folder / "public" / "crl.pem", 1 << 24));
   std::error_code error;
   for (const auto& item : issued)

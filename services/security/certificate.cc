@@ -12,6 +12,8 @@
 #include <cstring>
 #include <ctime>
 
+#include "services/core/descriptor.h"
+
 namespace etude::security {
 
 Error OpensslError(Code code, std::string_view attempted) {
@@ -137,14 +139,21 @@ Result<Identity> IdentityOf(const X509* certificate, const std::string& what) {
 }
 
 Status WriteSecret(const Path& path, std::string_view text) {
-  const int fd = ::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
-  if (fd < 0) return Fail(ErrnoError("create", path, errno));
-  const auto written = ::write(fd, text.data(), text.size());
-  const bool whole = written == static_cast<ssize_t>(text.size()) && ::fsync(fd) == 0;
+  const Descriptor file(::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600));
+  if (!file && errno == EEXIST)
+    return Fail(Code::kUnavailable,
+                fmt::format("'{}' is there already, and a secret is not overwritten", path.string()));
+  if (!file) return Fail(ErrnoError("create", path, errno));
+  bool whole = true;
+  while (whole && !text.empty()) {
+    const ssize_t written = ::write(file.get(), text.data(), text.size());
+    if (written > 0) text.remove_prefix(static_cast<std::size_t>(written));
+    whole = written >= 0 || errno == EINTR;
+  }
+  if (whole && ::fsync(file.get()) == 0) return SyncFolder(path.parent_path());
   const int error_number = errno;
-  ::close(fd);
-  if (!whole) return Fail(ErrnoError("write", path, error_number));
-  return SyncFolder(path.has_parent_path() ? path.parent_path() : Path("."));
+  ::unlink(path.c_str());  // half a key would only be in the way of the next attempt
+  return Fail(ErrnoError("write", path, error_number));
 }
 
 }  // namespace etude::security

@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/security/checkpoint_signature.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
+#include "services/core/descriptor.h"
 #include "services/core/hash.h"
 #include "services/core/log.h"
 #include "services/security/certificate.h"
@@ -54,6 +58,36 @@ Status CheckEd25519(const Key& key, const Path& file) {
 const std::uint8_t* Bytes(const std::string& text) { return reinterpret_cast<const std::uint8_t*>(text.data()); }
 
 using Digest = std::unique_ptr<EVP_MD_CTX, FreeWith<EVP_MD_CTX_free>>;
+
+// {"RUN_ID/CHANNEL": {"version": n, "sha256": "..."}}; empty where there is no file yet. One that is there and cannot
+// be read is not the same as none: everything old would be let in again.
+Result<Json> ReadFloor(const Path& file) {
+  const auto text = ReadTextFile(file, 1 << 26);
+  if (!text && text.error().code == Code::kNotFound) return Json::object();
+  if (!text) return Fail(text.error().Wrap("the checkpoints' floor"));
+  Json floor = Json::parse(*text, nullptr, false);
+  const auto is_entry = [](const Json& entry) {
+    return entry.is_object() && entry.contains("version") && entry["version"].is_number_unsigned() &&
+           entry.contains("sha256") && entry["sha256"].is_string();
+  };
+  if (!floor.is_object() || !std::all_of(floor.begin(), floor.end(), is_entry))
+    return Fail(Code::kCorrupt, fmt::format("the checkpoints' floor '{}' cannot be read; to begin anew, which lets "
+                                            "older checkpoints in again, remove it",
+                                            file.string()));
+  return floor;
+}
+
+// Held while a floor is read and raised: subscribers of this host may share one. It is not the floor itself, which is
+// another file after each change.
+Result<Descriptor> LockFloor(const Path& floor) {
+  ETUDE_RETURN_IF_ERROR(MakeFolders(floor.parent_path()));
+  const Path path = floor.string() + ".lock";
+  Descriptor lock(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  if (!lock) return Fail(ErrnoError("open", path, errno));
+  while (::flock(lock.get(), LOCK_EX) != 0)
+    if (errno != EINTR) return Fail(ErrnoError("lock", path, errno));
+  return lock;
+}
 
 }  // namespace
 
@@ -114,7 +148,6 @@ Result<std::string> CheckpointSigner::Sign(const Published& published, const std
 struct CheckpointVerifier::Impl {
   Key key;
   Path floor_file;
-  Json floor;  // {"RUN_ID/CHANNEL": {"version": n, "sha256": "..."}}
 
   Status CheckSignature(const Published& published, const std::string& meta_json) const;
 };
@@ -152,19 +185,11 @@ Result<CheckpointVerifier> CheckpointVerifier::Open(const Path& public_key, cons
   Key key(PEM_read_bio_PUBKEY(MemoryBio(text).get(), nullptr, nullptr, nullptr));
   if (!key) return Fail(OpensslError(Code::kCorrupt, fmt::format("read the public key '{}'", public_key.string())));
   ETUDE_RETURN_IF_ERROR(CheckEd25519(key, public_key));
-  auto impl = std::make_unique<Impl>(Impl{std::move(key), floor, Json::object()});
+  auto impl = std::make_unique<Impl>(Impl{std::move(key), floor});
   if (floor.empty()) {
     ETUDE_ASSIGN_OR_RETURN(impl->floor_file, DefaultFloor(public_key));
   }
-  std::error_code error;
-  if (std::filesystem::exists(impl->floor_file, error)) {
-    ETUDE_ASSIGN_OR_RETURN(const std::string kept, ReadTextFile(impl->floor_file, 1 << 26));
-    impl->floor = Json::parse(kept, nullptr, false);
-    if (!impl->floor.is_object())
-      return Fail(Code::kCorrupt, fmt::format("the checkpoints' floor '{}' cannot be read; to begin anew, which lets "
-                                              "older checkpoints in again, remove it",
-                                              impl->floor_file.string()));
-  }
+  ETUDE_RETURN_IF_ERROR(ReadFloor(impl->floor_file));  // to say at the start what would refuse every checkpoint
   return CheckpointVerifier(std::move(impl));
 }
 
@@ -184,11 +209,12 @@ Status CheckpointVerifier::Impl::CheckSignature(const Published& published, cons
 Status CheckpointVerifier::Check(const Published& published, const std::string& meta_json) {
   ETUDE_RETURN_IF_ERROR(impl_->CheckSignature(published, meta_json));
   const std::string key = published.owner + "/" + published.channel;
-  Json floor = impl_->floor;
+  ETUDE_ASSIGN_OR_RETURN(const Descriptor lock, LockFloor(impl_->floor_file));
+  ETUDE_ASSIGN_OR_RETURN(Json floor, ReadFloor(impl_->floor_file));
   if (floor.contains(key)) {
     const auto& kept = floor[key];
-    const std::uint64_t version = kept.value("version", std::uint64_t{0});
-    const bool same = version == published.version && kept.value("sha256", "") == published.sha256;
+    const auto version = kept["version"].get<std::uint64_t>();
+    const bool same = version == published.version && kept["sha256"] == published.sha256;
     if (same) return {};
     if (published.version <= version)
       return Fail(Code::kInvalidArgument,
@@ -196,9 +222,7 @@ Status CheckpointVerifier::Check(const Published& published, const std::string& 
                               published.version, version, impl_->floor_file.string()));
   }
   floor[key] = {{"version", published.version}, {"sha256", published.sha256}};
-  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(impl_->floor_file, floor.dump(1) + "\n"));
-  impl_->floor = std::move(floor);
-  return {};
+  return WriteFileAtomically(impl_->floor_file, floor.dump(1) + "\n");
 }
 
 }  // namespace etude::security

@@ -48,7 +48,7 @@ class CheckpointSigner {
 };
 
 /// Checks signatures and keeps a floor: the newest version that was taken of each run and channel, in a file, so that a
-/// restarted subscriber cannot be given an older one. Not thread-safe.
+/// restarted subscriber cannot be given an older one. Several may share a file. Not thread-safe.
 class CheckpointVerifier {
  public:
   /// @param floor  the file of the floor; empty: DefaultFloor(key)
@@ -59,8 +59,8 @@ class CheckpointVerifier {
   ~CheckpointVerifier();
 
   /// Ok: signed, and not older than the floor, which is then raised (durably).
-  /// @error kCorrupt: not signed, or altered; kInvalidArgument: older than the floor, or another one of its version;
-  /// kUnavailable: the floor cannot be written
+  /// @error kCorrupt: not signed, altered, or no floor in its file; kInvalidArgument: older than the floor, or another
+  /// one of its version; kUnavailable: the floor cannot be read, locked or written
   Status Check(const Published& published, const std::string& meta_json);
   const Path& floor() const;
 

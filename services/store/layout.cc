@@ -13,6 +13,7 @@
 #include <set>
 #include <utility>
 
+#include "services/core/identity.h"
 #include "services/episode/bounded_json.h"
 #include "services/store/dataset.h"
 
@@ -94,9 +95,7 @@ Result<DatasetLock> DatasetLock::Take(const Path& dataset) {
                 fmt::format("dataset '{}' is being written by another process ({}); stop it first", dataset.string(),
                             std::string_view(owner.data(), static_cast<std::size_t>(std::max<ssize_t>(size, 0)))));
   }
-  std::array<char, 64> host{};
-  ::gethostname(host.data(), host.size() - 1);
-  const std::string owner = fmt::format("pid {} on {}", ::getpid(), host.data());
+  const std::string owner = fmt::format("pid {} on {}", ::getpid(), HostName());
 
   // only for the message above; a full disk must not keep anyone out
   if (::ftruncate(fd, 0) == 0) (void)!::pwrite(fd, owner.data(), owner.size(), 0);

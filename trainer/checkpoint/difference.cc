@@ -48,7 +48,8 @@ PartDifference ComparePart(const std::string& part, const Tensors& first, const 
       result.tensors.push_back(fmt::format("{} {} -> {}", name, ShapeOf(first, name), ShapeOf(second, name)));
       continue;
     }
-    same = same && torch::equal(a->second, b->second);
+    // torch::equal throws for numbers of two types
+    same = same && a->second.scalar_type() == b->second.scalar_type() && torch::equal(a->second, b->second);
     moved += (b->second.to(torch::kFloat64) - a->second.to(torch::kFloat64)).square().sum().item<double>();
     length += a->second.to(torch::kFloat64).square().sum().item<double>();
   }

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "services/core/clock.h"
+#include "services/core/identity.h"
 
 namespace etude::learn {
 namespace {
@@ -102,10 +103,8 @@ std::string VersionRecord(double wall_time) {
 
 Result<EventFile> EventFile::Open(const Path& folder) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
-  char host[256] = "localhost";
-  ::gethostname(host, sizeof host - 1);
   const double now = WallSeconds();
-  const Path path = folder / fmt::format("events.out.tfevents.{:.0f}.{}.{}", now, host, ::getpid());
+  const Path path = folder / fmt::format("events.out.tfevents.{:.0f}.{}.{}", now, HostName(), ::getpid());
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (fd < 0) return Fail(ErrnoError("open", path, errno));
   EventFile file(path, fd);

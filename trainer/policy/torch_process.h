@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a process that computes with torch is set up: threads, waiting, BLAS kernels. No torch here.
+// How a process that computes with torch is set up: threads, waiting, BLAS kernels. Includes no torch.
 #pragma once
 
 #include <string>

@@ -48,6 +48,25 @@ TEST(Inbox, HandsOnWhatWasFinishedFirst) {
   EXPECT_EQ(inbox.memory(), 0u);
 }
 
+TEST(Inbox, WhatIsSaidOfABlobCountsAsMemoryUntilItIsJudged) {
+  ReceiveOptions options;
+  options.max_memory = 100;
+  Inbox inbox(options);
+  BlobManifest talkative = Announce("s", 1, 10);
+  talkative.meta_json = std::string(80, ' ');
+  ASSERT_TRUE(inbox.Add(talkative, kStart));
+  EXPECT_EQ(inbox.memory(), 90u);
+  talkative.id = 2;
+  EXPECT_FALSE(inbox.Add(talkative, kStart));
+  inbox.Finish(*inbox.Find("s", 1), MakeBytes(10, 1));
+  const auto popped = inbox.Pop();
+  EXPECT_EQ(popped.manifest.meta_json.size(), 80u);
+  inbox.Judge(popped.manifest, {});
+  EXPECT_EQ(inbox.memory(), 0u);
+  EXPECT_EQ(inbox.Find("s", 1)->manifest.meta_json, "") << "the verdict is kept, not this";
+  EXPECT_TRUE(inbox.Add(talkative, kStart));
+}
+
 TEST(Inbox, TakesOneBlobOfAnySizeAndOthersWhileThereIsRoom) {
   ReceiveOptions options;
   options.max_memory = 100;

@@ -17,21 +17,21 @@ using namespace std::chrono_literals;
 
 TEST(ParticipantOpen, BuiltInProfileWorksWithoutAnyFile) {
   ASSERT_EQ(::unsetenv("CYCLONEDDS_URI"), 0);
-  auto participant = Participant::Open({71, ""});
+  auto participant = Participant::Open({106, ""});
   ASSERT_TRUE(participant) << participant.error().message;
   EXPECT_EQ(participant->domain(), 71u);
 }
 
 TEST(ParticipantOpen, ShippedProfilesAreAccepted) {
   for (const char* profile : {"deploy/dds/local.xml", "deploy/dds/lan.xml", "deploy/dds/cloud.xml"}) {
-    auto participant = Participant::Open({71, profile});
+    auto participant = Participant::Open({106, profile});
     EXPECT_TRUE(participant) << profile << ": " << participant.error().message;
   }
 }
 
 TEST(ParticipantOpen, SeveralInAProcessShareTheDomain) {
-  auto first = Participant::Open({71, ""});
-  auto second = Participant::Open({71, ""});
+  auto first = Participant::Open({106, ""});
+  auto second = Participant::Open({106, ""});
   ASSERT_TRUE(first && second);
   auto writer = Writer<WorkRequest>::Open(*first, "p");
   auto reader = Reader<WorkRequest>::Open(*second, "p");
@@ -45,7 +45,7 @@ TEST(ParticipantOpen, SeveralInAProcessShareTheDomain) {
 TEST(ParticipantOpen, EntitiesOutliveTheParticipantObject) {
   std::optional<Reader<WorkRequest>> reader;
   {
-    auto participant = Participant::Open({71, ""});
+    auto participant = Participant::Open({106, ""});
     ASSERT_TRUE(participant);
     auto opened = Reader<WorkRequest>::Open(*participant, "p");
     ASSERT_TRUE(opened);
@@ -59,18 +59,18 @@ TEST(ParticipantOpen, SaysWhatIsWrong) {
   ASSERT_FALSE(bad_domain);
   EXPECT_EQ(bad_domain.error().code, Code::kInvalidArgument);
 
-  auto no_file = Participant::Open({71, "/no/such/profile.xml"});
+  auto no_file = Participant::Open({106, "/no/such/profile.xml"});
   ASSERT_FALSE(no_file);
   EXPECT_EQ(no_file.error().code, Code::kUnavailable);
   EXPECT_NE(no_file.error().message.find("/no/such/profile.xml"), std::string::npos);
 
-  auto bad_xml = Participant::Open({71, "<CycloneDDS><Domain><Generall/></Domain></CycloneDDS>"});
+  auto bad_xml = Participant::Open({106, "<CycloneDDS><Domain><Generall/></Domain></CycloneDDS>"});
   ASSERT_FALSE(bad_xml);
   EXPECT_EQ(bad_xml.error().code, Code::kUnavailable);
   EXPECT_NE(bad_xml.error().message.find("Generall"), std::string::npos) << bad_xml.error().message;
 
   auto no_interface =
-      Participant::Open({71,
+      Participant::Open({106,
                          "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='nosuch0'/></Interfaces>"
                          "</General></Domain></CycloneDDS>"});
   ASSERT_FALSE(no_interface);
@@ -80,7 +80,7 @@ TEST(ParticipantOpen, SaysWhatIsWrong) {
 }
 
 TEST(ParticipantOpen, SaysThatNoIndexIsFree) {
-  const std::string profile = LocalProfileWith("<ExternalDomainId>71</ExternalDomainId>");
+  const std::string profile = LocalProfileWith("<ExternalDomainId>106</ExternalDomainId>");
   std::string small = profile;
   const std::string many = "<MaxAutoParticipantIndex>119";
   small.replace(small.find(many), many.size(), "<MaxAutoParticipantIndex>1");
@@ -95,9 +95,9 @@ TEST(ParticipantOpen, SaysThatNoIndexIsFree) {
 }
 
 TEST(ParticipantOpen, RefusesASecondProfileForOneDomain) {
-  auto first = Participant::Open({71, "deploy/dds/local.xml"});
+  auto first = Participant::Open({106, "deploy/dds/local.xml"});
   ASSERT_TRUE(first);
-  auto second = Participant::Open({71, "deploy/dds/lan.xml"});
+  auto second = Participant::Open({106, "deploy/dds/lan.xml"});
   ASSERT_FALSE(second);
   EXPECT_NE(second.error().message.find("another profile"), std::string::npos);
 }

@@ -20,7 +20,7 @@ namespace process_reporter_test {
 
 using namespace std::chrono_literals;
 
-constexpr std::uint32_t kDomain = 85;
+constexpr std::uint32_t kDomain = 108;
 
 template <class Message>
 std::vector<Message> TakeUntil(Reader<Message>& reader, std::size_t count) {

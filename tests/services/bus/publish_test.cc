@@ -175,6 +175,28 @@ TEST(Published, TooLargeIsNotTaken) {
   EXPECT_EQ(blob->version, 2u);
 }
 
+// As when the disk of the floor is full for a moment.
+TEST(Published, WhatCannotBeJudgedNowIsJudgedAgain) {
+  const auto peers = OpenTwo(kDomain);
+  auto publisher = BlobPublisher::Open(peers.a, {"undecided", "1"}, SmallChunks());
+  bool full = true;
+  ReceiveOptions options;
+  options.accept = [&](const PublishedBlob&) -> Status {
+    return full ? Fail(Code::kUnavailable, "disk full") : Status();
+  };
+  auto subscriber = BlobSubscriber::Open(peers.b, {"undecided", "1"}, "", options);
+  ASSERT_TRUE(publisher && subscriber);
+  const auto bytes = MakeBytes(50'000, 1);
+  ASSERT_TRUE(publisher->Publish("latest", 1, bytes, ""));
+  EXPECT_FALSE(subscriber->Wait(1500ms));
+  full = false;
+  const auto blob = subscriber->Wait(20s);
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->version, 1u);
+  EXPECT_EQ(blob->bytes, bytes);
+  EXPECT_FALSE(subscriber->Wait(50ms)) << "it comes once";
+}
+
 // Whatever writes into the partition: the manifest says whose version it is.
 TEST(Published, VersionsOfAnotherOwnerAreNotTaken) {
   const auto peers = OpenTwo(kDomain);

@@ -5,6 +5,7 @@
 
 #include "services/bus/access.h"
 #include "services/bus/participant_watch.h"
+#include "services/bus/profile.h"
 #include "services/bus/security_log.h"
 #include "services/bus/topic.h"
 #include "services/bus/topology.h"
@@ -158,48 +159,54 @@ TEST(GatewayAccess, HasEveryTopicThatThePagesShow) {
   ExpectTheGatewayReads<Insight>();
 }
 
-// A collector that hears requests, and what becomes of others who make them.
-TEST_F(SecurityTest, OnlyThoseOfTheAuthorityAreHeard) {
-  const auto hub = Join(150, Identity(*ours_, "hub", {Role::kCollector}));
-  auto requests = Reader<WorkRequest>::Open(hub, "q/1");
-  ASSERT_TRUE(requests);
+// A collector, and a worker of its authority that it hears.
+struct Heard {
+  Participant hub, good;
+  Reader<WorkRequest> requests;
+  Writer<WorkRequest> writer;
+};
 
+Heard OpenHeard(Participant hub, Participant good) {
+  auto requests = Reader<WorkRequest>::Open(hub, "q/1");
+  auto writer = Writer<WorkRequest>::Open(good, "q/1");
+  EXPECT_TRUE(requests && writer && writer->WaitForReaders(1, 10s));
+  return {std::move(hub), std::move(good), std::move(*requests), std::move(*writer)};
+}
+
+// What becomes of others who make requests.
+TEST_F(SecurityTest, OnlyThoseOfTheAuthorityAreHeard) {
   const auto foreign = Join(151, Identity(*theirs_, "foreign", {Role::kWorker}));
   const auto stranger = Join(152, "");
-  const auto good = Join(153, Identity(*ours_, "good", {Role::kWorker}));
   auto foreign_writer = Writer<WorkRequest>::Open(foreign, "q/1");
   auto stranger_writer = Writer<WorkRequest>::Open(stranger, "q/1");
-  auto good_writer = Writer<WorkRequest>::Open(good, "q/1");
-  ASSERT_TRUE(foreign_writer && stranger_writer && good_writer);
+  ASSERT_TRUE(foreign_writer && stranger_writer);
+  auto own = OpenHeard(Join(150, Identity(*ours_, "hub", {Role::kCollector})),
+                       Join(153, Identity(*ours_, "good", {Role::kWorker})));
 
-  ASSERT_TRUE(good_writer->WaitForReaders(1, 10s));
   WorkRequest request;
   request.worker = "foreign";
   (void)foreign_writer->Write(request);
   request.worker = "stranger";
   (void)stranger_writer->Write(request);
   request.worker = "good";
-  ASSERT_TRUE(good_writer->Write(request));
-  ASSERT_TRUE(requests->Wait(5s));
+  ASSERT_TRUE(own.writer.Write(request));
+  ASSERT_TRUE(own.requests.Wait(5s));
   EXPECT_FALSE(foreign_writer->WaitForReaders(1, 1500ms));
   EXPECT_EQ(stranger_writer->matched_readers(), 0);
-  const auto heard = requests->Take();
+  const auto heard = own.requests.Take();
   ASSERT_EQ(heard.size(), 1u);
   EXPECT_EQ(heard[0].worker, "good");
-  EXPECT_FALSE(hub.AllAdmitted()) << "strangers are seen, and never admitted";
+  EXPECT_FALSE(own.hub.AllAdmitted()) << "strangers are seen, and never admitted";
 }
 
 TEST_F(SecurityTest, TheRevokedAreNotHeard) {
   const std::string identity = Identity(*ours_, "revoked", {Role::kWorker});
   const auto revoked = Join(151, identity);  // is there already
   ASSERT_TRUE(security::Revoke(ours_->path(), "revoked"));
-  const auto hub = Join(150, Identity(*ours_, "hub-2", {Role::kCollector}));
-  const auto good = Join(153, Identity(*ours_, "good-2", {Role::kWorker}));
-  auto requests = Reader<WorkRequest>::Open(hub, "q/1");
   auto writer = Writer<WorkRequest>::Open(revoked, "q/1");
-  auto good_writer = Writer<WorkRequest>::Open(good, "q/1");
-  ASSERT_TRUE(requests && writer && good_writer);
-  ASSERT_TRUE(good_writer->WaitForReaders(1, 10s));
+  ASSERT_TRUE(writer);
+  const auto own = OpenHeard(Join(150, Identity(*ours_, "hub-2", {Role::kCollector})),
+                             Join(153, Identity(*ours_, "good-2", {Role::kWorker})));
   EXPECT_FALSE(writer->WaitForReaders(1, 1500ms));
 }
 
@@ -210,18 +217,59 @@ TEST_F(SecurityTest, AnotherDomainIsRefusedAtTheStart) {
   EXPECT_THAT(participant.error().message, HasSubstr("--domain"));
 }
 
+std::string WithLargeFragments() {
+  std::string profile = Profile();
+  profile.replace(profile.find("65000B"), 6, "65200B");
+  return profile;
+}
+
+// In the place before </Domain>.
+std::string With(const std::string& elements) {
+  std::string profile = Profile();
+  return profile.insert(profile.find("</Domain>"), elements);
+}
+
+constexpr char kSharedMemoryOn[] = "<SharedMemory><Enable>true</Enable></SharedMemory>";
+
 TEST_F(SecurityTest, ProfilesThatFailInSilenceAreRefused) {
   const std::string identity = Identity(*ours_, "profiles", {Role::kWorker});
-  std::string large = Profile();
-  large.replace(large.find("65000B"), 6, "65200B");
-  const auto fragments = Participant::Open({155, large, identity});
+  const auto fragments = Participant::Open({155, WithLargeFragments(), identity});
   ASSERT_FALSE(fragments);
   EXPECT_THAT(fragments.error().message, HasSubstr("FragmentSize is 65200"));
-  std::string shared = Profile();
-  shared.insert(shared.find("</Domain>"), "<SharedMemory><Enable>true</Enable></SharedMemory>");
-  const auto memory = Participant::Open({155, shared, identity});
+  const auto memory = Participant::Open({155, With(kSharedMemoryOn), identity});
   ASSERT_FALSE(memory);
   EXPECT_THAT(memory.error().message, HasSubstr("SharedMemory"));
+}
+
+TEST_F(SecurityTest, ProfilesOfTheEnvironmentAreLookedIntoToo) {
+  const std::string identity = Identity(*ours_, "environment", {Role::kWorker});
+  const Path file = ours_->path() / "profile.xml";
+  const auto refusal = [&](const std::string& text, const std::string& uri) {
+    EXPECT_TRUE(WriteFileAtomically(file, std::string_view(text)));
+    ::setenv("CYCLONEDDS_URI", uri.c_str(), 1);
+    const auto participant = Participant::Open({156, "", identity});
+    ::unsetenv("CYCLONEDDS_URI");
+    return participant ? std::string() : participant.error().message;
+  };
+  for (const std::string& uri : {"file://" + file.string(), file.string()}) {
+    EXPECT_THAT(refusal(WithLargeFragments(), uri), HasSubstr("FragmentSize is 65200")) << uri;
+    EXPECT_THAT(refusal(With(kSharedMemoryOn), uri), HasSubstr("SharedMemory")) << uri;
+    EXPECT_EQ(refusal(Profile(), uri), "") << uri;
+  }
+  EXPECT_THAT(refusal(Profile(), file.string() + "," + file.string()), HasSubstr("one file"));
+  EXPECT_THAT(refusal(Profile(), "file:///none.xml"), HasSubstr("/none.xml"));
+}
+
+TEST(SecuredProfile, IsCheckedElementByElement) {
+  const auto refused = [](const std::string& text) { return !CheckSecuredProfile("<Domain>" + text + "</Domain>"); };
+  EXPECT_TRUE(refused("<sharedmemory >\n<Enable> TRUE </Enable></sharedmemory>"));
+  EXPECT_TRUE(refused("<Shm><Enable>false</Enable></Shm><Shm><Enable>true</Enable></Shm>"));
+  EXPECT_FALSE(refused("<SharedMemory><Enable>false</Enable></SharedMemory><TCP><Enable>true</Enable></TCP>"));
+  EXPECT_FALSE(refused("<SharedMemory/><TCP><Enable>true</Enable></TCP>"));
+  EXPECT_FALSE(refused("<!-- <SharedMemory><Enable>true</Enable></SharedMemory> -->"));
+  EXPECT_TRUE(refused("<FragmentSize>1400B</FragmentSize><FragmentSize> 64 KiB </FragmentSize>"));
+  EXPECT_FALSE(refused("<FragmentSize>64000</FragmentSize>"));
+  EXPECT_FALSE(refused("<Description>" + std::string(1 << 19, ' ') + "</Description>")) << "of any length";
 }
 
 // ---- what the library says, in words ---------------------------------------------------------------

@@ -17,7 +17,7 @@ namespace stop_test {
 using namespace std::chrono_literals;
 
 TEST(Stop, EndsEveryWait) {
-  const auto peers = OpenTwo(72);
+  const auto peers = OpenTwo(107);
   auto reader = Reader<WorkRequest>::Open(peers.a, "stop");
   auto writer = Writer<WorkRequest>::Open(peers.a, "stop/nobody");
   auto sender = BlobSender::Open(peers.a, {"stop", "1"}, "episode", "s");

@@ -527,5 +527,23 @@ TEST_F(Cli, PromotingPointsBestAtACheckpointOfTheRun) {
   }
 }
 
+TEST_F(Cli, PromotingRefusesACheckpointOfAnotherRun) {
+  ASSERT_TRUE(MakeFolders(folder_ / "run/checkpoints"));
+  ASSERT_TRUE(MakeFolders(folder_ / "other/checkpoints"));
+  WriteCheckpoint("run/checkpoints/00001500.safetensors", {{"refused", ""}});
+  WriteCheckpoint("other/checkpoints/00001500.safetensors", {{"refused", ""}});
+  const Outcome refused = Etude({"checkpoint", "promote", In("run"), In("other/checkpoints/00001500.safetensors")});
+  EXPECT_NE(refused.exit_code, kExitOk) << refused.text;
+  EXPECT_THAT(refused.text, HasSubstr("other/checkpoints/00001500.safetensors"));
+  EXPECT_FALSE(std::filesystem::is_symlink(folder_ / "run/checkpoints/best.safetensors"));
+}
+
+TEST_F(Cli, ExportOfACheckpointThatIsNotThereNamesIt) {
+  const Outcome outcome =
+      Etude({"checkpoint", "export", In("none.safetensors"), In("out.pt"), "--format", "torchscript"});
+  EXPECT_EQ(outcome.exit_code, kExitFailure) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("none.safetensors"));
+}
+
 }  // namespace cli_test
 }  // namespace etude

@@ -110,7 +110,7 @@ TEST_F(StarProfileTest, ASecondTimeIsTheSame) {
 TEST_F(StarProfileTest, CycloneOpensIt) {
   const auto star = StarProfile(cloud_, {"127.0.0.1"}, 16);
   ASSERT_THAT(star, IsOk());
-  EXPECT_THAT(bus::Participant::Open({104, *star}), IsOk());
+  EXPECT_THAT(bus::Participant::Open({109, *star}), IsOk());
 }
 
 TEST_F(StarProfileTest, RefusesWhatIsNoHost) {

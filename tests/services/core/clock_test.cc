@@ -7,6 +7,14 @@
 namespace etude {
 namespace clock_test {
 
+TEST(Deadline, IsAtMostTheEndOfTime) {
+  const auto before = MonotonicClock::now();
+  const auto soon = Deadline(std::chrono::seconds(10));
+  EXPECT_GE(soon, before + std::chrono::seconds(10));
+  EXPECT_LE(soon, MonotonicClock::now() + std::chrono::seconds(10));
+  EXPECT_EQ(Deadline(std::chrono::nanoseconds::max()), MonotonicClock::time_point::max());
+}
+
 TEST(FormatDuration, ReadsLikeAClock) {
   EXPECT_EQ(FormatDuration(5), "0:05");
   EXPECT_EQ(FormatDuration(125.4), "2:05");

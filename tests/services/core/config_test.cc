@@ -89,6 +89,7 @@ TEST(Config, SaysOfEveryWrongTypeWhereItStandsAndWhatWasExpected) {
            {"count: 4294967296", "'count': expected a smaller integer, found 4294967296"},
            {"camera: {width: 2147483648}", "'camera.width': expected a smaller integer"},
            {"camera: {width: -2147483649}", "'camera.width': expected a smaller integer"},
+           {"camera: {width: 18446744073709551615}", "'camera.width': expected a smaller integer"},
            {"camera: {fovy: wide}", "'camera.fovy': expected a number, found \"wide\""},
            {"tasks: pick", "'tasks': expected a list, found \"pick\""},
            {"tasks: [a, [b]]", "'tasks[1]': expected text, found [\"b\"]"},

@@ -44,6 +44,33 @@ TEST(LogListener, HearsWarningsForAsLongAsItLives) {
   EXPECT_EQ(heard[1].level, "error");
 }
 
+TEST(LogListener, HearsWarningsWhateverIsShown) {
+  InitLog("test", "error");
+  std::vector<LogRecord> heard;
+  const LogListener listener([&](const LogRecord& record) { heard.push_back(record); });
+  testing::internal::CaptureStderr();
+  Log().warn("not shown");
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  ASSERT_EQ(heard.size(), 1u);
+  EXPECT_EQ(heard[0].text, "not shown");
+  InitLog("test", "info");
+}
+
+TEST(Log, AnUnknownLevelIsInfoAndSaysSo) {
+  testing::internal::CaptureStderr();
+  InitLog("test", "verbose");
+  Log().info("shown");
+  InitLog("test", "");
+  Log().info("and this");
+  for (const char* level : {"error", "warn", "warning", "info", "debug"}) InitLog("test", level);
+  const std::string text = testing::internal::GetCapturedStderr();
+  InitLog("test", "info");
+  EXPECT_NE(text.find("'verbose' is none of error, warn, info, debug"), std::string::npos) << text;
+  EXPECT_NE(text.find("shown"), std::string::npos) << text;
+  EXPECT_NE(text.find("and this"), std::string::npos) << text;
+  EXPECT_EQ(text.find("none of"), text.rfind("none of")) << "nothing else is unknown: " << text;
+}
+
 TEST(Log, JsonIsAnObjectALine) {
   SetLogFormat(LogFormat::kJson);
   InitLog("etude-test", "info");

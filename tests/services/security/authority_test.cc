@@ -61,6 +61,28 @@ TEST_F(AuthorityTest, NamesAreTakenOnceAndAgainAfterRevocation) {
   EXPECT_FALSE(Revoke(folder_.path(), "nobody"));
 }
 
+TEST_F(AuthorityTest, ARoleThatIsGivenTwiceCountsOnce) {
+  std::vector<Role> roles;
+  for (int i = 0; i < 2; ++i) roles.insert(roles.end(), std::begin(kRoles), std::end(kRoles));
+  const auto path =
+      Issue(folder_.path(), {.name = "all", .roles = roles, .not_before = Now() - 60, .not_after = Now() + 86400});
+  ASSERT_TRUE(path) << path.error().message;
+  const auto identity = OpenIdentity(*path, {Role::kWorker, Role::kRelay});
+  ASSERT_TRUE(identity) << identity.error().message;
+  EXPECT_EQ(identity->roles.size(), std::size(kRoles)) << "none is left out, in silence or otherwise";
+  EXPECT_EQ(ReadIssued(folder_.path()).value()[0].roles.size(), std::size(kRoles));
+}
+
+TEST_F(AuthorityTest, WhatCouldNotBeWrittenIsListedAndCanBeRevoked) {
+  ASSERT_TRUE(WriteFileAtomically(folder_.path() / "rack-1", std::string_view("a file in the folder's place")));
+  ASSERT_FALSE(IssueWorker("rack-1"));
+  const auto issued = ReadIssued(folder_.path());
+  ASSERT_TRUE(issued);
+  ASSERT_EQ(issued->size(), 1u);
+  EXPECT_FALSE(issued->front().serial.empty());
+  EXPECT_TRUE(Revoke(folder_.path(), "rack-1"));
+}
+
 TEST_F(AuthorityTest, NamesThatWouldSplitASubjectAreRefused) {
   for (const char* name : {"", "a,b", "a/b", "A", "ca", "public", "a b", ".."}) EXPECT_FALSE(IssueWorker(name)) << name;
 }

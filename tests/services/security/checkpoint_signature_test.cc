@@ -74,8 +74,41 @@ TEST_F(CheckpointSignatureTest, RefusesRollingBackOverRestarts) {
   EXPECT_TRUE(restarted.Check(Version(6), Sign(Version(6))));
 }
 
+TEST_F(CheckpointSignatureTest, TwoThatShareAFloorKeepEachOthersEntries) {
+  auto first = Verifier(), second = Verifier();
+  Published other_run = Version(7);
+  other_run.owner = "fedcba9876543210";
+  ASSERT_TRUE(first.Check(Version(5), Sign(Version(5))));
+  ASSERT_TRUE(second.Check(other_run, Sign(other_run)));
+  EXPECT_FALSE(second.Check(Version(4), Sign(Version(4)))) << "the other one took a newer one";
+  EXPECT_FALSE(Verifier().Check(Version(4), Sign(Version(4)))) << "after a restart";
+  other_run.version = 6;
+  EXPECT_FALSE(first.Check(other_run, Sign(other_run)));
+}
+
+TEST_F(CheckpointSignatureTest, AFloorThatCannotBeReadIsNoneThatIsMissing) {
+  auto verifier = Verifier();
+  const Path floor = folder_.path() / "floor.json";
+  const std::string key = "0123456789abcdef/latest";
+  for (const std::string& text :
+       {std::string("no json"), std::string("[]"), "{\"" + key + "\": 5}", "{\"" + key + "\": {\"version\": \"5\"}}",
+        "{\"" + key + "\": {\"version\": -1, \"sha256\": \"\"}}"}) {
+    ASSERT_TRUE(WriteFileAtomically(floor, std::string_view(text)));
+    const auto checked = verifier.Check(Version(1), Sign(Version(1)));
+    ASSERT_FALSE(checked) << text;
+    EXPECT_EQ(checked.error().code, Code::kCorrupt) << text;
+    EXPECT_FALSE(CheckpointVerifier::Open(key_.string() + ".pub", floor)) << text;
+  }
+  std::filesystem::remove(floor);
+  ASSERT_TRUE(MakeFolders(floor));
+  EXPECT_FALSE(verifier.Check(Version(1), Sign(Version(1)))) << "a folder in its place";
+}
+
 TEST_F(CheckpointSignatureTest, RefusesKeysThatOthersCanReadOrOverwrite) {
-  EXPECT_FALSE(MakeSigningKey(key_)) << "it would be lost";
+  std::filesystem::remove(key_.string() + ".pub");
+  const auto again = MakeSigningKey(key_);
+  ASSERT_FALSE(again) << "it would be lost";
+  EXPECT_EQ(again.error().code, Code::kUnavailable);
   std::filesystem::permissions(key_, std::filesystem::perms::others_read, std::filesystem::perm_options::add);
   const auto signer = CheckpointSigner::Open(key_);
   ASSERT_FALSE(signer);

@@ -33,6 +33,16 @@ TEST(Difference, NamesThePartsThatChangedAndByHowMuch) {
   EXPECT_NEAR(parts.at("TAR2D").relative, 0.1, 1e-6);
 }
 
+TEST(Difference, OtherTypesOfNumbersAreAChange) {
+  const Checkpoint first = ExampleCheckpoint(policy::TinyConfig());
+  Checkpoint second = ExampleCheckpoint(policy::TinyConfig());
+  for (auto& [name, tensor] : second.tensors)
+    if (name.starts_with("modules.TAR2D.")) tensor = tensor.to(torch::kFloat64);
+  const auto parts = ByPart(first, second);
+  EXPECT_EQ(parts.at("TAR2D").state, State::kChanged);
+  EXPECT_EQ(parts.at("TAR2D").relative, 0);
+}
+
 TEST(Difference, TellsOtherShapesAndOtherParts) {
   policy::PolicyConfig config = policy::TinyConfig();
   const Checkpoint first = ExampleCheckpoint(config);

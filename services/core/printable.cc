@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/core/printable.h"
+
+namespace etude {
+
+std::string Printable(std::string line) {
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    const auto byte = static_cast<unsigned char>(line[i]);
+    const auto next = i + 1 < line.size() ? static_cast<unsigned char>(line[i + 1]) : 0u;
+    const bool is_wide_control = byte == 0xc2 && next >= 0x80 && next < 0xa0;
+    if (is_wide_control) line[i + 1] = ' ';
+    if (is_wide_control || byte < 0x20 || byte == 0x7f) line[i] = ' ';
+  }
+  return line;
+}
+
+}  // namespace etude
