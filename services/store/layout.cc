@@ -33,12 +33,18 @@ tl::unexpected<Error> ListError(const Path& folder, const std::error_code& error
   return Fail(Code::kUnavailable, fmt::format("list '{}': {}", folder.string(), error.message()));
 }
 
-Result<std::vector<Path>> ListFolder(const Path& folder) {
+enum class Listed { kFolders, kFiles };
+
+Result<std::vector<Path>> ListFolder(const Path& folder, Listed wanted) {
   std::vector<Path> paths;
   std::error_code error;
   fs::directory_iterator it(folder, error);
   if (error == std::errc::no_such_file_or_directory) return paths;
-  for (; !error && it != fs::directory_iterator(); it.increment(error)) paths.push_back(it->path());
+  for (; !error && it != fs::directory_iterator(); it.increment(error)) {
+    std::error_code ignored;  // what vanishes meanwhile is neither
+    if (wanted == Listed::kFolders ? it->is_directory(ignored) : it->is_regular_file(ignored))
+      paths.push_back(it->path());
+  }
   if (error) return ListError(folder, error);
   std::sort(paths.begin(), paths.end());
   return paths;
@@ -70,12 +76,10 @@ std::optional<std::uint64_t> IndexOf(const Path& path) {
 }
 
 Result<std::vector<Path>> ListEpisodeFolder(const Path& dataset) {
-  ETUDE_ASSIGN_OR_RETURN(const auto folders, ListFolder(dataset / kEpisodes));
+  ETUDE_ASSIGN_OR_RETURN(const auto folders, ListFolder(dataset / kEpisodes, Listed::kFolders));
   std::vector<Path> files;
   for (const auto& folder : folders) {
-    std::error_code ignored;
-    if (!fs::is_directory(folder, ignored)) continue;
-    ETUDE_ASSIGN_OR_RETURN(const auto paths, ListFolder(folder));
+    ETUDE_ASSIGN_OR_RETURN(const auto paths, ListFolder(folder, Listed::kFiles));
     files.insert(files.end(), paths.begin(), paths.end());
   }
   return files;
@@ -153,7 +157,8 @@ Status WriteDatasetFile(const Path& dataset, const DatasetFile& content) {
                             {"spec_sha256", SpecHash(content.spec)},
                             {"spec", ToJson(content.spec)},
                             {"statistics", content.statistics}};
-  return WriteFileAtomically(dataset / kDatasetJson, json.dump(2) + "\n");
+  return WriteFileAtomically(dataset / kDatasetJson,
+                             json.dump(2, ' ', false, OrderedJson::error_handler_t::replace) + "\n");
 }
 
 std::vector<std::string> SpecDifferences(const CampaignSpec& made_from, const CampaignSpec& now) {
