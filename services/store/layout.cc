@@ -33,18 +33,12 @@ tl::unexpected<Error> ListError(const Path& folder, const std::error_code& error
   return Fail(Code::kUnavailable, fmt::format("list '{}': {}", folder.string(), error.message()));
 }
 
-enum class Listed { kFolders, kFiles };
-
-Result<std::vector<Path>> ListFolder(const Path& folder, Listed wanted) {
+Result<std::vector<Path>> ListFolder(const Path& folder) {
   std::vector<Path> paths;
   std::error_code error;
   fs::directory_iterator it(folder, error);
   if (error == std::errc::no_such_file_or_directory) return paths;
-  for (; !error && it != fs::directory_iterator(); it.increment(error)) {
-    std::error_code ignored;  // what vanishes meanwhile is neither
-    if (wanted == Listed::kFolders ? it->is_directory(ignored) : it->is_regular_file(ignored))
-      paths.push_back(it->path());
-  }
+  for (; !error && it != fs::directory_iterator(); it.increment(error)) paths.push_back(it->path());
   if (error) return ListError(folder, error);
   std::sort(paths.begin(), paths.end());
   return paths;
@@ -76,10 +70,12 @@ std::optional<std::uint64_t> IndexOf(const Path& path) {
 }
 
 Result<std::vector<Path>> ListEpisodeFolder(const Path& dataset) {
-  ETUDE_ASSIGN_OR_RETURN(const auto folders, ListFolder(dataset / kEpisodes, Listed::kFolders));
+  ETUDE_ASSIGN_OR_RETURN(const auto folders, ListFolder(dataset / kEpisodes));
   std::vector<Path> files;
   for (const auto& folder : folders) {
-    ETUDE_ASSIGN_OR_RETURN(const auto paths, ListFolder(folder, Listed::kFiles));
+    std::error_code ignored;
+    if (!fs::is_directory(folder, ignored)) continue;
+    ETUDE_ASSIGN_OR_RETURN(const auto paths, ListFolder(folder));
     files.insert(files.end(), paths.begin(), paths.end());
   }
   return files;

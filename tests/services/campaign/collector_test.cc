@@ -11,6 +11,7 @@
 #include <atomic>
 #include <functional>
 #include <map>
+#include <stdexcept>
 #include <thread>
 
 #include "services/bus/blob_transfer.h"

@@ -63,15 +63,6 @@ TEST(Layout, DatasetFileSurvivesAndRefusesGarbage) {
   EXPECT_THAT(ReadDatasetFile(folder.path()), HasCode(Code::kInvalidArgument));
 }
 
-TEST(Layout, ListsFilesOnly) {
-  const TemporaryFolder folder;
-  std::filesystem::create_directories(folder / "episodes/000/000001.hdf5");
-  std::filesystem::create_directories(folder / "episodes/001");
-  ASSERT_THAT(WriteFileAtomically(folder / "episodes/000/000002.hdf5", std::string_view("x")), IsOk());
-  ASSERT_THAT(WriteFileAtomically(folder / "episodes/003", std::string_view("x")), IsOk());
-  EXPECT_THAT(*ListEpisodeFolder(folder.path()), testing::ElementsAre(folder / "episodes/000/000002.hdf5"));
-}
-
 TEST(Layout, SpecDifferencesNameTheKeys) {
   CampaignSpec a = SyntheticSpec();
   CampaignSpec b = a;
