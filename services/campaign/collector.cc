@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/campaign/collector.h"
 
+#include <fmt/format.h>
+
+#include <exception>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -29,6 +32,25 @@ void Collector::Impl::Announce(bool complete) {
   announcement.complete = complete;
   if (const Status written = announcements.Write(announcement); !written)
     Log().warn("cannot announce campaign={}: {}", spec.name, written.error().message);
+}
+
+void Collector::Impl::Guard(const char* thread, const std::function<void()>& work) {
+  std::string why = "an exception without words";
+  try {
+    return work();
+  } catch (const std::exception& exception) {
+    why = exception.what();
+  } catch (...) {
+  }
+  Log().error("the {} thread failed: {}", thread, why);
+  {
+    const MutexLock lock(mutex);
+    if (!ended_by)
+      ended_by = Error{Code::kInternal,
+                       fmt::format("collect '{}': its {} thread failed: {}; what is committed is kept, start it again",
+                                   spec.name, thread, why)};
+  }
+  stop.store(true);
 }
 
 bool Collector::Impl::Complete() const {
@@ -124,6 +146,19 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
   return Collector(std::move(impl));
 }
 
+void Collector::Impl::ReceiveUntilOver() {
+  std::optional<WatchedLoop> watched(std::in_place);
+  while (!Stopping() && !Complete()) {
+    watched->Moved();
+    if (auto blob = episodes.Receive(50ms)) Enqueue(std::move(*blob));
+  }
+  watched.reset();
+  if (!Complete()) return;
+  WriteIndex();
+  Announce(true);
+  Drain();
+}
+
 Status Collector::Run() {
   Impl& impl = *impl_;
   {
@@ -133,26 +168,17 @@ Status Collector::Run() {
   impl.Announce(impl.Complete());
   Log().info("campaign={}@{} episodes={} committed={} epoch={}", impl.spec.name, impl.id, impl.spec.episodes,
              progress().committed, impl.epoch);
-  std::thread control([&impl] { impl.Control(); });
-  std::thread indexer([&impl] { impl.IndexNowAndThen(); });
+  std::thread control([&impl] { impl.Guard("control", [&impl] { impl.Control(); }); });
+  std::thread indexer([&impl] { impl.Guard("index", [&impl] { impl.IndexNowAndThen(); }); });
   std::vector<std::thread> committing;
-  for (std::size_t i = 0; i < impl.CommitThreads(); ++i) committing.emplace_back([&impl] { impl.CommitLoop(); });
+  for (std::size_t i = 0; i < impl.CommitThreads(); ++i)
+    committing.emplace_back([&impl] { impl.Guard("commit", [&impl] { impl.CommitLoop(); }); });
 
-  std::optional<WatchedLoop> watched(std::in_place);
-  while (!impl.Stopping() && !impl.Complete()) {
-    watched->Moved();
-    if (auto blob = impl.episodes.Receive(50ms)) impl.Enqueue(std::move(*blob));
-  }
-  watched.reset();
-  if (impl.Complete()) {
-    impl.WriteIndex();
-    impl.Announce(true);
-    impl.Drain();
-  }
+  impl.Guard("receiving", [&impl] { impl.ReceiveUntilOver(); });
   impl.Close();
   for (auto& thread : committing) thread.join();
   indexer.join();
-  impl.WriteIndex();
+  impl.Guard("index", [&impl] { impl.WriteIndex(); });
   impl.finished.store(true);
   control.join();
   const CollectorProgress progress = this->progress();

@@ -93,6 +93,15 @@ std::optional<std::string> Collector::Impl::WhySentAway(const std::string& worke
                      found->second.in_a_row, worker, spec.name, found->second.reason);
 }
 
+namespace {
+
+// "" of a worker without files of its user's; else hex.
+bool IsDigest(const std::string& text) {
+  return text.size() <= 64 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
+}
+
+}  // namespace
+
 // Workers that would make other episodes than the rest, or that we would misunderstand.
 std::optional<std::string> Collector::Impl::WhyRefused(const bus::WorkRequest& request) {
   const auto other = [&](const char* what, std::uint32_t here, std::uint32_t there) {
@@ -105,6 +114,8 @@ std::optional<std::string> Collector::Impl::WhyRefused(const bus::WorkRequest& r
   if (request.content != options.content) return other("content number", options.content, request.content);
   if (const auto why = WhySentAway(request.worker)) return why;
   if (request.spec_sha256 != spec_sha256) return std::nullopt;  // its files are those of another spec
+  if (!IsDigest(request.files_sha256))
+    return fmt::format("worker {} names its files by what is no SHA-256: use this program's worker", request.worker);
   if (!files_sha256) {
     files_sha256 = request.files_sha256;
     if (const Status remembered = RememberFiles(sink->folder(), request.files_sha256); !remembered)
@@ -198,6 +209,8 @@ std::string DetailsOf(const bus::AttemptReport& report) {
 
 void Collector::Impl::OnReport(const bus::AttemptReport& report) {
   if (report.campaign_id != id || report.spec_sha256 != spec_sha256 || report.index >= spec.episodes) return;
+  // any bytes may stand there, and it becomes a key of JSON
+  const std::string outcome = IsPlainName(report.outcome) ? report.outcome : "unnamed";
   {
     const MutexLock lock(mutex);
     heard[report.worker] = MonotonicClock::now();
@@ -206,17 +219,19 @@ void Collector::Impl::OnReport(const bus::AttemptReport& report) {
       return;
     }
     if (report.outcome == kReleased) return OnReleased(report);
-    ++counters.failures[IsPlainName(report.outcome) ? report.outcome : "unnamed"];
-    table.Fail(report.index, RetryOf(spec, report.outcome));
-    if (report.outcome == kPolicyError) {
+    ++counters.failures[outcome];
+    table.Fail(report.index, RetryOf(spec, outcome));
+    if (outcome == kPolicyError) {
       OnPolicyError(report);
     } else {
       ++failed_attempts;
       policy_away_since.reset();
     }
   }
-  if (const Status recorded = sink->RecordFailure(report.index, report.attempt, report.outcome, DetailsOf(report));
-      !recorded)
+  const Status recorded = sink->RecordFailure(report.index, report.attempt, outcome, DetailsOf(report));
+  if (recorded)
+    index_dirty = true;
+  else
     Log().warn("cannot record a failed attempt index={}: {}", report.index, recorded.error().message);
 }
 

@@ -7,6 +7,7 @@
 
 #include <atomic>
 #include <deque>
+#include <functional>
 #include <optional>
 #include <set>
 
@@ -49,7 +50,7 @@ struct Collector::Impl {
   std::string refusal;                  // what was said last of errors that were not taken
   bus::BlobReceiver episodes;           // Run's thread receives, those that commit acknowledge
   std::unique_ptr<EpisodeSink> sink;    // safe for all of them
-  std::atomic<bool> index_dirty{true};  // the dataset's index lacks something that is committed
+  std::atomic<bool> index_dirty{true};  // the index lacks what is committed or has failed
 
   std::atomic<bool> stop{false};
   std::atomic<bool> finished{false};  // all is committed that will be, control may end
@@ -102,6 +103,8 @@ struct Collector::Impl {
   bool Complete() const ETUDE_EXCLUDES(mutex);
   CollectorProgress Snapshot() const ETUDE_REQUIRES(mutex);
   void Announce(bool complete);
+  /// What throws on one of the collector's threads ends the collector with words, not the process.
+  void Guard(const char* thread, const std::function<void()>& work) ETUDE_EXCLUDES(mutex);
 
   // control thread
   void Control();
@@ -128,6 +131,7 @@ struct Collector::Impl {
   void GiveWayToSuccessor();
 
   // receiving thread
+  void ReceiveUntilOver();
   void Enqueue(bus::ReceivedBlob blob) ETUDE_EXCLUDES(queue_mutex);
   void Close() ETUDE_EXCLUDES(queue_mutex);
   void Drain();

@@ -4,12 +4,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
 #include <set>
 
 #include "services/campaign/worker_client.h"
 #include "services/core/config.h"
 #include "services/episode/bounded_json.h"
+#include "services/store/attempts.h"
 
 namespace etude::campaign {
 
@@ -90,29 +90,20 @@ LeaseTable::Retry RetryOf(const CampaignSpec& spec, const std::string& outcome) 
 History ReadHistory(const Path& folder, const CampaignSpec& spec) {
   History history;
   std::set<std::pair<std::uint64_t, std::uint32_t>> seen;
-  std::ifstream file(folder / "attempts.jsonl");
-  for (std::string line; std::getline(file, line);) {
-    const OrderedJson json = ParseBoundedJson(line).value_or(OrderedJson());
-    const auto is_unsigned = [&](const char* key) { return json.contains(key) && json[key].is_number_unsigned(); };
-    if (!json.is_object() || !is_unsigned("index") || !is_unsigned("attempt") || !json.contains("outcome") ||
-        !json["outcome"].is_string())
-      continue;
-    const auto index = json["index"].get<std::uint64_t>();
-    const auto attempt = json["attempt"].get<std::uint32_t>();
-    const auto outcome = json["outcome"].get<std::string>();
-    const auto retry = RetryOf(spec, outcome);
+  store::ForEachAttempt(folder, [&](const store::AttemptLine& line) {
+    const auto retry = RetryOf(spec, line.outcome);
     if (retry == LeaseTable::Retry::kSameAttempt) {
-      ++history.failures[outcome];  // and nothing of the index's own attempts
-      continue;
+      ++history.failures[line.outcome];  // and nothing of the index's own attempts
+      return;
     }
-    if (!seen.emplace(index, attempt).second) continue;
-    History::Index& past = history.indices[index];
+    if (!seen.emplace(line.index, line.attempt).second) return;
+    History::Index& past = history.indices[line.index];
     past.failures =
         retry == LeaseTable::Retry::kNever ? static_cast<std::uint32_t>(spec.max_attempts) : past.failures + 1;
-    past.next_attempt = std::max(past.next_attempt, attempt + 1);
-    ++history.failures[outcome];
+    past.next_attempt = std::max(past.next_attempt, line.attempt + 1);
+    ++history.failures[line.outcome];
     ++history.total;
-  }
+  });
   return history;
 }
 

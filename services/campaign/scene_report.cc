@@ -3,18 +3,10 @@
 
 #include <fmt/format.h>
 
-#include <fstream>
-
 #include "services/campaign/worker_client.h"
-#include "services/episode/bounded_json.h"
+#include "services/store/attempts.h"
 
 namespace etude::campaign {
-namespace {
-
-constexpr int kDeepest = 16;  // of a line of attempts.jsonl
-
-}  // namespace
-
 void SceneReport::Add(const Episode& rollout) {
   SceneTally tally;
   tally.Add(rollout.details);
@@ -36,14 +28,8 @@ void SceneReport::AddFailure(std::uint64_t index, const std::string& outcome, co
 }
 
 void SceneReport::Restore(const Path& folder) {
-  std::ifstream file(folder / "attempts.jsonl");
-  for (std::string line; std::getline(file, line);) {
-    const auto json = ParseBoundedJson(line, kDeepest);
-    if (!json || !json->is_object() || !json->contains("index") || !(*json)["index"].is_number_unsigned()) continue;
-    if (!json->contains("outcome") || !(*json)["outcome"].is_string()) continue;
-    AddFailure((*json)["index"].get<std::uint64_t>(), (*json)["outcome"].get<std::string>(),
-               json->value("details", OrderedJson::object()));
-  }
+  store::ForEachAttempt(folder,
+                        [&](const store::AttemptLine& line) { AddFailure(line.index, line.outcome, line.details); });
 }
 
 OrderedJson SceneReport::Json(const std::string& filter) const {

@@ -22,9 +22,6 @@ class DatasetSink : public EpisodeSink {
 
   const Path& folder() const override { return folder_; }
   const std::set<std::uint64_t>& committed() const override { return writer_.committed(); }
-  Status Commit(const Episode& episode, const store::CommitFacts& facts) override {
-    return writer_.Commit(episode, facts);
-  }
   std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode> group) override {
     return writer_.CommitGroup(group);
   }
@@ -85,13 +82,6 @@ class EvalSink : public EpisodeSink {
 
   const Path& folder() const override { return folder_; }
   const std::set<std::uint64_t>& committed() const override { return writer_.committed(); }
-
-  Status Commit(const Episode& episode, const store::CommitFacts& facts) override {
-    ETUDE_RETURN_IF_ERROR(writer_.Commit(episode, facts));
-    const MutexLock lock(mutex_);
-    Report(episode, facts);
-    return {};
-  }
   std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode> group) override {
     auto statuses = writer_.CommitGroup(group);
     const MutexLock lock(mutex_);
@@ -130,7 +120,8 @@ class EvalSink : public EpisodeSink {
     OrderedJson report = EvalReport(spec_, rows_, subject_);
     report["scenes"] = scenes_.Json(spec_.scenes);
     since_report_.Restart();
-    return WriteFileAtomically(out_ / "eval.json", report.dump(1) + "\n");
+    return WriteFileAtomically(out_ / "eval.json",
+                               report.dump(1, ' ', false, OrderedJson::error_handler_t::replace) + "\n");
   }
   // A row a rollout, in the order of their indices; those to come are appended.
   Status RestoreLines() ETUDE_REQUIRES(mutex_) {
@@ -153,18 +144,6 @@ class EvalSink : public EpisodeSink {
 };
 
 }  // namespace
-
-std::vector<Status> EpisodeSink::CommitGroup(std::span<const store::ArrivedEpisode> group) {
-  std::vector<Status> statuses;
-  for (const auto& arrived : group) {
-    Episode episode = arrived.view->episode;
-    for (std::size_t i = 0; i < episode.cameras.size(); ++i)
-      for (const auto frame : arrived.view->frames[i])
-        episode.cameras[i].frames.emplace_back(frame.begin(), frame.end());
-    statuses.push_back(Commit(episode, arrived.facts));
-  }
-  return statuses;
-}
 
 Result<std::unique_ptr<EpisodeSink>> OpenDatasetSink(const Path& dataset, const CampaignSpec& spec) {
   ETUDE_ASSIGN_OR_RETURN(auto writer, store::DatasetWriter::Open(dataset, spec));

@@ -29,13 +29,9 @@ class EpisodeSink {
   virtual const Path& folder() const = 0;
   /// Indices that are durable already; before anything is committed.
   virtual const std::set<std::uint64_t>& committed() const = 0;
-  /// Durable when it returns. On error nothing of the episode is visible.
-  /// @error kInvalidArgument, kCorrupt: the episode is at fault and is refused; anything else (disk
-  /// full) is tried again.
-  /// @param facts  who made it and how long that took, for the journal
-  virtual Status Commit(const Episode& episode, const store::CommitFacts& facts) = 0;
-  /// Several at once, which may cost less. @returns for each what Commit would
-  virtual std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode> group);
+  /// Durable when it returns; of different indices. @returns for each: on error nothing of the episode is visible;
+  /// kInvalidArgument, kCorrupt: the episode is at fault and is refused; anything else (disk full) is tried again
+  virtual std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode> group) = 0;
   virtual Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                                const std::string& details_json) = 0;
   /// Rewrites what is derived (master file, statistics). Now and then, and at the end.

@@ -14,7 +14,7 @@ namespace {
 
 Status Info(const std::string& dataset, bool as_json) {
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson info, store::DatasetInfo(dataset));
-  fmt::print("{}", as_json ? info.dump(1) + "\n" : ToYaml(info));
+  fmt::print("{}", as_json ? info.dump(1, ' ', false, OrderedJson::error_handler_t::replace) + "\n" : ToYaml(info));
   return {};
 }
 

@@ -257,17 +257,21 @@ void AddDatasetEdit(CLI::App& command, Body& body) {
   const auto add = [&](const char* name, const char* description, Status (*run)(const EditArguments&)) {
     auto arguments = std::make_shared<EditArguments>();
     auto* sub = command.add_subcommand(name, description);
-    sub->add_flag("--restart", arguments->restart, "remove what an interrupted command left, and begin anew");
     sub->callback([=, &body] { body = [=] { return run(*arguments); }; });
     return std::pair(sub, arguments);
+  };
+  const auto add_restart = [](CLI::App& sub, EditArguments& arguments) {
+    return sub.add_flag("--restart", arguments.restart, "remove what an interrupted command left, and begin anew");
   };
   const auto [filter, filtered] = add("filter", "a new dataset, or a filter key, of some episodes", &Filter);
   filter->add_option("dataset", filtered->dataset, "dataset folder")->required();
   filter->add_option("out", filtered->out, "the new dataset's folder");
-  filter->add_option("--as", filtered->key, "give them a filter key of this name instead of copying");
+  filter->add_option("--as", filtered->key, "give them a filter key of this name instead of copying")
+      ->excludes(add_restart(*filter, *filtered));
   filtered->choice.Add(*filter);
 
   const auto [split, divided] = add("split", "several datasets of one: OUT/<value> or OUT/<part>", &Split);
+  add_restart(*split, *divided);
   split->add_option("dataset", divided->dataset, "dataset folder")->required();
   split->add_option("out", divided->out, "folder for them")->required();
   auto* by = split->add_option("--by", divided->by, "one for each robot | task | target | split | outcome")
@@ -277,6 +281,7 @@ void AddDatasetEdit(CLI::App& command, Body& body) {
   by->excludes(parts);
 
   const auto [merge, merged] = add("merge", "one dataset of several", &Merge);
+  add_restart(*merge, *merged);
   merge->add_option("datasets", merged->datasets, "dataset folders")->required();
   merge->add_option("--out", merged->out, "the new dataset's folder")->required();
 
@@ -286,6 +291,7 @@ void AddDatasetEdit(CLI::App& command, Body& body) {
   removed->choice.Add(*remove);
 
   const auto [exporting, exported] = add("export", "for LeRobot (a folder) or robomimic (one file)", &Export);
+  add_restart(*exporting, *exported);
   AddExportOptions(*exporting, exported);
 
   AddImport(command, body, std::make_shared<EditArguments>());

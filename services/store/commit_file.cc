@@ -150,9 +150,4 @@ std::vector<Status> CommitFiles(std::span<const FileToCommit> files) {
   return statuses;
 }
 
-Status CommitFile(const Path& path, std::span<const std::uint8_t> bytes) {
-  const FileToCommit file{path, {bytes}};
-  return CommitFiles({&file, 1}).front();
-}
-
 }  // namespace etude::store::internal

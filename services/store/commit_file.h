@@ -15,22 +15,18 @@ namespace etude::store::internal {
 /// What a temporary file's name ends with; a crash may leave some behind.
 inline constexpr std::string_view kTemporarySuffix = ".tmp";
 
-/// Writes `path` under a temporary name, fsyncs, renames, fsyncs the folder (and parents that it
-/// makes). On error neither the file nor the temporary one is there. @error kUnavailable when the
-/// disk refuses.
-Status CommitFile(const Path& path, std::span<const std::uint8_t> bytes);
-
 /// A file whose bytes lie in several places.
 struct FileToCommit {
   Path path;
   std::vector<std::span<const std::uint8_t>> pieces;
 };
-/// CommitFile for several at once, which costs less: each is written and fsynced, then all are renamed, then each
-/// folder is fsynced once. Thread-safe for different paths. @returns for each file what CommitFile would: one that
-/// fails takes none but those of its folder along, and those only where that folder's fsync failed.
+/// Each is written under a temporary name and fsynced, then all are renamed, then each folder (and parents that it
+/// makes) is fsynced once. Thread-safe for different paths. @returns for each file: on error neither it nor the
+/// temporary one is there, kUnavailable when the disk refuses; one that fails takes none but those of its folder along,
+/// and those only where that folder's fsync failed.
 std::vector<Status> CommitFiles(std::span<const FileToCommit> files);
 
-/// Where a crash may strike between two system calls of CommitFile.
+/// Where a crash may strike between two system calls of CommitFiles.
 enum class CommitPoint { kCreated, kWritten, kSynced, kRenamed, kDone };
 
 /// For crash tests: called at each point, when set. Not thread-safe.

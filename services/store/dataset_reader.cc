@@ -8,8 +8,6 @@
 namespace etude::store {
 namespace {
 
-constexpr std::uint64_t kMaxFile = 4ull << 30;
-
 struct Loaded {
   std::vector<std::uint8_t> bytes;
   internal::EpisodeFile file;
@@ -17,7 +15,7 @@ struct Loaded {
 
 Result<Loaded> Load(const Path& path, std::uint64_t index) {
   Loaded loaded;
-  ETUDE_ASSIGN_OR_RETURN(loaded.bytes, ReadBinaryFile(path, kMaxFile));
+  ETUDE_ASSIGN_OR_RETURN(loaded.bytes, ReadBinaryFile(path, internal::kMaxEpisodeFile));
   auto file = internal::DecodeEpisodeFile(loaded.bytes);
   if (!file) return Fail(file.error().Wrap(fmt::format("read '{}'", path.string())));
   loaded.file = std::move(*file);

@@ -4,8 +4,8 @@
 #include <sys/stat.h>
 
 #include <algorithm>
-#include <fstream>
 #include <map>
+#include <tuple>
 #include <utility>
 
 #include "services/core/clock.h"
@@ -13,6 +13,7 @@
 #include "services/core/thread_annotations.h"
 #include "services/episode/bounded_json.h"
 #include "services/spec/episode_plan.h"
+#include "services/store/attempts.h"
 #include "services/store/commit_file.h"
 #include "services/store/commit_journal.h"
 #include "services/store/dataset.h"
@@ -25,10 +26,12 @@
 namespace etude::store {
 namespace {
 
+constexpr std::size_t kMaxDetails = kMaxAttemptLine / 8;  // written out again, it may be longer
 constexpr std::size_t kMaxDetailsText = 1000;
 constexpr std::uint64_t kInflateEvery = 16;  // pictures, of what workers deflated and SHA-256 covers
 
-using AttemptId = std::pair<std::uint64_t, std::uint32_t>;
+// An attempt that waits for its policy in vain is made again under its own number, and may then fail for itself.
+using AttemptId = std::tuple<std::uint64_t, std::uint32_t, std::string>;
 
 // What a crash between writing and renaming left behind.
 Status RemoveTemporaries(const Path& dataset, const std::vector<Path>& episode_files) {
@@ -83,15 +86,7 @@ Status CheckSpec(const Path& dataset, const internal::DatasetFile& found, const 
 
 std::set<AttemptId> RecordedAttempts(const Path& dataset) {
   std::set<AttemptId> attempts;
-  std::ifstream file(dataset / internal::kAttempts);
-  for (std::string line; std::getline(file, line);) {
-    const OrderedJson json = ParseBoundedJson(line).value_or(OrderedJson());
-    const auto number = [&](const char* key) {
-      return json.is_object() && json.contains(key) && json[key].is_number_unsigned();
-    };
-    if (number("index") && number("attempt"))
-      attempts.emplace(json["index"].get<std::uint64_t>(), json["attempt"].get<std::uint32_t>());
-  }
+  ForEachAttempt(dataset, [&](const AttemptLine& line) { attempts.emplace(line.index, line.attempt, line.outcome); });
   return attempts;
 }
 
@@ -295,9 +290,9 @@ std::vector<Status> DatasetWriter::CommitGroup(std::span<const ArrivedEpisode> g
 Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                                     const std::string& details_json) {
   const MutexLock lock(impl_->mutex);
-  if (impl_->recorded.contains({index, attempt})) return {};  // made again after a crash
+  if (impl_->recorded.contains({index, attempt, outcome})) return {};  // made again after a crash
   // whatever a worker sent: what is no JSON, or has no end of brackets, is kept as text
-  auto details = ParseBoundedJson(details_json);
+  auto details = details_json.size() > kMaxDetails ? std::nullopt : ParseBoundedJson(details_json, kMaxJsonDepth - 1);
   if (!details) details = details_json.substr(0, kMaxDetailsText);
   const OrderedJson line = {{"index", index},
                             {"attempt", attempt},
@@ -305,7 +300,7 @@ Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt, 
                             {"outcome", outcome},
                             {"details", std::move(*details)}};
   ETUDE_RETURN_IF_ERROR(impl_->attempts.Append(line.dump(-1, ' ', false, OrderedJson::error_handler_t::replace)));
-  impl_->recorded.emplace(index, attempt);
+  impl_->recorded.emplace(index, attempt, outcome);
   ++impl_->failures[outcome];
   return {};
 }

@@ -4,10 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
 
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
+#include "services/store/attempts.h"
 #include "services/store/filter_keys.h"
 #include "services/store/layout.h"
 #include "services/store/master_file.h"
@@ -70,16 +70,13 @@ Status LinkOrCopy(const Path& from, const Path& to) {
   return SyncFile(to);
 }
 
-// Lines of attempts.jsonl about these episodes; they are only a record, so lines that do not parse are left out.
+// Lines of attempts.jsonl about these episodes.
 Status CopyAttempts(const Path& from, const std::set<std::uint64_t>& indices, LineAppender& to) {
-  std::ifstream file(from / internal::kAttempts);
-  for (std::string line; std::getline(file, line);) {
-    const OrderedJson json = ParseBoundedJson(line).value_or(OrderedJson());
-    if (json.is_object() && json.contains("index") && json["index"].is_number_unsigned() &&
-        indices.contains(json["index"].get<std::uint64_t>()))
-      ETUDE_RETURN_IF_ERROR(to.Append(line));
-  }
-  return {};
+  Status copied;
+  ForEachAttempt(from, [&](const AttemptLine& line) {
+    if (copied && indices.contains(line.index)) copied = to.Append(line.text);
+  });
+  return copied;
 }
 
 // What the sources' filter keys say of the episodes that come along.
@@ -162,8 +159,7 @@ Status DeleteEpisodes(const Path& dataset, const std::vector<std::uint64_t>& ind
                   fmt::format("delete from '{}': it has no episode {}; nothing was deleted", dataset.string(), index));
   // from here on it will be done, by this process or by the next one
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(dataset / kDeleting, OrderedJson(indices).dump() + "\n"));
-  ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
-  return internal::RefreshDerived(dataset);
+  return internal::FinishDeletion(dataset);
 }
 
 namespace internal {
@@ -207,10 +203,13 @@ Status FinishDeletion(const Path& dataset) {
   for (const std::uint64_t index : indices) {
     const Path path = EpisodePath(dataset, index);
     std::error_code error;
-    if (fs::remove(path, error)) folders.insert(path.parent_path());
+    fs::remove(path, error);
     if (error) return Fail(ErrnoError("delete", path, error.value()));
+    // also where an earlier try removed it: that may not be durable
+    if (fs::exists(path.parent_path(), error)) folders.insert(path.parent_path());
   }
   for (const auto& folder : folders) ETUDE_RETURN_IF_ERROR(SyncFolder(folder));
+  ETUDE_RETURN_IF_ERROR(RefreshDerived(dataset));  // as long as the intent is there: a crash leaves no dead link behind
   std::error_code error;
   fs::remove(intent, error);
   if (error) return Fail(ErrnoError("delete", intent, error.value()));
@@ -233,7 +232,8 @@ Status RefreshDerived(const Path& dataset) {
   OrderedJson statistics = StatisticsOf(reader.spec(), summaries);
   statistics["failed_attempts"] = FailuresByOutcome(dataset);
   description["statistics"] = std::move(statistics);
-  return WriteFileAtomically(dataset / kDatasetJson, description.dump(2) + "\n");
+  return WriteFileAtomically(dataset / kDatasetJson,
+                             description.dump(2, ' ', false, OrderedJson::error_handler_t::replace) + "\n");
 }
 
 }  // namespace internal

@@ -217,7 +217,9 @@ class Writer {
 
 }  // namespace
 
-std::string DemoGroup(std::uint64_t index) { return fmt::format("/data/demo_{}", index); }
+std::string DemoName(std::uint64_t index) { return fmt::format("demo_{}", index); }
+
+std::string DemoGroup(std::uint64_t index) { return "/data/" + DemoName(index); }
 
 std::string EnvArgs() {
   return OrderedJson(

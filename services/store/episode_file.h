@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // One episode <-> the bytes of its HDF5 file; format.md tells the layout. A file is an HDF5 file
 // followed by a seal, one line of text with a checksum of all before it. HDF5 readers ignore what
-// follows their data, and a damaged file is recognised before HDF5 looks at it.
+// follows their data, and a damaged file is recognised before anything else is read.
 #pragma once
 
 #include <cstdint>
@@ -16,6 +16,9 @@
 #include "services/store/dataset.h"
 
 namespace etude::store::internal {
+
+/// Bytes of an episode's file that is read at all.
+inline constexpr std::uint64_t kMaxEpisodeFile = 4ull << 30;
 
 /// Bounds that scale actions_abs (x, y, z in m, rotation in 6D, gripper) to actions in [-1, 1].
 inline constexpr double kActionLow[kWaypointSize] = {-1.5, -1.5, -0.5, -1, -1, -1, -1, -1, -1, 0};
@@ -69,6 +72,8 @@ Result<std::span<const std::uint8_t>> CheckSeal(std::span<const std::uint8_t> by
 
 /// "/data/demo_12"
 std::string DemoGroup(std::uint64_t index);
+/// "demo_12"
+std::string DemoName(std::uint64_t index);
 /// What robomimic wants to know of the environment, as JSON.
 std::string EnvArgs();
 

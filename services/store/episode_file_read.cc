@@ -7,7 +7,7 @@
 #include "services/episode/codec.h"
 #include "services/episode/tracks.h"
 #include "services/store/episode_file.h"
-#include "services/store/hdf.h"
+#include "services/store/hdf_view.h"
 
 namespace etude::store::internal {
 namespace {
@@ -25,11 +25,11 @@ void ConvertEulerActions(Track& actions) {
   actions = std::move(converted);
 }
 
-// Reads what Writer wrote; the file's own problems stay in the HdfReader, those of content in
+// Reads what Writer wrote; the file's own problems stay in the HdfView, those of content in
 // `error_`.
 class Reader {
  public:
-  explicit Reader(HdfReader& file) : file_(file) {}
+  explicit Reader(HdfView& file) : file_(file) {}
 
   EpisodeFile Read() {
     const auto demos = file_.Children("/data");
@@ -156,7 +156,7 @@ class Reader {
       Complain(fmt::format("pictures {}: shape does not fit steps and camera", image));
   }
 
-  HdfReader& file_;
+  HdfView& file_;
   std::string demo_;
   std::string error_;
   EpisodeFile result_;
@@ -166,14 +166,11 @@ class Reader {
 
 Result<EpisodeFile> DecodeEpisodeFile(std::span<const std::uint8_t> bytes) {
   ETUDE_ASSIGN_OR_RETURN(const auto content, CheckSeal(bytes));
-  EpisodeFile result;
-  {
-    HdfReader file(content);
-    Reader reader(file);
-    result = reader.Read();
-    ETUDE_RETURN_IF_ERROR(file.Finish());
-    if (!reader.error().empty()) return Fail(Code::kCorrupt, reader.error());
-  }
+  HdfView file(content);
+  Reader reader(file);
+  EpisodeFile result = reader.Read();
+  ETUDE_RETURN_IF_ERROR(file.Finish());
+  if (!reader.error().empty()) return Fail(Code::kCorrupt, reader.error());
   if (Status valid = ValidateEpisode(result.episode); !valid) return Fail(Code::kCorrupt, valid.error().message);
   return result;
 }

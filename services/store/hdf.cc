@@ -93,8 +93,6 @@ Hid Space(const Shape& shape) {
 
 HdfLock::HdfLock() : lock_(hdf_mutex) { H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); }
 
-// ------------------------------------------------------------------------------------------ writer
-
 HdfWriter::HdfWriter()
     : image_(std::make_unique<FileImage>()),
       link_(H5Pcreate(H5P_LINK_CREATE)),
@@ -254,126 +252,6 @@ Result<std::vector<std::uint8_t>> HdfWriter::Finish() {
   if (!failed_.empty()) return Fail(Code::kInternal, "make an HDF5 file: " + failed_);
   bytes.resize(end);
   return std::move(bytes);
-}
-
-// ------------------------------------------------------------------------------------------ reader
-
-HdfReader::HdfReader(std::span<const std::uint8_t> bytes) : size_(bytes.size()) {
-  const Hid access = MemoryAccess();
-  // HDF5 copies the image; the parameter is not const only for its C callers' sake
-  const bool ready =
-      access && H5Pset_file_image(access.get(), const_cast<std::uint8_t*>(bytes.data()), bytes.size()) >= 0;
-  if (!Check(ready, "read bytes")) return;
-  file_ = Hid(H5Fopen("image.hdf5", H5F_ACC_RDONLY, access.get()));
-  Check(bool(file_), "open");
-}
-
-bool HdfReader::Check(bool good, const std::string& what) {
-  if (!good && failed_.empty()) failed_ = what + HdfMessage();
-  return failed_.empty();
-}
-
-std::string HdfReader::Text(const std::string& object, const char* name) {
-  if (!failed_.empty()) return {};
-  const std::string what = fmt::format("read attribute {} of {}", name, object);
-  const Hid attribute(H5Aopen_by_name(file_.get(), object.c_str(), name, H5P_DEFAULT, H5P_DEFAULT));
-  if (!Check(bool(attribute), what)) return {};
-  const Hid type(H5Aget_type(attribute.get()));
-  const Hid space(H5Aget_space(attribute.get()));
-  const bool is_text = type && space && H5Tget_class(type.get()) == H5T_STRING && H5Tis_variable_str(type.get()) > 0 &&
-                       H5Sget_simple_extent_npoints(space.get()) == 1;
-  if (!Check(is_text, what + ": not one text")) return {};
-  const Hid memory = TextType();
-  char* value = nullptr;
-  if (!Check(H5Aread(attribute.get(), memory.get(), &value) >= 0, what)) return {};
-  std::string text = value == nullptr ? "" : value;
-  H5free_memory(value);
-  return text;
-}
-
-void HdfReader::ReadAttribute(const std::string& object, const char* name, hid_t native, std::size_t count,
-                              void* data) {
-  if (!failed_.empty()) return;
-  const std::string what = fmt::format("read attribute {} of {}", name, object);
-  const Hid attribute(H5Aopen_by_name(file_.get(), object.c_str(), name, H5P_DEFAULT, H5P_DEFAULT));
-  if (!Check(bool(attribute), what)) return;
-  const Hid space(H5Aget_space(attribute.get()));
-  const bool fits = space && H5Sget_simple_extent_npoints(space.get()) == static_cast<hssize_t>(count);
-  if (!Check(fits, what + ": not as many values as expected")) return;
-  Check(H5Aread(attribute.get(), native, data) >= 0, what);
-}
-
-Hid HdfReader::OpenArray(const std::string& path, std::size_t rank, std::size_t width, Shape& shape) {
-  shape.assign(rank, 0);
-  if (!failed_.empty()) return {};
-  Hid dataset(H5Dopen2(file_.get(), path.c_str(), H5P_DEFAULT));
-  if (!Check(bool(dataset), "open array " + path)) return {};
-  const Hid space(H5Dget_space(dataset.get()));
-  const bool right_rank = space && H5Sget_simple_extent_ndims(space.get()) == static_cast<int>(rank);
-  if (!Check(right_rank, fmt::format("array {}: not of rank {}", path, rank))) return {};
-  std::vector<hsize_t> extents(rank);
-  H5Sget_simple_extent_dims(space.get(), extents.data(), nullptr);
-  shape.assign(extents.begin(), extents.end());
-
-  // contiguous arrays lie in the file, so they cannot be larger; pictures are never read through
-  // here
-  std::uint64_t bytes = width;
-  for (const auto extent : shape)
-    if (__builtin_mul_overflow(bytes, extent, &bytes)) bytes = UINT64_MAX;
-  Check(width == 0 || bytes <= size_, fmt::format("array {}: larger than its file", path));
-  return dataset;
-}
-
-void HdfReader::ReadArray(const Hid& dataset, const std::string& path, hid_t native, void* data) {
-  if (!failed_.empty()) return;
-  Check(H5Dread(dataset.get(), native, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0, "read array " + path);
-}
-
-std::vector<FrameLocation> HdfReader::FrameLocations(const std::string& path, Shape& shape) {
-  const Hid dataset = OpenArray(path, 4, 0, shape);
-  std::vector<FrameLocation> locations;
-  if (!failed_.empty()) return locations;
-
-  // laid out as HdfWriter::Frames does: one frame a chunk, each at least a byte of the file
-  const Hid creation(H5Dget_create_plist(dataset.get()));
-  hsize_t chunk[4] = {};
-  const bool laid_out = creation && H5Pget_layout(creation.get()) == H5D_CHUNKED &&
-                        H5Pget_chunk(creation.get(), 4, chunk) == 4 && chunk[0] == 1 && chunk[1] == shape[1] &&
-                        chunk[2] == shape[2] && chunk[3] == shape[3] && shape[0] <= size_;
-  if (!Check(laid_out, "pictures " + path + ": not one frame a chunk")) return locations;
-  locations.reserve(shape[0]);
-  for (std::uint64_t k = 0; k < shape[0] && failed_.empty(); ++k) {
-    const hsize_t at[4] = {k, 0, 0, 0};
-    unsigned mask = 0;
-    haddr_t offset = HADDR_UNDEF;
-    hsize_t size = 0;
-    const bool found = H5Dget_chunk_info_by_coord(dataset.get(), at, &mask, &offset, &size) >= 0 &&
-                       offset != HADDR_UNDEF && mask == 0 && size > 0 && size <= size_ && offset <= size_ - size &&
-                       size <= UINT32_MAX;
-    if (Check(found, fmt::format("pictures {}: frame {} is not there", path, k)))
-      locations.push_back({offset, static_cast<std::uint32_t>(size)});
-  }
-  return locations;
-}
-
-std::vector<std::string> HdfReader::Children(const std::string& group) {
-  std::vector<std::string> names;
-  if (!failed_.empty()) return names;
-  const auto collect = [](hid_t, const char* name, const H5L_info_t*, void* out) -> herr_t {
-    static_cast<std::vector<std::string>*>(out)->emplace_back(name);
-    return 0;
-  };
-  Check(H5Literate_by_name(file_.get(), group.c_str(), H5_INDEX_NAME, H5_ITER_INC, nullptr, collect, &names,
-                           H5P_DEFAULT) >= 0,
-        "list group " + group);
-  return names;
-}
-
-Status HdfReader::Finish() {
-  file_ = Hid();
-  lock_.Release();
-  if (!failed_.empty()) return Fail(Code::kCorrupt, failed_);
-  return {};
 }
 
 }  // namespace etude::store::internal

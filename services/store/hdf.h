@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// HDF5 in memory, as far as this folder needs it. The C library is not thread-safe: each object
-// here holds the process's one HDF5 mutex as long as it lives, so keep them short-lived. Both
-// classes are sticky: after the first failure later calls do nothing, and Finish() tells what
-// failed.
+// Writing with HDF5's library: the master file, a dataset as one file, and what tests compare hdf_image.h with. No file
+// that came from elsewhere is read with it: it trusts what no checksum of the format covers (hdf_view.h). The library
+// is not thread-safe: each writer holds the process's one HDF5 mutex as long as it lives, so keep them short-lived. A
+// writer is sticky: after the first failure later calls do nothing, and Finish() tells what failed.
 #pragma once
 
 #include <hdf5.h>
@@ -17,7 +17,6 @@
 
 #include "services/core/file.h"
 #include "services/core/result.h"
-#include "services/store/dataset.h"
 #include "services/store/hdf_image.h"
 
 namespace etude::store::internal {
@@ -93,7 +92,8 @@ class HdfWriter {
   /// (n,) byte strings of one length, padded with NUL.
   void FixedStrings(const std::string& path, const std::vector<std::string>& texts);
   void ExternalLink(const std::string& path, const std::string& file, const std::string& object);
-  /// `path` of another file, whose bytes these are, with all below it: compressed chunks as they are.
+  /// `path` of another file, whose bytes these are, with all below it: compressed chunks as they are. Bytes that this
+  /// process made, never those of a file: the library would follow what stands in them.
   void CopyFrom(std::span<const std::uint8_t> bytes, const std::string& path);
 
   /// The file's bytes, none of a file on disk; call once, last. @error kInternal with the first call that failed.
@@ -111,56 +111,6 @@ class HdfWriter {
   HdfLock lock_;
   std::unique_ptr<FileImage> image_;   // null: on disk
   Hid file_, link_, group_, dataset_;  // the file; creation property lists
-  std::string failed_;
-};
-
-/// Reads an HDF5 file from memory. Sizes are checked against the file's before anything is
-/// allocated.
-class HdfReader {
- public:
-  explicit HdfReader(std::span<const std::uint8_t> bytes);
-
-  std::string Text(const std::string& object, const char* name);
-  template <class T>
-  T Scalar(const std::string& object, const char* name) {
-    T value{};
-    ReadAttribute(object, name, HdfType<T>::native(), 1, &value);
-    return value;
-  }
-  template <class T>
-  std::vector<T> Vector(const std::string& object, const char* name, std::size_t size) {
-    std::vector<T> values(size);
-    ReadAttribute(object, name, HdfType<T>::native(), size, values.data());
-    return values;
-  }
-  /// Of the given rank; `shape` gets the extents.
-  template <class T>
-  std::vector<T> Array(const std::string& path, std::size_t rank, Shape& shape) {
-    Hid dataset = OpenArray(path, rank, sizeof(T), shape);
-    std::uint64_t count = failed_.empty() ? 1 : 0;
-    if (count)
-      for (const auto extent : shape) count *= extent;
-    std::vector<T> values(count);
-    if (count) ReadArray(dataset, path, HdfType<T>::native(), values.data());
-    return values;
-  }
-  /// Where the chunks of a picture array lie; `shape` gets its four extents.
-  std::vector<FrameLocation> FrameLocations(const std::string& path, Shape& shape);
-  /// Names in a group, in alphabetical order.
-  std::vector<std::string> Children(const std::string& group);
-
-  /// Closes the file; call once, last. @error kCorrupt with the first call that failed.
-  Status Finish();
-
- private:
-  Hid OpenArray(const std::string& path, std::size_t rank, std::size_t width, Shape& shape);
-  void ReadArray(const Hid& dataset, const std::string& path, hid_t native, void* data);
-  void ReadAttribute(const std::string& object, const char* name, hid_t native, std::size_t count, void* data);
-  bool Check(bool good, const std::string& what);
-
-  HdfLock lock_;
-  std::size_t size_;
-  Hid file_;
   std::string failed_;
 };
 

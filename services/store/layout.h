@@ -28,7 +28,8 @@ inline constexpr const char* kLock = ".lock";
 /// The episode whose file `path` is, by its name and folder; nothing for any other name.
 std::optional<std::uint64_t> IndexOf(const Path& path);
 
-/// Paths of all regular files two levels under episodes/, sorted. @error kUnavailable
+/// Paths of all that lies two levels under episodes/, sorted: also of what is no file, so that verify can tell of it.
+/// @error kUnavailable
 Result<std::vector<Path>> ListEpisodeFolder(const Path& dataset);
 
 /// Keeps other writers out as long as it lives.

@@ -11,12 +11,6 @@
 namespace etude::store::internal {
 namespace {
 
-// "demo_12"
-std::string DemoName(std::uint64_t index) {
-  const std::string group = DemoGroup(index);
-  return group.substr(group.rfind('/') + 1);
-}
-
 Result<std::vector<std::uint8_t>> MasterBytes(const CampaignSpec& spec, const std::vector<MasterEntry>& episodes,
                                               const FilterKeys& chosen) {
   HdfWriter file;

@@ -7,6 +7,7 @@
 #include "services/core/hash.h"
 #include "services/core/stop.h"
 #include "services/store/edit.h"
+#include "services/store/episode_file.h"
 #include "services/store/layout.h"
 
 namespace etude::store {
@@ -58,8 +59,8 @@ Result<std::map<std::uint64_t, const Part*>> Owners(const std::vector<Part>& par
       const auto [owner, added] = owners.emplace(index, &part);
       if (added) continue;
       const Path first = owner->second->reader.path(), second = part.reader.path();
-      ETUDE_ASSIGN_OR_RETURN(const auto a, ReadBinaryFile(EpisodePath(first, index)));
-      ETUDE_ASSIGN_OR_RETURN(const auto b, ReadBinaryFile(EpisodePath(second, index)));
+      ETUDE_ASSIGN_OR_RETURN(const auto a, ReadBinaryFile(EpisodePath(first, index), internal::kMaxEpisodeFile));
+      ETUDE_ASSIGN_OR_RETURN(const auto b, ReadBinaryFile(EpisodePath(second, index), internal::kMaxEpisodeFile));
       if (a != b)
         return Fail(Code::kInvalidArgument,
                     fmt::format("merge: '{}' and '{}' are of one spec, but their episodes {} differ; `etude dataset "

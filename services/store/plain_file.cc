@@ -3,7 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <map>
+#include <span>
 
 #include "services/core/stop.h"
 #include "services/store/episode_file.h"
@@ -31,14 +33,17 @@ class PlainFile {
   Status Add(std::uint64_t index) {
     const Path path = EpisodePath(reader_.path(), index);
     const auto context = [&] { return fmt::format("export '{}'", path.string()); };
-    ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path));
+    ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path, internal::kMaxEpisodeFile));
     auto decoded = internal::DecodeEpisodeFile(bytes);
     if (!decoded) return Fail(decoded.error().Wrap(context()));
-    ETUDE_ASSIGN_OR_RETURN(const auto content, internal::CheckSeal(bytes));
+    EpisodeRecord record{path, decoded->episode, decoded->frames};
+    // HDF5's library gets bytes of our own making only
+    const auto anew = internal::EncodeEpisodeFile(internal::WithFrames(std::move(*decoded), bytes));
+    if (!anew) return Fail(Error{Code::kCorrupt, anew.error().message}.Wrap(context()));
     HdfWriter file(path_, HdfWriter::OnDisk::kAdd);
-    file.CopyFrom(content, internal::DemoGroup(index));
+    file.CopyFrom(std::span(*anew).first(anew->size() - internal::kSealSize), internal::DemoGroup(index));
     if (Status copied = Done(file.Finish()); !copied) return Fail(copied.error().Wrap(context()));
-    Remember({path, std::move(decoded->episode), std::move(decoded->frames)});
+    Remember(record);
     return {};
   }
 
@@ -83,8 +88,7 @@ class PlainFile {
     const std::uint64_t index = record.episode.index;
     summaries_[index] = internal::Summarize(record);
     if (SplitOf(reader_.spec(), index) != "train") return;
-    const std::string group = internal::DemoGroup(index);
-    sentences_[record.episode.instruction].push_back(group.substr(group.rfind('/') + 1));
+    sentences_[record.episode.instruction].push_back(internal::DemoName(index));
   }
 
   const DatasetReader& reader_;
@@ -103,6 +107,13 @@ Result<PlainFileReport> WritePlainFile(const Path& dataset, const Path& out, con
   }
   if (indices.empty())
     return Fail(Code::kNotFound, fmt::format("export '{}': it has no episodes yet", dataset.string()));
+  PlainFileReport report;
+  report.train_data = out.string() + ".train_data.json";
+  if (std::filesystem::exists(report.train_data))
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("export '{}': '{}' is there already: it goes with the file; choose another name, or remove it",
+                    dataset.string(), report.train_data.string()));
   ETUDE_ASSIGN_OR_RETURN(const Path partial, ClaimOutput(out, options.leftover));
   PlainFile file(reader, partial);
   ETUDE_RETURN_IF_ERROR(file.Create());
@@ -114,12 +125,11 @@ Result<PlainFileReport> WritePlainFile(const Path& dataset, const Path& out, con
     ETUDE_RETURN_IF_ERROR(file.Add(indices[i]));
     if (options.progress) options.progress(i + 1, indices.size());
   }
-  PlainFileReport report;
   ETUDE_RETURN_IF_ERROR(file.Finish(report));
   ETUDE_RETURN_IF_ERROR(SyncFile(partial));
-  report.train_data = out.string() + ".train_data.json";
-  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(report.train_data, file.TrainData(out).dump(2) + "\n"));
   ETUDE_RETURN_IF_ERROR(CommitOutput(partial, out));
+  const std::string train_data = file.TrainData(out).dump(2, ' ', false, OrderedJson::error_handler_t::replace);
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(report.train_data, train_data + "\n"));
   return report;
 }
 

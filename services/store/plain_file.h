@@ -26,10 +26,11 @@ struct PlainFileReport {
 /// Writes OUT, and beside it OUT.train_data.json: what robomimic's config wants under train.data, an entry a sentence
 /// with its filter key. In OUT: /data/demo_<index> of every episode, bytes of pictures as they are; /mask with the
 /// dataset's filter keys (splits, tasks, own ones) and lang_<n>, the training split's episodes of one sentence, whose
-/// text is in the attribute `lang` of that mask. Episode by episode; each one's seal is checked. OUT appears when all
-/// of it is durable. A stop request ends it before the next episode.
-/// @error kInvalidArgument: OUT is there, or what an interrupted command left; kNotFound: no dataset or no episode;
-/// kExhausted: stopped; kCorrupt: an episode; kUnavailable
+/// text is in the attribute `lang` of that mask. Episode by episode; each one's seal and pictures are checked, and it
+/// is encoded anew, in this program's schema. OUT appears when all of it is durable, then its .json. A stop request
+/// ends it before the next episode.
+/// @error kInvalidArgument: OUT or its .json is there, or what an interrupted command left; kNotFound: no dataset or no
+/// episode; kExhausted: stopped; kCorrupt: an episode; kUnavailable
 Result<PlainFileReport> WritePlainFile(const Path& dataset, const Path& out, const PlainFileOptions& options);
 
 }  // namespace etude::store

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/store/summary.h"
 
-#include <fstream>
 #include <system_error>
 
 #include "services/episode/action.h"
-#include "services/episode/bounded_json.h"
 #include "services/episode/codec.h"
 #include "services/episode/tracks.h"
-#include "services/store/layout.h"
+#include "services/store/attempts.h"
 
 namespace etude::store::internal {
 
@@ -84,12 +82,7 @@ OrderedJson FeatureTable(const Episode& episode) {
 
 std::map<std::string, std::uint64_t> FailuresByOutcome(const Path& dataset) {
   std::map<std::string, std::uint64_t> failures;
-  std::ifstream file(dataset / kAttempts);
-  for (std::string line; std::getline(file, line);) {
-    const OrderedJson json = ParseBoundedJson(line).value_or(OrderedJson());
-    if (json.is_object() && json.contains("outcome") && json["outcome"].is_string())
-      ++failures[json["outcome"].get<std::string>()];
-  }
+  ForEachAttempt(dataset, [&](const AttemptLine& line) { ++failures[line.outcome]; });
   return failures;
 }
 

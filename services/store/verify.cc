@@ -11,6 +11,7 @@
 #include "services/spec/episode_plan.h"
 #include "services/store/commit_file.h"
 #include "services/store/dataset.h"
+#include "services/store/edit.h"
 #include "services/store/episode_file.h"
 #include "services/store/layout.h"
 #include "services/store/sampling_journal.h"
@@ -34,7 +35,7 @@ void ForEach(std::size_t n, const std::function<void(std::size_t)>& work) {
 // @error what is wrong with the file of episode `index`
 Status VerifyEpisode(const DatasetReader& reader, const SamplingJournal& journal, std::uint64_t index) {
   const Path path = EpisodePath(reader.path(), index);
-  ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path));
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path, internal::kMaxEpisodeFile));
   ETUDE_ASSIGN_OR_RETURN(auto file, internal::DecodeEpisodeFile(bytes));
   const std::string content_sha256 = file.content_sha256;
   // of a schema that is converted the seal alone speaks: it covers every byte
@@ -54,7 +55,7 @@ Status VerifyEpisode(const DatasetReader& reader, const SamplingJournal& journal
 // An older schema's hash is the one its writer computed (the seal says that it is): reading converts the content.
 Result<std::string> ContentHashOf(const DatasetReader& reader, std::uint64_t index) {
   const Path path = EpisodePath(reader.path(), index);
-  ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path));
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path, internal::kMaxEpisodeFile));
   auto file = internal::DecodeEpisodeFile(bytes);
   if (!file) return Fail(file.error().Wrap(fmt::format("read '{}'", path.string())));
   if (file->schema_version != kSchemaVersion) return file->content_sha256;
@@ -106,6 +107,8 @@ Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
     (wrong ? report.bad : report.unread).push_back({files[i], found[i].error().message});
     if (wrong && quarantine == Quarantine::kYes) ETUDE_RETURN_IF_ERROR(MoveToQuarantine(dataset, files[i]));
   }
+  // the master file must not link what was moved away
+  if (quarantine == Quarantine::kYes && !report.bad.empty()) ETUDE_RETURN_IF_ERROR(internal::RefreshDerived(dataset));
   return report;
 }
 

@@ -49,15 +49,6 @@ T OrDie(Result<T> result) {
   return std::move(*result);
 }
 
-double CpuSeconds(int who) {
-  rusage usage{};
-  ::getrusage(who, &usage);
-  const auto seconds = [](const timeval& time) {
-    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
-  };
-  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
-}
-
 std::vector<Episode> RealEpisodes(const Path& dataset) {
   const auto reader = OrDie(store::DatasetReader::Open(dataset));
   std::vector<Episode> episodes;
@@ -259,7 +250,7 @@ struct Bench {
     Figures figures;
     Child collector(Role("collector", folder.string()));
     const std::string id = collector.ReadLine();
-    const double cpu = CpuSeconds(RUSAGE_CHILDREN);
+    const double cpu = ChildrenCpuSeconds();
     std::vector<double> waits;
     {
       std::vector<std::unique_ptr<Child>> sending;
@@ -273,7 +264,7 @@ struct Bench {
         }
       }
     }
-    figures.senders_cpu_ms = 1e3 * (CpuSeconds(RUSAGE_CHILDREN) - cpu) / static_cast<double>(total);
+    figures.senders_cpu_ms = 1e3 * (ChildrenCpuSeconds() - cpu) / static_cast<double>(total);
     const std::string line = collector.ReadAll();
     std::sscanf(line.c_str(), "%lf %lf %lf", &figures.rate, &figures.collector_cpu_ms, &figures.rss_mb);
     std::sort(waits.begin(), waits.end());

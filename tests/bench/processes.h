@@ -76,15 +76,17 @@ class Child {
   int output_ = -1;
 };
 
-/// CPU seconds of all children that have ended.
-inline double ChildrenCpuSeconds() {
+/// CPU seconds: RUSAGE_SELF; RUSAGE_CHILDREN, of all that have ended.
+inline double CpuSeconds(int who) {
   rusage usage{};
-  ::getrusage(RUSAGE_CHILDREN, &usage);
+  ::getrusage(who, &usage);
   const auto seconds = [](const timeval& time) {
     return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
   };
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
+
+inline double ChildrenCpuSeconds() { return CpuSeconds(RUSAGE_CHILDREN); }
 
 /// This program again, in another role.
 inline std::vector<std::string> Self(std::vector<std::string> arguments) {

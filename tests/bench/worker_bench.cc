@@ -92,11 +92,12 @@ class NotingSink : public campaign::EpisodeSink {
       : inner_(std::move(inner)), commits_(commits) {}
   const Path& folder() const override { return inner_->folder(); }
   const std::set<std::uint64_t>& committed() const override { return inner_->committed(); }
-  Status Commit(const Episode& episode, const store::CommitFacts& facts) override {
-    const Status committed = inner_->Commit(episode, facts);
+  std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode> group) override {
+    auto statuses = inner_->CommitGroup(group);
     const std::lock_guard lock(commits_.mutex);
-    commits_.entries.push_back({MonotonicClock::now(), static_cast<double>(episode.steps())});
-    return committed;
+    for (const auto& arrived : group)
+      commits_.entries.push_back({MonotonicClock::now(), static_cast<double>(arrived.view->episode.steps())});
+    return statuses;
   }
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json) override {

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <sstream>
 #include <string_view>
+#include <utility>
 
 namespace etude::faults {
 
@@ -32,14 +33,37 @@ std::string DiskModel::FolderOf(const std::string& path) {
   return slash == std::string::npos ? "" : path.substr(0, slash);
 }
 
-void DiskModel::SyncFolder(const std::string& folder) {
-  std::erase_if(safe_, [&](const auto& item) { return FolderOf(item.first) == folder; });
+void DiskModel::Begin(const DiskOperation& operation) {
+  Sync& sync = syncs_[operation.number] = {.begun = now_, .file = 0, .bytes = {}, .names = {}};
+  if (operation.kind == 's') {
+    sync.file = number_of_[operation.inode];
+    sync.bytes = inodes_[sync.file].seen;
+    return;
+  }
   for (const auto& [path, inode] : seen_)
-    if (FolderOf(path) == folder) safe_[path] = inode;
+    if (FolderOf(path) == operation.path) sync.names[path] = inode;
+}
+
+// A call that began earlier than one that has ended takes nothing of it back.
+void DiskModel::End(const DiskOperation& operation) {
+  const auto found = syncs_.find(operation.number);
+  if (found == syncs_.end()) return;
+  Sync sync = std::move(found->second);
+  syncs_.erase(found);
+  auto& since = operation.kind == 'S' ? inodes_[sync.file].safe_since : folder_safe_since_[operation.path];
+  if (sync.begun < since) return;
+  since = sync.begun;
+  if (operation.kind == 'S') {
+    inodes_[sync.file].safe = std::move(sync.bytes);
+    return;
+  }
+  std::erase_if(safe_, [&](const auto& item) { return FolderOf(item.first) == operation.path; });
+  safe_.merge(sync.names);
 }
 
 void DiskModel::Apply(const DiskOperation& operation) {
   const auto& path = operation.path;
+  ++now_;
   if (operation.kind == 'C') {
     // a name that is there already keeps its file; any other is a new one, whatever its number was before
     if (!seen_.contains(path)) seen_[path] = number_of_[operation.inode] = next_++;
@@ -57,9 +81,9 @@ void DiskModel::Apply(const DiskOperation& operation) {
   }
   if (operation.kind == 'U') return void(seen_.erase(path));
   if (operation.kind == 'M') return void(seen_[path] = 0);
-  if (operation.kind == 'D') return SyncFolder(path);
+  if (operation.kind == 's' || operation.kind == 'd') return Begin(operation);
+  if (operation.kind == 'S' || operation.kind == 'D') return End(operation);
   Inode& file = inodes_[number_of_[operation.inode]];
-  if (operation.kind == 'S') file.safe = file.seen;
   if (operation.kind == 'T') file.seen.resize(operation.number);
   if (operation.kind != 'W') return;
   file.seen.resize(std::max(file.seen.size(), operation.number + operation.data.size()));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A disk that loses power: replays the operations that the shim recorded, and says what may be left of them. Data of a
-// file is safe once the file was fsynced, a name (created, renamed, made) once its folder was.
+// file is safe once the file was fsynced, a name (created, renamed, made) once its folder was: as they were when the
+// call began, for what another thread does meanwhile may come too late for it.
 #pragma once
 
 #include <cstdint>
@@ -15,9 +16,9 @@
 namespace etude::faults {
 
 struct DiskOperation {
-  char kind = 0;  ///< Create, Write, Truncate, Sync, D: folder synced, Rename, Unlink, Make folder
+  char kind = 0;  ///< Create, Write, Truncate, Sync, D: folder synced, Rename, Unlink, Make folder; s, d: it begins
   std::uint64_t inode = 0;
-  std::uint64_t number = 0;        ///< offset of a write, size of a truncation, 1: created empty
+  std::uint64_t number = 0;        ///< offset of a write, size of a truncation, 1: created empty, thread of a sync
   std::string path;                ///< below the traced folder; where a rename went
   std::vector<std::uint8_t> data;  ///< of a write; where a rename came from
 };
@@ -43,15 +44,27 @@ class DiskModel {
  private:
   struct Inode {
     std::vector<std::uint8_t> seen, safe;
+    std::uint64_t safe_since = 0;  // when the sync that `safe` is of began
   };
   using Names = std::map<std::string, std::uint64_t>;  // 0: a folder
+  // What a call that has begun will have made safe.
+  struct Sync {
+    std::uint64_t begun = 0;
+    std::uint64_t file = 0;
+    std::vector<std::uint8_t> bytes;
+    Names names;
+  };
   static std::string FolderOf(const std::string& path);
-  void SyncFolder(const std::string& folder);
+  void Begin(const DiskOperation& operation);
+  void End(const DiskOperation& operation);
 
   std::map<std::uint64_t, Inode> inodes_;
   std::map<std::uint64_t, std::uint64_t> number_of_;  // the file system gives inode numbers again
   std::uint64_t next_ = 1;
   Names seen_, safe_;
+  std::map<std::string, std::uint64_t> folder_safe_since_;
+  std::map<std::uint64_t, Sync> syncs_;  // by thread
+  std::uint64_t now_ = 0;
 };
 
 }  // namespace etude::faults

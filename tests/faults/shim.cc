@@ -197,11 +197,13 @@ int fsync(int fd) {
   char buffer[PATH_MAX];
   const char* path = BelowOf(fd, buffer);
   if (path != nullptr && Fails("fsync")) return -1;
-  const int result = static_cast<int>(::syscall(SYS_fsync, fd));
-  if (path == nullptr || result != 0) return result;
   struct stat info {};
-  const bool folder = ::fstat(fd, &info) == 0 && S_ISDIR(info.st_mode);
-  Trace(folder ? 'D' : 'S', info.st_ino, 0, path, nullptr, 0);
+  const bool folder = path != nullptr && ::fstat(fd, &info) == 0 && S_ISDIR(info.st_mode);
+  // what other threads do from here on may not be in it
+  const auto thread = static_cast<unsigned long long>(::syscall(SYS_gettid));
+  Trace(folder ? 'd' : 's', info.st_ino, thread, path, nullptr, 0);
+  const int result = static_cast<int>(::syscall(SYS_fsync, fd));
+  if (result == 0) Trace(folder ? 'D' : 'S', info.st_ino, thread, path, nullptr, 0);
   return result;
 }
 

@@ -127,12 +127,15 @@ std::vector<Target> Make() {
   const Episode episode = MakeSyntheticEpisode(spec, 3, 6);
   const auto file = store::internal::EncodeEpisodeFile(episode);
   ETUDE_CHECK(file.has_value());
+  auto by_library = store::internal::EncodeByLibrary(episode);
+  ETUDE_CHECK(by_library.has_value());
+  store::internal::AppendSeal(*by_library);
   store::Safetensors tensors;
   tensors.metadata["a"] = "b";
   tensors.tensors["x"] = {store::DType::kF32, {2, 2}, Bytes(16, 1)};
   tensors.tensors["y"] = {store::DType::kU8, {3}, Bytes(3, 2)};
   return {{"episode_codec", EpisodeCodec, {EncodeEpisode(episode)}},
-          {"episode_file", EpisodeFile, {*file}},
+          {"episode_file", EpisodeFile, {*file, *by_library}},
           {"safetensors", Tensors, {store::EncodeSafetensors(tensors)}},
           {"cdr", Cdr, {CdrChunk()}},
           {"manifest_assembly", ManifestAssembly, {Chunks()}},

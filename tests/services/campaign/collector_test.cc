@@ -11,6 +11,7 @@
 #include <atomic>
 #include <functional>
 #include <map>
+#include <stdexcept>
 #include <thread>
 
 #include "services/bus/blob_transfer.h"
@@ -322,9 +323,9 @@ class FullDiskSink : public EpisodeSink {
   FullDiskSink(std::unique_ptr<EpisodeSink> inner, std::atomic<bool>& full) : inner_(std::move(inner)), full_(full) {}
   const Path& folder() const override { return inner_->folder(); }
   const std::set<std::uint64_t>& committed() const override { return inner_->committed(); }
-  Status Commit(const Episode& episode, const store::CommitFacts& facts) override {
-    if (full_) return Fail(Code::kUnavailable, "write 'x': No space left on device");
-    return inner_->Commit(episode, facts);
+  std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode> group) override {
+    if (full_) return std::vector<Status>(group.size(), Fail(Code::kUnavailable, "write 'x': No space left on device"));
+    return inner_->CommitGroup(group);
   }
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json) override {
@@ -367,6 +368,69 @@ TEST_F(CollectorTest, FullDiskWaitsSaysSoAndResumesByItself) {
   running.Join();
   EXPECT_TRUE(running->progress().error.empty());
   ExpectWhole(spec, folder_ / "data");
+}
+
+// A worker's report may hold any bytes, and its outcome becomes a key of JSON.
+TEST_F(CollectorTest, AnOutcomeOfAnyBytesIsCountedAndEndsNothing) {
+  const CampaignSpec spec = Spec("bytes", 1);
+  auto collector = Open(spec, folder_ / "data");
+  ASSERT_TRUE(collector);
+  Running running(std::move(*collector));
+  RawWorker worker(*participant_, spec, running->id(), "worker", "files\xff");
+  EXPECT_EQ(worker.Ask().kind, bus::LeaseKind::kRefused);
+  worker.request.files_sha256.clear();
+  bus::Lease lease = worker.Ask();
+  ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
+  worker.Report(lease, running->id(), SpecHash(spec), "\xff\xfe");
+  ASSERT_TRUE(WaitFor([&] { return running->progress().failures.contains("unnamed"); }));
+  // also where nothing is committed afterwards, what failed is in what is derived
+  const auto in_index = [&] {
+    const auto text = ReadTextFile(folder_ / "data/dataset.json");
+    const auto json = OrderedJson::parse(text.value_or("{}"));
+    return json.contains("statistics") && json["statistics"].contains("failed_attempts") &&
+           json["statistics"]["failed_attempts"].contains("unnamed");
+  };
+  EXPECT_TRUE(WaitFor(in_index));
+  EXPECT_EQ(worker.Ask().kind, bus::LeaseKind::kWork) << "it goes on";
+}
+
+// What a thread of the collector throws.
+class ThrowingSink : public EpisodeSink {
+ public:
+  explicit ThrowingSink(std::unique_ptr<EpisodeSink> inner) : inner_(std::move(inner)) {}
+  const Path& folder() const override { return inner_->folder(); }
+  const std::set<std::uint64_t>& committed() const override { return inner_->committed(); }
+  std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode>) override {
+    throw std::runtime_error("out of paper");
+  }
+  Status RecordFailure(std::uint64_t, std::uint32_t, const std::string&, const std::string&) override { return {}; }
+  Status WriteIndex() override { return inner_->WriteIndex(); }
+
+ private:
+  std::unique_ptr<EpisodeSink> inner_;
+};
+
+TEST_F(CollectorTest, WhatAThreadThrowsEndsItWithWords) {
+  const CampaignSpec spec = Spec("throws", 2);
+  auto sink = OpenSink(folder_ / "data", spec);
+  ASSERT_TRUE(sink);
+  auto collector =
+      Collector::Open(*participant_, spec, std::make_unique<ThrowingSink>(std::move(*sink)), QuickOptions());
+  ASSERT_TRUE(collector);
+  Running running(std::move(*collector));
+  auto sender = bus::BlobSender::Open(*participant_, {spec.name, running->id()}, "episode", "worker");
+  ASSERT_TRUE(sender);
+  RawWorker worker(*participant_, spec, running->id(), "asker");
+  const bus::Lease lease = worker.Ask();
+  ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
+  (void)sender->Send(1, EncodeEpisode(FakeEpisode(spec, lease.index, lease.attempt)), lease.token, "{}", 2s);
+
+  running.Join();
+
+  ASSERT_FALSE(running.status());
+  EXPECT_EQ(running.status().error().code, Code::kInternal);
+  EXPECT_NE(running.status().error().message.find("commit thread failed: out of paper"), std::string::npos)
+      << running.status().error().message;
 }
 
 TEST_F(CollectorTest, OnlyReportsOfThisCampaignAndSpecCount) {
@@ -429,7 +493,7 @@ TEST_F(CollectorTest, OldTokensAreRefusedAndRepeatsAreDuplicates) {
   EXPECT_EQ(refused.kind, bus::AckKind::kRefused);
   EXPECT_NE(refused.reason.find("old"), std::string::npos) << refused.reason;
   EXPECT_EQ(quick.Send(lease, episode).kind, bus::AckKind::kDone);
-  running->progress();
+  EXPECT_EQ(running->progress().stale_results, 1u);
 }
 
 TEST_F(CollectorTest, WorkersWithOtherFilesOfTheUserAreRefusedAlsoAfterARestart) {

@@ -9,6 +9,8 @@
 #include <sstream>
 
 #include "services/core/clock.h"
+#include "services/core/hash.h"
+#include "services/episode/codec.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
@@ -27,6 +29,12 @@ store::CommitFacts Took(double wall_s) {
   store::CommitFacts facts;
   facts.timings.wall_s = wall_s;
   return facts;
+}
+
+Status Commit(EpisodeSink& sink, const Episode& episode, const store::CommitFacts& facts) {
+  const EpisodeView view{episode, FramesOf(episode)};
+  const store::ArrivedEpisode arrived{&view, Sha256Hex(EncodeEpisode(episode)), facts};
+  return sink.CommitGroup({&arrived, 1}).front();
 }
 
 std::vector<OrderedJson> Lines(const Path& file) {
@@ -51,7 +59,7 @@ TEST(EvalSink, ARolloutIsARowAtOnceAndTheReportSaysOfWhat) {
   ASSERT_THAT(sink, IsOk());
   EXPECT_TRUE(Lines(folder / "eval.jsonl").empty());
   for (std::uint64_t i = 0; i < 3; ++i) {
-    ASSERT_THAT((*sink)->Commit(MakeSyntheticEpisode(spec, i), Took(1.5)), IsOk());
+    ASSERT_THAT(Commit(**sink, MakeSyntheticEpisode(spec, i), Took(1.5)), IsOk());
     EXPECT_EQ(Lines(folder / "eval.jsonl").size(), i + 1) << "nobody has to wait for the report";
   }
 
@@ -80,15 +88,15 @@ TEST(EvalSink, GoesOnWhereItStoppedWithoutARowTwice) {
   {
     auto sink = OpenSink(folder.path(), spec, {.run = "demo", .sha256 = std::string(64, 'a'), .step = 900});
     ASSERT_THAT(sink, IsOk());
-    ASSERT_THAT((*sink)->Commit(MakeSyntheticEpisode(spec, 1), Took(2)), IsOk());
+    ASSERT_THAT(Commit(**sink, MakeSyntheticEpisode(spec, 1), Took(2)), IsOk());
   }
   std::ofstream(folder / "eval.jsonl", std::ios::app) << "{\"index\": 2, \"to";
   const double created = Report(folder.path())["created"];
 
   auto sink = OpenSink(folder.path(), spec);
   ASSERT_THAT(sink, IsOk());
-  ASSERT_THAT((*sink)->Commit(MakeSyntheticEpisode(spec, 1), Took(9)), IsOk());
-  ASSERT_THAT((*sink)->Commit(MakeSyntheticEpisode(spec, 0), Took(3)), IsOk());
+  ASSERT_THAT(Commit(**sink, MakeSyntheticEpisode(spec, 1), Took(9)), IsOk());
+  ASSERT_THAT(Commit(**sink, MakeSyntheticEpisode(spec, 0), Took(3)), IsOk());
   ASSERT_THAT((*sink)->WriteIndex(), IsOk());
 
   const auto lines = Lines(folder / "eval.jsonl");

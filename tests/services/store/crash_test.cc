@@ -164,13 +164,15 @@ TEST(DiskFull, KeepsTheOldMasterFile) {
   EXPECT_EQ(code, 0);
 }
 
-TEST(CommitFile, NamesTheFolderThatCannotBeWritten) {
+TEST(CommitFiles, NameTheFolderThatCannotBeWrittenAndWriteTheOthers) {
   const TemporaryFolder folder;
   std::ofstream(folder / "file") << "x";
   const std::vector<std::uint8_t> bytes{1, 2, 3};
 
-  EXPECT_THAT(internal::CommitFile(folder / "file/below/x.hdf5", bytes), MessageHas((folder / "file").string()));
-  ASSERT_THAT(internal::CommitFile(folder / "a/b/x.hdf5", bytes), IsOk());
+  const internal::FileToCommit files[] = {{folder / "file/below/x.hdf5", {bytes}}, {folder / "a/b/x.hdf5", {bytes}}};
+  const auto statuses = internal::CommitFiles(files);
+  EXPECT_THAT(statuses[0], MessageHas((folder / "file").string()));
+  ASSERT_THAT(statuses[1], IsOk());
   EXPECT_EQ(*ReadBinaryFile(folder / "a/b/x.hdf5"), bytes);
 }
 

@@ -7,9 +7,11 @@
 #include <algorithm>
 #include <fstream>
 
+#include "services/core/hash.h"
 #include "services/episode/codec.h"
 #include "services/spec/content_version.h"
 #include "services/spec/episode_plan.h"
+#include "services/store/attempts.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
 #include "tests/support/replace_in_file.h"
@@ -252,6 +254,78 @@ TEST(DatasetInfo, CountsWhatIsThere) {
   OrderedJson on_disk = OrderedJson::parse(Slurp(folder / "dataset.json"))["statistics"];
   on_disk.erase("failed_attempts");
   EXPECT_EQ(on_disk, statistics);
+}
+
+TEST(DatasetWriter, OfAGroupEachIsCommittedOrRefusedForItself) {
+  const TemporaryFolder folder;
+  const CampaignSpec spec = SyntheticSpec();
+  auto writer = DatasetWriter::Open(folder.path(), spec);
+  ASSERT_THAT(writer, IsOk());
+  ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(spec, 1)), IsOk());
+  std::vector<Episode> episodes;
+  for (const std::uint64_t index : {0, 1, 2, 3}) episodes.push_back(MakeSyntheticEpisode(spec, index));
+  episodes[2].spec_sha256 = std::string(64, '0');
+  std::vector<EpisodeView> views;
+  std::vector<ArrivedEpisode> group;
+  for (const Episode& episode : episodes) views.push_back({episode, FramesOf(episode)});
+  for (const EpisodeView& view : views)
+    group.push_back({&view, Sha256Hex(EncodeEpisode(view.episode)), {.worker = "w"}});
+
+  const auto statuses = writer->CommitGroup(group);
+
+  ASSERT_EQ(statuses.size(), 4u);
+  EXPECT_THAT(statuses[0], IsOk());
+  EXPECT_THAT(statuses[1], IsOk()) << "it was there";
+  EXPECT_THAT(statuses[2], HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(statuses[2], MessageHas("another spec"));
+  EXPECT_THAT(statuses[3], IsOk());
+  EXPECT_THAT(writer->committed(), testing::ElementsAre(0, 1, 3));
+  const auto report = Verify(folder.path(), Quarantine::kNo);
+  ASSERT_THAT(report, IsOk());
+  EXPECT_EQ(report->good, 3u);
+  EXPECT_TRUE(report->bad.empty());
+}
+
+// While its policy is away, an attempt is made again under its own number; then it may fail for itself.
+TEST(DatasetWriter, RecordsAFailureBesideAPolicyErrorOfTheSameAttempt) {
+  const TemporaryFolder folder;
+  const CampaignSpec spec = SyntheticSpec();
+  for (int start = 0; start < 2; ++start) {
+    auto writer = DatasetWriter::Open(folder.path(), spec);
+    ASSERT_THAT(writer, IsOk());
+    ASSERT_THAT(writer->RecordFailure(3, 0, "policy_error", "{}"), IsOk());
+    ASSERT_THAT(writer->RecordFailure(3, 0, "slipped", R"({"a": 1})"), IsOk());
+    ASSERT_THAT(writer->RecordFailure(3, 0, "slipped", std::string(3 << 20, '[')), IsOk());
+  }
+  std::vector<std::string> outcomes;
+  ForEachAttempt(folder.path(), [&](const AttemptLine& line) {
+    EXPECT_EQ(line.index, 3u);
+    EXPECT_EQ(line.attempt, 0u);
+    outcomes.push_back(line.outcome);
+  });
+  EXPECT_EQ(outcomes, (std::vector<std::string>{"policy_error", "slipped"}));
+}
+
+TEST(ForEachAttempt, LeavesOutWhatIsTornTooLongOrNotUnderstood) {
+  const TemporaryFolder folder;
+  const auto count = [&] {
+    std::vector<std::uint64_t> indices;
+    ForEachAttempt(folder.path(), [&](const AttemptLine& line) { indices.push_back(line.index); });
+    return indices;
+  };
+  EXPECT_TRUE(count().empty());
+  const auto line = [](int index, const std::string& more) {
+    return R"({"index": )" + std::to_string(index) + R"(, "attempt": 0, "outcome": "slip")" + more + "}";
+  };
+  std::ofstream(folder / "attempts.jsonl")
+      << line(1, "") << "\n\nnot json\n[3]\n{\"index\": 2}\n"
+      << R"({"index": 4, "attempt": 4294967296, "outcome": "slip"})"
+      << "\n"
+      << line(5, R"(, "details": ")" + std::string(3 * kMaxAttemptLine, 'x') + "\"") << "\n"
+      << line(6, R"(, "details": ")" + std::string(kMaxAttemptLine / 2, 'x') + "\"") << "\n"
+      << "{\"index\": 7, \"att\n"
+      << line(8, "");
+  EXPECT_EQ(count(), (std::vector<std::uint64_t>{1, 6, 8}));
 }
 
 }  // namespace dataset_writer_test

@@ -111,9 +111,20 @@ TEST_F(Edit, EndsADeletionThatWasInterrupted) {
 
   { ASSERT_THAT(DatasetWriter::Open(data_, spec_), IsOk()); }
 
+  const auto statistics = OrderedJson::parse(*ReadTextFile(data_ / "dataset.json"))["statistics"];
+  EXPECT_EQ(statistics["episodes"], 8) << "what is derived no longer tells of them";
+
   EXPECT_EQ(List(data_).size(), 8u);
   EXPECT_FALSE(std::filesystem::exists(EpisodePath(data_, 5)));
   EXPECT_FALSE(std::filesystem::exists(data_ / "deleting.json"));
+}
+
+TEST_F(Edit, AFilterKeyIsOfWhatADeletionLeaves) {
+  ASSERT_THAT(WriteFileAtomically(data_ / "deleting.json", std::string_view("[2, 5]")), IsOk());
+
+  EXPECT_THAT(WriteFilterKey(data_, "keep", {1, 2}), MessageHas("no episode 2"));
+
+  EXPECT_EQ(List(data_).size(), 8u);
 }
 
 TEST_F(Edit, IsRefusedWhileACollectorWrites) {

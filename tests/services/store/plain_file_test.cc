@@ -82,6 +82,10 @@ TEST_F(PlainFile, IsRefusedInWords) {
   EXPECT_THAT(WritePlainFile(data_, out_, {}), MessageHas("--restart"));
   EXPECT_THAT(WritePlainFile(data_, out_, {.leftover = Leftover::kRemove}), IsOk());
   EXPECT_THAT(WritePlainFile(data_, out_, {.leftover = Leftover::kRemove}), MessageHas("is there already"));
+  // nobody's own file of that name is overwritten
+  std::filesystem::remove(out_);
+  EXPECT_THAT(WritePlainFile(data_, out_, {}), MessageHas("train_data.json' is there already"));
+  EXPECT_FALSE(std::filesystem::exists(out_));
 
   auto bytes = *ReadBinaryFile(EpisodePath(data_, 2));
   bytes[bytes.size() / 2] ^= 1;

@@ -142,6 +142,9 @@ TEST(Verify, QuarantinesTheBadAndLeavesTheOthersReadable) {
   EXPECT_THAT(report->bad[0].reason, testing::HasSubstr("changed after it was written"));
   EXPECT_THAT(report->bad[1].reason, testing::HasSubstr("cut off"));
   EXPECT_TRUE(std::filesystem::exists(dataset.path / "quarantine/000002.hdf5"));
+  const auto master = *ReadTextFile(dataset.path / "dataset.hdf5");
+  EXPECT_NE(master.find("demo_3"), std::string::npos);
+  EXPECT_EQ(master.find("000002.hdf5"), std::string::npos) << "no link to what is not there";
   const auto reader = DatasetReader::Open(dataset.path);
   const auto indices = reader->List();
   ASSERT_THAT(*indices, testing::ElementsAre(0, 1, 3, 5));
