@@ -128,7 +128,9 @@ TEST_F(LiveApiTest, SeveralServersOfARunOnAHostAreOneSeries) {
   std::set<std::string> series;
   std::istringstream lines(text);
   for (std::string line; std::getline(lines, line);)
-    if (!line.starts_with('#')) EXPECT_TRUE(series.insert(line.substr(0, line.rfind(' '))).second) << line;
+    if (!line.starts_with('#')) {
+      EXPECT_TRUE(series.insert(line.substr(0, line.rfind(' '))).second) << line;
+    }
 }
 
 TEST_F(LiveApiTest, CountersDoNotFallWhenAProcessLeaves) {
