@@ -313,6 +313,9 @@ TEST_F(ContractTest, OpeningAPlaySessionStartsAWorkerAndTakesNoPath) {
   live::PlayWatch watch(bus::Arguments{.domain = 66});
   context_.play = &watch;
   context_.domain = 66;
+  context_.bus_flags = [](security::Role role) {
+    return std::vector<std::string>{"--domain", "66", "--security", "ids/" + ToString(role), "--profile", "net.xml"};
+  };
   http::Request request;
   request.method = "POST";
   request.content_type = "application/json";
@@ -322,7 +325,8 @@ TEST_F(ContractTest, OpeningAPlaySessionStartsAWorkerAndTakesNoPath) {
   ASSERT_EQ(opened.status, 202) << opened.body;
   const auto json = OrderedJson::parse(opened.body);
   EXPECT_NE(json["command"].get<std::string>().find("etude worker play"), std::string::npos);
-  EXPECT_NE(json["command"].get<std::string>().find("--index 3 --domain 66"), std::string::npos);
+  EXPECT_NE(json["command"].get<std::string>().find("--index 3 --domain 66 --security ids/worker --profile net.xml"),
+            std::string::npos);
   EXPECT_EQ(GetJson(kPrefix + "/jobs/" + json["job"].get<std::string>())["action"], "play");
   for (const char* body : {R"({"spec":"../../etc/passwd","run":"base"})", R"({"spec":"quickstart","run":"a b"})",
                            R"({"spec":"/tmp/x.yaml","run":"base"})", R"({"run":"base"})"}) {
