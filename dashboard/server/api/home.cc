@@ -234,8 +234,10 @@ void WarnOfProcesses(const Gathered& all, OrderedJson& warnings) {
   std::set<std::string> disks;
   for (const auto& [process, heard] : all.live->processes) {
     const auto& status = heard.message;
-    if (status.disk_total_bytes == 0 || warnings.size() >= 100) continue;
-    const double free = static_cast<double>(status.disk_free_bytes) / static_cast<double>(status.disk_total_bytes);
+    if (warnings.size() >= 100) break;
+    // one without a folder says nothing of a disk
+    const auto total = static_cast<double>(status.disk_total_bytes);
+    const double free = total > 0 ? static_cast<double>(status.disk_free_bytes) / total : 1;
     if (free < kLeast && disks.insert(status.host + status.folder).second)
       warnings.push_back(Warning("disk",
                                  fmt::format("disk of {} on {} {:.0f} % free", status.role, status.host, 100 * free),
