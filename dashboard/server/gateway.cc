@@ -98,7 +98,7 @@ std::shared_ptr<const live::LiveView> NoBus() {
 
 }  // namespace
 
-// In the order in which they need each other; the server goes first at the end, and its threads with it.
+// In the order in which they need each other: at the end the server goes first, and with it the threads that use the rest.
 struct Gateway::Parts {
   Parts(const GatewayOptions& chosen, const http::SecurityConfig& secured)
       : options(chosen),
@@ -125,8 +125,11 @@ struct Gateway::Parts {
 
   void JoinBus(const bus::Arguments& arguments) {
     context.domain = static_cast<int>(arguments.domain);
-    context.bus_flags = {"--domain", std::to_string(arguments.domain)};
-    if (!arguments.profile.empty()) context.bus_flags.insert(context.bus_flags.end(), {"--profile", arguments.profile});
+    context.bus_flags = [arguments](security::Role role) {
+      auto flags = arguments.Flags(role);
+      if (!arguments.profile.empty()) flags.insert(flags.end(), {"--profile", arguments.profile});
+      return flags;
+    };
     context.newest = [this](const std::string& topic) { return bus->Newest(topic); };
     context.look = [this](const std::string& run, const policy::Question& question, const std::string& what_if) {
       return looker.Look(run, question, what_if);
@@ -143,9 +146,9 @@ struct Gateway::Parts {
   std::unique_ptr<live::PlayWatch> play;
   api::Context context;
   http::StaticFiles pages;
+  api::LiveHub hub;
   std::unique_ptr<http::Service> service;
-  std::unique_ptr<http::Server> server;
-  api::LiveHub hub;  // last: it holds sockets, which must not outlive their server
+  std::unique_ptr<http::Server> server;  // last
 };
 
 Result<std::unique_ptr<Gateway>> Gateway::Open(const GatewayOptions& options) {
@@ -177,7 +180,9 @@ Gateway::~Gateway() = default;
 std::uint16_t Gateway::port() const { return parts_->server->port(); }
 
 std::string Gateway::url() const {
-  const auto& address = parts_->options.address;
+  // all addresses at once are none that a browser could open
+  const auto& bound = parts_->options.address;
+  const std::string address = bound == "0.0.0.0" ? "127.0.0.1" : bound == "::" ? "::1" : bound;
   const bool six = address.find(':') != std::string::npos;
   return fmt::format("http://{}:{}", six ? "[" + address + "]" : address, port());
 }

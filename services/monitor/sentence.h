@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The one sentence of state: on the Overview, in /readyz, in `etude top`.
+// The one sentence of state: on the Overview and in `etude top`.
 #pragma once
 
 #include <cstdint>

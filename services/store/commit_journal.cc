@@ -52,6 +52,20 @@ double Jerk(const Track& position) {
   return count == 0 ? 0 : std::sqrt(sum / count);
 }
 
+double LargestSpeed(const Track& joints) {
+  double speed = 0;
+  for (const float value : joints.values) speed = std::max(speed, std::abs(double{value}));
+  return speed;
+}
+
+std::optional<std::array<double, 2>> PlaceOf(const Episode& episode) {
+  const auto* target = episode.FindObject(episode.target);
+  if (!target || target->pose.rows() == 0) return std::nullopt;
+  const auto pose = target->pose.row(0);
+  if (!std::isfinite(pose[0]) || !std::isfinite(pose[1])) return std::nullopt;  // JSON has no such numbers
+  return {{double{pose[0]}, double{pose[1]}}};
+}
+
 std::uint64_t DrawsOf(const OrderedJson& details) {
   if (!details.is_object() || !details.contains("scene")) return 0;
   const OrderedJson& scene = details["scene"];
@@ -78,6 +92,13 @@ class Keys {
   void Read(const char* key, double& value) {
     if (const auto* found = Find(key)) Take(found->is_number(), *found, value);
     ok_ = ok_ && std::isfinite(value);
+  }
+  void Read(const char* key, std::optional<std::array<double, 2>>& value) {
+    const auto* found = Find(key);
+    if (!found) return;
+    const bool fits = found->is_array() && found->size() == 2 && (*found)[0].is_number() && (*found)[1].is_number();
+    ok_ = ok_ && fits;
+    if (fits) value = {{(*found)[0].get<double>(), (*found)[1].get<double>()}};
   }
   bool ok() const { return ok_; }
 
@@ -146,6 +167,8 @@ CommitRow RowOf(const Episode& episode, std::uint64_t frames, std::uint64_t byte
   row.instruction = episode.instruction;
   row.path_m = PathLength(episode.eef_pos);
   row.jerk = Jerk(episode.eef_pos);
+  row.joint_speed = LargestSpeed(episode.joint_vel);
+  row.place_m = PlaceOf(episode);
   row.draws = DrawsOf(episode.details);
   row.counted = true;
   row.success = episode.success;
@@ -210,7 +233,9 @@ std::string LineOf(const CommitRow& row) {
                    {"timings", TimesJson(row.facts.timings)},
                    {"path_m", row.path_m},
                    {"jerk", row.jerk},
+                   {"joint_speed", row.joint_speed},
                    {"draws", row.draws}};
+  if (row.place_m) line["place_m"] = *row.place_m;
   if (row.counted) {
     line["success"] = row.success;
     line["samples"] = row.samples;
@@ -243,6 +268,8 @@ Result<CommitRow> ParseCommitLine(std::string_view line) {
   keys.Read("instruction", row.instruction);
   keys.Read("path_m", row.path_m);
   keys.Read("jerk", row.jerk);
+  keys.Read("joint_speed", row.joint_speed);
+  keys.Read("place_m", row.place_m);
   keys.Read("draws", row.draws);
   if (json->contains("timings")) row.facts.timings = TimesOf((*json)["timings"]);
   row.counted = ReadCounted(*json, row);
@@ -320,8 +347,9 @@ void CommitTable::Clear() {
   for (auto* column : {&index_, &bytes_}) column->clear();
   for (auto* column : {&attempt_, &steps_, &frames_, &draws_}) column->clear();
   t_.clear();
-  for (auto* column : {&path_m_, &jerk_}) column->clear();
+  for (auto* column : {&path_m_, &jerk_, &joint_speed_}) column->clear();
   timings_.clear();
+  place_m_.clear();
   for (auto* column : {&worker_, &host_, &outcome_, &robot_, &task_, &target_, &reference_, &instruction_})
     column->Clear();
   unread_ = offset_ = 0;
@@ -334,8 +362,9 @@ void CommitTable::Put(std::size_t row, const CommitRow& from) {
     bytes_.push_back(0);
     for (auto* column : {&attempt_, &steps_, &frames_, &draws_}) column->push_back(0);
     t_.push_back(0);
-    for (auto* column : {&path_m_, &jerk_}) column->push_back(0);
+    for (auto* column : {&path_m_, &jerk_, &joint_speed_}) column->push_back(0);
     timings_.emplace_back();
+    place_m_.emplace_back();
   }
   index_[row] = from.index;
   bytes_[row] = from.bytes;
@@ -346,6 +375,10 @@ void CommitTable::Put(std::size_t row, const CommitRow& from) {
   t_[row] = from.t;
   path_m_[row] = static_cast<float>(from.path_m);
   jerk_[row] = static_cast<float>(from.jerk);
+  joint_speed_[row] = static_cast<float>(from.joint_speed);
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  const auto [x, y] = from.place_m.value_or(std::array{kNone, kNone});
+  place_m_[row] = {static_cast<float>(x), static_cast<float>(y)};
   timings_[row] = from.facts.timings;
   worker_.Set(row, from.facts.worker);
   host_.Set(row, from.facts.host);
@@ -430,6 +463,8 @@ CommitRow CommitTable::Row(std::size_t row) const {
   out.instruction = instruction_.At(row);
   out.path_m = path_m_[row];
   out.jerk = jerk_[row];
+  out.joint_speed = joint_speed_[row];
+  if (const auto [x, y] = place_m_[row]; std::isfinite(x)) out.place_m = {{double{x}, double{y}}};
   out.draws = draws_[row];
   return out;
 }

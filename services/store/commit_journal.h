@@ -9,9 +9,11 @@
 //   for (std::size_t row = 0; row < table.size(); ++row) use(table.index()[row], table.task().At(row));
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -42,9 +44,12 @@ struct CommitRow {
   std::uint64_t bytes = 0;  ///< of the file
   std::uint64_t steps = 0, frames = 0;
   std::string outcome, robot, task, target, reference, instruction;
-  double path_m = 0;        ///< way of the hand
-  double jerk = 0;          ///< of the hand, m/s^3: root mean square of third differences over 0.04 s
-  std::uint64_t draws = 0;  ///< of starts, until one was taken; 0: not said
+  double path_m = 0;       ///< way of the hand
+  double jerk = 0;         ///< of the hand, m/s^3: root mean square of third differences over 0.04 s
+  double joint_speed = 0;  ///< of the arm, largest, rad/s
+  std::optional<std::array<double, 2>> place_m;  ///< x, y of the target at the start, world; lines of an older program
+                                                 ///< are without it and without joint_speed
+  std::uint64_t draws = 0;                       ///< of starts, until one was taken; 0: not said
   // for the dataset's statistics; lines of an older program are without them, and `counted` is then false
   bool counted = false;
   bool success = false;
@@ -58,8 +63,8 @@ struct CommitRow {
 CommitRow RowOf(const Episode& episode, std::uint64_t frames, std::uint64_t bytes);
 
 /// A line without its end: {"index", "attempt", "t", "worker", "host", "fingerprint", "bytes", "steps", "frames",
-/// "outcome", "robot", "task", "target", "reference", "instruction", "timings": {...}, "path_m", "jerk", "draws"} and,
-/// when it is counted, "success", "samples", "scene", "planned".
+/// "outcome", "robot", "task", "target", "reference", "instruction", "timings": {...}, "path_m", "jerk", "joint_speed", "place_m": [x, y],
+/// "draws"} and, when it is counted, "success", "samples", "scene", "planned".
 std::string LineOf(const CommitRow& row);
 /// Keys that are missing keep their defaults, others are ignored. @error kCorrupt: not JSON, without an index, or with
 /// a value of another kind
@@ -132,6 +137,7 @@ class CommitTable {
   const std::vector<std::uint32_t>& frames() const { return frames_; }
   const std::vector<float>& path_m() const { return path_m_; }
   const std::vector<float>& jerk() const { return jerk_; }
+  const std::vector<float>& joint_speed() const { return joint_speed_; }
   const std::vector<std::uint32_t>& draws() const { return draws_; }
   const std::vector<AttemptTimes>& timings() const { return timings_; }
   const WordColumn& worker() const { return worker_; }
@@ -157,7 +163,8 @@ class CommitTable {
   std::vector<std::uint64_t> index_, bytes_;
   std::vector<std::uint32_t> attempt_, steps_, frames_, draws_;
   std::vector<double> t_;
-  std::vector<float> path_m_, jerk_;
+  std::vector<float> path_m_, jerk_, joint_speed_;
+  std::vector<std::array<float, 2>> place_m_;  // NaN: not said
   std::vector<AttemptTimes> timings_;
   WordColumn worker_, host_, outcome_, robot_, task_, target_, reference_, instruction_;
 };

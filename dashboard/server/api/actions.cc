@@ -87,7 +87,7 @@ Result<Command> Evaluate(Context& context, const OrderedJson& body) {
   Command command{{"eval", "--checkpoint", checkpoint.string(), "--episodes", std::to_string(episodes), "--seed", seed,
                    "--out", out.string()},
                   Weight::kHeavy};
-  command.AddFlags(context.bus_flags);
+  command.AddFlags(context.bus_flags(security::Role::kCollector));
   return command;
 }
 
@@ -95,7 +95,7 @@ Result<Command> Evaluate(Context& context, const OrderedJson& body) {
 Result<Command> Control(Context& context, const std::string& action, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const std::string name, BusNameOfCampaign(context, TextOf(body, "campaign")));
   Command command{{"campaign", action, name}, Weight::kLight};
-  command.AddFlags(context.bus_flags);
+  command.AddFlags(context.bus_flags(security::Role::kGateway));
   return command;
 }
 
@@ -115,7 +115,7 @@ Result<Command> Serve(Context& context, const OrderedJson& body) {
     ETUDE_ASSIGN_OR_RETURN(const Path checkpoint, CheckpointOf(context, body));
     command.AddFlags({"--checkpoint", checkpoint.string()});
   }
-  command.AddFlags(context.bus_flags);
+  command.AddFlags(context.bus_flags(security::Role::kPolicy));
   return command;
 }
 

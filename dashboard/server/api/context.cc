@@ -28,13 +28,22 @@ void Context::End(const std::string& key) {
   under_way_.erase(key);
 }
 
+// Also when the work throws: else it would never begin again.
+struct Context::Ending {
+  Context& context;
+  const std::string& key;
+  ~Ending() { context.End(key); }
+};
+
 // One at a time and to the end of the queue, so that requests come in between.
 void Context::ReadInBackground(std::shared_ptr<sources::DatasetSource> dataset) {
   const std::string key = "dataset " + dataset->found().id;
   if (!Begin(key)) return;
   later(http::Lane::kEpisodes, [this, dataset, key] {
-    const bool more = dataset->ReadNext();
-    End(key);
+    const bool more = [&] {
+      const Ending ending{*this, key};
+      return dataset->ReadNext();
+    }();
     if (more) ReadInBackground(dataset);
   });
 }
@@ -43,8 +52,10 @@ void Context::HashInBackground(std::shared_ptr<sources::RunSource> run) {
   const std::string key = "run " + run->found().id;
   if (!Begin(key)) return;
   later(http::Lane::kFiles, [this, run, key] {
-    const bool more = run->HashNext();
-    End(key);
+    const bool more = [&] {
+      const Ending ending{*this, key};
+      return run->HashNext();
+    }();
     if (more) HashInBackground(run);
   });
 }

@@ -17,6 +17,7 @@
 #include "dashboard/server/sources/sources.h"
 #include "services/policy/insight.h"
 #include "services/policy/policy_types.h"
+#include "services/security/role.h"
 
 namespace etude::api {
 
@@ -36,7 +37,10 @@ struct Context {
   Path videos;                         ///< cache of episodes as mp4
   std::string openapi;                 ///< text of openapi.json
   int domain = -1;                     ///< -1: no bus
-  std::vector<std::string> bus_flags;  ///< --domain and --profile of commands that this gateway shows and runs
+  /// --domain, --profile and --security, as a role, of commands that this gateway shows and runs; none without a bus.
+  std::function<std::vector<std::string>(security::Role)> bus_flags = [](security::Role) {
+    return std::vector<std::string>();
+  };
   /// Newest messages of a topic; not set: no bus. @error as live::BusWatch::Newest
   std::function<Result<std::vector<live::Sample>>(const std::string& topic)> newest;
   /// Asks a policy server what it sees and says; not set: no bus. @error as live::PolicyLooker::Look
@@ -51,6 +55,7 @@ struct Context {
  private:
   bool Begin(const std::string& key);
   void End(const std::string& key);
+  struct Ending;
   std::mutex mutex_;
   std::set<std::string> under_way_;
 

@@ -16,23 +16,16 @@ using sources::EpisodeRow;
 using sources::Maybe;
 using sources::TextOrNull;
 
-struct Opened {
-  std::shared_ptr<sources::DatasetSource> source;
-  std::shared_ptr<const sources::DatasetView> view;
-};
-
 // Also begins to read what is not known of its rows.
-Result<Opened> Open(Context& context, const http::Request& request) {
-  Opened opened;
-  ETUDE_ASSIGN_OR_RETURN(opened.source, context.sources.Dataset(request.Parameter("id")));
-  ETUDE_ASSIGN_OR_RETURN(opened.view, opened.source->View());
+Result<OpenedDataset> Open(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(auto opened, OpenDataset(context, request.Parameter("id")));
   if (opened.view->known + opened.view->info.unreadable < opened.view->rows.size())
     context.ReadInBackground(opened.source);
   return opened;
 }
 
 Result<http::Answer> Dataset(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedDataset opened, Open(context, request));
   const auto& [source, view] = opened;
   const auto& info = view->info;
   const auto state = StateOf(view.get(), LiveOf(*context.live(), *view));
@@ -132,7 +125,7 @@ OrderedJson Columns(const std::vector<const EpisodeRow*>& rows) {
   return json;
 }
 
-Result<std::vector<const EpisodeRow*>> Filtered(const Opened& opened, const http::Query& query) {
+Result<std::vector<const EpisodeRow*>> Filtered(const OpenedDataset& opened, const http::Query& query) {
   ETUDE_ASSIGN_OR_RETURN(const auto filter, EpisodeFilter::From(query, *opened.source));
   std::vector<const EpisodeRow*> rows;
   for (const auto& row : opened.view->rows)
@@ -142,7 +135,7 @@ Result<std::vector<const EpisodeRow*>> Filtered(const Opened& opened, const http
 
 Result<http::Answer> Episodes(Context& context, const http::Request& request) {
   constexpr std::int64_t kMost = 500, kUsual = 50, kFar = 100'000'000;
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedDataset opened, Open(context, request));
   ETUDE_ASSIGN_OR_RETURN(const auto limit, request.query.Integer("limit", kUsual, 1, kMost));
   // opaque to clients: how many rows came before
   ETUDE_ASSIGN_OR_RETURN(const auto offset, request.query.Integer("before", 0, 0, kFar));
@@ -265,7 +258,7 @@ OrderedJson Odd(Rows rows) {
 }
 
 Result<http::Answer> Summary(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedDataset opened, Open(context, request));
   ETUDE_ASSIGN_OR_RETURN(const auto filter, EpisodeFilter::From(request.query, *opened.source));
   ETUDE_ASSIGN_OR_RETURN(const auto rows, Filtered(opened, request.query));
   const auto known = static_cast<std::uint64_t>(std::ranges::count_if(rows, [](const auto* row) { return row->known; }));

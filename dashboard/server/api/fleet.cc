@@ -17,6 +17,8 @@ namespace {
 using sources::Maybe;
 using sources::TextOrNull;
 
+constexpr std::size_t kMostLooked = 40;  // datasets
+
 struct WorkerRow {
   std::string worker, campaign, phase, strip, last, task, target, robot, stage, print;
   std::optional<std::uint64_t> index, attempt, step;
@@ -86,8 +88,7 @@ using Hosts = std::map<std::string, HostRow>;
 
 // The source that a campaign on the bus is shown under.
 std::string SourceOf(Context& context, const live::LiveCampaign& campaign) {
-  for (const auto& found : *context.sources.catalog().List()) {
-    if (found.kind != sources::Kind::kDataset) continue;
+  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kDataset, kMostLooked, false).found) {
     const auto source = context.sources.Dataset(found.id);
     if (!source) continue;
     const auto view = (*source)->View();
@@ -136,8 +137,7 @@ Hosts FromJournals(Context& context) {
   Hosts hosts;
   std::shared_ptr<const sources::DatasetView> newest;
   std::string id;
-  for (const auto& found : *context.sources.catalog().List()) {
-    if (found.kind != sources::Kind::kDataset || !found.eval.empty()) continue;
+  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kDataset, kMostLooked, false).found) {
     const auto source = context.sources.Dataset(found.id);
     if (!source) continue;
     const auto view = (*source)->View();

@@ -49,6 +49,7 @@ struct Gathered {
   std::vector<RunItem> runs;
   std::vector<EvalItem> evals;
   std::vector<std::string> unreadable;  // what could not be read, and why
+  std::map<Kind, std::size_t> more;     // that were not looked at
 };
 
 // Adds one of a kind, or why it cannot be read.
@@ -62,16 +63,18 @@ void GatherOne(const Found& found, const Result<Opened>& opened, StateOfView&& s
 }
 
 void GatherFiles(Context& context, Gathered& all) {
-  std::map<Kind, std::size_t> looked;
   const auto of_bus = [&](const auto& view) { return StateOf(&view, LiveOf(*all.live, view)); };
-  for (const auto& found : *context.sources.catalog().List()) {
-    if (looked[found.kind]++ >= kMostLooked) continue;
-    if (found.kind == Kind::kDataset)
-      GatherOne(found, OpenDataset(context, found.id), of_bus, all.datasets, all.unreadable);
-    else if (found.kind == Kind::kRun)
-      GatherOne(found, OpenRun(context, found.id), of_bus, all.runs, all.unreadable);
-    else
-      GatherOne(found, OpenEval(context, found.id), EvalState, all.evals, all.unreadable);
+  for (const Kind kind : {Kind::kDataset, Kind::kRun, Kind::kEval}) {
+    const auto newest = context.sources.catalog().NewestOf(kind, kMostLooked);
+    all.more[kind] = newest.more;
+    for (const auto& found : newest.found) {
+      if (kind == Kind::kDataset)
+        GatherOne(found, OpenDataset(context, found.id), of_bus, all.datasets, all.unreadable);
+      else if (kind == Kind::kRun)
+        GatherOne(found, OpenRun(context, found.id), of_bus, all.runs, all.unreadable);
+      else
+        GatherOne(found, OpenEval(context, found.id), EvalState, all.evals, all.unreadable);
+    }
   }
 }
 
@@ -231,8 +234,10 @@ void WarnOfProcesses(const Gathered& all, OrderedJson& warnings) {
   std::set<std::string> disks;
   for (const auto& [process, heard] : all.live->processes) {
     const auto& status = heard.message;
-    if (status.disk_total_bytes == 0 || warnings.size() >= 100) continue;
-    const double free = static_cast<double>(status.disk_free_bytes) / static_cast<double>(status.disk_total_bytes);
+    if (warnings.size() >= 100) break;
+    // one without a folder says nothing of a disk
+    const auto total = static_cast<double>(status.disk_total_bytes);
+    const double free = total > 0 ? static_cast<double>(status.disk_free_bytes) / total : 1;
     if (free < kLeast && disks.insert(status.host + status.folder).second)
       warnings.push_back(Warning("disk",
                                  fmt::format("disk of {} on {} {:.0f} % free", status.role, status.host, 100 * free),
@@ -266,6 +271,13 @@ OrderedJson Warnings(Context& context, const Gathered& all) {
   WarnOfDisks(context, warnings);
   WarnOfProcesses(all, warnings);
   for (const auto& text : all.unreadable) warnings.push_back(Warning("unreadable", text, "/logs"));
+  for (const auto& [kind, more] : all.more)
+    if (more > 0)
+      warnings.push_back(Warning("not_shown",
+                                 fmt::format("{} more {}s, which changed before those shown, are not shown: name fewer "
+                                             "folders with --dir",
+                                             more, sources::ToString(kind)),
+                                 "/"));
   return warnings;
 }
 

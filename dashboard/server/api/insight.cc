@@ -120,8 +120,8 @@ Result<http::Answer> Answer(Context& context, const http::Request& request) {
 }  // namespace
 
 void AddInsightRoutes(http::Router& router, Context& context) {
-  // it reads an episode, and changes nothing: whoever may read may ask
-  router.Add("POST", kPrefix + "/insight", http::Lane::kEpisodes,
+  // it reads an episode, waits for a policy server and changes nothing: whoever may read may ask
+  router.Add("POST", kPrefix + "/insight", http::Lane::kBus,
              [&context](const http::Request& request) { return Answer(context, request); });
 }
 

@@ -130,8 +130,12 @@ class LiveHub::Client : public http::SocketClient, public std::enable_shared_fro
     item.period = std::chrono::milliseconds(std::llround(1000 / hz));
     MutexLock lock(mutex_);
     const auto known = std::ranges::find(subscriptions_, id, &Subscription::id);
-    if (known != subscriptions_.end())
+    if (known != subscriptions_.end()) {
+      // what is under way goes on; asked for again, the same is due as before, at the rate that is wished now
+      item.under_way = known->under_way;
+      if (known->key == item.key) item.due = known->due - known->period + item.period;
       *known = std::move(item);
+    }
     else if (subscriptions_.size() < kMostSubscriptions)
       subscriptions_.push_back(std::move(item));
     else
@@ -164,7 +168,7 @@ std::size_t LiveHub::clients() const {
 std::string LiveHub::Compute(const Subscription& subscription) {
   const std::string& channel = subscription.channel;
   const OrderedJson& arguments = subscription.arguments;
-  const auto json = [&]() -> Result<OrderedJson> {
+  const auto answered = [&]() -> Result<OrderedJson> {
     if (channel == "home") return HomeJson(context_);
     if (channel == "fleet") return FleetJson(context_, QueryOf(arguments));
     if (channel == "attempts") return LatestAttempts(context_, sources::TextOf(arguments, "campaign"));
@@ -177,6 +181,14 @@ std::string LiveHub::Compute(const Subscription& subscription) {
     if (channel == "topics") return TopicsJson(context_);
     if (channel == "sample") return SampleJson(context_, sources::TextOf(arguments, "topic"));
     return LogsJson(context_, QueryOf(arguments));
+  };
+  // what is thrown must reach the browser, too: it waits for an answer before it is sent another
+  const auto json = [&]() -> Result<OrderedJson> {
+    try {
+      return answered();
+    } catch (const std::exception& error) {
+      return Fail(Code::kInternal, error.what());
+    }
   }();
   if (!json) return "\"error\":" + Dump(OrderedJson(json.error().message));
   return "\"data\":" + Dump(*json);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <ctime>
 
 #include "dashboard/server/api/context.h"
 
@@ -18,6 +19,7 @@ constexpr std::array<const char*, 4> kLevels{"debug", "info", "warn", "error"};
 
 struct Line {
   std::string source, time, level, text;
+  std::string order;  // time of day that it is sorted by
   std::uint64_t offset = 0;
   double file_time = 0;
 };
@@ -54,12 +56,16 @@ Result<Window> ReadWindow(const sources::Catalog::LogFile& log, std::uint64_t be
   text.resize(got > 0 ? static_cast<std::size_t>(got) : 0);
   std::size_t at = 0;
   if (begin > 0) at = std::min(text.find('\n') + 1, text.size());  // npos + 1 is 0: one line as long as the window
+  // all of it is the end of one line: shown as it is, else the page before would be this one again
+  if (at == text.size()) at = 0;
   Window window;
   window.begin = begin + at;
   window.more = window.begin > 0;
   while (at < text.size()) {
     const auto newline = std::min(text.find('\n', at), text.size());
-    Line line{log.id, "", "", text.substr(at, std::min(newline - at, kLongestLine)), begin + at, open.stamp.modified_s()};
+    Line line;
+    line.source = log.id, line.text = text.substr(at, std::min(newline - at, kLongestLine));
+    line.offset = begin + at, line.file_time = open.stamp.modified_s();
     // a progress line that was written over itself: what stands last counts
     if (const auto over = line.text.rfind('\r'); over != std::string::npos && over + 1 < line.text.size())
       line.text.erase(0, over + 1);
@@ -107,6 +113,30 @@ OrderedJson SourcesJson(const std::vector<sources::Catalog::LogFile>& logs) {
   return json;
 }
 
+std::string TimeOfDay(double seconds_since_1970) {
+  const auto whole = static_cast<std::time_t>(seconds_since_1970);
+  std::tm parts{};
+  ::localtime_r(&whole, &parts);
+  return fmt::format("{:02}:{:02}:{:02}", parts.tm_hour, parts.tm_min, parts.tm_sec);
+}
+
+// By time of day, and within a file by offset: a line without a time, or with an earlier one (past midnight), stays
+// behind the one before it. A file that has no times counts as of its last change.
+void Order(std::vector<Line>& lines) {
+  const Line* before = nullptr;
+  for (auto& line : lines) {
+    if (before && before->source == line.source) {
+      line.order = std::max(before->order, line.time);
+    } else {
+      const auto first = std::ranges::find_if(
+          lines, [&](const Line& other) { return other.source == line.source && !other.time.empty(); });
+      line.order = first == lines.end() ? TimeOfDay(line.file_time) : first->time;
+    }
+    before = &line;
+  }
+  std::ranges::stable_sort(lines, {}, &Line::order);
+}
+
 }  // namespace
 
 Result<OrderedJson> LogsJson(Context& context, const http::Query& query) {
@@ -133,11 +163,7 @@ Result<OrderedJson> LogsJson(Context& context, const http::Query& query) {
     for (auto& line : window->lines)
       if (Fits(line, RankOf(level), text)) lines.push_back(std::move(line));
   }
-  // files without dates in their lines: the older file first, then the time of day
-  std::ranges::stable_sort(lines, [](const Line& a, const Line& b) {
-    if (a.source == b.source) return a.offset < b.offset;
-    return a.time.empty() || b.time.empty() ? a.file_time < b.file_time : a.time < b.time;
-  });
+  Order(lines);
   if (lines.size() > static_cast<std::size_t>(limit)) {
     lines.erase(lines.begin(), lines.end() - limit);
     more = true, begin = lines.front().offset;

@@ -8,8 +8,10 @@
 #include <algorithm>
 #include <map>
 #include <sstream>
+#include <tuple>
 
 #include "dashboard/server/api/context.h"
+#include "services/core/thread_annotations.h"
 
 namespace etude::api {
 namespace {
@@ -122,48 +124,85 @@ void Training(const std::vector<Run>& runs, Exposition& out) {
                      std::strtod(step->second.c_str(), nullptr));
 }
 
-void Policies(const live::LiveView& live, Exposition& out) {
-  const auto each = [&](const char* name, const char* type, const char* help, auto value) {
-    out.Family(name, type, help);
-    for (const auto* server : ServersOf(live)) {
-      const auto& status = server->status;
-      const std::optional<double> number = value(*server);
-      if (number) out.Sample(name, {{"run", status.run + "@" + status.run_id}, {"host", status.host}}, *number);
+// Sums over processes that come and go: what one counted stays when it is gone, as a counter must never fall.
+class Counters {
+ public:
+  using Key = std::pair<std::string, std::string>;  // values of two labels
+
+  void Saw(const std::string& family, const Key& key, const std::string& process, double count) {
+    MutexLock lock(mutex_);
+    if (last_.size() > kMost) last_.clear();
+    double& last = last_[{family, key, process}];
+    // one that began anew counts from 0
+    sums_[family][key] += count >= last ? count - last : count;
+    last = count;
+  }
+  std::map<Key, double> Sums(const std::string& family) {
+    MutexLock lock(mutex_);
+    return sums_[family];
+  }
+
+ private:
+  static constexpr std::size_t kMost = 100'000;
+  Mutex mutex_;
+  std::map<std::tuple<std::string, Key, std::string>, double> last_ ETUDE_GUARDED_BY(mutex_);
+  std::map<std::string, std::map<Key, double>> sums_ ETUDE_GUARDED_BY(mutex_);
+};
+
+// By run and host: several servers of a run on a host are one series.
+void Policies(const live::LiveView& live, Counters& counters, Exposition& out) {
+  using Servers = std::vector<const live::LiveServer*>;
+  std::map<Counters::Key, Servers> groups;
+  for (const auto* server : ServersOf(live))
+    groups[{server->status.run + "@" + server->status.run_id, server->status.host}].push_back(server);
+  const auto each = [&](const char* name, const char* help, auto join, auto value) {
+    out.Family(name, "gauge", help);
+    for (const auto& [key, servers] : groups) {
+      std::optional<double> joined;
+      for (const auto* server : servers)
+        if (const std::optional<double> number = value(*server)) joined = joined ? join(*joined, *number) : *number;
+      if (joined) out.Sample(name, {{"run", key.first}, {"host", key.second}}, *joined);
     }
   };
+  const auto count = [&](const char* name, const char* help, std::uint64_t bus::PolicyStatus::*value) {
+    out.Family(name, "counter", help);
+    for (const auto& [key, servers] : groups)
+      for (const auto* server : servers)
+        counters.Saw(name, key, server->status.server, static_cast<double>(server->status.*value));
+    for (const auto& [key, sum] : counters.Sums(name)) out.Sample(name, {{"run", key.first}, {"host", key.second}}, sum);
+  };
+  const auto sum = [](double a, double b) { return a + b; };
+  const auto largest = [](double a, double b) { return std::max(a, b); };
   out.Family("etude_policy_servers", "gauge", "Policy servers on the bus.");
   out.Sample("etude_policy_servers", {}, static_cast<double>(live.policies.size()));
   using Number = std::optional<double>;
-  each("etude_policy_step", "gauge", "Step of the checkpoint that is served.",
+  each("etude_policy_step", "Step of the checkpoint that is served; the newest of several servers.", largest,
        [](const live::LiveServer& server) -> Number { return static_cast<double>(server.status.step); });
-  each("etude_policy_answers_total", "counter", "Observations answered.",
-       [](const live::LiveServer& server) -> Number { return static_cast<double>(server.status.answered); });
-  each("etude_policy_refusals_total", "counter", "Checkpoints and observations refused.",
-       [](const live::LiveServer& server) -> Number { return static_cast<double>(server.status.refused); });
-  each("etude_policy_answers_per_second", "gauge", "Observations answered a second, over ten seconds.",
+  count("etude_policy_answers_total", "Observations answered.", &bus::PolicyStatus::answered);
+  count("etude_policy_refusals_total", "Checkpoints and observations refused.", &bus::PolicyStatus::refused);
+  each("etude_policy_answers_per_second", "Observations answered a second, over ten seconds.", sum,
        [](const live::LiveServer& server) { return server.AnswersPerSecond(); });
-  each("etude_policy_sessions", "gauge", "Sessions that asked within ten seconds.",
+  each("etude_policy_sessions", "Sessions that asked within ten seconds.", sum,
        [](const live::LiveServer& server) -> Number { return server.status.sessions; });
-  each("etude_policy_p50_seconds", "gauge", "Median time from observation to action.",
+  each("etude_policy_p50_seconds", "Median time from observation to action, of the slowest server.", largest,
        [](const live::LiveServer& server) -> Number { return server.status.p50_ms / 1000; });
-  each("etude_policy_p95_seconds", "gauge", "95 % of answers take no longer.",
+  each("etude_policy_p95_seconds", "95 % of answers take no longer, of the slowest server.", largest,
        [](const live::LiveServer& server) -> Number { return server.status.p95_ms / 1000; });
 }
 
 // By host and role: several of a role on a host are added up, a label each would grow without end.
-void Processes(const live::LiveView& live, Exposition& out) {
+void Processes(const live::LiveView& live, Counters& counters, Exposition& out) {
   struct Sum {
     double rss = 0, cpu = 0, count = 0;
   };
   std::map<std::pair<std::string, std::string>, Sum> sums;
-  std::map<std::pair<std::string, std::string>, monitor::TopicCount> topics;  // by host, topic
   for (const auto& [process, heard] : live.processes) {
     const auto& status = heard.message;
     Sum& sum = sums[{status.host, status.role}];
     sum.rss += static_cast<double>(status.rss_bytes), sum.cpu += status.cpu, sum.count += 1;
     for (const auto& [topic, count] : monitor::Written(status)) {
-      auto& total = topics[{status.host, topic}];
-      total.samples += count.samples, total.bytes += count.bytes;
+      counters.Saw("etude_bus_bytes_total", {status.host, topic}, process, static_cast<double>(count.bytes));
+      counters.Saw("etude_bus_samples_total", {status.host, topic}, process, static_cast<double>(count.samples));
     }
   }
   const auto each = [&](const char* name, const char* help, double Sum::*value) {
@@ -173,59 +212,55 @@ void Processes(const live::LiveView& live, Exposition& out) {
   each("etude_processes", "Processes that are heard.", &Sum::count);
   each("etude_process_resident_bytes", "Their resident memory.", &Sum::rss);
   each("etude_process_cpu_cores", "Cores that they use.", &Sum::cpu);
-  const auto bus = [&](const char* name, const char* help, double monitor::TopicCount::*value) {
+  const auto bus = [&](const char* name, const char* help) {
     out.Family(name, "counter", help);
-    for (const auto& [key, count] : topics)
-      out.Sample(name, {{"host", key.first}, {"topic", key.second}}, count.*value);
+    for (const auto& [key, sum] : counters.Sums(name))
+      out.Sample(name, {{"host", key.first}, {"topic", key.second}}, sum);
   };
-  bus("etude_bus_bytes_total", "Bytes written to a topic by the processes that are there now.",
-      &monitor::TopicCount::bytes);
-  bus("etude_bus_samples_total", "Messages written to a topic by the processes that are there now.",
-      &monitor::TopicCount::samples);
+  bus("etude_bus_bytes_total", "Bytes written to a topic.");
+  bus("etude_bus_samples_total", "Messages written to a topic.");
 }
 
-std::string Exposed(const std::vector<Dataset>& datasets, const std::vector<Run>& runs, const live::LiveView& live) {
+std::string Exposed(const std::vector<Dataset>& datasets, const std::vector<Run>& runs, const live::LiveView& live,
+                    Counters& counters) {
   Exposition out;
   Collection(datasets, out);
   PlanSeconds(datasets, out);
   Training(runs, out);
-  Policies(live, out);
-  Processes(live, out);
+  Policies(live, counters, out);
+  Processes(live, counters, out);
   return out.Take();
 }
 
-std::string Text(Context& context) {
+std::string Text(Context& context, Counters& counters) {
   const auto live = context.live();
   std::vector<Dataset> datasets;
   std::vector<Run> runs;
   constexpr std::size_t kMost = 40;
-  for (const auto& found : *context.sources.catalog().List()) {
-    if (found.kind == sources::Kind::kDataset && found.eval.empty() && datasets.size() < kMost) {
-      const auto opened = OpenDataset(context, found.id);
-      if (opened)
-        datasets.push_back({found.id, opened->view, StateOf(opened->view.get(), LiveOf(*live, *opened->view))});
-    }
-    if (found.kind == sources::Kind::kRun && runs.size() < kMost) {
-      const auto opened = OpenRun(context, found.id);
-      if (opened) runs.push_back({found.id, opened->view, StateOf(opened->view.get(), LiveOf(*live, *opened->view))});
-    }
-  }
-  return Exposed(datasets, runs, *live);
+  const auto state = [&](const auto& view) { return StateOf(&view, LiveOf(*live, view)); };
+  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kDataset, kMost, false).found)
+    if (const auto opened = OpenDataset(context, found.id))
+      datasets.push_back({found.id, opened->view, state(*opened->view)});
+  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kRun, kMost).found)
+    if (const auto opened = OpenRun(context, found.id)) runs.push_back({found.id, opened->view, state(*opened->view)});
+  return Exposed(datasets, runs, *live, counters);
 }
 
 }  // namespace
 
 std::string MetricFamilies() {
   std::string families;
-  std::istringstream all(Exposed({}, {}, {}));
+  Counters none;
+  std::istringstream all(Exposed({}, {}, {}, none));
   for (std::string line; std::getline(all, line);)
     if (line.starts_with('#')) families += line + "\n";
   return families;
 }
 
 void AddMetricsRoutes(http::Router& router, Context& context) {
-  router.Add("GET", "/metrics", http::Lane::kFiles, [&context](const http::Request&) -> Result<http::Answer> {
-    return http::BytesAnswer(Text(context), "text/plain; version=0.0.4; charset=utf-8", http::Caching::kNever);
+  const auto counters = std::make_shared<Counters>();
+  router.Add("GET", "/metrics", http::Lane::kFiles, [&context, counters](const http::Request&) -> Result<http::Answer> {
+    return http::BytesAnswer(Text(context, *counters), "text/plain; version=0.0.4; charset=utf-8", http::Caching::kNever);
   });
 }
 

@@ -93,14 +93,6 @@ Result<Path> SpecOf(Context& context, const std::string& id) {
   return dataset->found().folder;
 }
 
-Result<OrderedJson> Body(const http::Request& request) {
-  if (!request.content_type.starts_with("application/json"))
-    return Fail(Code::kInvalidArgument, "Content-Type must be application/json");
-  auto json = ParseBoundedJson(request.body, 8);
-  if (!json || !json->is_object()) return Fail(Code::kInvalidArgument, "the body is not a JSON object");
-  return std::move(*json);
-}
-
 Result<http::Answer> List(Context& context, const http::Request&) {
   OrderedJson sessions = OrderedJson::array(), policies = OrderedJson::array();
   if (context.play) {
@@ -118,23 +110,16 @@ Result<http::Answer> List(Context& context, const http::Request&) {
 Result<http::Answer> Open(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const auto watch, WatchOf(context));
   (void)watch;
-  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, Body(request));
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, JsonBody(request));
   ETUDE_ASSIGN_OR_RETURN(const Path spec, SpecOf(context, TextOf(body, "spec")));
   ETUDE_ASSIGN_OR_RETURN(const Selector run, ParseSelector(TextOf(body, "run"), "run"));
   const auto index = UnsignedOf(body, "index").value_or(0);
   if (index > kMostIndex) return Fail(Code::kInvalidArgument, "index: too large");
   const std::string session = "play-" + NewId().substr(0, 8);
-  const std::vector<std::string> arguments{"worker",
-                                           "play",
-                                           spec.string(),
-                                           "--run",
-                                           run.text(),
-                                           "--session",
-                                           session,
-                                           "--index",
-                                           std::to_string(index),
-                                           "--domain",
-                                           std::to_string(context.domain)};
+  std::vector<std::string> arguments{"worker",    "play",  spec.string(), "--run",  run.text(),
+                                     "--session", session, "--index",     std::to_string(index)};
+  const auto flags = context.bus_flags(security::Role::kWorker);
+  arguments.insert(arguments.end(), flags.begin(), flags.end());
   ETUDE_ASSIGN_OR_RETURN(const std::string job, context.jobs.Add({"play", arguments, Weight::kLight}));
   std::vector<std::string> words{"etude"};
   words.insert(words.end(), arguments.begin(), arguments.end());
@@ -148,7 +133,7 @@ Result<http::Answer> Show(Context& context, const http::Request& request) {
 
 Result<http::Answer> Command(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const auto watch, WatchOf(context));
-  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, Body(request));
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, JsonBody(request));
   ETUDE_ASSIGN_OR_RETURN(const auto action, play::ActionOf(TextOf(body, "action")));
   OrderedJson arguments = sources::PartOf(body, "arguments");
   if (arguments.is_null()) arguments = OrderedJson::object();
@@ -281,9 +266,10 @@ Result<OrderedJson> PlayJson(Context& context, const std::string& session) {
 
 void AddPlayRoutes(http::Router& router, Context& context) {
   using http::Access;
-  const auto add = [&](const char* method, const std::string& path, Access access, auto handler) {
+  const auto add = [&](const char* method, const std::string& path, Access access, auto handler,
+                       http::Lane lane = http::Lane::kFiles) {
     router.Add(
-        method, kPrefix + path, http::Lane::kFiles,
+        method, kPrefix + path, lane,
         [&context, handler](const http::Request& request) -> Result<http::Answer> { return handler(context, request); },
         access);
   };
@@ -291,13 +277,15 @@ void AddPlayRoutes(http::Router& router, Context& context) {
   add("GET", "/play/sessions", Access::kRead, List);
   add("POST", "/play/sessions", Access::kAction, Open);
   add("GET", "/play/sessions/{id}", Access::kRead, Show);
-  add("POST", "/play/sessions/{id}/commands", Access::kAction, Command);
+  add("POST", "/play/sessions/{id}/commands", Access::kAction, Command, http::Lane::kBus);
   add("GET", "/play/sessions/{id}/frame.jpg", Access::kRead, Picture);
   add("GET", "/play/sessions/{id}/meaning", Access::kRead,
       [parsers](Context& of, const http::Request& request) { return Meaning(of, *parsers, request); });
   const auto rendering = std::make_shared<std::mutex>();
-  add("GET", "/scenes/{id}/{index}.png", Access::kRead,
-      [rendering](Context& of, const http::Request& request) { return Scene(of, *rendering, request); });
+  add(
+      "GET", "/scenes/{id}/{index}.png", Access::kRead,
+      [rendering](Context& of, const http::Request& request) { return Scene(of, *rendering, request); },
+      http::Lane::kBus);
 }
 
 }  // namespace etude::api

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <boost/asio/dispatch.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
@@ -43,10 +44,14 @@ std::optional<Request> FromWire(const BeastRequest& wire_request, const beast::t
   request.accept_encoding = Field(wire_request, wire::field::accept_encoding);
   request.if_none_match = Field(wire_request, wire::field::if_none_match);
   request.range = Field(wire_request, wire::field::range);
+  request.fetch_site = std::string(wire_request["Sec-Fetch-Site"]);
   request.body = wire_request.body();
   error_code ignored;
-  request.local_address = stream.socket().local_endpoint(ignored).address().to_string(ignored);
-  request.remote_address = stream.socket().remote_endpoint(ignored).address().to_string(ignored);
+  const auto local = stream.socket().local_endpoint(ignored).address();
+  // an IPv4 client of a socket for both; it names the address as it knows it
+  request.local_address = local.is_v6() && local.to_v6().is_v4_mapped()
+                              ? net::ip::make_address_v4(net::ip::v4_mapped, local.to_v6()).to_string()
+                              : local.to_string();
   return request;
 }
 
@@ -147,14 +152,16 @@ void Connection::Dispatch(Request request) {
   const std::uint64_t ticket = ++served_;
   stream_.expires_never();
   auto timer = std::make_shared<net::steady_timer>(state_.network, state_.options.handle_time);
-  timer->async_wait([self = shared_from_this(), ticket](const error_code& error) {
+  const auto given_up = std::make_shared<std::atomic<bool>>(false);
+  timer->async_wait([self = shared_from_this(), ticket, given_up](const error_code& error) {
     if (error || self->served_ != ticket) return;
+    *given_up = true;
     self->Refuse(Problem(504, "Took too long", "the answer was not ready in time", "ask for less, or try again"));
   });
   auto shared = std::make_shared<Request>(std::move(request));
   const Lane lane = state_.service.LaneOf(*shared);
-  auto& pool = lane == Lane::kEpisodes ? state_.episodes : state_.files;
-  net::post(pool, [self = shared_from_this(), shared, timer, ticket] {
+  state_.Post(lane, [self = shared_from_this(), shared, timer, ticket, given_up] {
+    if (*given_up) return;  // nobody waits for it any more
     auto answer = std::make_shared<Answer>(self->state_.service.Handle(*shared));
     net::post(self->state_.network, [self, shared, timer, ticket, answer] {
       timer->cancel();

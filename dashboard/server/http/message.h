@@ -38,8 +38,8 @@ struct Request {
   std::vector<std::string> path;  ///< decoded segments: "/a/b%20c" is {"a", "b c"}
   Query query;
   std::string host, origin, authorization, cookie, content_type, accept_encoding, if_none_match, range;
+  std::string fetch_site;     ///< where a browser says that the page is that asks: "same-origin", "cross-site", ...
   std::string local_address;  ///< of the connection, "127.0.0.1"
-  std::string remote_address;
   std::string body;
   bool authorized = false;  ///< it brought the token
   /// What stood for {name} in the route.

@@ -95,6 +95,10 @@ std::optional<Answer> Security::Check(Request& request, bool changes) const {
   if (changes && !request.origin.empty() && request.origin != "http://" + request.host &&
       request.origin != "https://" + request.host)
     return Problem(403, "Another page's request", fmt::format("Origin '{:.100}' is not this gateway", request.origin));
+  // a GET has effects, too: pictures are rendered, videos made
+  if ((request.fetch_site == "cross-site" || request.fetch_site == "same-site") && !request.path.empty() &&
+      request.path[0] == "api")
+    return Problem(403, "Another page's request", "a page of another origin asks (Sec-Fetch-Site)");
   constexpr std::string_view kBearer = "Bearer ";
   if (enabled())
     request.authorized = (request.authorization.starts_with(kBearer) &&

@@ -24,8 +24,8 @@ class Security {
   explicit Security(SecurityConfig config);
 
   /// nullopt: the request may go on. Host: a page of another name that resolves to this machine (DNS rebinding) is
-  /// refused, whatever its Origin says. Origin: other pages may neither act nor open a WebSocket. Sets
-  /// request.authorized.
+  /// refused, whatever its Origin says. Origin: other pages may neither act nor open a WebSocket. Sec-Fetch-Site: nor
+  /// ask the API anything. Sets request.authorized.
   /// @param changes  it is not a GET, or opens a WebSocket
   std::optional<Answer> Check(Request& request, bool changes) const;
 

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <boost/asio/ip/v6_only.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/strand.hpp>
 #include <utility>
@@ -55,6 +56,17 @@ void Server::State::Accept() {
   });
 }
 
+void Server::State::Post(Lane lane, std::function<void()> work) {
+  auto& pool = lane == Lane::kEpisodes ? episodes : lane == Lane::kBus ? bus : files;
+  net::post(pool, [work = std::move(work)] {
+    try {
+      work();
+    } catch (const std::exception& error) {
+      Log().error("work for the pages failed: {}", error.what());
+    }
+  });
+}
+
 Result<std::unique_ptr<Server>> Server::Open(const ServerOptions& options, const Service& service,
                                              SocketFactory sockets) {
   error_code error;
@@ -68,6 +80,8 @@ Result<std::unique_ptr<Server>> Server::Open(const ServerOptions& options, const
   const tcp::endpoint endpoint(address, options.port);
   acceptor.open(endpoint.protocol(), error);
   if (!error) acceptor.set_option(net::socket_base::reuse_address(true), error);
+  // "::" is every address, also where the system would keep IPv4 out of it
+  if (!error && address.is_v6() && address.is_unspecified()) acceptor.set_option(net::ip::v6_only(false), error);
   if (!error) acceptor.bind(endpoint, error);
   if (!error) acceptor.listen(net::socket_base::max_listen_connections, error);
   if (error) return CannotListen(options, error);
@@ -82,6 +96,7 @@ Server::~Server() {
   // handlers at work refer to connections, and those to the network
   state_->files.join();
   state_->episodes.join();
+  state_->bus.join();
 }
 
 std::uint16_t Server::port() const {
@@ -105,11 +120,10 @@ void Server::Stop() {
   state_->network.stop();
   state_->files.stop();
   state_->episodes.stop();
+  state_->bus.stop();
 }
 
-void Server::InLane(Lane lane, std::function<void()> work) {
-  net::post(lane == Lane::kEpisodes ? state_->episodes : state_->files, std::move(work));
-}
+void Server::InLane(Lane lane, std::function<void()> work) { state_->Post(lane, std::move(work)); }
 
 void Server::Every(std::chrono::milliseconds period, std::function<void()> work) {
   auto& timer = state_->timers.emplace_back(state_->network);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sockets: one thread for the network, a few for files, one for episodes. Boost.Beast stays behind this header.
+// The sockets: one thread for the network, a few for files, one for episodes, two for the bus. Boost.Beast stays behind this header.
 #pragma once
 
 #include <chrono>
@@ -24,6 +24,7 @@ struct ServerOptions {
   std::chrono::milliseconds handle_time{10'000};  ///< then the answer is 504
   std::chrono::milliseconds write_time{60'000};   ///< without progress
   unsigned file_threads = 2;
+  unsigned bus_threads = 2;
 };
 
 /// Makes the client of a WebSocket that was let in.
@@ -43,7 +44,7 @@ class Server {
   /// From any thread.
   void Stop();
 
-  /// Runs `work` on a thread for files or episodes. From any thread.
+  /// Runs `work` on a thread of the lane; what it throws is logged. From any thread.
   void InLane(Lane lane, std::function<void()> work);
   /// Runs `work` on the network thread every `period`, until Stop. Call before Run.
   void Every(std::chrono::milliseconds period, std::function<void()> work);

@@ -59,11 +59,11 @@ Answer Service::Handle(Request& request) const {
   Answer answer;
   try {
     answer = Route(request);
+    Finish(request, answer);
   } catch (const std::exception& error) {
     // what a library throws past its owner must not end the gateway
     answer = Problem(500, "Failed", error.what());
   }
-  Finish(request, answer);
   return answer;
 }
 

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "dashboard/server/http/state.h"
+#include "services/core/log.h"
 #include "services/core/thread_annotations.h"
 
 namespace etude::http {
@@ -67,6 +68,7 @@ class SocketSession : public Socket, public std::enable_shared_from_this<SocketS
   mutable Mutex mutex_;
   std::deque<Message> waiting_ ETUDE_GUARDED_BY(mutex_);
   std::size_t waiting_bytes_ ETUDE_GUARDED_BY(mutex_) = 0;
+  bool said_ ETUDE_GUARDED_BY(mutex_) = false;  // that something is too large ever to be sent
 };
 
 void SocketSession::Start(BeastRequest upgrade, const Request& request) {
@@ -100,7 +102,12 @@ void SocketSession::Send(const std::string& slot, std::string text) {
     MutexLock lock(mutex_);
     const auto found = std::ranges::find(waiting_, slot, &Message::slot);
     const std::size_t replaced = found == waiting_.end() ? 0 : found->text.size();
-    if (waiting_bytes_ - replaced + text.size() > kWaitingBytes) return;
+    if (waiting_bytes_ - replaced + text.size() > kWaitingBytes) {
+      if (text.size() > kWaitingBytes && !std::exchange(said_, true))
+        Log().warn("live '{}': a snapshot of {} bytes is never sent, the bound is {}", slot.substr(0, 100), text.size(),
+                   kWaitingBytes);
+      return;
+    }
     waiting_bytes_ += text.size() - replaced;
     if (found == waiting_.end())
       waiting_.push_back({slot, std::move(text)});

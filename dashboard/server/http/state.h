@@ -26,9 +26,12 @@ struct Server::State {
         sockets(std::move(factory)),
         acceptor(network),
         files(server_options.file_threads),
-        episodes(1) {}
+        episodes(1),
+        bus(server_options.bus_threads) {}
 
   void Accept();
+  /// Runs `work` on a thread of the lane. What it throws is logged: a pool ends the process for it.
+  void Post(Lane lane, std::function<void()> work);
 
   std::size_t open_connections = 0;  // network thread only; first, as connections end with the network
   const ServerOptions options;
@@ -36,7 +39,7 @@ struct Server::State {
   const SocketFactory sockets;
   net::io_context network{1};
   net::ip::tcp::acceptor acceptor;
-  net::thread_pool files, episodes;
+  net::thread_pool files, episodes, bus;
   std::list<net::steady_timer> timers;
 };
 

@@ -45,8 +45,8 @@ bool NamesItsContent(const std::string& name) {
 
 Answer NotBuilt(const Path& folder) {
   Answer answer = BytesAnswer(
-      fmt::format("The pages are not built: there is no index.html in {}.\nBuild them with `npm run build` in dashboard/web. "
-                  "The API is there: /api/v1/openapi.json\n",
+      fmt::format("The pages are not built: there is no index.html in {}.\nBuild them with `npm ci && ./build` in "
+                  "dashboard/web. The API is there: /api/v1/openapi.json\n",
                   folder.string()),
       "text/plain; charset=utf-8", Caching::kNever);
   answer.status = 503;

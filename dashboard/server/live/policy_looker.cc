@@ -6,7 +6,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr int kMostWaiting = 2;
 constexpr std::size_t kMostClients = 4;
 // together less than a request may take
 constexpr policy::InsightClientOptions kOptions{.server = 2s, .again = 150ms, .patience = 6s};
@@ -30,12 +29,15 @@ Result<policy::InsightClient*> PolicyLooker::ClientOf(const std::string& run) {
 Result<policy::Insight> PolicyLooker::Look(const std::string& run, const policy::Question& question,
                                            const std::string& what_if_json) {
   struct Turn {
-    std::atomic<int>& waiting;
-    const int before = waiting.fetch_add(1);
-    ~Turn() { --waiting; }
-  } turn{waiting_};
-  if (turn.before >= kMostWaiting)
-    return Fail(Code::kUnavailable, "look into a policy: two questions wait already; ask again in a moment");
+    std::atomic<bool>& taken;
+    const bool mine = !taken.exchange(true);
+    ~Turn() {
+      if (mine) taken = false;
+    }
+  } turn{taken_};
+  // a server that does not answer must not hold the threads of those who play
+  if (!turn.mine)
+    return Fail(Code::kUnavailable, "look into a policy: another question is being asked; ask again in a moment");
   MutexLock lock(mutex_);
   ETUDE_ASSIGN_OR_RETURN(policy::InsightClient* const client, ClientOf(run));
   auto insight = client->Ask(question, what_if_json);

@@ -21,7 +21,7 @@ class PolicyLooker {
 
   /// Each question is of a session of its own that no robot has: nothing drives by its answer.
   /// @param run  NAME@ID   @param what_if_json  see InsightClient::Ask
-  /// @error kUnavailable: nobody answers within a few seconds, or two questions wait already; else as
+  /// @error kUnavailable: nobody answers within a few seconds, or another question is being asked; else as
   /// InsightClient::Ask
   Result<policy::Insight> Look(const std::string& run, const policy::Question& question,
                                const std::string& what_if_json);
@@ -30,7 +30,7 @@ class PolicyLooker {
   Result<policy::InsightClient*> ClientOf(const std::string& run) ETUDE_REQUIRES(mutex_);
 
   const bus::Arguments arguments_;
-  std::atomic<int> waiting_{0};
+  std::atomic<bool> taken_{false};
   Mutex mutex_;
   std::unique_ptr<bus::Participant> participant_ ETUDE_GUARDED_BY(mutex_);
   std::map<std::string, policy::InsightClient> clients_ ETUDE_GUARDED_BY(mutex_);  // by run

@@ -2,11 +2,13 @@
 #include "dashboard/server/sources/catalog.h"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <deque>
+#include <functional>
 #include <set>
 #include <tuple>
 #include <utility>
@@ -36,6 +38,18 @@ bool Has(const Path& folder, const char* file) {
   return std::filesystem::is_regular_file(folder / file, error);
 }
 
+// Of the files that grow or are written anew while something is made, and of the folder of its episodes.
+double ChangedOf(const Path& folder) {
+  double newest = 0;
+  for (const char* name : {"dataset.json", "commits.jsonl", "attempts.jsonl", "episodes", "metrics.jsonl", "checkpoints",
+                           "config.yaml", "eval.json", "eval.jsonl"}) {
+    struct stat status {};
+    if (::stat((folder / name).c_str(), &status) != 0) continue;
+    newest = std::max(newest, static_cast<double>(status.st_mtim.tv_sec) + 1e-9 * static_cast<double>(status.st_mtim.tv_nsec));
+  }
+  return newest;
+}
+
 std::optional<Kind> KindOf(const Path& folder) {
   if (Has(folder, "dataset.json")) return Kind::kDataset;
   if (Has(folder, "eval.json") || Has(folder / "rollouts", "dataset.json")) return Kind::kEval;
@@ -58,8 +72,10 @@ class Search {
     while (!open.empty() && entries < kMostEntries && found_.size() < kMostFound) {
       const Step step = std::move(open.front());
       open.pop_front();
+      const std::size_t before = found_.size();
       const std::string eval = Note(step);
-      if (step.depth < kDeepest) entries += Enter(step, eval, open);
+      const bool logs = found_.size() > before || step.folder.filename() == "logs";
+      if (step.depth < kDeepest) entries += Enter(step, eval, logs, open);
     }
   }
 
@@ -78,11 +94,12 @@ class Search {
     std::string id = wanted;
     for (int n = 2; !ids_.emplace(*kind, id).second; ++n) id = fmt::format("{}-{}", wanted, n);
     found_.push_back({*kind, id, step.folder.filename().string(), step.folder, step.shown,
-                      *kind == Kind::kDataset ? step.eval : ""});
+                      *kind == Kind::kDataset ? step.eval : "", ChangedOf(step.folder)});
     return *kind == Kind::kEval ? id : "";
   }
 
-  std::size_t Enter(const Step& step, const std::string& eval, std::deque<Step>& open) {
+  // logs: files that end in .log are ours
+  std::size_t Enter(const Step& step, const std::string& eval, bool logs, std::deque<Step>& open) {
     std::vector<Path> folders;
     std::size_t entries = 0;
     std::error_code error;
@@ -93,7 +110,7 @@ class Search {
       if (name.starts_with('.') || it->is_symlink(ignored)) continue;
       if (it->is_directory(ignored)) {
         if (std::ranges::find(kClosed, name) == kClosed.end()) folders.push_back(it->path());
-      } else if (name.ends_with(".log") && logs_.size() < kMostFound) {
+      } else if (logs && name.ends_with(".log") && logs_.size() < kMostFound) {
         logs_.push_back({IdOf(step.shown + "/" + name), step.folder, name});
       }
     }
@@ -151,6 +168,19 @@ std::shared_ptr<const std::vector<Found>> Catalog::List() {
   MutexLock lock(mutex_);
   Scan();
   return found_;
+}
+
+Catalog::Newest Catalog::NewestOf(Kind kind, std::size_t most, bool rollouts) {
+  const auto all = List();
+  Newest newest;
+  for (const auto& item : *all)
+    if (item.kind == kind && (rollouts || item.eval.empty())) newest.found.push_back(item);
+  std::ranges::stable_sort(newest.found, std::greater<>(), &Found::changed);
+  if (newest.found.size() > most) {
+    newest.more = newest.found.size() - most;
+    newest.found.resize(most);
+  }
+  return newest;
 }
 
 std::shared_ptr<const std::vector<Catalog::LogFile>> Catalog::Logs() {

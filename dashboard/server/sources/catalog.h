@@ -24,6 +24,7 @@ struct Found {
   Path folder;         ///< absolute, without links
   std::string shown;   ///< for people: "quickstart/run/base"
   std::string eval;    ///< a dataset of rollouts: the evaluation's id; else ""
+  double changed = 0;  ///< newest change of its files at the last look, seconds since 1970
 };
 
 /// Thread-safe.
@@ -34,10 +35,17 @@ class Catalog {
 
   /// What is there, looked for again at most every three seconds; in order of kind and id.
   std::shared_ptr<const std::vector<Found>> List();
+  /// Those of a kind that changed last, at most `most`, newest first: what is looked at all the time has a bound.
+  struct Newest {
+    std::vector<Found> found;
+    std::size_t more = 0;  ///< that are left out
+  };
+  /// @param rollouts  also datasets of rollouts
+  Newest NewestOf(Kind kind, std::size_t most, bool rollouts = true);
   /// @error kNotFound: names what there is
   Result<Found> Find(Kind kind, const std::string& id);
   const std::vector<Path>& roots() const { return roots_; }
-  /// Folders named logs below the roots, and files directly in them that end in .log: (id, absolute folder, file).
+  /// Files that end in .log, directly in folders named logs or in what was found: (id, absolute folder, file).
   struct LogFile {
     std::string id;
     Path folder, file;

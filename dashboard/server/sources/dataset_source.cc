@@ -16,6 +16,7 @@ namespace etude::sources {
 namespace {
 
 constexpr std::chrono::milliseconds kRefreshEvery{500};
+constexpr std::chrono::seconds kAgainAfter{10};  // for a file that could not be had
 constexpr std::size_t kRecent = 4;            // episodes kept, 1 MB each
 constexpr std::size_t kMostRows = 1'000'000;  // of a list
 constexpr std::size_t kMostUnreadable = 20;   // named
@@ -41,6 +42,8 @@ void TakeMade(const store::CommitRow& made, EpisodeRow& row) {
   row.steps = made.steps, row.frames = made.frames, row.bytes = made.bytes, row.draws = made.draws;
   row.path_m = Measured(made.path_m);
   row.jerk = Measured(made.jerk);
+  row.joint_speed = Measured(made.joint_speed);
+  row.place_m = made.place_m;
 }
 
 void TakeCommit(const store::CommitRow& made, EpisodeRow& row) {
@@ -61,11 +64,6 @@ void TakeEpisode(const store::EpisodeRecord& record, EpisodeRow& row) {
   const FileStamp stamp = StampOf(record.path);
   TakeMade(store::RowOf(episode, frames, stamp.size), row);
   if (!row.t && stamp.exists()) row.t = stamp.modified_s();
-  double speed = 0;
-  for (const float value : episode.joint_vel.values) speed = std::max(speed, std::abs(static_cast<double>(value)));
-  row.joint_speed = speed;
-  if (const auto* object = episode.FindObject(episode.target); object && object->pose.rows() > 0)
-    row.place_m = {{object->pose.row(0)[0], object->pose.row(0)[1]}};
 }
 
 AttemptRow FailureFrom(const OrderedJson& line) {
@@ -178,7 +176,10 @@ Status DatasetSource::ReadSpec() {
   info_.spec_sha256 = reader.spec_sha256();
   info_.schema_version = reader.schema_version();
   info_.content = static_cast<std::int64_t>(UnsignedOf(*json, "content").value_or(0));
-  if (const auto identity = ReadIdentity(found_.folder)) info_.identity = identity->id;
+  if (const auto identity = ReadIdentity(found_.folder)) {
+    if (identity->id != info_.identity) rows_.clear();  // it was made anew
+    info_.identity = identity->id;
+  }
   // what follows from the spec is only worked out for one that makes sense here: its files may be elsewhere
   sampling_.reset();
   if (info_.spec.Validate())
@@ -250,6 +251,19 @@ Status DatasetSource::ListEpisodes() {
   return {};
 }
 
+// A file that was replaced or set aside since is no longer known to be damaged.
+void DatasetSource::ForgetUnreadable() {
+  const auto gone = std::erase_if(unreadable_stamps_, [this](const auto& item) {
+    return StampOf(store::EpisodePath(found_.folder, item.first)) != item.second;
+  });
+  if (gone == 0) return;
+  std::erase_if(info_.unreadable_files, [this](const auto& item) ETUDE_REQUIRES(mutex_) {
+    return !unreadable_stamps_.contains(item.first);
+  });
+  info_.unreadable = info_.unreadable_files.size();
+  changed_ = true;
+}
+
 Status DatasetSource::Refresh() {
   if (view_ && MonotonicClock::now() - refreshed_ < kRefreshEvery) return {};
   ETUDE_RETURN_IF_ERROR(ReadSpec());
@@ -262,6 +276,7 @@ Status DatasetSource::Refresh() {
     const auto newest = StampOf(store::EpisodePath(found_.folder, rows_.rbegin()->first));
     info_.updated = std::max(info_.updated, newest.modified_s());
   }
+  ForgetUnreadable();
   refreshed_ = MonotonicClock::now();
   return {};
 }
@@ -293,20 +308,30 @@ bool DatasetSource::ReadNext() {
   {
     MutexLock lock(mutex_);
     if (!reader_) return false;
+    const auto now = MonotonicClock::now();
     // newest first: that is what a list shows first
     const auto next = std::find_if(rows_.rbegin(), rows_.rend(), [&](const auto& item) ETUDE_REQUIRES(mutex_) {
-      return !item.second.known && !info_.unreadable_files.contains(item.first);
+      const auto again = again_at_.find(item.first);
+      return !item.second.known && !info_.unreadable_files.contains(item.first) &&
+             (again == again_at_.end() || again->second <= now);
     });
     if (next == rows_.rend() || info_.unreadable_files.size() >= kMostUnreadable) return false;
     index = next->first;
     reader = *reader_;
   }
+  const FileStamp stamp = StampOf(store::EpisodePath(found_.folder, index));
   const auto record = reader->Read(index);
   MutexLock lock(mutex_);
   changed_ = true;
   if (!record) {
-    ++info_.unreadable;
+    // the machine's trouble is not the file's: again in a while
+    if (record.error().code == Code::kUnavailable) {
+      again_at_[index] = MonotonicClock::now() + kAgainAfter;
+      return true;
+    }
     info_.unreadable_files[index] = record.error().message;
+    unreadable_stamps_[index] = stamp;
+    info_.unreadable = info_.unreadable_files.size();
     return true;
   }
   if (const auto row = rows_.find(index); row != rows_.end()) TakeEpisode(*record, row->second);
@@ -315,20 +340,23 @@ bool DatasetSource::ReadNext() {
 
 Result<std::shared_ptr<const store::EpisodeRecord>> DatasetSource::Episode(std::uint64_t index) {
   std::optional<store::DatasetReader> reader;
+  // of before it is read: a file that is replaced meanwhile is read again
+  const FileStamp stamp = StampOf(store::EpisodePath(found_.folder, index));
   {
     MutexLock lock(mutex_);
-    const auto found = std::ranges::find(recent_, index, [](const auto& item) { return item.first; });
-    if (found != recent_.end()) {
+    const auto found = std::ranges::find(recent_, index, &Recent::index);
+    if (found != recent_.end() && found->stamp == stamp) {
       recent_.splice(recent_.begin(), recent_, found);
-      return recent_.front().second;
+      return recent_.front().record;
     }
+    if (found != recent_.end()) recent_.erase(found);
     ETUDE_RETURN_IF_ERROR(ReadSpec());
     reader = *reader_;
   }
   ETUDE_ASSIGN_OR_RETURN(auto record, reader->Read(index));
   auto shared = std::make_shared<const store::EpisodeRecord>(std::move(record));
   MutexLock lock(mutex_);
-  recent_.emplace_front(index, shared);
+  recent_.push_front({index, stamp, shared});
   if (recent_.size() > kRecent) recent_.pop_back();
   return shared;
 }

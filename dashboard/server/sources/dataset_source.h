@@ -97,7 +97,14 @@ class DatasetSource {
   void ReadFailures() ETUDE_REQUIRES(mutex_);
   Status ListEpisodes() ETUDE_REQUIRES(mutex_);
   EpisodeRow RowFromSpec(std::uint64_t index) ETUDE_REQUIRES(mutex_);
+  void ForgetUnreadable() ETUDE_REQUIRES(mutex_);
   std::shared_ptr<const DatasetView> Build() ETUDE_REQUIRES(mutex_);
+
+  struct Recent {
+    std::uint64_t index = 0;
+    FileStamp stamp;
+    std::shared_ptr<const store::EpisodeRecord> record;
+  };
 
   const Found found_;
   mutable Mutex mutex_;
@@ -113,7 +120,9 @@ class DatasetSource {
   std::vector<AttemptRow> failures_ ETUDE_GUARDED_BY(mutex_);
   std::shared_ptr<const DatasetView> view_ ETUDE_GUARDED_BY(mutex_);
   bool changed_ ETUDE_GUARDED_BY(mutex_) = true;
-  std::list<std::pair<std::uint64_t, std::shared_ptr<const store::EpisodeRecord>>> recent_ ETUDE_GUARDED_BY(mutex_);
+  std::list<Recent> recent_ ETUDE_GUARDED_BY(mutex_);
+  std::map<std::uint64_t, MonotonicClock::time_point> again_at_ ETUDE_GUARDED_BY(mutex_);
+  std::map<std::uint64_t, FileStamp> unreadable_stamps_ ETUDE_GUARDED_BY(mutex_);  // of info_.unreadable_files
 };
 
 /// SplitOf; "" for a spec that has no split, as only a damaged one does.

@@ -62,7 +62,7 @@ void JsonLines::Refresh(const std::function<void()>& reset, const std::function<
   if (now == stamp_) return;
   if (now.inode != stamp_.inode || now.device != stamp_.device || now.size < offset_) {
     reset();
-    offset_ = 0, malformed_ = 0;
+    offset_ = 0;
   }
   stamp_ = now;
   Descriptor file{::open(path_.c_str(), O_RDONLY | O_CLOEXEC)};
@@ -78,12 +78,10 @@ void JsonLines::Refresh(const std::function<void()>& reset, const std::function<
       const auto parsed = ParseBoundedJson(std::string_view(text).substr(begin, end - begin));
       if (parsed && parsed->is_object())
         line(*parsed);
-      else if (end > begin)
-        ++malformed_;
     }
     offset_ += begin;
     text.erase(0, begin);
-    if (text.size() > kLongestLine) {  // passed over; its end counts as a malformed line
+    if (text.size() > kLongestLine) {  // passed over; so is its end
       offset_ += text.size();
       text.clear();
     }

@@ -48,12 +48,11 @@ class JsonLines {
   const FileStamp& stamp() const { return stamp_; }
   /// What stood behind the last line's end at the last call: a line under way, or torn.
   bool torn() const { return torn_; }
-  std::uint64_t malformed() const { return malformed_; }  ///< lines that are no JSON object
 
  private:
   Path path_;
   FileStamp stamp_;
-  std::uint64_t offset_ = 0, malformed_ = 0;
+  std::uint64_t offset_ = 0;
   bool torn_ = false;
 };
 

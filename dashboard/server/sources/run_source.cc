@@ -84,6 +84,7 @@ std::vector<OrderedJson> MetricsTable::LinesAfter(std::uint64_t step, std::size_
 }
 
 void MetricsTable::Resume(std::uint64_t step) {
+  std::erase_if(recent_, [&](const auto& line) { return UnsignedOf(line, "step").value_or(0) >= step; });
   for (auto& [key, series] : series_) {
     const auto from = std::lower_bound(series.step.begin(), series.step.end(), static_cast<double>(step));
     const auto keep = static_cast<std::size_t>(from - series.step.begin());
@@ -224,30 +225,42 @@ void RunSource::ReadCheckpoints() {
     std::ranges::sort(header.channels);
     if (const auto hash = hashes_.find(header.stamp.tag()); hash != hashes_.end()) header.sha256 = hash->second;
   }
+  changed_ = changed_ || headers != now_.checkpoints;
   now_.checkpoints = std::move(headers);
 }
 
 void RunSource::Refresh() {
   if (view_ && MonotonicClock::now() - refreshed_ < kRefreshEvery) return;
   refreshed_ = MonotonicClock::now();
-  metrics_file_.Refresh([&] { now_.metrics.Clear(); }, [&](const OrderedJson& line) { now_.metrics.Take(line); });
+  metrics_file_.Refresh([&] { now_.metrics.Clear(), changed_ = true; },
+                        [&](const OrderedJson& line) { now_.metrics.Take(line), changed_ = true; });
+  changed_ = changed_ || now_.torn != metrics_file_.torn();
   now_.torn = metrics_file_.torn();
-  curriculum_file_.Refresh([&] { now_.curriculum.clear(); },
+  curriculum_file_.Refresh([&] { now_.curriculum.clear(), changed_ = true; },
                            [&](const OrderedJson& line) {
+                             changed_ = true;
                              if (now_.curriculum.size() < 1000) now_.curriculum.push_back(line);
                            });
   if (const auto stamp = StampOf(found_.folder / "config.yaml"); stamp != config_stamp_) {
     config_stamp_ = stamp;
+    changed_ = true;
     now_.config = nullptr;
     if (const auto text = ReadTextFile(found_.folder / "config.yaml", 1 << 20))
       if (auto config = ParseYaml(*text, "config.yaml")) now_.config = std::move(*config);
   }
-  if (const auto identity = ReadIdentity(found_.folder)) now_.identity = identity->id;
+  if (const auto identity = ReadIdentity(found_.folder); identity && identity->id != now_.identity) {
+    now_.identity = identity->id;
+    changed_ = true;
+  }
   ReadCheckpoints();
+  const double before = now_.updated;
   now_.updated = std::max(
       {metrics_file_.stamp().modified_s(), curriculum_file_.stamp().modified_s(), config_stamp_.modified_s()});
   for (const auto& header : now_.checkpoints) now_.updated = std::max(now_.updated, header.stamp.modified_s());
+  // the whole table is copied, which may be large
+  if (view_ && !changed_ && now_.updated == before) return;
   view_ = std::make_shared<const RunView>(now_);
+  changed_ = false;
 }
 
 Result<std::shared_ptr<const RunView>> RunSource::View() {
@@ -267,13 +280,14 @@ bool RunSource::HashNext() {
   }
   const auto open = OpenBelow(found_.folder / "checkpoints", file);
   Sha256 hash;
+  std::uint64_t hashed = 0;
   if (open) {
     std::vector<std::uint8_t> chunk(1 << 20);
-    for (std::uint64_t at = 0;;) {
-      const auto got = ::pread(open->file.get(), chunk.data(), chunk.size(), static_cast<off_t>(at));
+    for (;;) {
+      const auto got = ::pread(open->file.get(), chunk.data(), chunk.size(), static_cast<off_t>(hashed));
       if (got <= 0) break;
       hash.Update(std::span<const std::uint8_t>(chunk.data(), static_cast<std::size_t>(got)));
-      at += static_cast<std::uint64_t>(got);
+      hashed += static_cast<std::uint64_t>(got);
     }
   }
   MutexLock lock(mutex_);
@@ -281,6 +295,11 @@ bool RunSource::HashNext() {
   if (header == now_.checkpoints.end()) return true;
   if (!open) {
     header->error = open.error().message;
+    return true;
+  }
+  if (hashed != open->stamp.size) {  // it cannot be read to its end, or is being written
+    header->error = fmt::format("hash '{}': {} of its {} bytes were read", file, hashed, open->stamp.size);
+    view_ = std::make_shared<const RunView>(now_);
     return true;
   }
   header->sha256 = ToHex(hash.Finish());

@@ -75,6 +75,7 @@ struct CheckpointHeader {
   std::string error;                                ///< why it could not be read
   std::vector<std::string> channels;                ///< links to it: latest, best
   std::string sha256;                               ///< of the whole file; "": not known yet
+  bool operator==(const CheckpointHeader&) const = default;
 };
 /// @error kNotFound, kCorrupt. Reads at most `header_bytes`.
 Result<CheckpointHeader> ReadCheckpointHeader(const Path& folder, const std::string& file,

@@ -2,6 +2,7 @@
 // The catalog with a reader for each thing that somebody asked for.
 #pragma once
 
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <string>
@@ -14,7 +15,7 @@
 
 namespace etude::sources {
 
-/// Thread-safe. Readers of what is no longer there are dropped.
+/// Thread-safe. Of each kind the readers that were used last are kept.
 class Sources {
  public:
   explicit Sources(std::vector<Path> roots) : catalog_(std::move(roots)) {}
@@ -27,24 +28,30 @@ class Sources {
 
  private:
   template <class Source>
-  using Cache = std::map<std::string, std::shared_ptr<Source>>;
+  struct Cached {
+    std::shared_ptr<Source> source;
+    std::uint64_t used = 0;  // when, as a count
+  };
+  template <class Source>
+  using Cache = std::map<std::string, Cached<Source>>;
 
   template <class Source>
   Result<std::shared_ptr<Source>> Get(Cache<Source>& cache, Kind kind, const std::string& id) {
     ETUDE_ASSIGN_OR_RETURN(Found found, catalog_.Find(kind, id));
     MutexLock lock(mutex_);
-    auto& source = cache[id];
+    auto& [source, used] = cache[id];
+    used = ++uses_;
     if (!source || source->found().folder != found.folder) source = std::make_shared<Source>(std::move(found));
-    if (cache.size() > kMost) {
-      for (auto it = cache.begin(); it != cache.end() && cache.size() > kMost;)
-        it = it->first == id ? std::next(it) : cache.erase(it);
-    }
-    return cache[id];
+    const auto result = source;
+    if (cache.size() > kMost)
+      cache.erase(std::ranges::min_element(cache, {}, [](const auto& item) { return item.second.used; }));
+    return result;
   }
 
   static constexpr std::size_t kMost = 64;
   Catalog catalog_;
   Mutex mutex_;
+  std::uint64_t uses_ ETUDE_GUARDED_BY(mutex_) = 0;
   Cache<DatasetSource> datasets_;
   Cache<RunSource> runs_;
   Cache<EvalSource> evals_;

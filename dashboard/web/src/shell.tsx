@@ -11,6 +11,7 @@ import { choose, theme, type Theme } from './core/theme';
 import type { Home } from './core/types';
 import { pages, type Page } from './pages/index';
 import { Empty, Failed, Select } from './parts/basics';
+import { SignIn } from './parts/sign_in';
 
 export function Icon(props: { path: string }) {
   return <svg class="icon" viewBox="0 0 16 16" aria-hidden="true"><path d={props.path} /></svg>;
@@ -45,6 +46,8 @@ export function Shell() {
     { keys: '?', does: 'this list', run: () => setHelp(true) },
   ]);
 
+  // no page can be read before
+  if (first.error?.status === 401 && !newest) return <SignIn />;
   return (
     <div class="shell">
       <Rail open={menu} page={page} />

@@ -26,6 +26,20 @@ GatewayOptions Options(const Path& folder) {
   return options;
 }
 
+unsigned StatusOf(std::uint16_t port, const std::string& address, const std::string& host = "") {
+  namespace wire = boost::beast::http;
+  boost::asio::io_context context;
+  boost::asio::ip::tcp::socket socket(context);
+  socket.connect({boost::asio::ip::make_address(address), port});
+  wire::request<wire::empty_body> request(wire::verb::get, "/api/v1/home", 11);
+  request.set(wire::field::host, host.empty() ? address : host);
+  wire::write(socket, request);
+  boost::beast::flat_buffer buffer;
+  wire::response<wire::string_body> reply;
+  wire::read(socket, buffer, reply);
+  return reply.result_int();
+}
+
 TEST(Gateway, ServesFoldersAlone) {
   ExampleFolders lab;
   auto gateway = Gateway::Open(Options(lab.root()));
@@ -47,6 +61,27 @@ TEST(Gateway, ServesFoldersAlone) {
   EXPECT_NE(reply.body().find("lab.run"), std::string::npos);
 
   (*gateway)->Stop();
+  serving.join();
+}
+
+TEST(Gateway, AllAddressesAreShownAsOneThatABrowserOpens) {
+  TemporaryFolder folder;
+  auto options = Options(folder.path());
+  options.token_file = folder / "token";
+  options.address = "0.0.0.0";
+  const auto four = Gateway::Open(options);
+  ASSERT_THAT(four, IsOk());
+  EXPECT_EQ((*four)->url(), "http://127.0.0.1:" + std::to_string((*four)->port()));
+  options.address = "::";
+  auto both = Gateway::Open(options);
+  if (!both) GTEST_SKIP() << "no IPv6: " << both.error().message;
+  EXPECT_EQ((*both)->url(), "http://[::1]:" + std::to_string((*both)->port()));
+
+  // an IPv4 client names its address as it knows it, and needs the token as any other
+  std::thread serving([&] { (*both)->Run(); });
+  EXPECT_EQ(StatusOf((*both)->port(), "127.0.0.2"), 401u);
+  EXPECT_EQ(StatusOf((*both)->port(), "127.0.0.2", "127.0.0.3"), 403u);
+  (*both)->Stop();
   serving.join();
 }
 

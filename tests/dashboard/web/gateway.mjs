@@ -7,9 +7,9 @@ import { fileURLToPath } from 'node:url';
 const root = join(dirname(fileURLToPath(import.meta.url)), '../../..');
 const program = process.env.ETUDE_GATEWAY ?? join(root, 'build/bin/etude-gateway');
 
-/** Starts it and waits for its address; port 0 is any free one. */
-export async function startGateway(dirs, port = 0) {
-  const child = spawn(program, [...dirs.flatMap((dir) => ['--dir', dir]), '--port', String(port)], { stdio: ['ignore', 'pipe', 'pipe'] });
+/** Starts it and waits for its address; port 0 is any free one, `options` go to the program. */
+export async function startGateway(dirs, port = 0, options = []) {
+  const child = spawn(program, [...dirs.flatMap((dir) => ['--dir', dir]), '--port', String(port), ...options], { stdio: ['ignore', 'pipe', 'pipe'] });
   let said = '';
   const address = await new Promise((found, failed) => {
     const read = (bytes) => {

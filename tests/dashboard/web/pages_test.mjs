@@ -2,7 +2,9 @@
 // Every page of the real gateway over real folders, in Debian's Chromium: figures against the files, axe, keyboard, a restart.
 // ETUDE_DIRS: the folders, separated by ':'.
 import assert from 'node:assert/strict';
+import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
+import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
 import { addresses, axe, launch, openPage, overflow, settle, themes, visit, widths } from './browser.mjs';
 import { checkpoints, episodeFiles, foldersWith, readJson, readLines, series } from './files.mjs';
@@ -58,6 +60,34 @@ test('the browser plays H.264 and draws WebGL', async () => {
     assert.notEqual(able.h264, '');
     assert.ok(able.webgl);
   });
+});
+
+test('a gateway for other machines is signed in to, and shows everything then', async () => {
+  const folder = mkdtempSync(join(tmpdir(), 'etude-pages-'));
+  const file = join(folder, 'token');
+  writeFileSync(file, 'a token of some length\n', { mode: 0o600 });
+  const open_to_all = await startGateway(dirs, 0, ['--no-bus', '--bind', '0.0.0.0', '--token-file', file]);
+  const { page, context } = await openPage(browser, open_to_all.address);
+  try {
+    await page.goto(`${open_to_all.address}/training`);
+    await page.waitForSelector('[data-sign-in]');
+    assert.equal(await page.locator('.banner').count(), 0, 'it does answer');
+    assert.deepEqual(await axe(page), []);
+    const enter = async (token) => {
+      await page.getByLabel('Token').fill(token);
+      await page.getByRole('button', { name: 'Sign in' }).click();
+    };
+    await enter('another token');
+    await page.waitForSelector('.problem');
+    await enter('a token of some length');
+    await page.waitForSelector('.connection[data-state=live]');
+    assert.equal(await page.locator('[data-sign-in], .banner').count(), 0);
+    assert.ok((await text(page, '[data-sentence]')).length > 0);
+  } finally {
+    await context.close();
+    await open_to_all.stop();
+    rmSync(folder, { recursive: true });
+  }
 });
 
 test('every page opens without errors, fits its window and passes axe', async (t) => {

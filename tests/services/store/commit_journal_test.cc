@@ -54,6 +54,11 @@ TEST(CommitJournal, HasWhatTheFileSaysAndWhoMadeIt) {
   EXPECT_EQ(table.timings()[row], kFacts.timings);
   EXPECT_GT(table.path_m()[row], 0);
   EXPECT_GT(table.jerk()[row], 0);
+  const CommitRow said = RowOf(episode, 0, 0);
+  ASSERT_TRUE(said.place_m);
+  ASSERT_TRUE(table.Row(row).place_m);
+  EXPECT_NEAR(table.Row(row).place_m->at(1), said.place_m->at(1), 1e-6);
+  EXPECT_NEAR(table.Row(row).joint_speed, said.joint_speed, 1e-6);
 }
 
 TEST(CommitJournal, NothingOfItEntersTheEpisode) {
@@ -142,6 +147,15 @@ TEST(CommitJournal, ALineOfAnotherFileOfTheSameIndexDoesNotStand) {
   ASSERT_THAT(table.Refresh(), IsOk());
   ASSERT_EQ(table.size(), 1u);
   EXPECT_EQ(table.bytes()[0], std::filesystem::file_size(EpisodePath(folder.path(), 0)));
+}
+
+TEST(CommitJournal, ALineOfAnOlderProgramHasNoPlace) {
+  const auto row = ParseCommitLine(R"({"index": 3, "path_m": 0.5})");
+  ASSERT_THAT(row, IsOk());
+  EXPECT_FALSE(row->place_m);
+  EXPECT_EQ(row->joint_speed, 0);
+  EXPECT_EQ(LineOf(*row).find("place_m"), std::string::npos);
+  EXPECT_THAT(ParseCommitLine(R"({"index": 3, "place_m": [1]})"), HasCode(Code::kCorrupt));
 }
 
 TEST(CommitTable, FollowsAJournalThatGrows) {

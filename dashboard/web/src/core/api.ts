@@ -39,6 +39,16 @@ export async function postJson<T>(path: string, body: unknown, signal?: AbortSig
   return (response.status === 204 ? undefined : await response.json()) as T;
 }
 
+export function problemOf(error: unknown): Problem {
+  return error instanceof RequestError ? error.problem : { title: 'It could not be done', status: 0, detail: String(error) };
+}
+
+/** In a few words why something was not done. */
+export function reasonOf(error: unknown): string {
+  const problem = problemOf(error);
+  return problem.detail ?? problem.title;
+}
+
 export async function stopJob(id: string): Promise<void> {
   await request(`/jobs/${id}`, undefined, { method: 'DELETE' });
 }

@@ -16,7 +16,8 @@ export const now = signal(Date.now());
 
 export function heard(): void {
   lastHeard.value = Date.now();
-  if (connection.value === 'wait') connection.value = 'live';
+  // one question that failed is not the gateway's end while its messages come
+  if (connection.value === 'wait' || socket?.readyState === WebSocket.OPEN) connection.value = 'live';
 }
 
 export function lost(): void {
@@ -24,7 +25,7 @@ export function lost(): void {
   if (!socket) schedule(250);
 }
 
-interface Subscription { id: string; ch: string; args: unknown; hz: number; listeners: Set<(data: unknown) => void>; last?: unknown }
+interface Subscription { id: string; ch: string; args: unknown; hz: number; listeners: Set<(data: unknown) => void>; last?: unknown; refusal?: unknown }
 interface Message { ch: string; id: string; seq: number; t: string; data?: unknown; error?: unknown }
 
 const subscriptions = new Map<string, Subscription>();
@@ -56,7 +57,7 @@ function open(): void {
     if (back) epoch.value++;
   };
   opening.onmessage = (event) => {
-    lastHeard.value = Date.now();
+    heard();
     if (typeof event.data === 'string') receive(JSON.parse(event.data) as Message);
   };
   opening.onclose = () => {
@@ -83,7 +84,13 @@ function send(one: Subscription): void {
 
 function receive(message: Message): void {
   const one = subscriptions.get(message.id);
+  if (one && message.error !== undefined && one.refusal !== message.error) {
+    // the page goes on with what it has; said once
+    one.refusal = message.error;
+    console.warn(`channel ${message.ch}: ${String(message.error)}`);
+  }
   if (!one || message.data === undefined) return;
+  delete one.refusal;
   one.last = message.data;
   for (const listener of one.listeners) listener(message.data);
 }

@@ -1,18 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The few statistics that a page computes itself, from figures that it was given.
 
-export interface Interval { low: number; high: number }
-
-/** Wilson's score interval of k successes in n, 95 %. */
-export function wilson(k: number, n: number): Interval {
-  if (n <= 0) return { low: 0, high: 1 };
-  const z = 1.959963984540054;
-  const p = k / n;
-  const middle = (p + (z * z) / (2 * n)) / (1 + (z * z) / n);
-  const half = (z / (1 + (z * z) / n)) * Math.sqrt((p * (1 - p)) / n + (z * z) / (4 * n * n));
-  return { low: Math.max(0, middle - half), high: Math.min(1, middle + half) };
-}
-
 export interface Summary { n: number; missing: number; min: number; max: number; last: number }
 
 /** Of the finite values; `missing` counts the others. */

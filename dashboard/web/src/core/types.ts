@@ -35,7 +35,7 @@ export type Source = {
 };
 
 export type Warning = {
-  code: "worker_silent" | "no_commits" | "campaign_error" | "given_up" | "data_wait" | "loss_not_finite" | "disk" | "unserved_checkpoint" | "policy_refuses" | "fingerprint_differs" | "two_sources" | "unreadable" | "run_failed" | "stage_budget";
+  code: "worker_silent" | "no_commits" | "campaign_error" | "given_up" | "data_wait" | "loss_not_finite" | "disk" | "policy_refuses" | "process_silent" | "fingerprint" | "not_shown" | "unreadable" | "run_failed" | "stage_budget";
   text: string;
   /** RFC 3339, UTC */
   since: string | null;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Play: a scene, a sentence, and the policy that obeys it or does not.
 import { useEffect, useState } from 'preact/hooks';
-import { query, root, useResource } from '../core/api';
+import { postJson, query, reasonOf, root, useResource } from '../core/api';
 import { useLive } from '../core/connection';
-import { postJson, reasonOf } from '../core/post';
 import { parameter } from '../core/router';
 import type { PlaySession } from '../core/types';
 import { Chip, Command, Empty, Facts, Loaded, Panel, Select } from '../parts/basics';
 import { TableTop, type Standing } from '../parts/table_top';
+import { TokenField } from '../parts/sign_in';
 
 interface Sessions { enabled: boolean; sessions: PlaySession[]; policies: string[]; campaigns: string[] }
 interface Meaning { sentence: string; words: { text: string; seen: boolean }[]; task: string; target: string; reference: string; why: string }
@@ -63,7 +63,7 @@ function Opener(props: { data: Sessions; session: string; choose: (name: string)
         <Select showLabel label="Scene of" value={campaign} options={data.campaigns.map((one) => [one, one] as const)} choose={setCampaign} />
         <label class="inline">Number<input class="field" type="number" min="0" value={index} onInput={(event) => setIndex(event.currentTarget.value)} /></label>
         <Select showLabel label="Policy" value={run} options={data.policies.length ? data.policies.map((one) => [one, one] as const) : [['', 'none is served']]} choose={setPolicy} />
-        <label class="inline">Token<input class="field" type="password" autocomplete="off" value={token} onInput={(event) => setToken(event.currentTarget.value)} /></label>
+        <TokenField value={token} change={setToken} />
         <button type="button" class="button" onClick={() => show(`${encodeURIComponent(campaign)}/${Number(index) || 0}`)}>Preview</button>
         <button type="button" class="button" disabled={!run} onClick={() => { void open(); }}>Open</button>
       </div>

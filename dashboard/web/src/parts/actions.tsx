@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // What changes something: a button that shows the etude command for copying and, with the token, runs it as a job.
 import { useEffect, useRef, useState } from 'preact/hooks';
-import { getJson, postJson, RequestError, stopJob, type Problem } from '../core/api';
+import { getJson, postJson, problemOf, stopJob, type Problem } from '../core/api';
 import { home } from '../core/sources';
 import type { Job } from '../core/types';
 import { Chip, Command, Failed } from './basics';
+import { TokenField } from './sign_in';
 
 type Arguments = { action: string } & Record<string, string | number>;
 
@@ -16,10 +17,6 @@ export function ActionButton(props: { label: string; about: string; of: Argument
       {open && <Confirm {...props} close={() => setOpen(false)} />}
     </>
   );
-}
-
-function problemOf(error: unknown): Problem {
-  return error instanceof RequestError ? error.problem : { title: 'It could not be done', status: 0, detail: String(error) };
 }
 
 function Confirm(props: { label: string; about: string; of: Arguments; close: () => void }) {
@@ -60,7 +57,7 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
         {!home.value?.actions && <p class="small muted">This gateway was started without --token-file: it changes nothing. Copy the command.</p>}
         {home.value?.actions && command && !job && (
           <form class="row" onSubmit={(event) => { event.preventDefault(); void run(); }}>
-            {!authorized && <input class="field" type="password" autocomplete="current-password" aria-label="Token" placeholder="token of this gateway" value={token} onInput={(event) => setToken(event.currentTarget.value)} />}
+            {!authorized && <TokenField value={token} change={setToken} />}
             <button type="submit" class="button" disabled={!authorized && !token}>Run it</button>
           </form>
         )}

@@ -85,12 +85,14 @@ TEST_F(ContractTest, EveryJsonRouteAnswersAsDescribed) {
 TEST_F(ContractTest, DescriptionAndRoutesAreTheSame) {
   std::set<std::string> described, served;
   for (const auto& [pattern, methods] : document_["paths"].items())
-    for (const auto& [method, operation] : methods.items()) described.insert(method + " " + pattern);
+    for (const auto& [method, operation] : methods.items())
+      if (method != "servers") described.insert(method + " " + (methods.contains("servers") ? "/" : "") + pattern);
   for (const auto& route : service_.router().routes()) {
-    if (!route.pattern.starts_with(kPrefix)) continue;
+    const bool below = route.pattern.starts_with(kPrefix);
     std::string method = route.method;
     for (char& c : method) c = static_cast<char>(std::tolower(c));
-    served.insert(method + " " + route.pattern.substr(kPrefix.size()));
+    // what is not below the prefix names the root as its server
+    served.insert(method + " " + (below ? route.pattern.substr(kPrefix.size()) : "/" + route.pattern));
   }
   EXPECT_EQ(described, served);
 }
@@ -250,6 +252,23 @@ TEST_F(ContractTest, LogsFilterByLevel) {
   EXPECT_EQ(GetJson(kPrefix + "/logs")["lines"].size(), 3u);
 }
 
+TEST_F(ContractTest, LogsOfALineLongerThanTheWindowGoOn) {
+  const std::string filler(2'000'000, 'x');
+  ASSERT_THAT(WriteFileAtomically(lab_.root() / "logs" / "trainer.log", "first\n" + filler + "\n"), IsOk());
+  std::string before, text;
+  int pages = 0;
+  for (bool more = true; more && pages < 20; ++pages) {
+    const auto logs = GetJson(kPrefix + "/logs?source=lab.logs.trainer.log" + before);
+    more = !logs["next"].is_null();
+    if (more)
+      before = "&before=" + logs["next"].get<std::string>();
+    else
+      text = logs["lines"][0]["text"];
+  }
+  EXPECT_EQ(text, "first");
+  EXPECT_EQ(pages, 4) << "of half a MiB each";
+}
+
 TEST_F(ContractTest, ActionsAreCommandsAndNeedTheToken) {
   http::Request request;
   request.method = "POST";
@@ -294,6 +313,9 @@ TEST_F(ContractTest, OpeningAPlaySessionStartsAWorkerAndTakesNoPath) {
   live::PlayWatch watch(bus::Arguments{.domain = 66});
   context_.play = &watch;
   context_.domain = 66;
+  context_.bus_flags = [](security::Role role) {
+    return std::vector<std::string>{"--domain", "66", "--security", "ids/" + ToString(role), "--profile", "net.xml"};
+  };
   http::Request request;
   request.method = "POST";
   request.content_type = "application/json";
@@ -303,7 +325,8 @@ TEST_F(ContractTest, OpeningAPlaySessionStartsAWorkerAndTakesNoPath) {
   ASSERT_EQ(opened.status, 202) << opened.body;
   const auto json = OrderedJson::parse(opened.body);
   EXPECT_NE(json["command"].get<std::string>().find("etude worker play"), std::string::npos);
-  EXPECT_NE(json["command"].get<std::string>().find("--index 3 --domain 66"), std::string::npos);
+  EXPECT_NE(json["command"].get<std::string>().find("--index 3 --domain 66 --security ids/worker --profile net.xml"),
+            std::string::npos);
   EXPECT_EQ(GetJson(kPrefix + "/jobs/" + json["job"].get<std::string>())["action"], "play");
   for (const char* body : {R"({"spec":"../../etc/passwd","run":"base"})", R"({"spec":"quickstart","run":"a b"})",
                            R"({"spec":"/tmp/x.yaml","run":"base"})", R"({"run":"base"})"}) {

@@ -90,6 +90,27 @@ TEST_F(LiveHubTest, RatesAreTheChannels) {
   EXPECT_EQ(socket_->sent.size(), 1u) << "twice a second at most";
 }
 
+TEST_F(LiveHubTest, AskedForAgainItIsNotDueAnySooner) {
+  for (int i = 0; i < 5; ++i) {
+    client_->OnText(R"({"op":"sub","ch":"home"})");
+    Tick();
+  }
+  EXPECT_EQ(socket_->sent.size(), 1u);
+  client_->OnText(R"({"op":"sub","ch":"events"})");
+  hub_.Tick();
+  client_->OnText(R"({"op":"sub","ch":"events","args":{"level":"warn"}})");
+  hub_.Tick();
+  EXPECT_EQ(later_.size(), 1u) << "one at a time, whatever is asked for meanwhile";
+}
+
+TEST_F(LiveHubTest, WhatIsThrownIsAnErrorAndTheNextOneComes) {
+  context_.live = []() -> std::shared_ptr<const live::LiveView> { throw std::runtime_error("a bug"); };
+  client_->OnText(R"({"op":"sub","ch":"home"})");
+  Tick();
+  ASSERT_EQ(socket_->sent.size(), 1u);
+  EXPECT_EQ(socket_->sent[0]["error"], "a bug");
+}
+
 TEST_F(LiveHubTest, UnsubscribedAndUnknownChannelsAreSilent) {
   client_->OnText(R"({"op":"sub","ch":"home","id":"mine"})");
   client_->OnText(R"({"op":"unsub","id":"mine"})");

@@ -2,6 +2,9 @@
 // Tests dashboard/server/api with something on the bus: fleet, home, metrics, topics, events, insight, actions.
 #include <gmock/gmock.h>
 
+#include <set>
+#include <sstream>
+
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/dashboard/server/api/json_schema.h"
 #include "tests/support/matchers.h"
@@ -16,7 +19,7 @@ class LiveApiTest : public ApiFixture {
  protected:
   LiveApiTest() {
     const auto dataset = sources_.Dataset("lab.data").value()->View().value();
-    live::LiveModel model;
+    live::LiveModel& model = model_;
     model.view().enabled = true;
     const auto now = MonotonicClock::now();
     bus::Presence campaign;
@@ -63,7 +66,7 @@ class LiveApiTest : public ApiFixture {
                  "me", now);
     live_ = std::make_shared<const live::LiveView>(model.view());
     context_.domain = 60;
-    context_.bus_flags = {"--domain", "60"};
+    context_.bus_flags = [](security::Role) { return std::vector<std::string>{"--domain", "60"}; };
   }
   http::Answer Post(const std::string& target, const OrderedJson& body) {
     http::Request request;
@@ -78,6 +81,7 @@ class LiveApiTest : public ApiFixture {
     CheckSchema(document, document["components"]["schemas"][schema], value, "", problems);
     return problems;
   }
+  live::LiveModel model_;
   std::string policy_name_;
 };
 
@@ -111,6 +115,52 @@ TEST_F(LiveApiTest, MetricsHavePoliciesProcessesAndTheBus) {
   EXPECT_THAT(text, HasSubstr("etude_bus_bytes_total{host=\"lab-7\",topic=\"etude/campaign/worker\"} 900\n"));
   EXPECT_THAT(text, HasSubstr("etude_process_resident_bytes{host=\"lab-7\",role=\"worker\"} 50000000\n"));
   EXPECT_THAT(text, HasSubstr("host=\"lab-9\"} 0.009\n"));
+}
+
+TEST_F(LiveApiTest, SeveralServersOfARunOnAHostAreOneSeries) {
+  bus::PolicyStatus second = model_.view().servers.begin()->second.status;
+  second.server = "t", second.sessions = 3, second.p95_ms = 20;
+  model_.On(second, MonotonicClock::now());
+  live_ = std::make_shared<const live::LiveView>(model_.view());
+  const auto text = Get("/metrics").body;
+  EXPECT_THAT(text, HasSubstr("host=\"lab-9\"} 5\n")) << "sessions are added up";
+  EXPECT_THAT(text, HasSubstr("host=\"lab-9\"} 0.02\n")) << "the slowest";
+  std::set<std::string> series;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);)
+    if (!line.starts_with('#')) {
+      EXPECT_TRUE(series.insert(line.substr(0, line.rfind(' '))).second) << line;
+    }
+}
+
+TEST_F(LiveApiTest, CountersDoNotFallWhenAProcessLeaves) {
+  const char* const before = "etude_bus_bytes_total{host=\"lab-7\",topic=\"etude/campaign/worker\"} 900\n";
+  EXPECT_THAT(Get("/metrics").body, HasSubstr(before));
+  const auto process = model_.view().processes;
+  model_.view().processes.clear();
+  live_ = std::make_shared<const live::LiveView>(model_.view());
+  EXPECT_THAT(Get("/metrics").body, HasSubstr(before));
+  model_.view().processes = process;  // it was only silent
+  live_ = std::make_shared<const live::LiveView>(model_.view());
+  EXPECT_THAT(Get("/metrics").body, HasSubstr(before));
+}
+
+TEST_F(LiveApiTest, WarningsOfProcessesAreDescribed) {
+  const auto long_ago = MonotonicClock::now() - std::chrono::seconds(20);
+  bus::ProcessStatus silent;
+  silent.process = "lab-7-2", silent.host = "lab-7", silent.role = "collector";
+  model_.On(silent, long_ago);
+  model_.view().prints["w0"] = "aaaaaaaa";
+  model_.view().prints["w1"] = "bbbbbbbb";
+  auto& campaign = model_.view().campaigns.begin()->second;
+  campaign.workers["w1"] = campaign.workers["w0"];
+  live_ = std::make_shared<const live::LiveView>(model_.view());
+  const auto home = GetJson(kPrefix + "/home");
+  EXPECT_THAT(Problems("Home", home), IsEmpty());
+  std::set<std::string> codes;
+  for (const auto& warning : home["warnings"]) codes.insert(warning["code"]);
+  EXPECT_TRUE(codes.contains("process_silent")) << home["warnings"].dump(1);
+  EXPECT_TRUE(codes.contains("fingerprint")) << home["warnings"].dump(1);
 }
 
 TEST_F(LiveApiTest, TopicsHavePeersAndEventsAreFiltered) {

@@ -57,6 +57,19 @@ TEST(Service, AnswersOnlyToNamesThatItIsKnownBy) {
   EXPECT_EQ(service.Handle(probe).status, 200) << "probes come under whatever name";
 }
 
+TEST(Service, PagesOfOtherOriginsLearnNothing) {
+  const auto service = MakeService({});
+  for (const auto& [site, status] :
+       {std::pair{"", 200}, {"none", 200}, {"same-origin", 200}, {"same-site", 403}, {"cross-site", 403}}) {
+    auto request = Ask("localhost");
+    request.fetch_site = site;
+    EXPECT_EQ(service.Handle(request).status, status) << site;
+  }
+  auto page = Ask("localhost", "GET", "/training");
+  page.fetch_site = "cross-site";
+  EXPECT_EQ(service.Handle(page).status, 200) << "a link to the pages may be followed";
+}
+
 TEST(Service, OtherPagesNeitherActNorListen) {
   const auto service = MakeService({.token = kToken});
   for (const char* origin : {"http://evil.example", "null", "http://localhost:8081"}) {

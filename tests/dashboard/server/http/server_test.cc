@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <boost/asio/connect.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
@@ -12,6 +13,7 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <future>
+#include <stdexcept>
 #include <thread>
 
 #include "dashboard/server/http/answers.h"
@@ -41,6 +43,7 @@ class Keeper : public SocketClient {
 
 class ServerTest : public testing::Test {
  protected:
+  explicit ServerTest(std::chrono::milliseconds handle_time = {}) : handle_time_(handle_time) {}
   void SetUp() override {
     ASSERT_THAT(WriteFileAtomically(folder_ / "file.bin", std::string(300'000, 'a') + "end"), IsOk());
     Router router;
@@ -58,13 +61,17 @@ class ServerTest : public testing::Test {
       release_.get_future().wait();
       return Answer{};
     });
+    router.Add("GET", "/counted", Lane::kEpisodes, [this](const Request&) -> Result<Answer> {
+      ++counted_;
+      return Answer{};
+    });
     router.Add("POST", "/echo", Lane::kFiles,
                [](const Request& request) -> Result<Answer> { return BytesAnswer(request.body, "text/plain"); });
     service_ = std::make_unique<Service>(std::move(router), Security({}),
                                          [](const Request&) -> Result<Answer> { return Answer{}; });
     ServerOptions options;
     options.port = 0;
-    options.handle_time = std::chrono::milliseconds(300);
+    if (handle_time_.count() > 0) options.handle_time = handle_time_;
     auto server = Server::Open(options, *service_, [this](const Request&, std::shared_ptr<Socket> socket) {
       opened_.set_value(std::move(socket));
       return std::make_shared<Keeper>(closed_);
@@ -102,6 +109,8 @@ class ServerTest : public testing::Test {
     return Ask(socket, std::move(request));
   }
 
+  const std::chrono::milliseconds handle_time_;  // 0: as it is by default
+  std::atomic<int> counted_{0};
   TemporaryFolder folder_;
   std::promise<void> release_, closed_;
   std::unique_ptr<Service> service_;
@@ -151,11 +160,29 @@ TEST_F(ServerTest, WhatIsTooLargeOrNoRequestIsRefused) {
   EXPECT_EQ(Get("/../etc/passwd").result_int(), 400u);
 }
 
-TEST_F(ServerTest, AnAnswerThatTakesTooLongIsGivenUp) {
-  const Reply reply = Get("/never");
-  EXPECT_EQ(reply.result_int(), 504u);
+class ImpatientServerTest : public ServerTest {
+ protected:
+  ImpatientServerTest() : ServerTest(std::chrono::milliseconds(300)) {}
+};
+
+TEST_F(ImpatientServerTest, AnAnswerThatTakesTooLongIsGivenUp) {
+  EXPECT_EQ(Get("/never").result_int(), 504u);
+  EXPECT_EQ(Get("/counted").result_int(), 504u) << "it waits behind the first";
   release_.set_value();
-  EXPECT_EQ(Get("/text").result_int(), 200u) << "others go on";
+  // in the same lane, so behind both
+  std::promise<void> behind;
+  server_->InLane(Lane::kEpisodes, [&] { behind.set_value(); });
+  behind.get_future().wait();
+  EXPECT_EQ(counted_, 0) << "nobody waits for it any more";
+}
+
+TEST_F(ServerTest, WorkThatThrowsDoesNotEndTheServer) {
+  for (const Lane lane : {Lane::kFiles, Lane::kEpisodes, Lane::kBus}) {
+    server_->InLane(lane, [] { throw std::runtime_error("a bug"); });
+    std::promise<void> after;
+    server_->InLane(lane, [&] { after.set_value(); });
+    EXPECT_EQ(after.get_future().wait_for(std::chrono::seconds(10)), std::future_status::ready);
+  }
 }
 
 TEST_F(ServerTest, HostsOfOtherNamesAreRefused) {

@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "tests/dashboard/server/example_folders.h"
 #include "tests/support/matchers.h"
 
@@ -22,6 +24,31 @@ TEST(Catalog, FindsDatasetsRunsAndEvaluationsByTheirFiles) {
                                           "eval lab.eval_a ", "eval lab.eval_b ", "eval lab.eval_other "));
   ASSERT_EQ(catalog.Logs()->size(), 1u);
   EXPECT_EQ(catalog.Logs()->front().id, "lab.logs.trainer.log");
+}
+
+TEST(Catalog, LogsAreThoseOfLogFoldersAndOfWhatWasFound) {
+  ExampleFolders lab;
+  for (const char* file : {"run/rank-0.log", "notes/diary.log"})
+    ASSERT_THAT(WriteFileAtomically(lab.root() / file, "a line\n"), IsOk());
+  Catalog catalog({lab.root()});
+  std::set<std::string> ids;
+  for (const auto& log : *catalog.Logs()) ids.insert(log.id);
+  EXPECT_THAT(ids, testing::ElementsAre("lab.logs.trainer.log", "lab.run.rank-0.log"));
+}
+
+TEST(Catalog, WhatChangedLastComesFirstAndTheRestIsCounted) {
+  ExampleFolders lab;
+  const auto now = std::filesystem::file_time_type::clock::now();
+  for (const auto& [name, age] : {std::pair{"eval_a", 3}, {"eval_b", 1}, {"eval_other", 2}})
+    for (const auto& entry : std::filesystem::directory_iterator(lab.root() / name))
+      std::filesystem::last_write_time(entry.path(), now - std::chrono::hours(age));
+  Catalog catalog({lab.root()});
+  const auto newest = catalog.NewestOf(Kind::kEval, 2);
+  ASSERT_EQ(newest.found.size(), 2u);
+  EXPECT_EQ(newest.found[0].id, "lab.eval_b");
+  EXPECT_EQ(newest.found[1].id, "lab.eval_other");
+  EXPECT_EQ(newest.more, 1u);
+  EXPECT_EQ(catalog.NewestOf(Kind::kDataset, 9, false).found.size(), 1u) << "no rollouts";
 }
 
 TEST(Catalog, AFolderThatIsOneItselfIsFound) {

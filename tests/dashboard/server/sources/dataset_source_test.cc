@@ -56,6 +56,8 @@ TEST(DatasetSource, TheJournalSavesOpeningFilesAndTheFilesDecide) {
                            {"robot", "ur5"},
                            {"instruction", "pick the coke"},
                            {"path_m", 0.5},
+                           {"joint_speed", 1.5},
+                           {"place_m", {0.25, -0.5}},
                            {"draws", 2},
                            {"timings", {{"plan_s", 0.1}}}}
                    .dump() +
@@ -68,6 +70,9 @@ TEST(DatasetSource, TheJournalSavesOpeningFilesAndTheFilesDecide) {
   EXPECT_EQ(view->Find(1)->steps, 77u);
   EXPECT_EQ(view->Find(1)->worker, "w1");
   EXPECT_EQ(view->Find(1)->plan_s, 0.1);
+  EXPECT_EQ(view->Find(1)->joint_speed, 1.5);
+  ASSERT_TRUE(view->Find(1)->place_m);
+  EXPECT_EQ(view->Find(1)->place_m->at(1), -0.5);
   EXPECT_EQ(view->Find(99), nullptr);
 }
 
@@ -97,6 +102,18 @@ TEST(DatasetSource, ADamagedFileIsNamedAndTheOthersGoOn) {
   EXPECT_TRUE(view->info.unreadable_files.contains(3));
   EXPECT_THAT(source.Episode(3), HasCode(Code::kCorrupt));
   EXPECT_THAT(source.Episode(2), IsOk());
+
+  // what takes its place is read; what was read before it is not shown any more
+  const Path data = lab.root() / "data";
+  const Path fresh = data / "fresh";
+  std::filesystem::copy_file(store::EpisodePath(data, 2), fresh);
+  std::filesystem::rename(fresh, store::EpisodePath(data, 3));
+  ASSERT_THAT(WriteFileAtomically(store::EpisodePath(data, 2), "not an episode any more"), IsOk());
+  EXPECT_THAT(source.Episode(2), HasCode(Code::kCorrupt));
+  const auto deadline = MonotonicClock::now() + std::chrono::seconds(20);
+  while (source.View().value()->info.unreadable_files.contains(3) && MonotonicClock::now() < deadline) {
+  }
+  EXPECT_EQ(source.View().value()->info.unreadable, 0u);
 }
 
 TEST(MarkOdd, FindsTheOneThatTookTooLong) {

@@ -46,6 +46,9 @@ TEST(MetricsTable, AResumedLifeSupersedesTheOneBefore) {
   EXPECT_EQ(table.series().at("train/loss").value.back(), -1.0);
   ASSERT_EQ(table.lives().size(), 2u);
   EXPECT_EQ(table.lives()[1].from_step, 150u);
+  const auto lines = table.LinesAfter(0, 10);
+  ASSERT_EQ(lines.size(), 3u) << "50, 100 and the new 150";
+  EXPECT_EQ(lines.back()["loss"], -1.0);
 }
 
 TEST(MetricsTable, AnEndLineSaysHowAndGoingOnTakesItBack) {
