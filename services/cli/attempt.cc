@@ -14,14 +14,14 @@
 namespace etude::cli {
 namespace {
 
-struct Arguments {
+struct AttemptArguments {
   std::string spec, out;
   std::uint64_t index = 0;
   std::uint32_t attempt = 0;
   std::vector<std::string> overrides;
 };
 
-Status RunWorker(const Arguments& arguments) {
+Status RunWorker(const AttemptArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling("etude-worker"));
   campaign::ProcessOptions options;
   options.argv = {program.string(), "attempt",
@@ -40,7 +40,7 @@ Status RunWorker(const Arguments& arguments) {
   return {};
 }
 
-Status Replay(const Arguments& arguments) {
+Status Replay(const AttemptArguments& arguments) {
   ETUDE_RETURN_IF_ERROR(RunWorker(arguments));
   const Path out = arguments.out;
   std::error_code error;
@@ -56,7 +56,7 @@ Status Replay(const Arguments& arguments) {
 
 void AddAttempt(CLI::App& app, Body& body) {
   auto* command = AddGroup(app, "attempt", "make any attempt of a campaign again, to see how it went");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<AttemptArguments>();
   auto* replay = command->add_subcommand(
       "replay", "an attempt, failed or not: episode, video, planned motions, distances, where every body was");
   replay->add_option("spec", arguments->spec, "campaign file, or the folder of a dataset")->required();

@@ -19,7 +19,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-struct Arguments {
+struct CampaignArguments {
   std::string name;
   bool as_json = false;
   BusArguments bus;
@@ -46,7 +46,7 @@ OrderedJson StatusJson(const CampaignView& campaign) {
 
 std::string Dumped(const OrderedJson& json) { return json.dump(1, ' ', false, OrderedJson::error_handler_t::replace); }
 
-Status List(const Arguments& arguments) {
+Status ListCampaigns(const CampaignArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
@@ -77,7 +77,7 @@ Result<bus::Presence> Find(const bus::Participant& participant, const std::strin
                           participant.domain()));
 }
 
-Status Show(const Arguments& arguments) {
+Status ShowCampaign(const CampaignArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(const bus::Presence found, Find(participant, arguments.name));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
@@ -134,7 +134,7 @@ Result<bus::CampaignStatus> Ask(const bus::Participant& participant, const bus::
   return no_answer("did not answer");
 }
 
-Status Command(const Arguments& arguments, const Control& control) {
+Status SendControl(const CampaignArguments& arguments, const Control& control) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(const bus::Presence found, Find(participant, arguments.name));
   ETUDE_ASSIGN_OR_RETURN(
@@ -158,11 +158,11 @@ Status Command(const Arguments& arguments, const Control& control) {
 void AddCampaign(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand("campaign", "campaigns that are live: list, status, pause, drain, resume, stop");
   command->require_subcommand(1);
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<CampaignArguments>();
   auto* list = command->add_subcommand("list", "those that are live on this domain");
   list->add_flag("--json", arguments->as_json, "as JSON");
   arguments->bus.Add(*list);
-  list->callback([=, &body] { body = [=] { return List(*arguments); }; });
+  list->callback([=, &body] { body = [=] { return ListCampaigns(*arguments); }; });
   const auto add_name = [&](CLI::App* subcommand) {
     subcommand->add_option("campaign", arguments->name, "NAME, or NAME@ID of one of several")->required();
     arguments->bus.Add(*subcommand);
@@ -170,11 +170,11 @@ void AddCampaign(CLI::App& app, Body& body) {
   auto* status = command->add_subcommand("status", "how far one is, and what its workers do");
   status->add_flag("--json", arguments->as_json, "as JSON");
   add_name(status);
-  status->callback([=, &body] { body = [=] { return Show(*arguments); }; });
+  status->callback([=, &body] { body = [=] { return ShowCampaign(*arguments); }; });
   for (const Control& control : kControls) {
     auto* subcommand = command->add_subcommand(control.word, control.description);
     add_name(subcommand);
-    subcommand->callback([=, &body] { body = [=] { return Command(*arguments, control); }; });
+    subcommand->callback([=, &body] { body = [=] { return SendControl(*arguments, control); }; });
   }
 }
 

@@ -22,7 +22,7 @@
 namespace etude::cli {
 namespace {
 
-std::uint64_t Count(const store::Tensor& tensor) {
+std::uint64_t ElementCount(const store::Tensor& tensor) {
   return std::accumulate(
       tensor.shape.begin(), tensor.shape.end(), std::uint64_t{1},
       [](std::uint64_t product, std::int64_t size) { return product * static_cast<std::uint64_t>(size); });
@@ -91,7 +91,7 @@ struct ShowArguments {
   bool as_json = false, all = false;
 };
 
-Status Show(const ShowArguments& arguments) {
+Status ShowCheckpoint(const ShowArguments& arguments) {
   const std::string& file = arguments.file;
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(file));
   auto content = store::DecodeSafetensors(bytes);
@@ -107,7 +107,7 @@ Status Show(const ShowArguments& arguments) {
   fmt::print("file: {}\nbytes: {}\nsha256: {}\n", file, bytes.size(), Sha256Hex(bytes));
   PrintSummary(content->metadata, metadata);
   std::uint64_t numbers = 0;
-  for (const auto& [name, tensor] : content->tensors) numbers += Count(tensor);
+  for (const auto& [name, tensor] : content->tensors) numbers += ElementCount(tensor);
   if (arguments.all) {
     fmt::print("metadata:\n{}tensors:\n", ToYaml(metadata));
     for (const auto& [name, tensor] : content->tensors)
@@ -230,7 +230,7 @@ void AddCheckpoint(CLI::App& app, Body& body) {
   show->add_option("file", showing->file, "checkpoint file")->required();
   show->add_flag("--all", showing->all, "every setting and tensor too");
   show->add_flag("--json", showing->as_json, "as JSON");
-  show->callback([=, &body] { body = [=] { return Show(*showing); }; });
+  show->callback([=, &body] { body = [=] { return ShowCheckpoint(*showing); }; });
 
   auto second = std::make_shared<std::string>();
   auto* difference = command->add_subcommand("diff", "which parts changed from one to another, and by how much");

@@ -12,7 +12,7 @@
 namespace etude::cli {
 namespace {
 
-struct Arguments {
+struct CollectArguments {
   campaign::SpecArguments spec;
   std::string out;
   int workers = DefaultWorkers();
@@ -20,7 +20,7 @@ struct Arguments {
   Claim claim = Claim::kRefuse;
 };
 
-Status Collect(const Arguments& arguments) {
+Status CollectEpisodes(const CollectArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(arguments.spec));
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kCollector}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
@@ -50,7 +50,7 @@ Status Collect(const Arguments& arguments) {
 
 void AddCollect(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand("collect", "collect demonstrations on this machine: a collector and N workers");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<CollectArguments>();
   command->add_option("spec", arguments->spec.file, "campaign file (YAML), see deploy/campaigns/")->required();
   command->add_option("--out", arguments->out, "dataset folder; run again, it resumes")->required();
   command->add_option("--workers", arguments->workers, "local workers, 0 for only those of other hosts")
@@ -61,7 +61,7 @@ void AddCollect(CLI::App& app, Body& body) {
   AddOverrides(*command, arguments->spec.overrides, "image_stride=1");
   bus::AddClaim(*command, arguments->claim);
   arguments->bus.Add(*command);
-  command->callback([arguments, &body] { body = [arguments] { return Collect(*arguments); }; });
+  command->callback([arguments, &body] { body = [arguments] { return CollectEpisodes(*arguments); }; });
 }
 
 }  // namespace etude::cli

@@ -51,7 +51,7 @@ struct Arms {
   std::string commands, options, values, choices;
 };
 
-void Collect(const OrderedJson& row, const std::string& path, Arms& arms) {
+void CollectArms(const OrderedJson& row, const std::string& path, Arms& arms) {
   std::vector<std::string> commands, options, values;
   int position = 0;
   for (const auto& option : row["options"]) {
@@ -70,12 +70,12 @@ void Collect(const OrderedJson& row, const std::string& path, Arms& arms) {
   arms.options += Arm(path, options);
   arms.values += Arm(path, values);
   for (const auto& command : row["commands"])
-    Collect(command, (path.empty() ? "" : path + " ") + command["name"].get<std::string>(), arms);
+    CollectArms(command, (path.empty() ? "" : path + " ") + command["name"].get<std::string>(), arms);
 }
 
 std::string Functions(const OrderedJson& commands) {
   Arms arms;
-  Collect(commands, "", arms);
+  CollectArms(commands, "", arms);
   const auto function = [](const char* name, const std::string& body) {
     return fmt::format("{}() {{\n  case $1 in\n{}  esac\n}}\n", name, body);
   };
@@ -93,7 +93,7 @@ std::string Walk(const char* first, const char* current, const char* words) {
   return walk;
 }
 
-Status Print(const CLI::App& app, const std::string& shell) {
+Status PrintScript(const CLI::App& app, const std::string& shell) {
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson commands, AllCommands(app));
   fmt::print("{}", shell == "bash" ? BashCompletion(commands) : ZshCompletion(commands));
   return {};
@@ -124,7 +124,7 @@ void AddCompletion(CLI::App& app, Body& body) {
   auto shell = std::make_shared<std::string>();
   auto* command = app.add_subcommand("completion", "a script that completes commands, options and values after TAB");
   command->add_option("shell", *shell, "bash | zsh")->required()->check(CLI::IsMember({"bash", "zsh"}));
-  command->callback([shell, &app, &body] { body = [shell, &app] { return Print(app, *shell); }; });
+  command->callback([shell, &app, &body] { body = [shell, &app] { return PrintScript(app, *shell); }; });
 }
 
 }  // namespace etude::cli

@@ -56,7 +56,7 @@ Status Hash(const std::string& dataset) {
   return {};
 }
 
-Status Sheet(const std::string& dataset, const std::string& out, const FilmstripOptions& options) {
+Status WriteSheet(const std::string& dataset, const std::string& out, const FilmstripOptions& options) {
   ETUDE_RETURN_IF_ERROR(WriteFilmstrips(dataset, out, options));
   fmt::print("{}\n", out);
   return {};
@@ -89,7 +89,7 @@ void AddDataset(CLI::App& app, Body& body) {
   sheet->add_option("--index", options->indices, "rows: these episodes, in this order");
   sheet->add_option("--episodes", options->episodes, "else so many rows: the first ones")->capture_default_str();
   sheet->add_option("--frames", options->frames, "columns")->capture_default_str();
-  sheet->callback([=, &body] { body = [=] { return Sheet(*dataset, *out, *options); }; });
+  sheet->callback([=, &body] { body = [=] { return WriteSheet(*dataset, *out, *options); }; });
   AddDatasetEdit(*command, body);
 }
 

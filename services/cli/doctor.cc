@@ -73,12 +73,12 @@ Finding CheckDisk() {
   return Advice(fmt::format("only {:.1f} GB free in {}; 1000 episodes take about 2 GB", free_gb, here.string()));
 }
 
-struct Arguments {
+struct DoctorArguments {
   BusArguments bus;
   bool as_json = false;
 };
 
-Status Doctor(const Arguments& arguments) {
+Status Doctor(const DoctorArguments& arguments) {
   int missing = 0;
   OrderedJson checks = OrderedJson::array();
   const auto report = [&](const char* what, const Finding& finding) {
@@ -107,7 +107,7 @@ Status Doctor(const Arguments& arguments) {
 
 void AddDoctor(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand("doctor", "check rendering, bus, torch, sockets and disk of this machine");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<DoctorArguments>();
   command->add_flag("--json", arguments->as_json, "as JSON: a list of {check, state, text}");
   arguments->bus.Add(*command);
   const auto* net = AddDoctorNet(*command, body);

@@ -24,7 +24,7 @@
 namespace etude::cli {
 namespace {
 
-struct Arguments {
+struct EvalArguments {
   std::string checkpoint, subscribe, scenes;
   EvaluationOptions evaluation;
   std::string out;
@@ -45,7 +45,7 @@ struct PolicyChoice {
   campaign::EvalSubject subject = {};
 };
 
-ServiceOptions ServiceOf(const Arguments& arguments, std::vector<std::string> policy_arguments) {
+ServiceOptions ServiceOf(const EvalArguments& arguments, std::vector<std::string> policy_arguments) {
   ServiceOptions service;
   service.program = "etude-policy";
   service.log = arguments.evaluation.out / "logs" / "policy.log";
@@ -66,7 +66,7 @@ std::string TrainedAs(const Path& checkpoint) {
 }
 
 // A server of our own, under an id that only this evaluation knows.
-Result<PolicyChoice> ServeCheckpoint(const Arguments& arguments) {
+Result<PolicyChoice> ServeCheckpoint(const EvalArguments& arguments) {
   const auto bytes = ReadBinaryFile(arguments.checkpoint);
   if (!bytes) return Fail(Code::kInvalidArgument, "--checkpoint: " + bytes.error().message);
   // read here once: a policy server that cannot would be started again and again
@@ -87,7 +87,7 @@ Result<Selector> RunOf(const std::string& text) {
 }
 
 // The run that is meant, and its policy server if one is there: then it is asked, and none of our own.
-Result<PolicyChoice> FollowRun(const bus::Participant& participant, const Arguments& arguments) {
+Result<PolicyChoice> FollowRun(const bus::Participant& participant, const EvalArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(Selector run, RunOf(arguments.subscribe));
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
   const auto patience = std::chrono::seconds(1);
@@ -108,12 +108,12 @@ Result<PolicyChoice> FollowRun(const bus::Participant& participant, const Argume
 }
 
 // The campaign whose scenes are used.
-Result<CampaignSpec> BaseSpec(const Arguments& arguments) {
+Result<CampaignSpec> BaseSpec(const EvalArguments& arguments) {
   if (arguments.scenes.empty()) return CampaignSpec();
   return campaign::LoadSpec({arguments.scenes, {}, {}, {}});
 }
 
-Result<CampaignSpec> Spec(const CampaignSpec& base, Arguments& arguments) {
+Result<CampaignSpec> Spec(const CampaignSpec& base, EvalArguments& arguments) {
   EvaluationOptions& evaluation = arguments.evaluation;
   if (!arguments.sentences.empty()) {
     ETUDE_ASSIGN_OR_RETURN(evaluation.sentences, LoadSentences(arguments.sentences));
@@ -130,7 +130,7 @@ Result<CampaignSpec> Spec(const CampaignSpec& base, Arguments& arguments) {
 }
 
 // OUT against the other evaluation: printed, and OUT/comparison.json.
-Status Compare(const Arguments& arguments) {
+Status Compare(const EvalArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson comparison, campaign::CompareEvaluations(arguments.out, arguments.compare));
   const Path file = Path(arguments.out) / "comparison.json";
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(file, comparison.dump(1) + "\n"));
@@ -141,7 +141,7 @@ Status Compare(const Arguments& arguments) {
   return {};
 }
 
-Status Report(const Arguments& arguments, const CampaignSpec& base, OrderedJson report) {
+Status Report(const EvalArguments& arguments, const CampaignSpec& base, OrderedJson report) {
   if (report.contains("per_sentence")) {
     // the collector has ended: nobody else writes the file now
     const Status added = AddNeverSeen(base.tasks, base.objects, report);
@@ -158,7 +158,7 @@ Status Report(const Arguments& arguments, const CampaignSpec& base, OrderedJson 
   return {};
 }
 
-Status Eval(Arguments arguments) {
+Status Eval(EvalArguments arguments) {
   arguments.evaluation.out = arguments.out;
   if (arguments.checkpoint.empty() && arguments.subscribe.empty()) return Compare(arguments);
   // what can be said before anything is read or started
@@ -213,7 +213,7 @@ Status Eval(Arguments arguments) {
 namespace {
 
 // Which scenes, and what is said in them.
-void AddScenes(CLI::App& command, Arguments& arguments) {
+void AddScenes(CLI::App& command, EvalArguments& arguments) {
   EvaluationOptions& evaluation = arguments.evaluation;
   auto* episodes = command.add_option("--episodes", evaluation.episodes, "rollouts")->capture_default_str();
   command.add_option("--seed", evaluation.seed, "of the scenes; never meets a collection's")->capture_default_str();
@@ -261,7 +261,7 @@ void AddVideos(CLI::App& command, EvaluationOptions& evaluation) {
 
 void AddEval(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand("eval", "roll a policy out on fresh scenes: success per task, errors, videos");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<EvalArguments>();
   auto* checkpoint = command->add_option("--checkpoint", arguments->checkpoint, "a .safetensors file");
   auto* subscribe = command->add_option("--subscribe", arguments->subscribe,
                                         "a run's checkpoints on the bus: NAME, NAME@ID, or its folder");

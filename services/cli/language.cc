@@ -17,12 +17,12 @@ struct HeldOutArguments {
   bool as_json = false;
 };
 
-struct Row {
+struct WordRow {
   std::string text, meaning;
   std::vector<std::string> unseen;
 };
 
-void Print(const char* title, const std::vector<Row>& rows) {
+void PrintRows(const char* title, const std::vector<WordRow>& rows) {
   std::size_t with_unseen = 0;
   fmt::print("\n{:<38} {:<18} never seen\n", title, "means");
   for (const auto& row : rows) {
@@ -33,7 +33,7 @@ void Print(const char* title, const std::vector<Row>& rows) {
   fmt::print("{} of {} hold a word that training never saw\n", with_unseen, rows.size());
 }
 
-OrderedJson ToJson(const std::vector<Row>& rows) {
+OrderedJson ToJson(const std::vector<WordRow>& rows) {
   OrderedJson list = OrderedJson::array();
   for (const auto& row : rows) list.push_back({{"text", row.text}, {"means", row.meaning}, {"never_seen", row.unseen}});
   return list;
@@ -42,7 +42,7 @@ OrderedJson ToJson(const std::vector<Row>& rows) {
 Status HeldOut(const HeldOutArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto grammar, language::Grammar::LoadFor(arguments.objects, arguments.tasks));
   ETUDE_ASSIGN_OR_RETURN(const auto seen, language::SeenWords(grammar, arguments.tasks, arguments.objects));
-  std::vector<Row> sentences, phrases;
+  std::vector<WordRow> sentences, phrases;
   for (const auto& held_out : language::HeldOutSentences())
     sentences.push_back(
         {held_out.text, held_out.task + " " + held_out.object, language::UnseenWords(held_out.text, seen)});
@@ -57,8 +57,8 @@ Status HeldOut(const HeldOutArguments& arguments) {
       "Training on {} of {} says {} words (base words, function words, and WordNet's rule; typing errors aside):\n"
       "{}\n",
       fmt::join(arguments.tasks, ", "), fmt::join(arguments.objects, ", "), seen.size(), fmt::join(seen, " "));
-  Print("sentences of Table 11", sentences);
-  Print("noun phrases of Table 8", phrases);
+  PrintRows("sentences of Table 11", sentences);
+  PrintRows("noun phrases of Table 8", phrases);
   return {};
 }
 

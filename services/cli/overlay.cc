@@ -26,10 +26,10 @@ constexpr int kArm = 8;                // px of a cross, from its centre
 constexpr int kDot = 3;                // px, radius
 constexpr double kTip = 9;             // px of an arrow
 constexpr int kFraction = 4;           // bits of a pixel that OpenCV draws lines by
-constexpr double kFont = 0.42;
-constexpr int kTextLine = 16;             // px
-constexpr std::size_t kMostLetters = 32;  // of a word that comes over the bus
-constexpr std::size_t kMostWords = 12;    // in the corner
+constexpr double kWordFont = 0.42;
+constexpr int kTextLine = 16;                 // px
+constexpr std::size_t kMostWordLetters = 32;  // of a word that comes over the bus
+constexpr std::size_t kMostWords = 12;        // in the corner
 constexpr Color kDark{16, 16, 16};
 constexpr Color kFrame{150, 150, 150};
 
@@ -75,7 +75,7 @@ std::vector<double> NumbersOf(const OrderedJson& value) {
 }
 
 Said Read(const std::string& module, const OrderedJson& words) {
-  Said said{.module = module.substr(0, kMostLetters)};
+  Said said{.module = module.substr(0, kMostWordLetters)};
   if (!words.is_object()) return said;
   said.entity = TextOf(words, "entity");
   said.quantity = TextOf(words, "quantity");
@@ -83,7 +83,7 @@ Said Read(const std::string& module, const OrderedJson& words) {
   if (value == words.end()) return said;
   said.numbers = NumbersOf(*value);
   if (!value->is_string()) return said;
-  said.word = value->get<std::string>().substr(0, kMostLetters);
+  said.word = value->get<std::string>().substr(0, kMostWordLetters);
   const auto probability = words.find("probability");
   if (probability != words.end() && probability->is_number())
     said.word += fmt::format(" {:.2f}", probability->get<double>());
@@ -212,11 +212,11 @@ class Sheet {
   /// Moved so that it stays inside.
   void Write(const std::string& text, const cv::Point2d& at, const Color& color) {
     int below = 0;
-    const cv::Size size = cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, kFont, 1, &below);
+    const cv::Size size = cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, kWordFont, 1, &below);
     const cv::Point first(std::max(2, std::min(Near(at).x, picture_.cols - size.width - 2)),
                           std::max(size.height + 2, std::min(Near(at).y, picture_.rows - below - 2)));
     for (const auto& [ink, thickness] : {std::pair(kDark, 3), std::pair(color, 1)})
-      cv::putText(picture_, text, first, cv::FONT_HERSHEY_SIMPLEX, kFont, ScalarOf(ink), thickness, cv::LINE_AA);
+      cv::putText(picture_, text, first, cv::FONT_HERSHEY_SIMPLEX, kWordFont, ScalarOf(ink), thickness, cv::LINE_AA);
   }
 
  private:

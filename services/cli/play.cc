@@ -28,7 +28,7 @@ constexpr auto kAppears = 3s;   // a session that is there is heard within this
 constexpr auto kOpens = 120s;   // a scene is compiled and drawn
 constexpr auto kLine = 1000ms;  // between two lines of a sentence that is obeyed
 
-struct Arguments {
+struct PlayArguments {
   std::string session;
   play::SayArguments say;
   bool stay = false, as_json = false;
@@ -56,7 +56,7 @@ std::vector<std::string> TextsOf(const OrderedJson& json, const char* key) {
   return texts;
 }
 
-std::string TextOf(const OrderedJson& json, const char* key) {
+std::string WordOfState(const OrderedJson& json, const char* key) {
   return json.is_object() && json.contains(key) && json[key].is_string() ? json[key].get<std::string>() : "";
 }
 
@@ -65,7 +65,7 @@ std::vector<std::string> OnTable(const OrderedJson& scene) {
   std::vector<std::string> names;
   if (!scene.is_object() || !scene.contains("objects") || !scene["objects"].is_array()) return names;
   for (const auto& object : scene["objects"])
-    if (object.is_object() && !object.value("hidden", false)) names.push_back(TextOf(object, "name"));
+    if (object.is_object() && !object.value("hidden", false)) names.push_back(WordOfState(object, "name"));
   return names;
 }
 
@@ -92,7 +92,8 @@ void PrintMeaning(const language::Meaning& meaning, const play::SayArguments& sa
 void PrintLine(const bus::PlayState& state) {
   const OrderedJson judge = Parsed(state.judge_json);
   fmt::print("  step {:4} of {}  {}  policy {:.0f} ms (checkpoint {})  {:.1f}x  {}\n", state.step, state.max_steps,
-             TextOf(judge, "doing"), state.policy_ms, state.checkpoint_step, state.speed, TextOf(judge, "words"));
+             WordOfState(judge, "doing"), state.policy_ms, state.checkpoint_step, state.speed,
+             WordOfState(judge, "words"));
   std::fflush(stdout);
 }
 
@@ -121,7 +122,7 @@ Status Follow(play::Client& client, const std::string& session) {
   return Fail(Code::kTimeout, "stopped");
 }
 
-Status SayIn(play::Client& client, const std::string& session, const Arguments& arguments) {
+Status SayIn(play::Client& client, const std::string& session, const PlayArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const bus::PlayState state, client.Find(session, kAppears));
   play::SayArguments say = arguments.say;
   say.home = !arguments.stay;
@@ -137,7 +138,7 @@ Status SayIn(play::Client& client, const std::string& session, const Arguments& 
   return Follow(client, session);
 }
 
-Status List(const Arguments& arguments) {
+Status ListSessions(const PlayArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
   const auto until = MonotonicClock::now() + kAppears;
@@ -157,7 +158,7 @@ Status List(const Arguments& arguments) {
                    {"successes", state.successes}});
     if (arguments.as_json) continue;
     fmt::print("{}  {}  policy {}  {} scene {}  {} of {} sentences done  host {}\n", name, state.phase, state.run,
-               TextOf(scene, "campaign"), scene.value("index", std::uint64_t{0}), state.successes, state.attempts,
+               WordOfState(scene, "campaign"), scene.value("index", std::uint64_t{0}), state.successes, state.attempts,
                state.host);
   }
   if (arguments.as_json)
@@ -168,13 +169,13 @@ Status List(const Arguments& arguments) {
   return {};
 }
 
-Status Say(const Arguments& arguments) {
+Status Say(const PlayArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
   return SayIn(client, arguments.session, arguments);
 }
 
-Status Command(const Arguments& arguments, bus::PlayAction action, const OrderedJson& json) {
+Status SendCommand(const PlayArguments& arguments, bus::PlayAction action, const OrderedJson& json) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
   ETUDE_ASSIGN_OR_RETURN(const bus::PlayState found, client.Find(arguments.session, kAppears));
@@ -197,13 +198,13 @@ Result<play::ObjectPlace> PlaceOf(const std::string& text) {
   return Fail(Code::kInvalidArgument, fmt::format("--place '{}': write OBJECT=X,Y or OBJECT=X,Y,YAW (m, rad)", text));
 }
 
-Status SetScene(const Arguments& arguments) {
+Status SetScene(const PlayArguments& arguments) {
   play::SceneArguments scene{.index = arguments.index, .objects = {}};
   for (const auto& text : arguments.places) {
     ETUDE_ASSIGN_OR_RETURN(auto place, PlaceOf(text));
     scene.objects.push_back(std::move(place));
   }
-  return Command(arguments, bus::PlayAction::kScene, ToJson(scene));
+  return SendCommand(arguments, bus::PlayAction::kScene, ToJson(scene));
 }
 
 // ---- open -----------------------------------------------------------------------------------------
@@ -218,7 +219,7 @@ struct Children {
   }
 };
 
-Status StartPolicy(const Arguments& arguments, std::string& run, Children& children) {
+Status StartPolicy(const PlayArguments& arguments, std::string& run, Children& children) {
   if (arguments.checkpoint.empty()) return {};
   const std::string id = NewId();
   run = "play-" + id.substr(0, 6) + "@" + id;
@@ -234,7 +235,7 @@ Status StartPolicy(const Arguments& arguments, std::string& run, Children& child
   return {};
 }
 
-Status StartWorker(const Arguments& arguments, const std::string& run, Children& children) {
+Status StartWorker(const PlayArguments& arguments, const std::string& run, Children& children) {
   ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling("etude-worker"));
   campaign::ProcessOptions options;
   options.argv = {program.string(),
@@ -259,7 +260,7 @@ Status StartWorker(const Arguments& arguments, const std::string& run, Children&
   return {};
 }
 
-Status AwaitSession(play::Client& client, const Arguments& arguments, Children& children) {
+Status AwaitSession(play::Client& client, const PlayArguments& arguments, Children& children) {
   const auto deadline = MonotonicClock::now() + kOpens;
   while (MonotonicClock::now() < deadline && !StopRequested()) {
     if (client.Listen(200ms).contains(arguments.session)) return {};
@@ -272,7 +273,7 @@ Status AwaitSession(play::Client& client, const Arguments& arguments, Children& 
   return Fail(Code::kTimeout, "open a play session: it does not appear");
 }
 
-Status Open(Arguments arguments) {
+Status Open(PlayArguments arguments) {
   if (arguments.session.empty()) arguments.session = "play-" + NewId().substr(0, 6);
   if (arguments.run.empty() == arguments.checkpoint.empty())
     return Fail(Code::kInvalidArgument, "open a play session: give either --run or --checkpoint");
@@ -305,7 +306,7 @@ Status Open(Arguments arguments) {
 
 // ---- declarations ---------------------------------------------------------------------------------
 
-using Shared = std::shared_ptr<Arguments>;
+using Shared = std::shared_ptr<PlayArguments>;
 
 void AddOpen(CLI::App& command, const Shared& arguments, Body& body) {
   auto* open = command.add_subcommand("open", "a scene, kept by a worker until it is closed; with --say for as long");
@@ -350,8 +351,9 @@ void AddMoves(CLI::App& command, const Shared& arguments, Body& body) {
   nudge->add_option("object", arguments->nudge.object, "as the scene calls it")->required();
   nudge->add_option("dx", arguments->nudge.dx, "m, world")->required();
   nudge->add_option("dy", arguments->nudge.dy, "m, world")->required();
-  nudge->callback(
-      [=, &body] { body = [=] { return Command(*arguments, bus::PlayAction::kNudge, ToJson(arguments->nudge)); }; });
+  nudge->callback([=, &body] {
+    body = [=] { return SendCommand(*arguments, bus::PlayAction::kNudge, ToJson(arguments->nudge)); };
+  });
   for (const auto& [name, action, description] :
        {std::tuple{"hide", bus::PlayAction::kHide, "takes an object out of the picture"},
         {"show", bus::PlayAction::kShow, "puts a hidden object back"}}) {
@@ -360,7 +362,7 @@ void AddMoves(CLI::App& command, const Shared& arguments, Body& body) {
     one->callback([=, &body, chosen = action] {
       body = [=] {
         const play::ObjectArguments object{arguments->nudge.object};
-        return Command(*arguments, chosen, ToJson(object));
+        return SendCommand(*arguments, chosen, ToJson(object));
       };
     });
   }
@@ -375,12 +377,12 @@ void AddMoves(CLI::App& command, const Shared& arguments, Body& body) {
 
 void AddPlay(CLI::App& app, Body& body) {
   auto* command = AddGroup(app, "play", "talk to a policy in a scene of your own: open, say, nudge, hide, reset ...");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<PlayArguments>();
   AddOpen(*command, arguments, body);
   auto* list = command->add_subcommand("list", "sessions that are live on this domain");
   list->add_flag("--json", arguments->as_json, "as JSON");
   arguments->bus.Add(*list);
-  list->callback([=, &body] { body = [=] { return List(*arguments); }; });
+  list->callback([=, &body] { body = [=] { return ListSessions(*arguments); }; });
   AddSay(*command, arguments, body);
   AddMoves(*command, arguments, body);
   for (const auto& [name, action, description] :
@@ -389,7 +391,7 @@ void AddPlay(CLI::App& app, Body& body) {
         {"close", bus::PlayAction::kClose, "ends the session"}}) {
     auto* one = AddOne(*command, name, description, arguments);
     one->callback(
-        [=, &body, chosen = action] { body = [=] { return Command(*arguments, chosen, OrderedJson::object()); }; });
+        [=, &body, chosen = action] { body = [=] { return SendCommand(*arguments, chosen, OrderedJson::object()); }; });
   }
 }
 

@@ -15,7 +15,7 @@
 namespace etude::cli {
 namespace {
 
-struct Arguments {
+struct ReferenceArguments {
   std::string out, proto = "proto";
   BusArguments bus;
 };
@@ -59,7 +59,7 @@ Result<std::string> StructOf(const std::string& type, const Path& proto) {
 }
 
 // Types and QoS are those that readers of every topic have, opened here and asked for.
-Result<std::string> TopicsPage(const Arguments& arguments) {
+Result<std::string> TopicsPage(const ReferenceArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open());
   const std::string partition = "reference-" + NewId();
   std::vector<std::unique_ptr<bus::Echo>> readers;
@@ -84,7 +84,7 @@ Result<std::string> TopicsPage(const Arguments& arguments) {
          table + "\n## Types\n\nA field marked `@key` tells instances of a topic apart.\n" + types;
 }
 
-Result<Pages> MakePages(const CLI::App& app, const Arguments& arguments) {
+Result<Pages> MakePages(const CLI::App& app, const ReferenceArguments& arguments) {
   Pages pages;
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson commands, AllCommands(app));
   pages["commands.md"] = CommandsPage(commands);
@@ -99,7 +99,7 @@ Result<Pages> MakePages(const CLI::App& app, const Arguments& arguments) {
   return pages;
 }
 
-Status Write(const CLI::App& app, const Arguments& arguments) {
+Status Write(const CLI::App& app, const ReferenceArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const Pages pages, MakePages(app, arguments));
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
   for (const auto& [name, text] : pages) {
@@ -115,7 +115,7 @@ Status Write(const CLI::App& app, const Arguments& arguments) {
 void AddReference(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand(
       "reference", "write the reference pages: commands, config keys, topics, HTTP, metrics, how attempts end");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<ReferenceArguments>();
   command->add_option("--out", arguments->out, "folder of the pages")->required();
   command->add_option("--proto", arguments->proto, "folder of the IDL files")->capture_default_str();
   arguments->bus.Add(*command);

@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Arguments {
+struct ResultsArguments {
   std::string file = "deploy/docs/results.yaml", out = "out/results", write;
   std::vector<std::string> only;
   std::vector<std::uint64_t> seeds;
@@ -33,7 +33,7 @@ constexpr const char* kWhole = "whole";  // in a run's folder: it has come to it
 /// Runs commands of `etude` one after another, each with a log of its own.
 class Maker {
  public:
-  explicit Maker(const Arguments& arguments) : arguments_(arguments), out_(arguments.out) {}
+  explicit Maker(const ResultsArguments& arguments) : arguments_(arguments), out_(arguments.out) {}
 
   /// Makes what is not there already of one training seed of `row`. @returns the evaluation's report
   Result<OrderedJson> Make(const ResultRow& row, std::uint64_t seed) {
@@ -167,7 +167,7 @@ class Maker {
     return std::move(*report);
   }
 
-  const Arguments& arguments_;
+  const ResultsArguments& arguments_;
   const Path out_;
   std::set<std::string> collected_;
 };
@@ -190,7 +190,7 @@ struct Table {
   }
 };
 
-Status CheckRows(const Arguments& arguments, const ResultsConfig& config) {
+Status CheckRows(const ResultsArguments& arguments, const ResultsConfig& config) {
   ETUDE_RETURN_IF_ERROR(config.Validate());
   for (const auto& name : arguments.only)
     if (std::ranges::find(config.rows, name, &ResultRow::name) == config.rows.end())
@@ -204,7 +204,7 @@ Status CheckRows(const Arguments& arguments, const ResultsConfig& config) {
   return {};
 }
 
-Status Results(const Arguments& arguments) {
+Status Results(const ResultsArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto config, LoadConfig<ResultsConfig>(arguments.file));
   ETUDE_RETURN_IF_ERROR(CheckRows(arguments, config));
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
@@ -247,7 +247,7 @@ Status ResultsConfig::Validate() const {
 }
 
 void AddResults(CLI::App& app, Body& body) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<ResultsArguments>();
   auto* command = app.add_subcommand("results", "make a table of results: collect, train and roll out, row by row");
   command->add_option("file", arguments->file, "what the rows are")->capture_default_str();
   command->add_option("--out", arguments->out, "folder for data, runs, evaluations and logs; begun again, it goes on")

@@ -72,7 +72,7 @@ std::string NamesText(const std::vector<std::string>& names) {
   return names.empty() ? "any" : fmt::format("{}", fmt::join(names, ","));
 }
 
-Status Show(const std::string& folder) {
+Status ShowAuthority(const std::string& folder) {
   ETUDE_ASSIGN_OR_RETURN(const auto issued, security::ReadIssued(folder));
   const auto now = static_cast<std::int64_t>(WallSeconds());
   for (const auto& item : issued)
@@ -135,7 +135,7 @@ void AddSecurity(CLI::App& app, Body& body) {
 
   auto* show = command->add_subcommand("show", "identities, their roles and days left");
   show->add_option("dir", *folder, "folder of the authority")->required();
-  show->callback([=, &body] { body = [=] { return Show(*folder); }; });
+  show->callback([=, &body] { body = [=] { return ShowAuthority(*folder); }; });
 
   auto* key =
       command->add_subcommand("signing-key", "make a key that checkpoints are signed with, and its public half");

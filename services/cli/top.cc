@@ -15,7 +15,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-struct Arguments {
+struct TopArguments {
   bool once = false;
   BusArguments bus;
 };
@@ -30,7 +30,7 @@ Screen ScreenNow() {
   return {size.ws_row, size.ws_col};
 }
 
-Status Top(const Arguments& arguments) {
+Status Top(const TopArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   // who is there says so once a second
@@ -57,7 +57,7 @@ Status Top(const Arguments& arguments) {
 void AddTop(CLI::App& app, Body& body) {
   auto* command =
       app.add_subcommand("top", "what goes on: campaigns, workers, training, policies; redrawn each second");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<TopArguments>();
   command->add_flag("--once", arguments->once, "print it once");
   arguments->bus.Add(*command);
   command->callback([arguments, &body] { body = [arguments] { return Top(*arguments); }; });

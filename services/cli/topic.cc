@@ -23,7 +23,7 @@ using namespace std::chrono_literals;
 
 constexpr std::size_t kMostPartitions = 64;  // that are read at once
 
-struct Arguments {
+struct TopicArguments {
   std::string topic, partition;
   bool as_json = false, bulk = false;
   std::uint64_t count = 0;
@@ -42,7 +42,7 @@ std::string PeersText(const std::vector<bus::PeerEndpoint>& endpoints,
   return fmt::format("{}{}", peers.empty() ? "" : ": ", fmt::join(peers, ", "));
 }
 
-Status List(const Arguments& arguments) {
+Status ListTopics(const TopicArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
@@ -67,13 +67,13 @@ Status List(const Arguments& arguments) {
 }
 
 // The partitions in which somebody writes the topic now.
-Result<std::set<std::string>> Written(const bus::Participant& participant, const Arguments& arguments) {
+Result<std::set<std::string>> Written(const bus::Participant& participant, const TopicArguments& arguments) {
   if (!arguments.partition.empty()) return std::set<std::string>{arguments.partition};
   ETUDE_ASSIGN_OR_RETURN(const auto endpoints, bus::Endpoints(participant));
   return monitor::WrittenPartitions(endpoints, arguments.topic);
 }
 
-Status CheckTopic(const Arguments& arguments) {
+Status CheckTopic(const TopicArguments& arguments) {
   const auto known = bus::KnownTopics();
   if (std::ranges::count(known, arguments.topic) == 0)
     return Fail(Code::kInvalidArgument, "topic " + NotKnown(arguments.topic, known));
@@ -85,7 +85,7 @@ Status CheckTopic(const Arguments& arguments) {
   return {};
 }
 
-Status Echo(const Arguments& arguments) {
+Status Echo(const TopicArguments& arguments) {
   ETUDE_RETURN_IF_ERROR(CheckTopic(arguments));
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   std::map<std::string, std::unique_ptr<bus::Echo>> readers;  // by partition
@@ -109,7 +109,7 @@ Status Echo(const Arguments& arguments) {
   return {};
 }
 
-Status Hz(const Arguments& arguments) {
+Status Hz(const TopicArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
@@ -135,11 +135,11 @@ Status Hz(const Arguments& arguments) {
 void AddTopic(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand("topic", "the bus: topics with types, QoS and peers; messages; rates");
   command->require_subcommand(1);
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<TopicArguments>();
   auto* list = command->add_subcommand("list", "every topic: type, QoS, who writes and who reads it");
   list->add_flag("--json", arguments->as_json, "as JSON");
   arguments->bus.Add(*list);
-  list->callback([=, &body] { body = [=] { return List(*arguments); }; });
+  list->callback([=, &body] { body = [=] { return ListTopics(*arguments); }; });
 
   auto* echo = command->add_subcommand("echo", "messages of a topic, a line of JSON each");
   echo->add_option("topic", arguments->topic, "e.g. etude/campaign/status")->required();

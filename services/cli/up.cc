@@ -29,7 +29,7 @@ using namespace std::chrono_literals;
 constexpr auto kTrainerPatience = 60s;
 constexpr auto kPolicyPatience = 5s;
 
-struct Arguments {
+struct UpArguments {
   std::string file;
   std::vector<std::string> overrides;
   std::optional<std::uint64_t> episodes;
@@ -277,7 +277,7 @@ Status System::Run(bool keep_running) {
   return done;
 }
 
-Result<UpConfig> Load(const Arguments& arguments) {
+Result<UpConfig> Load(const UpArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(auto config, LoadConfig<UpConfig>(arguments.file, arguments.overrides));
   if (config.campaign.empty())
     return Fail(Code::kInvalidArgument, fmt::format("{}: campaign: name a campaign file", arguments.file));
@@ -294,7 +294,7 @@ Result<UpConfig> Load(const Arguments& arguments) {
 }
 
 // nullopt: it is not wanted, or it cannot be started; then it is said why.
-std::optional<DashboardService> StartDashboard(const Arguments& arguments, const Path& out, const BusArguments& bus) {
+std::optional<DashboardService> StartDashboard(const UpArguments& arguments, const Path& out, const BusArguments& bus) {
   if (arguments.no_dashboard) return std::nullopt;
   auto started = DashboardService::Start({out, arguments.dashboard_port, bus});
   if (started) return std::move(*started);
@@ -302,7 +302,7 @@ std::optional<DashboardService> StartDashboard(const Arguments& arguments, const
   return std::nullopt;
 }
 
-Status Up(const Arguments& arguments) {
+Status Up(const UpArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const UpConfig config, Load(arguments));
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec,
                          campaign::LoadSpec({config.campaign, arguments.episodes, {}, config.campaign_set}));
@@ -338,7 +338,7 @@ Status Up(const Arguments& arguments) {
 
 void AddUp(CLI::App& app, Body& body) {
   auto* command = app.add_subcommand("up", "the whole loop on this machine: collect, train, serve, roll out");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<UpArguments>();
   command->add_option("config", arguments->file, "what to run (YAML), e.g. deploy/up/quickstart.yaml")->required();
   command->add_option("--episodes", arguments->episodes, "demonstrations, instead of the campaign file's count");
   command->add_option("--minutes", arguments->minutes, "of training");

@@ -63,8 +63,8 @@ struct CommitRow {
 CommitRow RowOf(const Episode& episode, std::uint64_t frames, std::uint64_t bytes);
 
 /// A line without its end: {"index", "attempt", "t", "worker", "host", "fingerprint", "bytes", "steps", "frames",
-/// "outcome", "robot", "task", "target", "reference", "instruction", "timings": {...}, "path_m", "jerk", "joint_speed", "place_m": [x, y],
-/// "draws"} and, when it is counted, "success", "samples", "scene", "planned".
+/// "outcome", "robot", "task", "target", "reference", "instruction", "timings": {...}, "path_m", "jerk", "joint_speed",
+/// "place_m": [x, y], "draws"} and, when it is counted, "success", "samples", "scene", "planned".
 std::string LineOf(const CommitRow& row);
 /// Keys that are missing keep their defaults, others are ignored. @error kCorrupt: not JSON, without an index, or with
 /// a value of another kind

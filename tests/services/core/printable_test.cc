@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace etude {
-namespace {
+namespace printable_test {
 
 TEST(Printable, HasNothingThatMovesACursor) {
   EXPECT_EQ(Printable("a\x1b[2Jb\nc\x7f"), "a [2Jb c ");
@@ -17,5 +17,5 @@ TEST(Printable, HasNothingThatMovesACursor) {
   EXPECT_EQ(Printable(""), "");
 }
 
-}  // namespace
+}  // namespace printable_test
 }  // namespace etude

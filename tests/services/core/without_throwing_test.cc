@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 namespace etude {
-namespace {
+namespace without_throwing_test {
 
 TEST(WithoutThrowing, TurnsWhatIsThrownIntoAnError) {
   EXPECT_TRUE(WithoutThrowing([] { return Status(); }));
@@ -20,5 +20,5 @@ TEST(WithoutThrowing, TurnsWhatIsThrownIntoAnError) {
   EXPECT_FALSE(WithoutThrowing([]() -> Status { throw 7; }));
 }
 
-}  // namespace
+}  // namespace without_throwing_test
 }  // namespace etude

@@ -8,7 +8,7 @@
 #include "services/play/client.h"
 
 namespace etude::play {
-namespace {
+namespace stop_test {
 
 using namespace std::chrono_literals;
 
@@ -42,5 +42,5 @@ TEST(PlayClient, SaysACommandOnceAfterAStopRequest) {
   EXPECT_EQ(stops, 1);
 }
 
-}  // namespace
+}  // namespace stop_test
 }  // namespace etude::play
