@@ -320,15 +320,7 @@ CLI::App* AddTaskCheck(CLI::App& app, Arguments& arguments) {
   return check;
 }
 
-}  // namespace
-}  // namespace etude
-
-int main(int argc, char** argv) {
-  etude::PinProcess(argv);
-  // llvmpipe is fastest without threads of its own when every core has a worker
-  ::setenv("LP_NUM_THREADS", "0", 0);
-  etude::Arguments arguments;
-  CLI::App app("Joins a campaign and makes episodes until it is complete.", "etude worker");
+void AddJoining(CLI::App& app, Arguments& arguments) {
   app.add_option("--campaign", arguments.worker.campaign, "campaign to join: NAME, or NAME@ID of one of several");
   arguments.bus.Add(app);
   app.add_option("--name", arguments.worker.name, "unique name on the bus");
@@ -353,6 +345,18 @@ int main(int argc, char** argv) {
                                    "prints what the bytes of this machine's episodes depend on, and ends");
   app.add_flag("--json", arguments.json, "the fingerprint as JSON")->needs(fingerprint);
   app.add_flag("--child", arguments.child)->group("");  // hidden: how a host starts its children
+}
+
+}  // namespace
+}  // namespace etude
+
+int main(int argc, char** argv) {
+  etude::PinProcess(argv);
+  // llvmpipe is fastest without threads of its own when every core has a worker
+  ::setenv("LP_NUM_THREADS", "0", 0);
+  etude::Arguments arguments;
+  CLI::App app("Joins a campaign and makes episodes until it is complete.", "etude worker");
+  etude::AddJoining(app, arguments);
   auto* doctor = app.add_subcommand("doctor", "render one picture and say with what");
   auto* render = etude::AddRender(app, arguments);
   auto* robot = app.add_subcommand("robot", "robots of your own")->require_subcommand(1);

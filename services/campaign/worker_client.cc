@@ -121,6 +121,7 @@ struct WorkerClient::Impl {
   double HandIn(const bus::Lease& lease, const WorkResult& result);
   void Send(const bus::Lease& lease, const WorkResult& result);
   void Report(const bus::Lease& lease, const std::string& outcome, const std::string& details_json);
+  static void TakeUp(const bus::Lease& lease, bus::WorkerStatus& status);
   static void Count(const WorkResult& result, double send_s, bus::WorkerStatus& status);
 };
 
@@ -292,6 +293,15 @@ void WorkerClient::Impl::Count(const WorkResult& result, double send_s, bus::Wor
   ++status.plan_histogram[bus::PlanBin(result.times.plan_s)];
 }
 
+void WorkerClient::Impl::TakeUp(const bus::Lease& lease, bus::WorkerStatus& status) {
+  status.phase = "plan";
+  status.stage.clear();
+  status.step = 0;
+  status.index = lease.index;
+  status.attempt = lease.attempt;
+  status.token = lease.token;
+}
+
 Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
   // this very attempt was reported already: the report was lost, or is on its way
   if (joined->last_report && joined->last_report->token == lease.token) {
@@ -306,14 +316,7 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
     WaitForStop(200ms);
     return {};
   }
-  joined->heartbeat->Set([&](bus::WorkerStatus& status) {
-    status.phase = "plan";
-    status.stage.clear();
-    status.step = 0;
-    status.index = lease.index;
-    status.attempt = lease.attempt;
-    status.token = lease.token;
-  });
+  joined->heartbeat->Set([&](bus::WorkerStatus& status) { TakeUp(lease, status); });
   Stopwatch elapsed;
   auto result = joined->work({lease.index, lease.attempt, *weights, ProgressTo(*joined->heartbeat, *watched)});
   const double seconds = elapsed.Seconds();

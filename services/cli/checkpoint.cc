@@ -219,6 +219,31 @@ Status Watch(const WatchArguments& arguments) {
   return {};
 }
 
+void AddExport(CLI::App& command, Body& body) {
+  auto file = std::make_shared<std::string>(), out = std::make_shared<std::string>(),
+       format = std::make_shared<std::string>();
+  auto* exporting = command.add_subcommand("export", "for programs without Etude: TorchScript, opens with libtorch");
+  exporting->add_option("file", *file, "checkpoint file")->required();
+  exporting->add_option("out", *out, "the file to write, .pt")->required();
+  exporting->add_option("--format", *format, "torchscript")->required()->check(CLI::IsMember({"torchscript"}));
+  exporting->callback([=, &body] {
+    body = [=] { return ExecSibling("etude-policy", {*format, *file, *out}); };  // names all that options write to
+  });
+}
+
+void AddWatch(CLI::App& command, Body& body) {
+  auto watching = std::make_shared<WatchArguments>();
+  auto* watch = command.add_subcommand("watch", "subscribe to a run; write each verified checkpoint");
+  watch->add_option("--run", watching->run, "the run: NAME or NAME@ID")->required();
+  watch->add_option("--out", watching->out, "folder for <channel>-<version>.safetensors")->required();
+  watch->add_option("--channel", watching->channel, "latest | best (default: both)")
+      ->check(CLI::IsMember({"latest", "best"}));
+  bus::AddVerify(*watch, watching->verify);
+  watch->add_flag("--once", watching->once, "one checkpoint, then end");
+  watching->bus.Add(*watch);
+  watch->callback([=, &body] { body = [=] { return Watch(*watching); }; });
+}
+
 }  // namespace
 
 void AddCheckpoint(CLI::App& app, Body& body) {
@@ -245,31 +270,13 @@ void AddCheckpoint(CLI::App& app, Body& body) {
     };
   });
 
-  auto out = std::make_shared<std::string>(), format = std::make_shared<std::string>();
-  auto* exporting = command->add_subcommand("export", "for programs without Etude: TorchScript, opens with libtorch");
-  exporting->add_option("file", *file, "checkpoint file")->required();
-  exporting->add_option("out", *out, "the file to write, .pt")->required();
-  exporting->add_option("--format", *format, "torchscript")->required()->check(CLI::IsMember({"torchscript"}));
-  exporting->callback([=, &body] {
-    body = [=] { return ExecSibling("etude-policy", {*format, *file, *out}); };  // names all that options write to
-  });
-
   auto promoting = std::make_shared<PromoteArguments>();
   auto* promote = command->add_subcommand("promote", "make a checkpoint its run's best, in place of the one that was");
   promote->add_option("run", promoting->run, "folder of the run")->required();
   promote->add_option("checkpoint", promoting->checkpoint, "STEP, or FILE in RUN/checkpoints")->required();
   promote->callback([=, &body] { body = [=] { return Promote(*promoting); }; });
-
-  auto watching = std::make_shared<WatchArguments>();
-  auto* watch = command->add_subcommand("watch", "subscribe to a run; write each verified checkpoint");
-  watch->add_option("--run", watching->run, "the run: NAME or NAME@ID")->required();
-  watch->add_option("--out", watching->out, "folder for <channel>-<version>.safetensors")->required();
-  watch->add_option("--channel", watching->channel, "latest | best (default: both)")
-      ->check(CLI::IsMember({"latest", "best"}));
-  bus::AddVerify(*watch, watching->verify);
-  watch->add_flag("--once", watching->once, "one checkpoint, then end");
-  watching->bus.Add(*watch);
-  watch->callback([=, &body] { body = [=] { return Watch(*watching); }; });
+  AddExport(*command, body);
+  AddWatch(*command, body);
 }
 
 }  // namespace etude::cli

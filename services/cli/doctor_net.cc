@@ -128,6 +128,20 @@ Status DoctorNet(const NetArguments& arguments) {
   return {};
 }
 
+void AdviseOnInterfaces(const NetworkReport& report, std::vector<std::string>& lines) {
+  for (const auto& interface : report.interfaces) {
+    if (interface.discovery && !interface.multicast_problem.empty())
+      lines.push_back(
+          fmt::format("peers are looked for by multicast on {}, which does not work there ({}): set "
+                      "AllowMulticast to false and list the hubs as peers",
+                      interface.name, interface.multicast_problem));
+    if (!report.local_only && interface.mtu > 0 && interface.mtu < kUsualMtu && !interface.loopback)
+      lines.push_back(
+          fmt::format("{} carries {} bytes a packet (a tunnel?): set MaxRexmitMessageSize to {}B in the profile",
+                      interface.name, interface.mtu, interface.mtu - 44));
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> Advice(const NetworkReport& report) {
@@ -160,17 +174,7 @@ std::vector<std::string> Advice(const NetworkReport& report) {
         fmt::format("{:.1f} datagrams a second are dropped because a socket's buffer is full: raise "
                     "net.core.rmem_max, or give the process a core",
                     report.overflows_per_second));
-  for (const auto& interface : report.interfaces) {
-    if (interface.discovery && !interface.multicast_problem.empty())
-      lines.push_back(
-          fmt::format("peers are looked for by multicast on {}, which does not work there ({}): set "
-                      "AllowMulticast to false and list the hubs as peers",
-                      interface.name, interface.multicast_problem));
-    if (!report.local_only && interface.mtu > 0 && interface.mtu < kUsualMtu && !interface.loopback)
-      lines.push_back(
-          fmt::format("{} carries {} bytes a packet (a tunnel?): set MaxRexmitMessageSize to {}B in the profile",
-                      interface.name, interface.mtu, interface.mtu - 44));
-  }
+  AdviseOnInterfaces(report, lines);
   for (const auto& clock : report.clocks)
     if (std::abs(clock.seconds) > kSameTime)
       lines.push_back(fmt::format("the clock of {} is {:.1f} s {} this one's: let both follow a time server (chrony)",

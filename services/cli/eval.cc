@@ -158,6 +158,17 @@ Status Report(const EvalArguments& arguments, const CampaignSpec& base, OrderedJ
   return {};
 }
 
+// The run that is followed; the evaluation is told of it.
+Result<PolicyChoice> Follow(const bus::Participant& participant, EvalArguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(PolicyChoice choice, FollowRun(participant, arguments));
+  choice.subject.run = choice.run.name;
+  choice.subject.run_id = choice.run.id;
+  std::error_code ignored;
+  if (std::filesystem::is_directory(arguments.subscribe, ignored))
+    arguments.evaluation.run_folder = arguments.subscribe;
+  return choice;
+}
+
 Status Eval(EvalArguments arguments) {
   arguments.evaluation.out = arguments.out;
   if (arguments.checkpoint.empty() && arguments.subscribe.empty()) return Compare(arguments);
@@ -173,12 +184,7 @@ Status Eval(EvalArguments arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
                          bus::ProcessReporter::Start(participant, {.role = "etude eval", .folder = arguments.out}));
   if (arguments.checkpoint.empty()) {
-    ETUDE_ASSIGN_OR_RETURN(choice, FollowRun(participant, arguments));
-    choice.subject.run = choice.run.name;
-    choice.subject.run_id = choice.run.id;
-    std::error_code ignored;
-    if (std::filesystem::is_directory(arguments.subscribe, ignored))
-      arguments.evaluation.run_folder = arguments.subscribe;
+    ETUDE_ASSIGN_OR_RETURN(choice, Follow(participant, arguments));
   }
   arguments.evaluation.run = choice.run.name;
   arguments.evaluation.subject = choice.subject;

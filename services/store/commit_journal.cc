@@ -350,7 +350,7 @@ void CommitTable::Clear() {
   for (auto* column : {&path_m_, &jerk_, &joint_speed_}) column->clear();
   timings_.clear();
   place_m_.clear();
-  for (auto* column : {&worker_, &host_, &outcome_, &robot_, &task_, &target_, &reference_, &instruction_})
+  for (auto* column : {&worker_, &host_, &fingerprint_, &outcome_, &robot_, &task_, &target_, &reference_, &instruction_})
     column->Clear();
   unread_ = offset_ = 0;
   ++generation_;
@@ -382,6 +382,7 @@ void CommitTable::Put(std::size_t row, const CommitRow& from) {
   timings_[row] = from.facts.timings;
   worker_.Set(row, from.facts.worker);
   host_.Set(row, from.facts.host);
+  fingerprint_.Set(row, from.facts.fingerprint);
   outcome_.Set(row, from.outcome);
   robot_.Set(row, from.robot);
   task_.Set(row, from.task);
@@ -451,7 +452,7 @@ CommitRow CommitTable::Row(std::size_t row) const {
   out.index = index_[row];
   out.attempt = attempt_[row];
   out.t = t_[row];
-  out.facts = {worker_.At(row), host_.At(row), timings_[row]};
+  out.facts = {worker_.At(row), host_.At(row), fingerprint_.At(row), timings_[row]};
   out.bytes = bytes_[row];
   out.steps = steps_[row];
   out.frames = frames_[row];

@@ -142,6 +142,7 @@ class CommitTable {
   const std::vector<AttemptTimes>& timings() const { return timings_; }
   const WordColumn& worker() const { return worker_; }
   const WordColumn& host() const { return host_; }
+  const WordColumn& fingerprint() const { return fingerprint_; }
   const WordColumn& outcome() const { return outcome_; }
   const WordColumn& robot() const { return robot_; }
   const WordColumn& task() const { return task_; }
@@ -166,7 +167,7 @@ class CommitTable {
   std::vector<float> path_m_, jerk_, joint_speed_;
   std::vector<std::array<float, 2>> place_m_;  // NaN: not said
   std::vector<AttemptTimes> timings_;
-  WordColumn worker_, host_, outcome_, robot_, task_, target_, reference_, instruction_;
+  WordColumn worker_, host_, fingerprint_, outcome_, robot_, task_, target_, reference_, instruction_;
 };
 
 }  // namespace etude::store

@@ -147,14 +147,10 @@ DatasetWriter::DatasetWriter(DatasetWriter&&) noexcept = default;
 DatasetWriter& DatasetWriter::operator=(DatasetWriter&&) noexcept = default;
 DatasetWriter::~DatasetWriter() = default;
 
-Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpec& spec) {
-  ETUDE_RETURN_IF_ERROR(MakeFolders(dataset));
-  // an earlier run may have ended between making the folder and making its entry durable; where the folder above
-  // cannot be read, this cannot be done
-  (void)SyncFolder(std::filesystem::absolute(dataset / ".").parent_path().parent_path());
-  ETUDE_ASSIGN_OR_RETURN(auto lock, internal::DatasetLock::Take(dataset));
+namespace {
 
-  // the description says what the dataset is; it is the first thing that is made
+// What the dataset is: the first thing that is made, and refused where it is another campaign's.
+Status Describe(const Path& dataset, const CampaignSpec& spec) {
   internal::DatasetFile description{spec};
   auto found = internal::ReadDatasetFile(dataset);
   if (found) {
@@ -165,9 +161,20 @@ Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpe
   } else {
     return Fail(found.error());
   }
-  if (!found || ToJson(found->spec) != ToJson(spec))
-    ETUDE_RETURN_IF_ERROR(internal::WriteDatasetFile(dataset, description));
+  if (found && ToJson(found->spec) == ToJson(spec)) return {};
+  return internal::WriteDatasetFile(dataset, description);
+}
 
+}  // namespace
+
+Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpec& spec) {
+  ETUDE_RETURN_IF_ERROR(MakeFolders(dataset));
+  // an earlier run may have ended between making the folder and making its entry durable; where the folder above
+  // cannot be read, this cannot be done
+  (void)SyncFolder(std::filesystem::absolute(dataset / ".").parent_path().parent_path());
+  ETUDE_ASSIGN_OR_RETURN(auto lock, internal::DatasetLock::Take(dataset));
+
+  ETUDE_RETURN_IF_ERROR(Describe(dataset, spec));
   ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
   ETUDE_ASSIGN_OR_RETURN(const auto files, internal::ListEpisodeFolder(dataset));
   ETUDE_RETURN_IF_ERROR(RemoveTemporaries(dataset, files));
@@ -243,6 +250,16 @@ Status DatasetWriter::Commit(const Episode& episode, const CommitFacts& facts) {
   return CommitGroup({&arrived, 1}).front();
 }
 
+namespace {
+
+std::uint64_t PictureCount(const EpisodeView& view) {
+  std::uint64_t pictures = 0;
+  for (const auto& camera : view.frames) pictures += camera.size();
+  return pictures;
+}
+
+}  // namespace
+
 std::vector<Status> DatasetWriter::CommitGroup(std::span<const ArrivedEpisode> group) {
   std::vector<Status> statuses(group.size());
   std::vector<std::size_t> fresh;  // positions in the group of those that are written
@@ -271,9 +288,7 @@ std::vector<Status> DatasetWriter::CommitGroup(std::span<const ArrivedEpisode> g
     const EpisodeView& view = *group[i].view;
     statuses[i] = committed[k];
     if (!committed[k]) continue;
-    std::uint64_t frames = 0;
-    for (const auto& camera : view.frames) frames += camera.size();
-    CommitRow row = RowOf(view.episode, frames, parts[k].size());
+    CommitRow row = RowOf(view.episode, PictureCount(view), parts[k].size());
     row.facts = group[i].facts;
     row.t = WallSeconds();
     impl_->committed.insert(row.index);

@@ -87,6 +87,7 @@ struct PolicyServer::Impl {
   void PublishStatus();
   Status OpenDesk(const std::string& run_id);
   Status AnswerAll(const std::vector<bus::Observation>& observations);
+  void Send(bus::Action& action, const Latency& measured);
 };
 
 // a first number for clients, before any of them has asked
@@ -243,6 +244,21 @@ Status PolicyServer::Impl::OpenDesk(const std::string& run_id) {
   return {};
 }
 
+void PolicyServer::Impl::Send(bus::Action& action, const Latency& measured) {
+  action.server_p50_ms = static_cast<float>(measured.p50_ms);
+  action.server_p99_ms = static_cast<float>(measured.p99_ms);
+  if (!action.error.empty()) {
+    ++refused_observations;
+    NoteRefusal("observation: " + action.error);
+    Log().warn("refused an observation session={}: {}", action.session, action.error);
+  }
+  // a client that went away must not stop the others
+  if (const Status written = desk->actions.Write(action); !written)
+    Log().warn("answer session={}: {}", action.session, written.error().message);
+  else
+    ++answered;
+}
+
 Status PolicyServer::Impl::AnswerAll(const std::vector<bus::Observation>& observations) {
   const Stopwatch since_arrival;
   const Served serving = Current();
@@ -272,19 +288,7 @@ Status PolicyServer::Impl::AnswerAll(const std::vector<bus::Observation>& observ
 
   const Latency measured = latency.Now();
   for (auto& action : actions) {
-    action.server_p50_ms = static_cast<float>(measured.p50_ms);
-    action.server_p99_ms = static_cast<float>(measured.p99_ms);
-    if (!action.error.empty()) {
-      ++refused_observations;
-      NoteRefusal("observation: " + action.error);
-      Log().warn("refused an observation session={}: {}", action.session, action.error);
-    }
-    const Status written = desk->actions.Write(action);
-    // a client that went away must not stop the others
-    if (!written)
-      Log().warn("answer session={}: {}", action.session, written.error().message);
-    else
-      ++answered;
+    Send(action, measured);
     if (action.error.empty()) latency.Add(1000 * since_arrival.Seconds());
   }
   for (const auto* observation : open) desk->insights->Offer(*observation, current);

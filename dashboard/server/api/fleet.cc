@@ -258,20 +258,29 @@ void Sort(std::vector<HostRow*>& hosts, std::string order) {
 
 }  // namespace
 
+namespace {
+
+// Who works; where nobody does, who made what there is, and what runs now besides.
+Hosts HostsNow(Context& context, const live::LiveView& view, bool& live) {
+  Hosts hosts = FromBus(context, view);
+  live = std::ranges::any_of(hosts, [](const auto& item) { return !item.second.workers.empty(); });
+  if (live) return hosts;
+  Hosts made = FromJournals(context);
+  for (auto& [name, host] : made) {
+    host.processes = std::move(hosts[name].processes);
+    hosts[name] = std::move(host);
+  }
+  return hosts;
+}
+
+}  // namespace
+
 Result<OrderedJson> FleetJson(Context& context, const http::Query& query) {
   ETUDE_ASSIGN_OR_RETURN(const auto offset, query.Integer("offset", 0, 0, 1'000'000));
   ETUDE_ASSIGN_OR_RETURN(const auto limit, query.Integer("limit", 50, 1, 200));
   const auto view = context.live();
-  Hosts hosts = FromBus(context, *view);
-  const bool live = std::ranges::any_of(hosts, [](const auto& item) { return !item.second.workers.empty(); });
-  if (!live) {
-    // who made what there is, and what runs now besides
-    Hosts made = FromJournals(context);
-    for (auto& [name, host] : made) {
-      host.processes = std::move(hosts[name].processes);
-      hosts[name] = std::move(host);
-    }
-  }
+  bool live = false;
+  Hosts hosts = HostsNow(context, *view, live);
   std::vector<HostRow*> rows;
   for (auto& [name, host] : hosts) rows.push_back(&host);
   AddTasks(context, rows);
