@@ -350,7 +350,8 @@ void CommitTable::Clear() {
   for (auto* column : {&path_m_, &jerk_, &joint_speed_}) column->clear();
   timings_.clear();
   place_m_.clear();
-  for (auto* column : {&worker_, &host_, &fingerprint_, &outcome_, &robot_, &task_, &target_, &reference_, &instruction_})
+  for (auto* column :
+       {&worker_, &host_, &fingerprint_, &outcome_, &robot_, &task_, &target_, &reference_, &instruction_})
     column->Clear();
   unread_ = offset_ = 0;
   ++generation_;
