@@ -53,7 +53,7 @@ const std::vector<ActionHelp>& Known() {
   return known;
 }
 
-struct Command {
+struct ActionCommand {
   std::vector<std::string> arguments;
   Weight weight = Weight::kLight;
 
@@ -73,7 +73,7 @@ Result<Path> CheckpointOf(Context& context, const OrderedJson& body) {
   return run.source->found().folder / "checkpoints" / header->file;
 }
 
-Result<Command> Evaluate(Context& context, const OrderedJson& body) {
+Result<ActionCommand> Evaluate(Context& context, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const Path checkpoint, CheckpointOf(context, body));
   const auto episodes = UnsignedOf(body, "episodes").value_or(40);
   const std::string seed = TextOf(body, "seed", "9001");
@@ -84,7 +84,7 @@ Result<Command> Evaluate(Context& context, const OrderedJson& body) {
   const Path folder = checkpoint.parent_path().parent_path();
   const Path out =
       folder.parent_path() / fmt::format("{}-eval-{}-{}", folder.filename().string(), checkpoint.stem().string(), seed);
-  Command command{{"eval", "--checkpoint", checkpoint.string(), "--episodes", std::to_string(episodes), "--seed", seed,
+  ActionCommand command{{"eval", "--checkpoint", checkpoint.string(), "--episodes", std::to_string(episodes), "--seed", seed,
                    "--out", out.string()},
                   Weight::kHeavy};
   command.AddFlags(context.bus_flags(security::Role::kCollector));
@@ -92,22 +92,22 @@ Result<Command> Evaluate(Context& context, const OrderedJson& body) {
 }
 
 // Its collector does it: it answers on the bus.
-Result<Command> Control(Context& context, const std::string& action, const OrderedJson& body) {
+Result<ActionCommand> Control(Context& context, const std::string& action, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const std::string name, BusNameOfCampaign(context, TextOf(body, "campaign")));
-  Command command{{"campaign", action, name}, Weight::kLight};
+  ActionCommand command{{"campaign", action, name}, Weight::kLight};
   command.AddFlags(context.bus_flags(security::Role::kGateway));
   return command;
 }
 
-Result<Command> Promote(Context& context, const OrderedJson& body) {
+Result<ActionCommand> Promote(Context& context, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const Path checkpoint, CheckpointOf(context, body));
   const Path run = checkpoint.parent_path().parent_path();
-  return Command{{"checkpoint", "promote", run.string(), checkpoint.filename().string()}, Weight::kLight};
+  return ActionCommand{{"checkpoint", "promote", run.string(), checkpoint.filename().string()}, Weight::kLight};
 }
 
-Result<Command> Serve(Context& context, const OrderedJson& body) {
+Result<ActionCommand> Serve(Context& context, const OrderedJson& body) {
   if (context.domain < 0) return Fail(Code::kInvalidArgument, "serve: this gateway is on no bus (--no-bus)");
-  Command command{{"policy"}, Weight::kLight};
+  ActionCommand command{{"policy"}, Weight::kLight};
   if (TextOf(body, "file").empty()) {
     ETUDE_ASSIGN_OR_RETURN(const OpenedRun run, OpenRun(context, TextOf(body, "run")));
     command.AddFlags({"--subscribe", run.source->found().folder.string()});
@@ -119,7 +119,7 @@ Result<Command> Serve(Context& context, const OrderedJson& body) {
   return command;
 }
 
-Result<Command> Replay(Context& context, const OrderedJson& body) {
+Result<ActionCommand> Replay(Context& context, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const auto dataset, context.sources.Dataset(TextOf(body, "dataset")));
   const auto index = UnsignedOf(body, "index");
   const auto attempt = UnsignedOf(body, "attempt").value_or(0);
@@ -128,17 +128,17 @@ Result<Command> Replay(Context& context, const OrderedJson& body) {
   const Path& folder = dataset->found().folder;
   const Path out =
       folder.parent_path() / fmt::format("{}-replay-{:06}-{}", folder.filename().string(), *index, attempt);
-  return Command{{"attempt", "replay", folder.string(), "--index", std::to_string(*index), "--attempt",
+  return ActionCommand{{"attempt", "replay", folder.string(), "--index", std::to_string(*index), "--attempt",
                   std::to_string(attempt), "--out", out.string()},
                  Weight::kLight};
 }
 
-Result<Command> Verify(Context& context, const OrderedJson& body) {
+Result<ActionCommand> Verify(Context& context, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const auto dataset, context.sources.Dataset(TextOf(body, "dataset")));
-  return Command{{"dataset", "verify", dataset->found().folder.string(), "--keep"}, Weight::kHeavy};
+  return ActionCommand{{"dataset", "verify", dataset->found().folder.string(), "--keep"}, Weight::kHeavy};
 }
 
-Result<Command> CommandFor(Context& context, const OrderedJson& body) {
+Result<ActionCommand> CommandFor(Context& context, const OrderedJson& body) {
   const std::string action = TextOf(body, "action");
   if (action == "evaluate") return Evaluate(context, body);
   if (action == "replay") return Replay(context, body);
@@ -154,7 +154,7 @@ Result<Command> CommandFor(Context& context, const OrderedJson& body) {
 
 Result<http::Answer> Act(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, JsonBody(request));
-  ETUDE_ASSIGN_OR_RETURN(const Command command, CommandFor(context, body));
+  ETUDE_ASSIGN_OR_RETURN(const ActionCommand command, CommandFor(context, body));
   std::vector<std::string> words{"etude"};
   words.insert(words.end(), command.arguments.begin(), command.arguments.end());
   if (sources::FlagOf(body, "dry_run")) return http::JsonAnswer({{"command", CommandText(words)}});

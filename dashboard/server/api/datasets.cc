@@ -17,7 +17,7 @@ using sources::Maybe;
 using sources::TextOrNull;
 
 // Also begins to read what is not known of its rows.
-Result<OpenedDataset> Open(Context& context, const http::Request& request) {
+Result<OpenedDataset> OpenRequested(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(auto opened, OpenDataset(context, request.Parameter("id")));
   if (opened.view->known + opened.view->info.unreadable < opened.view->rows.size())
     context.ReadInBackground(opened.source);
@@ -25,7 +25,7 @@ Result<OpenedDataset> Open(Context& context, const http::Request& request) {
 }
 
 Result<http::Answer> Dataset(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const OpenedDataset opened, Open(context, request));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedDataset opened, OpenRequested(context, request));
   const auto& [source, view] = opened;
   const auto& info = view->info;
   const auto state = StateOf(view.get(), LiveOf(*context.live(), *view));
@@ -135,7 +135,7 @@ Result<std::vector<const EpisodeRow*>> Filtered(const OpenedDataset& opened, con
 
 Result<http::Answer> Episodes(Context& context, const http::Request& request) {
   constexpr std::int64_t kMost = 500, kUsual = 50, kFar = 100'000'000;
-  ETUDE_ASSIGN_OR_RETURN(const OpenedDataset opened, Open(context, request));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedDataset opened, OpenRequested(context, request));
   ETUDE_ASSIGN_OR_RETURN(const auto limit, request.query.Integer("limit", kUsual, 1, kMost));
   // opaque to clients: how many rows came before
   ETUDE_ASSIGN_OR_RETURN(const auto offset, request.query.Integer("before", 0, 0, kFar));
@@ -258,7 +258,7 @@ OrderedJson Odd(Rows rows) {
 }
 
 Result<http::Answer> Summary(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const OpenedDataset opened, Open(context, request));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedDataset opened, OpenRequested(context, request));
   ETUDE_ASSIGN_OR_RETURN(const auto filter, EpisodeFilter::From(request.query, *opened.source));
   ETUDE_ASSIGN_OR_RETURN(const auto rows, Filtered(opened, request.query));
   const auto known = static_cast<std::uint64_t>(std::ranges::count_if(rows, [](const auto* row) { return row->known; }));

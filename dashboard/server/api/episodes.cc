@@ -20,13 +20,13 @@ namespace {
 
 using Record = std::shared_ptr<const store::EpisodeRecord>;
 
-struct Opened {
+struct OpenedEpisode {
   std::shared_ptr<sources::DatasetSource> source;
   Record record;
 };
 
-Result<Opened> Open(Context& context, const http::Request& request) {
-  Opened opened;
+Result<OpenedEpisode> OpenEpisode(Context& context, const http::Request& request) {
+  OpenedEpisode opened;
   ETUDE_ASSIGN_OR_RETURN(const std::uint64_t index, request.Index("n"));
   ETUDE_ASSIGN_OR_RETURN(opened.source, context.sources.Dataset(request.Parameter("id")));
   ETUDE_ASSIGN_OR_RETURN(opened.record, opened.source->Episode(index));
@@ -126,7 +126,7 @@ OrderedJson PlaceInList(const std::vector<sources::EpisodeRow>& rows, std::uint6
 }
 
 Result<http::Answer> EpisodeAnswer(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEpisode opened, OpenEpisode(context, request));
   ETUDE_ASSIGN_OR_RETURN(const auto view, opened.source->View());
   const Episode& episode = opened.record->episode;
   std::vector<std::string> objects;
@@ -166,7 +166,7 @@ Result<http::Answer> EpisodeAnswer(Context& context, const http::Request& reques
 
 // ---- tracks -------------------------------------------------------------------------------------
 
-struct Window {
+struct PictureWindow {
   int from = 0, to = 0, points = 4000;
   int rows() const { return to - from; }
   bool bucketed() const { return rows() > points; }
@@ -176,7 +176,7 @@ struct Window {
   }
 };
 
-void AddTrack(const std::string& name, const Track& track, const Window& window, store::Safetensors& content) {
+void AddTrack(const std::string& name, const Track& track, const PictureWindow& window, store::Safetensors& content) {
   const int columns = track.columns;
   const std::vector<std::int64_t> shape{window.buckets(), columns};
   std::vector<float> low, high, last;
@@ -198,7 +198,7 @@ void AddTrack(const std::string& name, const Track& track, const Window& window,
   content.tensors[name + "/last"] = TensorOf(store::DType::kF32, last, shape);
 }
 
-void AddBytes(const std::string& name, const std::vector<std::uint8_t>& values, const Window& window,
+void AddBytes(const std::string& name, const std::vector<std::uint8_t>& values, const PictureWindow& window,
               store::Safetensors& content) {
   std::vector<std::uint8_t> last;
   for (int bucket = 0; bucket < window.buckets(); ++bucket)
@@ -218,10 +218,10 @@ std::set<std::string> Names(const http::Query& query) {
 }
 
 Result<http::Answer> TracksAnswer(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEpisode opened, OpenEpisode(context, request));
   const Episode& episode = opened.record->episode;
   const int steps = episode.steps();
-  Window window;
+  PictureWindow window;
   ETUDE_ASSIGN_OR_RETURN(const auto from, request.query.Integer("from", 0, 0, steps));
   ETUDE_ASSIGN_OR_RETURN(const auto to, request.query.Integer("to", steps, 0, 100'000'000));
   ETUDE_ASSIGN_OR_RETURN(const auto points, request.query.Integer("points", 4000, 2, 4000));
@@ -258,13 +258,13 @@ Result<std::size_t> CameraOf(const store::EpisodeRecord& record, const std::stri
 }
 
 struct Located {
-  Opened opened;
+  OpenedEpisode opened;
   std::size_t camera = 0, k = 0;
 };
 
 Result<Located> Locate(Context& context, const http::Request& request) {
   Located located;
-  ETUDE_ASSIGN_OR_RETURN(located.opened, Open(context, request));
+  ETUDE_ASSIGN_OR_RETURN(located.opened, OpenEpisode(context, request));
   const auto& record = *located.opened.record;
   ETUDE_ASSIGN_OR_RETURN(located.camera, CameraOf(record, request.Parameter("camera")));
   ETUDE_ASSIGN_OR_RETURN(located.k, request.Index("k"));
@@ -315,7 +315,7 @@ Result<http::Answer> Webp(Context& context, const http::Request& request) {
 Result<http::Answer> Strip(Context& context, const http::Request& request) {
   constexpr std::size_t kStills = 6;
   constexpr int kHeight = 96;  // px
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEpisode opened, OpenEpisode(context, request));
   const auto& record = *opened.record;
   if (record.frames.empty() || record.frames[0].empty())
     return Fail(Code::kNotFound, fmt::format("episode {} has no pictures", record.episode.index));
@@ -331,7 +331,7 @@ Result<http::Answer> Strip(Context& context, const http::Request& request) {
 }
 
 Result<http::Answer> Video(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const Opened opened, Open(context, request));
+  ETUDE_ASSIGN_OR_RETURN(const OpenedEpisode opened, OpenEpisode(context, request));
   ETUDE_ASSIGN_OR_RETURN(const std::size_t camera, CameraOf(*opened.record, request.Parameter("camera")));
   ETUDE_ASSIGN_OR_RETURN(const Path file, CachedVideo(context.videos, *opened.record, camera));
   ETUDE_ASSIGN_OR_RETURN(auto open, sources::OpenBelow(file.parent_path(), file.filename()));

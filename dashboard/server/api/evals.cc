@@ -117,7 +117,7 @@ std::map<std::uint64_t, std::string> VideosByIndex(const std::vector<std::string
   return videos;
 }
 
-Result<http::Answer> Rows(Context& context, const http::Request& request) {
+Result<http::Answer> RolloutRows(Context& context, const http::Request& request) {
   const std::string id = request.Parameter("id");
   ETUDE_ASSIGN_OR_RETURN(const OpenedEval opened, OpenEval(context, id));
   ETUDE_ASSIGN_OR_RETURN(const auto offset, request.query.Integer("offset", 0, 0, 10'000'000));
@@ -140,7 +140,7 @@ Result<http::Answer> Rows(Context& context, const http::Request& request) {
       {{"total", rows.size()}, {"next", last < rows.size() ? OrderedJson(last) : OrderedJson()}, {"rows", page}});
 }
 
-Result<http::Answer> Video(Context& context, const http::Request& request) {
+Result<http::Answer> RolloutVideo(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const OpenedEval opened, OpenEval(context, request.Parameter("id")));
   const std::string name = request.Parameter("file");
   if (std::ranges::find(opened.view->videos, name) == opened.view->videos.end())
@@ -293,8 +293,8 @@ void AddEvalRoutes(http::Router& router, Context& context) {
     ETUDE_ASSIGN_OR_RETURN(const OrderedJson json, EvalJson(of, request.Parameter("id")));
     return http::JsonAnswer(json);
   });
-  add("/evals/{id}/rows", Rows);
-  add("/evals/{id}/videos/{file}", Video);
+  add("/evals/{id}/rows", RolloutRows);
+  add("/evals/{id}/videos/{file}", RolloutVideo);
   add("/evals/{a}/pair/{b}", Pair);
 }
 

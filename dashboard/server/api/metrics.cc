@@ -46,18 +46,18 @@ class Exposition {
   std::string text_;
 };
 
-struct Dataset {
+struct DatasetMetrics {
   std::string id;
   std::shared_ptr<const sources::DatasetView> view;
   CampaignState state;
 };
-struct Run {
+struct RunMetrics {
   std::string id;
   std::shared_ptr<const sources::RunView> view;
   RunState state;
 };
 
-void Collection(const std::vector<Dataset>& datasets, Exposition& out) {
+void Collection(const std::vector<DatasetMetrics>& datasets, Exposition& out) {
   out.Family("etude_demonstrations_total", "counter", "Committed demonstrations.");
   for (const auto& [id, view, state] : datasets)
     out.Sample("etude_demonstrations_total", {{"campaign", id}}, static_cast<double>(state.committed));
@@ -77,7 +77,7 @@ void Collection(const std::vector<Dataset>& datasets, Exposition& out) {
   }
 }
 
-void PlanSeconds(const std::vector<Dataset>& datasets, Exposition& out) {
+void PlanSeconds(const std::vector<DatasetMetrics>& datasets, Exposition& out) {
   static constexpr std::array<double, 11> kEdges{0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28, 2.56, 5.12, 10.24};
   const std::string name = "etude_plan_seconds";
   out.Family(name.c_str(), "histogram", "Planning time of an attempt.");
@@ -100,21 +100,21 @@ void PlanSeconds(const std::vector<Dataset>& datasets, Exposition& out) {
   }
 }
 
-void Training(const std::vector<Run>& runs, Exposition& out) {
+void Training(const std::vector<RunMetrics>& runs, Exposition& out) {
   const auto gauge = [&](const char* name, const char* help, auto value) {
     out.Family(name, "gauge", help);
     for (const auto& run : runs)
       if (const std::optional<double> number = value(run)) out.Sample(name, {{"run", run.id}}, *number);
   };
   gauge("etude_train_step", "Training step.",
-        [](const Run& run) -> std::optional<double> { return static_cast<double>(run.state.step); });
+        [](const RunMetrics& run) -> std::optional<double> { return static_cast<double>(run.state.step); });
   gauge("etude_train_stage", "Stage of the curriculum, from 1.",
-        [](const Run& run) -> std::optional<double> { return static_cast<double>(run.state.stage); });
-  gauge("etude_train_loss", "Loss of training.", [](const Run& run) { return run.state.loss; });
+        [](const RunMetrics& run) -> std::optional<double> { return static_cast<double>(run.state.stage); });
+  gauge("etude_train_loss", "Loss of training.", [](const RunMetrics& run) { return run.state.loss; });
   gauge("etude_train_samples_per_second", "Samples trained a second.",
-        [](const Run& run) { return run.state.samples_per_s; });
+        [](const RunMetrics& run) { return run.state.samples_per_s; });
   gauge("etude_train_data_wait_ratio", "Share of a step that waits for data.",
-        [](const Run& run) { return run.state.data_wait; });
+        [](const RunMetrics& run) { return run.state.data_wait; });
   out.Family("etude_checkpoint_step", "gauge", "Step of the checkpoint of a channel.");
   for (const auto& run : runs)
     for (const auto& header : run.view->checkpoints)
@@ -221,7 +221,7 @@ void Processes(const live::LiveView& live, Counters& counters, Exposition& out) 
   bus("etude_bus_samples_total", "Messages written to a topic.");
 }
 
-std::string Exposed(const std::vector<Dataset>& datasets, const std::vector<Run>& runs, const live::LiveView& live,
+std::string Exposed(const std::vector<DatasetMetrics>& datasets, const std::vector<RunMetrics>& runs, const live::LiveView& live,
                     Counters& counters) {
   Exposition out;
   Collection(datasets, out);
@@ -234,8 +234,8 @@ std::string Exposed(const std::vector<Dataset>& datasets, const std::vector<Run>
 
 std::string Text(Context& context, Counters& counters) {
   const auto live = context.live();
-  std::vector<Dataset> datasets;
-  std::vector<Run> runs;
+  std::vector<DatasetMetrics> datasets;
+  std::vector<RunMetrics> runs;
   constexpr std::size_t kMost = 40;
   const auto state = [&](const auto& view) { return StateOf(&view, LiveOf(*live, view)); };
   for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kDataset, kMost, false).found)

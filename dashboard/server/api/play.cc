@@ -107,7 +107,7 @@ Result<http::Answer> List(Context& context, const http::Request&) {
 }
 
 // Starts the worker as a job.
-Result<http::Answer> Open(Context& context, const http::Request& request) {
+Result<http::Answer> OpenSession(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const auto watch, WatchOf(context));
   (void)watch;
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, JsonBody(request));
@@ -275,7 +275,7 @@ void AddPlayRoutes(http::Router& router, Context& context) {
   };
   const auto parsers = std::make_shared<Parsers>();
   add("GET", "/play/sessions", Access::kRead, List);
-  add("POST", "/play/sessions", Access::kAction, Open);
+  add("POST", "/play/sessions", Access::kAction, OpenSession);
   add("GET", "/play/sessions/{id}", Access::kRead, Show);
   add("POST", "/play/sessions/{id}/commands", Access::kAction, Command, http::Lane::kBus);
   add("GET", "/play/sessions/{id}/frame.jpg", Access::kRead, Picture);

@@ -17,7 +17,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t kMostOwners = 256;
+constexpr std::size_t kMostWatched = 256;
 constexpr std::size_t kMostWishes = 16;
 constexpr auto kWishStands = 5s;
 constexpr auto kLook = 250ms;        // messages
@@ -113,7 +113,7 @@ class Ears {
       : participant_(&participant), directory_(std::move(directory)), processes_(std::move(processes)) {}
 
   void Follow(const bus::Presence& presence) {
-    if (presence.wire != bus::kWireVersion || campaigns_.size() + runs_.size() >= kMostOwners) return;
+    if (presence.wire != bus::kWireVersion || campaigns_.size() + runs_.size() >= kMostWatched) return;
     const std::string partition = bus::Owner{presence.name, presence.id}.partition();
     if (presence.kind == bus::PresenceKind::kCampaign && !campaigns_.contains(presence.id)) {
       auto readers = CampaignReaders::Open(*participant_, partition);

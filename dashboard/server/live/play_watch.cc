@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto kLook = 30ms;
+constexpr auto kListen = 30ms;
 constexpr auto kForgotten = 10s;  // pictures that nobody asks for
 constexpr auto kAnswer = 8s;      // of a session, within what a request may take
 
@@ -46,7 +46,7 @@ Status PlayWatch::Start() {
 
 void PlayWatch::Run(std::stop_token stop, play::Client client) {
   while (!stop.stop_requested()) {
-    const auto& sessions = client.Listen(kLook);
+    const auto& sessions = client.Listen(kListen);
     MutexLock lock(mutex_);
     sessions_ = sessions;
     TakeFrames();

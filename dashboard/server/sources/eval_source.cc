@@ -12,9 +12,9 @@
 namespace etude::sources {
 namespace {
 
-constexpr std::chrono::seconds kRefreshEvery{1};
-constexpr std::uint64_t kJsonBytes = 64 << 20;
-constexpr std::size_t kMostRows = 100'000;
+constexpr std::chrono::seconds kEvalRefreshEvery{1};
+constexpr std::uint64_t kEvalJsonBytes = 64 << 20;
+constexpr std::size_t kMostRollouts = 100'000;
 constexpr std::size_t kMostVideos = 2'000;
 
 // rows of both, by index; a streamed one may be newer than the report
@@ -22,7 +22,7 @@ std::vector<OrderedJson> Merged(const OrderedJson& report, const std::vector<Ord
   std::map<std::uint64_t, const OrderedJson*> rows;
   const auto& listed = PartOf(report, "per_episode");
   const auto take = [&](const OrderedJson& row) {
-    if (const auto index = UnsignedOf(row, "index"); index && rows.size() < kMostRows) rows[*index] = &row;
+    if (const auto index = UnsignedOf(row, "index"); index && rows.size() < kMostRollouts) rows[*index] = &row;
   };
   if (listed.is_array())
     for (const auto& row : listed) take(row);
@@ -52,11 +52,11 @@ std::vector<std::string> VideosIn(const Path& folder) {
 
 Result<std::shared_ptr<const EvalView>> EvalSource::View() {
   MutexLock lock(mutex_);
-  if (view_ && MonotonicClock::now() - refreshed_ < kRefreshEvery) return view_;
+  if (view_ && MonotonicClock::now() - refreshed_ < kEvalRefreshEvery) return view_;
   if (const auto stamp = StampOf(found_.folder / "eval.json"); stamp != report_stamp_) {
     OrderedJson report = OrderedJson::object();
     if (stamp.exists()) {
-      ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(found_.folder / "eval.json", kJsonBytes));
+      ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(found_.folder / "eval.json", kEvalJsonBytes));
       auto json = ParseBoundedJson(text);
       if (!json || !json->is_object())
         return Fail(Code::kCorrupt, fmt::format("read '{}': eval.json is not a report", found_.shown));
@@ -67,12 +67,12 @@ Result<std::shared_ptr<const EvalView>> EvalSource::View() {
   }
   lines_.Refresh([&] { streamed_.clear(); },
                  [&](const OrderedJson& row) {
-                   if (streamed_.size() < kMostRows) streamed_.push_back(row);
+                   if (streamed_.size() < kMostRollouts) streamed_.push_back(row);
                  });
   const Path spec_file = found_.folder / "rollouts" / "dataset.json";
   if (const auto stamp = StampOf(spec_file); stamp != spec_stamp_) {
     now_.spec = nullptr;
-    if (const auto text = ReadTextFile(spec_file, kJsonBytes))
+    if (const auto text = ReadTextFile(spec_file, kEvalJsonBytes))
       if (const auto json = ParseBoundedJson(*text)) now_.spec = PartOf(*json, "spec");
     spec_stamp_ = stamp;
   }

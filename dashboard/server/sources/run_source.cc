@@ -16,7 +16,7 @@
 namespace etude::sources {
 namespace {
 
-constexpr std::chrono::milliseconds kRefreshEvery{500};
+constexpr std::chrono::milliseconds kRunRefreshEvery{500};
 constexpr std::size_t kMostSeries = 500;        // of a run
 constexpr std::size_t kMostPoints = 2'000'000;  // of a series
 constexpr std::size_t kRecentLines = 64;
@@ -230,7 +230,7 @@ void RunSource::ReadCheckpoints() {
 }
 
 void RunSource::Refresh() {
-  if (view_ && MonotonicClock::now() - refreshed_ < kRefreshEvery) return;
+  if (view_ && MonotonicClock::now() - refreshed_ < kRunRefreshEvery) return;
   refreshed_ = MonotonicClock::now();
   metrics_file_.Refresh([&] { now_.metrics.Clear(), changed_ = true; },
                         [&](const OrderedJson& line) { now_.metrics.Take(line), changed_ = true; });
