@@ -46,6 +46,11 @@ int main(int argc, char** argv) {
       fmt::print("holds still: {}\n", answer.error().message);
       continue;
     }
+    // a network may answer with numbers that are no rotation; nobody after this program looks
+    if (!std::ranges::all_of(answer->waypoints, [](const auto& w) { return w.X_WE.q.coeffs().allFinite(); })) {
+      robot.Hold();
+      continue;
+    }
     ++answered;
     for (int step = 1; step <= kStepsPerAnswer; ++step)
       robot.Command(Within(robot.hand(), etude::Interpolate(answer->waypoints, step)));

@@ -23,7 +23,7 @@ Status WriteCollectorFile(const Path& folder, const OrderedJson& json) {
 
 // Not an object when it is not understood.
 Result<OrderedJson> ReadCollectorFile(const Path& folder) {
-  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(CollectorFile(folder), 1 << 16));
+  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(CollectorFile(folder), 1 << 20));
   return ParseBoundedJson(text).value_or(OrderedJson());
 }
 

@@ -19,13 +19,13 @@ struct SpecArguments {
 };
 
 /// File, then overrides, then --episodes and --seed; validated.
-/// @error kNotFound, kInvalidArgument (all problems at once)
+/// @error kInvalidArgument: no such file, or all its problems at once
 Result<CampaignSpec> LoadSpec(const SpecArguments& arguments);
 /// A spec that comes from elsewhere (a dataset, a command's own) with `overrides` ("a.b=c") over it; validated.
 /// @error kInvalidArgument (all problems at once)
 Result<CampaignSpec> WithOverrides(CampaignSpec spec, const std::vector<std::string>& overrides);
 
-/// "120/400 episodes  31.2/min  expert 98.4 %  2 workers  ETA 9:05  failures: plan_failed 2".
+/// "120/400 episodes  31.2/min  expert 98.4 %  2 workers  ETA 9:05  failed: plan_failed 2".
 std::string ProgressLine(const CollectorProgress& progress);
 /// A small table for the end.
 std::string SummaryText(const CollectorProgress& progress);

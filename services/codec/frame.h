@@ -10,7 +10,7 @@
 
 namespace etude::codec {
 
-/// Inflates one zlib stream (libdeflate) into exactly `size` bytes. Thread-safe.
+/// Inflates one zlib stream (libdeflate) into exactly `pixels.size()` bytes. Thread-safe.
 /// @error kCorrupt
 Status InflateFrame(std::span<const std::uint8_t> stream, std::span<std::uint8_t> pixels);
 /// zlib stream of `pixels` at a fast level; deterministic. Thread-safe.

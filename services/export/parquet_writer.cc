@@ -224,7 +224,8 @@ Status ParquetWriter::Finish() {
   ETUDE_RETURN_IF_ERROR(impl_->Write({reinterpret_cast<const char*>(&size), sizeof(size)}));
   ETUDE_RETURN_IF_ERROR(impl_->Write(kMagic));
   if (std::fclose(impl_->file.release()) != 0) return Fail(ErrnoError("write", impl_->path, errno));
-  return SyncFile(impl_->path);
+  ETUDE_RETURN_IF_ERROR(SyncFile(impl_->path));
+  return SyncFolder(impl_->path.parent_path());
 }
 
 std::uint64_t ParquetWriter::bytes() const { return impl_->bytes; }

@@ -110,7 +110,7 @@ Best ObjectAt(const Vocabulary& vocabulary, const Strings& objects, const String
   return best.empty() ? by_name : best;
 }
 
-// Number of the verb's words when they all stand in `words`, in order; 0 else. Others may stand between them.
+// Whether the verb's words all stand in `words`, in order. Others may stand between them.
 bool HasVerb(const Strings& words, const std::string& verb) {
   std::size_t at = 0;
   for (const auto& word : Split(verb)) {

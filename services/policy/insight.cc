@@ -72,12 +72,14 @@ PictureAttention AttentionAt(const Place& place, std::span<const std::uint8_t> b
 Status ReadAttention(const bus::Insight& message, Insight& insight) {
   const auto layout = ParseBoundedJson(message.attention_json);
   if (!layout || !layout->is_object()) return Fail(Code::kCorrupt, "read an insight: its attention has no layout");
+  std::size_t left = message.attention.size();  // each module has bytes of its own
   for (const auto& [module, json] : layout->items()) {
     if (!json.is_object() || !json.contains("image")) continue;
     const auto place = PlaceOf(json);
-    if (!place || !place->Fits(message.attention.size()))
+    if (!place || !place->Fits(message.attention.size()) || place->tokens() > left)
       return Fail(Code::kCorrupt, fmt::format("read an insight: the attention of {} does not fit its {} bytes", module,
                                               message.attention.size()));
+    left -= place->tokens();
     insight.attention[module] = AttentionAt(*place, message.attention);
   }
   return {};

@@ -17,7 +17,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kFrame = 0.02;  // of the picture, kept free around the work volume
 constexpr int kDraws = 60;       // of a camera, before the ranges begin to shrink,
 constexpr double kShrink = 0.9;  // by so much with each more

@@ -212,7 +212,8 @@ Status Mp4Writer::Finish() {
   if (const int code = av_write_trailer(impl.format.get()); code < 0)
     return Refused(impl.path, "write the index", code);
   if (const int code = avio_closep(&impl.format->pb); code < 0) return Refused(impl.path, "close the file", code);
-  return SyncFile(impl.path);
+  ETUDE_RETURN_IF_ERROR(SyncFile(impl.path));
+  return SyncFolder(impl.path.parent_path());
 }
 
 std::int64_t Mp4Writer::pictures() const { return impl_->pictures; }

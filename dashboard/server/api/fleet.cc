@@ -17,7 +17,7 @@ namespace {
 using sources::Maybe;
 using sources::TextOrNull;
 
-constexpr std::size_t kMostLooked = 40;  // datasets
+constexpr std::size_t kMostDatasets = 40;
 
 struct WorkerRow {
   std::string worker, campaign, phase, strip, last, task, target, robot, stage, print;
@@ -88,7 +88,7 @@ using Hosts = std::map<std::string, HostRow>;
 
 // The source that a campaign on the bus is shown under.
 std::string SourceOf(Context& context, const live::LiveCampaign& campaign) {
-  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kDataset, kMostLooked, false).found) {
+  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kDataset, kMostDatasets, false).found) {
     const auto source = context.sources.Dataset(found.id);
     if (!source) continue;
     const auto view = (*source)->View();
@@ -137,7 +137,7 @@ Hosts FromJournals(Context& context) {
   Hosts hosts;
   std::shared_ptr<const sources::DatasetView> newest;
   std::string id;
-  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kDataset, kMostLooked, false).found) {
+  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kDataset, kMostDatasets, false).found) {
     const auto source = context.sources.Dataset(found.id);
     if (!source) continue;
     const auto view = (*source)->View();

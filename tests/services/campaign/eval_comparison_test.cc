@@ -171,6 +171,8 @@ TEST(SceneDifferences, AreWhatMakesOtherScenesAndNothingElse) {
   other.image_stride = 2;
   other.max_attempts = 2;
   other.split.train = 0.3;
+  other.stall_timeout_s = 9;
+  other.determinism = "none";
   other.camera.width = other.camera.height = 96;
   other.rollout.run = "b";
   other.rollout.occlude = 0.2;

@@ -68,5 +68,15 @@ TEST(KnownFingerprint, StaysOverStarts) {
   EXPECT_EQ(KnownFiles(folder.path()), "abc");
 }
 
+TEST(KnownFingerprint, OfTheLargestSizeIsReadAgain) {
+  TemporaryFolder folder;
+  Fingerprint largest;
+  for (int k = 0; k < 32; ++k) largest.emplace_back(std::string(4000, 'a') + std::to_string(k), std::string(4096, 'b'));
+  ASSERT_THAT(RememberEpoch(folder.path(), 1), IsOk());
+  ASSERT_THAT(RememberFingerprint(folder.path(), largest), IsOk());
+  EXPECT_EQ(LastEpoch(folder.path()).value_or(0), 1u) << "a worker cannot lock the folder";
+  EXPECT_EQ(KnownFingerprint(folder.path()), largest);
+}
+
 }  // namespace fingerprint_test
 }  // namespace etude::campaign
