@@ -17,7 +17,7 @@
 namespace etude::store {
 namespace commit_journal_test {
 
-const CommitFacts kFacts{"lab-7-w0", "lab-7", {.plan_s = 0.5, .step_s = 0.25, .wall_s = 1.5}};
+const CommitFacts kFacts{"lab-7-w0", "lab-7", "0123456789ab", {.plan_s = 0.5, .step_s = 0.25, .wall_s = 1.5}};
 
 void CommitTo(const Path& dataset, const std::vector<std::uint64_t>& indices) {
   auto writer = DatasetWriter::Open(dataset, SyntheticSpec());
@@ -51,6 +51,7 @@ TEST(CommitJournal, HasWhatTheFileSaysAndWhoMadeIt) {
   EXPECT_EQ(table.outcome().At(row), "success");
   EXPECT_EQ(table.worker().At(row), "lab-7-w0");
   EXPECT_EQ(table.host().words(), std::vector<std::string>{"lab-7"});
+  EXPECT_EQ(table.fingerprint().words(), std::vector<std::string>{"0123456789ab"});
   EXPECT_EQ(table.timings()[row], kFacts.timings);
   EXPECT_GT(table.path_m()[row], 0);
   EXPECT_GT(table.jerk()[row], 0);
