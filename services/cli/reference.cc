@@ -31,7 +31,8 @@ Result<std::string> ConfigPage() {
       {"campaign", "What to collect: the files of `deploy/campaigns`, for `etude collect` and `etude collector`."},
       {"experiment", "How to train: `etude train --config`, and `--set` of it."},
       {"up", "The whole loop: the files of `deploy/up`, for `etude up`."},
-      {"robot", "A robot of your own: the files of `deploy/robots`, for `etude robot check`."}};
+      {"robot", "A robot of your own: the files of `deploy/robots`, for `etude robot check`."},
+      {"results", "A table of results: `deploy/docs/results.yaml`, for `etude results`."}};
   std::string page =
       "# Configuration files\n\nYAML; `--set key=value` overrides a key; a key that is not here is refused with the "
       "nearest match. `[]` in a key: of each item of a list; `NAME`: of each entry of a map.\n";

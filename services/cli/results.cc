@@ -33,15 +33,19 @@ constexpr const char* kWhole = "whole";  // in a run's folder: it has come to it
 /// Runs commands of `etude` one after another, each with a log of its own.
 class Maker {
  public:
-  explicit Maker(const ResultsArguments& arguments) : arguments_(arguments), out_(arguments.out) {}
+  /// @param config  that is valid; both have to outlive it
+  Maker(const ResultsArguments& arguments, const ResultsConfig& config)
+      : arguments_(arguments), config_(config), out_(arguments.out) {}
 
   /// Makes what is not there already of one training seed of `row`. @returns the evaluation's report
   Result<OrderedJson> Make(const ResultRow& row, std::uint64_t seed) {
+    ETUDE_RETURN_IF_ERROR(KeepDefinition(out_, row));
     const Path run = RunOf(row.name, seed);
-    std::error_code ignored;
-    if (!fs::exists(run / kWhole, ignored)) {
+    if (!IsWholeRun(run)) {
+      // asked before hours of collecting
+      ETUDE_ASSIGN_OR_RETURN(const Words beginning, BeginningOf(row, seed, run));
       ETUDE_ASSIGN_OR_RETURN(const Path data, Collect(row));
-      ETUDE_RETURN_IF_ERROR(Train(row, seed, data, run));
+      ETUDE_RETURN_IF_ERROR(Train(row, seed, data, run, beginning));
     }
     return Evaluate(row, seed, run);
   }
@@ -49,6 +53,10 @@ class Maker {
  private:
   Path RunOf(const std::string& row, std::uint64_t seed) const {
     return out_ / "runs" / fmt::format("{}-{}", row, seed);
+  }
+  static bool IsWholeRun(const Path& run) {
+    std::error_code ignored;
+    return fs::exists(run / kWhole, ignored);
   }
   Path ReportOf(const ResultRow& row, std::uint64_t seed) const {
     return out_ / "eval" / fmt::format("{}-{}", row.name, seed);
@@ -58,8 +66,7 @@ class Maker {
     const auto text = ReadTextFile(ReportOf(row, seed) / "eval.json");
     if (!text) return std::nullopt;
     auto json = OrderedJson::parse(*text, nullptr, /*allow_exceptions=*/false);
-    const bool whole = json.is_object() && json.value("done", std::uint64_t{0}) >= row.eval.episodes;
-    return whole ? std::optional(std::move(json)) : std::nullopt;
+    return IsWholeReport(json, row.eval.episodes) ? std::optional(std::move(json)) : std::nullopt;
   }
 
   Status Run(const std::string& what, Words words) {
@@ -110,35 +117,44 @@ class Maker {
     return data;
   }
 
-  // the run of the same seed, else of the first one that is there
+  // the run of the same seed, else of the first one that is there; of a run that was stopped, the latest checkpoint is
+  // not what the row's training makes
   Result<Path> InitOf(const ResultRow& row, std::uint64_t seed) const {
+    const ResultRow& init = *std::ranges::find(config_.rows, row.train.init, &ResultRow::name);
+    ETUDE_RETURN_IF_ERROR(CheckDefinition(out_, init));
+    std::vector<std::uint64_t> candidates{seed};
+    candidates.insert(candidates.end(), init.train.seeds.begin(), init.train.seeds.end());
     std::error_code ignored;
-    for (const std::uint64_t candidate : {seed, std::uint64_t{1}, std::uint64_t{2}, std::uint64_t{3}}) {
-      Path file = RunOf(row.train.init, candidate) / "checkpoints" / "latest.safetensors";
-      if (fs::exists(file, ignored)) return file;
+    for (const std::uint64_t candidate : candidates) {
+      const Path run = RunOf(init.name, candidate);
+      Path file = run / "checkpoints" / "latest.safetensors";
+      if (IsWholeRun(run) && fs::exists(file, ignored)) return file;
     }
-    return Fail(Code::kNotFound, fmt::format("row '{}' begins with '{}', which has not been made: leave out --row, or "
-                                             "name both",
-                                             row.name, row.train.init));
+    return Fail(Code::kNotFound, fmt::format("row '{}' begins with '{}', of which no run in '{}' has come to its end: "
+                                             "leave out --row, or name both",
+                                             row.name, init.name, (out_ / "runs").string()));
   }
 
-  Status Train(const ResultRow& row, std::uint64_t seed, const Path& data, const Path& run) {
+  // how the run begins; one that was stopped goes on as what it is
+  Result<Words> BeginningOf(const ResultRow& row, std::uint64_t seed, const Path& run) const {
     std::error_code ignored;
+    const ResultTraining& train = row.train;
+    if (fs::exists(run / "training_state.safetensors", ignored)) return Words{"--resume"};
+    if (train.init.empty()) return Words{"--config", train.config};
+    ETUDE_ASSIGN_OR_RETURN(const Path init, InitOf(row, seed));
+    Words words{"--init", init.string()};
+    for (const auto& [option, names] :
+         {std::pair{"--add", &train.add}, {"--fresh", &train.fresh}, {"--freeze", &train.freeze}})
+      if (!names->empty()) words.insert(words.end(), {option, fmt::format("{}", fmt::join(*names, ","))});
+    return words;
+  }
+
+  Status Train(const ResultRow& row, std::uint64_t seed, const Path& data, const Path& run, const Words& beginning) {
     const ResultTraining& train = row.train;
     Words words{"train", "--data", data.string(), "--out", run.string(), "--seed", std::to_string(seed), "--offline"};
     if (train.steps > 0) words.insert(words.end(), {"--steps", std::to_string(train.steps)});
     if (train.minutes > 0) words.insert(words.end(), {"--minutes", fmt::format("{}", train.minutes)});
-    if (fs::exists(run / "training_state.safetensors", ignored)) {
-      words.push_back("--resume");
-    } else if (train.init.empty()) {
-      words.insert(words.end(), {"--config", train.config});
-    } else {
-      ETUDE_ASSIGN_OR_RETURN(const Path init, InitOf(row, seed));
-      words.insert(words.end(), {"--init", init.string()});
-      for (const auto& [option, names] :
-           {std::pair{"--add", &train.add}, {"--fresh", &train.fresh}, {"--freeze", &train.freeze}})
-        if (!names->empty()) words.insert(words.end(), {option, fmt::format("{}", fmt::join(*names, ","))});
-    }
+    words.insert(words.end(), beginning.begin(), beginning.end());
     const Words set = Sets(train.set);
     words.insert(words.end(), set.begin(), set.end());
     ETUDE_RETURN_IF_ERROR(Run(fmt::format("train-{}-{}", row.name, seed), words));
@@ -163,11 +179,15 @@ class Maker {
     words.insert(words.end(), set.begin(), set.end());
     ETUDE_RETURN_IF_ERROR(Run(fmt::format("eval-{}-{}", row.name, seed), words));
     auto report = ReadReport(row, seed);
-    if (!report) return Fail(Code::kInternal, fmt::format("eval-{}-{} left no whole report", row.name, seed));
+    if (!report)
+      return Fail(Code::kInternal,
+                  fmt::format("eval-{}-{} left no whole report of {} rollouts: see {}/rollouts/attempts.jsonl",
+                              row.name, seed, eval.episodes, ReportOf(row, seed).string()));
     return std::move(*report);
   }
 
   const ResultsArguments& arguments_;
+  const ResultsConfig& config_;
   const Path out_;
   std::set<std::string> collected_;
 };
@@ -190,6 +210,11 @@ struct Table {
   }
 };
 
+template <class Item>
+bool Wanted(const std::vector<Item>& list, const Item& item) {
+  return list.empty() || std::ranges::find(list, item) != list.end();
+}
+
 Status CheckRows(const ResultsArguments& arguments, const ResultsConfig& config) {
   ETUDE_RETURN_IF_ERROR(config.Validate());
   for (const auto& name : arguments.only)
@@ -201,6 +226,11 @@ Status CheckRows(const ResultsArguments& arguments, const ResultsConfig& config)
         }))
       return Fail(Code::kInvalidArgument,
                   fmt::format("--seeds {}: no row of {} is trained with it", seed, arguments.file));
+  // all of them before hours of work on the first
+  for (const auto& row : config.rows) {
+    if (!Wanted(arguments.only, row.name)) continue;
+    ETUDE_RETURN_IF_ERROR(CheckDefinition(arguments.out, row));
+  }
   return {};
 }
 
@@ -210,13 +240,10 @@ Status Results(const ResultsArguments& arguments) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
   Table table{arguments.write.empty() ? Path(arguments.out) / "results.md" : Path(arguments.write), {}};
   ETUDE_ASSIGN_OR_RETURN(table.records, ResultRecords::Load(table.record_file()));
-  const auto wanted = [](const auto& list, const auto& item) {
-    return list.empty() || std::ranges::find(list, item) != list.end();
-  };
-  Maker maker(arguments);
+  Maker maker(arguments, config);
   for (const auto& row : config.rows) {
     for (const auto seed : row.train.seeds) {
-      if (!wanted(arguments.only, row.name) || !wanted(arguments.seeds, seed)) continue;
+      if (!Wanted(arguments.only, row.name) || !Wanted(arguments.seeds, seed)) continue;
       ETUDE_ASSIGN_OR_RETURN(const OrderedJson report, maker.Make(row, seed));
       table.records.Keep(row, {seed, MadeHere(), BriefReport(report)});
       ETUDE_RETURN_IF_ERROR(table.Save(config));
@@ -240,6 +267,8 @@ Status ResultsConfig::Validate() const {
     if (row.train.seeds.empty()) errors.push_back(fmt::format("{}: train.seeds: needs one", row.name));
     if (!row.train.init.empty() && !names.contains(row.train.init))
       errors.push_back(fmt::format("{}: train.init: '{}' is no row before it", row.name, row.train.init));
+    if (!row.train.init.empty() && row.train.config != ResultTraining().config)
+      errors.push_back(fmt::format("{}: train.config: not with init, whose checkpoint has the graph", row.name));
     if (!names.insert(row.name).second) errors.push_back(fmt::format("rows: '{}' stands twice", row.name));
   }
   if (errors.empty()) return {};

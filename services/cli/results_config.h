@@ -34,7 +34,7 @@ struct ResultTraining {
   std::vector<std::string> add, fresh, freeze, set;
 
   void Visit(auto& v) {
-    v("config", config, "", "experiment: its name, or a file; with init only where it is not the checkpoint's graph");
+    v("config", config, "", "experiment: its name, or a file; not with init, whose checkpoint has the graph");
     v("minutes", minutes, "min", "of training");
     v("steps", steps, "steps", "instead of minutes");
     v("seeds", seeds, "-", "one run each");
@@ -87,7 +87,8 @@ struct ResultsConfig {
 
   void Visit(auto& v) { v("rows", rows, "", "of the table, in the order in which they are made"); }
 
-  /// All problems at once: names, rows that begin with a later one, no limit of training.
+  /// All problems at once: names, rows that begin with a later one, no limit of
+  /// training.
   Status Validate() const;
 };
 

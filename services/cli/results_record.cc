@@ -3,6 +3,7 @@
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <chrono>
@@ -13,11 +14,18 @@
 namespace etude::cli {
 namespace {
 
-// what changes a row's figures; its words, the paper's figure and the goal do not
-OrderedJson DefinitionOf(const ResultRow& row) {
-  ResultTraining train = row.train;
-  train.seeds.clear();
-  return {{"data", ToJson(row.data)}, {"train", ToJson(train)}, {"eval", ToJson(row.eval)}};
+Path DefinitionFile(const Path& out, const ResultRow& row) { return out / "rows" / (row.name + ".json"); }
+
+// From the first step on that was another one, what was made: a row that is only evaluated otherwise keeps its runs.
+std::vector<std::string> MadeOfAnother(const OrderedJson& before, const ResultRow& row) {
+  const OrderedJson now = DefinitionOf(row);
+  const auto differs = [&](const char* part) {
+    return !before.is_object() || !before.contains(part) || before[part] != now[part];
+  };
+  std::vector<std::string> made{fmt::format("rows/{}.json", row.name), fmt::format("eval/{}-[0-9]*", row.name)};
+  if (differs("data") || differs("train")) made.push_back(fmt::format("runs/{}-[0-9]*", row.name));
+  if (differs("data")) made.push_back(fmt::format("data/{}", row.data.name.empty() ? row.name : row.data.name));
+  return made;
 }
 
 // With AVX-512 training is two to four times as fast (bf16), so that the instruction set belongs to the name.
@@ -51,6 +59,10 @@ void ResultRecords::Keep(const ResultRow& row, ResultReport report) {
   if (record == rows.end()) record = rows.insert(rows.end(), ResultRecord{.row = row.name});
   const OrderedJson definition = DefinitionOf(row);
   if (record->definition != definition) *record = {.row = row.name, .definition = definition};
+  if (std::ranges::any_of(record->reports, [&](const ResultReport& old) {
+        return old.seed == report.seed && old.report == report.report;
+      }))
+    return;
   std::erase_if(record->reports, [&](const ResultReport& old) { return old.seed == report.seed; });
   record->reports.push_back(std::move(report));
   std::ranges::sort(record->reports, {}, &ResultReport::seed);
@@ -60,6 +72,48 @@ std::vector<ResultReport> ResultRecords::Find(const ResultRow& row) const {
   const auto record = std::ranges::find(rows, row.name, &ResultRecord::row);
   if (record == rows.end() || record->definition != DefinitionOf(row)) return {};
   return record->reports;
+}
+
+OrderedJson DefinitionOf(const ResultRow& row) {
+  ResultTraining train = row.train;
+  train.seeds.clear();
+  return {{"data", ToJson(row.data)}, {"train", ToJson(train)}, {"eval", ToJson(row.eval)}};
+}
+
+Status CheckDefinition(const Path& out, const ResultRow& row) {
+  const Path file = DefinitionFile(out, row);
+  std::error_code ignored;
+  if (!std::filesystem::exists(file, ignored)) return {};
+  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(file));
+  const auto before = OrderedJson::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (before == DefinitionOf(row)) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("row '{}' is not what '{}' holds of it, made as {} says: to make it "
+                          "again, remove there {}; or give another --out",
+                          row.name, out.string(), file.string(), fmt::join(MadeOfAnother(before, row), ", ")));
+}
+
+Status KeepDefinition(const Path& out, const ResultRow& row) {
+  ETUDE_RETURN_IF_ERROR(CheckDefinition(out, row));
+  const Path file = DefinitionFile(out, row);
+  std::error_code ignored;
+  if (std::filesystem::exists(file, ignored)) return {};
+  return WriteFileAtomically(file, DefinitionOf(row).dump(1) + "\n");
+}
+
+std::optional<std::uint64_t> CountAt(const OrderedJson& json, const char* key) {
+  if (!json.is_object() || !json.contains(key)) return std::nullopt;
+  const OrderedJson& number = json[key];
+  if (!number.is_number_integer()) return std::nullopt;
+  if (!number.is_number_unsigned() && number.get<std::int64_t>() < 0) return std::nullopt;
+  return number.get<std::uint64_t>();
+}
+
+bool IsWholeReport(const OrderedJson& report, std::uint64_t episodes) {
+  const auto done = CountAt(report, "done");
+  if (!done) return false;
+  const auto invalid = report.contains("scenes") ? CountAt(report["scenes"], "invalid") : std::nullopt;
+  return *done + invalid.value_or(0) >= episodes;
 }
 
 OrderedJson BriefReport(const OrderedJson& report) {

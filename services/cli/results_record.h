@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -49,12 +50,28 @@ struct ResultRecords {
   Status Save(const Path& file) const;
 
   /// Keeps a report in the place of an earlier one of that seed. What was measured of another definition of the row is
-  /// dropped: one row never mixes two.
+  /// dropped: one row never mixes two. A report that says what the kept one says is the same one, read again: that
+  /// keeps its day and machine.
   void Keep(const ResultRow& row, ResultReport report);
   /// Of `row` as it is defined now, in the order of its seeds.
   std::vector<ResultReport> Find(const ResultRow& row) const;
 };
 
+/// What of a row decides its figures: data, training but for its seeds, and evaluation. Its words, the paper's figure
+/// and the goal do not.
+OrderedJson DefinitionOf(const ResultRow& row);
+/// OUT/rows/NAME.json holds the definition that what lies in OUT was made of, whose folders have no more than the row's
+/// name. Nothing is wrong where there is no such file. @param out  the folder of data/, runs/ and eval/
+/// @error kInvalidArgument: it is another definition than the row has now; says what to remove to make the row again.
+Status CheckDefinition(const Path& out, const ResultRow& row);
+/// CheckDefinition, and writes the file where there is none.
+Status KeepDefinition(const Path& out, const ResultRow& row);
+
+/// The number at `key` of a report; none where the key is missing, is no integer or is negative, or `json` is no map.
+std::optional<std::uint64_t> CountAt(const OrderedJson& json, const char* key);
+/// Whether an eval.json has come to its end: its rollouts, and the scenes that do not count because the expert cannot
+/// do the task in them ("scenes", "invalid"), are `episodes` together. False where it is no report.
+bool IsWholeReport(const OrderedJson& report, std::uint64_t episodes);
 /// What tables show of an eval.json. Numbers of a report that another version wrote may be missing.
 OrderedJson BriefReport(const OrderedJson& report);
 /// "2026-11-22, AMD EPYC, 2 CPUs": today, here.

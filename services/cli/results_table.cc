@@ -12,31 +12,37 @@
 namespace etude::cli {
 namespace {
 
+// numbers of a report may be missing in one that another version wrote; never a reason to end
+const OrderedJson* FindPart(const OrderedJson& report, const char* key) {
+  return report.is_object() && report.contains(key) ? &report[key] : nullptr;
+}
+
 /// Successes of several evaluations.
 struct Count {
   std::uint64_t successes = 0, trials = 0;
   std::vector<double> shares;  ///< of each evaluation
 
   void Add(const OrderedJson& entry, const char* criterion) {
-    if (!entry.is_object() || !entry.contains("n") || !entry.contains(criterion)) return;
-    const auto n = entry["n"].get<std::uint64_t>();
-    const auto good = entry[criterion].value("successes", std::uint64_t{0});
-    successes += good;
-    trials += n;
-    if (n > 0) shares.push_back(static_cast<double>(good) / static_cast<double>(n));
+    const auto* judged = FindPart(entry, criterion);
+    const auto n = CountAt(entry, "n");
+    const auto good = judged ? CountAt(*judged, "successes") : std::nullopt;
+    if (!n || !good || *n == 0 || *good > *n) return;
+    successes += *good;
+    trials += *n;
+    shares.push_back(static_cast<double>(*good) / static_cast<double>(*n));
   }
-  double mean() const { return shares.empty() ? 0 : 100 * Mean(shares); }
+  // of all rollouts: with seeds of unequally many, the mean of their shares may lie outside the rollouts' interval
+  double percent() const {
+    return trials == 0 ? 0 : 100 * static_cast<double>(successes) / static_cast<double>(trials);
+  }
+  // a share that is the goal is not below it for its last binary digit
+  bool reaches(double goal) const { return percent() >= goal - 1e-9; }
   std::string text() const {
     if (trials == 0) return "-";
     const auto interval = WilsonInterval(successes, trials);
-    return fmt::format("{:.1f} [{:.1f}, {:.1f}]", mean(), 100 * interval.low, 100 * interval.high);
+    return fmt::format("{:.1f} [{:.1f}, {:.1f}]", percent(), 100 * interval.low, 100 * interval.high);
   }
 };
-
-// numbers of a report may be missing in one that another version wrote; never a reason to end
-const OrderedJson* FindPart(const OrderedJson& report, const char* key) {
-  return report.is_object() && report.contains(key) ? &report[key] : nullptr;
-}
 
 Count CountOf(const ResultLine& line, const char* criterion) {
   Count count;
@@ -49,6 +55,10 @@ std::string SeedsText(const Count& strict) {
   std::vector<std::string> shares;
   for (const double share : strict.shares) shares.push_back(fmt::format("{:.1f}", 100 * share));
   return fmt::format("{}", fmt::join(shares, ", "));
+}
+
+std::string DemonstrationsText(const ResultData& data) {
+  return data.episodes > 0 ? std::to_string(data.episodes) : "the campaign's";
 }
 
 std::string LimitText(const ResultTraining& train) {
@@ -73,8 +83,8 @@ std::string RowText(const ResultLine& line) {
   const ResultRow& row = *line.row;
   const Count strict = CountOf(line, "success"), latched = CountOf(line, "success_latched");
   const std::string goal =
-      row.goal > 0 ? fmt::format("{:g}{}", row.goal, strict.mean() >= row.goal ? "" : " (missed)") : "";
-  return fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", row.title, row.data.episodes,
+      row.goal > 0 ? fmt::format("{:g}{}", row.goal, strict.reaches(row.goal) ? "" : " (missed)") : "";
+  return fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", row.title, DemonstrationsText(row.data),
                      LimitText(row.train), BeginsText(row.train), strict.text(), SeedsText(strict), latched.text(),
                      row.paper.empty() ? "-" : row.paper, goal, MadeText(line));
 }
@@ -112,7 +122,8 @@ std::string TasksText(const ResultLine& line) {
     const auto* tasks = FindPart(measured.report, "per_task");
     if (!tasks || !tasks->is_array()) continue;
     for (const auto& entry : *tasks) {
-      const std::string task = entry.is_object() ? entry.value("task", "?") : "?";
+      const auto* name = FindPart(entry, "task");
+      const std::string task = name && name->is_string() ? name->get<std::string>() : "?";
       if (!strict.contains(task)) order.push_back(task);
       strict[task].Add(entry, "success");
       latched[task].Add(entry, "success_latched");
@@ -134,8 +145,9 @@ std::string ResultsTable(const std::vector<ResultLine>& lines) {
     tasks += TasksText(line);
     errors += ErrorsText(line);
   }
-  return "| what | demonstrations | training | begins with | strict success % [95 %] | each seed | latched % [95 %] | "
-         "paper % | goal % | made |\n|---|---|---|---|---|---|---|---|---|---|\n" +
+  return "| what | demonstrations | training | begins with | strict success % [95 % of these runs' rollouts] | each "
+         "seed "
+         "| latched % [95 %] | paper % | goal % | made |\n|---|---|---|---|---|---|---|---|---|---|\n" +
          rows + "\n| what | task | strict % [95 %] | latched % [95 %] |\n|---|---|---|---|\n" + tasks +
          "\n| what | module | error cm | before contact |\n|---|---|---|---|\n" + errors;
 }

@@ -15,9 +15,11 @@ struct ResultLine {
   std::vector<ResultReport> reports;  ///< of each seed
 };
 
-/// Markdown: a line a row (strict success as the mean over the seeds with the Wilson interval of all rollouts, latched
-/// beside it, demonstrations, minutes, what it began with, the paper's figure, the goal, when and where it was made),
-/// then success by task, then the modules' errors. Rows without reports are left out.
+/// Markdown: a line a row (strict success as the share of all seeds' rollouts with its Wilson interval, each seed's
+/// share, latched likewise, demonstrations, minutes, what it began with, the paper's figure, the goal, when and where
+/// it was made), then success by task, then the modules' errors. Rows without reports are left out. The intervals are
+/// of the rollouts of these very runs: they say how well those are known, not how far another training seed may be from
+/// them. That is what the seeds' own shares show.
 std::string ResultsTable(const std::vector<ResultLine>& lines);
 
 }  // namespace etude::cli

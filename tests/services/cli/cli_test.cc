@@ -104,6 +104,8 @@ TEST_F(Cli, DescribesConfigurations) {
   EXPECT_THAT(outcome.text, HasSubstr("train.minutes  (number, min, default 12.0)\n    how long training lasts"));
   EXPECT_THAT(Etude({"config", "describe", "campaign"}).text,
               HasSubstr("camera.fovy_deg  (number, deg, default 60.0)\n    vertical field of view"));
+  EXPECT_THAT(Etude({"config", "describe", "results"}).text,
+              HasSubstr("rows[].train.minutes  (number, min, default 0.0)\n    of training"));
   EXPECT_EQ(Etude({"config", "describe", "nothing"}).exit_code, kExitUsage);
 }
 

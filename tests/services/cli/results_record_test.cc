@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
@@ -12,6 +13,7 @@ namespace results_record_test {
 
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 ResultRow Row(const std::string& name) {
   ResultRow row;
@@ -63,6 +65,26 @@ TEST(ResultRecords, AnotherMeasurementOfASeedTakesThePlaceOfTheFirst) {
   EXPECT_EQ(found[0].report["overall"]["successes"], 9);
 }
 
+// each run of the command reads every report again: only a new one is of today and of this machine
+TEST(ResultRecords, WhatIsReadAgainKeepsItsDayAndMachine) {
+  ResultRecords records;
+  records.Keep(Row("a"), Report(1, 7));
+  ResultReport again = Report(1, 7);
+  again.made = "a later day, another machine";
+  records.Keep(Row("a"), again);
+  ASSERT_EQ(records.Find(Row("a")).size(), 1U);
+  EXPECT_EQ(records.Find(Row("a"))[0].made, "a day, a machine");
+
+  ResultReport other = Report(1, 8);
+  other.made = "a later day, another machine";
+  records.Keep(Row("a"), other);
+  ASSERT_EQ(records.Find(Row("a")).size(), 1U);
+  EXPECT_EQ(records.Find(Row("a"))[0].made, "a later day, another machine");
+  again.seed = 2;
+  records.Keep(Row("a"), again);
+  EXPECT_EQ(records.Find(Row("a")).size(), 2U) << "another seed may end alike";
+}
+
 // a row that is defined anew must not show, or be averaged with, what was measured before
 TEST(ResultRecords, NeverMixTwoDefinitionsOfARow) {
   ResultRecords records;
@@ -101,6 +123,57 @@ TEST(ResultRecords, RefuseAFileThatIsNoneOfTheirs) {
   const auto other = ResultRecords::Load(file);
   ASSERT_FALSE(other);
   EXPECT_THAT(other.error().message, HasSubstr("lines"));
+}
+
+TEST(Definition, IsKeptBesideWhatWasMadeOfIt) {
+  const TemporaryFolder out;
+  EXPECT_THAT(CheckDefinition(out.path(), Row("a")), IsOk()) << "nothing was made";
+  ASSERT_THAT(KeepDefinition(out.path(), Row("a")), IsOk());
+  EXPECT_THAT(KeepDefinition(out.path(), Row("a")), IsOk());
+  ResultRow reworded = Row("a");
+  reworded.goal = 95;
+  reworded.train.seeds = {4};
+  EXPECT_THAT(CheckDefinition(out.path(), reworded), IsOk());
+  EXPECT_THAT(CheckDefinition(out.path(), Row("b")), IsOk()) << "each row has its own";
+}
+
+// what was made before the step that is another one stays good
+TEST(Definition, AnotherOneSaysWhatToRemove) {
+  const TemporaryFolder out;
+  ASSERT_THAT(KeepDefinition(out.path(), Row("a")), IsOk());
+  ResultRow scenes = Row("a"), longer = Row("a"), data = Row("a");
+  scenes.eval.seed = 77;
+  longer.train.minutes = 20;
+  data.data.set = {"randomization.world.distractors=2"};
+  data.data.name = "shared";
+  for (const auto* row : {&scenes, &longer, &data}) {
+    EXPECT_THAT(KeepDefinition(out.path(), *row), HasCode(Code::kInvalidArgument));
+    EXPECT_THAT(CheckDefinition(out.path(), *row), MessageHas("rows/a.json, eval/a-[0-9]*"));
+    EXPECT_THAT(CheckDefinition(out.path(), *row), MessageHas("--out"));
+  }
+  EXPECT_THAT(CheckDefinition(out.path(), scenes), Not(MessageHas("runs/a")));
+  EXPECT_THAT(CheckDefinition(out.path(), longer), MessageHas("runs/a-[0-9]*"));
+  EXPECT_THAT(CheckDefinition(out.path(), longer), Not(MessageHas("data/")));
+  EXPECT_THAT(CheckDefinition(out.path(), data), MessageHas("runs/a-[0-9]*, data/shared"));
+  EXPECT_THAT(CheckDefinition(out.path(), Row("a")), IsOk()) << "the file is as it was";
+}
+
+TEST(Definition, AFileThatHoldsNoneIsAnotherOne) {
+  const TemporaryFolder out;
+  ASSERT_THAT(WriteFileAtomically(out / "rows/a.json", std::string_view("not json")), IsOk());
+  EXPECT_THAT(CheckDefinition(out.path(), Row("a")), MessageHas("runs/a-[0-9]*, data/a"));
+}
+
+TEST(IsWholeReport, CountsScenesThatDoNotCount) {
+  const OrderedJson report{{"done", 9}, {"scenes", {{"invalid", 1}}}};
+  EXPECT_TRUE(IsWholeReport(report, 10));
+  EXPECT_FALSE(IsWholeReport(report, 11));
+  EXPECT_TRUE(IsWholeReport({{"done", 10}}, 10)) << "of a version that did not count them";
+  EXPECT_FALSE(IsWholeReport({{"done", "ten"}}, 1));
+  EXPECT_FALSE(IsWholeReport({{"done", 9}, {"scenes", {{"invalid", -1}}}}, 10));
+  EXPECT_FALSE(IsWholeReport({{"done", 9}, {"scenes", 1}}, 10));
+  EXPECT_FALSE(IsWholeReport(OrderedJson::array(), 0));
+  EXPECT_FALSE(IsWholeReport(OrderedJson::parse("not json", nullptr, false), 0));
 }
 
 TEST(BriefReport, KeepsWhatTablesShow) {
