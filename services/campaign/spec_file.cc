@@ -44,6 +44,7 @@ Result<CampaignSpec> WithOverrides(CampaignSpec spec, const std::vector<std::str
   OrderedJson json = ToJson(spec);
   for (const auto& text : overrides) ETUDE_RETURN_IF_ERROR(ApplyOverride(json, text));
   ETUDE_ASSIGN_OR_RETURN(spec, FromJson<CampaignSpec>(json, "--set"));
+  ETUDE_ASSIGN_OR_RETURN(spec.objects, ExpandObjects(spec.objects));
   ETUDE_RETURN_IF_ERROR(spec.Validate());
   return spec;
 }

@@ -11,6 +11,7 @@
 #include "services/cli/command_line.h"
 #include "services/cli/top_text.h"
 #include "services/core/config.h"
+#include "services/core/printable.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
 
@@ -55,9 +56,11 @@ Status ListCampaigns(const CampaignArguments& arguments) {
     all.push_back(StatusJson(campaign));
     if (arguments.as_json) continue;
     const bus::CampaignStatus status = campaign.status ? campaign.status->message : bus::CampaignStatus();
-    fmt::print("{}@{}  {}  {}/{}  {:.1f}/min  {} workers  host {}  {}\n", campaign.presence.name, id,
-               status.state.empty() ? "?" : status.state, status.committed, status.total, status.episodes_per_minute,
-               status.workers, campaign.presence.host, campaign.presence.folder);
+    const std::string line =
+        fmt::format("{}@{}  {}  {}/{}  {:.1f}/min  {} workers  host {}  {}", campaign.presence.name, id,
+                    status.state.empty() ? "?" : status.state, status.committed, status.total,
+                    status.episodes_per_minute, status.workers, campaign.presence.host, campaign.presence.folder);
+    fmt::print("{}\n", Printable(line));
   }
   if (arguments.as_json)
     fmt::print("{}\n", Dumped(all));
@@ -113,8 +116,8 @@ Result<bus::CampaignStatus> Ask(const bus::Participant& participant, const bus::
   ETUDE_ASSIGN_OR_RETURN(auto controls, bus::Writer<bus::CampaignControl>::Open(participant, partition));
   const auto no_answer = [&](const char* what) {
     return Fail(Code::kUnavailable,
-                fmt::format("{} campaign '{}@{}': its collector (program {}, on {}) {}", control.word, campaign.name,
-                            campaign.id, campaign.version, campaign.host, what));
+                Printable(fmt::format("{} campaign '{}@{}': its collector (program {}, on {}) {}", control.word,
+                                      campaign.name, campaign.id, campaign.version, campaign.host, what)));
   };
   if (!controls.WaitForReaders(1, 5s)) return no_answer("does not listen to commands: end it with Ctrl-C there");
   bus::CampaignControl message;
@@ -134,6 +137,31 @@ Result<bus::CampaignStatus> Ask(const bus::Participant& participant, const bus::
   return no_answer("did not answer");
 }
 
+// A collector speaks once a second; one that is silent for so long has died.
+constexpr auto kCollectorSilence = 30s;
+
+// The first status in which nothing is leased any more, or somebody has told the campaign something else; after a stop
+// request the last one. @error kUnavailable: the collector fell silent
+Result<bus::CampaignStatus> AwaitDrained(const bus::Presence& campaign, bus::Reader<bus::CampaignStatus>& statuses,
+                                         bus::CampaignStatus status) {
+  auto heard = MonotonicClock::now();
+  while (status.state == "draining" && !StopRequested()) {
+    statuses.Wait(1s);
+    for (auto& taken : statuses.Take()) {
+      status = std::move(taken);
+      heard = MonotonicClock::now();
+    }
+    if (MonotonicClock::now() - heard > kCollectorSilence)
+      return Fail(
+          Code::kUnavailable,
+          Printable(fmt::format(
+              "drain campaign '{}@{}': its collector (on {}) has said nothing for {} s, {} of {} episodes were "
+              "committed then; if it has died, start it again: it resumes, and what is committed stays",
+              campaign.name, campaign.id, campaign.host, kCollectorSilence.count(), status.committed, status.total)));
+  }
+  return status;
+}
+
 Status SendControl(const CampaignArguments& arguments, const Control& control) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(const bus::Presence found, Find(participant, arguments.name));
@@ -141,15 +169,14 @@ Status SendControl(const CampaignArguments& arguments, const Control& control) {
       auto statuses, bus::Reader<bus::CampaignStatus>::Open(participant, bus::Owner{found.name, found.id}.partition()));
   ETUDE_ASSIGN_OR_RETURN(bus::CampaignStatus status, Ask(participant, found, control, statuses));
   if (!status.control_refusal.empty())
-    return Fail(Code::kInvalidArgument,
-                fmt::format("{} campaign '{}': refused: {}", control.word, arguments.name, status.control_refusal));
-  while (control.action == bus::ControlAction::kDrain && status.state == "draining" && !StopRequested()) {
-    statuses.Wait(1s);
-    for (auto& taken : statuses.Take()) status = std::move(taken);
+    return Fail(Code::kInvalidArgument, Printable(fmt::format("{} campaign '{}': refused: {}", control.word,
+                                                              arguments.name, status.control_refusal)));
+  if (control.action == bus::ControlAction::kDrain) {
+    ETUDE_ASSIGN_OR_RETURN(status, AwaitDrained(found, statuses, std::move(status)));
   }
-  fmt::print("{}@{}: {}, {} of {} committed\n", found.name, found.id, status.state, status.committed, status.total);
-  if (status.state == "paused" || status.state == "draining")
-    fmt::print("go on with: etude campaign resume {}@{}\n", found.name, found.id);
+  const std::string who = Printable(found.name + "@" + found.id);
+  fmt::print("{}: {}, {} of {} committed\n", who, Printable(status.state), status.committed, status.total);
+  if (status.state == "paused" || status.state == "draining") fmt::print("go on with: etude campaign resume {}\n", who);
   return {};
 }
 

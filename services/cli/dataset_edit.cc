@@ -31,9 +31,11 @@ Status AddIndices(const std::string& text, std::set<std::uint64_t>& indices) {
   std::uint64_t first = 0, last = 0;
   const bool good = ParseNumber(std::string_view(text).substr(0, dash), first) &&
                     ParseNumber(std::string_view(text).substr(dash == std::string::npos ? 0 : dash + 1), last);
-  if (!good || last < first || last - first >= kMostIndices)
-    return Fail(Code::kInvalidArgument, fmt::format("--index '{}': give numbers of episodes, 7 or 4-9", text));
-  for (std::uint64_t index = first; index <= last; ++index) indices.insert(index);
+  if (!good || last < first || last - first >= kMostIndices - indices.size())
+    return Fail(Code::kInvalidArgument,
+                fmt::format("--index '{}': give numbers of episodes, 7 or 4-9, at most {} in all", text, kMostIndices));
+  // counted from the first: the last may be the largest number that there is
+  for (std::uint64_t n = 0; n <= last - first; ++n) indices.insert(first + n);
   return {};
 }
 
@@ -280,7 +282,11 @@ void AddDatasetEdit(CLI::App& command, Body& body) {
       split->add_option("--parts", divided->parts, "NAME=SHARE of each, dealt at random: train=0.8 valid=0.2");
   by->excludes(parts);
 
-  const auto [merge, merged] = add("merge", "one dataset of several", &Merge);
+  const auto [merge, merged] =
+      add("merge",
+          "one dataset of several; where their specs differ, episodes are numbered anew, and which are for training "
+          "follows the new numbers",
+          &Merge);
   add_restart(*merge, *merged);
   merge->add_option("datasets", merged->datasets, "dataset folders")->required();
   merge->add_option("--out", merged->out, "the new dataset's folder")->required();

@@ -18,6 +18,7 @@
 #include "services/cli/service.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
+#include "services/core/printable.h"
 #include "services/core/stop.h"
 #include "services/store/dataset.h"
 
@@ -96,7 +97,9 @@ Result<PolicyChoice> FollowRun(const bus::Participant& participant, const EvalAr
   if (training && !IsId(run.id)) run.id = training->id;
   ETUDE_ASSIGN_OR_RETURN(const auto server, directory.Find(bus::PresenceKind::kPolicy, run, patience));
   if (server) {
-    fmt::print(stderr, "asking the policy server of run {}@{} on {}\n", server->name, server->id, server->host);
+    fmt::print(
+        stderr, "{}\n",
+        Printable(fmt::format("asking the policy server of run {}@{} on {}", server->name, server->id, server->host)));
     return PolicyChoice{{run.name, server->id}, std::nullopt};
   }
   if (!IsId(run.id))
@@ -121,7 +124,10 @@ Result<CampaignSpec> Spec(const CampaignSpec& base, EvalArguments& arguments) {
   }
   CampaignSpec spec = EvaluationSpec(base, evaluation);
   if (arguments.first_draw) spec.scenes = "first_draw";
+  const std::uint64_t mixed_seed = spec.seed;
   ETUDE_ASSIGN_OR_RETURN(spec, campaign::WithOverrides(std::move(spec), arguments.overrides));
+  if (spec.seed != mixed_seed)
+    return Fail(Code::kInvalidArgument, "--set seed: say --seed, which never meets a collection's");
   if (arguments.compare.empty()) return spec;
   // said now, not after an hour of rollouts that cannot be paired
   ETUDE_ASSIGN_OR_RETURN(const auto other, store::DatasetReader::Open(Path(arguments.compare) / "rollouts"));
@@ -234,7 +240,7 @@ void AddScenes(CLI::App& command, EvalArguments& arguments) {
   auto* sentences =
       command.add_option("--sentences", arguments.sentences,
                          "say these, each in scenes of what it means: table8 | table11 (the paper's, which training "
-                         "never says) | a file with a line 'TASK OBJECT: SENTENCE' each");
+                         "never says) | a file with a line 'TASK OBJECT [REFERENCE]: SENTENCE' each");
   sentences->excludes(tasks)->excludes(episodes);
   command.add_option("--scenes-each", arguments.scenes_each, "scenes in which each of --sentences is said")
       ->check(CLI::Range(1, 1000))

@@ -47,15 +47,16 @@ Result<std::string> ConfigPage() {
 Result<std::string> StructOf(const std::string& type, const Path& proto) {
   const std::string name = "struct " + type.substr(type.rfind(':') + 1) + " {";
   std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(proto, error)) {
-    if (entry.path().extension() != ".idl") continue;
-    ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(entry.path()));
+  for (std::filesystem::directory_iterator it(proto, error), end; !error && it != end; it.increment(error)) {
+    if (it->path().extension() != ".idl") continue;
+    ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(it->path()));
     const auto at = text.find(name);
     if (at == std::string::npos) continue;
     const auto begin = text.rfind('\n', at) + 1;
-    const auto end = text.find("};", at);
-    if (end != std::string::npos) return text.substr(begin, end + 2 - begin);
+    const auto close = text.find("};", at);
+    if (close != std::string::npos) return text.substr(begin, close + 2 - begin);
   }
+  if (error) return Fail(ErrnoError("list", proto, error.value()));
   return Fail(Code::kNotFound, fmt::format("find type '{}' of a topic in the IDL files of '{}'", type, proto.string()));
 }
 

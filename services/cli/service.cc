@@ -22,7 +22,10 @@ Status Service::Launch() {
   campaign::ProcessOptions process;
   process.argv = {program.string()};
   process.argv.insert(process.argv.end(), options_.arguments.begin(), options_.arguments.end());
-  if (restarts_ > 0)
+  // one that died before it kept anything begins anew
+  std::error_code ignored;
+  const bool goes_on = options_.restart_needs.empty() || std::filesystem::exists(options_.restart_needs, ignored);
+  if (restarts_ > 0 && goes_on)
     process.argv.insert(process.argv.end(), options_.restart_arguments.begin(), options_.restart_arguments.end());
   process.environment = options_.environment;
   process.log = options_.log;

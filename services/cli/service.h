@@ -17,6 +17,8 @@ struct ServiceOptions {
   std::string program;  ///< a sibling: etude-trainer
   std::vector<std::string> arguments;
   std::vector<std::string> restart_arguments;  ///< appended when it is started again: --resume
+  /// Without this file there is nothing to go on with, and restart_arguments are left out; "": they never are.
+  Path restart_needs;
   std::map<std::string, std::string> environment;
   Path log;
   int max_restarts = 5;

@@ -107,9 +107,14 @@ Status System::StartTraining() {
   for (const auto& text : config_.train.set) trainer.arguments.insert(trainer.arguments.end(), {"--set", text});
   const auto flags = bus_.Flags(security::Role::kTrainer);
   trainer.arguments.insert(trainer.arguments.end(), flags.begin(), flags.end());
-  trainer.restart_arguments = {"--resume"};
-  // an earlier `up` on the same folder was stopped: go on from there
-  if (std::filesystem::exists(run / "training_state.safetensors")) trainer.arguments.push_back("--resume");
+  const Path state = run / "training_state.safetensors";
+  if (std::filesystem::exists(state)) {
+    // an earlier `up` on the same folder was stopped: go on from there
+    trainer.arguments.push_back("--resume");
+  } else {
+    trainer.restart_arguments = {"--resume"};
+    trainer.restart_needs = state;
+  }
   // --new-id is done already
   if (claim_ == Claim::kAdopt) trainer.arguments.push_back("--adopt");
   trainer.environment = bus_.Environment();
@@ -217,17 +222,23 @@ std::string System::Line() {
   return line;
 }
 
+// The evaluation of the run's policy as it was at `step`.
+EvaluationOptions UpEvaluation(const UpConfig& config, const std::string& run_id, std::uint64_t step) {
+  const Path out = config.out;
+  return {.run = config.train.run,
+          .tasks = config.eval.tasks,
+          .episodes = config.eval.episodes,
+          .seed = config.eval.seed,
+          .videos = config.eval.videos,
+          // a new policy gets a new folder; the same one is resumed
+          .out = out / "eval" / fmt::format("step-{:06}", step),
+          .subject = {.run_id = run_id, .run = config.train.run},
+          .run_folder = out / "run" / config.train.run};
+}
+
 Status System::RollOut() {
   const std::uint64_t step = train_ ? train_->checkpoint_step : 0;
-  EvaluationOptions evaluation{.run = config_.train.run,
-                               .tasks = config_.eval.tasks,
-                               .episodes = config_.eval.episodes,
-                               .seed = config_.eval.seed,
-                               .videos = config_.eval.videos,
-                               // a new policy gets a new folder; the same one is resumed
-                               .out = out_ / "eval" / fmt::format("step-{:06}", step),
-                               .subject = {.run_id = run_.id, .run = config_.train.run},
-                               .run_folder = out_ / "run" / config_.train.run};
+  const EvaluationOptions evaluation = UpEvaluation(config_, run_.id, step);
   const CampaignSpec spec = EvaluationSpec(spec_, evaluation);
   ETUDE_RETURN_IF_ERROR(spec.Validate());
   display_.Say(fmt::format("[{}] rolling out {} episodes", FormatDuration(since_start_.Seconds()), spec.episodes));
@@ -289,8 +300,17 @@ Result<UpConfig> Load(const UpArguments& arguments) {
   if (arguments.minutes) config.train.minutes = *arguments.minutes;
   if (arguments.workers) config.workers = *arguments.workers;
   if (arguments.domain) config.domain = *arguments.domain;
+  if (config.workers < 0 || config.workers > 100)
+    return Fail(Code::kInvalidArgument, fmt::format("{}: workers: {} not in 0..100", arguments.file, config.workers));
   if (config.workers == 0) config.workers = DefaultWorkers();
   return config;
+}
+
+// What the rollouts at the end would refuse is said before the hours that come first.
+Status CheckEvaluation(const UpConfig& config, const CampaignSpec& collected, const std::string& file) {
+  const Status good = EvaluationSpec(collected, UpEvaluation(config, "", 0)).Validate();
+  if (!good) return Fail(good.error().Wrap(file + ": eval"));
+  return {};
 }
 
 // nullopt: it is not wanted, or it cannot be started; then it is said why.
@@ -306,6 +326,7 @@ Status Up(const UpArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const UpConfig config, Load(arguments));
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec,
                          campaign::LoadSpec({config.campaign, arguments.episodes, {}, config.campaign_set}));
+  ETUDE_RETURN_IF_ERROR(CheckEvaluation(config, spec, arguments.file));
   for (const char* program : {"etude-worker", "etude-trainer", "etude-policy"})
     ETUDE_RETURN_IF_ERROR(campaign::FindSibling(program));
   OrderedJson resolved = ToJson(config);

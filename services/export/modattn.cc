@@ -222,11 +222,15 @@ class Importer {
       : fingers_(fingers), grammar_(grammar), out_(out), options_(options) {}
 
   Status Add(const Recording& recording) {
-    ETUDE_ASSIGN_OR_RETURN(const Episode episode, Convert(recording));
+    const auto episode = Convert(recording);
+    if (!episode) {
+      if (!writer_) Forget();
+      return Fail(episode.error());
+    }
     if (!writer_) {
       ETUDE_ASSIGN_OR_RETURN(writer_, store::DatasetWriter::Open(out_, *spec_));
     }
-    ETUDE_RETURN_IF_ERROR(writer_->Commit(episode));
+    ETUDE_RETURN_IF_ERROR(writer_->Commit(*episode));
     ++count_;
     return {};
   }
@@ -239,6 +243,12 @@ class Importer {
   }
 
  private:
+  // an episode that is left out does not settle what those after it must be like
+  void Forget() {
+    spec_.reset();
+    width_ = height_ = 0;
+  }
+
   Result<Episode> Convert(const Recording& recording) {
     ETUDE_ASSIGN_OR_RETURN(const OrderedJson states, ReadStates(recording.folder));
     Episode episode;
@@ -249,6 +259,8 @@ class Importer {
     Converter converter(fingers_, episode);
     for (std::size_t t = 0; t < states.size(); ++t)
       if (Status added = converter.Add(states[t]); !added) return Fail(added.error().Wrap(fmt::format("step {}", t)));
+    // now, not by the writer: what it has been opened with stays
+    ETUDE_RETURN_IF_ERROR(ValidateEpisode(episode));
     return episode;
   }
 

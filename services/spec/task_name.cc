@@ -20,7 +20,8 @@ Result<Tasks> ReadBuiltIn() {
   ETUDE_ASSIGN_OR_RETURN(const Path folder, FindShared("tasks"));
   Tasks tasks;
   std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+  for (std::filesystem::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const auto& entry = *it;
     if (entry.path().extension() != ".yaml") continue;
     ETUDE_ASSIGN_OR_RETURN(TaskSpec task, LoadTaskSpec(entry.path()));
     const std::string stem = entry.path().stem().string();

@@ -145,5 +145,12 @@ TEST(LoadSpec, FlagsReplaceWhatTheFileSays) {
   EXPECT_EQ(spec->objects.size(), 30u) << "sets are expanded after the flags";
 }
 
+TEST(WithOverrides, ExpandsGeneratedObjects) {
+  const auto spec = WithOverrides(CampaignSpec(), {"objects=[generated:test]", "objects_per_scene=3"});
+  ASSERT_THAT(spec, IsOk());
+  EXPECT_EQ(spec->objects.size(), 70u);
+  EXPECT_THAT(WithOverrides(CampaignSpec(), {"objects=[generated:tests]"}), HasCode(Code::kInvalidArgument));
+}
+
 }  // namespace spec_file_test
 }  // namespace etude::campaign

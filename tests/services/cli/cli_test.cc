@@ -242,6 +242,16 @@ TEST_F(Cli, EvalSaysWhatAnOverlayNeeds) {
   EXPECT_THAT(no_pictures.text, HasSubstr("rollout.record must be true"));
 }
 
+// the seed of --seed is mixed so that no scene is one that a collection drew; one from --set would not be
+TEST_F(Cli, EvalRefusesASeedThatIsNotMixed) {
+  WriteCheckpoint("b.safetensors", {{"run", "demo"}});
+  const Outcome outcome =
+      Etude({"eval", "--checkpoint", In("b.safetensors"), "--out", In("e"), "--set", "seed=7", "--domain", "81"});
+  EXPECT_EQ(outcome.exit_code, kExitUsage) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("--set seed: say --seed, which never meets a collection's"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "e/rollouts"));
+}
+
 TEST_F(Cli, AFolderIsEitherACopyOrGoesOn) {
   const std::string spec = WriteFile("c.yaml", "name: x\n");
   const Outcome outcome = Etude({"collect", spec, "--out", In("d"), "--new-id", "--adopt"});
@@ -447,6 +457,22 @@ TEST_F(Cli, UpNamesWhatIsMissingInItsFile) {
   EXPECT_FALSE(std::filesystem::exists(In("out"))) << "nothing was made";
 }
 
+TEST_F(Cli, UpSaysWhatIsWrongWithItsEvaluationBeforeItStarts) {
+  WriteFile("c.yaml", "name: x\n");
+  for (const auto& [text, says] :
+       std::initializer_list<std::pair<const char*, const char*>>{{"eval: {tasks: [pik]}", "eval: campaign 'eval-"},
+                                                                  {"eval: {tasks: [pik]}", "did you mean 'pick'?"},
+                                                                  {"eval: {episodes: 0}", "episodes: 0 not in"},
+                                                                  {"workers: -1", "workers: -1 not in 0..100"},
+                                                                  {"workers: 101", "workers: 101 not in 0..100"}}) {
+    const std::string file = WriteFile("up.yaml", std::string("campaign: c.yaml\n") + text + "\n");
+    const Outcome outcome = Etude({"up", file, "--out", In("out"), "--domain", "81"});
+    EXPECT_EQ(outcome.exit_code, kExitUsage) << text << outcome.text;
+    EXPECT_THAT(outcome.text, HasSubstr(says)) << text;
+  }
+  EXPECT_FALSE(std::filesystem::exists(In("out"))) << "nothing was made";
+}
+
 TEST_F(Cli, CollectionsOptionsAreChecked) {
   const std::string spec = WriteFile("c.yaml", "name: x\n");
   for (const std::vector<std::string>& wrong : std::vector<std::vector<std::string>>{{"--workers", "101"},
@@ -496,6 +522,21 @@ TEST_F(Cli, TakesDatasetsApartAndTogether) {
   EXPECT_THAT(Etude({"dataset", "verify", In("parts/valid")}).text, HasSubstr("3 good, 0 bad"));
   EXPECT_EQ(Etude({"dataset", "filter", In("data"), In("c"), "--index", "9-3"}).exit_code, kExitUsage);
   EXPECT_EQ(Etude({"dataset", "filter", In("data"), In("c"), "--robot", "panda"}).exit_code, kExitFailure);
+}
+
+TEST_F(Cli, NumbersOfEpisodesEndAtTheLargestThereIs) {
+  WriteDataset("data", {0, 1});
+  const auto filter = [&](const std::vector<std::string>& indices) {
+    std::vector<std::string> arguments{"dataset", "filter", In("data"), In("c"), "--index"};
+    arguments.insert(arguments.end(), indices.begin(), indices.end());
+    return Etude(arguments);
+  };
+  const Outcome last = filter({"18446744073709551614-18446744073709551615"});
+  EXPECT_EQ(last.exit_code, kExitFailure) << last.text;
+  EXPECT_THAT(last.text, HasSubstr("has no episode 18446744073709551614"));
+  const Outcome many = filter({"0-10000000"});
+  EXPECT_EQ(many.exit_code, kExitUsage) << many.text;
+  EXPECT_THAT(many.text, HasSubstr("at most 10000000 in all"));
 }
 
 TEST_F(Cli, ExportsForOthers) {

@@ -35,5 +35,34 @@ TEST(Service, AProgramThatIsNotBuiltIsTheMachinesFault) {
   EXPECT_EQ(service.error().code, Code::kUnavailable);
 }
 
+// Says of every start whether it was told to go on; from its second start on there is something to go on with.
+constexpr const char* kDiesTwice = R"sh(#!/bin/sh
+echo "began $2" >> "$1/starts"
+[ "$2" = --resume ] && exit 0
+[ "$(wc -l < "$1/starts")" -eq 2 ] && : > "$1/state"
+exit 1
+)sh";
+
+TEST(Service, ARestartWithoutAStateBeginsAnew) {
+  TemporaryFolder folder;
+  const Path program = folder / "dies_twice.sh";
+  ASSERT_TRUE(WriteFileAtomically(program, std::string_view(kDiesTwice)));
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  auto service = Service::Start({.program = program.string(),  // need not lie beside this program
+                                 .arguments = {folder.path().string()},
+                                 .restart_arguments = {"--resume"},
+                                 .restart_needs = folder / "state",
+                                 .environment = {},
+                                 .log = folder / "service.log"});
+  ASSERT_TRUE(service) << service.error().message;
+  Status status;
+  while (status && !service->done()) {
+    status = service->Supervise();
+    std::this_thread::sleep_for(1ms);
+  }
+  ASSERT_TRUE(status) << status.error().message;
+  EXPECT_EQ(ReadTextFile(folder / "starts").value_or(""), "began \nbegan \nbegan --resume\n");
+}
+
 }  // namespace service_test
 }  // namespace etude::cli

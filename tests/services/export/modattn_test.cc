@@ -44,13 +44,13 @@ OrderedJson Step(int t) {
 
 class Modattn : public testing::Test {
  protected:
-  void WriteRecording(const std::string& name) {
+  void WriteRecording(const std::string& name, int width = 32) {
     const Path folder = in_ / name;
     ASSERT_TRUE(MakeFolders(folder));
     OrderedJson states = OrderedJson::array();
     for (int t = 0; t < kSteps; ++t) {
       states.push_back(Step(t));
-      cv::Mat picture(24, 32, CV_8UC4, cv::Scalar(10, 20, 30 + t, 255));  // blue, green, red, opaque
+      cv::Mat picture(24, width, CV_8UC4, cv::Scalar(10, 20, 30 + t, 255));  // blue, green, red, opaque
       ASSERT_TRUE(cv::imwrite((folder / fmt::format("{}.png", t)).string(), picture));
     }
     ASSERT_TRUE(WriteFileAtomically(folder / "states.json", states.dump()));
@@ -135,6 +135,21 @@ TEST_F(Modattn, LeavesOutWhatIsBadWhenAskedTo) {
   ASSERT_EQ(report->skipped.size(), 2u);
   EXPECT_THAT(report->skipped[0], testing::StartsWith("0: "));
   EXPECT_THAT(report->skipped[1], testing::HasSubstr("3.png"));
+}
+
+TEST_F(Modattn, ABadFirstEpisodeDoesNotSettleTheSizeOfAll) {
+  WriteRecording("0", 48);
+  for (const char* name : {"1", "2"}) WriteRecording(name);
+  ReplaceInFile(in_ / "0/states.json", "\"dq\"", "\"qd\"");  // seen after its pictures
+
+  const auto report = ImportModattn(in_, out_, {.skip_bad = true});
+
+  ASSERT_THAT(report, IsOk());
+  EXPECT_EQ(report->episodes, 2u);
+  EXPECT_EQ(report->skipped.size(), 1u);
+  const auto reader = store::DatasetReader::Open(out_);
+  ASSERT_THAT(reader, IsOk());
+  EXPECT_EQ(reader->spec().camera.width, 32);
 }
 
 }  // namespace modattn_test
