@@ -26,7 +26,8 @@ TEST(AttemptTrace, ChangesNothing) {
   ASSERT_TRUE(runner) << runner.error().message;
   for (std::uint64_t index = 0; index < 3; ++index) {
     AttemptTrace trace;
-    const AttemptResult traced = runner->Demonstrate(index, 0, {}, &trace), plain = runner->Demonstrate(index, 0);
+    const AttemptResult traced = runner->Demonstrate(index, 0, {}, &trace).value(),
+                        plain = runner->Demonstrate(index, 0).value();
     EXPECT_EQ(traced.outcome, plain.outcome);
     EXPECT_EQ(static_cast<int>(trace.poses.size()), traced.episode.steps());
     if (plain.outcome == AttemptOutcome::kSuccess) {
@@ -54,7 +55,7 @@ TEST(PlannerStatistics, CountEachStageOnceForEachTimeItIsDone) {
   ASSERT_TRUE(runner) << runner.error().message;
   int pushes = 0, episodes = 0;
   for (std::uint64_t index = 0; index < 6; ++index) {
-    const AttemptResult result = runner->Demonstrate(index, 0);
+    const AttemptResult result = runner->Demonstrate(index, 0).value();
     if (result.outcome != AttemptOutcome::kSuccess) continue;
     ++episodes;
     std::map<std::string, int> planned;
