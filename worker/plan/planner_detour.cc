@@ -65,7 +65,6 @@ bool Planner::Impl::CurveIsFree(Call& call, const JointCurve& curve) {
   return true;
 }
 
-// The widest smoothing that stays free. @returns false when none does
 Planner::Impl::Strain Planner::Impl::TrackedStrain(const Motion& motion, const Eigen::VectorXd& q_start,
                                                    double joint_limit) {
   const Eigen::VectorXd& speed = scene->arm().planned_speed;
@@ -83,9 +82,8 @@ Planner::Impl::Strain Planner::Impl::TrackedStrain(const Motion& motion, const E
 // As fast as the curve's joints allow, and those that a redundant arm's controller makes of it.
 std::optional<Motion> Planner::Impl::TimeCurve(Call& call, const JointCurve& curve) {
   constexpr int kRounds = 8;
-  constexpr double kSlowest = 0.2;
   double pace = 1;
-  for (int round = 0; round < kRounds && pace > kSlowest; ++round) {
+  for (int round = 0; round < kRounds && pace > internal::kSlowest; ++round) {
     Limits limits = call.request.limits;
     for (double* limit : {&limits.linear, &limits.angular, &limits.joint}) *limit *= pace;
     auto motion = internal::Retime(curve, kinematics, limits, call.request.start_speed, call.request.X_WE_goal);
@@ -97,6 +95,7 @@ std::optional<Motion> Planner::Impl::TimeCurve(Call& call, const JointCurve& cur
   return std::nullopt;
 }
 
+// The widest smoothing that stays free. @returns false when none does
 bool Planner::Impl::Smooth(Call& call, const std::vector<Eigen::VectorXd>& path, OutcomeKind kind) {
   for (double spacing = 0.32; spacing >= 0.02; spacing /= 2) {
     const JointCurve curve(path, spacing);

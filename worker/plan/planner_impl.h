@@ -24,6 +24,8 @@ namespace internal {
 
 // a quarter of `resolution` between the states of what is returned
 inline constexpr int kFiner = 4;
+// of the asked speed; slower is as good as not smooth
+inline constexpr double kSlowest = 0.2;
 
 /// "forearm touches bottle"
 std::string Touches(const collide::Collision& collision);
