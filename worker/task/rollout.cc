@@ -228,7 +228,10 @@ void Rollout::ObserveDistance() {
   const Stopwatch watch(session_->times().plan);
   for (const auto& object : world.scene().objects()) checker_->SetObject(object.name, world.ObjectPose(object.name));
   checker_->Allow({target});
+  const double gripper = checker_->gripper();
+  checker_->SetGripper(world.gripper());
   const collide::Collision nearest = checker_->Nearest(world.q());
+  checker_->SetGripper(gripper);  // others ask it, too
   if (nearest.distance >= nearest_) return;
   nearest_ = nearest.distance;
   nearest_pair_ = nearest.body_a + "-" + nearest.body_b;
