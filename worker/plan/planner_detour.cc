@@ -46,7 +46,7 @@ std::optional<Eigen::VectorXd> Planner::Impl::Settle(const Eigen::VectorXd& q, c
 }
 
 bool Planner::Impl::CurveIsFree(Call& call, const JointCurve& curve) {
-  const internal::Timer timer(call.outcome.times.simplify);
+  const Timer timer(call.outcome.times.simplify);
   const double step = config.resolution / kFiner;
   // inverse kinematics takes as long as several checks: what is between its states is interpolated
   const int between = IsRedundant() ? kFiner : 1;
@@ -100,7 +100,7 @@ bool Planner::Impl::Smooth(Call& call, const std::vector<Eigen::VectorXd>& path,
   for (double spacing = 0.32; spacing >= 0.02; spacing /= 2) {
     const JointCurve curve(path, spacing);
     if (!CurveIsFree(call, curve)) continue;
-    const internal::Timer timer(call.outcome.times.parameterise);
+    const Timer timer(call.outcome.times.parameterise);
     auto motion = TimeCurve(call, curve);
     if (!motion) continue;
     call.outcome.kind = kind;
@@ -111,7 +111,7 @@ bool Planner::Impl::Smooth(Call& call, const std::vector<Eigen::VectorXd>& path,
 }
 
 std::vector<Eigen::VectorXd> Planner::Impl::Shorten(Call& call, const std::vector<Eigen::VectorXd>& path) {
-  const internal::Timer timer(call.outcome.times.simplify);
+  const Timer timer(call.outcome.times.simplify);
   return internal::Shortcut(path, kShortcuts, call.rng,
                             [this, &call](const auto& a, const auto& b) { return SegmentIsFree(call, a, b); });
 }

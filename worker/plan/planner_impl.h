@@ -17,6 +17,7 @@
 #include "worker/plan/planner.h"
 #include "worker/plan/potential_field.h"
 #include "worker/plan/sampling.h"
+#include "worker/plan/timer.h"
 
 namespace etude::plan {
 
@@ -31,18 +32,6 @@ inline constexpr double kSlowest = 0.2;
 std::string Touches(const collide::Collision& collision);
 /// Signed for a square Jacobian, so that its sign tells on which side of a singularity q is.
 double Manipulability(const Eigen::MatrixXd& J);
-/// Adds the time from its construction to its end.
-class Timer {
- public:
-  explicit Timer(double& sum) : sum_(sum) {}
-  ~Timer() { sum_ += watch_.Seconds(); }
-  Timer(const Timer&) = delete;
-  Timer& operator=(const Timer&) = delete;
-
- private:
-  double& sum_;
-  Stopwatch watch_;
-};
 /// Always false.
 bool Fail(Outcome& outcome, OutcomeKind kind, std::string reason);
 

@@ -72,7 +72,7 @@ Planner::Impl::Strain Planner::Impl::WorstStrain(const internal::LineMotion& tim
 }
 
 bool Planner::Impl::TimeLine(Call& call, const ToolLine& line, const Track& track) {
-  const internal::Timer timer(call.outcome.times.parameterise);
+  const Timer timer(call.outcome.times.parameterise);
   const Limits& asked = call.request.limits;
   double pace = 1;
   // slowing down moves the samples, so a further round sees what the one before has left

@@ -12,6 +12,7 @@
 #include "services/spec/content_version.h"
 #include "services/spec/object_names.h"
 #include "services/spec/robot_names.h"
+#include "worker/plan/timer.h"
 #include "worker/sim/robot_file.h"
 #include "worker/task/episode_environment.h"
 #include "worker/task/expert.h"
@@ -185,7 +186,7 @@ Result<AttemptResult> AttemptRunner::Demonstrate(std::uint64_t index, std::uint3
   EpisodeEnvironment& in = **opened;
   SceneDraws draws;
   {
-    const Stopwatch watch(preparing.step);
+    const plan::Timer watch(preparing.step);
     draws = in.Prepare(plan, impl.spec.randomization);
   }
   std::optional<Tracer> tracer;
@@ -219,7 +220,7 @@ Result<AttemptResult> AttemptRunner::Rollout(std::uint64_t index, const policy::
   EpisodeEnvironment* const in = *opened;
   SceneDraws draws;
   {
-    const Stopwatch watch(preparing.step);
+    const plan::Timer watch(preparing.step);
     draws = in->Prepare(plan, impl.spec.randomization);
   }
   if (!draws.ok()) return Invalid(draws.failure, preparing, draws);

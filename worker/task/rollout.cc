@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "worker/plan/timer.h"
 #include "worker/sim/controller.h"
 
 namespace etude::task {
@@ -225,7 +226,7 @@ std::optional<Eigen::Vector3d> Rollout::PlaceOf(const std::string& entity) const
 void Rollout::ObserveDistance() {
   const sim::World& world = session_->world();
   const std::string& target = session_->plan().target;
-  const Stopwatch watch(session_->times().plan);
+  const plan::Timer watch(session_->times().plan);
   for (const auto& object : world.scene().objects()) checker_->SetObject(object.name, world.ObjectPose(object.name));
   checker_->Allow({target});
   const double gripper = checker_->gripper();
