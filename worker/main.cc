@@ -93,19 +93,26 @@ std::function<void(std::string_view, int)> ToProgress(const campaign::WorkItem& 
 campaign::WorkFunction Demonstrate(std::shared_ptr<task::AttemptRunner> runner) {
   return [runner](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
     runner->OnProgress(ToProgress(item));
-    return ResultOf(runner->Demonstrate(item.index, item.attempt, item.weights), false);
+    ETUDE_ASSIGN_OR_RETURN(auto attempt, runner->Demonstrate(item.index, item.attempt, item.weights));
+    return ResultOf(std::move(attempt), false);
   };
 }
 
 campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, const policy::AskFunction& ask) {
   return [runner, ask](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
     runner->OnProgress(ToProgress(item));
-    auto attempt = runner->Rollout(item.index, ask);
+    bool answers = true;  // the policy
+    auto attempt = runner->Rollout(item.index, [&](const policy::Question& question) {
+      auto answer = ask(question);
+      answers = answer.has_value();
+      return answer;
+    });
     if (attempt) {
       // without a scene nothing was rolled out
       const bool complete = attempt->outcome != task::AttemptOutcome::kSceneInvalid;
       return ResultOf(std::move(*attempt), complete);
     }
+    if (answers) return Fail(attempt.error());  // the machine's fault: no attempt
     // the policy did not answer: not the rollout's failure, it is tried again
     const std::string outcome = StopRequested() ? campaign::kReleased : campaign::kPolicyError;
     return campaign::WorkResult{.outcome = outcome,

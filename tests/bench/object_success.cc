@@ -53,7 +53,7 @@ int main(int argc, char** argv) {
         return 3;
       }
       for (int index = 0; index < 12; ++index) {
-        const auto result = runner->Demonstrate(index, 0);
+        const auto result = runner->Demonstrate(index, 0).value();
         const std::string target = PlanEpisode(spec, index, 0).target;
         Tally& tally = of_class[ObjectNoun(target)][name];
         ++tally.trials;

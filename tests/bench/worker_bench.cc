@@ -156,7 +156,7 @@ double PartsSeconds(const bus::Participant& participant, task::AttemptRunner& ru
   double seconds = 0;
   for (std::uint64_t index = first; index < first + count; ++index) {
     for (std::uint32_t attempt = 0;; ++attempt) {
-      const auto result = runner.Demonstrate(index, attempt);
+      const auto result = runner.Demonstrate(index, attempt).value();
       seconds += result.plan_s + result.step_s + result.render_s + result.deflate_s;
       if (result.outcome != task::AttemptOutcome::kSuccess) continue;
       Stopwatch watch;
@@ -185,7 +185,7 @@ double WholeSeconds(const bus::Participant& participant, const CampaignSpec& spe
     return [&](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
       // indices before the first are only to get going: joining and discovery are not the worker's cost per episode
       if (item.index == first && !since_first) since_first.emplace();
-      auto attempt = runner->Demonstrate(item.index, item.attempt, item.weights);
+      ETUDE_ASSIGN_OR_RETURN(const auto attempt, runner->Demonstrate(item.index, item.attempt, item.weights));
       campaign::WorkResult result;
       if (attempt.outcome == task::AttemptOutcome::kSuccess) {
         result.episode = EncodeEpisode(attempt.episode);
@@ -210,7 +210,7 @@ void BenchOverhead(const bus::Participant& participant) {
   ETUDE_CHECK(opened, "{}", opened.error().message);
   auto runner = std::make_shared<task::AttemptRunner>(std::move(*opened));
   constexpr std::uint64_t kFirst = 1, kCount = 6;
-  runner->Demonstrate(0, 0);
+  ETUDE_CHECK(runner->Demonstrate(0, 0));
   std::vector<double> wholes, parts, ratios;
   for (int round = 0; round < 5; ++round) {
     wholes.push_back(WholeSeconds(participant, spec, runner, kFirst, kCount));

@@ -91,7 +91,7 @@ class PlayProcess : public testing::Test {
     ASSERT_TRUE(WriteFileAtomically(file, ToYaml(ToJson(Spec()))));
     auto runner = task::AttemptRunner::Open(Spec());
     ASSERT_TRUE(runner) << runner.error().message;
-    demonstration_ = runner->Demonstrate(0, 0);
+    demonstration_ = runner->Demonstrate(0, 0).value();
     ASSERT_EQ(demonstration_.outcome, task::AttemptOutcome::kSuccess) << demonstration_.reason;
     oracle_.emplace(participant_, demonstration_.episode);
     const char* bin = std::getenv("ETUDE_BIN");

@@ -57,14 +57,14 @@ double Hash(std::int64_t x, std::int64_t y, std::uint32_t seed) {
   return static_cast<double>(h >> 11) * 0x1p-53;
 }
 
+}  // namespace
+
 double SegmentDistance(const Vector2d& p, const Vector2d& a, const Vector2d& b) {
   const Vector2d along = b - a;
   const double length2 = along.squaredNorm();
   const double t = length2 > 0 ? std::clamp((p - a).dot(along) / length2, 0.0, 1.0) : 0.0;
   return (p - a - t * along).norm();
 }
-
-}  // namespace
 
 Shape Disc(const Vector2d& centre, double radius) {
   return [=](const Vector2d& p) { return (p - centre).norm() - radius; };

@@ -51,4 +51,7 @@ class Canvas {
 /// Smooth value noise in 0..1 of a point; the same on every machine.
 double Noise(double x, double y, std::uint32_t seed);
 
+/// Distance to the segment from a to b, which may be one point.
+double SegmentDistance(const Eigen::Vector2d& p, const Eigen::Vector2d& a, const Eigen::Vector2d& b);
+
 }  // namespace etude::assets

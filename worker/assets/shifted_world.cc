@@ -77,7 +77,9 @@ void ShiftTable(const WorldSpec& world, SceneDescription& scene) {
                                  [](const AssetFile& candidate) { return candidate.name == "wood.tex"; });
   ETUDE_CHECK(file != scene.files.end());
   *file = {world.table + ".tex", picture.ToTexture()};
-  Replace(scene.mjcf, "\"wood\"", "\"" + world.table + "\"");
+  // an object may be called "wood", too
+  Replace(scene.mjcf, "<texture name=\"wood\"", "<texture name=\"" + world.table + "\"");
+  Replace(scene.mjcf, " texture=\"wood\"", " texture=\"" + world.table + "\"");
   Replace(scene.mjcf, "\"wood.tex\"", "\"" + world.table + ".tex\"");
 }
 

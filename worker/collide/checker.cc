@@ -240,6 +240,8 @@ void Checker::ClearObjects() {
 
 void Checker::SetGripper(double gripper) { impl_->gripper = gripper; }
 
+double Checker::gripper() const { return impl_->gripper; }
+
 void Checker::Allow(std::set<std::string> bodies) {
   for (const std::string& body : bodies)
     ETUDE_CHECK(impl_->body_names.contains(body), "no body '{}' in the scene", body);

@@ -47,6 +47,7 @@ class Checker {
   void ClearObjects();
   /// Gripper opening used for the fingers' pose, 0 open .. 1 closed.
   void SetGripper(double gripper);
+  double gripper() const;
   /// Contacts of the arm with these bodies are wanted (the target while it is grasped or pushed);
   /// replaces the former list. What the arm holds is still checked against all others.
   void Allow(std::set<std::string> bodies);

@@ -34,6 +34,8 @@ std::string Touches(const Collision& collision) {
 
 double Manipulability(const Eigen::MatrixXd& J) {
   if (J.rows() == J.cols()) return J.determinant();
+  // with fewer joints than rows J J^T is singular everywhere, and its determinant noise
+  if (J.cols() < J.rows()) return std::sqrt(std::max(0.0, (J.transpose() * J).determinant()));
   return std::sqrt(std::max(0.0, (J * J.transpose()).determinant()));
 }
 

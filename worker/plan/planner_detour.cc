@@ -46,7 +46,7 @@ std::optional<Eigen::VectorXd> Planner::Impl::Settle(const Eigen::VectorXd& q, c
 }
 
 bool Planner::Impl::CurveIsFree(Call& call, const JointCurve& curve) {
-  const internal::Timer timer(call.outcome.times.simplify);
+  const Timer timer(call.outcome.times.simplify);
   const double step = config.resolution / kFiner;
   // inverse kinematics takes as long as several checks: what is between its states is interpolated
   const int between = IsRedundant() ? kFiner : 1;
@@ -65,7 +65,6 @@ bool Planner::Impl::CurveIsFree(Call& call, const JointCurve& curve) {
   return true;
 }
 
-// The widest smoothing that stays free. @returns false when none does
 Planner::Impl::Strain Planner::Impl::TrackedStrain(const Motion& motion, const Eigen::VectorXd& q_start,
                                                    double joint_limit) {
   const Eigen::VectorXd& speed = scene->arm().planned_speed;
@@ -83,9 +82,8 @@ Planner::Impl::Strain Planner::Impl::TrackedStrain(const Motion& motion, const E
 // As fast as the curve's joints allow, and those that a redundant arm's controller makes of it.
 std::optional<Motion> Planner::Impl::TimeCurve(Call& call, const JointCurve& curve) {
   constexpr int kRounds = 8;
-  constexpr double kSlowest = 0.2;
   double pace = 1;
-  for (int round = 0; round < kRounds && pace > kSlowest; ++round) {
+  for (int round = 0; round < kRounds && pace > internal::kSlowest; ++round) {
     Limits limits = call.request.limits;
     for (double* limit : {&limits.linear, &limits.angular, &limits.joint}) *limit *= pace;
     auto motion = internal::Retime(curve, kinematics, limits, call.request.start_speed, call.request.X_WE_goal);
@@ -97,11 +95,12 @@ std::optional<Motion> Planner::Impl::TimeCurve(Call& call, const JointCurve& cur
   return std::nullopt;
 }
 
+// The widest smoothing that stays free. @returns false when none does
 bool Planner::Impl::Smooth(Call& call, const std::vector<Eigen::VectorXd>& path, OutcomeKind kind) {
   for (double spacing = 0.32; spacing >= 0.02; spacing /= 2) {
     const JointCurve curve(path, spacing);
     if (!CurveIsFree(call, curve)) continue;
-    const internal::Timer timer(call.outcome.times.parameterise);
+    const Timer timer(call.outcome.times.parameterise);
     auto motion = TimeCurve(call, curve);
     if (!motion) continue;
     call.outcome.kind = kind;
@@ -112,7 +111,7 @@ bool Planner::Impl::Smooth(Call& call, const std::vector<Eigen::VectorXd>& path,
 }
 
 std::vector<Eigen::VectorXd> Planner::Impl::Shorten(Call& call, const std::vector<Eigen::VectorXd>& path) {
-  const internal::Timer timer(call.outcome.times.simplify);
+  const Timer timer(call.outcome.times.simplify);
   return internal::Shortcut(path, kShortcuts, call.rng,
                             [this, &call](const auto& a, const auto& b) { return SegmentIsFree(call, a, b); });
 }

@@ -17,6 +17,7 @@
 #include "worker/plan/planner.h"
 #include "worker/plan/potential_field.h"
 #include "worker/plan/sampling.h"
+#include "worker/plan/timer.h"
 
 namespace etude::plan {
 
@@ -24,23 +25,13 @@ namespace internal {
 
 // a quarter of `resolution` between the states of what is returned
 inline constexpr int kFiner = 4;
+// of the asked speed; slower is as good as not smooth
+inline constexpr double kSlowest = 0.2;
 
 /// "forearm touches bottle"
 std::string Touches(const collide::Collision& collision);
 /// Signed for a square Jacobian, so that its sign tells on which side of a singularity q is.
 double Manipulability(const Eigen::MatrixXd& J);
-/// Adds the time from its construction to its end.
-class Timer {
- public:
-  explicit Timer(double& sum) : sum_(sum) {}
-  ~Timer() { sum_ += watch_.Seconds(); }
-  Timer(const Timer&) = delete;
-  Timer& operator=(const Timer&) = delete;
-
- private:
-  double& sum_;
-  Stopwatch watch_;
-};
 /// Always false.
 bool Fail(Outcome& outcome, OutcomeKind kind, std::string reason);
 

@@ -17,7 +17,6 @@ namespace {
 constexpr double kLinearStep = 0.005;  // m
 constexpr double kAngularStep = 0.03;  // rad
 constexpr double kJump = 0.5;          // rad a step: another branch of the kinematics
-constexpr double kSlowest = 0.2;       // of the asked speed; slower is as good as not smooth
 constexpr int kPaceRounds = 12;
 
 }  // namespace
@@ -73,7 +72,7 @@ Planner::Impl::Strain Planner::Impl::WorstStrain(const internal::LineMotion& tim
 }
 
 bool Planner::Impl::TimeLine(Call& call, const ToolLine& line, const Track& track) {
-  const internal::Timer timer(call.outcome.times.parameterise);
+  const Timer timer(call.outcome.times.parameterise);
   const Limits& asked = call.request.limits;
   double pace = 1;
   // slowing down moves the samples, so a further round sees what the one before has left
@@ -91,7 +90,7 @@ bool Planner::Impl::TimeLine(Call& call, const ToolLine& line, const Track& trac
       return true;
     }
     pace /= worst.excess * (1.005 + 0.005 * round);  // where slowing down does not do, ever more
-    if (pace < kSlowest)
+    if (pace < internal::kSlowest)
       return Fail(call.outcome, OutcomeKind::kNotSmooth,
                   fmt::format("{} would turn at {:.1f} rad/s at {:.0f} % of the straight path",
                               scene->arm().joints[worst.joint], worst.excess * asked.joint, 100 * worst.s));

@@ -59,6 +59,9 @@ std::vector<Follower> MeasureFollowers(mjModel& whole, const assets::RobotModel&
     places[i].push_back(data->qpos[driven.q]);
     for (const int joint : unknown) places[i].push_back(data->qpos[whole.jnt_qposadr[joint]]);
   }
+  // what was measured then means nothing
+  for (const int broken : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC})
+    if (data->warning[broken].number > 0) return {};
   std::vector<Follower> followers;
   for (std::size_t k = 0; k < unknown.size(); ++k) {
     const double from = places[0][k + 1], to = places[2][k + 1], stroke = places[2][0] - places[0][0];

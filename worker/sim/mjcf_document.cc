@@ -245,7 +245,10 @@ double MjcfDocument::ActuatorLimit(const std::string& joint) const {
   for (const XMLElement* item = ActuatorOf(actuators, joint, nullptr); item;
        item = ActuatorOf(actuators, joint, item)) {
     const auto value = [&](const char* name) { return Resolved(*item, name); };
-    const auto number = [&](const char* name) { return value(name).empty() ? 1.0 : NumbersOf(value(name))[0]; };
+    const auto number = [&](const char* name) {
+      const std::vector<double> numbers = NumbersOf(value(name));
+      return numbers.empty() ? 1.0 : numbers[0];
+    };
     const double gear = std::abs(number("gear"));
     double own = value("forcelimited") != "false" ? gear * Largest(value("forcerange")) : 0;
     const bool motor = IsElement(*item, "motor") || (IsElement(*item, "general") && value("biastype") != "affine");

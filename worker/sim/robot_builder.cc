@@ -94,6 +94,8 @@ class Builder {
     count("speed", file_.speed.size());
     count("armature", file_.armature.size());
     count("damping", file_.damping.size());
+    for (const double speed : file_.speed)
+      if (!(speed > 0)) Wrong("speed: {} must be > 0", speed);
     for (const std::string& name : file_.joints) model_.joints.push_back(JointName(name));
     model_.q_home = file_.home;
     model_.joint_speed = file_.speed.empty() ? std::vector<double>(n, kSpeedIfUnknown) : file_.speed;

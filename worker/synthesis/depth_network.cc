@@ -5,8 +5,9 @@
 
 #include <algorithm>
 #include <opencv2/dnn.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+
+#include "worker/synthesis/decoded_picture.h"
 
 namespace etude::synthesis {
 namespace {
@@ -91,8 +92,7 @@ Result<DepthNetwork> DepthNetwork::Open(const Path& onnx, const DepthNetworkOpti
 
 Result<Picture> DepthNetwork::Read(const Path& rgb) {
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(rgb, 1u << 28));
-  cv::Mat colors;
-  if (!bytes.empty()) colors = cv::imdecode(bytes, cv::IMREAD_COLOR);
+  cv::Mat colors = Decoded(bytes, cv::IMREAD_COLOR);
   if (colors.empty()) return Fail(Code::kCorrupt, fmt::format("read '{}': not a picture", rgb.string()));
   const cv::Mat mask = ObjectMask(colors, impl_->options.background);
   if (cv::countNonZero(mask) < 64)

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <exception>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -43,10 +44,16 @@ Result<std::vector<ObjectFacts>> MakeObjects(const std::vector<Maker>& makers, c
   std::atomic<std::size_t> next = 0;
   std::atomic<bool> has_failed = false;
   std::mutex one_call;
+  // nobody is above a thread: what it throws would end the program
   const auto make = [&](const Maker& maker) -> Result<ObjectFacts> {
-    ETUDE_ASSIGN_OR_RETURN(const SolidObject object, maker());
-    ETUDE_RETURN_IF_ERROR(WriteObject(object, out / object.facts.name));
-    return object.facts;
+    try {
+      ETUDE_ASSIGN_OR_RETURN(const SolidObject object, maker());
+      ETUDE_RETURN_IF_ERROR(WriteObject(object, out / object.facts.name));
+      return object.facts;
+    } catch (const std::exception& exception) {
+      return Fail(Code::kInternal,
+                  fmt::format("make an object for '{}': an exception: {}", out.string(), exception.what()));
+    }
   };
   const auto work = [&] {
     for (std::size_t i = next++; i < makers.size() && !has_failed && !StopRequested(); i = next++) {

@@ -45,12 +45,6 @@ Spot NearestSpot(const Vector2d& p, double spacing, std::uint32_t seed) {
   return nearest;
 }
 
-double SegmentDistance(const Vector2d& p, const Vector2d& a, const Vector2d& b) {
-  const Vector2d along = b - a;
-  const double t = std::clamp((p - a).dot(along) / along.squaredNorm(), 0.0, 1.0);
-  return (p - a - t * along).norm();
-}
-
 void Leaf::Paint(const Vector2d& p, double height, Texel& texel) const {
   const Vector2d along(std::cos(angle), std::sin(angle)), across(-along.y(), along.x());
   const double t = (p - root).dot(along) / length;

@@ -37,8 +37,7 @@ struct Spot {
 };
 Spot NearestSpot(const Eigen::Vector2d& p, double spacing, std::uint32_t seed);
 
-/// Distance to the segment from a to b.
-double SegmentDistance(const Eigen::Vector2d& p, const Eigen::Vector2d& a, const Eigen::Vector2d& b);
+using assets::SegmentDistance;
 
 /// A pointed leaf that grows from `root` in direction `angle` (rad, 0 along x).
 struct Leaf {

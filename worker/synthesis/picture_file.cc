@@ -9,6 +9,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "worker/synthesis/decoded_picture.h"
+
 namespace etude::synthesis {
 namespace {
 
@@ -18,8 +20,7 @@ constexpr int kJpegQuality = 85;
 
 Result<cv::Mat> Read(const Path& path, int flags) {
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path, 1u << 28));
-  cv::Mat picture;
-  if (!bytes.empty()) picture = cv::imdecode(bytes, flags);
+  cv::Mat picture = Decoded(bytes, flags);
   if (picture.empty()) return Fail(Code::kCorrupt, fmt::format("read '{}': not a picture", path.string()));
   return picture;
 }
@@ -74,7 +75,7 @@ Result<std::vector<std::uint8_t>> EncodeDepth(const Picture& picture) {
 }
 
 Result<Texture> DecodePicture(const std::vector<std::uint8_t>& bytes, const std::string& origin) {
-  cv::Mat picture = bytes.empty() ? cv::Mat() : cv::imdecode(bytes, cv::IMREAD_COLOR);
+  cv::Mat picture = Decoded(bytes, cv::IMREAD_COLOR);
   if (picture.empty()) return Fail(Code::kCorrupt, fmt::format("the texture of '{}' is not a picture", origin));
   cv::cvtColor(picture, picture, cv::COLOR_BGR2RGB);
   return Texture{picture.cols, picture.rows, {picture.data, picture.data + 3 * picture.total()}};

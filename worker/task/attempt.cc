@@ -12,6 +12,7 @@
 #include "services/spec/content_version.h"
 #include "services/spec/object_names.h"
 #include "services/spec/robot_names.h"
+#include "worker/plan/timer.h"
 #include "worker/sim/robot_file.h"
 #include "worker/task/episode_environment.h"
 #include "worker/task/expert.h"
@@ -143,6 +144,13 @@ AttemptResult Invalid(std::string reason, const Times& preparing, const SceneDra
   return Judged({AttemptOutcome::kSceneInvalid, std::move(reason)}, draws, preparing, {});
 }
 
+/// Of a scene that cannot be opened. What MuJoCo refuses it refuses on every machine: the attempt's own failure. All
+/// else is this machine's fault, and no attempt.
+Result<AttemptResult> WithoutScene(const Error& error, const Times& preparing) {
+  if (error.code == Code::kInvalidArgument || error.code == Code::kInternal) return Invalid(error.message, preparing);
+  return Fail(error);
+}
+
 }  // namespace
 
 namespace {
@@ -168,17 +176,17 @@ void AttemptRunner::OnProgress(std::function<void(std::string_view stage, int st
   impl_->progress = std::move(progress);
 }
 
-AttemptResult AttemptRunner::Demonstrate(std::uint64_t index, std::uint32_t attempt, const SamplingWeights& weights,
-                                         AttemptTrace* trace) {
+Result<AttemptResult> AttemptRunner::Demonstrate(std::uint64_t index, std::uint32_t attempt,
+                                                 const SamplingWeights& weights, AttemptTrace* trace) {
   Impl& impl = *impl_;
   const EpisodePlan plan = PlanEpisode(impl.spec, index, attempt, weights);
   Times preparing;
   auto opened = impl.EnvironmentOf(plan.scene);
-  if (!opened) return Invalid(opened.error().message, preparing);
+  if (!opened) return WithoutScene(opened.error(), preparing);
   EpisodeEnvironment& in = **opened;
   SceneDraws draws;
   {
-    const Stopwatch watch(preparing.step);
+    const plan::Timer watch(preparing.step);
     draws = in.Prepare(plan, impl.spec.randomization);
   }
   std::optional<Tracer> tracer;
@@ -207,10 +215,12 @@ Result<AttemptResult> AttemptRunner::Rollout(std::uint64_t index, const policy::
   Impl& impl = *impl_;
   const EpisodePlan plan = PlanEpisode(impl.spec, index, 0);
   Times preparing;
-  ETUDE_ASSIGN_OR_RETURN(EpisodeEnvironment* const in, impl.EnvironmentOf(plan.scene));
+  auto opened = impl.EnvironmentOf(plan.scene);
+  if (!opened) return WithoutScene(opened.error(), preparing);
+  EpisodeEnvironment* const in = *opened;
   SceneDraws draws;
   {
-    const Stopwatch watch(preparing.step);
+    const plan::Timer watch(preparing.step);
     draws = in->Prepare(plan, impl.spec.randomization);
   }
   if (!draws.ok()) return Invalid(draws.failure, preparing, draws);

@@ -50,9 +50,10 @@ class AttemptRunner {
   /// Mode demonstrate: plans and plays the expert.
   /// @param weights  the sampling weights that hold for `index`
   /// @param trace  gets what a replay shows; the episode then is complete after a failure too, unless it has no step.
-  AttemptResult Demonstrate(std::uint64_t index, std::uint32_t attempt, const SamplingWeights& weights = {},
-                            AttemptTrace* trace = nullptr);
-  /// Mode rollout: the policy behind `ask` drives. @error only what `ask` returns.
+  /// @error the scene cannot be opened: the machine's fault, no failed attempt
+  Result<AttemptResult> Demonstrate(std::uint64_t index, std::uint32_t attempt, const SamplingWeights& weights = {},
+                                    AttemptTrace* trace = nullptr);
+  /// Mode rollout: the policy behind `ask` drives. @error what `ask` returns; the scene cannot be opened, as above.
   Result<AttemptResult> Rollout(std::uint64_t index, const policy::AskFunction& ask);
   /// From now on told before every control step of an attempt which stage it is in and how many steps are done.
   void OnProgress(std::function<void(std::string_view stage, int step)> progress);

@@ -98,8 +98,9 @@ std::optional<EpisodeEnvironment::Start> EpisodeEnvironment::Draw(const EpisodeP
   StageContext now{.shapes = &shapes, .target = plan.target, .reference = plan.reference, .X_WO = target->X_WO};
   if (const PlacedObject* reference = Find(*objects, plan.reference)) now.X_WR = reference->X_WO;
   const Cast cast{.target = plan.target, .reference = plan.reference, .objects = Names(*objects)};
-  if (const auto already = Already(*plan.task.spec, cast, *objects, shapes))
-    return why = {"already_done", *already}, std::nullopt;
+  const auto already = Already(*plan.task.spec, cast, *objects, shapes);
+  if (!already) return why = {"no_such_object", already.error().message}, std::nullopt;
+  if (*already) return why = {"already_done", **already}, std::nullopt;
   checker.ClearObjects();
   for (const auto& object : *objects) checker.SetObject(object.name, object.X_WO);
   const auto q = DrawArm(plan, randomization, rng);

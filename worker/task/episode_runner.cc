@@ -5,20 +5,15 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <initializer_list>
 #include <utility>
 
 #include "services/codec/frame.h"
 #include "services/store/dataset.h"
+#include "worker/plan/timer.h"
 
 namespace etude::task {
 namespace {
-
-std::int64_t NowNs() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
 
 void Push(Track& track, std::initializer_list<double> values) {
   std::array<float, 8> row{};
@@ -33,9 +28,6 @@ void Push(Track& track, const Eigen::VectorXd& values) {
 }
 
 }  // namespace
-
-Stopwatch::Stopwatch(double& sum) : sum_(sum), start_ns_(NowNs()) {}
-Stopwatch::~Stopwatch() { sum_ += static_cast<double>(NowNs() - start_ns_) * 1e-9; }
 
 Result<EpisodeRunner> EpisodeRunner::Open(const EpisodeParts& parts, const EpisodePlan& plan,
                                           const RecordConfig& config) {
@@ -93,7 +85,7 @@ bool EpisodeRunner::Step(const Command& command) {
   if (config_.progress && phase < episode_.stage_names.size()) config_.progress(episode_.stage_names[phase], step);
   sim::World& world = *parts_.world;
   {
-    const Stopwatch watch(times_.step);
+    const plan::Timer watch(times_.step);
     world.Step(command.target, command.V_WE);
     if (std::exchange(target_pushed_, false)) judge_.Displaced(world);
     judge_.Observe(world);
@@ -112,7 +104,7 @@ void EpisodeRunner::PushTarget(const Pose& X_WO, const Eigen::Vector3d& v_WO) {
 
 std::span<const std::uint8_t> EpisodeRunner::Picture() {
   if (pictured_step_ != steps()) {
-    const Stopwatch watch(times_.render);
+    const plan::Timer watch(times_.render);
     parts_.renderer->Render(*parts_.world, picture_);
     if (config_.retouch) config_.retouch(picture_);
     pictured_step_ = steps();
@@ -122,7 +114,7 @@ std::span<const std::uint8_t> EpisodeRunner::Picture() {
 
 void EpisodeRunner::RecordFrame() {
   const auto picture = Picture();
-  const Stopwatch watch(times_.deflate);
+  const plan::Timer watch(times_.deflate);
   episode_.cameras[0].frames.push_back(codec::DeflateFrame(picture));
 }
 

@@ -54,19 +54,6 @@ struct Times {
   double plan = 0, step = 0, render = 0, deflate = 0;
 };
 
-/// Adds the time from its construction to its end to `sum`.
-class Stopwatch {
- public:
-  explicit Stopwatch(double& sum);
-  ~Stopwatch();
-  Stopwatch(const Stopwatch&) = delete;
-  Stopwatch& operator=(const Stopwatch&) = delete;
-
- private:
-  double& sum_;
-  std::int64_t start_ns_;
-};
-
 class EpisodeRunner {
  public:
   /// @pre the world is in the start state of `plan` and settled

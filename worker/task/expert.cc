@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "worker/plan/timer.h"
 #include "worker/task/feasibility_check.h"
 #include "worker/task/primitives/tuning.h"
 #include "worker/task/task_stages.h"
@@ -106,7 +107,7 @@ Verdict Expert::AvoidWhatMoved(const MotionSegment& segment, int step, std::opti
   double moved = 0;
   for (std::size_t i = 0; i < now.size(); ++i) moved = std::max(moved, (now[i] - segment.avoided[i]).norm());
   if (moved < kMoved) return {};
-  const Stopwatch watch(session_->times().plan);
+  const plan::Timer watch(session_->times().plan);
   const int i = segment.stage[step];
   UpdateChecker(stages_[i]);
   const Eigen::VectorXd q = session_->world().q();
@@ -160,7 +161,7 @@ void Expert::UpdateChecker(const Stage& stage) {
 }
 
 Verdict Expert::PlanSegment(int first, MotionSegment& segment) {
-  const Stopwatch watch(session_->times().plan);
+  const plan::Timer watch(session_->times().plan);
   Verdict verdict = TrySegment(first, true, segment);
   if (!verdict.ok() && stages_[first].clearance > 0) {
     // another way may arrive with the arm in another branch, from which the next stage can be done
@@ -259,7 +260,7 @@ bool Expert::FingersInTheWay(const MotionSegment& segment) {
   const Stage& stage = stages_[segment.first];
   const double now = session_->world().gripper();
   if (!stage.closed || stage.holds || now > 1 - kFingersThere) return false;
-  const Stopwatch watch(session_->times().plan);
+  const plan::Timer watch(session_->times().plan);
   UpdateChecker(stage);
   Eigen::VectorXd q = session_->world().q();
   for (int t = 0; t < std::min(kFingerSteps, segment.motion.steps()); t += kFingerLook) {
@@ -285,7 +286,7 @@ Verdict Expert::PlaySegment(const MotionSegment& segment, int& next_stage) {
   if (const Verdict verdict = CloseFirst(segment); !verdict.ok()) return verdict;
   Interruption push;
   {
-    const Stopwatch watch(session_->times().plan);
+    const plan::Timer watch(session_->times().plan);
     push = DrawInterruption(segment);
   }
   const int end = push.at >= 0 ? push.at : segment.motion.steps();

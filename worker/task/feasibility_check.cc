@@ -70,8 +70,8 @@ Place TryPlace(const Pose& X_WE, double margin, Need need, const Eigen::VectorXd
   return place;
 }
 
-// Most that a joint may turn from one of `samples` places along a straight way to the next, rad: the planner slows down
-// to kSlowest of the asked speed, not further.
+// Most that a joint may turn from one of `samples` places along a straight way to the next, rad: at kSlowest of the
+// asked speed, a little over what the planner slows down to at most.
 double MostTurn(const Stage& stage, const Pose& from, const Pose& goal, int samples) {
   constexpr double kSlowest = 0.25;
   const double linear = (goal.p - from.p).norm() / stage.limits.linear;

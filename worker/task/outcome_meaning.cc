@@ -17,7 +17,8 @@ std::string_view Meaning(AttemptOutcome outcome) {
                    {AttemptOutcome::kViolation, "the robot touched itself, or went beyond a joint's speed or torque"},
                    {AttemptOutcome::kTimeout, "it took longer than the limit of steps"},
                    {AttemptOutcome::kUnstable, "the simulation warned that its numbers are not sound"},
-                   {AttemptOutcome::kPolicyError, "in a rollout: the policy refused, or did not answer"}},
+                   {AttemptOutcome::kPolicyError, "in a rollout: the policy refused, or did not answer"},
+                   {AttemptOutcome::kStopped, "whoever watches stopped it"}},
                   "unknown");
 }
 

@@ -13,7 +13,7 @@ inline constexpr std::array kAttemptOutcomes{
     AttemptOutcome::kSuccess,     AttemptOutcome::kSceneInvalid, AttemptOutcome::kPlanFailed,
     AttemptOutcome::kGraspMissed, AttemptOutcome::kDropped,      AttemptOutcome::kCriterionFailed,
     AttemptOutcome::kCollision,   AttemptOutcome::kViolation,    AttemptOutcome::kTimeout,
-    AttemptOutcome::kUnstable,    AttemptOutcome::kPolicyError};
+    AttemptOutcome::kUnstable,    AttemptOutcome::kPolicyError,  AttemptOutcome::kStopped};
 
 /// For people: "the fingers closed without the object".
 std::string_view Meaning(AttemptOutcome outcome);

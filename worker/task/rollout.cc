@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "worker/plan/timer.h"
 #include "worker/sim/controller.h"
 
 namespace etude::task {
@@ -225,10 +226,13 @@ std::optional<Eigen::Vector3d> Rollout::PlaceOf(const std::string& entity) const
 void Rollout::ObserveDistance() {
   const sim::World& world = session_->world();
   const std::string& target = session_->plan().target;
-  const Stopwatch watch(session_->times().plan);
+  const plan::Timer watch(session_->times().plan);
   for (const auto& object : world.scene().objects()) checker_->SetObject(object.name, world.ObjectPose(object.name));
   checker_->Allow({target});
+  const double gripper = checker_->gripper();
+  checker_->SetGripper(world.gripper());
   const collide::Collision nearest = checker_->Nearest(world.q());
+  checker_->SetGripper(gripper);  // others ask it, too
   if (nearest.distance >= nearest_) return;
   nearest_ = nearest.distance;
   nearest_pair_ = nearest.body_a + "-" + nearest.body_b;

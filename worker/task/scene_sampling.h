@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What varies from episode to episode: where the objects stand, where the arm starts. All draws come from
-// one seeded stream, so that a scene is a function of its seed.
+// seeded streams that the caller hands in, so that a scene is a function of its seeds.
 #pragma once
 
 #include <optional>

@@ -3,13 +3,29 @@
 
 #include <fmt/format.h>
 
-#include "services/core/check.h"
+#include "services/spec/object_names.h"
 
 namespace etude::task {
+namespace {
+
+// Names that no object has: a predicate cannot speak of them but by the roles.
+constexpr const char* kTarget = "/target";
+constexpr const char* kReference = "/reference";
+
+/// Adds the known objects that the tree speaks of by their own names.
+void AddNamed(const PredicateSpec& spec, std::vector<std::string>& names) {
+  for (const auto& [parameter, value] : spec.parameters)
+    if (value.is_word() && CheckObjectName(value.word)) names.push_back(value.word);
+  for (const PredicateSpec& child : spec.children) AddNamed(child, names);
+}
+
+}  // namespace
 
 Status CheckPredicates(const TaskSpec& task) {
-  const Cast cast{.target = "A", .reference = task.reference.needed ? "B" : "", .objects = {"A", "B"}};
+  const std::string reference = task.reference.needed ? kReference : "";
   const auto check = [&](const char* key, const PredicateSpec& spec) -> Status {
+    Cast cast{.target = kTarget, .reference = reference, .objects = {kTarget, kReference}};
+    AddNamed(spec, cast.objects);
     const auto made = MakePredicate(spec, cast);
     if (made) return {};
     return Fail(made.error().code, fmt::format("task '{}': {}: {}", task.name, key, made.error().message));
@@ -20,19 +36,18 @@ Status CheckPredicates(const TaskSpec& task) {
   return {};
 }
 
-std::optional<std::string> Already(const TaskSpec& task, const Cast& cast, const std::vector<PlacedObject>& objects,
-                                   const SceneGeometry& shapes) {
+Result<std::optional<std::string>> Already(const TaskSpec& task, const Cast& cast,
+                                           const std::vector<PlacedObject>& objects, const SceneGeometry& shapes) {
   if (!task.start.not_already) return std::nullopt;
-  auto predicate = MakePredicate(*task.start.not_already, cast);
-  ETUDE_CHECK(predicate, "task={} {}", task.name, predicate.error().message);
+  ETUDE_ASSIGN_OR_RETURN(const auto predicate, MakePredicate(*task.start.not_already, cast));
   Observation seen;
   for (const auto& object : objects)
     seen[object.name] = {.X_WO = object.X_WO,
                          .X_WO_start = object.X_WO,
                          .centre = shapes.Centre(object.name),
                          .half_extent = shapes.object(object.name).half_extent};
-  if (!(*predicate)->Observe(seen)) return std::nullopt;
-  return "already so: " + (*predicate)->Words();
+  if (!predicate->Observe(seen)) return std::nullopt;
+  return "already so: " + predicate->Words();
 }
 
 }  // namespace etude::task

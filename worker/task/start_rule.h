@@ -15,13 +15,15 @@
 
 namespace etude::task {
 
-/// Whether the predicates of a task can be made: their kinds, parameters and roles.
+/// Whether the predicates of a task can be made: their kinds, parameters and roles. An object may be named: whether a
+/// scene has it is known where the scene is drawn.
 /// @error kInvalidArgument: as MakePredicate, with the task's name and the key
 Status CheckPredicates(const TaskSpec& task);
 
 /// What of `start.not_already` holds while the objects stand like this, nothing when none does.
 /// @pre CheckPredicates(task)
-std::optional<std::string> Already(const TaskSpec& task, const Cast& cast, const std::vector<PlacedObject>& objects,
-                                   const SceneGeometry& shapes);
+/// @error kInvalidArgument: the rule names an object that is not among them
+Result<std::optional<std::string>> Already(const TaskSpec& task, const Cast& cast,
+                                           const std::vector<PlacedObject>& objects, const SceneGeometry& shapes);
 
 }  // namespace etude::task

@@ -7,7 +7,7 @@
 namespace etude::task {
 
 Tracer::Tracer(std::shared_ptr<const sim::Scene> scene, const EpisodePlan& plan, int stride, AttemptTrace* trace)
-    : kinematics_(scene), checker_(scene), target_(plan.target), stride_(stride), trace_(trace) {
+    : checker_(scene), target_(plan.target), stride_(stride), trace_(trace) {
   trace_->scene = scene;
   trace_->bodies = scene->arm().bodies;
   for (const auto& object : scene->objects()) trace_->bodies.push_back(object.name);
@@ -15,15 +15,14 @@ Tracer::Tracer(std::shared_ptr<const sim::Scene> scene, const EpisodePlan& plan,
 }
 
 void Tracer::Observe(const sim::World& world) {
-  const double gripper = world.gripper();
-  std::vector<Pose> poses = kinematics_.ArmPoses(world.q(), gripper);
+  std::vector<Pose> poses = world.ArmPoses();
   for (const auto& object : world.scene().objects()) poses.push_back(world.ObjectPose(object.name));
   trace_->poses.push_back(std::move(poses));
   trace_->effort.Observe(world, target_);
   const int step = static_cast<int>(trace_->poses.size()) - 1;
   if (step % stride_ != 0) return;
   for (const auto& object : world.scene().objects()) checker_.SetObject(object.name, world.ObjectPose(object.name));
-  checker_.SetGripper(gripper);
+  checker_.SetGripper(world.gripper());
   trace_->nearest.push_back({step, checker_.Nearest(world.q())});
 }
 

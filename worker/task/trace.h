@@ -46,7 +46,6 @@ class Tracer {
   void Observe(const sim::World& world);
 
  private:
-  sim::Kinematics kinematics_;
   collide::Checker checker_;
   std::string target_;
   int stride_;

@@ -24,6 +24,12 @@ Result<std::string> UserFilesSha256(const CampaignSpec& spec) {
     if (IsTaskPath(task.base)) all += task.spec->sha256;
   }
   if (robots.empty() && objects.empty()) return all.empty() ? all : Sha256Hex(all);
+  for (const std::string& object : objects) {
+    // the scene has all but its extent, which decides where things may stand
+    const Path path(object), folder = path.filename() == "object.yaml" ? path.parent_path() : path;
+    ETUDE_ASSIGN_OR_RETURN(const auto yaml, ReadBinaryFile(folder / "object.yaml"));
+    all += Sha256Hex(yaml);
+  }
   if (robots.empty()) robots.push_back(spec.robots.at(0));
 
   for (const std::string& robot : robots) {

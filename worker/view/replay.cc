@@ -137,7 +137,8 @@ Status ReplayAttempt(const CampaignSpec& spec, const ReplayOptions& options, con
   if (!weights.empty()) ETUDE_RETURN_IF_ERROR(CheckWeights(weights, spec));
   ETUDE_ASSIGN_OR_RETURN(auto runner, task::AttemptRunner::Open(spec, renderer));
   task::AttemptTrace trace;
-  const task::AttemptResult result = runner.Demonstrate(options.index, options.attempt, weights, &trace);
+  ETUDE_ASSIGN_OR_RETURN(const task::AttemptResult result,
+                         runner.Demonstrate(options.index, options.attempt, weights, &trace));
   const EpisodePlan plan = PlanEpisode(spec, options.index, options.attempt, weights);
   const int steps = result.episode.steps();
   ETUDE_RETURN_IF_ERROR(MakeFolders(options.out));

@@ -225,7 +225,7 @@ Status CheckTask(const std::string& robot, const TaskName& task, const sim::Rend
   std::string trouble;
   for (int index = 0; index < kDemonstrations; ++index) {
     task::AttemptTrace trace;
-    const auto attempt = runner.Demonstrate(static_cast<std::uint64_t>(index), 0, {}, &trace);
+    ETUDE_ASSIGN_OR_RETURN(const auto attempt, runner.Demonstrate(static_cast<std::uint64_t>(index), 0, {}, &trace));
     effort.Add(trace.effort);
     if (attempt.outcome == task::AttemptOutcome::kSuccess)
       ++succeeded;

@@ -96,7 +96,7 @@ Result<int> Try(const TaskName& task, const std::string& robot, const std::vecto
   int succeeded = 0;
   std::map<std::string, int> reasons;
   for (int index = 0; index < attempts; ++index) {
-    const auto attempt = runner.Demonstrate(static_cast<std::uint64_t>(index), 0);
+    ETUDE_ASSIGN_OR_RETURN(const auto attempt, runner.Demonstrate(static_cast<std::uint64_t>(index), 0));
     if (attempt.outcome == task::AttemptOutcome::kSuccess)
       ++succeeded;
     else

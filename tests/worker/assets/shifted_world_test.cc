@@ -89,6 +89,22 @@ TEST(ShiftWorld, TablesAreOfDifferentColours) {
   }
 }
 
+TEST(ShiftWorld, AnObjectMayBeCalledLikeTheTable) {
+  SceneSpec spec;
+  spec.objects = {"wood"};
+  spec.world.table = "cloth";
+  const auto cube = [](const std::string& name) -> Result<ObjectModel> {
+    auto object = MakeObject("cube");
+    if (object) object->name = name;
+    return object;
+  };
+  const std::string mjcf = DescribeScene(spec, RobotModel{}, cube).value().mjcf;
+  EXPECT_THAT(mjcf, HasSubstr("<body name=\"wood\""));
+  EXPECT_THAT(mjcf, HasSubstr("<freejoint name=\"wood\"/>"));
+  EXPECT_THAT(mjcf, HasSubstr("<material name=\"table\" texture=\"cloth\""));
+  EXPECT_THAT(mjcf, HasSubstr("<texture name=\"cloth\""));
+}
+
 TEST(AddChoices, TablesAndABackdropStandBesideTheScenesOwn) {
   SceneSpec spec;
   const std::string without = DescribeScene(spec, RobotModel{}).value().sha256;

@@ -260,9 +260,8 @@ TEST_F(FieldTest, SeesWhenTheRestOfAMotionIsNotFreeAnyMore) {
   // behind the hand it does not matter
   const int late = motion.steps() * 9 / 10;
   const Eigen::VectorXd q = JointsAlong(motion, q_home_)[late];
-  if (!checker_.Check(q)) {
-    EXPECT_FALSE(planner_.FindBlockage(motion, late, q, checker_));
-  }
+  ASSERT_FALSE(checker_.Check(q));
+  EXPECT_FALSE(planner_.FindBlockage(motion, late, q, checker_));
 }
 
 TEST_F(FieldTest, AvoidsAnObstacleThatMovesIntoTheWay) {

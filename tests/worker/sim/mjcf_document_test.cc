@@ -138,6 +138,7 @@ TEST_F(Document, AnActuatorsLimitIsTheMostThatItGives) {
   EXPECT_EQ(limit(R"(<position joint="other" forcerange="-40 40"/>)"), 0);
   EXPECT_EQ(limit(R"(<position jointinparent="j" forcerange="-5 5"/>)"), 5);
   EXPECT_EQ(limit(R"(<motor joint="j" gear="50" ctrlrange="-2 2"/>)"), 100);
+  EXPECT_EQ(limit(R"(<motor joint="j" gear=" " ctrlrange="-2 2"/>)"), 2) << "nothing was said";
   EXPECT_EQ(limit(R"(<motor joint="j" gear="50" ctrllimited="false" ctrlrange="-2 2"/>)"), 0);
   EXPECT_EQ(limit(R"(<general joint="j" gainprm="20" ctrlrange="-2 2"/>)"), 40);
   EXPECT_EQ(limit(R"(<general joint="j" biastype="affine" gainprm="20" ctrlrange="-2 2"/>)"), 0) << "a servo";

@@ -10,6 +10,7 @@
 #include "services/core/file.h"
 #include "services/core/rng.h"
 #include "tests/support/replace_in_file.h"
+#include "tests/support/temporary_folder.h"
 #include "tests/worker/sim/scene_fixture.h"
 #include "worker/sim/model.h"
 
@@ -103,10 +104,7 @@ TEST(RobotFile, MakesTheSameSceneTwice) {
 /// A copy of the example to break.
 class BrokenRobot : public testing::Test {
  protected:
-  BrokenRobot() : folder_(Path(testing::TempDir()) / testing::UnitTest::GetInstance()->current_test_info()->name()) {
-    std::filesystem::remove_all(folder_);
-    std::filesystem::copy("deploy/robots", folder_, std::filesystem::copy_options::recursive);
-  }
+  BrokenRobot() { std::filesystem::copy("deploy/robots", folder_.path(), std::filesystem::copy_options::recursive); }
   void Replace(const std::string& file, const std::string& from, const std::string& to) {
     ReplaceInFile(folder_ / file, from, to);
   }
@@ -115,7 +113,7 @@ class BrokenRobot : public testing::Test {
     EXPECT_FALSE(loaded);
     return loaded ? Error{} : loaded.error();
   }
-  Path folder_;
+  TemporaryFolder folder_;
 };
 
 TEST_F(BrokenRobot, EverythingWrongIsSaidAtOnce) {
@@ -129,6 +127,14 @@ TEST_F(BrokenRobot, EverythingWrongIsSaidAtOnce) {
   EXPECT_THAT(error.message, testing::HasSubstr("gripper.force: 0"));
   EXPECT_THAT(error.message, testing::HasSubstr("no body 'write'"));
   EXPECT_THAT(error.message, testing::HasSubstr("'roll' has no torque limit"));
+}
+
+TEST_F(BrokenRobot, AJointThatMayNotMoveIsRefused) {
+  Replace("sketch.yaml", "[2.5, 2.5, 2.5, 3, 3, 3]", "[2.5, 0, 2.5, -2, 3, 3]");
+  const Error error = Load();
+  EXPECT_EQ(error.code, Code::kInvalidArgument);
+  EXPECT_THAT(error.message, testing::HasSubstr("speed: 0 must be > 0"));
+  EXPECT_THAT(error.message, testing::HasSubstr("speed: -2 must be > 0"));
 }
 
 TEST_F(BrokenRobot, AMissingMeshIsMuJoCosMessage) {

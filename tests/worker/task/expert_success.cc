@@ -108,7 +108,7 @@ int main(int argc, char** argv) {
     }
     Tally tally;
     for (int index = first; index < first + scenes; ++index) {
-      const auto result = runner->Demonstrate(index, 0);
+      const auto result = runner->Demonstrate(index, 0).value();
       Count(result, tally);
       if (result.outcome != task::AttemptOutcome::kSuccess)
         fmt::print("{} {}: {}: {}\n", name, index, task::ToString(result.outcome), result.reason);

@@ -59,7 +59,7 @@ TEST(PlaySession, ASentenceInAFreshSceneIsTheRolloutThatAnEvaluationMakes) {
   const CampaignSpec spec = SpecOf("pick");
   auto runner = AttemptRunner::Open(spec);
   ASSERT_TRUE(runner);
-  const auto demonstration = runner->Demonstrate(0, 0);
+  const auto demonstration = runner->Demonstrate(0, 0).value();
   ASSERT_EQ(demonstration.outcome, AttemptOutcome::kSuccess) << demonstration.reason;
   const auto rollout = runner->Rollout(0, Playback(demonstration.episode, spec.rollout.replan_steps));
   ASSERT_TRUE(rollout);
@@ -83,7 +83,7 @@ TEST(PlaySession, GoesOnInTheSameSceneAndComesHomeFirst) {
   const CampaignSpec spec = SpecOf("pick");
   auto runner = AttemptRunner::Open(spec);
   ASSERT_TRUE(runner);
-  const auto demonstration = runner->Demonstrate(0, 0);
+  const auto demonstration = runner->Demonstrate(0, 0).value();
   ASSERT_EQ(demonstration.outcome, AttemptOutcome::kSuccess);
   auto session = Open(spec);
   const Pose home = session->world().X_WE();

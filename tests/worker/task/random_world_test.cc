@@ -71,7 +71,7 @@ TEST(RandomWorld, EveryObjectIsInThePictureWhereItsCameraSaysAndSeen) {
 TEST(RandomWorld, AnEpisodeRecordsTheCameraThatItWasTakenWith) {
   CampaignSpec spec = Small(Robust());
   AttemptRunner runner = OpenOrDie(spec);
-  const auto result = runner.Demonstrate(1, 0);
+  const auto result = runner.Demonstrate(1, 0).value();
   ASSERT_EQ(result.outcome, AttemptOutcome::kSuccess) << result.reason;
   const Episode& episode = result.episode;
   const EpisodePlan plan = PlanEpisode(spec, 1, 0);
@@ -113,7 +113,7 @@ TEST(RandomWorld, WithoutDistractorsTheEpisodeIsTheSameButForItsLooks) {
   on.randomization.world.distractors = 0;
   AttemptRunner plain = OpenOrDie(off), dressed = OpenOrDie(on);
   for (std::uint64_t index = 0; index < 4; ++index) {
-    const auto before = plain.Demonstrate(index, 0), after = dressed.Demonstrate(index, 0);
+    const auto before = plain.Demonstrate(index, 0).value(), after = dressed.Demonstrate(index, 0).value();
     ASSERT_EQ(before.outcome, AttemptOutcome::kSuccess) << before.reason;
     EXPECT_EQ(before.episode.states.values, after.episode.states.values);
     EXPECT_EQ(before.episode.actions_abs.values, after.episode.actions_abs.values);
@@ -148,7 +148,7 @@ TEST(RandomWorld, TheExpertSucceedsAndTouchesNoDistractor) {
   std::map<std::string, int> failures;
   const int scenes = 60;
   for (std::uint64_t index = 0; index < scenes; ++index) {
-    const auto result = runner.Demonstrate(index, 0);
+    const auto result = runner.Demonstrate(index, 0).value();
     if (result.outcome != AttemptOutcome::kSuccess) {
       ++failures[result.reason];
       continue;

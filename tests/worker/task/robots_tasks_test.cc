@@ -88,7 +88,7 @@ TEST_P(EveryTask, IsDemonstratedByTheRobot) {
     AttemptResult result;
     std::string reasons;
     for (std::uint32_t attempt = 0; attempt < 4; ++attempt) {
-      result = runner->Demonstrate(index, attempt);
+      result = runner->Demonstrate(index, attempt).value();
       if (result.outcome == AttemptOutcome::kSuccess) break;
       reasons += std::string(ToString(result.outcome)) + " (" + result.reason + "); ";
     }
@@ -112,7 +112,7 @@ TEST_P(EveryTask, HasLabelsWithoutJumpsInMoreThanOneScene) {
   const std::uint64_t tasks = spec.tasks.size();
   std::uint64_t kept = 0;
   for (std::uint64_t index = tasks; index < 2 * tasks; ++index) {
-    const AttemptResult result = runner->Demonstrate(index, 0);
+    const AttemptResult result = runner->Demonstrate(index, 0).value();
     if (result.outcome != AttemptOutcome::kSuccess) continue;
     ++kept;
     EXPECT_LE(LargestTurn(result.episode), 0.05) << result.episode.task << " of scene " << index;

@@ -30,7 +30,7 @@ TEST_P(RolloutOf, OracleSucceeds) {
   ASSERT_TRUE(runner.has_value()) << runner.error().message;
   int successes = 0, tried = 0;
   for (int index = 0; index < 4; ++index) {
-    const auto demonstration = runner->Demonstrate(index, 0);
+    const auto demonstration = runner->Demonstrate(index, 0).value();
     if (demonstration.outcome != AttemptOutcome::kSuccess) continue;
     ++tried;
     const auto rollout = runner->Rollout(index, Playback(demonstration.episode, spec.rollout.replan_steps));

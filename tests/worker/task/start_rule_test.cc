@@ -7,6 +7,7 @@
 #include <set>
 
 #include "tests/support/matchers.h"
+#include "worker/task/outcome_meaning.h"
 #include "worker/task/verdict.h"
 
 namespace etude::task {
@@ -42,6 +43,14 @@ TEST(CheckPredicates, OnlyATaskWithAReferenceMaySpeakOfOne) {
   EXPECT_THAT(CheckPredicates(task), IsOk());
 }
 
+TEST(CheckPredicates, AnObjectMayBeNamed) {
+  const TaskSpec task = TaskWith("{all: [{risen: {object: milk}}, {untouched: {objects: apple_03}}]}");
+  EXPECT_THAT(CheckPredicates(task), IsOk());
+  EXPECT_THAT(CheckPredicates(TaskWith("{risen: {object: mlik}}")), MessageHas("the scene has no 'mlik'"));
+  EXPECT_THAT(CheckPredicates(TaskWith("{risen: {object: A}}")), MessageHas("the scene has no 'A'"))
+      << "what stands for the target while it is checked has a name that cannot be written";
+}
+
 class AlreadySo : public testing::Test {
  protected:
   AlreadySo() {
@@ -57,7 +66,8 @@ class AlreadySo : public testing::Test {
                           {{place.x(), place.y(), shapes_->object(name).rest_height}, Eigen::Quaterniond::Identity()}};
     };
     return Already(task, {.target = "coke", .reference = "milk", .objects = {"coke", "milk"}},
-                   {at("coke", coke), at("milk", milk)}, *shapes_);
+                   {at("coke", coke), at("milk", milk)}, *shapes_)
+        .value();
   }
 
   std::shared_ptr<const sim::Scene> scene_;
@@ -76,6 +86,14 @@ TEST_F(AlreadySo, SaysWhatHoldsBeforeAnythingMoves) {
   EXPECT_FALSE(Ask(task, {0.35, 0.3}, {0, 0.3})) << "too far";
 }
 
+TEST_F(AlreadySo, AnObjectThatWasNotDrawnIsAnError) {
+  TaskSpec task = TaskWith("risen");
+  task.start.not_already = Spec("{beside: {of: bread}}");
+  ASSERT_THAT(CheckPredicates(task), IsOk());
+  EXPECT_THAT(Already(task, {.target = "coke", .reference = "", .objects = {"coke"}}, {}, *shapes_),
+              HasCode(Code::kInvalidArgument));
+}
+
 TEST_F(AlreadySo, SizesAreThoseOfTheObjects) {
   TaskSpec task = TaskWith("beside");
   task.start.not_already = Spec("{inside: {deep: 0 m}}");
@@ -87,13 +105,15 @@ TEST(AttemptOutcomes, HaveNamesOfTheirOwn) {
   using enum AttemptOutcome;
   std::set<std::string_view> names;
   for (const auto outcome : {kSuccess, kSceneInvalid, kPlanFailed, kGraspMissed, kDropped, kCriterionFailed, kCollision,
-                             kViolation, kTimeout, kUnstable, kPolicyError})
+                             kViolation, kTimeout, kUnstable, kPolicyError, kStopped})
     names.insert(ToString(outcome));
-  EXPECT_EQ(names.size(), 11u);
+  EXPECT_EQ(names.size(), 12u);
   EXPECT_FALSE(names.contains("unknown"));
   // written to attempts.jsonl and read by the campaign
   EXPECT_EQ(ToString(kSceneInvalid), "scene_invalid");
   EXPECT_EQ(ToString(kSuccess), "success");
+  EXPECT_EQ(kAttemptOutcomes.size(), names.size());
+  for (const auto outcome : kAttemptOutcomes) EXPECT_NE(Meaning(outcome), "unknown") << ToString(outcome);
 }
 
 }  // namespace start_rule_test

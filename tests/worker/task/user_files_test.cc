@@ -38,6 +38,19 @@ TEST(UserFiles, HashTellsWhatTheRobotIsMadeOfAndNotWhereItStands) {
   EXPECT_NE(HashOf(robot), home);
 }
 
+TEST(UserFiles, HashTellsAnObjectsExtent) {
+  TemporaryFolder folder;
+  const Path object = folder / "my_box";
+  std::filesystem::copy("deploy/objects/open_box", object, std::filesystem::copy_options::recursive);
+  CampaignSpec spec;
+  spec.objects = {"cube", object.string()};
+  const auto before = UserFilesSha256(spec);
+  ASSERT_TRUE(before) << before.error().message;
+  EXPECT_EQ(UserFilesSha256(spec).value(), *before);
+  ReplaceInFile(object / "object.yaml", "extent_m: [0.16,", "extent_m: [0.17,");
+  EXPECT_NE(UserFilesSha256(spec).value(), *before);
+}
+
 TEST(UserFiles, WhatIsMissingIsAnError) {
   CampaignSpec spec;
   spec.objects = {"cube", "./no_such_folder"};

@@ -36,7 +36,7 @@ std::optional<std::uint32_t> FindAttempt(const CampaignSpec& spec, std::uint64_t
   auto runner = task::AttemptRunner::Open(spec);
   if (!runner) return std::nullopt;
   for (std::uint32_t attempt = 0; attempt < 20; ++attempt)
-    if (wanted(runner->Demonstrate(index, attempt))) return attempt;
+    if (wanted(runner->Demonstrate(index, attempt).value())) return attempt;
   return std::nullopt;
 }
 
@@ -52,7 +52,7 @@ TEST(ReplayAttempt, FollowsTheWeightsOfTheJournalAndKeepsThem) {
   std::uint32_t attempt = 0;
   task::AttemptResult made;
   for (; attempt < 20; ++attempt) {
-    made = runner->Demonstrate(index, attempt, entry.weights);
+    made = runner->Demonstrate(index, attempt, entry.weights).value();
     if (made.outcome == task::AttemptOutcome::kSuccess) break;
   }
   ASSERT_EQ(made.outcome, task::AttemptOutcome::kSuccess) << made.reason;
