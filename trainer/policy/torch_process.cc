@@ -3,6 +3,7 @@
 
 #include <dlfcn.h>
 #include <fmt/format.h>
+#include <sys/auxv.h>
 #include <sys/prctl.h>
 #include <torch/torch.h>
 #include <unistd.h>
@@ -35,6 +36,8 @@ bool SetDefault(const char* name, const char* value) {
 void PrepareTorchProcess(char** argv) {
   // a program started anew through /proc/self/exe is called `exe` by ps and pkill
   ::prctl(PR_SET_NAME, program_invocation_short_name);
+  // with raised privileges the loader takes such variables away again: it would be started anew for ever
+  if (::getauxval(AT_SECURE) != 0) return;
   bool changed = SetDefault("OMP_WAIT_POLICY", "PASSIVE");
   // OpenBLAS picks AVX2 kernels on CPUs that are younger than it is; half the speed of AVX-512.
   if (HasAvx512()) changed |= SetDefault("OPENBLAS_CORETYPE", "SkylakeX");
