@@ -2,6 +2,7 @@
 // etude-trainer: trains a policy on a dataset, also while it is collected, and publishes
 // checkpoints.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
@@ -333,7 +334,8 @@ Result<std::shared_ptr<const security::CheckpointSigner>> OpenSigner(const Argum
 
 // Ranks of one host share its cores; on hosts of their own each has them all.
 int ReplicasOfRank(const Arguments& arguments) {
-  const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  constexpr int kMost = 256;  // that a configuration may say
+  const int cores = std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, kMost);
   const std::string host = arguments.meet.substr(0, arguments.meet.rfind(':'));
   const bool here = arguments.rank < 0 || host == learn::RanksOptions().host || host == "localhost";
   return here ? std::max(1, cores / arguments.ranks) : cores;

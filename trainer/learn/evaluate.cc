@@ -206,7 +206,6 @@ Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& make
   };
   ETUDE_RETURN_IF_ERROR(VisitBatches(policy, {maker, snapshot, samples, level, batch}, measure));
   Evaluation result = Summarize(policy.config(), sums);
-  result.frames = static_cast<int>(samples.size());
   result.metrics["loss"] = loss / static_cast<double>(samples.size());
   return result;
 }

@@ -327,6 +327,4 @@ Status Trainer::Run() {
   }());
 }
 
-Progress Trainer::progress() const { return impl_->reporter.last(); }
-
 }  // namespace etude::learn

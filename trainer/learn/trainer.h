@@ -75,7 +75,6 @@ class Trainer {
   /// with kUnavailable. @error kInternal when the loss is not finite: then nothing is saved and the last checkpoint
   /// stands.
   Status Run();
-  Progress progress() const;
 
  private:
   struct Impl;

@@ -15,15 +15,6 @@
 namespace etude::policy {
 namespace {
 
-bool HasAvx512() {
-#if defined(__x86_64__)
-  return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-         __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq");
-#else
-  return false;
-#endif
-}
-
 /// Sets `name` unless it is set; true when that changed the environment.
 bool SetDefault(const char* name, const char* value) {
   if (std::getenv(name) != nullptr) return false;
@@ -55,6 +46,15 @@ void SetTorchThreads(int threads) {
   if (threads <= 0) threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   at::set_num_threads(threads);
   at::globalContext().setFlushDenormal(true);
+}
+
+bool HasAvx512() {
+#if defined(__x86_64__)
+  return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+         __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq");
+#else
+  return false;
+#endif
 }
 
 bool HasFastBf16() { return HasAvx512(); }
