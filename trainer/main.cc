@@ -2,6 +2,7 @@
 // etude-trainer: trains a policy on a dataset, also while it is collected, and publishes
 // checkpoints.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
@@ -331,20 +332,19 @@ Result<std::shared_ptr<const security::CheckpointSigner>> OpenSigner(const Argum
   return std::make_shared<const security::CheckpointSigner>(std::move(opened));
 }
 
-Status Train(const Arguments& arguments) {
-  const bool leads = arguments.rank <= 0;
-  if (leads) ETUDE_RETURN_IF_ERROR(CheckOut(arguments));
-  ETUDE_ASSIGN_OR_RETURN(auto config, ReadConfig(arguments));
-  ETUDE_ASSIGN_OR_RETURN(const auto device, policy::OpenDevice(arguments.device, std::max(0, arguments.rank)));
-  // ranks of one machine share its cores
-  if (config.threads.replicas == 0 && arguments.ranks > 1)
-    config.threads.replicas = std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / arguments.ranks);
-  ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
-  ETUDE_ASSIGN_OR_RETURN(const auto together, JoinRanks(arguments));
-  if (!leads) return TrainAlong(arguments, config, {.ranks = together.ranks, .device = device});
-  ETUDE_ASSIGN_OR_RETURN(const std::string run, RunName(arguments));
-  policy::SetTorchThreads(config.threads.intra_op);
+// Ranks of one host share its cores; on hosts of their own each has them all.
+int ReplicasOfRank(const Arguments& arguments) {
+  constexpr int kMost = 256;  // that a configuration may say
+  const int cores = std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, kMost);
+  const std::string host = arguments.meet.substr(0, arguments.meet.rfind(':'));
+  const bool here = arguments.rank < 0 || host == learn::RanksOptions().host || host == "localhost";
+  return here ? std::max(1, cores / arguments.ranks) : cores;
+}
 
+// Rank 0, or alone: all but the others' steps.
+Status Lead(const Arguments& arguments, const learn::TrainConfig& config, const Together& together,
+            const torch::Device& device) {
+  ETUDE_ASSIGN_OR_RETURN(const std::string run, RunName(arguments));
   ETUDE_ASSIGN_OR_RETURN(auto participant, JoinBus(arguments));
   ETUDE_ASSIGN_OR_RETURN(auto signer, OpenSigner(arguments));
   std::unique_ptr<bus::ProcessReporter> reporter;
@@ -372,6 +372,22 @@ Status Train(const Arguments& arguments) {
              policy::DescribeTorch(), device.str());
   return TrainOn(std::move(dataset), arguments, config, telemetry,
                  {participant ? &*participant : nullptr, source, together.ranks, device});
+}
+
+Status Train(const Arguments& arguments) {
+  if (arguments.rank >= arguments.ranks)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("--rank {}: --ranks has to say of how many, more than {}", arguments.rank, arguments.rank));
+  const bool leads = arguments.rank <= 0;
+  if (leads) ETUDE_RETURN_IF_ERROR(CheckOut(arguments));
+  ETUDE_ASSIGN_OR_RETURN(auto config, ReadConfig(arguments));
+  ETUDE_ASSIGN_OR_RETURN(const auto device, policy::OpenDevice(arguments.device, std::max(0, arguments.rank)));
+  if (config.threads.replicas == 0 && arguments.ranks > 1) config.threads.replicas = ReplicasOfRank(arguments);
+  ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
+  ETUDE_ASSIGN_OR_RETURN(const auto together, JoinRanks(arguments));
+  policy::SetTorchThreads(config.threads.intra_op);
+  if (!leads) return TrainAlong(arguments, config, {.ranks = together.ranks, .device = device});
+  return Lead(arguments, config, together, device);
 }
 
 Status Doctor() {

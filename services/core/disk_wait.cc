@@ -8,7 +8,7 @@
 namespace etude {
 
 Status WriteWhenThereIsRoom(const std::string& what, const std::function<Status()>& write,
-                            std::chrono::milliseconds pause) {
+                            std::chrono::milliseconds pause, const std::function<void()>& before_pause) {
   const Stopwatch waited;
   std::string said;
   while (true) {
@@ -18,6 +18,7 @@ Status WriteWhenThereIsRoom(const std::string& what, const std::function<Status(
     if (said != written.error().message)
       Log().error("waiting, nothing is lost: the disk does not take {}: {}", what, written.error().message);
     said = written.error().message;
+    if (before_pause) before_pause();
     if (WaitForStop(pause)) return written;
   }
 }

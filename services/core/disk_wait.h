@@ -14,8 +14,10 @@ namespace etude {
 /// every `pause` until it can, or a stop is requested. Each new reason is logged once, and that it went on.
 /// `write` must be one that may be repeated.
 /// @param what  "the checkpoint of step 300"
+/// @param before_pause  called before each pause: what a wait that is right has to tell (WatchedLoop::Moved)
 /// @error of `write`: another one than kUnavailable at once, that one only after a stop request
 Status WriteWhenThereIsRoom(const std::string& what, const std::function<Status()>& write,
-                            std::chrono::milliseconds pause = std::chrono::milliseconds(1000));
+                            std::chrono::milliseconds pause = std::chrono::milliseconds(1000),
+                            const std::function<void()>& before_pause = {});
 
 }  // namespace etude

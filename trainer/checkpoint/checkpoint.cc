@@ -30,7 +30,7 @@ Result<Checkpoint> Decode(std::span<const std::uint8_t> bytes) {
   }
   ETUDE_RETURN_IF_ERROR(Upgrade(schema, file.metadata, checkpoint.tensors));
   ETUDE_ASSIGN_OR_RETURN(checkpoint.metadata, FromText(file.metadata));
-  ETUDE_RETURN_IF_ERROR(CheckSizes(checkpoint.metadata.policy, numbers));
+  ETUDE_RETURN_IF_ERROR(CheckSizes(checkpoint.metadata.policy, checkpoint.metadata.embodiment.joints, numbers));
   return checkpoint;
 }
 

@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
+#include <limits>
 #include <set>
 #include <sstream>
 
@@ -119,6 +121,8 @@ double Disagreement(const std::string& bytes, policy::Policy& policy) {
     const Tensor apart = (said - wanted).abs().view({-1, kWaypointSize});
     const double place = apart.narrow(1, 0, 3).max().item<double>();
     const double rest = apart.narrow(1, 3, kWaypointSize - 3).max().item<double>();
+    // a comparison with what is no number is false
+    if (!std::isfinite(place + rest)) return std::numeric_limits<double>::infinity();
     most = std::max({most, place, rest * (kTolerance / kOtherTolerance)});
   }
   return most;

@@ -155,7 +155,7 @@ Status Scheduler::Restore(const OrderedJson& state) {
         if (item.at("cause").get<std::string>() == ToString(cause)) a.cause = cause;
       advances.push_back(std::move(a));
     }
-    stage_ = stage;
+    stage_ = config_.enabled ? stage : stages();  // it may have been switched off since
     history_ = std::move(history);
     advances_ = std::move(advances);
     return {};

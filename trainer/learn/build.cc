@@ -192,6 +192,8 @@ Status CheckFits(const RunState& state, const TrainingRun& run) {
 
 Status RestoreState(const RunState& state, TrainingRun& run) {
   ETUDE_RETURN_IF_ERROR(run.optimizer->LoadStateTensors(state.optimizer));
+  // an average that was switched off would be evaluated and kept, and never move again
+  if (run.config.ema <= 0) run.optimizer->UpdateAverage(0);
   ETUDE_RETURN_IF_ERROR(run.scheduler->Restore(state.curriculum));
   ETUDE_RETURN_IF_ERROR(run.limit.Restore(state.limit));
   if (state.rng.defined()) {
@@ -204,6 +206,7 @@ Status RestoreState(const RunState& state, TrainingRun& run) {
   run.best_stage = state.best_stage;
   if (state.best_stage > 0) run.best_score = state.best_score;
   run.checkpoint_step = state.checkpoint_step;
+  run.evaluation.metrics = state.metrics;
   return {};
 }
 
@@ -243,6 +246,19 @@ Status CheckRanks(const data::Snapshot& snapshot, const TrainingRun& run) {
   return run.options.ranks->CheckSame("dataset", snapshot.Fingerprint());
 }
 
+// A growing dataset has more episodes for a rank that looks later: all normalise by what rank 0 saw.
+Status ShareStatistics(const RunOptions& options, data::Statistics& statistics) {
+  if (!options.ranks || !options.follow) return {};
+  for (std::vector<float>* part : {&statistics.joint_mean, &statistics.joint_std, &statistics.position_mean,
+                                   &statistics.position_std, &statistics.displacement_std, &statistics.offset_std}) {
+    torch::Tensor values = torch::zeros({static_cast<std::int64_t>(part->size())}, torch::kFloat32);
+    if (options.ranks->leads()) std::copy(part->begin(), part->end(), values.data_ptr<float>());
+    ETUDE_RETURN_IF_ERROR(options.ranks->Sum(values));
+    std::copy_n(values.data_ptr<float>(), part->size(), part->begin());
+  }
+  return {};
+}
+
 }  // namespace
 
 Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::shared_ptr<data::Dataset> dataset,
@@ -255,10 +271,11 @@ Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::sh
   ETUDE_RETURN_IF_ERROR(OpenTextEncoder(*run));
   ETUDE_RETURN_IF_ERROR(AwaitData(*run->dataset, config, {options.follow, options.patience, options.source}));
   const auto snapshot = run->dataset->snapshot();
-  ETUDE_ASSIGN_OR_RETURN(const auto statistics, data::ComputeStatistics(*snapshot));
+  ETUDE_ASSIGN_OR_RETURN(auto statistics, data::ComputeStatistics(*snapshot));
   ETUDE_ASSIGN_OR_RETURN(run->embodiment, FindEmbodiment(*snapshot));
   ETUDE_RETURN_IF_ERROR(MakeBatchMaker(*snapshot, *run));
   ETUDE_RETURN_IF_ERROR(CheckRanks(*snapshot, *run));
+  ETUDE_RETURN_IF_ERROR(ShareStatistics(options, statistics));
   ETUDE_RETURN_IF_ERROR(BuildNetwork(*snapshot, statistics, *run));
   if (!options.ranks || options.ranks->leads()) {
     ETUDE_ASSIGN_OR_RETURN(auto opened, MetricsLog::Open(options.out));

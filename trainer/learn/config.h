@@ -131,7 +131,7 @@ using GraphReader = std::function<Result<OrderedJson>(const std::string& file)>;
 /// `policy: checkpoint` is the graph of `init.from`. After it policy.a.b=c works too. `extends: NAME` in a policy's
 /// file puts it on top of another one beside it (compose.h). `add: [NAME]` puts policies/FAMILY/NAME.yaml, or the file
 /// NAME, on top of the graph, FAMILY being the first part of its name ("compact").
-/// @error kNotFound with the names there are; kInvalidArgument as LoadConfig and Validate.
+/// @error kInvalidArgument: with the names there are; as LoadConfig and Validate. As `graph_of`.
 Result<TrainConfig> LoadTrainConfig(const std::string& name_or_file, const Path& experiments,
                                     const std::vector<std::string>& overrides, const GraphReader& graph_of = {});
 

@@ -8,6 +8,7 @@
 #include "services/core/rng.h"
 #include "services/language/held_out.h"
 #include "trainer/learn/tensors.h"
+#include "trainer/policy/crop.h"
 #include "trainer/policy/loss.h"
 #include "trainer/policy/names.h"
 
@@ -112,11 +113,15 @@ double Accuracy(policy::Policy& policy, const std::string& module, const std::ve
   policy::Inputs inputs;
   inputs.sentences = sentences;
   inputs.sentence_index = torch::arange(count).unsqueeze(0);
-  // nothing at this level looks at the picture; the arm may be anywhere
+  // the arm may be anywhere; other modules of this level may look at the picture, and see nothing
+  const auto crop = policy::CropOf(policy.config().image);
+  inputs.images = torch::zeros({1, 3, crop.height, crop.width}, torch::kUInt8);
   inputs.joints = torch::zeros({1, policy.joints()});
   inputs.crop_origin = torch::zeros({1, 2});
   const auto outputs = policy.Forward(inputs, 1);
-  const auto said = outputs.at(module).decoded.at("class").argmax(-1).flatten().to(torch::kCPU).contiguous();
+  // one answer for all where the module reads no sentence
+  const auto best = outputs.at(module).decoded.at("class").argmax(-1).expand({1, count});
+  const auto said = best.flatten().to(torch::kCPU).contiguous();
   const auto& known = policy.config().objects;
   int right = 0;
   for (std::int64_t i = 0; i < count; ++i)
@@ -201,7 +206,6 @@ Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& make
   };
   ETUDE_RETURN_IF_ERROR(VisitBatches(policy, {maker, snapshot, samples, level, batch}, measure));
   Evaluation result = Summarize(policy.config(), sums);
-  result.frames = static_cast<int>(samples.size());
   result.metrics["loss"] = loss / static_cast<double>(samples.size());
   return result;
 }

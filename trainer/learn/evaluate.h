@@ -21,7 +21,6 @@ struct Evaluation {
   /// Module -> error in base units (1 - accuracy, px, m): lower is better; what the curriculum
   /// looks at.
   std::map<std::string, double> errors;
-  int frames = 0;
 };
 
 /// What is looked at, and how.

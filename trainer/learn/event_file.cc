@@ -3,16 +3,19 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
 #include <bit>
 #include <cerrno>
 #include <cstring>
+#include <string_view>
 #include <utility>
 
 #include "services/core/clock.h"
 #include "services/core/identity.h"
+#include "services/core/log.h"
 
 namespace etude::learn {
 namespace {
@@ -66,6 +69,23 @@ std::string EventHead(double wall_time) {
   return event;
 }
 
+// All of a record or nothing: after a part of one a reader finds nothing any more.
+Status AppendRecord(int fd, const Path& path, std::string_view record) {
+  struct stat before {};
+  if (::fstat(fd, &before) != 0) return Fail(ErrnoError("look at", path, errno));
+  while (!record.empty()) {
+    const ssize_t written = ::write(fd, record.data(), record.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) {
+      const int reason = written < 0 ? errno : EIO;
+      if (::ftruncate(fd, before.st_size) != 0) Log().warn("{}", ErrnoError("cut", path, errno).message);
+      return Fail(ErrnoError("write", path, reason));
+    }
+    record.remove_prefix(static_cast<std::size_t>(written));
+  }
+  return {};
+}
+
 }  // namespace
 
 std::uint32_t Crc32c(std::span<const std::uint8_t> bytes) {
@@ -108,17 +128,12 @@ Result<EventFile> EventFile::Open(const Path& folder) {
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (fd < 0) return Fail(ErrnoError("open", path, errno));
   EventFile file(path, fd);
-  const std::string record = VersionRecord(now);
-  if (::write(fd, record.data(), record.size()) != static_cast<ssize_t>(record.size()))
-    return Fail(ErrnoError("write", path, errno));
+  ETUDE_RETURN_IF_ERROR(AppendRecord(fd, path, VersionRecord(now)));
   return file;
 }
 
 Status EventFile::Write(std::uint64_t step, const std::map<std::string, double>& scalars) {
-  const std::string record = EventRecord(WallSeconds(), step, scalars);
-  if (::write(file_.get(), record.data(), record.size()) != static_cast<ssize_t>(record.size()))
-    return Fail(ErrnoError("write", path_, errno));
-  return {};
+  return AppendRecord(file_.get(), path_, EventRecord(WallSeconds(), step, scalars));
 }
 
 }  // namespace etude::learn

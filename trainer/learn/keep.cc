@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <chrono>
 #include <cmath>
 
 #include "services/core/crash_point.h"
@@ -67,29 +68,36 @@ RunState StateOf(const TrainingRun& run) {
   state.best_stage = run.best_stage;
   state.best_score = std::isfinite(run.best_score) ? run.best_score : 0;
   state.checkpoint_step = run.checkpoint_step;
+  state.metrics = run.evaluation.metrics;
   return state;
 }
 
 }  // namespace
 
+Status WriteOrWait(const TrainingRun& run, const std::string& what, const std::function<Status()>& write) {
+  constexpr std::chrono::seconds kPause{1};
+  return WriteWhenThereIsRoom(what, write, kPause, [&run] {
+    if (run.options.source) (void)run.options.source();  // training asks it for its words
+  });
+}
+
 Status KeepConfig(const TrainingRun& run) {
-  return WriteWhenThereIsRoom(
-      "config.yaml", [&] { return WriteFileAtomically(run.options.out / "config.yaml", ToYaml(ToJson(run.config))); });
+  return WriteOrWait(run, "config.yaml",
+                     [&] { return WriteFileAtomically(run.options.out / "config.yaml", ToYaml(ToJson(run.config))); });
 }
 
 Status KeepNow(TrainingRun& run, const Hooks& hooks, bool best) {
   if (hooks.on_checkpoint) {
     const AveragedWeights averaged(run);
     const checkpoint::Checkpoint made{MetadataOf(run, best), run.replicas->front().StateTensors()};
-    const Status sent = WriteWhenThereIsRoom(fmt::format("the checkpoint of step {}", run.step),
-                                             [&] { return hooks.on_checkpoint(made); });
+    const Status sent =
+        WriteOrWait(run, fmt::format("the checkpoint of step {}", run.step), [&] { return hooks.on_checkpoint(made); });
     if (!sent) return Fail(sent.error().Wrap(fmt::format("checkpoint of step {}", run.step)));
   }
   CrashPoint("trainer.checkpoint_kept", run.step);
   run.checkpoint_step = run.step;
-  return WriteWhenThereIsRoom("the state that --resume needs", [&] {
-    return SaveRunState(run.options.out / "training_state.safetensors", StateOf(run));
-  });
+  return WriteOrWait(run, "the state that --resume needs",
+                     [&] { return SaveRunState(run.options.out / "training_state.safetensors", StateOf(run)); });
 }
 
 AveragedWeights::AveragedWeights(TrainingRun& run) : run_(run) {

@@ -2,9 +2,15 @@
 // What a run leaves behind: config.yaml, checkpoints (through the hook) and the state that --resume needs.
 #pragma once
 
+#include <functional>
+#include <string>
+
 #include "trainer/learn/run.h"
 
 namespace etude::learn {
+
+/// WriteWhenThereIsRoom, that asks for the run's source while it waits: whoever watches the run hears of it.
+Status WriteOrWait(const TrainingRun& run, const std::string& what, const std::function<Status()>& write);
 
 /// config.yaml, resolved; the limit as it is by now. @error of the disk.
 Status KeepConfig(const TrainingRun& run);

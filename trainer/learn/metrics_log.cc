@@ -26,8 +26,9 @@ Status MetricsLog::Write(const std::string& kind, std::uint64_t step, double ela
     else
       line[name] = nullptr;  // JSON has no NaN
   }
-  ETUDE_RETURN_IF_ERROR(lines_.Append(line.dump()));
-  return events_.Write(step, tagged);
+  // the lines are what programs read: written again, because one of the two failed, an event stands twice and no line
+  ETUDE_RETURN_IF_ERROR(events_.Write(step, tagged));
+  return lines_.Append(line.dump());
 }
 
 Status MetricsLog::WriteAdvance(const curriculum::Advance& advance, const std::string& stage_name) {

@@ -108,7 +108,10 @@ Optimizer::Outcome Optimizer::Step(double lr) {
 }
 
 void Optimizer::UpdateAverage(double decay) {
-  if (decay <= 0) return;
+  if (decay <= 0) {
+    average_ = average_steps_ = torch::Tensor();
+    return;
+  }
   if (!average_.defined()) {
     average_ = parameters_.clone();
     average_steps_ = torch::zeros(1, torch::kInt64);

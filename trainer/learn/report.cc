@@ -3,8 +3,8 @@
 
 #include <fmt/format.h>
 
-#include "services/core/disk_wait.h"
 #include "services/core/log.h"
+#include "trainer/learn/keep.h"
 
 namespace etude::learn {
 namespace {
@@ -46,8 +46,8 @@ Status Reporter::Flush() {
       {"stage", run_.scheduler->stage()}};
   for (const auto& [name, value] : window_.terms) scalars[name] = value / n;
   window_ = {};
-  return WriteWhenThereIsRoom("metrics.jsonl",
-                              [&] { return run_.log->Write("train", run_.step, run_.Elapsed(), scalars); });
+  return WriteOrWait(run_, "metrics.jsonl",
+                     [&] { return run_.log->Write("train", run_.step, run_.Elapsed(), scalars); });
 }
 
 void Reporter::Report(bool finished) {

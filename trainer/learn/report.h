@@ -22,7 +22,6 @@ class Reporter {
   /// Calls the progress hook; logs a line every ten seconds, and at the end.
   void Report(bool finished);
   bool due() const;
-  const Progress& last() const { return last_; }
 
  private:
   struct Window {

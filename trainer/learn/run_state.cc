@@ -3,6 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+#include <limits>
+
 #include "services/core/command.h"
 #include "services/store/safetensors.h"
 #include "trainer/checkpoint/tensors.h"
@@ -19,6 +22,20 @@ Status PutTensors(const std::string& prefix, const std::map<std::string, torch::
     ETUDE_ASSIGN_OR_RETURN(file.tensors[prefix + name], checkpoint::ToStore(tensor));
   }
   return {};
+}
+
+// JSON has no NaN
+OrderedJson MeasuredToJson(const std::map<std::string, double>& metrics) {
+  OrderedJson json = OrderedJson::object();
+  for (const auto& [name, value] : metrics) json[name] = std::isfinite(value) ? OrderedJson(value) : OrderedJson();
+  return json;
+}
+
+std::map<std::string, double> MeasuredFromJson(const OrderedJson& json) {
+  std::map<std::string, double> metrics;
+  for (const auto& [name, value] : json.items())
+    metrics[name] = value.is_null() ? std::numeric_limits<double>::quiet_NaN() : value.get<double>();
+  return metrics;
 }
 
 }  // namespace
@@ -38,7 +55,8 @@ Status SaveRunState(const Path& path, const RunState& state) {
                         {"validation", state.validation},
                         {"best_stage", state.best_stage},
                         {"best_score", state.best_score},
-                        {"checkpoint_step", state.checkpoint_step}};
+                        {"checkpoint_step", state.checkpoint_step},
+                        {"metrics", MeasuredToJson(state.metrics)}};
   file.metadata = {{"format", kFormat}, {"version", Version()}, {"run", run.dump()}};
   return store::WriteSafetensors(path, file);
 }
@@ -88,6 +106,7 @@ Result<RunState> LoadRunState(const Path& path) {
     state.best_stage = run.at("best_stage");
     state.best_score = run.at("best_score");
     state.checkpoint_step = run.at("checkpoint_step");
+    state.metrics = MeasuredFromJson(run.value("metrics", OrderedJson::object()));
   } catch (const nlohmann::json::exception& error) {
     return Fail(Code::kCorrupt, fmt::format("'{}': {}", path.string(), error.what()));
   }

@@ -29,6 +29,7 @@ struct RunState {
   int best_stage = 0;
   double best_score = 0;  ///< of the best checkpoint so far, lower is better
   std::uint64_t checkpoint_step = 0;
+  std::map<std::string, double> metrics;  ///< of the last validation; files of before have none
 };
 
 /// By rename: a reader sees the old one or the new one.

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "services/core/disk_wait.h"
 #include "services/core/log.h"
 #include "services/core/rng.h"
 #include "services/core/stop.h"
@@ -15,6 +14,7 @@
 #include "trainer/learn/keep.h"
 #include "trainer/learn/report.h"
 #include "trainer/learn/run.h"
+#include "trainer/policy/names.h"
 
 namespace etude::learn {
 namespace {
@@ -30,6 +30,20 @@ tl::unexpected<Error> NotFinite(const TrainingRun& run, const BatchLoss& loss, d
                                            "the last good checkpoint is of step {}; try a lower optimizer.lr",
                                            run.step, loss.total, gradient_norm, terms.empty() ? " all finite" : terms,
                                            run.checkpoint_step));
+}
+
+// Terms are named as Policy::Loss does. A module that no label trains has its gradient from those that read it.
+bool HadLoss(const policy::ModuleConfig& module, const BatchLoss& loss) {
+  const auto nonzero = [&](const char* kind) {
+    const auto term = loss.terms.find(module.name + kind);
+    return term != loss.terms.end() && term->second != 0;
+  };
+  if (nonzero(".attention") || nonzero(".decode")) return true;
+  const bool decodes = !module.decoder.quantity.empty() && module.decoder.weight > 0;
+  const bool looks = module.attend_weight > 0 &&
+                     std::any_of(module.attend.begin(), module.attend.end(),
+                                 [](const std::string& item) { return !policy::AttendedEntity(item).empty(); });
+  return !decodes && !looks;
 }
 
 }  // namespace
@@ -50,8 +64,11 @@ struct Trainer::Impl {
   Status EvaluateNow(bool observe);
   void TellErrors(policy::Policy& policy);
   bool TakeBest();
-  void CountModules();
+  void CountModules(const BatchLoss& loss);
+  Status KeepSteps();
   Status WatchSource();
+  void TellRanks();
+  Status SaveWithoutRanks(const Error& lost);
   Status Finish();
   Status NoteEnd(Status ended);
   void LogAdvance(const std::optional<curriculum::Advance>& advance);
@@ -66,11 +83,12 @@ void Trainer::Impl::LogAdvance(const std::optional<curriculum::Advance>& advance
   if (!written) Log().warn("{}", written.error().message);
 }
 
-// a module that was trained by this step: its level has been reached, and nothing keeps its parameters
-void Trainer::Impl::CountModules() {
+// a module that was trained by this step: its level has been reached, nothing keeps its parameters, and it had a loss
+void Trainer::Impl::CountModules(const BatchLoss& loss) {
   const auto& freeze = run.config.init.freeze;
   for (const auto& module : run.config.policy.modules)
-    if (module.level <= run.scheduler->level() && std::find(freeze.begin(), freeze.end(), module.name) == freeze.end())
+    if (module.level <= run.scheduler->level() &&
+        std::find(freeze.begin(), freeze.end(), module.name) == freeze.end() && HadLoss(module, loss))
       ++run.modules[module.name].trained_steps;
 }
 
@@ -93,7 +111,7 @@ Status Trainer::Impl::TrainStep() {
     return NotFinite(run, loss, outcome.gradient_norm);
   run.optimizer->UpdateAverage(run.config.ema);
   loader->Recycle(std::move(batch));
-  CountModules();
+  CountModules(loss);
   ++run.step;
   reporter.Add(loss, wait_s, outcome.gradient_norm);
   return {};
@@ -153,8 +171,8 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
   run.evaluated_step = run.step;
   for (const auto& [module, error] : run.evaluation.errors)
     if (std::isfinite(error)) run.modules[module].error = error;
-  ETUDE_RETURN_IF_ERROR(WriteWhenThereIsRoom(
-      "metrics.jsonl", [&] { return run.log->Write("valid", run.step, run.Elapsed(), run.evaluation.metrics); }));
+  ETUDE_RETURN_IF_ERROR(WriteOrWait(
+      run, "metrics.jsonl", [&] { return run.log->Write("valid", run.step, run.Elapsed(), run.evaluation.metrics); }));
   const int stage = run.scheduler->stage();
   const bool best = TakeBest();
   if (observe) {
@@ -168,12 +186,12 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
 
 // minutes that have become steps stand in config.yaml from then on
 Status Trainer::Impl::AfterStep() {
-  if (run.limit.Observe(run.step, run.Elapsed(), run.scheduler->stage() == run.scheduler->stages())) {
+  const bool measured = run.limit.Observe(run.step, run.Elapsed(), run.scheduler->stage() == run.scheduler->stages());
+  if (measured) {
     Log().info("{} minutes are {} steps, measured over the last {}; steps count from now on", run.config.minutes,
                run.limit.steps(), kMeasuredSteps);
     run.config.steps = run.limit.steps();
     run.config.minutes = 0;
-    ETUDE_RETURN_IF_ERROR(KeepConfig(run));
   }
   if (run.step % kMetricsEvery == 0) ETUDE_RETURN_IF_ERROR(reporter.Flush());
   LogAdvance(run.scheduler->Tick(run.step, run.Progress()));
@@ -186,7 +204,14 @@ Status Trainer::Impl::AfterStep() {
   }
   if (run.step % static_cast<std::uint64_t>(run.config.checkpoint.every_steps) == 0 && run.checkpoint_step != run.step)
     ETUDE_RETURN_IF_ERROR(KeepNow(run, hooks, false));
+  if (measured) ETUDE_RETURN_IF_ERROR(KeepSteps());
   return {};
+}
+
+// The state that knows the steps first: with the configuration alone, a run that goes on would count its minutes anew.
+Status Trainer::Impl::KeepSteps() {
+  ETUDE_RETURN_IF_ERROR(KeepNow(run, run.checkpoint_step == run.step ? Hooks{} : hooks, false));
+  return KeepConfig(run);
 }
 
 // a source of data that died ends the run with its words, after everything is saved
@@ -196,6 +221,7 @@ Status Trainer::Impl::WatchSource() {
   const Status alive = run.options.source ? run.options.source() : Status();
   if (alive) return {};
   stopped = true;
+  TellRanks();
   ETUDE_RETURN_IF_ERROR(Finish());
   return Fail(alive.error().Wrap(fmt::format("training stopped at step {} and can be resumed", run.step)));
 }
@@ -213,27 +239,44 @@ Status Trainer::Impl::NoteEnd(Status ended) {
 Status Trainer::Impl::Finish() {
   loader.reset();
   ETUDE_RETURN_IF_ERROR(reporter.Flush());
-  if (!stopped && run.limit.minutes() > 0) {
+  const bool by_time = !stopped && run.limit.minutes() > 0;
+  if (by_time) {
     run.limit.EndAt(run.step);
     run.config.steps = run.step;
     run.config.minutes = 0;
-    ETUDE_RETURN_IF_ERROR(KeepConfig(run));
   }
   // a stop drains at once; the limit also measures what was reached
   if (!stopped && run.evaluated_step != run.step) ETUDE_RETURN_IF_ERROR(EvaluateNow(false));
-  if (run.checkpoint_step != run.step) ETUDE_RETURN_IF_ERROR(KeepNow(run, hooks, false));
+  if (by_time) {
+    ETUDE_RETURN_IF_ERROR(KeepSteps());
+  } else if (run.checkpoint_step != run.step) {
+    ETUDE_RETURN_IF_ERROR(KeepNow(run, hooks, false));
+  }
   reporter.Report(!stopped);
   Log().info("{} at step {} after {}; '{}'", stopped ? "stopped" : "finished", run.step, FormatDuration(run.Elapsed()),
              run.options.out.string());
   return run.log->Sync();
 }
 
-// What a rank does that does not lead: the same steps with the same orders, and nothing else.
+// That the run is over. One that does not hear it is gone; what this one has learned is saved all the same.
+void Trainer::Impl::TellRanks() {
+  if (!run.options.ranks) return;
+  if (const auto told = run.options.ranks->Agree({.go = false}); !told) Log().warn("{}", told.error().message);
+}
+
+// The weights are those of the last step that all made.
+Status Trainer::Impl::SaveWithoutRanks(const Error& lost) {
+  stopped = true;
+  ETUDE_RETURN_IF_ERROR(Finish());
+  return Fail(lost.Wrap(fmt::format("training stopped at step {} and can be resumed", run.step)));
+}
+
+// What a rank does that does not lead: the same steps with the same orders, and nothing else. It goes on until rank 0
+// says that the run is over: a stop request reaches all of them, and one that left before would be missed in a step.
 Status Trainer::Impl::FollowRankZero() {
   loader = std::make_unique<data::Loader>(run.dataset, run.maker, run.config.data, run.config.seed, run.step);
-  while (!over && !StopRequested()) ETUDE_RETURN_IF_ERROR(TrainStep());
-  Log().info("rank {} of {}: {} at step {}", run.options.ranks->rank(), run.options.ranks->size(),
-             over ? "finished" : "stopped", run.step);
+  while (!over) ETUDE_RETURN_IF_ERROR(TrainStep());
+  Log().info("rank {} of {}: finished at step {}", run.options.ranks->rank(), run.options.ranks->size(), run.step);
   return {};
 }
 
@@ -248,11 +291,13 @@ Status Trainer::Impl::Loop() {
   run.watch.Restart();
   reporter.Restart();
   while (run.Progress() < 1 && !(stopped = StopRequested())) {
-    ETUDE_RETURN_IF_ERROR(TrainStep());
+    const Status made = TrainStep();
+    if (!made && run.options.ranks && made.error().code == Code::kUnavailable) return SaveWithoutRanks(made.error());
+    ETUDE_RETURN_IF_ERROR(made);
     ETUDE_RETURN_IF_ERROR(AfterStep());
     ETUDE_RETURN_IF_ERROR(WatchSource());
   }
-  if (run.options.ranks) ETUDE_RETURN_IF_ERROR(run.options.ranks->Agree({.go = false}));
+  TellRanks();
   return Finish();
 }
 
@@ -281,7 +326,5 @@ Status Trainer::Run() {
     }
   }());
 }
-
-Progress Trainer::progress() const { return impl_->reporter.last(); }
 
 }  // namespace etude::learn

@@ -71,10 +71,10 @@ class Trainer {
   ~Trainer();
 
   /// Trains until the limit or a stop request; either way the state and a checkpoint are saved, and
-  /// it is no error. A source that fails ends it alike, with the source's error. @error kInternal when the loss is not
-  /// finite: then nothing is saved and the last checkpoint stands.
+  /// it is no error. A source that fails ends it alike, with the source's error, and so does a lost rank, at rank 0,
+  /// with kUnavailable. @error kInternal when the loss is not finite: then nothing is saved and the last checkpoint
+  /// stands.
   Status Run();
-  Progress progress() const;
 
  private:
   struct Impl;

@@ -59,6 +59,47 @@ void CheckImage(const ImageConfig& image, Errors& errors) {
   }
 }
 
+// What the layers make of the picture. Only once every number is in its range.
+void CheckPicture(const ImageConfig& image, Errors& errors) {
+  constexpr std::int64_t kMaxStride = 4096, kMaxNumbers = std::int64_t{1} << 28;
+  std::int64_t stride = 1, columns = image.crop.empty() ? 0 : image.crop[2],
+               rows = image.crop.empty() ? 0 : image.crop[3];
+  for (std::size_t i = 0; i < image.layers.size(); ++i) {
+    const ImageLayer& layer = image.layers[i];
+    if (layer.kind == "conv") {
+      stride *= layer.stride;
+      columns = (columns + layer.stride - 1) / layer.stride;
+      rows = (rows + layer.stride - 1) / layer.stride;
+    }
+    if (stride > kMaxStride) {
+      errors.push_back(fmt::format("image.layers: their strides make more than {} px", kMaxStride));
+      return;
+    }
+    if (rows * columns * layer.channels > kMaxNumbers)
+      errors.push_back(fmt::format("image.layers[{}]: {}x{} px of {} channels are more than {} numbers", i, columns,
+                                   rows, layer.channels, kMaxNumbers));
+  }
+}
+
+// More of something than any policy needs. What is checked afterwards walks over it several times.
+void CheckCounts(const PolicyConfig& config, Errors& errors) {
+  const auto limit = [&](const std::string& key, std::size_t count, std::size_t most) {
+    if (count > most) errors.push_back(fmt::format("{}: {} of them, more than {}", key, count, most));
+  };
+  limit("modules", config.modules.size(), 256);
+  limit("image.layers", config.image.layers.size(), 64);
+  limit("objects", config.objects.size(), 4096);
+  limit("tasks", config.tasks.size(), 4096);
+  limit("joint_hidden", config.joint_hidden.size(), 64);
+  if (!errors.empty()) return;
+  for (const ModuleConfig& module : config.modules) {
+    limit(fmt::format("modules.{:.64}.reads", module.name), module.reads.size(), 512);
+    limit(fmt::format("modules.{:.64}.attend", module.name), module.attend.size(), 512);
+    limit(fmt::format("modules.{:.64}.decoder.hidden", module.name), module.decoder.hidden.size(), 64);
+    limit(fmt::format("modules.{:.64}.decoder.inputs", module.name), module.decoder.inputs.size(), 64);
+  }
+}
+
 void CheckLanguage(const LanguageConfig& language, Errors& errors) {
   const bool clip = !language.clip_folder().empty();
   if (language.encoder != "default" && !clip)
@@ -256,7 +297,10 @@ std::string LanguageConfig::clip_folder() const {
 
 Status PolicyConfig::Validate() const {
   Errors errors;
+  CheckCounts(*this, errors);
+  if (!errors.empty()) return Fail(internal::ConfigError("policy " + name, errors));
   CheckImage(image, errors);
+  if (errors.empty()) CheckPicture(image, errors);
   CheckSizes(*this, errors);
   GraphChecker(*this, errors).Run();
   if (const auto known = CheckParts(*this, "robot_specific", robot_specific); !known)

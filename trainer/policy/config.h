@@ -76,7 +76,7 @@ struct LanguageConfig {
 
 /// What a module decodes its register into: a quantity of an entity.
 struct DecoderConfig {
-  /// target | reference | obstacle | others | ee | object:NAME, see trainer/data/labels.h. Empty with `quantity`: no
+  /// target | reference | obstacle | ee | command | object:NAME, see trainer/data/labels.h. Empty with `quantity`: no
   /// decoder.
   std::string entity;
   std::string

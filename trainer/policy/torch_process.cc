@@ -3,6 +3,7 @@
 
 #include <dlfcn.h>
 #include <fmt/format.h>
+#include <sys/auxv.h>
 #include <sys/prctl.h>
 #include <torch/torch.h>
 #include <unistd.h>
@@ -13,15 +14,6 @@
 
 namespace etude::policy {
 namespace {
-
-bool HasAvx512() {
-#if defined(__x86_64__)
-  return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-         __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq");
-#else
-  return false;
-#endif
-}
 
 /// Sets `name` unless it is set; true when that changed the environment.
 bool SetDefault(const char* name, const char* value) {
@@ -35,6 +27,8 @@ bool SetDefault(const char* name, const char* value) {
 void PrepareTorchProcess(char** argv) {
   // a program started anew through /proc/self/exe is called `exe` by ps and pkill
   ::prctl(PR_SET_NAME, program_invocation_short_name);
+  // with raised privileges the loader takes such variables away again: it would be started anew for ever
+  if (::getauxval(AT_SECURE) != 0) return;
   bool changed = SetDefault("OMP_WAIT_POLICY", "PASSIVE");
   // OpenBLAS picks AVX2 kernels on CPUs that are younger than it is; half the speed of AVX-512.
   if (HasAvx512()) changed |= SetDefault("OPENBLAS_CORETYPE", "SkylakeX");
@@ -52,6 +46,15 @@ void SetTorchThreads(int threads) {
   if (threads <= 0) threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   at::set_num_threads(threads);
   at::globalContext().setFlushDenormal(true);
+}
+
+bool HasAvx512() {
+#if defined(__x86_64__)
+  return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+         __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq");
+#else
+  return false;
+#endif
 }
 
 bool HasFastBf16() { return HasAvx512(); }

@@ -16,6 +16,9 @@ void PrepareTorchProcess(char** argv);
 /// PrepareTorchProcess, before the first operation.
 void SetTorchThreads(int threads);
 
+/// Whether this CPU has what AVX-512 kernels need: F, BW, VL and DQ.
+bool HasAvx512();
+
 /// True where bfloat16 convolutions are fast: oneDNN has them for AVX-512. On any other CPU it falls back to its scalar
 /// reference, measured 35 times slower than a bf16 step with AVX-512.
 bool HasFastBf16();

@@ -14,6 +14,7 @@
 #include "services/core/enum_name.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
+#include "services/core/printable.h"
 #include "services/core/service_manager.h"
 #include "trainer/checkpoint/difference.h"
 #include "trainer/checkpoint/graph_picture.h"
@@ -102,10 +103,22 @@ Result<checkpoint::Metadata> ReadGraph(const std::string& text) {
   return metadata;
 }
 
+// names in a checkpoint's file may hold what moves a terminal's cursor
+std::string PrintableLines(const std::string& text) {
+  std::string lines;
+  for (std::size_t from = 0; from < text.size();) {
+    const std::size_t end = std::min(text.find('\n', from), text.size());
+    lines += Printable(text.substr(from, end - from));
+    if (end < text.size()) lines += '\n';
+    from = end + 1;
+  }
+  return lines;
+}
+
 Status DrawGraph(const std::string& text, const std::string& svg) {
   ETUDE_ASSIGN_OR_RETURN(const auto metadata, ReadGraph(text));
   if (svg.empty()) {
-    fmt::print("{}", checkpoint::GraphText(metadata));
+    fmt::print("{}", PrintableLines(checkpoint::GraphText(metadata)));
     return {};
   }
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(svg, checkpoint::GraphSvg(metadata)));
@@ -133,7 +146,8 @@ Status ShowDifference(const std::string& first, const std::string& second, bool 
   ETUDE_ASSIGN_OR_RETURN(const auto a, checkpoint::ReadFile(first));
   ETUDE_ASSIGN_OR_RETURN(const auto b, checkpoint::ReadFile(second));
   const auto differences = checkpoint::Compare(a, b);
-  fmt::print("{}", as_json ? DifferenceJson(differences).dump(1) + "\n" : checkpoint::ToText(differences));
+  fmt::print("{}",
+             as_json ? DifferenceJson(differences).dump(1) + "\n" : PrintableLines(checkpoint::ToText(differences)));
   return {};
 }
 

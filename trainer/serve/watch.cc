@@ -11,6 +11,7 @@
 #include "services/core/clock.h"
 #include "services/core/config.h"
 #include "services/core/log.h"
+#include "services/core/printable.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
 
@@ -35,7 +36,7 @@ std::string ValueText(const OrderedJson& said) {
     text += fmt::format(" ({:.2f})", said["probability"].get<double>());
   if (said.contains("unit") && said["unit"].is_string() && said["unit"] != "-")
     text += " " + said["unit"].get<std::string>();
-  return text;
+  return Printable(text);
 }
 
 Status AddHidden(const std::string& text, OrderedJson& what_if) {
@@ -77,8 +78,8 @@ void Print(const bus::Insight& insight, bool as_json) {
                                    {"what_if", parsed(insight.what_if_json)}}
                            .dump(-1, ' ', false, OrderedJson::error_handler_t::replace));
   } else {
-    fmt::print("{} #{}  step {}  \"{}\"\n{}\n", insight.session, insight.request_id, insight.checkpoint_step,
-               insight.instruction, InsightText(insight.modules_json, insight.what_if_json));
+    fmt::print("{} #{}  step {}  \"{}\"\n{}\n", Printable(insight.session), insight.request_id, insight.checkpoint_step,
+               Printable(insight.instruction), InsightText(insight.modules_json, insight.what_if_json));
   }
   std::fflush(stdout);
 }
@@ -101,8 +102,9 @@ std::string InsightText(const std::string& modules_json, const std::string& what
     const auto word = [&, &said = said](const char* key) {
       return said.is_object() && said.contains(key) && said[key].is_string() ? said[key].get<std::string>() : "";
     };
-    text += fmt::format("  {:<9} {:<22} {}", name,
-                        word("entity").empty() ? "" : word("entity") + "." + word("quantity"), ValueText(said));
+    text +=
+        fmt::format("  {:<9} {:<22} {}", Printable(name),
+                    word("entity").empty() ? "" : Printable(word("entity") + "." + word("quantity")), ValueText(said));
     // a trajectory says no value
     if (said.is_object() && said.contains("value") && changed && changed->is_object() && changed->contains(name)) {
       const std::string now = ValueText((*changed)[name]);
@@ -139,7 +141,7 @@ Status Watch(const bus::Participant& participant, const WatchOptions& options) {
     if (!insights.Wait(200ms)) continue;
     for (const auto& insight : insights.Take()) {
       if (insight.viewer != wish.viewer) continue;
-      if (!insight.error.empty()) return Fail(Code::kInvalidArgument, insight.error);
+      if (!insight.error.empty()) return Fail(Code::kInvalidArgument, Printable(insight.error));
       Print(insight, options.as_json);
       ++seen;
     }

@@ -45,5 +45,12 @@ TEST(WriteWhenThereIsRoom, DoesNotWaitForWhatNoRoomMends) {
   EXPECT_EQ(tries, 1);
 }
 
+TEST(WriteWhenThereIsRoom, TellsBeforeEachPause) {
+  int tries = 0, told = 0;
+  const auto write = [&]() -> Status { return ++tries < 4 ? Fail(Code::kUnavailable, "full") : Status(); };
+  EXPECT_TRUE(WriteWhenThereIsRoom("the state", write, 1ms, [&] { ++told; }));
+  EXPECT_EQ(told, 3);
+}
+
 }  // namespace disk_wait_test
 }  // namespace etude

@@ -118,9 +118,9 @@ TEST_F(ClipCheckpointTest, ItsLanguageIsCopiedWhereTheContentIsTheSame) {
 TEST_F(ClipCheckpointTest, SizesAreThoseOfWhatIsThere) {
   PolicyConfig config = config_;
   config.language.buckets = 1 << 24;  // of an encoder that it does not have
-  EXPECT_EQ(LeastParameters(config), LeastParameters(config_));
-  EXPECT_LT(LeastParameters(config_), LeastParameters(policy::TinyConfig()));
-  EXPECT_THAT(CheckSizes(config, 100'000), IsOk());
+  EXPECT_EQ(LeastParameters(config, kExampleJoints), LeastParameters(config_, kExampleJoints));
+  EXPECT_LT(LeastParameters(config_, kExampleJoints), LeastParameters(policy::TinyConfig(), kExampleJoints));
+  EXPECT_THAT(CheckSizes(config, kExampleJoints, 100'000), IsOk());
 }
 
 TEST_F(ClipCheckpointTest, ThePictureOfItsGraphNamesNoPlace) {

@@ -190,5 +190,17 @@ TEST(Scheduler, RefusesAStateOfAnotherPolicy) {
   EXPECT_EQ(scheduler.Save(), before);
 }
 
+// before, a run that went on without curriculum stayed in the stage that it had
+TEST(Scheduler, ThatWasSwitchedOffTrainsEverythingFromThenOn) {
+  const Scheduler scheduler({}, FiveLevels());
+  CurriculumConfig off;
+  off.enabled = false;
+  Scheduler resumed(off, FiveLevels());
+
+  ASSERT_TRUE(resumed.Restore(scheduler.Save()));
+
+  EXPECT_EQ(resumed.stage(), resumed.stages());
+}
+
 }  // namespace scheduler_test
 }  // namespace etude::curriculum

@@ -64,5 +64,28 @@ TEST(EvaluateLanguage, AsksAboutSentencesOutsideOfTraining) {
   EXPECT_TRUE((*policy)->is_training());
 }
 
+// before, the first validation of such a graph ended the program
+TEST(EvaluateLanguage, TakesAGraphWhoseFirstLevelLooksAndWhoseLanguageModuleReadsNoSentence) {
+  TrainConfig config = TinyConfig();
+  for (auto& module : config.policy.modules) {
+    if (module.name == "EE2D") module.level = 1;
+    if (module.name != "LANG") continue;
+    module.reads = {"joints"};
+    module.attend.clear();
+  }
+  auto policy = policy::Policy::Create(config.policy, policy::Normalization::Unit(7), 1);
+  ASSERT_TRUE(policy) << policy.error().message;
+  const auto grammar = language::Grammar::Load();
+  ASSERT_TRUE(grammar);
+
+  const auto metrics = EvaluateLanguage(**policy, *grammar, {"pick"});
+
+  ASSERT_EQ(metrics.size(), 2u);
+  for (const auto& [name, accuracy] : metrics) {
+    EXPECT_GE(accuracy, 0) << name;
+    EXPECT_LE(accuracy, 1) << name;
+  }
+}
+
 }  // namespace evaluate_test
 }  // namespace etude::learn

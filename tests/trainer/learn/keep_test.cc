@@ -199,5 +199,34 @@ TEST_F(KeepTest, FreezingOnResumeChangesOnlyWhatItNames) {
   EXPECT_EQ(all.size(), before.size());
 }
 
+// before, what was kept stayed the average of the run before for ever
+TEST_F(KeepTest, AnAverageThatWasSwitchedOffIsGone) {
+  auto run = Build({"ema=0.9"});
+  ASSERT_NE(run, nullptr);
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    Step(*run, i, 1e-2);
+    run->optimizer->UpdateAverage(0.9);
+  }
+  ASSERT_TRUE(run->optimizer->averages());
+  ASSERT_TRUE(KeepNow(*run, {}, false));
+
+  const auto off = Build({"ema=0"}, true);
+
+  ASSERT_NE(off, nullptr);
+  EXPECT_FALSE(off->optimizer->averages());
+  Step(*off, 3, 1e-2);
+  off->optimizer->UpdateAverage(0);
+  std::map<std::string, torch::Tensor> kept;
+  Hooks hooks;
+  hooks.on_checkpoint = [&](const checkpoint::Checkpoint& checkpoint) -> Status {
+    for (const auto& [name, tensor] : checkpoint.tensors) kept[name] = tensor.detach().clone();
+    return {};
+  };
+  ASSERT_TRUE(KeepNow(*off, hooks, false));
+  for (const auto& [name, tensor] : off->replicas->front().StateTensors())
+    EXPECT_TRUE(torch::equal(tensor, kept.at(name))) << name;
+  for (const auto& [name, tensor] : off->optimizer->StateTensors()) EXPECT_FALSE(name.starts_with("average")) << name;
+}
+
 }  // namespace keep_test
 }  // namespace etude::learn

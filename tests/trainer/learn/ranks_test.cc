@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "tests/trainer/learn/tiny_run.h"
+#include "trainer/learn/run.h"
 
 namespace etude::learn {
 namespace ranks_test {
@@ -121,6 +122,58 @@ TEST_F(RanksTrain, RefuseToTrainDifferentThingsTogether) {
     ASSERT_FALSE(trainer);
     EXPECT_THAT(trainer.error().message, HasSubstr("another configuration than rank 0"));
   });
+}
+
+// before, what was learned since the last checkpoint was lost with the rank
+TEST_F(RanksTrain, WhenARankIsLostRankZeroKeepsWhatItHas) {
+  const auto config = TinyConfig({"steps=5000", "eval.every_steps=5000", "checkpoint.every_steps=5000"});
+  constexpr int kTogether = 4;
+  AsRanks(2, [&](const std::shared_ptr<Ranks>& ranks) {
+    const RunOptions options{.out = folder_ / "lost", .ranks = ranks};
+    if (!ranks->leads()) {
+      auto run = BuildRun(config, dataset_, options);
+      ASSERT_TRUE(run) << run.error().message;
+      for (int i = 0; i < kTogether; ++i) {
+        ASSERT_TRUE(ranks->Agree({}));
+        (*run)->optimizer->ZeroGradients();
+        ASSERT_TRUE(ranks->Sum((*run)->optimizer->SumGradients()));
+      }
+      return;  // gone
+    }
+    int kept = 0;
+    Hooks hooks;
+    hooks.on_checkpoint = [&](const checkpoint::Checkpoint&) -> Status {
+      ++kept;
+      return {};
+    };
+    auto trainer = Trainer::Create(config, dataset_, options, hooks);
+    ASSERT_TRUE(trainer) << trainer.error().message;
+    const Status ended = (*trainer)->Run();
+    ASSERT_FALSE(ended);
+    EXPECT_EQ(ended.error().code, Code::kUnavailable);
+    EXPECT_THAT(ended.error().message, HasSubstr("can be resumed"));
+    EXPECT_EQ(kept, 1);
+  });
+  const auto state = LoadRunState(folder_ / "lost/training_state.safetensors");
+  ASSERT_TRUE(state) << state.error().message;
+  EXPECT_GE(state->step, 1u);
+  EXPECT_LE(state->step, static_cast<std::uint64_t>(kTogether));
+}
+
+TEST_F(RanksTrain, OfAGrowingDatasetNormaliseByWhatRankZeroSaw) {
+  const auto grown = TinyDataset(folder_ / "grown", 40);
+  const auto config = TinyConfig();
+  std::map<std::string, torch::Tensor> states[2];
+  AsRanks(2, [&](const std::shared_ptr<Ranks>& ranks) {
+    const auto run = BuildRun(config, ranks->leads() ? dataset_ : grown,
+                              {.out = folder_ / "following", .follow = true, .ranks = ranks});
+    ASSERT_TRUE(run) << run.error().message;
+    auto& state = states[ranks->rank()];
+    for (const auto& [name, tensor] : (*run)->replicas->front().StateTensors())
+      if (name.starts_with("normalization_")) state[name] = tensor.detach().clone();
+  });
+  ASSERT_EQ(states[0].size(), 6u);
+  for (const auto& [name, tensor] : states[0]) EXPECT_TRUE(torch::equal(states[1].at(name), tensor)) << name;
 }
 
 }  // namespace ranks_test

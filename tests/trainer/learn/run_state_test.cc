@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/support/temporary_folder.h"
 
 namespace etude::learn {
@@ -26,6 +28,7 @@ RunState Example() {
   state.best_stage = 2;
   state.best_score = 0.1;
   state.checkpoint_step = 12000;
+  state.metrics = {{"LANG.accuracy", 0.75}, {"TAR3D.cm", std::nan("")}};
   return state;
 }
 
@@ -48,6 +51,9 @@ TEST(RunState, ReadsBackExactly) {
   EXPECT_EQ(again->embodiment.robot, "ur5");
   EXPECT_EQ(again->modules.at("LANG").error, 0.5);
   EXPECT_EQ(again->validation, state.validation);
+  ASSERT_EQ(again->metrics.size(), 2u);
+  EXPECT_EQ(again->metrics.at("LANG.accuracy"), 0.75);
+  EXPECT_TRUE(std::isnan(again->metrics.at("TAR3D.cm")));
 }
 
 TEST(RunState, RefusesWhatIsNone) {

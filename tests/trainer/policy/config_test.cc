@@ -161,6 +161,24 @@ TEST(PolicyConfig, LabelsAreThoseThatModulesAskFor) {
                                             "ee.position", "target.position", "target.displacement", "ee.trajectory"));
 }
 
+TEST(PolicyConfig, MoreThanAnyPolicyNeedsIsRefused) {
+  PolicyConfig config = Preset("compact");
+  config.modules.resize(300, config.modules.back());
+  EXPECT_THAT(Problems(config), HasSubstr("modules: 300 of them, more than 256"));
+  config = Preset("compact");
+  config.objects.resize(100'000);
+  EXPECT_THAT(Problems(config), HasSubstr("objects: 100000 of them"));
+  config = Preset("compact");
+  Module(config, "CTRL").decoder.hidden.assign(65, 8);
+  EXPECT_THAT(Problems(config), HasSubstr("modules.CTRL.decoder.hidden: 65 of them"));
+  config = Preset("compact");
+  config.image.layers.assign(5, {.kind = "conv", .channels = 8, .kernel = 3, .stride = 8});
+  EXPECT_THAT(Problems(config), HasSubstr("their strides make more than 4096 px"));
+  config.image.layers.assign(1, {.kind = "conv", .channels = 4096, .kernel = 3, .stride = 1});
+  config.image.crop = {0, 0, 4096, 4096};
+  EXPECT_THAT(Problems(config), HasSubstr("image.layers[0]: 4096x4096 px of 4096 channels"));
+}
+
 TEST(PolicyConfig, UnknownKeysAreRefused) {
   const auto config = LoadConfig<PolicyConfig>("trainer/experiments/policies/compact/base.yaml",
                                                {"image.crop=[0,0,64,64]", "widht=32"});
