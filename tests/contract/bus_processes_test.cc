@@ -204,8 +204,8 @@ TEST_F(Outage, AReceiverThatWasKilledIsReplaced) {
 }  // namespace etude::bus
 
 int main(int argc, char** argv) {
-  if (argc == 3 && std::strcmp(argv[1], "worker") == 0) return etude::bus::RunWorker(argv[2]);
-  if (argc == 2 && std::strcmp(argv[1], "receiver") == 0) return etude::bus::RunReceiver();
+  if (argc == 3 && std::strcmp(argv[1], "worker") == 0) return etude::bus::bus_processes_test::RunWorker(argv[2]);
+  if (argc == 2 && std::strcmp(argv[1], "receiver") == 0) return etude::bus::bus_processes_test::RunReceiver();
   testing::InitGoogleTest(&argc, argv);
   return RUN_ALL_TESTS();
 }
