@@ -19,7 +19,7 @@ TEST(ParticipantOpen, BuiltInProfileWorksWithoutAnyFile) {
   ASSERT_EQ(::unsetenv("CYCLONEDDS_URI"), 0);
   auto participant = Participant::Open({106, ""});
   ASSERT_TRUE(participant) << participant.error().message;
-  EXPECT_EQ(participant->domain(), 71u);
+  EXPECT_EQ(participant->domain(), 106u);
 }
 
 TEST(ParticipantOpen, ShippedProfilesAreAccepted) {

@@ -94,8 +94,8 @@ TEST(SceneReport, ReadsOverLinesThatSayNothing) {
   std::string lines;
   for (
       const char* line :
-      {R"({"index": 1, "outcome": "scene_invalid", "details": {"scene": {"draws": 1, "rejected": [{"reason": "a"}]}}})",
-       R"({"index": 2, "outcome": "scene_invalid"})", R"({"index": -3, "outcome": "scene_invalid"})",
+      {R"({"index": 1, "attempt": 0, "outcome": "scene_invalid", "details": {"scene": {"draws": 1, "rejected": [{"reason": "a"}]}}})",
+       R"({"index": 2, "attempt": 0, "outcome": "scene_invalid"})", R"({"index": -3, "outcome": "scene_invalid"})",
        R"({"index": "4", "outcome": "scene_invalid"})", R"({"outcome": "scene_invalid"})",
        R"({"index": 5, "outcome": 7})", R"({"index": 6, "outcome": "dropped"})", "", "{"})
     lines += std::string(line) + "\n";

@@ -11,6 +11,7 @@
 
 #include <cerrno>
 #include <fstream>
+#include <mutex>
 #include <numeric>
 
 #include "tests/support/matchers.h"
@@ -18,8 +19,10 @@
 
 // Every fsync of this program, by path, on its way to the kernel.
 static std::vector<std::string> synced_paths;
+static std::mutex synced_mutex;  // tests of other files sync in several threads
 extern "C" int fsync(int fd) {
   std::error_code error;
+  const std::lock_guard lock(synced_mutex);
   synced_paths.push_back(std::filesystem::read_symlink("/proc/self/fd/" + std::to_string(fd), error).string());
   return static_cast<int>(::syscall(SYS_fsync, fd));
 }

@@ -44,7 +44,7 @@ TEST(CheckPredicates, OnlyATaskWithAReferenceMaySpeakOfOne) {
 }
 
 TEST(CheckPredicates, AnObjectMayBeNamed) {
-  const TaskSpec task = TaskWith("{all: [{risen: {object: milk}}, {untouched: {objects: apple_03}}]}");
+  const TaskSpec task = TaskWith("{all: [{risen: {object: milk}}, {untouched: {objects: bottle}}]}");
   EXPECT_THAT(CheckPredicates(task), IsOk());
   EXPECT_THAT(CheckPredicates(TaskWith("{risen: {object: mlik}}")), MessageHas("the scene has no 'mlik'"));
   EXPECT_THAT(CheckPredicates(TaskWith("{risen: {object: A}}")), MessageHas("the scene has no 'A'"))

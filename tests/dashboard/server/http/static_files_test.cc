@@ -51,7 +51,7 @@ TEST(StaticFiles, SaysHowToBuildThePages) {
   const auto answer = files.Serve(Ask("/"));
   ASSERT_THAT(answer, IsOk());
   EXPECT_EQ(answer->status, 503);
-  EXPECT_NE(answer->body.find("npm run build"), std::string::npos);
+  EXPECT_NE(answer->body.find("npm ci"), std::string::npos);
 }
 
 }  // namespace static_files_test
