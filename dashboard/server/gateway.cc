@@ -98,7 +98,8 @@ std::shared_ptr<const live::LiveView> NoBus() {
 
 }  // namespace
 
-// In the order in which they need each other: at the end the server goes first, and with it the threads that use the rest.
+// In the order in which they need each other: at the end the server goes first, and with it the threads that use the
+// rest.
 struct Gateway::Parts {
   Parts(const GatewayOptions& chosen, const http::SecurityConfig& secured)
       : options(chosen),

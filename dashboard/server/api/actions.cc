@@ -84,9 +84,9 @@ Result<ActionCommand> Evaluate(Context& context, const OrderedJson& body) {
   const Path folder = checkpoint.parent_path().parent_path();
   const Path out =
       folder.parent_path() / fmt::format("{}-eval-{}-{}", folder.filename().string(), checkpoint.stem().string(), seed);
-  ActionCommand command{{"eval", "--checkpoint", checkpoint.string(), "--episodes", std::to_string(episodes), "--seed", seed,
-                   "--out", out.string()},
-                  Weight::kHeavy};
+  ActionCommand command{{"eval", "--checkpoint", checkpoint.string(), "--episodes", std::to_string(episodes), "--seed",
+                         seed, "--out", out.string()},
+                        Weight::kHeavy};
   command.AddFlags(context.bus_flags(security::Role::kCollector));
   return command;
 }
@@ -129,8 +129,8 @@ Result<ActionCommand> Replay(Context& context, const OrderedJson& body) {
   const Path out =
       folder.parent_path() / fmt::format("{}-replay-{:06}-{}", folder.filename().string(), *index, attempt);
   return ActionCommand{{"attempt", "replay", folder.string(), "--index", std::to_string(*index), "--attempt",
-                  std::to_string(attempt), "--out", out.string()},
-                 Weight::kLight};
+                        std::to_string(attempt), "--out", out.string()},
+                       Weight::kLight};
 }
 
 Result<ActionCommand> Verify(Context& context, const OrderedJson& body) {

@@ -50,11 +50,8 @@ OrderedJson FailuresBy(const sources::DatasetView& view) {
   OrderedJson json = OrderedJson::array();
   for (const auto& [key, count] : counts)
     if (json.size() < 500)
-      json.push_back({{"reason", key[0]},
-                      {"stage", TextOrNull(key[1])},
-                      {"task", key[2]},
-                      {"robot", key[3]},
-                      {"count", count}});
+      json.push_back(
+          {{"reason", key[0]}, {"stage", TextOrNull(key[1])}, {"task", key[2]}, {"robot", key[3]}, {"count", count}});
   return json;
 }
 
@@ -182,7 +179,7 @@ std::vector<Row> RowsOf(const OpenedCampaign& opened) {
 
 OrderedJson RowJson(const Row& row, const OpenedCampaign& opened) {
   const bool planned = opened.view && row.index < 10'000'000;
-  const std::string seed = row.seed ? std::to_string(*row.seed)
+  const std::string seed = row.seed  ? std::to_string(*row.seed)
                            : planned ? std::to_string(EpisodeSeed(opened.view->info.spec, row.index, row.attempt))
                                      : "";
   return {{"index", row.index},
@@ -274,9 +271,8 @@ Result<OrderedJson> LatestAttempts(Context& context, const std::string& campaign
   OrderedJson newest = OrderedJson::array();
   for (const auto& row : rows)
     if (newest.size() < kMost) newest.push_back(RowJson(row, opened));
-  return OrderedJson{{"status", StatusJson(StateOf(opened.view.get(), opened.heard))},
-                     {"total", rows.size()},
-                     {"rows", newest}};
+  return OrderedJson{
+      {"status", StatusJson(StateOf(opened.view.get(), opened.heard))}, {"total", rows.size()}, {"rows", newest}};
 }
 
 void AddCampaignRoutes(http::Router& router, Context& context) {

@@ -34,9 +34,9 @@ struct Context {
   std::function<void(http::Lane, std::function<void()>)> later;
   const http::Security& security;
   Jobs& jobs;
-  Path videos;                         ///< cache of episodes as mp4
-  std::string openapi;                 ///< text of openapi.json
-  int domain = -1;                     ///< -1: no bus
+  Path videos;          ///< cache of episodes as mp4
+  std::string openapi;  ///< text of openapi.json
+  int domain = -1;      ///< -1: no bus
   /// --domain, --profile and --security, as a role, of commands that this gateway shows and runs; none without a bus.
   std::function<std::vector<std::string>(security::Role)> bus_flags = [](security::Role) {
     return std::vector<std::string>();
@@ -46,7 +46,7 @@ struct Context {
   /// Asks a policy server what it sees and says; not set: no bus. @error as live::PolicyLooker::Look
   std::function<Result<policy::Insight>(const std::string& run, const policy::Question&, const std::string& what_if)>
       look;
-  live::PlayWatch* play = nullptr;     ///< null: no bus
+  live::PlayWatch* play = nullptr;  ///< null: no bus
 
   /// Begins to read what of a dataset's rows is not known, an episode at a time, unless it is under way.
   void ReadInBackground(std::shared_ptr<sources::DatasetSource> dataset);

@@ -44,7 +44,9 @@ OrderedJson StagesJson(const sources::RunView& view, const RunState& state) {
                       {"name", row.name},
                       {"from_step", sources::Maybe(row.from)},
                       {"to_step", sources::Maybe(row.to)},
-                      {"state", ended ? "done" : row.from ? "current" : "ahead"},
+                      {"state", ended      ? "done"
+                                : row.from ? "current"
+                                           : "ahead"},
                       {"cause", sources::TextOrNull(row.cause)},
                       {"reason", sources::TextOrNull(row.reason)}});
   }

@@ -32,7 +32,8 @@ Result<http::Answer> Dataset(Context& context, const http::Request& request) {
   std::map<std::string, std::uint64_t> failures;
   for (const auto& row : view->failures) ++failures[row.outcome];
   OrderedJson unreadable = OrderedJson::array();
-  for (const auto& [index, reason] : info.unreadable_files) unreadable.push_back({{"index", index}, {"reason", reason}});
+  for (const auto& [index, reason] : info.unreadable_files)
+    unreadable.push_back({{"index", index}, {"reason", reason}});
   std::vector<std::string> keys{"train", "valid", "test"};
   for (auto& key : source->Keys()) keys.push_back(std::move(key));
   std::uint64_t bytes = 0;
@@ -93,9 +94,13 @@ OrderedJson Columns(const std::vector<const EpisodeRow*>& rows) {
     return [member](const EpisodeRow& row) { return row.known ? OrderedJson(row.*member) : OrderedJson(); };
   };
   const auto text = [](auto member) -> Cell {
-    return [member](const EpisodeRow& row) { return row.known || !(row.*member).empty() ? OrderedJson(row.*member) : OrderedJson(); };
+    return [member](const EpisodeRow& row) {
+      return row.known || !(row.*member).empty() ? OrderedJson(row.*member) : OrderedJson();
+    };
   };
-  const auto worker = [](auto member) -> Cell { return [member](const EpisodeRow& row) { return TextOrNull(row.*member); }; };
+  const auto worker = [](auto member) -> Cell {
+    return [member](const EpisodeRow& row) { return TextOrNull(row.*member); };
+  };
   const std::vector<std::pair<const char*, Cell>> columns{
       {"index", [](const EpisodeRow& row) { return OrderedJson(row.index); }},
       {"task", text(&EpisodeRow::task)},
@@ -261,7 +266,8 @@ Result<http::Answer> Summary(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const OpenedDataset opened, OpenRequested(context, request));
   ETUDE_ASSIGN_OR_RETURN(const auto filter, EpisodeFilter::From(request.query, *opened.source));
   ETUDE_ASSIGN_OR_RETURN(const auto rows, Filtered(opened, request.query));
-  const auto known = static_cast<std::uint64_t>(std::ranges::count_if(rows, [](const auto* row) { return row->known; }));
+  const auto known =
+      static_cast<std::uint64_t>(std::ranges::count_if(rows, [](const auto* row) { return row->known; }));
   Counts draws;
   for (const auto* row : rows)
     if (row->draws > 0) ++draws[std::to_string(row->draws)];

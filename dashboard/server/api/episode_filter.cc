@@ -30,7 +30,8 @@ Result<Span> SpanFrom(const http::Query& query, const char* key) {
   if (good) bound(text->substr(0, dots), span.low);
   if (good) bound(text->substr(dots + 2), span.high);
   if (good) return span;
-  return Fail(Code::kInvalidArgument, fmt::format("{}={:.40}: not a span, such as 100..200, 100.. or ..200", key, *text));
+  return Fail(Code::kInvalidArgument,
+              fmt::format("{}={:.40}: not a span, such as 100..200, 100.. or ..200", key, *text));
 }
 
 }  // namespace

@@ -88,10 +88,8 @@ const char* Unit(const std::string& name) {
 OrderedJson Tracks(const Episode& episode) {
   OrderedJson tracks = OrderedJson::array();
   VisitTracks(episode, [&](const std::string& name, const Track& track, int) {
-    tracks.push_back({{"name", name},
-                      {"columns", track.columns},
-                      {"labels", Labels(name, track.columns)},
-                      {"unit", Unit(name)}});
+    tracks.push_back(
+        {{"name", name}, {"columns", track.columns}, {"labels", Labels(name, track.columns)}, {"unit", Unit(name)}});
   });
   return tracks;
 }
@@ -254,7 +252,8 @@ Result<http::Answer> TracksAnswer(Context& context, const http::Request& request
 Result<std::size_t> CameraOf(const store::EpisodeRecord& record, const std::string& name) {
   for (std::size_t i = 0; i < record.episode.cameras.size() && i < record.frames.size(); ++i)
     if (record.episode.cameras[i].camera.name == name) return i;
-  return Fail(Code::kNotFound, fmt::format("episode {} has no pictures of a camera '{:.60}'", record.episode.index, name));
+  return Fail(Code::kNotFound,
+              fmt::format("episode {} has no pictures of a camera '{:.60}'", record.episode.index, name));
 }
 
 struct Located {
@@ -276,7 +275,8 @@ Result<Located> Locate(Context& context, const http::Request& request) {
 
 Result<video::Picture> PictureAt(const store::EpisodeRecord& record, std::size_t camera, std::size_t k) {
   const Camera& of = record.episode.cameras[camera].camera;
-  video::Picture picture{of.width, of.height, std::vector<std::uint8_t>(static_cast<std::size_t>(of.width) * of.height * 3)};
+  video::Picture picture{of.width, of.height,
+                         std::vector<std::uint8_t>(static_cast<std::size_t>(of.width) * of.height * 3)};
   ETUDE_RETURN_IF_ERROR(store::FrameReader::Read(record.path, record.frames[camera][k], picture.rgb));
   return picture;
 }

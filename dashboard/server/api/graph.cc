@@ -57,10 +57,12 @@ std::set<Edge> EdgesOf(const OrderedJson& modules, const std::set<std::string>& 
 std::vector<std::vector<std::string>> ColumnsOf(const OrderedJson& modules, const std::vector<std::string>& inputs,
                                                 const std::set<Edge>& edges) {
   std::map<std::uint64_t, std::vector<std::string>> levels;
-  for (const auto& module : modules) levels[sources::UnsignedOf(module, "level").value_or(1)].push_back(TextOf(module, "name"));
+  for (const auto& module : modules)
+    levels[sources::UnsignedOf(module, "level").value_or(1)].push_back(TextOf(module, "name"));
   std::vector<std::vector<std::string>> columns{inputs};
   std::map<std::string, double> place;
-  for (std::size_t i = 0; i < inputs.size(); ++i) place[inputs[i]] = static_cast<double>(i) / static_cast<double>(inputs.size());
+  for (std::size_t i = 0; i < inputs.size(); ++i)
+    place[inputs[i]] = static_cast<double>(i) / static_cast<double>(inputs.size());
   for (auto& [level, names] : levels) {
     std::map<std::string, double> mean;
     for (const auto& name : names) {
@@ -89,9 +91,8 @@ OrderedJson NodeJson(const OrderedJson& module, const sources::CheckpointHeader*
   const auto& decoder = PartOf(module, "decoder");
   const auto& record = PartOf(records, name.c_str());
   const auto trained = sources::UnsignedOf(record, "trained_steps");
-  const auto parameters = header && header->parameters.contains(name)
-                              ? OrderedJson(header->parameters.at(name))
-                              : OrderedJson();
+  const auto parameters =
+      header && header->parameters.contains(name) ? OrderedJson(header->parameters.at(name)) : OrderedJson();
   const auto level = sources::UnsignedOf(module, "level").value_or(1);
   std::vector<std::string> between;
   if (TextOf(decoder, "readout") == "difference") between = Texts(PartOf(decoder, "from"));

@@ -20,8 +20,8 @@ struct Channel {
   const char* name;
   double top_hz;
 };
-constexpr Channel kChannels[] = {{"home", 2}, {"fleet", 2},  {"attempts", 1}, {"train", 1}, {"eval", 1},
-                                 {"logs", 4}, {"events", 2}, {"topics", 1},   {"sample", 4},  {"play", 10}};
+constexpr Channel kChannels[] = {{"home", 2}, {"fleet", 2},  {"attempts", 1}, {"train", 1},  {"eval", 1},
+                                 {"logs", 4}, {"events", 2}, {"topics", 1},   {"sample", 4}, {"play", 10}};
 
 // How old a snapshot may be that several browsers share.
 std::chrono::milliseconds FreshFor(const std::string& channel) {
@@ -135,8 +135,7 @@ class LiveHub::Client : public http::SocketClient, public std::enable_shared_fro
       item.under_way = known->under_way;
       if (known->key == item.key) item.due = known->due - known->period + item.period;
       *known = std::move(item);
-    }
-    else if (subscriptions_.size() < kMostSubscriptions)
+    } else if (subscriptions_.size() < kMostSubscriptions)
       subscriptions_.push_back(std::move(item));
     else
       Complain(name, id, fmt::format("at most {} subscriptions", kMostSubscriptions));

@@ -150,8 +150,7 @@ Result<OrderedJson> LogsJson(Context& context, const http::Query& query) {
   std::vector<sources::Catalog::LogFile> chosen;
   for (const auto& log : *logs)
     if (log.id == source) chosen.push_back(log);
-  if (!source.empty() && chosen.empty())
-    return Fail(Code::kNotFound, fmt::format("there is no log '{:.100}'", source));
+  if (!source.empty() && chosen.empty()) return Fail(Code::kNotFound, fmt::format("there is no log '{:.100}'", source));
   if (source.empty()) chosen = Newest(*logs);
   std::vector<Line> lines;
   bool more = false;

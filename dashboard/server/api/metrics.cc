@@ -169,7 +169,8 @@ void Policies(const live::LiveView& live, Counters& counters, Exposition& out) {
     for (const auto& [key, servers] : groups)
       for (const auto* server : servers)
         counters.Saw(name, key, server->status.server, static_cast<double>(server->status.*value));
-    for (const auto& [key, sum] : counters.Sums(name)) out.Sample(name, {{"run", key.first}, {"host", key.second}}, sum);
+    for (const auto& [key, sum] : counters.Sums(name))
+      out.Sample(name, {{"run", key.first}, {"host", key.second}}, sum);
   };
   const auto sum = [](double a, double b) { return a + b; };
   const auto largest = [](double a, double b) { return std::max(a, b); };
@@ -221,8 +222,8 @@ void Processes(const live::LiveView& live, Counters& counters, Exposition& out) 
   bus("etude_bus_samples_total", "Messages written to a topic.");
 }
 
-std::string Exposed(const std::vector<DatasetMetrics>& datasets, const std::vector<RunMetrics>& runs, const live::LiveView& live,
-                    Counters& counters) {
+std::string Exposed(const std::vector<DatasetMetrics>& datasets, const std::vector<RunMetrics>& runs,
+                    const live::LiveView& live, Counters& counters) {
   Exposition out;
   Collection(datasets, out);
   PlanSeconds(datasets, out);
@@ -260,7 +261,8 @@ std::string MetricFamilies() {
 void AddMetricsRoutes(http::Router& router, Context& context) {
   const auto counters = std::make_shared<Counters>();
   router.Add("GET", "/metrics", http::Lane::kFiles, [&context, counters](const http::Request&) -> Result<http::Answer> {
-    return http::BytesAnswer(Text(context, *counters), "text/plain; version=0.0.4; charset=utf-8", http::Caching::kNever);
+    return http::BytesAnswer(Text(context, *counters), "text/plain; version=0.0.4; charset=utf-8",
+                             http::Caching::kNever);
   });
 }
 

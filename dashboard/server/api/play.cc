@@ -116,8 +116,8 @@ Result<http::Answer> OpenSession(Context& context, const http::Request& request)
   const auto index = UnsignedOf(body, "index").value_or(0);
   if (index > kMostIndex) return Fail(Code::kInvalidArgument, "index: too large");
   const std::string session = "play-" + NewId().substr(0, 8);
-  std::vector<std::string> arguments{"worker",    "play",  spec.string(), "--run",  run.text(),
-                                     "--session", session, "--index",     std::to_string(index)};
+  std::vector<std::string> arguments{"worker", "play",    spec.string(),        "--run", run.text(), "--session",
+                                     session,  "--index", std::to_string(index)};
   const auto flags = context.bus_flags(security::Role::kWorker);
   arguments.insert(arguments.end(), flags.begin(), flags.end());
   ETUDE_ASSIGN_OR_RETURN(const std::string job, context.jobs.Add({"play", arguments, Weight::kLight}));

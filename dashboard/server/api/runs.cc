@@ -369,8 +369,7 @@ Result<http::Answer> CheckpointFile(Context& context, const http::Request& reque
   const auto header = std::ranges::find(headers, name, &sources::CheckpointHeader::file);
   if (header == headers.end())
     return Fail(Code::kNotFound, fmt::format("the run has no checkpoint file '{:.100}'", name));
-  ETUDE_ASSIGN_OR_RETURN(auto open,
-                         sources::OpenBelow(opened.source->found().folder / "checkpoints", header->file));
+  ETUDE_ASSIGN_OR_RETURN(auto open, sources::OpenBelow(opened.source->found().folder / "checkpoints", header->file));
   http::Answer answer;
   answer.content_type = "application/vnd.safetensors";
   answer.file = http::FileBody{std::make_shared<Descriptor>(std::move(open.file)), open.stamp.size};

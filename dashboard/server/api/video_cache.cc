@@ -21,9 +21,10 @@ constexpr int kScale = 2;  // 4:2:0 halves colours: every pixel twice keeps its 
 Status Make(const store::EpisodeRecord& record, std::size_t camera, const Path& file) {
   const Camera& of = record.episode.cameras[camera].camera;
   ETUDE_ASSIGN_OR_RETURN(
-      auto writer, video::Mp4Writer::Open(file, {.width = of.width * kScale,
-                                                 .height = of.height * kScale,
-                                                 .rate = {static_cast<int>(kControlRate), record.episode.image_stride}}));
+      auto writer,
+      video::Mp4Writer::Open(file, {.width = of.width * kScale,
+                                    .height = of.height * kScale,
+                                    .rate = {static_cast<int>(kControlRate), record.episode.image_stride}}));
   video::Picture picture{of.width, of.height,
                          std::vector<std::uint8_t>(static_cast<std::size_t>(of.width) * of.height * 3)};
   for (const auto& where : record.frames[camera]) {

@@ -15,13 +15,20 @@ struct Kind {
 
 Kind KindOf(Code code) {
   switch (code) {
-    case Code::kInvalidArgument: return {400, "The request is wrong"};
-    case Code::kNotFound: return {404, "Not found"};
-    case Code::kUnavailable: return {503, "Not available now"};
-    case Code::kTimeout: return {504, "Took too long"};
-    case Code::kExhausted: return {413, "Too much"};
-    case Code::kCorrupt: return {422, "The file is damaged"};
-    case Code::kInternal: break;
+    case Code::kInvalidArgument:
+      return {400, "The request is wrong"};
+    case Code::kNotFound:
+      return {404, "Not found"};
+    case Code::kUnavailable:
+      return {503, "Not available now"};
+    case Code::kTimeout:
+      return {504, "Took too long"};
+    case Code::kExhausted:
+      return {413, "Too much"};
+    case Code::kCorrupt:
+      return {422, "The file is damaged"};
+    case Code::kInternal:
+      break;
   }
   return {500, "Failed"};
 }

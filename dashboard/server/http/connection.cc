@@ -57,9 +57,12 @@ std::optional<Request> FromWire(const BeastRequest& wire_request, const beast::t
 
 const char* CachingText(Caching caching) {
   switch (caching) {
-    case Caching::kImmutable: return "private, max-age=31536000, immutable";
-    case Caching::kNever: return "no-store";
-    case Caching::kRevalidate: break;
+    case Caching::kImmutable:
+      return "private, max-age=31536000, immutable";
+    case Caching::kNever:
+      return "no-store";
+    case Caching::kRevalidate:
+      break;
   }
   return "private, no-cache";
 }
@@ -85,9 +88,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
     parser_->body_limit(state_.options.request_bytes);
     parser_->header_limit(static_cast<std::uint32_t>(state_.options.header_bytes));
     stream_.expires_after(state_.options.read_time);
-    wire::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](const error_code& error, std::size_t) {
-      self->OnRead(error);
-    });
+    wire::async_read(stream_, buffer_, *parser_,
+                     [self = shared_from_this()](const error_code& error, std::size_t) { self->OnRead(error); });
   }
 
  private:
@@ -184,11 +186,11 @@ void Connection::Drain() {
   constexpr std::chrono::seconds kPatience{2};
   stream_.expires_after(kPatience);
   buffer_.consume(buffer_.size());
-  stream_.async_read_some(buffer_.prepare(16 * 1024), [self = shared_from_this()](const error_code& error,
-                                                                                  std::size_t size) {
-    self->drained_ += size;
-    if (!error && self->drained_ < kMost) self->Drain();
-  });
+  stream_.async_read_some(buffer_.prepare(16 * 1024),
+                          [self = shared_from_this()](const error_code& error, std::size_t size) {
+                            self->drained_ += size;
+                            if (!error && self->drained_ < kMost) self->Drain();
+                          });
 }
 
 template <class Message>
@@ -222,12 +224,14 @@ void Connection::Send(std::shared_ptr<Message> message) {
 
 void Connection::WriteBody(Answer answer, bool head) {
   if (head) {
-    auto message = std::make_shared<wire::response<wire::empty_body>>(static_cast<wire::status>(answer.status), version_);
+    auto message =
+        std::make_shared<wire::response<wire::empty_body>>(static_cast<wire::status>(answer.status), version_);
     SetHeaders(*message, answer);
     message->content_length(answer.body.size());
     return Send(message);
   }
-  auto message = std::make_shared<wire::response<wire::string_body>>(static_cast<wire::status>(answer.status), version_);
+  auto message =
+      std::make_shared<wire::response<wire::string_body>>(static_cast<wire::status>(answer.status), version_);
   SetHeaders(*message, answer);
   message->body() = std::move(answer.body);
   message->prepare_payload();

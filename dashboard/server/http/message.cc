@@ -91,7 +91,8 @@ Result<std::int64_t> Query::Integer(std::string_view key, std::int64_t fallback,
   if (!text || text->empty()) return fallback;
   std::int64_t number = 0;
   if (Parse(*text, number) && number >= low && number <= high) return number;
-  return Fail(Code::kInvalidArgument, fmt::format("{}={:.40}: not a whole number from {} to {}", key, *text, low, high));
+  return Fail(Code::kInvalidArgument,
+              fmt::format("{}={:.40}: not a whole number from {} to {}", key, *text, low, high));
 }
 
 Result<std::uint64_t> Request::Index(const std::string& name) const {

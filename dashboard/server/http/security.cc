@@ -89,7 +89,8 @@ bool Security::HostAllowed(const Request& request) const {
 
 std::optional<Answer> Security::Check(Request& request, bool changes) const {
   if (!HostAllowed(request)) {
-    return Problem(403, "Unknown host", fmt::format("Host '{:.100}' is not one that this gateway is known by", request.host),
+    return Problem(403, "Unknown host",
+                   fmt::format("Host '{:.100}' is not one that this gateway is known by", request.host),
                    "open it by its address, or start it with --host NAME");
   }
   if (changes && !request.origin.empty() && request.origin != "http://" + request.host &&
@@ -109,17 +110,18 @@ std::optional<Answer> Security::Check(Request& request, bool changes) const {
 
 std::vector<std::pair<std::string, std::string>> SecurityHeaders(const std::string& host) {
   const std::string socket = HostName(host).empty() ? "" : fmt::format(" ws://{0} wss://{0}", host);  // with its port
-  return {{"Content-Security-Policy",
-           fmt::format("default-src 'none'; script-src 'self'; style-src 'self'; worker-src 'self'; img-src 'self' blob:; "
-                       "media-src 'self'; connect-src 'self'{}; base-uri 'none'; form-action 'none'; "
-                       "frame-ancestors 'none'",
-                       socket)},
-          {"X-Content-Type-Options", "nosniff"},
-          {"X-Frame-Options", "DENY"},
-          {"Referrer-Policy", "no-referrer"},
-          {"Cross-Origin-Opener-Policy", "same-origin"},
-          {"Cross-Origin-Resource-Policy", "same-origin"},
-          {"Permissions-Policy", "camera=(), microphone=(), geolocation=()"}};
+  return {
+      {"Content-Security-Policy",
+       fmt::format("default-src 'none'; script-src 'self'; style-src 'self'; worker-src 'self'; img-src 'self' blob:; "
+                   "media-src 'self'; connect-src 'self'{}; base-uri 'none'; form-action 'none'; "
+                   "frame-ancestors 'none'",
+                   socket)},
+      {"X-Content-Type-Options", "nosniff"},
+      {"X-Frame-Options", "DENY"},
+      {"Referrer-Policy", "no-referrer"},
+      {"Cross-Origin-Opener-Policy", "same-origin"},
+      {"Cross-Origin-Resource-Policy", "same-origin"},
+      {"Permissions-Policy", "camera=(), microphone=(), geolocation=()"}};
 }
 
 }  // namespace etude::http

@@ -14,7 +14,7 @@ namespace etude::http {
 struct SecurityConfig {
   /// Host names beside localhost and the bound addresses, lower case, without a port (--host).
   std::vector<std::string> hosts;
-  std::string token;             ///< "": there are no actions
+  std::string token;              ///< "": there are no actions
   bool reads_need_token = false;  ///< bound to more than this machine
 };
 

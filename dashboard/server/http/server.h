@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sockets: one thread for the network, a few for files, one for episodes, two for the bus. Boost.Beast stays behind this header.
+// The sockets: one thread for the network, a few for files, one for episodes, two for the bus. Boost.Beast stays behind
+// this header.
 #pragma once
 
 #include <chrono>
@@ -33,7 +34,8 @@ using SocketFactory = std::function<std::shared_ptr<SocketClient>(const Request&
 class Server {
  public:
   /// Listens from here on. `service` is borrowed and must outlive the server.
-  /// @error kUnavailable: the address or the port cannot be had; says which and what to do. kInvalidArgument: no address
+  /// @error kUnavailable: the address or the port cannot be had; says which and what to do. kInvalidArgument: no
+  /// address
   static Result<std::unique_ptr<Server>> Open(const ServerOptions& options, const Service& service,
                                               SocketFactory sockets);
   ~Server();

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <atomic>
 #include <boost/asio/post.hpp>
-#include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/core/buffers_to_string.hpp>
+#include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/websocket.hpp>
 #include <deque>
 #include <mutex>
@@ -74,9 +74,8 @@ class SocketSession : public Socket, public std::enable_shared_from_this<SocketS
 void SocketSession::Start(BeastRequest upgrade, const Request& request) {
   beast::get_lowest_layer(stream_).expires_never();
   stream_.set_option(websocket::stream_base::timeout::suggested(beast::role_type::server));
-  stream_.set_option(websocket::stream_base::decorator([](websocket::response_type& response) {
-    response.set(beast::http::field::server, "etude-gateway");
-  }));
+  stream_.set_option(websocket::stream_base::decorator(
+      [](websocket::response_type& response) { response.set(beast::http::field::server, "etude-gateway"); }));
   stream_.read_message_max(kMessageBytes);
   auto shared = std::make_shared<BeastRequest>(std::move(upgrade));
   stream_.async_accept(*shared, [self = shared_from_this(), shared, request](const error_code& error) {
@@ -135,9 +134,8 @@ void SocketSession::WriteNext() {
   writing_ = true;
   write_began_ = std::chrono::steady_clock::now();
   stream_.text(true);
-  stream_.async_write(net::buffer(in_flight_), [self = shared_from_this()](const error_code& error, std::size_t) {
-    self->OnWritten(error);
-  });
+  stream_.async_write(net::buffer(in_flight_),
+                      [self = shared_from_this()](const error_code& error, std::size_t) { self->OnWritten(error); });
 }
 
 void SocketSession::OnWritten(const error_code& error) {

@@ -39,7 +39,8 @@ bool NamesItsContent(const std::string& name) {
   constexpr std::size_t kHash = 8;
   const auto dot = name.rfind('.');
   if (dot == std::string::npos || dot < kHash + 2 || name[dot - kHash - 1] != '-') return false;
-  return std::all_of(name.begin() + static_cast<std::ptrdiff_t>(dot - kHash), name.begin() + static_cast<std::ptrdiff_t>(dot),
+  return std::all_of(name.begin() + static_cast<std::ptrdiff_t>(dot - kHash),
+                     name.begin() + static_cast<std::ptrdiff_t>(dot),
                      [](unsigned char c) { return std::isupper(c) || std::isdigit(c); });
 }
 
@@ -71,8 +72,8 @@ void StaticFiles::Scan() {
     const auto& entry = *entries;
     if (!entry.is_regular_file(error) || entry.is_symlink(error) || entry.file_size(error) > kMostBytes) continue;
     const std::string name = entry.path().lexically_relative(folder_).generic_string();
-    const std::string tag = fmt::format("{:x}-{:x}", entry.file_size(error),
-                                        entry.last_write_time(error).time_since_epoch().count());
+    const std::string tag =
+        fmt::format("{:x}-{:x}", entry.file_size(error), entry.last_write_time(error).time_since_epoch().count());
     File file{entry.path(), tag, nullptr};
     if (const auto old = files_.find(name); old != files_.end() && old->second.tag == tag) file = old->second;
     found.emplace(name, std::move(file));

@@ -16,13 +16,13 @@
 namespace etude::sources {
 namespace {
 
-constexpr int kDeepest = 5;             // folders below a root
+constexpr int kDeepest = 5;                   // folders below a root
 constexpr std::size_t kMostEntries = 20'000;  // looked at, of one root
 constexpr std::size_t kMostFound = 1'000;
 constexpr std::chrono::seconds kScanEvery{3};
 // what only holds files of what was found already
-constexpr std::array<std::string_view, 7> kClosed{"episodes", "videos", "checkpoints", "quarantine", "masks", "objects",
-                                                  "node_modules"};
+constexpr std::array<std::string_view, 7> kClosed{"episodes", "videos",  "checkpoints", "quarantine",
+                                                  "masks",    "objects", "node_modules"};
 
 std::string IdOf(const std::string& shown) {
   std::string id;
@@ -41,11 +41,12 @@ bool Has(const Path& folder, const char* file) {
 // Of the files that grow or are written anew while something is made, and of the folder of its episodes.
 double ChangedOf(const Path& folder) {
   double newest = 0;
-  for (const char* name : {"dataset.json", "commits.jsonl", "attempts.jsonl", "episodes", "metrics.jsonl", "checkpoints",
-                           "config.yaml", "eval.json", "eval.jsonl"}) {
+  for (const char* name : {"dataset.json", "commits.jsonl", "attempts.jsonl", "episodes", "metrics.jsonl",
+                           "checkpoints", "config.yaml", "eval.json", "eval.jsonl"}) {
     struct stat status {};
     if (::stat((folder / name).c_str(), &status) != 0) continue;
-    newest = std::max(newest, static_cast<double>(status.st_mtim.tv_sec) + 1e-9 * static_cast<double>(status.st_mtim.tv_nsec));
+    newest = std::max(newest,
+                      static_cast<double>(status.st_mtim.tv_sec) + 1e-9 * static_cast<double>(status.st_mtim.tv_nsec));
   }
   return newest;
 }
@@ -66,7 +67,8 @@ class Search {
   Search(std::vector<Found>& found, std::vector<Catalog::LogFile>& logs) : found_(found), logs_(logs) {}
 
   void Root(const Path& root) {
-    const std::string name = root.filename().empty() ? root.parent_path().filename().string() : root.filename().string();
+    const std::string name =
+        root.filename().empty() ? root.parent_path().filename().string() : root.filename().string();
     std::deque<Step> open{{root, name, "", 0}};
     std::size_t entries = 0;
     while (!open.empty() && entries < kMostEntries && found_.size() < kMostFound) {
@@ -142,9 +144,12 @@ std::vector<Path> Canonical(const std::vector<Path>& roots) {
 
 std::string ToString(Kind kind) {
   switch (kind) {
-    case Kind::kDataset: return "dataset";
-    case Kind::kRun: return "run";
-    case Kind::kEval: break;
+    case Kind::kDataset:
+      return "dataset";
+    case Kind::kRun:
+      return "run";
+    case Kind::kEval:
+      break;
   }
   return "eval";
 }

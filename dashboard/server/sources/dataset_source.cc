@@ -17,9 +17,9 @@ namespace {
 
 constexpr std::chrono::milliseconds kRefreshEvery{500};
 constexpr std::chrono::seconds kAgainAfter{10};  // for a file that could not be had
-constexpr std::size_t kRecent = 4;            // episodes kept, 1 MB each
-constexpr std::size_t kMostRows = 1'000'000;  // of a list
-constexpr std::size_t kMostUnreadable = 20;   // named
+constexpr std::size_t kRecent = 4;               // episodes kept, 1 MB each
+constexpr std::size_t kMostRows = 1'000'000;     // of a list
+constexpr std::size_t kMostUnreadable = 20;      // named
 constexpr std::uint64_t kJsonBytes = 16 << 20;
 constexpr std::size_t kFewest = 8;  // episodes of a task, to call one of them odd
 
@@ -257,9 +257,8 @@ void DatasetSource::ForgetUnreadable() {
     return StampOf(store::EpisodePath(found_.folder, item.first)) != item.second;
   });
   if (gone == 0) return;
-  std::erase_if(info_.unreadable_files, [this](const auto& item) ETUDE_REQUIRES(mutex_) {
-    return !unreadable_stamps_.contains(item.first);
-  });
+  std::erase_if(info_.unreadable_files,
+                [this](const auto& item) ETUDE_REQUIRES(mutex_) { return !unreadable_stamps_.contains(item.first); });
   info_.unreadable = info_.unreadable_files.size();
   changed_ = true;
 }

@@ -13,11 +13,11 @@
 namespace etude::sources {
 
 struct EvalView {
-  OrderedJson report;             ///< eval.json; an empty object before the first
-  std::vector<OrderedJson> rows;  ///< its per_episode, or eval.jsonl's where that has more, by index
-  OrderedJson spec;               ///< of its rollouts; null when there are none yet
+  OrderedJson report;               ///< eval.json; an empty object before the first
+  std::vector<OrderedJson> rows;    ///< its per_episode, or eval.jsonl's where that has more, by index
+  OrderedJson spec;                 ///< of its rollouts; null when there are none yet
   std::vector<std::string> videos;  ///< names in videos/
-  double updated = 0;             ///< seconds since 1970
+  double updated = 0;               ///< seconds since 1970
 };
 
 /// Thread-safe.

@@ -76,8 +76,7 @@ void JsonLines::Refresh(const std::function<void()>& reset, const std::function<
     std::size_t begin = 0;
     for (std::size_t end; (end = text.find('\n', begin)) != std::string::npos; begin = end + 1) {
       const auto parsed = ParseBoundedJson(std::string_view(text).substr(begin, end - begin));
-      if (parsed && parsed->is_object())
-        line(*parsed);
+      if (parsed && parsed->is_object()) line(*parsed);
     }
     offset_ += begin;
     text.erase(0, begin);

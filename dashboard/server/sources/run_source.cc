@@ -254,8 +254,8 @@ void RunSource::Refresh() {
   }
   ReadCheckpoints();
   const double before = now_.updated;
-  now_.updated = std::max(
-      {metrics_file_.stamp().modified_s(), curriculum_file_.stamp().modified_s(), config_stamp_.modified_s()});
+  now_.updated =
+      std::max({metrics_file_.stamp().modified_s(), curriculum_file_.stamp().modified_s(), config_stamp_.modified_s()});
   for (const auto& header : now_.checkpoints) now_.updated = std::max(now_.updated, header.stamp.modified_s());
   // the whole table is copied, which may be large
   if (view_ && !changed_ && now_.updated == before) return;
