@@ -79,7 +79,7 @@ campaign::WorkResult ResultOf(task::AttemptResult attempt, bool always_complete)
                              {"step_s", attempt.step_s},
                              {"render_s", attempt.render_s},
                              {"deflate_s", attempt.deflate_s}});
-  result.details_json = details.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+  result.details_json = JsonText(details);
   return result;
 }
 
@@ -116,8 +116,7 @@ campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, cons
     // the policy did not answer: not the rollout's failure, it is tried again
     const std::string outcome = StopRequested() ? campaign::kReleased : campaign::kPolicyError;
     return campaign::WorkResult{.outcome = outcome,
-                                .details_json = OrderedJson{{"reason", attempt.error().message}}.dump(
-                                    -1, ' ', false, OrderedJson::error_handler_t::replace)};
+                                .details_json = JsonText(OrderedJson{{"reason", attempt.error().message}})};
   };
 }
 

@@ -74,8 +74,6 @@ class Pace {
   int steps_ = 0;
 };
 
-std::string Text(const OrderedJson& json) { return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace); }
-
 std::vector<float> NumbersOf(const std::vector<Waypoint>& waypoints) {
   std::vector<float> numbers;
   for (const auto& waypoint : waypoints)
@@ -264,7 +262,7 @@ Status PlayHost::Accept(const OrderedJson& arguments) {
   state_.sentence = sentence.text;
   state_.meaning_json =
       sentence.judged()
-          ? Text({{"task", sentence.task}, {"target", sentence.target}, {"reference", sentence.reference}})
+          ? JsonText({{"task", sentence.task}, {"target", sentence.target}, {"reference", sentence.reference}})
           : "";
   state_.outcome.clear();
   state_.reason.clear();
@@ -329,12 +327,12 @@ void PlayHost::Publish(bool with_picture) {
   scene["campaign"] = spec_.name;
   scene["tasks"] = spec_.tasks;
   scene["campaign_objects"] = SceneNames(spec_.objects);
-  state_.scene_json = Text(scene);
+  state_.scene_json = JsonText(scene);
   state_.step = static_cast<std::uint32_t>(session_->step());
   state_.max_steps = static_cast<std::uint32_t>(session_->max_steps());
   OrderedJson judge = session_->JudgeJson();
   judge["doing"] = std::string(session_->doing());
-  state_.judge_json = Text(judge);
+  state_.judge_json = JsonText(judge);
   const Eigen::VectorXf arm = session_->world().q().cast<float>();
   const Eigen::VectorXf gripper = session_->world().gripper_q().cast<float>();
   state_.joints.assign(arm.begin(), arm.end());
@@ -343,7 +341,7 @@ void PlayHost::Publish(bool with_picture) {
   state_.waypoints = NumbersOf(answer.waypoints);
   if (!std::ranges::all_of(state_.waypoints, [](float value) { return std::isfinite(value); }))
     state_.waypoints.clear();
-  state_.modules_json = answer.modules.is_object() ? Text(answer.modules) : "";
+  state_.modules_json = answer.modules.is_object() ? JsonText(answer.modules) : "";
   state_.checkpoint_step = answer.checkpoint_step;
   state_.policy_ms = session_->policy_ms();
   state_.speed = moving() ? pace_.Measured() : 0;

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dashboard/server/gateway.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cstdlib>
 
 #include "dashboard/server/api/context.h"
@@ -36,13 +33,8 @@ std::string Trimmed(std::string text) {
 
 Status MakeToken(const Path& file) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(std::filesystem::absolute(file).parent_path()));
-  const int fd = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (fd < 0) return Fail(ErrnoError("make the token file", file, errno));
-  const std::string token = NewId() + NewId() + "\n";
-  const bool written = ::write(fd, token.data(), token.size()) == static_cast<ssize_t>(token.size());
-  const int error = errno;
-  ::close(fd);
-  if (!written) return Fail(ErrnoError("write the token file", file, error));
+  if (Status made = WriteSecret(file, NewId() + NewId() + "\n"); !made)
+    return Fail(made.error().Wrap("make the token file"));
   Log().info("made a token in {}", file.string());
   return {};
 }

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <exception>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -14,6 +13,7 @@
 #include "services/core/command.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
+#include "services/core/without_throwing.h"
 
 namespace etude::campaign {
 
@@ -35,13 +35,12 @@ void Collector::Impl::Announce(bool complete) {
 }
 
 void Collector::Impl::Guard(const char* thread, const std::function<void()>& work) {
-  std::string why = "an exception without words";
-  try {
-    return work();
-  } catch (const std::exception& exception) {
-    why = exception.what();
-  } catch (...) {
-  }
+  const Status done = WithoutThrowing([&]() -> Status {
+    work();
+    return {};
+  });
+  if (done) return;
+  const std::string& why = done.error().message;
   Log().error("the {} thread failed: {}", thread, why);
   {
     const MutexLock lock(mutex);

@@ -202,7 +202,7 @@ std::string DetailsOf(const bus::AttemptReport& report) {
   if (!details || !details->is_object()) return report.details_json;
   (*details)["t"] = std::round(WallSeconds() * 1000) / 1000;
   (*details)["worker"] = report.worker;
-  return details->dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+  return JsonText(*details);
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ std::string ValueOf(const Fingerprint& fingerprint, const std::string& name) {
 std::string FingerprintText(const Fingerprint& fingerprint) {
   OrderedJson json = OrderedJson::object();
   for (const auto& [name, value] : fingerprint) json[name] = value;
-  return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+  return JsonText(json);
 }
 
 Result<Fingerprint> ParseFingerprint(std::string_view text) {

@@ -36,9 +36,7 @@ class DatasetSink : public EpisodeSink {
   store::DatasetWriter writer_;
 };
 
-std::string LineOf(const RolloutRow& row) {
-  return RowJson(row).dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
-}
+std::string LineOf(const RolloutRow& row) { return JsonText(RowJson(row)); }
 
 constexpr double kReportEvery = 2;  // s; the report of 400 rollouts is 200 kB
 
@@ -120,8 +118,7 @@ class EvalSink : public EpisodeSink {
     OrderedJson report = EvalReport(spec_, rows_, subject_);
     report["scenes"] = scenes_.Json(spec_.scenes);
     since_report_.Restart();
-    return WriteFileAtomically(out_ / "eval.json",
-                               report.dump(1, ' ', false, OrderedJson::error_handler_t::replace) + "\n");
+    return WriteFileAtomically(out_ / "eval.json", JsonText(report, 1) + "\n");
   }
   // A row a rollout, in the order of their indices; those to come are appended.
   Status RestoreLines() ETUDE_REQUIRES(mutex_) {

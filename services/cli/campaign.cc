@@ -45,8 +45,6 @@ OrderedJson StatusJson(const CampaignView& campaign) {
   return json;
 }
 
-std::string Dumped(const OrderedJson& json) { return json.dump(1, ' ', false, OrderedJson::error_handler_t::replace); }
-
 Status ListCampaigns(const CampaignArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
@@ -63,7 +61,7 @@ Status ListCampaigns(const CampaignArguments& arguments) {
     fmt::print("{}\n", Printable(line));
   }
   if (arguments.as_json)
-    fmt::print("{}\n", Dumped(all));
+    fmt::print("{}\n", JsonText(all, 1));
   else if (all.empty())
     fmt::print("no campaign is live on domain {}\n", participant.domain());
   return {};
@@ -91,7 +89,7 @@ Status ShowCampaign(const CampaignArguments& arguments) {
     return Fail(Code::kNotFound, fmt::format("campaign '{}' has just ended", arguments.name));
   only.campaigns.insert(*campaign);
   if (arguments.as_json)
-    fmt::print("{}\n", Dumped(StatusJson(campaign->second)));
+    fmt::print("{}\n", JsonText(StatusJson(campaign->second), 1));
   else
     fmt::print("{}", TopText(only, MonotonicClock::now()));
   return {};

@@ -14,7 +14,7 @@ namespace {
 
 Status Info(const std::string& dataset, bool as_json) {
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson info, store::DatasetInfo(dataset));
-  fmt::print("{}", as_json ? info.dump(1, ' ', false, OrderedJson::error_handler_t::replace) + "\n" : ToYaml(info));
+  fmt::print("{}", as_json ? JsonText(info, 1) + "\n" : ToYaml(info));
   return {};
 }
 
@@ -30,9 +30,9 @@ Status Verify(const std::string& dataset, bool keep, bool as_json) {
   ETUDE_ASSIGN_OR_RETURN(const auto report,
                          store::Verify(dataset, keep ? store::Quarantine::kNo : store::Quarantine::kYes));
   if (as_json) {
-    fmt::print("{}\n",
-               OrderedJson{{"good", report.good}, {"bad", Files(report.bad)}, {"unread", Files(report.unread)}}.dump(
-                   1, ' ', false, OrderedJson::error_handler_t::replace));
+    fmt::print(
+        "{}\n",
+        JsonText(OrderedJson{{"good", report.good}, {"bad", Files(report.bad)}, {"unread", Files(report.unread)}}, 1));
   } else {
     for (const auto& bad : report.bad) fmt::print("bad     {}: {}\n", bad.path.string(), bad.reason);
     for (const auto& unread : report.unread) fmt::print("unread  {}: {}\n", unread.path.string(), unread.reason);

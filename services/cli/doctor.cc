@@ -98,7 +98,7 @@ Status Doctor(const DoctorArguments& arguments) {
   report("torch", AskProgram("etude-trainer"));
   report("sockets", CheckSocketBuffer());
   report("disk", CheckDisk());
-  if (arguments.as_json) fmt::print("{}\n", checks.dump(1, ' ', false, OrderedJson::error_handler_t::replace));
+  if (arguments.as_json) fmt::print("{}\n", JsonText(checks, 1));
   if (missing == 0) return {};
   return Fail(Code::kUnavailable, fmt::format("{} of what Etude needs is missing on this machine, see above", missing));
 }

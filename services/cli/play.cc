@@ -42,10 +42,6 @@ struct PlayArguments {
   BusArguments bus;
 };
 
-std::string Dumped(const OrderedJson& json, int indent = -1) {
-  return json.dump(indent, ' ', false, OrderedJson::error_handler_t::replace);
-}
-
 OrderedJson Parsed(const std::string& text) { return ParseBoundedJson(text, 12).value_or(OrderedJson::object()); }
 
 std::vector<std::string> TextsOf(const OrderedJson& json, const char* key) {
@@ -162,7 +158,7 @@ Status ListSessions(const PlayArguments& arguments) {
                state.host);
   }
   if (arguments.as_json)
-    fmt::print("{}\n", Dumped(all, 1));
+    fmt::print("{}\n", JsonText(all, 1));
   else if (all.empty())
     fmt::print("no play session is live on domain {}; open one with: etude play open SPEC --run RUN\n",
                participant.domain());

@@ -61,7 +61,7 @@ Status ListTopics(const TopicArguments& arguments) {
     line(fmt::format("  readers  {}{}", row.readers.size(), PeersText(row.readers, names)));
     for (const auto& problem : row.problems) line("  MISMATCH " + problem);
   }
-  if (arguments.as_json) fmt::print("{}\n", all.dump(1, ' ', false, OrderedJson::error_handler_t::replace));
+  if (arguments.as_json) fmt::print("{}\n", JsonText(all, 1));
   if (!arguments.as_json && rows.empty()) fmt::print("nobody else is on domain {}\n", participant.domain());
   return {};
 }
@@ -100,7 +100,7 @@ Status Echo(const TopicArguments& arguments) {
     }
     for (auto& [partition, reader] : readers)
       for (const auto& message : reader->Take()) {
-        fmt::print("{}\n", message.dump(-1, ' ', false, OrderedJson::error_handler_t::replace));
+        fmt::print("{}\n", JsonText(message));
         if (++printed == arguments.count) return {};
       }
     std::fflush(stdout);

@@ -132,6 +132,10 @@ void EmitYaml(const OrderedJson& json, YAML::Emitter& out) {
 
 }  // namespace
 
+std::string JsonText(const OrderedJson& json, int indent) {
+  return json.dump(indent, ' ', false, OrderedJson::error_handler_t::replace);
+}
+
 Result<OrderedJson> ParseYaml(const std::string& text, const std::string& origin) {
   if (!IsUtf8(text)) return Fail(Code::kInvalidArgument, origin + ": not UTF-8 text");
   try {
@@ -205,7 +209,7 @@ void ConfigReader::Finish() {
 
 std::string TypeError(const std::string& path, const char* expected, const OrderedJson& found) {
   return fmt::format("{}: expected {}, found {}", path.empty() ? "the file" : "'" + path + "'", expected,
-                     found.dump(-1, ' ', false, OrderedJson::error_handler_t::replace));
+                     JsonText(found));
 }
 
 Error ConfigError(const std::string& origin, const std::vector<std::string>& errors) {

@@ -37,6 +37,10 @@ using Json = nlohmann::json;
 /// JSON that keeps keys in the order of Visit; used for files that people read.
 using OrderedJson = nlohmann::ordered_json;
 
+/// The text of `json`, on one line unless `indent` >= 0. Bytes that are not UTF-8 (nlohmann's dump would throw) become
+/// the replacement character.
+std::string JsonText(const OrderedJson& json, int indent = -1);
+
 /// Parses YAML text into JSON (scalars become bool, integer, number or string as in YAML 1.2 core).
 /// @error kInvalidArgument with `origin`, line and column.
 Result<OrderedJson> ParseYaml(const std::string& text, const std::string& origin);

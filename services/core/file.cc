@@ -18,18 +18,8 @@
 namespace etude {
 namespace {
 
-// write(2) until all is written; false with errno set on failure
-bool WriteAll(int fd, const std::uint8_t* data, std::size_t size) {
-  while (size > 0) {
-    const ssize_t written = ::write(fd, data, size);
-    if (written < 0) {
-      if (errno == EINTR) continue;
-      return false;
-    }
-    data += written;
-    size -= static_cast<std::size_t>(written);
-  }
-  return true;
+std::span<const std::uint8_t> BytesOf(std::string_view text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
 template <class Container>
@@ -43,17 +33,9 @@ Result<Container> ReadWhole(const Path& path, std::uint64_t max_bytes) {
                 fmt::format("read '{}': {} bytes, more than the limit of {}", path.string(), info.st_size, max_bytes));
   Container content;
   content.resize(static_cast<std::size_t>(info.st_size));
-  std::size_t done = 0;
-  while (done < content.size()) {
-    const ssize_t got = ::read(file.get(), content.data() + done, content.size() - done);
-    if (got < 0) {
-      if (errno == EINTR) continue;
-      return Fail(ErrnoError("read", path, errno));
-    }
-    if (got == 0) break;
-    done += static_cast<std::size_t>(got);
-  }
-  content.resize(done);
+  const std::span<std::uint8_t> bytes(reinterpret_cast<std::uint8_t*>(content.data()), content.size());
+  ETUDE_ASSIGN_OR_RETURN(const std::size_t size, ReadAt(file.get(), path, 0, bytes));
+  content.resize(size);
   return content;
 }
 
@@ -84,6 +66,41 @@ Error ErrnoError(std::string_view attempted, const Path& path, int error_number)
       break;
   }
   return {code, fmt::format("{} '{}': {}", attempted, path.string(), std::strerror(error_number))};
+}
+
+Result<std::size_t> ReadAt(int fd, const Path& path, std::uint64_t offset, std::span<std::uint8_t> bytes) {
+  std::size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t got = ::pread(fd, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return Fail(ErrnoError("read", path, errno));
+    if (got == 0) break;
+    done += static_cast<std::size_t>(got);
+  }
+  return done;
+}
+
+Status WriteAll(int fd, const Path& path, std::span<const std::uint8_t> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(fd, bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) return Fail(ErrnoError("write", path, written < 0 ? errno : EIO));
+    bytes = bytes.subspan(static_cast<std::size_t>(written));
+  }
+  return {};
+}
+
+Status WriteSecret(const Path& path, std::string_view text) {
+  const Descriptor file(::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600));
+  if (!file && errno == EEXIST)
+    return Fail(Code::kUnavailable,
+                fmt::format("'{}' is there already, and a secret is not overwritten", path.string()));
+  if (!file) return Fail(ErrnoError("create", path, errno));
+  Status written = WriteAll(file.get(), path, BytesOf(text));
+  if (written && ::fsync(file.get()) != 0) written = Fail(ErrnoError("fsync", path, errno));
+  if (written) return SyncFolder(path.parent_path());
+  ::unlink(path.c_str());  // half a key would only be in the way of the next attempt
+  return written;
 }
 
 Result<std::string> ReadTextFile(const Path& path, std::uint64_t max_bytes) {
@@ -127,13 +144,12 @@ Status WriteFileAtomically(const Path& path, std::span<const std::uint8_t> bytes
   {
     Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
     if (file.get() < 0) return Fail(ErrnoError("create", temporary, errno));
-    bool whole = WriteAll(file.get(), bytes.data(), bytes.size());
+    Status written = WriteAll(file.get(), path, bytes);
     CrashPoint("file.written");
-    whole = whole && ::fsync(file.get()) == 0;
-    if (!whole) {
-      const int error_number = errno;
+    if (written && ::fsync(file.get()) != 0) written = Fail(ErrnoError("write", path, errno));
+    if (!written) {
       ::unlink(temporary.c_str());
-      return Fail(ErrnoError("write", path, error_number));
+      return written;
     }
   }
   CrashPoint("file.synced");
@@ -146,9 +162,7 @@ Status WriteFileAtomically(const Path& path, std::span<const std::uint8_t> bytes
   return SyncFolder(path.parent_path());
 }
 
-Status WriteFileAtomically(const Path& path, std::string_view text) {
-  return WriteFileAtomically(path, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
-}
+Status WriteFileAtomically(const Path& path, std::string_view text) { return WriteFileAtomically(path, BytesOf(text)); }
 
 Result<LineAppender> LineAppender::Open(const Path& path) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(path.parent_path()));
@@ -166,10 +180,10 @@ Status LineAppender::Append(std::string_view line) {
   std::string text = torn ? "\n" : "";
   text += line;
   text += '\n';
-  if (WriteAll(file_.get(), reinterpret_cast<const std::uint8_t*>(text.data()), text.size())) return {};
-  const int error_number = errno;
-  (void)!::ftruncate(file_.get(), info.st_size);  // if not even that works, the next line ends the torn one
-  return Fail(ErrnoError("append to", path_, error_number));
+  Status written = WriteAll(file_.get(), path_, BytesOf(text));
+  // if not even that works, the next line ends the torn one
+  if (!written) (void)!::ftruncate(file_.get(), info.st_size);
+  return written;
 }
 
 Status LineAppender::Sync() {

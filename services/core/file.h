@@ -24,6 +24,14 @@ Error ErrnoError(std::string_view attempted, const Path& path, int error_number)
 Result<std::string> ReadTextFile(const Path& path, std::uint64_t max_bytes = 1ull << 30);
 Result<std::vector<std::uint8_t>> ReadBinaryFile(const Path& path, std::uint64_t max_bytes = 1ull << 34);
 
+/// Reads from `offset` on until `bytes` is full or the file ends. @return how many bytes were read
+Result<std::size_t> ReadAt(int fd, const Path& path, std::uint64_t offset, std::span<std::uint8_t> bytes);
+/// Writes all of `bytes` where the file stands; `path` is for the error's words. After an error a part may stand there.
+Status WriteAll(int fd, const Path& path, std::span<const std::uint8_t> bytes);
+
+/// Writes what nobody else may read: mode 0600 from the first byte on. @error kUnavailable when the file is there
+Status WriteSecret(const Path& path, std::string_view text);
+
 /// Writes a whole file so that a reader sees the old one or the new one, never a part: temporary name
 /// in the same folder, fsync, rename, fsync of the folder. Makes missing parent folders.
 /// On error no temporary file is left, and the old file is unchanged unless only the fsync of the folder failed.

@@ -98,7 +98,7 @@ ArrayList ArraysOf(const Episode& episode) {
 std::string HeaderText(const Episode& episode, const FrameSpans& frames, OrderedJson array_entries) {
   OrderedJson json = Header(episode, frames);
   json["arrays"] = std::move(array_entries);
-  return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+  return JsonText(json);
 }
 
 // ---------------------------------------------------------------------------------------- decode

@@ -11,8 +11,6 @@
 namespace etude::exports::internal {
 namespace {
 
-std::string Line(const OrderedJson& json) { return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace); }
-
 class Files21 final : public LeRobotFiles {
  public:
   Files21(Path folder, const FrameLayout& layout) : folder_(std::move(folder)), layout_(layout) {}
@@ -35,7 +33,7 @@ class Files21 final : public LeRobotFiles {
     ETUDE_RETURN_IF_ERROR(episodes_->Sync());
     ETUDE_RETURN_IF_ERROR(statistics_->Sync());
     std::string lines;
-    for (std::size_t i = 0; i < tasks.size(); ++i) lines += Line({{"task_index", i}, {"task", tasks[i]}}) + "\n";
+    for (std::size_t i = 0; i < tasks.size(); ++i) lines += JsonText({{"task_index", i}, {"task", tasks[i]}}) + "\n";
     ETUDE_RETURN_IF_ERROR(WriteFileAtomically(folder_ / "meta/tasks.jsonl", lines));
     OrderedJson info = InfoJson("v2.1", layout_, report);
     info["total_videos"] = report.videos;
@@ -72,9 +70,9 @@ class Files21 final : public LeRobotFiles {
                      {"tasks", OrderedJson::array({episode.source->instruction})},
                      {"length", episode.table.rows}};
     line.update(episode.facts);
-    ETUDE_RETURN_IF_ERROR(episodes_->Append(Line(line)));
-    return statistics_->Append(Line({{"episode_index", episode.place.episode},
-                                     {"stats", StatisticsJson(episode.table.statistics, WithQuantiles::kNo)}}));
+    ETUDE_RETURN_IF_ERROR(episodes_->Append(JsonText(line)));
+    return statistics_->Append(JsonText({{"episode_index", episode.place.episode},
+                                         {"stats", StatisticsJson(episode.table.statistics, WithQuantiles::kNo)}}));
   }
 
   Path folder_;

@@ -86,7 +86,7 @@ Result<bus::PlayState> Client::Command(const std::string& session, bus::PlayActi
   command.session = session;
   command.command_id = NewId();
   command.action = action;
-  command.arguments_json = arguments.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+  command.arguments_json = JsonText(arguments);
   command.host = HostName();
   command.user = UserName();
   impl_->commands.WaitForReaders(1, std::min<std::chrono::nanoseconds>(timeout, 5s));

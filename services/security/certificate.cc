@@ -1,18 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/security/certificate.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <openssl/ec.h>
 #include <openssl/err.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cstring>
 #include <ctime>
-
-#include "services/core/descriptor.h"
 
 namespace etude::security {
 
@@ -136,24 +131,6 @@ Result<Identity> IdentityOf(const X509* certificate, const std::string& what) {
     begin = end + 1;
   }
   return identity;
-}
-
-Status WriteSecret(const Path& path, std::string_view text) {
-  const Descriptor file(::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600));
-  if (!file && errno == EEXIST)
-    return Fail(Code::kUnavailable,
-                fmt::format("'{}' is there already, and a secret is not overwritten", path.string()));
-  if (!file) return Fail(ErrnoError("create", path, errno));
-  bool whole = true;
-  while (whole && !text.empty()) {
-    const ssize_t written = ::write(file.get(), text.data(), text.size());
-    if (written > 0) text.remove_prefix(static_cast<std::size_t>(written));
-    whole = written >= 0 || errno == EINTR;
-  }
-  if (whole && ::fsync(file.get()) == 0) return SyncFolder(path.parent_path());
-  const int error_number = errno;
-  ::unlink(path.c_str());  // half a key would only be in the way of the next attempt
-  return Fail(ErrnoError("write", path, error_number));
 }
 
 }  // namespace etude::security

@@ -54,7 +54,4 @@ std::string SerialOf(const X509* certificate);
 std::string SubjectOf(const X509* certificate);
 Result<Identity> IdentityOf(const X509* certificate, const std::string& what);
 
-/// Writes what nobody else may read: mode 0600 from the first byte on. The file must not be there.
-Status WriteSecret(const Path& path, std::string_view text);
-
 }  // namespace etude::security

@@ -242,7 +242,7 @@ std::string LineOf(const CommitRow& row) {
     line["scene"] = SceneJson(row.scene);
     line["planned"] = row.planned.ways;
   }
-  return line.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+  return JsonText(line);
 }
 
 Result<CommitRow> ParseCommitLine(std::string_view line) {

@@ -314,7 +314,7 @@ Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt, 
                             {"seed", EpisodeSeed(impl_->spec, index, attempt)},
                             {"outcome", outcome},
                             {"details", std::move(*details)}};
-  ETUDE_RETURN_IF_ERROR(impl_->attempts.Append(line.dump(-1, ' ', false, OrderedJson::error_handler_t::replace)));
+  ETUDE_RETURN_IF_ERROR(impl_->attempts.Append(JsonText(line)));
   impl_->recorded.emplace(index, attempt, outcome);
   ++impl_->failures[outcome];
   return {};

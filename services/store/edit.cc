@@ -232,8 +232,7 @@ Status RefreshDerived(const Path& dataset) {
   OrderedJson statistics = StatisticsOf(reader.spec(), summaries);
   statistics["failed_attempts"] = FailuresByOutcome(dataset);
   description["statistics"] = std::move(statistics);
-  return WriteFileAtomically(dataset / kDatasetJson,
-                             description.dump(2, ' ', false, OrderedJson::error_handler_t::replace) + "\n");
+  return WriteFileAtomically(dataset / kDatasetJson, JsonText(description, 2) + "\n");
 }
 
 }  // namespace internal

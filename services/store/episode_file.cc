@@ -116,21 +116,17 @@ class Writer {
     Attribute("instruction", episode_.instruction);
     Attribute("success", static_cast<std::uint8_t>(episode_.success ? 1 : 0));
     Attribute("outcome", episode_.outcome);
-    Attribute("details", Text(episode_.details));
-    Attribute("stage_names", Text(episode_.stage_names));
-    Attribute("ep_meta", Text({{"lang", episode_.instruction}}));
+    Attribute("details", JsonText(episode_.details));
+    Attribute("stage_names", JsonText(episode_.stage_names));
+    Attribute("ep_meta", JsonText({{"lang", episode_.instruction}}));
     Attribute("image_stride", std::int64_t{episode_.image_stride});
     Attribute("control_rate_hz", kControlRate);
     OrderedJson objects = OrderedJson::array();
     for (const auto& object : episode_.objects) objects.push_back(object.name);
-    Attribute("objects", Text(objects));
+    Attribute("objects", JsonText(objects));
     OrderedJson cameras = OrderedJson::array();
     for (const auto& track : episode_.cameras) cameras.push_back(track.camera.name);
-    Attribute("cameras", Text(cameras));
-  }
-
-  static std::string Text(const OrderedJson& json) {
-    return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+    Attribute("cameras", JsonText(cameras));
   }
 
   // one sample an image: what the robot was told until the next image

@@ -141,8 +141,7 @@ Status WriteDatasetFile(const Path& dataset, const DatasetFile& content) {
                             {"spec_sha256", SpecHash(content.spec)},
                             {"spec", ToJson(content.spec)},
                             {"statistics", content.statistics}};
-  return WriteFileAtomically(dataset / kDatasetJson,
-                             json.dump(2, ' ', false, OrderedJson::error_handler_t::replace) + "\n");
+  return WriteFileAtomically(dataset / kDatasetJson, JsonText(json, 2) + "\n");
 }
 
 std::vector<std::string> SpecDifferences(const CampaignSpec& made_from, const CampaignSpec& now) {

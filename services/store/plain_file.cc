@@ -128,7 +128,7 @@ Result<PlainFileReport> WritePlainFile(const Path& dataset, const Path& out, con
   ETUDE_RETURN_IF_ERROR(file.Finish(report));
   ETUDE_RETURN_IF_ERROR(SyncFile(partial));
   ETUDE_RETURN_IF_ERROR(CommitOutput(partial, out));
-  const std::string train_data = file.TrainData(out).dump(2, ' ', false, OrderedJson::error_handler_t::replace);
+  const std::string train_data = JsonText(file.TrainData(out), 2);
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(report.train_data, train_data + "\n"));
   return report;
 }

@@ -142,7 +142,7 @@ std::vector<std::uint8_t> EncodeSafetensors(const Safetensors& content) {
                   {"data_offsets", {offset, offset + tensor.data.size()}}};
     offset += tensor.data.size();
   }
-  std::string header = json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+  std::string header = JsonText(json);
   header.resize((header.size() + 7) / 8 * 8, ' ');
 
   const std::uint64_t header_size = header.size();

@@ -31,7 +31,7 @@ std::string HashOfSchema1(OrderedJson policy) {
       for (const char* key : {"weight", "detach"}) module["decoder"].erase(key);
     }
   }
-  return Sha256Hex(policy.dump(-1, ' ', false, OrderedJson::error_handler_t::replace));
+  return Sha256Hex(JsonText(policy));
 }
 
 // the number named NAME.KIND among the metrics, as an error

@@ -49,7 +49,7 @@ void PutBytes(std::string& out, int field, std::string_view bytes) {
   out.append(bytes);
 }
 
-std::span<const std::uint8_t> Bytes(const std::string& text) {
+std::span<const std::uint8_t> Bytes(std::string_view text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
@@ -73,17 +73,9 @@ std::string EventHead(double wall_time) {
 Status AppendRecord(int fd, const Path& path, std::string_view record) {
   struct stat before {};
   if (::fstat(fd, &before) != 0) return Fail(ErrnoError("look at", path, errno));
-  while (!record.empty()) {
-    const ssize_t written = ::write(fd, record.data(), record.size());
-    if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) {
-      const int reason = written < 0 ? errno : EIO;
-      if (::ftruncate(fd, before.st_size) != 0) Log().warn("{}", ErrnoError("cut", path, errno).message);
-      return Fail(ErrnoError("write", path, reason));
-    }
-    record.remove_prefix(static_cast<std::size_t>(written));
-  }
-  return {};
+  Status written = WriteAll(fd, path, Bytes(record));
+  if (!written && ::ftruncate(fd, before.st_size) != 0) Log().warn("{}", ErrnoError("cut", path, errno).message);
+  return written;
 }
 
 }  // namespace

@@ -65,7 +65,7 @@ Status MetricsLog::WriteEnd(std::uint64_t step, double elapsed_s, End cause, con
   const OrderedJson line{
       {"kind", "end"},   {"step", step}, {"elapsed_s", elapsed_s}, {"time", WallSeconds()}, {"cause", ToString(cause)},
       {"reason", reason}};
-  ETUDE_RETURN_IF_ERROR(lines_.Append(line.dump(-1, ' ', false, OrderedJson::error_handler_t::replace)));
+  ETUDE_RETURN_IF_ERROR(lines_.Append(JsonText(line)));
   return lines_.Sync();
 }
 

@@ -70,13 +70,12 @@ Result<std::optional<bus::Presence>> WaitForServer(const bus::Participant& parti
 void Print(const bus::Insight& insight, bool as_json) {
   if (as_json) {
     const auto parsed = [](const std::string& text) { return ParseBoundedJson(text).value_or(OrderedJson()); };
-    fmt::print("{}\n", OrderedJson{{"session", insight.session},
-                                   {"request", insight.request_id},
-                                   {"step", insight.checkpoint_step},
-                                   {"instruction", insight.instruction},
-                                   {"modules", parsed(insight.modules_json)},
-                                   {"what_if", parsed(insight.what_if_json)}}
-                           .dump(-1, ' ', false, OrderedJson::error_handler_t::replace));
+    fmt::print("{}\n", JsonText(OrderedJson{{"session", insight.session},
+                                            {"request", insight.request_id},
+                                            {"step", insight.checkpoint_step},
+                                            {"instruction", insight.instruction},
+                                            {"modules", parsed(insight.modules_json)},
+                                            {"what_if", parsed(insight.what_if_json)}}));
   } else {
     fmt::print("{} #{}  step {}  \"{}\"\n{}\n", Printable(insight.session), insight.request_id, insight.checkpoint_step,
                Printable(insight.instruction), InsightText(insight.modules_json, insight.what_if_json));

@@ -100,7 +100,7 @@ Status WriteAll(int fd, const std::uint8_t* data, std::size_t size) {
 }  // namespace
 
 Status Channel::Send(FrameKind kind, const OrderedJson& head, std::span<const std::uint8_t> bytes) {
-  const std::string text = head.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+  const std::string text = JsonText(head);
   if (text.size() > kLongestHead || bytes.size() > kMostBytes)
     return Fail(Code::kInvalidArgument,
                 fmt::format("write a frame: {} and {} bytes are too many", text.size(), bytes.size()));

@@ -164,8 +164,7 @@ Result<campaign::WorkResult> Slot::Release(const Loss& loss) {
   ETUDE_RETURN_IF_ERROR(CountDeath(loss));
   campaign::WorkResult result{.outcome = campaign::kReleased};
   result.details_json =
-      OrderedJson{{"reason", loss.reason}, {"ended_by", loss.ended_by}, {"last_words", last_words_}}.dump(
-          -1, ' ', false, OrderedJson::error_handler_t::replace);
+      JsonText(OrderedJson{{"reason", loss.reason}, {"ended_by", loss.ended_by}, {"last_words", last_words_}});
   return result;
 }
 

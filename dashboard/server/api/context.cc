@@ -6,6 +6,8 @@
 #include <algorithm>
 
 #include "dashboard/server/sources/files.h"
+#include "services/core/log.h"
+#include "services/core/without_throwing.h"
 #include "services/episode/bounded_json.h"
 
 namespace etude::api {
@@ -18,46 +20,36 @@ bool IsFresh(double updated) { return WallSeconds() - updated < kFresh_s; }
 
 }  // namespace
 
-bool Context::Begin(const std::string& key) {
-  std::lock_guard lock(mutex_);
-  return under_way_.insert(key).second;
+// Step by step, each at the end of the lane's queue, so that requests come in between; until `step` says that there
+// is no more to do. One at a time by `key`.
+void Context::InBackground(http::Lane lane, const std::string& key, std::function<bool()> step) {
+  {
+    std::lock_guard lock(mutex_);
+    if (!under_way_.insert(key).second) return;
+  }
+  later(lane, [this, lane, key, step = std::move(step)] {
+    bool more = false;
+    const Status done = WithoutThrowing([&]() -> Status {
+      more = step();
+      return {};
+    });
+    {
+      std::lock_guard lock(mutex_);
+      under_way_.erase(key);
+    }
+    if (!done) Log().error("read {}: {}", key, done.error().message);
+    if (done && more) InBackground(lane, key, step);
+  });
 }
 
-void Context::End(const std::string& key) {
-  std::lock_guard lock(mutex_);
-  under_way_.erase(key);
-}
-
-// Also when the work throws: else it would never begin again.
-struct Context::Ending {
-  Context& context;
-  const std::string& key;
-  ~Ending() { context.End(key); }
-};
-
-// One at a time and to the end of the queue, so that requests come in between.
 void Context::ReadInBackground(std::shared_ptr<sources::DatasetSource> dataset) {
   const std::string key = "dataset " + dataset->found().id;
-  if (!Begin(key)) return;
-  later(http::Lane::kEpisodes, [this, dataset, key] {
-    const bool more = [&] {
-      const Ending ending{*this, key};
-      return dataset->ReadNext();
-    }();
-    if (more) ReadInBackground(dataset);
-  });
+  InBackground(http::Lane::kEpisodes, key, [dataset = std::move(dataset)] { return dataset->ReadNext(); });
 }
 
 void Context::HashInBackground(std::shared_ptr<sources::RunSource> run) {
   const std::string key = "run " + run->found().id;
-  if (!Begin(key)) return;
-  later(http::Lane::kFiles, [this, run, key] {
-    const bool more = [&] {
-      const Ending ending{*this, key};
-      return run->HashNext();
-    }();
-    if (more) HashInBackground(run);
-  });
+  InBackground(http::Lane::kFiles, key, [run = std::move(run)] { return run->HashNext(); });
 }
 
 http::Router MakeRouter(Context& context) {

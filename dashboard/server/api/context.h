@@ -53,9 +53,7 @@ struct Context {
   void HashInBackground(std::shared_ptr<sources::RunSource> run);
 
  private:
-  bool Begin(const std::string& key);
-  void End(const std::string& key);
-  struct Ending;
+  void InBackground(http::Lane lane, const std::string& key, std::function<bool()> step);
   std::mutex mutex_;
   std::set<std::string> under_way_;
 

@@ -194,7 +194,7 @@ http::Answer OtherScenes(const std::string& a, const std::string& b, const std::
                     "only evaluations of the same scenes can be paired: the same --seed, tasks and --scenes");
   OrderedJson json = OrderedJson::parse(answer.body);
   json["differences"] = differences;
-  answer.body = json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+  answer.body = JsonText(json);
   return answer;
 }
 

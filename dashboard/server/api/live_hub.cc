@@ -34,8 +34,6 @@ const Channel* FindChannel(const std::string& name) {
   return nullptr;
 }
 
-std::string Dump(const OrderedJson& json) { return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace); }
-
 // Arguments as the parameters that the route of the same name takes.
 http::Query QueryOf(const OrderedJson& arguments) {
   std::string text;
@@ -107,14 +105,15 @@ class LiveHub::Client : public http::SocketClient, public std::enable_shared_fro
       if (item->key != subscription.key) return;  // it asks for something else by now
       sequence = ++sequence_;
     }
-    socket_->Send(subscription.id,
-                  fmt::format(R"({{"ch":{},"id":{},"seq":{},"t":"{}",{}}})", Dump(OrderedJson(subscription.channel)),
-                              Dump(OrderedJson(subscription.id)), sequence, sources::Rfc3339(WallSeconds()), data));
+    socket_->Send(
+        subscription.id,
+        fmt::format(R"({{"ch":{},"id":{},"seq":{},"t":"{}",{}}})", JsonText(OrderedJson(subscription.channel)),
+                    JsonText(OrderedJson(subscription.id)), sequence, sources::Rfc3339(WallSeconds()), data));
   }
 
  private:
   void Complain(const std::string& channel, const std::string& id, const std::string& error) {
-    socket_->Send("error " + id, Dump({{"ch", channel}, {"id", id}, {"error", error}}));
+    socket_->Send("error " + id, JsonText({{"ch", channel}, {"id", id}, {"error", error}}));
   }
 
   void Subscribe(const std::string& name, const std::string& id, const OrderedJson& message) {
@@ -125,7 +124,7 @@ class LiveHub::Client : public http::SocketClient, public std::enable_shared_fro
     item.id = id;
     item.channel = name;
     item.arguments = sources::PartOf(message, "args");
-    item.key = name + Dump(item.arguments);
+    item.key = name + JsonText(item.arguments);
     const double hz = std::clamp(sources::NumberOf(message, "hz").value_or(channel->top_hz), kLeastHz, channel->top_hz);
     item.period = std::chrono::milliseconds(std::llround(1000 / hz));
     MutexLock lock(mutex_);
@@ -189,8 +188,8 @@ std::string LiveHub::Compute(const Subscription& subscription) {
       return Fail(Code::kInternal, error.what());
     }
   }();
-  if (!json) return "\"error\":" + Dump(OrderedJson(json.error().message));
-  return "\"data\":" + Dump(*json);
+  if (!json) return "\"error\":" + JsonText(OrderedJson(json.error().message));
+  return "\"data\":" + JsonText(*json);
 }
 
 void LiveHub::Deliver(const std::shared_ptr<Client>& client, const Subscription& subscription) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // GET /logs: the ends of log files, by offset; never a whole file.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -52,8 +51,9 @@ Result<Window> ReadWindow(const sources::Catalog::LogFile& log, std::uint64_t be
   ETUDE_ASSIGN_OR_RETURN(const auto open, sources::OpenBelow(log.folder, log.file));
   const std::uint64_t end = std::min(before, open.stamp.size), begin = end > kWindow ? end - kWindow : 0;
   std::string text(end - begin, '\0');
-  const auto got = ::pread(open.file.get(), text.data(), text.size(), static_cast<off_t>(begin));
-  text.resize(got > 0 ? static_cast<std::size_t>(got) : 0);
+  ETUDE_ASSIGN_OR_RETURN(const std::size_t got, ReadAt(open.file.get(), log.file, begin,
+                                                       {reinterpret_cast<std::uint8_t*>(text.data()), text.size()}));
+  text.resize(got);
   std::size_t at = 0;
   if (begin > 0) at = std::min(text.find('\n') + 1, text.size());  // npos + 1 is 0: one line as long as the window
   // all of it is the end of one line: shown as it is, else the page before would be this one again

@@ -16,7 +16,7 @@ constexpr std::size_t kMostSample = 64 * 1024;  // bytes of JSON
 // Texts that are JSON themselves, such as failures_json, stay texts: a page shows them as such.
 OrderedJson OfSample(const live::Sample& sample) {
   OrderedJson message = http::ForBrowsers(sample.message);
-  const std::size_t size = message.dump(-1, ' ', false, OrderedJson::error_handler_t::replace).size();
+  const std::size_t size = JsonText(message).size();
   if (size > kMostSample) message = {{"too_large", fmt::format("{} bytes of JSON", size)}};
   return {{"partition", sample.partition}, {"age_ms", live::AgeMs(sample.heard)}, {"message", message}};
 }

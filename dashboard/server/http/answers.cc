@@ -59,7 +59,7 @@ Answer JsonAnswer(const OrderedJson& json, int status) {
   Answer answer;
   answer.status = status;
   // names on disk and on the bus may hold bytes that are not UTF-8
-  answer.body = json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+  answer.body = JsonText(json);
   return answer;
 }
 

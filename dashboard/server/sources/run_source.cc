@@ -2,13 +2,13 @@
 #include "dashboard/server/sources/run_source.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
 
+#include "services/core/file.h"
 #include "services/core/hash.h"
 #include "services/core/identity.h"
 #include "services/episode/bounded_json.h"
@@ -40,14 +40,9 @@ std::uint64_t Numbers(const OrderedJson& tensor) {
   return numbers;
 }
 
-bool ReadAt(int fd, std::uint64_t offset, char* data, std::size_t size) {
-  std::size_t done = 0;
-  while (done < size) {
-    const auto got = ::pread(fd, data + done, size - done, static_cast<off_t>(offset + done));
-    if (got <= 0) return false;
-    done += static_cast<std::size_t>(got);
-  }
-  return true;
+bool FillFrom(int fd, const std::string& file, std::uint64_t offset, std::string& text) {
+  const auto read = ReadAt(fd, file, offset, {reinterpret_cast<std::uint8_t*>(text.data()), text.size()});
+  return read && *read == text.size();
 }
 
 Result<OrderedJson> HeaderJson(int fd, const std::string& file, std::uint64_t file_size, std::uint64_t most) {
@@ -55,12 +50,12 @@ Result<OrderedJson> HeaderJson(int fd, const std::string& file, std::uint64_t fi
     return Fail(Code::kCorrupt, fmt::format("read the header of '{}': {}", file, what));
   };
   std::uint64_t size = 0;
-  char prefix[8];
-  if (!ReadAt(fd, 0, prefix, sizeof prefix)) return corrupt("shorter than 8 bytes");
-  std::memcpy(&size, prefix, sizeof size);  // little-endian, as this machine
+  std::string prefix(sizeof size, '\0');
+  if (!FillFrom(fd, file, 0, prefix)) return corrupt("shorter than 8 bytes");
+  std::memcpy(&size, prefix.data(), sizeof size);  // little-endian, as this machine
   if (size > most || size + 8 > file_size) return corrupt(fmt::format("it claims to be {} bytes long", size));
   std::string text(size, '\0');
-  if (!ReadAt(fd, 8, text.data(), text.size())) return corrupt("it is cut");
+  if (!FillFrom(fd, file, 8, text)) return corrupt("it is cut");
   auto json = ParseBoundedJson(text);
   if (!json || !json->is_object()) return corrupt("it is not JSON");
   return std::move(*json);
@@ -284,10 +279,10 @@ bool RunSource::HashNext() {
   if (open) {
     std::vector<std::uint8_t> chunk(1 << 20);
     for (;;) {
-      const auto got = ::pread(open->file.get(), chunk.data(), chunk.size(), static_cast<off_t>(hashed));
-      if (got <= 0) break;
-      hash.Update(std::span<const std::uint8_t>(chunk.data(), static_cast<std::size_t>(got)));
-      hashed += static_cast<std::uint64_t>(got);
+      const std::size_t got = ReadAt(open->file.get(), file, hashed, chunk).value_or(0);
+      if (got == 0) break;
+      hash.Update(std::span<const std::uint8_t>(chunk.data(), got));
+      hashed += got;
     }
   }
   MutexLock lock(mutex_);
