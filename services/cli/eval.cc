@@ -175,6 +175,26 @@ Result<PolicyChoice> Follow(const bus::Participant& participant, EvalArguments& 
   return choice;
 }
 
+Result<OrderedJson> RollOut(const bus::Participant& participant, const CampaignSpec& spec,
+                            const EvalArguments& arguments, const PolicyChoice& choice) {
+  std::optional<Service> policy;
+  if (choice.service) {
+    ETUDE_ASSIGN_OR_RETURN(auto started, Service::Start(*choice.service));
+    policy.emplace(std::move(started));
+  }
+  const HostOptions host{.bus = arguments.bus,
+                         .workers = arguments.workers,
+                         .out = arguments.out,
+                         .logs = arguments.evaluation.out / "logs",
+                         .claim = arguments.claim,
+                         .policy_id = choice.run.id};
+  ProgressDisplay display;
+  auto report = Evaluate(participant, spec, arguments.evaluation, host, display,
+                         [&] { return policy ? policy->Supervise() : Status(); });
+  if (policy) policy->Stop(std::chrono::seconds(5));
+  return report;
+}
+
 Status Eval(EvalArguments arguments) {
   arguments.evaluation.out = arguments.out;
   if (arguments.checkpoint.empty() && arguments.subscribe.empty()) return Compare(arguments);
@@ -197,24 +217,7 @@ Status Eval(EvalArguments arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec base, BaseSpec(arguments));
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, Spec(base, arguments));
   ETUDE_RETURN_IF_ERROR(CheckOverlay(arguments.evaluation, spec));
-  std::optional<Service> policy;
-  if (choice.service) {
-    ETUDE_ASSIGN_OR_RETURN(auto started, Service::Start(*choice.service));
-    policy.emplace(std::move(started));
-  }
-  const HostOptions host{.bus = arguments.bus,
-                         .workers = arguments.workers,
-                         .out = arguments.out,
-                         .logs = arguments.evaluation.out / "logs",
-                         .claim = arguments.claim,
-                         .policy_id = choice.run.id};
-  OrderedJson report;
-  {
-    ProgressDisplay display;
-    ETUDE_ASSIGN_OR_RETURN(report, Evaluate(participant, spec, arguments.evaluation, host, display,
-                                            [&] { return policy ? policy->Supervise() : Status(); }));
-  }
-  if (policy) policy->Stop(std::chrono::seconds(5));
+  ETUDE_ASSIGN_OR_RETURN(auto report, RollOut(participant, spec, arguments, choice));
   if (StopRequested()) fmt::print(stderr, "stopped, run again to continue\n");
   ETUDE_RETURN_IF_ERROR(Report(arguments, base, std::move(report)));
   return arguments.compare.empty() ? Status() : Compare(arguments);

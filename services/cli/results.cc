@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <set>
 
 #include "services/campaign/process.h"
@@ -40,6 +41,7 @@ class Maker {
   /// Makes what is not there already of one training seed of `row`. @returns the evaluation's report
   Result<OrderedJson> Make(const ResultRow& row, std::uint64_t seed) {
     ETUDE_RETURN_IF_ERROR(KeepDefinition(out_, row));
+    if (!row.train.runs_of.empty()) return EvaluateRunOf(row, seed);
     const Path run = RunOf(row.name, seed);
     if (!IsWholeRun(run)) {
       // asked before hours of collecting
@@ -66,7 +68,9 @@ class Maker {
     const auto text = ReadTextFile(ReportOf(row, seed) / "eval.json");
     if (!text) return std::nullopt;
     auto json = OrderedJson::parse(*text, nullptr, /*allow_exceptions=*/false);
-    return IsWholeReport(json, row.eval.episodes) ? std::optional(std::move(json)) : std::nullopt;
+    // how many sentences there are is the suite's
+    const auto wanted = row.eval.sentences.empty() ? row.eval.episodes : CountAt(json, "episodes");
+    return wanted && IsWholeReport(json, *wanted) ? std::optional(std::move(json)) : std::nullopt;
   }
 
   Status Run(const std::string& what, Words words) {
@@ -161,28 +165,45 @@ class Maker {
     return WriteFileAtomically(run / kWhole, "\n");
   }
 
-  Result<OrderedJson> Evaluate(const ResultRow& row, std::uint64_t seed, const Path& run) {
-    if (auto report = ReadReport(row, seed)) return std::move(*report);
-    const ResultEvaluation& eval = row.eval;
-    Words words{"eval",
-                "--checkpoint",
-                (run / "checkpoints" / "latest.safetensors").string(),
-                "--episodes",
-                std::to_string(eval.episodes),
-                "--seed",
-                std::to_string(eval.seed),
-                "--out",
-                ReportOf(row, seed).string()};
-    if (!eval.scenes.empty()) words.insert(words.end(), {"--scenes", FileOf(eval.scenes)});
-    if (!eval.tasks.empty()) words.insert(words.end(), {"--tasks", fmt::format("{}", fmt::join(eval.tasks, ","))});
+  Result<OrderedJson> EvaluateRunOf(const ResultRow& row, std::uint64_t seed) {
+    const std::string& trained = row.train.runs_of;
+    const Path run = RunOf(trained, seed);
+    if (!IsWholeRun(run))
+      return Fail(
+          Code::kNotFound,
+          fmt::format("row '{}' evaluates the runs of '{}', and '{}' has not come to its end: make that row first",
+                      row.name, trained, run.string()));
+    return Evaluate(row, seed, run);
+  }
+
+  Words EvaluationOf(const ResultEvaluation& eval) const {
+    Words words{"--seed", std::to_string(eval.seed)};
+    const auto add = [&](bool wanted, const char* option, std::string value) {
+      if (wanted) words.insert(words.end(), {option, std::move(value)});
+    };
+    add(eval.sentences.empty(), "--episodes", std::to_string(eval.episodes));
+    add(!eval.sentences.empty(), "--sentences", eval.sentences);
+    add(!eval.sentences.empty(), "--scenes-each", std::to_string(eval.scenes_each));
+    add(!eval.scenes.empty(), "--scenes", FileOf(eval.scenes));
+    add(!eval.tasks.empty(), "--tasks", fmt::format("{}", fmt::join(eval.tasks, ",")));
+    add(eval.occlude > 0, "--occlude", fmt::format("{:g}", eval.occlude));
+    add(eval.pushes > 0, "--pushes", std::to_string(eval.pushes));
     const Words set = Sets(eval.set);
     words.insert(words.end(), set.begin(), set.end());
+    return words;
+  }
+
+  Result<OrderedJson> Evaluate(const ResultRow& row, std::uint64_t seed, const Path& run) {
+    if (auto report = ReadReport(row, seed)) return std::move(*report);
+    Words words{"eval", "--checkpoint", (run / "checkpoints" / "latest.safetensors").string(), "--out",
+                ReportOf(row, seed).string()};
+    const Words evaluation = EvaluationOf(row.eval);
+    words.insert(words.end(), evaluation.begin(), evaluation.end());
     ETUDE_RETURN_IF_ERROR(Run(fmt::format("eval-{}-{}", row.name, seed), words));
     auto report = ReadReport(row, seed);
     if (!report)
-      return Fail(Code::kInternal,
-                  fmt::format("eval-{}-{} left no whole report of {} rollouts: see {}/rollouts/attempts.jsonl",
-                              row.name, seed, eval.episodes, ReportOf(row, seed).string()));
+      return Fail(Code::kInternal, fmt::format("eval-{}-{} left no whole report: see {}/rollouts/attempts.jsonl",
+                                               row.name, seed, ReportOf(row, seed).string()));
     return std::move(*report);
   }
 
@@ -216,7 +237,6 @@ bool Wanted(const std::vector<Item>& list, const Item& item) {
 }
 
 Status CheckRows(const ResultsArguments& arguments, const ResultsConfig& config) {
-  ETUDE_RETURN_IF_ERROR(config.Validate());
   for (const auto& name : arguments.only)
     if (std::ranges::find(config.rows, name, &ResultRow::name) == config.rows.end())
       return Fail(Code::kInvalidArgument, fmt::format("--row '{}': no such row in {}", name, arguments.file));
@@ -235,7 +255,7 @@ Status CheckRows(const ResultsArguments& arguments, const ResultsConfig& config)
 }
 
 Status Results(const ResultsArguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(const auto config, LoadConfig<ResultsConfig>(arguments.file));
+  ETUDE_ASSIGN_OR_RETURN(const auto config, LoadResults(arguments.file));
   ETUDE_RETURN_IF_ERROR(CheckRows(arguments, config));
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
   Table table{arguments.write.empty() ? Path(arguments.out) / "results.md" : Path(arguments.write), {}};
@@ -256,23 +276,52 @@ Status Results(const ResultsArguments& arguments) {
 
 }  // namespace
 
+namespace {
+
+// What a row lacks to be trained, or has too much to be an evaluation of another row's runs.
+std::vector<std::string> ErrorsOf(const ResultRow& row, const std::set<std::string>& before) {
+  std::vector<std::string> errors;
+  const auto check = [&](bool good, std::string what) {
+    if (!good) errors.push_back(fmt::format("{}: {}", row.name, what));
+  };
+  const ResultTraining& train = row.train;
+  const bool trains = train.runs_of.empty(), begins = !train.init.empty();
+  check(IsPlainName(row.name), "not a plain name");
+  check(!train.seeds.empty(), "train.seeds: needs one");
+  check(trains != row.data.campaign.empty(), trains ? "data.campaign: missing" : "data: not with train.runs_of");
+  check(trains == (train.minutes > 0 || train.steps > 0),
+        trains ? "train: needs minutes or steps" : "train: minutes or steps are not with runs_of");
+  check(trains || before.contains(train.runs_of),
+        fmt::format("train.runs_of: '{}' is no row before it", train.runs_of));
+  check(trains || !begins, "train.init: not with runs_of");
+  check(!begins || before.contains(train.init), fmt::format("train.init: '{}' is no row before it", train.init));
+  check(!begins || train.config == ResultTraining().config,
+        "train.config: not with init, whose checkpoint has the graph");
+  check(row.eval.sentences.empty() || row.eval.tasks.empty(), "eval.tasks: not with sentences, which say them");
+  return errors;
+}
+
+}  // namespace
+
 Status ResultsConfig::Validate() const {
   std::vector<std::string> errors;
   std::set<std::string> names;
   for (const auto& row : rows) {
-    if (!IsPlainName(row.name)) errors.push_back(fmt::format("rows: '{}' is not a plain name", row.name));
-    if (row.data.campaign.empty()) errors.push_back(fmt::format("{}: data.campaign: missing", row.name));
-    if (row.train.minutes <= 0 && row.train.steps == 0)
-      errors.push_back(fmt::format("{}: train: needs minutes or steps", row.name));
-    if (row.train.seeds.empty()) errors.push_back(fmt::format("{}: train.seeds: needs one", row.name));
-    if (!row.train.init.empty() && !names.contains(row.train.init))
-      errors.push_back(fmt::format("{}: train.init: '{}' is no row before it", row.name, row.train.init));
-    if (!row.train.init.empty() && row.train.config != ResultTraining().config)
-      errors.push_back(fmt::format("{}: train.config: not with init, whose checkpoint has the graph", row.name));
+    std::ranges::move(ErrorsOf(row, names), std::back_inserter(errors));
     if (!names.insert(row.name).second) errors.push_back(fmt::format("rows: '{}' stands twice", row.name));
   }
   if (errors.empty()) return {};
   return Fail(Code::kInvalidArgument, fmt::format("results: {}", fmt::join(errors, "; ")));
+}
+
+Result<ResultsConfig> LoadResults(const Path& file) {
+  ETUDE_ASSIGN_OR_RETURN(auto config, LoadConfig<ResultsConfig>(file));
+  ETUDE_RETURN_IF_ERROR(config.Validate());
+  for (auto& row : config.rows) {
+    const std::string& first = row.train.init.empty() ? row.train.runs_of : row.train.init;
+    if (!first.empty()) row.begins_with = DefinitionOf(*std::ranges::find(config.rows, first, &ResultRow::name));
+  }
+  return config;
 }
 
 void AddResults(CLI::App& app, Body& body) {

@@ -30,7 +30,8 @@ struct ResultTraining {
   double minutes = 0;
   std::uint64_t steps = 0;
   std::vector<std::uint64_t> seeds{1};
-  std::string init;  ///< a row: its run of the same seed, or of its first
+  std::string runs_of;  ///< a row: nothing is trained, its runs are evaluated
+  std::string init;     ///< a row: its run of the same seed, or of its first
   std::vector<std::string> add, fresh, freeze, set;
 
   void Visit(auto& v) {
@@ -38,6 +39,7 @@ struct ResultTraining {
     v("minutes", minutes, "min", "of training");
     v("steps", steps, "steps", "instead of minutes");
     v("seeds", seeds, "-", "one run each");
+    v("runs_of", runs_of, "", "row whose runs of the same seeds are evaluated, without data or training of its own");
     v("init", init, "", "row whose runs these begin with; empty: from scratch");
     v("add", add, "", "modules put on top, with init");
     v("fresh", fresh, "", "parts that begin anew, with init");
@@ -50,6 +52,10 @@ struct ResultEvaluation {
   std::string scenes;  ///< a campaign; "": the nominal world
   std::vector<std::string> tasks;
   std::uint64_t episodes = 400;
+  std::string sentences;
+  std::uint64_t scenes_each = 3;
+  double occlude = 0;
+  std::uint64_t pushes = 0;
   std::uint64_t seed = 1;
   std::vector<std::string> set;
 
@@ -57,6 +63,10 @@ struct ResultEvaluation {
     v("scenes", scenes, "", "campaign whose scenes are used; empty: pick, push and put down in the nominal world");
     v("tasks", tasks, "", "tasks; none: the campaign's");
     v("episodes", episodes, "-", "rollouts of each run");
+    v("sentences", sentences, "", "table8, table11 or a file, said instead of `episodes` rollouts");
+    v("scenes_each", scenes_each, "-", "scenes in which each of the sentences is said");
+    v("occlude", occlude, "-", "share of the target's pixels under grey blocks");
+    v("pushes", pushes, "-", "times that the target is slid away before it is touched");
     v("seed", seed, "-", "of the scenes");
     v("set", set, "", "KEY=VALUE over the campaign's");
   }
@@ -70,6 +80,7 @@ struct ResultRow {
   ResultData data;
   ResultTraining train;
   ResultEvaluation eval;
+  OrderedJson begins_with;  ///< DefinitionOf the row that `init` or `runs_of` names; null: none (by LoadResults)
 
   void Visit(auto& v) {
     v("name", name, "", "plain name, of its folders");
@@ -87,9 +98,12 @@ struct ResultsConfig {
 
   void Visit(auto& v) { v("rows", rows, "", "of the table, in the order in which they are made"); }
 
-  /// All problems at once: names, rows that begin with a later one, no limit of
-  /// training.
+  /// All problems at once: names, rows that begin with a later one, no limit of training.
   Status Validate() const;
 };
+
+/// A file of rows, valid, each with the definition of the row that it begins with.
+/// @error of LoadConfig and Validate
+Result<ResultsConfig> LoadResults(const Path& file);
 
 }  // namespace etude::cli

@@ -16,14 +16,38 @@ namespace {
 
 Path DefinitionFile(const Path& out, const ResultRow& row) { return out / "rows" / (row.name + ".json"); }
 
+// `json` without the keys that have the value of `defaults`, and without maps that are empty then.
+OrderedJson WithoutDefaults(const OrderedJson& json, const OrderedJson& defaults) {
+  if (!json.is_object()) return json;
+  OrderedJson left = OrderedJson::object();
+  for (const auto& [key, value] : json.items())
+    if (!defaults.contains(key) || defaults[key] != value) left[key] = value;
+  return left;
+}
+
+// Of what this or an earlier version wrote.
+OrderedJson Normalised(const OrderedJson& definition) {
+  if (!definition.is_object()) return definition;
+  OrderedJson normal = definition;
+  ResultTraining train;
+  train.seeds.clear();
+  const OrderedJson defaults{
+      {"data", ToJson(ResultData())}, {"train", ToJson(train)}, {"eval", ToJson(ResultEvaluation())}};
+  for (const auto& [part, values] : defaults.items())
+    if (normal.contains(part)) normal[part] = WithoutDefaults(normal[part], values);
+  if (normal.contains("begins_with")) normal["begins_with"] = Normalised(normal["begins_with"]);
+  return normal;
+}
+
 // From the first step on that was another one, what was made: a row that is only evaluated otherwise keeps its runs.
-std::vector<std::string> MadeOfAnother(const OrderedJson& before, const ResultRow& row) {
-  const OrderedJson now = DefinitionOf(row);
+std::vector<std::string> MadeOfAnother(const OrderedJson& written, const ResultRow& row) {
+  const OrderedJson now = DefinitionOf(row), before = Normalised(written);
   const auto differs = [&](const char* part) {
-    return !before.is_object() || !before.contains(part) || before[part] != now[part];
+    return !before.is_object() || before.value(part, OrderedJson()) != now.value(part, OrderedJson());
   };
   std::vector<std::string> made{fmt::format("rows/{}.json", row.name), fmt::format("eval/{}-[0-9]*", row.name)};
-  if (differs("data") || differs("train")) made.push_back(fmt::format("runs/{}-[0-9]*", row.name));
+  if (differs("data") || differs("train") || differs("begins_with"))
+    made.push_back(fmt::format("runs/{}-[0-9]*", row.name));
   if (differs("data")) made.push_back(fmt::format("data/{}", row.data.name.empty() ? row.name : row.data.name));
   return made;
 }
@@ -58,7 +82,7 @@ void ResultRecords::Keep(const ResultRow& row, ResultReport report) {
   auto record = std::ranges::find(rows, row.name, &ResultRecord::row);
   if (record == rows.end()) record = rows.insert(rows.end(), ResultRecord{.row = row.name});
   const OrderedJson definition = DefinitionOf(row);
-  if (record->definition != definition) *record = {.row = row.name, .definition = definition};
+  if (!IsDefinition(record->definition, definition)) *record = {.row = row.name, .definition = definition};
   if (std::ranges::any_of(record->reports, [&](const ResultReport& old) {
         return old.seed == report.seed && old.report == report.report;
       }))
@@ -70,15 +94,19 @@ void ResultRecords::Keep(const ResultRow& row, ResultReport report) {
 
 std::vector<ResultReport> ResultRecords::Find(const ResultRow& row) const {
   const auto record = std::ranges::find(rows, row.name, &ResultRecord::row);
-  if (record == rows.end() || record->definition != DefinitionOf(row)) return {};
+  if (record == rows.end() || !IsDefinition(record->definition, DefinitionOf(row))) return {};
   return record->reports;
 }
 
 OrderedJson DefinitionOf(const ResultRow& row) {
   ResultTraining train = row.train;
   train.seeds.clear();
-  return {{"data", ToJson(row.data)}, {"train", ToJson(train)}, {"eval", ToJson(row.eval)}};
+  OrderedJson definition{{"data", ToJson(row.data)}, {"train", ToJson(train)}, {"eval", ToJson(row.eval)}};
+  if (!row.begins_with.is_null()) definition["begins_with"] = row.begins_with;
+  return Normalised(definition);
 }
+
+bool IsDefinition(const OrderedJson& before, const OrderedJson& now) { return Normalised(before) == Normalised(now); }
 
 Status CheckDefinition(const Path& out, const ResultRow& row) {
   const Path file = DefinitionFile(out, row);
@@ -86,7 +114,7 @@ Status CheckDefinition(const Path& out, const ResultRow& row) {
   if (!std::filesystem::exists(file, ignored)) return {};
   ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(file));
   const auto before = OrderedJson::parse(text, nullptr, /*allow_exceptions=*/false);
-  if (before == DefinitionOf(row)) return {};
+  if (IsDefinition(before, DefinitionOf(row))) return {};
   return Fail(Code::kInvalidArgument,
               fmt::format("row '{}' is not what '{}' holds of it, made as {} says: to make it "
                           "again, remove there {}; or give another --out",

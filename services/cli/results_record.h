@@ -57,9 +57,12 @@ struct ResultRecords {
   std::vector<ResultReport> Find(const ResultRow& row) const;
 };
 
-/// What of a row decides its figures: data, training but for its seeds, and evaluation. Its words, the paper's figure
-/// and the goal do not.
+/// What of a row decides its figures: data, training but for its seeds, evaluation, and the definition of the row that
+/// it begins with. Its words, the paper's figure and the goal do not. Keys that have their default are left out, so
+/// that a new key does not make other rows of those that were measured.
 OrderedJson DefinitionOf(const ResultRow& row);
+/// Whether what an earlier version wrote, defaults and all, is the definition `now`.
+bool IsDefinition(const OrderedJson& before, const OrderedJson& now);
 /// OUT/rows/NAME.json holds the definition that what lies in OUT was made of, whose folders have no more than the row's
 /// name. Nothing is wrong where there is no such file. @param out  the folder of data/, runs/ and eval/
 /// @error kInvalidArgument: it is another definition than the row has now; says what to remove to make the row again.

@@ -58,14 +58,17 @@ std::string SeedsText(const Count& strict) {
 }
 
 std::string DemonstrationsText(const ResultData& data) {
+  if (data.campaign.empty()) return "-";  // of the row whose runs these are
   return data.episodes > 0 ? std::to_string(data.episodes) : "the campaign's";
 }
 
 std::string LimitText(const ResultTraining& train) {
+  if (!train.runs_of.empty()) return "-";
   return train.steps > 0 ? fmt::format("{} steps", train.steps) : fmt::format("{:g} min", train.minutes);
 }
 
 std::string BeginsText(const ResultTraining& train) {
+  if (!train.runs_of.empty()) return fmt::format("runs of {}", train.runs_of);
   if (train.init.empty()) return "scratch";
   std::string text = train.init;
   if (!train.add.empty()) text += fmt::format(" + {}", fmt::join(train.add, " + "));

@@ -68,6 +68,7 @@ class System {
   Status CollectAndTrain();
   Status EndCollection(std::uint64_t enough);
   Status StartTraining();
+  Status StartServing();
   Status Tick();
   void TickDashboard();
   Status RollOut();
@@ -121,7 +122,13 @@ Status System::StartTraining() {
   trainer.log = out_ / "logs" / "trainer.log";
   ETUDE_ASSIGN_OR_RETURN(auto started, Service::Start(trainer));
   trainer_.emplace(std::move(started));
+  ETUDE_RETURN_IF_ERROR(StartServing());
+  display_.Say(fmt::format("[{}] training starts: run '{}' in {}", FormatDuration(since_start_.Seconds()),
+                           config_.train.run, run.string()));
+  return {};
+}
 
+Status System::StartServing() {
   ServiceOptions policy;
   policy.program = "etude-policy";
   policy.arguments = {"--subscribe", Selector{config_.train.run, run_.id}.text()};
@@ -131,8 +138,6 @@ Status System::StartTraining() {
   policy.log = out_ / "logs" / "policy.log";
   ETUDE_ASSIGN_OR_RETURN(auto serving, Service::Start(policy));
   policy_.emplace(std::move(serving));
-  display_.Say(fmt::format("[{}] training starts: run '{}' in {}", FormatDuration(since_start_.Seconds()),
-                           config_.train.run, run.string()));
   return {};
 }
 

@@ -138,6 +138,7 @@ struct DatasetWriter::Impl {
 
   void Take(std::uint64_t index, const internal::EpisodeSummary& summary) ETUDE_REQUIRES(mutex);
   void Note(const CommitRow& row) ETUDE_REQUIRES(mutex);
+  void Account(const ArrivedEpisode& arrived, std::uint64_t bytes) ETUDE_REQUIRES(mutex);
   Status CountTheUncounted() ETUDE_EXCLUDES(mutex);
   Status CheckArrived(const ArrivedEpisode& arrived) const;
 };
@@ -260,6 +261,16 @@ std::uint64_t PictureCount(const EpisodeView& view) {
 
 }  // namespace
 
+// What was committed, in memory and in the journal.
+void DatasetWriter::Impl::Account(const ArrivedEpisode& arrived, std::uint64_t bytes) {
+  CommitRow row = RowOf(arrived.view->episode, PictureCount(*arrived.view), bytes);
+  row.facts = arrived.facts;
+  row.t = WallSeconds();
+  committed.insert(row.index);
+  Take(row.index, SummaryOf(row));
+  Note(row);
+}
+
 std::vector<Status> DatasetWriter::CommitGroup(std::span<const ArrivedEpisode> group) {
   std::vector<Status> statuses(group.size());
   std::vector<std::size_t> fresh;  // positions in the group of those that are written
@@ -284,16 +295,8 @@ std::vector<Status> DatasetWriter::CommitGroup(std::span<const ArrivedEpisode> g
 
   const MutexLock lock(impl_->mutex);
   for (std::size_t k = 0; k < fresh.size(); ++k) {
-    const std::size_t i = fresh[k];
-    const EpisodeView& view = *group[i].view;
-    statuses[i] = committed[k];
-    if (!committed[k]) continue;
-    CommitRow row = RowOf(view.episode, PictureCount(view), parts[k].size());
-    row.facts = group[i].facts;
-    row.t = WallSeconds();
-    impl_->committed.insert(row.index);
-    impl_->Take(row.index, SummaryOf(row));
-    impl_->Note(row);
+    statuses[fresh[k]] = committed[k];
+    if (committed[k]) impl_->Account(group[fresh[k]], parts[k].size());
   }
   for (std::size_t i = 0; i < group.size(); ++i)
     if (!statuses[i])

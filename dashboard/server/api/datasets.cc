@@ -87,9 +87,10 @@ Result<void> Sort(std::vector<const EpisodeRow*>& rows, std::string order) {
   return {};
 }
 
-// Columns of a table; what is not known is null.
-OrderedJson Columns(const std::vector<const EpisodeRow*>& rows) {
-  using Cell = std::function<OrderedJson(const EpisodeRow&)>;
+using Cell = std::function<OrderedJson(const EpisodeRow&)>;
+
+// A table's columns by name; what is not known is null.
+std::vector<std::pair<const char*, Cell>> EpisodeColumns() {
   const auto if_known = [](auto member) -> Cell {
     return [member](const EpisodeRow& row) { return row.known ? OrderedJson(row.*member) : OrderedJson(); };
   };
@@ -101,28 +102,30 @@ OrderedJson Columns(const std::vector<const EpisodeRow*>& rows) {
   const auto worker = [](auto member) -> Cell {
     return [member](const EpisodeRow& row) { return TextOrNull(row.*member); };
   };
-  const std::vector<std::pair<const char*, Cell>> columns{
-      {"index", [](const EpisodeRow& row) { return OrderedJson(row.index); }},
-      {"task", text(&EpisodeRow::task)},
-      {"target", text(&EpisodeRow::target)},
-      {"reference", text(&EpisodeRow::reference)},
-      {"robot", text(&EpisodeRow::robot)},
-      {"outcome", text(&EpisodeRow::outcome)},
-      {"success",
-       [](const EpisodeRow& row) { return row.known ? OrderedJson(row.outcome == "success") : OrderedJson(); }},
-      {"split", [](const EpisodeRow& row) { return OrderedJson(row.split); }},
-      {"worker", worker(&EpisodeRow::worker)},
-      {"host", worker(&EpisodeRow::host)},
-      {"instruction", text(&EpisodeRow::instruction)},
-      {"attempt", if_known(&EpisodeRow::attempt)},
-      {"steps", if_known(&EpisodeRow::steps)},
-      {"frames", if_known(&EpisodeRow::frames)},
-      {"bytes", if_known(&EpisodeRow::bytes)},
-      {"draws", if_known(&EpisodeRow::draws)},
-      {"odd", [](const EpisodeRow& row) { return Maybe(row.odd); }},
-      {"t", [](const EpisodeRow& row) { return sources::TimeJson(row.t); }}};
+  return {{"index", [](const EpisodeRow& row) { return OrderedJson(row.index); }},
+          {"task", text(&EpisodeRow::task)},
+          {"target", text(&EpisodeRow::target)},
+          {"reference", text(&EpisodeRow::reference)},
+          {"robot", text(&EpisodeRow::robot)},
+          {"outcome", text(&EpisodeRow::outcome)},
+          {"success",
+           [](const EpisodeRow& row) { return row.known ? OrderedJson(row.outcome == "success") : OrderedJson(); }},
+          {"split", [](const EpisodeRow& row) { return OrderedJson(row.split); }},
+          {"worker", worker(&EpisodeRow::worker)},
+          {"host", worker(&EpisodeRow::host)},
+          {"instruction", text(&EpisodeRow::instruction)},
+          {"attempt", if_known(&EpisodeRow::attempt)},
+          {"steps", if_known(&EpisodeRow::steps)},
+          {"frames", if_known(&EpisodeRow::frames)},
+          {"bytes", if_known(&EpisodeRow::bytes)},
+          {"draws", if_known(&EpisodeRow::draws)},
+          {"odd", [](const EpisodeRow& row) { return Maybe(row.odd); }},
+          {"t", [](const EpisodeRow& row) { return sources::TimeJson(row.t); }}};
+}
+
+OrderedJson Columns(const std::vector<const EpisodeRow*>& rows) {
   OrderedJson json = OrderedJson::object();
-  for (const auto& [name, cell] : columns) {
+  for (const auto& [name, cell] : EpisodeColumns()) {
     OrderedJson column = OrderedJson::array();
     for (const auto* row : rows) column.push_back(cell(*row));
     json[name] = std::move(column);

@@ -125,6 +125,36 @@ TEST(ResultRecords, RefuseAFileThatIsNoneOfTheirs) {
   EXPECT_THAT(other.error().message, HasSubstr("lines"));
 }
 
+// the file of an earlier version has every key it knew, defaults too, and not those that came since
+TEST(ResultRecords, FindWhatAnEarlierVersionWrote) {
+  OrderedJson written = DefinitionOf(Row("a"));
+  written["train"]["seeds"] = OrderedJson::array();
+  written["train"]["config"] = "compact";
+  written["eval"]["scenes"] = "";
+  written["eval"]["episodes"] = 400;
+  ResultRecords records{{{"a", written, {Report(1, 7)}}}};
+  EXPECT_EQ(SeedsOf(records.Find(Row("a"))), (std::vector<std::uint64_t>{1}));
+  records.Keep(Row("a"), Report(2, 8));
+  EXPECT_EQ(SeedsOf(records.Find(Row("a"))), (std::vector<std::uint64_t>{1, 2}));
+  ResultRow fewer = Row("a");
+  fewer.eval.episodes = 100;
+  EXPECT_THAT(records.Find(fewer), IsEmpty());
+}
+
+// another base is another row, however alike what was done on top of it is
+TEST(ResultRecords, TheRowThatItBeginsWithIsPartOfADefinition) {
+  ResultRow row = Row("a"), other = Row("a");
+  row.train.init = other.train.init = "base";
+  row.begins_with = DefinitionOf(Row("base"));
+  ResultRow longer = Row("base");
+  longer.train.minutes = 25;
+  other.begins_with = DefinitionOf(longer);
+  ResultRecords records;
+  records.Keep(row, Report(1, 7));
+  EXPECT_EQ(records.Find(row).size(), 1U);
+  EXPECT_THAT(records.Find(other), IsEmpty());
+}
+
 TEST(Definition, IsKeptBesideWhatWasMadeOfIt) {
   const TemporaryFolder out;
   EXPECT_THAT(CheckDefinition(out.path(), Row("a")), IsOk()) << "nothing was made";

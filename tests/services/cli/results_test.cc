@@ -25,7 +25,9 @@ class Results : public testing::Test {
         "  - name: a\n    title: first\n    data: {{campaign: none.yaml}}\n"
         "    train: {{minutes: {}, seeds: [7]}}\n    eval: {{episodes: 10}}\n"
         "  - name: b\n    title: second\n    data: {{campaign: none.yaml}}\n"
-        "    train: {{minutes: 5, init: a}}\n    eval: {{episodes: 10}}\n",
+        "    train: {{minutes: 5, init: a}}\n    eval: {{episodes: 10}}\n"
+        "  - name: c\n    title: third\n    train: {{runs_of: a, seeds: [7]}}\n"
+        "    eval: {{sentences: table8, scenes_each: 2}}\n",
         minutes);
     Write("results.yaml", rows);
     std::vector<std::string> arguments{"results", In("results.yaml"), "--out", In("out"), "--domain", "81"};
@@ -96,6 +98,24 @@ TEST_F(Results, BeginsOnlyWithRunsThatCameToTheirEnd) {
   const CommandOutcome other = Make("10", {"--row", "b"});
   EXPECT_EQ(other.exit_code, kExitUsage) << other.text;
   EXPECT_THAT(other.text, HasSubstr("row 'a' is not what"));
+}
+
+// a row of its own, of runs that are there: sentences are as many as their suite has
+TEST_F(Results, EvaluatesTheRunsOfAnotherRow) {
+  const CommandOutcome early = Make("10", {"--row", "c"});
+  EXPECT_EQ(early.exit_code, kExitFailure) << early.text;
+  EXPECT_THAT(early.text, HasSubstr("make that row first"));
+
+  Write("out/runs/a-7/whole", "\n");
+  Write("out/eval/c-7/eval.json", R"({"done": 7, "episodes": 8, "overall": {"n": 7}})");
+  const CommandOutcome going_on = Make("10", {"--row", "c"});
+  EXPECT_THAT(going_on.text, HasSubstr("--sentences table8 --scenes-each 2"));
+  EXPECT_THAT(going_on.text, Not(HasSubstr("--episodes")));
+
+  Write("out/eval/c-7/eval.json", R"({"done": 8, "episodes": 8, "overall": {"n": 8, "success": {"successes": 6}}})");
+  const CommandOutcome whole = Make("10", {"--row", "c"});
+  ASSERT_EQ(whole.exit_code, kExitOk) << whole.text;
+  EXPECT_THAT(whole.text, HasSubstr("| third | - | - | runs of a | 75.0 ["));
 }
 
 }  // namespace results_test
