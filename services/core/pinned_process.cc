@@ -37,22 +37,25 @@ std::map<std::string, std::string> PinnedEnvironment(const char* (*value)(const 
           {"LP_NATIVE_VECTOR_WIDTH", "256"}};
 }
 
-void PinProcess(char** argv) {
+void StartAgainWith(const std::map<std::string, std::string>& environment, char** argv) {
   // a program started anew through /proc/self/exe is called `exe` by ps and pkill
   ::prctl(PR_SET_NAME, program_invocation_short_name);
-  if (std::getenv("ETUDE_UNPINNED")) return;
   // with capabilities of its file, or set-uid: glibc takes its tunables out of the environment at every start
   if (::getauxval(AT_SECURE) != 0) return;
   bool changed = false;
-  for (const auto& [name, pinned] : PinnedEnvironment(ValueOf)) {
+  for (const auto& [name, value] : environment) {
     const char* now = std::getenv(name.c_str());
-    if (now && pinned == now) continue;
-    ::setenv(name.c_str(), pinned.c_str(), 1);
+    if (now && value == now) continue;
+    ::setenv(name.c_str(), value.c_str(), 1);
     changed = true;
   }
-  if (!changed) return;
-  ::execv("/proc/self/exe", argv);
-  // without /proc the program goes on as it is, and its fingerprint says so
+  if (changed) ::execv("/proc/self/exe", argv);
+}
+
+// Without /proc the program goes on as it is, and its fingerprint says so.
+void PinProcess(char** argv) {
+  StartAgainWith(std::getenv("ETUDE_UNPINNED") ? std::map<std::string, std::string>() : PinnedEnvironment(ValueOf),
+                 argv);
 }
 
 }  // namespace etude

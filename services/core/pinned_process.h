@@ -14,6 +14,10 @@ namespace etude {
 /// @param value  of a variable of the environment, null where it is not set: std::getenv
 std::map<std::string, std::string> PinnedEnvironment(const char* (*value)(const char* name));
 
+/// Sets `environment` and starts this program again with the same arguments; returns when all of it is set already, and
+/// where a program cannot be started anew. For what a library reads only once, before main.
+void StartAgainWith(const std::map<std::string, std::string>& environment, char** argv);
+
 /// Call first in main. Sets PinnedEnvironment and starts this program again with the same arguments; returns when all
 /// of it is set already, or when ETUDE_UNPINNED is (for tests that show what the pins are for).
 void PinProcess(char** argv);

@@ -3,43 +3,32 @@
 
 #include <dlfcn.h>
 #include <fmt/format.h>
-#include <sys/auxv.h>
-#include <sys/prctl.h>
 #include <torch/torch.h>
-#include <unistd.h>
 
-#include <cerrno>
 #include <cstdlib>
+#include <map>
+#include <string>
 #include <thread>
+
+#include "services/core/pinned_process.h"
 
 namespace etude::policy {
 namespace {
 
-/// Sets `name` unless it is set; true when that changed the environment.
-bool SetDefault(const char* name, const char* value) {
-  if (std::getenv(name) != nullptr) return false;
-  ::setenv(name, value, 0);
-  return true;
-}
+// Every step allocates the same tensors of megabytes: memory that goes back to the kernel in between costs a tenth of
+// the step in page faults.
+constexpr const char* kKeepMemory =
+    "glibc.malloc.mmap_max=0:glibc.malloc.trim_threshold=8589934592:"
+    "glibc.malloc.top_pad=268435456:glibc.malloc.arena_max=1";
 
 }  // namespace
 
 void PrepareTorchProcess(char** argv) {
-  // a program started anew through /proc/self/exe is called `exe` by ps and pkill
-  ::prctl(PR_SET_NAME, program_invocation_short_name);
-  // with raised privileges the loader takes such variables away again: it would be started anew for ever
-  if (::getauxval(AT_SECURE) != 0) return;
-  bool changed = SetDefault("OMP_WAIT_POLICY", "PASSIVE");
+  std::map<std::string, std::string> environment{{"OMP_WAIT_POLICY", "PASSIVE"}, {"GLIBC_TUNABLES", kKeepMemory}};
   // OpenBLAS picks AVX2 kernels on CPUs that are younger than it is; half the speed of AVX-512.
-  if (HasAvx512()) changed |= SetDefault("OPENBLAS_CORETYPE", "SkylakeX");
-  // Every step allocates the same tensors of megabytes: memory that goes back to the kernel in between costs a tenth of
-  // the step in page faults.
-  changed |= SetDefault("GLIBC_TUNABLES",
-                        "glibc.malloc.mmap_max=0:glibc.malloc.trim_threshold=8589934592:"
-                        "glibc.malloc.top_pad=268435456:glibc.malloc.arena_max=1");
-  if (!changed) return;
-  ::execv("/proc/self/exe", argv);
-  // without /proc the program goes on as it is: slower, not wrong
+  if (HasAvx512()) environment["OPENBLAS_CORETYPE"] = "SkylakeX";
+  std::erase_if(environment, [](const auto& variable) { return std::getenv(variable.first.c_str()) != nullptr; });
+  StartAgainWith(environment, argv);  // where it cannot be started anew: slower, not wrong
 }
 
 void SetTorchThreads(int threads) {
