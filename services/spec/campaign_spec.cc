@@ -198,6 +198,7 @@ std::string SpecHash(const CampaignSpec& spec) {
   if (spec.randomization.world == WorldRandomizationSpec{}) json["randomization"].erase("world");
   EraseUnset(json["rollout"]);
   json["content"] = kContentVersion;
+  if (spec.mode == "rollout") json["rollout"]["version"] = kRolloutVersion;
   // what the tasks' files say, not only what they are called
   OrderedJson& tasks = json["task_files"] = OrderedJson::array();
   for (const auto& name : spec.tasks) {

@@ -17,4 +17,9 @@ namespace etude {
 ///   6  libm and llvmpipe in the same variants on every CPU (services/core/pinned_process.h)
 inline constexpr std::uint32_t kContentVersion = 6;
 
+/// The same of what only rollouts have: how a policy's answers are followed. Part of their SpecHash alone, so that
+/// collected datasets go on.
+///   2  the reference's velocity changes by bounded steps, whatever the next answer says
+inline constexpr std::uint32_t kRolloutVersion = 2;
+
 }  // namespace etude

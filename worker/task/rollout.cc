@@ -14,16 +14,19 @@
 namespace etude::task {
 namespace {
 
-constexpr double kMaxLinear = 0.8;   // m/s of the reference
-constexpr double kMaxAngular = 3.0;  // rad/s
-// How fast the reference's speed grows, m/s^2 and rad/s^2: what is critically damped overshoots the speed of a
-// reference that starts at once by an eighth, and a joint its limit with it.
-constexpr double kLinearGrowth = 4.0;
-constexpr double kAngularGrowth = 15.0;
-constexpr double kJointSpeedShare =
-    0.75;  // of a joint's speed limit; answers that turn the hand back overshoot it by a quarter
-constexpr double kDamping = 0.02;  // m (and rad): near a singularity no joint has to turn without end
-constexpr double kMaxReach = 2.0;  // m from the world's origin: nothing sane is beyond
+// What bounds the reference: its speed, how fast that changes, and how fast it comes back onto the path. A new answer
+// begins where the hand is, a centimetre behind the reference, and often at another speed: a reference that jumps there
+// at once throws joints near a singularity beyond their limits (1.5 times, in the wrist of the UR5).
+struct Bounds {
+  double speed;         // m/s or rad/s
+  double acceleration;  // m/s^2 or rad/s^2; demonstrations have half of it
+};
+constexpr Bounds kLinear{0.8, 5.0};
+constexpr Bounds kAngular{3.0, 20.0};
+constexpr double kBackOntoPath = 12;       // 1/s
+constexpr double kJointSpeedShare = 0.75;  // of the planned speed of a joint; the hand overshoots the reference's
+constexpr double kDamping = 0.02;          // m (and rad): near a singularity no joint has to turn without end
+constexpr double kMaxReach = 2.0;          // m from the world's origin: nothing sane is beyond
 // The fingers close above one and open below the other: a wavering answer does not make them flutter.
 constexpr double kCloseAbove = 0.6;
 constexpr double kOpenBelow = 0.4;
@@ -38,6 +41,13 @@ Eigen::Vector3d RotationVector(const Eigen::Quaterniond& q) {
 Eigen::Vector3d Limited(const Eigen::Vector3d& v, double most) {
   const double norm = v.norm();
   return norm > most ? Eigen::Vector3d(v * (most / norm)) : v;
+}
+
+// Velocity that closes the gap `e` and can still be braked to nothing at its end.
+Eigen::Vector3d Closing(const Eigen::Vector3d& e, const Bounds& bounds) {
+  const double gap = e.norm();
+  if (gap < 1e-12) return Eigen::Vector3d::Zero();
+  return e * (std::min(kBackOntoPath * gap, std::sqrt(bounds.acceleration * gap)) / gap);
 }
 
 // What a module says about a place: {"entity": "target", "quantity": "position", "value": [x, y, z, ...]}, metres
@@ -88,25 +98,30 @@ Command Tracker::Next() {
   const Waypoint now = Interpolate(waypoints_, step_);
   const Waypoint next = Interpolate(waypoints_, step_ + 1);
   ++step_;
-  const double dt = 1 / kControlRate;
-  const double linear = std::min(kMaxLinear, linear_ + kLinearGrowth * dt);
-  const double angular = std::min(kMaxAngular, angular_ + kAngularGrowth * dt);
-  command.V_WE.head<3>() = Limited((next.X_WE.p - now.X_WE.p) / dt, linear);
-  command.V_WE.tail<3>() = Limited(RotationVector(next.X_WE.q * now.X_WE.q.conjugate()) / dt, angular);
-  command.V_WE *= ShareOf(command.V_WE);
-  Vector6d step;
-  step << Limited(now.X_WE.p - reference_.p, linear * dt),
-      Limited(RotationVector(now.X_WE.q * reference_.q.conjugate()), angular * dt);
-  step *= ShareOf(step / dt);
-  linear_ = step.head<3>().norm() / dt;
-  angular_ = step.tail<3>().norm() / dt;
-  const Eigen::Vector3d turn = step.tail<3>();
-  reference_.p += step.head<3>();
-  if (turn.norm() > 0)
-    reference_.q = (Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized())) * reference_.q).normalized();
+  Advance(now.X_WE, next.X_WE);
+  command.V_WE = V_WE_;
   closed_ = closed_ ? now.gripper > kOpenBelow : now.gripper > kCloseAbove;
   command.target = {reference_, closed_ ? 1.0 : 0.0};
   return command;
+}
+
+// The path's own velocity, and what closes the gap that would be left then: on the path it is followed exactly.
+void Tracker::Advance(const Pose& now, const Pose& next) {
+  const double dt = 1 / kControlRate;
+  Vector6d path;
+  path << (next.p - now.p) / dt, RotationVector(next.q * now.q.conjugate()) / dt;
+  const Eigen::Vector3d gap = now.p - reference_.p - path.head<3>() * dt;
+  const Eigen::Vector3d turned = RotationVector(now.q * reference_.q.conjugate()) - path.tail<3>() * dt;
+  Vector6d wanted;
+  wanted << Limited(path.head<3>() + Closing(gap, kLinear), kLinear.speed),
+      Limited(path.tail<3>() + Closing(turned, kAngular), kAngular.speed);
+  const Vector6d change = ShareOf(wanted) * wanted - V_WE_;
+  V_WE_.head<3>() += Limited(change.head<3>(), kLinear.acceleration * dt);
+  V_WE_.tail<3>() += Limited(change.tail<3>(), kAngular.acceleration * dt);
+  reference_.p += V_WE_.head<3>() * dt;
+  const Eigen::Vector3d turn = V_WE_.tail<3>() * dt;
+  if (turn.norm() > 0)
+    reference_.q = (Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized())) * reference_.q).normalized();
 }
 
 Rollout::Rollout(EpisodeRunner* session, collide::Checker* checker, std::shared_ptr<const sim::Scene> scene,

@@ -17,7 +17,8 @@ namespace etude::task {
 /// Empty when it can.
 std::string RefusalOf(const policy::Answer& answer);
 
-/// Turns the waypoints of successive answers into references that never move, nor start, faster than the arm should.
+/// Turns the waypoints of successive answers into references that neither move faster than the arm should nor change
+/// their velocity faster, whatever an answer says after the one before.
 class Tracker {
  public:
   /// Which share (0..1] of a velocity of the hand (m/s, rad/s; linear first, world) its joints can follow now.
@@ -33,12 +34,13 @@ class Tracker {
 
  private:
   double ShareOf(const Eigen::Matrix<double, 6, 1>& V_WE) const { return share_ ? share_(V_WE) : 1; }
+  void Advance(const Pose& now, const Pose& next);
 
   SpeedShare share_;
   std::vector<Waypoint> waypoints_;
   int step_ = 0;
   Pose reference_;
-  double linear_ = 0, angular_ = 0;  // m/s, rad/s: of the reference's last step
+  Eigen::Matrix<double, 6, 1> V_WE_ = Eigen::Matrix<double, 6, 1>::Zero();  // of the reference
   bool closed_;
 };
 
