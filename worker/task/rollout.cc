@@ -96,20 +96,21 @@ Command Tracker::Next() {
   command.target = {reference_, closed_ ? 1.0 : 0.0};
   if (waypoints_.empty()) return command;
   const Waypoint now = Interpolate(waypoints_, step_);
-  const Waypoint next = Interpolate(waypoints_, step_ + 1);
-  ++step_;
-  Advance(now.X_WE, next.X_WE);
+  step_ += Advance(now.X_WE, Interpolate(waypoints_, step_ + 1).X_WE);
   command.V_WE = V_WE_;
   closed_ = closed_ ? now.gripper > kOpenBelow : now.gripper > kCloseAbove;
   command.target = {reference_, closed_ ? 1.0 : 0.0};
   return command;
 }
 
-// The path's own velocity, and what closes the gap that would be left then: on the path it is followed exactly.
-void Tracker::Advance(const Pose& now, const Pose& next) {
+// The path's own velocity, and what closes the gap that would be left then: on the path it is followed exactly. Where
+// the joints cannot follow, time on the path goes slower, so that nothing has to be made up for when they can again.
+double Tracker::Advance(const Pose& now, const Pose& next) {
   const double dt = 1 / kControlRate;
   Vector6d path;
   path << (next.p - now.p) / dt, RotationVector(next.q * now.q.conjugate()) / dt;
+  const double share = ShareOf(path);
+  path *= share;
   const Eigen::Vector3d gap = now.p - reference_.p - path.head<3>() * dt;
   const Eigen::Vector3d turned = RotationVector(now.q * reference_.q.conjugate()) - path.tail<3>() * dt;
   Vector6d wanted;
@@ -122,6 +123,7 @@ void Tracker::Advance(const Pose& now, const Pose& next) {
   const Eigen::Vector3d turn = V_WE_.tail<3>() * dt;
   if (turn.norm() > 0)
     reference_.q = (Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized())) * reference_.q).normalized();
+  return share;
 }
 
 Rollout::Rollout(EpisodeRunner* session, collide::Checker* checker, std::shared_ptr<const sim::Scene> scene,

@@ -34,11 +34,12 @@ class Tracker {
 
  private:
   double ShareOf(const Eigen::Matrix<double, 6, 1>& V_WE) const { return share_ ? share_(V_WE) : 1; }
-  void Advance(const Pose& now, const Pose& next);
+  /// @returns how many steps of the path's time went by, 0..1
+  double Advance(const Pose& now, const Pose& next);
 
   SpeedShare share_;
   std::vector<Waypoint> waypoints_;
-  int step_ = 0;
+  double step_ = 0;  // on the path
   Pose reference_;
   Eigen::Matrix<double, 6, 1> V_WE_ = Eigen::Matrix<double, 6, 1>::Zero();  // of the reference
   bool closed_;

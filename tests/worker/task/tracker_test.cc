@@ -102,6 +102,24 @@ TEST(Tracker, ANewAnswerNeitherThrowsTheHandBackNorStopsItAtOnce) {
   EXPECT_NEAR(motion.last, x - 0.01 + 0.3 * 59 / kControlRate, 2e-3) << "and is on the new path soon";
 }
 
+// a joint is slow for a while: the hand comes later, and no faster than the path itself
+TEST(Tracker, DoesNotRushAfterThePathWhenTheJointsCanFollowAgain) {
+  double limit = 0.1;
+  Tracker tracker({}, false, [&](const Eigen::Matrix<double, 6, 1>& V_WE) {
+    return std::min(1.0, limit / std::max(1e-9, V_WE.head<3>().norm()));
+  });
+  tracker.Follow(Line({0, 0, 0}, {0.4, 0, 0}));
+  double before = 0, most = 0;
+  for (int i = 0; i < 60; ++i) {
+    if (i == 30) limit = 10;
+    const double x = tracker.Next().target.X_WE.p.x();
+    most = std::max(most, (x - before) * kControlRate);
+    before = x;
+  }
+  EXPECT_GT(most, 0.35);
+  EXPECT_LE(most, 0.4 * 1.05);
+}
+
 TEST(Tracker, HoldsTheLastWaypointWhenTheAnswerRunsOut) {
   Tracker tracker({}, false);
   tracker.Follow(Line({0, 0, 0}, {0.1, 0, 0}));
