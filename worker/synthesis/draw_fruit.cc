@@ -214,6 +214,34 @@ Drawing DrawPear(Rng& rng) {
   };
 }
 
+namespace {
+
+// The stone of an avocado, or the hollow that it left.
+struct Stone {
+  double radius, y;
+  bool hollow;
+  Color pit, flesh;
+  std::uint32_t seed;
+
+  void Paint(Texel& texel, const Vector2d& q) const {
+    const Vector2d to_stone = q - Vector2d(0, y);
+    const double from_stone = to_stone.norm() / radius;
+    if (hollow) {
+      Over(texel, Mix(flesh, {.62, .50, .20}, 0.6), Ramp(1.04, 0.96, from_stone));
+      Over(texel, Mix(flesh, {.70, .62, .28}, 0.4), Ramp(0.8, 0.3, from_stone));
+      texel.height -= 0.3 * Dome(from_stone, radius);
+      return;
+    }
+    Over(texel, pit * 0.6, Ramp(1.06, 0.98, from_stone));
+    Over(texel, Mix(pit, pit * 1.3, Fractal(q, 7, seed + 5)), Ramp(0.99, 0.93, from_stone));
+    const double shine = (to_stone + radius * Vector2d(0.35, -0.35)).norm() / radius;
+    Over(texel, (pit * 1.6 + Color(.15, .15, .15)).cwiseMin(1), 0.7 * Ramp(0.25, 0.05, shine));
+    texel.height += 0.25 * Dome(from_stone, radius);
+  }
+};
+
+}  // namespace
+
 Drawing DrawAvocado(Rng& rng) {
   const double wide = rng.Uniform(0.54, 0.64), waist = rng.Uniform(0.05, 0.28), turn = rng.Uniform(-0.15, 0.15);
   const double stone = rng.Uniform(0.24, 0.31), stone_y = rng.Uniform(-0.30, -0.22), thick = rng.Uniform(0.46, 0.54);
@@ -223,6 +251,7 @@ Drawing DrawAvocado(Rng& rng) {
   const Color pit = Pick(rng, {{.50, .28, .12}, {.62, .40, .20}, {.38, .20, .10}}, 0.03);
   const bool hollow = rng.Bernoulli(0.25);
   const std::uint32_t seed = NoiseSeed(rng);
+  const Stone in_the_middle{stone, stone_y, hollow, pit, flesh, seed};
 
   return [=](const Vector2d& p) {
     Texel texel;
@@ -239,19 +268,7 @@ Drawing DrawAvocado(Rng& rng) {
     texel.color = Mix(skin, rim, Ramp(0.045, 0.065, ragged));
     Over(texel, flesh, Ramp(0.08, 0.30, ragged));
     Over(texel, flesh * 0.93, 0.5 * Fractal(q, 8, seed + 3));
-    const Vector2d to_stone = q - Vector2d(0, stone_y);
-    const double from_stone = to_stone.norm() / stone;
-    if (hollow) {
-      Over(texel, Mix(flesh, {.62, .50, .20}, 0.6), Ramp(1.04, 0.96, from_stone));
-      Over(texel, Mix(flesh, {.70, .62, .28}, 0.4), Ramp(0.8, 0.3, from_stone));
-      texel.height -= 0.3 * Dome(from_stone, stone);
-    } else {
-      Over(texel, pit * 0.6, Ramp(1.06, 0.98, from_stone));
-      Over(texel, Mix(pit, pit * 1.3, Fractal(q, 7, seed + 5)), Ramp(0.99, 0.93, from_stone));
-      const double shine = (to_stone + stone * Vector2d(0.35, -0.35)).norm() / stone;
-      Over(texel, (pit * 1.6 + Color(.15, .15, .15)).cwiseMin(1), 0.7 * Ramp(0.25, 0.05, shine));
-      texel.height += 0.25 * Dome(from_stone, stone);
-    }
+    in_the_middle.Paint(texel, q);
     return texel;
   };
 }
