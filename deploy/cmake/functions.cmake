@@ -44,7 +44,7 @@ if(ETUDE_PCH)
   if(ETUDE_DEV)
     etude_add_precompiled_headers(etude_test_pch LIBS GTest::gmock
                                   HEADERS ${ETUDE_COMMON_HEADERS} <gmock/gmock.h> <gtest/gtest.h>)
-    target_compile_options(etude_test_pch PRIVATE $<$<CONFIG:Release>:-O0>)
+    target_compile_options(etude_test_pch PRIVATE $<$<CONFIG:Release>:-O1>)
   endif()
 endif()
 function(etude_use_precompiled_headers target headers)
@@ -94,7 +94,7 @@ function(etude_add_test name)
   etude_use_precompiled_headers(${name} etude_test_pch)
   # what is tested is optimized, its tests are not: they compile in half the time (torch's header is precompiled as it is)
   target_compile_options(${name} PRIVATE
-    $<$<AND:$<CONFIG:Release>,$<NOT:$<BOOL:$<TARGET_PROPERTY:ETUDE_TORCH>>>>:-O0>)
+    $<$<AND:$<CONFIG:Release>,$<NOT:$<BOOL:$<TARGET_PROPERTY:ETUDE_TORCH>>>>:-O1>)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   add_test(NAME ${name} COMMAND ${name} WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})
   set_tests_properties(${name} PROPERTIES LABELS ${arg_LABEL} TIMEOUT ${arg_TIMEOUT}
