@@ -6,6 +6,7 @@
 #include "services/episode/bounded_json.h"
 #include "services/store/edit.h"
 #include "services/store/layout.h"
+#include "services/store/master_file.h"
 
 namespace etude::store {
 namespace {
@@ -17,7 +18,7 @@ Status CheckName(const CampaignSpec& spec, const std::string& name) {
     return Fail(Code::kInvalidArgument,
                 fmt::format("filter key '{}': a name has only a-z, 0-9, _ and -, at most 64 of them", name));
   bool taken = name == "train" || name == "valid" || name == "test";
-  for (const auto& task : spec.tasks) taken = taken || task == name;
+  for (const auto& task : spec.tasks) taken = taken || internal::MaskOfTask(task) == name;
   if (taken)
     return Fail(Code::kInvalidArgument,
                 fmt::format("filter key '{}': splits and tasks have keys of their own names; choose another", name));

@@ -37,14 +37,18 @@ std::vector<MasterEntry> EntriesOf(const std::map<std::uint64_t, EpisodeSummary>
   return entries;
 }
 
+std::string MaskOfTask(std::string task) {
+  std::replace(task.begin(), task.end(), '+', '_');
+  return task;
+}
+
 std::map<std::string, std::vector<std::string>> MasksOf(const CampaignSpec& spec,
                                                         const std::vector<MasterEntry>& episodes,
                                                         const FilterKeys& chosen) {
   std::map<std::string, std::vector<std::string>> masks{{"train", {}}, {"valid", {}}, {"test", {}}};
   for (const auto& [index, samples, made_for] : episodes) {
     masks[SplitOf(spec, index)].push_back(DemoName(index));
-    std::string task = *made_for;
-    std::replace(task.begin(), task.end(), '+', '_');
+    const std::string task = MaskOfTask(*made_for);
     if (IsPlainName(task)) masks[task].push_back(DemoName(index));
   }
   for (const auto& [name, indices] : chosen) {

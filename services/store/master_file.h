@@ -18,6 +18,9 @@ struct MasterEntry {
 /// In the order of indices; they point into `episodes`.
 std::vector<MasterEntry> EntriesOf(const std::map<std::uint64_t, EpisodeSummary>& episodes);
 
+/// The name that a task's filter key has: "push_obstacle" of push+obstacle. It need not be plain: a path has no key.
+std::string MaskOfTask(std::string task);
+
 /// robomimic's filter keys: train, valid, test, each task, and `chosen`. Name -> "demo_<i>", in the order of indices,
 /// in which `episodes` must be.
 std::map<std::string, std::vector<std::string>> MasksOf(const CampaignSpec& spec,

@@ -169,9 +169,11 @@ std::vector<Row> RowsOf(const OpenedCampaign& opened) {
     rows.push_back({row.index, 0, row.known ? row.attempt : static_cast<std::uint32_t>(failed[row.index]), std::nullopt,
                     row.known ? row.outcome : "success", "", "", "", row.task, row.target, row.robot, row.worker, row.t,
                     row.plan_s, row.step_s, row.render_s, row.deflate_s, true});
-  // by time where it is known, else by index: which is how leases go
-  std::ranges::stable_sort(rows, [](const Row& a, const Row& b) {
-    if (a.t && b.t && *a.t != *b.t) return *a.t > *b.t;
+  // by time where all have one, else by index, which is how leases go: between some times and some indices there is no
+  // order
+  const bool timed = std::ranges::all_of(rows, [](const Row& row) { return row.t.has_value(); });
+  std::ranges::stable_sort(rows, [&](const Row& a, const Row& b) {
+    if (timed && *a.t != *b.t) return *a.t > *b.t;
     return std::pair(a.index, a.attempt) > std::pair(b.index, b.attempt);
   });
   return rows;

@@ -34,6 +34,7 @@ OrderedJson StagesJson(const sources::RunView& view, const RunState& state) {
     rows[*from].cause = sources::TextOf(line, "cause");
     rows[*from].reason = sources::TextOf(line, "reason");
     rows[*to] = StageRow{sources::TextOf(line, "name"), "", "", sources::UnsignedOf(line, "step"), std::nullopt};
+    rows.erase(rows.upper_bound(*to), rows.end());  // what came after it was of the life before
   }
   for (std::uint64_t stage = 1; stage <= std::min<std::uint64_t>(state.stages, 100); ++stage) rows[stage];
   OrderedJson stages = OrderedJson::array();

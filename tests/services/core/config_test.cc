@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "services/core/rng.h"
 #include "tests/support/matchers.h"
@@ -282,6 +283,45 @@ TEST(Config, MutatedYamlNeverCrashes) {
       EXPECT_FALSE(config.error().message.empty());
     }
   }
+}
+
+// nlohmann's own dump throws on these bytes: a file's name, a worker's last words, a label of a stranger
+TEST(JsonText, BytesThatAreNotUtf8BecomeTheReplacementCharacter) {
+  const std::string replaced = "\xef\xbf\xbd";
+  struct Case {
+    std::string bytes, text;
+  };
+  for (const auto& [bytes, text] : {Case{"a\xff""b", "a" + replaced + "b"}, Case{"\xc3", replaced},
+                                    Case{"\xc3\xa4", "\xc3\xa4"}, Case{"\xed\xa0\x80", replaced}, Case{"", ""}}) {
+    const OrderedJson json{{"value", bytes}, {"list", OrderedJson::array({bytes})}};
+    const auto back = OrderedJson::parse(JsonText(json), nullptr, false);
+    ASSERT_FALSE(back.is_discarded()) << JsonText(json);
+    const std::string value = back["value"];
+    EXPECT_EQ(value.substr(0, text.size()), text);
+    // how many of them a broken sequence becomes is the library's choice; nothing else may come out
+    std::string rest = value.substr(text.size());
+    while (rest.starts_with(replaced)) rest.erase(0, replaced.size());
+    EXPECT_EQ(rest, "");
+    EXPECT_EQ(back["list"][0], back["value"]);
+  }
+  OrderedJson key;
+  key["\xff"] = 1;
+  EXPECT_EQ(JsonText(key), "{\"" + replaced + "\":1}");
+}
+
+TEST(JsonText, IsOneLineInTheOrderOfItsKeysUnlessIndented) {
+  const OrderedJson json{{"z", 1}, {"a", {1, 2.5}}, {"line", "two\nlines"}};
+  EXPECT_EQ(JsonText(json), R"({"z":1,"a":[1,2.5],"line":"two\nlines"})");
+  EXPECT_EQ(JsonText(json, 1), "{\n \"z\": 1,\n \"a\": [\n  1,\n  2.5\n ],\n \"line\": \"two\\nlines\"\n}");
+  EXPECT_EQ(JsonText(OrderedJson()), "null");
+  EXPECT_EQ(JsonText(std::numeric_limits<double>::quiet_NaN()), "null") << "JSON has no NaN";
+}
+
+// such bytes reach a message of ours through a file that is not one of ours
+TEST(Config, WhatIsNotUtf8IsNamedWithoutThrowing) {
+  OrderedJson json;
+  json["count"] = "\xff\xfe";
+  EXPECT_THAT(FromJson<Outer>(json, "a file"), MessageHas("'count': expected an integer"));
 }
 
 TEST(NearestMatch, FindsOnlyWhatIsNear) {

@@ -2,15 +2,19 @@
 // Tests services/core/file.cc
 #include "services/core/file.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <signal.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <fstream>
+#include <functional>
 #include <mutex>
 #include <numeric>
 
@@ -32,8 +36,31 @@ namespace file_test {
 
 using ::testing::HasSubstr;
 
+// Runs `body` in a child that can write `most` bytes to any file, and tells whether it said yes.
+bool HoldsOnAFullDisk(rlim_t most, const std::function<bool()>& body) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit{most, most};
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+    ::_exit(body() ? 0 : 1);
+  }
+  int wait_status = 0;
+  return ::waitpid(child, &wait_status, 0) == child && wait_status == 0;
+}
+
+std::vector<std::uint8_t> Counting(std::size_t size) {
+  std::vector<std::uint8_t> bytes(size);
+  std::iota(bytes.begin(), bytes.end(), std::uint8_t{0});
+  return bytes;
+}
+
 class FileTest : public ::testing::Test {
  protected:
+  Descriptor Open(const std::string& name, int flags) {
+    return Descriptor(::open((folder_ / name).c_str(), flags | O_CLOEXEC, 0644));
+  }
+
   TemporaryFolder temporary_;
   Path folder_ = temporary_.path();
 };
@@ -65,8 +92,7 @@ TEST(ErrnoError, TellsWhatIsMissingFromWhatTheMachineRefuses) {
 }
 
 TEST_F(FileTest, EveryByteComesBackAndTheLimitIsTheLastSizeThatFits) {
-  std::vector<std::uint8_t> bytes(256);
-  std::iota(bytes.begin(), bytes.end(), std::uint8_t{0});
+  const std::vector<std::uint8_t> bytes = Counting(256);
   ASSERT_THAT(WriteFileAtomically(folder_ / "bytes", bytes), IsOk());
   EXPECT_EQ(ReadBinaryFile(folder_ / "bytes", 256).value(), bytes);
   EXPECT_THAT(ReadBinaryFile(folder_ / "bytes", 255), MessageHas("256 bytes, more than the limit of 255"));
@@ -117,18 +143,8 @@ TEST_F(FileTest, AnAppenderMayBeMovedAndAddsToWhatIsThere) {
 TEST_F(FileTest, AFullDiskLeavesTheOldFile) {
   const Path path = folder_ / "kept";
   ASSERT_TRUE(WriteFileAtomically(path, std::string_view("old")));
-  const pid_t child = ::fork();
-  if (child == 0) {
-    // a file size limit stands for a full disk: write(2) fails in the middle
-    ::signal(SIGXFSZ, SIG_IGN);
-    const rlimit limit{4096, 4096};
-    ::setrlimit(RLIMIT_FSIZE, &limit);
-    const Status status = WriteFileAtomically(path, std::string(100'000, 'x'));
-    ::_exit(status ? 1 : 0);
-  }
-  int wait_status = 0;
-  ASSERT_EQ(::waitpid(child, &wait_status, 0), child);
-  EXPECT_EQ(wait_status, 0);
+  // a file size limit stands for a full disk: write(2) fails in the middle
+  EXPECT_TRUE(HoldsOnAFullDisk(4096, [&] { return !WriteFileAtomically(path, std::string(100'000, 'x')); }));
   EXPECT_EQ(ReadTextFile(path).value(), "old");
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), {}), 1);
 }
@@ -181,6 +197,105 @@ TEST_F(FileTest, ANewFoldersEntryIsDurable) {
   ASSERT_TRUE(MakeFolders(folder_ / "a" / "b"));
   ASSERT_TRUE(MakeFolders(folder_ / "a" / "c" / ""));
   EXPECT_THAT(synced_paths, testing::ElementsAre((folder_ / "a").string()));
+}
+
+// ---- ReadAt, WriteAll ----------------------------------------------------------------------------
+
+TEST_F(FileTest, ReadAtGivesWhatLiesThereUpToTheEnd) {
+  const std::vector<std::uint8_t> all = Counting(200);
+  ASSERT_THAT(WriteFileAtomically(folder_ / "bytes", all), IsOk());
+  const Descriptor file = Open("bytes", O_RDONLY);
+
+  std::vector<std::uint8_t> part(60, 0xee);
+  EXPECT_EQ(ReadAt(file.get(), "bytes", 100, part).value(), 60u);
+  EXPECT_TRUE(std::equal(part.begin(), part.end(), all.begin() + 100));
+
+  // what lies beyond the end is left as it was
+  std::fill(part.begin(), part.end(), std::uint8_t{0xee});
+  EXPECT_EQ(ReadAt(file.get(), "bytes", 190, part).value(), 10u);
+  EXPECT_TRUE(std::equal(part.begin(), part.begin() + 10, all.begin() + 190));
+  EXPECT_EQ(std::count(part.begin() + 10, part.end(), 0xee), 50);
+  EXPECT_EQ(ReadAt(file.get(), "bytes", 200, part).value(), 0u);
+  EXPECT_EQ(ReadAt(file.get(), "bytes", 1ull << 40, part).value(), 0u);
+  EXPECT_EQ(ReadAt(file.get(), "bytes", 0, {}).value(), 0u);
+}
+
+TEST_F(FileTest, ReadAtMovesNothingAndNamesTheFileThatItCannotRead) {
+  ASSERT_THAT(WriteFileAtomically(folder_ / "text", std::string_view("abcdef")), IsOk());
+  const Descriptor file = Open("text", O_RDONLY);
+  std::vector<std::uint8_t> two(2);
+  for (int again = 0; again < 2; ++again) {
+    ASSERT_EQ(ReadAt(file.get(), "text", 3, two).value(), 2u);
+    EXPECT_EQ(two, (std::vector<std::uint8_t>{'d', 'e'}));
+  }
+  EXPECT_EQ(::lseek(file.get(), 0, SEEK_CUR), 0) << "others that read on from there are not disturbed";
+
+  const Descriptor folder = Open("", O_RDONLY | O_DIRECTORY);
+  EXPECT_THAT(ReadAt(folder.get(), "a name", 0, two), MessageHas("read 'a name'"));
+  EXPECT_FALSE(ReadAt(-1, "none", 0, two));
+}
+
+TEST_F(FileTest, WriteAllGoesOnWhereTheFileStands) {
+  const std::vector<std::uint8_t> all = Counting(250);
+  {
+    const Descriptor file = Open("out", O_WRONLY | O_CREAT);
+    ASSERT_THAT(WriteAll(file.get(), "out", std::span(all).first(100)), IsOk());
+    ASSERT_THAT(WriteAll(file.get(), "out", {}), IsOk());
+    ASSERT_THAT(WriteAll(file.get(), "out", std::span(all).subspan(100)), IsOk());
+  }
+  EXPECT_EQ(ReadBinaryFile(folder_ / "out").value(), all);
+  const Descriptor closed = Open("out", O_RDONLY);
+  EXPECT_THAT(WriteAll(closed.get(), "the file", all), MessageHas("write 'the file'"));
+}
+
+// write(2) takes a part, says so, and refuses the rest: that is no success
+TEST_F(FileTest, WriteAllOnAFullDiskIsAnErrorAndAPartStands) {
+  EXPECT_TRUE(HoldsOnAFullDisk(40, [&] {
+    const Descriptor file = Open("out", O_WRONLY | O_CREAT);
+    const Status written = WriteAll(file.get(), "out", Counting(100));
+    return !written && written.error().code == Code::kUnavailable;
+  }));
+  EXPECT_EQ(ReadBinaryFile(folder_ / "out").value(), Counting(40));
+}
+
+// ---- WriteSecret ---------------------------------------------------------------------------------
+
+TEST_F(FileTest, ASecretIsItsOwnersAloneWhateverTheMask) {
+  const mode_t before = ::umask(0);
+  const Status written = WriteSecret(folder_ / "key.pem", "the words");
+  ::umask(before);
+
+  ASSERT_THAT(written, IsOk());
+  EXPECT_EQ(ReadTextFile(folder_ / "key.pem").value(), "the words");
+  struct stat info {};
+  ASSERT_EQ(::stat((folder_ / "key.pem").c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 07777, 0600u);
+}
+
+TEST_F(FileTest, ASecretIsOnTheDiskWhenItIsSaidToBe) {
+  synced_paths.clear();
+  ASSERT_THAT(WriteSecret(folder_ / "key.pem", "x"), IsOk());
+  EXPECT_THAT(synced_paths, testing::ElementsAre((folder_ / "key.pem").string(), folder_.string()));
+}
+
+TEST_F(FileTest, ASecretReplacesNothing) {
+  ASSERT_THAT(WriteSecret(folder_ / "key.pem", "first"), IsOk());
+  const Status again = WriteSecret(folder_ / "key.pem", "second");
+  EXPECT_THAT(again, HasCode(Code::kUnavailable));
+  EXPECT_THAT(again, MessageHas("is not overwritten"));
+  EXPECT_EQ(ReadTextFile(folder_ / "key.pem").value(), "first");
+
+  // nor does it follow a link to where somebody else would have it
+  std::filesystem::create_symlink(folder_ / "elsewhere", folder_ / "link.pem");
+  EXPECT_FALSE(WriteSecret(folder_ / "link.pem", "x"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "elsewhere"));
+  EXPECT_THAT(WriteSecret(folder_ / "none" / "key.pem", "x"), HasCode(Code::kNotFound));
+}
+
+TEST_F(FileTest, HalfASecretIsRemoved) {
+  EXPECT_TRUE(HoldsOnAFullDisk(4, [&] { return !WriteSecret(folder_ / "key.pem", "longer than that"); }));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "key.pem")) << "the next attempt would be refused";
+  EXPECT_THAT(WriteSecret(folder_ / "key.pem", "x"), IsOk());
 }
 
 TEST(PlainName, KeepsPathsOut) {

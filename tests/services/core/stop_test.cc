@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests services/core/stop.cc in child processes, because a stop is for good.
+// Tests services/core/stop.cc and stop_reason.cc in child processes, because a stop is for good.
 #include "services/core/stop.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <unistd.h>
 
+#include <thread>
+#include <vector>
+
 #include "services/core/clock.h"
+#include "services/core/stop_reason.h"
 
 namespace etude {
 namespace stop_test {
@@ -34,6 +38,42 @@ TEST(StopDeathTest, ASecondSignalKills) {
         ::_exit(0);
       },
       ::testing::KilledBySignal(SIGINT), "");
+}
+
+TEST(StopReasonDeathTest, TheFirstReasonCountsAndEndsEveryWait) {
+  EXPECT_EXIT(
+      {
+        const bool none = !ReasonOfStop().has_value() && !StopRequested();
+        StopBecause({Code::kUnavailable, "the disk is gone"});
+        StopBecause({Code::kInternal, "and so is all that needs it"});
+        const auto reason = ReasonOfStop();
+        const bool first = reason && reason->code == Code::kUnavailable && reason->message == "the disk is gone";
+        ::_exit(none && first && WaitForStop(60s) ? 0 : 1);
+      },
+      ::testing::ExitedWithCode(0), "");
+}
+
+TEST(StopReasonDeathTest, ASignalHasNone) {
+  EXPECT_EXIT(
+      {
+        InstallStopSignals();
+        ::raise(SIGTERM);
+        ::_exit(StopRequested() && !ReasonOfStop() ? 0 : 1);
+      },
+      ::testing::ExitedWithCode(0), "");
+}
+
+TEST(StopReasonDeathTest, ThreadsThatFailTogetherLeaveOneReasonOfTheirs) {
+  EXPECT_EXIT(
+      {
+        std::vector<std::thread> threads;
+        for (int i = 0; i < 8; ++i)
+          threads.emplace_back([i] { StopBecause({Code::kInternal, "thread " + std::to_string(i)}); });
+        for (auto& thread : threads) thread.join();
+        const auto reason = ReasonOfStop();
+        ::_exit(reason && reason->message.starts_with("thread ") && StopRequested() ? 0 : 1);
+      },
+      ::testing::ExitedWithCode(0), "");
 }
 
 TEST(Stop, WaitingTimesOutWithoutOne) { EXPECT_FALSE(WaitForStop(1ms)); }

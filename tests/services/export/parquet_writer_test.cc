@@ -8,6 +8,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <limits>
 
 #include "services/export/thrift_compact.h"
@@ -161,6 +163,82 @@ TEST_F(Parquet, TellsHyparquetTheSame) {
       EXPECT_EQ(other, row) << g << " " << i;
     }
   EXPECT_EQ((*seen)["metadata"]["key"], "a value");
+}
+
+// rows of none, of empty and of full lists, within each other: what repetition and definition levels are for
+TEST_F(Parquet, ListsOfListsMayBeEmptyAtEveryDepth) {
+  const std::vector<OrderedJson> rows{
+      OrderedJson::parse("[]"),          OrderedJson::parse("[[]]"),          OrderedJson::parse("[[1],[]]"),
+      OrderedJson::parse("[[],[2,3]]"),  OrderedJson::parse("[[],[],[]]"),    OrderedJson::parse("[[4,5,6]]"),
+      OrderedJson::parse("[[7],[8,9]]"), OrderedJson::parse("[[10],[],[11]]")};
+  std::vector<std::int64_t> values;
+  ParquetCells cells{values, {{}, {}}};
+  for (const auto& row : rows) {
+    cells.lengths[0].push_back(static_cast<std::uint32_t>(row.size()));
+    for (const auto& list : row) {
+      cells.lengths[1].push_back(static_cast<std::uint32_t>(list.size()));
+      for (const auto& value : list) values.push_back(value.get<std::int64_t>());
+    }
+  }
+  cells.values = values;
+  auto file = ParquetWriter::Create(path_, {{"l", ParquetType::kInt64, 2}}, {});
+  ASSERT_THAT(file, IsOk());
+  ASSERT_THAT(file->WriteRowGroup(rows.size(), {cells}), IsOk());
+  ASSERT_THAT(file->Finish(), IsOk());
+  const ParquetFile read(path_);
+  ASSERT_EQ(read.rows().size(), rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) EXPECT_EQ(read.rows()[i]["l"], rows[i]) << i;
+}
+
+TEST_F(Parquet, NumbersAtTheEdgeOfTheirTypesAndTextsOfAnyBytesComeBack) {
+  const std::vector<std::int64_t> numbers{INT64_MIN, -1, 0, 1, INT64_MAX};
+  const std::vector<double> reals{-0.0, 5e-324, 1.7976931348623157e308, -1e-300, 0.1};
+  const std::vector<std::string> texts{"", std::string("a\0b", 3), std::string(70'000, 'x'), "\xc3\xa4", "PAR1"};
+  const std::vector<std::uint8_t> flags{1, 0, 0, 1, 1};
+  auto file = ParquetWriter::Create(path_,
+                                    {{"n", ParquetType::kInt64},
+                                     {"r", ParquetType::kDouble},
+                                     {"t", ParquetType::kText},
+                                     {"b", ParquetType::kBool}},
+                                    {});
+  ASSERT_THAT(file, IsOk());
+  ASSERT_THAT(file->WriteRowGroup(5, {Cells(numbers), Cells(reals), Cells(texts), Cells(flags)}), IsOk());
+  ASSERT_THAT(file->Finish(), IsOk());
+  const ParquetFile read(path_);
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_EQ(read.rows()[i]["n"].get<std::int64_t>(), numbers[i]);
+    EXPECT_EQ(read.rows()[i]["r"].get<double>(), reals[i]);
+    EXPECT_EQ(read.rows()[i]["t"].get<std::string>(), texts[i]) << i;
+    EXPECT_EQ(read.rows()[i]["b"].get<bool>(), flags[i] != 0);
+  }
+  // what the footer says of the first column is the least and the most of it
+  const auto& statistics = read.footer().at(4).list[0].at(1).list[0].at(3).at(12);
+  std::int64_t low = 0, high = 0;
+  std::memcpy(&low, statistics.at(6).text.data(), 8);
+  std::memcpy(&high, statistics.at(5).text.data(), 8);
+  EXPECT_EQ(low, INT64_MIN);
+  EXPECT_EQ(high, INT64_MAX);
+}
+
+// bits of truth values fill whole bytes, whatever their number; long runs of one level are one run
+TEST_F(Parquet, AnyNumberOfRowsIsWhole) {
+  for (const int count : {1, 7, 8, 9, 63, 64, 65, 1000, 20'000}) {
+    std::vector<std::uint8_t> flags;
+    for (int i = 0; i < count; ++i) flags.push_back(i % 5 == 0);
+    const Path path = folder_ / (std::to_string(count) + ".parquet");
+    auto file = ParquetWriter::Create(path, {{"b", ParquetType::kBool}, {"l", ParquetType::kBool, 1}}, {});
+    ASSERT_THAT(file, IsOk());
+    ASSERT_THAT(file->WriteRowGroup(static_cast<std::size_t>(count),
+                                    {Cells(flags), Lists(flags, static_cast<std::size_t>(count), {1})}),
+                IsOk());
+    ASSERT_THAT(file->Finish(), IsOk());
+    const ParquetFile read(path);
+    ASSERT_EQ(read.rows().size(), flags.size());
+    for (std::size_t i = 0; i < flags.size(); ++i) {
+      ASSERT_EQ(read.rows()[i]["b"].get<bool>(), flags[i] != 0) << count << " " << i;
+      ASSERT_EQ(read.rows()[i]["l"], OrderedJson::array({flags[i] != 0})) << count << " " << i;
+    }
+  }
 }
 
 TEST_F(Parquet, RefusesCellsThatDoNotFit) {

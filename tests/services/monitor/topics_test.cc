@@ -67,5 +67,57 @@ TEST(TopicRates, AreDifferencesOfWhatWritersCount) {
   EXPECT_EQ(found.at("t").writers, 1);
 }
 
+// of a stranger, too
+TEST(Written, TakesWhatParsesAndNothingElse) {
+  bus::ProcessStatus process;
+  for (const char* text : {"", "{}", "[", "[[[[[1]]]]]", "7", R"([{"topic": 3, "kind": "writer"}])",
+                           R"([{"topic": "t"}])", R"([{"kind": "writer", "samples": 1}])"}) {
+    process.topics_json = text;
+    EXPECT_TRUE(Written(process).empty()) << text;
+  }
+  process.topics_json =
+      R"([{"topic": "a", "kind": "writer", "samples": "many"}, {"topic": "b", "kind": "writer", "bytes": 2.5}])";
+  const auto counts = Written(process);
+  ASSERT_EQ(counts.size(), 2u);
+  EXPECT_EQ(counts.at("a").samples, 0);
+  EXPECT_EQ(counts.at("b").bytes, 2.5);
+}
+
+TEST(TopicRates, NeverFallBelowNothing) {
+  const auto process = [](const std::string& name, int bytes, MonotonicClock::time_point at) {
+    bus::ProcessStatus status;
+    status.process = name;
+    status.topics_json = fmt::format(R"([{{"topic": "t", "kind": "writer", "samples": {0}, "bytes": {0}}}])", bytes);
+    return Heard<bus::ProcessStatus>{status, at};
+  };
+  TopicRates rates;
+  rates.Begin({{"again", process("again", 1000, kNow)},
+               {"still", process("still", 100, kNow)},
+               {"left", process("left", 7, kNow)},
+               {"late", process("late", 0, kNow + 5s)}});
+  const auto found = rates.End({{"again", process("again", 10, kNow + 2s)},   // began anew: counts from 0
+                                {"still", process("still", 300, kNow + 2s)},
+                                {"late", process("late", 50, kNow + 5s)}});  // no time has passed
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_DOUBLE_EQ(found.at("t").bytes_per_second, 100);
+  EXPECT_EQ(found.at("t").writers, 2);
+}
+
+TEST(PeerNames, AreByTheParticipantThatDiscoveryShows) {
+  bus::ProcessStatus process;
+  process.process = "p", process.participant = "0110:0a", process.role = "worker", process.pid = 4711;
+  process.host = "lab-7";
+  const auto names = PeerNames({{"p", {process, kNow}}});
+  ASSERT_EQ(names.size(), 1u);
+  EXPECT_EQ(names.at("0110:0a"), "worker 4711@lab-7");
+}
+
+TEST(IsBulk, IsWhatCarriesEpisodesAndCheckpoints) {
+  EXPECT_TRUE(IsBulk("etude/blob/chunk"));
+  EXPECT_TRUE(IsBulk("etude/blob/manifest"));
+  for (const char* other : {"etude/blob/ack", "etude/campaign/status", "", "etude/blob/chunks"})
+    EXPECT_FALSE(IsBulk(other)) << other;
+}
+
 }  // namespace topics_test
 }  // namespace etude::monitor

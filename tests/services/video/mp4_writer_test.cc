@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
 #include <vector>
 
 #include "tests/services/video/video_reader.h"
@@ -69,6 +70,66 @@ TEST(Mp4Writer, PutsTheIndexInFront) {
   const std::string bytes = ReadTextFile(folder / "a.mp4").value();
   ASSERT_NE(bytes.find("moov"), std::string::npos);
   EXPECT_LT(bytes.find("moov"), bytes.find("mdat")) << "a browser plays it while it arrives";
+}
+
+TEST(Mp4Writer, AnyRateAndAnySizeThatIsEven) {
+  const TemporaryFolder folder;
+  for (const FrameRate rate : {FrameRate{125, 1}, FrameRate{125, 5}, FrameRate{1, 2}, FrameRate{30'000, 1001}}) {
+    const Path file = folder / (std::to_string(rate.numerator) + "-" + std::to_string(rate.denominator) + ".mp4");
+    auto writer = Mp4Writer::Open(file, {.width = 34, .height = 18, .rate = rate});
+    ASSERT_THAT(writer, IsOk());
+    for (int k = 0; k < 4; ++k) ASSERT_THAT(writer->Write(std::vector<std::uint8_t>(34 * 18 * 3, 80)), IsOk());
+    ASSERT_THAT(writer->Finish(), IsOk());
+    const VideoContent video = ReadVideo(file);
+    EXPECT_EQ(video.width, 34);
+    EXPECT_EQ(video.height, 18);
+    ASSERT_EQ(video.times.size(), 4u);
+    // the container counts time in ticks of its own, none coarser than a tenth of a picture
+    for (std::size_t k = 0; k < 4; ++k)
+      EXPECT_NEAR(video.times[k] * rate.numerator / rate.denominator, static_cast<double>(k), 0.05) << rate.numerator;
+  }
+}
+
+TEST(Mp4Writer, OnePictureIsAVideo) {
+  const TemporaryFolder folder;
+  auto one = Mp4Writer::Open(folder / "one.mp4", {.width = kSide, .height = kSide});
+  ASSERT_THAT(one, IsOk());
+  ASSERT_THAT(one->Write(Grey(100)), IsOk());
+  ASSERT_THAT(one->Finish(), IsOk());
+  EXPECT_EQ(ReadVideo(folder / "one.mp4").times.size(), 1u);
+  EXPECT_EQ(one->pictures(), 1);
+}
+
+// a picture that is refused is not counted, and the video goes on without it
+TEST(Mp4Writer, APictureOfAnotherSizeChangesNothing) {
+  const TemporaryFolder folder;
+  auto writer = Mp4Writer::Open(folder / "a.mp4", {.width = kSide, .height = kSide});
+  ASSERT_THAT(writer, IsOk());
+  ASSERT_THAT(writer->Write(Grey(50)), IsOk());
+  EXPECT_THAT(writer->Write(std::vector<std::uint8_t>(kSide * kSide)), HasCode(Code::kInvalidArgument));
+  EXPECT_EQ(writer->pictures(), 1);
+  ASSERT_THAT(writer->Write(Grey(60)), IsOk());
+  ASSERT_THAT(writer->Finish(), IsOk());
+  EXPECT_EQ(ReadVideo(folder / "a.mp4").times.size(), 2u);
+}
+
+TEST(Mp4Writer, AMovingPictureForPagesHasItsFramesAndRepeats) {
+  const TemporaryFolder folder;
+  auto writer = Mp4Writer::Open(folder / "a.webp",
+                                {.width = kSide, .height = kSide, .rate = {5, 1}, .container = Container::kAnimatedWebp});
+  if (!writer && writer.error().code == Code::kUnavailable) GTEST_SKIP() << writer.error().message;
+  ASSERT_THAT(writer, IsOk());
+  for (int k = 0; k < 3; ++k) ASSERT_THAT(writer->Write(Grey(80 * k)), IsOk());
+  ASSERT_THAT(writer->Finish(), IsOk());
+  const std::string bytes = ReadTextFile(folder / "a.webp").value_or("");
+  EXPECT_EQ(bytes.substr(0, 4), "RIFF");
+  EXPECT_EQ(bytes.substr(8, 4), "WEBP");
+  std::size_t frames = 0;
+  for (std::size_t at = bytes.find("ANMF"); at != std::string::npos; at = bytes.find("ANMF", at + 4)) ++frames;
+  EXPECT_EQ(frames, 3u);
+  const auto header = bytes.find("ANIM");
+  ASSERT_NE(header, std::string::npos);
+  EXPECT_EQ(bytes.substr(header + 12, 2), std::string("\0\0", 2)) << "how often it is shown: 0, for ever";
 }
 
 TEST(Mp4Writer, RefusesWhatNoEncoderTakes) {

@@ -55,6 +55,34 @@ TEST(CheckTrained, RefusesWhatWasNeverTrainedOrNeverMeasured) {
   EXPECT_EQ(WhyUntrained(missing), "LANG has 0 trained steps");
 }
 
+// it decodes nothing: there is nothing to measure, only to train
+TEST(CheckTrained, AModuleThatSaysNothingNeedsNoError) {
+  auto metadata = Trained();
+  policy::FindModule(metadata.policy, "DISP")->decoder.quantity.clear();
+  auto* control = policy::FindModule(metadata.policy, "CTRL");
+  control->decoder.inputs = {"register", "register:DISP"};
+  metadata.modules["DISP"].error.reset();
+  EXPECT_EQ(WhyUntrained(metadata), "");
+  metadata.modules["DISP"].trained_steps = 0;
+  EXPECT_EQ(WhyUntrained(metadata), "DISP has 0 trained steps");
+}
+
+TEST(CheckTrained, EveryReasonIsGivenInTheOrderOfTheModules) {
+  auto metadata = Trained();
+  metadata.modules["CTRL"].error.reset();
+  metadata.modules["EE3D"] = {};
+  metadata.modules.erase("TAR2D");
+  EXPECT_EQ(WhyUntrained(metadata),
+            "TAR2D has 0 trained steps; EE3D has 0 trained steps; CTRL has no validation error");
+}
+
+TEST(CheckTrained, APolicyThatDrivesNothingMayNotDrive) {
+  auto metadata = Trained();
+  std::erase_if(metadata.policy.modules, [](const auto& module) { return module.name == "CTRL"; });
+  EXPECT_EQ(WhyUntrained(metadata), "no module decodes a trajectory");
+  EXPECT_FALSE(CheckTrained(metadata));
+}
+
 TEST(CheckTrained, LooksAtTheControlPathOnly) {
   auto metadata = Trained();
   auto* control = policy::FindModule(metadata.policy, "CTRL");

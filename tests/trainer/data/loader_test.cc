@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 
 #include "tests/support/temporary_folder.h"
@@ -77,6 +78,45 @@ TEST_F(LoaderTest, ReplacesPicturesThatCannotBeRead) {
     loader.Recycle(std::move(*batch));
   }
   EXPECT_GT(loader.replaced_frames(), 0u);
+}
+
+TEST_F(LoaderTest, EndsWithAnErrorWhenNoPictureCanBeRead) {
+  const auto snapshot = dataset_->snapshot();
+  for (const auto& entry : snapshot->episodes()) std::filesystem::resize_file(entry->record.path, 100);
+  config_.prefetch = 1;
+  Loader loader(dataset_, Maker(), config_, 3, 0);
+  const auto batch = loader.Next();
+  ASSERT_FALSE(batch) << "it tries others, and not for ever";
+  EXPECT_NE(batch.error().message.find("make batch 0"), std::string::npos) << batch.error().message;
+  EXPECT_GT(loader.replaced_frames(), 0u);
+}
+
+TEST_F(LoaderTest, DrawsFromWhatCameInMeanwhile) {
+  Loader loader(dataset_, Maker(), config_, 3, 0);
+  auto batch = loader.Next();
+  ASSERT_TRUE(batch) << batch.error().message;
+  for (const auto& ref : (*batch)->frames) EXPECT_LT(ref.episode, 12u);
+  AddSyntheticEpisodes(folder_ / "d", spec_, 12, 40);
+  ASSERT_EQ(dataset_->Refresh().value(), 28);
+  std::uint32_t newest = 0;
+  for (int i = 0; i < 40; ++i) {
+    loader.Recycle(std::move(*batch));
+    batch = loader.Next();
+    ASSERT_TRUE(batch) << batch.error().message;
+    for (const auto& ref : (*batch)->frames) newest = std::max(newest, ref.episode);
+  }
+  EXPECT_GE(newest, 12u);
+}
+
+TEST_F(LoaderTest, EndsWhileItsThreadsAreAhead) {
+  config_.threads = 3;
+  config_.prefetch = 9;
+  for (int i = 0; i < 5; ++i) {
+    Loader loader(dataset_, Maker(), config_, 3, 0);
+    if (i % 2 == 0) {
+      EXPECT_TRUE(loader.Next());
+    }
+  }
 }
 
 TEST_F(LoaderTest, EndsWithAnErrorWhenThereIsNothing) {

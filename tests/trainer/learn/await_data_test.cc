@@ -7,6 +7,8 @@
 
 #include <thread>
 
+#include "services/core/clock.h"
+#include "tests/support/matchers.h"
 #include "tests/trainer/learn/tiny_run.h"
 
 namespace etude::learn {
@@ -51,6 +53,82 @@ TEST(AwaitData, EndsWithTheWordsOfItsCollector) {
                                          }});
   ASSERT_FALSE(waited);
   EXPECT_THAT(waited.error().message, HasSubstr("disk gone"));
+}
+
+TEST(AwaitData, OfAFinishedDatasetTakesWhatThereIs) {
+  const TemporaryFolder folder;
+  const auto dataset = TinyDataset(folder / "d", 24);
+  EXPECT_THAT(AwaitData(*dataset, TinyConfig({"data.min_episodes=1000", "data.min_valid=100"}), {}), IsOk());
+
+  const auto empty = TinyDataset(folder / "empty", 0);
+  const Status nothing = AwaitData(*empty, TinyConfig(), {});
+  EXPECT_THAT(nothing, HasCode(Code::kNotFound));
+  EXPECT_THAT(nothing, MessageHas("--follow")) << "what to do";
+}
+
+TEST(AwaitData, AsksForNoMoreThanTheCampaignPlans) {
+  const TemporaryFolder folder;
+  CampaignSpec spec = SyntheticSpec(kTinyPicture, kTinyPicture);
+  spec.episodes = 6;
+  spec.split = {5, 1, 0};  // counts
+  AddSyntheticEpisodes(folder / "d", spec, 0, 6, 10);
+  auto dataset = data::Dataset::Open(folder / "d");
+  ASSERT_THAT(dataset, IsOk());
+  const TrainConfig config = TinyConfig({"data.min_episodes=1000", "data.min_valid=100"});
+  const AwaitOptions options{.follow = true, .patience = std::chrono::milliseconds(1)};
+  EXPECT_THAT(AwaitData(**dataset, config, options), IsOk()) << "all that will ever come is there";
+
+  std::filesystem::remove(store::EpisodePath(folder / "d", 3));
+  auto lacking = data::Dataset::Open(folder / "d");
+  ASSERT_THAT(lacking, IsOk());
+  EXPECT_THAT(AwaitData(**lacking, config, options), HasCode(Code::kExhausted));
+}
+
+// normalisation and the goals of the curriculum would be those of the other tasks
+TEST(AwaitData, WaitsForEveryTaskButNotForever) {
+  const TemporaryFolder folder;
+  CampaignSpec spec = SyntheticSpec(kTinyPicture, kTinyPicture);
+  spec.episodes = 200;
+  const TrainConfig config = TinyConfig({"data.min_episodes=12", "data.min_valid=1"});
+  const AwaitOptions options{.follow = true, .patience = std::chrono::milliseconds(1)};
+  auto writer = store::DatasetWriter::Open(folder / "d", spec);
+  ASSERT_THAT(writer, IsOk());
+  auto dataset = data::Dataset::Open(folder / "d");
+  ASSERT_THAT(dataset, IsOk());
+  std::uint64_t next = 0;
+  const auto commit_without_put_down = [&](std::size_t training) {
+    while ((*dataset)->snapshot()->episode_count(data::Split::kTrain) < training) {
+      const Episode episode = MakeSyntheticEpisode(spec, next++, 10);
+      if (episode.task == "put_down") continue;
+      ASSERT_THAT(writer->Commit(episode), IsOk());
+      ASSERT_THAT((*dataset)->Refresh(), IsOk());
+    }
+  };
+  commit_without_put_down(14);
+  EXPECT_THAT(AwaitData(**dataset, config, options), MessageHas("none of task put_down"));
+  commit_without_put_down(24);  // twice as many as were asked for
+  EXPECT_THAT(AwaitData(**dataset, config, options), IsOk());
+}
+
+TEST(Follower, BringsInWhatIsCommittedMeanwhile) {
+  const TemporaryFolder folder;
+  const auto dataset = TinyDataset(folder / "d", 2);
+  ASSERT_THAT(dataset->Refresh(), IsOk());
+  const auto before = dataset->snapshot();
+  const Follower follower(dataset, 0.001);
+  AddSyntheticEpisodes(folder / "d", SyntheticSpec(kTinyPicture, kTinyPicture), 2, 6);
+  const Stopwatch watch;
+  while (dataset->snapshot()->episodes().size() < 6 && watch.Seconds() < 30) std::this_thread::yield();
+  EXPECT_EQ(dataset->snapshot()->episodes().size(), 6u);
+  EXPECT_EQ(before->episodes().size(), 2u) << "who began with it goes on with it";
+}
+
+TEST(Follower, EndsAtOnceHoweverRarelyItLooks) {
+  const TemporaryFolder folder;
+  const auto dataset = TinyDataset(folder / "d", 2);
+  const Stopwatch watch;
+  { const Follower follower(dataset, 3600); }
+  EXPECT_LT(watch.Seconds(), 60);
 }
 
 }  // namespace await_data_test

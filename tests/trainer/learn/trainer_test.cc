@@ -13,6 +13,7 @@
 
 #include "tests/trainer/learn/tiny_run.h"
 #include "tests/trainer/policy/clip/tiny_clip.h"
+#include "trainer/checkpoint/readiness.h"
 #include "trainer/learn/run_state.h"
 #include "trainer/policy/clip/text_encoder.h"
 #include "trainer/policy/parts.h"
@@ -433,6 +434,21 @@ TEST_F(InitTest, FrozenPartsStayBitForBitWhileModulesAreAdded) {
   EXPECT_THAT(stages, HasSubstr("\"from\":2")) << stages;
   EXPECT_THAT(stages, testing::Not(HasSubstr("\"from\":1,"))) << stages;
   EXPECT_EQ(grown.metadata.modules.at("TAR2D").trained_steps, source_.metadata.modules.at("TAR2D").trained_steps);
+}
+
+// No episode here has an obstacle, and no sentence speaks of one: what is new has no label, and its weights are those
+// that it was drawn with. Nothing of that may drive.
+TEST_F(InitTest, AModuleWithoutALossWasNotTrained) {
+  checkpoint::Checkpoint grown;
+  ASSERT_TRUE(Train(Begun({"add=[obstacle]", "data.clauses=0", "curriculum.enabled=false"}), folder_ / "run", false,
+                    Keeping(grown)));
+  const auto& modules = grown.metadata.modules;
+  EXPECT_EQ(modules.contains("OBST2D") ? modules.at("OBST2D").trained_steps : 0, 0u);
+  EXPECT_GT(modules.at("CTRL").trained_steps, source_.metadata.modules.at("CTRL").trained_steps);
+  const std::string why = checkpoint::WhyUntrained(grown.metadata);
+  EXPECT_THAT(why, HasSubstr("OBST2D has 0 trained steps"));
+  EXPECT_THAT(why, HasSubstr("OBST3D has no validation error"));
+  EXPECT_THAT(why, testing::Not(HasSubstr("TAR3D")));
 }
 
 TEST_F(InitTest, ResumesWithoutTheCheckpointThatItBeganWith) {

@@ -257,6 +257,173 @@ TEST_F(CheckerTest, DistancesOfWhatIsHeldBelongToTheToolsBody) {
   EXPECT_EQ(held->carrier, scene_->arm().bodies[structure.tool_body]);
 }
 
+TEST_F(CheckerTest, ClearedItKnowsNoObjectNothingAllowedAndNothingHeld) {
+  Pose X_WO = kinematics_.X_WE(q_home_);
+  X_WO.q.setIdentity();
+  checker_.SetGripper(1);
+  checker_.SetObject("coke", X_WO);
+  checker_.SetObject("milk", X_WO);
+  checker_.Allow({"coke"});
+  checker_.Attach("bottle", Pose{});
+  ASSERT_TRUE(checker_.Check(q_home_));
+
+  checker_.ClearObjects();
+  EXPECT_FALSE(checker_.Check(q_home_));
+  EXPECT_EQ(checker_.gripper(), 1) << "the fingers are no object";
+  checker_.SetObject("coke", X_WO);
+  const auto collision = checker_.Check(q_home_);
+  ASSERT_TRUE(collision) << "it is not allowed any more";
+  EXPECT_NE(collision->body_a, "bottle");
+  checker_.Attach("pepsi", Pose{});  // nothing is held: another may be
+}
+
+TEST_F(CheckerTest, WhatIsHeldMayNotTouchTheArm) {
+  const auto structure = internal::FindStructure(scene_->arm(), kinematics_);
+  // in the hand's frame, where the upper arm is
+  const auto& bodies = scene_->arm().bodies;
+  const auto upper = std::ranges::find_if(bodies, [&](const std::string& body) {
+    return structure.joints_between(&body - &bodies[0], static_cast<int>(bodies.size())) == 2;
+  });
+  ASSERT_NE(upper, bodies.end());
+  const Pose X_WB = kinematics_.BodyPoses(q_home_, 0, {*upper}).front();
+  Pose X_WO = X_WB;
+  for (const auto& piece : scene_->geometry())
+    if (piece.body == *upper) X_WO = X_WB * piece.X_BG;
+  X_WO.q.setIdentity();
+  checker_.Attach("coke", kinematics_.X_WE(q_home_).inverse() * X_WO);
+  const auto collision = checker_.Check(q_home_);
+  ASSERT_TRUE(collision);
+  EXPECT_EQ(collision->body_b, "coke");
+  const auto touched = std::ranges::find(bodies, collision->body_a);
+  ASSERT_NE(touched, bodies.end());
+  EXPECT_FALSE(structure.with_tool[static_cast<std::size_t>(touched - bodies.begin())]) << *touched;
+}
+
+TEST_F(CheckerTest, WhatIsLetGoIsWhereItWasSetLast) {
+  Pose X_WO = kinematics_.X_WE(q_home_);
+  X_WO.q.setIdentity();
+  checker_.SetGripper(1);
+  Pose far = X_WO;
+  far.p.y() += 0.6;
+  checker_.SetObject("coke", far);
+  checker_.Attach("coke", Pose{{0, 0, 0}, kinematics_.X_WE(q_home_).q.conjugate()});
+  EXPECT_FALSE(checker_.Check(q_home_)) << "the hand may touch what it holds";
+  checker_.SetObject("coke", X_WO);
+  EXPECT_FALSE(checker_.Check(q_home_)) << "still held";
+  checker_.Attach("coke", std::nullopt);
+  const auto collision = checker_.Check(q_home_);
+  ASSERT_TRUE(collision) << "it stands around the closed fingers now";
+  EXPECT_EQ(collision->body_b, "coke");
+
+  // one that was never set is nowhere when it is let go, and letting go of what is not held is nothing
+  checker_.ClearObjects();
+  checker_.Attach("coke", Pose{});
+  checker_.Attach("milk", std::nullopt);
+  checker_.Attach("coke", std::nullopt);
+  EXPECT_FALSE(checker_.Check(q_home_));
+}
+
+TEST_F(CheckerTest, ALargerMarginNeverFreesWhatASmallerOneBlocks) {
+  Rng rng(8);
+  checker_.SetObject("coke", Standing("coke", 0.05, 0.3));
+  checker_.SetObject("milk", Standing("milk", -0.15, 0.25));
+  int between = 0;
+  for (int i = 0; i < 200; ++i) {
+    Eigen::VectorXd q = q_home_;
+    for (double& value : q) value += rng.Uniform(-0.3, 0.3);
+    bool blocked = false, first = true;
+    bool began = false;
+    for (const double margin : {0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.04}) {
+      const bool now = checker_.Check(q, margin).has_value();
+      EXPECT_TRUE(now || !blocked) << i << " at " << margin;
+      if (first) began = now;
+      first = false;
+      blocked = blocked || now;
+    }
+    between += blocked && !began ? 1 : 0;
+  }
+  EXPECT_GT(between, 10) << "some are blocked by the margin alone";
+}
+
+TEST_F(CheckerTest, LookingFurtherFindsTheSameAndMore) {
+  Rng rng(9);
+  checker_.SetObject("coke", Standing("coke", 0.05, 0.3));
+  checker_.SetObject("bottle", Standing("bottle", -0.2, 0.3));
+  for (int i = 0; i < 60; ++i) {
+    Eigen::VectorXd q = q_home_;
+    for (double& value : q) value += rng.Uniform(-0.3, 0.3);
+    const auto far = checker_.Distances(q, 0.3, PairSet::kSelfToo);
+    const auto near = checker_.Distances(q, 0.1, PairSet::kSelfToo);
+    std::size_t expected = 0;
+    for (const Proximity& p : far) {
+      EXPECT_NEAR(p.normal.norm(), 1, 1e-9);
+      if (p.distance >= 0.1) continue;
+      ++expected;
+      const auto same = std::ranges::find_if(
+          near, [&](const Proximity& other) { return other.body_a == p.body_a && other.body_b == p.body_b; });
+      ASSERT_NE(same, near.end()) << p.body_a << " " << p.body_b;
+      EXPECT_EQ(same->distance, p.distance);
+    }
+    EXPECT_EQ(near.size(), expected);
+  }
+}
+
+TEST_F(CheckerTest, OverlapsOfTheArmAreThoseOfThePosesThatItIsGiven) {
+  const auto pairs = checker_.SelfPairs();
+  std::vector<Pose> poses = kinematics_.ArmPoses(q_home_, 0);
+  EXPECT_TRUE(checker_.SelfOverlaps(poses, 0.001).empty());
+
+  // a body is put into another that it is tested against
+  const auto& bodies = scene_->arm().bodies;
+  const auto& [a, b] = pairs.front();
+  const auto index = [&](const std::string& name) {
+    return static_cast<std::size_t>(std::ranges::find(bodies, name) - bodies.begin());
+  };
+  const auto middle = [&](const std::string& body) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    int n = 0;
+    for (const auto& piece : scene_->geometry())
+      if (piece.body == body) sum += poses[index(body)] * piece.X_BG.p, ++n;
+    return Eigen::Vector3d(sum / n);
+  };
+  const Eigen::Vector3d shift = middle(a) - middle(b);
+  poses[index(b)].p += shift;
+  const auto overlaps = checker_.SelfOverlaps(poses, 0.001);
+  const auto found = std::ranges::find_if(overlaps, [&](const Checker::Overlap& overlap) {
+    return (overlap.body_a == a && overlap.body_b == b) || (overlap.body_a == b && overlap.body_b == a);
+  });
+  ASSERT_NE(found, overlaps.end()) << a << " in " << b;
+  EXPECT_GT(found->depth, 0.001);
+  EXPECT_TRUE(checker_.SelfOverlaps(poses, 10).empty()) << "none is ten metres deep";
+  for (const auto& overlap : overlaps)
+    EXPECT_EQ(std::ranges::count_if(overlaps,
+                                    [&](const Checker::Overlap& other) {
+                                      return other.body_a == overlap.body_a && other.body_b == overlap.body_b;
+                                    }),
+              1);
+}
+
+TEST_F(CheckerTest, ConfigurationsThatAreCheckedAreCounted) {
+  checker_.Check(q_home_);
+  (void)checker_.Nearest(q_home_);
+  (void)checker_.Distances(q_home_, 0.1);
+  EXPECT_EQ(checker_.checks(), 3u);
+  Eigen::VectorXd there = q_home_;
+  there[0] += 0.1;
+  EXPECT_FALSE(checker_.CheckSegment(q_home_, there, 0.03));
+  EXPECT_EQ(checker_.checks(), 3u + 5u) << "both ends and three places between";
+}
+
+TEST_F(CheckerTest, NamesOfNothingAreMistakesOfTheProgram) {
+  EXPECT_DEATH(checker_.SetObject("unicorn", Pose{}), "unicorn");
+  EXPECT_DEATH(checker_.Allow({"coke", "unicorn"}), "unicorn");
+  EXPECT_DEATH(checker_.Attach("unicorn", Pose{}), "unicorn");
+  checker_.Attach("coke", Pose{});
+  checker_.Attach("coke", Pose{{0.01, 0, 0}, Eigen::Quaterniond::Identity()});  // it slipped
+  EXPECT_DEATH(checker_.Attach("milk", Pose{}), "already holds 'coke'");
+  EXPECT_DEATH((void)checker_.CheckSegment(q_home_, q_home_, 0), "resolution");
+}
+
 class AgainstMujoco : public CheckerTest {
  protected:
   // Pairs (arm body, other) in contact that the checker is to see.

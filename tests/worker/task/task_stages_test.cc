@@ -5,6 +5,7 @@
 
 #include <numbers>
 
+#include "tests/worker/task/stages_fixture.h"
 #include "worker/task/criteria.h"
 
 namespace etude::task {
@@ -27,13 +28,6 @@ struct Fixture {
   std::optional<SceneGeometry> shapes;
   StageContext now;
 };
-
-const Stage& Find(const std::vector<Stage>& stages, const std::string& name) {
-  for (const auto& stage : stages)
-    if (stage.name == name) return stage;
-  ADD_FAILURE() << name;
-  return stages[0];
-}
 
 TEST(StagesOf, EndWithAWaitAndGripAsTheyShould) {
   const Fixture f;
@@ -68,7 +62,7 @@ TEST(SceneGeometry, HeightOnTableIsTheRestHeightWhenUpright) {
 TEST(Stages, ReachPutsTheTipsJustBeyondTheAxis) {
   Fixture f;
   const auto stages = StagesOf(*ParseTask("pick"), *f.shapes);
-  const Pose goal = Find(stages, "reach").goal(f.now);
+  const Pose goal = FindStage(stages, "reach").goal(f.now);
   const double beyond = goal.p.y() + f.shapes->ahead_closed() - f.now.X_WO.p.y();
   EXPECT_GT(beyond, 0.005);
   EXPECT_LT(beyond, f.shapes->object("coke").half_extent.y());
@@ -78,7 +72,7 @@ TEST(Stages, ReachPutsTheTipsJustBeyondTheAxis) {
 TEST(Stages, PushGoesFarEnoughForSuccessAlsoWhenItGoesLess) {
   Fixture f;
   const auto stages = StagesOf(*ParseTask("push"), *f.shapes);
-  const Stage& push = Find(stages, "push");
+  const Stage& push = FindStage(stages, "push");
   ASSERT_TRUE(push.nearer);
   const Pose far = push.goal(f.now), near = push.nearer(f.now);
   EXPECT_LT(near.p.y(), far.p.y());
@@ -92,7 +86,7 @@ TEST(Stages, PushGoesFarEnoughForSuccessAlsoWhenItGoesLess) {
 TEST(Stages, AHandOnTheLineDoesNotBackOff) {
   Fixture f;
   const auto stages = StagesOf(*ParseTask("pick"), *f.shapes);
-  const auto& approach = Find(stages, "approach");
+  const auto& approach = FindStage(stages, "approach");
   const double far = approach.goal(f.now).p.y();
   f.now.X_WE.p = {f.now.X_WO.p.x() + 0.01, f.now.X_WO.p.y() - 0.075, f.now.X_WO.p.z()};
   EXPECT_GT(approach.goal(f.now).p.y(), far + 0.015);
@@ -101,7 +95,7 @@ TEST(Stages, AHandOnTheLineDoesNotBackOff) {
 TEST(Stages, TurningHalfWayLeavesHalfOfTheWayBack) {
   Fixture f;
   const auto stages = StagesOf(*ParseTask("put_down"), *f.shapes);
-  const auto& turn = Find(stages, "turn");
+  const auto& turn = FindStage(stages, "turn");
   f.now.X_WE = {{0.1, 0.3, 0.2}, LevelHand()};
   const Pose goal = turn.goal(f.now);
   f.now.X_WE = {{0.1, 0.5 * (0.3 + goal.p.y()), 0.2}, LevelHand().slerp(0.5, TurnedHand())};
@@ -111,11 +105,11 @@ TEST(Stages, TurningHalfWayLeavesHalfOfTheWayBack) {
 TEST(Stages, PlaceBringsTheObjectJustAboveTheTable) {
   Fixture f;
   const auto stages = StagesOf(*ParseTask("put_down"), *f.shapes);
-  const auto& place = Find(stages, "place");
+  const auto& place = FindStage(stages, "place");
   for (const auto& object : f.scene->objects()) {
     f.now.target = object.name;
     f.now.X_WO.p.z() = object.rest_height;
-    const Pose grasp = Find(stages, "reach").goal(f.now);
+    const Pose grasp = FindStage(stages, "reach").goal(f.now);
     f.now.X_EO = grasp.inverse() * f.now.X_WO;
     f.now.X_WE = {{0.1, 0.15, 0.2}, TurnedHand()};
     const Pose X_WO = place.goal(f.now) * *f.now.X_EO;

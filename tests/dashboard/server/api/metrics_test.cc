@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests dashboard/server/api/metrics.cc: that what is scraped is Prometheus' text format, whatever names there are.
+#include "dashboard/server/api/metrics.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <map>
+#include <optional>
+#include <set>
+#include <sstream>
+
+#include "tests/dashboard/server/api/api_fixture.h"
+#include "tests/support/matchers.h"
+
+namespace etude::api {
+namespace metrics_test {
+
+struct Line {
+  std::string name;
+  std::map<std::string, std::string> labels;
+  std::string value;
+};
+
+// By the format's description: NAME{LABEL="VALUE",...} NUMBER, with \\, \" and \n in values.
+std::optional<Line> Parse(const std::string& text) {
+  Line line;
+  std::size_t at = text.find_first_of("{ ");
+  if (at == std::string::npos) return std::nullopt;
+  line.name = text.substr(0, at);
+  while (text[at] == '{' || text[at] == ',') {
+    const std::size_t equal = text.find("=\"", at);
+    if (equal == std::string::npos) return std::nullopt;
+    const std::string label = text.substr(at + 1, equal - at - 1);
+    std::string value;
+    for (at = equal + 2; at < text.size() && text[at] != '"'; ++at) {
+      if (text[at] == '\\') {
+        ++at;
+        if (at >= text.size()) return std::nullopt;
+        if (text[at] != '\\' && text[at] != '"' && text[at] != 'n') return std::nullopt;
+        value += text[at] == 'n' ? '\n' : text[at];
+      } else {
+        value += text[at];
+      }
+    }
+    line.labels[label] = value;
+    if (++at >= text.size()) return std::nullopt;
+  }
+  if (text[at] == '}') ++at;
+  if (text[at] != ' ') return std::nullopt;
+  line.value = text.substr(at + 1);
+  return line;
+}
+
+class MetricsTest : public ApiFixture {
+ protected:
+  std::vector<Line> Scrape() {
+    std::vector<Line> lines;
+    std::istringstream text(Get("/metrics").body);
+    for (std::string line; std::getline(text, line);) {
+      if (line.starts_with('#')) continue;
+      const auto parsed = Parse(line);
+      EXPECT_TRUE(parsed) << line;
+      if (parsed) lines.push_back(*parsed);
+    }
+    return lines;
+  }
+};
+
+TEST_F(MetricsTest, NamesOfStrangersKeepTheFormat) {
+  const std::string reason = "a \"quoted\" \\ reason\nof two lines{,}";
+  const OrderedJson line{{"index", 3}, {"attempt", 0}, {"outcome", reason}};
+  ASSERT_THAT(WriteFileAtomically(lab_.root() / "data" / "attempts.jsonl", JsonText(line) + "\n"), IsOk());
+  int found = 0;
+  for (const auto& parsed : Scrape()) {
+    if (parsed.name != "etude_failed_attempts_total") continue;
+    EXPECT_EQ(parsed.labels.at("reason"), reason);
+    EXPECT_EQ(parsed.value, "1");
+    ++found;
+  }
+  EXPECT_EQ(found, 1);
+}
+
+TEST_F(MetricsTest, EverySampleIsOfAFamilyAndEverySeriesStandsOnce) {
+  std::set<std::string> families;
+  std::istringstream text(MetricFamilies());
+  for (std::string line; std::getline(text, line);) {
+    std::istringstream words(line);
+    std::string hash, kind, name;
+    words >> hash >> kind >> name;
+    EXPECT_EQ(hash, "#");
+    if (kind == "TYPE") {
+      EXPECT_TRUE(families.insert(name).second) << name;
+    }
+  }
+  EXPECT_GT(families.size(), 15u);
+  std::set<std::pair<std::string, std::map<std::string, std::string>>> series;
+  for (const auto& line : Scrape()) {
+    std::string family = line.name;
+    for (const char* ending : {"_bucket", "_sum", "_count"})
+      if (family.ends_with(ending) && !families.contains(family)) family.resize(family.size() - std::strlen(ending));
+    EXPECT_TRUE(families.contains(family)) << line.name;
+    EXPECT_TRUE(series.insert({line.name, line.labels}).second) << line.name;
+  }
+}
+
+TEST_F(MetricsTest, TheHistogramAddsUp) {
+  std::string text;
+  const double plans[] = {0.005, 0.01, 0.015, 0.3, 99.0};
+  for (int i = 0; i < 5; ++i)
+    text += fmt::format("{{\"index\":{},\"attempt\":0,\"outcome\":\"slip\",\"details\":{{\"plan_s\":{}}}}}\n", i, plans[i]);
+  ASSERT_THAT(WriteFileAtomically(lab_.root() / "data" / "attempts.jsonl", text), IsOk());
+  double before = 0, sum = 0, count = 0;
+  int buckets = 0;
+  for (const auto& line : Scrape()) {
+    if (!line.labels.contains("campaign") || line.labels.at("campaign") != "lab.data") continue;
+    const double value = std::strtod(line.value.c_str(), nullptr);
+    if (line.name == "etude_plan_seconds_sum") sum = value;
+    if (line.name == "etude_plan_seconds_count") count = value;
+    if (line.name != "etude_plan_seconds_bucket") continue;
+    ++buckets;
+    EXPECT_GE(value, before) << "cumulative";
+    before = value;
+    const std::string edge = line.labels.at("le");
+    const double limit = edge == "+Inf" ? 1e99 : std::strtod(edge.c_str(), nullptr);
+    EXPECT_EQ(value, std::ranges::count_if(plans, [&](double plan) { return plan <= limit; })) << edge;
+  }
+  EXPECT_EQ(buckets, 12);
+  EXPECT_NEAR(sum, 99.33, 1e-9);
+  EXPECT_EQ(count, 5);
+  EXPECT_EQ(before, 5) << "the last bucket has all";
+}
+
+}  // namespace metrics_test
+}  // namespace etude::api
