@@ -50,7 +50,6 @@ OrderedJson JsonOf(const live::PlayWatch::Session& session) {
           {"phase", state.phase},
           {"age_ms", session.age_ms},
           {"frame", session.frame},
-          {"insights", session.insights},
           {"scene", Parsed(state.scene_json)},
           {"sentence", state.sentence},
           {"meaning", state.meaning_json.empty() ? OrderedJson() : Parsed(state.meaning_json)},
@@ -156,12 +155,12 @@ Result<http::Answer> Picture(Context& context, const http::Request& request) {
   return http::BytesAnswer(std::string(frame.image.begin(), frame.image.end()), "image/jpeg", http::Caching::kNever);
 }
 
-// What its policy sees; numbered, so that a page asks for it when there is another one.
+// What its policy sees; asked for again and again by a page that shows it.
 Result<http::Answer> LookInto(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const auto watch, WatchOf(context));
   ETUDE_ASSIGN_OR_RETURN(const auto looked, watch->LookInto(request.Parameter("id")));
   const policy::Insight insight = looked.newest.value_or(policy::Insight{});
-  return http::JsonAnswer({{"insights", looked.number},
+  return http::JsonAnswer({{"number", looked.number},
                            {"checkpoint_step", insight.checkpoint_step},
                            {"modules", http::ForBrowsers(insight.modules)},
                            {"attention", AttentionJson(insight)},

@@ -106,8 +106,7 @@ Result<std::vector<PlayWatch::Session>> PlayWatch::Sessions() {
     const auto watched = watched_.find(name);
     const auto age = std::chrono::duration_cast<std::chrono::milliseconds>(MonotonicClock::now() - heard.heard);
     const bool pictured = watched != watched_.end() && watched->second.newest;
-    all.push_back({heard.state, age.count(), pictured ? watched->second.newest->number : 0,
-                   watched == watched_.end() ? 0 : watched->second.insight.number});
+    all.push_back({heard.state, age.count(), pictured ? watched->second.newest->number : 0});
   }
   return all;
 }

@@ -29,8 +29,7 @@ class PlayWatch {
   struct Session {
     bus::PlayState state;
     std::int64_t age_ms = 0;
-    std::uint64_t frame = 0;     ///< number of the newest picture that came; 0: none
-    std::uint64_t insights = 0;  ///< that came since somebody asked for them; 0: none
+    std::uint64_t frame = 0;  ///< number of the newest picture that came; 0: none
   };
   /// Those that are live, by name. @error kUnavailable: no bus
   Result<std::vector<Session>> Sessions();
@@ -41,7 +40,7 @@ class PlayWatch {
   /// What its policy saw in its newest decision and said of it. Shown from now on for as long as somebody asks: looking
   /// costs the policy server time. Nothing: none came yet. @error as Look
   struct Insight {
-    std::uint64_t number = 0;  ///< as Session::insights
+    std::uint64_t number = 0;  ///< of the newest, since somebody asked
     std::optional<policy::Insight> newest;
   };
   Result<Insight> LookInto(const std::string& name);
