@@ -7,8 +7,9 @@ import { after, before, test } from 'node:test';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
 import { addresses, axe, launch, openPage, overflow, settle, themes, visit, widths } from './browser.mjs';
-import { checkpoints, episodeFiles, foldersWith, readJson, readLines, series } from './files.mjs';
+import { checkpointHeader, checkpoints, episodeFiles, foldersWith, readJson, readLines, series } from './files.mjs';
 import { startGateway } from './gateway.mjs';
+import { onDomain } from './programs.mjs';
 
 const dirs = (process.env.ETUDE_DIRS ?? '').split(':').filter(Boolean).map((one) => resolve(one));
 let gateway;
@@ -18,7 +19,7 @@ let pages;
 
 before(async () => {
   assert.ok(dirs.length, 'ETUDE_DIRS names no folder');
-  gateway = await startGateway(dirs);
+  gateway = await startGateway(dirs, 0, onDomain);
   browser = await launch();
   home = await get('/home');
   pages = addresses(home);
@@ -196,6 +197,32 @@ test('Generation: attempts are those committed and those of attempts.jsonl', asy
   });
 });
 
+test('Fleet: what workers did is what the journal of the dataset says', async () => {
+  const all = home.sources.filter((one) => one.kind === 'dataset' && one.role === 'demonstrations');
+  const fleet = await get('/fleet');
+  if (fleet.live || all.length !== 1) return;
+  const journal = readLines(join(folderOf(all[0], 'dataset.json'), 'commits.jsonl'));
+  await open(pages.fleet, async (page) => {
+    const workers = new Map();
+    for (const one of journal) if (one.worker) workers.set(one.worker, (workers.get(one.worker) ?? 0) + 1);
+    assert.equal(fleet.workers, workers.size);
+    for (const [worker, episodes] of workers) {
+      const row = await page.locator(`[role=row][data-id="${worker}"]`).innerText();
+      assert.ok(row.split(/\s+/).includes(String(episodes)), `${worker}: ${episodes} episodes, the page has ${row}`);
+    }
+  });
+});
+
+test('Logs: lines of the files, and none that a text is not in', async () => {
+  const logs = await get('/logs?limit=200');
+  if (!logs.lines.length) return;
+  const word = /[a-z]{5,}/.exec(logs.lines.at(-1).text)?.[0] ?? '';
+  await open(`/logs?q=${word}`, async (page) => {
+    const lines = await page.locator('.log-box .log li').allInnerTexts();
+    assert.ok(lines.length > 0 && lines.every((one) => one.toLowerCase().includes(word)), lines.find((one) => !one.toLowerCase().includes(word)));
+  });
+});
+
 test('Episode: the picture follows the step, space is drawn', async () => {
   if (!pages.episode) return;
   const id = source('dataset', 'demonstrations').id;
@@ -238,6 +265,15 @@ test('Inside: a box for each module of the config, all reachable by keyboard', a
   const graph = await get(`/runs/${source('run').id}/graph`);
   await open(pages.inside, async (page) => {
     assert.equal(await page.locator('[data-node]').count(), graph.nodes.length);
+    // errors as the newest checkpoint's own header has them, in the units of people
+    const header = checkpointHeader(folderOf(source('run'), 'metrics.jsonl'));
+    for (const [name, { error, trained_steps }] of Object.entries(JSON.parse(header?.modules ?? '{}'))) {
+      const said = (await page.locator(`[data-node="${name}"]`).textContent()) ?? '';
+      if (!trained_steps || error === null) continue;
+      const shown = Number(/([\d.,e-]+) (?:% wrong|px|cm)$/.exec(said)?.[1]?.replaceAll(',', ''));
+      const scale = said.endsWith('px') ? 1 : 100;
+      assert.ok(Math.abs(shown - scale * error) <= 0.051 * Math.abs(scale * error) + 1e-9, `${name}: page "${said}", file ${error}`);
+    }
     await page.locator(`[data-node="${graph.nodes[0].name}"]`).press('Enter');
     await page.waitForURL(`**module=${graph.nodes[0].name}**`);
   });
@@ -269,7 +305,7 @@ test('the gateway is killed and started again under a page', async () => {
   const port = Number(new URL(gateway.address).port);
   await gateway.stop('SIGKILL');
   await page.waitForSelector('.banner', { timeout: 10000 });
-  gateway = await startGateway(dirs, port);
+  gateway = await startGateway(dirs, port, onDomain);
   await page.waitForSelector('.banner', { state: 'detached', timeout: 15000 });
   await settle(page);
   assert.equal(await page.locator('.problem').count(), 0);
