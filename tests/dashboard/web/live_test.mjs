@@ -7,7 +7,7 @@ import { mkdirSync, mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
-import { axe, launch, openPage, overflow, settle, themes, visit } from './browser.mjs';
+import { axe, launch, openPage, overflow, themes, visit } from './browser.mjs';
 import { checkpointHeader, checkpoints, episodeFiles } from './files.mjs';
 import { startGateway } from './gateway.mjs';
 import { onDomain, startEtude } from './programs.mjs';
@@ -121,27 +121,74 @@ async function shades(page, module) {
   return handle.jsonValue();
 }
 
+const state = (session) => get(`/play/sessions/${session}`);
+
+/** Opens a session by the page's own form; its name, and an object that a sentence can be about. */
+async function openSession(page) {
+  await page.waitForFunction(() => [...document.querySelectorAll('select')].some((one) => [...one.options].some((option) => /@[0-9a-f]{16}$/.test(option.value))), undefined, { timeout: 30000 });
+  await page.getByLabel('Token').fill(token);
+  await page.getByRole('button', { name: 'Open', exact: true }).click();
+  await page.waitForURL('**session=play-**');
+  await page.waitForSelector('.play-picture img', { timeout: 120000 });
+  const session = new URL(page.url()).searchParams.get('session');
+  const { objects } = (await state(session)).scene;
+  return { session, object: ['coke', 'pepsi', 'milk', 'bread', 'bottle', 'cube'].find((name) => objects.some((one) => one.name === name)) };
+}
+
+async function typesASentence(page, object) {
+  await page.getByLabel('Sentence').fill(`push the xylophonic ${object}`);
+  await page.waitForSelector('[data-words]');
+  assert.ok(checkpointHeader(join(lab, 'run')).words.split(' ').includes('push'));
+  assert.equal(await page.locator('[data-words]').getAttribute('data-words'), 'training');
+  assert.match(await page.locator('[data-unseen]').innerText(), /never said: xylophonic$/);
+  assert.match(await page.locator('[data-meaning]').innerText(), new RegExp(`^means push ${object}`));
+}
+
+/** Pictures come, and what the policy attends to and plans lies over them. */
+async function followsThePolicy(page, session) {
+  assert.ok(await shades(page) > 2, 'the spotlight is even');
+  const looked = await get(`/play/sessions/${session}/insight`);
+  const [module, columns, rows] = await page.locator('canvas[data-attention]').evaluate((one) => [one.dataset.attention, one.width, one.height]);
+  assert.deepEqual([columns, rows], [looked.attention[module].columns, looked.attention[module].rows]);
+  assert.equal(looked.modules[module].entity, 'target', 'by itself it shows where the target is looked for');
+  await page.waitForFunction(() => (document.querySelector('.play-picture polyline')?.getAttribute('points') ?? '').split(' ').length > 3, undefined, { timeout: 30000 });
+  const frame = () => page.locator('.play-picture img').getAttribute('data-frame').then(Number);
+  const before = await frame();
+  await until('three more pictures', async () => (await frame()) > before + 2, 30000);
+  for (const theme of process.env.ETUDE_SHOTS ? themes : []) {
+    await page.emulateMedia({ colorScheme: theme });
+    await page.screenshot({ path: join(process.env.ETUDE_SHOTS, `play-session-1280-${theme}.png`), fullPage: true });
+  }
+}
+
+/** The judge's word on the page is the worker's. */
+async function isJudged(page, session) {
+  await page.waitForFunction(() => !/under way/.test(document.querySelector('.verdict .chip')?.textContent ?? 'under way'), undefined, { timeout: 200000 });
+  const done = await state(session);
+  assert.ok(done.outcome && !['refused', 'policy_error'].includes(done.outcome), `${done.outcome}: ${done.reason}`);
+  assert.match(await page.locator('.verdict .chip').first().innerText(), new RegExp(`${done.outcome}$`));
+  assert.equal(await page.locator('.verdict header .num').innerText(), `${done.successes} of ${done.attempts} done`);
+  assert.equal(done.attempts, 1);
+}
+
+/** The same scene again, and an object in it moved by keyboard. */
+async function movesAnObject(page, session, object) {
+  await page.getByRole('button', { name: 'Reset' }).click();
+  await until('the verdict to be gone', async () => (await page.locator('.verdict').count()) === 0);
+  const x = async () => (await state(session)).scene.objects.find((one) => one.name === object).x;
+  const refused = async () => (await page.locator('.play [role=alert]').count()) > 0;
+  const stood = await x();
+  await page.locator(`[data-object="${object}"]`).press('ArrowRight');
+  await until(`${object} to stand 1 cm further`, async () => (await refused()) || Math.abs((await x()) - (stood - 0.01)) < 0.004, 30000);
+  assert.ok(!(await refused()), 'it was refused');
+}
+
 test('Play: a sentence is typed, the policy drives, the judge has the last word', { timeout: 400000 }, async () => {
   const { page, context, wrong } = await openPage(browser, gateway.address);
   try {
     await visit(page, `${gateway.address}/play`);
-    await page.waitForFunction(() => [...document.querySelectorAll('select')].some((one) => [...one.options].some((option) => /@[0-9a-f]{16}$/.test(option.value))), undefined, { timeout: 30000 });
-    await page.getByLabel('Token').fill(token);
-    await page.getByRole('button', { name: 'Open', exact: true }).click();
-    await page.waitForURL('**session=play-**');
-    await page.waitForSelector('.play-picture img', { timeout: 120000 });
-    const session = new URL(page.url()).searchParams.get('session');
-    const state = () => get(`/play/sessions/${session}`);
-    const { scene } = await state();
-    const object = ['coke', 'pepsi', 'milk', 'bread', 'bottle', 'cube'].find((name) => scene.objects.some((one) => one.name === name));
-
-    // what it means, and which word is new to this policy
-    await page.getByLabel('Sentence').fill(`push the xylophonic ${object}`);
-    await page.waitForSelector('[data-words]');
-    assert.equal(await page.locator('[data-words]').getAttribute('data-words'), 'training');
-    assert.ok(checkpointHeader(join(lab, 'run')).words.split(' ').includes('push'));
-    assert.match(await page.locator('[data-unseen]').innerText(), /never said: xylophonic$/);
-    assert.match(await page.locator('[data-meaning]').innerText(), new RegExp(`^means push ${object}`));
+    const { session, object } = await openSession(page);
+    await typesASentence(page, object);
     for (const width of [360, 1280]) {
       for (const theme of themes) {
         await open(`/play?session=${session}`, async (other) => {
@@ -151,41 +198,10 @@ test('Play: a sentence is typed, the policy drives, the judge has the last word'
         }, { width, theme });
       }
     }
-
-    // by keyboard; pictures come, and what the policy attends to and plans lies over them
     await page.getByLabel('Sentence').press('Enter');
-    assert.ok(await shades(page) > 2, 'the spotlight is even');
-    const looked = await get(`/play/sessions/${session}/insight`);
-    const grid = await page.locator('canvas[data-attention]').evaluate((one) => [one.dataset.attention, one.width, one.height]);
-    assert.deepEqual(grid.slice(1), [looked.attention[grid[0]].columns, looked.attention[grid[0]].rows]);
-    assert.equal(looked.modules[grid[0]].entity, 'target', 'by itself it shows where the target is looked for');
-    await page.waitForFunction(() => (document.querySelector('.play-picture polyline')?.getAttribute('points') ?? '').split(' ').length > 3, undefined, { timeout: 30000 });
-    const frame = () => page.locator('.play-picture img').getAttribute('data-frame').then(Number);
-    const before = await frame();
-    await until('three more pictures', async () => (await frame()) > before + 2, 30000);
-    if (process.env.ETUDE_SHOTS) {
-      for (const theme of themes) {
-        await page.emulateMedia({ colorScheme: theme });
-        await page.screenshot({ path: join(process.env.ETUDE_SHOTS, `play-session-1280-${theme}.png`), fullPage: true });
-      }
-    }
-
-    // the judge's word is the worker's
-    await page.waitForFunction(() => !/under way/.test(document.querySelector('.verdict .chip')?.textContent ?? 'under way'), undefined, { timeout: 200000 });
-    const done = await state();
-    assert.ok(done.outcome && !['refused', 'policy_error'].includes(done.outcome), `${done.outcome}: ${done.reason}`);
-    assert.match(await page.locator('.verdict .chip').first().innerText(), new RegExp(`${done.outcome}$`));
-    assert.equal(await page.locator('.verdict header .num').innerText(), `${done.successes} of ${done.attempts} done`);
-    assert.equal(done.attempts, 1);
-
-    // the same scene again, an object moved by keyboard
-    await page.getByRole('button', { name: 'Reset' }).click();
-    await until('the verdict to be gone', async () => (await page.locator('.verdict').count()) === 0);
-    const x = async () => (await state()).scene.objects.find((one) => one.name === object).x;
-    const stood = await x();
-    await page.locator(`[data-object="${object}"]`).press('ArrowRight');
-    await until(`${object} to stand 1 cm further, or the reason why not`, async () => Math.abs((await x()) - (stood - 0.01)) < 0.004 || (await page.locator('.play [role=alert]').count()) > 0, 30000);
-    assert.equal(await page.locator('.play [role=alert]').count(), 0, 'it was refused');
+    await followsThePolicy(page, session);
+    await isJudged(page, session);
+    await movesAnObject(page, session, object);
     assert.deepEqual(wrong, []);
     await page.getByRole('button', { name: 'Close', exact: true }).click();
     await page.waitForSelector('text=is being opened, or has ended', { timeout: 30000 });

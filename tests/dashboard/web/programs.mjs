@@ -11,60 +11,75 @@ export const onDomain = process.env.ETUDE_DOMAIN ? ['--domain', process.env.ETUD
 const running = new Set();
 process.on('exit', () => { for (const child of running) child.kill('SIGKILL'); });
 
-/** Starts a program. `says` waits for a text of it, `ended` for its exit code; who waits for a program that ends without it is told its last words. */
-export function start(program, args) {
-  const child = spawn(program, args, { cwd: root, stdio: ['ignore', 'pipe', 'pipe'] });
-  const waiting = new Set();
-  let said = '';
-  let code;
-  const look = () => { for (const one of waiting) one(); };
-  const hear = (bytes) => {
-    said = (said + bytes).slice(-20000);
-    look();
-  };
-  child.stdout.on('data', hear);
-  child.stderr.on('data', hear);
-  running.add(child);
-  const ended = new Promise((done) => {
-    const end = (value) => {
-      if (code !== undefined) return;
-      code = value;
-      running.delete(child);
-      done(value);
+/** A program that runs, and what it has said. */
+export class Program {
+  said = '';
+  #name;
+  #child;
+  #code;
+  #waiting = new Set();
+  /** Its exit code, or the signal that ended it. */
+  ended;
+
+  constructor(program, args) {
+    this.#name = [program.split('/').pop(), ...args].join(' ');
+    this.#child = spawn(program, args, { cwd: root, stdio: ['ignore', 'pipe', 'pipe'] });
+    running.add(this.#child);
+    for (const stream of [this.#child.stdout, this.#child.stderr]) {
+      stream.on('data', (bytes) => {
+        this.said = (this.said + bytes).slice(-20000);
+        this.#look();
+      });
+    }
+    this.ended = new Promise((done) => {
+      // its pipes may still hold its last words when it has exited
+      this.#child.on('close', (code, signal) => this.#end(code ?? signal, done));
+      this.#child.on('error', (error) => { this.said += String(error); this.#end(-1, done); });
+    });
+  }
+
+  /** The match of what it says with a pattern; an error with its last words when it ends, or `limit` ms are over, without. */
+  says(pattern, limit) {
+    return new Promise((found, failed) => {
+      const fail = (what) => settle(failed, new Error(`${this.#name} ${what} ${pattern}: ${this.said.slice(-2000)}`));
+      const timer = setTimeout(() => fail(`did not say within ${limit} ms`), limit);
+      const look = () => {
+        const match = pattern.exec(this.said);
+        if (match) settle(found, match);
+        else if (this.#code !== undefined) fail(`ended with ${this.#code} and never said`);
+      };
+      const settle = (answer, value) => {
+        clearTimeout(timer);
+        this.#waiting.delete(look);
+        answer(value);
+      };
+      this.#waiting.add(look);
       look();
-    };
-    // its pipes may still hold its last words when it has exited
-    child.on('close', (value, signal) => end(value ?? signal));
-    child.on('error', (error) => { said += String(error); end(-1); });
-  });
-  const name = () => [program.split('/').pop(), ...args].join(' ');
-  const says = (pattern, limit) => new Promise((found, failed) => {
-    const settle = (answer, value) => {
-      clearTimeout(timer);
-      waiting.delete(check);
-      answer(value);
-    };
-    const check = () => {
-      const match = pattern.exec(said);
-      if (match) settle(found, match);
-      else if (code !== undefined) settle(failed, new Error(`${name()} ended with ${code} and never said ${pattern}: ${said.slice(-2000)}`));
-    };
-    const timer = setTimeout(() => settle(failed, new Error(`${name()} did not say ${pattern} within ${limit} ms: ${said.slice(-2000)}`)), limit);
-    waiting.add(check);
-    check();
-  });
-  const stop = async (signal = 'SIGTERM') => {
-    if (code === undefined) child.kill(signal);
-    return ended;
-  };
-  return { says, ended, stop, said: () => said };
+    });
+  }
+
+  async stop(signal = 'SIGTERM') {
+    if (this.#code === undefined) this.#child.kill(signal);
+    return this.ended;
+  }
+
+  #look() {
+    for (const look of [...this.#waiting]) look();
+  }
+  #end(code, done) {
+    if (this.#code !== undefined) return;
+    this.#code = code;
+    running.delete(this.#child);
+    done(code);
+    this.#look();
+  }
 }
 
-export const startEtude = (...args) => start(join(bin, 'etude'), [...args, ...onDomain]);
+export const startEtude = (...args) => new Program(join(bin, 'etude'), [...args, ...onDomain]);
 
 /** Runs it to its end, which has to be good. */
 export async function etude(...args) {
-  const process = startEtude(...args);
-  const code = await process.ended;
-  if (code !== 0) throw new Error(`etude ${args.join(' ')} ended with ${code}: ${process.said().slice(-3000)}`);
+  const program = startEtude(...args);
+  const code = await program.ended;
+  if (code !== 0) throw new Error(`etude ${args.join(' ')} ended with ${code}: ${program.said.slice(-3000)}`);
 }
