@@ -53,6 +53,7 @@ function folderOf(source, file) {
 
 const source = (kind, role) => home.sources.find((one) => one.kind === kind && (!role || one.role === role));
 const text = async (page, selector) => (await page.locator(selector).first().innerText()).trim();
+const number = (shown) => Number(shown.replaceAll(',', ''));
 const close = (a, b, what) => assert.ok(Math.abs(a - b) <= 1e-9 * Math.max(1, Math.abs(b)), `${what}: page ${a}, file ${b}`);
 
 test('the browser plays H.264 and draws WebGL', async () => {
@@ -119,6 +120,22 @@ test('Overview says what the gateway says, intervals as in eval.json', async () 
   });
 });
 
+test('Overview counts what the folders hold: demonstrations, steps, stages', async () => {
+  const of = (kind, id) => home.sources.find((one) => one.kind === kind && one.id === id && one.folder);
+  const data = of('dataset', home.tiles.demonstrations?.source);
+  const run = of('run', home.tiles.training?.source);
+  await open('/', async (page) => {
+    const figure = async (name) => number(await text(page, `[data-figure="${name}"]`));
+    if (data && !home.tiles.demonstrations.live) assert.equal(await figure('committed'), episodeFiles(folderOf(data, 'dataset.json')).length);
+    if (!run || home.tiles.training.live) return;
+    const folder = folderOf(run, 'metrics.jsonl');
+    assert.equal(await figure('step'), readLines(join(folder, 'metrics.jsonl')).filter((one) => one.kind === 'train').at(-1).step);
+    const steps = await page.locator('.ladder li').allInnerTexts();
+    const advances = readLines(join(folder, 'curriculum.jsonl'));
+    advances.forEach((one, i) => assert.ok(steps[i].includes(`to ${one.step.toLocaleString('en-US')}`), `${steps[i]}, ${JSON.stringify(one)}`));
+  });
+});
+
 test('Training: every curve has the least, largest and last value of metrics.jsonl', async () => {
   const run = source('run');
   if (!run) return;
@@ -149,7 +166,7 @@ test('Evaluation: successes, n, failures first, seeds beyond 2^53', async () => 
   if (!evaluation) return;
   const file = readJson(join(folderOf(evaluation, 'eval.json'), 'eval.json'));
   await open(pages.evaluation, async (page) => {
-    assert.equal(Number((await text(page, '[data-figure="successes"]')).replaceAll(',', '')), file.overall.success.successes);
+    assert.equal(number(await text(page, '[data-figure="successes"]')), file.overall.success.successes);
     assert.equal(await text(page, '[data-seed]'), file.seed);
     const cells = await page.locator('[data-scene]').evaluateAll((all) => all.map((one) => ({ index: Number(one.dataset.scene), outcome: one.dataset.outcome })));
     assert.equal(cells.length, file.per_episode.length);
@@ -179,10 +196,26 @@ test('Dataset: rows and filters count what lies in the folder', async () => {
   if (!dataset) return;
   const folder = folderOf(dataset, 'dataset.json');
   const { statistics } = readJson(join(folder, 'dataset.json'));
-  const total = async (page) => Number((await text(page, '[data-total]')).replaceAll(',', '').split(' ')[0]);
+  const total = async (page) => number((await text(page, '[data-total]')).split(' ')[0]);
   await open(pages.dataset, async (page) => assert.equal(await total(page), episodeFiles(folder).length));
   const [task, count] = Object.entries(statistics?.tasks ?? {})[0] ?? [];
   if (task && statistics.episodes === episodeFiles(folder).length) await open(`${pages.dataset}&task=${task}`, async (page) => assert.equal(await total(page), count));
+});
+
+test('Dataset: episodes by task and target are those of the journal', async () => {
+  const dataset = source('dataset', 'demonstrations');
+  if (!dataset) return;
+  const journal = readLines(join(folderOf(dataset, 'dataset.json'), 'commits.jsonl'));
+  if (!journal.length) return;
+  await open(pages.dataset, async (page) => {
+    await page.waitForSelector('[data-task-target]');
+    const rows = await page.locator('[data-task-target] tr').evaluateAll((all) => all.map((row) => [...row.children].map((cell) => cell.textContent.trim())));
+    const [[, ...tasks], ...targets] = rows;
+    for (const [target, ...cells] of targets) {
+      cells.forEach((cell, i) => assert.equal(cell === '·' ? 0 : number(cell), journal.filter((one) => one.task === tasks[i] && one.target === target).length, `${tasks[i]} ${target}`));
+    }
+    assert.equal(targets.length, new Set(journal.map((one) => one.target)).size);
+  });
 });
 
 test('Generation: attempts are those committed and those of attempts.jsonl', async () => {
