@@ -224,7 +224,7 @@ test('Generation: attempts are those committed and those of attempts.jsonl', asy
   const folder = folderOf(dataset, 'dataset.json');
   const failed = readLines(join(folder, 'attempts.jsonl')).filter((one) => one.outcome !== 'success').length;
   await open(pages.generation, async (page) => {
-    const numbers = (await page.locator('[data-attempts-summary] b').allInnerTexts()).map((one) => Number(one.replaceAll(',', '')));
+    const numbers = (await page.locator('[data-attempts-summary] b').allInnerTexts()).map(number);
     const committed = episodeFiles(folder).length;
     assert.ok(numbers.includes(committed + failed) && numbers.includes(committed) && numbers.includes(failed), numbers.join());
   });
@@ -303,7 +303,7 @@ test('Inside: a box for each module of the config, all reachable by keyboard', a
     for (const [name, { error, trained_steps }] of Object.entries(JSON.parse(header?.modules ?? '{}'))) {
       const said = (await page.locator(`[data-node="${name}"]`).textContent()) ?? '';
       if (!trained_steps || error === null) continue;
-      const shown = Number(/([\d.,e-]+) (?:% wrong|px|cm)$/.exec(said)?.[1]?.replaceAll(',', ''));
+      const shown = number(/([\d.,e-]+) (?:% wrong|px|cm)$/.exec(said)?.[1] ?? '');
       const scale = said.endsWith('px') ? 1 : 100;
       assert.ok(Math.abs(shown - scale * error) <= 0.051 * Math.abs(scale * error) + 1e-9, `${name}: page "${said}", file ${error}`);
     }
