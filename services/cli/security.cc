@@ -83,7 +83,9 @@ OrderedJson JsonOf(const security::Issued& item, std::int64_t now) {
           {"not_before", item.not_before},
           {"not_after", item.not_after},
           {"revoked", item.revoked ? OrderedJson(*item.revoked) : OrderedJson()},
-          {"state", item.revoked ? "revoked" : item.not_after <= now ? "expired" : "valid"}};
+          {"state", item.revoked            ? "revoked"
+                    : item.not_after <= now ? "expired"
+                                            : "valid"}};
 }
 
 Status ShowAuthority(const std::string& folder, bool as_json) {

@@ -54,9 +54,10 @@ Status InsightViewer::Impl::Meet() {
   link.reset();
   if (servers.empty()) return {};
   if (servers.size() > 1)
-    return Fail(Code::kInvalidArgument, fmt::format("look into the policy of run '{}': that is {} servers: say which by "
-                                                    "NAME@ID{}",
-                                                    run.text(), servers.size(), bus::ListText(servers)));
+    return Fail(Code::kInvalidArgument,
+                fmt::format("look into the policy of run '{}': that is {} servers: say which by "
+                            "NAME@ID{}",
+                            run.text(), servers.size(), bus::ListText(servers)));
   const std::string partition = bus::Owner{servers.front().name, servers.front().id}.partition();
   ETUDE_ASSIGN_OR_RETURN(auto wishes, bus::Writer<bus::InsightWish>::Open(*participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto insights, bus::Reader<bus::Insight>::Open(*participant, partition));

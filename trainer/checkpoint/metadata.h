@@ -3,8 +3,8 @@
 //
 // In the file (all values text; * JSON): format "etude checkpoint N" (N: schema.h), version (of the program, for
 // people), run, step, stage, stages, stage_name, best, train_episodes, dataset (fingerprint), words (that its training
-// said; files from before it have none), architecture, embodiment*, modules*, refused (why it may not drive a robot yet; empty: it may), metrics*, policy_config* (what
-// differs from the defaults), train_config* (everything).
+// said; files from before it have none), architecture, embodiment*, modules*, refused (why it may not drive a robot
+// yet; empty: it may), metrics*, policy_config* (what differs from the defaults), train_config* (everything).
 #pragma once
 
 #include <cstdint>

@@ -110,7 +110,8 @@ Result<http::Answer> Answer(Context& context, const http::Request& request) {
 }  // namespace
 
 OrderedJson AttentionJson(const policy::Insight& insight) {
-  // what a byte of them was is kept, and not what dividing it made of it: a grid of hundreds goes several times a second
+  // what a byte of them was is kept, and not what dividing it made of it: a grid of hundreds goes several times a
+  // second
   const auto rounded = [](double weight) { return std::round(weight * 1e6) / 1e6; };
   OrderedJson json = OrderedJson::object();
   for (const auto& [module, attention] : insight.attention) {

@@ -200,8 +200,8 @@ class Parsers {
   std::map<std::string, std::shared_ptr<const language::MeaningParser>> parsers_ ETUDE_GUARDED_BY(mutex_);
 };
 
-// What the training of a checkpoint said that a server serves: of a run below this gateway's folders, from the headers of
-// its checkpoints. Nothing: none is found, or only its hash could tell, which is then made.
+// What the training of a checkpoint said that a server serves: of a run below this gateway's folders, from the headers
+// of its checkpoints. Nothing: none is found, or only its hash could tell, which is then made.
 std::optional<std::set<std::string>> WordsOf(Context& context, const bus::PolicyStatus& served) {
   const auto all = context.sources.catalog().List();
   for (const auto& found : *all) {

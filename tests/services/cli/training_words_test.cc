@@ -43,8 +43,7 @@ TEST_F(TrainingWordsTest, AreThoseThatTheCheckpointSays) {
 
 TEST_F(TrainingWordsTest, AreThoseOfTheFileThatIsServed) {
   EXPECT_EQ(TrainingWords(participant_, "words"), std::nullopt) << "nobody serves it";
-  const auto server =
-      Announce(bus::PresenceKind::kPolicy, Write("served.safetensors", {{"words", "lift milk"}}));
+  const auto server = Announce(bus::PresenceKind::kPolicy, Write("served.safetensors", {{"words", "lift milk"}}));
   EXPECT_EQ(TrainingWords(participant_, std::string("words@") + kId), (Words{"lift", "milk"}));
 }
 

@@ -65,7 +65,9 @@ class FakeServer {
 
 class PolicyInsightViewer : public PolicyAsker {
  protected:
-  InsightViewer OpenViewer(const std::string& run) { return InsightViewer::Open(participant_, run, "play-one").value(); }
+  InsightViewer OpenViewer(const std::string& run) {
+    return InsightViewer::Open(participant_, run, "play-one").value();
+  }
 
   // Until the wish stands.
   static bool Meet(InsightViewer& viewer, FakeServer& server) {

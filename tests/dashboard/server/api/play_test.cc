@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests dashboard/server/api/play.cc with a session and a policy server on the bus: what the policy sees in it, and which
-// words its training never said.
+// Tests dashboard/server/api/play.cc with a session and a policy server on the bus: what the policy sees in it, and
+// which words its training never said.
 #include <gmock/gmock.h>
 
 #include <functional>
@@ -25,8 +25,8 @@ class PlayApiTest : public ApiFixture {
  protected:
   PlayApiTest()
       : id_(sources_.Run("lab.run").value()->View().value()->identity),
-        presence_(bus::Announcement::Open(participant_,
-                                          bus::MakePresence(bus::PresenceKind::kPolicy, kRun, id_, ""), Claim::kAdopt)
+        presence_(bus::Announcement::Open(participant_, bus::MakePresence(bus::PresenceKind::kPolicy, kRun, id_, ""),
+                                          Claim::kAdopt)
                       .value()),
         states_(bus::Writer<bus::PlayState>::Open(participant_, bus::kPlayPartition).value()),
         wishes_(bus::Reader<bus::InsightWish>::Open(participant_, bus::Owner{kRun, id_}.partition()).value()),
