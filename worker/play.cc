@@ -144,7 +144,8 @@ class PlayHost {
 Result<PlayHost> PlayHost::Open(const PlayOptions& options, const CampaignSpec& spec,
                                 const bus::Participant& participant, const sim::RendererConfig& renderer) {
   ETUDE_ASSIGN_OR_RETURN(auto session, task::PlaySession::Open(spec, options.index, renderer));
-  ETUDE_ASSIGN_OR_RETURN(auto policy, policy::Client::Open(participant, options.run, "play-" + options.session, kTry));
+  ETUDE_ASSIGN_OR_RETURN(auto policy,
+                         policy::Client::Open(participant, options.run, play::PolicySession(options.session), kTry));
   ETUDE_ASSIGN_OR_RETURN(auto commands, bus::Reader<bus::PlayCommand>::Open(participant, bus::kPlayPartition));
   ETUDE_ASSIGN_OR_RETURN(auto states, bus::Writer<bus::PlayState>::Open(participant, bus::kPlayPartition));
   ETUDE_ASSIGN_OR_RETURN(auto frames,

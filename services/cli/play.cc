@@ -12,6 +12,7 @@
 #include "services/campaign/process.h"
 #include "services/cli/command_line.h"
 #include "services/cli/service.h"
+#include "services/cli/training_words.h"
 #include "services/core/identity.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
@@ -73,16 +74,20 @@ Result<language::Meaning> MeaningIn(const bus::PlayState& state, const std::stri
   return parser.Parse(sentence, OnTable(scene));
 }
 
+// Of the policy's training, where its checkpoint says them; else of what the session's campaign would say.
+void PrintWords(const language::Meaning& meaning, bool of_training) {
+  const auto unseen = meaning.unseen();
+  const char* who = of_training ? "training" : "a training on this campaign";
+  fmt::print("  words   {}\n", unseen.empty() ? fmt::format("{} says all of them", who)
+                                              : fmt::format("never seen in {}: {}", who, fmt::join(unseen, ", ")));
+}
+
 void PrintMeaning(const language::Meaning& meaning, const play::SayArguments& say) {
   fmt::print("\"{}\"\n", say.sentence);
   if (say.task.empty())
     fmt::print("  means   not known ({}): not judged; --task and --target say what it means\n", meaning.why);
   else
     fmt::print("  means   {} {}{}\n", say.task, say.target, say.reference.empty() ? "" : ", " + say.reference);
-  const auto unseen = meaning.unseen();
-  fmt::print("  words   {}\n", unseen.empty() ? std::string("training says all of them")
-                                              : fmt::format("never seen in training: {}", fmt::join(unseen, ", ")));
-  std::fflush(stdout);
 }
 
 void PrintLine(const bus::PlayState& state) {
@@ -118,17 +123,22 @@ Status Follow(play::Client& client, const std::string& session) {
   return Fail(Code::kTimeout, "stopped");
 }
 
-Status SayIn(play::Client& client, const std::string& session, const PlayArguments& arguments) {
+Status SayIn(const bus::Participant& participant, play::Client& client, const std::string& session,
+             const PlayArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const bus::PlayState state, client.Find(session, kAppears));
   play::SayArguments say = arguments.say;
   say.home = !arguments.stay;
-  ETUDE_ASSIGN_OR_RETURN(const language::Meaning meaning, MeaningIn(state, say.sentence));
+  ETUDE_ASSIGN_OR_RETURN(language::Meaning meaning, MeaningIn(state, say.sentence));
+  const auto words = TrainingWords(participant, state.run);
+  if (words) language::MarkSeen(meaning, *words);
   if (say.task.empty() && meaning.command) {
     say.task = meaning.task();
     if (say.target.empty()) say.target = meaning.command->target;
     if (say.reference.empty()) say.reference = meaning.command->reference;
   }
   PrintMeaning(meaning, say);
+  PrintWords(meaning, words.has_value());
+  std::fflush(stdout);
   ETUDE_ASSIGN_OR_RETURN(const bus::PlayState taken, client.Command(session, bus::PlayAction::kSay, ToJson(say)));
   (void)taken;
   return Follow(client, session);
@@ -168,7 +178,7 @@ Status ListSessions(const PlayArguments& arguments) {
 Status Say(const PlayArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
-  return SayIn(client, arguments.session, arguments);
+  return SayIn(participant, client, arguments.session, arguments);
 }
 
 Status SendCommand(const PlayArguments& arguments, bus::PlayAction action, const OrderedJson& json) {
@@ -289,7 +299,7 @@ Status Open(PlayArguments arguments) {
   for (const auto& sentence : arguments.sentences) {
     arguments.say = {
         .sentence = sentence, .task = "", .target = "", .reference = "", .max_steps = arguments.say.max_steps};
-    const Status said = SayIn(client, arguments.session, arguments);
+    const Status said = SayIn(participant, client, arguments.session, arguments);
     if (first && !said) first = said;
     if (StopRequested() || (!said && said.error().code == Code::kUnavailable)) break;
   }

@@ -6,6 +6,7 @@
 #include "services/bus/access.h"
 #include "services/cli/command_line.h"
 #include "services/core/clock.h"
+#include "services/core/config.h"
 #include "services/security/authority.h"
 #include "services/security/checkpoint_signature.h"
 #include "services/security/identity.h"
@@ -72,9 +73,30 @@ std::string NamesText(const std::vector<std::string>& names) {
   return names.empty() ? "any" : fmt::format("{}", fmt::join(names, ","));
 }
 
-Status ShowAuthority(const std::string& folder) {
+// Times in seconds since 1970; "campaigns" and "runs" without one: any.
+OrderedJson JsonOf(const security::Issued& item, std::int64_t now) {
+  return {{"name", item.name},
+          {"serial", item.serial},
+          {"roles", item.roles},
+          {"campaigns", item.campaigns},
+          {"runs", item.runs},
+          {"not_before", item.not_before},
+          {"not_after", item.not_after},
+          {"revoked", item.revoked ? OrderedJson(*item.revoked) : OrderedJson()},
+          {"state", item.revoked            ? "revoked"
+                    : item.not_after <= now ? "expired"
+                                            : "valid"}};
+}
+
+Status ShowAuthority(const std::string& folder, bool as_json) {
   ETUDE_ASSIGN_OR_RETURN(const auto issued, security::ReadIssued(folder));
   const auto now = static_cast<std::int64_t>(WallSeconds());
+  if (as_json) {
+    OrderedJson all = OrderedJson::array();
+    for (const auto& item : issued) all.push_back(JsonOf(item, now));
+    fmt::print("{}\n", JsonText(all, 1));
+    return {};
+  }
   for (const auto& item : issued)
     fmt::print("{:<20} {:<24} campaigns {:<12} runs {:<12} {}\n", item.name,
                fmt::format("{}", fmt::join(item.roles, ",")), NamesText(item.campaigns), NamesText(item.runs),
@@ -135,7 +157,9 @@ void AddSecurity(CLI::App& app, Body& body) {
 
   auto* show = command->add_subcommand("show", "identities, their roles and days left");
   show->add_option("dir", *folder, "folder of the authority")->required();
-  show->callback([=, &body] { body = [=] { return ShowAuthority(*folder); }; });
+  auto as_json = std::make_shared<bool>(false);
+  show->add_flag("--json", *as_json, "as JSON");
+  show->callback([=, &body] { body = [=] { return ShowAuthority(*folder, *as_json); }; });
 
   auto* key =
       command->add_subcommand("signing-key", "make a key that checkpoints are signed with, and its public half");

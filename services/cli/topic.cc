@@ -117,14 +117,20 @@ Status Hz(const TopicArguments& arguments) {
   rates.Begin(watch.view().processes);
   ETUDE_RETURN_IF_ERROR(
       watch.LookAround(std::chrono::milliseconds(static_cast<std::int64_t>(arguments.seconds * 1000))));
-  bool any = false;
+  OrderedJson all = OrderedJson::array();
   for (const auto& [topic, rate] : rates.End(watch.view().processes)) {
     if (!arguments.topic.empty() && topic != arguments.topic) continue;
-    any = true;
+    all.push_back({{"topic", topic},
+                   {"samples_per_second", rate.samples_per_second},
+                   {"bytes_per_second", rate.bytes_per_second},
+                   {"writers", rate.writers}});
+    if (arguments.as_json) continue;
     fmt::print("{:<36} {:>9.1f}/s {:>11.1f} kB/s  {} writing process{}\n", Printable(topic), rate.samples_per_second,
                rate.bytes_per_second / 1000, rate.writers, rate.writers == 1 ? "" : "es");
   }
-  if (!any)
+  if (arguments.as_json)
+    fmt::print("{}\n", JsonText(all, 1));
+  else if (all.empty())
     fmt::print("no process on domain {} counts {}\n", participant.domain(),
                arguments.topic.empty() ? "any topic" : "topic '" + arguments.topic + "'");
   return {};
@@ -155,6 +161,7 @@ void AddTopic(CLI::App& app, Body& body) {
   hz->add_option("--seconds", arguments->seconds, "to count for")
       ->check(CLI::Range(1.0, 3600.0))
       ->capture_default_str();
+  hz->add_flag("--json", arguments->as_json, "as JSON, in messages and bytes a second");
   arguments->bus.Add(*hz);
   hz->callback([=, &body] { body = [=] { return Hz(*arguments); }; });
 }

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/language/held_out.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <iterator>
 #include <sstream>
 #include <utility>
 
@@ -90,6 +94,13 @@ Result<std::set<std::string>> SeenWords(const Grammar& grammar, const std::vecto
     }
   }
   return seen;
+}
+
+std::string WordsText(const std::set<std::string>& words) { return fmt::format("{}", fmt::join(words, " ")); }
+
+std::set<std::string> WordsIn(const std::string& text) {
+  std::istringstream words(text);
+  return {std::istream_iterator<std::string>(words), std::istream_iterator<std::string>()};
 }
 
 std::vector<std::string> UnseenWords(const std::string& text, const std::set<std::string>& seen) {

@@ -36,6 +36,10 @@ const std::vector<HeldOutSentence>& HeldOutSentences();
 Result<std::set<std::string>> SeenWords(const Grammar& grammar, const std::vector<std::string>& tasks,
                                         const std::vector<std::string>& objects);
 
+/// Words as a text and back, separated by spaces: how checkpoints say which ones training had.
+std::string WordsText(const std::set<std::string>& words);
+std::set<std::string> WordsIn(const std::string& text);
+
 /// The words of `text` (normalised) that are not among `seen`, in order (Grammar::Words).
 std::vector<std::string> UnseenWords(const std::string& text, const std::set<std::string>& seen);
 

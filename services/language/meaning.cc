@@ -229,6 +229,10 @@ std::vector<std::string> Meaning::unseen() const {
   return list;
 }
 
+void MarkSeen(Meaning& meaning, const std::set<std::string>& seen) {
+  for (auto& word : meaning.words) word.seen = seen.contains(word.text);
+}
+
 OrderedJson ToJson(const Meaning& meaning) {
   OrderedJson words = OrderedJson::array();
   for (const auto& word : meaning.words) words.push_back({{"text", word.text}, {"seen", word.seen}});

@@ -34,6 +34,9 @@ struct Meaning {
   std::string task() const;
   std::vector<std::string> unseen() const;
 };
+/// Which of its words a policy's training had, where they are known (a checkpoint's `words`): `seen` takes the place of
+/// what the parser's own tasks and objects make.
+void MarkSeen(Meaning& meaning, const std::set<std::string>& seen);
 /// {"sentence", "words": [{"text", "seen"}], "task", "target", "reference", "why"}; task, target and reference are ""
 /// where they are not known.
 OrderedJson ToJson(const Meaning& meaning);

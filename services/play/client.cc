@@ -141,6 +141,8 @@ bool IsSessionName(const std::string& name) {
 
 std::string FramePartition(const std::string& session) { return std::string(bus::kPlayPartition) + "/" + session; }
 
+std::string PolicySession(const std::string& session) { return "play-" + session; }
+
 Result<bus::PlayAction> ActionOf(const std::string& name) {
   std::vector<std::string> names;
   for (const auto& [known, action] : Actions()) {

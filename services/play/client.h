@@ -72,6 +72,8 @@ class Frames {
 bool IsSessionName(const std::string& name);
 /// The DDS partition of a session's frames. @pre IsSessionName
 std::string FramePartition(const std::string& session);
+/// What a session's observations are called, for the policy that it asks and for whoever looks into that.
+std::string PolicySession(const std::string& session);
 /// "nudge" and the like, as commands are called by people. @error kInvalidArgument: an unknown one
 Result<bus::PlayAction> ActionOf(const std::string& name);
 

@@ -11,6 +11,7 @@
 #include "services/core/stop.h"
 #include "services/policy/conversation.h"
 #include "services/policy/conversion.h"
+#include "services/policy/insight_wish.h"
 
 namespace etude::policy {
 namespace {
@@ -67,11 +68,7 @@ Status InsightClient::Impl::Connect() {
 }
 
 Status InsightClient::Impl::Wish(std::uint32_t seconds) {
-  bus::InsightWish wish;
-  wish.run = connection->talk.server.name;
-  wish.run_id = connection->talk.server.id;
-  wish.viewer = wish.session = name;
-  wish.seconds = seconds;
+  bus::InsightWish wish = WishFor(connection->talk.server, name, name, seconds);
   wish.what_if_json = what_if;
   wish_again = MonotonicClock::now() + std::chrono::seconds(bus::kWishAgain);
   return connection->wishes.Write(wish);

@@ -120,6 +120,7 @@ std::map<std::string, std::string> ToText(const Metadata& metadata) {
           {"best", metadata.best ? "1" : "0"},
           {"train_episodes", std::to_string(metadata.train_episodes)},
           {"dataset", metadata.dataset},
+          {"words", metadata.words},
           {"architecture", policy::ArchitectureHash(said)},
           {"embodiment", ToJson(metadata.embodiment).dump()},
           {"modules", ModulesToJson(metadata.modules).dump()},
@@ -143,6 +144,7 @@ Result<Metadata> FromText(const std::map<std::string, std::string>& text) {
   ETUDE_RETURN_IF_ERROR(Read(text, "best", best));
   ETUDE_RETURN_IF_ERROR(Read(text, "train_episodes", metadata.train_episodes));
   metadata.best = best != 0;
+  if (const auto words = text.find("words"); words != text.end()) metadata.words = words->second;
   ETUDE_ASSIGN_OR_RETURN(metadata.embodiment, ReadConfig<Embodiment>(text, "embodiment"));
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson modules, ReadMap(text, "modules"));
   ETUDE_ASSIGN_OR_RETURN(metadata.modules, ModulesFromJson(modules));

@@ -2,9 +2,9 @@
 // What a checkpoint says of itself: one struct from the trainer that makes it to whoever reads it.
 //
 // In the file (all values text; * JSON): format "etude checkpoint N" (N: schema.h), version (of the program, for
-// people), run, step, stage, stages, stage_name, best, train_episodes, dataset (fingerprint), architecture,
-// embodiment*, modules*, refused (why it may not drive a robot yet; empty: it may), metrics*, policy_config* (what
-// differs from the defaults), train_config* (everything).
+// people), run, step, stage, stages, stage_name, best, train_episodes, dataset (fingerprint), words (that its training
+// said; files from before it have none), architecture, embodiment*, modules*, refused (why it may not drive a robot
+// yet; empty: it may), metrics*, policy_config* (what differs from the defaults), train_config* (everything).
 #pragma once
 
 #include <cstdint>
@@ -38,6 +38,8 @@ struct Metadata {
   bool best = false;  ///< of its run, when it was written
   std::uint64_t train_episodes = 0;
   std::string dataset;  ///< fingerprint of the training split
+  /// That sentences of its training have, separated by spaces (language::SeenWords); "": not known.
+  std::string words;
   Embodiment embodiment;
   std::map<std::string, ModuleRecord> modules;
   std::map<std::string, double> metrics;  ///< of the last validation, for people

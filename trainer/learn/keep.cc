@@ -10,6 +10,7 @@
 #include "services/core/disk_wait.h"
 #include "services/core/log.h"
 #include "services/core/rng.h"
+#include "services/language/held_out.h"
 #include "trainer/learn/tensors.h"
 #include "trainer/policy/architecture.h"
 #include "trainer/policy/layers.h"
@@ -34,6 +35,13 @@ std::map<std::string, torch::Tensor> RunningStatistics(policy::Policy& policy) {
   return found;
 }
 
+// Of the grammar that this run draws sentences from; "" where it has none for an object, which ends a run at its begin.
+std::string WordsOf(const TrainingRun& run) {
+  const CampaignSpec& spec = run.dataset->spec();
+  const auto words = language::SeenWords(*run.grammar, spec.tasks, spec.objects);
+  return words ? language::WordsText(*words) : std::string();
+}
+
 checkpoint::Metadata MetadataOf(const TrainingRun& run, bool best) {
   const auto snapshot = run.dataset->snapshot();
   checkpoint::Metadata metadata;
@@ -44,6 +52,7 @@ checkpoint::Metadata MetadataOf(const TrainingRun& run, bool best) {
   metadata.best = best;
   metadata.train_episodes = snapshot->episode_count(data::Split::kTrain);
   metadata.dataset = snapshot->Fingerprint();
+  metadata.words = WordsOf(run);
   metadata.embodiment = run.embodiment;
   metadata.modules = run.modules;
   metadata.metrics = run.evaluation.metrics;

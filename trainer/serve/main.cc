@@ -71,7 +71,7 @@ Status Serve(const Arguments& arguments) {
   } else {
     ETUDE_ASSIGN_OR_RETURN(model, Model::FromFile(arguments.checkpoint, options.clip_folders.get(), device));
     ETUDE_ASSIGN_OR_RETURN(options.run, RunOfFile(arguments, *model));
-    options.folder = arguments.checkpoint;
+    options.folder = std::filesystem::absolute(arguments.checkpoint).string();
   }
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kPolicy}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "policy"}));

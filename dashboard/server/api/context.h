@@ -151,6 +151,10 @@ std::string BusId(const bus::Presence& presence);
 /// ms since a moment of the wall clock; null when it is not known.
 OrderedJson AgeOf(double seconds_since_1970);
 
+/// By module {rows, columns, share, weights}: what each attends to of the picture, and {u, v, width, height} of it.
+OrderedJson AttentionJson(const policy::Insight& insight);
+OrderedJson ViewJson(const policy::Insight& insight);
+
 OrderedJson HomeJson(Context& context);
 Result<OrderedJson> FleetJson(Context& context, const http::Query& query);
 Result<OrderedJson> EvalJson(Context& context, const std::string& id);

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "dashboard/server/api/context.h"
 
@@ -57,16 +58,6 @@ Result<std::string> WhatIfOf(const OrderedJson& body) {
   return what_if.empty() ? std::string() : what_if.dump();
 }
 
-OrderedJson AttentionJson(const policy::Insight& insight) {
-  OrderedJson json = OrderedJson::object();
-  for (const auto& [module, attention] : insight.attention)
-    json[module] = {{"rows", attention.rows},
-                    {"columns", attention.columns},
-                    {"share", attention.share()},
-                    {"weights", attention.weights}};
-  return json;
-}
-
 // Where the target, the hand and others truly are in the picture, px.
 OrderedJson TruthJson(const Asked& asked) {
   const Episode& episode = asked.record->episode;
@@ -105,19 +96,39 @@ Result<http::Answer> Answer(Context& context, const http::Request& request) {
   if (const std::string sentence = TextOf(body, "sentence"); !sentence.empty())
     asked.question.instruction = sentence.substr(0, kLongestSentence);
   ETUDE_ASSIGN_OR_RETURN(const policy::Insight insight, context.look(*name, asked.question, what_if));
-  const auto& view = insight.view;
   return http::JsonAnswer({{"run", *name},
                            {"checkpoint_step", insight.checkpoint_step},
                            {"sentence", asked.question.instruction},
                            {"modules", http::ForBrowsers(insight.modules)},
                            {"what_if", insight.what_if.is_null() ? OrderedJson() : http::ForBrowsers(insight.what_if)},
                            {"attention", AttentionJson(insight)},
-                           {"view", {{"u", view.u}, {"v", view.v}, {"width", view.width}, {"height", view.height}}},
+                           {"view", ViewJson(insight)},
                            {"waypoints", WaypointsJson(insight)},
                            {"truth", TruthJson(asked)}});
 }
 
 }  // namespace
+
+OrderedJson AttentionJson(const policy::Insight& insight) {
+  // what a byte of them was is kept, and not what dividing it made of it: a grid of hundreds goes several times a
+  // second
+  const auto rounded = [](double weight) { return std::round(weight * 1e6) / 1e6; };
+  OrderedJson json = OrderedJson::object();
+  for (const auto& [module, attention] : insight.attention) {
+    std::vector<double> weights(attention.weights.size());
+    std::ranges::transform(attention.weights, weights.begin(), rounded);
+    json[module] = {{"rows", attention.rows},
+                    {"columns", attention.columns},
+                    {"share", attention.share()},
+                    {"weights", std::move(weights)}};
+  }
+  return json;
+}
+
+OrderedJson ViewJson(const policy::Insight& insight) {
+  const auto& view = insight.view;
+  return {{"u", view.u}, {"v", view.v}, {"width", view.width}, {"height", view.height}};
+}
 
 void AddInsightRoutes(http::Router& router, Context& context) {
   // it reads an episode, waits for a policy server and changes nothing: whoever may read may ask

@@ -6,6 +6,8 @@
 #include <chrono>
 #include <filesystem>
 #include <mutex>
+#include <optional>
+#include <set>
 
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/jobs.h"
@@ -17,6 +19,7 @@
 #include "services/core/thread_annotations.h"
 #include "services/episode/action.h"
 #include "services/episode/bounded_json.h"
+#include "services/language/held_out.h"
 #include "services/language/meaning.h"
 #include "services/play/client.h"
 
@@ -99,7 +102,8 @@ Result<http::Answer> List(Context& context, const http::Request&) {
     ETUDE_ASSIGN_OR_RETURN(const auto all, context.play->Sessions());
     for (const auto& session : all) sessions.push_back(JsonOf(session));
   }
-  for (const auto& policy : context.live()->policies) policies.push_back(BusId(policy.presence));
+  const auto live = context.live();
+  for (const auto& policy : live->policies) policies.push_back(BusId(policy.presence));
   return http::JsonAnswer({{"enabled", context.play != nullptr},
                            {"sessions", std::move(sessions)},
                            {"policies", std::move(policies)},
@@ -151,6 +155,18 @@ Result<http::Answer> Picture(Context& context, const http::Request& request) {
   return http::BytesAnswer(std::string(frame.image.begin(), frame.image.end()), "image/jpeg", http::Caching::kNever);
 }
 
+// What its policy sees; asked for again and again by a page that shows it.
+Result<http::Answer> LookInto(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(const auto watch, WatchOf(context));
+  ETUDE_ASSIGN_OR_RETURN(const auto looked, watch->LookInto(request.Parameter("id")));
+  const policy::Insight insight = looked.newest.value_or(policy::Insight{});
+  return http::JsonAnswer({{"number", looked.number},
+                           {"checkpoint_step", insight.checkpoint_step},
+                           {"modules", http::ForBrowsers(insight.modules)},
+                           {"attention", AttentionJson(insight)},
+                           {"view", ViewJson(insight)}});
+}
+
 // Of a few campaigns: WordNet is read for each.
 class Parsers {
  public:
@@ -184,6 +200,38 @@ class Parsers {
   std::map<std::string, std::shared_ptr<const language::MeaningParser>> parsers_ ETUDE_GUARDED_BY(mutex_);
 };
 
+// What the training of a checkpoint said that a server serves: of a run below this gateway's folders, from the headers
+// of its checkpoints. Nothing: none is found, or only its hash could tell, which is then made.
+std::optional<std::set<std::string>> WordsOf(Context& context, const bus::PolicyStatus& served) {
+  const auto all = context.sources.catalog().List();
+  for (const auto& found : *all) {
+    if (found.kind != sources::Kind::kRun) continue;
+    const auto opened = OpenRun(context, found.id);
+    if (!opened) continue;
+    for (const auto& checkpoint : opened->view->checkpoints) {
+      const auto words = checkpoint.metadata.find("words"), step = checkpoint.metadata.find("step");
+      if (words == checkpoint.metadata.end() || step == checkpoint.metadata.end()) continue;
+      const bool is_served = !served.sha256.empty() && checkpoint.sha256 == served.sha256;
+      if (is_served || opened->view->identity == served.run_id) return language::WordsIn(words->second);
+      if (checkpoint.sha256.empty() && step->second == std::to_string(served.step))
+        context.HashInBackground(opened->source);
+    }
+  }
+  return std::nullopt;
+}
+
+// Of the policy that a session asks.
+std::optional<std::set<std::string>> TrainingWords(Context& context, const std::string& run) {
+  const auto selector = ParseSelector(run, "run");
+  if (!selector) return std::nullopt;
+  const auto live = context.live();
+  for (const auto& [name, server] : live->servers) {
+    const bus::PolicyStatus& status = server.status;
+    if (status.run == selector->name && status.run_id.starts_with(selector->id)) return WordsOf(context, status);
+  }
+  return std::nullopt;
+}
+
 Result<http::Answer> Meaning(Context& context, Parsers& parsers, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson state, PlayJson(context, request.Parameter("id")));
   const OrderedJson& scene = sources::PartOf(state, "scene");
@@ -191,8 +239,12 @@ Result<http::Answer> Meaning(Context& context, Parsers& parsers, const http::Req
   std::vector<std::string> on_table;
   for (const auto& object : sources::PartOf(scene, "objects"))
     if (!sources::FlagOf(object, "hidden")) on_table.push_back(TextOf(object, "name"));
-  const auto sentence = request.query.Get("sentence").value_or("");
-  return http::JsonAnswer(language::ToJson(parser->Parse(sentence, on_table)));
+  language::Meaning meaning = parser->Parse(request.query.Get("sentence").value_or(""), on_table);
+  const auto said = TrainingWords(context, TextOf(state, "run"));
+  if (said) language::MarkSeen(meaning, *said);
+  OrderedJson json = language::ToJson(meaning);
+  json["words_of"] = said ? "training" : "campaign";
+  return http::JsonAnswer(json);
 }
 
 // ---- scenes ---------------------------------------------------------------------------------------
@@ -279,6 +331,7 @@ void AddPlayRoutes(http::Router& router, Context& context) {
   add("GET", "/play/sessions/{id}", Access::kRead, Show);
   add("POST", "/play/sessions/{id}/commands", Access::kAction, Command, http::Lane::kBus);
   add("GET", "/play/sessions/{id}/frame.jpg", Access::kRead, Picture);
+  add("GET", "/play/sessions/{id}/insight", Access::kRead, LookInto);
   add("GET", "/play/sessions/{id}/meaning", Access::kRead,
       [parsers](Context& of, const http::Request& request) { return Meaning(of, *parsers, request); });
   const auto rendering = std::make_shared<std::mutex>();

@@ -14,7 +14,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kListen = 30ms;
-constexpr auto kForgotten = 10s;  // pictures that nobody asks for
+constexpr auto kForgotten = 10s;  // pictures and insights that nobody asks for
 constexpr auto kAnswer = 8s;      // of a session, within what a request may take
 
 }  // namespace
@@ -50,6 +50,7 @@ void PlayWatch::Run(std::stop_token stop, play::Client client) {
     MutexLock lock(mutex_);
     sessions_ = sessions;
     TakeFrames();
+    TakeInsights();
   }
 }
 
@@ -68,6 +69,33 @@ void PlayWatch::TakeFrames() {
     }
     if (auto frame = watched.frames->Take(0ns)) watched.newest = std::move(*frame);
   }
+}
+
+void PlayWatch::TakeInsights() {
+  for (auto& [name, watched] : watched_) {
+    if (MonotonicClock::now() - watched.asked_into <= kForgotten) {
+      TakeInsight(name, watched);
+      continue;
+    }
+    watched.viewer.reset();
+    watched.insight = {};
+  }
+}
+
+void PlayWatch::TakeInsight(const std::string& name, Watched& watched) {
+  if (!watched.viewer) {
+    auto viewer = policy::InsightViewer::Open(*reading_, sessions_.at(name).state.run, play::PolicySession(name));
+    if (!viewer) {
+      Log().warn("session={}: {}", name, viewer.error().message);
+      watched.asked_into = {};  // until somebody asks again
+      return;
+    }
+    watched.viewer.emplace(std::move(*viewer));
+  }
+  auto insight = watched.viewer->Take();
+  if (!insight) return Log().debug("session={}: {}", name, insight.error().message);
+  if (!*insight) return;
+  watched.insight = {watched.insight.number + 1, std::move(**insight)};
 }
 
 Result<std::vector<PlayWatch::Session>> PlayWatch::Sessions() {
@@ -102,6 +130,15 @@ Result<bus::PlayFrame> PlayWatch::Frame(const std::string& name) {
   if (watched == watched_.end() || !watched->second.newest)
     return Fail(Code::kNotFound, fmt::format("play session '{}' has sent no picture yet", session.state.session));
   return *watched->second.newest;
+}
+
+Result<PlayWatch::Insight> PlayWatch::LookInto(const std::string& name) {
+  ETUDE_ASSIGN_OR_RETURN(const Session session, Look(name));
+  MutexLock lock(mutex_);
+  const auto watched = watched_.find(session.state.session);
+  if (watched == watched_.end()) return Insight{};
+  watched->second.asked_into = MonotonicClock::now();
+  return watched->second.insight;
 }
 
 Result<bus::PlayState> PlayWatch::Command(const std::string& name, bus::PlayAction action,

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Play sessions on the bus: their states, the newest picture of those that somebody looks at, and commands to them.
+// Play sessions on the bus: their states, the newest picture of those that somebody looks at, what their policy sees in
+// it where that is asked for, and commands to them.
 #pragma once
 
 #include <map>
@@ -12,6 +13,7 @@
 #include "services/bus/arguments.h"
 #include "services/core/thread_annotations.h"
 #include "services/play/client.h"
+#include "services/policy/insight_viewer.h"
 
 namespace etude::live {
 
@@ -35,6 +37,13 @@ class PlayWatch {
   Result<Session> Look(const std::string& name);
   /// Its newest picture. @error kNotFound: there is none yet; as Look
   Result<bus::PlayFrame> Frame(const std::string& name);
+  /// What its policy saw in its newest decision and said of it. Shown from now on for as long as somebody asks: looking
+  /// costs the policy server time. Nothing: none came yet. @error as Look
+  struct Insight {
+    std::uint64_t number = 0;  ///< of the newest, since somebody asked
+    std::optional<policy::Insight> newest;
+  };
+  Result<Insight> LookInto(const std::string& name);
   /// See play::Client::Command.
   Result<bus::PlayState> Command(const std::string& name, bus::PlayAction action, const OrderedJson& arguments);
 
@@ -43,11 +52,16 @@ class PlayWatch {
     std::optional<play::Frames> frames;
     std::optional<bus::PlayFrame> newest;
     MonotonicClock::time_point asked{};
+    std::optional<policy::InsightViewer> viewer;  // while somebody asks for insights
+    Insight insight;
+    MonotonicClock::time_point asked_into{};
   };
 
   Status Start();
   void Run(std::stop_token stop, play::Client client);
   void TakeFrames() ETUDE_REQUIRES(mutex_);
+  void TakeInsights() ETUDE_REQUIRES(mutex_);
+  void TakeInsight(const std::string& name, Watched& watched) ETUDE_REQUIRES(mutex_);
 
   const bus::Arguments arguments_;
   Mutex start_mutex_;  // taken before the others

@@ -88,6 +88,7 @@ inline void WriteExampleRun(const Path& folder) {
                       {"refused", ""},
                       {"version", "0.1.0"},
                       {"train_episodes", "5"},
+                      {"words", "coke pick the up"},
                       {"metrics", R"({"TAR3D.cm":0.5})"},
                       {"architecture", std::string(64, 'a')},
                       {"modules", R"({"LANG":{"trained_steps":200,"error":0.25}})"},

@@ -73,6 +73,7 @@ export function addresses(home) {
     ...(others.length ? { compare: `/evaluation?eval=${evaluation}&vs=${others[0].id}` } : {}),
     ...(rollouts ? { rollout: `/episode/${rollouts}/0` } : {}),
     play: '/play',
+    topics: '/topics',
     logs: '/logs',
   };
 }

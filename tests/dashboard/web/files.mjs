@@ -56,3 +56,11 @@ export function checkpoints(run) {
   return readdirSync(folder).filter((name) => /^\d+\.safetensors$/.test(name) && !lstatSync(join(folder, name)).isSymbolicLink())
     .map((name) => ({ name, sha256: createHash('sha256').update(readFileSync(join(folder, name))).digest('hex') })).sort((a, b) => b.name.localeCompare(a.name));
 }
+
+/** What the newest checkpoint of a run says of itself, all texts; its weights are not read. */
+export function checkpointHeader(run) {
+  const newest = checkpoints(run)[0];
+  if (!newest) return undefined;
+  const bytes = readFileSync(join(run, 'checkpoints', newest.name));
+  return JSON.parse(bytes.subarray(8, 8 + Number(bytes.readBigUInt64LE(0))).toString()).__metadata__;
+}

@@ -7,8 +7,9 @@ import { after, before, test } from 'node:test';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
 import { addresses, axe, launch, openPage, overflow, settle, themes, visit, widths } from './browser.mjs';
-import { checkpoints, episodeFiles, foldersWith, readJson, readLines, series } from './files.mjs';
+import { checkpointHeader, checkpoints, episodeFiles, foldersWith, readJson, readLines, series } from './files.mjs';
 import { startGateway } from './gateway.mjs';
+import { onDomain } from './programs.mjs';
 
 const dirs = (process.env.ETUDE_DIRS ?? '').split(':').filter(Boolean).map((one) => resolve(one));
 let gateway;
@@ -18,7 +19,7 @@ let pages;
 
 before(async () => {
   assert.ok(dirs.length, 'ETUDE_DIRS names no folder');
-  gateway = await startGateway(dirs);
+  gateway = await startGateway(dirs, 0, onDomain);
   browser = await launch();
   home = await get('/home');
   pages = addresses(home);
@@ -52,6 +53,7 @@ function folderOf(source, file) {
 
 const source = (kind, role) => home.sources.find((one) => one.kind === kind && (!role || one.role === role));
 const text = async (page, selector) => (await page.locator(selector).first().innerText()).trim();
+const number = (shown) => Number(shown.replaceAll(',', ''));
 const close = (a, b, what) => assert.ok(Math.abs(a - b) <= 1e-9 * Math.max(1, Math.abs(b)), `${what}: page ${a}, file ${b}`);
 
 test('the browser plays H.264 and draws WebGL', async () => {
@@ -118,6 +120,22 @@ test('Overview says what the gateway says, intervals as in eval.json', async () 
   });
 });
 
+test('Overview counts what the folders hold: demonstrations, steps, stages', async () => {
+  const of = (kind, id) => home.sources.find((one) => one.kind === kind && one.id === id && one.folder);
+  const data = of('dataset', home.tiles.demonstrations?.source);
+  const run = of('run', home.tiles.training?.source);
+  await open('/', async (page) => {
+    const figure = async (name) => number(await text(page, `[data-figure="${name}"]`));
+    if (data && !home.tiles.demonstrations.live) assert.equal(await figure('committed'), episodeFiles(folderOf(data, 'dataset.json')).length);
+    if (!run || home.tiles.training.live) return;
+    const folder = folderOf(run, 'metrics.jsonl');
+    assert.equal(await figure('step'), readLines(join(folder, 'metrics.jsonl')).filter((one) => one.kind === 'train').at(-1).step);
+    const steps = await page.locator('.ladder li').allInnerTexts();
+    const advances = readLines(join(folder, 'curriculum.jsonl'));
+    advances.forEach((one, i) => assert.ok(steps[i].includes(`to ${one.step.toLocaleString('en-US')}`), `${steps[i]}, ${JSON.stringify(one)}`));
+  });
+});
+
 test('Training: every curve has the least, largest and last value of metrics.jsonl', async () => {
   const run = source('run');
   if (!run) return;
@@ -148,7 +166,7 @@ test('Evaluation: successes, n, failures first, seeds beyond 2^53', async () => 
   if (!evaluation) return;
   const file = readJson(join(folderOf(evaluation, 'eval.json'), 'eval.json'));
   await open(pages.evaluation, async (page) => {
-    assert.equal(Number((await text(page, '[data-figure="successes"]')).replaceAll(',', '')), file.overall.success.successes);
+    assert.equal(number(await text(page, '[data-figure="successes"]')), file.overall.success.successes);
     assert.equal(await text(page, '[data-seed]'), file.seed);
     const cells = await page.locator('[data-scene]').evaluateAll((all) => all.map((one) => ({ index: Number(one.dataset.scene), outcome: one.dataset.outcome })));
     assert.equal(cells.length, file.per_episode.length);
@@ -178,10 +196,26 @@ test('Dataset: rows and filters count what lies in the folder', async () => {
   if (!dataset) return;
   const folder = folderOf(dataset, 'dataset.json');
   const { statistics } = readJson(join(folder, 'dataset.json'));
-  const total = async (page) => Number((await text(page, '[data-total]')).replaceAll(',', '').split(' ')[0]);
+  const total = async (page) => number((await text(page, '[data-total]')).split(' ')[0]);
   await open(pages.dataset, async (page) => assert.equal(await total(page), episodeFiles(folder).length));
   const [task, count] = Object.entries(statistics?.tasks ?? {})[0] ?? [];
   if (task && statistics.episodes === episodeFiles(folder).length) await open(`${pages.dataset}&task=${task}`, async (page) => assert.equal(await total(page), count));
+});
+
+test('Dataset: episodes by task and target are those of the journal', async () => {
+  const dataset = source('dataset', 'demonstrations');
+  if (!dataset) return;
+  const journal = readLines(join(folderOf(dataset, 'dataset.json'), 'commits.jsonl'));
+  if (!journal.length) return;
+  await open(pages.dataset, async (page) => {
+    await page.waitForSelector('[data-task-target]');
+    const rows = await page.locator('[data-task-target] tr').evaluateAll((all) => all.map((row) => [...row.children].map((cell) => cell.textContent.trim())));
+    const [[, ...tasks], ...targets] = rows;
+    for (const [target, ...cells] of targets) {
+      cells.forEach((cell, i) => assert.equal(cell === '·' ? 0 : number(cell), journal.filter((one) => one.task === tasks[i] && one.target === target).length, `${tasks[i]} ${target}`));
+    }
+    assert.equal(targets.length, new Set(journal.map((one) => one.target)).size);
+  });
 });
 
 test('Generation: attempts are those committed and those of attempts.jsonl', async () => {
@@ -190,9 +224,35 @@ test('Generation: attempts are those committed and those of attempts.jsonl', asy
   const folder = folderOf(dataset, 'dataset.json');
   const failed = readLines(join(folder, 'attempts.jsonl')).filter((one) => one.outcome !== 'success').length;
   await open(pages.generation, async (page) => {
-    const numbers = (await page.locator('[data-attempts-summary] b').allInnerTexts()).map((one) => Number(one.replaceAll(',', '')));
+    const numbers = (await page.locator('[data-attempts-summary] b').allInnerTexts()).map(number);
     const committed = episodeFiles(folder).length;
     assert.ok(numbers.includes(committed + failed) && numbers.includes(committed) && numbers.includes(failed), numbers.join());
+  });
+});
+
+test('Fleet: what workers did is what the journal of the dataset says', async () => {
+  const all = home.sources.filter((one) => one.kind === 'dataset' && one.role === 'demonstrations');
+  const fleet = await get('/fleet');
+  if (fleet.live || all.length !== 1) return;
+  const journal = readLines(join(folderOf(all[0], 'dataset.json'), 'commits.jsonl'));
+  await open(pages.fleet, async (page) => {
+    const workers = new Map();
+    for (const one of journal) if (one.worker) workers.set(one.worker, (workers.get(one.worker) ?? 0) + 1);
+    assert.equal(fleet.workers, workers.size);
+    for (const [worker, episodes] of workers) {
+      const row = await page.locator(`[role=row][data-id="${worker}"]`).innerText();
+      assert.ok(row.split(/\s+/).includes(String(episodes)), `${worker}: ${episodes} episodes, the page has ${row}`);
+    }
+  });
+});
+
+test('Logs: lines of the files, and none that a text is not in', async () => {
+  const logs = await get('/logs?limit=200');
+  if (!logs.lines.length) return;
+  const word = /[a-z]{5,}/.exec(logs.lines.at(-1).text)?.[0] ?? '';
+  await open(`/logs?q=${word}`, async (page) => {
+    const lines = await page.locator('.log-box .log li').allInnerTexts();
+    assert.ok(lines.length > 0 && lines.every((one) => one.toLowerCase().includes(word)), lines.find((one) => !one.toLowerCase().includes(word)));
   });
 });
 
@@ -238,6 +298,15 @@ test('Inside: a box for each module of the config, all reachable by keyboard', a
   const graph = await get(`/runs/${source('run').id}/graph`);
   await open(pages.inside, async (page) => {
     assert.equal(await page.locator('[data-node]').count(), graph.nodes.length);
+    // errors as the newest checkpoint's own header has them, in the units of people
+    const header = checkpointHeader(folderOf(source('run'), 'metrics.jsonl'));
+    for (const [name, { error, trained_steps }] of Object.entries(JSON.parse(header?.modules ?? '{}'))) {
+      const said = (await page.locator(`[data-node="${name}"]`).textContent()) ?? '';
+      if (!trained_steps || error === null) continue;
+      const shown = number(/([\d.,e-]+) (?:% wrong|px|cm)$/.exec(said)?.[1] ?? '');
+      const scale = said.endsWith('px') ? 1 : 100;
+      assert.ok(Math.abs(shown - scale * error) <= 0.051 * Math.abs(scale * error) + 1e-9, `${name}: page "${said}", file ${error}`);
+    }
     await page.locator(`[data-node="${graph.nodes[0].name}"]`).press('Enter');
     await page.waitForURL(`**module=${graph.nodes[0].name}**`);
   });
@@ -269,7 +338,7 @@ test('the gateway is killed and started again under a page', async () => {
   const port = Number(new URL(gateway.address).port);
   await gateway.stop('SIGKILL');
   await page.waitForSelector('.banner', { timeout: 10000 });
-  gateway = await startGateway(dirs, port);
+  gateway = await startGateway(dirs, port, onDomain);
   await page.waitForSelector('.banner', { state: 'detached', timeout: 15000 });
   await settle(page);
   assert.equal(await page.locator('.problem').count(), 0);

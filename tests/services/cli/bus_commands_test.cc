@@ -146,6 +146,15 @@ TEST_F(BusCommands, TopicsAndTheirMessages) {
   EXPECT_EQ(message["campaign"], spec_.name);
   EXPECT_EQ(message["total"], 6);
 
+  const auto rates = Etude({"topic", "hz", "--seconds", "2", "--json"});
+  ASSERT_EQ(rates.exit_code, kExitOk) << rates.text;
+  const auto list_of_rates = OrderedJson::parse(rates.text.substr(rates.text.rfind("\n[") + 1), nullptr, false);
+  ASSERT_TRUE(list_of_rates.is_array()) << rates.text;
+  for (const auto& rate : list_of_rates) {
+    EXPECT_GE(rate["samples_per_second"], 0.0);
+    EXPECT_GT(rate["writers"], 0);
+  }
+
   const auto bulk = Etude({"topic", "echo", "etude/blob/chunk"});
   EXPECT_EQ(bulk.exit_code, kExitUsage);
   EXPECT_THAT(bulk.text, HasSubstr("etude topic hz etude/blob/chunk"));

@@ -449,6 +449,21 @@ TEST_F(Cli, CollectionsOptionsAreChecked) {
   EXPECT_FALSE(std::filesystem::exists(In("d")));
 }
 
+TEST_F(Cli, SecurityShowIsJsonForPrograms) {
+  const std::string keys = In("keys");
+  ASSERT_EQ(Etude({"security", "init", keys}).exit_code, kExitOk);
+  for (const char* name : {"bench-1", "bench-2"})
+    ASSERT_EQ(Etude({"security", "issue", keys, "--role", "worker", "--name", name}).exit_code, kExitOk);
+  ASSERT_EQ(Etude({"security", "revoke", keys, "bench-2"}).exit_code, kExitOk);
+  const OrderedJson issued = JsonOf({"security", "show", keys});
+  ASSERT_EQ(issued.size(), 2u) << issued.dump(1);
+  EXPECT_EQ(issued[0]["name"], "bench-1");
+  EXPECT_EQ(issued[0]["roles"], OrderedJson::array({"worker"}));
+  EXPECT_EQ(issued[0]["state"], "valid");
+  EXPECT_EQ(issued[1]["state"], "revoked");
+  EXPECT_GE(issued[1]["revoked"], issued[1]["not_before"]);
+}
+
 TEST_F(Cli, SaysItsVersion) {
   const Outcome outcome = Etude({"--version"});
   EXPECT_EQ(outcome.exit_code, kExitOk);

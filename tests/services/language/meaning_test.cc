@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 
 #include "services/core/rng.h"
+#include "services/language/held_out.h"
 
 namespace etude::language {
 namespace meaning_test {
@@ -107,6 +108,14 @@ TEST(Meaning, TellsWhichWordsTrainingNeverSays) {
   const OrderedJson json = ToJson(meaning);
   EXPECT_EQ(json["words"][2]["seen"], false);
   EXPECT_EQ(json["target"], "milk");
+}
+
+TEST(Meaning, TakesTheWordsOfAnotherTrainingWhereTheyAreKnown) {
+  Meaning meaning = Parser().Parse("push the xylophonic milk");
+  MarkSeen(meaning, WordsIn(WordsText({"push", "xylophonic", "the"})));
+  EXPECT_THAT(meaning.unseen(), ElementsAre("milk"));
+  EXPECT_EQ(meaning.command->target, "milk") << "what it means stays";
+  EXPECT_TRUE(WordsIn(WordsText({})).empty());
 }
 
 }  // namespace meaning_test

@@ -36,6 +36,7 @@ TEST(Checkpoint, ReadsBackExactlyAndAnswersTheSame) {
   EXPECT_EQ(here.run, "demo");
   EXPECT_EQ(here.step, 100u);
   EXPECT_EQ(here.metrics.at("TAR3D.cm"), 0.25);
+  EXPECT_EQ(here.words, "can push red the");
   EXPECT_EQ(ToJson(here.embodiment), ToJson(there.embodiment));
   EXPECT_EQ(ToJson(here.policy), ToJson(there.policy));
   EXPECT_EQ(ModulesToJson(here.modules), ModulesToJson(there.modules));

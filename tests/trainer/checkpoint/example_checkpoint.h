@@ -36,6 +36,7 @@ inline Checkpoint ExampleCheckpoint(const policy::PolicyConfig& config, std::uin
   metadata.stage_name = "CTRL";
   metadata.metrics = {{"TAR3D.cm", 0.25}};
   metadata.dataset = "fingerprint";
+  metadata.words = "can push red the";
   metadata.train_episodes = 12;
   metadata.embodiment = ExampleEmbodiment();
   metadata.policy = config;

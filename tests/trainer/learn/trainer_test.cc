@@ -11,6 +11,7 @@
 #include <sstream>
 #include <thread>
 
+#include "services/language/held_out.h"
 #include "tests/trainer/learn/tiny_run.h"
 #include "tests/trainer/policy/clip/tiny_clip.h"
 #include "trainer/checkpoint/readiness.h"
@@ -158,6 +159,9 @@ TEST_F(TrainerTest, GoesThroughTheStagesAndSaysWhy) {
   EXPECT_EQ(kept_before.back().step, 20u);
   EXPECT_EQ(kept_before.back().stage, 5);
   EXPECT_TRUE(kept_before.back().best);
+  const auto words = language::WordsIn(kept_before.back().words);
+  EXPECT_TRUE(words.contains("the"));
+  EXPECT_FALSE(words.contains("xylophonic"));
   ASSERT_FALSE(progress.empty());
   EXPECT_TRUE(progress.back().finished);
   EXPECT_EQ(progress.back().progress, 1.0);

@@ -953,21 +953,8 @@ export type Insight = {
   modules: Record<string, ModuleSays>;
   /** the same with the what-if of the request */
   what_if: Record<string, ModuleSays> | null;
-  attention: Record<string, {
-    rows: number;
-    columns: number;
-    /** of it that falls on the picture, 0..1 */
-    share: number;
-    /** row by row over the view, mean of the heads */
-    weights: number[];
-  }>;
-  /** part of the picture that the policy sees, px; of no size: not said */
-  view: {
-    u: number;
-    v: number;
-    width: number;
-    height: number;
-  };
+  attention: Record<string, PictureAttention>;
+  view: PictureView;
   /** x, y, z (m) and gripper 0..1 */
   waypoints: number[][];
   truth: {
@@ -977,6 +964,22 @@ export type Insight = {
     /** hand and objects, px */
     pixels: Record<string, number[]>;
   };
+};
+
+export type PictureAttention = {
+  rows: number;
+  columns: number;
+  /** of it that falls on the picture, 0..1 */
+  share: number;
+  /** row by row over the view, mean of the heads */
+  weights: number[];
+};
+
+export type PictureView = {
+  u: number;
+  v: number;
+  width: number;
+  height: number;
 };
 
 export type Action = {
@@ -1054,4 +1057,13 @@ export type PlaySession = {
   speed: number;
   attempts: number;
   successes: number;
+};
+
+export type PlayInsight = {
+  /** of this one; 0: none came yet, and the rest is empty */
+  number: number;
+  checkpoint_step: number;
+  modules: Record<string, ModuleSays>;
+  attention: Record<string, PictureAttention>;
+  view: PictureView;
 };

@@ -10,6 +10,8 @@ import { moduleColor } from '../core/theme';
 import type { Episode, Episodes, Insight, ModuleSays } from '../core/types';
 import { ActionButton } from '../parts/actions';
 import { Empty, Failed, Panel, Select, Skeleton } from '../parts/basics';
+import { PixelMark } from '../parts/mark';
+import { Spotlight } from '../parts/spotlight';
 
 type Rectangle = [number, number, number, number];
 
@@ -106,25 +108,19 @@ function Seen(props: { episode: Episode; picture: number; module: string; of: In
   };
   const rectangle = ({ from, to }: { from: [number, number]; to: [number, number] }): Rectangle => [Math.round(Math.min(from[0], to[0])), Math.round(Math.min(from[1], to[1])), Math.round(Math.abs(from[0] - to[0])), Math.round(Math.abs(from[1] - to[1]))];
   const attention = of?.attention[props.module];
-  const view = of && of.view.width > 0 ? of.view : { u: 0, v: 0, width: camera.width_px, height: camera.height_px };
-  const most = attention ? Math.max(...attention.weights, 1e-9) : 1;
   const truth = of ? of.truth.pixels[of.truth.target] : undefined;
   const pixel = of?.modules[props.module]?.soft_argmax;
   return (
     <div class="picture" style={{ aspectRatio: `${camera.width_px} / ${camera.height_px}` }}>
       <img src={`${root}/datasets/${episode.dataset}/episodes/${episode.index}/pictures/${encodeURIComponent(camera.name)}/${props.picture}.png`} alt={`Picture ${props.picture + 1} of episode ${episode.index}`} draggable={false} />
-      <svg ref={svg} viewBox={`0 0 ${camera.width_px} ${camera.height_px}`} class="hide-brush" data-attention={attention ? props.module : ''}
+      {of && attention && <Spotlight module={props.module} attention={attention} view={of.view} width={camera.width_px} height={camera.height_px} />}
+      <svg ref={svg} viewBox={`0 0 ${camera.width_px} ${camera.height_px}`} class="hide-brush"
         onPointerDown={(event) => { event.currentTarget.setPointerCapture(event.pointerId); setDrag({ from: at(event), to: at(event) }); }}
         onPointerMove={(event) => { if (drag) setDrag({ ...drag, to: at(event) }); }}
         onPointerUp={() => { if (drag) { const one = rectangle(drag); if (one[2] > 2 && one[3] > 2) props.hide(one); } setDrag(null); }}>
-        {attention && attention.weights.map((weight, i) => {
-          const width = view.width / attention.columns;
-          const height = view.height / attention.rows;
-          return <rect x={view.u + (i % attention.columns) * width} y={view.v + Math.floor(i / attention.columns) * height} width={width} height={height} fill="#000" shape-rendering="crispEdges" opacity={0.6 * (1 - Math.sqrt(weight / most))} />;
-        })}
         {[...props.hidden, ...(drag ? [rectangle(drag)] : [])].map(([x, y, width, height]) => <rect x={x} y={y} width={width} height={height} fill="#808080" stroke="#fff" stroke-width="1" />)}
-        {truth && <g class="mark" transform={`translate(${truth[0]} ${truth[1]})`}>{(['casing', 'line', 'hair'] as const).map((layer) => <circle class={`${layer} target`} r="5" />)}</g>}
-        {pixel && <g class="mark" transform={`translate(${pixel[0]!} ${pixel[1]!})`}>{(['casing', 'line', 'hair'] as const).map((layer) => <path class={`${layer} hand`} d="M-6 0H-2M2 0H6M0 -6V-2M0 2V6" />)}</g>}
+        {truth && <PixelMark token="target" glyph="ring" at={truth} />}
+        {pixel && <PixelMark token="hand" glyph="cross" at={pixel} />}
       </svg>
     </div>
   );

@@ -4,13 +4,16 @@ import { useEffect, useState } from 'preact/hooks';
 import { postJson, query, reasonOf, root, useResource } from '../core/api';
 import { useLive } from '../core/connection';
 import { parameter } from '../core/router';
-import type { PlaySession } from '../core/types';
+import { moduleColor } from '../core/theme';
+import type { PlayInsight, PlaySession } from '../core/types';
 import { Chip, Command, Empty, Facts, Loaded, Panel, Select } from '../parts/basics';
+import { PixelMark } from '../parts/mark';
+import { Spotlight } from '../parts/spotlight';
 import { TableTop, type Standing } from '../parts/table_top';
 import { TokenField } from '../parts/sign_in';
 
 interface Sessions { enabled: boolean; sessions: PlaySession[]; policies: string[]; campaigns: string[] }
-interface Meaning { sentence: string; words: { text: string; seen: boolean }[]; task: string; target: string; reference: string; why: string }
+interface Meaning { sentence: string; words: { text: string; seen: boolean }[]; task: string; target: string; reference: string; why: string; words_of: 'training' | 'campaign' }
 interface Scene { campaign: string; robot: string; index: number; seed: string; tasks: string[]; objects: Standing[]; table_half_m: number; camera: View }
 interface View { width: number; height: number; fovy: number; position: number[]; quaternion: number[] }
 interface Judge { doing?: string; judged?: boolean; done?: boolean; held?: number; dwell?: number; words?: string; violations?: unknown[]; disturbed?: string[] }
@@ -124,19 +127,45 @@ function Table(props: { session: string }) {
   );
 }
 
-/** The policy's own picture, with where it wants the hand to go. */
+/** The policy's own picture: what a module attends to as light, where modules see things, where it wants the hand to go. */
 function Live(props: { session: string; state: PlaySession; scene: Scene }) {
+  const { state } = props;
   const { camera } = props.scene;
-  const points = props.state.phase === 'moving' ? props.state.waypoints.map((one) => project(camera, one)).filter((one) => one !== null) : [];
+  const [look, setLook] = parameter('look');
+  const moving = state.phase === 'moving';
+  const address = `/play/sessions/${encodeURIComponent(props.session)}`;
+  // its policy shows what it sees for as long as somebody asks
+  const seen = useResource<PlayInsight>(moving && look !== 'none' ? `${address}/insight` : null, { every: 150 });
+  const all = Object.keys(seen.data?.attention ?? {});
+  const module = all.includes(look) ? look : all.find((name) => seen.data?.modules[name]?.entity === 'target') ?? all[0];
+  const attention = module ? seen.data?.attention[module] : undefined;
+  const points = moving ? state.waypoints.map((one) => project(camera, one)).filter((one) => one !== null) : [];
   return (
-    <div class="play-picture">
-      <img src={`${root}/play/sessions/${encodeURIComponent(props.session)}/frame.jpg?n=${props.state.frame}`} width={camera.width} height={camera.height} alt="What the robot's camera sees" data-frame={props.state.frame} />
-      <svg viewBox={`0 0 ${camera.width} ${camera.height}`} aria-hidden="true">
-        {points.length > 1 && <polyline points={points.map((one) => one.join(',')).join(' ')} />}
-        {points.map(([u, v], i) => <circle cx={u} cy={v} r={camera.width / 90} opacity={1 - (0.7 * i) / points.length} />)}
-      </svg>
-    </div>
+    <>
+      <div class="play-picture" style={{ aspectRatio: `${camera.width} / ${camera.height}` }}>
+        {state.frame > 0 && <img src={`${root}${address}/frame.jpg?n=${state.frame}`} width={camera.width} height={camera.height} alt="What the robot's camera sees" data-frame={state.frame} />}
+        {moving && seen.data && module && attention && <Spotlight module={module} attention={attention} view={seen.data.view} width={camera.width} height={camera.height} />}
+        <svg viewBox={`0 0 ${camera.width} ${camera.height}`} aria-hidden="true">
+          {moving && pixelsOf(state.modules).map(([name, at]) => <PixelMark key={name} token={moduleColor(name)} glyph={moduleColor(name) === 'hand' ? 'ring' : 'cross'} at={at} />)}
+          {points.length > 1 && <polyline points={points.map((one) => one.join(',')).join(' ')} />}
+          {points.map(([u, v], i) => <circle class="waypoint" cx={u} cy={v} r={camera.width / 90} opacity={1 - (0.7 * i) / points.length} />)}
+        </svg>
+      </div>
+      <p class="row wrap small">
+        <Select showLabel label="Attention of" value={look === 'none' ? 'none' : all.includes(look) ? look : ''} choose={(name) => setLook(name || null, true)}
+          options={[['', module && look !== 'none' ? `the target's module (${module})` : "the target's module"], ...all.map((name) => [name, name] as const), ['none', 'none']]} />
+        <span class="muted" data-looks>{look === 'none' ? '' : attention ? `${Math.round(100 * attention.share)} % of it on the picture` : moving ? 'its policy has not shown it yet' : 'shown while it moves'}</span>
+      </p>
+    </>
   );
+}
+
+/** Where modules say that something is in the picture, px. */
+function pixelsOf(modules: Record<string, unknown>): [string, number[]][] {
+  return Object.entries(modules).flatMap(([name, said]): [string, number[]][] => {
+    const { quantity, value } = said as { quantity?: unknown; value?: unknown };
+    return quantity === 'pixel' && Array.isArray(value) && value.length === 2 && value.every(Number.isFinite) ? [[name, value as number[]]] : [];
+  });
 }
 
 /** World (m) to picture (px); null behind the camera. The camera looks along its -z, y up. */
@@ -175,12 +204,17 @@ function Say(props: { address: string; state: PlaySession; send: (action: string
       </form>
       {means && asked && (
         <div aria-live="polite">
-          <p>{means.words.map((word) => <><span class={word.seen ? '' : 'unseen'} title={word.seen ? 'training says it' : 'training never says it'}>{word.text}</span> </>)}</p>
-          <p class="small" data-meaning>{means.task ? <>means <b>{means.task} {means.target}{means.reference && `, ${means.reference}`}</b></> : <span class="warn">not judged: {means.why}</span>}{means.words.some((word) => !word.seen) && <span class="muted"> · never seen in training: {means.words.filter((word) => !word.seen).map((word) => word.text).join(', ')}</span>}</p>
+          <p data-words={means.words_of}>{means.words.map((word) => <><span class={word.seen ? '' : 'unseen'} title={`${training(means)} ${word.seen ? 'says' : 'never says'} it`}>{word.text}</span> </>)}</p>
+          <p class="small" data-meaning>{means.task ? <>means <b>{means.task} {means.target}{means.reference && `, ${means.reference}`}</b></> : <span class="warn">not judged: {means.why}</span>}{means.words.some((word) => !word.seen) && <span class="muted" data-unseen> · {training(means)} never said: {means.words.filter((word) => !word.seen).map((word) => word.text).join(', ')}</span>}</p>
         </div>
       )}
     </Panel>
   );
+}
+
+/** Whose words are known: those of the checkpoint's training, else of the scene's campaign, as a training on it has them. */
+function training(means: Meaning): string {
+  return means.words_of === 'training' ? "the policy's training" : 'training on this campaign';
 }
 
 function Verdict(props: { state: PlaySession }) {
@@ -189,7 +223,7 @@ function Verdict(props: { state: PlaySession }) {
   if (!state.sentence) return null;
   const tone = state.outcome === 'success' ? 'good' : state.outcome === '' || state.outcome === 'unjudged' || state.outcome === 'stopped' ? '' : 'bad';
   return (
-    <Panel title="Judge" aside={<span class="num small">{state.successes} of {state.attempts} done</span>}>
+    <Panel title="Judge" class="verdict" aside={<span class="num small">{state.successes} of {state.attempts} done</span>}>
       <p>“{state.sentence}” {state.outcome ? <Chip tone={tone}>{state.outcome === 'success' ? '✓ ' : ''}{state.outcome}</Chip> : <Chip>▶ under way</Chip>}</p>
       {state.reason && <p class="small">{state.reason}</p>}
       {judge.words && <p class="small secondary">{judge.words}</p>}

@@ -3,9 +3,10 @@
 import { useEffect, useRef, useState } from 'preact/hooks';
 import { root } from '../core/api';
 import type { Camera, Episode } from '../core/types';
+import { MarkLayers, type Glyph } from './mark';
 import type { Playhead } from './playhead';
 
-export interface Mark { token: string; label: string; glyph: 'ring' | 'cross'; /** (steps, 2) pixels. */ pixels: ArrayLike<number> }
+export interface Mark { token: string; label: string; glyph: Glyph; /** (steps, 2) pixels. */ pixels: ArrayLike<number> }
 
 const kept = 160;
 
@@ -79,9 +80,7 @@ export function PictureView(props: { episode: Episode; camera: Camera; playhead:
       <svg viewBox={`0 0 ${camera.width_px} ${camera.height_px}`} aria-hidden="true">
         {props.marks.map((mark, i) => (
           <g class="mark" data-mark={mark.label} ref={(element: SVGGElement | null) => { groups.current[i] = element; }}>
-            {(['casing', 'line', 'hair'] as const).map((layer) => mark.glyph === 'ring'
-              ? <circle class={`${layer} ${mark.token}`} r="5" />
-              : <path class={`${layer} ${mark.token}`} d="M-6 0H-2M2 0H6M0 -6V-2M0 2V6" />)}
+            <MarkLayers token={mark.token} glyph={mark.glyph} />
           </g>))}
       </svg>
       {problem && <p class="picture-problem">{problem}</p>}
