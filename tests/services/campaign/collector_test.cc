@@ -429,7 +429,8 @@ TEST_F(CollectorTest, WhatAThreadThrowsEndsItWithWords) {
 
   ASSERT_FALSE(running.status());
   EXPECT_EQ(running.status().error().code, Code::kInternal);
-  EXPECT_NE(running.status().error().message.find("commit thread failed: an exception: out of paper"), std::string::npos)
+  EXPECT_NE(running.status().error().message.find("commit thread failed: an exception: out of paper"),
+            std::string::npos)
       << running.status().error().message;
 }
 

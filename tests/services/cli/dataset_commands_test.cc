@@ -71,8 +71,8 @@ TEST_F(DatasetCommands, ASplitByTaskHasAFolderForEachWithItsEpisodes) {
 }
 
 TEST_F(DatasetCommands, SharesThatAreNoneAreRefusedBeforeAnythingIsMade) {
-  for (const char* part : {"train", "train=", "train=x", "train=0.5x", "train=0", "train=-1", "train=nan", "train=inf",
-                           "../x=1", "=1"})
+  for (const char* part :
+       {"train", "train=", "train=x", "train=0.5x", "train=0", "train=-1", "train=nan", "train=inf", "../x=1", "=1"})
     EXPECT_EQ(Etude({"dataset", "split", In("data"), In("parts"), "--parts", part}).exit_code, kExitUsage) << part;
   ExpectUsage({"dataset", "split", In("data"), In("parts"), "--parts", "a=1", "a=2"}, "different");
   ExpectUsage({"dataset", "split", In("data"), In("parts"), "--by", "colour"}, "colour");
@@ -109,8 +109,8 @@ TEST_F(DatasetCommands, AnUnknownEpisodeDeletesNone) {
 }
 
 TEST_F(DatasetCommands, ExportsAreOfTheVersionAndTheEpisodesThatAreAskedFor) {
-  const CommandOutcome old = Etude({"dataset", "export", In("data"), In("old"), "--format", "lerobot", "--version",
-                                    "2.1", "--task", "pick"});
+  const CommandOutcome old =
+      Etude({"dataset", "export", In("data"), In("old"), "--format", "lerobot", "--version", "2.1", "--task", "pick"});
   ASSERT_EQ(old.exit_code, kExitOk) << old.text;
   const auto info = OrderedJson::parse(ReadTextFile(folder_ / "old/meta/info.json").value_or(""), nullptr, false);
   EXPECT_EQ(info["codebase_version"], "v2.1");
@@ -119,9 +119,9 @@ TEST_F(DatasetCommands, ExportsAreOfTheVersionAndTheEpisodesThatAreAskedFor) {
   ExpectUsage({"dataset", "export", In("data"), In("x"), "--format", "lerobot", "--version", "2.0"}, "2.0");
   ExpectUsage({"dataset", "export", In("data"), In("x")}, "--format");
 
-  ASSERT_EQ(Etude({"dataset", "export", In("data"), In("some.hdf5"), "--format", "robomimic", "--index", "2", "5"})
-                .exit_code,
-            kExitOk);
+  ASSERT_EQ(
+      Etude({"dataset", "export", In("data"), In("some.hdf5"), "--format", "robomimic", "--index", "2", "5"}).exit_code,
+      kExitOk);
   EXPECT_TRUE(std::filesystem::exists(folder_ / "some.hdf5"));
 }
 

@@ -38,10 +38,10 @@ class Hosted : public testing::Test {
   }
   Result<std::unique_ptr<HostedCampaign>> Start() { return HostedCampaign::Start(*participant_, spec_, options_); }
   Result<campaign::Process> StartWorker() {
-    return campaign::Process::Start({{(campaign::ProgramFolder() / "fake_worker").string(), spec_.name,
-                                      std::to_string(kDomain), "0"},
-                                     folder_ / "worker.log",
-                                     {}});
+    return campaign::Process::Start(
+        {{(campaign::ProgramFolder() / "fake_worker").string(), spec_.name, std::to_string(kDomain), "0"},
+         folder_ / "worker.log",
+         {}});
   }
   // Supervises until the collector has ended.
   static void ExpectEnds(HostedCampaign& hosted) {

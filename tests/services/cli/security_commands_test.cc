@@ -92,7 +92,8 @@ TEST_F(SecurityCommands, ASigningKeyHasAPublicHalfAndIsMadeOnce) {
   EXPECT_THAT(half, HasSubstr("PUBLIC KEY"));
   EXPECT_THAT(half, Not(HasSubstr("PRIVATE")));
   EXPECT_NE(Etude({"security", "signing-key", In("sign")}).exit_code, kExitOk);
-  EXPECT_EQ(ReadTextFile(folder_ / "sign").value_or(""), key) << "what was signed with it could not be checked any more";
+  EXPECT_EQ(ReadTextFile(folder_ / "sign").value_or(""), key)
+      << "what was signed with it could not be checked any more";
 }
 
 }  // namespace security_commands_test

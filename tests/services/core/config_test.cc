@@ -291,8 +291,11 @@ TEST(JsonText, BytesThatAreNotUtf8BecomeTheReplacementCharacter) {
   struct Case {
     std::string bytes, text;
   };
-  for (const auto& [bytes, text] : {Case{"a\xff""b", "a" + replaced + "b"}, Case{"\xc3", replaced},
-                                    Case{"\xc3\xa4", "\xc3\xa4"}, Case{"\xed\xa0\x80", replaced}, Case{"", ""}}) {
+  for (const auto& [bytes, text] :
+       {Case{"a\xff"
+             "b",
+             "a" + replaced + "b"},
+        Case{"\xc3", replaced}, Case{"\xc3\xa4", "\xc3\xa4"}, Case{"\xed\xa0\x80", replaced}, Case{"", ""}}) {
     const OrderedJson json{{"value", bytes}, {"list", OrderedJson::array({bytes})}};
     const auto back = OrderedJson::parse(JsonText(json), nullptr, false);
     ASSERT_FALSE(back.is_discarded()) << JsonText(json);

@@ -167,10 +167,10 @@ TEST_F(Parquet, TellsHyparquetTheSame) {
 
 // rows of none, of empty and of full lists, within each other: what repetition and definition levels are for
 TEST_F(Parquet, ListsOfListsMayBeEmptyAtEveryDepth) {
-  const std::vector<OrderedJson> rows{
-      OrderedJson::parse("[]"),          OrderedJson::parse("[[]]"),          OrderedJson::parse("[[1],[]]"),
-      OrderedJson::parse("[[],[2,3]]"),  OrderedJson::parse("[[],[],[]]"),    OrderedJson::parse("[[4,5,6]]"),
-      OrderedJson::parse("[[7],[8,9]]"), OrderedJson::parse("[[10],[],[11]]")};
+  const std::vector<OrderedJson> rows{OrderedJson::parse("[]"),          OrderedJson::parse("[[]]"),
+                                      OrderedJson::parse("[[1],[]]"),    OrderedJson::parse("[[],[2,3]]"),
+                                      OrderedJson::parse("[[],[],[]]"),  OrderedJson::parse("[[4,5,6]]"),
+                                      OrderedJson::parse("[[7],[8,9]]"), OrderedJson::parse("[[10],[],[11]]")};
   std::vector<std::int64_t> values;
   ParquetCells cells{values, {{}, {}}};
   for (const auto& row : rows) {
@@ -195,12 +195,10 @@ TEST_F(Parquet, NumbersAtTheEdgeOfTheirTypesAndTextsOfAnyBytesComeBack) {
   const std::vector<double> reals{-0.0, 5e-324, 1.7976931348623157e308, -1e-300, 0.1};
   const std::vector<std::string> texts{"", std::string("a\0b", 3), std::string(70'000, 'x'), "\xc3\xa4", "PAR1"};
   const std::vector<std::uint8_t> flags{1, 0, 0, 1, 1};
-  auto file = ParquetWriter::Create(path_,
-                                    {{"n", ParquetType::kInt64},
-                                     {"r", ParquetType::kDouble},
-                                     {"t", ParquetType::kText},
-                                     {"b", ParquetType::kBool}},
-                                    {});
+  auto file = ParquetWriter::Create(
+      path_,
+      {{"n", ParquetType::kInt64}, {"r", ParquetType::kDouble}, {"t", ParquetType::kText}, {"b", ParquetType::kBool}},
+      {});
   ASSERT_THAT(file, IsOk());
   ASSERT_THAT(file->WriteRowGroup(5, {Cells(numbers), Cells(reals), Cells(texts), Cells(flags)}), IsOk());
   ASSERT_THAT(file->Finish(), IsOk());

@@ -95,7 +95,7 @@ TEST(TopicRates, NeverFallBelowNothing) {
                {"still", process("still", 100, kNow)},
                {"left", process("left", 7, kNow)},
                {"late", process("late", 0, kNow + 5s)}});
-  const auto found = rates.End({{"again", process("again", 10, kNow + 2s)},   // began anew: counts from 0
+  const auto found = rates.End({{"again", process("again", 10, kNow + 2s)},  // began anew: counts from 0
                                 {"still", process("still", 300, kNow + 2s)},
                                 {"late", process("late", 50, kNow + 5s)}});  // no time has passed
   ASSERT_EQ(found.size(), 1u);

@@ -62,7 +62,8 @@ TEST(AreWaypoints, AreAsManyNumbersAsThereMustBeAllOfThemFinite) {
   EXPECT_TRUE(AreWaypoints(numbers));
   EXPECT_FALSE(AreWaypoints({}));
   EXPECT_FALSE(AreWaypoints(std::span(numbers).first(kNumbers - 1)));
-  for (const float bad : {std::nanf(""), std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity()})
+  for (const float bad :
+       {std::nanf(""), std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity()})
     for (const std::size_t i : {std::size_t{0}, kNumbers / 2, kNumbers - 1}) {
       numbers[i] = bad;
       EXPECT_FALSE(AreWaypoints(numbers)) << i;

@@ -17,9 +17,9 @@ namespace summary_test {
 
 Episode Example(std::uint64_t index, int steps) {
   Episode episode = MakeSyntheticEpisode(SyntheticSpec(), index, steps);
-  episode.details = OrderedJson::parse(
-      R"({"scene": {"draws": 3, "rejected": [{"reason": "touches"}, {"reason": "touches"}]},)"
-      R"( "planned": [{"stage": "reach", "way": "line"}]})");
+  episode.details =
+      OrderedJson::parse(R"({"scene": {"draws": 3, "rejected": [{"reason": "touches"}, {"reason": "touches"}]},)"
+                         R"( "planned": [{"stage": "reach", "way": "line"}]})");
   return episode;
 }
 
@@ -123,14 +123,14 @@ TEST(FeatureTable, NamesEveryArrayOnceWithTheShapeThatItHas) {
 TEST(FailuresByOutcome, CountsLinesThatParse) {
   const TemporaryFolder folder;
   EXPECT_TRUE(FailuresByOutcome(folder.path()).empty()) << "no such file";
-  ASSERT_THAT(WriteFileAtomically(folder / kAttempts,
-                                  std::string_view("{\"index\":1,\"attempt\":0,\"outcome\":\"slip\"}\n"
-                                                   "{\"index\":1,\"attempt\":1,\"outcome\":\"slip\"}\n"
-                                                   "{\"index\":2,\"attempt\":0,\"outcome\":\"timeout\"}\n"
-                                                   "{\"index\":2,\"outcome\":\"timeout\"}\nnot JSON\n\n"
-                                                   "{\"index\":3,\"attempt\":0,\"outcome\":7}\n"
-                                                   "{\"index\":4,\"attempt\":0,\"outc")),
-              IsOk());
+  ASSERT_THAT(
+      WriteFileAtomically(folder / kAttempts, std::string_view("{\"index\":1,\"attempt\":0,\"outcome\":\"slip\"}\n"
+                                                               "{\"index\":1,\"attempt\":1,\"outcome\":\"slip\"}\n"
+                                                               "{\"index\":2,\"attempt\":0,\"outcome\":\"timeout\"}\n"
+                                                               "{\"index\":2,\"outcome\":\"timeout\"}\nnot JSON\n\n"
+                                                               "{\"index\":3,\"attempt\":0,\"outcome\":7}\n"
+                                                               "{\"index\":4,\"attempt\":0,\"outc")),
+      IsOk());
   EXPECT_EQ(FailuresByOutcome(folder.path()), (std::map<std::string, std::uint64_t>{{"slip", 2}, {"timeout", 1}}));
 }
 

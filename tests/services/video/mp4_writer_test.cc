@@ -115,8 +115,8 @@ TEST(Mp4Writer, APictureOfAnotherSizeChangesNothing) {
 
 TEST(Mp4Writer, AMovingPictureForPagesHasItsFramesAndRepeats) {
   const TemporaryFolder folder;
-  auto writer = Mp4Writer::Open(folder / "a.webp",
-                                {.width = kSide, .height = kSide, .rate = {5, 1}, .container = Container::kAnimatedWebp});
+  auto writer = Mp4Writer::Open(
+      folder / "a.webp", {.width = kSide, .height = kSide, .rate = {5, 1}, .container = Container::kAnimatedWebp});
   if (!writer && writer.error().code == Code::kUnavailable) GTEST_SKIP() << writer.error().message;
   ASSERT_THAT(writer, IsOk());
   for (int k = 0; k < 3; ++k) ASSERT_THAT(writer->Write(Grey(80 * k)), IsOk());

@@ -69,7 +69,8 @@ TEST(Resized, SmallerIsTheMeanOfWhatItCovers) {
       for (int c = 0; c < 3; ++c) {
         double sum = 0;
         for (const int dy : {0, 1})
-          for (const int dx : {0, 1}) sum += picture.rgb[static_cast<std::size_t>(((2 * y + dy) * 8 + 2 * x + dx) * 3 + c)];
+          for (const int dx : {0, 1})
+            sum += picture.rgb[static_cast<std::size_t>(((2 * y + dy) * 8 + 2 * x + dx) * 3 + c)];
         EXPECT_NEAR(small.rgb[static_cast<std::size_t>((y * 4 + x) * 3 + c)], sum / 4, 0.51);
       }
 }

@@ -41,9 +41,7 @@ class RetimeTest : public PlanFixture {
 };
 
 // Limits that nothing meets but what a test sets.
-Limits Loose() {
-  return {.linear = 1e3, .angular = 1e3, .linear_accel = 1e6, .angular_accel = 1e6, .joint = 1e3};
-}
+Limits Loose() { return {.linear = 1e3, .angular = 1e3, .linear_accel = 1e6, .angular_accel = 1e6, .joint = 1e3}; }
 
 // One joint that is bounded by its speed alone: 8 of its speeds a second up, cruise, and down again.
 TEST_F(RetimeTest, AStraightJointPathTakesTheTimeOfATrapezoid) {

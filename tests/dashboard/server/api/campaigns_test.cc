@@ -87,13 +87,12 @@ TEST_F(CampaignsTest, SeedsOfAttemptsAreThoseThatWouldBeDrawn) {
 }
 
 TEST_F(CampaignsTest, TimingIsTheSumOfItsAttempts) {
-  WriteLate(
-      R"({"index":3,"attempt":0,"outcome":"slip","details":{"plan_s":0.25,"step_s":0.5,"render_s":0.125}})"
-      "\n"
-      R"({"index":4,"attempt":0,"outcome":"slip","details":{"plan_s":0.015,"step_s":1.5}})"
-      "\n"
-      R"({"index":4,"attempt":1,"outcome":"slip"})"
-      "\n");
+  WriteLate(R"({"index":3,"attempt":0,"outcome":"slip","details":{"plan_s":0.25,"step_s":0.5,"render_s":0.125}})"
+            "\n"
+            R"({"index":4,"attempt":0,"outcome":"slip","details":{"plan_s":0.015,"step_s":1.5}})"
+            "\n"
+            R"({"index":4,"attempt":1,"outcome":"slip"})"
+            "\n");
   const auto timing = GetJson(kPrefix + "/campaigns/lab.late")["timing"];
   EXPECT_EQ(timing["attempts"], 2) << "those that say";
   EXPECT_DOUBLE_EQ(timing["plan_s"].get<double>(), 0.265);

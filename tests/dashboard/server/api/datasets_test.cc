@@ -7,8 +7,8 @@
 #include <map>
 #include <set>
 
-#include "services/codec/frame.h"
 #include "dashboard/server/api/episode_filter.h"
+#include "services/codec/frame.h"
 #include "services/episode/tracks.h"
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/support/matchers.h"
@@ -159,8 +159,7 @@ TEST_F(DatasetsTest, SpansWithoutSupervisionAndPixelsThatAreNoNumbersAreShown) {
     ASSERT_THAT(writer->Commit(episode), IsOk());
   }
   const auto json = GetJson(kPrefix + "/datasets/lab.odd/episodes/0");
-  EXPECT_EQ(json["unsupervised"],
-            OrderedJson::parse(R"([{"from":0,"to":2},{"from":7,"to":10},{"from":39,"to":40}])"));
+  EXPECT_EQ(json["unsupervised"], OrderedJson::parse(R"([{"from":0,"to":2},{"from":7,"to":10},{"from":39,"to":40}])"));
   EXPECT_TRUE(json["previous"].is_null());
   EXPECT_TRUE(json["next"].is_null());
 

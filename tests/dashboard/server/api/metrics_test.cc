@@ -111,7 +111,8 @@ TEST_F(MetricsTest, TheHistogramAddsUp) {
   std::string text;
   const double plans[] = {0.005, 0.01, 0.015, 0.3, 99.0};
   for (int i = 0; i < 5; ++i)
-    text += fmt::format("{{\"index\":{},\"attempt\":0,\"outcome\":\"slip\",\"details\":{{\"plan_s\":{}}}}}\n", i, plans[i]);
+    text +=
+        fmt::format("{{\"index\":{},\"attempt\":0,\"outcome\":\"slip\",\"details\":{{\"plan_s\":{}}}}}\n", i, plans[i]);
   ASSERT_THAT(WriteFileAtomically(lab_.root() / "data" / "attempts.jsonl", text), IsOk());
   double before = 0, sum = 0, count = 0;
   int buckets = 0;

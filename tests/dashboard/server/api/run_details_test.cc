@@ -22,12 +22,8 @@ sources::RunView ViewOf(const std::string& config) {
 }
 
 OrderedJson Advance(int from, int to, int step, const char* cause) {
-  return {{"from", from},
-          {"to", to},
-          {"step", step},
-          {"name", "stage " + std::to_string(to)},
-          {"cause", cause},
-          {"reason", cause}};
+  return {{"from", from},   {"to", to},       {"step", step}, {"name", "stage " + std::to_string(to)},
+          {"cause", cause}, {"reason", cause}};
 }
 
 std::vector<std::string> StatesOf(const OrderedJson& stages) {

@@ -180,10 +180,8 @@ TEST_P(AboveHand, SetsDownWhatItHoldsWithAGapUnderIt) {
 TEST_P(AboveHand, EachSideOfTheReferenceIsThatOfThePicture) {
   now_.reference = "milk";
   now_.X_WR = {{0, 0.32, shapes_.object("milk").rest_height}, Quaterniond::Identity()};
-  const std::map<std::string, Vector3d> sides{{"place_left", {1, 0, 0}},
-                                              {"place_right", {-1, 0, 0}},
-                                              {"place_front", {0, 1, 0}},
-                                              {"place_behind", {0, -1, 0}}};
+  const std::map<std::string, Vector3d> sides{
+      {"place_left", {1, 0, 0}}, {"place_right", {-1, 0, 0}}, {"place_front", {0, 1, 0}}, {"place_behind", {0, -1, 0}}};
   for (const auto& [task, side] : sides) {
     const auto stages = StagesFor(task);
     Stand("cube");
