@@ -106,4 +106,12 @@ Result<campaign::Fingerprint> TakeFingerprint(const sim::RendererConfig& config)
                                {"libm", LibmProbe()}};
 }
 
+Result<campaign::Fingerprint> Fingerprints::Of(const CampaignSpec& spec) {
+  const MutexLock lock(mutex_);
+  const std::pair key(spec.renderer, spec.device);
+  if (const auto known = taken_.find(key); known != taken_.end()) return known->second;
+  ETUDE_ASSIGN_OR_RETURN(auto fingerprint, TakeFingerprint(sim::RendererFor(spec, base_)));
+  return taken_[key] = std::move(fingerprint);
+}
+
 }  // namespace etude

@@ -131,7 +131,8 @@ Status Work(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "worker"}));
   campaign::WorkerOptions options = arguments.worker;
   options.files_sha256 = task::UserFilesSha256;
-  ETUDE_ASSIGN_OR_RETURN(options.fingerprint, TakeFingerprint(arguments.renderer));
+  Fingerprints fingerprints(arguments.renderer);
+  options.fingerprint = [&](const CampaignSpec& spec) { return fingerprints.Of(spec); };
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
   ServiceManager::Get().Ready(fmt::format("looking for campaign {}", options.campaign));
   return client.Run([&](const campaign::JoinedCampaign& joined) -> Result<campaign::WorkFunction> {
@@ -159,11 +160,11 @@ Status BeChild(const Arguments& arguments) {
 
 // One slot of a host, on a thread of its own: a worker on the bus whose attempts a child makes.
 Status WorkInSlot(const Arguments& arguments, const bus::Participant& participant, host::SlotOptions slot_options,
-                  const campaign::Fingerprint& fingerprint) {
+                  Fingerprints& fingerprints) {
   campaign::WorkerOptions options = arguments.worker;
   options.name = slot_options.name;
   options.files_sha256 = task::UserFilesSha256;
-  options.fingerprint = fingerprint;
+  options.fingerprint = [&](const CampaignSpec& spec) { return fingerprints.Of(spec); };
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
   host::Slot slot(std::move(slot_options));
   return client.Run([&](const campaign::JoinedCampaign& joined) -> Result<campaign::WorkFunction> {
@@ -182,7 +183,7 @@ Status Host(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kWorker}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "worker"}));
   ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling("etude-worker"));
-  ETUDE_ASSIGN_OR_RETURN(const auto fingerprint, TakeFingerprint(arguments.renderer));
+  Fingerprints fingerprints(arguments.renderer);
   const std::string name = arguments.worker.name.empty() ? bus::UniquePeerName() : arguments.worker.name;
   host::SlotOptions options;
   options.argv = {program.string(), "--child", "--gl", arguments.renderer.backend};
@@ -195,7 +196,7 @@ Status Host(const Arguments& arguments) {
   for (std::size_t k = 0; k < ended.size(); ++k) {
     options.name = fmt::format("{}-s{}", name, k);
     threads.emplace_back([&, k, options] {
-      ended[k] = WithoutThrowing([&] { return WorkInSlot(arguments, participant, options, fingerprint); });
+      ended[k] = WithoutThrowing([&] { return WorkInSlot(arguments, participant, options, fingerprints); });
       if (!ended[k]) RequestStop();
     });
   }
@@ -340,6 +341,13 @@ void AddJoining(CLI::App& app, Arguments& arguments) {
       ->check(CLI::Range(0.1, 1e6));
   app.add_option("--gl", arguments.renderer.backend, "auto | egl | osmesa")
       ->check(CLI::IsMember({"auto", "egl", "osmesa"}));
+  app.add_option("--renderer", arguments.renderer.renderer,
+                 "software | gpu: with --fingerprint and doctor; a campaign says its own")
+      ->check(CLI::IsMember({"software", "gpu"}))
+      ->capture_default_str();
+  app.add_option("--device", arguments.renderer.device, "with --renderer gpu: its number in EGL's list; -1: any")
+      ->check(CLI::Range(-1, 63))
+      ->capture_default_str();
   app.add_option("--slots", arguments.slots,
                  "makes so many episodes at a time, each in a supervised child; one participant on the bus for all")
       ->check(CLI::Range(1, 1024));
@@ -353,6 +361,14 @@ void AddJoining(CLI::App& app, Arguments& arguments) {
   app.add_flag("--child", arguments.child)->group("");  // hidden: how a host starts its children
 }
 
+// Who joins a campaign is told by it who draws.
+void CheckJoining(const CLI::App& app, const Arguments& arguments) {
+  if (!app.get_subcommands().empty() || arguments.child || arguments.fingerprint) return;
+  if (arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
+  if (app.count("--renderer") + app.count("--device") > 0)
+    throw CLI::ExcludesError("--campaign", "--renderer, --device");
+}
+
 }  // namespace
 }  // namespace etude
 
@@ -360,6 +376,8 @@ int main(int argc, char** argv) {
   etude::PinProcess(argv);
   // llvmpipe is fastest without threads of its own when every core has a worker
   ::setenv("LP_NUM_THREADS", "0", 0);
+  // here, while there is one thread; a campaign with renderer: gpu takes it back (worker/sim/gl_context.cc)
+  ::setenv("LIBGL_ALWAYS_SOFTWARE", "1", 1);
   etude::Arguments arguments;
   CLI::App app("Joins a campaign and makes episodes until it is complete.", "etude worker");
   etude::AddJoining(app, arguments);
@@ -378,10 +396,7 @@ int main(int argc, char** argv) {
   auto* play = etude::AddPlay(app, arguments.play);
   play->fallthrough();  // --domain, --gl
   app.require_subcommand(0, 1);
-  app.callback([&] {
-    const bool joins = app.get_subcommands().empty() && !arguments.child && !arguments.fingerprint;
-    if (joins && arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
-  });
+  app.callback([&] { etude::CheckJoining(app, arguments); });
   if (const auto ended = etude::ParseCommandLine(app, argc, argv)) return *ended;
   return etude::RunMain("etude-worker", [&] {
     if (arguments.child) return etude::BeChild(arguments);

@@ -125,6 +125,16 @@ BlobPublisher::~BlobPublisher() = default;
 
 Result<BlobPublisher> BlobPublisher::Open(const Participant& participant, const Owner& owner,
                                           const SendOptions& options) {
+  return OpenIn(participant, owner, owner.partition(), options);
+}
+
+Result<BlobPublisher> BlobPublisher::OpenRelay(const Participant& participant, const Owner& owner,
+                                               const SendOptions& options) {
+  return OpenIn(participant, owner, owner.relay_partition(), options);
+}
+
+Result<BlobPublisher> BlobPublisher::OpenIn(const Participant& participant, const Owner& owner,
+                                            const std::string& partition, const SendOptions& options) {
   if (options.chunk_size == 0 || options.chunk_size > kMaxChunkSize) {
     return Fail(Code::kInvalidArgument,
                 fmt::format("blob publisher: chunk_size {} (1 to {})", options.chunk_size, kMaxChunkSize));
@@ -132,7 +142,6 @@ Result<BlobPublisher> BlobPublisher::Open(const Participant& participant, const 
   auto impl = std::make_unique<Impl>();
   impl->owner = owner;
   impl->options = options;
-  const std::string partition = owner.partition();
   ETUDE_ASSIGN_OR_RETURN(impl->manifests, OpenWriter(participant, partition, etude_wire_PublishedManifest_desc,
                                                      kPublishedManifestTopic, kPublishedWriter));
   ETUDE_ASSIGN_OR_RETURN(impl->chunks, OpenWriter(participant, partition, etude_wire_PublishedChunk_desc,

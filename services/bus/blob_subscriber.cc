@@ -67,12 +67,13 @@ struct BlobSubscriber::Impl {
   std::map<std::string, std::uint64_t, std::less<>> returned;  // newest version of each channel
   std::map<std::string, PublishedBlob> ready, undecided;       // by channel; undecided: `accept` could not judge it yet
   std::map<std::string, std::uint64_t> told;                   // newest undecided version that was logged, by channel
+  std::map<dds_instance_handle_t, std::pair<std::string, std::uint64_t>> offered;  // channel, version; of who is there
   std::uint64_t corrupt = 0;
   std::uint64_t malformed = 0;
 
   int Drain();
   int DrainManifests();
-  void OnManifest(const etude_wire_PublishedManifest& wire);
+  void OnManifest(const etude_wire_PublishedManifest& wire, dds_instance_handle_t instance);
   void OnChunk(const PublishedChunkView& view);
   bool Start(Slot& slot, std::uint64_t version, std::uint64_t size, std::uint32_t chunk_size);
   Slot& SlotOf(const SlotKey& key);
@@ -123,9 +124,13 @@ int BlobSubscriber::Impl::DrainManifests() {
   dds_sample_info_t infos[kBatch];
   const dds_return_t count = dds_take(manifests.get(), samples, infos, kBatch, kBatch);
   for (int i = 0; i < count; ++i) {
-    if (!infos[i].valid_data) continue;
-    manifests.traffic->Add(sizeof(etude_wire_PublishedManifest));
-    OnManifest(*static_cast<etude_wire_PublishedManifest*>(samples[i]));
+    const dds_instance_handle_t instance = infos[i].instance_handle;
+    if (infos[i].valid_data) {
+      manifests.traffic->Add(sizeof(etude_wire_PublishedManifest));
+      OnManifest(*static_cast<etude_wire_PublishedManifest*>(samples[i]), instance);
+    }
+    // also of one that ended before what it wrote was taken
+    if (infos[i].instance_state != DDS_IST_ALIVE) offered.erase(instance);
   }
   if (count > 0) dds_return_loan(manifests.get(), samples, count);
   return std::max(count, 0);
@@ -142,7 +147,7 @@ int BlobSubscriber::Impl::Drain() {
   return taken + DrainManifests();
 }
 
-void BlobSubscriber::Impl::OnManifest(const etude_wire_PublishedManifest& wire) {
+void BlobSubscriber::Impl::OnManifest(const etude_wire_PublishedManifest& wire, dds_instance_handle_t instance) {
   PublishedInfo info;
   SlotKey key;
   Decoder decode;
@@ -156,7 +161,9 @@ void BlobSubscriber::Impl::OnManifest(const etude_wire_PublishedManifest& wire) 
     TellMalformed(kPublishedManifestTopic, ++malformed);
     return;
   }
-  if (!Wanted(key.channel) || info.owner != owner.id || !IsNews(key.channel, wire.version)) return;
+  if (!Wanted(key.channel) || info.owner != owner.id) return;
+  if (offered.size() < kMostSlots || offered.contains(instance)) offered[instance] = {key.channel, wire.version};
+  if (!IsNews(key.channel, wire.version)) return;
   key.slot = wire.slot;
   info.version = wire.version;
   info.size = wire.size;
@@ -289,11 +296,12 @@ Result<BlobSubscriber> BlobSubscriber::Open(const Participant& participant, cons
   impl->owner = owner;
   impl->channel = channel;
   impl->options = options;
-  const std::string partition = owner.partition();
-  ETUDE_ASSIGN_OR_RETURN(impl->chunks, OpenReader(participant, partition, etude_wire_PublishedChunk_desc,
-                                                  kPublishedChunkTopic, kPublishedReader));
-  ETUDE_ASSIGN_OR_RETURN(impl->manifests, OpenReader(participant, partition, etude_wire_PublishedManifest_desc,
-                                                     kPublishedManifestTopic, kPublishedReader));
+  std::vector<std::string> partitions{owner.partition()};
+  if (options.from_relays) partitions.push_back(owner.relay_partition());
+  ETUDE_ASSIGN_OR_RETURN(impl->chunks, OpenReaderIn(participant, partitions, etude_wire_PublishedChunk_desc,
+                                                    kPublishedChunkTopic, kPublishedReader));
+  ETUDE_ASSIGN_OR_RETURN(impl->manifests, OpenReaderIn(participant, partitions, etude_wire_PublishedManifest_desc,
+                                                       kPublishedManifestTopic, kPublishedReader));
   ETUDE_RETURN_IF_ERROR(impl->waiter.Open(participant));
   ETUDE_RETURN_IF_ERROR(impl->waiter.AddReader(impl->chunks));
   ETUDE_RETURN_IF_ERROR(impl->waiter.AddReader(impl->manifests));
@@ -315,6 +323,11 @@ std::optional<PublishedBlob> BlobSubscriber::Wait(std::chrono::nanoseconds timeo
     if (left.count() <= 0 || StopRequested()) return std::nullopt;
     impl_->waiter.Wait(impl_->undecided.empty() ? left : std::min<std::chrono::nanoseconds>(left, kJudgeAgain));
   }
+}
+
+bool BlobSubscriber::Offered(const std::string& channel, std::uint64_t version) const {
+  return std::ranges::any_of(impl_->offered,
+                             [&](const auto& item) { return item.second == std::pair(channel, version); });
 }
 
 std::uint64_t BlobSubscriber::corrupt_blobs() const { return impl_->corrupt; }

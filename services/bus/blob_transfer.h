@@ -4,7 +4,7 @@
 // blob or nothing.
 //
 //   point to point, acknowledged (episodes):  BlobSender -> BlobReceiver
-//   published, transient-local (checkpoints): BlobPublisher -> BlobSubscriber
+//   published, transient-local (checkpoints): BlobPublisher -> BlobSubscriber, also by way of a relay
 //
 // Both ends name the blobs' owner. It is in the partition and in every manifest: blobs of another owner are not taken.
 #pragma once
@@ -79,6 +79,8 @@ struct ReceiveOptions {
   /// Of subscribers: judges a whole, verified blob. One that it refuses is logged and dropped as if never published, so
   /// that it cannot hold back a good one of a lower version; with kUnavailable it is asked again. Empty: all are taken.
   std::function<Status(const PublishedBlob&)> accept;
+  /// Of subscribers: also takes what relays pass on. A relay itself listens to the run alone.
+  bool from_relays = true;
 };
 
 /// Receives blobs of one channel from any number of senders. Thread safety: one thread at a time; Acknowledge from any.
@@ -111,6 +113,10 @@ class BlobPublisher {
  public:
   static Result<BlobPublisher> Open(const Participant& participant, const Owner& owner,
                                     const SendOptions& options = {});
+  /// Passes on what the owner itself has published, with its version and metadata: a relay. Subscribers take it as if
+  /// it came from the owner, each version once.
+  static Result<BlobPublisher> OpenRelay(const Participant& participant, const Owner& owner,
+                                         const SendOptions& options = {});
   BlobPublisher(BlobPublisher&&) noexcept;
   BlobPublisher& operator=(BlobPublisher&&) noexcept;
   ~BlobPublisher();
@@ -123,6 +129,8 @@ class BlobPublisher {
  private:
   struct Impl;
   explicit BlobPublisher(std::unique_ptr<Impl> impl);
+  static Result<BlobPublisher> OpenIn(const Participant& participant, const Owner& owner, const std::string& partition,
+                                      const SendOptions& options);
   std::unique_ptr<Impl> impl_;
 };
 
@@ -150,6 +158,9 @@ class BlobSubscriber {
   /// The next complete, verified blob newer than the last one returned of its channel; skips versions
   /// that were superseded before they completed. Nothing within `timeout`, or on a stop request.
   std::optional<PublishedBlob> Wait(std::chrono::nanoseconds timeout);
+  /// Whether a publisher which is still there has this version for late joiners, as of the last Wait. One that was
+  /// killed counts as there for DDS's lease (10 s).
+  bool Offered(const std::string& channel, std::uint64_t version) const;
   std::uint64_t corrupt_blobs() const;
 
  private:

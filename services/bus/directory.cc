@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <ctime>
+#include <functional>
 #include <tuple>
 
 #include "services/bus/topic.h"
@@ -56,9 +57,10 @@ std::string LocalTime(std::uint64_t seconds) {
 }  // namespace
 
 std::string ToString(PresenceKind kind) {
-  return std::string(EnumName(
-      kind,
-      {{PresenceKind::kCampaign, "campaign"}, {PresenceKind::kRun, "run"}, {PresenceKind::kPolicy, "policy server"}}));
+  return std::string(EnumName(kind, {{PresenceKind::kCampaign, "campaign"},
+                                     {PresenceKind::kRun, "run"},
+                                     {PresenceKind::kPolicy, "policy server"},
+                                     {PresenceKind::kRelay, "relay"}}));
 }
 
 std::string ListText(const std::vector<Presence>& presences) {
@@ -89,6 +91,9 @@ struct Directory::Impl {
   Reader<Presence> reader;
   std::uint32_t domain = 0;
   MonotonicClock::time_point settled;  // from then on those who were there first are known
+
+  Result<std::optional<Presence>> Await(const Selector& selector, std::chrono::nanoseconds timeout,
+                                        const std::function<std::vector<Presence>()>& look) const;
 };
 
 Directory::Directory(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -130,28 +135,41 @@ bool Directory::Replaced(PresenceKind kind, const Selector& selector, const std:
 
 Result<std::optional<Presence>> Directory::Find(PresenceKind kind, const Selector& selector,
                                                 std::chrono::nanoseconds timeout) {
+  return impl_->Await(selector, timeout, [&] { return Matching(kind, selector); });
+}
+
+Result<std::optional<Presence>> Directory::FindPublisher(const Selector& selector, std::chrono::nanoseconds timeout) {
+  return impl_->Await(selector, timeout, [&] {
+    auto runs = Matching(PresenceKind::kRun, selector);
+    return runs.empty() ? Matching(PresenceKind::kRelay, selector) : runs;
+  });
+}
+
+// What `look` finds, once there is something and those who were there first are known.
+Result<std::optional<Presence>> Directory::Impl::Await(const Selector& selector, std::chrono::nanoseconds timeout,
+                                                       const std::function<std::vector<Presence>()>& look) const {
   const auto deadline = MonotonicClock::now() + timeout;
-  auto matching = Matching(kind, selector);
-  while (!StopRequested() && (matching.empty() || MonotonicClock::now() < impl_->settled)) {
-    const auto until = matching.empty() ? deadline : impl_->settled;
+  auto matching = look();
+  while (!StopRequested() && (matching.empty() || MonotonicClock::now() < settled)) {
+    const auto until = matching.empty() ? deadline : settled;
     const auto left = until - MonotonicClock::now();
     if (left.count() <= 0) break;
     // presences are read, not taken: waiting for news would not wait
     WaitForStop(std::min<std::chrono::nanoseconds>(left, 20ms));
-    matching = Matching(kind, selector);
+    matching = look();
   }
   if (matching.empty()) return std::optional<Presence>();
   if (matching.size() > 1)
     return Fail(Code::kInvalidArgument,
                 fmt::format("'{}' means {} things on domain {}: say which by NAME@ID (the first digits are enough){}",
-                            selector.text(), matching.size(), impl_->domain, ListText(matching)));
+                            selector.text(), matching.size(), domain, ListText(matching)));
   const Presence& found = matching.front();
   if (found.wire != kWireVersion)
     return Fail(Code::kUnavailable,
                 fmt::format("{} '{}' of {} speaks wire number {} (program {}), this program {} (program {}): use "
                             "programs of the same wire number",
-                            ToString(kind), found.name, Printable(found.host), found.wire, Printable(found.version),
-                            kWireVersion, Version()));
+                            ToString(found.kind), found.name, Printable(found.host), found.wire,
+                            Printable(found.version), kWireVersion, Version()));
   return std::optional<Presence>(found);
 }
 

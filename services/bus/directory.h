@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who is on the domain: campaigns, runs and policy servers, by name and id.
+// Who is on the domain: campaigns, runs, policy servers and relays, by name and id.
 //
 //   ETUDE_ASSIGN_OR_RETURN(auto directory, Directory::Open(participant));
 //   ETUDE_ASSIGN_OR_RETURN(auto found, directory.Find(PresenceKind::kRun, {"quickstart", ""}, 10s));
@@ -22,7 +22,7 @@
 
 namespace etude::bus {
 
-/// "campaign", "run", "policy server".
+/// "campaign", "run", "policy server", "relay".
 std::string ToString(PresenceKind kind);
 
 /// Lines "  NAME@ID  host HOST  user USER  FOLDER  since 2026-01-31 12:00:00".
@@ -50,6 +50,8 @@ class Directory {
   /// @error kInvalidArgument: `selector` means several (the message lists them);
   /// kUnavailable: it speaks another wire number.
   Result<std::optional<Presence>> Find(PresenceKind kind, const Selector& selector, std::chrono::nanoseconds timeout);
+  /// Where a run's checkpoints come from: the run itself, or where it is not there, a relay of it. @error as Find
+  Result<std::optional<Presence>> FindPublisher(const Selector& selector, std::chrono::nanoseconds timeout);
 
   /// Others that are at work under this kind and id. A presence of the same host and folder is none: whoever holds
   /// the folder's lock knows that it is this start's own past.

@@ -15,12 +15,12 @@ inline constexpr std::uint32_t kWireVersion = 2;
 
 // ---- presence.idl --------------------------------------------------------------------------------
 
-enum class PresenceKind : std::uint8_t { kCampaign = 0, kRun = 1, kPolicy = 2 };
+enum class PresenceKind : std::uint8_t { kCampaign = 0, kRun = 1, kPolicy = 2, kRelay = 3 };
 
-/// collector, trainer, policy server -> all, transient-local, keyed by (kind, id, instance): who is there now.
+/// collector, trainer, policy server, relay -> all, transient-local, keyed by (kind, id, instance): who is there now.
 struct Presence {
   PresenceKind kind = PresenceKind::kCampaign;
-  std::string id;        ///< of the campaign, or of the run (a policy server: the run it serves)
+  std::string id;        ///< of the campaign, or of the run (policy servers and relays: the run they serve)
   std::string instance;  ///< random, of this start
   std::string name;      ///< of the campaign or run, for people; several may have the same
   std::uint32_t wire = kWireVersion;

@@ -12,6 +12,8 @@ struct Owner {
   std::string id;
   /// "NAME/ID": the DDS partition in which everything of it travels.
   std::string partition() const { return name + "/" + id; }
+  /// "NAME/ID/relay": what others pass on that the run itself has published.
+  std::string relay_partition() const { return partition() + "/relay"; }
 };
 
 }  // namespace etude::bus

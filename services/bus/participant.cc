@@ -2,6 +2,7 @@
 #include "services/bus/participant.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <malloc.h>
 #include <unistd.h>
 
@@ -167,10 +168,10 @@ void WarnAboutReceiveBuffer() {
   });
 }
 
-Result<Endpoint> OpenEndpoint(const Participant& participant, const std::string& partition,
+Result<Endpoint> OpenEndpoint(const Participant& participant, const std::vector<std::string>& partitions,
                               const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& topic_qos,
                               bool is_writer) {
-  ETUDE_RETURN_IF_ERROR(CheckPartition(partition));
+  for (const auto& partition : partitions) ETUDE_RETURN_IF_ERROR(CheckPartition(partition));
   if (!IsKnownTopic(topic)) {
     return Fail(Code::kInvalidArgument,
                 fmt::format("topic '{}' is not in the table of topics (services/bus/access.h)", topic));
@@ -182,9 +183,9 @@ Result<Endpoint> OpenEndpoint(const Participant& participant, const std::string&
   const Qos qos = MakeQos(topic_qos);
   // the same for writers and readers of a topic, which may both be in this process
   const Qos shared_qos = MakeQos({topic_qos.transient_local, 1});
-  const Qos group_qos = MakePartitionQos(partition);
-  const std::string what =
-      fmt::format("{} of topic '{}' in partition '{}'", is_writer ? "writer" : "reader", topic, partition);
+  const Qos group_qos = MakePartitionQos(partitions);
+  const std::string what = fmt::format("{} of topic '{}' in partition '{}'", is_writer ? "writer" : "reader", topic,
+                                       fmt::join(partitions, "', '"));
   ETUDE_ASSIGN_OR_RETURN(out.group, CheckEntity(is_writer ? dds_create_publisher(parent, group_qos.get(), nullptr)
                                                           : dds_create_subscriber(parent, group_qos.get(), nullptr),
                                                 what));
@@ -277,12 +278,17 @@ bool Participant::AllAdmitted() const {
 
 Result<Endpoint> OpenWriter(const Participant& participant, const std::string& partition,
                             const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& qos) {
-  return OpenEndpoint(participant, partition, type, topic, qos, true);
+  return OpenEndpoint(participant, {partition}, type, topic, qos, true);
 }
 
 Result<Endpoint> OpenReader(const Participant& participant, const std::string& partition,
                             const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& qos) {
-  return OpenEndpoint(participant, partition, type, topic, qos, false);
+  return OpenEndpoint(participant, {partition}, type, topic, qos, false);
+}
+
+Result<Endpoint> OpenReaderIn(const Participant& participant, const std::vector<std::string>& partitions,
+                              const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& qos) {
+  return OpenEndpoint(participant, partitions, type, topic, qos, false);
 }
 
 void TellMalformed(std::string_view topic, std::uint64_t count) {

@@ -55,7 +55,7 @@ struct Participant::State {
   std::shared_ptr<ParticipantWatch> watch;  ///< ends before all that it looks at; none without an identity
 };
 
-/// A topic with its writer or reader in a partition.
+/// A topic with its writer or reader in its partitions.
 struct Endpoint {
   std::shared_ptr<Participant::State> state;
   Entity group;  ///< publisher or subscriber
@@ -71,6 +71,9 @@ Result<Endpoint> OpenWriter(const Participant& participant, const std::string& p
                             const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& qos);
 Result<Endpoint> OpenReader(const Participant& participant, const std::string& partition,
                             const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& qos);
+/// One reader of what is written in any of several partitions.
+Result<Endpoint> OpenReaderIn(const Participant& participant, const std::vector<std::string>& partitions,
+                              const dds_topic_descriptor_t& type, const std::string& topic, const TopicQos& qos);
 
 /// Warns that samples of `topic` were dropped because a field was out of its bounds, `count` of them by now: when that
 /// is a power of two, since a peer that sends nothing else must not fill the log.

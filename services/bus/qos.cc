@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <vector>
 
 namespace etude::bus {
 
@@ -36,10 +37,11 @@ Qos MakeQos(const TopicQos& topic) {
   return owner;
 }
 
-Qos MakePartitionQos(const std::string& partition) {
+Qos MakePartitionQos(const std::vector<std::string>& partitions) {
   Qos qos(dds_create_qos());
-  const char* const name = partition.c_str();
-  dds_qset_partition(qos.get(), 1, const_cast<const char**>(&name));
+  std::vector<const char*> names;
+  for (const auto& partition : partitions) names.push_back(partition.c_str());
+  dds_qset_partition(qos.get(), static_cast<std::uint32_t>(names.size()), names.data());
   dds_qset_presentation(qos.get(), DDS_PRESENTATION_INSTANCE, false, false);
   return qos;
 }

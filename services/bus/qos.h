@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <string>
+#include <vector>
 
 #include "services/bus/entity.h"
 
@@ -30,7 +31,7 @@ inline constexpr TopicQos kPublishedReader{true, 1};
 /// For topics, writers and readers alike; each takes the policies that apply to it.
 Qos MakeQos(const TopicQos& topic);
 /// For publishers and subscribers.
-Qos MakePartitionQos(const std::string& partition);
+Qos MakePartitionQos(const std::vector<std::string>& partitions);
 
 /// @error kInvalidArgument unless `partition` is [A-Za-z0-9_./-]{1,200}: no wildcards.
 Status CheckPartition(const std::string& partition);

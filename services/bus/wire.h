@@ -149,7 +149,7 @@ bool IsSound(const Message&) {
 
 template <class F, class M, class W>
 void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Presence> {
-  ETUDE_FIELD_UP_TO(kind, PresenceKind::kPolicy);
+  ETUDE_FIELD_UP_TO(kind, PresenceKind::kRelay);
   ETUDE_FIELD(id);
   ETUDE_FIELD(instance);
   ETUDE_FIELD(name);
@@ -517,7 +517,7 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Pl
 
 // topic, QoS, where it lives, who writes it, who reads it
 ETUDE_TRAITS(Presence, "etude/directory/presence", kState, kDirectory,
-             MaskOf(Role::kCollector, Role::kTrainer, Role::kPolicy), kEveryRole)
+             MaskOf(Role::kCollector, Role::kTrainer, Role::kPolicy, Role::kRelay), kEveryRole)
 ETUDE_TRAITS(CampaignAnnouncement, "etude/campaign/announcement", kState, kCampaign, MaskOf(Role::kCollector),
              MaskOf(Role::kWorker, Role::kGateway, Role::kSubscriber))
 ETUDE_TRAITS(WorkRequest, "etude/campaign/request", kEvents, kCampaign, MaskOf(Role::kWorker),

@@ -40,6 +40,7 @@ struct Connection {
   CampaignSpec spec;                                      // that it was made for
   WorkFunction work;
   std::string files_sha256;
+  Fingerprint fingerprint;
   std::optional<bus::AttemptReport> last_report;  // of the last attempt that failed
 
   void TakeAnnouncements() {
@@ -187,6 +188,9 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
   if (options.files_sha256) {
     ETUDE_ASSIGN_OR_RETURN(joined->files_sha256, options.files_sha256(spec));
   }
+  if (options.fingerprint) {
+    ETUDE_ASSIGN_OR_RETURN(joined->fingerprint, options.fingerprint(spec));
+  }
   joined->spec = spec;
   joined->ready_for = announcement.spec_sha256;
   return {};
@@ -202,7 +206,7 @@ bus::WorkRequest WorkerClient::Impl::NextRequest() {
   request.content = options.content;
   request.spec_sha256 = joined->ready_for;
   request.files_sha256 = joined->files_sha256;
-  if (!options.fingerprint.empty()) request.fingerprint_json = FingerprintText(options.fingerprint);
+  if (!joined->fingerprint.empty()) request.fingerprint_json = FingerprintText(joined->fingerprint);
   return request;
 }
 
@@ -253,7 +257,7 @@ void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result)
   CrashPoint("worker.before_send", lease.index);
   OrderedJson meta{
       {"index", lease.index}, {"attempt", lease.attempt}, {"host", HostName()}, {"timings", TimesJson(result.times)}};
-  if (!options.fingerprint.empty()) meta["fingerprint"] = ShortHash(options.fingerprint);
+  if (!joined->fingerprint.empty()) meta["fingerprint"] = ShortHash(joined->fingerprint);
   while (true) {
     watched->Moved();
     // the token is unique, so it is the blob's id too: a repeat is recognised

@@ -63,9 +63,9 @@ struct WorkerOptions {
   /// SHA-256 over the files that a spec names (robots, objects), "" when it names none. The collector lets work only
   /// those who have the same ones. Left out: "".
   std::function<Result<std::string>(const CampaignSpec&)> files_sha256;
-  /// What its bytes depend on; the collector lets work only those who agree as the campaign's `determinism` asks for.
-  /// Left out: not compared.
-  Fingerprint fingerprint;
+  /// What its bytes of a campaign depend on; the collector lets work only those who agree as the campaign's
+  /// `determinism` asks for. Left out: not compared.
+  std::function<Result<Fingerprint>(const CampaignSpec&)> fingerprint;
   std::chrono::milliseconds heartbeat{500};
   std::chrono::milliseconds ask_again{1'000};      ///< a request without an answer is repeated
   std::chrono::milliseconds send_timeout{30'000};  ///< per try; the same object is sent again

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `etude checkpoint show|diff|export|promote|watch`.
+// `etude checkpoint show|diff|export|promote|watch|relay`.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -8,14 +8,17 @@
 
 #include "services/bus/blob_transfer.h"
 #include "services/bus/directory.h"
+#include "services/bus/process_reporter.h"
 #include "services/cli/command_line.h"
 #include "services/cli/file_names.h"
 #include "services/core/config.h"
 #include "services/core/hash.h"
 #include "services/core/link.h"
 #include "services/core/log.h"
+#include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
+#include "services/relay/relay.h"
 #include "services/security/checkpoint_signature.h"
 #include "services/store/safetensors.h"
 
@@ -194,7 +197,7 @@ Result<std::string> WaitForRun(const bus::Participant& participant, const Select
   if (IsId(run.id)) return run.id;
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
   while (!StopRequested()) {
-    ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kRun, run, std::chrono::seconds(1)));
+    ETUDE_ASSIGN_OR_RETURN(const auto found, directory.FindPublisher(run, std::chrono::seconds(1)));
     if (found) return found->id;
   }
   return std::string();
@@ -217,6 +220,27 @@ Status Watch(const WatchArguments& arguments) {
     if (kept && arguments.once) break;
   }
   return {};
+}
+
+struct RelayArguments {
+  std::string run, folder;
+  security::VerifyArguments verify;
+  BusArguments bus;
+};
+
+Status Relay(const RelayArguments& arguments) {
+  ETUDE_ASSIGN_OR_RETURN(const Selector run, ParseSelector(arguments.run, "--run"));
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kRelay}));
+  ETUDE_ASSIGN_OR_RETURN(const auto reporter,
+                         bus::ProcessReporter::Start(participant, {.role = "relay", .folder = arguments.folder}));
+  ETUDE_ASSIGN_OR_RETURN(auto verifier, arguments.verify.Open());
+  ServiceManager::Get().Ready(fmt::format("run {}", run.text()));
+  const relay::RelayOptions options{.folder = arguments.folder, .accept = bus::AcceptSigned(std::move(verifier))};
+  WatchedLoop watched;
+  return relay::RelayRuns(participant, run, options, [&watched] {
+    watched.Moved();
+    return StopRequested();
+  });
 }
 
 void AddExport(CLI::App& command, Body& body) {
@@ -244,11 +268,23 @@ void AddWatch(CLI::App& command, Body& body) {
   watch->callback([=, &body] { body = [=] { return Watch(*watching); }; });
 }
 
+void AddRelay(CLI::App& command, Body& body) {
+  auto relaying = std::make_shared<RelayArguments>();
+  auto* relay = command.add_subcommand(
+      "relay", "keep a run's newest checkpoints, and publish them to whoever subscribes when the run has ended");
+  relay->add_option("--run", relaying->run, "the run: NAME or NAME@ID")->required();
+  relay->add_option("--dir", relaying->folder, "folder to keep them in, of this relay alone")->required();
+  bus::AddVerify(*relay, relaying->verify);
+  relaying->bus.Add(*relay);
+  relay->callback([=, &body] { body = [=] { return Relay(*relaying); }; });
+}
+
 }  // namespace
 
 void AddCheckpoint(CLI::App& app, Body& body) {
-  auto* command = AddGroup(app, "checkpoint",
-                           "look at a checkpoint, export it, make it a run's best, or keep those that a run publishes");
+  auto* command =
+      AddGroup(app, "checkpoint",
+               "look at a checkpoint, export it, make it a run's best, keep or pass on those that a run publishes");
   auto file = std::make_shared<std::string>();
   auto showing = std::make_shared<ShowArguments>();
   auto* show = command->add_subcommand("show", "robot, camera, stage, modules and their errors, data, hash");
@@ -277,6 +313,7 @@ void AddCheckpoint(CLI::App& app, Body& body) {
   promote->callback([=, &body] { body = [=] { return Promote(*promoting); }; });
   AddExport(*command, body);
   AddWatch(*command, body);
+  AddRelay(*command, body);
 }
 
 }  // namespace etude::cli

@@ -92,7 +92,7 @@ Result<PolicyChoice> FollowRun(const bus::Participant& participant, const EvalAr
   ETUDE_ASSIGN_OR_RETURN(Selector run, RunOf(arguments.subscribe));
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
   const auto patience = std::chrono::seconds(1);
-  ETUDE_ASSIGN_OR_RETURN(const auto training, directory.Find(bus::PresenceKind::kRun, run, patience));
+  ETUDE_ASSIGN_OR_RETURN(const auto training, directory.FindPublisher(run, patience));
   // what trains and what serves under one name must be one run, or it is not clear which one is meant
   if (training && !IsId(run.id)) run.id = training->id;
   ETUDE_ASSIGN_OR_RETURN(const auto server, directory.Find(bus::PresenceKind::kPolicy, run, patience));

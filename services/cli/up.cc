@@ -19,6 +19,8 @@
 #include "services/core/command.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
+#include "services/relay/relay_thread.h"
+#include "services/security/identity.h"
 
 namespace etude::cli {
 namespace {
@@ -72,6 +74,7 @@ class System {
   Status Tick();
   void TickDashboard();
   Status RollOut();
+  void StartRelay();
   void Drain();
   std::string Line();
   std::string TrainLine() const;
@@ -93,6 +96,7 @@ class System {
   std::optional<Service> trainer_, policy_;
   Stopwatch since_start_;
   ProgressDisplay display_;
+  std::optional<relay::RelayThread> relay_;  // ends before the participant
 };
 
 Status System::StartTraining() {
@@ -276,7 +280,22 @@ void System::PrintWhere() const {
   std::fflush(stdout);
 }
 
+// Has the run's newest checkpoints for a policy server that is started again when training is over, and for subscribers
+// that come then.
+void System::StartRelay() {
+  if (!bus_.security.empty()) {
+    const auto identity = security::ReadIdentityCertificate(Path(bus_.security) / "cert.pem");
+    if (identity && !identity->Has(security::Role::kRelay))
+      return display_.Say(
+          fmt::format("no relay: identity '{}' has not the role relay, so that checkpoints on the bus go with their "
+                      "trainer (etude security issue ... --role relay)",
+                      identity->name));
+  }
+  relay_.emplace(participant_, Selector{config_.train.run, run_.id}, relay::RelayOptions{.folder = out_ / "relay"});
+}
+
 Status System::Run(bool keep_running) {
+  StartRelay();
   const Status done = [&]() -> Status {
     ETUDE_RETURN_IF_ERROR(CollectAndTrain());
     if (StopRequested()) return {};
@@ -289,6 +308,7 @@ Status System::Run(bool keep_running) {
   }
   if (StopRequested()) display_.Say("draining: what is committed stays, run again to continue");
   Drain();
+  relay_.reset();
   if (done && !keep_running) PrintWhere();
   return done;
 }

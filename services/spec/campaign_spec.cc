@@ -27,6 +27,7 @@ constexpr int kMostThings = 8;  // objects and distractors
 const std::vector<std::string> kModes{"demonstrate", "rollout"};
 const std::vector<std::string> kScenes{"feasible", "first_draw"};
 const std::vector<std::string> kDeterminism{"bytes", "physics", "none"};
+const std::vector<std::string> kRenderers{"software", "gpu"};
 
 /// What is wrong so far.
 class Problems {
@@ -160,6 +161,9 @@ Status CampaignSpec::Validate() const {
   problems.Known("mode", mode, kModes);
   problems.Known("scenes", scenes, kScenes);
   problems.Known("determinism", determinism, kDeterminism);
+  problems.Known("renderer", renderer, kRenderers);
+  problems.InRange("device", device, -1, 63);
+  problems.Require(device == -1 || renderer == "gpu", "device: only with renderer: gpu");
   problems.Require(!robots.empty(), "robots: at least one");
   for (const auto& robot : robots) {
     const auto found = FindRobot(robot);
@@ -192,7 +196,9 @@ Status CampaignSpec::Validate() const {
 
 std::string SpecHash(const CampaignSpec& spec) {
   OrderedJson json = ToJson(spec);
-  for (const char* key : {"name", "episodes", "max_attempts", "stall_timeout_s", "determinism"}) json.erase(key);
+  for (const char* key : {"name", "episodes", "max_attempts", "stall_timeout_s", "determinism", "device"})
+    json.erase(key);
+  if (spec.renderer == CampaignSpec().renderer) json.erase("renderer");
   if (!spec.adaptive_sampling.on()) json.erase("split");
   if (spec.adaptive_sampling == AdaptiveSamplingSpec{}) json.erase("adaptive_sampling");
   if (spec.randomization.world == WorldRandomizationSpec{}) json["randomization"].erase("world");

@@ -126,6 +126,10 @@ struct CampaignSpec {
   double stall_timeout_s = 120;
   /// What hosts must agree in: bytes (all that an episode depends on) | physics (pictures may differ) | none.
   std::string determinism = "bytes";
+  /// Who draws the pictures. software: the same bytes on every host, whatever GPU it has | gpu: each host's GPU, and a
+  /// host without one is an error; pictures are then those of its model and driver.
+  std::string renderer = "software";
+  int device = -1;  ///< with renderer gpu: the number that a host's EGL gives to one of its GPUs; -1: any
   /// feasible: a start is drawn anew until the expert's feasibility check passes | first_draw: the first one is taken,
   /// and one that the expert cannot do is an attempt "scene_invalid".
   std::string scenes = "feasible";
@@ -151,6 +155,8 @@ struct CampaignSpec {
     v("max_attempts", max_attempts, "-", "attempts at an episode until it is given up and counted");
     v("stall_timeout_s", stall_timeout_s, "s", "a worker whose attempt does not move for so long loses its lease");
     v("determinism", determinism, "", "what hosts must agree in: bytes | physics: pictures may differ | none");
+    v("renderer", renderer, "", "software: the same pictures on every host | gpu: a GPU of each host draws");
+    v("device", device, "-", "with renderer gpu: which of a host's GPUs, by the number that EGL gives it; -1: any");
     v("scenes", scenes, "", "feasible: drawn anew until the expert can do the task | first_draw: taken as they come");
     v("camera", camera);
     v("randomization", randomization);
@@ -181,10 +187,10 @@ struct SceneSpec {
 };
 
 /// SHA-256 of what an episode's bytes depend on: kContentVersion and the resolved spec without name, episodes, split,
-/// max_attempts, stall_timeout_s and determinism, so that a campaign may be extended and still match what it has
-/// collected. Keys that came later (randomization.world, rollout's occlude, pushes and sentences, adaptive_sampling)
-/// count only where they are set, so that older campaigns go on. With adaptive sampling the split counts: only episodes
-/// for training follow its weights.
+/// max_attempts, stall_timeout_s, determinism and device (hosts number their GPUs as they like), so that a campaign may
+/// be extended and still match what it has collected. Keys that came later (renderer, randomization.world, rollout's
+/// occlude, pushes and sentences, adaptive_sampling) count only where they are set, so that older campaigns go on. With
+/// adaptive sampling the split counts: only episodes for training follow its weights.
 std::string SpecHash(const CampaignSpec& spec);
 
 /// Episodes after which whole numbers in `split` are met exactly, and again after each such block: their sum over

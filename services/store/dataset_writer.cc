@@ -121,7 +121,7 @@ struct DatasetWriter::Impl {
   Path dataset;
   CampaignSpec spec;
   std::string spec_sha256;
-  internal::DatasetLock lock;
+  FileLock lock;
 
   Mutex master_mutex = {};  // one WriteMaster at a time; never taken while `mutex` is held
   mutable Mutex mutex = {};
@@ -173,7 +173,7 @@ Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpe
   // an earlier run may have ended between making the folder and making its entry durable; where the folder above
   // cannot be read, this cannot be done
   (void)SyncFolder(std::filesystem::absolute(dataset / ".").parent_path().parent_path());
-  ETUDE_ASSIGN_OR_RETURN(auto lock, internal::DatasetLock::Take(dataset));
+  ETUDE_ASSIGN_OR_RETURN(auto lock, internal::LockDataset(dataset));
 
   ETUDE_RETURN_IF_ERROR(Describe(dataset, spec));
   ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));

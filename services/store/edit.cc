@@ -151,7 +151,7 @@ Status DeleteEpisodes(const Path& dataset, const std::vector<std::uint64_t>& ind
   if (Status there = CheckDataset(dataset); !there) return there;
   if (indices.empty())
     return Fail(Code::kInvalidArgument, fmt::format("delete from '{}': no episode is chosen", dataset.string()));
-  ETUDE_ASSIGN_OR_RETURN(const auto lock, internal::DatasetLock::Take(dataset));
+  ETUDE_ASSIGN_OR_RETURN(const auto lock, internal::LockDataset(dataset));
   ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
   for (const std::uint64_t index : indices)
     if (!fs::exists(EpisodePath(dataset, index)))

@@ -57,7 +57,7 @@ Result<FilterKeys> ReadFilterKeys(const Path& dataset) {
 Status WriteFilterKey(const Path& dataset, const std::string& name, const std::set<std::uint64_t>& indices) {
   ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
   ETUDE_RETURN_IF_ERROR(CheckName(reader.spec(), name));
-  ETUDE_ASSIGN_OR_RETURN(const auto lock, internal::DatasetLock::Take(dataset));
+  ETUDE_ASSIGN_OR_RETURN(const auto lock, internal::LockDataset(dataset));
   ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
   ETUDE_ASSIGN_OR_RETURN(const auto listed, reader.List());
   const std::set<std::uint64_t> there(listed.begin(), listed.end());

@@ -1,19 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/store/layout.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <cerrno>
 #include <charconv>
 #include <set>
 #include <utility>
 
-#include "services/core/identity.h"
 #include "services/episode/bounded_json.h"
 #include "services/store/dataset.h"
 
@@ -82,24 +76,8 @@ Result<std::vector<Path>> ListEpisodeFolder(const Path& dataset) {
   return files;
 }
 
-Result<DatasetLock> DatasetLock::Take(const Path& dataset) {
-  const Path path = dataset / kLock;
-  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (fd < 0) return Fail(ErrnoError("open", path, errno));
-  DatasetLock lock{Descriptor(fd)};
-  if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
-    if (errno != EWOULDBLOCK) return Fail(ErrnoError("lock", path, errno));
-    std::array<char, 128> owner{};
-    const ssize_t size = ::pread(fd, owner.data(), owner.size(), 0);
-    return Fail(Code::kUnavailable,
-                fmt::format("dataset '{}' is being written by another process ({}); stop it first", dataset.string(),
-                            std::string_view(owner.data(), static_cast<std::size_t>(std::max<ssize_t>(size, 0)))));
-  }
-  const std::string owner = fmt::format("pid {} on {}", ::getpid(), HostName());
-
-  // only for the message above; a full disk must not keep anyone out
-  if (::ftruncate(fd, 0) == 0) (void)!::pwrite(fd, owner.data(), owner.size(), 0);
-  return lock;
+Result<FileLock> LockDataset(const Path& dataset) {
+  return FileLock::Take(dataset / kLock, fmt::format("dataset '{}' is being written", dataset.string()));
 }
 
 namespace {
@@ -152,7 +130,8 @@ std::vector<std::string> SpecDifferences(const CampaignSpec& made_from, const Ca
   std::vector<std::string> differences;
   for (std::size_t i = 0; i < std::min(before.size(), after.size()); ++i) {
     const auto& [key, value] = before[i];
-    const bool free = key == "name" || key == "episodes" || key == "max_attempts" ||
+    const bool free = key == "name" || key == "episodes" || key == "max_attempts" || key == "stall_timeout_s" ||
+                      key == "determinism" || key == "device" ||
                       (key.starts_with("split.") && !now.adaptive_sampling.on());
     if (!free && value != after[i].second)
       differences.push_back(fmt::format("{} ({}, now {})", key, value.dump(), after[i].second.dump()));

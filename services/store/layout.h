@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "services/core/descriptor.h"
 #include "services/core/file.h"
+#include "services/core/file_lock.h"
 #include "services/core/result.h"
 #include "services/spec/campaign_spec.h"
 #include "services/spec/content_version.h"
@@ -32,17 +32,9 @@ std::optional<std::uint64_t> IndexOf(const Path& path);
 /// @error kUnavailable
 Result<std::vector<Path>> ListEpisodeFolder(const Path& dataset);
 
-/// Keeps other writers out as long as it lives.
-class DatasetLock {
- public:
-  /// @error kUnavailable when another one holds it (names the process), or the folder is not
-  /// writable.
-  static Result<DatasetLock> Take(const Path& dataset);
-
- private:
-  explicit DatasetLock(Descriptor file) : file_(std::move(file)) {}
-  Descriptor file_;
-};
+/// Keeps other writers out as long as what it returns lives.
+/// @error kUnavailable when another one holds it (names the process), or the folder is not writable.
+Result<FileLock> LockDataset(const Path& dataset);
 
 /// Content of dataset.json.
 struct DatasetFile {

@@ -87,9 +87,9 @@ Status CheckFile(const DatasetReader& reader, const SamplingJournal& journal, co
 Result<VerifyReport> Verify(const Path& dataset, Quarantine quarantine) {
   ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
   ETUDE_ASSIGN_OR_RETURN(const auto journal, SamplingJournal::Open(dataset, reader.spec()));
-  std::optional<internal::DatasetLock> lock;  // moving files away under a writer would confuse it
+  std::optional<FileLock> lock;  // moving files away under a writer would confuse it
   if (quarantine == Quarantine::kYes) {
-    ETUDE_ASSIGN_OR_RETURN(lock, internal::DatasetLock::Take(dataset));
+    ETUDE_ASSIGN_OR_RETURN(lock, internal::LockDataset(dataset));
   }
   ETUDE_ASSIGN_OR_RETURN(auto files, internal::ListEpisodeFolder(dataset));
   std::erase_if(files, [](const Path& path) { return path.extension() == internal::kTemporarySuffix; });

@@ -16,6 +16,7 @@
 #include "services/core/log.h"
 #include "services/core/printable.h"
 #include "services/core/service_manager.h"
+#include "services/relay/relay_thread.h"
 #include "trainer/checkpoint/difference.h"
 #include "trainer/checkpoint/graph_picture.h"
 #include "trainer/checkpoint/names.h"
@@ -33,6 +34,7 @@ struct Arguments {
   std::string subscribe, checkpoint, run, channel = "latest", clip, device = "cpu";
   bus::Arguments bus;
   security::VerifyArguments verify;
+  std::string relay;
   int threads = 1;
 };
 
@@ -52,11 +54,28 @@ Result<Selector> RunOfFile(const Arguments& arguments, const Model& model) {
   return run;
 }
 
+std::vector<security::Role> RolesOf(const Arguments& arguments) {
+  std::vector<security::Role> roles{security::Role::kPolicy};
+  if (!arguments.relay.empty()) roles.push_back(security::Role::kRelay);
+  return roles;
+}
+
+// None without --relay. It judges checkpoints on a thread of its own, with a verifier of its own.
+Result<std::unique_ptr<relay::RelayThread>> StartRelay(const bus::Participant& participant, const Arguments& arguments,
+                                                       const Selector& run) {
+  if (arguments.relay.empty()) return std::unique_ptr<relay::RelayThread>();
+  ETUDE_ASSIGN_OR_RETURN(auto verifier, arguments.verify.Open());
+  const relay::RelayOptions options{.folder = arguments.relay, .accept = bus::AcceptSigned(std::move(verifier))};
+  return std::make_unique<relay::RelayThread>(participant, run, options);
+}
+
 Status Serve(const Arguments& arguments) {
   if (arguments.subscribe.empty() == arguments.checkpoint.empty())
     return Fail(Code::kInvalidArgument, "give either --subscribe RUN or --checkpoint FILE (see --help)");
   if (!arguments.verify.key.empty() && arguments.subscribe.empty())
     return Fail(Code::kInvalidArgument, "--verify is of published checkpoints: it needs --subscribe RUN");
+  if (!arguments.relay.empty() && arguments.subscribe.empty())
+    return Fail(Code::kInvalidArgument, "--relay is of published checkpoints: it needs --subscribe RUN");
   policy::SetTorchThreads(1);
   ETUDE_ASSIGN_OR_RETURN(const auto device, policy::OpenDevice(arguments.device));
   ETUDE_ASSIGN_OR_RETURN(auto verifier, arguments.verify.Open());
@@ -73,8 +92,9 @@ Status Serve(const Arguments& arguments) {
     ETUDE_ASSIGN_OR_RETURN(options.run, RunOfFile(arguments, *model));
     options.folder = std::filesystem::absolute(arguments.checkpoint).string();
   }
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kPolicy}));
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open(RolesOf(arguments)));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "policy"}));
+  ETUDE_ASSIGN_OR_RETURN(const auto relay, StartRelay(participant, arguments, options.run));
   ETUDE_ASSIGN_OR_RETURN(auto server, PolicyServer::Open(participant, options, model));
   if (model)
     Log().info("serving run={} step={} from '{}'", options.run.text(), model->metadata().step, arguments.checkpoint);
@@ -224,6 +244,9 @@ int main(int argc, char** argv) {
       ->envname("ETUDE_CLIP");
   arguments.bus.Add(app);
   etude::bus::AddVerify(app, arguments.verify);
+  app.add_option("--relay", arguments.relay,
+                 "with --subscribe: folder in which the run's newest checkpoints are kept, to publish them when it has "
+                 "ended");
   app.add_option("--threads", arguments.threads, "observations evaluated side by side")->capture_default_str();
   app.add_option("--device", arguments.device, "where they are: cpu, cuda or cuda:NUMBER")->capture_default_str();
   etude::serve::Looking looking;

@@ -177,7 +177,7 @@ Status PolicyServer::Impl::FollowRuns() {
     // a run that is named by its whole id need not be there: it may have published all it ever will
     std::string run_id = options.run.id;
     if (!IsId(run_id)) {
-      ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kRun, options.run, 1s));
+      ETUDE_ASSIGN_OR_RETURN(const auto found, directory.FindPublisher(options.run, 1s));
       if (!found) continue;
       run_id = found->id;
     }

@@ -4,10 +4,21 @@
 
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "services/core/result.h"
 
 namespace etude::sim {
+
+/// Which context is wanted.
+struct GlOptions {
+  std::string backend = "auto";       ///< auto (EGL, then OSMesa) | egl | osmesa
+  std::string renderer = "software";  ///< software | gpu, which is EGL's matter alone
+  int device = -1;                    ///< with renderer gpu: its number in EGL's list; -1: the first that is a GPU
+};
+
+/// Whether a driver that calls itself so (GL_RENDERER) draws on the CPU.
+bool IsSoftwareRenderer(std::string_view gl_renderer);
 
 /// Current in the thread that made it. Destroy it there, too.
 class GlContext {
@@ -16,9 +27,11 @@ class GlContext {
   GlContext(const GlContext&) = delete;
   GlContext& operator=(const GlContext&) = delete;
 
-  /// @param backend  auto (EGL, then OSMesa) | egl | osmesa
-  /// @error kInvalidArgument: another word; kUnavailable: what was tried, why not, what to install
-  static Result<std::unique_ptr<GlContext>> Open(const std::string& backend);
+  /// What it returns draws as `options.renderer` says, or there is an error: a GPU's driver never stands in for the
+  /// software, nor the other way round.
+  /// @error kInvalidArgument: another word; kUnavailable: what was tried, which devices there are, why not, what to
+  /// install
+  static Result<std::unique_ptr<GlContext>> Open(const GlOptions& options);
 
   /// Cheap when it is current already.
   virtual void MakeCurrent() = 0;

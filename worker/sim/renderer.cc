@@ -205,6 +205,12 @@ void Renderer::Impl::Draw(RenderContext& context, int width, int height, std::ui
   FlipRows(rgb, static_cast<std::size_t>(width) * 3, height);
 }
 
+RendererConfig RendererFor(const CampaignSpec& spec, RendererConfig base) {
+  base.renderer = spec.renderer;
+  base.device = spec.device;
+  return base;
+}
+
 Renderer::Renderer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Renderer::Renderer(Renderer&&) noexcept = default;
 Renderer& Renderer::operator=(Renderer&&) noexcept = default;
@@ -215,7 +221,7 @@ Result<Renderer> Renderer::Open(std::shared_ptr<const Scene> scene, const Render
   auto impl = std::make_unique<Impl>();
   impl->scene = std::move(scene);
   impl->config = config;
-  ETUDE_ASSIGN_OR_RETURN(impl->gl, GlContext::Open(config.backend));
+  ETUDE_ASSIGN_OR_RETURN(impl->gl, GlContext::Open({config.backend, config.renderer, config.device}));
   ETUDE_RETURN_IF_ERROR(impl->Init());
   impl->gl_renderer = impl->gl->DriverName();
   return Renderer(std::move(impl));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Headless rendering: EGL (surfaceless) and, where that fails, OSMesa; software is good enough.
+// Headless rendering: in software by EGL (surfaceless) and, where that fails, OSMesa; or on a GPU by EGL.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "services/spec/campaign_spec.h"
 #include "worker/sim/appearance.h"
 #include "worker/sim/world.h"
 
@@ -19,14 +20,21 @@ struct RendererConfig {
   int samples = 0;               ///< multisamples; 0 is 3x faster than 4 at SSIM 0.957 instead of 0.966
                                  ///< (measured: tests/bench/render_quality_bench.cc)
   bool shadows = false;
+  /// software: the same pictures on every host | gpu: a GPU's driver draws, or there is no renderer
+  std::string renderer = "software";
+  int device = -1;  ///< with renderer gpu: its number in EGL's list; -1: the first that draws
 };
+
+/// `base`, drawn as `spec` asks for it.
+RendererConfig RendererFor(const CampaignSpec& spec, RendererConfig base = {});
 
 /// A GL context, its framebuffer and MuJoCo's render state. Use from the thread that made it only.
 /// A picture is a function of the world's state, the appearance, the camera and the GL driver: the same bytes each
 /// time.
 class Renderer {
  public:
-  /// @error kUnavailable: no GL; says what was tried and which package to install.
+  /// @error kUnavailable: no GL, or no GPU where one is asked for; says what was tried, which devices there are and
+  /// what to install.
   static Result<Renderer> Open(std::shared_ptr<const Scene> scene, const RendererConfig& config = {});
   Renderer(Renderer&&) noexcept;
   Renderer& operator=(Renderer&&) noexcept;

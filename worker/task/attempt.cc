@@ -110,8 +110,10 @@ Result<AttemptRunner> AttemptRunner::Open(const CampaignSpec& spec, const sim::R
     ETUDE_RETURN_IF_ERROR(CheckPredicates(*task.spec));
     ETUDE_RETURN_IF_ERROR(CheckTurns(spec, task));
   }
-  auto impl = std::make_unique<Impl>(
-      Impl{.spec = spec, .spec_sha256 = SpecHash(spec), .renderer = renderer, .grammar = std::move(grammar)});
+  auto impl = std::make_unique<Impl>(Impl{.spec = spec,
+                                          .spec_sha256 = SpecHash(spec),
+                                          .renderer = sim::RendererFor(spec, renderer),
+                                          .grammar = std::move(grammar)});
   // what cannot be opened at all is said now, not at the first episode
   ETUDE_RETURN_IF_ERROR(impl->EnvironmentOf(PlanEpisode(spec, 0, 0).scene));
   return AttemptRunner(std::move(impl));

@@ -42,7 +42,8 @@ struct StartScene {
 /// Runs attempts of one campaign. Owns world, renderer, planner; one per thread.
 class AttemptRunner {
  public:
-  /// @error kInvalidArgument, kUnavailable (no GL)
+  /// Draws with `renderer` as the spec asks for it.
+  /// @error kInvalidArgument, kUnavailable (no GL, or no GPU where the spec asks for one)
   static Result<AttemptRunner> Open(const CampaignSpec& spec, const sim::RendererConfig& renderer = {});
   AttemptRunner(AttemptRunner&&) noexcept;
   ~AttemptRunner();

@@ -68,7 +68,7 @@ std::vector<std::string> NamesOf(const std::vector<sim::ObjectInfo>& objects) {
 }  // namespace
 
 PlaySession::PlaySession(const CampaignSpec& spec, const sim::RendererConfig& renderer)
-    : spec_(spec), renderer_config_(renderer) {
+    : spec_(spec), renderer_config_(sim::RendererFor(spec, renderer)) {
   spec_.rollout.pushes.count = 0;
   spec_.rollout.occlude = 0;
   spec_.rollout.record = false;

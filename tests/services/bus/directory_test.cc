@@ -55,6 +55,23 @@ TEST(Directory, FindsByNameAndByIdAndForgetsWhoEnded) {
   EXPECT_TRUE(WaitFor([&] { return directory.Live().empty(); }));
 }
 
+TEST(Directory, CheckpointsComeFromTheRunOrWhereItIsNotThereFromARelay) {
+  const auto peers = OpenTwo(kDomain);
+  auto directory = Directory::Open(peers.b).value();
+  const auto publisher = [&] { return directory.FindPublisher({"passed-on", ""}, 10s).value(); };
+  const auto relay = Announce(peers.a, MakePresence(PresenceKind::kRelay, "passed-on", "aaaa000000000001", "/relay"));
+  const auto other =
+      Announce(peers.b, MakePresence(PresenceKind::kRelay, "passed-on", "aaaa000000000001", "/other"), Claim::kAdopt);
+  ASSERT_TRUE(publisher());
+  EXPECT_EQ(publisher()->kind, PresenceKind::kRelay);
+  {
+    const auto run = Announce(peers.a, MakeRun("passed-on", "aaaa000000000001", "/run"));
+    EXPECT_TRUE(WaitFor([&] { return publisher()->kind == PresenceKind::kRun; }));
+    EXPECT_EQ(publisher()->folder, "/run");
+  }
+  EXPECT_TRUE(WaitFor([&] { return publisher()->kind == PresenceKind::kRelay; }));
+}
+
 TEST(Directory, ANameThatMeansTwoThingsIsAnsweredByAList) {
   const auto peers = OpenTwo(kDomain);
   const auto one = Announce(peers.a, MakeRun("two", "aaaa000000000001", "/one"));

@@ -6,6 +6,7 @@
 
 #include "services/bus/blob_transfer.h"
 #include "services/bus/typed.h"
+#include "services/core/clock.h"
 #include "services/core/hash.h"
 #include "tests/services/bus/two_processes.h"
 
@@ -224,6 +225,52 @@ TEST(Published, VersionsOfAnotherOwnerAreNotTaken) {
   EXPECT_EQ(blob->owner, "1");
   EXPECT_EQ(blob->version, 1u);
   EXPECT_FALSE(subscriber->Wait(50ms));
+}
+
+TEST(Published, WhatARelayPassesOnIsTakenOnceAndNotByThoseWhoListenToTheRunAlone) {
+  const auto peers = OpenTwo(kDomain);
+  auto relay = BlobPublisher::OpenRelay(peers.a, {"relayed", "1"}, SmallChunks());
+  auto subscriber = BlobSubscriber::Open(peers.b, {"relayed", "1"}, "latest");
+  ReceiveOptions alone;
+  alone.from_relays = false;
+  auto other = BlobSubscriber::Open(peers.b, {"relayed", "1"}, "latest", alone);
+  ASSERT_TRUE(relay && subscriber && other);
+  const auto bytes = MakeBytes(50'000, 1);
+  ASSERT_TRUE(relay->Publish("latest", 4, bytes, "{}"));
+  const auto blob = subscriber->Wait(20s);
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->bytes, bytes);
+  EXPECT_FALSE(other->Wait(50ms));
+
+  auto publisher = BlobPublisher::Open(peers.a, {"relayed", "1"}, SmallChunks());
+  ASSERT_TRUE(publisher);
+  ASSERT_TRUE(publisher->Publish("latest", 4, bytes, "{}"));
+  EXPECT_TRUE(other->Wait(20s));
+  EXPECT_FALSE(subscriber->Wait(50ms)) << "it has this version";
+}
+
+TEST(Published, WhatIsOfferedGoesWithItsPublisher) {
+  const auto peers = OpenTwo(kDomain);
+  auto subscriber = BlobSubscriber::Open(peers.b, {"offered", "1"}, "");
+  ASSERT_TRUE(subscriber);
+  const auto wait_until = [&](std::uint64_t version, bool offered) {
+    for (const Stopwatch watch; subscriber->Offered("latest", version) != offered && watch.Seconds() < 20;)
+      (void)subscriber->Wait(10ms);
+    EXPECT_EQ(subscriber->Offered("latest", version), offered) << version;
+  };
+  {
+    auto publisher = BlobPublisher::Open(peers.a, {"offered", "1"}, SmallChunks());
+    ASSERT_TRUE(publisher);
+    EXPECT_FALSE(subscriber->Offered("latest", 1));
+    for (std::uint64_t version = 1; version <= 3; ++version)
+      ASSERT_TRUE(publisher->Publish("latest", version, MakeBytes(50'000, 1), ""));
+    wait_until(3, true);
+    wait_until(2, true);  // beside the newest one, until that has a successor
+    wait_until(1, false);
+    EXPECT_FALSE(subscriber->Offered("best", 3));
+  }
+  wait_until(3, false);
+  wait_until(2, false);
 }
 
 TEST(Published, ARestartedPublisherGoesOn) {

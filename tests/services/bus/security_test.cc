@@ -113,6 +113,11 @@ TEST_F(SecurityTest, PublishedCheckpointsAreTheTrainersAndTheRelays) {
         OpenReader(participant, "run/1", etude_wire_PublishedChunk_desc, kPublishedChunkTopic, kPublishedReader)
             .has_value();
     EXPECT_EQ(reads, role == Role::kPolicy || role == Role::kSubscriber || role == Role::kRelay) << ToString(role);
+    // as a subscriber does: one reader for what the run publishes and what is passed on
+    const bool reads_both = OpenReaderIn(participant, {"run/1", "run/1/relay"}, etude_wire_PublishedChunk_desc,
+                                         kPublishedChunkTopic, kPublishedReader)
+                                .has_value();
+    EXPECT_EQ(reads_both, reads) << ToString(role);
   }
 }
 

@@ -173,6 +173,8 @@ TEST(SceneDifferences, AreWhatMakesOtherScenesAndNothingElse) {
   other.split.train = 0.3;
   other.stall_timeout_s = 9;
   other.determinism = "none";
+  other.renderer = "gpu";
+  other.device = 1;
   other.camera.width = other.camera.height = 96;
   other.rollout.run = "b";
   other.rollout.occlude = 0.2;

@@ -74,6 +74,10 @@ TEST(CampaignSpec, RefusesWhatIsOutOfRangeAndSaysWhatIsAllowed) {
                  {"max_attempts=1001", "max_attempts: 1001 not in 1..1000"},
                  {"stall_timeout_s=0.5", "stall_timeout_s: 0.5 not in 1..86400"},
                  {"determinism=byte", "determinism"},
+                 {"renderer=cuda", "renderer: 'cuda' is not known"},
+                 {"device=0", "device: only with renderer: gpu"},
+                 {"device=-2", "device: -2 not in -1..63"},
+                 {"device=64", "device: 64 not in -1..63"},
                  {"camera.width=15", "camera: 15x224 not in 16..2048"},
                  {"camera.height=2049", "camera: 224x2049 not in 16..2048"},
                  {"camera.fovy_deg=1", "camera.fovy_deg: not in 1..170"},
@@ -159,6 +163,7 @@ TEST(CampaignSpec, TakesEveryRangeUpToItsEnds) {
                            "obstacle.in_the_way=1",
                            "split={train: 0, valid: 0, test: 1}",
                            "scenes=first_draw",
+                           "renderer=gpu",
                            "robots=[ur5, panda, jaco2]",
                            "tasks=[pick+others]",
                            "world.control_delay=50"})
@@ -200,7 +205,7 @@ TEST(CampaignSpec, EveryOtherKeyIsAnotherCampaign) {
     const auto other = FromJson<CampaignSpec>(changed, path);
     ASSERT_THAT(other, IsOk());
     const bool may_grow = path == "name" || path == "episodes" || path == "max_attempts" || path == "stall_timeout_s" ||
-                          path == "determinism" || path.starts_with("split.");
+                          path == "determinism" || path == "device" || path.starts_with("split.");
     EXPECT_EQ(SpecHash(*other) == SpecHash(spec), may_grow) << path;
     ++keys;
   });
@@ -213,6 +218,7 @@ TEST(CampaignSpec, KeysThatCameLaterChangeNoHashWhileTheyAreUnset) {
   OrderedJson json = ToJson(spec);
   for (const char* key : {"name", "episodes", "split", "max_attempts", "stall_timeout_s", "determinism"})
     json.erase(key);
+  for (const char* key : {"renderer", "device"}) ASSERT_EQ(json.erase(key), 1u) << key;
   for (const char* key : {"occlude", "pushes", "sentences"}) ASSERT_EQ(json["rollout"].erase(key), 1u) << key;
   ASSERT_EQ(json["randomization"].erase("world"), 1u);
   ASSERT_EQ(json.erase("adaptive_sampling"), 1u);
@@ -244,6 +250,17 @@ TEST(CampaignSpec, WithAdaptiveSamplingTheSplitMayNotChange) {
   other = spec;
   other.episodes = 7;
   EXPECT_EQ(SpecHash(spec), SpecHash(other));
+}
+
+// Which GPU of a host draws is the host's matter; that one draws is another campaign's bytes.
+TEST(CampaignSpec, AnotherRendererIsAnotherCampaignAndAnotherGpuIsNone) {
+  EXPECT_THAT(Validated({"renderer=gpu", "device=2"}), IsOk());
+  CampaignSpec gpu;
+  gpu.renderer = "gpu";
+  CampaignSpec second = gpu;
+  second.device = 1;
+  EXPECT_NE(SpecHash(CampaignSpec()), SpecHash(gpu));
+  EXPECT_EQ(SpecHash(second), SpecHash(gpu));
 }
 
 TEST(CampaignSpec, HashIgnoresOnlyWhatMayGrow) {

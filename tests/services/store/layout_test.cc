@@ -31,15 +31,15 @@ TEST(Layout, OtherNamesAreNoEpisodes) {
 TEST(Layout, LockIsHeldByOneAndFreedWithIt) {
   const TemporaryFolder folder;
   {
-    auto lock = DatasetLock::Take(folder.path());
+    auto lock = LockDataset(folder.path());
     ASSERT_THAT(lock, IsOk());
-    const auto second = DatasetLock::Take(folder.path());
+    const auto second = LockDataset(folder.path());
     EXPECT_THAT(second, HasCode(Code::kUnavailable));
     EXPECT_THAT(second, MessageHas("pid"));
-    const DatasetLock moved = std::move(*lock);
-    EXPECT_THAT(DatasetLock::Take(folder.path()), HasCode(Code::kUnavailable));
+    const FileLock moved = std::move(*lock);
+    EXPECT_THAT(LockDataset(folder.path()), HasCode(Code::kUnavailable));
   }
-  EXPECT_THAT(DatasetLock::Take(folder.path()), IsOk());
+  EXPECT_THAT(LockDataset(folder.path()), IsOk());
 }
 
 TEST(Layout, DatasetFileSurvivesAndRefusesGarbage) {

@@ -4,11 +4,13 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <thread>
 
 #include "services/bus/directory.h"
 #include "services/bus/topic.h"
 #include "services/episode/action.h"
+#include "services/relay/relay_thread.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/trainer/policy/fixtures.h"
 #include "tests/trainer/serve/example_observation.h"
@@ -241,6 +243,32 @@ TEST(PolicyServer, FollowsARunThatWasBegunAnew) {
   EXPECT_EQ(action.run_id, "bbbb000000000002");
   server.Stop();
   serving.join();
+}
+
+// As `etude up --keep-running` after training: whoever starts its policy server again finds a run that has ended.
+TEST(PolicyServer, StartedAfterTheRunHasEndedItServesWhatARelayHas) {
+  const TemporaryFolder folder;
+  const std::string run = "serve-outlived";
+  auto participant = bus::Participant::Open({kDomain, ""}).value();
+  const relay::RelayThread relay(participant, {run, kId}, {.folder = folder / "relay", .patience = 50ms});
+  {
+    auto sink = publish::CheckpointSink::Open(folder / "run", {run, kId, 1}, &participant).value();
+    ASSERT_TRUE(sink.Save(checkpoint::ExampleCheckpoint(policy::TinyConfig(), 7)));
+    const auto deadline = std::chrono::steady_clock::now() + 20s;
+    const auto kept = [&] { return std::filesystem::exists(folder / "relay" / "kept.json"); };
+    while (!kept() && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+    ASSERT_TRUE(kept());
+  }
+  for (const char* id : {kId, ""}) {  // by its whole id, and by its name, which the relay has in the directory
+    auto server = PolicyServer::Open(participant, {.run = {run, id}}, nullptr).value();
+    ASSERT_TRUE(server.Follow());
+    std::thread serving([&] { EXPECT_TRUE(server.Run()); });
+    const auto deadline = std::chrono::steady_clock::now() + 20s;
+    while (server.checkpoint_step() != 7 && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+    EXPECT_EQ(server.checkpoint_step(), 7u) << id;
+    server.Stop();
+    serving.join();
+  }
 }
 
 }  // namespace server_test

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "tests/worker/sim/scene_fixture.h"
+#include "worker/sim/gl_context.h"
 
 namespace etude::sim {
 namespace renderer_test {
@@ -354,6 +355,78 @@ TEST(Renderer, RefusesUnknownBackend) {
   ASSERT_FALSE(renderer);
   EXPECT_EQ(renderer.error().code, Code::kInvalidArgument);
   EXPECT_THAT(renderer.error().message, testing::HasSubstr("osmesa"));
+}
+
+TEST(Renderer, KnowsWhoDrawsOnTheCpu) {
+  for (const char* name : {"llvmpipe (LLVM 15.0.6, 256 bits)", "softpipe", "SWR (LLVM 11.0.1, 256 bits)",
+                           "Software Rasterizer", "zink (llvmpipe (LLVM 15.0.6, 256 bits))"})
+    EXPECT_TRUE(IsSoftwareRenderer(name)) << name;
+  for (const char* name : {"NVIDIA H100 PCIe/PCIe/SSE2", "AMD Radeon RX 6800 (navi21, LLVM 15.0.6)",
+                           "Mesa Intel(R) UHD Graphics 630 (CFL GT2)", "zink (NVIDIA GeForce RTX 3090)"})
+    EXPECT_FALSE(IsSoftwareRenderer(name)) << name;
+}
+
+// Whatever GPU this machine has.
+TEST(Renderer, DrawsInSoftwareUnlessAGpuIsAskedFor) {
+  EXPECT_TRUE(IsSoftwareRenderer(OpenOrDie().gl_renderer())) << OpenOrDie().gl_renderer();
+}
+
+TEST(Renderer, WhereNoGpuDrawsTheErrorSaysWhichDevicesThereAre) {
+  const auto renderer = Renderer::Open(FullScene(), {.renderer = "gpu"});
+  if (renderer) {
+    EXPECT_FALSE(IsSoftwareRenderer(renderer->gl_renderer())) << renderer->gl_renderer();
+    GTEST_SKIP() << "a GPU draws here: " << renderer->gl_renderer();
+  }
+  EXPECT_EQ(renderer.error().code, Code::kUnavailable);
+  EXPECT_THAT(renderer.error().message, testing::HasSubstr("renderer gpu: no GPU draws here: "));
+  EXPECT_THAT(renderer.error().message, testing::HasSubstr("renderer: software"));
+}
+
+TEST(Renderer, AGpuIsTakenByItsNumberOrNoneIs) {
+  const auto renderer = Renderer::Open(FullScene(), {.renderer = "gpu", .device = 63});
+  ASSERT_FALSE(renderer);
+  EXPECT_EQ(renderer.error().code, Code::kUnavailable);
+  EXPECT_THAT(renderer.error().message,
+              testing::AllOf(testing::HasSubstr("renderer gpu, device 63: no GPU draws here: "),
+                             testing::HasSubstr("there is no device 63. EGL lists:\n")));
+  const auto first = Renderer::Open(FullScene(), {.renderer = "gpu", .device = 0});
+  if (renderer.error().message.find("device 0: Mesa's software renderer") == std::string::npos) return;
+  ASSERT_FALSE(first);
+  EXPECT_THAT(first.error().message, testing::HasSubstr("device 0 is no GPU. EGL lists:\n"));
+}
+
+TEST(Renderer, AGpuThatWasRefusedChangesNoPicture) {
+  World world(FullScene());
+  Picture before;
+  {
+    Renderer renderer = OpenOrDie();
+    before = Take(renderer, world);
+  }
+  (void)Renderer::Open(FullScene(), {.renderer = "gpu"});
+  Renderer renderer = OpenOrDie();
+  EXPECT_EQ(Take(renderer, world), before);
+}
+
+TEST(Renderer, RefusesRenderersThatCannotBe) {
+  const auto unknown = Renderer::Open(FullScene(), {.renderer = "cuda"});
+  ASSERT_FALSE(unknown);
+  EXPECT_EQ(unknown.error().code, Code::kInvalidArgument);
+  EXPECT_THAT(unknown.error().message, testing::HasSubstr("renderer 'cuda' is not known; known: software, gpu"));
+  const auto contradiction = Renderer::Open(FullScene(), {.backend = "osmesa", .renderer = "gpu"});
+  ASSERT_FALSE(contradiction);
+  EXPECT_EQ(contradiction.error().code, Code::kInvalidArgument);
+  EXPECT_THAT(contradiction.error().message, testing::HasSubstr("osmesa draws on the CPU"));
+}
+
+TEST(Renderer, ASpecSaysWhoDraws) {
+  CampaignSpec spec;
+  spec.renderer = "gpu";
+  spec.device = 2;
+  const RendererConfig config = RendererFor(spec, {.samples = 4});
+  EXPECT_EQ(config.renderer, "gpu");
+  EXPECT_EQ(config.device, 2);
+  EXPECT_EQ(config.samples, 4);
+  EXPECT_EQ(RendererFor(CampaignSpec(), config).renderer, "software");
 }
 
 }  // namespace renderer_test

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests services/relay/relay_thread.cc, and RelayRuns
+#include "services/relay/relay_thread.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "services/relay/kept_checkpoints.h"
+#include "tests/services/bus/two_processes.h"
+#include "tests/services/relay/example_run.h"
+#include "tests/support/matchers.h"
+#include "tests/support/temporary_folder.h"
+
+namespace etude::relay {
+namespace relay_thread_test {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint32_t kDomain = 56;
+
+std::string KeptId(const Path& folder) {
+  const auto kept = KeptRun(folder);
+  return kept && *kept ? (*kept)->id : "";
+}
+
+TEST(RelayThread, FollowsTheRunsOfItsNameAndServesTheLastOneAfterARestart) {
+  const auto peers = bus::OpenTwo(kDomain);
+  const TemporaryFolder folder;
+  const bus::Owner first{"named", "aaaa000000000001"}, second{"named", "bbbb000000000002"};
+  const RelayOptions options{.folder = folder / "relay", .patience = 50ms};
+  const auto begin = [&](const bus::Owner& run, std::uint64_t version) {
+    auto begun = std::make_unique<ExampleRun>(peers.b, run, folder / run.id);
+    begun->Publish(ExampleBlob(run.id, "latest", version, version));
+    return begun;
+  };
+  {
+    const RelayThread relay(peers.a, {"named", ""}, options);
+    auto run = begin(first, 900);
+    ASSERT_TRUE(WaitFor([&] { return KeptId(options.folder) == first.id; }));
+    run.reset();
+    run = begin(second, 1);
+    ASSERT_TRUE(WaitFor([&] { return KeptId(options.folder) == second.id; }));
+  }
+  const RelayThread relay(peers.a, {"named", ""}, options);
+  auto subscriber = bus::BlobSubscriber::Open(peers.b, second, "latest").value();
+  ExpectSame(subscriber.Wait(20s).value(), ExampleBlob(second.id, "latest", 1, 1));
+}
+
+// What it is beside of goes on.
+TEST(RelayThread, AFolderThatItCannotHaveEndsItWithWords) {
+  const auto peers = bus::OpenTwo(kDomain);
+  const TemporaryFolder folder;
+  const bus::Owner run{"kept-out", "aaaa000000000001"};
+  const auto holder = KeptCheckpoints::Open(folder.path(), run);
+  ASSERT_THAT(holder, IsOk());
+  const RelayOptions options{.folder = folder.path()};
+  EXPECT_THAT(RelayRuns(peers.a, {run.name, run.id}, options, [] { return false; }), HasCode(Code::kUnavailable));
+  const RelayThread relay(peers.a, {run.name, run.id}, options);
+}
+
+}  // namespace relay_thread_test
+}  // namespace etude::relay
