@@ -19,11 +19,11 @@ namespace {
 // at once throws joints near a singularity beyond their limits (1.5 times, in the wrist of the UR5).
 struct Bounds {
   double speed;         // m/s or rad/s
-  double acceleration;  // m/s^2 or rad/s^2; demonstrations have half of it
+  double acceleration;  // m/s^2 or rad/s^2
 };
-constexpr Bounds kLinear{0.8, 5.0};
-constexpr Bounds kAngular{3.0, 20.0};
-constexpr double kBackOntoPath = 12;       // 1/s
+constexpr Bounds kLinear{0.8, 8.0};
+constexpr Bounds kAngular{3.0, 30.0};
+constexpr double kBackOntoPath = 25;       // 1/s
 constexpr double kJointSpeedShare = 0.75;  // of the planned speed of a joint; the hand overshoots the reference's
 constexpr double kDamping = 0.02;          // m (and rad): near a singularity no joint has to turn without end
 constexpr double kMaxReach = 2.0;          // m from the world's origin: nothing sane is beyond

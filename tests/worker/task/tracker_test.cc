@@ -80,7 +80,7 @@ TEST(Tracker, StartsAndArrivesGently) {
   Tracker tracker({}, false);
   tracker.Follow(Line({0.2, 0, 0}, {0, 0, 0}));
   const Motion motion(tracker, 200, 0, 0);
-  EXPECT_NEAR(motion.most_acceleration, 5, 1e-6);
+  EXPECT_NEAR(motion.most_acceleration, 8, 1e-6);
   EXPECT_NEAR(motion.last, 0.2, 1e-4) << "and arrives";
   EXPECT_LE(motion.farthest, 0.2 + 1e-3) << "without going past it";
 }
@@ -98,7 +98,7 @@ TEST(Tracker, ANewAnswerNeitherThrowsTheHandBackNorStopsItAtOnce) {
   ASSERT_NEAR(speed, 0.5, 5e-3);
   tracker.Follow(Line({x - 0.01, 0, 0}, {0.3, 0, 0}));
   const Motion motion(tracker, 60, x, speed);
-  EXPECT_LE(motion.most_acceleration, 5 + 1e-6);
+  EXPECT_LE(motion.most_acceleration, 8 + 1e-6);
   EXPECT_NEAR(motion.last, x - 0.01 + 0.3 * 59 / kControlRate, 2e-3) << "and is on the new path soon";
 }
 
