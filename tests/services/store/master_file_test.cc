@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 
 #include "services/store/dataset.h"
+#include "services/store/episode_file.h"
 #include "services/store/layout.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"

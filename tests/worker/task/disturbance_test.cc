@@ -58,13 +58,13 @@ TEST(PushMotion, MayBeginNearTheEnd) {
 
 class JudgePushTest : public testing::Test {
  protected:
-  // A push off the middle of a way to the side.
-  plan::Motion Pushed(const Eigen::Vector3d& offset, int steps) {
+  // A push off a way to the side, from its middle or after another share of it.
+  plan::Motion Pushed(const Eigen::Vector3d& offset, int steps, double share = 0.5) {
     const Pose home = kinematics_.X_WE(arm_.q_home);
     Pose goal = home;
     goal.p += Eigen::Vector3d(0.25, 0, 0.1);
     const plan::Motion path = plan::StraightMotion(home, goal, {});
-    return PushMotion(path, path.steps() / 2, {offset, {0, 0, 0.05}, steps});
+    return PushMotion(path, static_cast<int>(share * path.steps()), {offset, {0, 0, 0.05}, steps});
   }
   Eigen::VectorXd StartOf(const plan::Motion& motion) {
     const auto q = kinematics_.Solve(motion.X_WE.front(), arm_.q_home);
@@ -99,7 +99,7 @@ class JudgePushTest : public testing::Test {
 TEST_F(JudgePushTest, IsFreeWhereNothingIsNear) { EXPECT_EQ(Judge(Pushed({0, 0, 0.03}, 25)), PushVerdict::kFree); }
 
 TEST_F(JudgePushTest, IsTooFastWhereAJointIs) {
-  for (const Eigen::Vector3d& offset : {Eigen::Vector3d(0, 0, 0.03), Eigen::Vector3d(0, -0.03, 0)}) {
+  for (const Eigen::Vector3d& offset : {Eigen::Vector3d(0, 0, 0.03), Eigen::Vector3d(0, 0.03, 0)}) {
     const plan::Motion motion = Pushed(offset, 25);
     const double fastest = FastestJoint(motion);
     const Eigen::VectorXd one = Eigen::VectorXd::Ones(arm_.q_home.size());
@@ -122,15 +122,23 @@ TEST_F(JudgePushTest, EachJointHasItsOwnLimit) {
 }
 
 TEST_F(JudgePushTest, SlowerIsFreeWhereTooFastWasTheOnlyObjection) {
-  const Eigen::VectorXd limits = 0.7 * FastestJoint(Pushed({0, 0, 0.03}, 20)) * Eigen::VectorXd::Ones(6);
-  EXPECT_EQ(Judge(Pushed({0, 0, 0.03}, 20), limits), PushVerdict::kTooFast);
-  EXPECT_EQ(Judge(Pushed({0, 0, 0.03}, 80), limits), PushVerdict::kFree);
+  // at the end, where the way itself is at rest
+  const plan::Motion quick = Pushed({0, 0.03, 0.05}, 20, 0.99), slow = Pushed({0, 0.03, 0.05}, 80, 0.99);
+  const double fastest = FastestJoint(quick), fastest_slow = FastestJoint(slow);
+  ASSERT_LT(fastest_slow, 0.7 * fastest);
+  const Eigen::VectorXd limits = Eigen::VectorXd::Constant(arm_.q_home.size(), 0.75 * fastest);
+  EXPECT_EQ(Judge(quick, limits), PushVerdict::kTooFast);
+  EXPECT_EQ(Judge(slow, limits), PushVerdict::kFree);
 }
 
 TEST_F(JudgePushTest, IsBlockedByWhatStandsWhereItLeads) {
   const plan::Motion motion = Pushed({0, 0.03, 0}, 25);
   ASSERT_EQ(Judge(motion), PushVerdict::kFree);
-  PutCube(motion.X_WE[20].p);
+  // from the side, until it touches the arm at the end of the push
+  Eigen::VectorXd q = StartOf(motion);
+  for (const Pose& X_WE : motion.X_WE) q = kinematics_.Solve(X_WE, q).value_or(q);
+  Eigen::Vector3d p = motion.X_WE.back().p + Eigen::Vector3d(0, 0.25, 0);
+  for (PutCube(p); !checker_.Check(q) && p.y() > motion.X_WE.back().p.y() - 0.15; PutCube(p)) p.y() -= 0.002;
   EXPECT_EQ(Judge(motion), PushVerdict::kBlocked);
   checker_.Allow({"cube"});
   EXPECT_EQ(Judge(motion), PushVerdict::kFree) << "contact with it is wanted";
@@ -160,7 +168,8 @@ TEST_F(JudgePushTest, KeepsAMarginThatAContactCheckDoesNot) {
 }
 
 TEST_F(JudgePushTest, WhereTheArmCannotBeIsBlocked) {
-  EXPECT_EQ(Judge(Pushed({0, 3, 0}, 25)), PushVerdict::kBlocked);
+  const Eigen::VectorXd any = Eigen::VectorXd::Constant(arm_.q_home.size(), 1e6);
+  EXPECT_EQ(Judge(Pushed({0, 3, 0}, 25), any), PushVerdict::kBlocked);
   EXPECT_EQ(JudgePush({}, arm_.q_home, arm_.planned_speed, kinematics_, checker_), PushVerdict::kBlocked)
       << "a push of no steps is none";
 }

@@ -23,8 +23,8 @@ class CampaignsTest : public ApiFixture {
   }
   std::vector<std::uint64_t> Indices(const std::string& query = "") {
     std::vector<std::uint64_t> indices;
-    for (const auto& row : GetJson(kPrefix + "/campaigns/lab.late/attempts" + query)["rows"])
-      indices.push_back(row["index"]);
+    const auto list = GetJson(kPrefix + "/campaigns/lab.late/attempts" + query);
+    for (const auto& row : list["rows"]) indices.push_back(row["index"]);
     return indices;
   }
 };

@@ -28,7 +28,8 @@ class DatasetsTest : public ApiFixture {
   std::vector<Episode> ReadAll(const std::string& name) {
     std::vector<Episode> episodes;
     const auto reader = store::DatasetReader::Open(lab_.root() / name).value();
-    for (const auto index : reader.List().value()) episodes.push_back(reader.ReadWhole(index).value());
+    const std::vector<std::uint64_t> indices = reader.List().value();
+    for (const auto index : indices) episodes.push_back(reader.ReadWhole(index).value());
     return episodes;
   }
   OrderedJson Known(const std::string& address) {

@@ -18,7 +18,8 @@ class LogsTest : public ApiFixture {
   }
   std::vector<std::string> Texts(const std::string& query) {
     std::vector<std::string> texts;
-    for (const auto& line : GetJson(kPrefix + "/logs" + query)["lines"]) texts.push_back(line["text"]);
+    const auto page = GetJson(kPrefix + "/logs" + query);
+    for (const auto& line : page["lines"]) texts.push_back(line["text"]);
     return texts;
   }
 };

@@ -101,7 +101,7 @@ TEST_F(MetricsTest, EverySampleIsOfAFamilyAndEverySeriesStandsOnce) {
   for (const auto& line : Scrape()) {
     std::string family = line.name;
     for (const char* ending : {"_bucket", "_sum", "_count"})
-      if (family.ends_with(ending) && !families.contains(family)) family.resize(family.size() - std::strlen(ending));
+      if (family.ends_with(ending) && !families.contains(family)) family.erase(family.size() - std::strlen(ending));
     EXPECT_TRUE(families.contains(family)) << line.name;
     EXPECT_TRUE(series.insert({line.name, line.labels}).second) << line.name;
   }
