@@ -89,8 +89,6 @@ void AddDataset(CLI::App& app, Body& body) {
   sheet->add_option("--index", options->indices, "rows: these episodes, in this order");
   sheet->add_option("--episodes", options->episodes, "else so many rows: the first ones")->capture_default_str();
   sheet->add_option("--frames", options->frames, "columns")->capture_default_str();
-  sheet->add_option("--tile", options->tile, "of a moving one: px, the width of each episode; 0: as it was recorded")
-      ->capture_default_str();
   sheet->callback([=, &body] { body = [=] { return WriteSheet(*dataset, *out, *options); }; });
   AddDatasetEdit(*command, body);
 }

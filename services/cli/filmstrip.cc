@@ -65,11 +65,9 @@ class Tile {
 };
 
 // All of them side by side, RGB, from their first picture to the end of the longest.
-Status WriteMoving(std::vector<Episode> episodes, const Path& file, int tile) {
+Status WriteMoving(std::vector<Episode> episodes, const Path& file) {
   const Camera& camera = episodes[0].cameras[0].camera;
-  // H.264 and WebP halve colours
-  const int width = (tile > 0 ? tile : camera.width) / 2 * 2;
-  const int height = width * camera.height / camera.width / 2 * 2 + kCaption;
+  const int width = camera.width / 2 * 2, height = camera.height / 2 * 2 + kCaption;  // H.264 and WebP halve colours
   const int columns = static_cast<int>(episodes.size());
   const video::FrameRate rate{static_cast<int>(kControlRate), episodes[0].image_stride};
   cv::Mat canvas(height, columns * width, CV_8UC3, cv::Scalar(24, 24, 24));
@@ -98,10 +96,6 @@ Status WriteFilmstrips(const Path& dataset, const Path& picture, const Filmstrip
   if (options.episodes < 1 || options.frames < 1)
     return Fail(Code::kInvalidArgument, fmt::format("filmstrips: {} episodes of {} frames: both must be at least 1",
                                                     options.episodes, options.frames));
-  constexpr int kLeastTile = 16, kMostTile = 4096;
-  if (options.tile != 0 && (options.tile < kLeastTile || options.tile > kMostTile))
-    return Fail(Code::kInvalidArgument, fmt::format("filmstrips: a tile of {} px: must be {} to {}, or 0", options.tile,
-                                                    kLeastTile, kMostTile));
   ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(dataset));
   ETUDE_ASSIGN_OR_RETURN(const auto all, reader.List());
   const bool chosen = !options.indices.empty();
@@ -119,7 +113,7 @@ Status WriteFilmstrips(const Path& dataset, const Path& picture, const Filmstrip
     ETUDE_ASSIGN_OR_RETURN(auto row, Row(episode, options.frames));
     rows.push_back(std::move(row));
   }
-  if (moving && !episodes.empty()) return WriteMoving(std::move(episodes), picture, options.tile);
+  if (moving && !episodes.empty()) return WriteMoving(std::move(episodes), picture);
   if (rows.empty())
     return Fail(Code::kNotFound, fmt::format("filmstrips of '{}': no episode with pictures", dataset.string()));
   cv::Mat sheet;

@@ -14,13 +14,13 @@ struct FilmstripOptions {
   std::vector<std::uint64_t> indices;  ///< rows; empty: the first `episodes` of the dataset
   int episodes = 6;
   int frames = 8;  ///< of each, evenly spread over its length, both ends among them
-  int tile = 0;    ///< px, width of an episode in a moving picture; 0: as it was recorded
 };
 
 /// To a name that ends in .webp or .mp4: the episodes side by side, moving, at real time. Else writes the picture, as
 /// JPEG to a name that ends in .jpg, else as PNG; under each row what was asked for and how it went.
 /// @error of the store; kNotFound when an index is not there or no episode has pictures; kInvalidArgument for counts
-/// below 1, and for a tile below 16 px or above 4096; kUnavailable when the file cannot be written.
+/// below 1;
+/// kUnavailable when the file cannot be written.
 Status WriteFilmstrips(const Path& dataset, const Path& picture, const FilmstripOptions& options = {});
 
 }  // namespace etude::cli

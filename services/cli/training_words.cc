@@ -11,12 +11,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto kAppears = 2s;
+constexpr auto kServerAppears = 2s;
 
 // What is served from a file says that file; a server that follows a run has its checkpoints from the bus, and the run
 // says its folder.
 std::optional<std::string> CheckpointOf(bus::Directory& directory, const Selector& run) {
-  const auto server = directory.Find(bus::PresenceKind::kPolicy, run, kAppears);
+  const auto server = directory.Find(bus::PresenceKind::kPolicy, run, kServerAppears);
   if (!server || !*server) return std::nullopt;
   if (!(*server)->folder.empty())
     return (*server)->host == HostName() ? std::optional((*server)->folder) : std::nullopt;

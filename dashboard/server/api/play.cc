@@ -202,7 +202,7 @@ class Parsers {
 
 // What the training of a checkpoint said that a server serves: of a run below this gateway's folders, from the headers
 // of its checkpoints. Nothing: none is found, or only its hash could tell, which is then made.
-std::optional<std::set<std::string>> WordsOf(Context& context, const bus::PolicyStatus& served) {
+std::optional<std::set<std::string>> WordsServed(Context& context, const bus::PolicyStatus& served) {
   const auto all = context.sources.catalog().List();
   for (const auto& found : *all) {
     if (found.kind != sources::Kind::kRun) continue;
@@ -227,7 +227,7 @@ std::optional<std::set<std::string>> TrainingWords(Context& context, const std::
   const auto live = context.live();
   for (const auto& [name, server] : live->servers) {
     const bus::PolicyStatus& status = server.status;
-    if (status.run == selector->name && status.run_id.starts_with(selector->id)) return WordsOf(context, status);
+    if (status.run == selector->name && status.run_id.starts_with(selector->id)) return WordsServed(context, status);
   }
   return std::nullopt;
 }

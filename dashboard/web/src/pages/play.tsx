@@ -3,6 +3,7 @@
 import { useEffect, useState } from 'preact/hooks';
 import { postJson, query, reasonOf, root, useResource } from '../core/api';
 import { useLive } from '../core/connection';
+import { none } from '../core/format';
 import { parameter } from '../core/router';
 import { moduleColor } from '../core/theme';
 import type { PlayInsight, PlaySession } from '../core/types';
@@ -255,7 +256,9 @@ function Modules(props: { modules: Record<string, unknown>; step: number }) {
 }
 
 function text(said: unknown): string {
-  const value = said !== null && typeof said === 'object' && 'value' in said ? (said as { value: unknown }).value : said;
+  // what a trajectory says is drawn over the picture
+  if (said !== null && typeof said === 'object' && !('value' in said)) return none;
+  const value = said !== null && typeof said === 'object' ? (said as { value: unknown }).value : said;
   if (Array.isArray(value)) return value.map((one) => (typeof one === 'number' ? one.toFixed(3) : String(one))).join(' ');
   return typeof value === 'number' ? value.toFixed(3) : typeof value === 'string' ? value : JSON.stringify(value);
 }

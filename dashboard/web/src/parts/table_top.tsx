@@ -47,7 +47,7 @@ export function TableTop(props: { half: number; objects: Standing[]; selected: s
         const [w, h] = [object.half_extent[0] ?? 0.03, object.half_extent[1] ?? 0.03];
         return (
           <g transform={`translate(${-place.x} ${place.y}) rotate(${(-object.yaw * 180) / Math.PI})`} class={`standing${object.hidden ? ' hidden' : ''}${object.name === props.selected ? ' selected' : ''}`}
-            role="button" tabIndex={0} aria-label={`${object.name}${object.hidden ? ', hidden' : ''}`} aria-pressed={object.name === props.selected} data-arrows data-object={object.name}
+            role="button" tabindex={0} aria-label={`${object.name}${object.hidden ? ', hidden' : ''}`} aria-pressed={object.name === props.selected} data-arrows data-object={object.name}
             onPointerDown={(event) => down(event, object)} onKeyDown={(event) => step(event, object)}>
             <rect x={-w} y={-h} width={2 * w} height={2 * h} />
             <text y={h + 0.05} transform={`rotate(${(object.yaw * 180) / Math.PI})`}>{object.name}</text>
