@@ -1,23 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 # The few build functions of the project. One library a folder, explicit sources, no global flags.
 
-# Language level, warnings and sanitizers for everything of ours. Products and sums are rounded apart: where the
-# compiler may fuse them (aarch64, -march=native) the same episode would have other bytes.
+# Language level, warnings (those of GCC are errors; Clang's are for tests/check_tidy) and sanitizers for everything of
+# ours. Products and sums are rounded apart: where the compiler may fuse them (aarch64, -march=native) the same episode
+# would have other bytes.
 add_library(etude_options INTERFACE)
 target_compile_features(etude_options INTERFACE cxx_std_20)
 target_include_directories(etude_options INTERFACE ${CMAKE_SOURCE_DIR})
 target_compile_options(etude_options INTERFACE
-  $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Werror -Wno-missing-field-initializers -ffp-contract=off>)
+  $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra $<$<CXX_COMPILER_ID:GNU>:-Werror> -Wno-missing-field-initializers -ffp-contract=off>)
 # Sources compiled several as one (CMAKE_UNITY_BUILD) look like headers to this warning.
 if(CMAKE_UNITY_BUILD)
-  target_compile_options(etude_options INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wno-subobject-linkage>)
+  target_compile_options(etude_options INTERFACE
+    $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CXX_COMPILER_ID:GNU>>:-Wno-subobject-linkage>)
 endif()
 target_compile_definitions(etude_options INTERFACE
   ETUDE_VERSION="${PROJECT_VERSION}" SPDLOG_COMPILED_LIB SPDLOG_FMT_EXTERNAL)
 if(ETUDE_SANITIZE)
   # gcc 12 takes std::regex for uninitialized once it is instrumented (PR 105562)
   target_compile_options(etude_options INTERFACE -fsanitize=${ETUDE_SANITIZE} -fno-omit-frame-pointer
-    -Wno-maybe-uninitialized)
+    $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   target_link_options(etude_options INTERFACE -fsanitize=${ETUDE_SANITIZE})
 endif()
 

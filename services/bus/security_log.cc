@@ -19,6 +19,9 @@ struct Pattern {
 constexpr Pattern kPatterns[] = {
     {"unable to get local issuer certificate", "unknown authority",
      "its certificate is of another authority (etude security init); issue it an identity of this one"},
+    // two authorities call themselves alike, so that the other one's key is tried
+    {"certificate signature failure", "unknown authority",
+     "its certificate is of another authority (etude security init); issue it an identity of this one"},
     {"self-signed certificate", "unknown permissions authority",
      "its permissions are of another authority; issue it an identity of this one"},
     {"self signed certificate", "unknown permissions authority",

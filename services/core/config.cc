@@ -16,6 +16,8 @@ namespace {
 
 // nesting deeper than this is an attack or a mistake, not a config
 constexpr int kMaxDepth = 64;
+// what a text may come to with its aliases written out, in bytes: so many times its own, and some more
+constexpr std::size_t kMostExpansion = 8, kFreeExpansion = 1u << 16;
 
 template <class Number>
 std::optional<Number> ParseNumber(const std::string& text) {
@@ -39,9 +41,16 @@ OrderedJson ScalarToJson(const YAML::Node& node) {
   return text;
 }
 
-Result<OrderedJson> NodeToJson(const YAML::Node& node, const std::string& origin, int depth) {
+// @param room  bytes that the rest may come to: an alias (*name) becomes a copy, so that lists of aliases of lists of
+// aliases would grow without bounds
+Result<OrderedJson> NodeToJson(const YAML::Node& node, const std::string& origin, int depth, std::size_t& room) {
   const auto where = [&] { return fmt::format("{}:{}:{}", origin, node.Mark().line + 1, node.Mark().column + 1); };
   if (depth > kMaxDepth) return Fail(Code::kInvalidArgument, where() + ": nested too deeply");
+  const std::size_t size = node.IsScalar() ? node.Scalar().size() + 1 : 1;
+  if (size > room)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("{}: its aliases (*name) come to more than {} times the text", where(), kMostExpansion));
+  room -= size;
   switch (node.Type()) {
     case YAML::NodeType::Undefined:
     case YAML::NodeType::Null:
@@ -51,7 +60,7 @@ Result<OrderedJson> NodeToJson(const YAML::Node& node, const std::string& origin
     case YAML::NodeType::Sequence: {
       auto list = OrderedJson::array();
       for (const auto& item : node) {
-        ETUDE_ASSIGN_OR_RETURN(auto value, NodeToJson(item, origin, depth + 1));
+        ETUDE_ASSIGN_OR_RETURN(auto value, NodeToJson(item, origin, depth + 1, room));
         list.push_back(std::move(value));
       }
       return list;
@@ -63,7 +72,8 @@ Result<OrderedJson> NodeToJson(const YAML::Node& node, const std::string& origin
         if (!key.IsScalar()) return Fail(Code::kInvalidArgument, where() + ": a key must be text");
         if (map.contains(key.Scalar()))
           return Fail(Code::kInvalidArgument, fmt::format("{}: key '{}' stands twice", where(), key.Scalar()));
-        ETUDE_ASSIGN_OR_RETURN(map[key.Scalar()], NodeToJson(pair.second, origin, depth + 1));
+        room -= std::min(room, key.Scalar().size());
+        ETUDE_ASSIGN_OR_RETURN(map[key.Scalar()], NodeToJson(pair.second, origin, depth + 1, room));
       }
       return map;
     }
@@ -139,7 +149,8 @@ std::string JsonText(const OrderedJson& json, int indent) {
 Result<OrderedJson> ParseYaml(const std::string& text, const std::string& origin) {
   if (!IsUtf8(text)) return Fail(Code::kInvalidArgument, origin + ": not UTF-8 text");
   try {
-    return NodeToJson(YAML::Load(text), origin, 0);
+    std::size_t room = kMostExpansion * text.size() + kFreeExpansion;
+    return NodeToJson(YAML::Load(text), origin, 0, room);
   } catch (const YAML::Exception& error) {
     return Fail(Code::kInvalidArgument,
                 fmt::format("{}:{}:{}: {}", origin, error.mark.line + 1, error.mark.column + 1, error.msg));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Processes of a campaign that are killed, stopped and hung, at random and at every named point.
+// Processes of a campaign that are killed, stopped, hung and short of memory, at random and at every named point.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -7,10 +7,11 @@
 #include <thread>
 
 #include "services/bus/blob_transfer.h"
+#include "services/cli/worker_pool.h"
 #include "services/core/identity.h"
 #include "services/core/rng.h"
 #include "services/store/dataset.h"
-#include "tests/faults/campaign_run.h"
+#include "tests/faults/two_hosts.h"
 #include "tests/services/campaign/fake_work.h"
 
 namespace etude::faults {
@@ -79,7 +80,30 @@ TEST(Faults, F5CollectorsThatComeBackFenceTheirPast) {
   ReportRow("F5", "collector killed 3 times; tokens of each life are larger", counts);
 }
 
-TEST(Faults, F11F21WorkersThatHangLoseTheirLease) {
+// Longer than peers of DDS believe in each other (10 s): each worker makes one episode more and waits with it.
+TEST(Faults, F11ACollectorThatStandsStillIsWaitedFor) {
+  CampaignRun run({.name = "f11", .domain = 90, .episodes = 60, .ms_per_attempt = 5});
+  run.StartCollector();
+  for (int i = 0; i < 3; ++i) run.StartWorker();
+  run.WaitForCommitted(10);
+  run.collector().Signal(SIGSTOP);
+  const auto held = run.Committed();
+  std::vector<double> before_mb;
+  for (std::size_t i = 0; i < run.workers(); ++i) before_mb.push_back(ResidentMb(run.worker(i).pid()));
+  Last(12s);
+  double grown_mb = 0;
+  for (std::size_t i = 0; i < run.workers(); ++i) {
+    EXPECT_TRUE(run.worker(i).running()) << i << run.Logs();
+    grown_mb = std::max(grown_mb, ResidentMb(run.worker(i).pid()) - before_mb[i]);
+  }
+  EXPECT_LT(grown_mb, 16) << "a worker holds more than the episode that it waits with";
+  EXPECT_LE(run.Committed(), held + 1) << "it was not stopped";
+  run.collector().Signal(SIGCONT);
+  ReportRow("F11", fmt::format("collector stopped for 12 s; workers grew by {:.0f} MB at most", grown_mb),
+            run.Finish(90s));
+}
+
+TEST(Faults, F21WorkersThatHangLoseTheirLease) {
   CampaignRun run({.name = "f21", .domain = 90, .episodes = 30, .lease_s = "1", .ms_per_attempt = 20});
   run.StartCollector();
   for (int i = 0; i < 2; ++i) run.StartWorker();
@@ -88,6 +112,40 @@ TEST(Faults, F11F21WorkersThatHangLoseTheirLease) {
   run.WaitForCommitted(30);  // what it holds is leased again
   run.worker(0).Signal(SIGCONT);
   ReportRow("F21", "worker stopped for longer than its lease", run.Finish());
+}
+
+// Workers that take 50 MB more with every attempt and may have 300 MB, under the supervisor of `etude up`.
+TEST(Faults, F22WorkersThatRunOutOfMemoryAreStartedAgain) {
+  CampaignRun run({.name = "f22", .domain = 92, .episodes = 30});
+  run.StartCollector();
+  const Path program = run.folder() / "worker";
+  ASSERT_TRUE(WriteFileAtomically(
+      program,
+      fmt::format("#!/bin/sh\nexport FAKE_LEAK_MB=50 FAKE_ROOM_MB=300 ETUDE_ACK_LOG={}/acks-$$\nexec {} {} 92 5\n",
+                  run.folder().string(), (campaign::ProgramFolder() / "fake_worker").string(), run.spec().name)));
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  auto pool = cli::WorkerPool::Start({.workers = 2,
+                                      .campaign = run.spec().name,
+                                      .bus = {},
+                                      .logs = run.folder() / "logs",
+                                      .on_end = nullptr,
+                                      .committed = [&] { return run.Committed(); },
+                                      .program = program});
+  ASSERT_TRUE(pool) << pool.error().message;
+  Status status;
+  WaitUntil([&] {
+    status = pool->Supervise();
+    return !status || !run.collector().running();
+  });
+  EXPECT_TRUE(status) << status.error().message;
+  const Counts counts = run.Finish();
+  const int restarts = pool->restarts();
+  pool->Stop();
+  EXPECT_GE(restarts, 4) << "their memory was enough";
+  const std::string log = ReadTextFile(run.folder() / "logs" / "worker-0.log").value_or("");
+  EXPECT_NE(log.find("bad_alloc"), std::string::npos) << log;
+  ReportRow("F22", fmt::format("workers of RLIMIT_AS ran out of memory {} times and were started again", restarts),
+            counts);
 }
 
 // What a stranger would send who has seen the bus: an episode of a committed index again, with tokens old and invented.

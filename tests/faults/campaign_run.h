@@ -25,9 +25,15 @@ using Environment = std::map<std::string, std::string>;
 /// Prints "F7 lost=0 duplicated=0 partial=0 mismatched=0 ...", expects that it is so, and appends a row of the table in
 /// deploy/docs/reliability.md to the file that ETUDE_FAULTS_REPORT names.
 void ReportRow(const std::string& fault, const std::string& what, const Counts& counts);
+/// The same of a fault that does not touch committed data: `what` says what was asserted, the counts are dashes.
+/// Nothing when the test has failed.
+void ReportAsserted(const std::string& fault, const std::string& what);
 
 /// Until `met`, at most `patience`; returns whether it was.
 bool WaitUntil(const std::function<bool()>& met, std::chrono::milliseconds patience = std::chrono::seconds(60));
+
+/// Resident memory of a process, MB; 0 when it has gone.
+double ResidentMb(pid_t pid);
 
 struct RunOptions {
   std::string name;
@@ -38,6 +44,8 @@ struct RunOptions {
   Environment environment;                    ///< of every process
   std::vector<std::string> collector_prefix;  ///< e.g. ip netns exec NAME
   std::vector<std::string> worker_prefix;
+  std::vector<std::string> collector_flags;  ///< behind its own
+  Path collector_program, worker_program;    ///< empty: those of this build
 };
 
 class CampaignRun {
@@ -51,12 +59,13 @@ class CampaignRun {
   /// Ends the one before, if it still runs.
   campaign::Process& StartCollector(const Environment& environment = {});
   campaign::Process& collector() { return *collector_; }
-  /// Each has a log of acknowledgements of its own.
-  campaign::Process& StartWorker(const Environment& environment = {});
+  /// Each has a log of acknowledgements of its own: every file acks-* of the folder is one.
+  /// @param content  number that it says it makes episodes of; "": its own
+  campaign::Process& StartWorker(const Environment& environment = {}, const std::string& content = "");
   campaign::Process& worker(std::size_t which) { return workers_[which]; }
   std::size_t workers() const { return workers_.size(); }
-  /// SIGKILL, and another in its place.
-  void ReplaceWorker(std::size_t which);
+  /// SIGKILL, if it runs, and another in its place.
+  void ReplaceWorker(std::size_t which, const Environment& environment = {});
 
   /// Episodes that are visible in the folder.
   std::uint64_t Committed() const;

@@ -84,14 +84,21 @@ std::vector<std::uint8_t> ReadAll(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
+// Every file below FOLDER/episodes, with its name below FOLDER.
+template <class Visit>
+void ForEachEpisode(const std::filesystem::path& dataset, const Visit& visit) {
+  std::error_code error;
+  for (std::filesystem::recursive_directory_iterator it(dataset / "episodes", error), end; !error && it != end;
+       it.increment(error))
+    if (it->is_regular_file(error)) visit(it->path().lexically_relative(dataset).string(), ReadAll(it->path()));
+}
+
 }  // namespace
 
 Files ReadEpisodes(const std::filesystem::path& dataset) {
   Files files;
-  std::error_code error;
-  for (std::filesystem::recursive_directory_iterator it(dataset / "episodes", error), end; !error && it != end;
-       it.increment(error))
-    if (it->is_regular_file()) files[it->path().lexically_relative(dataset).string()] = ReadAll(it->path());
+  ForEachEpisode(dataset,
+                 [&](const std::string& name, std::vector<std::uint8_t> bytes) { files[name] = std::move(bytes); });
   return files;
 }
 
@@ -138,20 +145,21 @@ const Scanner::Look& Scanner::LookAt(std::uint64_t index, const std::vector<std:
   return look;
 }
 
-Counts Scanner::Scan(const Files& files, const std::vector<Ack>& acks) {
-  Counts counts;
-  std::map<std::uint64_t, const Look*> there;
-  for (const auto& [name, bytes] : files) {
-    const auto index = IndexOf(name);
-    if (!index) continue;
-    ++counts.files;
-    const Look& look = LookAt(*index, bytes);
-    if (!there.emplace(*index, &look).second) ++counts.duplicated;
-    if (!look.whole)
-      ++counts.partial;
-    else if (!look.named_alike)
-      ++counts.mismatched;
-  }
+// What is wrong with the file alone, and with one more of its index.
+void Scanner::Add(const std::string& name, const std::vector<std::uint8_t>& bytes, There& there, Counts& counts) {
+  const auto index = IndexOf(name);
+  if (!index) return;
+  ++counts.files;
+  const Look& look = LookAt(*index, bytes);
+  if (!there.emplace(*index, &look).second) ++counts.duplicated;
+  if (!look.whole)
+    ++counts.partial;
+  else if (!look.named_alike)
+    ++counts.mismatched;
+}
+
+// Of what was promised.
+void Scanner::Hold(const std::vector<Ack>& acks, const There& there, Counts& counts) {
   std::map<std::uint64_t, std::set<std::uint64_t>> tokens;
   std::set<std::uint64_t> acknowledged, missing, different;
   for (const Ack& ack : acks) {
@@ -167,6 +175,23 @@ Counts Scanner::Scan(const Files& files, const std::vector<Ack>& acks) {
   counts.lost = missing.size();
   counts.mismatched += different.size();
   for (const auto& [index, of_index] : tokens) counts.duplicated += of_index.size() - 1;
+}
+
+Counts Scanner::Scan(const Files& files, const std::vector<Ack>& acks) {
+  Counts counts;
+  There there;
+  for (const auto& [name, bytes] : files) Add(name, bytes, there, counts);
+  Hold(acks, there, counts);
+  return counts;
+}
+
+Counts Scanner::ScanFolder(const std::filesystem::path& dataset, const std::vector<Ack>& acks) {
+  Counts counts;
+  There there;
+  ForEachEpisode(dataset, [&](const std::string& name, const std::vector<std::uint8_t>& bytes) {
+    Add(name, bytes, there, counts);
+  });
+  Hold(acks, there, counts);
   return counts;
 }
 

@@ -49,6 +49,8 @@ struct Counts {
 class Scanner {
  public:
   Counts Scan(const Files& files, const std::vector<Ack>& acks);
+  /// The same of everything below FOLDER/episodes, of which one file at a time is in memory.
+  Counts ScanFolder(const std::filesystem::path& dataset, const std::vector<Ack>& acks);
 
  private:
   struct Look {
@@ -56,6 +58,9 @@ class Scanner {
     bool named_alike = false;
     std::set<std::string> hashes;  ///< texts of 64 hexadecimal digits in it
   };
+  using There = std::map<std::uint64_t, const Look*>;  // by index
+  void Add(const std::string& name, const std::vector<std::uint8_t>& bytes, There& there, Counts& counts);
+  static void Hold(const std::vector<Ack>& acks, const There& there, Counts& counts);
   const Look& LookAt(std::uint64_t index, const std::vector<std::uint8_t>& bytes);
 
   std::map<std::string, Look> seen_;  // by index and SHA-256

@@ -10,8 +10,7 @@ int main(int argc, char** argv) {
     return 2;
   }
   etude::faults::Scanner scanner;
-  const auto counts =
-      scanner.Scan(etude::faults::ReadEpisodes(argv[1]), etude::faults::ReadAcks({argv + 2, argv + argc}));
+  const auto counts = scanner.ScanFolder(argv[1], etude::faults::ReadAcks({argv + 2, argv + argc}));
   std::printf("%s (%llu acknowledged, %llu files)\n", counts.Text().c_str(),
               static_cast<unsigned long long>(counts.acknowledged), static_cast<unsigned long long>(counts.files));
   return counts.clean() ? 0 : 1;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Everything that reads bytes which others made: each as a function of bytes alone, that must neither crash nor take
-// memory without bounds, whatever they are.
+// memory without bounds, whatever they are. mutation_test.cc runs them over seeded mutations, libfuzzer_main.cc makes
+// libFuzzer programs of them.
 #pragma once
 
 #include <cstdint>
@@ -19,6 +20,7 @@ struct Target {
   std::vector<Bytes> seeds;  ///< sound inputs to begin with
 };
 
+/// Those of this program: targets.cc, or policy_targets.cc (which needs libtorch to link).
 const std::vector<Target>& Targets();
 
 }  // namespace etude::fuzz

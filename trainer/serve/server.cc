@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <map>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "services/bus/directory.h"
@@ -84,6 +85,7 @@ struct PolicyServer::Impl {
   void Serve(const std::string& run_id, std::shared_ptr<const Model> fresh) ETUDE_EXCLUDES(mutex);
   void TryOut(const Model& fresh);
   void NoteRefusal(const std::string& reason) ETUDE_EXCLUDES(mutex);
+  void CountCorrupt(std::uint64_t count);
   void PublishStatus();
   Status OpenDesk(const std::string& run_id);
   Status AnswerAll(const std::vector<bus::Observation>& observations);
@@ -106,6 +108,13 @@ void PolicyServer::Impl::NoteRefusal(const std::string& reason) {
   constexpr std::size_t kLongest = 500;
   const MutexLock lock(mutex);
   last_refusal = reason.substr(0, kLongest);
+}
+
+// The bus has dropped them already.
+void PolicyServer::Impl::CountCorrupt(std::uint64_t count) {
+  if (count == 0) return;
+  refused += count;
+  NoteRefusal("checkpoint: its bytes do not fit its checksum");
 }
 
 // What is served and how that goes, for whoever looks; not more often than once a second.
@@ -193,9 +202,11 @@ Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::strin
       bus::BlobSubscriber::Open(*participant, {options.run.name, run_id}, options.channel,
                                 {.accept = [this](const bus::PublishedBlob& blob) { return Judge(blob); }}));
   Log().info("following run {}@{}", options.run.name, run_id);
+  std::uint64_t corrupt = 0;
   while (!Stopping()) {
     watched.Moved();
     const auto blob = subscriber.Wait(200ms);
+    CountCorrupt(subscriber.corrupt_blobs() - std::exchange(corrupt, subscriber.corrupt_blobs()));
     if (blob && blob->channel == options.channel) TakeCheckpoint(*blob);
     if (directory.Replaced(bus::PresenceKind::kRun, options.run, run_id)) return {};
   }

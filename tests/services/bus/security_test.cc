@@ -286,6 +286,11 @@ TEST(SecurityLog, SaysEachPeerAndReasonOnce) {
   ASSERT_TRUE(line);
   EXPECT_EQ(line->peer, "rack-7");
   EXPECT_EQ(line->reason, "unknown authority");
+  EXPECT_EQ(
+      TranslateSecurity("Begin handshake reply failed: Certificate not valid: error: certificate signature failure; "
+                        "subject: /O=Etude/OU=worker/CN=rack-8(code: 200)")
+          ->reason,
+      "unknown authority");
   SecurityLines lines;
   EXPECT_TRUE(lines.Take(*line));
   EXPECT_FALSE(lines.Take(*line));

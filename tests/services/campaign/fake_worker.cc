@@ -1,8 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // A worker whose work is to make synthetic episodes: for tests of the conversation, as a process that can be
 // killed. fake_worker CAMPAIGN DOMAIN [MS_PER_ATTEMPT] [CONTENT]
+//
+//   FAKE_IDLE_TIMEOUT_MS=N  goes home after so long without work
+//   FAKE_SECURITY=DIR/NAME  its identity on a secured bus; its role is not looked at before
+//   FAKE_LEAK_MB=N          keeps so much more memory with every attempt
+//   FAKE_ROOM_MB=N          may take so much more than it has once it has joined the bus (RLIMIT_AS)
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <cstdlib>
+#include <fstream>
+#include <memory>
 #include <thread>
+#include <vector>
 
 #include "services/campaign/worker_client.h"
 #include "services/core/command.h"
@@ -12,21 +23,53 @@
 namespace etude {
 namespace {
 
+constexpr std::size_t kMb = 1u << 20;
+
+std::string Variable(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
+// From here on what this process asks for beyond `room_mb` more is refused.
+void LimitMemory(std::size_t room_mb) {
+  std::size_t pages = 0;
+  std::ifstream("/proc/self/statm") >> pages;  // of the address space
+  const rlim_t most = pages * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE)) + room_mb * kMb;
+  const rlimit limit{most, most};
+  ::setrlimit(RLIMIT_AS, &limit);
+}
+
+// Memory that is never given back: mapped, and not touched.
+class Leak {
+ public:
+  explicit Leak(std::size_t mb) : mb_(mb) {}
+  void Grow() {
+    if (mb_ > 0) kept_.push_back(std::make_unique_for_overwrite<char[]>(mb_ * kMb));
+  }
+
+ private:
+  std::size_t mb_;
+  std::vector<std::unique_ptr<char[]>> kept_;
+};
+
 Status Work(int argc, char** argv) {
   campaign::WorkerOptions options;
   options.campaign = argc > 1 ? argv[1] : "";
   const auto domain = static_cast<std::uint32_t>(argc > 2 ? std::atoi(argv[2]) : 0);
   const std::chrono::milliseconds pace(argc > 3 ? std::atoi(argv[3]) : 0);
   if (argc > 4) options.content = static_cast<std::uint32_t>(std::atoi(argv[4]));
-  if (const char* idle = std::getenv("FAKE_IDLE_TIMEOUT_MS"))
-    options.idle_timeout = std::chrono::milliseconds(std::atoi(idle));
+  options.idle_timeout = std::chrono::milliseconds(std::atoi(Variable("FAKE_IDLE_TIMEOUT_MS").c_str()));
   options.heartbeat = std::chrono::milliseconds(100);
   options.ask_again = std::chrono::milliseconds(300);
   options.send_timeout = std::chrono::milliseconds(3000);
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, bus::Participant::Open({domain, ""}));
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, bus::Participant::Open({domain, "", Variable("FAKE_SECURITY")}));
+  if (const std::string room = Variable("FAKE_ROOM_MB"); !room.empty())
+    LimitMemory(static_cast<std::size_t>(std::atoi(room.c_str())));
+  Leak leak(static_cast<std::size_t>(std::atoi(Variable("FAKE_LEAK_MB").c_str())));
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
   return client.Run([&](const campaign::JoinedCampaign& joined) -> Result<campaign::WorkFunction> {
-    return [spec = joined.spec, pace](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
+    return [spec = joined.spec, pace, &leak](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
+      leak.Grow();
       WaitForStop(pace);  // stands for the simulation
       return campaign::FakeAttempt(spec, item);
     };

@@ -2,6 +2,7 @@
 // Tests services/core/config.cc
 #include "services/core/config.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -189,6 +190,19 @@ TEST(Config, NestingIsBounded) {
   const auto nested = [](int depth) { return std::string(depth, '[') + std::string(depth, ']'); };
   EXPECT_THAT(ParseYaml(nested(64), "deep.yaml"), IsOk());
   EXPECT_THAT(ParseYaml(nested(66), "deep.yaml"), MessageHas("deep.yaml:1:66: nested too deeply"));
+}
+
+// Ten lists, each of ten aliases of the one before: 10^10 values out of 400 bytes.
+TEST(Config, AliasesAreCopiesWithinBounds) {
+  EXPECT_EQ(ParseYaml("a: &a [1, 2]\nb: *a\n", "alias.yaml").value()["b"], OrderedJson::parse("[1, 2]"));
+  std::string text = "l0: &l0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n";
+  for (int level = 1; level < 10; ++level) {
+    text += fmt::format("l{0}: &l{0} [*l{1}", level, level - 1);
+    for (int item = 1; item < 10; ++item) text += fmt::format(", *l{}", level - 1);
+    text += "]\n";
+  }
+  EXPECT_THAT(ParseYaml(text, "laughs.yaml"), MessageHas("aliases"));
+  EXPECT_THAT(ParseYaml("&a [*a, *a]", "self.yaml"), HasCode(Code::kInvalidArgument));
 }
 
 TEST(Config, RefusesWhatIsNoTextOrHasNoTextForAKey) {
