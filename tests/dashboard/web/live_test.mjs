@@ -95,7 +95,7 @@ test('a page that is open follows what is committed, and ends at what lies in th
 test('a policy that is served answers about a recorded picture', { timeout: 200000 }, async () => {
   const newest = checkpoints(join(lab, 'run'))[0].name;
   policy = startEtude('policy', '--checkpoint', join(lab, 'run', 'checkpoints', newest), '--run', join(lab, 'run'));
-  await until('a policy server', async () => (await get('/play/sessions')).policies.length > 0);
+  await until('a policy server', async () => (await get('/play/sessions')).policies.length > 0, 150000);
   const { sources } = await get('/home');
   const [run, data] = [sources.find((one) => one.kind === 'run'), sources.find((one) => one.kind === 'dataset' && one.role === 'demonstrations' && one.name !== 'growing')];
   await open(`/inside?run=${run.id}&dataset=${data.id}&episode=0&module=TAR2D`, async (page) => {
