@@ -114,14 +114,15 @@ TEST(Faults, F21WorkersThatHangLoseTheirLease) {
   ReportRow("F21", "worker stopped for longer than its lease", run.Finish());
 }
 
-// Workers that take 50 MB more with every attempt and may have 300 MB, under the supervisor of `etude up`.
+// Workers that take 250 MB of address space more with every attempt and may have 2 GB (threads of malloc reserve some
+// of it), under the supervisor of `etude up`.
 TEST(Faults, F22WorkersThatRunOutOfMemoryAreStartedAgain) {
   CampaignRun run({.name = "f22", .domain = 92, .episodes = 30});
   run.StartCollector();
   const Path program = run.folder() / "worker";
   ASSERT_TRUE(WriteFileAtomically(
       program,
-      fmt::format("#!/bin/sh\nexport FAKE_LEAK_MB=50 FAKE_ROOM_MB=300 ETUDE_ACK_LOG={}/acks-$$\nexec {} {} 92 5\n",
+      fmt::format("#!/bin/sh\nexport FAKE_LEAK_MB=250 FAKE_ROOM_MB=2000 ETUDE_ACK_LOG={}/acks-$$\nexec {} {} 92 5\n",
                   run.folder().string(), (campaign::ProgramFolder() / "fake_worker").string(), run.spec().name)));
   std::filesystem::permissions(program, std::filesystem::perms::owner_all);
   auto pool = cli::WorkerPool::Start({.workers = 2,
