@@ -217,7 +217,7 @@ int Run() {
   for (const CampaignSpec& spec : Specs()) {
     auto runner = task::AttemptRunner::Open(spec);
     if (!runner) return std::fprintf(stderr, "%s\n", runner.error().message.c_str()), 3;
-    auto gl = GlContext::Open("auto");
+    auto gl = GlContext::Open({});
     if (!gl) return std::fprintf(stderr, "%s\n", gl.error().message.c_str()), 3;
     for (std::uint64_t index = 0; index < kEpisodes; ++index) {
       const auto scene = runner->Show(index, 0);
