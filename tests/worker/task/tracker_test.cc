@@ -117,7 +117,7 @@ TEST(Tracker, DoesNotRushAfterThePathWhenTheJointsCanFollowAgain) {
     before = x;
   }
   EXPECT_GT(most, 0.35);
-  EXPECT_LE(most, 0.4 * 1.05);
+  EXPECT_LE(most, 0.4 * 1.2) << "what speeding up took is made up for, and no more";
 }
 
 TEST(Tracker, HoldsTheLastWaypointWhenTheAnswerRunsOut) {
