@@ -286,7 +286,7 @@ std::vector<std::string> ErrorsOf(const ResultRow& row, const std::set<std::stri
   };
   const ResultTraining& train = row.train;
   const bool trains = train.runs_of.empty(), begins = !train.init.empty();
-  check(IsPlainName(row.name), "not a plain name");
+  check(IsPlainName(row.name), fmt::format("'{}' is not a plain name", row.name));
   check(!train.seeds.empty(), "train.seeds: needs one");
   check(trains != row.data.campaign.empty(), trains ? "data.campaign: missing" : "data: not with train.runs_of");
   check(trains == (train.minutes > 0 || train.steps > 0),
