@@ -84,7 +84,7 @@ test('a gateway for other machines is signed in to, and shows everything then', 
     await enter('a token of some length');
     await page.waitForSelector('.connection[data-state=live]');
     assert.equal(await page.locator('[data-sign-in], .banner').count(), 0);
-    assert.ok((await text(page, '[data-sentence]')).length > 0);
+    await page.waitForFunction(() => document.querySelector('[data-sentence]')?.textContent);
   } finally {
     await context.close();
     await open_to_all.stop();

@@ -168,10 +168,12 @@ function Paired(props: { of: Pair; a: Eval; b: string }) {
         <Difference value={of.difference} low={of.low} high={of.high} />
         <p class="secondary small">{count(of.n)} shared scenes{of.unpaired > 0 && `, ${count(of.unpaired)} in one only`} · exact McNemar p = {probability(of.p)}</p>
       </div>
-      <table class="plain">
-        <thead><tr><th>task</th><th class="num">n</th><th class="num">both</th><th class="num">only A</th><th class="num">only B</th><th class="num">neither</th><th class="num">A − B</th></tr></thead>
-        <tbody>{[...of.per_task, { ...of, task: 'overall' }].map((one) => <tr><td>{one.task}</td><td class="num">{one.n}</td><td class="num">{one.both}</td><td class="num">{one.only_a}</td><td class="num">{one.only_b}</td><td class="num">{one.neither}</td><td class="num">{fixed(100 * one.difference, 1)}</td></tr>)}</tbody>
-      </table>
+      <div class="scroll-x" tabIndex={0} role="group" aria-label="Pairs by task">
+        <table class="plain">
+          <thead><tr><th>task</th><th class="num">n</th><th class="num">both</th><th class="num">only A</th><th class="num">only B</th><th class="num">neither</th><th class="num">A − B</th></tr></thead>
+          <tbody>{[...of.per_task, { ...of, task: 'overall' }].map((one) => <tr><td>{one.task}</td><td class="num">{one.n}</td><td class="num">{one.both}</td><td class="num">{one.only_a}</td><td class="num">{one.only_b}</td><td class="num">{one.neither}</td><td class="num">{fixed(100 * one.difference, 1)}</td></tr>)}</tbody>
+        </table>
+      </div>
       <div>
         <h2>Scenes that differ</h2>
         {differing.length ? <ul class="row">{differing.slice(0, 60).map((one) => <li><a class="button" href={link('evaluation', { eval: one.a ? props.b : props.a.id, vs: one.a ? props.a.id : props.b, scene: one.index })}>#{one.index} {one.task} {one.target}: only {one.a ? 'A' : 'B'}</a></li>)}</ul> : <p class="secondary">None: both succeed and fail on the same scenes.</p>}
