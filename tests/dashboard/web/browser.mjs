@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Debian's Chromium by playwright-core, and what every test asks of every page: no errors, no foreign requests.
+import assert from 'node:assert/strict';
 import { createRequire } from 'node:module';
 import { existsSync, readFileSync } from 'node:fs';
 import { dirname, join } from 'node:path';
@@ -76,4 +77,16 @@ export function addresses(home) {
     topics: '/topics',
     logs: '/logs',
   };
+}
+
+/** Opens an address of a gateway, gives the page to `look`, and asks that nothing went wrong meanwhile. */
+export async function lookAt(browser, gateway, address, look, options = {}) {
+  const { page, context, wrong } = await openPage(browser, gateway.address, options);
+  try {
+    await visit(page, gateway.address + address);
+    await look(page);
+    assert.deepEqual(wrong, []);
+  } finally {
+    await context.close();
+  }
 }

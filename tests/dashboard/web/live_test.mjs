@@ -7,7 +7,7 @@ import { mkdirSync, mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
-import { axe, launch, openPage, overflow, themes, visit } from './browser.mjs';
+import { axe, launch, lookAt, openPage, overflow, themes, visit } from './browser.mjs';
 import { checkpointHeader, checkpoints, episodeFiles } from './files.mjs';
 import { startGateway } from './gateway.mjs';
 import { onDomain, startEtude } from './programs.mjs';
@@ -49,17 +49,7 @@ async function until(what, ask, limit = 60000) {
   }
 }
 
-/** A page that is given to `look`; nothing may go wrong meanwhile. */
-async function open(address, look, options = {}) {
-  const { page, context, wrong } = await openPage(browser, gateway.address, options);
-  try {
-    await visit(page, gateway.address + address);
-    await look(page);
-    assert.deepEqual(wrong, []);
-  } finally {
-    await context.close();
-  }
-}
+const open = (address, look, options) => lookAt(browser, gateway, address, look, options);
 
 test('a page that is open follows what is committed, and ends at what lies in the folder', { timeout: 300000 }, async () => {
   const collector = startEtude('collect', 'deploy/campaigns/quickstart.yaml', '--out', growing, '--set', 'name=growing', '--episodes', '500', '--seed', '11', '--workers', '1');

@@ -6,7 +6,7 @@ import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
-import { addresses, axe, launch, openPage, overflow, settle, themes, visit, widths } from './browser.mjs';
+import { addresses, axe, launch, lookAt, openPage, overflow, settle, themes, visit, widths } from './browser.mjs';
 import { checkpointHeader, checkpoints, episodeFiles, foldersWith, readJson, readLines, series } from './files.mjs';
 import { startGateway } from './gateway.mjs';
 import { onDomain } from './programs.mjs';
@@ -32,17 +32,7 @@ after(async () => {
 
 const get = async (path) => (await fetch(`${gateway.address}/api/v1${path}`)).json();
 
-/** Opens an address, gives the page to `look`, and asks that nothing went wrong meanwhile. */
-async function open(address, look, options = {}) {
-  const { page, context, wrong } = await openPage(browser, gateway.address, options);
-  try {
-    await visit(page, gateway.address + address);
-    await look(page);
-    assert.deepEqual(wrong, []);
-  } finally {
-    await context.close();
-  }
-}
+const open = (address, look, options) => lookAt(browser, gateway, address, look, options);
 
 /** The folder on disk of a source, which the gateway names from the folder given or from that one's parent. */
 function folderOf(source, file) {
