@@ -35,10 +35,11 @@ std::string FileNameOf(const std::string& channel, std::uint64_t version) {
   return fmt::format("{}{}-{}.safetensors", kFilePrefix, channel, version);
 }
 
+bool HasText(const OrderedJson& json, const char* key) { return json.contains(key) && json[key].is_string(); }
+
 std::optional<Kept> KeptOf(const OrderedJson& json) {
-  const auto is_text = [&](const char* key) { return json.contains(key) && json[key].is_string(); };
-  if (!json.is_object() || !json.contains("version") || !json["version"].is_number_unsigned() || !is_text("sha256") ||
-      !is_text("meta_json"))
+  if (!json.is_object() || !json.contains("version") || !json["version"].is_number_unsigned() ||
+      !HasText(json, "sha256") || !HasText(json, "meta_json"))
     return std::nullopt;
   return Kept{.version = json["version"].get<std::uint64_t>(),
               .sha256 = json["sha256"].get<std::string>(),
@@ -47,8 +48,7 @@ std::optional<Kept> KeptOf(const OrderedJson& json) {
 
 // A file's name follows from channel and version: what stands in the record cannot lead out of the folder.
 std::optional<Record> RecordOf(const OrderedJson& json) {
-  const auto is_text = [&](const char* key) { return json.contains(key) && json[key].is_string(); };
-  if (!json.is_object() || !is_text("run") || !is_text("run_id") || !json.contains("channels") ||
+  if (!json.is_object() || !HasText(json, "run") || !HasText(json, "run_id") || !json.contains("channels") ||
       !json["channels"].is_object())
     return std::nullopt;
   Record record{{json["run"].get<std::string>(), json["run_id"].get<std::string>()}, {}};
