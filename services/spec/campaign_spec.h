@@ -190,7 +190,8 @@ struct SceneSpec {
 /// max_attempts, stall_timeout_s, determinism and device (hosts number their GPUs as they like), so that a campaign may
 /// be extended and still match what it has collected. Keys that came later (renderer, randomization.world, rollout's
 /// occlude, pushes and sentences, adaptive_sampling) count only where they are set, so that older campaigns go on. With
-/// adaptive sampling the split counts: only episodes for training follow its weights.
+/// adaptive sampling the split counts: only episodes for training follow its weights. Of rollouts kRolloutVersion
+/// counts, too.
 std::string SpecHash(const CampaignSpec& spec);
 
 /// Episodes after which whole numbers in `split` are met exactly, and again after each such block: their sum over
