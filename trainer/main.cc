@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // etude-trainer: trains a policy on a dataset, also while it is collected, and publishes
 // checkpoints.
+#include <fmt/ranges.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdlib>
@@ -20,6 +22,7 @@
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
 #include "services/core/stop.h"
+#include "services/core/stop_reason.h"
 #include "trainer/learn/metrics_log.h"
 #include "trainer/learn/trainer.h"
 #include "trainer/policy/device.h"
@@ -31,7 +34,8 @@ namespace etude {
 namespace {
 
 struct Arguments {
-  std::string data, collect, config, out, name;
+  std::vector<std::string> data;
+  std::string collect, config, out, name;
   std::string init;
   std::vector<std::string> set, add, copy, fresh, freeze;
   double minutes = 0;
@@ -107,8 +111,19 @@ Result<learn::TrainConfig> ReadConfig(const Arguments& arguments) {
   return config;
 }
 
+bool HasState(const Path& out) {
+  std::error_code ignored;
+  return std::filesystem::exists(out / "training_state.safetensors", ignored);
+}
+
+// Of a trainer that starts itself again: a run that began with other weights goes on by hand.
+std::optional<std::vector<std::string>> GoingOn(const Arguments& arguments) {
+  if (!arguments.init.empty() && !arguments.resume) return std::nullopt;
+  return HasState(arguments.out) ? std::vector<std::string>{"--resume"} : std::vector<std::string>();
+}
+
 Status CheckOut(const Arguments& arguments) {
-  const bool there = std::filesystem::exists(Path(arguments.out) / "training_state.safetensors");
+  const bool there = HasState(arguments.out);
   if (there && !arguments.resume)
     return Fail(
         Code::kInvalidArgument,
@@ -121,17 +136,18 @@ Status CheckOut(const Arguments& arguments) {
 }
 
 // with --follow the dataset may be about to be made
-Result<std::shared_ptr<data::Dataset>> OpenDataset(const Path& path, bool follow,
+Result<std::shared_ptr<data::Dataset>> OpenDataset(const std::vector<std::string>& folders, bool follow,
                                                    const std::function<Status()>& source) {
   bool said = false;
   while (true) {
-    auto dataset = data::Dataset::Open(path);
+    auto dataset = data::Dataset::Open(std::vector<Path>(folders.begin(), folders.end()));
     if (dataset || !follow || dataset.error().code != Code::kNotFound) return dataset;
     if (source) ETUDE_RETURN_IF_ERROR(source());
-    if (!said) Log().info("waiting for dataset '{}'", path.string());
+    if (!said) Log().info("waiting for dataset '{}'", fmt::join(folders, "', '"));
     said = true;
     if (WaitForStop(std::chrono::milliseconds(300)))
-      return Fail(Code::kUnavailable, fmt::format("stopped while waiting for dataset '{}'", path.string()));
+      return Fail(Code::kUnavailable,
+                  fmt::format("stopped while waiting for dataset '{}'", fmt::join(folders, "', '")));
   }
 }
 
@@ -239,7 +255,7 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
                      }};
   const bool follow = arguments.follow || !arguments.collect.empty();
   ErrorPublisher errors(around.participant, *dataset, telemetry.run().id);
-  if (follow && around.participant && dataset->spec().adaptive_sampling.on())
+  if (follow && around.participant && dataset->folders() == 1 && dataset->spec().adaptive_sampling.on())
     hooks.on_errors = [&errors](const std::vector<ErrorCell>& cells, std::uint64_t step) { errors.Say(cells, step); };
   const learn::RunOptions options{.out = arguments.out,
                                   .resume = arguments.resume,
@@ -358,7 +374,7 @@ Status Lead(const Arguments& arguments, const learn::TrainConfig& config, const 
   std::unique_ptr<campaign::HostedCollector> collector;
   if (!arguments.collect.empty()) {
     ETUDE_ASSIGN_OR_RETURN(collector,
-                           campaign::HostedCollector::Start(*participant, arguments.collect, arguments.data,
+                           campaign::HostedCollector::Start(*participant, arguments.collect, arguments.data.front(),
                                                             {.claim = arguments.claim, .run_id = telemetry.run().id}));
   }
   WatchedLoop watched;  // both waiting for data and training ask for their source about once a second
@@ -368,7 +384,7 @@ Status Lead(const Arguments& arguments, const learn::TrainConfig& config, const 
   };
   ServiceManager::Get().Ready(fmt::format("run {}@{}", run, telemetry.run().id));
   ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, arguments.follow || collector, source));
-  Log().info("run {}@{} in '{}', data '{}', {}, on {}", run, telemetry.run().id, arguments.out, arguments.data,
+  Log().info("run {}@{} in '{}', data {}, {}, on {}", run, telemetry.run().id, arguments.out, dataset->text(),
              policy::DescribeTorch(), device.str());
   return TrainOn(std::move(dataset), arguments, config, telemetry,
                  {participant ? &*participant : nullptr, source, together.ranks, device});
@@ -380,6 +396,7 @@ Status Train(const Arguments& arguments) {
                 fmt::format("--rank {}: --ranks has to say of how many, more than {}", arguments.rank, arguments.rank));
   const bool leads = arguments.rank <= 0;
   if (leads) ETUDE_RETURN_IF_ERROR(CheckOut(arguments));
+  RestartWith([arguments] { return GoingOn(arguments); });
   ETUDE_ASSIGN_OR_RETURN(auto config, ReadConfig(arguments));
   ETUDE_ASSIGN_OR_RETURN(const auto device, policy::OpenDevice(arguments.device, std::max(0, arguments.rank)));
   if (config.threads.replicas == 0 && arguments.ranks > 1) config.threads.replicas = ReplicasOfRank(arguments);
@@ -400,7 +417,8 @@ Status Doctor() {
 }
 
 void AddOptions(CLI::App& app, Arguments& arguments) {
-  app.add_option("--data", arguments.data, "the dataset's folder (with --collect by default OUT/dataset)");
+  app.add_option("--data", arguments.data,
+                 "the dataset's folder (with --collect by default OUT/dataset); several are read as one");
   app.add_option("--collect", arguments.collect,
                  "campaign file: host its collector here; workers anywhere stream into --data "
                  "while training runs");
@@ -463,9 +481,13 @@ int main(int argc, char** argv) {
     arguments.words.assign(argv + 1, argv + argc);
     arguments.has_seed = app.count("--seed") > 0;
     if (arguments.data.empty() && !arguments.collect.empty() && !arguments.out.empty())
-      arguments.data = (Path(arguments.out) / "dataset").string();
+      arguments.data = {(Path(arguments.out) / "dataset").string()};
     if (arguments.data.empty() || arguments.out.empty())
       return Fail(Code::kInvalidArgument, "give --data DATASET or --collect SPEC, and --out RUN (see --help)");
+    if (arguments.data.size() > 1 && !arguments.collect.empty())
+      return Fail(Code::kInvalidArgument,
+                  "--collect collects into one folder, --data names several: start `etude collector` by itself, and "
+                  "train on all of them with --follow");
     return Train(arguments);
   });
 }

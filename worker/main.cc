@@ -3,8 +3,11 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <optional>
 #include <thread>
 #include <vector>
@@ -43,6 +46,15 @@
 namespace etude {
 namespace {
 
+// That this process may use: those it may run on, and no more than its control group's quota is worth (a container).
+int Cores() {
+  const int cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  std::ifstream file("/sys/fs/cgroup/cpu.max");  // "QUOTA PERIOD" in microseconds, or "max PERIOD"
+  double quota = 0, period = 0;
+  if (!(file >> quota >> period) || quota <= 0 || period <= 0) return cores;
+  return std::clamp(static_cast<int>(std::ceil(quota / period)), 1, cores);
+}
+
 struct Arguments {
   campaign::WorkerOptions worker;
   bus::Arguments bus;
@@ -55,8 +67,8 @@ struct Arguments {
   std::string task;
   TaskCheckOptions task_check;
   PlayOptions play;
-  int slots = 0;       ///< 0: this process makes the episodes itself
-  bool child = false;  ///< of a host with slots
+  int slots = Cores();  ///< 0: this process makes the episodes itself
+  bool child = false;   ///< of a host with slots
   double stall_s = 90;
   bool fingerprint = false, json = false;
 };
@@ -115,8 +127,9 @@ campaign::WorkFunction RollOut(std::shared_ptr<task::AttemptRunner> runner, cons
     if (answers) return Fail(attempt.error());  // the machine's fault: no attempt
     // the policy did not answer: not the rollout's failure, it is tried again
     const std::string outcome = StopRequested() ? campaign::kReleased : campaign::kPolicyError;
-    return campaign::WorkResult{.outcome = outcome,
-                                .details_json = JsonText(OrderedJson{{"reason", attempt.error().message}})};
+    OrderedJson details{{"reason", attempt.error().message}};
+    if (attempt.error().code == Code::kInvalidArgument) details[campaign::kPolicyRefused] = true;
+    return campaign::WorkResult{.outcome = outcome, .details_json = JsonText(details)};
   };
 }
 
@@ -163,6 +176,7 @@ Status WorkInSlot(const Arguments& arguments, const bus::Participant& participan
                   Fingerprints& fingerprints) {
   campaign::WorkerOptions options = arguments.worker;
   options.name = slot_options.name;
+  options.prefetch = true;
   options.files_sha256 = task::UserFilesSha256;
   options.fingerprint = [&](const CampaignSpec& spec) { return fingerprints.Of(spec); };
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
@@ -349,8 +363,9 @@ void AddJoining(CLI::App& app, Arguments& arguments) {
       ->check(CLI::Range(-1, 63))
       ->capture_default_str();
   app.add_option("--slots", arguments.slots,
-                 "makes so many episodes at a time, each in a supervised child; one participant on the bus for all")
-      ->check(CLI::Range(1, 1024));
+                 "makes so many episodes at a time, each in a supervised child; one participant on the bus for all "
+                 "(default: one a core). 0: one at a time, in this process, as `etude collect` has its own supervision")
+      ->check(CLI::Range(0, 1024));
   app.add_option("--stall-timeout", arguments.stall_s,
                  "with --slots: seconds without a word of a child that works, after which it is replaced")
       ->check(CLI::Range(1.0, 86'400.0))
@@ -361,10 +376,11 @@ void AddJoining(CLI::App& app, Arguments& arguments) {
   app.add_flag("--child", arguments.child)->group("");  // hidden: how a host starts its children
 }
 
-// Who joins a campaign is told by it who draws.
-void CheckJoining(const CLI::App& app, const Arguments& arguments) {
+// Who joins a campaign is told by it who draws; one attempt needs no slots.
+void CheckJoining(const CLI::App& app, Arguments& arguments) {
   if (!app.get_subcommands().empty() || arguments.child || arguments.fingerprint) return;
   if (arguments.worker.campaign.empty()) throw CLI::RequiredError("--campaign");
+  if (arguments.worker.once && app.count("--slots") == 0) arguments.slots = 0;
   if (app.count("--renderer") + app.count("--device") > 0)
     throw CLI::ExcludesError("--campaign", "--renderer, --device");
 }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <optional>
 
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/jobs.h"
@@ -18,6 +19,7 @@
 #include "services/core/service_manager.h"
 #include "services/core/share.h"
 #include "services/core/stop.h"
+#include "services/core/stop_reason.h"
 
 namespace etude::dashboard {
 namespace {
@@ -62,10 +64,11 @@ Path FindPages() {
   return FindShared("web").value_or(built);
 }
 
+// "": there is no place that only this user may write.
 Path CacheFolder() {
   if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache && *cache) return Path(cache) / "etude" / "dashboard";
   if (const char* home = std::getenv("HOME"); home && *home) return Path(home) / ".cache" / "etude" / "dashboard";
-  return std::filesystem::temp_directory_path() / fmt::format("etude-dashboard-{}", ::getuid());
+  return {};
 }
 
 Result<http::SecurityConfig> SecurityOf(const GatewayOptions& options) {
@@ -96,7 +99,7 @@ struct Gateway::Parts {
   Parts(const GatewayOptions& chosen, const http::SecurityConfig& secured)
       : options(chosen),
         cache(chosen.cache.empty() ? CacheFolder() : chosen.cache),
-        sources(chosen.dirs),
+        sources(chosen.dirs, cache / "replays"),
         jobs(cache / "jobs"),
         security(secured),
         bus(chosen.use_bus ? std::make_unique<live::BusWatch>(chosen.bus) : nullptr),
@@ -133,6 +136,7 @@ struct Gateway::Parts {
   const Path cache;
   sources::Sources sources;
   api::Jobs jobs;
+  std::optional<RestartHold> hold;  // while jobs run: they are its children
   const http::Security security;
   std::unique_ptr<live::BusWatch> bus;
   live::PolicyLooker looker;
@@ -146,6 +150,10 @@ struct Gateway::Parts {
 
 Result<std::unique_ptr<Gateway>> Gateway::Open(const GatewayOptions& options) {
   ETUDE_ASSIGN_OR_RETURN(const auto security, SecurityOf(options));
+  if (options.cache.empty() && CacheFolder().empty())
+    return Fail(
+        Code::kInvalidArgument,
+        "start the dashboard: neither HOME nor XDG_CACHE_HOME says where videos may be kept: give --cache FOLDER");
   auto parts = std::make_unique<Parts>(options, security);
   http::ServerOptions serving;
   serving.address = options.address;
@@ -165,7 +173,15 @@ Gateway::Gateway(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {
     parts_->hub.Tick();
     if (StopRequested()) parts_->server->Stop();
   });
-  server.Every(250ms, [this] { parts_->jobs.Pump(); });
+  server.Every(250ms, [this] {
+    parts_->jobs.Pump();
+    if (!parts_->jobs.Busy())
+      parts_->hold.reset();
+    else if (!parts_->hold)
+      parts_->hold.emplace();
+  });
+  // whoever opens a page next finds the folders read
+  server.InLane(http::Lane::kFiles, [this] { (void)api::HomeJson(parts_->context); });
 }
 
 Gateway::~Gateway() = default;

@@ -22,7 +22,8 @@ struct GatewayOptions {
   bool use_bus = true;
   bus::Arguments bus;
   Path web;    ///< folder of the built pages; empty: beside the program
-  Path cache;  ///< for videos and logs of jobs; empty: $XDG_CACHE_HOME/etude/dashboard, or ~/.cache/etude/dashboard
+  Path cache;  ///< for videos, replays and logs of jobs; empty: $XDG_CACHE_HOME/etude/dashboard, or
+               ///< ~/.cache/etude/dashboard
 };
 
 /// It has no state of its own beyond bounded caches: started again it shows the same.

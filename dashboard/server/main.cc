@@ -51,7 +51,7 @@ int main(int argc, char** argv) {
   app.add_option("--token-file", token_file, "whoever has its content may act; made when it is not there");
   app.add_flag("--no-bus", no_bus, "files alone");
   app.add_option("--web", web, "folder of the built pages (default: those that come along)");
-  app.add_option("--cache", cache, "folder for videos (default: ~/.cache/etude/dashboard)");
+  app.add_option("--cache", cache, "folder for videos and replays (default: ~/.cache/etude/dashboard)");
   app.add_option("--describe", describe, "only print what it serves: http (OpenAPI) | metrics (names and types)")
       ->check(CLI::IsMember({"http", "metrics"}));
   options.bus.Add(app);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A robot's driver: asks a policy over the bus and follows its answers, within limits of its own.
-//   robot_driver RUN INSTRUCTION DOMAIN QUESTIONS
+//   robot_driver RUN INSTRUCTION DOMAIN QUESTIONS [IDENTITY]
+// IDENTITY: a folder of `etude security issue --role robot`, where the policy server has --robot-security.
 // What the policy says is advice. The driver keeps the hand inside its workspace, below its speed, and still when no
 // answer comes; it is the last one that can.
 #include <fmt/format.h>
@@ -19,6 +20,7 @@ using namespace std::chrono_literals;
 constexpr auto kWatchdog = 2000ms;       // without an answer for so long, the robot stands still
 constexpr int kStepsPerAnswer = 15;      // of the 120 control steps (8 ms each) that an answer spans
 constexpr double kMaxStep = 0.25 / 125;  // m a control step: 0.25 m/s
+constexpr double kMaxTurn = 1.0 / 125;   // rad a control step: 1 rad/s
 const Eigen::Vector3d kLow(-0.45, 0.05, 0.02), kHigh(0.45, 0.55, 0.50);  // m, world: the workspace
 
 // The next command: towards what the policy wants, but inside the workspace and not too fast.
@@ -26,13 +28,17 @@ etude::Waypoint Within(const etude::Waypoint& now, etude::Waypoint wanted) {
   const Eigen::Vector3d goal = wanted.X_WE.p.cwiseMax(kLow).cwiseMin(kHigh);
   const Eigen::Vector3d way = goal - now.X_WE.p;
   wanted.X_WE.p = now.X_WE.p + way * std::min(1.0, kMaxStep / std::max(way.norm(), 1e-9));
+  const double turn = now.X_WE.q.angularDistance(wanted.X_WE.q);
+  wanted.X_WE.q = now.X_WE.q.slerp(std::min(1.0, kMaxTurn / std::max(turn, 1e-9)), wanted.X_WE.q);
   return wanted;
 }
 
 int main(int argc, char** argv) {
-  if (argc != 5) return fmt::print(stderr, "usage: robot_driver RUN INSTRUCTION DOMAIN QUESTIONS\n"), 2;
+  if (argc != 5 && argc != 6)
+    return fmt::print(stderr, "usage: robot_driver RUN INSTRUCTION DOMAIN QUESTIONS [IDENTITY]\n"), 2;
   etude::InstallStopSignals();
-  const auto participant = etude::bus::Participant::Open({static_cast<std::uint32_t>(std::stoul(argv[3])), ""});
+  const auto domain = static_cast<std::uint32_t>(std::stoul(argv[3]));
+  const auto participant = etude::bus::Participant::Open({domain, "", argc == 6 ? argv[5] : ""});
   if (!participant) return fmt::print(stderr, "{}\n", participant.error().message), 3;
   auto policy = etude::policy::Client::Open(*participant, argv[1], "example-driver", {kWatchdog / 2, kWatchdog});
   if (!policy) return fmt::print(stderr, "{}\n", policy.error().message), 2;

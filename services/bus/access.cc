@@ -2,6 +2,8 @@
 #include "services/bus/access.h"
 
 #include <algorithm>
+#include <string_view>
+#include <utility>
 
 #include "services/bus/wire.h"
 
@@ -10,14 +12,26 @@ namespace {
 
 using security::Role;
 
-// The partitions of a scope, as patterns. "NAME/*" and never "NAME*": that would let a campaign "ab" into "a".
-std::vector<std::string> PartitionsOf(Scope scope, const std::vector<std::string>& campaigns,
+constexpr std::string_view kAnyHost = "*";
+
+// What follows the name of a campaign or run. The * of the library crosses "/": any host's partitions, and the one
+// above.
+std::string EndOf(Scope scope, std::string_view host) {
+  if (scope == Scope::kEpisodes) return "/*/episode";
+  if (scope == Scope::kRelay) return "/*/relay";
+  const bool of_host = scope == Scope::kCampaignHost || scope == Scope::kRunHost;
+  return of_host && host != kAnyHost ? "/*/" + std::string(host) : "/*";
+}
+
+// The partitions of a scope, as patterns; of what is meant for one host those of `host`, which may be any. "NAME/*" and
+// never "NAME*": that would let a campaign "ab" into "a".
+std::vector<std::string> PartitionsOf(Scope scope, std::string_view host, const std::vector<std::string>& campaigns,
                                       const std::vector<std::string>& runs) {
   if (scope == Scope::kDirectory) return {"directory"};
   if (scope == Scope::kPlay) return {"play", "play/*"};
   if (scope == Scope::kDoctor) return {"doctor-*"};
-  const bool of_run = scope == Scope::kRun || scope == Scope::kRelay;
-  const std::string end = scope == Scope::kEpisodes ? "/*/episode" : scope == Scope::kRelay ? "/*/relay" : "/*";
+  const bool of_run = scope == Scope::kRun || scope == Scope::kRelay || scope == Scope::kRunHost;
+  const std::string end = EndOf(scope, host);
   const auto& names = of_run ? runs : campaigns;
   std::vector<std::string> partitions;
   if (names.empty()) return {"*" + end};
@@ -54,16 +68,21 @@ bool IsKnownTopic(const std::string& topic) {
   return std::ranges::find(accesses, topic, &TopicAccess::topic) != accesses.end();
 }
 
-std::vector<security::Grant> GrantsFor(const std::vector<Role>& roles, const std::vector<std::string>& campaigns,
+std::vector<security::Grant> GrantsFor(const std::vector<Role>& roles, const std::string& host,
+                                       const std::vector<std::string>& campaigns,
                                        const std::vector<std::string>& runs) {
   RoleMask mask = 0;
   for (const Role role : roles) mask |= MaskOf(role);
   std::vector<security::Grant> grants;
-  for (const auto& [topic, access] : TopicAccesses())
-    for (const auto& partition : PartitionsOf(access.scope, campaigns, runs)) {
-      if ((access.publish & mask) != 0) grants.push_back({true, topic, partition});
-      if ((access.subscribe & mask) != 0) grants.push_back({false, topic, partition});
-    }
+  const auto grant = [&](bool publish, const TopicAccess& item, std::string_view of_host) {
+    for (auto& partition : PartitionsOf(item.access.scope, of_host, campaigns, runs))
+      grants.push_back({publish, item.topic, std::move(partition)});
+  };
+  for (const TopicAccess& item : TopicAccesses()) {
+    if ((item.access.publish & mask) != 0) grant(true, item, kAnyHost);
+    const RoleMask readers = item.access.subscribe & mask;
+    if (readers != 0) grant(false, item, (readers & ~kOfOneHost) != 0 ? kAnyHost : std::string_view(host));
+  }
   return grants;
 }
 

@@ -13,13 +13,15 @@ namespace etude::bus {
 
 /// The partitions that a topic lives in.
 enum class Scope : std::uint8_t {
-  kDirectory,  ///< "directory"
-  kCampaign,   ///< CAMPAIGN/ID
-  kEpisodes,   ///< CAMPAIGN/ID/episode
-  kRun,        ///< RUN/ID
-  kRelay,      ///< RUN/ID/relay: what another process passes on for a run
-  kPlay,       ///< "play", and "play/SESSION"
-  kDoctor,     ///< "doctor-...": a process talking to itself
+  kDirectory,     ///< "directory"
+  kCampaign,      ///< CAMPAIGN/ID
+  kEpisodes,      ///< CAMPAIGN/ID/episode
+  kRun,           ///< RUN/ID
+  kRelay,         ///< RUN/ID/relay: what another process passes on for a run
+  kPlay,          ///< "play", and "play/SESSION"
+  kDoctor,        ///< "doctor-...": a process talking to itself
+  kCampaignHost,  ///< CAMPAIGN/ID/HOST and CAMPAIGN/ID/episode/HOST: what is meant for one host (kOfOneHost)
+  kRunHost,       ///< RUN/ID/HOST
 };
 
 /// A set of roles.
@@ -29,6 +31,10 @@ constexpr RoleMask MaskOf(Roles... roles) {
   return ((RoleMask{1} << static_cast<unsigned>(roles)) | ... | RoleMask{0});
 }
 inline constexpr RoleMask kEveryRole = ~RoleMask{0};
+
+/// Roles of processes that belong to one host. Of what is meant for a host they read what is meant for theirs, which is
+/// known by their identity's name; other roles read what is meant for any.
+inline constexpr RoleMask kOfOneHost = MaskOf(security::Role::kWorker, security::Role::kRobot);
 
 struct Access {
   Scope scope = Scope::kDirectory;
@@ -45,9 +51,9 @@ std::vector<TopicAccess> TopicAccesses();
 /// True for the topics in that table: others cannot be opened.
 bool IsKnownTopic(const std::string& topic);
 
-/// All that `roles` may do in these campaigns and runs (by name; none: in all). Evaluations are campaigns and runs
-/// "eval-..." of their own, which belong to everybody who has a campaign or a run.
-std::vector<security::Grant> GrantsFor(const std::vector<security::Role>& roles,
+/// All that `roles` may do in these campaigns and runs (by name; none: in all), under an identity of the name `host`.
+/// Evaluations are campaigns and runs "eval-..." of their own, which belong to everybody who has a campaign or a run.
+std::vector<security::Grant> GrantsFor(const std::vector<security::Role>& roles, const std::string& host,
                                        const std::vector<std::string>& campaigns, const std::vector<std::string>& runs);
 
 }  // namespace etude::bus

@@ -2,14 +2,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "services/bus/assembly.h"
 #include "services/bus/blob_transfer.h"
+#include "services/bus/host_writers.h"
 #include "services/bus/inbox.h"
 #include "services/bus/serialized.h"
 #include "services/bus/typed.h"
 #include "services/core/clock.h"
+#include "services/core/file.h"
 #include "services/core/hash.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
@@ -23,6 +26,8 @@ using Clock = MonotonicClock;
 constexpr std::uint32_t kAckEvery = 8;     // chunks
 constexpr std::size_t kMaxMissing = 1024;  // indices in one ack
 constexpr int kMostBatches = 16;           // of manifests, to find one for a chunk
+constexpr std::chrono::seconds kIdleLook{5};
+constexpr std::chrono::milliseconds kHostLook{10};  // whose readers are not found yet
 
 using State = IncomingBlob::State;
 
@@ -32,7 +37,8 @@ bool Equal(std::span<const std::uint8_t> a, const std::vector<std::uint8_t>& b) 
 
 bool ViewIsSound(const ManifestView& view) {
   return view.sha256.size() == 32 && ShapeIsSound(view.size, view.chunk_size, view.chunk_count) &&
-         (view.data.empty() || view.data.size() == view.size) && view.meta_json.size() <= kMaxText;
+         (view.data.empty() || view.data.size() == view.size) && view.meta_json.size() <= kMaxText &&
+         IsPlainName(view.host);
 }
 
 bool IsSame(const ManifestView& view, const BlobManifest& manifest) {
@@ -51,6 +57,7 @@ BlobManifest ToManifest(const ManifestView& view) {
   manifest.sha256.assign(view.sha256.begin(), view.sha256.end());
   manifest.token = view.token;
   manifest.meta_json = view.meta_json;
+  manifest.host = view.host;
   return manifest;
 }
 
@@ -62,7 +69,7 @@ struct BlobReceiver::Impl {
   ReceiveOptions options;
   Endpoint manifests;
   Endpoint chunks;
-  Endpoint acks;
+  std::optional<HostWriters<BlobAck>> acks;
   Waiter waiter;
   Inbox inbox;
   std::vector<BlobKey> unreported;  // progress that the sender does not know
@@ -93,9 +100,8 @@ struct BlobReceiver::Impl {
 };
 
 Status BlobReceiver::Impl::OpenAll(const Participant& participant) {
-  const std::string partition = owner.partition() + "/" + channel;
-  // acks first: a sender that finds our readers can then be answered
-  ETUDE_ASSIGN_OR_RETURN(acks, OpenWriterOf<BlobAck>(participant, partition));
+  const std::string partition = owner.channel_partition(channel);
+  acks.emplace(participant, partition);
   ETUDE_ASSIGN_OR_RETURN(chunks, OpenReaderOf<BlobChunk>(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(manifests, OpenReaderOf<BlobManifest>(participant, partition));
   ETUDE_RETURN_IF_ERROR(waiter.Open(participant));
@@ -215,7 +221,7 @@ BlobAck BlobReceiver::Impl::AckOf(const BlobManifest& manifest, AckKind kind) co
 Status BlobReceiver::Impl::SendVerdict(const BlobManifest& manifest, const Verdict& verdict) {
   BlobAck ack = AckOf(manifest, verdict.kind);
   ack.reason = verdict.reason;
-  return WriteMessage(acks, ack);
+  return acks->Write(manifest.host, ack);
 }
 
 // A lost ack is asked for again by the sender's next announcement.
@@ -228,7 +234,8 @@ void BlobReceiver::Impl::SendProgress(IncomingBlob& blob, AckKind kind) {
   ack.received = blob.assembly ? blob.assembly->next() : blob.manifest.chunk_count;
   if (kind == AckKind::kMissing) ack.missing = blob.assembly->Missing(kMaxMissing);
   blob.acknowledged = ack.received;
-  if (auto written = WriteMessage(acks, ack); !written) Log().warn("ack not sent: {}", written.error().message);
+  if (auto written = acks->Write(blob.manifest.host, ack); !written)
+    Log().warn("ack not sent: {}", written.error().message);
 }
 
 void BlobReceiver::Impl::FlushProgress() {
@@ -275,6 +282,7 @@ void BlobReceiver::Impl::TakeVerdicts() {
 std::optional<ReceivedBlob> BlobReceiver::Receive(std::chrono::nanoseconds timeout) {
   const auto end = Deadline(timeout);
   impl_->TakeVerdicts();
+  impl_->acks->Tidy();
   while (!impl_->inbox.has_finished()) {
     // whoever sends without an end does not hold up the caller
     const bool took = impl_->Drain() > 0;
@@ -282,10 +290,12 @@ std::optional<ReceivedBlob> BlobReceiver::Receive(std::chrono::nanoseconds timeo
     impl_->TakeVerdicts();
     impl_->FlushProgress();
     impl_->Clean();
+    impl_->acks->Tidy();
     if (impl_->inbox.has_finished()) break;
     const auto left = end - Clock::now();
     if (left.count() <= 0 || StopRequested()) return std::nullopt;
-    impl_->waiter.Wait(std::min<std::chrono::nanoseconds>(left, std::chrono::seconds(5)));
+    const std::chrono::nanoseconds look = impl_->acks->waiting() ? kHostLook : kIdleLook;
+    impl_->waiter.Wait(std::min<std::chrono::nanoseconds>(left, look));
   }
   return impl_->inbox.Pop();
 }

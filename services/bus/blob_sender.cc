@@ -49,6 +49,7 @@ struct BlobSender::Impl {
   Owner owner;
   std::string channel;
   std::string sender;
+  std::string host;
   SendOptions options;
   Endpoint manifests;
   Endpoint chunks;
@@ -71,14 +72,14 @@ struct BlobSender::Impl {
 };
 
 Status BlobSender::Impl::OpenAll(const Participant& participant) {
-  const std::string partition = owner.partition() + "/" + channel;
+  const std::string partition = owner.channel_partition(channel);
+  host = participant.host();
   ETUDE_ASSIGN_OR_RETURN(manifests, OpenWriterOf<BlobManifest>(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(chunks, OpenWriterOf<BlobChunk>(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(acks, OpenReaderOf<BlobAck>(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(acks, OpenReaderOf<BlobAck>(participant, PartitionOfHost(partition, host)));
   ETUDE_RETURN_IF_ERROR(waiter.Open(participant));
   ETUDE_RETURN_IF_ERROR(waiter.AddMatched(manifests));
   ETUDE_RETURN_IF_ERROR(waiter.AddMatched(chunks));
-  ETUDE_RETURN_IF_ERROR(waiter.AddMatched(acks));
   return waiter.AddReader(acks);
 }
 
@@ -91,6 +92,7 @@ void BlobSender::Impl::Begin(std::uint64_t id, std::span<const std::uint8_t> byt
   manifest.channel = channel;
   manifest.sender = sender;
   manifest.owner = owner.id;
+  manifest.host = host;
   manifest.id = id;
   manifest.size = bytes.size();
   manifest.chunk_size = options.chunk_size;
@@ -159,7 +161,8 @@ bool BlobSender::Impl::SendChunk(std::uint32_t index) {
 void BlobSender::Impl::CheckReceivers() {
   dds_publication_matched_status_t status{};
   dds_get_publication_matched_status(manifests.get(), &status);
-  receivers = std::min({static_cast<int>(status.current_count), MatchedReaders(chunks), MatchedWriters(acks)});
+  // who acknowledges comes to this host when it hears of it
+  receivers = std::min(static_cast<int>(status.current_count), MatchedReaders(chunks));
   if (status.total_count == receivers_ever) return;
   receivers_ever = status.total_count;
   // a receiver (re)appeared and may know nothing of what is under way

@@ -3,12 +3,14 @@
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <ctime>
 #include <functional>
 #include <tuple>
 
+#include "services/bus/participant_state.h"
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
@@ -21,7 +23,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr char kPartition[] = "directory";
 // how long one that has just joined the domain looks for who else is there
 constexpr auto kLookAround = 300ms;
 // and under security at most until all that it sees have been authenticated
@@ -47,6 +48,13 @@ bool IsOlder(const Presence& a, const Presence& b) {
   return std::tie(a.since, a.instance) < std::tie(b.since, b.instance);
 }
 
+// Whether both would lease some episode.
+bool LeaseTheSame(const Presence& a, const Presence& b) {
+  const bool shards = a.shards > 1 && b.shards > 1 && a.kind == PresenceKind::kCampaign && b.kind == a.kind;
+  if (!shards || a.name != b.name || a.spec_sha256 != b.spec_sha256) return false;
+  return a.shards != b.shards || a.shard == b.shard;
+}
+
 std::string LocalTime(std::uint64_t seconds) {
   const auto time = static_cast<std::time_t>(seconds);
   std::tm local{};
@@ -66,9 +74,30 @@ std::string ToString(PresenceKind kind) {
 std::string ListText(const std::vector<Presence>& presences) {
   std::string text;
   for (const auto& item : presences)
-    text += "\n" + Printable(fmt::format("  {}@{}  host {}  user {}  {}  since {}", item.name, item.id, item.host,
-                                         item.user, item.folder.empty() ? "-" : item.folder, LocalTime(item.since)));
+    text += "\n" + Printable(fmt::format("  {}@{}  {}host {}  user {}  {}  since {}", item.name, item.id,
+                                         item.shards > 1 ? ShardText(item) + "  " : "", item.host, item.user,
+                                         item.folder.empty() ? "-" : item.folder, LocalTime(item.since)));
   return text;
+}
+
+namespace {
+
+std::string FolderKey(const std::string& folder) {
+  struct stat info {};
+  // a file that is replaced stays the same one for people
+  if (folder.empty() || ::stat(folder.c_str(), &info) != 0 || !S_ISDIR(info.st_mode)) return "";
+  return fmt::format("{:x}:{:x}", info.st_dev, info.st_ino);
+}
+
+}  // namespace
+
+std::string ShardText(const Presence& presence) {
+  return presence.shards > 1 ? fmt::format("shard {}/{}", presence.shard, presence.shards) : "";
+}
+
+bool AreShardsOfOneCampaign(const Presence& a, const Presence& b) {
+  return a.kind == PresenceKind::kCampaign && b.kind == a.kind && a.shards > 1 && a.shards == b.shards &&
+         a.name == b.name && a.spec_sha256 == b.spec_sha256;
 }
 
 Presence MakePresence(PresenceKind kind, const std::string& name, const std::string& id, const std::string& folder) {
@@ -81,6 +110,7 @@ Presence MakePresence(PresenceKind kind, const std::string& name, const std::str
   presence.host = HostName();
   presence.user = UserName();
   presence.folder = folder.empty() ? "" : std::filesystem::absolute(folder).lexically_normal().string();
+  presence.folder_key = FolderKey(presence.folder);
   presence.since = static_cast<std::uint64_t>(WallSeconds());
   return presence;
 }
@@ -92,8 +122,8 @@ struct Directory::Impl {
   std::uint32_t domain = 0;
   MonotonicClock::time_point settled;  // from then on those who were there first are known
 
-  Result<std::optional<Presence>> Await(const Selector& selector, std::chrono::nanoseconds timeout,
-                                        const std::function<std::vector<Presence>()>& look) const;
+  std::vector<Presence> Await(std::chrono::nanoseconds timeout,
+                              const std::function<std::vector<Presence>()>& look) const;
 };
 
 Directory::Directory(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -102,7 +132,7 @@ Directory& Directory::operator=(Directory&&) noexcept = default;
 Directory::~Directory() = default;
 
 Result<Directory> Directory::Open(const Participant& participant) {
-  ETUDE_ASSIGN_OR_RETURN(auto reader, Reader<Presence>::Open(participant, kPartition));
+  ETUDE_ASSIGN_OR_RETURN(auto reader, Reader<Presence>::Open(participant, kDirectoryPartition));
   const auto settled = MonotonicClock::now() + (participant.secured() ? kSettledSecured : kLookAround);
   return Directory(std::unique_ptr<Impl>(new Impl{std::move(reader), participant.domain(), settled}));
 }
@@ -117,8 +147,9 @@ std::vector<Presence> Directory::Matching(PresenceKind kind, const Selector& sel
   std::vector<Presence> matching;
   for (auto& presence : Live()) {
     if (!Fits(presence, kind, selector)) continue;
-    const auto same =
-        std::find_if(matching.begin(), matching.end(), [&](const Presence& other) { return other.id == presence.id; });
+    const auto same = std::find_if(matching.begin(), matching.end(), [&](const Presence& other) {
+      return other.id == presence.id || (AreShardsOfOneCampaign(other, presence) && other.shard == presence.shard);
+    });
     if (same == matching.end())
       matching.push_back(std::move(presence));
     else if (presence.epoch >= same->epoch)
@@ -133,21 +164,9 @@ bool Directory::Replaced(PresenceKind kind, const Selector& selector, const std:
   return !there && !matching.empty();
 }
 
-Result<std::optional<Presence>> Directory::Find(PresenceKind kind, const Selector& selector,
-                                                std::chrono::nanoseconds timeout) {
-  return impl_->Await(selector, timeout, [&] { return Matching(kind, selector); });
-}
-
-Result<std::optional<Presence>> Directory::FindPublisher(const Selector& selector, std::chrono::nanoseconds timeout) {
-  return impl_->Await(selector, timeout, [&] {
-    auto runs = Matching(PresenceKind::kRun, selector);
-    return runs.empty() ? Matching(PresenceKind::kRelay, selector) : runs;
-  });
-}
-
 // What `look` finds, once there is something and those who were there first are known.
-Result<std::optional<Presence>> Directory::Impl::Await(const Selector& selector, std::chrono::nanoseconds timeout,
-                                                       const std::function<std::vector<Presence>()>& look) const {
+std::vector<Presence> Directory::Impl::Await(std::chrono::nanoseconds timeout,
+                                             const std::function<std::vector<Presence>()>& look) const {
   const auto deadline = MonotonicClock::now() + timeout;
   auto matching = look();
   while (!StopRequested() && (matching.empty() || MonotonicClock::now() < settled)) {
@@ -158,26 +177,69 @@ Result<std::optional<Presence>> Directory::Impl::Await(const Selector& selector,
     WaitForStop(std::min<std::chrono::nanoseconds>(left, 20ms));
     matching = look();
   }
+  return matching;
+}
+
+namespace {
+
+tl::unexpected<Error> Several(const Selector& selector, std::uint32_t domain, const std::vector<Presence>& matching) {
+  return Fail(Code::kInvalidArgument,
+              fmt::format("'{}' means {} things on domain {}: say which by NAME@ID (the first digits are enough){}",
+                          selector.text(), matching.size(), domain, ListText(matching)));
+}
+
+Status CheckWire(const Presence& found) {
+  if (found.wire == kWireVersion) return {};
+  return Fail(Code::kUnavailable,
+              fmt::format("{} '{}' of {} speaks wire number {} (program {}), this program {} (program {}): use "
+                          "programs of the same wire number",
+                          ToString(found.kind), found.name, Printable(found.host), found.wire, Printable(found.version),
+                          kWireVersion, Version()));
+}
+
+// The only one of `matching`, if there is any.
+Result<std::optional<Presence>> Only(const Selector& selector, std::uint32_t domain,
+                                     const std::vector<Presence>& matching) {
   if (matching.empty()) return std::optional<Presence>();
-  if (matching.size() > 1)
-    return Fail(Code::kInvalidArgument,
-                fmt::format("'{}' means {} things on domain {}: say which by NAME@ID (the first digits are enough){}",
-                            selector.text(), matching.size(), domain, ListText(matching)));
-  const Presence& found = matching.front();
-  if (found.wire != kWireVersion)
-    return Fail(Code::kUnavailable,
-                fmt::format("{} '{}' of {} speaks wire number {} (program {}), this program {} (program {}): use "
-                            "programs of the same wire number",
-                            ToString(found.kind), found.name, Printable(found.host), found.wire,
-                            Printable(found.version), kWireVersion, Version()));
-  return std::optional<Presence>(found);
+  if (matching.size() > 1) return Several(selector, domain, matching);
+  ETUDE_RETURN_IF_ERROR(CheckWire(matching.front()));
+  return std::optional<Presence>(matching.front());
+}
+
+}  // namespace
+
+Result<std::optional<Presence>> Directory::Find(PresenceKind kind, const Selector& selector,
+                                                std::chrono::nanoseconds timeout) {
+  return Only(selector, impl_->domain, impl_->Await(timeout, [&] { return Matching(kind, selector); }));
+}
+
+Result<std::optional<Presence>> Directory::FindPublisher(const Selector& selector, std::chrono::nanoseconds timeout) {
+  const auto publishers = impl_->Await(timeout, [&] {
+    auto runs = Matching(PresenceKind::kRun, selector);
+    return runs.empty() ? Matching(PresenceKind::kRelay, selector) : runs;
+  });
+  return Only(selector, impl_->domain, publishers);
+}
+
+Result<std::vector<Presence>> Directory::FindCampaign(const Selector& selector, std::chrono::nanoseconds timeout) {
+  auto matching = impl_->Await(timeout, [&] { return Matching(PresenceKind::kCampaign, selector); });
+  for (const auto& presence : matching) {
+    const bool alone = matching.size() == 1;
+    if (!alone && !AreShardsOfOneCampaign(matching.front(), presence))
+      return Several(selector, impl_->domain, matching);
+    ETUDE_RETURN_IF_ERROR(CheckWire(presence));
+  }
+  std::ranges::sort(matching, {}, &Presence::shard);
+  return matching;
 }
 
 std::vector<Presence> Directory::Others(const Presence& own) {
   std::vector<Presence> others;
   for (auto& presence : Live()) {
-    if (presence.kind != own.kind || presence.id != own.id || presence.instance == own.instance) continue;
-    const bool own_past = presence.host == own.host && presence.folder == own.folder;
+    if (presence.kind != own.kind || presence.instance == own.instance) continue;
+    if (presence.id != own.id && !LeaseTheSame(presence, own)) continue;
+    const bool own_past =
+        presence.host == own.host && presence.folder == own.folder && presence.folder_key == own.folder_key;
     if (!own_past) others.push_back(std::move(presence));
   }
   return others;
@@ -198,19 +260,34 @@ Announcement::~Announcement() {
   if (impl_) (void)impl_->writer.Dispose(impl_->presence);
 }
 
-Result<Announcement> Announcement::Open(const Participant& participant, Presence presence, Claim claim) {
-  ETUDE_ASSIGN_OR_RETURN(auto directory, Directory::Open(participant));
-  ETUDE_ASSIGN_OR_RETURN(auto writer, Writer<Presence>::Open(participant, kPartition));
-  WaitForOthers(participant);
-  const auto others = directory.Others(presence);
-  if (!others.empty() && claim != Claim::kAdopt)
+namespace {
+
+tl::unexpected<Error> IsLive(const Presence& own, const std::vector<Presence>& others, std::uint32_t domain) {
+  const auto has_its_id = [&](const Presence& other) { return other.id == own.id; };
+  if (std::ranges::none_of(others, has_its_id))
     return Fail(
         Code::kUnavailable,
-        fmt::format("{} '{}' in '{}' has id {}, which is live elsewhere on domain {}:{}\nIf this folder is a copy, "
-                    "--new-id makes it another {}; if it is to go on in the other's place, --adopt ends that "
-                    "one (one that was killed disappears by itself within 10 s)",
-                    ToString(presence.kind), presence.name, presence.folder, presence.id, participant.domain(),
-                    ListText(others), ToString(presence.kind)));
+        fmt::format("{} '{}': {} of it, in '{}', has episodes that are leased elsewhere on domain {}:{}\nA shard "
+                    "has one collector and one folder, and all shards one count: give this one the number that "
+                    "is missing, or end the other by --adopt (one that was killed disappears by itself within "
+                    "10 s)",
+                    ToString(own.kind), own.name, ShardText(own), own.folder, domain, ListText(others)));
+  return Fail(
+      Code::kUnavailable,
+      fmt::format("{} '{}' in '{}' has id {}, which is live elsewhere on domain {}:{}\nIf this folder is a copy, "
+                  "--new-id makes it another {}; if it is to go on in the other's place, --adopt ends that "
+                  "one (one that was killed disappears by itself within 10 s)",
+                  ToString(own.kind), own.name, own.folder, own.id, domain, ListText(others), ToString(own.kind)));
+}
+
+}  // namespace
+
+Result<Announcement> Announcement::Open(const Participant& participant, Presence presence, Claim claim) {
+  ETUDE_ASSIGN_OR_RETURN(auto directory, Directory::Open(participant));
+  ETUDE_ASSIGN_OR_RETURN(auto writer, Writer<Presence>::Open(participant, kDirectoryPartition));
+  WaitForOthers(participant);
+  const auto others = directory.Others(presence);
+  if (!others.empty() && claim != Claim::kAdopt) return IsLive(presence, others, participant.domain());
   for (const auto& other : others) presence.epoch = std::max(presence.epoch, other.epoch + 1);
   ETUDE_RETURN_IF_ERROR(writer.Write(presence));
   return Announcement(std::unique_ptr<Impl>(new Impl{std::move(directory), std::move(writer), std::move(presence)}));
@@ -228,6 +305,12 @@ std::optional<Presence> Announcement::Successor() {
 }
 
 Error GivingWay(const Presence& own, const Presence& successor) {
+  if (own.id != successor.id)
+    return {
+        Code::kUnavailable,
+        fmt::format("{} '{}' in '{}' ends: {} of it is at work elsewhere, too, and with the better right:{}\nWhat is "
+                    "here stays; give each shard one collector and one folder",
+                    ToString(own.kind), own.name, own.folder, ShardText(own), ListText({successor}))};
   return {
       Code::kUnavailable,
       fmt::format("{} '{}' in '{}' ends: its id {} is at work elsewhere, too, and with the better right:{}\nWhat is "

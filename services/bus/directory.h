@@ -28,6 +28,12 @@ std::string ToString(PresenceKind kind);
 /// Lines "  NAME@ID  host HOST  user USER  FOLDER  since 2026-01-31 12:00:00".
 std::string ListText(const std::vector<Presence>& presences);
 
+/// "shard 1/2" of a campaign that several collectors share, "" where one has all of it.
+std::string ShardText(const Presence& presence);
+
+/// Whether they are of one campaign that several collectors share; also where both are of the same shard.
+bool AreShardsOfOneCampaign(const Presence& a, const Presence& b);
+
 /// What this process says of itself: host, user, program version and time are filled in.
 Presence MakePresence(PresenceKind kind, const std::string& name, const std::string& id, const std::string& folder);
 
@@ -41,7 +47,7 @@ class Directory {
 
   /// All that are there now, oldest first. Of a process that was killed its presence stays for DDS's lease (10 s).
   std::vector<Presence> Live();
-  /// Those of a kind that `selector` fits, one for each id: that with the largest epoch.
+  /// Those of a kind that `selector` fits, one for each id, or shard of a campaign: that with the largest epoch.
   std::vector<Presence> Matching(PresenceKind kind, const Selector& selector);
   /// True when none of those is `id`, but another one is there.
   bool Replaced(PresenceKind kind, const Selector& selector, const std::string& id);
@@ -53,8 +59,12 @@ class Directory {
   /// Where a run's checkpoints come from: the run itself, or where it is not there, a relay of it. @error as Find
   Result<std::optional<Presence>> FindPublisher(const Selector& selector, std::chrono::nanoseconds timeout);
 
-  /// Others that are at work under this kind and id. A presence of the same host and folder is none: whoever holds
-  /// the folder's lock knows that it is this start's own past.
+  /// The collectors of the campaign that `selector` means, waited for as Find does: one, or those of its shards that
+  /// are there, by their number. None: nobody is. @error as Find
+  Result<std::vector<Presence>> FindCampaign(const Selector& selector, std::chrono::nanoseconds timeout);
+
+  /// Others that are at work under this kind and id, or as a shard with the same episodes. A presence of the same host
+  /// and folder is none: whoever holds the folder's lock knows that it is this start's own past.
   std::vector<Presence> Others(const Presence& own);
 
  private:
@@ -66,16 +76,17 @@ class Directory {
 /// Is in the directory for as long as it lives. One thread at a time.
 class Announcement {
  public:
-  /// Looks around first. With kAdopt its epoch becomes larger than that of any other of its id, which then gives way.
-  /// @error kUnavailable: the id is live elsewhere (and `claim` is not kAdopt); says where and what to do.
+  /// Looks around first. With kAdopt its epoch becomes larger than that of any other of its id, or shard, which then
+  /// gives way. @error kUnavailable: the id, or the shard, is live elsewhere (and `claim` is not kAdopt); says where
+  /// and what to do.
   static Result<Announcement> Open(const Participant& participant, Presence presence, Claim claim);
   Announcement(Announcement&&) noexcept;
   Announcement& operator=(Announcement&&) noexcept;
   ~Announcement();
 
   const Presence& presence() const;
-  /// Another one of this id with the better right: a larger epoch, or the same one and an earlier start. Then this
-  /// one must end; both were started before they could see each other, or the other one adopted the id.
+  /// Another one of this id, or shard, with the better right: a larger epoch, or the same one and an earlier start.
+  /// Then this one must end; both were started before they could see each other, or the other one adopted the id.
   std::optional<Presence> Successor();
 
  private:

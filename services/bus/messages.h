@@ -11,7 +11,8 @@ namespace etude::bus {
 
 /// What is written here, as one number: it grows when a peer of the old one would misunderstand. Peers of another
 /// number are refused by name; the program's own version does not matter.
-inline constexpr std::uint32_t kWireVersion = 2;
+/// 3: what is meant for one host (leases, acknowledgements, actions) is in the partition of that host.
+inline constexpr std::uint32_t kWireVersion = 3;
 
 // ---- presence.idl --------------------------------------------------------------------------------
 
@@ -29,6 +30,12 @@ struct Presence {
   std::string host, user, folder;
   std::uint64_t since = 0;  ///< of this start, seconds since 1970, for people
   std::uint64_t epoch = 0;  ///< of two with the same id the larger one stays
+  /// A campaign's, where several collectors share it: which of them this is, from 1, and how many there are. 0: one has
+  /// all of it.
+  std::uint32_t shard = 0, shards = 0;
+  std::string spec_sha256;  ///< a shard's: those of one campaign have name, `shards` and this in common; else ""
+  /// Device and inode of `folder`: two containers of one host name may have folders of one path. "": it is no folder.
+  std::string folder_key;
 };
 
 // ---- campaign.idl ---------------------------------------------------------------------------------
@@ -59,11 +66,14 @@ struct WorkRequest {
   std::uint32_t wire = kWireVersion;
   std::uint32_t content = 0;
   std::string fingerprint_json;  ///< what this worker's bytes depend on (services/campaign/fingerprint.h); "": not said
+  std::string host;              ///< Participant::host(): in whose partition it reads the answer
+  /// Token of the lease that it works on, when it asks for the next one beside it; 0: it has nothing to do.
+  std::uint64_t working_on = 0;
 };
 
 enum class LeaseKind : std::uint8_t { kWork = 0, kWait = 1, kDone = 2, kRefused = 3 };
 
-/// collector -> one worker, keyed by worker.
+/// collector -> one worker, keyed by worker, in the partition of its host.
 struct Lease {
   std::string campaign;
   std::string worker;
@@ -71,7 +81,7 @@ struct Lease {
   LeaseKind kind = LeaseKind::kWait;
   std::uint64_t index = 0;
   std::uint32_t attempt = 0;
-  std::uint64_t token = 0;        ///< fencing token: strictly growing; older ones are refused
+  std::uint64_t token = 0;        ///< fencing token, not to be guessed: all but the newest of an index are refused
   std::uint64_t duration_ns = 0;  ///< the lease ends this long after the last heartbeat that named it
   std::string reason;             ///< for kRefused
   std::string campaign_id;
@@ -147,17 +157,23 @@ struct CampaignStatus {
   std::string state;            ///< running | draining | paused | stopping | complete
   std::string control_id;       ///< of the last CampaignControl that was taken
   std::string control_refusal;  ///< why it was not followed; "": it was
+  /// Episodes that were made again on another host since the collector's start, and those of which that, in this or an
+  /// earlier life, gave other bytes.
+  std::uint64_t rechecked = 0, mismatched = 0;
 };
 
-enum class ControlAction : std::uint8_t { kPause = 0, kDrain = 1, kResume = 2, kStop = 3 };
+enum class ControlAction : std::uint8_t { kPause = 0, kDrain = 1, kResume = 2, kStop = 3, kFilterKey = 4 };
 
-/// `etude campaign` -> collector. Answered by a CampaignStatus with its control_id; said again, it counts once.
+/// `etude campaign`, `etude dataset filter` -> collector. Answered by a CampaignStatus with its control_id; said again,
+/// it counts once.
 struct CampaignControl {
   std::string campaign;
   std::string control_id;  ///< random, of this request
   std::string campaign_id;
   ControlAction action = ControlAction::kPause;
   std::string host, user;  ///< who asks, for the log
+  std::string filter_key;  ///< kFilterKey: its name
+  std::string episodes;    ///< kFilterKey: those that it shall have, "0-3,7"
 };
 
 // ---- blob.idl: large messages in chunks (services/bus/blob_transfer.h) ----------------------------
@@ -175,6 +191,7 @@ struct BlobManifest {
   std::uint64_t token = 0;           ///< fencing token of the lease; 0 if none
   std::string meta_json;
   std::vector<std::uint8_t> data;  ///< the whole blob when it fits into one chunk, else empty
+  std::string host;                ///< Participant::host(): in whose partition the sender reads acknowledgements
 };
 
 struct BlobChunk {
@@ -187,6 +204,7 @@ struct BlobChunk {
 
 enum class AckKind : std::uint8_t { kProgress = 0, kDone = 1, kDuplicate = 2, kRefused = 3, kMissing = 4 };
 
+/// receiver -> one sender, in the partition of its host.
 struct BlobAck {
   std::string channel;
   std::string sender;  ///< whose blob
@@ -215,12 +233,13 @@ struct Observation {
   std::vector<double> intrinsics;  ///< of the picture, px: fx, fy, cx, cy; empty: not said
   /// Camera frame C in world W: p_WC (m), then q_WC as w, x, y, z; C as in services/episode/camera.h. Empty: not said.
   std::vector<double> camera_pose;
+  std::string host;  ///< Participant::host(): in whose partition the client reads the action
 };
 
 /// Why an observation is not answered with waypoints.
 enum class Refusal : std::uint8_t { kNone = 0, kDoesNotFit = 1, kNotTrained = 2, kFailed = 3 };
 
-/// policy server -> robot, keyed by session.
+/// policy server -> robot, keyed by session, in the partition of its host.
 struct Action {
   std::string run;
   std::string session;
@@ -268,9 +287,11 @@ struct Insight {
   std::string attention_json;  ///< layout of `attention`, see trainer/serve/insight.h
   std::vector<std::uint8_t> attention;
   std::uint32_t width = 0, height = 0;
-  std::vector<std::uint8_t> picture;  ///< RGB, height*width*3: the crop that the policy sees
-  std::vector<float> waypoints;       ///< as Action::waypoints, rotations in 6D; empty: none, or not finite
-  std::vector<std::uint32_t> view;    ///< u, v, width, height of `picture` in the camera's, px; empty: not said
+  std::vector<std::uint8_t> picture;     ///< RGB, height*width*3: the crop that the policy sees
+  std::vector<float> waypoints;          ///< as Action::waypoints, rotations in 6D; empty: none, or not finite
+  std::vector<std::uint32_t> view;       ///< u, v, width, height of `picture` in the camera's, px; empty: not said
+  std::string worth_json;                ///< of words and joints, see trainer/serve/insight.h; "": not asked
+  std::vector<float> what_if_waypoints;  ///< as `waypoints`, with the wish's what-if
 };
 
 /// policy server -> all, keyed by server, once a second: what it serves and how that goes.

@@ -10,7 +10,9 @@
 #include <bit>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <random>
+#include <string_view>
 #include <tuple>
 
 #include "services/bus/access.h"
@@ -19,16 +21,20 @@
 #include "services/bus/participant_watch.h"
 #include "services/bus/profile.h"
 #include "services/bus/security_log.h"
+#include "services/bus/typed.h"
+#include "services/core/clock.h"
+#include "services/core/file.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
+#include "services/core/thread_annotations.h"
 
 namespace etude::bus {
 namespace {
 
 // Cyclone explains its failures only in its log: keep the last explanation for our message.
 struct DdsLog {
-  std::mutex mutex;
-  std::string last_error;
+  Mutex mutex;
+  std::string last_error ETUDE_GUARDED_BY(mutex);
   SecurityLines security;
 };
 
@@ -43,7 +49,7 @@ void OnDdsLog(void*, const dds_log_data_t* data) {
   const bool is_error = (data->priority & (DDS_LC_FATAL | DDS_LC_ERROR)) != 0;
   if (is_error) {
     auto& log = GetDdsLog();
-    const std::scoped_lock lock(log.mutex);
+    const MutexLock lock(log.mutex);
     log.last_error = text;
   }
   if (!is_error && (data->priority & DDS_LC_WARNING) == 0) return;
@@ -56,7 +62,7 @@ void OnDdsLog(void*, const dds_log_data_t* data) {
 
 std::string TakeLastDdsError() {
   auto& log = GetDdsLog();
-  const std::scoped_lock lock(log.mutex);
+  const MutexLock lock(log.mutex);
   return std::exchange(log.last_error, {});
 }
 
@@ -88,12 +94,12 @@ Error OpenError(dds_return_t code, const ParticipantConfig& config, std::string_
 }
 
 struct Domains {
-  std::mutex mutex;
+  Mutex mutex;
   struct Item {
     std::weak_ptr<Entity> domain;
     std::string profile;
   };
-  std::map<std::uint32_t, Item> by_id;
+  std::map<std::uint32_t, Item> by_id ETUDE_GUARDED_BY(mutex);
 };
 
 Domains& GetDomains() {
@@ -129,7 +135,7 @@ Qos SecurityQos(const security::Identity& identity) {
 // A process has a domain once; participants with the same profile share it.
 Result<std::shared_ptr<Entity>> OpenDomain(const ParticipantConfig& config, const std::string& profile) {
   auto& domains = GetDomains();
-  const std::scoped_lock lock(domains.mutex);
+  const MutexLock lock(domains.mutex);
   auto& item = domains.by_id[config.domain];
   if (auto domain = item.domain.lock()) {
     if (item.profile != profile) {
@@ -146,6 +152,14 @@ Result<std::shared_ptr<Entity>> OpenDomain(const ParticipantConfig& config, cons
   auto domain = std::make_shared<Entity>(handle);
   item = {domain, profile};
   return domain;
+}
+
+// Of this process.
+bool HasAnotherDomain(std::uint32_t than) {
+  auto& domains = GetDomains();
+  const std::scoped_lock lock(domains.mutex);
+  return std::ranges::any_of(domains.by_id,
+                             [than](const auto& item) { return item.first != than && !item.second.domain.expired(); });
 }
 
 // Each chunk is a malloc and a free of hundreds of kilobytes on either side. By default glibc gives such
@@ -166,6 +180,24 @@ void WarnAboutReceiveBuffer() {
       Log().warn("socket buffers are limited: bursts are slower; run 'sysctl -w net.core.rmem_max={}' rmem_max={}",
                  kWantedReceiveBuffer, *bytes);
   });
+}
+
+// The machine's name as a part of a partition's: what may not be in it becomes "-".
+std::string PlainHostName() {
+  constexpr std::size_t kLongest = 64;
+  std::string name = HostName().substr(0, kLongest);
+  for (char& c : name) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+    if (!IsPlainName(std::string_view(&c, 1))) c = '-';
+  }
+  return name.empty() ? "host" : name;
+}
+
+// @error kInvalidArgument
+Result<std::string> HostOf(const ParticipantConfig& config, const std::optional<security::Identity>& identity) {
+  if (config.host.empty()) return identity ? identity->name : PlainHostName();
+  if (IsPlainName(config.host)) return config.host;
+  return Fail(Code::kInvalidArgument, fmt::format("host '{}': must match [a-z0-9_-]{{1,64}}", config.host));
 }
 
 Result<Endpoint> OpenEndpoint(const Participant& participant, const std::vector<std::string>& partitions,
@@ -240,6 +272,18 @@ Error DdsError(dds_return_t code, std::string_view attempted) {
   return {kind, fmt::format("{}: {}{}", attempted, dds_strretcode(code), advice)};
 }
 
+namespace {
+
+// Under security the others know a participant that they have admitted by its endpoints: one that has none for a while
+// would look lost (participant_watch.h). Every role may read this topic.
+Status StayVisible(const Participant& participant) {
+  ETUDE_ASSIGN_OR_RETURN(Endpoint reader, OpenReaderOf<Presence>(participant, kDirectoryPartition));
+  participant.state()->visible = {std::move(reader.group), std::move(reader.topic), std::move(reader.endpoint)};
+  return {};
+}
+
+}  // namespace
+
 Result<Participant> Participant::Open(const ParticipantConfig& config) {
   if (config.domain > 230) {
     return Fail(Code::kInvalidArgument, fmt::format("DDS domain {}: expected 0 to 230", config.domain));
@@ -252,16 +296,28 @@ Result<Participant> Participant::Open(const ParticipantConfig& config) {
     ETUDE_RETURN_IF_ERROR(CheckSecuredProfile(profile));
     qos = SecurityQos(*state->identity);
   }
+  ETUDE_ASSIGN_OR_RETURN(state->host, HostOf(config, state->identity));
   ETUDE_ASSIGN_OR_RETURN(state->domain, OpenDomain(config, profile));
   TakeLastDdsError();
   const dds_entity_t handle = dds_create_participant(config.domain, qos.get(), nullptr);
   if (handle < 0) return Fail(OpenError(handle, config, "join"));
   state->participant = Entity(handle);
   state->id = config.domain;
-  if (state->identity) state->watch = ParticipantWatch::Start(*state, *state->identity);
+  if (state->identity) {
+    // a policy server's second domain is the robots': who knocks there must not end it for the first one's, too
+    const auto alone =
+        HasAnotherDomain(config.domain) ? ParticipantWatch::Alone::kStays : ParticipantWatch::Alone::kEnds;
+    state->watch = ParticipantWatch::Start(*state, *state->identity, LeaseSeconds(profile), alone);
+  }
   WarnAboutReceiveBuffer();
   KeepChunksOnTheHeap();
-  return Participant(std::move(state));
+  Participant participant(state);
+  // one that ends in a moment needs nobody (and the library may crash over an endpoint whose identity runs out)
+  constexpr std::int64_t kMoment_s = 60;
+  if (state->identity && state->identity->not_after - static_cast<std::int64_t>(WallSeconds()) > kMoment_s) {
+    ETUDE_RETURN_IF_ERROR(StayVisible(participant));
+  }
+  return participant;
 }
 
 Participant::Participant(std::shared_ptr<State> state) : state_(std::move(state)) {}
@@ -271,6 +327,8 @@ Participant::~Participant() = default;
 
 std::uint32_t Participant::domain() const { return state_->id; }
 bool Participant::secured() const { return state_->identity.has_value(); }
+const std::string& Participant::host() const { return state_->host; }
+Participant Participant::Share() const { return Participant(state_); }
 bool Participant::AllAdmitted() const {
   const PeersSeen peers = LookAround(*state_);
   return std::ranges::includes(peers.admitted, peers.seen);

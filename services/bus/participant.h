@@ -21,6 +21,7 @@ struct ParticipantConfig {
   /// Security section of its own.
   std::string security;
   std::vector<security::Role> roles;  ///< that the identity must have
+  std::string host;                   ///< see Participant::host; empty: the identity's name, else this machine's
 };
 
 /// One DDS participant. Thread-safe; must outlive every Writer and Reader made from it (they share it).
@@ -28,7 +29,8 @@ class Participant {
  public:
   /// The first one also tells malloc to keep up to 64 MB of freed memory (see participant.cc).
   /// With an identity it is watched: that it is about to expire is warned of in time and ends the process before the
-  /// library falls silent, and so does being admitted by nobody (see participant_watch.h).
+  /// library falls silent, and so does being admitted by nobody; a peer that was lost on this side only makes the
+  /// process start again (see participant_watch.h).
   /// @error kUnavailable: no interface, no free participant index, bad profile, an identity that cannot work; says
   /// which and what to do.
   static Result<Participant> Open(const ParticipantConfig& config = {});
@@ -38,9 +40,14 @@ class Participant {
 
   std::uint32_t domain() const;
   bool secured() const;  ///< with an identity
+  /// Whose processes read what is meant for one host (owner.h): a plain name. With an identity it is that one's, and
+  /// its permissions name no other host.
+  const std::string& host() const;
   /// True when every participant that was seen on the domain has been heard, too. Under security that takes a
   /// handshake each (0.2 to 0.7 s); strangers never are.
   bool AllAdmitted() const;
+  /// Another handle of the same participant, for what opens writers later.
+  Participant Share() const;
   struct State;
   const std::shared_ptr<State>& state() const { return state_; }
 

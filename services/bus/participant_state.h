@@ -39,18 +39,27 @@ struct Traffic {
   std::vector<dds_entity_t> endpoints ETUDE_GUARDED_BY(mutex);
 };
 
+/// Of who is there, and what they do.
+inline constexpr char kDirectoryPartition[] = "directory";
+
 class ParticipantWatch;
 
 struct Participant::State {
   std::shared_ptr<Entity> domain;  ///< outlives the participant
   Entity participant;
   std::uint32_t id = 0;
+  std::string host;
   std::optional<security::Identity> identity;
 
   Mutex mutex;
   /// By topic and whether it is of writers.
   std::map<std::pair<std::string, bool>, std::shared_ptr<Traffic>> traffic ETUDE_GUARDED_BY(mutex);
   std::shared_ptr<Traffic> TrafficOf(const std::string& topic, bool is_writer) ETUDE_EXCLUDES(mutex);
+
+  struct Held {
+    Entity group, topic, endpoint;
+  };
+  Held visible = {};  ///< with an identity; see StayVisible
 
   std::shared_ptr<ParticipantWatch> watch;  ///< ends before all that it looks at; none without an identity
 };

@@ -5,21 +5,25 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <condition_variable>
-#include <mutex>
+#include <cstdlib>
 #include <thread>
+#include <utility>
 
 #include "services/bus/builtin_topic.h"
+#include "services/bus/spin_judge.h"
 #include "services/core/clock.h"
+#include "services/core/command.h"
 #include "services/core/log.h"
+#include "services/core/stop.h"
 #include "services/core/stop_reason.h"
+#include "services/core/thread_annotations.h"
 
 namespace etude::bus {
 namespace {
 
 using security::Role;
 
-// A process that others depend on goes on for those that it has; the others end and are started again.
+// A process that others depend on waits for those that have its authority; the others need not stay.
 bool IsHub(const security::Identity& identity) {
   return identity.Has(Role::kCollector) || identity.Has(Role::kTrainer) || identity.Has(Role::kGateway) ||
          identity.Has(Role::kRelay);
@@ -50,20 +54,37 @@ PeersSeen LookAround(const Participant::State& state) {
 
 PeerJudge::Finding PeerJudge::Look(const PeersSeen& peers, double now_s) {
   Finding finding;
-  ever_admitted_.insert(peers.admitted.begin(), peers.admitted.end());
+  for (const auto& id : peers.admitted) admitted_ += ever_admitted_.insert(id).second;
+  bool moves = false;
   std::erase_if(waiting_, [&](const auto& item) {
-    return !peers.seen.contains(item.first) || peers.admitted.contains(item.first);
+    const bool admitted = peers.admitted.contains(item.first);
+    moves = moves || admitted;
+    return admitted || !peers.seen.contains(item.first);
   });
-  for (const auto& id : peers.admitted) told_.erase(id);
+  if (moves) moved_s_ = now_s;
   for (const auto& id : peers.seen) {
     if (peers.admitted.contains(id)) continue;
-    const double since = waiting_.try_emplace(id, now_s).first->second;
-    if (now_s - since < kPatienceS) continue;
+    const double waits_s = now_s - waiting_.try_emplace(id, now_s).first->second;
     if (ever_admitted_.contains(id)) {
-      if (told_.insert(id).second) finding.lost.push_back(id);
-    } else if (ever_admitted_.empty()) {
+      const bool in_turn = now_s - moved_s_ < lost_patience_s_ && waits_s < kPatienceS;
+      if (waits_s >= lost_patience_s_ && !in_turn) finding.lost.insert(id);
+    } else if (ever_admitted_.empty() && waits_s >= kPatienceS) {
       finding.alone = true;
     }
+  }
+  return finding;
+}
+
+DatesFinding LookAtDates(const security::Identity& identity, std::int64_t now) {
+  DatesFinding finding;
+  if (now >= security::EndAt(identity)) {
+    finding.over = Error{Code::kUnavailable,
+                         fmt::format("identity '{}' expires on {}: this process ends before the bus falls silent; "
+                                     "issue it again (etude security issue DIR --name {}) and start it again",
+                                     identity.name, security::UtcText(identity.not_after), identity.name)};
+  } else if (now >= security::WarnAt(identity)) {
+    finding.soon = fmt::format("identity expires soon name={} on={}: issue it again and restart this process before",
+                               identity.name, security::UtcText(identity.not_after));
   }
   return finding;
 }
@@ -71,81 +92,119 @@ PeerJudge::Finding PeerJudge::Look(const PeersSeen& peers, double now_s) {
 struct ParticipantWatch::Impl {
   const Participant::State* state = nullptr;
   security::Identity identity;
-  std::mutex mutex;
-  std::condition_variable changed;
-  bool ending = false;
+  Mutex mutex;
+  ConditionVariable changed;
+  bool ending ETUDE_GUARDED_BY(mutex) = false;
+  // of its thread
   bool warned = false;
   PeerJudge judge;
+  bool for_others = false;  // it has another domain, whose peers it does not leave
+  bool stays_alone = false;
+  std::set<std::string> told;  // of the lost
+  SpinJudge spin;
   Stopwatch since_start;
   std::thread thread;
 
   void Run();
+  bool AwaitRound() ETUDE_EXCLUDES(mutex);
+  void End() ETUDE_EXCLUDES(mutex);
   void CheckDates();
   void CheckPeers();
+  void MakeAnew(const std::set<std::string>& lost);
+  void CheckThreads();
 };
 
 void ParticipantWatch::Impl::CheckDates() {
-  const auto now = static_cast<std::int64_t>(WallSeconds());
-  if (now >= security::EndAt(identity)) {
-    StopBecause({Code::kUnavailable,
-                 fmt::format("identity '{}' expires on {}: this process ends before the bus falls silent; issue it "
-                             "again (etude security issue DIR --name {}) and start it again",
-                             identity.name, security::UtcText(identity.not_after), identity.name)});
-  } else if (now >= security::WarnAt(identity) && !warned) {
-    warned = true;
-    Log().warn("identity expires soon name={} on={}: issue it again and restart this process before", identity.name,
-               security::UtcText(identity.not_after));
-  }
+  const auto finding = LookAtDates(identity, static_cast<std::int64_t>(WallSeconds()));
+  if (finding.over) StopBecause(*finding.over);
+  if (finding.soon && !std::exchange(warned, true)) Log().warn("{}", *finding.soon);
+}
+
+// One that started again a moment ago waits: whoever cannot be admitted must not keep it from its work for others.
+void ParticipantWatch::Impl::MakeAnew(const std::set<std::string>& lost) {
+  const std::string text = fmt::format("{} peers were lost on this side only and are not admitted again: {}",
+                                       lost.size(), fmt::join(lost, ", "));
+  if (!for_others && MayStartAgain())
+    return RestartBecause({Code::kTimeout, text + "; with another participant they are"});
+  if (std::ranges::includes(told, lost)) return;
+  told.insert(lost.begin(), lost.end());
+  if (for_others)
+    Log().error("{}; start them again: this process goes on for those of its other domain", text);
+  else
+    Log().error("{}; this process starts again when its jobs have ended and {} s have passed since it last did", text,
+                kLeastLifeS);
 }
 
 void ParticipantWatch::Impl::CheckPeers() {
   const auto finding = judge.Look(LookAround(*state), since_start.Seconds());
-  if (!finding.lost.empty()) {
-    const std::string text = fmt::format("{} peers were lost on this side only and are not admitted again: {}",
-                                         finding.lost.size(), fmt::join(finding.lost, ", "));
-    if (IsHub(identity))
-      Log().error("{}; they come back when they are started again, or this process is", text);
-    else
-      StopBecause({Code::kTimeout, text + "; this process ends, to be started again"});
-  }
-  if (finding.alone && !IsHub(identity))
+  if (!finding.lost.empty()) MakeAnew(finding.lost);
+  if (finding.alone && !stays_alone)
     StopBecause({Code::kUnavailable,
                  fmt::format("identity '{}': somebody is on the domain, but nobody admitted this process within {} s: "
                              "is its authority (identity-ca.pem, permissions-ca.pem) theirs, and is it revoked there?",
                              identity.name, PeerJudge::kPatienceS)});
 }
 
+// What turns does not end when it is asked to: the process may hang on its way out, and is then ended as by a kill.
+void ParticipantWatch::Impl::CheckThreads() {
+  static constexpr std::chrono::seconds kWayOut{120};
+  const auto spinning = spin.Look(ThreadTimes(), since_start.Seconds(), judge.admitted());
+  if (!spinning || StopRequested() || !MayStartAgain()) return;
+  RestartBecause(
+      {Code::kInternal,
+       fmt::format("the DDS library's thread '{}' has turned without an end for {} s, and nobody is admitted "
+                   "any more (cyclonedds#1548: strangers that knock for long, see `etude doctor net`)",
+                   spinning->name, SpinJudge::kSpinningS)});
+  std::thread([] {
+    std::this_thread::sleep_for(kWayOut);
+    Log().error("the DDS library does not let this process end: it ends now, as by a kill");
+    StartAgainIfWanted();
+    std::_Exit(kExitFailure);
+  }).detach();
+}
+
+// False when it ends.
+bool ParticipantWatch::Impl::AwaitRound() {
+  const auto due = MonotonicClock::now() + std::chrono::milliseconds(500);
+  const MutexLock lock(mutex);
+  while (!ending && MonotonicClock::now() < due) changed.WaitFor(mutex, due - MonotonicClock::now());
+  return !ending;
+}
+
 void ParticipantWatch::Impl::Run() {
-  using namespace std::chrono_literals;
   int round = 0;
-  std::unique_lock lock(mutex);
-  while (!ending) {
-    lock.unlock();
+  do {
     CheckDates();
-    if (round++ % 4 == 3) CheckPeers();
-    lock.lock();
-    changed.wait_for(lock, 500ms, [this] { return ending; });
+    if (round % 2 == 1) CheckPeers();
+    if (round % 4 == 3) CheckThreads();
+    ++round;
+  } while (AwaitRound());
+}
+
+void ParticipantWatch::Impl::End() {
+  {
+    const MutexLock lock(mutex);
+    ending = true;
   }
+  changed.NotifyAll();
+  thread.join();
 }
 
 ParticipantWatch::ParticipantWatch(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 
-std::unique_ptr<ParticipantWatch> ParticipantWatch::Start(const Participant::State& state,
-                                                          security::Identity identity) {
+std::unique_ptr<ParticipantWatch> ParticipantWatch::Start(const Participant::State& state, security::Identity identity,
+                                                          double lease_s, Alone alone) {
   auto impl = std::make_unique<Impl>();
   impl->state = &state;
+  impl->for_others = alone == Alone::kStays;
+  impl->stays_alone = impl->for_others || IsHub(identity);
   impl->identity = std::move(identity);
+  // less than a lease: finding out, starting again and the handshakes take their time, too
+  impl->judge = PeerJudge(0.7 * lease_s);
   impl->thread = std::thread([raw = impl.get()] { raw->Run(); });
   return std::unique_ptr<ParticipantWatch>(new ParticipantWatch(std::move(impl)));
 }
 
-ParticipantWatch::~ParticipantWatch() {
-  {
-    const std::scoped_lock lock(impl_->mutex);
-    impl_->ending = true;
-  }
-  impl_->changed.notify_all();
-  impl_->thread.join();
-}
+ParticipantWatch::~ParticipantWatch() { impl_->End(); }
 
 }  // namespace etude::bus

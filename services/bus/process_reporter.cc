@@ -4,12 +4,9 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <condition_variable>
 #include <deque>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <stop_token>
 #include <thread>
 #include <utility>
 
@@ -21,6 +18,7 @@
 #include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/process_facts.h"
+#include "services/core/thread_annotations.h"
 
 namespace etude::bus {
 namespace {
@@ -61,23 +59,32 @@ struct ProcessReporter::Impl {
   ProcessStatus status;
   ProcessMeter meter;
 
-  std::mutex mutex;
-  std::condition_variable_any wake;
-  std::deque<LogRecord> waiting;  // guarded by mutex
-  std::uint64_t number = 0;       // of the last event, guarded by mutex
+  Mutex mutex;
+  ConditionVariable wake;
+  std::deque<LogRecord> waiting ETUDE_GUARDED_BY(mutex);
+  std::uint64_t number ETUDE_GUARDED_BY(mutex) = 0;  // of the last event
+  bool ending ETUDE_GUARDED_BY(mutex) = false;
   std::optional<LogListener> listener;
-  std::jthread thread;  // last: it uses all of the above
+  std::thread thread;  // last: it uses all of the above
 
-  void Hear(const LogRecord& record) {
-    const std::scoped_lock lock(mutex);
+  void Hear(const LogRecord& record) ETUDE_EXCLUDES(mutex) {
+    const MutexLock lock(mutex);
     if (waiting.size() >= kMostWaiting) {
       waiting.pop_front();
       ++number;  // a gap in the numbers is what was dropped
     }
     waiting.push_back(record);
-    wake.notify_one();
+    wake.NotifyOne();
   }
-  void Work(const std::stop_token& stop);
+  // What is to be published now.
+  struct News {
+    std::deque<LogRecord> records;
+    std::uint64_t first = 0;  // number of the first of them
+    bool ends = false;
+  };
+  News AwaitNews(MonotonicClock::time_point due) ETUDE_EXCLUDES(mutex);
+  void Work();
+  void End() ETUDE_EXCLUDES(mutex);
   void PublishEvents(std::deque<LogRecord> records, std::uint64_t first);
   void PublishStatus();
 };
@@ -110,33 +117,42 @@ void ProcessReporter::Impl::PublishEvents(std::deque<LogRecord> records, std::ui
   }
 }
 
-void ProcessReporter::Impl::Work(const std::stop_token& stop) {
-  auto next = MonotonicClock::now();
-  std::unique_lock lock(mutex);
+// Until something is logged, the process ends, or the status is due.
+ProcessReporter::Impl::News ProcessReporter::Impl::AwaitNews(MonotonicClock::time_point due) {
+  const MutexLock lock(mutex);
+  while (waiting.empty() && !ending && MonotonicClock::now() < due) wake.WaitFor(mutex, due - MonotonicClock::now());
+  News news{std::exchange(waiting, {}), number + 1, ending};
+  number += news.records.size();
+  return news;
+}
+
+// What was logged before the end is published first.
+void ProcessReporter::Impl::Work() {
+  auto due = MonotonicClock::now();
   while (true) {
-    wake.wait_until(lock, stop, next, [this] { return !waiting.empty(); });
-    auto records = std::exchange(waiting, {});
-    const std::uint64_t first = number + 1;
-    number += records.size();
-    const bool ends = stop.stop_requested();
-    const bool due = MonotonicClock::now() >= next;
-    lock.unlock();
-    PublishEvents(std::move(records), first);
-    if (due && !ends) {
-      PublishStatus();
-      next = MonotonicClock::now() + every;
-    }
-    lock.lock();
-    if (ends && waiting.empty()) return;
+    News news = AwaitNews(due);
+    if (news.ends && news.records.empty()) return;
+    PublishEvents(std::move(news.records), news.first);
+    if (news.ends || MonotonicClock::now() < due) continue;
+    PublishStatus();
+    due = MonotonicClock::now() + every;
   }
+}
+
+void ProcessReporter::Impl::End() {
+  listener.reset();
+  {
+    const MutexLock lock(mutex);
+    ending = true;
+  }
+  wake.NotifyOne();
+  thread.join();
 }
 
 ProcessReporter::ProcessReporter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 
 ProcessReporter::~ProcessReporter() {
-  impl_->listener.reset();
-  impl_->thread.request_stop();
-  impl_->thread.join();
+  impl_->End();
   (void)impl_->statuses.Dispose(impl_->status);
 }
 
@@ -163,7 +179,7 @@ Result<std::unique_ptr<ProcessReporter>> ProcessReporter::Start(const Participan
                                       .meter = ProcessMeter(options.folder)});
   Impl* const self = impl.get();
   impl->listener.emplace([self](const LogRecord& record) { self->Hear(record); });
-  impl->thread = std::jthread([self](const std::stop_token& stop) { self->Work(stop); });
+  impl->thread = std::thread([self] { self->Work(); });
   return std::unique_ptr<ProcessReporter>(new ProcessReporter(std::move(impl)));
 }
 

@@ -75,6 +75,18 @@ std::optional<double> BytesOf(std::string_view value) {
   return unit == kUnits.end() ? std::nullopt : std::optional(number * unit->second);
 }
 
+// The same for times.
+std::optional<double> SecondsOf(std::string_view value) {
+  static const std::map<std::string, double, std::less<>> kUnits{{"ns", 1e-9}, {"us", 1e-6}, {"ms", 1e-3},   {"s", 1},
+                                                                 {"min", 60},  {"hr", 3600}, {"day", 86'400}};
+  const std::string text(value);
+  char* end = nullptr;
+  const double number = std::strtod(text.c_str(), &end);
+  const auto unit = kUnits.find(Trimmed(end));
+  if (end == text.c_str() || unit == kUnits.end() || !(number > 0)) return std::nullopt;
+  return number * unit->second;
+}
+
 }  // namespace
 
 Result<std::string> ProfileText(const std::string& profile) {
@@ -85,6 +97,14 @@ Result<std::string> ProfileText(const std::string& profile) {
   if (uri.empty()) return std::string(kLocalProfile);
   if (uri.starts_with('<') || uri.find(',') != std::string_view::npos) return std::string(uri);
   return ReadProfile(std::string(uri.starts_with(kFileUri) ? uri.substr(kFileUri.size()) : uri));
+}
+
+double LeaseSeconds(const std::string& profile) {
+  constexpr double kDefault = 10;
+  const std::string text = LowerCaseWithoutComments(profile);
+  std::string_view rest = text;
+  const auto content = TakeElement(rest, "leaseduration");
+  return content ? SecondsOf(Value(*content)).value_or(kDefault) : kDefault;
 }
 
 Status CheckSecuredProfile(const std::string& profile) {

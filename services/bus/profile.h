@@ -17,4 +17,8 @@ Result<std::string> ProfileText(const std::string& profile);
 /// `profile` is a list of files, which is not looked into
 Status CheckSecuredProfile(const std::string& profile);
 
+/// Seconds without a word after which a participant of this profile counts as gone (LeaseDuration), the library's own
+/// 10 where it says none.
+double LeaseSeconds(const std::string& profile);
+
 }  // namespace etude::bus

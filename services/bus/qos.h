@@ -18,7 +18,11 @@ struct TopicQos {
   int late = 1;                                  ///< with transient_local: samples per key for late joiners
 };
 
-inline constexpr TopicQos kEvents{false, 0};  ///< requests, leases, reports, chunks: none is lost
+inline constexpr TopicQos kEvents{false, 0};  ///< requests, reports, chunks: none is lost
+/// Leases and acknowledgements: events, but who asked asks again when no answer comes, so that its writer does not wait
+/// for long. Where a reader's process was killed or stopped there is no room until its participant's lease is over, and
+/// whoever waited for it would hold up all other hosts.
+inline constexpr TopicQos kAnswers{false, 0, std::chrono::milliseconds{20}};
 inline constexpr TopicQos kNewest{false, 1};  ///< telemetry, observations: the newest counts
 inline constexpr TopicQos kState{true, 1};    ///< as kNewest, and late joiners get it too
 inline constexpr TopicQos kRecent{true, 64, std::chrono::milliseconds{1000},

@@ -91,7 +91,7 @@ std::optional<SecurityLine> TranslateSecurity(std::string_view text) {
 
 std::optional<std::string> SecurityLines::Take(const SecurityLine& line) {
   if (line.text.empty()) return std::nullopt;
-  const std::scoped_lock lock(mutex_);
+  const MutexLock lock(mutex_);
   if (said_.size() >= kMostPeers) return std::nullopt;
   if (!said_.insert(line.reason + "\n" + line.peer).second) return std::nullopt;
   return line.text;

@@ -4,11 +4,12 @@
 #pragma once
 
 #include <cstdint>
-#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
 #include <string_view>
+
+#include "services/core/thread_annotations.h"
 
 namespace etude::bus {
 
@@ -29,8 +30,8 @@ class SecurityLines {
 
  private:
   static constexpr std::size_t kMostPeers = 4096;  // strangers choose their names
-  std::mutex mutex_;
-  std::set<std::string> said_;
+  Mutex mutex_;
+  std::set<std::string> said_ ETUDE_GUARDED_BY(mutex_);
 };
 
 }  // namespace etude::bus

@@ -72,7 +72,7 @@ bool ReadAll(std::span<const std::uint8_t> cdr, Fields&... fields) {
 
 bool Parse(std::span<const std::uint8_t> cdr, ManifestView& v) {
   return ReadAll(cdr, v.id, v.size, v.token, v.chunk_size, v.chunk_count, v.channel, v.sender, v.owner, v.sha256,
-                 v.meta_json, v.data);
+                 v.meta_json, v.data, v.host);
 }
 
 bool Parse(std::span<const std::uint8_t> cdr, ChunkView& v) {

@@ -25,6 +25,7 @@ struct ManifestView {
   std::span<const std::uint8_t> sha256;
   std::string_view meta_json;
   std::span<const std::uint8_t> data;
+  std::string_view host;
 };
 
 struct ChunkView {

@@ -161,6 +161,10 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Pr
   ETUDE_FIELD(folder);
   ETUDE_FIELD(since);
   ETUDE_FIELD(epoch);
+  ETUDE_FIELD(shard);
+  ETUDE_FIELD(shards);
+  ETUDE_FIELD(spec_sha256);
+  ETUDE_FIELD(folder_key);
 }
 
 template <class F, class M, class W>
@@ -189,6 +193,8 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Wo
   ETUDE_FIELD(wire);
   ETUDE_FIELD(content);
   ETUDE_FIELD(fingerprint_json);
+  ETUDE_FIELD(host);
+  ETUDE_FIELD(working_on);
 }
 
 template <class F, class M, class W>
@@ -270,6 +276,8 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Ca
   ETUDE_FIELD(state);
   ETUDE_FIELD(control_id);
   ETUDE_FIELD(control_refusal);
+  ETUDE_FIELD(rechecked);
+  ETUDE_FIELD(mismatched);
 }
 
 template <class F, class M, class W>
@@ -277,9 +285,11 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Ca
   ETUDE_FIELD(campaign);
   ETUDE_FIELD(control_id);
   ETUDE_FIELD(campaign_id);
-  ETUDE_FIELD_UP_TO(action, ControlAction::kStop);
+  ETUDE_FIELD_UP_TO(action, ControlAction::kFilterKey);
   ETUDE_FIELD(host);
   ETUDE_FIELD(user);
+  ETUDE_FIELD(filter_key);
+  ETUDE_FIELD(episodes);
 }
 
 template <class F, class M, class W>
@@ -295,6 +305,7 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Bl
   ETUDE_FIELD(token);
   ETUDE_FIELD(meta_json);
   ETUDE_FIELD_UP_TO(data, 512 * 1024);
+  ETUDE_FIELD(host);
 }
 
 template <class F, class M, class W>
@@ -332,6 +343,7 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, Ob
   ETUDE_FIELD(robot);
   ETUDE_FIELD_UP_TO(intrinsics, 4);
   ETUDE_FIELD_UP_TO(camera_pose, 7);
+  ETUDE_FIELD(host);
 }
 
 template <class F, class M, class W>
@@ -381,6 +393,8 @@ void Fields(F& f, M& m, W& w) requires std::is_same_v<std::remove_const_t<M>, In
   ETUDE_FIELD_UP_TO(picture, 4u << 20);
   ETUDE_FIELD_UP_TO(waypoints, 4096);
   ETUDE_FIELD_UP_TO(view, 4);
+  ETUDE_FIELD(worth_json);
+  ETUDE_FIELD_UP_TO(what_if_waypoints, 4096);
 }
 
 template <class F, class M, class W>
@@ -522,7 +536,7 @@ ETUDE_TRAITS(CampaignAnnouncement, "etude/campaign/announcement", kState, kCampa
              MaskOf(Role::kWorker, Role::kGateway, Role::kSubscriber))
 ETUDE_TRAITS(WorkRequest, "etude/campaign/request", kEvents, kCampaign, MaskOf(Role::kWorker),
              MaskOf(Role::kCollector, Role::kGateway))
-ETUDE_TRAITS(Lease, "etude/campaign/lease", kEvents, kCampaign, MaskOf(Role::kCollector), MaskOf(Role::kWorker))
+ETUDE_TRAITS(Lease, "etude/campaign/lease", kAnswers, kCampaignHost, MaskOf(Role::kCollector), MaskOf(Role::kWorker))
 ETUDE_TRAITS(WorkerStatus, "etude/campaign/worker", kNewest, kCampaign, MaskOf(Role::kWorker),
              MaskOf(Role::kCollector, Role::kGateway))
 ETUDE_TRAITS(AttemptReport, "etude/campaign/report", kEvents, kCampaign, MaskOf(Role::kWorker),
@@ -535,10 +549,10 @@ ETUDE_TRAITS(CampaignControl, "etude/campaign/control", kEvents, kCampaign, Mask
              MaskOf(Role::kCollector))
 ETUDE_TRAITS(BlobManifest, "etude/blob/manifest", kEvents, kEpisodes, MaskOf(Role::kWorker), MaskOf(Role::kCollector))
 ETUDE_TRAITS(BlobChunk, "etude/blob/chunk", kEvents, kEpisodes, MaskOf(Role::kWorker), MaskOf(Role::kCollector))
-ETUDE_TRAITS(BlobAck, "etude/blob/ack", kEvents, kEpisodes, MaskOf(Role::kCollector), MaskOf(Role::kWorker))
+ETUDE_TRAITS(BlobAck, "etude/blob/ack", kAnswers, kCampaignHost, MaskOf(Role::kCollector), MaskOf(Role::kWorker))
 ETUDE_TRAITS(Observation, "etude/policy/observation", kNewest, kRun,
              MaskOf(Role::kRobot, Role::kWorker, Role::kGateway), MaskOf(Role::kPolicy))
-ETUDE_TRAITS(Action, "etude/policy/action", kNewest, kRun, MaskOf(Role::kPolicy),
+ETUDE_TRAITS(Action, "etude/policy/action", kNewest, kRunHost, MaskOf(Role::kPolicy),
              MaskOf(Role::kRobot, Role::kWorker, Role::kGateway))
 ETUDE_TRAITS(InsightWish, "etude/policy/insight_wish", kNewest, kRun, MaskOf(Role::kGateway), MaskOf(Role::kPolicy))
 ETUDE_TRAITS(Insight, "etude/policy/insight", kNewest, kRun, MaskOf(Role::kPolicy), MaskOf(Role::kGateway))

@@ -14,6 +14,7 @@
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
 #include "services/core/without_throwing.h"
+#include "services/store/attempts.h"
 
 namespace etude::campaign {
 
@@ -23,14 +24,16 @@ void Collector::Impl::Announce(bool complete) {
   bus::CampaignAnnouncement announcement;
   announcement.campaign = spec.name;
   announcement.campaign_id = id;
-  announcement.spec_json = ToJson(spec).dump();
+  OrderedJson json = ToJson(spec);
+  json.erase("recheck");  // no matter of the workers', and those of before it would not know it
+  announcement.spec_json = json.dump();
   announcement.spec_sha256 = spec_sha256;
   announcement.version = Version();
   announcement.content = options.content;
   announcement.epoch = epoch;
   announcement.policy_id = options.policy_id;
   announcement.complete = complete;
-  if (const Status written = announcements.Write(announcement); !written)
+  if (const Status written = topics.announcements.Write(announcement); !written)
     Log().warn("cannot announce campaign={}: {}", spec.name, written.error().message);
 }
 
@@ -52,9 +55,9 @@ void Collector::Impl::Guard(const char* thread, const std::function<void()>& wor
   stop.store(true);
 }
 
-bool Collector::Impl::Complete() const {
+bool Collector::Impl::Complete() {
   const MutexLock lock(mutex);
-  return table.complete();
+  return AllDone();
 }
 
 Collector::Collector(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -71,6 +74,31 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
 
 namespace {
 
+// A folder stays what it began as: episodes of another shard in it would be in two datasets.
+Status CheckShard(const CampaignSpec& spec, const EpisodeSink& sink, const Shard& shard) {
+  const std::string folder = sink.folder().string();
+  const auto known = KnownShard(sink.folder());
+  if (known && *known != shard.text())
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("'{}' is shard {} of campaign '{}': go on with it by --shard {}, or collect {} into another "
+                    "folder (`etude dataset link` makes one dataset of all shards)",
+                    folder, *known, spec.name, *known, shard.whole() ? "all" : "shard " + shard.text()));
+  if (shard.whole()) return {};
+  if (spec.mode != "demonstrate" || spec.adaptive_sampling.on())
+    return Fail(Code::kInvalidArgument,
+                fmt::format("campaign '{}': --shard {}: {} has one collector, without --shard", spec.name, shard.text(),
+                            spec.mode != "demonstrate" ? "an evaluation" : "a campaign with adaptive_sampling"));
+  for (const std::uint64_t index : sink.committed())
+    if (!shard.Has(index))
+      return Fail(
+          Code::kInvalidArgument,
+          fmt::format("'{}' has episode {}, which is none of shard {}: collect the shard into another folder, or "
+                      "go on without --shard",
+                      folder, index, shard.text()));
+  return {};
+}
+
 // Says who this is, after making sure that nobody else is it; its epoch is then larger than any before.
 Result<bus::Announcement> ClaimName(const bus::Participant& participant, const CampaignSpec& spec, const Path& folder,
                                     const CollectorOptions& options) {
@@ -79,30 +107,45 @@ Result<bus::Announcement> ClaimName(const bus::Participant& participant, const C
   bus::Presence presence = bus::MakePresence(bus::PresenceKind::kCampaign, spec.name, identity.id, folder.string());
   presence.content = options.content;
   presence.epoch = last + 1;
+  if (!options.shard.whole()) {
+    presence.shard = options.shard.number;
+    presence.shards = options.shard.count;
+    presence.spec_sha256 = SpecHash(spec);
+  }
   ETUDE_ASSIGN_OR_RETURN(auto announcement, bus::Announcement::Open(participant, presence, options.claim));
   ETUDE_RETURN_IF_ERROR(RememberEpoch(folder, announcement.presence().epoch));
+  if (!options.shard.whole()) ETUDE_RETURN_IF_ERROR(RememberShard(folder, options.shard.text()));
   return announcement;
+}
+
+LeaseTable MakeTable(const CampaignSpec& spec, const EpisodeSink& sink, const History& history,
+                     const CollectorOptions& options, std::uint64_t epoch) {
+  LeaseTable table({.total = spec.episodes,
+                    .shard = options.shard,
+                    .max_attempts = static_cast<std::uint32_t>(spec.max_attempts),
+                    .max_in_flight = options.max_in_flight,
+                    .duration = options.lease,
+                    .epoch = epoch});
+  for (const std::uint64_t index : sink.committed()) table.RestoreCommitted(index);
+  for (const auto& [index, past] : history.indices) table.RestoreFailures(index, past.failures, past.next_attempt);
+  return table;
+}
+
+CollectorProgress CountersOf(const History& history, const store::SamplingJournal& journal) {
+  CollectorProgress counters;
+  counters.failures = history.failures;
+  if (auto differed = counters.failures.extract(store::kRecheckMismatch)) counters.mismatched = differed.mapped();
+  counters.reweighted = journal.entries().size();
+  if (counters.reweighted > 0) counters.reweighted_from = journal.entries().back().from_index;
+  return counters;
 }
 
 }  // namespace
 
-Result<Collector> Collector::Open(const bus::Participant& participant, const CampaignSpec& spec,
-                                  std::unique_ptr<EpisodeSink> sink, const CollectorOptions& options) {
-  ETUDE_RETURN_IF_ERROR(spec.Validate());
-  ETUDE_ASSIGN_OR_RETURN(auto presence, ClaimName(participant, spec, sink->folder(), options));
-  const std::string id = presence.presence().id;
-  const std::uint64_t epoch = presence.presence().epoch;
-  LeaseTable table(
-      {spec.episodes, static_cast<std::uint32_t>(spec.max_attempts), options.max_in_flight, options.lease, epoch});
-  for (const std::uint64_t index : sink->committed()) table.RestoreCommitted(index);
-  const History history = ReadHistory(sink->folder(), spec);
-  for (const auto& [index, past] : history.indices) table.RestoreFailures(index, past.failures, past.next_attempt);
-  ETUDE_ASSIGN_OR_RETURN(auto journal, store::SamplingJournal::Open(sink->folder(), spec));
-
-  const bus::Owner owner{spec.name, id};
+Result<CollectorTopics> CollectorTopics::Open(const bus::Participant& participant, const bus::Owner& owner,
+                                              const CollectorOptions& options) {
   const std::string partition = owner.partition();
   ETUDE_ASSIGN_OR_RETURN(auto announcements, bus::Writer<bus::CampaignAnnouncement>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto leases, bus::Writer<bus::Lease>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Writer<bus::CampaignStatus>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto requests, bus::Reader<bus::WorkRequest>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto reports, bus::Reader<bus::AttemptReport>::Open(participant, partition));
@@ -111,36 +154,40 @@ Result<Collector> Collector::Open(const bus::Participant& participant, const Cam
   ETUDE_ASSIGN_OR_RETURN(auto controls, bus::Reader<bus::CampaignControl>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto episodes,
                          bus::BlobReceiver::Open(participant, owner, "episode", {.max_memory = options.max_memory}));
+  bus::HostWriters<bus::Lease> leases(participant, partition);
+  return CollectorTopics{std::move(announcements), std::move(leases),   std::move(statuses),
+                         std::move(requests),      std::move(reports),  std::move(heartbeats),
+                         std::move(errors),        std::move(controls), std::move(episodes)};
+}
 
+Result<Collector> Collector::Open(const bus::Participant& participant, const CampaignSpec& spec,
+                                  std::unique_ptr<EpisodeSink> sink, const CollectorOptions& options) {
+  ETUDE_RETURN_IF_ERROR(spec.Validate());
+  ETUDE_RETURN_IF_ERROR(CheckShard(spec, *sink, options.shard));
+  ETUDE_ASSIGN_OR_RETURN(auto presence, ClaimName(participant, spec, sink->folder(), options));
+  const std::string id = presence.presence().id;
+  const std::uint64_t epoch = presence.presence().epoch;
+  const History history = ReadHistory(sink->folder(), spec);
+  LeaseTable table = MakeTable(spec, *sink, history, options, epoch);
+  ETUDE_ASSIGN_OR_RETURN(auto journal, store::SamplingJournal::Open(sink->folder(), spec));
+  ETUDE_ASSIGN_OR_RETURN(auto topics, CollectorTopics::Open(participant, {spec.name, id}, options));
   // before anything is committed, files may still be mended
-  const auto files = sink->committed().empty() ? std::nullopt : KnownFiles(sink->folder());
-  const auto fingerprint = sink->committed().empty() ? std::nullopt : KnownFingerprint(sink->folder());
-  CollectorProgress counters;
-  counters.failures = history.failures;
-  counters.reweighted = journal.entries().size();
-  if (counters.reweighted > 0) counters.reweighted_from = journal.entries().back().from_index;
+  const bool begun = !sink->committed().empty();
   std::unique_ptr<Impl> impl(new Impl{.spec = spec,
                                       .spec_sha256 = SpecHash(spec),
                                       .options = options,
                                       .id = id,
                                       .epoch = epoch,
                                       .presence = std::move(presence),
-                                      .files_sha256 = files,
-                                      .fingerprint = fingerprint,
-                                      .announcements = std::move(announcements),
-                                      .leases = std::move(leases),
-                                      .statuses = std::move(statuses),
-                                      .requests = std::move(requests),
-                                      .reports = std::move(reports),
-                                      .heartbeats = std::move(heartbeats),
-                                      .errors = std::move(errors),
-                                      .controls = std::move(controls),
+                                      .files_sha256 = begun ? KnownFiles(sink->folder()) : std::nullopt,
+                                      .fingerprint = begun ? KnownFingerprint(sink->folder()) : std::nullopt,
+                                      .topics = std::move(topics),
                                       .run_id = options.run_id,
-                                      .episodes = std::move(episodes),
                                       .sink = std::move(sink),
                                       .table = std::move(table),
-                                      .counters = std::move(counters),
+                                      .counters = CountersOf(history, journal),
                                       .failed_attempts = history.total,
+                                      .rechecks = RecheckTable({spec.recheck, spec.seed, epoch, options.lease}),
                                       .journal = std::move(journal)});
   return Collector(std::move(impl));
 }
@@ -149,11 +196,12 @@ void Collector::Impl::ReceiveUntilOver() {
   std::optional<WatchedLoop> watched(std::in_place);
   while (!Stopping() && !Complete()) {
     watched->Moved();
-    if (auto blob = episodes.Receive(50ms)) Enqueue(std::move(*blob));
+    if (auto blob = topics.episodes.Receive(50ms)) Enqueue(std::move(*blob));
   }
   watched.reset();
   if (!Complete()) return;
-  WriteIndex();
+  SayUnchecked(true);
+  WriteIndex(true);
   Announce(true);
   Drain();
 }
@@ -165,8 +213,8 @@ Status Collector::Run() {
     impl.started = MonotonicClock::now();
   }
   impl.Announce(impl.Complete());
-  Log().info("campaign={}@{} episodes={} committed={} epoch={}", impl.spec.name, impl.id, impl.spec.episodes,
-             progress().committed, impl.epoch);
+  Log().info("campaign={}@{} episodes={} committed={} epoch={}{}", impl.spec.name, impl.id, progress().total,
+             progress().committed, impl.epoch, impl.options.shard.whole() ? "" : " shard=" + impl.options.shard.text());
   std::thread control([&impl] { impl.Guard("control", [&impl] { impl.Control(); }); });
   std::thread indexer([&impl] { impl.Guard("index", [&impl] { impl.IndexNowAndThen(); }); });
   std::vector<std::thread> committing;
@@ -177,7 +225,10 @@ Status Collector::Run() {
   impl.Close();
   for (auto& thread : committing) thread.join();
   indexer.join();
-  impl.Guard("index", [&impl] { impl.WriteIndex(); });
+  impl.Guard("index", [&impl] {
+    impl.WriteWishedKeys();
+    impl.WriteIndex(true);
+  });
   impl.finished.store(true);
   control.join();
   const CollectorProgress progress = this->progress();
@@ -205,6 +256,7 @@ std::vector<std::string> Collector::TakeSilent() {
 void Collector::Revoke(const std::string& worker) {
   const MutexLock lock(impl_->mutex);
   impl_->table.Revoke(worker);
+  impl_->rechecks.Revoke(worker);
   impl_->heard.erase(worker);
   impl_->motions.erase(worker);
 }

@@ -10,6 +10,10 @@
 // second collector of the same id ends one of the two. Where the spec has adaptive_sampling, weights that follow from a
 // trainer's validation errors hold from an index on that nobody was leased before, once they are durable in the
 // folder's sampling journal: a restart, or the same spec and journal elsewhere, make the same episodes.
+//
+// With CollectorOptions::shard it is one of several that share a campaign of one name and spec: each has its own
+// folder, id, tokens and attempts, and every K-th episode. Two of one shard, or of different counts, are refused like
+// two of one id.
 #pragma once
 
 #include <chrono>
@@ -26,23 +30,26 @@
 #include "services/core/result.h"
 #include "services/spec/campaign_spec.h"
 #include "services/spec/content_version.h"
+#include "services/spec/shard.h"
 
 namespace etude::campaign {
 
 struct CollectorOptions {
   std::chrono::milliseconds lease{10'000};  ///< a worker silent for this long loses its work
   std::chrono::milliseconds status_every{1'000};
-  std::chrono::milliseconds index_every{30'000};  ///< dataset.hdf5 and statistics; less often where they take long
+  std::chrono::milliseconds index_every{
+      30'000};  ///< statistics, and dataset.hdf5 when it is due (DatasetWriter::WriteProgress)
   std::chrono::milliseconds retry_commit{1'000};  ///< after a full disk
   std::chrono::milliseconds drain{2'000};         ///< at the end, to tell workers that it is done
   std::chrono::milliseconds away{15'000};  ///< the same, when some that worked in the last minute are not to be heard
   int unfit_budget = 3;                    ///< episodes in a row that do not fit; then their worker is sent away
   std::chrono::milliseconds policy_patience{300'000};  ///< rollouts without one answer; then the evaluation fails
-  std::uint64_t max_in_flight = 1024;                  ///< leases out at once
+  std::uint64_t max_in_flight = 1024;                  ///< leases worked on at once; as many may wait
   std::size_t commit_threads = 0;                      ///< 0: as many as cores, at most 4
   /// Bytes of episodes that came and are not durable yet; one alone may be larger. Senders beyond it wait, so that a
   /// stalled or full disk costs no more memory than this.
   std::uint64_t max_memory = 512ull << 20;
+  Shard shard;                              ///< of the campaign's episodes those that this collector has
   Claim claim = Claim::kRefuse;             ///< when the folder's id is live elsewhere
   std::string policy_id;                    ///< rollouts ask this run's policy; "": whoever serves its name
   std::string run_id;                       ///< whose validation errors count; "": of the first run that speaks
@@ -52,13 +59,15 @@ struct CollectorOptions {
 
 /// A snapshot of how far a campaign is.
 struct CollectorProgress {
-  std::uint64_t committed = 0, total = 0, given_up = 0;
+  std::uint64_t committed = 0, total = 0, given_up = 0;  ///< of a shard: of its own
   std::uint64_t attempts = 0;  ///< committed + failed, this and earlier runs; without answers that never came
   std::map<std::string, std::uint64_t> failures;  ///< typed reason -> count
   std::uint64_t lost_leases = 0;                  ///< workers that died or fell silent
-  std::uint64_t stale_results = 0;                ///< refused: an old fencing token
+  std::uint64_t stale_results = 0;                ///< refused: an old fencing token, or not its worker's
   std::uint64_t duplicates = 0;
   std::uint64_t refused = 0;          ///< episodes that did not fit
+  std::uint64_t rechecked = 0;        ///< made again on another host since the start (CampaignSpec::recheck)
+  std::uint64_t mismatched = 0;       ///< with other bytes there than committed, this and earlier runs
   std::uint64_t reweighted = 0;       ///< entries of the sampling journal, this and earlier runs
   std::uint64_t reweighted_from = 0;  ///< episode from which on the newest of them holds
   std::uint64_t refused_errors = 0;   ///< validation errors that were not taken
@@ -75,7 +84,8 @@ class Collector {
  public:
   /// Opens (or resumes) the folder by spec.mode and joins the bus under the campaign's name and the folder's id.
   /// @error of the store (kInvalidArgument: made from another spec; kUnavailable: locked, disk) or the bus;
-  /// kUnavailable when the folder's id is live elsewhere on the domain (see CollectorOptions::claim).
+  /// kUnavailable when the folder's id, or the shard, is live elsewhere on the domain (see CollectorOptions::claim);
+  /// kInvalidArgument: a shard of a rollout, or of a campaign with adaptive_sampling, or not the folder's.
   static Result<Collector> Open(const bus::Participant& participant, const CampaignSpec& spec, const Path& folder,
                                 const CollectorOptions& options = {});
   /// With a sink of the caller's own.

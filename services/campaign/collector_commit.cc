@@ -14,6 +14,7 @@
 #include "services/episode/bounded_json.h"
 #include "services/episode/codec.h"
 #include "services/spec/episode_plan.h"
+#include "services/store/filter_keys.h"
 
 namespace etude::campaign {
 
@@ -37,6 +38,12 @@ store::CommitFacts FactsOf(const bus::BlobManifest& manifest) {
 }
 
 }  // namespace
+
+std::string DigestOf(const bus::BlobManifest& manifest) {
+  Sha256Digest digest{};
+  std::copy_n(manifest.sha256.begin(), std::min(manifest.sha256.size(), digest.size()), digest.begin());
+  return ToHex(digest);
+}
 
 Status Collector::Impl::CheckEpisode(const Episode& episode) const {
   const auto wrong = [&](const char* what, const auto& found, const auto& expected) {
@@ -110,11 +117,12 @@ std::optional<bus::Verdict> Collector::Impl::Judge(bus::ReceivedBlob& blob, cons
 }
 
 void Collector::Impl::Acknowledge(const bus::BlobManifest& manifest, const bus::Verdict& verdict) {
-  if (const Status sent = episodes.Acknowledge(manifest, verdict); !sent)
+  if (const Status sent = topics.episodes.Acknowledge(manifest, verdict); !sent)
     Log().warn("cannot acknowledge to worker={}: {}", manifest.sender, sent.error().message);
 }
 
 void Collector::Impl::OnEpisode(bus::ReceivedBlob blob, std::vector<Claim>& claims) {
+  if (const auto verdict = JudgeAgain(blob.manifest)) return Acknowledge(blob.manifest, *verdict);
   auto view = ViewEpisode(blob.bytes);
   if (const auto verdict = Judge(blob, view)) return Acknowledge(blob.manifest, *verdict);
   if (!blob.bytes.empty()) claims.push_back({std::move(blob), std::move(*view)});  // else it waits for another one
@@ -124,6 +132,7 @@ void Collector::Impl::OnEpisode(bus::ReceivedBlob blob, std::vector<Claim>& clai
 // made again.
 void Collector::Impl::Settle(const Claim& claim, const std::optional<bus::Verdict>& verdict) {
   const std::uint64_t index = claim.view.episode.index;
+  const std::string& worker = claim.blob.manifest.sender;
   std::vector<bus::ReceivedBlob> waiting;
   {
     const MutexLock lock(mutex);
@@ -131,7 +140,10 @@ void Collector::Impl::Settle(const Claim& claim, const std::optional<bus::Verdic
     committing.erase(index);
     if (verdict && verdict->kind == bus::AckKind::kDone) {
       table.Commit(index);
-      unfit.erase(claim.blob.manifest.sender);
+      unfit.erase(worker);
+      rechecks.Add(
+          {index, claim.view.episode.attempt, worker, FactsOf(claim.blob.manifest).host, DigestOf(claim.blob.manifest)},
+          MonotonicClock::now());
       policy_away_since.reset();
       commits.push_back(MonotonicClock::now());
       index_dirty = true;
@@ -175,9 +187,7 @@ void Collector::Impl::CommitUntilDurable(std::vector<Claim> claims) {
   while (!claims.empty()) {
     std::vector<store::ArrivedEpisode> group;
     for (const Claim& claim : claims) {
-      Sha256Digest digest{};
-      std::ranges::copy(claim.blob.manifest.sha256, digest.begin());  // the receiver found it to be that of the bytes
-      group.push_back({&claim.view, ToHex(digest), FactsOf(claim.blob.manifest)});
+      group.push_back({&claim.view, DigestOf(claim.blob.manifest), FactsOf(claim.blob.manifest)});
     }
     if (!SettleOrKeep(claims, sink->CommitGroup(group))) return;
     // leases stay alive meanwhile, and the receiver takes no more than its bound
@@ -233,29 +243,63 @@ void Collector::Impl::Close() {
   over.NotifyAll();
 }
 
-// True when it is time, false when it is over.
-bool Collector::Impl::WaitForIndex(std::chrono::milliseconds pause) {
-  const Time end = MonotonicClock::now() + pause;
+// True when it is time, or a key is wished; false when it is over.
+bool Collector::Impl::WaitForIndex(Time due) {
   const MutexLock lock(queue_mutex);
-  while (!closing && MonotonicClock::now() < end) over.WaitFor(queue_mutex, end - MonotonicClock::now());
+  while (!closing && key_wishes.empty() && MonotonicClock::now() < due)
+    over.WaitFor(queue_mutex, due - MonotonicClock::now());
   return !closing;
 }
 
-// Writing it takes longer the more there is: at most a twentieth of the time goes into it.
-void Collector::Impl::IndexNowAndThen() {
-  constexpr int kShare = 20;
-  std::chrono::milliseconds pause = options.index_every;
-  while (WaitForIndex(pause)) {
-    const Time begin = MonotonicClock::now();
-    WriteIndex();
-    pause = std::max(options.index_every,
-                     std::chrono::duration_cast<std::chrono::milliseconds>(kShare * (MonotonicClock::now() - begin)));
+std::optional<Collector::Impl::KeyWish> Collector::Impl::FirstWish() {
+  const MutexLock lock(queue_mutex);
+  return key_wishes.empty() ? std::nullopt : std::optional(key_wishes.front());
+}
+
+Status Collector::Impl::WriteKey(const KeyWish& wish, std::size_t& count) {
+  ETUDE_ASSIGN_OR_RETURN(const auto episodes, store::ParseIndices(wish.episodes, spec.episodes));
+  count = episodes.size();
+  return sink->WriteFilterKey(wish.name, episodes);
+}
+
+// The control thread says how it went.
+void Collector::Impl::WriteWishedKeys() {
+  while (const auto wish = FirstWish()) {
+    std::size_t count = 0;
+    const Status written = WriteKey(*wish, count);
+    {
+      const MutexLock lock(mutex);
+      control_id = wish->control_id;
+      control_refusal = written ? "" : written.error().message;
+    }
+    if (written)
+      Log().info("filter key '{}' has {} episodes", wish->name, count);
+    else
+      Log().warn("cannot write a filter key: {}", written.error().message);
+    answered = true;
+    const MutexLock lock(queue_mutex);
+    key_wishes.pop_front();
   }
 }
 
-void Collector::Impl::WriteIndex() {
-  if (!index_dirty.exchange(false)) return;
-  if (const Status written = sink->WriteIndex(); !written) {
+// Of what takes longer the more there is, most is left for the end; at most a twentieth of the time goes into it.
+void Collector::Impl::IndexNowAndThen() {
+  constexpr int kShare = 20;
+  Time due = MonotonicClock::now() + options.index_every;
+  while (WaitForIndex(due)) {
+    WriteWishedKeys();
+    const Time begin = MonotonicClock::now();
+    if (begin < due) continue;
+    WriteIndex(false);
+    const Time end = MonotonicClock::now();
+    due = end + std::max<Time::duration>(options.index_every, kShare * (end - begin));
+  }
+}
+
+void Collector::Impl::WriteIndex(bool at_end) {
+  if (!index_dirty.exchange(false) && (!at_end || index_whole)) return;
+  index_whole = at_end;
+  if (const Status written = at_end ? sink->WriteIndex() : sink->WriteProgress(); !written) {
     index_dirty = true;
     Log().warn("cannot write the dataset's index, it is tried again: {}", written.error().message);
   }
@@ -277,7 +321,7 @@ void Collector::Impl::Drain() {
       if (!waiting) return;
     }
     // a late duplicate is still answered
-    if (auto blob = episodes.Receive(50ms)) Enqueue(std::move(*blob));
+    if (auto blob = topics.episodes.Receive(50ms)) Enqueue(std::move(*blob));
   }
 }
 

@@ -10,7 +10,9 @@
 #include "services/campaign/history.h"
 #include "services/campaign/worker_client.h"
 #include "services/core/command.h"
+#include "services/core/file.h"
 #include "services/core/log.h"
+#include "services/core/printable.h"
 #include "services/core/service_manager.h"
 #include "services/episode/bounded_json.h"
 
@@ -24,11 +26,13 @@ void Collector::Impl::Control() {
   while (!finished.load()) {
     watched.Moved();
     // a request is what a worker waits for; a report is always followed by one
-    if (!requests.Wait(20ms) && StopRequested()) std::this_thread::sleep_for(5ms);
+    if (!topics.requests.Wait(20ms) && StopRequested()) std::this_thread::sleep_for(5ms);
     TakeMessages();
+    topics.leases.Tidy();
     if (MonotonicClock::now() < next_status) continue;
     GiveWayToSuccessor();
     PublishStatus();
+    SayUnchecked(false);
     next_status = MonotonicClock::now() + options.status_every;
   }
   TakeMessages();
@@ -47,16 +51,16 @@ void Collector::Impl::GiveWayToSuccessor() {
 void Collector::Impl::TakeMessages() {
   // requests are taken first and answered last: a report that was sent before its worker's next request
   // is then always seen before it
-  const auto asked = requests.Take();
-  for (const auto& report : reports.Take()) OnReport(report);
+  const auto asked = topics.requests.Take();
+  for (const auto& report : topics.reports.Take()) OnReport(report);
   // heartbeats that queued while this process was suspended count before anything expires
-  for (auto taken = heartbeats.Take(); !taken.empty(); taken = heartbeats.Take())
+  for (auto taken = topics.heartbeats.Take(); !taken.empty(); taken = topics.heartbeats.Take())
     for (const auto& status : taken) OnHeartbeat(status);
   EndSilent();
-  for (const auto& message : errors.Take()) OnErrors(message);
+  for (const auto& message : topics.errors.Take()) OnErrors(message);
   bool controlled = false;
-  for (const auto& control : controls.Take()) controlled = OnControl(control) || controlled;
-  if (controlled) PublishStatus();  // who asked waits for it
+  for (const auto& control : topics.controls.Take()) controlled = OnControl(control) || controlled;
+  if (answered.exchange(false) || controlled) PublishStatus();  // who asked waits for it
   for (const auto& request : asked) OnRequest(request);
 }
 
@@ -68,20 +72,25 @@ void Collector::Impl::EndSilent() {
   const Time now = MonotonicClock::now();
   const std::size_t before = silent.size();
   if (const int lost = table.Expire(now, &silent)) Log().warn("leases expired without a word count={}", lost);
-  const std::chrono::duration<double> patience(spec.stall_timeout_s);
-  for (auto& [worker, motion] : motions) {
-    // what is sent may wait for our own disk
-    if (motion.token == 0 || motion.phase == "send" || now - motion.since < patience) continue;
-    motion.since = now;
-    if (!table.Renew(motion.index, motion.token, now)) continue;  // not its lease any more
-    Log().warn("took a lease from a worker that does not move worker={} index={} stage='{}' step={} for {} s", worker,
-               motion.index, motion.stage, motion.step, spec.stall_timeout_s);
-    table.Revoke(worker);
-    ++counters.failures["stalled"];
-    silent.push_back(worker);
-  }
+  rechecks.Expire(now, &silent);
+  for (auto& [worker, motion] : motions) EndIfStill(worker, motion, now);
   for (std::size_t k = before; k < silent.size(); ++k) motions.erase(silent[k]);
   if (silent.size() > kMostRemembered) silent.erase(silent.begin(), silent.end() - kMostRemembered);
+}
+
+void Collector::Impl::EndIfStill(const std::string& worker, Motion& motion, Time now) {
+  const std::chrono::duration<double> patience(spec.stall_timeout_s);
+  // what is sent may wait for our own disk
+  if (motion.token == 0 || motion.phase == "send" || now - motion.since < patience) return;
+  motion.since = now;
+  // not its lease any more
+  if (!table.Renew(motion.index, motion.token, now) && !rechecks.Renew(motion.token, now)) return;
+  Log().warn("took a lease from a worker that does not move worker={} index={} stage='{}' step={} for {} s", worker,
+             motion.index, motion.stage, motion.step, spec.stall_timeout_s);
+  table.Revoke(worker);
+  rechecks.Revoke(worker);
+  ++counters.failures["stalled"];
+  silent.push_back(worker);
 }
 
 // A worker whose episodes never fit is no use here, and would be leased the same work for ever.
@@ -111,6 +120,8 @@ std::optional<std::string> Collector::Impl::WhyRefused(const bus::WorkRequest& r
         spec.name, what, here, Version(), there, request.version, what);
   };
   if (request.wire != bus::kWireVersion) return other("wire number", bus::kWireVersion, request.wire);
+  if (!IsPlainName(request.host))
+    return fmt::format("worker {} does not name its host: use this program's worker", request.worker);
   if (request.content != options.content) return other("content number", options.content, request.content);
   if (const auto why = WhySentAway(request.worker)) return why;
   if (request.spec_sha256 != spec_sha256) return std::nullopt;  // its files are those of another spec
@@ -179,17 +190,52 @@ Assignment Collector::Impl::Assign(const bus::WorkRequest& request) {
   // a stopping collector leases nothing new, and does not say that all is done; a worker that is ready for another
   // spec sees ours in the answer and makes itself ready first
   if (Stopping() || request.spec_sha256 != spec_sha256 || !journal_is_durable) return {};
-  // a worker that asks again, because the answer was lost, is told again what it holds
-  if (leasing != Leasing::kOn && !table.complete() && !table.Holds(request.worker)) return {};
-  const Assignment assignment = table.Request(request.worker, MonotonicClock::now());
-  if (assignment.kind == Assignment::Kind::kDone) dismissed.insert(request.worker);
+  if (HoldsElsewhere(request)) return {};
+  if (const auto again = MakeAgain(request)) return *again;
+  if (!table.Holds(request.worker, request.working_on)) {  // who asks again, because the answer was lost, is told again
+    if (leasing != Leasing::kOn && !AllDone()) return {};
+    // what its host could make again comes first, to who has nothing in hand
+    if (request.working_on != 0 && rechecks.WaitsFor(HostOf(request.worker))) return {};
+  }
+  // others' episodes are being made again: it may be needed for one that comes back
+  if (table.complete() && !AllDone()) return {};
+  const Assignment assignment = table.Request(request.worker, MonotonicClock::now(), request.working_on);
+  if (assignment.kind == Assignment::Kind::kDone && request.working_on == 0) dismissed.insert(request.worker);
   return assignment;
+}
+
+// A lease is told again in the partition of the host that it went to only: whoever asks in another's name learns
+// nothing.
+bool Collector::Impl::HoldsElsewhere(const bus::WorkRequest& request) {
+  const bool holds = table.Holds(request.worker) || rechecks.Holds(request.worker);
+  std::string& host = leased_to[request.worker];
+  if (holds && host != request.host) {
+    constexpr std::size_t kMostTold = 1000;
+    if (told_apart.size() < kMostTold && told_apart.insert(request.worker).second)
+      Log().warn("workers of hosts '{}' and '{}' are both called {}: the second one waits; give each another --name",
+                 host, request.host, Printable(request.worker));
+    return true;
+  }
+  host = request.host;
+  return false;
+}
+
+// Which program each worker is, once: the commit is logged, not compared.
+void Collector::Impl::Greet(const bus::WorkRequest& request) {
+  constexpr std::size_t kMostRemembered = 10'000;
+  if (greeted.size() >= kMostRemembered) greeted.clear();
+  if (!greeted.insert(request.worker).second) return;
+  Log().info("worker={} program={} wire={} content={} (here {})", Printable(request.worker), Printable(request.version),
+             request.wire, request.content, BuildVersion());
 }
 
 void Collector::Impl::OnRequest(const bus::WorkRequest& request) {
   if (request.campaign_id != id) return;
+  Greet(request);
+  // who names no host is refused where a worker of another wire number listens: in the campaign's partition
+  const std::string host = IsPlainName(request.host) ? request.host : "";
   // an answer that is lost is asked for again
-  if (const Status written = leases.Write(Answer(request)); !written)
+  if (const Status written = topics.leases.Write(host, Answer(request)); !written)
     Log().warn("cannot answer worker={}: {}", request.worker, written.error().message);
 }
 
@@ -211,13 +257,16 @@ void Collector::Impl::OnReport(const bus::AttemptReport& report) {
   if (report.campaign_id != id || report.spec_sha256 != spec_sha256 || report.index >= spec.episodes) return;
   // any bytes may stand there, and it becomes a key of JSON
   const std::string outcome = IsPlainName(report.outcome) ? report.outcome : "unnamed";
+  if (OnReportAgain(report, outcome)) return;
   {
     const MutexLock lock(mutex);
-    heard[report.worker] = MonotonicClock::now();
-    if (table.Check(report.index, report.attempt, report.token) != LeaseValidity::kCurrent) {
+    // of others than who holds the lease nothing counts, whatever they overheard
+    if (table.Check(report.index, report.attempt, report.token) != LeaseValidity::kCurrent ||
+        !table.WentTo(report.index, report.worker)) {
       ++counters.stale_results;
       return;
     }
+    heard[report.worker] = MonotonicClock::now();
     if (report.outcome == kReleased) return OnReleased(report);
     ++counters.failures[outcome];
     table.Fail(report.index, RetryOf(spec, outcome));
@@ -245,11 +294,13 @@ void Collector::Impl::OnHeartbeat(const bus::WorkerStatus& status) {
     return;
   }
   heard[status.worker] = now;
-  if (status.token == 0) {
+  if (!status.host.empty()) hosts[status.worker] = status.host;
+  const bool leased = status.token != 0 && table.WentTo(status.index, status.worker);
+  if (leased) table.Renew(status.index, status.token, now);
+  if (!leased && (status.token == 0 || !rechecks.Renew(status.token, now))) {
     motions.erase(status.worker);
     return;
   }
-  table.Renew(status.index, status.token, now);
   Motion& motion = motions[status.worker];
   if (!motion.SameAs(status)) motion = {status.index, status.token, status.phase, status.stage, status.step, now};
 }
@@ -266,7 +317,7 @@ void Collector::Impl::OnReleased(const bus::AttemptReport& report) {
 }
 
 // The policy's absence is no attempt at the scene. Rollouts wait for it, with words, and none is given up; after a
-// while the evaluation fails.
+// while the evaluation fails, and at once where waiting does not help.
 void Collector::Impl::OnPolicyError(const bus::AttemptReport& report) {
   const Time now = MonotonicClock::now();
   if (!policy_away_since) policy_away_since = now;
@@ -274,18 +325,26 @@ void Collector::Impl::OnPolicyError(const bus::AttemptReport& report) {
   policy_error = details.is_object() && details.contains("reason") && details["reason"].is_string()
                      ? details["reason"].get<std::string>().substr(0, 1000)
                      : "no reason said";
-  if (now - *policy_away_since < options.policy_patience || Stopping()) return;
-  const double seconds = std::chrono::duration<double>(now - *policy_away_since).count();
-  ended_by = Error{Code::kUnavailable,
-                   fmt::format("roll out '{}': the policy of run '{}' answered nobody for {:.0f} s ({}); {} of {} "
-                               "rollouts are kept: start its `etude policy`, then run this again",
-                               spec.name, spec.rollout.run, seconds, policy_error, table.committed(), spec.episodes)};
+  const bool refused = details.is_object() && details.contains(kPolicyRefused) && details[kPolicyRefused] == true;
+  if (Stopping() || (!refused && now - *policy_away_since < options.policy_patience)) return;
+  const std::string kept = fmt::format("{} of {} rollouts are kept", table.committed(), spec.episodes);
+  if (refused)
+    ended_by = Error{Code::kInvalidArgument,
+                     fmt::format("roll out '{}': {}; {}: `etude checkpoint show` says what a policy is for", spec.name,
+                                 policy_error, kept)};
+  else
+    ended_by = Error{Code::kUnavailable,
+                     fmt::format("roll out '{}': the policy of run '{}' answered nobody for {:.0f} s ({}); {}: start "
+                                 "its `etude policy`, then run this again",
+                                 spec.name, spec.rollout.run,
+                                 std::chrono::duration<double>(now - *policy_away_since).count(), policy_error, kept)};
   stop = true;
 }
 
 // True when it is for this campaign and new: its answer is the next status.
 bool Collector::Impl::OnControl(const bus::CampaignControl& control) {
   if (control.campaign_id != id || control.control_id.empty()) return false;
+  if (control.action == bus::ControlAction::kFilterKey) return OnKeyWish(control);
   const MutexLock lock(mutex);
   if (control.control_id == control_id) return true;
   control_id = control.control_id;
@@ -296,9 +355,37 @@ bool Collector::Impl::OnControl(const bus::CampaignControl& control) {
   return true;
 }
 
+// Writing a key rewrites the master file, which may take longer than a lease lasts: the thread that does so now and
+// then does it, and answers. True when that is said already, or at once why it cannot be.
+bool Collector::Impl::OnKeyWish(const bus::CampaignControl& control) {
+  {
+    const MutexLock lock(mutex);
+    if (control.control_id == control_id) return true;
+  }
+  const std::string refusal = AddWish(KeyWish{control.control_id, control.filter_key, control.episodes});
+  if (refusal.empty()) return false;
+  Log().info("filter key asked by {}@{}: refused: {}", control.user, control.host, refusal);
+  const MutexLock lock(mutex);
+  control_id = control.control_id;
+  control_refusal = refusal;
+  return true;
+}
+
+// Why it cannot be taken; "" when it is.
+std::string Collector::Impl::AddWish(KeyWish wish) {
+  constexpr std::size_t kMostWishes = 16;
+  const MutexLock lock(queue_mutex);
+  if (std::ranges::find(key_wishes, wish.control_id, &KeyWish::control_id) != key_wishes.end()) return "";
+  if (closing) return fmt::format("the collector of '{}' is about to end: ask again when it has", spec.name);
+  if (key_wishes.size() >= kMostWishes) return fmt::format("{} filter keys wait to be written: ask later", kMostWishes);
+  key_wishes.push_back(std::move(wish));
+  over.NotifyAll();
+  return "";
+}
+
 // Why it cannot be followed; "" when it was.
 std::string Collector::Impl::Follow(bus::ControlAction action) {
-  if (table.complete()) return fmt::format("campaign '{}' is complete: there is nothing left to lease", spec.name);
+  if (AllDone()) return fmt::format("campaign '{}' is complete: there is nothing left to lease", spec.name);
   if (Stopping()) return fmt::format("the collector of '{}' is about to end", spec.name);
   switch (action) {
     case bus::ControlAction::kPause:
@@ -314,27 +401,29 @@ std::string Collector::Impl::Follow(bus::ControlAction action) {
     case bus::ControlAction::kStop:
       stop = true;
       return "";
+    case bus::ControlAction::kFilterKey:
+      break;  // OnKeyWish
   }
   return "an action that this collector does not know";
 }
 
 std::string Collector::Impl::StateNow() {
-  if (leasing == Leasing::kDraining && table.in_flight() == 0) leasing = Leasing::kPaused;
-  if (table.complete()) return "complete";
+  if (leasing == Leasing::kDraining && table.in_flight() + rechecks.in_flight() == 0) leasing = Leasing::kPaused;
+  if (AllDone()) return "complete";
   if (Stopping()) return "stopping";
   if (leasing == Leasing::kOn) return "running";
   return leasing == Leasing::kPaused ? "paused" : "draining";
 }
 
-CollectorProgress Collector::Impl::Snapshot() const {
+CollectorProgress Collector::Impl::Snapshot() {
   CollectorProgress progress = counters;
   const Time now = MonotonicClock::now();
   progress.committed = table.committed();
-  progress.total = spec.episodes;
+  progress.total = table.size();
   progress.given_up = table.given_up();
   progress.attempts = table.committed() + failed_attempts;
   progress.lost_leases = table.lost();
-  progress.complete = table.complete();
+  progress.complete = AllDone();
   if (progress.error.empty()) progress.error = journal_error;
   if (progress.error.empty() && policy_away_since) progress.error = "the policy does not answer: " + policy_error;
   progress.elapsed_s = std::chrono::duration<double>(now - started).count();
@@ -355,6 +444,10 @@ void Collector::Impl::PublishStatus() {
     const MutexLock lock(mutex);
     const Time now = MonotonicClock::now();
     std::erase_if(heard, [&](const auto& item) { return now - item.second > 60s; });
+    std::erase_if(hosts, [&](const auto& item) ETUDE_REQUIRES(mutex) { return !heard.contains(item.first); });
+    std::erase_if(leased_to, [&](const auto& item) ETUDE_REQUIRES(mutex) {
+      return !heard.contains(item.first) && !table.Holds(item.first) && !rechecks.Holds(item.first);
+    });
     std::erase_if(motions, [&](const auto& item) ETUDE_REQUIRES(mutex) { return !heard.contains(item.first); });
     while (!commits.empty() && now - commits.front() > kRateWindow) commits.pop_front();
     const CollectorProgress progress = Snapshot();
@@ -372,8 +465,10 @@ void Collector::Impl::PublishStatus() {
     status.state = StateNow();
     status.control_id = control_id;
     status.control_refusal = control_refusal;
+    status.rechecked = progress.rechecked;
+    status.mismatched = progress.mismatched;
   }
-  if (const Status written = statuses.Write(status); !written)
+  if (const Status written = topics.statuses.Write(status); !written)
     Log().debug("cannot publish the status: {}", written.error().message);
 }
 

@@ -13,16 +13,34 @@
 
 #include "services/bus/blob_transfer.h"
 #include "services/bus/directory.h"
+#include "services/bus/host_writers.h"
 #include "services/bus/topic.h"
 #include "services/campaign/collector.h"
 #include "services/campaign/fingerprint.h"
 #include "services/campaign/lease_table.h"
+#include "services/campaign/recheck_table.h"
 #include "services/core/stop.h"
 #include "services/core/thread_annotations.h"
 #include "services/episode/codec.h"
 #include "services/store/sampling_journal.h"
 
 namespace etude::campaign {
+
+// What a collector says and hears.
+struct CollectorTopics {
+  bus::Writer<bus::CampaignAnnouncement> announcements;
+  bus::HostWriters<bus::Lease> leases;
+  bus::Writer<bus::CampaignStatus> statuses;
+  bus::Reader<bus::WorkRequest> requests;
+  bus::Reader<bus::AttemptReport> reports;
+  bus::Reader<bus::WorkerStatus> heartbeats;
+  bus::Reader<bus::ValidationErrors> errors;
+  bus::Reader<bus::CampaignControl> controls;
+  bus::BlobReceiver episodes;  // Run's thread receives, those that commit acknowledge
+
+  static Result<CollectorTopics> Open(const bus::Participant& participant, const bus::Owner& owner,
+                                      const CollectorOptions& options);
+};
 
 struct Collector::Impl {
   using Time = MonotonicClock::time_point;
@@ -35,22 +53,16 @@ struct Collector::Impl {
 
   // control thread (and Open)
   bus::Announcement presence;
+  std::set<std::string> greeted = {};       // workers whose program was logged
   std::optional<std::string> files_sha256;  // of the first worker
   std::optional<Fingerprint> fingerprint;   // of the first worker that says one
-  bus::Writer<bus::CampaignAnnouncement> announcements;
-  bus::Writer<bus::Lease> leases;
-  bus::Writer<bus::CampaignStatus> statuses;
-  bus::Reader<bus::WorkRequest> requests;
-  bus::Reader<bus::AttemptReport> reports;
-  bus::Reader<bus::WorkerStatus> heartbeats;
-  bus::Reader<bus::ValidationErrors> errors;
-  bus::Reader<bus::CampaignControl> controls;
-  std::string run_id;                   // whose errors count; "": of the first that speaks
-  std::optional<SamplingEntry> wanted;  // by the newest errors; holds from no index yet
-  std::string refusal;                  // what was said last of errors that were not taken
-  bus::BlobReceiver episodes;           // Run's thread receives, those that commit acknowledge
-  std::unique_ptr<EpisodeSink> sink;    // safe for all of them
-  std::atomic<bool> index_dirty{true};  // the index lacks what is committed or has failed
+  CollectorTopics topics;
+  std::string run_id;                    // whose errors count; "": of the first that speaks
+  std::optional<SamplingEntry> wanted;   // by the newest errors; holds from no index yet
+  std::string refusal;                   // what was said last of errors that were not taken
+  std::unique_ptr<EpisodeSink> sink;     // safe for all of them
+  std::atomic<bool> index_dirty{true};   // the index lacks what is committed or has failed
+  std::atomic<bool> index_whole{false};  // nothing was left for the end when it was written last
 
   std::atomic<bool> stop{false};
   std::atomic<bool> finished{false};  // all is committed that will be, control may end
@@ -60,11 +72,17 @@ struct Collector::Impl {
   LeaseTable table ETUDE_GUARDED_BY(mutex);
   CollectorProgress counters ETUDE_GUARDED_BY(mutex);  // failures, stale_results, duplicates, refused, error
   std::uint64_t failed_attempts ETUDE_GUARDED_BY(mutex) = 0;
-  std::map<std::string, Time> heard ETUDE_GUARDED_BY(mutex);  // worker -> last sign of life
-  std::set<std::string> dismissed ETUDE_GUARDED_BY(mutex);    // workers that were told kDone
-  std::deque<Time> commits ETUDE_GUARDED_BY(mutex);           // of the last minute
-  std::optional<Error> ended_by ETUDE_GUARDED_BY(mutex);      // e.g. another collector of this id has the better right
-  struct Motion {                                             // of a worker's attempt, by its heartbeats
+  RecheckTable rechecks ETUDE_GUARDED_BY(mutex);
+  bool said_unchecked ETUDE_GUARDED_BY(mutex) = false;
+  bool all_done ETUDE_GUARDED_BY(mutex) = false;                         // AllDone was true once
+  std::map<std::string, std::string> hosts ETUDE_GUARDED_BY(mutex);      // of the workers in `heard` that have said it
+  std::map<std::string, std::string> leased_to ETUDE_GUARDED_BY(mutex);  // their hosts when they were leased something
+  std::map<std::string, Time> heard ETUDE_GUARDED_BY(mutex);             // worker -> last sign of life
+  std::set<std::string> told_apart ETUDE_GUARDED_BY(mutex);  // workers' names that two hosts have, as was said
+  std::set<std::string> dismissed ETUDE_GUARDED_BY(mutex);   // workers that were told kDone
+  std::deque<Time> commits ETUDE_GUARDED_BY(mutex);          // of the last minute
+  std::optional<Error> ended_by ETUDE_GUARDED_BY(mutex);     // e.g. another collector of this id has the better right
+  struct Motion {                                            // of a worker's attempt, by its heartbeats
     std::uint64_t index = 0, token = 0;
     std::string phase, stage;
     std::uint32_t step = 0;
@@ -92,16 +110,22 @@ struct Collector::Impl {
   std::map<std::uint64_t, std::vector<bus::ReceivedBlob>> committing ETUDE_GUARDED_BY(mutex);
 
   Mutex queue_mutex;                                                  // never taken while `mutex` is held
-  ConditionVariable queue_changed, over;                              // the latter: closing
+  ConditionVariable queue_changed, over;                              // the latter: closing, or a key is wished
   std::deque<bus::ReceivedBlob> queue ETUDE_GUARDED_BY(queue_mutex);  // its bound is the receiver's max_memory
   bool closing ETUDE_GUARDED_BY(queue_mutex) = false;                 // what is still queued is sent again elsewhere
+  struct KeyWish {
+    std::string control_id, name;
+    std::string episodes;  // as they were sent: parsed where there is time for it
+  };
+  std::deque<KeyWish> key_wishes ETUDE_GUARDED_BY(queue_mutex);  // the first one is being written
+  std::atomic<bool> answered{false};                             // a wish: the next status says so
 
   mutable Mutex journal_mutex;  // never taken while `mutex` is held
   store::SamplingJournal journal ETUDE_GUARDED_BY(journal_mutex);
 
   bool Stopping() const { return stop.load() || StopRequested(); }
-  bool Complete() const ETUDE_EXCLUDES(mutex);
-  CollectorProgress Snapshot() const ETUDE_REQUIRES(mutex);
+  bool Complete() ETUDE_EXCLUDES(mutex);
+  CollectorProgress Snapshot() ETUDE_REQUIRES(mutex);
   void Announce(bool complete);
   /// What throws on one of the collector's threads ends the collector with words, not the process.
   void Guard(const char* thread, const std::function<void()>& work) ETUDE_EXCLUDES(mutex);
@@ -110,25 +134,40 @@ struct Collector::Impl {
   void Control();
   void TakeMessages();
   void OnRequest(const bus::WorkRequest& request);
+  void Greet(const bus::WorkRequest& request);
   std::optional<std::string> WhyRefused(const bus::WorkRequest& request);
   std::optional<std::string> WhyUnlike(const bus::WorkRequest& request);
   bus::Lease Answer(const bus::WorkRequest& request);
   Assignment Assign(const bus::WorkRequest& request);
+  bool HoldsElsewhere(const bus::WorkRequest& request) ETUDE_REQUIRES(mutex);
   void OnErrors(const bus::ValidationErrors& message);
   Result<SamplingEntry> WantedBy(const bus::ValidationErrors& message);
   bool Reweight();
   SamplingWeights WeightsAt(std::uint64_t index) const ETUDE_EXCLUDES(journal_mutex);
   void OnReport(const bus::AttemptReport& report);
   void OnHeartbeat(const bus::WorkerStatus& status);
+  void EndIfStill(const std::string& worker, Motion& motion, Time now) ETUDE_REQUIRES(mutex);
   void EndSilent() ETUDE_EXCLUDES(mutex);
   void OnReleased(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
   void OnPolicyError(const bus::AttemptReport& report) ETUDE_REQUIRES(mutex);
   std::optional<std::string> WhySentAway(const std::string& worker) const ETUDE_EXCLUDES(mutex);
   bool OnControl(const bus::CampaignControl& control);
   std::string Follow(bus::ControlAction action) ETUDE_REQUIRES(mutex);
+  bool OnKeyWish(const bus::CampaignControl& control) ETUDE_EXCLUDES(mutex) ETUDE_EXCLUDES(queue_mutex);
+  std::string AddWish(KeyWish wish) ETUDE_EXCLUDES(queue_mutex);
   std::string StateNow() ETUDE_REQUIRES(mutex);
   void PublishStatus();
   void GiveWayToSuccessor();
+
+  // what is made again on another host (collector_recheck.cc)
+  std::optional<Assignment> MakeAgain(const bus::WorkRequest& request) ETUDE_REQUIRES(mutex);
+  std::string HostOf(const std::string& worker) const ETUDE_REQUIRES(mutex);
+  bool AllDone() ETUDE_REQUIRES(mutex);
+  void SayUnchecked(bool at_end) ETUDE_EXCLUDES(mutex);
+  std::optional<bus::Verdict> JudgeAgain(const bus::BlobManifest& manifest) ETUDE_EXCLUDES(mutex);
+  bool OnReportAgain(const bus::AttemptReport& report, const std::string& outcome) ETUDE_EXCLUDES(mutex);
+  std::string TellMismatch(const RecheckTable::Lease& lease, const char* what, const std::string& found)
+      ETUDE_EXCLUDES(mutex);
 
   // receiving thread
   void ReceiveUntilOver();
@@ -152,9 +191,15 @@ struct Collector::Impl {
 
   // indexer
   void IndexNowAndThen();
-  bool WaitForIndex(std::chrono::milliseconds pause) ETUDE_EXCLUDES(queue_mutex);
-  void WriteIndex();
+  bool WaitForIndex(Time due) ETUDE_EXCLUDES(queue_mutex);
+  std::optional<KeyWish> FirstWish() ETUDE_EXCLUDES(queue_mutex);
+  Status WriteKey(const KeyWish& wish, std::size_t& count);
+  void WriteWishedKeys() ETUDE_EXCLUDES(mutex) ETUDE_EXCLUDES(queue_mutex);
+  void WriteIndex(bool at_end);
 };
+
+/// SHA-256 of a blob's bytes, hex, as its manifest has it: the receiver found it to be that of the bytes.
+std::string DigestOf(const bus::BlobManifest& manifest);
 
 /// A worker that has not been heard for this long is not counted as present.
 inline constexpr std::chrono::seconds kPresence{5};

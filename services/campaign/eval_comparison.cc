@@ -88,9 +88,9 @@ OrderedJson Counted(const std::string& task, const Pairs& pairs, bool PairRow::*
 
 // What no scene depends on.
 bool MakesNoScene(const std::string& key) {
-  static const std::vector<std::string> keys{"name",         "mode",  "episodes",        "image_stride",
-                                             "max_attempts", "split", "stall_timeout_s", "determinism",
-                                             "renderer",     "device"};
+  static const std::vector<std::string> keys{"name",         "mode",     "episodes",        "image_stride",
+                                             "max_attempts", "split",    "stall_timeout_s", "determinism",
+                                             "recheck",      "renderer", "device"};
   return std::ranges::count(keys, key) > 0;
 }
 

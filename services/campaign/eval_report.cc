@@ -247,9 +247,8 @@ std::string EvalTable(const OrderedJson& report) {
   for (const auto& summary : report["per_task"]) table += TableLine(summary, modules);
   table += TableLine(report["overall"], modules);
   table +=
-      "success: held for 0.4 s, no violation. latched: the authors' criterion, once; only this column stands beside "
-      "the "
-      "paper's figures.\n"
+      "success: held for 0.4 s, no violation. latched: the authors' criterion, once (a turn counts either way round, "
+      "theirs one way); only this column stands beside the paper's figures.\n"
       "violations, others: rollouts with any, with another object moved by more than 2 cm. "
       "cm: mean over rollouts of their mean errors (before the first contact).\n";
   return table;

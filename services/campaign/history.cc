@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <set>
+#include <utility>
 
+#include "services/campaign/recheck_table.h"
 #include "services/campaign/worker_client.h"
 #include "services/core/config.h"
 #include "services/episode/bounded_json.h"
@@ -57,9 +59,9 @@ Result<std::uint64_t> LastEpoch(const Path& folder) {
 
 Status RememberEpoch(const Path& folder, std::uint64_t epoch) {
   ETUDE_ASSIGN_OR_RETURN(const std::uint64_t last, LastEpoch(folder));
-  if (epoch <= last || epoch >= (1ull << 32))
-    return Fail(Code::kInvalidArgument, fmt::format("'{}': epoch {} after {}: it must grow and fit into 32 bits",
-                                                    CollectorFile(folder).string(), epoch, last));
+  if (epoch <= last || epoch >= kEpochs)
+    return Fail(Code::kInvalidArgument, fmt::format("'{}': epoch {} after {}: it must grow, and stay below {}",
+                                                    CollectorFile(folder).string(), epoch, last, kEpochs));
   auto json = ReadCollectorFile(folder).value_or(OrderedJson::object());
   json["epoch"] = epoch;
   return WriteCollectorFile(folder, json);
@@ -80,8 +82,37 @@ Status RememberFingerprint(const Path& folder, const Fingerprint& fingerprint) {
   return Remember(folder, "fingerprint", FingerprintText(fingerprint));
 }
 
+std::optional<std::string> KnownShard(const Path& folder) { return Known(folder, "shard"); }
+
+Status RememberShard(const Path& folder, const std::string& shard) { return Remember(folder, "shard", shard); }
+
+Status CheckHostsAgree(const std::vector<Path>& folders, const std::string& determinism) {
+  std::optional<std::pair<Path, std::string>> files;
+  std::optional<std::pair<Path, Fingerprint>> host;
+  const auto differ = [](const Path& first, const Path& other, const std::string& difference) {
+    return Fail(Code::kInvalidArgument,
+                fmt::format("'{}' and '{}' have episodes of hosts that differ ({}): together they are not what one "
+                            "collector would have taken. Collect one of them again with the other's libraries and "
+                            "files, or allow it with determinism: physics or none",
+                            first.string(), other.string(), difference));
+  };
+  for (const Path& folder : folders) {
+    if (auto known = KnownFiles(folder)) {
+      if (!files) files.emplace(folder, *known);
+      if (files->second != *known)
+        return differ(files->first, folder, fmt::format("files of the user: {:.12}, {:.12}", files->second, *known));
+    }
+    if (auto known = KnownFingerprint(folder)) {
+      if (!host) host.emplace(folder, *known);
+      if (const auto difference = FirstDifference(host->second, *known, determinism))
+        return differ(host->first, folder, *difference);
+    }
+  }
+  return {};
+}
+
 LeaseTable::Retry RetryOf(const CampaignSpec& spec, const std::string& outcome) {
-  if (outcome == kPolicyError) return LeaseTable::Retry::kSameAttempt;
+  if (outcome == kPolicyError || outcome == store::kRecheckMismatch) return LeaseTable::Retry::kSameAttempt;
   // a rollout's scene is a function of its index: another attempt would be the same
   if (outcome == kSceneInvalid && spec.mode == "rollout") return LeaseTable::Retry::kNever;
   return LeaseTable::Retry::kNextAttempt;

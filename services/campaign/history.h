@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "services/campaign/fingerprint.h"
 #include "services/campaign/lease_table.h"
@@ -30,6 +31,16 @@ Status RememberFiles(const Path& folder, const std::string& sha256);
 std::optional<Fingerprint> KnownFingerprint(const Path& folder);
 /// @error as RememberFiles
 Status RememberFingerprint(const Path& folder, const Fingerprint& fingerprint);
+
+/// Which shard of its campaign the folder is, as Shard::text; nothing where it never was one.
+std::optional<std::string> KnownShard(const Path& folder);
+/// @error as RememberFiles
+Status RememberShard(const Path& folder, const std::string& shard);
+
+/// Whether the collectors of these folders, shards of one campaign, took episodes of hosts that agree: each compared
+/// its workers with its own first one. Folders that know of none are passed over.
+/// @param determinism  what hosts must agree in, as the spec says it   @error kInvalidArgument: which line differs
+Status CheckHostsAgree(const std::vector<Path>& folders, const std::string& determinism);
 
 struct History {
   struct Index {

@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -15,17 +16,30 @@
 #include <vector>
 
 #include "services/core/clock.h"
+#include "services/spec/shard.h"
 
 namespace etude::campaign {
 
+/// A token is an epoch, and below it so many random bits: who was not told a token does not guess it, and tokens of an
+/// earlier life of the collector are smaller than all of this one's.
+inline constexpr int kTokenRandomBits = 40;
+/// Epochs are smaller than this.
+inline constexpr std::uint64_t kEpochs = 1ull << (64 - kTokenRandomBits);
+constexpr std::uint64_t EpochOf(std::uint64_t token) { return token >> kTokenRandomBits; }
+constexpr std::uint64_t TokenOf(std::uint64_t epoch, std::uint64_t random) {
+  return (epoch << kTokenRandomBits) | (random & ((1ull << kTokenRandomBits) - 1));
+}
+/// Of the system's source.
+std::uint64_t SystemRandom();
+
 struct LeaseTableConfig {
-  std::uint64_t total = 0;                                      ///< indices 0 .. total-1
+  std::uint64_t total = 0;                                      ///< indices 0 .. total-1 ...
+  Shard shard;                                                  ///< ... of which only this one's are leased
   std::uint32_t max_attempts = 10;                              ///< failed attempts per index; then it is given up
-  std::uint64_t max_in_flight = 1024;                           ///< leases out at once
+  std::uint64_t max_in_flight = 1024;                           ///< leases worked on at once; as many may wait
   std::chrono::nanoseconds duration{std::chrono::seconds(10)};  ///< without renewal
-  /// High half of every token. Grows with each start of the collector, so that tokens of an earlier life
-  /// are smaller than all of this one's.
-  std::uint64_t epoch = 1;
+  std::uint64_t epoch = 1;  ///< the first bits of every token; grows with each start of the collector
+  std::function<std::uint64_t()> random = nullptr;  ///< for the other bits; none: the system's source
 };
 
 /// What a worker may do next.
@@ -45,23 +59,28 @@ enum class LeaseValidity {
 };
 
 /// Leases every index until it is committed or given up. Invariants: at most one token of an index is
-/// current; tokens grow strictly; attempt k+1 is leased only after attempt k failed with a current token,
-/// so that which attempt is committed does not depend on who worked when. Not thread-safe.
+/// current, and no two indices have the same one; attempt k+1 is leased only after attempt k failed with a current
+/// token, so that which attempt is committed does not depend on who worked when. Not thread-safe.
 class LeaseTable {
  public:
   using Time = MonotonicClock::time_point;
 
   explicit LeaseTable(const LeaseTableConfig& config);
 
-  /// Resuming: what an earlier life of the collector left. Call before the first Request.
+  /// Resuming: what an earlier life of the collector left. Call before the first Request. Indices that are not the
+  /// table's are passed over.
   void RestoreCommitted(std::uint64_t index);
   void RestoreFailures(std::uint64_t index, std::uint32_t failures, std::uint32_t next_attempt);
 
-  /// Work for `worker`: the lease it already holds (renewed), else the lowest free index.
-  Assignment Request(const std::string& worker, Time now);
-  /// Whether a lease of `worker` is out.
-  bool Holds(const std::string& worker) const { return holder_.contains(worker); }
-  /// A heartbeat that names `token`; false when that lease is not current.
+  /// Work for `worker`: the lease it already holds (renewed), else the lowest free index. With `working_on`, the token
+  /// of what it works on: the next one beside that, so that it need not wait when it is done. There is one ahead at
+  /// most, none where fewer indices are left than workers work (somebody else may be free for it sooner), and none for
+  /// who works on what is no lease of this table.
+  Assignment Request(const std::string& worker, Time now, std::uint64_t working_on = 0);
+  /// Whether a lease of `worker` is out, beside that of `working_on`.
+  bool Holds(const std::string& worker, std::uint64_t working_on = 0) const;
+  /// A heartbeat that names `token`, which is worked on; the lease that waits beside it is renewed, too. One that had
+  /// expired and was not leased again lives again. False when that lease is not current.
   bool Renew(std::uint64_t index, std::uint64_t token, Time now);
   /// Makes leases that were not renewed in time free again; returns how many, and whose in `holders`. Their tokens stay
   /// current until the index is leased again: a late result is then still the newest there is.
@@ -71,6 +90,9 @@ class LeaseTable {
   std::optional<std::uint64_t> IndexOf(std::uint64_t token) const;
 
   LeaseValidity Check(std::uint64_t index, std::uint32_t attempt, std::uint64_t token) const;
+  /// Whether the newest lease of `index` went to `worker`, expired or not: a token that somebody else overheard does
+  /// not make it theirs.
+  bool WentTo(std::uint64_t index, const std::string& worker) const;
 
   /// The index is durable. Any token of it is stale from now on.
   void Commit(std::uint64_t index);
@@ -81,16 +103,18 @@ class LeaseTable {
   void Fail(std::uint64_t index, Retry retry);
   /// The holder of the current token gives the work back undone: free again, nothing is counted.
   void Release(std::uint64_t index);
-  /// The worker is known to be dead: its lease ends, and counts as a loss.
+  /// The worker is known to be dead: its lease ends, and counts as a loss; one that waited is free again.
   void Revoke(const std::string& worker);
 
   /// One after the largest index that was ever leased or restored: of the ones from here on nobody knows anything.
   std::uint64_t frontier() const { return frontier_; }
 
-  bool complete() const { return committed_.size() + given_up_ == config_.total; }
+  /// How many indices there are to lease.
+  std::uint64_t size() const { return config_.shard.CountOf(config_.total); }
+  bool complete() const { return committed_.size() + given_up_ == size(); }
   std::uint64_t committed() const { return committed_.size(); }
   std::uint64_t given_up() const { return given_up_; }
-  std::uint64_t in_flight() const { return live_.size(); }
+  std::uint64_t in_flight() const { return live_.size(); }  ///< leases that are out, those that wait among them
   /// Leases that ended without a word of their holder.
   std::uint64_t lost() const { return lost_; }
 
@@ -99,29 +123,39 @@ class LeaseTable {
     std::uint32_t attempt = 0;
     std::uint32_t failures = 0;
     std::uint32_t losses = 0;  ///< leases that expired; such an index yields to others
-    std::uint64_t token = 0;   ///< newest, 0: none or ended
+    std::uint64_t token = 0;   ///< newest, 0: none or ended (SetToken)
     bool live = false;         ///< leased now
+    bool ahead = false;        ///< and not worked on yet
+    bool revoked = false;      ///< its worker may finish it, and is not leased it again by going on
     bool closed = false;       ///< committed or given up
     Time deadline{};
     std::string worker;
   };
 
+  bool Has(std::uint64_t index) const { return index < config_.total && config_.shard.Has(index); }
   Entry& EntryOf(std::uint64_t index);
   const Entry* Find(std::uint64_t index) const;
   void Free(std::uint64_t index, Entry& entry);
   void Close(std::uint64_t index, Entry& entry);
   void EndLease(std::uint64_t index, Entry& entry);
+  void Begin(Entry& entry);
+  void Lose(std::uint64_t index, Entry& entry);
+  bool Revive(std::uint64_t index, Entry& entry);
+  Assignment Lease(const std::string& worker, Time now, bool ahead);
   std::optional<std::uint64_t> NextFree();
+  std::uint64_t NewToken() const;
+  void SetToken(std::uint64_t index, Entry& entry, std::uint64_t token);
 
   LeaseTableConfig config_;
-  std::uint64_t counter_ = 0;  ///< low half of the last token
   std::uint64_t frontier_ = 0;
-  std::uint64_t next_fresh_ = 0;                            ///< indices from here on were never leased or restored ...
+  std::uint64_t next_fresh_;                                ///< indices from here on were never leased or restored ...
   std::unordered_map<std::uint64_t, Entry> entries_;        ///< ... unless they are in here
   std::set<std::pair<std::uint32_t, std::uint64_t>> free_;  ///< (losses, index) given back
   std::set<std::uint64_t> live_;
-  std::map<std::string, std::uint64_t> holder_;  ///< worker -> index
-  std::unordered_set<std::uint64_t> committed_;  ///< closed as committed
+  std::uint64_t ahead_ = 0;                                 ///< of live_: those not worked on yet
+  std::map<std::string, std::vector<std::uint64_t>> held_;  ///< worker -> indices, one or two, in the order of leasing
+  std::unordered_map<std::uint64_t, std::uint64_t> index_;  ///< newest tokens -> index
+  std::unordered_set<std::uint64_t> committed_;             ///< closed as committed
   std::uint64_t given_up_ = 0, lost_ = 0;
 };
 

@@ -20,9 +20,10 @@ namespace {
 
 struct Arguments {
   campaign::SpecArguments spec;
-  std::string out;
+  std::string out, shard;
   bus::Arguments bus;
   double lease_s = 10;
+  std::uint64_t max_memory_mb = campaign::CollectorOptions().max_memory >> 20;
   Claim claim = Claim::kRefuse;
 };
 
@@ -39,12 +40,16 @@ void TellProgress(const std::stop_token& stop, const campaign::Collector& collec
 
 Status Collect(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(arguments.spec));
+  campaign::CollectorOptions options;
+  if (!arguments.shard.empty()) {
+    ETUDE_ASSIGN_OR_RETURN(options.shard, ParseShard(arguments.shard));
+  }
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kCollector}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
                          bus::ProcessReporter::Start(participant, {.role = "collector", .folder = arguments.out}));
-  campaign::CollectorOptions options;
   options.lease = std::chrono::milliseconds(static_cast<std::int64_t>(arguments.lease_s * 1000));
   options.claim = arguments.claim;
+  options.max_memory = arguments.max_memory_mb << 20;
   ETUDE_ASSIGN_OR_RETURN(auto collector, campaign::Collector::Open(participant, spec, arguments.out, options));
   ServiceManager::Get().Ready(fmt::format("campaign {}@{}", spec.name, collector.id()));
   const std::jthread teller([&](const std::stop_token& stop) { TellProgress(stop, collector); });
@@ -70,6 +75,12 @@ int main(int argc, char** argv) {
       ->allow_extra_args(false);
   app.add_option("--lease", arguments.lease_s, "seconds of silence after which a worker's work goes to another")
       ->check(CLI::Range(0.5, 3600.0));
+  app.add_option("--max-memory", arguments.max_memory_mb,
+                 "MiB of episodes that came and are not on the disk yet; senders beyond it wait")
+      ->check(CLI::Range(1, 1 << 20))
+      ->capture_default_str();
+  app.add_option("--shard", arguments.shard,
+                 "I/K: only every K-th episode, from the I-th on; K collectors with a folder each share the campaign");
   etude::bus::AddClaim(app, arguments.claim);
   arguments.bus.Add(app);
   if (const auto ended = etude::ParseCommandLine(app, argc, argv)) return *ended;

@@ -30,6 +30,10 @@ class DatasetSink : public EpisodeSink {
     return writer_.RecordFailure(index, attempt, outcome, details_json);
   }
   Status WriteIndex() override { return writer_.WriteMaster(); }
+  Status WriteProgress() override { return writer_.WriteProgress(); }
+  Status WriteFilterKey(const std::string& name, const std::set<std::uint64_t>& indices) override {
+    return writer_.WriteFilterKey(name, indices);
+  }
 
  private:
   Path folder_;
@@ -101,6 +105,9 @@ class EvalSink : public EpisodeSink {
       ETUDE_RETURN_IF_ERROR(WriteReport());
     }
     return writer_.WriteMaster();
+  }
+  Status WriteFilterKey(const std::string& name, const std::set<std::uint64_t>& indices) override {
+    return writer_.WriteFilterKey(name, indices);
   }
 
  private:

@@ -34,8 +34,12 @@ class EpisodeSink {
   virtual std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode> group) = 0;
   virtual Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                                const std::string& details_json) = 0;
-  /// Rewrites what is derived (master file, statistics). Now and then, and at the end.
+  /// Rewrites what is derived (master file, statistics). At the end.
   virtual Status WriteIndex() = 0;
+  /// As much of it as costs the same however much there is; now and then.
+  virtual Status WriteProgress() { return WriteIndex(); }
+  /// As store::DatasetWriter::WriteFilterKey.
+  virtual Status WriteFilterKey(const std::string& name, const std::set<std::uint64_t>& indices) = 0;
 };
 
 /// Mode demonstrate: a store::DatasetWriter.

@@ -77,6 +77,8 @@ std::string SummaryText(const CollectorProgress& progress) {
   if (progress.lost_leases) row("leases lost", fmt::format("{} (workers died or fell silent)", progress.lost_leases));
   if (progress.stale_results) row("late results", fmt::format("{} refused", progress.stale_results));
   if (progress.duplicates) row("duplicates", fmt::format("{} recognised", progress.duplicates));
+  if (progress.rechecked || progress.mismatched)
+    row("made again", fmt::format("{} on another host, {} with other bytes", progress.rechecked, progress.mismatched));
   if (progress.refused) row("unfit episodes", fmt::format("{} refused", progress.refused));
   row("elapsed", FormatDuration(progress.elapsed_s));
   text.pop_back();

@@ -69,6 +69,12 @@ std::string MeaningOf(const OrderedJson& sentence) {
   return meaning;
 }
 
+// Whose words they are not: of the training that the checkpoint tells of, or of one on these scenes.
+const char* NeverSeenHeader(const OrderedJson& report) {
+  return report.contains("words_of") && report["words_of"] == "campaign" ? "a training on these scenes never says"
+                                                                         : "training never said";
+}
+
 std::string NeverSeen(const OrderedJson& sentence) {
   if (!sentence.contains("never_seen")) return {};
   const auto words = sentence["never_seen"].get<std::vector<std::string>>();
@@ -111,7 +117,7 @@ std::string SentencesText(const OrderedJson& report) {
     seen_known = seen_known || sentence.contains("never_seen");
   }
   std::string text = fmt::format("{:<{}}  {:>7}  {:>7}  {:<20} {}\n", "sentence", width, "success", "latched", "means",
-                                 seen_known ? "training never said" : "");
+                                 seen_known ? NeverSeenHeader(report) : "");
   for (const auto& sentence : report["per_sentence"]) {
     const auto of = [&](const char* criterion) {
       return fmt::format("{}/{}", sentence[criterion]["successes"].get<std::uint64_t>(),

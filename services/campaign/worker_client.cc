@@ -5,12 +5,15 @@
 
 #include <algorithm>
 #include <optional>
+#include <thread>
+#include <utility>
 
-#include "services/bus/blob_transfer.h"
 #include "services/bus/directory.h"
 #include "services/bus/topic.h"
 #include "services/campaign/ack_log.h"
-#include "services/campaign/heartbeat.h"
+#include "services/campaign/known_collectors.h"
+#include "services/campaign/shard_choice.h"
+#include "services/campaign/worker_connection.h"
 #include "services/core/clock.h"
 #include "services/core/command.h"
 #include "services/core/crash_point.h"
@@ -25,69 +28,14 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Everything that belongs to one campaign, known by its id.
-struct Connection {
-  std::string id;
-  bus::Reader<bus::CampaignAnnouncement> announcements;
-  bus::Reader<bus::Lease> leases;
-  bus::Writer<bus::WorkRequest> requests;
-  bus::Writer<bus::AttemptReport> reports;
-  bus::BlobSender sender;
-  std::unique_ptr<Heartbeat> heartbeat;
-
-  std::optional<bus::CampaignAnnouncement> announcement;  // the newest
-  std::string ready_for;                                  // spec hash that `work` was made for
-  CampaignSpec spec;                                      // that it was made for
+// What a worker has made itself ready for. It outlives the way from one shard to the next: they have one spec.
+struct Readiness {
+  std::string spec_sha256;  // that `work` was made for
+  CampaignSpec spec;
   WorkFunction work;
   std::string files_sha256;
   Fingerprint fingerprint;
-  std::optional<bus::AttemptReport> last_report;  // of the last attempt that failed
-
-  void TakeAnnouncements() {
-    for (auto& taken : announcements.Take())
-      if (taken.campaign_id == id && (!announcement || taken.epoch >= announcement->epoch))
-        announcement = std::move(taken);
-  }
-  bool complete() const { return announcement && announcement->complete; }
 };
-
-Result<std::unique_ptr<Connection>> Connect(const bus::Participant& participant, const bus::Presence& found,
-                                            const WorkerOptions& options) {
-  const bus::Owner owner{found.name, found.id};
-  const std::string partition = owner.partition();
-  ETUDE_ASSIGN_OR_RETURN(auto announcements, bus::Reader<bus::CampaignAnnouncement>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto leases, bus::Reader<bus::Lease>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto requests, bus::Writer<bus::WorkRequest>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto reports, bus::Writer<bus::AttemptReport>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto heartbeats, bus::Writer<bus::WorkerStatus>::Open(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto sender, bus::BlobSender::Open(participant, owner, "episode", options.name));
-  bus::WorkerStatus status;
-  status.campaign = found.name;
-  status.campaign_id = found.id;
-  status.worker = options.name;
-  status.host = HostName();
-  status.phase = "idle";
-  return std::unique_ptr<Connection>(
-      new Connection{.id = found.id,
-                     .announcements = std::move(announcements),
-                     .leases = std::move(leases),
-                     .requests = std::move(requests),
-                     .reports = std::move(reports),
-                     .sender = std::move(sender),
-                     .heartbeat = std::make_unique<Heartbeat>(std::move(heartbeats), status, options.heartbeat)});
-}
-
-/// What tells `heartbeat` how far an attempt is, and the service manager that it moves.
-ProgressFunction ProgressTo(Heartbeat& heartbeat, WatchedLoop& watched) {
-  return [&heartbeat, &watched](std::string_view stage, std::uint32_t step) {
-    watched.Moved();
-    heartbeat.Set([&](bus::WorkerStatus& status) {
-      status.phase = "play";
-      if (status.stage != stage) status.stage = stage.substr(0, 63);
-      status.step = step;
-    });
-  };
-}
 
 Status Refuse(const std::string& campaign, const char* what, std::uint32_t there, const std::string& program,
               std::uint32_t here) {
@@ -102,112 +50,190 @@ Status Refuse(const std::string& campaign, const char* what, std::uint32_t there
 struct WorkerClient::Impl {
   const bus::Participant* participant = nullptr;
   WorkerOptions options;
-  Selector selector;
-  bus::Directory directory;
-  std::unique_ptr<Connection> joined;
+  KnownCollectors collectors;                     // of the campaign
+  ShardChoice choice;                             // among them
+  std::unique_ptr<WorkerConnection> joined = {};  // with one of them
+  Readiness ready = {};
+  bus::WorkerStatus telemetry = {};  // what was counted at collectors that were left
   std::uint64_t request_id = 0;
   std::uint64_t episodes = 0, failures = 0;
-  std::optional<WatchedLoop> watched;  // while Run is at it
+  std::optional<WatchedLoop> watched = std::nullopt;  // while Run is at it
   AckLog acknowledged = AckLog::FromEnvironment();
   Stopwatch since_work = {};  // since anybody had work, or took what was made
 
+  const Selector& selector() const { return collectors.selector(); }
   Status Join();
-  bool Replaced();
+  Status JoinNext();
+  void Leave();
+  void LeaveIdleShard();
+  void LeaveNowAndThen();
+  bool Replaced() { return collectors.Replaced(joined->id); }
   bool Unwanted() const;
-  bool CollectorHasGone();
   Status Prepare(const WorkFactory& factory);
   bus::WorkRequest NextRequest();
   Result<bus::Lease> Ask();
+  ProgressFunction ProgressOf(const bus::Lease& lease);
+  void LookAhead(const bus::Lease& lease);
+  void HandBackAhead();
+  Status Work(const WorkFactory& factory);
   Status Serve(const bus::Lease& lease);
   double HandIn(const bus::Lease& lease, const WorkResult& result);
   void Send(const bus::Lease& lease, const WorkResult& result);
+  bus::AttemptReport ReportOf(const bus::Lease& lease, const std::string& outcome) const;
   void Report(const bus::Lease& lease, const std::string& outcome, const std::string& details_json);
   static void TakeUp(const bus::Lease& lease, bus::WorkerStatus& status);
   static void Count(const WorkResult& result, double send_s, bus::WorkerStatus& status);
 };
 
-// Waits for the campaign and its announcement; again when another one has taken the place of the one that was joined.
+// Waits for the campaign and the announcement of a collector of it that is not complete; again when that one has gone
+// and another one is there.
 Status WorkerClient::Impl::Join() {
-  if (joined && Replaced()) {
-    Log().info("campaign={}@{} has gone, another one of its name is there", selector.name, joined->id);
-    joined.reset();
-  }
+  if (joined && Replaced()) Leave();
   Stopwatch since_word;
   bool said = false;
-  while (!StopRequested() && !Unwanted() && !(joined && joined->announcement)) {
+  while (!StopRequested() && !Unwanted() && !collectors.Complete() && !(joined && joined->collector->announcement)) {
     watched->Moved();
-    if (!said || since_word.Seconds() > 30) {
-      Log().info("waiting for campaign={}: is its collector running on this domain?", selector.text());
+    if ((!said && collectors.empty()) || since_word.Seconds() > 30) {
+      Log().info("waiting for campaign={}: is its collector running on this domain?", selector().text());
       since_word.Restart();
       said = true;
     }
-    if (joined) {
-      joined->announcements.Wait(1s);
-      joined->TakeAnnouncements();
-      if (!joined->announcement && Replaced()) joined.reset();
+    if (!joined) {
+      ETUDE_RETURN_IF_ERROR(JoinNext());
       continue;
     }
-    ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kCampaign, selector, 1s));
-    if (!found) continue;
-    ETUDE_ASSIGN_OR_RETURN(joined, Connect(*participant, *found, options));
+    joined->collector->announcements.Wait(1s);
+    joined->collector->TakeAnnouncements();
+    if (!joined->collector->announcement && Replaced()) Leave();
   }
   return {};
 }
 
-// True when the collector of the joined campaign is not there and that of another one of the name is.
-bool WorkerClient::Impl::Replaced() { return directory.Replaced(bus::PresenceKind::kCampaign, selector, joined->id); }
+Status WorkerClient::Impl::JoinNext() {
+  ETUDE_ASSIGN_OR_RETURN(const bool another_campaign, collectors.LookAround());
+  if (another_campaign) {
+    choice.GoAnywhere();
+    ready = {};
+  }
+  const auto shard = choice.Next(collectors.OpenShards());
+  if (!shard) {
+    WaitForStop(100ms);  // what was there is complete, or has gone: it may come again
+    return {};
+  }
+  const auto next = collectors.At(*shard);
+  if (next->presence.shards > 1)
+    Log().info("campaign={} goes to {} ({})", next->presence.name, bus::ShardText(next->presence), next->presence.id);
+  ETUDE_ASSIGN_OR_RETURN(joined, WorkerConnection::Open(*participant, next, options, telemetry));
+  choice.Joined(*shard);
+  return {};
+}
+
+// What was counted goes along to the next one; what was leased and not begun is anybody's again.
+void WorkerClient::Impl::Leave() {
+  if (!joined) return;
+  HandBackAhead();
+  joined->heartbeat->Set([&](bus::WorkerStatus& status) { telemetry = status; });
+  telemetry.token = 0;
+  telemetry.stage.clear();
+  joined.reset();
+}
+
+// A shard that has nothing to lease (the last of its episodes are being made, or it is paused) is no reason to wait
+// where another one may have something; less and less often where none has.
+void WorkerClient::Impl::LeaveIdleShard() {
+  if (joined->collector->presence.shards < 2 || !choice.IsImpatient(joined->since_lease.Seconds())) return;
+  if (const Status learned = collectors.Learn(); !learned) Log().debug("look for shards: {}", learned.error().message);
+  if (!collectors.Knows(*joined->collector)) return Leave();
+  const auto next = choice.Next(collectors.OpenShards());
+  if (!next || *next == joined->collector->presence.shard) return;
+  choice.WaitLonger();
+  Leave();
+}
+
+// What a worker has at hand is handed in.
+void WorkerClient::Impl::LeaveNowAndThen() {
+  if (joined->collector->presence.shards < 2 || !choice.HasStayed(joined->since_joined.Seconds())) return;
+  choice.GoAnywhere();
+  Leave();
+}
 
 bool WorkerClient::Impl::Unwanted() const {
   return options.idle_timeout.count() > 0 &&
          1000 * since_work.Seconds() > static_cast<double>(options.idle_timeout.count());
 }
 
-bool WorkerClient::Impl::CollectorHasGone() {
-  return directory.Matching(bus::PresenceKind::kCampaign, {selector.name, joined->id}).empty();
-}
-
 // Makes the work function, again when the spec has changed.
 Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
-  const bus::CampaignAnnouncement& announcement = *joined->announcement;
+  const bus::CampaignAnnouncement& announcement = *joined->collector->announcement;
   if (announcement.wire != bus::kWireVersion)
-    return Refuse(selector.text(), "wire number", announcement.wire, announcement.version, bus::kWireVersion);
+    return Refuse(selector().text(), "wire number", announcement.wire, announcement.version, bus::kWireVersion);
   if (announcement.content != options.content)
-    return Refuse(selector.text(), "content number", announcement.content, announcement.version, options.content);
-  if (joined->work && joined->ready_for == announcement.spec_sha256) return {};
-  const std::string origin = fmt::format("campaign '{}'", selector.text());
+    return Refuse(selector().text(), "content number", announcement.content, announcement.version, options.content);
+  if (ready.work && ready.spec_sha256 == announcement.spec_sha256) return {};
+  const std::string origin = fmt::format("campaign '{}'", selector().text());
   const auto json = ParseBoundedJson(announcement.spec_json);
   if (!json) return Fail(Code::kCorrupt, fmt::format("join {}: the announced spec is not JSON", origin));
   ETUDE_ASSIGN_OR_RETURN(const auto spec, FromJson<CampaignSpec>(*json, origin));
   ETUDE_RETURN_IF_ERROR(spec.Validate());
   if (SpecHash(spec) != announcement.spec_sha256)
     return Fail(Code::kUnavailable, fmt::format("join {}: the announced hash does not fit the spec", origin));
-  joined->work = nullptr;  // the old one's context goes first
+  ready.work = nullptr;  // the old one's context goes first
   const Selector policy{spec.rollout.run, announcement.policy_id};
-  ETUDE_ASSIGN_OR_RETURN(joined->work, factory({joined->id, spec, policy.text(), [this] { watched->Moved(); }}));
-  joined->files_sha256.clear();
+  ETUDE_ASSIGN_OR_RETURN(ready.work, factory({joined->id, spec, policy.text(), [this] { watched->Moved(); }}));
+  ready.files_sha256.clear();
   if (options.files_sha256) {
-    ETUDE_ASSIGN_OR_RETURN(joined->files_sha256, options.files_sha256(spec));
+    ETUDE_ASSIGN_OR_RETURN(ready.files_sha256, options.files_sha256(spec));
   }
   if (options.fingerprint) {
-    ETUDE_ASSIGN_OR_RETURN(joined->fingerprint, options.fingerprint(spec));
+    ETUDE_ASSIGN_OR_RETURN(ready.fingerprint, options.fingerprint(spec));
   }
-  joined->spec = spec;
-  joined->ready_for = announcement.spec_sha256;
+  ready.spec = spec;
+  ready.spec_sha256 = announcement.spec_sha256;
   return {};
 }
 
 bus::WorkRequest WorkerClient::Impl::NextRequest() {
   bus::WorkRequest request;
-  request.campaign = selector.name;
+  request.campaign = selector().name;
   request.campaign_id = joined->id;
   request.worker = options.name;
+  request.host = participant->host();
   request.request_id = ++request_id;
-  request.version = Version();
+  request.version = BuildVersion();
   request.content = options.content;
-  request.spec_sha256 = joined->ready_for;
-  request.files_sha256 = joined->files_sha256;
-  if (!joined->fingerprint.empty()) request.fingerprint_json = FingerprintText(joined->fingerprint);
+  request.spec_sha256 = ready.spec_sha256;
+  request.files_sha256 = ready.files_sha256;
+  if (!ready.fingerprint.empty()) request.fingerprint_json = FingerprintText(ready.fingerprint);
   return request;
+}
+
+// Asks once for what comes next, when the attempt has begun to move, and takes the answer when it is there: the attempt
+// does not wait for it. An answer that was lost, or comes too late, is told again when the worker has nothing to do.
+void WorkerClient::Impl::LookAhead(const bus::Lease& lease) {
+  if (!options.prefetch || options.once || joined->ahead) return;
+  if (joined->asked_ahead != 0) return joined->TakeAnswerAhead();
+  bus::WorkRequest request = NextRequest();
+  request.working_on = lease.token;
+  joined->asked_ahead = request.request_id;
+  joined->answered_ahead = false;
+  if (const Status asked = joined->requests.Write(request); !asked) Log().debug("request: {}", asked.error().message);
+}
+
+// What was leased and not begun is somebody else's, now. The answer may be on its way still: waiting for it for a
+// moment costs less than the lease, which would have to run out.
+void WorkerClient::Impl::HandBackAhead() {
+  constexpr double kMoment_s = 0.3;
+  if (!joined) return;
+  joined->TakeAnswerAhead();
+  for (const Stopwatch waited; joined->asked_ahead != 0 && !joined->answered_ahead && waited.Seconds() < kMoment_s;) {
+    std::this_thread::sleep_for(5ms);
+    joined->TakeAnswerAhead();
+  }
+  joined->asked_ahead = 0;
+  const auto lease = std::exchange(joined->ahead, std::nullopt);
+  if (!lease) return;
+  if (const Status sent = joined->reports.Write(ReportOf(*lease, kReleased)); !sent)
+    Log().debug("cannot hand a lease back, it runs out by itself: {}", sent.error().message);
 }
 
 // Asks until answered; the collector may be away for a while. kWait also when there is something new to look at.
@@ -223,31 +249,35 @@ Result<bus::Lease> WorkerClient::Impl::Ask() {
     patience = std::min(2 * patience, options.ask_again);
     while (MonotonicClock::now() < deadline && !StopRequested()) {
       if (!joined->leases.Wait(deadline - MonotonicClock::now())) break;
-      for (auto& lease : joined->leases.Take()) {
-        const bool ours = lease.worker == options.name && lease.campaign_id == joined->id;
-        if (ours && lease.request_id == request.request_id) return lease;
-      }
+      for (auto& lease : joined->leases.Take())
+        if (joined->IsAnswer(lease, request.request_id)) return lease;
     }
-    joined->TakeAnnouncements();
-    if (joined->complete()) none.kind = bus::LeaseKind::kDone;
-    const bool changed = joined->announcement->spec_sha256 != joined->ready_for;
-    if (joined->complete() || changed || Unwanted() || Replaced()) break;
+    joined->collector->TakeAnnouncements();
+    const bool complete = joined->collector->complete();
+    if (complete) none.kind = bus::LeaseKind::kDone;
+    const bool changed = joined->collector->announcement->spec_sha256 != ready.spec_sha256;
+    if (complete || changed || Unwanted() || Replaced()) break;
   }
   return none;
 }
 
-void WorkerClient::Impl::Report(const bus::Lease& lease, const std::string& outcome, const std::string& details_json) {
+bus::AttemptReport WorkerClient::Impl::ReportOf(const bus::Lease& lease, const std::string& outcome) const {
   bus::AttemptReport report;
-  report.campaign = selector.name;
+  report.campaign = selector().name;
   report.campaign_id = joined->id;
-  report.spec_sha256 = joined->ready_for;
+  report.spec_sha256 = ready.spec_sha256;
   report.worker = options.name;
   report.index = lease.index;
   report.attempt = lease.attempt;
   report.token = lease.token;
   report.outcome = outcome;
-  report.details_json = details_json;
-  joined->last_report = std::move(report);
+  report.details_json = "{}";
+  return report;
+}
+
+void WorkerClient::Impl::Report(const bus::Lease& lease, const std::string& outcome, const std::string& details_json) {
+  joined->last_report = ReportOf(lease, outcome);
+  joined->last_report->details_json = details_json;
   if (const Status sent = joined->reports.Write(*joined->last_report); !sent)
     Log().warn("cannot report an attempt, its lease will come again: {}", sent.error().message);
 }
@@ -257,7 +287,7 @@ void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result)
   CrashPoint("worker.before_send", lease.index);
   OrderedJson meta{
       {"index", lease.index}, {"attempt", lease.attempt}, {"host", HostName()}, {"timings", TimesJson(result.times)}};
-  if (!joined->fingerprint.empty()) meta["fingerprint"] = ShortHash(joined->fingerprint);
+  if (!ready.fingerprint.empty()) meta["fingerprint"] = ShortHash(ready.fingerprint);
   while (true) {
     watched->Moved();
     // the token is unique, so it is the blob's id too: a repeat is recognised
@@ -274,9 +304,9 @@ void WorkerClient::Impl::Send(const bus::Lease& lease, const WorkResult& result)
     }
     if (StopRequested()) return Report(lease, kReleased, "{}");
     Log().warn("not acknowledged yet, sending again index={}: {}", lease.index, verdict.error().message);
-    joined->TakeAnnouncements();
-    if (joined->complete() || Replaced()) return;
-    if (!Unwanted() || !CollectorHasGone()) continue;
+    joined->collector->TakeAnnouncements();
+    if (joined->collector->complete() || Replaced()) return;
+    if (!Unwanted() || !collectors.HasGone(joined->id)) continue;
     Log().warn("gave up index={}: its collector has gone and nobody took it for {} s", lease.index,
                since_work.Seconds());
     return;
@@ -306,6 +336,14 @@ void WorkerClient::Impl::TakeUp(const bus::Lease& lease, bus::WorkerStatus& stat
   status.token = lease.token;
 }
 
+// @param lease  must live as long as the attempt
+ProgressFunction WorkerClient::Impl::ProgressOf(const bus::Lease& lease) {
+  return [this, &lease, tell = ProgressTo(*joined->heartbeat, *watched)](std::string_view stage, std::uint32_t step) {
+    tell(stage, step);
+    LookAhead(lease);
+  };
+}
+
 Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
   // this very attempt was reported already: the report was lost, or is on its way
   if (joined->last_report && joined->last_report->token == lease.token) {
@@ -313,7 +351,7 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
     WaitForStop(20ms);
     return {};
   }
-  const auto weights = ParseWeights(lease.sampling_json, joined->spec);
+  const auto weights = ParseWeights(lease.sampling_json, ready.spec);
   if (!weights) {
     // none that a collector of this spec would send: what is leased is asked for again
     Log().warn("did not take a lease index={}: {}", lease.index, weights.error().message);
@@ -322,7 +360,7 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
   }
   joined->heartbeat->Set([&](bus::WorkerStatus& status) { TakeUp(lease, status); });
   Stopwatch elapsed;
-  auto result = joined->work({lease.index, lease.attempt, *weights, ProgressTo(*joined->heartbeat, *watched)});
+  auto result = ready.work({lease.index, lease.attempt, *weights, ProgressOf(lease)});
   const double seconds = elapsed.Seconds();
   if (result) result->times.wall_s = seconds;
   if (!result) {
@@ -330,6 +368,8 @@ Status WorkerClient::Impl::Serve(const bus::Lease& lease) {
     return Fail(result.error());
   }
   since_work.Restart();
+  // its child is lost, or it is to stop: who has one gets what would have come next
+  if (result->outcome == kReleased) HandBackAhead();
   const double send_s = HandIn(lease, *result);
   joined->heartbeat->Set([&](bus::WorkerStatus& status) {
     status.phase = "idle";
@@ -366,46 +406,63 @@ const std::string& WorkerClient::name() const { return impl_->options.name; }
 
 Result<WorkerClient> WorkerClient::Open(const bus::Participant& participant, const WorkerOptions& options) {
   WorkerOptions resolved = options;
-  ETUDE_ASSIGN_OR_RETURN(auto selector, ParseSelector(resolved.campaign, "--campaign"));
+  ETUDE_ASSIGN_OR_RETURN(const auto selector, ParseSelector(resolved.campaign, "--campaign"));
   if (resolved.name.empty()) resolved.name = bus::UniquePeerName();
-  ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
-  return WorkerClient(
-      std::unique_ptr<Impl>(new Impl{&participant, std::move(resolved), std::move(selector), std::move(directory)}));
+  ETUDE_ASSIGN_OR_RETURN(auto collectors, KnownCollectors::Open(participant, selector));
+  ShardChoice choice(resolved.name, resolved.stay);
+  return WorkerClient(std::unique_ptr<Impl>(new Impl{.participant = &participant,
+                                                     .options = std::move(resolved),
+                                                     .collectors = std::move(collectors),
+                                                     .choice = std::move(choice)}));
 }
 
-Status WorkerClient::Run(const WorkFactory& factory) {
-  Impl& impl = *impl_;
-  impl.watched.emplace();
-  impl.since_work.Restart();
+Status WorkerClient::Impl::Work(const WorkFactory& factory) {
   while (!StopRequested()) {
-    impl.watched->Moved();
-    ETUDE_RETURN_IF_ERROR(impl.Join());
+    watched->Moved();
+    ETUDE_RETURN_IF_ERROR(Join());
     if (StopRequested()) break;
-    if (impl.Unwanted()) {
-      Log().info("going home: nobody had work for {:.0f} s (--idle-timeout)", impl.since_work.Seconds());
+    if (Unwanted()) {
+      Log().info("going home: nobody had work for {:.0f} s (--idle-timeout)", since_work.Seconds());
       break;
     }
-    impl.joined->TakeAnnouncements();
-    ETUDE_RETURN_IF_ERROR(impl.Prepare(factory));
-    ETUDE_ASSIGN_OR_RETURN(const bus::Lease lease, impl.Ask());
+    if (collectors.Complete()) return {};
+    joined->collector->TakeAnnouncements();
+    ETUDE_RETURN_IF_ERROR(Prepare(factory));
+    const auto ahead = joined->TakeAhead(ready.spec_sha256);
+    ETUDE_ASSIGN_OR_RETURN(const bus::Lease lease, ahead ? Result<bus::Lease>(*ahead) : Ask());
     switch (lease.kind) {
       case bus::LeaseKind::kDone:
-        return {};
+        joined->collector->done_in = joined->collector->announcement->epoch;
+        Leave();
+        ETUDE_RETURN_IF_ERROR(collectors.Learn());
+        break;
       case bus::LeaseKind::kRefused:
         return Fail(Code::kUnavailable, lease.reason);
       case bus::LeaseKind::kWait:
         WaitForStop(200ms);
+        LeaveIdleShard();
         break;
       case bus::LeaseKind::kWork:
         // a collector that came back with another spec: what we would make is not what it leased
-        if (lease.spec_sha256 != impl.joined->ready_for) break;
-        ETUDE_RETURN_IF_ERROR(impl.Serve(lease));
-        if (impl.options.once) return {};
-        if (!impl.Unwanted()) impl.since_work.Restart();
+        if (lease.spec_sha256 != ready.spec_sha256) break;
+        ETUDE_RETURN_IF_ERROR(Serve(lease));
+        joined->since_lease.Restart();
+        choice.FoundWork();
+        LeaveNowAndThen();
+        if (options.once) return {};
+        if (!Unwanted()) since_work.Restart();
         break;
     }
   }
   return {};
+}
+
+Status WorkerClient::Run(const WorkFactory& factory) {
+  impl_->watched.emplace();
+  impl_->since_work.Restart();
+  Status done = impl_->Work(factory);
+  impl_->HandBackAhead();
+  return done;
 }
 
 }  // namespace etude::campaign

@@ -51,14 +51,16 @@ struct JoinedCampaign {
   std::function<void()> moved = nullptr;
 };
 /// Makes the function for a campaign; called again when the spec changes, or another campaign of the name takes the
-/// place of one that has gone. Factory and function run on the thread that called Run.
+/// place of one that has gone, not for each shard. Factory and function run on the thread that called Run.
 using WorkFactory = std::function<Result<WorkFunction>(const JoinedCampaign&)>;
 
 struct WorkerOptions {
   std::string campaign;  ///< NAME, or NAME@ID of one of several; with NAME alone the next one of that name follows
   std::string name;      ///< unique on the bus; empty: UniquePeerName()
   std::uint32_t content = kContentVersion;
-  bool once = false;                          ///< one attempt, then home
+  bool once = false;  ///< one attempt, then home
+  /// While it works it asks for the next lease, so that it need not wait for it; what it does not begin is handed back.
+  bool prefetch = false;
   std::chrono::milliseconds idle_timeout{0};  ///< without work for so long it goes home; 0: it waits for ever
   /// SHA-256 over the files that a spec names (robots, objects), "" when it names none. The collector lets work only
   /// those who have the same ones. Left out: "".
@@ -69,6 +71,9 @@ struct WorkerOptions {
   std::chrono::milliseconds heartbeat{500};
   std::chrono::milliseconds ask_again{1'000};      ///< a request without an answer is repeated
   std::chrono::milliseconds send_timeout{30'000};  ///< per try; the same object is sent again
+  /// At one shard of several that has work, about; then chance says which is next, so that shards that began at
+  /// different times come to have as many workers.
+  std::chrono::milliseconds stay{300'000};
 };
 
 class WorkerClient {
@@ -82,7 +87,8 @@ class WorkerClient {
   const std::string& name() const;
 
   /// Waits for the campaign, then works until it is complete, a stop is requested, or nobody had work for
-  /// `idle_timeout`; all of them are success.
+  /// `idle_timeout`; all of them are success. Of a campaign that several collectors share it asks one until that has
+  /// nothing to lease, then the next, and it is complete when all those are that were ever seen (NAME@ID: that one).
   /// A collector that restarts is waited for. On a stop the lease is released.
   /// @error kInvalidArgument: the name means several campaigns (the message lists them); kUnavailable: the collector
   /// has another wire or content number, or the work function's error.
@@ -105,6 +111,9 @@ inline constexpr char kChildHung[] = "child_hung";
 inline constexpr char kUnfitEpisode[] = "unfit_episode";
 /// Outcome of a rollout whose policy did not answer; the same attempt is tried again.
 inline constexpr char kPolicyError[] = "policy_error";
+/// true in its details: no policy can be asked as things are (it was trained for another robot, several have the name),
+/// so that waiting does not help and the evaluation ends.
+inline constexpr char kPolicyRefused[] = "refused";
 /// The task cannot be done from the start that was drawn, or there was none. In a rollout, where each attempt has the
 /// same start, the index is closed without a result.
 inline constexpr char kSceneInvalid[] = "scene_invalid";

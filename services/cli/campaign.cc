@@ -4,10 +4,12 @@
 
 #include <cstdio>
 #include <optional>
+#include <vector>
 
 #include "services/bus/directory.h"
 #include "services/bus/topic.h"
 #include "services/cli/bus_watch.h"
+#include "services/cli/campaign_control.h"
 #include "services/cli/command_line.h"
 #include "services/cli/top_text.h"
 #include "services/core/config.h"
@@ -30,6 +32,8 @@ OrderedJson StatusJson(const CampaignView& campaign) {
   OrderedJson json{{"name", campaign.presence.name},     {"id", campaign.presence.id},
                    {"host", campaign.presence.host},     {"user", campaign.presence.user},
                    {"folder", campaign.presence.folder}, {"since", campaign.presence.since}};
+  if (campaign.presence.shards > 1)
+    json["shard"] = fmt::format("{}/{}", campaign.presence.shard, campaign.presence.shards);
   if (!campaign.status) return json;
   const bus::CampaignStatus& status = campaign.status->message;
   json["state"] = status.state;
@@ -42,6 +46,8 @@ OrderedJson StatusJson(const CampaignView& campaign) {
   json["eta_s"] = status.eta_s;
   json["failures"] = ParseBoundedJson(status.failures_json, 2).value_or(OrderedJson::object());
   json["error"] = status.error;
+  json["rechecked"] = status.rechecked;
+  json["mismatched"] = status.mismatched;
   return json;
 }
 
@@ -55,7 +61,8 @@ Status ListCampaigns(const CampaignArguments& arguments) {
     if (arguments.as_json) continue;
     const bus::CampaignStatus status = campaign.status ? campaign.status->message : bus::CampaignStatus();
     const std::string line =
-        fmt::format("{}@{}  {}  {}/{}  {:.1f}/min  {} workers  host {}  {}", campaign.presence.name, id,
+        fmt::format("{}@{}{}  {}  {}/{}  {:.1f}/min  {} workers  host {}  {}", campaign.presence.name, id,
+                    campaign.presence.shards > 1 ? "  " + bus::ShardText(campaign.presence) : "",
                     status.state.empty() ? "?" : status.state, status.committed, status.total,
                     status.episodes_per_minute, status.workers, campaign.presence.host, campaign.presence.folder);
     fmt::print("{}\n", Printable(line));
@@ -67,31 +74,70 @@ Status ListCampaigns(const CampaignArguments& arguments) {
   return {};
 }
 
-// The campaign that is meant. @error kNotFound when it is not there
-Result<bus::Presence> Find(const bus::Participant& participant, const std::string& name) {
+// The collectors of the campaign that is meant: one, or those of its shards that are there.
+// @error kNotFound when none is
+Result<std::vector<bus::Presence>> Find(const bus::Participant& participant, const std::string& name) {
   ETUDE_ASSIGN_OR_RETURN(const Selector selector, ParseSelector(name, "campaign"));
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
-  ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kCampaign, selector, 2s));
-  if (found) return *found;
+  ETUDE_ASSIGN_OR_RETURN(auto found, directory.FindCampaign(selector, 2s));
+  if (!found.empty()) return found;
   return Fail(Code::kNotFound,
               fmt::format("campaign '{}' is not live on domain {}: `etude campaign list` shows those that are", name,
                           participant.domain()));
 }
 
+// What the shards that are there have come to together. A worker that goes from one to the next is one at a time.
+OrderedJson SumJson(const BusView& view) {
+  bus::CampaignStatus sum;
+  OrderedJson shards = OrderedJson::array();
+  for (const auto& [id, campaign] : view.campaigns) {
+    shards.push_back(StatusJson(campaign));
+    if (!campaign.status) continue;
+    const bus::CampaignStatus& status = campaign.status->message;
+    sum.committed += status.committed;
+    sum.total += status.total;
+    sum.attempts += status.attempts;
+    sum.given_up += status.given_up;
+    sum.workers += status.workers;
+    sum.rechecked += status.rechecked;
+    sum.mismatched += status.mismatched;
+    sum.episodes_per_minute += status.episodes_per_minute;
+  }
+  const bus::Presence& any = view.campaigns.begin()->second.presence;
+  return {{"name", any.name},           {"shard_count", any.shards},
+          {"committed", sum.committed}, {"total", sum.total},
+          {"attempts", sum.attempts},   {"given_up", sum.given_up},
+          {"workers", sum.workers},     {"episodes_per_minute", sum.episodes_per_minute},
+          {"rechecked", sum.rechecked}, {"mismatched", sum.mismatched},
+          {"shards", std::move(shards)}};
+}
+
+std::string SumLine(const OrderedJson& sum) {
+  return Printable(
+      fmt::format("campaign {}  {} of {} shards are there: {} of their {} committed, {} given up  {:.1f}/min",
+                  sum["name"].get<std::string>(), sum["shards"].size(), sum["shard_count"].get<std::uint32_t>(),
+                  sum["committed"].get<std::uint64_t>(), sum["total"].get<std::uint64_t>(),
+                  sum["given_up"].get<std::uint64_t>(), sum["episodes_per_minute"].get<double>()));
+}
+
 Status ShowCampaign(const CampaignArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
-  ETUDE_ASSIGN_OR_RETURN(const bus::Presence found, Find(participant, arguments.name));
+  ETUDE_ASSIGN_OR_RETURN(const auto found, Find(participant, arguments.name));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
   BusView only{.domain = participant.domain()};
-  const auto campaign = watch.view().campaigns.find(found.id);
-  if (campaign == watch.view().campaigns.end())
-    return Fail(Code::kNotFound, fmt::format("campaign '{}' has just ended", arguments.name));
-  only.campaigns.insert(*campaign);
-  if (arguments.as_json)
-    fmt::print("{}\n", JsonText(StatusJson(campaign->second), 1));
-  else
-    fmt::print("{}", TopText(only, MonotonicClock::now()));
+  for (const auto& presence : found)
+    if (const auto campaign = watch.view().campaigns.find(presence.id); campaign != watch.view().campaigns.end())
+      only.campaigns.insert(*campaign);
+  if (only.campaigns.empty()) return Fail(Code::kNotFound, fmt::format("campaign '{}' has just ended", arguments.name));
+  const bool shards = found.size() > 1;
+  if (arguments.as_json) {
+    const OrderedJson json = shards ? SumJson(only) : StatusJson(only.campaigns.begin()->second);
+    fmt::print("{}\n", JsonText(json, 1));
+    return {};
+  }
+  fmt::print("{}", TopText(only, MonotonicClock::now()));
+  if (shards) fmt::print("{}\n", SumLine(SumJson(only)));
   return {};
 }
 
@@ -106,34 +152,6 @@ constexpr Control kControls[] = {
     {"drain", bus::ControlAction::kDrain, "as pause, and wait until nothing is leased any more"},
     {"resume", bus::ControlAction::kResume, "lease again"},
     {"stop", bus::ControlAction::kStop, "end its collector; started again, it resumes"}};
-
-// Says it again until the collector's next status answers it.
-Result<bus::CampaignStatus> Ask(const bus::Participant& participant, const bus::Presence& campaign,
-                                const Control& control, bus::Reader<bus::CampaignStatus>& statuses) {
-  const std::string partition = bus::Owner{campaign.name, campaign.id}.partition();
-  ETUDE_ASSIGN_OR_RETURN(auto controls, bus::Writer<bus::CampaignControl>::Open(participant, partition));
-  const auto no_answer = [&](const char* what) {
-    return Fail(Code::kUnavailable,
-                Printable(fmt::format("{} campaign '{}@{}': its collector (program {}, on {}) {}", control.word,
-                                      campaign.name, campaign.id, campaign.version, campaign.host, what)));
-  };
-  if (!controls.WaitForReaders(1, 5s)) return no_answer("does not listen to commands: end it with Ctrl-C there");
-  bus::CampaignControl message;
-  message.campaign = campaign.name;
-  message.campaign_id = campaign.id;
-  message.control_id = NewId();
-  message.action = control.action;
-  message.host = HostName();
-  message.user = UserName();
-  const auto deadline = MonotonicClock::now() + 10s;
-  while (MonotonicClock::now() < deadline && !StopRequested()) {
-    ETUDE_RETURN_IF_ERROR(controls.Write(message));
-    statuses.Wait(1s);
-    for (auto& status : statuses.Take())
-      if (status.control_id == message.control_id) return std::move(status);
-  }
-  return no_answer("did not answer");
-}
 
 // A collector speaks once a second; one that is silent for so long has died.
 constexpr auto kCollectorSilence = 30s;
@@ -160,22 +178,34 @@ Result<bus::CampaignStatus> AwaitDrained(const bus::Presence& campaign, bus::Rea
   return status;
 }
 
+// All shards of a campaign are told, also where one of them refuses or does not answer; then its words are the end.
 Status SendControl(const CampaignArguments& arguments, const Control& control) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
-  ETUDE_ASSIGN_OR_RETURN(const bus::Presence found, Find(participant, arguments.name));
-  ETUDE_ASSIGN_OR_RETURN(
-      auto statuses, bus::Reader<bus::CampaignStatus>::Open(participant, bus::Owner{found.name, found.id}.partition()));
-  ETUDE_ASSIGN_OR_RETURN(bus::CampaignStatus status, Ask(participant, found, control, statuses));
-  if (!status.control_refusal.empty())
-    return Fail(Code::kInvalidArgument, Printable(fmt::format("{} campaign '{}': refused: {}", control.word,
-                                                              arguments.name, status.control_refusal)));
-  if (control.action == bus::ControlAction::kDrain) {
-    ETUDE_ASSIGN_OR_RETURN(status, AwaitDrained(found, statuses, std::move(status)));
+  ETUDE_ASSIGN_OR_RETURN(const auto found, Find(participant, arguments.name));
+  std::vector<Told> all;
+  Status ended;
+  for (const auto& collector : found) {
+    auto told = TellCollector(participant, collector, control.word, {.action = control.action});
+    if (told)
+      all.push_back(std::move(*told));
+    else
+      ended = Fail(told.error());
   }
-  const std::string who = Printable(found.name + "@" + found.id);
-  fmt::print("{}: {}, {} of {} committed\n", who, Printable(status.state), status.committed, status.total);
-  if (status.state == "paused" || status.state == "draining") fmt::print("go on with: etude campaign resume {}\n", who);
-  return {};
+  bool waits = false;
+  for (Told& told : all) {
+    if (control.action == bus::ControlAction::kDrain) {
+      ETUDE_ASSIGN_OR_RETURN(told.status, AwaitDrained(told.collector, told.statuses, std::move(told.status)));
+    }
+    const bus::CampaignStatus& status = told.status;
+    fmt::print("{}: {}, {} of {} committed\n", Printable(told.collector.name + "@" + told.collector.id),
+               Printable(status.state), status.committed, status.total);
+    waits = waits || status.state == "paused" || status.state == "draining";
+  }
+  const std::string& name = found.front().name;
+  if (waits)
+    fmt::print("go on with: etude campaign resume {}\n",
+               Printable(found.size() > 1 ? name : name + "@" + found.front().id));
+  return ended;
 }
 
 }  // namespace

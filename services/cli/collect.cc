@@ -6,7 +6,7 @@
 #include "services/campaign/spec_file.h"
 #include "services/cli/command_line.h"
 #include "services/cli/hosted_campaign.h"
-#include "services/cli/progress.h"
+#include "services/core/progress.h"
 #include "services/core/stop.h"
 
 namespace etude::cli {
@@ -14,7 +14,7 @@ namespace {
 
 struct CollectArguments {
   campaign::SpecArguments spec;
-  std::string out;
+  std::string out, shard;
   int workers = DefaultWorkers();
   BusArguments bus;
   Claim claim = Claim::kRefuse;
@@ -22,6 +22,10 @@ struct CollectArguments {
 
 Status CollectEpisodes(const CollectArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const CampaignSpec spec, campaign::LoadSpec(arguments.spec));
+  Shard shard;
+  if (!arguments.shard.empty()) {
+    ETUDE_ASSIGN_OR_RETURN(shard, ParseShard(arguments.shard));
+  }
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kCollector}));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
                          bus::ProcessReporter::Start(participant, {.role = "etude collect", .folder = arguments.out}));
@@ -30,6 +34,7 @@ Status CollectEpisodes(const CollectArguments& arguments) {
                                                              .workers = arguments.workers,
                                                              .out = arguments.out,
                                                              .logs = Path(arguments.out) / "logs",
+                                                             .shard = shard,
                                                              .claim = arguments.claim}));
   {
     ProgressDisplay display;
@@ -59,6 +64,8 @@ void AddCollect(CLI::App& app, Body& body) {
   command->add_option("--episodes", arguments->spec.episodes, "instead of the file's count");
   command->add_option("--seed", arguments->spec.seed, "instead of the file's seed");
   AddOverrides(*command, arguments->spec.overrides, "image_stride=1");
+  command->add_option("--shard", arguments->shard,
+                      "I/K: only every K-th episode, from the I-th on, into a folder of its own (see etude collector)");
   bus::AddClaim(*command, arguments->claim);
   arguments->bus.Add(*command);
   command->callback([arguments, &body] { body = [arguments] { return CollectEpisodes(*arguments); }; });

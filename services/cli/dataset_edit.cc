@@ -1,14 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// `etude dataset filter|split|merge|delete|export|import`.
+// `etude dataset filter|split|merge|link|delete|export|import`.
 #include "services/cli/dataset_edit.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <charconv>
+#include <chrono>
+#include <optional>
+#include <set>
+#include <string>
 
-#include "services/cli/progress.h"
+#include "services/campaign/history.h"
+#include "services/cli/campaign_control.h"
+#include "services/core/identity.h"
 #include "services/core/output_folder.h"
+#include "services/core/progress.h"
 #include "services/export/lerobot.h"
 #include "services/export/modattn.h"
 #include "services/store/edit.h"
@@ -18,26 +24,7 @@
 namespace etude::cli {
 namespace {
 
-constexpr std::uint64_t kMostIndices = 10'000'000;
-
-bool ParseNumber(std::string_view text, std::uint64_t& number) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return error == std::errc() && end == text.data() + text.size() && !text.empty();
-}
-
-// "7" or "4-9"
-Status AddIndices(const std::string& text, std::set<std::uint64_t>& indices) {
-  const auto dash = text.find('-');
-  std::uint64_t first = 0, last = 0;
-  const bool good = ParseNumber(std::string_view(text).substr(0, dash), first) &&
-                    ParseNumber(std::string_view(text).substr(dash == std::string::npos ? 0 : dash + 1), last);
-  if (!good || last < first || last - first >= kMostIndices - indices.size())
-    return Fail(Code::kInvalidArgument,
-                fmt::format("--index '{}': give numbers of episodes, 7 or 4-9, at most {} in all", text, kMostIndices));
-  // counted from the first: the last may be the largest number that there is
-  for (std::uint64_t n = 0; n <= last - first; ++n) indices.insert(first + n);
-  return {};
-}
+using namespace std::chrono_literals;
 
 // Options that choose episodes.
 struct SelectionArguments {
@@ -65,7 +52,9 @@ struct SelectionArguments {
   /// @error as store::Select; kNotFound when nothing fits
   Result<std::vector<std::uint64_t>> Choose(const Path& dataset) const {
     store::Selection chosen = selection;
-    for (const auto& text : indices) ETUDE_RETURN_IF_ERROR(AddIndices(text, chosen.indices));
+    for (const auto& text : indices)
+      if (const Status added = store::AddIndices(text, chosen.indices); !added)
+        return Fail(added.error().Wrap("--index"));
     ETUDE_ASSIGN_OR_RETURN(auto found, store::Select(dataset, chosen));
     if (found.empty())
       return Fail(Code::kNotFound, fmt::format("no episode of '{}' fits what is asked for", dataset.string()));
@@ -78,6 +67,7 @@ struct EditArguments {
   std::vector<std::string> datasets, parts;
   SelectionArguments choice;
   exports::ModattnOptions modattn;
+  BusArguments bus;  // filter --as, of a dataset that is being collected
   bool restart = false, yes = false;
 
   Leftover leftover() const { return restart ? Leftover::kRemove : Leftover::kRefuse; }
@@ -90,12 +80,40 @@ auto Counter(ProgressDisplay& display, const char* verb) {
   };
 }
 
+// The collector that writes this dataset, as it is known on the bus.
+Result<std::optional<bus::Presence>> CollectorOf(const Path& dataset, const bus::Participant& participant) {
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(dataset));
+  ETUDE_ASSIGN_OR_RETURN(const Identity identity, ReadIdentity(dataset));
+  ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
+  ETUDE_ASSIGN_OR_RETURN(const auto found, directory.FindCampaign({reader.spec().name, identity.id}, 2s));
+  return found.empty() ? std::nullopt : std::optional(found.front());
+}
+
+// Where a collector holds the dataset's lock, it writes the key itself.
+Status WriteKey(const EditArguments& arguments, const std::set<std::uint64_t>& indices) {
+  const Status written = store::WriteFilterKey(arguments.dataset, arguments.key, indices);
+  if (written || written.error().code != Code::kUnavailable) return written;
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
+  const auto collector = CollectorOf(arguments.dataset, participant);
+  if (!collector || !*collector)
+    return Fail(
+        Code::kUnavailable,
+        fmt::format("{}; were it a collector on domain {}, that would write the key (--domain){}",
+                    written.error().message, participant.domain(), collector ? "" : ": " + collector.error().message));
+  const auto told = TellCollector(
+      participant, **collector, "give a filter key to",
+      {.action = bus::ControlAction::kFilterKey, .filter_key = arguments.key, .episodes = store::IndicesText(indices)},
+      60s);
+  if (!told) return Fail(told.error());
+  return {};
+}
+
 Status Filter(const EditArguments& arguments) {
   if (arguments.out.empty() == arguments.key.empty())
     return Fail(Code::kInvalidArgument, "say one of: OUT, a new dataset of what is chosen; --as NAME, a filter key");
   ETUDE_ASSIGN_OR_RETURN(const auto indices, arguments.choice.Choose(arguments.dataset));
   if (!arguments.key.empty()) {
-    ETUDE_RETURN_IF_ERROR(store::WriteFilterKey(arguments.dataset, arguments.key, {indices.begin(), indices.end()}));
+    ETUDE_RETURN_IF_ERROR(WriteKey(arguments, {indices.begin(), indices.end()}));
     fmt::print("filter key '{}': {} episodes (in dataset.hdf5: /mask/{})\n", arguments.key, indices.size(),
                arguments.key);
     return {};
@@ -157,6 +175,25 @@ Status Merge(const EditArguments& arguments) {
   }
   fmt::print("{}: {} episodes{}\n", arguments.out, report.episodes,
              report.renumbered ? ", numbered anew: the datasets are of different specs" : "");
+  return {};
+}
+
+Status Link(const EditArguments& arguments) {
+  const std::vector<Path> datasets(arguments.datasets.begin(), arguments.datasets.end());
+  std::set<std::string> determinisms;
+  for (const Path& dataset : datasets) {
+    ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(dataset));
+    determinisms.insert(reader.spec().determinism);
+  }
+  for (const std::string& determinism : determinisms)
+    ETUDE_RETURN_IF_ERROR(campaign::CheckHostsAgree(datasets, determinism));
+  store::LinkReport report;
+  {
+    ProgressDisplay display;
+    ETUDE_ASSIGN_OR_RETURN(
+        report, store::LinkDatasets(datasets, arguments.out, arguments.leftover(), Counter(display, "linked")));
+  }
+  fmt::print("{}: {} of {} episodes\n", arguments.out, report.episodes, report.planned);
   return {};
 }
 
@@ -253,53 +290,75 @@ void AddImport(CLI::App& command, Body& body, const std::shared_ptr<EditArgument
   importing->callback([=, &body] { body = [=] { return Import(*arguments); }; });
 }
 
+// A command of `etude dataset`, and what it was told.
+struct EditCommand {
+  CLI::App* command;
+  std::shared_ptr<EditArguments> arguments;
+};
+
+EditCommand Add(CLI::App& command, Body& body, const char* name, const char* description,
+                Status (*run)(const EditArguments&)) {
+  auto arguments = std::make_shared<EditArguments>();
+  auto* sub = command.add_subcommand(name, description);
+  sub->callback([=, &body] { body = [=] { return run(*arguments); }; });
+  return {sub, std::move(arguments)};
+}
+
+CLI::Option* AddRestart(const EditCommand& edit) {
+  return edit.command->add_flag("--restart", edit.arguments->restart,
+                                "remove what an interrupted command left, and begin anew");
+}
+
+void AddFilter(const EditCommand& filter) {
+  filter.command->add_option("dataset", filter.arguments->dataset, "dataset folder")->required();
+  filter.command->add_option("out", filter.arguments->out, "the new dataset's folder");
+  filter.command->add_option("--as", filter.arguments->key, "give them a filter key of this name instead of copying")
+      ->excludes(AddRestart(filter));
+  filter.arguments->choice.Add(*filter.command);
+  filter.arguments->bus.Add(*filter.command);
+}
+
+void AddSplit(const EditCommand& split) {
+  AddRestart(split);
+  split.command->add_option("dataset", split.arguments->dataset, "dataset folder")->required();
+  split.command->add_option("out", split.arguments->out, "folder for them")->required();
+  auto* by =
+      split.command->add_option("--by", split.arguments->by, "one for each robot | task | target | split | outcome")
+          ->check(CLI::IsMember({"robot", "task", "target", "split", "outcome"}));
+  by->excludes(split.command->add_option("--parts", split.arguments->parts,
+                                         "NAME=SHARE of each, dealt at random: train=0.8 valid=0.2"));
+}
+
+// One of several.
+void AddJoining(const EditCommand& joining) {
+  AddRestart(joining);
+  joining.command->add_option("datasets", joining.arguments->datasets, "dataset folders")->required();
+  joining.command->add_option("--out", joining.arguments->out, "the new dataset's folder")->required();
+}
+
+void AddDelete(const EditCommand& remove) {
+  remove.command->add_option("dataset", remove.arguments->dataset, "dataset folder")->required();
+  remove.command->add_flag("--yes", remove.arguments->yes, "do it; without, it only says what it would do");
+  remove.arguments->choice.Add(*remove.command);
+}
+
 }  // namespace
 
 void AddDatasetEdit(CLI::App& command, Body& body) {
-  const auto add = [&](const char* name, const char* description, Status (*run)(const EditArguments&)) {
-    auto arguments = std::make_shared<EditArguments>();
-    auto* sub = command.add_subcommand(name, description);
-    sub->callback([=, &body] { body = [=] { return run(*arguments); }; });
-    return std::pair(sub, arguments);
-  };
-  const auto add_restart = [](CLI::App& sub, EditArguments& arguments) {
-    return sub.add_flag("--restart", arguments.restart, "remove what an interrupted command left, and begin anew");
-  };
-  const auto [filter, filtered] = add("filter", "a new dataset, or a filter key, of some episodes", &Filter);
-  filter->add_option("dataset", filtered->dataset, "dataset folder")->required();
-  filter->add_option("out", filtered->out, "the new dataset's folder");
-  filter->add_option("--as", filtered->key, "give them a filter key of this name instead of copying")
-      ->excludes(add_restart(*filter, *filtered));
-  filtered->choice.Add(*filter);
-
-  const auto [split, divided] = add("split", "several datasets of one: OUT/<value> or OUT/<part>", &Split);
-  add_restart(*split, *divided);
-  split->add_option("dataset", divided->dataset, "dataset folder")->required();
-  split->add_option("out", divided->out, "folder for them")->required();
-  auto* by = split->add_option("--by", divided->by, "one for each robot | task | target | split | outcome")
-                 ->check(CLI::IsMember({"robot", "task", "target", "split", "outcome"}));
-  auto* parts =
-      split->add_option("--parts", divided->parts, "NAME=SHARE of each, dealt at random: train=0.8 valid=0.2");
-  by->excludes(parts);
-
-  const auto [merge, merged] =
-      add("merge",
-          "one dataset of several; where their specs differ, episodes are numbered anew, and which are for training "
-          "follows the new numbers",
-          &Merge);
-  add_restart(*merge, *merged);
-  merge->add_option("datasets", merged->datasets, "dataset folders")->required();
-  merge->add_option("--out", merged->out, "the new dataset's folder")->required();
-
-  const auto [remove, removed] = add("delete", "remove episodes for good", &Delete);
-  remove->add_option("dataset", removed->dataset, "dataset folder")->required();
-  remove->add_flag("--yes", removed->yes, "do it; without, it only says what it would do");
-  removed->choice.Add(*remove);
-
-  const auto [exporting, exported] = add("export", "for LeRobot (a folder) or robomimic (one file)", &Export);
-  add_restart(*exporting, *exported);
-  AddExportOptions(*exporting, exported);
-
+  AddFilter(Add(command, body, "filter", "a new dataset, or a filter key, of some episodes", &Filter));
+  AddSplit(Add(command, body, "split", "several datasets of one: OUT/<value> or OUT/<part>", &Split));
+  AddJoining(Add(command, body, "merge",
+                 "one dataset of several; where their specs differ, episodes are numbered anew, and which are for "
+                 "training follows the new numbers",
+                 &Merge));
+  AddJoining(Add(command, body, "link",
+                 "one dataset of the shards of one campaign on one filesystem, without copying: the same files, by "
+                 "hard links",
+                 &Link));
+  AddDelete(Add(command, body, "delete", "remove episodes for good", &Delete));
+  const EditCommand exporting = Add(command, body, "export", "for LeRobot (a folder) or robomimic (one file)", &Export);
+  AddRestart(exporting);
+  AddExportOptions(*exporting.command, exporting.arguments);
   AddImport(command, body, std::make_shared<EditArguments>());
 }
 

@@ -6,7 +6,7 @@
 
 namespace etude::cli {
 
-/// Adds filter, split, merge, delete, export and import to `etude dataset`.
+/// Adds filter, split, merge, link, delete, export and import to `etude dataset`.
 void AddDatasetEdit(CLI::App& command, Body& body);
 
 }  // namespace etude::cli

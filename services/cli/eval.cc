@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <optional>
+#include <set>
 
 #include "services/bus/directory.h"
 #include "services/bus/process_reporter.h"
@@ -16,6 +17,7 @@
 #include "services/cli/evaluation_record.h"
 #include "services/cli/sentence_suite.h"
 #include "services/cli/service.h"
+#include "services/cli/training_words.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/printable.h"
@@ -31,7 +33,7 @@ struct EvalArguments {
   std::string out;
   int workers = DefaultWorkers();
   std::vector<std::string> overrides;
-  bool first_draw = false, as_json = false;
+  bool first_draw = false, any_camera = false, as_json = false;
   std::string sentences;  // table8, table11 or a file
   std::uint64_t scenes_each = 3;
   std::string compare;
@@ -75,8 +77,9 @@ Result<PolicyChoice> ServeCheckpoint(const EvalArguments& arguments) {
   if (!subject) return Fail(subject.error().Wrap("read the checkpoint '" + arguments.checkpoint + "'"));
   const Selector run{"eval-" + subject->sha256.substr(0, 12), NewId()};
   subject->run_id = TrainedAs(arguments.checkpoint);
-  return PolicyChoice{run, ServiceOf(arguments, {"--checkpoint", arguments.checkpoint, "--run", run.text()}),
-                      std::move(*subject)};
+  std::vector<std::string> serve{"--checkpoint", arguments.checkpoint, "--run", run.text()};
+  if (arguments.any_camera) serve.emplace_back("--any-camera");
+  return PolicyChoice{run, ServiceOf(arguments, std::move(serve)), std::move(*subject)};
 }
 
 // A run's name, NAME@ID, or its folder.
@@ -147,10 +150,21 @@ Status Compare(const EvalArguments& arguments) {
   return {};
 }
 
-Status Report(const EvalArguments& arguments, const CampaignSpec& base, OrderedJson report) {
+// The words of the training of the policy that is evaluated.
+std::optional<std::set<std::string>> WordsOf(const bus::Participant& participant, const EvalArguments& arguments,
+                                             const PolicyChoice& choice) {
+  if (!arguments.checkpoint.empty()) return TrainingWordsOf(arguments.checkpoint);
+  if (!arguments.evaluation.run_folder.empty())
+    return TrainingWordsOf((arguments.evaluation.run_folder / "checkpoints" / "latest.safetensors").string());
+  return TrainingWords(participant, choice.run.text());
+}
+
+Status Report(const bus::Participant& participant, const EvalArguments& arguments, const PolicyChoice& choice,
+              const CampaignSpec& base, OrderedJson report) {
   if (report.contains("per_sentence")) {
     // the collector has ended: nobody else writes the file now
-    const Status added = AddNeverSeen(base.tasks, base.objects, report);
+    const auto said = WordsOf(participant, arguments, choice);
+    const Status added = AddNeverSeen(said, base.tasks, base.objects, report);
     if (!added) Log().warn("which words training never said: {}", added.error().message);
     ETUDE_RETURN_IF_ERROR(WriteFileAtomically(arguments.evaluation.out / "eval.json", report.dump(1) + "\n"));
   }
@@ -219,7 +233,7 @@ Status Eval(EvalArguments arguments) {
   ETUDE_RETURN_IF_ERROR(CheckOverlay(arguments.evaluation, spec));
   ETUDE_ASSIGN_OR_RETURN(auto report, RollOut(participant, spec, arguments, choice));
   if (StopRequested()) fmt::print(stderr, "stopped, run again to continue\n");
-  ETUDE_RETURN_IF_ERROR(Report(arguments, base, std::move(report)));
+  ETUDE_RETURN_IF_ERROR(Report(participant, arguments, choice, base, std::move(report)));
   return arguments.compare.empty() ? Status() : Compare(arguments);
 }
 
@@ -281,6 +295,10 @@ void AddEval(CLI::App& app, Body& body) {
   auto* subscribe = command->add_option("--subscribe", arguments->subscribe,
                                         "a run's checkpoints on the bus: NAME, NAME@ID, or its folder");
   checkpoint->excludes(subscribe);
+  command
+      ->add_flag("--any-camera", arguments->any_camera,
+                 "show it pictures of another camera than it was trained with, too, which else it refuses")
+      ->needs(checkpoint);
   command->add_option("--workers", arguments->workers, "local workers")
       ->check(CLI::Range(0, 100))
       ->capture_default_str();

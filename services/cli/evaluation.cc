@@ -39,6 +39,7 @@ CampaignSpec EvaluationSpec(const CampaignSpec& base, const EvaluationOptions& o
   spec.name = "eval-" + Sha256Hex(folder.string()).substr(0, 12);
   spec.mode = "rollout";
   spec.adaptive_sampling = {};  // what a trainer lacks is no matter of what it is tested on
+  spec.recheck = 0;             // an answer of a policy may come at another step there
   if (!options.tasks.empty()) {
     spec.tasks = options.tasks;
     spec.task_weights.clear();

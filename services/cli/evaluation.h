@@ -10,9 +10,9 @@
 #include "services/bus/participant.h"
 #include "services/campaign/eval_report.h"
 #include "services/cli/hosted_campaign.h"
-#include "services/cli/progress.h"
 #include "services/core/config.h"
 #include "services/core/file.h"
+#include "services/core/progress.h"
 #include "services/core/result.h"
 #include "services/spec/campaign_spec.h"
 

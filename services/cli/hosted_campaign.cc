@@ -31,7 +31,8 @@ struct HostedCampaign::Host {
 Result<std::unique_ptr<HostedCampaign>> HostedCampaign::Start(const bus::Participant& participant,
                                                               const CampaignSpec& spec, const HostOptions& options) {
   ETUDE_ASSIGN_OR_RETURN(auto collector, campaign::Collector::Open(participant, spec, options.out,
-                                                                   {.claim = options.claim,
+                                                                   {.shard = options.shard,
+                                                                    .claim = options.claim,
                                                                     .policy_id = options.policy_id,
                                                                     .run_id = options.run_id,
                                                                     .subject = options.subject}));

@@ -20,6 +20,7 @@ struct HostOptions {
   int workers = 1;  ///< 0: only others' workers
   Path out;         ///< what the collector opens
   Path logs;
+  Shard shard;                    ///< the episodes that are this collector's; its local workers work for it alone
   Claim claim = Claim::kRefuse;   ///< when the folder's id is live elsewhere
   std::string policy_id;          ///< the run whose policy rollouts ask; "": whoever serves its name
   std::string run_id;             ///< the run whose validation errors count; "": the first that speaks

@@ -49,8 +49,8 @@ constexpr std::array<Color, 5> kSpareHues{
 // What one module says, as far as it can be read.
 struct Said {
   std::string module, entity, quantity, word;
-  std::vector<double> numbers;                          // all finite
-  const policy::PictureAttention* attention = nullptr;  // where it is shown
+  std::vector<double> numbers;                         // all finite
+  const policy::ModuleAttention* attention = nullptr;  // where it is shown
   Color color = kWhite;
 
   bool says_pixel() const { return quantity == "pixel" && numbers.size() == 2; }
@@ -112,7 +112,7 @@ std::vector<Said> ReadAll(const policy::Insight& insight) {
   for (const auto& [module, words] : insight.modules.items()) {
     Said said = Read(module, words);
     const auto attention = insight.attention.find(module);
-    const bool reads_picture = attention != insight.attention.end();
+    const bool reads_picture = attention != insight.attention.end() && attention->second.reads_picture();
     if (reads_picture && insight.view.width > 0 && insight.view.height > 0 && attention->second.share() >= kLooks)
       said.attention = &attention->second;
     // a hue is kept for who may look at the picture, also while it does not
@@ -157,7 +157,7 @@ class Sheet {
                   ScalarOf(kFrame));
   }
 
-  void Tint(const policy::PictureAttention& attention, const policy::View& view, const Color& color) {
+  void Tint(const policy::ModuleAttention& attention, const policy::View& view, const Color& color) {
     const double width = double(scale_) * view.width / attention.columns;
     const double height = double(scale_) * view.height / attention.rows;
     const auto corner = [&](int row, int column) {
@@ -167,7 +167,7 @@ class Sheet {
     for (int row = 0; row < attention.rows; ++row)
       for (int column = 0; column < attention.columns; ++column)
         Blend(cv::Rect(corner(row, column), corner(row + 1, column + 1)),
-              attention.weights[static_cast<std::size_t>(row) * attention.columns + column], color);
+              attention.mean.picture[static_cast<std::size_t>(row) * attention.columns + column], color);
   }
 
   void Arrow(const Vector3d& from_W, const Vector3d& way_W, const std::string& name, const Color& color) {

@@ -235,7 +235,6 @@ Status StartPolicy(const PlayArguments& arguments, std::string& run, Children& c
   const auto flags = arguments.bus.Flags(security::Role::kPolicy);
   options.arguments.insert(options.arguments.end(), flags.begin(), flags.end());
   options.environment = arguments.bus.Environment();
-  options.log = std::filesystem::temp_directory_path() / fmt::format("etude-play-policy-{}.log", id);
   ETUDE_ASSIGN_OR_RETURN(auto policy, Service::Start(options));
   children.policy.emplace(std::move(policy));
   return {};

@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <filesystem>
 #include <iterator>
+#include <optional>
 #include <set>
 
+#include "services/campaign/eval_comparison.h"
 #include "services/campaign/process.h"
 #include "services/cli/command_line.h"
 #include "services/cli/results_record.h"
@@ -38,8 +40,21 @@ class Maker {
   Maker(const ResultsArguments& arguments, const ResultsConfig& config)
       : arguments_(arguments), config_(config), out_(arguments.out) {}
 
-  /// Makes what is not there already of one training seed of `row`. @returns the evaluation's report
+  /// Makes what is not there already of one training seed of `row`. @returns the evaluation's report, and where the row
+  /// is compared with another one "comparison"
   Result<OrderedJson> Make(const ResultRow& row, std::uint64_t seed) {
+    ETUDE_ASSIGN_OR_RETURN(OrderedJson report, MakeReport(row, seed));
+    if (row.compare.empty()) return report;
+    const ResultRow& other = *std::ranges::find(config_.rows, row.compare, &ResultRow::name);
+    ETUDE_RETURN_IF_ERROR(CheckDefinition(out_, other));
+    auto comparison = campaign::CompareEvaluations(ReportOf(row, seed), ReportOf(other, seed));
+    if (!comparison) return Fail(comparison.error().Wrap(fmt::format("compare with row '{}'", other.name)));
+    report["comparison"] = std::move(*comparison);
+    return report;
+  }
+
+ private:
+  Result<OrderedJson> MakeReport(const ResultRow& row, std::uint64_t seed) {
     ETUDE_RETURN_IF_ERROR(KeepDefinition(out_, row));
     if (!row.train.runs_of.empty()) return EvaluateRunOf(row, seed);
     const Path run = RunOf(row.name, seed);
@@ -52,7 +67,6 @@ class Maker {
     return Evaluate(row, seed, run);
   }
 
- private:
   Path RunOf(const std::string& row, std::uint64_t seed) const {
     return out_ / "runs" / fmt::format("{}-{}", row, seed);
   }
@@ -188,6 +202,7 @@ class Maker {
     add(!eval.tasks.empty(), "--tasks", fmt::format("{}", fmt::join(eval.tasks, ",")));
     add(eval.occlude > 0, "--occlude", fmt::format("{:g}", eval.occlude));
     add(eval.pushes > 0, "--pushes", std::to_string(eval.pushes));
+    if (eval.any_camera) words.emplace_back("--any-camera");
     const Words set = Sets(eval.set);
     words.insert(words.end(), set.begin(), set.end());
     return words;
@@ -261,16 +276,24 @@ Status Results(const ResultsArguments& arguments) {
   Table table{arguments.write.empty() ? Path(arguments.out) / "results.md" : Path(arguments.write), {}};
   ETUDE_ASSIGN_OR_RETURN(table.records, ResultRecords::Load(table.record_file()));
   Maker maker(arguments, config);
+  std::optional<Error> failed;  // the first one; what does not need it is made all the same
   for (const auto& row : config.rows) {
     for (const auto seed : row.train.seeds) {
       if (!Wanted(arguments.only, row.name) || !Wanted(arguments.seeds, seed)) continue;
-      ETUDE_ASSIGN_OR_RETURN(const OrderedJson report, maker.Make(row, seed));
-      table.records.Keep(row, {seed, MadeHere(), BriefReport(report)});
+      const auto report = maker.Make(row, seed);
+      if (!report && StopRequested()) return Fail(report.error());
+      if (!report) {
+        fmt::print(stderr, "{}, seed {}: {}\n", row.name, seed, report.error().message);
+        if (!failed) failed = report.error();
+        continue;
+      }
+      table.records.Keep(row, {seed, MadeHere(), BriefReport(*report)});
       ETUDE_RETURN_IF_ERROR(table.Save(config));
     }
   }
   ETUDE_RETURN_IF_ERROR(table.Save(config));
   fmt::print("{}", table.Text(config));
+  if (failed) return Fail(*failed);
   return {};
 }
 
@@ -297,6 +320,8 @@ std::vector<std::string> ErrorsOf(const ResultRow& row, const std::set<std::stri
   check(!begins || before.contains(train.init), fmt::format("train.init: '{}' is no row before it", train.init));
   check(!begins || train.config == ResultTraining().config,
         "train.config: not with init, whose checkpoint has the graph");
+  check(row.compare.empty() || before.contains(row.compare),
+        fmt::format("compare: '{}' is no row before it", row.compare));
   check(row.eval.sentences.empty() || row.eval.tasks.empty(), "eval.tasks: not with sentences, which say them");
   return errors;
 }

@@ -56,6 +56,7 @@ struct ResultEvaluation {
   std::uint64_t scenes_each = 3;
   double occlude = 0;
   std::uint64_t pushes = 0;
+  bool any_camera = false;
   std::uint64_t seed = 1;
   std::vector<std::string> set;
 
@@ -67,6 +68,7 @@ struct ResultEvaluation {
     v("scenes_each", scenes_each, "-", "scenes in which each of the sentences is said");
     v("occlude", occlude, "-", "share of the target's pixels under grey blocks");
     v("pushes", pushes, "-", "times that the target is slid away before it is touched");
+    v("any_camera", any_camera, "", "the scenes' camera is not the one of the training");
     v("seed", seed, "-", "of the scenes");
     v("set", set, "", "KEY=VALUE over the campaign's");
   }
@@ -80,6 +82,7 @@ struct ResultRow {
   ResultData data;
   ResultTraining train;
   ResultEvaluation eval;
+  std::string compare;      ///< a row before it, whose rollouts of the same seed these are paired with; "": none
   OrderedJson begins_with;  ///< DefinitionOf the row that `init` or `runs_of` names; null: none (by LoadResults)
 
   void Visit(auto& v) {
@@ -90,6 +93,7 @@ struct ResultRow {
     v("data", data);
     v("train", train);
     v("eval", eval);
+    v("compare", compare, "", "row before it whose rollouts of the same scenes these are paired with");
   }
 };
 

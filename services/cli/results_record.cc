@@ -148,6 +148,12 @@ OrderedJson BriefReport(const OrderedJson& report) {
   OrderedJson brief = OrderedJson::object();
   for (const char* part : {"overall", "per_task"})
     if (report.is_object() && report.contains(part)) brief[part] = report[part];
+  const auto keep = [&](const char* part, const char* key) {
+    if (report.is_object() && report.contains(part) && report[part].is_object() && report[part].contains(key))
+      brief[part] = {{key, report[part][key]}};
+  };
+  keep("scenes", "first_draw");
+  keep("comparison", "overall");
   return brief;
 }
 

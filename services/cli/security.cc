@@ -47,7 +47,7 @@ Status IssueIdentity(const IssueArguments& arguments) {
     ETUDE_ASSIGN_OR_RETURN(const security::Role role, security::ParseRole(text));
     options.roles.push_back(role);
   }
-  options.grants = bus::GrantsFor(options.roles, options.campaigns, options.runs);
+  options.grants = bus::GrantsFor(options.roles, options.name, options.campaigns, options.runs);
   ETUDE_ASSIGN_OR_RETURN(const Path identity, security::Issue(arguments.folder, options));
   fmt::print("{}\n", identity.string());
   return {};
@@ -122,7 +122,10 @@ void AddIssue(CLI::App& command, Body& body) {
                    "collector | worker | trainer | policy | subscriber | robot | gateway | relay; may be repeated")
       ->required()
       ->allow_extra_args(false);
-  issue->add_option("--name", arguments->name, "[a-z0-9-], once in an authority")->required();
+  issue
+      ->add_option("--name", arguments->name,
+                   "[a-z0-9-], once in an authority; of a worker or robot also the name of its host")
+      ->required();
   issue->add_option("--campaign", arguments->campaigns, "only these campaigns (default: any); may be repeated")
       ->allow_extra_args(false);
   issue->add_option("--run", arguments->runs, "only these runs (default: any); may be repeated")

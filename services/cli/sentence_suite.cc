@@ -68,14 +68,18 @@ Result<std::vector<SentenceSpec>> LoadSentences(const std::string& suite) {
   return sentences;
 }
 
-Status AddNeverSeen(const std::vector<std::string>& tasks, const std::vector<std::string>& objects,
-                    OrderedJson& report) {
+Status AddNeverSeen(const std::optional<std::set<std::string>>& said, const std::vector<std::string>& tasks,
+                    const std::vector<std::string>& objects, OrderedJson& report) {
   if (!report.contains("per_sentence")) return {};
-  const std::vector<std::string> names = SceneNames(objects);
-  ETUDE_ASSIGN_OR_RETURN(const auto grammar, language::Grammar::LoadFor(names, tasks));
-  ETUDE_ASSIGN_OR_RETURN(const auto seen, language::SeenWords(grammar, tasks, names));
+  std::set<std::string> seen = said.value_or(std::set<std::string>());
+  if (!said) {
+    const std::vector<std::string> names = SceneNames(objects);
+    ETUDE_ASSIGN_OR_RETURN(const auto grammar, language::Grammar::LoadFor(names, tasks));
+    ETUDE_ASSIGN_OR_RETURN(seen, language::SeenWords(grammar, tasks, names));
+  }
   for (auto& sentence : report["per_sentence"])
     sentence["never_seen"] = language::UnseenWords(language::Normalize(sentence["text"].get<std::string>()), seen);
+  report["words_of"] = said ? "training" : "campaign";
   return {};
 }
 

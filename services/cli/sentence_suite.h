@@ -2,6 +2,8 @@
 // Sentences to say to a policy: those of the paper's tables, or a file of the user's own.
 #pragma once
 
+#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -23,9 +25,10 @@ namespace etude::cli {
 Result<std::vector<SentenceSpec>> LoadSentences(const std::string& suite);
 
 /// Adds to each of "per_sentence" of an evaluation's report its words that training never says: "never_seen", in order.
-/// What training says is every sentence for `tasks` on `objects` in any style (language::SeenWords).
+/// @param said  what the policy's training says ("words_of": "training"); nothing: that is not known, and they are the
+/// words of every sentence for `tasks` on `objects` in any style (language::SeenWords; "words_of": "campaign")
 /// @error kInvalidArgument: a task or object without words
-Status AddNeverSeen(const std::vector<std::string>& tasks, const std::vector<std::string>& objects,
-                    OrderedJson& report);
+Status AddNeverSeen(const std::optional<std::set<std::string>>& said, const std::vector<std::string>& tasks,
+                    const std::vector<std::string>& objects, OrderedJson& report);
 
 }  // namespace etude::cli

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "services/cli/worker_pool.h"
 #include "services/core/command.h"
 #include "services/core/log.h"
@@ -31,6 +33,7 @@ Status Service::Launch() {
   process.log = options_.log;
   ETUDE_ASSIGN_OR_RETURN(auto started, campaign::Process::Start(process));
   process_.emplace(std::move(started));
+  since_launch_.Restart();
   return {};
 }
 
@@ -40,14 +43,24 @@ Status Service::Supervise() {
   const auto exit_code = process_->Poll();
   if (!exit_code) return {};
   process_.reset();
+  if (*exit_code == kExitOk && options_.lasting) {
+    Log().warn("{} was told to end, it is started again", options_.program);
+    // no failure: it does not count among them, but one that ends again and again is given more and more time
+    constexpr double kBriefly = 20;  // s
+    brief_lives_ = since_launch_.Seconds() < kBriefly ? std::min(brief_lives_ + 1, 60) : 0;
+    start_again_ = MonotonicClock::now() + 1s * std::max(1, brief_lives_);
+    return {};
+  }
   if (*exit_code == kExitOk) {
     done_ = true;
     return {};
   }
   if (*exit_code == kExitUsage || *exit_code == kExitMachine || ++restarts_ > options_.max_restarts)
-    return Fail(*exit_code == kExitMachine ? Code::kUnavailable : Code::kInternal,
-                fmt::format("{} ended with exit code {}. From {}:{}", options_.program, *exit_code,
-                            options_.log.string(), LogTail(options_.log)));
+    return Fail(
+        *exit_code == kExitMachine ? Code::kUnavailable : Code::kInternal,
+        fmt::format("{} ended with exit code {}{}", options_.program, *exit_code,
+                    options_.log.empty() ? "; its words stand above"
+                                         : fmt::format(". From {}:{}", options_.log.string(), LogTail(options_.log))));
   Log().warn("{} ended with exit code {}, it is started again", options_.program, *exit_code);
   start_again_ = MonotonicClock::now() + 1s * restarts_;
   return {};

@@ -5,8 +5,10 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <map>
 #include <vector>
 
+#include "services/bus/directory.h"
 #include "services/core/printable.h"
 #include "services/episode/bounded_json.h"
 #include "services/monitor/sentence.h"
@@ -20,7 +22,7 @@ using monitor::Grouped;
 using monitor::Text;
 
 constexpr double kStale = 3;  // s of silence that are worth a word
-constexpr std::size_t kLeastWorkers = 3;
+constexpr std::size_t kLeastWorkers = 3, kLeastHosts = 2;
 
 template <class Message>
 std::string Age(const Heard<Message>& heard, Time now) {
@@ -29,7 +31,8 @@ std::string Age(const Heard<Message>& heard, Time now) {
 }
 
 std::vector<std::string> CampaignLines(const CampaignView& campaign, Time now) {
-  const std::string name = campaign.presence.name + "@" + campaign.presence.id;
+  std::string name = campaign.presence.name + "@" + campaign.presence.id;
+  if (campaign.presence.shards > 1) name += " " + bus::ShardText(campaign.presence);
   if (!campaign.status) return {fmt::format("campaign {}  on {}: no word yet", name, campaign.presence.host)};
   const bus::CampaignStatus& status = campaign.status->message;
   std::vector<std::string> lines{
@@ -37,6 +40,13 @@ std::vector<std::string> CampaignLines(const CampaignView& campaign, Time now) {
                   Text(FactsOf(campaign.presence.name, status)), Grouped(status.attempts), status.given_up,
                   status.episodes_per_minute, status.workers, Age(*campaign.status, now))};
   if (!status.error.empty()) lines.push_back("  WAITING: " + status.error);
+  if (status.rechecked > 0 || status.mismatched > 0)
+    lines.push_back(fmt::format("  made again on another host: {}{}", Grouped(status.rechecked),
+                                status.mismatched > 0
+                                    ? fmt::format("  OTHER BYTES: {} (`recheck_mismatch` in attempts.jsonl names "
+                                                  "the hosts)",
+                                                  Grouped(status.mismatched))
+                                    : ", the same bytes"));
   std::vector<std::string> failures;
   if (const auto json = ParseBoundedJson(status.failures_json, 2); json && json->is_object())
     for (const auto& [reason, count] : json->items())
@@ -57,6 +67,48 @@ std::vector<std::string> WorkerLines(const CampaignView& campaign, Time now) {
                                 status.last_outcome.empty() ? "-" : status.last_outcome, Age(heard, now)));
   }
   return lines;
+}
+
+// Workers by host, each as it was heard last: one that goes from shard to shard is heard in several campaigns.
+using Slots = std::map<std::string, const Heard<bus::WorkerStatus>*>;
+
+std::map<std::string, Slots> SlotsByHost(const BusView& view) {
+  std::map<std::string, Slots> hosts;
+  for (const auto& [id, campaign] : view.campaigns) {
+    for (const auto& [name, heard] : campaign.workers) {
+      if (heard.message.phase == "gone") continue;
+      const auto*& newest = hosts[heard.message.host.empty() ? "?" : heard.message.host][name];
+      if (newest == nullptr || newest->at < heard.at) newest = &heard;
+    }
+  }
+  return hosts;
+}
+
+std::string HostLine(const std::string& name, const Slots& slots, Time now) {
+  std::size_t busy = 0, silent = 0;
+  std::uint64_t episodes = 0, failures = 0;
+  double steps_per_second = 0;
+  for (const auto& [worker, heard] : slots) {
+    const bus::WorkerStatus& status = heard->message;
+    if (heard->AgeSeconds(now) > kStale)
+      ++silent;
+    else if (!status.phase.empty() && status.phase != "idle")
+      ++busy;
+    episodes += status.episodes;
+    failures += status.failures;
+    steps_per_second += status.steps_per_second;
+  }
+  return fmt::format("  host {:<23} {} slots, {} busy{}  {} done, {} failed  {:.0f} steps/s", name, slots.size(), busy,
+                     silent == 0 ? "" : fmt::format(", {} silent", silent), Grouped(episodes), Grouped(failures),
+                     steps_per_second);
+}
+
+// At most `most` lines, the last of them how many are left out.
+void Shorten(std::vector<std::string>& lines, std::size_t most, const char* what) {
+  if (lines.size() <= most) return;
+  const std::size_t hidden = lines.size() - most;
+  lines.resize(most);
+  lines.push_back(fmt::format("  and {} more{}", hidden, what));
 }
 
 std::vector<std::string> RunLines(const RunView& run, Time now) {
@@ -113,6 +165,10 @@ std::string TopText(const BusView& view, Time now, std::size_t rows, std::size_t
   }
   for (const auto& [id, run] : view.runs)
     for (auto& line : RunLines(run, now)) tail.push_back(std::move(line));
+  std::vector<std::string> hosts;
+  for (const auto& [name, slots] : SlotsByHost(view)) hosts.push_back(HostLine(name, slots, now));
+  if (rows > 0) Shorten(hosts, std::max(kLeastHosts, rows / 4), " hosts");
+  for (auto& line : hosts) head.push_back(std::move(line));
   if (!workers.empty())
     head.push_back(fmt::format("  {:<28} {:<5} {:<10} {:<12} {:>5} {:>6} {:>5}  {:>8} {:>8}  {:<16} {}", "worker",
                                "does", "episode", "stage", "step", "done", "fail", "plan", "steps", "last", "heard"));
@@ -120,9 +176,7 @@ std::string TopText(const BusView& view, Time now, std::size_t rows, std::size_t
   std::size_t shown = workers.size();
   if (rows > 0 && shown + others > rows)
     shown = std::min(shown, rows > others + kLeastWorkers ? rows - others : kLeastWorkers);
-  const std::size_t hidden = workers.size() - shown;
-  workers.resize(shown);
-  if (hidden > 0) workers.push_back(fmt::format("  and {} more", hidden));
+  Shorten(workers, shown, "");
   std::string text;
   for (const auto* part : {&head, &workers, &tail})
     for (const auto& line : *part) text += Printable(line).substr(0, columns > 0 ? columns : line.size()) + "\n";

@@ -11,7 +11,8 @@
 namespace etude::cli {
 
 /// As the checkpoint that is served has them, or one of its run: they are the same in all of a run's. Nothing where
-/// that cannot be known: nobody serves it, its file is on another machine, or from before checkpoints had words.
+/// that cannot be known: nobody serves or trains it, its file is on another machine, or from before checkpoints had
+/// words.
 /// @param run  NAME or NAME@ID
 std::optional<std::set<std::string>> TrainingWords(const bus::Participant& participant, const std::string& run);
 

@@ -140,6 +140,7 @@ Status System::StartServing() {
   policy.arguments.insert(policy.arguments.end(), serving_flags.begin(), serving_flags.end());
   policy.environment = bus_.Environment();
   policy.log = out_ / "logs" / "policy.log";
+  policy.lasting = true;
   ETUDE_ASSIGN_OR_RETURN(auto serving, Service::Start(policy));
   policy_.emplace(std::move(serving));
   return {};

@@ -58,7 +58,7 @@ Status WorkerPool::StartSlot(std::size_t k) {
   Slot& slot = slots_[k];
   slot.name = fmt::format("{}-w{}", bus::UniquePeerName(), k);
   campaign::ProcessOptions process;
-  process.argv = {program_.string(), "--campaign", options_.campaign, "--name", slot.name};
+  process.argv = {program_.string(), "--campaign", options_.campaign, "--name", slot.name, "--slots", "0"};
   const auto flags = options_.bus.Flags(security::Role::kWorker);
   process.argv.insert(process.argv.end(), flags.begin(), flags.end());
   process.environment = options_.bus.Environment();

@@ -67,7 +67,10 @@ int RunMain(const std::string& name, const std::function<Status()>& body) {
   InitLog(name, level ? level : "info");
   try {
     Status status = body();
-    if (const auto reason = ReasonOfStop(); reason && status) status = Fail(*reason);
+    if (const auto reason = ReasonOfStop()) {
+      StartAgainIfWanted();  // also where the body answered the stop with an error of its own
+      if (status) status = Fail(*reason);
+    }
     ServiceManager::Get().Stopping();
     if (status) return EndOfOutput(name);
     return End(ExitCodeFor(status.error()), name, status.error().message);
@@ -79,5 +82,13 @@ int RunMain(const std::string& name, const std::function<Status()>& body) {
 }
 
 std::string Version() { return ETUDE_VERSION; }
+
+std::string BuildVersion() {
+#ifdef ETUDE_COMMIT
+  return Version() + "+" ETUDE_COMMIT;
+#else
+  return Version();
+#endif
+}
 
 }  // namespace etude

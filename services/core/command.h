@@ -23,5 +23,8 @@ int RunMain(const std::string& name, const std::function<Status()>& body);
 
 /// Etude's version, "0.1.0"; peers of another version are refused by name.
 std::string Version();
+/// The same with the commit that it was built from, "0.1.0+89abcdef0123", where the build knows it (ETUDE_DEV=OFF): for
+/// people and logs, never compared.
+std::string BuildVersion();
 
 }  // namespace etude

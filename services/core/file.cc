@@ -11,6 +11,7 @@
 #include <cstring>
 #include <utility>
 
+#include "services/core/append.h"
 #include "services/core/crash_point.h"
 #include "services/core/descriptor.h"
 #include "services/core/identity.h"
@@ -180,10 +181,7 @@ Status LineAppender::Append(std::string_view line) {
   std::string text = torn ? "\n" : "";
   text += line;
   text += '\n';
-  Status written = WriteAll(file_.get(), path_, BytesOf(text));
-  // if not even that works, the next line ends the torn one
-  if (!written) (void)!::ftruncate(file_.get(), info.st_size);
-  return written;
+  return AppendWhole(file_.get(), path_, BytesOf(text));
 }
 
 Status LineAppender::Sync() {

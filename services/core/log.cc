@@ -14,6 +14,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "services/core/progress.h"
 #include "services/core/thread_annotations.h"
 
 namespace etude {
@@ -77,6 +78,13 @@ class ListenerSink : public spdlog::sinks::base_sink<std::mutex> {
   void flush_() override {}
 };
 
+// Before each line that is shown: what is logged stands below no half line of progress.
+class ProgressSink : public spdlog::sinks::base_sink<std::mutex> {
+ protected:
+  void sink_it_(const spdlog::details::log_msg&) override { internal::ClearProgress(); }
+  void flush_() override {}
+};
+
 // Of a word as users write it; none for what is no level.
 std::optional<spdlog::level::level_enum> LevelNamed(const std::string& word) {
   for (const auto level : {spdlog::level::err, spdlog::level::warn, spdlog::level::info, spdlog::level::debug})
@@ -87,18 +95,21 @@ std::optional<spdlog::level::level_enum> LevelNamed(const std::string& word) {
 }  // namespace
 
 void SetLogFormat(LogFormat format) { log_format = format; }
+LogFormat GetLogFormat() { return log_format; }
 
 void InitLog(const std::string& name, const std::string& level) {
   auto shown = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
   auto heard = std::make_shared<ListenerSink>();
   heard->set_level(spdlog::level::warn);
-  auto logger = std::make_shared<spdlog::logger>(name, spdlog::sinks_init_list{shown, heard});
+  auto progress = std::make_shared<ProgressSink>();
+  auto logger = std::make_shared<spdlog::logger>(name, spdlog::sinks_init_list{progress, shown, heard});
   if (log_format == LogFormat::kJson)
     shown->set_formatter(std::make_unique<JsonFormatter>());
   else
     shown->set_pattern("%H:%M:%S %^%l%$ %n: %v");
   const auto known = LevelNamed(level);
   shown->set_level(known.value_or(spdlog::level::info));
+  progress->set_level(shown->level());
   logger->set_level(std::min(shown->level(), heard->level()));  // listeners hear warnings whatever is shown
   logger->flush_on(spdlog::level::info);
   spdlog::set_default_logger(std::move(logger));

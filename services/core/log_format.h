@@ -9,5 +9,6 @@ enum class LogFormat { kText, kJson };
 
 /// Before InitLog, e.g. from `--log json`; the default is text.
 void SetLogFormat(LogFormat format);
+LogFormat GetLogFormat();
 
 }  // namespace etude

@@ -1,16 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/core/stop_reason.h"
 
-#include <mutex>
+#include <unistd.h>
 
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <utility>
+
+#include "services/core/clock.h"
+#include "services/core/log.h"
+#include "services/core/pinned_process.h"
 #include "services/core/stop.h"
+#include "services/core/thread_annotations.h"
 
 namespace etude {
 namespace {
 
+constexpr char kStartedAgain[] = "ETUDE_STARTED_AGAIN";  // seconds since 1970
+constexpr char kNewIdOption[] = "--new-id";              // of collectors and trainers (services/core/identity.h)
+
 struct Reason {
-  std::mutex mutex;
-  std::optional<Error> error;
+  Mutex mutex;
+  std::optional<Error> error ETUDE_GUARDED_BY(mutex);
+  bool restart ETUDE_GUARDED_BY(mutex) = false;
+  MoreArguments more ETUDE_GUARDED_BY(mutex);
 };
 
 Reason& GetReason() {
@@ -23,7 +39,7 @@ Reason& GetReason() {
 void StopBecause(Error error) {
   auto& reason = GetReason();
   {
-    const std::scoped_lock lock(reason.mutex);
+    const MutexLock lock(reason.mutex);
     if (!reason.error) reason.error = std::move(error);
   }
   RequestStop();
@@ -31,8 +47,82 @@ void StopBecause(Error error) {
 
 std::optional<Error> ReasonOfStop() {
   auto& reason = GetReason();
-  const std::scoped_lock lock(reason.mutex);
+  const MutexLock lock(reason.mutex);
   return reason.error;
+}
+
+void RestartBecause(Error error) {
+  if (StopRequested()) return;
+  {
+    auto& reason = GetReason();
+    const MutexLock lock(reason.mutex);
+    if (!reason.error) reason.restart = true;
+  }
+  StopBecause(std::move(error));
+}
+
+namespace {
+
+std::atomic<int> holds{0};
+
+}  // namespace
+
+RestartHold::RestartHold() { ++holds; }
+RestartHold::~RestartHold() { --holds; }
+
+bool MayStartAgain() {
+  if (holds > 0) return false;
+  const char* const last = std::getenv(kStartedAgain);
+  return last == nullptr || WallSeconds() - std::atof(last) >= kLeastLifeS;
+}
+
+void RestartWith(MoreArguments more) {
+  auto& reason = GetReason();
+  const MutexLock lock(reason.mutex);
+  reason.more = std::move(more);
+}
+
+namespace {
+
+// Arguments of this process as it was started.
+std::vector<std::string> OwnArguments() {
+  std::ifstream file("/proc/self/cmdline", std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  std::vector<std::string> arguments;
+  for (std::size_t at = 0, end; at < text.size(); at = end + 1) {
+    end = std::min(text.find('\0', at), text.size());
+    arguments.push_back(text.substr(at, end - at));
+  }
+  return arguments;
+}
+
+}  // namespace
+
+void StartAgainIfWanted() {
+  MoreArguments more;
+  std::string why;
+  {
+    auto& reason = GetReason();
+    const MutexLock lock(reason.mutex);
+    if (!reason.restart || std::getenv("NOTIFY_SOCKET") != nullptr) return;
+    more = reason.more;
+    why = reason.error->message;
+  }
+  std::vector<std::string> arguments = OwnArguments();
+  std::optional<std::vector<std::string>> added(std::in_place);
+  if (more) added = more();
+  if (arguments.empty() || !added) return;
+  std::erase(arguments, kNewIdOption);  // it has one by now, and others have heard of it
+  for (std::string& argument : *added)
+    if (std::ranges::find(arguments, argument) == arguments.end()) arguments.push_back(std::move(argument));
+  std::vector<char*> argv;
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  argv.push_back(nullptr);
+  Log().warn("this process starts again: {}", why);
+  // sockets and locks of what has ended are not handed on
+  (void)::close_range(STDERR_FILENO + 1, ~0u, CLOSE_RANGE_CLOEXEC);
+  const auto now = static_cast<std::int64_t>(WallSeconds());
+  StartAgainWith({{kStartedAgain, std::to_string(now)}}, argv.data());
 }
 
 }  // namespace etude

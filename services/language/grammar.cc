@@ -88,7 +88,7 @@ std::set<std::string> Grammar::Words(const Command& command) const {
 
 std::vector<std::string> Grammar::NounPhrases(const std::string& object) const {
   const auto* noun = vocabulary_->FindNoun(object);
-  return noun ? Phrases(*noun) : std::vector<std::string>{};
+  return noun ? std::vector<std::string>(noun->phrases.begin(), noun->phrases.end()) : std::vector<std::string>{};
 }
 
 const std::vector<std::string>& Grammar::tasks() const { return vocabulary_->tasks(); }

@@ -28,7 +28,7 @@ Command CommandFor(const TaskName& task, const std::string& target, const std::s
 
 enum class Style {
   kTemplate,  ///< exactly the template sentences ("pick up red can"); 232 for the three basic tasks
-  kVaried,    ///< + synonyms by WordNet's rule (wordnet.h), articles, politeness, word order
+  kVaried,    ///< + words by WordNet's rule (wordnet.h), articles, politeness, word order
   kNoisy,     ///< + typing errors, case, punctuation
 };
 

@@ -69,13 +69,21 @@ struct Best {
   }
 };
 
+// Whether it is what another one of `objects` is called in base words: then it is that one's, whatever the rule makes
+// of this one's words.
+bool IsAnothers(const Vocabulary& vocabulary, const Strings& objects, const std::string& object,
+                const std::string& phrase) {
+  return std::ranges::any_of(objects, [&](const std::string& other) {
+    const Vocabulary::Noun* const noun = other == object ? nullptr : vocabulary.FindNoun(other);
+    return noun != nullptr && std::ranges::count(BasePhrases(noun->base), phrase) > 0;
+  });
+}
+
 // Every phrase for an object, held out ones too: those are what a person tries.
 Strings PhrasesOf(const Vocabulary& vocabulary, const std::string& object) {
   Strings phrases;
   if (const Vocabulary::Noun* noun = vocabulary.FindNoun(object))
-    for (const NounTemplate* half : {&noun->base, &noun->varied})
-      for (const auto& adjective : half->adjectives)
-        for (const auto& head : half->nouns) phrases.push_back(JoinWords(adjective, head));
+    for (const auto& phrase : AllPhrases(*noun)) phrases.push_back(phrase);
   for (const auto& held_out : HeldOutNounPhrases())
     if (held_out.object == object) phrases.push_back(held_out.text);
   return phrases;
@@ -87,7 +95,8 @@ Best FindObject(const Vocabulary& vocabulary, const Strings& objects, const Stri
   for (const auto& object : objects) {
     for (const auto& phrase : PhrasesOf(vocabulary, object)) {
       const Strings split = Split(phrase);
-      if (const auto at = Find(words, split)) best.Offer({object, *at, split.size()});
+      const auto at = Find(words, split);
+      if (at && !IsAnothers(vocabulary, objects, object, phrase)) best.Offer({object, *at, split.size()});
     }
     const Strings name = Split(Normalize(ObjectNoun(object)));
     if (const auto at = Find(words, name)) by_name.Offer({object, *at, name.size()});
@@ -102,7 +111,8 @@ Best ObjectAt(const Vocabulary& vocabulary, const Strings& objects, const String
   for (const auto& object : objects) {
     for (const auto& phrase : PhrasesOf(vocabulary, object)) {
       const Strings split = Split(phrase);
-      if (Find(words, split, at) == at) best.Offer({object, at, split.size()});
+      if (Find(words, split, at) == at && !IsAnothers(vocabulary, objects, object, phrase))
+        best.Offer({object, at, split.size()});
     }
     const Strings name = Split(Normalize(ObjectNoun(object)));
     if (Find(words, name, at) == at) by_name.Offer({object, at, name.size()});

@@ -53,25 +53,26 @@ const Strings& Others(const std::string& words) {
   return negative ? ObstacleLexicon().any_other : ObstacleLexicon().others;
 }
 
+// Half of them of base words, each as often as the others however much the rule makes of it.
 std::string DrawPhrase(const Vocabulary::Noun& noun, Rng& rng) {
   while (true) {
-    const NounTemplate& half = rng.Bernoulli(0.5) ? noun.base : noun.varied;
-    const std::string adjective = Pick(half.adjectives, rng);
-    std::string phrase = JoinWords(adjective, Pick(half.nouns, rng));
-    if (!Vocabulary::IsHeldOutPhrase(phrase)) return phrase;
+    std::string adjective = Pick(noun.base.adjectives, rng), head = Pick(noun.base.nouns, rng);
+    const Strings &adjectives = noun.adjectives.at(adjective), &heads = noun.nouns.at(head);
+    if (rng.Bernoulli(0.5)) {
+      const bool first = !adjectives.empty() && (heads.empty() || rng.Bernoulli(0.5));
+      if (first)
+        adjective = Pick(adjectives, rng);
+      else if (!heads.empty())
+        head = Pick(heads, rng);
+    }
+    std::string phrase = JoinWords(adjective, head);
+    if (noun.phrases.contains(phrase)) return phrase;
   }
 }
 
 std::string DrawBasePhrase(const Vocabulary::Noun& noun, Rng& rng) {
   const std::string& adjective = Pick(noun.base.adjectives, rng);
   return JoinWords(adjective, Pick(noun.base.nouns, rng));
-}
-
-Strings BasePhrases(const Vocabulary::Noun& noun) {
-  Strings phrases;
-  for (const auto& adjective : noun.base.adjectives)
-    for (const auto& head : noun.base.nouns) phrases.push_back(JoinWords(adjective, head));
-  return phrases;
 }
 
 // "put A behind B", not "behind B put A"
@@ -82,7 +83,7 @@ bool StartsWithVerb(const Vocabulary& vocabulary, const Command& command, const 
 
 Strings BaseObstacles(const Vocabulary& vocabulary, const std::string& obstacle, const std::string& words) {
   if (obstacle == kEverythingElse) return {Others(words).front()};
-  return BasePhrases(*vocabulary.FindNoun(obstacle));
+  return BasePhrases(vocabulary.FindNoun(obstacle)->base);
 }
 
 // the object next to which, or of which to keep clear
@@ -130,7 +131,8 @@ std::string AddObstacle(const Vocabulary& vocabulary, const Command& command, co
   return Keeping(words, obstacle, action, ahead);
 }
 
-void AddWordsOf(const Strings& texts, std::set<std::string>& words) {
+template <class Texts>
+void AddWordsOf(const Texts& texts, std::set<std::string>& words) {
   for (const auto& text : texts) {
     std::istringstream stream(text);
     for (std::string word; stream >> word;) words.insert(std::move(word));
@@ -144,13 +146,13 @@ std::set<std::string> AllWords(const Vocabulary& vocabulary, const Command& comm
   for (const auto* texts : {&Articles(), &Openings(), &Closings(), &vocabulary.verb(command.task).all})
     AddWordsOf(*texts, words);
   for (const auto& object : {command.target, command.reference, command.obstacle})
-    if (const auto* noun = vocabulary.FindNoun(object)) AddWordsOf(Phrases(*noun), words);
+    if (const auto* noun = vocabulary.FindNoun(object)) AddWordsOf(noun->phrases, words);
   if (!command.reference.empty()) AddWordsOf(vocabulary.place(command.task).all, words);
   if (command.obstacle.empty()) return words;
   const ObstacleWords& obstacle = ObstacleLexicon();
   for (const auto* texts : {&obstacle.before, &obstacle.after, &vocabulary.avoid(), &vocabulary.touch()})
     AddWordsOf(*texts, words);
-  AddWordsOf({"and but do not never"}, words);
+  AddWordsOf(Strings{"and but do not never"}, words);
   if (command.obstacle == kEverythingElse)
     for (const auto* texts : {&obstacle.others, &obstacle.any_other}) AddWordsOf(*texts, words);
   return words;
@@ -180,14 +182,14 @@ std::string DrawTemplate(const Vocabulary& vocabulary, const Command& command, R
 std::vector<std::string> AllTemplates(const Vocabulary& vocabulary, const Command& command) {
   Strings sentences;
   for (const auto& verb : vocabulary.verb(command.task).base)
-    for (const auto& noun : BasePhrases(*vocabulary.FindNoun(command.target)))
+    for (const auto& noun : BasePhrases(vocabulary.FindNoun(command.target)->base))
       sentences.push_back(JoinWords(verb, noun));
 
   if (!command.reference.empty()) {
     Strings placed;
     for (const auto& action : sentences)
       for (const auto& place : vocabulary.place(command.task).base)
-        for (const auto& noun : BasePhrases(*vocabulary.FindNoun(command.reference))) {
+        for (const auto& noun : BasePhrases(vocabulary.FindNoun(command.reference)->base)) {
           placed.push_back(action + " " + place + " " + noun);
           placed.push_back(place + " " + noun + " " + action);
         }
@@ -236,6 +238,18 @@ void AddTypo(std::string& text, Rng& rng) {
       text[at] = static_cast<char>('a' + rng.Below(26));
       break;
   }
+}
+
+void AddStrangeWord(std::string& text, Rng& rng) {
+  std::vector<std::size_t> starts{0};
+  for (std::size_t at = text.find(' '); at != std::string::npos; at = text.find(' ', at + 1)) starts.push_back(at + 1);
+  std::string word;
+  for (std::uint64_t letters = 3 + rng.Below(7); letters > 0; --letters) word += static_cast<char>('a' + rng.Below(26));
+  const std::uint64_t place = rng.Below(starts.size() + 1);
+  if (place == starts.size())
+    text += " " + word;
+  else
+    text.insert(starts[place], word + " ");
 }
 
 }  // namespace etude::language

@@ -22,5 +22,7 @@ std::set<std::string> AllWords(const Vocabulary& vocabulary, const Command& comm
 
 /// At most one typing error: swaps, drops, doubles or replaces a letter inside a word.
 void AddTypo(std::string& text, Rng& rng);
+/// Puts a word of random letters before one of `text`'s, or behind the last.
+void AddStrangeWord(std::string& text, Rng& rng);
 
 }  // namespace etude::language

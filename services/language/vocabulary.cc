@@ -57,14 +57,21 @@ bool HasWords(const std::string& text, const std::string& phrase) {
   return false;
 }
 
-std::vector<std::string> Phrases(const Vocabulary::Noun& noun) {
+std::vector<std::string> BasePhrases(const NounTemplate& base) {
   std::vector<std::string> phrases;
-  for (const auto* half : {&noun.base, &noun.varied})
-    for (const auto& adjective : half->adjectives)
-      for (const auto& head : half->nouns) {
-        std::string phrase = JoinWords(adjective, head);
-        if (!Vocabulary::IsHeldOutPhrase(phrase)) AddWords(phrases, {std::move(phrase)});
-      }
+  for (const auto& adjective : base.adjectives)
+    for (const auto& head : base.nouns) phrases.push_back(JoinWords(adjective, head));
+  return phrases;
+}
+
+std::set<std::string> AllPhrases(const Vocabulary::Noun& noun) {
+  std::set<std::string> phrases;
+  for (const auto& adjective : noun.base.adjectives)
+    for (const auto& head : noun.base.nouns) {
+      phrases.insert(JoinWords(adjective, head));
+      for (const auto& other : noun.adjectives.at(adjective)) phrases.insert(JoinWords(other, head));
+      for (const auto& other : noun.nouns.at(head)) phrases.insert(JoinWords(adjective, other));
+    }
   return phrases;
 }
 
@@ -95,7 +102,8 @@ const Vocabulary::Noun* Vocabulary::FindNoun(const std::string& object) const {
   return found == nouns_.end() ? nullptr : &found->second;
 }
 
-// `phrase` with synonyms: of the whole where WordNet has it, else of one word at a time.
+// What the rule makes of `phrase`: of the whole where WordNet has it, else of one word at a time what means the same (a
+// kind of one of its words is no kind of what it names).
 std::vector<std::string> Vocabulary::Expand(const std::string& phrase, Part part) const {
   if (!wordnet_ || phrase.empty()) return {};
   const WordNet& wordnet = *wordnet_;
@@ -104,7 +112,7 @@ std::vector<std::string> Vocabulary::Expand(const std::string& phrase, Part part
     return part == Part::kAdjective && !wordnet.Has(words, part) ? Part::kNoun : part;
   };
   const auto words = Split(phrase);
-  if (words.size() == 1 || wordnet.Has(phrase, part_of(phrase))) return wordnet.Synonyms(phrase, part_of(phrase));
+  if (words.size() == 1 || wordnet.Has(phrase, part_of(phrase))) return wordnet.Related(phrase, part_of(phrase));
   std::vector<std::string> phrases;
   for (std::size_t i = 0; i < words.size(); ++i)
     for (const auto& synonym : wordnet.Synonyms(words[i], part_of(words[i]))) {
@@ -122,10 +130,28 @@ std::vector<std::string> Vocabulary::ExpandAll(const std::vector<std::string>& p
 }
 
 void Vocabulary::AddObject(const ObjectWords& words) {
-  const NounTemplate varied{ExpandAll(words.base.adjectives, Part::kAdjective),
-                            ExpandAll(words.base.nouns, Part::kNoun)};
-  nouns_.emplace(words.object, Noun{words.base, varied});
+  Noun noun{words.base, {}, {}, {}};
+  for (const auto& adjective : words.base.adjectives) noun.adjectives[adjective] = Expand(adjective, Part::kAdjective);
+  for (const auto& head : words.base.nouns) noun.nouns[head] = Expand(head, Part::kNoun);
+  nouns_.emplace(words.object, std::move(noun));
   objects_.push_back(words.object);
+}
+
+void Vocabulary::ChoosePhrases() {
+  std::map<std::string, int> objects;  // that a phrase could be of
+  std::set<std::string> base;
+  for (const auto& [object, noun] : nouns_) {
+    for (const auto& phrase : AllPhrases(noun)) ++objects[phrase];
+    for (auto& phrase : BasePhrases(noun.base)) base.insert(std::move(phrase));
+  }
+  for (auto& [object, noun] : nouns_) {
+    const std::vector<std::string> own = BasePhrases(noun.base);
+    noun.phrases = AllPhrases(noun);
+    std::erase_if(noun.phrases, [&](const std::string& phrase) {
+      const bool is_own = std::find(own.begin(), own.end(), phrase) != own.end();
+      return IsHeldOutPhrase(phrase) || (!is_own && (base.contains(phrase) || objects.at(phrase) > 1));
+    });
+  }
 }
 
 Status Vocabulary::AddOwn(const OwnObject& object) {
@@ -140,12 +166,15 @@ Status Vocabulary::AddOwn(const OwnObject& object) {
     if (phrase.empty()) return refuse("a phrase has no letters");
     if (IsHeldOutPhrase(phrase)) return refuse(fmt::format("'{}' is held out of training", phrase));
     for (const auto& [name, noun] : nouns_) {
-      const auto taken = Phrases(noun);
+      const auto taken = BasePhrases(noun.base);
       if (std::find(taken.begin(), taken.end(), phrase) != taken.end())
         return refuse(fmt::format("'{}' means {}", phrase, name));
     }
   }
-  nouns_.emplace(object.name, Noun{words, words});
+  Noun noun{words, {}, {}, {}};
+  noun.adjectives[""];  // nothing is said instead
+  for (const auto& phrase : words.nouns) noun.nouns[phrase];
+  nouns_.emplace(object.name, std::move(noun));
   objects_.push_back(object.name);
   return {};
 }
@@ -232,6 +261,7 @@ Result<Vocabulary> Vocabulary::Load(const std::vector<OwnObject>& own, const std
   vocabulary.avoid_ = vocabulary.ExpandAll({ObstacleLexicon().avoid}, Part::kVerb);
   vocabulary.touch_ = vocabulary.ExpandAll({ObstacleLexicon().touch}, Part::kVerb);
   for (const auto& object : own) ETUDE_RETURN_IF_ERROR(vocabulary.AddOwn(object));
+  vocabulary.ChoosePhrases();
   return vocabulary;
 }
 

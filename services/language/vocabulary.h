@@ -4,6 +4,7 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -24,7 +25,12 @@ bool HasWords(const std::string& text, const std::string& phrase);
 class Vocabulary {
  public:
   struct Noun {
-    NounTemplate base, varied;  ///< varied: with synonyms
+    NounTemplate base;
+    /// What WordNet's rule makes of each base word; a phrase has at most one of these.
+    std::map<std::string, std::vector<std::string>> adjectives, nouns;
+    /// All that is said. A phrase of base words belongs to its object alone; one that the rule makes of two objects is
+    /// said of neither, and what is held out of none.
+    std::set<std::string> phrases;
   };
   struct Words {
     std::vector<std::string> base, all;  ///< all: with base and synonyms
@@ -52,6 +58,7 @@ class Vocabulary {
   void AddObject(const ObjectWords& words);
   Status AddOwn(const OwnObject& object);
   void AddTasks(const std::vector<TaskName>& tasks);
+  void ChoosePhrases();
   std::vector<std::string> Expand(const std::string& phrase, Part part) const;
   std::vector<std::string> ExpandAll(const std::vector<std::string>& phrases, Part part) const;
 
@@ -62,7 +69,9 @@ class Vocabulary {
   std::vector<std::string> avoid_, touch_;
 };
 
-/// All phrases of a noun that are not held out.
-std::vector<std::string> Phrases(const Vocabulary::Noun& noun);
+/// Of base words alone.
+std::vector<std::string> BasePhrases(const NounTemplate& base);
+/// Every phrase that base words and the rule make, whether it is said or not.
+std::set<std::string> AllPhrases(const Vocabulary::Noun& noun);
 
 }  // namespace etude::language

@@ -61,19 +61,31 @@ std::vector<long> SenseOffsets(const Path& index, const std::string& words, int 
   return offsets;
 }
 
-// synset_offset lex_filenum ss_type w_cnt(hex) word lex_id [word lex_id ...] ...
-std::vector<std::string> Lemmas(std::ifstream& data, long offset) {
-  std::string line, field, word, lex_id;
+struct Synset {
+  std::vector<std::string> lemmas;
+  std::vector<long> near;  ///< offsets of its kinds and of what it is a kind of, of the same part of speech
+};
+
+// synset_offset lex_filenum ss_type w_cnt(hex) word lex_id [word lex_id ...]
+// p_cnt [pointer_symbol synset_offset pos source/target ...] ... | gloss
+Synset ReadSynset(std::ifstream& data, long offset) {
+  std::string line, field, type, word, lex_id;
+  data.clear();
   data.seekg(offset);
   std::getline(data, line);
   std::istringstream fields(line);
+  Synset synset;
   fields >> field;
-  std::vector<std::string> lemmas;
-  if (field != fmt::format("{:08}", offset)) return lemmas;  // another version's file
-  fields >> field >> field >> field;
+  if (field != fmt::format("{:08}", offset)) return synset;  // another version's file
+  fields >> field >> type >> field;
   for (long left = std::strtol(field.c_str(), nullptr, 16); left > 0 && fields >> word >> lex_id; --left)
-    lemmas.push_back(word.substr(0, word.find('(')));  // "ablaze(p)": where it may stand
-  return lemmas;
+    synset.lemmas.push_back(word.substr(0, word.find('(')));  // "ablaze(p)": where it may stand
+  int pointers = 0;
+  fields >> pointers;
+  std::string symbol, part, between;
+  for (long other = 0; pointers > 0 && fields >> symbol >> other >> part >> between; --pointers)
+    if ((symbol == "@" || symbol == "~") && part == type) synset.near.push_back(other);
+  return synset;
 }
 
 bool IsName(const std::string& lemma) {
@@ -94,17 +106,32 @@ bool WordNet::Has(const std::string& words, Part part) const {
   return !SenseOffsets(FileOf(folder_, "index.", part), words, 1).empty();
 }
 
-std::vector<std::string> WordNet::Synonyms(const std::string& words, Part part) const {
+std::vector<std::string> WordNet::Synonyms(const std::string& words, Part part) const { return Within(words, part, 0); }
+
+std::vector<std::string> WordNet::Related(const std::string& words, Part part) const {
+  return Within(words, part, DepthOf(part));
+}
+
+std::vector<std::string> WordNet::Within(const std::string& words, Part part, int steps) const {
   std::ifstream data(FileOf(folder_, "data.", part));
-  std::vector<std::string> synonyms;
-  for (const long offset : SenseOffsets(FileOf(folder_, "index.", part), words, SensesOf(part)))
-    for (const auto& lemma : Lemmas(data, offset)) {
-      if (IsName(lemma)) continue;
-      std::string text = Normalize(lemma);
-      const bool known = text == words || std::find(synonyms.begin(), synonyms.end(), text) != synonyms.end();
-      if (!known) synonyms.push_back(std::move(text));
+  std::vector<std::string> texts;
+  const auto add = [&](const std::string& lemma) {
+    if (IsName(lemma)) return;
+    std::string text = Normalize(lemma);
+    const bool known = text == words || std::find(texts.begin(), texts.end(), text) != texts.end();
+    if (!known) texts.push_back(std::move(text));
+  };
+  std::vector<long> offsets = SenseOffsets(FileOf(folder_, "index.", part), words, kSenses);
+  for (; !offsets.empty() && steps >= 0; --steps) {
+    std::vector<long> next;
+    for (const long offset : offsets) {
+      const Synset synset = ReadSynset(data, offset);
+      std::for_each(synset.lemmas.begin(), synset.lemmas.end(), add);
+      next.insert(next.end(), synset.near.begin(), synset.near.end());
     }
-  return synonyms;
+    offsets = std::move(next);
+  }
+  return texts;
 }
 
 }  // namespace etude::language

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Synonyms from WordNet 3.0's database files (Debian package wordnet-base), by one fixed rule.
+// What else a word is called, from WordNet 3.0's database files (Debian package wordnet-base), by one fixed rule.
 // Source of the format: wndb(5WN).
 #pragma once
 
@@ -15,12 +15,15 @@ inline constexpr const char* kWordNetFolder = "/usr/share/wordnet";
 
 enum class Part { kNoun, kVerb, kAdjective };
 
-/// How many senses of a word count, the most frequent first: WordNet's average polysemy, rounded (wnstats(7WN):
-/// verbs 2.17, nouns 1.24, adjectives 1.40). Nobody chose senses or words.
-constexpr int SensesOf(Part part) { return part == Part::kVerb ? 2 : 1; }
+/// How many senses of a word count, the most frequent first, of every part of speech alike. Nobody chose senses or
+/// words.
+inline constexpr int kSenses = 2;
+/// Steps to kinds (hyponyms) and to what it is a kind of (hypernyms): of nouns one. Verbs have none: what WordNet has
+/// under "move" is every way to move, and those of "raise" among them mean another task. Adjectives have no kinds.
+constexpr int DepthOf(Part part) { return part == Part::kNoun ? 1 : 0; }
 
-/// The rule: the lemmas of the word's first SensesOf(part) senses (depth 0: of these synsets, none related to
-/// them), but for names, which WordNet writes with capital letters. Const methods are thread-safe.
+/// The rule: the lemmas of the word's first kSenses senses and of the synsets within DepthOf(part) steps of them, but
+/// for names, which WordNet writes with capital letters. Const methods are thread-safe.
 class WordNet {
  public:
   /// @error kNotFound: `folder` has no database
@@ -28,12 +31,15 @@ class WordNet {
 
   /// Whether `words` ("pick up") is an entry.
   bool Has(const std::string& words, Part part) const;
-  /// What one may say instead of `words`, normalised, in WordNet's order, without `words` itself; none when it is
+  /// What means the same as `words` (depth 0), normalised, in WordNet's order, without `words` itself; none when it is
   /// no entry.
   std::vector<std::string> Synonyms(const std::string& words, Part part) const;
+  /// All that the rule makes of `words`: Synonyms, then what is a step away.
+  std::vector<std::string> Related(const std::string& words, Part part) const;
 
  private:
   explicit WordNet(Path folder) : folder_(std::move(folder)) {}
+  std::vector<std::string> Within(const std::string& words, Part part, int steps) const;
   Path folder_;
 };
 

@@ -83,6 +83,7 @@ Result<Answer> Client::Ask(const Question& question) {
   bus::Observation observation = ObservationOf(question);
   observation.run = impl.run.name;
   observation.session = impl.session;
+  observation.host = impl.participant->host();
 
   std::string last = "no answer; is `etude policy` running for this run and domain?";
   Stopwatch elapsed;
@@ -101,6 +102,9 @@ Result<Answer> Client::Ask(const Question& question) {
       continue;
     }
     if (action->error.empty()) return AnswerOf(*action);
+    if (action->refusal == bus::Refusal::kDoesNotFit)
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("ask the policy of run '{}': {}", impl.run.text(), action->error));
     // e.g. no checkpoint yet: ask again later
     last = action->error;
     WaitForStop(kAskAgainAfterRefusal);

@@ -31,10 +31,11 @@ class Client {
   Client& operator=(Client&&) noexcept;
   ~Client();
 
-  /// @error kUnavailable: no answer within the patience, or the server's own refusal; kCorrupt: waypoints of
-  /// a wrong number, not finite, or with rotations written in another way than here; kInvalidArgument: the name means
-  /// several policy servers (the message lists them); kTimeout: a stop was requested meanwhile. A rotation is NaN where
-  /// a network's six numbers are none (zero, parallel): who drives refuses it.
+  /// @error kUnavailable: no answer within the patience, or the server's own refusal that may pass; kInvalidArgument:
+  /// the policy was trained for something else, or the name means several policy servers (the message lists them);
+  /// kCorrupt: waypoints of a wrong number, not finite, or with rotations written in another way than here; kTimeout: a
+  /// stop was requested meanwhile. A rotation is NaN where a network's six numbers are none (zero, parallel): who
+  /// drives refuses it.
   Result<Answer> Ask(const Question& question);
 
  private:

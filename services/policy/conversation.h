@@ -5,9 +5,12 @@
 
 #include <chrono>
 #include <optional>
+#include <string>
+#include <type_traits>
 #include <utility>
 
 #include "services/bus/directory.h"
+#include "services/bus/owner.h"
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
 #include "services/core/stop.h"
@@ -31,8 +34,12 @@ struct Conversation {
     ETUDE_ASSIGN_OR_RETURN(const auto found, directory.Find(bus::PresenceKind::kPolicy, run, waits.server));
     if (!found) return std::optional<Conversation>();
     const std::string partition = bus::Owner{found->name, found->id}.partition();
+    // actions come to who asked, insights to whoever looks
+    const bool of_host = std::is_same_v<Reply, bus::Action>;
+    const std::string replied = of_host ? bus::PartitionOfHost(partition, participant.host()) : partition;
+    // before the observations: who is asked can then answer at once
+    ETUDE_ASSIGN_OR_RETURN(auto replies, bus::Reader<Reply>::Open(participant, replied));
     ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Writer<bus::Observation>::Open(participant, partition));
-    ETUDE_ASSIGN_OR_RETURN(auto replies, bus::Reader<Reply>::Open(participant, partition));
     // an observation that is written before the server's reader is found is lost
     observations.WaitForReaders(1, waits.readers);
     return std::optional<Conversation>(Conversation{*found, std::move(observations), std::move(replies)});

@@ -20,23 +20,41 @@ struct View {
   bool operator==(const View&) const = default;
 };
 
-/// One module's attention to the picture: a grid of tokens that covers the view.
-struct PictureAttention {
-  int rows = 0, columns = 0;
-  /// rows * columns, row by row, the mean of its heads. What they lack to 1 is on the module's other keys.
-  std::vector<double> weights;
+/// Where one head looks, or the mean of a module's heads. All weights together are 1, as bytes.
+struct HeadAttention {
+  std::vector<double> picture;  ///< rows * columns, row by row: a grid of tokens that covers the view
+  std::vector<double> keys;     ///< one for each of ModuleAttention::keys
+};
 
+/// One module's attention.
+struct ModuleAttention {
+  int rows = 0, columns = 0;        ///< of the picture's grid; 0: it does not read the picture
+  std::vector<std::string> keys{};  ///< what else it reads: "language", "joints", "self", modules
+  HeadAttention mean{};
+  std::vector<HeadAttention> heads{};  ///< at least one
+
+  bool reads_picture() const { return rows > 0; }
   /// Of its attention that falls on the picture, 0..1.
   double share() const;
 };
 
+/// What a word of the sentence is worth.
+struct WordWorth {
+  std::string word;
+  double moves = 0;  ///< m, the mean of how far each planned waypoint moves without it
+};
+
 struct Insight {
   std::uint64_t checkpoint_step = 0;
-  OrderedJson modules = OrderedJson::object();        ///< as Answer::modules
-  std::map<std::string, PictureAttention> attention;  ///< by module, of those that read the picture
-  View view;                                          ///< of no size: not said
-  std::vector<Waypoint> waypoints;                    ///< kWaypoints in world, or none
-  OrderedJson what_if;                                ///< as `modules`, of what was asked as well; null: nothing was
+  OrderedJson modules = OrderedJson::object();       ///< as Answer::modules
+  std::map<std::string, ModuleAttention> attention;  ///< by module
+  View view;                                         ///< of no size: not said
+  std::vector<Waypoint> waypoints;                   ///< kWaypoints in world, or none
+  OrderedJson what_if;                               ///< as `modules`, of what was asked as well; null: nothing was
+  std::vector<Waypoint> what_if_waypoints;           ///< kWaypoints, or none
+  std::vector<WordWorth> words;                      ///< in the sentence's order; none: not asked, or nothing planned
+  /// The same of each of Question::joints, where it would be on average in training, m.
+  std::vector<double> joints;
 };
 
 /// @error kInvalidArgument: the server's own, in its words; kCorrupt: what does not parse or does not fit together

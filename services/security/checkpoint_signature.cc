@@ -23,6 +23,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr char kField[] = "signature";
 constexpr std::size_t kSignatureSize = 64;
+constexpr std::size_t kMaxMetadata = 1 << 20;  // bytes of JSON, which take many times that in memory
 
 // What is signed. A line each, and no value can hold the end of one: none reads as another.
 std::string Statement(const Published& published) {
@@ -194,6 +195,9 @@ Result<CheckpointVerifier> CheckpointVerifier::Open(const Path& public_key, cons
 }
 
 Status CheckpointVerifier::Impl::CheckSignature(const Published& published, const std::string& meta_json) const {
+  // nothing here is signed yet
+  if (meta_json.size() > kMaxMetadata)
+    return Fail(Code::kCorrupt, fmt::format("its metadata of {} bytes are no checkpoint's", meta_json.size()));
   const Json metadata = Json::parse(meta_json, nullptr, false);
   if (!metadata.is_object() || !metadata.contains(kField) || !metadata[kField].is_string())
     return Fail(Code::kCorrupt, "it is not signed; its trainer needs --sign KEY");

@@ -27,6 +27,7 @@ constexpr int kMostThings = 8;  // objects and distractors
 const std::vector<std::string> kModes{"demonstrate", "rollout"};
 const std::vector<std::string> kScenes{"feasible", "first_draw"};
 const std::vector<std::string> kDeterminism{"bytes", "physics", "none"};
+const std::vector<std::string> kExecutions{"tracked", "authors"};
 const std::vector<std::string> kRenderers{"software", "gpu"};
 
 /// What is wrong so far.
@@ -142,6 +143,7 @@ void CheckRollout(const RolloutSpec& rollout, Problems& problems) {
   problems.Require(
       rollout.latency_ms == -1 || (rollout.latency_ms >= 0 && rollout.latency_ms <= 960),
       fmt::format("rollout.latency_ms: {} not in 0..960, nor -1 (what the server measured)", rollout.latency_ms));
+  problems.Known("rollout.execution", rollout.execution, kExecutions);
   problems.InRange("rollout.occlude", rollout.occlude, 0.0, 1.0);
   rollout.pushes.Check(problems.errors());
 }
@@ -149,8 +151,19 @@ void CheckRollout(const RolloutSpec& rollout, Problems& problems) {
 // What a spec of before these keys could not say is no part of the hash while nothing is said.
 void EraseUnset(OrderedJson& rollout) {
   const OrderedJson unset = ToJson(RolloutSpec());
-  for (const char* key : {"occlude", "pushes", "sentences"})
+  for (const char* key : {"execution", "occlude", "pushes", "sentences"})
     if (rollout[key] == unset[key]) rollout.erase(key);
+}
+
+// What hosts have to have in common, and how they render.
+void CheckHosts(const CampaignSpec& spec, Problems& problems) {
+  problems.Known("determinism", spec.determinism, kDeterminism);
+  problems.InRange("recheck", spec.recheck, 0.0, 1.0);
+  problems.Require(spec.recheck == 0 || (spec.mode == "demonstrate" && spec.determinism == "bytes"),
+                   "recheck: only for mode demonstrate with determinism: bytes");
+  problems.Known("renderer", spec.renderer, kRenderers);
+  problems.InRange("device", spec.device, -1, 63);
+  problems.Require(spec.device == -1 || spec.renderer == "gpu", "device: only with renderer: gpu");
 }
 
 }  // namespace
@@ -160,10 +173,7 @@ Status CampaignSpec::Validate() const {
   problems.Require(IsPlainName(name), fmt::format("name: '{}' must match [a-z0-9_-]{{1,64}}", name));
   problems.Known("mode", mode, kModes);
   problems.Known("scenes", scenes, kScenes);
-  problems.Known("determinism", determinism, kDeterminism);
-  problems.Known("renderer", renderer, kRenderers);
-  problems.InRange("device", device, -1, 63);
-  problems.Require(device == -1 || renderer == "gpu", "device: only with renderer: gpu");
+  CheckHosts(*this, problems);
   problems.Require(!robots.empty(), "robots: at least one");
   for (const auto& robot : robots) {
     const auto found = FindRobot(robot);
@@ -196,7 +206,7 @@ Status CampaignSpec::Validate() const {
 
 std::string SpecHash(const CampaignSpec& spec) {
   OrderedJson json = ToJson(spec);
-  for (const char* key : {"name", "episodes", "max_attempts", "stall_timeout_s", "determinism", "device"})
+  for (const char* key : {"name", "episodes", "max_attempts", "stall_timeout_s", "determinism", "recheck", "device"})
     json.erase(key);
   if (spec.renderer == CampaignSpec().renderer) json.erase("renderer");
   if (!spec.adaptive_sampling.on()) json.erase("split");

@@ -73,6 +73,10 @@ struct RolloutSpec {
   /// From the picture to the moment its answer takes effect; the simulation goes on meanwhile, rounded up to control
   /// steps. -1: the 99th percentile that the policy server measured.
   double latency_ms = -1;
+  /// How an answer is followed. tracked: all of its waypoints, asked again each replan_steps | authors: as the paper's
+  /// evaluation does, one pose of it held for 0.36 s, no time passing while the policy thinks, and as many decisions as
+  /// theirs (replan_steps, max_steps and latency_ms do not count).
+  std::string execution = "tracked";
   /// Share of the target's pixels that the policy does not see: grey blocks lie over them, 0..1.
   double occlude = 0;
   TargetPushSpec pushes;
@@ -86,6 +90,7 @@ struct RolloutSpec {
     v("max_steps", max_steps, "steps of 8 ms", "control steps until the rollout counts as a failure");
     v("record", record, "", "keep the frames, for videos");
     v("latency_ms", latency_ms, "ms", "from a picture to its answer taking effect; -1 is the p99 of the server");
+    v("execution", execution, "", "tracked: all waypoints of an answer | authors: one of them, held as in the paper");
     v("occlude", occlude, "-", "share of the target's pixels under grey blocks of 8 x 8 px, in every picture; 0: none");
     v("pushes", pushes);
     v("sentences", sentences, "", "spoken in turn, each in a scene of what it means; none: from the task's templates");
@@ -126,6 +131,9 @@ struct CampaignSpec {
   double stall_timeout_s = 120;
   /// What hosts must agree in: bytes (all that an episode depends on) | physics (pictures may differ) | none.
   std::string determinism = "bytes";
+  /// Share of the episodes that are made again by a worker of another host and compared byte for byte with what was
+  /// committed: 0 to 1, mode demonstrate with determinism bytes only. Which ones follows from (seed, index).
+  double recheck = 0;
   /// Who draws the pictures. software: the same bytes on every host, whatever GPU it has | gpu: each host's GPU, and a
   /// host without one is an error; pictures are then those of its model and driver.
   std::string renderer = "software";
@@ -155,6 +163,7 @@ struct CampaignSpec {
     v("max_attempts", max_attempts, "-", "attempts at an episode until it is given up and counted");
     v("stall_timeout_s", stall_timeout_s, "s", "a worker whose attempt does not move for so long loses its lease");
     v("determinism", determinism, "", "what hosts must agree in: bytes | physics: pictures may differ | none");
+    v("recheck", recheck, "-", "share of the episodes that another host makes again, to compare bytes; 0: none");
     v("renderer", renderer, "", "software: the same pictures on every host | gpu: a GPU of each host draws");
     v("device", device, "-", "with renderer gpu: which of a host's GPUs, by the number that EGL gives it; -1: any");
     v("scenes", scenes, "", "feasible: drawn anew until the expert can do the task | first_draw: taken as they come");
@@ -187,11 +196,11 @@ struct SceneSpec {
 };
 
 /// SHA-256 of what an episode's bytes depend on: kContentVersion and the resolved spec without name, episodes, split,
-/// max_attempts, stall_timeout_s, determinism and device (hosts number their GPUs as they like), so that a campaign may
-/// be extended and still match what it has collected. Keys that came later (renderer, randomization.world, rollout's
-/// occlude, pushes and sentences, adaptive_sampling) count only where they are set, so that older campaigns go on. With
-/// adaptive sampling the split counts: only episodes for training follow its weights. Of rollouts kRolloutVersion
-/// counts, too.
+/// max_attempts, stall_timeout_s, determinism, recheck and device (hosts number their GPUs as they like), so that a
+/// campaign may be extended and still match what it has collected. Keys that came later (renderer, randomization.world,
+/// rollout's occlude, pushes and sentences, adaptive_sampling) count only where they are set, so that older campaigns
+/// go on. With adaptive sampling the split counts: only episodes for training follow its weights. Of rollouts
+/// kRolloutVersion counts, too.
 std::string SpecHash(const CampaignSpec& spec);
 
 /// Episodes after which whole numbers in `split` are met exactly, and again after each such block: their sum over

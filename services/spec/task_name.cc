@@ -5,10 +5,10 @@
 
 #include <algorithm>
 #include <map>
-#include <mutex>
 
 #include "services/core/config.h"
 #include "services/core/share.h"
+#include "services/core/thread_annotations.h"
 
 namespace etude {
 namespace {
@@ -40,9 +40,9 @@ const Result<Tasks>& BuiltIn() {
 }
 
 Result<Task> OfFile(const std::string& path) {
-  static std::mutex mutex;
-  static Tasks read;
-  const std::lock_guard lock(mutex);
+  static Mutex mutex;
+  static Tasks read ETUDE_GUARDED_BY(mutex);
+  const MutexLock lock(mutex);
   const auto it = read.find(path);
   if (it != read.end()) return it->second;
   ETUDE_ASSIGN_OR_RETURN(TaskSpec task, LoadTaskSpec(path));

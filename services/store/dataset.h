@@ -71,10 +71,17 @@ class DatasetWriter {
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json);
   /// Rewrites dataset.hdf5 (links and masks) and dataset.json (statistics), each by rename, and adds to commits.jsonl
-  /// the lines that it lacks. Call now and then and at the end: its time grows with the dataset, and commits go on
-  /// meanwhile. Everything in it is derived from the episode files, of which only those are read that the journal
-  /// lacks.
+  /// the lines that it lacks. Call at the end: its time grows with the dataset, and commits go on meanwhile. Everything
+  /// in it is derived from the episode files, of which only those are read that the journal lacks.
   Status WriteMaster();
+  /// The same for a dataset that grows, to be called now and then: dataset.json and the journals, which cost the same
+  /// however many episodes there are; dataset.hdf5 only when it is due (MasterIsDue: it lacks a fifth of the episodes
+  /// at most, and costs each of them a bounded number of links in all).
+  Status WriteProgress();
+  /// Gives a filter key (filter_keys.h) these episodes, none: removes it, and rewrites the master file. Durable when it
+  /// returns. @error kInvalidArgument: not a plain name, a name that splits or tasks have, an episode that is not
+  /// there; kCorrupt, kUnavailable
+  Status WriteFilterKey(const std::string& name, const std::set<std::uint64_t>& indices);
 
  private:
   struct Impl;

@@ -19,6 +19,7 @@
 #include "services/store/dataset.h"
 #include "services/store/edit.h"
 #include "services/store/episode_file.h"
+#include "services/store/filter_keys.h"
 #include "services/store/layout.h"
 #include "services/store/master_file.h"
 #include "services/store/summary.h"
@@ -124,6 +125,7 @@ struct DatasetWriter::Impl {
   FileLock lock;
 
   Mutex master_mutex = {};  // one WriteMaster at a time; never taken while `mutex` is held
+  std::uint64_t in_master ETUDE_GUARDED_BY(master_mutex) = 0;  // episodes; 0: not written by this one yet
   mutable Mutex mutex = {};
   LineAppender attempts ETUDE_GUARDED_BY(mutex);
   CommitJournal commits ETUDE_GUARDED_BY(mutex);
@@ -140,6 +142,9 @@ struct DatasetWriter::Impl {
   void Note(const CommitRow& row) ETUDE_REQUIRES(mutex);
   void Account(const ArrivedEpisode& arrived, std::uint64_t bytes) ETUDE_REQUIRES(mutex);
   Status CountTheUncounted() ETUDE_EXCLUDES(mutex);
+  std::vector<internal::MasterEntry> CopyEntries() const ETUDE_EXCLUDES(mutex);
+  Status WriteStatistics() ETUDE_EXCLUDES(mutex);
+  Status WriteLinks() ETUDE_REQUIRES(master_mutex) ETUDE_EXCLUDES(mutex);
   Status CheckArrived(const ArrivedEpisode& arrived) const;
 };
 
@@ -319,7 +324,7 @@ Status DatasetWriter::RecordFailure(std::uint64_t index, std::uint32_t attempt, 
                             {"details", std::move(*details)}};
   ETUDE_RETURN_IF_ERROR(impl_->attempts.Append(JsonText(line)));
   impl_->recorded.emplace(index, attempt, outcome);
-  ++impl_->failures[outcome];
+  if (outcome != kRecheckMismatch) ++impl_->failures[outcome];
   return {};
 }
 
@@ -349,22 +354,66 @@ Status DatasetWriter::Impl::CountTheUncounted() {
   return {};
 }
 
+// In pieces, so that no commit waits for a million of them: what is in the list stays there.
+std::vector<internal::MasterEntry> DatasetWriter::Impl::CopyEntries() const {
+  constexpr std::size_t kAtOnce = 1 << 14;
+  std::vector<internal::MasterEntry> copied;
+  while (true) {
+    const MutexLock lock(mutex);
+    const auto begin = entries.begin() + static_cast<std::ptrdiff_t>(copied.size());
+    const std::size_t left = entries.size() - copied.size();
+    copied.insert(copied.end(), begin, begin + static_cast<std::ptrdiff_t>(std::min(left, kAtOnce)));
+    if (left <= kAtOnce) return copied;
+  }
+}
+
+Status DatasetWriter::Impl::WriteStatistics() {
+  OrderedJson json;
+  {
+    const MutexLock guard(mutex);
+    ETUDE_RETURN_IF_ERROR(attempts.Sync());
+    ETUDE_RETURN_IF_ERROR(commits.Sync());
+    json = statistics.Json();
+    json["failed_attempts"] = failures;
+  }
+  return internal::WriteDatasetFile(dataset, {spec, std::move(json)});
+}
+
+Status DatasetWriter::Impl::WriteLinks() {
+  auto links = CopyEntries();
+  std::ranges::sort(links, {}, &internal::MasterEntry::index);
+  ETUDE_RETURN_IF_ERROR(internal::WriteMasterFile(dataset, spec, links));
+  in_master = links.size();
+  return {};
+}
+
 Status DatasetWriter::WriteMaster() {
   const MutexLock one_at_a_time(impl_->master_mutex);
   ETUDE_RETURN_IF_ERROR(impl_->CountTheUncounted());
-  std::vector<internal::MasterEntry> entries;
-  OrderedJson statistics;
-  {
+  ETUDE_RETURN_IF_ERROR(impl_->WriteLinks());
+  return impl_->WriteStatistics();
+}
+
+Status DatasetWriter::WriteProgress() {
+  const MutexLock one_at_a_time(impl_->master_mutex);
+  ETUDE_RETURN_IF_ERROR(impl_->CountTheUncounted());
+  const std::uint64_t episodes = [&] {
     const MutexLock lock(impl_->mutex);
-    ETUDE_RETURN_IF_ERROR(impl_->attempts.Sync());
-    ETUDE_RETURN_IF_ERROR(impl_->commits.Sync());
-    entries = impl_->entries;
-    statistics = impl_->statistics.Json();
-    statistics["failed_attempts"] = impl_->failures;
+    return impl_->entries.size();
+  }();
+  if (internal::MasterIsDue(episodes, impl_->in_master)) {
+    ETUDE_RETURN_IF_ERROR(impl_->WriteLinks());
   }
-  std::ranges::sort(entries, {}, &internal::MasterEntry::index);
-  ETUDE_RETURN_IF_ERROR(internal::WriteMasterFile(impl_->dataset, impl_->spec, entries));
-  return internal::WriteDatasetFile(impl_->dataset, {impl_->spec, std::move(statistics)});
+  return impl_->WriteStatistics();
+}
+
+Status DatasetWriter::WriteFilterKey(const std::string& name, const std::set<std::uint64_t>& indices) {
+  {
+    const MutexLock one_at_a_time(impl_->master_mutex);
+    ETUDE_RETURN_IF_ERROR(internal::SetFilterKey(impl_->dataset, impl_->spec, name, indices,
+                                                 [this](std::uint64_t index) { return Contains(index); }));
+  }
+  return WriteMaster();
 }
 
 }  // namespace etude::store

@@ -71,7 +71,7 @@ Status LinkOrCopy(const Path& from, const Path& to) {
 }
 
 // Lines of attempts.jsonl about these episodes.
-Status CopyAttempts(const Path& from, const std::set<std::uint64_t>& indices, LineAppender& to) {
+Status CopyAttemptLines(const Path& from, const std::set<std::uint64_t>& indices, LineAppender& to) {
   Status copied;
   ForEachAttempt(from, [&](const AttemptLine& line) {
     if (copied && indices.contains(line.index)) copied = to.Append(line.text);
@@ -79,46 +79,10 @@ Status CopyAttempts(const Path& from, const std::set<std::uint64_t>& indices, Li
   return copied;
 }
 
-// What the sources' filter keys say of the episodes that come along.
-Status CopyFilterKeys(const std::vector<internal::EpisodeSource>& sources, const Path& to) {
-  OrderedJson json = OrderedJson::object();
-  for (const auto& source : sources) {
-    ETUDE_ASSIGN_OR_RETURN(const FilterKeys keys, ReadFilterKeys(source.dataset));
-    for (const auto& [name, chosen] : keys)
-      for (const std::uint64_t index : chosen)
-        if (source.indices.contains(index)) json[name].push_back(index);
-  }
-  if (json.empty()) return {};
-  return WriteFileAtomically(to / internal::kFilters, json.dump() + "\n");
-}
-
-Status CopyAttempts(const std::vector<internal::EpisodeSource>& sources, const Path& to) {
-  ETUDE_ASSIGN_OR_RETURN(auto attempts, LineAppender::Open(to / internal::kAttempts));
-  for (const auto& source : sources) ETUDE_RETURN_IF_ERROR(CopyAttempts(source.dataset, source.indices, attempts));
-  return attempts.Sync();
-}
-
-// Description and sampling journal: what all of one spec have alike.
-Status CopyDescription(const Path& from, const Path& to) {
-  ETUDE_ASSIGN_OR_RETURN(const std::string description, ReadTextFile(from / internal::kDatasetJson));
-  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(to / internal::kDatasetJson, description));
-  if (!fs::exists(from / internal::kSampling)) return {};
-  ETUDE_ASSIGN_OR_RETURN(const std::string journal, ReadTextFile(from / internal::kSampling));
-  return WriteFileAtomically(to / internal::kSampling, journal);
-}
-
 // @error kNotFound, kCorrupt: there is no dataset
 Status CheckDataset(const Path& dataset) {
   ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
   (void)reader;
-  return {};
-}
-
-Status SyncEpisodeFolders(const Path& dataset) {
-  ETUDE_ASSIGN_OR_RETURN(const auto files, internal::ListEpisodeFolder(dataset));
-  std::set<Path> folders;
-  for (const auto& file : files) folders.insert(file.parent_path());
-  for (const auto& folder : folders) ETUDE_RETURN_IF_ERROR(SyncFolder(folder));
   return {};
 }
 
@@ -164,6 +128,47 @@ Status DeleteEpisodes(const Path& dataset, const std::vector<std::uint64_t>& ind
 
 namespace internal {
 
+Status CopyDescription(const Path& from, const Path& to) {
+  ETUDE_ASSIGN_OR_RETURN(const std::string description, ReadTextFile(from / kDatasetJson));
+  ETUDE_RETURN_IF_ERROR(WriteFileAtomically(to / kDatasetJson, description));
+  if (!fs::exists(from / kSampling)) return {};
+  ETUDE_ASSIGN_OR_RETURN(const std::string journal, ReadTextFile(from / kSampling));
+  return WriteFileAtomically(to / kSampling, journal);
+}
+
+Status CopyFilterKeys(const std::vector<EpisodeSource>& sources, const Path& to) {
+  OrderedJson json = OrderedJson::object();
+  for (const auto& source : sources) {
+    ETUDE_ASSIGN_OR_RETURN(const FilterKeys keys, ReadFilterKeys(source.dataset));
+    for (const auto& [name, chosen] : keys)
+      for (const std::uint64_t index : chosen)
+        if (source.indices.contains(index)) json[name].push_back(index);
+  }
+  if (json.empty()) return {};
+  return WriteFileAtomically(to / kFilters, json.dump() + "\n");
+}
+
+Status CopyAttempts(const std::vector<EpisodeSource>& sources, const Path& to) {
+  ETUDE_ASSIGN_OR_RETURN(auto attempts, LineAppender::Open(to / kAttempts));
+  for (const auto& source : sources) ETUDE_RETURN_IF_ERROR(CopyAttemptLines(source.dataset, source.indices, attempts));
+  return attempts.Sync();
+}
+
+Status SyncEpisodeFolders(const Path& dataset) {
+  ETUDE_ASSIGN_OR_RETURN(const auto files, ListEpisodeFolder(dataset));
+  std::set<Path> folders;
+  for (const auto& file : files) folders.insert(file.parent_path());
+  for (const auto& folder : folders) ETUDE_RETURN_IF_ERROR(SyncFolder(folder));
+  return {};
+}
+
+Status CheckNotStopped(std::uint64_t done, std::uint64_t total, const Path& to) {
+  if (!StopRequested()) return {};
+  return Fail(Code::kExhausted,
+              fmt::format("stopped after {} of {} episodes; what is there lies in '{}' (--restart begins anew)", done,
+                          total, to.string()));
+}
+
 Status FillDataset(const Path& to, const std::vector<EpisodeSource>& sources, const EditProgress& progress) {
   ETUDE_RETURN_IF_ERROR(CopyDescription(sources.front().dataset, to));
   ETUDE_RETURN_IF_ERROR(CopyAttempts(sources, to));
@@ -172,10 +177,7 @@ Status FillDataset(const Path& to, const std::vector<EpisodeSource>& sources, co
   for (const auto& source : sources) total += source.indices.size();
   for (const auto& source : sources)
     for (const std::uint64_t index : source.indices) {
-      if (StopRequested())
-        return Fail(Code::kExhausted, fmt::format("stopped after {} of {} episodes; what is there lies in '{}' "
-                                                  "(--restart begins anew)",
-                                                  done, total, to.string()));
+      ETUDE_RETURN_IF_ERROR(CheckNotStopped(done, total, to));
       ETUDE_RETURN_IF_ERROR(LinkOrCopy(EpisodePath(source.dataset, index), EpisodePath(to, index)));
       ++done;
       if (progress) progress(done, total);

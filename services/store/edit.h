@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Choosing, copying, joining and deleting episodes. Episodes are files that never change: a copy links them where the
-// file system can, and every one keeps its index, its bytes and its seal, unless datasets of different specs are
-// merged.
+// Choosing, copying, joining, linking and deleting episodes. Episodes are files that never change: a copy links them
+// where the file system can, and every one keeps its index, its bytes and its seal, unless datasets of different specs
+// are merged.
 #pragma once
 
 #include <cstdint>
@@ -10,6 +10,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "services/core/output_folder.h"
@@ -68,6 +69,21 @@ struct MergeReport {
 Result<MergeReport> MergeDatasets(const std::vector<Path>& datasets, const Path& out, Leftover leftover,
                                   const EditProgress& progress = {});
 
+struct LinkReport {
+  std::uint64_t episodes = 0;
+  std::uint64_t planned = 0;  ///< that the campaign has, of whichever dataset wants most
+};
+
+/// One dataset of the shards of one campaign, which nothing is copied for: its episodes are the same files under other
+/// names (hard links), what is said of them (who made them, what failed, filter keys) comes along. Its hash is that of
+/// the dataset that one collector would have made. OUT appears when all of it is durable; the shards may go on growing,
+/// and may be deleted.
+/// @error kInvalidArgument: fewer than two, OUT is there, another spec, name, split or sampling journal, an episode
+/// that two of them have, one of an older schema or content, a shard that lies on another filesystem than OUT; as of
+/// the store and the disk
+Result<LinkReport> LinkDatasets(const std::vector<Path>& datasets, const Path& out, Leftover leftover,
+                                const EditProgress& progress = {});
+
 /// Removes episodes for good. All of them or none, also where the machine dies meanwhile: a deletion that began is
 /// ended by the next command that writes the dataset. A campaign that goes on in the folder makes them again.
 /// @error kInvalidArgument: none given; kNotFound: one is not there, and nothing is deleted; kUnavailable: another
@@ -83,6 +99,19 @@ struct EpisodeSource {
 /// Makes a dataset of these episodes in a new folder: description and journals of the first source, what is said of the
 /// episodes of each. @pre the sources are of one spec and no two have the same index
 Status FillDataset(const Path& to, const std::vector<EpisodeSource>& sources, const EditProgress& progress);
+
+// The parts of it.
+/// Description and sampling journal: what all of one spec have alike.
+Status CopyDescription(const Path& from, const Path& to);
+/// Lines of attempts.jsonl about the sources' episodes.
+Status CopyAttempts(const std::vector<EpisodeSource>& sources, const Path& to);
+/// What the sources' filter keys say of the episodes that come along.
+Status CopyFilterKeys(const std::vector<EpisodeSource>& sources, const Path& to);
+Status SyncEpisodeFolders(const Path& dataset);
+/// @error kExhausted: a stop was requested, after `done` of `total` episodes were put into `to`
+Status CheckNotStopped(std::uint64_t done, std::uint64_t total, const Path& to);
+/// @error kInvalidArgument: datasets of one spec whose sampling journals differ; `command` is for the error's words
+Status CheckOneJournal(const std::vector<Path>& datasets, std::string_view command);
 
 /// Ends a deletion that was interrupted. @pre the dataset's lock is held
 Status FinishDeletion(const Path& dataset);

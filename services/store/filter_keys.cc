@@ -3,6 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <charconv>
+
 #include "services/episode/bounded_json.h"
 #include "services/store/edit.h"
 #include "services/store/layout.h"
@@ -29,6 +32,11 @@ Status Write(const Path& dataset, const FilterKeys& keys) {
   OrderedJson json = OrderedJson::object();
   for (const auto& [name, indices] : keys) json[name] = indices;
   return WriteFileAtomically(dataset / internal::kFilters, json.dump() + "\n");
+}
+
+bool ParseNumber(std::string_view text, std::uint64_t& number) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc() && end == text.data() + text.size() && !text.empty();
 }
 
 }  // namespace
@@ -60,19 +68,62 @@ Status WriteFilterKey(const Path& dataset, const std::string& name, const std::s
   ETUDE_ASSIGN_OR_RETURN(const auto lock, internal::LockDataset(dataset));
   ETUDE_RETURN_IF_ERROR(internal::FinishDeletion(dataset));
   ETUDE_ASSIGN_OR_RETURN(const auto listed, reader.List());
-  const std::set<std::uint64_t> there(listed.begin(), listed.end());
+  ETUDE_RETURN_IF_ERROR(internal::SetFilterKey(dataset, reader.spec(), name, indices, [&](std::uint64_t index) {
+    return std::ranges::binary_search(listed, index);
+  }));
+  return internal::RefreshDerived(dataset);
+}
+
+Status AddIndices(std::string_view span, std::set<std::uint64_t>& indices, std::uint64_t most) {
+  const auto dash = span.find('-');
+  std::uint64_t first = 0, last = 0;
+  const bool good = ParseNumber(span.substr(0, dash), first) &&
+                    ParseNumber(span.substr(dash == std::string_view::npos ? 0 : dash + 1), last);
+  if (!good || last < first || indices.size() > most || last - first >= most - indices.size())
+    return Fail(Code::kInvalidArgument,
+                fmt::format("'{:.60}': give numbers of episodes, 7 or 4-9, at most {} in all", span, most));
+  // counted from the first: the last may be the largest number that there is
+  for (std::uint64_t n = 0; n <= last - first; ++n) indices.insert(first + n);
+  return {};
+}
+
+std::string IndicesText(const std::set<std::uint64_t>& indices) {
+  std::string text;
+  for (auto at = indices.begin(); at != indices.end();) {
+    const std::uint64_t first = *at;
+    std::uint64_t last = first;
+    for (++at; at != indices.end() && *at == last + 1; ++at) last = *at;
+    if (!text.empty()) text += ',';
+    text += first == last ? std::to_string(first) : fmt::format("{}-{}", first, last);
+  }
+  return text;
+}
+
+Result<std::set<std::uint64_t>> ParseIndices(std::string_view text, std::uint64_t most) {
+  std::set<std::uint64_t> indices;
+  while (!text.empty()) {
+    const auto comma = text.find(',');
+    ETUDE_RETURN_IF_ERROR(AddIndices(text.substr(0, comma), indices, most));
+    if (comma == std::string_view::npos) break;
+    text.remove_prefix(comma + 1);
+  }
+  return indices;
+}
+
+namespace internal {
+
+Status SetFilterKey(const Path& dataset, const CampaignSpec& spec, const std::string& name,
+                    const std::set<std::uint64_t>& indices, const std::function<bool(std::uint64_t)>& there) {
+  ETUDE_RETURN_IF_ERROR(CheckName(spec, name));
   for (const std::uint64_t index : indices)
-    if (!there.contains(index))
+    if (!there(index))
       return Fail(Code::kInvalidArgument,
                   fmt::format("filter key '{}': dataset '{}' has no episode {}", name, dataset.string(), index));
   ETUDE_ASSIGN_OR_RETURN(auto keys, ReadFilterKeys(dataset));
   keys.erase(name);
   if (!indices.empty()) keys[name] = indices;
-  ETUDE_RETURN_IF_ERROR(Write(dataset, keys));
-  return internal::RefreshDerived(dataset);
+  return Write(dataset, keys);
 }
-
-namespace internal {
 
 Status ForgetEpisodes(const Path& dataset, const std::set<std::uint64_t>& indices) {
   ETUDE_ASSIGN_OR_RETURN(auto keys, ReadFilterKeys(dataset));

@@ -131,7 +131,7 @@ std::vector<std::string> SpecDifferences(const CampaignSpec& made_from, const Ca
   for (std::size_t i = 0; i < std::min(before.size(), after.size()); ++i) {
     const auto& [key, value] = before[i];
     const bool free = key == "name" || key == "episodes" || key == "max_attempts" || key == "stall_timeout_s" ||
-                      key == "determinism" || key == "device" ||
+                      key == "determinism" || key == "recheck" || key == "device" ||
                       (key.starts_with("split.") && !now.adaptive_sampling.on());
     if (!free && value != after[i].second)
       differences.push_back(fmt::format("{} ({}, now {})", key, value.dump(), after[i].second.dump()));

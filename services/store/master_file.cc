@@ -60,6 +60,12 @@ std::map<std::string, std::vector<std::string>> MasksOf(const CampaignSpec& spec
   return masks;
 }
 
+bool MasterIsDue(std::uint64_t episodes, std::uint64_t written) {
+  constexpr std::uint64_t kFew = 1000;
+  if (episodes <= written) return false;
+  return episodes <= kFew || episodes - written >= written / 4;
+}
+
 Status WriteMasterFile(const Path& dataset, const CampaignSpec& spec, const std::vector<MasterEntry>& episodes) {
   // keys that cannot be read keep no collector from its work; whoever reads or changes them is told
   const FilterKeys chosen = ReadFilterKeys(dataset).value_or(FilterKeys());

@@ -27,6 +27,12 @@ std::map<std::string, std::vector<std::string>> MasksOf(const CampaignSpec& spec
                                                         const std::vector<MasterEntry>& episodes,
                                                         const FilterKeys& chosen);
 
+/// Whether a dataset that grows is worth another master file: up to a thousand episodes with each new one, beyond that
+/// when a quarter has come since. So all that are ever written have at most five links for each episode beyond the
+/// first thousand.
+/// @param episodes  there now   @param written  in the master file
+bool MasterIsDue(std::uint64_t episodes, std::uint64_t written);
+
 /// Rewrites DATASET/dataset.hdf5 by rename: /data/demo_<i> as external links into the episodes'
 /// files, /mask/{train,valid,test}, /mask/<task> and the dataset's own filter keys as fixed-length byte strings.
 Status WriteMasterFile(const Path& dataset, const CampaignSpec& spec, const std::vector<MasterEntry>& episodes);

@@ -33,8 +33,8 @@ Result<std::vector<Part>> OpenParts(const std::vector<Path>& datasets) {
 }
 
 // The journal's text, "" where there is none.
-Result<std::string> JournalOf(const Part& part) {
-  const Path path = part.reader.path() / internal::kSampling;
+Result<std::string> JournalOf(const Path& dataset) {
+  const Path path = dataset / internal::kSampling;
   if (!fs::exists(path)) return std::string();
   return ReadTextFile(path);
 }
@@ -73,15 +73,9 @@ Result<std::map<std::uint64_t, const Part*>> Owners(const std::vector<Part>& par
 // Copies what the first has, then adds what the others have beyond it.
 Result<MergeReport> MergeOneSpec(const std::vector<Part>& parts, const Path& out, Leftover leftover,
                                  const EditProgress& progress) {
-  ETUDE_ASSIGN_OR_RETURN(const std::string journal, JournalOf(parts[0]));
-  for (const Part& part : parts) {
-    ETUDE_ASSIGN_OR_RETURN(const std::string other, JournalOf(part));
-    if (other != journal)
-      return Fail(Code::kInvalidArgument,
-                  fmt::format("merge: '{}' and '{}' have different sampling journals ({}): an index means another "
-                              "episode in each",
-                              parts[0].reader.path().string(), part.reader.path().string(), internal::kSampling));
-  }
+  std::vector<Path> datasets;
+  for (const Part& part : parts) datasets.push_back(part.reader.path());
+  ETUDE_RETURN_IF_ERROR(internal::CheckOneJournal(datasets, "merge"));
   ETUDE_ASSIGN_OR_RETURN(const auto owners, Owners(parts));
   ETUDE_ASSIGN_OR_RETURN(auto folder, OutputFolder::Create(out, leftover));
   const auto sources = [&](const Part& part) {
@@ -170,5 +164,22 @@ Result<MergeReport> MergeDatasets(const std::vector<Path>& datasets, const Path&
   return OfOneSpec(parts) ? MergeOneSpec(parts, out, leftover, progress)
                           : MergeDifferent(parts, out, leftover, progress);
 }
+
+namespace internal {
+
+Status CheckOneJournal(const std::vector<Path>& datasets, std::string_view command) {
+  ETUDE_ASSIGN_OR_RETURN(const std::string journal, JournalOf(datasets.front()));
+  for (const Path& dataset : datasets) {
+    ETUDE_ASSIGN_OR_RETURN(const std::string other, JournalOf(dataset));
+    if (other != journal)
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("{}: '{}' and '{}' have different sampling journals ({}): an index means another episode "
+                              "in each",
+                              command, datasets.front().string(), dataset.string(), kSampling));
+  }
+  return {};
+}
+
+}  // namespace internal
 
 }  // namespace etude::store

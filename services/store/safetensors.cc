@@ -2,6 +2,7 @@
 #include "services/store/safetensors.h"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <array>
@@ -17,8 +18,8 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "sizes are copied as they lie in memory");
 
-constexpr std::uint64_t kMaxHeader = 100'000'000;
 constexpr std::size_t kMaxRank = 16;
+constexpr std::size_t kHeaderDepth = 4;  // maps in maps
 constexpr std::string_view kMetadata = "__metadata__";
 
 struct DTypeInfo {
@@ -90,6 +91,14 @@ Result<Entry> ReadEntry(const std::string& name, const OrderedJson& json) {
   if (!bytes || entry.begin > entry.end || entry.end - entry.begin != *bytes)
     return bad("data_offsets do not fit shape and dtype");
   return entry;
+}
+
+Result<OrderedJson> ParseHeader(std::span<const std::uint8_t> bytes) {
+  const std::string_view header(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  if (!header.starts_with('{')) return Corrupt("the header does not start with '{'");
+  auto json = ParseBoundedJson(header, kHeaderDepth);
+  if (!json || !json->is_object()) return Corrupt("the header is not a JSON map without duplicates");
+  return std::move(*json);
 }
 
 Status ReadMetadata(const OrderedJson& json, std::map<std::string, std::string>& metadata) {
@@ -164,17 +173,14 @@ Result<Safetensors> DecodeSafetensors(std::span<const std::uint8_t> bytes,
   if (bytes.size() < sizeof(header_size)) return Corrupt("shorter than 8 bytes");
   std::memcpy(&header_size, bytes.data(), sizeof(header_size));
   const auto rest = bytes.subspan(sizeof(header_size));
-  if (header_size > kMaxHeader || header_size > rest.size())
+  if (header_size > kMaxSafetensorsHeader || header_size > rest.size())
     return Corrupt(fmt::format("a header of {} bytes in a file of {}", header_size, bytes.size()));
-  const std::string_view header(reinterpret_cast<const char*>(rest.data()), header_size);
-  if (!header.starts_with('{')) return Corrupt("the header does not start with '{'");
-  const auto json = ParseBoundedJson(header, /*max_depth=*/4);
-  if (!json || !json->is_object()) return Corrupt("the header is not a JSON map without duplicates");
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson json, ParseHeader(rest.first(header_size)));
   const auto buffer = rest.subspan(header_size);
 
   Safetensors content;
   std::vector<Entry> entries;
-  for (const auto& [name, item] : json->items()) {
+  for (const auto& [name, item] : json.items()) {
     if (name == kMetadata) {
       ETUDE_RETURN_IF_ERROR(ReadMetadata(item, content.metadata));
       continue;
@@ -189,6 +195,27 @@ Result<Safetensors> DecodeSafetensors(std::span<const std::uint8_t> bytes,
                             Tensor{entry.dtype, std::move(entry.shape), {data.begin(), data.end()}});
   }
   return content;
+}
+
+Result<OrderedJson> ReadSafetensorsHeader(int fd, const Path& path, std::uint64_t most) {
+  const auto corrupt = [&](std::string_view what) {
+    return Fail(Code::kCorrupt, fmt::format("read the header of '{}': {}", path.string(), what));
+  };
+  std::uint64_t size = 0;
+  std::array<std::uint8_t, sizeof size> prefix{};
+  ETUDE_ASSIGN_OR_RETURN(const auto begun, ReadAt(fd, path, 0, prefix));
+  if (begun != prefix.size()) return corrupt("shorter than 8 bytes");
+  std::memcpy(&size, prefix.data(), sizeof size);  // little-endian, as this machine
+  struct stat info {};
+  const bool fits = ::fstat(fd, &info) == 0 && size <= most &&
+                    size + sizeof size <= static_cast<std::uint64_t>(std::max<off_t>(0, info.st_size));
+  if (!fits) return corrupt(fmt::format("it claims to be {} bytes long", size));
+  std::vector<std::uint8_t> text(size);
+  ETUDE_ASSIGN_OR_RETURN(const auto got, ReadAt(fd, path, sizeof size, text));
+  if (got != size) return corrupt("it is cut");
+  auto json = ParseHeader(text);
+  if (!json) return corrupt(json.error().message);
+  return json;
 }
 
 Status WriteSafetensors(const Path& path, const Safetensors& content) {

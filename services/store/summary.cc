@@ -82,7 +82,9 @@ OrderedJson FeatureTable(const Episode& episode) {
 
 std::map<std::string, std::uint64_t> FailuresByOutcome(const Path& dataset) {
   std::map<std::string, std::uint64_t> failures;
-  ForEachAttempt(dataset, [&](const AttemptLine& line) { ++failures[line.outcome]; });
+  ForEachAttempt(dataset, [&](const AttemptLine& line) {
+    if (line.outcome != kRecheckMismatch) ++failures[line.outcome];
+  });
   return failures;
 }
 

@@ -9,19 +9,32 @@
 // the quickstart are collected first); TMPFS and DISK are folders to write in (/dev/shm, the temporary folder).
 // A JSON line for each of 1, 2, 4 senders on either; tables and rounds go to stderr. CPU per episode is the figure to
 // compare where the machine has other work.
+//
+//   collector_bench paced [EPISODES [DATASET [TMPFS [DOMAIN]]]]
+//
+// What many workers cost beside few at the same 20 episodes a second in all: 2 processes, 100 processes, each its own
+// participant, and 100 slots of 4 processes that have one participant each (host agents), all with the heartbeats of
+// workers. The clock starts when everybody has been matched, and some seconds of discovery have passed. A JSON line for
+// each: the collector's CPU per episode (`baseline`: with 2), and lease p99; `rate` tells whether the machine kept up.
 #include <fcntl.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <atomic>
+#include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <memory>
+#include <stop_token>
 #include <thread>
 
 #include "services/bus/blob_transfer.h"
 #include "services/bus/topic.h"
 #include "services/campaign/collector.h"
+#include "services/core/clock.h"
 #include "services/core/hash.h"
+#include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "services/episode/codec.h"
@@ -73,11 +86,44 @@ CampaignSpec BenchSpec(const Path& dataset, std::uint64_t episodes) {
 class Sender {
  public:
   Sender(const bus::Participant& participant, const CampaignSpec& spec, const std::string& id, std::string name)
-      : spec_(spec), sha256_(SpecHash(spec)), owner_{spec.name, id}, name_(std::move(name)) {
+      : spec_(spec), sha256_(SpecHash(spec)), owner_{spec.name, id}, name_(std::move(name)), host_(participant.host()) {
     requests_.emplace(OrDie(bus::Writer<bus::WorkRequest>::Open(participant, owner_.partition())));
-    leases_.emplace(OrDie(bus::Reader<bus::Lease>::Open(participant, owner_.partition())));
+    leases_.emplace(OrDie(bus::Reader<bus::Lease>::Open(participant, owner_.host_partition(host_))));
     heartbeats_.emplace(OrDie(bus::Writer<bus::WorkerStatus>::Open(participant, owner_.partition())));
     sender_.emplace(OrDie(bus::BlobSender::Open(participant, owner_, "episode", name_)));
+  }
+
+  // Until the collector has found this one; who answers is there with the first answer (bus::HostWriters).
+  void AwaitMatch() const {
+    (void)requests_->WaitForReaders(1, 60s);
+    (void)heartbeats_->WaitForReaders(1, 60s);
+  }
+
+  void Beat() {
+    bus::WorkerStatus status;
+    status.campaign = owner_.name;
+    status.campaign_id = owner_.id;
+    status.worker = name_;
+    status.host = HostName();
+    status.phase = "play";
+    status.token = token_;
+    status.index = index_;
+    (void)heartbeats_->Write(status);
+  }
+
+  // One episode; milliseconds that its lease took. Nothing when it could not be had.
+  std::optional<double> MakeOne(const std::vector<Episode>& episodes) {
+    const Stopwatch watch;
+    const auto lease = Ask();
+    if (!lease || lease->kind != bus::LeaseKind::kWork) return std::nullopt;
+    const double wait_ms = 1e3 * watch.Seconds();
+    index_ = lease->index;
+    token_ = lease->token;
+    const Episode& real = episodes[lease->index % episodes.size()];
+    const auto verdict = sender_->Send(++sent_, EncodeEpisode(Renumbered(real, *lease)), lease->token, "{}", 60s);
+    if (verdict && verdict->kind == bus::AckKind::kRefused) Die({Code::kInternal, verdict->reason});
+    token_ = 0;
+    return verdict ? std::optional(wait_ms) : std::nullopt;
   }
 
   // Until the campaign is complete; milliseconds that each lease took.
@@ -107,6 +153,7 @@ class Sender {
     request.campaign_id = owner_.id;
     request.spec_sha256 = sha256_;
     request.worker = name_;
+    request.host = host_;
     request.content = kContentVersion;
     for (int tries = 0; tries < 20 && !StopRequested(); ++tries) {
       request.request_id = ++asked_;
@@ -135,12 +182,13 @@ class Sender {
   const CampaignSpec& spec_;
   std::string sha256_;
   bus::Owner owner_;
-  std::string name_;
+  std::string name_, host_;
   std::optional<bus::Writer<bus::WorkRequest>> requests_;
   std::optional<bus::Reader<bus::Lease>> leases_;
   std::optional<bus::Writer<bus::WorkerStatus>> heartbeats_;
   std::optional<bus::BlobSender> sender_;
   std::uint64_t asked_ = 0, sent_ = 0;
+  std::atomic<std::uint64_t> token_{0}, index_{0};  // of what it makes, for Beat from another thread
 };
 
 bus::Participant Join(std::uint32_t domain) {
@@ -158,27 +206,96 @@ int RunSender(std::uint32_t domain, const Path& dataset, std::uint64_t total, co
   return 0;
 }
 
+// What the senders of one process know of a paced run.
+struct Pace {
+  int first = 0, count = 1;  // of all senders these are here, on one participant
+  int all = 1;               // senders
+  std::uint64_t each = 0;    // episodes of each
+  Path start;                // a file that appears when the clock starts
+};
+
+constexpr double kPacedRate = 20;  // episodes a second in all
+
+void AwaitStart(const Path& start) {
+  while (!std::filesystem::exists(start) && !StopRequested()) std::this_thread::sleep_for(20ms);
+}
+
+// One worker of many: its turn comes every `all` episodes.
+std::vector<double> RunPaced(Sender& sender, const Pace& pace, int number, const std::vector<Episode>& episodes) {
+  std::vector<double> waits;
+  const auto begin = MonotonicClock::now();
+  for (std::uint64_t k = 0; k < pace.each && !StopRequested(); ++k) {
+    const double turn_s = (number + static_cast<double>(k) * pace.all) / kPacedRate;
+    std::this_thread::sleep_until(
+        begin + std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(turn_s)));
+    const auto wait = sender.MakeOne(episodes);
+    if (!wait) Die({Code::kInternal, "a paced sender got no work, or its episode was not taken"});
+    waits.push_back(*wait);
+  }
+  return waits;
+}
+
+// Prints "ready" when all of this process have been matched, at the end a line for each lease.
+int RunPacedSenders(std::uint32_t domain, const Path& dataset, std::uint64_t total, const std::string& id,
+                    const Pace& pace) {
+  InstallStopSignals();
+  const CampaignSpec spec = BenchSpec(dataset, total);
+  auto episodes = RealEpisodes(dataset);
+  episodes.resize(1);  // a hundred processes shall fit into the machine
+  const auto participant = Join(domain);
+  std::vector<std::unique_ptr<Sender>> senders;
+  for (int i = 0; i < pace.count; ++i)
+    senders.push_back(std::make_unique<Sender>(participant, spec, id, fmt::format("{}-{}", bus::UniquePeerName(), i)));
+  for (const auto& sender : senders) sender->AwaitMatch();
+  std::jthread beating([&](const std::stop_token& stop) {
+    while (!stop.stop_requested()) {
+      for (const auto& sender : senders) sender->Beat();
+      std::this_thread::sleep_for(500ms);
+    }
+  });
+  fmt::print("ready\n");
+  std::fflush(stdout);
+  AwaitStart(pace.start);
+  std::vector<std::vector<double>> waits(senders.size());
+  {
+    std::vector<std::jthread> threads;
+    for (std::size_t i = 0; i < senders.size(); ++i)
+      threads.emplace_back(
+          [&, i] { waits[i] = RunPaced(*senders[i], pace, pace.first + static_cast<int>(i), episodes); });
+  }
+  for (const auto& of_sender : waits)
+    for (const double wait : of_sender) fmt::print("{:.4f}\n", wait);
+  return 0;
+}
+
 // --------------------------------------------------------------------------------------- collector
 
 // Prints its id; once all is committed "RATE CPU_MS RSS_MB".
-int RunCollector(std::uint32_t domain, const Path& dataset, std::uint64_t total, const Path& folder) {
+// @param start  the clock starts when this file appears; "": when a tenth is committed
+int RunCollector(std::uint32_t domain, const Path& dataset, std::uint64_t total, const Path& folder,
+                 const Path& start) {
   InstallStopSignals();
   const auto participant = Join(domain);
   campaign::CollectorOptions options;
   options.drain = 300ms;
+  options.away = 0ms;  // paced senders go home without being told to
   auto collector = OrDie(campaign::Collector::Open(participant, BenchSpec(dataset, total), folder, options));
   fmt::print("{}\n", collector.id());
   std::fflush(stdout);
   std::thread running([&] {
     if (const Status ended = collector.Run(); !ended) Die(ended.error());
   });
-  const auto warm = static_cast<std::uint64_t>(kWarmUp * static_cast<double>(total));
+  if (!start.empty()) AwaitStart(start);
+  const double share = start.empty() ? kWarmUp : 0;
+  const auto warm = static_cast<std::uint64_t>(share * static_cast<double>(total));
   const auto committed = [&] { return collector.progress().committed; };
-  while (committed() < warm && !StopRequested()) std::this_thread::sleep_for(2ms);
+  // asking costs the more the more workers there are: rarely, where that is what is compared
+  const auto pause = start.empty() ? 2ms : 50ms;
+  while (committed() < warm && !StopRequested()) std::this_thread::sleep_for(pause);
   const Stopwatch watch;
   const double cpu = CpuSeconds(RUSAGE_SELF);
   const std::uint64_t first = committed();
-  while (committed() < total && !StopRequested()) std::this_thread::sleep_for(2ms);
+  while (committed() < total && !StopRequested()) std::this_thread::sleep_for(pause);
   const auto count = static_cast<double>(committed() - first);
   const double seconds = watch.Seconds();
   const double cpu_ms = 1e3 * (CpuSeconds(RUSAGE_SELF) - cpu) / count;
@@ -237,6 +354,22 @@ struct Figures {
   double rate = 0, collector_cpu_ms = 0, senders_cpu_ms = 0, lease_p50_ms = 0, lease_p99_ms = 0, rss_mb = 0;
 };
 
+double At(const std::vector<double>& sorted, double share) {
+  if (sorted.empty()) return 0;
+  const auto last = static_cast<double>(sorted.size() - 1);
+  return sorted[static_cast<std::size_t>(share * last)];
+}
+
+// Milliseconds, a line each.
+void TakeWaits(const std::string& text, std::vector<double>& waits) {
+  for (const char* at = text.c_str(); *at != '\0';) {
+    char* end = nullptr;
+    waits.push_back(std::strtod(at, &end));
+    if (end == at) break;
+    at = *end == '\0' ? end : end + 1;
+  }
+}
+
 struct Bench {
   std::uint64_t total;
   Path dataset;
@@ -255,23 +388,14 @@ struct Bench {
     {
       std::vector<std::unique_ptr<Child>> sending;
       for (int i = 0; i < senders; ++i) sending.push_back(std::make_unique<Child>(Role("sender", id)));
-      for (auto& sender : sending) {
-        const std::string text = sender->ReadAll();
-        for (const char* at = text.c_str(); *at != '\0';) {
-          char* end = nullptr;
-          waits.push_back(std::strtod(at, &end));
-          at = *end == '\0' ? end : end + 1;
-        }
-      }
+      for (auto& sender : sending) TakeWaits(sender->ReadAll(), waits);
     }
     figures.senders_cpu_ms = 1e3 * (ChildrenCpuSeconds() - cpu) / static_cast<double>(total);
     const std::string line = collector.ReadAll();
     std::sscanf(line.c_str(), "%lf %lf %lf", &figures.rate, &figures.collector_cpu_ms, &figures.rss_mb);
     std::sort(waits.begin(), waits.end());
-    if (!waits.empty()) {
-      figures.lease_p50_ms = waits[waits.size() / 2];
-      figures.lease_p99_ms = waits[waits.size() * 99 / 100];
-    }
+    figures.lease_p50_ms = At(waits, 0.5);
+    figures.lease_p99_ms = At(waits, 0.99);
     return figures;
   }
 };
@@ -332,6 +456,84 @@ Path CollectSome(const Path& folder, std::uint32_t domain) {
   return folder / "replayed";
 }
 
+// `senders` workers in `processes` processes, 20 episodes a second of all together.
+Figures RunPacedOnce(const Bench& bench, int senders, int processes, const Path& parent) {
+  const Scratch scratch(parent);
+  const Path start = scratch / "start";
+  Figures figures;
+  auto words = bench.Role("collector", (scratch / "data").string());
+  words.push_back(start.string());
+  Child collector(std::move(words));
+  const std::string id = collector.ReadLine();
+  const double cpu = ChildrenCpuSeconds();
+  std::vector<double> waits;
+  {
+    std::vector<std::unique_ptr<Child>> sending;
+    const int each = senders / processes;
+    for (int p = 0; p < processes; ++p) {
+      auto role = bench.Role("paced-sender", id);
+      for (const int number : {p * each, each, senders}) role.push_back(std::to_string(number));
+      role.push_back(start.string());
+      sending.push_back(std::make_unique<Child>(std::move(role)));
+    }
+    for (const auto& child : sending)
+      if (child->ReadLine() != "ready") Die({Code::kUnavailable, "a paced sender did not find the collector"});
+    std::this_thread::sleep_for(8s);  // more than an interval of discovery: what it costs is another bench's matter
+    if (const Status started = WriteFileAtomically(start, std::string_view("go\n")); !started) Die(started.error());
+    for (const auto& child : sending) TakeWaits(child->ReadAll(), waits);
+  }
+  figures.senders_cpu_ms = 1e3 * (ChildrenCpuSeconds() - cpu) / static_cast<double>(bench.total);
+  std::sscanf(collector.ReadAll().c_str(), "%lf %lf %lf", &figures.rate, &figures.collector_cpu_ms, &figures.rss_mb);
+  std::sort(waits.begin(), waits.end());
+  figures.lease_p50_ms = At(waits, 0.5);
+  figures.lease_p99_ms = At(waits, 0.99);
+  return figures;
+}
+
+struct Crowd {
+  const char* name;
+  int senders, processes;
+  std::vector<double> cpu_ms = {}, rate = {}, p99_ms = {};
+};
+
+int RunPacedBench(std::uint64_t total, Path dataset, const Path& tmpfs, std::uint32_t domain) {
+  UseProfile("deploy/dds/local.xml");
+  const double calibration_before = TwoProcessSpin();
+  const Scratch made(std::filesystem::temp_directory_path());
+  if (dataset.empty()) dataset = CollectSome(made.path(), domain);
+  constexpr std::uint64_t kMostSenders = 100;
+  const Bench bench{(total + kMostSenders - 1) / kMostSenders * kMostSenders, dataset, domain};
+  Crowd crowds[] = {{"processes_2", 2, 2}, {"processes_100", 100, 100}, {"agents_4x25", 100, 4}};
+  constexpr int kRounds = 2;
+  for (int round = 0; round < kRounds; ++round) {
+    for (Crowd& crowd : crowds) {
+      const Figures figures = RunPacedOnce(bench, crowd.senders, crowd.processes, tmpfs);
+      crowd.cpu_ms.push_back(figures.collector_cpu_ms);
+      crowd.rate.push_back(figures.rate);
+      crowd.p99_ms.push_back(figures.lease_p99_ms);
+      fmt::print(
+          stderr, "{}, round {}: {:.1f}/s, collector {:.2f} ms, senders {:.2f} ms an episode, lease p99 {:.1f} ms\n",
+          crowd.name, round + 1, figures.rate, figures.collector_cpu_ms, figures.senders_cpu_ms, figures.lease_p99_ms);
+    }
+  }
+  PrintCalibration(calibration_before, TwoProcessSpin());
+  const double few = Median(crowds[0].cpu_ms);
+  const auto rounded = [](double value) { return std::round(value * 1000) / 1000; };
+  bool good = few > 0;
+  for (const Crowd& crowd : crowds) {
+    good = good && Median(crowd.cpu_ms) > 0;
+    fmt::print("{}\n", OrderedJson{{"name", fmt::format("collector_paced_{}", crowd.name)},
+                                   {"value", rounded(Median(crowd.cpu_ms))},
+                                   {"unit", "ms/episode"},
+                                   {"baseline", rounded(few)},
+                                   {"ratio", rounded(Median(crowd.cpu_ms) / few)},
+                                   {"rate", rounded(Median(crowd.rate))},
+                                   {"lease_p99_ms", rounded(Median(crowd.p99_ms))}}
+                           .dump());
+  }
+  return good ? 0 : 1;
+}
+
 int RunBench(std::uint64_t total, Path dataset, const Path& tmpfs, const Path& disk, std::uint32_t domain) {
   UseProfile("deploy/dds/local.xml");
   const double calibration_before = TwoProcessSpin();
@@ -357,8 +559,19 @@ int main(int argc, char** argv) {
   };
   if (argc == 6 && std::strcmp(argv[1], "sender") == 0)
     return RunSender(static_cast<std::uint32_t>(number(2, "")), argv[3], number(4, ""), argv[5]);
-  if (argc == 6 && std::strcmp(argv[1], "collector") == 0)
-    return RunCollector(static_cast<std::uint32_t>(number(2, "")), argv[3], number(4, ""), argv[5]);
+  if ((argc == 6 || argc == 7) && std::strcmp(argv[1], "collector") == 0)
+    return RunCollector(static_cast<std::uint32_t>(number(2, "")), argv[3], number(4, ""), argv[5], argument(6, ""));
+  if (argc == 10 && std::strcmp(argv[1], "paced-sender") == 0) {
+    const Pace pace{.first = std::atoi(argv[6]),
+                    .count = std::atoi(argv[7]),
+                    .all = std::max(1, std::atoi(argv[8])),
+                    .each = number(4, "") / std::max<std::uint64_t>(1, number(8, "1")),
+                    .start = argv[9]};
+    return RunPacedSenders(static_cast<std::uint32_t>(number(2, "")), argv[3], number(4, ""), argv[5], pace);
+  }
+  if (argc > 1 && std::strcmp(argv[1], "paced") == 0)
+    return RunPacedBench(number(2, "600"), argument(3, ""), argument(4, "/dev/shm"),
+                         static_cast<std::uint32_t>(number(5, "75")));
   return RunBench(std::max<std::uint64_t>(20, number(1, "300")), argument(2, ""), argument(3, "/dev/shm"),
                   argument(4, std::filesystem::temp_directory_path().c_str()),
                   static_cast<std::uint32_t>(number(5, "75")));

@@ -55,8 +55,10 @@ Status ServeAsBefore(const Path& checkpoint, const std::string& run) {
   ETUDE_ASSIGN_OR_RETURN(const auto model, serve::Model::FromFile(checkpoint));
   ETUDE_ASSIGN_OR_RETURN(const Selector selector, ParseSelector(run, "run"));
   ETUDE_ASSIGN_OR_RETURN(const auto participant, bus::Participant::Open({kDomain, ""}));
-  const std::string partition = bus::Owner{selector.name, selector.id}.partition();
-  ETUDE_ASSIGN_OR_RETURN(auto actions, bus::Writer<bus::Action>::Open(participant, partition));
+  const bus::Owner owner{selector.name, selector.id};
+  const std::string partition = owner.partition();
+  ETUDE_ASSIGN_OR_RETURN(auto actions,
+                         bus::Writer<bus::Action>::Open(participant, owner.host_partition(participant.host())));
   ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Reader<bus::Observation>::Open(participant, partition));
   const auto presence = bus::MakePresence(bus::PresenceKind::kPolicy, selector.name, selector.id, "");
   ETUDE_ASSIGN_OR_RETURN(const auto announced, bus::Announcement::Open(participant, presence, Claim::kAdopt));

@@ -104,6 +104,9 @@ class NotingSink : public campaign::EpisodeSink {
     return inner_->RecordFailure(index, attempt, outcome, details_json);
   }
   Status WriteIndex() override { return {}; }
+  Status WriteFilterKey(const std::string& name, const std::set<std::uint64_t>& indices) override {
+    return inner_->WriteFilterKey(name, indices);
+  }
 
  private:
   std::unique_ptr<campaign::EpisodeSink> inner_;

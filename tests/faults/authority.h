@@ -22,7 +22,7 @@ class Authority {
     const auto now = static_cast<std::int64_t>(WallSeconds());
     const auto issued = security::Issue(folder_.path(), {.name = name,
                                                          .roles = {role},
-                                                         .grants = bus::GrantsFor({role}, {}, {}),
+                                                         .grants = bus::GrantsFor({role}, name, {}, {}),
                                                          .not_before = now - 60,
                                                          .not_after = now + valid_s});
     EXPECT_TRUE(issued) << issued.error().message;

@@ -7,6 +7,8 @@
 #include <thread>
 
 #include "services/bus/blob_transfer.h"
+#include "services/bus/topic.h"
+#include "services/campaign/lease_table.h"
 #include "services/cli/worker_pool.h"
 #include "services/core/identity.h"
 #include "services/core/rng.h"
@@ -75,7 +77,7 @@ TEST(Faults, F5CollectorsThatComeBackFenceTheirPast) {
   }
   const Counts counts = run.Finish();
   std::map<std::uint64_t, std::uint64_t> of_epoch;
-  for (const Ack& ack : run.Acks()) ++of_epoch[ack.token >> 32];
+  for (const Ack& ack : run.Acks()) ++of_epoch[campaign::EpochOf(ack.token)];
   EXPECT_EQ(of_epoch.size(), 4u) << "each life of the collector answered for tokens of its own";
   ReportRow("F5", "collector killed 3 times; tokens of each life are larger", counts);
 }
@@ -149,6 +151,38 @@ TEST(Faults, F22WorkersThatRunOutOfMemoryAreStartedAgain) {
             counts);
 }
 
+// Of work that somebody else does: what its heartbeats say, under another worker's name, and guesses under its own.
+// Returns how many; the attempts of a campaign are far fewer.
+int ForgeReports(const bus::Participant& participant, const CampaignRun& run, const std::string& id) {
+  const std::string partition = bus::Owner{run.spec().name, id}.partition();
+  auto heartbeats = bus::Reader<bus::WorkerStatus>::Open(participant, partition);
+  auto reports = bus::Writer<bus::AttemptReport>::Open(participant, partition);
+  EXPECT_TRUE(heartbeats && reports && reports->WaitForReaders(1, 20s));
+  int forged = 0;
+  const auto forge = [&](const bus::WorkerStatus& status, const std::string& worker, std::uint64_t token) {
+    bus::AttemptReport report{.campaign = run.spec().name, .worker = worker, .campaign_id = id};
+    report.spec_sha256 = SpecHash(run.spec());
+    report.index = status.index;
+    report.attempt = status.attempt;
+    report.token = token;
+    report.outcome = "plan_failed";
+    EXPECT_TRUE(reports->Write(report));
+    ++forged;
+  };
+  int overheard = 0;
+  EXPECT_TRUE(WaitUntil([&] {
+    heartbeats->Wait(200ms);
+    for (const auto& status : heartbeats->Take()) {
+      if (status.token == 0) continue;
+      ++overheard;
+      forge(status, "thief", status.token);
+      for (std::uint64_t step = 1; step <= 20; ++step) forge(status, status.worker, status.token + step);
+    }
+    return overheard >= 3;
+  }));
+  return forged;
+}
+
 // What a stranger would send who has seen the bus: an episode of a committed index again, with tokens old and invented.
 TEST(Faults, F12LateAndRepeatedEpisodesCountOnce) {
   CampaignRun run({.name = "f12", .domain = 91, .episodes = 25, .ms_per_attempt = 200});
@@ -175,7 +209,14 @@ TEST(Faults, F12LateAndRepeatedEpisodesCountOnce) {
   ASSERT_TRUE(invented) << invented.error().message;
   EXPECT_EQ(invented->kind, bus::AckKind::kRefused) << "nobody was leased that";
   EXPECT_FALSE(replay(NewId(), 1, old, 1s)) << "another campaign's: nobody answers";
-  ReportRow("F12", "an episode sent again, with an invented token, and under another campaign's id", run.Finish());
+  const int forged = ForgeReports(*participant, run, identity->id);
+  const Counts counts = run.Finish();
+  EXPECT_EQ(counts.acknowledged, run.spec().episodes) << "none was given up";
+  ReportRow("F12",
+            fmt::format("an episode sent again, with an invented token, and under another campaign's id; {} forged "
+                        "reports, with tokens overheard and guessed",
+                        forged),
+            counts);
 }
 
 TEST(Faults, F17FortyWorkersWithoutMulticast) {

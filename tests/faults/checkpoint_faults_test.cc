@@ -18,6 +18,7 @@
 #include "services/security/checkpoint_signature.h"
 #include "services/store/safetensors.h"
 #include "tests/faults/campaign_run.h"
+#include "tests/faults/small_disk.h"
 #include "tests/support/etude_command.h"
 #include "tests/trainer/data/synthetic_dataset.h"
 #include "tests/trainer/learn/tiny_config.h"
@@ -195,6 +196,49 @@ TEST_F(CheckpointFaults, F4TrainersThatDieGoOnBitForBit) {
                  fmt::format("trainer killed {} times, in and between its steps, checkpoint and state: an interval "
                              "of steps lost at most, losses and last checkpoint bit for bit those of a calm run",
                              killed));
+}
+
+// What a tmpfs takes for it.
+std::uint64_t PagesOf(const Path& file) {
+  constexpr std::uint64_t kPage = 4096;
+  return (std::filesystem::file_size(file) + kPage - 1) / kPage * kPage;
+}
+
+// Everything of a run but its checkpoints and its state.
+std::uint64_t PagesOfTheRest(const Path& run) {
+  std::uint64_t sum = 0;
+  for (const auto& item : std::filesystem::recursive_directory_iterator(run))
+    if (item.is_regular_file() && !item.is_symlink() && item.path().extension() != ".safetensors")
+      sum += PagesOf(item.path());
+  return sum;
+}
+
+// Room for one checkpoint, the state and half of the next checkpoint.
+TEST_F(CheckpointFaults, F10ATrainerWaitsForRoomAndLosesNothing) {
+  const Path calm = FolderOf("calm"), run = FolderOf("full");
+  const std::uint64_t checkpoint = PagesOf(FileOf("calm", kInterval)), rest = PagesOfTheRest(calm);
+  const std::uint64_t state = PagesOf(calm / "training_state.safetensors");
+  ASSERT_LT(rest, checkpoint / 2) << "the second checkpoint would fit";
+  const SmallDisk disk(run, std::to_string(checkpoint + state + rest + checkpoint / 2));
+  if (!disk.mounted()) GTEST_SKIP() << "F10 on a small tmpfs needs root";
+  auto trainer = StartTrainer("full", false);
+  const std::string words = "the disk does not take the checkpoint of step 20";
+  ASSERT_TRUE(WaitUntil([&] { return Logs("full").find(words) != std::string::npos; })) << Logs("full");
+  EXPECT_TRUE(trainer.running());
+  EXPECT_EQ(StepOfState(run), kInterval);
+  EXPECT_TRUE(IsWhole(run / "checkpoints" / "latest.safetensors")) << "what is there stays";
+
+  ASSERT_TRUE(disk.Grow(std::to_string(16 * (checkpoint + state))));
+  ASSERT_EQ(trainer.Wait(120s), 0) << Logs("full");
+  EXPECT_NE(Logs("full").find("the disk took the checkpoint of step 20"), std::string::npos) << Logs("full");
+  EXPECT_EQ(Validations(run), Validations(calm));
+  const auto bytes = ReadBinaryFile(FileOf("full", kSteps));
+  ASSERT_TRUE(bytes) << bytes.error().message;
+  EXPECT_TRUE(*bytes == CheckpointOf(kSteps)) << "the last checkpoints differ";
+  ReportAsserted(
+      "F10",
+      "no room for a trainer's second checkpoint: it waits with words, and goes on when there is; losses and "
+      "last checkpoint bit for bit those of a calm run");
 }
 
 // ---- checkpoints on their way -------------------------------------------------------------------------

@@ -3,16 +3,22 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <sys/mount.h>
 
+#include <algorithm>
 #include <cstring>
 #include <fstream>
 #include <sstream>
+#include <thread>
+#include <vector>
 
+#include "services/bus/blob_transfer.h"
+#include "services/bus/participant.h"
+#include "services/core/identity.h"
 #include "services/core/rng.h"
 #include "services/store/dataset.h"
 #include "tests/faults/campaign_run.h"
 #include "tests/faults/disk_model.h"
+#include "tests/faults/small_disk.h"
 
 namespace etude::faults {
 namespace disk_faults_test {
@@ -28,26 +34,6 @@ Environment With(Environment environment, const std::string& name, const std::st
   environment[name] = value;
   return environment;
 }
-
-// A tmpfs of its own over the dataset's folder, for as long as this lives.
-class SmallDisk {
- public:
-  SmallDisk(Path folder, const std::string& size) : folder_(std::move(folder)) {
-    EXPECT_TRUE(MakeFolders(folder_));
-    mounted_ = ::mount("tmpfs", folder_.c_str(), "tmpfs", 0, ("size=" + size).c_str()) == 0;
-  }
-  ~SmallDisk() {
-    if (mounted_) ::umount2(folder_.c_str(), MNT_DETACH);
-  }
-  SmallDisk(const SmallDisk&) = delete;
-  SmallDisk& operator=(const SmallDisk&) = delete;
-  bool mounted() const { return mounted_; }
-  std::uint64_t Free() const { return std::filesystem::space(folder_).available; }
-
- private:
-  Path folder_;
-  bool mounted_ = false;
-};
 
 TEST(Faults, F10ADiskThatIsFullIsWaitedFor) {
   CampaignRun run({.name = "f10", .domain = 93, .episodes = 24});
@@ -86,6 +72,53 @@ TEST(Faults, F10CallsThatFailAreNoAcknowledgement) {
     ++runs;
   }
   ReportRow("F10", fmt::format("write, fsync, rename return ENOSPC or EIO, {} patterns", runs), sum);
+}
+
+// Offers of 256 MB from 32 senders while nothing can be written: `max_memory`, beside what DDS has under way.
+double MostResidentMb(const CampaignRun& run, pid_t collector, std::uint32_t domain) {
+  auto participant = bus::Participant::Open({domain, ""});
+  const auto id = ReadIdentity(run.dataset());
+  EXPECT_TRUE(participant && id);
+  if (!participant || !id) return 0;
+  std::vector<std::uint8_t> bytes(8u << 20);
+  Rng rng(10);
+  for (auto& byte : bytes) byte = static_cast<std::uint8_t>(rng.Next());
+  std::vector<bus::BlobSender> senders;
+  for (int i = 0; i < 32; ++i) {
+    auto sender = bus::BlobSender::Open(*participant, {run.spec().name, id->id}, "episode", fmt::format("crowd-{}", i));
+    EXPECT_TRUE(sender);
+    if (sender) senders.push_back(std::move(*sender));
+  }
+  std::vector<std::jthread> sending;
+  for (auto& sender : senders)
+    sending.emplace_back([&] { (void)sender.Send(1, bytes, 0, "{}", 12s); });  // nobody answers
+  double most = 0;
+  for (const Stopwatch watch; watch.Seconds() < 12;) {
+    most = std::max(most, ResidentMb(collector));
+    std::this_thread::sleep_for(50ms);
+  }
+  return most;
+}
+
+TEST(Faults, F10AFullDiskCostsNoMoreMemoryThanIsStated) {
+  constexpr std::uint32_t kDomain = 93;
+  constexpr double kMaxMemoryMb = 16, kUnderWayMb = 80;
+  CampaignRun run({.name = "f10c",
+                   .domain = kDomain,
+                   .episodes = 200,
+                   .collector_flags = {"--max-memory", fmt::format("{:.0f}", kMaxMemoryMb)}});
+  run.StartCollector(With(Shim(run.dataset()), "ETUDE_SHIM_FAIL", "write:ENOSPC:15:100000000"));
+  // more than there are threads that commit: all of them wait for the disk
+  for (int i = 0; i < 8; ++i) run.StartWorker();
+  ASSERT_TRUE(WaitUntil([&] { return run.Logs().find("committing waits") != std::string::npos; }, 30s)) << run.Logs();
+  const double before = ResidentMb(run.collector().pid());
+  ASSERT_GT(before, 0);
+  const double most = MostResidentMb(run, run.collector().pid(), kDomain);
+  EXPECT_LE(most - before, kMaxMemoryMb + kUnderWayMb) << "of 256 MB that were offered";
+  EXPECT_TRUE(run.collector().running());
+  ReportAsserted("F10", fmt::format("nothing can be written, 40 senders offer 256 MB to a collector of --max-memory "
+                                    "{:.0f}: it took {:.0f} MB more",
+                                    kMaxMemoryMb, most - before));
 }
 
 TEST(Faults, F13ClocksThatJump) {

@@ -67,7 +67,7 @@ TEST(Faults, F8OnlyOneDirectionIsCut) {
 }
 
 // The collector has given its peers up, they have not given it up, and under security none of them is taken for another
-// one: not before both have, which takes DDS's lease (10 s) once more.
+// one: the collector starts again with another participant within DDS's lease (10 s).
 TEST(Faults, F8OnlyOneDirectionIsCutUnderSecurity) {
   if (SecondsOf("ETUDE_FOREIGN_S", 0) == 0) GTEST_SKIP() << "takes a minute: with ETUDE_FOREIGN_S, as in nightly";
   const TwoHosts hosts;

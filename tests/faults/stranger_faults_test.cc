@@ -108,8 +108,10 @@ void WriteMalformed(const bus::Participant& participant, const CampaignRun& run,
   bus::CampaignControl control{.campaign = run.spec().name, .control_id = "x", .campaign_id = id};
   WriteSpoiled(participant, partition, control, [](auto& wire) { wire.action = 200; });
   bus::Lease lease{.campaign = run.spec().name, .worker = "stranger", .campaign_id = id};
-  WriteSpoiled(participant, partition, lease, [](auto& wire) { wire.kind = 200; });
+  WriteSpoiled(participant, bus::PartitionOfHost(partition, participant.host()), lease,
+               [](auto& wire) { wire.kind = 200; });
   bus::BlobManifest manifest{.channel = "episode", .sender = "stranger", .owner = id};
+  manifest.host = participant.host();
   manifest.size = 10;
   manifest.chunk_size = 4;
   manifest.chunk_count = 3;
@@ -123,6 +125,7 @@ void WriteNonsense(const bus::Participant& participant, const CampaignRun& run, 
   const auto nothing = [](const auto&) {};
   bus::WorkRequest request{.campaign = run.spec().name, .worker = "../../etc/passwd", .campaign_id = id};
   request.files_sha256 = "../../etc/passwd";
+  request.host = "../../*";
   request.spec_sha256 = SpecHash(run.spec());
   request.content = kContentVersion;
   WriteSpoiled(participant, partition, request, nothing);

@@ -20,7 +20,7 @@ struct Target {
   std::vector<Bytes> seeds;  ///< sound inputs to begin with
 };
 
-/// Those of this program: targets.cc, or policy_targets.cc (which needs libtorch to link).
+/// Those of this program: targets.cc, or policy_targets.cc and gateway_targets.cc, which need more to link.
 const std::vector<Target>& Targets();
 
 }  // namespace etude::fuzz

@@ -45,7 +45,8 @@ class Oracle {
                       .value()),
         episode_(episode),
         observations_(bus::Reader<bus::Observation>::Open(participant, bus::Owner{kRun, kId}.partition()).value()),
-        actions_(bus::Writer<bus::Action>::Open(participant, bus::Owner{kRun, kId}.partition()).value()),
+        actions_(bus::Writer<bus::Action>::Open(participant, bus::Owner{kRun, kId}.host_partition(participant.host()))
+                     .value()),
         thread_([this](const std::stop_token& stop) {
           while (!stop.stop_requested())
             if (observations_.Wait(20ms))

@@ -2,12 +2,18 @@
 // The whole system for real and in small: `etude up` with a collector, two workers, a trainer that follows the growing
 // dataset, checkpoints on DDS, a policy server that subscribes, and workers that roll its answers out.
 #include <gtest/gtest.h>
+#include <signal.h>
 
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
+#include <functional>
+#include <thread>
 
 #include "services/campaign/process.h"
+#include "services/core/clock.h"
+#include "services/core/config.h"
 #include "services/core/file.h"
 #include "services/store/dataset.h"
 #include "services/store/safetensors.h"
@@ -47,10 +53,13 @@ class WholeLoop : public testing::Test {
   // An evaluation whose video shows what the policy saw and said at each of its decisions.
   void ExpectAnOverlay(const Path& checkpoint) {
     const std::string command = Binary("etude").string() + " eval --checkpoint " + checkpoint.string() +
-                                " --episodes 1 --workers 1 --overlay --set rollout.max_steps=240 --out " +
+                                " --episodes 1 --workers 1 --overlay --first-draw --set rollout.max_steps=240 --out " +
                                 (folder_ / "overlay").string() + " --domain " + std::to_string(kDomain) + " > " +
                                 log_.string() + " 2>&1";
     ASSERT_EQ(RunCommand(command), 0) << ReadTextFile(log_).value_or("");
+    const auto taken = store::DatasetReader::Open(folder_ / "overlay" / "rollouts");
+    ASSERT_TRUE(taken) << taken.error().message;
+    EXPECT_EQ(taken->spec().scenes, "first_draw");
     const std::string text = ReadTextFile(log_).value_or("");
     int shown = 0, decisions = -1;
     const auto line = text.find("overlay: ");
@@ -62,6 +71,43 @@ class WholeLoop : public testing::Test {
     for (const auto& entry : std::filesystem::directory_iterator(folder_ / "overlay" / "videos"))
       videos += entry.path().filename().string().ends_with("-overlay.mp4") ? 1 : 0;
     EXPECT_EQ(videos, 1);
+  }
+
+  // In the place of the one that has ended: all is there already, and its policy server stays.
+  Result<campaign::Process> KeepRunning() {
+    return campaign::Process::Start(
+        {{Binary("etude").string(), "up", (folder_ / "up.yaml").string(), "--out", out_.string(), "--minutes", "0.6",
+          "--domain", std::to_string(kDomain), "--set", "eval.seed=3", "--no-dashboard", "--keep-running"},
+         folder_ / "kept.log",
+         {}});
+  }
+  pid_t PolicyPid() const {
+    const auto record = Json::parse(ReadTextFile(out_ / "up.json").value_or(""), nullptr, false);
+    return record.is_object() ? record.value("/pids/policy"_json_pointer, -1) : -1;
+  }
+  static bool WaitUntil(const std::function<bool()>& met) {
+    for (const Stopwatch watch; !met(); std::this_thread::sleep_for(std::chrono::milliseconds(20)))
+      if (watch.Seconds() > 120) return false;
+    return true;
+  }
+
+  // Training is over and its process gone: who is started again has the weights from the relay.
+  void ExpectAKilledPolicyServesAgain() {
+    auto up = KeepRunning();
+    ASSERT_TRUE(up.has_value()) << up.error().message;
+    const auto log = [&] { return ReadTextFile(folder_ / "kept.log").value_or(""); };
+    ASSERT_TRUE(WaitUntil([&] { return log().find("serves on domain") != std::string::npos; })) << log();
+    for (const int signal : {SIGTERM, SIGKILL}) {
+      const pid_t killed = PolicyPid();
+      ASSERT_GT(killed, 0);
+      ASSERT_EQ(::kill(killed, signal), 0);
+      ASSERT_TRUE(WaitUntil([&] { return PolicyPid() > 0 && PolicyPid() != killed; })) << signal << log();
+      const auto driven = RunExample({(Binary("etude").parent_path() / "example-robot-driver").string(), "loop",
+                                      "pick up the red can", std::to_string(kDomain), "30"},
+                                     folder_ / "driver.log");
+      EXPECT_EQ(driven.exit_code, 0) << signal << driven.text << log();
+    }
+    EXPECT_EQ(up->Stop(std::chrono::seconds(60)), 0) << log();
   }
 };
 
@@ -98,6 +144,8 @@ TEST_F(WholeLoop, CollectsTrainsPublishesServesAndRollsOut) {
   const Path file = out_ / "run" / "loop" / "checkpoints" / "latest.safetensors";
   ExpectDriverFollowsAPolicy(Binary("etude").parent_path(), file, kDomain, folder_);
   ExpectSubscriberTakesACheckpoint(Binary("etude").parent_path(), file, kDomain, folder_);
+
+  ExpectAKilledPolicyServesAgain();
 }
 
 }  // namespace whole_loop_test

@@ -12,13 +12,13 @@
 #include "services/core/check.h"
 
 namespace etude {
-
 namespace {
 
 constexpr std::string_view kPrefix = "etude-test-";
 
-// Folders of test programs that were killed: their name holds the process that made them.
-void RemoveLeftOvers() {
+}  // namespace
+
+void RemoveFoldersOfTheDead() {
   std::error_code ignored;
   for (const auto& entry : std::filesystem::directory_iterator(std::filesystem::temp_directory_path(), ignored)) {
     const std::string name = entry.path().filename().string();
@@ -28,10 +28,8 @@ void RemoveLeftOvers() {
   }
 }
 
-}  // namespace
-
 TemporaryFolder::TemporaryFolder() {
-  static const bool cleaned = (RemoveLeftOvers(), true);
+  static const bool cleaned = (RemoveFoldersOfTheDead(), true);
   ETUDE_CHECK(cleaned);
   std::string name =
       (std::filesystem::temp_directory_path() / fmt::format("{}{}-XXXXXX", kPrefix, ::getpid())).string();

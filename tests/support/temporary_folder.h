@@ -20,4 +20,8 @@ class TemporaryFolder {
   Path path_;
 };
 
+/// Removes what tests and their scripts left in the system's temporary folder: what is named etude-test-PID-* and whose
+/// process is no more. Called once by each program that makes a TemporaryFolder.
+void RemoveFoldersOfTheDead();
+
 }  // namespace etude

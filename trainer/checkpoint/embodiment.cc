@@ -29,8 +29,17 @@ bool SamePose(const std::vector<double>& a, const std::vector<double>& b) {
 
 }  // namespace
 
-Embodiment EmbodimentOf(const Episode& episode) {
+Embodiment OwnFormats() {
   Embodiment result;
+  result.rotation = kRotationFormat;
+  result.control_rate = kControlRate;
+  result.waypoints = kWaypoints;
+  result.horizon = kHorizonSteps;
+  return result;
+}
+
+Embodiment EmbodimentOf(const Episode& episode) {
+  Embodiment result = OwnFormats();
   result.robot = episode.robot;
   result.joints = episode.joint_pos.columns + episode.gripper_qpos.columns;
   if (!episode.cameras.empty()) {
@@ -42,10 +51,6 @@ Embodiment EmbodimentOf(const Episode& episode) {
     const auto& q = camera.X_WC.q;
     result.camera_pose = {p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()};
   }
-  result.rotation = kRotationFormat;
-  result.control_rate = kControlRate;
-  result.waypoints = kWaypoints;
-  result.horizon = kHorizonSteps;
   return result;
 }
 

@@ -36,6 +36,9 @@ struct Embodiment {
   }
 };
 
+/// What this program does alike for every robot: rotation format, control rate, waypoints and horizon.
+Embodiment OwnFormats();
+
 /// Of what `episode` shows through its first camera, with the formats of this program.
 Embodiment EmbodimentOf(const Episode& episode);
 

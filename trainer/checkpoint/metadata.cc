@@ -16,8 +16,6 @@
 namespace etude::checkpoint {
 namespace {
 
-constexpr int kMaxJoints = 1000;
-
 using Text = std::map<std::string, std::string>;
 
 Result<std::string> Find(const Text& text, const char* key) {

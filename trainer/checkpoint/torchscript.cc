@@ -13,10 +13,12 @@
 #include <sstream>
 
 #include "services/episode/action.h"
+#include "services/episode/viewpoint.h"
 #include "services/language/tokenizer.h"
 #include "trainer/checkpoint/readiness.h"
 #include "trainer/policy/answer.h"
 #include "trainer/policy/crop.h"
+#include "trainer/policy/names.h"
 
 namespace etude::checkpoint {
 namespace {
@@ -30,12 +32,27 @@ constexpr const char* kSentences[] = {"pick up the red cube", "push it", "please
 
 struct Question {
   Tensor crop, joints, token_ids;
+  Tensor viewpoint;  // of a policy that reads its camera; else undefined
+
+  torch::jit::Stack stack() const {
+    torch::jit::Stack inputs{crop, joints, token_ids};
+    if (viewpoint.defined()) inputs.emplace_back(viewpoint);
+    return inputs;
+  }
 };
+
+// (1, kViewpointSize): about a metre above the table, looking down
+Tensor RandomViewpoint(torch::Generator draw) {
+  const Viewpoint above = ViewpointOf(200, 200, 112, 112, {{0, 0, 1}, Eigen::Quaterniond::Identity()});
+  const Tensor viewpoint = torch::tensor(std::vector<float>(above.begin(), above.end())).view({1, kViewpointSize});
+  return viewpoint * (0.9 + 0.2 * torch::rand({1, kViewpointSize}, draw, torch::kFloat32));
+}
 
 Question RandomQuestion(const policy::PolicyConfig& config, int joints, const char* sentence, torch::Generator draw) {
   const codec::Region crop = policy::CropOf(config.image);
   return {torch::randint(256, {1, 3, crop.height, crop.width}, draw, torch::kUInt8),
-          torch::rand({1, joints}, draw, torch::kFloat32) * 2 - 1, TokenIds(sentence, config.language.buckets)};
+          torch::rand({1, joints}, draw, torch::kFloat32) * 2 - 1, TokenIds(sentence, config.language.buckets),
+          policy::ReadsCamera(config) ? RandomViewpoint(draw) : Tensor()};
 }
 
 policy::Inputs InputsOf(const policy::PolicyConfig& config, const Question& question) {
@@ -43,6 +60,7 @@ policy::Inputs InputsOf(const policy::PolicyConfig& config, const Question& ques
   policy::Inputs inputs;
   inputs.images = question.crop;
   inputs.crop_origin = torch::tensor({static_cast<float>(crop.u), static_cast<float>(crop.v)}).view({1, 2});
+  inputs.viewpoint = question.viewpoint;
   inputs.joints = question.joints;
   inputs.token_ids = question.token_ids;
   inputs.sentence_index = torch::zeros({1, 1}, torch::kInt64);
@@ -76,14 +94,16 @@ torch::jit::Module Trace(policy::Policy& policy, const Question& example) {
   module.register_attribute("training", c10::BoolType::get(), false);
   RegisterWeights(policy, module);
   const auto evaluate = [&](torch::jit::Stack inputs) {
-    const Question question{inputs[0].toTensor(), inputs[1].toTensor(), inputs[2].toTensor()};
+    const Question question{inputs[0].toTensor(), inputs[1].toTensor(), inputs[2].toTensor(),
+                            inputs.size() > 3 ? inputs[3].toTensor() : Tensor()};
     const auto outputs = policy.Forward(InputsOf(policy.config(), question));
     return torch::jit::Stack{policy::WaypointTensor(policy.config(), outputs).contiguous()};
   };
-  const auto [state, said] =
-      torch::jit::tracer::trace({example.crop, example.joints, example.token_ids}, evaluate,
-                                [](const torch::autograd::Variable&) { return std::string(); }, /*strict=*/true,
-                                /*force_outplace=*/false, &module, {"crop", "joints", "token_ids"});
+  std::vector<std::string> names{"crop", "joints", "token_ids"};
+  if (example.viewpoint.defined()) names.emplace_back("viewpoint");
+  const auto [state, said] = torch::jit::tracer::trace(
+      example.stack(), evaluate, [](const torch::autograd::Variable&) { return std::string(); }, /*strict=*/true,
+      /*force_outplace=*/false, &module, names);
   const c10::QualifiedName name(*module.type()->name(), "forward");
   module.type()->addMethod(module._ivalue()->compilation_unit()->create_function(name, state->graph));
   return module;
@@ -113,7 +133,7 @@ double Disagreement(const std::string& bytes, policy::Policy& policy) {
   double most = 0;
   for (const char* sentence : kSentences) {
     const Question question = RandomQuestion(policy.config(), policy.joints(), sentence, draw);
-    const Tensor said = module.forward({question.crop, question.joints, question.token_ids}).toTensor();
+    const Tensor said = module.forward(question.stack()).toTensor();
     policy::Inputs inputs = InputsOf(policy.config(), question);
     inputs.token_ids = Tensor();
     inputs.sentences = {sentence};

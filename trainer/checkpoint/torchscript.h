@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // A checkpoint as a TorchScript file that opens with plain libtorch (torch::jit::load), without anything of ours.
 //
-//   forward(crop, joints, token_ids) -> waypoints
+//   forward(crop, joints, token_ids[, viewpoint]) -> waypoints
 //     crop       (1, 3, h, w) uint8: the part of the picture that the policy looks at, RGB
 //     joints     (1, J) float32: arm joints (rad), then gripper joints
 //     token_ids  (W, F) int64: words by features, as services/language/tokenizer.h has them; -1 fills
+//     viewpoint  (1, 12) float32 of a policy that reads its camera (readout `ray`) alone: services/episode/viewpoint.h
 //     waypoints  (12, 10) float32 as in services/episode/action.h: x, y, z (m), rotation in 6D, gripper
 //
 // The file "etude.json" inside it says which part of the picture, which joints, which step of which run. It is made by

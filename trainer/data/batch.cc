@@ -8,6 +8,8 @@
 #include <cstring>
 
 #include "services/core/rng.h"
+#include "services/episode/viewpoint.h"
+#include "services/language/sentence.h"
 
 namespace etude::data {
 
@@ -18,6 +20,7 @@ void DataConfig::Check(std::vector<std::string>& errors) const {
   require(batch >= 1 && batch <= 4096, fmt::format("batch: {} not in 1..4096", batch));
   require(sentences >= 1 && sentences <= 64, fmt::format("sentences: {} not in 1..64", sentences));
   require(sentence_variants >= 1, fmt::format("sentence_variants: {} must be >= 1", sentence_variants));
+  require(strange >= 0 && strange <= 1, "strange: not in 0..1");
   require(varied >= 0 && noisy >= 0 && varied + noisy <= 1, "varied, noisy: fractions with a sum of at most 1");
   require(clauses >= 0 && clauses <= 1, fmt::format("clauses: {} not in 0..1", clauses));
   require(jitter >= 0 && jitter <= 64, fmt::format("jitter: {} not in 0..64", jitter));
@@ -67,6 +70,8 @@ class SentenceBook {
     Rng rng(MixSeed({seed_}, key));
     const auto style = augment_ == Augment::kYes ? DrawStyle(config_, rng) : language::Style::kTemplate;
     std::string sentence = grammar_.Sample(command, style, rng);
+    if (augment_ == Augment::kYes && config_.strange > 0 && rng.Bernoulli(config_.strange))
+      language::AddStrangeWord(sentence, rng);
     const auto [it, fresh] = by_text_.emplace(sentence, static_cast<std::int64_t>(sentences.size()));
     if (fresh) sentences.push_back(std::move(sentence));
     return by_key_[key] = it->second;
@@ -151,6 +156,7 @@ void BatchMaker::Allocate(std::size_t size, int joints, Batch& batch) const {
   batch.joints_each = joints;
   batch.images.resize(size * content_.crop.bytes());
   batch.crop_origin.assign(size * 2, 0);
+  batch.viewpoint.assign(size * kViewpointSize, 0);
   batch.joints.assign(size * static_cast<std::size_t>(joints), 0);
   batch.sentences.clear();
   batch.sentence_index.assign(static_cast<std::size_t>(B * S), 0);
@@ -208,6 +214,8 @@ Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& sam
     CopyPixels(region, view, batch.images.data() + b * content_.crop.bytes());
     batch.crop_origin[2 * b] = static_cast<float>(view.u);
     batch.crop_origin[2 * b + 1] = static_cast<float>(view.v);
+    std::ranges::copy(ViewpointOf(episode.cameras.at(0).camera),
+                      batch.viewpoint.begin() + static_cast<std::ptrdiff_t>(b * kViewpointSize));
 
     const auto arm = episode.joint_pos.row(row), gripper = episode.gripper_qpos.row(row);
     if (static_cast<int>(arm.size() + gripper.size()) != batch.joints_each)

@@ -21,6 +21,7 @@ struct DataConfig {
   int sentence_variants = 4;  ///< wordings of one command within a batch (each is encoded once)
   double varied = 0.4;        ///< fraction of sentences with synonyms and free word order
   double noisy = 0.3;         ///< fraction that has typing errors too; the rest are plain templates
+  double strange = 0;         ///< fraction with a word of random letters among theirs: unheard words are passed over
   double clauses = 0;         ///< fraction of relabelled sentences with something to keep off or a second object
   int jitter = 4;             ///< +- px, random place of the crop
   double brightness = 0.06;   ///< +- fraction of 255
@@ -39,6 +40,8 @@ struct DataConfig {
     v("sentence_variants", sentence_variants, "-", "wordings of one command within a batch");
     v("varied", varied, "-", "share of sentences with synonyms and free word order");
     v("noisy", noisy, "-", "share that has typing errors too");
+    v("strange", strange, "-",
+      "share with a word of random letters among theirs, so that unheard words are passed over");
     v("clauses", clauses, "-", "share of relabelled sentences that also say what to keep off, or name a second object");
     v("jitter", jitter, "px", "the crop is displaced by up to this much, either way");
     v("brightness", brightness, "-", "of 255, changed by up to this share");
@@ -70,6 +73,7 @@ struct Batch {
   int size = 0, sentences_each = 0, height = 0, width = 0, joints_each = 0;
   std::vector<std::uint8_t> images;          ///< (B, h, w, 3)
   std::vector<float> crop_origin;            ///< (B, 2) px
+  std::vector<float> viewpoint;              ///< (B, kViewpointSize) of each picture's camera
   std::vector<float> joints;                 ///< (B, J)
   std::vector<std::string> sentences;        ///< D distinct ones
   std::vector<std::int64_t> sentence_index;  ///< (B, S)

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <iterator>
 #include <set>
 
 #include "services/core/hash.h"
@@ -25,6 +27,19 @@ Split ParseSplit(const std::string& name) {
 
 bool Finite(std::span<const float> values) {
   return std::all_of(values.begin(), values.end(), [](float x) { return std::isfinite(x); });
+}
+
+// "7", "7 of dataset 2"
+std::string NumberText(std::uint64_t number) {
+  const auto folder = number >> EpisodeEntry::kIndexBits;
+  const auto index = number - (folder << EpisodeEntry::kIndexBits);
+  return folder == 0 ? fmt::format("{}", index) : fmt::format("{} of dataset {}", index, folder + 1);
+}
+
+template <class T>
+void AddNew(const std::vector<T>& more, std::vector<T>& all) {
+  for (const T& item : more)
+    if (std::ranges::find(all, item) == all.end()) all.push_back(item);
 }
 
 }  // namespace
@@ -69,63 +84,92 @@ std::size_t Snapshot::frame_count(Split split) const {
 std::string Snapshot::Fingerprint() const {
   std::string text;
   for (const auto& entry : episodes_)
-    if (entry->split == Split::kTrain) text += fmt::format("{}:{};", entry->index, entry->episode().seed);
+    if (entry->split == Split::kTrain) text += fmt::format("{}:{};", entry->number(), entry->episode().seed);
   return Sha256Hex(text);
 }
 
 Result<std::shared_ptr<const Snapshot>> FixedSplit(const Snapshot& snapshot, Split split,
-                                                   const std::vector<std::uint64_t>& indices) {
-  std::set<std::uint64_t> wanted(indices.begin(), indices.end());
+                                                   const std::vector<std::uint64_t>& numbers) {
+  std::set<std::uint64_t> wanted(numbers.begin(), numbers.end());
   std::vector<std::shared_ptr<const EpisodeEntry>> episodes;
   for (const auto& entry : snapshot.episodes()) {
-    if (entry->split != split || (!indices.empty() && !wanted.contains(entry->index))) continue;
-    wanted.erase(entry->index);
+    if (entry->split != split || (!numbers.empty() && !wanted.contains(entry->number()))) continue;
+    wanted.erase(entry->number());
     episodes.push_back(entry);
   }
-  if (!wanted.empty())
+  if (!wanted.empty()) {
+    std::vector<std::string> missing;
+    std::ranges::transform(wanted, std::back_inserter(missing), NumberText);
     return Fail(Code::kInvalidArgument, fmt::format("validation episodes {} of the run are not in the dataset: is it "
-                                                    "the one that the run was trained on?",
-                                                    fmt::join(wanted, ", ")));
+                                                    "the one that the run was trained on (several: in the same order)?",
+                                                    fmt::join(missing, ", ")));
+  }
   return std::make_shared<const Snapshot>(std::move(episodes));
 }
 
-Dataset::Dataset(store::DatasetReader reader)
-    : reader_(std::move(reader)),
-      snapshot_(std::make_shared<Snapshot>(std::vector<std::shared_ptr<const EpisodeEntry>>())) {}
+Dataset::Dataset(std::vector<store::DatasetReader> readers)
+    : readers_(std::move(readers)),
+      tasks_(readers_.front().spec().tasks),
+      objects_(readers_.front().spec().objects),
+      snapshot_(std::make_shared<Snapshot>(std::vector<std::shared_ptr<const EpisodeEntry>>())) {
+  for (std::size_t folder = 1; folder < readers_.size(); ++folder) {
+    AddNew(spec(folder).tasks, tasks_);
+    AddNew(spec(folder).objects, objects_);
+  }
+}
 
-Result<std::shared_ptr<Dataset>> Dataset::Open(const Path& path) {
-  ETUDE_ASSIGN_OR_RETURN(auto reader, store::DatasetReader::Open(path));
-  return std::shared_ptr<Dataset>(new Dataset(std::move(reader)));
+Result<std::shared_ptr<Dataset>> Dataset::Open(const Path& path) { return Open(std::vector<Path>{path}); }
+
+Result<std::shared_ptr<Dataset>> Dataset::Open(const std::vector<Path>& paths) {
+  if (paths.empty()) return Fail(Code::kInvalidArgument, "open a dataset: no folder is given");
+  std::vector<store::DatasetReader> readers;
+  std::set<Path> known;
+  for (const Path& path : paths) {
+    std::error_code error;
+    if (!known.insert(std::filesystem::weakly_canonical(path, error)).second)
+      return Fail(Code::kInvalidArgument, fmt::format("dataset '{}' is given twice", path.string()));
+    ETUDE_ASSIGN_OR_RETURN(auto reader, store::DatasetReader::Open(path));
+    readers.push_back(std::move(reader));
+  }
+  return std::shared_ptr<Dataset>(new Dataset(std::move(readers)));
+}
+
+std::string Dataset::text() const {
+  std::vector<std::string> names;
+  for (const auto& reader : readers_) names.push_back(fmt::format("'{}'", reader.path().string()));
+  return fmt::format("{}", fmt::join(names, ", "));
 }
 
 void Dataset::Publish() {
   std::vector<std::shared_ptr<const EpisodeEntry>> episodes;
-  for (const auto& [index, entry] : entries_)
+  for (const auto& [number, entry] : entries_)
     if (entry) episodes.push_back(entry);
   auto fresh = std::make_shared<const Snapshot>(std::move(episodes));
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   snapshot_ = std::move(fresh);
 }
 
 // nullptr: not this time
-std::shared_ptr<const EpisodeEntry> Dataset::ReadEntry(std::uint64_t index) {
-  auto record = reader_.Read(index);
+std::shared_ptr<const EpisodeEntry> Dataset::ReadEntry(std::uint32_t folder, std::uint64_t index) {
+  const std::uint64_t number = EpisodeEntry::NumberOf(folder, index);
+  auto record = readers_[folder].Read(index);
   if (!record) {
-    const int failures = ++failures_[index];
+    const int failures = ++failures_[number];
     if (failures == 1) Log().warn("an episode cannot be read, it is tried again: {}", record.error().message);
     // one that cannot be read now may be later, however long that takes
     if (failures < kReadAttempts || record.error().code == Code::kUnavailable) return nullptr;
     Log().warn("left out an episode that cannot be read: {}", record.error().message);
-    failures_.erase(index);
-    entries_[index] = nullptr;
-    const std::lock_guard lock(mutex_);
+    failures_.erase(number);
+    entries_[number] = nullptr;
+    const MutexLock lock(mutex_);
     ++bad_files_;
     return nullptr;
   }
-  failures_.erase(index);
+  failures_.erase(number);
   auto entry = std::make_shared<EpisodeEntry>();
   entry->index = index;
-  entry->split = ParseSplit(SplitOf(reader_.spec(), index));
+  entry->folder = folder;
+  entry->split = ParseSplit(SplitOf(spec(folder), index));
   entry->record = std::move(*record);
   entry->record.episode.states = {};
   entry->record.episode.joint_vel = {};
@@ -133,31 +177,60 @@ std::shared_ptr<const EpisodeEntry> Dataset::ReadEntry(std::uint64_t index) {
   return entry;
 }
 
+// An episode that two folders have would count twice, and might be trained on here and validated on there.
+Status Dataset::CheckFolders(const std::vector<std::vector<std::uint64_t>>& indices) const {
+  for (std::size_t second = 1; second < readers_.size(); ++second)
+    for (std::size_t first = 0; first < second; ++first) {
+      if (spec_sha256(first) != spec_sha256(second)) continue;
+      std::vector<std::uint64_t> both;
+      std::ranges::set_intersection(indices[first], indices[second], std::back_inserter(both));
+      if (!both.empty())
+        return Fail(Code::kInvalidArgument,
+                    fmt::format("train on '{}' and '{}': they are of one spec, and both have episode {}{}; give one of "
+                                "them, or make one of both (`etude dataset merge`)",
+                                path(first).string(), path(second).string(), both.front(),
+                                both.size() > 1 ? fmt::format(" and {} more", both.size() - 1) : ""));
+    }
+  for (std::size_t folder = 0; folder < readers_.size() && readers_.size() > 1; ++folder)
+    if (!indices[folder].empty() && indices[folder].back() >> EpisodeEntry::kIndexBits)
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("train on {}: '{}' has episode {}, and several are read together only up to 2^{}", text(),
+                              path(folder).string(), indices[folder].back(), EpisodeEntry::kIndexBits));
+  return {};
+}
+
 Result<int> Dataset::Refresh() {
-  const std::lock_guard only_one(refresh_mutex_);
-  ETUDE_ASSIGN_OR_RETURN(const auto indices, reader_.List());
-  int added = 0;
-  for (const std::uint64_t index : indices) {
-    if (entries_.contains(index)) continue;
-    if (StopRequested()) break;
-    auto entry = ReadEntry(index);
-    // at once a second time: most errors that pass do so soon
-    if (!entry && !entries_.contains(index)) entry = ReadEntry(index);
-    if (!entry) continue;
-    entries_[index] = std::move(entry);
-    if (++added % kPublishEvery == 0) Publish();
+  const MutexLock only_one(refresh_mutex_);
+  std::vector<std::vector<std::uint64_t>> indices;
+  for (const auto& reader : readers_) {
+    ETUDE_ASSIGN_OR_RETURN(auto listed, reader.List());
+    indices.push_back(std::move(listed));
   }
+  ETUDE_RETURN_IF_ERROR(CheckFolders(indices));
+  int added = 0;
+  for (std::uint32_t folder = 0; folder < indices.size(); ++folder)
+    for (const std::uint64_t index : indices[folder]) {
+      const std::uint64_t number = EpisodeEntry::NumberOf(folder, index);
+      if (entries_.contains(number)) continue;
+      if (StopRequested()) break;
+      auto entry = ReadEntry(folder, index);
+      // at once a second time: most errors that pass do so soon
+      if (!entry && !entries_.contains(number)) entry = ReadEntry(folder, index);
+      if (!entry) continue;
+      entries_[number] = std::move(entry);
+      if (++added % kPublishEvery == 0) Publish();
+    }
   if (added > 0) Publish();
   return added;
 }
 
 std::shared_ptr<const Snapshot> Dataset::snapshot() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return snapshot_;
 }
 
 std::size_t Dataset::bad_files() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return bad_files_;
 }
 

@@ -9,18 +9,14 @@ constexpr std::size_t kRegionsPerBlock = 64;
 }
 
 FrameCache::Slots& FrameCache::SlotsOf(const EpisodeEntry& entry) {
-  {
-    const std::shared_lock lock(slots_mutex_);
-    if (const auto it = slots_.find(entry.index); it != slots_.end()) return *it->second;
-  }
-  const std::unique_lock lock(slots_mutex_);
-  auto& slots = slots_[entry.index];
+  const MutexLock lock(slots_mutex_);
+  auto& slots = slots_[entry.number()];
   if (!slots) slots = std::make_unique<Slots>(entry.record.frames.at(0).size());
   return *slots;
 }
 
 std::uint8_t* FrameCache::Allocate() {
-  const std::lock_guard lock(blocks_mutex_);
+  const MutexLock lock(blocks_mutex_);
   if (bytes_ + region_.bytes() > max_bytes_) return nullptr;
   if (blocks_.empty() || used_in_block_ == kRegionsPerBlock) {
     blocks_.push_back(std::make_unique_for_overwrite<std::uint8_t[]>(kRegionsPerBlock * region_.bytes()));

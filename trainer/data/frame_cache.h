@@ -5,12 +5,11 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
-#include <mutex>
-#include <shared_mutex>
 #include <unordered_map>
 #include <vector>
 
 #include "services/codec/crop.h"
+#include "services/core/thread_annotations.h"
 #include "trainer/data/dataset.h"
 
 namespace etude::data {
@@ -44,16 +43,16 @@ class FrameCache {
     explicit Slots(std::size_t n) : pixels(n) {}
     std::vector<std::atomic<const std::uint8_t*>> pixels;
   };
-  Slots& SlotsOf(const EpisodeEntry& entry);
-  std::uint8_t* Allocate();
+  Slots& SlotsOf(const EpisodeEntry& entry) ETUDE_EXCLUDES(slots_mutex_);
+  std::uint8_t* Allocate() ETUDE_EXCLUDES(blocks_mutex_);
 
   Region region_;
   std::size_t max_bytes_;
-  std::shared_mutex slots_mutex_;
-  std::unordered_map<std::uint64_t, std::unique_ptr<Slots>> slots_;
-  std::mutex blocks_mutex_;
-  std::vector<std::unique_ptr<std::uint8_t[]>> blocks_;
-  std::size_t used_in_block_ = 0;
+  Mutex slots_mutex_;
+  std::unordered_map<std::uint64_t, std::unique_ptr<Slots>> slots_ ETUDE_GUARDED_BY(slots_mutex_);
+  Mutex blocks_mutex_;
+  std::vector<std::unique_ptr<std::uint8_t[]>> blocks_ ETUDE_GUARDED_BY(blocks_mutex_);
+  std::size_t used_in_block_ ETUDE_GUARDED_BY(blocks_mutex_) = 0;
   std::atomic<std::size_t> bytes_{0};
   std::atomic<std::uint64_t> hits_{0}, misses_{0};
 };

@@ -39,8 +39,8 @@ std::vector<Sample> SpreadFrames(const Snapshot& snapshot, Split split, std::uin
     const std::size_t n = std::min(share, refs.size());
     for (std::size_t i = 0; i < n; ++i) {
       const FrameRef frame = refs[(2 * i + 1) * refs.size() / (2 * n)];
-      const auto index = snapshot.episodes()[frame.episode]->index;
-      samples.push_back({frame, MixSeed({seed, index, frame.frame}, "spread")});
+      const auto number = snapshot.episodes()[frame.episode]->number();
+      samples.push_back({frame, MixSeed({seed, number, frame.frame}, "spread")});
     }
   }
   return samples;
@@ -48,14 +48,13 @@ std::vector<Sample> SpreadFrames(const Snapshot& snapshot, Split split, std::uin
 
 namespace {
 
-// an object that B of "A to the left of B" may be; "" when the scene has none
-std::string DrawReference(const TaskSpec& task, const language::Command& demonstrated, const std::string& target,
-                          const std::vector<std::string>& names, Rng& rng) {
-  const auto differs = [&](const std::string& name) { return !name.empty() && task.MayRefer(target, name); };
-  if (differs(demonstrated.reference)) return demonstrated.reference;
-  if (!demonstrated.reference.empty() && differs(demonstrated.target)) return demonstrated.target;
+// An object that B of "A to the left of B" may be; "" when the scene has none. Any of them, not only the one that was
+// demonstrated: where each picture has one reference, which words mean it is learned slowly.
+std::string DrawReference(const TaskSpec& task, const std::string& target, const std::vector<std::string>& names,
+                          Rng& rng) {
   std::vector<std::string> others;
-  std::copy_if(names.begin(), names.end(), std::back_inserter(others), differs);
+  std::copy_if(names.begin(), names.end(), std::back_inserter(others),
+               [&](const std::string& name) { return task.MayRefer(target, name); });
   return others.empty() ? "" : others[rng.Below(others.size())];
 }
 
@@ -86,7 +85,7 @@ std::vector<language::Command> DrawCommands(const Episode& episode, const std::v
     language::Command command{task->base, names[static_cast<std::size_t>(s - 1) % names.size()], "",
                               task->relation() ? "" : demonstrated.obstacle};
     if (task->relation()) {
-      command.reference = DrawReference(*task->spec, demonstrated, command.target, names, rng);
+      command.reference = DrawReference(*task->spec, command.target, names, rng);
       if (command.reference.empty()) command = demonstrated;
     }
     commands.push_back(std::move(command));
@@ -115,7 +114,7 @@ void AddClauses(const Episode& episode, const std::vector<std::string>& tasks, d
       continue;
     }
     const TaskName& task = relations[own.Below(relations.size())];
-    const std::string reference = DrawReference(*task.spec, {}, command.target, names, own);
+    const std::string reference = DrawReference(*task.spec, command.target, names, own);
     if (!reference.empty()) command = {task.base, command.target, reference, ""};
   }
 }

@@ -34,8 +34,7 @@ language::Command CommandOf(const Episode& episode);
 /// What sentence s of a picture asks about: s = 0 the demonstrated command; s >= 1 relabelled, the
 /// other objects of the scene in random order (again from the start when there are fewer than
 /// `sentences`), each with a random verb of `tasks`. The obstacle stays what it is and is never a target; a
-/// relation keeps the reference, changes places with it where it has become the target, or draws one in an
-/// episode that has none.
+/// relation refers to any other object that it may.
 std::vector<language::Command> DrawCommands(const Episode& episode, const std::vector<std::string>& tasks,
                                             int sentences, std::uint64_t seed);
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "trainer/data/episode_labels.h"
+#include "services/episode/trajectory_label.h"
 
 namespace etude::data {
 namespace {
@@ -88,13 +88,14 @@ Result<Statistics> ComputeStatistics(const Snapshot& snapshot) {
   const Episode& any = snapshot.episodes()[first.episode]->episode();
   const int joints = any.joint_pos.columns + any.gripper_qpos.columns;
 
-  const std::string& robot = snapshot.episodes().front()->episode().robot;
+  const EpisodeEntry& one = *snapshot.episodes().front();
   for (const auto& entry : snapshot.episodes())
-    if (entry->episode().robot != robot)
+    if (entry->episode().robot != one.episode().robot)
       return Fail(Code::kInvalidArgument,
-                  fmt::format("the dataset mixes robots: episode {} is the {}'s, others the {}'s; a policy drives one: "
-                              "collect a dataset for each (robots: [{}])",
-                              entry->index, entry->episode().robot, robot, robot));
+                  fmt::format("the data mix robots: '{}' is the {}'s, '{}' the {}'s; a policy drives one: collect a "
+                              "dataset for each (robots: [{}])",
+                              entry->record.path.string(), entry->episode().robot, one.record.path.string(),
+                              one.episode().robot, one.episode().robot));
   AllMoments moments(static_cast<std::size_t>(joints));
   const std::size_t stride = std::max<std::size_t>(1, frames / kFrames);
   std::size_t count = 0;
@@ -104,7 +105,7 @@ Result<Statistics> ComputeStatistics(const Snapshot& snapshot) {
       const EpisodeEntry& entry = *snapshot.episodes()[ref.episode];
       const Episode& episode = entry.episode();
       if (episode.joint_pos.columns + episode.gripper_qpos.columns != joints)
-        return Fail(Code::kCorrupt, fmt::format("episode {} has {} joints, others {}", entry.index,
+        return Fail(Code::kCorrupt, fmt::format("'{}' has {} joints, others {}", entry.record.path.string(),
                                                 episode.joint_pos.columns + episode.gripper_qpos.columns, joints));
       moments.AddFrame(episode, entry.StepOf(ref.frame));
     }

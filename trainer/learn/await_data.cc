@@ -16,9 +16,11 @@ namespace {
 
 using data::Split;
 
-std::size_t Planned(const CampaignSpec& spec, const char* split) {
+std::size_t Planned(const data::Dataset& dataset, const char* split) {
   std::size_t count = 0;
-  for (std::uint64_t i = 0; i < spec.episodes; ++i) count += SplitOf(spec, i) == split;
+  for (std::size_t folder = 0; folder < dataset.folders(); ++folder)
+    for (std::uint64_t i = 0; i < dataset.spec(folder).episodes; ++i)
+      count += SplitOf(dataset.spec(folder), i) == split;
   return count;
 }
 
@@ -26,14 +28,18 @@ std::size_t Planned(const CampaignSpec& spec, const char* split) {
 struct Need {
   std::size_t train = 1, valid = 1;
   std::set<std::string> tasks;
+  std::vector<std::string> folders;  // of several: each, so that what comes of it later has been looked at
 
-  static Need Of(const CampaignSpec& spec, const TrainConfig& config, bool follow) {
+  static Need Of(const data::Dataset& dataset, const TrainConfig& config, bool follow) {
     Need need;
+    for (std::size_t folder = 0; folder < dataset.folders() && dataset.folders() > 1; ++folder)
+      need.folders.push_back(dataset.path(folder).string());
     if (!follow) return need;
-    need.train = std::min(static_cast<std::size_t>(config.data.min_episodes), Planned(spec, "train"));
-    need.valid = std::min(static_cast<std::size_t>(config.data.min_valid), Planned(spec, "valid"));
+    need.train = std::min(static_cast<std::size_t>(config.data.min_episodes), Planned(dataset, "train"));
+    need.valid = std::min(static_cast<std::size_t>(config.data.min_valid), Planned(dataset, "valid"));
     // of few episodes not every task need be in the training split
-    if (need.train >= 4 * spec.tasks.size()) need.tasks.insert(spec.tasks.begin(), spec.tasks.end());
+    const auto& all = dataset.tasks();
+    if (need.train >= 4 * all.size()) need.tasks.insert(all.begin(), all.end());
     return need;
   }
   // "" when it is met
@@ -42,6 +48,9 @@ struct Need {
     const auto count = [&](const char* what, std::size_t there, std::size_t wanted) {
       if (there < wanted) missing.push_back(fmt::format("{} of {} {} episodes", there, wanted, what));
     };
+    for (std::uint32_t folder = 0; folder < folders.size(); ++folder)
+      if (std::ranges::none_of(snapshot.episodes(), [&](const auto& entry) { return entry->folder == folder; }))
+        missing.push_back(fmt::format("no episode of '{}'", folders[folder]));
     count("training", snapshot.episode_count(Split::kTrain), train);
     count("validation", snapshot.episode_count(Split::kValid), valid);
     // a task that never comes about (no scene of it works) keeps nobody waiting for ever
@@ -54,17 +63,19 @@ struct Need {
   }
 };
 
-tl::unexpected<Error> NothingToTrainOn(const data::Dataset& dataset, const data::Snapshot& snapshot) {
-  return Fail(Code::kNotFound, fmt::format("train on '{}': {} usable training and {} validation frames in {} "
-                                           "episodes; collect more, or give --follow to wait for them",
-                                           dataset.path().string(), snapshot.frame_count(Split::kTrain),
-                                           snapshot.frame_count(Split::kValid), snapshot.episodes().size()));
+tl::unexpected<Error> NothingToTrainOn(const data::Dataset& dataset, const data::Snapshot& snapshot,
+                                       const std::string& missing) {
+  return Fail(Code::kNotFound,
+              fmt::format("train on {}: {} usable training and {} validation frames in {} "
+                          "episodes{}; collect more, or give --follow to wait for them",
+                          dataset.text(), snapshot.frame_count(Split::kTrain), snapshot.frame_count(Split::kValid),
+                          snapshot.episodes().size(), dataset.folders() > 1 ? " (" + missing + ")" : ""));
 }
 
 }  // namespace
 
 Status AwaitData(data::Dataset& dataset, const TrainConfig& config, const AwaitOptions& options) {
-  const Need need = Need::Of(dataset.spec(), config, options.follow);
+  const Need need = Need::Of(dataset, config, options.follow);
   std::string reported;
   auto last_change = MonotonicClock::now();
   std::size_t seen = 0;
@@ -73,7 +84,7 @@ Status AwaitData(data::Dataset& dataset, const TrainConfig& config, const AwaitO
     const auto snapshot = dataset.snapshot();
     const std::string missing = need.Missing(*snapshot);
     if (missing.empty()) return {};
-    if (!options.follow) return NothingToTrainOn(dataset, *snapshot);
+    if (!options.follow) return NothingToTrainOn(dataset, *snapshot, missing);
     if (options.source) ETUDE_RETURN_IF_ERROR(options.source());
     if (missing != reported) Log().info("waiting for data: there are {}", missing);
     if (snapshot->episodes().size() != seen) last_change = MonotonicClock::now();
@@ -81,9 +92,9 @@ Status AwaitData(data::Dataset& dataset, const TrainConfig& config, const AwaitO
     reported = missing;
     if (MonotonicClock::now() - last_change > options.patience)
       return Fail(Code::kExhausted,
-                  fmt::format("train on '{}' while it grows: {}, and nothing new for {} s; is its collector running? "
+                  fmt::format("train on {} while it grows: {}, and nothing new for {} s; is its collector running? "
                               "To train on what is there leave out --follow, or lower data.min_episodes",
-                              dataset.path().string(), missing,
+                              dataset.text(), missing,
                               std::chrono::duration_cast<std::chrono::seconds>(options.patience).count()));
     if (WaitForStop(std::chrono::milliseconds(500)))
       return Fail(Code::kUnavailable, "stopped while waiting for the first episodes");

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
+#include <map>
 #include <thread>
 
 #include "services/core/log.h"
@@ -79,38 +81,44 @@ Result<checkpoint::Embodiment> FindEmbodiment(const data::Snapshot& snapshot) {
     if (other.fovy != embodiment.fovy) embodiment.fovy = 0;
     if (const auto differences = checkpoint::Differences(embodiment, other); !differences.empty())
       return Fail(Code::kInvalidArgument,
-                  fmt::format("the dataset is of several kinds: episode {} is not as the first one ({}); a policy fits "
-                              "one: collect a dataset for each",
-                              entry->index, fmt::join(differences, "; ")));
+                  fmt::format("the data are of several kinds: '{}' is not as '{}' ({}); a policy fits one: collect a "
+                              "dataset for each",
+                              entry->record.path.string(), snapshot.episodes().front()->record.path.string(),
+                              fmt::join(differences, "; ")));
   }
   return embodiment;
 }
 
 // Those that the dataset is drawn with, the ones that are still to come too: a crop must be the same when the run is
 // resumed. Where the spec knows of no moving camera, those that the episodes have.
-std::vector<Camera> CamerasOfDataset(const CampaignSpec& spec, const data::Snapshot& snapshot) {
+std::vector<Camera> CamerasOfDataset(const data::Dataset& dataset, const data::Snapshot& snapshot) {
   constexpr std::uint64_t kFewest = 4096;
-  if (spec.randomization.world.moves_camera()) return CamerasOf(spec, std::max(kFewest, spec.episodes));
   std::vector<Camera> cameras;
-  for (const auto& entry : snapshot.episodes()) cameras.push_back(entry->episode().cameras.at(0).camera);
+  for (std::uint32_t folder = 0; folder < dataset.folders(); ++folder) {
+    const CampaignSpec& spec = dataset.spec(folder);
+    if (spec.randomization.world.moves_camera()) {
+      std::ranges::copy(CamerasOf(spec, std::max(kFewest, spec.episodes)), std::back_inserter(cameras));
+      continue;
+    }
+    for (const auto& entry : snapshot.episodes())
+      if (entry->folder == folder) cameras.push_back(entry->episode().cameras.at(0).camera);
+  }
   return cameras;
 }
 
 Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
-  AdoptClasses(run.dataset->spec().objects, run.config.policy.objects);
-  AdoptTasks(run.dataset->spec().tasks, run.config.policy);
-  ETUDE_ASSIGN_OR_RETURN(auto loaded,
-                         language::Grammar::LoadFor(run.dataset->spec().objects, run.dataset->spec().tasks));
+  AdoptClasses(run.dataset->objects(), run.config.policy.objects);
+  AdoptTasks(run.dataset->tasks(), run.config.policy);
+  ETUDE_ASSIGN_OR_RETURN(auto loaded, language::Grammar::LoadFor(run.dataset->objects(), run.dataset->tasks()));
   run.grammar = std::make_shared<const language::Grammar>(std::move(loaded));
   policy::PolicyConfig& config = run.config.policy;
   const auto& camera = snapshot.episodes().front()->episode().cameras.at(0).camera;
-  const std::vector<Camera> cameras = CamerasOfDataset(run.dataset->spec(), snapshot);
+  const std::vector<Camera> cameras = CamerasOfDataset(*run.dataset, snapshot);
   ETUDE_ASSIGN_OR_RETURN(const auto crop, policy::ResolveCrop(config.image, cameras));
   config.image.crop = policy::ToNumbers(crop);  // a checkpoint says what it saw
-  const data::BatchContent content{crop,           camera.width,
-                                   camera.height,  run.dataset->spec().tasks,
-                                   config.objects, policy::LabelColumnsOf(config),
-                                   config.tasks};
+  const data::BatchContent content{
+      crop,        camera.width, camera.height, run.dataset->tasks(), config.objects, policy::LabelColumnsOf(config),
+      config.tasks};
   run.maker = std::make_shared<data::BatchMaker>(run.config.data, content, run.grammar);
   return {};
 }
@@ -182,12 +190,21 @@ Status CheckFits(const RunState& state, const TrainingRun& run) {
                                                     "{:.12} asked for); train "
                                                     "into another folder, or leave policy.* as in its config.yaml",
                                                     run.options.out.string(), state.architecture, architecture));
+  // more of them may come behind; those of before keep their place, by which their episodes are known
+  const auto datasets = DatasetsOf(*run.dataset);
+  const bool same = datasets.size() >= state.datasets.size() &&
+                    std::equal(state.datasets.begin(), state.datasets.end(), datasets.begin());
+  if (!same)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("resume '{}': it was trained on {} datasets, and {} are not those in the same order: its "
+                            "config.yaml lists them; others may only be added behind them",
+                            run.options.out.string(), state.datasets.size(), run.dataset->text()));
   const auto differences = checkpoint::Differences(run.embodiment, state.embodiment);
   if (differences.empty()) return {};
   return Fail(Code::kInvalidArgument,
-              fmt::format("resume '{}': the dataset '{}' is not what the run was trained on "
-                          "({}); train into another folder, or give the data that fit",
-                          run.options.out.string(), run.dataset->path().string(), fmt::join(differences, "; ")));
+              fmt::format("resume '{}': {} is not what the run was trained on ({}); train into another folder, or give "
+                          "the data that fit",
+                          run.options.out.string(), run.dataset->text(), fmt::join(differences, "; ")));
 }
 
 Status RestoreState(const RunState& state, TrainingRun& run) {
@@ -259,7 +276,26 @@ Status ShareStatistics(const RunOptions& options, data::Statistics& statistics) 
   return {};
 }
 
+// What each of several folders adds.
+void LogFolders(const data::Dataset& dataset, const data::Snapshot& snapshot) {
+  for (std::uint32_t folder = 0; folder < dataset.folders() && dataset.folders() > 1; ++folder) {
+    std::map<data::Split, std::size_t> episodes;
+    for (const auto& entry : snapshot.episodes()) episodes[entry->split] += entry->folder == folder;
+    Log().info("dataset {} of {}, '{}': {} training and {} validation episodes", folder + 1, dataset.folders(),
+               dataset.path(folder).string(), episodes[data::Split::kTrain], episodes[data::Split::kValid]);
+    if (episodes[data::Split::kValid] == 0)
+      Log().warn("nothing of '{}' is validated on: it has no validation episode", dataset.path(folder).string());
+  }
+}
+
 }  // namespace
+
+std::vector<std::string> DatasetsOf(const data::Dataset& dataset) {
+  std::vector<std::string> datasets;
+  for (std::size_t folder = 0; folder < dataset.folders() && dataset.folders() > 1; ++folder)
+    datasets.push_back(dataset.spec_sha256(folder));
+  return datasets;
+}
 
 Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::shared_ptr<data::Dataset> dataset,
                                               const RunOptions& options) {
@@ -271,6 +307,7 @@ Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::sh
   ETUDE_RETURN_IF_ERROR(OpenTextEncoder(*run));
   ETUDE_RETURN_IF_ERROR(AwaitData(*run->dataset, config, {options.follow, options.patience, options.source}));
   const auto snapshot = run->dataset->snapshot();
+  LogFolders(*run->dataset, *snapshot);
   ETUDE_ASSIGN_OR_RETURN(auto statistics, data::ComputeStatistics(*snapshot));
   ETUDE_ASSIGN_OR_RETURN(run->embodiment, FindEmbodiment(*snapshot));
   ETUDE_RETURN_IF_ERROR(MakeBatchMaker(*snapshot, *run));

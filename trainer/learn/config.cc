@@ -20,6 +20,11 @@ void MoveFreeze(OrderedJson& json) {
   json.erase("freeze");
 }
 
+// What config.yaml of a run notes of where its data lay: the command line says it, or another folder.
+void DropDatasets(OrderedJson& json) {
+  if (json.is_object()) json.erase("datasets");
+}
+
 /// Turns names in an experiment's map into what they stand for.
 class Resolver {
  public:
@@ -144,6 +149,7 @@ Result<TrainConfig> LoadTrainConfig(const std::string& name_or_file, const Path&
   ETUDE_RETURN_IF_ERROR(resolver.Policy(json));
   ETUDE_RETURN_IF_ERROR(resolver.Additions(json));
   MoveFreeze(json);
+  DropDatasets(json);
   if (json.is_object() && json.contains("policy")) policy::WriteOutLanguage(json["policy"]);
   ETUDE_ASSIGN_OR_RETURN(auto config, FromJson<TrainConfig>(json, path.string()));
   ETUDE_RETURN_IF_ERROR(config.Validate());

@@ -22,12 +22,14 @@ struct Mean {
 };
 
 /// What a sentence of a sample is about, but for the module and its error; nothing where the object's place is unknown.
-std::optional<SentenceError> Asked(const Episode& episode, const language::Command& command, bool demonstrated) {
+std::optional<SentenceError> Asked(const data::EpisodeEntry& entry, const language::Command& command,
+                                   bool demonstrated) {
+  const Episode& episode = entry.episode();
   const ObjectTrack* const object = episode.FindObject(command.target);
   if (object == nullptr || object->pose.rows() == 0) return std::nullopt;
   const auto pose = object->pose.row(0);
   if (!std::isfinite(pose[0]) || !std::isfinite(pose[1])) return std::nullopt;
-  return SentenceError{.episode = episode.index,
+  return SentenceError{.episode = entry.number(),
                        .task = demonstrated ? episode.task : "",
                        .object = ObjectNoun(command.target),
                        .place = PlaceOf(pose[0], pose[1])};
@@ -39,10 +41,10 @@ using Questions = std::vector<std::vector<std::optional<SentenceError>>>;
 Questions QuestionsOf(const ValidationSet& set, const std::vector<data::Sample>& samples) {
   Questions questions;
   for (const data::Sample& sample : samples) {
-    const Episode& episode = set.snapshot.episodes()[sample.frame.episode]->episode();
+    const data::EpisodeEntry& entry = *set.snapshot.episodes()[sample.frame.episode];
     auto& asked = questions.emplace_back();
-    for (const auto& command : set.maker.CommandsOf(episode, sample, data::Augment::kNo))
-      asked.push_back(Asked(episode, command, asked.empty()));
+    for (const auto& command : set.maker.CommandsOf(entry.episode(), sample, data::Augment::kNo))
+      asked.push_back(Asked(entry, command, asked.empty()));
   }
   return questions;
 }

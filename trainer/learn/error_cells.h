@@ -14,7 +14,7 @@ namespace etude::learn {
 /// How far one module was off for one sentence of one picture.
 struct SentenceError {
   std::string module;
-  std::uint64_t episode = 0;  ///< its index
+  std::uint64_t episode = 0;  ///< its number in the dataset
   std::string task;           ///< demonstrated; "" of a relabelled sentence
   std::string object;         ///< noun
   int place = 0;              ///< PlaceOf(the object at the start)

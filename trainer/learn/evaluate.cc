@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "services/core/rng.h"
+#include "services/episode/viewpoint.h"
 #include "services/language/held_out.h"
 #include "trainer/learn/tensors.h"
 #include "trainer/policy/crop.h"
@@ -118,6 +119,7 @@ double Accuracy(policy::Policy& policy, const std::string& module, const std::ve
   inputs.images = torch::zeros({1, 3, crop.height, crop.width}, torch::kUInt8);
   inputs.joints = torch::zeros({1, policy.joints()});
   inputs.crop_origin = torch::zeros({1, 2});
+  inputs.viewpoint = torch::zeros({1, kViewpointSize});
   const auto outputs = policy.Forward(inputs, 1);
   // one answer for all where the module reads no sentence
   const auto best = outputs.at(module).decoded.at("class").argmax(-1).expand({1, count});
@@ -130,6 +132,34 @@ double Accuracy(policy::Policy& policy, const std::string& module, const std::ve
   return right / static_cast<double>(count);
 }
 
+// sentences and the object that each means
+struct Asked {
+  std::vector<std::string> sentences, objects;
+
+  void Add(std::string sentence, const std::string& object) {
+    sentences.push_back(std::move(sentence));
+    objects.push_back(object);
+  }
+};
+
+// with typing errors, of each of `tasks` and `objects`
+Asked NoisySentences(const language::Grammar& grammar, const std::vector<std::string>& tasks,
+                     const std::vector<std::string>& objects) {
+  Asked noisy;
+  Rng rng(MixSeed({}, "evaluate language"));
+  for (const auto& name : tasks) {
+    const auto task = ParseTask(name);
+    if (!task) continue;
+    for (std::size_t k = 0; k < objects.size(); ++k) {
+      const std::string reference = task->relation() ? objects[(k + 1) % objects.size()] : "";
+      const auto command = language::CommandFor(*task, objects[k], reference);
+      for (int i = 0; i < 12 && grammar.Check(command); ++i)
+        noisy.Add(grammar.Sample(command, language::Style::kNoisy, rng), command.target);
+    }
+  }
+  return noisy;
+}
+
 }  // namespace
 
 std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const language::Grammar& grammar,
@@ -140,30 +170,19 @@ std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const lan
   const auto known = [&](const std::string& object) {
     return std::find(objects.begin(), objects.end(), object) != objects.end();
   };
-  std::vector<std::string> unseen, unseen_objects, noisy, noisy_objects;
-  for (const auto& sentence : language::HeldOutSentences()) {
-    if (!known(sentence.object)) continue;
-    unseen.push_back(sentence.text);
-    unseen_objects.push_back(sentence.object);
-  }
-  Rng rng(MixSeed({}, "evaluate language"));
-  for (const auto& name : tasks) {
-    const auto task = ParseTask(name);
-    if (!task) continue;
-    for (std::size_t k = 0; k < objects.size(); ++k) {
-      const std::string reference = task->relation() ? objects[(k + 1) % objects.size()] : "";
-      const auto command = language::CommandFor(*task, objects[k], reference);
-      for (int i = 0; i < 12 && grammar.Check(command); ++i) {
-        noisy.push_back(grammar.Sample(command, language::Style::kNoisy, rng));
-        noisy_objects.push_back(command.target);
-      }
-    }
-  }
+  Asked unseen, phrases;
+  for (const auto& sentence : language::HeldOutSentences())
+    if (known(sentence.object)) unseen.Add(sentence.text, sentence.object);
+  for (const auto& phrase : language::HeldOutNounPhrases())
+    if (known(phrase.object)) phrases.Add("push " + phrase.text, phrase.object);
+  const Asked noisy = NoisySentences(grammar, tasks, objects);
   const torch::NoGradGuard no_grad;
   policy.eval();
   std::map<std::string, double> metrics;
-  if (!unseen.empty()) metrics[module->name + ".unseen"] = Accuracy(policy, module->name, unseen, unseen_objects);
-  if (!noisy.empty()) metrics[module->name + ".noisy"] = Accuracy(policy, module->name, noisy, noisy_objects);
+  for (const auto& [name, asked] :
+       {std::pair<const char*, const Asked*>{".unseen", &unseen}, {".phrases", &phrases}, {".noisy", &noisy}})
+    if (!asked->sentences.empty())
+      metrics[module->name + name] = Accuracy(policy, module->name, asked->sentences, asked->objects);
   policy.train();
   return metrics;
 }

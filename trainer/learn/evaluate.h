@@ -49,6 +49,7 @@ Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& make
 
 /// How often the policy's class head names the object that a sentence means (0..1):
 ///   "LANG.unseen"  the paper's Table 11, which training never shows: other words, other order
+///   "LANG.phrases" noun phrases of its Table 8, pushed
 ///   "LANG.noisy"   wordings like those of training, with typing errors, drawn from a seed of their own
 /// by the module's own name. Empty for a policy that has no class head which reads language alone.
 std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const language::Grammar& grammar,

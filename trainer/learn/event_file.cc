@@ -3,7 +3,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -13,9 +12,9 @@
 #include <string_view>
 #include <utility>
 
+#include "services/core/append.h"
 #include "services/core/clock.h"
 #include "services/core/identity.h"
-#include "services/core/log.h"
 
 namespace etude::learn {
 namespace {
@@ -69,15 +68,6 @@ std::string EventHead(double wall_time) {
   return event;
 }
 
-// All of a record or nothing: after a part of one a reader finds nothing any more.
-Status AppendRecord(int fd, const Path& path, std::string_view record) {
-  struct stat before {};
-  if (::fstat(fd, &before) != 0) return Fail(ErrnoError("look at", path, errno));
-  Status written = WriteAll(fd, path, Bytes(record));
-  if (!written && ::ftruncate(fd, before.st_size) != 0) Log().warn("{}", ErrnoError("cut", path, errno).message);
-  return written;
-}
-
 }  // namespace
 
 std::uint32_t Crc32c(std::span<const std::uint8_t> bytes) {
@@ -120,12 +110,12 @@ Result<EventFile> EventFile::Open(const Path& folder) {
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (fd < 0) return Fail(ErrnoError("open", path, errno));
   EventFile file(path, fd);
-  ETUDE_RETURN_IF_ERROR(AppendRecord(fd, path, VersionRecord(now)));
+  ETUDE_RETURN_IF_ERROR(AppendWhole(fd, path, Bytes(VersionRecord(now))));
   return file;
 }
 
 Status EventFile::Write(std::uint64_t step, const std::map<std::string, double>& scalars) {
-  return AppendRecord(file_.get(), path_, EventRecord(WallSeconds(), step, scalars));
+  return AppendWhole(file_.get(), path_, Bytes(EventRecord(WallSeconds(), step, scalars)));
 }
 
 }  // namespace etude::learn

@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 
 #include "services/core/crash_point.h"
 #include "services/core/disk_wait.h"
@@ -73,7 +74,8 @@ RunState StateOf(const TrainingRun& run) {
   state.architecture = policy::ArchitectureHash(run.config.policy);
   state.embodiment = run.embodiment;
   state.modules = run.modules;
-  for (const auto& entry : run.validation->episodes()) state.validation.push_back(entry->index);
+  for (const auto& entry : run.validation->episodes()) state.validation.push_back(entry->number());
+  state.datasets = DatasetsOf(*run.dataset);
   state.best_stage = run.best_stage;
   state.best_score = std::isfinite(run.best_score) ? run.best_score : 0;
   state.checkpoint_step = run.checkpoint_step;
@@ -91,8 +93,12 @@ Status WriteOrWait(const TrainingRun& run, const std::string& what, const std::f
 }
 
 Status KeepConfig(const TrainingRun& run) {
+  OrderedJson config = ToJson(run.config);
+  // for people: reading it back passes it over, --data says it
+  for (std::size_t folder = 0; folder < run.dataset->folders() && run.dataset->folders() > 1; ++folder)
+    config["datasets"].push_back(std::filesystem::absolute(run.dataset->path(folder)).lexically_normal().string());
   return WriteOrWait(run, "config.yaml",
-                     [&] { return WriteFileAtomically(run.options.out / "config.yaml", ToYaml(ToJson(run.config))); });
+                     [&] { return WriteFileAtomically(run.options.out / "config.yaml", ToYaml(config)); });
 }
 
 Status KeepNow(TrainingRun& run, const Hooks& hooks, bool best) {

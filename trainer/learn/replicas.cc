@@ -26,10 +26,10 @@ Replicas::Replicas(std::vector<std::shared_ptr<policy::Policy>> policies, int fi
 
 Replicas::~Replicas() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     stop_ = true;
   }
-  start_.notify_all();
+  start_.NotifyAll();
   for (auto& thread : threads_) thread.join();
 }
 
@@ -55,32 +55,41 @@ void Replicas::RunPart(std::size_t replica) {
 void Replicas::Work(std::size_t replica) {
   pthread_setname_np(pthread_self(), "replica");
   std::uint64_t seen = 0;
-  std::unique_lock lock(mutex_);
-  while (true) {
-    start_.wait(lock, [&] { return stop_ || round_ != seen; });
-    if (stop_) return;
-    seen = round_;
-    lock.unlock();
+  while (const auto round = AwaitRound(seen)) {
+    seen = *round;
     RunPart(replica);
-    lock.lock();
-    if (--running_ == 0) done_.notify_one();
+    const MutexLock lock(mutex_);
+    if (--running_ == 0) done_.NotifyOne();
   }
+}
+
+// The round after `seen`; none: it is over.
+std::optional<std::uint64_t> Replicas::AwaitRound(std::uint64_t seen) {
+  const MutexLock lock(mutex_);
+  while (!stop_ && round_ == seen) start_.Wait(mutex_);
+  return stop_ ? std::nullopt : std::optional(round_);
+}
+
+void Replicas::Begin() {
+  {
+    const MutexLock lock(mutex_);
+    ++round_;
+    running_ = threads_.size();
+  }
+  start_.NotifyAll();
+}
+
+void Replicas::AwaitOthers() {
+  const MutexLock lock(mutex_);
+  while (running_ > 0) done_.Wait(mutex_);
 }
 
 Result<BatchLoss> Replicas::Backward(data::Batch& batch, int level) {
   batch_ = &batch;
   level_ = level;
-  {
-    const std::lock_guard lock(mutex_);
-    ++round_;
-    running_ = threads_.size();
-  }
-  start_.notify_all();
+  Begin();
   RunPart(0);
-  {
-    std::unique_lock lock(mutex_);
-    done_.wait(lock, [&] { return running_ == 0; });
-  }
+  AwaitOthers();
   BatchLoss mean;
   for (std::size_t r = 0; r < policies_.size(); ++r) {
     if (!errors_[r].empty()) return Fail(Code::kInternal, "forward and backward: " + errors_[r]);

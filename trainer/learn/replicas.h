@@ -2,15 +2,14 @@
 // Forward and backward of one batch on several copies of the network, side by side.
 #pragma once
 
-#include <condition_variable>
-#include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "services/core/thread_annotations.h"
 #include "trainer/data/batch.h"
 #include "trainer/policy/policy.h"
 
@@ -46,19 +45,23 @@ class Replicas {
  private:
   void RunPart(std::size_t replica);
   void Work(std::size_t replica);
+  std::optional<std::uint64_t> AwaitRound(std::uint64_t seen) ETUDE_EXCLUDES(mutex_);
+  void Begin() ETUDE_EXCLUDES(mutex_);
+  void AwaitOthers() ETUDE_EXCLUDES(mutex_);
 
   std::vector<std::shared_ptr<policy::Policy>> policies_;
   const int first_, parts_;
+  // written by the caller between rounds; in a round each replica writes its own loss and error alone
   data::Batch* batch_ = nullptr;
   int level_ = 0;
   std::vector<BatchLoss> losses_;
   std::vector<std::string> errors_;
 
-  std::mutex mutex_;
-  std::condition_variable start_, done_;
-  std::uint64_t round_ = 0;
-  std::size_t running_ = 0;
-  bool stop_ = false;
+  Mutex mutex_;
+  ConditionVariable start_, done_;
+  std::uint64_t round_ ETUDE_GUARDED_BY(mutex_) = 0;
+  std::size_t running_ ETUDE_GUARDED_BY(mutex_) = 0;
+  bool stop_ ETUDE_GUARDED_BY(mutex_) = false;
   std::vector<std::thread> threads_;
 };
 

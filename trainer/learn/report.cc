@@ -64,15 +64,20 @@ void Reporter::Report(bool finished) {
   TakeRates();
   if (hooks_.on_progress) hooks_.on_progress(last_);
   since_progress_.Restart();
+  if (!finished && display_.in_place()) return display_.Show(Line());
   if (!finished && since_line_.Seconds() < kLineEvery) return;
   since_line_.Restart();
+  Log().info("{}", Line());
+}
+
+std::string Reporter::Line() const {
   std::string metrics;
   for (const auto& [name, value] : last_.metrics)
     if (!name.ends_with(".hit") && !name.ends_with("_cm") && name != "loss")
       metrics += fmt::format(" {}={:.3g}", name, value);
-  Log().info("step {} stage {}/{} {} loss {:.4g} {:.0f} samples/s wait {:.1f} % episodes {} eta {}{}", last_.step,
-             last_.stage, last_.stages, last_.stage_name, last_.loss, last_.samples_per_second, 100 * last_.data_wait,
-             last_.train_episodes, FormatDuration(last_.eta_s), metrics);
+  return fmt::format("step {} stage {}/{} {} loss {:.4g} {:.0f} samples/s wait {:.1f} % episodes {} eta {}{}",
+                     last_.step, last_.stage, last_.stages, last_.stage_name, last_.loss, last_.samples_per_second,
+                     100 * last_.data_wait, last_.train_episodes, FormatDuration(last_.eta_s), metrics);
 }
 
 }  // namespace etude::learn

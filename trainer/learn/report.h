@@ -5,6 +5,7 @@
 #include <map>
 #include <string>
 
+#include "services/core/progress.h"
 #include "trainer/learn/run.h"
 
 namespace etude::learn {
@@ -19,7 +20,8 @@ class Reporter {
   Status Flush();
   /// Begins a new window without writing: rates are of training, not of validation.
   void Restart() { window_ = {}; }
-  /// Calls the progress hook; logs a line every ten seconds, and at the end.
+  /// Calls the progress hook, and tells people: a line that is rewritten on a terminal, else a line of the log every
+  /// ten seconds; in the log at the end, too.
   void Report(bool finished);
   bool due() const;
 
@@ -31,12 +33,14 @@ class Reporter {
     Stopwatch watch;
   };
   void TakeRates();
+  std::string Line() const;
 
   TrainingRun& run_;
   const Hooks& hooks_;
   Window window_;
   Progress last_;
   Stopwatch since_progress_, since_line_;
+  ProgressDisplay display_;
 };
 
 }  // namespace etude::learn

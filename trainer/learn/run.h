@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "services/core/clock.h"
 #include "trainer/checkpoint/metadata.h"
@@ -50,6 +51,9 @@ struct TrainingRun {
   double Elapsed() const { return elapsed_before + watch.Seconds(); }
   double Progress() const { return limit.Progress(step, Elapsed()); }
 };
+
+/// RunState::datasets of `dataset`.
+std::vector<std::string> DatasetsOf(const data::Dataset& dataset);
 
 /// A run from the start, or from `options.out`'s state. Waits for data when it is followed.
 /// @error as Trainer::Create.

@@ -45,18 +45,19 @@ Status SaveRunState(const Path& path, const RunState& state) {
   ETUDE_RETURN_IF_ERROR(PutTensors("policy.", state.policy, file));
   ETUDE_RETURN_IF_ERROR(PutTensors("optimizer.", state.optimizer, file));
   ETUDE_RETURN_IF_ERROR(PutTensors("", {{"rng", state.rng}}, file));
-  const OrderedJson run{{"step", state.step},
-                        {"elapsed_s", state.elapsed_s},
-                        {"limit", state.limit},
-                        {"curriculum", state.curriculum},
-                        {"architecture", state.architecture},
-                        {"embodiment", ToJson(state.embodiment)},
-                        {"modules", checkpoint::ModulesToJson(state.modules)},
-                        {"validation", state.validation},
-                        {"best_stage", state.best_stage},
-                        {"best_score", state.best_score},
-                        {"checkpoint_step", state.checkpoint_step},
-                        {"metrics", MeasuredToJson(state.metrics)}};
+  OrderedJson run{{"step", state.step},
+                  {"elapsed_s", state.elapsed_s},
+                  {"limit", state.limit},
+                  {"curriculum", state.curriculum},
+                  {"architecture", state.architecture},
+                  {"embodiment", ToJson(state.embodiment)},
+                  {"modules", checkpoint::ModulesToJson(state.modules)},
+                  {"validation", state.validation},
+                  {"best_stage", state.best_stage},
+                  {"best_score", state.best_score},
+                  {"checkpoint_step", state.checkpoint_step},
+                  {"metrics", MeasuredToJson(state.metrics)}};
+  if (!state.datasets.empty()) run["datasets"] = state.datasets;
   file.metadata = {{"format", kFormat}, {"version", Version()}, {"run", run.dump()}};
   return store::WriteSafetensors(path, file);
 }
@@ -103,6 +104,7 @@ Result<RunState> LoadRunState(const Path& path) {
                            FromJson<checkpoint::Embodiment>(run.at("embodiment"), path.string() + ": embodiment"));
     ETUDE_ASSIGN_OR_RETURN(state.modules, checkpoint::ModulesFromJson(run.at("modules")));
     state.validation = run.at("validation").get<std::vector<std::uint64_t>>();
+    state.datasets = run.value("datasets", std::vector<std::string>());
     state.best_stage = run.at("best_stage");
     state.best_score = run.at("best_score");
     state.checkpoint_step = run.at("checkpoint_step");

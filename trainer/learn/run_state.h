@@ -25,7 +25,8 @@ struct RunState {
   std::string architecture;  ///< policy::ArchitectureHash
   checkpoint::Embodiment embodiment;
   std::map<std::string, checkpoint::ModuleRecord> modules;
-  std::vector<std::uint64_t> validation;  ///< indices of the episodes that are validated on
+  std::vector<std::uint64_t> validation;  ///< numbers (EpisodeEntry) of the episodes that are validated on
+  std::vector<std::string> datasets;      ///< spec hashes of several folders, in their order; of one alone: none
   int best_stage = 0;
   double best_score = 0;  ///< of the best checkpoint so far, lower is better
   std::uint64_t checkpoint_step = 0;

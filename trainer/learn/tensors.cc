@@ -2,6 +2,7 @@
 #include "trainer/learn/tensors.h"
 
 #include "services/episode/action.h"
+#include "services/episode/viewpoint.h"
 #include "trainer/policy/device.h"
 
 namespace etude::learn {
@@ -27,6 +28,7 @@ Part PartOf(data::Batch& batch, int first, int last, const torch::Device& device
   part.inputs.images =
       rows.Of(batch.images.data(), {B, batch.height, batch.width, 3}, torch::kUInt8).permute({0, 3, 1, 2});
   part.inputs.crop_origin = rows.Of(batch.crop_origin.data(), {B, 2}, torch::kFloat32);
+  part.inputs.viewpoint = rows.Of(batch.viewpoint.data(), {B, kViewpointSize}, torch::kFloat32);
   part.inputs.joints = rows.Of(batch.joints.data(), {B, batch.joints_each}, torch::kFloat32);
   part.inputs.sentences = batch.sentences;
   part.inputs.sentence_index = rows.Of(batch.sentence_index.data(), {B, batch.sentences_each}, torch::kInt64);

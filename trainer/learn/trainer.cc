@@ -164,7 +164,7 @@ Status Trainer::Impl::EvaluateNow(bool observe) {
     auto& policy = run.replicas->front();
     ETUDE_ASSIGN_OR_RETURN(run.evaluation, learn::Evaluate(policy, *run.maker, *run.validation, samples,
                                                            run.scheduler->level(), run.config.data.batch));
-    const auto language = learn::EvaluateLanguage(policy, *run.grammar, run.dataset->spec().tasks);
+    const auto language = learn::EvaluateLanguage(policy, *run.grammar, run.dataset->tasks());
     run.evaluation.metrics.insert(language.begin(), language.end());
     if (hooks.on_errors) TellErrors(policy);
   }

@@ -208,7 +208,7 @@ class GraphChecker {
     if (at == std::string::npos) return;
     const auto entity = data::ParseEntity(item.substr(at + 1));
     if (!entity) Report(module, "attend: " + Unknown("entity", item.substr(at + 1), data::EntityNames()));
-    if (entity && !PixelQuantity().IsOf(*entity)) Report(module, fmt::format("attend: '{}' has no place", item));
+    if (entity && !FindQuantity("pixel")->IsOf(*entity)) Report(module, fmt::format("attend: '{}' has no place", item));
   }
 
   void CheckDecoder(const ModuleConfig& module) {
@@ -246,13 +246,15 @@ class GraphChecker {
     const Errors reads = ResolveReads(config_, module);
     if (decoder.readout == "soft_argmax" && std::find(reads.begin(), reads.end(), "image") == reads.end())
       Report(module, "decoder.readout: soft_argmax needs a module that reads the image");
-    const std::size_t wanted = decoder.readout == "difference" ? 2 : decoder.readout == "relative" ? 1 : 0;
+    const bool ray = decoder.readout == "ray";
+    const std::size_t wanted = decoder.readout == "difference" ? 2 : ray || decoder.readout == "relative" ? 1 : 0;
+    const std::string kind = ray ? "pixel" : "position";
     if (decoder.from.size() != wanted)
       Report(module,
              fmt::format("decoder.from: {} needs {} modules, not {}", decoder.readout, wanted, decoder.from.size()));
     for (const std::string& name : decoder.from)
-      if (CheckEarlier(module, "decoder.from", name) && !Decodes(*Earlier(name), "position"))
-        Report(module, fmt::format("decoder.from: '{}' decodes no position", name));
+      if (CheckEarlier(module, "decoder.from", name) && !Decodes(*Earlier(name), kind))
+        Report(module, fmt::format("decoder.from: '{}' decodes no {}", name, kind));
   }
 
   void CheckInput(const ModuleConfig& module, const std::string& text) {

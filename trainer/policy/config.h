@@ -83,9 +83,10 @@ struct DecoderConfig {
       quantity;  ///< class | task | pixel | position | pose | displacement | trajectory, see quantities/quantity.h
   /// linear (no hidden layer) | mlp | soft_argmax (pixel: the expectation of its attention, plus what the network adds)
   /// | difference (displacement: position of from[1] - position of from[0], plus ...) | relative (trajectory: offsets
-  /// from the position of from[0]).
+  /// from the position of from[0]) | ray (position: where the pixel of from[0] looks, through the camera that took the
+  /// picture, at the height that the network says, plus ...).
   std::string readout = "linear";
-  std::vector<std::string> from;  ///< modules that difference and relative refer to
+  std::vector<std::string> from;  ///< modules that difference, relative and ray refer to
   std::string rotation = "6d";    ///< of a pose or a trajectory: 6d | euler_sincos (as printed in the paper)
   std::vector<int> hidden;        ///< widths of hidden layers
   /// What it reads, concatenated. Of its own: register, soft_argmax (per head and their mean),
@@ -103,8 +104,8 @@ struct DecoderConfig {
   void Visit(auto& v) {
     v("entity", entity, "", "target | reference | obstacle | ee | command | object:NAME");
     v("quantity", quantity, "", "class | task | pixel | position | pose | displacement | trajectory");
-    v("readout", readout, "", "linear | mlp | soft_argmax | difference | relative");
-    v("from", from, "", "modules that difference (two) and relative (one) refer to");
+    v("readout", readout, "", "linear | mlp | soft_argmax | difference | relative | ray");
+    v("from", from, "", "modules that difference (two), relative and ray (one) refer to");
     v("rotation", rotation, "", "6d | euler_sincos, of a pose or a trajectory");
     v("hidden", hidden, "-", "widths of hidden layers");
     v("inputs", inputs, "",
@@ -131,7 +132,7 @@ struct ModuleConfig {
   std::vector<std::string> attend;
   double attend_weight = 1;
   /// Registers that it reads carry no gradient back (control noise cannot spoil grounding); tokens
-  /// do.
+  /// do, and registers of modules that decode nothing, which nothing else trains.
   bool detach = false;
   DecoderConfig decoder;
 

@@ -114,8 +114,14 @@ Tensor GraphModule::Query(const Context& context) {
                            : register_;
     return own.expand({context.batch, context.sentences, width_});
   }
-  const Tensor& other = context.earlier[wiring_.index.at(config_.query)].register_token;
-  return context.Expand(config_.detach ? other.detach() : other);
+  const auto index = static_cast<std::size_t>(wiring_.index.at(config_.query));
+  const Tensor& other = context.earlier[index].register_token;
+  return context.Expand(Detaches(*wiring_.earlier[index]) ? other.detach() : other);
+}
+
+// Nothing but its readers trains what a module says that decodes nothing: they carry their gradient to it.
+bool GraphModule::Detaches(const ModuleConfig& source) const {
+  return config_.detach && !source.decoder.quantity.empty();
 }
 
 // Its own register as a key; with own attention that is its query itself.
@@ -133,8 +139,9 @@ Token GraphModule::TokenOf(const std::string& name, const Context& context) {
   if (name == "language") return context.tokens.language;
   if (name == "joints") return context.tokens.joints;
   if (name == "self") return OwnToken(context, true);
-  const Tensor& reg = context.earlier[wiring_.index.at(name)].register_token;
-  const Tensor token = config_.detach ? reg.detach() : reg;
+  const auto index = static_cast<std::size_t>(wiring_.index.at(name));
+  const Tensor& reg = context.earlier[index].register_token;
+  const Tensor token = Detaches(*wiring_.earlier[index]) ? reg.detach() : reg;
   return {token, token};
 }
 
@@ -178,10 +185,11 @@ Tensor GraphModule::Feature(const DecoderInput& input, const Context& context, c
   }
   if (input.kind == "joint_token") return context.tokens.joint_token;
   if (input.kind == "language") return context.tokens.sentence;
-  const ModuleOutput& source = input.module.empty() ? own : context.earlier[wiring_.index.at(input.module)];
-  const auto pass = [&](const Tensor& x, bool detach) { return detach ? x.detach() : x; };
   const bool foreign = !input.module.empty();
-  if (input.kind == "register") return pass(source.register_token, foreign && config_.detach);
+  const auto index = foreign ? static_cast<std::size_t>(wiring_.index.at(input.module)) : 0;
+  const ModuleOutput& source = foreign ? context.earlier[index] : own;
+  const auto pass = [&](const Tensor& x, bool detach) { return detach ? x.detach() : x; };
+  if (input.kind == "register") return pass(source.register_token, foreign && Detaches(*wiring_.earlier[index]));
   if (input.kind == "soft_argmax") {
     const Tensor pixels = torch::cat({source.head_soft_argmax.flatten(2), source.soft_argmax}, -1);
     return pass(pixels, foreign && config_.detach) / kPixelScale - 1;
@@ -190,13 +198,27 @@ Tensor GraphModule::Feature(const DecoderInput& input, const Context& context, c
   return FindQuantity(input.kind)->Feature(source, normalization_, input.fourier, detach);
 }
 
-// (B, S' | 1, 3) m: the position of one module, or the difference of two; undefined without `from`
+// (B, S', 6): where the camera is, and which way another module's pixel looks
+torch::Tensor GraphModule::RayOf(const Context& context) const {
+  TORCH_CHECK(context.tokens.viewpoint.defined(), "module ", config_.name, " needs to know the camera");
+  const ModuleOutput& source = context.earlier[static_cast<std::size_t>(wiring_.index.at(config_.decoder.from[0]))];
+  const Tensor decoded = context.Expand(source.decoded.at("pixel"));
+  const Tensor pixel = config_.decoder.detach || config_.detach ? decoded.detach() : decoded;
+  const Tensor viewpoint = context.tokens.viewpoint.unsqueeze(1);  // (B, 1, 12)
+  const Tensor matrix = viewpoint.narrow(-1, 3, 9).unflatten(-1, {3, 3});
+  const Tensor at = torch::cat({pixel, torch::ones_like(pixel.narrow(-1, 0, 1))}, -1);
+  const Tensor way = (matrix * at.unsqueeze(-2)).sum(-1);  // (B, S', 3)
+  return torch::cat({viewpoint.narrow(-1, 0, 3).expand_as(way), way}, -1);
+}
+
+// As Decoding::from; undefined without `from`
 Tensor GraphModule::From(const Context& context) const {
   const auto position = [&](const std::string& module) {
     return PositionOf(context.earlier[static_cast<std::size_t>(wiring_.index.at(module))]);
   };
   const auto& from = config_.decoder.from;
   if (from.empty()) return {};
+  if (config_.decoder.readout == "ray") return RayOf(context);
   const bool detach = config_.decoder.detach || (from.size() == 2 && config_.detach);
   if (from.size() == 1) return context.Take(detach ? position(from[0]).detach() : position(from[0]));
   const Tensor difference = context.Expand(position(from[1])) - context.Expand(position(from[0]));

@@ -34,6 +34,7 @@ struct Tokens {
   torch::Tensor joint_token;   ///< (B, 1, d) the joint token before key and value heads
   torch::Tensor image_pixels;  ///< (P, 2) px from the crop's corner
   torch::Tensor crop_origin;   ///< (B, 2) px
+  torch::Tensor viewpoint;     ///< (B, kViewpointSize); undefined: not said
 };
 
 /// Where a module stands among the others; indices are in the order of evaluation.
@@ -74,6 +75,8 @@ class GraphModule : public torch::nn::Module {
   torch::Tensor Feature(const DecoderInput& input, const Context& context, const ModuleOutput& own) const;
   void Decode(const Context& context, ModuleOutput& output);
   torch::Tensor From(const Context& context) const;
+  torch::Tensor RayOf(const Context& context) const;
+  bool Detaches(const ModuleConfig& source) const;
 
   ModuleConfig config_;
   Wiring wiring_;

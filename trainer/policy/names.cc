@@ -40,6 +40,11 @@ bool Decodes(const ModuleConfig& module, const std::string& quantity) {
   return own != nullptr && own->Implies(quantity);
 }
 
+bool ReadsCamera(const PolicyConfig& config) {
+  return std::any_of(config.modules.begin(), config.modules.end(),
+                     [](const ModuleConfig& module) { return module.decoder.readout == "ray"; });
+}
+
 bool DecodesTask(const PolicyConfig& config) {
   return std::any_of(config.modules.begin(), config.modules.end(),
                      [](const ModuleConfig& module) { return module.decoder.quantity == "task"; });

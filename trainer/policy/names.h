@@ -38,6 +38,9 @@ Head HeadOf(const PolicyConfig& config, const ModuleConfig& module);
 /// Whether `module`'s decoder yields a `quantity` (a pose yields a position too).
 bool Decodes(const ModuleConfig& module, const std::string& quantity);
 
+/// Whether any module reads where the camera is, so that Inputs::viewpoint matters.
+bool ReadsCamera(const PolicyConfig& config);
+
 /// Whether any module decodes the command's task, so that PolicyConfig::tasks matters.
 bool DecodesTask(const PolicyConfig& config);
 

@@ -255,6 +255,8 @@ Tokens Policy::Impl::Encode(const Inputs& inputs, int level) {
   const auto batch = inputs.joints.size(0), sentences = inputs.sentence_index.size(1);
   const torch::Device device = normalization.joint_mean.device();
   tokens.crop_origin = ToDevice(inputs.crop_origin, device).to(normalization.joint_mean.scalar_type());
+  if (inputs.viewpoint.defined())
+    tokens.viewpoint = ToDevice(inputs.viewpoint, device).to(normalization.joint_mean.scalar_type());
   tokens.joint_values =
       ((ToDevice(inputs.joints, device) - normalization.joint_mean) / normalization.joint_std).unsqueeze(1);
   const Tensor joint_token = joints->Forward(

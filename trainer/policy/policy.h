@@ -22,8 +22,11 @@
 namespace etude::policy {
 
 struct Inputs {
-  torch::Tensor images;                ///< (B, 3, h, w) uint8, channels-last; the configured crop, maybe jittered
-  torch::Tensor crop_origin;           ///< (B, 2) float: u0, v0 of each picture in the camera's picture, px
+  torch::Tensor images;       ///< (B, 3, h, w) uint8, channels-last; the configured crop, maybe jittered
+  torch::Tensor crop_origin;  ///< (B, 2) float: u0, v0 of each picture in the camera's picture, px
+  /// (B, kViewpointSize) float, of each picture's camera (services/episode/viewpoint.h). Of policies that read it alone
+  /// (ReadsCamera of names.h).
+  torch::Tensor viewpoint;
   torch::Tensor joints;                ///< (B, J) float, raw: arm joints then gripper joints
   std::vector<std::string> sentences;  ///< D distinct sentences
   torch::Tensor token_ids;             ///< instead of sentences, of one (LanguageEncoder::ForwardIds)

@@ -107,8 +107,11 @@ Result<WhatIf> ParseWhatIf(const std::string& text, const PolicyConfig& config) 
       ETUDE_RETURN_IF_ERROR(ReadHide(value, what_if));
     } else if (key == "say") {
       ETUDE_RETURN_IF_ERROR(ReadSay(value, config, what_if));
+    } else if (key == "worth") {
+      if (!value.is_boolean()) return Refuse("worth: must be true or false");
+      what_if.worth = value.get<bool>();
     } else {
-      return Refuse(fmt::format("unknown key '{}'{}", key, Suggestion(key, {"sentence", "hide", "say"})));
+      return Refuse(fmt::format("unknown key '{}'{}", key, Suggestion(key, {"sentence", "hide", "say", "worth"})));
     }
   }
   return what_if;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What somebody wants to see answered instead: another sentence, a part of the picture hidden, a module that says
-// something else.
-//   {"sentence": "push the coke", "hide": [[100, 80, 12, 12]], "say": {"TAR3D": {"position": [0.1, 0.3, 0.04]}}}
+// something else; and whether to say what each word and joint is worth (worth.h), which is of what was observed.
+//   {"sentence": "push the coke", "hide": [[100, 80, 12, 12]], "say": {"TAR3D": {"position": [0.1, 0.3, 0.04]}},
+//    "worth": true}
 #pragma once
 
 #include <array>
@@ -19,7 +20,9 @@ struct WhatIf {
   std::vector<std::array<int, 4>> hide;  ///< u0, v0, width, height, px in the camera's picture: painted grey
   /// Module -> what it decodes -> value: numbers in SI units as DescribeModules says them, or a name of class or task.
   std::map<std::string, std::map<std::string, OrderedJson>> say;
+  bool worth = false;  ///< what each word and joint is worth is asked as well
 
+  /// Whether nothing is to be answered otherwise.
   bool empty() const { return sentence.empty() && hide.empty() && say.empty(); }
 };
 

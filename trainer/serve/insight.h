@@ -6,6 +6,9 @@
 // says where each module's attention lies in Insight::attention:
 //   {"TAR2D": {"offset": 2880, "heads": 4, "image": [20, 36], "keys": ["language"], "scale": [0.41, ...]}, ...}
 // for each head one byte a token of the picture's grid (row by row), then one a key; weight = byte / 255 * scale[head].
+// Insight::worth_json, where the wish asks for it ("worth" in trainer/policy/what_if.h), says how far, in m, the
+// planned waypoints move without each word of the sentence, and with each joint where it is on average in training:
+//   {"words": [{"word": "push", "moves": 0.012}, ...], "joints": [0.001, ...]}
 #pragma once
 
 #include <atomic>

@@ -8,6 +8,7 @@
 #include "trainer/policy/answer.h"
 #include "trainer/policy/crop.h"
 #include "trainer/policy/what_if.h"
+#include "trainer/policy/worth.h"
 #include "trainer/serve/model.h"
 
 namespace etude::serve {
@@ -45,6 +46,19 @@ void PutPicture(const policy::Inputs& inputs, const codec::Region& crop, bus::In
   insight.picture.assign(first, first + picture.numel());
 }
 
+// None where they are not finite: the modules may be seen all the same.
+std::vector<float> FiniteWaypoints(const policy::PolicyConfig& config, const policy::Outputs& outputs) {
+  auto waypoints = policy::WaypointsOf(config, outputs);
+  if (!std::ranges::all_of(waypoints, [](float x) { return std::isfinite(x); })) waypoints.clear();
+  return waypoints;
+}
+
+std::string WorthText(const policy::Worth& worth) {
+  OrderedJson words = OrderedJson::array();
+  for (const auto& [word, moves] : worth.words) words.push_back(OrderedJson{{"word", word}, {"moves", moves}});
+  return OrderedJson{{"words", words}, {"joints", worth.joints}}.dump();
+}
+
 }  // namespace
 
 Status Model::InspectInto(const bus::Observation& observation, const std::string& what_if_json,
@@ -55,20 +69,20 @@ Status Model::InspectInto(const bus::Observation& observation, const std::string
   const torch::NoGradGuard no_grad;
   const auto outputs = policy_->Forward(inputs);
   insight.modules_json = policy::DescribeModules(metadata_.policy, outputs).dump();
-  insight.waypoints = policy::WaypointsOf(metadata_.policy, outputs);
-  // the modules may be seen all the same
-  if (!std::ranges::all_of(insight.waypoints, [](float x) { return std::isfinite(x); })) insight.waypoints.clear();
+  insight.waypoints = FiniteWaypoints(metadata_.policy, outputs);
   OrderedJson layout = OrderedJson::object();
   for (const auto& module : metadata_.policy.modules)
     PutAttention(*policy_, module.name, outputs.at(module.name), layout, insight.attention);
   insight.attention_json = layout.dump();
   PutPicture(inputs, policy::CropOf(metadata_.policy.image), insight);
+  if (what_if.worth) insight.worth_json = WorthText(policy::WorthOf(*policy_, inputs));
   if (what_if.empty()) return {};
   inputs.images = inputs.images.clone();
   policy::Hide(what_if, inputs.images, inputs.crop_origin);
   if (!what_if.sentence.empty()) inputs.sentences = {what_if.sentence};
   const auto changed = policy_->Forward(inputs, 0, policy::SayInstead(what_if, metadata_.policy));
   insight.what_if_json = policy::DescribeModules(metadata_.policy, changed).dump();
+  insight.what_if_waypoints = FiniteWaypoints(metadata_.policy, changed);
   return {};
 }
 

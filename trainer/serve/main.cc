@@ -24,6 +24,7 @@
 #include "trainer/policy/device.h"
 #include "trainer/policy/policy_file.h"
 #include "trainer/policy/torch_process.h"
+#include "trainer/serve/robots.h"
 #include "trainer/serve/server.h"
 #include "trainer/serve/watch.h"
 
@@ -34,8 +35,10 @@ struct Arguments {
   std::string subscribe, checkpoint, run, channel = "latest", clip, device = "cpu";
   bus::Arguments bus;
   security::VerifyArguments verify;
+  RobotDomain robots;
   std::string relay;
   int threads = 1;
+  bool any_camera = false;
 };
 
 // NAME, NAME@ID, or the run's folder, which knows its id.
@@ -69,13 +72,24 @@ Result<std::unique_ptr<relay::RelayThread>> StartRelay(const bus::Participant& p
   return std::make_unique<relay::RelayThread>(participant, run, options);
 }
 
-Status Serve(const Arguments& arguments) {
+// A file's checkpoints are nobody's on the bus.
+RunDomain RunDomainOf(const Arguments& arguments) {
+  const bool verifies = !arguments.verify.key.empty() || !arguments.checkpoint.empty();
+  return {.domain = arguments.bus.domain, .security = arguments.bus.security, .verifies = verifies};
+}
+
+Status CheckServing(const Arguments& arguments) {
   if (arguments.subscribe.empty() == arguments.checkpoint.empty())
     return Fail(Code::kInvalidArgument, "give either --subscribe RUN or --checkpoint FILE (see --help)");
   if (!arguments.verify.key.empty() && arguments.subscribe.empty())
     return Fail(Code::kInvalidArgument, "--verify is of published checkpoints: it needs --subscribe RUN");
   if (!arguments.relay.empty() && arguments.subscribe.empty())
     return Fail(Code::kInvalidArgument, "--relay is of published checkpoints: it needs --subscribe RUN");
+  return CheckRobotDomain(arguments.robots, RunDomainOf(arguments));
+}
+
+Status Serve(const Arguments& arguments) {
+  ETUDE_RETURN_IF_ERROR(CheckServing(arguments));
   policy::SetTorchThreads(1);
   ETUDE_ASSIGN_OR_RETURN(const auto device, policy::OpenDevice(arguments.device));
   ETUDE_ASSIGN_OR_RETURN(auto verifier, arguments.verify.Open());
@@ -88,11 +102,14 @@ Status Serve(const Arguments& arguments) {
   if (arguments.checkpoint.empty()) {
     ETUDE_ASSIGN_OR_RETURN(options.run, RunOf(arguments.subscribe, "--subscribe"));
   } else {
-    ETUDE_ASSIGN_OR_RETURN(model, Model::FromFile(arguments.checkpoint, options.clip_folders.get(), device));
+    ETUDE_ASSIGN_OR_RETURN(model, Model::FromFile(arguments.checkpoint, options.clip_folders.get(), device,
+                                                  arguments.any_camera ? Cameras::kAny : Cameras::kTrained));
     ETUDE_ASSIGN_OR_RETURN(options.run, RunOfFile(arguments, *model));
     options.folder = std::filesystem::absolute(arguments.checkpoint).string();
   }
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open(RolesOf(arguments)));
+  ETUDE_ASSIGN_OR_RETURN(const auto robots, JoinRobotDomain(arguments.robots));
+  if (robots) options.robots = &*robots;
   ETUDE_ASSIGN_OR_RETURN(const auto reporter, bus::ProcessReporter::Start(participant, {.role = "policy"}));
   ETUDE_ASSIGN_OR_RETURN(const auto relay, StartRelay(participant, arguments, options.run));
   ETUDE_ASSIGN_OR_RETURN(auto server, PolicyServer::Open(participant, options, model));
@@ -104,6 +121,17 @@ Status Serve(const Arguments& arguments) {
   const Status status = server.Run();
   Log().info("answered {} observations: {}", server.answered(), ToString(server.latency()));
   return status;
+}
+
+void AddRobots(CLI::App& app, RobotDomain& robots) {
+  auto* domain = app.add_option("--robot-domain", robots.domain,
+                                "answer in this DDS domain, too: robots in it do not meet workers and trainers")
+                     ->check(CLI::Range(0, 230));
+  app.add_option("--robot-profile", robots.profile, "Cyclone DDS XML file for that domain (default: as for --profile)")
+      ->needs(domain);
+  app.add_option("--robot-security", robots.security,
+                 "who this is among robots: DIR/NAME of an authority of their own, role policy")
+      ->needs(domain);
 }
 
 // A checkpoint's file, or a policy's, by path or by name.
@@ -234,7 +262,10 @@ int main(int argc, char** argv) {
       "refused and the last "
       "good one serves on."};
   app.add_option("--subscribe", arguments.subscribe, "run whose checkpoints to follow: NAME, NAME@ID, or its folder");
-  app.add_option("--checkpoint", arguments.checkpoint, "one checkpoint file (.safetensors) instead");
+  auto* checkpoint = app.add_option("--checkpoint", arguments.checkpoint, "one checkpoint file (.safetensors) instead");
+  app.add_flag("--any-camera", arguments.any_camera,
+               "answer for pictures of another camera than it was trained with, too, which else are refused")
+      ->needs(checkpoint);
   app.add_option("--run", arguments.run, "with --checkpoint: serve as NAME or NAME@ID (default: the checkpoint's run)");
   app.add_option("--channel", arguments.channel, "with --subscribe: latest or best")
       ->check(CLI::IsMember({"latest", "best"}))
@@ -247,6 +278,7 @@ int main(int argc, char** argv) {
   app.add_option("--relay", arguments.relay,
                  "with --subscribe: folder in which the run's newest checkpoints are kept, to publish them when it has "
                  "ended");
+  etude::serve::AddRobots(app, arguments.robots);
   app.add_option("--threads", arguments.threads, "observations evaluated side by side")->capture_default_str();
   app.add_option("--device", arguments.device, "where they are: cpu, cuda or cuda:NUMBER")->capture_default_str();
   etude::serve::Looking looking;

@@ -9,16 +9,18 @@
 
 #include "services/core/hash.h"
 #include "services/episode/action.h"
+#include "services/episode/viewpoint.h"
 #include "trainer/checkpoint/readiness.h"
 #include "trainer/policy/answer.h"
 #include "trainer/policy/crop.h"
+#include "trainer/policy/names.h"
 
 namespace etude::serve {
 namespace {
 
-// what an observation tells of the robot and its camera
+// what an observation tells of the robot and its camera, and what an answer will be
 checkpoint::Embodiment Seen(const bus::Observation& observation) {
-  checkpoint::Embodiment seen;
+  checkpoint::Embodiment seen = checkpoint::OwnFormats();
   seen.joints = static_cast<int>(observation.joints.size());
   seen.width = static_cast<int>(observation.width);
   seen.height = static_cast<int>(observation.height);
@@ -30,10 +32,27 @@ checkpoint::Embodiment Seen(const bus::Observation& observation) {
   return seen;
 }
 
+// (1, kViewpointSize)
+Result<torch::Tensor> SeenFrom(const bus::Observation& observation) {
+  const auto finite = [](const std::vector<double>& numbers) {
+    return std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); });
+  };
+  const auto &k = observation.intrinsics, &p = observation.camera_pose;
+  if (k.size() != 4 || p.size() != 7)
+    return Fail(Code::kInvalidArgument,
+                "the observation does not say its camera (intrinsics and pose), which this policy reads");
+  const Eigen::Quaterniond q(p[3], p[4], p[5], p[6]);
+  if (!finite(k) || !finite(p) || !(k[0] > 0 && k[1] > 0) || !(q.norm() > 0.5 && q.norm() < 2))
+    return Fail(Code::kInvalidArgument, fmt::format("no camera has intrinsics [{:.4g}] and pose [{:.4g}]",
+                                                    fmt::join(k, ", "), fmt::join(p, ", ")));
+  const Viewpoint viewpoint = ViewpointOf(k[0], k[1], k[2], k[3], {{p[0], p[1], p[2]}, q.normalized()});
+  return torch::tensor(std::vector<float>(viewpoint.begin(), viewpoint.end())).view({1, kViewpointSize});
+}
+
 }  // namespace
 
 Result<std::shared_ptr<const Model>> Model::FromBytes(std::span<const std::uint8_t> bytes, clip::Folders* folders,
-                                                      const torch::Device& device) {
+                                                      const torch::Device& device, Cameras cameras) {
   auto model = std::shared_ptr<Model>(new Model());
   ETUDE_ASSIGN_OR_RETURN(auto made, checkpoint::Decode(bytes));
   ETUDE_ASSIGN_OR_RETURN(model->policy_, checkpoint::BuildPolicy(made, folders));
@@ -44,15 +63,19 @@ Result<std::shared_ptr<const Model>> Model::FromBytes(std::span<const std::uint8
                 fmt::format("put the policy on {}: {}", device.str(), error.what_without_backtrace()));
   }
   model->metadata_ = std::move(made.metadata);
+  if (cameras == Cameras::kAny) {
+    model->metadata_.embodiment.fovy = 0;
+    model->metadata_.embodiment.camera_pose.clear();
+  }
   model->untrained_ = checkpoint::WhyUntrained(model->metadata_);
   model->sha256_ = Sha256Hex(bytes);
   return std::shared_ptr<const Model>(std::move(model));
 }
 
 Result<std::shared_ptr<const Model>> Model::FromFile(const Path& path, clip::Folders* folders,
-                                                     const torch::Device& device) {
+                                                     const torch::Device& device, Cameras cameras) {
   ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(path));
-  auto model = FromBytes(bytes, folders, device);
+  auto model = FromBytes(bytes, folders, device, cameras);
   if (!model) return Fail(model.error().Wrap(fmt::format("read '{}'", path.string())));
   return model;
 }
@@ -83,6 +106,9 @@ Result<policy::Inputs> Model::Prepare(const bus::Observation& observation) const
                                            {image.data_ptr<std::uint8_t>(), crop.bytes()}));
   inputs.images = image.permute({0, 3, 1, 2});
   inputs.crop_origin = torch::tensor({static_cast<float>(crop.u), static_cast<float>(crop.v)}).view({1, 2});
+  if (policy::ReadsCamera(metadata_.policy)) {
+    ETUDE_ASSIGN_OR_RETURN(inputs.viewpoint, SeenFrom(observation));
+  }
   inputs.joints = torch::tensor(observation.joints, torch::kFloat32).view({1, -1});
   inputs.sentences = {observation.instruction};
   inputs.sentence_index = torch::zeros({1, 1}, torch::kInt64);
@@ -100,6 +126,12 @@ bus::Observation Model::Trial() const {
   // schema 1 does not say how large pictures are
   trial.width = static_cast<std::uint32_t>(fits.width > 0 ? fits.width : crop.u + crop.width);
   trial.height = static_cast<std::uint32_t>(fits.height > 0 ? fits.height : crop.v + crop.height);
+  if (policy::ReadsCamera(metadata_.policy)) {
+    const double focal = fits.fovy > 0 ? 0.5 * trial.height / std::tan(0.5 * fits.fovy) : trial.height;
+    trial.intrinsics = {focal, focal, 0.5 * trial.width, 0.5 * trial.height};
+    trial.camera_pose = fits.camera_pose;
+    if (trial.camera_pose.empty()) trial.camera_pose = {0, 0, 1, 1, 0, 0, 0};  // from above, straight down
+  }
   trial.image.assign(static_cast<std::size_t>(trial.width) * trial.height * 3, 128);
   return trial;
 }

@@ -12,6 +12,12 @@
 
 namespace etude::serve {
 
+/// Whose pictures are taken.
+enum class Cameras : std::uint8_t {
+  kTrained,  ///< of the camera that the policy was trained with; others are refused by name
+  kAny,      ///< to see what another one costs it
+};
+
 /// Immutable; Answer may be called from several threads at once.
 class Model {
  public:
@@ -19,9 +25,11 @@ class Model {
   /// @error as checkpoint::Decode and checkpoint::BuildPolicy; kUnavailable: the device has no room for it.
   static Result<std::shared_ptr<const Model>> FromBytes(std::span<const std::uint8_t> bytes,
                                                         clip::Folders* folders = nullptr,
-                                                        const torch::Device& device = torch::kCPU);
+                                                        const torch::Device& device = torch::kCPU,
+                                                        Cameras cameras = Cameras::kTrained);
   static Result<std::shared_ptr<const Model>> FromFile(const Path& path, clip::Folders* folders = nullptr,
-                                                       const torch::Device& device = torch::kCPU);
+                                                       const torch::Device& device = torch::kCPU,
+                                                       Cameras cameras = Cameras::kTrained);
 
   const checkpoint::Metadata& metadata() const { return metadata_; }
   /// Why it may not drive a robot yet (checkpoint::WhyUntrained); "" when it may.
@@ -36,7 +44,8 @@ class Model {
   bus::Action Answer(const bus::Observation& observation) const;
 
   /// What every module says of the observation, where it looks, and the picture that it sees; with a what-if
-  /// (trainer/policy/what_if.h) also what it would say. Not for robots: it says what untrained modules say too.
+  /// (trainer/policy/what_if.h) also what it would say, and what words and joints are worth. Not for robots: it says
+  /// what untrained modules say too.
   bus::Insight Inspect(const bus::Observation& observation, const std::string& what_if_json) const;
 
  private:

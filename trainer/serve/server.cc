@@ -11,8 +11,10 @@
 #include <vector>
 
 #include "services/bus/directory.h"
+#include "services/bus/host_writers.h"
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
+#include "services/core/file.h"
 #include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
@@ -42,25 +44,31 @@ constexpr std::size_t kMostSessions = 10'000;  // that are counted
 struct Desk {
   std::string run_id;
   bus::Announcement presence;
-  bus::Writer<bus::Action> actions;
+  bus::HostWriters<bus::Action> actions;
   bus::Reader<bus::Observation> observations;
   bus::Writer<bus::PolicyStatus> statuses;
-  std::unique_ptr<InsightDesk> insights;
+  std::unique_ptr<InsightDesk> insights;  // null: nobody may look into the policy here
+};
+
+// A DDS domain whose observations are answered, by one thread.
+struct Front {
+  const bus::Participant* participant = nullptr;
+  bool insights = true;  // robots' domains take observations and nothing else
+  std::optional<Desk> desk = {};
+  std::map<std::string, MonotonicClock::time_point> sessions = {};  // when each asked last
+  std::optional<Stopwatch> since_status = {};
 };
 
 }  // namespace
 
 struct PolicyServer::Impl {
-  const bus::Participant* participant = nullptr;
   ServerOptions options;
-  std::optional<Desk> desk;
+  Front front;                  // where checkpoints come from, too
+  std::optional<Front> robots;  // a domain of their own
   std::thread follower;
   std::atomic<bool> stop{false};
   std::atomic<std::uint64_t> answered{0}, refused{0}, refused_observations{0};
   const std::string name = bus::UniquePeerName();
-  // of Run's thread
-  std::map<std::string, MonotonicClock::time_point> sessions;  // when each asked last
-  std::optional<Stopwatch> since_status;
 
   LatencyMeter latency;
   mutable Mutex mutex;
@@ -86,10 +94,12 @@ struct PolicyServer::Impl {
   void TryOut(const Model& fresh);
   void NoteRefusal(const std::string& reason) ETUDE_EXCLUDES(mutex);
   void CountCorrupt(std::uint64_t count);
-  void PublishStatus();
-  Status OpenDesk(const std::string& run_id);
-  Status AnswerAll(const std::vector<bus::Observation>& observations);
-  void Send(bus::Action& action, const Latency& measured);
+  void PublishStatus(Front& at);
+  Status OpenDesk(Front& at, const std::string& run_id);
+  bool IsOurs(const Desk& desk, const bus::Observation& observation);
+  Status AnswerAll(Front& at, const std::vector<bus::Observation>& observations);
+  void Send(Desk& desk, bus::Action& action, const std::string& host, const Latency& measured);
+  Status ServeAt(Front& at);
 };
 
 // a first number for clients, before any of them has asked
@@ -118,13 +128,13 @@ void PolicyServer::Impl::CountCorrupt(std::uint64_t count) {
 }
 
 // What is served and how that goes, for whoever looks; not more often than once a second.
-void PolicyServer::Impl::PublishStatus() {
-  if (!desk || (since_status && since_status->Seconds() < kStatusEvery)) return;
-  since_status.emplace();
+void PolicyServer::Impl::PublishStatus(Front& at) {
+  if (!at.desk || (at.since_status && at.since_status->Seconds() < kStatusEvery)) return;
+  at.since_status.emplace();
   const Served current = Current();
-  if (!current.model || current.run_id != desk->run_id) return;
+  if (!current.model || current.run_id != at.desk->run_id) return;
   const auto now = MonotonicClock::now();
-  std::erase_if(sessions, [&](const auto& session) { return now - session.second > kSessionSilence; });
+  std::erase_if(at.sessions, [&](const auto& session) { return now - session.second > kSessionSilence; });
   const checkpoint::Metadata& metadata = current.model->metadata();
   const Latency measured = latency.Now();
   bus::PolicyStatus status;
@@ -145,12 +155,12 @@ void PolicyServer::Impl::PublishStatus() {
   status.refused = refused + refused_observations;
   status.p50_ms = measured.p50_ms;
   status.p95_ms = measured.p95_ms;
-  status.sessions = static_cast<std::uint32_t>(sessions.size());
+  status.sessions = static_cast<std::uint32_t>(at.sessions.size());
   {
     const MutexLock lock(mutex);
     status.last_refusal = last_refusal;
   }
-  if (const Status written = desk->statuses.Write(status); !written)
+  if (const Status written = at.desk->statuses.Write(status); !written)
     Log().debug("cannot say what is served: {}", written.error().message);
 }
 
@@ -179,7 +189,7 @@ void PolicyServer::Impl::Serve(const std::string& run_id, std::shared_ptr<const 
 
 // One run after the other of those that the selector fits.
 Status PolicyServer::Impl::FollowRuns() {
-  ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(*participant));
+  ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(*front.participant));
   WatchedLoop watched;
   while (!Stopping()) {
     watched.Moved();
@@ -199,7 +209,7 @@ Status PolicyServer::Impl::FollowRuns() {
 Status PolicyServer::Impl::FollowRun(bus::Directory& directory, const std::string& run_id, WatchedLoop& watched) {
   ETUDE_ASSIGN_OR_RETURN(
       auto subscriber,
-      bus::BlobSubscriber::Open(*participant, {options.run.name, run_id}, options.channel,
+      bus::BlobSubscriber::Open(*front.participant, {options.run.name, run_id}, options.channel,
                                 {.accept = [this](const bus::PublishedBlob& blob) { return Judge(blob); }}));
   Log().info("following run {}@{}", options.run.name, run_id);
   std::uint64_t corrupt = 0;
@@ -239,23 +249,26 @@ void PolicyServer::Impl::TakeCheckpoint(const bus::PublishedBlob& blob) {
   Serve(blob.owner, std::move(*fresh));
 }
 
-Status PolicyServer::Impl::OpenDesk(const std::string& run_id) {
-  desk.reset();
+Status PolicyServer::Impl::OpenDesk(Front& at, const std::string& run_id) {
+  at.desk.reset();
+  const bus::Participant& participant = *at.participant;
   const std::string partition = bus::Owner{options.run.name, run_id}.partition();
-  ETUDE_ASSIGN_OR_RETURN(auto actions, bus::Writer<bus::Action>::Open(*participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Reader<bus::Observation>::Open(*participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Writer<bus::PolicyStatus>::Open(*participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(auto insights, InsightDesk::Open(*participant, partition, run_id));
+  ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Reader<bus::Observation>::Open(participant, partition));
+  ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Writer<bus::PolicyStatus>::Open(participant, partition));
+  std::unique_ptr<InsightDesk> insights;
+  if (at.insights) {
+    ETUDE_ASSIGN_OR_RETURN(insights, InsightDesk::Open(participant, partition, run_id));
+  }
   const auto presence = bus::MakePresence(bus::PresenceKind::kPolicy, options.run.name, run_id, options.folder);
   // several may serve one run; the newest is the one that is found
-  ETUDE_ASSIGN_OR_RETURN(auto announced, bus::Announcement::Open(*participant, presence, Claim::kAdopt));
-  desk.emplace(Desk{run_id, std::move(announced), std::move(actions), std::move(observations), std::move(statuses),
-                    std::move(insights)});
-  since_status.reset();
+  ETUDE_ASSIGN_OR_RETURN(auto announced, bus::Announcement::Open(participant, presence, Claim::kAdopt));
+  at.desk.emplace(Desk{run_id, std::move(announced), bus::HostWriters<bus::Action>(participant, partition),
+                       std::move(observations), std::move(statuses), std::move(insights)});
+  at.since_status.reset();
   return {};
 }
 
-void PolicyServer::Impl::Send(bus::Action& action, const Latency& measured) {
+void PolicyServer::Impl::Send(Desk& desk, bus::Action& action, const std::string& host, const Latency& measured) {
   action.server_p50_ms = static_cast<float>(measured.p50_ms);
   action.server_p99_ms = static_cast<float>(measured.p99_ms);
   if (!action.error.empty()) {
@@ -264,21 +277,32 @@ void PolicyServer::Impl::Send(bus::Action& action, const Latency& measured) {
     Log().warn("refused an observation session={}: {}", action.session, action.error);
   }
   // a client that went away must not stop the others
-  if (const Status written = desk->actions.Write(action); !written)
+  if (const Status written = desk.actions.Write(host, action); !written)
     Log().warn("answer session={}: {}", action.session, written.error().message);
   else
     ++answered;
 }
 
-Status PolicyServer::Impl::AnswerAll(const std::vector<bus::Observation>& observations) {
+// Who does not name a host cannot be answered.
+bool PolicyServer::Impl::IsOurs(const Desk& desk, const bus::Observation& observation) {
+  if (observation.run_id != desk.run_id) return false;
+  if (IsPlainName(observation.host)) return true;
+  ++refused_observations;
+  NoteRefusal("observation: it does not name its client's host");
+  return false;
+}
+
+Status PolicyServer::Impl::AnswerAll(Front& at, const std::vector<bus::Observation>& observations) {
   const Stopwatch since_arrival;
   const Served serving = Current();
+  Desk& desk = *at.desk;
+  auto& sessions = at.sessions;
   // another run has taken this one's place since: who asks goes on with its desk
-  if (serving.run_id != desk->run_id) return {};
+  if (serving.run_id != desk.run_id) return {};
   // a client that asked again wants the answer to its last question only
   std::map<std::string, const bus::Observation*> newest;
   for (const auto& observation : observations)
-    if (observation.run_id == desk->run_id) newest[observation.session] = &observation;
+    if (IsOurs(desk, observation)) newest[observation.session] = &observation;
   std::vector<const bus::Observation*> open;
   for (const auto& [session, observation] : newest) {
     open.push_back(observation);
@@ -298,11 +322,12 @@ Status PolicyServer::Impl::AnswerAll(const std::vector<bus::Observation>& observ
   for (auto& thread : others) thread.join();
 
   const Latency measured = latency.Now();
-  for (auto& action : actions) {
-    Send(action, measured);
-    if (action.error.empty()) latency.Add(1000 * since_arrival.Seconds());
+  for (std::size_t i = 0; i < actions.size(); ++i) {
+    Send(desk, actions[i], open[i]->host, measured);
+    if (actions[i].error.empty()) latency.Add(1000 * since_arrival.Seconds());
   }
-  for (const auto* observation : open) desk->insights->Offer(*observation, current);
+  if (!desk.insights) return {};
+  for (const auto* observation : open) desk.insights->Offer(*observation, current);
   return {};
 }
 
@@ -316,8 +341,12 @@ Result<PolicyServer> PolicyServer::Open(const bus::Participant& participant, con
   if (model && !IsId(options.run.id))
     return Fail(Code::kInvalidArgument,
                 fmt::format("serve a checkpoint as '{}': it needs a whole id", options.run.text()));
+  if (options.robots && options.robots->domain() == participant.domain())
+    return Fail(Code::kInvalidArgument,
+                fmt::format("serve robots in DDS domain {}: it is the run's own", participant.domain()));
   auto impl = std::make_unique<Impl>();
-  impl->participant = &participant;
+  impl->front.participant = &participant;
+  if (options.robots) impl->robots.emplace(Front{.participant = options.robots, .insights = false});
   impl->options = options;
   if (model) impl->Serve(options.run.id, std::move(model));
   return PolicyServer(std::move(impl));
@@ -336,23 +365,44 @@ Status PolicyServer::Follow() {
   return {};
 }
 
-Status PolicyServer::Run() {
-  if (!impl_->Current().model) Log().info("waiting for the first checkpoint of run '{}'", impl_->options.run.text());
+// Until somebody wants an end of it.
+Status PolicyServer::Impl::ServeAt(Front& at) {
   WatchedLoop watched;
-  while (!impl_->Stopping()) {
+  while (!Stopping()) {
     watched.Moved();
-    const Served current = impl_->Current();
+    const Served current = Current();
     if (!current.model) {
       WaitForStop(50ms);
       continue;
     }
-    if (!impl_->desk || impl_->desk->run_id != current.run_id) ETUDE_RETURN_IF_ERROR(impl_->OpenDesk(current.run_id));
-    auto& observations = impl_->desk->observations;
-    if (observations.Wait(100ms)) ETUDE_RETURN_IF_ERROR(impl_->AnswerAll(observations.Take()));
-    impl_->PublishStatus();
+    if (!at.desk || at.desk->run_id != current.run_id) ETUDE_RETURN_IF_ERROR(OpenDesk(at, current.run_id));
+    auto& observations = at.desk->observations;
+    const bool waiting = at.desk->actions.waiting();  // for a host that is new
+    if (observations.Wait(waiting ? 5ms : 100ms)) ETUDE_RETURN_IF_ERROR(AnswerAll(at, observations.Take()));
+    at.desk->actions.Tidy();
+    PublishStatus(at);
   }
-  const MutexLock lock(impl_->mutex);
-  return impl_->follow_status;
+  return {};
+}
+
+Status PolicyServer::Run() {
+  Impl& impl = *impl_;
+  if (!impl.Current().model) Log().info("waiting for the first checkpoint of run '{}'", impl.options.run.text());
+  // each in its own thread: who waits for one domain's observations does not hear the other's
+  const auto serve = [&impl](Front& at) {
+    Status served = WithoutThrowing([&] { return impl.ServeAt(at); });
+    impl.stop = true;
+    return served;
+  };
+  Status of_robots;
+  std::thread beside;
+  if (impl.robots) beside = std::thread([&] { of_robots = serve(*impl.robots); });
+  Status served = serve(impl.front);
+  if (beside.joinable()) beside.join();
+  ETUDE_RETURN_IF_ERROR(served);
+  ETUDE_RETURN_IF_ERROR(of_robots);
+  const MutexLock lock(impl.mutex);
+  return impl.follow_status;
 }
 
 void PolicyServer::Stop() { impl_->stop = true; }

@@ -27,14 +27,19 @@ struct ServerOptions {
   torch::Device device = torch::kCPU;  ///< where they are
   /// Of policies whose language is clip:DIR; open for as long as the server.
   std::shared_ptr<clip::Folders> clip_folders = std::make_shared<clip::Folders>();
+  /// Of another DDS domain, where observations are answered too and from which nothing else is taken; none: nullptr.
+  /// Outlives the server.
+  const bus::Participant* robots = nullptr;
 };
 
 /// Serves one run. Observations are read only once there is a model, so that a client that waits
 /// for a matched reader starts when it can be answered.
 class PolicyServer {
  public:
+  /// @param participant  outlives the server
   /// @param model  to begin with, served under `options.run` with its whole id; none: waits for the first checkpoint
   ///               (Follow)
+  /// @error kInvalidArgument: a model without a whole id; robots in the same domain
   static Result<PolicyServer> Open(const bus::Participant& participant, const ServerOptions& options,
                                    std::shared_ptr<const Model> model);
   /// Also takes every checkpoint that the run publishes from now on. With its name alone: of the run of that name,

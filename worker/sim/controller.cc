@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "services/core/check.h"
+#include "worker/sim/saturated.h"
 
 namespace etude::sim {
 namespace {
@@ -18,12 +19,6 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 constexpr double kLeastMobility = 5e-3;
 constexpr double kNullDamping = 1e-3;  ///< m (and rad)
 constexpr double kLeastRoom = 0.1;     ///< of a joint's limit that is left for it to count in WithinLimits
-
-/// `v`, no longer than `limit`.
-Eigen::Vector3d Saturated(const Eigen::Vector3d& v, double limit) {
-  const double norm = v.norm();
-  return norm > limit ? Eigen::Vector3d(v * (limit / norm)) : v;
-}
 
 /// (J M^-1 J^T)^-1, with directions near a singularity faded out instead of blown up.
 Matrix6d TaskInertia(const Matrix6d& mobility) {

@@ -21,13 +21,27 @@ constexpr double kSpeedIfUnknown = 2.0;  ///< rad/s
 constexpr const char* kToolSite = "etude_tool";
 constexpr double kQuarter = std::numbers::pi / 2;
 constexpr std::size_t kFewestJoints = 5;
-constexpr double kDampingShare = 0.5;  ///< of a joint's torque, that its damping may take at most
+constexpr double kDampingShare = 0.5;   ///< of a joint's torque, that its damping may take at most
+constexpr int kPoints = 3, kAreas = 4;  ///< condim: contacts without and with friction against turning
+constexpr double kAreaTorsion = 0.02;   ///< m, that friction of our objects
 
 /// A mass for what shall weigh nothing: MuJoCo refuses a body that moves and has none.
 constexpr const char* kNoMass = "1e-6";  // kg
 constexpr double kSomeMass = 1e-3;       // kg
 
 bool Collides(const mjModel* mj, int geom) { return mj->geom_contype[geom] || mj->geom_conaffinity[geom]; }
+
+/// Leaves its visual geoms (almost) no mass.
+/// @return  them, each with the text of its mass as it was
+std::vector<std::pair<XMLElement*, std::string>> TakeVisualMasses(RobotXml& xml, const mjModel* whole) {
+  std::vector<std::pair<XMLElement*, std::string>> visuals;
+  for (XMLElement* geom : xml.All("geom")) {
+    if (Collides(whole, mj_name2id(whole, mjOBJ_GEOM, geom->Attribute("name")))) continue;
+    visuals.emplace_back(geom, Attribute(*geom, "mass"));
+    geom->SetAttribute("mass", kNoMass);
+  }
+  return visuals;
+}
 
 /// Collects everything that is wrong.
 class Builder {
@@ -44,8 +58,8 @@ class Builder {
     PlaceBase();
     AddTool();
     AddPitches();
-    if (file_.masses != "check" && file_.masses != "trust")
-      Wrong("masses: '{}' is neither check nor trust", file_.masses);
+    if (file_.masses != "check" && file_.masses != "trust" && file_.masses != kMassesOfCollision)
+      Wrong("masses: '{}' is neither check, trust nor {}", file_.masses, kMassesOfCollision);
     if (!errors_.empty()) return Fail(Code::kInvalidArgument, fmt::format("{}: {}", origin, fmt::join(errors_, "; ")));
     ETUDE_RETURN_IF_ERROR(FindFollowers());
     for (XMLElement* body : xml_.All("body")) model_.bodies.push_back(body->Attribute("name"));
@@ -219,8 +233,30 @@ class Builder {
         Wrong("geom '{}' collides as neither box, sphere, capsule, cylinder nor mesh", name);
       geom->SetAttribute("contype", 2);
       geom->SetAttribute("conaffinity", 1);
+      if (IsFinger(id)) HoldByAnArea(*geom, id);
     }
+    if (!held_by_points_.empty())
+      notes_.push_back(fmt::format(
+          "{} of the fingers decide alone on their contacts (priority) and hold by points (condim {}), about which an "
+          "object would swing: they get friction against turning as our objects have",
+          fmt::join(held_by_points_, ", "), kPoints));
     if (colliding == 0) Wrong("no geom of the robot collides (contype and conaffinity are 0)");
+  }
+
+  bool IsFinger(int geom) const {
+    const std::string body = mj_id2name(mj_, mjOBJ_BODY, mj_->geom_bodyid[geom]);
+    return std::ranges::any_of(model_.finger_groups,
+                               [&](const auto& group) { return std::ranges::find(group, body) != group.end(); });
+  }
+
+  /// A fingertip holds by an area. Without a priority the object's friction counts, too; with one, the finger's alone.
+  void HoldByAnArea(XMLElement& geom, int id) {
+    if (mj_->geom_priority[id] <= 0 || mj_->geom_condim[id] != kPoints) return;
+    const mjtNum* friction = mj_->geom_friction + 3 * id;
+    geom.SetAttribute("condim", kAreas);
+    geom.SetAttribute("friction",
+                      fmt::format("{} {} {}", friction[0], std::max(friction[1], kAreaTorsion), friction[2]).c_str());
+    held_by_points_.emplace_back(geom.Attribute("name"));
   }
 
   void PlaceBase() {
@@ -300,7 +336,7 @@ class Builder {
   RobotXml& xml_;
   const mjModel* mj_;
   assets::RobotModel model_;
-  std::vector<std::string> notes_, errors_;
+  std::vector<std::string> notes_, errors_, held_by_points_;
 };
 
 }  // namespace
@@ -335,11 +371,23 @@ Status FixMasses(RobotXml& xml) {
   return {};
 }
 
+Status LightenVisuals(RobotXml& xml) {
+  ETUDE_ASSIGN_OR_RETURN(const ModelPtr whole, CompileAlone(xml, xml.mass_settings()));
+  const auto visuals = TakeVisualMasses(xml, whole.get());
+  ETUDE_ASSIGN_OR_RETURN(const ModelPtr bare, CompileAlone(xml, xml.mass_settings()));
+  for (const auto& [geom, mass] : visuals) {
+    const char* body = geom->Parent()->ToElement()->Attribute("name");
+    if (bare->body_mass[mj_name2id(bare.get(), mjOBJ_BODY, body)] > kSomeMass) continue;
+    // nothing else gives this body a mass
+    geom->DeleteAttribute("mass");
+    if (!mass.empty()) geom->SetAttribute("mass", mass.c_str());
+  }
+  return {};
+}
+
 Result<std::vector<VisualMass>> WeighVisuals(RobotXml xml) {
   ETUDE_ASSIGN_OR_RETURN(const ModelPtr whole, CompileAlone(xml, xml.mass_settings()));
-  for (XMLElement* geom : xml.All("geom"))
-    if (const int id = mj_name2id(whole.get(), mjOBJ_GEOM, geom->Attribute("name")); !Collides(whole.get(), id))
-      geom->SetAttribute("mass", kNoMass);
+  TakeVisualMasses(xml, whole.get());
   ETUDE_ASSIGN_OR_RETURN(const ModelPtr bare, CompileAlone(xml, xml.mass_settings()));
   std::vector<VisualMass> visuals;
   // where the total is a setting, nothing weighs twice

@@ -20,6 +20,10 @@ Result<ModelPtr> CompileAlone(const RobotXml& xml, const std::string& settings =
 /// has them under other settings.
 Status FixMasses(RobotXml& xml);
 
+/// Takes their mass from the visual geoms of each body that has a mass without them; before FixMasses.
+/// @error kInvalidArgument: MuJoCo refuses the robot
+Status LightenVisuals(RobotXml& xml);
+
 /// What its visual geoms weigh, see WeighVisuals(yaml), by the settings of its own <compiler>; takes it before
 /// FixMasses.
 /// @error kInvalidArgument: MuJoCo refuses the robot

@@ -23,21 +23,25 @@ Result<RobotFile> ReadFile(const Path& yaml) {
   return file;
 }
 
-/// With the masses that its own <compiler> gives.
+/// Visual geoms without mass where `masses` says so.
 Result<RobotXml> ReadXml(const Path& yaml, const char* key, const std::string& mjcf, const std::string& joint,
-                         const char* prefix) {
+                         const char* prefix, const std::string& masses) {
   const Path path = yaml.parent_path() / mjcf;
   if (mjcf.empty() || !std::filesystem::is_regular_file(path))
     return Fail(Code::kNotFound, fmt::format("{}: {}: no file '{}'", yaml.string(), key, path.string()));
   ETUDE_ASSIGN_OR_RETURN(MjcfDocument document, MjcfDocument::Read(path));
-  return RobotXml::Take(std::move(document), joint, prefix);
+  ETUDE_ASSIGN_OR_RETURN(RobotXml xml, RobotXml::Take(std::move(document), joint, prefix));
+  if (masses == kMassesOfCollision) {
+    ETUDE_RETURN_IF_ERROR(LightenVisuals(xml));
+  }
+  return xml;
 }
 
 Result<RobotXml> ReadArm(const Path& yaml, const RobotFile& file) {
-  return ReadXml(yaml, "mjcf", file.mjcf, file.joints.at(0), "user_");
+  return ReadXml(yaml, "mjcf", file.mjcf, file.joints.at(0), "user_", file.masses);
 }
 Result<RobotXml> ReadHand(const Path& yaml, const RobotFile& file) {
-  return ReadXml(yaml, "gripper.mjcf", file.gripper.mjcf, file.gripper.joint, "gripper_");
+  return ReadXml(yaml, "gripper.mjcf", file.gripper.mjcf, file.gripper.joint, "gripper_", file.masses);
 }
 
 /// Arm and, where it has a file of its own, gripper.

@@ -14,6 +14,9 @@
 
 namespace etude::sim {
 
+/// Value of `masses`: visual geoms weigh nothing where others give their body a mass.
+inline constexpr const char* kMassesOfCollision = "collision";
+
 /// The YAML, key by key. Directions and positions of `tool` are in the site's (or body's) frame.
 struct RobotFile {
   std::string name;
@@ -27,7 +30,8 @@ struct RobotFile {
   double approach_pitch = 1.5707963267948966;  ///< rad below the horizontal: 0 level, pi/2 from above
   /// rad, added to approach_pitch to turn an object over: pi/2 or -pi/2; 0: towards level, or down from it
   double turn = 0;
-  std::string masses = "check";  ///< check: implausible ones are an error; trust: a warning
+  /// check: implausible ones are an error; trust: a warning; kMassesOfCollision: as check, visual geoms weigh nothing
+  std::string masses = "check";
 
   struct Base {
     std::vector<double> position{0, -0.3, 0};  ///< m, of the robot's root body
@@ -88,7 +92,9 @@ struct RobotFile {
     v("approach_pitch", approach_pitch, "rad",
       "how far below the horizontal the hand points at an object: 0 level, pi/2 from above");
     v("turn", turn, "rad", "added to approach_pitch to turn an object over; 0: towards level, or down from it");
-    v("masses", masses, "", "check: implausible ones are an error | trust: a warning");
+    v("masses", masses, "",
+      "check: implausible ones are an error | trust: a warning | collision: as check, and visual geoms weigh nothing "
+      "where others do");
     v("base", base);
     v("tool", tool);
     v("gripper", gripper);

@@ -5,9 +5,9 @@
 
 #include <algorithm>
 #include <map>
-#include <mutex>
 
 #include "services/core/config.h"
+#include "services/core/thread_annotations.h"
 #include "services/spec/object_names.h"
 #include "worker/synthesis/drawn_object.h"
 
@@ -18,9 +18,9 @@ constexpr std::size_t kLargestFile = 1u << 26;
 
 /// Drawn objects, each made once a process.
 Result<assets::ObjectModel> Drawn(const std::string& name, const GeneratedName& generated) {
-  static std::mutex mutex;
-  static std::map<std::string, assets::ObjectModel> made;
-  const std::lock_guard lock(mutex);
+  static Mutex mutex;
+  static std::map<std::string, assets::ObjectModel> made ETUDE_GUARDED_BY(mutex);
+  const MutexLock lock(mutex);
   if (const auto found = made.find(name); found != made.end()) return found->second;
   ETUDE_ASSIGN_OR_RETURN(const SolidObject object, DrawObject(generated.class_name, generated.instance, kObjectSeed));
   return made.emplace(name, ToSceneObject(object, name)).first->second;

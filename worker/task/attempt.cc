@@ -228,7 +228,7 @@ Result<AttemptResult> AttemptRunner::Rollout(std::uint64_t index, const policy::
   if (!draws.ok()) return Invalid(draws.failure, preparing, draws);
   RecordConfig record{.image_stride = impl.spec.image_stride,
                       .record_frames = impl.spec.rollout.record,
-                      .max_steps = impl.spec.rollout.max_steps};
+                      .max_steps = StepLimitOf(impl.spec.rollout, plan.scene.robot)};
   record.progress = impl.progress;
   std::optional<Occluder> occluder;
   if (const double share = impl.spec.rollout.occlude; share > 0) {

@@ -2,11 +2,8 @@
 // What the tasks ask for, as trees of predicates: one definition for demonstrations and rollouts (see judge.h).
 #pragma once
 
-#include <string>
-
 #include "services/spec/predicate_spec.h"
 #include "services/spec/task_name.h"
-#include "worker/task/predicates/geometry.h"
 
 namespace etude::task {
 
@@ -24,12 +21,5 @@ struct Criteria {
 /// evaluation scripts (rise of 3 cm; 3 cm along +y; above 10 cm, and afterwards turned by 90 degrees about x and below
 /// 8 cm, in either order; the turn counts either way round, theirs one way only).
 Criteria CriteriaOf(const TaskName& task);
-
-/// "left" for place_left, ...
-std::string SideOf(const std::string& relation);
-/// The direction of a relation in W, as seen in the picture. @pre place_left | place_right | place_front | place_behind
-Eigen::Vector3d DirectionOf(const std::string& relation);
-/// Whether p_WO is already where the relation wants it.
-bool IsBeside(const std::string& relation, const Eigen::Vector3d& p_WO, const Eigen::Vector3d& p_WR);
 
 }  // namespace etude::task

@@ -33,37 +33,36 @@ enum class Need { kFree, kReach };  // the arm must be free of collisions there,
 
 // What keeps the arm from standing at q, if anything does. The table stays where it is: it needs no more than the
 // planner's margin.
-std::optional<Rejection> Blocked(const Eigen::VectorXd& q, double margin, FeasibilityCheck& rehearsal) {
-  collide::Checker& checker = *rehearsal.checker;
+std::optional<Rejection> Blocked(const Eigen::VectorXd& q, double margin, FeasibilityCheck& check) {
+  collide::Checker& checker = *check.checker;
   if (const auto collision = checker.Check(q, std::min(margin, kPlannerMargin)))
     return Rejection{"touches", fmt::format("{} touches {}", collision->body_a, collision->body_b)};
   if (margin <= kPlannerMargin || !checker.Check(q, kObstacleMargin)) return std::nullopt;
   for (const auto& near : checker.Distances(q, kObstacleMargin)) {
     const bool forbidden = near.body_b == kObstacleObject || IsDistractor(near.body_b);
     const double least = forbidden ? kObstacleMargin : margin;
-    if (near.body_b != "world" && near.body_b != rehearsal.near_wanted && near.distance < least)
+    if (near.body_b != "world" && near.body_b != check.near_wanted && near.distance < least)
       return Rejection{"too_near", fmt::format("{} comes too near to {}", near.body_a, near.body_b)};
   }
   return std::nullopt;
 }
 
-Place TryPlace(const Pose& X_WE, double margin, Need need, const Eigen::VectorXd& q_from, FeasibilityCheck& rehearsal) {
+Place TryPlace(const Pose& X_WE, double margin, Need need, const Eigen::VectorXd& q_from, FeasibilityCheck& check) {
   Place place;
-  place.q = rehearsal.kinematics->Solve(X_WE, q_from);
+  place.q = check.kinematics->Solve(X_WE, q_from);
   if (!place.q) {
     place.why = {"out_of_reach",
                  fmt::format("out of reach at ({:.3f}, {:.3f}, {:.3f})", X_WE.p.x(), X_WE.p.y(), X_WE.p.z())};
     return place;
   }
-  if (Dexterity(*rehearsal.kinematics, *place.q) < kDexterity ||
-      SingularityBetween(*rehearsal.kinematics, q_from, *place.q)) {
+  if (Dexterity(*check.kinematics, *place.q) < kDexterity || SingularityBetween(*check.kinematics, q_from, *place.q)) {
     place.why = {"too_stretched",
                  fmt::format("too stretched at ({:.3f}, {:.3f}, {:.3f})", X_WE.p.x(), X_WE.p.y(), X_WE.p.z())};
     place.q.reset();
     return place;
   }
   if (need == Need::kReach) return place;
-  if (auto blocked = Blocked(*place.q, margin, rehearsal)) {
+  if (auto blocked = Blocked(*place.q, margin, check)) {
     place.why = std::move(*blocked);
     place.q.reset();
   }
@@ -80,15 +79,15 @@ double MostTurn(const Stage& stage, const Pose& from, const Pose& goal, int samp
 }
 
 // Along the straight way, when the stage must take it.
-Place TryGoal(const Stage& stage, const Pose& from, const Pose& goal, FeasibilityCheck& rehearsal) {
-  Place place{.q = rehearsal.q};
+Place TryGoal(const Stage& stage, const Pose& from, const Pose& goal, FeasibilityCheck& check) {
+  Place place{.q = check.q};
   const int samples = stage.straight_only ? kStraightSamples : stage.holds ? kWaySamples : 1;
   const double most_turn = stage.straight_only ? MostTurn(stage, from, goal, samples) : kInfinite;
   for (int i = 1; i <= samples && place.q; ++i) {
     const double s = static_cast<double>(i) / samples;
     const Need need = stage.straight_only || i == samples ? Need::kFree : Need::kReach;
     const Eigen::VectorXd q = *place.q;
-    place = TryPlace(Interpolate(from, goal, s), kMargin, need, q, rehearsal);
+    place = TryPlace(Interpolate(from, goal, s), kMargin, need, q, check);
     // the first step also takes up what the approach has left
     if (place.q && i > 1 && (*place.q - q).cwiseAbs().maxCoeff() > most_turn)
       place = {std::nullopt, {"whirls", "a joint would have to whirl round"}};
@@ -96,7 +95,7 @@ Place TryGoal(const Stage& stage, const Pose& from, const Pose& goal, Feasibilit
   // pushes off the path move what is held a little aside
   for (const auto& [dx, dy] : {std::pair{-kAside, 0.0}, {kAside, 0.0}, {0.0, -kAside}, {0.0, kAside}}) {
     if (!place.q || !stage.holds) break;
-    const Place there = TryPlace({goal.p + Eigen::Vector3d(dx, dy, 0), goal.q}, 0, Need::kFree, *place.q, rehearsal);
+    const Place there = TryPlace({goal.p + Eigen::Vector3d(dx, dy, 0), goal.q}, 0, Need::kFree, *place.q, check);
     if (!there.q) place = there;
   }
   return place;
@@ -115,32 +114,32 @@ void SetForStage(const Stage& stage, const std::string& target, const std::optio
   checker.Attach(target, stage.holds ? X_EO : std::nullopt);
 }
 
-std::optional<Rejection> CheckFeasible(const std::vector<Stage>& stages, StageContext now, FeasibilityCheck rehearsal) {
+std::optional<Rejection> CheckFeasible(const std::vector<Stage>& stages, StageContext now, FeasibilityCheck check) {
   for (const Stage& stage : stages) {
-    rehearsal.near_wanted = stage.nears_reference ? now.reference : std::string();
+    check.near_wanted = stage.nears_reference ? now.reference : std::string();
     if (!stage.moves()) {
       if (stage.effect == Stage::Effect::kGrasps) now.X_EO = now.X_WE.inverse() * now.X_WO;
       if (stage.effect == Stage::Effect::kReleases) {
         now.X_EO.reset();
-        SetForStage(stage, now.target, std::nullopt, *rehearsal.checker);
-        if (const auto blocked = Blocked(rehearsal.q, kMargin, rehearsal)) return At(stage, *blocked);
+        SetForStage(stage, now.target, std::nullopt, *check.checker);
+        if (const auto blocked = Blocked(check.q, kMargin, check)) return At(stage, *blocked);
       }
       continue;
     }
-    SetForStage(stage, now.target, now.X_EO, *rehearsal.checker);
+    SetForStage(stage, now.target, now.X_EO, *check.checker);
     Pose goal = stage.goal(now);
-    Place place = TryGoal(stage, now.X_WE, goal, rehearsal);
+    Place place = TryGoal(stage, now.X_WE, goal, check);
     if (!place.q && stage.nearer) {
       goal = stage.nearer(now);
-      place = TryGoal(stage, now.X_WE, goal, rehearsal);
+      place = TryGoal(stage, now.X_WE, goal, check);
     }
     if (!place.q) return At(stage, place.why);
-    rehearsal.q = *place.q;
+    check.q = *place.q;
     now.X_WE = goal;
     if (stage.holds && now.X_EO) now.X_WO = goal * *now.X_EO;
-    rehearsal.checker->SetObject(now.target, now.X_WO);
+    check.checker->SetObject(now.target, now.X_WO);
   }
-  rehearsal.checker->Attach(now.target, std::nullopt);
+  check.checker->Attach(now.target, std::nullopt);
   return std::nullopt;
 }
 

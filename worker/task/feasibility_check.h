@@ -28,7 +28,7 @@ struct Rejection {
 /// Goes through the goals of `stages`, each computed from where the stages before would leave hand and target.
 /// @returns the first goal that the arm cannot be at without a collision, and why; nothing when there is none. Reasons:
 /// "STAGE: " and out_of_reach | too_stretched | touches | too_near | whirls.
-std::optional<Rejection> CheckFeasible(const std::vector<Stage>& stages, StageContext now, FeasibilityCheck rehearsal);
+std::optional<Rejection> CheckFeasible(const std::vector<Stage>& stages, StageContext now, FeasibilityCheck check);
 
 /// Tells `checker` what a stage may touch and what it holds. `X_EO` counts only for stages that hold.
 void SetForStage(const Stage& stage, const std::string& target, const std::optional<Pose>& X_EO,

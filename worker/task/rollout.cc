@@ -10,6 +10,7 @@
 
 #include "worker/plan/timer.h"
 #include "worker/sim/controller.h"
+#include "worker/sim/saturated.h"
 
 namespace etude::task {
 namespace {
@@ -31,17 +32,16 @@ constexpr double kMaxReach = 2.0;          // m from the world's origin: nothing
 constexpr double kCloseAbove = 0.6;
 constexpr double kOpenBelow = 0.4;
 
+// The authors' evaluation: the pose of which step of an answer is followed, for how many steps, and how often, by their
+// scripts for UR5 and Panda, and for the Jaco. Source: the paper's public code (its loop over t_lim and t_interval).
+constexpr char kAsAuthors[] = "authors";
+constexpr int kHeldSteps = 45;
+constexpr int kFollowed = 15, kFollowedByJaco = 25;
+constexpr int kDecisions = 67, kDecisionsOfJaco = 20;
+
+bool IsJaco(const std::string& robot) { return robot == "jaco2"; }
+
 using Vector6d = Eigen::Matrix<double, 6, 1>;
-
-Eigen::Vector3d RotationVector(const Eigen::Quaterniond& q) {
-  const Eigen::AngleAxisd turn(q.w() < 0 ? Eigen::Quaterniond(-q.coeffs()) : q);
-  return turn.angle() * turn.axis();
-}
-
-Eigen::Vector3d Limited(const Eigen::Vector3d& v, double most) {
-  const double norm = v.norm();
-  return norm > most ? Eigen::Vector3d(v * (most / norm)) : v;
-}
 
 // Velocity that closes the gap `e` and can still be braked to nothing at its end.
 Eigen::Vector3d Closing(const Eigen::Vector3d& e, const Bounds& bounds) {
@@ -108,17 +108,17 @@ Command Tracker::Next() {
 double Tracker::Advance(const Pose& now, const Pose& next) {
   const double dt = 1 / kControlRate;
   Vector6d path;
-  path << (next.p - now.p) / dt, RotationVector(next.q * now.q.conjugate()) / dt;
+  path << (next.p - now.p) / dt, sim::RotationVector(now.q, next.q) / dt;
   const double share = ShareOf(path);
   path *= share;
   const Eigen::Vector3d gap = now.p - reference_.p - path.head<3>() * dt;
-  const Eigen::Vector3d turned = RotationVector(now.q * reference_.q.conjugate()) - path.tail<3>() * dt;
+  const Eigen::Vector3d turned = sim::RotationVector(reference_.q, now.q) - path.tail<3>() * dt;
   Vector6d wanted;
-  wanted << Limited(path.head<3>() + Closing(gap, kLinear), kLinear.speed),
-      Limited(path.tail<3>() + Closing(turned, kAngular), kAngular.speed);
+  wanted << sim::Saturated(path.head<3>() + Closing(gap, kLinear), kLinear.speed),
+      sim::Saturated(path.tail<3>() + Closing(turned, kAngular), kAngular.speed);
   const Vector6d change = ShareOf(wanted) * wanted - V_WE_;
-  V_WE_.head<3>() += Limited(change.head<3>(), kLinear.acceleration * dt);
-  V_WE_.tail<3>() += Limited(change.tail<3>(), kAngular.acceleration * dt);
+  V_WE_.head<3>() += sim::Saturated(change.head<3>(), kLinear.acceleration * dt);
+  V_WE_.tail<3>() += sim::Saturated(change.tail<3>(), kAngular.acceleration * dt);
   reference_.p += V_WE_.head<3>() * dt;
   const Eigen::Vector3d turn = V_WE_.tail<3>() * dt;
   if (turn.norm() > 0)
@@ -137,6 +137,11 @@ Rollout::Rollout(EpisodeRunner* session, collide::Checker* checker, std::shared_
   if (spec.pushes.on()) pushes_.emplace(spec.pushes, session_->plan().seeds.pushes, session_, checker_);
 }
 
+int StepLimitOf(const RolloutSpec& spec, const std::string& robot) {
+  if (spec.execution != kAsAuthors) return spec.max_steps;
+  return kHeldSteps * (IsJaco(robot) ? kDecisionsOfJaco : kDecisions);
+}
+
 int Rollout::LatencySteps(const policy::Answer& answer) {
   if (latency_steps_ >= 0) return latency_steps_;
   const double ms = spec_.latency_ms >= 0 ? spec_.latency_ms : answer.server_p99_ms;
@@ -148,7 +153,21 @@ int Rollout::LatencySteps(const policy::Answer& answer) {
   return steps;
 }
 
+Result<tl::expected<policy::Answer, Verdict>> Rollout::Decide(const policy::AskFunction& ask) {
+  ETUDE_ASSIGN_OR_RETURN(policy::Answer answer, Ask(ask));
+  const std::string refusal = RefusalOf(answer);
+  if (!refusal.empty())
+    return tl::make_unexpected(Verdict{AttemptOutcome::kPolicyError,
+                                       fmt::format("step {}: the policy answered {}", session_->steps(), refusal)});
+  RecordDecision(answer);
+  return answer;
+}
+
 Result<Verdict> Rollout::Run(const policy::AskFunction& ask, bool closed) {
+  return spec_.execution == kAsAuthors ? RunAsAuthors(ask, closed) : RunTracked(ask, closed);
+}
+
+Result<Verdict> Rollout::RunTracked(const policy::AskFunction& ask, bool closed) {
   Tracker tracker(session_->world().X_WE(), closed, [this](const Vector6d& V_WE) { return SpeedShareOf(V_WE); });
   std::vector<Waypoint> answered;  // not in effect yet
   int question = 0, effect = 0;    // steps of the next question, and from which the last answer counts
@@ -161,23 +180,45 @@ Result<Verdict> Rollout::Run(const policy::AskFunction& ask, bool closed) {
     };
     follow();  // before the next question, which may be asked in the same step
     if (step == question && step < spec_.max_steps) {
-      ETUDE_ASSIGN_OR_RETURN(policy::Answer answer, Ask(ask));
-      const std::string refusal = RefusalOf(answer);
-      if (!refusal.empty())
-        return Verdict{AttemptOutcome::kPolicyError, fmt::format("step {}: the policy answered {}", step, refusal)};
-      RecordDecision(answer);
-      latency = LatencySteps(answer);
+      ETUDE_ASSIGN_OR_RETURN(auto answer, Decide(ask));
+      if (!answer) return answer.error();
+      latency = LatencySteps(*answer);
       effect = step + latency;
       question = std::max(step + spec_.replan_steps, effect);
-      answered = std::move(answer.waypoints);
+      answered = std::move(answer->waypoints);
     }
     follow();
     if (pushes_) pushes_->BeforeStep();
-    if (!session_->Step(tracker.Next()))
-      return Verdict{session_->failure(), fmt::format("step {}: {}; {}", session_->steps(), session_->failure_reason(),
-                                                      session_->judge().Words())};
+    if (!session_->Step(tracker.Next())) return Failed();
   }
   return VerdictOnViolations(session_->judge());
+}
+
+// Their loop: a picture, one pose of the answer as the controller's target for kHeldSteps, and the next picture.
+Result<Verdict> Rollout::RunAsAuthors(const policy::AskFunction& ask, bool closed) {
+  latency_steps_ = 0;
+  const int limit = StepLimitOf(spec_, session_->plan().scene.robot);
+  const int followed = IsJaco(session_->plan().scene.robot) ? kFollowedByJaco : kFollowed;
+  Command held;
+  held.target = {session_->world().X_WE(), closed ? 1.0 : 0.0};
+  while (!session_->judge().done()) {
+    const int step = session_->steps();
+    if (step % kHeldSteps == 0 && step < limit) {
+      ETUDE_ASSIGN_OR_RETURN(auto answer, Decide(ask));
+      if (!answer) return answer.error();
+      held.target = Interpolate(answer->waypoints, followed);
+      closed = closed ? held.target.gripper > kOpenBelow : held.target.gripper > kCloseAbove;
+      held.target.gripper = closed ? 1 : 0;
+    }
+    if (pushes_) pushes_->BeforeStep();
+    if (!session_->Step(held)) return Failed();
+  }
+  return VerdictOnViolations(session_->judge());
+}
+
+Verdict Rollout::Failed() const {
+  return {session_->failure(),
+          fmt::format("step {}: {}; {}", session_->steps(), session_->failure_reason(), session_->judge().Words())};
 }
 
 double Rollout::SpeedShareOf(const Vector6d& V_WE) {

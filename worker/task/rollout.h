@@ -45,6 +45,9 @@ class Tracker {
   bool closed_;
 };
 
+/// Control steps until a rollout of `robot` counts as a failure.
+int StepLimitOf(const RolloutSpec& spec, const std::string& robot);
+
 class Rollout {
  public:
   /// `checker` measures distances, for the record and for pushes of the target.
@@ -60,8 +63,13 @@ class Rollout {
   OrderedJson Details(const Verdict& verdict) const;
 
  private:
+  Result<Verdict> RunTracked(const policy::AskFunction& ask, bool closed);
+  Result<Verdict> RunAsAuthors(const policy::AskFunction& ask, bool closed);
+  /// The answer to a new question, noted, or why it cannot be followed.
+  Result<tl::expected<policy::Answer, Verdict>> Decide(const policy::AskFunction& ask);
   Result<policy::Answer> Ask(const policy::AskFunction& ask);
   void RecordDecision(const policy::Answer& answer);
+  Verdict Failed() const;
   void ObserveDistance();
   /// How many control steps pass before an answer takes effect; settled by the first answer of a server that knows its
   /// own.

@@ -5,6 +5,11 @@
 #include <utility>
 
 namespace etude::task {
+namespace {
+
+constexpr double kAboutAsNear = 1e-4;  // m, beyond what two ways to the same distance differ by
+
+}  // namespace
 
 Tracer::Tracer(std::shared_ptr<const sim::Scene> scene, const EpisodePlan& plan, int stride, AttemptTrace* trace)
     : checker_(scene), target_(plan.target), stride_(stride), trace_(trace) {
@@ -23,7 +28,11 @@ void Tracer::Observe(const sim::World& world) {
   if (step % stride_ != 0) return;
   for (const auto& object : world.scene().objects()) checker_.SetObject(object.name, world.ObjectPose(object.name));
   checker_.SetGripper(world.gripper());
-  trace_->nearest.push_back({step, checker_.Nearest(world.q())});
+  AttemptTrace::Near near{step, checker_.Nearest(world.q()), std::nullopt};
+  if (!near.pair.body_a.empty())
+    for (auto& about : checker_.Distances(world.q(), near.pair.distance + kAboutAsNear))
+      if (about.body_a == near.pair.body_a && about.body_b == near.pair.body_b) near.where = std::move(about);
+  trace_->nearest.push_back(std::move(near));
 }
 
 }  // namespace etude::task

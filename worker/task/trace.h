@@ -4,6 +4,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,7 @@ struct AttemptTrace {
   struct Near {
     int step = 0;
     collide::Collision pair;
+    std::optional<collide::Proximity> where;  ///< the same pair with its points, where it has some
   };
   std::vector<Near> nearest;  ///< every so many steps
   Effort effort;

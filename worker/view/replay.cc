@@ -88,9 +88,15 @@ OrderedJson MotionsJson(const task::AttemptTrace& trace) {
 
 OrderedJson PlanJson(const EpisodePlan& plan, const task::AttemptResult& result, const task::AttemptTrace& trace) {
   OrderedJson nearest = OrderedJson::array();
-  for (const auto& [step, pair] : trace.nearest)
-    if (!pair.body_a.empty())
-      nearest.push_back({{"step", step}, {"distance_m", pair.distance}, {"a", pair.body_a}, {"b", pair.body_b}});
+  for (const auto& [step, pair, where] : trace.nearest) {
+    if (pair.body_a.empty()) continue;
+    OrderedJson row{{"step", step}, {"distance_m", pair.distance}, {"a", pair.body_a}, {"b", pair.body_b}};
+    if (where) {
+      row["a_m"] = Numbers(where->p_WA);
+      row["b_m"] = Numbers(where->p_WB);
+    }
+    nearest.push_back(std::move(row));
+  }
   return {{"index", plan.index},
           {"attempt", plan.attempt},
           {"seed", plan.seed},

@@ -22,7 +22,8 @@ struct ReplayOptions {
 
 /// Makes the attempt and writes
 ///   OUT/episodes/..., dataset.json, dataset.hdf5   a dataset of this one episode
-///   OUT/plan.json       what it is about, how it ended and why, the scene's draws, the motions planned, the distances
+///   OUT/plan.json       what it is about, how it ended and why, the scene's draws, the motions planned, the nearest
+///                       pairs with their distances and points
 ///   OUT/geometry.json   bodies and their collision pieces, and the layout of
 ///   OUT/poses.f32       where every body was at every control step
 /// and prints a line. An attempt that ended before anything moved has plan.json and geometry.json only.

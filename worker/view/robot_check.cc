@@ -84,9 +84,8 @@ Status NoteVisualMasses(const Path& yaml, double total, Report& report) {
   if (mass >= kVisualShare * total)
     report.Note(
         fmt::format("visual geoms, which collide with nothing, carry {:.2f} of {:.2f} kg beside those that "
-                    "collide: {}. Where both are the same link it weighs twice: give the visual ones mass=\"0\" "
-                    "in the MJCF, best in their default class",
-                    mass, total, fmt::join(bodies, ", ")));
+                    "collide: {}. Where both are the same link it weighs twice: say `masses: {}` to leave them out",
+                    mass, total, fmt::join(bodies, ", "), sim::kMassesOfCollision));
   return {};
 }
 

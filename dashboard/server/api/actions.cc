@@ -6,6 +6,9 @@
 
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/jobs.h"
+#include "dashboard/server/api/replays.h"
+#include "services/core/log.h"
+#include "services/store/filter_keys.h"
 
 namespace etude::api {
 namespace {
@@ -35,6 +38,11 @@ const std::vector<ActionHelp>& Known() {
       {"replay",
        "make an attempt again, to see how it went",
        {{"dataset", true, "dataset id"}, {"index", true, "episode"}, {"attempt", false, "attempt at it; 0"}}},
+      {"mask",
+       "give episodes of a dataset a filter key; while a collector has the dataset, that writes the key",
+       {{"dataset", true, "dataset id"},
+        {"key", true, "name of the filter key: a-z, 0-9, _ and -"},
+        {"indices", true, "its episodes, as text: 0-3,7"}}},
       {"verify", "read every byte of a dataset and report damaged files", {{"dataset", true, "dataset id"}}},
       {"pause",
        "lease nothing new to a campaign's workers; what is leased is finished and committed",
@@ -56,6 +64,10 @@ const std::vector<ActionHelp>& Known() {
 struct ActionCommand {
   std::vector<std::string> arguments;
   Weight weight = Weight::kLight;
+  std::vector<std::string> shown = {};  ///< for who copies it; empty: as it is run
+  std::string once = {};                ///< as Jobs::Request has them
+  std::function<void(bool)> finish = nullptr;
+  bool there = false;  ///< what it would make
 
   void AddFlags(const std::vector<std::string>& flags) {
     arguments.insert(arguments.end(), flags.begin(), flags.end());
@@ -73,6 +85,14 @@ Result<Path> CheckpointOf(Context& context, const OrderedJson& body) {
   return run.source->found().folder / "checkpoints" / header->file;
 }
 
+// Whether a folder is one of those that the gateway was given, or lies below one.
+bool IsGiven(Context& context, const Path& folder) {
+  return std::ranges::any_of(context.sources.catalog().roots(), [&](const Path& root) {
+    const auto [end, rest] = std::mismatch(root.begin(), root.end(), folder.begin(), folder.end());
+    return end == root.end();
+  });
+}
+
 Result<ActionCommand> Evaluate(Context& context, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const Path checkpoint, CheckpointOf(context, body));
   const auto episodes = UnsignedOf(body, "episodes").value_or(40);
@@ -82,8 +102,11 @@ Result<ActionCommand> Evaluate(Context& context, const OrderedJson& body) {
   if (episodes < 1 || episodes > 10'000 || !number)
     return Fail(Code::kInvalidArgument, "evaluate: episodes must be 1 to 10,000, seed a whole number as text");
   const Path folder = checkpoint.parent_path().parent_path();
-  const Path out =
-      folder.parent_path() / fmt::format("{}-eval-{}-{}", folder.filename().string(), checkpoint.stem().string(), seed);
+  const std::string name = fmt::format("eval-{}-{}", checkpoint.stem().string(), seed);
+  // beside the run, unless that is out of the folders that this gateway was given
+  const Path out = IsGiven(context, folder.parent_path())
+                       ? folder.parent_path() / fmt::format("{}-{}", folder.filename().string(), name)
+                       : folder / name;
   ActionCommand command{{"eval", "--checkpoint", checkpoint.string(), "--episodes", std::to_string(episodes), "--seed",
                          seed, "--out", out.string()},
                         Weight::kHeavy};
@@ -102,7 +125,7 @@ Result<ActionCommand> Control(Context& context, const std::string& action, const
 Result<ActionCommand> Promote(Context& context, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const Path checkpoint, CheckpointOf(context, body));
   const Path run = checkpoint.parent_path().parent_path();
-  return ActionCommand{{"checkpoint", "promote", run.string(), checkpoint.filename().string()}, Weight::kLight};
+  return ActionCommand{.arguments = {"checkpoint", "promote", run.string(), checkpoint.filename().string()}};
 }
 
 Result<ActionCommand> Serve(Context& context, const OrderedJson& body) {
@@ -119,23 +142,75 @@ Result<ActionCommand> Serve(Context& context, const OrderedJson& body) {
   return command;
 }
 
+// Into the gateway's own cache, wherever the dataset lies: nothing that is looked at is written to.
 Result<ActionCommand> Replay(Context& context, const OrderedJson& body) {
-  ETUDE_ASSIGN_OR_RETURN(const auto dataset, context.sources.Dataset(TextOf(body, "dataset")));
+  constexpr std::uint64_t kMostAttempts = 1'000'000;
   const auto index = UnsignedOf(body, "index");
   const auto attempt = UnsignedOf(body, "attempt").value_or(0);
-  if (!index || attempt > 1'000'000) return Fail(Code::kInvalidArgument, "replay: index must be a whole number");
-  // beside the dataset, which holds nothing but what its spec says
-  const Path& folder = dataset->found().folder;
-  const Path out =
-      folder.parent_path() / fmt::format("{}-replay-{:06}-{}", folder.filename().string(), *index, attempt);
-  return ActionCommand{{"attempt", "replay", folder.string(), "--index", std::to_string(*index), "--attempt",
-                        std::to_string(attempt), "--out", out.string()},
-                       Weight::kLight};
+  if (!index || attempt > kMostAttempts)
+    return Fail(Code::kInvalidArgument, "replay: index and attempt must be whole numbers");
+  ETUDE_ASSIGN_OR_RETURN(const auto wish,
+                         FindAttempt(context, TextOf(body, "dataset"), *index, static_cast<std::uint32_t>(attempt)));
+  const auto& replays = context.sources.replays();
+  const Path place = replays.NewPlace(wish.key);
+  ActionCommand command;
+  const auto written_to = [&](const std::string& out) {
+    return std::vector<std::string>{"attempt",
+                                    "replay",
+                                    wish.folder.string(),
+                                    "--index",
+                                    std::to_string(*index),
+                                    "--attempt",
+                                    std::to_string(attempt),
+                                    "--out",
+                                    out};
+  };
+  command.arguments = written_to(place.string());
+  command.shown = written_to(fmt::format("attempt-{}-{}", *index, attempt));
+  command.once = sources::Replays::IdOf(wish.key);
+  command.there = replays.Find(wish.key).has_value();
+  command.finish = [&context, &replays, place, key = wish.key](bool well) {
+    if (!well) return sources::Replays::Discard(place);
+    if (const Status kept = replays.Keep(place, key); !kept) Log().warn("{}", kept.error().message);
+    context.later(http::Lane::kFiles, [&replays, key] { replays.Trim(key); });
+  };
+  return command;
+}
+
+// "0-3,7" -> {"0-3", "7"}
+std::vector<std::string> SpansOf(const std::string& text) {
+  std::vector<std::string> spans;
+  for (std::size_t begin = 0; begin < text.size();) {
+    const auto comma = std::min(text.find(',', begin), text.size());
+    spans.push_back(text.substr(begin, comma - begin));
+    begin = comma + 1;
+  }
+  return spans;
+}
+
+Result<ActionCommand> Mask(Context& context, const OrderedJson& body) {
+  constexpr std::uint64_t kMostEpisodes = 10'000;
+  constexpr std::size_t kMostSpans = 1'000;  // each is an argument of the command
+  ETUDE_ASSIGN_OR_RETURN(const auto dataset, context.sources.Dataset(TextOf(body, "dataset")));
+  const std::string key = TextOf(body, "key");
+  // with '-' in front it would be an option
+  if (!IsPlainName(key) || key.starts_with('-'))
+    return Fail(Code::kInvalidArgument, "mask: key: a name has only a-z, 0-9, _ and -, at most 64 of them");
+  ETUDE_ASSIGN_OR_RETURN(const auto indices, store::ParseIndices(TextOf(body, "indices"), kMostEpisodes));
+  const auto spans = SpansOf(store::IndicesText(indices));
+  if (spans.empty() || spans.size() > kMostSpans)
+    return Fail(Code::kInvalidArgument, fmt::format("mask: indices: 1 to {} spans of episodes, 0-3,7", kMostSpans));
+  ActionCommand command{{"dataset", "filter", dataset->found().folder.string(), "--index"}, Weight::kLight};
+  command.AddFlags(spans);
+  command.AddFlags({"--as", key});
+  command.AddFlags(context.bus_flags(security::Role::kGateway));
+  return command;
 }
 
 Result<ActionCommand> Verify(Context& context, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const auto dataset, context.sources.Dataset(TextOf(body, "dataset")));
-  return ActionCommand{{"dataset", "verify", dataset->found().folder.string(), "--keep"}, Weight::kHeavy};
+  return ActionCommand{.arguments = {"dataset", "verify", dataset->found().folder.string(), "--keep"},
+                       .weight = Weight::kHeavy};
 }
 
 Result<ActionCommand> CommandFor(Context& context, const OrderedJson& body) {
@@ -143,6 +218,7 @@ Result<ActionCommand> CommandFor(Context& context, const OrderedJson& body) {
   if (action == "evaluate") return Evaluate(context, body);
   if (action == "replay") return Replay(context, body);
   if (action == "verify") return Verify(context, body);
+  if (action == "mask") return Mask(context, body);
   if (action == "promote") return Promote(context, body);
   if (action == "serve") return Serve(context, body);
   if (action == "pause" || action == "drain" || action == "resume" || action == "stop")
@@ -157,13 +233,18 @@ Result<http::Answer> Act(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const ActionCommand command, CommandFor(context, body));
   std::vector<std::string> words{"etude"};
   words.insert(words.end(), command.arguments.begin(), command.arguments.end());
-  if (sources::FlagOf(body, "dry_run")) return http::JsonAnswer({{"command", CommandText(words)}});
+  std::vector<std::string> shown = words;
+  if (!command.shown.empty()) {
+    shown.resize(1);
+    shown.insert(shown.end(), command.shown.begin(), command.shown.end());
+  }
+  if (sources::FlagOf(body, "dry_run") || command.there) return http::JsonAnswer({{"command", CommandText(shown)}});
   if (!request.authorized) {
     return http::Problem(context.security.enabled() ? 401 : 403, "The token is needed",
-                         "an action needs the gateway's token", "copy the command, or sign in: " + CommandText(words));
+                         "an action needs the gateway's token", "copy the command, or sign in: " + CommandText(shown));
   }
-  ETUDE_ASSIGN_OR_RETURN(const std::string id,
-                         context.jobs.Add({TextOf(body, "action"), command.arguments, command.weight}));
+  ETUDE_ASSIGN_OR_RETURN(const std::string id, context.jobs.Add({TextOf(body, "action"), command.arguments,
+                                                                 command.weight, command.once, command.finish}));
   return http::JsonAnswer({{"job", id}, {"command", CommandText(words)}}, 202);
 }
 

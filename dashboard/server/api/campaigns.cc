@@ -249,14 +249,12 @@ Result<http::Answer> Cells(Context& context, const http::Request& request) {
   std::vector<std::uint8_t> cells(std::min(state.total, kMost), kOpen);
   if (opened.view) {
     const auto& view = *opened.view;
-    std::map<std::uint64_t, int> failures;
     for (const auto& row : view.failures)
-      if (row.index < cells.size()) {
-        const bool last = ++failures[row.index] >= view.info.spec.max_attempts || row.outcome == "scene_invalid";
-        cells[row.index] = last ? kGivenUp : kFailed;
-      }
+      if (row.index < cells.size()) cells[row.index] = kFailed;
+    for (const std::uint64_t index : view.UsedUp())
+      if (index < cells.size()) cells[index] = kGivenUp;
     for (const auto& row : view.rows)
-      if (row.index < cells.size()) cells[row.index] = failures.contains(row.index) ? kRetried : kCommitted;
+      if (row.index < cells.size()) cells[row.index] = cells[row.index] == kOpen ? kCommitted : kRetried;
   }
   store::Safetensors content;
   content.tensors["cells"] = TensorOf(store::DType::kU8, cells);

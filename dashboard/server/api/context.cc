@@ -24,7 +24,7 @@ bool IsFresh(double updated) { return WallSeconds() - updated < kFresh_s; }
 // is no more to do. One at a time by `key`.
 void Context::InBackground(http::Lane lane, const std::string& key, std::function<bool()> step) {
   {
-    std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (!under_way_.insert(key).second) return;
   }
   later(lane, [this, lane, key, step = std::move(step)] {
@@ -34,7 +34,7 @@ void Context::InBackground(http::Lane lane, const std::string& key, std::functio
       return {};
     });
     {
-      std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       under_way_.erase(key);
     }
     if (!done) Log().error("read {}: {}", key, done.error().message);
@@ -59,6 +59,7 @@ http::Router MakeRouter(Context& context) {
   AddCampaignRoutes(router, context);
   AddDatasetRoutes(router, context);
   AddEpisodeRoutes(router, context);
+  AddReplayRoutes(router, context);
   AddRunRoutes(router, context);
   AddEvalRoutes(router, context);
   AddLogRoutes(router, context);

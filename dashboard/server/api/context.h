@@ -4,7 +4,6 @@
 
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <set>
 #include <string>
 #include <vector>
@@ -15,6 +14,7 @@
 #include "dashboard/server/live/bus_watch.h"
 #include "dashboard/server/live/play_watch.h"
 #include "dashboard/server/sources/sources.h"
+#include "services/core/thread_annotations.h"
 #include "services/policy/insight.h"
 #include "services/policy/policy_types.h"
 #include "services/security/role.h"
@@ -53,9 +53,9 @@ struct Context {
   void HashInBackground(std::shared_ptr<sources::RunSource> run);
 
  private:
-  void InBackground(http::Lane lane, const std::string& key, std::function<bool()> step);
-  std::mutex mutex_;
-  std::set<std::string> under_way_;
+  void InBackground(http::Lane lane, const std::string& key, std::function<bool()> step) ETUDE_EXCLUDES(mutex_);
+  Mutex mutex_;
+  std::set<std::string> under_way_ ETUDE_GUARDED_BY(mutex_);
 
  public:
   Context(sources::Sources& all, std::function<std::shared_ptr<const live::LiveView>()> view,
@@ -68,6 +68,7 @@ void AddFleetRoutes(http::Router& router, Context& context);
 void AddCampaignRoutes(http::Router& router, Context& context);
 void AddDatasetRoutes(http::Router& router, Context& context);
 void AddEpisodeRoutes(http::Router& router, Context& context);
+void AddReplayRoutes(http::Router& router, Context& context);
 void AddRunRoutes(http::Router& router, Context& context);
 void AddEvalRoutes(http::Router& router, Context& context);
 void AddLogRoutes(http::Router& router, Context& context);
@@ -151,8 +152,10 @@ std::string BusId(const bus::Presence& presence);
 /// ms since a moment of the wall clock; null when it is not known.
 OrderedJson AgeOf(double seconds_since_1970);
 
-/// By module {rows, columns, share, weights}: what each attends to of the picture, and {u, v, width, height} of it.
-OrderedJson AttentionJson(const policy::Insight& insight);
+/// Whether attention is shown of each head, or their mean alone, which is a fraction of the bytes.
+enum class Heads { kMean, kEach };
+/// By module what it attends to, see ModuleAttention in openapi.json; and {u, v, width, height} of the picture.
+OrderedJson AttentionJson(const policy::Insight& insight, Heads heads);
 OrderedJson ViewJson(const policy::Insight& insight);
 
 OrderedJson HomeJson(Context& context);

@@ -13,6 +13,7 @@
 #include "services/codec/frame.h"
 #include "services/episode/action.h"
 #include "services/episode/tracks.h"
+#include "services/spec/task_name.h"
 #include "services/video/picture.h"
 
 namespace etude::api {
@@ -140,6 +141,7 @@ Result<http::Answer> EpisodeAnswer(Context& context, const http::Request& reques
                    {"task", episode.task},
                    {"target", episode.target},
                    {"reference", episode.reference},
+                   {"obstacle", episode.task.ends_with("+obstacle") ? OrderedJson(kObstacleObject) : OrderedJson()},
                    {"instruction", episode.instruction},
                    {"success", episode.success},
                    {"outcome", episode.outcome},

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "dashboard/server/api/context.h"
+#include "dashboard/server/api/truth.h"
 
 namespace etude::api {
 namespace {
@@ -20,7 +21,8 @@ constexpr std::size_t kLongestSentence = 400;
 
 struct Asked {
   std::shared_ptr<const store::EpisodeRecord> record;
-  std::size_t picture = 0;
+  int step = 0;               // of the picture
+  bool demonstrated = false;  // by an expert, and not a policy
   std::vector<std::uint8_t> rgb;
   policy::Question question;  // points into rgb
 };
@@ -32,18 +34,19 @@ Status Fill(Context& context, const OrderedJson& source, Asked& asked) {
   if (!index) return Fail(Code::kInvalidArgument, "source.episode: must be a whole number");
   ETUDE_ASSIGN_OR_RETURN(asked.record, dataset->Episode(*index));
   const Episode& episode = asked.record->episode;
-  asked.picture = UnsignedOf(source, "picture").value_or(0);
+  ETUDE_ASSIGN_OR_RETURN(const auto view, dataset->View());
+  asked.demonstrated = view->info.spec.mode != "rollout";
+  const std::size_t picture = UnsignedOf(source, "picture").value_or(0);
   const std::size_t pictures = asked.record->frames.empty() ? 0 : asked.record->frames[0].size();
-  if (asked.picture >= pictures)
-    return Fail(Code::kNotFound, fmt::format("episode {} has {} pictures", *index, pictures));
-  const auto step = static_cast<std::int64_t>(asked.picture) * std::max(1, episode.image_stride);
+  if (picture >= pictures) return Fail(Code::kNotFound, fmt::format("episode {} has {} pictures", *index, pictures));
+  const auto step = static_cast<std::int64_t>(picture) * std::max(1, episode.image_stride);
   if (step >= episode.steps() || step >= episode.joint_pos.rows() || step >= episode.gripper_qpos.rows())
-    return Fail(Code::kCorrupt, fmt::format("episode {} has no step of picture {}", *index, asked.picture));
+    return Fail(Code::kCorrupt, fmt::format("episode {} has no step of picture {}", *index, picture));
+  asked.step = static_cast<int>(step);
   const Camera& camera = episode.cameras[0].camera;
   asked.rgb.resize(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height) * 3);
-  ETUDE_RETURN_IF_ERROR(
-      store::FrameReader::Read(asked.record->path, asked.record->frames[0][asked.picture], asked.rgb));
-  asked.question = policy::QuestionAt(episode, static_cast<int>(step), asked.rgb);
+  ETUDE_RETURN_IF_ERROR(store::FrameReader::Read(asked.record->path, asked.record->frames[0][picture], asked.rgb));
+  asked.question = policy::QuestionAt(episode, asked.step, asked.rgb);
   return {};
 }
 
@@ -53,30 +56,47 @@ Result<std::string> WhatIfOf(const OrderedJson& body) {
   if (what_if.is_null()) return std::string();
   if (!what_if.is_object()) return Fail(Code::kInvalidArgument, "what_if: must be an object");
   for (const auto& [key, value] : what_if.items())
-    if (key != "sentence" && key != "hide" && key != "say")
-      return Fail(Code::kInvalidArgument, "what_if: " + NotKnown(key.substr(0, 40), {"sentence", "hide", "say"}));
+    if (key != "sentence" && key != "hide" && key != "say" && key != "worth")
+      return Fail(Code::kInvalidArgument,
+                  "what_if: " + NotKnown(key.substr(0, 40), {"sentence", "hide", "say", "worth"}));
   return what_if.empty() ? std::string() : what_if.dump();
 }
 
-// Where the target, the hand and others truly are in the picture, px.
-OrderedJson TruthJson(const Asked& asked) {
-  const Episode& episode = asked.record->episode;
-  const int step = static_cast<int>(asked.picture) * std::max(1, episode.image_stride);
-  OrderedJson marks = OrderedJson::object();
-  const auto mark = [&](const std::string& name, const Track& pixel) {
-    if (pixel.columns == 2 && step < pixel.rows()) marks[name] = {pixel.row(step)[0], pixel.row(step)[1]};
-  };
-  mark("hand", episode.eef_pixel);
-  for (const auto& object : episode.objects) mark(object.name, object.pixel);
-  return {{"target", episode.target},
-          {"reference", sources::TextOrNull(episode.reference)},
-          {"instruction", episode.instruction},
-          {"pixels", marks}};
+// What a byte of them was is kept, and not what dividing it made of it: a grid of hundreds goes several times a second.
+std::vector<double> RoundedWeights(const std::vector<double>& weights) {
+  std::vector<double> rounded(weights.size());
+  std::ranges::transform(weights, rounded.begin(), [](double weight) { return std::round(weight * 1e6) / 1e6; });
+  return rounded;
 }
 
-OrderedJson WaypointsJson(const policy::Insight& insight) {
+OrderedJson WordsJson(const policy::Insight& insight) {
+  OrderedJson words = OrderedJson::array();
+  for (const auto& [word, moves] : insight.words) words.push_back(OrderedJson{{"word", word}, {"moves_m", moves}});
+  return words;
+}
+
+// Where each joint was in the question, and what it is worth where that was asked.
+OrderedJson JointsJson(const Asked& asked, const policy::Insight& insight) {
+  const auto arm = static_cast<std::size_t>(asked.record->episode.joint_pos.columns);
+  const auto& values = asked.question.joints;
+  const bool worth = insight.joints.size() == values.size();
+  OrderedJson joints = OrderedJson::array();
+  for (std::size_t j = 0; j < values.size(); ++j) {
+    const bool one_finger = values.size() == arm + 1;
+    const std::string name = j < arm      ? fmt::format("joint {}", j + 1)
+                             : one_finger ? "gripper"
+                                          : fmt::format("gripper {}", j - arm + 1);
+    joints.push_back({{"name", name},
+                      {"value", values[j]},
+                      {"unit", j < arm ? "rad" : "rad or m"},
+                      {"moves_m", worth ? OrderedJson(insight.joints[j]) : OrderedJson()}});
+  }
+  return joints;
+}
+
+OrderedJson WaypointsJson(const std::vector<Waypoint>& waypoints) {
   OrderedJson points = OrderedJson::array();
-  for (const auto& waypoint : insight.waypoints)
+  for (const auto& waypoint : waypoints)
     points.push_back({waypoint.X_WE.p.x(), waypoint.X_WE.p.y(), waypoint.X_WE.p.z(), waypoint.gripper});
   return points;
 }
@@ -96,31 +116,37 @@ Result<http::Answer> Answer(Context& context, const http::Request& request) {
   if (const std::string sentence = TextOf(body, "sentence"); !sentence.empty())
     asked.question.instruction = sentence.substr(0, kLongestSentence);
   ETUDE_ASSIGN_OR_RETURN(const policy::Insight insight, context.look(*name, asked.question, what_if));
+  const Episode& episode = asked.record->episode;
+  const TruthScope scope{asked.question.instruction == episode.instruction, asked.demonstrated};
   return http::JsonAnswer({{"run", *name},
                            {"checkpoint_step", insight.checkpoint_step},
                            {"sentence", asked.question.instruction},
                            {"modules", http::ForBrowsers(insight.modules)},
                            {"what_if", insight.what_if.is_null() ? OrderedJson() : http::ForBrowsers(insight.what_if)},
-                           {"attention", AttentionJson(insight)},
+                           {"attention", AttentionJson(insight, Heads::kEach)},
                            {"view", ViewJson(insight)},
-                           {"waypoints", WaypointsJson(insight)},
-                           {"truth", TruthJson(asked)}});
+                           {"waypoints", WaypointsJson(insight.waypoints)},
+                           {"what_if_waypoints", WaypointsJson(insight.what_if_waypoints)},
+                           {"words", WordsJson(insight)},
+                           {"joints", JointsJson(asked, insight)},
+                           {"truth", TruthJson(episode, asked.step, insight, scope)}});
 }
 
 }  // namespace
 
-OrderedJson AttentionJson(const policy::Insight& insight) {
-  // what a byte of them was is kept, and not what dividing it made of it: a grid of hundreds goes several times a
-  // second
-  const auto rounded = [](double weight) { return std::round(weight * 1e6) / 1e6; };
+OrderedJson AttentionJson(const policy::Insight& insight, Heads heads) {
   OrderedJson json = OrderedJson::object();
   for (const auto& [module, attention] : insight.attention) {
-    std::vector<double> weights(attention.weights.size());
-    std::ranges::transform(attention.weights, weights.begin(), rounded);
-    json[module] = {{"rows", attention.rows},
-                    {"columns", attention.columns},
-                    {"share", attention.share()},
-                    {"weights", std::move(weights)}};
+    OrderedJson& own = json[module] = {{"rows", attention.rows},
+                                       {"columns", attention.columns},
+                                       {"share", attention.share()},
+                                       {"keys", attention.keys},
+                                       {"weights", RoundedWeights(attention.mean.picture)},
+                                       {"key_weights", RoundedWeights(attention.mean.keys)}};
+    if (heads == Heads::kMean) continue;
+    own["heads"] = OrderedJson::array();
+    for (const auto& head : attention.heads)
+      own["heads"].push_back({{"weights", RoundedWeights(head.picture)}, {"key_weights", RoundedWeights(head.keys)}});
   }
   return json;
 }

@@ -56,6 +56,7 @@ std::string CommandText(const std::vector<std::string>& arguments) {
 
 Result<std::string> Jobs::Add(const Request& request) {
   MutexLock lock(mutex_);
+  if (const Job* same = Same(request.once)) return same->id;
   const auto running = [](const Job& job) { return job.running(); };
   if (static_cast<std::size_t>(std::ranges::count_if(jobs_, running)) >= kAtOnce)
     return Fail(Code::kUnavailable, fmt::format("{} jobs are at work; wait for one to end, or stop it", kAtOnce));
@@ -67,6 +68,8 @@ Result<std::string> Jobs::Add(const Request& request) {
   job.action = request.action;
   job.arguments = request.arguments;
   job.weight = request.weight;
+  job.once = request.once;
+  job.finish = request.finish;
   job.started = WallSeconds();
   std::vector<std::string> words{"etude"};
   words.insert(words.end(), request.arguments.begin(), request.arguments.end());
@@ -91,7 +94,13 @@ void Jobs::StartJob(Job& job) {
   } else {
     job.problem = program.error().message;
   }
-  job.exit_code = 1;
+  End(job, 1);
+}
+
+void Jobs::End(Job& job, int exit_code) {
+  job.process.reset();
+  if (job.finish) job.finish(exit_code == 0);
+  job.exit_code = exit_code;
   job.ended = WallSeconds();
 }
 
@@ -104,11 +113,25 @@ void Jobs::Pump() {
       continue;
     }
     if (std::exchange(job.stop, false)) job.process->Terminate();
-    job.exit_code = job.process->Poll();
-    if (!job.exit_code) continue;
-    job.ended = WallSeconds();
-    job.process.reset();
+    if (const auto exit_code = job.process->Poll()) End(job, *exit_code);
   }
+}
+
+const Jobs::Job* Jobs::Same(const std::string& once) const {
+  const auto found =
+      std::ranges::find_if(jobs_, [&](const Job& job) { return job.running() && !once.empty() && job.once == once; });
+  return found == jobs_.end() ? nullptr : &*found;
+}
+
+std::optional<std::string> Jobs::Running(const std::string& once) const {
+  MutexLock lock(mutex_);
+  const Job* same = Same(once);
+  return same ? std::optional(same->id) : std::nullopt;
+}
+
+bool Jobs::Busy() const {
+  MutexLock lock(mutex_);
+  return std::ranges::any_of(jobs_, &Job::running);
 }
 
 Status Jobs::Stop(const std::string& id) {

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -29,9 +30,17 @@ class Jobs {
     std::string action;
     std::vector<std::string> arguments;  ///< behind `etude`, never through a shell
     Weight weight = Weight::kLight;
+    std::string once = {};  ///< while one with the same word runs, no second one does; "": any number
+    /// Called by Pump at its end, also where it could not be started; shall be quick. @param well  exit code 0
+    std::function<void(bool well)> finish = nullptr;
   };
-  /// Waits for the next Pump. @returns its id. @error kUnavailable: four are at work, or a heavy one is
+  /// Waits for the next Pump. @returns its id, or that of the one that runs (`once`), and then never calls finish.
+  /// @error kUnavailable: four are at work, or a heavy one is
   Result<std::string> Add(const Request& request);
+  /// The one that runs. nullopt: none
+  std::optional<std::string> Running(const std::string& once) const;
+  /// Whether one runs, or waits to.
+  bool Busy() const;
   /// Starts what waits and looks after what runs. Call a few times a second, always on the same thread: the kernel ends
   /// children with the thread that started them.
   void Pump();
@@ -48,6 +57,8 @@ class Jobs {
     std::string id, action, command;
     std::vector<std::string> arguments;
     Weight weight = Weight::kLight;
+    std::string once;
+    std::function<void(bool)> finish;
     double started = 0, ended = 0;
     std::optional<int> exit_code;
     std::optional<campaign::Process> process;
@@ -55,7 +66,9 @@ class Jobs {
     std::string problem;  // why it could not be started
     bool running() const { return ended == 0; }
   };
+  const Job* Same(const std::string& once) const ETUDE_REQUIRES(mutex_);  // the one that runs
   void StartJob(Job& job) ETUDE_REQUIRES(mutex_);
+  static void End(Job& job, int exit_code);
   OrderedJson JsonOf(const Job& job) const;
   Path LogOf(const Job& job) const { return folder_ / (job.id + ".log"); }
 

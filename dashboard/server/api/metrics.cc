@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <sstream>
 #include <tuple>
 
@@ -75,6 +76,29 @@ void Collection(const std::vector<DatasetMetrics>& datasets, Exposition& out) {
       out.Sample("etude_failed_attempts_total", {{"campaign", id}, {"reason", key.first}, {"task", key.second}},
                  static_cast<double>(count));
   }
+}
+
+// By host: a label each would grow without end. A worker that goes from shard to shard is one slot.
+void Slots(const live::LiveView& live, Exposition& out) {
+  struct Names {
+    std::set<std::string> all, busy;
+  };
+  std::map<std::string, Names> hosts;
+  for (const auto& [id, campaign] : live.campaigns) {
+    if (!campaign.present) continue;
+    for (const auto& [name, worker] : campaign.workers) {
+      if (worker.status.phase == "gone") continue;
+      Names& host = hosts[worker.status.host];
+      host.all.insert(name);
+      if (!worker.status.phase.empty() && worker.status.phase != "idle") host.busy.insert(name);
+    }
+  }
+  out.Family("etude_slots", "gauge", "Workers of a host that are heard.");
+  for (const auto& [host, names] : hosts)
+    out.Sample("etude_slots", {{"host", host}}, static_cast<double>(names.all.size()));
+  out.Family("etude_slots_busy", "gauge", "Those of them that make an episode or send one.");
+  for (const auto& [host, names] : hosts)
+    out.Sample("etude_slots_busy", {{"host", host}}, static_cast<double>(names.busy.size()));
 }
 
 void PlanSeconds(const std::vector<DatasetMetrics>& datasets, Exposition& out) {
@@ -226,6 +250,7 @@ std::string Exposed(const std::vector<DatasetMetrics>& datasets, const std::vect
                     const live::LiveView& live, Counters& counters) {
   Exposition out;
   Collection(datasets, out);
+  Slots(live, out);
   PlanSeconds(datasets, out);
   Training(runs, out);
   Policies(live, counters, out);

@@ -163,7 +163,7 @@ Result<http::Answer> LookInto(Context& context, const http::Request& request) {
   return http::JsonAnswer({{"number", looked.number},
                            {"checkpoint_step", insight.checkpoint_step},
                            {"modules", http::ForBrowsers(insight.modules)},
-                           {"attention", AttentionJson(insight)},
+                           {"attention", AttentionJson(insight, Heads::kMean)},
                            {"view", ViewJson(insight)}});
 }
 

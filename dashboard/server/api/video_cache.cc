@@ -7,6 +7,7 @@
 #include <fstream>
 #include <vector>
 
+#include "dashboard/server/sources/bounded_folder.h"
 #include "dashboard/server/sources/files.h"
 #include "services/core/hash.h"
 #include "services/episode/action.h"
@@ -34,31 +35,6 @@ Status Make(const store::EpisodeRecord& record, std::size_t camera, const Path& 
   return writer.Finish();
 }
 
-void Trim(const Path& folder, const Path& keep, std::uint64_t most_bytes) {
-  struct Entry {
-    Path path;
-    std::uint64_t size;
-    std::filesystem::file_time_type used;
-  };
-  std::vector<Entry> entries;
-  std::uint64_t total = 0;
-  std::error_code error;
-  for (std::filesystem::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-    std::error_code ignored;
-    if (it->path().extension() != ".mp4") continue;
-    entries.push_back({it->path(), it->file_size(ignored), it->last_write_time(ignored)});
-    total += entries.back().size;
-  }
-  std::ranges::sort(entries, {}, &Entry::used);
-  for (const auto& entry : entries) {
-    if (total <= most_bytes) return;
-    if (entry.path == keep) continue;
-    std::error_code ignored;
-    std::filesystem::remove(entry.path, ignored);
-    total -= entry.size;
-  }
-}
-
 }  // namespace
 
 Result<Path> CachedVideo(const Path& folder, const store::EpisodeRecord& record, std::size_t camera,
@@ -69,8 +45,7 @@ Result<Path> CachedVideo(const Path& folder, const store::EpisodeRecord& record,
   const Path file = folder / (Sha256Hex(key).substr(0, 32) + ".mp4");
   std::error_code error;
   if (std::filesystem::exists(file, error)) {
-    // the time of last use decides which ones go
-    std::filesystem::last_write_time(file, std::filesystem::file_time_type::clock::now(), error);
+    sources::MarkUsed(file);  // that decides which ones go
     return file;
   }
   ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
@@ -81,7 +56,7 @@ Result<Path> CachedVideo(const Path& folder, const store::EpisodeRecord& record,
   }
   std::filesystem::rename(temporary, file, error);
   if (error) return Fail(Code::kUnavailable, fmt::format("keep the video '{}': {}", file.string(), error.message()));
-  Trim(folder, file, most_bytes);
+  sources::TrimFolder(folder, most_bytes, file, [](const Path& entry) { return entry.extension() == ".mp4"; });
   return file;
 }
 

@@ -21,8 +21,8 @@ constexpr std::size_t kMostEntries = 20'000;  // looked at, of one root
 constexpr std::size_t kMostFound = 1'000;
 constexpr std::chrono::seconds kScanEvery{3};
 // what only holds files of what was found already
-constexpr std::array<std::string_view, 7> kClosed{"episodes", "videos",  "checkpoints", "quarantine",
-                                                  "masks",    "objects", "node_modules"};
+constexpr std::array<std::string_view, 6> kClosed{"episodes",   "videos",  "checkpoints",
+                                                  "quarantine", "objects", "node_modules"};
 
 std::string IdOf(const std::string& shown) {
   std::string id;
@@ -64,7 +64,8 @@ std::optional<Kind> KindOf(const Path& folder) {
 // Looks through one root, folders that lie higher first.
 class Search {
  public:
-  Search(std::vector<Found>& found, std::vector<Catalog::LogFile>& logs) : found_(found), logs_(logs) {}
+  Search(std::vector<Found>& found, std::vector<Catalog::LogFile>& logs, const Path& left_out)
+      : found_(found), logs_(logs), left_out_(left_out) {}
 
   void Root(const Path& root) {
     const std::string name =
@@ -109,7 +110,7 @@ class Search {
     for (; !error && it != end && entries < kMostEntries; it.increment(error), ++entries) {
       const std::string name = it->path().filename().string();
       std::error_code ignored;
-      if (name.starts_with('.') || it->is_symlink(ignored)) continue;
+      if (name.starts_with('.') || it->is_symlink(ignored) || it->path() == left_out_) continue;
       if (it->is_directory(ignored)) {
         if (std::ranges::find(kClosed, name) == kClosed.end()) folders.push_back(it->path());
       } else if (logs && name.ends_with(".log") && logs_.size() < kMostFound) {
@@ -126,6 +127,7 @@ class Search {
 
   std::vector<Found>& found_;
   std::vector<Catalog::LogFile>& logs_;
+  const Path& left_out_;
   std::set<std::pair<Kind, std::string>> ids_;
 };
 
@@ -138,6 +140,14 @@ std::vector<Path> Canonical(const std::vector<Path>& roots) {
     canonical.push_back(error ? std::filesystem::absolute(root).lexically_normal() : path);
   }
   return canonical;
+}
+
+// Also of one that is made later.
+Path CanonicalOf(const Path& folder) {
+  if (folder.empty()) return folder;
+  std::error_code error;
+  const Path path = std::filesystem::weakly_canonical(std::filesystem::absolute(folder), error);
+  return error ? std::filesystem::absolute(folder).lexically_normal() : path;
 }
 
 }  // namespace
@@ -154,14 +164,15 @@ std::string ToString(Kind kind) {
   return "eval";
 }
 
-Catalog::Catalog(std::vector<Path> roots) : roots_(Canonical(roots)) {}
+Catalog::Catalog(std::vector<Path> roots, const Path& left_out)
+    : roots_(Canonical(roots)), left_out_(CanonicalOf(left_out)) {}
 
 void Catalog::Scan() {
   const auto now = MonotonicClock::now();
   if (found_ && now - scanned_ < kScanEvery) return;
   auto found = std::make_shared<std::vector<Found>>();
   auto logs = std::make_shared<std::vector<LogFile>>();
-  Search search(*found, *logs);
+  Search search(*found, *logs, left_out_);
   for (const auto& root : roots_) search.Root(root);
   std::ranges::sort(*found, {}, [](const Found& item) { return std::tie(item.kind, item.id); });
   found_ = std::move(found);

@@ -30,8 +30,9 @@ struct Found {
 /// Thread-safe.
 class Catalog {
  public:
-  /// @param roots  folders; one that is itself a dataset, a run or an evaluation is found as such
-  explicit Catalog(std::vector<Path> roots);
+  /// @param roots     folders; one that is itself a dataset, a run or an evaluation is found as such
+  /// @param left_out  a folder below a root that is not looked into; empty: none
+  explicit Catalog(std::vector<Path> roots, const Path& left_out = {});
 
   /// What is there, looked for again at most every three seconds; in order of kind and id.
   std::shared_ptr<const std::vector<Found>> List();
@@ -56,6 +57,7 @@ class Catalog {
   void Scan() ETUDE_REQUIRES(mutex_);
 
   const std::vector<Path> roots_;
+  const Path left_out_;
   Mutex mutex_;
   std::shared_ptr<const std::vector<Found>> found_ ETUDE_GUARDED_BY(mutex_);
   std::shared_ptr<const std::vector<LogFile>> logs_ ETUDE_GUARDED_BY(mutex_);

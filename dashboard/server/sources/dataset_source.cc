@@ -11,6 +11,8 @@
 #include "services/core/statistics.h"
 #include "services/episode/bounded_json.h"
 #include "services/spec/episode_plan.h"
+#include "services/store/attempts.h"
+#include "services/store/filter_keys.h"
 
 namespace etude::sources {
 namespace {
@@ -142,22 +144,19 @@ const EpisodeRow* DatasetView::Find(std::uint64_t index) const {
   return found == rows.end() || found->index != index ? nullptr : &*found;
 }
 
-std::uint64_t DatasetView::GivenUp() const {
+std::set<std::uint64_t> DatasetView::UsedUp() const {
+  const auto most = static_cast<std::size_t>(std::max(1, info.spec.max_attempts));
   std::map<std::uint64_t, std::set<std::uint32_t>> failed;
-  std::uint64_t given_up = 0;
+  std::set<std::uint64_t> used_up;
   for (const auto& row : failures) {
     if (row.outcome == "policy_error" || Find(row.index)) continue;  // that one is made again, whatever its number
     auto& attempts = failed[row.index];
-    const bool never = row.outcome == "scene_invalid" && info.spec.scenes == "first_draw";
-    const auto before = attempts.size();
-    const auto most = static_cast<std::size_t>(std::max(1, info.spec.max_attempts));
-    if (never)
-      while (attempts.size() < most) attempts.insert(static_cast<std::uint32_t>(1'000'000 + attempts.size()));
-    else
-      attempts.insert(row.attempt);
-    given_up += before < most && attempts.size() >= most ? 1 : 0;
+    attempts.insert(row.attempt);
+    // a rollout's scene is a function of its index: another attempt would be the same
+    const bool never = row.outcome == "scene_invalid" && info.spec.mode == "rollout";
+    if (never || attempts.size() >= most) used_up.insert(row.index);
   }
-  return given_up;
+  return used_up;
 }
 
 DatasetSource::DatasetSource(Found found)
@@ -230,6 +229,7 @@ void DatasetSource::ReadFailures() {
                     [this](const OrderedJson& line) {
                       if (!UnsignedOf(line, "index") || failures_.size() >= kMostRows) return;
                       AttemptRow row = FailureFrom(line);
+                      if (row.outcome == store::kRecheckMismatch) return;  // the attempt itself had succeeded
                       const EpisodeRow about = RowFromSpec(row.index);
                       row.task = about.task, row.target = about.target, row.robot = about.robot;
                       failures_.push_back(std::move(row));
@@ -361,29 +361,18 @@ Result<std::shared_ptr<const store::EpisodeRecord>> DatasetSource::Episode(std::
 }
 
 std::vector<std::string> DatasetSource::Keys() const {
-  std::vector<std::string> keys;
-  std::error_code error;
-  std::filesystem::directory_iterator entries(found_.folder / "masks", error), end;
-  for (; !error && entries != end && keys.size() < 200; entries.increment(error)) {
-    const std::string stem = entries->path().stem().string();
-    if (entries->path().extension() == ".json" && IsPlainName(stem)) keys.push_back(stem);
-  }
-  std::ranges::sort(keys);
-  return keys;
+  std::vector<std::string> names;
+  // a file that is damaged has none: whoever asks for one of its keys is told why
+  for (const auto& [name, episodes] : store::ReadFilterKeys(found_.folder).value_or(store::FilterKeys()))
+    names.push_back(name);
+  return names;
 }
 
 Result<std::set<std::uint64_t>> DatasetSource::EpisodesOfKey(const std::string& key) const {
-  const auto missing = [&] { return Fail(Code::kNotFound, fmt::format("there is no filter key '{:.64}'", key)); };
-  if (!IsPlainName(key)) return missing();
-  const auto text = ReadTextFile(found_.folder / "masks" / (key + ".json"), kJsonBytes);
-  if (!text) return missing();
-  const auto json = ParseBoundedJson(*text);
-  if (!json) return missing();
-  const OrderedJson& list = json->is_object() ? PartOf(*json, "episodes") : *json;
-  std::set<std::uint64_t> episodes;
-  for (const auto& item : list)
-    if (item.is_number_unsigned()) episodes.insert(item.get<std::uint64_t>());
-  return episodes;
+  ETUDE_ASSIGN_OR_RETURN(auto keys, store::ReadFilterKeys(found_.folder));
+  const auto found = keys.find(key);
+  if (found == keys.end()) return Fail(Code::kNotFound, fmt::format("there is no filter key '{:.64}'", key));
+  return std::move(found->second);
 }
 
 }  // namespace etude::sources

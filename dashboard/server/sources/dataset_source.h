@@ -68,7 +68,9 @@ struct DatasetView {
 
   /// nullptr: no such episode.
   const EpisodeRow* Find(std::uint64_t index) const;
-  std::uint64_t GivenUp() const;  ///< indices whose attempts are used up
+  /// Indices whose attempts are used up, as their collector counts them (services/campaign/history.h).
+  std::set<std::uint64_t> UsedUp() const;
+  std::uint64_t GivenUp() const { return UsedUp().size(); }
 };
 
 /// Thread-safe.
@@ -85,9 +87,9 @@ class DatasetSource {
   Result<std::shared_ptr<const store::EpisodeRecord>> Episode(std::uint64_t index);
   /// What an episode is about, made or not: index, split, and what follows from the spec.
   EpisodeRow About(std::uint64_t index);
-  /// Names of masks/<key>.json, and their episodes. Small files, read each time.
+  /// Names of the dataset's filter keys (filters.json), and the episodes of one. A small file, read each time.
   std::vector<std::string> Keys() const;
-  /// @error kNotFound
+  /// @error kNotFound; kCorrupt, kUnavailable: the file cannot be read
   Result<std::set<std::uint64_t>> EpisodesOfKey(const std::string& key) const;
 
  private:

@@ -5,13 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 
 #include "services/core/file.h"
 #include "services/core/hash.h"
 #include "services/core/identity.h"
-#include "services/episode/bounded_json.h"
+#include "services/store/safetensors.h"
 
 namespace etude::sources {
 namespace {
@@ -38,27 +37,6 @@ std::uint64_t Numbers(const OrderedJson& tensor) {
     numbers *= size;
   }
   return numbers;
-}
-
-bool FillFrom(int fd, const std::string& file, std::uint64_t offset, std::string& text) {
-  const auto read = ReadAt(fd, file, offset, {reinterpret_cast<std::uint8_t*>(text.data()), text.size()});
-  return read && *read == text.size();
-}
-
-Result<OrderedJson> HeaderJson(int fd, const std::string& file, std::uint64_t file_size, std::uint64_t most) {
-  const auto corrupt = [&](std::string_view what) {
-    return Fail(Code::kCorrupt, fmt::format("read the header of '{}': {}", file, what));
-  };
-  std::uint64_t size = 0;
-  std::string prefix(sizeof size, '\0');
-  if (!FillFrom(fd, file, 0, prefix)) return corrupt("shorter than 8 bytes");
-  std::memcpy(&size, prefix.data(), sizeof size);  // little-endian, as this machine
-  if (size > most || size + 8 > file_size) return corrupt(fmt::format("it claims to be {} bytes long", size));
-  std::string text(size, '\0');
-  if (!FillFrom(fd, file, 8, text)) return corrupt("it is cut");
-  auto json = ParseBoundedJson(text);
-  if (!json || !json->is_object()) return corrupt("it is not JSON");
-  return std::move(*json);
 }
 
 }  // namespace
@@ -165,7 +143,7 @@ Result<CheckpointHeader> ReadCheckpointHeader(const Path& folder, const std::str
   CheckpointHeader header;
   header.file = file;
   header.stamp = open.stamp;
-  const auto json = HeaderJson(open.file.get(), file, open.stamp.size, header_bytes);
+  const auto json = store::ReadSafetensorsHeader(open.file.get(), file, header_bytes);
   if (!json) {
     header.error = json.error().message;
     return header;

@@ -11,6 +11,7 @@
 #include "dashboard/server/sources/catalog.h"
 #include "dashboard/server/sources/dataset_source.h"
 #include "dashboard/server/sources/eval_source.h"
+#include "dashboard/server/sources/replays.h"
 #include "dashboard/server/sources/run_source.h"
 
 namespace etude::sources {
@@ -18,13 +19,21 @@ namespace etude::sources {
 /// Thread-safe. Of each kind the readers that were used last are kept.
 class Sources {
  public:
-  explicit Sources(std::vector<Path> roots) : catalog_(std::move(roots)) {}
+  /// @param replays  folder of attempts that were made again, which is never listed; empty: none are kept
+  explicit Sources(std::vector<Path> roots, const Path& replays = {})
+      : catalog_(std::move(roots), replays), replays_(replays) {}
 
   Catalog& catalog() { return catalog_; }
-  /// @error kNotFound
-  Result<std::shared_ptr<DatasetSource>> Dataset(const std::string& id) { return Get(datasets_, Kind::kDataset, id); }
-  Result<std::shared_ptr<RunSource>> Run(const std::string& id) { return Get(runs_, Kind::kRun, id); }
-  Result<std::shared_ptr<EvalSource>> Eval(const std::string& id) { return Get(evals_, Kind::kEval, id); }
+  const Replays& replays() const { return replays_; }
+  /// One that was found, or a replay's ("replay.<key>"). @error kNotFound
+  Result<std::shared_ptr<DatasetSource>> Dataset(const std::string& id) {
+    const auto key = Replays::KeyIn(id);
+    return Get(datasets_, key ? replays_.FindDataset(*key) : catalog_.Find(Kind::kDataset, id));
+  }
+  Result<std::shared_ptr<RunSource>> Run(const std::string& id) { return Get(runs_, catalog_.Find(Kind::kRun, id)); }
+  Result<std::shared_ptr<EvalSource>> Eval(const std::string& id) {
+    return Get(evals_, catalog_.Find(Kind::kEval, id));
+  }
 
  private:
   template <class Source>
@@ -36,10 +45,10 @@ class Sources {
   using Cache = std::map<std::string, Cached<Source>>;
 
   template <class Source>
-  Result<std::shared_ptr<Source>> Get(Cache<Source>& cache, Kind kind, const std::string& id) {
-    ETUDE_ASSIGN_OR_RETURN(Found found, catalog_.Find(kind, id));
+  Result<std::shared_ptr<Source>> Get(Cache<Source>& cache, Result<Found> looked_up) {
+    ETUDE_ASSIGN_OR_RETURN(Found found, std::move(looked_up));
     MutexLock lock(mutex_);
-    auto& [source, used] = cache[id];
+    auto& [source, used] = cache[found.id];
     used = ++uses_;
     if (!source || source->found().folder != found.folder) source = std::make_shared<Source>(std::move(found));
     const auto result = source;
@@ -50,6 +59,7 @@ class Sources {
 
   static constexpr std::size_t kMost = 64;
   Catalog catalog_;
+  const Replays replays_;
   Mutex mutex_;
   std::uint64_t uses_ ETUDE_GUARDED_BY(mutex_) = 0;
   Cache<DatasetSource> datasets_;

@@ -60,15 +60,19 @@ export async function overflow(page) {
     : []));
 }
 
-/** Addresses of every page over these sources. */
-export function addresses(home) {
+/** Addresses of every page of a gateway over its sources. */
+export async function addresses(base) {
+  const get = async (path) => (await fetch(`${base}/api/v1${path}`)).json();
+  const home = await get('/home');
   const of = (kind, role) => home.sources.find((one) => one.kind === kind && (!role || one.role === role))?.id;
   const [run, data, evaluation, rollouts] = [of('run'), of('dataset', 'demonstrations'), of('eval'), of('dataset', 'rollouts')];
+  const failed = data ? (await get(`/campaigns/${data}/attempts?outcome=failed&limit=1`)).rows[0] : undefined;
   const others = home.sources.filter((one) => one.kind === 'eval' && one.id !== evaluation);
   return {
     overview: '/',
     fleet: '/fleet',
     ...(data ? { generation: `/generation?dataset=${data}`, dataset: `/dataset?dataset=${data}`, episode: `/episode/${data}/0` } : {}),
+    ...(failed ? { attempt: `/episode/${data}/${failed.index}?attempt=${failed.attempt}` } : {}),
     ...(run ? { training: `/training?run=${run}`, inside: `/inside?run=${run}`, checkpoints: `/checkpoints?run=${run}` } : {}),
     ...(evaluation ? { evaluation: `/evaluation?eval=${evaluation}` } : {}),
     ...(others.length ? { compare: `/evaluation?eval=${evaluation}&vs=${others[0].id}` } : {}),

@@ -36,6 +36,45 @@ test('smoothing does not depend on how densely is logged', async () => {
   assert.equal(dense[1], null);
 });
 
+test('hidden parts of a picture go into the address and come back', async () => {
+  const { readRectangles, writeRectangles } = await load('rectangles.ts');
+  assert.deepEqual(readRectangles('100,80,12,12;1,2,3,4'), [[100, 80, 12, 12], [1, 2, 3, 4]]);
+  assert.deepEqual(readRectangles(';;nonsense;1,2,3;1,2,0,4;1,2,3,x'), []);
+  assert.equal(writeRectangles([[1.4, 2.6, 3, 4], [5, 6, 7, 8]]), '1,3,3,4;5,6,7,8');
+  assert.equal(readRectangles(Array(20).fill('1,1,1,1').join(';')).length, 8);
+});
+
+test('arrow keys move the brush and size it, and never out of the picture', async () => {
+  const { moved } = await load('rectangles.ts');
+  const whole = { width: 64, height: 48 };
+  assert.deepEqual(moved([8, 8, 16, 16], 'ArrowRight', false, whole), [12, 8, 16, 16]);
+  assert.deepEqual(moved([8, 8, 16, 16], 'ArrowUp', true, whole), [8, 8, 16, 12]);
+  assert.deepEqual(moved([2, 8, 16, 16], 'ArrowLeft', false, whole), [0, 8, 16, 16]);
+  assert.deepEqual(moved([47, 8, 16, 16], 'ArrowRight', false, whole), [48, 8, 16, 16]);
+  assert.deepEqual(moved([8, 8, 16, 4], 'ArrowUp', true, whole), [8, 8, 16, 4]);
+  assert.equal(moved([8, 8, 16, 16], 'Tab', false, whole), null);
+});
+
+test('what modules say, against the truth and against another answer', async () => {
+  const { apart, brief, difference, errorText, plan, words } = await load('says.ts');
+  const position = { quantity: 'position', unit: 'm', value: [0.1, 0.25, 0.04] };
+  assert.equal(words({ value: 'coke', probability: 0.971 }), 'coke 0.97');
+  assert.equal(words(position), '(0.1, 0.25, 0.04) m');
+  assert.equal(brief({ ...position, value: [...position.value, 1, 0, 0, 0, 1, 0] }), '(10, 25, 4) cm');
+  assert.equal(brief({ unit: 'px', value: [12.34, 5] }), '(12.3, 5) px');
+  assert.equal(difference(position, { ...position, value: [0.1, 0.25, 0.07] }), '3 cm');
+  assert.equal(difference({ value: 'coke' }, { value: 'milk' }), 'another');
+  assert.equal(errorText(undefined), '');
+  assert.equal(errorText({ truth: 'coke', error: 0, unit: '-' }), 'right');
+  assert.equal(errorText({ truth: 'coke', error: 1, unit: '-' }), 'wrong: coke');
+  assert.equal(errorText({ truth: [0, 0, 0], error: 0.015, unit: 'm', turned_rad: Math.PI / 60 }), '1.5 cm off, 3°');
+  assert.equal(errorText({ truth: [1, 2], error: 4, unit: 'px' }), '4 px off');
+  assert.equal(apart([[0, 0, 0, 1], [0, 0, 0, 1]], [[3, 4, 0, 0]]), 5);
+  assert.equal(apart([], [[3, 4, 0, 0]]), null);
+  const of = { waypoints: [[0, 0, 0, 1]], what_if_waypoints: [[0, 0, 0.02, 1]], truth: { waypoints_error_m: 0.01 } };
+  assert.deepEqual(plan(of), { says: '1 waypoints', error: '1 cm off', change: '2 cm' });
+});
+
 test('numbers as pages write them', async () => {
   const { age, bytes, duration, number, percent, probability } = await load('format.ts');
   assert.deepEqual([number(0.15321), number(6589), number(0), number(null), number(4.8e-9)], ['0.153', '6,589', '0', '–', '4.8e-9']);
@@ -58,6 +97,15 @@ test('safetensors: header, offsets, types', async () => {
   const { tensors, metadata } = readSafetensors(file.buffer.slice(file.byteOffset, file.byteOffset + file.length));
   assert.deepEqual([[...tensors.get('a').values], [...tensors.get('b').values], metadata.x], [[7], [0.5, -2], 'step']);
   assert.throws(() => readSafetensors(file.buffer.slice(file.byteOffset, file.byteOffset + 20)), /header of/);
+});
+
+test('ticks are spans in the address, and bounded', async () => {
+  const { mostTicks, readTicks, writeTicks } = await load('ticks.ts');
+  assert.equal(writeTicks([7, 2, 1, 0, 3, 3, 10]), '0-3,7,10');
+  assert.deepEqual([...readTicks('0-3,7,10')], [0, 1, 2, 3, 7, 10]);
+  assert.equal(writeTicks(readTicks('')), '');
+  assert.deepEqual([...readTicks('5,x,-2,3-1,<b>')], [5]);
+  assert.equal(readTicks('0-999999999').size, mostTicks);
 });
 
 test('a tie is rounded to the even digit, as the programs do', async () => {

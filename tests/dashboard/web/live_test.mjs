@@ -7,13 +7,13 @@ import { mkdirSync, mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
-import { axe, launch, lookAt, openPage, overflow, themes, visit } from './browser.mjs';
-import { checkpointHeader, checkpoints, episodeFiles } from './files.mjs';
+import { axe, launch, lookAt, openPage, overflow, settle, themes, visit } from './browser.mjs';
+import { checkpointHeader, checkpoints, episodeFiles, readJson } from './files.mjs';
 import { startGateway } from './gateway.mjs';
 import { onDomain, startEtude } from './programs.mjs';
 
 const lab = resolve(process.env.ETUDE_LAB ?? '.');
-const work = mkdtempSync(join(tmpdir(), 'etude-live-'));
+const work = mkdtempSync(join(tmpdir(), `etude-test-${process.pid}-`));
 const growing = join(work, 'live', 'growing');
 const token = 'a token of some length';
 let gateway;
@@ -51,6 +51,32 @@ async function until(what, ask, limit = 60000) {
 
 const open = (address, look, options) => lookAt(browser, gateway, address, look, options);
 
+/** Ticks two episodes and saves them as a filter key: the dataset has it, and the page filters by it. */
+async function ticksBecomeAKey(dataset, key) {
+  const chosen = episodeFiles(growing).slice(0, 2).map((name) => parseInt(name, 10));
+  await open(`/dataset?dataset=${dataset.id}&sort=index`, async (page) => {
+    const box = (index) => page.locator(`[role=row][data-id="${index}"] input[type=checkbox]`);
+    for (const index of chosen) await box(index).check();
+    await page.reload();
+    await settle(page);
+    for (const index of chosen) assert.ok(await box(index).isChecked(), 'ticks are in the address');
+    assert.equal(numberIn(await page.locator('[data-ticked] b').innerText()), chosen.length);
+    await page.getByLabel('Name of the filter key').fill(key);
+    assert.deepEqual(await axe(page), []);
+    await page.getByRole('button', { name: 'Save as a key' }).click();
+    assert.match(await page.locator('dialog .command code').innerText(), new RegExp(`etude dataset filter .* --as ${key}`));
+    await page.getByLabel('Token').fill(token);
+    await page.getByRole('button', { name: 'Run it' }).click();
+    await page.waitForSelector('dialog .chip:is(.good, .bad)', { timeout: 90000 });
+    assert.equal(await page.locator('dialog .chip').innerText(), 'done', await page.locator('dialog').innerText());
+    assert.deepEqual(readJson(join(growing, 'filters.json'))[key], chosen);
+    await page.getByRole('button', { name: 'Close' }).click();
+    await page.locator('select', { has: page.locator(`option[value="${key}"]`) }).selectOption(key, { timeout: 30000 });
+    await until('the rows of the key', async () => (await page.locator('[data-total]').innerText()).startsWith(`${chosen.length} of `));
+    assert.deepEqual(await page.locator('[role=row][data-id]').evaluateAll((all) => all.map((one) => Number(one.dataset.id))), chosen);
+  });
+}
+
 test('a page that is open follows what is committed, and ends at what lies in the folder', { timeout: 300000 }, async () => {
   const collector = startEtude('collect', 'deploy/campaigns/quickstart.yaml', '--out', growing, '--set', 'name=growing', '--episodes', '500', '--seed', '11', '--workers', '1');
   try {
@@ -71,15 +97,71 @@ test('a page that is open follows what is committed, and ends at what lies in th
       assert.ok(first > 0);
       await until('the page to count more', async () => (await shown()) > first);
       await page.waitForSelector('.pill');
+      await ticksBecomeAKey(dataset, 'while-it-grows');
       await collector.stop('SIGINT');
       const files = episodeFiles(growing).length;
       await until(`the page to count ${files}`, async () => (await shown()) === files);
       await page.locator('.pill').click();
+      await ticksBecomeAKey(dataset, 'afterwards');
       await until(`${files} rows`, async () => numberIn((await page.locator('[data-total]').innerText()).split(' ')[0]) === files);
     });
   } finally {
     await collector.stop('SIGINT');
   }
+});
+
+/** Makes the attempt of this page again, and compares what is drawn with what was written. */
+async function isMadeAgain(page, dataset, index, attempt, button) {
+  await page.getByLabel('Token').fill(token);
+  await page.getByRole('button', { name: button, exact: true }).click();
+  await page.waitForSelector('.view3d[data-bodies] canvas', { timeout: 150000 });
+  const replay = await get(`/datasets/${dataset}/episodes/${index}/replay?attempt=${attempt}`);
+  assert.equal(replay.state, 'ready');
+  const kept = join(work, 'cache', 'replays', replay.id.slice('replay.'.length));
+  const [plan, geometry] = ['plan.json', 'geometry.json'].map((name) => readJson(join(kept, name)));
+  const pieces = (body) => geometry.geometry.some((one) => one.body === body);
+  assert.equal(numberIn(await page.locator('.view3d').getAttribute('data-bodies')), geometry.bodies.filter(pieces).length);
+  assert.equal(numberIn(await page.locator('.view3d').getAttribute('data-pieces')), geometry.geometry.length);
+  assert.equal(await page.locator('[data-other-replay]').count(), 0, 'every object is where the episode says');
+  const near = plan.nearest.at(-1);
+  await page.locator('input[type=range]').evaluate((element) => { element.value = element.max; element.dispatchEvent(new Event('input', { bubbles: true })); });
+  const value = near.distance_m > 0 ? `${(1000 * near.distance_m).toFixed(1)} mm` : 'touching';
+  await page.waitForFunction((text) => document.querySelector('[data-nearest]')?.textContent === text, `nearest ${value}: ${near.a} – ${near.b}`);
+  if (near.a_m) assert.ok((await page.locator('.view3d .labels span').allTextContents()).includes(value));
+  const picture = await page.locator('.view3d').screenshot();
+  assert.ok(picture.length > 4000, `the 3D view is ${picture.length} bytes of PNG: nothing was drawn`);
+  assert.deepEqual(await axe(page), []);
+  assert.ok(!(await get('/home')).sources.some((one) => one.id.startsWith('replay')), 'a replay is in no list');
+  return plan;
+}
+
+const labData = async () => (await get('/home')).sources.find((one) => one.kind === 'dataset' && one.role === 'demonstrations' && one.name === 'data').id;
+
+test('a failed attempt is made again and seen', { timeout: 300000 }, async () => {
+  const dataset = await labData();
+  const { rows } = await get(`/campaigns/${dataset}/attempts?outcome=failed&limit=200`);
+  // one that moved
+  const row = rows.filter((one) => one.step_s > 0).sort((a, b) => b.step_s - a.step_s)[0] ?? assert.fail('no failed attempt in the lab moved');
+  await open(`/episode/${dataset}/${row.index}?attempt=${row.attempt}`, async (page) => {
+    const plan = await isMadeAgain(page, dataset, row.index, row.attempt, 'Make it again');
+    assert.deepEqual([plan.index, plan.seed, plan.attempt], [row.index, row.seed, row.attempt]);
+    assert.equal(await page.locator('[data-made-again]').innerText(), plan.outcome);
+    await page.waitForSelector('canvas[data-picture]');
+    assert.equal(await page.locator('[data-seed]').first().innerText(), row.seed);
+    // the cache has it: at once, and without the token
+    await page.context().clearCookies();
+    await page.reload();
+    await page.waitForSelector('.view3d[data-bodies] canvas', { timeout: 30000 });
+  });
+});
+
+test('an episode is made again to see shapes, plan and distances', { timeout: 300000 }, async () => {
+  const dataset = await labData();
+  const episode = await get(`/datasets/${dataset}/episodes/0`);
+  await open(`/episode/${dataset}/0`, async (page) => {
+    const plan = await isMadeAgain(page, dataset, 0, episode.attempt, 'Make it again, with shapes and plan');
+    assert.deepEqual([plan.outcome, plan.steps], [episode.outcome, episode.steps]);
+  });
 });
 
 test('a policy that is served answers about a recorded picture', { timeout: 200000 }, async () => {
@@ -88,6 +170,10 @@ test('a policy that is served answers about a recorded picture', { timeout: 2000
   await until('a policy server', async () => (await get('/play/sessions')).policies.length > 0, 150000);
   const { sources } = await get('/home');
   const [run, data] = [sources.find((one) => one.kind === 'run'), sources.find((one) => one.kind === 'dataset' && one.role === 'demonstrations' && one.name !== 'growing')];
+  await open('/', async (page) => {
+    await page.waitForFunction(() => / serves it/.test(document.querySelector('[data-served-by]')?.textContent ?? ''), undefined, { timeout: 30000 });
+    assert.equal(numberIn(await page.locator('[data-figure="checkpoint_step"]').innerText()), Number(checkpointHeader(join(lab, 'run')).step));
+  });
   await open(`/inside?run=${run.id}&dataset=${data.id}&episode=0&module=TAR2D`, async (page) => {
     await page.waitForSelector('[data-said]', { timeout: 60000 });
     const step = numberIn(await page.locator('[data-insight-step]').getAttribute('data-insight-step'));
@@ -95,8 +181,126 @@ test('a policy that is served answers about a recorded picture', { timeout: 2000
     const names = Object.keys(JSON.parse(checkpointHeader(join(lab, 'run')).modules));
     assert.deepEqual((await page.locator('[data-said] tr[data-module]').evaluateAll((all) => all.map((one) => one.dataset.module))).sort(), names.sort());
     assert.ok(await shades(page, 'TAR2D') > 2, 'the spotlight is even');
+    await looksThroughOneHead(page);
+    await saysWhatWordsAndJointsAreWorth(page);
+    await showsWhatIsSaidAgainstTheTruth(page);
+    await changesAWord(page);
+    await hidesAPartByKeyboard(page);
+    await replacesAnOutput(page);
+    assert.deepEqual(await axe(page), []);
   });
+  await open(`/inside?run=${run.id}&dataset=${data.id}&episode=0&module=TAR2D&hide=90,60,20,20`, async (page) => {
+    await page.waitForSelector('[data-said]', { timeout: 60000 });
+    assert.equal(await page.locator('[data-hidden]').getAttribute('data-hidden'), '1', 'the mask of a deep link');
+    assert.deepEqual(await axe(page), []);
+    assert.deepEqual(await overflow(page), []);
+  }, { width: 360, theme: 'dark' });
 });
+
+/** The bars add up to all of the attention, of a head as of all; another head has another spotlight. */
+async function looksThroughOneHead(page) {
+  const bars = () => page.locator('[data-attends=TAR2D] .hbar').evaluateAll((all) => all.map((one) => [one.children[0].textContent, parseInt(one.children[2].textContent, 10)]));
+  const light = () => page.locator('canvas[data-attention=TAR2D]').evaluate((one) => one.getContext('2d').getImageData(0, 0, one.width, one.height).data.join());
+  const whole = ([all, mean]) => { assert.equal(all[0][0], 'picture'); assert.ok(Math.abs(all.reduce((sum, [, share]) => sum + share, 0) - 100) <= all.length + 1, `${mean}: ${all}`); };
+  whole([await bars(), 'mean']);
+  assert.ok((await bars()).some(([name]) => name === 'words'), 'TAR2D reads the sentence');
+  const mean = await light();
+  await page.getByLabel('attention of').selectOption({ label: 'head 1' });
+  await page.waitForURL('**head=1**');
+  await until('the spotlight of one head', async () => (await light()) !== mean, 20000);
+  whole([await bars(), 'head 1']);
+}
+
+/** What the gateway answers to the question that follows from an act. */
+async function answerTo(page, act, is) {
+  const asked = page.waitForResponse((answer) => answer.url().endsWith('/insight') && is(answer.request().postDataJSON()), { timeout: 60000 });
+  await act();
+  const answer = await asked;
+  assert.equal(answer.status(), 200);
+  const json = await answer.json();
+  await page.waitForFunction(() => !document.querySelector('.stale'));
+  return json;
+}
+
+const cell = (page, module, name) => page.locator(`[data-said] tr[data-module="${module}"] [data-${name}]`).innerText();
+const cmIn = (text) => { const found = /([\d.e-]+) cm/.exec(text); assert.ok(found, `"${text}" has no cm`); return Number(found[1]); };
+const near = (shown, wanted, what) => assert.ok(Math.abs(shown - wanted) <= 0.06 * Math.abs(wanted) + 1e-3, `${what}: ${shown}, not ${wanted}`);
+const norm = (a, b) => Math.hypot(...a.map((part, i) => part - b[i]));
+
+/** Errors are against the record's own labels; waypoints stand in space and in their table; joints are listed. */
+async function showsWhatIsSaidAgainstTheTruth(page) {
+  const { modules, truth, waypoints, joints } = await answerTo(page, () => page.reload(), () => true);
+  const far = norm(modules.TAR3D.value, truth.positions[truth.target]);
+  near(truth.errors.TAR3D.error, far, 'error of TAR3D in the answer');
+  near(cmIn(await cell(page, 'TAR3D', 'error')), 100 * far, 'error of TAR3D on the page');
+  near(cmIn((await page.locator('[data-node=TAR3D] [data-box-says]').textContent()).replace(/.*, |\)/g, '')), 100 * modules.TAR3D.value[2], 'height in the box of TAR3D');
+  const mean = waypoints.reduce((sum, one, k) => sum + norm(one.slice(0, 3), truth.waypoints[k].slice(0, 3)), 0) / waypoints.length;
+  near(truth.waypoints_error_m, mean, 'error of the waypoints');
+  near(cmIn(await cell(page, 'CTRL', 'error')), 100 * mean, 'error of CTRL on the page');
+  await page.waitForSelector('[data-plan] canvas', { timeout: 30000 });
+  const planned = await page.locator('[data-waypoints] tr', { hasText: 'planned' }).locator('td').allInnerTexts();
+  assert.equal(planned.length, waypoints.length);
+  near(Number(planned[11].split(' ')[0]), waypoints[11][0], 'the last planned waypoint');
+  assert.equal(await page.locator('[data-joint]').count(), joints.length);
+}
+
+async function changesAWord(page) {
+  const other = 'push the milk carton';
+  const { modules, what_if } = await answerTo(page, () => page.getByLabel('what if this had been said?').fill(other), (body) => body.what_if?.sentence === other);
+  assert.equal(new URL(page.url()).searchParams.get('other'), other);
+  assert.ok((await cell(page, 'LANG', 'would')).startsWith(what_if.LANG.value));
+  assert.equal(await cell(page, 'LANG', 'change'), what_if.LANG.value === modules.LANG.value ? 'same' : 'another');
+  await answerTo(page, () => page.getByLabel('what if this had been said?').fill(''), (body) => !body.what_if);
+}
+
+async function hidesAPartByKeyboard(page) {
+  const brush = page.locator('.hide-brush');
+  await brush.focus();
+  await brush.press('ArrowRight');
+  const before = await page.locator('[data-brush]').getAttribute('data-brush');
+  await brush.press('ArrowLeft');
+  assert.notEqual(await page.locator('[data-brush]').getAttribute('data-brush'), before);
+  for (let i = 0; i < 4; i++) await brush.press('Shift+ArrowRight');
+  const { modules, what_if } = await answerTo(page, () => brush.press('Enter'), (body) => body.what_if?.hide?.length === 1);
+  assert.notDeepEqual(what_if.TAR2D.value, modules.TAR2D.value, 'nothing follows from what is hidden');
+  near(parseFloat(await cell(page, 'TAR2D', 'change')), norm(what_if.TAR2D.value, modules.TAR2D.value), 'change of TAR2D');
+  assert.match(new URL(page.url()).searchParams.get('hide'), /^\d+,\d+,32,16$/);
+  await answerTo(page, () => page.reload(), (body) => body.what_if?.hide?.length === 1);
+  await answerTo(page, () => brush.press('Backspace'), (body) => !body.what_if);
+  assert.equal(new URL(page.url()).searchParams.get('hide'), null);
+}
+
+/** The value is said instead, later modules follow, and the plan does. */
+async function replacesAnOutput(page) {
+  await answerTo(page, () => page.getByLabel('what if a module said something else?').selectOption({ label: 'TAR3D' }), (body) => body.what_if?.say?.TAR3D);
+  const instead = [0.2, 0.1, 0.3];
+  const is = (body) => body.what_if?.say?.TAR3D?.position?.[2] === instead[2];
+  const field = page.getByLabel('what TAR3D.position says instead');
+  const { modules, what_if, waypoints, what_if_waypoints } = await answerTo(page, () => field.fill(JSON.stringify(instead)), is);
+  assert.ok(norm(what_if.TAR3D.value, instead) < 1e-4);
+  near(cmIn(await cell(page, 'DISP', 'change')), 100 * norm(what_if.DISP.value, modules.DISP.value), 'change of DISP');
+  const mean = waypoints.reduce((sum, one, k) => sum + norm(one.slice(0, 3), what_if_waypoints[k].slice(0, 3)), 0) / waypoints.length;
+  assert.ok(mean > 0, 'the plan does not follow');
+  near(cmIn(await cell(page, 'CTRL', 'change')), 100 * mean, 'change of CTRL');
+  await page.waitForSelector('[data-waypoints] th:has-text("with the what-if")', { state: 'attached' });
+  await answerTo(page, () => page.reload(), is);
+  assert.equal(await field.inputValue(), JSON.stringify(instead), 'the deep link has it');
+}
+
+/** A bar a word and a joint, as long as what the server said of it; none while nobody wants to know. */
+async function saysWhatWordsAndJointsAreWorth(page) {
+  const { sentence, words, joints } = await answerTo(page, () => page.reload(), () => true);
+  assert.deepEqual(words.map((one) => one.word), sentence.split(/\s+/).filter(Boolean));
+  assert.ok(joints.length > 6 && joints.every((one) => Number.isFinite(one.moves_m)), JSON.stringify(joints));
+  assert.ok(Math.max(...words.map((one) => one.moves_m)) > 0, 'no word matters');
+  await page.waitForSelector('[data-worth]', { timeout: 60000 });
+  const bars = await page.locator('[data-worth] .hbar').evaluateAll((all) => all.map((one) => [one.children[0].textContent, parseFloat(one.children[2].textContent)]));
+  assert.deepEqual(bars.map(([name]) => name), [...words.map((one) => one.word), ...joints.map((one) => one.name)]);
+  bars.forEach(([name, cm], i) => assert.ok(Math.abs(cm - 100 * [...words, ...joints][i].moves_m) <= 0.05 * cm + 0.001, name));
+  await answerTo(page, () => page.getByLabel(/what each word and joint is worth/).uncheck(), (body) => !body.what_if);
+  await page.waitForURL('**worth=off**');
+  await until('the bars to go', async () => (await page.locator('[data-worth]').count()) === 0, 20000);
+}
 
 /** How many different shades a spotlight has, as soon as it has more than one. */
 async function shades(page, module) {

@@ -16,10 +16,9 @@ if (!out) {
   process.exit(2);
 }
 mkdirSync(out, { recursive: true });
-const home = await (await fetch(`${base}/api/v1/home`)).json();
 const browser = await launch();
 let failed = false;
-for (const [name, address] of Object.entries(addresses(home))) {
+for (const [name, address] of Object.entries(await addresses(base))) {
   if (only && !only.split(',').includes(name)) continue;
   for (const width of wide ? wide.split(',').map(Number) : widths) {
     for (const theme of which ? which.split(',') : themes) {

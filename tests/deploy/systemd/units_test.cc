@@ -95,6 +95,9 @@ TEST_F(UnitsTest, SettingsFit) {
   const std::string campaign = std::filesystem::absolute("deploy/campaigns/quickstart.yaml").string();
   EXPECT_THAT(settings, HasSubstr("ETUDE_COLLECTOR=" + campaign));
   EXPECT_TRUE(std::filesystem::exists(campaign));
+  // a folder that is not there yet would be a wrong argument, with which nothing is tried again
+  EXPECT_THAT(settings, HasSubstr("--name quickstart"));
+  EXPECT_THAT(settings, HasSubstr("\nETUDE_POLICY=--subscribe quickstart "));
 }
 
 }  // namespace units_test

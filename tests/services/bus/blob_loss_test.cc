@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Object channels when packets, chunks, acks or receivers get lost.
+// Blob transfers when packets, chunks, acks or receivers get lost.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ using namespace std::chrono_literals;
 
 constexpr std::uint32_t kDomain = 73;
 
-TEST(ObjectLoss, LostPacketsAreMadeUpFor) {
+TEST(BlobLoss, LostPacketsAreMadeUpFor) {
   const auto peers = OpenTwo(kDomain, 30);
   auto receiver = BlobReceiver::Open(peers.b, {"lossy", "1"}, "episode");
   ASSERT_TRUE(receiver);
@@ -54,12 +54,14 @@ struct Hand {
   Writer<BlobManifest> manifests;
   Writer<BlobChunk> chunks;
   Reader<BlobAck> acks;
+  std::string host;
   BlobReceiver& receiver;
 
   Hand(const TwoProcesses& peers, const std::string& name, BlobReceiver& to)
       : manifests(std::move(*Writer<BlobManifest>::Open(peers.a, name + "/1/episode"))),
         chunks(std::move(*Writer<BlobChunk>::Open(peers.a, name + "/1/episode"))),
-        acks(std::move(*Reader<BlobAck>::Open(peers.a, name + "/1/episode"))),
+        acks(std::move(*Reader<BlobAck>::Open(peers.a, PartitionOfHost(name + "/1/episode", peers.a.host())))),
+        host(peers.a.host()),
         receiver(to) {
     EXPECT_TRUE(manifests.WaitForReaders(1, 10s));
     EXPECT_TRUE(chunks.WaitForReaders(1, 10s));
@@ -69,6 +71,7 @@ struct Hand {
     manifest.channel = "episode";
     manifest.sender = "hand";
     manifest.owner = "1";
+    manifest.host = host;
     manifest.id = id;
     manifest.size = bytes.size();
     manifest.chunk_size = 1000;
@@ -114,7 +117,7 @@ void ExpectReceived(BlobReceiver& receiver, const std::vector<std::uint8_t>& byt
   EXPECT_EQ(blob->bytes, bytes);
 }
 
-TEST(ObjectLoss, TheReceiverSaysWhatIsMissing) {
+TEST(BlobLoss, TheReceiverSaysWhatIsMissing) {
   Receiving to("gaps");
   BlobReceiver& receiver = to.receiver;
   Hand& hand = to.hand;
@@ -133,7 +136,7 @@ TEST(ObjectLoss, TheReceiverSaysWhatIsMissing) {
   ExpectReceived(receiver, bytes);
 }
 
-TEST(ObjectLoss, ChunksBeforeTheirManifestAreAskedForAgain) {
+TEST(BlobLoss, ChunksBeforeTheirManifestAreAskedForAgain) {
   Receiving to("early");
   BlobReceiver& receiver = to.receiver;
   Hand& hand = to.hand;
@@ -145,7 +148,7 @@ TEST(ObjectLoss, ChunksBeforeTheirManifestAreAskedForAgain) {
   ExpectReceived(receiver, bytes);
 }
 
-TEST(ObjectLoss, CorruptChunksRefuseTheObjectAndCount) {
+TEST(BlobLoss, CorruptChunksRefuseTheBlobAndCount) {
   Receiving to("corrupt");
   BlobReceiver& receiver = to.receiver;
   Hand& hand = to.hand;
@@ -168,7 +171,7 @@ TEST(ObjectLoss, CorruptChunksRefuseTheObjectAndCount) {
   EXPECT_EQ(receiver.corrupt_blobs(), 1u);
 }
 
-TEST(ObjectLoss, MalformedChunksAreDroppedAndCounted) {
+TEST(BlobLoss, MalformedChunksAreDroppedAndCounted) {
   Receiving to("malformed");
   BlobReceiver& receiver = to.receiver;
   Hand& hand = to.hand;
@@ -181,7 +184,7 @@ TEST(ObjectLoss, MalformedChunksAreDroppedAndCounted) {
   EXPECT_EQ(receiver.malformed_samples(), 2u);
 }
 
-TEST(ObjectLoss, AReceiverThatRestartsInTheMiddleGetsAllOfIt) {
+TEST(BlobLoss, AReceiverThatRestartsInTheMiddleGetsAllOfIt) {
   const auto peers = OpenTwo(kDomain);
   const auto bytes = MakeBytes(4'000'000, 5);
   SendOptions options;
@@ -189,7 +192,7 @@ TEST(ObjectLoss, AReceiverThatRestartsInTheMiddleGetsAllOfIt) {
   options.window = 4;
   auto sender = BlobSender::Open(peers.a, {"restart", "1"}, "episode", "s", options);
   ASSERT_TRUE(sender);
-  auto acks = Reader<BlobAck>::Open(peers.b, "restart/1/episode");
+  auto acks = Reader<BlobAck>::Open(peers.b, PartitionOfHost("restart/1/episode", peers.a.host()));
   ASSERT_TRUE(acks);
   auto sending = std::async(std::launch::async, [&] { return sender->Send(1, bytes, 0, "", 60s); });
   {
@@ -211,7 +214,7 @@ TEST(ObjectLoss, AReceiverThatRestartsInTheMiddleGetsAllOfIt) {
   EXPECT_TRUE(sending.get());
 }
 
-TEST(ObjectLoss, AReceiverThatRestartsBeforeItsVerdictIsAskedAgain) {
+TEST(BlobLoss, AReceiverThatRestartsBeforeItsVerdictIsAskedAgain) {
   const auto peers = OpenTwo(kDomain);
   const auto bytes = MakeBytes(60'000, 6);  // travels inside its manifest
   auto sender = BlobSender::Open(peers.a, {"again", "1"}, "episode", "s");

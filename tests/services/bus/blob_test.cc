@@ -52,7 +52,7 @@ class Collector {
   std::thread thread_;
 };
 
-TEST(BlobTransfer, ObjectsOfManySizesArriveWhole) {
+TEST(BlobTransfer, BlobsOfManySizesArriveWhole) {
   const auto peers = OpenTwo(kDomain);
   Collector collector(peers.b, "sizes");
   SendOptions options;
@@ -163,6 +163,7 @@ TEST(BlobTransfer, BlobsOfAnotherOwnerAreNotTaken) {
   BlobManifest manifest;
   manifest.channel = "episode";
   manifest.sender = "hand";
+  manifest.host = peers.a.host();
   manifest.data = MakeBytes(100, 1);
   manifest.size = manifest.chunk_size = 100;
   manifest.chunk_count = 1;
@@ -177,6 +178,52 @@ TEST(BlobTransfer, BlobsOfAnotherOwnerAreNotTaken) {
   ASSERT_TRUE(blob);
   EXPECT_EQ(blob->manifest.owner, "1");
   EXPECT_EQ(blob->manifest.id, 2u);
+}
+
+// Whose partition a manifest names is anybody's word.
+TEST(BlobTransfer, ManifestsOfImpossibleHostsAreDroppedAndCounted) {
+  const auto peers = OpenTwo(kDomain);
+  auto receiver = BlobReceiver::Open(peers.b, {"hosts", "1"}, "episode");
+  auto manifests = Writer<BlobManifest>::Open(peers.a, "hosts/1/episode");
+  ASSERT_TRUE(receiver && manifests);
+  ASSERT_TRUE(manifests->WaitForReaders(1, 10s));
+  BlobManifest manifest;
+  manifest.channel = "episode";
+  manifest.sender = "hand";
+  manifest.owner = "1";
+  manifest.size = manifest.chunk_size = 100;
+  manifest.chunk_count = 1;
+  manifest.data = MakeBytes(100, 1);
+  const auto digest = Sha256Of(manifest.data);
+  manifest.sha256.assign(digest.begin(), digest.end());
+  for (const char* host : {"", "*", "../other", "a/b", "good"}) {
+    manifest.host = host;
+    ++manifest.id;
+    ASSERT_TRUE(manifests->Write(manifest));
+  }
+  const auto blob = receiver->Receive(10s);
+  ASSERT_TRUE(blob);
+  EXPECT_EQ(blob->manifest.host, "good");
+  EXPECT_EQ(receiver->malformed_samples(), 4u);
+}
+
+// Two senders under one name would take each other's answers if those went to everybody.
+TEST(BlobTransfer, AcknowledgementsComeToTheSendersHostAlone) {
+  const auto peers = OpenTwo(kDomain);
+  Collector collector(peers.b, "answers");
+  auto neighbour = Reader<BlobAck>::Open(peers.a, PartitionOfHost("answers/1/episode", "neighbour"));
+  auto everybody = Reader<BlobAck>::Open(peers.a, "answers/1/episode");
+  ASSERT_TRUE(neighbour && everybody);
+  auto sender = BlobSender::Open(peers.a, {"answers", "1"}, "episode", "s");
+  ASSERT_TRUE(sender);
+  for (std::uint64_t id = 0; id < 5; ++id) {
+    const auto verdict = sender->Send(id, MakeBytes(300'000, 2), 0, "", 20s);
+    ASSERT_TRUE(verdict) << verdict.error().message;
+    EXPECT_EQ(verdict->kind, AckKind::kDone);
+  }
+  EXPECT_TRUE(neighbour->Take().empty());
+  EXPECT_TRUE(everybody->Take().empty());
+  EXPECT_EQ(neighbour->matched_writers() + everybody->matched_writers(), 0);
 }
 
 TEST(BlobTransfer, TheVerdictsAndReasonsTravel) {
@@ -218,13 +265,14 @@ TEST(BlobTransfer, AManifestMayNotReserveMoreThanAllowed) {
   const auto peers = OpenTwo(kDomain);
   auto receiver = BlobReceiver::Open(peers.b, {"liar", "1"}, "episode");
   auto manifests = Writer<BlobManifest>::Open(peers.a, "liar/1/episode");
-  auto acks = Reader<BlobAck>::Open(peers.a, "liar/1/episode");
+  auto acks = Reader<BlobAck>::Open(peers.a, PartitionOfHost("liar/1/episode", peers.a.host()));
   ASSERT_TRUE(receiver && manifests && acks);
   ASSERT_TRUE(manifests->WaitForReaders(1, 10s));
   BlobManifest manifest;
   manifest.channel = "episode";
   manifest.sender = "liar";
   manifest.owner = "1";
+  manifest.host = peers.a.host();
   manifest.size = 1ull << 39;
   manifest.chunk_size = kMaxChunkSize;
   manifest.chunk_count = static_cast<std::uint32_t>(manifest.size / kMaxChunkSize);

@@ -91,6 +91,57 @@ TEST(Directory, ANameThatMeansTwoThingsIsAnsweredByAList) {
   EXPECT_EQ((*selected)->folder, "/other");
 }
 
+Presence MakeShard(const std::string& id, std::uint32_t shard, std::uint32_t shards, const std::string& spec = "abc") {
+  Presence presence = MakePresence(PresenceKind::kCampaign, "shared", id, "/" + id);
+  presence.epoch = 1;
+  presence.shard = shard;
+  presence.shards = shards;
+  presence.spec_sha256 = spec;
+  return presence;
+}
+
+TEST(Directory, ShardsOfACampaignAreOne) {
+  const auto peers = OpenTwo(kDomain);
+  const auto second = Announce(peers.a, MakeShard("bbbb000000000002", 2, 2));
+  const auto first = Announce(peers.b, MakeShard("aaaa000000000001", 1, 2));
+  auto directory = Directory::Open(peers.b).value();
+
+  const auto found = directory.FindCampaign({"shared", ""}, 10s);
+  ASSERT_TRUE(found) << found.error().message;
+  ASSERT_EQ(found->size(), 2u);
+  EXPECT_EQ(found->front().shard, 1u);
+  EXPECT_EQ(found->back().shard, 2u);
+  EXPECT_EQ(directory.FindCampaign({"shared", "b"}, 10s)->size(), 1u) << "an id is one of them";
+  EXPECT_FALSE(directory.Find(PresenceKind::kCampaign, {"shared", ""}, 10s));
+  EXPECT_TRUE(directory.FindCampaign({"none", ""}, 1ms)->empty());
+
+  const auto other = Announce(peers.a, MakeShard("cccc000000000003", 1, 2, "another spec"));
+  ASSERT_TRUE(WaitFor([&] { return directory.Live().size() == 3; }));
+  const auto several = directory.FindCampaign({"shared", ""}, 10s);
+  ASSERT_FALSE(several);
+  for (const char* text : {"means 3 things", "shard 2/2"})
+    EXPECT_NE(several.error().message.find(text), std::string::npos) << several.error().message;
+}
+
+TEST(Directory, AShardThatIsLiveElsewhereIsRefusedUnlessAdopted) {
+  const auto peers = OpenTwo(kDomain);
+  auto original = Announce(peers.a, MakeShard("aaaa000000000001", 1, 2));
+  for (const auto& rival : {MakeShard("bbbb000000000002", 1, 2), MakeShard("bbbb000000000002", 2, 3)}) {
+    const auto refused = Announcement::Open(peers.b, rival, Claim::kRefuse);
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error().code, Code::kUnavailable);
+    for (const char* text : {"/aaaa000000000001", "shard 1/2", "--adopt"})
+      EXPECT_NE(refused.error().message.find(text), std::string::npos) << refused.error().message;
+  }
+  EXPECT_TRUE(Announcement::Open(peers.b, MakeShard("bbbb000000000002", 1, 2, "another spec"), Claim::kRefuse));
+  EXPECT_TRUE(Announcement::Open(peers.b, MakeShard("bbbb000000000002", 2, 2), Claim::kRefuse));
+
+  const auto adopted = Announce(peers.b, MakeShard("bbbb000000000002", 1, 2), Claim::kAdopt);
+  EXPECT_EQ(adopted.presence().epoch, 2u);
+  ASSERT_TRUE(WaitFor([&] { return original.Successor().has_value(); }));
+  EXPECT_NE(GivingWay(original.presence(), *original.Successor()).message.find("shard 1/2 of it"), std::string::npos);
+}
+
 TEST(Directory, AnotherWireNumberIsRefusedByName) {
   const auto peers = OpenTwo(kDomain);
   Presence old = MakeRun("old", "aaaa000000000001", "/a");
@@ -132,6 +183,19 @@ TEST(Directory, ThePastOfTheSameFolderIsNoOther) {
   const auto killed = Announce(peers.a, MakeRun("killed", "aaaa000000000001", "/same", 1));
   auto again = Announce(peers.b, MakeRun("killed", "aaaa000000000001", "/same", 2));
   EXPECT_FALSE(again.Successor());
+}
+
+// Two containers of one host name, each with a copy of the dataset under the same path.
+TEST(Directory, AnotherFolderOfTheSamePathIsAnother) {
+  const auto peers = OpenTwo(kDomain);
+  Presence first = MakeRun("copied", "aaaa000000000001", "/data", 1), second = first;
+  second.instance = NewId();
+  first.folder_key = "1:2";
+  second.folder_key = "1:3";
+  const auto there = Announce(peers.a, first);
+  const auto refused = Announcement::Open(peers.b, second, Claim::kRefuse);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Code::kUnavailable);
 }
 
 // Two that were started before they could see each other: exactly one gives way.

@@ -194,7 +194,7 @@ TEST_F(AdaptiveSampling, AnEntryIsDurableBeforeItsFirstEpisodeIsLeasedAndOutlive
   const bus::Lease after = worker.Ask();
   EXPECT_EQ(after.index, 10u);
   EXPECT_EQ(after.sampling_json, before.sampling_json);
-  EXPECT_GT(after.token, before.token);
+  EXPECT_GT(after.token, before.token) << "of a later start";
 
   const bus::Verdict refused = worker.Send(after, FakeEpisode(spec, 10, 0));
   EXPECT_EQ(refused.kind, bus::AckKind::kRefused) << "made without the weights";

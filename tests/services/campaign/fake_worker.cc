@@ -2,6 +2,7 @@
 // A worker whose work is to make synthetic episodes: for tests of the conversation, as a process that can be
 // killed. fake_worker CAMPAIGN DOMAIN [MS_PER_ATTEMPT] [CONTENT]
 //
+//   FAKE_PREFETCH=1         asks for its next lease while it works
 //   FAKE_IDLE_TIMEOUT_MS=N  goes home after so long without work
 //   FAKE_SECURITY=DIR/NAME  its identity on a secured bus; its role is not looked at before
 //   FAKE_LEAK_MB=N          keeps so much more memory with every attempt
@@ -59,6 +60,9 @@ Status Work(int argc, char** argv) {
   const std::chrono::milliseconds pace(argc > 3 ? std::atoi(argv[3]) : 0);
   if (argc > 4) options.content = static_cast<std::uint32_t>(std::atoi(argv[4]));
   options.idle_timeout = std::chrono::milliseconds(std::atoi(Variable("FAKE_IDLE_TIMEOUT_MS").c_str()));
+  if (const std::string stay = Variable("FAKE_STAY_MS"); !stay.empty())
+    options.stay = std::chrono::milliseconds(std::atoi(stay.c_str()));
+  options.prefetch = !Variable("FAKE_PREFETCH").empty();
   options.heartbeat = std::chrono::milliseconds(100);
   options.ask_again = std::chrono::milliseconds(300);
   options.send_timeout = std::chrono::milliseconds(3000);
@@ -68,9 +72,12 @@ Status Work(int argc, char** argv) {
   Leak leak(static_cast<std::size_t>(std::atoi(Variable("FAKE_LEAK_MB").c_str())));
   ETUDE_ASSIGN_OR_RETURN(auto client, campaign::WorkerClient::Open(participant, options));
   return client.Run([&](const campaign::JoinedCampaign& joined) -> Result<campaign::WorkFunction> {
-    return [spec = joined.spec, pace, &leak](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
+    return [spec = joined.spec, pace, &leak,
+            prefetch = options.prefetch](const campaign::WorkItem& item) -> Result<campaign::WorkResult> {
       leak.Grow();
+      if (prefetch) item.progress("fake", 0);
       WaitForStop(pace);  // stands for the simulation
+      if (prefetch) item.progress("fake", 1);
       return campaign::FakeAttempt(spec, item);
     };
   });

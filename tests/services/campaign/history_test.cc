@@ -17,7 +17,7 @@ TEST(Epoch, GrowsWithEveryStart) {
   ASSERT_TRUE(RememberEpoch(folder.path(), 7)) << "one that adopts leaves the other behind";
   EXPECT_EQ(LastEpoch(folder.path()).value(), 7u);
   EXPECT_FALSE(RememberEpoch(folder.path(), 7));
-  EXPECT_FALSE(RememberEpoch(folder.path(), 1ull << 32)) << "the token's half has 32 bits";
+  EXPECT_FALSE(RememberEpoch(folder.path(), kEpochs)) << "it would not fit into a token";
 }
 
 TEST(Epoch, RefusesAFileThatItDoesNotUnderstand) {
@@ -41,6 +41,38 @@ TEST(KnownFiles, StayOverStarts) {
   ASSERT_TRUE(RememberFiles(folder.path(), "abc"));
   ASSERT_TRUE(RememberEpoch(folder.path(), 2));
   EXPECT_EQ(KnownFiles(folder.path()), "abc");
+}
+
+TEST(KnownShard, StaysOverStarts) {
+  TemporaryFolder folder;
+  EXPECT_FALSE(KnownShard(folder.path()));
+  ASSERT_TRUE(RememberEpoch(folder.path(), 1));
+  EXPECT_FALSE(KnownShard(folder.path()));
+  ASSERT_TRUE(RememberShard(folder.path(), "1/2"));
+  ASSERT_TRUE(RememberEpoch(folder.path(), 2));
+  EXPECT_EQ(KnownShard(folder.path()), "1/2");
+}
+
+TEST(CheckHostsAgree, NamesTheLineInWhichShardsDiffer) {
+  TemporaryFolder folder;
+  const auto shard = [&](const char* name, const char* picture, const char* physics) {
+    EXPECT_TRUE(RememberEpoch(folder / name, 1));
+    EXPECT_TRUE(RememberFingerprint(folder / name, {{"picture", picture}, {"physics", physics}}));
+    return folder / name;
+  };
+  const Path a = shard("a", "p1", "x"), same = shard("same", "p1", "x"), drawn = shard("drawn", "p2", "x"),
+             other = shard("other", "p1", "y");
+  EXPECT_TRUE(CheckHostsAgree({a, folder / "none", same}, "bytes"));
+  const auto refused = CheckHostsAgree({folder / "none", a, drawn}, "bytes");
+  ASSERT_FALSE(refused);
+  for (const std::string& text : {a.string(), drawn.string(), std::string("picture: here p1, there p2")})
+    EXPECT_NE(refused.error().message.find(text), std::string::npos) << refused.error().message;
+  EXPECT_TRUE(CheckHostsAgree({a, drawn}, "physics"));
+  EXPECT_FALSE(CheckHostsAgree({a, other}, "physics"));
+  EXPECT_TRUE(CheckHostsAgree({a, other}, "none"));
+  ASSERT_TRUE(RememberFiles(a, "aa"));
+  ASSERT_TRUE(RememberFiles(same, "bb"));
+  EXPECT_FALSE(CheckHostsAgree({a, same}, "none")) << "other robots or objects";
 }
 
 TEST(ReadHistory, CountsEachFailedAttemptOnce) {

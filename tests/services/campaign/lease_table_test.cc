@@ -4,9 +4,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "services/core/rng.h"
 
@@ -51,6 +55,41 @@ TEST(LeaseTable, TheFrontierLiesBehindEverythingThatWasEverTouched) {
   EXPECT_EQ(table.frontier(), 7u);
 }
 
+TEST(LeaseTable, AShardLeasesItsOwnIndicesAndNoOthers) {
+  LeaseTableConfig config = Config(11);
+  config.shard = {2, 3};  // 1, 4, 7, 10
+  LeaseTable table(config);
+  EXPECT_EQ(table.size(), 4u);
+  table.RestoreCommitted(0);  // of another shard
+  table.RestoreFailures(2, 3, 3);
+  table.RestoreCommitted(4);
+  EXPECT_EQ(table.committed(), 1u);
+  EXPECT_EQ(table.given_up(), 0u);
+  for (const std::uint64_t index : {1, 7, 10}) {
+    const Assignment assignment = table.Request("w" + std::to_string(index), Time{});
+    ASSERT_EQ(assignment.kind, Assignment::Kind::kWork);
+    EXPECT_EQ(assignment.index, index);
+    EXPECT_EQ(table.Check(index + 1, 0, assignment.token), LeaseValidity::kStale) << "not leased here";
+  }
+  EXPECT_EQ(table.Request("late", Time{}).kind, Assignment::Kind::kWait);
+  for (const std::uint64_t index : {1, 7}) table.Commit(index);
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    (void)table.Request("w10", Time{});
+    table.Fail(10, LeaseTable::Retry::kNextAttempt);
+  }
+  EXPECT_EQ(table.given_up(), 1u);
+  EXPECT_TRUE(table.complete());
+  EXPECT_EQ(table.Request("late", Time{}).kind, Assignment::Kind::kDone);
+}
+
+TEST(LeaseTable, AShardOfACampaignWithFewerEpisodesIsComplete) {
+  LeaseTableConfig config = Config(2);
+  config.shard = {3, 3};
+  LeaseTable table(config);
+  EXPECT_EQ(table.size(), 0u);
+  EXPECT_EQ(table.Request("w", Time{}).kind, Assignment::Kind::kDone);
+}
+
 TEST(LeaseTable, AnswersARepeatedRequestWithTheSameLease) {
   LeaseTable table(Config(3));
   const Assignment first = table.Request("w", Time{});
@@ -59,7 +98,7 @@ TEST(LeaseTable, AnswersARepeatedRequestWithTheSameLease) {
   EXPECT_EQ(table.Expire(Time{} + 11s), 0) << "the request renews";
 }
 
-TEST(LeaseTable, ExpiredLeaseIsLeasedAgainWithALargerToken) {
+TEST(LeaseTable, ExpiredLeaseIsLeasedAgainWithAnotherToken) {
   LeaseTable table(Config(1));
   const Assignment old = table.Request("dead", Time{});
   EXPECT_EQ(table.Expire(Time{} + 9s), 0);
@@ -67,7 +106,7 @@ TEST(LeaseTable, ExpiredLeaseIsLeasedAgainWithALargerToken) {
   const Assignment assignment = table.Request("alive", Time{} + 10s);
   EXPECT_EQ(assignment.index, old.index);
   EXPECT_EQ(assignment.attempt, old.attempt);
-  EXPECT_GT(assignment.token, old.token);
+  EXPECT_NE(assignment.token, old.token);
   EXPECT_EQ(table.Check(0, 0, old.token), LeaseValidity::kStale);
   EXPECT_EQ(table.Check(0, 0, assignment.token), LeaseValidity::kCurrent);
 }
@@ -156,10 +195,169 @@ TEST(LeaseTable, ResumesFromWhatIsDurable) {
   const Assignment assignment = table.Request("w", Time{});
   EXPECT_EQ(assignment.index, 1u);
   EXPECT_EQ(assignment.attempt, 2u);
-  EXPECT_EQ(assignment.token >> 32, 7u);
+  EXPECT_EQ(EpochOf(assignment.token), 7u);
   EXPECT_EQ(table.Request("v", Time{}).index, 3u);
   EXPECT_EQ(table.given_up(), 1u);
   EXPECT_EQ(table.Check(0, 0, 1), LeaseValidity::kCommitted);
+}
+
+TEST(LeaseTable, AWorkerThatIsAtItMayHoldOneMore) {
+  LeaseTable table(Config(9));
+  const Assignment first = table.Request("w", Time{});
+  const Assignment next = table.Request("w", Time{}, first.token);
+  ASSERT_EQ(next.kind, Assignment::Kind::kWork);
+  EXPECT_EQ(next.index, 1u);
+  EXPECT_EQ(table.Request("w", Time{}, first.token).token, next.token) << "an answer that was lost";
+  EXPECT_EQ(table.in_flight(), 2u);
+  EXPECT_EQ(table.Request("w", Time{}).token, first.token) << "what it began comes first";
+  EXPECT_TRUE(table.Holds("w", first.token));
+  table.Commit(first.index);
+  EXPECT_FALSE(table.Holds("w", next.token));
+  EXPECT_EQ(table.Request("w", Time{}).token, next.token);
+  EXPECT_EQ(table.Request("w", Time{}, next.token).index, 2u);
+  EXPECT_EQ(table.Request("invented", Time{}, 12345).kind, Assignment::Kind::kWait)
+      << "no heartbeat would renew what waits behind a lease that is not of this table";
+  EXPECT_EQ(table.Request("invented", Time{}).index, 3u);
+}
+
+TEST(LeaseTable, WhoWasCutOffForLongerThanALeaseGoesOnWithIt) {
+  LeaseTable table(Config(9));
+  const Assignment first = table.Request("w", Time{});
+  const Assignment next = table.Request("w", Time{}, first.token);
+  EXPECT_EQ(table.Expire(Time{} + 1h), 1);
+  EXPECT_TRUE(table.Renew(first.index, first.token, Time{} + 1h));
+  EXPECT_EQ(table.Request("other", Time{} + 1h).index, next.index) << "what waited went to who came first";
+  EXPECT_FALSE(table.Renew(next.index, next.token, Time{} + 1h)) << "and is theirs";
+  EXPECT_EQ(table.Request("third", Time{} + 1h).index, 2u) << "nobody else is leased what it goes on with";
+  EXPECT_EQ(table.in_flight(), 3u);
+  EXPECT_EQ(table.Expire(Time{} + 1h + 9s), 0);
+  table.Commit(first.index);
+  EXPECT_FALSE(table.Renew(first.index, first.token, Time{} + 1h)) << "it is closed";
+}
+
+TEST(LeaseTable, WhatWasTakenFromAWorkerDoesNotComeBackByItsHeartbeats) {
+  LeaseTable table(Config(9));
+  const Assignment taken = table.Request("still", Time{});
+  table.Revoke("still");
+  EXPECT_FALSE(table.Renew(taken.index, taken.token, Time{}));
+  EXPECT_EQ(table.in_flight(), 0u);
+  EXPECT_EQ(table.Check(taken.index, 0, taken.token), LeaseValidity::kCurrent) << "its result would count";
+}
+
+TEST(LeaseTable, WhatWaitsLivesAsLongAsWhatIsWorkedOn) {
+  LeaseTable table(Config(9));
+  const Assignment first = table.Request("w", Time{});
+  const Assignment next = table.Request("w", Time{}, first.token);
+  for (int s = 5; s <= 100; s += 5) {
+    EXPECT_TRUE(table.Renew(first.index, first.token, Time{} + std::chrono::seconds(s)));
+    EXPECT_EQ(table.Expire(Time{} + std::chrono::seconds(s)), 0);
+  }
+  EXPECT_EQ(table.Check(next.index, 0, next.token), LeaseValidity::kCurrent);
+  std::vector<std::string> holders;
+  EXPECT_EQ(table.Expire(Time{} + 1h, &holders), 1) << "what waited was nobody's work";
+  EXPECT_EQ(holders, std::vector<std::string>{"w"});
+  EXPECT_EQ(table.in_flight(), 0u);
+  EXPECT_EQ(table.lost(), 1u);
+}
+
+TEST(LeaseTable, WhatWaitedForADeadWorkerIsFreeAndCountsNothing) {
+  LeaseTable table(Config(9));
+  const Assignment first = table.Request("dead", Time{});
+  const Assignment next = table.Request("dead", Time{}, first.token);
+  table.Revoke("dead");
+  EXPECT_EQ(table.lost(), 1u);
+  EXPECT_EQ(table.Request("a", Time{}).index, next.index) << "before those that nobody was leased";
+  for (std::uint64_t index = 2; index < 9; ++index)
+    EXPECT_EQ(table.Request("w" + std::to_string(index), Time{}).index, index);
+  EXPECT_EQ(table.Request("last", Time{}).index, first.index) << "what lost its worker comes behind";
+}
+
+TEST(LeaseTable, WhatWasBegunIsLostLikeAnyOther) {
+  LeaseTable table(Config(9));
+  const Assignment first = table.Request("w", Time{});
+  const Assignment next = table.Request("w", Time{}, first.token);
+  table.Commit(first.index);
+  EXPECT_TRUE(table.Renew(next.index, next.token, Time{}));
+  table.Revoke("w");
+  EXPECT_EQ(table.lost(), 1u);
+  EXPECT_EQ(table.Request("other", Time{}).index, 2u);
+}
+
+TEST(LeaseTable, NothingIsLeasedAheadThatSomebodyElseMayBeFreeFor) {
+  LeaseTable table(Config(4));
+  const Assignment a = table.Request("a", Time{}), b = table.Request("b", Time{});
+  EXPECT_EQ(table.Request("a", Time{}, a.token).index, 2u) << "two are left, and two work";
+  EXPECT_EQ(table.Request("b", Time{}, b.token).kind, Assignment::Kind::kWait);
+  EXPECT_EQ(table.Request("c", Time{}).index, 3u);
+}
+
+TEST(LeaseTable, BoundsWhatIsLeasedAhead) {
+  auto config = Config(100);
+  config.max_in_flight = 2;
+  LeaseTable table(config);
+  const Assignment a = table.Request("a", Time{});
+  EXPECT_EQ(table.Request("a", Time{}, a.token).kind, Assignment::Kind::kWork);
+  const Assignment b = table.Request("b", Time{});
+  ASSERT_EQ(b.kind, Assignment::Kind::kWork) << "what waits takes nobody's place";
+  EXPECT_EQ(table.Request("b", Time{}, b.token).kind, Assignment::Kind::kWork);
+  EXPECT_EQ(table.Request("c", Time{}).kind, Assignment::Kind::kWait);
+  EXPECT_EQ(table.in_flight(), 4u);
+}
+
+TEST(LeaseTable, TokensAreNotToBeGuessedFromOthers) {
+  constexpr std::uint64_t kLeases = 1000;
+  LeaseTable table(Config(kLeases));
+  std::set<std::uint64_t> tokens;
+  std::uint64_t ones = 0, zeros = 0;  // bits that were one, or zero, in any
+  for (std::uint64_t i = 0; i < kLeases; ++i) {
+    const std::uint64_t token = table.Request("w" + std::to_string(i), Time{}).token;
+    tokens.insert(token);
+    ones |= token;
+    zeros |= ~token;
+  }
+  EXPECT_EQ(tokens.size(), kLeases);
+  constexpr std::uint64_t kRandom = (1ull << kTokenRandomBits) - 1;
+  EXPECT_EQ(ones & zeros & kRandom, kRandom) << "each of the bits is drawn";
+  std::uint64_t smallest = ~0ull;
+  for (auto next = std::next(tokens.begin()); next != tokens.end(); ++next)
+    smallest = std::min(smallest, *next - *std::prev(next));
+  // of a thousand in 2^40 the closest two are about 2^20 apart
+  EXPECT_GT(smallest, 1u);
+  int guessed = 0;
+  for (const std::uint64_t token : tokens)
+    for (std::uint64_t step = 1; step <= 10; ++step) guessed += table.IndexOf(token + step).has_value();
+  EXPECT_EQ(guessed, 0);
+}
+
+TEST(LeaseTable, TwoIndicesNeverHaveOneToken) {
+  auto config = Config(3);
+  std::uint64_t draws = 0;
+  config.random = [&draws] { return 5 + draws++ / 3; };  // the same one three times
+  LeaseTable table(config);
+  const Assignment first = table.Request("a", Time{}), second = table.Request("b", Time{});
+  EXPECT_EQ(first.token, (1ull << kTokenRandomBits) + 5);
+  EXPECT_EQ(second.token, (1ull << kTokenRandomBits) + 6);
+  EXPECT_EQ(table.IndexOf(first.token), 0u);
+  EXPECT_EQ(table.IndexOf(second.token), 1u);
+  table.Commit(0);
+  EXPECT_FALSE(table.IndexOf(first.token));
+  EXPECT_FALSE(table.IndexOf(0));
+}
+
+TEST(LeaseTable, ALeaseIsItsWorkersAlone) {
+  LeaseTable table(Config(2));
+  ASSERT_EQ(table.Request("slow", Time{}).index, 0u);
+  EXPECT_TRUE(table.WentTo(0, "slow"));
+  EXPECT_FALSE(table.WentTo(0, "thief"));
+  EXPECT_FALSE(table.WentTo(1, "slow"));
+  EXPECT_FALSE(table.WentTo(99, "slow"));
+  table.Expire(Time{} + 1h);
+  EXPECT_TRUE(table.WentTo(0, "slow")) << "a late report is still its own";
+  ASSERT_EQ(table.Request("other", Time{} + 1h).index, 1u);
+  ASSERT_EQ(table.Request("next", Time{} + 1h).index, 0u);
+  EXPECT_FALSE(table.WentTo(0, "slow"));
+  table.Release(0);
+  EXPECT_FALSE(table.WentTo(0, "next"));
 }
 
 // Attempt k of index i fails by its nature: a pure function, as in a real campaign.
@@ -184,6 +382,8 @@ class RandomCampaign {
     const double draw = rng_.Uniform();
     if (held == working_.end()) {
       Ask(worker);
+    } else if (draw < 0.02) {
+      LookAhead(worker, held->second);
     } else if (draw < 0.1) {
       working_.erase(held);  // dies without a word
     } else if (draw < 0.5) {
@@ -193,7 +393,7 @@ class RandomCampaign {
       working_.erase(held);
       HandIn(assignment, draw < 0.55);
     }
-    ASSERT_LE(table_.in_flight(), config_.max_in_flight);
+    ASSERT_LE(table_.in_flight(), 2 * config_.max_in_flight);
   }
   bool complete() const { return table_.complete(); }
 
@@ -217,13 +417,23 @@ class RandomCampaign {
   void Ask(const std::string& worker) {
     const Assignment assignment = table_.Request(worker, now_);
     if (assignment.kind != Assignment::Kind::kWork) return;
-    if (granted_.insert(assignment.token).second) {
-      ASSERT_GT(assignment.token, last_token_) << "tokens grow strictly";
-      last_token_ = assignment.token;
-    }
+    const bool is_new = granted_.insert(assignment.token).second;
+    ASSERT_TRUE(is_new || newest_[assignment.index] == assignment.token) << "no token is granted for two leases";
+    ASSERT_TRUE(table_.WentTo(assignment.index, worker));
+    ASSERT_EQ(table_.IndexOf(assignment.token), assignment.index);
     ASSERT_FALSE(committed_.contains(assignment.index));
     newest_[assignment.index] = assignment.token;
     working_[worker] = assignment;
+  }
+
+  // It is told that one again when it asks next, or somebody else is once this one is dead.
+  void LookAhead(const std::string& worker, const Assignment& assignment) {
+    const Assignment next = table_.Request(worker, now_, assignment.token);
+    if (next.kind != Assignment::Kind::kWork) return;
+    ASSERT_NE(next.token, assignment.token);
+    ASSERT_FALSE(committed_.contains(next.index));
+    granted_.insert(next.token);
+    newest_[next.index] = next.token;
   }
 
   void HandIn(const Assignment& assignment, bool gives_back) {
@@ -247,7 +457,6 @@ class RandomCampaign {
   Time now_{};
   std::set<std::uint64_t> granted_;                // tokens
   std::map<std::uint64_t, std::uint64_t> newest_;  // index -> token
-  std::uint64_t last_token_ = 0;
   std::map<std::string, Assignment> working_;
   std::map<std::uint64_t, std::uint32_t> committed_;
   std::set<std::uint64_t> given_up_;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests services/cli/campaign.cc, top.cc, topic.cc and bus_watch.cc against a collector, as a user meets them
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -8,6 +9,7 @@
 
 #include "services/core/command.h"
 #include "services/store/dataset.h"
+#include "services/store/filter_keys.h"
 #include "tests/services/campaign/fake_work.h"
 #include "tests/services/campaign/running_collector.h"
 #include "tests/support/etude_command.h"
@@ -117,6 +119,32 @@ TEST_F(BusCommands, StopEndsTheCollectorWhichResumesLater) {
   EXPECT_EQ(worker.Ask().kind, bus::LeaseKind::kWork);
 }
 
+TEST_F(BusCommands, AFilterKeyIsWrittenByTheCollectorWhileItHasTheDataset) {
+  RawWorker worker(*participant_, spec_, (*running_)->id(), "worker");
+  const bus::Lease lease = worker.Ask();
+  ASSERT_EQ(Finish(worker, lease).kind, bus::AckKind::kDone);
+  const Path data = folder_ / "data";
+  const auto filter = [&](const std::string& key) {
+    return Etude({"dataset", "filter", data.string(), "--index", std::to_string(lease.index), "--as", key});
+  };
+
+  const auto written = filter("mine");
+  EXPECT_EQ(written.exit_code, kExitOk) << written.text;
+  EXPECT_THAT(written.text, HasSubstr("filter key 'mine': 1 episodes"));
+  EXPECT_EQ(*store::ReadFilterKeys(data), (store::FilterKeys{{"mine", {lease.index}}}));
+
+  const auto elsewhere = RunEtude(
+      {"dataset", "filter", data.string(), "--index", std::to_string(lease.index), "--as", "other", "--domain", "88"},
+      folder_ / "elsewhere.txt");
+  EXPECT_EQ(elsewhere.exit_code, kExitMachine);
+  EXPECT_THAT(elsewhere.text, HasSubstr("being written by another process"));
+  EXPECT_THAT(elsewhere.text, HasSubstr("were it a collector on domain 88"));
+
+  running_.reset();
+  EXPECT_EQ(filter("later").exit_code, kExitOk) << "nobody has it: by itself";
+  EXPECT_EQ(store::ReadFilterKeys(data)->size(), 2u);
+}
+
 TEST_F(BusCommands, ShowWhatIsLive) {
   const auto list = Etude({"campaign", "list"});
   EXPECT_EQ(list.exit_code, kExitOk) << list.text;
@@ -131,6 +159,38 @@ TEST_F(BusCommands, ShowWhatIsLive) {
   const auto top = Etude({"top", "--once"});
   EXPECT_EQ(top.exit_code, kExitOk) << top.text;
   EXPECT_THAT(top.text, HasSubstr(spec_.name + ": collecting 0 of 6"));
+}
+
+TEST_F(BusCommands, OfACampaignInShardsAllThatAreThereAreMeant) {
+  running_.reset();
+  std::vector<std::unique_ptr<Running>> shards;
+  for (std::uint32_t number : {1, 2}) {
+    CollectorOptions options = QuickOptions();
+    options.shard = {number, 3};
+    auto collector = Collector::Open(*participant_, spec_, folder_ / fmt::format("shard{}", number), options);
+    ASSERT_TRUE(collector) << collector.error().message;
+    shards.push_back(std::make_unique<Running>(std::move(*collector)));
+  }
+  const auto status = Campaign("status");
+  EXPECT_EQ(status.exit_code, kExitOk) << status.text;
+  for (const char* text : {"shard 1/3", "shard 2/3", "2 of 3 shards are there: 0 of their 4 committed"})
+    EXPECT_THAT(status.text, HasSubstr(text));
+  const auto json = JsonIn(Etude({"campaign", "status", spec_.name, "--json"}).text);
+  EXPECT_EQ(json["shard_count"], 3);
+  EXPECT_EQ(json["total"], 4);
+  EXPECT_EQ(json["shards"].size(), 2u);
+
+  const auto paused = Campaign("pause");
+  EXPECT_EQ(paused.exit_code, kExitOk) << paused.text;
+  for (const auto& shard : shards) EXPECT_THAT(paused.text, HasSubstr((*shard)->id() + ": paused, 0 of 2 committed"));
+  EXPECT_THAT(paused.text, HasSubstr("etude campaign resume " + spec_.name + "\n"));
+  RawWorker worker(*participant_, spec_, (*shards[0])->id(), "worker");
+  EXPECT_EQ(worker.Ask().kind, bus::LeaseKind::kWait);
+  EXPECT_EQ(Etude({"campaign", "resume", spec_.name + "@" + (*shards[0])->id()}).exit_code, kExitOk);
+  EXPECT_EQ(worker.Ask().kind, bus::LeaseKind::kWork);
+  const auto rest = Campaign("resume");
+  EXPECT_EQ(rest.exit_code, kExitUsage) << "one of them was not paused any more";
+  EXPECT_THAT(rest.text, HasSubstr((*shards[1])->id() + ": running"));
 }
 
 TEST_F(BusCommands, TopicsAndTheirMessages) {

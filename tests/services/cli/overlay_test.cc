@@ -153,8 +153,9 @@ TEST(DrawOverlay, TheNamedObjectStandsInTheCorner) {
 policy::Insight Looking(int patch, double weight) {
   policy::Insight insight = Modules(R"({"TAR2D": {"entity": "target"}})");
   insight.view = {16, 24, 40, 16};
-  policy::PictureAttention attention{2, 4, std::vector<double>(8)};
-  attention.weights.at(static_cast<std::size_t>(patch)) = weight;
+  policy::ModuleAttention attention{2, 4};
+  attention.mean.picture.resize(8);
+  attention.mean.picture.at(static_cast<std::size_t>(patch)) = weight;
   insight.attention["TAR2D"] = attention;
   return insight;
 }
@@ -196,8 +197,9 @@ TEST(DrawOverlay, WhoLooksElsewhereIsNotShown) {
 
 TEST(DrawOverlay, AFaintAttentionIsTintedFaintly) {
   policy::Insight insight = Looking(6, 0.8);
-  insight.attention["TAR2D"].weights[0] = 0.02;   // a tenth of full
-  insight.attention["TAR2D"].weights[1] = 0.005;  // below what is shown
+  auto& weights = insight.attention["TAR2D"].mean.picture;
+  weights[0] = 0.02;   // a tenth of full
+  weights[1] = 0.005;  // below what is shown
   const Picture picture = Draw(insight);
   EXPECT_NEAR(picture.over({21, 28})[2], kGround[2] + 0.055 * (kTarget[2] - kGround[2]), 1);
   EXPECT_EQ(picture.over({31, 28}), kGround);

@@ -209,6 +209,10 @@ TEST(IsWholeReport, CountsScenesThatDoNotCount) {
 TEST(BriefReport, KeepsWhatTablesShow) {
   const OrderedJson report{{"overall", 1}, {"per_task", 2}, {"per_episode", OrderedJson::array({1, 2, 3})}};
   EXPECT_EQ(BriefReport(report), (OrderedJson{{"overall", 1}, {"per_task", 2}}));
+  const OrderedJson more{{"scenes", {{"first_draw", 0.5}, {"reasons", 7}}},
+                         {"comparison", {{"overall", {{"p", 0.1}}}, {"per_task", 3}}}};
+  EXPECT_EQ(BriefReport(more),
+            (OrderedJson{{"scenes", {{"first_draw", 0.5}}}, {"comparison", {{"overall", {{"p", 0.1}}}}}}));
   EXPECT_EQ(BriefReport(OrderedJson::array()), OrderedJson::object());
 }
 

@@ -44,10 +44,32 @@ TEST(ResultsTable, HasBothCriteriaWithIntervalsAndEverySeed) {
 
   EXPECT_THAT(table,
               HasSubstr("| UR5 | 600 | 10 min | base + obstacle, 2 parts frozen | 93.0 [88.6, 95.8] | 90.0, 96.0 | "
-                        "99.0 [96.4, 99.7] | 82.4 | 95 (missed) | now; then |"));
+                        "99.0 [96.4, 99.7] | 82.4 | 95 (missed) | - | nominal, seed 1 | now; then |"));
   EXPECT_THAT(table, HasSubstr("| UR5 | pick | 93.0 [88.6, 95.8] | 99.0 [96.4, 99.7] |"));
   const ResultRow easy = Row(90);
   EXPECT_THAT(ResultsTable({{&easy, {{1, "now", Report(100, 96, 98)}}}}), Not(HasSubstr("missed")));
+}
+
+TEST(ResultsTable, SaysNetworkScenesAndWhatThePaperHadBesideItsFigures) {
+  ResultRow row = Row(0);
+  row.train = {.config = "faithful", .steps = 1};
+  row.eval.scenes = "robust";
+  row.eval.seed = 9019;
+  OrderedJson first = Report(10, 9, 9), second = first;
+  first["scenes"]["first_draw"] = 0.5;
+  second["scenes"]["first_draw"] = 0.7;
+  const std::string table = ResultsTable({{&row, {{1, "now", first}, {2, "now", second}}}});
+  EXPECT_THAT(table, HasSubstr("| faithful | robust, seed 9019, 60 % first draws | now |"));
+  EXPECT_THAT(table, HasSubstr("Beside the paper's figures"));
+}
+
+TEST(ResultsTable, SaysWhereARowIsComparedWithAnotherWhetherItCanBeChance) {
+  ResultRow row = Row(0);
+  row.compare = "scratch";
+  OrderedJson report = Report(10, 9, 9);
+  EXPECT_THAT(ResultsTable({{&row, {{1, "now", report}}}}), Not(HasSubstr("McNemar")));
+  report["comparison"]["overall"] = {{"n", 200}, {"only_first", 31}, {"only_second", 9}, {"p", 0.0006}};
+  EXPECT_THAT(ResultsTable({{&row, {{1, "now", report}}}}), HasSubstr("| UR5 | scratch | 1 | 200 | 31 | 9 | 0.0006 |"));
 }
 
 TEST(ResultsTable, HasTheMeanErrorOfEachModuleOverTheSeeds) {
@@ -74,7 +96,7 @@ TEST(ResultsTable, RolloutsCountAlikeSoThatTheShareLiesInItsInterval) {
   row.paper.clear();
   const std::string table = ResultsTable({{&row, {{1, "now", Report(10, 9, 10)}, {2, "now", Report(100, 50, 100)}}}});
   EXPECT_THAT(table, HasSubstr("| UR5 | 600 | 4000 steps | scratch | 53.6 [44.4, 62.7] | 90.0, 50.0 |"));
-  EXPECT_THAT(table, HasSubstr("| 100.0 [96.6, 100.0] | - |  | now |\n"));
+  EXPECT_THAT(table, HasSubstr("| 100.0 [96.6, 100.0] | - |  | compact | nominal, seed 1 | now |\n"));
 }
 
 // 94, 95 and 96 % are 95 % together, which sums of binary fractions miss by the last digit

@@ -70,17 +70,28 @@ TEST_F(SentenceFile, NamesTheLineThatIsNone) {
 TEST(NeverSeen, IsOfEachSentenceWhatTrainingNeverSays) {
   OrderedJson report{
       {"per_sentence", {{{"text", "Grab the loafs!"}}, {{"text", "pick up the red can"}}, {{"text", "rotate mug"}}}}};
-  ASSERT_THAT(AddNeverSeen({"pick"}, {"coke", "bread"}, report), IsOk());
+  ASSERT_THAT(AddNeverSeen(std::nullopt, {"pick"}, {"coke", "bread"}, report), IsOk());
   EXPECT_THAT(report["per_sentence"][0]["never_seen"].get<std::vector<std::string>>(), ElementsAre("grab", "loafs"));
   EXPECT_TRUE(report["per_sentence"][1]["never_seen"].empty());
   EXPECT_THAT(report["per_sentence"][2]["never_seen"].get<std::vector<std::string>>(), ElementsAre("rotate", "mug"));
 
-  ASSERT_THAT(AddNeverSeen({"rotate", "place_left"}, {"mug_03", "mug_04", "apple_03"}, report), IsOk());
+  ASSERT_THAT(AddNeverSeen(std::nullopt, {"rotate", "place_left"}, {"mug_03", "mug_04", "apple_03"}, report), IsOk());
   EXPECT_TRUE(report["per_sentence"][2]["never_seen"].empty()) << "classes, two of one too";
-  EXPECT_THAT(AddNeverSeen({"pik"}, {"coke"}, report), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(AddNeverSeen(std::nullopt, {"pik"}, {"coke"}, report), HasCode(Code::kInvalidArgument));
   OrderedJson without = OrderedJson::object();
-  ASSERT_THAT(AddNeverSeen({"pick"}, {"coke"}, without), IsOk());
+  ASSERT_THAT(AddNeverSeen(std::nullopt, {"pick"}, {"coke"}, without), IsOk());
   EXPECT_TRUE(without.empty());
+}
+
+// a policy of cans and bread on scenes of apples: the scenes do not say what it has heard
+TEST(NeverSeen, IsMeasuredByThePolicysOwnTrainingWhereThatIsKnown) {
+  OrderedJson report{{"per_sentence", {{{"text", "rotate the apple"}}}}};
+  ASSERT_THAT(AddNeverSeen(std::set<std::string>{"the", "pick"}, {"rotate"}, {"apple_03"}, report), IsOk());
+  EXPECT_THAT(report["per_sentence"][0]["never_seen"].get<std::vector<std::string>>(), ElementsAre("rotate", "apple"));
+  EXPECT_EQ(report["words_of"], "training");
+  ASSERT_THAT(AddNeverSeen(std::nullopt, {"rotate"}, {"apple_03"}, report), IsOk());
+  EXPECT_TRUE(report["per_sentence"][0]["never_seen"].empty());
+  EXPECT_EQ(report["words_of"], "campaign");
 }
 
 }  // namespace sentence_suite_test

@@ -7,6 +7,7 @@
 
 #include <thread>
 
+#include "services/core/clock.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
@@ -62,6 +63,34 @@ TEST(Service, ARestartWithoutAStateBeginsAnew) {
   }
   ASSERT_TRUE(status) << status.error().message;
   EXPECT_EQ(ReadTextFile(folder / "starts").value_or(""), "began \nbegan \nbegan --resume\n");
+}
+
+constexpr const char* kEndsWell = R"sh(#!/bin/sh
+echo began >> "$1/starts"
+)sh";
+
+TEST(Service, AServerThatWasToldToEndIsStartedAgain) {
+  TemporaryFolder folder;
+  const Path program = folder / "ends_well.sh";
+  ASSERT_TRUE(WriteFileAtomically(program, std::string_view(kEndsWell)));
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  auto service = Service::Start({.program = program.string(),
+                                 .arguments = {folder.path().string()},
+                                 .environment = {},
+                                 .log = folder / "service.log",
+                                 .max_restarts = 0,  // it does not count among failures
+                                 .lasting = true});
+  ASSERT_TRUE(service) << service.error().message;
+  const auto starts = [&] { return ReadTextFile(folder / "starts").value_or(""); };
+  const auto deadline = MonotonicClock::now() + 30s;
+  Status status;
+  while (status && starts().size() < std::string_view("began\nbegan\n").size() && MonotonicClock::now() < deadline) {
+    status = service->Supervise();
+    std::this_thread::sleep_for(1ms);
+  }
+  EXPECT_TRUE(status) << status.error().message;
+  EXPECT_EQ(starts(), "began\nbegan\n");
+  EXPECT_FALSE(service->done());
 }
 
 }  // namespace service_test

@@ -32,6 +32,8 @@ BusView Collecting() {
   for (int i = 0; i < 40; ++i) {
     bus::WorkerStatus worker;
     worker.worker = fmt::format("lab-7-{:02}", i);
+    worker.host = i < 24 ? "lab-7" : "lab-8";
+    worker.episodes = 100;
     worker.phase = "play";
     worker.stage = "reach";
     worker.step = 212;
@@ -93,6 +95,37 @@ TEST(TopText, ShowsCampaignWorkersTrainingAndPolicy) {
   EXPECT_THAT(text, HasSubstr("loss 0.25"));
   EXPECT_THAT(text, HasSubstr("TAR3D.cm 0.15"));
   EXPECT_THAT(text, HasSubstr("sha256 c4ad6f0ef74d "));
+}
+
+TEST(TopText, SpeaksOfHostsAndTheirSlots) {
+  BusView view = Collecting();
+  auto& workers = view.campaigns["0011"].workers;
+  workers["lab-7-03"].message.phase = "idle";
+  workers["lab-7-30"].at = kNow - 9s;
+  // one that went from shard to shard is one slot
+  view.campaigns["0022"].presence.name = "quickstart";
+  view.campaigns["0022"].workers["lab-7-05"] = workers["lab-7-05"];
+  workers["left"] = workers["lab-7-05"];
+  workers["left"].message.phase = "gone";
+  const std::string text = TopText(view, kNow);
+  EXPECT_THAT(text, HasSubstr(fmt::format("host {:<23} 24 slots, 23 busy  2,400 done", "lab-7")));
+  EXPECT_THAT(text, HasSubstr(fmt::format("host {:<23} 16 slots, 15 busy, 1 silent  1,600 done", "lab-8")));
+  for (int i = 0; i < 90; ++i) {
+    bus::WorkerStatus worker;
+    worker.host = fmt::format("rack-{:02}", i);
+    workers[worker.host] = {worker, kNow};
+  }
+  EXPECT_THAT(TopText(view, kNow, 24, 120), HasSubstr("and 86 more hosts"));
+}
+
+TEST(TopText, SaysWhatAnotherHostMadeAgain) {
+  BusView view = Collecting();
+  auto& status = view.campaigns["0011"].status->message;
+  EXPECT_THAT(TopText(view, kNow), Not(HasSubstr("made again")));
+  status.rechecked = 28;
+  EXPECT_THAT(TopText(view, kNow), HasSubstr("made again on another host: 28, the same bytes"));
+  status.mismatched = 3;
+  EXPECT_THAT(TopText(view, kNow), HasSubstr("made again on another host: 28  OTHER BYTES: 3"));
 }
 
 TEST(TopText, FitsTheScreen) {

@@ -54,6 +54,12 @@ TEST_F(TrainingWordsTest, OfAServerThatFollowsARunAreThoseOfTheRun) {
   EXPECT_EQ(TrainingWords(participant_, "words"), (Words{"pick", "cube"}));
 }
 
+TEST_F(TrainingWordsTest, OfARunThatNobodyServesAreThoseOfItsCheckpoints) {
+  Write("run/checkpoints/latest.safetensors", {{"words", "pick cube"}});
+  const auto trainer = Announce(bus::PresenceKind::kRun, (folder_ / "run").string());
+  EXPECT_EQ(TrainingWords(participant_, "words"), (Words{"pick", "cube"}));
+}
+
 TEST_F(TrainingWordsTest, AreNotReadFromAFileThatAnotherMachineNamed) {
   const auto server =
       Announce(bus::PresenceKind::kPolicy, Write("served.safetensors", {{"words", "lift milk"}}), "another");

@@ -7,15 +7,21 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <functional>
 #include <stdexcept>
 #include <string>
 #include <system_error>
 #include <tuple>
+#include <vector>
+
+#include "services/core/stop.h"
+#include "services/core/stop_reason.h"
 
 namespace etude {
 namespace command_test {
@@ -42,6 +48,11 @@ TEST(Command, EveryKindOfErrorHasItsExitCodeAndItsWords) {
     EXPECT_EQ(ExitCodeFor({code, "x"}), exit_code) << words;
     EXPECT_EQ(ToString(code), words);
   }
+}
+
+TEST(Command, ABuildsVersionIsTheVersionAndMayNameTheCommit) {
+  EXPECT_TRUE(BuildVersion() == Version() || BuildVersion().starts_with(Version() + "+")) << BuildVersion();
+  EXPECT_LE(BuildVersion().size(), 64u) << "it fits into a message";
 }
 
 // What a program says on stderr when its body does this.
@@ -127,6 +138,47 @@ TEST(OutputDeathTest, ASocketWhosePeerIsGoneEndsNoService) {
     return refused ? Status() : Fail(Code::kInternal, "the peer was not gone");
   };
   EXPECT_EXIT(::_exit(RunMain("etude", serve)), ExitedWithCode(kExitOk), "^$");
+}
+
+TEST(Command, AProgramDoesNotStartAgainWhileThatIsHeldUp) {
+  EXPECT_TRUE(MayStartAgain());
+  {
+    const RestartHold one, other;
+    EXPECT_FALSE(MayStartAgain());
+  }
+  EXPECT_TRUE(MayStartAgain());
+}
+
+// This test's process is started again with the same arguments, and comes here once more.
+TEST(Command, AProgramStartsAgainWhereThatIsWanted) {
+  if (std::getenv("ETUDE_STARTED_AGAIN") != nullptr) ::_exit(MayStartAgain() ? 43 : 42);
+  const pid_t child = ::fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    RestartWith([] { return std::vector<std::string>{"--gtest_filter=Command.AProgramStartsAgainWhereThatIsWanted"}; });
+    ::_exit(RunMain("t", []() -> Status {
+      if (!MayStartAgain()) return Fail(Code::kInternal, "it was not started again yet");
+      RestartBecause({Code::kTimeout, "lost"});
+      return Fail(Code::kTimeout, "stopped while it waited");  // no reason to stay down
+    }));
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 42) << "and not a third time before its time";
+}
+
+TEST(CommandDeathTest, UnderAServiceManagerAndAfterAStopItEnds) {
+  const auto end = [](const char* variable, bool stopped) {
+    if (variable) ::setenv(variable, "/nowhere", 1);
+    ::_exit(RunMain("t", [stopped]() -> Status {
+      if (stopped) RequestStop();
+      RestartBecause({Code::kTimeout, "lost"});
+      return {};
+    }));
+  };
+  EXPECT_EXIT(end("NOTIFY_SOCKET", false), ExitedWithCode(1), "t: lost");
+  EXPECT_EXIT(end(nullptr, true), ExitedWithCode(0), "") << "a stop that was asked for is no failure";
 }
 
 }  // namespace command_test

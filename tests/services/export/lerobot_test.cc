@@ -170,12 +170,15 @@ TEST_F(LeRobot, Version21HasAFileAnEpisode) {
   }
 }
 
-TEST_F(LeRobot, HyparquetReadsEveryFile) {
-  ASSERT_THAT(ExportLeRobot(dataset_, out_, {}), IsOk());
-  if (!ReadWithNode(out_ / "meta/tasks.parquet")) GTEST_SKIP() << "node or hyparquet is not there";
+// By readers that are not ours.
+class LeRobotReadBy : public LeRobot, public testing::WithParamInterface<const char*> {};
 
-  const auto data = ReadWithNode(out_ / "data/chunk-000/file-000.parquet");
-  const auto episodes = ReadWithNode(out_ / "meta/episodes/chunk-000/file-000.parquet");
+TEST_P(LeRobotReadBy, HasEveryRow) {
+  ASSERT_THAT(ExportLeRobot(dataset_, out_, {}), IsOk());
+  if (!ReadWithNode(GetParam(), out_ / "meta/tasks.parquet")) GTEST_SKIP() << GetParam() << " is not there";
+
+  const auto data = ReadWithNode(GetParam(), out_ / "data/chunk-000/file-000.parquet");
+  const auto episodes = ReadWithNode(GetParam(), out_ / "meta/episodes/chunk-000/file-000.parquet");
 
   const ParquetFile own(out_ / "data/chunk-000/file-000.parquet");
   ASSERT_EQ((*data)["rows"].size(), own.rows().size());
@@ -186,6 +189,12 @@ TEST_F(LeRobot, HyparquetReadsEveryFile) {
   }
   EXPECT_EQ((*episodes)["rows"].size(), static_cast<std::size_t>(kEpisodes));
 }
+
+std::string NameOfReader(const testing::TestParamInfo<const char*>& info) {
+  return std::string(info.param) == "hyparquet" ? "Hyparquet" : "ParquetWasm";
+}
+
+INSTANTIATE_TEST_SUITE_P(Readers, LeRobotReadBy, testing::ValuesIn(kNodeReaders), NameOfReader);
 
 TEST_F(LeRobot, TakesOnlyTheEpisodesThatAreAskedFor) {
   LeRobotOptions options;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What hyparquet, a reader that is not ours, sees in a Parquet file.
+// What readers that are not ours see in a Parquet file: hyparquet, and Arrow's own by parquet-wasm.
 #pragma once
 
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <optional>
 #include <string>
 
@@ -13,12 +14,17 @@
 
 namespace etude::exports {
 
+inline constexpr const char* kNodeReaders[] = {"hyparquet", "parquet-wasm"};
+
 /// {"rows": [...], "metadata": {...}, "columns": [...]}; whole numbers of 64 bits as texts. Nothing: no node, or no
-/// hyparquet. Run in the repository's folder.
-inline std::optional<OrderedJson> ReadWithNode(const Path& file) {
-  const std::string command = "node tests/services/export/read_parquet.mjs '" + file.string() + "' 2>&1";
-  const auto [code, text] = RunInShell(command);
-  if (code == 77 || code == 127) return std::nullopt;
+/// such reader, which is an error where ETUDE_NODE_REQUIRED is set. Run in the repository's folder.
+inline std::optional<OrderedJson> ReadWithNode(const std::string& reader, const Path& file) {
+  const auto [code, text] =
+      RunInShell("node tests/services/export/read_parquet.mjs " + reader + " '" + file.string() + "' 2>&1");
+  if (code == 77 || code == 127) {
+    EXPECT_EQ(std::getenv("ETUDE_NODE_REQUIRED"), nullptr) << reader << " is not there: npm --prefix dashboard/web ci";
+    return std::nullopt;
+  }
   EXPECT_EQ(code, 0) << text.substr(0, 2000);
   return OrderedJson::parse(text, nullptr, false);
 }

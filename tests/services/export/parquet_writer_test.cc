@@ -143,11 +143,17 @@ TEST_F(Parquet, SaysMinimaAndMaximaOfNumbersButNotOfNaN) {
   EXPECT_TRUE(std::isnan(read.rows()[1]["b"].get<float>()));
 }
 
-TEST_F(Parquet, TellsHyparquetTheSame) {
+class ParquetReadBy : public Parquet, public testing::WithParamInterface<const char*> {};
+
+INSTANTIATE_TEST_SUITE_P(Readers, ParquetReadBy, testing::ValuesIn(kNodeReaders), [](const auto& info) {
+  return std::string(info.param) == "hyparquet" ? "Hyparquet" : "ParquetWasm";
+});
+
+TEST_P(ParquetReadBy, IsTheSame) {
   WriteExample(2);
 
-  const auto seen = ReadWithNode(path_);
-  if (!seen) GTEST_SKIP() << "node or hyparquet is not there (tests/services/export/README.md)";
+  const auto seen = ReadWithNode(GetParam(), path_);
+  if (!seen) GTEST_SKIP() << GetParam() << " is not there (tests/services/export/README.md)";
 
   ASSERT_EQ((*seen)["rows"].size(), 200u);
   for (int g = 0; g < 2; ++g)

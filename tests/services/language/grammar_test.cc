@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <map>
 #include <set>
+#include <sstream>
 
 #include "services/language/held_out.h"
 #include "services/language/lexicon.h"
@@ -150,6 +151,31 @@ TEST(Grammar, NoPhraseMeansTwoObjects) {
       EXPECT_TRUE(fresh) << "'" << phrase << "' is " << object << " and " << it->second;
     }
   }
+}
+
+TEST(Grammar, SaysWhatTheRuleMakesOfOneWordOfAPhrase) {
+  const auto phrases = [](const char* object) { return TheGrammar().NounPhrases(object); };
+  EXPECT_THAT(phrases("bottle"), testing::IsSupersetOf({"bottle", "carafe", "green vessel", "green flask"}));
+  EXPECT_THAT(phrases("bottle"), Not(Contains("flask"))) << "it is held out";
+  EXPECT_THAT(phrases("coke"), testing::IsSupersetOf({"red can", "crimson can", "red beer can"}));
+  EXPECT_THAT(phrases("coke"), Not(Contains("crimson beer can"))) << "one word at a time";
+  EXPECT_THAT(phrases("coke"), Not(Contains("red soda can"))) << "\"red soda\" is held out";
+  for (const char* object : {"coke", "pepsi"})
+    EXPECT_THAT(phrases(object), Not(Contains("cola can"))) << "it may be the other one";
+}
+
+// However many words the rule knows for it, a base word is said as often as those beside it.
+TEST(Grammar, HalfOfThePhrasesAreOfBaseWords) {
+  Rng rng(33);
+  int plain = 0, bare = 0;
+  const int draws = 4000;
+  for (int i = 0; i < draws; ++i) {
+    const std::string text = TheGrammar().Sample({"push", "bottle"}, Style::kVaried, rng);
+    plain += HasWords(text, "bottle");
+    bare += !HasWords(text, "green") && !HasWords(text, "glass") && HasWords(text, "carafe");
+  }
+  EXPECT_GT(plain, draws / 2);
+  EXPECT_GT(bare, draws / 1000);
 }
 
 TEST(Grammar, NoVerbMeansTwoTasks) {
@@ -339,6 +365,26 @@ std::pair<std::string, std::string> Differing(std::string a, std::string b) {
   return {a, b};
 }
 
+TEST(AddStrangeWord, LeavesTheOthersInTheirOrder) {
+  std::set<std::size_t> places;
+  for (std::uint64_t seed = 0; seed < 60; ++seed) {
+    Rng rng(seed);
+    std::string text = "pick up can";
+    AddStrangeWord(text, rng);
+    std::istringstream words(text);
+    std::vector<std::string> found;
+    for (std::string word; words >> word;) found.push_back(word);
+    ASSERT_EQ(found.size(), 4u) << text;
+    const auto strange = std::ranges::find_if(
+        found, [](const std::string& word) { return word != "pick" && word != "up" && word != "can"; });
+    places.insert(static_cast<std::size_t>(strange - found.begin()));
+    EXPECT_GE(strange->size(), 3u);
+    found.erase(strange);
+    EXPECT_EQ(found, (std::vector<std::string>{"pick", "up", "can"})) << text;
+  }
+  EXPECT_EQ(places.size(), 4u) << "anywhere, behind the last, too";
+}
+
 TEST(AddTypo, ChangesOneLetterInsideOfAWord) {
   Rng rng(37);
   std::map<std::string, int> kinds;
@@ -393,6 +439,11 @@ TEST(Grammar, TakesObjectsOfTheUsersOwn) {
   EXPECT_THAT(refusal({"tin", {"red can"}}), HasSubstr("'red can' means coke"));
   EXPECT_THAT(refusal({"naan", {}}), HasSubstr("held out"));
   EXPECT_THAT(refusal({"coke", {"fizz"}}), HasSubstr("words already"));
+  const auto jug = Grammar::Load({{"jug", {}}});
+  ASSERT_TRUE(jug) << jug.error().message;
+  EXPECT_THAT(TheGrammar().NounPhrases("bottle"), Contains("jug")) << "a kind of bottle";
+  EXPECT_THAT(jug->NounPhrases("jug"), Contains("jug"));
+  EXPECT_THAT(jug->NounPhrases("bottle"), Not(Contains("jug"))) << "what somebody calls it so comes first";
 
   const auto scene = Grammar::LoadFor({"coke", "apple_02", "toy_car"});
   ASSERT_TRUE(scene) << scene.error().message;
@@ -464,8 +515,8 @@ TEST(Lexicon, EveryOtherWordComesFromTheRule) {
     for (const auto& word : bases) {
       for (const auto& part : UnseenWords(word, {})) allowed.insert(part);
       for (const Part part : {Part::kNoun, Part::kVerb, Part::kAdjective})
-        for (const auto& synonym : wordnet->Synonyms(word, part))
-          for (const auto& single : UnseenWords(synonym, {})) allowed.insert(single);
+        for (const auto& other : wordnet->Related(word, part))
+          for (const auto& single : UnseenWords(other, {})) allowed.insert(single);
     }
   const std::set<std::string> function_words{
       "a",     "an",     "the",  "that",       "this",    "please", "could",    "can",      "would",    "you",

@@ -24,7 +24,8 @@ class FakeServer {
  public:
   FakeServer(const bus::Participant& participant, const std::string& name, const std::string& id, std::uint64_t step)
       : presence_(AnnounceServer(participant, name, id)),
-        actions_(bus::Writer<bus::Action>::Open(participant, bus::Owner{name, id}.partition()).value()),
+        actions_(bus::Writer<bus::Action>::Open(participant, bus::Owner{name, id}.host_partition(participant.host()))
+                     .value()),
         observations_(bus::Reader<bus::Observation>::Open(participant, bus::Owner{name, id}.partition()).value()),
         thread_([this, step](const std::stop_token& stop) {
           while (!stop.stop_requested())
@@ -39,6 +40,7 @@ class FakeServer {
   std::atomic<int> asked{0};
   bus::Observation last;  // read after its answer
   std::string rotation = kRotationFormat;
+  bus::Refusal refusal = bus::Refusal::kNone;  // set before the first question
 
  private:
   void Answer(const bus::Observation& observation, std::uint64_t step) {
@@ -52,6 +54,8 @@ class FakeServer {
     action.checkpoint_step = step;
     action.rotation = rotation;
     action.server_p99_ms = 12.5f;
+    action.refusal = refusal;
+    if (refusal != bus::Refusal::kNone) action.error = "robot: ur5 here, panda there";
     const auto waypoint = ToVector(Waypoint{});
     for (int k = 0; k < kWaypoints; ++k)
       action.waypoints.insert(action.waypoints.end(), waypoint.begin(), waypoint.end());
@@ -126,7 +130,20 @@ TEST_F(PolicyClient, TheObservationCarriesItsCameraAndTheAnswerItsLatency) {
   EXPECT_EQ(server.last.intrinsics, (std::vector<double>{focal, focal, 2, 2}));
   EXPECT_EQ(server.last.camera_pose, (std::vector<double>{0.5, 1.5, 1.0, 1, 0, 0, 0}));
   EXPECT_EQ(server.last.robot, "ur5");
+  EXPECT_EQ(server.last.host, participant_.host());
   EXPECT_EQ(server.last.run_id, kOne);
+}
+
+TEST_F(PolicyClient, WhatItWasNotTrainedForIsNotAskedAgain) {
+  FakeServer server(participant_, "panda", kOne, 1);
+  server.refusal = bus::Refusal::kDoesNotFit;
+  auto client = OpenClient("panda");
+  ASSERT_TRUE(client);
+  const auto answer = client->Ask(MakeQuestion());
+  ASSERT_FALSE(answer);
+  EXPECT_EQ(answer.error().code, Code::kInvalidArgument);
+  EXPECT_NE(answer.error().message.find("ur5 here, panda there"), std::string::npos) << answer.error().message;
+  EXPECT_EQ(server.asked, 1);
 }
 
 TEST_F(PolicyClient, RotationsWrittenInAnotherWayAreRefused) {

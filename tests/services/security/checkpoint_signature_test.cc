@@ -54,6 +54,9 @@ TEST_F(CheckpointSignatureTest, RefusesTheUnsignedAndTheTampered) {
   EXPECT_FALSE(verifier.Check(best, metadata));
   EXPECT_FALSE(verifier.Check(Version(1), "no json"));
   EXPECT_FALSE(verifier.Check(Version(1), R"({"signature":"00"})"));
+  const auto huge = verifier.Check(Version(1), "[" + std::string(2 << 20, '[') + "]");
+  ASSERT_FALSE(huge);
+  EXPECT_THAT(huge.error().message, HasSubstr("no checkpoint's")) << "not parsed before it is known whose it is";
 }
 
 TEST_F(CheckpointSignatureTest, RefusesOtherKeys) {

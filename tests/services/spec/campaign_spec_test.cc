@@ -74,6 +74,8 @@ TEST(CampaignSpec, RefusesWhatIsOutOfRangeAndSaysWhatIsAllowed) {
                  {"max_attempts=1001", "max_attempts: 1001 not in 1..1000"},
                  {"stall_timeout_s=0.5", "stall_timeout_s: 0.5 not in 1..86400"},
                  {"determinism=byte", "determinism"},
+                 {"recheck=1.5", "recheck: 1.5 not in 0..1"},
+                 {"recheck=-0.1", "recheck: -0.1 not in 0..1"},
                  {"renderer=cuda", "renderer: 'cuda' is not known"},
                  {"device=0", "device: only with renderer: gpu"},
                  {"device=-2", "device: -2 not in -1..63"},
@@ -162,6 +164,7 @@ TEST(CampaignSpec, TakesEveryRangeUpToItsEnds) {
                            "obstacle.in_the_way=0",
                            "obstacle.in_the_way=1",
                            "split={train: 0, valid: 0, test: 1}",
+                           "rollout.execution=authors",
                            "scenes=first_draw",
                            "renderer=gpu",
                            "robots=[ur5, panda, jaco2]",
@@ -205,7 +208,7 @@ TEST(CampaignSpec, EveryOtherKeyIsAnotherCampaign) {
     const auto other = FromJson<CampaignSpec>(changed, path);
     ASSERT_THAT(other, IsOk());
     const bool may_grow = path == "name" || path == "episodes" || path == "max_attempts" || path == "stall_timeout_s" ||
-                          path == "determinism" || path == "device" || path.starts_with("split.");
+                          path == "determinism" || path == "recheck" || path == "device" || path.starts_with("split.");
     EXPECT_EQ(SpecHash(*other) == SpecHash(spec), may_grow) << path;
     ++keys;
   });
@@ -216,10 +219,11 @@ TEST(CampaignSpec, EveryOtherKeyIsAnotherCampaign) {
 TEST(CampaignSpec, KeysThatCameLaterChangeNoHashWhileTheyAreUnset) {
   const CampaignSpec spec;
   OrderedJson json = ToJson(spec);
-  for (const char* key : {"name", "episodes", "split", "max_attempts", "stall_timeout_s", "determinism"})
+  for (const char* key : {"name", "episodes", "split", "max_attempts", "stall_timeout_s", "determinism", "recheck"})
     json.erase(key);
   for (const char* key : {"renderer", "device"}) ASSERT_EQ(json.erase(key), 1u) << key;
-  for (const char* key : {"occlude", "pushes", "sentences"}) ASSERT_EQ(json["rollout"].erase(key), 1u) << key;
+  for (const char* key : {"execution", "occlude", "pushes", "sentences"})
+    ASSERT_EQ(json["rollout"].erase(key), 1u) << key;
   ASSERT_EQ(json["randomization"].erase("world"), 1u);
   ASSERT_EQ(json.erase("adaptive_sampling"), 1u);
   json["content"] = kContentVersion;
@@ -238,6 +242,14 @@ TEST(CampaignSpec, AdaptiveSamplingHasBoundsAndIsForDemonstrations) {
   EXPECT_THAT(Validated({"adaptive_sampling.share=0.5"}), IsOk());
   EXPECT_THAT(Validated({"mode=rollout", "rollout.run=demo", "adaptive_sampling.share=0.5"}),
               MessageHas("adaptive_sampling: only for mode demonstrate"));
+}
+
+TEST(CampaignSpec, EpisodesAreMadeAgainWhereTheirBytesMustAgree) {
+  EXPECT_THAT(Validated({"recheck=0.02"}), IsOk());
+  EXPECT_THAT(Validated({"recheck=1"}), IsOk());
+  EXPECT_THAT(Validated({"recheck=0.02", "determinism=physics"}), MessageHas("recheck: only for mode demonstrate"));
+  EXPECT_THAT(Validated({"recheck=0.02", "mode=rollout", "rollout.run=demo"}),
+              MessageHas("recheck: only for mode demonstrate"));
 }
 
 // which episodes follow weights depends on the split, so that it is part of what makes their bytes

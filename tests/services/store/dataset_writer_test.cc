@@ -48,6 +48,22 @@ TEST(DatasetWriter, CommitsEpisodesThatAReaderGetsBackWhole) {
   }
 }
 
+TEST(DatasetWriter, WhileItGrowsTheSmallMasterFileIsWholeToo) {
+  const TemporaryFolder folder;
+  auto writer = OpenWith(folder / "a", SyntheticSpec(), 3);
+  ASSERT_THAT(writer->WriteProgress(), IsOk());
+  const auto json = Slurp(folder / "a" / "dataset.json"), master = Slurp(folder / "a" / "dataset.hdf5");
+  ASSERT_THAT(writer->WriteMaster(), IsOk());
+  EXPECT_TRUE(Slurp(folder / "a" / "dataset.json") == json);
+  EXPECT_TRUE(Slurp(folder / "a" / "dataset.hdf5") == master);
+  // nothing came: the statistics are written, the links are not
+  ASSERT_TRUE(std::filesystem::remove(folder / "a" / "dataset.hdf5"));
+  ASSERT_THAT(writer->RecordFailure(0, 0, "slip", "{}"), IsOk());
+  ASSERT_THAT(writer->WriteProgress(), IsOk());
+  EXPECT_FALSE(std::filesystem::exists(folder / "a" / "dataset.hdf5"));
+  EXPECT_FALSE(Slurp(folder / "a" / "dataset.json") == json);
+}
+
 TEST(DatasetWriter, GivesTheSameBytesInAnyOrderAndFolder) {
   const TemporaryFolder folder;
   const CampaignSpec spec = SyntheticSpec();

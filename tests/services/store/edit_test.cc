@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "services/store/filter_keys.h"
 #include "services/store/layout.h"
 #include "tests/support/matchers.h"
@@ -146,6 +148,37 @@ TEST_F(Edit, FilterKeysHaveNamesOfTheirOwn) {
   EXPECT_THAT(*Select(data_, {.keys = {"keep"}}), ElementsAre(1, 2));
   ASSERT_THAT(WriteFilterKey(data_, "keep", {}), IsOk());  // none: it goes
   EXPECT_TRUE(ReadFilterKeys(data_)->empty());
+}
+
+TEST_F(Edit, WhoeverWritesTheDatasetGivesFilterKeysItself) {
+  auto writer = DatasetWriter::Open(data_, spec_);
+  ASSERT_THAT(writer, IsOk());
+  ASSERT_THAT(writer->WriteFilterKey("handpicked", {1, 4}), IsOk());
+  EXPECT_EQ(*ReadFilterKeys(data_), (FilterKeys{{"handpicked", {1, 4}}}));
+  EXPECT_NE(ReadTextFile(data_ / "dataset.hdf5")->find("handpicked"), std::string::npos) << "the master file has it";
+
+  EXPECT_THAT(writer->WriteFilterKey("handpicked", {1, 77}), MessageHas("no episode 77"));
+  EXPECT_THAT(writer->WriteFilterKey("train", {1}), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(writer->WriteFilterKey("../x", {1}), HasCode(Code::kInvalidArgument));
+  EXPECT_EQ(*ReadFilterKeys(data_), (FilterKeys{{"handpicked", {1, 4}}})) << "as it was";
+  ASSERT_THAT(writer->WriteFilterKey("handpicked", {}), IsOk());
+  EXPECT_TRUE(ReadFilterKeys(data_)->empty());
+}
+
+TEST(Indices, AreSpansInATextAndBack) {
+  const std::set<std::uint64_t> indices{0, 1, 2, 3, 7, 9, 10};
+  EXPECT_EQ(IndicesText(indices), "0-3,7,9-10");
+  EXPECT_EQ(*ParseIndices("0-3,7,9-10"), indices);
+  EXPECT_EQ(*ParseIndices("9-10,7,0-3,2"), indices) << "in any order, and twice";
+  EXPECT_TRUE(ParseIndices("")->empty());
+  EXPECT_EQ(IndicesText({}), "");
+  const std::uint64_t last = std::numeric_limits<std::uint64_t>::max();
+  EXPECT_EQ(*ParseIndices(IndicesText({last - 1, last})), (std::set<std::uint64_t>{last - 1, last}));
+  for (const char* text : {"3-1", "x", "1,,2", "1;2", "-1", "1-", " 1", "18446744073709551616"})
+    EXPECT_THAT(ParseIndices(text), HasCode(Code::kInvalidArgument)) << text;
+  EXPECT_THAT(ParseIndices("0-9", 10), IsOk());
+  EXPECT_THAT(ParseIndices("0-10", 10), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(ParseIndices("0-5,10-15", 10), HasCode(Code::kInvalidArgument));
 }
 
 TEST_F(Edit, SaysWhatIsWrongWithDamagedFiles) {

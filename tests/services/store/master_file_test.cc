@@ -120,5 +120,26 @@ TEST_F(MasterFile, IsTheSameBytesForTheSameEpisodes) {
   EXPECT_EQ(ReadBinaryFile(folder_ / "a" / kMasterFile).value(), ReadBinaryFile(folder_ / "b" / kMasterFile).value());
 }
 
+// A collector asks every half minute; at 20 episodes a second that is every 600.
+TEST(MasterIsDue, CostsAnEpisodeTheSameAtTenAndAtAMillion) {
+  const auto links_for_each = [](std::uint64_t total, std::uint64_t step) {
+    std::uint64_t written = 0, links = 0;
+    for (std::uint64_t episodes = step; episodes <= total; episodes += step) {
+      EXPECT_LE(4 * (episodes - written), std::max<std::uint64_t>(4000, episodes) + 4 * step) << "it lacks no more";
+      if (!MasterIsDue(episodes, written)) continue;
+      written = episodes;
+      links += episodes;
+    }
+    return static_cast<double>(links) / static_cast<double>(total);
+  };
+  EXPECT_LE(links_for_each(100'000, 600), 5);
+  EXPECT_LE(links_for_each(1'000'000, 600), 5);
+  EXPECT_LE(links_for_each(10'000'000, 600), 5);
+  EXPECT_FALSE(MasterIsDue(5, 5)) << "nothing came";
+  EXPECT_TRUE(MasterIsDue(1000, 999)) << "small ones are always whole";
+  EXPECT_FALSE(MasterIsDue(1249, 1000));
+  EXPECT_TRUE(MasterIsDue(1250, 1000));
+}
+
 }  // namespace master_file_test
 }  // namespace etude::store::internal

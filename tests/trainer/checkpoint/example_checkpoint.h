@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "services/episode/action.h"
 #include "trainer/checkpoint/checkpoint.h"
 
 namespace etude::checkpoint {
@@ -18,7 +19,7 @@ inline Embodiment ExampleEmbodiment() {
           .height = kExamplePicture,
           .fovy = 1.0,
           .camera_pose = {0.9, 0, 0.8, 1, 0, 0, 0},
-          .rotation = "test",
+          .rotation = kRotationFormat,
           .control_rate = 125,
           .waypoints = 12,
           .horizon = 120};

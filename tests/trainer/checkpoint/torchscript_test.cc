@@ -8,6 +8,7 @@
 
 #include <sstream>
 
+#include "services/episode/viewpoint.h"
 #include "tests/support/matchers.h"
 #include "tests/trainer/checkpoint/example_checkpoint.h"
 #include "tests/trainer/policy/fixtures.h"
@@ -48,6 +49,28 @@ TEST(TorchScript, GivesTheSameWaypointsInPlainLibtorch) {
   EXPECT_EQ(facts["crop"], OrderedJson::parse("[10, 20, 24, 16]"));
   EXPECT_EQ(facts["step"], 100);
   EXPECT_EQ(facts["token_buckets"], 64);
+}
+
+TEST(TorchScript, IsToldTheCameraWhereAModuleReadsIt) {
+  auto config = policy::TinyConfig();
+  auto& decoder = policy::FindModule(config, "TAR3D")->decoder;
+  decoder.readout = "ray";
+  decoder.from = {"TAR2D"};
+  const auto bytes = ToTorchScript(ExampleCheckpoint(config));
+  ASSERT_THAT(bytes, IsOk());
+  std::istringstream stream(*bytes);
+  torch::jit::Module module = torch::jit::load(stream);
+  const Viewpoint above = ViewpointOf(40, 40, 24, 24, {{0, 0, 1}, Eigen::Quaterniond::Identity()});
+  const auto viewpoint = torch::tensor(std::vector<float>(above.begin(), above.end())).view({1, kViewpointSize});
+  const std::vector<torch::jit::IValue> inputs{torch::randint(256, {1, 3, 16, 24}, torch::kUInt8),
+                                               torch::rand({1, kExampleJoints}), TokenIds("push", 64)};
+  auto told = inputs;
+  told.emplace_back(viewpoint);
+  const auto here = module.forward(told).toTensor();
+  EXPECT_EQ(here.sizes(), (std::vector<std::int64_t>{kWaypoints, kWaypointSize}));
+  told.back() = viewpoint * 0.5;
+  EXPECT_FALSE(module.forward(told).toTensor().equal(here));
+  EXPECT_ANY_THROW(module.forward(inputs));
 }
 
 TEST(TorchScript, KeepsWeightsAsParameters) {

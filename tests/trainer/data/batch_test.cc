@@ -6,8 +6,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 
+#include "services/episode/viewpoint.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/trainer/data/synthetic_dataset.h"
 
@@ -101,6 +103,17 @@ TEST_F(BatchTest, CopiesTheCropOfTheRecordedPicture) {
                     whole[static_cast<std::size_t>(((crop_.v + y) * 64 + crop_.u + x) * 3 + c)]);
     EXPECT_EQ(batch.crop_origin[2 * b], 10);
     EXPECT_EQ(batch.crop_origin[2 * b + 1], 6);
+  }
+}
+
+TEST_F(BatchTest, SaysOfEachPictureWhereItsCameraIs) {
+  const Batch batch = Make(Maker(), Augment::kNo);
+  const auto snapshot = dataset_->snapshot();
+  ASSERT_EQ(batch.viewpoint.size(), static_cast<std::size_t>(batch.size * kViewpointSize));
+  for (std::size_t b = 0; b < batch.frames.size(); ++b) {
+    const Viewpoint own = ViewpointOf(snapshot->episodes()[batch.frames[b].episode]->episode().cameras.at(0).camera);
+    EXPECT_TRUE(
+        std::equal(own.begin(), own.end(), batch.viewpoint.begin() + static_cast<std::ptrdiff_t>(b * kViewpointSize)));
   }
 }
 
@@ -258,6 +271,20 @@ TEST_F(BatchTest, NamesEachSentenceOnce) {
   EXPECT_EQ(distinct.size(), batch.sentences.size());
   EXPECT_LE(batch.sentences.size(), 3u * 6u * 4u);
   for (auto index : batch.sentence_index) ASSERT_LT(index, static_cast<std::int64_t>(batch.sentences.size()));
+}
+
+TEST_F(BatchTest, PutsAStrangeWordAmongThoseOfTrainingWhereThatIsAskedFor) {
+  const auto words = [](const std::string& sentence) { return std::ranges::count(sentence, ' ') + 1; };
+  DataConfig plain;
+  plain.varied = plain.noisy = 0;
+  DataConfig strange = plain;
+  strange.strange = 1;
+  std::map<std::int64_t, int> lengths, longer;
+  for (const auto& sentence : Make(Maker(plain), Augment::kYes).sentences) ++lengths[words(sentence)];
+  for (const auto& sentence : Make(Maker(strange), Augment::kYes).sentences) ++longer[words(sentence)];
+  EXPECT_EQ(longer.begin()->first, lengths.begin()->first + 1);
+  EXPECT_EQ(longer.rbegin()->first, lengths.rbegin()->first + 1);
+  EXPECT_EQ(Make(Maker(strange), Augment::kNo).sentences, Make(Maker(plain), Augment::kNo).sentences);
 }
 
 TEST_F(BatchTest, MasksPixelsOutsideTheCrop) {

@@ -2,10 +2,13 @@
 // Tests trainer/data/dataset.cc
 #include "trainer/data/dataset.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <set>
 
+#include "services/core/hash.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/trainer/data/synthetic_dataset.h"
 
@@ -111,6 +114,116 @@ TEST(FixedSplit, StaysWhileTheDatasetGrows) {
   const auto missing = FixedSplit(*snapshot, Split::kValid, {first, 4711});
   ASSERT_FALSE(missing);
   EXPECT_NE(missing.error().message.find("4711"), std::string::npos);
+}
+
+// Folders "a", of SyntheticSpec, and "b", of another seed and task order, of 20 episodes each.
+class SeveralFolders : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    spec_.split = {3, 1, 0};  // one of four, exactly
+    other_ = spec_;
+    other_.seed = spec_.seed + 1;
+    other_.tasks = {"rotate", spec_.tasks.front()};
+    AddSyntheticEpisodes(folder_ / "a", spec_, 0, 20);
+    AddSyntheticEpisodes(folder_ / "b", other_, 0, 20);
+  }
+  static std::shared_ptr<Dataset> Read(const std::vector<Path>& folders) {
+    auto dataset = Dataset::Open(folders);
+    EXPECT_TRUE(dataset) << dataset.error().message;
+    EXPECT_TRUE((*dataset)->Refresh());
+    return *dataset;
+  }
+
+  TemporaryFolder folder_;
+  CampaignSpec spec_ = SyntheticSpec(), other_;
+};
+
+TEST_F(SeveralFolders, AreReadAsOneFolderByFolderWithTheSplitsOfEach) {
+  const auto dataset = Read({folder_ / "a", folder_ / "b"});
+  const auto snapshot = dataset->snapshot();
+
+  EXPECT_EQ(dataset->folders(), 2u);
+  ASSERT_EQ(snapshot->episodes().size(), 40u);
+  for (std::size_t i = 0; i < 40; ++i) {
+    const EpisodeEntry& entry = *snapshot->episodes()[i];
+    const CampaignSpec& spec = i < 20 ? spec_ : other_;
+    EXPECT_EQ(entry.folder, i / 20);
+    EXPECT_EQ(entry.index, i % 20);
+    EXPECT_EQ(entry.episode().spec_sha256, SpecHash(spec));
+    EXPECT_EQ(entry.split, SplitOf(spec, entry.index) == "train" ? Split::kTrain : Split::kValid);
+  }
+  std::vector<std::string> tasks = spec_.tasks;
+  tasks.emplace_back("rotate");
+  EXPECT_EQ(dataset->tasks(), tasks) << "those of the first, then what others add";
+  EXPECT_EQ(dataset->objects(), spec_.objects);
+  EXPECT_EQ(dataset->text(), fmt::format("'{}', '{}'", (folder_ / "a").string(), (folder_ / "b").string()));
+}
+
+// what a run is made of must not change because several folders can be read
+TEST_F(SeveralFolders, OneAloneIsWhatItWas) {
+  const auto alone = Read({folder_ / "a"}), both = Read({folder_ / "a", folder_ / "b"});
+  ASSERT_EQ(alone->snapshot()->episodes().size(), 20u);
+  for (std::size_t i = 0; i < 20; ++i) {
+    EXPECT_EQ(alone->snapshot()->episodes()[i]->number(), i);
+    EXPECT_EQ(both->snapshot()->episodes()[i]->number(), i) << "and keeps its numbers beside others";
+  }
+  std::string text;
+  for (std::uint64_t i = 0; i < 20; ++i)
+    if (SplitOf(spec_, i) == "train") text += fmt::format("{}:{};", i, MakeSyntheticEpisode(spec_, i).seed);
+  EXPECT_EQ(alone->snapshot()->Fingerprint(), Sha256Hex(text));
+  EXPECT_NE(both->snapshot()->Fingerprint(), alone->snapshot()->Fingerprint());
+  EXPECT_EQ(both->snapshot()->Fingerprint(), Read({folder_ / "a", folder_ / "b"})->snapshot()->Fingerprint());
+  EXPECT_NE(both->snapshot()->Fingerprint(), Read({folder_ / "b", folder_ / "a"})->snapshot()->Fingerprint());
+}
+
+TEST_F(SeveralFolders, GrowEachByItself) {
+  const auto dataset = Read({folder_ / "a", folder_ / "b"});
+  AddSyntheticEpisodes(folder_ / "a", spec_, 20, 23);
+  AddSyntheticEpisodes(folder_ / "b", other_, 20, 21);
+  ASSERT_EQ(dataset->Refresh().value(), 4);
+  const auto& episodes = dataset->snapshot()->episodes();
+  ASSERT_EQ(episodes.size(), 44u);
+  EXPECT_EQ(episodes[22]->index, 22u);
+  EXPECT_EQ(episodes[22]->folder, 0u);
+  EXPECT_EQ(episodes[43]->index, 20u);
+  EXPECT_EQ(episodes[43]->folder, 1u);
+}
+
+TEST_F(SeveralFolders, AFixedSplitIsOfBothAndKnowsEachByItsFolder) {
+  const auto snapshot = Read({folder_ / "a", folder_ / "b"})->snapshot();
+  const auto all = FixedSplit(*snapshot, Split::kValid, {});
+  ASSERT_TRUE(all);
+  std::set<std::uint32_t> folders;
+  std::vector<std::uint64_t> numbers;
+  for (const auto& entry : (*all)->episodes()) {
+    folders.insert(entry->folder);
+    numbers.push_back(entry->number());
+  }
+  EXPECT_EQ(folders, (std::set<std::uint32_t>{0, 1}));
+  const auto again = FixedSplit(*snapshot, Split::kValid, numbers);
+  ASSERT_TRUE(again);
+  EXPECT_EQ((*again)->episodes(), (*all)->episodes());
+  const auto missing = FixedSplit(*snapshot, Split::kValid, {EpisodeEntry::NumberOf(1, 4711)});
+  ASSERT_FALSE(missing);
+  EXPECT_NE(missing.error().message.find("4711 of dataset 2"), std::string::npos) << missing.error().message;
+}
+
+TEST_F(SeveralFolders, AnEpisodeThatTwoHaveIsRefused) {
+  AddSyntheticEpisodes(folder_ / "shard", spec_, 20, 24);
+  EXPECT_EQ(Read({folder_ / "a", folder_ / "shard"})->snapshot()->episodes().size(), 24u) << "shards have none";
+  AddSyntheticEpisodes(folder_ / "shard", spec_, 3, 5);
+
+  const std::vector<Path> folders{folder_ / "a", folder_ / "b", folder_ / "shard"};
+  const auto twice = Dataset::Open(folders);
+  ASSERT_TRUE(twice);
+  const auto refused = (*twice)->Refresh();
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, Code::kInvalidArgument);
+  for (const std::string& text :
+       {(folder_ / "a").string(), (folder_ / "shard").string(), std::string("both have episode 3 and 1 more")})
+    EXPECT_NE(refused.error().message.find(text), std::string::npos) << refused.error().message;
+  const std::vector<Path> same{folder_ / "a", folder_ / "b", folder_ / "b/../a"};
+  EXPECT_NE(Dataset::Open(same).error().message.find("twice"), std::string::npos);
 }
 
 TEST(Dataset, SaysThatAFolderIsNone) {

@@ -64,6 +64,21 @@ TEST_F(Frames, AreTheRegionOfThePictureEachTime) {
   EXPECT_EQ(cache.bytes(), frames * kRegion.bytes());
 }
 
+TEST_F(Frames, OfTwoFoldersAreNotMixedUp) {
+  CampaignSpec other = SyntheticSpec();
+  other.seed += 1;
+  AddSyntheticEpisodes(folder_ / "e", other, 0, 8);
+  const auto both = Dataset::Open(std::vector<Path>{folder_ / "d", folder_ / "e"});
+  ASSERT_THAT(both, IsOk());
+  ASSERT_THAT((*both)->Refresh(), IsOk());
+  FrameCache cache(kRegion, kUnlimited);
+  const auto snapshot = (*both)->snapshot();
+  for (int round = 0; round < 2; ++round)
+    for (const auto& entry : snapshot->episodes())
+      ASSERT_EQ(Cached(cache, *entry, 0), Reference(*entry, 0)) << entry->folder << " " << entry->index;
+  EXPECT_EQ(cache.misses(), 16u);
+}
+
 TEST_F(Frames, AreReadOnce) {
   FrameCache cache(kRegion, kUnlimited);
   const auto first = cache.Get(*episodes_[0], 3, scratch_);

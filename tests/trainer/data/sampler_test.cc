@@ -107,22 +107,25 @@ TEST(DrawCommands, StartsWithTheDemonstratedOneAndRelabelsTheOthers) {
   EXPECT_EQ(targets.size(), 6u);  // every object of the scene once
 }
 
-TEST(DrawCommands, RelationsKeepTheReference) {
+TEST(DrawCommands, RelationsReferToAnyObjectButTheirTarget) {
   Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 2);
   episode.task = "place_left";
   for (const auto& object : episode.objects)
     if (object.name != episode.target) episode.reference = object.name;
 
-  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+  std::set<std::string> references;  // of the demonstrated target
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
     const auto commands = DrawCommands(episode, {"pick", "place_left", "place_behind"}, 8, seed);
 
-    EXPECT_EQ(commands[0].reference, episode.reference);
-    for (const auto& command : commands) {
-      const bool swapped = command.target == episode.reference;
-      const std::string expected = swapped ? episode.target : episode.reference;
-      EXPECT_EQ(command.reference, ParseTask(command.task)->relation() ? expected : "") << command.task;
+    EXPECT_EQ(commands[0].reference, episode.reference) << "what was demonstrated stays";
+    for (std::size_t s = 1; s < commands.size(); ++s) {
+      const auto& command = commands[s];
+      EXPECT_EQ(command.reference.empty(), !ParseTask(command.task)->relation()) << command.task;
+      EXPECT_NE(command.reference, command.target);
+      if (command.target == episode.target && !command.reference.empty()) references.insert(command.reference);
     }
   }
+  EXPECT_EQ(references.size(), episode.objects.size() - 1);
 }
 
 TEST(DrawCommands, DrawsAReferenceWhereThereIsNone) {

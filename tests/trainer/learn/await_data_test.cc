@@ -44,6 +44,28 @@ TEST(AwaitData, WaitsForBothSplits) {
   EXPECT_GE(dataset->snapshot()->episode_count(data::Split::kValid), 1u);
 }
 
+// what is of another robot has to be seen before training begins
+TEST(AwaitData, WaitsForAnEpisodeOfEachOfSeveralFolders) {
+  const TemporaryFolder folder;
+  auto spec = SyntheticSpec(kTinyPicture, kTinyPicture);
+  AddSyntheticEpisodes(folder / "a", spec, 0, 30);
+  spec.seed += 1;
+  AddSyntheticEpisodes(folder / "b", spec, 0, 0);
+  const auto dataset = data::Dataset::Open(std::vector<Path>{folder / "a", folder / "b"});
+  ASSERT_TRUE(dataset) << dataset.error().message;
+  const AwaitOptions follow{.follow = true, .patience = std::chrono::milliseconds(1)};
+
+  const Status silent = AwaitData(**dataset, TinyConfig(), follow), now = AwaitData(**dataset, TinyConfig(), {});
+
+  ASSERT_FALSE(silent);
+  EXPECT_THAT(silent.error().message, HasSubstr("no episode of '" + (folder / "b").string() + "'"));
+  ASSERT_FALSE(now);
+  EXPECT_EQ(now.error().code, Code::kNotFound);
+  EXPECT_THAT(now.error().message, HasSubstr("no episode of '" + (folder / "b").string() + "'"));
+  AddSyntheticEpisodes(folder / "b", spec, 7, 8);
+  EXPECT_TRUE(AwaitData(**dataset, TinyConfig(), {.follow = true}));
+}
+
 TEST(AwaitData, EndsWithTheWordsOfItsCollector) {
   const TemporaryFolder folder;
   const auto dataset = TinyDataset(folder / "d", 2);

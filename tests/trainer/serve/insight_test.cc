@@ -59,10 +59,34 @@ TEST(Inspect, AnswersWhatWouldBe) {
   const auto changed = ParseBoundedJson(insight.what_if_json).value();
   EXPECT_EQ(changed["TAR3D"]["value"], (OrderedJson{0.5, 0.25, 0.125}));
   EXPECT_NE(changed["DISP"]["value"], ParseBoundedJson(insight.modules_json).value()["DISP"]["value"]);
+  EXPECT_EQ(insight.what_if_waypoints.size(), insight.waypoints.size());
+  EXPECT_NE(insight.what_if_waypoints, insight.waypoints);
   EXPECT_THAT(model->Inspect(observation, "{").error, HasSubstr("what if"));
   auto odd = observation;
   odd.joints.clear();
   EXPECT_THAT(model->Inspect(odd, "").error, HasSubstr("joints"));
+}
+
+TEST(Inspect, SaysWhatWordsAndJointsAreWorthWhenAsked) {
+  const auto model = ExampleModel();
+  auto observation = ExampleObservation(4);
+  observation.instruction = "push the red box";
+  EXPECT_EQ(model->Inspect(observation, "").worth_json, "");
+  const auto insight = model->Inspect(observation, R"({"worth": true})");
+  ASSERT_EQ(insight.error, "");
+  EXPECT_EQ(insight.what_if_json, "") << "nothing is answered otherwise";
+  EXPECT_EQ(insight.modules_json, model->Answer(observation).modules_json);
+  const auto worth = ParseBoundedJson(insight.worth_json).value();
+  ASSERT_EQ(worth["words"].size(), 4u);
+  EXPECT_EQ(worth["words"][2]["word"], "red");
+  ASSERT_EQ(worth["joints"].size(), observation.joints.size());
+  double moves = 0;
+  for (const auto& word : worth["words"]) moves += word["moves"].get<double>();
+  EXPECT_GT(moves, 0);
+
+  const auto other = model->Inspect(observation, R"({"worth": true, "sentence": "raise it"})");
+  EXPECT_EQ(other.worth_json, insight.worth_json) << "of what was observed";
+  EXPECT_NE(other.what_if_json, "");
 }
 
 class Desk : public ::testing::Test {

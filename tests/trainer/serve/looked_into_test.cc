@@ -13,7 +13,7 @@
 #include "services/policy/insight_client.h"
 #include "tests/support/matchers.h"
 #include "tests/trainer/policy/fixtures.h"
-#include "tests/trainer/serve/example_observation.h"
+#include "tests/trainer/serve/example_question.h"
 #include "trainer/serve/server.h"
 
 namespace etude::serve {
@@ -50,17 +50,6 @@ class LookedInto : public ::testing::Test {
     serving_.join();
   }
 
-  // The same picture, joints and sentence as ExampleObservation(seed); `picture` holds what the question borrows.
-  static policy::Question ExampleQuestion(std::uint64_t seed, std::vector<std::uint8_t>& picture) {
-    bus::Observation observation = ExampleObservation(seed);
-    picture = std::move(observation.image);
-    policy::Question question;
-    question.instruction = observation.instruction;
-    question.joints = observation.joints;
-    question.width = question.height = checkpoint::kExamplePicture;
-    question.rgb = picture;
-    return question;
-  }
   static Told Ask(policy::Client& robot, std::uint64_t seed) {
     std::vector<std::uint8_t> picture;
     const auto answer = robot.Ask(ExampleQuestion(seed, picture));
@@ -114,6 +103,17 @@ TEST_F(LookedInto, RobotsAreToldTheSameBitsAsWithoutAnybodyLooking) {
   EXPECT_GE(looks, 2);
 }
 
+TEST_F(LookedInto, WhatWordsAndJointsAreWorthIsAskedForByWish) {
+  auto client = policy::InsightClient::Open(participant_, run_.text()).value();
+  std::vector<std::uint8_t> picture;
+  const policy::Question question = ExampleQuestion(1, picture);
+  EXPECT_TRUE(client.Ask(question).value().joints.empty());
+  const auto insight = client.Ask(question, R"({"worth": true})");
+  ASSERT_THAT(insight, IsOk());
+  EXPECT_EQ(insight->joints.size(), question.joints.size());
+  EXPECT_FALSE(insight->words.empty());
+}
+
 TEST_F(LookedInto, AnInsightSaysWhatTheRobotIsTold) {
   auto robot = policy::Client::Open(participant_, run_.text(), "robot").value();
   auto client = policy::InsightClient::Open(participant_, run_.text()).value();
@@ -130,6 +130,8 @@ TEST_F(LookedInto, AnInsightSaysWhatTheRobotIsTold) {
     const auto& attention = insight->attention.at("TAR2D");
     EXPECT_EQ(attention.rows, 4);
     EXPECT_EQ(attention.columns, 6);
+    EXPECT_EQ(attention.keys, std::vector<std::string>{"self"});
+    EXPECT_EQ(attention.heads.size(), 2u);
     EXPECT_GT(attention.share(), 0);
     EXPECT_LE(attention.share(), 1.05) << "of 1, as bytes";
   }

@@ -64,6 +64,36 @@ TEST_F(ModelTest, AnswersWithWaypointsAndEveryModulesOutput) {
   expect("DISP", "target", "displacement", 3);
 }
 
+TEST_F(ModelTest, IsToldTheCameraWhereAModuleReadsIt) {
+  auto& decoder = policy::FindModule(config_, "TAR3D")->decoder;
+  decoder.readout = "ray";
+  decoder.from = {"TAR2D"};
+  auto example = checkpoint::ExampleCheckpoint(config_);
+  example.metadata.embodiment.fovy = 0;  // it moved while training
+  example.metadata.embodiment.camera_pose.clear();
+  const auto made = Model::FromBytes(checkpoint::Encode(example).value());
+  ASSERT_TRUE(made) << made.error().message;
+  const Model& model = **made;
+  EXPECT_EQ(model.Answer(model.Trial()).error, "");
+
+  auto observation = ExampleObservation(3);
+  EXPECT_THAT(model.Answer(observation).error, HasSubstr("does not say its camera"));
+  observation.intrinsics = {40, 40, 24, 24};
+  observation.camera_pose = {0, 0, 1, 1, 0, 0, 0};
+  const auto here = model.Answer(observation);
+  EXPECT_EQ(here.error, "");
+  observation.camera_pose[0] = 0.1;
+  const auto there = model.Answer(observation);
+  const auto place = [](const bus::Action& action) {
+    return OrderedJson::parse(action.modules_json)["TAR3D"]["value"][0].get<double>();
+  };
+  EXPECT_NEAR(place(there) - place(here), 0.1, 1e-4) << "the same picture from a camera ten centimetres aside";
+  EXPECT_EQ(model.Inspect(observation, R"({"worth": true})").error, "");
+
+  observation.intrinsics[0] = 0;
+  EXPECT_THAT(model.Answer(observation).error, HasSubstr("no camera has"));
+}
+
 TEST_F(ModelTest, RefusesObservationsThatDoNotFit) {
   const auto error = [&](auto change) {
     auto observation = ExampleObservation(3);
@@ -86,6 +116,24 @@ TEST_F(ModelTest, RefusesObservationsThatDoNotFit) {
   EXPECT_THAT(error([](auto& o) { o.width = 0xffffffffu; }), HasSubstr("bytes"));
 }
 
+// its numbers would be followed, and mean another motion
+TEST_F(ModelTest, RefusesToAnswerForAnotherRateHorizonOrFormat) {
+  const auto error = [&](auto change) {
+    auto other = checkpoint::ExampleCheckpoint(config_);
+    change(other.metadata.embodiment);
+    const auto model = Model::FromBytes(checkpoint::Encode(other).value());
+    EXPECT_TRUE(model);
+    const auto action = (*model)->Answer(ExampleObservation(3));
+    EXPECT_TRUE(action.waypoints.empty());
+    EXPECT_EQ(action.refusal, action.error.empty() ? bus::Refusal::kNone : bus::Refusal::kDoesNotFit);
+    return action.error;
+  };
+  EXPECT_THAT(error([](auto& e) { e.control_rate = 100; }), HasSubstr("control rate: 125 here, 100 there"));
+  EXPECT_THAT(error([](auto& e) { e.horizon = 60; }), HasSubstr("horizon: 120 here, 60 there"));
+  EXPECT_THAT(error([](auto& e) { e.waypoints = 10; }), HasSubstr("waypoints: 12 here, 10 there"));
+  EXPECT_THAT(error([](auto& e) { e.rotation = "quaternion"; }), HasSubstr("rotation format: 6d here, quaternion"));
+}
+
 TEST_F(ModelTest, TakesPicturesOfAnyCameraWhenItLearnedFromOneThatMoves) {
   auto moving = checkpoint::ExampleCheckpoint(config_);
   moving.metadata.embodiment.fovy = 0;
@@ -98,6 +146,17 @@ TEST_F(ModelTest, TakesPicturesOfAnyCameraWhenItLearnedFromOneThatMoves) {
   const auto action = (*model)->Answer(observation);
   EXPECT_EQ(action.error, "");
   EXPECT_FALSE(action.waypoints.empty());
+}
+
+TEST_F(ModelTest, TakesPicturesOfAnyCameraWhereThatIsAskedFor) {
+  const auto bytes = checkpoint::Encode(checkpoint::ExampleCheckpoint(config_)).value();
+  const auto model = Model::FromBytes(bytes, nullptr, torch::kCPU, Cameras::kAny);
+  ASSERT_TRUE(model) << model.error().message;
+  auto observation = ExampleObservation(3);
+  observation.intrinsics = {20, 20, 24, 24};
+  EXPECT_EQ((*model)->Answer(observation).error, "");
+  observation.robot = "panda";
+  EXPECT_THAT((*model)->Answer(observation).error, HasSubstr("robot: panda here")) << "the robot is not another one";
 }
 
 // before, a checkpoint of an early stage drove the robot with the random numbers of a module that nobody had trained

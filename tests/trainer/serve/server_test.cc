@@ -27,12 +27,14 @@ constexpr char kId[] = "aaaa000000000001";
 class Client {
  public:
   static Client Open(const bus::Participant& participant, const Selector& run) {
-    const std::string partition = bus::Owner{run.name, run.id}.partition();
-    return {bus::Writer<bus::Observation>::Open(participant, partition).value(),
-            bus::Reader<bus::Action>::Open(participant, partition).value()};
+    const bus::Owner owner{run.name, run.id};
+    return {bus::Writer<bus::Observation>::Open(participant, owner.partition()).value(),
+            bus::Reader<bus::Action>::Open(participant, owner.host_partition(participant.host())).value(),
+            participant.host()};
   }
   bool WaitForServer() { return writer.WaitForReaders(1, 30s); }
-  bus::Action Ask(const bus::Observation& observation) {
+  bus::Action Ask(bus::Observation observation) {
+    observation.host = host;
     EXPECT_TRUE(writer.Write(observation));
     const auto deadline = std::chrono::steady_clock::now() + 20s;
     while (std::chrono::steady_clock::now() < deadline) {
@@ -46,6 +48,7 @@ class Client {
 
   bus::Writer<bus::Observation> writer;
   bus::Reader<bus::Action> reader;
+  std::string host;
 };
 
 /// A run, a server that follows its checkpoints, and a robot that asks it.
@@ -202,6 +205,27 @@ TEST(PolicyServer, AnswersManyClientsAsIfEachWereAlone) {
     });
   }
   for (auto& client : clients) client.join();
+  server.Stop();
+  serving.join();
+}
+
+// Two robots that name their sessions alike, on two hosts.
+TEST(PolicyServer, AnswersEachHostInItsOwnPartition) {
+  const auto config = policy::TinyConfig();
+  const Selector run{"serve-hosts", kId};
+  auto one = bus::Participant::Open({kDomain, "", "", {}, "rack-1"}).value();
+  auto two = bus::Participant::Open({kDomain, "", "", {}, "rack-2"}).value();
+  const auto model = Model::FromBytes(checkpoint::Encode(checkpoint::ExampleCheckpoint(config)).value()).value();
+  auto server = PolicyServer::Open(one, {.run = run}, model).value();
+  std::thread serving([&] { EXPECT_TRUE(server.Run()); });
+  Client here = Client::Open(one, run), there = Client::Open(two, run);
+  ASSERT_TRUE(here.WaitForServer() && there.WaitForServer());
+  constexpr std::uint64_t kQuestions = 5;
+  for (std::uint64_t i = 0; i < kQuestions; ++i)
+    EXPECT_EQ(here.Ask(ExampleObservation(i, run.name, kId)).error, "") << i;
+  EXPECT_TRUE(there.reader.Take().empty()) << "what the other host was told";
+  EXPECT_EQ(there.Ask(ExampleObservation(1, run.name, kId)).error, "");
+  EXPECT_TRUE(here.reader.Take().empty());
   server.Stop();
   serving.join();
 }

@@ -7,6 +7,7 @@
 
 #include "services/core/rng.h"
 #include "tests/worker/sim/scene_fixture.h"
+#include "worker/sim/saturated.h"
 
 namespace etude::sim {
 namespace controller_test {
@@ -36,6 +37,15 @@ TEST(RotationVector, IsTheFullAngle) {
     const Eigen::Quaterniond twin(-to.w(), -to.x(), -to.y(), -to.z());
     EXPECT_LT((RotationVector(from, twin) - angle * axis).norm(), 1e-8) << angle;
   }
+}
+
+TEST(Saturated, KeepsTheDirectionAndShortensOnlyWhatIsLonger) {
+  const Eigen::Vector3d v(3, 0, -4);
+  EXPECT_EQ(Saturated(v, 6), v);
+  EXPECT_EQ(Saturated(v, 5), v);
+  EXPECT_LT((Saturated(v, 1) - Eigen::Vector3d(0.6, 0, -0.8)).norm(), 1e-15);
+  EXPECT_EQ(Saturated(v, 0), Eigen::Vector3d::Zero());
+  EXPECT_EQ(Saturated(Eigen::Vector3d::Zero(), 0), Eigen::Vector3d::Zero());
 }
 
 // Closed form: M vdot + bias = tau gives the tool exactly kp e + kv (V_ref - V), whatever M, J and

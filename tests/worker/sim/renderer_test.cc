@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "tests/support/sketch_robot.h"
 #include "tests/worker/sim/scene_fixture.h"
 #include "worker/sim/gl_context.h"
 
@@ -227,6 +228,20 @@ Picture PictureOf(const SceneSpec& spec) {
   World world(scene);
   Renderer renderer = Renderer::Open(scene).value();
   return Take(renderer, world);
+}
+
+// What is drawn had room for 512 shapes once: of a robot with more, the last ones were missing without a word.
+TEST(Renderer, DrawsAllOfARobotWithManyVisualShapes) {
+  SketchRobot few, many;
+  std::string hidden;
+  for (int k = 0; k < 600; ++k) hidden += R"(<geom class="look" type="sphere" size="0.001" pos="0 0 0.085"/>)";
+  const std::string turret = R"(<joint name="turn" axis="0 0 1" range="-170 170"/>)";
+  many.InMjcf(turret, turret + hidden);
+  SceneSpec spec;
+  spec.robot = few.yaml();
+  const Picture picture = PictureOf(spec);
+  spec.robot = many.yaml();
+  EXPECT_EQ(PictureOf(spec), picture) << "they lie inside the turret";
 }
 
 // The nominal scene, moved without another compiled one.

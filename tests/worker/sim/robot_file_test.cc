@@ -437,6 +437,62 @@ TEST_F(HeavyLooks, OfTheBaseDoNotMatter) {
   EXPECT_THAT(Names(), testing::SizeIs(4));
 }
 
+TEST_F(HeavyLooks, WeighNothingWhereTheYamlSaysSo) {
+  const auto weight = [&](const std::string& robot) {
+    SceneSpec spec;
+    spec.robot = robot;
+    const auto scene = Scene::Build(spec);
+    EXPECT_TRUE(scene) << scene.error().message;
+    return scene ? WeighRobot(**scene).total : 0;
+  };
+  const double light = weight(kSketch);
+  EXPECT_GT(weight((folder_ / "sketch.yaml").string()), light + 1);
+  Replace("sketch.yaml", "name: sketch\n", "name: sketch\nmasses: collision\n");
+  EXPECT_NEAR(weight((folder_ / "sketch.yaml").string()), light, 1e-4);
+  EXPECT_THAT(Names(), testing::IsEmpty());
+}
+
+TEST_F(HeavyLooks, WeighWhereNothingElseDoes) {
+  Replace("sketch/sketch.xml", "<geom type=\"mesh\" mesh=\"upper_beam\" mass=\"4\"/>",
+          "<geom type=\"mesh\" mesh=\"upper_beam\" mass=\"0\"/>");
+  Replace("sketch.yaml", "name: sketch\n", "name: sketch\nmasses: collision\n");
+  SceneSpec spec;
+  spec.robot = (folder_ / "sketch.yaml").string();
+  const auto scene = Scene::Build(spec);
+  ASSERT_TRUE(scene) << scene.error().message;
+  const mjModel* mj = (*scene)->model().mj.get();
+  EXPECT_GT(mj->body_mass[(*scene)->model().BodyId("upper")], 0.5) << "it would weigh nothing";
+}
+
+// What two fingers hold by points alone swings about the line between them.
+TEST_F(BrokenRobot, FingersThatDecideAloneHoldByAnArea) {
+  const auto geoms = [&] {
+    SceneSpec spec;
+    spec.robot = (folder_ / "sketch.yaml").string();
+    const auto scene = Scene::Build(spec);
+    EXPECT_TRUE(scene) << scene.error().message;
+    std::vector<std::pair<int, std::vector<double>>> found;  // condim, friction
+    if (!scene) return found;
+    const mjModel* mj = (*scene)->model().mj.get();
+    for (int i = 0; i < mj->ngeom; ++i)
+      if (mj->geom_bodyid[i] == (*scene)->model().BodyId("left") && mj->geom_contype[i] != 0)
+        found.push_back({mj->geom_condim[i], {mj->geom_friction + 3 * i, mj->geom_friction + 3 * i + 3}});
+    EXPECT_FALSE(found.empty());
+    return found;
+  };
+  Replace("sketch/sketch.xml", "friction=\"0.9 0.02 0.001\" condim=\"4\"", "friction=\"0.7\" condim=\"3\"");
+  for (const auto& [condim, friction] : geoms()) EXPECT_EQ(condim, 3) << "the object's friction counts, too";
+  Replace("sketch/sketch.xml", "friction=\"0.7\" condim=\"3\"", "friction=\"0.7\" condim=\"3\" priority=\"1\"");
+  for (const auto& [condim, friction] : geoms()) {
+    EXPECT_EQ(condim, 4);
+    EXPECT_THAT(friction, testing::ElementsAre(0.7, 0.02, testing::Lt(0.01)));
+  }
+  EXPECT_THAT(LoadRobot(folder_ / "sketch.yaml")->notes,
+              testing::Contains(testing::HasSubstr("friction against turning as our objects have")));
+  Replace("sketch/sketch.xml", "condim=\"3\" priority=\"1\"", "condim=\"1\" priority=\"1\"");
+  for (const auto& [condim, friction] : geoms()) EXPECT_EQ(condim, 1) << "without any friction on purpose";
+}
+
 TEST_F(BrokenRobot, UnknownKeysAreRefused) {
   Replace("sketch.yaml", "approach_pitch:", "aproach_pitch:");
   EXPECT_THAT(Load().message, testing::HasSubstr("approach_pitch"));

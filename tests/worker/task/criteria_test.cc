@@ -3,6 +3,7 @@
 #include "worker/task/criteria.h"
 
 #include "tests/worker/task/predicates/scene.h"
+#include "tests/worker/task/relations.h"
 
 namespace etude::task {
 namespace criteria_test {

@@ -7,7 +7,7 @@
 #include <algorithm>
 
 #include "services/core/check.h"
-#include "worker/task/criteria.h"
+#include "tests/worker/task/relations.h"
 #include "worker/task/expert.h"
 #include "worker/task/feasibility_check.h"
 #include "worker/task/task_stages.h"

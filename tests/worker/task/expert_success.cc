@@ -114,7 +114,7 @@ int main(int argc, char** argv) {
         fmt::print("{} {}: {}: {}\n", name, index, task::ToString(result.outcome), result.reason);
     }
     Print(name, tally);
-    good = good && tally.successes >= 0.97 * tally.trials;
+    good = good && tally.successes >= 0.97 * tally.trials && tally.turn <= 0.05;
   }
   return good ? 0 : 1;
 }

@@ -3,10 +3,13 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <limits>
 
 #include "services/codec/frame.h"
 #include "services/episode/codec.h"
+#include "tests/support/replace_in_file.h"
+#include "tests/support/temporary_folder.h"
 #include "tests/worker/task/playback.h"
 #include "tests/worker/task/rollout_spec.h"
 #include "worker/task/attempt.h"
@@ -59,6 +62,23 @@ TEST_P(RolloutOf, OracleSucceeds) {
 INSTANTIATE_TEST_SUITE_P(Tasks, RolloutOf, testing::Values("pick", "push", "put_down", "rotate", "place_left"),
                          [](const auto& info) { return std::string(info.param); });
 
+// A task file that somebody wrote elsewhere, named by its path.
+TEST(Rollout, OfATaskThatAUserWroteIsJudgedByItsFile) {
+  const TemporaryFolder folder;
+  const std::string mine = (folder / "lift_up.yaml").string();
+  std::filesystem::copy_file("deploy/tasks/pick.yaml", mine);
+  ReplaceInFile(mine, "name: pick", "name: lift_up");
+  const CampaignSpec spec = RolloutSpecOf(mine);
+  auto runner = AttemptRunner::Open(spec);
+  ASSERT_TRUE(runner.has_value()) << runner.error().message;
+  const auto demonstration = runner->Demonstrate(0, 0).value();
+  ASSERT_EQ(demonstration.outcome, AttemptOutcome::kSuccess) << demonstration.reason;
+  const auto rollout = runner->Rollout(0, Playback(demonstration.episode, spec.rollout.replan_steps));
+  ASSERT_TRUE(rollout.has_value()) << rollout.error().message;
+  EXPECT_EQ(rollout->outcome, AttemptOutcome::kSuccess) << rollout->reason;
+  EXPECT_EQ(rollout->episode.task, demonstration.episode.task);
+}
+
 policy::Answer Stay(const Eigen::Vector3d& p) {
   policy::Answer answer;
   answer.waypoints.assign(kWaypoints, Waypoint{{p, FromEuler({3.14, 0, 1.57})}, 0});
@@ -87,6 +107,26 @@ TEST(Rollout, EndsAtTheStepLimitWhenNothingHappens) {
   EXPECT_EQ(rollout->episode.steps(), 120);
   EXPECT_EQ(asked, 8) << "one question every 15 steps";
   EXPECT_TRUE(rollout->episode.cameras[0].frames.empty());
+}
+
+TEST(Rollout, AsTheAuthorsHoldsOnePoseOfEachAnswerForTheirTime) {
+  CampaignSpec spec = RolloutSpecOf("pick");
+  spec.rollout.execution = "authors";
+  spec.rollout.record = false;
+  auto runner = AttemptRunner::Open(spec);
+  ASSERT_TRUE(runner.has_value()) << runner.error().message;
+  int asked = 0;
+  const auto rollout = runner->Rollout(0, [&](const policy::Question&) -> Result<policy::Answer> {
+    // two places in turn: what is held changes with each answer and not between them
+    return Stay({-0.11, ++asked % 2 ? 0.13 : 0.16, 0.2});
+  });
+  ASSERT_TRUE(rollout.has_value()) << rollout.error().message;
+  EXPECT_EQ(asked, 67);
+  EXPECT_EQ(rollout->episode.steps(), 67 * 45);
+  EXPECT_EQ(rollout->outcome, AttemptOutcome::kTimeout);
+  const auto& wanted = rollout->episode.actions_abs;
+  for (int step = 1; step < 4 * 45; ++step)
+    EXPECT_EQ(wanted.row(step)[1] != wanted.row(step - 1)[1], step % 45 == 0) << step;
 }
 
 // Steps before the hand was first commanded to move, and questions in 120 steps.

@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 
@@ -89,6 +90,15 @@ TEST(ReplayAttempt, MakesASuccessAgain) {
   EXPECT_EQ(plan["steps"], episode->steps());
   ASSERT_FALSE(plan["motions"].empty());
   ASSERT_FALSE(plan["nearest"].empty());
+  int with_points = 0;
+  for (const auto& near : plan["nearest"]) {
+    if (!near.contains("a_m") || near["distance_m"] <= 0) continue;
+    double square = 0;
+    for (int i = 0; i < 3; ++i) square += std::pow(near["a_m"][i].get<double>() - near["b_m"][i].get<double>(), 2);
+    EXPECT_NEAR(std::sqrt(square), near["distance_m"].get<double>(), 1e-4) << near.dump();
+    ++with_points;
+  }
+  EXPECT_GT(with_points, 0) << "points as far apart as the distance says";
 
   // where the bodies were is where the episode says that the objects were
   const auto bytes = ReadBinaryFile(folder / "out/poses.f32");

@@ -5,14 +5,13 @@
 #include <torch/torch.h>
 
 #include "services/core/check.h"
+#include "trainer/policy/quantities/list.h"
 
 namespace etude::policy {
 namespace {
 
 const std::vector<const Quantity*>& All() {
-  static const std::vector<const Quantity*> all{&ClassQuantity(),     &TaskQuantity(), &PixelQuantity(),
-                                                &PositionQuantity(),  &PoseQuantity(), &DisplacementQuantity(),
-                                                &TrajectoryQuantity()};
+  static const std::vector<const Quantity*> all = ListQuantities();
   return all;
 }
 

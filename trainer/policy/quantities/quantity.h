@@ -34,7 +34,8 @@ struct Head {
 struct Decoding {
   const Normalization& normalization;
   int stride = 1;  ///< px from one image token to the next
-  /// (B, S' | 1, 3) m of the modules it is decoded from: the position (relative), the difference of two (difference).
+  /// Of the modules it is decoded from, (B, S' | 1, 3) m: the position (relative), the difference of two (difference).
+  /// (B, S', 6): where the camera is (m), and the direction in world of the pixel (ray), as viewpoint.h has it.
   const at::Tensor* from = nullptr;
 };
 
@@ -90,14 +91,5 @@ class Quantity : public data::LabelRule {
 /// nullptr: no such quantity.
 const Quantity* FindQuantity(std::string_view name);
 const std::vector<std::string>& QuantityNames();
-
-/// One a file.
-const Quantity& ClassQuantity();
-const Quantity& PixelQuantity();
-const Quantity& PositionQuantity();
-const Quantity& PoseQuantity();
-const Quantity& DisplacementQuantity();
-const Quantity& TrajectoryQuantity();
-const Quantity& TaskQuantity();
 
 }  // namespace etude::policy

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "services/episode/action.h"
-#include "trainer/data/episode_labels.h"
+#include "services/episode/trajectory_label.h"
 #include "trainer/policy/quantities/common.h"
 #include "trainer/policy/quantities/rotation.h"
 
@@ -25,7 +25,7 @@ class Trajectory final : public Quantity {
   int label_parts() const override { return kWaypoints; }
   void FillLabel(const data::LabelContext& context, const data::EntityState&, std::span<float> values,
                  std::span<std::uint8_t> valid) const override {
-    const data::TrajectoryLabel label = data::LabelTrajectory(context.episode, context.step);
+    const TrajectoryLabel label = LabelTrajectory(context.episode, context.step);
     std::copy(label.values.begin(), label.values.end(), values.begin());
     std::copy(label.valid.begin(), label.valid.end(), valid.begin());
   }

@@ -49,11 +49,16 @@ export function parameter(name: string, fallback = ''): [string, (value: string 
 }
 
 export function setParameters(values: Record<string, string | number | null>, replace = false): void {
+  navigate(linkHere(values), replace);
+}
+
+/** This page's address with these parameters; those that are empty leave it, all others stay. */
+export function linkHere(values: Record<string, string | number | null>): string {
   const query = new URLSearchParams(current.value.query);
   for (const [name, value] of Object.entries(values)) {
     if (value === null || value === '') query.delete(name);
     else query.set(name, String(value));
   }
   const text = query.toString();
-  navigate(window.location.pathname + (text ? `?${text}` : ''), replace);
+  return window.location.pathname + (text ? `?${text}` : '');
 }

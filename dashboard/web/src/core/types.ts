@@ -97,6 +97,25 @@ export type Tiles = {
     errors: Record<string, number>;
     live: boolean;
   } | null;
+  checkpoint: {
+    /** run id */
+    source: string;
+    name: string;
+    /** of the newest, on disk or as the trainer says */
+    step: number;
+    /** null: not on this disk */
+    file: string | null;
+    /** since it was written; null: not known */
+    age_ms: number | null;
+    /** policy servers of this run */
+    servers: {
+      host: string;
+      /** that it serves */
+      step: number;
+      /** RFC 3339, UTC */
+      since: string | null;
+    }[];
+  } | null;
   policy: {
     /** run id */
     source: string | null;
@@ -362,7 +381,7 @@ export type Dataset = {
   }[];
   /** commits.jsonl is there */
   journal: boolean;
-  /** filter keys: train, valid, test, and those of masks/ */
+  /** filter keys: train, valid, test, and those of filters.json */
   keys: string[];
   cameras: string[];
   /** of episode files, as far as counted */
@@ -467,6 +486,8 @@ export type Episode = {
   task: string;
   target: string;
   reference: string;
+  /** object that stands in the way */
+  obstacle: string | null;
   instruction: string;
   success: boolean;
   outcome: string;
@@ -514,6 +535,76 @@ export type Episode = {
   host: string | null;
   /** RFC 3339, UTC */
   t: string | null;
+};
+
+export type Replay = {
+  /** replay.<hash>; null: it cannot be made again */
+  id: string | null;
+  state: "none" | "running" | "ready" | "impossible";
+  why_not: string | null;
+  /** while it runs */
+  job: string | null;
+  /** false: not ready, or it ended before anything moved */
+  has_episode: boolean;
+};
+
+export type ReplayPlan = {
+  index: number;
+  attempt: number;
+  /** u64 */
+  seed: string;
+  robot: string;
+  task: string;
+  target: string;
+  reference: string;
+  outcome: string;
+  reason: string;
+  steps: number;
+  /** the draws of its start */
+  scene: unknown;
+  /** as in the episode's */
+  details: unknown;
+  motions: {
+    /** control step at which it began */
+    step: number;
+    stages: string[];
+    /** a push off the path */
+    disturbance: boolean;
+    /** of the tool in world, as planned */
+    poses: number[][];
+  }[];
+  /** nearest pair of the arm and everything else, every so many steps */
+  nearest: {
+    step: number;
+    distance_m: number;
+    /** body of the arm, or what it holds */
+    a: string;
+    b: string;
+    /** nearest point of a, in world; none where they touch */
+    a_m?: number[];
+    /** of b */
+    b_m?: number[];
+  }[];
+};
+
+export type ReplayGeometry = {
+  /** of the robot, then the objects: the order of poses.f32 */
+  bodies: string[];
+  /** layout of poses.f32 */
+  poses: Record<string, unknown>;
+  /** convex pieces, each fixed to its body at pose */
+  geometry: {
+    name: string;
+    /** one of bodies, or what stands still, in world */
+    body: string;
+    shape: "box" | "sphere" | "capsule" | "cylinder" | "convex";
+    /** m. box: half sizes; sphere: radius; capsule, cylinder: radius, half length along z */
+    size: number[];
+    /** x y z (m), quaternion w x y z */
+    pose: number[];
+    /** convex: m, before pose */
+    vertices?: number[][];
+  }[];
 };
 
 export type Stage = {
@@ -946,6 +1037,17 @@ export type ModuleSays = {
   soft_argmax?: number[];
 };
 
+export type ModuleError = {
+  /** a name, or numbers in unit */
+  truth: unknown;
+  /** a distance; of a name 0 where it is right, else 1 */
+  error: number;
+  /** m | px | - */
+  unit: string;
+  /** of a pose: the angle between both */
+  turned_rad?: number;
+};
+
 export type Insight = {
   run: string;
   checkpoint_step: number;
@@ -953,26 +1055,59 @@ export type Insight = {
   modules: Record<string, ModuleSays>;
   /** the same with the what-if of the request */
   what_if: Record<string, ModuleSays> | null;
-  attention: Record<string, PictureAttention>;
+  attention: Record<string, ModuleAttention>;
   view: PictureView;
   /** x, y, z (m) and gripper 0..1 */
   waypoints: number[][];
+  /** the same with the what-if; empty: none was asked */
+  what_if_waypoints: number[][];
+  /** of the sentence, and how far the planned waypoints move without each, on average; empty: not asked, or nothing is planned */
+  words: {
+    word: string;
+    moves_m: number;
+  }[];
+  /** as they were asked with, the arm's first */
+  joints: {
+    name: string;
+    value: number;
+    unit: string;
+    /** how far the planned waypoints move where it is at its mean in training */
+    moves_m: number | null;
+  }[];
   truth: {
     target: string;
     reference: string | null;
     instruction: string;
     /** hand and objects, px */
     pixels: Record<string, number[]>;
+    /** hand and objects, x, y, z in world, m */
+    positions: Record<string, number[]>;
+    /** as demonstrated, up to the first that nobody is to imitate; empty: of a rollout, or of another sentence */
+    waypoints: number[][];
+    /** mean distance of the planned waypoints from those */
+    waypoints_error_m: number | null;
+    /** by module, of those whose truth is known: of another sentence than the record's, target and reference are not */
+    errors: Record<string, ModuleError>;
   };
 };
 
-export type PictureAttention = {
+export type ModuleAttention = {
+  /** of the picture's grid; 0: it does not read the picture */
   rows: number;
   columns: number;
-  /** of it that falls on the picture, 0..1 */
+  /** of its attention that falls on the picture, 0..1 */
   share: number;
-  /** row by row over the view, mean of the heads */
+  /** what else it reads: language, joints, self, modules */
+  keys: string[];
+  /** rows * columns, row by row, the mean of its heads */
   weights: number[];
+  /** one for each of keys, the mean of its heads */
+  key_weights: number[];
+  /** the same of each head; of a recorded picture only */
+  heads?: {
+    weights: number[];
+    key_weights: number[];
+  }[];
 };
 
 export type PictureView = {
@@ -1064,6 +1199,6 @@ export type PlayInsight = {
   number: number;
   checkpoint_step: number;
   modules: Record<string, ModuleSays>;
-  attention: Record<string, PictureAttention>;
+  attention: Record<string, ModuleAttention>;
   view: PictureView;
 };

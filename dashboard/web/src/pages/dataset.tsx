@@ -5,13 +5,15 @@ import { getJson, query, useResource } from '../core/api';
 import { bytes, count, duration, fixed, none, number } from '../core/format';
 import { parameter, setParameters } from '../core/router';
 import { chosen, episodeLink } from '../core/sources';
+import { mostTicks, readTicks, writeTicks } from '../core/ticks';
 import type { Dataset, Episodes, Summary } from '../core/types';
+import { ActionButton } from '../parts/actions';
 import { Bars, Chip, Command, Empty, Failed, Loaded, Panel, Search, Select, StateChip } from '../parts/basics';
 import { Histogram } from '../parts/chart';
 import { Places } from '../parts/places';
 import { Table } from '../parts/table';
 
-const filters = ['task', 'target', 'robot', 'outcome', 'split', 'key', 'words', 'steps', 'odd'] as const;
+const filters = ['task', 'target', 'robot', 'outcome', 'split', 'worker', 'key', 'words', 'steps', 'odd'] as const;
 
 function useFilter(): Record<string, string> {
   return Object.fromEntries(filters.map((name) => [name, parameter(name)[0]]).filter(([, value]) => value));
@@ -21,10 +23,10 @@ export function DatasetPage() {
   const id = chosen('dataset');
   const dataset = useResource<Dataset>(id && `/datasets/${id}`, { every: 10000 });
   if (!id) return <Panel><Empty title="No dataset here yet" command="etude collect deploy/campaigns/quickstart.yaml --out data">Episodes appear with the first commit:</Empty></Panel>;
-  return <Loaded of={dataset}>{(data) => <Content of={data} />}</Loaded>;
+  return <Loaded of={dataset}>{(data) => <Content key={data.id} of={data} reload={dataset.reload} />}</Loaded>;
 }
 
-function Content(props: { of: Dataset }) {
+function Content(props: { of: Dataset; reload: () => void }) {
   const { of } = props;
   const filter = useFilter();
   const text = query(filter);
@@ -40,7 +42,7 @@ function Content(props: { of: Dataset }) {
       </div>
       <Filters summary={summary.data} keys={of.keys} />
       <div class="columns main-side">
-        <Rows of={of} text={text} />
+        <Rows of={of} text={text} reload={props.reload} />
         <div class="stack">
           <Loaded of={summary}>{(data) => <Distributions of={data} dataset={of} />}</Loaded>
         </div>
@@ -85,7 +87,47 @@ function toRows(answer: Episodes): Row[] {
   return c.index.map((index, i) => ({ index, task: c.task[i] ?? null, target: c.target[i] ?? null, robot: c.robot[i] ?? null, instruction: c.instruction[i] ?? null, steps: c.steps[i] ?? null, draws: c.draws[i] ?? null, odd: c.odd[i] ?? null, split: c.split[i] ?? '', success: c.success[i] ?? null, outcome: c.outcome[i] ?? null }));
 }
 
-function Rows(props: { of: Dataset; text: string }) {
+/** Episodes that are ticked, and how to tick; all of it in the address. */
+function useTicks(): { ticks: Set<number>; tick: (indices: readonly number[], on: boolean) => void } {
+  const [text, setText] = parameter('ticks');
+  const ticks = readTicks(text);
+  const tick = (indices: readonly number[], on: boolean) => {
+    const next = new Set(ticks);
+    for (const index of indices) {
+      if (on) next.add(index);
+      else next.delete(index);
+    }
+    if (next.size <= mostTicks) setText(writeTicks(next) || null, true);
+  };
+  return { ticks, tick };
+}
+
+/** From ticks to a filter key. */
+function Ticked(props: { of: Dataset; shown: number[]; whole: boolean; reload: () => void }) {
+  const { ticks, tick } = useTicks();
+  const [name, setName] = useState('');
+  const good = /^[a-z0-9_][a-z0-9_-]{0,63}$/.test(name);
+  const fits = props.whole && new Set([...ticks, ...props.shown]).size <= mostTicks;
+  return (
+    <div class="row ticked" role="group" aria-label="Ticked episodes">
+      <span data-ticked><b>{count(ticks.size)}</b> ticked</span>
+      {fits && props.shown.some((index) => !ticks.has(index)) && <button type="button" class="button" onClick={() => tick(props.shown, true)}>Tick all {count(props.shown.length)}</button>}
+      {ticks.size > 0 && (
+        <>
+          <button type="button" class="button" onClick={() => tick([...ticks], false)}>Clear</button>
+          <input class="field" type="text" size={14} maxLength={64} aria-label="Name of the filter key" placeholder="filter key" value={name} onInput={(event) => setName(event.currentTarget.value)} />
+          <ActionButton label="Save as a key" disabled={!good} done={props.reload} of={{ action: 'mask', dataset: props.of.id, key: name, indices: writeTicks(ticks) }}
+            about={`Gives ${ticks.size === 1 ? 'the ticked episode' : `the ${count(ticks.size)} ticked episodes`} the filter key “${name}”${props.of.keys.includes(name) ? ', in place of those that it has' : ''}. While a collector has the dataset, that writes it.`} />
+          {name !== '' && !good && <span class="small bad" role="alert">a-z, 0-9, _ and - only</span>}
+          {ticks.size >= mostTicks && <span class="small muted">at most {mostTicks} in an address</span>}
+        </>
+      )}
+    </div>
+  );
+}
+
+function Rows(props: { of: Dataset; text: string; reload: () => void }) {
+  const { ticks, tick } = useTicks();
   const [sort, setSort] = parameter('sort', '-index');
   const [held, setHeld] = useState(props.of.episodes);
   const address = (before: string | null) => `/datasets/${props.of.id}/episodes${props.text}${props.text ? '&' : '?'}sort=${sort}&limit=200${before ? `&before=${encodeURIComponent(before)}` : ''}`;
@@ -113,9 +155,11 @@ function Rows(props: { of: Dataset; text: string }) {
       </>}>
       {first.error && <Failed problem={first.error} retry={first.reload} />}
       {data && !data.total && <Empty title={data.all ? 'No episode fits these filters' : 'The first episode is under way'}>{data.all ? `${count(data.all)} are there without them.` : 'Episodes appear here when they are committed.'}</Empty>}
+      {rows.length > 0 && <Ticked of={props.of} shown={rows.map((row) => row.index)} whole={!current.next} reload={props.reload} />}
       {rows.length > 0 && (
-        <Table label="Episodes" rows={rows} id={(row) => row.index} height={960} link={(row) => episodeLink(props.of.id, row.index)} sort={sort} setSort={(value) => setSort(value)} {...(current.next ? { more } : {})}
+        <Table label="Episodes" tick={(row) => tick([row.index], !ticks.has(row.index))} rows={rows} id={(row) => row.index} height={960} link={(row) => episodeLink(props.of.id, row.index)} sort={sort} setSort={(value) => setSort(value)} {...(current.next ? { more } : {})}
           columns={[
+            { key: 'tick', title: 'tick', width: '4ch', control: true, cell: (row) => <label class="tick"><input type="checkbox" checked={ticks.has(row.index)} disabled={!ticks.has(row.index) && ticks.size >= mostTicks} aria-label={`tick episode ${row.index}`} onChange={(event) => tick([row.index], event.currentTarget.checked)} /></label> },
             { key: 'index', title: '#', width: '6ch', sort: 'index', card: 'title', cell: (row) => row.index },
             ...(props.of.role === 'rollouts' ? [{ key: 'outcome', title: 'outcome', width: '10ch', cell: (row: Row) => row.success === null ? none : <span class={row.success ? 'good' : 'bad'}>{row.success ? '✓' : '✕'} {row.outcome}</span> }] : []),
             { key: 'task', title: 'task', width: 'minmax(84px, 1fr)', cell: (row) => row.task ?? none },

@@ -14,6 +14,7 @@ import { Chip, Command, Empty, Facts, Failed, Loaded, Panel, Select, Skeleton } 
 import { Chart, type Line } from '../parts/chart';
 import { PictureView, type Mark } from '../parts/picture';
 import { Playhead } from '../parts/playhead';
+import { MakeReplay, nearestAt, nearestText, poseOf, useRemake, useReplayFiles, type ReplayFiles } from '../parts/replay';
 import { Space, type SpaceData } from '../parts/space';
 
 export function EpisodePage() {
@@ -24,7 +25,8 @@ export function EpisodePage() {
   return attempt === null ? <Whole key={`${dataset}/${index}`} dataset={dataset} index={index} /> : <FailedAttempt dataset={dataset} index={index} attempt={Number(attempt)} />;
 }
 
-function Whole(props: { dataset: string; index: number }) {
+/** `replay`: the dataset is that of a replay, shown below what is said of the attempt. */
+function Whole(props: { dataset: string; index: number; replay?: string }) {
   const base = `/datasets/${props.dataset}/episodes/${props.index}`;
   const episode = useResource<Episode>(base);
   const tracks = useResource<Tensors>(episode.data ? `${base}/tracks?points=4000` : null, { load: async (path, signal) => readSafetensors(await getBytes(path, signal)) });
@@ -37,7 +39,7 @@ function Whole(props: { dataset: string; index: number }) {
       </>
     );
   }
-  return <Loaded of={episode} height={640}>{(data) => <Player key={data.index} episode={data} tracks={tracks.data} problem={tracks.error ? () => <Failed problem={tracks.error!} retry={tracks.reload} /> : null} />}</Loaded>;
+  return <Loaded of={episode} height={640}>{(data) => <Player key={data.index} episode={data} tracks={tracks.data} replay={props.replay} problem={tracks.error ? () => <Failed problem={tracks.error!} retry={tracks.reload} /> : null} />}</Loaded>;
 }
 
 /** The values of a track at each step, whether the server merged steps or not. */
@@ -49,8 +51,12 @@ function column(values: Float32Array, columns: number, at: number, factor = 1): 
   return Float64Array.from({ length: values.length / columns }, (_one, i) => values[columns * i + at]! * factor);
 }
 
-function Player(props: { episode: Episode; tracks: Tensors | undefined; problem: (() => JSX.Element) | null }) {
+function Player(props: { episode: Episode; tracks: Tensors | undefined; replay: string | undefined; problem: (() => JSX.Element) | null }) {
   const { episode, tracks } = props;
+  const remake = useRemake(props.replay ? null : { dataset: episode.dataset, index: episode.index, attempt: episode.attempt }, false);
+  const files = useReplayFiles(props.replay ?? (remake.of?.state === 'ready' && remake.of.has_episode ? remake.of.id : null));
+  const unlike = files.data && tracks ? difference(episode, tracks, files.data) : null;
+  const shapes = unlike === null ? files.data : undefined;
   const playhead = useMemo(() => new Playhead(episode.steps, episode.control_rate_hz), [episode]);
   const [at, setAt] = parameter('step');
   const [cameraName, setCamera] = parameter('camera', episode.cameras[0]?.name ?? '');
@@ -78,10 +84,12 @@ function Player(props: { episode: Episode; tracks: Tensors | undefined; problem:
     { keys: '.', does: 'faster', run: () => speed(1) },
   ]);
   const marks = useMemo(() => pictureMarks(episode, tracks), [episode, tracks]);
-  const space = useMemo(() => spaceData(episode, tracks), [episode, tracks]);
+  const space = useMemo(() => spaceData(episode, tracks, shapes), [episode, tracks, shapes]);
   return (
     <>
-      <Head episode={episode} />
+      {props.replay
+        ? <div class="page-head"><h2 class="figure">Made again</h2><Chip tone={episode.success ? 'good' : 'bad'}>{episode.success ? '✓' : '✕'} <span data-made-again>{episode.outcome}</span></Chip><q>{episode.instruction}</q></div>
+        : <Head episode={episode} />}
       <div class="grid players">
         <Panel label="Picture">
           {camera ? <PictureView episode={episode} camera={camera} playhead={playhead} marks={marks} /> : <Empty title="No pictures were recorded">rollout.record was false; positions and plots are below.</Empty>}
@@ -91,7 +99,13 @@ function Player(props: { episode: Episode; tracks: Tensors | undefined; problem:
             {camera && <a href={`${root}/datasets/${episode.dataset}/episodes/${episode.index}/video/${camera.name}.mp4`} download={`${episode.index}.mp4`}>mp4</a>}
           </div>
         </Panel>
-        <Panel label="Space">{space ? <Space data={space} playhead={playhead} /> : props.problem ? props.problem() : <Skeleton height={320} />}<p class="small muted">Tool path by stage, commanded dashed. Objects are shown by place, not by shape.</p></Panel>
+        <Panel label="Space">{space ? <Space data={space} playhead={playhead} /> : props.problem ? props.problem() : <Skeleton height={320} />}
+          <p class="small muted">Tool path by stage, commanded {shapes ? 'and planned ' : ''}dashed.{shapes ? '' : ' Objects are shown by place, not by shape.'}</p>
+          {shapes && <Nearest files={shapes} playhead={playhead} />}
+          {unlike !== null && <p class="bad" role="alert" data-other-replay>{unlike}</p>}
+          {files.error && <Failed problem={files.error} retry={files.reload} />}
+          {!props.replay && !files.data && <MakeReplay of={remake} label="Make it again, with shapes and plan" command={replayCommand(home.value?.sources.find((one) => one.id === episode.dataset)?.folder, episode.index, episode.attempt)} />}
+        </Panel>
         <Details episode={episode} />
       </div>
       <Panel label="Time"><Bands episode={episode} playhead={playhead} seek={seek} /><Bar episode={episode} playhead={playhead} seek={seek} frames={camera?.frames ?? 0} /></Panel>
@@ -206,9 +220,38 @@ function pictureMarks(episode: Episode, tracks: Tensors | undefined): Mark[] {
   return marks;
 }
 
+function replayCommand(folder: string | null | undefined, index: number, attempt: number): string {
+  return `etude attempt replay ${folder ?? 'DATASET'} --index ${index} --attempt ${attempt} --out attempt-${index}-${attempt}`;
+}
+
+/** Why the replay is not this episode; null: it is. Wrong shapes in right places would say nothing of it. */
+function difference(episode: Episode, tracks: Tensors, files: ReplayFiles): string | null {
+  if (files.plan.steps !== episode.steps) return `The replay has ${count(files.plan.steps)} steps, the episode ${count(episode.steps)}: another program made it. It is not drawn.`;
+  for (const name of episode.objects) {
+    const places = track(tracks, `objects/${name}/pose`);
+    if (!places || places.length !== 7 * episode.steps) continue;  // merged buckets cannot be compared
+    for (const step of [0, episode.steps - 1]) {
+      const pose = poseOf(files, name, step);
+      const off = pose && Math.hypot(...[0, 1, 2].map((c) => pose[c]! - places[7 * step + c]!));
+      if (off === undefined || off > 0.001) return `In the replay ${name} is elsewhere${off === undefined ? '' : `, by ${number(1000 * off)} mm`}: another program made it. It is not drawn.`;
+    }
+  }
+  return null;
+}
+
+/** What the arm is nearest to, in step with the pictures. */
+function Nearest(props: { files: ReplayFiles; playhead: Playhead }) {
+  const text = useRef<HTMLParagraphElement>(null);
+  useEffect(() => props.playhead.follow((step) => {
+    const near = nearestAt(props.files.plan, step);
+    if (text.current) text.current.textContent = near ? `nearest ${nearestText(near)}: ${near.a} – ${near.b}` : 'nothing near';
+  }) as () => void, [props.files, props.playhead]);
+  return <p class="small" ref={text} data-nearest />;
+}
+
 const stageTokens = ['hand', 'language', 'reference', 'obstacle', 'others'];
 
-function spaceData(episode: Episode, tracks: Tensors | undefined): SpaceData | null {
+function spaceData(episode: Episode, tracks: Tensors | undefined, files: ReplayFiles | undefined): SpaceData | null {
   const tool = track(tracks, 'eef_pos');
   if (!tool) return null;
   const commanded = track(tracks, 'actions_abs');
@@ -219,12 +262,17 @@ function spaceData(episode: Episode, tracks: Tensors | undefined): SpaceData | n
     for (let i = 0; i < tool.length / 3; i++) for (let c = 0; c < 3; c++) points[3 * i + c] = commanded[wide * i + c]!;
     paths.push({ points, token: 'muted', dashed: true });
   }
+  for (const motion of files?.plan.motions ?? []) {
+    if (motion.poses.length > 1) paths.push({ points: Float32Array.from(motion.poses.flatMap((pose) => pose.slice(0, 3))), token: motion.disturbance ? 'obstacle' : 'accent', dashed: true });
+  }
+  const token = (name: string) => (name === episode.target ? 'target' : name === episode.reference ? 'reference' : name === episode.obstacle ? 'obstacle' : 'muted');
   const objects = episode.objects.flatMap((name) => {
     const pose = track(tracks, `objects/${name}/pose`);
-    return pose ? [{ name, token: name === episode.target ? 'target' : name === episode.reference ? 'reference' : 'muted', pose }] : [];
+    return pose ? [{ name, token: token(name), pose }] : [];
   });
   const camera = episode.cameras[0];
-  return { tool, paths, objects, camera: camera ? { position: camera.position_m, quaternion_wxyz: camera.quaternion_wxyz, fovy_rad: camera.fovy_rad } : null };
+  return { tool, paths, objects, camera: camera ? { position: camera.position_m, quaternion_wxyz: camera.quaternion_wxyz, fovy_rad: camera.fovy_rad } : null,
+    replay: files ? { files, token: (body) => (episode.objects.includes(body) ? token(body) : 'edge') } : null };
 }
 
 interface Decision { step: number; checkpoint_step: number; touched: boolean; error_m?: Record<string, number> }
@@ -279,6 +327,7 @@ function makePlots(episode: Episode, tracks: Tensors): { title: string; unit: st
 function FailedAttempt(props: { dataset: string; index: number; attempt: number }) {
   const rows = useResource<Attempts>(`/campaigns/${props.dataset}/attempts${query({ index: props.index, limit: 200 })}`);
   const dataset = useResource<Dataset>(`/datasets/${props.dataset}`);
+  const remake = useRemake(props, true);
   return (
     <Loaded of={rows}>
       {(data) => {
@@ -296,10 +345,13 @@ function FailedAttempt(props: { dataset: string; index: number; attempt: number 
               </Panel>
               <Panel title="Look at it">
                 <p class="secondary">A failed attempt leaves no picture, but it is a function of its seed: this makes the same attempt again, with video, planned motions and distances.</p>
-                <Command text={`etude attempt replay ${dataset.data?.folder ?? 'DATASET'} --index ${row.index} --attempt ${row.attempt} --out attempt-${row.index}-${row.attempt}`} />
+                <MakeReplay of={remake} label="Make it again" />
+                {remake.of?.state === 'ready' && !remake.of.has_episode && <p class="row"><Chip>made again</Chip>It ended before anything moved: there is nothing to see but the reason.</p>}
+                <Command text={replayCommand(dataset.data?.folder, row.index, row.attempt)} />
                 {others.length > 0 && <><h2>Other attempts of this index</h2><ul>{others.map((one) => <li><a href={episodeLink(props.dataset, one.index, one.has_pictures ? {} : { attempt: one.attempt })}>#{one.index}.{one.attempt}</a> {one.outcome}</li>)}</ul></>}
               </Panel>
             </div>
+            {remake.of?.state === 'ready' && remake.of.has_episode && remake.of.id && <Whole key={remake.of.id} dataset={remake.of.id} index={props.index} replay={remake.of.id} />}
           </>
         );
       }}

@@ -60,6 +60,7 @@ function Content(props: { of: Eval }) {
         <Panel title="Success by task" aside={<span class="small muted">strict judge</span>}><Dots label="Success by task" rows={[...of.per_task, of.overall].map((one) => proportion(one))} /></Panel>
         <Panel title="What else happened"><Reports of={of} /></Panel>
       </div>
+      <ByCheckpoint of={of} />
       {problem && <Failed problem={{ title: 'The rollouts could not be read', status: 0, detail: problem }} />}
       <Scenes of={of} rows={rows} versus={versus} />
     </>
@@ -68,6 +69,37 @@ function Content(props: { of: Eval }) {
 
 function proportion(one: TaskReport) {
   return { name: one.task, n: one.n, k: one.success.successes, share: one.success.share, low: one.success.low, high: one.success.high };
+}
+
+const mostCompared = 24;
+
+/** Other evaluations, the newest so many; what cannot be read is left out. */
+async function loadEvals(ids: string, signal: AbortSignal): Promise<Eval[]> {
+  const all = await Promise.allSettled(ids.split(',').map((id) => getJson<Eval>(`/evals/${id}`, signal)));
+  return all.flatMap((one) => (one.status === 'fulfilled' ? [one.value] : []));
+}
+
+/** A row with its interval for every evaluation of a checkpoint of this run, by step. */
+function ByCheckpoint(props: { of: Eval }) {
+  const { of } = props;
+  const [task] = parameter('task');
+  const ids = sourcesOf('eval').filter((one) => one.id !== of.id).slice(0, mostCompared).map((one) => one.id).join(',');
+  const others = useResource<Eval[]>(of.run_id && ids ? ids : null, { load: loadEvals });
+  if (!of.run_id || !of.checkpoint) return null;
+  const step = (one: Eval) => one.checkpoint?.step ?? -1;
+  const all = [of, ...(others.data ?? [])].filter((one) => one.run_id === of.run_id && step(one) >= 0).sort((a, b) => step(a) - step(b) || a.name.localeCompare(b.name));
+  const rows = all.flatMap((one) => {
+    const report = task ? one.per_task.find((part) => part.task === task) : one.overall;
+    const twin = all.some((other) => other !== one && step(other) === step(one));
+    const name = `step ${count(step(one))}${twin ? ` · ${one.name}` : ''}${one.seed === of.seed ? '' : ' ≠'}`;
+    return report ? [{ ...proportion(report), name, link: link('evaluation', { eval: one.id, task }), ...(one === of ? { token: 'accent' } : {}) }] : [];
+  });
+  return (
+    <Panel title={`Success by checkpoint${task ? `, ${task}` : ''}`} aside={<span class="small muted">evaluations of run {nameOf(of.run_id)}; this one in colour{all.some((one) => one.seed !== of.seed) && '; ≠: scenes of another seed'}</span>}>
+      <div data-by-checkpoint><Dots label="Success by checkpoint" rows={rows} /></div>
+      {all.length < 2 && <><p class="secondary">Another checkpoint of this run, in the same scenes:</p><Command text={`etude eval --checkpoint OTHER.safetensors --episodes ${of.episodes} --seed ${of.seed} --out eval-b`} /></>}
+    </Panel>
+  );
 }
 
 function Reports(props: { of: Eval }) {
@@ -145,14 +177,16 @@ function Compare(props: { of: Eval; versus: string }) {
   const { of, versus } = props;
   const others = sourcesOf('eval').filter((one) => one.id !== of.id);
   const pair = useResource<Pair>(versus ? `/evals/${of.id}/pair/${versus}` : null);
-  const diff = useResource<Diff>(versus ? `/diff?a=${encodeURIComponent(of.id)}&b=${encodeURIComponent(versus)}` : null);
+  const other = useResource<Eval>(versus ? `/evals/${encodeURIComponent(versus)}` : null);
+  const diff = useDiff(versus ? of.id : null, versus);
   if (!others.length) return <Panel title="Compare"><p class="secondary">With a second evaluation, given the --seed that this one was given, both are compared scene by scene:</p><Command text={`etude eval --checkpoint OTHER.safetensors --episodes ${of.episodes} --seed SEED --out eval-b`} /></Panel>;
   return (
     <Panel title="Compare" aside={<Select label="with" showLabel value={versus} options={[['', 'choose an evaluation'], ...others.map((one) => [one.id, one.name] as const)]} choose={(id) => setParameters({ vs: id })} />}>
       {!versus && <p class="secondary">A is {of.name}. Choose B: scenes that both rolled out are compared one by one.</p>}
       {pair.error && <div class="problem" role="alert"><h2>{pair.error.title}</h2><p>{pair.error.detail}</p></div>}
       {pair.data && <Paired of={pair.data} a={of} b={versus} />}
-      {diff.data && <Differences of={diff.data} />}
+      {other.data && <Runs a={of} b={other.data} />}
+      {diff.data && <Differences title="What else differs in the scenes" of={diff.data} />}
     </Panel>
   );
 }
@@ -182,12 +216,33 @@ function Paired(props: { of: Pair; a: Eval; b: string }) {
   );
 }
 
-function Differences(props: { of: Diff }) {
+function useDiff(a: string | null, b: string | null) {
+  return useResource<Diff>(a && b ? `/diff?a=${encodeURIComponent(a)}&b=${encodeURIComponent(b)}` : null);
+}
+
+/** What changed between the configs of the runs whose checkpoints these are. */
+function Runs(props: { a: Eval; b: Eval }) {
+  const { a, b } = props;
+  const two = a.run_id !== b.run_id;
+  const diff = useDiff(two ? a.run_id : null, two ? b.run_id : null);
+  const kind = !a.run_id || !b.run_id ? 'unknown' : two ? 'two' : 'one';
+  return (
+    <div class="stack" data-runs={kind}>
+      {kind === 'unknown' && <p class="secondary">The run of {a.run_id ? 'B' : 'A'} is not below the folders of this gateway: its config cannot be compared.</p>}
+      {kind === 'one' && <p class="secondary">Both are of run <a href={link('training', { run: a.run_id })}>{nameOf(a.run_id)}</a>: steps {count(a.checkpoint?.step)} and {count(b.checkpoint?.step)} of one config.</p>}
+      {kind === 'two' && <p class="secondary">A is of run <a href={link('training', { run: a.run_id })}>{nameOf(a.run_id)}</a>, B of <a href={link('training', { run: b.run_id })}>{nameOf(b.run_id)}</a> (<a href={link('training', { run: `${a.run_id},${b.run_id}` })}>both curves</a>).</p>}
+      {diff.error && <Failed problem={diff.error} />}
+      {diff.data && <Differences title="What changed between the runs" of={diff.data} />}
+    </div>
+  );
+}
+
+function Differences(props: { title: string; of: Diff }) {
   const { of } = props;
   return (
     <>
-      <h2>What else differs: {count(of.total)} {of.total === 1 ? 'key' : 'keys'}</h2>
-      {of.total > 0 && <div class="scroll-x" tabIndex={0} role="group" aria-label="Keys that differ"><table class="plain" data-diff><thead><tr><th>key</th><th>A</th><th>B</th></tr></thead><tbody>{of.keys.slice(0, 40).map((one) => <tr><td class="mono">{one.key}</td><td class="mono">{JSON.stringify(one.a)}</td><td class="mono">{JSON.stringify(one.b)}</td></tr>)}</tbody></table></div>}
+      <h2>{props.title}: {count(of.total)} {of.total === 1 ? 'key' : 'keys'}</h2>
+      {of.total > 0 && <div class="scroll-x" tabIndex={0} role="group" aria-label={props.title}><table class="plain" data-diff={props.title}><thead><tr><th>key</th><th>A</th><th>B</th></tr></thead><tbody>{of.keys.slice(0, 40).map((one) => <tr><td class="mono">{one.key}</td><td class="mono">{JSON.stringify(one.a)}</td><td class="mono">{JSON.stringify(one.b)}</td></tr>)}</tbody></table></div>}
     </>
   );
 }

@@ -4,7 +4,8 @@ import { useRef, useState } from 'preact/hooks';
 import { query, useResource } from '../core/api';
 import { now, useLive } from '../core/connection';
 import { age, count, none, number, percent, short } from '../core/format';
-import { parameter } from '../core/router';
+import { link, parameter } from '../core/router';
+import { sourcesOf } from '../core/sources';
 import type { Fleet as FleetAnswer, Host, Worker } from '../core/types';
 import { Age, Chip, Empty, Loaded, Panel, Search } from '../parts/basics';
 import { Table, type Column } from '../parts/table';
@@ -115,12 +116,13 @@ function columns(fleet: FleetAnswer, at: number, toggle: (host: string) => void,
   const told = (one: (host: Host) => unknown) => fleet.hosts.some((host) => one(host) !== null);
   const all: Column<Row>[] = [
     { key: 'name', title: 'host and worker', width: 'minmax(116px, 1.2fr)', sort: 'host', card: 'title', cell: (row) => row.worker
-      ? <span class="secondary">{row.worker.worker}</span>
+      ? <span class="secondary">{madeBy(row.worker)}</span>
       : <button type="button" class="button plain" aria-expanded={!isFolded(row.host.host)} onClick={() => toggle(row.host.host)}><b>{isFolded(row.host.host) ? '▸' : '▾'} {row.host.host}</b></button> },
     { key: 'slots', title: 'busy', width: '5ch', number: true, sort: 'slots', cell: (row) => row.worker ? '' : `${row.host.busy}/${row.host.slots}` },
     { key: 'per_min', title: 'a minute', width: '7ch', number: true, sort: 'per_min', cell: (row) => number((row.worker ?? row.host).per_min) },
     { key: 'ok', title: 'ok', width: '7ch', number: true, cell: (row) => row.worker ? (row.worker.episodes + row.worker.failures ? percent(row.worker.episodes / (row.worker.episodes + row.worker.failures)) : none) : percent(row.host.ok) },
     { key: 'episodes', title: 'done', width: '6ch', number: true, cell: (row) => row.worker ? count(row.worker.episodes) : count(row.host.workers.reduce((sum, one) => sum + one.episodes, 0)) },
+    { key: 'failures', title: 'failed', width: '6ch', number: true, cell: (row) => failed(row.worker ? row.worker.failures : row.host.workers.reduce((sum, one) => sum + one.failures, 0)) },
     { key: 'now', title: 'makes', width: 'minmax(150px, 4fr)', card: 'long', cell: (row) => row.worker ? making(row.worker) : '' },
     { key: 'last', title: 'last', width: 'minmax(76px, 1fr)', cell: (row) => row.worker ? <span class={row.worker.last && row.worker.last !== 'success' ? 'warn' : 'muted'}>{row.worker.last ?? ''}</span> : '' },
     { key: 'strip', title: 'last 60 s', width: '72px', card: 'none', cell: (row) => row.worker && row.worker.strip ? <Strip text={row.worker.strip} /> : '' },
@@ -134,6 +136,17 @@ function columns(fleet: FleetAnswer, at: number, toggle: (host: string) => void,
   const differ = (one: (host: Host) => string | null) => new Set(fleet.hosts.map(one).filter(Boolean)).size > 1;
   const absent = new Set([!told((host) => host.plan_p50_s) && 'plan', !told((host) => host.rss_mb) && 'rss', !told((host) => host.cpu) && 'cpu', !differ((host) => host.version) && 'version', !differ((host) => host.fingerprint) && 'print', !fleet.live && 'age', !fleet.live && 'strip']);
   return all.filter((one) => !absent.has(one.key));
+}
+
+/** The worker, as a link to what it made where that is on this disk. */
+function madeBy(worker: Worker) {
+  const known = sourcesOf('dataset').some((one) => one.id === worker.campaign);
+  return known ? <a href={link('dataset', { dataset: worker.campaign, worker: worker.worker })}>{worker.worker}</a> : worker.worker;
+}
+
+/** Attempts that came to nothing. */
+function failed(n: number) {
+  return <span class={n ? 'warn' : 'muted'} data-failures={n}>{count(n)}</span>;
 }
 
 function making(worker: Worker): string {

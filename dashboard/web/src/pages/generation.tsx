@@ -10,7 +10,7 @@ import { chosen, episodeLink } from '../core/sources';
 import { color, paints } from '../core/theme';
 import type { Attempt, Attempts, Campaign, CampaignStatus, Timing } from '../core/types';
 import { ActionButton } from '../parts/actions';
-import { Chip, Empty, Failed, Figure, Loaded, Panel, Segments, StateChip } from '../parts/basics';
+import { Chip, Empty, Failed, Figure, Loaded, Panel, Segments, Select, StateChip } from '../parts/basics';
 import { Histogram } from '../parts/chart';
 import { Table } from '../parts/table';
 
@@ -58,26 +58,31 @@ function Controls(props: { campaign: string }) {
   );
 }
 
-/** Reason by task: numbers with bars of one hue, since nine reasons cannot be nine colours. */
+/** Reason by task, of one robot or of all: numbers with bars of one hue, since nine reasons cannot be nine colours. */
 function Matrix(props: { of: Campaign; failed: number }) {
   const { of } = props;
+  const [robot, setRobot] = parameter('robot');
+  const robots = [...new Set([...of.robots, ...of.failures_by.map((one) => one.robot)])].filter(Boolean);
   const tasks = of.tasks;
-  const reasons = [...new Set(of.failures_by.map((one) => [one.reason, one.stage].filter(Boolean).join(' ')))];
-  const cell = (reason: string, task: string) => of.failures_by.filter((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason && one.task === task).reduce((sum, one) => sum + one.count, 0);
+  const failures = of.failures_by.filter((one) => !robot || one.robot === robot);
+  const reasons = [...new Set(failures.map((one) => [one.reason, one.stage].filter(Boolean).join(' ')))];
+  const cell = (reason: string, task: string) => failures.filter((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason && one.task === task).reduce((sum, one) => sum + one.count, 0);
   const most = Math.max(1, ...reasons.flatMap((reason) => tasks.map((task) => cell(reason, task))));
+  const choice = (robots.length > 1 || robot) && <Select label="Robot" showLabel value={robot} options={[['', 'every robot'], ...robots.map((one) => [one, one] as const)]} choose={(value) => setRobot(value)} />;
   return (
-    <Panel title="Failures by reason and task">
+    <Panel title="Failures by reason and task" aside={choice}>
       {!of.failures_by.length
         ? <p class="secondary" data-no-failures>{props.failed === 0 ? `0 of ${count(of.status.attempts)} attempts failed.` : `${count(props.failed)} attempts failed; no journal says why.`}</p>
+        : !failures.length ? <p class="secondary">None of them with {robot}.</p>
         : <div class="scroll-x" tabIndex={0} role="group" aria-label="Failures by reason and task">
           <table class="plain" data-matrix>
             <thead><tr><th>reason, stage</th>{tasks.map((task) => <th class="num">{task}</th>)}<th class="num">all</th></tr></thead>
             <tbody>{reasons.map((reason) => {
               const sum = tasks.reduce((total, task) => total + cell(reason, task), 0);
-              const code = of.failures_by.find((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason);
+              const code = failures.find((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason);
               return <tr><td>{reason}</td>{tasks.map((task) => {
                 const n = cell(reason, task);
-                return <td class="num">{n ? <a href={link('generation', { dataset: of.id, reason: code?.reason ?? '', stage: code?.stage, task, outcome: 'failed' })}><Meter share={n / most} />{n}</a> : <span class="muted">·</span>}</td>;
+                return <td class="num">{n ? <a href={link('generation', { dataset: of.id, reason: code?.reason ?? '', stage: code?.stage, task, robot, outcome: 'failed' })}><Meter share={n / most} />{n}</a> : <span class="muted">·</span>}</td>;
               })}<td class="num strong">{sum}</td></tr>;
             })}</tbody>
           </table>
@@ -116,11 +121,12 @@ function Time(props: { of: Timing | null }) {
 const cellNames = ['open', 'committed', 'committed after failures', 'given up', 'failed so far'];
 const cellTokens = ['line', 'good', 'warn', 'bad', 'hand'];
 
-/** One square an index; where one points is said in words. */
+/** One square an index; where one points, or the arrow keys have gone, is said in words. */
 function Cells(props: { id: string; round: number }) {
   const answer = useResource<ArrayBuffer>(`/campaigns/${props.id}/cells`, { load: getBytes, every: 10000 });
   const canvas = useRef<HTMLCanvasElement>(null);
   const [over, setOver] = useState<number | null>(null);
+  const [cursor, setCursor] = useState<number | null>(null);
   const [width, setWidth] = useState(0);
   const paint = paints.value;
   const cells = answer.data ? readSafetensors(answer.data).tensors.get('cells')?.values : undefined;
@@ -156,11 +162,27 @@ function Cells(props: { id: string; round: number }) {
   };
   if (answer.error) return <Panel title="Seeds"><Failed problem={answer.error} retry={answer.reload} /></Panel>;
   if (!cells) return null;
+  const open = (at: number | null) => {
+    if (at === null) return;
+    if (cells[at] === 1 || cells[at] === 2) navigate(episodeLink(props.id, at));
+    else setParameters({ index: at });
+  };
+  const press = (event: KeyboardEvent) => {
+    const from = cursor ?? 0;
+    const to = ({ ArrowLeft: from - 1, ArrowRight: from + 1, ArrowUp: from - across, ArrowDown: from + across, Home: 0, End: cells.length - 1 } as Record<string, number>)[event.key];
+    if (to !== undefined) setCursor(Math.max(0, Math.min(cells.length - 1, to)));
+    else if (event.key === 'Enter' || event.key === ' ') open(from);
+    else return;
+    event.preventDefault();
+  };
+  const told = over ?? cursor;
   const tally = cellNames.map((_name, value) => [...cells].filter((one) => one === value).length);
   return (
-    <Panel title="Seeds" aside={<span class="small secondary">{over === null ? `${count(cells.length)} indices, one square each` : `#${over}: ${cellNames[cells[over] ?? 0]}`}</span>}>
-      <div><canvas ref={canvas} role="img" aria-label={cellNames.map((name, i) => `${tally[i]} ${name}`).join(', ')} onMouseMove={(event) => setOver(index(event))} onMouseLeave={() => setOver(null)}
-        onClick={(event) => { const at = index(event); if (at !== null && (cells[at] === 1 || cells[at] === 2)) navigate(episodeLink(props.id, at)); else if (at !== null) setParameters({ index: at }); }} /></div>
+    <Panel title="Seeds" aside={<span class="small secondary" role="status" data-seed-at>{told === null ? `${count(cells.length)} indices, one square each` : `#${told}: ${cellNames[cells[told] ?? 0]}`}</span>}>
+      <div class="seed-map" role="group" tabIndex={0} data-arrows data-seed-map aria-label="Seeds: arrow keys go from one to the next, Enter opens it" onKeyDown={press} onFocus={(event) => { if (event.currentTarget.matches(':focus-visible')) setCursor(cursor ?? 0); }} onBlur={() => setCursor(null)}>
+        <canvas ref={canvas} role="img" aria-label={cellNames.map((name, i) => `${tally[i]} ${name}`).join(', ')} onMouseMove={(event) => setOver(index(event))} onMouseLeave={() => setOver(null)} onClick={(event) => open(index(event))} />
+        {cursor !== null && <span class="seed-cursor" style={{ left: `${(cursor % across) * size - 2}px`, top: `${Math.floor(cursor / across) * size - 2}px`, width: `${size + 3}px`, height: `${size + 3}px` }} />}
+      </div>
       <p class="row small" data-cells>{cellNames.map((name, i) => tally[i]! > 0 && <span class="row"><svg width="10" height="10" aria-hidden="true"><rect width="10" height="10" fill={`var(--${cellTokens[i]})`} /></svg>{name} <b>{count(tally[i])}</b></span>)}</p>
     </Panel>
   );
@@ -168,7 +190,7 @@ function Cells(props: { id: string; round: number }) {
 
 function Latest(props: { id: string; round: number; dataset: string | null }) {
   const [outcome, setOutcome] = parameter('outcome', 'all');
-  const names = ['task', 'reason', 'stage', 'index'] as const;
+  const names = ['task', 'reason', 'stage', 'robot', 'index'] as const;
   const filter = Object.fromEntries(names.map((name) => [name, parameter(name)[0]]));
   const [held, setHeld] = useState(props.round);
   const rows = useResource<Attempts>(`/campaigns/${props.id}/attempts${query({ ...filter, outcome: outcome === 'all' ? '' : outcome, limit: 100 })}`, { round: held });

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The pages, in the order of the rail, with the key that goes to each.
 import type { ComponentType } from 'preact';
+import { lazily } from '../parts/lazy';
 import { Overview } from './overview';
 import { Fleet } from './fleet';
 import { Generation } from './generation';
@@ -12,7 +13,6 @@ import { Evaluation } from './evaluation';
 import { CheckpointsPage } from './checkpoints';
 import { LogsPage } from './logs';
 import { TopicsPage } from './topics';
-import { PlayPage } from './play';
 
 export interface Page {
   path: string;
@@ -38,6 +38,6 @@ export const pages: readonly Page[] = [
   { path: 'checkpoints', title: 'Checkpoints', key: 'c', group: 'Learn', icon: 'M4 14V2h7l-2 3 2 3H4', sources: ['run'], view: CheckpointsPage },
   { path: 'evaluation', title: 'Evaluation', key: 'e', group: 'Judge', icon: 'M2 8.5l3.5 4L14 4', sources: ['eval'], view: Evaluation },
   { path: 'topics', title: 'Topics', key: 'k', group: 'System', icon: 'M3 8h3M10 8h3M8 3v3M8 10v3M6 6h4v4H6z', sources: [], view: TopicsPage },
-  { path: 'play', title: 'Play', key: 'y', group: 'Judge', icon: 'M4 2.5v11l9-5.5z', sources: [], view: PlayPage },
+  { path: 'play', title: 'Play', key: 'y', group: 'Judge', icon: 'M4 2.5v11l9-5.5z', sources: [], view: lazily(() => import('./play').then((page) => page.PlayPage)) },
   { path: 'logs', title: 'Logs', key: 'l', group: 'System', icon: 'M3 3h10M3 6.5h7M3 10h10M3 13.5h5', sources: [], view: LogsPage },
 ];

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // The policy's modules as they are wired: what each reads, is supervised by and says, and how far it is trained.
 import type { ComponentChildren } from 'preact';
-import { useMemo } from 'preact/hooks';
+import { useMemo, useState } from 'preact/hooks';
 import { useResource } from '../core/api';
 import { count, none, number, short } from '../core/format';
 import { useKeys } from '../core/keys';
-import { link, parameter } from '../core/router';
+import { link, linkHere, parameter } from '../core/router';
+import { brief, errorText, plan } from '../core/says';
 import { chosen } from '../core/sources';
 import { moduleColor } from '../core/theme';
-import type { Graph, GraphNode } from '../core/types';
+import type { Graph, GraphNode, Insight } from '../core/types';
 import { Chip, Command, Empty, Facts, Loaded, Panel } from '../parts/basics';
 import { Table } from '../parts/table';
 import { AskPolicy } from './ask_policy';
@@ -38,7 +39,9 @@ function about(node: GraphNode): string {
 function Content(props: { of: Graph; run: string }) {
   const { of } = props;
   const [selected, select] = parameter('module', of.nodes[of.nodes.length - 1]?.name ?? '');
+  const [insight, tell] = useState<Insight | undefined>(undefined);
   const node = of.nodes.find((one) => one.name === selected);
+  const planner = of.nodes.find((one) => one.quantity === 'trajectory')?.name ?? '';
   useKeys(of.nodes.slice(0, 9).map((one, i) => ({ keys: String(i + 1), does: `module ${one.name}`, run: () => select(one.name, true) })));
   if (!of.nodes.length) return <Panel><Empty title="No policy is described here">The run's config.yaml has no modules.</Empty></Panel>;
   return (
@@ -47,11 +50,11 @@ function Content(props: { of: Graph; run: string }) {
         <p><b>{of.nodes.length}</b> modules in {new Set(of.nodes.map((one) => one.level)).size} levels · {count(of.nodes.reduce((sum, one) => sum + (one.parameters ?? 0), 0))} parameters{of.checkpoint ? <> · errors of <a href={link('checkpoints', { run: props.run })}>{of.checkpoint}</a></> : ' · nothing saved yet'}</p>
         {of.architecture && <Chip>architecture <span class="mono">{short(of.architecture)}</span></Chip>}
       </div>
-      <Panel title="What reads what" aside={<Legend />}><Drawing of={of} selected={selected} select={(name) => select(name, true)} /></Panel>
-      <AskPolicy run={props.run} module={selected} />
-      {node && <Side node={node} graph={of} run={props.run} />}
+      <Panel title="What reads what" aside={<Legend />}><Drawing of={of} insight={insight} selected={selected} select={(name) => select(name, true)} /></Panel>
+      <AskPolicy run={props.run} module={selected} planner={planner} tell={tell} />
+      {node && <Side node={node} graph={of} insight={insight} run={props.run} />}
       <Panel title="Modules" flush>
-        <Table label="Modules" rows={of.nodes} id={(row) => row.name} selected={selected} link={(row) => link('inside', { run: props.run, module: row.name })} columns={[
+        <Table label="Modules" rows={of.nodes} id={(row) => row.name} selected={selected} link={(row) => linkHere({ module: row.name })} columns={[
           { key: 'name', title: 'module', width: 'minmax(80px, 1fr)', card: 'title', cell: (row) => row.name },
           { key: 'level', title: 'level', width: '6ch', number: true, cell: (row) => row.level },
           { key: 'about', title: 'says', width: 'minmax(140px, 2fr)', card: 'long', cell: (row) => about(row) },
@@ -108,7 +111,7 @@ function layout(of: Graph): { places: Map<string, Place>; width: number; height:
   return { places, width: ordered.length * (box.width + box.across) - box.across, height };
 }
 
-function Drawing(props: { of: Graph; selected: string; select: (name: string) => void }) {
+function Drawing(props: { of: Graph; insight: Insight | undefined; selected: string; select: (name: string) => void }) {
   const { of, selected } = props;
   const { places, width, height } = useMemo(() => layout(of), [of.architecture, of.nodes.length]);
   const touches = (edge: Graph['edges'][number]) => edge.from === selected || edge.to === selected;
@@ -123,7 +126,7 @@ function Drawing(props: { of: Graph; selected: string; select: (name: string) =>
         })}
         {of.nodes.map((node) => {
           const at = places.get(node.name);
-          return at && <Box node={node} at={at} selected={node.name === selected} select={() => props.select(node.name)} />;
+          return at && <Box node={node} insight={props.insight} at={at} selected={node.name === selected} select={() => props.select(node.name)} />;
         })}
       </svg>
     </div>
@@ -132,8 +135,18 @@ function Drawing(props: { of: Graph; selected: string; select: (name: string) =>
 
 const inputNames: Record<string, string> = { image: 'picture', language: 'words', joints: 'joints' };
 
-function Box(props: { node: GraphNode; at: Place; selected: boolean; select: () => void }) {
+/** What a module says of the picture that is asked about, and how far that is from the truth; without one, what it is about. */
+function linesOf(node: GraphNode, insight: Insight | undefined): { says: string; error: string } {
+  const known = node.trained ? errorOf(node) : `stage ${node.stage ?? none}, not trained`;
+  if (!insight) return { says: about(node), error: known };
+  const planned = node.quantity === 'trajectory' ? plan(insight) : null;
+  const error = planned ? planned.error : errorText(insight.truth.errors[node.name]);
+  return { says: (planned ? planned.says : brief(insight.modules[node.name])) || about(node), error: node.trained && error ? error : known };
+}
+
+function Box(props: { node: GraphNode; insight: Insight | undefined; at: Place; selected: boolean; select: () => void }) {
   const { node, at } = props;
+  const { says, error } = linesOf(node, props.insight);
   const choose = (event: KeyboardEvent) => {
     if (event.key !== 'Enter' && event.key !== ' ') return;
     event.preventDefault();
@@ -144,8 +157,8 @@ function Box(props: { node: GraphNode; at: Place; selected: boolean; select: () 
       <rect width={box.width} height={at.height} rx="4" fill="var(--panel)" stroke={props.selected ? 'var(--accent)' : 'var(--edge)'} stroke-width={props.selected ? 2 : 1} {...(node.trained ? {} : { 'stroke-dasharray': '4 3' })} />
       <rect x="1" y="1" width="5" height={at.height - 2} rx="2" fill={`var(--${moduleColor(node.name)})`} />
       <text x="16" y="22" font-size="14" font-weight="600" fill="var(--text)">{node.name}{node.frozen ? ' (frozen)' : ''}</text>
-      <text x="16" y="40" font-size="12" fill="var(--secondary)">{about(node)}</text>
-      <text x="16" y="57" font-size="12" fill={node.trained ? 'var(--text)' : 'var(--muted)'}>{node.trained ? errorOf(node) : `stage ${node.stage ?? none}, not trained`}</text>
+      <text x="16" y="40" font-size="12" fill="var(--secondary)" data-box-says>{says}</text>
+      <text x="16" y="57" font-size="12" fill={node.trained ? 'var(--text)' : 'var(--muted)'} data-box-error>{error}</text>
     </g>
   );
 }
@@ -172,16 +185,22 @@ function Edge(props: { edge: Graph['edges'][number]; places: Map<string, Place>;
   );
 }
 
-function Side(props: { node: GraphNode; graph: Graph; run: string }) {
+function linesHere(node: GraphNode, insight: Insight): string {
+  const { says, error } = linesOf(node, insight);
+  return `${says}, ${error}`;
+}
+
+function Side(props: { node: GraphNode; graph: Graph; insight: Insight | undefined; run: string }) {
   const { node, graph } = props;
   const names = new Set(graph.nodes.map((one) => one.name));
-  const list = (all: string[]) => (all.length ? <>{all.map((one, i) => <>{i > 0 && ', '}{names.has(one) ? <a href={link('inside', { run: props.run, module: one })}>{one}</a> : one}</>)}</> : none);
+  const list = (all: string[]) => (all.length ? <>{all.map((one, i) => <>{i > 0 && ', '}{names.has(one) ? <a href={linkHere({ module: one })}>{one}</a> : one}</>)}</> : none);
   const readers = [...new Set(graph.edges.filter((one) => one.from === node.name).map((one) => one.to))];
   return (
     <Panel title={node.name} aside={<a href={link('training', { run: props.run })}>Its curves</a>}>
       <Facts two rows={[
         ['error', <b>{errorOf(node)}</b>],
         ['says', about(node)],
+        ...(props.insight ? [['here', linesHere(node, props.insight)] as [string, ComponentChildren]] : []),
         ['level', String(node.level)],
         ['reads', list(node.reads)],
         ['query from', node.query ? list([node.query]) : 'learned'],

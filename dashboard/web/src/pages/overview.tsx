@@ -23,6 +23,7 @@ export function Overview() {
       <div class="grid three stretch">
         {tiles.demonstrations && <Demonstrations of={tiles.demonstrations} />}
         {tiles.training && <TrainingTile of={tiles.training} />}
+        {tiles.checkpoint && <CheckpointTile of={tiles.checkpoint} />}
         {tiles.policy && <PolicyTile of={tiles.policy} />}
       </div>
       {tiles.ladder && <Panel title="Curriculum" aside={<a href={link('training', { run: tiles.ladder.source })}>Training</a>}><Ladder stages={tiles.ladder.stages} /></Panel>}
@@ -114,6 +115,22 @@ function TrainingTile(props: { of: NonNullable<Tiles['training']> }) {
       <div class="bar" role="img" aria-label={`step ${one.step} of ${one.steps ?? 'unknown'}`}><div style={{ width: `${one.steps ? (100 * one.step) / one.steps : one.finished ? 100 : 0}%` }} /></div>
       <p class="small secondary">{[one.finished ? 'finished' : one.eta_s !== null && `${duration(one.eta_s)} left`, one.samples_per_s !== null && `${count(one.samples_per_s)} samples/s`, one.data_wait !== null && `waits for data ${percent(one.data_wait, 2)}`].filter(Boolean).join(' · ')}</p>
       {errors.length > 0 && <p class="row small">{errors.map(([name, value]) => <span class="nowrap"><span class="muted">{name.split('.')[0]}</span> <b>{number(value, 2)}</b> <span class="muted">{name.split('.')[1]}</span></span>)}</p>}
+    </Panel>
+  );
+}
+
+/** The newest one, and who serves it or an older one. */
+function CheckpointTile(props: { of: NonNullable<Tiles['checkpoint']> }) {
+  const one = props.of;
+  return (
+    <Panel title="Newest checkpoint" aside={<a href={link('checkpoints', { run: one.source, ...(one.file ? { file: one.file } : {}) })}>{one.name}</a>}>
+      <div class="row apart">
+        <Figure large value={count(one.step)} unit="step" label="checkpoint_step" />
+        <span class="secondary num">{one.age_ms === null ? 'not on this disk' : `${age(one.age_ms)} old`}</span>
+      </div>
+      {one.servers.length
+        ? <ul class="small" data-served-by>{one.servers.slice(0, 6).map((server) => <li class={server.step === one.step ? 'secondary' : 'warn'}>{server.step === one.step ? `${server.host} serves it${server.since ? ` since ${clock(server.since)}` : ''}` : `${server.host} serves step ${count(server.step)}`}</li>)}{one.servers.length > 6 && <li class="muted">{count(one.servers.length - 6)} more</li>}</ul>
+        : <p class="small muted" data-served-by>no policy server of this run is heard</p>}
     </Panel>
   );
 }

@@ -137,7 +137,7 @@ function Live(props: { session: string; state: PlaySession; scene: Scene }) {
   const address = `/play/sessions/${encodeURIComponent(props.session)}`;
   // its policy shows what it sees for as long as somebody asks
   const seen = useResource<PlayInsight>(moving && look !== 'none' ? `${address}/insight` : null, { every: 150 });
-  const all = Object.keys(seen.data?.attention ?? {});
+  const all = Object.entries(seen.data?.attention ?? {}).filter(([, one]) => one.rows > 0).map(([name]) => name);
   const module = all.includes(look) ? look : all.find((name) => seen.data?.modules[name]?.entity === 'target') ?? all[0];
   const attention = module ? seen.data?.attention[module] : undefined;
   const points = moving ? state.waypoints.map((one) => project(camera, one)).filter((one) => one !== null) : [];

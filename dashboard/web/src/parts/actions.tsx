@@ -9,17 +9,18 @@ import { TokenField } from './sign_in';
 
 type Arguments = { action: string } & Record<string, string | number>;
 
-export function ActionButton(props: { label: string; about: string; of: Arguments }) {
+/** `done` is called when the job that it started has ended well. */
+export function ActionButton(props: { label: string; about: string; of: Arguments; disabled?: boolean; done?: () => void }) {
   const [open, setOpen] = useState(false);
   return (
     <>
-      <button type="button" class="button" data-action={props.of.action} onClick={() => setOpen(true)}>{props.label}</button>
+      <button type="button" class="button" data-action={props.of.action} disabled={props.disabled} onClick={() => setOpen(true)}>{props.label}</button>
       {open && <Confirm {...props} close={() => setOpen(false)} />}
     </>
   );
 }
 
-function Confirm(props: { label: string; about: string; of: Arguments; close: () => void }) {
+function Confirm(props: { label: string; about: string; of: Arguments; close: () => void; done?: () => void }) {
   const dialog = useRef<HTMLDialogElement>(null);
   const [command, setCommand] = useState('');
   const [problem, setProblem] = useState<Problem | null>(null);
@@ -32,6 +33,7 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
     getJson<{ authorized: boolean }>('/session').then((answer) => setAuthorized(answer.authorized)).catch(() => undefined);
   }, []);
   useEffect(() => {
+    if (job?.state === 'done') props.done?.();
     if (job?.state !== 'running') return;
     const timer = window.setInterval(() => { getJson<Job>(`/jobs/${job.id}`).then(setJob).catch(() => undefined); }, 1000);
     return () => window.clearInterval(timer);

@@ -150,16 +150,16 @@ export function Search(props: { label: string; value: string; change: (value: st
   );
 }
 
-/** Labelled bars of one hue: counts by name. */
-export function Bars(props: { rows: { name: string; value: number; link?: string | undefined }[]; limit?: number; label: string }) {
-  const most = Math.max(1, ...props.rows.map((one) => one.value));
+/** Labelled bars of one hue: counts by name, or what `text` makes of the values. `full`: the least that a full bar means. */
+export function Bars(props: { rows: { name: string; value: number; link?: string | undefined }[]; limit?: number; label: string; text?: (value: number) => string; full?: number }) {
+  const most = Math.max(props.full ?? 1, ...props.rows.map((one) => one.value));
   return (
     <ul aria-label={props.label}>
       {props.rows.slice(0, props.limit ?? 12).map((one) => (
         <li class="hbar">
           <span class="name">{one.link ? <a href={one.link}>{one.name}</a> : one.name}</span>
           <span class="track" aria-hidden="true"><div style={{ width: `${(100 * one.value) / most}%` }} /></span>
-          <span class="num">{one.value.toLocaleString('en-US')}</span>
+          <span class="num">{props.text ? props.text(one.value) : one.value.toLocaleString('en-US')}</span>
         </li>
       ))}
     </ul>

@@ -3,7 +3,7 @@
 import { axisStart } from '../core/stats';
 import { percent } from '../core/format';
 
-export interface Proportion { name: string; n: number; k: number; share: number; low: number; high: number; token?: string }
+export interface Proportion { name: string; n: number; k: number; share: number; low: number; high: number; token?: string; link?: string }
 
 export function Dots(props: { rows: Proportion[]; label: string }) {
   const start = axisStart(props.rows.filter((one) => one.n > 0).map((one) => one.low));
@@ -12,7 +12,7 @@ export function Dots(props: { rows: Proportion[]; label: string }) {
     <div class="dots" role="list" aria-label={props.label}>
       {props.rows.map((one) => (
         <div class="dot-row" role="listitem">
-          <span>{one.name}</span>
+          <span>{one.link ? <a href={one.link}>{one.name}</a> : one.name}</span>
           <span class="n num muted">{one.n}</span>
           <span class="track">
             <svg height="20" aria-hidden="true">

@@ -4,6 +4,7 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import { useKeys } from '../core/keys';
 import { paints } from '../core/theme';
 import type { Playhead } from './playhead';
+import type { ReplayFiles } from './replay';
 
 export interface SpaceData {
   /** (steps, 3) m. */
@@ -12,11 +13,14 @@ export interface SpaceData {
   /** Pose: (steps, 7), position m then quaternion. */
   objects: { name: string; token: string; pose: Float32Array }[];
   camera: { position: number[]; quaternion_wxyz: number[]; fovy_rad: number } | null;
+  /** Shapes of all bodies and where they were; null: objects are balls at their places. */
+  replay: { files: ReplayFiles; token: (body: string) => string } | null;
 }
 
 export interface SpaceView { seek: (step: number) => void; view: (name: 'camera' | 'top' | 'side') => void; dispose: () => void }
 
-export function Space(props: { data: SpaceData; playhead: Playhead }) {
+/** `keys`: false where the digits are the page's own. */
+export function Space(props: { data: SpaceData; playhead: Playhead; keys?: boolean; label?: string }) {
   const host = useRef<HTMLDivElement>(null);
   const labels = useRef<HTMLDivElement>(null);
   const current = useRef<SpaceView | null>(null);
@@ -40,10 +44,10 @@ export function Space(props: { data: SpaceData; playhead: Playhead }) {
     };
   }, [asked, flat, props.data, props.playhead, paint]);
   const views = [['1', 'camera'], ['2', 'top'], ['3', 'side']] as const;
-  useKeys([...views, ['0', 'camera'] as const].map(([keys, name]) => ({ keys, does: `3D from ${name}`, run: () => current.current?.view(name) })));
+  useKeys(props.keys === false ? [] : [...views, ['0', 'camera'] as const].map(([keys, name]) => ({ keys, does: `3D from ${name}`, run: () => current.current?.view(name) })));
   if (flat) return <TopView data={props.data} playhead={props.playhead} />;
   return (
-    <div class={`view3d${asked ? '' : ' closed'}`} ref={host} role="group" aria-label="3D view: tool path, objects and camera">
+    <div class={`view3d${asked ? '' : ' closed'}`} ref={host} role="group" aria-label={props.label ?? `3D view: tool path, ${props.data.replay ? 'robot, objects' : 'objects'} and camera`}>
       <div class="labels" ref={labels} aria-hidden="true" />
       {asked
         ? <div class="keys">{views.map(([, name]) => <button type="button" class="button" onClick={() => current.current?.view(name)}>{name}</button>)}</div>

@@ -2,12 +2,13 @@
 // Where a module looks, as light over a picture: what it attends to less is darker. Dimming changes every object and the
 // table alike, which no colour does.
 import { useEffect, useRef } from 'preact/hooks';
-import type { PictureAttention, PictureView } from '../core/types';
+import type { PictureView } from '../core/types';
+import type { Look } from './attention';
 
 const darkest = 0.6;
 
 /** Lies over a picture of `width` by `height` px in the same positioned box; `view` is the part that the policy sees. */
-export function Spotlight(props: { module: string; attention: PictureAttention; view: PictureView; width: number; height: number }) {
+export function Spotlight(props: { module: string; attention: Pick<Look, 'rows' | 'columns' | 'weights'>; view: PictureView; width: number; height: number }) {
   const { attention, width, height } = props;
   const canvas = useRef<HTMLCanvasElement>(null);
   useEffect(() => {

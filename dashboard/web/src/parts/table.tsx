@@ -13,6 +13,8 @@ export interface Column<Row> {
   number?: boolean;
   /** Sort key of the server; the header becomes a button. */
   sort?: string;
+  /** Has what one acts on, so that it cannot be a link to the row. */
+  control?: boolean;
   /** In a card: its heading, a full line, or left out. */
   card?: 'title' | 'long' | 'none';
   cell: (row: Row) => ComponentChildren;
@@ -31,6 +33,8 @@ export interface TableProps<Row> {
   height?: number;
   /** Called when the last rows come into view. */
   more?: () => void;
+  /** `x` on the row that j and k chose. */
+  tick?: (row: Row) => void;
 }
 
 function useNarrow(): boolean {
@@ -103,7 +107,12 @@ function Grid<Row>(props: TableProps<Row>) {
     if (virtual) scroller.current?.scrollTo({ top: Math.max(0, next * rowHeight.current - (props.height ?? 0) / 2) });
     else scroller.current?.querySelectorAll('.line')[next]?.scrollIntoView({ block: 'nearest' });
   };
+  const linked = props.columns.findIndex((column) => !column.control);
   useKeys([
+    ...(props.tick ? [{ keys: 'x', does: 'tick the row', run: () => {
+      const row = props.rows[active];
+      if (row !== undefined) props.tick?.(row);
+    } }] : []),
     { keys: 'j', does: 'next row', run: () => move(1) },
     { keys: 'k', does: 'previous row', run: () => move(-1) },
     { keys: 'Enter', does: 'open the row', run: () => {
@@ -129,10 +138,10 @@ function Grid<Row>(props: TableProps<Row>) {
             return (
               <div class="line" role="row" key={id} aria-rowindex={from + i + 2} data-id={id} {...(address ? { 'data-link': '' } : {})} {...(from + i === active ? { 'data-active': '' } : {})}
                 {...(props.selected === id ? { 'aria-selected': 'true' } : {})} style={{ gridTemplateColumns: template }}
-                onClick={(event) => { if (address && !(event.target as Element).closest('a, button, input, select')) navigate(address); }}>
+                onClick={(event) => { if (address && !(event.target as Element).closest('a, button, input, select, label')) navigate(address); }}>
                 {props.columns.map((column, c) => (
                   <span class={`cell${column.number ? ' num' : ''}`} role="cell" data-column={column.key}>
-                    {c === 0 && address ? <a href={address}>{column.cell(row)}</a> : column.cell(row)}
+                    {c === linked && address ? <a href={address}>{column.cell(row)}</a> : column.cell(row)}
                   </span>
                 ))}
               </div>

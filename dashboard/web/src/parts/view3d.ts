@@ -2,11 +2,12 @@
 // The scene in space: table, tool path by stage and as commanded, objects at their places, the camera that recorded.
 // Loaded when it is first needed; draws on demand only.
 import {
-  BufferGeometry, CameraHelper, CatmullRomCurve3, Color, Float32BufferAttribute, GridHelper, HemisphereLight, Line, LineBasicMaterial, LineDashedMaterial, Mesh,
+  BufferGeometry, CatmullRomCurve3, Color, Float32BufferAttribute, HemisphereLight, Line, LineBasicMaterial, LineDashedMaterial, LineSegments, Mesh,
   MeshLambertMaterial, PerspectiveCamera, Quaternion, Scene, SphereGeometry, TubeGeometry, Vector3, WebGLRenderer, DirectionalLight,
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import { color } from '../core/theme';
+import { makeBodies } from './bodies3d';
 import type { SpaceData, SpaceView } from './space';
 
 const reach = { low: 0.4, high: 4 };
@@ -21,18 +22,26 @@ export function mount(host: HTMLElement, labels: HTMLElement, data: SpaceData): 
   sun.position.set(-0.5, 0.5, 3);
   scene.add(sun);
 
-  const grid = new GridHelper(1.5, 15, color('line'), color('line'));
-  grid.rotation.x = Math.PI / 2;
-  scene.add(grid);
+  scene.add(grid());
   for (const path of data.paths) scene.add(path.dashed || path.points.length < 9 ? lineOf(path.points, path.token, path.dashed) : tube(path.points, path.token));
 
-  const tool = ball(0.012, 'hand');
+  const shapes = data.replay ? makeBodies(data.replay.files, data.replay.token, paint) : null;
+  const distance = document.createElement('span');
+  if (shapes) {
+    scene.add(shapes.group);
+    labels.append(distance);
+    host.dataset['bodies'] = String(shapes.drawn.bodies);
+    host.dataset['pieces'] = String(shapes.drawn.pieces);
+  }
+
+  const tool = ball(shapes ? 0.006 : 0.012, 'hand');
   scene.add(tool);
   const bodies = data.objects.map((object) => {
     const body = ball(object.token === 'muted' ? 0.014 : 0.02, object.token);
     scene.add(body);
     const stem = lineOf(new Float32Array([0, 0, 0, 0, 0, -1]), object.token, false);
     scene.add(stem);
+    body.visible = stem.visible = !shapes;
     const label = document.createElement('span');
     label.textContent = object.name;
     labels.append(label);
@@ -78,12 +87,16 @@ export function mount(host: HTMLElement, labels: HTMLElement, data: SpaceData): 
       // seen from within, the recording camera would be a cross over the picture
       if (recorded) recorded.visible = camera.position.distanceTo(new Vector3().fromArray(data.camera!.position)) > 0.1;
       renderer.render(scene, camera);
-      for (const { body, label } of bodies) {
-        const at = body.position.clone().project(camera);
-        label.style.display = at.z < 1 && Math.abs(at.x) < 1 && Math.abs(at.y) < 1 ? '' : 'none';
-        label.style.transform = `translate(${((at.x + 1) / 2) * host.clientWidth}px, ${((1 - at.y) / 2) * host.clientHeight}px) translate(-50%, -22px)`;
-      }
+      for (const { body, label } of bodies) put(label, body.position);
+      if (!shapes?.nearest) distance.style.display = 'none';
+      else put(distance, shapes.nearest.at);
     });
+  };
+  /** A label above a place, while that is in view. */
+  const put = (label: HTMLElement, place: Vector3) => {
+    const at = place.clone().project(camera);
+    label.style.display = at.z < 1 && Math.abs(at.x) < 1 && Math.abs(at.y) < 1 ? '' : 'none';
+    label.style.transform = `translate(${((at.x + 1) / 2) * host.clientWidth}px, ${((1 - at.y) / 2) * host.clientHeight}px) translate(-50%, -22px)`;
   };
   const resize = new ResizeObserver(() => {
     if (!host.clientWidth) return;
@@ -99,6 +112,8 @@ export function mount(host: HTMLElement, labels: HTMLElement, data: SpaceData): 
   return {
     seek(step) {
       tool.position.fromArray(data.tool, 3 * step);
+      shapes?.seek(step);
+      distance.textContent = shapes?.nearest?.text ?? '';
       for (const { object, body, stem } of bodies) {
         body.position.fromArray(object.pose, 7 * step);
         stem.position.copy(body.position);
@@ -121,6 +136,8 @@ export function mount(host: HTMLElement, labels: HTMLElement, data: SpaceData): 
       renderer.forceContextLoss();
       renderer.domElement.remove();
       labels.replaceChildren();
+      delete host.dataset['bodies'];
+      delete host.dataset['pieces'];
     },
   };
 }
@@ -157,13 +174,27 @@ function quaternion(wxyz: readonly number[]): Quaternion {
   return new Quaternion(wxyz[1], wxyz[2], wxyz[3], wxyz[0]);
 }
 
-function frustum(camera: NonNullable<SpaceData['camera']>): CameraHelper {
-  const shown = new PerspectiveCamera((camera.fovy_rad * 180) / Math.PI, 1, 0.02, 0.15);
-  shown.position.fromArray(camera.position);
-  shown.quaternion.copy(quaternion(camera.quaternion_wxyz));
-  shown.updateMatrixWorld();
-  const helper = new CameraHelper(shown);
-  const muted = paint('muted');
-  helper.setColors(muted, muted, muted, muted, muted);
-  return helper;
+/** Lines between each two of the points. */
+function segments(points: number[], token: string): LineSegments {
+  return new LineSegments(new BufferGeometry().setAttribute('position', new Float32BufferAttribute(points, 3)), new LineBasicMaterial({ color: paint(token) }));
+}
+
+/** 1.5 m of the table, a line every 10 cm. */
+function grid(): LineSegments {
+  return segments(Array.from({ length: 16 }, (_one, i) => i / 10 - 0.75).flatMap((at) => [at, -0.75, 0, at, 0.75, 0, -0.75, at, 0, 0.75, at, 0]), 'line');
+}
+
+/** What the recording camera saw, 15 cm of it. */
+function frustum(camera: NonNullable<SpaceData['camera']>): LineSegments {
+  const depth = 0.15;
+  const half = depth * Math.tan(camera.fovy_rad / 2);
+  const corners = [[-half, -half], [half, -half], [half, half], [-half, half]] as const;
+  const points = corners.flatMap(([x, y], i) => {
+    const [u, v] = corners[(i + 1) % 4]!;
+    return [0, 0, 0, x, y, -depth, x, y, -depth, u, v, -depth];
+  });
+  const lines = segments(points, 'muted');
+  lines.position.fromArray(camera.position);
+  lines.quaternion.copy(quaternion(camera.quaternion_wxyz));
+  return lines;
 }

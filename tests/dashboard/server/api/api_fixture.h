@@ -17,7 +17,7 @@ inline constexpr const char* kTestToken = "0123456789abcdef0123";
 class ApiFixture : public testing::Test {
  protected:
   ApiFixture()
-      : sources_({lab_.root()}),
+      : sources_({lab_.root()}, cache_ / "replays"),
         jobs_(cache_ / "jobs"),
         security_({.token = kTestToken}),
         context_(

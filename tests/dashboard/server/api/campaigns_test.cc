@@ -47,6 +47,31 @@ TEST_F(CampaignsTest, AttemptsAreByTimeWhereAllHaveOne) {
   EXPECT_EQ(indices.back(), 9u);
 }
 
+// before, a demonstration whose scene was invalid was drawn as given up, though its collector tries it again
+TEST_F(CampaignsTest, ACellIsGivenUpWhenItsAttemptsAre) {
+  WriteLate(
+      "{\"index\":3,\"attempt\":0,\"outcome\":\"slip\"}\n"
+      "{\"index\":7,\"attempt\":0,\"outcome\":\"scene_invalid\"}\n");
+  auto cells = GetArrays(kPrefix + "/campaigns/lab.late/cells").tensors.at("cells").data;
+  ASSERT_GT(cells.size(), 8u);
+  EXPECT_EQ(cells[2], 1) << "committed";
+  EXPECT_EQ(cells[3], 2) << "committed after failures";
+  EXPECT_EQ(cells[7], 4) << "failed so far";
+  EXPECT_EQ(cells[8], 0) << "open";
+}
+
+TEST_F(CampaignsTest, ACellOfARolloutIsGivenUpWhenItsSceneIsInvalid) {
+  ASSERT_THAT(WriteFileAtomically(lab_.root() / "eval_a" / "rollouts" / "attempts.jsonl",
+                                  "{\"index\":1,\"attempt\":0,\"outcome\":\"scene_invalid\"}\n"
+                                  "{\"index\":2,\"attempt\":0,\"outcome\":\"policy_error\"}\n"),
+              IsOk());
+  const auto cells = GetArrays(kPrefix + "/campaigns/lab.eval_a.rollouts/cells").tensors.at("cells").data;
+  ASSERT_EQ(cells.size(), 4u);
+  EXPECT_EQ(cells[0], 0);
+  EXPECT_EQ(cells[1], 3) << "given up";
+  EXPECT_EQ(cells[2], 4) << "asked again";
+}
+
 TEST_F(CampaignsTest, PagesHaveEveryAttemptOnce) {
   WriteLate("{\"index\":3,\"attempt\":0,\"outcome\":\"slip\"}\n{\"index\":3,\"attempt\":1,\"outcome\":\"slip\"}\n");
   const auto all = Indices();

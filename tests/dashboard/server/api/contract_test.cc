@@ -55,6 +55,7 @@ const std::map<std::string, std::string> kExamples{
     {"/datasets/{id}/episodes", "/datasets/lab.data/episodes?task=pick&limit=2"},
     {"/datasets/{id}/summary", "/datasets/lab.data/summary"},
     {"/datasets/{id}/episodes/{n}", "/datasets/lab.data/episodes/1"},
+    {"/datasets/{id}/episodes/{n}/replay", "/datasets/lab.data/episodes/2/replay?attempt=0"},
     {"/runs/{id}", "/runs/lab.run"},
     {"/runs/{id}/curriculum", "/runs/lab.run/curriculum"},
     {"/runs/{id}/graph", "/runs/lab.run/graph"},

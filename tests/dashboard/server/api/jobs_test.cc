@@ -27,6 +27,24 @@ TEST(Jobs, AreFewAtOnce) {
   EXPECT_THAT(jobs.Stop("none"), HasCode(Code::kNotFound));
 }
 
+TEST(Jobs, WhatIsToRunOnceIsOneJobWhileItRuns) {
+  TemporaryFolder folder;
+  Jobs jobs(folder / "jobs");
+  std::vector<bool> ends;
+  const Jobs::Request request{"replay", {"attempt"}, Weight::kLight, "same", [&](bool well) { ends.push_back(well); }};
+  const auto first = jobs.Add(request), second = jobs.Add(request);
+  ASSERT_THAT(first, IsOk());
+  EXPECT_EQ(*second, *first);
+  EXPECT_EQ(jobs.Running("same"), *first);
+  EXPECT_FALSE(jobs.Running("other"));
+  EXPECT_FALSE(jobs.Running(""));
+  EXPECT_EQ(jobs.All().size(), 1u);
+  jobs.Pump();  // no etude lies beside this test
+  EXPECT_EQ(ends, std::vector<bool>{false});
+  EXPECT_FALSE(jobs.Running("same"));
+  EXPECT_NE(jobs.Add(request).value(), *first);
+}
+
 TEST(Jobs, OneThatCannotBeStartedSaysWhy) {
   TemporaryFolder folder;
   Jobs jobs(folder / "jobs");

@@ -108,6 +108,34 @@ TEST_F(LiveApiTest, HomeSaysWhatStandsAndWhatIsServed) {
   EXPECT_THAT(home["sentence"].get<std::string>(), HasSubstr("step 200 serves 2 sessions"));
   EXPECT_EQ(home["tiles"]["policy"]["p95_ms"], 9.0);
   EXPECT_EQ(home["tiles"]["policy"]["may_drive"], true);
+  const auto& newest = home["tiles"]["checkpoint"];
+  EXPECT_EQ(newest["source"], "lab.run");
+  EXPECT_EQ(newest["step"], 200);
+  EXPECT_EQ(newest["file"], "00000200.safetensors");
+  EXPECT_GE(newest["age_ms"], 0);
+  ASSERT_EQ(newest["servers"].size(), 1u);
+  EXPECT_EQ(newest["servers"][0]["host"], "lab-9");
+  EXPECT_EQ(newest["servers"][0]["step"], 200);
+}
+
+// Collectors and trainers whose folders are on other hosts.
+TEST_F(LiveApiTest, SeveralThatAreOnTheBusAloneAreListed) {
+  std::vector<bus::Presence> there;
+  for (const auto kind : {bus::PresenceKind::kCampaign, bus::PresenceKind::kRun})
+    for (const char* id : {"1111222233334444", "5555666677778888"}) {
+      bus::Presence presence;
+      presence.kind = kind;
+      presence.id = id;
+      presence.name = "elsewhere";
+      there.push_back(presence);
+    }
+  model_.Directory(there, MonotonicClock::now());
+  live_ = std::make_shared<const live::LiveView>(model_.view());
+  const auto home = GetJson(kPrefix + "/home");
+  EXPECT_THAT(Problems("Home", home), IsEmpty());
+  std::set<std::string> listed;
+  for (const auto& source : home["sources"]) listed.insert(source["id"].get<std::string>());
+  for (const auto& presence : there) EXPECT_TRUE(listed.contains(BusId(presence))) << BusId(presence);
 }
 
 TEST_F(LiveApiTest, MetricsHavePoliciesProcessesAndTheBus) {
@@ -202,16 +230,30 @@ TEST_F(LiveApiTest, AnInsightIsOfTheRecordedPictureAndItsWhatIf) {
     insight.checkpoint_step = 200;
     insight.modules["TAR2D"] = {{"quantity", "pixel"}, {"unit", "px"}, {"value", {1.5, 2.5}}};
     insight.what_if = insight.modules;
-    insight.attention["TAR2D"] = {1, 2, {0.25, 0.5}};
+    insight.attention["TAR2D"] = {1, 2, {"language"}, {{0.25, 0.5}, {0.25}}, {{{0, 0.5}, {0.5}}, {{0.5, 0.5}, {0}}}};
     insight.waypoints.resize(2);
+    insight.words = {{"push", 0.25}};
+    insight.joints.assign(question.joints.size(), 0.125);
     return insight;
   };
   const auto answer = Post("/insight", body);
   ASSERT_EQ(answer.status, 200) << answer.body;
   const auto json = OrderedJson::parse(answer.body);
   EXPECT_THAT(Problems("Insight", json), IsEmpty());
-  EXPECT_EQ(json["attention"]["TAR2D"]["share"], 0.75);
+  const auto& attention = json["attention"]["TAR2D"];
+  EXPECT_EQ(attention["share"], 0.75);
+  EXPECT_EQ(attention["keys"], OrderedJson::parse(R"(["language"])"));
+  EXPECT_EQ(attention["key_weights"], OrderedJson::parse("[0.25]"));
+  EXPECT_EQ(attention["heads"], OrderedJson::parse(R"([{"weights": [0.0, 0.5], "key_weights": [0.5]},
+                                                       {"weights": [0.5, 0.5], "key_weights": [0.0]}])"));
   EXPECT_TRUE(json["truth"]["pixels"].contains(episode.target));
+  EXPECT_EQ(json["words"], OrderedJson::parse(R"([{"word": "push", "moves_m": 0.25}])"));
+  const auto arm = static_cast<std::size_t>(episode.joint_pos.columns);
+  ASSERT_EQ(json["joints"].size(), arm + static_cast<std::size_t>(episode.gripper_qpos.columns));
+  EXPECT_EQ(json["joints"][0]["name"], "joint 1");
+  EXPECT_EQ(json["joints"][0]["value"], episode.joint_pos.row(3 * episode.image_stride)[0]);
+  EXPECT_EQ(json["joints"][0]["moves_m"], 0.125);
+  EXPECT_THAT(json["joints"][arm]["name"].get<std::string>(), HasSubstr("gripper"));
   EXPECT_EQ(asked_run, policy_name_);
   EXPECT_EQ(asked_what_if, R"({"sentence":"push the coke"})");
   body["run"] = "lab.none";

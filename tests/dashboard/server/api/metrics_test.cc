@@ -107,6 +107,35 @@ TEST_F(MetricsTest, EverySampleIsOfAFamilyAndEverySeriesStandsOnce) {
   }
 }
 
+TEST_F(MetricsTest, HostsHaveSlots) {
+  live::LiveModel model;
+  model.view().enabled = true;
+  const auto now = MonotonicClock::now();
+  bus::Presence one, other;
+  one.id = std::string(16, '1'), one.name = "lab";
+  other.id = std::string(16, '2'), other.name = "lab";
+  model.Directory({one, other}, now);
+  const auto say = [&](const bus::Presence& campaign, const char* worker, const char* host, const char* phase) {
+    bus::WorkerStatus status;
+    status.worker = worker, status.host = host, status.phase = phase;
+    model.On(campaign.id, status, now);
+  };
+  say(one, "a", "lab-7", "play");
+  say(other, "a", "lab-7", "idle");
+  say(one, "b", "lab-7", "idle");
+  say(one, "c", "lab-8", "send");
+  say(one, "d", "lab-8", "gone");
+  live_ = std::make_shared<const live::LiveView>(model.view());
+  std::map<std::pair<std::string, std::string>, std::string> found;
+  for (const auto& line : Scrape())
+    if (line.name.starts_with("etude_slots")) found[{line.name, line.labels.at("host")}] = line.value;
+  const decltype(found) expected{{{"etude_slots", "lab-7"}, "2"},
+                                 {{"etude_slots", "lab-8"}, "1"},
+                                 {{"etude_slots_busy", "lab-7"}, "1"},
+                                 {{"etude_slots_busy", "lab-8"}, "1"}};
+  EXPECT_EQ(found, expected);
+}
+
 TEST_F(MetricsTest, TheHistogramAddsUp) {
   std::string text;
   const double plans[] = {0.005, 0.01, 0.015, 0.3, 99.0};

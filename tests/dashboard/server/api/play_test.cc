@@ -103,6 +103,7 @@ TEST_F(PlayApiTest, ShowsWhatThePolicySeesWhileSomebodyAsks) {
   CheckSchema(document, document["components"]["schemas"]["PlayInsight"], shown, "", problems);
   EXPECT_THAT(problems, IsEmpty());
   EXPECT_EQ(shown["attention"]["TAR2D"]["weights"], (std::vector<double>{0, 0.5, 0, 0}));
+  EXPECT_FALSE(shown["attention"]["TAR2D"].contains("heads")) << "too much for several times a second";
   EXPECT_EQ(shown["view"]["width"], 64);
   EXPECT_EQ(shown["checkpoint_step"], 200);
 }

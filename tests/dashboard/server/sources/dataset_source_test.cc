@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "services/store/filter_keys.h"
 #include "tests/dashboard/server/example_folders.h"
 #include "tests/support/matchers.h"
 
@@ -88,6 +89,43 @@ TEST(DatasetSource, FailedAttemptsSayWhatTheyWereAbout) {
   EXPECT_EQ(view->GivenUp(), 0u);
 }
 
+DatasetView FailedView(const std::string& mode, const std::vector<AttemptRow>& failures) {
+  DatasetView view;
+  view.info.spec.mode = mode;
+  view.info.spec.max_attempts = 3;
+  view.failures = failures;
+  return view;
+}
+AttemptRow FailedAt(std::uint64_t index, std::uint32_t attempt, const std::string& outcome) {
+  AttemptRow row;
+  row.index = index, row.attempt = attempt, row.outcome = outcome;
+  return row;
+}
+
+TEST(DatasetView, AttemptsAreUsedUpWhenAsManyAsThereMayBeHaveFailed) {
+  std::vector<AttemptRow> failures{FailedAt(4, 0, "timeout"),      FailedAt(4, 1, "timeout"),
+                                   FailedAt(4, 1, "timeout"),      FailedAt(5, 0, "policy_error"),
+                                   FailedAt(5, 1, "policy_error"), FailedAt(5, 2, "policy_error")};
+  EXPECT_EQ(FailedView("demonstrate", failures).GivenUp(), 0u) << "a line twice is one attempt, a policy's error none";
+  failures.push_back(FailedAt(4, 2, "timeout"));
+  DatasetView view = FailedView("demonstrate", failures);
+  EXPECT_EQ(view.UsedUp(), std::set<std::uint64_t>{4});
+  view.rows.emplace_back().index = 4;
+  EXPECT_EQ(view.GivenUp(), 0u) << "it is committed";
+}
+
+// before, spec.scenes decided: an evaluation that draws scenes anew waited for indices that nobody tries again, and a
+// campaign of first draws gave demonstrations up that are retried
+TEST(DatasetView, AnInvalidSceneIsTheEndOfARolloutAndNotOfADemonstration) {
+  const std::vector<AttemptRow> failures{FailedAt(7, 0, "scene_invalid")};
+  for (const char* scenes : {"first_draw", "feasible"}) {
+    DatasetView rollout = FailedView("rollout", failures), demonstration = FailedView("demonstrate", failures);
+    rollout.info.spec.scenes = demonstration.info.spec.scenes = scenes;
+    EXPECT_EQ(rollout.GivenUp(), 1u) << scenes;
+    EXPECT_EQ(demonstration.GivenUp(), 0u) << scenes;
+  }
+}
+
 TEST(DatasetSource, ADamagedFileIsNamedAndTheOthersGoOn) {
   ExampleFolders lab;
   std::filesystem::remove(lab.root() / "data" / "commits.jsonl");
@@ -131,13 +169,20 @@ TEST(MarkOdd, FindsTheOneThatTookTooLong) {
   EXPECT_FALSE(rows[0].odd);
 }
 
-TEST(DatasetSource, KeysAreFilesOfTheMasksFolder) {
+TEST(DatasetSource, KeysAreThoseThatTheStoreWrites) {
   ExampleFolders lab;
-  ASSERT_THAT(WriteFileAtomically(lab.root() / "data" / "masks" / "good.json", "[0, 2]"), IsOk());
+  const Path data = lab.root() / "data";
   DatasetSource source(DataOf(lab));
-  EXPECT_EQ(source.Keys(), (std::vector<std::string>{"good"}));
+  EXPECT_TRUE(source.Keys().empty());
+  ASSERT_THAT(store::WriteFilterKey(data, "good", {0, 2}), IsOk());
+  ASSERT_THAT(store::WriteFilterKey(data, "better", {4}), IsOk());
+  EXPECT_EQ(source.Keys(), (std::vector<std::string>{"better", "good"}));
   EXPECT_EQ(source.EpisodesOfKey("good").value(), (std::set<std::uint64_t>{0, 2}));
   EXPECT_THAT(source.EpisodesOfKey("../good"), HasCode(Code::kNotFound));
+
+  ASSERT_THAT(WriteFileAtomically(data / "filters.json", std::string_view("[1]")), IsOk());
+  EXPECT_TRUE(source.Keys().empty());
+  EXPECT_THAT(source.EpisodesOfKey("good"), HasCode(Code::kCorrupt)) << "and not that there is none";
 }
 
 }  // namespace dataset_source_test

@@ -15,6 +15,8 @@
 namespace etude::policy {
 namespace quantities_test {
 
+const Quantity& Named(const char* name) { return *FindQuantity(name); }
+
 using torch::Tensor;
 
 const Normalization& Unit() {
@@ -49,27 +51,27 @@ TEST(Quantities, LabelsAreReadOffTheEpisode) {
   const auto pose = episode.FindObject(episode.target)->pose.row(step), hand = episode.eef_pos.row(step);
   const Eigen::Vector3d p(pose[0], pose[1], pose[2]);
 
-  EXPECT_THAT(LabelOf(PositionQuantity(), episode, step, "target", all).values,
+  EXPECT_THAT(LabelOf(Named("position"), episode, step, "target", all).values,
               testing::ElementsAre(pose[0], pose[1], pose[2]));
-  EXPECT_THAT(LabelOf(DisplacementQuantity(), episode, step, "target", all).values,
+  EXPECT_THAT(LabelOf(Named("displacement"), episode, step, "target", all).values,
               testing::ElementsAre(pose[0] - hand[0], pose[1] - hand[1], pose[2] - hand[2]));
-  const Label pixel = LabelOf(PixelQuantity(), episode, step, "target", all);
+  const Label pixel = LabelOf(Named("pixel"), episode, step, "target", all);
   EXPECT_NEAR(pixel.values[0], camera.Project(p).x(), 1e-3);
   EXPECT_NEAR(pixel.values[1], camera.Project(p).y(), 1e-3);
   EXPECT_TRUE(pixel.valid[0]);
   const auto u = static_cast<int>(pixel.values[0]), v = static_cast<int>(pixel.values[1]);
-  EXPECT_FALSE(LabelOf(PixelQuantity(), episode, step, "target", {u + 1, v - 4, 8, 8}).valid[0]) << "out of view";
-  EXPECT_TRUE(LabelOf(PixelQuantity(), episode, step, "target", {u - 1, v - 4, 8, 8}).valid[0]);
+  EXPECT_FALSE(LabelOf(Named("pixel"), episode, step, "target", {u + 1, v - 4, 8, 8}).valid[0]) << "out of view";
+  EXPECT_TRUE(LabelOf(Named("pixel"), episode, step, "target", {u - 1, v - 4, 8, 8}).valid[0]);
   // an upright object, a hand turned by pi about x
-  EXPECT_THAT(LabelOf(PoseQuantity(), episode, step, "target", all).values,
+  EXPECT_THAT(LabelOf(Named("pose"), episode, step, "target", all).values,
               testing::ElementsAre(pose[0], pose[1], pose[2], 1, 0, 0, 0, 1, 0));
-  EXPECT_NEAR(LabelOf(PoseQuantity(), episode, step, "ee", all).values[7], -1, 1e-6);
-  const Label named = LabelOf(ClassQuantity(), episode, step, "object:milk", all);
+  EXPECT_NEAR(LabelOf(Named("pose"), episode, step, "ee", all).values[7], -1, 1e-6);
+  const Label named = LabelOf(Named("class"), episode, step, "object:milk", all);
   EXPECT_EQ(named.values[0], 1);
-  const Label task = LabelOf(TaskQuantity(), episode, step, "command", all);
+  const Label task = LabelOf(Named("task"), episode, step, "command", all);
   EXPECT_EQ(task.values[0], 1);
   EXPECT_TRUE(task.valid[0]);
-  const Label points = LabelOf(TrajectoryQuantity(), episode, step, "ee", all);
+  const Label points = LabelOf(Named("trajectory"), episode, step, "ee", all);
   EXPECT_EQ(points.values.size(), 120u);
   EXPECT_FLOAT_EQ(points.values[0], episode.actions_abs.row(step)[0]);
 }
@@ -77,7 +79,7 @@ TEST(Quantities, LabelsAreReadOffTheEpisode) {
 TEST(Quantities, WhatIsNotFiniteHasNoLabel) {
   Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 3);
   for (auto& object : episode.objects) object.pose.values.assign(object.pose.values.size(), NAN);
-  for (const Quantity* quantity : {&PixelQuantity(), &PositionQuantity(), &PoseQuantity(), &DisplacementQuantity()})
+  for (const Quantity* quantity : {&Named("pixel"), &Named("position"), &Named("pose"), &Named("displacement")})
     EXPECT_FALSE(LabelOf(*quantity, episode, 5, "target", {0, 0, 32, 32}).valid[0]) << quantity->name();
 }
 
@@ -87,7 +89,7 @@ TEST(Quantities, TheLabelItselfIsTheBestAnswer) {
   const Tensor origin = torch::zeros({1, 2});
   const PictureView view{origin, 224, 224};
   for (const char* form : {"6d", "euler_sincos"}) {
-    for (const Quantity* quantity : {&PixelQuantity(), &PositionQuantity(), &PoseQuantity(), &DisplacementQuantity()}) {
+    for (const Quantity* quantity : {&Named("pixel"), &Named("position"), &Named("pose"), &Named("displacement")}) {
       const Label label = LabelOf(*quantity, episode, 11, "target", {0, 0, 224, 224});
       const Tensor value = torch::tensor(label.values).view({1, 1, -1});
       const Head head{.rotation = form};
@@ -112,22 +114,22 @@ TEST(Quantities, TheLabelItselfIsTheBestAnswer) {
 TEST(Quantities, DecodeGivesBackWhatTheNetworkMeans) {
   ModuleOutput output;
   const Tensor from = torch::tensor({0.1F, 0.2F, 0.3F}).view({1, 1, 3}), zeros = torch::zeros({1, 1, 120});
-  TrajectoryQuantity().Decode({.readout = "relative"}, {Unit(), 4, &from}, zeros, output);
+  Named("trajectory").Decode({.readout = "relative"}, {Unit(), 4, &from}, zeros, output);
   EXPECT_TRUE(
       torch::allclose(output.decoded.at("trajectory").narrow(-1, 0, 3), from.unsqueeze(2).expand({1, 1, 12, 3})));
-  DisplacementQuantity().Decode({.readout = "difference"}, {Unit(), 4, &from}, zeros.narrow(-1, 0, 3), output);
+  Named("displacement").Decode({.readout = "difference"}, {Unit(), 4, &from}, zeros.narrow(-1, 0, 3), output);
   EXPECT_TRUE(torch::allclose(output.decoded.at("displacement"), from));
   output.soft_argmax = torch::tensor({100.0F, 50.0F}).view({1, 1, 2});
-  PixelQuantity().Decode({.readout = "soft_argmax"}, {Unit(), 4}, torch::ones({1, 1, 2}), output);
+  Named("pixel").Decode({.readout = "soft_argmax"}, {Unit(), 4}, torch::ones({1, 1, 2}), output);
   EXPECT_TRUE(torch::allclose(output.decoded.at("pixel"), output.soft_argmax + 8));
-  PixelQuantity().Decode({}, {Unit(), 4}, torch::zeros({1, 1, 2}), output);
+  Named("pixel").Decode({}, {Unit(), 4}, torch::zeros({1, 1, 2}), output);
   EXPECT_EQ(output.decoded.at("pixel")[0][0][0].item<float>(), 112);
 }
 
 TEST(Quantities, OneOfManyIsLearnedByCrossEntropyAndSaidByName) {
   const Tensor origin = torch::zeros({1, 2});
   const Head head{.classes = {"push", "pick", "put_down"}};
-  for (const Quantity* quantity : {&ClassQuantity(), &TaskQuantity()}) {
+  for (const Quantity* quantity : {&Named("class"), &Named("task")}) {
     ModuleOutput output;
     const Tensor logits = torch::tensor({0.0F, 2.0F, 0.5F}).view({1, 1, 3});
     quantity->Decode(head, {Unit(), 4}, logits, output);

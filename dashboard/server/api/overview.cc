@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dashboard/server/api/overview.h"
+
+#include <algorithm>
+
+namespace etude::api {
+namespace {
+
+using sources::Found;
+using sources::Kind;
+
+constexpr std::size_t kMostLooked = 40;  // of a kind: the Overview is asked for all the time
+
+// Adds one of a kind, or why it cannot be read.
+template <class Item, class Opened, class StateOfView>
+void GatherOne(const Found& found, const Result<Opened>& opened, StateOfView&& state, std::vector<Item>& items,
+               std::vector<std::string>& unreadable) {
+  if (!opened)
+    unreadable.push_back(found.shown + ": " + opened.error().message);
+  else
+    items.push_back({found, opened->view, state(*opened->view), found.name});
+}
+
+void GatherFiles(Context& context, Overview& all) {
+  const auto of_bus = [&](const auto& view) { return StateOf(&view, LiveOf(*all.live, view)); };
+  for (const Kind kind : {Kind::kDataset, Kind::kRun, Kind::kEval}) {
+    const auto newest = context.sources.catalog().NewestOf(kind, kMostLooked);
+    all.more[kind] = newest.more;
+    for (const auto& found : newest.found) {
+      if (kind == Kind::kDataset)
+        GatherOne(found, OpenDataset(context, found.id), of_bus, all.datasets, all.unreadable);
+      else if (kind == Kind::kRun)
+        GatherOne(found, OpenRun(context, found.id), of_bus, all.runs, all.unreadable);
+      else
+        GatherOne(found, OpenEval(context, found.id), EvalState, all.evals, all.unreadable);
+    }
+  }
+}
+
+template <class Items, class Of>
+auto Newest(const Items& items, Of&& updated) -> decltype(&items[0]) {
+  decltype(&items[0]) newest = nullptr;
+  for (const auto& item : items)
+    if (!newest || updated(item) > updated(*newest)) newest = &item;
+  return newest;
+}
+
+}  // namespace
+
+Overview LookOver(Context& context) {
+  Overview all;
+  all.live = context.live();
+  GatherFiles(context, all);
+  for (const auto& [id, campaign] : all.live->campaigns) {
+    const bool known = std::ranges::any_of(
+        all.datasets, [&](const auto& item) { return item.view && item.view->info.identity == id; });
+    if (known || !campaign.present) continue;
+    Found found;
+    found.id = BusId(campaign.presence);
+    all.datasets.push_back({found, nullptr, StateOf(nullptr, &campaign), campaign.presence.name});
+  }
+  for (const auto& [id, run] : all.live->runs) {
+    const bool known =
+        std::ranges::any_of(all.runs, [&](const auto& item) { return item.view && item.view->identity == id; });
+    if (known || !run.present) continue;
+    Found found;
+    found.kind = Kind::kRun;
+    found.id = BusId(run.presence);
+    all.runs.push_back({found, nullptr, StateOf(nullptr, &run), run.presence.name});
+  }
+  return all;
+}
+
+const DatasetItem* NewestDataset(const Overview& all) {
+  std::vector<const DatasetItem*> collections;
+  for (const auto& item : all.datasets)
+    if (item.found.eval.empty()) collections.push_back(&item);
+  const auto newest = Newest(collections, [](const auto* item) { return item->state.updated; });
+  return newest ? *newest : nullptr;
+}
+
+const RunItem* NewestRun(const Overview& all) {
+  return Newest(all.runs, [](const auto& item) { return item.state.updated; });
+}
+
+const EvalItem* NewestEval(const Overview& all) {
+  return Newest(all.evals, [](const auto& item) { return item.view->updated; });
+}
+
+}  // namespace etude::api

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// What GET /home looks at once and makes its parts of: sources, warnings (overview_warnings.cc), tiles
+// (overview_tiles.cc), the sentence (home.cc).
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "dashboard/server/api/context.h"
+
+namespace etude::api {
+
+template <class View, class State>
+struct OverviewItem {
+  sources::Found found;  ///< folder empty: seen on the bus only
+  std::shared_ptr<const View> view;
+  State state;
+  std::string name;
+};
+using DatasetItem = OverviewItem<sources::DatasetView, CampaignState>;
+using RunItem = OverviewItem<sources::RunView, RunState>;
+using EvalItem = OverviewItem<sources::EvalView, std::string>;
+
+/// Everything that /home is made of.
+struct Overview {
+  std::shared_ptr<const live::LiveView> live;
+  std::vector<DatasetItem> datasets;
+  std::vector<RunItem> runs;
+  std::vector<EvalItem> evals;
+  std::vector<std::string> unreadable;        ///< what could not be read, and why
+  std::map<sources::Kind, std::size_t> more;  ///< that were not looked at
+};
+
+Overview LookOver(Context& context);
+
+/// What is under way counts before what changed last. Null: there is none.
+const DatasetItem* NewestDataset(const Overview& all);  ///< of demonstrations
+const RunItem* NewestRun(const Overview& all);
+const EvalItem* NewestEval(const Overview& all);
+
+OrderedJson WarningsJson(Context& context, const Overview& all);
+OrderedJson TilesJson(const Overview& all);
+
+}  // namespace etude::api

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writers of what is meant for one host: leases, acknowledgements, actions. Each host has a partition of its own
+// (PartitionOfHost), so that what one is told costs a datagram to that one, and is not read by others.
+//
+//   HostWriters<Lease> leases(participant, owner.partition());
+//   leases.Write(request.host, lease);   // opens the host's writer when it is first heard of
+//   leases.Tidy();                       // now and then
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <memory>
+#include <string>
+
+#include "services/bus/messages.h"
+#include "services/bus/participant.h"
+#include "services/core/result.h"
+
+namespace etude::bus {
+
+struct HostWritersOptions {
+  std::size_t most_hosts = 1024;           ///< beyond them those that are not there any more make room
+  std::size_t most_waiting = 256;          ///< messages to hosts whose readers are not found yet, of all together
+  std::chrono::milliseconds wait{5'000};   ///< for the readers of a host that is new; then its messages are dropped
+  std::chrono::milliseconds gone{30'000};  ///< a host without readers, and to which nothing was said, has gone
+};
+
+/// One writer for each host that it was asked to write to. Instantiated for Lease, BlobAck and Action. Thread-safe;
+/// what two threads write at once to a new host may come in any order.
+template <class Message>
+class HostWriters {
+ public:
+  /// @param partition  whose hosts they are
+  HostWriters(const Participant& participant, const std::string& partition, const HostWritersOptions& options = {});
+  HostWriters(HostWriters&&) noexcept;
+  HostWriters& operator=(HostWriters&&) noexcept;
+  ~HostWriters();
+
+  /// To who reads in the partition of `host`. To a host that is new it is kept until its reader is found: Tidy sends it
+  /// then. `host` may be anybody's word; "" is the partition itself, for peers that do not name their host.
+  /// @error kInvalidArgument: `host` is no plain name; kExhausted: there are too many; kTimeout as Writer::Write
+  Status Write(const std::string& host, const Message& message);
+  /// Sends what waits for hosts that are found by now, and forgets hosts that have gone.
+  void Tidy();
+  bool waiting() const;       ///< for hosts that are not found yet: call Tidy soon
+  std::size_t hosts() const;  ///< that are known now
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace etude::bus

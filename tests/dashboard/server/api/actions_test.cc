@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests dashboard/server/api/actions.cc: the commands that actions are.
+#include <gmock/gmock.h>
+
+#include "services/store/filter_keys.h"
+#include "tests/dashboard/server/api/api_fixture.h"
+#include "tests/support/matchers.h"
+
+namespace etude::api {
+namespace actions_test {
+
+using testing::EndsWith;
+using testing::HasSubstr;
+
+class ActionsTest : public ApiFixture {
+ protected:
+  http::Answer Post(OrderedJson body, bool dry = true, const std::string& token = "") {
+    http::Request request;
+    request.method = "POST";
+    request.content_type = "application/json";
+    if (dry) body["dry_run"] = true;
+    if (!token.empty()) request.authorization = "Bearer " + token;
+    request.body = body.dump();
+    return Ask(request, kPrefix + "/actions");
+  }
+  std::string CommandOf(const OrderedJson& body) {
+    const auto answer = Post(body);
+    EXPECT_EQ(answer.status, 200) << answer.body;
+    return answer.status == 200 ? OrderedJson::parse(answer.body)["command"].get<std::string>() : "";
+  }
+};
+
+TEST_F(ActionsTest, TickedEpisodesGetAFilterKeyByTheCommandThatWritesIt) {
+  context_.bus_flags = [](security::Role role) {
+    return std::vector<std::string>{"--domain", "66", "--security", "ids/" + ToString(role)};
+  };
+  const OrderedJson body{{"action", "mask"}, {"dataset", "lab.data"}, {"key", "good"}, {"indices", "4,0-2,1"}};
+  EXPECT_THAT(CommandOf(body), HasSubstr("etude dataset filter " + (lab_.root() / "data").string() +
+                                         " --index 0-2 4 --as good --domain 66 --security ids/gateway"));
+  EXPECT_EQ(Post(body, false).status, 401);
+  EXPECT_EQ(Post(body, false, kTestToken).status, 202);
+}
+
+TEST_F(ActionsTest, AFilterKeyIsAPlainNameOfEpisodes) {
+  const auto status = [&](const OrderedJson& key, const OrderedJson& indices) {
+    return Post({{"action", "mask"}, {"dataset", "lab.data"}, {"key", key}, {"indices", indices}}).status;
+  };
+  EXPECT_EQ(status("good", "1"), 200);
+  for (const char* key : {"", "--yes", "-x", "a b", "../x", "A"}) EXPECT_EQ(status(key, "1"), 400) << key;
+  for (const char* indices : {"", "x", "3-1", "1;2", "--task", "0-10000", "18446744073709551616"})
+    EXPECT_EQ(status("good", indices), 400) << indices;
+  EXPECT_EQ(status("good", 1), 400);
+  std::string many;
+  for (int i = 0; i < 1001; ++i) many += std::to_string(2 * i) + ",";
+  EXPECT_EQ(status("good", many), 400) << "each span is an argument";
+  EXPECT_EQ(Post({{"action", "mask"}, {"dataset", "lab.none"}, {"key", "good"}, {"indices", "1"}}).status, 404);
+}
+
+TEST_F(ActionsTest, EvaluationsLieInTheFoldersGiven) {
+  const OrderedJson body{{"action", "evaluate"}, {"file", "00000200.safetensors"}, {"dry_run", true}};
+  OrderedJson in_lab = body;
+  in_lab["run"] = "lab.run";
+  EXPECT_THAT(CommandOf(in_lab), HasSubstr("--out " + (lab_.root() / "run-eval-00000200-9001").string()));
+
+  // a run that is itself what was given has nothing beside it
+  sources::Sources alone({lab_.root() / "run"});
+  Context context(
+      alone, [this] { return live_; }, [](http::Lane, const std::function<void()>&) {}, security_, jobs_);
+  const http::Router router = MakeRouter(context);
+  http::Request request;
+  request.method = "POST";
+  request.content_type = "application/json";
+  request.path = http::SplitPath(kPrefix + "/actions").value();
+  OrderedJson of_root = body;
+  of_root["run"] = "run";
+  request.body = of_root.dump();
+  std::vector<std::string> allowed;
+  const http::Route* route = router.Find(request, allowed);
+  ASSERT_NE(route, nullptr);
+  const auto answer = route->handler(request);
+  ASSERT_THAT(answer, IsOk());
+  EXPECT_THAT(answer->body, HasSubstr("--out " + (lab_.root() / "run" / "eval-00000200-9001").string()));
+}
+
+// what the command writes is what the page then offers
+TEST_F(ActionsTest, AKeyThatWasWrittenIsAFilter) {
+  ASSERT_THAT(store::WriteFilterKey(lab_.root() / "data", "good", {0, 4}), IsOk());
+  EXPECT_THAT(GetJson(kPrefix + "/datasets/lab.data")["keys"], testing::Contains("good"));
+  EXPECT_EQ(GetJson(kPrefix + "/datasets/lab.data/episodes?key=good")["columns"]["index"], OrderedJson({4, 0}));
+}
+
+}  // namespace actions_test
+}  // namespace etude::api

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests dashboard/server/api/overview.cc and overview_warnings.cc: GET /home with what is on the bus alone.
+#include <gmock/gmock.h>
+
+#include <map>
+#include <set>
+#include <string>
+
+#include "tests/dashboard/server/api/api_fixture.h"
+
+namespace etude::api {
+namespace overview_test {
+
+using namespace std::chrono_literals;
+
+bus::Presence Present(bus::PresenceKind kind, const std::string& name, const std::string& id) {
+  bus::Presence presence;
+  presence.kind = kind;
+  presence.name = name;
+  presence.id = id;
+  return presence;
+}
+
+class OverviewTest : public ApiFixture {
+ protected:
+  OverviewTest() { model_.view().enabled = true; }
+  OrderedJson Home() {
+    live_ = std::make_shared<const live::LiveView>(model_.view());
+    return GetJson(kPrefix + "/home");
+  }
+  // By code, those that the folders alone do not give.
+  std::map<std::string, std::string> Warnings() {
+    live_ = std::make_shared<const live::LiveView>();
+    std::set<std::string> of_folders;
+    const auto without = GetJson(kPrefix + "/home"), with = Home();
+    for (const auto& warning : without["warnings"]) of_folders.insert(warning["text"]);
+    std::map<std::string, std::string> fresh;
+    for (const auto& warning : with["warnings"])
+      if (!of_folders.contains(warning["text"])) fresh[warning["code"]] = warning["text"];
+    return fresh;
+  }
+  // One campaign whose two workers have committed 3 of 20 episodes by then.
+  void Campaign(live::TimePoint then, std::uint64_t committed = 3) {
+    model_.Directory({Present(bus::PresenceKind::kCampaign, "away", "aaaa0001")}, MonotonicClock::now());
+    bus::CampaignStatus status;
+    status.committed = committed;
+    status.total = 20;
+    status.workers = 2;
+    model_.On("aaaa0001", status, then);
+  }
+
+  live::LiveModel model_;
+};
+
+// The second one of a kind used to end the gateway.
+TEST_F(OverviewTest, CampaignsAndRunsThatNoFolderHasAreSources) {
+  using bus::PresenceKind;
+  model_.Directory(
+      {Present(PresenceKind::kCampaign, "one", "aaaa0001"), Present(PresenceKind::kCampaign, "two", "bbbb0002"),
+       Present(PresenceKind::kRun, "left", "cccc0003"), Present(PresenceKind::kRun, "right", "dddd0004")},
+      MonotonicClock::now());
+  std::map<std::string, std::string> kinds;
+  const auto home = Home();
+  for (const auto& source : home["sources"]) kinds[source["id"]] = source["kind"];
+  EXPECT_EQ(kinds["one@aaaa0001"], "campaign");
+  EXPECT_EQ(kinds["two@bbbb0002"], "campaign");
+  EXPECT_EQ(kinds["left@cccc0003"], "run");
+  EXPECT_EQ(kinds["right@dddd0004"], "run");
+}
+
+TEST_F(OverviewTest, WarnsOfACampaignThatCommitsNothing) {
+  const auto now = MonotonicClock::now();
+  Campaign(now);
+  EXPECT_FALSE(Warnings().contains("no_commits"));
+  Campaign(now - 90s, 4);
+  EXPECT_THAT(Warnings()["no_commits"], testing::HasSubstr("away: no commit for 9"));
+  Campaign(now - 90s, 20);
+  EXPECT_FALSE(Warnings().contains("no_commits")) << "it is complete";
+}
+
+TEST_F(OverviewTest, WarnsOfWhatACampaignSaysAndOfWorkersThatAreSilent) {
+  const auto now = MonotonicClock::now();
+  Campaign(now);
+  bus::CampaignStatus status;
+  status.total = 20;
+  status.error = "write 'x': No space left on device";
+  model_.On("aaaa0001", status, now);
+  bus::WorkerStatus worker;
+  worker.worker = "quiet";
+  model_.On("aaaa0001", worker, now - 7s);
+  worker.worker = "lively";
+  model_.On("aaaa0001", worker, now);
+  auto warnings = Warnings();
+  EXPECT_EQ(warnings["campaign_error"], "away: write 'x': No space left on device");
+  EXPECT_THAT(warnings["worker_silent"], testing::StartsWith("worker quiet silent for "));
+}
+
+TEST_F(OverviewTest, WarnsOfDisksThatAreNearlyFullAndOfServersThatRefuse) {
+  const auto now = MonotonicClock::now();
+  bus::ProcessStatus process;
+  process.process = "roomy-1", process.host = "roomy", process.role = "collector";
+  process.disk_total_bytes = 1000, process.disk_free_bytes = 500;
+  model_.On(process, now);
+  EXPECT_FALSE(Warnings().contains("disk"));
+  process.process = "full-1", process.host = "full";
+  process.disk_free_bytes = 50;
+  model_.On(process, now);
+  bus::PolicyStatus server;
+  server.server = "s", server.run = "demo", server.run_id = "cccc0003", server.host = "rack";
+  server.last_refusal = "crop does not fit";
+  model_.On(server, now);
+  auto warnings = Warnings();
+  EXPECT_EQ(warnings["disk"], "disk of collector on full 5 % free");
+  EXPECT_EQ(warnings["policy_refuses"], "policy on rack refused: crop does not fit");
+}
+
+}  // namespace overview_test
+}  // namespace etude::api
