@@ -27,7 +27,7 @@ std::string EndOf(Scope scope, std::string_view host) {
 // never "NAME*": that would let a campaign "ab" into "a".
 std::vector<std::string> PartitionsOf(Scope scope, std::string_view host, const std::vector<std::string>& campaigns,
                                       const std::vector<std::string>& runs) {
-  if (scope == Scope::kDirectory) return {"directory"};
+  if (scope == Scope::kDirectory) return {kDirectoryPartition};
   if (scope == Scope::kPlay) return {"play", "play/*"};
   if (scope == Scope::kDoctor) return {"doctor-*"};
   const bool of_run = scope == Scope::kRun || scope == Scope::kRelay || scope == Scope::kRunHost;

@@ -11,9 +11,12 @@
 
 namespace etude::bus {
 
+/// The partition of who is there and what they do, whatever campaigns and runs they have to do with.
+inline constexpr char kDirectoryPartition[] = "directory";
+
 /// The partitions that a topic lives in.
 enum class Scope : std::uint8_t {
-  kDirectory,     ///< "directory"
+  kDirectory,     ///< kDirectoryPartition
   kCampaign,      ///< CAMPAIGN/ID
   kEpisodes,      ///< CAMPAIGN/ID/episode
   kRun,           ///< RUN/ID

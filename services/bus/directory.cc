@@ -10,6 +10,7 @@
 #include <functional>
 #include <tuple>
 
+#include "services/bus/access.h"
 #include "services/bus/participant_state.h"
 #include "services/bus/topic.h"
 #include "services/core/clock.h"

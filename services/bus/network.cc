@@ -21,6 +21,7 @@
 #include <sstream>
 #include <tuple>
 
+#include "services/bus/access.h"
 #include "services/bus/builtin_topic.h"
 #include "services/bus/participant_state.h"
 #include "services/bus/process_reporter.h"
@@ -110,7 +111,7 @@ Result<std::vector<NetworkPeer>> Peers(const Participant& participant) {
 }
 
 Result<std::vector<ClockOffset>> MeasureClocks(const Participant& participant, std::chrono::nanoseconds duration) {
-  ETUDE_ASSIGN_OR_RETURN(const Endpoint reader, OpenReaderOf<ProcessStatus>(participant, kProcessPartition));
+  ETUDE_ASSIGN_OR_RETURN(const Endpoint reader, OpenReaderOf<ProcessStatus>(participant, kDirectoryPartition));
   Waiter waiter;
   ETUDE_RETURN_IF_ERROR(waiter.Open(participant));
   ETUDE_RETURN_IF_ERROR(waiter.AddReader(reader));

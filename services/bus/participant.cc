@@ -312,11 +312,7 @@ Result<Participant> Participant::Open(const ParticipantConfig& config) {
   WarnAboutReceiveBuffer();
   KeepChunksOnTheHeap();
   Participant participant(state);
-  // one that ends in a moment needs nobody (and the library may crash over an endpoint whose identity runs out)
-  constexpr std::int64_t kMoment_s = 60;
-  if (state->identity && state->identity->not_after - static_cast<std::int64_t>(WallSeconds()) > kMoment_s) {
-    ETUDE_RETURN_IF_ERROR(StayVisible(participant));
-  }
+  if (state->identity) ETUDE_RETURN_IF_ERROR(StayVisible(participant));
   return participant;
 }
 

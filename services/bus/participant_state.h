@@ -39,9 +39,6 @@ struct Traffic {
   std::vector<dds_entity_t> endpoints ETUDE_GUARDED_BY(mutex);
 };
 
-/// Of who is there, and what they do.
-inline constexpr char kDirectoryPartition[] = "directory";
-
 class ParticipantWatch;
 
 struct Participant::State {

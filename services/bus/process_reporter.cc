@@ -10,6 +10,7 @@
 #include <thread>
 #include <utility>
 
+#include "services/bus/access.h"
 #include "services/bus/participant_state.h"
 #include "services/bus/topic.h"
 #include "services/bus/topology.h"
@@ -160,8 +161,8 @@ const std::string& ProcessReporter::process() const { return impl_->status.proce
 
 Result<std::unique_ptr<ProcessReporter>> ProcessReporter::Start(const Participant& participant,
                                                                 const ReporterOptions& options) {
-  ETUDE_ASSIGN_OR_RETURN(auto statuses, Writer<ProcessStatus>::Open(participant, kProcessPartition));
-  ETUDE_ASSIGN_OR_RETURN(auto events, Writer<ProcessEvent>::Open(participant, kProcessPartition));
+  ETUDE_ASSIGN_OR_RETURN(auto statuses, Writer<ProcessStatus>::Open(participant, kDirectoryPartition));
+  ETUDE_ASSIGN_OR_RETURN(auto events, Writer<ProcessEvent>::Open(participant, kDirectoryPartition));
   ProcessStatus status;
   status.process = UniquePeerName();
   status.role = options.role;

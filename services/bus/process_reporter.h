@@ -14,9 +14,6 @@
 
 namespace etude::bus {
 
-/// The DDS partition of ProcessStatus and ProcessEvent, whatever campaigns and runs a process has to do with.
-inline constexpr char kProcessPartition[] = "directory";
-
 struct ReporterOptions {
   std::string role;  ///< worker | collector | trainer | policy | gateway | etude up | ...
   Path folder;       ///< that the process writes to: its disk is what counts; "": the working folder's

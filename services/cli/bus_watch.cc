@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <set>
 
+#include "services/bus/access.h"
 #include "services/bus/directory.h"
 #include "services/bus/process_reporter.h"
 #include "services/bus/topic.h"
@@ -116,7 +117,7 @@ BusWatch::~BusWatch() = default;
 
 Result<BusWatch> BusWatch::Open(const bus::Participant& participant) {
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
-  ETUDE_ASSIGN_OR_RETURN(auto processes, bus::Reader<bus::ProcessStatus>::Open(participant, bus::kProcessPartition));
+  ETUDE_ASSIGN_OR_RETURN(auto processes, bus::Reader<bus::ProcessStatus>::Open(participant, bus::kDirectoryPartition));
   std::unique_ptr<Impl> impl(
       new Impl{.participant = &participant, .directory = std::move(directory), .processes = std::move(processes)});
   impl->view.domain = participant.domain();

@@ -147,8 +147,9 @@ std::int64_t WarnAt(const Identity& identity) {
 }
 
 std::int64_t EndAt(const Identity& identity) {
-  constexpr std::int64_t kMargin = 60;
-  return identity.not_after - std::min(kMargin, (identity.not_after - identity.not_before) / 20);
+  // at least 2 s, which are four looks of the watch: the library may crash in a process that is there at the end
+  constexpr std::int64_t kLeast = 2, kMost = 60;
+  return identity.not_after - std::clamp((identity.not_after - identity.not_before) / 20, kLeast, kMost);
 }
 
 std::string UtcText(std::int64_t seconds) {

@@ -15,6 +15,7 @@
 #include "services/store/dataset.h"
 #include "tests/faults/two_hosts.h"
 #include "tests/services/campaign/fake_work.h"
+#include "tests/support/write_program.h"
 
 namespace etude::faults {
 namespace campaign_faults_test {
@@ -121,12 +122,10 @@ TEST(Faults, F21WorkersThatHangLoseTheirLease) {
 TEST(Faults, F22WorkersThatRunOutOfMemoryAreStartedAgain) {
   CampaignRun run({.name = "f22", .domain = 92, .episodes = 30});
   run.StartCollector();
-  const Path program = run.folder() / "worker";
-  ASSERT_TRUE(WriteFileAtomically(
-      program,
+  const Path program = WriteProgram(
+      run.folder() / "worker",
       fmt::format("#!/bin/sh\nexport FAKE_LEAK_MB=250 FAKE_ROOM_MB=2000 ETUDE_ACK_LOG={}/acks-$$\nexec {} {} 92 5\n",
-                  run.folder().string(), (campaign::ProgramFolder() / "fake_worker").string(), run.spec().name)));
-  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+                  run.folder().string(), (campaign::ProgramFolder() / "fake_worker").string(), run.spec().name));
   auto pool = cli::WorkerPool::Start({.workers = 2,
                                       .campaign = run.spec().name,
                                       .bus = {},

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "dashboard/server/live/sample_tap.h"
+#include "services/bus/access.h"
 #include "services/bus/directory.h"
 #include "services/bus/owner.h"
 #include "services/bus/process_reporter.h"
@@ -60,8 +61,8 @@ struct ProcessReaders {
   bus::Reader<bus::ProcessEvent> events;
 
   static Result<ProcessReaders> Open(const bus::Participant& participant) {
-    ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Reader<bus::ProcessStatus>::Open(participant, bus::kProcessPartition));
-    ETUDE_ASSIGN_OR_RETURN(auto events, bus::Reader<bus::ProcessEvent>::Open(participant, bus::kProcessPartition));
+    ETUDE_ASSIGN_OR_RETURN(auto statuses, bus::Reader<bus::ProcessStatus>::Open(participant, bus::kDirectoryPartition));
+    ETUDE_ASSIGN_OR_RETURN(auto events, bus::Reader<bus::ProcessEvent>::Open(participant, bus::kDirectoryPartition));
     return ProcessReaders{std::move(statuses), std::move(events)};
   }
 };

@@ -153,6 +153,19 @@ TEST(BlobTransfer, OwnersOfOneNameAreApart) {
   EXPECT_EQ(received.at("of-1")[0].manifest.owner, "1");
 }
 
+// Of a blob that needs no chunks; whose it is, and of which host, is to be said.
+BlobManifest SmallManifest() {
+  BlobManifest manifest;
+  manifest.channel = "episode";
+  manifest.sender = "hand";
+  manifest.data = MakeBytes(100, 1);
+  manifest.size = manifest.chunk_size = 100;
+  manifest.chunk_count = 1;
+  const auto digest = Sha256Of(manifest.data);
+  manifest.sha256.assign(digest.begin(), digest.end());
+  return manifest;
+}
+
 // Whatever writes into the partition: the manifest says whose it is.
 TEST(BlobTransfer, BlobsOfAnotherOwnerAreNotTaken) {
   const auto peers = OpenTwo(kDomain);
@@ -160,15 +173,8 @@ TEST(BlobTransfer, BlobsOfAnotherOwnerAreNotTaken) {
   auto manifests = Writer<BlobManifest>::Open(peers.a, "mixed/1/episode");
   ASSERT_TRUE(receiver && manifests);
   ASSERT_TRUE(manifests->WaitForReaders(1, 10s));
-  BlobManifest manifest;
-  manifest.channel = "episode";
-  manifest.sender = "hand";
+  BlobManifest manifest = SmallManifest();
   manifest.host = peers.a.host();
-  manifest.data = MakeBytes(100, 1);
-  manifest.size = manifest.chunk_size = 100;
-  manifest.chunk_count = 1;
-  const auto digest = Sha256Of(manifest.data);
-  manifest.sha256.assign(digest.begin(), digest.end());
   for (const char* owner : {"2", "1"}) {
     manifest.owner = owner;
     ++manifest.id;
@@ -187,15 +193,8 @@ TEST(BlobTransfer, ManifestsOfImpossibleHostsAreDroppedAndCounted) {
   auto manifests = Writer<BlobManifest>::Open(peers.a, "hosts/1/episode");
   ASSERT_TRUE(receiver && manifests);
   ASSERT_TRUE(manifests->WaitForReaders(1, 10s));
-  BlobManifest manifest;
-  manifest.channel = "episode";
-  manifest.sender = "hand";
+  BlobManifest manifest = SmallManifest();
   manifest.owner = "1";
-  manifest.size = manifest.chunk_size = 100;
-  manifest.chunk_count = 1;
-  manifest.data = MakeBytes(100, 1);
-  const auto digest = Sha256Of(manifest.data);
-  manifest.sha256.assign(digest.begin(), digest.end());
   for (const char* host : {"", "*", "../other", "a/b", "good"}) {
     manifest.host = host;
     ++manifest.id;

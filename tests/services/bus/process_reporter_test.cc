@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "services/bus/access.h"
 #include "services/bus/topic.h"
 #include "services/bus/topology.h"
 #include "services/core/clock.h"
@@ -32,7 +33,7 @@ std::vector<Message> TakeUntil(Reader<Message>& reader, std::size_t count) {
 
 TEST(ProcessReporter, SaysHowTheProcessIs) {
   const auto peers = OpenTwo(kDomain);
-  auto statuses = Reader<ProcessStatus>::Open(peers.b, kProcessPartition);
+  auto statuses = Reader<ProcessStatus>::Open(peers.b, kDirectoryPartition);
   ASSERT_TRUE(statuses);
   auto reporter = ProcessReporter::Start(peers.a, {.role = "worker", .folder = "/tmp", .every = 20ms});
   ASSERT_TRUE(reporter) << reporter.error().message;
@@ -55,7 +56,7 @@ TEST(ProcessReporter, SaysHowTheProcessIs) {
 
 TEST(ProcessReporter, CountsWhatGoesThroughEachTopic) {
   const auto peers = OpenTwo(kDomain);
-  auto statuses = Reader<ProcessStatus>::Open(peers.b, kProcessPartition);
+  auto statuses = Reader<ProcessStatus>::Open(peers.b, kDirectoryPartition);
   auto writer = Writer<WorkRequest>::Open(peers.a, "counts");
   auto reader = Reader<WorkRequest>::Open(peers.b, "counts");
   ASSERT_TRUE(statuses && writer && reader);
@@ -85,7 +86,7 @@ TEST(ProcessReporter, PublishesWarningsAlsoForThoseWhoComeLater) {
   for (int i = 0; i < 5; ++i) Log().warn("a lease expired count={}", i);
   Log().info("nobody needs to know");
 
-  auto events = Reader<ProcessEvent>::Open(peers.b, kProcessPartition);
+  auto events = Reader<ProcessEvent>::Open(peers.b, kDirectoryPartition);
   ASSERT_TRUE(events);
   const auto taken = TakeUntil(*events, 5);
 
@@ -105,7 +106,7 @@ TEST(ProcessReporter, AFloodOfWarningsHasABound) {
   auto reporter = ProcessReporter::Start(peers.a, {.role = "worker", .every = 20ms});
   ASSERT_TRUE(reporter);
   for (int i = 0; i < 5000; ++i) Log().error("flood {}", std::string(2000, 'x'));
-  auto events = Reader<ProcessEvent>::Open(peers.b, kProcessPartition);
+  auto events = Reader<ProcessEvent>::Open(peers.b, kDirectoryPartition);
   ASSERT_TRUE(events);
   // the newest is the last of them, and no more than the last ones are kept
   std::vector<ProcessEvent> taken;

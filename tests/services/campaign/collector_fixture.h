@@ -31,22 +31,18 @@ inline CampaignSpec Spec(const std::string& name, std::uint64_t episodes) {
 
 // `campaign`: NAME or NAME@ID
 inline Process StartWorkerOf(const std::string& campaign, const Path& log, int ms_per_attempt,
-                             std::uint32_t content = kContentVersion) {
+                             std::uint32_t content = kContentVersion, const char* prefetch = "") {
   auto process =
       Process::Start({{(ProgramFolder() / "fake_worker").string(), campaign, std::to_string(kCollectorDomain),
                        std::to_string(ms_per_attempt), std::to_string(content)},
-                      log});
+                      log,
+                      {{"FAKE_PREFETCH", prefetch}}});
   EXPECT_TRUE(process) << (process ? "" : process.error().message);
   return std::move(*process);
 }
 
 inline Process StartPrefetching(const CampaignSpec& spec, const Path& log, int ms_per_attempt) {
-  auto process = Process::Start({{(ProgramFolder() / "fake_worker").string(), spec.name,
-                                  std::to_string(kCollectorDomain), std::to_string(ms_per_attempt)},
-                                 log,
-                                 {{"FAKE_PREFETCH", "1"}}});
-  EXPECT_TRUE(process) << (process ? "" : process.error().message);
-  return std::move(*process);
+  return StartWorkerOf(spec.name, log, ms_per_attempt, kContentVersion, "1");
 }
 
 inline Process StartWorker(const CampaignSpec& spec, const Path& log, int ms_per_attempt) {

@@ -9,6 +9,7 @@
 
 #include "services/core/clock.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/write_program.h"
 
 namespace etude::cli {
 namespace service_test {
@@ -46,9 +47,7 @@ exit 1
 
 TEST(Service, ARestartWithoutAStateBeginsAnew) {
   TemporaryFolder folder;
-  const Path program = folder / "dies_twice.sh";
-  ASSERT_TRUE(WriteFileAtomically(program, std::string_view(kDiesTwice)));
-  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  const Path program = WriteProgram(folder / "dies_twice.sh", kDiesTwice);
   auto service = Service::Start({.program = program.string(),  // need not lie beside this program
                                  .arguments = {folder.path().string()},
                                  .restart_arguments = {"--resume"},
@@ -71,9 +70,7 @@ echo began >> "$1/starts"
 
 TEST(Service, AServerThatWasToldToEndIsStartedAgain) {
   TemporaryFolder folder;
-  const Path program = folder / "ends_well.sh";
-  ASSERT_TRUE(WriteFileAtomically(program, std::string_view(kEndsWell)));
-  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  const Path program = WriteProgram(folder / "ends_well.sh", kEndsWell);
   auto service = Service::Start({.program = program.string(),
                                  .arguments = {folder.path().string()},
                                  .environment = {},

@@ -7,6 +7,7 @@
 
 #include "services/core/stop.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/write_program.h"
 
 namespace etude::cli {
 namespace worker_pool_test {
@@ -18,9 +19,7 @@ class DyingWorkers : public testing::Test {
  protected:
   // Supervises until it is given up.
   Error RunUntilGivenUp(const std::string& script, const std::function<std::uint64_t()>& committed) {
-    const Path program = folder_ / "worker";
-    EXPECT_TRUE(WriteFileAtomically(program, std::string_view(script)));
-    std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+    const Path program = WriteProgram(folder_ / "worker", script);
     auto pool = WorkerPool::Start({.workers = 2,
                                    .campaign = "demo@aaaa",
                                    .bus = {},
@@ -61,9 +60,7 @@ TEST_F(DyingWorkers, AreStartedAgainForAsLongAsEpisodesComeIn) {
 }
 
 TEST_F(DyingWorkers, ThatDoNotMoveAreEndedAndStartedAgain) {
-  const Path program = folder_ / "worker";
-  ASSERT_TRUE(WriteFileAtomically(program, std::string_view("#!/bin/sh\necho $4 >> $0.names\nexec sleep 600\n")));
-  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  const Path program = WriteProgram(folder_ / "worker", "#!/bin/sh\necho $4 >> $0.names\nexec sleep 600\n");
   std::string hung;
   auto pool = WorkerPool::Start({.workers = 1,
                                  .campaign = "demo@aaaa",
@@ -92,13 +89,11 @@ TEST_F(DyingWorkers, ThatDoNotMoveAreEndedAndStartedAgain) {
 
 TEST(WorkerPool, StopLetsWorkersDrain) {
   TemporaryFolder folder;
-  const Path program = folder / "worker";
   // the second SIGTERM, as with our workers, ends them without their last word
-  ASSERT_TRUE(
-      WriteFileAtomically(program, std::string_view("#!/bin/sh\n"
-                                                    "trap 'trap \"exit 1\" TERM; sleep 1; echo drained; exit 0' "
-                                                    "TERM\necho ready\nwhile :; do sleep 0.05; done\n")));
-  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  const Path program = WriteProgram(folder / "worker",
+                                    "#!/bin/sh\n"
+                                    "trap 'trap \"exit 1\" TERM; sleep 1; echo drained; exit 0' TERM\n"
+                                    "echo ready\nwhile :; do sleep 0.05; done\n");
   auto pool = WorkerPool::Start({.workers = 2,
                                  .campaign = "demo@aaaa",
                                  .bus = {},
