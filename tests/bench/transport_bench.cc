@@ -139,9 +139,9 @@ Identities MakeIdentities(const Path& authority) {
                                              .not_after = now + 86'400}));
   };
   Identities identities;
-  identities.worker = issue("sender", Role::kWorker, bus::GrantsFor({Role::kWorker}, {"bench"}, {})).string();
+  identities.worker = issue("sender", Role::kWorker, bus::GrantsFor({Role::kWorker}, "sender", {"bench"}, {})).string();
   identities.collector =
-      issue("receiver", Role::kCollector, bus::GrantsFor({Role::kCollector}, {"bench"}, {})).string();
+      issue("receiver", Role::kCollector, bus::GrantsFor({Role::kCollector}, "receiver", {"bench"}, {})).string();
   // its topics are none of ours
   const Path ddsperf = issue("ddsperf", Role::kRobot, {{true, "*", "*"}, {false, "*", "*"}});
   const std::string profile = WithSecurity(OrDie(ReadTextFile(kProfile)), ddsperf);
