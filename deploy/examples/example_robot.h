@@ -16,6 +16,9 @@ class ExampleRobot {
     question.joints = joints_;
     question.width = question.height = kSide;
     question.rgb = picture_;
+    question.robot = "ur5";  // a policy of another robot refuses to answer
+    // Say question.camera, too, once yours is calibrated (services/episode/camera.h): a policy that was trained with
+    // another view (etude checkpoint show) then refuses, which here it cannot.
     return question;
   }
   /// Moves the hand; call it once a control step (8 ms).

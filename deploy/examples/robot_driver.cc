@@ -33,7 +33,7 @@ etude::Waypoint Within(const etude::Waypoint& now, etude::Waypoint wanted) {
   return wanted;
 }
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
   if (argc != 5 && argc != 6)
     return fmt::print(stderr, "usage: robot_driver RUN INSTRUCTION DOMAIN QUESTIONS [IDENTITY]\n"), 2;
   etude::InstallStopSignals();
@@ -64,4 +64,6 @@ int main(int argc, char** argv) {
                robot.hand().X_WE.p.y(), robot.hand().X_WE.p.z());
   }
   return answered > 0 ? 0 : 3;
+} catch (const std::exception& error) {  // DOMAIN or a count is no number
+  return fmt::print(stderr, "robot_driver: a number was expected ({})\n", error.what()), 2;
 }

@@ -38,11 +38,13 @@ etude::Status Subscribe(const std::string& name, std::uint32_t domain, int count
   return {};
 }
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
   if (argc < 4 || argc > 6) return fmt::print(stderr, "usage: subscribe RUN DOMAIN COUNT [PUBLIC_KEY [IDENTITY]]\n"), 2;
   etude::InstallStopSignals();
   const auto status = Subscribe(argv[1], static_cast<std::uint32_t>(std::stoul(argv[2])), std::stoi(argv[3]),
                                 argc > 4 ? argv[4] : "", argc > 5 ? argv[5] : "");
   if (!status) return fmt::print(stderr, "{}\n", status.error().message), 3;
   return 0;
+} catch (const std::exception& error) {  // DOMAIN or a count is no number
+  return fmt::print(stderr, "subscribe: a number was expected ({})\n", error.what()), 2;
 }

@@ -58,7 +58,7 @@ Finding CheckSocketBuffer() {
   if (!bytes) return Advice("cannot read /proc/sys/net/core/rmem_max");
   if (*bytes >= bus::kWantedReceiveBuffer) return Ok(fmt::format("net.core.rmem_max = {} bytes", *bytes));
   return Advice(
-      fmt::format("net.core.rmem_max = {} bytes; large objects travel faster with: sudo sysctl -w "
+      fmt::format("net.core.rmem_max = {} bytes; large blobs travel faster with: sudo sysctl -w "
                   "net.core.rmem_max={}",
                   *bytes, bus::kWantedReceiveBuffer));
 }

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 #include <poll.h>
+#include <pthread.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -42,10 +43,24 @@ int EndOfOutput(const std::string& name) {
   return End(ExitCodeFor(error), name, error.message);
 }
 
-int OnException(const std::string& name, const std::exception& exception) {
-  const auto* error = dynamic_cast<const std::system_error*>(&exception);
-  if (error && error->code() == std::errc::broken_pipe && NobodyReads()) return kExitUnread;
-  return End(kExitFailure, name, fmt::format("unexpected exception: {}", exception.what()));
+// Of the exception that is being handled.
+std::string ExceptionText() {
+  try {
+    throw;
+  } catch (const std::exception& exception) {
+    return fmt::format("unexpected exception: {}", exception.what());
+  } catch (...) {  // MuJoCo's compiler, for one, throws a type of its own
+    return "unexpected exception of a library that says nothing about itself";
+  }
+}
+
+// One in a thread of its own comes past no RunMain.
+[[noreturn]] void OnTerminate() {
+  char thread[16] = "";
+  ::pthread_getname_np(::pthread_self(), thread, sizeof(thread));
+  End(kExitFailure, fmt::format("thread '{}'", thread),
+      std::current_exception() ? ExceptionText() : "std::terminate was called");
+  std::abort();
 }
 
 }  // namespace
@@ -65,6 +80,7 @@ int RunMain(const std::string& name, const std::function<Status()>& body) {
   InstallStopSignals();
   const char* level = std::getenv("ETUDE_LOG");
   InitLog(name, level ? level : "info");
+  std::set_terminate(OnTerminate);
   try {
     Status status = body();
     if (const auto reason = ReasonOfStop()) {
@@ -74,10 +90,11 @@ int RunMain(const std::string& name, const std::function<Status()>& body) {
     ServiceManager::Get().Stopping();
     if (status) return EndOfOutput(name);
     return End(ExitCodeFor(status.error()), name, status.error().message);
-  } catch (const std::exception& exception) {
-    return OnException(name, exception);
-  } catch (...) {  // MuJoCo's compiler, for one, throws a type of its own
-    return End(kExitFailure, name, "unexpected exception of a library that says nothing about itself");
+  } catch (const std::system_error& error) {
+    if (error.code() == std::errc::broken_pipe && NobodyReads()) return kExitUnread;
+    return End(kExitFailure, name, ExceptionText());
+  } catch (...) {
+    return End(kExitFailure, name, ExceptionText());
   }
 }
 

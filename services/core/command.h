@@ -16,9 +16,10 @@ enum ExitCode : int { kExitOk = 0, kExitFailure = 1, kExitUsage = 2, kExitMachin
 int ExitCodeFor(const Error& error);
 
 /// Runs a program's body: installs the stop signals and the log, prints an Error once as
-/// "NAME: message", and turns what libraries throw past their owners into exit code 1. SIGPIPE stays ignored, so that
-/// a socket whose peer has gone ends no service; a standard output that nobody reads ends the command where it next
-/// prints, without a word and with what it holds released. What is printed but cannot be written is an error.
+/// "NAME: message", and turns what libraries throw past their owners into exit code 1 (in a thread: into its words and
+/// SIGABRT). SIGPIPE stays ignored, so that a socket whose peer has gone ends no service; a standard output that nobody
+/// reads ends the command where it next prints, without a word and with what it holds released. What is printed but
+/// cannot be written is an error.
 int RunMain(const std::string& name, const std::function<Status()>& body);
 
 /// Etude's version, "0.1.0"; peers of another version are refused by name.

@@ -53,7 +53,7 @@ struct Episode {
   // meaning
   std::string robot, task, target, reference, instruction;
   bool success = false;
-  std::string outcome = "success";              ///< else AttemptOutcome as text, worker/task/attempt.h
+  std::string outcome = "success";              ///< else AttemptOutcome as text, worker/task/verdict.h
   OrderedJson details = OrderedJson::object();  ///< scene, plans, what judges say; no timings (they vary)
 
   // low-dimensional, one row a control step (125 Hz); T rows each

@@ -403,7 +403,7 @@ struct Bench {
 // A folder of its own below `parent`, gone with this.
 class Scratch {
  public:
-  explicit Scratch(const Path& parent) : path_(parent / fmt::format("etude-collector-bench-{}", ::getpid())) {
+  explicit Scratch(const Path& parent) : path_(parent / fmt::format("etude-test-{}-bench", ::getpid())) {
     if (const Status made = MakeFolders(path_); !made) Die(made.error());
   }
   ~Scratch() {

@@ -27,12 +27,12 @@ Status Validate(const Picture& picture, const HeightfieldOptions& options) {
       picture.mask.size() != n)
     return Fail(
         Code::kInvalidArgument,
-        fmt::format("raise a relief: a picture of {} x {} px with {} colours, {} depths, {} of mask", picture.width,
+        fmt::format("make a heightfield: a picture of {} x {} px with {} colours, {} depths, {} of mask", picture.width,
                     picture.height, picture.rgb.size(), picture.depth.size(), picture.mask.size()));
   if (options.max_faces < 100 || options.cut < 0 || options.cut > 0.5 || options.smoothing < 0 ||
       options.smoothing > 1 || options.rounds < 0 || picture.relief <= 0)
     return Fail(Code::kInvalidArgument,
-                fmt::format("raise a relief: max_faces {}, cut {}, smoothing {}, rounds {}, relief {} out of range",
+                fmt::format("make a heightfield: max_faces {}, cut {}, smoothing {}, rounds {}, relief {} out of range",
                             options.max_faces, options.cut, options.smoothing, options.rounds, picture.relief));
   return {};
 }
@@ -210,7 +210,7 @@ Result<HeightfieldBody> RaiseHeightfield(const Picture& picture, const Heightfie
   ETUDE_RETURN_IF_ERROR(Validate(picture, options));
   std::size_t area = 0;
   for (std::size_t i = 0; i < picture.pixels(); ++i) area += picture.mask[i] && picture.depth[i] > options.cut;
-  if (area < 16) return Fail(Code::kInvalidArgument, fmt::format("raise a relief: {} px of object", area));
+  if (area < 16) return Fail(Code::kInvalidArgument, fmt::format("make a heightfield: {} px of object", area));
 
   // two faces in front and two behind for each square
   double spacing = std::max(1.0, std::sqrt(4.0 * area / (0.95 * options.max_faces)));
@@ -221,7 +221,7 @@ Result<HeightfieldBody> RaiseHeightfield(const Picture& picture, const Heightfie
   }
   if (body.mesh.faces.empty())
     return Fail(Code::kInvalidArgument,
-                fmt::format("raise a relief: {} px of object, none as wide as {:.1f} px", area, spacing));
+                fmt::format("make a heightfield: {} px of object, none as wide as {:.1f} px", area, spacing));
   Smooth(body.mesh, options.smoothing, options.rounds);
   return body;
 }

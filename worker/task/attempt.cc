@@ -47,7 +47,7 @@ struct AttemptRunner::Impl {
   Result<EpisodeEnvironment*> EnvironmentOf(const SceneSpec& scene);
   std::string DrawInstruction(const EpisodePlan& plan) const;
   /// Fills in identity and meaning and hands the episode over.
-  void Finish(EpisodeRunner& session, const Verdict& verdict, const std::string& instruction,
+  void Finish(EpisodeRunner& runner, const Verdict& verdict, const std::string& instruction,
               AttemptResult& result) const;
 
   CampaignSpec spec;
@@ -79,22 +79,22 @@ std::string AttemptRunner::Impl::DrawInstruction(const EpisodePlan& plan) const 
   return grammar.Sample(language::CommandFor(plan.task, plan.target, plan.reference), language::Style::kTemplate, rng);
 }
 
-void AttemptRunner::Impl::Finish(EpisodeRunner& session, const Verdict& verdict, const std::string& instruction,
+void AttemptRunner::Impl::Finish(EpisodeRunner& runner, const Verdict& verdict, const std::string& instruction,
                                  AttemptResult& result) const {
-  const EpisodePlan& plan = session.plan();
-  Episode& episode = session.episode();
+  const EpisodePlan& plan = runner.plan();
+  Episode& episode = runner.episode();
   episode.campaign = spec.name;
   episode.index = plan.index;
   episode.attempt = plan.attempt;
   episode.seed = plan.seed;
   episode.spec_sha256 = spec_sha256;
-  episode.scene_sha256 = session.world().scene().sha256();
+  episode.scene_sha256 = runner.world().scene().sha256();
   episode.version = std::to_string(kContentVersion);
   episode.robot = plan.scene.robot;
   episode.instruction = instruction;
   episode.success = verdict.ok();
   episode.outcome = ToString(verdict.outcome);
-  episode.details.update(session.judge().Report());
+  episode.details.update(runner.judge().Report());
   episode.details["scene"] = result.scene;
   if (plan.has_obstacle()) episode.details["in_the_way"] = plan.obstacle == ObstaclePlace::kInTheWay;
   if (plan.world != EpisodeWorld{}) episode.details["world"] = ToJson(plan.world);
@@ -157,18 +157,18 @@ Result<AttemptResult> WithoutScene(const Error& error, const Times& preparing) {
 
 namespace {
 
-OrderedJson FailureOf(EpisodeRunner& session, const Verdict& verdict) {
-  const Episode& episode = session.episode();
+OrderedJson FailureOf(EpisodeRunner& runner, const Verdict& verdict) {
+  const Episode& episode = runner.episode();
   std::string stage = verdict.stage;
   if (stage.empty() && !episode.phase.empty() && episode.phase.back() < episode.stage_names.size())
     stage = episode.stage_names[episode.phase.back()];
   std::string pair;  // a violation of speed or torque is of a joint
-  if (const auto& all = session.judge().violations(); !all.empty()) {
+  if (const auto& all = runner.judge().violations(); !all.empty()) {
     const bool touched =
         all.front().kind == Violation::Kind::kContact || all.front().kind == Violation::Kind::kSelfContact;
-    if (touched && verdict.outcome == VerdictOnViolations(session.judge()).outcome) pair = all.front().what;
+    if (touched && verdict.outcome == VerdictOnViolations(runner.judge()).outcome) pair = all.front().what;
   }
-  const Eigen::Vector3d p = session.world().X_WE().p;
+  const Eigen::Vector3d p = runner.world().X_WE().p;
   return {{"stage", stage}, {"pair", pair}, {"point", {p.x(), p.y(), p.z()}}};
 }
 
@@ -199,17 +199,17 @@ Result<AttemptResult> AttemptRunner::Demonstrate(std::uint64_t index, std::uint3
   if (tracer) record.observe = [&tracer](const sim::World& world) { tracer->Observe(world); };
   auto opened_runner = EpisodeRunner::Open({&in.world, &in.renderer, &in.shapes, &in.checker}, plan, record);
   if (!opened_runner) return Invalid(opened_runner.error().message, preparing, draws);
-  EpisodeRunner& session = *opened_runner;
-  Expert expert(&session, &in.planner, &in.checker, impl.spec.randomization);
+  EpisodeRunner& runner = *opened_runner;
+  Expert expert(&runner, &in.planner, &in.checker, impl.spec.randomization);
   if (trace) expert.KeepMotions(&trace->motions);
   const Verdict verdict = expert.Run();
-  if (trace) trace->effort.Add(session.judge().violations());
+  if (trace) trace->effort.Add(runner.judge().violations());
 
-  AttemptResult result = Judged(verdict, draws, preparing, session.times());
-  if (!verdict.ok()) result.failure = FailureOf(session, verdict);
-  if (!verdict.ok() && (!trace || session.steps() == 0)) return result;
-  session.episode().details = expert.Statistics();
-  impl.Finish(session, verdict, impl.DrawInstruction(plan), result);
+  AttemptResult result = Judged(verdict, draws, preparing, runner.times());
+  if (!verdict.ok()) result.failure = FailureOf(runner, verdict);
+  if (!verdict.ok() && (!trace || runner.steps() == 0)) return result;
+  runner.episode().details = expert.Statistics();
+  impl.Finish(runner, verdict, impl.DrawInstruction(plan), result);
   return result;
 }
 
@@ -237,15 +237,15 @@ Result<AttemptResult> AttemptRunner::Rollout(std::uint64_t index, const policy::
   }
   auto opened_runner = EpisodeRunner::Open({&in->world, &in->renderer, &in->shapes, &in->checker}, plan, record);
   if (!opened_runner) return Invalid(opened_runner.error().message, preparing, draws);
-  EpisodeRunner& session = *opened_runner;
+  EpisodeRunner& runner = *opened_runner;
   const std::string instruction = impl.DrawInstruction(plan);
-  task::Rollout rollout(&session, &in->checker, in->scene, impl.spec.rollout, instruction);
+  task::Rollout rollout(&runner, &in->checker, in->scene, impl.spec.rollout, instruction);
   ETUDE_ASSIGN_OR_RETURN(const Verdict verdict, rollout.Run(ask));
 
-  AttemptResult result = Judged(verdict, draws, preparing, session.times());
-  session.episode().details = rollout.Details(verdict);
-  if (occluder) session.episode().details["occlusion"] = occluder->Report();
-  impl.Finish(session, verdict, instruction, result);
+  AttemptResult result = Judged(verdict, draws, preparing, runner.times());
+  runner.episode().details = rollout.Details(verdict);
+  if (occluder) runner.episode().details["occlusion"] = occluder->Report();
+  impl.Finish(runner, verdict, instruction, result);
   return result;
 }
 

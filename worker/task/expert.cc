@@ -37,17 +37,17 @@ Verdict NotPlanned(const Stage& stage, std::string_view what, const plan::Outcom
 
 }  // namespace
 
-Expert::Expert(EpisodeRunner* session, StagePlanner* planner, collide::Checker* checker,
+Expert::Expert(EpisodeRunner* runner, StagePlanner* planner, collide::Checker* checker,
                const RandomizationSpec& randomization)
-    : session_(session),
+    : runner_(runner),
       planner_(planner),
       checker_(checker),
       randomization_(randomization),
-      push_rng_(session->plan().seeds.disturbance),
-      stages_(StagesOf(session->plan().task, session->shapes())),
+      push_rng_(runner->plan().seeds.disturbance),
+      stages_(StagesOf(runner->plan().task, runner->shapes())),
       push_drawn_(stages_.size(), false),
-      reference_(session->world().X_WE()) {
-  for (const auto& stage : stages_) session_->episode().stage_names.push_back(stage.name);
+      reference_(runner->world().X_WE()) {
+  for (const auto& stage : stages_) runner_->episode().stage_names.push_back(stage.name);
 }
 
 Verdict Expert::Run() {
@@ -67,27 +67,27 @@ Verdict Expert::Run() {
 }
 
 StageContext Expert::Now() const {
-  const std::string& target = session_->plan().target;
-  const std::string& reference = session_->plan().reference;
-  StageContext now{.shapes = &session_->shapes(),
+  const std::string& target = runner_->plan().target;
+  const std::string& reference = runner_->plan().reference;
+  StageContext now{.shapes = &runner_->shapes(),
                    .target = target,
                    .reference = reference,
-                   .X_WO = session_->world().ObjectPose(target),
+                   .X_WO = runner_->world().ObjectPose(target),
                    .X_WE = reference_,
                    .X_EO = X_EO_};
-  if (!reference.empty()) now.X_WR = session_->world().ObjectPose(reference);
+  if (!reference.empty()) now.X_WR = runner_->world().ObjectPose(reference);
   return now;
 }
 
 Surroundings Expert::Around(const StageContext& now) const {
-  const SceneGeometry& shapes = session_->shapes();
+  const SceneGeometry& shapes = runner_->shapes();
   const double below = now.X_EO
                            ? HeldBelow(now, now.X_WE.q)
                            : shapes.Reach(SceneGeometry::Part::kHand, false, now.X_WE.q, -Eigen::Vector3d::UnitZ());
-  Surroundings around{.avoid = session_->plan().avoid};
-  for (const auto& object : session_->world().scene().objects()) {
-    if (object.name == session_->plan().target) continue;
-    const Pose X_WO = session_->world().ObjectPose(object.name);
+  Surroundings around{.avoid = runner_->plan().avoid};
+  for (const auto& object : runner_->world().scene().objects()) {
+    if (object.name == runner_->plan().target) continue;
+    const Pose X_WO = runner_->world().ObjectPose(object.name);
     around.hands.push_back(X_WO.p - Eigen::Vector3d(0, shapes.ahead_open(), 0));
     const double top = (X_WO * shapes.Centre(object.name)).z() + object.half_extent.maxCoeff();
     around.over = std::max(around.over, top + below + kOver);
@@ -97,7 +97,7 @@ Surroundings Expert::Around(const StageContext& now) const {
 
 std::vector<Eigen::Vector3d> Expert::AvoidedPlaces() const {
   std::vector<Eigen::Vector3d> places;
-  for (const auto& name : session_->plan().avoid) places.push_back(session_->world().ObjectPose(name).p);
+  for (const auto& name : runner_->plan().avoid) places.push_back(runner_->world().ObjectPose(name).p);
   return places;
 }
 
@@ -107,10 +107,10 @@ Verdict Expert::AvoidWhatMoved(const MotionSegment& segment, int step, std::opti
   double moved = 0;
   for (std::size_t i = 0; i < now.size(); ++i) moved = std::max(moved, (now[i] - segment.avoided[i]).norm());
   if (moved < kMoved) return {};
-  const plan::Timer watch(session_->times().plan);
+  const plan::Timer watch(runner_->times().plan);
   const int i = segment.stage[step];
   UpdateChecker(stages_[i]);
-  const Eigen::VectorXd q = session_->world().q();
+  const Eigen::VectorXd q = runner_->world().q();
   const auto blockage = planner_->FindBlockage(segment.motion, step, q);
   if (!blockage) return {};
   Pose goal = segment.motion.X_WE.back();
@@ -129,7 +129,7 @@ Verdict Expert::AvoidWhatMoved(const MotionSegment& segment, int step, std::opti
 }
 
 std::uint64_t Expert::NextPlanSeed() {
-  return MixSeed({session_->plan().seeds.planning, std::uint64_t(plans_++)}, "motion");
+  return MixSeed({runner_->plan().seeds.planning, std::uint64_t(plans_++)}, "motion");
 }
 
 OrderedJson Expert::PlannedJson(int stage, const PlannedStage& planned) const {
@@ -148,20 +148,20 @@ void Expert::KeepPlanned(const MotionSegment& segment, int last) {
 
 void Expert::KeepMotion(const plan::Motion& motion, int first, int last, bool disturbance) {
   if (!motions_) return;
-  PlayedMotion played{.step = session_->steps(), .stages = {}, .disturbance = disturbance, .motion = motion};
+  PlayedMotion played{.step = runner_->steps(), .stages = {}, .disturbance = disturbance, .motion = motion};
   for (int i = first; i <= last; ++i) played.stages.push_back(stages_[i].name);
   motions_->push_back(std::move(played));
 }
 
 void Expert::UpdateChecker(const Stage& stage) {
-  const sim::World& world = session_->world();
-  const std::string& target = session_->plan().target;
+  const sim::World& world = runner_->world();
+  const std::string& target = runner_->plan().target;
   for (const auto& object : world.scene().objects()) checker_->SetObject(object.name, world.ObjectPose(object.name));
   SetForStage(stage, target, X_EO_, *checker_);
 }
 
 Verdict Expert::PlanSegment(int first, MotionSegment& segment) {
-  const plan::Timer watch(session_->times().plan);
+  const plan::Timer watch(runner_->times().plan);
   Verdict verdict = TrySegment(first, true, segment);
   if (!verdict.ok() && stages_[first].clearance > 0) {
     // another way may arrive with the arm in another branch, from which the next stage can be done
@@ -177,7 +177,7 @@ Verdict Expert::PlanSegment(int first, MotionSegment& segment) {
 
 Verdict Expert::TrySegment(int first, bool by_field, MotionSegment& segment) {
   StageContext now = Now();
-  Eigen::VectorXd q = session_->world().q();
+  Eigen::VectorXd q = runner_->world().q();
   if (const auto q_reference = planner_->Solve(reference_, q)) q = *q_reference;
   segment.first = first;
   segment.avoided = AvoidedPlaces();
@@ -242,11 +242,11 @@ std::optional<plan::Motion> Expert::FeasiblePush(const plan::Motion& path, int a
   const int drawn_steps = push.steps;
   UpdateChecker(stage);
   if (!stage.holds) checker_->Allow({});  // a push must not hit what the stage will touch
-  const Eigen::VectorXd joint_speed = kStages.planned_speed * session_->world().scene().arm().planned_speed;
+  const Eigen::VectorXd joint_speed = kStages.planned_speed * runner_->world().scene().arm().planned_speed;
   for (int slower = 1; slower <= kSlowest; ++slower) {
     push.steps = slower * drawn_steps;
     plan::Motion motion = PushMotion(path, at, push);
-    const auto q = planner_->Solve(motion.X_WE.front(), session_->world().q());
+    const auto q = planner_->Solve(motion.X_WE.front(), runner_->world().q());
     if (!q) return std::nullopt;
     const PushVerdict verdict = JudgePush(motion, *q, joint_speed, planner_->kinematics(), *checker_);
     if (verdict == PushVerdict::kFree) return motion;
@@ -258,11 +258,11 @@ std::optional<plan::Motion> Expert::FeasiblePush(const plan::Motion& path, int a
 // A motion is planned with the fingers as its stage wants them, and open ones sweep more while they still close.
 bool Expert::FingersInTheWay(const MotionSegment& segment) {
   const Stage& stage = stages_[segment.first];
-  const double now = session_->world().gripper();
+  const double now = runner_->world().gripper();
   if (!stage.closed || stage.holds || now > 1 - kFingersThere) return false;
-  const plan::Timer watch(session_->times().plan);
+  const plan::Timer watch(runner_->times().plan);
   UpdateChecker(stage);
-  Eigen::VectorXd q = session_->world().q();
+  Eigen::VectorXd q = runner_->world().q();
   for (int t = 0; t < std::min(kFingerSteps, segment.motion.steps()); t += kFingerLook) {
     if (const auto solved = planner_->Solve(segment.motion.X_WE[t], q)) q = *solved;
     for (const double gripper : {now, 0.5 * (now + 1)}) {
@@ -275,7 +275,7 @@ bool Expert::FingersInTheWay(const MotionSegment& segment) {
 
 Verdict Expert::CloseFirst(const MotionSegment& segment) {
   if (!FingersInTheWay(segment)) return {};
-  for (int t = 0; t < kFingerSteps && session_->world().gripper() < 1 - kFingersThere; ++t) {
+  for (int t = 0; t < kFingerSteps && runner_->world().gripper() < 1 - kFingersThere; ++t) {
     const Verdict verdict = PlayStep(segment.first, reference_, Vector6::Zero(), true);
     if (!verdict.ok()) return verdict;
   }
@@ -286,7 +286,7 @@ Verdict Expert::PlaySegment(const MotionSegment& segment, int& next_stage) {
   if (const Verdict verdict = CloseFirst(segment); !verdict.ok()) return verdict;
   Interruption push;
   {
-    const plan::Timer watch(session_->times().plan);
+    const plan::Timer watch(runner_->times().plan);
     push = DrawInterruption(segment);
   }
   const int end = push.at >= 0 ? push.at : segment.motion.steps();
@@ -318,30 +318,30 @@ Verdict Expert::PlaySegment(const MotionSegment& segment, int& next_stage) {
 Verdict Expert::PlayStep(int stage, const Pose& X_WE, const Vector6& V_WE, bool supervise) {
   reference_ = X_WE;
   const Command command{{X_WE, stages_[stage].closed ? 1.0 : 0.0}, V_WE, stage, supervise};
-  if (!session_->Step(command)) return Stopped(stage);
+  if (!runner_->Step(command)) return Stopped(stage);
   return Check(stage);
 }
 
 Verdict Expert::Stopped(int stage) const {
-  return Failed(session_->failure(), fmt::format("{}: {}", stages_[stage].name, session_->failure_reason()));
+  return Failed(runner_->failure(), fmt::format("{}: {}", stages_[stage].name, runner_->failure_reason()));
 }
 
 Verdict Expert::Check(int stage) const {
-  if (const Verdict verdict = VerdictOnViolations(session_->judge()); !verdict.ok())
+  if (const Verdict verdict = VerdictOnViolations(runner_->judge()); !verdict.ok())
     return Failed(verdict.outcome, fmt::format("{}: {}", stages_[stage].name, verdict.reason));
   if (!stages_[stage].holds || !X_EO_) return {};
-  const Pose X_WO = session_->world().ObjectPose(session_->plan().target);
-  const double shift = ((session_->world().X_WE().inverse() * X_WO).p - X_EO_->p).norm();
+  const Pose X_WO = runner_->world().ObjectPose(runner_->plan().target);
+  const double shift = ((runner_->world().X_WE().inverse() * X_WO).p - X_EO_->p).norm();
   if (shift < kDropDistance) return {};
   return Failed(AttemptOutcome::kDropped, fmt::format("{}: {} shifted by {:.3f} m in the hand", stages_[stage].name,
-                                                      session_->plan().target, shift));
+                                                      runner_->plan().target, shift));
 }
 
 // Waits until the hand has caught up with the end of the motion.
 Verdict Expert::Settle(int stage, const Pose& goal) {
   double error = 0;
   for (int t = 0; t <= kSettleSteps; ++t) {
-    error = (session_->world().X_WE().p - goal.p).norm();
+    error = (runner_->world().X_WE().p - goal.p).norm();
     if (error < kGoalTolerance) return {};
     const Verdict verdict = PlayStep(stage, goal, Vector6::Zero(), true);
     if (!verdict.ok()) return verdict;
@@ -353,7 +353,7 @@ Verdict Expert::Settle(int stage, const Pose& goal) {
 Verdict Expert::PlayWait(int stage) {
   const Stage& wait = stages_[stage];
   for (int t = 0; t < wait.max_steps; ++t) {
-    const bool done = !wait.done || wait.done(session_->world(), session_->plan().target);
+    const bool done = !wait.done || wait.done(runner_->world(), runner_->plan().target);
     if (t >= wait.min_steps && done) break;
     const Verdict verdict = PlayStep(stage, reference_, Vector6::Zero(), true);
     if (!verdict.ok()) return verdict;
@@ -363,8 +363,8 @@ Verdict Expert::PlayWait(int stage) {
 
 Verdict Expert::AfterWait(int stage) {
   const Stage& wait = stages_[stage];
-  sim::World& world = session_->world();
-  const std::string& target = session_->plan().target;
+  sim::World& world = runner_->world();
+  const std::string& target = runner_->plan().target;
   if (wait.done && !wait.done(world, target))
     return Failed(AttemptOutcome::kGraspMissed,
                   fmt::format("{}: {} is not between the fingers but touches {}", wait.name, target,
@@ -376,10 +376,10 @@ Verdict Expert::AfterWait(int stage) {
 
 Verdict Expert::Dwell() {
   const int last = static_cast<int>(stages_.size()) - 1;
-  for (int t = 0; session_->judge().held() < kDwell; ++t) {
+  for (int t = 0; runner_->judge().held() < kDwell; ++t) {
     if (t == kMostDwell)
       return Failed(AttemptOutcome::kCriterionFailed,
-                    fmt::format("{}: {}", session_->plan().task.base, session_->judge().Words()));
+                    fmt::format("{}: {}", runner_->plan().task.base, runner_->judge().Words()));
     const Verdict verdict = PlayStep(last, reference_, Vector6::Zero(), true);
     if (!verdict.ok()) return verdict;
   }

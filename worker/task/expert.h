@@ -13,10 +13,10 @@
 
 namespace etude::task {
 
-/// Plays one attempt in a session. Its plans and pushes are functions of the plan's seeds and the session's state.
+/// Plays one attempt. Its plans and pushes are functions of the plan's seeds and the world's state.
 class Expert {
  public:
-  Expert(EpisodeRunner* session, StagePlanner* planner, collide::Checker* checker,
+  Expert(EpisodeRunner* runner, StagePlanner* planner, collide::Checker* checker,
          const RandomizationSpec& randomization);
 
   /// Appends each motion that is begun from now on, for replays. `motions` outlives this.
@@ -71,7 +71,7 @@ class Expert {
   /// Plans the rest of `stage` anew when something that has to be avoided moved into the way. `rest` gets it.
   Verdict AvoidWhatMoved(const MotionSegment& segment, int step, std::optional<MotionSegment>& rest);
 
-  EpisodeRunner* session_;
+  EpisodeRunner* runner_;
   StagePlanner* planner_;
   collide::Checker* checker_;
   RandomizationSpec randomization_;

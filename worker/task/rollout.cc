@@ -126,15 +126,15 @@ double Tracker::Advance(const Pose& now, const Pose& next) {
   return share;
 }
 
-Rollout::Rollout(EpisodeRunner* session, collide::Checker* checker, std::shared_ptr<const sim::Scene> scene,
+Rollout::Rollout(EpisodeRunner* runner, collide::Checker* checker, std::shared_ptr<const sim::Scene> scene,
                  const RolloutSpec& spec, std::string instruction)
-    : session_(session),
+    : runner_(runner),
       checker_(checker),
       kinematics_(std::move(scene)),
       spec_(spec),
       instruction_(std::move(instruction)) {
-  session_->episode().stage_names = {"policy"};
-  if (spec.pushes.on()) pushes_.emplace(spec.pushes, session_->plan().seeds.pushes, session_, checker_);
+  runner_->episode().stage_names = {"policy"};
+  if (spec.pushes.on()) pushes_.emplace(spec.pushes, runner_->plan().seeds.pushes, runner_, checker_);
 }
 
 int StepLimitOf(const RolloutSpec& spec, const std::string& robot) {
@@ -158,7 +158,7 @@ Result<tl::expected<policy::Answer, Verdict>> Rollout::Decide(const policy::AskF
   const std::string refusal = RefusalOf(answer);
   if (!refusal.empty())
     return tl::make_unexpected(Verdict{AttemptOutcome::kPolicyError,
-                                       fmt::format("step {}: the policy answered {}", session_->steps(), refusal)});
+                                       fmt::format("step {}: the policy answered {}", runner_->steps(), refusal)});
   RecordDecision(answer);
   return answer;
 }
@@ -168,12 +168,12 @@ Result<Verdict> Rollout::Run(const policy::AskFunction& ask, bool closed) {
 }
 
 Result<Verdict> Rollout::RunTracked(const policy::AskFunction& ask, bool closed) {
-  Tracker tracker(session_->world().X_WE(), closed, [this](const Vector6d& V_WE) { return SpeedShareOf(V_WE); });
+  Tracker tracker(runner_->world().X_WE(), closed, [this](const Vector6d& V_WE) { return SpeedShareOf(V_WE); });
   std::vector<Waypoint> answered;  // not in effect yet
   int question = 0, effect = 0;    // steps of the next question, and from which the last answer counts
   int latency = 0;                 // of the last answer, steps
-  while (!session_->judge().done()) {
-    const int step = session_->steps();
+  while (!runner_->judge().done()) {
+    const int step = runner_->steps();
     // an answer's first waypoint was for the step after the picture
     const auto follow = [&] {
       if (step == effect && !answered.empty()) tracker.Follow(std::exchange(answered, {}), latency);
@@ -189,20 +189,20 @@ Result<Verdict> Rollout::RunTracked(const policy::AskFunction& ask, bool closed)
     }
     follow();
     if (pushes_) pushes_->BeforeStep();
-    if (!session_->Step(tracker.Next())) return Failed();
+    if (!runner_->Step(tracker.Next())) return Failed();
   }
-  return VerdictOnViolations(session_->judge());
+  return VerdictOnViolations(runner_->judge());
 }
 
 // Their loop: a picture, one pose of the answer as the controller's target for kHeldSteps, and the next picture.
 Result<Verdict> Rollout::RunAsAuthors(const policy::AskFunction& ask, bool closed) {
   latency_steps_ = 0;
-  const int limit = StepLimitOf(spec_, session_->plan().scene.robot);
-  const int followed = IsJaco(session_->plan().scene.robot) ? kFollowedByJaco : kFollowed;
+  const int limit = StepLimitOf(spec_, runner_->plan().scene.robot);
+  const int followed = IsJaco(runner_->plan().scene.robot) ? kFollowedByJaco : kFollowed;
   Command held;
-  held.target = {session_->world().X_WE(), closed ? 1.0 : 0.0};
-  while (!session_->judge().done()) {
-    const int step = session_->steps();
+  held.target = {runner_->world().X_WE(), closed ? 1.0 : 0.0};
+  while (!runner_->judge().done()) {
+    const int step = runner_->steps();
     if (step % kHeldSteps == 0 && step < limit) {
       ETUDE_ASSIGN_OR_RETURN(auto answer, Decide(ask));
       if (!answer) return answer.error();
@@ -211,37 +211,37 @@ Result<Verdict> Rollout::RunAsAuthors(const policy::AskFunction& ask, bool close
       held.target.gripper = closed ? 1 : 0;
     }
     if (pushes_) pushes_->BeforeStep();
-    if (!session_->Step(held)) return Failed();
+    if (!runner_->Step(held)) return Failed();
   }
-  return VerdictOnViolations(session_->judge());
+  return VerdictOnViolations(runner_->judge());
 }
 
 Verdict Rollout::Failed() const {
-  return {session_->failure(),
-          fmt::format("step {}: {}; {}", session_->steps(), session_->failure_reason(), session_->judge().Words())};
+  return {runner_->failure(),
+          fmt::format("step {}: {}; {}", runner_->steps(), runner_->failure_reason(), runner_->judge().Words())};
 }
 
 double Rollout::SpeedShareOf(const Vector6d& V_WE) {
-  const sim::World& world = session_->world();
+  const sim::World& world = runner_->world();
   const Eigen::VectorXd v = sim::JointMotion(kinematics_.Jacobian(world.q()), V_WE, kDamping);
   const double most = (v.cwiseAbs().cwiseQuotient(world.scene().arm().planned_speed)).maxCoeff();
   return most > kJointSpeedShare ? kJointSpeedShare / most : 1;
 }
 
 Result<policy::Answer> Rollout::Ask(const policy::AskFunction& ask) {
-  const sim::World& world = session_->world();
+  const sim::World& world = runner_->world();
   const Eigen::VectorXf arm = world.q().cast<float>();
   const Eigen::VectorXf gripper = world.gripper_q().cast<float>();
-  const Camera& camera = session_->episode().cameras.at(0).camera;
+  const Camera& camera = runner_->episode().cameras.at(0).camera;
   policy::Question question;
   question.instruction = instruction_;
-  question.robot = session_->plan().scene.robot;  // the episode says it at its end
+  question.robot = runner_->plan().scene.robot;  // the episode says it at its end
   question.joints.assign(arm.begin(), arm.end());
   question.joints.insert(question.joints.end(), gripper.begin(), gripper.end());
   question.width = camera.width;
   question.height = camera.height;
   question.camera = camera;
-  question.rgb = session_->Picture();
+  question.rgb = runner_->Picture();
   return ask(question);
 }
 
@@ -251,9 +251,8 @@ void Rollout::RecordDecision(const policy::Answer& answer) {
   if (answer.modules.is_object())
     for (const auto& [module, output] : answer.modules.items())
       if (const auto error = ErrorOf(output)) errors[module] = *error;
-  OrderedJson decision{{"step", session_->steps()},
-                       {"checkpoint_step", answer.checkpoint_step},
-                       {"touched", session_->judge().touched()}};
+  OrderedJson decision{
+      {"step", runner_->steps()}, {"checkpoint_step", answer.checkpoint_step}, {"touched", runner_->judge().touched()}};
   decision["error_m"] = std::move(errors);
   decisions_.push_back(std::move(decision));
 }
@@ -265,16 +264,16 @@ std::optional<double> Rollout::ErrorOf(const OrderedJson& output) const {
   const auto entity = PlaceOf(TextOr(output, "entity"));
   if (!entity) return std::nullopt;
   if (quantity == "position" || quantity == "pose") return (*said - *entity).norm();
-  if (quantity == "displacement") return (*said - (*entity - session_->world().X_WE().p)).norm();
+  if (quantity == "displacement") return (*said - (*entity - runner_->world().X_WE().p)).norm();
   return std::nullopt;
 }
 
 std::optional<Eigen::Vector3d> Rollout::PlaceOf(const std::string& entity) const {
-  const sim::World& world = session_->world();
+  const sim::World& world = runner_->world();
   if (entity == "ee") return world.X_WE().p;
   std::string name = entity.starts_with("object:") ? entity.substr(7) : entity;
-  if (entity == "target") name = session_->plan().target;
-  if (entity == "reference") name = session_->plan().reference;
+  if (entity == "target") name = runner_->plan().target;
+  if (entity == "reference") name = runner_->plan().reference;
   if (entity == "obstacle") name = kObstacleObject;
   for (const auto& object : world.scene().objects())
     if (object.name == name) return world.ObjectPose(name).p;
@@ -282,9 +281,9 @@ std::optional<Eigen::Vector3d> Rollout::PlaceOf(const std::string& entity) const
 }
 
 void Rollout::ObserveDistance() {
-  const sim::World& world = session_->world();
-  const std::string& target = session_->plan().target;
-  const plan::Timer watch(session_->times().plan);
+  const sim::World& world = runner_->world();
+  const std::string& target = runner_->plan().target;
+  const plan::Timer watch(runner_->times().plan);
   for (const auto& object : world.scene().objects()) checker_->SetObject(object.name, world.ObjectPose(object.name));
   checker_->Allow({target});
   const double gripper = checker_->gripper();
@@ -299,7 +298,7 @@ void Rollout::ObserveDistance() {
 OrderedJson Rollout::Details(const Verdict& verdict) const {
   OrderedJson details{{"outcome", ToString(verdict.outcome)},
                       {"reason", verdict.reason},
-                      {"steps", session_->steps()},
+                      {"steps", runner_->steps()},
                       {"latency_steps", std::max(0, latency_steps_)}};
   if (!nearest_pair_.empty()) {
     details["nearest_m"] = nearest_;

@@ -51,7 +51,7 @@ int StepLimitOf(const RolloutSpec& spec, const std::string& robot);
 class Rollout {
  public:
   /// `checker` measures distances, for the record and for pushes of the target.
-  Rollout(EpisodeRunner* session, collide::Checker* checker, std::shared_ptr<const sim::Scene> scene,
+  Rollout(EpisodeRunner* runner, collide::Checker* checker, std::shared_ptr<const sim::Scene> scene,
           const RolloutSpec& spec, std::string instruction);
 
   /// The policy drives until the strict condition has held for its dwell, or to the step limit. An answer takes effect
@@ -80,7 +80,7 @@ class Rollout {
   std::optional<double> ErrorOf(const OrderedJson& output) const;
   std::optional<Eigen::Vector3d> PlaceOf(const std::string& entity) const;
 
-  EpisodeRunner* session_;
+  EpisodeRunner* runner_;
   collide::Checker* checker_;
   sim::Kinematics kinematics_;
   RolloutSpec spec_;

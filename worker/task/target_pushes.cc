@@ -17,45 +17,45 @@ double BlendRate(double s) { return 6 * s * (1 - s); }
 
 }  // namespace
 
-TargetPushes::TargetPushes(const TargetPushSpec& spec, std::uint64_t seed, EpisodeRunner* session,
+TargetPushes::TargetPushes(const TargetPushSpec& spec, std::uint64_t seed, EpisodeRunner* runner,
                            collide::Checker* checker)
-    : spec_(spec), session_(session), checker_(checker), rng_(seed) {
+    : spec_(spec), runner_(runner), checker_(checker), rng_(seed) {
   const auto window = static_cast<std::uint64_t>(spec.latest - spec.earliest + 1);
   for (int i = 0; i < spec.count; ++i) due_.push_back(spec.earliest + static_cast<int>(rng_.Below(window)));
   std::sort(due_.begin(), due_.end());
 }
 
 void TargetPushes::BeforeStep() {
-  if (session_->judge().touched()) {
+  if (runner_->judge().touched()) {
     under_way_ = false;
     next_ = due_.size();
   }
   if (under_way_) return GoOn();
-  const int step = session_->steps();
+  const int step = runner_->steps();
   if (next_ == due_.size() || step < due_[next_] || step > spec_.latest) return;
   if (Begin()) GoOn();
 }
 
 bool TargetPushes::Begin() {
-  const std::string& target = session_->plan().target;
-  const Pose X_WO = session_->world().ObjectPose(target);
+  const std::string& target = runner_->plan().target;
+  const Pose X_WO = runner_->world().ObjectPose(target);
   const auto by = DrawWay(X_WO);
   if (!by) return false;
   ++next_;
-  pushes_.push_back({.step = session_->steps(), .from = X_WO, .by = *by, .end = X_WO.p});
+  pushes_.push_back({.step = runner_->steps(), .from = X_WO, .by = *by, .end = X_WO.p});
   return under_way_ = true;
 }
 
 void TargetPushes::GoOn() {
   Push& push = pushes_.back();
-  push.end = session_->world().ObjectPose(session_->plan().target).p;
+  push.end = runner_->world().ObjectPose(runner_->plan().target).p;
   if (push.steps == kTargetPushSteps) {
     under_way_ = false;
     return;
   }
   const double s = static_cast<double>(++push.steps) / kTargetPushSteps;
   const double rate = BlendRate(s) * kControlRate / kTargetPushSteps;  // 1/s
-  session_->PushTarget({push.from.p + Blend(s) * push.by, push.from.q}, rate * push.by);
+  runner_->PushTarget({push.from.p + Blend(s) * push.by, push.from.q}, rate * push.by);
 }
 
 std::optional<Eigen::Vector3d> TargetPushes::DrawWay(const Pose& X_WO) {
@@ -69,8 +69,8 @@ std::optional<Eigen::Vector3d> TargetPushes::DrawWay(const Pose& X_WO) {
 }
 
 bool TargetPushes::MayStandAt(const Eigen::Vector3d& p) const {
-  const sim::World& world = session_->world();
-  const EpisodePlan& plan = session_->plan();
+  const sim::World& world = runner_->world();
+  const EpisodePlan& plan = runner_->plan();
   const auto& boxes = plan.task.spec->start.roomy() ? RoomyBoxes() : LocationBoxes();
   const bool in_reach = std::ranges::any_of(boxes, [&](const LocationBox& box) {
     return p.x() >= box.x_min && p.x() <= box.x_max && p.y() >= box.y_min && p.y() <= box.y_max;
@@ -79,13 +79,13 @@ bool TargetPushes::MayStandAt(const Eigen::Vector3d& p) const {
   const auto& objects = world.scene().objects();
   return std::ranges::all_of(objects, [&](const sim::ObjectInfo& object) {
     return object.name == plan.target ||
-           StandApart(session_->shapes().object(plan.target), p, object, world.ObjectPose(object.name).p);
+           StandApart(runner_->shapes().object(plan.target), p, object, world.ObjectPose(object.name).p);
   });
 }
 
 bool TargetPushes::ClearOfRobot(const Pose& X_WO, const Eigen::Vector3d& by) {
-  const std::string& target = session_->plan().target;
-  const Eigen::VectorXd q = session_->world().q();
+  const std::string& target = runner_->plan().target;
+  const Eigen::VectorXd q = runner_->world().q();
   checker_->Allow({});
   bool clear = true;
   for (int place = 0; place < kPlacesOfWay && clear; ++place) {

@@ -24,8 +24,8 @@ inline constexpr double kTargetPushClearance = 0.05;
 /// Not thread-safe.
 class TargetPushes {
  public:
-  /// `session` and `checker` are borrowed. All draws come from `seed`.
-  TargetPushes(const TargetPushSpec& spec, std::uint64_t seed, EpisodeRunner* session, collide::Checker* checker);
+  /// `runner` and `checker` are borrowed. All draws come from `seed`.
+  TargetPushes(const TargetPushSpec& spec, std::uint64_t seed, EpisodeRunner* runner, collide::Checker* checker);
 
   /// Before every control step: begins a push that is due, or goes on with the one under way.
   void BeforeStep();
@@ -49,7 +49,7 @@ class TargetPushes {
   bool ClearOfRobot(const Pose& X_WO, const Eigen::Vector3d& by);
 
   TargetPushSpec spec_;
-  EpisodeRunner* session_;
+  EpisodeRunner* runner_;
   collide::Checker* checker_;
   Rng rng_;
   std::vector<int> due_;  // control steps, ascending

@@ -59,6 +59,15 @@ void PrintTree(const PredicateSpec& tree, int depth) {
   for (const auto& child : tree.children) PrintTree(child, depth + 1);
 }
 
+void PrintStart(const StartSpec& start) {
+  Line("start", start.roomy() ? "space before and behind every object" : "objects where there is room");
+  if (!start.keep_clear.empty())
+    Line("", fmt::format("no obstacle at {} places around the target", start.keep_clear.size()));
+  if (!start.not_already) return;
+  Line("", "not already:");
+  PrintTree(*start.not_already, 1);
+}
+
 Status PrintMeaning(const TaskName& task, const std::vector<std::string>& objects) {
   const TaskSpec& spec = *task.spec;
   Line("task", spec.summary.empty() ? spec.name : fmt::format("{}: {}", spec.name, spec.summary));
@@ -78,9 +87,16 @@ Status PrintMeaning(const TaskName& task, const std::vector<std::string>& object
   if (spec.reference.needed)
     Line("reference",
          spec.reference.only.empty() ? "any other object" : fmt::format("{}", fmt::join(spec.reference.only, ", ")));
+  for (const auto& variant : spec.avoid)
+    Line("also",
+         fmt::format("'{}+{}': {}", spec.name, variant,
+                     variant == "obstacle" ? "without touching the obstacle" : "without touching other objects"));
+  PrintStart(spec.start);
   for (std::size_t i = 0; i < spec.stages.size(); ++i) Line(i == 0 ? "stages" : "", StageWords(spec.stages[i]));
   Line("done", fmt::format("when for {} control steps", task::kDwell));
   PrintTree(spec.success, 1);
+  Line("latched", "when once, as the paper's authors count");
+  PrintTree(spec.latched.value_or(spec.success), 1);
   return {};
 }
 

@@ -39,7 +39,7 @@ TEST(Assembly, TellsRepeatsAndMalformedChunks) {
   EXPECT_EQ(assembly.Missing(10), std::vector<std::uint32_t>{1});
 }
 
-TEST(Assembly, EmptyObjectIsComplete) {
+TEST(Assembly, AnEmptyBlobIsComplete) {
   Assembly assembly(0, 100);
   EXPECT_TRUE(assembly.complete());
   EXPECT_EQ(assembly.Digest(), Sha256Of({}));

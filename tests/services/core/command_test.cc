@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <pthread.h>
 #include <signal.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
@@ -17,6 +18,7 @@
 #include <stdexcept>
 #include <string>
 #include <system_error>
+#include <thread>
 #include <tuple>
 #include <vector>
 
@@ -53,6 +55,19 @@ TEST(Command, EveryKindOfErrorHasItsExitCodeAndItsWords) {
 TEST(Command, ABuildsVersionIsTheVersionAndMayNameTheCommit) {
   EXPECT_TRUE(BuildVersion() == Version() || BuildVersion().starts_with(Version() + "+")) << BuildVersion();
   EXPECT_LE(BuildVersion().size(), 64u) << "it fits into a message";
+}
+
+TEST(CommandDeathTest, AnExceptionInAThreadEndsTheProgramWithItsWords) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const auto body = []() -> Status {
+    std::thread([] {
+      ::pthread_setname_np(::pthread_self(), "loader");
+      throw std::runtime_error("no more room");
+    }).join();
+    return {};
+  };
+  EXPECT_EXIT(::_exit(RunMain("etude", body)), testing::KilledBySignal(SIGABRT),
+              "thread 'loader': unexpected exception: no more room");
 }
 
 // What a program says on stderr when its body does this.
