@@ -90,9 +90,9 @@ struct ResultRow {
     v("title", title, "", "what is measured");
     v("paper", paper, "", "what the paper has");
     v("goal", goal, "%", "strict success that is wanted; 0: none");
-    v("data", data);
-    v("train", train);
-    v("eval", eval);
+    v("data", data, "", "what it is trained on");
+    v("train", train, "", "how it is trained");
+    v("eval", eval, "", "the rollouts that its figures come from");
     v("compare", compare, "", "row before it whose rollouts of the same scenes these are paired with");
   }
 };

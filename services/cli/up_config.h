@@ -55,8 +55,8 @@ struct UpConfig {
     v("workers", workers, "-", "worker processes; 0: one a core");
     v("domain", domain, "-", "DDS domain of all that is started");
     v("out", out, "", "folder for dataset/, run/, eval/ and logs/");
-    v("train", train);
-    v("eval", eval);
+    v("train", train, "", "the training");
+    v("eval", eval, "", "the rollouts at its end");
   }
 };
 

@@ -9,7 +9,7 @@ std::vector<std::string> MissingFromReference(const std::vector<ConfigKey>& keys
   std::vector<std::string> missing;
   for (const auto& key : keys) {
     const bool numeric = key.type.find("integer") != std::string::npos || key.type.find("number") != std::string::npos;
-    if (key.meaning.empty() && key.type != "section") missing.push_back(key.path + ": no meaning");
+    if (key.meaning.empty()) missing.push_back(key.path + ": no meaning");
     if (numeric && key.unit.empty()) missing.push_back(key.path + ": no unit");
   }
   return missing;

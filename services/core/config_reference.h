@@ -96,8 +96,7 @@ std::vector<ConfigKey> ConfigReference() {
   return keys;
 }
 
-/// What is missing: "camera.width: no meaning", "camera.width: no unit". A section needs no meaning when its keys
-/// have theirs.
+/// What is missing: "camera.width: no meaning", "camera.width: no unit".
 std::vector<std::string> MissingFromReference(const std::vector<ConfigKey>& keys);
 
 /// As text, two lines a key: path, type, unit and default, then the meaning.

@@ -49,7 +49,7 @@ struct RandomizationSpec {
     v("disturbance", disturbance, "m", "size of a disturbance that the expert recovers from");
     v("disturbance_probability", disturbance_probability, "-", "of a disturbance in each motion stage");
     v("light", light, "-", "relative change of light and colour");
-    v("world", world);
+    v("world", world, "", "everything else that one sees");
   }
 };
 
@@ -92,7 +92,7 @@ struct RolloutSpec {
     v("latency_ms", latency_ms, "ms", "from a picture to its answer taking effect; -1 is the p99 of the server");
     v("execution", execution, "", "tracked: all waypoints of an answer | authors: one of them, held as in the paper");
     v("occlude", occlude, "-", "share of the target's pixels under grey blocks of 8 x 8 px, in every picture; 0: none");
-    v("pushes", pushes);
+    v("pushes", pushes, "", "the target slid away before it is touched");
     v("sentences", sentences, "", "spoken in turn, each in a scene of what it means; none: from the task's templates");
   }
 };
@@ -167,13 +167,13 @@ struct CampaignSpec {
     v("renderer", renderer, "", "software: the same pictures on every host | gpu: a GPU of each host draws");
     v("device", device, "-", "with renderer gpu: which of a host's GPUs, by the number that EGL gives it; -1: any");
     v("scenes", scenes, "", "feasible: drawn anew until the expert can do the task | first_draw: taken as they come");
-    v("camera", camera);
-    v("randomization", randomization);
-    v("obstacle", obstacle);
-    v("rollout", rollout);
-    v("split", split);
-    v("world", world);
-    v("adaptive_sampling", adaptive_sampling);
+    v("camera", camera, "", "the camera that takes the pictures");
+    v("randomization", randomization, "", "what is drawn for each episode");
+    v("obstacle", obstacle, "", "of tasks with +obstacle");
+    v("rollout", rollout, "", "how a policy drives, in mode rollout");
+    v("split", split, "", "which episodes are for training, validation and test");
+    v("world", world, "", "table, lights, friction and delays");
+    v("adaptive_sampling", adaptive_sampling, "", "episodes that a training asks for");
   }
 
   /// Ranges and names; all problems at once, with the nearest known name. A robot may be a file, an object generated.

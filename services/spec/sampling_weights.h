@@ -105,7 +105,7 @@ struct SamplingEntry {
     v("from_index", from_index, "-", "first episode that they hold for");
     v("run", run, "", "that asked for them");
     v("step", step, "steps", "of its training");
-    v("weights", weights);
+    v("weights", weights, "", "that hold from then on");
   }
 };
 

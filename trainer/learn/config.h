@@ -109,14 +109,14 @@ struct TrainConfig {
     v("steps", steps, "steps", "length of the run; 0: no limit by steps");
     v("minutes", minutes, "min", "of training, without waiting for first data; 0: no limit by time");
     v("ema", ema, "-", "decay of the averaged weights in evaluation and checkpoints; 0: off");
-    v("optimizer", optimizer);
-    v("data", data);
-    v("curriculum", curriculum);
-    v("eval", eval);
-    v("checkpoint", checkpoint);
-    v("threads", threads);
-    v("init", init);
-    v("policy", policy);
+    v("optimizer", optimizer, "", "AdamW");
+    v("data", data, "", "batches, and how pictures are varied");
+    v("curriculum", curriculum, "", "when which modules are trained");
+    v("eval", eval, "", "errors on the validation split while it trains");
+    v("checkpoint", checkpoint, "", "when checkpoints are written and published");
+    v("threads", threads, "", "how a step is spread over cores");
+    v("init", init, "", "the checkpoint that it begins with, part by part");
+    v("policy", policy, "", "the graph of modules");
   }
 
   /// All problems at once.

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <functional>
 #include <iterator>
-#include <mutex>
 
+#include "services/core/thread_annotations.h"
 #include "services/episode/pose.h"
 #include "worker/sim/robot_builder.h"
 
@@ -95,7 +95,7 @@ std::string Stamp(const std::vector<Path>& files) {
 class Cache {
  public:
   Result<LoadedRobot> Get(const Path& yaml, const std::set<std::string>& taken) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     Entry& entry = entries_[yaml.string()];
     if (entry.robots.empty() || entry.stamp != Stamp(entry.sources)) {
       entry = {};
@@ -124,8 +124,8 @@ class Cache {
     Names names;
     std::map<Names, LoadedRobot> robots;  ///< by those of its names that were taken
   };
-  std::mutex mutex_;
-  std::map<std::string, Entry> entries_;
+  Mutex mutex_;
+  std::map<std::string, Entry> entries_ ETUDE_GUARDED_BY(mutex_);
 };
 
 }  // namespace

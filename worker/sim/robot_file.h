@@ -95,9 +95,9 @@ struct RobotFile {
     v("masses", masses, "",
       "check: implausible ones are an error | trust: a warning | collision: as check, and visual geoms weigh nothing "
       "where others do");
-    v("base", base);
-    v("tool", tool);
-    v("gripper", gripper);
+    v("base", base, "", "where the arm stands");
+    v("tool", tool, "", "the frame that goes where it is told");
+    v("gripper", gripper, "", "its fingers, and how they close");
   }
 };
 

@@ -36,21 +36,21 @@ struct ObjectFacts {
   int faces = 0;                 ///< of visual.obj; set by PlaceObject
 
   void Visit(auto& v) {
-    v("name", name);
-    v("class", class_name);
-    v("source", source);
-    v("seed", seed);
-    v("index", index);
-    v("split", split);
-    v("size_m", size_m);
-    v("mass_kg", mass_kg);
-    v("rest_height_m", rest_height_m);
-    v("extent_m", extent_m);
-    v("centre_m", centre_m);
-    v("inertia", inertia);
-    v("foot_m", foot_m);
-    v("pieces", pieces);
-    v("faces", faces);
+    v("name", name, "", "of the object and its folder");
+    v("class", class_name, "", "what kind of thing it is");
+    v("source", source, "", "drawn | picture | the file that was imported");
+    v("seed", seed, "-", "that it was drawn from");
+    v("index", index, "-", "in its class");
+    v("split", split, "", "train | test");
+    v("size_m", size_m, "m", "largest extent");
+    v("mass_kg", mass_kg, "kg", "of all of it");
+    v("rest_height_m", rest_height_m, "m", "origin above the lowest point");
+    v("extent_m", extent_m, "m", "along x, y, z");
+    v("centre_m", centre_m, "m", "of mass");
+    v("inertia", inertia, "kg m^2", "about the centre of mass: xx, yy, zz, xy, xz, yz");
+    v("foot_m", foot_m, "m", "x, y of the rectangle it stands on, half its sides");
+    v("pieces", pieces, "-", "collision_0.obj to the last one");
+    v("faces", faces, "-", "of visual.obj");
   }
 };
 

@@ -36,7 +36,7 @@ struct Rig {
   std::vector<std::vector<std::string>> groups;
   void Visit(auto& v) {
     v("on", on, "", "whether it runs");
-    v("lens", lens);
+    v("lens", lens, "", "that it looks through");
     v("spare", spare, "", "lenses to change to");
     v("gains", gains, "-", "factor of each colour");
     v("groups", groups, "", "who stands together");
@@ -46,9 +46,11 @@ struct Rig {
 struct Bare {
   double speed = 1;
   std::string name;
+  Lens lens;
   void Visit(auto& v) {
     v("speed", speed, "", "how fast");
     v("name", name);
+    v("lens", lens);
   }
 };
 
@@ -76,7 +78,8 @@ TEST(ConfigReference, NamesEveryKeyWithTypeUnitDefaultAndMeaning) {
 
 TEST(ConfigReference, SaysWhatIsMissing) {
   EXPECT_TRUE(MissingFromReference(ConfigReference<Rig>()).empty());
-  EXPECT_THAT(MissingFromReference(ConfigReference<Bare>()), ElementsAre("speed: no unit", "name: no meaning"));
+  EXPECT_THAT(MissingFromReference(ConfigReference<Bare>()),
+              ElementsAre("speed: no unit", "name: no meaning", "lens: no meaning"));
 }
 
 TEST(ConfigReference, EndsWithAConfigThatHoldsItsOwnKind) { EXPECT_LT(ConfigReference<Tree>().size(), 40u); }

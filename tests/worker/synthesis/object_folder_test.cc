@@ -9,6 +9,7 @@
 #include <cmath>
 #include <memory>
 
+#include "services/core/config_reference.h"
 #include "services/core/file.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
@@ -38,6 +39,10 @@ Path WriteDrawn(const Path& folder, const std::string& name, int index, SolidObj
   EXPECT_THAT(WriteObject(*object, own), IsOk());
   if (kept) *kept = std::move(*object);
   return own;
+}
+
+TEST(ObjectFacts, EveryKeyHasItsMeaningAndUnit) {
+  EXPECT_THAT(MissingFromReference(ConfigReference<ObjectFacts>()), testing::IsEmpty());
 }
 
 class EveryClass : public testing::TestWithParam<std::string> {};
