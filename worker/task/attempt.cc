@@ -182,6 +182,7 @@ Result<AttemptResult> AttemptRunner::Demonstrate(std::uint64_t index, std::uint3
                                                  const SamplingWeights& weights, AttemptTrace* trace) {
   Impl& impl = *impl_;
   const EpisodePlan plan = PlanEpisode(impl.spec, index, attempt, weights);
+  if (trace) trace->plan = plan;
   Times preparing;
   auto opened = impl.EnvironmentOf(plan.scene);
   if (!opened) return WithoutScene(opened.error(), preparing);

@@ -24,6 +24,7 @@ struct PlayedMotion {
 };
 
 struct AttemptTrace {
+  EpisodePlan plan;
   std::shared_ptr<const sim::Scene> scene;  ///< null when it could not be built
   std::vector<PlayedMotion> motions;
   std::vector<std::string> bodies;       ///< of the robot, then the objects

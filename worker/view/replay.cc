@@ -145,7 +145,7 @@ Status ReplayAttempt(const CampaignSpec& spec, const ReplayOptions& options, con
   task::AttemptTrace trace;
   ETUDE_ASSIGN_OR_RETURN(const task::AttemptResult result,
                          runner.Demonstrate(options.index, options.attempt, weights, &trace));
-  const EpisodePlan plan = PlanEpisode(spec, options.index, options.attempt, weights);
+  const EpisodePlan& plan = trace.plan;
   const int steps = result.episode.steps();
   ETUDE_RETURN_IF_ERROR(MakeFolders(options.out));
   // the dataset comes first: it takes an empty folder only
