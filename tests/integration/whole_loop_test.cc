@@ -23,7 +23,7 @@
 namespace etude {
 namespace whole_loop_test {
 
-constexpr int kDomain = 88;
+constexpr int kDomain = 88, kSecuredDomain = 152;
 
 Path Binary(const char* name) {
   const char* folder = std::getenv("ETUDE_BIN");
@@ -48,6 +48,16 @@ class WholeLoop : public testing::Test {
         << "campaign: campaign.yaml\nworkers: 2\ntrain:\n  run: loop\n  start_episodes: 6\n"
            "  set: [data.batch=16, eval.every_steps=40, eval.frames=48, checkpoint.every_steps=40]\n"
            "eval:\n  episodes: 3\n  videos: 2\n";
+  }
+
+  // The identities that SECURITY.md has for `etude up`.
+  void IssueIdentities(const Path& fleet) {
+    const std::string security = Binary("etude").string() + " security ", quiet = " > " + log_.string() + " 2>&1";
+    ASSERT_EQ(RunCommand(security + "init " + fleet.string() + quiet), 0) << ReadTextFile(log_).value_or("");
+    for (const char* roles : {"--role collector --role gateway --role relay --name up", "--role worker --name worker",
+                              "--role trainer --name trainer", "--role policy --role relay --name policy"})
+      ASSERT_EQ(RunCommand(security + "issue " + fleet.string() + " " + roles + quiet), 0)
+          << ReadTextFile(log_).value_or("");
   }
 
   // An evaluation whose video shows what the policy saw and said at each of its decisions.
@@ -146,6 +156,25 @@ TEST_F(WholeLoop, CollectsTrainsPublishesServesAndRollsOut) {
   ExpectSubscriberTakesACheckpoint(Binary("etude").parent_path(), file, kDomain, folder_);
 
   ExpectAKilledPolicyServesAgain();
+}
+
+// All of its processes with identities of their own: demonstrations, checkpoints, answers and rollouts get through.
+TEST_F(WholeLoop, GoesThroughUnderSecurity) {
+  WriteConfigs();
+  const Path fleet = folder_ / "fleet";
+  ASSERT_NO_FATAL_FAILURE(IssueIdentities(fleet));
+  const std::string up = Binary("etude").string() + " up " + (folder_ / "up.yaml").string() + " --out " +
+                         out_.string() + " --minutes 0.1 --domain " + std::to_string(kSecuredDomain) +
+                         " --set campaign_set=[episodes=8] --set workers=1 --set eval.episodes=1 --set eval.videos=0" +
+                         " --dashboard-port 0 --security " + (fleet / "up").string() + " > " + log_.string() + " 2>&1";
+  ASSERT_EQ(RunCommand(up), 0) << ReadTextFile(log_).value_or("");
+  const auto report = store::Verify(out_ / "dataset", store::Quarantine::kNo);
+  ASSERT_TRUE(report.has_value()) << report.error().message;
+  EXPECT_EQ(report->good, 8u);
+  const auto evaluation = std::filesystem::directory_iterator(out_ / "eval");
+  const Json eval = Json::parse(ReadTextFile(evaluation->path() / "eval.json").value_or("{}"));
+  ASSERT_EQ(eval.value("per_episode", Json::array()).size(), 1u) << ReadTextFile(log_).value_or("");
+  EXPECT_NE(eval["per_episode"][0].value("outcome", ""), "policy_error");
 }
 
 }  // namespace whole_loop_test
