@@ -443,7 +443,8 @@ void Collector::Impl::PublishStatus() {
   {
     const MutexLock lock(mutex);
     const Time now = MonotonicClock::now();
-    std::erase_if(heard, [&](const auto& item) { return now - item.second > 60s; });
+    // when all is done, Drain says how long they are waited for
+    if (!all_done) std::erase_if(heard, [&](const auto& item) { return now - item.second > 60s; });
     std::erase_if(hosts, [&](const auto& item) ETUDE_REQUIRES(mutex) { return !heard.contains(item.first); });
     std::erase_if(leased_to, [&](const auto& item) ETUDE_REQUIRES(mutex) {
       return !heard.contains(item.first) && !table.Holds(item.first) && !rechecks.Holds(item.first);

@@ -82,6 +82,8 @@ campaign::Process& CampaignRun::StartCollector(const Environment& environment) {
        {program.string(), (folder() / "spec.yaml").string(), std::string("--out"), dataset().string(),
         std::string("--domain"), std::to_string(options_.domain), std::string("--lease"), options_.lease_s})
     options.argv.push_back(word);
+  // those that were killed are not waited for as long as by default; another build's program may not know of it
+  if (options_.collector_program.empty()) options.argv.insert(options.argv.end(), {"--away", "15"});
   options.argv.insert(options.argv.end(), options_.collector_flags.begin(), options_.collector_flags.end());
   auto process = campaign::Process::Start(options);
   EXPECT_TRUE(process) << (process ? "" : process.error().message);

@@ -353,6 +353,25 @@ TEST_F(CollectorControl, AWorkerThatWasAwayAtTheEndIsSentHomeWhenItComesBack) {
   running.Join();
 }
 
+TEST_F(CollectorControl, WhoWasToldOrSaidGoodbyeDelaysNoEnd) {
+  const CampaignSpec spec = Spec("told", 2);
+  CollectorOptions options = QuickOptions();
+  options.away = CollectorOptions().away;
+  ASSERT_GE(options.away, 60s) << "an outage of a minute";
+  Running running(std::move(*Collector::Open(*participant_, spec, folder_ / "data", options)));
+  {
+    Process leaves = StartWorker(spec, folder_ / "leaves.log", 3'600'000);
+    ASSERT_TRUE(WaitFor([&] { return running->progress().workers == 1; }));
+    EXPECT_EQ(leaves.Stop(5s), 0);
+  }
+  Process told = StartWorker(spec, folder_ / "told.log", 0);
+  ASSERT_TRUE(WaitFor([&] { return running->progress().complete; }));
+  const Stopwatch ending;
+  running.Join();
+  EXPECT_LT(ending.Seconds(), 30);
+  EXPECT_EQ(told.Wait(10s), 0);
+}
+
 TEST_F(CollectorControl, APolicyThatDoesNotAnswerDropsNoRolloutAndEndsTheEvaluationWithWords) {
   CampaignSpec spec = Spec("outage", 1);
   spec.mode = "rollout";
