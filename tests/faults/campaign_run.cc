@@ -65,6 +65,11 @@ bool WaitUntil(const std::function<bool()>& met, std::chrono::milliseconds patie
   return true;
 }
 
+Environment Shim(const Path& folder) {
+  return {{"LD_PRELOAD", (campaign::ProgramFolder() / "libfault_shim.so").string()},
+          {"ETUDE_SHIM_FOLDER", folder.string()}};
+}
+
 CampaignRun::CampaignRun(RunOptions options) : options_(std::move(options)) {
   spec_ = SyntheticSpec();
   spec_.name = fmt::format("{}-{}", options_.name, ::getpid());
