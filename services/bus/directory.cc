@@ -28,18 +28,6 @@ using namespace std::chrono_literals;
 constexpr auto kLookAround = 300ms;
 // and under security at most until all that it sees have been authenticated
 constexpr auto kMostAuthentication = 3s;
-// the same for one that may be called often: a handshake takes 0.2 to 0.7 s
-constexpr auto kSettledSecured = 1500ms;
-
-// Waits, or not for a stop: then whoever was there first is known.
-void WaitForOthers(const Participant& participant) {
-  const auto latest = MonotonicClock::now() + kMostAuthentication;
-  if (WaitForStop(kLookAround) || !participant.secured()) return;
-  while (!participant.AllAdmitted() && MonotonicClock::now() < latest)
-    if (WaitForStop(20ms)) return;
-  // what they keep for late joiners comes after that
-  WaitForStop(kLookAround);
-}
 
 bool Fits(const Presence& presence, PresenceKind kind, const Selector& selector) {
   return presence.kind == kind && presence.name == selector.name && presence.id.starts_with(selector.id);
@@ -119,13 +107,23 @@ Presence MakePresence(PresenceKind kind, const std::string& name, const std::str
 // ---- Directory ------------------------------------------------------------------------------------
 
 struct Directory::Impl {
+  Participant participant;
   Reader<Presence> reader;
-  std::uint32_t domain = 0;
-  MonotonicClock::time_point settled;  // from then on those who were there first are known
+  MonotonicClock::time_point opened = MonotonicClock::now();
+  std::optional<MonotonicClock::time_point> settled = {};  // from then on those who were there first are known
 
-  std::vector<Presence> Await(std::chrono::nanoseconds timeout,
-                              const std::function<std::vector<Presence>()>& look) const;
+  bool Settled();
+  std::vector<Presence> Await(std::chrono::nanoseconds timeout, const std::function<std::vector<Presence>()>& look);
 };
+
+bool Directory::Impl::Settled() {
+  const auto now = MonotonicClock::now();
+  if (!settled && !participant.secured()) settled = opened + kLookAround;
+  // what they keep for late joiners comes after they are admitted
+  if (!settled && now >= opened + kLookAround && (participant.AllAdmitted() || now >= opened + kMostAuthentication))
+    settled = now + kLookAround;
+  return settled && now >= *settled;
+}
 
 Directory::Directory(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Directory::Directory(Directory&&) noexcept = default;
@@ -134,8 +132,12 @@ Directory::~Directory() = default;
 
 Result<Directory> Directory::Open(const Participant& participant) {
   ETUDE_ASSIGN_OR_RETURN(auto reader, Reader<Presence>::Open(participant, kDirectoryPartition));
-  const auto settled = MonotonicClock::now() + (participant.secured() ? kSettledSecured : kLookAround);
-  return Directory(std::unique_ptr<Impl>(new Impl{std::move(reader), participant.domain(), settled}));
+  return Directory(std::unique_ptr<Impl>(new Impl{participant.Share(), std::move(reader)}));
+}
+
+void Directory::WaitForOthers() {
+  while (!impl_->Settled())
+    if (WaitForStop(20ms)) return;
 }
 
 std::vector<Presence> Directory::Live() {
@@ -167,15 +169,13 @@ bool Directory::Replaced(PresenceKind kind, const Selector& selector, const std:
 
 // What `look` finds, once there is something and those who were there first are known.
 std::vector<Presence> Directory::Impl::Await(std::chrono::nanoseconds timeout,
-                                             const std::function<std::vector<Presence>()>& look) const {
+                                             const std::function<std::vector<Presence>()>& look) {
   const auto deadline = MonotonicClock::now() + timeout;
   auto matching = look();
-  while (!StopRequested() && (matching.empty() || MonotonicClock::now() < settled)) {
-    const auto until = matching.empty() ? deadline : settled;
-    const auto left = until - MonotonicClock::now();
-    if (left.count() <= 0) break;
+  while (!StopRequested() && (matching.empty() ? MonotonicClock::now() < deadline : !Settled())) {
     // presences are read, not taken: waiting for news would not wait
-    WaitForStop(std::min<std::chrono::nanoseconds>(left, 20ms));
+    const auto left = matching.empty() ? deadline - MonotonicClock::now() : MonotonicClock::duration(20ms);
+    WaitForStop(std::clamp<std::chrono::nanoseconds>(left, 1ms, 20ms));
     matching = look();
   }
   return matching;
@@ -211,7 +211,7 @@ Result<std::optional<Presence>> Only(const Selector& selector, std::uint32_t dom
 
 Result<std::optional<Presence>> Directory::Find(PresenceKind kind, const Selector& selector,
                                                 std::chrono::nanoseconds timeout) {
-  return Only(selector, impl_->domain, impl_->Await(timeout, [&] { return Matching(kind, selector); }));
+  return Only(selector, impl_->participant.domain(), impl_->Await(timeout, [&] { return Matching(kind, selector); }));
 }
 
 Result<std::optional<Presence>> Directory::FindPublisher(const Selector& selector, std::chrono::nanoseconds timeout) {
@@ -219,7 +219,7 @@ Result<std::optional<Presence>> Directory::FindPublisher(const Selector& selecto
     auto runs = Matching(PresenceKind::kRun, selector);
     return runs.empty() ? Matching(PresenceKind::kRelay, selector) : runs;
   });
-  return Only(selector, impl_->domain, publishers);
+  return Only(selector, impl_->participant.domain(), publishers);
 }
 
 Result<std::vector<Presence>> Directory::FindCampaign(const Selector& selector, std::chrono::nanoseconds timeout) {
@@ -227,7 +227,7 @@ Result<std::vector<Presence>> Directory::FindCampaign(const Selector& selector, 
   for (const auto& presence : matching) {
     const bool alone = matching.size() == 1;
     if (!alone && !AreShardsOfOneCampaign(matching.front(), presence))
-      return Several(selector, impl_->domain, matching);
+      return Several(selector, impl_->participant.domain(), matching);
     ETUDE_RETURN_IF_ERROR(CheckWire(presence));
   }
   std::ranges::sort(matching, {}, &Presence::shard);
@@ -286,7 +286,7 @@ tl::unexpected<Error> IsLive(const Presence& own, const std::vector<Presence>& o
 Result<Announcement> Announcement::Open(const Participant& participant, Presence presence, Claim claim) {
   ETUDE_ASSIGN_OR_RETURN(auto directory, Directory::Open(participant));
   ETUDE_ASSIGN_OR_RETURN(auto writer, Writer<Presence>::Open(participant, kDirectoryPartition));
-  WaitForOthers(participant);
+  directory.WaitForOthers();
   const auto others = directory.Others(presence);
   if (!others.empty() && claim != Claim::kAdopt) return IsLive(presence, others, participant.domain());
   for (const auto& other : others) presence.epoch = std::max(presence.epoch, other.epoch + 1);

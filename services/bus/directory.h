@@ -52,7 +52,12 @@ class Directory {
   /// True when none of those is `id`, but another one is there.
   bool Replaced(PresenceKind kind, const Selector& selector, const std::string& id);
 
-  /// Waits up to `timeout` (and for a stop request) for one that fits; nothing when there is none.
+  /// Waits (or for a stop request) until those who were there first are known: 0.3 s after opening; under security 0.3
+  /// s after all that are seen have been authenticated, 3.3 s at most. Then that nobody fits means something.
+  void WaitForOthers();
+
+  /// Waits up to `timeout` (and for a stop request) for one that fits, and where there is one, as WaitForOthers does;
+  /// nothing when there is none.
   /// @error kInvalidArgument: `selector` means several (the message lists them);
   /// kUnavailable: it speaks another wire number.
   Result<std::optional<Presence>> Find(PresenceKind kind, const Selector& selector, std::chrono::nanoseconds timeout);

@@ -67,7 +67,8 @@ struct WorkRequest {
   std::uint32_t content = 0;
   std::string fingerprint_json;  ///< what this worker's bytes depend on (services/campaign/fingerprint.h); "": not said
   std::string host;              ///< Participant::host(): in whose partition it reads the answer
-  /// Token of the lease that it works on, when it asks for the next one beside it; 0: it has nothing to do.
+  /// Mark (campaign::MarkOf) of the lease that it works on, when it asks for the next one beside it; 0: it has nothing
+  /// to do.
   std::uint64_t working_on = 0;
 };
 
@@ -97,7 +98,7 @@ struct WorkerStatus {
   std::string phase;  ///< idle | plan | play | send | gone
   std::uint64_t index = 0;
   std::uint32_t attempt = 0;
-  std::uint64_t token = 0;     ///< 0: holds no lease
+  std::uint64_t token = 0;     ///< not itself but its mark (campaign::MarkOf): others hear it; 0: holds no lease
   std::uint64_t episodes = 0;  ///< acknowledged since start
   std::uint64_t failures = 0;
   double steps_per_second = 0;

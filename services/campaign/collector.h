@@ -41,8 +41,9 @@ struct CollectorOptions {
       30'000};  ///< statistics, and dataset.hdf5 when it is due (DatasetWriter::WriteProgress)
   std::chrono::milliseconds retry_commit{1'000};  ///< after a full disk
   std::chrono::milliseconds drain{2'000};         ///< at the end, to tell workers that it is done
-  std::chrono::milliseconds away{15'000};  ///< the same, when some that worked in the last minute are not to be heard
-  int unfit_budget = 3;                    ///< episodes in a row that do not fit; then their worker is sent away
+  /// The same, when some that worked in the last minute are not to be heard: a link is down, or they were killed.
+  std::chrono::milliseconds away{60'000};
+  int unfit_budget = 3;  ///< episodes in a row that do not fit; then their worker is sent away
   std::chrono::milliseconds policy_patience{300'000};  ///< rollouts without one answer; then the evaluation fails
   std::uint64_t max_in_flight = 1024;                  ///< leases worked on at once; as many may wait
   std::size_t commit_threads = 0;                      ///< 0: as many as cores, at most 4

@@ -68,13 +68,14 @@ Status Collector::Impl::CheckEpisode(const Episode& episode) const {
 // (WhySentAway). The same attempt again: which attempt is committed, and whether one is, must not depend on a worker.
 void Collector::Impl::CountUnfit(const bus::BlobManifest& manifest, const std::string& reason) {
   ++counters.refused;
+  const auto index = table.IndexOf(manifest.token);
+  // in somebody else's name, or with a token that somebody else was told: it costs nobody anything
+  if (!index || !table.WentTo(*index, manifest.sender)) return;
   constexpr std::size_t kMostRemembered = 10'000;
   if (unfit.size() > kMostRemembered) unfit.clear();
   Unfit& mistakes = unfit[manifest.sender];
   ++mistakes.in_a_row;
   mistakes.reason = reason;
-  const auto index = table.IndexOf(manifest.token);
-  if (!index) return;
   table.Fail(*index, LeaseTable::Retry::kSameAttempt);
   ++counters.failures[kUnfitEpisode];
 }
@@ -103,6 +104,7 @@ std::optional<bus::Verdict> Collector::Impl::Judge(bus::ReceivedBlob& blob, cons
   }
   switch (table.Check(episode.index, episode.attempt, blob.manifest.token)) {
     case LeaseValidity::kCurrent:
+      if (!table.WentTo(episode.index, blob.manifest.sender)) break;
       committing.try_emplace(episode.index);
       return std::nullopt;
     case LeaseValidity::kCommitted:
@@ -113,7 +115,8 @@ std::optional<bus::Verdict> Collector::Impl::Judge(bus::ReceivedBlob& blob, cons
   }
   ++counters.stale_results;
   return bus::Verdict{bus::AckKind::kRefused,
-                      fmt::format("index {} was leased again: token {} is old", episode.index, blob.manifest.token)};
+                      fmt::format("index {} was leased again, or to another worker: token {} is old, or not this one's",
+                                  episode.index, blob.manifest.token)};
 }
 
 void Collector::Impl::Acknowledge(const bus::BlobManifest& manifest, const bus::Verdict& verdict) {

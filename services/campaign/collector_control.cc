@@ -81,10 +81,10 @@ void Collector::Impl::EndSilent() {
 void Collector::Impl::EndIfStill(const std::string& worker, Motion& motion, Time now) {
   const std::chrono::duration<double> patience(spec.stall_timeout_s);
   // what is sent may wait for our own disk
-  if (motion.token == 0 || motion.phase == "send" || now - motion.since < patience) return;
+  if (motion.mark == 0 || motion.phase == "send" || now - motion.since < patience) return;
   motion.since = now;
   // not its lease any more
-  if (!table.Renew(motion.index, motion.token, now) && !rechecks.Renew(motion.token, now)) return;
+  if (!table.Renew(motion.index, motion.mark, now) && !rechecks.Renew(motion.mark, worker, now)) return;
   Log().warn("took a lease from a worker that does not move worker={} index={} stage='{}' step={} for {} s", worker,
              motion.index, motion.stage, motion.step, spec.stall_timeout_s);
   table.Revoke(worker);
@@ -260,7 +260,7 @@ void Collector::Impl::OnReport(const bus::AttemptReport& report) {
   if (OnReportAgain(report, outcome)) return;
   {
     const MutexLock lock(mutex);
-    // of others than who holds the lease nothing counts, whatever they overheard
+    // of others than who holds the lease nothing counts; heartbeats, which others hear, do not say the token
     if (table.Check(report.index, report.attempt, report.token) != LeaseValidity::kCurrent ||
         !table.WentTo(report.index, report.worker)) {
       ++counters.stale_results;
@@ -297,7 +297,7 @@ void Collector::Impl::OnHeartbeat(const bus::WorkerStatus& status) {
   if (!status.host.empty()) hosts[status.worker] = status.host;
   const bool leased = status.token != 0 && table.WentTo(status.index, status.worker);
   if (leased) table.Renew(status.index, status.token, now);
-  if (!leased && (status.token == 0 || !rechecks.Renew(status.token, now))) {
+  if (!leased && (status.token == 0 || !rechecks.Renew(status.token, status.worker, now))) {
     motions.erase(status.worker);
     return;
   }
@@ -443,7 +443,8 @@ void Collector::Impl::PublishStatus() {
   {
     const MutexLock lock(mutex);
     const Time now = MonotonicClock::now();
-    std::erase_if(heard, [&](const auto& item) { return now - item.second > 60s; });
+    // when all is done, Drain says how long they are waited for
+    if (!all_done) std::erase_if(heard, [&](const auto& item) { return now - item.second > 60s; });
     std::erase_if(hosts, [&](const auto& item) ETUDE_REQUIRES(mutex) { return !heard.contains(item.first); });
     std::erase_if(leased_to, [&](const auto& item) ETUDE_REQUIRES(mutex) {
       return !heard.contains(item.first) && !table.Holds(item.first) && !rechecks.Holds(item.first);

@@ -83,12 +83,12 @@ struct Collector::Impl {
   std::deque<Time> commits ETUDE_GUARDED_BY(mutex);          // of the last minute
   std::optional<Error> ended_by ETUDE_GUARDED_BY(mutex);     // e.g. another collector of this id has the better right
   struct Motion {                                            // of a worker's attempt, by its heartbeats
-    std::uint64_t index = 0, token = 0;
+    std::uint64_t index = 0, mark = 0;
     std::string phase, stage;
     std::uint32_t step = 0;
     Time since{};  // of the last change
     bool SameAs(const bus::WorkerStatus& status) const {
-      return token == status.token && step == status.step && phase == status.phase && stage == status.stage;
+      return mark == status.token && step == status.step && phase == status.phase && stage == status.stage;
     }
   };
   std::map<std::string, Motion> motions ETUDE_GUARDED_BY(mutex);  // of workers that hold a lease

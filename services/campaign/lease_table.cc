@@ -4,8 +4,11 @@
 #include <sys/random.h>
 
 #include <algorithm>
+#include <array>
+#include <cstring>
 
 #include "services/core/check.h"
+#include "services/core/hash.h"
 
 namespace etude::campaign {
 
@@ -13,6 +16,18 @@ std::uint64_t SystemRandom() {
   std::uint64_t bits = 0;
   ETUDE_CHECK(::getentropy(&bits, sizeof bits) == 0, "the system has no random bytes");
   return bits;
+}
+
+// SHA-256 of a text so long that to try all tokens of an epoch takes longer than any lease lasts, and that of one a few
+// microseconds.
+std::uint64_t MarkOf(std::uint64_t token) {
+  if (token == 0) return 0;
+  std::array<std::uint64_t, 2048> text{};
+  text.fill(token);
+  const Sha256Digest digest = Sha256Of({reinterpret_cast<const std::uint8_t*>(text.data()), sizeof text});
+  std::uint64_t mark = 0;
+  std::memcpy(&mark, digest.data(), sizeof mark);
+  return mark == 0 ? 1 : mark;
 }
 
 LeaseTable::LeaseTable(const LeaseTableConfig& config) : config_(config), next_fresh_(config.shard.number - 1) {
@@ -101,6 +116,7 @@ std::uint64_t LeaseTable::NewToken() const {
 void LeaseTable::SetToken(std::uint64_t index, Entry& entry, std::uint64_t token) {
   index_.erase(entry.token);
   entry.token = token;
+  entry.mark = MarkOf(token);
   if (token != 0) index_[token] = index;
 }
 
@@ -116,7 +132,7 @@ std::optional<std::uint64_t> LeaseTable::NextFree() {
 bool LeaseTable::Holds(const std::string& worker, std::uint64_t working_on) const {
   const auto held = held_.find(worker);
   return held != held_.end() &&
-         std::ranges::any_of(held->second, [&](std::uint64_t index) { return Find(index)->token != working_on; });
+         std::ranges::any_of(held->second, [&](std::uint64_t index) { return Find(index)->mark != working_on; });
 }
 
 Assignment LeaseTable::Request(const std::string& worker, Time now, std::uint64_t working_on) {
@@ -126,7 +142,7 @@ Assignment LeaseTable::Request(const std::string& worker, Time now, std::uint64_
   if (works) {
     for (const std::uint64_t index : held->second) {
       Entry& entry = EntryOf(index);
-      if (entry.token == working_on) continue;
+      if (entry.mark == working_on) continue;
       if (working_on == 0) Begin(entry);
       entry.deadline = now + config_.duration;
       return {Assignment::Kind::kWork, index, entry.attempt, entry.token};
@@ -161,9 +177,9 @@ Assignment LeaseTable::Lease(const std::string& worker, Time now, bool ahead) {
 }
 
 // One that expired, and that nobody else was leased since, is its worker's again: it was cut off, and works on.
-bool LeaseTable::Renew(std::uint64_t index, std::uint64_t token, Time now) {
+bool LeaseTable::Renew(std::uint64_t index, std::uint64_t mark, Time now) {
   const auto it = entries_.find(index);
-  if (it == entries_.end() || token == 0 || it->second.token != token) return false;
+  if (it == entries_.end() || mark == 0 || it->second.mark != mark) return false;
   if (!it->second.live && !Revive(index, it->second)) return false;
   Begin(it->second);
   const auto held = held_.find(it->second.worker);

@@ -29,6 +29,9 @@ constexpr std::uint64_t EpochOf(std::uint64_t token) { return token >> kTokenRan
 constexpr std::uint64_t TokenOf(std::uint64_t epoch, std::uint64_t random) {
   return (epoch << kTokenRandomBits) | (random & ((1ull << kTokenRandomBits) - 1));
 }
+/// What is said of a lease where others than its host and the collector may read it (heartbeats, requests): who heard
+/// it can say it again, and does not learn the token, without which nothing ends or fills a lease. 0: of no lease.
+std::uint64_t MarkOf(std::uint64_t token);
 /// Of the system's source.
 std::uint64_t SystemRandom();
 
@@ -72,16 +75,16 @@ class LeaseTable {
   void RestoreCommitted(std::uint64_t index);
   void RestoreFailures(std::uint64_t index, std::uint32_t failures, std::uint32_t next_attempt);
 
-  /// Work for `worker`: the lease it already holds (renewed), else the lowest free index. With `working_on`, the token
+  /// Work for `worker`: the lease it already holds (renewed), else the lowest free index. With `working_on`, the mark
   /// of what it works on: the next one beside that, so that it need not wait when it is done. There is one ahead at
   /// most, none where fewer indices are left than workers work (somebody else may be free for it sooner), and none for
   /// who works on what is no lease of this table.
   Assignment Request(const std::string& worker, Time now, std::uint64_t working_on = 0);
   /// Whether a lease of `worker` is out, beside that of `working_on`.
   bool Holds(const std::string& worker, std::uint64_t working_on = 0) const;
-  /// A heartbeat that names `token`, which is worked on; the lease that waits beside it is renewed, too. One that had
+  /// A heartbeat that names `mark`, which is worked on; the lease that waits beside it is renewed, too. One that had
   /// expired and was not leased again lives again. False when that lease is not current.
-  bool Renew(std::uint64_t index, std::uint64_t token, Time now);
+  bool Renew(std::uint64_t index, std::uint64_t mark, Time now);
   /// Makes leases that were not renewed in time free again; returns how many, and whose in `holders`. Their tokens stay
   /// current until the index is leased again: a late result is then still the newest there is.
   int Expire(Time now, std::vector<std::string>* holders = nullptr);
@@ -124,6 +127,7 @@ class LeaseTable {
     std::uint32_t failures = 0;
     std::uint32_t losses = 0;  ///< leases that expired; such an index yields to others
     std::uint64_t token = 0;   ///< newest, 0: none or ended (SetToken)
+    std::uint64_t mark = 0;    ///< MarkOf(token)
     bool live = false;         ///< leased now
     bool ahead = false;        ///< and not worked on yet
     bool revoked = false;      ///< its worker may finish it, and is not leased it again by going on

@@ -23,6 +23,7 @@ struct Arguments {
   std::string out, shard;
   bus::Arguments bus;
   double lease_s = 10;
+  double away_s = std::chrono::duration<double>(campaign::CollectorOptions().away).count();
   std::uint64_t max_memory_mb = campaign::CollectorOptions().max_memory >> 20;
   Claim claim = Claim::kRefuse;
 };
@@ -48,6 +49,7 @@ Status Collect(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
                          bus::ProcessReporter::Start(participant, {.role = "collector", .folder = arguments.out}));
   options.lease = std::chrono::milliseconds(static_cast<std::int64_t>(arguments.lease_s * 1000));
+  options.away = std::chrono::milliseconds(static_cast<std::int64_t>(arguments.away_s * 1000));
   options.claim = arguments.claim;
   options.max_memory = arguments.max_memory_mb << 20;
   ETUDE_ASSIGN_OR_RETURN(auto collector, campaign::Collector::Open(participant, spec, arguments.out, options));
@@ -75,6 +77,10 @@ int main(int argc, char** argv) {
       ->allow_extra_args(false);
   app.add_option("--lease", arguments.lease_s, "seconds of silence after which a worker's work goes to another")
       ->check(CLI::Range(0.5, 3600.0));
+  app.add_option("--away", arguments.away_s,
+                 "seconds to stay when all is done, for workers of the last minute that are not to be heard")
+      ->check(CLI::Range(0.0, 3600.0))
+      ->capture_default_str();
   app.add_option("--max-memory", arguments.max_memory_mb,
                  "MiB of episodes that came and are not on the disk yet; senders beyond it wait")
       ->check(CLI::Range(1, 1 << 20))

@@ -51,7 +51,7 @@ std::optional<Assignment> RecheckTable::Request(const std::string& worker, const
     token = TokenOf(config_.epoch, SystemRandom());
   } while (leases_.contains(token));
   const Assignment assignment = as_assignment(token, what.episode);
-  leases_.insert_or_assign(token, Out{std::move(what), worker, host, now + config_.duration});
+  leases_.insert_or_assign(token, Out{std::move(what), worker, host, now + config_.duration, MarkOf(token)});
   holders_[worker] = token;
   return assignment;
 }
@@ -60,10 +60,12 @@ bool RecheckTable::WaitsFor(const std::string& host) const {
   return !host.empty() && std::ranges::any_of(waiting_, [&](const auto& item) { return item.first != host; });
 }
 
-bool RecheckTable::Renew(std::uint64_t token, Time now) {
-  const auto lease = leases_.find(token);
-  if (lease == leases_.end()) return false;
-  lease->second.deadline = now + config_.duration;
+bool RecheckTable::Renew(std::uint64_t mark, const std::string& worker, Time now) {
+  const auto held = holders_.find(worker);
+  if (held == holders_.end()) return false;
+  Out& out = leases_.at(held->second);
+  if (out.mark != mark) return false;
+  out.deadline = now + config_.duration;
   return true;
 }
 

@@ -53,8 +53,8 @@ class RecheckTable {
   /// Whether an episode waits that a worker of `host` may make again.
   bool WaitsFor(const std::string& host) const;
   bool Holds(const std::string& worker) const { return holders_.contains(worker); }
-  /// A heartbeat that names `token`; false when no such lease is out.
-  bool Renew(std::uint64_t token, Time now);
+  /// A heartbeat of `worker` that names its lease by `mark` (MarkOf); false when it holds no such lease.
+  bool Renew(std::uint64_t mark, const std::string& worker, Time now);
 
   /// A lease that `worker` has and names, with what is to be compared.
   struct Lease {
@@ -86,6 +86,7 @@ class RecheckTable {
     Waiting what;
     std::string worker, host;
     Time deadline{};
+    std::uint64_t mark = 0;  // MarkOf its token
   };
   void Return(std::map<std::uint64_t, Out>::iterator lease);
 

@@ -12,6 +12,7 @@
 #include "services/bus/topic.h"
 #include "services/campaign/ack_log.h"
 #include "services/campaign/known_collectors.h"
+#include "services/campaign/lease_table.h"
 #include "services/campaign/shard_choice.h"
 #include "services/campaign/worker_connection.h"
 #include "services/core/clock.h"
@@ -213,7 +214,7 @@ void WorkerClient::Impl::LookAhead(const bus::Lease& lease) {
   if (!options.prefetch || options.once || joined->ahead) return;
   if (joined->asked_ahead != 0) return joined->TakeAnswerAhead();
   bus::WorkRequest request = NextRequest();
-  request.working_on = lease.token;
+  request.working_on = MarkOf(lease.token);
   joined->asked_ahead = request.request_id;
   joined->answered_ahead = false;
   if (const Status asked = joined->requests.Write(request); !asked) Log().debug("request: {}", asked.error().message);
@@ -333,7 +334,7 @@ void WorkerClient::Impl::TakeUp(const bus::Lease& lease, bus::WorkerStatus& stat
   status.step = 0;
   status.index = lease.index;
   status.attempt = lease.attempt;
-  status.token = lease.token;
+  status.token = MarkOf(lease.token);
 }
 
 // @param lease  must live as long as the attempt

@@ -94,6 +94,7 @@ Result<Selector> RunOf(const std::string& text) {
 Result<PolicyChoice> FollowRun(const bus::Participant& participant, const EvalArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(Selector run, RunOf(arguments.subscribe));
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
+  directory.WaitForOthers();  // a server that was not authenticated yet would get a second one beside it
   const auto patience = std::chrono::seconds(1);
   ETUDE_ASSIGN_OR_RETURN(const auto training, directory.FindPublisher(run, patience));
   // what trains and what serves under one name must be one run, or it is not clear which one is meant

@@ -35,6 +35,9 @@ class Stopwatch {
 
 /// Wall-clock seconds since the epoch; only for stamps that people or TensorBoard read.
 double WallSeconds();
+/// Seconds since the host's start, its sleep among them: the same for every process of it, whatever the wall clock is
+/// set to. For what one program leaves to the next one.
+double BootSeconds();
 /// "1:23:45" or "2:05".
 std::string FormatDuration(double seconds);
 

@@ -19,7 +19,7 @@
 namespace etude {
 namespace {
 
-constexpr char kStartedAgain[] = "ETUDE_STARTED_AGAIN";  // seconds since 1970
+constexpr char kStartedAgain[] = "ETUDE_STARTED_AGAIN";  // BootSeconds: a wall clock may be set back
 constexpr char kNewIdOption[] = "--new-id";              // of collectors and trainers (services/core/identity.h)
 
 struct Reason {
@@ -73,7 +73,7 @@ RestartHold::~RestartHold() { --holds; }
 bool MayStartAgain() {
   if (holds > 0) return false;
   const char* const last = std::getenv(kStartedAgain);
-  return last == nullptr || WallSeconds() - std::atof(last) >= kLeastLifeS;
+  return last == nullptr || BootSeconds() - std::atof(last) >= kLeastLifeS;
 }
 
 void RestartWith(MoreArguments more) {
@@ -121,7 +121,7 @@ void StartAgainIfWanted() {
   Log().warn("this process starts again: {}", why);
   // sockets and locks of what has ended are not handed on
   (void)::close_range(STDERR_FILENO + 1, ~0u, CLOSE_RANGE_CLOEXEC);
-  const auto now = static_cast<std::int64_t>(WallSeconds());
+  const auto now = static_cast<std::int64_t>(BootSeconds());
   StartAgainWith({{kStartedAgain, std::to_string(now)}}, argv.data());
 }
 

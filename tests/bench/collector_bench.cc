@@ -32,6 +32,7 @@
 #include "services/bus/blob_transfer.h"
 #include "services/bus/topic.h"
 #include "services/campaign/collector.h"
+#include "services/campaign/lease_table.h"
 #include "services/core/clock.h"
 #include "services/core/hash.h"
 #include "services/core/identity.h"
@@ -106,7 +107,7 @@ class Sender {
     status.worker = name_;
     status.host = HostName();
     status.phase = "play";
-    status.token = token_;
+    status.token = campaign::MarkOf(token_);
     status.index = index_;
     (void)heartbeats_->Write(status);
   }

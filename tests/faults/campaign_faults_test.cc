@@ -150,7 +150,7 @@ TEST(Faults, F22WorkersThatRunOutOfMemoryAreStartedAgain) {
             counts);
 }
 
-// Of work that somebody else does: what its heartbeats say, under another worker's name, and guesses under its own.
+// Of work that somebody else does: what its heartbeats say, under another worker's name and its own, and guesses.
 // Returns how many; the attempts of a campaign are far fewer.
 int ForgeReports(const bus::Participant& participant, const CampaignRun& run, const std::string& id) {
   const std::string partition = bus::Owner{run.spec().name, id}.partition();
@@ -175,6 +175,7 @@ int ForgeReports(const bus::Participant& participant, const CampaignRun& run, co
       if (status.token == 0) continue;
       ++overheard;
       forge(status, "thief", status.token);
+      forge(status, status.worker, status.token);
       for (std::uint64_t step = 1; step <= 20; ++step) forge(status, status.worker, status.token + step);
     }
     return overheard >= 3;

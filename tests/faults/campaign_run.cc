@@ -65,6 +65,11 @@ bool WaitUntil(const std::function<bool()>& met, std::chrono::milliseconds patie
   return true;
 }
 
+Environment Shim(const Path& folder) {
+  return {{"LD_PRELOAD", (campaign::ProgramFolder() / "libfault_shim.so").string()},
+          {"ETUDE_SHIM_FOLDER", folder.string()}};
+}
+
 CampaignRun::CampaignRun(RunOptions options) : options_(std::move(options)) {
   spec_ = SyntheticSpec();
   spec_.name = fmt::format("{}-{}", options_.name, ::getpid());
@@ -82,6 +87,8 @@ campaign::Process& CampaignRun::StartCollector(const Environment& environment) {
        {program.string(), (folder() / "spec.yaml").string(), std::string("--out"), dataset().string(),
         std::string("--domain"), std::to_string(options_.domain), std::string("--lease"), options_.lease_s})
     options.argv.push_back(word);
+  // those that were killed are not waited for as long as by default; another build's program may not know of it
+  if (options_.collector_program.empty()) options.argv.insert(options.argv.end(), {"--away", "15"});
   options.argv.insert(options.argv.end(), options_.collector_flags.begin(), options_.collector_flags.end());
   auto process = campaign::Process::Start(options);
   EXPECT_TRUE(process) << (process ? "" : process.error().message);

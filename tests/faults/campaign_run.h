@@ -35,6 +35,9 @@ bool WaitUntil(const std::function<bool()>& met, std::chrono::milliseconds patie
 /// Resident memory of a process, MB; 0 when it has gone.
 double ResidentMb(pid_t pid);
 
+/// With it a process has tests/faults/shim.cc, for what is below `folder`.
+Environment Shim(const Path& folder);
+
 struct RunOptions {
   std::string name;
   std::uint32_t domain = 90;

@@ -19,6 +19,7 @@
 #include "services/store/safetensors.h"
 #include "tests/faults/campaign_run.h"
 #include "tests/faults/small_disk.h"
+#include "tests/faults/trainer_run.h"
 #include "tests/support/etude_command.h"
 #include "tests/trainer/data/synthetic_dataset.h"
 #include "tests/trainer/learn/tiny_config.h"
@@ -31,8 +32,6 @@ using Bytes = std::vector<std::uint8_t>;
 
 constexpr std::uint32_t kDomain = 62;
 constexpr int kKilled = 128 + SIGKILL;
-constexpr int kInterval = 10;  // steps between two checkpoints
-constexpr int kSteps = 40;
 
 // What is published, and who signs it.
 const bus::Owner kOwner{"faults", "aaaa000000000001"};
@@ -50,26 +49,11 @@ class CheckpointFaults : public testing::Test {
   static void TearDownTestSuite() { delete folder_; }
 
   static campaign::Process StartTrainer(const std::string& run, bool resume, const Environment& environment = {}) {
-    campaign::ProcessOptions options{.argv = {}, .log = *folder_ / (run + ".log"), .environment = environment};
-    options.argv = {(ProgramsFolder() / "etude-trainer").string(),
-                    "--data",
-                    (*folder_ / "data").string(),
-                    "--out",
-                    FolderOf(run).string(),
-                    "--name",
-                    "faults",
-                    "--offline"};
-    if (resume) {
-      options.argv.push_back("--resume");
-    } else {
-      auto overrides = learn::TinyOverrides();
-      overrides.insert(overrides.end(),
-                       {fmt::format("steps={}", kSteps), "curriculum.latest_last=0.5", "checkpoint.keep=4", "ema=0.9"});
-      for (const auto& change : overrides) options.argv.insert(options.argv.end(), {"--set", change});
-    }
-    auto process = campaign::Process::Start(options);
-    EXPECT_TRUE(process) << process.error().message;
-    return std::move(*process);
+    return faults::StartTrainer({.data = *folder_ / "data",
+                                 .out = FolderOf(run),
+                                 .log = *folder_ / (run + ".log"),
+                                 .resume = resume,
+                                 .environment = environment});
   }
   static Path FolderOf(const std::string& run) { return *folder_ / run; }
   static std::string Logs(const std::string& run) {

@@ -25,11 +25,6 @@ namespace disk_faults_test {
 
 using namespace std::chrono_literals;
 
-Environment Shim(const Path& folder) {
-  return {{"LD_PRELOAD", (campaign::ProgramFolder() / "libfault_shim.so").string()},
-          {"ETUDE_SHIM_FOLDER", folder.string()}};
-}
-
 Environment With(Environment environment, const std::string& name, const std::string& value) {
   environment[name] = value;
   return environment;

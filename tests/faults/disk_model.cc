@@ -79,6 +79,12 @@ void DiskModel::Apply(const DiskOperation& operation) {
     }
     return;
   }
+  if (operation.kind == 'L') {
+    // where it points is in its inode, and comes and goes with its name
+    inodes_[next_] = {.seen = operation.data, .safe = operation.data, .safe_since = now_};
+    seen_[path] = next_++;
+    return;
+  }
   if (operation.kind == 'U') return void(seen_.erase(path));
   if (operation.kind == 'M') return void(seen_[path] = 0);
   if (operation.kind == 's' || operation.kind == 'd') return Begin(operation);

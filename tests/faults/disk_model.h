@@ -16,11 +16,12 @@
 namespace etude::faults {
 
 struct DiskOperation {
-  char kind = 0;  ///< Create, Write, Truncate, Sync, D: folder synced, Rename, Unlink, Make folder; s, d: it begins
+  char kind =
+      0;  ///< Create, Write, Truncate, Sync, D: folder synced, Rename, Unlink, Make folder, Link; s, d: it begins
   std::uint64_t inode = 0;
   std::uint64_t number = 0;        ///< offset of a write, size of a truncation, 1: created empty, thread of a sync
   std::string path;                ///< below the traced folder; where a rename went
-  std::vector<std::uint8_t> data;  ///< of a write; where a rename came from
+  std::vector<std::uint8_t> data;  ///< of a write; where a rename came from; where a link points
 };
 
 std::vector<DiskOperation> ReadTrace(const std::filesystem::path& file);

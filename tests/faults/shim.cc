@@ -218,6 +218,12 @@ int rename(const char* from, const char* to) {
   return result;
 }
 
+int symlink(const char* target, const char* path) {
+  const int result = static_cast<int>(::syscall(SYS_symlinkat, target, AT_FDCWD, path));
+  if (result == 0) Trace('L', 0, 0, Below(path), target, ::strlen(target));
+  return result;
+}
+
 int unlink(const char* path) {
   const int result = static_cast<int>(::syscall(SYS_unlink, path));
   if (result == 0) Trace('U', 0, 0, Below(path), nullptr, 0);

@@ -166,7 +166,7 @@ int SendUnfit(const bus::Participant& participant, const CampaignRun& run, const
     const bus::Lease lease = worker.Ask();
     EXPECT_EQ(lease.kind, bus::LeaseKind::kWork) << lease.reason;
     const Bytes bytes = Unfit(run.spec(), lease, rng).at(kind);
-    auto sender = bus::BlobSender::Open(participant, {run.spec().name, id}, "episode", name + "-again");
+    auto sender = bus::BlobSender::Open(participant, {run.spec().name, id}, "episode", name);
     EXPECT_TRUE(sender) << sender.error().message;
     const auto verdict = sender->Send(lease.token, bytes, lease.token, "{", 20s);
     EXPECT_TRUE(verdict) << kind << ": " << verdict.error().message;

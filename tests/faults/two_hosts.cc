@@ -49,8 +49,10 @@ TwoHosts::~TwoHosts() { RunInShell(fmt::format("(ip netns del {}; ip netns del {
 
 void TwoHosts::Link(bool on) const { Do(fmt::format("ip -n {0} link set {0} {1}", a_, on ? "up" : "down")); }
 
-void TwoHosts::MuteWorkers(bool mute) const {
-  Do(fmt::format("ip -n {} route {} blackhole 10.98.0.1/32", b_, mute ? "add" : "del"));
+void TwoHosts::Mute(Side side, bool mute) const {
+  const bool workers = side == Side::kWorkers;
+  Do(fmt::format("ip -n {} route {} blackhole 10.98.0.{}/32", workers ? b_ : a_, mute ? "add" : "del",
+                 workers ? 1 : 2));
 }
 
 RunOptions TwoHosts::Options(const std::string& name, std::uint64_t episodes, int ms_per_attempt) const {

@@ -27,8 +27,9 @@ class TwoHosts {
   bool up() const { return up_; }
   /// The cable, in both directions.
   void Link(bool on) const;
-  /// What the workers' host sends does not leave it; what it is sent arrives.
-  void MuteWorkers(bool mute) const;
+  enum class Side { kCollector, kWorkers };
+  /// What the host of one side sends does not leave it; what it is sent arrives.
+  void Mute(Side side, bool mute) const;
   /// A run with its collector on the one and its workers on the other; leases of 3 s.
   RunOptions Options(const std::string& name, std::uint64_t episodes, int ms_per_attempt) const;
 

@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "services/campaign/collector.h"
+#include "services/campaign/fingerprint.h"
 #include "services/campaign/process.h"
 #include "services/core/clock.h"
 #include "services/core/config.h"
@@ -186,11 +187,10 @@ TEST_F(CampaignBytes, AreTheSameFromAHostOfThreeSlotsWhoseChildrenAreKilled) {
   EXPECT_TRUE(killed == singles);
 }
 
-// `etude-worker --fingerprint` in a process that pins nothing, with these masks: what another CPU would take.
-std::map<std::string, std::string> UnpinnedProbe(std::map<std::string, std::string> masks) {
-  masks["ETUDE_UNPINNED"] = "1";
+// `etude-worker --fingerprint` with this environment.
+std::map<std::string, std::string> Probe(const std::map<std::string, std::string>& environment) {
   TemporaryFolder folder;
-  auto process = Process::Start({{WorkerProgram().string(), "--fingerprint", "--json"}, folder / "log", masks});
+  auto process = Process::Start({{WorkerProgram().string(), "--fingerprint", "--json"}, folder / "log", environment});
   EXPECT_TRUE(process) << (process ? "" : process.error().message);
   if (!process) return {};
   EXPECT_EQ(process->Wait(120s), 0);
@@ -201,6 +201,12 @@ std::map<std::string, std::string> UnpinnedProbe(std::map<std::string, std::stri
   std::map<std::string, std::string> lines;
   for (const auto& [name, value] : json.items()) lines[name] = value.get<std::string>();
   return lines;
+}
+
+// The same in a process that pins nothing, with these masks: what another CPU would take.
+std::map<std::string, std::string> UnpinnedProbe(std::map<std::string, std::string> masks) {
+  masks["ETUDE_UNPINNED"] = "1";
+  return Probe(masks);
 }
 
 bool HasFmaVariantsOfLibm() {
@@ -242,7 +248,24 @@ TEST(FingerprintProbe, NothingDependsOnAvx512NorOnTheNumberOfThreads) {
   for (const char* threads : {"1", "4"}) EXPECT_EQ(UnpinnedProbe({{"LP_NUM_THREADS", threads}}), unpinned) << threads;
 }
 
-// What another CPU would take. FingerprintProbe shows that these masks can fail it.
+// The pins forbid instructions and give none: a CPU without AVX draws otherwise, and would be refused by its picture.
+TEST(FingerprintProbe, ACpuWithoutAvxIsToldFromThoseThatThePinsAreFor) {
+  const auto pinned = Probe({});
+  const auto without = UnpinnedProbe({{"GLIBC_TUNABLES", "glibc.cpu.hwcaps=-AVX,-AVX2,-FMA,-FMA4,-AVX512F"},
+                                      {"GALLIUM_OVERRIDE_CPU_CAPS", "sse4.1"},
+                                      {"LP_NATIVE_VECTOR_WIDTH", "128"}});
+  const auto lines = [](const std::map<std::string, std::string>& probe) {
+    return Fingerprint(probe.begin(), probe.end());
+  };
+  const auto difference = FirstDifference(lines(pinned), lines(without), "bytes");
+  ASSERT_TRUE(difference);
+  EXPECT_TRUE(difference->starts_with("picture")) << *difference << ": nothing else depends on AVX";
+  EXPECT_EQ(FirstDifference(lines(pinned), lines(without), "physics"), std::nullopt);
+}
+
+// Of a worker, which sets its pins over these masks: this shows that no environment makes other bytes, and not that
+// another CPU agrees. What that would do is in FingerprintProbe, where nothing is pinned, and in each host's
+// fingerprint.
 TEST_F(CampaignBytes, DoNotDependOnTheCpu) {
   const std::string hash = HashWith({});
   const std::string libm = "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F";

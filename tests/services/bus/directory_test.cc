@@ -5,10 +5,13 @@
 
 #include <functional>
 
+#include "services/bus/access.h"
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
 #include "services/core/stop.h"
+#include "services/security/authority.h"
 #include "tests/services/bus/two_processes.h"
+#include "tests/support/temporary_folder.h"
 
 namespace etude::bus {
 namespace directory_test {
@@ -176,6 +179,42 @@ TEST(Directory, AnIdThatIsLiveElsewhereIsRefusedUnlessAdopted) {
   // of two with one id the newer one is meant
   auto directory = Directory::Open(peers.a).value();
   EXPECT_EQ(directory.Find(PresenceKind::kRun, {"copied", ""}, 10s).value()->folder, "/copy");
+}
+
+// Who joins under security hears the others only once they have been authenticated: each of these looks around at once.
+TEST(Directory, UnderSecurityAnIdThatIsLiveElsewhereIsRefusedToo) {
+  const TemporaryFolder authority;
+  ASSERT_TRUE(security::InitAuthority(authority.path(), security::Protection::kEncrypt));
+  const auto join = [&](std::uint32_t domain, const std::string& name) {
+    const std::vector roles{security::Role::kCollector};
+    const auto now = static_cast<std::int64_t>(WallSeconds());
+    const auto identity = security::Issue(authority.path(), {.name = name,
+                                                             .roles = roles,
+                                                             .grants = GrantsFor(roles, name, {}, {}),
+                                                             .not_before = now - 60,
+                                                             .not_after = now + 86400});
+    EXPECT_TRUE(identity) << identity.error().message;
+    auto participant =
+        Participant::Open({domain, LocalProfileWith("<ExternalDomainId>72</ExternalDomainId>"), identity->string()});
+    EXPECT_TRUE(participant) << participant.error().message;
+    return std::move(*participant);
+  };
+  const auto campaign = [](const char* folder) {
+    return MakePresence(PresenceKind::kCampaign, "secured", "aaaa000000000001", folder);
+  };
+  const auto first = join(150, "first");
+  const auto original = Announce(first, campaign("/original"));
+  {
+    const auto second = join(151, "second");
+    const auto refused = Announcement::Open(second, campaign("/copy"), Claim::kRefuse);
+    ASSERT_FALSE(refused) << "two collectors of one campaign would work side by side";
+    EXPECT_EQ(refused.error().code, Code::kUnavailable);
+    EXPECT_NE(refused.error().message.find("/original"), std::string::npos) << refused.error().message;
+  }
+  const auto third = join(152, "third");
+  auto directory = Directory::Open(third).value();
+  directory.WaitForOthers();
+  EXPECT_TRUE(directory.Find(PresenceKind::kCampaign, {"secured", ""}, 0s).value()) << "it was there first";
 }
 
 TEST(Directory, ThePastOfTheSameFolderIsNoOther) {

@@ -161,6 +161,32 @@ TEST_F(CollectorCommit, EpisodesThatDoNotFitAreRefusedWithTheReasonAndCostTheInd
   EXPECT_EQ(running->progress().given_up, 0u);
 }
 
+// Whoever knows a token and is not who was told it takes no lease away, and sends nobody away.
+TEST_F(CollectorCommit, UnfitEpisodesInSomebodyElsesPlaceCostNobodyAnything) {
+  const CampaignSpec spec = Spec("unfit_forged", 2);
+  CollectorOptions options = QuickOptions();
+  options.lease = 60s;
+  Running running(std::move(*Collector::Open(*participant_, spec, folder_ / "data", options)));
+  RawWorker holder(*participant_, spec, running->id(), "holder"), thief(*participant_, spec, running->id(), "thief");
+  const bus::Lease held = holder.Ask();
+  ASSERT_EQ(held.kind, bus::LeaseKind::kWork);
+  Episode bad = FakeEpisode(spec, held.index, held.attempt);
+  ++bad.seed;
+  bus::Lease invented = held;
+  invented.token += 1;
+  const int forgeries = 2 * options.unfit_budget;
+  for (int k = 0; k < forgeries; ++k) {
+    EXPECT_EQ(thief.Send(held, bad).kind, bus::AckKind::kRefused);
+    EXPECT_EQ(holder.Send(invented, bad).kind, bus::AckKind::kRefused) << "in the holder's name";
+  }
+  EXPECT_EQ(running->progress().refused, static_cast<std::uint64_t>(2 * forgeries));
+  EXPECT_FALSE(running->progress().failures.contains(kUnfitEpisode));
+  EXPECT_EQ(thief.Send(held, FakeEpisode(spec, held.index, held.attempt)).kind, bus::AckKind::kRefused)
+      << "nor is what fits taken from anybody";
+  EXPECT_EQ(holder.Ask().token, held.token) << "its lease is still out, and it is not sent away";
+  EXPECT_EQ(holder.Send(held, FakeEpisode(spec, held.index, held.attempt)).kind, bus::AckKind::kDone);
+}
+
 // Asks a collector for a filter key; what it answers: "" when it wrote it.
 class KeyAsker {
  public:

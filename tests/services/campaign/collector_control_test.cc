@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "services/bus/topic.h"
+#include "services/campaign/lease_table.h"
 #include "services/campaign/process.h"
 #include "services/campaign/worker_client.h"
 #include "services/core/clock.h"
@@ -95,6 +96,41 @@ TEST_F(CollectorControl, ForgedReportsGiveNothingUp) {
   holder.Report(held, running->id(), SpecHash(spec));
   EXPECT_EQ(holder.Ask().token, next.token);
   EXPECT_EQ(running->progress().given_up, 0u);
+}
+
+// All that a worker says of its lease while it works, said again as reports in its own name.
+TEST_F(CollectorControl, WhatIsOverheardOfAWorkerGivesNothingUp) {
+  CampaignSpec spec = Spec("overheard", 2);
+  spec.max_attempts = 2;
+  Running running(std::move(*Open(spec, folder_ / "data")));
+  auto statuses = bus::Reader<bus::WorkerStatus>::Open(*participant_, PartitionOf(running, spec));
+  auto requests = bus::Reader<bus::WorkRequest>::Open(*participant_, PartitionOf(running, spec));
+  ASSERT_TRUE(statuses && requests);
+  Process worker = StartPrefetching(spec, folder_ / "w.log", 3'600'000);
+  bus::WorkerStatus heard;
+  std::uint64_t working_on = 0;
+  ASSERT_TRUE(WaitFor([&] {
+    for (const auto& status : statuses->Take())
+      if (status.token != 0) heard = status;
+    for (const auto& request : requests->Take()) working_on = std::max(working_on, request.working_on);
+    return heard.token != 0 && working_on != 0;
+  })) << ReadTextFile(folder_ / "w.log").value_or("");
+
+  RawWorker forger(*participant_, spec, running->id(), heard.worker);
+  bus::Lease lease;
+  lease.index = heard.index;
+  lease.attempt = heard.attempt;
+  EXPECT_TRUE(WaitFor([&] {
+    for (const std::uint64_t token : {heard.token, working_on}) {
+      lease.token = token;
+      forger.Report(lease, running->id(), SpecHash(spec));
+      forger.Report(lease, running->id(), SpecHash(spec), kReleased);
+    }
+    return running->progress().stale_results >= 8;
+  }));
+  EXPECT_TRUE(running->progress().failures.empty());
+  EXPECT_EQ(running->progress().given_up, 0u);
+  EXPECT_EQ(running->progress().lost_leases, 0u) << "its own heartbeats renew it";
 }
 
 TEST_F(CollectorControl, AHostsLeasesAreNotSeenByOthers) {
@@ -212,7 +248,7 @@ TEST_F(CollectorControl, HostsWhoseBytesDifferFromTheFirstOnesAreRefusedUnlessTh
 
 // Which of them a worker that was told `lease` holds beside it.
 std::uint64_t IndexAhead(RawWorker& worker, const bus::Lease& lease) {
-  worker.request.working_on = lease.token;
+  worker.request.working_on = MarkOf(lease.token);
   const bus::Lease next = worker.Ask();
   EXPECT_EQ(next.kind, bus::LeaseKind::kWork);
   worker.request.working_on = 0;
@@ -242,7 +278,7 @@ TEST_F(CollectorControl, AWorkerMayHoldItsNextLeaseUnlessTheCampaignIsPaused) {
     const auto taken = statuses->Take();
     return std::ranges::any_of(taken, [](const bus::CampaignStatus& status) { return status.state == "paused"; });
   }));
-  other.request.working_on = of_other.token;
+  other.request.working_on = MarkOf(of_other.token);
   EXPECT_EQ(other.Ask().kind, bus::LeaseKind::kWait) << "nothing new";
   EXPECT_EQ(IndexAhead(worker, lease), 1u) << "what it holds it goes on with";
 }
@@ -258,7 +294,7 @@ class Beating {
     status_.worker = worker;
     status_.index = lease.index;
     status_.attempt = lease.attempt;
-    status_.token = lease.token;
+    status_.token = MarkOf(lease.token);
     status_.phase = "play";
     status_.stage = "reach";
   }
@@ -315,6 +351,25 @@ TEST_F(CollectorControl, AWorkerThatWasAwayAtTheEndIsSentHomeWhenItComesBack) {
 
   EXPECT_EQ(away.Ask().kind, bus::LeaseKind::kDone);
   running.Join();
+}
+
+TEST_F(CollectorControl, WhoWasToldOrSaidGoodbyeDelaysNoEnd) {
+  const CampaignSpec spec = Spec("told", 2);
+  CollectorOptions options = QuickOptions();
+  options.away = CollectorOptions().away;
+  ASSERT_GE(options.away, 60s) << "an outage of a minute";
+  Running running(std::move(*Collector::Open(*participant_, spec, folder_ / "data", options)));
+  {
+    Process leaves = StartWorker(spec, folder_ / "leaves.log", 3'600'000);
+    ASSERT_TRUE(WaitFor([&] { return running->progress().workers == 1; }));
+    EXPECT_EQ(leaves.Stop(5s), 0);
+  }
+  Process told = StartWorker(spec, folder_ / "told.log", 0);
+  ASSERT_TRUE(WaitFor([&] { return running->progress().complete; }));
+  const Stopwatch ending;
+  running.Join();
+  EXPECT_LT(ending.Seconds(), 30);
+  EXPECT_EQ(told.Wait(10s), 0);
 }
 
 TEST_F(CollectorControl, APolicyThatDoesNotAnswerDropsNoRolloutAndEndsTheEvaluationWithWords) {

@@ -125,10 +125,10 @@ TEST(LeaseTable, HeartbeatsKeepALease) {
   LeaseTable table(Config(1));
   const Assignment assignment = table.Request("w", Time{});
   for (int s = 5; s <= 100; s += 5) {
-    EXPECT_TRUE(table.Renew(assignment.index, assignment.token, Time{} + std::chrono::seconds(s)));
+    EXPECT_TRUE(table.Renew(assignment.index, MarkOf(assignment.token), Time{} + std::chrono::seconds(s)));
     EXPECT_EQ(table.Expire(Time{} + std::chrono::seconds(s)), 0);
   }
-  EXPECT_FALSE(table.Renew(assignment.index, assignment.token + 1, Time{}));
+  EXPECT_FALSE(table.Renew(assignment.index, MarkOf(assignment.token + 1), Time{}));
 }
 
 TEST(LeaseTable, FailuresLeadToTheNextAttemptAndThenToGivingUp) {
@@ -204,17 +204,17 @@ TEST(LeaseTable, ResumesFromWhatIsDurable) {
 TEST(LeaseTable, AWorkerThatIsAtItMayHoldOneMore) {
   LeaseTable table(Config(9));
   const Assignment first = table.Request("w", Time{});
-  const Assignment next = table.Request("w", Time{}, first.token);
+  const Assignment next = table.Request("w", Time{}, MarkOf(first.token));
   ASSERT_EQ(next.kind, Assignment::Kind::kWork);
   EXPECT_EQ(next.index, 1u);
-  EXPECT_EQ(table.Request("w", Time{}, first.token).token, next.token) << "an answer that was lost";
+  EXPECT_EQ(table.Request("w", Time{}, MarkOf(first.token)).token, next.token) << "an answer that was lost";
   EXPECT_EQ(table.in_flight(), 2u);
   EXPECT_EQ(table.Request("w", Time{}).token, first.token) << "what it began comes first";
-  EXPECT_TRUE(table.Holds("w", first.token));
+  EXPECT_TRUE(table.Holds("w", MarkOf(first.token)));
   table.Commit(first.index);
-  EXPECT_FALSE(table.Holds("w", next.token));
+  EXPECT_FALSE(table.Holds("w", MarkOf(next.token)));
   EXPECT_EQ(table.Request("w", Time{}).token, next.token);
-  EXPECT_EQ(table.Request("w", Time{}, next.token).index, 2u);
+  EXPECT_EQ(table.Request("w", Time{}, MarkOf(next.token)).index, 2u);
   EXPECT_EQ(table.Request("invented", Time{}, 12345).kind, Assignment::Kind::kWait)
       << "no heartbeat would renew what waits behind a lease that is not of this table";
   EXPECT_EQ(table.Request("invented", Time{}).index, 3u);
@@ -223,23 +223,23 @@ TEST(LeaseTable, AWorkerThatIsAtItMayHoldOneMore) {
 TEST(LeaseTable, WhoWasCutOffForLongerThanALeaseGoesOnWithIt) {
   LeaseTable table(Config(9));
   const Assignment first = table.Request("w", Time{});
-  const Assignment next = table.Request("w", Time{}, first.token);
+  const Assignment next = table.Request("w", Time{}, MarkOf(first.token));
   EXPECT_EQ(table.Expire(Time{} + 1h), 1);
-  EXPECT_TRUE(table.Renew(first.index, first.token, Time{} + 1h));
+  EXPECT_TRUE(table.Renew(first.index, MarkOf(first.token), Time{} + 1h));
   EXPECT_EQ(table.Request("other", Time{} + 1h).index, next.index) << "what waited went to who came first";
-  EXPECT_FALSE(table.Renew(next.index, next.token, Time{} + 1h)) << "and is theirs";
+  EXPECT_FALSE(table.Renew(next.index, MarkOf(next.token), Time{} + 1h)) << "and is theirs";
   EXPECT_EQ(table.Request("third", Time{} + 1h).index, 2u) << "nobody else is leased what it goes on with";
   EXPECT_EQ(table.in_flight(), 3u);
   EXPECT_EQ(table.Expire(Time{} + 1h + 9s), 0);
   table.Commit(first.index);
-  EXPECT_FALSE(table.Renew(first.index, first.token, Time{} + 1h)) << "it is closed";
+  EXPECT_FALSE(table.Renew(first.index, MarkOf(first.token), Time{} + 1h)) << "it is closed";
 }
 
 TEST(LeaseTable, WhatWasTakenFromAWorkerDoesNotComeBackByItsHeartbeats) {
   LeaseTable table(Config(9));
   const Assignment taken = table.Request("still", Time{});
   table.Revoke("still");
-  EXPECT_FALSE(table.Renew(taken.index, taken.token, Time{}));
+  EXPECT_FALSE(table.Renew(taken.index, MarkOf(taken.token), Time{}));
   EXPECT_EQ(table.in_flight(), 0u);
   EXPECT_EQ(table.Check(taken.index, 0, taken.token), LeaseValidity::kCurrent) << "its result would count";
 }
@@ -247,9 +247,9 @@ TEST(LeaseTable, WhatWasTakenFromAWorkerDoesNotComeBackByItsHeartbeats) {
 TEST(LeaseTable, WhatWaitsLivesAsLongAsWhatIsWorkedOn) {
   LeaseTable table(Config(9));
   const Assignment first = table.Request("w", Time{});
-  const Assignment next = table.Request("w", Time{}, first.token);
+  const Assignment next = table.Request("w", Time{}, MarkOf(first.token));
   for (int s = 5; s <= 100; s += 5) {
-    EXPECT_TRUE(table.Renew(first.index, first.token, Time{} + std::chrono::seconds(s)));
+    EXPECT_TRUE(table.Renew(first.index, MarkOf(first.token), Time{} + std::chrono::seconds(s)));
     EXPECT_EQ(table.Expire(Time{} + std::chrono::seconds(s)), 0);
   }
   EXPECT_EQ(table.Check(next.index, 0, next.token), LeaseValidity::kCurrent);
@@ -263,7 +263,7 @@ TEST(LeaseTable, WhatWaitsLivesAsLongAsWhatIsWorkedOn) {
 TEST(LeaseTable, WhatWaitedForADeadWorkerIsFreeAndCountsNothing) {
   LeaseTable table(Config(9));
   const Assignment first = table.Request("dead", Time{});
-  const Assignment next = table.Request("dead", Time{}, first.token);
+  const Assignment next = table.Request("dead", Time{}, MarkOf(first.token));
   table.Revoke("dead");
   EXPECT_EQ(table.lost(), 1u);
   EXPECT_EQ(table.Request("a", Time{}).index, next.index) << "before those that nobody was leased";
@@ -275,9 +275,9 @@ TEST(LeaseTable, WhatWaitedForADeadWorkerIsFreeAndCountsNothing) {
 TEST(LeaseTable, WhatWasBegunIsLostLikeAnyOther) {
   LeaseTable table(Config(9));
   const Assignment first = table.Request("w", Time{});
-  const Assignment next = table.Request("w", Time{}, first.token);
+  const Assignment next = table.Request("w", Time{}, MarkOf(first.token));
   table.Commit(first.index);
-  EXPECT_TRUE(table.Renew(next.index, next.token, Time{}));
+  EXPECT_TRUE(table.Renew(next.index, MarkOf(next.token), Time{}));
   table.Revoke("w");
   EXPECT_EQ(table.lost(), 1u);
   EXPECT_EQ(table.Request("other", Time{}).index, 2u);
@@ -286,8 +286,8 @@ TEST(LeaseTable, WhatWasBegunIsLostLikeAnyOther) {
 TEST(LeaseTable, NothingIsLeasedAheadThatSomebodyElseMayBeFreeFor) {
   LeaseTable table(Config(4));
   const Assignment a = table.Request("a", Time{}), b = table.Request("b", Time{});
-  EXPECT_EQ(table.Request("a", Time{}, a.token).index, 2u) << "two are left, and two work";
-  EXPECT_EQ(table.Request("b", Time{}, b.token).kind, Assignment::Kind::kWait);
+  EXPECT_EQ(table.Request("a", Time{}, MarkOf(a.token)).index, 2u) << "two are left, and two work";
+  EXPECT_EQ(table.Request("b", Time{}, MarkOf(b.token)).kind, Assignment::Kind::kWait);
   EXPECT_EQ(table.Request("c", Time{}).index, 3u);
 }
 
@@ -296,10 +296,10 @@ TEST(LeaseTable, BoundsWhatIsLeasedAhead) {
   config.max_in_flight = 2;
   LeaseTable table(config);
   const Assignment a = table.Request("a", Time{});
-  EXPECT_EQ(table.Request("a", Time{}, a.token).kind, Assignment::Kind::kWork);
+  EXPECT_EQ(table.Request("a", Time{}, MarkOf(a.token)).kind, Assignment::Kind::kWork);
   const Assignment b = table.Request("b", Time{});
   ASSERT_EQ(b.kind, Assignment::Kind::kWork) << "what waits takes nobody's place";
-  EXPECT_EQ(table.Request("b", Time{}, b.token).kind, Assignment::Kind::kWork);
+  EXPECT_EQ(table.Request("b", Time{}, MarkOf(b.token)).kind, Assignment::Kind::kWork);
   EXPECT_EQ(table.Request("c", Time{}).kind, Assignment::Kind::kWait);
   EXPECT_EQ(table.in_flight(), 4u);
 }
@@ -327,6 +327,23 @@ TEST(LeaseTable, TokensAreNotToBeGuessedFromOthers) {
   for (const std::uint64_t token : tokens)
     for (std::uint64_t step = 1; step <= 10; ++step) guessed += table.IndexOf(token + step).has_value();
   EXPECT_EQ(guessed, 0);
+}
+
+// What others may hear is as good as a token nowhere.
+TEST(LeaseTable, AMarkRenewsAndIsNoToken) {
+  LeaseTable table(Config(2));
+  const Assignment lease = table.Request("w", Time{});
+  const std::uint64_t mark = MarkOf(lease.token);
+  EXPECT_EQ(MarkOf(0), 0u);
+  EXPECT_NE(mark, lease.token);
+  EXPECT_NE(mark, MarkOf(lease.token + 1));
+  EXPECT_TRUE(table.Renew(lease.index, mark, Time{}));
+  EXPECT_FALSE(table.Renew(lease.index, lease.token, Time{}));
+  EXPECT_FALSE(table.IndexOf(mark));
+  EXPECT_EQ(table.Check(lease.index, lease.attempt, mark), LeaseValidity::kStale);
+  table.Release(lease.index);
+  EXPECT_FALSE(table.Renew(lease.index, mark, Time{}));
+  EXPECT_FALSE(table.Renew(lease.index, 0, Time{})) << "of no lease";
 }
 
 TEST(LeaseTable, TwoIndicesNeverHaveOneToken) {
@@ -387,7 +404,7 @@ class RandomCampaign {
     } else if (draw < 0.1) {
       working_.erase(held);  // dies without a word
     } else if (draw < 0.5) {
-      table_.Renew(held->second.index, held->second.token, now_);
+      table_.Renew(held->second.index, MarkOf(held->second.token), now_);
     } else {
       const Assignment assignment = held->second;
       working_.erase(held);
@@ -428,7 +445,7 @@ class RandomCampaign {
 
   // It is told that one again when it asks next, or somebody else is once this one is dead.
   void LookAhead(const std::string& worker, const Assignment& assignment) {
-    const Assignment next = table_.Request(worker, now_, assignment.token);
+    const Assignment next = table_.Request(worker, now_, MarkOf(assignment.token));
     if (next.kind != Assignment::Kind::kWork) return;
     ASSERT_NE(next.token, assignment.token);
     ASSERT_FALSE(committed_.contains(next.index));

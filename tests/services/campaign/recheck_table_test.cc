@@ -70,13 +70,15 @@ TEST(RecheckTable, WhatIsLostOrGivenBackGoesToAnotherAndIsLeftAfterSomeTries) {
   table.Add(Made(1, "lab-1"), kStart);
   const auto first = table.Request("b", "lab-2", kStart);
   ASSERT_TRUE(first);
-  EXPECT_TRUE(table.Renew(first->token, kStart + 8s));
+  EXPECT_FALSE(table.Renew(first->token, "b", kStart + 9s)) << "its mark is what is said";
+  EXPECT_FALSE(table.Renew(MarkOf(first->token), "c", kStart + 9s)) << "not its lease";
+  EXPECT_TRUE(table.Renew(MarkOf(first->token), "b", kStart + 8s));
   std::vector<std::string> silent;
   table.Expire(kStart + 17s, &silent);
   EXPECT_TRUE(silent.empty()) << "renewed";
   table.Expire(kStart + 18s, &silent);
   EXPECT_EQ(silent, std::vector<std::string>{"b"});
-  EXPECT_FALSE(table.Renew(first->token, kStart + 18s));
+  EXPECT_FALSE(table.Renew(MarkOf(first->token), "b", kStart + 18s));
   EXPECT_FALSE(table.Take(first->token, "b", kStart + 18s)) << "too late";
 
   const auto second = table.Request("c", "lab-2", kStart + 18s);

@@ -22,6 +22,7 @@
 #include <tuple>
 #include <vector>
 
+#include "services/core/clock.h"
 #include "services/core/stop.h"
 #include "services/core/stop_reason.h"
 
@@ -162,6 +163,19 @@ TEST(Command, AProgramDoesNotStartAgainWhileThatIsHeldUp) {
     EXPECT_FALSE(MayStartAgain());
   }
   EXPECT_TRUE(MayStartAgain());
+}
+
+// Of the host's uptime, which the next program has in common: a wall clock that is set back would keep a process from
+// starting again for as long as it was set back by.
+TEST(Command, WhenItStartedAgainIsOfNoClockThatPeopleSet) {
+  const auto may = [](double started) {
+    ::setenv("ETUDE_STARTED_AGAIN", std::to_string(started).c_str(), 1);
+    const bool may_start = MayStartAgain();
+    ::unsetenv("ETUDE_STARTED_AGAIN");
+    return may_start;
+  };
+  EXPECT_FALSE(may(BootSeconds() - 10));
+  EXPECT_TRUE(may(BootSeconds() - kLeastLifeS - 1));
 }
 
 // This test's process is started again with the same arguments, and comes here once more.
