@@ -2,6 +2,7 @@
 // Runs deploy/examples/torchscript.cc, which has libtorch and nothing of ours, over an export of the compact policy.
 #include "trainer/checkpoint/torchscript.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <torch/script.h>
