@@ -32,16 +32,22 @@ export function readLines(path) {
   return text.slice(0, text.lastIndexOf('\n') + 1).split('\n').filter(Boolean).map(parse);
 }
 
-/** Points of a series; a step that goes back supersedes what an older life wrote from there on. */
-export function series(folder, kind, key) {
-  let points = [];
+/** Lines of a kind; a step that goes back supersedes what an older life wrote from there on. */
+export function linesOf(folder, kind) {
+  let lines = [];
   for (const line of readLines(join(folder, 'metrics.jsonl'))) {
     if (line.kind !== kind) continue;
-    if (points.length && line.step <= points[points.length - 1].step) points = points.filter((one) => one.step < line.step);
-    if (key in line) points.push({ step: line.step, value: line[key] });
+    if (lines.length && line.step <= lines[lines.length - 1].step) lines = lines.filter((one) => one.step < line.step);
+    lines.push(line);
   }
-  const values = points.map((one) => one.value).filter((one) => one !== null);
-  return { min: Math.min(...values), max: Math.max(...values), last: values[values.length - 1], missing: points.length - values.length };
+  return lines;
+}
+
+/** What there is to say of a series. */
+export function series(folder, kind, key) {
+  const points = linesOf(folder, kind).filter((line) => key in line).map((line) => line[key]);
+  const values = points.filter((one) => one !== null);
+  return { n: values.length, min: Math.min(...values), max: Math.max(...values), last: values[values.length - 1], missing: points.length - values.length };
 }
 
 export function episodeFiles(folder) {

@@ -3,14 +3,16 @@
 // that is asked about a recorded picture, and a play session from the first word to the judge's.
 // ETUDE_LAB: what make_lab.mjs made. ETUDE_DOMAIN: a DDS domain of its own. ETUDE_SHOTS: a folder for pictures of Play.
 import assert from 'node:assert/strict';
+import { execFile } from 'node:child_process';
 import { mkdirSync, mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
+import { promisify } from 'node:util';
 import { axe, launch, lookAt, openPage, overflow, settle, themes, visit } from './browser.mjs';
 import { checkpointHeader, checkpoints, episodeFiles, readJson } from './files.mjs';
 import { startGateway } from './gateway.mjs';
-import { onDomain, startEtude } from './programs.mjs';
+import { bin, onDomain, root, startEtude } from './programs.mjs';
 
 const lab = resolve(process.env.ETUDE_LAB ?? '.');
 const work = mkdtempSync(join(tmpdir(), `etude-test-${process.pid}-`));
@@ -91,6 +93,7 @@ test('a page that is open follows what is committed, and ends at what lies in th
       assert.deepEqual(await axe(page), []);
       assert.deepEqual(await overflow(page), []);
     });
+    await areTheTopicsOfTheBus();
     await open(`/dataset?dataset=${dataset.id}`, async (page) => {
       const shown = async () => numberIn(await page.locator('[data-dataset-summary] b').first().innerText());
       const first = await shown();
@@ -109,6 +112,31 @@ test('a page that is open follows what is committed, and ends at what lies in th
     await collector.stop('SIGINT');
   }
 });
+
+const execute = promisify(execFile);
+
+/** Types and writers are those that another program finds, which reads the bus itself. The gateway does not list its own. */
+async function areTheTopicsOfTheBus() {
+  const { stdout } = await execute(join(bin, 'etude'), ['topic', 'list', '--json', ...onDomain], { cwd: root, maxBuffer: 1 << 24 });
+  const others = (peers) => peers.map((one) => one.peer).filter((peer) => !peer.startsWith('gateway '));
+  const found = JSON.parse(stdout).map((one) => ({ ...one, writers: others(one.writers) })).filter((one) => one.writers.length);
+  const status = found.find((one) => one.topic === 'etude/campaign/status') ?? assert.fail(stdout);
+  assert.match(status.writers.join(), /^(collector|etude collect) \d+@/);
+  await open(`/topics?topic=${encodeURIComponent(status.topic)}`, async (page) => {
+    const fact = (name) => page.locator('.facts dt', { hasText: new RegExp(`^${name}$`) }).first().locator('xpath=following-sibling::dd[1]');
+    await until('the names of those who write', async () => (await fact('writers').innerText()).trim() === [...status.writers].sort().join('\n'));
+    assert.equal(await fact('type').innerText(), status.types.join(', '));
+    for (const one of (await fact('QoS').innerText()).split('; ')) assert.ok(status.qos.includes(one), `${one}, not one of ${status.qos.join('; ')}`);
+    for (const { topic, writers } of found) {
+      const cell = page.locator(`[role=row][data-id="${topic}"] [data-column="writers"]`);
+      await until(`${writers.length} writers of ${topic}`, async () => numberIn(await cell.innerText()) === writers.length);
+    }
+    const total = numberIn(await page.locator('[data-topics-summary] b').first().innerText());
+    assert.ok(total >= found.length, `${total} topics, ${found.length} are written`);
+    // its newest sample, from the collector's own mouth
+    await until('its newest sample', async () => numberIn((/committed\s+([\d,]+)/.exec(await page.locator('[data-sample]').first().innerText()) ?? [])[1] ?? '0') > 0);
+  });
+}
 
 /** Makes the attempt of this page again, and compares what is drawn with what was written. */
 async function isMadeAgain(page, dataset, index, attempt, button) {

@@ -2,15 +2,16 @@
 // Every page of the real gateway over real folders, in Debian's Chromium: figures against the files, axe, keyboard, a restart.
 // ETUDE_DIRS: the folders, separated by ':'.
 import assert from 'node:assert/strict';
-import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
-import { addresses, axe, launch, lookAt, openPage, overflow, settle, themes, visit, widths } from './browser.mjs';
-import { checkpointHeader, checkpoints, episodeFiles, foldersWith, readJson, readLines, series } from './files.mjs';
+import { addresses, axe, launch, lookAt, openPage, overflow, themes, visit, widths } from './browser.mjs';
+import { checkpointHeader, checkpoints, episodeFiles, foldersWith, linesOf, readJson, readLines, series } from './files.mjs';
 import { startGateway } from './gateway.mjs';
 import { makeMany } from './many.mjs';
 import { onDomain } from './programs.mjs';
+import { cameBack, closeAll, openAll, restart, shown, shows } from './shown.mjs';
 
 const dirs = (process.env.ETUDE_DIRS ?? '').split(':').filter(Boolean).map((one) => resolve(one));
 let gateway;
@@ -149,6 +150,21 @@ test('Training: every curve has the least, largest and last value of metrics.jso
     const ended = readLines(join(folder, 'curriculum.jsonl'));
     const said = ended.length ? await text(page, '[data-advances]') : '';
     for (const one of ended) assert.ok(said.includes(one.reason), one.reason);
+  });
+});
+
+test('Training: the CSV that is downloaded has every number of metrics.jsonl', async () => {
+  const run = source('run');
+  if (!run || (await get(`/runs/${run.id}`)).state === 'running') return;
+  const lines = linesOf(folderOf(run, 'metrics.jsonl'), 'train');
+  const names = [...new Set(lines.flatMap((line) => Object.keys(line).filter((name) => typeof line[name] === 'number' || line[name] === null)))];
+  await open(pages.training, async (page) => {
+    const download = page.waitForEvent('download');
+    await page.getByRole('link', { name: 'CSV', exact: true }).click();
+    const [head, ...rows] = readFileSync(await (await download).path(), 'utf8').trimEnd().split('\n').map((row) => row.split(','));
+    assert.deepEqual([...head].sort(), names.sort());
+    assert.equal(rows.length, lines.length);
+    rows.forEach((row, i) => head.forEach((name, c) => assert.equal(row[c] === '' ? null : Number(row[c]), lines[i][name] ?? null, `${name} at step ${lines[i].step}`)));
   });
 });
 
@@ -460,16 +476,21 @@ test('keys go to pages, back and forward work, unknown addresses say so', async 
   await context.close();
 });
 
-test('the gateway is killed and started again under a page', async () => {
-  const { page, context } = await openPage(browser, gateway.address);
-  await visit(page, gateway.address + (pages.training ?? '/'));
-  await page.waitForSelector('.connection[data-state=live]');
-  const port = Number(new URL(gateway.address).port);
-  await gateway.stop('SIGKILL');
-  await page.waitForSelector('.banner', { timeout: 10000 });
-  gateway = await startGateway(dirs, port, onDomain);
-  await page.waitForSelector('.banner', { state: 'detached', timeout: 15000 });
-  await settle(page);
-  assert.equal(await page.locator('.problem').count(), 0);
-  await context.close();
+test('the gateway is killed and started again under every page, and each shows what it showed', { timeout: 400000 }, async () => {
+  const opened = await openAll(browser, gateway, pages);
+  try {
+    const before = new Map();
+    for (const { name, page, wrong } of opened) {
+      assert.deepEqual(wrong, [], name);
+      before.set(name, await shown(name, page));
+    }
+    assert.ok([...before.values()].some((one) => one.length), 'no page shows a figure');
+    gateway = await restart(gateway, opened, (port) => startGateway(dirs, port, onDomain));
+    await cameBack(opened);
+    // where something is made meanwhile figures grow
+    if ((await get('/fleet')).live || (source('run') && (await get(`/runs/${source('run').id}`)).live)) return;
+    for (const { name, page } of opened) await shows(name, page, before.get(name));
+  } finally {
+    await closeAll(opened);
+  }
 });

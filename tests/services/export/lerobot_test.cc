@@ -190,6 +190,31 @@ TEST_P(LeRobotReadBy, HasEveryRow) {
   EXPECT_EQ((*episodes)["rows"].size(), static_cast<std::size_t>(kEpisodes));
 }
 
+TEST_P(LeRobotReadBy, HasEveryRowOfVersion21) {
+  LeRobotOptions options;
+  options.version = LeRobotVersion::k21;
+  ASSERT_THAT(ExportLeRobot(dataset_, out_, options), IsOk());
+  const auto file = [this](int i) { return out_ / fmt::format("data/chunk-000/episode_{:06d}.parquet", i); };
+  if (!ReadWithNode(GetParam(), file(0))) GTEST_SKIP() << GetParam() << " is not there";
+
+  std::size_t index = 0;
+  for (int i = 0; i < kEpisodes; ++i) {
+    const auto data = ReadWithNode(GetParam(), file(i));
+    ASSERT_TRUE(data) << i;
+    const ParquetFile own(file(i));
+    ASSERT_EQ((*data)["rows"].size(), own.rows().size());
+    for (std::size_t k = 0; k < own.rows().size(); ++k) {
+      const OrderedJson &row = (*data)["rows"][k], &wanted = own.rows()[k];
+      EXPECT_EQ(row["index"], std::to_string(index++));
+      EXPECT_EQ(row["episode_index"], std::to_string(i));
+      EXPECT_EQ(row["frame_index"], std::to_string(k));
+      EXPECT_FLOAT_EQ(row["timestamp"].get<float>(), wanted["timestamp"].get<float>());
+      EXPECT_FLOAT_EQ(row["action"][2].get<float>(), wanted["action"][2].get<float>());
+    }
+  }
+  EXPECT_EQ(index, Json("meta/info.json")["total_frames"].get<std::size_t>());
+}
+
 std::string NameOfReader(const testing::TestParamInfo<const char*>& info) {
   return std::string(info.param) == "hyparquet" ? "Hyparquet" : "ParquetWasm";
 }
