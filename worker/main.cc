@@ -66,6 +66,7 @@ struct Arguments {
   ReplayOptions replay;
   std::string task;
   TaskCheckOptions task_check;
+  RobotCheckOptions robot_check;
   PlayOptions play;
   int slots = Cores();  ///< 0: this process makes the episodes itself
   bool child = false;   ///< of a host with slots
@@ -308,6 +309,7 @@ CLI::App* AddRobotCheck(CLI::App& robot, Arguments& arguments) {
   auto* check = robot.add_subcommand("check", "whether a robot can collect, and what is missing");
   check->add_option("robot", arguments.robot, "its YAML file (see deploy/robots), or the name of a known one")
       ->required();
+  check->add_flag("--json", arguments.robot_check.as_json, "as one JSON object, at the end");
   return check;
 }
 
@@ -338,6 +340,7 @@ CLI::App* AddTaskCheck(CLI::App& app, Arguments& arguments) {
   check->add_option("--attempts", arguments.task_check.attempts, "demonstrations with each")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
+  check->add_flag("--json", arguments.task_check.as_json, "as one JSON object, at the end");
   return check;
 }
 
@@ -421,7 +424,7 @@ int main(int argc, char** argv) {
     if (*describe) return etude::DescribeRobotFile(as_json);
     if (*outcomes) return etude::DescribeOutcomes(as_json);
     if (*replay) return etude::Replay(arguments);
-    if (*check) return etude::CheckRobot(arguments.robot, arguments.renderer);
+    if (*check) return etude::CheckRobot(arguments.robot, arguments.renderer, arguments.robot_check);
     if (*task_check) return etude::CheckTaskFile(arguments.task, arguments.task_check, arguments.renderer);
     if (*play) return etude::Play(arguments.play, arguments.bus, arguments.renderer);
     if (*render) return etude::RenderScene(arguments);

@@ -95,7 +95,7 @@ struct WorkerStatus {
   std::string campaign;
   std::string worker;
   std::string host;
-  std::string phase;  ///< idle | plan | play | send | gone
+  std::string phase;  ///< idle | plan | play | send | kGonePhase
   std::uint64_t index = 0;
   std::uint32_t attempt = 0;
   std::uint64_t token = 0;     ///< not itself but its mark (campaign::MarkOf): others hear it; 0: holds no lease
@@ -111,6 +111,9 @@ struct WorkerStatus {
   double plan_s = 0, step_s = 0, render_s = 0, deflate_s = 0, send_s = 0;
   std::vector<std::uint32_t> plan_histogram;  ///< attempts by their planning time: kPlanBins (PlanBin), or none yet
 };
+
+/// WorkerStatus::phase of the last heartbeat of a worker that goes home.
+inline constexpr char kGonePhase[] = "gone";
 
 /// Bins of WorkerStatus::plan_histogram: below 10, 20, 40 ... 10,240 ms, and longer.
 inline constexpr std::size_t kPlanBins = 12;

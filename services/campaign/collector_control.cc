@@ -288,7 +288,7 @@ void Collector::Impl::OnHeartbeat(const bus::WorkerStatus& status) {
   if (status.campaign_id != id) return;
   const MutexLock lock(mutex);
   const Time now = MonotonicClock::now();
-  if (status.phase == kGone) {
+  if (status.phase == bus::kGonePhase) {
     heard.erase(status.worker);
     motions.erase(status.worker);
     return;

@@ -28,7 +28,7 @@ class Heartbeat {
     thread_.request_stop();
     thread_.join();
     // the collector need not wait for it
-    SetPhase(kGone);
+    SetPhase(bus::kGonePhase);
     (void)writer_.Write(Current());
     // the worker is gone for good: late joiners need not see it
     (void)writer_.Dispose(status_);

@@ -100,8 +100,6 @@ class WorkerClient {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Phase of the last heartbeat of a worker that goes home.
-inline constexpr char kGone[] = "gone";
 /// Outcome of an AttemptReport that releases the lease undone; nothing is counted.
 inline constexpr char kReleased[] = "released";
 /// "reason" in the details of a kReleased report: the host's child that worked on it is no more.

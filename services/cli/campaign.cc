@@ -11,11 +11,11 @@
 #include "services/cli/bus_watch.h"
 #include "services/cli/campaign_control.h"
 #include "services/cli/command_line.h"
+#include "services/cli/top_json.h"
 #include "services/cli/top_text.h"
 #include "services/core/config.h"
 #include "services/core/printable.h"
 #include "services/core/stop.h"
-#include "services/episode/bounded_json.h"
 
 namespace etude::cli {
 namespace {
@@ -27,29 +27,6 @@ struct CampaignArguments {
   bool as_json = false;
   BusArguments bus;
 };
-
-OrderedJson StatusJson(const CampaignView& campaign) {
-  OrderedJson json{{"name", campaign.presence.name},     {"id", campaign.presence.id},
-                   {"host", campaign.presence.host},     {"user", campaign.presence.user},
-                   {"folder", campaign.presence.folder}, {"since", campaign.presence.since}};
-  if (campaign.presence.shards > 1)
-    json["shard"] = fmt::format("{}/{}", campaign.presence.shard, campaign.presence.shards);
-  if (!campaign.status) return json;
-  const bus::CampaignStatus& status = campaign.status->message;
-  json["state"] = status.state;
-  json["committed"] = status.committed;
-  json["total"] = status.total;
-  json["attempts"] = status.attempts;
-  json["given_up"] = status.given_up;
-  json["workers"] = status.workers;
-  json["episodes_per_minute"] = status.episodes_per_minute;
-  json["eta_s"] = status.eta_s;
-  json["failures"] = ParseBoundedJson(status.failures_json, 2).value_or(OrderedJson::object());
-  json["error"] = status.error;
-  json["rechecked"] = status.rechecked;
-  json["mismatched"] = status.mismatched;
-  return json;
-}
 
 Status ListCampaigns(const CampaignArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cstring>
 
 #include "services/cli/all_commands.h"
@@ -41,6 +42,12 @@ std::string Quoted(const std::string& text) {
   return quoted + "'";
 }
 
+// Sets REPLY: no process is started for a description.
+std::string AboutArm(const std::string& pattern, std::string description) {
+  std::ranges::replace(description, '\n', ' ');
+  return description.empty() ? "" : fmt::format("    {}) REPLY={} ;;\n", Quoted(pattern), Quoted(description));
+}
+
 std::string Arm(const std::string& pattern, const std::vector<std::string>& words) {
   if (words.empty()) return "";
   return fmt::format("    {}) echo {} ;;\n", Quoted(pattern), Quoted(fmt::format("{}", fmt::join(words, " "))));
@@ -48,7 +55,7 @@ std::string Arm(const std::string& pattern, const std::vector<std::string>& word
 
 // The bodies of the functions that are asked for words.
 struct Arms {
-  std::string commands, options, values, choices;
+  std::string commands, options, values, choices, abouts;
 };
 
 void CollectArms(const OrderedJson& row, const std::string& path, Arms& arms) {
@@ -63,9 +70,15 @@ void CollectArms(const OrderedJson& row, const std::string& path, Arms& arms) {
     }
     options.insert(options.end(), names.begin(), names.end());
     if (option["value"] != "") values.insert(values.end(), names.begin(), names.end());
-    for (const auto& name : names) arms.choices += Arm(path + ":" + name, choices);
+    for (const auto& name : names) {
+      arms.choices += Arm(path + ":" + name, choices);
+      arms.abouts += AboutArm(path + ":" + name, option["description"]);
+    }
   }
-  for (const auto& command : row["commands"]) commands.push_back(command["name"]);
+  for (const auto& command : row["commands"]) {
+    commands.push_back(command["name"]);
+    arms.abouts += AboutArm(path + ":" + commands.back(), command["description"]);
+  }
   arms.commands += Arm(path, commands);
   arms.options += Arm(path, options);
   arms.values += Arm(path, values);
@@ -73,17 +86,22 @@ void CollectArms(const OrderedJson& row, const std::string& path, Arms& arms) {
     CollectArms(command, (path.empty() ? "" : path + " ") + command["name"].get<std::string>(), arms);
 }
 
-std::string Functions(const OrderedJson& commands) {
+std::string Function(const char* name, const std::string& body) {
+  return fmt::format("{}() {{\n  case $1 in\n{}  esac\n}}\n", name, body);
+}
+
+Arms ArmsOf(const OrderedJson& commands) {
   Arms arms;
   CollectArms(commands, "", arms);
-  const auto function = [](const char* name, const std::string& body) {
-    return fmt::format("{}() {{\n  case $1 in\n{}  esac\n}}\n", name, body);
-  };
-  return "# commands after a path of them\n" + function("_etude_commands", arms.commands) + "# options of a command\n" +
-         function("_etude_options", arms.options) + "# those of them that take a value\n" +
-         function("_etude_values", arms.values) +
+  return arms;
+}
+
+std::string Functions(const Arms& arms) {
+  return "# commands after a path of them\n" + Function("_etude_commands", arms.commands) + "# options of a command\n" +
+         Function("_etude_options", arms.options) + "# those of them that take a value\n" +
+         Function("_etude_values", arms.values) +
          "# what PATH:OPTION, or PATH:NUMBER of a positional argument, may be\n" +
-         function("_etude_choices", arms.choices);
+         Function("_etude_choices", arms.choices);
 }
 
 std::string Walk(const char* first, const char* current, const char* words) {
@@ -102,8 +120,8 @@ Status PrintScript(const CLI::App& app, const std::string& shell) {
 }  // namespace
 
 std::string BashCompletion(const OrderedJson& commands) {
-  return "# bash completion of etude, made by `etude completion bash`\n" + Functions(commands) + "_etude() {\n" +
-         Walk("1", "COMP_CWORD", "COMP_WORDS") +
+  return "# bash completion of etude, made by `etude completion bash`\n" + Functions(ArmsOf(commands)) +
+         "_etude() {\n" + Walk("1", "COMP_CWORD", "COMP_WORDS") +
          R"sh(  # shellcheck disable=SC2207
   COMPREPLY=($(compgen -W "$offered" -- "$current"))
 }
@@ -111,12 +129,27 @@ complete -o default -F _etude etude
 )sh";
 }
 
+// The file is the body of the function of its name, which zsh calls at the first TAB: then the functions are defined
+// and the last of them is called. Read with `source`, they are defined alone.
 std::string ZshCompletion(const OrderedJson& commands) {
-  return "#compdef etude\n# zsh completion of etude, made by `etude completion zsh`\n" + Functions(commands) +
-         "_etude() {\n" + Walk("2", "CURRENT", "words") +
-         R"sh(  if [[ -n ${offered// /} ]]; then compadd -- ${=offered}; else _files; fi
+  const Arms arms = ArmsOf(commands);
+  return "#compdef etude\n# zsh completion of etude, made by `etude completion zsh`\n" + Functions(arms) +
+         "# what PATH:WORD means, in REPLY\n" + Function("_etude_about", arms.abouts) + "_etude() {\n" +
+         Walk("2", "CURRENT", "words") +
+         R"sh(  local -a described
+  local REPLY
+  for word in ${=offered}; do
+    REPLY=""
+    ((skip)) || _etude_about "$route:$word"
+    described+=("${word//:/\\:}${REPLY:+:$REPLY}")
+  done
+  if (($#described)); then _describe etude described; else _files; fi
 }
-compdef _etude etude 2>/dev/null
+if [[ $funcstack[1] == _etude ]]; then
+  _etude "$@"
+else
+  compdef _etude etude 2>/dev/null
+fi
 )sh";
 }
 

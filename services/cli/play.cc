@@ -98,9 +98,9 @@ void PrintLine(const bus::PlayState& state) {
   std::fflush(stdout);
 }
 
-// Lines until the sentence has ended. @error kInternal: it was not done; kUnavailable: the session is gone; kTimeout: a
-// stop was requested, which the session is told
-Status Follow(play::Client& client, const std::string& session) {
+// The state in which the sentence has ended; lines meanwhile, but not as JSON. @error kUnavailable: the session is
+// gone; kTimeout: a stop was requested, which the session is told
+Result<bus::PlayState> Follow(play::Client& client, const std::string& session, const PlayArguments& arguments) {
   MonotonicClock::time_point printed = MonotonicClock::now();
   while (!StopRequested()) {
     const auto& sessions = client.Listen(500ms);
@@ -108,23 +108,31 @@ Status Follow(play::Client& client, const std::string& session) {
     if (found == sessions.end())
       return Fail(Code::kUnavailable, fmt::format("play session '{}' has ended, or is silent", session));
     const bus::PlayState& state = found->second.state;
-    if (state.phase == "moving") {
-      if (MonotonicClock::now() - printed < kLine) continue;
-      PrintLine(state);
-      printed = MonotonicClock::now();
-      continue;
-    }
-    fmt::print("  {} after {} steps{}{}\n", state.outcome, state.step, state.reason.empty() ? "" : ": ", state.reason);
-    std::fflush(stdout);
-    if (state.outcome == "success" || state.outcome == "unjudged" || state.outcome == "stopped") return {};
-    return Fail(Code::kInternal, fmt::format("\"{}\": {}", state.sentence, state.outcome));
+    if (state.phase != "moving") return state;
+    if (arguments.as_json || MonotonicClock::now() - printed < kLine) continue;
+    PrintLine(state);
+    printed = MonotonicClock::now();
   }
   (void)client.Command(session, bus::PlayAction::kStop, OrderedJson::object(), 2s);
   return Fail(Code::kTimeout, "stopped");
 }
 
-Status SayIn(const bus::Participant& participant, play::Client& client, const std::string& session,
-             const PlayArguments& arguments) {
+// What a sentence means, before it is obeyed.
+OrderedJson MeaningJson(const language::Meaning& meaning, const play::SayArguments& say, bool of_training) {
+  OrderedJson json{{"sentence", say.sentence}, {"means", nullptr}, {"why_not", nullptr}};
+  if (say.task.empty())
+    json["why_not"] = meaning.why;
+  else
+    json["means"] = {{"task", say.task}, {"target", say.target}, {"reference", say.reference}};
+  json["unseen"] = meaning.unseen();
+  json["unseen_by"] = of_training ? "training" : "campaign";
+  return json;
+}
+
+// @param said  gets what `--json` prints. @error as Follow; kInternal: it was not done
+Status SayIn(const bus::Participant& participant, play::Client& client, const PlayArguments& arguments,
+             OrderedJson& said) {
+  const std::string& session = arguments.session;
   ETUDE_ASSIGN_OR_RETURN(const bus::PlayState state, client.Find(session, kAppears));
   play::SayArguments say = arguments.say;
   say.home = !arguments.stay;
@@ -136,12 +144,25 @@ Status SayIn(const bus::Participant& participant, play::Client& client, const st
     if (say.target.empty()) say.target = meaning.command->target;
     if (say.reference.empty()) say.reference = meaning.command->reference;
   }
-  PrintMeaning(meaning, say);
-  PrintWords(meaning, words.has_value());
-  std::fflush(stdout);
+  said = MeaningJson(meaning, say, words.has_value());
+  if (!arguments.as_json) {
+    PrintMeaning(meaning, say);
+    PrintWords(meaning, words.has_value());
+    std::fflush(stdout);
+  }
   ETUDE_ASSIGN_OR_RETURN(const bus::PlayState taken, client.Command(session, bus::PlayAction::kSay, ToJson(say)));
   (void)taken;
-  return Follow(client, session);
+  ETUDE_ASSIGN_OR_RETURN(const bus::PlayState ended, Follow(client, session, arguments));
+  const std::string& outcome = ended.outcome;
+  said["outcome"] = outcome;
+  said["reason"] = ended.reason;
+  said["steps"] = ended.step;
+  said["checkpoint_step"] = ended.checkpoint_step;
+  if (!arguments.as_json)
+    fmt::print("  {} after {} steps{}{}\n", outcome, ended.step, ended.reason.empty() ? "" : ": ", ended.reason);
+  std::fflush(stdout);
+  if (outcome == "success" || outcome == "unjudged" || outcome == "stopped") return {};
+  return Fail(Code::kInternal, fmt::format("\"{}\": {}", ended.sentence, outcome));
 }
 
 Status ListSessions(const PlayArguments& arguments) {
@@ -178,7 +199,14 @@ Status ListSessions(const PlayArguments& arguments) {
 Status Say(const PlayArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto client, play::Client::Open(participant));
-  return SayIn(participant, client, arguments.session, arguments);
+  OrderedJson said;
+  const Status done = SayIn(participant, client, arguments, said);
+  // also of a sentence that was not done, and of one that never began as far as it is known
+  if (arguments.as_json && said.is_object()) {
+    said["session"] = arguments.session;
+    fmt::print("{}\n", JsonText(said, 1));
+  }
+  return done;
 }
 
 Status SendCommand(const PlayArguments& arguments, bus::PlayAction action, const OrderedJson& json) {
@@ -278,6 +306,21 @@ Status AwaitSession(play::Client& client, const PlayArguments& arguments, Childr
   return Fail(Code::kTimeout, "open a play session: it does not appear");
 }
 
+// One after another; the first error is that of all.
+Status SayAll(const bus::Participant& participant, play::Client& client, PlayArguments arguments, OrderedJson& all) {
+  Status first;
+  for (const auto& sentence : arguments.sentences) {
+    arguments.say = {
+        .sentence = sentence, .task = "", .target = "", .reference = "", .max_steps = arguments.say.max_steps};
+    OrderedJson one;
+    const Status said = SayIn(participant, client, arguments, one);
+    if (one.is_object()) all.push_back(std::move(one));
+    if (first && !said) first = said;
+    if (StopRequested() || (!said && said.error().code == Code::kUnavailable)) break;
+  }
+  return first;
+}
+
 Status Open(PlayArguments arguments) {
   if (arguments.session.empty()) arguments.session = "play-" + NewId().substr(0, 6);
   if (arguments.run.empty() == arguments.checkpoint.empty())
@@ -289,24 +332,25 @@ Status Open(PlayArguments arguments) {
   ETUDE_RETURN_IF_ERROR(StartPolicy(arguments, run, children));
   ETUDE_RETURN_IF_ERROR(StartWorker(arguments, run, children));
   ETUDE_RETURN_IF_ERROR(AwaitSession(client, arguments, children));
-  if (arguments.sentences.empty()) {
+  OrderedJson opened{{"session", arguments.session},
+                     {"domain", participant.domain()},
+                     {"run", run},
+                     {"sentences", OrderedJson::array()}};
+  if (arguments.sentences.empty() && arguments.as_json) {
+    fmt::print("{}\n", JsonText(opened, 1));
+    std::fflush(stdout);
+  } else if (arguments.sentences.empty()) {
     fmt::print("talk to it with: etude play say {} --domain {} 'push the red can'\n", arguments.session,
                participant.domain());
     std::fflush(stdout);
   }
-  Status first;
-  for (const auto& sentence : arguments.sentences) {
-    arguments.say = {
-        .sentence = sentence, .task = "", .target = "", .reference = "", .max_steps = arguments.say.max_steps};
-    const Status said = SayIn(participant, client, arguments.session, arguments);
-    if (first && !said) first = said;
-    if (StopRequested() || (!said && said.error().code == Code::kUnavailable)) break;
-  }
+  const Status done = SayAll(participant, client, arguments, opened["sentences"]);
+  if (!arguments.sentences.empty() && arguments.as_json) fmt::print("{}\n", JsonText(opened, 1));
   while (arguments.sentences.empty() && children.worker->running() && !StopRequested()) {
     if (children.policy) ETUDE_RETURN_IF_ERROR(children.policy->Supervise());
     children.worker->Wait(250ms);
   }
-  return first;
+  return done;
 }
 
 // ---- declarations ---------------------------------------------------------------------------------
@@ -324,6 +368,7 @@ void AddOpen(CLI::App& command, const Shared& arguments, Body& body) {
       ->allow_extra_args(false);
   open->add_option("--max-steps", arguments->say.max_steps, "control steps of a sentence; 0: the campaign's");
   open->add_flag("--stay", arguments->stay, "the arm does not come home between two sentences");
+  open->add_flag("--json", arguments->as_json, "one JSON object: when it is open, or with --say when all is said");
   open->add_option("--speed", arguments->speed, "of the simulation against the clock; 0: as fast as it goes")
       ->capture_default_str();
   open->add_option("--idle", arguments->idle_s, "s without a command after which it ends; 0: never")
@@ -348,6 +393,7 @@ void AddSay(CLI::App& command, const Shared& arguments, Body& body) {
   say->add_option("--reference", arguments->say.reference, "object beside which");
   say->add_option("--max-steps", arguments->say.max_steps, "control steps; 0: the campaign's");
   say->add_flag("--stay", arguments->stay, "the arm does not come home first");
+  say->add_flag("--json", arguments->as_json, "one JSON object, when it has ended");
   say->callback([=, &body] { body = [=] { return Say(*arguments); }; });
 }
 

@@ -7,6 +7,7 @@
 #include <cstdio>
 
 #include "services/cli/command_line.h"
+#include "services/cli/top_json.h"
 #include "services/cli/top_text.h"
 #include "services/core/stop.h"
 
@@ -16,7 +17,7 @@ namespace {
 using namespace std::chrono_literals;
 
 struct TopArguments {
-  bool once = false;
+  bool once = false, as_json = false;
   BusArguments bus;
 };
 
@@ -35,6 +36,10 @@ Status Top(const TopArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
   // who is there says so once a second
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
+  if (arguments.as_json) {
+    fmt::print("{}\n", JsonText(TopJson(watch.view(), MonotonicClock::now()), 1));
+    return {};
+  }
   if (arguments.once || !::isatty(STDOUT_FILENO)) {
     fmt::print("{}", TopText(watch.view(), MonotonicClock::now()));
     return {};
@@ -58,7 +63,8 @@ void AddTop(CLI::App& app, Body& body) {
   auto* command =
       app.add_subcommand("top", "what goes on: campaigns, workers, training, policies; redrawn each second");
   auto arguments = std::make_shared<TopArguments>();
-  command->add_flag("--once", arguments->once, "print it once");
+  auto* once = command->add_flag("--once", arguments->once, "print it once");
+  command->add_flag("--json", arguments->as_json, "with --once: as one JSON object")->needs(once);
   arguments->bus.Add(*command);
   command->callback([arguments, &body] { body = [arguments] { return Top(*arguments); }; });
 }

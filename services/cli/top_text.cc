@@ -76,7 +76,7 @@ std::map<std::string, Slots> SlotsByHost(const BusView& view) {
   std::map<std::string, Slots> hosts;
   for (const auto& [id, campaign] : view.campaigns) {
     for (const auto& [name, heard] : campaign.workers) {
-      if (heard.message.phase == "gone") continue;
+      if (heard.message.phase == bus::kGonePhase) continue;
       const auto*& newest = hosts[heard.message.host.empty() ? "?" : heard.message.host][name];
       if (newest == nullptr || newest->at < heard.at) newest = &heard;
     }

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <vector>
 
+#include "services/core/config.h"
 #include "services/spec/robot_names.h"
 #include "services/spec/task_name.h"
 #include "worker/collide/checker.h"
@@ -37,18 +38,34 @@ constexpr int kStride = 25;               // control steps between two pictures 
 /// Rounded, and never "-0".
 double Whole(double value) { return std::round(value) + 0.0; }
 
-/// The lines so far.
+/// The lines so far: printed as they come, or kept for an object.
 class Report {
  public:
+  explicit Report(bool as_json) : as_json_(as_json) {}
   void Line(bool good, const std::string& what, const std::string& detail) {
-    fmt::print("{:<8} {:<10} {}\n", good ? "ok" : "MISSING", what, detail);
+    if (!as_json_) fmt::print("{:<8} {:<10} {}\n", good ? "ok" : "MISSING", what, detail);
+    checks_.push_back({{"what", what}, {"ok", good}, {"text", detail}});
     if (!good && std::ranges::find(missing_, what) == missing_.end()) missing_.push_back(what);
   }
-  void Note(const std::string& text) { fmt::print("{:<8} {:<10} {}\n", "note", "", text); }
+  void Note(const std::string& text) {
+    if (!as_json_) fmt::print("{:<8} {:<10} {}\n", "note", "", text);
+    notes_.push_back(text);
+  }
+  void End(const std::string& robot) const {
+    if (!as_json_) return;
+    const OrderedJson json{{"robot", robot},
+                           {"can_collect", missing_.empty()},
+                           {"missing", missing_},
+                           {"checks", checks_},
+                           {"notes", notes_}};
+    fmt::print("{}\n", JsonText(json, 1));
+  }
   const std::vector<std::string>& missing() const { return missing_; }
 
  private:
-  std::vector<std::string> missing_;
+  const bool as_json_;
+  std::vector<std::string> missing_, notes_;
+  OrderedJson checks_ = OrderedJson::array();
 };
 
 void CheckJoints(const sim::ArmInfo& arm, Report& report) {
@@ -264,8 +281,8 @@ Status CheckTasks(const std::string& robot, const sim::Scene& scene, const sim::
 
 }  // namespace
 
-Status CheckRobot(const std::string& robot, const sim::RendererConfig& renderer) {
-  Report report;
+Status CheckRobot(const std::string& robot, const sim::RendererConfig& renderer, const RobotCheckOptions& options) {
+  Report report(options.as_json);
   SceneSpec spec;
   spec.robot = robot;
   spec.objects = {"cube"};
@@ -287,6 +304,7 @@ Status CheckRobot(const std::string& robot, const sim::RendererConfig& renderer)
     return std::ranges::all_of(missing, [](const std::string& what) { return what == "control"; });
   };
   if (only_control(report.missing())) ETUDE_RETURN_IF_ERROR(CheckTasks(robot, *scene, renderer, report));
+  report.End(robot);
   if (report.missing().empty()) return {};
   return Fail(Code::kInvalidArgument,
               fmt::format("'{}' cannot collect yet: {}", robot, fmt::join(report.missing(), ", ")));

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <map>
 
+#include "services/core/config.h"
 #include "services/language/grammar.h"
 #include "services/spec/object_names.h"
 #include "services/spec/task_roles.h"
@@ -21,7 +22,21 @@ namespace {
 constexpr int kOnTable = 4;    // objects in each scene that is tried
 constexpr int kSentences = 3;  // shown
 
-void Line(const std::string& what, const std::string& text) { fmt::print("{:<10} {}\n", what, text); }
+// What is found out: printed as it comes, or kept for an object.
+class TaskReport {
+ public:
+  explicit TaskReport(bool as_json) : as_json_(as_json) {}
+  void Line(const std::string& what, const std::string& text) const {
+    if (!as_json_) fmt::print("{:<10} {}\n", what, text);
+  }
+  void End() const {
+    if (as_json_) fmt::print("{}\n", JsonText(json, 1));
+  }
+  OrderedJson json;
+
+ private:
+  const bool as_json_;
+};
 
 // The tabletop's objects and those that the task asks for.
 std::vector<std::string> ObjectsFor(const TaskSpec& task) {
@@ -40,7 +55,7 @@ std::string StageWords(const StageSpec& stage) {
 }
 
 // "risen: the object's origin is higher than where it stood (by 0.03 m)", a line a node.
-void PrintTree(const PredicateSpec& tree, int depth) {
+void PrintTree(const PredicateSpec& tree, int depth, const TaskReport& report) {
   const auto& kinds = task::PredicateKinds();
   const auto kind = std::ranges::find_if(kinds, [&](const auto& known) { return known.name == tree.kind; });
   std::vector<std::string> words;
@@ -54,23 +69,50 @@ void PrintTree(const PredicateSpec& tree, int depth) {
       words.push_back(fmt::format("{} {}{}", parameter.name, value, is_number ? " " + parameter.unit : ""));
     }
   const std::string says = kind == kinds.end() ? "" : ": " + kind->says;
-  Line("", fmt::format("{:{}}{}{}{}", "", 2 * depth, tree.kind, says,
-                       words.empty() ? "" : fmt::format(" ({})", fmt::join(words, ", "))));
-  for (const auto& child : tree.children) PrintTree(child, depth + 1);
+  report.Line("", fmt::format("{:{}}{}{}{}", "", 2 * depth, tree.kind, says,
+                              words.empty() ? "" : fmt::format(" ({})", fmt::join(words, ", "))));
+  for (const auto& child : tree.children) PrintTree(child, depth + 1, report);
 }
 
-void PrintStart(const StartSpec& start) {
-  Line("start", start.roomy() ? "space before and behind every object" : "objects where there is room");
+void PrintStart(const StartSpec& start, const TaskReport& report) {
+  report.Line("start", start.roomy() ? "space before and behind every object" : "objects where there is room");
   if (!start.keep_clear.empty())
-    Line("", fmt::format("no obstacle at {} places around the target", start.keep_clear.size()));
+    report.Line("", fmt::format("no obstacle at {} places around the target", start.keep_clear.size()));
   if (!start.not_already) return;
-  Line("", "not already:");
-  PrintTree(*start.not_already, 1);
+  report.Line("", "not already:");
+  PrintTree(*start.not_already, 1, report);
 }
 
-Status PrintMeaning(const TaskName& task, const std::vector<std::string>& objects) {
+// What it is to begin with, do, keep off and reach.
+void PrintRules(const TaskSpec& spec, TaskReport& report) {
+  if (spec.reference.needed)
+    report.Line("reference", spec.reference.only.empty() ? "any other object"
+                                                         : fmt::format("{}", fmt::join(spec.reference.only, ", ")));
+  report.json["reference"] = {{"needed", spec.reference.needed}, {"only", spec.reference.only}};
+  for (const auto& variant : spec.avoid)
+    report.Line("also", fmt::format("'{}+{}': without touching {}", spec.name, variant,
+                                    variant == "obstacle" ? "the obstacle" : "other objects"));
+  report.json["avoid"] = spec.avoid;
+  PrintStart(spec.start, report);
+  auto& stages = report.json["stages"] = OrderedJson::array();
+  for (const auto& stage : spec.stages) {
+    report.Line(stages.empty() ? "stages" : "", StageWords(stage));
+    stages.push_back(StageWords(stage));
+  }
+  report.Line("done", fmt::format("when for {} control steps", task::kDwell));
+  PrintTree(spec.success, 1, report);
+  report.json["success"] = ToJson(spec.success);
+  const PredicateSpec& latched = spec.latched ? *spec.latched : spec.success;
+  report.Line("latched", "when once, as the paper's authors count");
+  PrintTree(latched, 1, report);
+  report.json["latched"] = ToJson(latched);
+}
+
+Status PrintMeaning(const TaskName& task, const std::vector<std::string>& objects, TaskReport& report) {
   const TaskSpec& spec = *task.spec;
-  Line("task", spec.summary.empty() ? spec.name : fmt::format("{}: {}", spec.name, spec.summary));
+  report.json["task"] = task.text();
+  report.json["summary"] = spec.summary;
+  report.Line("task", spec.summary.empty() ? spec.name : fmt::format("{}: {}", spec.name, spec.summary));
   const std::vector<std::string> targets = PossibleTargets(spec, objects);
   if (targets.empty())
     return Fail(Code::kInvalidArgument, fmt::format("task '{}': reference.only: none of {} is an object", spec.name,
@@ -82,45 +124,47 @@ Status PrintMeaning(const TaskName& task, const std::vector<std::string>& object
       language::CommandFor(task, target, references.empty() ? std::string() : SceneName(references.front()));
   ETUDE_RETURN_IF_ERROR(grammar.Check(command));
   const auto sentences = grammar.Templates(command);
-  for (std::size_t i = 0; i < std::min<std::size_t>(kSentences, sentences.size()); ++i)
-    Line(i == 0 ? "sentences" : "", fmt::format("\"{}\"", sentences[i]));
-  if (spec.reference.needed)
-    Line("reference",
-         spec.reference.only.empty() ? "any other object" : fmt::format("{}", fmt::join(spec.reference.only, ", ")));
-  for (const auto& variant : spec.avoid)
-    Line("also",
-         fmt::format("'{}+{}': {}", spec.name, variant,
-                     variant == "obstacle" ? "without touching the obstacle" : "without touching other objects"));
-  PrintStart(spec.start);
-  for (std::size_t i = 0; i < spec.stages.size(); ++i) Line(i == 0 ? "stages" : "", StageWords(spec.stages[i]));
-  Line("done", fmt::format("when for {} control steps", task::kDwell));
-  PrintTree(spec.success, 1);
-  Line("latched", "when once, as the paper's authors count");
-  PrintTree(spec.latched.value_or(spec.success), 1);
+  auto& said = report.json["sentences"] = OrderedJson::array();
+  for (std::size_t i = 0; i < std::min<std::size_t>(kSentences, sentences.size()); ++i) {
+    report.Line(i == 0 ? "sentences" : "", fmt::format("\"{}\"", sentences[i]));
+    said.push_back(sentences[i]);
+  }
+  PrintRules(spec, report);
   return {};
 }
 
+struct Trials {
+  std::vector<std::string> objects;
+  int attempts;
+  sim::RendererConfig renderer;
+};
+
 // How many attempts succeed; prints it.
-Result<int> Try(const TaskName& task, const std::string& robot, const std::vector<std::string>& objects, int attempts,
-                const sim::RendererConfig& renderer) {
+Result<int> Try(const TaskName& task, const std::string& robot, const Trials& trials, TaskReport& report) {
   CampaignSpec spec;
   spec.robots = {robot};
   spec.tasks = {task.text()};
-  spec.objects = objects;
+  spec.objects = trials.objects;
   spec.objects_per_scene = kOnTable;
-  ETUDE_ASSIGN_OR_RETURN(auto runner, task::AttemptRunner::Open(spec, renderer));
+  ETUDE_ASSIGN_OR_RETURN(auto runner, task::AttemptRunner::Open(spec, trials.renderer));
   int succeeded = 0;
   std::map<std::string, int> reasons;
-  for (int index = 0; index < attempts; ++index) {
+  for (int index = 0; index < trials.attempts; ++index) {
     ETUDE_ASSIGN_OR_RETURN(const auto attempt, runner.Demonstrate(static_cast<std::uint64_t>(index), 0));
     if (attempt.outcome == task::AttemptOutcome::kSuccess)
       ++succeeded;
     else
       ++reasons[fmt::format("{}: {}", task::ToString(attempt.outcome), attempt.reason)];
   }
-  Line(2 * succeeded > attempts ? "ok" : "FAILS",
-       fmt::format("{}: {} of {} demonstrations succeed", robot, succeeded, attempts));
-  for (const auto& [reason, count] : reasons) Line("", fmt::format("  {} x {}", count, reason));
+  const bool works = 2 * succeeded > trials.attempts;
+  report.Line(works ? "ok" : "FAILS",
+              fmt::format("{}: {} of {} demonstrations succeed", robot, succeeded, trials.attempts));
+  for (const auto& [reason, count] : reasons) report.Line("", fmt::format("  {} x {}", count, reason));
+  report.json["robots"].push_back({{"robot", robot},
+                                   {"attempts", trials.attempts},
+                                   {"succeeded", succeeded},
+                                   {"works", works},
+                                   {"reasons", reasons}});
   return succeeded;
 }
 
@@ -130,12 +174,15 @@ Status CheckTaskFile(const std::string& name, const TaskCheckOptions& options, c
   ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
   ETUDE_RETURN_IF_ERROR(task::CheckPredicates(*task.spec));
   const std::vector<std::string> objects = ObjectsFor(*task.spec);
-  ETUDE_RETURN_IF_ERROR(PrintMeaning(task, objects));
+  TaskReport report(options.as_json);
+  ETUDE_RETURN_IF_ERROR(PrintMeaning(task, objects, report));
+  report.json["robots"] = OrderedJson::array();
   bool works = false;
   for (const std::string& robot : options.robots) {
-    ETUDE_ASSIGN_OR_RETURN(const int succeeded, Try(task, robot, objects, options.attempts, renderer));
+    ETUDE_ASSIGN_OR_RETURN(const int succeeded, Try(task, robot, {objects, options.attempts, renderer}, report));
     works = works || 2 * succeeded > options.attempts;
   }
+  report.End();
   if (works) return {};
   return Fail(Code::kInvalidArgument, fmt::format("task '{}' works on none of {}: the reasons are above", name,
                                                   fmt::join(options.robots, ", ")));

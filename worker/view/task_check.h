@@ -13,10 +13,13 @@ namespace etude {
 struct TaskCheckOptions {
   std::vector<std::string> robots{"ur5", "panda", "jaco2"};  ///< names or robot files
   int attempts = 3;                                          ///< demonstrations with each, >= 1
+  bool as_json = false;                                      ///< one object at the end instead of lines
 };
 
 /// Prints the task in words (sentences, stages, when it is done) and how many attempts succeed with each robot, with
 /// the reasons of those that fail.
+/// As JSON {task, summary, sentences, reference, stages, success, robots: [{robot, attempts, succeeded, works,
+/// reasons}]}.
 /// @param task  path of a task file, or the name of a built-in task; "+obstacle" and "+others" may follow
 /// @error kNotFound; kInvalidArgument: everything that is wrong with the file, or no robot for which most attempts
 /// succeed

@@ -9,6 +9,7 @@
 
 #include "dashboard/server/api/arrays.h"
 #include "dashboard/server/api/context.h"
+#include "dashboard/server/api/replays.h"
 #include "services/core/statistics.h"
 #include "services/episode/bounded_json.h"
 #include "services/spec/episode_plan.h"
@@ -22,7 +23,8 @@ using sources::TextOrNull;
 // What is known of a campaign: a dataset's view, what is heard, or both.
 struct OpenedCampaign {
   std::string id, name, dataset;
-  std::shared_ptr<const sources::DatasetView> view;  // null: on the bus only
+  std::shared_ptr<sources::DatasetSource> source;    // null: on the bus only
+  std::shared_ptr<const sources::DatasetView> view;  // null: the same
   std::shared_ptr<const live::LiveView> live;
   const live::LiveCampaign* heard = nullptr;  // in `live`
 };
@@ -34,8 +36,8 @@ Result<OpenedCampaign> Open(Context& context, const std::string& id) {
   for (const auto& [identity, campaign] : opened.live->campaigns)
     if (BusId(campaign.presence) == id) opened.heard = &campaign, opened.name = campaign.presence.name;
   if (opened.heard) return opened;
-  ETUDE_ASSIGN_OR_RETURN(const auto source, context.sources.Dataset(id));
-  ETUDE_ASSIGN_OR_RETURN(opened.view, source->View());
+  ETUDE_ASSIGN_OR_RETURN(opened.source, context.sources.Dataset(id));
+  ETUDE_ASSIGN_OR_RETURN(opened.view, opened.source->View());
   opened.name = opened.view->info.spec.name;
   opened.dataset = id;
   opened.heard = LiveOf(*opened.live, *opened.view);
@@ -179,11 +181,14 @@ std::vector<Row> RowsOf(const OpenedCampaign& opened) {
   return rows;
 }
 
-OrderedJson RowJson(const Row& row, const OpenedCampaign& opened) {
+OrderedJson RowJson(Context& context, const Row& row, const OpenedCampaign& opened) {
   const bool planned = opened.view && row.index < 10'000'000;
   const std::string seed = row.seed  ? std::to_string(*row.seed)
                            : planned ? std::to_string(EpisodeSeed(opened.view->info.spec, row.index, row.attempt))
                                      : "";
+  const bool lost = opened.view && !row.has_pictures;
+  const std::string replay =
+      lost ? PicturedReplay(context, {opened.source, opened.view}, row.index, row.attempt) : std::string();
   return {{"index", row.index},
           {"attempt", row.attempt},
           {"seed", seed},
@@ -200,7 +205,8 @@ OrderedJson RowJson(const Row& row, const OpenedCampaign& opened) {
           {"step_s", Maybe(row.step_s)},
           {"render_s", Maybe(row.render_s)},
           {"deflate_s", Maybe(row.deflate_s)},
-          {"has_pictures", row.has_pictures}};
+          {"has_pictures", row.has_pictures},
+          {"replay", TextOrNull(replay)}};
 }
 
 Result<std::vector<Row>> Filtered(const OpenedCampaign& opened, const http::Query& query) {
@@ -233,7 +239,7 @@ Result<http::Answer> Attempts(Context& context, const http::Request& request) {
   const auto first = std::min(rows.size(), static_cast<std::size_t>(offset));
   const auto last = std::min(rows.size(), first + static_cast<std::size_t>(limit));
   OrderedJson page = OrderedJson::array();
-  for (std::size_t i = first; i < last; ++i) page.push_back(RowJson(rows[i], opened));
+  for (std::size_t i = first; i < last; ++i) page.push_back(RowJson(context, rows[i], opened));
   return http::JsonAnswer({{"total", rows.size()},
                            {"next", last < rows.size() ? OrderedJson(std::to_string(last)) : OrderedJson()},
                            {"rows", page}});
@@ -270,7 +276,7 @@ Result<OrderedJson> LatestAttempts(Context& context, const std::string& campaign
   const auto rows = RowsOf(opened);
   OrderedJson newest = OrderedJson::array();
   for (const auto& row : rows)
-    if (newest.size() < kMost) newest.push_back(RowJson(row, opened));
+    if (newest.size() < kMost) newest.push_back(RowJson(context, row, opened));
   return OrderedJson{
       {"status", StatusJson(StateOf(opened.view.get(), opened.heard))}, {"total", rows.size()}, {"rows", newest}};
 }

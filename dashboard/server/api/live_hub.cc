@@ -146,7 +146,7 @@ class LiveHub::Client : public http::SocketClient, public std::enable_shared_fro
   std::uint64_t sequence_ ETUDE_GUARDED_BY(mutex_) = 0;
 };
 
-LiveHub::LiveHub(Context& context) : context_(context) {}
+LiveHub::LiveHub(Context& context, std::size_t most_bytes) : context_(context), most_bytes_(most_bytes) {}
 LiveHub::~LiveHub() = default;
 
 std::shared_ptr<http::SocketClient> LiveHub::Connect(const http::Request&, std::shared_ptr<http::Socket> socket) {
@@ -192,6 +192,28 @@ std::string LiveHub::Compute(const Subscription& subscription) {
   return "\"data\":" + JsonText(*json);
 }
 
+// They are fresh for a moment only: where there is no room, all are let go. One that is larger than the room is made
+// for each browser.
+void LiveHub::Keep(const std::string& key, const std::string& text) {
+  const auto before = snapshots_.find(key);
+  if (before != snapshots_.end()) {
+    snapshot_bytes_ -= before->second.text.size();
+    snapshots_.erase(before);
+  }
+  if (snapshots_.size() >= kMostSnapshots || snapshot_bytes_ + text.size() > most_bytes_) {
+    snapshots_.clear();
+    snapshot_bytes_ = 0;
+  }
+  if (text.size() > most_bytes_) return;
+  snapshots_[key] = {text, MonotonicClock::now()};
+  snapshot_bytes_ += text.size();
+}
+
+std::size_t LiveHub::kept_bytes() const {
+  MutexLock lock(mutex_);
+  return snapshot_bytes_;
+}
+
 void LiveHub::Deliver(const std::shared_ptr<Client>& client, const Subscription& subscription) {
   {
     MutexLock lock(mutex_);
@@ -202,8 +224,7 @@ void LiveHub::Deliver(const std::shared_ptr<Client>& client, const Subscription&
   const std::string text = Compute(subscription);
   {
     MutexLock lock(mutex_);
-    if (snapshots_.size() > kMostSnapshots) snapshots_.clear();
-    snapshots_[subscription.key] = {text, MonotonicClock::now()};
+    Keep(subscription.key, text);
   }
   client->Done(subscription, text);
 }

@@ -18,7 +18,8 @@ namespace etude::api {
 /// same, at most at a channel's rate, and only when what was sent before has gone out. Thread-safe.
 class LiveHub {
  public:
-  explicit LiveHub(Context& context);
+  /// @param most_bytes  of the snapshots that are kept for others who watch the same
+  explicit LiveHub(Context& context, std::size_t most_bytes = std::size_t{32} << 20);
   ~LiveHub();
 
   /// For Server::Open.
@@ -27,6 +28,7 @@ class LiveHub {
   void Tick();
 
   std::size_t clients() const;
+  std::size_t kept_bytes() const;
 
  private:
   class Client;
@@ -44,11 +46,14 @@ class LiveHub {
   };
   std::string Compute(const Subscription& subscription);
   void Deliver(const std::shared_ptr<Client>& client, const Subscription& subscription);
+  void Keep(const std::string& key, const std::string& text) ETUDE_REQUIRES(mutex_);
 
   Context& context_;
+  const std::size_t most_bytes_;
   mutable Mutex mutex_;
   std::list<std::weak_ptr<Client>> clients_ ETUDE_GUARDED_BY(mutex_);
   std::map<std::string, Snapshot> snapshots_ ETUDE_GUARDED_BY(mutex_);
+  std::size_t snapshot_bytes_ ETUDE_GUARDED_BY(mutex_) = 0;  // of their texts
 };
 
 }  // namespace etude::api

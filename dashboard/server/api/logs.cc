@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <ctime>
+#include <optional>
 
 #include "dashboard/server/api/context.h"
 
@@ -18,9 +20,8 @@ constexpr std::array<const char*, 4> kLevels{"debug", "info", "warn", "error"};
 
 struct Line {
   std::string source, time, level, text;
-  std::string order;  // time of day that it is sorted by
+  double order = 0;  // seconds since 1970 that it is sorted by
   std::uint64_t offset = 0;
-  double file_time = 0;
 };
 
 int RankOf(const std::string& level) {
@@ -38,6 +39,39 @@ void Understand(Line& line) {
   if (RankOf(level) < 0) return;
   line.time = line.text.substr(0, first);
   line.level = level;
+}
+
+// Seconds since 1970 of a time of day, "17:22:57" or "17:22:57.250", which is before `latest`, or a little after it:
+// several processes write one file, not quite in order, and clocks are set back in autumn. nullopt: no time of day.
+std::optional<double> LastTimeAt(const std::string& time_of_day, double latest) {
+  constexpr double kSlack_s = 2 * 3600, kSlackOverMidnight_s = 10;
+  int hour = 0, minute = 0;
+  double second = 0;
+  if (std::sscanf(time_of_day.c_str(), "%2d:%2d:%lf", &hour, &minute, &second) < 2) return std::nullopt;
+  if (hour < 0 || hour > 23 || minute < 0 || minute > 59 || !(second >= 0 && second < 61)) return std::nullopt;
+  const auto whole = static_cast<std::time_t>(latest);
+  const auto on = [&](int days_before) {
+    std::tm parts{};
+    ::localtime_r(&whole, &parts);
+    parts.tm_mday -= days_before, parts.tm_hour = hour, parts.tm_min = minute, parts.tm_sec = 0;
+    parts.tm_isdst = -1;
+    return static_cast<double>(std::mktime(&parts)) + second;
+  };
+  if (const double next_day = on(-1); next_day <= latest + kSlackOverMidnight_s) return next_day;
+  if (const double same_day = on(0); same_day <= latest + kSlack_s) return same_day;
+  return on(1);
+}
+
+// Lines have a time of day alone: the day of the last one is that of the file's last change, and one whose time of day
+// is after that of the line behind it is of the day before. A line without a time, or with an earlier one, stays behind
+// the one before it; a file that has no times counts as of its last change.
+void Date(std::vector<Line>& lines, double file_changed) {
+  std::vector<std::optional<double>> times(lines.size());
+  double latest = file_changed;
+  for (std::size_t i = lines.size(); i-- > 0;)
+    if (!lines[i].time.empty() && (times[i] = LastTimeAt(lines[i].time, latest))) latest = *times[i];
+  double order = latest;  // the first time that there is: lines before it have none
+  for (std::size_t i = 0; i < lines.size(); ++i) lines[i].order = order = std::max(order, times[i].value_or(order));
 }
 
 struct Window {
@@ -65,7 +99,7 @@ Result<Window> ReadWindow(const sources::Catalog::LogFile& log, std::uint64_t be
     const auto newline = std::min(text.find('\n', at), text.size());
     Line line;
     line.source = log.id, line.text = text.substr(at, std::min(newline - at, kLongestLine));
-    line.offset = begin + at, line.file_time = open.stamp.modified_s();
+    line.offset = begin + at;
     // a progress line that was written over itself: what stands last counts
     if (const auto over = line.text.rfind('\r'); over != std::string::npos && over + 1 < line.text.size())
       line.text.erase(0, over + 1);
@@ -73,6 +107,7 @@ Result<Window> ReadWindow(const sources::Catalog::LogFile& log, std::uint64_t be
     if (!line.text.empty()) window.lines.push_back(std::move(line));
     at = newline + 1;
   }
+  Date(window.lines, open.stamp.modified_s());
   return window;
 }
 
@@ -113,30 +148,6 @@ OrderedJson SourcesJson(const std::vector<sources::Catalog::LogFile>& logs) {
   return json;
 }
 
-std::string TimeOfDay(double seconds_since_1970) {
-  const auto whole = static_cast<std::time_t>(seconds_since_1970);
-  std::tm parts{};
-  ::localtime_r(&whole, &parts);
-  return fmt::format("{:02}:{:02}:{:02}", parts.tm_hour, parts.tm_min, parts.tm_sec);
-}
-
-// By time of day, and within a file by offset: a line without a time, or with an earlier one (past midnight), stays
-// behind the one before it. A file that has no times counts as of its last change.
-void Order(std::vector<Line>& lines) {
-  const Line* before = nullptr;
-  for (auto& line : lines) {
-    if (before && before->source == line.source) {
-      line.order = std::max(before->order, line.time);
-    } else {
-      const auto first = std::ranges::find_if(
-          lines, [&](const Line& other) { return other.source == line.source && !other.time.empty(); });
-      line.order = first == lines.end() ? TimeOfDay(line.file_time) : first->time;
-    }
-    before = &line;
-  }
-  std::ranges::stable_sort(lines, {}, &Line::order);
-}
-
 }  // namespace
 
 Result<OrderedJson> LogsJson(Context& context, const http::Query& query) {
@@ -162,7 +173,7 @@ Result<OrderedJson> LogsJson(Context& context, const http::Query& query) {
     for (auto& line : window->lines)
       if (Fits(line, RankOf(level), text)) lines.push_back(std::move(line));
   }
-  Order(lines);
+  std::ranges::stable_sort(lines, {}, &Line::order);
   if (lines.size() > static_cast<std::size_t>(limit)) {
     lines.erase(lines.begin(), lines.end() - limit);
     more = true, begin = lines.front().offset;

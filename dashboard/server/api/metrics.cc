@@ -87,7 +87,6 @@ void Slots(const live::LiveView& live, Exposition& out) {
   for (const auto& [id, campaign] : live.campaigns) {
     if (!campaign.present) continue;
     for (const auto& [name, worker] : campaign.workers) {
-      if (worker.status.phase == "gone") continue;
       Names& host = hosts[worker.status.host];
       host.all.insert(name);
       if (!worker.status.phase.empty() && worker.status.phase != "idle") host.busy.insert(name);

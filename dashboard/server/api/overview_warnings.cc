@@ -87,6 +87,7 @@ void WarnOfDisks(Context& context, OrderedJson& warnings) {
 void WarnOfProcesses(const Overview& all, OrderedJson& warnings) {
   constexpr double kLeast = 0.1;
   constexpr std::int64_t kSilent_ms = 3000;
+  const std::set<std::string> lasting{"collector", "etude collect", "trainer", "policy", "relay"};
   std::set<std::string> disks;
   for (const auto& [process, heard] : all.live->processes) {
     const auto& status = heard.message;
@@ -98,7 +99,6 @@ void WarnOfProcesses(const Overview& all, OrderedJson& warnings) {
       warnings.push_back(Warning("disk",
                                  fmt::format("disk of {} on {} {:.0f} % free", status.role, status.host, 100 * free),
                                  "/fleet?filter=" + status.host));
-    const std::set<std::string> lasting{"collector", "trainer", "policy"};
     if (const auto age = live::AgeMs(heard.at); lasting.contains(status.role) && age > kSilent_ms)
       warnings.push_back(Warning("process_silent",
                                  fmt::format("{} on {} silent for {} s", status.role, status.host, age / 1000),

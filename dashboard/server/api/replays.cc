@@ -59,6 +59,12 @@ Result<http::Answer> ReplayPoses(Context& context, const http::Request& request)
   return answer;
 }
 
+std::string ReplayKeyOf(const OpenedDataset& opened, std::uint64_t index, std::uint32_t attempt) {
+  const auto& info = opened.view->info;
+  return sources::Replays::KeyOf({opened.source->found().folder.string(), info.identity, info.spec_sha256, Version(),
+                                  std::to_string(kContentVersion), std::to_string(index), std::to_string(attempt)});
+}
+
 }  // namespace
 
 Result<ReplayableAttempt> FindAttempt(Context& context, const std::string& dataset, std::uint64_t index,
@@ -70,10 +76,13 @@ Result<ReplayableAttempt> FindAttempt(Context& context, const std::string& datas
                                              info.spec.episodes, index));
   if (info.spec.mode != "demonstrate")
     return Fail(Code::kInvalidArgument, "a rollout is its policy's: only the expert's attempts can be made again");
-  const Path& folder = opened.source->found().folder;
-  return ReplayableAttempt{folder, sources::Replays::KeyOf({folder.string(), info.identity, info.spec_sha256, Version(),
-                                                            std::to_string(kContentVersion), std::to_string(index),
-                                                            std::to_string(attempt)})};
+  return ReplayableAttempt{opened.source->found().folder, ReplayKeyOf(opened, index, attempt)};
+}
+
+std::string PicturedReplay(Context& context, const OpenedDataset& opened, std::uint64_t index, std::uint32_t attempt) {
+  if (opened.view->info.spec.mode != "demonstrate") return "";
+  const std::string key = ReplayKeyOf(opened, index, attempt);
+  return context.sources.replays().HasEpisode(key) ? sources::Replays::IdOf(key) : "";
 }
 
 void AddReplayRoutes(http::Router& router, Context& context) {

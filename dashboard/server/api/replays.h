@@ -17,5 +17,7 @@ struct ReplayableAttempt {
 /// @error kNotFound: no such dataset, or the campaign has no such episode; kInvalidArgument: it cannot be made again
 Result<ReplayableAttempt> FindAttempt(Context& context, const std::string& dataset, std::uint64_t index,
                                       std::uint32_t attempt);
+/// The dataset of its replay that is in the cache and has pictures; "": there is none. To list it is no use of it.
+std::string PicturedReplay(Context& context, const OpenedDataset& opened, std::uint64_t index, std::uint32_t attempt);
 
 }  // namespace etude::api

@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "dashboard/server/api/arrays.h"
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/curriculum.h"
 #include "dashboard/server/api/graph.h"
 #include "services/episode/bounded_json.h"
+#include "services/monitor/topics.h"
 
 namespace etude::api {
 namespace {
@@ -347,6 +349,26 @@ OrderedJson ServedBy(const live::LiveView& live, const std::string& run_id, cons
   return servers;
 }
 
+// Who reads what the run publishes, servers and relays among them: by process, as DDS has discovered it.
+OrderedJson SubscribersOf(const live::LiveView& live, const std::string& run_id) {
+  constexpr std::size_t kMost = 200;
+  OrderedJson subscribers = OrderedJson::array();
+  if (run_id.empty()) return subscribers;
+  const auto names = monitor::PeerNames(live.processes);
+  std::set<std::string> seen{live.participant};
+  for (const auto& endpoint : *live.endpoints) {
+    if (endpoint.is_writer || endpoint.topic != "etude/blob/published_manifest") continue;
+    // bus::Owner::partition: NAME/ID
+    const bool of_run =
+        std::ranges::any_of(endpoint.partitions, [&](const auto& name) { return name.ends_with("/" + run_id); });
+    if (!of_run || !seen.insert(endpoint.participant).second || subscribers.size() >= kMost) continue;
+    const auto name = names.find(endpoint.participant);
+    subscribers.push_back({{"peer", name == names.end() ? OrderedJson() : OrderedJson(name->second)},
+                           {"participant", endpoint.participant}});
+  }
+  return subscribers;
+}
+
 Result<http::Answer> Checkpoints(Context& context, const http::Request& request) {
   const std::string id = request.Parameter("id");
   ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, id));
@@ -359,7 +381,10 @@ Result<http::Answer> Checkpoints(Context& context, const http::Request& request)
   OrderedJson next;
   const auto every = sources::UnsignedOf(PartOf(opened.view->config, "checkpoint"), "every_steps").value_or(0);
   if (every > 0 && state.state != "finished") next = (state.step / every + 1) * every;
-  return http::JsonAnswer({{"run", id}, {"checkpoints", rows}, {"next_step", next}});
+  return http::JsonAnswer({{"run", id},
+                           {"checkpoints", rows},
+                           {"next_step", next},
+                           {"subscribers", SubscribersOf(*live, opened.view->identity)}});
 }
 
 Result<http::Answer> CheckpointFile(Context& context, const http::Request& request) {

@@ -10,6 +10,7 @@
 #include "dashboard/server/sources/bounded_folder.h"
 #include "dashboard/server/sources/files.h"
 #include "services/core/hash.h"
+#include "services/core/identity.h"
 #include "services/episode/action.h"
 #include "services/video/mp4_writer.h"
 #include "services/video/picture.h"
@@ -49,13 +50,18 @@ Result<Path> CachedVideo(const Path& folder, const store::EpisodeRecord& record,
     return file;
   }
   ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
-  const Path temporary = folder / ("." + file.filename().string());
+  // a name of its own: another gateway may share the folder
+  const Path temporary = folder / fmt::format(".{}.{}.mp4", file.stem().string(), NewId());
   if (const Status made = Make(record, camera, temporary); !made) {
     std::filesystem::remove(temporary, error);
     return Fail(made.error());
   }
   std::filesystem::rename(temporary, file, error);
-  if (error) return Fail(Code::kUnavailable, fmt::format("keep the video '{}': {}", file.string(), error.message()));
+  if (error) {
+    const std::string why = error.message();
+    std::filesystem::remove(temporary, error);
+    return Fail(Code::kUnavailable, fmt::format("keep the video '{}': {}", file.string(), why));
+  }
   sources::TrimFolder(folder, most_bytes, file, [](const Path& entry) { return entry.extension() == ".mp4"; });
   return file;
 }

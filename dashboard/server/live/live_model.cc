@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
 
 #include "services/core/hash.h"
 
@@ -16,6 +17,7 @@ constexpr auto kForget = 10min;
 constexpr auto kWindow = 60s;
 constexpr auto kSampleEvery = 10s;
 constexpr auto kServerForgotten = 10s;  // a policy server speaks every second
+constexpr auto kEndedInOrder = 5s;      // less than DDS's lease (10 s), after which a killed one's endpoints go, too
 constexpr auto kRateEvery = 4s;
 constexpr std::size_t kSamples = 60;
 constexpr std::size_t kStrip = 120;
@@ -101,6 +103,11 @@ void LiveModel::On(const std::string& id, const bus::CampaignAnnouncement& annou
 void LiveModel::On(const std::string& id, const bus::WorkerStatus& status, TimePoint now) {
   auto& campaign = view_.campaigns[id];
   std::erase_if(campaign.workers, [&](const auto& item) { return now - item.second.heard > kForget; });
+  // one that went home is neither silent nor a slot
+  if (status.phase == bus::kGonePhase) {
+    campaign.workers.erase(status.worker);
+    return;
+  }
   if (!campaign.workers.contains(status.worker) && campaign.workers.size() >= kMostWorkers) return;
   auto& worker = campaign.workers[status.worker];
   if (worker.heard != TimePoint{}) {
@@ -172,7 +179,13 @@ void LiveModel::On(std::vector<bus::ProcessEvent> events) {
 void LiveModel::Topics(std::vector<bus::PeerEndpoint> endpoints, const std::string& own, TimePoint now) {
   view_.endpoints = std::make_shared<const std::vector<bus::PeerEndpoint>>(std::move(endpoints));
   view_.participant = own;
-  std::erase_if(view_.processes, [&](const auto& item) { return now - item.second.at > kWindow; });
+  std::set<std::string> there;
+  for (const auto& endpoint : *view_.endpoints) there.insert(endpoint.participant);
+  std::erase_if(view_.processes, [&](const auto& item) {
+    const auto silent = now - item.second.at;
+    const auto& participant = item.second.message.participant;
+    return silent > kWindow || (!participant.empty() && !there.contains(participant) && silent < kEndedInOrder);
+  });
   std::erase_if(view_.servers, [&](const auto& item) { return now - item.second.heard > kServerForgotten; });
   if (rated_ != TimePoint{} && now - rated_ < kRateEvery) return;
   if (rated_ != TimePoint{}) view_.rates = rates_.End(view_.processes);

@@ -86,7 +86,9 @@ struct LiveView {
   std::vector<LivePolicy> policies;
   std::map<std::string, LiveServer> servers;  ///< by PolicyStatus::server, those heard within 10 s
   std::map<std::string, std::string> prints;  ///< worker -> what its work depends on, as a short hash
-  monitor::Processes processes;               ///< those heard within a minute
+  /// Those heard within a minute, less those that have ended: they took their endpoints with them at once. One that was
+  /// killed stays, and is silent.
+  monitor::Processes processes;
   std::shared_ptr<const std::deque<LiveEvent>> events = std::make_shared<std::deque<LiveEvent>>();  ///< newest first
   std::map<std::string, monitor::TopicRate> rates;  ///< by topic, over the last seconds
   /// What DDS has discovered; empty until it was looked at.

@@ -36,21 +36,27 @@ std::optional<std::string> Replays::KeyIn(const std::string& id) {
   return IsKey(key) ? std::optional(std::move(key)) : std::nullopt;
 }
 
-Result<Path> Replays::Find(const std::string& key) const {
+bool Replays::Has(const std::string& key, const char* file) const {
   const Path place = folder_ / key;
   std::error_code error;
-  if (folder_.empty() || !IsKey(key) || std::filesystem::is_symlink(place, error) ||
-      !std::filesystem::is_regular_file(place / "plan.json", error))
+  return !folder_.empty() && IsKey(key) && !std::filesystem::is_symlink(place, error) &&
+         std::filesystem::is_regular_file(place / "plan.json", error) &&
+         std::filesystem::is_regular_file(place / file, error);
+}
+
+bool Replays::HasEpisode(const std::string& key) const { return Has(key, "dataset.json"); }
+
+Result<Path> Replays::Find(const std::string& key) const {
+  if (!Has(key, "plan.json"))
     return Fail(Code::kNotFound, "this attempt was not made again, or that was long ago: make it once more");
+  Path place = folder_ / key;
   MarkUsed(place);
   return place;
 }
 
 Result<Found> Replays::FindDataset(const std::string& key) const {
   ETUDE_ASSIGN_OR_RETURN(const Path place, Find(key));
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(place / "dataset.json", error))
-    return Fail(Code::kNotFound, "this attempt ended before anything moved: it has no episode");
+  if (!HasEpisode(key)) return Fail(Code::kNotFound, "this attempt ended before anything moved: it has no episode");
   return Found{Kind::kDataset, IdOf(key), "replay", place, place.string(), "", 0};
 }
 

@@ -31,6 +31,8 @@ class Replays {
   Result<Path> Find(const std::string& key) const;
   /// Its dataset. @error kNotFound: also of an attempt that ended before anything moved
   Result<Found> FindDataset(const std::string& key) const;
+  /// Whether FindDataset would find it; for lists, which are no use of it.
+  bool HasEpisode(const std::string& key) const;
 
   /// A folder that is not there yet, for it while it is made.
   Path NewPlace(const std::string& key) const;
@@ -41,6 +43,7 @@ class Replays {
   void Trim(const std::string& keep = "") const;
 
  private:
+  bool Has(const std::string& key, const char* file) const;
   Path folder_;
   std::uint64_t most_bytes_;
 };

@@ -159,6 +159,10 @@ TEST_F(BusCommands, ShowWhatIsLive) {
   const auto top = Etude({"top", "--once"});
   EXPECT_EQ(top.exit_code, kExitOk) << top.text;
   EXPECT_THAT(top.text, HasSubstr(spec_.name + ": collecting 0 of 6"));
+  const auto as_json = Etude({"top", "--once", "--json"});
+  ASSERT_EQ(as_json.exit_code, kExitOk) << as_json.text;
+  EXPECT_EQ(JsonIn(as_json.text)["campaigns"][0]["total"], 6) << as_json.text;
+  EXPECT_EQ(Etude({"top", "--json"}).exit_code, kExitUsage) << "one object, not one a second";
 }
 
 TEST_F(BusCommands, OfACampaignInShardsAllThatAreThereAreMeant) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests services/cli/completion.cc and all_commands.cc: through the real bash, with the programs that are built.
+// Tests services/cli/completion.cc and all_commands.cc: through the real bash and zsh, with the programs that are
+// built.
 #include "services/cli/completion.h"
 
 #include <gmock/gmock.h>
@@ -9,7 +10,9 @@
 #include <vector>
 
 #include "services/cli/all_commands.h"
+#include "services/core/file.h"
 #include "tests/support/etude_command.h"
+#include "tests/support/matchers.h"
 #include "tests/support/run_command.h"
 #include "tests/support/temporary_folder.h"
 
@@ -18,9 +21,19 @@ namespace completion_test {
 
 using testing::Contains;
 using testing::ElementsAre;
+using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::IsSupersetOf;
 using testing::Not;
+using testing::StartsWith;
+
+std::vector<std::string> LinesOf(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream stream(text);
+  for (std::string line; std::getline(stream, line);)
+    if (!line.empty()) lines.push_back(line);
+  return lines;
+}
 
 // What bash offers after `words`; the last one is being typed.
 class Completion : public testing::Test {
@@ -38,11 +51,7 @@ class Completion : public testing::Test {
                                    "); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); _etude; printf \"%s\\n\" " +
                                    "\"${COMPREPLY[@]:-}\"' 2>&1");
     EXPECT_EQ(output.code, 0) << output.text;
-    std::vector<std::string> offered;
-    std::istringstream lines(output.text);
-    for (std::string line; std::getline(lines, line);)
-      if (!line.empty()) offered.push_back(line);
-    return offered;
+    return LinesOf(output.text);
   }
 
  private:
@@ -77,12 +86,41 @@ TEST_F(Completion, AValueIsNoCommand) {
   EXPECT_THAT(Offered("train --out collect --fr"), ElementsAre("--fresh", "--freeze"));
 }
 
-TEST_F(Completion, ZshTakesItsScriptWhereItIsThere) {
-  const std::string file = Script() + ".zsh", etude = (ProgramsFolder() / "etude").string();
-  ASSERT_EQ(RunInShell(etude + " completion zsh > " + file).code, 0);
-  const auto output = RunInShell("zsh -n " + file + " 2>&1");
-  if (output.code == 127) GTEST_SKIP() << "no zsh here";
-  EXPECT_EQ(output.code, 0) << output.text;
+// What zsh offers after `words`, as "word:description"; its completion system, which would draw them, is played by
+// functions that print. The script is where zsh looks for it, as a user has it, and `words` are completed by the
+// first TAB of a shell.
+class ZshCompletes : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (RunInShell("zsh --version >/dev/null 2>&1").code == 127) GTEST_SKIP() << "no zsh here: deploy/install";
+    ASSERT_EQ(
+        RunInShell((ProgramsFolder() / "etude").string() + " completion zsh > " + (folder_ / "_etude").string()).code,
+        0);
+  }
+  std::vector<std::string> Offered(const std::string& words) {
+    const std::string script = "fpath=(" + folder_.path().string() +
+                               " $fpath)\nautoload -U _etude\n_describe() { print -rl -- \"${(P@)2}\" }\n"
+                               "_files() { print -r -- FILES }\nwords=(etude " +
+                               words + ")\nCURRENT=$#words\n_etude\n";
+    EXPECT_THAT(WriteFileAtomically(folder_ / "complete", script), IsOk());
+    const auto output = RunInShell("zsh -f " + (folder_ / "complete").string() + " 2>&1");
+    EXPECT_EQ(output.code, 0) << output.text;
+    return LinesOf(output.text);
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(ZshCompletes, AtTheFirstTabAndSaysWhatWordsMean) {
+  EXPECT_THAT(Offered("\"\""), IsSupersetOf({HasSubstr("doctor:"), HasSubstr("train:")}));
+  EXPECT_THAT(Offered("comp"), Contains("completion:a script that completes commands, options and values after TAB"));
+  EXPECT_THAT(Offered("dataset export data out --"), Contains(StartsWith("--format:")));
+}
+
+TEST_F(ZshCompletes, ValuesAndElseFiles) {
+  EXPECT_THAT(Offered("dataset export data out --format \"\""), IsSupersetOf({"lerobot", "robomimic"}));
+  EXPECT_THAT(Offered("train --data \"\""), ElementsAre("FILES"));
+  EXPECT_THAT(Offered("train --out collect --fr"), Contains(StartsWith("--fresh:"))) << "a value is no command";
 }
 
 }  // namespace completion_test

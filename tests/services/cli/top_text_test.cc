@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests services/cli/top_text.cc
+// Tests services/cli/top_text.cc and top_json.cc
 #include "services/cli/top_text.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "services/cli/top_json.h"
 
 namespace etude::cli {
 namespace top_text_test {
@@ -95,6 +97,28 @@ TEST(TopText, ShowsCampaignWorkersTrainingAndPolicy) {
   EXPECT_THAT(text, HasSubstr("loss 0.25"));
   EXPECT_THAT(text, HasSubstr("TAR3D.cm 0.15"));
   EXPECT_THAT(text, HasSubstr("sha256 c4ad6f0ef74d "));
+}
+
+TEST(TopJson, HasWhatTheScreenHas) {
+  BusView view = Collecting();
+  view.domain = 7;
+  view.campaigns["0011"].workers["lab-7-00"].message.phase = bus::kGonePhase;
+  view.campaigns["0033"].presence.name = "silent";
+  view.runs["0022"] = Training();
+  const OrderedJson json = TopJson(view, kNow + 2s);
+  EXPECT_EQ(json["domain"], 7);
+  EXPECT_EQ(json["sentence"], StateSentence(view, kNow + 2s));
+  const auto& campaign = json["campaigns"][0];
+  EXPECT_EQ(campaign["committed"], 1412);
+  EXPECT_EQ(campaign["failures"]["plan_failed"], 4);
+  EXPECT_EQ(campaign["heard_s"], 2.0);
+  ASSERT_EQ(campaign["worker_list"].size(), 39u) << "one went home";
+  EXPECT_EQ(campaign["worker_list"][0]["worker"], "lab-7-01");
+  EXPECT_EQ(campaign["worker_list"][0]["index"], 413);
+  EXPECT_TRUE(json["campaigns"][1]["heard_s"].is_null()) << "no word yet";
+  EXPECT_EQ(json["runs"][0]["step"], 6589);
+  EXPECT_EQ(json["runs"][0]["metrics"]["TAR3D.cm"], 0.15);
+  EXPECT_EQ(json["runs"][0]["policies"][0]["sha256"], "c4ad6f0ef74d11112222");
 }
 
 TEST(TopText, SpeaksOfHostsAndTheirSlots) {

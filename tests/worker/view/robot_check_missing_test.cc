@@ -4,6 +4,7 @@
 
 #include <filesystem>
 
+#include "services/core/config.h"
 #include "tests/support/matchers.h"
 #include "tests/support/replace_in_file.h"
 #include "tests/support/temporary_folder.h"
@@ -41,6 +42,25 @@ TEST_F(MissingOfARobot, AHomeInTheTableIsMissingAndNoTaskIsTried) {
   EXPECT_THAT(said_, HasSubstr("touches"));
   EXPECT_THAT(said_, HasSubstr("ok       joints     6: turn "));
   EXPECT_THAT(said_, Not(HasSubstr("demonstrations"))) << "every one would fail for the same reason";
+}
+
+TEST_F(MissingOfARobot, AsJsonIsOneObject) {
+  ReplaceInFile(file_, "home: [0, -0.15, 1.95", "home: [0, 1.6, 1.95");
+  testing::internal::CaptureStdout();
+  const Status status = CheckRobot(file_.string(), {}, {.as_json = true});
+  const auto json = OrderedJson::parse(testing::internal::GetCapturedStdout(), nullptr, false);
+  EXPECT_THAT(status, MessageHas("cannot collect yet: home"));
+  ASSERT_TRUE(json.is_object());
+  EXPECT_EQ(json["can_collect"], false);
+  EXPECT_EQ(json["missing"], OrderedJson({"home"}));
+  const auto check = [&](const char* what) {
+    for (const auto& row : json["checks"])
+      if (row["what"] == what) return row;
+    return OrderedJson();
+  };
+  EXPECT_EQ(check("joints")["ok"], true);
+  EXPECT_EQ(check("home")["ok"], false);
+  EXPECT_THAT(check("home")["text"].get<std::string>(), HasSubstr("touches"));
 }
 
 TEST_F(MissingOfARobot, ABaseThatIsTooFarReachesNoObjects) {

@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 
+#include "services/core/config.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 
@@ -38,6 +39,23 @@ TEST_F(TaskCheck, SaysWhatATaskOfTheUsersMeansAndTriesIt) {
        {"Take hold of the target and raise it high", "\"fetch red object\"", "lift (room 0.2)",
         "risen: the object's origin is higher", "start", "latched", "ur5: 1 of 1 demonstrations succeed"})
     EXPECT_THAT(said, testing::HasSubstr(part));
+}
+
+TEST_F(TaskCheck, AsJsonIsOneObject) {
+  const std::string file = (folder_.path() / "fetch.yaml").string();
+  ASSERT_THAT(WriteFileAtomically(file, std::string_view(kFetch)), IsOk());
+  testing::internal::CaptureStdout();
+  const Status status = CheckTaskFile(file, {.robots = {"ur5"}, .attempts = 1, .as_json = true}, {});
+  const auto json = OrderedJson::parse(testing::internal::GetCapturedStdout(), nullptr, false);
+  EXPECT_THAT(status, IsOk());
+  ASSERT_TRUE(json.is_object());
+  EXPECT_EQ(json["summary"], "Take hold of the target and raise it high.");
+  EXPECT_EQ(json["sentences"].size(), 3u);
+  EXPECT_EQ(json["stages"][3], "lift (room 0.2)");
+  ASSERT_EQ(json["robots"].size(), 1u);
+  EXPECT_EQ(json["robots"][0]["robot"], "ur5");
+  EXPECT_EQ(json["robots"][0]["succeeded"], 1);
+  EXPECT_EQ(json["robots"][0]["works"], true);
 }
 
 }  // namespace task_check_test

@@ -335,6 +335,8 @@ export type Attempt = {
   deflate_s: number | null;
   /** its episode is in the dataset */
   has_pictures: boolean;
+  /** dataset of its cached replay, whose pictures stand for those that it does not have */
+  replay: string | null;
 };
 
 export type Attempts = {
@@ -795,6 +797,13 @@ export type Checkpoints = {
   checkpoints: Checkpoint[];
   /** when the next one is due */
   next_step: number | null;
+  /** processes that read what the run publishes: policy servers, relays and whoever else */
+  subscribers: {
+    /** role, process and host, where it says so */
+    peer: string | null;
+    /** DDS participant */
+    participant: string;
+  }[];
 };
 
 export type TaskReport = {

@@ -32,6 +32,8 @@ const served: Column<Checkpoint> = {
 
 function Content(props: { of: Checkpoints; run: string }) {
   const rows = props.of.checkpoints;
+  const { subscribers } = props.of;
+  const named = `${subscribers.slice(0, 4).map((one) => one.peer ?? `participant ${short(one.participant)}`).join(', ')}${subscribers.length > 4 ? ' …' : ''}`;
   const [file] = parameter('file', rows[0]?.file ?? '');
   const row = rows.find((one) => one.file === file);
   if (!rows.length) return <Panel><Empty title="Nothing saved yet">{props.of.next_step !== null ? `The first save is due at step ${count(props.of.next_step)}.` : 'A run saves at the interval that checkpoint.every_steps says.'}</Empty></Panel>;
@@ -46,7 +48,7 @@ function Content(props: { of: Checkpoints; run: string }) {
   ];
   return (
     <>
-      <div class="page-head"><p><b>{count(rows.length)}</b> kept{props.of.next_step !== null && ` · next at step ${count(props.of.next_step)}`}</p></div>
+      <div class="page-head"><p><b>{count(rows.length)}</b> kept{props.of.next_step !== null && ` · next at step ${count(props.of.next_step)}`}{' · '}<span data-subscribers title={subscribers.map((one) => one.peer ?? one.participant).join('\n')}>{subscribers.length ? <><b>{count(subscribers.length)}</b> subscribed: {named}</> : 'nobody subscribes'}</span></p></div>
       <Panel flush label="Checkpoints"><Table label="Checkpoints" rows={rows} id={(one) => one.file} columns={columns} selected={file} link={(one) => link('checkpoints', { run: props.run, file: one.file })} /></Panel>
       {row && <Detail of={row} run={props.run} />}
     </>

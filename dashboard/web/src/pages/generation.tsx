@@ -197,7 +197,7 @@ function Latest(props: { id: string; round: number; dataset: string | null }) {
   const fresh = props.round - held;
   const set = names.filter((name) => filter[name]);
   const data = rows.data;
-  const tiles = data?.rows.filter((one) => one.has_pictures).slice(0, 8) ?? [];
+  const tiles = data?.rows.slice(0, 8) ?? [];
   return (
     <Panel title="Latest attempts" flush aside={
       <>
@@ -207,9 +207,9 @@ function Latest(props: { id: string; round: number; dataset: string | null }) {
       </>}>
       {rows.error && <Failed problem={rows.error} retry={rows.reload} />}
       {data && !data.rows.length && <Empty title={outcome === 'failed' ? 'No failed attempt' : 'No attempt yet'}>{outcome === 'failed' ? 'Nothing that was tried has failed with these filters.' : 'The first one appears here when a worker has finished it.'}</Empty>}
-      {tiles.length > 0 && outcome !== 'failed' && <div class="tiles pad">{tiles.map((one) => <Tile of={one} dataset={props.dataset ?? props.id} />)}</div>}
+      {tiles.length > 0 && <div class="tiles pad" data-tiles>{tiles.map((one) => <Tile of={one} dataset={props.dataset ?? props.id} />)}</div>}
       {data && data.rows.length > 0 && (
-        <Table label="Attempts" rows={data.rows} id={(row) => `${row.index}.${row.attempt}`} height={440} link={(row) => link(`episode/${props.dataset ?? props.id}/${row.index}`, row.has_pictures ? {} : { attempt: row.attempt })}
+        <Table label="Attempts" rows={data.rows} id={(row) => `${row.index}.${row.attempt}`} height={440} link={(row) => attemptLink(props.dataset ?? props.id, row)}
           columns={[
             { key: 'index', title: '#', width: '7ch', card: 'title', cell: (row) => <>{row.index}{row.attempt > 0 && <span class="muted">.{row.attempt}</span>}</> },
             { key: 'outcome', title: 'outcome', width: 'minmax(110px, 1fr)', cell: (row) => <span class={row.outcome === 'success' ? 'good' : 'bad'}>{row.outcome === 'success' ? '✓ ok' : `✕ ${row.outcome}`}</span> },
@@ -228,13 +228,21 @@ function Latest(props: { id: string; round: number; dataset: string | null }) {
   );
 }
 
+function attemptLink(dataset: string, of: Attempt): string {
+  return episodeLink(dataset, of.index, of.has_pictures ? {} : { attempt: of.attempt });
+}
+
+/** Pictures are those of the episode, or of the attempt made again; one that failed and was not says why in words. */
 function Tile(props: { of: Attempt; dataset: string }) {
   const one = props.of;
+  const pictured = one.has_pictures ? props.dataset : one.replay;
+  const good = one.outcome === 'success';
   return (
-    <a class="tile" href={episodeLink(props.dataset, one.index)}>
-      <img loading="lazy" decoding="async" alt="" src={`${root}/datasets/${props.dataset}/episodes/${one.index}/strip.webp`} />
-      <span class="caption"><span>#{one.index} {one.task} {one.target}</span><span class={one.outcome === 'success' ? 'good' : 'bad'}>{one.outcome === 'success' ? '✓' : '✕'}</span></span>
+    <a class="tile" href={attemptLink(props.dataset, one)} data-tile={good ? 'ok' : 'failed'}>
+      {pictured
+        ? <img loading="lazy" decoding="async" alt="" src={`${root}/datasets/${pictured}/episodes/${one.index}/strip.webp`} />
+        : <span class="words secondary">{one.reason ?? one.outcome}</span>}
+      <span class="caption"><span>#{one.index}{one.attempt > 0 && `.${one.attempt}`} {one.task} {one.target}</span><span class={good ? 'good' : 'bad'}>{good ? '✓' : `✕ ${one.outcome}`}</span></span>
     </a>
   );
 }
-

@@ -129,6 +129,27 @@ TEST_F(LiveHubTest, SubscriptionsHaveABound) {
   EXPECT_EQ(socket_->sent.size(), 20u);
 }
 
+TEST_F(LiveHubTest, WhatIsKeptForOthersIsBoundedByBytes) {
+  client_->OnText(R"({"op":"sub","ch":"home"})");
+  Tick();
+  const std::size_t one = hub_.kept_bytes();
+  ASSERT_GT(one, 1000u);
+  const std::size_t room = one + one / 2;
+  LiveHub small(context_, room), none(context_, 100);
+  for (LiveHub* hub : {&small, &none}) {
+    const auto socket = std::make_shared<FakeSocket>();
+    const auto client = hub->Connect({}, socket);
+    for (int i = 0; i < 10; ++i)
+      client->OnText(R"({"op":"sub","ch":"home","id":"h)" + std::to_string(i) + R"(","args":{"n":)" +
+                     std::to_string(i) + "}}");
+    hub->Tick();
+    RunLater();
+    EXPECT_EQ(socket->sent.size(), 10u) << "everybody gets what is due";
+    EXPECT_LE(hub->kept_bytes(), hub == &small ? room : 100u);
+  }
+  EXPECT_GT(small.kept_bytes(), 0u);
+}
+
 TEST_F(LiveHubTest, ABrowserThatLeftIsForgotten) {
   EXPECT_EQ(hub_.clients(), 1u);
   client_.reset();

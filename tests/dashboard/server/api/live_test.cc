@@ -101,6 +101,34 @@ TEST_F(LiveApiTest, AHostHasWorkersWithStageAndStepAndItsProcesses) {
   EXPECT_EQ(host["workers"][0]["last"], "plan_failed");
 }
 
+TEST_F(LiveApiTest, WhoeverReadsWhatARunPublishesIsSubscribed) {
+  const auto subscribers = [&] {
+    const auto json = GetJson(kPrefix + "/runs/lab.run/checkpoints");
+    EXPECT_THAT(Problems("Checkpoints", json), IsEmpty());
+    return json["subscribers"];
+  };
+  EXPECT_EQ(subscribers(), OrderedJson::array());
+  const std::string identity = sources_.Run("lab.run").value()->View().value()->identity;
+  ASSERT_FALSE(identity.empty());
+  const bus::PeerEndpoint reads{.topic = "etude/blob/published_manifest",
+                                .partitions = {"demo/" + identity, "demo/" + identity + "/relay"},
+                                .participant = "aa"};
+  bus::PeerEndpoint stranger = reads, own = reads, writes = reads, other_run = reads, other_topic = reads;
+  stranger.participant = "bb";
+  own.participant = "me";
+  writes.participant = "cc", writes.is_writer = true;
+  other_run.participant = "dd", other_run.partitions = {"demo/0123"};
+  other_topic.participant = "ee", other_topic.topic = "etude/train/status";
+  live::LiveView view = *live_;
+  view.endpoints = std::make_shared<const std::vector<bus::PeerEndpoint>>(
+      std::vector<bus::PeerEndpoint>{reads, reads, stranger, own, writes, other_run, other_topic});
+  live_ = std::make_shared<const live::LiveView>(view);
+  const auto found = subscribers();
+  ASSERT_EQ(found.size(), 2u) << found.dump(1);
+  EXPECT_EQ(found[0], OrderedJson({{"peer", "worker 0@lab-7"}, {"participant", "aa"}}));
+  EXPECT_EQ(found[1], OrderedJson({{"peer", nullptr}, {"participant", "bb"}}));
+}
+
 TEST_F(LiveApiTest, HomeSaysWhatStandsAndWhatIsServed) {
   const auto home = GetJson(kPrefix + "/home");
   EXPECT_THAT(Problems("Home", home), IsEmpty());

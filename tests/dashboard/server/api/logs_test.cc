@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests dashboard/server/api/logs.cc
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <gmock/gmock.h>
+#include <sys/stat.h>
+
+#include <cstdio>
+#include <ctime>
 
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/support/matchers.h"
@@ -15,6 +20,15 @@ class LogsTest : public ApiFixture {
  protected:
   void Write(const std::string& name, const std::string& text) {
     ASSERT_THAT(WriteFileAtomically(lab_.root() / "logs" / name, text), IsOk());
+  }
+  // The file, changed last on that day of March 2026, local time.
+  void WriteOn(int day, const std::string& time_of_day, const std::string& name, const std::string& text) {
+    Write(name, text);
+    std::tm parts{};
+    parts.tm_year = 126, parts.tm_mon = 2, parts.tm_mday = day, parts.tm_isdst = -1;
+    ASSERT_EQ(std::sscanf(time_of_day.c_str(), "%d:%d:%d", &parts.tm_hour, &parts.tm_min, &parts.tm_sec), 3);
+    const timespec changed[2] = {{std::mktime(&parts), 0}, {std::mktime(&parts), 0}};
+    ASSERT_EQ(::utimensat(AT_FDCWD, (lab_.root() / "logs" / name).c_str(), changed, 0), 0);
   }
   std::vector<std::string> Texts(const std::string& query) {
     std::vector<std::string> texts;
@@ -82,14 +96,35 @@ TEST_F(LogsTest, ALineIsUnderstoodWhereItIsOneOfOurs) {
 }
 
 TEST_F(LogsTest, LinesOfSeveralFilesAreMergedByTheirTimes) {
-  Write("trainer.log", "10:00:01 info a: 1\ntrace of 1\n10:00:05 info a: 5\n");
-  Write("worker.log", "10:00:02 info b: 2\n10:00:04 warn b: 4\n");
+  WriteOn(10, "10:00:05", "trainer.log", "10:00:01 info a: 1\ntrace of 1\n10:00:05 info a: 5\n");
+  WriteOn(10, "10:00:04", "worker.log", "10:00:02 info b: 2\n10:00:04 warn b: 4\n");
   EXPECT_THAT(Texts(""), ElementsAre("10:00:01 info a: 1", "trace of 1", "10:00:02 info b: 2", "10:00:04 warn b: 4",
                                      "10:00:05 info a: 5"));
   EXPECT_THAT(Texts("?q=b:"), ElementsAre("10:00:02 info b: 2", "10:00:04 warn b: 4"));
   EXPECT_THAT(Texts("?level=warn"), ElementsAre("10:00:04 warn b: 4"));
   EXPECT_THAT(Texts("?limit=2"), ElementsAre("10:00:04 warn b: 4", "10:00:05 info a: 5")) << "the newest";
   EXPECT_TRUE(GetJson(kPrefix + "/logs?limit=2")["next"].is_null()) << "offsets are of one file";
+}
+
+// before, by time of day alone, what came after midnight stood first and was cut off
+TEST_F(LogsTest, MidnightComesAfterTheDayBefore) {
+  WriteOn(10, "23:59:58", "trainer.log", "23:59:58 info a: 1\n");
+  WriteOn(11, "00:00:04", "worker.log", "no time yet\n23:59:57 info b: 0\n00:00:02 info b: 3\ntrace of 3\n");
+  WriteOn(11, "00:00:03", "policy.log", "00:00:01 info c: 2\n00:00:03 info c: 4\n");
+  EXPECT_THAT(Texts(""), ElementsAre("no time yet", "23:59:57 info b: 0", "23:59:58 info a: 1", "00:00:01 info c: 2",
+                                     "00:00:02 info b: 3", "trace of 3", "00:00:03 info c: 4"));
+  EXPECT_THAT(Texts("?limit=2"), ElementsAre("trace of 3", "00:00:03 info c: 4"));
+}
+
+TEST_F(LogsTest, DaysAreCountedBackFromAFilesLastChange) {
+  WriteOn(10, "12:00:00", "trainer.log", "22:00:00 info a: 1\n08:00:00 info a: 2\n07:59:59 info a: 3\n");
+  WriteOn(9, "23:00:00", "worker.log", "23:00:00 info b: 1\n");
+  WriteOn(12, "01:00:00", "policy.log", "11:00:00 info c: 1\nno time\n");
+  WriteOn(10, "07:00:00", "plain.log", "no times\n");
+  EXPECT_THAT(Texts(""), ElementsAre("22:00:00 info a: 1", "23:00:00 info b: 1", "no times", "08:00:00 info a: 2",
+                                     "07:59:59 info a: 3", "11:00:00 info c: 1", "no time"))
+      << "two lines that are a second out of order are of one day";
+  EXPECT_THAT(Texts("?q=info%20a"), ElementsAre("22:00:00 info a: 1", "08:00:00 info a: 2", "07:59:59 info a: 3"));
 }
 
 TEST_F(LogsTest, WhatIsNotThereOrMakesNoSenseIsSaid) {

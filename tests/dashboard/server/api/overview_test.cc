@@ -95,6 +95,44 @@ TEST_F(OverviewTest, WarnsOfWhatACampaignSaysAndOfWorkersThatAreSilent) {
   EXPECT_THAT(warnings["worker_silent"], testing::StartsWith("worker quiet silent for "));
 }
 
+TEST_F(OverviewTest, WorkersThatWentHomeAreNeitherSilentNorSlots) {
+  const auto now = MonotonicClock::now();
+  Campaign(now);
+  bus::WorkerStatus worker;
+  worker.worker = "home", worker.host = "lab-7", worker.phase = "send";
+  model_.On("aaaa0001", worker, now - 8s);
+  worker.phase = bus::kGonePhase;
+  model_.On("aaaa0001", worker, now - 7s);
+  worker.worker = "stays", worker.phase = "play";
+  model_.On("aaaa0001", worker, now);
+  EXPECT_FALSE(Warnings().contains("worker_silent"));
+  const auto fleet = GetJson(kPrefix + "/fleet");
+  ASSERT_EQ(fleet["hosts"].size(), 1u);
+  EXPECT_EQ(fleet["hosts"][0]["slots"], 1);
+  EXPECT_EQ(fleet["hosts"][0]["busy"], 1);
+}
+
+TEST_F(OverviewTest, WarnsOfProcessesThatAreSilentAndNotOfThoseThatEnded) {
+  const auto now = MonotonicClock::now();
+  for (const char* role : {"etude collect", "trainer", "gateway"}) {
+    bus::ProcessStatus process;
+    process.process = role, process.host = "lab-7", process.role = role;
+    process.participant = std::string("participant of ") + role;
+    model_.On(process, now - 4s);
+  }
+  bus::PeerEndpoint there;
+  there.participant = "participant of trainer";
+  EXPECT_TRUE(Warnings().contains("process_silent"));
+  model_.Topics({there}, "me", now);
+  EXPECT_THAT(Warnings()["process_silent"], testing::StartsWith("trainer on lab-7 silent for "));
+  model_.view().processes.erase("trainer");
+  EXPECT_FALSE(Warnings().contains("process_silent"));
+  bus::ProcessStatus collect;
+  collect.process = "killed", collect.host = "lab-8", collect.role = "etude collect";
+  model_.On(collect, now - 30s);
+  EXPECT_THAT(Warnings()["process_silent"], testing::StartsWith("etude collect on lab-8 silent for "));
+}
+
 TEST_F(OverviewTest, WarnsOfDisksThatAreNearlyFullAndOfServersThatRefuse) {
   const auto now = MonotonicClock::now();
   bus::ProcessStatus process;

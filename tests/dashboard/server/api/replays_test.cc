@@ -136,6 +136,31 @@ TEST_F(ReplaysTest, OneThatIsThereIsADatasetOfItsOwnAndInNoList) {
   EXPECT_EQ(home["tiles"]["demonstrations"]["source"], "lab.data");
 }
 
+// before, the list of attempts had pictures of successes alone
+TEST_F(ReplaysTest, AFailedAttemptsPicturesAreThoseOfItsReplay) {
+  const auto failed = [&] { return GetJson(kPrefix + "/campaigns/lab.data/attempts?outcome=failed")["rows"]; };
+  for (const auto& row : failed()) EXPECT_TRUE(row["replay"].is_null()) << row.dump();
+  const std::string id = WriteReplay();
+  std::size_t pictured = 0;
+  for (const auto& row : failed()) {
+    const bool made_again = row["index"] == 2 && row["attempt"] == 0;
+    EXPECT_EQ(row["replay"], made_again ? OrderedJson(id) : OrderedJson()) << row.dump();
+    pictured += made_again;
+  }
+  ASSERT_EQ(pictured, 1u);
+  EXPECT_EQ(Get(kPrefix + "/datasets/" + id + "/episodes/2/strip.webp").status, 200);
+  for (const auto& row : GetJson(kPrefix + "/campaigns/lab.data/attempts?outcome=success")["rows"])
+    EXPECT_TRUE(row["replay"].is_null()) << "it has pictures of its own";
+
+  const Path place = cache_ / "replays" / id.substr(id.find('.') + 1);
+  const auto long_ago = std::filesystem::file_time_type::clock::now() - std::chrono::hours(50);
+  std::filesystem::last_write_time(place, long_ago);
+  (void)failed();
+  EXPECT_EQ(std::filesystem::last_write_time(place), long_ago) << "to list it is no use of it";
+  std::filesystem::remove(place / "dataset.json");
+  for (const auto& row : failed()) EXPECT_TRUE(row["replay"].is_null()) << "it ended before anything moved";
+}
+
 TEST_F(ReplaysTest, ItsFilesAreServedAsDescribed) {
   const std::string base = kPrefix + "/replays/" + WriteReplay();
   const auto plan = GetJson(base + "/plan.json");

@@ -55,6 +55,16 @@ TEST_F(VideoCache, MakesAVideoOnce) {
   EXPECT_EQ(Files(), 2u) << "nothing under a temporary name";
 }
 
+TEST_F(VideoCache, WhatAnotherGatewayIsMakingIsLeftAlone) {
+  const Path video = Video(0);
+  std::filesystem::remove(video);
+  const Path theirs = cache_ / ("." + video.filename().string());
+  ASSERT_THAT(WriteFileAtomically(theirs, std::string_view("half a video")), IsOk());
+  EXPECT_EQ(Video(0), video);
+  EXPECT_EQ(ReadTextFile(theirs).value_or(""), "half a video");
+  EXPECT_EQ(Files(), 2u);
+}
+
 // the pictures of an episode that was collected again are others, and its place is the same
 TEST_F(VideoCache, AnEpisodeThatWasMadeAgainHasAVideoOfItsOwn) {
   const Path before = Video(0);

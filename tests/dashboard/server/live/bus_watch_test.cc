@@ -81,6 +81,16 @@ TEST_F(LiveModelTest, WhatWentAwayIsKeptForAWhile) {
   EXPECT_FALSE(model_.view().campaigns.contains(id_));
 }
 
+// before, it was warned of as silent for ten minutes, and counted as a busy slot
+TEST_F(LiveModelTest, AWorkerThatWentHomeIsNoWorker) {
+  model_.On(id_, Worker(3), start_);
+  ASSERT_TRUE(campaign().workers.contains("w0"));
+  model_.On(id_, Worker(3, bus::kGonePhase), start_ + 500ms);
+  EXPECT_FALSE(campaign().workers.contains("w0"));
+  model_.On(id_, Worker(0), start_ + 60s);
+  EXPECT_EQ(campaign().workers.at("w0").strip, "y") << "it came again, as a new one";
+}
+
 bus::ProcessStatus Process(const std::string& name, int samples) {
   bus::ProcessStatus status;
   status.process = name;
@@ -98,6 +108,32 @@ TEST_F(LiveModelTest, ProcessesGiveRatesAndAreForgotten) {
   EXPECT_DOUBLE_EQ(model_.view().rates.at("t").samples_per_second, 10);
   EXPECT_DOUBLE_EQ(model_.view().rates.at("t").bytes_per_second, 1000);
   model_.Topics({}, "me", start_ + 2min);
+  EXPECT_TRUE(model_.view().processes.empty());
+}
+
+std::vector<bus::PeerEndpoint> EndpointsOf(const std::string& participant) {
+  bus::PeerEndpoint endpoint;
+  endpoint.topic = "etude/process/status";
+  endpoint.participant = participant;
+  return {endpoint};
+}
+
+TEST_F(LiveModelTest, AProcessThatEndsIsForgottenAndOneThatIsKilledIsSilent) {
+  for (const char* name : {"ends", "killed"}) {
+    auto status = Process(name, 0);
+    status.participant = std::string("participant of ") + name;
+    model_.On(status, start_);
+  }
+  auto both = EndpointsOf("participant of ends");
+  both.push_back(EndpointsOf("participant of killed").front());
+  model_.Topics(both, "me", start_ + 1s);
+  EXPECT_EQ(model_.view().processes.size(), 2u);
+  model_.Topics(EndpointsOf("participant of killed"), "me", start_ + 2s);
+  EXPECT_FALSE(model_.view().processes.contains("ends"));
+  EXPECT_TRUE(model_.view().processes.contains("killed"));
+  model_.Topics(EndpointsOf("another participant"), "me", start_ + 11s);
+  EXPECT_TRUE(model_.view().processes.contains("killed")) << "DDS gave it up; it did not say that it goes";
+  model_.Topics(EndpointsOf("another participant"), "me", start_ + 62s);
   EXPECT_TRUE(model_.view().processes.empty());
 }
 
@@ -158,9 +194,9 @@ bool Eventually(Condition&& condition) {
 
 TEST(BusWatch, HearsProcessesAndReadsATopicWhileSomebodyLooks) {
   constexpr std::uint32_t kDomain = 60;
-  const auto participant = bus::Participant::Open({kDomain, ""});
+  auto participant = bus::Participant::Open({kDomain, ""});
   ASSERT_THAT(participant, IsOk());
-  const auto reporter = bus::ProcessReporter::Start(*participant, {.role = "collector", .every = 50ms});
+  auto reporter = bus::ProcessReporter::Start(*participant, {.role = "collector", .every = 50ms});
   ASSERT_THAT(reporter, IsOk());
   BusWatch watch({kDomain, "", "text"});
   EXPECT_TRUE(Eventually([&] {
@@ -173,6 +209,12 @@ TEST(BusWatch, HearsProcessesAndReadsATopicWhileSomebodyLooks) {
   }));
   EXPECT_THAT(watch.Newest("etude/blob/chunk"), HasCode(Code::kInvalidArgument));
   EXPECT_THAT(watch.Newest("etude/none"), HasCode(Code::kNotFound));
+
+  const std::string process = (*reporter)->process();
+  ASSERT_TRUE(watch.View()->processes.contains(process));
+  reporter->reset();
+  participant = Fail(Code::kUnavailable, "it has ended");
+  EXPECT_TRUE(Eventually([&] { return !watch.View()->processes.contains(process); })) << "long before the minute";
 }
 
 }  // namespace bus_watch_test
