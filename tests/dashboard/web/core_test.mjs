@@ -36,6 +36,18 @@ test('smoothing does not depend on how densely is logged', async () => {
   assert.equal(dense[1], null);
 });
 
+test('a walk through decisions skips those of which nothing was kept', async () => {
+  const { decisionAt, decisionBeside } = await load('decisions.ts');
+  const all = [false, true, false, false, true, false].map((kept) => ({ kept }));
+  assert.deepEqual([0, 1, 2, 4, 5, 99].map((wanted) => decisionAt(all, wanted)), [1, 1, 4, 4, 4, 4]);
+  assert.equal(decisionAt([{ kept: false }], 0), -1);
+  assert.equal(decisionAt([], 0), -1);
+  assert.equal(decisionBeside(all, 1, 1), 4);
+  assert.equal(decisionBeside(all, 4, -1), 1);
+  assert.equal(decisionBeside(all, 4, 1), 4);
+  assert.equal(decisionBeside(all, 1, -1), 1);
+});
+
 test('hidden parts of a picture go into the address and come back', async () => {
   const { readRectangles, writeRectangles } = await load('rectangles.ts');
   assert.deepEqual(readRectangles('100,80,12,12;1,2,3,4'), [[100, 80, 12, 12], [1, 2, 3, 4]]);
