@@ -7,14 +7,16 @@ import { count, none, number, short } from '../core/format';
 import { useKeys } from '../core/keys';
 import { link, linkHere, navigate, parameter } from '../core/router';
 import { brief, errorText, plan } from '../core/says';
+import { isOf } from '../core/session';
 import { chosen, sourcesOf } from '../core/sources';
 import { moduleColor } from '../core/theme';
-import type { Eval, Graph, GraphNode, Insight } from '../core/types';
+import type { Eval, Graph, GraphNode, Insight, PlaySession, Run } from '../core/types';
 import { Chip, Command, Empty, Facts, Loaded, Panel, Select } from '../parts/basics';
 import { Table } from '../parts/table';
 import { AskPolicy } from './ask_policy';
 import { loadEvals, mostCompared } from './evaluation';
 import { KeptInsight } from './kept_insight';
+import { WatchedSession } from './watched_session';
 
 export function Inside() {
   const [named] = parameter('run');
@@ -45,12 +47,26 @@ function useKept(run: string): Eval[] {
   return (all.data ?? []).filter((one) => one.run_id === run && one.insights > 0);
 }
 
-/** Whom the page asks: the policy server, or the files of an evaluation. */
-function Source(props: { kept: Eval[]; from: Eval | undefined; run: string }) {
-  const { from } = props;
-  const all = from && !props.kept.some((one) => one.id === from.id) ? [from, ...props.kept] : props.kept;
-  if (!all.length) return null;
-  return <Select label="from" showLabel value={from?.id ?? ''} options={[['', 'its server, live'], ...all.map((one) => [one.id, `files of ${one.name}`] as const)]} choose={(id) => navigate(link('inside', { run: props.run, eval: id }))} />;
+/** Live play sessions that a run's policy drives. */
+function useSessions(run: string): PlaySession[] {
+  const all = useResource<{ sessions: PlaySession[] }>('/play/sessions', { every: 10000 });
+  const some = (all.data?.sessions.length ?? 0) > 0;
+  const about = useResource<Run>(some ? `/runs/${run}` : null);
+  return (all.data?.sessions ?? []).filter((one) => isOf(one, about.data?.identity ?? null));
+}
+
+/** Whom the page asks: the policy server, the files of an evaluation, or a play session's policy as it drives. */
+function Source(props: { kept: Eval[]; from: Eval | undefined; session: string; run: string }) {
+  const { from, session, run } = props;
+  const sessions = useSessions(run).map((one) => one.session);
+  const evals = from && !props.kept.some((one) => one.id === from.id) ? [from, ...props.kept] : props.kept;
+  const options = [...evals.map((one) => [`eval ${one.id}`, `files of ${one.name}`] as const), ...(session && !sessions.includes(session) ? [session, ...sessions] : sessions).map((name) => [`session ${name}`, `play session ${name}`] as const)];
+  if (!options.length) return null;
+  const choose = (text: string) => {
+    const [kind = '', name = ''] = text.split(' ');
+    navigate(link('inside', { run, ...(kind ? { [kind]: name } : {}) }));
+  };
+  return <Select label="from" showLabel value={from ? `eval ${from.id}` : session ? `session ${session}` : ''} options={[['', 'its server, about a recorded picture'], ...options]} choose={choose} />;
 }
 
 /** Error of a node in the unit people use. */
@@ -71,21 +87,23 @@ function about(node: GraphNode): string {
 function Content(props: { of: Graph; run: string; from: Eval | undefined }) {
   const { of, from } = props;
   const kept = useKept(props.run);
+  const [session] = parameter('session');
   const [selected, select] = parameter('module', of.nodes[of.nodes.length - 1]?.name ?? '');
   const [insight, tell] = useState<Insight | undefined>(undefined);
   const node = of.nodes.find((one) => one.name === selected);
   const planner = of.nodes.find((one) => one.quantity === 'trajectory')?.name ?? '';
+  const shown = { module: selected, planner, tell };
   useKeys(of.nodes.slice(0, 9).map((one, i) => ({ keys: String(i + 1), does: `module ${one.name}`, run: () => select(one.name, true) })));
   if (!of.nodes.length) return <Panel><Empty title="No policy is described here">The run's config.yaml has no modules.</Empty></Panel>;
   return (
     <>
       <div class="page-head">
         <p><b>{of.nodes.length}</b> modules in {new Set(of.nodes.map((one) => one.level)).size} levels · {count(of.nodes.reduce((sum, one) => sum + (one.parameters ?? 0), 0))} parameters{of.checkpoint ? <> · errors of <a href={link('checkpoints', { run: props.run })}>{of.checkpoint}</a></> : ' · nothing saved yet'}</p>
-        <Source kept={kept} from={from} run={props.run} />
+        <Source kept={kept} from={from} session={session} run={props.run} />
         {of.architecture && <Chip>architecture <span class="mono">{short(of.architecture)}</span></Chip>}
       </div>
       <Panel title="What reads what" aside={<Legend />}><Drawing of={of} insight={insight} selected={selected} select={(name) => select(name, true)} /></Panel>
-      {from ? <KeptInsight of={from} module={selected} planner={planner} tell={tell} /> : <AskPolicy run={props.run} module={selected} planner={planner} tell={tell} kept={kept} />}
+      {from ? <KeptInsight of={from} {...shown} /> : session ? <WatchedSession key={session} session={session} {...shown} /> : <AskPolicy run={props.run} kept={kept} {...shown} />}
       {node && <Side node={node} graph={of} insight={insight} run={props.run} />}
       <Panel title="Modules" flush>
         <Table label="Modules" rows={of.nodes} id={(row) => row.name} selected={selected} link={(row) => linkHere({ module: row.name })} columns={[
