@@ -94,10 +94,13 @@ LookedBack LookBack(const bus::Participant& participant, const EvaluationOptions
   if (!options.overlay && !options.insight) return WriteThem(options, nullptr, {}, tally);
   if (StopRequested()) return {std::vector<Path>{}, std::vector<Path>{}};
   auto client = policy::InsightClient::Open(participant, Selector{options.run, policy_id}.text());
+  if (!client) {
+    LookedBack plain{Fail(client.error()), Fail(client.error())};
+    if (!options.overlay) plain.videos = WriteVideos(options.out / "rollouts", options.out / "videos", options.videos);
+    return plain;
+  }
   display.Show("asking the policy once more what it saw and said");
-  const InsightFunction ask = [&client](const policy::Question& question) -> Result<policy::Insight> {
-    return client ? client->Ask(question) : Result<policy::Insight>(Fail(client.error()));
-  };
+  const InsightFunction ask = [&client](const policy::Question& question) { return client->Ask(question); };
   Overlay overlay{ask, {}};
   auto written = WriteThem(options, options.overlay ? &overlay : nullptr, options.insight ? ask : nullptr, tally);
   if (overlay.tally.decisions > 0) display.Say(overlay.tally.Text());
