@@ -4,10 +4,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <span>
-#include <vector>
 
 #include "services/codec/frame.h"
+#include "services/core/stop.h"
+#include "services/store/dataset.h"
 
 namespace etude::cli {
 namespace {
@@ -43,8 +45,8 @@ const std::vector<std::uint8_t>* FrameAt(const Episode& rollout, int step) {
 
 }  // namespace
 
-std::string InsightTally::Text() const {
-  std::string text = fmt::format("overlay: {} of {} decisions", shown, decisions);
+std::string InsightTally::Text(const std::string& what) const {
+  std::string text = fmt::format("{}: {} of {} decisions", what, shown, decisions);
   std::vector<std::string> reasons;
   const auto count = [&](std::uint64_t number, const std::string& reason) {
     if (number > 0) reasons.push_back(fmt::format("{} {}", number, reason));
@@ -80,6 +82,42 @@ Result<DecisionInsights> AskInsights(const Episode& rollout, const InsightFuncti
     }
   }
   return insights;
+}
+
+namespace {
+
+// False: nothing is known of it.
+Result<bool> WriteInsightsOf(const Episode& rollout, const InsightFunction& ask, const Path& path,
+                             InsightTally& tally) {
+  if (rollout.cameras.empty() || rollout.cameras[0].frames.empty()) return false;
+  ETUDE_ASSIGN_OR_RETURN(const DecisionInsights insights, AskInsights(rollout, ask, tally));
+  const bool any = std::ranges::any_of(insights, [](const auto& one) { return one.second.has_value(); });
+  // what was not asked to the end would stay without
+  if (!any || StopRequested()) return false;
+  ETUDE_ASSIGN_OR_RETURN(const std::size_t kept,
+                         policy::WriteInsightFile(path, {rollout.index, rollout.seed, rollout.attempt}, insights));
+  return kept > 0;
+}
+
+}  // namespace
+
+Result<std::vector<Path>> WriteInsights(const Path& rollouts, const Path& folder, const InsightFunction& ask,
+                                        InsightTally& tally) {
+  if (!ask && !std::filesystem::exists(folder)) return std::vector<Path>{};
+  ETUDE_ASSIGN_OR_RETURN(const auto reader, store::DatasetReader::Open(rollouts));
+  ETUDE_ASSIGN_OR_RETURN(const auto indices, reader.List());
+  if (ask) ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
+  std::vector<Path> files;
+  for (const std::uint64_t index : indices) {
+    const Path path = folder / policy::InsightFileName(index);
+    bool there = std::filesystem::exists(path);
+    if (!there && ask && !StopRequested()) {
+      ETUDE_ASSIGN_OR_RETURN(const Episode rollout, reader.ReadWhole(index));
+      ETUDE_ASSIGN_OR_RETURN(there, WriteInsightsOf(rollout, ask, path, tally));
+    }
+    if (there) files.push_back(path);
+  }
+  return files;
 }
 
 }  // namespace etude::cli

@@ -9,13 +9,13 @@
 
 #include <cstdint>
 #include <functional>
-#include <map>
-#include <optional>
 #include <string>
+#include <vector>
 
+#include "services/core/file.h"
 #include "services/core/result.h"
 #include "services/episode/episode.h"
-#include "services/policy/insight.h"
+#include "services/policy/insight_file.h"
 #include "services/policy/policy_types.h"
 
 namespace etude::cli {
@@ -23,8 +23,7 @@ namespace etude::cli {
 /// Looks into the policy, e.g. by policy::InsightClient.
 using InsightFunction = std::function<Result<policy::Insight>(const policy::Question&)>;
 
-/// By the control step of the decision; nothing for one that has none.
-using DecisionInsights = std::map<int, std::optional<policy::Insight>>;
+using DecisionInsights = policy::InsightsByStep;
 
 /// How many decisions have their insight, and why others have none.
 struct InsightTally {
@@ -35,11 +34,20 @@ struct InsightTally {
   std::string problem;                 ///< the first of the unanswered ones' errors
 
   /// "overlay: 410 of 420 decisions; without: 8 by another checkpoint than the one that is served now, ..."
-  std::string Text() const;
+  /// @param what  the insights are for
+  std::string Text(const std::string& what = "overlay") const;
 };
 
 /// Asks for every decision that Episode::details has, one after the other, and adds to `tally`.
 /// @error kCorrupt: a picture of the rollout
 Result<DecisionInsights> AskInsights(const Episode& rollout, const InsightFunction& ask, InsightTally& tally);
+
+/// Writes FOLDER/<index>.insights (policy::InsightFile) of each recorded rollout that has none yet; files that are
+/// there are kept. A rollout none of whose decisions has an insight gets no file, so that a later run asks again. A
+/// stop request ends it before the next file.
+/// @param ask  empty: nobody is asked, and those that are there are all
+/// @returns the files. @error of the store; of the disk
+Result<std::vector<Path>> WriteInsights(const Path& rollouts, const Path& folder, const InsightFunction& ask,
+                                        InsightTally& tally);
 
 }  // namespace etude::cli

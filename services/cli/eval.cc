@@ -220,7 +220,8 @@ Status Eval(EvalArguments arguments) {
     ETUDE_ASSIGN_OR_RETURN(choice, ServeCheckpoint(arguments));
   }
   std::vector<security::Role> roles{security::Role::kCollector};
-  if (arguments.evaluation.overlay) roles.push_back(security::Role::kGateway);  // it asks for insights
+  if (arguments.evaluation.overlay || arguments.evaluation.insight)
+    roles.push_back(security::Role::kGateway);  // it asks for insights
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open(roles));
   ETUDE_ASSIGN_OR_RETURN(const auto reporter,
                          bus::ProcessReporter::Start(participant, {.role = "etude eval", .folder = arguments.out}));
@@ -280,11 +281,15 @@ void AddHardships(CLI::App& command, EvaluationOptions& evaluation) {
       ->check(CLI::Range(0, 10));
 }
 
+// What is there to look at afterwards.
 void AddVideos(CLI::App& command, EvaluationOptions& evaluation) {
   command.add_option("--videos", evaluation.videos, "at most so many mp4 files")->capture_default_str();
   command.add_flag("--overlay", evaluation.overlay,
                    "draw into the videos what the policy saw and said: where its modules look, pixels, the object "
                    "that it names, displacement and planned waypoints, and the judge's state");
+  command.add_flag("--insight", evaluation.insight,
+                   "keep what every module said and attended to at each decision, in OUT/insights: the page Inside "
+                   "walks through it when nobody serves the policy any more");
 }
 
 }  // namespace
@@ -319,6 +324,8 @@ void AddEval(CLI::App& app, Body& body) {
       throw CLI::RequiredError("--checkpoint or --subscribe");
     if (arguments->evaluation.overlay && arguments->checkpoint.empty() && arguments->subscribe.empty())
       throw CLI::RequiredError("--overlay asks the policy: --checkpoint or --subscribe");
+    if (arguments->evaluation.insight && arguments->checkpoint.empty() && arguments->subscribe.empty())
+      throw CLI::RequiredError("--insight asks the policy: --checkpoint or --subscribe");
     body = [arguments] { return Eval(*arguments); };
   });
 }

@@ -8,6 +8,7 @@
 #include "services/campaign/eval_report.h"
 #include "services/campaign/spec_file.h"
 #include "services/campaign/worker_client.h"
+#include "services/cli/decision_insights.h"
 #include "services/cli/evaluation_record.h"
 #include "services/cli/video.h"
 #include "services/core/hash.h"
@@ -73,22 +74,46 @@ std::string RolloutLine(const campaign::CollectorProgress& progress, const Path&
   return line;
 }
 
-// Says how many decisions could be drawn. After a stop request nobody waits for answers: the next run writes them.
-Result<std::vector<Path>> WriteOverlays(const bus::Participant& participant, const EvaluationOptions& options,
-                                        const std::string& policy_id, ProgressDisplay& display) {
-  if (StopRequested()) return std::vector<Path>{};
-  ETUDE_ASSIGN_OR_RETURN(auto client,
-                         policy::InsightClient::Open(participant, Selector{options.run, policy_id}.text()));
+// What is written once the rollouts are over.
+struct LookedBack {
+  Result<std::vector<Path>> videos, insights;
+};
+
+LookedBack WriteThem(const EvaluationOptions& options, Overlay* overlay, const InsightFunction& ask,
+                     InsightTally& tally) {
+  const Path rollouts = options.out / "rollouts";
+  return {WriteVideos(rollouts, options.out / "videos", options.videos, overlay),
+          WriteInsights(rollouts, options.out / "insights", ask, tally)};
+}
+
+// Where it is wanted, the policy is asked once more, and it is said how many decisions have their part. After a stop
+// request nobody waits for answers: the next run writes what is left.
+LookedBack LookBack(const bus::Participant& participant, const EvaluationOptions& options, const std::string& policy_id,
+                    ProgressDisplay& display) {
+  InsightTally tally;
+  if (!options.overlay && !options.insight) return WriteThem(options, nullptr, {}, tally);
+  if (StopRequested()) return {std::vector<Path>{}, std::vector<Path>{}};
+  auto client = policy::InsightClient::Open(participant, Selector{options.run, policy_id}.text());
+  if (!client) {
+    LookedBack plain{Fail(client.error()), Fail(client.error())};
+    if (!options.overlay) plain.videos = WriteVideos(options.out / "rollouts", options.out / "videos", options.videos);
+    return plain;
+  }
   display.Show("asking the policy once more what it saw and said");
-  Overlay overlay{[&client](const policy::Question& question) { return client.Ask(question); }, {}};
-  auto videos = WriteVideos(options.out / "rollouts", options.out / "videos", options.videos, &overlay);
+  const InsightFunction ask = [&client](const policy::Question& question) { return client->Ask(question); };
+  Overlay overlay{ask, {}};
+  auto written = WriteThem(options, options.overlay ? &overlay : nullptr, options.insight ? ask : nullptr, tally);
   if (overlay.tally.decisions > 0) display.Say(overlay.tally.Text());
-  return videos;
+  if (tally.decisions > 0) display.Say(tally.Text("insights"));
+  return written;
 }
 
 }  // namespace
 
 Status CheckOverlay(const EvaluationOptions& options, const CampaignSpec& spec) {
+  if (options.insight && !spec.rollout.record)
+    return Fail(Code::kInvalidArgument,
+                "--insight asks the policy again about recorded pictures: rollout.record must be true");
   if (!options.overlay) return {};
   if (options.videos < 1)
     return Fail(Code::kInvalidArgument,
@@ -118,10 +143,11 @@ Result<OrderedJson> Evaluate(const bus::Participant& participant, const Campaign
                options.out.string());
 
   // the rollouts are what counts: without videos the report still stands
-  const auto videos = options.overlay ? WriteOverlays(participant, options, host.policy_id, display)
-                                      : WriteVideos(options.out / "rollouts", options.out / "videos", options.videos);
+  const auto [videos, insights] = LookBack(participant, options, host.policy_id, display);
   if (!videos) Log().warn("no videos: {}", videos.error().message);
-  return CompleteReport(options.out, options.run_folder, videos.value_or(std::vector<Path>{}));
+  if (!insights) Log().warn("no insights: {}", insights.error().message);
+  return CompleteReport(options.out, options.run_folder, videos.value_or(std::vector<Path>{}),
+                        insights.value_or(std::vector<Path>{}));
 }
 
 }  // namespace etude::cli

@@ -25,6 +25,7 @@ struct EvaluationOptions {
   std::uint64_t seed = 1;
   int videos = 12;       ///< at most so many mp4 files, failures first
   bool overlay = false;  ///< they show what the policy saw and said, see overlay.h
+  bool insight = false;  ///< that is kept of each rollout, see WriteInsights
   /// In place of the campaign's; sentences bring their tasks.
   std::optional<double> occlude;
   std::optional<int> pushes;
@@ -40,11 +41,11 @@ struct EvaluationOptions {
 /// evaluations, so that no rollout's scene is one that a collection with any seed drew.
 CampaignSpec EvaluationSpec(const CampaignSpec& base, const EvaluationOptions& options);
 
-/// @error kInvalidArgument: an overlay without videos, or without the pictures that it is drawn over
+/// @error kInvalidArgument: an overlay without videos, or one of overlay and insights without recorded pictures
 Status CheckOverlay(const EvaluationOptions& options, const CampaignSpec& spec);
 
-/// Runs the campaign with local workers and writes OUT/eval.jsonl and OUT/eval.json as it goes, then OUT/videos, for
-/// which the policy is asked once more where they have an overlay.
+/// Runs the campaign with local workers and writes OUT/eval.jsonl and OUT/eval.json as it goes, then OUT/videos and
+/// OUT/insights, for which the policy is asked once more.
 /// @param watch  called a few times a second; an error ends the evaluation (e.g. the policy died)
 /// @returns the report (see campaign::EvalReport). A stop request is no error: the report has what is done.
 Result<OrderedJson> Evaluate(const bus::Participant& participant, const CampaignSpec& spec,

@@ -6,6 +6,7 @@
 #include <charconv>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "services/core/hash.h"
 #include "services/core/log.h"
@@ -22,11 +23,11 @@ Number NumberOf(const std::string& text) {
   return value;
 }
 
-// The index that a video's name begins with.
-std::map<std::uint64_t, std::string> ByIndex(const Path& out, const std::vector<Path>& videos) {
+// The index that a file's name begins with.
+std::map<std::uint64_t, std::string> ByIndex(const Path& out, const std::vector<Path>& files) {
   std::map<std::uint64_t, std::string> names;
-  for (const auto& video : videos)
-    names[NumberOf<std::uint64_t>(video.filename().string())] = video.lexically_relative(out).generic_string();
+  for (const auto& file : files)
+    names[NumberOf<std::uint64_t>(file.filename().string())] = file.lexically_relative(out).generic_string();
   return names;
 }
 
@@ -77,16 +78,19 @@ Result<campaign::EvalSubject> SubjectOfCheckpoint(std::span<const std::uint8_t> 
   return subject;
 }
 
-Result<OrderedJson> CompleteReport(const Path& out, const Path& run_folder, const std::vector<Path>& videos) {
+Result<OrderedJson> CompleteReport(const Path& out, const Path& run_folder, const std::vector<Path>& videos,
+                                   const std::vector<Path>& insights) {
   ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(out / "eval.json"));
   auto report = ParseBoundedJson(text);
   if (!report || !report->is_object() || !report->contains("per_episode"))
     return Fail(Code::kCorrupt, fmt::format("'{}' is no report of an evaluation", (out / "eval.json").string()));
-  const auto names = ByIndex(out, videos);
+  const std::pair<const char*, std::map<std::uint64_t, std::string>> files[] = {{"video", ByIndex(out, videos)},
+                                                                                {"insight", ByIndex(out, insights)}};
   std::string lines;
   for (auto& row : (*report)["per_episode"]) {
-    const auto video = names.find(row.value("index", std::uint64_t{0}));
-    if (video != names.end()) row["video"] = video->second;
+    for (const auto& [key, names] : files)
+      if (const auto file = names.find(row.value("index", std::uint64_t{0})); file != names.end())
+        row[key] = file->second;
     lines += row.dump() + "\n";
   }
   NameCheckpoint(run_folder, StepsOf((*report)["per_episode"]), *report);

@@ -15,11 +15,12 @@ namespace etude::cli {
 /// @param bytes  of the file   @error kCorrupt: no safetensors file
 Result<campaign::EvalSubject> SubjectOfCheckpoint(std::span<const std::uint8_t> bytes, const Path& file);
 
-/// Fills in what is known once the rollouts are over: each row's "video", relative to OUT, and, of a run that was
-/// followed, the checkpoint where all rollouts were of one. Where they were of several, none is named: the rows say
-/// which. Writes OUT/eval.json and OUT/eval.jsonl. @pre nobody else writes them any more.
+/// Fills in what is known once the rollouts are over: each row's "video" and "insight" (the file), relative to OUT,
+/// and, of a run that was followed, the checkpoint where all rollouts were of one. Where they were of several, none is
+/// named: the rows say which. Writes OUT/eval.json and OUT/eval.jsonl. @pre nobody else writes them any more.
 /// @param run_folder  of the run that was followed; "": not known
 /// @returns the report. @error of the disk; kCorrupt
-Result<OrderedJson> CompleteReport(const Path& out, const Path& run_folder, const std::vector<Path>& videos);
+Result<OrderedJson> CompleteReport(const Path& out, const Path& run_folder, const std::vector<Path>& videos,
+                                   const std::vector<Path>& insights = {});
 
 }  // namespace etude::cli

@@ -146,6 +146,8 @@ std::vector<const live::LiveServer*> ServersOf(const live::LiveView& live, const
 Result<std::string> BusNameOfCampaign(Context& context, const std::string& id);
 Result<std::string> BusNameOfPolicy(Context& context, const std::string& id);
 std::string EvalState(const sources::EvalView& view);
+/// The dataset of an evaluation's rollouts; "": there is none.
+std::string RolloutsOf(Context& context, const std::string& eval);
 
 /// "NAME@ID" of what is only on the bus.
 std::string BusId(const bus::Presence& presence);

@@ -88,6 +88,9 @@ OrderedJson PartOrNull(const OrderedJson& json, const char* key) {
 
 // ---- rows ---------------------------------------------------------------------------------------
 
+// Whether what its policy said was kept; which file that is follows from its index alone.
+bool HasInsight(const OrderedJson& row) { return !TextOf(row, "insight").empty(); }
+
 OrderedJson RowJson(const OrderedJson& row, const std::string& id, const std::map<std::uint64_t, std::string>& videos) {
   OrderedJson json = http::ForBrowsers(row);
   for (const char* key : {"task", "target", "reference", "robot", "instruction", "outcome", "seed"})
@@ -103,6 +106,7 @@ OrderedJson RowJson(const OrderedJson& row, const std::string& id, const std::ma
   const auto video = videos.find(UnsignedOf(row, "index").value_or(0));
   json["video"] =
       video == videos.end() ? OrderedJson() : OrderedJson(kPrefix + "/evals/" + id + "/videos/" + video->second);
+  json["insight"] = HasInsight(row);
   return json;
 }
 
@@ -251,6 +255,13 @@ Result<http::Answer> Pair(Context& context, const http::Request& request) {
 
 }  // namespace
 
+std::string RolloutsOf(Context& context, const std::string& eval) {
+  std::string rollouts;
+  for (const auto& found : *context.sources.catalog().List())
+    if (found.kind == sources::Kind::kDataset && found.eval == eval) rollouts = found.id;
+  return rollouts;
+}
+
 Result<OrderedJson> EvalJson(Context& context, const std::string& id) {
   ETUDE_ASSIGN_OR_RETURN(const OpenedEval opened, OpenEval(context, id));
   const auto& [source, view] = opened;
@@ -258,9 +269,6 @@ Result<OrderedJson> EvalJson(Context& context, const std::string& id) {
   OrderedJson tasks = OrderedJson::array();
   for (const auto& summary : PartOf(report, "per_task")) tasks.push_back(TaskJson(summary, ""));
   const OrderedJson checkpoint = CheckpointJson(*view);
-  std::string rollouts;
-  for (const auto& found : *context.sources.catalog().List())
-    if (found.kind == sources::Kind::kDataset && found.eval == id) rollouts = found.id;
   return OrderedJson{{"id", id},
                      {"name", source->found().name},
                      {"folder", source->found().shown},
@@ -280,7 +288,8 @@ Result<OrderedJson> EvalJson(Context& context, const std::string& id) {
                      {"latency", PartOrNull(report, "latency")},
                      {"scenes", PartOrNull(report, "scenes")},
                      {"extra", Extra(report)},
-                     {"dataset", TextOrNull(rollouts)},
+                     {"dataset", TextOrNull(RolloutsOf(context, id))},
+                     {"insights", std::ranges::count_if(view->rows, HasInsight)},
                      {"spec", view->spec.is_object() ? http::ForBrowsers(view->spec) : OrderedJson()}};
 }
 

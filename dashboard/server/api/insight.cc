@@ -2,6 +2,9 @@
 // POST /insight: what the policy that serves a run sees in a recorded picture and says of it, and what it would say of
 // another sentence, with a part hidden, or with a module's output replaced. Answered for that picture alone: the
 // question has a session that no robot has.
+//
+// GET /evals/{id}/insights/{index}/{decision}: the same of a decision of a rollout whose evaluation kept it (etude eval
+// --insight), from its file. Nobody is asked.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,6 +12,7 @@
 
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/truth.h"
+#include "services/policy/insight_file.h"
 
 namespace etude::api {
 namespace {
@@ -27,6 +31,16 @@ struct Asked {
   policy::Question question;  // points into rgb
 };
 
+// @param step  of its record, which the file may not have
+Status GoTo(std::int64_t step, Asked& asked) {
+  const Episode& episode = asked.record->episode;
+  if (step < 0 || step >= episode.steps() || step >= episode.joint_pos.rows() || step >= episode.gripper_qpos.rows() ||
+      episode.cameras.empty())
+    return Fail(Code::kCorrupt, fmt::format("episode {} has no camera or no step {}", episode.index, step));
+  asked.step = static_cast<int>(step);
+  return {};
+}
+
 // The recorded picture as a robot would have sent it.
 Status Fill(Context& context, const OrderedJson& source, Asked& asked) {
   ETUDE_ASSIGN_OR_RETURN(const auto dataset, context.sources.Dataset(TextOf(source, "dataset")));
@@ -39,10 +53,7 @@ Status Fill(Context& context, const OrderedJson& source, Asked& asked) {
   const std::size_t picture = UnsignedOf(source, "picture").value_or(0);
   const std::size_t pictures = asked.record->frames.empty() ? 0 : asked.record->frames[0].size();
   if (picture >= pictures) return Fail(Code::kNotFound, fmt::format("episode {} has {} pictures", *index, pictures));
-  const auto step = static_cast<std::int64_t>(picture) * std::max(1, episode.image_stride);
-  if (step >= episode.steps() || step >= episode.joint_pos.rows() || step >= episode.gripper_qpos.rows())
-    return Fail(Code::kCorrupt, fmt::format("episode {} has no step of picture {}", *index, picture));
-  asked.step = static_cast<int>(step);
+  ETUDE_RETURN_IF_ERROR(GoTo(static_cast<std::int64_t>(picture) * std::max(1, episode.image_stride), asked));
   const Camera& camera = episode.cameras[0].camera;
   asked.rgb.resize(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height) * 3);
   ETUDE_RETURN_IF_ERROR(store::FrameReader::Read(asked.record->path, asked.record->frames[0][picture], asked.rgb));
@@ -101,6 +112,23 @@ OrderedJson WaypointsJson(const std::vector<Waypoint>& waypoints) {
   return points;
 }
 
+OrderedJson InsightJson(const std::string& run, const Asked& asked, const policy::Insight& insight) {
+  const Episode& episode = asked.record->episode;
+  const TruthScope scope{asked.question.instruction == episode.instruction, asked.demonstrated};
+  return {{"run", run},
+          {"checkpoint_step", insight.checkpoint_step},
+          {"sentence", asked.question.instruction},
+          {"modules", http::ForBrowsers(insight.modules)},
+          {"what_if", insight.what_if.is_null() ? OrderedJson() : http::ForBrowsers(insight.what_if)},
+          {"attention", AttentionJson(insight, Heads::kEach)},
+          {"view", ViewJson(insight)},
+          {"waypoints", WaypointsJson(insight.waypoints)},
+          {"what_if_waypoints", WaypointsJson(insight.what_if_waypoints)},
+          {"words", WordsJson(insight)},
+          {"joints", JointsJson(asked, insight)},
+          {"truth", TruthJson(episode, asked.step, insight, scope)}};
+}
+
 Result<http::Answer> Answer(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, JsonBody(request));
   if (!context.look)
@@ -116,20 +144,66 @@ Result<http::Answer> Answer(Context& context, const http::Request& request) {
   if (const std::string sentence = TextOf(body, "sentence"); !sentence.empty())
     asked.question.instruction = sentence.substr(0, kLongestSentence);
   ETUDE_ASSIGN_OR_RETURN(const policy::Insight insight, context.look(*name, asked.question, what_if));
+  return http::JsonAnswer(InsightJson(*name, asked, insight));
+}
+
+// ---- from files -----------------------------------------------------------------------------------
+
+struct Kept {
+  OpenedEval eval;
+  std::uint64_t index = 0;  // of the rollout
+  policy::InsightFile file;
+};
+
+// The file's name is made of the number: nothing that a request or the report says is a path.
+Result<Kept> OpenKept(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(OpenedEval eval, OpenEval(context, request.Parameter("id")));
+  ETUDE_ASSIGN_OR_RETURN(const std::uint64_t index, request.Index("index"));
+  const Path name = Path("insights") / policy::InsightFileName(index);
+  auto open = sources::OpenBelow(eval.source->found().folder, name);
+  if (!open)
+    return Fail(open.error().code, fmt::format("of rollout {} no insights were kept: {}", index, open.error().message));
+  ETUDE_ASSIGN_OR_RETURN(auto file, policy::InsightFile::Open(std::move(open->file), name));
+  return Kept{std::move(eval), index, std::move(file)};
+}
+
+// The record that the file is of, and not one that was rolled out again since.
+Result<Asked> RolloutOf(Context& context, const std::string& eval, const Kept& kept) {
+  ETUDE_ASSIGN_OR_RETURN(const auto dataset, context.sources.Dataset(RolloutsOf(context, eval)));
+  Asked asked;
+  ETUDE_ASSIGN_OR_RETURN(asked.record, dataset->Episode(kept.index));
   const Episode& episode = asked.record->episode;
-  const TruthScope scope{asked.question.instruction == episode.instruction, asked.demonstrated};
-  return http::JsonAnswer({{"run", *name},
-                           {"checkpoint_step", insight.checkpoint_step},
-                           {"sentence", asked.question.instruction},
-                           {"modules", http::ForBrowsers(insight.modules)},
-                           {"what_if", insight.what_if.is_null() ? OrderedJson() : http::ForBrowsers(insight.what_if)},
-                           {"attention", AttentionJson(insight, Heads::kEach)},
-                           {"view", ViewJson(insight)},
-                           {"waypoints", WaypointsJson(insight.waypoints)},
-                           {"what_if_waypoints", WaypointsJson(insight.what_if_waypoints)},
-                           {"words", WordsJson(insight)},
-                           {"joints", JointsJson(asked, insight)},
-                           {"truth", TruthJson(episode, asked.step, insight, scope)}});
+  if (kept.file.of() != policy::InsightsOf{kept.index, episode.seed, episode.attempt})
+    return Fail(Code::kNotFound, fmt::format("what was kept is of another attempt than rollout {} now is", kept.index));
+  return asked;
+}
+
+Result<http::Answer> KeptDecisions(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(const Kept kept, OpenKept(context, request));
+  const std::string eval = request.Parameter("id");
+  ETUDE_ASSIGN_OR_RETURN(const Asked asked, RolloutOf(context, eval, kept));
+  const int stride = std::max(1, asked.record->episode.image_stride);
+  OrderedJson decisions = OrderedJson::array();
+  for (const auto& decision : kept.file.decisions())
+    decisions.push_back({{"step", decision.step},
+                         {"picture", decision.step % stride == 0 ? OrderedJson(decision.step / stride) : OrderedJson()},
+                         {"kept", decision.kept()}});
+  return http::JsonAnswer({{"eval", eval},
+                           {"index", kept.index},
+                           {"dataset", RolloutsOf(context, eval)},
+                           {"instruction", asked.record->episode.instruction},
+                           {"outcome", asked.record->episode.outcome},
+                           {"decisions", std::move(decisions)}});
+}
+
+Result<http::Answer> KeptInsight(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(const Kept kept, OpenKept(context, request));
+  ETUDE_ASSIGN_OR_RETURN(const std::uint64_t decision, request.Index("decision"));
+  ETUDE_ASSIGN_OR_RETURN(const policy::Insight insight, kept.file.At(decision));
+  ETUDE_ASSIGN_OR_RETURN(Asked asked, RolloutOf(context, request.Parameter("id"), kept));
+  ETUDE_RETURN_IF_ERROR(GoTo(kept.file.decisions()[decision].step, asked));
+  asked.question = policy::QuestionAt(asked.record->episode, asked.step, {});
+  return http::JsonAnswer(InsightJson(TextOf(kept.eval.view->report, "run"), asked, insight));
 }
 
 }  // namespace
@@ -160,6 +234,11 @@ void AddInsightRoutes(http::Router& router, Context& context) {
   // it reads an episode, waits for a policy server and changes nothing: whoever may read may ask
   router.Add("POST", kPrefix + "/insight", http::Lane::kBus,
              [&context](const http::Request& request) { return Answer(context, request); });
+  const std::string kept = kPrefix + "/evals/{id}/insights/{index}";
+  router.Add("GET", kept, http::Lane::kEpisodes,
+             [&context](const http::Request& request) { return KeptDecisions(context, request); });
+  router.Add("GET", kept + "/{decision}", http::Lane::kEpisodes,
+             [&context](const http::Request& request) { return KeptInsight(context, request); });
 }
 
 }  // namespace etude::api

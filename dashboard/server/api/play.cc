@@ -159,11 +159,14 @@ Result<http::Answer> Picture(Context& context, const http::Request& request) {
 Result<http::Answer> LookInto(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const auto watch, WatchOf(context));
   ETUDE_ASSIGN_OR_RETURN(const auto looked, watch->LookInto(request.Parameter("id")));
+  const std::string heads = request.query.Get("heads").value_or("mean");
+  if (heads != "mean" && heads != "each")
+    return Fail(Code::kInvalidArgument, "heads: " + NotKnown(heads.substr(0, 40), {"mean", "each"}));
   const policy::Insight insight = looked.newest.value_or(policy::Insight{});
   return http::JsonAnswer({{"number", looked.number},
                            {"checkpoint_step", insight.checkpoint_step},
                            {"modules", http::ForBrowsers(insight.modules)},
-                           {"attention", AttentionJson(insight, Heads::kMean)},
+                           {"attention", AttentionJson(insight, heads == "each" ? Heads::kEach : Heads::kMean)},
                            {"view", ViewJson(insight)}});
 }
 

@@ -41,7 +41,7 @@ export async function visit(page, address) {
 
 export async function settle(page) {
   await page.waitForSelector('main h1', { state: 'attached', timeout: 10000 });
-  await page.waitForFunction(() => !document.querySelector('.skeleton, .stale') && document.querySelector('main').childElementCount > 1, undefined, { timeout: 20000 });
+  await page.waitForFunction(() => !document.querySelector('.skeleton, .stale, [data-loading]') && document.querySelector('main').childElementCount > 1, undefined, { timeout: 20000 });
   // charts are drawn in the next frames
   await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
 }
@@ -68,6 +68,7 @@ export async function addresses(base) {
   const [run, data, evaluation, rollouts] = [of('run'), of('dataset', 'demonstrations'), of('eval'), of('dataset', 'rollouts')];
   const failed = data ? (await get(`/campaigns/${data}/attempts?outcome=failed&limit=1`)).rows[0] : undefined;
   const others = home.sources.filter((one) => one.kind === 'eval' && one.id !== evaluation);
+  const kept = evaluation && (await get(`/evals/${evaluation}`)).insights > 0;
   return {
     overview: '/',
     fleet: '/fleet',
@@ -75,6 +76,7 @@ export async function addresses(base) {
     ...(failed ? { attempt: `/episode/${data}/${failed.index}?attempt=${failed.attempt}` } : {}),
     ...(run ? { training: `/training?run=${run}`, inside: `/inside?run=${run}`, checkpoints: `/checkpoints?run=${run}` } : {}),
     ...(evaluation ? { evaluation: `/evaluation?eval=${evaluation}` } : {}),
+    ...(kept ? { kept: `/inside?eval=${evaluation}` } : {}),
     ...(others.length ? { compare: `/evaluation?eval=${evaluation}&vs=${others[0].id}` } : {}),
     ...(rollouts ? { rollout: `/episode/${rollouts}/0` } : {}),
     play: '/play',

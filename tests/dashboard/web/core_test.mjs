@@ -36,6 +36,35 @@ test('smoothing does not depend on how densely is logged', async () => {
   assert.equal(dense[1], null);
 });
 
+test('a walk through decisions skips those of which nothing was kept', async () => {
+  const { decisionAt, decisionBeside } = await load('decisions.ts');
+  const all = [false, true, false, false, true, false].map((kept) => ({ kept }));
+  assert.deepEqual([0, 1, 2, 4, 5, 99].map((wanted) => decisionAt(all, wanted)), [1, 1, 4, 4, 4, 4]);
+  assert.equal(decisionAt([{ kept: false }], 0), -1);
+  assert.equal(decisionAt([], 0), -1);
+  assert.equal(decisionBeside(all, 1, 1), 4);
+  assert.equal(decisionBeside(all, 4, -1), 1);
+  assert.equal(decisionBeside(all, 4, 1), 4);
+  assert.equal(decisionBeside(all, 1, -1), 1);
+});
+
+test("a play session's policy is shown as one that was asked, without a truth to hold it against", async () => {
+  const { insightOf, isOf } = await load('session.ts');
+  const { plan } = await load('says.ts');
+  const session = { run: 'base@0123', sentence: 'push it', waypoints: [[1, 2, 3, 1, 0, 0, 0, 1, 0, 0.5]] };
+  const seen = { number: 1, checkpoint_step: 7, modules: { LANG: { value: 'coke' } }, attention: {}, view: { u: 0, v: 0, width: 4, height: 3 } };
+  const insight = insightOf(seen, session);
+  assert.deepEqual(insight.waypoints, [[1, 2, 3, 0.5]]);
+  assert.equal(insight.modules.LANG.value, 'coke');
+  assert.deepEqual(plan(insight), { says: '1 waypoints', error: '', change: '–' });
+  assert.equal(insightOf({ ...seen, number: 0 }, session), undefined);
+  assert.equal(insightOf(undefined, session), undefined);
+  assert.ok(isOf(session, '0123456789abcdef'));
+  assert.ok(!isOf(session, '9123456789abcdef'));
+  assert.ok(!isOf(session, null));
+  assert.ok(!isOf({ run: 'base' }, '0123456789abcdef'));
+});
+
 test('hidden parts of a picture go into the address and come back', async () => {
   const { readRectangles, writeRectangles } = await load('rectangles.ts');
   assert.deepEqual(readRectangles('100,80,12,12;1,2,3,4'), [[100, 80, 12, 12], [1, 2, 3, 4]]);

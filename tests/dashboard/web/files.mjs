@@ -3,6 +3,7 @@
 import { createHash } from 'node:crypto';
 import { existsSync, lstatSync, readFileSync, readdirSync } from 'node:fs';
 import { join } from 'node:path';
+import { inflateSync } from 'node:zlib';
 
 /** Folders below these that have `name`, at most six levels down. */
 export function foldersWith(dirs, name, depth = 6) {
@@ -69,4 +70,15 @@ export function checkpointHeader(run) {
   if (!newest) return undefined;
   const bytes = readFileSync(join(run, 'checkpoints', newest.name));
   return JSON.parse(bytes.subarray(8, 8 + Number(bytes.readBigUInt64LE(0))).toString()).__metadata__;
+}
+
+/** Decisions of a file of `etude eval --insight`; of those that have nothing, the step alone. */
+export function insights(file) {
+  const bytes = readFileSync(file);
+  let at = bytes.indexOf('\n') + 1;
+  return JSON.parse(bytes.subarray(0, at).toString()).decisions.map((one) => {
+    const block = one.size ? inflateSync(bytes.subarray(at, at + one.bytes)) : null;
+    at += one.bytes;
+    return { step: one.step, ...(block ? JSON.parse(block.subarray(0, block.indexOf('\n')).toString()) : {}) };
+  });
 }

@@ -40,7 +40,7 @@ say('trains 300 steps');
 await etude('train', '--data', at('data'), '--config', 'compact', '--out', at('run'), '--name', 'lab', '--steps', '300', '--seed', '3',
   ...set('data.batch=16', 'data.sentences=2', 'data.min_episodes=12', 'data.min_valid=1', 'eval.every_steps=60', 'eval.frames=48', 'checkpoint.every_steps=150'));
 const checkpoints = readdirSync(at('run', 'checkpoints')).filter((name) => /^\d+\.safetensors$/.test(name)).sort();
-const evaluate = (name, checkpoint) => etude('eval', '--checkpoint', at('run', 'checkpoints', checkpoint), '--scenes', campaign, '--out', at(name), '--episodes', '4', '--videos', '2',
+const evaluate = (name, checkpoint) => etude('eval', '--checkpoint', at('run', 'checkpoints', checkpoint), '--scenes', campaign, '--out', at(name), '--episodes', '4', '--videos', '2', '--insight',
   '--workers', '1', '--seed', '7', ...set('rollout.max_steps=240'));
 for (const [name, checkpoint] of [['eval', checkpoints.at(-1)], ['eval_before', checkpoints.at(-2) ?? checkpoints[0]]]) {
   say(`evaluates ${checkpoint} in 4 scenes`);

@@ -6,8 +6,8 @@ import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
-import { addresses, axe, launch, lookAt, openPage, overflow, themes, visit, widths } from './browser.mjs';
-import { checkpointHeader, checkpoints, episodeFiles, foldersWith, linesOf, readJson, readLines, series } from './files.mjs';
+import { addresses, axe, launch, lookAt, openPage, overflow, settle, themes, visit, widths } from './browser.mjs';
+import { checkpointHeader, checkpoints, episodeFiles, foldersWith, insights, linesOf, readJson, readLines, series } from './files.mjs';
 import { startGateway } from './gateway.mjs';
 import { makeMany } from './many.mjs';
 import { onDomain } from './programs.mjs';
@@ -454,6 +454,33 @@ test('Inside: a box for each module of the config, all reachable by keyboard', a
     }
     await page.locator(`[data-node="${graph.nodes[0].name}"]`).press('Enter');
     await page.waitForURL(`**module=${graph.nodes[0].name}**`);
+  });
+});
+
+test('Inside: what an evaluation kept of a rollout is walked through, though nobody serves the policy', async () => {
+  if (!pages.kept) return;
+  const folder = folderOf(source('eval'), 'eval.json');
+  const row = readJson(join(folder, 'eval.json')).per_episode.find((one) => one.insight);
+  const decisions = insights(join(folder, row.insight));
+  const last = decisions.findLastIndex((one) => one.modules);
+  const before = decisions.slice(0, last).findLastIndex((one) => one.modules);
+  await open(`${pages.evaluation}&scene=${row.index}`, async (page) => {
+    await page.click('a:has-text("What the policy said")');
+    await page.waitForSelector('[data-said]');
+  });
+  await open(`${pages.kept}&scene=${row.index}&decision=${last}`, async (page) => {
+    const shows = async (k) => {
+      await page.waitForSelector(`[data-decision="${k}"]`);
+      await settle(page);
+      const { modules, checkpoint_step } = decisions[k];
+      assert.equal(number(await page.locator('[data-kept-step]').getAttribute('data-kept-step')), checkpoint_step);
+      assert.deepEqual(await page.locator('[data-said] tr[data-module]').evaluateAll((all) => all.map((one) => one.dataset.module)), Object.keys(modules));
+      for (const [name, said] of Object.entries(modules)) if (typeof said.value === 'string') assert.ok((await text(page, `[data-said] tr[data-module="${name}"]`)).includes(said.value), name);
+    };
+    await shows(last);
+    if (before < 0) return;
+    await page.keyboard.press('ArrowLeft');
+    await shows(before);
   });
 });
 

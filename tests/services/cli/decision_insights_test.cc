@@ -5,8 +5,10 @@
 #include <gtest/gtest.h>
 
 #include "services/codec/frame.h"
+#include "services/store/dataset.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"
+#include "tests/support/temporary_folder.h"
 
 namespace etude::cli {
 namespace decision_insights_test {
@@ -117,6 +119,73 @@ TEST(AskInsights, ADamagedPictureIsAnError) {
   InsightTally tally;
   const auto ask = [](const policy::Question&) -> Result<policy::Insight> { return InsightOf(7); };
   EXPECT_THAT(AskInsights(rollout, ask, tally), HasCode(Code::kCorrupt));
+}
+
+class WriteInsightsTest : public testing::Test {
+ protected:
+  // Two rollouts with decisions at steps 0 and 20.
+  WriteInsightsTest() {
+    CampaignSpec spec = SyntheticSpec();
+    spec.mode = "rollout";
+    spec.rollout.run = "demo";
+    auto writer = store::DatasetWriter::Open(rollouts_, spec);
+    EXPECT_THAT(writer, IsOk());
+    for (std::uint64_t i = 0; writer && i < 2; ++i) {
+      Episode rollout = MakeSyntheticEpisode(spec, i);
+      for (const int step : {0, 20}) rollout.details["decisions"].push_back({{"step", step}, {"checkpoint_step", 7}});
+      EXPECT_THAT(writer->Commit(rollout), IsOk());
+    }
+  }
+  Result<std::vector<Path>> Write(const InsightFunction& ask) {
+    return WriteInsights(rollouts_, folder_ / "insights", ask, tally_);
+  }
+
+  TemporaryFolder folder_;
+  const Path rollouts_ = folder_ / "rollouts";
+  InsightTally tally_;
+};
+
+TEST_F(WriteInsightsTest, AFileARolloutHoldsItsDecisions) {
+  int question = 0;
+  const auto files = Write([&](const policy::Question& asked) -> Result<policy::Insight> {
+    if (++question == 2) return Fail(Code::kUnavailable, "too late");
+    policy::Insight insight = InsightOf(7);
+    insight.modules["LANG"] = {{"value", asked.instruction}};
+    return insight;
+  });
+
+  ASSERT_THAT(files, IsOk());
+  EXPECT_EQ(*files, (std::vector<Path>{folder_ / "insights/000000.insights", folder_ / "insights/000001.insights"}));
+  const auto reader = store::DatasetReader::Open(rollouts_);
+  for (const std::uint64_t i : {0u, 1u}) {
+    const Episode rollout = reader->ReadWhole(i).value();
+    const auto file = policy::InsightFile::Open((*files)[i]);
+    ASSERT_THAT(file, IsOk());
+    EXPECT_EQ(file->of(), (policy::InsightsOf{i, rollout.seed, rollout.attempt}));
+    ASSERT_EQ(file->decisions().size(), 2u);
+    EXPECT_EQ(file->decisions()[1].step, 20);
+    EXPECT_EQ(file->decisions()[1].kept(), i == 1) << "what was not answered is not there";
+    EXPECT_EQ(file->At(0)->modules["LANG"]["value"], rollout.instruction);
+  }
+  EXPECT_EQ(tally_.Text("insights"), "insights: 3 of 4 decisions; without: 1 without an answer (too late)");
+}
+
+TEST_F(WriteInsightsTest, WhatIsThereIsKeptAndTheRestAskedLater) {
+  const auto nobody = [](const policy::Question&) -> Result<policy::Insight> { return Fail(Code::kUnavailable, "-"); };
+  EXPECT_THAT(*Write(nobody), testing::IsEmpty()) << "a file without any would keep a later run from asking";
+  int asked = 0;
+  const auto ask = [&](const policy::Question&) -> Result<policy::Insight> {
+    ++asked;
+    return InsightOf(7);
+  };
+  EXPECT_EQ(Write(ask)->size(), 2u);
+  EXPECT_EQ(asked, 4);
+  std::filesystem::remove(folder_ / "insights/000001.insights");
+
+  EXPECT_EQ(Write({})->size(), 1u) << "without a policy those that are there";
+  EXPECT_EQ(Write(ask)->size(), 2u);
+
+  EXPECT_EQ(asked, 6) << "of the one that is gone";
 }
 
 }  // namespace decision_insights_test

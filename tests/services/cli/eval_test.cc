@@ -55,6 +55,9 @@ TEST_F(EvalCli, EvalSaysWhatAnOverlayNeeds) {
   const Outcome no_policy = Etude({"eval", "--out", In("e"), "--compare", In("other"), "--overlay"});
   EXPECT_EQ(no_policy.exit_code, kExitUsage) << no_policy.text;
   EXPECT_THAT(no_policy.text, HasSubstr("--overlay asks the policy"));
+  const Outcome nobody = Etude({"eval", "--out", In("e"), "--compare", In("other"), "--insight"});
+  EXPECT_EQ(nobody.exit_code, kExitUsage) << nobody.text;
+  EXPECT_THAT(nobody.text, HasSubstr("--insight asks the policy"));
   WriteCheckpoint("b.safetensors", {{"run", "demo"}});
   const Outcome no_pictures = Etude({"eval", "--checkpoint", In("b.safetensors"), "--out", In("e"), "--overlay",
                                      "--set", "rollout.record=false", "--domain", "81"});

@@ -50,7 +50,8 @@ TEST(CompleteReport, NamesVideosAndTheOneCheckpointOfAFollowedRun) {
   ASSERT_THAT(WriteFileAtomically(file, Checkpoint()), IsOk());
 
   const auto report =
-      CompleteReport(folder / "eval", folder / "run", {folder / "eval" / "videos" / "000008-pick-timeout.mp4"});
+      CompleteReport(folder / "eval", folder / "run", {folder / "eval" / "videos" / "000008-pick-timeout.mp4"},
+                     {folder / "eval" / "insights" / "000009.insights"});
 
   ASSERT_THAT(report, IsOk());
   EXPECT_EQ((*report)["policy"]["step"], 900);
@@ -60,6 +61,8 @@ TEST(CompleteReport, NamesVideosAndTheOneCheckpointOfAFollowedRun) {
   EXPECT_EQ((*report)["dataset"], "f00");
   EXPECT_FALSE((*report)["per_episode"][0].contains("video"));
   EXPECT_EQ((*report)["per_episode"][1]["video"], "videos/000008-pick-timeout.mp4");
+  EXPECT_FALSE((*report)["per_episode"][1].contains("insight"));
+  EXPECT_EQ((*report)["per_episode"][2]["insight"], "insights/000009.insights");
   EXPECT_EQ(OrderedJson::parse(*ReadTextFile(folder / "eval/eval.json")), *report);
   const std::string lines = *ReadTextFile(folder / "eval/eval.jsonl");
   EXPECT_EQ(OrderedJson::parse(lines.substr(0, lines.find('\n'))), (*report)["per_episode"][0]);

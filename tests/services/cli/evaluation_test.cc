@@ -114,6 +114,10 @@ TEST(CheckOverlay, NeedsVideosAndPictures) {
   options.overlay = false;
   options.videos = 0;
   EXPECT_THAT(CheckOverlay(options, spec), IsOk());
+  options.insight = true;
+  EXPECT_THAT(CheckOverlay(options, spec), MessageHas("--insight"));
+  spec.rollout.record = true;
+  EXPECT_THAT(CheckOverlay(options, spec), IsOk()) << "insights need no videos";
 }
 
 TEST(EvaluationSpec, SentencesBringTheirTasks) {

@@ -853,6 +853,8 @@ export type Eval = {
   extra: Record<string, unknown>;
   /** id of its rollouts */
   dataset: string | null;
+  /** rollouts of which it was kept what their policy said */
+  insights: number;
   /** as written by its process; integers beyond 2^53 and every key named seed are strings */
   spec: Record<string, unknown> | null;
 };
@@ -879,6 +881,8 @@ export type EvalRow = {
   error_before_contact_cm: Record<string, number>;
   /** address of the video made by eval */
   video: string | null;
+  /** it was kept what its policy said, see /evals/{id}/insights/{index} */
+  insight: boolean;
 };
 
 export type EvalRows = {
@@ -1098,6 +1102,23 @@ export type Insight = {
     /** by module, of those whose truth is known: of another sentence than the record's, target and reference are not */
     errors: Record<string, ModuleError>;
   };
+};
+
+export type KeptInsights = {
+  eval: string;
+  index: number;
+  /** of the rollouts */
+  dataset: string;
+  instruction: string;
+  outcome: string;
+  decisions: {
+    /** control step */
+    step: number;
+    /** of the episode; null: none was recorded at that step */
+    picture: number | null;
+    /** it was kept what the policy said */
+    kept: boolean;
+  }[];
 };
 
 export type ModuleAttention = {

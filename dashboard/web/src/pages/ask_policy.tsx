@@ -3,25 +3,24 @@
 // follow from another sentence, a hidden part, or a module that says something else. Nothing of it reaches a robot. All
 // of the question stands in the address.
 import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
-import { postJson, query, root, useResource } from '../core/api';
-import { count, none, number } from '../core/format';
-import { linkHere, parameter } from '../core/router';
+import { postJson, query, useResource } from '../core/api';
+import { count } from '../core/format';
+import { link, parameter } from '../core/router';
 import { readRectangles, writeRectangles, type Rectangle } from '../core/rectangles';
-import { difference, errorText, plan, truthText, words } from '../core/says';
 import { chosen } from '../core/sources';
-import { moduleColor } from '../core/theme';
-import type { Episode, Episodes, Insight } from '../core/types';
+import type { Episode, Episodes, Eval, Insight } from '../core/types';
 import { ActionButton } from '../parts/actions';
-import { AttentionBars, HeadSelect, lookOf } from '../parts/attention';
 import { Empty, Failed, Panel, Select, Skeleton } from '../parts/basics';
-import { PixelMark } from '../parts/mark';
 import { Mask } from '../parts/mask';
 import { PlanInSpace } from '../parts/plan';
-import { Spotlight } from '../parts/spotlight';
+import { Attends, Said, Seen } from '../parts/said';
 import { Joints, Worth } from '../parts/worth';
 
 /** `planner`: the module that decodes waypoints, '' for none. `tell`: hears each answer, and undefined while there is none. */
-interface Asked { run: string; module: string; planner: string; tell: (of: Insight | undefined) => void }
+export interface Shown { module: string; planner: string; tell: (of: Insight | undefined) => void }
+
+/** `kept`: evaluations of the run whose files can be looked at while nobody serves it. */
+interface Asked extends Shown { run: string; kept: Eval[] }
 
 export function AskPolicy(props: Asked) {
   const dataset = chosen('dataset');
@@ -99,7 +98,9 @@ function Bench(props: Asked & { episode: Episode }) {
     <Panel title="Ask the policy" aside={data && <span class="small muted" data-insight-step={data.checkpoint_step}>step {count(data.checkpoint_step)} of {data.run} answers; no robot hears it</span>}>
       <div class={`columns main-side even${answer.pending && data ? ' stale' : ''}`}>
         <div class="stack">
-          <Seen episode={episode} picture={picture} module={props.module} of={data} hidden={hidden} hide={(all) => setHide(writeRectangles(all) || null, true)} />
+          <Seen episode={episode} picture={picture} module={props.module} of={data}>
+            {(marks) => <Mask width={camera.width_px} height={camera.height_px} view={data?.view} hidden={hidden} change={(all) => setHide(writeRectangles(all) || null, true)}>{marks}</Mask>}
+          </Seen>
           <label class="row"><span class="nowrap">picture</span><input class="grow" type="range" min={0} max={most} value={Math.min(Number(pictureField.shown) || 0, most)} aria-label="Picture of the episode" onInput={(event) => pictureField.change(event.currentTarget.value)} /><span class="num">{Math.min(Number(pictureField.shown) || 0, most) + 1}/{camera.frames}</span></label>
           <p class="row"><span class="muted small">episode {episode.index}</span>
             {episode.previous !== null && <button type="button" class="button" onClick={() => go(String(episode.previous))}>before</button>}
@@ -112,7 +113,8 @@ function Bench(props: Asked & { episode: Episode }) {
           <label class="stack tight"><span class="small muted">what if this had been said?</span><input class="field" placeholder="push the pepsi can" value={other.shown} maxLength={400} onInput={(event) => other.change(event.currentTarget.value)} /></label>
           <SayInstead of={data} field={say} />
           <p class="small muted">Drag over the picture to hide a part of it, or focus it: arrow keys move the brush, Shift and arrows size it, Enter hides. Where a module attends is not yet why it says so: hide that part and see what follows.</p>
-          {answer.error && <><Failed problem={answer.error} retry={answer.reload} />{answer.error.status === 409 && <p class="row"><ActionButton label="Serve this run" about="Starts a policy server that follows what the run publishes." of={{ action: 'serve', run }} /></p>}</>}
+          {answer.error && <><Failed problem={answer.error} retry={answer.reload} />{answer.error.status === 409 && <p class="row wrap"><ActionButton label="Serve this run" about="Starts a policy server that follows what the run publishes." of={{ action: 'serve', run }} />
+            {props.kept.map((one) => <a class="button" href={link('inside', { run, eval: one.id })}>What was kept of {one.name}</a>)}</p>}</>}
         </div>
       </div>
       {data && <div class={answer.pending ? 'stale' : ''}><Said of={data} module={props.module} planner={props.planner} /></div>}
@@ -132,65 +134,6 @@ function SayInstead(props: { of: Insight | undefined; field: { shown: string; ch
     <div class="row">
       <Select label="what if a module said something else?" showLabel value={chosenOne} options={[['', 'none'], ...options]} choose={(name) => set(name ? `${name}=${JSON.stringify(modules[name.split('.')[0]!]?.value ?? '')}` : null, true)} />
       {said && <input class="field" aria-label={`what ${chosenOne} says instead`} value={said.value} onInput={(event) => props.field.change(`${chosenOne}=${event.currentTarget.value}`)} />}
-    </div>
-  );
-}
-
-function Attends(props: { of: Insight; module: string }) {
-  const [head, setHead] = parameter('head');
-  const attention = props.of.attention[props.module];
-  if (!attention) return null;
-  return (
-    <>
-      <HeadSelect attention={attention} head={head} choose={(one) => setHead(one, true)} />
-      <AttentionBars module={props.module} attention={attention} head={head} linkTo={(module) => linkHere({ module })} />
-    </>
-  );
-}
-
-function Seen(props: { episode: Episode; picture: number; module: string; of: Insight | undefined; hidden: Rectangle[]; hide: (all: Rectangle[]) => void }) {
-  const { episode, of } = props;
-  const camera = episode.cameras[0]!;
-  const [head] = parameter('head');
-  const attention = of?.attention[props.module];
-  const look = useMemo(() => attention && lookOf(attention, head), [attention, head]);
-  const truth = of ? of.truth.pixels[of.truth.target] : undefined;
-  const pixel = of?.modules[props.module]?.soft_argmax;
-  return (
-    <div class="picture" style={{ aspectRatio: `${camera.width_px} / ${camera.height_px}` }}>
-      <img src={`${root}/datasets/${episode.dataset}/episodes/${episode.index}/pictures/${encodeURIComponent(camera.name)}/${props.picture}.png`} alt={`Picture ${props.picture + 1} of episode ${episode.index}`} draggable={false} />
-      {of && look && look.rows > 0 && <Spotlight module={props.module} attention={look} view={of.view} width={camera.width_px} height={camera.height_px} />}
-      <Mask width={camera.width_px} height={camera.height_px} view={of?.view} hidden={props.hidden} change={props.hide}>
-        {truth && <PixelMark token="target" glyph="ring" at={truth} />}
-        {pixel && <PixelMark token="hand" glyph="cross" at={pixel} />}
-      </Mask>
-    </div>
-  );
-}
-
-function Said(props: { of: Insight; module: string; planner: string }) {
-  const { of } = props;
-  const planned = plan(of);
-  const asked = of.what_if !== null;
-  return (
-    <div class="scroll-x" tabIndex={0} role="group" aria-label="What the modules say">
-      <table class="plain" data-said>
-        <thead><tr><th>module</th><th>says</th><th>is</th><th class="num">error</th>{asked && <><th>would say</th><th class="num">Δ</th></>}<th class="num">looks at picture</th></tr></thead>
-        <tbody>{Object.entries(of.modules).map(([name, one]) => {
-          const plans = name === props.planner;
-          const error = of.truth.errors[name];
-          return (
-            <tr data-module={name} {...(name === props.module ? { 'aria-selected': 'true' as const } : {})}>
-              <td class="nowrap"><a href={linkHere({ module: name })}><span class="swatch" style={{ background: `var(--${moduleColor(name)})` }} /> {name}</a></td>
-              <td>{plans ? planned.says : words(one)}</td>
-              <td class="secondary">{plans ? (of.truth.waypoints.length ? `${of.truth.waypoints.length} demonstrated` : none) : truthText(error)}</td>
-              <td class="num nowrap" data-error>{(plans ? planned.error : errorText(error)) || none}</td>
-              {asked && <><td data-would>{plans ? `${of.what_if_waypoints.length || none} waypoints` : words(of.what_if?.[name])}</td><td class="num nowrap" data-change>{plans ? planned.change : difference(one, of.what_if?.[name])}</td></>}
-              <td class="num">{of.attention[name]?.rows ? number(of.attention[name]!.share, 2) : none}</td>
-            </tr>);
-        })}
-        </tbody>
-      </table>
     </div>
   );
 }

@@ -71,10 +71,10 @@ function proportion(one: TaskReport) {
   return { name: one.task, n: one.n, k: one.success.successes, share: one.success.share, low: one.success.low, high: one.success.high };
 }
 
-const mostCompared = 24;
+export const mostCompared = 24;
 
 /** Other evaluations, the newest so many; what cannot be read is left out. */
-async function loadEvals(ids: string, signal: AbortSignal): Promise<Eval[]> {
+export async function loadEvals(ids: string, signal: AbortSignal): Promise<Eval[]> {
   const all = await Promise.allSettled(ids.split(',').map((id) => getJson<Eval>(`/evals/${id}`, signal)));
   return all.flatMap((one) => (one.status === 'fulfilled' ? [one.value] : []));
 }
@@ -156,7 +156,7 @@ function current(...names: string[]): Record<string, string> {
 function Scene(props: { of: Eval; row: EvalRow }) {
   const { of, row } = props;
   return (
-    <Panel title={`Scene ${row.index}`} aside={of.dataset && <a href={episodeLink(of.dataset, row.index)}>Step by step</a>}>
+    <Panel title={`Scene ${row.index}`} aside={<>{row.insight && <a href={link('inside', { run: of.run_id, eval: of.id, scene: row.index })}>What the policy said</a>}{of.dataset && <a href={episodeLink(of.dataset, row.index)}>Step by step</a>}</>}>
       {row.video && <div class="picture"><video key={row.video} src={row.video} controls muted playsInline preload="metadata" aria-label={`Rollout ${row.index}`} /></div>}
       <p><span class={row.success ? 'good' : 'bad'}>{row.success ? '✓' : '✕'} {row.outcome}</span> <q>{row.instruction}</q></p>
       <Facts rows={[

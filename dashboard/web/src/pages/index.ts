@@ -8,7 +8,6 @@ import { Generation } from './generation';
 import { DatasetPage } from './dataset';
 import { EpisodePage } from './episode';
 import { Training } from './training';
-import { Inside } from './inside';
 import { Evaluation } from './evaluation';
 import { CheckpointsPage } from './checkpoints';
 import { LogsPage } from './logs';
@@ -34,7 +33,7 @@ export const pages: readonly Page[] = [
   { path: 'dataset', title: 'Dataset', key: 'd', group: 'Generate', icon: 'M2 3h12v10H2zM2 6.5h12M2 9.5h12M6 3v10', sources: ['dataset'], view: DatasetPage },
   { path: 'episode', title: 'Episode', key: '', group: '', icon: '', sources: [], view: EpisodePage, hidden: true },
   { path: 'training', title: 'Training', key: 't', group: 'Learn', icon: 'M2 3v10h12M4 5c2 5 5 6 9 6', sources: ['run'], view: Training },
-  { path: 'inside', title: 'Inside', key: 'i', group: 'Learn', icon: 'M3 4h3v3H3zM3 10h3v3H3zM10 7h3v3h-3zM6 5.5h2l2 3M6 11.5h2l2-3', sources: ['run'], view: Inside },
+  { path: 'inside', title: 'Inside', key: 'i', group: 'Learn', icon: 'M3 4h3v3H3zM3 10h3v3H3zM10 7h3v3h-3zM6 5.5h2l2 3M6 11.5h2l2-3', sources: ['run'], view: lazily(() => import('./inside').then((page) => page.Inside)) },
   { path: 'checkpoints', title: 'Checkpoints', key: 'c', group: 'Learn', icon: 'M4 14V2h7l-2 3 2 3H4', sources: ['run'], view: CheckpointsPage },
   { path: 'evaluation', title: 'Evaluation', key: 'e', group: 'Judge', icon: 'M2 8.5l3.5 4L14 4', sources: ['eval'], view: Evaluation },
   { path: 'topics', title: 'Topics', key: 'k', group: 'System', icon: 'M3 8h3M10 8h3M8 3v3M8 10v3M6 6h4v4H6z', sources: [], view: TopicsPage },

@@ -5,20 +5,68 @@ import { useMemo, useState } from 'preact/hooks';
 import { useResource } from '../core/api';
 import { count, none, number, short } from '../core/format';
 import { useKeys } from '../core/keys';
-import { link, linkHere, parameter } from '../core/router';
+import { link, linkHere, navigate, parameter } from '../core/router';
 import { brief, errorText, plan } from '../core/says';
-import { chosen } from '../core/sources';
+import { isOf } from '../core/session';
+import { chosen, sourcesOf } from '../core/sources';
 import { moduleColor } from '../core/theme';
-import type { Graph, GraphNode, Insight } from '../core/types';
-import { Chip, Command, Empty, Facts, Loaded, Panel } from '../parts/basics';
+import type { Eval, Graph, GraphNode, Insight, PlaySession, Run } from '../core/types';
+import { Chip, Command, Empty, Facts, Loaded, Panel, Select } from '../parts/basics';
 import { Table } from '../parts/table';
 import { AskPolicy } from './ask_policy';
+import { loadEvals, mostCompared } from './evaluation';
+import { KeptInsight } from './kept_insight';
+import { WatchedSession } from './watched_session';
 
 export function Inside() {
-  const id = chosen('run');
-  const graph = useResource<Graph>(id && `/runs/${id}/graph`, { every: 15000 });
+  const [named] = parameter('run');
+  const [evaluation] = parameter('eval');
+  const kept = useResource<Eval>(evaluation && `/evals/${evaluation}`);
+  // another run that is picked leaves the files of this one
+  const from = kept.data && (!named || !kept.data.run_id || kept.data.run_id === named) ? kept.data : undefined;
+  const id = from ? from.run_id : chosen('run');
+  const graph = useResource<Graph>(id && !(evaluation && kept.pending) ? `/runs/${id}/graph` : null, { every: 15000 });
+  if (evaluation && !kept.data) return <Loaded of={kept}>{() => null}</Loaded>;
+  if (from && !id) return <WithoutRun of={from} />;
   if (!id) return <Panel><Empty title="No run here yet" command="etude policy graph compact">A policy's modules without a run:</Empty></Panel>;
-  return <Loaded of={graph}>{(data) => <Content of={data} run={id} />}</Loaded>;
+  return <Loaded of={graph}>{(data) => <Content of={data} run={id} from={from} />}</Loaded>;
+}
+
+/** Of a policy whose run is not below the gateway's folders: what it said is there, how it is wired is not. */
+function WithoutRun(props: { of: Eval }) {
+  const [said, tell] = useState<Insight | undefined>(undefined);
+  const names = Object.keys(said?.modules ?? {});
+  const [module] = parameter('module', names[names.length - 1] ?? '');
+  return <KeptInsight of={props.of} module={module} planner="" tell={tell} />;
+}
+
+/** Evaluations of a run, the newest, of whose rollouts it was kept what the policy said. */
+function useKept(run: string): Eval[] {
+  const ids = sourcesOf('eval').slice(0, mostCompared).map((one) => one.id).join(',');
+  const all = useResource<Eval[]>(ids || null, { load: loadEvals });
+  return (all.data ?? []).filter((one) => one.run_id === run && one.insights > 0);
+}
+
+/** Live play sessions that a run's policy drives. */
+function useSessions(run: string): PlaySession[] {
+  const all = useResource<{ sessions: PlaySession[] }>('/play/sessions', { every: 10000 });
+  const some = (all.data?.sessions.length ?? 0) > 0;
+  const about = useResource<Run>(some ? `/runs/${run}` : null);
+  return (all.data?.sessions ?? []).filter((one) => isOf(one, about.data?.identity ?? null));
+}
+
+/** Whom the page asks: the policy server, the files of an evaluation, or a play session's policy as it drives. */
+function Source(props: { kept: Eval[]; from: Eval | undefined; session: string; run: string }) {
+  const { from, session, run } = props;
+  const sessions = useSessions(run).map((one) => one.session);
+  const evals = from && !props.kept.some((one) => one.id === from.id) ? [from, ...props.kept] : props.kept;
+  const options = [...evals.map((one) => [`eval ${one.id}`, `files of ${one.name}`] as const), ...(session && !sessions.includes(session) ? [session, ...sessions] : sessions).map((name) => [`session ${name}`, `play session ${name}`] as const)];
+  if (!options.length) return null;
+  const choose = (text: string) => {
+    const [kind = '', name = ''] = text.split(' ');
+    navigate(link('inside', { run, ...(kind ? { [kind]: name } : {}) }));
+  };
+  return <Select label="from" showLabel value={from ? `eval ${from.id}` : session ? `session ${session}` : ''} options={[['', 'its server, about a recorded picture'], ...options]} choose={choose} />;
 }
 
 /** Error of a node in the unit people use. */
@@ -36,22 +84,26 @@ function about(node: GraphNode): string {
   return node.quantity === 'class' ? `names the ${entity}` : node.quantity === 'task' ? 'names the task' : node.quantity === 'displacement' ? `way to the ${entity}` : node.quantity === 'trajectory' ? 'waypoints of the hand' : `${node.quantity} of the ${entity}`;
 }
 
-function Content(props: { of: Graph; run: string }) {
-  const { of } = props;
+function Content(props: { of: Graph; run: string; from: Eval | undefined }) {
+  const { of, from } = props;
+  const kept = useKept(props.run);
+  const [session] = parameter('session');
   const [selected, select] = parameter('module', of.nodes[of.nodes.length - 1]?.name ?? '');
   const [insight, tell] = useState<Insight | undefined>(undefined);
   const node = of.nodes.find((one) => one.name === selected);
   const planner = of.nodes.find((one) => one.quantity === 'trajectory')?.name ?? '';
+  const shown = { module: selected, planner, tell };
   useKeys(of.nodes.slice(0, 9).map((one, i) => ({ keys: String(i + 1), does: `module ${one.name}`, run: () => select(one.name, true) })));
   if (!of.nodes.length) return <Panel><Empty title="No policy is described here">The run's config.yaml has no modules.</Empty></Panel>;
   return (
     <>
       <div class="page-head">
         <p><b>{of.nodes.length}</b> modules in {new Set(of.nodes.map((one) => one.level)).size} levels · {count(of.nodes.reduce((sum, one) => sum + (one.parameters ?? 0), 0))} parameters{of.checkpoint ? <> · errors of <a href={link('checkpoints', { run: props.run })}>{of.checkpoint}</a></> : ' · nothing saved yet'}</p>
+        <Source kept={kept} from={from} session={session} run={props.run} />
         {of.architecture && <Chip>architecture <span class="mono">{short(of.architecture)}</span></Chip>}
       </div>
       <Panel title="What reads what" aside={<Legend />}><Drawing of={of} insight={insight} selected={selected} select={(name) => select(name, true)} /></Panel>
-      <AskPolicy run={props.run} module={selected} planner={planner} tell={tell} />
+      {from ? <KeptInsight of={from} {...shown} /> : session ? <WatchedSession key={session} session={session} {...shown} /> : <AskPolicy run={props.run} kept={kept} {...shown} />}
       {node && <Side node={node} graph={of} insight={insight} run={props.run} />}
       <Panel title="Modules" flush>
         <Table label="Modules" rows={of.nodes} id={(row) => row.name} selected={selected} link={(row) => linkHere({ module: row.name })} columns={[

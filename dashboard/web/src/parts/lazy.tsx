@@ -16,6 +16,6 @@ export function lazily(load: () => Promise<ComponentType>): ComponentType {
       }, () => fail(true));
     }, []);
     if (View) return <View />;
-    return <p role="status">{failed ? 'This page is of another version of the gateway: reload it.' : 'loading'}</p>;
+    return <p role="status" {...(failed ? {} : { 'data-loading': '' })}>{failed ? 'This page is of another version of the gateway: reload it.' : 'loading'}</p>;
   };
 }

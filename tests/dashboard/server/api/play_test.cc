@@ -104,6 +104,9 @@ TEST_F(PlayApiTest, ShowsWhatThePolicySeesWhileSomebodyAsks) {
   EXPECT_THAT(problems, IsEmpty());
   EXPECT_EQ(shown["attention"]["TAR2D"]["weights"], (std::vector<double>{0, 0.5, 0, 0}));
   EXPECT_FALSE(shown["attention"]["TAR2D"].contains("heads")) << "too much for several times a second";
+  const auto each = GetJson(kPrefix + "/play/sessions/one/insight?heads=each");
+  EXPECT_EQ(each["attention"]["TAR2D"]["heads"][0]["weights"], (std::vector<double>{0, 0.5, 0, 0}));
+  EXPECT_EQ(Get(kPrefix + "/play/sessions/one/insight?heads=two").status, 400);
   EXPECT_EQ(shown["view"]["width"], 64);
   EXPECT_EQ(shown["checkpoint_step"], 200);
 }
