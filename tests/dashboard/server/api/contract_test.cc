@@ -329,8 +329,18 @@ TEST_F(ContractTest, OpeningAPlaySessionStartsAWorkerAndTakesNoPath) {
   EXPECT_NE(json["command"].get<std::string>().find("--index 3 --domain 66 --security ids/worker --profile net.xml"),
             std::string::npos);
   EXPECT_EQ(GetJson(kPrefix + "/jobs/" + json["job"].get<std::string>())["action"], "play");
+  request.body = R"({"spec":"quickstart","run":"base","index":3,"seed":"18446744073709551615","dry_run":true})";
+  request.authorization.clear();
+  const auto shown = Ask(request, kPrefix + "/play/sessions");
+  ASSERT_EQ(shown.status, 200) << "what changes nothing needs no token: " << shown.body;
+  const std::string command = OrderedJson::parse(shown.body)["command"].get<std::string>();
+  EXPECT_NE(command.find("--run base --index 3 --seed 18446744073709551615 --domain 66"), std::string::npos) << command;
+  EXPECT_EQ(GetJson(kPrefix + "/jobs")["jobs"].size(), 1u) << "only the one that was opened";
+  request.authorization = fmt::format("Bearer {}", kTestToken);
   for (const char* body : {R"({"spec":"../../etc/passwd","run":"base"})", R"({"spec":"quickstart","run":"a b"})",
-                           R"({"spec":"/tmp/x.yaml","run":"base"})", R"({"run":"base"})"}) {
+                           R"({"spec":"/tmp/x.yaml","run":"base"})", R"({"run":"base"})",
+                           R"({"spec":"quickstart","run":"base","seed":"-1"})",
+                           R"({"spec":"quickstart","run":"base","seed":"18446744073709551616"})"}) {
     request.body = body;
     const int status = Ask(request, kPrefix + "/play/sessions").status;
     EXPECT_TRUE(status == 400 || status == 404) << body << ": " << status;
