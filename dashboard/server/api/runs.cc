@@ -194,6 +194,14 @@ Result<std::vector<double>> Abscissa(const sources::Series& series, const std::s
   return samples;
 }
 
+// The step of each value, in the same buckets: nothing where there is no number.
+std::vector<double> StepsOf(const sources::Series& series) {
+  std::vector<double> steps = series.step;
+  for (std::size_t i = 0; i < steps.size(); ++i)
+    if (!std::isfinite(series.value[i])) steps[i] = std::numeric_limits<double>::quiet_NaN();
+  return steps;
+}
+
 Result<http::Answer> SeriesAnswer(Context& context, const http::Request& request) {
   constexpr std::size_t kMostKeys = 32;
   ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, request.Parameter("id")));
@@ -217,6 +225,9 @@ Result<http::Answer> SeriesAnswer(Context& context, const http::Request& request
     content.tensors[key + "/min"] = TensorOf(store::DType::kF64, buckets.min);
     content.tensors[key + "/max"] = TensorOf(store::DType::kF64, buckets.max);
     content.tensors[key + "/last"] = TensorOf(store::DType::kF64, buckets.last);
+    content.tensors[key + "/step"] =
+        TensorOf(store::DType::kF64,
+                 sources::Bucketed(abscissa, StepsOf(found->second), from, to, static_cast<std::size_t>(points)).last);
     listed.push_back(key);
     nulls[key] = found->second.nulls;
   }
@@ -224,32 +235,68 @@ Result<http::Answer> SeriesAnswer(Context& context, const http::Request& request
   return ArraysAnswer(content);
 }
 
-// A row for each step at which lines of the kind stand.
-Result<http::Answer> Csv(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, request.Parameter("id")));
-  const std::string prefix = request.query.Get("kind").value_or("train") + "/";
-  std::vector<std::pair<std::string, const sources::Series*>> columns;
-  std::map<double, std::pair<double, double>> rows;  // step -> time, elapsed
+// The lines of one kind of a run.
+struct CsvPart {
+  std::string run, kind;
+  std::map<std::string, const sources::Series*> columns;
+};
+
+void AddParts(const OpenedRun& opened, const std::string& run, const std::string& kind, std::vector<CsvPart>& parts) {
+  std::map<std::string, CsvPart> own;
   for (const auto& [key, series] : opened.view->metrics.series()) {
-    if (!key.starts_with(prefix)) continue;
-    columns.emplace_back(key.substr(prefix.size()), &series);
-    for (std::size_t i = 0; i < series.step.size(); ++i) rows[series.step[i]] = {series.time[i], series.elapsed[i]};
+    const auto slash = key.find('/');
+    if (slash == std::string::npos || (!kind.empty() && key.substr(0, slash) != kind)) continue;
+    CsvPart& part = own[key.substr(0, slash)];
+    part.run = run;
+    part.kind = key.substr(0, slash);
+    part.columns[key.substr(slash + 1)] = &series;
   }
-  std::string text = "step,time,elapsed_s";
-  for (const auto& [name, series] : columns) text += "," + name;
-  text += "\n";
-  std::vector<std::size_t> at(columns.size(), 0);
+  for (auto& [name, part] : own) parts.push_back(std::move(part));
+}
+
+// A row for each step at which a line stands.
+void AddCsvRows(const CsvPart& part, const std::set<std::string>& names, std::string& text) {
+  std::map<double, std::pair<double, double>> rows;  // step -> time, elapsed
+  for (const auto& [name, series] : part.columns)
+    for (std::size_t i = 0; i < series->step.size(); ++i) rows[series->step[i]] = {series->time[i], series->elapsed[i]};
+  std::map<std::string, std::size_t> at;
   for (const auto& [step, moment] : rows) {
-    text += fmt::format("{:.0f},{},{}", step, moment.first, moment.second);
-    for (std::size_t c = 0; c < columns.size(); ++c) {
-      const auto& series = *columns[c].second;
-      const bool here = at[c] < series.step.size() && series.step[at[c]] == step;
+    text += fmt::format("{},{},{:.0f},{},{}", part.run, part.kind, step, moment.first, moment.second);
+    for (const auto& name : names) {
       text += ",";
-      if (here && std::isfinite(series.value[at[c]])) text += fmt::format("{}", series.value[at[c]]);
-      while (at[c] < series.step.size() && series.step[at[c]] <= step) ++at[c];
+      const auto column = part.columns.find(name);
+      if (column == part.columns.end()) continue;
+      const sources::Series& series = *column->second;
+      std::size_t& i = at[name];
+      if (i < series.step.size() && series.step[i] == step && std::isfinite(series.value[i]))
+        text += fmt::format("{}", series.value[i]);
+      while (i < series.step.size() && series.step[i] <= step) ++i;
     }
     text += "\n";
   }
+}
+
+// One table of several runs: who loads it tells them, and training from validation, by columns.
+Result<http::Answer> Csv(Context& context, const http::Request& request) {
+  constexpr std::size_t kMostRuns = 8;
+  std::vector<std::string> ids{request.Parameter("id")};
+  for (const auto& id : request.query.All("run"))
+    if (std::ranges::find(ids, id) == ids.end()) ids.push_back(id);
+  if (ids.size() > kMostRuns) return Fail(Code::kInvalidArgument, fmt::format("run: at most {} in all", kMostRuns));
+  std::vector<OpenedRun> runs;
+  std::vector<CsvPart> parts;
+  for (const auto& id : ids) {
+    ETUDE_ASSIGN_OR_RETURN(auto opened, OpenRun(context, id));
+    runs.push_back(std::move(opened));  // it keeps what the parts point at
+    AddParts(runs.back(), id, request.query.Get("kind").value_or(""), parts);
+  }
+  std::set<std::string> names;
+  for (const auto& part : parts)
+    for (const auto& [name, series] : part.columns) names.insert(name);
+  std::string text = "run,kind,step,time,elapsed_s";
+  for (const auto& name : names) text += "," + name;
+  text += "\n";
+  for (const auto& part : parts) AddCsvRows(part, names, text);
   return http::BytesAnswer(std::move(text), "text/csv; charset=utf-8");
 }
 
