@@ -336,6 +336,12 @@ test('Dataset: of 10,000 episodes the first row is there within a second', { tim
       assert.equal(await page.locator('[role=row][data-id]').first().getAttribute('data-id'), '9999');
       assert.equal(number((await text(page, '[data-total]')).split(' ')[0]), 10000);
       assert.ok(await page.locator('[role=row][data-id]').count() < 200, 'only rows in view exist');
+      assert.equal(await text(page, '[data-page]'), 'episodes 1 to 200 of 10,000');
+      await page.getByRole('button', { name: 'After' }).click();
+      await page.waitForSelector('[role=row][data-id="9799"]');
+      assert.equal(await text(page, '[data-page]'), 'episodes 201 to 400 of 10,000');
+      await page.getByRole('button', { name: 'Before' }).click();
+      await page.waitForSelector('[role=row][data-id="9999"]');
       assert.deepEqual(wrong, []);
       await context.close();
       await own.stop();

@@ -116,6 +116,20 @@ TEST_F(ContractTest, UnknownThingsAreProblems) {
     EXPECT_EQ(Get(kPrefix + address).status, 400) << address;
 }
 
+TEST_F(ContractTest, RolloutsComeInPagesFailuresFirst) {
+  const auto rows = GetJson(kPrefix + "/evals/lab.eval_b/rows?sort=failures&limit=2");
+  EXPECT_EQ(rows["total"], 4);
+  EXPECT_EQ(rows["failed"], 1);
+  EXPECT_EQ(rows["next"], 2);
+  ASSERT_EQ(rows["rows"].size(), 2u);
+  EXPECT_EQ(rows["rows"][0]["index"], 1) << "the one that failed";
+  EXPECT_EQ(rows["rows"][1]["index"], 0);
+  const auto one = GetJson(kPrefix + "/evals/lab.eval_b/rows?index=3");
+  ASSERT_EQ(one["rows"].size(), 1u);
+  EXPECT_EQ(one["rows"][0]["index"], 3);
+  EXPECT_EQ(GetJson(kPrefix + "/evals/lab.eval_b/rows?index=9")["total"], 0);
+}
+
 TEST_F(ContractTest, SeedsAreText) {
   const auto episode = GetJson(kPrefix + "/datasets/lab.data/episodes/1");
   const auto dataset = GetJson(kPrefix + "/datasets/lab.data");
