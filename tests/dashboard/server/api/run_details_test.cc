@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests dashboard/server/api/curriculum.cc, graph.cc and runs.cc: what a run's files come to.
+// Tests dashboard/server/api/curriculum.cc, graph.cc, runs.cc and series_csv.cc: what a run's files come to.
 #include <gmock/gmock.h>
 
 #include <cstring>
