@@ -232,6 +232,7 @@ Status PlayHost::Obey(const bus::PlayCommand& command) {
 Status PlayHost::Scene(const OrderedJson& arguments) {
   if (moving() || said_) return Fail(Code::kUnavailable, "the policy drives: stop it first");
   ETUDE_ASSIGN_OR_RETURN(const auto scene, play::ReadArguments<play::SceneArguments>(arguments));
+  if (scene.keep) return session_->Place(scene.objects);
   ETUDE_RETURN_IF_ERROR(session_->SetScene(scene.index, scene.objects));
   ForgetSentence();
   return {};

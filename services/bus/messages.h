@@ -325,7 +325,8 @@ struct PolicyStatus {
 inline constexpr char kPlayPartition[] = "play";
 
 enum class PlayAction : std::uint8_t {
-  kScene = 0,  ///< {"index", "objects": [{"name", "x", "y", "yaw"}]}: set the scene, with objects where they are put
+  kScene = 0,  ///< {"index", "objects": [{"name", "x", "y", "yaw"}], "keep"}: set the scene, with objects where they
+               ///< are put; with keep only these objects are moved, and all else is left as it is
   kSay = 1,    ///< {"sentence", "task", "target", "reference", "max_steps", "home"}: the policy drives
   kStop = 2,   ///< it stops driving; the scene stays as it is
   kNudge = 3,  ///< {"object", "dx", "dy"}: slides an object, m in the world

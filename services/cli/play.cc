@@ -35,6 +35,7 @@ struct PlayArguments {
   bool stay = false, as_json = false;
   play::NudgeArguments nudge;
   std::uint64_t index = 0;
+  std::optional<std::uint64_t> other_scene;
   std::vector<std::string> places;
   // open
   std::string spec, run, checkpoint;
@@ -233,7 +234,9 @@ Result<play::ObjectPlace> PlaceOf(const std::string& text) {
 }
 
 Status SetScene(const PlayArguments& arguments) {
-  play::SceneArguments scene{.index = arguments.index, .objects = {}};
+  if (!arguments.other_scene && arguments.places.empty())
+    return Fail(Code::kInvalidArgument, "set a scene: give --index, --place or both");
+  play::SceneArguments scene{.index = arguments.other_scene.value_or(0), .objects = {}, .keep = !arguments.other_scene};
   for (const auto& text : arguments.places) {
     ETUDE_ASSIGN_OR_RETURN(auto place, PlaceOf(text));
     scene.objects.push_back(std::move(place));
@@ -417,8 +420,10 @@ void AddMoves(CLI::App& command, const Shared& arguments, Body& body) {
       };
     });
   }
-  auto* scene = AddOne(command, "scene", "sets another scene, or objects where you want them", arguments);
-  scene->add_option("--index", arguments->index, "episode of the session's campaign")->capture_default_str();
+  auto* scene =
+      AddOne(command, "scene", "sets another scene; without --index only moves the placed objects", arguments);
+  scene->add_option("--index", arguments->other_scene,
+                    "episode of the session's campaign (default: the scene that is there)");
   scene->add_option("--place", arguments->places, "OBJECT=X,Y or OBJECT=X,Y,YAW: m and rad, world; repeatable")
       ->allow_extra_args(false);
   scene->callback([=, &body] { body = [=] { return SetScene(*arguments); }; });

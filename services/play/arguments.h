@@ -28,10 +28,12 @@ struct ObjectPlace {
 struct SceneArguments {
   std::uint64_t index = 0;           ///< episode of the session's campaign
   std::vector<ObjectPlace> objects;  ///< that stand elsewhere than there
+  bool keep = false;  ///< the scene as it is now, of which only `objects` are moved; `index` says nothing
 
   void Visit(auto& v) {
     v("index", index, "-", "episode of the session's campaign");
     v("objects", objects, "", "that stand elsewhere than there");
+    v("keep", keep, "", "the scene as it is now, of which only the objects are moved");
   }
 };
 

@@ -169,8 +169,9 @@ TEST_F(PlayProcess, MovesThingsResetsAndEnds) {
   const auto reset = Command(PlayAction::kReset);
   ASSERT_TRUE(reset) << reset.error().message;
   EXPECT_THAT(reset->scene_json, testing::Not(HasSubstr("\"hidden\":true"))) << "the answer shows it";
-  const auto off_the_table = Command(
-      PlayAction::kScene, ToJson(play::SceneArguments{.index = 0, .objects = {{.name = "milk", .x = 3, .y = 3}}}));
+  const auto off_the_table =
+      Command(PlayAction::kScene,
+              ToJson(play::SceneArguments{.index = 0, .objects = {{.name = "milk", .x = 3, .y = 3}}, .keep = true}));
   ASSERT_FALSE(off_the_table);
   EXPECT_THAT(off_the_table.error().message, HasSubstr("table"));
   ASSERT_TRUE(Command(PlayAction::kClose));

@@ -12,6 +12,9 @@
 namespace etude::task {
 namespace {
 
+constexpr double kSettleDistance = 0.01;  // m that an object may move by itself
+constexpr double kSettleTilt = 0.05;      // rad
+
 using Corners = std::array<Eigen::Vector2d, 4>;
 
 Corners CornersOf(const sim::ObjectInfo& object, const ObjectPlace& at) {
@@ -92,6 +95,27 @@ Result<std::vector<PlacedObject>> PlaceUpright(const std::vector<sim::ObjectInfo
   }
   if (!problems.empty()) return Fail(Code::kInvalidArgument, "place objects: " + problems);
   return result;
+}
+
+bool Names(const std::vector<ObjectPlace>& places, std::string_view object) {
+  return std::ranges::find(places, object, &ObjectPlace::name) != places.end();
+}
+
+void SetObjects(sim::World& world, const std::vector<PlacedObject>& objects) {
+  for (const auto& object : objects) world.SetObject(object.name, object.X_WO);
+  world.Forward();
+}
+
+Status CheckAtRest(const sim::World& world, const std::vector<PlacedObject>& objects) {
+  for (const auto& object : objects) {
+    const Pose X_WO = world.ObjectPose(object.name);
+    const double moved = (X_WO.p - object.X_WO.p).norm();
+    if (!world.healthy() || moved > kSettleDistance || AngleBetween(X_WO.q, object.X_WO.q) > kSettleTilt)
+      return Fail(
+          Code::kInvalidArgument,
+          fmt::format("place objects: {} does not come to rest there: it moved by {:.3f} m", object.name, moved));
+  }
+  return {};
 }
 
 }  // namespace etude::task

@@ -3,11 +3,12 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "services/core/result.h"
 #include "services/play/arguments.h"
-#include "worker/sim/scene.h"
+#include "worker/sim/world.h"
 #include "worker/task/scene_sampling.h"
 
 namespace etude::task {
@@ -32,5 +33,13 @@ bool Overlap(const sim::ObjectInfo& a, const ObjectPlace& at_a, const sim::Objec
 /// place beside the table, two objects in one place; all problems at once
 Result<std::vector<PlacedObject>> PlaceUpright(const std::vector<sim::ObjectInfo>& objects,
                                                const std::vector<ObjectPlace>& places);
+
+/// Whether one of `places` is that of the object.
+bool Names(const std::vector<ObjectPlace>& places, std::string_view object);
+
+/// Objects as they are to stand, at rest there.
+void SetObjects(sim::World& world, const std::vector<PlacedObject>& objects);
+/// Whether they still are where SetObjects put them, some time later. @error kInvalidArgument: one has moved by itself
+Status CheckAtRest(const sim::World& world, const std::vector<PlacedObject>& objects);
 
 }  // namespace etude::task

@@ -20,19 +20,17 @@ namespace {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-constexpr int kPlacedSettleSteps = 50;    // control steps after something was moved
-constexpr double kSettleDistance = 0.01;  // m that an object may move by itself meanwhile
-constexpr double kSettleTilt = 0.05;      // rad
-constexpr double kParkedBehind = 6.0;     // m along y: behind every camera that looks at the table
-constexpr double kParkedApart = 0.5;      // m
-constexpr double kHomeWithin = 0.03;      // m and
-constexpr double kHomeTurn = 0.10;        // rad from where the scene began
-constexpr double kHandSpeed = 0.15;       // m/s
-constexpr double kBackOff = 0.10;         // m along the hand, out of what it was round
-constexpr int kOpenSteps = 40;            // control steps that the fingers get to open
-constexpr double kGapBelow = 0.002;       // m between a held object and the table when it is let go
-constexpr double kOutOfReach = 2.0;       // m that nothing is lifted by
-constexpr std::uint64_t kHomeSeed = 1;    // of the planner
+constexpr int kPlacedSettleSteps = 50;  // control steps after something was moved
+constexpr double kParkedBehind = 6.0;   // m along y: behind every camera that looks at the table
+constexpr double kParkedApart = 0.5;    // m
+constexpr double kHomeWithin = 0.03;    // m and
+constexpr double kHomeTurn = 0.10;      // rad from where the scene began
+constexpr double kHandSpeed = 0.15;     // m/s
+constexpr double kBackOff = 0.10;       // m along the hand, out of what it was round
+constexpr int kOpenSteps = 40;          // control steps that the fingers get to open
+constexpr double kGapBelow = 0.002;     // m between a held object and the table when it is let go
+constexpr double kOutOfReach = 2.0;     // m that nothing is lifted by
+constexpr std::uint64_t kHomeSeed = 1;  // of the planner
 
 double Blend(double s) { return s * s * (3 - 2 * s); }
 double BlendRate(double s) { return 6 * s * (1 - s); }
@@ -57,6 +55,10 @@ OrderedJson JsonOf(const Judge& judge, bool judged) {
           {"success_latched", judged && judge.success_latched()},
           {"violations", std::move(report["violations"])},
           {"disturbed", std::move(report["disturbed_objects"])}};
+}
+
+Error InTheArm(const std::string& object, const std::string& body) {
+  return {Code::kInvalidArgument, fmt::format("place objects: {} is where the arm is ({})", object, body)};
 }
 
 std::vector<std::string> NamesOf(const std::vector<sim::ObjectInfo>& objects) {
@@ -126,8 +128,7 @@ Result<std::vector<PlacedObject>> PlaySession::Arranged(const EpisodeEnvironment
                                                         const std::vector<ObjectPlace>& places) const {
   std::vector<ObjectPlace> all = places;
   for (const auto& object : in.scene->objects())
-    if (std::ranges::find(places, object.name, &ObjectPlace::name) == places.end())
-      all.push_back(PlaceOf(object.name, in.world.ObjectPose(object.name)));
+    if (!Names(places, object.name)) all.push_back(PlaceOf(object.name, in.world.ObjectPose(object.name)));
   return PlaceUpright(in.scene->objects(), all);
 }
 
@@ -136,28 +137,21 @@ Status PlaySession::Settle(EpisodeEnvironment& in, const std::vector<PlacedObjec
   in.checker.ClearObjects();
   for (const auto& object : objects) in.checker.SetObject(object.name, object.X_WO);
   in.checker.SetGripper(0);
-  if (const auto touched = in.checker.Check(q, kStartMargin))
-    return Fail(Code::kInvalidArgument,
-                fmt::format("place objects: {} is where the arm is ({})", touched->body_b, touched->body_a));
+  if (const auto touched = in.checker.Check(q, kStartMargin)) return Fail(InTheArm(touched->body_b, touched->body_a));
   in.world.Reset();
-  for (const auto& object : objects) in.world.SetObject(object.name, object.X_WO);
   in.world.SetArm(q);
-  in.world.Forward();
+  SetObjects(in.world, objects);
   const Waypoint here{in.world.X_WE(), 0};
   for (int step = 0; step < kPlacedSettleSteps; ++step) in.world.Step(here, Vector6d::Zero());
-  for (const auto& object : objects) {
-    const Pose X_WO = in.world.ObjectPose(object.name);
-    const double moved = (X_WO.p - object.X_WO.p).norm();
-    if (!in.world.healthy() || moved > kSettleDistance || AngleBetween(X_WO.q, object.X_WO.q) > kSettleTilt)
-      return Fail(
-          Code::kInvalidArgument,
-          fmt::format("place objects: {} does not come to rest there: it moved by {:.3f} m", object.name, moved));
-  }
-  return {};
+  return CheckAtRest(in.world, objects);
 }
 
 Status PlaySession::Reset() {
-  ETUDE_RETURN_IF_ERROR(Prepare(*environment_, plan_, places_));
+  // what was put where the robot had made room is in the way of what stands there at the beginning
+  if (!Prepare(*environment_, plan_, places_)) {
+    places_.clear();
+    ETUDE_RETURN_IF_ERROR(Prepare(*environment_, plan_, places_));
+  }
   Forget();
   return {};
 }
@@ -175,10 +169,11 @@ Result<const sim::ObjectInfo*> PlaySession::Free(const std::string& name) const 
   return &*object;
 }
 
-Status PlaySession::CheckFree(const sim::ObjectInfo& object, const ObjectPlace& at) const {
+Status PlaySession::CheckFree(const sim::ObjectInfo& object, const ObjectPlace& at,
+                              const std::vector<ObjectPlace>& moved) const {
   std::vector<ObjectPlace> places{at};
   for (const auto& other : environment_->scene->objects())
-    if (other.name != object.name && !hidden(other.name))
+    if (other.name != object.name && !hidden(other.name) && !Names(moved, other.name))
       places.push_back(PlaceOf(other.name, world().ObjectPose(other.name)));
   const auto& all = environment_->scene->objects();
   // the others may lie as the robot left them: only this one has to find room
@@ -189,6 +184,40 @@ Status PlaySession::CheckFree(const sim::ObjectInfo& object, const ObjectPlace& 
   }
   ETUDE_ASSIGN_OR_RETURN(const auto alone, PlaceUpright({object}, {at}));
   (void)alone;
+  return {};
+}
+
+// Against what stays where it is, and the arm as it stands.
+Result<std::vector<PlacedObject>> PlaySession::Replaced(const std::vector<ObjectPlace>& places) const {
+  EpisodeEnvironment& in = *environment_;
+  ETUDE_ASSIGN_OR_RETURN(auto placed, PlaceUpright(in.scene->objects(), places));
+  in.checker.ClearObjects();
+  in.checker.SetGripper(in.world.gripper());
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    ETUDE_ASSIGN_OR_RETURN(const sim::ObjectInfo* const object, Free(places[i].name));
+    ETUDE_RETURN_IF_ERROR(CheckFree(*object, places[i], places));
+    in.checker.SetObject(placed[i].name, placed[i].X_WO);
+  }
+  for (const auto& near : in.checker.Distances(in.world.q(), kStartMargin))
+    if (Names(places, near.body_b)) return Fail(InTheArm(near.body_b, near.body_a));
+  return placed;
+}
+
+Status PlaySession::Place(const std::vector<ObjectPlace>& places) {
+  if (doing_ != kAtRest) return Fail(Code::kUnavailable, "place objects: the policy drives: stop it first");
+  ETUDE_ASSIGN_OR_RETURN(const auto placed, Replaced(places));
+  sim::World& world = environment_->world;
+  std::vector<PlacedObject> before;
+  for (const auto& object : environment_->scene->objects())
+    before.push_back({object.name, world.ObjectPose(object.name)});
+  SetObjects(world, placed);
+  Rest(kPlacedSettleSteps);
+  if (const Status rests = CheckAtRest(world, placed); !rests) {
+    SetObjects(world, before);
+    return rests;
+  }
+  std::erase_if(places_, [&](const ObjectPlace& old) { return Names(places, old.name); });
+  places_.insert(places_.end(), places.begin(), places.end());
   return {};
 }
 

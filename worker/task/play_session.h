@@ -40,8 +40,8 @@ struct Sentence {
 /// One person's session. Not thread-safe; use from the thread that opened it (GL).
 class PlaySession {
  public:
-  /// Called before every control step, from where everything below may be called but Open, SetScene, Reset and Say.
-  /// False stops.
+  /// Called before every control step, from where everything below may be called but Open, SetScene, Place, Reset and
+  /// Say. False stops.
   using Hook = std::function<bool()>;
 
   /// In the scene of episode `index`. Pushes and occlusion of the spec's rollouts are left out: the person does that.
@@ -54,7 +54,13 @@ class PlaySession {
   /// @error kInvalidArgument: see PlaceUpright, against all objects of the scene; an object where the arm is, or that
   /// does not come to rest; kNotFound: the episode has no scene
   Status SetScene(std::uint64_t index, const std::vector<ObjectPlace>& places);
-  /// Everything back to how the scene was set. @error as of SetScene; then the scene has to be set anew
+  /// Puts these objects elsewhere and leaves all others as they are now: moved, lying or hidden. On error every object
+  /// is where it was.
+  /// @error kInvalidArgument: see PlaceUpright; into another object or where the arm is, or it does not come to rest;
+  /// kUnavailable: it is held or hidden, or something drives or is being moved
+  Status Place(const std::vector<ObjectPlace>& places);
+  /// The scene from its beginning, with what SetScene and Place put elsewhere; as its episode has it where that leaves
+  /// no room. @error kNotFound: the episode has no scene
   Status Reset();
 
   /// Slides an object over the table by (dx, dy) m, world: at once when nothing drives, else within kNudgeSteps.
@@ -112,7 +118,9 @@ class PlaySession {
   Status Settle(EpisodeEnvironment& in, const std::vector<PlacedObject>& objects) const;
   Result<EpisodePlan> PlanOf(const Sentence& sentence) const;
   Result<const sim::ObjectInfo*> Free(const std::string& object) const;
-  Status CheckFree(const sim::ObjectInfo& object, const ObjectPlace& at) const;
+  Status CheckFree(const sim::ObjectInfo& object, const ObjectPlace& at,
+                   const std::vector<ObjectPlace>& moved = {}) const;
+  Result<std::vector<PlacedObject>> Replaced(const std::vector<ObjectPlace>& places) const;
   Status Move(Slide slide);
   void GoOnSliding();
   void Rest(int steps);

@@ -96,11 +96,9 @@ bool IsGiven(Context& context, const Path& folder) {
 Result<ActionCommand> Evaluate(Context& context, const OrderedJson& body) {
   ETUDE_ASSIGN_OR_RETURN(const Path checkpoint, CheckpointOf(context, body));
   const auto episodes = UnsignedOf(body, "episodes").value_or(40);
-  const std::string seed = TextOf(body, "seed", "9001");
-  const bool number =
-      !seed.empty() && seed.size() <= 20 && std::ranges::all_of(seed, [](char c) { return c >= '0' && c <= '9'; });
-  if (episodes < 1 || episodes > 10'000 || !number)
-    return Fail(Code::kInvalidArgument, "evaluate: episodes must be 1 to 10,000, seed a whole number as text");
+  ETUDE_ASSIGN_OR_RETURN(const auto chosen, SeedIn(body));
+  const std::string seed = std::to_string(chosen.value_or(9001));
+  if (episodes < 1 || episodes > 10'000) return Fail(Code::kInvalidArgument, "evaluate: episodes must be 1 to 10,000");
   const Path folder = checkpoint.parent_path().parent_path();
   const std::string name = fmt::format("eval-{}-{}", checkpoint.stem().string(), seed);
   // beside the run, unless that is out of the folders that this gateway was given
@@ -239,10 +237,7 @@ Result<http::Answer> Act(Context& context, const http::Request& request) {
     shown.insert(shown.end(), command.shown.begin(), command.shown.end());
   }
   if (sources::FlagOf(body, "dry_run") || command.there) return http::JsonAnswer({{"command", CommandText(shown)}});
-  if (!request.authorized) {
-    return http::Problem(context.security.enabled() ? 401 : 403, "The token is needed",
-                         "an action needs the gateway's token", "copy the command, or sign in: " + CommandText(shown));
-  }
+  if (!request.authorized) return TokenNeeded(context, "copy the command, or sign in: " + CommandText(shown));
   ETUDE_ASSIGN_OR_RETURN(const std::string id, context.jobs.Add({TextOf(body, "action"), command.arguments,
                                                                  command.weight, command.once, command.finish}));
   return http::JsonAnswer({{"job", id}, {"command", CommandText(words)}}, 202);

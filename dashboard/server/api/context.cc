@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 
 #include "dashboard/server/sources/files.h"
 #include "services/core/log.h"
@@ -261,6 +262,21 @@ Result<OrderedJson> JsonBody(const http::Request& request) {
   auto json = ParseBoundedJson(request.body, 8);
   if (!json || !json->is_object()) return Fail(Code::kInvalidArgument, "the body is not a JSON object");
   return std::move(*json);
+}
+
+Result<std::optional<std::uint64_t>> SeedIn(const OrderedJson& body) {
+  if (!body.contains("seed")) return std::optional<std::uint64_t>();
+  const std::string text = sources::TextOf(body, "seed");
+  std::uint64_t seed = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seed);
+  if (error != std::errc() || end != text.data() + text.size())
+    return Fail(Code::kInvalidArgument, "seed: a whole number below 2^64, as text");
+  return std::optional(seed);
+}
+
+http::Answer TokenNeeded(const Context& context, const std::string& hint) {
+  return http::Problem(context.security.enabled() ? 401 : 403, "The token is needed",
+                       "an action needs the gateway's token", hint);
 }
 
 std::string EvalState(const sources::EvalView& view) {

@@ -111,6 +111,10 @@ inline Result<OpenedEval> OpenEval(Context& context, const std::string& id) {
 }
 /// The body of a POST as a JSON object. @error kInvalidArgument
 Result<OrderedJson> JsonBody(const http::Request& request);
+/// Its "seed", a u64 as text; nothing where it has none. @error kInvalidArgument
+Result<std::optional<std::uint64_t>> SeedIn(const OrderedJson& body);
+/// The answer to who asks for an action without the token.
+http::Answer TokenNeeded(const Context& context, const std::string& hint);
 
 /// A campaign that is a dataset's, and what is heard of it.
 struct CampaignState {

@@ -283,6 +283,7 @@ Result<http::Answer> Summary(Context& context, const http::Request& request) {
                            {"robots", CountBy(rows, &EpisodeRow::robot)},
                            {"outcomes", CountBy(rows, &EpisodeRow::outcome)},
                            {"splits", CountBy(rows, &EpisodeRow::split)},
+                           {"workers", CountBy(rows, &EpisodeRow::worker)},
                            {"matrix", Matrix(rows, expected)},
                            {"lengths", Lengths(rows)},
                            {"draws", draws},

@@ -122,6 +122,7 @@ std::map<std::uint64_t, std::string> VideosByIndex(const std::vector<std::string
 }
 
 Result<http::Answer> RolloutRows(Context& context, const http::Request& request) {
+  constexpr std::int64_t kMostRollout = 1'000'000'000;
   const std::string id = request.Parameter("id");
   ETUDE_ASSIGN_OR_RETURN(const OpenedEval opened, OpenEval(context, id));
   ETUDE_ASSIGN_OR_RETURN(const auto offset, request.query.Integer("offset", 0, 0, 10'000'000));
@@ -130,18 +131,27 @@ Result<http::Answer> RolloutRows(Context& context, const http::Request& request)
   const auto listed = [](const std::vector<std::string>& wanted, const std::string& value) {
     return wanted.empty() || std::ranges::find(wanted, value) != wanted.end();
   };
+  const bool one = request.query.Get("index").has_value();
+  ETUDE_ASSIGN_OR_RETURN(const auto index, request.query.Integer("index", 0, 0, kMostRollout));
   std::vector<const OrderedJson*> rows;
   for (const auto& row : opened.view->rows)
-    if (listed(tasks, TextOf(row, "task")) && listed(outcomes, TextOf(row, "outcome"))) rows.push_back(&row);
-  if (request.query.Get("sort") == "failures")
-    std::ranges::stable_partition(rows, [](const auto* row) { return !sources::FlagOf(*row, "success"); });
+    if (listed(tasks, TextOf(row, "task")) && listed(outcomes, TextOf(row, "outcome")) &&
+        (!one || UnsignedOf(row, "index") == static_cast<std::uint64_t>(index)))
+      rows.push_back(&row);
+  const auto judged = [](const OrderedJson* row) {
+    return std::pair(sources::FlagOf(*row, "success"), sources::FlagOf(*row, "success_latched"));
+  };
+  if (request.query.Get("sort") == "failures") std::ranges::stable_sort(rows, {}, judged);
+  const auto failed = std::ranges::count_if(rows, [&](const auto* row) { return !judged(row).first; });
   const auto first = std::min(rows.size(), static_cast<std::size_t>(offset));
   const auto last = std::min(rows.size(), first + static_cast<std::size_t>(limit));
   const auto videos = VideosByIndex(opened.view->videos);
   OrderedJson page = OrderedJson::array();
   for (std::size_t i = first; i < last; ++i) page.push_back(RowJson(*rows[i], id, videos));
-  return http::JsonAnswer(
-      {{"total", rows.size()}, {"next", last < rows.size() ? OrderedJson(last) : OrderedJson()}, {"rows", page}});
+  return http::JsonAnswer({{"total", rows.size()},
+                           {"failed", failed},
+                           {"next", last < rows.size() ? OrderedJson(last) : OrderedJson()},
+                           {"rows", page}});
 }
 
 Result<http::Answer> RolloutVideo(Context& context, const http::Request& request) {

@@ -199,21 +199,26 @@ OrderedJson ProcessJson(const monitor::Heard<bus::ProcessStatus>& heard) {
           {"age_ms", live::AgeMs(heard.at)}};
 }
 
-OrderedJson HostJson(const HostRow& host) {
-  constexpr std::size_t kMostWorkers = 200;
+// With so many of its workers, and its processes; its figures are of all of them.
+OrderedJson HostJson(const HostRow& host, std::size_t most_workers) {
   OrderedJson workers = OrderedJson::array();
-  for (const auto& worker : host.workers)
-    if (workers.size() < kMostWorkers) workers.push_back(WorkerJson(worker, host.host));
+  std::uint64_t episodes = 0, failures = 0;
+  for (const auto& worker : host.workers) {
+    episodes += worker.episodes, failures += worker.failures;
+    if (workers.size() < most_workers) workers.push_back(WorkerJson(worker, host.host));
+  }
   OrderedJson processes = OrderedJson::array();
   std::optional<double> rss_mb, cpu;
   for (const auto* process : host.processes) {
     rss_mb = rss_mb.value_or(0) + static_cast<double>(process->message.rss_bytes) / 1e6;
     cpu = cpu.value_or(0) + process->message.cpu;
-    if (processes.size() < kMostWorkers) processes.push_back(ProcessJson(*process));
+    if (processes.size() < most_workers) processes.push_back(ProcessJson(*process));
   }
   return {{"host", host.host},
           {"slots", host.workers.size()},
           {"busy", host.Busy()},
+          {"episodes", episodes},
+          {"failures", failures},
           {"per_min", Maybe(host.PerMinute())},
           {"ok", Maybe(host.Ok())},
           {"plan_p50_s", Maybe(host.PlanQuantile(0.5))},
@@ -278,6 +283,7 @@ Hosts HostsNow(Context& context, const live::LiveView& view, bool& live) {
 Result<OrderedJson> FleetJson(Context& context, const http::Query& query) {
   ETUDE_ASSIGN_OR_RETURN(const auto offset, query.Integer("offset", 0, 0, 1'000'000));
   ETUDE_ASSIGN_OR_RETURN(const auto limit, query.Integer("limit", 50, 1, 200));
+  ETUDE_ASSIGN_OR_RETURN(const auto most_workers, query.Integer("workers", 200, 1, 2000));
   const auto view = context.live();
   bool live = false;
   Hosts hosts = HostsNow(context, *view, live);
@@ -302,7 +308,7 @@ Result<OrderedJson> FleetJson(Context& context, const http::Query& query) {
   const auto first = std::min(rows.size(), static_cast<std::size_t>(offset));
   const auto last = std::min(rows.size(), first + static_cast<std::size_t>(limit));
   OrderedJson page = OrderedJson::array();
-  for (std::size_t i = first; i < last; ++i) page.push_back(HostJson(*rows[i]));
+  for (std::size_t i = first; i < last; ++i) page.push_back(HostJson(*rows[i], static_cast<std::size_t>(most_workers)));
   return OrderedJson{
       {"total", rows.size()},
       {"workers", workers},

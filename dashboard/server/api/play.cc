@@ -110,24 +110,38 @@ Result<http::Answer> List(Context& context, const http::Request&) {
                            {"campaigns", ShippedCampaigns()}});
 }
 
-// Starts the worker as a job.
-Result<http::Answer> OpenSession(Context& context, const http::Request& request) {
+// The worker that keeps the scene; whoever copies the command gets a session of its own name.
+Result<std::vector<std::string>> WorkerOf(Context& context, const OrderedJson& body, const std::string& session) {
   ETUDE_ASSIGN_OR_RETURN(const auto watch, WatchOf(context));
   (void)watch;
-  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, JsonBody(request));
   ETUDE_ASSIGN_OR_RETURN(const Path spec, SpecOf(context, TextOf(body, "spec")));
   ETUDE_ASSIGN_OR_RETURN(const Selector run, ParseSelector(TextOf(body, "run"), "run"));
   const auto index = UnsignedOf(body, "index").value_or(0);
   if (index > kMostIndex) return Fail(Code::kInvalidArgument, "index: too large");
-  const std::string session = "play-" + NewId().substr(0, 8);
-  std::vector<std::string> arguments{"worker", "play",    spec.string(),        "--run", run.text(), "--session",
-                                     session,  "--index", std::to_string(index)};
+  ETUDE_ASSIGN_OR_RETURN(const auto seed, SeedIn(body));
+  std::vector<std::string> arguments{"worker", "play", spec.string(), "--run", run.text()};
+  if (!session.empty()) arguments.insert(arguments.end(), {"--session", session});
+  arguments.insert(arguments.end(), {"--index", std::to_string(index)});
+  if (seed) arguments.insert(arguments.end(), {"--seed", std::to_string(*seed)});
   const auto flags = context.bus_flags(security::Role::kWorker);
   arguments.insert(arguments.end(), flags.begin(), flags.end());
-  ETUDE_ASSIGN_OR_RETURN(const std::string job, context.jobs.Add({"play", arguments, Weight::kLight}));
+  return arguments;
+}
+
+// Starts the worker as a job, or says the command alone.
+Result<http::Answer> OpenSession(Context& context, const http::Request& request) {
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson body, JsonBody(request));
+  const bool dry_run = sources::FlagOf(body, "dry_run");
+  if (!dry_run && !request.authorized)
+    return TokenNeeded(context, "ask with dry_run for the command to copy, or sign in");
+  const std::string session = dry_run ? "" : "play-" + NewId().substr(0, 8);
+  ETUDE_ASSIGN_OR_RETURN(const auto arguments, WorkerOf(context, body, session));
   std::vector<std::string> words{"etude"};
   words.insert(words.end(), arguments.begin(), arguments.end());
-  return http::JsonAnswer({{"session", session}, {"job", job}, {"command", CommandText(words)}}, 202);
+  const std::string command = CommandText(words);
+  if (dry_run) return http::JsonAnswer({{"command", command}});
+  ETUDE_ASSIGN_OR_RETURN(const std::string job, context.jobs.Add({"play", arguments, Weight::kLight}));
+  return http::JsonAnswer({{"session", session}, {"job", job}, {"command", command}}, 202);
 }
 
 Result<http::Answer> Show(Context& context, const http::Request& request) {
@@ -252,14 +266,13 @@ Result<http::Answer> Meaning(Context& context, Parsers& parsers, const http::Req
 
 // ---- scenes ---------------------------------------------------------------------------------------
 
-Status Render(const Path& spec, std::uint64_t index, const Path& file) {
+Status Render(const Path& spec, std::uint64_t index, std::optional<std::uint64_t> seed, const Path& file) {
   ETUDE_ASSIGN_OR_RETURN(const Path program, campaign::FindSibling("etude-worker"));
   const Path log = file.string() + ".log";
-  ETUDE_ASSIGN_OR_RETURN(auto process,
-                         campaign::Process::Start({{program.string(), "scene", "render", spec.string(), "--index",
-                                                    std::to_string(index), "--out", file.string()},
-                                                   log,
-                                                   {}}));
+  std::vector<std::string> argv{program.string(),      "scene", "render",     spec.string(), "--index",
+                                std::to_string(index), "--out", file.string()};
+  if (seed) argv.insert(argv.end(), {"--seed", std::to_string(*seed)});
+  ETUDE_ASSIGN_OR_RETURN(auto process, campaign::Process::Start({argv, log, {}}));
   const auto code = process.Wait(kRenders);
   std::error_code ignored;
   if (code == 0) {
@@ -292,7 +305,11 @@ Result<http::Answer> Scene(Context& context, std::mutex& rendering, const http::
   std::error_code error;
   if (std::filesystem::is_directory(spec, error))
     return Fail(Code::kInvalidArgument, "scenes: of a dataset the pictures themselves are there; name a campaign");
-  const std::string key = sources::StampOf(spec).tag() + spec.string() + " " + std::to_string(index);
+  OrderedJson asked = OrderedJson::object();
+  if (const auto text = request.query.Get("seed"); text && !text->empty()) asked["seed"] = *text;
+  ETUDE_ASSIGN_OR_RETURN(const auto seed, SeedIn(asked));
+  const std::string key = fmt::format("{}{} {}{}", sources::StampOf(spec).tag(), spec.string(), index,
+                                      seed ? fmt::format(" {}", *seed) : "");
   const Path folder = context.videos.parent_path() / "scenes";
   const Path file = folder / (Sha256Hex(key).substr(0, 32) + ".png");
   if (!std::filesystem::exists(file, error)) {
@@ -301,7 +318,7 @@ Result<http::Answer> Scene(Context& context, std::mutex& rendering, const http::
     if (!one) return Fail(Code::kUnavailable, "render a scene: another one is being rendered; ask again");
     ETUDE_RETURN_IF_ERROR(MakeFolders(folder));
     const Path fresh = folder / fmt::format("{}.{}.png", file.stem().string(), NewId());
-    ETUDE_RETURN_IF_ERROR(Render(spec, index, fresh));
+    ETUDE_RETURN_IF_ERROR(Render(spec, index, seed, fresh));
     std::filesystem::rename(fresh, file, error);
     if (error)
       return Fail(Code::kUnavailable, fmt::format("keep the picture '{}': {}", file.string(), error.message()));
@@ -330,7 +347,7 @@ void AddPlayRoutes(http::Router& router, Context& context) {
   };
   const auto parsers = std::make_shared<Parsers>();
   add("GET", "/play/sessions", Access::kRead, List);
-  add("POST", "/play/sessions", Access::kAction, OpenSession);
+  add("POST", "/play/sessions", Access::kRead, OpenSession);  // it looks at the token itself: a dry run needs none
   add("GET", "/play/sessions/{id}", Access::kRead, Show);
   add("POST", "/play/sessions/{id}/commands", Access::kAction, Command, http::Lane::kBus);
   add("GET", "/play/sessions/{id}/frame.jpg", Access::kRead, Picture);

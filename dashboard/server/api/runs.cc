@@ -11,6 +11,7 @@
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/curriculum.h"
 #include "dashboard/server/api/graph.h"
+#include "dashboard/server/api/series_csv.h"
 #include "services/episode/bounded_json.h"
 #include "services/monitor/topics.h"
 
@@ -196,6 +197,14 @@ Result<std::vector<double>> Abscissa(const sources::Series& series, const std::s
   return samples;
 }
 
+// The step of each value, in the same buckets: nothing where there is no number.
+std::vector<double> StepsOf(const sources::Series& series) {
+  std::vector<double> steps = series.step;
+  for (std::size_t i = 0; i < steps.size(); ++i)
+    if (!std::isfinite(series.value[i])) steps[i] = std::numeric_limits<double>::quiet_NaN();
+  return steps;
+}
+
 Result<http::Answer> SeriesAnswer(Context& context, const http::Request& request) {
   constexpr std::size_t kMostKeys = 32;
   ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, request.Parameter("id")));
@@ -219,40 +228,14 @@ Result<http::Answer> SeriesAnswer(Context& context, const http::Request& request
     content.tensors[key + "/min"] = TensorOf(store::DType::kF64, buckets.min);
     content.tensors[key + "/max"] = TensorOf(store::DType::kF64, buckets.max);
     content.tensors[key + "/last"] = TensorOf(store::DType::kF64, buckets.last);
+    content.tensors[key + "/step"] =
+        TensorOf(store::DType::kF64,
+                 sources::Bucketed(abscissa, StepsOf(found->second), from, to, static_cast<std::size_t>(points)).last);
     listed.push_back(key);
     nulls[key] = found->second.nulls;
   }
   content.metadata = {{"x", x}, {"keys", listed.dump()}, {"nulls", nulls.dump()}};
   return ArraysAnswer(content);
-}
-
-// A row for each step at which lines of the kind stand.
-Result<http::Answer> Csv(Context& context, const http::Request& request) {
-  ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, request.Parameter("id")));
-  const std::string prefix = request.query.Get("kind").value_or("train") + "/";
-  std::vector<std::pair<std::string, const sources::Series*>> columns;
-  std::map<double, std::pair<double, double>> rows;  // step -> time, elapsed
-  for (const auto& [key, series] : opened.view->metrics.series()) {
-    if (!key.starts_with(prefix)) continue;
-    columns.emplace_back(key.substr(prefix.size()), &series);
-    for (std::size_t i = 0; i < series.step.size(); ++i) rows[series.step[i]] = {series.time[i], series.elapsed[i]};
-  }
-  std::string text = "step,time,elapsed_s";
-  for (const auto& [name, series] : columns) text += "," + name;
-  text += "\n";
-  std::vector<std::size_t> at(columns.size(), 0);
-  for (const auto& [step, moment] : rows) {
-    text += fmt::format("{:.0f},{},{}", step, moment.first, moment.second);
-    for (std::size_t c = 0; c < columns.size(); ++c) {
-      const auto& series = *columns[c].second;
-      const bool here = at[c] < series.step.size() && series.step[at[c]] == step;
-      text += ",";
-      if (here && std::isfinite(series.value[at[c]])) text += fmt::format("{}", series.value[at[c]]);
-      while (at[c] < series.step.size() && series.step[at[c]] <= step) ++at[c];
-    }
-    text += "\n";
-  }
-  return http::BytesAnswer(std::move(text), "text/csv; charset=utf-8");
 }
 
 // ---- curriculum, graph --------------------------------------------------------------------------
@@ -484,7 +467,7 @@ void AddRunRoutes(http::Router& router, Context& context) {
   };
   add("/runs/{id}", Run);
   add("/runs/{id}/series", SeriesAnswer);
-  add("/runs/{id}/series.csv", Csv);
+  add("/runs/{id}/series.csv", SeriesCsv);
   add("/runs/{id}/curriculum", Curriculum);
   add("/runs/{id}/graph", Graph);
   add("/runs/{id}/checkpoints", Checkpoints);

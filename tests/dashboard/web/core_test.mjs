@@ -65,6 +65,11 @@ test("a play session's policy is shown as one that was asked, without a truth to
   assert.ok(!isOf({ run: 'base' }, '0123456789abcdef'));
 });
 
+test('a rate is split by its share where both are known', async () => {
+  const { split } = await load('stats.ts');
+  assert.deepEqual(split({ x: [50, 100, 150], last: [800, 400, 100] }, { x: [50, 150], last: [0.25, 1.5] }), { x: [50, 150], part: [200, 100], rest: [600, 0] });
+});
+
 test('hidden parts of a picture go into the address and come back', async () => {
   const { readRectangles, writeRectangles } = await load('rectangles.ts');
   assert.deepEqual(readRectangles('100,80,12,12;1,2,3,4'), [[100, 80, 12, 12], [1, 2, 3, 4]]);

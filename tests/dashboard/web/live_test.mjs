@@ -400,9 +400,16 @@ async function movesAnObject(page, session, object) {
   const x = async () => (await state(session)).scene.objects.find((one) => one.name === object).x;
   const refused = async () => (await page.locator('.play [role=alert]').count()) > 0;
   const stood = await x();
+  const others = async () => (await state(session)).scene.objects.filter((one) => one.name !== object).map((one) => [one.name, Math.round(1000 * one.x), Math.round(1000 * one.y), one.hidden]);
+  const [hidden] = (await state(session)).scene.objects.map((one) => one.name).filter((name) => name !== object);
+  await page.locator(`[data-object="${hidden}"]`).press('Enter');
+  await page.getByRole('button', { name: 'Hide' }).click();
+  await until(`${hidden} to be hidden`, async () => (await others()).some((one) => one[3]));
+  const before = await others();
   await page.locator(`[data-object="${object}"]`).press('ArrowRight');
   await until(`${object} to stand 1 cm further`, async () => (await refused()) || Math.abs((await x()) - (stood - 0.01)) < 0.004, 30000);
   assert.ok(!(await refused()), 'it was refused');
+  assert.deepEqual(await others(), before, 'all others are as they were');
 }
 
 test('Play: a sentence is typed, the policy drives, the judge has the last word', { timeout: 400000 }, async () => {
@@ -426,7 +433,15 @@ test('Play: a sentence is typed, the policy drives, the judge has the last word'
     await movesAnObject(page, session, object);
     assert.deepEqual(wrong, []);
     await page.getByRole('button', { name: 'Close', exact: true }).click();
-    await page.waitForSelector('text=is being opened, or has ended', { timeout: 30000 });
+    await page.waitForSelector(`[data-ended="${session}"]`, { timeout: 30000 });
+    assert.equal(await page.getByRole('button', { name: 'Open the same scene again' }).isEnabled(), true);
+    assert.equal(new URL(page.url()).searchParams.get('sentence'), `push the xylophonic ${object}`);
+    await open('/play?session=play-gone&index=3&seed=18446744073709551615', async (other) => {
+      await other.waitForSelector('[data-ended="play-gone"]');
+      assert.equal(await other.getByLabel('Number').inputValue(), '3');
+      assert.equal(await other.getByLabel('Seed').inputValue(), '18446744073709551615');
+      await other.waitForFunction(() => /worker play .*--index 3 --seed 18446744073709551615/.test(document.querySelector('.command code')?.textContent ?? ''), undefined, { timeout: 10000 });
+    });
   } finally {
     await context.close();
   }

@@ -146,6 +146,9 @@ test('Training: every curve has the least, largest and last value of metrics.jso
     compare('Loss', 'train', 'train', 'loss');
     compare('Loss', 'valid', 'valid', 'loss');
     compare('learning rate', 'train', 'train', 'learning_rate');
+    const [compute, data] = ['compute', 'data'].map((line) => tables['samples per second'][line]?.[3] ?? assert.fail(`no ${line} in the samples per second`));
+    close(compute + data, series(folder, 'train', 'samples_per_second').last, 'both parts of the samples per second');
+    assert.equal(await page.locator('a[download]', { hasText: 'CSV' }).evaluate((one) => fetch(one.href).then((answer) => answer.text()).then((csv) => csv.split(',').slice(0, 3).join())), 'run,kind,step');
     for (const key of about.keys.filter((one) => one.kind === 'train' && one.module)) compare(`${key.module} loss`, key.name.slice(key.module.length + 1), 'train', key.name);
     const ended = readLines(join(folder, 'curriculum.jsonl'));
     const said = ended.length ? await text(page, '[data-advances]') : '';
@@ -349,6 +352,12 @@ test('Dataset: of 10,000 episodes the first row is there within a second', { tim
       assert.equal(await page.locator('[role=row][data-id]').first().getAttribute('data-id'), '9999');
       assert.equal(number((await text(page, '[data-total]')).split(' ')[0]), 10000);
       assert.ok(await page.locator('[role=row][data-id]').count() < 200, 'only rows in view exist');
+      assert.equal(await text(page, '[data-page]'), 'episodes 1 to 200 of 10,000');
+      await page.getByRole('button', { name: 'After' }).click();
+      await page.waitForSelector('[role=row][data-id="9799"]');
+      assert.equal(await text(page, '[data-page]'), 'episodes 201 to 400 of 10,000');
+      await page.getByRole('button', { name: 'Before' }).click();
+      await page.waitForSelector('[role=row][data-id="9999"]');
       assert.deepEqual(wrong, []);
       await context.close();
       await own.stop();

@@ -109,6 +109,65 @@ TEST(PlaySession, PutsObjectsWhereTheyAreWanted) {
   EXPECT_NEAR(Place(*session, "coke").y(), 0.6, 0.01);
 }
 
+// Three objects of the scene: the one that is its episode's, and two others.
+struct Cast {
+  std::string target, placed, hidden;
+};
+
+Cast CastOf(const PlaySession& session) {
+  const std::string target = session.plan().target;
+  if (target == "coke") return {target, "milk", "bread"};
+  return {target, "coke", target == "milk" ? "bread" : "milk"};
+}
+
+TEST(PlaySession, PlacingAnObjectLeavesAllOthersAsTheyAre) {
+  auto session = Open(SpecOf(kTask));
+  const Cast cast = CastOf(*session);
+  const Eigen::Vector3d first = Place(*session, cast.target);
+  ASSERT_TRUE(session->Nudge(cast.target, 0, 0.05));
+  ASSERT_TRUE(session->Hide(cast.hidden));
+  const Eigen::Vector3d pushed = Place(*session, cast.target);
+  ASSERT_GT((pushed - first).norm(), 0.03);
+
+  const Status placed = session->Place({{cast.placed, -0.5, 0.6, 0.2}});
+
+  ASSERT_TRUE(placed) << placed.error().message;
+  EXPECT_LT((Place(*session, cast.placed).head<2>() - Eigen::Vector2d(-0.5, 0.6)).norm(), 0.01);
+  EXPECT_LT((Place(*session, cast.target) - pushed).norm(), 0.002);
+  EXPECT_TRUE(session->hidden(cast.hidden));
+  ASSERT_TRUE(session->Reset());
+  EXPECT_LT((Place(*session, cast.placed).head<2>() - Eigen::Vector2d(-0.5, 0.6)).norm(), 0.01) << "it was put there";
+  EXPECT_LT((Place(*session, cast.target) - first).norm(), 0.01);
+  EXPECT_FALSE(session->hidden(cast.hidden));
+}
+
+TEST(PlaySession, RefusesToPlaceWhereThereIsNoRoomAndMovesNothing) {
+  auto session = Open(SpecOf(kTask));
+  const Cast cast = CastOf(*session);
+  ASSERT_TRUE(session->Nudge(cast.target, 0, 0.05));
+  ASSERT_TRUE(session->Hide(cast.hidden));
+  const auto before = PictureOf(*session);
+  const Eigen::Vector3d at = Place(*session, cast.target);
+  const auto code = [&](const ObjectPlace& place) { return session->Place({place}).error().code; };
+  EXPECT_EQ(code({cast.placed, at.x(), at.y(), 0}), Code::kInvalidArgument) << "where the target is now";
+  EXPECT_EQ(code({cast.placed, 2, 0.5, 0}), Code::kInvalidArgument);
+  EXPECT_EQ(code({"duck", -0.5, 0.6, 0}), Code::kInvalidArgument);
+  EXPECT_EQ(code({cast.hidden, -0.5, 0.6, 0}), Code::kUnavailable);
+  EXPECT_EQ(PictureOf(*session), before);
+}
+
+TEST(PlaySession, ResetsToTheEpisodesSceneWhereWhatWasPlacedHasNoRoomInIt) {
+  auto session = Open(SpecOf(kTask));
+  const auto first = PictureOf(*session);
+  const Cast cast = CastOf(*session);
+  const Eigen::Vector3d at = Place(*session, cast.target);
+  ASSERT_TRUE(session->Hide(cast.target));
+  const Status placed = session->Place({{cast.placed, at.x(), at.y(), 0}});
+  ASSERT_TRUE(placed) << placed.error().message;
+  ASSERT_TRUE(session->Reset());
+  EXPECT_EQ(PictureOf(*session), first);
+}
+
 TEST(PlaySession, SaysWhyAnObjectCannotStandThereAndKeepsTheScene) {
   auto session = Open(SpecOf(kTask));
   const auto before = PictureOf(*session);

@@ -21,6 +21,15 @@ export function summarize(values: ArrayLike<number | null | undefined>): Summary
   return result;
 }
 
+/** A rate in two parts by a share of it that is known at the same x; points that only one of them has are left out. */
+export function split(rate: { x: ArrayLike<number>; last: ArrayLike<number> }, share: { x: ArrayLike<number>; last: ArrayLike<number> }): { x: number[]; part: number[]; rest: number[] } {
+  const known = new Map(Array.from(share.x, (x, i) => [x, share.last[i]!]));
+  const x = Array.from(rate.x).filter((one) => known.has(one));
+  const all = new Map(Array.from(rate.x, (one, i) => [one, rate.last[i]!]));
+  const part = x.map((one) => all.get(one)! * Math.min(1, Math.max(0, known.get(one)!)));
+  return { x, part, rest: x.map((one, i) => all.get(one)! - part[i]!) };
+}
+
 /** Exponential smoothing weighted by the distance in x, so that denser logging does not smooth less. `width` is in units of x. */
 export function smooth(x: ArrayLike<number>, y: ArrayLike<number | null>, width: number): (number | null)[] {
   const result: (number | null)[] = [];

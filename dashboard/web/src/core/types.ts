@@ -223,6 +223,10 @@ export type Host = {
   /** workers */
   slots: number;
   busy: number;
+  /** of all its workers */
+  episodes: number;
+  /** of all its workers */
+  failures: number;
   per_min: number | null;
   /** share of attempts that were committed, 0..1 */
   ok: number | null;
@@ -235,6 +239,7 @@ export type Host = {
   fingerprint: string | null;
   age_ms: number;
   processes: Process[];
+  /** as many as were asked for, of slots */
   workers: Worker[];
 };
 
@@ -430,6 +435,8 @@ export type Summary = {
   robots: Record<string, number>;
   outcomes: Record<string, number>;
   splits: Record<string, number>;
+  /** that committed them */
+  workers: Record<string, number>;
   matrix: {
     task: string;
     target: string;
@@ -887,6 +894,8 @@ export type EvalRow = {
 
 export type EvalRows = {
   total: number;
+  /** of total */
+  failed: number;
   /** offset of the next page */
   next: number | null;
   rows: EvalRow[];

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Is the data balanced and sound: episodes by any filter, how they are distributed, which are odd.
 import { useEffect, useState } from 'preact/hooks';
-import { getJson, query, useResource } from '../core/api';
+import { query, useResource } from '../core/api';
+import { useCursors } from '../core/cursors';
 import { bytes, count, duration, fixed, none, number } from '../core/format';
 import { parameter, setParameters } from '../core/router';
 import { chosen, episodeLink } from '../core/sources';
 import { mostTicks, readTicks, writeTicks } from '../core/ticks';
 import type { Dataset, Episodes, Summary } from '../core/types';
 import { ActionButton } from '../parts/actions';
-import { Bars, Chip, Command, Empty, Failed, Loaded, Panel, Search, Select, StateChip } from '../parts/basics';
+import { Bars, Chip, Command, Empty, Failed, Loaded, Pager, Panel, Search, Select, StateChip } from '../parts/basics';
 import { Histogram } from '../parts/chart';
 import { Places } from '../parts/places';
 import { Table } from '../parts/table';
@@ -57,7 +58,7 @@ function Filters(props: { summary: Summary | undefined; keys: string[] }) {
   const { summary } = props;
   useEffect(() => {
     if (!summary) return;
-    setNames((old) => Object.fromEntries((['tasks', 'targets', 'robots', 'outcomes', 'splits'] as const).map((kind) => [kind, [...new Set([...(old[kind] ?? []), ...Object.keys(summary[kind])])]])));
+    setNames((old) => Object.fromEntries((['tasks', 'targets', 'robots', 'outcomes', 'splits', 'workers'] as const).map((kind) => [kind, [...new Set([...(old[kind] ?? []), ...Object.keys(summary[kind])])]])));
   }, [summary]);
   const pick = (name: string, title: string, all: string[] | undefined) => {
     const [value] = parameter(name);
@@ -72,6 +73,7 @@ function Filters(props: { summary: Summary | undefined; keys: string[] }) {
       {pick('robot', 'robot', names['robots'])}
       {pick('outcome', 'outcome', names['outcomes'])}
       {pick('split', 'split', names['splits'])}
+      {pick('worker', 'worker', names['workers'])}
       {pick('key', 'filter key', props.keys)}
       <Search label="Words of the instruction" value={parameter('words')[0]} change={(value) => setParameters({ words: value }, true)} width={24} />
       <Search label="Steps, 200..400" value={parameter('steps')[0]} change={(value) => setParameters({ steps: value }, true)} width={16} />
@@ -126,27 +128,19 @@ function Ticked(props: { of: Dataset; shown: number[]; whole: boolean; reload: (
   );
 }
 
+// of the table, at once
+const mostRows = 200;
+
 function Rows(props: { of: Dataset; text: string; reload: () => void }) {
   const { ticks, tick } = useTicks();
   const [sort, setSort] = parameter('sort', '-index');
   const [held, setHeld] = useState(props.of.episodes);
-  const address = (before: string | null) => `/datasets/${props.of.id}/episodes${props.text}${props.text ? '&' : '?'}sort=${sort}&limit=200${before ? `&before=${encodeURIComponent(before)}` : ''}`;
-  const first = useResource<Episodes>(address(null), { round: held });
-  const [later, setLater] = useState<{ of: Episodes | undefined; rows: Row[]; next: string | null; busy: boolean }>({ of: undefined, rows: [], next: null, busy: false });
-  const current = later.of === first.data ? later : { of: first.data, rows: [], next: first.data?.next ?? null, busy: false };
-  const more = async () => {
-    if (!current.next || current.busy) return;
-    setLater({ ...current, busy: true });
-    try {
-      const page = await getJson<Episodes>(address(current.next));
-      setLater({ of: current.of, rows: [...current.rows, ...toRows(page)], next: page.next, busy: false });
-    } catch {
-      setLater({ ...current, next: null, busy: false });
-    }
-  };
+  const listing = `/datasets/${props.of.id}/episodes${props.text}${props.text ? '&' : '?'}sort=${sort}&limit=${mostRows}`;
+  const page = useCursors(`${listing} ${held}`);
+  const first = useResource<Episodes>(`${listing}${page.at ? `&before=${encodeURIComponent(page.at)}` : ''}`, { round: held });
   const fresh = props.of.episodes - held;
   const data = first.data;
-  const rows = data ? [...toRows(data), ...current.rows] : [];
+  const rows = data ? toRows(data) : [];
   return (
     <Panel title="Episodes" flush aside={
       <>
@@ -155,9 +149,9 @@ function Rows(props: { of: Dataset; text: string; reload: () => void }) {
       </>}>
       {first.error && <Failed problem={first.error} retry={first.reload} />}
       {data && !data.total && <Empty title={data.all ? 'No episode fits these filters' : 'The first episode is under way'}>{data.all ? `${count(data.all)} are there without them.` : 'Episodes appear here when they are committed.'}</Empty>}
-      {rows.length > 0 && <Ticked of={props.of} shown={rows.map((row) => row.index)} whole={!current.next} reload={props.reload} />}
+      {rows.length > 0 && <Ticked of={props.of} shown={rows.map((row) => row.index)} whole={data?.next === null && !page.depth} reload={props.reload} />}
       {rows.length > 0 && (
-        <Table label="Episodes" tick={(row) => tick([row.index], !ticks.has(row.index))} rows={rows} id={(row) => row.index} height={960} link={(row) => episodeLink(props.of.id, row.index)} sort={sort} setSort={(value) => setSort(value)} {...(current.next ? { more } : {})}
+        <Table key={page.depth} label="Episodes" tick={(row) => tick([row.index], !ticks.has(row.index))} rows={rows} id={(row) => row.index} height={960} link={(row) => episodeLink(props.of.id, row.index)} sort={sort} setSort={(value) => setSort(value)}
           columns={[
             { key: 'tick', title: 'tick', width: '4ch', control: true, cell: (row) => <label class="tick"><input type="checkbox" checked={ticks.has(row.index)} disabled={!ticks.has(row.index) && ticks.size >= mostTicks} aria-label={`tick episode ${row.index}`} onChange={(event) => tick([row.index], event.currentTarget.checked)} /></label> },
             { key: 'index', title: '#', width: '6ch', sort: 'index', card: 'title', cell: (row) => row.index },
@@ -172,6 +166,7 @@ function Rows(props: { of: Dataset; text: string; reload: () => void }) {
             { key: 'split', title: 'split', width: '6ch', cell: (row) => <span class="muted">{row.split}</span> },
           ]} />
       )}
+      {data && <Pager what="episodes" from={page.depth * mostRows} shown={rows.length} total={data.total} size={mostRows} go={(from) => { if (from < page.depth * mostRows) page.back(); else if (data.next && !first.pending) page.next(data.next); }} />}
       {rows.length > 0 && <div class="more"><Command text={`etude dataset info ${props.of.folder}`} /></div>}
     </Panel>
   );

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // How often it succeeds, which rollouts failed, and whether one checkpoint is better than another on the same scenes.
-import { useEffect, useState } from 'preact/hooks';
-import { getJson, useResource } from '../core/api';
+import { getJson, query, useResource } from '../core/api';
 import { useLive } from '../core/connection';
 import { count, fixed, none, number, percent, probability, short } from '../core/format';
 import { useKeys } from '../core/keys';
 import { link, parameter, setParameters } from '../core/router';
 import { chosen, episodeLink, nameOf, sourcesOf } from '../core/sources';
 import type { Diff, Eval, EvalRow, EvalRows, Pair, TaskReport } from '../core/types';
-import { Chip, Command, Empty, Facts, Failed, Figure, Loaded, Panel, Segments, Select, StateChip } from '../parts/basics';
+import { Chip, Command, Empty, Facts, Failed, Figure, Loaded, Pager, Panel, Segments, Select, StateChip } from '../parts/basics';
 import { Difference, Dots } from '../parts/dots';
 
 export function Evaluation() {
@@ -19,30 +18,8 @@ export function Evaluation() {
   return <Loaded of={{ ...first, data: live?.id === id ? live : first.data }}>{(data) => <Content key={data.id} of={data} />}</Loaded>;
 }
 
-/** All rows, page by page, again when rollouts were added. */
-function useRows(of: Eval): { rows: EvalRow[]; problem: string } {
-  const [state, setState] = useState<{ rows: EvalRow[]; problem: string }>({ rows: [], problem: '' });
-  useEffect(() => {
-    const abort = new AbortController();
-    const load = async () => {
-      const rows: EvalRow[] = [];
-      let offset: number | null = 0;
-      while (offset !== null) {
-        const page: EvalRows = await getJson<EvalRows>(`/evals/${of.id}/rows?offset=${offset}&limit=1000`, abort.signal);
-        rows.push(...page.rows);
-        offset = page.next;
-      }
-      setState({ rows, problem: '' });
-    };
-    load().catch((error: unknown) => { if (!abort.signal.aborted) setState((old) => ({ ...old, problem: String(error) })); });
-    return () => abort.abort();
-  }, [of.id, of.done]);
-  return state;
-}
-
 function Content(props: { of: Eval }) {
   const { of } = props;
-  const { rows, problem } = useRows(of);
   const [versus] = parameter('vs');
   const s = of.overall.success;
   return (
@@ -61,8 +38,7 @@ function Content(props: { of: Eval }) {
         <Panel title="What else happened"><Reports of={of} /></Panel>
       </div>
       <ByCheckpoint of={of} />
-      {problem && <Failed problem={{ title: 'The rollouts could not be read', status: 0, detail: problem }} />}
-      <Scenes of={of} rows={rows} versus={versus} />
+      <Scenes of={of} versus={versus} />
     </>
   );
 }
@@ -120,27 +96,38 @@ function kind(row: EvalRow): string {
   return row.success ? 'success' : row.success_latched ? 'latched' : 'failure';
 }
 
-function Scenes(props: { of: Eval; rows: EvalRow[]; versus: string }) {
+// cells at once
+const mostScenes = 500;
+
+function Scenes(props: { of: Eval; versus: string }) {
   const { of } = props;
-  const [order, setOrder] = parameter('order', 'failures');
-  const [task, setTask] = parameter('task');
+  const [order] = parameter('order', 'failures');
+  const [task] = parameter('task');
   const [picked] = parameter('scene');
-  useKeys([{ keys: 'f', does: 'failures first', run: () => setOrder(order === 'failures' ? 'index' : 'failures') }]);
-  const fit = props.rows.filter((one) => !task || one.task === task);
-  const rows = order === 'failures' ? [...fit].sort((a, b) => Number(a.success) - Number(b.success) || Number(a.success_latched) - Number(b.success_latched) || a.index - b.index) : fit;
-  const failed = fit.filter((one) => !one.success).length;
-  const row = props.rows.find((one) => String(one.index) === picked) ?? (failed ? rows[0] : undefined);
+  const [from] = parameter('from', '0');
+  const offset = Number(from) || 0;
+  const setSorted = (value: string) => setParameters({ order: value === 'failures' ? null : value, from: null });
+  useKeys([{ keys: 'f', does: 'failures first', run: () => setSorted(order === 'failures' ? 'index' : 'failures') }]);
+  const page = useResource<EvalRows>(`/evals/${of.id}/rows${query({ sort: order, task, offset, limit: mostScenes })}`, { round: of.done });
+  const rows = page.data?.rows ?? [];
+  const [total, failed] = [page.data?.total ?? 0, page.data?.failed ?? 0];
+  const here = rows.find((one) => String(one.index) === picked);
+  const other = useResource<EvalRows>(picked && page.data && !here ? `/evals/${of.id}/rows${query({ index: picked })}` : null);
+  const row = here ?? other.data?.rows[0] ?? (failed && order === 'failures' ? rows[0] : rows.find((one) => !one.success));
+  const open = of.episodes - of.done;
   return (
     <div class="columns main-side">
       <div class="stack">
-      <Panel title="Scenes" aside={<><Select label="Task" value={task} options={[['', 'every task'], ...of.per_task.map((one) => [one.task, one.task] as const)]} choose={(value) => setTask(value)} /><Segments label="Order" value={order} options={[['failures', 'failures first'], ['index', 'by number']]} choose={(value) => setOrder(value)} /></>}>
-        <p class="small secondary" data-failed={failed}>{failed ? `${failed} of ${fit.length} failed` : fit.length ? `None of ${fit.length} failed.` : 'No rollout is finished yet.'} <span class="muted">✕ failed · ◐ succeeded, but not strictly · filled: success</span></p>
+      <Panel title="Scenes" aside={<><Select label="Task" value={task} options={[['', 'every task'], ...of.per_task.map((one) => [one.task, one.task] as const)]} choose={(value) => setParameters({ task: value, from: null })} /><Segments label="Order" value={order} options={[['failures', 'failures first'], ['index', 'by number']]} choose={setSorted} /></>}>
+        {page.error && <Failed problem={page.error} retry={page.reload} />}
+        <p class="small secondary" data-failed={failed}>{failed ? `${count(failed)} of ${count(total)} failed` : total ? `None of ${count(total)} failed.` : 'No rollout is finished yet.'} <span class="muted">✕ failed · ◐ succeeded, but not strictly · filled: success</span></p>
         <div class="seeds" role="group" aria-label="Rollouts">
           {rows.map((one) => (
-            <a key={one.index} href={link('evaluation', { eval: of.id, ...current('vs', 'task', 'order'), scene: one.index })} data-outcome={kind(one)} data-scene={one.index} title={`#${one.index} ${one.task} ${one.target}: ${one.outcome}`}
+            <a key={one.index} href={link('evaluation', { eval: of.id, ...current('vs', 'task', 'order', 'from'), scene: one.index })} data-outcome={kind(one)} data-scene={one.index} title={`#${one.index} ${one.task} ${one.target}: ${one.outcome}`}
               aria-label={`${one.index} ${one.task} ${one.target} ${one.outcome}`} {...(row === one ? { 'aria-current': 'true' as const } : {})}>{kind(one) === 'failure' ? '✕' : kind(one) === 'latched' ? '◐' : ''}</a>))}
-          {Array.from({ length: task ? 0 : Math.max(0, Math.min(2000, of.episodes - of.done)) }, () => <span class="open" aria-hidden="true" />)}
+          {Array.from({ length: task || offset + rows.length < total ? 0 : Math.max(0, Math.min(mostScenes - rows.length, open)) }, () => <span class="open" aria-hidden="true" />)}
         </div>
+        <Pager what="scenes" from={offset} shown={rows.length} total={total} size={mostScenes} go={(next) => setParameters({ from: next || null })} />
       </Panel>
       <Compare of={of} versus={props.versus} />
       </div>

@@ -4,10 +4,10 @@ import { useRef, useState } from 'preact/hooks';
 import { query, useResource } from '../core/api';
 import { now, useLive } from '../core/connection';
 import { age, count, none, number, percent, short } from '../core/format';
-import { link, parameter } from '../core/router';
+import { link, parameter, setParameters } from '../core/router';
 import { sourcesOf } from '../core/sources';
 import type { Fleet as FleetAnswer, Host, Worker } from '../core/types';
-import { Age, Chip, Empty, Loaded, Panel, Search } from '../parts/basics';
+import { Age, Chip, Empty, Loaded, Pager, Panel, Search } from '../parts/basics';
 import { Table, type Column } from '../parts/table';
 
 const phases: Record<string, string> = { i: 'line', p: 'hand', y: 'target', s: 'reference', '.': 'bad' };
@@ -27,12 +27,17 @@ function summary(text: string): string {
   return `idle ${share('i')} %, plans ${share('p')} %, plays ${share('y')} %, sends ${share('s')} %`;
 }
 
+// at once; the gateway gives no more
+const [mostHosts, mostWorkers] = [200, 2000];
+
 type Row = { host: Host; worker: Worker | null };
 
 export function Fleet() {
-  const [filter, setFilter] = parameter('filter');
+  const [filter] = parameter('filter');
   const [sort, setSort] = parameter('sort', 'host');
-  const args = { sort, ...(filter ? { filter } : {}), limit: 200 };
+  const [from] = parameter('from', '0');
+  const [most, setMost] = parameter('workers', '200');
+  const args = { sort, ...(filter ? { filter } : {}), limit: mostHosts, offset: Number(from) || 0, workers: Math.min(mostWorkers, Number(most) || 200) };
   const first = useResource<FleetAnswer>(`/fleet${query(args)}`);
   const live = useLive<FleetAnswer>('fleet', args);
   const at = useRef(Date.now());
@@ -53,6 +58,7 @@ export function Fleet() {
         const order = held ?? fleet.hosts.map((one) => one.host);
         const hosts = [...fleet.hosts].sort((a, b) => place(order, a.host) - place(order, b.host));
         const many = fleet.workers > 200;
+        const cut = fleet.hosts.filter((one) => one.workers.length < one.slots);
         const rows: Row[] = hosts.flatMap((host) => [{ host, worker: null }, ...(many !== folded.has(host.host) ? [] : host.workers.map((worker) => ({ host, worker })))]);
         const toggle = (name: string) => setFolded((old) => { const next = new Set(old); if (!next.delete(name)) next.add(name); return next; });
         return (
@@ -63,12 +69,14 @@ export function Fleet() {
               {oneOf(fleet, (host) => host.fingerprint) && fleet.total > 1 && <span class="muted">fingerprints equal</span>}
               {!fleet.live && <Chip>from journals: nothing is on the bus</Chip>}
               <span class="fill" />
-              <Search label="Filter hosts, workers, tasks" value={filter} change={(value) => setFilter(value, true)} width={28} />
+              <Search label="Filter hosts, workers, tasks" value={filter} change={(value) => setParameters({ filter: value, from: null }, true)} width={28} />
             </div>
             <section class="panel flush" aria-label="Hosts and workers" onPointerEnter={() => setHeld(fleet.hosts.map((one) => one.host))} onPointerLeave={() => setHeld(null)}>
               <Table label="Hosts and workers" rows={rows} id={(row) => row.worker?.worker ?? row.host.host} height={720} sort={sort} setSort={(value) => setSort(value)}
                 columns={columns(fleet, at.current, toggle, (host) => many !== folded.has(host))} />
             </section>
+            <Pager what="hosts" from={args.offset} shown={hosts.length} total={fleet.total} size={mostHosts} go={(next) => setParameters({ from: next || null })} />
+            {cut.length > 0 && <p class="row small" data-cut>{cut.slice(0, 5).map((one) => <span>{one.host}: {count(one.workers.length)} of {count(one.slots)} workers are listed</span>)}{args.workers < mostWorkers ? <button type="button" class="button" onClick={() => setMost(Math.min(mostWorkers, args.workers + 400))}>Show more</button> : <span class="muted">find the others by the filter</span>}</p>}
             <p class="small muted row" aria-hidden="true">{([['i', 'idle'], ['p', 'plans'], ['y', 'plays'], ['s', 'sends']] as const).map(([letter, word]) => <span class="row"><svg width="12" height="12"><rect width="12" height={letter === 'i' ? 4 : 12} y={letter === 'i' ? 8 : 0} fill={`var(--${phases[letter]})`} /></svg>{word}</span>)}</p>
             <Processes of={fleet} />
           </>
@@ -121,8 +129,8 @@ function columns(fleet: FleetAnswer, at: number, toggle: (host: string) => void,
     { key: 'slots', title: 'busy', width: '5ch', number: true, sort: 'slots', cell: (row) => row.worker ? '' : `${row.host.busy}/${row.host.slots}` },
     { key: 'per_min', title: 'a minute', width: '7ch', number: true, sort: 'per_min', cell: (row) => number((row.worker ?? row.host).per_min) },
     { key: 'ok', title: 'ok', width: '7ch', number: true, cell: (row) => row.worker ? (row.worker.episodes + row.worker.failures ? percent(row.worker.episodes / (row.worker.episodes + row.worker.failures)) : none) : percent(row.host.ok) },
-    { key: 'episodes', title: 'done', width: '6ch', number: true, cell: (row) => row.worker ? count(row.worker.episodes) : count(row.host.workers.reduce((sum, one) => sum + one.episodes, 0)) },
-    { key: 'failures', title: 'failed', width: '6ch', number: true, cell: (row) => failed(row.worker ? row.worker.failures : row.host.workers.reduce((sum, one) => sum + one.failures, 0)) },
+    { key: 'episodes', title: 'done', width: '6ch', number: true, cell: (row) => row.worker ? count(row.worker.episodes) : count(row.host.episodes) },
+    { key: 'failures', title: 'failed', width: '6ch', number: true, cell: (row) => failed(row.worker ? row.worker.failures : row.host.failures) },
     { key: 'now', title: 'makes', width: 'minmax(150px, 4fr)', card: 'long', cell: (row) => row.worker ? making(row.worker) : '' },
     { key: 'last', title: 'last', width: 'minmax(76px, 1fr)', cell: (row) => row.worker ? <span class={row.worker.last && row.worker.last !== 'success' ? 'warn' : 'muted'}>{row.worker.last ?? ''}</span> : '' },
     { key: 'strip', title: 'last 60 s', width: '72px', card: 'none', cell: (row) => row.worker && row.worker.strip ? <Strip text={row.worker.strip} /> : '' },

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lines of the log files, newest at the foot; older ones on request.
 import { useEffect, useRef, useState } from 'preact/hooks';
-import { getJson, query, useResource } from '../core/api';
+import { query, useResource } from '../core/api';
 import { useLive } from '../core/connection';
+import { useCursors } from '../core/cursors';
 import { bytes, clock, count } from '../core/format';
 import { parameter } from '../core/router';
-import type { Events, LogLine, Logs } from '../core/types';
+import type { Events, Logs } from '../core/types';
 import { Empty, Loaded, Panel, Search, Select } from '../parts/basics';
 
 export function LogsPage() {
@@ -15,25 +16,18 @@ export function LogsPage() {
   const [follow, setFollow] = useState(true);
   const args = { ...(source ? { source } : {}), ...(level ? { level } : {}), ...(q ? { q } : {}), limit: 200 };
   const text = query(args);
-  const first = useResource<Logs>(`/logs${text}`);
-  const live = useLive<Logs>(follow ? 'logs' : null, args, 1);
-  const [older, setOlder] = useState<{ of: string; lines: LogLine[]; next: string | null } | null>(null);
-  const before = older?.of === text ? older : null;
-  const newest = (follow && live) || first.data;
+  const page = useCursors(text);
+  const first = useResource<Logs>(`/logs${query({ ...args, before: page.at })}`);
+  const live = useLive<Logs>(follow && !page.depth ? 'logs' : null, args, 1);
+  const newest = (follow && !page.depth && live) || first.data;
   const warned = useLive<Events>('events', { ...(level === 'error' ? { level } : {}), ...(q ? { q } : {}), limit: 50 }, 1);
   const box = useRef<HTMLDivElement>(null);
   const shown = newest?.lines.length ?? 0;
-  useEffect(() => { if (follow && !before && box.current) box.current.scrollTop = box.current.scrollHeight; }, [newest?.lines[shown - 1]?.n]);
+  useEffect(() => { if (follow && !page.depth && box.current) box.current.scrollTop = box.current.scrollHeight; }, [newest?.lines[shown - 1]?.n]);
   return (
     <Loaded of={{ ...first, data: newest }}>
       {(data) => {
-        const next = before ? before.next : data.next;
-        const lines = [...(before?.lines ?? []), ...data.lines];
-        const more = async () => {
-          if (!next) return;
-          const page = await getJson<Logs>(`/logs${query({ ...args, before: next })}`);
-          setOlder({ of: text, lines: [...page.lines, ...(before?.lines ?? [])], next: page.next });
-        };
+        const { next, lines } = data;
         if (!data.sources.length && !warned?.total) return <Panel><Empty title="No log files">Processes that etude up, collect or eval start write to logs/ beside what they make; others write to their terminal.</Empty></Panel>;
         return (
           <>
@@ -47,10 +41,11 @@ export function LogsPage() {
             {warned !== undefined && warned.total > 0 && <OfBus of={warned} />}
             <Panel flush label="Lines">
               <div class="log-box" ref={box} tabIndex={0} role="group" aria-label="Log lines">
-              {next && <div class="more"><button type="button" class="button" onClick={() => { void more(); }}>Older lines</button></div>}
+              {next && <div class="more"><button type="button" class="button" disabled={first.pending} onClick={() => page.next(next)}>Older lines</button></div>}
               {lines.length
                 ? <ol class="log" data-log-lines={lines.length}>{lines.map((one) => <li key={`${one.source}:${one.n}`} data-level={one.level ?? ''}><span class="muted">{one.t ?? ''}</span><span class={one.level === 'warn' ? 'warn' : one.level === 'error' ? 'bad' : 'muted'}>{one.level ?? ''}</span><span class="muted">{name(data, one.source)}</span><span>{one.text}</span></li>)}</ol>
                 : <Empty title="No line fits">{`${count(data.sources.length)} files were searched.`}</Empty>}
+              {page.depth > 0 && <div class="more"><button type="button" class="button" onClick={page.back}>Newer lines</button></div>}
               </div>
             </Panel>
           </>

@@ -4,9 +4,10 @@ import { useEffect, useState } from 'preact/hooks';
 import { postJson, query, reasonOf, root, useResource } from '../core/api';
 import { useLive } from '../core/connection';
 import { none } from '../core/format';
-import { parameter } from '../core/router';
+import { parameter, setParameters } from '../core/router';
+import { home } from '../core/sources';
 import { moduleColor } from '../core/theme';
-import type { PlayInsight, PlaySession } from '../core/types';
+import type { Job, PlayInsight, PlaySession } from '../core/types';
 import { Chip, Command, Empty, Facts, Loaded, Panel, Select } from '../parts/basics';
 import { PixelMark } from '../parts/mark';
 import { Spotlight } from '../parts/spotlight';
@@ -20,7 +21,7 @@ interface View { width: number; height: number; fovy: number; position: number[]
 interface Judge { doing?: string; judged?: boolean; done?: boolean; held?: number; dwell?: number; words?: string; violations?: unknown[]; disturbed?: string[] }
 
 export function PlayPage() {
-  const [session, setSession] = parameter('session');
+  const [session] = parameter('session');
   const all = useResource<Sessions>('/play/sessions', { every: 2000 });
   return (
     <Loaded of={all}>
@@ -29,8 +30,8 @@ export function PlayPage() {
         const there = data.sessions.some((one) => one.session === session);
         return (
           <>
-            <Opener data={data} session={session} choose={setSession} />
-            {session && (there ? <Table session={session} key={session} /> : <Panel><p role="status" class="muted">{session} is being opened, or has ended.</p></Panel>)}
+            <Opener data={data} session={session} there={there} />
+            {there && <Table session={session} key={session} />}
             {!session && <Panel><Empty title="No session is chosen" command="etude play open deploy/campaigns/quickstart.yaml --run RUN">Open one above, or on the command line.</Empty></Panel>}
           </>
         );
@@ -39,43 +40,93 @@ export function PlayPage() {
   );
 }
 
-function Opener(props: { data: Sessions; session: string; choose: (name: string) => void }) {
-  const { data } = props;
-  const [campaign, setCampaign] = useState('quickstart');
-  const [policy, setPolicy] = useState('');
-  const [index, setIndex] = useState('0');
+interface Opened { session: string; job: string }
+
+/** What a session is opened with; all of it in the address. */
+function useWish(data: Sessions) {
+  const [campaign] = parameter('campaign', 'quickstart');
+  const [index] = parameter('index', '0');
+  const [seed] = parameter('seed');
+  const [policy] = parameter('policy');
+  const run = policy || data.policies[0] || '';
+  return { spec: campaign, run, index: Number(index) || 0, ...(seed ? { seed } : {}) };
+}
+
+/** Choosing a session brings its scene into the address, as far as it says which one it is. */
+function choose(data: Sessions, name: string): void {
+  const one = data.sessions.find((all) => all.session === name);
+  const scene = one?.scene as unknown as Scene | undefined;
+  const known = scene && data.campaigns.includes(scene.campaign);
+  setParameters({ session: name, ...(known ? { campaign: scene.campaign, index: scene.index, seed: null, policy: one!.run } : {}) });
+}
+
+function Opener(props: { data: Sessions; session: string; there: boolean }) {
+  const { data, session } = props;
+  const wish = useWish(data);
   const [said, setSaid] = useState('');
+  const [command, setCommand] = useState('');
   const [shown, show] = useState('');
   const [token, setToken] = useState('');
-  const run = policy || data.policies[0] || '';
+  const [opened, setOpened] = useState<Opened | null>(null);
+  const coming = session !== '' && !props.there && opened?.session === session;
+  const job = useResource<Job>(coming ? `/jobs/${opened.job}` : null, { every: 1000 });
+  const ended = session !== '' && !props.there && (!coming || (job.data !== undefined && job.data.state !== 'running'));
+  const text = JSON.stringify(wish);
+  useEffect(() => {
+    setCommand('');
+    if (!wish.run) return;
+    const abort = new AbortController();
+    postJson<{ command: string }>('/play/sessions', { ...wish, dry_run: true }, abort.signal).then((answer) => { setCommand(answer.command); setSaid(''); }).catch((error: unknown) => { if (!abort.signal.aborted) setSaid(reasonOf(error)); });
+    return () => abort.abort();
+  }, [text]);
   const open = async () => {
     try {
       if (token) await postJson('/session', { token });
       setToken('');
-      const opened = await postJson<{ session: string; command: string }>('/play/sessions', { spec: campaign, run, index: Number(index) || 0 });
-      setSaid(opened.command);
+      const started = await postJson<Opened>('/play/sessions', wish);
+      setSaid('');
       show('');
-      props.choose(opened.session);
+      setOpened(started);
+      setParameters({ session: started.session });
     } catch (error) {
       setSaid(reasonOf(error));
     }
   };
+  const actions = home.value?.actions ?? true;
+  const set = (name: string) => (value: string) => setParameters({ [name]: value || null }, true);
   return (
     <Panel title="Sessions">
+      {coming && !ended && <p role="status" class="muted">{session} is being opened.</p>}
+      {ended && (
+        <div class="problem" role="alert" data-ended={session}>
+          <h2>The session {session} has ended</h2>
+          {job.data?.log.slice(-3).map((line) => <p class="small mono">{line}</p>)}
+          <p>It is not heard any more. Its scene is chosen below.</p>
+          {actions && <button type="button" class="button" disabled={!wish.run} onClick={() => { void open(); }}>Open the same scene again</button>}
+        </div>
+      )}
       <div class="row wrap">
-        {data.sessions.length > 0 && <Select showLabel label="Session" value={props.session} options={[['', 'choose one'], ...data.sessions.map((one) => [one.session, `${one.session} (${one.phase})`] as const)]} choose={props.choose} />}
-        <Select showLabel label="Scene of" value={campaign} options={data.campaigns.map((one) => [one, one] as const)} choose={setCampaign} />
-        <label class="inline">Number<input class="field" type="number" min="0" value={index} onInput={(event) => setIndex(event.currentTarget.value)} /></label>
-        <Select showLabel label="Policy" value={run} options={data.policies.length ? data.policies.map((one) => [one, one] as const) : [['', 'none is served']]} choose={setPolicy} />
-        <TokenField value={token} change={setToken} />
-        <button type="button" class="button" onClick={() => show(`${encodeURIComponent(campaign)}/${Number(index) || 0}`)}>Preview</button>
-        <button type="button" class="button" disabled={!run} onClick={() => { void open(); }}>Open</button>
+        {data.sessions.length > 0 && <Select showLabel label="Session" value={session} options={[['', 'choose one'], ...data.sessions.map((one) => [one.session, `${one.session} (${one.phase})`] as const)]} choose={(name) => choose(data, name)} />}
+        <Select showLabel label="Scene of" value={wish.spec} options={listed(data.campaigns, wish.spec)} choose={set('campaign')} />
+        <label class="inline">Number<input class="field" type="number" min="0" value={wish.index} onInput={(event) => set('index')(event.currentTarget.value)} /></label>
+        <label class="inline">Seed<input class="field" inputMode="numeric" size={12} maxLength={20} placeholder="the campaign's" value={wish.seed ?? ''} onInput={(event) => set('seed')(event.currentTarget.value.trim())} /></label>
+        <Select showLabel label="Policy" value={wish.run} options={wish.run ? listed(data.policies, wish.run) : [['', 'none is served']]} choose={set('policy')} />
+        {actions && <TokenField value={token} change={setToken} />}
+        <button type="button" class="button" onClick={() => show(`${encodeURIComponent(wish.spec)}/${wish.index}.png${query({ seed: wish.seed })}`)}>Preview</button>
+        {actions && <button type="button" class="button" disabled={!wish.run} onClick={() => { void open(); }}>Open</button>}
       </div>
-      {shown && <img class="play-scene" src={`${root}/scenes/${shown}.png`} alt={`The scene ${shown}`} />}
-      {said && <p class="small muted" role="status">{said}</p>}
+      {shown && <img class="play-scene" src={`${root}/scenes/${shown}`} alt={`The scene ${shown}`} />}
+      {command && <Command text={command} />}
+      {said && <p class="small bad" role="alert">{said}</p>}
+      {!actions && <p class="small muted">This gateway was started without --token-file: it opens nothing. Copy the command.</p>}
       {!data.policies.length && <Command text="etude policy --checkpoint FILE" />}
     </Panel>
   );
+}
+
+/** All that there are, and the one of the address. */
+function listed(names: string[], value: string): (readonly [string, string])[] {
+  return [...new Set([...names, value])].map((one) => [one, names.includes(one) ? one : `${one} (not here)`] as const);
 }
 
 function Table(props: { session: string }) {
@@ -84,7 +135,6 @@ function Table(props: { session: string }) {
   const live = useLive<PlaySession>('play', { session: props.session }, 10);
   const [selected, select] = useState('');
   const [refusal, setRefusal] = useState('');
-  const [places, setPlaces] = useState<Record<string, { x: number; y: number; yaw: number }>>({});
   const send = async (action: string, values: Record<string, unknown> = {}): Promise<boolean> => {
     try {
       const answer = await postJson<{ accepted: boolean; refusal: string }>(`${address}/commands`, { action, arguments: values });
@@ -102,8 +152,7 @@ function Table(props: { session: string }) {
         const resting = state.phase === 'rest';
         const place = async (name: string, x: number, y: number) => {
           const yaw = scene.objects.find((one) => one.name === name)?.yaw ?? 0;
-          const next = { ...places, [name]: { x, y, yaw } };
-          if (await send('scene', { index: scene.index, objects: Object.entries(next).map(([of, at]) => ({ name: of, ...at })) })) setPlaces(next);
+          await send('scene', { keep: true, objects: [{ name, x, y, yaw }] });
         };
         return (
           <div class="play">
@@ -182,10 +231,15 @@ function project(camera: View, p: number[]): [number, number] | null {
 }
 
 function Say(props: { address: string; state: PlaySession; send: (action: string, values?: Record<string, unknown>) => Promise<boolean> }) {
-  const [sentence, setSentence] = useState('');
+  const [kept, keep] = parameter('sentence');
+  const [sentence, setSentence] = useState(kept);
   const [asked, setAsked] = useState('');
   useEffect(() => {
-    const timer = window.setTimeout(() => setAsked(sentence.trim()), 200);
+    // the address takes what was typed after a pause: browsers refuse to change it at every key
+    const timer = window.setTimeout(() => {
+      setAsked(sentence.trim());
+      keep(sentence.trim(), true);
+    }, 200);
     return () => window.clearTimeout(timer);
   }, [sentence]);
   const meaning = useResource<Meaning>(asked ? `${props.address}/meaning${query({ sentence: asked })}` : null);

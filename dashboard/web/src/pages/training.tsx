@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // Does it learn, is it fed, why does a stage stand. Colour is the run, the panel is the module.
 import { useEffect, useState } from 'preact/hooks';
-import { getBytes, root, useResource } from '../core/api';
+import { getBytes, query, root, useResource, type Resource } from '../core/api';
 import { epoch, useLive } from '../core/connection';
 import { clock, count, duration, number, percent } from '../core/format';
 import { useKeys } from '../core/keys';
 import { link, parameter, setParameters } from '../core/router';
 import { readSafetensors } from '../core/safetensors';
 import { chosenAll, nameOf, sourcesOf } from '../core/sources';
-import { smooth } from '../core/stats';
+import { smooth, split } from '../core/stats';
 import { hues } from '../core/theme';
 import type { Checkpoints, Curriculum, Run, SeriesKey, State } from '../core/types';
 import { Chip, Command, Empty, Failed, Loaded, Panel, Segments, Select, Skeleton, StateChip } from '../parts/basics';
 import { Chart, type Line } from '../parts/chart';
 import { Ladder } from './overview';
 
-interface Curve { x: Float64Array; min: Float64Array; max: Float64Array; last: Float64Array }
+interface Curve { x: Float64Array; step: Float64Array; min: Float64Array; max: Float64Array; last: Float64Array }
 type Curves = Map<string, Curve>;
 interface LiveTrain { run: string; state: State; step: number; stage: number; stages: number; stage_name: string; loss: number | null; samples_per_s: number | null; data_wait: number | null; eta_s: number | null }
 
@@ -38,8 +38,8 @@ function useCurves(run: Run | undefined, keys: string[], axis: Axis, range: [num
         const bounds = range ? `&from=${range[0]}&to=${range[1]}` : '';
         const { tensors } = readSafetensors(await getBytes(`/runs/${id}/series?keys=${part}&x=${axis}${bounds}&points=600`, abort.signal));
         for (const key of keys.slice(i, i + 32)) {
-          const [x, min, max, last] = ['x', 'min', 'max', 'last'].map((name) => tensors.get(`${key}/${name}`)?.values as Float64Array | undefined);
-          if (x && min && max && last) merged.set(key, { x, min, max, last });
+          const [x, step, min, max, last] = ['x', 'step', 'min', 'max', 'last'].map((name) => tensors.get(`${key}/${name}`)?.values as Float64Array | undefined);
+          if (x && step && min && max && last) merged.set(key, { x, step, min, max, last });
         }
       }
       if (!abort.signal.aborted) setCurves(merged);
@@ -87,7 +87,7 @@ function Content(props: { ids: string[]; run: Run; live: LiveTrain | undefined; 
         <Segments label="Horizontal axis" value={axis} options={axes} choose={(value) => { setParameters({ x: value === 'step' ? null : value, range: null }); }} />
         <Segments label="Vertical axis" value={scale} options={[['lin', 'lin'], ['log', 'log']]} choose={(value) => setScale(value)} />
         <Select label="Smoothing" value={width} options={[['0', 'not smoothed'], ['100', 'over 100 steps'], ['200', 'over 200 steps'], ['500', 'over 500 steps'], ['1000', 'over 1,000 steps']]} choose={(value) => setWidth(value)} />
-        <a class="button" href={`${root}/runs/${run.id}/series.csv?kind=train`} download={`${run.name}-train.csv`}>CSV</a>
+        <a class="button" href={`${root}/runs/${run.id}/series.csv${query({ run: props.ids.slice(1) })}`} download={`${props.ids.map(nameOf).join('-')}.csv`}>CSV</a>
       </div>
       <Compare ids={props.ids} />
       {run.end?.cause === 'failed' && <div class="problem" role="alert"><h2>The run ended with an error at step {count(run.end.step)}</h2><p>Checkpoint {count(run.checkpoint_step)} stands. See the <a href={link('logs', { level: 'warn' })}>logs</a>, then go on from there:</p><Command text={`etude train --data DATA --out ${run.folder ?? 'RUN'} --resume`} /></div>}
@@ -152,16 +152,17 @@ function marks(checkpoints: Checkpoints | undefined, run: Run, axis: Axis): Shar
   ];
 }
 
+const [rateKey, waitKey] = ['train/samples_per_second', 'train/data_wait'] as const;
 const units: Record<string, string> = { cm: 'cm', px: 'px', deg: '°', share: 'share', s: 's', '1/s': '1/s' };
 
 function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared }) {
   const { run, ids, shared } = props;
-  const keys = run.keys.map((one) => one.key);
-  const base = useCurves(run, keys, shared.axis, shared.range, props.round);
-  const others = ids.slice(1).map((id) => <OtherRun key={id} id={id} />);
-  const extra = useOthers(ids.slice(1), keys, shared);
+  const base = useCurves(run, run.keys.map((one) => one.key), shared.axis, shared.range, props.round);
+  const others = useOthers(ids.slice(1), shared);
   if (!base) return <Skeleton height={480} />;
-  const runs = [{ id: run.id, curves: base }, ...extra];
+  const runs = [{ id: run.id, curves: base }, ...others.flatMap(({ id, curves }) => (curves ? [{ id, curves }] : []))];
+  // what any of the runs has: modules come with their stage, and configs differ
+  const keys = [...new Map([run, ...others.flatMap((one) => one.run.data ?? [])].reverse().flatMap((one) => one.keys.map((key) => [key.key, key] as const))).values()];
   const lines = (entries: { key: SeriesKey; label: string; dash?: boolean; points?: boolean }[], smoothable = true): Line[] => runs.flatMap(({ id, curves }, r) => entries.flatMap(({ key, label, dash, points }) => {
     const curve = curves.get(key.key);
     if (!curve) return [];
@@ -169,21 +170,30 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
     const token = runs.length > 1 || entries.length < 2 ? hues[r]! : entries.length > 2 ? hues[entries.findIndex((one) => one.key === key) % hues.length]! : entries[0]!.key === key ? 'target' : 'hand';
     const line: Line = { label: name, token, x: curve.x, values: curve.last as unknown as (number | null)[], min: curve.min as unknown as number[], max: curve.max as unknown as number[], ...(dash ? { dash } : {}), ...(points ? { points } : {}) };
     if (!smoothable || !shared.smoothing || points) return [line];
-    return [{ ...line, faint: true, label: `${name} raw` }, { ...line, values: smooth(curve.x, line.values, shared.smoothing), min: [], max: [] }];
+    return [{ ...line, faint: true, label: `${name} raw` }, { ...line, values: smooth(curve.step, line.values, shared.smoothing), min: [], max: [] }];
   }));
-  const find = (text: string) => run.keys.find((one) => one.key === text);
+  const find = (text: string) => keys.find((one) => one.key === text);
+  const parts = runs.flatMap(({ id, curves }, r): Line[] => {
+    const [rate, wait] = [curves.get(rateKey), curves.get(waitKey)];
+    if (!rate || !wait) return [];
+    const { x, part, rest } = split(rate, wait);
+    const name = runs.length > 1 ? `${nameOf(id)} ` : '';
+    const line = (label: string, token: string, values: number[], below: number[]): Line => ({ label: name + label, token, x, values, base: below });
+    return [line('compute', runs.length > 1 ? hues[r]! : 'target', rest, x.map(() => 0)), { ...line('data', runs.length > 1 ? hues[r]! : 'hand', part, rest), dash: true }];
+  });
   const common = { sync: 'training', bands: shared.bands, marks: shared.marks, range: shared.range, zoom: shared.zoom, log: shared.log, xLabel: shared.axis, ...(shared.axis === 'elapsed' ? { xFormat: duration } : {}) };
   const loss = [find('train/loss') && { key: find('train/loss')!, label: 'train' }, find('valid/loss') && { key: find('valid/loss')!, label: 'valid', points: true, dash: true }].filter(Boolean) as { key: SeriesKey; label: string; points?: boolean }[];
-  const modules = run.modules.length ? run.modules : [...new Set(run.keys.map((one) => one.module).filter((one): one is string => one !== null))];
-  const running = run.keys.filter((one) => one.kind === 'train' && one.module === null && one.name !== 'loss' && one.name !== 'stage');
+  const modules = [...run.modules];
+  for (const { module } of keys) if (module !== null && !modules.includes(module)) modules.push(module);
+  const running = keys.filter((one) => one.kind === 'train' && one.module === null && one.name !== 'loss' && one.name !== 'stage' && !(parts.length && (one.key === rateKey || one.key === waitKey)));
   return (
     <>
-      {others}
+      {others.map(({ run: { error, reload } }) => error && <Failed problem={error} retry={reload} />)}
       <Panel label="Loss"><Chart title="Loss"lines={lines(loss)} height={220} {...common} note={shared.range ? 'zoomed; double click for all' : 'drag to zoom'} /></Panel>
       <h2>Validation</h2>
       <div class="grid narrow charts">
         {modules.map((module) => {
-          const own = run.keys.filter((one) => one.kind === 'valid' && one.module === module);
+          const own = keys.filter((one) => one.kind === 'valid' && one.module === module);
           const byUnit = [...new Set(own.map((one) => one.unit))];
           const goal = run.goals.find((one) => one.module === module);
           return byUnit.map((unit) => {
@@ -196,12 +206,13 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
       <h2>Losses of the modules</h2>
       <div class="grid narrow charts">
         {modules.map((module) => {
-          const entries = run.keys.filter((one) => one.kind === 'train' && one.module === module).map((key) => ({ key, label: key.name.slice(module.length + 1), dash: key.name.endsWith('.attention') })).sort((a, b) => (a.label === 'decode' ? -1 : b.label === 'decode' ? 1 : 0));
+          const entries = keys.filter((one) => one.kind === 'train' && one.module === module).map((key) => ({ key, label: key.name.slice(module.length + 1), dash: key.name.endsWith('.attention') })).sort((a, b) => (a.label === 'decode' ? -1 : b.label === 'decode' ? 1 : 0));
           return entries.length > 0 && <Panel><Chart title={`${module} loss`} lines={lines(entries)} {...common} /></Panel>;
         })}
       </div>
       <h2>Running</h2>
       <div class="grid narrow charts">
+        {parts.length > 0 && <Panel><Chart title="samples per second" unit="1/s" lines={parts} {...common} note="compute, and above it what waiting for data takes" /></Panel>}
         {running.map((key) => <Panel><Chart title={key.name.replaceAll('_', ' ')} unit={units[key.unit ?? ''] ?? ''} lines={lines([{ key, label: runs.length > 1 ? '' : 'train' }], !/rate|stage/.test(key.name))} {...common} /></Panel>)}
       </div>
       <p class="small muted">Newest line {clock(run.updated)}{run.nulls.length > 0 && <Chip tone="bad">{run.nulls.length} values not finite</Chip>}{run.torn && ' · the last line was not whole and was left out'}{run.data_wait !== null && ` · waits for data ${percent(run.data_wait, 2)}`}{run.checkpoint_step === null ? '' : ` · checkpoint ${count(run.checkpoint_step)}`}</p>
@@ -209,16 +220,14 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
   );
 }
 
-function OtherRun(props: { id: string }) {
-  const run = useResource<Run>(`/runs/${props.id}`);
-  return run.error ? <Failed problem={run.error} retry={run.reload} /> : run.data ? null : <span class="sr">{`loading ${props.id}`}</span>;
-}
-
-function useOthers(ids: string[], keys: string[], shared: Shared): { id: string; curves: Curves }[] {
+/** The runs beside the first, with the curves of what they themselves have, as they train on. */
+function useOthers(ids: string[], shared: Shared): { id: string; run: Resource<Run>; curves: Curves | undefined }[] {
   // at most three beside the first; always three hooks, so that their number does not change
   const slots = [0, 1, 2].map((i) => {
     const id = ids[i];
-    return { id, curves: useCurves(id ? ({ id } as Run) : undefined, keys, shared.axis, shared.range, 0) };
+    const run = useResource<Run>(id ? `/runs/${id}` : null, { every: 5000 });
+    const data = run.pending ? undefined : run.data;
+    return { id, run, curves: useCurves(data, (data?.keys ?? []).map((one) => one.key), shared.axis, shared.range, Math.floor((data?.step ?? 0) / 50)) };
   });
-  return slots.flatMap(({ id, curves }) => (id && curves ? [{ id, curves }] : []));
+  return slots.flatMap(({ id, run, curves }) => (id ? [{ id, run, curves }] : []));
 }

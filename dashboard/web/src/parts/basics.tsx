@@ -116,6 +116,19 @@ export function Facts(props: { rows: [string, ComponentChildren][]; two?: boolea
   return <dl class={`facts${props.two ? ' two' : ''}`}>{props.rows.map(([name, value]) => [<dt>{name}</dt>, <dd>{value}</dd>])}</dl>;
 }
 
+/** Which of how many are shown, and to the ones before and after. */
+export function Pager(props: { from: number; shown: number; total: number; size: number; what: string; go: (from: number) => void }) {
+  const { from, shown, total, size } = props;
+  if (total <= size && !from) return null;
+  return (
+    <nav class="more" aria-label={`Pages of ${props.what}`}>
+      <button type="button" class="button" disabled={!from} onClick={() => props.go(Math.max(0, from - size))}>Before</button>
+      <span class="small muted num" data-page>{props.what} {(from + 1).toLocaleString('en-US')} to {(from + shown).toLocaleString('en-US')} of {total.toLocaleString('en-US')}</span>
+      <button type="button" class="button" disabled={from + shown >= total} onClick={() => props.go(from + size)}>After</button>
+    </nav>
+  );
+}
+
 export function Segments<T extends string>(props: { label: string; value: T; options: readonly (readonly [T, string])[]; choose: (value: T) => void }) {
   return (
     <div class="segments" role="group" aria-label={props.label}>

@@ -15,6 +15,8 @@ export interface Line {
   /** Bounds of what each point stands for, where points were merged. */
   min?: ArrayLike<number | null>;
   max?: ArrayLike<number | null>;
+  /** What it is stacked upon: drawn above it, and filled from there. */
+  base?: ArrayLike<number>;
   dash?: boolean;
   points?: boolean;
   faint?: boolean;
@@ -61,7 +63,11 @@ function align(lines: Line[]): { x: Float64Array; columns: Column[] } {
     }
     return column;
   };
-  return { x, columns: lines.flatMap((line) => [spread(line, line.values), spread(line, line.min), spread(line, line.max)]) };
+  return { x, columns: lines.flatMap((line) => {
+    const { base } = line;
+    const top = base ? Array.from(line.values, (value, i) => (value === null ? null : value + base[i]!)) : line.values;
+    return [spread(line, top), spread(line, base ?? line.min), spread(line, base ? top : line.max)];
+  }) };
 }
 
 const font = '12px system-ui, sans-serif';
@@ -233,7 +239,8 @@ function options(props: { current: ChartProps }, legend: { current: (HTMLElement
         props.current.lines.forEach((line, i) => {
           const element = legend.current[i];
           if (!element) return;
-          const value = index === null || index === undefined ? null : u.data[1 + 3 * i]?.[index];
+          const top = index === null || index === undefined ? null : u.data[1 + 3 * i]?.[index];
+          const value = line.base && typeof top === 'number' ? top - (u.data[2 + 3 * i]?.[index!] ?? 0) : top;
           element.textContent = number(value ?? (index === null || index === undefined ? summarize(line.values).last : null));
         });
         props.current.cursor?.(index === null || index === undefined ? null : u.data[0][index]!);

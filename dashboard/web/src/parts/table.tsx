@@ -31,8 +31,6 @@ export interface TableProps<Row> {
   setSort?: (sort: string) => void;
   /** Visible height in px; rows beyond it scroll and only those in view exist. */
   height?: number;
-  /** Called when the last rows come into view. */
-  more?: () => void;
   /** `x` on the row that j and k chose. */
   tick?: (row: Row) => void;
 }
@@ -72,9 +70,9 @@ function Cards<Row>(props: TableProps<Row>) {
           );
         })}
       </ul>
-      {(shown < props.rows.length || props.more) && (
+      {shown < props.rows.length && (
         <div class="more">
-          <button type="button" class="button" onClick={() => { setShown(shown + 24); if (shown + 24 >= props.rows.length) props.more?.(); }}>Show more</button>
+          <button type="button" class="button" onClick={() => setShown(shown + 24)}>Show more</button>
           <span class="muted small">{Math.min(shown, props.rows.length)} of {props.rows.length} loaded</span>
         </div>
       )}
@@ -98,7 +96,6 @@ function Grid<Row>(props: TableProps<Row>) {
     const from = Math.max(0, Math.floor(box.scrollTop / rowHeight.current) - 20);
     const to = Math.ceil((box.scrollTop + box.clientHeight) / rowHeight.current) + 20;
     if (from !== view.from || to !== view.to) setView({ from, to });
-    if (to > props.rows.length - 5) props.more?.();
   };
   useLayoutEffect(measure, [props.rows.length, props.height]);
   const move = (by: number) => {

@@ -116,6 +116,20 @@ TEST_F(ContractTest, UnknownThingsAreProblems) {
     EXPECT_EQ(Get(kPrefix + address).status, 400) << address;
 }
 
+TEST_F(ContractTest, RolloutsComeInPagesFailuresFirst) {
+  const auto rows = GetJson(kPrefix + "/evals/lab.eval_b/rows?sort=failures&limit=2");
+  EXPECT_EQ(rows["total"], 4);
+  EXPECT_EQ(rows["failed"], 1);
+  EXPECT_EQ(rows["next"], 2);
+  ASSERT_EQ(rows["rows"].size(), 2u);
+  EXPECT_EQ(rows["rows"][0]["index"], 1) << "the one that failed";
+  EXPECT_EQ(rows["rows"][1]["index"], 0);
+  const auto one = GetJson(kPrefix + "/evals/lab.eval_b/rows?index=3");
+  ASSERT_EQ(one["rows"].size(), 1u);
+  EXPECT_EQ(one["rows"][0]["index"], 3);
+  EXPECT_EQ(GetJson(kPrefix + "/evals/lab.eval_b/rows?index=9")["total"], 0);
+}
+
 TEST_F(ContractTest, SeedsAreText) {
   const auto episode = GetJson(kPrefix + "/datasets/lab.data/episodes/1");
   const auto dataset = GetJson(kPrefix + "/datasets/lab.data");
@@ -329,8 +343,18 @@ TEST_F(ContractTest, OpeningAPlaySessionStartsAWorkerAndTakesNoPath) {
   EXPECT_NE(json["command"].get<std::string>().find("--index 3 --domain 66 --security ids/worker --profile net.xml"),
             std::string::npos);
   EXPECT_EQ(GetJson(kPrefix + "/jobs/" + json["job"].get<std::string>())["action"], "play");
+  request.body = R"({"spec":"quickstart","run":"base","index":3,"seed":"18446744073709551615","dry_run":true})";
+  request.authorization.clear();
+  const auto shown = Ask(request, kPrefix + "/play/sessions");
+  ASSERT_EQ(shown.status, 200) << "what changes nothing needs no token: " << shown.body;
+  const std::string command = OrderedJson::parse(shown.body)["command"].get<std::string>();
+  EXPECT_NE(command.find("--run base --index 3 --seed 18446744073709551615 --domain 66"), std::string::npos) << command;
+  EXPECT_EQ(GetJson(kPrefix + "/jobs")["jobs"].size(), 1u) << "only the one that was opened";
+  request.authorization = fmt::format("Bearer {}", kTestToken);
   for (const char* body : {R"({"spec":"../../etc/passwd","run":"base"})", R"({"spec":"quickstart","run":"a b"})",
-                           R"({"spec":"/tmp/x.yaml","run":"base"})", R"({"run":"base"})"}) {
+                           R"({"spec":"/tmp/x.yaml","run":"base"})", R"({"run":"base"})",
+                           R"({"spec":"quickstart","run":"base","seed":"-1"})",
+                           R"({"spec":"quickstart","run":"base","seed":"18446744073709551616"})"}) {
     request.body = body;
     const int status = Ask(request, kPrefix + "/play/sessions").status;
     EXPECT_TRUE(status == 400 || status == 404) << body << ": " << status;

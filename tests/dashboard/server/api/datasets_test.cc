@@ -48,6 +48,18 @@ std::vector<T> NumbersOf(const store::Tensor& tensor) {
   return numbers;
 }
 
+TEST_F(DatasetsTest, TheSummaryCountsByWorkerWhatTheJournalSays) {
+  {
+    auto writer = store::DatasetWriter::Open(lab_.root() / "shared", spec_);
+    ASSERT_THAT(writer, IsOk());
+    for (std::uint64_t i = 0; i < 5; ++i)
+      ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(spec_, i, 20), {.worker = i < 2 ? "lab-7-1" : "lab-9-1"}),
+                  IsOk());
+  }
+  EXPECT_EQ(Known("/datasets/lab.shared/summary")["workers"], (OrderedJson{{"lab-7-1", 2}, {"lab-9-1", 3}}));
+  EXPECT_EQ(Known("/datasets/lab.shared/summary?worker=lab-9-1")["total"], 3);
+}
+
 TEST_F(DatasetsTest, TheSummaryCountsWhatTheFilesSay) {
   WriteUneven("uneven");
   const auto summary = Known("/datasets/lab.uneven/summary");

@@ -146,6 +146,32 @@ TEST_F(LiveApiTest, HomeSaysWhatStandsAndWhatIsServed) {
   EXPECT_EQ(newest["servers"][0]["step"], 200);
 }
 
+TEST_F(LiveApiTest, AHostSaysHowManyWorkersItHasWhenNotAllAreListed) {
+  live::LiveModel model;
+  const auto now = MonotonicClock::now();
+  bus::Presence campaign;
+  campaign.id = "1111222233334444";
+  campaign.name = "wide";
+  model.Directory({campaign}, now);
+  for (int i = 0; i < 5; ++i) {
+    bus::WorkerStatus worker;
+    worker.worker = "w" + std::to_string(i), worker.host = "lab-7", worker.phase = "play";
+    worker.episodes = 10, worker.failures = 2;
+    model.On(campaign.id, worker, now);
+  }
+  live_ = std::make_shared<const live::LiveView>(model.view());
+  const auto fleet = GetJson(kPrefix + "/fleet?workers=2");
+  EXPECT_THAT(Problems("Fleet", fleet), IsEmpty());
+  ASSERT_EQ(fleet["hosts"].size(), 1u) << fleet.dump(1);
+  const auto& host = fleet["hosts"][0];
+  EXPECT_EQ(host["workers"].size(), 2u);
+  EXPECT_EQ(host["slots"], 5);
+  EXPECT_EQ(host["episodes"], 50) << "of all of them";
+  EXPECT_EQ(host["failures"], 10);
+  EXPECT_EQ(GetJson(kPrefix + "/fleet")["hosts"][0]["workers"].size(), 5u);
+  EXPECT_EQ(Get(kPrefix + "/fleet?workers=0").status, 400);
+}
+
 // Collectors and trainers whose folders are on other hosts.
 TEST_F(LiveApiTest, SeveralThatAreOnTheBusAloneAreListed) {
   std::vector<bus::Presence> there;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests dashboard/server/api/curriculum.cc, graph.cc and runs.cc: what a run's files come to.
+// Tests dashboard/server/api/curriculum.cc, graph.cc, runs.cc and series_csv.cc: what a run's files come to.
 #include <gmock/gmock.h>
 
 #include <cstring>
@@ -140,17 +140,33 @@ TEST(GraphJson, OfWhatIsNoPolicyIsSaid) {
 class RunDetails : public ApiFixture {};
 
 TEST_F(RunDetails, TheCsvHasARowAStepAndNothingWhereThereIsNoNumber) {
-  const std::string text = Get(kPrefix + "/runs/lab.run/series.csv").body;
+  const std::string text = Get(kPrefix + "/runs/lab.run/series.csv?kind=train").body;
   const std::string expected =
-      "step,time,elapsed_s,LANG.decode,data_wait,loss,samples_per_second,stage\n"
-      "50,1795369650,5,0.5,0.01,2,900,2\n"
-      "100,1795369700,10,0.5,0.01,1,900,2\n"
-      "150,1795369750,15,0.5,0.01,,900,2\n"
-      "200,1795369800,20,0.5,0.01,0.5,900,2\n";
+      "run,kind,step,time,elapsed_s,LANG.decode,data_wait,loss,samples_per_second,stage\n"
+      "lab.run,train,50,1795369650,5,0.5,0.01,2,900,2\n"
+      "lab.run,train,100,1795369700,10,0.5,0.01,1,900,2\n"
+      "lab.run,train,150,1795369750,15,0.5,0.01,,900,2\n"
+      "lab.run,train,200,1795369800,20,0.5,0.01,0.5,900,2\n";
   EXPECT_EQ(text, expected);
   EXPECT_EQ(Get(kPrefix + "/runs/lab.run/series.csv?kind=valid").body,
-            "step,time,elapsed_s,LANG.accuracy,TAR3D.cm,loss\n200,1795369821,21,0.75,0.5,1\n");
-  EXPECT_EQ(Get(kPrefix + "/runs/lab.run/series.csv?kind=none").body, "step,time,elapsed_s\n");
+            "run,kind,step,time,elapsed_s,LANG.accuracy,TAR3D.cm,loss\n"
+            "lab.run,valid,200,1795369821,21,0.75,0.5,1\n");
+  EXPECT_EQ(Get(kPrefix + "/runs/lab.run/series.csv?kind=none").body, "run,kind,step,time,elapsed_s\n");
+}
+
+TEST_F(RunDetails, TheCsvHasAllKindsAndRunsUnderTheSameColumns) {
+  WriteExampleRun(lab_.root() / "run_b");
+  const std::string alone = Get(kPrefix + "/runs/lab.run/series.csv").body;
+  EXPECT_THAT(alone, testing::StartsWith("run,kind,step,time,elapsed_s,LANG.accuracy,LANG.decode,TAR3D.cm,data_wait,"
+                                         "loss,samples_per_second,stage\n"
+                                         "lab.run,train,50,1795369650,5,,0.5,,0.01,2,900,2\n"));
+  EXPECT_THAT(alone, testing::EndsWith("lab.run,valid,200,1795369821,21,0.75,,0.5,,1,,\n"));
+  const std::string both = Get(kPrefix + "/runs/lab.run/series.csv?run=lab.run_b").body;
+  EXPECT_THAT(both, testing::StartsWith(alone));
+  EXPECT_THAT(both, testing::HasSubstr("\nlab.run_b,valid,200,1795369821,21,0.75,,0.5,,1,,\n"));
+  // a run that is named twice stands there once
+  EXPECT_EQ(Get(kPrefix + "/runs/lab.run/series.csv?run=lab.run").body, alone);
+  EXPECT_EQ(Get(kPrefix + "/runs/lab.run/series.csv?run=lab.none").status, 404);
 }
 
 TEST_F(RunDetails, SeriesTakeAnyAbscissaAndSpan) {
@@ -166,6 +182,8 @@ TEST_F(RunDetails, SeriesTakeAnyAbscissaAndSpan) {
   EXPECT_THAT(numbers("x=samples", "train/loss/x"), ElementsAre(9600, 19200, 38400));
   EXPECT_THAT(numbers("from=60&to=120", "train/loss/last"), ElementsAre(1));
   EXPECT_THAT(numbers("points=2", "train/loss/max"), ElementsAre(2, 0.5)) << "buckets of equal width";
+  EXPECT_THAT(numbers("x=elapsed", "train/loss/step"), ElementsAre(50, 100, 200)) << "of the values that are numbers";
+  EXPECT_THAT(numbers("x=elapsed&points=2", "train/loss/step"), ElementsAre(100, 200)) << "of the last one";
   EXPECT_EQ(Get(kPrefix + "/runs/lab.run/series?from=early").status, 400);
   std::string keys;
   for (int i = 0; i < 33; ++i) keys += "k" + std::to_string(i) + ",";
