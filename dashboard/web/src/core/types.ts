@@ -170,6 +170,21 @@ export type Home = {
   actions: boolean;
   /** newest change first; at most 100 */
   sources: Source[];
+  /** what etude up is at, of each folder given that has an up.json */
+  ups: {
+    folder: string;
+    state: State;
+    /** begin, collect and train, roll out, serve, drain, ended */
+    phase: string | null;
+    /** what the phase ends with, in words */
+    goal: string | null;
+    /** RFC 3339, UTC */
+    started: string | null;
+    /** RFC 3339, UTC */
+    ended: string | null;
+    /** its exit code */
+    exit: number | null;
+  }[];
   warnings: Warning[];
   tiles: Tiles;
 };
