@@ -892,6 +892,17 @@ export type EvalRow = {
   checkpoint_step: number;
   error_cm: Record<string, number>;
   error_before_contact_cm: Record<string, number>;
+  /** the first decision of which a module's output was off by more than over_cm; missing: there is none */
+  first_bad?: {
+    module: string;
+    /** counts from 0 */
+    decision: number;
+    /** control step */
+    step: number;
+    error_cm: number;
+    /** what is bad */
+    over_cm: number;
+  };
   /** address of the video made by eval */
   video: string | null;
 };
