@@ -103,6 +103,12 @@ void ReadHardships(const OrderedJson& details, RolloutRow& row) {
   row.pushes_missed = static_cast<int>(std::min<std::uint64_t>(UnsignedOr0(details, "pushes_missed"), 1'000'000));
 }
 
+void NoteBad(FirstBad bad, RolloutRow& row) {
+  if (bad.error_cm <= kBadDecision_cm) return;
+  const auto& first = row.first_bad;
+  if (!first || (first->decision == bad.decision && first->error_cm < bad.error_cm)) row.first_bad = std::move(bad);
+}
+
 void ReadDecisions(const OrderedJson& decisions, RolloutRow& row) {
   std::map<std::string, std::vector<double>> all, before;
   for (const auto& decision : decisions) {
@@ -116,6 +122,7 @@ void ReadDecisions(const OrderedJson& decisions, RolloutRow& row) {
       const double error_cm = 100 * error.get<double>();
       if (!std::isfinite(error_cm)) continue;
       all[module].push_back(error_cm);
+      NoteBad({module, row.decisions - 1, UnsignedOr0(decision, "step"), error_cm}, row);
       if (!touched) before[module].push_back(error_cm);
     }
   }
@@ -171,6 +178,12 @@ OrderedJson RowJson(const RolloutRow& row) {
                    {"checkpoint_step", row.checkpoint_step}};
   json["error_cm"] = row.error_cm;
   json["error_before_contact_cm"] = row.error_before_contact_cm;
+  if (const auto& bad = row.first_bad)
+    json["first_bad"] = {{"module", bad->module},
+                         {"decision", bad->decision},
+                         {"step", bad->step},
+                         {"error_cm", bad->error_cm},
+                         {"over_cm", kBadDecision_cm}};
   if (row.covered) json["covered"] = *row.covered;
   if (row.pushes) json["pushes"] = *row.pushes;
   if (row.pushes) json["pushes_missed"] = row.pushes_missed;

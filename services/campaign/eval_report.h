@@ -16,6 +16,19 @@
 
 namespace etude::campaign {
 
+/// Error of a module's output, cm, above which the decision that is made of it counts as bad: about what a grasp
+/// forgives.
+inline constexpr double kBadDecision_cm = 2;
+
+/// The first decision of a rollout of which a module's output was off by more than kBadDecision_cm; of several modules
+/// the one that was off most.
+struct FirstBad {
+  std::string module;
+  int decision = 0;        ///< counts from 0
+  std::uint64_t step = 0;  ///< control step
+  double error_cm = 0;
+};
+
 /// One rollout, as eval.json lists it.
 struct RolloutRow {
   std::uint64_t index = 0;
@@ -34,6 +47,7 @@ struct RolloutRow {
   /// that never had to decide, or a policy without that module).
   std::map<std::string, double> error_cm;
   std::map<std::string, double> error_before_contact_cm;  ///< of the decisions before the arm touched the target
+  std::optional<FirstBad> first_bad;
   std::optional<double> covered;  ///< mean share of the target's pixels under blocks; only where some were to be
   std::optional<int> pushes;      ///< of the target; only where some were wanted
   int pushes_missed = 0;

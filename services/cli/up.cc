@@ -178,6 +178,8 @@ void System::TickDashboard() {
 }
 
 Status System::CollectAndTrain() {
+  record_->SetPhase("collect and train",
+                    fmt::format("{} demonstrations, {:g} min of training", spec_.episodes, config_.train.minutes));
   ETUDE_ASSIGN_OR_RETURN(collection_, HostedCampaign::Start(participant_, spec_,
                                                             {.bus = bus_,
                                                              .workers = config_.workers,
@@ -251,6 +253,7 @@ Status System::RollOut() {
   const EvaluationOptions evaluation = UpEvaluation(config_, run_.id, step);
   const CampaignSpec spec = EvaluationSpec(spec_, evaluation);
   ETUDE_RETURN_IF_ERROR(spec.Validate());
+  record_->SetPhase("roll out", fmt::format("{} rollouts", spec.episodes));
   display_.Say(fmt::format("[{}] rolling out {} episodes", FormatDuration(since_start_.Seconds()), spec.episodes));
   ETUDE_ASSIGN_OR_RETURN(const OrderedJson report, Evaluate(participant_, spec, evaluation,
                                                             {.bus = bus_,
@@ -268,6 +271,7 @@ Status System::RollOut() {
 }
 
 void System::Drain() {
+  record_->SetPhase("drain");
   if (collection_) (void)collection_->Finish();
   if (trainer_) trainer_->Stop(kTrainerPatience);
   if (policy_) policy_->Stop(kPolicyPatience);
@@ -303,6 +307,7 @@ Status System::Run(bool keep_running) {
     return RollOut();
   }();
   if (done && keep_running && !StopRequested()) {
+    record_->SetPhase("serve", "until it is stopped");
     PrintWhere();
     display_.Say(fmt::format("policy '{}' serves on domain {}; Ctrl-C ends it", config_.train.run, bus_.domain));
     while (!WaitForStop(200ms)) ETUDE_RETURN_IF_ERROR(Tick());

@@ -15,13 +15,9 @@ Result<UpRecord> UpRecord::Begin(const Path& out, std::uint32_t domain, const st
   OrderedJson places = OrderedJson::object();
   for (const auto& [name, folder] : folders)
     places[name] = std::filesystem::absolute(folder).lexically_normal().string();
-  record.json_ = {{"pids", {{"up", ::getpid()}}},
-                  {"domain", domain},
-                  {"folders", std::move(places)},
-                  {"address", address},
-                  {"started", WallSeconds()},
-                  {"ended", nullptr},
-                  {"exit", nullptr}};
+  record.json_ = {{"pids", {{"up", ::getpid()}}}, {"domain", domain}, {"folders", std::move(places)},
+                  {"address", address},           {"phase", "begin"}, {"goal", ""},
+                  {"started", WallSeconds()},     {"ended", nullptr}, {"exit", nullptr}};
   ETUDE_RETURN_IF_ERROR(record.Write());
   return record;
 }
@@ -45,7 +41,15 @@ void UpRecord::SetAddress(const std::string& address) {
   WriteOrWarn();
 }
 
+void UpRecord::SetPhase(const std::string& phase, const std::string& goal) {
+  json_["phase"] = phase;
+  json_["goal"] = goal;
+  WriteOrWarn();
+}
+
 void UpRecord::End(int exit_code) {
+  json_["phase"] = "ended";
+  json_["goal"] = "";
   json_["ended"] = WallSeconds();
   json_["exit"] = exit_code;
   WriteOrWarn();

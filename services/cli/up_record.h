@@ -15,8 +15,9 @@
 namespace etude::cli {
 
 /// {"pids": {"up", "trainer", "policy", "dashboard"}, "domain", "folders": {"dataset", "run", "eval", "logs"},
-/// "address", "started", "ended", "exit"}: times in seconds since 1970; "ended" and "exit" are null while it runs.
-/// Where its process is gone and "ended" is null, it was killed. Written by rename; not thread-safe.
+/// "address", "phase", "goal", "started", "ended", "exit"}: phase is begin | collect and train | roll out | serve |
+/// drain | ended, goal what that ends with, in words; times in seconds since 1970; "ended" and "exit" are null while it
+/// runs. Where its process is gone and "ended" is null, it was killed. Written by rename; not thread-safe.
 class UpRecord {
  public:
   /// @param address  of the dashboard; "": none   @error of the disk
@@ -25,6 +26,7 @@ class UpRecord {
   /// The children that are there now; written when they are others than before. What cannot be written is logged.
   void SetChildren(const std::map<std::string, pid_t>& children);
   void SetAddress(const std::string& address);
+  void SetPhase(const std::string& phase, const std::string& goal = "");
   void End(int exit_code);
 
  private:

@@ -10,6 +10,7 @@
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/api/overview.h"
 #include "services/core/command.h"
+#include "services/episode/bounded_json.h"
 #include "services/monitor/sentence.h"
 
 namespace etude::api {
@@ -100,6 +101,41 @@ std::string StateOfAll(const Overview& all) {
   return "unknown";
 }
 
+// What `etude up` says of itself in a folder that was given: OUT/up.json. Without its word on the bus it is silent: it
+// may have been killed.
+OrderedJson UpJson(const live::LiveView& live, const Path& root, const OrderedJson& said) {
+  const auto ended = sources::NumberOf(said, "ended");
+  const bool heard = std::ranges::any_of(live.processes, [&](const auto& item) {
+    const auto& status = item.second.message;
+    return status.role == "etude up" && Path(status.folder) == root;
+  });
+  const auto exit = sources::UnsignedOf(said, "exit");
+  return {{"folder", root.string()},
+          {"state", ended   ? (exit == 0u ? "finished" : "failed")
+                    : heard ? "running"
+                            : "silent"},
+          {"phase", sources::TextOrNull(sources::TextOf(said, "phase").substr(0, 100))},
+          {"goal", sources::TextOrNull(sources::TextOf(said, "goal").substr(0, 300))},
+          {"started", TimeJson(sources::NumberOf(said, "started"))},
+          {"ended", TimeJson(ended)},
+          {"exit", sources::Maybe(exit)}};
+}
+
+OrderedJson UpsJson(Context& context, const live::LiveView& live) {
+  constexpr std::uint64_t kMostBytes = 64 * 1024;
+  OrderedJson ups = OrderedJson::array();
+  for (const auto& root : context.sources.catalog().roots()) {
+    const auto open = sources::OpenBelow(root, "up.json");
+    if (!open || open->stamp.size > kMostBytes) continue;
+    std::string text(open->stamp.size, '\0');
+    const auto got =
+        ReadAt(open->file.get(), root / "up.json", 0, {reinterpret_cast<std::uint8_t*>(text.data()), text.size()});
+    const auto said = got ? ParseBoundedJson(text.substr(0, *got), 8) : std::nullopt;
+    if (said && said->is_object()) ups.push_back(UpJson(live, root, *said));
+  }
+  return ups;
+}
+
 }  // namespace
 
 OrderedJson HomeJson(Context& context) {
@@ -114,6 +150,7 @@ OrderedJson HomeJson(Context& context) {
           {"domain", context.domain >= 0 ? OrderedJson(context.domain) : OrderedJson()},
           {"actions", context.security.enabled()},
           {"sources", SourcesJson(all)},
+          {"ups", UpsJson(context, *all.live)},
           {"warnings", WarningsJson(context, all)},
           {"tiles", http::ForBrowsers(TilesJson(all))}};
 }

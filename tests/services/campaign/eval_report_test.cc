@@ -33,6 +33,30 @@ TEST(RowOf, AveragesTheDecisionsInCentimetres) {
   EXPECT_FALSE(row.error_cm.contains("DISP"));
 }
 
+TEST(RowOf, FindsTheFirstBadDecisionAndItsModule) {
+  Episode episode = Rollout(4, "pick", false);
+  const auto decide = [](int step, double target_m, double hand_m) {
+    return OrderedJson{{"step", step}, {"error_m", {{"EE3D", hand_m}, {"TAR3D", target_m}}}};
+  };
+  episode.details["decisions"] = {decide(0, 0.019, 0.001), decide(15, 0.03, 0.001)};
+  episode.details["decisions"].push_back(decide(30, 0.9, 0.9));
+  const RolloutRow row = RowOf(episode);
+  ASSERT_TRUE(row.first_bad);
+  EXPECT_EQ(row.first_bad->module, "TAR3D");
+  EXPECT_EQ(row.first_bad->decision, 1);
+  EXPECT_EQ(row.first_bad->step, 15u);
+  EXPECT_NEAR(row.first_bad->error_cm, 3, 1e-9);
+  const OrderedJson json = RowJson(row);
+  EXPECT_EQ(json["first_bad"]["module"], "TAR3D");
+  EXPECT_EQ(json["first_bad"]["over_cm"], kBadDecision_cm);
+
+  episode.details["decisions"] = {decide(0, 0.01, 0.002), decide(15, 0.03, 0.05)};
+  EXPECT_EQ(RowOf(episode).first_bad->module, "EE3D") << "of two the one that was off most";
+  episode.details["decisions"] = {decide(0, 0.01, 0.002), decide(15, 0.002, 0.001)};
+  EXPECT_FALSE(RowOf(episode).first_bad);
+  EXPECT_FALSE(RowJson(RowOf(episode)).contains("first_bad"));
+}
+
 TEST(RowOf, ReadsTheJudgement) {
   Episode episode = Rollout(4, "pick", false);
   episode.details["success_latched"] = true;

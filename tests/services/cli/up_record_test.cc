@@ -29,7 +29,13 @@ TEST(UpRecord, SaysThatItRunsAndHowItEnded) {
   record->SetChildren({});
   EXPECT_FALSE(read()["pids"].contains("trainer")) << "it has ended";
 
+  EXPECT_EQ(read()["phase"], "begin");
+  record->SetPhase("roll out", "20 rollouts");
+  EXPECT_EQ(read()["phase"], "roll out");
+  EXPECT_EQ(read()["goal"], "20 rollouts");
+
   record->End(3);
+  EXPECT_EQ(read()["phase"], "ended");
   EXPECT_EQ(read()["exit"], 3);
   EXPECT_GE(read()["ended"].get<double>(), read()["started"].get<double>());
 }

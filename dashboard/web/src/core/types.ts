@@ -170,6 +170,21 @@ export type Home = {
   actions: boolean;
   /** newest change first; at most 100 */
   sources: Source[];
+  /** what etude up is at, of each folder given that has an up.json */
+  ups: {
+    folder: string;
+    state: State;
+    /** begin, collect and train, roll out, serve, drain, ended */
+    phase: string | null;
+    /** what the phase ends with, in words */
+    goal: string | null;
+    /** RFC 3339, UTC */
+    started: string | null;
+    /** RFC 3339, UTC */
+    ended: string | null;
+    /** its exit code */
+    exit: number | null;
+  }[];
   warnings: Warning[];
   tiles: Tiles;
 };
@@ -886,6 +901,17 @@ export type EvalRow = {
   checkpoint_step: number;
   error_cm: Record<string, number>;
   error_before_contact_cm: Record<string, number>;
+  /** the first decision of which a module's output was off by more than over_cm; missing: there is none */
+  first_bad?: {
+    module: string;
+    /** counts from 0 */
+    decision: number;
+    /** control step */
+    step: number;
+    error_cm: number;
+    /** what is bad */
+    over_cm: number;
+  };
   /** address of the video made by eval */
   video: string | null;
   /** it was kept what its policy said, see /evals/{id}/insights/{index} */

@@ -19,6 +19,11 @@ export function Overview() {
         <StateChip state={data.state} />
         <p class="sentence figure" data-overview-sentence>{data.sentence}</p>
       </div>
+      {data.ups.map((one) => (
+        <p class="secondary row" data-up={one.state}>
+          <StateChip state={one.state} /><span>etude up{one.phase && `: ${one.phase}`}{one.goal && ` (${one.goal})`}{one.exit !== null && `, exit ${one.exit}`}</span><span class="muted mono">{one.folder}</span>
+        </p>
+      ))}
       {data.warnings.length > 0 && <Warnings of={data} />}
       <div class="grid three stretch">
         {tiles.demonstrations && <Demonstrations of={tiles.demonstrations} />}

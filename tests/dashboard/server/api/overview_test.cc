@@ -7,6 +7,7 @@
 #include <string>
 
 #include "tests/dashboard/server/api/api_fixture.h"
+#include "tests/support/matchers.h"
 
 namespace etude::api {
 namespace overview_test {
@@ -93,6 +94,32 @@ TEST_F(OverviewTest, WarnsOfWhatACampaignSaysAndOfWorkersThatAreSilent) {
   auto warnings = Warnings();
   EXPECT_EQ(warnings["campaign_error"], "away: write 'x': No space left on device");
   EXPECT_THAT(warnings["worker_silent"], testing::StartsWith("worker quiet silent for "));
+}
+
+TEST_F(OverviewTest, SaysWhatEtudeUpIsAt) {
+  EXPECT_EQ(Home()["ups"], OrderedJson::array()) << "no up.json";
+  const auto write = [&](const OrderedJson& ended, const OrderedJson& exit) {
+    const OrderedJson said{{"pids", {{"up", 1}}}, {"phase", "roll out"}, {"goal", "20 rollouts"},
+                           {"started", 1.8e9},    {"ended", ended},      {"exit", exit}};
+    ASSERT_THAT(WriteFileAtomically(lab_.root() / "up.json", said.dump()), IsOk());
+  };
+  write(nullptr, nullptr);
+  const auto silent = Home()["ups"];
+  ASSERT_EQ(silent.size(), 1u);
+  EXPECT_EQ(silent[0]["state"], "silent") << "nobody on the bus says that it runs";
+  EXPECT_EQ(silent[0]["phase"], "roll out");
+  EXPECT_EQ(silent[0]["goal"], "20 rollouts");
+  bus::ProcessStatus process;
+  process.process = "up-1", process.role = "etude up", process.folder = silent[0]["folder"];
+  model_.On(process, MonotonicClock::now());
+  EXPECT_EQ(Home()["ups"][0]["state"], "running");
+  write(1.8e9 + 60, 0);
+  EXPECT_EQ(Home()["ups"][0]["state"], "finished");
+  write(1.8e9 + 60, 3);
+  EXPECT_EQ(Home()["ups"][0]["state"], "failed");
+  EXPECT_EQ(Home()["ups"][0]["exit"], 3);
+  ASSERT_THAT(WriteFileAtomically(lab_.root() / "up.json", std::string_view("torn {")), IsOk());
+  EXPECT_EQ(Home()["ups"], OrderedJson::array());
 }
 
 TEST_F(OverviewTest, WorkersThatWentHomeAreNeitherSilentNorSlots) {
