@@ -91,7 +91,7 @@ struct Collector::Impl::Claim {
 std::optional<bus::Verdict> Collector::Impl::Judge(bus::ReceivedBlob& blob, const Result<EpisodeView>& view) {
   const Status fits = view ? CheckEpisode(view->episode) : Status(Fail(view.error()));
   const MutexLock lock(mutex);
-  heard[blob.manifest.sender] = MonotonicClock::now();
+  HearAgain(blob.manifest.sender);
   if (!fits) {
     CountUnfit(blob.manifest, fits.error().message);
     Log().warn("refused an episode worker={}: {}", blob.manifest.sender, fits.error().message);
@@ -308,18 +308,19 @@ void Collector::Impl::WriteIndex(bool at_end) {
   }
 }
 
-// Until every worker that is there has been told (or has gone), for at most `drain`; for those that were there within
-// the last minute and have not been heard since the end, because a link is down, for at most `away`.
+// Until every worker that is there has been told (or has gone), for at most `drain` since it is heard; for those that
+// were there within the last minute and have not been heard since the end, because a link is down, for at most `away`.
 void Collector::Impl::Drain() {
   const Time begin = MonotonicClock::now();
+  std::map<std::string, Time> back;
   while (!Stopping()) {
     {
       const MutexLock lock(mutex);
       const Time now = MonotonicClock::now();
       const bool waiting = std::any_of(heard.begin(), heard.end(), [&](const auto& item) ETUDE_REQUIRES(mutex) {
         if (dismissed.contains(item.first)) return false;
-        const bool there = item.second >= begin;
-        return now - begin < (there ? options.drain : std::max(options.drain, options.away));
+        if (item.second < begin) return now - begin < std::max(options.drain, options.away);
+        return now - back.try_emplace(item.first, now).first->second < options.drain;
       });
       if (!waiting) return;
     }

@@ -54,14 +54,19 @@ void Collector::Impl::TakeMessages() {
   const auto asked = topics.requests.Take();
   for (const auto& report : topics.reports.Take()) OnReport(report);
   // heartbeats that queued while this process was suspended count before anything expires
+  std::set<std::string> gone;  // since they asked
   for (auto taken = topics.heartbeats.Take(); !taken.empty(); taken = topics.heartbeats.Take())
-    for (const auto& status : taken) OnHeartbeat(status);
+    for (const auto& status : taken) {
+      OnHeartbeat(status);
+      if (status.phase == bus::kGonePhase) gone.insert(status.worker);
+    }
   EndSilent();
   for (const auto& message : topics.errors.Take()) OnErrors(message);
   bool controlled = false;
   for (const auto& control : topics.controls.Take()) controlled = OnControl(control) || controlled;
   if (answered.exchange(false) || controlled) PublishStatus();  // who asked waits for it
-  for (const auto& request : asked) OnRequest(request);
+  for (const auto& request : asked)
+    if (!gone.contains(request.worker)) OnRequest(request);
 }
 
 // Leases of those who say nothing, and of those who say that they live and do not move: a planner that never ends, a
@@ -253,6 +258,11 @@ std::string DetailsOf(const bus::AttemptReport& report) {
 
 }  // namespace
 
+// By what may come after its goodbye, or from anybody.
+void Collector::Impl::HearAgain(const std::string& worker) {
+  if (const auto known = heard.find(worker); known != heard.end()) known->second = MonotonicClock::now();
+}
+
 void Collector::Impl::OnReport(const bus::AttemptReport& report) {
   if (report.campaign_id != id || report.spec_sha256 != spec_sha256 || report.index >= spec.episodes) return;
   // any bytes may stand there, and it becomes a key of JSON
@@ -266,7 +276,7 @@ void Collector::Impl::OnReport(const bus::AttemptReport& report) {
       ++counters.stale_results;
       return;
     }
-    heard[report.worker] = MonotonicClock::now();
+    HearAgain(report.worker);
     if (report.outcome == kReleased) return OnReleased(report);
     ++counters.failures[outcome];
     table.Fail(report.index, RetryOf(spec, outcome));

@@ -144,6 +144,7 @@ struct Collector::Impl {
   Result<SamplingEntry> WantedBy(const bus::ValidationErrors& message);
   bool Reweight();
   SamplingWeights WeightsAt(std::uint64_t index) const ETUDE_EXCLUDES(journal_mutex);
+  void HearAgain(const std::string& worker) ETUDE_REQUIRES(mutex);
   void OnReport(const bus::AttemptReport& report);
   void OnHeartbeat(const bus::WorkerStatus& status);
   void EndIfStill(const std::string& worker, Motion& motion, Time now) ETUDE_REQUIRES(mutex);

@@ -60,7 +60,7 @@ std::optional<bus::Verdict> Collector::Impl::JudgeAgain(const bus::BlobManifest&
     const MutexLock lock(mutex);
     lease = rechecks.Take(manifest.token, manifest.sender, MonotonicClock::now());
     if (!lease) return std::nullopt;
-    heard[manifest.sender] = MonotonicClock::now();
+    HearAgain(manifest.sender);
     ++counters.rechecked;
     if (lease->episode.sha256 == sha256) return bus::Verdict{bus::AckKind::kDuplicate, ""};
   }
@@ -75,7 +75,7 @@ bool Collector::Impl::OnReportAgain(const bus::AttemptReport& report, const std:
     if (report.outcome == kReleased) return rechecks.Release(report.token, report.worker);
     lease = rechecks.Take(report.token, report.worker, MonotonicClock::now());
     if (!lease) return false;
-    heard[report.worker] = MonotonicClock::now();
+    HearAgain(report.worker);
     ++counters.rechecked;
   }
   (void)TellMismatch(*lease, "outcome", outcome);

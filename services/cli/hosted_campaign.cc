@@ -61,8 +61,10 @@ HostedCampaign::~HostedCampaign() {
 bool HostedCampaign::ended() const { return host_->ended.load(); }
 
 Status HostedCampaign::Supervise() {
-  if (!pool_ || ended() || progress().complete) return {};
-  return pool_->Supervise();
+  if (!pool_ || ended()) return {};
+  if (!progress().complete) return pool_->Supervise();
+  pool_->NoteEnds();  // the collector waits for those that might come back
+  return {};
 }
 
 Status HostedCampaign::Finish() {

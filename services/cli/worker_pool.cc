@@ -130,6 +130,15 @@ Status WorkerPool::Supervise() {
                                               log.string(), LogTail(log)));
 }
 
+void WorkerPool::NoteEnds() {
+  for (auto& slot : slots_) {
+    if (!slot.process || !slot.process->Poll()) continue;
+    slot.process.reset();
+    slot.finished = true;
+    if (options_.on_end) options_.on_end(slot.name);
+  }
+}
+
 void WorkerPool::Stop() {
   for (auto& slot : slots_)
     if (slot.process) slot.process->Terminate();

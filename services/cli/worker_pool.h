@@ -38,6 +38,8 @@ class WorkerPool {
   /// campaign::HopelessDeaths died without one episode committed meanwhile; the message says how the last one ended,
   /// with its log's last lines.
   Status Supervise();
+  /// In its place where nothing is left to do: what ended is told to `on_end`, and not started again.
+  void NoteEnds();
   /// SIGTERM to all, SIGKILL after a few seconds.
   void Stop();
   int restarts() const { return restarts_; }

@@ -58,8 +58,12 @@ std::string ExceptionText() {
 [[noreturn]] void OnTerminate() {
   char thread[16] = "";
   ::pthread_getname_np(::pthread_self(), thread, sizeof(thread));
-  End(kExitFailure, fmt::format("thread '{}'", thread),
-      std::current_exception() ? ExceptionText() : "std::terminate was called");
+  try {
+    End(kExitFailure, fmt::format("thread '{}'", thread),
+        std::current_exception() ? ExceptionText() : "std::terminate was called");
+  } catch (...) {
+    std::fputs("std::bad_alloc, and no memory for more words\n", stderr);
+  }
   std::abort();
 }
 

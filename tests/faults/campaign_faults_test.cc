@@ -176,7 +176,9 @@ int ForgeReports(const bus::Participant& participant, const CampaignRun& run, co
       ++overheard;
       forge(status, "thief", status.token);
       forge(status, status.worker, status.token);
-      for (std::uint64_t step = 1; step <= 20; ++step) forge(status, status.worker, status.token + step);
+      const auto acks = run.Acks();  // beside a token of the same epoch
+      for (std::uint64_t step = 1; step <= 20; ++step)
+        forge(status, status.worker, (acks.empty() ? 0 : acks.back().token) + step);
     }
     return overheard >= 3;
   }));

@@ -195,7 +195,7 @@ TEST(Directory, UnderSecurityAnIdThatIsLiveElsewhereIsRefusedToo) {
                                                              .not_after = now + 86400});
     EXPECT_TRUE(identity) << identity.error().message;
     auto participant =
-        Participant::Open({domain, LocalProfileWith("<ExternalDomainId>72</ExternalDomainId>"), identity->string()});
+        Participant::Open({domain, LocalProfileWith("<ExternalDomainId>101</ExternalDomainId>"), identity->string()});
     EXPECT_TRUE(participant) << participant.error().message;
     return std::move(*participant);
   };

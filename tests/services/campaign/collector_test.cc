@@ -213,7 +213,7 @@ TEST_F(CollectorTest, WhatAThreadThrowsEndsItWithWords) {
   Running running(std::move(*collector));
   auto sender = bus::BlobSender::Open(*participant_, {spec.name, running->id()}, "episode", "worker");
   ASSERT_TRUE(sender);
-  RawWorker worker(*participant_, spec, running->id(), "asker");
+  RawWorker worker(*participant_, spec, running->id(), "worker");
   const bus::Lease lease = worker.Ask();
   ASSERT_EQ(lease.kind, bus::LeaseKind::kWork);
   (void)sender->Send(1, EncodeEpisode(FakeEpisode(spec, lease.index, lease.attempt)), lease.token, "{}", 2s);

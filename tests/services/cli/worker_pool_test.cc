@@ -113,6 +113,21 @@ TEST(WorkerPool, StopLetsWorkersDrain) {
   EXPECT_THAT(said(1), testing::EndsWith("drained\n"));
 }
 
+TEST_F(DyingWorkers, AreToldAndNotStartedAgainWhereNothingIsLeftToDo) {
+  const Path program = WriteProgram(folder_ / "worker", "#!/bin/sh\nexit 1\n");
+  auto pool = WorkerPool::Start({.workers = 2,
+                                 .campaign = "demo@aaaa",
+                                 .bus = {},
+                                 .logs = folder_ / "logs",
+                                 .on_end = [this](const std::string&) { ++ended_; },
+                                 .committed = nullptr,
+                                 .program = program});
+  ASSERT_TRUE(pool) << pool.error().message;
+  for (const Stopwatch watch; ended_ < 2 && watch.Seconds() < 30; WaitForStop(1ms)) pool->NoteEnds();
+  EXPECT_EQ(ended_, 2);
+  EXPECT_EQ(pool->restarts(), 0);
+}
+
 TEST(HopelessDeaths, GrowWithTheWorkers) {
   EXPECT_EQ(campaign::HopelessDeaths(1), 6);
   EXPECT_EQ(campaign::HopelessDeaths(64), 192);
