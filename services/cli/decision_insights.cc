@@ -101,6 +101,16 @@ Result<bool> WriteInsightsOf(const Episode& rollout, const InsightFunction& ask,
 
 }  // namespace
 
+namespace {
+
+// A rollout that was made anew since has none yet.
+bool IsKept(const Path& path, const Episode& rollout) {
+  const auto kept = policy::InsightFile::Open(path);
+  return kept && kept->of() == policy::InsightsOf{rollout.index, rollout.seed, rollout.attempt};
+}
+
+}  // namespace
+
 Result<std::vector<Path>> WriteInsights(const Path& rollouts, const Path& folder, const InsightFunction& ask,
                                         InsightTally& tally) {
   if (!ask && !std::filesystem::exists(folder)) return std::vector<Path>{};
@@ -110,7 +120,8 @@ Result<std::vector<Path>> WriteInsights(const Path& rollouts, const Path& folder
   std::vector<Path> files;
   for (const std::uint64_t index : indices) {
     const Path path = folder / policy::InsightFileName(index);
-    bool there = std::filesystem::exists(path);
+    ETUDE_ASSIGN_OR_RETURN(const store::EpisodeRecord record, reader.Read(index));
+    bool there = IsKept(path, record.episode);
     if (!there && ask && !StopRequested()) {
       ETUDE_ASSIGN_OR_RETURN(const Episode rollout, reader.ReadWhole(index));
       ETUDE_ASSIGN_OR_RETURN(there, WriteInsightsOf(rollout, ask, path, tally));

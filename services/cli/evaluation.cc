@@ -79,10 +79,12 @@ struct LookedBack {
   Result<std::vector<Path>> videos, insights;
 };
 
+// @param overlay, ask  null: what is there of these already stands
 LookedBack WriteThem(const EvaluationOptions& options, Overlay* overlay, const InsightFunction& ask,
                      InsightTally& tally) {
   const Path rollouts = options.out / "rollouts";
-  return {WriteVideos(rollouts, options.out / "videos", options.videos, overlay),
+  const int videos = options.overlay && overlay == nullptr ? 0 : options.videos;
+  return {WriteVideos(rollouts, options.out / "videos", videos, overlay),
           WriteInsights(rollouts, options.out / "insights", ask, tally)};
 }
 
@@ -91,13 +93,11 @@ LookedBack WriteThem(const EvaluationOptions& options, Overlay* overlay, const I
 LookedBack LookBack(const bus::Participant& participant, const EvaluationOptions& options, const std::string& policy_id,
                     ProgressDisplay& display) {
   InsightTally tally;
-  if (!options.overlay && !options.insight) return WriteThem(options, nullptr, {}, tally);
-  if (StopRequested()) return {std::vector<Path>{}, std::vector<Path>{}};
+  if ((!options.overlay && !options.insight) || StopRequested()) return WriteThem(options, nullptr, {}, tally);
   auto client = policy::InsightClient::Open(participant, Selector{options.run, policy_id}.text());
   if (!client) {
-    LookedBack plain{Fail(client.error()), Fail(client.error())};
-    if (!options.overlay) plain.videos = WriteVideos(options.out / "rollouts", options.out / "videos", options.videos);
-    return plain;
+    Log().warn("cannot ask the policy once more: {}", client.error().message);
+    return WriteThem(options, nullptr, {}, tally);
   }
   display.Show("asking the policy once more what it saw and said");
   const InsightFunction ask = [&client](const policy::Question& question) { return client->Ask(question); };

@@ -19,6 +19,8 @@ namespace {
 constexpr const char* kInsightFormat = "etude-insights-1";
 constexpr std::size_t kMostIndexLine = 1 << 20;  // bytes: kMostKeptDecisions of some 60 and more
 
+constexpr std::ptrdiff_t kMostText = 1 << 20;  // bytes: what is parsed takes many times as much
+
 using Bytes = std::vector<std::uint8_t>;
 
 // ---- an insight as a block ------------------------------------------------------------------------
@@ -60,6 +62,7 @@ Bytes BlockOf(const Insight& insight) {
   for (const auto& waypoint : insight.waypoints)
     for (const float number : ToVector(waypoint)) json["waypoints"].push_back(number);
   const std::string text = JsonText(json) + "\n";
+  if (text.size() > kMostText) return {};
   Bytes block(text.begin(), text.end());
   block.insert(block.end(), weights.begin(), weights.end());
   return block;
@@ -91,6 +94,7 @@ Result<Insight> InsightOf(const Bytes& block, const std::string& where) {
   const auto bad = [&](const char* what) { return Fail(Code::kCorrupt, fmt::format("{}: {}", where, what)); };
   const auto end = std::ranges::find(block, '\n');
   if (end == block.end()) return bad("its text has no end");
+  if (end - block.begin() > kMostText) return bad("its text is too long");
   const auto json =
       ParseBoundedJson({reinterpret_cast<const char*>(block.data()), static_cast<std::size_t>(end - block.begin())});
   if (!json || !json->is_object() || !json->contains("modules") || !json->contains("attention"))

@@ -18,8 +18,8 @@ struct TaskCheckOptions {
 
 /// Prints the task in words (sentences, stages, when it is done) and how many attempts succeed with each robot, with
 /// the reasons of those that fail.
-/// As JSON {task, summary, sentences, reference, stages, success, robots: [{robot, attempts, succeeded, works,
-/// reasons}]}.
+/// As JSON {task, summary, sentences, reference, avoid, stages, success, latched, robots: [{robot, attempts, succeeded,
+/// works, reasons}]}; nothing of a file that is refused.
 /// @param task  path of a task file, or the name of a built-in task; "+obstacle" and "+others" may follow
 /// @error kNotFound; kInvalidArgument: everything that is wrong with the file, or no robot for which most attempts
 /// succeed

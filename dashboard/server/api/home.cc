@@ -107,7 +107,8 @@ OrderedJson UpJson(const live::LiveView& live, const Path& root, const OrderedJs
   const auto ended = sources::NumberOf(said, "ended");
   const bool heard = std::ranges::any_of(live.processes, [&](const auto& item) {
     const auto& status = item.second.message;
-    return status.role == "etude up" && Path(status.folder) == root;
+    std::error_code error;  // it says how it was started: with links, or a slash at the end
+    return status.role == "etude up" && std::filesystem::equivalent(status.folder, root, error);
   });
   const auto exit = sources::UnsignedOf(said, "exit");
   return {{"folder", root.string()},

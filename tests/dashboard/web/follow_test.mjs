@@ -38,9 +38,9 @@ after(async () => {
   rmSync(work, { recursive: true, force: true });
 });
 
-/** A line later than those of the programs, which are sorted by time of day. */
+/** A line of now: those of all programs are sorted by their time. */
 function note() {
-  appendFileSync(log, `23:59:59 info etude-test: line ${readLogLines().length + 1}\n`);
+  appendFileSync(log, `${new Date().toTimeString().slice(0, 8)} info etude-test: line ${readLogLines().length + 1}\n`);
 }
 
 function readLogLines() {

@@ -400,7 +400,7 @@ async function movesAnObject(page, session, object) {
   const x = async () => (await state(session)).scene.objects.find((one) => one.name === object).x;
   const refused = async () => (await page.locator('.play [role=alert]').count()) > 0;
   const stood = await x();
-  const others = async () => (await state(session)).scene.objects.filter((one) => one.name !== object).map((one) => [one.name, Math.round(1000 * one.x), Math.round(1000 * one.y), one.hidden]);
+  const others = async () => (await state(session)).scene.objects.filter((one) => one.name !== object).map((one) => [one.name, one.x, one.y, one.hidden]);
   const [hidden] = (await state(session)).scene.objects.map((one) => one.name).filter((name) => name !== object);
   await page.locator(`[data-object="${hidden}"]`).press('Enter');
   await page.getByRole('button', { name: 'Hide' }).click();
@@ -409,7 +409,10 @@ async function movesAnObject(page, session, object) {
   await page.locator(`[data-object="${object}"]`).press('ArrowRight');
   await until(`${object} to stand 1 cm further`, async () => (await refused()) || Math.abs((await x()) - (stood - 0.01)) < 0.004, 30000);
   assert.ok(!(await refused()), 'it was refused');
-  assert.deepEqual(await others(), before, 'all others are as they were');
+  // they breathe by parts of a millimetre
+  const near = (a, b) => a.every((value, k) => (typeof value === 'number' ? Math.abs(value - b[k]) < 0.002 : value === b[k]));
+  const after = await others();
+  assert.ok(after.every((one, i) => near(one, before[i])), `all others are as they were: ${JSON.stringify({ before, after })}`);
 }
 
 test('Play: a sentence is typed, the policy drives, the judge has the last word', { timeout: 400000 }, async () => {

@@ -159,15 +159,19 @@ test('Training: every curve has the least, largest and last value of metrics.jso
 test('Training: the CSV that is downloaded has every number of metrics.jsonl', async () => {
   const run = source('run');
   if (!run || (await get(`/runs/${run.id}`)).state === 'running') return;
-  const lines = linesOf(folderOf(run, 'metrics.jsonl'), 'train');
-  const names = [...new Set(lines.flatMap((line) => Object.keys(line).filter((name) => typeof line[name] === 'number' || line[name] === null)))];
+  const of = (kind) => linesOf(folderOf(run, 'metrics.jsonl'), kind);
+  const namesOf = (lines) => [...new Set(lines.flatMap((line) => Object.keys(line).filter((name) => typeof line[name] === 'number' || line[name] === null)))];
+  const [lines, names] = [of('train'), namesOf(of('train'))];
   await open(pages.training, async (page) => {
     const download = page.waitForEvent('download');
     await page.getByRole('link', { name: 'CSV', exact: true }).click();
     const [head, ...rows] = readFileSync(await (await download).path(), 'utf8').trimEnd().split('\n').map((row) => row.split(','));
-    assert.deepEqual([...head].sort(), names.sort());
-    assert.equal(rows.length, lines.length);
-    rows.forEach((row, i) => head.forEach((name, c) => assert.equal(row[c] === '' ? null : Number(row[c]), lines[i][name] ?? null, `${name} at step ${lines[i].step}`)));
+    for (const name of [...names, ...namesOf(of('valid')), 'run', 'kind']) assert.ok(head.includes(name), name);
+    const trained = rows.filter((row) => row[head.indexOf('kind')] === 'train');
+    assert.equal(trained.length, lines.length);
+    assert.equal(rows.filter((row) => row[head.indexOf('kind')] === 'valid').length, of('valid').length);
+    const number = (cell) => (cell === '' ? null : Number(cell));
+    trained.forEach((row, i) => names.forEach((name) => assert.equal(number(row[head.indexOf(name)]), lines[i][name] ?? null, `${name} at step ${lines[i].step}`)));
   });
 });
 
