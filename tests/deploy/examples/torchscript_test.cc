@@ -31,6 +31,7 @@ class TorchScriptExample : public testing::Test {
     ASSERT_THAT(config, IsOk());
     config->image.crop = {40, 72, 144, 80};  // as it is derived from the default camera
     config->precision = "float32";
+    config->tasks = {"pick", "push", "put_down"};
     example_ = checkpoint::ExampleCheckpoint(*config);
     example_.metadata.embodiment.width = example_.metadata.embodiment.height = 224;
     const auto bytes = checkpoint::ToTorchScript(example_);
