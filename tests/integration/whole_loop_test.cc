@@ -42,8 +42,8 @@ class WholeLoop : public testing::Test {
   Path out_ = folder_ / "out";
   Path log_ = folder_ / "up.log";
 
-  void WriteConfigs() {
-    std::ofstream(folder_ / "campaign.yaml") << "name: loop\nepisodes: 16\nsplit: {train: 0.7, valid: 0.3}\n";
+  void WriteConfigs(int episodes = 16, const char* split = "{train: 0.7, valid: 0.3}") {
+    std::ofstream(folder_ / "campaign.yaml") << "name: loop\nepisodes: " << episodes << "\nsplit: " << split << "\n";
     std::ofstream(folder_ / "up.yaml")
         << "campaign: campaign.yaml\nworkers: 2\ntrain:\n  run: loop\n  start_episodes: 6\n"
            "  set: [data.batch=16, eval.every_steps=40, eval.frames=48, checkpoint.every_steps=40]\n"
@@ -160,12 +160,12 @@ TEST_F(WholeLoop, CollectsTrainsPublishesServesAndRollsOut) {
 
 // All of its processes with identities of their own: demonstrations, checkpoints, answers and rollouts get through.
 TEST_F(WholeLoop, GoesThroughUnderSecurity) {
-  WriteConfigs();
+  WriteConfigs(8, "{train: 0.5, valid: 0.5}");
   const Path fleet = folder_ / "fleet";
   ASSERT_NO_FATAL_FAILURE(IssueIdentities(fleet));
   const std::string up = Binary("etude").string() + " up " + (folder_ / "up.yaml").string() + " --out " +
                          out_.string() + " --minutes 0.1 --domain " + std::to_string(kSecuredDomain) +
-                         " --set campaign_set=[episodes=8] --set workers=1 --set eval.episodes=1 --set eval.videos=0" +
+                         " --set workers=1 --set eval.episodes=1 --set eval.videos=0" +
                          " --dashboard-port 0 --security " + (fleet / "up").string() + " > " + log_.string() + " 2>&1";
   ASSERT_EQ(RunCommand(up), 0) << ReadTextFile(log_).value_or("");
   const auto report = store::Verify(out_ / "dataset", store::Quarantine::kNo);
