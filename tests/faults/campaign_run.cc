@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <fstream>
+#include <iterator>
 #include <thread>
 
 #include "services/core/hash.h"
@@ -50,7 +52,8 @@ void ReportAsserted(const std::string& fault, const std::string& what) {
 }
 
 double ResidentMb(pid_t pid) {
-  const std::string text = ReadTextFile(fmt::format("/proc/{}/status", pid)).value_or("");
+  std::ifstream file(fmt::format("/proc/{}/status", pid));  // whose size is said to be 0
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
   const auto at = text.find("VmRSS:");
   if (at == std::string::npos) return 0;
   return static_cast<double>(std::strtoull(text.c_str() + at + 6, nullptr, 10)) / 1024;
