@@ -18,7 +18,7 @@ struct ServerOptions {
   std::string address = "127.0.0.1";
   std::uint16_t port = 8080;  ///< 0: any free one
   std::string socket_path = "/api/v1/live";
-  std::size_t connections = 64;
+  std::size_t connections = 256;
   std::size_t request_bytes = 64 * 1024;  ///< of a body
   std::size_t header_bytes = 16 * 1024;
   std::chrono::milliseconds read_time{30'000};    ///< for a whole request, from the end of the one before it

@@ -348,7 +348,7 @@ function FailedAttempt(props: { dataset: string; index: number; attempt: number 
                 <MakeReplay of={remake} label="Make it again" />
                 {remake.of?.state === 'ready' && !remake.of.has_episode && <p class="row"><Chip>made again</Chip>It ended before anything moved: there is nothing to see but the reason.</p>}
                 <Command text={replayCommand(dataset.data?.folder, row.index, row.attempt)} />
-                {others.length > 0 && <><h2>Other attempts of this index</h2><ul>{others.map((one) => <li><a href={episodeLink(props.dataset, one.index, one.has_pictures ? {} : { attempt: one.attempt })}>#{one.index}.{one.attempt}</a> {one.outcome}</li>)}</ul></>}
+                {others.length > 0 && <><h2>Other attempts of this index</h2><ul class="links">{others.map((one) => <li><a href={episodeLink(props.dataset, one.index, one.has_pictures ? {} : { attempt: one.attempt })}>#{one.index}.{one.attempt}</a> {one.outcome}</li>)}</ul></>}
               </Panel>
             </div>
             {remake.of?.state === 'ready' && remake.of.has_episode && remake.of.id && <Whole key={remake.of.id} dataset={remake.of.id} index={props.index} replay={remake.of.id} />}

@@ -21,7 +21,7 @@ import { WatchedSession } from './watched_session';
 export function Inside() {
   const [named] = parameter('run');
   const [evaluation] = parameter('eval');
-  const kept = useResource<Eval>(evaluation && `/evals/${evaluation}`);
+  const kept = useResource<Eval>(evaluation ? `/evals/${evaluation}` : null);
   // another run that is picked leaves the files of this one
   const from = kept.data && (!named || !kept.data.run_id || kept.data.run_id === named) ? kept.data : undefined;
   const id = from ? from.run_id : chosen('run');
