@@ -22,6 +22,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::size_t kMostPartitions = 64;  // that are read at once
+constexpr char kSaysWho[] = "etude/process/status";
 
 struct TopicArguments {
   std::string topic, partition;
@@ -42,10 +43,28 @@ std::string PeersText(const std::vector<bus::PeerEndpoint>& endpoints,
   return fmt::format("{}{}", peers.empty() ? "" : ": ", fmt::join(peers, ", "));
 }
 
+// Until every process that is found has said who it is, which each does once a second; not for ever.
+Status HearNames(const bus::Participant& participant, BusWatch& watch) {
+  constexpr int kMoreLooks = 8;
+  const std::string own = bus::ParticipantId(participant);
+  ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
+  for (int look = 0; look < kMoreLooks && !StopRequested(); ++look) {
+    ETUDE_ASSIGN_OR_RETURN(const auto endpoints, bus::Endpoints(participant));
+    const auto names = monitor::PeerNames(watch.view().processes);
+    const bool all = std::ranges::all_of(endpoints, [&](const bus::PeerEndpoint& one) {
+      const bool says_names = one.is_writer && one.topic == kSaysWho;
+      return !says_names || one.participant == own || names.contains(one.participant);
+    });
+    if (all) break;
+    ETUDE_RETURN_IF_ERROR(watch.LookAround(500ms));
+  }
+  return {};
+}
+
 Status ListTopics(const TopicArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
-  ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
+  ETUDE_RETURN_IF_ERROR(HearNames(participant, watch));
   ETUDE_ASSIGN_OR_RETURN(const auto endpoints, bus::Endpoints(participant));
   const auto names = monitor::PeerNames(watch.view().processes);
   const auto rows = monitor::TopicRows(endpoints, bus::ParticipantId(participant));
