@@ -22,7 +22,6 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::size_t kMostPartitions = 64;  // that are read at once
-constexpr char kSaysWho[] = "etude/process/status";
 
 struct TopicArguments {
   std::string topic, partition;
@@ -43,29 +42,28 @@ std::string PeersText(const std::vector<bus::PeerEndpoint>& endpoints,
   return fmt::format("{}{}", peers.empty() ? "" : ": ", fmt::join(peers, ", "));
 }
 
-// Until every process that is found has said who it is, which each does once a second; not for ever.
-Status HearNames(const bus::Participant& participant, BusWatch& watch) {
+// Who writes and reads, once every process of ours that writes has said who it is, which each does once a second; not
+// for ever.
+Result<std::vector<bus::PeerEndpoint>> NamedEndpoints(const bus::Participant& participant, BusWatch& watch) {
   constexpr int kMoreLooks = 8;
   const std::string own = bus::ParticipantId(participant);
   ETUDE_RETURN_IF_ERROR(watch.LookAround(1500ms));
-  for (int look = 0; look < kMoreLooks && !StopRequested(); ++look) {
-    ETUDE_ASSIGN_OR_RETURN(const auto endpoints, bus::Endpoints(participant));
+  for (int look = 0;; ++look) {
+    ETUDE_ASSIGN_OR_RETURN(auto endpoints, bus::Endpoints(participant));
     const auto names = monitor::PeerNames(watch.view().processes);
     const bool all = std::ranges::all_of(endpoints, [&](const bus::PeerEndpoint& one) {
-      const bool says_names = one.is_writer && one.topic == kSaysWho;
-      return !says_names || one.participant == own || names.contains(one.participant);
+      return !one.is_writer || !one.topic.starts_with("etude/") || one.participant == own ||
+             names.contains(one.participant);
     });
-    if (all) break;
+    if (all || look == kMoreLooks || StopRequested()) return endpoints;
     ETUDE_RETURN_IF_ERROR(watch.LookAround(500ms));
   }
-  return {};
 }
 
 Status ListTopics(const TopicArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, arguments.bus.Open({security::Role::kGateway}));
   ETUDE_ASSIGN_OR_RETURN(auto watch, BusWatch::Open(participant));
-  ETUDE_RETURN_IF_ERROR(HearNames(participant, watch));
-  ETUDE_ASSIGN_OR_RETURN(const auto endpoints, bus::Endpoints(participant));
+  ETUDE_ASSIGN_OR_RETURN(const auto endpoints, NamedEndpoints(participant, watch));
   const auto names = monitor::PeerNames(watch.view().processes);
   const auto rows = monitor::TopicRows(endpoints, bus::ParticipantId(participant));
   OrderedJson all = OrderedJson::array();
