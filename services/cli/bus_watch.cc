@@ -27,6 +27,13 @@ struct RunReaders {
   bus::Reader<bus::PolicyStatus> policies;
 };
 
+// Under its name, which is read before it is moved from.
+template <class Message>
+void Hear(Message&& message, std::string Message::*name, std::map<std::string, Heard<Message>>& heard) {
+  const std::string key = message.*name;
+  heard[key] = {std::move(message), MonotonicClock::now()};
+}
+
 template <class Message>
 void Forget(std::map<std::string, Heard<Message>>& heard) {
   const auto now = MonotonicClock::now();
@@ -95,7 +102,7 @@ void BusWatch::Impl::TakeCampaign(const std::string& id, CampaignReaders& reader
   for (auto& status : readers.statuses.Take())
     if (status.campaign_id == id) campaign.status = {std::move(status), now};
   for (auto& status : readers.workers.Take())
-    if (status.campaign_id == id) campaign.workers[status.worker] = {std::move(status), now};
+    if (status.campaign_id == id) Hear(std::move(status), &bus::WorkerStatus::worker, campaign.workers);
   Forget(campaign.workers);
 }
 
@@ -105,7 +112,7 @@ void BusWatch::Impl::TakeRun(const std::string& id, RunReaders& readers) {
   for (auto& status : readers.statuses.Take())
     if (status.run_id == id) run.status = {std::move(status), now};
   for (auto& status : readers.policies.Take())
-    if (status.run_id == id) run.policies[status.server] = {std::move(status), now};
+    if (status.run_id == id) Hear(std::move(status), &bus::PolicyStatus::server, run.policies);
   // a policy server speaks every second: it ends sooner than a worker is given up
   std::erase_if(run.policies, [&](const auto& item) { return now - item.second.at > 10s; });
 }
@@ -129,7 +136,7 @@ Status BusWatch::Look() {
   for (auto& [id, readers] : impl_->campaigns) impl_->TakeCampaign(id, readers);
   for (auto& [id, readers] : impl_->runs) impl_->TakeRun(id, readers);
   for (auto& status : impl_->processes.Take())
-    impl_->view.processes[status.process] = {std::move(status), MonotonicClock::now()};
+    Hear(std::move(status), &bus::ProcessStatus::process, impl_->view.processes);
   Forget(impl_->view.processes);
   return {};
 }

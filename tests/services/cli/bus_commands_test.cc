@@ -6,8 +6,11 @@
 #include <unistd.h>
 
 #include <future>
+#include <thread>
 
+#include "services/bus/topic.h"
 #include "services/core/command.h"
+#include "services/core/stop.h"
 #include "services/store/dataset.h"
 #include "services/store/filter_keys.h"
 #include "tests/services/campaign/fake_work.h"
@@ -57,6 +60,29 @@ class BusCommands : public testing::Test {
   std::unique_ptr<bus::Participant> participant_;
   std::unique_ptr<Running> running_;
 };
+
+TEST_F(BusCommands, TopHasARowForEachWorker) {
+  const std::string partition = bus::Owner{spec_.name, (*running_)->id()}.partition();
+  auto writer = bus::Writer<bus::WorkerStatus>::Open(*participant_, partition);
+  ASSERT_TRUE(writer);
+  const std::jthread beating([&](const std::stop_token& ended) {
+    bus::WorkerStatus status;
+    status.campaign = spec_.name;
+    status.campaign_id = (*running_)->id();
+    status.phase = "plan";
+    for (int beat = 0; !ended.stop_requested(); ++beat, WaitForStop(20ms)) {
+      status.worker = beat % 2 == 0 ? "first" : "second";
+      EXPECT_TRUE(writer->Write(status));
+    }
+  });
+  const auto top = Etude({"top", "--once", "--json"});
+  ASSERT_EQ(top.exit_code, kExitOk) << top.text;
+  const auto json = JsonIn(top.text);
+  ASSERT_EQ(json["campaigns"].size(), 1u) << top.text;
+  std::vector<std::string> names;
+  for (const auto& worker : json["campaigns"][0]["workers"]) names.push_back(worker["worker"]);
+  EXPECT_THAT(names, testing::UnorderedElementsAre("first", "second"));
+}
 
 TEST_F(BusCommands, PauseLeasesNothingNewAndLosesNothing) {
   RawWorker first(*participant_, spec_, (*running_)->id(), "first");
