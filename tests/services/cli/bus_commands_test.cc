@@ -80,7 +80,7 @@ TEST_F(BusCommands, TopHasARowForEachWorker) {
   const auto json = JsonIn(top.text);
   ASSERT_EQ(json["campaigns"].size(), 1u) << top.text;
   std::vector<std::string> names;
-  for (const auto& worker : json["campaigns"][0]["workers"]) names.push_back(worker["worker"]);
+  for (const auto& worker : json["campaigns"][0]["worker_list"]) names.push_back(worker["worker"]);
   EXPECT_THAT(names, testing::UnorderedElementsAre("first", "second"));
 }
 
