@@ -99,14 +99,12 @@ Result<bool> WriteInsightsOf(const Episode& rollout, const InsightFunction& ask,
   return kept > 0;
 }
 
-}  // namespace
-
-namespace {
-
-// A rollout that was made anew since has none yet.
-bool IsKept(const Path& path, const Episode& rollout) {
+// A rollout that was made anew since has none yet; it is read only where there is a file to hold against it.
+Result<bool> IsKept(const Path& path, const store::DatasetReader& rollouts, std::uint64_t index) {
   const auto kept = policy::InsightFile::Open(path);
-  return kept && kept->of() == policy::InsightsOf{rollout.index, rollout.seed, rollout.attempt};
+  if (!kept) return false;
+  ETUDE_ASSIGN_OR_RETURN(const store::EpisodeRecord record, rollouts.Read(index));
+  return kept->of() == policy::InsightsOf{record.episode.index, record.episode.seed, record.episode.attempt};
 }
 
 }  // namespace
@@ -120,8 +118,7 @@ Result<std::vector<Path>> WriteInsights(const Path& rollouts, const Path& folder
   std::vector<Path> files;
   for (const std::uint64_t index : indices) {
     const Path path = folder / policy::InsightFileName(index);
-    ETUDE_ASSIGN_OR_RETURN(const store::EpisodeRecord record, reader.Read(index));
-    bool there = IsKept(path, record.episode);
+    ETUDE_ASSIGN_OR_RETURN(bool there, IsKept(path, reader, index));
     if (!there && ask && !StopRequested()) {
       ETUDE_ASSIGN_OR_RETURN(const Episode rollout, reader.ReadWhole(index));
       ETUDE_ASSIGN_OR_RETURN(there, WriteInsightsOf(rollout, ask, path, tally));

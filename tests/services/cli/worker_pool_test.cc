@@ -17,16 +17,19 @@ using testing::HasSubstr;
 
 class DyingWorkers : public testing::Test {
  protected:
+  // Two that run this.
+  Result<WorkerPool> StartTwo(const std::string& script, const std::function<std::uint64_t()>& committed = nullptr) {
+    return WorkerPool::Start({.workers = 2,
+                              .campaign = "demo@aaaa",
+                              .bus = {},
+                              .logs = folder_ / "logs",
+                              .on_end = [this](const std::string&) { ++ended_; },
+                              .committed = committed,
+                              .program = WriteProgram(folder_ / "worker", script)});
+  }
   // Supervises until it is given up.
   Error RunUntilGivenUp(const std::string& script, const std::function<std::uint64_t()>& committed) {
-    const Path program = WriteProgram(folder_ / "worker", script);
-    auto pool = WorkerPool::Start({.workers = 2,
-                                   .campaign = "demo@aaaa",
-                                   .bus = {},
-                                   .logs = folder_ / "logs",
-                                   .on_end = [this](const std::string&) { ++ended_; },
-                                   .committed = committed,
-                                   .program = program});
+    auto pool = StartTwo(script, committed);
     EXPECT_TRUE(pool);
     const Stopwatch watch;
     Status status;
@@ -114,14 +117,7 @@ TEST(WorkerPool, StopLetsWorkersDrain) {
 }
 
 TEST_F(DyingWorkers, AreToldAndNotStartedAgainWhereNothingIsLeftToDo) {
-  const Path program = WriteProgram(folder_ / "worker", "#!/bin/sh\nexit 1\n");
-  auto pool = WorkerPool::Start({.workers = 2,
-                                 .campaign = "demo@aaaa",
-                                 .bus = {},
-                                 .logs = folder_ / "logs",
-                                 .on_end = [this](const std::string&) { ++ended_; },
-                                 .committed = nullptr,
-                                 .program = program});
+  auto pool = StartTwo("#!/bin/sh\nexit 1\n");
   ASSERT_TRUE(pool) << pool.error().message;
   for (const Stopwatch watch; ended_ < 2 && watch.Seconds() < 30; WaitForStop(1ms)) pool->NoteEnds();
   EXPECT_EQ(ended_, 2);
