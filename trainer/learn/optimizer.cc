@@ -11,6 +11,7 @@
 
 #include "services/core/check.h"
 #include "trainer/learn/flat.h"
+#include "trainer/policy/parts.h"
 
 namespace etude::learn {
 namespace {
@@ -39,8 +40,8 @@ Optimizer::Optimizer(const OptimizerConfig& config, std::vector<std::shared_ptr<
     ETUDE_CHECK(item.value().scalar_type() == torch::kFloat32 && item.value().is_non_overlapping_and_dense(), "{}",
                 item.key());
     const auto count = static_cast<std::size_t>(item.value().numel());
-    segments_.push_back(
-        {item.key(), total, count, item.value().dim() >= 2, item.value().sizes().vec(), item.value().strides().vec()});
+    segments_.push_back({item.key(), policy::PartOfTensor(item.key()), total, count, item.value().dim() >= 2,
+                         item.value().sizes().vec(), item.value().strides().vec()});
     total += (count + 15) / 16 * 16;  // 64-byte alignment of each
   }
   copies_ = static_cast<int>(replicas.size());
@@ -96,15 +97,19 @@ Optimizer::Outcome Optimizer::Step(double lr) {
   const std::vector<double> squares = SquaresOf(gradient, ranges);
   const double total = std::accumulate(squares.begin(), squares.end(), 0.0);
   const double average = 1.0 / copies_;
-  const double norm = std::sqrt(total) * average;
-  if (!std::isfinite(norm)) return {norm};
+  Outcome outcome{std::sqrt(total) * average, {}};
+  const double norm = outcome.gradient_norm;
+  if (!std::isfinite(norm)) return outcome;
+  for (std::size_t i = 0; i < segments_.size(); ++i)
+    if (squares[i] != 0) outcome.part_norms[segments_[i].part] += squares[i];
+  for (auto& [part, value] : outcome.part_norms) value = std::sqrt(value) * average;
 
   const double clip = config_.clip > 0 && norm > config_.clip ? config_.clip / norm : 1.0;
   std::vector<std::optional<AdamwStep>> steps(segments_.size());
   for (std::size_t i = 0; i < segments_.size(); ++i)
     if (squares[i] != 0) steps[i] = NextStep(i, lr, clip * average);
   UpdateFlat(ranges, steps, {gradient, first_, second_, parameters_});
-  return {norm};
+  return outcome;
 }
 
 void Optimizer::UpdateAverage(double decay) {

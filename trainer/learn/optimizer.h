@@ -34,6 +34,9 @@ class Optimizer {
   void AverageOver(int copies) { copies_ = copies; }
   struct Outcome {
     double gradient_norm = 0;  ///< before clipping; not finite: nothing was updated
+    /// Part (policy::PartsOf) -> its share of that norm: their squares add up to its square. Parts without a gradient
+    /// are absent.
+    std::map<std::string, double> part_norms;
   };
   /// Averages the replicas' gradients and updates. A parameter whose gradient is exactly zero (its
   /// module is not trained yet) is left alone: no decay, no step of its bias correction.
@@ -56,7 +59,7 @@ class Optimizer {
 
  private:
   struct Segment {
-    std::string name;
+    std::string name, part;
     std::size_t offset = 0, count = 0;
     bool decay = false;
     std::vector<std::int64_t> sizes, strides;

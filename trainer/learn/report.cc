@@ -16,11 +16,12 @@ constexpr double kLineEvery = 10;     // s
 
 bool Reporter::due() const { return since_progress_.Seconds() >= kProgressEvery; }
 
-void Reporter::Add(const BatchLoss& loss, double wait_s, double gradient_norm) {
+void Reporter::Add(const BatchLoss& loss, double wait_s, const Optimizer::Outcome& outcome) {
   window_.loss += loss.total;
   window_.wait_s += wait_s;
-  window_.gradient_norm += gradient_norm;
+  window_.gradient_norm += outcome.gradient_norm;
   for (const auto& [name, value] : loss.terms) window_.terms[name] += value;
+  for (const auto& [part, norm] : outcome.part_norms) window_.terms[part + ".gradient"] += norm;
   ++window_.steps;
 }
 

@@ -15,7 +15,7 @@ class Reporter {
  public:
   Reporter(TrainingRun& run, const Hooks& hooks) : run_(run), hooks_(hooks) {}
 
-  void Add(const BatchLoss& loss, double wait_s, double gradient_norm);
+  void Add(const BatchLoss& loss, double wait_s, const Optimizer::Outcome& outcome);
   /// Writes the window's means to metrics.jsonl and begins a new one. @error of the disk.
   Status Flush();
   /// Begins a new window without writing: rates are of training, not of validation.

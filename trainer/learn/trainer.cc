@@ -113,7 +113,7 @@ Status Trainer::Impl::TrainStep() {
   loader->Recycle(std::move(batch));
   CountModules(loss);
   ++run.step;
-  reporter.Add(loss, wait_s, outcome.gradient_norm);
+  reporter.Add(loss, wait_s, outcome);
   return {};
 }
 

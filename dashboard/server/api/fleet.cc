@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <ranges>
 #include <set>
 
 #include "dashboard/server/api/context.h"
@@ -199,6 +200,14 @@ OrderedJson ProcessJson(const monitor::Heard<bus::ProcessStatus>& heard) {
           {"age_ms", live::AgeMs(heard.at)}};
 }
 
+// Those that are not workers first: of a host with hundreds of workers they are the ones to be seen.
+OrderedJson ProcessesJson(std::vector<const monitor::Heard<bus::ProcessStatus>*> processes, std::size_t most) {
+  std::ranges::stable_partition(processes, [](const auto* process) { return process->message.role != "worker"; });
+  OrderedJson json = OrderedJson::array();
+  for (const auto* process : processes | std::views::take(most)) json.push_back(ProcessJson(*process));
+  return json;
+}
+
 // With so many of its workers, and its processes; its figures are of all of them.
 OrderedJson HostJson(const HostRow& host, std::size_t most_workers) {
   OrderedJson workers = OrderedJson::array();
@@ -207,12 +216,10 @@ OrderedJson HostJson(const HostRow& host, std::size_t most_workers) {
     episodes += worker.episodes, failures += worker.failures;
     if (workers.size() < most_workers) workers.push_back(WorkerJson(worker, host.host));
   }
-  OrderedJson processes = OrderedJson::array();
   std::optional<double> rss_mb, cpu;
   for (const auto* process : host.processes) {
     rss_mb = rss_mb.value_or(0) + static_cast<double>(process->message.rss_bytes) / 1e6;
     cpu = cpu.value_or(0) + process->message.cpu;
-    if (processes.size() < most_workers) processes.push_back(ProcessJson(*process));
   }
   return {{"host", host.host},
           {"slots", host.workers.size()},
@@ -228,7 +235,7 @@ OrderedJson HostJson(const HostRow& host, std::size_t most_workers) {
           {"version", TextOrNull(host.Versions())},
           {"fingerprint", TextOrNull(host.Prints())},
           {"age_ms", host.AgeMs()},
-          {"processes", processes},
+          {"processes", ProcessesJson(host.processes, most_workers)},
           {"workers", workers}};
 }
 

@@ -36,6 +36,15 @@ test('smoothing does not depend on how densely is logged', async () => {
   assert.equal(dense[1], null);
 });
 
+test('a page of a listing in the address is of that listing alone', async () => {
+  const { readPage, writePage } = await load('paging.ts');
+  const [listing, other] = ['/datasets/d/episodes?sort=-index', '/datasets/d/episodes?sort=-steps'];
+  const text = writePage(listing, 3, '12-"a b"\n-7');
+  assert.deepEqual(readPage(listing, text), { depth: 3, cursor: '12-"a b"\n-7' });
+  assert.equal(readPage(other, text), null);
+  for (const bad of ['', '3', '0-' + text.slice(2), '-1' + text.slice(1), text.slice(0, text.indexOf('-', 2) + 1)]) assert.equal(readPage(listing, bad), null, bad);
+});
+
 test('a walk through decisions skips those of which nothing was kept', async () => {
   const { decisionAt, decisionBeside } = await load('decisions.ts');
   const all = [false, true, false, false, true, false].map((kept) => ({ kept }));

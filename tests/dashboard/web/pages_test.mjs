@@ -149,7 +149,11 @@ test('Training: every curve has the least, largest and last value of metrics.jso
     const [compute, data] = ['compute', 'data'].map((line) => tables['samples per second'][line]?.[3] ?? assert.fail(`no ${line} in the samples per second`));
     close(compute + data, series(folder, 'train', 'samples_per_second').last, 'both parts of the samples per second');
     assert.equal(await page.locator('a[download]', { hasText: 'CSV' }).evaluate((one) => fetch(one.href).then((answer) => answer.text()).then((csv) => csv.split(',').slice(0, 3).join())), 'run,kind,step');
-    for (const key of about.keys.filter((one) => one.kind === 'train' && one.module)) compare(`${key.module} loss`, key.name.slice(key.module.length + 1), 'train', key.name);
+    for (const key of about.keys.filter((one) => one.kind === 'train' && one.module)) {
+      const figure = key.name.slice(key.module.length + 1);
+      if (figure === 'gradient') compare('gradient norm by part', key.module, 'train', key.name);
+      else compare(`${key.module} loss`, figure, 'train', key.name);
+    }
     const ended = readLines(join(folder, 'curriculum.jsonl'));
     const said = ended.length ? await text(page, '[data-advances]') : '';
     for (const one of ended) assert.ok(said.includes(one.reason), one.reason);
@@ -187,6 +191,14 @@ test('Evaluation: successes, n, failures first, seeds beyond 2^53', async () => 
     const failed = file.per_episode.filter((one) => !one.success).length;
     assert.ok(cells.slice(0, failed).every((one) => one.outcome !== 'success'));
     for (const cell of cells) assert.equal(cell.outcome === 'success', file.per_episode.find((one) => one.index === cell.index).success);
+  });
+  const off = file.per_episode.find((one) => one.first_bad);
+  if (off) await open(`${pages.evaluation}&scene=${off.index}`, async (page) => {
+    const { module, error_cm, decision } = off.first_bad;
+    assert.equal(await page.locator('[data-first-bad]').getAttribute('data-first-bad'), module);
+    const said = await text(page, '[data-first-bad]');
+    assert.ok(said.includes(`decision ${decision + 1}`), said);
+    close(number(said.split(' ')[2]), error_cm, 'error at the first bad decision');
   });
 });
 
@@ -358,6 +370,10 @@ test('Dataset: of 10,000 episodes the first row is there within a second', { tim
       assert.ok(await page.locator('[role=row][data-id]').count() < 200, 'only rows in view exist');
       assert.equal(await text(page, '[data-page]'), 'episodes 1 to 200 of 10,000');
       await page.getByRole('button', { name: 'After' }).click();
+      await page.waitForSelector('[role=row][data-id="9799"]');
+      assert.equal(await text(page, '[data-page]'), 'episodes 201 to 400 of 10,000');
+      // the address is of the page: it shows the same to whoever opens it, and leads back
+      await page.goto(page.url());
       await page.waitForSelector('[role=row][data-id="9799"]');
       assert.equal(await text(page, '[data-page]'), 'episodes 201 to 400 of 10,000');
       await page.getByRole('button', { name: 'Before' }).click();

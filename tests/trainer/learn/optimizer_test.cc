@@ -4,9 +4,12 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/trainer/learn/tiny_run.h"
 #include "trainer/learn/replicas.h"
 #include "trainer/learn/tensors.h"
+#include "trainer/policy/parts.h"
 
 namespace etude::learn {
 namespace optimizer_test {
@@ -99,7 +102,7 @@ TEST(Optimizer, LeavesModulesAloneThatAreNotTrainedYet) {
 
   optimizer.ZeroGradients();
   ASSERT_TRUE(replicas.Backward(batch, 1));
-  optimizer.Step(1e-3);
+  const auto outcome = optimizer.Step(1e-3);
 
   const auto control = policies[0]->ParametersOf("CTRL");
   ASSERT_FALSE(control.empty());
@@ -108,6 +111,37 @@ TEST(Optimizer, LeavesModulesAloneThatAreNotTrainedYet) {
   int moved = 0;
   for (const auto& name : policies[0]->ParametersOf("LANG")) moved += !torch::equal(named[name], before[name]);
   EXPECT_GT(moved, 0);
+  EXPECT_TRUE(outcome.part_norms.contains("LANG"));
+  EXPECT_FALSE(outcome.part_norms.contains("CTRL"));
+}
+
+TEST(Optimizer, TellsHowLargeEachPartsGradientIs) {
+  const TemporaryFolder folder;
+  const TrainConfig config = TinyConfig();
+  data::Batch batch = MakeBatch(config, folder / "d");
+  auto policies = Policies(config, 2);
+  Optimizer optimizer(config.optimizer, policies);
+  Replicas replicas(policies);
+  optimizer.ZeroGradients();
+  ASSERT_TRUE(replicas.Backward(batch, 5));
+  const torch::Tensor mean = optimizer.SumGradients() / 2;
+  std::map<std::string, double> expected;  // of the first replica, which has the sum now
+  for (const auto& part : policy::PartsOf(config.policy))
+    for (const auto& name : policies[0]->ParametersOf(part)) {
+      const torch::Tensor gradient = policies[0]->named_parameters()[name].grad() / 2;
+      expected[part] = std::hypot(expected[part], gradient.norm().item<double>());
+    }
+
+  const auto outcome = optimizer.Step(1e-3);
+
+  EXPECT_NEAR(outcome.gradient_norm, mean.norm().item<double>(), 1e-4 * outcome.gradient_norm);
+  double sum = 0;
+  for (const auto& [part, norm] : outcome.part_norms) {
+    EXPECT_NEAR(norm, expected[part], 1e-4 * outcome.gradient_norm) << part;
+    sum += norm * norm;
+  }
+  EXPECT_NEAR(std::sqrt(sum), outcome.gradient_norm, 1e-9 * outcome.gradient_norm);
+  EXPECT_GE(outcome.part_norms.size(), config.policy.modules.size());
 }
 
 TEST(Optimizer, NeverMovesFrozenParameters) {

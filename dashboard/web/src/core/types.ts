@@ -253,6 +253,7 @@ export type Host = {
   version: string | null;
   fingerprint: string | null;
   age_ms: number;
+  /** those that are not workers first; as many as workers were asked for */
   processes: Process[];
   /** as many as were asked for, of slots */
   workers: Worker[];

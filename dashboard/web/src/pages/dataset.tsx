@@ -136,7 +136,7 @@ function Rows(props: { of: Dataset; text: string; reload: () => void }) {
   const [sort, setSort] = parameter('sort', '-index');
   const [held, setHeld] = useState(props.of.episodes);
   const listing = `/datasets/${props.of.id}/episodes${props.text}${props.text ? '&' : '?'}sort=${sort}&limit=${mostRows}`;
-  const page = useCursors(`${listing} ${held}`);
+  const page = useCursors(listing);
   const first = useResource<Episodes>(`${listing}${page.at ? `&before=${encodeURIComponent(page.at)}` : ''}`, { round: held });
   const fresh = props.of.episodes - held;
   const data = first.data;
@@ -144,7 +144,7 @@ function Rows(props: { of: Dataset; text: string; reload: () => void }) {
   return (
     <Panel title="Episodes" flush aside={
       <>
-        {fresh > 0 && <button type="button" class="button pill" onClick={() => setHeld(props.of.episodes)}>+{fresh} ▲</button>}
+        {fresh > 0 && <button type="button" class="button pill" onClick={() => { setHeld(props.of.episodes); page.first(); }}>+{fresh} ▲</button>}
         {data && <span class="small muted" data-total>{count(data.total)}{data.total !== data.all && ` of ${count(data.all)}`}{data.known < data.all && `, ${count(data.known)} read so far`}</span>}
       </>}>
       {first.error && <Failed problem={first.error} retry={first.reload} />}

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How often it succeeds, which rollouts failed, and whether one checkpoint is better than another on the same scenes.
+import type { ComponentChildren } from 'preact';
 import { getJson, query, useResource } from '../core/api';
 import { useLive } from '../core/connection';
 import { count, fixed, none, number, percent, probability, short } from '../core/format';
@@ -154,10 +155,20 @@ function Scene(props: { of: Eval; row: EvalRow }) {
         ...(row.disturbed_objects.length ? [['moved others', row.disturbed_objects.join(', ')] as [string, string]] : []),
         ['length', `${count(row.steps)} steps, ${count(row.decisions)} decisions`],
         ...Object.entries(row.error_cm).map(([name, value]) => [name, `${number(value, 2)} cm, before contact ${number(row.error_before_contact_cm[name], 2)} cm`] as [string, string]),
+        ...(row.first_bad ? [['first off', <FirstOff of={of} row={row} bad={row.first_bad} />] as [string, ComponentChildren]] : []),
         ['seed', <span class="mono">{row.seed}</span>],
       ]} />
     </Panel>
   );
+}
+
+/** Where to look first: the decision at which a module was off for the first time. */
+function FirstOff(props: { of: Eval; row: EvalRow; bad: NonNullable<EvalRow['first_bad']> }) {
+  const { of, row, bad } = props;
+  const words = `${bad.module} by ${number(bad.error_cm, 2)} cm at decision ${bad.decision + 1}`;
+  const there = row.insight ? link('inside', { run: of.run_id, eval: of.id, scene: row.index, decision: bad.decision, module: bad.module })
+    : of.dataset ? episodeLink(of.dataset, row.index, { step: bad.step }) : null;
+  return <span data-first-bad={bad.module}>{there ? <a href={there}>{words}</a> : words} <span class="muted">over {number(bad.over_cm)} cm</span></span>;
 }
 
 function Compare(props: { of: Eval; versus: string }) {

@@ -153,6 +153,7 @@ function marks(checkpoints: Checkpoints | undefined, run: Run, axis: Axis): Shar
 }
 
 const [rateKey, waitKey] = ['train/samples_per_second', 'train/data_wait'] as const;
+const gradientEnd = '.gradient';
 const units: Record<string, string> = { cm: 'cm', px: 'px', deg: '°', share: 'share', s: 's', '1/s': '1/s' };
 
 function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared }) {
@@ -185,6 +186,7 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
   const loss = [find('train/loss') && { key: find('train/loss')!, label: 'train' }, find('valid/loss') && { key: find('valid/loss')!, label: 'valid', points: true, dash: true }].filter(Boolean) as { key: SeriesKey; label: string; points?: boolean }[];
   const modules = [...run.modules];
   for (const { module } of keys) if (module !== null && !modules.includes(module)) modules.push(module);
+  const gradients = keys.filter((one) => one.kind === 'train' && one.name.endsWith(gradientEnd)).map((key, i) => ({ key, label: key.module ?? '', dash: i >= hues.length }));
   const running = keys.filter((one) => one.kind === 'train' && one.module === null && one.name !== 'loss' && one.name !== 'stage' && !(parts.length && (one.key === rateKey || one.key === waitKey)));
   return (
     <>
@@ -206,13 +208,14 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
       <h2>Losses of the modules</h2>
       <div class="grid narrow charts">
         {modules.map((module) => {
-          const entries = keys.filter((one) => one.kind === 'train' && one.module === module).map((key) => ({ key, label: key.name.slice(module.length + 1), dash: key.name.endsWith('.attention') })).sort((a, b) => (a.label === 'decode' ? -1 : b.label === 'decode' ? 1 : 0));
+          const entries = keys.filter((one) => one.kind === 'train' && one.module === module && !one.name.endsWith(gradientEnd)).map((key) => ({ key, label: key.name.slice(module.length + 1), dash: key.name.endsWith('.attention') })).sort((a, b) => (a.label === 'decode' ? -1 : b.label === 'decode' ? 1 : 0));
           return entries.length > 0 && <Panel><Chart title={`${module} loss`} lines={lines(entries)} {...common} /></Panel>;
         })}
       </div>
       <h2>Running</h2>
       <div class="grid narrow charts">
         {parts.length > 0 && <Panel><Chart title="samples per second" unit="1/s" lines={parts} {...common} note="compute, and above it what waiting for data takes" /></Panel>}
+        {gradients.length > 0 && <Panel><Chart title="gradient norm by part" lines={lines(gradients)} {...common} note="before clipping" /></Panel>}
         {running.map((key) => <Panel><Chart title={key.name.replaceAll('_', ' ')} unit={units[key.unit ?? ''] ?? ''} lines={lines([{ key, label: runs.length > 1 ? '' : 'train' }], !/rate|stage/.test(key.name))} {...common} /></Panel>)}
       </div>
       <p class="small muted">Newest line {clock(run.updated)}{run.nulls.length > 0 && <Chip tone="bad">{run.nulls.length} values not finite</Chip>}{run.torn && ' · the last line was not whole and was left out'}{run.data_wait !== null && ` · waits for data ${percent(run.data_wait, 2)}`}{run.checkpoint_step === null ? '' : ` · checkpoint ${count(run.checkpoint_step)}`}</p>

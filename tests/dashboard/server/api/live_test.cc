@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests dashboard/server/api with something on the bus: fleet, home, metrics, topics, events, insight, actions.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <set>
@@ -170,6 +171,21 @@ TEST_F(LiveApiTest, AHostSaysHowManyWorkersItHasWhenNotAllAreListed) {
   EXPECT_EQ(host["failures"], 10);
   EXPECT_EQ(GetJson(kPrefix + "/fleet")["hosts"][0]["workers"].size(), 5u);
   EXPECT_EQ(Get(kPrefix + "/fleet?workers=0").status, 400);
+}
+
+TEST_F(LiveApiTest, AHostsCollectorIsListedHoweverManyWorkersAreBesideIt) {
+  live::LiveModel model;
+  for (const char* role : {"worker", "worker", "collector", "worker"}) {
+    bus::ProcessStatus process;
+    process.process = fmt::format("lab-7-{}", model.view().processes.size());
+    process.host = "lab-7", process.role = role, process.rss_bytes = 1'000'000;
+    model.On(process, MonotonicClock::now());
+  }
+  live_ = std::make_shared<const live::LiveView>(model.view());
+  const auto host = GetJson(kPrefix + "/fleet?workers=1")["hosts"][0];
+  ASSERT_EQ(host["processes"].size(), 1u) << host.dump(1);
+  EXPECT_EQ(host["processes"][0]["role"], "collector");
+  EXPECT_EQ(host["rss_mb"], 4.0) << "of all of them";
 }
 
 // Collectors and trainers whose folders are on other hosts.
