@@ -26,9 +26,13 @@ std::vector<std::string> PartsOf(const PolicyConfig& config) {
   std::vector<std::string> parts(std::begin(kEncoders), std::end(kEncoders));
   for (const ModuleConfig* module : EvaluationOrder(config)) {
     parts.push_back(module->name);
-    if (config.attention == "shared") AddOnce(parts, fmt::format("{}{}", kAttention, module->level));
+    AddOnce(parts, AttentionPartOf(config, *module));
   }
   return parts;
+}
+
+std::string AttentionPartOf(const PolicyConfig& config, const ModuleConfig& module) {
+  return config.attention == "shared" ? fmt::format("{}{}", kAttention, module.level) : "";
 }
 
 std::string PartOfTensor(std::string_view tensor) {

@@ -17,6 +17,9 @@ namespace etude::policy {
 /// shared and was not named yet.
 std::vector<std::string> PartsOf(const PolicyConfig& config);
 
+/// "attention2", which a module of level 2 shares with its level; "" where attention is a module's own.
+std::string AttentionPartOf(const PolicyConfig& config, const ModuleConfig& module);
+
 /// The part that a parameter or buffer belongs to, e.g. "joints" of "joints_norm.weight" and "TAR2D" of
 /// "modules.TAR2D.segments.language"; "" of statistics of the data, which belong to none.
 std::string PartOfTensor(std::string_view tensor);

@@ -6,6 +6,7 @@
 
 #include "tests/trainer/checkpoint/example_checkpoint.h"
 #include "tests/trainer/policy/fixtures.h"
+#include "trainer/policy/compose.h"
 #include "trainer/policy/parts.h"
 
 namespace etude::checkpoint {
@@ -178,6 +179,126 @@ TEST_F(SurgeryTest, RefusesAModuleThatReadLessNow) {
   const auto surgery = Do(config);
   ASSERT_FALSE(surgery);
   EXPECT_THAT(surgery.error().message, HasSubstr("decoder.from.class:LANG is there and not here"));
+}
+
+TEST_F(SurgeryTest, ANewKeyThatNoTensorIsNamedAfterIsGrowth) {
+  PolicyConfig config = policy::TinyConfig();
+  FindModule(config, "DISP")->reads.push_back("image");
+  const auto surgery = Do(config);
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  EXPECT_THAT(surgery->grown.at("DISP"), ElementsAre("reads.image"));
+  EXPECT_EQ(FirstLevelToLearn(config, *surgery), 4);
+}
+
+// The paper's way to attend: modules of a level share their attention, no tensor is named after what a module reads,
+// and most read all that stands before them.
+class SharedSurgeryTest : public SurgeryTest {
+ protected:
+  SharedSurgeryTest() { source_ = ExampleCheckpoint(Base()); }
+  static PolicyConfig Base() {
+    PolicyConfig config = policy::TinyConfig();
+    config.attention = "shared";
+    for (const char* name : {"EE3D", "TAR3D", "DISP"}) FindModule(config, name)->reads = {"all"};
+    EXPECT_TRUE(config.Validate());
+    return config;
+  }
+  // @param keep  as when it is added to a checkpoint
+  static PolicyConfig WithAddition(bool keep) {
+    const auto addition = ParseYaml(R"(
+modules:
+  - {name: OBST2D, level: 2, reads: [all], decoder: {entity: obstacle, quantity: pixel}}
+  - {name: OBST3D, level: 3, reads: [all], attend: [OBST2D],
+     decoder: {entity: obstacle, quantity: position, readout: mlp, hidden: [8]}}
+  - {name: CTRL, attend: [OBST3D]}
+)",
+                                    "addition");
+    const OrderedJson before = ToJson(Base());
+    OrderedJson graph = policy::Compose(before, addition.value());
+    if (keep) policy::KeepReads(before, graph);
+    const auto config = FromJson<PolicyConfig>(graph, "added");
+    EXPECT_TRUE(config && config->Validate());
+    return *config;
+  }
+  static std::vector<std::string> AllBut(const std::string& left_out) {
+    std::vector<std::string> names{"image", "language", "joints",     "LANG",       "EE2D",       "TAR2D",     "EE3D",
+                                   "TAR3D", "DISP",     "attention1", "attention2", "attention3", "attention4"};
+    std::erase(names, left_out);
+    return names;
+  }
+  static policy::Outputs Answers(const PolicyConfig& config, const std::map<std::string, torch::Tensor>& tensors) {
+    const auto network = policy::MakePolicy(config, 5, kExampleJoints);
+    EXPECT_TRUE(network->LoadStateTensors(tensors));
+    network->eval();
+    const torch::NoGradGuard no_grad;
+    return network->Forward(policy::MakeInputs(config, 2, 2, kExampleJoints));
+  }
+};
+
+TEST_F(SharedSurgeryTest, FrozenModulesAnswerBitForBitWhatTheyDidWhenModulesAreAdded) {
+  const PolicyConfig config = WithAddition(true);
+  const auto surgery = Do(config, {.freeze = AllBut("")});
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  EXPECT_THAT(surgery->fresh, UnorderedElementsAre("OBST2D", "OBST3D"));
+  ASSERT_EQ(surgery->grown.size(), 1u);
+  EXPECT_THAT(surgery->grown.at("CTRL"), UnorderedElementsAre("reads.OBST2D", "reads.OBST3D"));
+  EXPECT_THAT(surgery->frozen_attention.at("attention2"), ElementsAre("OBST2D"));
+  EXPECT_THAT(surgery->frozen_attention.at("attention3"), ElementsAre("OBST3D"));
+  EXPECT_EQ(surgery->frozen_attention.size(), 2u) << "where nothing learns there is nothing to say";
+
+  const auto before = Answers(Base(), source_.tensors), after = Answers(config, surgery->tensors);
+  for (const char* name : {"LANG", "EE2D", "TAR2D", "EE3D", "TAR3D", "DISP"}) {
+    EXPECT_TRUE(torch::equal(before.at(name).register_token, after.at(name).register_token)) << name;
+    for (const auto& [quantity, value] : before.at(name).decoded)
+      EXPECT_TRUE(torch::equal(value, after.at(name).decoded.at(quantity))) << name << "." << quantity;
+  }
+}
+
+// a policy's file that says "all" of everything
+TEST_F(SharedSurgeryTest, WhatReadsMoreHasGrown) {
+  const PolicyConfig config = WithAddition(false);
+  const auto surgery = Do(config);
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  for (const char* name : {"EE3D", "TAR3D"}) EXPECT_THAT(surgery->grown.at(name), ElementsAre("reads.OBST2D"));
+  EXPECT_THAT(surgery->grown.at("DISP"), UnorderedElementsAre("reads.OBST2D", "reads.OBST3D"));
+  EXPECT_FALSE(surgery->grown.contains("TAR2D"));
+  const auto before = Answers(Base(), source_.tensors), after = Answers(config, surgery->tensors);
+  EXPECT_FALSE(torch::equal(before.at("EE3D").register_token, after.at("EE3D").register_token));
+}
+
+TEST_F(SharedSurgeryTest, RefusesToFreezeAModuleWhoseAttentionLearns) {
+  const PolicyConfig config = WithAddition(true);
+  const auto alone = Do(config, {.freeze = AllBut("attention4")});
+  ASSERT_FALSE(alone);
+  EXPECT_THAT(alone.error().message, HasSubstr("DISP: frozen, but attention4, which their level shares, learns: freeze "
+                                               "attention4 too; leave parts out"));
+  const auto beside = Do(config, {.freeze = AllBut("attention3")});
+  ASSERT_FALSE(beside);
+  EXPECT_THAT(beside.error().message, HasSubstr("EE3D, TAR3D: frozen, but attention3"));
+  EXPECT_THAT(beside.error().message, HasSubstr("freeze attention3 too (OBST3D would learn with it as it is)"));
+}
+
+TEST_F(SharedSurgeryTest, RefusesModulesOfAnotherLevelOrThatReadLess) {
+  PolicyConfig config = Base();
+  FindModule(config, "CTRL")->level = 6;
+  FindModule(config, "TAR3D")->reads = {"TAR2D"};
+  ASSERT_TRUE(config.Validate());
+  const auto surgery = Do(config);
+  ASSERT_FALSE(surgery);
+  EXPECT_THAT(surgery.error().message, HasSubstr("CTRL: level is 5 there, 6 here"));
+  EXPECT_THAT(surgery.error().message, HasSubstr("TAR3D: reads.image is there and not here"));
+  const auto anew = Do(config, {.fresh = {"CTRL", "TAR3D"}});
+  EXPECT_TRUE(anew) << anew.error().message;
+
+  source_ = ExampleCheckpoint(policy::TinyConfig());
+  config = policy::TinyConfig();
+  FindModule(config, "CTRL")->level = 6;
+  EXPECT_TRUE(Do(config)) << "a module's own attention goes with it";
+}
+
+TEST_F(SharedSurgeryTest, LearningStartsWhereAttentionBeginsAnew) {
+  const auto surgery = Do(Base(), {.fresh = {"attention2"}});
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  EXPECT_EQ(FirstLevelToLearn(Base(), *surgery), 2);
 }
 
 TEST_F(SurgeryTest, ChecksItsPlan) {
