@@ -146,6 +146,7 @@ class Surgeon {
         problems_.push_back(
             fmt::format("{}: frozen, but not copied: it would never learn{}", part,
                         Contains(config_.robot_specific, part) ? " (it knows one robot, this is another)" : ""));
+    CheckFrozenReads();
     CheckFrozenAttention();
   }
 
@@ -165,6 +166,16 @@ class Surgeon {
       if (!Contains(now, key)) problems.push_back(fmt::format("reads.{} is there and not here", key));
     for (const auto& key : now)
       if (!Contains(before, key)) surgery_.grown[part].push_back("reads." + key);
+  }
+
+  // What is new to it begins as nothing, or as noise, and stays so: all that is added for it would be in vain.
+  void CheckFrozenReads() {
+    for (const auto& part : plan_.freeze)
+      if (const auto found = surgery_.grown.find(part); found != surgery_.grown.end())
+        problems_.push_back(fmt::format(
+            "{}: frozen, but it reads what its original did not, and would never learn to ({}): leave it out "
+            "of init.freeze, or have it read what it read",
+            part, fmt::join(found->second, ", ")));
   }
 
   // A module computes with what its level shares: where that learns, none of them stays as it is.

@@ -36,7 +36,7 @@ struct Surgery {
 /// copied part come the source's statistics of positions, displacements and waypoints, with its joint encoder those of
 /// joints. @param here  what the network will be trained for
 /// @error kInvalidArgument: names that are no parts; every part that does not fit, with what differs; something frozen
-/// that is not copied, or that shares attention that is not frozen.
+/// that is not copied, that has grown, or that shares attention that is not frozen.
 Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const policy::PolicyConfig& config,
                         const std::map<std::string, torch::Tensor>& initial, const Embodiment& here);
 

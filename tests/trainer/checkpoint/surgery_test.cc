@@ -190,6 +190,19 @@ TEST_F(SurgeryTest, ANewKeyThatNoTensorIsNamedAfterIsGrowth) {
   EXPECT_EQ(FirstLevelToLearn(config, *surgery), 4);
 }
 
+// its new columns are zero and would stay so: what is added could never drive
+TEST_F(SurgeryTest, RefusesToFreezeAModuleThatReadsMore) {
+  const auto surgery = Do(WithObstacle(), {.freeze = {"TAR3D", "CTRL"}});
+  ASSERT_FALSE(surgery);
+  EXPECT_EQ(surgery.error().code, Code::kInvalidArgument);
+  for (const char* said : {"CTRL: frozen, but it reads what its original did not", "decoder.from.position:OBST3D",
+                           "leave it out of init.freeze"})
+    EXPECT_THAT(surgery.error().message, HasSubstr(said));
+  EXPECT_THAT(surgery.error().message, testing::Not(HasSubstr("TAR3D: frozen")));
+  const auto some = Do(WithObstacle(), {.freeze = {"TAR3D"}});
+  EXPECT_TRUE(some) << some.error().message;
+}
+
 // The paper's way to attend: modules of a level share their attention, no tensor is named after what a module reads,
 // and most read all that stands before them.
 class SharedSurgeryTest : public SurgeryTest {
@@ -261,6 +274,10 @@ TEST_F(SharedSurgeryTest, WhatReadsMoreHasGrown) {
   for (const char* name : {"EE3D", "TAR3D"}) EXPECT_THAT(surgery->grown.at(name), ElementsAre("reads.OBST2D"));
   EXPECT_THAT(surgery->grown.at("DISP"), UnorderedElementsAre("reads.OBST2D", "reads.OBST3D"));
   EXPECT_FALSE(surgery->grown.contains("TAR2D"));
+  const auto frozen = Do(config, {.freeze = AllBut("")});
+  ASSERT_FALSE(frozen);
+  EXPECT_THAT(frozen.error().message, HasSubstr("EE3D: frozen, but it reads what its original did not"));
+  EXPECT_THAT(frozen.error().message, HasSubstr("(reads.OBST2D): leave it out"));
   const auto before = Answers(Base(), source_.tensors), after = Answers(config, surgery->tensors);
   EXPECT_FALSE(torch::equal(before.at("EE3D").register_token, after.at("EE3D").register_token));
 }
