@@ -19,7 +19,7 @@ using policy::PolicyConfig;
 using Names = std::vector<std::string>;
 using Tensors = std::map<std::string, torch::Tensor>;
 
-constexpr std::string_view kStatistics = "normalization_", kJointStatistics = "normalization_joint_";
+constexpr std::string_view kStatistics = "normalization_";
 
 template <class Range>
 bool Contains(const Range& range, const std::string& name) {
@@ -127,11 +127,14 @@ class Surgeon {
     if (!problems.empty()) problems_.push_back(fmt::format("{}: {}", part, fmt::join(problems, ", ")));
   }
 
+  // A copied part computes with those that it was trained with; what none of them knows the data at hand scale.
   void CopyStatistics() {
-    if (surgery_.copied.empty()) return;
+    std::set<std::string> known;
+    for (const auto& part : surgery_.copied) known.merge(policy::StatisticsOf(config_, part));
     for (auto& [name, tensor] : surgery_.tensors) {
-      const bool of_joints = name.starts_with(kJointStatistics);
-      if (!name.starts_with(kStatistics) || (of_joints && !surgery_.copied.contains("joints"))) continue;
+      if (!name.starts_with(kStatistics)) continue;
+      const std::string what = name.substr(kStatistics.size());  // "position_mean"
+      if (!known.contains(what.substr(0, what.find('_')))) continue;
       const auto original = source_.tensors.find(name);
       if (original != source_.tensors.end() && original->second.sizes() == tensor.sizes())
         tensor.copy_(original->second);

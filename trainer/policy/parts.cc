@@ -70,6 +70,22 @@ std::vector<std::string> ReadParts(const PolicyConfig& config, const ModuleConfi
   return parts;
 }
 
+std::set<std::string> StatisticsOf(const PolicyConfig& config, const std::string& part) {
+  if (part == "joints") return {"joint"};
+  const auto module = std::ranges::find(config.modules, part, &ModuleConfig::name);
+  if (module == config.modules.end()) return {};
+  std::set<std::string> known;
+  const auto add = [&](const Quantity* quantity) {
+    if (quantity == nullptr) return;
+    for (auto& name : quantity->statistics(HeadOf(config, *module))) known.insert(std::move(name));
+  };
+  add(QuantityOf(*module));
+  for (const std::string& text : module->decoder.inputs)
+    // Fourier features are of metres
+    if (const DecoderInput input = ParseDecoderInput(text); !input.fourier) add(FindQuantity(input.kind));
+  return known;
+}
+
 Status CheckParts(const PolicyConfig& config, const std::string& what, const std::vector<std::string>& names) {
   const auto parts = PartsOf(config);
   for (const std::string& name : names)

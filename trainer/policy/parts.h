@@ -5,6 +5,7 @@
 //   attention2                with shared attention: what the modules of level 2 share
 #pragma once
 
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -30,6 +31,10 @@ bool IsOfOneInput(std::string_view tensor);
 
 /// Parts that compute from what `module` reads directly: encoders and other modules, itself left out.
 std::vector<std::string> ReadParts(const PolicyConfig& config, const ModuleConfig& module);
+
+/// What `part` computes with of the data's statistics (Normalization): joint, position, displacement, offset. Those of
+/// joints are of their encoder alone.
+std::set<std::string> StatisticsOf(const PolicyConfig& config, const std::string& part);
 
 /// @error kInvalidArgument: a name that is no part of `config`, with the nearest one. @param what  e.g. "init.freeze"
 Status CheckParts(const PolicyConfig& config, const std::string& what, const std::vector<std::string>& names);

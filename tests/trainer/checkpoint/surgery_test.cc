@@ -4,6 +4,8 @@
 
 #include <gmock/gmock.h>
 
+#include <set>
+
 #include "tests/trainer/checkpoint/example_checkpoint.h"
 #include "tests/trainer/policy/fixtures.h"
 #include "trainer/policy/compose.h"
@@ -85,6 +87,27 @@ TEST_F(SurgeryTest, KeepsTheStatisticsThatCopiedPartsWereTrainedWith) {
   ASSERT_TRUE(own_joints);
   EXPECT_FLOAT_EQ(own_joints->tensors.at("normalization_joint_mean")[0].item<float>(), 0.1F);
   EXPECT_FLOAT_EQ(own_joints->tensors.at("normalization_position_mean")[0].item<float>(), 0.5F);
+}
+
+TEST_F(SurgeryTest, TakesNoStatisticsThatNoCopiedPartKnows) {
+  const PolicyConfig config = policy::TinyConfig();
+  const auto initial = Initial(config);
+  struct Case {
+    std::vector<std::string> copy;
+    std::set<std::string> taken;
+  };
+  for (const Case& some :
+       {Case{{"image", "language", "LANG"}, {}}, Case{{"TAR3D"}, {"position_mean", "position_std"}},
+        Case{{"CTRL"}, {"displacement_std", "offset_std"}}, Case{{"joints"}, {"joint_mean", "joint_std"}}}) {
+    const auto surgery = Do(config, {.copy = some.copy});
+    ASSERT_TRUE(surgery) << surgery.error().message;
+    for (const auto& [name, tensor] : surgery->tensors) {
+      if (!name.starts_with("normalization_")) continue;
+      const bool taken = some.taken.contains(name.substr(std::string("normalization_").size()));
+      EXPECT_TRUE(torch::equal(tensor, taken ? source_.tensors.at(name) : initial.at(name)))
+          << name << " with " << some.copy.back();
+    }
+  }
 }
 
 TEST_F(SurgeryTest, BeginsAnewWhatKnowsAnotherRobot) {
