@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <ranges>
 #include <set>
 
 #include "services/core/check.h"
@@ -67,6 +68,24 @@ class Means {
   std::map<Key, Sum> sums_;
   Sum all_;
 };
+
+template <class Range>
+double SpreadOf(const Range& weights) {
+  const auto [least, most] = std::ranges::minmax(weights);
+  return most / least;
+}
+
+// The kinds multiply, and each within its bound would let a task, noun and place that meet come the ratio's cube as
+// often: by one power, so that what errs more than another still weighs more.
+void BoundProduct(double ratio, SamplingWeights& weights) {
+  auto tasks = std::views::values(weights.tasks), objects = std::views::values(weights.objects);
+  const double spread = SpreadOf(tasks) * SpreadOf(objects) * SpreadOf(weights.places);
+  if (spread <= ratio) return;
+  const double power = std::log(ratio) / std::log(spread);
+  for (double& weight : tasks) weight = std::pow(weight, power);
+  for (double& weight : objects) weight = std::pow(weight, power);
+  for (double& weight : weights.places) weight = std::pow(weight, power);
+}
 
 // What is wrong with a cell; "" when nothing is.
 std::string Problem(const ErrorCell& cell, const CampaignSpec& spec, const std::set<std::string>& nouns) {
@@ -169,6 +188,7 @@ SamplingWeights WeightsFor(const std::vector<ErrorCell>& cells, const CampaignSp
   for (const auto& task : spec.tasks) weights.tasks[task] = tasks.WeightOf(task, largest);
   for (const auto& noun : NounsOf(spec)) weights.objects[noun] = objects.WeightOf(noun, largest);
   for (int place = 0; place < kPlaces; ++place) weights.places.push_back(places.WeightOf(place, largest));
+  BoundProduct(spec.adaptive_sampling.largest_ratio, weights);
   return weights;
 }
 

@@ -81,8 +81,10 @@ std::string ErrorCellsText(std::vector<ErrorCell> cells);
 /// @error kInvalidArgument
 Result<std::vector<ErrorCell>> ParseErrorCells(const std::string& text, const CampaignSpec& spec);
 
-/// Weights in proportion to the mean errors, task by task, noun by noun and place by place, within the campaign's
-/// bound. Means of few episodes are drawn towards the mean of all; what no cell tells of has weight 1.
+/// Weights in proportion to the mean errors, task by task, noun by noun and place by place. Means of few episodes are
+/// drawn towards the mean of all; what no cell tells of has weight 1. Of no task, noun and place is the product of
+/// their weights more than largest_ratio times that of others: where they would be, all are drawn towards 1 by one
+/// power.
 /// @pre the spec follows weights; @returns what passes CheckWeights
 SamplingWeights WeightsFor(const std::vector<ErrorCell>& cells, const CampaignSpec& spec);
 

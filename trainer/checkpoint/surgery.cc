@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "trainer/policy/architecture.h"
 #include "trainer/policy/names.h"
@@ -18,7 +19,7 @@ using policy::PolicyConfig;
 using Names = std::vector<std::string>;
 using Tensors = std::map<std::string, torch::Tensor>;
 
-constexpr std::string_view kStatistics = "normalization_", kJointStatistics = "normalization_joint_";
+constexpr std::string_view kStatistics = "normalization_";
 
 template <class Range>
 bool Contains(const Range& range, const std::string& name) {
@@ -55,6 +56,7 @@ Names DifferencesOfMeaning(const PolicyConfig& there, const PolicyConfig& here, 
   const ModuleConfig *a = FindModule(there, part), *b = FindModule(here, part);
   if (!a || !b) return problems;
   Compare("query", a->query, b->query, problems);
+  if (here.attention == "shared") Compare("level", a->level, b->level, problems);  // other weights attend for it there
   CompareKeys(ToJson(a->decoder), ToJson(b->decoder), {"entity", "quantity", "readout", "from", "rotation", "hidden"},
               problems);
   for (const auto& [quantity, names] : {std::pair{"class", "objects"}, {"task", "tasks"}}) {
@@ -65,6 +67,15 @@ Names DifferencesOfMeaning(const PolicyConfig& there, const PolicyConfig& here, 
     if (knows) Compare(names, all_there.at(names), all_here.at(names), problems);
   }
   return problems;
+}
+
+// What a module attends to that no tensor is named after, so that names alone do not tell when it comes or goes.
+Names UnnamedReads(const PolicyConfig& config, const std::string& part) {
+  const ModuleConfig* module = FindModule(config, part);
+  if (!module) return {};
+  Names reads = policy::ResolveReads(config, *module);
+  if (config.attention != "shared") std::erase_if(reads, [](const std::string& key) { return key != "image"; });
+  return reads;
 }
 
 /// Makes the tensors part by part.
@@ -98,6 +109,7 @@ class Surgeon {
     Names problems;
     if (!Contains(theirs_, part)) problems.push_back("the checkpoint has no such part");
     if (problems.empty()) problems = DifferencesOfMeaning(source_.metadata.policy, config_, part);
+    if (problems.empty()) CompareReads(part, problems);
     for (auto& [name, tensor] : surgery_.tensors) {
       if (policy::PartOfTensor(name) != part || !problems.empty()) continue;
       const auto original = source_.tensors.find(name);
@@ -115,11 +127,14 @@ class Surgeon {
     if (!problems.empty()) problems_.push_back(fmt::format("{}: {}", part, fmt::join(problems, ", ")));
   }
 
+  // A copied part computes with those that it was trained with; what none of them knows the data at hand scale.
   void CopyStatistics() {
-    if (surgery_.copied.empty()) return;
+    std::set<std::string> known;
+    for (const auto& part : surgery_.copied) known.merge(policy::StatisticsOf(config_, part));
     for (auto& [name, tensor] : surgery_.tensors) {
-      const bool of_joints = name.starts_with(kJointStatistics);
-      if (!name.starts_with(kStatistics) || (of_joints && !surgery_.copied.contains("joints"))) continue;
+      if (!name.starts_with(kStatistics)) continue;
+      const std::string what = name.substr(kStatistics.size());  // "position_mean"
+      if (!known.contains(what.substr(0, what.find('_')))) continue;
       const auto original = source_.tensors.find(name);
       if (original != source_.tensors.end() && original->second.sizes() == tensor.sizes())
         tensor.copy_(original->second);
@@ -134,6 +149,8 @@ class Surgeon {
         problems_.push_back(
             fmt::format("{}: frozen, but not copied: it would never learn{}", part,
                         Contains(config_.robot_specific, part) ? " (it knows one robot, this is another)" : ""));
+    CheckFrozenReads();
+    CheckFrozenAttention();
   }
 
   Result<Surgery> Done() {
@@ -146,6 +163,45 @@ class Surgeon {
   Surgery& surgery() { return surgery_; }
 
  private:
+  void CompareReads(const std::string& part, Names& problems) {
+    const Names before = UnnamedReads(source_.metadata.policy, part), now = UnnamedReads(config_, part);
+    for (const auto& key : before)
+      if (!Contains(now, key)) problems.push_back(fmt::format("reads.{} is there and not here", key));
+    for (const auto& key : now)
+      if (!Contains(before, key)) surgery_.grown[part].push_back("reads." + key);
+  }
+
+  // What is new to it begins as nothing, or as noise, and stays so: all that is added for it would be in vain.
+  void CheckFrozenReads() {
+    for (const auto& part : plan_.freeze)
+      if (const auto found = surgery_.grown.find(part); found != surgery_.grown.end())
+        problems_.push_back(fmt::format(
+            "{}: frozen, but it reads what its original did not, and would never learn to ({}): leave it out "
+            "of init.freeze, or have it read what it read",
+            part, fmt::join(found->second, ", ")));
+  }
+
+  // A module computes with what its level shares: where that learns, none of them stays as it is.
+  void CheckFrozenAttention() {
+    if (config_.attention != "shared") return;
+    std::map<std::string, std::pair<Names, Names>> users;  // frozen, and learning
+    for (const ModuleConfig* module : policy::EvaluationOrder(config_)) {
+      auto& [frozen, learning] = users[policy::AttentionPartOf(config_, *module)];
+      (Contains(plan_.freeze, module->name) ? frozen : learning).push_back(module->name);
+    }
+    for (const auto& [attention, modules] : users) {
+      const auto& [frozen, learning] = modules;
+      if (Contains(plan_.freeze, attention)) {
+        if (!learning.empty()) surgery_.frozen_attention[attention] = learning;
+      } else if (!frozen.empty()) {
+        problems_.push_back(fmt::format(
+            "{0}: frozen, but {1}, which their level shares, learns: freeze {1} too{2}", fmt::join(frozen, ", "),
+            attention,
+            learning.empty() ? "" : fmt::format(" ({} would learn with it as it is)", fmt::join(learning, ", "))));
+      }
+    }
+  }
+
   void Grow(const std::string& part, const std::string& name, torch::Tensor& tensor, Names& problems) {
     if (!policy::IsOfOneInput(name)) {
       problems.push_back(fmt::format("{} is here and not there", name));
@@ -182,7 +238,9 @@ Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const
 int FirstLevelToLearn(const PolicyConfig& config, const Surgery& surgery) {
   const auto order = policy::EvaluationOrder(config);
   for (const ModuleConfig* module : order) {
-    if (surgery.fresh.contains(module->name) || surgery.grown.contains(module->name)) return module->level;
+    if (surgery.fresh.contains(module->name) || surgery.grown.contains(module->name) ||
+        surgery.fresh.contains(policy::AttentionPartOf(config, *module)))
+      return module->level;
     Names used;
     for (const auto& item : module->attend) used.push_back(item.substr(0, item.find('@')));
     for (const auto& text : module->decoder.inputs) {

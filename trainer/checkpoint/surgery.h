@@ -26,15 +26,17 @@ struct Surgery {
   /// Of copied modules that read more than their originals: what, by module. Decoders' new columns are zero, so that
   /// at first a copy decodes from new inputs what its original did without them.
   std::map<std::string, std::vector<std::string>> grown;
+  /// Of attention that is shared and frozen: the modules that learn and use it as it is.
+  std::map<std::string, std::vector<std::string>> frozen_attention;
   std::vector<std::string> differences;          ///< of robot, camera and formats (embodiment.h), for people
   std::map<std::string, torch::Tensor> tensors;  ///< of the whole network, as Policy::StateTensors
 };
 
-/// The network of `config` (resolved, valid) that begins as `initial`, Policy::StateTensors of it. With the first
-/// copied part come the source's statistics of positions, displacements and waypoints, with its joint encoder those of
-/// joints. @param here  what the network will be trained for
+/// The network of `config` (resolved, valid) that begins as `initial`, Policy::StateTensors of it. With each copied
+/// part come the source's statistics of what it decodes and reads (policy::StatisticsOf), and no others. @param here
+/// what the network will be trained for
 /// @error kInvalidArgument: names that are no parts; every part that does not fit, with what differs; something frozen
-/// that is not copied.
+/// that is not copied, that has grown, or that shares attention that is not frozen.
 Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const policy::PolicyConfig& config,
                         const std::map<std::string, torch::Tensor>& initial, const Embodiment& here);
 

@@ -164,6 +164,8 @@ void LogSurgery(const checkpoint::Checkpoint& source, const checkpoint::Surgery&
              init.freeze.empty() ? "nothing" : fmt::format("{}", fmt::join(init.freeze, ", ")));
   for (const auto& [module, inputs] : surgery.grown)
     Log().info("{} reads more than its original: {}", module, fmt::join(inputs, ", "));
+  for (const auto& [attention, modules] : surgery.frozen_attention)
+    Log().info("{} is frozen: {} learns with it as it is", attention, fmt::join(modules, ", "));
   if (!surgery.differences.empty())
     Log().warn("it was trained for something else: {}", fmt::join(surgery.differences, "; "));
 }

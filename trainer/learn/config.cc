@@ -57,7 +57,10 @@ class Resolver {
     json.erase("add");
     if (!names.is_array() || !std::all_of(names.begin(), names.end(), [](const auto& x) { return x.is_string(); }))
       return Fail(Code::kInvalidArgument, "add: must be a list of policies' names");
+    const OrderedJson before = json["policy"];
     for (const auto& name : names) ETUDE_RETURN_IF_ERROR(Add(json["policy"], name.get<std::string>()));
+    // weights that are copied were trained with what their modules read then
+    if (!FromOf(json).empty()) policy::KeepReads(before, json["policy"]);
     return {};
   }
 

@@ -130,7 +130,8 @@ using GraphReader = std::function<Result<OrderedJson>(const std::string& file)>;
 /// `policy: NAME` is the content of policies/NAME.yaml ("compact/base") beside the file or in `experiments`;
 /// `policy: checkpoint` is the graph of `init.from`. After it policy.a.b=c works too. `extends: NAME` in a policy's
 /// file puts it on top of another one beside it (compose.h). `add: [NAME]` puts policies/FAMILY/NAME.yaml, or the file
-/// NAME, on top of the graph, FAMILY being the first part of its name ("compact").
+/// NAME, on top of the graph, FAMILY being the first part of its name ("compact"); with `init.from` modules that it
+/// does not name go on reading what they read, where that is "all".
 /// @error kInvalidArgument: with the names there are; as LoadConfig and Validate. As `graph_of`.
 Result<TrainConfig> LoadTrainConfig(const std::string& name_or_file, const Path& experiments,
                                     const std::vector<std::string>& overrides, const GraphReader& graph_of = {});

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "trainer/policy/names.h"
+
 namespace etude::policy {
 namespace {
 
@@ -46,6 +48,21 @@ OrderedJson Compose(const OrderedJson& base, const OrderedJson& addition) {
   }
   if (result.is_object() && rest.is_object()) Merge(result, rest);
   return result;
+}
+
+void KeepReads(const OrderedJson& before, OrderedJson& graph) {
+  const auto has_modules = [](const OrderedJson& json) {
+    return json.is_object() && json.contains("modules") && json["modules"].is_array();
+  };
+  if (!has_modules(before) || !has_modules(graph)) return;
+  // of the rest nothing matters here, and it may be written in short
+  const auto config = FromJson<PolicyConfig>(OrderedJson{{"modules", before["modules"]}}, "modules");
+  if (!config) return;
+  for (std::size_t i = 0; i < config->modules.size(); ++i) {
+    const OrderedJson& entry = before["modules"][i];
+    OrderedJson* now = FindByName(graph["modules"], entry);
+    if (now != nullptr && *now == entry) (*now)["reads"] = ResolveReads(*config, config->modules[i]);
+  }
 }
 
 }  // namespace etude::policy

@@ -11,4 +11,8 @@ namespace etude::policy {
 /// Modules that `base` lacks are appended. Both as their files say them; nothing is checked.
 OrderedJson Compose(const OrderedJson& base, const OrderedJson& addition);
 
+/// Where a module of `graph` is as `before` has it and reads "all", what that was in `before` is written out: what is
+/// put on top of a trained graph changes no module that it does not name.
+void KeepReads(const OrderedJson& before, OrderedJson& graph);
+
 }  // namespace etude::policy

@@ -26,9 +26,13 @@ std::vector<std::string> PartsOf(const PolicyConfig& config) {
   std::vector<std::string> parts(std::begin(kEncoders), std::end(kEncoders));
   for (const ModuleConfig* module : EvaluationOrder(config)) {
     parts.push_back(module->name);
-    if (config.attention == "shared") AddOnce(parts, fmt::format("{}{}", kAttention, module->level));
+    AddOnce(parts, AttentionPartOf(config, *module));
   }
   return parts;
+}
+
+std::string AttentionPartOf(const PolicyConfig& config, const ModuleConfig& module) {
+  return config.attention == "shared" ? fmt::format("{}{}", kAttention, module.level) : "";
 }
 
 std::string PartOfTensor(std::string_view tensor) {
@@ -64,6 +68,22 @@ std::vector<std::string> ReadParts(const PolicyConfig& config, const ModuleConfi
     add(input.module);
   }
   return parts;
+}
+
+std::set<std::string> StatisticsOf(const PolicyConfig& config, const std::string& part) {
+  if (part == "joints") return {"joint"};
+  const auto module = std::ranges::find(config.modules, part, &ModuleConfig::name);
+  if (module == config.modules.end()) return {};
+  std::set<std::string> known;
+  const auto add = [&](const Quantity* quantity) {
+    if (quantity == nullptr) return;
+    for (auto& name : quantity->statistics(HeadOf(config, *module))) known.insert(std::move(name));
+  };
+  add(QuantityOf(*module));
+  for (const std::string& text : module->decoder.inputs)
+    // Fourier features are of metres
+    if (const DecoderInput input = ParseDecoderInput(text); !input.fourier) add(FindQuantity(input.kind));
+  return known;
 }
 
 Status CheckParts(const PolicyConfig& config, const std::string& what, const std::vector<std::string>& names) {

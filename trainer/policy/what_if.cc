@@ -2,12 +2,14 @@
 #include "trainer/policy/what_if.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 
 #include "services/episode/bounded_json.h"
 #include "trainer/policy/names.h"
+#include "trainer/policy/parts.h"
 
 namespace etude::policy {
 namespace {
@@ -47,10 +49,63 @@ Status ReadHide(const OrderedJson& list, WhatIf& what_if) {
   return {};
 }
 
-// numbers that a quantity says; 0: none that can be replaced
+// numbers of a quantity that are replaced; 0: none can be. A pose keeps its rotation, which nothing reads of it.
 std::size_t SizeOf(const std::string& quantity) {
   if (quantity == "pixel") return 2;
-  return quantity == "position" || quantity == "displacement" ? 3 : 0;
+  return quantity == "position" || quantity == "pose" || quantity == "displacement" ? 3 : 0;
+}
+
+bool IsName(const std::string& quantity) { return quantity == "class" || quantity == "task"; }
+
+// Whether a decoder takes what `module` decodes, and not only its register or where it looks.
+bool IsRead(const PolicyConfig& config, const std::string& module) {
+  return std::ranges::any_of(config.modules, [&](const ModuleConfig& reader) {
+    const auto takes = [&](const std::string& text) {
+      const DecoderInput input = ParseDecoderInput(text);
+      return input.module == module && FindQuantity(input.kind) != nullptr;
+    };
+    const DecoderConfig& decoder = reader.decoder;
+    return std::ranges::find(decoder.from, module) != decoder.from.end() || std::ranges::any_of(decoder.inputs, takes);
+  });
+}
+
+// Registers stay as they are: with a value that no decoder takes the answer would be the same, and look as if the
+// module did not matter.
+Status CheckRead(const PolicyConfig& config, const std::string& at, const std::string& module) {
+  if (IsRead(config, module)) return {};
+  std::vector<std::string> readers, others;
+  for (const ModuleConfig& other : config.modules) {
+    const auto parts = ReadParts(config, other);
+    if (std::ranges::find(parts, module) != parts.end()) readers.push_back(other.name);
+    const std::string& quantity = other.decoder.quantity;
+    if ((SizeOf(quantity) > 0 || IsName(quantity)) && IsRead(config, other.name))
+      others.push_back(fmt::format("{}.{}", other.name, quantity));
+  }
+  const std::string flows =
+      readers.empty() ? "" : fmt::format(", only its register is read (by {})", fmt::join(readers, ", "));
+  return Refuse(
+      fmt::format("{}: nothing reads what {} says here{}; {}, or hide a part of the picture, or ask another "
+                  "sentence",
+                  at, module, flows,
+                  others.empty() ? "no value that a module says is read in this policy"
+                                 : fmt::format("say {} otherwise", fmt::join(others, " or "))));
+}
+
+Status CheckName(const std::string& at, const OrderedJson& value, const std::vector<std::string>& names) {
+  if (!value.is_string()) return Refuse(at + ": must be a name");
+  const auto name = value.get<std::string>();
+  if (std::ranges::find(names, name) != names.end()) return {};
+  return Refuse(fmt::format("{}: unknown '{}'{}", at, name, Suggestion(name, names)));
+}
+
+Status CheckNumbers(const std::string& at, const OrderedJson& value, const std::string& quantity) {
+  const std::size_t size = SizeOf(quantity);
+  if (!AllNumbers(value) || value.size() != size)
+    return Refuse(fmt::format("{}: must be {} numbers{}", at, size, quantity == "pose" ? "; its rotation stays" : ""));
+  // a float32 has to hold it
+  if (std::ranges::any_of(value, [](const OrderedJson& x) { return std::abs(x.get<double>()) > kFarthest; }))
+    return Refuse(fmt::format("{}: lies nowhere near", at));
+  return {};
 }
 
 Status CheckSaid(const PolicyConfig& config, const std::string& module, const std::string& quantity,
@@ -63,21 +118,9 @@ Status CheckSaid(const PolicyConfig& config, const std::string& module, const st
     return Refuse(fmt::format("say: no module '{}'{}", module, Suggestion(module, names)));
   }
   if (known->decoder.quantity != quantity) return Refuse(fmt::format("{}: it says '{}'", at, known->decoder.quantity));
-  if (quantity == "class" || quantity == "task") {
-    const auto& names = ClassesOf(config, quantity);
-    if (!value.is_string()) return Refuse(at + ": must be a name");
-    if (std::ranges::find(names, value.get<std::string>()) == names.end())
-      return Refuse(
-          fmt::format("{}: unknown '{}'{}", at, value.get<std::string>(), Suggestion(value.get<std::string>(), names)));
-    return {};
-  }
-  const std::size_t size = SizeOf(quantity);
-  if (size == 0) return Refuse(at + ": cannot be replaced");
-  if (!AllNumbers(value) || value.size() != size) return Refuse(fmt::format("{}: must be {} numbers", at, size));
-  // a float32 has to hold it
-  if (std::ranges::any_of(value, [](const OrderedJson& x) { return std::abs(x.get<double>()) > kFarthest; }))
-    return Refuse(fmt::format("{}: lies nowhere near", at));
-  return {};
+  if (SizeOf(quantity) == 0 && !IsName(quantity)) return Refuse(at + ": cannot be replaced");
+  ETUDE_RETURN_IF_ERROR(CheckRead(config, at, module));
+  return IsName(quantity) ? CheckName(at, value, ClassesOf(config, quantity)) : CheckNumbers(at, value, quantity);
 }
 
 Status ReadSay(const OrderedJson& map, const PolicyConfig& config, WhatIf& what_if) {
@@ -144,7 +187,8 @@ Intervention SayInstead(const WhatIf& what_if, const PolicyConfig& config) {
         continue;
       }
       const auto numbers = value.get<std::vector<float>>();
-      decoded = torch::tensor(numbers, decoded.options()).expand_as(decoded).contiguous();
+      decoded = decoded.clone();
+      decoded.narrow(-1, 0, static_cast<std::int64_t>(numbers.size())).copy_(torch::tensor(numbers, decoded.options()));
     }
   };
 }

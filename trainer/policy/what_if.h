@@ -18,7 +18,8 @@ namespace etude::policy {
 struct WhatIf {
   std::string sentence;                  ///< "": the one that was spoken
   std::vector<std::array<int, 4>> hide;  ///< u0, v0, width, height, px in the camera's picture: painted grey
-  /// Module -> what it decodes -> value: numbers in SI units as DescribeModules says them, or a name of class or task.
+  /// Module -> what it decodes -> value: numbers in SI units as DescribeModules says them, of a pose the place alone,
+  /// or a name of class or task.
   std::map<std::string, std::map<std::string, OrderedJson>> say;
   bool worth = false;  ///< what each word and joint is worth is asked as well
 
@@ -27,7 +28,7 @@ struct WhatIf {
 };
 
 /// Of a text that is not trusted. @error kInvalidArgument: what is wrong, by key: unknown keys, modules and quantities
-/// (with the nearest), values of another size
+/// (with the nearest), values of another size or that no decoder reads, with what could be asked instead
 Result<WhatIf> ParseWhatIf(const std::string& text, const PolicyConfig& config);
 
 /// Grey over what is hidden. @param images  (1, 3, h, w) uint8, changed in place @param crop_origin  (1, 2) px

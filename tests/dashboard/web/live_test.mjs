@@ -302,6 +302,8 @@ async function hidesAPartByKeyboard(page) {
 
 /** The value is said instead, later modules follow, and the plan does. */
 async function replacesAnOutput(page) {
+  const offered = await page.getByLabel('what if a module said something else?').locator('option').allTextContents();
+  assert.ok(offered.includes('DISP') && !offered.includes('EE2D'), `${offered}: nothing reads what EE2D says`);
   await answerTo(page, () => page.getByLabel('what if a module said something else?').selectOption({ label: 'TAR3D' }), (body) => body.what_if?.say?.TAR3D);
   const instead = [0.2, 0.1, 0.3];
   const is = (body) => body.what_if?.say?.TAR3D?.position?.[2] === instead[2];

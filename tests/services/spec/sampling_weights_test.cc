@@ -5,8 +5,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
+#include <ranges>
 
 #include "tests/support/matchers.h"
 
@@ -43,23 +45,42 @@ TEST(PlaceOf, TakesWhatLiesOutsideToTheNearestPlace) {
   EXPECT_EQ(PlaceOf(1e300, 1e300), 11);
 }
 
-// by hand: mean of all 1.25; four more episodes at 1.25 for each; the bound is sqrt(3)
-TEST(WeightsFor, AreShrunkRelativeErrorsWithinTheBound) {
+// by hand: mean of all 1.25; four more episodes at 1.25 for each; a weight's bound is sqrt(10), and together they stay
+// below 10
+TEST(WeightsFor, AreShrunkRelativeErrors) {
+  CampaignSpec spec = Adaptive();
+  spec.adaptive_sampling.largest_ratio = 10;
+
+  const SamplingWeights weights = WeightsFor({{"pick", "cube", 0, 12, 2.0}, {"push", "cube", 11, 12, 0.5}}, spec);
+
+  EXPECT_NEAR(weights.tasks.at("pick"), 1.45, 1e-9);
+  EXPECT_NEAR(weights.tasks.at("push"), 0.55, 1e-9);
+  EXPECT_EQ(weights.tasks.at("put_down"), 1) << "nothing is known of it";
+  EXPECT_EQ(weights.objects.at("cube"), 1) << "as all";
+  EXPECT_NEAR(weights.places[0], 1.45, 1e-9);
+  EXPECT_NEAR(weights.places[11], 0.55, 1e-9);
+}
+
+// by hand as above, with the bound sqrt(3) for each, and 3 for all together: 1.45 is 1.45 sqrt(3) times the least, of
+// each of three kinds
+TEST(WeightsFor, AreWithinTheBoundTogether) {
   const CampaignSpec spec = Adaptive();
-  const double least = 1 / std::sqrt(3.0);
+  const double power = std::log(3.0) / (3 * std::log(1.45 * std::sqrt(3.0)));
+  const double most = std::pow(1.45, power), least = std::pow(3.0, -power / 2);
+  EXPECT_NEAR(most / least, std::cbrt(3.0), 1e-9);
 
   const SamplingWeights weights =
       WeightsFor({{"pick", "cube", 0, 12, 2.0}, {"push", "milk", 11, 12, 0.5}, {"", "coke", 5, 4, 1.25}}, spec);
 
-  EXPECT_NEAR(weights.tasks.at("pick"), 1.45, 1e-9);
-  EXPECT_NEAR(weights.tasks.at("push"), least, 1e-9) << "0.55 without the bound";
+  EXPECT_NEAR(weights.tasks.at("pick"), most, 1e-9);
+  EXPECT_NEAR(weights.tasks.at("push"), least, 1e-9);
   EXPECT_EQ(weights.tasks.at("put_down"), 1) << "nothing is known of it";
-  EXPECT_NEAR(weights.objects.at("cube"), 1.45, 1e-9);
+  EXPECT_NEAR(weights.objects.at("cube"), most, 1e-9);
   EXPECT_NEAR(weights.objects.at("milk"), least, 1e-9);
   EXPECT_NEAR(weights.objects.at("coke"), 1, 1e-9);
   EXPECT_EQ(weights.objects.at("bread"), 1);
   ASSERT_EQ(weights.places.size(), static_cast<std::size_t>(kPlaces));
-  EXPECT_NEAR(weights.places[0], 1.45, 1e-9);
+  EXPECT_NEAR(weights.places[0], most, 1e-9);
   EXPECT_NEAR(weights.places[11], least, 1e-9);
   EXPECT_EQ(weights.places[7], 1);
   EXPECT_THAT(CheckWeights(weights, spec), IsOk());
@@ -108,6 +129,13 @@ TEST(WeightsFor, StayWithinTheBoundWhateverIsPublished) {
       EXPECT_LE(weight / total, spec.adaptive_sampling.largest_ratio / 3 + 1e-9);
       EXPECT_GE(weight / total, 1 / spec.adaptive_sampling.largest_ratio / 3 - 1e-9);
     }
+    // nor does a task with an object in a place
+    double most = std::ranges::max(weights.places), least = std::ranges::min(weights.places);
+    for (const auto* kind : {&weights.tasks, &weights.objects}) {
+      most *= std::ranges::max(std::views::values(*kind));
+      least *= std::ranges::min(std::views::values(*kind));
+    }
+    EXPECT_LE(most / least, spec.adaptive_sampling.largest_ratio + 1e-9);
   }
 }
 

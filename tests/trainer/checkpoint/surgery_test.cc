@@ -4,8 +4,11 @@
 
 #include <gmock/gmock.h>
 
+#include <set>
+
 #include "tests/trainer/checkpoint/example_checkpoint.h"
 #include "tests/trainer/policy/fixtures.h"
+#include "trainer/policy/compose.h"
 #include "trainer/policy/parts.h"
 
 namespace etude::checkpoint {
@@ -84,6 +87,27 @@ TEST_F(SurgeryTest, KeepsTheStatisticsThatCopiedPartsWereTrainedWith) {
   ASSERT_TRUE(own_joints);
   EXPECT_FLOAT_EQ(own_joints->tensors.at("normalization_joint_mean")[0].item<float>(), 0.1F);
   EXPECT_FLOAT_EQ(own_joints->tensors.at("normalization_position_mean")[0].item<float>(), 0.5F);
+}
+
+TEST_F(SurgeryTest, TakesNoStatisticsThatNoCopiedPartKnows) {
+  const PolicyConfig config = policy::TinyConfig();
+  const auto initial = Initial(config);
+  struct Case {
+    std::vector<std::string> copy;
+    std::set<std::string> taken;
+  };
+  for (const Case& some :
+       {Case{{"image", "language", "LANG"}, {}}, Case{{"TAR3D"}, {"position_mean", "position_std"}},
+        Case{{"CTRL"}, {"displacement_std", "offset_std"}}, Case{{"joints"}, {"joint_mean", "joint_std"}}}) {
+    const auto surgery = Do(config, {.copy = some.copy});
+    ASSERT_TRUE(surgery) << surgery.error().message;
+    for (const auto& [name, tensor] : surgery->tensors) {
+      if (!name.starts_with("normalization_")) continue;
+      const bool taken = some.taken.contains(name.substr(std::string("normalization_").size()));
+      EXPECT_TRUE(torch::equal(tensor, taken ? source_.tensors.at(name) : initial.at(name)))
+          << name << " with " << some.copy.back();
+    }
+  }
 }
 
 TEST_F(SurgeryTest, BeginsAnewWhatKnowsAnotherRobot) {
@@ -178,6 +202,143 @@ TEST_F(SurgeryTest, RefusesAModuleThatReadLessNow) {
   const auto surgery = Do(config);
   ASSERT_FALSE(surgery);
   EXPECT_THAT(surgery.error().message, HasSubstr("decoder.from.class:LANG is there and not here"));
+}
+
+TEST_F(SurgeryTest, ANewKeyThatNoTensorIsNamedAfterIsGrowth) {
+  PolicyConfig config = policy::TinyConfig();
+  FindModule(config, "DISP")->reads.push_back("image");
+  const auto surgery = Do(config);
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  EXPECT_THAT(surgery->grown.at("DISP"), ElementsAre("reads.image"));
+  EXPECT_EQ(FirstLevelToLearn(config, *surgery), 4);
+}
+
+// its new columns are zero and would stay so: what is added could never drive
+TEST_F(SurgeryTest, RefusesToFreezeAModuleThatReadsMore) {
+  const auto surgery = Do(WithObstacle(), {.freeze = {"TAR3D", "CTRL"}});
+  ASSERT_FALSE(surgery);
+  EXPECT_EQ(surgery.error().code, Code::kInvalidArgument);
+  for (const char* said : {"CTRL: frozen, but it reads what its original did not", "decoder.from.position:OBST3D",
+                           "leave it out of init.freeze"})
+    EXPECT_THAT(surgery.error().message, HasSubstr(said));
+  EXPECT_THAT(surgery.error().message, testing::Not(HasSubstr("TAR3D: frozen")));
+  const auto some = Do(WithObstacle(), {.freeze = {"TAR3D"}});
+  EXPECT_TRUE(some) << some.error().message;
+}
+
+// The paper's way to attend: modules of a level share their attention, no tensor is named after what a module reads,
+// and most read all that stands before them.
+class SharedSurgeryTest : public SurgeryTest {
+ protected:
+  SharedSurgeryTest() { source_ = ExampleCheckpoint(Base()); }
+  static PolicyConfig Base() {
+    PolicyConfig config = policy::TinyConfig();
+    config.attention = "shared";
+    for (const char* name : {"EE3D", "TAR3D", "DISP"}) FindModule(config, name)->reads = {"all"};
+    EXPECT_TRUE(config.Validate());
+    return config;
+  }
+  // @param keep  as when it is added to a checkpoint
+  static PolicyConfig WithAddition(bool keep) {
+    const auto addition = ParseYaml(R"(
+modules:
+  - {name: OBST2D, level: 2, reads: [all], decoder: {entity: obstacle, quantity: pixel}}
+  - {name: OBST3D, level: 3, reads: [all], attend: [OBST2D],
+     decoder: {entity: obstacle, quantity: position, readout: mlp, hidden: [8]}}
+  - {name: CTRL, attend: [OBST3D]}
+)",
+                                    "addition");
+    const OrderedJson before = ToJson(Base());
+    OrderedJson graph = policy::Compose(before, addition.value());
+    if (keep) policy::KeepReads(before, graph);
+    const auto config = FromJson<PolicyConfig>(graph, "added");
+    EXPECT_TRUE(config && config->Validate());
+    return *config;
+  }
+  static std::vector<std::string> AllBut(const std::string& left_out) {
+    std::vector<std::string> names{"image", "language", "joints",     "LANG",       "EE2D",       "TAR2D",     "EE3D",
+                                   "TAR3D", "DISP",     "attention1", "attention2", "attention3", "attention4"};
+    std::erase(names, left_out);
+    return names;
+  }
+  static policy::Outputs Answers(const PolicyConfig& config, const std::map<std::string, torch::Tensor>& tensors) {
+    const auto network = policy::MakePolicy(config, 5, kExampleJoints);
+    EXPECT_TRUE(network->LoadStateTensors(tensors));
+    network->eval();
+    const torch::NoGradGuard no_grad;
+    return network->Forward(policy::MakeInputs(config, 2, 2, kExampleJoints));
+  }
+};
+
+TEST_F(SharedSurgeryTest, FrozenModulesAnswerBitForBitWhatTheyDidWhenModulesAreAdded) {
+  const PolicyConfig config = WithAddition(true);
+  const auto surgery = Do(config, {.freeze = AllBut("")});
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  EXPECT_THAT(surgery->fresh, UnorderedElementsAre("OBST2D", "OBST3D"));
+  ASSERT_EQ(surgery->grown.size(), 1u);
+  EXPECT_THAT(surgery->grown.at("CTRL"), UnorderedElementsAre("reads.OBST2D", "reads.OBST3D"));
+  EXPECT_THAT(surgery->frozen_attention.at("attention2"), ElementsAre("OBST2D"));
+  EXPECT_THAT(surgery->frozen_attention.at("attention3"), ElementsAre("OBST3D"));
+  EXPECT_EQ(surgery->frozen_attention.size(), 2u) << "where nothing learns there is nothing to say";
+
+  const auto before = Answers(Base(), source_.tensors), after = Answers(config, surgery->tensors);
+  for (const char* name : {"LANG", "EE2D", "TAR2D", "EE3D", "TAR3D", "DISP"}) {
+    EXPECT_TRUE(torch::equal(before.at(name).register_token, after.at(name).register_token)) << name;
+    for (const auto& [quantity, value] : before.at(name).decoded)
+      EXPECT_TRUE(torch::equal(value, after.at(name).decoded.at(quantity))) << name << "." << quantity;
+  }
+}
+
+// a policy's file that says "all" of everything
+TEST_F(SharedSurgeryTest, WhatReadsMoreHasGrown) {
+  const PolicyConfig config = WithAddition(false);
+  const auto surgery = Do(config);
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  for (const char* name : {"EE3D", "TAR3D"}) EXPECT_THAT(surgery->grown.at(name), ElementsAre("reads.OBST2D"));
+  EXPECT_THAT(surgery->grown.at("DISP"), UnorderedElementsAre("reads.OBST2D", "reads.OBST3D"));
+  EXPECT_FALSE(surgery->grown.contains("TAR2D"));
+  const auto frozen = Do(config, {.freeze = AllBut("")});
+  ASSERT_FALSE(frozen);
+  EXPECT_THAT(frozen.error().message, HasSubstr("EE3D: frozen, but it reads what its original did not"));
+  EXPECT_THAT(frozen.error().message, HasSubstr("(reads.OBST2D): leave it out"));
+  const auto before = Answers(Base(), source_.tensors), after = Answers(config, surgery->tensors);
+  EXPECT_FALSE(torch::equal(before.at("EE3D").register_token, after.at("EE3D").register_token));
+}
+
+TEST_F(SharedSurgeryTest, RefusesToFreezeAModuleWhoseAttentionLearns) {
+  const PolicyConfig config = WithAddition(true);
+  const auto alone = Do(config, {.freeze = AllBut("attention4")});
+  ASSERT_FALSE(alone);
+  EXPECT_THAT(alone.error().message, HasSubstr("DISP: frozen, but attention4, which their level shares, learns: freeze "
+                                               "attention4 too; leave parts out"));
+  const auto beside = Do(config, {.freeze = AllBut("attention3")});
+  ASSERT_FALSE(beside);
+  EXPECT_THAT(beside.error().message, HasSubstr("EE3D, TAR3D: frozen, but attention3"));
+  EXPECT_THAT(beside.error().message, HasSubstr("freeze attention3 too (OBST3D would learn with it as it is)"));
+}
+
+TEST_F(SharedSurgeryTest, RefusesModulesOfAnotherLevelOrThatReadLess) {
+  PolicyConfig config = Base();
+  FindModule(config, "CTRL")->level = 6;
+  FindModule(config, "TAR3D")->reads = {"TAR2D"};
+  ASSERT_TRUE(config.Validate());
+  const auto surgery = Do(config);
+  ASSERT_FALSE(surgery);
+  EXPECT_THAT(surgery.error().message, HasSubstr("CTRL: level is 5 there, 6 here"));
+  EXPECT_THAT(surgery.error().message, HasSubstr("TAR3D: reads.image is there and not here"));
+  const auto anew = Do(config, {.fresh = {"CTRL", "TAR3D"}});
+  EXPECT_TRUE(anew) << anew.error().message;
+
+  source_ = ExampleCheckpoint(policy::TinyConfig());
+  config = policy::TinyConfig();
+  FindModule(config, "CTRL")->level = 6;
+  EXPECT_TRUE(Do(config)) << "a module's own attention goes with it";
+}
+
+TEST_F(SharedSurgeryTest, LearningStartsWhereAttentionBeginsAnew) {
+  const auto surgery = Do(Base(), {.fresh = {"attention2"}});
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  EXPECT_EQ(FirstLevelToLearn(Base(), *surgery), 2);
 }
 
 TEST_F(SurgeryTest, ChecksItsPlan) {

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <stdexcept>
 
@@ -170,6 +171,27 @@ TEST(LoadTrainConfig, TakesTheGraphOfACheckpoint) {
   ASSERT_FALSE(none);
   EXPECT_THAT(none.error().message, HasSubstr("init.from"));
   EXPECT_FALSE(LoadTrainConfig("compact", kExperiments, {"init.copy=[LANG]"}));
+}
+
+// With attention that is shared, and `reads: [all]`, an addition would be a key of every trained module.
+TEST(LoadTrainConfig, LeavesWhatTrainedModulesRead) {
+  const auto graph_of = [](const std::string&) -> Result<OrderedJson> {
+    return ParseYaml(ReadTextFile("trainer/experiments/policies/paper/base.yaml").value(), "base").value();
+  };
+  const auto reads = [](const TrainConfig& config, const std::string& name) {
+    const auto module = std::ranges::find(config.policy.modules, name, &policy::ModuleConfig::name);
+    return module == config.policy.modules.end() ? std::vector<std::string>() : module->reads;
+  };
+  const auto begun = LoadTrainConfig("paper", kExperiments,
+                                     {"init.from=a.safetensors", "policy=checkpoint", "add=[obstacle]"}, graph_of);
+  ASSERT_TRUE(begun) << begun.error().message;
+  EXPECT_THAT(reads(*begun, "EE3D"), testing::ElementsAre("image", "language", "joints", "LANG", "EE2D", "TAR2D"));
+  EXPECT_THAT(reads(*begun, "OBST3D"), testing::ElementsAre("all"));
+  EXPECT_THAT(reads(*begun, "CTRL"), testing::ElementsAre("all")) << "the addition names it";
+
+  const auto scratch = LoadTrainConfig("paper", kExperiments, {"add=[obstacle]"});
+  ASSERT_TRUE(scratch) << scratch.error().message;
+  EXPECT_THAT(reads(*scratch, "EE3D"), testing::ElementsAre("all"));
 }
 
 /// What `etude results` asks etude-trainer for, of one row of its file.

@@ -57,5 +57,38 @@ TEST(Compose, LeavesNonsenseToTheChecks) {
   EXPECT_EQ(Compose(Yaml("{modules: [3, {name: A}]}"), Yaml("{modules: [4]}")), Yaml("{modules: [3, {name: A}, 4]}"));
 }
 
+// A trained module that reads all would read what is added, and be another one.
+TEST(KeepReads, WritesOutAllOfModulesThatTheAdditionDoesNotName) {
+  const auto before = Yaml(R"(
+modules:
+  - {name: A, level: 1}
+  - {name: B, level: 2, reads: [all]}
+  - {name: C, level: 2, reads: [image, A]}
+  - {name: D, level: 3, attend: [B]}
+)");
+  auto graph = Compose(before, Yaml("{modules: [{name: N, level: 1}, {name: D, attend: [N]}]}"));
+  KeepReads(before, graph);
+  const auto wanted = Yaml(R"(
+modules:
+  - {name: A, level: 1, reads: [image, language, joints]}
+  - {name: B, level: 2, reads: [image, language, joints, A]}
+  - {name: C, level: 2, reads: [image, A]}
+  - {name: D, level: 3, attend: [B, N]}
+  - {name: N, level: 1}
+)");
+  EXPECT_EQ(graph, wanted) << graph.dump();
+}
+
+TEST(KeepReads, LeavesNonsenseToTheChecks) {
+  for (const char* text : {"{}", "{modules: 3}", "{modules: [{name: A, levle: 2}]}"}) {
+    OrderedJson graph = Yaml(text);
+    KeepReads(Yaml(text), graph);
+    EXPECT_EQ(graph, Yaml(text));
+  }
+  OrderedJson nothing;
+  KeepReads(OrderedJson(), nothing);
+  EXPECT_TRUE(nothing.is_null());
+}
+
 }  // namespace compose_test
 }  // namespace etude::policy

@@ -55,6 +55,21 @@ TEST(Parts, KnowWhatAModuleReads) {
   EXPECT_THAT(of("DISP"), ElementsAre("EE3D", "TAR3D", "language"));
 }
 
+TEST(Parts, KnowWhichStatisticsTheyComputeWith) {
+  PolicyConfig config = TinyConfig();
+  EXPECT_THAT(StatisticsOf(config, "joints"), ElementsAre("joint"));
+  for (const char* none : {"image", "language", "LANG", "TAR2D"})
+    EXPECT_THAT(StatisticsOf(config, none), IsEmpty()) << none;
+  EXPECT_THAT(StatisticsOf(config, "EE3D"), ElementsAre("position"));  // a pose
+  EXPECT_THAT(StatisticsOf(config, "TAR3D"), ElementsAre("position"));
+  EXPECT_THAT(StatisticsOf(config, "DISP"), ElementsAre("displacement", "position"));
+  EXPECT_THAT(StatisticsOf(config, "CTRL"), ElementsAre("displacement", "offset"));  // relative waypoints
+  DecoderConfig& absolute = FindModule(config, "CTRL")->decoder;
+  absolute.readout = "mlp";
+  absolute.inputs = {"register", "fourier:displacement:DISP"};
+  EXPECT_THAT(StatisticsOf(config, "CTRL"), ElementsAre("offset", "position"));
+}
+
 TEST(Parts, AreCheckedByName) {
   const PolicyConfig config = TinyConfig();
   EXPECT_TRUE(CheckParts(config, "init.copy", {"image", "CTRL"}));

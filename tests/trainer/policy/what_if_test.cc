@@ -41,8 +41,35 @@ TEST(WhatIf, IsReadFromTextThatIsNotTrusted) {
   EXPECT_THAT(ErrorOf(R"({"say": {"TAR3D": {"pixel": [1, 2]}}})"), HasSubstr("it says 'position'"));
   EXPECT_THAT(ErrorOf(R"({"say": {"TAR3D": {"position": [1, 2]}}})"), HasSubstr("must be 3 numbers"));
   EXPECT_THAT(ErrorOf(R"({"say": {"TAR3D": {"position": [1, 2, 1e300]}}})"), HasSubstr("lies nowhere near"));
+  EXPECT_THAT(ErrorOf(R"({"say": {"EE3D": {"pose": [1, 2, 3, 1, 0, 0, 0, 1, 0]}}})"),
+              HasSubstr("must be 3 numbers; its rotation stays"));
   EXPECT_THAT(ErrorOf(R"({"say": {"LANG": {"class": "rde"}}})"), HasSubstr("did you mean 'red'"));
   EXPECT_THAT(ErrorOf(R"({"say": {"CTRL": {"trajectory": [1]}}})"), HasSubstr("cannot be replaced"));
+}
+
+TEST(WhatIf, RefusesWhatNothingReads) {
+  const std::string said = ErrorOf(R"({"say": {"EE2D": {"pixel": [1, 2]}}})");
+  EXPECT_THAT(said, HasSubstr("say.EE2D.pixel: nothing reads what EE2D says here, only its register is read (by EE3D, "
+                              "CTRL)"));
+  EXPECT_THAT(said, HasSubstr("say LANG.class or TAR2D.pixel or EE3D.pose or TAR3D.position or DISP.displacement "
+                              "otherwise, or hide a part of the picture"));
+
+  // as in the paper's graph
+  PolicyConfig registers = TinyConfig();
+  for (ModuleConfig& module : registers.modules) {
+    module.decoder.inputs = {"register"};
+    module.decoder.from.clear();
+  }
+  const auto parsed = ParseWhatIf(R"({"say": {"LANG": {"class": "red"}}})", registers);
+  ASSERT_FALSE(parsed);
+  EXPECT_EQ(parsed.error().code, Code::kInvalidArgument);
+  EXPECT_THAT(parsed.error().message, HasSubstr("nothing reads what LANG says here, only its register is read (by "
+                                                "TAR2D, CTRL); no value that a module says is read in this policy"));
+  // where it looks is not what it says
+  FindModule(registers, "TAR3D")->decoder.inputs = {"register", "soft_argmax:TAR2D", "register:TAR2D"};
+  EXPECT_FALSE(ParseWhatIf(R"({"say": {"TAR2D": {"pixel": [1, 2]}}})", registers));
+  FindModule(registers, "TAR3D")->decoder.inputs = {"register", "pixel:TAR2D"};
+  EXPECT_TRUE(ParseWhatIf(R"({"say": {"TAR2D": {"pixel": [1, 2]}}})", registers));
 }
 
 TEST(WhatIf, HidesWhatLiesInTheCrop) {
@@ -78,6 +105,23 @@ TEST(WhatIf, LaterModulesReadWhatIsSaidInstead) {
   const auto moved = changed.at("DISP").decoded.at("displacement") - plain.at("DISP").decoded.at("displacement");
   EXPECT_GT(moved.abs().max().item<float>(), 0.01F);
   EXPECT_FALSE(torch::equal(plain.at("CTRL").decoded.at("trajectory"), changed.at("CTRL").decoded.at("trajectory")));
+}
+
+TEST(WhatIf, APoseIsSaidElsewhereAndKeepsItsRotation) {
+  const PolicyConfig config = TinyConfig();
+  const auto policy = MakePolicy(config);
+  policy->eval();
+  const torch::NoGradGuard no_grad;
+  const Inputs inputs = MakeInputs(config, 1, 1);
+  const auto what_if = ParseWhatIf(R"({"say": {"EE3D": {"pose": [0.5, 0.25, 0.125]}}})", config);
+  ASSERT_TRUE(what_if) << what_if.error().message;
+  const auto plain = policy->Forward(inputs), changed = policy->Forward(inputs, 0, SayInstead(*what_if, config));
+
+  const torch::Tensor before = plain.at("EE3D").decoded.at("pose"), said = changed.at("EE3D").decoded.at("pose");
+  EXPECT_TRUE(torch::equal(said.narrow(-1, 0, 3).flatten(), torch::tensor({0.5F, 0.25F, 0.125F})));
+  EXPECT_TRUE(torch::equal(said.narrow(-1, 3, 6), before.narrow(-1, 3, 6)));
+  EXPECT_FALSE(torch::equal(changed.at("DISP").decoded.at("displacement"), plain.at("DISP").decoded.at("displacement")))
+      << "it is where the hand is";
 }
 
 TEST(WhatIf, HeadsOfAttentionHaveTheMapAsTheirMean) {

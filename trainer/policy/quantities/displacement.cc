@@ -30,6 +30,7 @@ class Displacement final : public Point {
     output.decoded["displacement"] = head.readout == "difference" ? own + *decoding.from : own;
   }
 
+  std::vector<std::string> statistics(const Head&) const override { return {"displacement"}; }
   int feature_width(const Head&, bool fourier) const override { return fourier ? kFourierWidth : 3; }
   Tensor Feature(const ModuleOutput& output, const Normalization& n, bool fourier, bool detach) const override {
     const Tensor& displacement = output.decoded.at("displacement");

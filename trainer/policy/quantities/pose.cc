@@ -28,6 +28,8 @@ class Pose final : public Quantity {
         torch::cat({n.position_mean + n.position_std * raw.narrow(-1, 0, 3), raw.narrow(-1, 3, 6)}, -1);
   }
 
+  std::vector<std::string> statistics(const Head&) const override { return {"position"}; }
+
   Tensor Loss(const Head& head, const LossesConfig& losses, const ModuleOutput& output, const Target& target,
               const PictureView&) const override {
     const Tensor& said = output.decoded.at("pose");

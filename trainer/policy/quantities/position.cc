@@ -31,6 +31,7 @@ class Position final : public Point {
         head.readout == "ray" ? OnRay(*decoding.from, n, raw) : n.position_mean + n.position_std * raw;
   }
 
+  std::vector<std::string> statistics(const Head&) const override { return {"position"}; }
   int feature_width(const Head&, bool fourier) const override { return fourier ? kFourierWidth : 3; }
   Tensor Feature(const ModuleOutput& output, const Normalization& n, bool fourier, bool detach) const override {
     const Tensor position = PositionOf(output);

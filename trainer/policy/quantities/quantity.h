@@ -66,6 +66,9 @@ class Quantity : public data::LabelRule {
   virtual void Decode(const Head& head, const Decoding& decoding, const at::Tensor& raw,
                       ModuleOutput& output) const = 0;
 
+  /// Of Normalization what decoding, or reading it as a plain feature, scales by: position, displacement, offset.
+  virtual std::vector<std::string> statistics(const Head&) const { return {}; }
+
   /// As input of another module's decoder: numbers, 0 when it is none; with `fourier` as Fourier features.
   virtual int feature_width(const Head&, bool /*fourier*/) const { return 0; }
   /// (B, S', feature_width), normalised. @param detach  no gradient goes back. @pre feature_width > 0

@@ -43,6 +43,11 @@ class Trajectory final : public Quantity {
         torch::cat({absolute, points.narrow(-1, 3, 6), torch::sigmoid(output.gripper_logits).unsqueeze(-1)}, -1);
   }
 
+  std::vector<std::string> statistics(const Head& head) const override {
+    if (head.readout == "relative") return {"offset"};
+    return {"position", "offset"};
+  }
+
   Tensor Loss(const Head& head, const LossesConfig& losses, const ModuleOutput& output, const Target& target,
               const PictureView&) const override {
     const Tensor value = output.decoded.at("trajectory").narrow(1, 0, 1);

@@ -19,8 +19,11 @@ import { Joints, Worth } from '../parts/worth';
 /** `planner`: the module that decodes waypoints, '' for none. `tell`: hears each answer, and undefined while there is none. */
 export interface Shown { module: string; planner: string; tell: (of: Insight | undefined) => void }
 
-/** `kept`: evaluations of the run whose files can be looked at while nobody serves it. */
-interface Asked extends Shown { run: string; kept: Eval[] }
+/**
+ * `kept`: evaluations of the run whose files can be looked at while nobody serves it. `heard`: modules of which another
+ * one reads what they decode, and not their register alone.
+ */
+interface Asked extends Shown { run: string; kept: Eval[]; heard: ReadonlySet<string> }
 
 export function AskPolicy(props: Asked) {
   const dataset = chosen('dataset');
@@ -111,7 +114,7 @@ function Bench(props: Asked & { episode: Episode }) {
         <div class="stack">
           <label class="stack tight"><span class="small muted">sentence</span><input class="field" value={sentence.shown} maxLength={400} onInput={(event) => sentence.change(event.currentTarget.value)} /></label>
           <label class="stack tight"><span class="small muted">what if this had been said?</span><input class="field" placeholder="push the pepsi can" value={other.shown} maxLength={400} onInput={(event) => other.change(event.currentTarget.value)} /></label>
-          <SayInstead of={data} field={say} />
+          <SayInstead of={data} heard={props.heard} field={say} />
           <p class="small muted">Drag over the picture to hide a part of it, or focus it: arrow keys move the brush, Shift and arrows size it, Enter hides. Where a module attends is not yet why it says so: hide that part and see what follows.</p>
           {answer.error && <><Failed problem={answer.error} retry={answer.reload} />{answer.error.status === 409 && <p class="row wrap"><ActionButton label="Serve this run" about="Starts a policy server that follows what the run publishes." of={{ action: 'serve', run }} />
             {props.kept.map((one) => <a class="button" href={link('inside', { run, eval: one.id })}>What was kept of {one.name}</a>)}</p>}</>}
@@ -123,16 +126,24 @@ function Bench(props: Asked & { episode: Episode }) {
   );
 }
 
-function SayInstead(props: { of: Insight | undefined; field: { shown: string; change: (text: string) => void } }) {
+/** What is said in place of a value: of a pose where it is, its rotation stays. */
+function prefilled(module: Insight['modules'][string] | undefined): string {
+  const value = module?.value ?? '';
+  return JSON.stringify(module?.quantity === 'pose' && Array.isArray(value) ? value.slice(0, 3) : value);
+}
+
+/** Offered of those modules alone that something follows from. */
+function SayInstead(props: { of: Insight | undefined; heard: ReadonlySet<string>; field: { shown: string; change: (text: string) => void } }) {
   const said = saidIn(props.field.shown);
   const [, set] = parameter('say');
   const modules = props.of?.modules ?? {};
-  const replaceable = Object.entries(modules).filter(([, one]) => one.quantity !== undefined && one.value !== undefined).map(([name, one]) => [`${name}.${one.quantity}`, name] as const);
+  const replaceable = Object.entries(modules).filter(([name, one]) => props.heard.has(name) && one.quantity !== undefined && one.value !== undefined).map(([name, one]) => [`${name}.${one.quantity}`, name] as const);
   const chosenOne = said ? `${said.module}.${said.quantity}` : '';
+  if (props.of && !replaceable.length && !said) return <p class="small muted">No module here reads what another one says, only its register: saying something else in its place would change nothing. Ask another sentence, or hide a part of the picture.</p>;
   const options = said && !replaceable.some(([name]) => name === chosenOne) ? [[chosenOne, said.module] as const, ...replaceable] : replaceable;
   return (
     <div class="row">
-      <Select label="what if a module said something else?" showLabel value={chosenOne} options={[['', 'none'], ...options]} choose={(name) => set(name ? `${name}=${JSON.stringify(modules[name.split('.')[0]!]?.value ?? '')}` : null, true)} />
+      <Select label="what if a module said something else?" showLabel value={chosenOne} options={[['', 'none'], ...options]} choose={(name) => set(name ? `${name}=${prefilled(modules[name.split('.')[0]!])}` : null, true)} />
       {said && <input class="field" aria-label={`what ${chosenOne} says instead`} value={said.value} onInput={(event) => props.field.change(`${chosenOne}=${event.currentTarget.value}`)} />}
     </div>
   );
