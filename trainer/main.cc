@@ -15,7 +15,6 @@
 #include "services/bus/process_reporter.h"
 #include "services/bus/topic.h"
 #include "services/campaign/hosted_collector.h"
-#include "services/campaign/process.h"
 #include "services/core/command.h"
 #include "services/core/command_table.h"
 #include "services/core/config_reference.h"
@@ -25,6 +24,7 @@
 #include "services/core/stop_reason.h"
 #include "trainer/learn/metrics_log.h"
 #include "trainer/learn/trainer.h"
+#include "trainer/local_ranks.h"
 #include "trainer/policy/device.h"
 #include "trainer/policy/policy_file.h"
 #include "trainer/policy/torch_process.h"
@@ -286,29 +286,25 @@ Result<learn::RanksOptions> ReadRanks(const Arguments& arguments) {
 
 /// This process's place among those that train together.
 struct Together {
-  std::shared_ptr<learn::Ranks> ranks;       ///< none: it trains alone
-  std::vector<campaign::Process> processes;  ///< the others, where they were started here
+  LocalRanks local;                     ///< the others, where they were started here
+  std::shared_ptr<learn::Ranks> ranks;  ///< none: it trains alone
 };
 
 // Without --rank the others are processes of this machine, and this is rank 0.
-Result<Together> JoinRanks(const Arguments& arguments) {
-  Together together;
-  if (arguments.ranks == 1) return together;
-  ETUDE_ASSIGN_OR_RETURN(const auto options, ReadRanks(arguments));
+Status JoinRanks(const Arguments& arguments, Together& together) {
+  if (arguments.ranks == 1) return {};
+  ETUDE_ASSIGN_OR_RETURN(auto options, ReadRanks(arguments));
+  options.watch = [&together] { return together.local.Check(); };
   ETUDE_ASSIGN_OR_RETURN(const auto meeting, learn::Meeting::Open(options));
-  for (int rank = 1; rank < arguments.ranks && arguments.rank < 0; ++rank) {
-    campaign::ProcessOptions process{.argv = {ExecutablePath().string()},
-                                     .log = Path(arguments.out) / fmt::format("rank-{}.log", rank)};
-    process.argv.insert(process.argv.end(), arguments.words.begin(), arguments.words.end());
-    for (const std::string& word : {std::string("--rank"), std::to_string(rank), std::string("--meet"),
-                                    fmt::format("{}:{}", options.host, meeting.port())})
-      process.argv.push_back(word);
-    ETUDE_ASSIGN_OR_RETURN(auto started, campaign::Process::Start(process));
-    together.processes.push_back(std::move(started));
+  if (arguments.rank < 0) {
+    std::vector<std::string> argv{ExecutablePath().string()};
+    argv.insert(argv.end(), arguments.words.begin(), arguments.words.end());
+    ETUDE_ASSIGN_OR_RETURN(
+        together.local,
+        LocalRanks::Start(argv, arguments.ranks, fmt::format("{}:{}", options.host, meeting.port()), arguments.out));
   }
-  ETUDE_ASSIGN_OR_RETURN(auto ranks, learn::Ranks::Join(meeting, options));
-  together.ranks = std::move(ranks);
-  return together;
+  ETUDE_ASSIGN_OR_RETURN(together.ranks, learn::Ranks::Join(meeting, options));
+  return {};
 }
 
 // A rank that does not lead: no bus, no files, the dataset as it stands on the disk.
@@ -358,7 +354,7 @@ int ReplicasOfRank(const Arguments& arguments) {
 }
 
 // Rank 0, or alone: all but the others' steps.
-Status Lead(const Arguments& arguments, const learn::TrainConfig& config, const Together& together,
+Status Lead(const Arguments& arguments, const learn::TrainConfig& config, Together& together,
             const torch::Device& device) {
   ETUDE_ASSIGN_OR_RETURN(const std::string run, RunName(arguments));
   ETUDE_ASSIGN_OR_RETURN(auto participant, JoinBus(arguments));
@@ -378,8 +374,9 @@ Status Lead(const Arguments& arguments, const learn::TrainConfig& config, const 
                                                             {.claim = arguments.claim, .run_id = telemetry.run().id}));
   }
   WatchedLoop watched;  // both waiting for data and training ask for their source about once a second
-  const std::function<Status()> source = [&] {
+  const std::function<Status()> source = [&]() -> Status {
     watched.Moved();
+    ETUDE_RETURN_IF_ERROR(together.local.Check());
     return collector ? collector->status() : Status();
   };
   ServiceManager::Get().Ready(fmt::format("run {}@{}", run, telemetry.run().id));
@@ -401,10 +398,13 @@ Status Train(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto device, policy::OpenDevice(arguments.device, std::max(0, arguments.rank)));
   if (config.threads.replicas == 0 && arguments.ranks > 1) config.threads.replicas = ReplicasOfRank(arguments);
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
-  ETUDE_ASSIGN_OR_RETURN(const auto together, JoinRanks(arguments));
+  Together together;
+  ETUDE_RETURN_IF_ERROR(JoinRanks(arguments, together));
   policy::SetTorchThreads(config.threads.intra_op);
   if (!leads) return TrainAlong(arguments, config, {.ranks = together.ranks, .device = device});
-  return Lead(arguments, config, together, device);
+  const Status ended = Lead(arguments, config, together, device);
+  if (!ended && together.ranks && together.ranks->lost()) return Fail(together.local.Explain(ended.error()));
+  return ended;
 }
 
 Status Doctor() {

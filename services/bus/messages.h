@@ -260,7 +260,7 @@ struct Action {
   float server_p99_ms = 0;
 };
 
-/// At most so many observations are shown to a viewer: of those that come sooner it gets no insight.
+/// At most so many observations of a session are shown to a viewer: of those that come sooner it gets no insight.
 inline constexpr int kInsightsPerSecond = 10;
 /// s that viewers let a wish stand, and after which they say it again.
 inline constexpr std::uint32_t kWishStands = 5, kWishAgain = 2;

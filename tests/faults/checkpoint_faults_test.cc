@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <map>
-#include <sstream>
 
 #include "services/bus/assembly.h"
 #include "services/bus/blob_transfer.h"
@@ -16,7 +15,6 @@
 #include "services/bus/typed.h"
 #include "services/core/hash.h"
 #include "services/security/checkpoint_signature.h"
-#include "services/store/safetensors.h"
 #include "tests/faults/campaign_run.h"
 #include "tests/faults/small_disk.h"
 #include "tests/faults/trainer_run.h"
@@ -98,34 +96,6 @@ class CheckpointFaults : public testing::Test {
 TemporaryFolder* CheckpointFaults::folder_ = nullptr;
 
 // ---- the trainer --------------------------------------------------------------------------------------
-
-// What validation measured, by step; of two lines of a step the later one. Times are left out.
-std::map<int, std::string> Validations(const Path& run) {
-  std::map<int, std::string> lines;
-  std::istringstream text(ReadTextFile(run / "metrics.jsonl").value_or(""));
-  for (std::string line; std::getline(text, line);) {
-    auto json = OrderedJson::parse(line, nullptr, false);
-    if (!json.is_object() || json.value("kind", "") != "valid") continue;
-    json.erase("time");
-    json.erase("elapsed_s");
-    lines[json["step"].get<int>()] = json.dump();
-  }
-  return lines;
-}
-
-int LastValidation(const Path& run) {
-  const auto lines = Validations(run);
-  return lines.empty() ? 0 : lines.rbegin()->first;
-}
-
-// Of the state that --resume goes on from; 0: there is none.
-int StepOfState(const Path& run) {
-  const auto state = store::ReadSafetensors(run / "training_state.safetensors");
-  if (!state) return 0;
-  return OrderedJson::parse(state->metadata.at("run"))["step"].get<int>();
-}
-
-bool IsWhole(const Path& checkpoint) { return store::ReadSafetensors(checkpoint).has_value(); }
 
 // How many durable files a calm run has written when its first checkpoint is there, that one included.
 int FilesUpToFirstCheckpoint(const std::string& points) {

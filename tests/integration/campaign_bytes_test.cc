@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <string>
 #include <thread>
@@ -22,6 +21,7 @@
 #include "services/core/rng.h"
 #include "services/spec/episode_plan.h"
 #include "services/store/dataset.h"
+#include "tests/support/child_processes.h"
 #include "tests/support/temporary_folder.h"
 
 namespace etude::campaign {
@@ -68,17 +68,6 @@ struct Chaos {
   int slots = 0;  // > 0: of one host, which leases ahead, and whose children are killed instead
   std::map<std::string, std::string> environment = {};
 };
-
-// Of a host: the processes whose parent it is.
-std::vector<pid_t> ChildrenOf(pid_t parent) {
-  std::vector<pid_t> children;
-  std::error_code error;
-  for (const auto& task : std::filesystem::directory_iterator(fmt::format("/proc/{}/task", parent), error)) {
-    std::ifstream pids(task.path() / "children");  // its size is said to be 0
-    for (pid_t pid = 0; pids >> pid;) children.push_back(pid);
-  }
-  return children;
-}
 
 class CampaignBytes : public testing::Test {
  protected:

@@ -55,7 +55,8 @@ void AddDecoder(const policy::PolicyConfig& config, const policy::ModuleConfig& 
     sums.Add(module.name + "." + metric.name, metric);
 }
 
-// is the most attended image token the one that shows the label's pixel?
+// Is the most attended image token the one that shows the label's pixel? Of a set: the pixel of any member; where none
+// is in the picture there is no right place.
 void AddAttention(const policy::ModuleConfig& module, const policy::ModuleOutput& output, const policy::Inputs& inputs,
                   const policy::Labels& labels, std::pair<int, int> grid, Sums& sums) {
   std::string entity;
@@ -63,17 +64,22 @@ void AddAttention(const policy::ModuleConfig& module, const policy::ModuleOutput
     if (entity.empty()) entity = policy::AttendedEntity(item);
   if (entity.empty() || !output.attention.defined()) return;
   const policy::Target target = policy::FindTarget(labels, entity + ".pixel");
-  if (!target.value.defined() || target.value.dim() != 3) return;  // a set has several right places
+  if (!target.value.defined()) return;
   const auto [rows, columns] = grid;
   if (output.attention.size(-1) < static_cast<std::int64_t>(rows) * columns) return;
   const auto best = output.attention.index({"...", Slice(0, rows * columns)}).argmax(-1);
-  const auto in_crop = target.value - inputs.crop_origin.unsqueeze(1);
+  // (B, S, members, 2)
+  const bool set = target.value.dim() == 4;
+  const auto pixel = set ? target.value : target.value.unsqueeze(2);
+  const auto in_crop = pixel - inputs.crop_origin.unsqueeze(1).unsqueeze(1);
   const double patch_w = static_cast<double>(inputs.images.size(3)) / columns;
   const double patch_h = static_cast<double>(inputs.images.size(2)) / rows;
   const auto column = (in_crop.index({"...", 0}) / patch_w).floor(),
              row = (in_crop.index({"...", 1}) / patch_h).floor();
-  const auto hit = best == (row * columns + column).to(torch::kInt64);
-  sums.Add(module.name + ".hit", {"hit", hit, target.valid, 1, policy::Metric::Role::kAccuracy});
+  const auto inside =
+      (set ? target.valid : target.valid.unsqueeze(2)) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows);
+  const auto hit = (inside & (best.unsqueeze(2) == (row * columns + column).to(torch::kInt64))).any(2);
+  sums.Add(module.name + ".hit", {"hit", hit, set ? inside.any(2) : target.valid, 1, policy::Metric::Role::kAccuracy});
 }
 
 Evaluation Summarize(const policy::PolicyConfig& config, const Sums& sums) {

@@ -89,6 +89,7 @@ Status WriteOrWait(const TrainingRun& run, const std::string& what, const std::f
   constexpr std::chrono::seconds kPause{1};
   return WriteWhenThereIsRoom(what, write, kPause, [&run] {
     if (run.options.source) (void)run.options.source();  // training asks it for its words
+    if (run.options.ranks) run.options.ranks->KeepWaiting();
   });
 }
 

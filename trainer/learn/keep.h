@@ -9,7 +9,8 @@
 
 namespace etude::learn {
 
-/// WriteWhenThereIsRoom, that asks for the run's source while it waits: whoever watches the run hears of it.
+/// WriteWhenThereIsRoom, that asks for the run's source while it waits: whoever watches the run hears of it, and so do
+/// the other ranks, which would count rank 0 as lost.
 Status WriteOrWait(const TrainingRun& run, const std::string& what, const std::function<Status()>& write);
 
 /// config.yaml, resolved; the limit as it is by now. @error of the disk.

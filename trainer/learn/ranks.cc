@@ -2,13 +2,18 @@
 #include "trainer/learn/ranks.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
+#include <array>
 #include <torch/csrc/distributed/c10d/HashStore.hpp>
 #include <torch/csrc/distributed/c10d/PrefixStore.hpp>
 #include <torch/csrc/distributed/c10d/ProcessGroupGloo.hpp>
 #include <torch/csrc/distributed/c10d/TCPStore.hpp>
 
+#include "services/core/clock.h"
 #include "services/core/hash.h"
+#include "services/core/stop.h"
 
 namespace etude::learn {
 namespace {
@@ -29,11 +34,37 @@ Result<Store> OpenStore(const RanksOptions& options) {
   }
 }
 
+std::string HereKey(int rank) { return fmt::format("here/{}", rank); }
+
+// Before any connects to the others: while it connects it looks at nothing else.
+Status WaitForAll(c10d::Store& store, const RanksOptions& options) {
+  constexpr std::chrono::milliseconds kLook{100};
+  store.set(HereKey(options.rank), std::vector<std::uint8_t>{1});
+  const Stopwatch waited;
+  const double patience_s = std::chrono::duration<double>(options.patience).count();
+  while (true) {
+    std::vector<int> absent;
+    for (int rank = 0; rank < options.size; ++rank)
+      if (!store.check({HereKey(rank)})) absent.push_back(rank);
+    if (absent.empty()) return {};
+    if (options.watch) ETUDE_RETURN_IF_ERROR(options.watch());
+    const std::string who = fmt::format("rank {} of {}: rank {}", options.rank, options.size, fmt::join(absent, ", "));
+    if (waited.Seconds() > patience_s)
+      return Fail(Code::kUnavailable, fmt::format("{} did not come within {:.0f} s", who, patience_s));
+    if (WaitForStop(kLook)) return Fail(Code::kUnavailable, fmt::format("{} had not come when it was stopped", who));
+  }
+}
+
+// What rank 0 says, as numbers that all ranks get: what it is, then a StepOrder's.
+enum Said { kOver, kStep, kWait };
+using Order = std::array<double, 3>;
+
 }  // namespace
 
 struct Ranks::Impl {
   RanksOptions options;
   Store store;
+  bool over = false, lost = false;
   c10::intrusive_ptr<c10d::ProcessGroupGloo> group;
 
   // library calls that wait for the others; what they throw is that one of them is gone
@@ -43,10 +74,18 @@ struct Ranks::Impl {
       call()->wait();
       return {};
     } catch (const std::exception& error) {
+      lost = true;
       return Fail(Code::kUnavailable,
                   fmt::format("rank {} of {}: another rank was lost while {} ({}); resume from the last saved state",
                               options.rank, options.size, what, error.what()));
     }
+  }
+
+  // rank 0's, to all
+  Status Tell(Order& order) {
+    std::vector<torch::Tensor> said{
+        torch::from_blob(order.data(), {static_cast<std::int64_t>(order.size())}, torch::kFloat64)};
+    return Together("waiting for the next step", [&] { return group->broadcast(said, c10d::BroadcastOptions()); });
   }
 };
 
@@ -72,6 +111,7 @@ Result<std::unique_ptr<Ranks>> Ranks::Join(const Meeting& meeting, const RanksOp
   impl->options = options;
   impl->store = c10::make_intrusive<c10d::PrefixStore>("etude", *static_cast<Store*>(meeting.store_.get()));
   try {
+    ETUDE_RETURN_IF_ERROR(WaitForAll(*impl->store, options));
     auto gloo = c10d::ProcessGroupGloo::Options::create(options.patience);
     const bool here = options.host == "127.0.0.1" || options.host == "localhost";
     gloo->devices.push_back(here ? c10d::ProcessGroupGloo::createDeviceForHostname("127.0.0.1")
@@ -79,7 +119,7 @@ Result<std::unique_ptr<Ranks>> Ranks::Join(const Meeting& meeting, const RanksOp
     impl->group = c10::make_intrusive<c10d::ProcessGroupGloo>(impl->store, options.rank, options.size, gloo);
   } catch (const std::exception& error) {
     return Fail(Code::kUnavailable,
-                fmt::format("rank {} of {}: the others did not come: {}", options.rank, options.size, error.what()));
+                fmt::format("rank {} of {}: connect to the others: {}", options.rank, options.size, error.what()));
   }
   return std::unique_ptr<Ranks>(new Ranks(std::move(impl)));
 }
@@ -90,13 +130,21 @@ Ranks::~Ranks() = default;
 int Ranks::rank() const { return impl_->options.rank; }
 int Ranks::size() const { return impl_->options.size; }
 
+bool Ranks::lost() const { return impl_->lost; }
+
 Result<StepOrder> Ranks::Agree(const StepOrder& order) {
-  std::vector<torch::Tensor> said{
-      torch::tensor({order.go ? 1.0 : 0.0, static_cast<double>(order.level), order.lr}, torch::kFloat64)};
-  ETUDE_RETURN_IF_ERROR(impl_->Together("waiting for the next step",
-                                        [&] { return impl_->group->broadcast(said, c10d::BroadcastOptions()); }));
-  const double* values = said[0].data_ptr<double>();
-  return StepOrder{values[0] > 0, static_cast<int>(values[1]), values[2]};
+  Order said{static_cast<double>(order.go ? kStep : kOver), static_cast<double>(order.level), order.lr};
+  do {
+    ETUDE_RETURN_IF_ERROR(impl_->Tell(said));
+  } while (said[0] == kWait);
+  impl_->over = said[0] == kOver;
+  return StepOrder{!impl_->over, static_cast<int>(said[1]), said[2]};
+}
+
+void Ranks::KeepWaiting() {
+  if (!leads() || impl_->over || impl_->lost) return;
+  Order wait{kWait, 0, 0};
+  (void)impl_->Tell(wait);
 }
 
 Status Ranks::Sum(torch::Tensor& values) {

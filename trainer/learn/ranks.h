@@ -10,6 +10,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -22,8 +23,11 @@ struct RanksOptions {
   int rank = 0;
   std::string host = "127.0.0.1";  ///< of rank 0
   std::uint16_t port = 0;          ///< of rank 0; 0 at rank 0: any free one, see Meeting
-  /// A silence after which the others count as lost: longer than an evaluation, a checkpoint and the wait for data.
+  /// A silence after which the others count as lost: longer than an evaluation, a checkpoint and the wait for data. A
+  /// wait for room on the disk is no silence (KeepWaiting).
   std::chrono::milliseconds patience{300'000};
+  /// Asked some times a second while the ranks come together; an error ends that with its words. None: nothing is.
+  std::function<Status()> watch = nullptr;
 };
 
 /// Where ranks find each other; rank 0's process holds it.
@@ -48,19 +52,25 @@ struct StepOrder {
   double lr = 0;
 };
 
-/// Not thread-safe. Every call is made by all ranks, in the same order.
+/// Not thread-safe. Every call but KeepWaiting is made by all ranks, in the same order.
 class Ranks {
  public:
-  /// Waits for all. @error kUnavailable: they did not come; kInvalidArgument: not a rank of that size
+  /// Waits for all. @error of `watch`; kUnavailable: which ones did not come, a stop request; kInvalidArgument: not a
+  /// rank of that size
   static Result<std::unique_ptr<Ranks>> Join(const Meeting& meeting, const RanksOptions& options);
   ~Ranks();
 
   int rank() const;
   int size() const;
   bool leads() const { return rank() == 0; }
+  /// Whether another rank was lost: no call succeeds any more.
+  bool lost() const;
 
   /// Rank 0's order, on every rank. @error kUnavailable: a rank was lost; the message says at what
   Result<StepOrder> Agree(const StepOrder& order);
+  /// Rank 0 is there and has no order yet: the patience of the others, who wait in Agree, begins anew. Nothing once the
+  /// run is over, and of the others; a rank that is lost is the next Agree's error.
+  void KeepWaiting();
   /// The sum over the ranks, in place, the same bits on each. @param values  float32, dense, on any device @error as
   /// Agree
   Status Sum(torch::Tensor& values);

@@ -77,8 +77,10 @@ void InsightDesk::Show(const Offered& offered) {
     const MutexLock lock(mutex_);
     const auto now = MonotonicClock::now();
     for (auto& [viewer, wish] : wishes_) {
-      if (!IsFor(wish.text, offered.observation.session) || wish.next > now) continue;
-      wish.next = now + 1000ms / kPerSecond;
+      if (!IsFor(wish.text, offered.observation.session)) continue;
+      // a session that may be shown again is as good as one that never was
+      std::erase_if(wish.next, [&](const auto& item) { return item.second <= now; });
+      if (!wish.next.emplace(offered.observation.session, now + 1000ms / kPerSecond).second) continue;
       due.push_back(wish.text);
     }
   }

@@ -2,8 +2,8 @@
 // Who wants to look into the policy while it answers, and what they are shown.
 //
 // A viewer writes bus::InsightWish on the run's partition and says it again before it ends; while one stands, the
-// server shows each observation of that session, at most kPerSecond of them, as bus::Insight. Insight::attention_json
-// says where each module's attention lies in Insight::attention:
+// server shows each observation of that session, at most kPerSecond of them, as bus::Insight; of a wish for all
+// sessions so many of each. Insight::attention_json says where each module's attention lies in Insight::attention:
 //   {"TAR2D": {"offset": 2880, "heads": 4, "image": [20, 36], "keys": ["language"], "scale": [0.41, ...]}, ...}
 // for each head one byte a token of the picture's grid (row by row), then one a key; weight = byte / 255 * scale[head].
 // Insight::worth_json, where the wish asks for it ("worth" in trainer/policy/what_if.h), says how far, in m, the
@@ -27,7 +27,7 @@ namespace etude::serve {
 /// Works on a thread of its own, of low priority: robots are answered first, and without a wish nothing is computed.
 class InsightDesk {
  public:
-  static constexpr int kPerSecond = bus::kInsightsPerSecond;  ///< for each viewer
+  static constexpr int kPerSecond = bus::kInsightsPerSecond;  ///< of each session, for each viewer
 
   /// @param partition  of the run @param run_id  whose wishes count
   static Result<std::unique_ptr<InsightDesk>> Open(const bus::Participant& participant, const std::string& partition,
@@ -44,7 +44,8 @@ class InsightDesk {
  private:
   struct Wish {
     bus::InsightWish text;
-    MonotonicClock::time_point until, next;  ///< next: when it may be shown again
+    MonotonicClock::time_point until;
+    std::map<std::string, MonotonicClock::time_point> next;  ///< by session, when it may be shown again
   };
   struct Offered {
     bus::Observation observation;

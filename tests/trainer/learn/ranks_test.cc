@@ -6,8 +6,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <optional>
 #include <thread>
 
+#include "services/core/clock.h"
 #include "tests/trainer/learn/tiny_run.h"
 #include "trainer/learn/run.h"
 
@@ -19,12 +21,12 @@ using ::testing::HasSubstr;
 
 // runs `work` as so many ranks, each a thread
 template <class Work>
-void AsRanks(int size, Work&& work) {
+void AsRanks(int size, Work&& work, std::chrono::milliseconds patience = 30s) {
   const Meeting meeting = Meeting::InProcess();
   std::vector<std::thread> threads;
   for (int rank = 0; rank < size; ++rank)
     threads.emplace_back([&, rank] {
-      auto ranks = Ranks::Join(meeting, {.size = size, .rank = rank, .patience = 30s});
+      auto ranks = Ranks::Join(meeting, {.size = size, .rank = rank, .patience = patience});
       ASSERT_TRUE(ranks) << ranks.error().message;
       work(std::shared_ptr<Ranks>(std::move(*ranks)));
     });
@@ -57,6 +59,40 @@ TEST(Ranks, EndWithWordsWhenOneIsLost) {
     ASSERT_FALSE(lost);
     EXPECT_EQ(lost.error().code, Code::kUnavailable);
     EXPECT_THAT(lost.error().message, HasSubstr("rank 0 of 2: another rank was lost"));
+    EXPECT_TRUE(ranks->lost());
+  });
+}
+
+// before, the others were waited for in silence, five minutes long
+TEST(Ranks, EndTheirWaitForOneThatNeverComes) {
+  int asked = 0;
+  const auto watched =
+      Ranks::Join(Meeting::InProcess(), {.size = 3, .watch = [&]() -> Status {
+                                           if (++asked < 3) return {};
+                                           return Fail(Code::kUnavailable, "rank 2 ended with exit code 7");
+                                         }});
+  ASSERT_FALSE(watched);
+  EXPECT_EQ(watched.error().message, "rank 2 ended with exit code 7");
+  EXPECT_EQ(asked, 3);
+
+  const auto alone = Ranks::Join(Meeting::InProcess(), {.size = 3, .patience = 1s});
+  ASSERT_FALSE(alone);
+  EXPECT_EQ(alone.error().code, Code::kUnavailable);
+  EXPECT_EQ(alone.error().message, "rank 0 of 3: rank 1, 2 did not come within 1 s");
+}
+
+TEST(Ranks, WaitOnWhileRankZeroSaysThatItIsThere) {
+  AsRanks(2, [](const std::shared_ptr<Ranks>& ranks) {
+    for (int i = 0; i < 3; ++i) ranks->KeepWaiting();
+    const auto order = ranks->Agree({true, ranks->leads() ? 3 : 0, 0.5});
+    ASSERT_TRUE(order);
+    EXPECT_TRUE(order->go);
+    EXPECT_EQ(order->level, 3) << "a wait is no order";
+    const auto last = ranks->Agree({!ranks->leads()});
+    ASSERT_TRUE(last);
+    EXPECT_FALSE(last->go);
+    ranks->KeepWaiting();  // nobody listens any more
+    EXPECT_FALSE(ranks->lost());
   });
 }
 
@@ -158,6 +194,31 @@ TEST_F(RanksTrain, WhenARankIsLostRankZeroKeepsWhatItHas) {
   ASSERT_TRUE(state) << state.error().message;
   EXPECT_GE(state->step, 1u);
   EXPECT_LE(state->step, static_cast<std::uint64_t>(kTogether));
+}
+
+// before, the others ended after their patience, though rank 0 alone waits for as long as it takes
+TEST_F(RanksTrain, AFullDiskAtRankZeroIsWaitedForLongerThanAnyPatience) {
+  constexpr auto kPatience = 5s;
+  const auto config = TinyConfig({"steps=20", "checkpoint.every_steps=10"});
+  AsRanks(
+      2,
+      [&](const std::shared_ptr<Ranks>& ranks) {
+        std::optional<Stopwatch> full;
+        Hooks hooks;
+        hooks.on_checkpoint = [&](const checkpoint::Checkpoint&) -> Status {
+          if (!full) full.emplace();
+          if (full->Seconds() > 7) return {};
+          return Fail(Code::kUnavailable, "no space left on device");
+        };
+        auto trainer = Trainer::Create(config, dataset_, {.out = folder_ / "full", .ranks = ranks}, hooks);
+        ASSERT_TRUE(trainer) << trainer.error().message;
+        const Status ended = (*trainer)->Run();
+        EXPECT_TRUE(ended) << "rank " << ranks->rank() << ": " << ended.error().message;
+      },
+      kPatience);
+  const auto state = LoadRunState(folder_ / "full/training_state.safetensors");
+  ASSERT_TRUE(state) << state.error().message;
+  EXPECT_EQ(state->step, 20u);
 }
 
 TEST_F(RanksTrain, OfAGrowingDatasetNormaliseByWhatRankZeroSaw) {

@@ -162,6 +162,22 @@ TEST_F(Desk, DoesNothingForAnotherRunsWish) {
   EXPECT_TRUE(!shown || shown->request_id == other.request_id);
 }
 
+// before, sessions shared a viewer's turns, and mostly the first by name had them
+TEST_F(Desk, ShowsEverySessionOfAWishForAll) {
+  Wish("", 30);
+  const auto first = ExampleObservation(4, "demo", kInsightRun), second = ExampleObservation(5, "demo", kInsightRun);
+  ASSERT_TRUE(Offer(first, 20s));
+
+  desk_->Offer(second, model_);  // once, while the first may not be shown again
+
+  bool shown = false;
+  for (const auto deadline = MonotonicClock::now() + 20s; !shown && MonotonicClock::now() < deadline;) {
+    insights_.Wait(20ms);
+    for (const auto& insight : insights_.Take()) shown = shown || insight.session == second.session;
+  }
+  EXPECT_TRUE(shown);
+}
+
 TEST_F(Desk, ShowsAtMostSoManyASecond) {
   Wish("", 30);
   const auto observation = ExampleObservation(4, "demo", kInsightRun);
