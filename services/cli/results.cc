@@ -12,6 +12,7 @@
 #include "services/campaign/eval_comparison.h"
 #include "services/campaign/process.h"
 #include "services/cli/command_line.h"
+#include "services/cli/results_folder.h"
 #include "services/cli/results_record.h"
 #include "services/cli/results_table.h"
 #include "services/core/clock.h"
@@ -121,17 +122,20 @@ class Maker {
     return campaign.ends_with(".yaml") ? campaign : fmt::format("deploy/campaigns/{}.yaml", campaign);
   }
 
-  // a collection that is whole already is over at once
+  Path DataOf(const ResultRow& row) const { return out_ / "data" / DatasetName(row); }
+
+  // a collection that is whole already is over at once; one that fails is tried again by what needs it next
   Result<Path> Collect(const ResultRow& row) {
-    const std::string name = row.data.name.empty() ? row.name : row.data.name;
-    const Path data = out_ / "data" / name;
-    if (collected_.insert(name).second) {
-      Words words{"collect", FileOf(row.data.campaign), "--out", data.string()};
-      if (row.data.episodes > 0) words.insert(words.end(), {"--episodes", std::to_string(row.data.episodes)});
-      const Words set = Sets(row.data.set);
-      words.insert(words.end(), set.begin(), set.end());
-      ETUDE_RETURN_IF_ERROR(Run("data-" + name, words));
-    }
+    const std::string name = DatasetName(row);
+    const Path data = DataOf(row);
+    if (collected_.contains(name)) return data;
+    Words words{"collect", FileOf(row.data.campaign), "--out", data.string()};
+    if (row.data.episodes > 0) words.insert(words.end(), {"--episodes", std::to_string(row.data.episodes)});
+    const Words set = Sets(row.data.set);
+    words.insert(words.end(), set.begin(), set.end());
+    ETUDE_RETURN_IF_ERROR(Run("data-" + name, words));
+    ETUDE_RETURN_IF_ERROR(CheckWholeDataset(data, row.data.episodes));
+    collected_.insert(name);
     return data;
   }
 
@@ -225,7 +229,7 @@ class Maker {
   const ResultsArguments& arguments_;
   const ResultsConfig& config_;
   const Path out_;
-  std::set<std::string> collected_;
+  std::set<std::string> collected_;  // datasets that are whole
 };
 
 // The table of what was measured, whoever measured it, and its records beside it.

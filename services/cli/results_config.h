@@ -97,6 +97,9 @@ struct ResultRow {
   }
 };
 
+/// Of its folder: rows that name the same one share it.
+inline std::string DatasetName(const ResultRow& row) { return row.data.name.empty() ? row.name : row.data.name; }
+
 struct ResultsConfig {
   std::vector<ResultRow> rows;
 

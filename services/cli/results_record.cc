@@ -48,7 +48,7 @@ std::vector<std::string> MadeOfAnother(const OrderedJson& written, const ResultR
   std::vector<std::string> made{fmt::format("rows/{}.json", row.name), fmt::format("eval/{}-[0-9]*", row.name)};
   if (differs("data") || differs("train") || differs("begins_with"))
     made.push_back(fmt::format("runs/{}-[0-9]*", row.name));
-  if (differs("data")) made.push_back(fmt::format("data/{}", row.data.name.empty() ? row.name : row.data.name));
+  if (differs("data")) made.push_back(fmt::format("data/{}", DatasetName(row)));
   return made;
 }
 

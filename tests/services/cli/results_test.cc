@@ -4,10 +4,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "services/core/command.h"
 #include "services/core/config.h"
+#include "services/store/dataset.h"
 #include "tests/support/etude_command.h"
+#include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/write_program.h"
 
 namespace etude {
 namespace results_test {
@@ -98,6 +103,73 @@ TEST_F(Results, BeginsOnlyWithRunsThatCameToTheirEnd) {
   const CommandOutcome other = Make("10", {"--row", "b"});
   EXPECT_EQ(other.exit_code, kExitUsage) << other.text;
   EXPECT_THAT(other.text, HasSubstr("row 'a' is not what"));
+}
+
+// A row of two seeds whose programs are stand-ins: they note that they were called, and end well. The command itself is
+// a copy beside them, for it starts the `etude` of its own folder.
+class ResultsOfStandIns : public Results {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(MakeFolders(folder_ / "bin"));
+    ASSERT_TRUE(std::filesystem::copy_file(ProgramsFolder() / "etude", folder_ / "bin/results"));
+    WriteProgram(folder_ / "bin/etude", "#!/bin/sh\nexit 0\n");
+  }
+  // @param episodes  that the row asks for
+  CommandOutcome MakeTwoSeeds(int episodes) {
+    Write("results.yaml", fmt::format("rows:\n  - name: a\n    title: first\n"
+                                      "    data: {{campaign: none.yaml, episodes: {}}}\n"
+                                      "    train: {{minutes: 1, seeds: [7, 8]}}\n    eval: {{episodes: 10}}\n",
+                                      episodes));
+    auto process = campaign::Process::Start(
+        {{In("bin/results"), "results", In("results.yaml"), "--out", In("out"), "--domain", "81"},
+         folder_ / "output.txt",
+         {}});
+    if (!process) return {-1, process.error().message};
+    const int exit_code = process->Wait(std::chrono::seconds(60)).value_or(-1);
+    return {exit_code, ReadTextFile(folder_ / "output.txt").value_or("")};
+  }
+  // The first `count` episodes of the row's dataset.
+  void WriteDataset(std::uint64_t count) {
+    const CampaignSpec spec = SyntheticSpec();
+    auto writer = store::DatasetWriter::Open(folder_ / "out/data/a", spec);
+    ASSERT_TRUE(writer) << writer.error().message;
+    for (std::uint64_t i = 0; i < count; ++i) ASSERT_TRUE(writer->Commit(MakeSyntheticEpisode(spec, i, 10)));
+  }
+};
+
+// how often `what` is begun
+int TimesOf(const std::string& what, const std::string& text) {
+  int times = 0;
+  for (auto at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) ++times;
+  return times;
+}
+
+TEST_F(ResultsOfStandIns, ACollectionThatFailsIsTriedAgainAndNothingTrainsOnItsRest) {
+  WriteProgram(folder_ / "bin/etude", "#!/bin/sh\nexit 3\n");
+  WriteDataset(2);
+  const CommandOutcome made = MakeTwoSeeds(2);
+  EXPECT_EQ(made.exit_code, kExitFailure) << made.text;
+  EXPECT_EQ(TimesOf("data-a: etude collect", made.text), 2) << made.text;
+  EXPECT_EQ(TimesOf("data-a ended with 3", made.text), 2) << made.text;
+  EXPECT_THAT(made.text, Not(HasSubstr("train-a")));
+}
+
+// a collection that was stopped, or gave episodes up, ends well
+TEST_F(ResultsOfStandIns, NothingTrainsOnFewerDemonstrationsThanTheRowAsksFor) {
+  WriteDataset(2);
+  const CommandOutcome made = MakeTwoSeeds(3);
+  EXPECT_EQ(made.exit_code, kExitFailure) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("has 2 of 3 demonstrations"));
+  EXPECT_EQ(TimesOf("data-a: etude collect", made.text), 2) << made.text;
+  EXPECT_THAT(made.text, Not(HasSubstr("train-a")));
+}
+
+TEST_F(ResultsOfStandIns, AWholeDatasetIsCollectedOnce) {
+  WriteDataset(2);
+  const CommandOutcome made = MakeTwoSeeds(2);
+  EXPECT_EQ(TimesOf("data-a: etude collect", made.text), 1) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("train-a-7: etude train"));
+  EXPECT_THAT(made.text, HasSubstr("train-a-8: etude train"));
 }
 
 // a row of its own, of runs that are there: sentences are as many as their suite has

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/cli/results_folder.h"
+
+#include <fmt/format.h>
+
+#include "services/store/dataset.h"
+
+namespace etude::cli {
+
+Result<Demonstrations> CountDemonstrations(const Path& data) {
+  ETUDE_ASSIGN_OR_RETURN(const auto dataset, store::DatasetReader::Open(data));
+  ETUDE_ASSIGN_OR_RETURN(const auto indices, dataset.List());
+  Demonstrations count;
+  for (const std::uint64_t index : indices) {
+    const std::string split = SplitOf(dataset.spec(), index);
+    ++(split == "train" ? count.train : split == "valid" ? count.valid : count.test);
+  }
+  return count;
+}
+
+Status CheckWholeDataset(const Path& data, std::uint64_t wanted) {
+  ETUDE_ASSIGN_OR_RETURN(const auto dataset, store::DatasetReader::Open(data));
+  ETUDE_ASSIGN_OR_RETURN(const Demonstrations count, CountDemonstrations(data));
+  if (wanted == 0) wanted = dataset.spec().episodes;
+  if (count.all() >= wanted) return {};
+  return Fail(Code::kUnavailable,
+              fmt::format("'{}' has {} of {} demonstrations: begin again to go on (why attempts failed: {})",
+                          data.string(), count.all(), wanted, (data / "attempts.jsonl").string()));
+}
+
+}  // namespace etude::cli

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// What lies in the folder of `etude results`: whether it is what a row asks for.
+#pragma once
+
+#include <cstdint>
+
+#include "services/core/file.h"
+#include "services/core/result.h"
+
+namespace etude::cli {
+
+/// Episodes of a dataset by what a training does with them; those for tests are none of it.
+struct Demonstrations {
+  std::uint64_t train = 0, valid = 0, test = 0;
+
+  std::uint64_t all() const { return train + valid + test; }
+};
+
+/// @error kNotFound, kCorrupt: no dataset
+Result<Demonstrations> CountDemonstrations(const Path& data);
+/// A collection that was stopped, or gave episodes up, ends well, too: a run on what there is would be another one.
+/// @param wanted  episodes; 0: as many as the dataset's campaign asks for
+/// @error of CountDemonstrations; kUnavailable: fewer, and how many
+Status CheckWholeDataset(const Path& data, std::uint64_t wanted);
+
+}  // namespace etude::cli
