@@ -81,13 +81,32 @@ std::string BeginsText(const ResultTraining& train) {
   if (train.init.empty()) return "scratch";
   std::string text = train.init;
   if (!train.add.empty()) text += fmt::format(" + {}", fmt::join(train.add, " + "));
-  if (!train.freeze.empty()) text += fmt::format(", {} parts frozen", train.freeze.size());
+  if (!train.fresh.empty()) text += fmt::format(", anew: {}", fmt::join(train.fresh, ", "));
+  if (!train.freeze.empty()) text += fmt::format(", frozen: {}", fmt::join(train.freeze, ", "));
   return text;
 }
 
-// What begins with another row's has its network.
-std::string NetworkText(const ResultTraining& train) {
-  return train.runs_of.empty() && train.init.empty() ? train.config : "-";
+// Of a definition: without the keys that have their default.
+ResultTraining TrainingOf(const OrderedJson& definition) {
+  const auto* train = FindPart(definition, "train");
+  const auto read = train ? FromJson<ResultTraining>(*train, "train") : Result<ResultTraining>(ResultTraining());
+  return read ? *read : ResultTraining();
+}
+
+// The policy that was trained (what begins with another row's has its network), and what else the training was told.
+std::string NetworkText(const ResultRow& row) {
+  constexpr std::string_view kPolicy = "policy=";
+  const bool trains = row.train.runs_of.empty();
+  if ((!trains || !row.train.init.empty()) && row.begins_with.is_null()) return "-";
+  const OrderedJson* first = &row.begins_with;
+  while (const auto* before = FindPart(*first, "begins_with")) first = before;
+  const ResultTraining graph = first->is_null() ? row.train : TrainingOf(*first);
+  std::string text = graph.config;
+  for (const auto& set : graph.set)
+    if (set.starts_with(kPolicy)) text = set.substr(kPolicy.size());
+  for (const auto& set : trains ? row.train.set : TrainingOf(row.begins_with).set)
+    if (!set.starts_with(kPolicy)) text += ", " + set;
+  return text;
 }
 
 // With the share of scenes that were taken as they were drawn first.
@@ -118,8 +137,8 @@ std::string RowText(const ResultLine& line) {
       row.goal > 0 ? fmt::format("{:g}{}", row.goal, strict.reaches(row.goal) ? "" : " (missed)") : "";
   return fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", row.title,
                      DemonstrationsText(row.data), LimitText(row.train), BeginsText(row.train), strict.text(),
-                     SeedsText(strict), latched.text(), row.paper.empty() ? "-" : row.paper, goal,
-                     NetworkText(row.train), ScenesText(line), MadeText(line));
+                     SeedsText(strict), latched.text(), row.paper.empty() ? "-" : row.paper, goal, NetworkText(row),
+                     ScenesText(line), MadeText(line));
 }
 
 // means over the seeds of what eval.json has: means over rollouts of their decisions' means

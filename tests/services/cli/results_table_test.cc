@@ -42,9 +42,9 @@ TEST(ResultsTable, HasBothCriteriaWithIntervalsAndEverySeed) {
   const std::string table =
       ResultsTable({{&row, {{1, "then", Report(100, 90, 100)}, {2, "now", Report(100, 96, 98)}}}});
 
-  EXPECT_THAT(table,
-              HasSubstr("| UR5 | 600 | 10 min | base + obstacle, 2 parts frozen | 93.0 [88.6, 95.8] | 90.0, 96.0 | "
-                        "99.0 [96.4, 99.7] | 82.4 | 95 (missed) | - | nominal, seed 1 | now; then |"));
+  EXPECT_THAT(
+      table, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, frozen: LANG, image | 93.0 [88.6, 95.8] | 90.0, 96.0 | "
+                       "99.0 [96.4, 99.7] | 82.4 | 95 (missed) | - | nominal, seed 1 | now; then |"));
   EXPECT_THAT(table, HasSubstr("| UR5 | pick | 93.0 [88.6, 95.8] | 99.0 [96.4, 99.7] |"));
   const ResultRow easy = Row(90);
   EXPECT_THAT(ResultsTable({{&easy, {{1, "now", Report(100, 96, 98)}}}}), Not(HasSubstr("missed")));
@@ -61,6 +61,26 @@ TEST(ResultsTable, SaysNetworkScenesAndWhatThePaperHadBesideItsFigures) {
   const std::string table = ResultsTable({{&row, {{1, "now", first}, {2, "now", second}}}});
   EXPECT_THAT(table, HasSubstr("| faithful | robust, seed 9019, 60 % first draws | now |"));
   EXPECT_THAT(table, HasSubstr("Beside the paper's figures"));
+}
+
+TEST(ResultsTable, NamesThePolicyThatWasTrainedAndWhatItWasTold) {
+  ResultRow base = Row(0);
+  base.train = {.minutes = 10, .set = {"policy=compact/relational", "data.strange=0.4"}};
+  const auto table = [](const ResultRow& row) { return ResultsTable({{&row, {{1, "now", Report(10, 9, 9)}}}}); };
+  EXPECT_THAT(table(base), HasSubstr("| compact/relational, data.strange=0.4 | nominal, seed 1"));
+
+  ResultRow on_top = Row(0), further = Row(0), evaluated = Row(0);
+  on_top.train.set = {"optimizer.lr=0.001"};
+  on_top.train.fresh = {"joints"};
+  on_top.begins_with = DefinitionOf(base);
+  EXPECT_THAT(table(on_top), HasSubstr("| base + obstacle, anew: joints, frozen: LANG, image |"));
+  EXPECT_THAT(table(on_top), HasSubstr("| compact/relational, optimizer.lr=0.001 | nominal, seed 1"));
+  further.begins_with = DefinitionOf(on_top);
+  EXPECT_THAT(table(further), HasSubstr("| compact/relational | nominal, seed 1")) << "of the first of them";
+  evaluated.data = {};
+  evaluated.train = {.runs_of = "on_top"};
+  evaluated.begins_with = DefinitionOf(on_top);
+  EXPECT_THAT(table(evaluated), HasSubstr("| compact/relational, optimizer.lr=0.001 | nominal, seed 1"));
 }
 
 TEST(ResultsTable, SaysWhereARowIsComparedWithAnotherWhetherItCanBeChance) {
@@ -86,7 +106,7 @@ TEST(ResultsTable, LeavesOutWhatWasNotMeasuredAndSurvivesOddReports) {
   const ResultRow row = Row(0);
   EXPECT_THAT(ResultsTable({{&row, {}}}), Not(HasSubstr("UR5")));
   const std::string odd = ResultsTable({{&row, {{1, "now", OrderedJson::object()}}}});
-  EXPECT_THAT(odd, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, 2 parts frozen | - |"));
+  EXPECT_THAT(odd, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, frozen: LANG, image | - |"));
 }
 
 // 9 of 10 and 50 of 100: the mean of the two shares, 70 %, would lie outside the interval of the 110 rollouts.
@@ -122,7 +142,7 @@ TEST(ResultsTable, NumbersThatAreNoneAreNotCounted) {
   odd[4]["overall"]["success"]["successes"] = nullptr;
   for (const auto& report : odd) {
     const std::string table = ResultsTable({{&row, {{1, "now", report}}}});
-    EXPECT_THAT(table, HasSubstr("| base + obstacle, 2 parts frozen | - |  |")) << report.dump();
+    EXPECT_THAT(table, HasSubstr("| base + obstacle, frozen: LANG, image | - |  |")) << report.dump();
   }
 }
 
