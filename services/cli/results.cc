@@ -41,17 +41,19 @@ class Maker {
   Maker(const ResultsArguments& arguments, const ResultsConfig& config)
       : arguments_(arguments), config_(config), out_(arguments.out) {}
 
-  /// Makes what is not there already of one training seed of `row`. @returns the evaluation's report, and where the row
-  /// is compared with another one "comparison"
-  Result<OrderedJson> Make(const ResultRow& row, std::uint64_t seed) {
+  /// Makes what is not there already of one training seed of `row`. @returns what the table keeps of it; where the row
+  /// is compared with another one that cannot be, report["comparison"] says why ("missing")
+  Result<ResultReport> Make(const ResultRow& row, std::uint64_t seed) {
     ETUDE_ASSIGN_OR_RETURN(OrderedJson report, MakeReport(row, seed));
-    if (row.compare.empty()) return report;
-    const ResultRow& other = *std::ranges::find(config_.rows, row.compare, &ResultRow::name);
-    ETUDE_RETURN_IF_ERROR(CheckDefinition(out_, other));
-    auto comparison = campaign::CompareEvaluations(ReportOf(row, seed), ReportOf(other, seed));
-    if (!comparison) return Fail(comparison.error().Wrap(fmt::format("compare with row '{}'", other.name)));
-    report["comparison"] = std::move(*comparison);
-    return report;
+    if (!row.compare.empty()) report["comparison"] = ComparisonOf(row, seed);
+    ResultReport made{.seed = seed, .made = MadeHere(), .report = BriefReport(report)};
+    if (!row.train.runs_of.empty()) return made;
+    made.training_s = TrainingSeconds(RunOf(row.name, seed)).value_or(0);
+    if (const auto count = CountDemonstrations(DataOf(row))) {
+      made.train = count->train;
+      made.valid = count->valid;
+    }
+    return made;
   }
 
  private:
@@ -66,6 +68,20 @@ class Maker {
       ETUDE_RETURN_IF_ERROR(Train(row, seed, data, run, beginning));
     }
     return Evaluate(row, seed, run);
+  }
+
+  // The row's own rollouts are worth a line without it.
+  OrderedJson ComparisonOf(const ResultRow& row, std::uint64_t seed) const {
+    const ResultRow& other = *std::ranges::find(config_.rows, row.compare, &ResultRow::name);
+    const auto comparison = [&]() -> Result<OrderedJson> {
+      ETUDE_RETURN_IF_ERROR(CheckDefinition(out_, other));
+      if (!ReadReport(other, seed))
+        return Fail(Code::kNotFound,
+                    fmt::format("'{}' is no whole evaluation: make that row first", ReportOf(other, seed).string()));
+      return campaign::CompareEvaluations(ReportOf(row, seed), ReportOf(other, seed));
+    }();
+    if (comparison) return *comparison;
+    return {{"missing", fmt::format("compare with row '{}': {}", other.name, comparison.error().message)}};
   }
 
   Path RunOf(const std::string& row, std::uint64_t seed) const {
@@ -281,17 +297,22 @@ Status Results(const ResultsArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(table.records, ResultRecords::Load(table.record_file()));
   Maker maker(arguments, config);
   std::optional<Error> failed;  // the first one; what does not need it is made all the same
+  const auto say = [&](const ResultRow& row, std::uint64_t seed, Error error) {
+    fmt::print(stderr, "{}, seed {}: {}\n", row.name, seed, error.message);
+    if (!failed) failed = std::move(error);
+  };
   for (const auto& row : config.rows) {
     for (const auto seed : row.train.seeds) {
       if (!Wanted(arguments.only, row.name) || !Wanted(arguments.seeds, seed)) continue;
-      const auto report = maker.Make(row, seed);
-      if (!report && StopRequested()) return Fail(report.error());
-      if (!report) {
-        fmt::print(stderr, "{}, seed {}: {}\n", row.name, seed, report.error().message);
-        if (!failed) failed = report.error();
+      auto made = maker.Make(row, seed);
+      if (!made && StopRequested()) return Fail(made.error());
+      if (!made) {
+        say(row, seed, made.error());
         continue;
       }
-      table.records.Keep(row, {seed, MadeHere(), BriefReport(*report)});
+      if (const std::string missing = MissingComparison(made->report); !missing.empty())
+        say(row, seed, {Code::kUnavailable, missing});
+      table.records.Keep(row, std::move(*made));
       ETUDE_RETURN_IF_ERROR(table.Save(config));
     }
   }

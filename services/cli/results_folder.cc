@@ -3,6 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <sstream>
+
+#include "services/core/config.h"
 #include "services/store/dataset.h"
 
 namespace etude::cli {
@@ -26,6 +29,22 @@ Status CheckWholeDataset(const Path& data, std::uint64_t wanted) {
   return Fail(Code::kUnavailable,
               fmt::format("'{}' has {} of {} demonstrations: begin again to go on (why attempts failed: {})",
                           data.string(), count.all(), wanted, (data / "attempts.jsonl").string()));
+}
+
+std::optional<double> TrainingSeconds(const Path& run) {
+  const auto text = ReadTextFile(run / "metrics.jsonl");
+  if (!text) return std::nullopt;
+  std::optional<double> seconds;
+  std::istringstream lines(*text);
+  for (std::string line; std::getline(lines, line);) {
+    // steps, by far the most of the lines, are not parsed
+    if (line.find("\"end\"") == std::string::npos) continue;
+    const auto json = OrderedJson::parse(line, nullptr, /*allow_exceptions=*/false);
+    const auto is = [&](const char* key) { return json.is_object() && json.contains(key); };
+    if (is("kind") && json["kind"] == "end" && is("elapsed_s") && json["elapsed_s"].is_number())
+      seconds = json["elapsed_s"].get<double>();
+  }
+  return seconds;
 }
 
 }  // namespace etude::cli

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "services/core/file.h"
 #include "services/core/result.h"
@@ -22,5 +23,9 @@ Result<Demonstrations> CountDemonstrations(const Path& data);
 /// @param wanted  episodes; 0: as many as the dataset's campaign asks for
 /// @error of CountDemonstrations; kUnavailable: fewer, and how many
 Status CheckWholeDataset(const Path& data, std::uint64_t wanted);
+
+/// Seconds that a run was trained, over all its starts, without waiting for first data: as it said at its end.
+/// @returns none where RUN/metrics.jsonl does not say
+std::optional<double> TrainingSeconds(const Path& run);
 
 }  // namespace etude::cli

@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <map>
+#include <optional>
 #include <set>
 
 #include "services/core/statistics.h"
@@ -66,14 +67,28 @@ std::string SeedsText(const Count& strict) {
   return fmt::format("{}", fmt::join(shares, ", "));
 }
 
-std::string DemonstrationsText(const ResultData& data) {
+// What trained where that is known, else what was collected.
+std::string DemonstrationsText(const ResultLine& line) {
+  const ResultData& data = line.row->data;
   if (data.campaign.empty()) return "-";  // of the row whose runs these are
+  std::set<std::string> counts;
+  for (const auto& measured : line.reports)
+    if (measured.train > 0)
+      counts.insert(measured.valid > 0 ? fmt::format("{} + {} validation", measured.train, measured.valid)
+                                       : std::to_string(measured.train));
+  if (!counts.empty()) return fmt::format("{}", fmt::join(counts, "; "));
   return data.episodes > 0 ? std::to_string(data.episodes) : "the campaign's";
 }
 
-std::string LimitText(const ResultTraining& train) {
+// The limit, and what each seed's training took where that is known.
+std::string TrainingText(const ResultLine& line) {
+  const ResultTraining& train = line.row->train;
   if (!train.runs_of.empty()) return "-";
-  return train.steps > 0 ? fmt::format("{} steps", train.steps) : fmt::format("{:g} min", train.minutes);
+  std::string text = train.steps > 0 ? fmt::format("{} steps", train.steps) : fmt::format("{:g} min", train.minutes);
+  std::vector<std::string> took;
+  for (const auto& measured : line.reports)
+    if (measured.training_s > 0) took.push_back(fmt::format("{:.1f}", measured.training_s / 60));
+  return took.empty() ? text : fmt::format("{} (took {} min)", text, fmt::join(took, ", "));
 }
 
 std::string BeginsText(const ResultTraining& train) {
@@ -136,7 +151,7 @@ std::string RowText(const ResultLine& line) {
   const std::string goal =
       row.goal > 0 ? fmt::format("{:g}{}", row.goal, strict.reaches(row.goal) ? "" : " (missed)") : "";
   return fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", row.title,
-                     DemonstrationsText(row.data), LimitText(row.train), BeginsText(row.train), strict.text(),
+                     DemonstrationsText(line), TrainingText(line), BeginsText(row.train), strict.text(),
                      SeedsText(strict), latched.text(), row.paper.empty() ? "-" : row.paper, goal, NetworkText(row),
                      ScenesText(line), MadeText(line));
 }
@@ -187,18 +202,61 @@ std::string TasksText(const ResultLine& line) {
   return text;
 }
 
-// Of each seed: who succeeded where the other did not, and whether that may be chance.
+// Two rows' rollouts of the same scenes, of one training seed or of several.
+struct PairedRollouts {
+  std::uint64_t n = 0, both = 0, only_first = 0, only_second = 0;
+
+  static std::optional<PairedRollouts> From(const OrderedJson& report) {
+    const auto* comparison = FindPart(report, "comparison");
+    const auto* overall = comparison ? FindPart(*comparison, "overall") : nullptr;
+    if (!overall) return std::nullopt;
+    const auto n = CountAt(*overall, "n"), both = CountAt(*overall, "both"), first = CountAt(*overall, "only_first"),
+               second = CountAt(*overall, "only_second");
+    if (!n || !both || !first || !second || *n == 0 || *both + *first + *second > *n) return std::nullopt;
+    return PairedRollouts{*n, *both, *first, *second};
+  }
+  void Add(const PairedRollouts& other) {
+    n += other.n;
+    both += other.both;
+    only_first += other.only_first;
+    only_second += other.only_second;
+  }
+  // points, the other row's successes taken off the row's own
+  double difference() const {
+    return 100 * (static_cast<double>(only_first) - static_cast<double>(only_second)) / static_cast<double>(n);
+  }
+  Interval interval() const {
+    const auto shares = NewcombePairedInterval(both, only_first, only_second, n - both - only_first - only_second);
+    return {100 * shares.low, 100 * shares.high};
+  }
+  std::string text() const {
+    return fmt::format("{} | {} | {} | {:.1f} [{:.1f}, {:.1f}] | {:.2g}", n, only_first, only_second, difference(),
+                       interval().low, interval().high, McNemarExactP(only_first, only_second));
+  }
+};
+
+// Of all seeds whose comparison is there.
+PairedRollouts PairedOf(const ResultLine& line) {
+  PairedRollouts all;
+  for (const auto& measured : line.reports)
+    if (const auto paired = PairedRollouts::From(measured.report)) all.Add(*paired);
+  return all;
+}
+
+// Of each seed: who succeeded where the other did not, and whether that may be chance; then of all of them.
 std::string ComparisonsText(const ResultLine& line) {
   std::string text;
+  int seeds = 0;
+  const auto add = [&](const std::string& seed, const std::string& what) {
+    text += fmt::format("| {} | {} | {} | {} |\n", line.row->title, line.row->compare, seed, what);
+  };
   for (const auto& measured : line.reports) {
-    const auto* comparison = FindPart(measured.report, "comparison");
-    const auto* overall = comparison ? FindPart(*comparison, "overall") : nullptr;
-    const auto* p = overall ? FindPart(*overall, "p") : nullptr;
-    if (!p || !p->is_number()) continue;
-    const auto count = [&](const char* key) { return CountAt(*overall, key).value_or(0); };
-    text += fmt::format("| {} | {} | {} | {} | {} | {} | {:.2g} |\n", line.row->title, line.row->compare, measured.seed,
-                        count("n"), count("only_first"), count("only_second"), p->get<double>());
+    const auto paired = PairedRollouts::From(measured.report);
+    if (paired) add(std::to_string(measured.seed), paired->text());
+    seeds += paired ? 1 : 0;
+    if (!MissingComparison(measured.report).empty()) add(std::to_string(measured.seed), "missing | | | |");
   }
+  if (seeds > 1) add("all", PairedOf(line).text());
   return text;
 }
 
@@ -218,10 +276,11 @@ std::string ResultsTable(const std::vector<ResultLine>& lines) {
          "|---|---|---|---|---|---|---|---|---|---|---|---|\n" +
          rows + kBesideThePaper + "\n| what | task | strict % [95 %] | latched % [95 %] |\n|---|---|---|---|\n" +
          tasks + "\n| what | module | error cm | before contact |\n|---|---|---|---|\n" + errors +
-         (comparisons.empty() ? ""
-                              : "\n| what | against row | seed | same scenes | success only here | only there | p "
-                                "(McNemar, exact) |\n|---|---|---|---|---|---|---|\n" +
-                                    comparisons);
+         (comparisons.empty()
+              ? ""
+              : "\n| what | against row | seed | same scenes | success only here | only there | "
+                "difference, points [95 %] | p (McNemar, exact) |\n|---|---|---|---|---|---|---|---|\n" +
+                    comparisons);
 }
 
 }  // namespace etude::cli

@@ -47,5 +47,21 @@ TEST(CheckWholeDataset, SaysHowManyAreMissing) {
   EXPECT_THAT(CheckWholeDataset(folder.path() / "none", 1), HasCode(Code::kNotFound));
 }
 
+TEST(TrainingSeconds, AreThoseOfTheLastEnd) {
+  const TemporaryFolder folder;
+  EXPECT_EQ(TrainingSeconds(folder.path()), std::nullopt);
+  const auto write = [&](std::string_view lines) {
+    ASSERT_THAT(WriteFileAtomically(folder.path() / "metrics.jsonl", lines), IsOk());
+  };
+  write("{\"kind\":\"train\",\"elapsed_s\":9}\n");
+  EXPECT_EQ(TrainingSeconds(folder.path()), std::nullopt) << "it has not come to an end";
+  write(
+      "{\"kind\":\"end\",\"elapsed_s\":70.5}\n{\"kind\":\"train\",\"elapsed_s\":80}\n"
+      "{\"kind\":\"end\",\"elapsed_s\":90.5}\n{\"kind\":\"checkpoint\"}\n");
+  EXPECT_EQ(TrainingSeconds(folder.path()), 90.5) << "stopped, and gone on with";
+  write("{\"kind\":\"end\",\"elapsed_s\":\"long\"}\n{\"kind\":\"end\"");
+  EXPECT_EQ(TrainingSeconds(folder.path()), std::nullopt);
+}
+
 }  // namespace results_folder_test
 }  // namespace etude::cli

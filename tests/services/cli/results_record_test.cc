@@ -85,6 +85,31 @@ TEST(ResultRecords, WhatIsReadAgainKeepsItsDayAndMachine) {
   EXPECT_EQ(records.Find(Row("a")).size(), 2U) << "another seed may end alike";
 }
 
+// what was measured before this was known gets it, and does not lose it with the folder that it was read from
+TEST(ResultRecords, WhatIsReadAgainAddsWhatIsKnownOfTheTrainingAndAComparisonThatCameLater) {
+  ResultRecords records;
+  records.Keep(Row("a"), Report(1, 7));
+  ResultReport known = Report(1, 7);
+  known.made = "a later day, another machine";
+  known.report["comparison"] = {{"overall", {{"n", 10}}}};
+  known.training_s = 276;
+  known.train = 80;
+  known.valid = 20;
+  records.Keep(Row("a"), known);
+  const auto found = records.Find(Row("a"));
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].made, "a day, a machine");
+  EXPECT_EQ(found[0].report, known.report);
+  EXPECT_EQ(found[0].training_s, 276);
+
+  records.Keep(Row("a"), Report(1, 7));
+  const auto kept = records.Find(Row("a"));
+  ASSERT_EQ(kept.size(), 1U);
+  EXPECT_EQ(kept[0].training_s, 276);
+  EXPECT_EQ(kept[0].train, 80U);
+  EXPECT_EQ(kept[0].valid, 20U);
+}
+
 // a row that is defined anew must not show, or be averaged with, what was measured before
 TEST(ResultRecords, NeverMixTwoDefinitionsOfARow) {
   ResultRecords records;
@@ -214,6 +239,15 @@ TEST(BriefReport, KeepsWhatTablesShow) {
   EXPECT_EQ(BriefReport(more),
             (OrderedJson{{"scenes", {{"first_draw", 0.5}}}, {"comparison", {{"overall", {{"p", 0.1}}}}}}));
   EXPECT_EQ(BriefReport(OrderedJson::array()), OrderedJson::object());
+}
+
+TEST(BriefReport, KeepsWhyAComparisonIsMissing) {
+  const OrderedJson report{{"overall", 1}, {"comparison", {{"missing", "not there"}}}};
+  EXPECT_EQ(BriefReport(report), report);
+  EXPECT_EQ(MissingComparison(report), "not there");
+  EXPECT_EQ(MissingComparison({{"comparison", {{"overall", 1}}}}), "");
+  EXPECT_EQ(MissingComparison({{"comparison", {{"missing", 3}}}}), "");
+  EXPECT_EQ(MissingComparison(OrderedJson::array()), "");
 }
 
 TEST(MadeHere, NamesADayAndAMachine) {

@@ -88,8 +88,29 @@ TEST(ResultsTable, SaysWhereARowIsComparedWithAnotherWhetherItCanBeChance) {
   row.compare = "scratch";
   OrderedJson report = Report(10, 9, 9);
   EXPECT_THAT(ResultsTable({{&row, {{1, "now", report}}}}), Not(HasSubstr("McNemar")));
-  report["comparison"]["overall"] = {{"n", 200}, {"only_first", 31}, {"only_second", 9}, {"p", 0.0006}};
-  EXPECT_THAT(ResultsTable({{&row, {{1, "now", report}}}}), HasSubstr("| UR5 | scratch | 1 | 200 | 31 | 9 | 0.0006 |"));
+  report["comparison"]["overall"] = {{"n", 200}, {"both", 150}, {"only_first", 31}, {"only_second", 9}};
+  const std::string one = ResultsTable({{&row, {{1, "now", report}}}});
+  EXPECT_THAT(one, HasSubstr("| UR5 | scratch | 1 | 200 | 31 | 9 | 11.0 [4.9, 17.2] | 0.00068 |"));
+  EXPECT_THAT(one, Not(HasSubstr("| scratch | all |")));
+
+  OrderedJson second = report, missing = report;
+  second["comparison"]["overall"] = {{"n", 200}, {"both", 150}, {"only_first", 9}, {"only_second", 31}};
+  missing["comparison"] = {{"missing", "compare with row 'scratch': not there"}};
+  const std::string all = ResultsTable({{&row, {{1, "now", report}, {2, "now", second}, {3, "now", missing}}}});
+  EXPECT_THAT(all, HasSubstr("| UR5 | scratch | 2 | 200 | 9 | 31 | -11.0 [-17.2, -4.9] | 0.00068 |"));
+  EXPECT_THAT(all, HasSubstr("| UR5 | scratch | 3 | missing | | | | |"));
+  EXPECT_THAT(all, HasSubstr("| UR5 | scratch | all | 400 | 40 | 40 | 0.0 ["));
+}
+
+TEST(ResultsTable, SaysWhatTrainedAndHowLongWhereThatIsKnown) {
+  ResultRow row = Row(0);
+  row.train = {.steps = 1900};
+  const ResultReport known{
+      .seed = 1, .made = "now", .report = Report(10, 9, 9), .training_s = 276, .train = 80, .valid = 20};
+  const ResultReport old{.seed = 2, .made = "now", .report = Report(10, 9, 9)};
+  EXPECT_THAT(ResultsTable({{&row, {known, old}}}),
+              HasSubstr("| UR5 | 80 + 20 validation | 1900 steps (took 4.6 min) |"));
+  EXPECT_THAT(ResultsTable({{&row, {old}}}), HasSubstr("| UR5 | 600 | 1900 steps |"));
 }
 
 TEST(ResultsTable, HasTheMeanErrorOfEachModuleOverTheSeeds) {

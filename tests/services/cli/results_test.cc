@@ -32,7 +32,9 @@ class Results : public testing::Test {
         "  - name: b\n    title: second\n    data: {{campaign: none.yaml}}\n"
         "    train: {{minutes: 5, init: a}}\n    eval: {{episodes: 10}}\n"
         "  - name: c\n    title: third\n    train: {{runs_of: a, seeds: [7]}}\n"
-        "    eval: {{sentences: table8, scenes_each: 2}}\n",
+        "    eval: {{sentences: table8, scenes_each: 2}}\n"
+        "  - name: d\n    title: fourth\n    train: {{runs_of: a, seeds: [7]}}\n"
+        "    eval: {{episodes: 10}}\n    compare: a\n",
         minutes);
     Write("results.yaml", rows);
     std::vector<std::string> arguments{"results", In("results.yaml"), "--out", In("out"), "--domain", "81"};
@@ -42,12 +44,12 @@ class Results : public testing::Test {
   void Write(const std::string& name, const std::string& text) {
     ASSERT_TRUE(WriteFileAtomically(folder_ / name, std::string_view(text)));
   }
-  void WriteReport(int done, int invalid) {
+  void WriteReport(int done, int invalid, const std::string& row = "a") {
     const OrderedJson all{{"task", "overall"},
                           {"n", done},
                           {"success", {{"successes", done}}},
                           {"success_latched", {{"successes", done}}}};
-    Write("out/eval/a-7/eval.json",
+    Write("out/eval/" + row + "-7/eval.json",
           OrderedJson({{"done", done}, {"overall", all}, {"scenes", {{"invalid", invalid}}}}).dump());
   }
   std::string In(const std::string& name) const { return (folder_ / name).string(); }
@@ -103,6 +105,26 @@ TEST_F(Results, BeginsOnlyWithRunsThatCameToTheirEnd) {
   const CommandOutcome other = Make("10", {"--row", "b"});
   EXPECT_EQ(other.exit_code, kExitUsage) << other.text;
   EXPECT_THAT(other.text, HasSubstr("row 'a' is not what"));
+}
+
+TEST_F(Results, ARowWhoseComparisonIsMissingKeepsItsOwnFigures) {
+  Write("out/runs/a-7/whole", "\n");
+  WriteReport(10, 0, "d");
+  const CommandOutcome made = Make("10", {"--row", "d"});
+  EXPECT_EQ(made.exit_code, kExitFailure) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("d, seed 7: compare with row 'a': "));
+  EXPECT_THAT(made.text, HasSubstr("make that row first"));
+  EXPECT_THAT(made.text, HasSubstr("| fourth | - | - | runs of a | 100.0 ["));
+  EXPECT_THAT(made.text, HasSubstr("| fourth | a | 7 | missing |"));
+}
+
+TEST_F(Results, KeepsHowLongATrainingTook) {
+  Write("out/runs/a-7/whole", "\n");
+  Write("out/runs/a-7/metrics.jsonl", "{\"kind\":\"end\",\"elapsed_s\":594}\n");
+  WriteReport(10, 0);
+  const CommandOutcome made = Make("10", {"--row", "a"});
+  ASSERT_EQ(made.exit_code, kExitOk) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("| first | the campaign's | 10 min (took 9.9 min) | scratch | 100.0 ["));
 }
 
 // A row of two seeds whose programs are stand-ins: they note that they were called, and end well. The command itself is
