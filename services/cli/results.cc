@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <iterator>
+#include <map>
 #include <optional>
 #include <set>
 
@@ -75,6 +76,8 @@ class Maker {
     const ResultRow& other = *std::ranges::find(config_.rows, row.compare, &ResultRow::name);
     const auto comparison = [&]() -> Result<OrderedJson> {
       ETUDE_RETURN_IF_ERROR(CheckDefinition(out_, other));
+      const std::string& trained = other.train.runs_of.empty() ? other.name : other.train.runs_of;
+      ETUDE_RETURN_IF_ERROR(CheckEvaluated(ReportOf(other, seed), CheckpointOf(RunOf(trained, seed))));
       if (!ReadReport(other, seed))
         return Fail(Code::kNotFound,
                     fmt::format("'{}' is no whole evaluation: make that row first", ReportOf(other, seed).string()));
@@ -87,6 +90,7 @@ class Maker {
   Path RunOf(const std::string& row, std::uint64_t seed) const {
     return out_ / "runs" / fmt::format("{}-{}", row, seed);
   }
+  static Path CheckpointOf(const Path& run) { return run / "checkpoints" / "latest.safetensors"; }
   static bool IsWholeRun(const Path& run) {
     std::error_code ignored;
     return fs::exists(run / kWhole, ignored);
@@ -165,7 +169,7 @@ class Maker {
     std::error_code ignored;
     for (const std::uint64_t candidate : candidates) {
       const Path run = RunOf(init.name, candidate);
-      Path file = run / "checkpoints" / "latest.safetensors";
+      Path file = CheckpointOf(run);
       if (IsWholeRun(run) && fs::exists(file, ignored)) return file;
     }
     return Fail(Code::kNotFound, fmt::format("row '{}' begins with '{}', of which no run in '{}' has come to its end: "
@@ -229,9 +233,9 @@ class Maker {
   }
 
   Result<OrderedJson> Evaluate(const ResultRow& row, std::uint64_t seed, const Path& run) {
+    ETUDE_RETURN_IF_ERROR(CheckEvaluated(ReportOf(row, seed), CheckpointOf(run)));
     if (auto report = ReadReport(row, seed)) return std::move(*report);
-    Words words{"eval", "--checkpoint", (run / "checkpoints" / "latest.safetensors").string(), "--out",
-                ReportOf(row, seed).string()};
+    Words words{"eval", "--checkpoint", CheckpointOf(run).string(), "--out", ReportOf(row, seed).string()};
     const Words evaluation = EvaluationOf(row.eval);
     words.insert(words.end(), evaluation.begin(), evaluation.end());
     ETUDE_RETURN_IF_ERROR(Run(fmt::format("eval-{}-{}", row.name, seed), words));
@@ -311,7 +315,7 @@ Status Results(const ResultsArguments& arguments) {
         continue;
       }
       if (const std::string missing = MissingComparison(made->report); !missing.empty())
-        say(row, seed, {Code::kUnavailable, missing});
+        say(row, seed, {Code::kNotFound, missing});
       table.records.Keep(row, std::move(*made));
       ETUDE_RETURN_IF_ERROR(table.Save(config));
     }
@@ -345,10 +349,34 @@ std::vector<std::string> ErrorsOf(const ResultRow& row, const std::set<std::stri
   check(!begins || before.contains(train.init), fmt::format("train.init: '{}' is no row before it", train.init));
   check(!begins || train.config == ResultTraining().config,
         "train.config: not with init, whose checkpoint has the graph");
+  check(row.data.name.empty() || IsPlainName(row.data.name),
+        fmt::format("data.name: '{}' is not a plain name", row.data.name));
   check(row.compare.empty() || before.contains(row.compare),
         fmt::format("compare: '{}' is no row before it", row.compare));
   check(row.eval.sentences.empty() || row.eval.tasks.empty(), "eval.tasks: not with sentences, which say them");
   return errors;
+}
+
+std::vector<std::string> GoalErrors(const ResultRow& row) {
+  std::vector<std::string> errors;
+  const auto check = [&](bool good, const std::string& key, const char* what) {
+    if (!good) errors.push_back(fmt::format("{}: goals.{}: {}", row.name, key, what));
+  };
+  for (const auto& [key, value] : row.goals) {
+    const bool known = key == kGoalLatched || key == kGoalDrop || key == kGoalMinutes;
+    const bool module = !key.empty() && std::ranges::all_of(key, [](char letter) {
+      return (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_';
+    });
+    check(known || module, key, "neither latched, drop or minutes nor the name of a module");
+    check(value > 0, key, "must be > 0");
+    check(key != kGoalDrop || !row.compare.empty(), key, "needs compare");
+    check(key != kGoalMinutes || row.train.runs_of.empty(), key, "not with train.runs_of");
+  }
+  return errors;
+}
+
+bool AreOneDataset(const ResultData& first, const ResultData& second) {
+  return first.campaign == second.campaign && first.episodes == second.episodes && first.set == second.set;
 }
 
 }  // namespace
@@ -356,8 +384,19 @@ std::vector<std::string> ErrorsOf(const ResultRow& row, const std::set<std::stri
 Status ResultsConfig::Validate() const {
   std::vector<std::string> errors;
   std::set<std::string> names;
+  std::map<std::string, const ResultRow*> datasets;
   for (const auto& row : rows) {
     std::ranges::move(ErrorsOf(row, names), std::back_inserter(errors));
+    std::ranges::move(GoalErrors(row), std::back_inserter(errors));
+    // they share what the first of them collects
+    const auto first = row.data.campaign.empty() ? datasets.end() : datasets.try_emplace(DatasetName(row), &row).first;
+    if (first != datasets.end() && !AreOneDataset(row.data, first->second->data))
+      errors.push_back(fmt::format("{}: data: '{}' is collected for {} with another campaign, episodes or set",
+                                   row.name, first->first, first->second->name));
+    const auto other = std::ranges::find(rows, row.compare, &ResultRow::name);
+    for (const auto seed : row.train.seeds)
+      if (other != rows.end() && std::ranges::find(other->train.seeds, seed) == other->train.seeds.end())
+        errors.push_back(fmt::format("{}: compare: '{}' has no seed {}", row.name, row.compare, seed));
     if (!names.insert(row.name).second) errors.push_back(fmt::format("rows: '{}' stands twice", row.name));
   }
   if (errors.empty()) return {};

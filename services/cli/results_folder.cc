@@ -3,9 +3,12 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <sstream>
 
+#include "services/campaign/eval_report.h"
 #include "services/core/config.h"
+#include "services/core/hash.h"
 #include "services/store/dataset.h"
 
 namespace etude::cli {
@@ -26,9 +29,23 @@ Status CheckWholeDataset(const Path& data, std::uint64_t wanted) {
   ETUDE_ASSIGN_OR_RETURN(const Demonstrations count, CountDemonstrations(data));
   if (wanted == 0) wanted = dataset.spec().episodes;
   if (count.all() >= wanted) return {};
-  return Fail(Code::kUnavailable,
+  return Fail(Code::kNotFound,
               fmt::format("'{}' has {} of {} demonstrations: begin again to go on (why attempts failed: {})",
                           data.string(), count.all(), wanted, (data / "attempts.jsonl").string()));
+}
+
+Status CheckEvaluated(const Path& evaluation, const Path& checkpoint) {
+  const auto text = ReadTextFile(evaluation / "eval.json");
+  if (!text) return {};
+  const auto report = OrderedJson::parse(*text, nullptr, /*allow_exceptions=*/false);
+  const std::string evaluated = report.is_object() ? campaign::SubjectOf(report).sha256 : "";
+  std::error_code ignored;
+  if (evaluated.empty() || !std::filesystem::exists(checkpoint, ignored)) return {};
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(checkpoint));
+  if (Sha256Hex(bytes) == evaluated) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("'{}' is of another checkpoint than '{}' is now: to evaluate that one, remove the former",
+                          evaluation.string(), checkpoint.string()));
 }
 
 std::optional<double> TrainingSeconds(const Path& run) {

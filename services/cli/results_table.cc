@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <map>
 #include <optional>
 #include <set>
@@ -156,10 +157,18 @@ std::string RowText(const ResultLine& line) {
                      ScenesText(line), MadeText(line));
 }
 
-// means over the seeds of what eval.json has: means over rollouts of their decisions' means
-std::string ErrorsText(const ResultLine& line) {
+// Of each module in the order in which they were measured: means over rollouts of their decisions' means, cm.
+struct ModuleErrors {
   std::vector<std::string> order;
-  std::map<std::string, std::vector<double>> all, before;
+  std::map<std::string, std::vector<double>> all, before_contact;  ///< of each seed
+
+  static std::string Text(const std::vector<double>& values) {
+    return values.empty() ? "-" : fmt::format("{:.2f}", Mean(values));
+  }
+};
+
+ModuleErrors ModuleErrorsOf(const ResultLine& line) {
+  ModuleErrors result;
   for (const auto& measured : line.reports) {
     const auto* overall = FindPart(measured.report, "overall");
     const auto* errors = overall ? FindPart(*overall, "error_cm") : nullptr;
@@ -167,18 +176,21 @@ std::string ErrorsText(const ResultLine& line) {
     const auto* early = FindPart(*overall, "error_before_contact_cm");
     for (const auto& [module, error] : errors->items()) {
       if (!error.is_number()) continue;
-      if (!all.contains(module)) order.push_back(module);
-      all[module].push_back(error.get<double>());
+      if (!result.all.contains(module)) result.order.push_back(module);
+      result.all[module].push_back(error.get<double>());
       const auto* number = early ? FindPart(*early, module.c_str()) : nullptr;
-      if (number && number->is_number()) before[module].push_back(number->get<double>());
+      if (number && number->is_number()) result.before_contact[module].push_back(number->get<double>());
     }
   }
-  const auto text = [](const std::vector<double>& values) {
-    return values.empty() ? "-" : fmt::format("{:.2f}", Mean(values));
-  };
+  return result;
+}
+
+std::string ErrorsText(const ResultLine& line) {
+  ModuleErrors errors = ModuleErrorsOf(line);
   std::string lines;
-  for (const auto& module : order)
-    lines += fmt::format("| {} | {} | {} | {} |\n", line.row->title, module, text(all[module]), text(before[module]));
+  for (const auto& module : errors.order)
+    lines += fmt::format("| {} | {} | {} | {} |\n", line.row->title, module, ModuleErrors::Text(errors.all[module]),
+                         ModuleErrors::Text(errors.before_contact[module]));
   return lines;
 }
 
@@ -260,13 +272,80 @@ std::string ComparisonsText(const ResultLine& line) {
   return text;
 }
 
+// What was measured of something that is wanted.
+struct GoalCheck {
+  std::string wanted, measured = "-";
+  std::optional<bool> reached;
+};
+
+GoalCheck CheckLatched(const ResultLine& line, double goal) {
+  GoalCheck check{fmt::format("latched at least {:g} %", goal)};
+  const Count latched = CountOf(line, "success_latched");
+  if (latched.trials == 0) return check;
+  check.measured = latched.text();
+  check.reached = latched.reaches(goal);
+  return check;
+}
+
+GoalCheck CheckDrop(const ResultLine& line, double goal) {
+  GoalCheck check{fmt::format("at most {:g} points below {}", goal, line.row->compare)};
+  const PairedRollouts paired = PairedOf(line);
+  if (paired.n == 0) return check;
+  // the other way round than in the comparisons; 0 is no -0
+  const Interval interval = paired.interval();
+  check.measured = fmt::format("{:.1f} [{:.1f}, {:.1f}]", 0 - paired.difference(), 0 - interval.high, 0 - interval.low);
+  check.reached = -paired.difference() <= goal + 1e-9;
+  return check;
+}
+
+// each of the trainings
+GoalCheck CheckMinutes(const ResultLine& line, double goal) {
+  GoalCheck check{fmt::format("training at most {:g} min", goal)};
+  double longest = 0;
+  for (const auto& measured : line.reports) {
+    if (measured.training_s == 0) return check;
+    longest = std::max(longest, measured.training_s / 60);
+  }
+  if (longest == 0) return check;
+  check.measured = fmt::format("{:.1f}", longest);
+  check.reached = longest <= goal;
+  return check;
+}
+
+GoalCheck CheckError(const ResultLine& line, const std::string& module, double goal) {
+  GoalCheck check{fmt::format("{} at most {:g} cm", module, goal)};
+  ModuleErrors errors = ModuleErrorsOf(line);
+  if (errors.all[module].empty()) return check;
+  check.measured = fmt::format("{} (before contact {})", ModuleErrors::Text(errors.all[module]),
+                               ModuleErrors::Text(errors.before_contact[module]));
+  check.reached = Mean(errors.all[module]) <= goal;
+  return check;
+}
+
+// What is wanted beside strict success, which has a column.
+std::string GoalsText(const ResultLine& line) {
+  std::string text;
+  for (const auto& [key, goal] : line.row->goals) {
+    const GoalCheck check = key == kGoalLatched   ? CheckLatched(line, goal)
+                            : key == kGoalDrop    ? CheckDrop(line, goal)
+                            : key == kGoalMinutes ? CheckMinutes(line, goal)
+                                                  : CheckError(line, key, goal);
+    text += fmt::format("| {} | {} | {} | {} |\n", line.row->title, check.wanted, check.measured,
+                        !check.reached   ? "not measured"
+                        : *check.reached ? "yes"
+                                         : "missed");
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string ResultsTable(const std::vector<ResultLine>& lines) {
-  std::string rows, tasks, errors, comparisons;
+  std::string rows, goals, tasks, errors, comparisons;
   for (const auto& line : lines) {
     if (line.reports.empty()) continue;
     rows += RowText(line);
+    goals += GoalsText(line);
     tasks += TasksText(line);
     errors += ErrorsText(line);
     comparisons += ComparisonsText(line);
@@ -274,8 +353,10 @@ std::string ResultsTable(const std::vector<ResultLine>& lines) {
   return "| what | demonstrations | training | begins with | strict success % [95 % of these runs' rollouts] | each "
          "seed | latched % [95 %] | paper % | goal % | network | scenes | made |\n"
          "|---|---|---|---|---|---|---|---|---|---|---|---|\n" +
-         rows + kBesideThePaper + "\n| what | task | strict % [95 %] | latched % [95 %] |\n|---|---|---|---|\n" +
-         tasks + "\n| what | module | error cm | before contact |\n|---|---|---|---|\n" + errors +
+         rows + kBesideThePaper +
+         (goals.empty() ? "" : "\n| what | goal | measured | reached |\n|---|---|---|---|\n" + goals) +
+         "\n| what | task | strict % [95 %] | latched % [95 %] |\n|---|---|---|---|\n" + tasks +
+         "\n| what | module | error cm | before contact |\n|---|---|---|---|\n" + errors +
          (comparisons.empty()
               ? ""
               : "\n| what | against row | seed | same scenes | success only here | only there | "

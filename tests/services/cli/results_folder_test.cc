@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "services/core/config.h"
+#include "services/core/hash.h"
 #include "services/store/dataset.h"
 #include "tests/support/matchers.h"
 #include "tests/support/synthetic_episode.h"
@@ -39,12 +41,34 @@ TEST(CountDemonstrations, TellsThemBySplit) {
 TEST(CheckWholeDataset, SaysHowManyAreMissing) {
   const TemporaryFolder folder;
   const Path some = WriteDataset(folder.path() / "some", 5), all = WriteDataset(folder.path() / "all", 6);
-  EXPECT_THAT(CheckWholeDataset(some, 6), HasCode(Code::kUnavailable));
+  EXPECT_THAT(CheckWholeDataset(some, 6), HasCode(Code::kNotFound));
   EXPECT_THAT(CheckWholeDataset(some, 6), MessageHas("5 of 6 demonstrations"));
   EXPECT_THAT(CheckWholeDataset(some, 0), MessageHas("5 of 6 demonstrations")) << "as many as the campaign asks for";
   EXPECT_THAT(CheckWholeDataset(some, 5), IsOk());
   EXPECT_THAT(CheckWholeDataset(all, 0), IsOk());
   EXPECT_THAT(CheckWholeDataset(folder.path() / "none", 1), HasCode(Code::kNotFound));
+}
+
+TEST(CheckEvaluated, IsOfTheCheckpointThatIsThere) {
+  const TemporaryFolder folder;
+  const Path evaluation = folder.path() / "eval", checkpoint = folder.path() / "latest.safetensors";
+  const std::string weights = "weights";
+  const auto write = [&](const OrderedJson& report) {
+    ASSERT_THAT(WriteFileAtomically(evaluation / "eval.json", report.dump()), IsOk());
+  };
+  EXPECT_THAT(CheckEvaluated(evaluation, checkpoint), IsOk()) << "nothing is there";
+  write({{"policy", {{"sha256", Sha256Hex(weights)}}}});
+  EXPECT_THAT(CheckEvaluated(evaluation, checkpoint), IsOk()) << "the checkpoint is gone";
+  ASSERT_THAT(WriteFileAtomically(checkpoint, weights), IsOk());
+  EXPECT_THAT(CheckEvaluated(evaluation, checkpoint), IsOk());
+
+  ASSERT_THAT(WriteFileAtomically(checkpoint, std::string_view("trained again")), IsOk());
+  EXPECT_THAT(CheckEvaluated(evaluation, checkpoint), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(CheckEvaluated(evaluation, checkpoint), MessageHas("remove the former"));
+  for (const OrderedJson& silent : {OrderedJson::object(), OrderedJson::array(), OrderedJson{{"policy", 3}}}) {
+    write(silent);
+    EXPECT_THAT(CheckEvaluated(evaluation, checkpoint), IsOk()) << silent;
+  }
 }
 
 TEST(TrainingSeconds, AreThoseOfTheLastEnd) {

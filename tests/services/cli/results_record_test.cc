@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 
@@ -133,6 +135,8 @@ TEST(ResultRecords, WordsGoalAndSeedsOfARowAreNotItsDefinition) {
   reworded.title = "in other words";
   reworded.paper = "82.4";
   reworded.goal = 95;
+  reworded.goals = {{"latched", 82.4}, {"TAR3D", 0.2}};
+  reworded.compare = "b";
   reworded.train.seeds = {1, 2, 3, 4};
   EXPECT_EQ(records.Find(reworded).size(), 1U);
 }
@@ -178,6 +182,20 @@ TEST(ResultRecords, TheRowThatItBeginsWithIsPartOfADefinition) {
   records.Keep(row, Report(1, 7));
   EXPECT_EQ(records.Find(row).size(), 1U);
   EXPECT_THAT(records.Find(other), IsEmpty());
+}
+
+// what would be left out of the table without a word
+TEST(ResultRecords, TheShippedFiguresAreOfTheRowsAsTheyAreDefined) {
+  const auto config = LoadResults("deploy/docs/results.yaml");
+  ASSERT_THAT(config, IsOk());
+  const auto records = ResultRecords::Load("deploy/docs/results.json");
+  ASSERT_THAT(records, IsOk());
+  ASSERT_FALSE(records->rows.empty());
+  for (const auto& record : records->rows) {
+    const auto row = std::ranges::find(config->rows, record.row, &ResultRow::name);
+    ASSERT_NE(row, config->rows.end()) << record.row;
+    EXPECT_EQ(records->Find(*row).size(), record.reports.size()) << record.row;
+  }
 }
 
 TEST(Definition, IsKeptBesideWhatWasMadeOfIt) {

@@ -123,6 +123,38 @@ TEST(ResultsTable, HasTheMeanErrorOfEachModuleOverTheSeeds) {
   EXPECT_THAT(table, HasSubstr("| UR5 | TAR3D | 0.30 | 0.10 |\n| UR5 | DISP | 0.50 | - |"));
 }
 
+TEST(ResultsTable, HoldsEveryGoalAgainstWhatWasMeasured) {
+  ResultRow row = Row(0);
+  row.compare = "seen";
+  row.goals = {{"latched", 95}, {"drop", 1.1}, {"minutes", 5}, {"TAR3D", 0.3}, {"DISP", 0.2}, {"EE3D", 0.05}};
+  ResultReport first{.seed = 1, .made = "now", .report = Report(100, 90, 96), .training_s = 276};
+  first.report["overall"]["error_cm"] = {{"TAR3D", 0.2}, {"DISP", 0.5}};
+  first.report["overall"]["error_before_contact_cm"] = {{"TAR3D", 0.1}};
+  first.report["comparison"]["overall"] = {{"n", 100}, {"both", 88}, {"only_first", 2}, {"only_second", 3}};
+  ResultReport second = first;
+  second.seed = 2;
+  second.training_s = 306;
+  second.report["overall"]["error_cm"]["TAR3D"] = 0.4;
+
+  const std::string one = ResultsTable({{&row, {first}}});
+  EXPECT_THAT(one, HasSubstr("| UR5 | latched at least 95 % | 96.0 [90.2, 98.4] | yes |"));
+  EXPECT_THAT(one, HasSubstr("| UR5 | at most 1.1 points below seen | 1.0 ["));
+  EXPECT_THAT(one, HasSubstr("| UR5 | training at most 5 min | 4.6 | yes |"));
+  EXPECT_THAT(one, HasSubstr("| UR5 | TAR3D at most 0.3 cm | 0.20 (before contact 0.10) | yes |"));
+  EXPECT_THAT(one, HasSubstr("| UR5 | DISP at most 0.2 cm | 0.50 (before contact -) | missed |"));
+  EXPECT_THAT(one, HasSubstr("| UR5 | EE3D at most 0.05 cm | - | not measured |"));
+  const std::string two = ResultsTable({{&row, {first, second}}});
+  EXPECT_THAT(two, HasSubstr("| UR5 | training at most 5 min | 5.1 | missed |")) << "each of them";
+  EXPECT_THAT(two, HasSubstr("| UR5 | TAR3D at most 0.3 cm | 0.30 (before contact 0.10) | yes |")) << "the mean";
+
+  row.goals = {{"drop", 0.9}, {"latched", 96.1}};
+  EXPECT_THAT(ResultsTable({{&row, {first}}}), HasSubstr("points below seen | 1.0 [-4.5, 6.7] | missed |"));
+  EXPECT_THAT(ResultsTable({{&row, {first}}}), HasSubstr("| latched at least 96.1 % | 96.0 [90.2, 98.4] | missed |"));
+  const std::string old = ResultsTable({{&row, {{1, "now", OrderedJson::object()}}}});
+  EXPECT_THAT(old, HasSubstr("| UR5 | latched at least 96.1 % | - | not measured |"));
+  EXPECT_THAT(old, HasSubstr("| UR5 | at most 0.9 points below seen | - | not measured |"));
+}
+
 TEST(ResultsTable, LeavesOutWhatWasNotMeasuredAndSurvivesOddReports) {
   const ResultRow row = Row(0);
   EXPECT_THAT(ResultsTable({{&row, {}}}), Not(HasSubstr("UR5")));
@@ -213,6 +245,63 @@ TEST(ResultsConfig, NamesEveryProblem) {
   for (const char* part : {"a: train: needs minutes or steps", "a: data.campaign: missing", "'a' stands twice",
                            "'base' is no row before it"})
     EXPECT_THAT(status.error().message, HasSubstr(part));
+}
+
+TEST(ResultsConfig, GoalsAreThoseThatCanBeMeasured) {
+  ResultsConfig config;
+  config.rows = {Row(0), Row(0)};
+  config.rows[0].train.init.clear();
+  config.rows[0].goals = {{"latched", 82.4}, {"minutes", 5}, {"TAR3D", 0.2}};
+  config.rows[1].name = "b";
+  config.rows[1].data = {};
+  config.rows[1].train = {.runs_of = "a"};
+  config.rows[1].compare = "a";
+  config.rows[1].goals = {{"drop", 1.1}};
+  EXPECT_TRUE(config.Validate());
+  config.rows[0].goals = {{"lached", 82.4}, {"drop", 1.1}, {"EE3D", 0}};
+  config.rows[1].goals = {{"minutes", 5}};
+  const Status status = config.Validate();
+  ASSERT_FALSE(status);
+  for (const char* part : {"a: goals.lached: neither", "a: goals.drop: needs compare", "a: goals.EE3D: must be > 0",
+                           "b: goals.minutes: not with train.runs_of"})
+    EXPECT_THAT(status.error().message, HasSubstr(part));
+}
+
+TEST(ResultsConfig, RowsThatAreComparedHaveTheSameSeeds) {
+  ResultsConfig config;
+  config.rows = {Row(0), Row(0)};
+  config.rows[0].train.init.clear();
+  config.rows[1].name = "b";
+  config.rows[1].train = {.seeds = {1, 2}, .runs_of = "a"};
+  config.rows[1].data = {};
+  config.rows[1].compare = "a";
+  EXPECT_THAT(config.Validate().error().message, HasSubstr("b: compare: 'a' has no seed 2"));
+  config.rows[0].train.seeds = {2, 1, 3};
+  EXPECT_TRUE(config.Validate());
+}
+
+// the second of them would train on what the first collected, or not collect at all
+TEST(ResultsConfig, RowsThatShareADatasetAskForTheSameOne) {
+  ResultsConfig config;
+  config.rows = {Row(0), Row(0), Row(0)};
+  for (auto& row : config.rows) row.train.init.clear();
+  config.rows[1].name = "b";
+  config.rows[1].data.name = "a";
+  config.rows[2].name = "c";
+  EXPECT_TRUE(config.Validate());
+  const ResultData same = config.rows[1].data;
+  const auto differs = HasSubstr("b: data: 'a' is collected for a with another campaign, episodes or set");
+  config.rows[1].data.campaign = "compact";
+  EXPECT_THAT(config.Validate().error().message, differs);
+  config.rows[1].data = same;
+  config.rows[1].data.episodes = 80;
+  EXPECT_THAT(config.Validate().error().message, differs);
+  config.rows[1].data = same;
+  config.rows[1].data.set = {"seed=2"};
+  EXPECT_THAT(config.Validate().error().message, differs);
+  config.rows[1].data = same;
+  config.rows[1].data.name = "../a";
+  EXPECT_THAT(config.Validate().error().message, HasSubstr("b: data.name: '../a' is not a plain name"));
 }
 
 TEST(ResultsConfig, ARowMayBeginWithOneThatCameBefore) {

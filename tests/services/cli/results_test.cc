@@ -118,6 +118,19 @@ TEST_F(Results, ARowWhoseComparisonIsMissingKeepsItsOwnFigures) {
   EXPECT_THAT(made.text, HasSubstr("| fourth | a | 7 | missing |"));
 }
 
+TEST_F(Results, DoesNotTakeTheEvaluationOfARunThatWasTrainedAgain) {
+  Write("out/runs/a-7/whole", "\n");
+  Write("out/runs/a-7/checkpoints/latest.safetensors", "trained again");
+  const OrderedJson all{{"n", 10}, {"success", {{"successes", 10}}}};
+  Write("out/eval/a-7/eval.json",
+        OrderedJson({{"policy", {{"sha256", std::string(64, '0')}}}, {"done", 10}, {"overall", all}}).dump());
+  const CommandOutcome made = Make("10", {"--row", "a"});
+  EXPECT_EQ(made.exit_code, kExitUsage) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("is of another checkpoint than"));
+  EXPECT_THAT(made.text, Not(HasSubstr("eval-a-7: etude eval")));
+  EXPECT_THAT(made.text, Not(HasSubstr("| first |")));
+}
+
 TEST_F(Results, KeepsHowLongATrainingTook) {
   Write("out/runs/a-7/whole", "\n");
   Write("out/runs/a-7/metrics.jsonl", "{\"kind\":\"end\",\"elapsed_s\":594}\n");
