@@ -6,12 +6,14 @@
 #include <algorithm>
 #include <filesystem>
 #include <iterator>
+#include <map>
 #include <optional>
 #include <set>
 
 #include "services/campaign/eval_comparison.h"
 #include "services/campaign/process.h"
 #include "services/cli/command_line.h"
+#include "services/cli/results_folder.h"
 #include "services/cli/results_record.h"
 #include "services/cli/results_table.h"
 #include "services/core/clock.h"
@@ -40,17 +42,19 @@ class Maker {
   Maker(const ResultsArguments& arguments, const ResultsConfig& config)
       : arguments_(arguments), config_(config), out_(arguments.out) {}
 
-  /// Makes what is not there already of one training seed of `row`. @returns the evaluation's report, and where the row
-  /// is compared with another one "comparison"
-  Result<OrderedJson> Make(const ResultRow& row, std::uint64_t seed) {
+  /// Makes what is not there already of one training seed of `row`. @returns what the table keeps of it; where the row
+  /// is compared with another one that cannot be, report["comparison"] says why ("missing")
+  Result<ResultReport> Make(const ResultRow& row, std::uint64_t seed) {
     ETUDE_ASSIGN_OR_RETURN(OrderedJson report, MakeReport(row, seed));
-    if (row.compare.empty()) return report;
-    const ResultRow& other = *std::ranges::find(config_.rows, row.compare, &ResultRow::name);
-    ETUDE_RETURN_IF_ERROR(CheckDefinition(out_, other));
-    auto comparison = campaign::CompareEvaluations(ReportOf(row, seed), ReportOf(other, seed));
-    if (!comparison) return Fail(comparison.error().Wrap(fmt::format("compare with row '{}'", other.name)));
-    report["comparison"] = std::move(*comparison);
-    return report;
+    if (!row.compare.empty()) report["comparison"] = ComparisonOf(row, seed);
+    ResultReport made{.seed = seed, .made = MadeHere(), .report = BriefReport(report)};
+    if (!row.train.runs_of.empty()) return made;
+    made.training_s = TrainingSeconds(RunOf(row.name, seed)).value_or(0);
+    if (const auto count = CountDemonstrations(DataOf(row))) {
+      made.train = count->train;
+      made.valid = count->valid;
+    }
+    return made;
   }
 
  private:
@@ -67,9 +71,26 @@ class Maker {
     return Evaluate(row, seed, run);
   }
 
+  // The row's own rollouts are worth a line without it.
+  OrderedJson ComparisonOf(const ResultRow& row, std::uint64_t seed) const {
+    const ResultRow& other = *std::ranges::find(config_.rows, row.compare, &ResultRow::name);
+    const auto comparison = [&]() -> Result<OrderedJson> {
+      ETUDE_RETURN_IF_ERROR(CheckDefinition(out_, other));
+      const std::string& trained = other.train.runs_of.empty() ? other.name : other.train.runs_of;
+      ETUDE_RETURN_IF_ERROR(CheckEvaluated(ReportOf(other, seed), CheckpointOf(RunOf(trained, seed))));
+      if (!ReadReport(other, seed))
+        return Fail(Code::kNotFound,
+                    fmt::format("'{}' is no whole evaluation: make that row first", ReportOf(other, seed).string()));
+      return campaign::CompareEvaluations(ReportOf(row, seed), ReportOf(other, seed));
+    }();
+    if (comparison) return *comparison;
+    return {{"missing", fmt::format("compare with row '{}': {}", other.name, comparison.error().message)}};
+  }
+
   Path RunOf(const std::string& row, std::uint64_t seed) const {
     return out_ / "runs" / fmt::format("{}-{}", row, seed);
   }
+  static Path CheckpointOf(const Path& run) { return run / "checkpoints" / "latest.safetensors"; }
   static bool IsWholeRun(const Path& run) {
     std::error_code ignored;
     return fs::exists(run / kWhole, ignored);
@@ -121,17 +142,20 @@ class Maker {
     return campaign.ends_with(".yaml") ? campaign : fmt::format("deploy/campaigns/{}.yaml", campaign);
   }
 
-  // a collection that is whole already is over at once
+  Path DataOf(const ResultRow& row) const { return out_ / "data" / DatasetName(row); }
+
+  // a collection that is whole already is over at once; one that fails is tried again by what needs it next
   Result<Path> Collect(const ResultRow& row) {
-    const std::string name = row.data.name.empty() ? row.name : row.data.name;
-    const Path data = out_ / "data" / name;
-    if (collected_.insert(name).second) {
-      Words words{"collect", FileOf(row.data.campaign), "--out", data.string()};
-      if (row.data.episodes > 0) words.insert(words.end(), {"--episodes", std::to_string(row.data.episodes)});
-      const Words set = Sets(row.data.set);
-      words.insert(words.end(), set.begin(), set.end());
-      ETUDE_RETURN_IF_ERROR(Run("data-" + name, words));
-    }
+    const std::string name = DatasetName(row);
+    const Path data = DataOf(row);
+    if (collected_.contains(name)) return data;
+    Words words{"collect", FileOf(row.data.campaign), "--out", data.string()};
+    if (row.data.episodes > 0) words.insert(words.end(), {"--episodes", std::to_string(row.data.episodes)});
+    const Words set = Sets(row.data.set);
+    words.insert(words.end(), set.begin(), set.end());
+    ETUDE_RETURN_IF_ERROR(Run("data-" + name, words));
+    ETUDE_RETURN_IF_ERROR(CheckWholeDataset(data, row.data.episodes));
+    collected_.insert(name);
     return data;
   }
 
@@ -145,7 +169,7 @@ class Maker {
     std::error_code ignored;
     for (const std::uint64_t candidate : candidates) {
       const Path run = RunOf(init.name, candidate);
-      Path file = run / "checkpoints" / "latest.safetensors";
+      Path file = CheckpointOf(run);
       if (IsWholeRun(run) && fs::exists(file, ignored)) return file;
     }
     return Fail(Code::kNotFound, fmt::format("row '{}' begins with '{}', of which no run in '{}' has come to its end: "
@@ -209,9 +233,9 @@ class Maker {
   }
 
   Result<OrderedJson> Evaluate(const ResultRow& row, std::uint64_t seed, const Path& run) {
+    ETUDE_RETURN_IF_ERROR(CheckEvaluated(ReportOf(row, seed), CheckpointOf(run)));
     if (auto report = ReadReport(row, seed)) return std::move(*report);
-    Words words{"eval", "--checkpoint", (run / "checkpoints" / "latest.safetensors").string(), "--out",
-                ReportOf(row, seed).string()};
+    Words words{"eval", "--checkpoint", CheckpointOf(run).string(), "--out", ReportOf(row, seed).string()};
     const Words evaluation = EvaluationOf(row.eval);
     words.insert(words.end(), evaluation.begin(), evaluation.end());
     ETUDE_RETURN_IF_ERROR(Run(fmt::format("eval-{}-{}", row.name, seed), words));
@@ -225,7 +249,7 @@ class Maker {
   const ResultsArguments& arguments_;
   const ResultsConfig& config_;
   const Path out_;
-  std::set<std::string> collected_;
+  std::set<std::string> collected_;  // datasets that are whole
 };
 
 // The table of what was measured, whoever measured it, and its records beside it.
@@ -277,17 +301,22 @@ Status Results(const ResultsArguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(table.records, ResultRecords::Load(table.record_file()));
   Maker maker(arguments, config);
   std::optional<Error> failed;  // the first one; what does not need it is made all the same
+  const auto say = [&](const ResultRow& row, std::uint64_t seed, Error error) {
+    fmt::print(stderr, "{}, seed {}: {}\n", row.name, seed, error.message);
+    if (!failed) failed = std::move(error);
+  };
   for (const auto& row : config.rows) {
     for (const auto seed : row.train.seeds) {
       if (!Wanted(arguments.only, row.name) || !Wanted(arguments.seeds, seed)) continue;
-      const auto report = maker.Make(row, seed);
-      if (!report && StopRequested()) return Fail(report.error());
-      if (!report) {
-        fmt::print(stderr, "{}, seed {}: {}\n", row.name, seed, report.error().message);
-        if (!failed) failed = report.error();
+      auto made = maker.Make(row, seed);
+      if (!made && StopRequested()) return Fail(made.error());
+      if (!made) {
+        say(row, seed, made.error());
         continue;
       }
-      table.records.Keep(row, {seed, MadeHere(), BriefReport(*report)});
+      if (const std::string missing = MissingComparison(made->report); !missing.empty())
+        say(row, seed, {Code::kNotFound, missing});
+      table.records.Keep(row, std::move(*made));
       ETUDE_RETURN_IF_ERROR(table.Save(config));
     }
   }
@@ -320,10 +349,34 @@ std::vector<std::string> ErrorsOf(const ResultRow& row, const std::set<std::stri
   check(!begins || before.contains(train.init), fmt::format("train.init: '{}' is no row before it", train.init));
   check(!begins || train.config == ResultTraining().config,
         "train.config: not with init, whose checkpoint has the graph");
+  check(row.data.name.empty() || IsPlainName(row.data.name),
+        fmt::format("data.name: '{}' is not a plain name", row.data.name));
   check(row.compare.empty() || before.contains(row.compare),
         fmt::format("compare: '{}' is no row before it", row.compare));
   check(row.eval.sentences.empty() || row.eval.tasks.empty(), "eval.tasks: not with sentences, which say them");
   return errors;
+}
+
+std::vector<std::string> GoalErrors(const ResultRow& row) {
+  std::vector<std::string> errors;
+  const auto check = [&](bool good, const std::string& key, const char* what) {
+    if (!good) errors.push_back(fmt::format("{}: goals.{}: {}", row.name, key, what));
+  };
+  for (const auto& [key, value] : row.goals) {
+    const bool known = key == kGoalLatched || key == kGoalDrop || key == kGoalMinutes;
+    const bool module = !key.empty() && std::ranges::all_of(key, [](char letter) {
+      return (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_';
+    });
+    check(known || module, key, "neither latched, drop or minutes nor the name of a module");
+    check(value > 0, key, "must be > 0");
+    check(key != kGoalDrop || !row.compare.empty(), key, "needs compare");
+    check(key != kGoalMinutes || row.train.runs_of.empty(), key, "not with train.runs_of");
+  }
+  return errors;
+}
+
+bool AreOneDataset(const ResultData& first, const ResultData& second) {
+  return first.campaign == second.campaign && first.episodes == second.episodes && first.set == second.set;
 }
 
 }  // namespace
@@ -331,8 +384,19 @@ std::vector<std::string> ErrorsOf(const ResultRow& row, const std::set<std::stri
 Status ResultsConfig::Validate() const {
   std::vector<std::string> errors;
   std::set<std::string> names;
+  std::map<std::string, const ResultRow*> datasets;
   for (const auto& row : rows) {
     std::ranges::move(ErrorsOf(row, names), std::back_inserter(errors));
+    std::ranges::move(GoalErrors(row), std::back_inserter(errors));
+    // they share what the first of them collects
+    const auto first = row.data.campaign.empty() ? datasets.end() : datasets.try_emplace(DatasetName(row), &row).first;
+    if (first != datasets.end() && !AreOneDataset(row.data, first->second->data))
+      errors.push_back(fmt::format("{}: data: '{}' is collected for {} with another campaign, episodes or set",
+                                   row.name, first->first, first->second->name));
+    const auto other = std::ranges::find(rows, row.compare, &ResultRow::name);
+    for (const auto seed : row.train.seeds)
+      if (other != rows.end() && std::ranges::find(other->train.seeds, seed) == other->train.seeds.end())
+        errors.push_back(fmt::format("{}: compare: '{}' has no seed {}", row.name, row.compare, seed));
     if (!names.insert(row.name).second) errors.push_back(fmt::format("rows: '{}' stands twice", row.name));
   }
   if (errors.empty()) return {};

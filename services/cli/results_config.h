@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -74,11 +75,17 @@ struct ResultEvaluation {
   }
 };
 
+/// Keys of ResultRow::goals that are no module's name.
+inline constexpr const char *kGoalLatched = "latched", *kGoalDrop = "drop", *kGoalMinutes = "minutes";
+
 struct ResultRow {
   std::string name;   ///< of its folders
   std::string title;  ///< for people
   std::string paper;  ///< what the paper has, as text
   double goal = 0;    ///< %, strict
+  /// Beside it: latched, % at least; drop, points below `compare`, at most; minutes of training, at most; MODULE, error
+  /// in cm, at most
+  std::map<std::string, double> goals;
   ResultData data;
   ResultTraining train;
   ResultEvaluation eval;
@@ -90,6 +97,9 @@ struct ResultRow {
     v("title", title, "", "what is measured");
     v("paper", paper, "", "what the paper has");
     v("goal", goal, "%", "strict success that is wanted; 0: none");
+    v("goals", goals, "-",
+      "wanted beside it: latched: %, at least; drop: points below the row of `compare`, at most; minutes: of training, "
+      "at most; a module's name: its error in cm, at most");
     v("data", data, "", "what it is trained on");
     v("train", train, "", "how it is trained");
     v("eval", eval, "", "the rollouts that its figures come from");
@@ -97,12 +107,16 @@ struct ResultRow {
   }
 };
 
+/// Of its folder: rows that name the same one share it.
+inline std::string DatasetName(const ResultRow& row) { return row.data.name.empty() ? row.name : row.data.name; }
+
 struct ResultsConfig {
   std::vector<ResultRow> rows;
 
   void Visit(auto& v) { v("rows", rows, "", "of the table, in the order in which they are made"); }
 
-  /// All problems at once: names, rows that begin with a later one, no limit of training.
+  /// All problems at once: names, rows that begin with a later one, no limit of training, goals that are none, rows
+  /// that share a dataset and ask for different ones.
   Status Validate() const;
 };
 

@@ -48,8 +48,25 @@ std::vector<std::string> MadeOfAnother(const OrderedJson& written, const ResultR
   std::vector<std::string> made{fmt::format("rows/{}.json", row.name), fmt::format("eval/{}-[0-9]*", row.name)};
   if (differs("data") || differs("train") || differs("begins_with"))
     made.push_back(fmt::format("runs/{}-[0-9]*", row.name));
-  if (differs("data")) made.push_back(fmt::format("data/{}", row.data.name.empty() ? row.name : row.data.name));
+  if (differs("data")) made.push_back(fmt::format("data/{}", DatasetName(row)));
   return made;
+}
+
+// Rollouts that are the same: what they are compared with may have come later.
+bool AreOneMeasurement(OrderedJson first, OrderedJson second) {
+  for (auto* report : {&first, &second})
+    if (report->is_object()) report->erase("comparison");
+  return first == second;
+}
+
+ResultReport ReadAgain(const ResultReport& old, ResultReport now) {
+  now.made = old.made;
+  if (now.training_s == 0) now.training_s = old.training_s;
+  if (now.train == 0) {
+    now.train = old.train;
+    now.valid = old.valid;
+  }
+  return now;
 }
 
 // With AVX-512 training is two to four times as fast (bf16), so that the instruction set belongs to the name.
@@ -83,11 +100,11 @@ void ResultRecords::Keep(const ResultRow& row, ResultReport report) {
   if (record == rows.end()) record = rows.insert(rows.end(), ResultRecord{.row = row.name});
   const OrderedJson definition = DefinitionOf(row);
   if (!IsDefinition(record->definition, definition)) *record = {.row = row.name, .definition = definition};
-  if (std::ranges::any_of(record->reports, [&](const ResultReport& old) {
-        return old.seed == report.seed && old.report == report.report;
-      }))
-    return;
-  std::erase_if(record->reports, [&](const ResultReport& old) { return old.seed == report.seed; });
+  const auto old = std::ranges::find(record->reports, report.seed, &ResultReport::seed);
+  if (old != record->reports.end()) {
+    if (AreOneMeasurement(old->report, report.report)) report = ReadAgain(*old, std::move(report));
+    record->reports.erase(old);
+  }
   record->reports.push_back(std::move(report));
   std::ranges::sort(record->reports, {}, &ResultReport::seed);
 }
@@ -154,7 +171,16 @@ OrderedJson BriefReport(const OrderedJson& report) {
   };
   keep("scenes", "first_draw");
   keep("comparison", "overall");
+  if (const std::string missing = MissingComparison(report); !missing.empty())
+    brief["comparison"] = {{"missing", missing}};
   return brief;
+}
+
+std::string MissingComparison(const OrderedJson& report) {
+  if (!report.is_object() || !report.contains("comparison")) return "";
+  const OrderedJson& comparison = report["comparison"];
+  const bool is = comparison.is_object() && comparison.contains("missing") && comparison["missing"].is_string();
+  return is ? comparison["missing"].get<std::string>() : "";
 }
 
 std::string MadeHere() {

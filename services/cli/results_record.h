@@ -16,13 +16,18 @@ namespace etude::cli {
 /// One training seed of a row.
 struct ResultReport {
   std::uint64_t seed = 0;
-  std::string made;    ///< "2026-11-22, AMD EPYC, 2 CPUs"
-  OrderedJson report;  ///< of eval.json what tables show: "overall", "per_task"
+  std::string made;                    ///< "2026-11-22, AMD EPYC, 2 CPUs"
+  OrderedJson report;                  ///< of eval.json what tables show: "overall", "per_task"
+  double training_s = 0;               ///< that the training took, without waiting for data; 0: not known
+  std::uint64_t train = 0, valid = 0;  ///< demonstrations that it learned from and was validated on; 0: not known
 
   void Visit(auto& v) {
     v("seed", seed, "-", "of the training");
     v("made", made, "", "when and on which machine");
     v("report", report, "", "overall and per task, as eval.json has them");
+    v("training_s", training_s, "s", "that the training took; 0: not known");
+    v("train", train, "-", "demonstrations for training; 0: not known");
+    v("valid", valid, "-", "demonstrations for validation");
   }
 };
 
@@ -50,8 +55,8 @@ struct ResultRecords {
   Status Save(const Path& file) const;
 
   /// Keeps a report in the place of an earlier one of that seed. What was measured of another definition of the row is
-  /// dropped: one row never mixes two. A report that says what the kept one says is the same one, read again: that
-  /// keeps its day and machine.
+  /// dropped: one row never mixes two. A report that says what the kept one says (but for the comparison) is the same
+  /// one, read again: that keeps its day and machine, and of its training what is not known any more.
   void Keep(const ResultRow& row, ResultReport report);
   /// Of `row` as it is defined now, in the order of its seeds.
   std::vector<ResultReport> Find(const ResultRow& row) const;
@@ -77,6 +82,9 @@ std::optional<std::uint64_t> CountAt(const OrderedJson& json, const char* key);
 bool IsWholeReport(const OrderedJson& report, std::uint64_t episodes);
 /// What tables show of an eval.json. Numbers of a report that another version wrote may be missing.
 OrderedJson BriefReport(const OrderedJson& report);
+/// Why a row that is compared with another one was not: what stands in the place of its comparison; "": it was, or is
+/// not to be.
+std::string MissingComparison(const OrderedJson& report);
 /// "2026-11-22, AMD EPYC, 2 CPUs": today, here.
 std::string MadeHere();
 

@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "services/core/statistics.h"
@@ -66,14 +68,28 @@ std::string SeedsText(const Count& strict) {
   return fmt::format("{}", fmt::join(shares, ", "));
 }
 
-std::string DemonstrationsText(const ResultData& data) {
+// What trained where that is known, else what was collected.
+std::string DemonstrationsText(const ResultLine& line) {
+  const ResultData& data = line.row->data;
   if (data.campaign.empty()) return "-";  // of the row whose runs these are
+  std::set<std::string> counts;
+  for (const auto& measured : line.reports)
+    if (measured.train > 0)
+      counts.insert(measured.valid > 0 ? fmt::format("{} + {} validation", measured.train, measured.valid)
+                                       : std::to_string(measured.train));
+  if (!counts.empty()) return fmt::format("{}", fmt::join(counts, "; "));
   return data.episodes > 0 ? std::to_string(data.episodes) : "the campaign's";
 }
 
-std::string LimitText(const ResultTraining& train) {
+// The limit, and what each seed's training took where that is known.
+std::string TrainingText(const ResultLine& line) {
+  const ResultTraining& train = line.row->train;
   if (!train.runs_of.empty()) return "-";
-  return train.steps > 0 ? fmt::format("{} steps", train.steps) : fmt::format("{:g} min", train.minutes);
+  std::string text = train.steps > 0 ? fmt::format("{} steps", train.steps) : fmt::format("{:g} min", train.minutes);
+  std::vector<std::string> took;
+  for (const auto& measured : line.reports)
+    if (measured.training_s > 0) took.push_back(fmt::format("{:.1f}", measured.training_s / 60));
+  return took.empty() ? text : fmt::format("{} (took {} min)", text, fmt::join(took, ", "));
 }
 
 std::string BeginsText(const ResultTraining& train) {
@@ -81,13 +97,32 @@ std::string BeginsText(const ResultTraining& train) {
   if (train.init.empty()) return "scratch";
   std::string text = train.init;
   if (!train.add.empty()) text += fmt::format(" + {}", fmt::join(train.add, " + "));
-  if (!train.freeze.empty()) text += fmt::format(", {} parts frozen", train.freeze.size());
+  if (!train.fresh.empty()) text += fmt::format(", anew: {}", fmt::join(train.fresh, ", "));
+  if (!train.freeze.empty()) text += fmt::format(", frozen: {}", fmt::join(train.freeze, ", "));
   return text;
 }
 
-// What begins with another row's has its network.
-std::string NetworkText(const ResultTraining& train) {
-  return train.runs_of.empty() && train.init.empty() ? train.config : "-";
+// Of a definition: without the keys that have their default.
+ResultTraining TrainingOf(const OrderedJson& definition) {
+  const auto* train = FindPart(definition, "train");
+  const auto read = train ? FromJson<ResultTraining>(*train, "train") : Result<ResultTraining>(ResultTraining());
+  return read ? *read : ResultTraining();
+}
+
+// The policy that was trained (what begins with another row's has its network), and what else the training was told.
+std::string NetworkText(const ResultRow& row) {
+  constexpr std::string_view kPolicy = "policy=";
+  const bool trains = row.train.runs_of.empty();
+  if ((!trains || !row.train.init.empty()) && row.begins_with.is_null()) return "-";
+  const OrderedJson* first = &row.begins_with;
+  while (const auto* before = FindPart(*first, "begins_with")) first = before;
+  const ResultTraining graph = first->is_null() ? row.train : TrainingOf(*first);
+  std::string text = graph.config;
+  for (const auto& set : graph.set)
+    if (set.starts_with(kPolicy)) text = set.substr(kPolicy.size());
+  for (const auto& set : trains ? row.train.set : TrainingOf(row.begins_with).set)
+    if (!set.starts_with(kPolicy)) text += ", " + set;
+  return text;
 }
 
 // With the share of scenes that were taken as they were drawn first.
@@ -117,15 +152,23 @@ std::string RowText(const ResultLine& line) {
   const std::string goal =
       row.goal > 0 ? fmt::format("{:g}{}", row.goal, strict.reaches(row.goal) ? "" : " (missed)") : "";
   return fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n", row.title,
-                     DemonstrationsText(row.data), LimitText(row.train), BeginsText(row.train), strict.text(),
-                     SeedsText(strict), latched.text(), row.paper.empty() ? "-" : row.paper, goal,
-                     NetworkText(row.train), ScenesText(line), MadeText(line));
+                     DemonstrationsText(line), TrainingText(line), BeginsText(row.train), strict.text(),
+                     SeedsText(strict), latched.text(), row.paper.empty() ? "-" : row.paper, goal, NetworkText(row),
+                     ScenesText(line), MadeText(line));
 }
 
-// means over the seeds of what eval.json has: means over rollouts of their decisions' means
-std::string ErrorsText(const ResultLine& line) {
+// Of each module in the order in which they were measured: means over rollouts of their decisions' means, cm.
+struct ModuleErrors {
   std::vector<std::string> order;
-  std::map<std::string, std::vector<double>> all, before;
+  std::map<std::string, std::vector<double>> all, before_contact;  ///< of each seed
+
+  static std::string Text(const std::vector<double>& values) {
+    return values.empty() ? "-" : fmt::format("{:.2f}", Mean(values));
+  }
+};
+
+ModuleErrors ModuleErrorsOf(const ResultLine& line) {
+  ModuleErrors result;
   for (const auto& measured : line.reports) {
     const auto* overall = FindPart(measured.report, "overall");
     const auto* errors = overall ? FindPart(*overall, "error_cm") : nullptr;
@@ -133,18 +176,21 @@ std::string ErrorsText(const ResultLine& line) {
     const auto* early = FindPart(*overall, "error_before_contact_cm");
     for (const auto& [module, error] : errors->items()) {
       if (!error.is_number()) continue;
-      if (!all.contains(module)) order.push_back(module);
-      all[module].push_back(error.get<double>());
+      if (!result.all.contains(module)) result.order.push_back(module);
+      result.all[module].push_back(error.get<double>());
       const auto* number = early ? FindPart(*early, module.c_str()) : nullptr;
-      if (number && number->is_number()) before[module].push_back(number->get<double>());
+      if (number && number->is_number()) result.before_contact[module].push_back(number->get<double>());
     }
   }
-  const auto text = [](const std::vector<double>& values) {
-    return values.empty() ? "-" : fmt::format("{:.2f}", Mean(values));
-  };
+  return result;
+}
+
+std::string ErrorsText(const ResultLine& line) {
+  ModuleErrors errors = ModuleErrorsOf(line);
   std::string lines;
-  for (const auto& module : order)
-    lines += fmt::format("| {} | {} | {} | {} |\n", line.row->title, module, text(all[module]), text(before[module]));
+  for (const auto& module : errors.order)
+    lines += fmt::format("| {} | {} | {} | {} |\n", line.row->title, module, ModuleErrors::Text(errors.all[module]),
+                         ModuleErrors::Text(errors.before_contact[module]));
   return lines;
 }
 
@@ -168,17 +214,126 @@ std::string TasksText(const ResultLine& line) {
   return text;
 }
 
-// Of each seed: who succeeded where the other did not, and whether that may be chance.
+// Two rows' rollouts of the same scenes, of one training seed or of several.
+struct PairedRollouts {
+  std::uint64_t n = 0, both = 0, only_first = 0, only_second = 0;
+
+  static std::optional<PairedRollouts> From(const OrderedJson& report) {
+    const auto* comparison = FindPart(report, "comparison");
+    const auto* overall = comparison ? FindPart(*comparison, "overall") : nullptr;
+    if (!overall) return std::nullopt;
+    const auto n = CountAt(*overall, "n"), both = CountAt(*overall, "both"), first = CountAt(*overall, "only_first"),
+               second = CountAt(*overall, "only_second");
+    if (!n || !both || !first || !second || *n == 0 || *both + *first + *second > *n) return std::nullopt;
+    return PairedRollouts{*n, *both, *first, *second};
+  }
+  void Add(const PairedRollouts& other) {
+    n += other.n;
+    both += other.both;
+    only_first += other.only_first;
+    only_second += other.only_second;
+  }
+  // points, the other row's successes taken off the row's own
+  double difference() const {
+    return 100 * (static_cast<double>(only_first) - static_cast<double>(only_second)) / static_cast<double>(n);
+  }
+  Interval interval() const {
+    const auto shares = NewcombePairedInterval(both, only_first, only_second, n - both - only_first - only_second);
+    return {100 * shares.low, 100 * shares.high};
+  }
+  std::string text() const {
+    return fmt::format("{} | {} | {} | {:.1f} [{:.1f}, {:.1f}] | {:.2g}", n, only_first, only_second, difference(),
+                       interval().low, interval().high, McNemarExactP(only_first, only_second));
+  }
+};
+
+// Of all seeds whose comparison is there.
+PairedRollouts PairedOf(const ResultLine& line) {
+  PairedRollouts all;
+  for (const auto& measured : line.reports)
+    if (const auto paired = PairedRollouts::From(measured.report)) all.Add(*paired);
+  return all;
+}
+
+// Of each seed: who succeeded where the other did not, and whether that may be chance; then of all of them.
 std::string ComparisonsText(const ResultLine& line) {
   std::string text;
+  int seeds = 0;
+  const auto add = [&](const std::string& seed, const std::string& what) {
+    text += fmt::format("| {} | {} | {} | {} |\n", line.row->title, line.row->compare, seed, what);
+  };
   for (const auto& measured : line.reports) {
-    const auto* comparison = FindPart(measured.report, "comparison");
-    const auto* overall = comparison ? FindPart(*comparison, "overall") : nullptr;
-    const auto* p = overall ? FindPart(*overall, "p") : nullptr;
-    if (!p || !p->is_number()) continue;
-    const auto count = [&](const char* key) { return CountAt(*overall, key).value_or(0); };
-    text += fmt::format("| {} | {} | {} | {} | {} | {} | {:.2g} |\n", line.row->title, line.row->compare, measured.seed,
-                        count("n"), count("only_first"), count("only_second"), p->get<double>());
+    const auto paired = PairedRollouts::From(measured.report);
+    if (paired) add(std::to_string(measured.seed), paired->text());
+    seeds += paired ? 1 : 0;
+    if (!MissingComparison(measured.report).empty()) add(std::to_string(measured.seed), "missing | | | |");
+  }
+  if (seeds > 1) add("all", PairedOf(line).text());
+  return text;
+}
+
+// What was measured of something that is wanted.
+struct GoalCheck {
+  std::string wanted, measured = "-";
+  std::optional<bool> reached;
+};
+
+GoalCheck CheckLatched(const ResultLine& line, double goal) {
+  GoalCheck check{fmt::format("latched at least {:g} %", goal)};
+  const Count latched = CountOf(line, "success_latched");
+  if (latched.trials == 0) return check;
+  check.measured = latched.text();
+  check.reached = latched.reaches(goal);
+  return check;
+}
+
+GoalCheck CheckDrop(const ResultLine& line, double goal) {
+  GoalCheck check{fmt::format("at most {:g} points below {}", goal, line.row->compare)};
+  const PairedRollouts paired = PairedOf(line);
+  if (paired.n == 0) return check;
+  // the other way round than in the comparisons; 0 is no -0
+  const Interval interval = paired.interval();
+  check.measured = fmt::format("{:.1f} [{:.1f}, {:.1f}]", 0 - paired.difference(), 0 - interval.high, 0 - interval.low);
+  check.reached = -paired.difference() <= goal + 1e-9;
+  return check;
+}
+
+// each of the trainings
+GoalCheck CheckMinutes(const ResultLine& line, double goal) {
+  GoalCheck check{fmt::format("training at most {:g} min", goal)};
+  double longest = 0;
+  for (const auto& measured : line.reports) {
+    if (measured.training_s == 0) return check;
+    longest = std::max(longest, measured.training_s / 60);
+  }
+  if (longest == 0) return check;
+  check.measured = fmt::format("{:.1f}", longest);
+  check.reached = longest <= goal;
+  return check;
+}
+
+GoalCheck CheckError(const ResultLine& line, const std::string& module, double goal) {
+  GoalCheck check{fmt::format("{} at most {:g} cm", module, goal)};
+  ModuleErrors errors = ModuleErrorsOf(line);
+  if (errors.all[module].empty()) return check;
+  check.measured = fmt::format("{} (before contact {})", ModuleErrors::Text(errors.all[module]),
+                               ModuleErrors::Text(errors.before_contact[module]));
+  check.reached = Mean(errors.all[module]) <= goal;
+  return check;
+}
+
+// What is wanted beside strict success, which has a column.
+std::string GoalsText(const ResultLine& line) {
+  std::string text;
+  for (const auto& [key, goal] : line.row->goals) {
+    const GoalCheck check = key == kGoalLatched   ? CheckLatched(line, goal)
+                            : key == kGoalDrop    ? CheckDrop(line, goal)
+                            : key == kGoalMinutes ? CheckMinutes(line, goal)
+                                                  : CheckError(line, key, goal);
+    text += fmt::format("| {} | {} | {} | {} |\n", line.row->title, check.wanted, check.measured,
+                        !check.reached   ? "not measured"
+                        : *check.reached ? "yes"
+                                         : "missed");
   }
   return text;
 }
@@ -186,10 +341,11 @@ std::string ComparisonsText(const ResultLine& line) {
 }  // namespace
 
 std::string ResultsTable(const std::vector<ResultLine>& lines) {
-  std::string rows, tasks, errors, comparisons;
+  std::string rows, goals, tasks, errors, comparisons;
   for (const auto& line : lines) {
     if (line.reports.empty()) continue;
     rows += RowText(line);
+    goals += GoalsText(line);
     tasks += TasksText(line);
     errors += ErrorsText(line);
     comparisons += ComparisonsText(line);
@@ -197,12 +353,15 @@ std::string ResultsTable(const std::vector<ResultLine>& lines) {
   return "| what | demonstrations | training | begins with | strict success % [95 % of these runs' rollouts] | each "
          "seed | latched % [95 %] | paper % | goal % | network | scenes | made |\n"
          "|---|---|---|---|---|---|---|---|---|---|---|---|\n" +
-         rows + kBesideThePaper + "\n| what | task | strict % [95 %] | latched % [95 %] |\n|---|---|---|---|\n" +
-         tasks + "\n| what | module | error cm | before contact |\n|---|---|---|---|\n" + errors +
-         (comparisons.empty() ? ""
-                              : "\n| what | against row | seed | same scenes | success only here | only there | p "
-                                "(McNemar, exact) |\n|---|---|---|---|---|---|---|\n" +
-                                    comparisons);
+         rows + kBesideThePaper +
+         (goals.empty() ? "" : "\n| what | goal | measured | reached |\n|---|---|---|---|\n" + goals) +
+         "\n| what | task | strict % [95 %] | latched % [95 %] |\n|---|---|---|---|\n" + tasks +
+         "\n| what | module | error cm | before contact |\n|---|---|---|---|\n" + errors +
+         (comparisons.empty()
+              ? ""
+              : "\n| what | against row | seed | same scenes | success only here | only there | "
+                "difference, points [95 %] | p (McNemar, exact) |\n|---|---|---|---|---|---|---|---|\n" +
+                    comparisons);
 }
 
 }  // namespace etude::cli

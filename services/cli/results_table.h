@@ -17,9 +17,10 @@ struct ResultLine {
 
 /// Markdown: a line a row (strict success as the share of all seeds' rollouts with its Wilson interval, each seed's
 /// share, latched likewise, demonstrations, minutes, what it began with, the paper's figure, the goal, when and where
-/// it was made), then success by task, then the modules' errors. Rows without reports are left out. The intervals are
-/// of the rollouts of these very runs: they say how well those are known, not how far another training seed may be from
-/// them. That is what the seeds' own shares show.
+/// it was made), then other goals (modules' errors are those of all decisions, before and after the contact), success
+/// by task, the modules' errors, and comparisons with other rows in the same scenes. Rows without reports are left out.
+/// The intervals are of the rollouts of these very runs: they say how well those are known, not how far another
+/// training seed may be from them. That is what the seeds' own shares show.
 std::string ResultsTable(const std::vector<ResultLine>& lines);
 
 }  // namespace etude::cli

@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 
@@ -85,6 +87,31 @@ TEST(ResultRecords, WhatIsReadAgainKeepsItsDayAndMachine) {
   EXPECT_EQ(records.Find(Row("a")).size(), 2U) << "another seed may end alike";
 }
 
+// what was measured before this was known gets it, and does not lose it with the folder that it was read from
+TEST(ResultRecords, WhatIsReadAgainAddsWhatIsKnownOfTheTrainingAndAComparisonThatCameLater) {
+  ResultRecords records;
+  records.Keep(Row("a"), Report(1, 7));
+  ResultReport known = Report(1, 7);
+  known.made = "a later day, another machine";
+  known.report["comparison"] = {{"overall", {{"n", 10}}}};
+  known.training_s = 276;
+  known.train = 80;
+  known.valid = 20;
+  records.Keep(Row("a"), known);
+  const auto found = records.Find(Row("a"));
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].made, "a day, a machine");
+  EXPECT_EQ(found[0].report, known.report);
+  EXPECT_EQ(found[0].training_s, 276);
+
+  records.Keep(Row("a"), Report(1, 7));
+  const auto kept = records.Find(Row("a"));
+  ASSERT_EQ(kept.size(), 1U);
+  EXPECT_EQ(kept[0].training_s, 276);
+  EXPECT_EQ(kept[0].train, 80U);
+  EXPECT_EQ(kept[0].valid, 20U);
+}
+
 // a row that is defined anew must not show, or be averaged with, what was measured before
 TEST(ResultRecords, NeverMixTwoDefinitionsOfARow) {
   ResultRecords records;
@@ -108,6 +135,8 @@ TEST(ResultRecords, WordsGoalAndSeedsOfARowAreNotItsDefinition) {
   reworded.title = "in other words";
   reworded.paper = "82.4";
   reworded.goal = 95;
+  reworded.goals = {{"latched", 82.4}, {"TAR3D", 0.2}};
+  reworded.compare = "b";
   reworded.train.seeds = {1, 2, 3, 4};
   EXPECT_EQ(records.Find(reworded).size(), 1U);
 }
@@ -153,6 +182,20 @@ TEST(ResultRecords, TheRowThatItBeginsWithIsPartOfADefinition) {
   records.Keep(row, Report(1, 7));
   EXPECT_EQ(records.Find(row).size(), 1U);
   EXPECT_THAT(records.Find(other), IsEmpty());
+}
+
+// what would be left out of the table without a word
+TEST(ResultRecords, TheShippedFiguresAreOfTheRowsAsTheyAreDefined) {
+  const auto config = LoadResults("deploy/docs/results.yaml");
+  ASSERT_THAT(config, IsOk());
+  const auto records = ResultRecords::Load("deploy/docs/results.json");
+  ASSERT_THAT(records, IsOk());
+  ASSERT_FALSE(records->rows.empty());
+  for (const auto& record : records->rows) {
+    const auto row = std::ranges::find(config->rows, record.row, &ResultRow::name);
+    ASSERT_NE(row, config->rows.end()) << record.row;
+    EXPECT_EQ(records->Find(*row).size(), record.reports.size()) << record.row;
+  }
 }
 
 TEST(Definition, IsKeptBesideWhatWasMadeOfIt) {
@@ -214,6 +257,15 @@ TEST(BriefReport, KeepsWhatTablesShow) {
   EXPECT_EQ(BriefReport(more),
             (OrderedJson{{"scenes", {{"first_draw", 0.5}}}, {"comparison", {{"overall", {{"p", 0.1}}}}}}));
   EXPECT_EQ(BriefReport(OrderedJson::array()), OrderedJson::object());
+}
+
+TEST(BriefReport, KeepsWhyAComparisonIsMissing) {
+  const OrderedJson report{{"overall", 1}, {"comparison", {{"missing", "not there"}}}};
+  EXPECT_EQ(BriefReport(report), report);
+  EXPECT_EQ(MissingComparison(report), "not there");
+  EXPECT_EQ(MissingComparison({{"comparison", {{"overall", 1}}}}), "");
+  EXPECT_EQ(MissingComparison({{"comparison", {{"missing", 3}}}}), "");
+  EXPECT_EQ(MissingComparison(OrderedJson::array()), "");
 }
 
 TEST(MadeHere, NamesADayAndAMachine) {

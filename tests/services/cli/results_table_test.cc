@@ -42,9 +42,9 @@ TEST(ResultsTable, HasBothCriteriaWithIntervalsAndEverySeed) {
   const std::string table =
       ResultsTable({{&row, {{1, "then", Report(100, 90, 100)}, {2, "now", Report(100, 96, 98)}}}});
 
-  EXPECT_THAT(table,
-              HasSubstr("| UR5 | 600 | 10 min | base + obstacle, 2 parts frozen | 93.0 [88.6, 95.8] | 90.0, 96.0 | "
-                        "99.0 [96.4, 99.7] | 82.4 | 95 (missed) | - | nominal, seed 1 | now; then |"));
+  EXPECT_THAT(
+      table, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, frozen: LANG, image | 93.0 [88.6, 95.8] | 90.0, 96.0 | "
+                       "99.0 [96.4, 99.7] | 82.4 | 95 (missed) | - | nominal, seed 1 | now; then |"));
   EXPECT_THAT(table, HasSubstr("| UR5 | pick | 93.0 [88.6, 95.8] | 99.0 [96.4, 99.7] |"));
   const ResultRow easy = Row(90);
   EXPECT_THAT(ResultsTable({{&easy, {{1, "now", Report(100, 96, 98)}}}}), Not(HasSubstr("missed")));
@@ -63,13 +63,54 @@ TEST(ResultsTable, SaysNetworkScenesAndWhatThePaperHadBesideItsFigures) {
   EXPECT_THAT(table, HasSubstr("Beside the paper's figures"));
 }
 
+TEST(ResultsTable, NamesThePolicyThatWasTrainedAndWhatItWasTold) {
+  ResultRow base = Row(0);
+  base.train = {.minutes = 10, .set = {"policy=compact/relational", "data.strange=0.4"}};
+  const auto table = [](const ResultRow& row) { return ResultsTable({{&row, {{1, "now", Report(10, 9, 9)}}}}); };
+  EXPECT_THAT(table(base), HasSubstr("| compact/relational, data.strange=0.4 | nominal, seed 1"));
+
+  ResultRow on_top = Row(0), further = Row(0), evaluated = Row(0);
+  on_top.train.set = {"optimizer.lr=0.001"};
+  on_top.train.fresh = {"joints"};
+  on_top.begins_with = DefinitionOf(base);
+  EXPECT_THAT(table(on_top), HasSubstr("| base + obstacle, anew: joints, frozen: LANG, image |"));
+  EXPECT_THAT(table(on_top), HasSubstr("| compact/relational, optimizer.lr=0.001 | nominal, seed 1"));
+  further.begins_with = DefinitionOf(on_top);
+  EXPECT_THAT(table(further), HasSubstr("| compact/relational | nominal, seed 1")) << "of the first of them";
+  evaluated.data = {};
+  evaluated.train = {.runs_of = "on_top"};
+  evaluated.begins_with = DefinitionOf(on_top);
+  EXPECT_THAT(table(evaluated), HasSubstr("| compact/relational, optimizer.lr=0.001 | nominal, seed 1"));
+}
+
 TEST(ResultsTable, SaysWhereARowIsComparedWithAnotherWhetherItCanBeChance) {
   ResultRow row = Row(0);
   row.compare = "scratch";
   OrderedJson report = Report(10, 9, 9);
   EXPECT_THAT(ResultsTable({{&row, {{1, "now", report}}}}), Not(HasSubstr("McNemar")));
-  report["comparison"]["overall"] = {{"n", 200}, {"only_first", 31}, {"only_second", 9}, {"p", 0.0006}};
-  EXPECT_THAT(ResultsTable({{&row, {{1, "now", report}}}}), HasSubstr("| UR5 | scratch | 1 | 200 | 31 | 9 | 0.0006 |"));
+  report["comparison"]["overall"] = {{"n", 200}, {"both", 150}, {"only_first", 31}, {"only_second", 9}};
+  const std::string one = ResultsTable({{&row, {{1, "now", report}}}});
+  EXPECT_THAT(one, HasSubstr("| UR5 | scratch | 1 | 200 | 31 | 9 | 11.0 [4.9, 17.2] | 0.00068 |"));
+  EXPECT_THAT(one, Not(HasSubstr("| scratch | all |")));
+
+  OrderedJson second = report, missing = report;
+  second["comparison"]["overall"] = {{"n", 200}, {"both", 150}, {"only_first", 9}, {"only_second", 31}};
+  missing["comparison"] = {{"missing", "compare with row 'scratch': not there"}};
+  const std::string all = ResultsTable({{&row, {{1, "now", report}, {2, "now", second}, {3, "now", missing}}}});
+  EXPECT_THAT(all, HasSubstr("| UR5 | scratch | 2 | 200 | 9 | 31 | -11.0 [-17.2, -4.9] | 0.00068 |"));
+  EXPECT_THAT(all, HasSubstr("| UR5 | scratch | 3 | missing | | | | |"));
+  EXPECT_THAT(all, HasSubstr("| UR5 | scratch | all | 400 | 40 | 40 | 0.0 ["));
+}
+
+TEST(ResultsTable, SaysWhatTrainedAndHowLongWhereThatIsKnown) {
+  ResultRow row = Row(0);
+  row.train = {.steps = 1900};
+  const ResultReport known{
+      .seed = 1, .made = "now", .report = Report(10, 9, 9), .training_s = 276, .train = 80, .valid = 20};
+  const ResultReport old{.seed = 2, .made = "now", .report = Report(10, 9, 9)};
+  EXPECT_THAT(ResultsTable({{&row, {known, old}}}),
+              HasSubstr("| UR5 | 80 + 20 validation | 1900 steps (took 4.6 min) |"));
+  EXPECT_THAT(ResultsTable({{&row, {old}}}), HasSubstr("| UR5 | 600 | 1900 steps |"));
 }
 
 TEST(ResultsTable, HasTheMeanErrorOfEachModuleOverTheSeeds) {
@@ -82,11 +123,43 @@ TEST(ResultsTable, HasTheMeanErrorOfEachModuleOverTheSeeds) {
   EXPECT_THAT(table, HasSubstr("| UR5 | TAR3D | 0.30 | 0.10 |\n| UR5 | DISP | 0.50 | - |"));
 }
 
+TEST(ResultsTable, HoldsEveryGoalAgainstWhatWasMeasured) {
+  ResultRow row = Row(0);
+  row.compare = "seen";
+  row.goals = {{"latched", 95}, {"drop", 1.1}, {"minutes", 5}, {"TAR3D", 0.3}, {"DISP", 0.2}, {"EE3D", 0.05}};
+  ResultReport first{.seed = 1, .made = "now", .report = Report(100, 90, 96), .training_s = 276};
+  first.report["overall"]["error_cm"] = {{"TAR3D", 0.2}, {"DISP", 0.5}};
+  first.report["overall"]["error_before_contact_cm"] = {{"TAR3D", 0.1}};
+  first.report["comparison"]["overall"] = {{"n", 100}, {"both", 88}, {"only_first", 2}, {"only_second", 3}};
+  ResultReport second = first;
+  second.seed = 2;
+  second.training_s = 306;
+  second.report["overall"]["error_cm"]["TAR3D"] = 0.4;
+
+  const std::string one = ResultsTable({{&row, {first}}});
+  EXPECT_THAT(one, HasSubstr("| UR5 | latched at least 95 % | 96.0 [90.2, 98.4] | yes |"));
+  EXPECT_THAT(one, HasSubstr("| UR5 | at most 1.1 points below seen | 1.0 ["));
+  EXPECT_THAT(one, HasSubstr("| UR5 | training at most 5 min | 4.6 | yes |"));
+  EXPECT_THAT(one, HasSubstr("| UR5 | TAR3D at most 0.3 cm | 0.20 (before contact 0.10) | yes |"));
+  EXPECT_THAT(one, HasSubstr("| UR5 | DISP at most 0.2 cm | 0.50 (before contact -) | missed |"));
+  EXPECT_THAT(one, HasSubstr("| UR5 | EE3D at most 0.05 cm | - | not measured |"));
+  const std::string two = ResultsTable({{&row, {first, second}}});
+  EXPECT_THAT(two, HasSubstr("| UR5 | training at most 5 min | 5.1 | missed |")) << "each of them";
+  EXPECT_THAT(two, HasSubstr("| UR5 | TAR3D at most 0.3 cm | 0.30 (before contact 0.10) | yes |")) << "the mean";
+
+  row.goals = {{"drop", 0.9}, {"latched", 96.1}};
+  EXPECT_THAT(ResultsTable({{&row, {first}}}), HasSubstr("points below seen | 1.0 [-4.5, 6.7] | missed |"));
+  EXPECT_THAT(ResultsTable({{&row, {first}}}), HasSubstr("| latched at least 96.1 % | 96.0 [90.2, 98.4] | missed |"));
+  const std::string old = ResultsTable({{&row, {{1, "now", OrderedJson::object()}}}});
+  EXPECT_THAT(old, HasSubstr("| UR5 | latched at least 96.1 % | - | not measured |"));
+  EXPECT_THAT(old, HasSubstr("| UR5 | at most 0.9 points below seen | - | not measured |"));
+}
+
 TEST(ResultsTable, LeavesOutWhatWasNotMeasuredAndSurvivesOddReports) {
   const ResultRow row = Row(0);
   EXPECT_THAT(ResultsTable({{&row, {}}}), Not(HasSubstr("UR5")));
   const std::string odd = ResultsTable({{&row, {{1, "now", OrderedJson::object()}}}});
-  EXPECT_THAT(odd, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, 2 parts frozen | - |"));
+  EXPECT_THAT(odd, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, frozen: LANG, image | - |"));
 }
 
 // 9 of 10 and 50 of 100: the mean of the two shares, 70 %, would lie outside the interval of the 110 rollouts.
@@ -122,7 +195,7 @@ TEST(ResultsTable, NumbersThatAreNoneAreNotCounted) {
   odd[4]["overall"]["success"]["successes"] = nullptr;
   for (const auto& report : odd) {
     const std::string table = ResultsTable({{&row, {{1, "now", report}}}});
-    EXPECT_THAT(table, HasSubstr("| base + obstacle, 2 parts frozen | - |  |")) << report.dump();
+    EXPECT_THAT(table, HasSubstr("| base + obstacle, frozen: LANG, image | - |  |")) << report.dump();
   }
 }
 
@@ -172,6 +245,63 @@ TEST(ResultsConfig, NamesEveryProblem) {
   for (const char* part : {"a: train: needs minutes or steps", "a: data.campaign: missing", "'a' stands twice",
                            "'base' is no row before it"})
     EXPECT_THAT(status.error().message, HasSubstr(part));
+}
+
+TEST(ResultsConfig, GoalsAreThoseThatCanBeMeasured) {
+  ResultsConfig config;
+  config.rows = {Row(0), Row(0)};
+  config.rows[0].train.init.clear();
+  config.rows[0].goals = {{"latched", 82.4}, {"minutes", 5}, {"TAR3D", 0.2}};
+  config.rows[1].name = "b";
+  config.rows[1].data = {};
+  config.rows[1].train = {.runs_of = "a"};
+  config.rows[1].compare = "a";
+  config.rows[1].goals = {{"drop", 1.1}};
+  EXPECT_TRUE(config.Validate());
+  config.rows[0].goals = {{"lached", 82.4}, {"drop", 1.1}, {"EE3D", 0}};
+  config.rows[1].goals = {{"minutes", 5}};
+  const Status status = config.Validate();
+  ASSERT_FALSE(status);
+  for (const char* part : {"a: goals.lached: neither", "a: goals.drop: needs compare", "a: goals.EE3D: must be > 0",
+                           "b: goals.minutes: not with train.runs_of"})
+    EXPECT_THAT(status.error().message, HasSubstr(part));
+}
+
+TEST(ResultsConfig, RowsThatAreComparedHaveTheSameSeeds) {
+  ResultsConfig config;
+  config.rows = {Row(0), Row(0)};
+  config.rows[0].train.init.clear();
+  config.rows[1].name = "b";
+  config.rows[1].train = {.seeds = {1, 2}, .runs_of = "a"};
+  config.rows[1].data = {};
+  config.rows[1].compare = "a";
+  EXPECT_THAT(config.Validate().error().message, HasSubstr("b: compare: 'a' has no seed 2"));
+  config.rows[0].train.seeds = {2, 1, 3};
+  EXPECT_TRUE(config.Validate());
+}
+
+// the second of them would train on what the first collected, or not collect at all
+TEST(ResultsConfig, RowsThatShareADatasetAskForTheSameOne) {
+  ResultsConfig config;
+  config.rows = {Row(0), Row(0), Row(0)};
+  for (auto& row : config.rows) row.train.init.clear();
+  config.rows[1].name = "b";
+  config.rows[1].data.name = "a";
+  config.rows[2].name = "c";
+  EXPECT_TRUE(config.Validate());
+  const ResultData same = config.rows[1].data;
+  const auto differs = HasSubstr("b: data: 'a' is collected for a with another campaign, episodes or set");
+  config.rows[1].data.campaign = "compact";
+  EXPECT_THAT(config.Validate().error().message, differs);
+  config.rows[1].data = same;
+  config.rows[1].data.episodes = 80;
+  EXPECT_THAT(config.Validate().error().message, differs);
+  config.rows[1].data = same;
+  config.rows[1].data.set = {"seed=2"};
+  EXPECT_THAT(config.Validate().error().message, differs);
+  config.rows[1].data = same;
+  config.rows[1].data.name = "../a";
+  EXPECT_THAT(config.Validate().error().message, HasSubstr("b: data.name: '../a' is not a plain name"));
 }
 
 TEST(ResultsConfig, ARowMayBeginWithOneThatCameBefore) {

@@ -4,10 +4,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "services/core/command.h"
 #include "services/core/config.h"
+#include "services/store/dataset.h"
 #include "tests/support/etude_command.h"
+#include "tests/support/synthetic_episode.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/write_program.h"
 
 namespace etude {
 namespace results_test {
@@ -27,7 +32,9 @@ class Results : public testing::Test {
         "  - name: b\n    title: second\n    data: {{campaign: none.yaml}}\n"
         "    train: {{minutes: 5, init: a}}\n    eval: {{episodes: 10}}\n"
         "  - name: c\n    title: third\n    train: {{runs_of: a, seeds: [7]}}\n"
-        "    eval: {{sentences: table8, scenes_each: 2}}\n",
+        "    eval: {{sentences: table8, scenes_each: 2}}\n"
+        "  - name: d\n    title: fourth\n    train: {{runs_of: a, seeds: [7]}}\n"
+        "    eval: {{episodes: 10}}\n    compare: a\n",
         minutes);
     Write("results.yaml", rows);
     std::vector<std::string> arguments{"results", In("results.yaml"), "--out", In("out"), "--domain", "81"};
@@ -37,12 +44,12 @@ class Results : public testing::Test {
   void Write(const std::string& name, const std::string& text) {
     ASSERT_TRUE(WriteFileAtomically(folder_ / name, std::string_view(text)));
   }
-  void WriteReport(int done, int invalid) {
+  void WriteReport(int done, int invalid, const std::string& row = "a") {
     const OrderedJson all{{"task", "overall"},
                           {"n", done},
                           {"success", {{"successes", done}}},
                           {"success_latched", {{"successes", done}}}};
-    Write("out/eval/a-7/eval.json",
+    Write("out/eval/" + row + "-7/eval.json",
           OrderedJson({{"done", done}, {"overall", all}, {"scenes", {{"invalid", invalid}}}}).dump());
   }
   std::string In(const std::string& name) const { return (folder_ / name).string(); }
@@ -98,6 +105,106 @@ TEST_F(Results, BeginsOnlyWithRunsThatCameToTheirEnd) {
   const CommandOutcome other = Make("10", {"--row", "b"});
   EXPECT_EQ(other.exit_code, kExitUsage) << other.text;
   EXPECT_THAT(other.text, HasSubstr("row 'a' is not what"));
+}
+
+TEST_F(Results, ARowWhoseComparisonIsMissingKeepsItsOwnFigures) {
+  Write("out/runs/a-7/whole", "\n");
+  WriteReport(10, 0, "d");
+  const CommandOutcome made = Make("10", {"--row", "d"});
+  EXPECT_EQ(made.exit_code, kExitFailure) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("d, seed 7: compare with row 'a': "));
+  EXPECT_THAT(made.text, HasSubstr("make that row first"));
+  EXPECT_THAT(made.text, HasSubstr("| fourth | - | - | runs of a | 100.0 ["));
+  EXPECT_THAT(made.text, HasSubstr("| fourth | a | 7 | missing |"));
+}
+
+TEST_F(Results, DoesNotTakeTheEvaluationOfARunThatWasTrainedAgain) {
+  Write("out/runs/a-7/whole", "\n");
+  Write("out/runs/a-7/checkpoints/latest.safetensors", "trained again");
+  const OrderedJson all{{"n", 10}, {"success", {{"successes", 10}}}};
+  Write("out/eval/a-7/eval.json",
+        OrderedJson({{"policy", {{"sha256", std::string(64, '0')}}}, {"done", 10}, {"overall", all}}).dump());
+  const CommandOutcome made = Make("10", {"--row", "a"});
+  EXPECT_EQ(made.exit_code, kExitUsage) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("is of another checkpoint than"));
+  EXPECT_THAT(made.text, Not(HasSubstr("eval-a-7: etude eval")));
+  EXPECT_THAT(made.text, Not(HasSubstr("| first |")));
+}
+
+TEST_F(Results, KeepsHowLongATrainingTook) {
+  Write("out/runs/a-7/whole", "\n");
+  Write("out/runs/a-7/metrics.jsonl", "{\"kind\":\"end\",\"elapsed_s\":594}\n");
+  WriteReport(10, 0);
+  const CommandOutcome made = Make("10", {"--row", "a"});
+  ASSERT_EQ(made.exit_code, kExitOk) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("| first | the campaign's | 10 min (took 9.9 min) | scratch | 100.0 ["));
+}
+
+// A row of two seeds whose programs are stand-ins: they note that they were called, and end well. The command itself is
+// a copy beside them, for it starts the `etude` of its own folder.
+class ResultsOfStandIns : public Results {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(MakeFolders(folder_ / "bin"));
+    ASSERT_TRUE(std::filesystem::copy_file(ProgramsFolder() / "etude", folder_ / "bin/results"));
+    WriteProgram(folder_ / "bin/etude", "#!/bin/sh\nexit 0\n");
+  }
+  // @param episodes  that the row asks for
+  CommandOutcome MakeTwoSeeds(int episodes) {
+    Write("results.yaml", fmt::format("rows:\n  - name: a\n    title: first\n"
+                                      "    data: {{campaign: none.yaml, episodes: {}}}\n"
+                                      "    train: {{minutes: 1, seeds: [7, 8]}}\n    eval: {{episodes: 10}}\n",
+                                      episodes));
+    auto process = campaign::Process::Start(
+        {{In("bin/results"), "results", In("results.yaml"), "--out", In("out"), "--domain", "81"},
+         folder_ / "output.txt",
+         {}});
+    if (!process) return {-1, process.error().message};
+    const int exit_code = process->Wait(std::chrono::seconds(60)).value_or(-1);
+    return {exit_code, ReadTextFile(folder_ / "output.txt").value_or("")};
+  }
+  // The first `count` episodes of the row's dataset.
+  void WriteDataset(std::uint64_t count) {
+    const CampaignSpec spec = SyntheticSpec();
+    auto writer = store::DatasetWriter::Open(folder_ / "out/data/a", spec);
+    ASSERT_TRUE(writer) << writer.error().message;
+    for (std::uint64_t i = 0; i < count; ++i) ASSERT_TRUE(writer->Commit(MakeSyntheticEpisode(spec, i, 10)));
+  }
+};
+
+// how often `what` is begun
+int TimesOf(const std::string& what, const std::string& text) {
+  int times = 0;
+  for (auto at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) ++times;
+  return times;
+}
+
+TEST_F(ResultsOfStandIns, ACollectionThatFailsIsTriedAgainAndNothingTrainsOnItsRest) {
+  WriteProgram(folder_ / "bin/etude", "#!/bin/sh\nexit 3\n");
+  WriteDataset(2);
+  const CommandOutcome made = MakeTwoSeeds(2);
+  EXPECT_EQ(made.exit_code, kExitFailure) << made.text;
+  EXPECT_EQ(TimesOf("data-a: etude collect", made.text), 2) << made.text;
+  EXPECT_EQ(TimesOf("data-a ended with 3", made.text), 2) << made.text;
+  EXPECT_THAT(made.text, Not(HasSubstr("train-a")));
+}
+
+// a collection that was stopped, or gave episodes up, ends well
+TEST_F(ResultsOfStandIns, NothingTrainsOnFewerDemonstrationsThanTheRowAsksFor) {
+  WriteDataset(2);
+  const CommandOutcome made = MakeTwoSeeds(3);
+  EXPECT_EQ(made.exit_code, kExitFailure) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("has 2 of 3 demonstrations"));
+  EXPECT_EQ(TimesOf("data-a: etude collect", made.text), 2) << made.text;
+  EXPECT_THAT(made.text, Not(HasSubstr("train-a")));
+}
+
+TEST_F(ResultsOfStandIns, AWholeDatasetIsCollectedOnce) {
+  WriteDataset(2);
+  const CommandOutcome made = MakeTwoSeeds(2);
+  EXPECT_EQ(TimesOf("data-a: etude collect", made.text), 1) << made.text;
+  EXPECT_THAT(made.text, HasSubstr("train-a-7: etude train"));
+  EXPECT_THAT(made.text, HasSubstr("train-a-8: etude train"));
 }
 
 // a row of its own, of runs that are there: sentences are as many as their suite has

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/cli/results_folder.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <sstream>
+
+#include "services/campaign/eval_report.h"
+#include "services/core/config.h"
+#include "services/core/hash.h"
+#include "services/store/dataset.h"
+
+namespace etude::cli {
+
+Result<Demonstrations> CountDemonstrations(const Path& data) {
+  ETUDE_ASSIGN_OR_RETURN(const auto dataset, store::DatasetReader::Open(data));
+  ETUDE_ASSIGN_OR_RETURN(const auto indices, dataset.List());
+  Demonstrations count;
+  for (const std::uint64_t index : indices) {
+    const std::string split = SplitOf(dataset.spec(), index);
+    ++(split == "train" ? count.train : split == "valid" ? count.valid : count.test);
+  }
+  return count;
+}
+
+Status CheckWholeDataset(const Path& data, std::uint64_t wanted) {
+  ETUDE_ASSIGN_OR_RETURN(const auto dataset, store::DatasetReader::Open(data));
+  ETUDE_ASSIGN_OR_RETURN(const Demonstrations count, CountDemonstrations(data));
+  if (wanted == 0) wanted = dataset.spec().episodes;
+  if (count.all() >= wanted) return {};
+  return Fail(Code::kNotFound,
+              fmt::format("'{}' has {} of {} demonstrations: begin again to go on (why attempts failed: {})",
+                          data.string(), count.all(), wanted, (data / "attempts.jsonl").string()));
+}
+
+Status CheckEvaluated(const Path& evaluation, const Path& checkpoint) {
+  const auto text = ReadTextFile(evaluation / "eval.json");
+  if (!text) return {};
+  const auto report = OrderedJson::parse(*text, nullptr, /*allow_exceptions=*/false);
+  const std::string evaluated = report.is_object() ? campaign::SubjectOf(report).sha256 : "";
+  std::error_code ignored;
+  if (evaluated.empty() || !std::filesystem::exists(checkpoint, ignored)) return {};
+  ETUDE_ASSIGN_OR_RETURN(const auto bytes, ReadBinaryFile(checkpoint));
+  if (Sha256Hex(bytes) == evaluated) return {};
+  return Fail(Code::kInvalidArgument,
+              fmt::format("'{}' is of another checkpoint than '{}' is now: to evaluate that one, remove the former",
+                          evaluation.string(), checkpoint.string()));
+}
+
+std::optional<double> TrainingSeconds(const Path& run) {
+  const auto text = ReadTextFile(run / "metrics.jsonl");
+  if (!text) return std::nullopt;
+  std::optional<double> seconds;
+  std::istringstream lines(*text);
+  for (std::string line; std::getline(lines, line);) {
+    // steps, by far the most of the lines, are not parsed
+    if (line.find("\"end\"") == std::string::npos) continue;
+    const auto json = OrderedJson::parse(line, nullptr, /*allow_exceptions=*/false);
+    const auto is = [&](const char* key) { return json.is_object() && json.contains(key); };
+    if (is("kind") && json["kind"] == "end" && is("elapsed_s") && json["elapsed_s"].is_number())
+      seconds = json["elapsed_s"].get<double>();
+  }
+  return seconds;
+}
+
+}  // namespace etude::cli
