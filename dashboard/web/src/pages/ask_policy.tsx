@@ -2,8 +2,9 @@
 // The policy that serves a run, asked about a recorded picture: what each module says and looks at, and what would
 // follow from another sentence, a hidden part, or a module that says something else. Nothing of it reaches a robot. All
 // of the question stands in the address.
-import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
+import { useEffect, useMemo } from 'preact/hooks';
 import { postJson, query, useResource } from '../core/api';
+import { useDraft, type Draft } from '../core/draft';
 import { count } from '../core/format';
 import { link, parameter } from '../core/router';
 import { readRectangles, writeRectangles, type Rectangle } from '../core/rectangles';
@@ -33,18 +34,10 @@ export function AskPolicy(props: Asked) {
   return episode.data ? <Bench key={episode.data.index} {...props} episode={episode.data} /> : <Skeleton height={320} />;
 }
 
-/** A parameter of the address that is set after a pause in typing; until then the field shows what was typed. */
-function useField(name: string, fallback = ''): { shown: string; value: string; change: (text: string) => void } {
+/** A parameter of the address as a field. */
+function useField(name: string, fallback = ''): Draft & { value: string } {
   const [value, set] = parameter(name);
-  const [typed, setTyped] = useState<string | null>(null);
-  const timer = useRef(0);
-  const change = (text: string) => {
-    setTyped(text);
-    window.clearTimeout(timer.current);
-    timer.current = window.setTimeout(() => { setTyped(null); set(text || null, true); }, 400);
-  };
-  useEffect(() => () => window.clearTimeout(timer.current), []);
-  return { shown: typed ?? (value || fallback), value, change };
+  return { value, ...useDraft(value || fallback, (text) => set(text || null, true), 400) };
 }
 
 /** "TAR3D.position=[0.1, 0.3, 0.04]" in its parts, as `etude policy watch --say` has it. */
@@ -123,7 +116,7 @@ function Bench(props: Asked & { episode: Episode }) {
   );
 }
 
-function SayInstead(props: { of: Insight | undefined; field: { shown: string; change: (text: string) => void } }) {
+function SayInstead(props: { of: Insight | undefined; field: Draft }) {
   const said = saidIn(props.field.shown);
   const [, set] = parameter('say');
   const modules = props.of?.modules ?? {};
