@@ -158,3 +158,47 @@ test('a tie is rounded to the even digit, as the programs do', async () => {
   assert.equal(rounded(0.75, 1), '0.8');
   assert.equal(percent(1), '100 %');
 });
+
+test('a path that is not UTF-8 is shown as it is written', async () => {
+  const { partsOf } = await load('address.ts');
+  assert.deepEqual(partsOf('/episode/a%20b/3'), ['episode', 'a b', '3']);
+  assert.deepEqual(partsOf('/%E0%A4/x'), ['%E0%A4', 'x']);
+  assert.deepEqual(partsOf('//'), []);
+});
+
+test('another source takes no filter, tick or selection of the one before with it', async () => {
+  const { withSource } = await load('address.ts');
+  const query = new URLSearchParams('dataset=a&run=r&ticks=1-3&from=200&page=2-x&scene=4&vs=e&y=log&smooth=200&x=elapsed&range=1..2');
+  assert.equal(withSource(query, 'dataset', 'b').toString(), 'dataset=b&run=r&y=log&smooth=200&x=elapsed');
+  assert.equal(withSource(new URLSearchParams('key=train'), 'eval', 'e').toString(), 'eval=e');
+});
+
+test('a page shows a run with files before one that is on the bus alone, and campaigns of both kinds', async () => {
+  const { canShow, defaultOf, ofKind } = await load('choice.ts');
+  const all = [
+    { id: 'far', kind: 'run', folder: null }, { id: 'near', kind: 'run', folder: 'run' },
+    { id: 'bus', kind: 'campaign', folder: null, role: null }, { id: 'rollouts', kind: 'dataset', folder: 'r', role: 'rollouts' }, { id: 'data', kind: 'dataset', folder: 'd', role: 'demonstrations' },
+  ];
+  assert.equal(defaultOf(all, 'run').id, 'near');
+  assert.equal(defaultOf(all.slice(0, 1), 'run').id, 'far');
+  assert.equal(defaultOf(all, 'campaign').id, 'bus');
+  assert.equal(defaultOf(all, 'dataset').id, 'data');
+  assert.equal(defaultOf(all, 'eval'), undefined);
+  assert.deepEqual(ofKind(all, 'dataset', true).map((one) => one.id), ['rollouts', 'data']);
+  assert.deepEqual(['bus', 'data', 'unknown'].map((id) => canShow(all, 'dataset', id)), [false, true, true]);
+  assert.ok(canShow(all, 'campaign', 'bus'));
+});
+
+test('a range of an axis is read from the address, or there is none', async () => {
+  const { readRange, writeRange, zoomed } = await load('range.ts');
+  assert.deepEqual(readRange('100..250'), [100, 250]);
+  assert.deepEqual(readRange('-0.5..1e3'), [-0.5, 1000]);
+  for (const bad of ['', 'abc', '1', '..', '1..', '..2', '2..1', '3..3', '1..2..3', 'NaN..2', '1..Infinity']) assert.equal(readRange(bad), null, bad);
+  // narrower than one unit, it is still a range
+  assert.equal(writeRange([100.21, 100.26]), '100.21..100.26');
+  assert.equal(writeRange([123.4, 4567.8]), '123..4568');
+  assert.deepEqual(zoomed([0, 100], [0, 100], 80, 0.5), [40, 90]);
+  assert.deepEqual(zoomed([40, 90], [0, 100], 90, 1.5), [15, 90]);
+  assert.deepEqual(zoomed([0, 10], [0, 100], 0, 4), [0, 40]);
+  assert.equal(zoomed([40, 90], [0, 100], 80, 2), null);
+});

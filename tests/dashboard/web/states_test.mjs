@@ -38,6 +38,7 @@ async function homeOf(sources, more = {}) {
  */
 async function open(address, answers, look, { allow = /^$/ } = {}) {
   const { page, context, wrong } = await openPage(browser, gateway.address);
+  page.setDefaultTimeout(8000);
   const subscribed = new Map();
   await page.routeWebSocket(/\/api\/v1\/live/, (socket) => {
     socket.onMessage((text) => {
@@ -51,7 +52,7 @@ async function open(address, answers, look, { allow = /^$/ } = {}) {
     if (typeof answer === 'function') answer = answer(url);
     if (answer === undefined) return route.continue();
     return Buffer.isBuffer(answer) ? route.fulfill({ body: answer, contentType: 'application/octet-stream' })
-      : answer.status ? route.fulfill(answer) : route.fulfill({ json: answer });
+      : typeof answer.status === 'number' ? route.fulfill(answer) : route.fulfill({ json: answer });
   });
   const push = async (ch, data) => {
     for (const end = Date.now() + 10000; !subscribed.has(ch);) {
@@ -113,4 +114,197 @@ test('copy works without the clipboard of https, and says what to press where no
   } finally {
     await context.close();
   }
+});
+
+const runOf = (id, more = {}) => ({
+  id, name: id, folder: id, identity: null, state: 'running', updated: null, age_ms: 0, live: true, step: 6000, steps: 9000, stage: 1, stages: 2, stage_name: 'LANG', elapsed_s: 1, loss: null, samples_per_s: null,
+  data_wait: null, episodes: null, eta_s: null, checkpoint_step: null, modules: [], goals: [], keys: [], nulls: [], lives: [], end: null, dataset: null, config: null, torn: false, ...more,
+});
+/** All that is asked of a run. */
+const answersOf = (id, more = {}) => ({ [`/runs/${id}`]: runOf(id, more), [`/runs/${id}/curriculum`]: { run: id, stages: [] }, [`/runs/${id}/checkpoints`]: { run: id, checkpoints: [], subscribers: [], next_step: null } });
+const loss = { key: 'train/loss', kind: 'train', name: 'loss', module: null, unit: null, n: 3, nulls: 0 };
+
+/** A safetensors file of float64 vectors. */
+function tensors(all) {
+  const header = {};
+  let at = 0;
+  for (const [name, values] of Object.entries(all)) header[name] = { dtype: 'F64', shape: [values.length], data_offsets: [at, at += 8 * values.length] };
+  const text = Buffer.from(JSON.stringify(header).padEnd(Math.ceil(JSON.stringify(header).length / 8) * 8));
+  const length = Buffer.alloc(8);
+  length.writeBigUInt64LE(BigInt(text.length));
+  return Buffer.concat([length, text, Buffer.from(Float64Array.from(Object.values(all).flat()).buffer)]);
+}
+
+const curve = (x, last) => tensors({ 'train/loss/x': x, 'train/loss/step': x, 'train/loss/min': last, 'train/loss/max': last, 'train/loss/last': last });
+
+test('a page stays with the source that it began with, and its address names it', async () => {
+  const runs = ['one', 'two'].map((id) => source('run', id, { live: true }));
+  const answers = { '/home': await homeOf(runs), ...answersOf('one'), ...answersOf('two') };
+  await open('/training', answers, async (page, push) => {
+    await page.waitForURL('**/training?run=one');
+    await push('home', await homeOf([...runs].reverse(), { sentence: 'the other one is the newest' }));
+    await page.waitForSelector('[data-sentence]:has-text("the other one")');
+    assert.equal(new URL(page.url()).searchParams.get('run'), 'one');
+    assert.equal(await page.locator('.pickers select').inputValue(), 'one');
+    await page.goBack();
+    assert.equal(page.url(), 'about:blank', 'the choice is no step of its own');
+  });
+});
+
+test('another source is shown without the ticks and filters of the one before', async () => {
+  const sources = ['a', 'b'].map((id) => source('run', id));
+  const answers = { '/home': await homeOf(sources), ...answersOf('a'), ...answersOf('b') };
+  await open('/training?run=a&y=log&range=1..2&ticks=4', answers, async (page) => {
+    await page.locator('.pickers select').selectOption('b');
+    await page.waitForURL((url) => url.searchParams.get('run') === 'b');
+    assert.equal(new URL(page.url()).search, '?run=b&y=log');
+  });
+});
+
+test('what is on the bus alone says so, on every page that would read its files', async () => {
+  const campaign = { id: 'bus', name: 'bus', state: 'running', dataset: null, spec: null, spec_sha256: null, failures: {}, failures_by: [], timing: null, tasks: [], robots: [],
+    status: { attempts: 4, committed: 3, total: 10, given_up: 0, live: true, per_min: 5, eta_s: null, error: '' } };
+  const sources = [source('campaign', 'bus', { folder: null, live: true }), source('run', 'far', { folder: null, live: true })];
+  const cells = [];
+  const answers = {
+    '/home': await homeOf(sources), '/campaigns/bus': campaign, '/campaigns/bus/attempts': { total: 0, next: null, rows: [] }, '/campaigns/bus/cells': () => { cells.push(1); return Buffer.alloc(0); },
+    '/runs/far': runOf('far', { folder: null }),
+  };
+  await open('/', answers, async (page, push) => {
+    await page.locator('nav').getByRole('link', { name: 'Generation' }).click();
+    await page.waitForSelector('[data-attempts-summary]');
+    await page.waitForURL('**/generation?dataset=bus');
+    await page.waitForSelector('[data-elsewhere]');
+    assert.equal(cells.length, 0, 'of seeds nothing is known');
+    await push('attempts', { campaign: 'another', status: { ...campaign.status, attempts: 99 }, total: 0, rows: [] });
+    await push('attempts', { campaign: 'bus', status: { ...campaign.status, attempts: 5 }, total: 0, rows: [] });
+    await page.waitForSelector('[data-attempts-summary]:has-text("5 attempts")');
+    assert.ok(!(await page.locator('nav').getByRole('link', { name: 'Dataset' }).getAttribute('href')).includes('bus'), 'it has no dataset here');
+    for (const name of ['Training', 'Checkpoints', 'Inside']) {
+      await page.locator('nav').getByRole('link', { name }).click();
+      await page.waitForSelector(`h1:has-text("${name}")`, { state: 'attached' });
+      await page.waitForSelector('[data-elsewhere]');
+      assert.equal(await page.locator('.problem').count(), 0, name);
+    }
+    assert.deepEqual(await axe(page), []);
+  });
+});
+
+test('a campaign that is picked shows nothing of the one before', async () => {
+  const of = (id, attempts) => ({ id, name: id, state: 'running', dataset: id, spec: null, spec_sha256: null, failures: {}, failures_by: [], timing: null, tasks: [], robots: [],
+    status: { attempts, committed: 0, total: 10, given_up: 0, live: true, per_min: null, eta_s: null, error: '' } });
+  const answers = { '/home': await homeOf([source('dataset', 'a'), source('dataset', 'b')]), '/campaigns/a': of('a', 4), '/campaigns/b': of('b', 50) };
+  for (const id of ['a', 'b']) Object.assign(answers, { [`/campaigns/${id}/attempts`]: { total: 0, next: null, rows: [] }, [`/campaigns/${id}/cells`]: tensors({}) });
+  await open('/generation?dataset=a', answers, async (page, push) => {
+    await push('attempts', { status: { ...of('a', 4).status, attempts: 7 }, total: 0, rows: [] });
+    await page.waitForSelector('.pill:has-text("3 new")');
+    await page.locator('.pickers select').selectOption('b');
+    await page.waitForSelector('[data-attempts-summary]:has-text("50 attempts")');
+    assert.equal(await page.locator('.pill').count(), 0, 'new ones are those of this campaign');
+  });
+});
+
+test('a range that is none shows all, and a series that does not come says why', async () => {
+  let broken = true;
+  const answers = {
+    '/home': await homeOf([source('run', 'a')]), ...answersOf('a', { keys: [loss] }),
+    '/runs/a/series': (url) => {
+      assert.equal(url.searchParams.get('from'), null);
+      return broken ? { status: 500, json: { title: 'The series cannot be read', status: 500 } } : curve([50, 100, 150], [1, NaN, 0.5]);
+    },
+  };
+  await open('/training?run=a&range=abc', answers, async (page) => {
+    await page.waitForSelector('.problem:has-text("The series cannot be read")');
+    assert.equal(await page.locator('.skeleton').count(), 0);
+    broken = false;
+    await page.getByRole('button', { name: 'Try again' }).click();
+    // a value that is not finite is said, and is not among those counted
+    await page.waitForSelector('[data-chart=Loss] figcaption .bad:has-text("1 not finite")');
+    assert.equal(await page.locator('table[data-table=Loss] tr[data-line=train] td').first().textContent(), '2');
+    assert.equal(await page.locator('.problem').count(), 0);
+  }, { allow: /500 \(Internal/ });
+});
+
+test('an address that is not UTF-8, and a page that cannot be drawn, leave the window', async () => {
+  await open('/%E0%A4', {}, async (page) => { await page.waitForSelector('text=There is no such page'); });
+  await open('/logs', { '/logs': { lines: 3 } }, async (page) => {
+    await page.waitForSelector('[data-broken] .problem');
+    await page.locator('nav').getByRole('link', { name: 'Play' }).click();
+    await page.waitForSelector('h1:has-text("Play")', { state: 'attached' });
+    assert.equal(await page.locator('[data-broken]').count(), 0);
+  });
+});
+
+test('a gateway that wants another token asks for it; one that is gone is said to be gone', async () => {
+  let token = 'old';
+  const { page, context } = await openPage(browser, gateway.address);
+  try {
+    // as a socket that is refused: closed, and nothing is said
+    await page.routeWebSocket(/\/api\/v1\/live/, (socket) => { if (token !== 'old') void socket.close(); });
+    await page.route('**/api/v1/**', (route) => (token === 'old' ? route.continue() : token === 'gone' ? route.abort() : route.fulfill({ status: 401, json: { title: 'The token is needed', status: 401 } })));
+    await page.goto(`${gateway.address}/logs`);
+    await page.waitForSelector('main h1', { state: 'attached' });
+    token = 'new';
+    await page.goto(`${gateway.address}/logs`);
+    await page.waitForSelector('[data-sign-in]');
+    await page.getByLabel('Token').fill('half a tok');
+    // it stays while the socket is tried again
+    await page.waitForRequest('**/api/v1/home');
+    await page.waitForRequest('**/api/v1/home');
+    assert.equal(await page.getByLabel('Token').inputValue(), 'half a tok');
+    token = 'gone';
+    await page.waitForSelector('.banner');
+    token = 'new';
+    await page.waitForSelector('[data-sign-in]', { timeout: 20000 });
+  } finally {
+    await context.close();
+  }
+});
+
+test('Overview says what goes on before there is a source', async () => {
+  const ups = [{ folder: '/out', state: 'running', phase: 'preparing', goal: null, exit: null }];
+  const warnings = [{ code: 'disk', text: 'disk on lab-b 2 % free', since: null, link: '/fleet' }];
+  await open('/', { '/home': await homeOf([], { ups, warnings }) }, async (page) => {
+    await page.waitForSelector('[data-up=running]:has-text("preparing")');
+    await page.waitForSelector('[data-code=disk]');
+    await page.waitForSelector('.empty');
+  });
+});
+
+test('a job that the gateway forgot has ended, and single keys do not act behind a dialog', async () => {
+  const campaign = { id: 'a', name: 'a', state: 'running', dataset: null, spec: null, spec_sha256: null, failures: {}, failures_by: [], timing: null, tasks: [], robots: [],
+    status: { attempts: 1, committed: 0, total: 10, given_up: 0, live: true, per_min: null, eta_s: null, error: '' } };
+  let known = true;
+  const answers = {
+    '/home': await homeOf([source('campaign', 'a', { folder: null })], { actions: true }), '/campaigns/a': campaign, '/campaigns/a/attempts': { total: 0, next: null, rows: [] }, '/session': { enabled: true, authorized: true },
+    '/actions': { command: 'etude campaign pause a', job: '7' },
+    '/jobs/7': () => (known ? { id: '7', state: 'running', log: [] } : { status: 404, json: { title: 'Not found', status: 404 } }),
+  };
+  await open('/generation?dataset=a', answers, async (page) => {
+    await page.getByRole('button', { name: 'Pause' }).click();
+    await page.keyboard.press('g');
+    await page.keyboard.press('l');
+    await page.getByRole('button', { name: 'Run it' }).click();
+    await page.waitForSelector('dialog .chip:has-text("running")');
+    assert.match(page.url(), /generation/);
+    known = false;
+    await page.waitForSelector('dialog .problem:has-text("does not know this job")');
+    assert.equal(await page.locator('dialog .chip').count(), 0);
+  }, { allow: /404 \(Not Found/ });
+});
+
+test('Play: a preview that does not come says why, and a session whose job is unknown has ended', async () => {
+  const sessions = { enabled: true, sessions: [], policies: ['run@0123'], campaigns: ['quickstart'] };
+  const answers = {
+    '/home': await homeOf([], { actions: true }),
+    '/play/sessions': sessions, '/scenes/quickstart/0.png': { status: 503, json: { title: 'Another scene is being drawn', status: 503 } },
+    '/jobs/9': { status: 404, json: { title: 'Not found', status: 404 } },
+  };
+  await open('/play', answers, async (page) => {
+    await page.getByRole('button', { name: 'Preview' }).click();
+    await page.waitForSelector('.problem:has-text("Another scene is being drawn")');
+    answers['/play/sessions'] = { ...sessions, session: 'play-9', job: '9' };
+    await page.getByRole('button', { name: 'Open', exact: true }).click();
+    await page.waitForSelector('[data-ended=play-9]:has-text("does not know this job")');
+  }, { allow: /(503|404) \(/ });
 });

@@ -8,7 +8,7 @@ import { useDraft, type Draft } from '../core/draft';
 import { count } from '../core/format';
 import { link, parameter } from '../core/router';
 import { readRectangles, writeRectangles, type Rectangle } from '../core/rectangles';
-import { chosen } from '../core/sources';
+import { useChosen } from '../core/sources';
 import type { Episode, Episodes, Eval, Insight } from '../core/types';
 import { ActionButton } from '../parts/actions';
 import { Empty, Failed, Panel, Select, Skeleton } from '../parts/basics';
@@ -24,7 +24,7 @@ export interface Shown { module: string; planner: string; tell: (of: Insight | u
 interface Asked extends Shown { run: string; kept: Eval[] }
 
 export function AskPolicy(props: Asked) {
-  const dataset = chosen('dataset');
+  const dataset = useChosen('dataset');
   const [index] = parameter('episode');
   const newest = useResource<Episodes>(dataset && !index ? `/datasets/${dataset}/episodes${query({ limit: 1 })}` : null);
   const n = index || (newest.data?.columns.index[0] ?? '');

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The pages, in the order of the rail, with the key that goes to each.
 import type { ComponentType } from 'preact';
+import type { Kind } from '../core/choice';
 import { lazily } from '../parts/lazy';
 import { Overview } from './overview';
 import { Fleet } from './fleet';
@@ -20,7 +21,7 @@ export interface Page {
   icon: string;
   group: string;
   /** Kinds of source that it shows, for the picker. */
-  sources: readonly ('dataset' | 'run' | 'eval')[];
+  sources: readonly Kind[];
   view: ComponentType;
   /** Reached from others only. */
   hidden?: boolean;
@@ -29,7 +30,7 @@ export interface Page {
 export const pages: readonly Page[] = [
   { path: '', title: 'Overview', key: 'o', group: '', icon: 'M2 8l6-5 6 5M4 7v6h8V7', sources: [], view: Overview },
   { path: 'fleet', title: 'Fleet', key: 'f', group: 'Generate', icon: 'M2 3h12v4H2zM2 9h12v4H2zM4.5 5h.01M4.5 11h.01', sources: [], view: Fleet },
-  { path: 'generation', title: 'Generation', key: 'n', group: 'Generate', icon: 'M3 13V8M8 13V3M13 13v-3', sources: ['dataset'], view: Generation },
+  { path: 'generation', title: 'Generation', key: 'n', group: 'Generate', icon: 'M3 13V8M8 13V3M13 13v-3', sources: ['campaign'], view: Generation },
   { path: 'dataset', title: 'Dataset', key: 'd', group: 'Generate', icon: 'M2 3h12v10H2zM2 6.5h12M2 9.5h12M6 3v10', sources: ['dataset'], view: DatasetPage },
   { path: 'episode', title: 'Episode', key: '', group: '', icon: '', sources: [], view: EpisodePage, hidden: true },
   { path: 'training', title: 'Training', key: 't', group: 'Learn', icon: 'M2 3v10h12M4 5c2 5 5 6 9 6', sources: ['run'], view: Training },

@@ -91,6 +91,11 @@ export function Empty(props: { title: string; children?: ComponentChildren; comm
   );
 }
 
+/** Of what is known from the bus alone. */
+export function elsewhere(what: string): string {
+  return `The files of this ${what} are not below the folders of this gateway: what stands here is what the bus says.`;
+}
+
 export function Failed(props: { problem: Problem; retry?: () => void }) {
   return (
     <div class="problem" role="alert">
