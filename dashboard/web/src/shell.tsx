@@ -39,8 +39,12 @@ export function Shell() {
   const path = location.value.path;
   const page = pages.find((one) => one.path === (path[0] ?? ''));
   const address = path.join('/');
+  const before = useRef(address);
   useEffect(() => {
     setMenu(false);
+    // who reads by ear or keyboard goes on at the new page, not at the link that led there
+    if (before.current !== address) document.getElementById('main')?.focus({ preventScroll: true });
+    before.current = address;
     document.title = `${page?.title ?? 'Not found'} · Etude`;
   }, [address]);
 
@@ -55,6 +59,7 @@ export function Shell() {
   if (connection.value === 'denied') return <SignIn />;
   return (
     <div class="shell">
+      <a class="skip button" href="#main" onClick={(event) => { event.preventDefault(); document.getElementById('main')?.focus(); }}>Skip to the page</a>
       <Rail open={menu} page={page} />
       <div>
         <header class="top">
@@ -125,7 +130,9 @@ function ConnectionDot() {
   const state = connection.value;
   const since = now.value - lastHeard.value;
   const text = state === 'wait' ? 'connecting' : state === 'lost' ? 'no gateway' : since < 3000 ? 'live' : age(since);
-  return <span class="connection" data-state={state} role="status" title="Time since the gateway was heard">{text}</span>;
+  // said when it changes, and not twice a second while it ages
+  const told = state === 'live' ? (since < 10000 ? 'The gateway is heard' : 'The gateway is silent') : state === 'lost' ? 'The gateway does not answer' : 'Connecting';
+  return <span class="connection" data-state={state} title="Time since the gateway was heard"><span aria-hidden="true">{text}</span><span class="sr" role="status">{told}</span></span>;
 }
 
 function Gone() {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the pages compute themselves: intervals, formats, safetensors. Needs no browser and no gateway.
 import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
 import { createRequire } from 'node:module';
 import { dirname, join } from 'node:path';
@@ -201,4 +202,48 @@ test('a range of an axis is read from the address, or there is none', async () =
   assert.deepEqual(zoomed([40, 90], [0, 100], 90, 1.5), [15, 90]);
   assert.deepEqual(zoomed([0, 10], [0, 100], 0, 4), [0, 40]);
   assert.equal(zoomed([40, 90], [0, 100], 80, 2), null);
+});
+
+test('lines over the points of all: no point is none, one that is not finite breaks the line', async () => {
+  const { align } = await load('lines.ts');
+  const { x, columns } = align([{ x: [1, 2, 3], values: [5, NaN, 7], min: [4, NaN, 6] }, { x: [2, 4], values: [1, 2], base: [10, 10] }]);
+  assert.deepEqual([...x], [1, 2, 3, 4]);
+  assert.deepEqual(columns[0], [5, null, 7, undefined]);
+  assert.deepEqual(columns[1], [4, null, 6, undefined]);
+  assert.deepEqual(columns.slice(3), [[undefined, 11, undefined, 12], [undefined, 10, undefined, 10], [undefined, 11, undefined, 12]]);
+});
+
+test('arrow keys go to the nearest point that way', async () => {
+  const { beside } = await load('beside.ts');
+  const [x, y] = [[0, 1, 3, 0.2, -1], [0, 0.5, 0, 2, 0]];
+  assert.equal(beside(x, y, 0, [1, 0]), 1);
+  assert.equal(beside(x, y, 0, [0, 1]), 3);
+  assert.equal(beside(x, y, 0, [-1, 0]), 4);
+  assert.equal(beside(x, y, 0, [0, -1]), 0, 'nothing is there');
+  assert.equal(beside(x, y, 1, [1, 0]), 2);
+});
+
+test('commands name the absolute folder, quoted where it has to be', async () => {
+  const { folderIn } = await load('commands.ts');
+  assert.equal(folderIn({ folder: 'out/dataset', path: '/home/a/out/dataset' }, 'DATASET'), '/home/a/out/dataset');
+  assert.equal(folderIn({ folder: 'out/dataset' }, 'DATASET'), 'out/dataset');
+  assert.equal(folderIn({ folder: null, path: null }, 'DATASET'), 'DATASET');
+  assert.equal(folderIn(undefined, 'RUN'), 'RUN');
+  assert.equal(folderIn({ path: "/a b/it's" }, 'RUN'), String.raw`'/a b/it'\''s'`);
+});
+
+test('lines of a log find what the documentation says of them', async () => {
+  const { adviceFor, readAdvice } = await load('advice.ts');
+  const all = readAdvice(['# Troubleshooting', 'By text.', '## Starting', '### `start \'...\': not found beside this program in`', 'Build `etude`', 'first.', '', '<!-- docs: quick -->', '```bash', 'etude doctor', '```', '', '## Next', 'Not of it.', '### `large blobs`', '(also `bursts are lost ... again`)', 'Do this.', '### `short`', 'No.', ''].join('\n'));
+  assert.deepEqual(all.map((one) => one.title), ["start '...': not found beside this program in", 'large blobs']);
+  assert.deepEqual(all[0].body, [{ text: 'Build `etude` first.', command: false }, { text: 'etude doctor', command: true }]);
+  assert.deepEqual(all[1].body, [{ text: 'Do this.', command: false }]);
+  assert.equal(adviceFor("[error] start 'etude-worker': not found beside this program in /usr/bin", all), all[0]);
+  assert.equal(adviceFor('not found beside this program in: start \'', all), undefined, 'its parts in their order');
+  assert.equal(adviceFor('bursts are lost and sent again', all), all[1]);
+  assert.equal(adviceFor('all is well', all), undefined);
+  // the page itself: every heading with a text in backquotes is found by that text
+  const page = readFileSync(join(web, '../../deploy/docs/troubleshooting.md'), 'utf8');
+  const known = readAdvice(page);
+  for (const [, key] of page.matchAll(/^### `(.+)`$/gm)) assert.ok(adviceFor(`12:00 ${key.replaceAll('...', 'X')} and so on`, known)?.body.length, key);
 });

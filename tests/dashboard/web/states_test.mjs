@@ -308,3 +308,109 @@ test('Play: a preview that does not come says why, and a session whose job is un
     await page.waitForSelector('[data-ended=play-9]:has-text("does not know this job")');
   }, { allow: /(503|404) \(/ });
 });
+
+test('Fleet: keys are of the table with the focus, folding is in the address, rows hold still while one is at them', async () => {
+  const worker = { worker: 'w0', campaign: 'c', phase: 'idle', index: null, attempt: 0, episodes: 1, failures: 0, per_min: 1, task: null, robot: null, target: null, stage: null, step: null, last: null, strip: '', age_ms: 0 };
+  const process = { process: 'p', role: 'collector', pid: 1, rss_mb: 1, cpu: 1, disk_free: null, folder: null, version: '1', age_ms: 0 };
+  const fleet = (...names) => ({ ...fleetOf(names), hosts: names.map((name) => ({ ...host(name), slots: 1, workers: [{ ...worker, worker: `${name}-w0` }], processes: [{ ...process, process: `${name} 1` }] })) });
+  await open('/fleet', { '/fleet': fleet('lab-a', 'lab-b') }, async (page, push) => {
+    const active = () => page.locator('[data-active]').evaluateAll((all) => all.map((one) => one.dataset.id));
+    const rows = () => page.locator('[aria-label="Hosts and workers"] [role=row][data-id]').evaluateAll((all) => all.map((one) => one.dataset.id));
+    await page.waitForSelector('[role=row][data-id=lab-a]');
+    await page.keyboard.press('j');
+    await page.waitForSelector('[data-active]');
+    assert.deepEqual(await active(), ['lab-a']);
+    await page.getByRole('button', { name: 'lab-a' }).click();
+    await page.waitForURL('**fold=lab-a');
+    assert.deepEqual(await rows(), ['lab-a', 'lab-b', 'lab-b-w0']);
+    // the focus is still on the row that was folded
+    await page.mouse.move(0, 0);
+    await push('fleet', fleet('lab-b', 'lab-a'));
+    await page.waitForSelector('[data-held]:has-text("2 rows would move")');
+    assert.deepEqual(await rows(), ['lab-a', 'lab-b', 'lab-b-w0']);
+    await page.locator('.table[aria-label="Processes"]').focus();
+    await page.waitForSelector('[data-held]', { state: 'detached' });
+    assert.deepEqual(await rows(), ['lab-b', 'lab-b-w0', 'lab-a']);
+    await page.keyboard.press('j');
+    await page.waitForSelector('[data-active][data-id="lab-b 1"]');
+    await page.reload();
+    await page.waitForSelector('[aria-label="Hosts and workers"] [role=row][data-id]');
+    assert.deepEqual(await rows(), ['lab-a', 'lab-b', 'lab-b-w0']);
+  });
+});
+
+test('Training: runs that are overlaid have a shape each, and a chart zooms by keyboard', async () => {
+  const answers = { '/home': await homeOf(['a', 'b'].map((id) => source('run', id))) };
+  for (const id of ['a', 'b']) Object.assign(answers, answersOf(id, { keys: [loss] }), { [`/runs/${id}/series`]: curve([50, 100, 150, 200], [1, 0.8, 0.6, id === 'a' ? 0.5 : 0.4]) });
+  await open('/training?run=a,b', answers, async (page) => {
+    const chart = page.locator('[data-chart=Loss]');
+    await chart.locator('canvas').waitFor();
+    assert.deepEqual(await chart.locator('[data-marker]').evaluateAll((all) => all.map((one) => one.dataset.marker)), ['0', '1']);
+    await chart.locator('.plot').focus();
+    await page.keyboard.press('End');
+    await page.keyboard.press('+');
+    await page.waitForURL('**range=**');
+    const [from, to] = new URL(page.url()).searchParams.get('range').split('..').map(Number);
+    assert.equal(to - from, 75, 'half of it');
+    await page.keyboard.press('0');
+    await page.waitForURL((url) => !url.searchParams.has('range'));
+    await page.keyboard.press('+');
+    await page.locator('[data-all]').click();
+    await page.waitForURL((url) => !url.searchParams.has('range'));
+    assert.deepEqual(await axe(page), []);
+  });
+});
+
+test('Dataset: a place is gone to by arrow keys, and the command names the absolute folder', async () => {
+  const columns = Object.fromEntries(['index', 'task', 'target', 'robot', 'instruction', 'steps', 'draws', 'odd', 'split', 'success', 'outcome'].map((name) => [name, [name === 'index' ? 7 : null]]));
+  const answers = {
+    '/home': await homeOf([source('dataset', 'a')]),
+    '/datasets/a': { id: 'a', name: 'a', folder: 'out/a', path: '/home/lab/out/a', role: 'demonstrations', eval: null, state: 'finished', updated: null, age_ms: null, identity: null, schema_version: 1, content: 1, spec: {}, spec_sha256: '', statistics: {},
+      episodes: 3, total: 3, failed_attempts: {}, unreadable: 0, unreadable_files: [], journal: true, keys: [], cameras: [], bytes: 1 },
+    '/datasets/a/episodes': { total: 1, all: 1, known: 1, next: null, columns },
+    '/datasets/a/summary': { total: 3, tasks: {}, targets: {}, robots: {}, outcomes: {}, splits: {}, workers: {}, words: [], matrix: [], odd: [], lengths: { edges_steps: [0, 1], counts: [3] }, places: { x_m: [0, -0.1, 0.1], y_m: [0.3, 0.3, 0.3], task: ['pick', 'pick', 'push'], index: [4, 5, 6] } },
+  };
+  await open('/dataset?dataset=a', answers, async (page) => {
+    assert.equal(await page.locator('.command code').first().innerText(), 'etude dataset info /home/lab/out/a');
+    const places = page.locator('.places');
+    await places.focus();
+    await page.keyboard.press('Home');
+    await page.keyboard.press('ArrowRight');
+    assert.match(await page.locator('[data-place-at]').innerText(), /^#5: pick at x -0.10/);
+    await page.keyboard.press('ArrowLeft');
+    await page.keyboard.press('ArrowLeft');
+    assert.equal(await page.locator('[data-place]').getAttribute('data-place'), '6');
+    assert.deepEqual(await axe(page), []);
+    await page.keyboard.press('Enter');
+    await page.waitForURL('**/episode/a/6');
+  }, { allow: /404 \(Not Found/ });
+});
+
+test('by keyboard: one skips to the page, the focus follows to the next, and age is not said twice a second', async () => {
+  await open('/', {}, async (page) => {
+    await page.keyboard.press('Tab');
+    assert.equal(await page.evaluate(() => document.activeElement.textContent), 'Skip to the page');
+    await page.keyboard.press('Enter');
+    assert.equal(await page.evaluate(() => document.activeElement.id), 'main');
+    await page.locator('nav').getByRole('link', { name: 'Logs' }).focus();
+    await page.keyboard.press('Enter');
+    await page.waitForURL('**/logs');
+    await page.waitForFunction(() => document.activeElement.id === 'main');
+    const said = await page.locator('.connection [role=status]').innerText();
+    assert.match(said, /^The gateway is (heard|silent)$/);
+    assert.deepEqual(await axe(page), []);
+  });
+});
+
+test('Logs: an error that the documentation knows says what to do', async () => {
+  const line = (n, level, text) => ({ source: 's', n, t: '12:00:00', level, text });
+  const logs = { sources: [{ id: 's', name: 'collector.log', bytes: 10, updated: '' }], next: null, lines: [line(1, 'info', 'all is well'), line(2, 'error', "campaign.yaml: unknown key 'epsiodes': did you mean 'episodes'? (x)")] };
+  await open('/logs', { '/logs': logs }, async (page) => {
+    const advice = page.locator('.log li').nth(1).locator('[data-advice]');
+    await advice.locator('summary').click();
+    assert.match(await advice.innerText(), /nothing was started/);
+    await advice.locator('.command code', { hasText: 'etude config describe campaign' }).waitFor();
+    assert.equal(await page.locator('[data-advice]').count(), 1);
+    assert.deepEqual(await axe(page), []);
+  });
+});

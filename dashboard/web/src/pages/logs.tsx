@@ -6,7 +6,9 @@ import { useLive } from '../core/connection';
 import { useCursors } from '../core/cursors';
 import { bytes, clock, count } from '../core/format';
 import { parameter } from '../core/router';
-import type { Events, Logs } from '../core/types';
+import { adviceFor, type Advice } from '../core/advice';
+import type { Events, LogLine, Logs } from '../core/types';
+import { AdviceBelow, useAdvice } from '../parts/advice';
 import { Empty, Loaded, Panel, Search, Select } from '../parts/basics';
 
 export function LogsPage() {
@@ -24,6 +26,7 @@ export function LogsPage() {
   const box = useRef<HTMLDivElement>(null);
   const shown = newest?.lines.length ?? 0;
   useEffect(() => { if (follow && !page.depth && box.current) box.current.scrollTop = box.current.scrollHeight; }, [newest?.lines[shown - 1]?.n]);
+  const advice = useAdvice(newest?.lines.some(isError) ?? false);
   return (
     <Loaded of={{ ...first, data: newest }}>
       {(data) => {
@@ -43,7 +46,7 @@ export function LogsPage() {
               <div class="log-box" ref={box} tabIndex={0} role="group" aria-label="Log lines">
               {next && <div class="more"><button type="button" class="button" disabled={first.pending} onClick={() => page.next(next)}>Older lines</button></div>}
               {lines.length
-                ? <ol class="log" data-log-lines={lines.length}>{lines.map((one) => <li key={`${one.source}:${one.n}`} data-level={one.level ?? ''}><span class="muted">{one.t ?? ''}</span><span class={one.level === 'warn' ? 'warn' : one.level === 'error' ? 'bad' : 'muted'}>{one.level ?? ''}</span><span class="muted">{name(data, one.source)}</span><span>{one.text}</span></li>)}</ol>
+                ? <ol class="log" data-log-lines={lines.length}>{lines.map((one) => <Line key={`${one.source}:${one.n}`} of={one} source={name(data, one.source)} advice={advice} />)}</ol>
                 : <Empty title="No line fits">{`${count(data.sources.length)} files were searched.`}</Empty>}
               {page.depth > 0 && <div class="more"><button type="button" class="button" onClick={page.back}>Newer lines</button></div>}
               </div>
@@ -52,6 +55,22 @@ export function LogsPage() {
         );
       }}
     </Loaded>
+  );
+}
+
+/** Errors are what the documentation says something of; programs write them without a level, too. */
+function isError(line: LogLine): boolean {
+  return line.level === 'error' || line.level === 'warn' || line.level === null;
+}
+
+function Line(props: { of: LogLine; source: string; advice: Advice[] }) {
+  const { of } = props;
+  const known = isError(of) ? adviceFor(of.text, props.advice) : undefined;
+  return (
+    <li data-level={of.level ?? ''}>
+      <span class="muted">{of.t ?? ''}</span><span class={of.level === 'warn' ? 'warn' : of.level === 'error' ? 'bad' : 'muted'}>{of.level ?? ''}</span><span class="muted">{props.source}</span>
+      <span>{of.text}{known && <AdviceBelow of={known} />}</span>
+    </li>
   );
 }
 
