@@ -62,14 +62,7 @@ export function Shell() {
       <a class="skip button" href="#main" onClick={(event) => { event.preventDefault(); document.getElementById('main')?.focus(); }}>Skip to the page</a>
       <Rail open={menu} page={page} />
       <div>
-        <header class="top">
-          <button type="button" class="button icon-only menu" aria-label="Pages" aria-expanded={menu} onClick={() => setMenu(!menu)}><Icon path="M2 4h12M2 8h12M2 12h12" /></button>
-          {page && page.sources.length > 0 && <Pickers page={page} />}
-          <p class="sentence" title={newest?.sentence} data-sentence>{page?.path === '' ? '' : newest?.sentence ?? ''}</p>
-          <ConnectionDot />
-          <ThemeSwitch />
-          <button type="button" class="button plain icon-only" aria-label="Keyboard shortcuts" onClick={() => setHelp(true)}>?</button>
-        </header>
+        <Top page={page} sentence={newest?.sentence ?? ''} menu={menu} setMenu={setMenu} help={() => setHelp(true)} />
         {connection.value === 'lost' && <Gone />}
         <main id="main" tabIndex={-1} onClick={() => setMenu(false)}>
           <h1 class={page?.path === '' || page?.hidden ? 'sr' : ''}>{page?.title ?? 'Not found'}</h1>
@@ -79,6 +72,20 @@ export function Shell() {
       </div>
       {help && <Help close={() => setHelp(false)} />}
     </div>
+  );
+}
+
+function Top(props: { page: Page | undefined; sentence: string; menu: boolean; setMenu: (open: boolean) => void; help: () => void }) {
+  const { page, sentence, menu } = props;
+  return (
+    <header class="top">
+      <button type="button" class="button icon-only menu" aria-label="Pages" aria-expanded={menu} onClick={() => props.setMenu(!menu)}><Icon path="M2 4h12M2 8h12M2 12h12" /></button>
+      {page && page.sources.length > 0 && <Pickers page={page} />}
+      <p class="sentence" title={sentence} data-sentence>{page?.path === '' ? '' : sentence}</p>
+      <ConnectionDot />
+      <ThemeSwitch />
+      <button type="button" class="button plain icon-only" aria-label="Keyboard shortcuts" onClick={props.help}>?</button>
+    </header>
   );
 }
 

@@ -65,14 +65,7 @@ export function Fleet() {
         const toggle = (name: string) => setFold([...turned].filter((one) => one !== name).concat(turned.has(name) ? [] : name).join(',') || null, true);
         return (
           <>
-            <div class="page-head">
-              <p data-fleet-summary><b>{count(fleet.total)}</b> {fleet.total === 1 ? 'host' : 'hosts'} · <b>{count(fleet.workers)}</b> {fleet.workers === 1 ? 'worker' : 'workers'}{fleet.per_min !== null && <> · <b>{number(fleet.per_min)}</b> a minute</>}{fleet.ok !== null && <> · <b>{percent(fleet.ok)}</b> of attempts ok</>}</p>
-              {oneOf(fleet, (host) => host.version) && <span class="muted">version {oneOf(fleet, (host) => host.version)}</span>}
-              {oneOf(fleet, (host) => host.fingerprint) && fleet.total > 1 && <span class="muted">fingerprints equal</span>}
-              {!fleet.live && <Chip>from journals: nothing is on the bus</Chip>}
-              <span class="fill" />
-              <Search label="Filter hosts, workers, tasks" value={filter} change={(value) => setParameters({ filter: value, from: null }, true)} width={28} />
-            </div>
+            <Head of={fleet} filter={filter} />
             <section class="panel flush" aria-label="Hosts and workers" {...frozen.on}>
               <Table label="Hosts and workers" rows={rows} id={(row) => row.worker?.worker ?? row.host.host} height={720} sort={sort} setSort={(value) => setSort(value)}
                 columns={columns(fleet, at.current, toggle, (host) => many !== turned.has(host))} />
@@ -86,6 +79,20 @@ export function Fleet() {
         );
       }}
     </Loaded>
+  );
+}
+
+function Head(props: { of: FleetAnswer; filter: string }) {
+  const { of: fleet, filter } = props;
+  return (
+    <div class="page-head">
+      <p data-fleet-summary><b>{count(fleet.total)}</b> {fleet.total === 1 ? 'host' : 'hosts'} · <b>{count(fleet.workers)}</b> {fleet.workers === 1 ? 'worker' : 'workers'}{fleet.per_min !== null && <> · <b>{number(fleet.per_min)}</b> a minute</>}{fleet.ok !== null && <> · <b>{percent(fleet.ok)}</b> of attempts ok</>}</p>
+      {oneOf(fleet, (host) => host.version) && <span class="muted">version {oneOf(fleet, (host) => host.version)}</span>}
+      {oneOf(fleet, (host) => host.fingerprint) && fleet.total > 1 && <span class="muted">fingerprints equal</span>}
+      {!fleet.live && <Chip>from journals: nothing is on the bus</Chip>}
+      <span class="fill" />
+      <Search label="Filter hosts, workers, tasks" value={filter} change={(value) => setParameters({ filter: value, from: null }, true)} width={28} />
+    </div>
   );
 }
 

@@ -98,15 +98,7 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
   return (
     <Panel title="Sessions">
       {coming && !ended && <p role="status" class="muted">{session} is being opened.</p>}
-      {ended && (
-        <div class="problem" role="alert" data-ended={session}>
-          <h2>The session {session} has ended</h2>
-          {job.data?.log.slice(-3).map((line) => <p class="small mono">{line}</p>)}
-          {gone && <p>{jobGone.title}. {jobGone.detail}</p>}
-          <p>It is not heard any more. Its scene is chosen below.</p>
-          {actions && <button type="button" class="button" disabled={!wish.run} onClick={() => { void open(); }}>Open the same scene again</button>}
-        </div>
-      )}
+      {ended && <Ended session={session} log={job.data?.log ?? []} gone={gone} again={actions ? () => { void open(); } : null} able={wish.run !== ''} />}
       <div class="row wrap">
         {data.sessions.length > 0 && <Select showLabel label="Session" value={session} options={[['', 'choose one'], ...data.sessions.map((one) => [one.session, `${one.session} (${one.phase})`] as const)]} choose={(name) => choose(data, name)} />}
         <Select showLabel label="Scene of" value={wish.spec} options={listed(data.campaigns, wish.spec)} choose={set('campaign')} />
@@ -123,6 +115,19 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
       {!actions && <p class="small muted">This gateway was started without --token-file: it opens nothing. Copy the command.</p>}
       {!data.policies.length && <Command text="etude policy --checkpoint FILE" />}
     </Panel>
+  );
+}
+
+/** `gone`: the gateway knows nothing of its job any more. `again`: opens its scene again. */
+function Ended(props: { session: string; log: string[]; gone: boolean; again: (() => void) | null; able: boolean }) {
+  return (
+    <div class="problem" role="alert" data-ended={props.session}>
+      <h2>The session {props.session} has ended</h2>
+      {props.log.slice(-3).map((line) => <p class="small mono">{line}</p>)}
+      {props.gone && <p>{jobGone.title}. {jobGone.detail}</p>}
+      <p>It is not heard any more. Its scene is chosen below.</p>
+      {props.again && <button type="button" class="button" disabled={!props.able} onClick={props.again}>Open the same scene again</button>}
+    </div>
   );
 }
 

@@ -11,6 +11,37 @@ const tokens = ['target', 'hand', 'language', 'reference', 'obstacle', 'others']
 
 const ways: Record<string, readonly [number, number]> = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
+/** What of the table the picture shows, and where a place of it is. */
+function frameOf(x_m: number[], y_m: number[]) {
+  const left = Math.max(...x_m) + 0.04;
+  const right = Math.min(...x_m) - 0.04;
+  const near = Math.max(...y_m) + 0.04;
+  const far = Math.min(...y_m) - 0.04;
+  const width = 400;
+  const height = Math.min(400, (width * (near - far)) / (left - right));
+  const px = (x: number) => (width * (left - x)) / (left - right);
+  const py = (y: number) => (height * (y - far)) / (near - far);
+  return { left, right, near, far, width, height, px, py };
+}
+
+type Frame = ReturnType<typeof frameOf>;
+
+/** Lines every 10 cm. */
+function Decimetres(props: { of: Frame }) {
+  const { left, right, near, far, width, height, px, py } = props.of;
+  const lines: number[] = [];
+  for (let at = Math.ceil(right * 10) / 10; at <= left; at += 0.1) lines.push(at);
+  const rows: number[] = [];
+  for (let at = Math.ceil(far * 10) / 10; at <= near; at += 0.1) rows.push(at);
+  return (
+    <>
+      {lines.map((at) => <line x1={px(at)} x2={px(at)} y1="0" y2={height} stroke="var(--line)" />)}
+      {rows.map((at) => <line x1="0" x2={width} y1={py(at)} y2={py(at)} stroke="var(--line)" />)}
+      {lines.map((at) => <text x={px(at) + 3} y={height - 4} font-size="10" fill="var(--muted)">{Math.abs(at) < 0.05 ? '0' : at.toFixed(1)}</text>)}
+    </>
+  );
+}
+
 export function Places(props: { of: Summary['places']; dataset: string }) {
   const { x_m, y_m, task, index } = props.of;
   const [cursor, setCursor] = useState<number | null>(null);
@@ -26,25 +57,13 @@ export function Places(props: { of: Summary['places']; dataset: string }) {
     event.preventDefault();
   };
   const tasks = [...new Set(task)];
-  const left = Math.max(...x_m) + 0.04;
-  const right = Math.min(...x_m) - 0.04;
-  const near = Math.max(...y_m) + 0.04;
-  const far = Math.min(...y_m) - 0.04;
-  const width = 400;
-  const height = Math.min(400, (width * (near - far)) / (left - right));
-  const px = (x: number) => (width * (left - x)) / (left - right);
-  const py = (y: number) => (height * (y - far)) / (near - far);
-  const lines: number[] = [];
-  for (let at = Math.ceil(right * 10) / 10; at <= left; at += 0.1) lines.push(at);
-  const rows: number[] = [];
-  for (let at = Math.ceil(far * 10) / 10; at <= near; at += 0.1) rows.push(at);
+  const frame = frameOf(x_m, y_m);
+  const { left, right, near, far, width, height, px, py } = frame;
   return (
     <figure class="chart" data-places={x_m.length}>
       <div class="places" role="group" tabIndex={0} data-arrows aria-label="Places: arrow keys go from one to the next, Enter opens its episode" onKeyDown={press} onFocus={(event) => { if (event.currentTarget.matches(':focus-visible')) setCursor(cursor ?? 0); }} onBlur={() => setCursor(null)}>
       <svg viewBox={`0 0 ${width} ${height}`} width="100%" role="img" aria-label={`${x_m.length} places of targets, x ${right.toFixed(2)} to ${left.toFixed(2)} m, y ${far.toFixed(2)} to ${near.toFixed(2)} m`}>
-        {lines.map((at) => <line x1={px(at)} x2={px(at)} y1="0" y2={height} stroke="var(--line)" />)}
-        {rows.map((at) => <line x1="0" x2={width} y1={py(at)} y2={py(at)} stroke="var(--line)" />)}
-        {lines.map((at) => <text x={px(at) + 3} y={height - 4} font-size="10" fill="var(--muted)">{Math.abs(at) < 0.05 ? '0' : at.toFixed(1)}</text>)}
+        <Decimetres of={frame} />
         {x_m.map((x, i) => {
           const kind = tasks.indexOf(task[i]!);
           return <path d={glyphs[kind % glyphs.length]!} transform={`translate(${px(x).toFixed(1)} ${py(y_m[i]!).toFixed(1)})`} fill={`var(--${tokens[kind % tokens.length]})`} opacity="0.75" onClick={() => open(i)} />;
