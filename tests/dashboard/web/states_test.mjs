@@ -191,7 +191,8 @@ test('what is on the bus alone says so, on every page that would read its files'
 });
 
 test('a campaign that is picked shows nothing of the one before', async () => {
-  const of = (id, attempts) => ({ id, name: id, state: 'running', dataset: id, spec: null, spec_sha256: null, failures: {}, failures_by: [], timing: null, tasks: [], robots: [],
+  const failures_by = [['pick', 3], ['', 2]].map(([task, count]) => ({ reason: 'plan_failed', stage: null, task, robot: '', count }));
+  const of = (id, attempts) => ({ id, name: id, state: 'running', dataset: id, spec: null, spec_sha256: null, failures: {}, failures_by, timing: null, tasks: ['pick'], robots: [],
     status: { attempts, committed: 0, total: 10, given_up: 0, live: true, per_min: null, eta_s: null, error: '' } });
   const answers = { '/home': await homeOf([source('dataset', 'a'), source('dataset', 'b')]), '/campaigns/a': of('a', 4), '/campaigns/b': of('b', 50) };
   for (const id of ['a', 'b']) Object.assign(answers, { [`/campaigns/${id}/attempts`]: { total: 0, next: null, rows: [] }, [`/campaigns/${id}/cells`]: tensors({}) });
@@ -201,13 +202,14 @@ test('a campaign that is picked shows nothing of the one before', async () => {
     await page.locator('.pickers select').selectOption('b');
     await page.waitForSelector('[data-attempts-summary]:has-text("50 attempts")');
     assert.equal(await page.locator('.pill').count(), 0, 'new ones are those of this campaign');
+    assert.deepEqual(await page.locator('[data-matrix] tbody td.num').allInnerTexts(), ['3', '5'], 'those without a task are in the sum');
   });
 });
 
 test('a range that is none shows all, and a series that does not come says why', async () => {
   let broken = true;
   const answers = {
-    '/home': await homeOf([source('run', 'a')]), ...answersOf('a', { keys: [loss] }),
+    '/home': await homeOf([source('run', 'a')]), ...answersOf('a', { keys: [loss], nulls: [{ step: 100, key: 'train/loss' }], nulls_total: 1234 }),
     '/runs/a/series': (url) => {
       assert.equal(url.searchParams.get('from'), null);
       return broken ? { status: 500, json: { title: 'The series cannot be read', status: 500 } } : curve([50, 100, 150], [1, NaN, 0.5]);
@@ -221,6 +223,7 @@ test('a range that is none shows all, and a series that does not come says why',
     // a value that is not finite is said, and is not among those counted
     await page.waitForSelector('[data-chart=Loss] figcaption .bad:has-text("1 not finite")');
     assert.equal(await page.locator('table[data-table=Loss] tr[data-line=train] td').first().textContent(), '2');
+    await page.waitForSelector('.chip:has-text("1,234 values not finite")');
     assert.equal(await page.locator('.problem').count(), 0);
   }, { allow: /500 \(Internal/ });
 });
@@ -404,13 +407,14 @@ test('by keyboard: one skips to the page, the focus follows to the next, and age
 
 test('Logs: an error that the documentation knows says what to do', async () => {
   const line = (n, level, text) => ({ source: 's', n, t: '12:00:00', level, text });
-  const logs = { sources: [{ id: 's', name: 'collector.log', bytes: 10, updated: '' }], next: null, lines: [line(1, 'info', 'all is well'), line(2, 'error', "campaign.yaml: unknown key 'epsiodes': did you mean 'episodes'? (x)")] };
+  const logs = { sources: [{ id: 's', name: 'collector.log', bytes: 10, updated: '' }], next: null, searched: 12, back_to: '2026-11-23T06:00:00Z', lines: [line(1, 'info', 'all is well'), line(2, 'error', "campaign.yaml: unknown key 'epsiodes': did you mean 'episodes'? (x)")] };
   await open('/logs', { '/logs': logs }, async (page) => {
     const advice = page.locator('.log li').nth(1).locator('[data-advice]');
     await advice.locator('summary').click();
     assert.match(await advice.innerText(), /nothing was started/);
     await advice.locator('.command code', { hasText: 'etude config describe campaign' }).waitFor();
     assert.equal(await page.locator('[data-advice]').count(), 1);
+    assert.match(await page.locator('[data-back-to]').innerText(), /^12 files, back to 2026-11-23 .*were searched/);
     assert.deepEqual(await axe(page), []);
   });
 });

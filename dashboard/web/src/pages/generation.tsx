@@ -76,7 +76,8 @@ function Matrix(props: { of: Campaign; failed: number }) {
   const tasks = of.tasks;
   const failures = of.failures_by.filter((one) => !robot || one.robot === robot);
   const reasons = [...new Set(failures.map((one) => [one.reason, one.stage].filter(Boolean).join(' ')))];
-  const cell = (reason: string, task: string) => failures.filter((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason && one.task === task).reduce((sum, one) => sum + one.count, 0);
+  const named = (reason: string) => failures.filter((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason);
+  const cell = (reason: string, task: string) => named(reason).filter((one) => one.task === task).reduce((sum, one) => sum + one.count, 0);
   const most = Math.max(1, ...reasons.flatMap((reason) => tasks.map((task) => cell(reason, task))));
   const choice = (robots.length > 1 || robot) && <Select label="Robot" showLabel value={robot} options={[['', 'every robot'], ...robots.map((one) => [one, one] as const)]} choose={(value) => setRobot(value)} />;
   return (
@@ -88,7 +89,8 @@ function Matrix(props: { of: Campaign; failed: number }) {
           <table class="plain" data-matrix>
             <thead><tr><th>reason, stage</th>{tasks.map((task) => <th class="num">{task}</th>)}<th class="num">all</th></tr></thead>
             <tbody>{reasons.map((reason) => {
-              const sum = tasks.reduce((total, task) => total + cell(reason, task), 0);
+              // with those that are counted without a task
+              const sum = named(reason).reduce((total, one) => total + one.count, 0);
               const code = failures.find((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason);
               return <tr><td>{reason}</td>{tasks.map((task) => {
                 const n = cell(reason, task);

@@ -4,7 +4,7 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import { query, useResource } from '../core/api';
 import { useLive } from '../core/connection';
 import { useCursors } from '../core/cursors';
-import { bytes, clock, count } from '../core/format';
+import { bytes, clock, count, day, plural } from '../core/format';
 import { parameter } from '../core/router';
 import { adviceFor, type Advice } from '../core/advice';
 import type { Events, LogLine, Logs } from '../core/types';
@@ -19,8 +19,8 @@ export function LogsPage() {
   const args = { ...(source ? { source } : {}), ...(level ? { level } : {}), ...(q ? { q } : {}), limit: 200 };
   const text = query(args);
   const page = useCursors(text);
-  const first = useResource<Logs>(`/logs${query({ ...args, before: page.at })}`);
-  const live = useLive<Logs>(follow && !page.depth ? 'logs' : null, args, 1);
+  const first = useResource<Logs & Searched>(`/logs${query({ ...args, before: page.at })}`);
+  const live = useLive<Logs & Searched>(follow && !page.depth ? 'logs' : null, args, 1);
   const newest = (follow && !page.depth && live) || first.data;
   const warned = useLive<Events>('events', { ...(level === 'error' ? { level } : {}), ...(q ? { q } : {}), limit: 50 }, 1);
   const box = useRef<HTMLDivElement>(null);
@@ -47,7 +47,8 @@ export function LogsPage() {
               {next && <div class="more"><button type="button" class="button" disabled={first.pending} onClick={() => page.next(next)}>Older lines</button></div>}
               {lines.length
                 ? <ol class="log" data-log-lines={lines.length}>{lines.map((one) => <Line key={`${one.source}:${one.n}`} of={one} source={name(data, one.source)} advice={advice} />)}</ol>
-                : <Empty title="No line fits">{`${count(data.sources.length)} files were searched.`}</Empty>}
+                : <Empty title="No line fits">{`${searched(data)} were searched.`}</Empty>}
+              {lines.length > 0 && data.back_to && <p class="more small muted" data-back-to>{`${searched(data)} were searched.`}</p>}
               {page.depth > 0 && <div class="more"><button type="button" class="button" onClick={page.back}>Newer lines</button></div>}
               </div>
             </Panel>
@@ -83,6 +84,13 @@ function OfBus(props: { of: Events }) {
       </div>
     </Panel>
   );
+}
+
+interface Searched { sources: unknown[]; searched?: number; back_to?: string | null }
+
+/** What was looked at for these lines. */
+function searched(of: Searched): string {
+  return `${plural(of.searched ?? of.sources.length, 'file')}${of.back_to ? `, back to ${day(of.back_to)},` : ''}`;
 }
 
 function name(data: Logs, id: string): string {
