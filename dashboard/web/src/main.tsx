@@ -7,10 +7,11 @@ import * as connection from './core/connection';
 import * as keys from './core/keys';
 import * as router from './core/router';
 import * as theme from './core/theme';
+import { Boundary } from './parts/boundary';
 import { Shell } from './shell';
 
 theme.start();
 router.start();
 keys.start();
 connection.start();
-render(<Shell />, document.getElementById('app')!);
+render(<Boundary of=""><Shell /></Boundary>, document.getElementById('app')!);

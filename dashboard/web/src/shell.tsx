@@ -5,12 +5,14 @@ import { useResource } from './core/api';
 import { connection, lastHeard, now, useLive } from './core/connection';
 import { age, clock } from './core/format';
 import { active, enabled, setEnabled, useKeys, type Binding } from './core/keys';
-import { link, location, navigate, setParameters } from './core/router';
-import { chosen, home, nameOf, sourcesOf, type Kind } from './core/sources';
-import { choose, theme, type Theme } from './core/theme';
+import { canShow, parameterOf } from './core/choice';
+import { link, location, navigate } from './core/router';
+import { choose, chosen, home, nameOf, sourceOf, sourcesOf, type Kind } from './core/sources';
+import { choose as paint, theme, type Theme } from './core/theme';
 import type { Home } from './core/types';
 import { pages, type Page } from './pages/index';
 import { Empty, Failed, Select } from './parts/basics';
+import { Boundary } from './parts/boundary';
 import { SignIn } from './parts/sign_in';
 
 export function Icon(props: { path: string }) {
@@ -20,7 +22,11 @@ export function Icon(props: { path: string }) {
 /** Address of a page with the sources that this one shows. */
 function pageLink(page: Page): string {
   const query = location.value.query;
-  return link(page.path, Object.fromEntries(page.sources.map((kind) => [kind, query.get(kind)])));
+  const all = home.value?.sources ?? [];
+  return link(page.path, Object.fromEntries(page.sources.map((kind) => {
+    const id = query.get(parameterOf(kind));
+    return [parameterOf(kind), id !== null && canShow(all, kind, id) ? id : null];
+  })));
 }
 
 export function Shell() {
@@ -33,8 +39,12 @@ export function Shell() {
   const path = location.value.path;
   const page = pages.find((one) => one.path === (path[0] ?? ''));
   const address = path.join('/');
+  const before = useRef(address);
   useEffect(() => {
     setMenu(false);
+    // who reads by ear or keyboard goes on at the new page, not at the link that led there
+    if (before.current !== address) document.getElementById('main')?.focus({ preventScroll: true });
+    before.current = address;
     document.title = `${page?.title ?? 'Not found'} · Etude`;
   }, [address]);
 
@@ -46,29 +56,36 @@ export function Shell() {
     { keys: '?', does: 'this list', run: () => setHelp(true) },
   ]);
 
-  // no page can be read before
-  if (first.error?.status === 401 && !newest) return <SignIn />;
+  if (connection.value === 'denied') return <SignIn />;
   return (
     <div class="shell">
+      <a class="skip button" href="#main" onClick={(event) => { event.preventDefault(); document.getElementById('main')?.focus(); }}>Skip to the page</a>
       <Rail open={menu} page={page} />
       <div>
-        <header class="top">
-          <button type="button" class="button icon-only menu" aria-label="Pages" aria-expanded={menu} onClick={() => setMenu(!menu)}><Icon path="M2 4h12M2 8h12M2 12h12" /></button>
-          {page && page.sources.length > 0 && <Pickers page={page} />}
-          <p class="sentence" title={newest?.sentence} data-sentence>{page?.path === '' ? '' : newest?.sentence ?? ''}</p>
-          <ConnectionDot />
-          <ThemeSwitch />
-          <button type="button" class="button plain icon-only" aria-label="Keyboard shortcuts" onClick={() => setHelp(true)}>?</button>
-        </header>
+        <Top page={page} sentence={newest?.sentence ?? ''} menu={menu} setMenu={setMenu} help={() => setHelp(true)} />
         {connection.value === 'lost' && <Gone />}
         <main id="main" tabIndex={-1} onClick={() => setMenu(false)}>
           <h1 class={page?.path === '' || page?.hidden ? 'sr' : ''}>{page?.title ?? 'Not found'}</h1>
           {first.error && !newest && <Failed problem={first.error} retry={first.reload} />}
-          {page ? (newest || first.error ? <page.view key={page.path} /> : null) : <Empty title="There is no such page">{`Nothing is at /${address}.`} <a href="/">Overview</a></Empty>}
+          {page ? (newest || first.error ? <Boundary of={address + location.value.query.toString()}><page.view key={page.path} /></Boundary> : null) : <Empty title="There is no such page">{`Nothing is at /${address}.`} <a href="/">Overview</a></Empty>}
         </main>
       </div>
       {help && <Help close={() => setHelp(false)} />}
     </div>
+  );
+}
+
+function Top(props: { page: Page | undefined; sentence: string; menu: boolean; setMenu: (open: boolean) => void; help: () => void }) {
+  const { page, sentence, menu } = props;
+  return (
+    <header class="top">
+      <button type="button" class="button icon-only menu" aria-label="Pages" aria-expanded={menu} onClick={() => props.setMenu(!menu)}><Icon path="M2 4h12M2 8h12M2 12h12" /></button>
+      {page && page.sources.length > 0 && <Pickers page={page} />}
+      <p class="sentence" title={sentence} data-sentence>{page?.path === '' ? '' : sentence}</p>
+      <ConnectionDot />
+      <ThemeSwitch />
+      <button type="button" class="button plain icon-only" aria-label="Keyboard shortcuts" onClick={props.help}>?</button>
+    </header>
   );
 }
 
@@ -109,18 +126,20 @@ function Pickers(props: { page: Page }) {
 function Picker(props: { kind: Kind }) {
   const { kind } = props;
   const id = chosen(kind)?.split(',')[0] ?? '';
-  const all = sourcesOf(kind, kind === 'dataset' && (home.value?.sources.find((one) => one.id === id)?.role === 'rollouts'));
+  const all = sourcesOf(kind, kind === 'dataset' && sourceOf(id)?.role === 'rollouts');
   if (!all.length) return null;
   const options = all.map((one) => [one.id, all.filter((other) => other.name === one.name).length > 1 ? `${one.name} (${one.folder ?? one.id})` : one.name] as const);
   if (!all.some((one) => one.id === id)) options.unshift([id, nameOf(id)]);
-  return <Select label={kind} value={id} options={options} choose={(value) => setParameters({ [kind]: value })} />;
+  return <Select label={kind} value={id} options={options} choose={(value) => choose(kind, value)} />;
 }
 
 function ConnectionDot() {
   const state = connection.value;
   const since = now.value - lastHeard.value;
   const text = state === 'wait' ? 'connecting' : state === 'lost' ? 'no gateway' : since < 3000 ? 'live' : age(since);
-  return <span class="connection" data-state={state} role="status" title="Time since the gateway was heard">{text}</span>;
+  // said when it changes, and not twice a second while it ages
+  const told = state === 'live' ? (since < 10000 ? 'The gateway is heard' : 'The gateway is silent') : state === 'lost' ? 'The gateway does not answer' : 'Connecting';
+  return <span class="connection" data-state={state} title="Time since the gateway was heard"><span aria-hidden="true">{text}</span><span class="sr" role="status">{told}</span></span>;
 }
 
 function Gone() {
@@ -138,7 +157,7 @@ function ThemeSwitch() {
   const next = order[(order.indexOf(theme.value) + 1) % order.length]!;
   const icon = { system: 'M2 3h12v8H2zM6 14h4M8 11v3', light: 'M8 5a3 3 0 100 6 3 3 0 000-6zM8 1v1M8 14v1M1 8h1M14 8h1M3 3l.7.7M12.3 12.3l.7.7M3 13l.7-.7M12.3 3.7L13 3', dark: 'M13 9.5A5.5 5.5 0 016.5 3 5.5 5.5 0 1013 9.5z' };
   return (
-    <button type="button" class="button plain icon-only" aria-label={`Theme: ${theme.value}; change to ${next}`} title={`Theme: ${theme.value}`} onClick={() => choose(next)}>
+    <button type="button" class="button plain icon-only" aria-label={`Theme: ${theme.value}; change to ${next}`} title={`Theme: ${theme.value}`} onClick={() => paint(next)}>
       <Icon path={icon[theme.value]} />
     </button>
   );

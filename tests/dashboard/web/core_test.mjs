@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the pages compute themselves: intervals, formats, safetensors. Needs no browser and no gateway.
 import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
 import { createRequire } from 'node:module';
 import { dirname, join } from 'node:path';
@@ -157,4 +158,92 @@ test('a tie is rounded to the even digit, as the programs do', async () => {
   assert.equal(percent(0.96375), '96.4 %');
   assert.equal(rounded(0.75, 1), '0.8');
   assert.equal(percent(1), '100 %');
+});
+
+test('a path that is not UTF-8 is shown as it is written', async () => {
+  const { partsOf } = await load('address.ts');
+  assert.deepEqual(partsOf('/episode/a%20b/3'), ['episode', 'a b', '3']);
+  assert.deepEqual(partsOf('/%E0%A4/x'), ['%E0%A4', 'x']);
+  assert.deepEqual(partsOf('//'), []);
+});
+
+test('another source takes no filter, tick or selection of the one before with it', async () => {
+  const { withSource } = await load('address.ts');
+  const query = new URLSearchParams('dataset=a&run=r&ticks=1-3&from=200&page=2-x&scene=4&vs=e&y=log&smooth=200&x=elapsed&range=1..2');
+  assert.equal(withSource(query, 'dataset', 'b').toString(), 'dataset=b&run=r&y=log&smooth=200&x=elapsed');
+  assert.equal(withSource(new URLSearchParams('key=train'), 'eval', 'e').toString(), 'eval=e');
+});
+
+test('a page shows a run with files before one that is on the bus alone, and campaigns of both kinds', async () => {
+  const { canShow, defaultOf, ofKind } = await load('choice.ts');
+  const all = [
+    { id: 'far', kind: 'run', folder: null }, { id: 'near', kind: 'run', folder: 'run' },
+    { id: 'bus', kind: 'campaign', folder: null, role: null }, { id: 'rollouts', kind: 'dataset', folder: 'r', role: 'rollouts' }, { id: 'data', kind: 'dataset', folder: 'd', role: 'demonstrations' },
+  ];
+  assert.equal(defaultOf(all, 'run').id, 'near');
+  assert.equal(defaultOf(all.slice(0, 1), 'run').id, 'far');
+  assert.equal(defaultOf(all, 'campaign').id, 'bus');
+  assert.equal(defaultOf(all, 'dataset').id, 'data');
+  assert.equal(defaultOf(all, 'eval'), undefined);
+  assert.deepEqual(ofKind(all, 'dataset', true).map((one) => one.id), ['rollouts', 'data']);
+  assert.deepEqual(['bus', 'data', 'unknown'].map((id) => canShow(all, 'dataset', id)), [false, true, true]);
+  assert.ok(canShow(all, 'campaign', 'bus'));
+});
+
+test('a range of an axis is read from the address, or there is none', async () => {
+  const { readRange, writeRange, zoomed } = await load('range.ts');
+  assert.deepEqual(readRange('100..250'), [100, 250]);
+  assert.deepEqual(readRange('-0.5..1e3'), [-0.5, 1000]);
+  for (const bad of ['', 'abc', '1', '..', '1..', '..2', '2..1', '3..3', '1..2..3', 'NaN..2', '1..Infinity']) assert.equal(readRange(bad), null, bad);
+  // narrower than one unit, it is still a range
+  assert.equal(writeRange([100.21, 100.26]), '100.21..100.26');
+  assert.equal(writeRange([123.4, 4567.8]), '123..4568');
+  assert.deepEqual(zoomed([0, 100], [0, 100], 80, 0.5), [40, 90]);
+  assert.deepEqual(zoomed([40, 90], [0, 100], 90, 1.5), [15, 90]);
+  assert.deepEqual(zoomed([0, 10], [0, 100], 0, 4), [0, 40]);
+  assert.equal(zoomed([40, 90], [0, 100], 80, 2), null);
+});
+
+test('lines over the points of all: no point is none, one that is not finite breaks the line', async () => {
+  const { align } = await load('lines.ts');
+  const { x, columns } = align([{ x: [1, 2, 3], values: [5, NaN, 7], min: [4, NaN, 6] }, { x: [2, 4], values: [1, 2], base: [10, 10] }]);
+  assert.deepEqual([...x], [1, 2, 3, 4]);
+  assert.deepEqual(columns[0], [5, null, 7, undefined]);
+  assert.deepEqual(columns[1], [4, null, 6, undefined]);
+  assert.deepEqual(columns.slice(3), [[undefined, 11, undefined, 12], [undefined, 10, undefined, 10], [undefined, 11, undefined, 12]]);
+});
+
+test('arrow keys go to the nearest point that way', async () => {
+  const { beside } = await load('beside.ts');
+  const [x, y] = [[0, 1, 3, 0.2, -1], [0, 0.5, 0, 2, 0]];
+  assert.equal(beside(x, y, 0, [1, 0]), 1);
+  assert.equal(beside(x, y, 0, [0, 1]), 3);
+  assert.equal(beside(x, y, 0, [-1, 0]), 4);
+  assert.equal(beside(x, y, 0, [0, -1]), 0, 'nothing is there');
+  assert.equal(beside(x, y, 1, [1, 0]), 2);
+});
+
+test('commands name the absolute folder, quoted where it has to be', async () => {
+  const { folderIn } = await load('commands.ts');
+  assert.equal(folderIn({ folder: 'out/dataset', path: '/home/a/out/dataset' }, 'DATASET'), '/home/a/out/dataset');
+  assert.equal(folderIn({ folder: 'out/dataset' }, 'DATASET'), 'out/dataset');
+  assert.equal(folderIn({ folder: null, path: null }, 'DATASET'), 'DATASET');
+  assert.equal(folderIn(undefined, 'RUN'), 'RUN');
+  assert.equal(folderIn({ path: "/a b/it's" }, 'RUN'), String.raw`'/a b/it'\''s'`);
+});
+
+test('lines of a log find what the documentation says of them', async () => {
+  const { adviceFor, readAdvice } = await load('advice.ts');
+  const all = readAdvice(['# Troubleshooting', 'By text.', '## Starting', '### `start \'...\': not found beside this program in`', 'Build `etude`', 'first.', '', '<!-- docs: quick -->', '```bash', 'etude doctor', '```', '', '## Next', 'Not of it.', '### `large blobs`', '(also `bursts are lost ... again`)', 'Do this.', '### `short`', 'No.', ''].join('\n'));
+  assert.deepEqual(all.map((one) => one.title), ["start '...': not found beside this program in", 'large blobs']);
+  assert.deepEqual(all[0].body, [{ text: 'Build `etude` first.', command: false }, { text: 'etude doctor', command: true }]);
+  assert.deepEqual(all[1].body, [{ text: 'Do this.', command: false }]);
+  assert.equal(adviceFor("[error] start 'etude-worker': not found beside this program in /usr/bin", all), all[0]);
+  assert.equal(adviceFor('not found beside this program in: start \'', all), undefined, 'its parts in their order');
+  assert.equal(adviceFor('bursts are lost and sent again', all), all[1]);
+  assert.equal(adviceFor('all is well', all), undefined);
+  // the page itself: every heading with a text in backquotes is found by that text
+  const page = readFileSync(join(web, '../../deploy/docs/troubleshooting.md'), 'utf8');
+  const known = readAdvice(page);
+  for (const [, key] of page.matchAll(/^### `(.+)`$/gm)) assert.ok(adviceFor(`12:00 ${key.replaceAll('...', 'X')} and so on`, known)?.body.length, key);
 });

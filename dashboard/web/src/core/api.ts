@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Questions to the gateway. An answer that does not come leaves the old data standing beside the reason.
 import { useEffect, useRef, useState } from 'preact/hooks';
-import { epoch, heard, lost } from './connection';
+import { denied, epoch, heard, lost } from './connection';
+import type { Job } from './types';
 
 export interface Problem { title: string; status: number; detail?: string; hint?: string }
 
@@ -24,6 +25,8 @@ async function request(path: string, signal?: AbortSignal, init: RequestInit = {
   }
   heard();
   if (response.ok) return response;
+  // who may not read has to sign in; an action asks for the token where it stands
+  if (response.status === 401 && !init.method) denied();
   let problem: Problem = { title: `${response.status} ${response.statusText}`, status: response.status };
   if (response.headers.get('content-type')?.includes('json')) problem = { ...problem, ...(await response.json() as Problem) };
   throw new RequestError(problem);
@@ -48,6 +51,19 @@ export function reasonOf(error: unknown): string {
   const problem = problemOf(error);
   return problem.detail ?? problem.title;
 }
+
+/** Null: the gateway knows no such job, as after it was started again. */
+export async function getJob(id: string, signal?: AbortSignal): Promise<Job | null> {
+  try {
+    return await getJson<Job>(`/jobs/${id}`, signal);
+  } catch (error) {
+    if (problemOf(error).status === 404) return null;
+    throw error;
+  }
+}
+
+/** Of a job that getJob() does not find. */
+export const jobGone: Problem = { title: 'The gateway does not know this job any more', status: 404, detail: 'It was started again meanwhile, which ends its jobs. What the job had done stands.' };
 
 export async function stopJob(id: string): Promise<void> {
   await request(`/jobs/${id}`, undefined, { method: 'DELETE' });

@@ -3,9 +3,9 @@
 import { signal } from '@preact/signals';
 import { useEffect, useState } from 'preact/hooks';
 
-export type Connection = 'wait' | 'live' | 'lost';
+export type Connection = 'wait' | 'live' | 'lost' | 'denied';
 
-/** Whether the gateway answers; `wait` before the first answer. */
+/** Whether the gateway answers; `wait` before the first answer, `denied` while it answers only to those with its token. */
 export const connection = signal<Connection>('wait');
 /** When it was heard last, ms since 1970. */
 export const lastHeard = signal(0);
@@ -17,12 +17,23 @@ export const now = signal(Date.now());
 export function heard(): void {
   lastHeard.value = Date.now();
   // one question that failed is not the gateway's end while its messages come
-  if (connection.value === 'wait' || socket?.readyState === WebSocket.OPEN) connection.value = 'live';
+  if (connection.value === 'wait' || (connection.value === 'lost' && socket?.readyState === WebSocket.OPEN)) connection.value = 'live';
 }
 
 export function lost(): void {
   connection.value = 'lost';
   if (!socket) schedule(250);
+}
+
+/** The gateway wants its token, which was never given, has expired or is another one now. */
+export function denied(): void {
+  connection.value = 'denied';
+}
+
+/** A socket that is refused does not say why; a question does. */
+async function askWhy(): Promise<void> {
+  const answer = await fetch('/api/v1/home', { credentials: 'same-origin' }).catch(() => null);
+  if (socket?.readyState !== WebSocket.OPEN) connection.value = answer?.status === 401 ? 'denied' : 'lost';
 }
 
 interface Subscription { id: string; ch: string; args: unknown; hz: number; listeners: Set<(data: unknown) => void>; last?: unknown; refusal?: unknown }
@@ -50,7 +61,7 @@ function open(): void {
   socket = opening;
   opening.onopen = () => {
     pause = 250;
-    const back = connection.value === 'lost';
+    const back = connection.value === 'lost' || connection.value === 'denied';
     connection.value = 'live';
     lastHeard.value = Date.now();
     for (const one of subscriptions.values()) send(one);
@@ -63,7 +74,8 @@ function open(): void {
   opening.onclose = () => {
     if (socket !== opening) return;
     socket = null;
-    connection.value = 'lost';
+    if (connection.value !== 'denied') connection.value = 'lost';
+    void askWhy();
     schedule(pause);
     pause = Math.min(5000, pause * 2);
   };

@@ -3,7 +3,8 @@
 import { signal } from '@preact/signals';
 import { useEffect, useRef } from 'preact/hooks';
 
-export interface Binding { keys: string; does: string; run: (event: KeyboardEvent) => void }
+/** `when`: whether it acts now; always, where it is left out. */
+export interface Binding { keys: string; does: string; run: (event: KeyboardEvent) => void; when?: () => boolean }
 
 const layers = new Set<{ current: Binding[] }>();
 const slot = 'etude.keys';
@@ -19,6 +20,8 @@ export function setEnabled(on: boolean): void {
 export function start(): void {
   document.addEventListener('keydown', (event) => {
     if (!enabled.value || event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey || typing(event)) return;
+    // the page behind an open dialog is not what one sees
+    if (document.querySelector('dialog[open]')) return;
     const prefix = waiting && Date.now() - waiting < 1200 ? 'g ' : '';
     waiting = 0;
     if (!prefix && event.key === 'g') {
@@ -27,7 +30,7 @@ export function start(): void {
     }
     const name = prefix + (event.key === ' ' ? 'Space' : event.shiftKey && event.key.length > 1 ? `Shift+${event.key}` : event.key);
     for (const layer of [...layers].reverse()) {
-      const found = layer.current.find((one) => one.keys === name);
+      const found = layer.current.find((one) => one.keys === name && (one.when?.() ?? true));
       if (!found) continue;
       event.preventDefault();
       found.run(event);

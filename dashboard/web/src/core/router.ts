@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The address is the state: page, sources, filters, selection. Everything that can be pointed at has a link.
 import { computed, signal } from '@preact/signals';
+import { partsOf } from './address';
 
 export interface Location { path: string[]; query: URLSearchParams }
 
@@ -9,7 +10,7 @@ export const location = computed(() => current.value);
 
 function read(): Location {
   const url = window.location;
-  return { path: url.pathname.split('/').filter(Boolean).map(decodeURIComponent), query: new URLSearchParams(url.search) };
+  return { path: partsOf(url.pathname), query: new URLSearchParams(url.search) };
 }
 
 export function start(): void {

@@ -1,28 +1,50 @@
 // SPDX-License-Identifier: Apache-2.0
 // What there is to look at, and which of it this page shows: the address says, else the newest of its kind.
 import { signal } from '@preact/signals';
+import { useEffect } from 'preact/hooks';
+import { withSource } from './address';
+import { defaultOf, ofKind, parameterOf, type Kind } from './choice';
 import type { Home, Source } from './types';
-import { link, location } from './router';
+import { link, location, navigate, setParameters } from './router';
+
+export type { Kind } from './choice';
 
 /** The newest /home, kept by the shell. */
 export const home = signal<Home | undefined>(undefined);
 
-export type Kind = 'dataset' | 'run' | 'eval';
-
 export function sourcesOf(kind: Kind, rollouts = false): Source[] {
-  const all = home.value?.sources ?? [];
-  return all.filter((one) => one.kind === kind && (kind !== 'dataset' || rollouts || one.role !== 'rollouts'));
+  return ofKind(home.value?.sources ?? [], kind, rollouts);
 }
 
 /** The source of this kind that the page shows; null where there is none. */
 export function chosen(kind: Kind): string | null {
-  return location.value.query.get(kind) ?? sourcesOf(kind)[0]?.id ?? null;
+  return location.value.query.get(parameterOf(kind)) ?? defaultOf(home.value?.sources ?? [], kind)?.id ?? null;
 }
 
-/** All of this kind that the page shows, in the order picked (colours follow it). */
-export function chosenAll(kind: Kind): string[] {
-  const text = chosen(kind);
+/**
+ * As chosen(). What nobody chose goes into the address, so that the page stays with it when another one becomes the
+ * newest, and a link of the page shows it to others. `hold` false: only looked up.
+ */
+export function useChosen(kind: Kind, hold = true): string | null {
+  const id = chosen(kind);
+  const named = location.value.query.has(parameterOf(kind));
+  useEffect(() => { if (hold && id !== null && !named) setParameters({ [parameterOf(kind)]: id }, true); }, [id, named, hold]);
+  return id;
+}
+
+/** Shows another source of this kind on this page. */
+export function choose(kind: Kind, id: string): void {
+  navigate(`${window.location.pathname}?${withSource(location.value.query, parameterOf(kind), id).toString()}`);
+}
+
+/** All of a text that names several, in the order picked (colours follow it). */
+export function listed(text: string | null): string[] {
   return text ? text.split(',').filter(Boolean) : [];
+}
+
+/** Null: not known. */
+export function sourceOf(id: string | null): Source | null {
+  return home.value?.sources.find((one) => one.id === id) ?? null;
 }
 
 export function nameOf(id: string | null): string {

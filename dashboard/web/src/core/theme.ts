@@ -50,7 +50,7 @@ export function color(token: string): string {
   return value;
 }
 
-/** Colours of entities in a fixed order, also used for runs (with a marker each). */
+/** Colours of entities in a fixed order, also used for runs (with a shape each: parts/marker.tsx). */
 export const hues = ['target', 'hand', 'language', 'reference', 'obstacle', 'others'] as const;
 
 /** What a module is about decides its colour: language, hand, target, reference, obstacle, else motion. */

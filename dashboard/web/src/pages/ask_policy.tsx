@@ -2,12 +2,13 @@
 // The policy that serves a run, asked about a recorded picture: what each module says and looks at, and what would
 // follow from another sentence, a hidden part, or a module that says something else. Nothing of it reaches a robot. All
 // of the question stands in the address.
-import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
+import { useEffect, useMemo } from 'preact/hooks';
 import { postJson, query, useResource } from '../core/api';
+import { useDraft, type Draft } from '../core/draft';
 import { count } from '../core/format';
 import { link, parameter } from '../core/router';
 import { readRectangles, writeRectangles, type Rectangle } from '../core/rectangles';
-import { chosen } from '../core/sources';
+import { useChosen } from '../core/sources';
 import type { Episode, Episodes, Eval, Insight } from '../core/types';
 import { ActionButton } from '../parts/actions';
 import { Empty, Failed, Panel, Select, Skeleton } from '../parts/basics';
@@ -26,7 +27,7 @@ export interface Shown { module: string; planner: string; tell: (of: Insight | u
 interface Asked extends Shown { run: string; kept: Eval[]; heard: ReadonlySet<string> }
 
 export function AskPolicy(props: Asked) {
-  const dataset = chosen('dataset');
+  const dataset = useChosen('dataset');
   const [index] = parameter('episode');
   const newest = useResource<Episodes>(dataset && !index ? `/datasets/${dataset}/episodes${query({ limit: 1 })}` : null);
   const n = index || (newest.data?.columns.index[0] ?? '');
@@ -36,18 +37,10 @@ export function AskPolicy(props: Asked) {
   return episode.data ? <Bench key={episode.data.index} {...props} episode={episode.data} /> : <Skeleton height={320} />;
 }
 
-/** A parameter of the address that is set after a pause in typing; until then the field shows what was typed. */
-function useField(name: string, fallback = ''): { shown: string; value: string; change: (text: string) => void } {
+/** A parameter of the address as a field. */
+function useField(name: string, fallback = ''): Draft & { value: string } {
   const [value, set] = parameter(name);
-  const [typed, setTyped] = useState<string | null>(null);
-  const timer = useRef(0);
-  const change = (text: string) => {
-    setTyped(text);
-    window.clearTimeout(timer.current);
-    timer.current = window.setTimeout(() => { setTyped(null); set(text || null, true); }, 400);
-  };
-  useEffect(() => () => window.clearTimeout(timer.current), []);
-  return { shown: typed ?? (value || fallback), value, change };
+  return { value, ...useDraft(value || fallback, (text) => set(text || null, true), 400) };
 }
 
 /** "TAR3D.position=[0.1, 0.3, 0.04]" in its parts, as `etude policy watch --say` has it. */
@@ -133,7 +126,7 @@ function prefilled(module: Insight['modules'][string] | undefined): string {
 }
 
 /** Offered of those modules alone that something follows from. */
-function SayInstead(props: { of: Insight | undefined; heard: ReadonlySet<string>; field: { shown: string; change: (text: string) => void } }) {
+function SayInstead(props: { of: Insight | undefined; heard: ReadonlySet<string>; field: Draft }) {
   const said = saidIn(props.field.shown);
   const [, set] = parameter('say');
   const modules = props.of?.modules ?? {};

@@ -4,16 +4,19 @@ import type { ComponentChildren } from 'preact';
 import { root, useResource } from '../core/api';
 import { bytes, clock, count, day, none, number, short } from '../core/format';
 import { link, parameter } from '../core/router';
-import { chosen } from '../core/sources';
+import { sourceOf, useChosen } from '../core/sources';
 import type { Checkpoint, Checkpoints } from '../core/types';
 import { ActionButton } from '../parts/actions';
+import { Elsewhere } from '../parts/elsewhere';
 import { Chip, Command, Empty, Facts, Loaded, Panel } from '../parts/basics';
 import { Table, type Column } from '../parts/table';
 
 export function CheckpointsPage() {
-  const id = chosen('run');
-  const answer = useResource<Checkpoints>(id && `/runs/${id}/checkpoints`, { every: 10000 });
+  const id = useChosen('run');
+  const here = sourceOf(id)?.folder !== null;
+  const answer = useResource<Checkpoints>(id && here ? `/runs/${id}/checkpoints` : null, { every: 10000 });
   if (!id) return <Panel><Empty title="No run here yet" command="etude train --data data --config compact --out run --minutes 10">Checkpoints come with a run:</Empty></Panel>;
+  if (!here) return <Elsewhere of={id} />;
   return <Loaded of={answer}>{(data) => <Content of={data} run={id} />}</Loaded>;
 }
 

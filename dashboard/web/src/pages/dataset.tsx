@@ -2,10 +2,11 @@
 // Is the data balanced and sound: episodes by any filter, how they are distributed, which are odd.
 import { useEffect, useState } from 'preact/hooks';
 import { query, useResource } from '../core/api';
+import { folderIn } from '../core/commands';
 import { useCursors } from '../core/cursors';
 import { bytes, count, duration, fixed, none, number } from '../core/format';
 import { parameter, setParameters } from '../core/router';
-import { chosen, episodeLink } from '../core/sources';
+import { episodeLink, useChosen } from '../core/sources';
 import { mostTicks, readTicks, writeTicks } from '../core/ticks';
 import type { Dataset, Episodes, Summary } from '../core/types';
 import { ActionButton } from '../parts/actions';
@@ -21,7 +22,7 @@ function useFilter(): Record<string, string> {
 }
 
 export function DatasetPage() {
-  const id = chosen('dataset');
+  const id = useChosen('dataset');
   const dataset = useResource<Dataset>(id && `/datasets/${id}`, { every: 10000 });
   if (!id) return <Panel><Empty title="No dataset here yet" command="etude collect deploy/campaigns/quickstart.yaml --out data">Episodes appear with the first commit:</Empty></Panel>;
   return <Loaded of={dataset}>{(data) => <Content key={data.id} of={data} reload={dataset.reload} />}</Loaded>;
@@ -167,7 +168,7 @@ function Rows(props: { of: Dataset; text: string; reload: () => void }) {
           ]} />
       )}
       {data && <Pager what="episodes" from={page.depth * mostRows} shown={rows.length} total={data.total} size={mostRows} go={(from) => { if (from < page.depth * mostRows) page.back(); else if (data.next && !first.pending) page.next(data.next); }} />}
-      {rows.length > 0 && <div class="more"><Command text={`etude dataset info ${props.of.folder}`} /></div>}
+      {rows.length > 0 && <div class="more"><Command text={`etude dataset info ${folderIn(props.of, 'DATASET')}`} /></div>}
     </Panel>
   );
 }

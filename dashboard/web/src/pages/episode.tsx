@@ -3,6 +3,7 @@
 import type { JSX } from 'preact';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import { getBytes, query, root, useResource } from '../core/api';
+import { folderIn } from '../core/commands';
 import { bytes, clock, count, day, fixed, number, short } from '../core/format';
 import { useKeys } from '../core/keys';
 import { link, location, navigate, parameter } from '../core/router';
@@ -25,21 +26,28 @@ export function EpisodePage() {
   return attempt === null ? <Whole key={`${dataset}/${index}`} dataset={dataset} index={index} /> : <FailedAttempt dataset={dataset} index={index} attempt={Number(attempt)} />;
 }
 
+/** Of a dataset, as commands take it; null: of none. */
+function useFolder(dataset: string | null): string {
+  const about = useResource<Dataset>(dataset && `/datasets/${dataset}`);
+  return folderIn(about.data ?? home.value?.sources.find((one) => one.id === dataset), 'DATASET');
+}
+
 /** `replay`: the dataset is that of a replay, shown below what is said of the attempt. */
 function Whole(props: { dataset: string; index: number; replay?: string }) {
   const base = `/datasets/${props.dataset}/episodes/${props.index}`;
   const episode = useResource<Episode>(base);
+  const folder = useFolder(props.replay ? null : props.dataset);
   const tracks = useResource<Tensors>(episode.data ? `${base}/tracks?points=4000` : null, { load: async (path, signal) => readSafetensors(await getBytes(path, signal)) });
   if (episode.error && !episode.data) {
     return (
       <>
         <Failed problem={episode.error} retry={episode.reload} />
         <p class="row"><a class="button" href={episodeLink(props.dataset, props.index - 1)}>Previous</a><a class="button" href={episodeLink(props.dataset, props.index + 1)}>Next</a></p>
-        <Command text={`etude dataset verify ${home.value?.sources.find((one) => one.id === props.dataset)?.folder ?? 'DATASET'}`} />
+        <Command text={`etude dataset verify ${folder}`} />
       </>
     );
   }
-  return <Loaded of={episode} height={640}>{(data) => <Player key={data.index} episode={data} tracks={tracks.data} replay={props.replay} problem={tracks.error ? () => <Failed problem={tracks.error!} retry={tracks.reload} /> : null} />}</Loaded>;
+  return <Loaded of={episode} height={640}>{(data) => <Player key={data.index} episode={data} folder={folder} tracks={tracks.data} replay={props.replay} problem={tracks.error ? () => <Failed problem={tracks.error!} retry={tracks.reload} /> : null} />}</Loaded>;
 }
 
 /** The values of a track at each step, whether the server merged steps or not. */
@@ -51,7 +59,7 @@ function column(values: Float32Array, columns: number, at: number, factor = 1): 
   return Float64Array.from({ length: values.length / columns }, (_one, i) => values[columns * i + at]! * factor);
 }
 
-function Player(props: { episode: Episode; tracks: Tensors | undefined; replay: string | undefined; problem: (() => JSX.Element) | null }) {
+function Player(props: { episode: Episode; folder: string; tracks: Tensors | undefined; replay: string | undefined; problem: (() => JSX.Element) | null }) {
   const { episode, tracks } = props;
   const remake = useRemake(props.replay ? null : { dataset: episode.dataset, index: episode.index, attempt: episode.attempt }, false);
   const files = useReplayFiles(props.replay ?? (remake.of?.state === 'ready' && remake.of.has_episode ? remake.of.id : null));
@@ -104,7 +112,7 @@ function Player(props: { episode: Episode; tracks: Tensors | undefined; replay: 
           {shapes && <Nearest files={shapes} playhead={playhead} />}
           {unlike !== null && <p class="bad" role="alert" data-other-replay>{unlike}</p>}
           {files.error && <Failed problem={files.error} retry={files.reload} />}
-          {!props.replay && !files.data && <MakeReplay of={remake} label="Make it again, with shapes and plan" command={replayCommand(home.value?.sources.find((one) => one.id === episode.dataset)?.folder, episode.index, episode.attempt)} />}
+          {!props.replay && !files.data && <MakeReplay of={remake} label="Make it again, with shapes and plan" command={replayCommand(props.folder, episode.index, episode.attempt)} />}
         </Panel>
         <Details episode={episode} />
       </div>
@@ -220,8 +228,8 @@ function pictureMarks(episode: Episode, tracks: Tensors | undefined): Mark[] {
   return marks;
 }
 
-function replayCommand(folder: string | null | undefined, index: number, attempt: number): string {
-  return `etude attempt replay ${folder ?? 'DATASET'} --index ${index} --attempt ${attempt} --out attempt-${index}-${attempt}`;
+function replayCommand(folder: string, index: number, attempt: number): string {
+  return `etude attempt replay ${folder} --index ${index} --attempt ${attempt} --out attempt-${index}-${attempt}`;
 }
 
 /** Why the replay is not this episode; null: it is. Wrong shapes in right places would say nothing of it. */
@@ -326,7 +334,7 @@ function makePlots(episode: Episode, tracks: Tensors): { title: string; unit: st
 
 function FailedAttempt(props: { dataset: string; index: number; attempt: number }) {
   const rows = useResource<Attempts>(`/campaigns/${props.dataset}/attempts${query({ index: props.index, limit: 200 })}`);
-  const dataset = useResource<Dataset>(`/datasets/${props.dataset}`);
+  const folder = useFolder(props.dataset);
   const remake = useRemake(props, true);
   return (
     <Loaded of={rows}>
@@ -347,7 +355,7 @@ function FailedAttempt(props: { dataset: string; index: number; attempt: number 
                 <p class="secondary">A failed attempt leaves no picture, but it is a function of its seed: this makes the same attempt again, with video, planned motions and distances.</p>
                 <MakeReplay of={remake} label="Make it again" />
                 {remake.of?.state === 'ready' && !remake.of.has_episode && <p class="row"><Chip>made again</Chip>It ended before anything moved: there is nothing to see but the reason.</p>}
-                <Command text={replayCommand(dataset.data?.folder, row.index, row.attempt)} />
+                <Command text={replayCommand(folder, row.index, row.attempt)} />
                 {others.length > 0 && <><h2>Other attempts of this index</h2><ul class="links">{others.map((one) => <li><a href={episodeLink(props.dataset, one.index, one.has_pictures ? {} : { attempt: one.attempt })}>#{one.index}.{one.attempt}</a> {one.outcome}</li>)}</ul></>}
               </Panel>
             </div>

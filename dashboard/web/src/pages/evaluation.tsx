@@ -6,13 +6,13 @@ import { useLive } from '../core/connection';
 import { count, fixed, none, number, percent, probability, short } from '../core/format';
 import { useKeys } from '../core/keys';
 import { link, parameter, setParameters } from '../core/router';
-import { chosen, episodeLink, nameOf, sourcesOf } from '../core/sources';
+import { episodeLink, listed, nameOf, sourcesOf, useChosen } from '../core/sources';
 import type { Diff, Eval, EvalRow, EvalRows, Pair, TaskReport } from '../core/types';
 import { Chip, Command, Empty, Facts, Failed, Figure, Loaded, Pager, Panel, Segments, Select, StateChip } from '../parts/basics';
 import { Difference, Dots } from '../parts/dots';
 
 export function Evaluation() {
-  const id = chosen('eval')?.split(',')[0] ?? null;
+  const id = listed(useChosen('eval'))[0] ?? null;
   const first = useResource<Eval>(id && `/evals/${id}`, { every: 10000 });
   const live = useLive<Eval>(id ? 'eval' : null, { id: id ?? '' }, 1);
   if (!id) return <Panel><Empty title="No evaluation here yet" command="etude eval --checkpoint run/checkpoints/latest.safetensors --episodes 60 --out eval">Rollouts on scenes that training never saw, with the newest checkpoint:</Empty></Panel>;
@@ -21,7 +21,9 @@ export function Evaluation() {
 
 function Content(props: { of: Eval }) {
   const { of } = props;
-  const [versus] = parameter('vs');
+  const [named] = parameter('vs');
+  // with itself it has nothing to be compared in
+  const versus = named === of.id ? '' : named;
   const s = of.overall.success;
   return (
     <>

@@ -47,34 +47,30 @@ export function Fleet() {
     before.current = data;
     at.current = Date.now();
   }
-  const [folded, setFolded] = useState<Set<string>>(new Set());
-  const [held, setHeld] = useState<string[] | null>(null);
+  // hosts that are not as they are by themselves: open, or folded where there are many workers
+  const [fold, setFold] = parameter('fold');
+  const turned = new Set(fold.split(',').filter(Boolean));
+  const frozen = useFrozen(data?.hosts.map((one) => one.host) ?? [], sort);
   return (
     <Loaded of={{ ...first, data }}>
       {(fleet) => {
         if (!fleet.workers && !filter && !fleet.hosts.some((one) => one.processes.length)) {
           return <Panel><Empty title="No worker has been heard and no journal names one" command="etude worker --campaign NAME">On any machine of this network a worker joins a campaign by its name:</Empty></Panel>;
         }
-        const order = held ?? fleet.hosts.map((one) => one.host);
-        const hosts = [...fleet.hosts].sort((a, b) => place(order, a.host) - place(order, b.host));
+        const hosts = [...fleet.hosts].sort((a, b) => place(frozen.order, a.host) - place(frozen.order, b.host));
+        const moving = hosts.filter((one, i) => one !== fleet.hosts[i]).length;
         const many = fleet.workers > 200;
         const cut = fleet.hosts.filter((one) => one.workers.length < one.slots);
-        const rows: Row[] = hosts.flatMap((host) => [{ host, worker: null }, ...(many !== folded.has(host.host) ? [] : host.workers.map((worker) => ({ host, worker })))]);
-        const toggle = (name: string) => setFolded((old) => { const next = new Set(old); if (!next.delete(name)) next.add(name); return next; });
+        const rows: Row[] = hosts.flatMap((host) => [{ host, worker: null }, ...(many !== turned.has(host.host) ? [] : host.workers.map((worker) => ({ host, worker })))]);
+        const toggle = (name: string) => setFold([...turned].filter((one) => one !== name).concat(turned.has(name) ? [] : name).join(',') || null, true);
         return (
           <>
-            <div class="page-head">
-              <p data-fleet-summary><b>{count(fleet.total)}</b> {fleet.total === 1 ? 'host' : 'hosts'} · <b>{count(fleet.workers)}</b> {fleet.workers === 1 ? 'worker' : 'workers'}{fleet.per_min !== null && <> · <b>{number(fleet.per_min)}</b> a minute</>}{fleet.ok !== null && <> · <b>{percent(fleet.ok)}</b> of attempts ok</>}</p>
-              {oneOf(fleet, (host) => host.version) && <span class="muted">version {oneOf(fleet, (host) => host.version)}</span>}
-              {oneOf(fleet, (host) => host.fingerprint) && fleet.total > 1 && <span class="muted">fingerprints equal</span>}
-              {!fleet.live && <Chip>from journals: nothing is on the bus</Chip>}
-              <span class="fill" />
-              <Search label="Filter hosts, workers, tasks" value={filter} change={(value) => setParameters({ filter: value, from: null }, true)} width={28} />
-            </div>
-            <section class="panel flush" aria-label="Hosts and workers" onPointerEnter={() => setHeld(fleet.hosts.map((one) => one.host))} onPointerLeave={() => setHeld(null)}>
+            <Head of={fleet} filter={filter} />
+            <section class="panel flush" aria-label="Hosts and workers" {...frozen.on}>
               <Table label="Hosts and workers" rows={rows} id={(row) => row.worker?.worker ?? row.host.host} height={720} sort={sort} setSort={(value) => setSort(value)}
-                columns={columns(fleet, at.current, toggle, (host) => many !== folded.has(host))} />
+                columns={columns(fleet, at.current, toggle, (host) => many !== turned.has(host))} />
             </section>
+            {moving > 0 && <p class="small muted" data-held>{count(moving)} rows would move: their order is held while you are at them.</p>}
             <Pager what="hosts" from={args.offset} shown={hosts.length} total={fleet.total} size={mostHosts} go={(next) => setParameters({ from: next || null })} />
             {cut.length > 0 && <p class="row small" data-cut>{cut.slice(0, 5).map((one) => <span>{one.host}: {count(one.workers.length)} of {count(one.slots)} workers are listed</span>)}{args.workers < mostWorkers ? <button type="button" class="button" onClick={() => setMost(Math.min(mostWorkers, args.workers + 400))}>Show more</button> : <span class="muted">find the others by the filter</span>}</p>}
             <p class="small muted row" aria-hidden="true">{([['i', 'idle'], ['p', 'plans'], ['y', 'plays'], ['s', 'sends']] as const).map(([letter, word]) => <span class="row"><svg width="12" height="12"><rect width="12" height={letter === 'i' ? 4 : 12} y={letter === 'i' ? 8 : 0} fill={`var(--${phases[letter]})`} /></svg>{word}</span>)}</p>
@@ -84,6 +80,38 @@ export function Fleet() {
       }}
     </Loaded>
   );
+}
+
+function Head(props: { of: FleetAnswer; filter: string }) {
+  const { of: fleet, filter } = props;
+  return (
+    <div class="page-head">
+      <p data-fleet-summary><b>{count(fleet.total)}</b> {fleet.total === 1 ? 'host' : 'hosts'} · <b>{count(fleet.workers)}</b> {fleet.workers === 1 ? 'worker' : 'workers'}{fleet.per_min !== null && <> · <b>{number(fleet.per_min)}</b> a minute</>}{fleet.ok !== null && <> · <b>{percent(fleet.ok)}</b> of attempts ok</>}</p>
+      {oneOf(fleet, (host) => host.version) && <span class="muted">version {oneOf(fleet, (host) => host.version)}</span>}
+      {oneOf(fleet, (host) => host.fingerprint) && fleet.total > 1 && <span class="muted">fingerprints equal</span>}
+      {!fleet.live && <Chip>from journals: nothing is on the bus</Chip>}
+      <span class="fill" />
+      <Search label="Filter hosts, workers, tasks" value={filter} change={(value) => setParameters({ filter: value, from: null }, true)} width={28} />
+    </div>
+  );
+}
+
+/** The order of rows as it was when the pointer or the focus came to them, until both have gone or another one is asked for. */
+function useFrozen(now: string[], sort: string) {
+  const [held, hold] = useState<{ order: string[]; sort: string } | null>(null);
+  const here = useRef({ pointer: false, focus: false });
+  const set = (what: 'pointer' | 'focus', on: boolean) => {
+    here.current[what] = on;
+    if (!here.current.pointer && !here.current.focus) hold(null);
+    else if (on) hold((old) => old ?? { order: now, sort });
+  };
+  const on = {
+    onPointerEnter: () => set('pointer', true),
+    onPointerLeave: () => set('pointer', false),
+    onFocusIn: () => set('focus', true),
+    onFocusOut: (event: FocusEvent) => { if (!(event.currentTarget as Element).contains(event.relatedTarget as Node | null)) set('focus', false); },
+  };
+  return { order: held?.sort === sort ? held.order : now, on };
 }
 
 /** What is not a worker: who collects, trains, serves and shows. */

@@ -6,19 +6,29 @@ import { useLive } from '../core/connection';
 import { count, duration, none, number, percent } from '../core/format';
 import { link, navigate, parameter, setParameters } from '../core/router';
 import { readSafetensors } from '../core/safetensors';
-import { chosen, episodeLink } from '../core/sources';
+import { episodeLink, useChosen } from '../core/sources';
 import { color, paints } from '../core/theme';
 import type { Attempt, Attempts, Campaign, CampaignStatus, Timing } from '../core/types';
 import { ActionButton } from '../parts/actions';
-import { Chip, Empty, Failed, Figure, Loaded, Panel, Segments, Select, StateChip } from '../parts/basics';
+import { Chip, Empty, elsewhere, Failed, Figure, Loaded, Panel, Segments, Select, StateChip } from '../parts/basics';
 import { Histogram } from '../parts/chart';
 import { Table } from '../parts/table';
 
+/** What the gateway says of attempts; `campaign`: of which one. */
+interface LiveAttempts { campaign?: string; status: CampaignStatus; total: number; rows: Attempt[] }
+
 export function Generation() {
-  const id = chosen('dataset');
-  const campaign = useResource<Campaign>(id && `/campaigns/${id}`, { every: 5000 });
-  const live = useLive<{ status: CampaignStatus; total: number; rows: Attempt[] }>(id ? 'attempts' : null, { campaign: id ?? '' }, 1);
+  const id = useChosen('campaign');
   if (!id) return <Panel><Empty title="No campaign here yet" command="etude collect deploy/campaigns/quickstart.yaml --out data">Attempts appear with the first worker:</Empty></Panel>;
+  // of each campaign anew: what was said of another one is no difference to this one
+  return <OfCampaign key={id} id={id} />;
+}
+
+function OfCampaign(props: { id: string }) {
+  const { id } = props;
+  const campaign = useResource<Campaign>(`/campaigns/${id}`, { every: 5000 });
+  const newest = useLive<LiveAttempts>('attempts', { campaign: id }, 1);
+  const live = newest?.campaign === undefined || newest.campaign === id ? newest : undefined;
   return (
     <Loaded of={campaign}>
       {(data) => {
@@ -37,7 +47,7 @@ export function Generation() {
               <Matrix of={data} failed={failed} />
               <Time of={data.timing} />
             </div>
-            <Cells id={id} round={status.attempts} />
+            {data.dataset !== null ? <Cells id={id} round={status.attempts} /> : <Panel title="Seeds"><p class="secondary" data-elsewhere>{elsewhere('dataset')} Which seeds are done is in them.</p></Panel>}
             <Latest id={id} round={status.attempts} dataset={data.dataset} />
           </>
         );
@@ -66,7 +76,8 @@ function Matrix(props: { of: Campaign; failed: number }) {
   const tasks = of.tasks;
   const failures = of.failures_by.filter((one) => !robot || one.robot === robot);
   const reasons = [...new Set(failures.map((one) => [one.reason, one.stage].filter(Boolean).join(' ')))];
-  const cell = (reason: string, task: string) => failures.filter((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason && one.task === task).reduce((sum, one) => sum + one.count, 0);
+  const named = (reason: string) => failures.filter((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason);
+  const cell = (reason: string, task: string) => named(reason).filter((one) => one.task === task).reduce((sum, one) => sum + one.count, 0);
   const most = Math.max(1, ...reasons.flatMap((reason) => tasks.map((task) => cell(reason, task))));
   const choice = (robots.length > 1 || robot) && <Select label="Robot" showLabel value={robot} options={[['', 'every robot'], ...robots.map((one) => [one, one] as const)]} choose={(value) => setRobot(value)} />;
   return (
@@ -78,7 +89,8 @@ function Matrix(props: { of: Campaign; failed: number }) {
           <table class="plain" data-matrix>
             <thead><tr><th>reason, stage</th>{tasks.map((task) => <th class="num">{task}</th>)}<th class="num">all</th></tr></thead>
             <tbody>{reasons.map((reason) => {
-              const sum = tasks.reduce((total, task) => total + cell(reason, task), 0);
+              // with those that are counted without a task
+              const sum = named(reason).reduce((total, one) => total + one.count, 0);
               const code = failures.find((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason);
               return <tr><td>{reason}</td>{tasks.map((task) => {
                 const n = cell(reason, task);

@@ -8,10 +8,11 @@ import { useKeys } from '../core/keys';
 import { link, linkHere, navigate, parameter } from '../core/router';
 import { brief, errorText, plan } from '../core/says';
 import { isOf } from '../core/session';
-import { chosen, sourcesOf } from '../core/sources';
+import { sourceOf, sourcesOf, useChosen } from '../core/sources';
 import { moduleColor } from '../core/theme';
 import type { Eval, Graph, GraphNode, Insight, PlaySession, Run } from '../core/types';
 import { Chip, Command, Empty, Facts, Loaded, Panel, Select } from '../parts/basics';
+import { Elsewhere } from '../parts/elsewhere';
 import { Table } from '../parts/table';
 import { AskPolicy } from './ask_policy';
 import { loadEvals, mostCompared } from './evaluation';
@@ -24,11 +25,14 @@ export function Inside() {
   const kept = useResource<Eval>(evaluation ? `/evals/${evaluation}` : null);
   // another run that is picked leaves the files of this one
   const from = kept.data && (!named || !kept.data.run_id || kept.data.run_id === named) ? kept.data : undefined;
-  const id = from ? from.run_id : chosen('run');
-  const graph = useResource<Graph>(id && !(evaluation && kept.pending) ? `/runs/${id}/graph` : null, { every: 15000 });
+  const choice = useChosen('run', !evaluation);
+  const id = from ? from.run_id : choice;
+  const here = sourceOf(id)?.folder !== null;
+  const graph = useResource<Graph>(id && here && !(evaluation && kept.pending) ? `/runs/${id}/graph` : null, { every: 15000 });
   if (evaluation && !kept.data) return <Loaded of={kept}>{() => null}</Loaded>;
   if (from && !id) return <WithoutRun of={from} />;
   if (!id) return <Panel><Empty title="No run here yet" command="etude policy graph compact">A policy's modules without a run:</Empty></Panel>;
+  if (!here) return <Elsewhere of={id} />;
   return <Loaded of={graph}>{(data) => <Content of={data} run={id} from={from} />}</Loaded>;
 }
 

@@ -4,9 +4,11 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import { query, useResource } from '../core/api';
 import { useLive } from '../core/connection';
 import { useCursors } from '../core/cursors';
-import { bytes, clock, count } from '../core/format';
+import { bytes, clock, count, day, plural } from '../core/format';
 import { parameter } from '../core/router';
-import type { Events, Logs } from '../core/types';
+import { adviceFor, type Advice } from '../core/advice';
+import type { Events, LogLine, Logs } from '../core/types';
+import { AdviceBelow, useAdvice } from '../parts/advice';
 import { Empty, Loaded, Panel, Search, Select } from '../parts/basics';
 
 export function LogsPage() {
@@ -17,13 +19,14 @@ export function LogsPage() {
   const args = { ...(source ? { source } : {}), ...(level ? { level } : {}), ...(q ? { q } : {}), limit: 200 };
   const text = query(args);
   const page = useCursors(text);
-  const first = useResource<Logs>(`/logs${query({ ...args, before: page.at })}`);
-  const live = useLive<Logs>(follow && !page.depth ? 'logs' : null, args, 1);
+  const first = useResource<Logs & Searched>(`/logs${query({ ...args, before: page.at })}`);
+  const live = useLive<Logs & Searched>(follow && !page.depth ? 'logs' : null, args, 1);
   const newest = (follow && !page.depth && live) || first.data;
   const warned = useLive<Events>('events', { ...(level === 'error' ? { level } : {}), ...(q ? { q } : {}), limit: 50 }, 1);
   const box = useRef<HTMLDivElement>(null);
   const shown = newest?.lines.length ?? 0;
   useEffect(() => { if (follow && !page.depth && box.current) box.current.scrollTop = box.current.scrollHeight; }, [newest?.lines[shown - 1]?.n]);
+  const advice = useAdvice(newest?.lines.some(isError) ?? false);
   return (
     <Loaded of={{ ...first, data: newest }}>
       {(data) => {
@@ -43,8 +46,9 @@ export function LogsPage() {
               <div class="log-box" ref={box} tabIndex={0} role="group" aria-label="Log lines">
               {next && <div class="more"><button type="button" class="button" disabled={first.pending} onClick={() => page.next(next)}>Older lines</button></div>}
               {lines.length
-                ? <ol class="log" data-log-lines={lines.length}>{lines.map((one) => <li key={`${one.source}:${one.n}`} data-level={one.level ?? ''}><span class="muted">{one.t ?? ''}</span><span class={one.level === 'warn' ? 'warn' : one.level === 'error' ? 'bad' : 'muted'}>{one.level ?? ''}</span><span class="muted">{name(data, one.source)}</span><span>{one.text}</span></li>)}</ol>
-                : <Empty title="No line fits">{`${count(data.sources.length)} files were searched.`}</Empty>}
+                ? <ol class="log" data-log-lines={lines.length}>{lines.map((one) => <Line key={`${one.source}:${one.n}`} of={one} source={name(data, one.source)} advice={advice} />)}</ol>
+                : <Empty title="No line fits">{`${searched(data)} were searched.`}</Empty>}
+              {lines.length > 0 && data.back_to && <p class="more small muted" data-back-to>{`${searched(data)} were searched.`}</p>}
               {page.depth > 0 && <div class="more"><button type="button" class="button" onClick={page.back}>Newer lines</button></div>}
               </div>
             </Panel>
@@ -52,6 +56,22 @@ export function LogsPage() {
         );
       }}
     </Loaded>
+  );
+}
+
+/** Errors are what the documentation says something of; programs write them without a level, too. */
+function isError(line: LogLine): boolean {
+  return line.level === 'error' || line.level === 'warn' || line.level === null;
+}
+
+function Line(props: { of: LogLine; source: string; advice: Advice[] }) {
+  const { of } = props;
+  const known = isError(of) ? adviceFor(of.text, props.advice) : undefined;
+  return (
+    <li data-level={of.level ?? ''}>
+      <span class="muted">{of.t ?? ''}</span><span class={of.level === 'warn' ? 'warn' : of.level === 'error' ? 'bad' : 'muted'}>{of.level ?? ''}</span><span class="muted">{props.source}</span>
+      <span>{of.text}{known && <AdviceBelow of={known} />}</span>
+    </li>
   );
 }
 
@@ -64,6 +84,13 @@ function OfBus(props: { of: Events }) {
       </div>
     </Panel>
   );
+}
+
+interface Searched { sources: unknown[]; searched?: number; back_to?: string | null }
+
+/** What was looked at for these lines. */
+function searched(of: Searched): string {
+  return `${plural(of.searched ?? of.sources.length, 'file')}${of.back_to ? `, back to ${day(of.back_to)},` : ''}`;
 }
 
 function name(data: Logs, id: string): string {

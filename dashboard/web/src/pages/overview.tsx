@@ -11,7 +11,7 @@ import { Dots } from '../parts/dots';
 export function Overview() {
   const data = home.value;
   if (!data) return null;
-  if (!data.sources.length) return <Nothing home={data} />;
+  if (!data.sources.length) return <><Ups of={data} />{data.warnings.length > 0 && <Warnings of={data} />}<Nothing home={data} /></>;
   const { tiles } = data;
   return (
     <>
@@ -19,11 +19,7 @@ export function Overview() {
         <StateChip state={data.state} />
         <p class="sentence figure" data-overview-sentence>{data.sentence}</p>
       </div>
-      {data.ups.map((one) => (
-        <p class="secondary row" data-up={one.state}>
-          <StateChip state={one.state} /><span>etude up{one.phase && `: ${one.phase}`}{one.goal && ` (${one.goal})`}{one.exit !== null && `, exit ${one.exit}`}</span><span class="muted mono">{one.folder}</span>
-        </p>
-      ))}
+      <Ups of={data} />
       {data.warnings.length > 0 && <Warnings of={data} />}
       <div class="grid three stretch">
         {tiles.demonstrations && <Demonstrations of={tiles.demonstrations} />}
@@ -57,6 +53,17 @@ export function Overview() {
         </div>
       </Panel>
     </>
+  );
+}
+
+/** What `etude up` does in the folders of this gateway, before there is anything to show and after. */
+function Ups(props: { of: Home }) {
+  return (
+    <>{props.of.ups.map((one) => (
+      <p class="secondary row" data-up={one.state}>
+        <StateChip state={one.state} /><span>etude up{one.phase && `: ${one.phase}`}{one.goal && ` (${one.goal})`}{one.exit !== null && `, exit ${one.exit}`}</span><span class="muted mono">{one.folder}</span>
+      </p>
+    ))}</>
   );
 }
 

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Play: a scene, a sentence, and the policy that obeys it or does not.
 import { useEffect, useState } from 'preact/hooks';
-import { postJson, query, reasonOf, root, useResource } from '../core/api';
+import { getBytes, jobGone, postJson, query, reasonOf, root, useResource } from '../core/api';
 import { useLive } from '../core/connection';
 import { none } from '../core/format';
 import { parameter, setParameters } from '../core/router';
 import { home } from '../core/sources';
 import { moduleColor } from '../core/theme';
 import type { Job, PlayInsight, PlaySession } from '../core/types';
-import { Chip, Command, Empty, Facts, Loaded, Panel, Select } from '../parts/basics';
+import { Chip, Command, Empty, Facts, Failed, Loaded, Panel, Select } from '../parts/basics';
 import { PixelMark } from '../parts/mark';
 import { Spotlight } from '../parts/spotlight';
 import { TableTop, type Standing } from '../parts/table_top';
@@ -70,7 +70,8 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
   const [opened, setOpened] = useState<Opened | null>(null);
   const coming = session !== '' && !props.there && opened?.session === session;
   const job = useResource<Job>(coming ? `/jobs/${opened.job}` : null, { every: 1000 });
-  const ended = session !== '' && !props.there && (!coming || (job.data !== undefined && job.data.state !== 'running'));
+  const gone = coming && job.error?.status === 404;
+  const ended = session !== '' && !props.there && (!coming || gone || (job.data !== undefined && job.data.state !== 'running'));
   const text = JSON.stringify(wish);
   useEffect(() => {
     setCommand('');
@@ -97,14 +98,7 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
   return (
     <Panel title="Sessions">
       {coming && !ended && <p role="status" class="muted">{session} is being opened.</p>}
-      {ended && (
-        <div class="problem" role="alert" data-ended={session}>
-          <h2>The session {session} has ended</h2>
-          {job.data?.log.slice(-3).map((line) => <p class="small mono">{line}</p>)}
-          <p>It is not heard any more. Its scene is chosen below.</p>
-          {actions && <button type="button" class="button" disabled={!wish.run} onClick={() => { void open(); }}>Open the same scene again</button>}
-        </div>
-      )}
+      {ended && <Ended session={session} log={job.data?.log ?? []} gone={gone} again={actions ? () => { void open(); } : null} able={wish.run !== ''} />}
       <div class="row wrap">
         {data.sessions.length > 0 && <Select showLabel label="Session" value={session} options={[['', 'choose one'], ...data.sessions.map((one) => [one.session, `${one.session} (${one.phase})`] as const)]} choose={(name) => choose(data, name)} />}
         <Select showLabel label="Scene of" value={wish.spec} options={listed(data.campaigns, wish.spec)} choose={set('campaign')} />
@@ -115,13 +109,36 @@ function Opener(props: { data: Sessions; session: string; there: boolean }) {
         <button type="button" class="button" onClick={() => show(`${encodeURIComponent(wish.spec)}/${wish.index}.png${query({ seed: wish.seed })}`)}>Preview</button>
         {actions && <button type="button" class="button" disabled={!wish.run} onClick={() => { void open(); }}>Open</button>}
       </div>
-      {shown && <img class="play-scene" src={`${root}/scenes/${shown}`} alt={`The scene ${shown}`} />}
+      {shown && <Preview of={shown} />}
       {command && <Command text={command} />}
       {said && <p class="small bad" role="alert">{said}</p>}
       {!actions && <p class="small muted">This gateway was started without --token-file: it opens nothing. Copy the command.</p>}
       {!data.policies.length && <Command text="etude policy --checkpoint FILE" />}
     </Panel>
   );
+}
+
+/** `gone`: the gateway knows nothing of its job any more. `again`: opens its scene again. */
+function Ended(props: { session: string; log: string[]; gone: boolean; again: (() => void) | null; able: boolean }) {
+  return (
+    <div class="problem" role="alert" data-ended={props.session}>
+      <h2>The session {props.session} has ended</h2>
+      {props.log.slice(-3).map((line) => <p class="small mono">{line}</p>)}
+      {props.gone && <p>{jobGone.title}. {jobGone.detail}</p>}
+      <p>It is not heard any more. Its scene is chosen below.</p>
+      {props.again && <button type="button" class="button" disabled={!props.able} onClick={props.again}>Open the same scene again</button>}
+    </div>
+  );
+}
+
+/** The scene as it begins, or why there is no picture of it. */
+function Preview(props: { of: string }) {
+  const picture = useResource<string>(`/scenes/${props.of}`, { load: async (path, signal) => URL.createObjectURL(new Blob([await getBytes(path, signal)], { type: 'image/png' })) });
+  const { data } = picture;
+  useEffect(() => () => { if (data) URL.revokeObjectURL(data); }, [data]);
+  if (picture.error) return <Failed problem={picture.error} retry={picture.reload} />;
+  if (!data || picture.pending) return <p role="status" class="muted">The scene is being drawn.</p>;
+  return <img class="play-scene" src={data} alt={`The scene ${props.of}`} />;
 }
 
 /** All that there are, and the one of the address. */

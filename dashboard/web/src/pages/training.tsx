@@ -1,18 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // Does it learn, is it fed, why does a stage stand. Colour is the run, the panel is the module.
-import { useEffect, useState } from 'preact/hooks';
-import { getBytes, query, root, useResource, type Resource } from '../core/api';
+import { useEffect, useMemo, useState } from 'preact/hooks';
+import { getBytes, problemOf, query, root, useResource, type Problem, type Resource } from '../core/api';
 import { epoch, useLive } from '../core/connection';
+import { folderIn } from '../core/commands';
 import { clock, count, duration, number, percent } from '../core/format';
 import { useKeys } from '../core/keys';
+import { readRange, writeRange, type Range } from '../core/range';
 import { link, parameter, setParameters } from '../core/router';
 import { readSafetensors } from '../core/safetensors';
-import { chosenAll, nameOf, sourcesOf } from '../core/sources';
+import { listed, nameOf, sourcesOf, useChosen } from '../core/sources';
 import { smooth, split } from '../core/stats';
 import { hues } from '../core/theme';
 import type { Checkpoints, Curriculum, Run, SeriesKey, State } from '../core/types';
-import { Chip, Command, Empty, Failed, Loaded, Panel, Segments, Select, Skeleton, StateChip } from '../parts/basics';
+import { Chip, Command, elsewhere, Empty, Failed, Loaded, Panel, Segments, Select, Skeleton, StateChip } from '../parts/basics';
 import { Chart, type Line } from '../parts/chart';
+import { Marker } from '../parts/marker';
 import { Ladder } from './overview';
 
 interface Curve { x: Float64Array; step: Float64Array; min: Float64Array; max: Float64Array; last: Float64Array }
@@ -22,46 +25,54 @@ interface LiveTrain { run: string; state: State; step: number; stage: number; st
 const axes = [['step', 'step'], ['elapsed', 'time'], ['samples', 'samples']] as const;
 type Axis = (typeof axes)[number][0];
 
-/** The curves of one run; asked again when it has trained on. */
-function useCurves(run: Run | undefined, keys: string[], axis: Axis, range: [number, number] | null, round: number): Curves | undefined {
-  const [curves, setCurves] = useState<Curves>();
+interface Asked { curves: Curves | undefined; problem: Problem | undefined; reload: () => void }
+
+async function loadCurves(id: string, keys: string[], options: string, signal: AbortSignal): Promise<Curves> {
+  const merged: Curves = new Map();
+  for (let i = 0; i < keys.length; i += 32) {
+    const part = keys.slice(i, i + 32);
+    const { tensors } = readSafetensors(await getBytes(`/runs/${id}/series?keys=${part.map(encodeURIComponent).join(',')}${options}&points=600`, signal));
+    for (const key of part) {
+      const [x, step, min, max, last] = ['x', 'step', 'min', 'max', 'last'].map((name) => tensors.get(`${key}/${name}`)?.values as Float64Array | undefined);
+      if (x && step && min && max && last) merged.set(key, { x, step, min, max, last });
+    }
+  }
+  return merged;
+}
+
+/** The curves of one run; asked again when it has trained on. What was there stays beside the reason why no more comes. */
+function useCurves(run: Run | undefined, keys: string[], axis: Axis, range: Range | null, round: number): Asked {
+  const [asked, setAsked] = useState<{ curves?: Curves; problem?: Problem }>({});
+  const [again, setAgain] = useState(0);
   const text = keys.join(',');
   const id = run?.id;
   const generation = epoch.value;
   useEffect(() => {
     if (!id || !keys.length) return;
     const abort = new AbortController();
-    const load = async () => {
-      const merged: Curves = new Map();
-      for (let i = 0; i < keys.length; i += 32) {
-        const part = keys.slice(i, i + 32).map(encodeURIComponent).join(',');
-        const bounds = range ? `&from=${range[0]}&to=${range[1]}` : '';
-        const { tensors } = readSafetensors(await getBytes(`/runs/${id}/series?keys=${part}&x=${axis}${bounds}&points=600`, abort.signal));
-        for (const key of keys.slice(i, i + 32)) {
-          const [x, step, min, max, last] = ['x', 'step', 'min', 'max', 'last'].map((name) => tensors.get(`${key}/${name}`)?.values as Float64Array | undefined);
-          if (x && step && min && max && last) merged.set(key, { x, step, min, max, last });
-        }
-      }
-      if (!abort.signal.aborted) setCurves(merged);
-    };
-    load().catch(() => undefined);
+    const options = `&x=${axis}${range ? `&from=${range[0]}&to=${range[1]}` : ''}`;
+    loadCurves(id, keys, options, abort.signal).then((curves) => { if (!abort.signal.aborted) setAsked({ curves }); })
+      .catch((error: unknown) => { if (!abort.signal.aborted) setAsked((old) => ({ ...old, problem: problemOf(error) })); });
     return () => abort.abort();
-  }, [id, text, axis, range?.[0], range?.[1], round, generation]);
-  return curves;
+  }, [id, text, axis, range?.[0], range?.[1], round, generation, again]);
+  return { curves: asked.curves, problem: asked.problem, reload: () => setAgain(again + 1) };
 }
 
 export function Training() {
-  const ids = chosenAll('run');
+  const ids = listed(useChosen('run'));
   if (!ids.length) return <Panel><Empty title="No run here yet" command="etude train --data data --config compact --out run --minutes 10">A run appears with its first line of metrics:</Empty></Panel>;
   return <Runs ids={ids.slice(0, 4)} />;
 }
 
 function Runs(props: { ids: string[] }) {
-  const first = useResource<Run>(`/runs/${props.ids[0]}`, { every: 5000 });
-  const curriculum = useResource<Curriculum>(`/runs/${props.ids[0]}/curriculum`, { every: 10000 });
-  const checkpoints = useResource<Checkpoints>(`/runs/${props.ids[0]}/checkpoints`, { every: 20000 });
-  const live = useLive<LiveTrain>('train', { run: props.ids[0] }, 1);
-  return <Loaded of={first} height={600}>{(run) => <Content ids={props.ids} run={run} live={live?.run === run.id ? live : undefined} curriculum={curriculum.data} checkpoints={checkpoints.data} />}</Loaded>;
+  const [id] = props.ids;
+  const first = useResource<Run>(`/runs/${id}`, { every: 5000 });
+  // of a run on the bus alone there are no files to ask for
+  const here = first.data?.id === id && first.data?.folder !== null;
+  const curriculum = useResource<Curriculum>(here ? `/runs/${id}/curriculum` : null, { every: 10000 });
+  const checkpoints = useResource<Checkpoints>(here ? `/runs/${id}/checkpoints` : null, { every: 20000 });
+  const live = useLive<LiveTrain>('train', { run: id }, 1);
+  return <Loaded of={first} height={600}>{(run) => <Content key={run.id} ids={props.ids} run={run} live={live?.run === run.id ? live : undefined} curriculum={curriculum.data} checkpoints={checkpoints.data} />}</Loaded>;
 }
 
 function Content(props: { ids: string[]; run: Run; live: LiveTrain | undefined; curriculum: Curriculum | undefined; checkpoints: Checkpoints | undefined }) {
@@ -70,8 +81,8 @@ function Content(props: { ids: string[]; run: Run; live: LiveTrain | undefined; 
   const [scale, setScale] = parameter('y', 'lin');
   const [width, setWidth] = parameter('smooth', '0');
   const [rangeText] = parameter('range');
-  const range = rangeText ? (rangeText.split('..').map(Number) as [number, number]) : null;
-  const zoom = (next: [number, number] | null) => setParameters({ range: next ? next.map((value) => Math.round(value)).join('..') : null });
+  const range = useMemo(() => readRange(rangeText), [rangeText]);
+  const zoom = (next: Range | null) => setParameters({ range: next && next[0] < next[1] ? writeRange(next) : null });
   useKeys([
     { keys: 'y', does: 'axis linear or logarithmic', run: () => setScale(scale === 'lin' ? 'log' : 'lin') },
     { keys: 's', does: 'smoothing', run: () => setWidth(width === '0' ? '200' : '0') },
@@ -87,15 +98,24 @@ function Content(props: { ids: string[]; run: Run; live: LiveTrain | undefined; 
         <Segments label="Horizontal axis" value={axis} options={axes} choose={(value) => { setParameters({ x: value === 'step' ? null : value, range: null }); }} />
         <Segments label="Vertical axis" value={scale} options={[['lin', 'lin'], ['log', 'log']]} choose={(value) => setScale(value)} />
         <Select label="Smoothing" value={width} options={[['0', 'not smoothed'], ['100', 'over 100 steps'], ['200', 'over 200 steps'], ['500', 'over 500 steps'], ['1000', 'over 1,000 steps']]} choose={(value) => setWidth(value)} />
+        {range && <button type="button" class="button" data-all onClick={() => zoom(null)}>All of the axis</button>}
         <a class="button" href={`${root}/runs/${run.id}/series.csv${query({ run: props.ids.slice(1) })}`} download={`${props.ids.map(nameOf).join('-')}.csv`}>CSV</a>
       </div>
       <Compare ids={props.ids} />
-      {run.end?.cause === 'failed' && <div class="problem" role="alert"><h2>The run ended with an error at step {count(run.end.step)}</h2><p>Checkpoint {count(run.checkpoint_step)} stands. See the <a href={link('logs', { level: 'warn' })}>logs</a>, then go on from there:</p><Command text={`etude train --data DATA --out ${run.folder ?? 'RUN'} --resume`} /></div>}
+      {run.end?.cause === 'failed' && <div class="problem" role="alert"><h2>The run ended with an error at step {count(run.end.step)}</h2><p>Checkpoint {count(run.checkpoint_step)} stands. See the <a href={link('logs', { level: 'warn' })}>logs</a>, then go on from there:</p><Command text={`etude train --data DATA --out ${folderIn(run, 'RUN')} --resume`} /></div>}
       {props.curriculum && <Panel title="Curriculum"><Ladder stages={props.curriculum.stages} /><Reasons of={props.curriculum} /></Panel>}
       <Goals of={run} />
-      {!run.keys.length ? <Panel><Empty title="Waiting for data">{`The first line of metrics comes with step 50. ${run.episodes !== null ? `${count(run.episodes)} episodes are there so far.` : ''}`}</Empty></Panel> : <Charts ids={props.ids} run={run} round={Math.floor(step / 50)} shared={shared} />}
+      {!run.keys.length ? <NoCurves of={run} step={step} /> : <Charts ids={props.ids} run={run} round={Math.floor(step / 50)} shared={shared} />}
     </>
   );
+}
+
+/** Nothing is drawn: the files are elsewhere, or there is nothing in them yet. */
+function NoCurves(props: { of: Run; step: number }) {
+  const { of } = props;
+  if (of.folder === null) return <Panel><div data-elsewhere><Empty title="No curves here" command="etude dashboard --dir FOLDER">{elsewhere('run')} A gateway on the machine that has them draws its curves:</Empty></div></Panel>;
+  const episodes = of.episodes !== null ? ` ${count(of.episodes)} episodes are there so far.` : '';
+  return <Panel><Empty title="Waiting for data">{props.step < 50 ? `The first line of metrics comes with step 50.${episodes}` : `No line of metrics has been read yet.${episodes}`}</Empty></Panel>;
 }
 
 function Compare(props: { ids: string[] }) {
@@ -105,7 +125,7 @@ function Compare(props: { ids: string[] }) {
   return (
     <div class="row">
       {props.ids.map((id, i) => (
-        <span class="chip"><svg width="10" height="10" aria-hidden="true"><circle cx="5" cy="5" r="5" fill={`var(--${hues[i]})`} /></svg>{nameOf(id)}
+        <span class="chip">{props.ids.length > 1 && <Marker of={i} token={hues[i]!} />}{nameOf(id)}
           {props.ids.length > 1 && <button type="button" class="button plain" aria-label={`remove ${nameOf(id)}`} onClick={() => set(props.ids.filter((one) => one !== id))}>✕</button>}
         </span>))}
       {others.length > 0 && props.ids.length < 4 && <Select label="Compare with" value="" options={[['', 'compare with…'], ...others.map((one) => [one.id, one.name] as const)]} choose={(id) => { if (id) set([...props.ids, id]); }} />}
@@ -137,7 +157,7 @@ function Goals(props: { of: Run }) {
   );
 }
 
-interface Shared { axis: Axis; log: boolean; smoothing: number; range: [number, number] | null; zoom: (range: [number, number] | null) => void; bands: { from: number; to: number; label: string }[]; marks: { x: number; token: string; glyph: string }[] }
+interface Shared { axis: Axis; log: boolean; smoothing: number; range: Range | null; zoom: (range: Range | null) => void; bands: { from: number; to: number; label: string }[]; marks: { x: number; token: string; glyph: string }[] }
 
 function bands(curriculum: Curriculum | undefined, run: Run, axis: Axis): Shared['bands'] {
   if (axis !== 'step' || !curriculum) return [];
@@ -158,10 +178,11 @@ const units: Record<string, string> = { cm: 'cm', px: 'px', deg: '°', share: 's
 
 function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared }) {
   const { run, ids, shared } = props;
-  const base = useCurves(run, run.keys.map((one) => one.key), shared.axis, shared.range, props.round);
+  const asked = useCurves(run, run.keys.map((one) => one.key), shared.axis, shared.range, props.round);
   const others = useOthers(ids.slice(1), shared);
-  if (!base) return <Skeleton height={480} />;
-  const runs = [{ id: run.id, curves: base }, ...others.flatMap(({ id, curves }) => (curves ? [{ id, curves }] : []))];
+  const problem = asked.problem && <Failed problem={asked.problem} retry={asked.reload} />;
+  if (!asked.curves) return problem ?? <Skeleton height={480} />;
+  const runs = [{ id: run.id, curves: asked.curves }, ...others.flatMap(({ id, asked: { curves } }) => (curves ? [{ id, curves }] : []))];
   // what any of the runs has: modules come with their stage, and configs differ
   const keys = [...new Map([run, ...others.flatMap((one) => one.run.data ?? [])].reverse().flatMap((one) => one.keys.map((key) => [key.key, key] as const))).values()];
   const lines = (entries: { key: SeriesKey; label: string; dash?: boolean; points?: boolean }[], smoothable = true): Line[] => runs.flatMap(({ id, curves }, r) => entries.flatMap(({ key, label, dash, points }) => {
@@ -169,7 +190,7 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
     if (!curve) return [];
     const name = runs.length > 1 ? `${nameOf(id)}${entries.length > 1 ? ` ${label}` : ''}` : label;
     const token = runs.length > 1 || entries.length < 2 ? hues[r]! : entries.length > 2 ? hues[entries.findIndex((one) => one.key === key) % hues.length]! : entries[0]!.key === key ? 'target' : 'hand';
-    const line: Line = { label: name, token, x: curve.x, values: curve.last as unknown as (number | null)[], min: curve.min as unknown as number[], max: curve.max as unknown as number[], ...(dash ? { dash } : {}), ...(points ? { points } : {}) };
+    const line: Line = { label: name, token, x: curve.x, values: curve.last as unknown as (number | null)[], min: curve.min as unknown as number[], max: curve.max as unknown as number[], ...(dash ? { dash } : {}), ...(points ? { points } : {}), ...(runs.length > 1 ? { marker: r } : {}) };
     if (!smoothable || !shared.smoothing || points) return [line];
     return [{ ...line, faint: true, label: `${name} raw` }, { ...line, values: smooth(curve.step, line.values, shared.smoothing), min: [], max: [] }];
   }));
@@ -179,7 +200,7 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
     if (!rate || !wait) return [];
     const { x, part, rest } = split(rate, wait);
     const name = runs.length > 1 ? `${nameOf(id)} ` : '';
-    const line = (label: string, token: string, values: number[], below: number[]): Line => ({ label: name + label, token, x, values, base: below });
+    const line = (label: string, token: string, values: number[], below: number[]): Line => ({ label: name + label, token, x, values, base: below, ...(runs.length > 1 ? { marker: r } : {}) });
     return [line('compute', runs.length > 1 ? hues[r]! : 'target', rest, x.map(() => 0)), { ...line('data', runs.length > 1 ? hues[r]! : 'hand', part, rest), dash: true }];
   });
   const common = { sync: 'training', bands: shared.bands, marks: shared.marks, range: shared.range, zoom: shared.zoom, log: shared.log, xLabel: shared.axis, ...(shared.axis === 'elapsed' ? { xFormat: duration } : {}) };
@@ -190,8 +211,10 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
   const running = keys.filter((one) => one.kind === 'train' && one.module === null && one.name !== 'loss' && one.name !== 'stage' && !(parts.length && (one.key === rateKey || one.key === waitKey)));
   return (
     <>
+      {problem}
       {others.map(({ run: { error, reload } }) => error && <Failed problem={error} retry={reload} />)}
-      <Panel label="Loss"><Chart title="Loss"lines={lines(loss)} height={220} {...common} note={shared.range ? 'zoomed; double click for all' : 'drag to zoom'} /></Panel>
+      {others.map(({ asked: { problem: reason, reload } }) => reason && <Failed problem={reason} retry={reload} />)}
+      <Panel label="Loss"><Chart title="Loss" lines={lines(loss)} height={220} {...common} note={shared.range ? 'zoomed; double click or 0 for all' : 'drag, or + and -, to zoom'} /></Panel>
       <h2>Validation</h2>
       <div class="grid narrow charts">
         {modules.map((module) => {
@@ -218,19 +241,24 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
         {gradients.length > 0 && <Panel><Chart title="gradient norm by part" lines={lines(gradients)} {...common} note="before clipping" /></Panel>}
         {running.map((key) => <Panel><Chart title={key.name.replaceAll('_', ' ')} unit={units[key.unit ?? ''] ?? ''} lines={lines([{ key, label: runs.length > 1 ? '' : 'train' }], !/rate|stage/.test(key.name))} {...common} /></Panel>)}
       </div>
-      <p class="small muted">Newest line {clock(run.updated)}{run.nulls.length > 0 && <Chip tone="bad">{run.nulls.length} values not finite</Chip>}{run.torn && ' · the last line was not whole and was left out'}{run.data_wait !== null && ` · waits for data ${percent(run.data_wait, 2)}`}{run.checkpoint_step === null ? '' : ` · checkpoint ${count(run.checkpoint_step)}`}</p>
+      <p class="small muted">Newest line {clock(run.updated)}{run.nulls.length > 0 && <Chip tone="bad">{notFinite(run)} values not finite</Chip>}{run.torn && ' · the last line was not whole and was left out'}{run.data_wait !== null && ` · waits for data ${percent(run.data_wait, 2)}`}{run.checkpoint_step === null ? '' : ` · checkpoint ${count(run.checkpoint_step)}`}</p>
     </>
   );
 }
 
+/** How many; of a gateway that does not count them all, at least those that it lists. */
+function notFinite(run: Run & { nulls_total?: number }): string {
+  return run.nulls_total !== undefined ? count(run.nulls_total) : `${run.nulls.length}${run.nulls.length >= 100 ? ' or more' : ''}`;
+}
+
 /** The runs beside the first, with the curves of what they themselves have, as they train on. */
-function useOthers(ids: string[], shared: Shared): { id: string; run: Resource<Run>; curves: Curves | undefined }[] {
+function useOthers(ids: string[], shared: Shared): { id: string; run: Resource<Run>; asked: Asked }[] {
   // at most three beside the first; always three hooks, so that their number does not change
   const slots = [0, 1, 2].map((i) => {
     const id = ids[i];
     const run = useResource<Run>(id ? `/runs/${id}` : null, { every: 5000 });
     const data = run.pending ? undefined : run.data;
-    return { id, run, curves: useCurves(data, (data?.keys ?? []).map((one) => one.key), shared.axis, shared.range, Math.floor((data?.step ?? 0) / 50)) };
+    return { id, run, asked: useCurves(data, (data?.keys ?? []).map((one) => one.key), shared.axis, shared.range, Math.floor((data?.step ?? 0) / 50)) };
   });
-  return slots.flatMap(({ id, run, curves }) => (id ? [{ id, run, curves }] : []));
+  return slots.flatMap(({ id, run, asked }) => (id ? [{ id, run, asked }] : []));
 }

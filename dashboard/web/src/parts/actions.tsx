@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What changes something: a button that shows the etude command for copying and, with the token, runs it as a job.
 import { useEffect, useRef, useState } from 'preact/hooks';
-import { getJson, postJson, problemOf, stopJob, type Problem } from '../core/api';
+import { getJob, getJson, jobGone, postJson, problemOf, stopJob, type Problem } from '../core/api';
 import { home } from '../core/sources';
 import type { Job } from '../core/types';
 import { Chip, Command, Failed } from './basics';
@@ -27,6 +27,7 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
   const [authorized, setAuthorized] = useState(false);
   const [token, setToken] = useState('');
   const [job, setJob] = useState<Job | null>(null);
+  const [gone, setGone] = useState(false);
   useEffect(() => {
     dialog.current?.showModal();
     postJson<{ command: string }>('/actions', { ...props.of, dry_run: true }).then((answer) => setCommand(answer.command)).catch((error: unknown) => setProblem(problemOf(error)));
@@ -34,10 +35,10 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
   }, []);
   useEffect(() => {
     if (job?.state === 'done') props.done?.();
-    if (job?.state !== 'running') return;
-    const timer = window.setInterval(() => { getJson<Job>(`/jobs/${job.id}`).then(setJob).catch(() => undefined); }, 1000);
+    if (job?.state !== 'running' || gone) return;
+    const timer = window.setInterval(() => { getJob(job.id).then((next) => (next ? setJob(next) : setGone(true))).catch(() => undefined); }, 1000);
     return () => window.clearInterval(timer);
-  }, [job?.id, job?.state]);
+  }, [job?.id, job?.state, gone]);
   const run = async () => {
     setProblem(null);
     try {
@@ -63,7 +64,7 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
             <button type="submit" class="button" disabled={!authorized && !token}>Run it</button>
           </form>
         )}
-        {job && <Progress of={job} />}
+        {gone ? <Failed problem={jobGone} /> : job && <Progress of={job} />}
       </div>
     </dialog>
   );

@@ -5,6 +5,8 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import type { Problem, Resource } from '../core/api';
 import type { State } from '../core/types';
 import { now } from '../core/connection';
+import { copyText, selectAll } from '../core/copy';
+import { useDraft } from '../core/draft';
 import { age } from '../core/format';
 
 export function Panel(props: { title?: string; aside?: ComponentChildren; flush?: boolean; class?: string; children: ComponentChildren; label?: string }) {
@@ -62,16 +64,19 @@ export function Age(props: { ms: number | null | undefined; at: number }) {
 }
 
 export function Command(props: { text: string }) {
-  const [copied, setCopied] = useState(false);
+  const [said, say] = useState('copy');
+  const box = useRef<HTMLDivElement>(null);
+  const code = useRef<HTMLElement>(null);
   const copy = async () => {
-    await navigator.clipboard.writeText(props.text);
-    setCopied(true);
-    window.setTimeout(() => setCopied(false), 1500);
+    const done = await copyText(props.text, box.current!);
+    if (!done) selectAll(code.current!);
+    say(done ? 'copied' : 'press Ctrl-C');
+    window.setTimeout(() => say('copy'), done ? 1500 : 6000);
   };
   return (
-    <div class="command">
-      <code tabIndex={0} role="group" aria-label="command">{props.text}</code>
-      <button type="button" class="button plain" onClick={copy} data-copy>{copied ? 'copied' : 'copy'}</button>
+    <div class="command" ref={box}>
+      <code ref={code} tabIndex={0} role="group" aria-label="command">{props.text}</code>
+      <button type="button" class="button plain" onClick={() => { void copy(); }} data-copy>{said}</button>
     </div>
   );
 }
@@ -84,6 +89,11 @@ export function Empty(props: { title: string; children?: ComponentChildren; comm
       {props.command && <Command text={props.command} />}
     </div>
   );
+}
+
+/** Of what is known from the bus alone. */
+export function elsewhere(what: string): string {
+  return `The files of this ${what} are not below the folders of this gateway: what stands here is what the bus says.`;
 }
 
 export function Failed(props: { problem: Problem; retry?: () => void }) {
@@ -152,14 +162,10 @@ export function Select(props: { label: string; value: string; options: (readonly
 
 /** A text field that answers after a pause in typing. */
 export function Search(props: { label: string; value: string; change: (value: string) => void; width?: number }) {
-  const timer = useRef(0);
+  const draft = useDraft(props.value, props.change, 250);
   return (
-    <input class="field" type="search" data-filter aria-label={props.label} placeholder={props.label} value={props.value} style={{ width: `${props.width ?? 20}ch` }}
-      onInput={(event) => {
-        const value = event.currentTarget.value;
-        window.clearTimeout(timer.current);
-        timer.current = window.setTimeout(() => props.change(value), 250);
-      }} />
+    <input class="field" type="search" data-filter aria-label={props.label} placeholder={props.label} value={draft.shown} style={{ width: `${props.width ?? 20}ch` }}
+      onInput={(event) => draft.change(event.currentTarget.value)} />
   );
 }
 

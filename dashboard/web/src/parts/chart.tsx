@@ -4,7 +4,10 @@ import type uPlot from 'uplot';
 import { useEffect, useRef, useState } from 'preact/hooks';
 import { color, paints } from '../core/theme';
 import { number } from '../core/format';
+import { align } from '../core/lines';
+import { zoomed, type Range } from '../core/range';
 import { summarize } from '../core/stats';
+import { drawMarkers, Marker } from './marker';
 
 export interface Line {
   label: string;
@@ -20,6 +23,8 @@ export interface Line {
   dash?: boolean;
   points?: boolean;
   faint?: boolean;
+  /** Of which run it is where several are drawn, for its shape. */
+  marker?: number;
 }
 
 export interface ChartProps {
@@ -34,8 +39,8 @@ export interface ChartProps {
   log?: boolean;
   /** Charts with the same key share their cursor. */
   sync?: string;
-  range?: [number, number] | null;
-  zoom?: (range: [number, number] | null) => void;
+  range?: Range | null;
+  zoom?: (range: Range | null) => void;
   xLabel?: string;
   xFormat?: (x: number) => string;
   cursor?: (x: number | null) => void;
@@ -44,30 +49,6 @@ export interface ChartProps {
   /** A click says which x. */
   pick?: (x: number) => void;
   note?: string;
-}
-
-type Column = (number | null | undefined)[];
-
-function align(lines: Line[]): { x: Float64Array; columns: Column[] } {
-  const all = new Set<number>();
-  for (const line of lines) for (let i = 0; i < line.x.length; i++) all.add(line.x[i]!);
-  const x = Float64Array.from(all).sort();
-  const place = new Map<number, number>();
-  x.forEach((value, i) => place.set(value, i));
-  const spread = (line: Line, values: ArrayLike<number | null> | undefined): Column => {
-    const column: Column = new Array<undefined>(x.length).fill(undefined);
-    if (!values) return column;
-    for (let i = 0; i < line.x.length; i++) {
-      const value = values[i];
-      column[place.get(line.x[i]!)!] = value === null || value === undefined || !Number.isFinite(value) ? null : value;
-    }
-    return column;
-  };
-  return { x, columns: lines.flatMap((line) => {
-    const { base } = line;
-    const top = base ? Array.from(line.values, (value, i) => (value === null ? null : value + base[i]!)) : line.values;
-    return [spread(line, top), spread(line, base ?? line.min), spread(line, base ? top : line.max)];
-  }) };
 }
 
 const font = '12px system-ui, sans-serif';
@@ -130,18 +111,16 @@ export function Chart(props: ChartProps) {
     made.setData(data(latest.current), true);
   }, [props.range?.[0], props.range?.[1]]);
 
-  const arrows = (event: KeyboardEvent) => {
+  const press = (event: KeyboardEvent) => {
     const made = plot.current;
-    if (!made || !event.key.startsWith('Arrow')) return;
+    if (!made || event.ctrlKey || event.metaKey || event.altKey) return;
+    const said = event.key.startsWith('Arrow') ? moveCursor(made, props, event) : props.zoom ? zoomBy(made, props, event.key) : null;
+    if (said === null) return;
     event.preventDefault();
-    const step = (event.shiftKey ? 10 : 1) * (event.key === 'ArrowLeft' ? -1 : 1);
-    const n = made.data[0].length;
-    const index = Math.max(0, Math.min(n - 1, (made.cursor.idx ?? n - 1) + step));
-    made.setCursor({ left: made.valToPos(made.data[0][index]!, 'x'), top: 10 });
-    if (live.current) live.current.textContent = `${(props.xLabel ?? 'step')} ${made.data[0][index]}: ` + props.lines.map((line, i) => `${line.label} ${number(made.data[1 + 3 * i]?.[index])}`).join(', ');
+    if (live.current) live.current.textContent = said;
   };
 
-  const missing = props.lines.reduce((sum, line) => sum + summarize(line.values).missing, 0);
+  const missing = props.lines.reduce((sum, line) => sum + (line.faint ? 0 : summarize(line.values).missing), 0);
   return (
     <figure class="chart" data-chart={props.title}>
       <figcaption>
@@ -152,17 +131,41 @@ export function Chart(props: ChartProps) {
       <div class="legend">
         {props.lines.map((line, i) => !line.faint && (
           <span class="key">
-            <svg aria-hidden="true" viewBox="0 0 18 8"><line x1="0" x2="18" y1="4" y2="4" stroke={`var(--${line.token})`} stroke-width="2" {...(line.dash ? { 'stroke-dasharray': '4 3' } : {})} />{line.points && <circle cx="9" cy="4" r="3" fill={`var(--${line.token})`} />}</svg>
+            <svg aria-hidden="true" viewBox="0 0 18 8"><line x1="0" x2="18" y1="4" y2="4" stroke={`var(--${line.token})`} stroke-width="2" {...(line.dash ? { 'stroke-dasharray': '4 3' } : {})} />{line.points && line.marker === undefined && <circle cx="9" cy="4" r="3" fill={`var(--${line.token})`} />}</svg>
+            {line.marker !== undefined && <Marker of={line.marker} token={line.token} />}
             {line.label} <b ref={(element) => { legend.current[i] = element; }}>{number(summarize(line.values).last)}</b>
           </span>
         ))}
       </div>
-      <div class="plot" ref={host} tabIndex={0} role="img" data-arrows aria-label={`${props.title}${props.unit ? `, ${props.unit}` : ''}: ${props.lines.map((line) => describe(line)).join('; ')}. Arrow keys move the cursor.`}
-        style={{ height: `${props.height ?? 150}px` }} onKeyDown={arrows} onDblClick={() => props.zoom?.(null)} />
+      <div class="plot" ref={host} tabIndex={0} role="img" data-arrows aria-label={`${props.title}${props.unit ? `, ${props.unit}` : ''}: ${props.lines.map((line) => describe(line)).join('; ')}. Arrow keys move the cursor${props.zoom ? ', + and - zoom, 0 shows all' : ''}.`}
+        style={{ height: `${props.height ?? 150}px` }} onKeyDown={press} onDblClick={() => props.zoom?.(null)} />
       <p class="sr" aria-live="polite" ref={live} />
       <HiddenTable {...props} />
     </figure>
   );
+}
+
+/** To the point beside; what stands there, in words. */
+function moveCursor(made: uPlot, props: ChartProps, event: KeyboardEvent): string {
+  const step = (event.shiftKey ? 10 : 1) * (event.key === 'ArrowLeft' || event.key === 'ArrowDown' ? -1 : 1);
+  const n = made.data[0].length;
+  const index = Math.max(0, Math.min(n - 1, (made.cursor.idx ?? n - 1) + step));
+  made.setCursor({ left: made.valToPos(made.data[0][index]!, 'x'), top: 10 });
+  return `${(props.xLabel ?? 'step')} ${made.data[0][index]}: ` + props.lines.map((line, i) => `${line.label} ${number(made.data[1 + 3 * i]?.[index])}`).join(', ');
+}
+
+/** About the cursor; null: the key does nothing here. Beyond what is drawn there may be more: the widest step shows all. */
+function zoomBy(made: uPlot, props: ChartProps, key: string): string | null {
+  const all = made.data[0];
+  if (!['+', '=', '-', '0'].includes(key) || all.length < 2) return null;
+  const drawn: Range = props.range ?? [all[0]!, all[all.length - 1]!];
+  const index = made.cursor.idx;
+  const at = index === null || index === undefined ? (drawn[0] + drawn[1]) / 2 : all[index]!;
+  const next = key === '0' || (key === '-' && !props.range) ? null
+    : key === '-' ? zoomed(drawn, [Math.min(0, drawn[0]), Infinity], at, 2)
+    : zoomed(drawn, drawn, at, 0.5);
+  props.zoom?.(next);
+  return next ? `from ${number(next[0], 6)} to ${number(next[1], 6)}` : 'all of it';
 }
 
 function followed(made: uPlot, moment: ChartProps['follow']): () => void {
@@ -209,7 +212,7 @@ function options(props: { current: ChartProps }, legend: { current: (HTMLElement
     const stroke = () => color(line.token);
     series.push({
       label: line.label, stroke, width: line.faint ? 1 : 1.75, ...(line.dash ? { dash: [5, 4] } : {}), alpha: line.faint ? 0.35 : 1, spanGaps: false,
-      points: { show: line.points ? true : undefined as unknown as boolean, size: line.points ? 5 : 3, fill: stroke, stroke },
+      points: { show: line.marker !== undefined ? false : line.points ? true : undefined as unknown as boolean, size: line.points ? 5 : 3, fill: stroke, stroke },
     });
     // the spread of merged points, filled and without outline
     series.push({ width: 0, points: { show: false } }, { width: 0, points: { show: false } });
@@ -312,6 +315,7 @@ function drawAbove(u: uPlot, props: ChartProps): void {
     ctx.textAlign = 'center';
     ctx.fillText(mark.glyph, x, bbox.top + bbox.height - 3 * devicePixelRatio);
   }
+  props.lines.forEach((one, i) => { if (one.marker !== undefined && !one.faint) drawShapes(u, one, 1 + 3 * i); });
   // a value that is not finite is a red tick on the axis, not a gap without a word
   ctx.strokeStyle = color('bad');
   props.lines.forEach((one) => {
@@ -323,6 +327,19 @@ function drawAbove(u: uPlot, props: ChartProps): void {
     }
   });
   ctx.restore();
+}
+
+/** A line's markers, on each point where it has points, else here and there. */
+function drawShapes(u: uPlot, of: Line, column: number): void {
+  const { ctx, bbox } = u;
+  const points: [number, number][] = [];
+  u.data[0].forEach((x, i) => {
+    const value = u.data[column]?.[i];
+    const left = u.valToPos(x, 'x', true);
+    if (typeof value === 'number' && left >= bbox.left && left <= bbox.left + bbox.width) points.push([left, u.valToPos(value, 'y', true)]);
+  });
+  ctx.fillStyle = color(of.token);
+  drawMarkers(ctx, of.marker ?? 0, points, of.points ? 0 : 96 * devicePixelRatio);
 }
 
 function line(ctx: CanvasRenderingContext2D, x0: number, y0: number, x1: number, y1: number): void {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // An attempt that is made again: whether it was, the job that makes it, and what it left for the view in space.
 import { useEffect, useState } from 'preact/hooks';
-import { getBytes, getJson, postJson, problemOf, query, stopJob, useResource, type Problem, type Resource } from '../core/api';
+import { getBytes, getJob, getJson, jobGone, postJson, problemOf, query, stopJob, useResource, type Problem, type Resource } from '../core/api';
 import { home } from '../core/sources';
 import type { Job, Replay, ReplayGeometry, ReplayPlan } from '../core/types';
 import { Chip, Command, Failed } from './basics';
@@ -31,9 +31,10 @@ export function useRemake(of: { dataset: string; index: number; attempt: number 
     if (!id) return;
     let timer = 0;
     const ask = () => {
-      getJson<Job>(`/jobs/${id}`).then((next) => {
+      getJob(id).then((next) => {
         setJob(next);
-        if (next.state === 'running') timer = window.setTimeout(ask, 500);
+        if (!next) setProblem(jobGone);
+        if (next?.state === 'running') timer = window.setTimeout(ask, 500);
         else replay.reload();
       }).catch(fail);
     };

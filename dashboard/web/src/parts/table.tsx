@@ -104,15 +104,20 @@ function Grid<Row>(props: TableProps<Row>) {
     if (virtual) scroller.current?.scrollTo({ top: Math.max(0, next * rowHeight.current - (props.height ?? 0) / 2) });
     else scroller.current?.querySelectorAll('.line')[next]?.scrollIntoView({ block: 'nearest' });
   };
+  // of several tables of a page the one that has the focus, else the first
+  const when = () => {
+    const focused = document.activeElement?.closest('.table');
+    return scroller.current !== null && scroller.current === (focused ?? document.querySelector('.table'));
+  };
   const linked = props.columns.findIndex((column) => !column.control);
   useKeys([
-    ...(props.tick ? [{ keys: 'x', does: 'tick the row', run: () => {
+    ...(props.tick ? [{ keys: 'x', does: 'tick the row', when, run: () => {
       const row = props.rows[active];
       if (row !== undefined) props.tick?.(row);
     } }] : []),
-    { keys: 'j', does: 'next row', run: () => move(1) },
-    { keys: 'k', does: 'previous row', run: () => move(-1) },
-    { keys: 'Enter', does: 'open the row', run: () => {
+    { keys: 'j', does: 'next row', when, run: () => move(1) },
+    { keys: 'k', does: 'previous row', when, run: () => move(-1) },
+    { keys: 'Enter', does: 'open the row', when, run: () => {
       const row = props.rows[active];
       const address = row !== undefined ? props.link?.(row) : null;
       if (address) navigate(address);

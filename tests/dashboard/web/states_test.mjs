@@ -1,0 +1,420 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pages in states that no folder of a test has: many sources that are live at once, answers that fail, a browser without a
+// clipboard. The gateway and its pages are real; what it answers is put in its place here.
+import assert from 'node:assert/strict';
+import { mkdtempSync, rmSync } from 'node:fs';
+import { after, before, test } from 'node:test';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { axe, launch, openPage } from './browser.mjs';
+import { startGateway } from './gateway.mjs';
+
+const work = mkdtempSync(join(tmpdir(), `etude-test-${process.pid}-`));
+let gateway;
+let browser;
+
+before(async () => {
+  gateway = await startGateway([work], 0, ['--no-bus']);
+  browser = await launch();
+});
+
+after(async () => {
+  await browser?.close();
+  await gateway?.stop();
+  rmSync(work, { recursive: true, force: true });
+});
+
+const source = (kind, id, more = {}) => ({ id, kind, name: id, state: 'finished', updated: null, age_ms: 1000, live: false, folder: id, role: kind === 'dataset' ? 'demonstrations' : null, ...more });
+
+/** /home as the gateway gives it over nothing, with these sources and whatever else is said. */
+async function homeOf(sources, more = {}) {
+  const home = await (await fetch(`${gateway.address}/api/v1/home`)).json();
+  return { ...home, sources, ...more };
+}
+
+/**
+ * Opens `address`; `answers` by path of the API give a body, { status, json }, or a function of the request's URL that
+ * gives either. What they do not name the gateway answers. `push(ch, data)` says something on a live channel.
+ */
+async function open(address, answers, look, { allow = /^$/ } = {}) {
+  const { page, context, wrong } = await openPage(browser, gateway.address);
+  page.setDefaultTimeout(8000);
+  const subscribed = new Map();
+  await page.routeWebSocket(/\/api\/v1\/live/, (socket) => {
+    socket.onMessage((text) => {
+      const { op, ch, id } = JSON.parse(text);
+      if (op === 'sub') subscribed.set(ch, { socket, id });
+    });
+  });
+  await page.route('**/api/v1/**', async (route) => {
+    const url = new URL(route.request().url());
+    let answer = answers[url.pathname.slice('/api/v1'.length)];
+    if (typeof answer === 'function') answer = answer(url);
+    if (answer === undefined) return route.continue();
+    return Buffer.isBuffer(answer) ? route.fulfill({ body: answer, contentType: 'application/octet-stream' })
+      : typeof answer.status === 'number' ? route.fulfill(answer) : route.fulfill({ json: answer });
+  });
+  const push = async (ch, data) => {
+    for (const end = Date.now() + 10000; !subscribed.has(ch);) {
+      assert.ok(Date.now() < end, `nobody has subscribed to ${ch}`);
+      await new Promise((done) => setTimeout(done, 20));
+    }
+    const { socket, id } = subscribed.get(ch);
+    socket.send(JSON.stringify({ ch, id, seq: 1, t: '', data }));
+  };
+  try {
+    await page.goto(gateway.address + address);
+    await page.waitForSelector('main h1', { state: 'attached' });
+    await look(page, push);
+    assert.deepEqual(wrong.filter((one) => !allow.test(one)), []);
+  } finally {
+    await context.close();
+  }
+}
+
+const host = (name) => ({ host: name, slots: 0, busy: 0, per_min: 1, ok: 1, episodes: 1, failures: 0, plan_p50_s: null, plan_p95_s: null, rss_mb: null, cpu: null, version: '1', fingerprint: null, age_ms: 0, workers: [], processes: [] });
+const fleetOf = (names, more = {}) => ({ live: true, total: names.length, workers: 1, per_min: 1, ok: 1, hosts: names.map(host), ...more });
+
+test('what is typed into a search field stays while the page is drawn anew', async () => {
+  const asked = [];
+  const answers = { '/fleet': (url) => { asked.push(url.searchParams.get('filter')); return fleetOf(['lab-a', 'lab-b']); } };
+  await open('/fleet', answers, async (page, push) => {
+    const field = page.locator('[data-filter]');
+    await field.waitFor();
+    for (const [i, letter] of [...'lab-b w1'].entries()) {
+      await field.pressSequentially(letter);
+      await push('fleet', fleetOf(['lab-a', 'lab-b'], { per_min: i }));
+      await page.waitForSelector(`[data-fleet-summary]:has-text("${i} a minute")`);
+    }
+    assert.equal(await field.inputValue(), 'lab-b w1');
+    await page.waitForURL('**filter=lab-b+w1**');
+    assert.equal(await field.inputValue(), 'lab-b w1');
+    assert.ok(asked.includes('lab-b w1'));
+  });
+});
+
+test('copy works without the clipboard of https, and says what to press where nothing works', async () => {
+  const { page, context, wrong } = await openPage(browser, gateway.address);
+  try {
+    await page.addInitScript(() => {
+      Object.defineProperty(Navigator.prototype, 'clipboard', { get: () => undefined });
+      document.addEventListener('copy', (event) => { globalThis.copied = event.target.value; });
+    });
+    await page.goto(`${gateway.address}/training`);
+    const command = await page.locator('.command code').first().innerText();
+    await page.keyboard.press('c');
+    await page.waitForSelector('[data-copy]:has-text("copied")');
+    assert.equal(await page.evaluate(() => globalThis.copied), command);
+    assert.equal(await page.locator('textarea').count(), 0);
+    await page.evaluate(() => { document.execCommand = () => false; });
+    await page.locator('[data-copy]').first().click();
+    await page.waitForSelector('[data-copy]:has-text("press Ctrl-C")');
+    assert.equal(await page.evaluate(() => getSelection().toString()), command);
+    assert.deepEqual(wrong, []);
+  } finally {
+    await context.close();
+  }
+});
+
+const runOf = (id, more = {}) => ({
+  id, name: id, folder: id, identity: null, state: 'running', updated: null, age_ms: 0, live: true, step: 6000, steps: 9000, stage: 1, stages: 2, stage_name: 'LANG', elapsed_s: 1, loss: null, samples_per_s: null,
+  data_wait: null, episodes: null, eta_s: null, checkpoint_step: null, modules: [], goals: [], keys: [], nulls: [], lives: [], end: null, dataset: null, config: null, torn: false, ...more,
+});
+/** All that is asked of a run. */
+const answersOf = (id, more = {}) => ({ [`/runs/${id}`]: runOf(id, more), [`/runs/${id}/curriculum`]: { run: id, stages: [] }, [`/runs/${id}/checkpoints`]: { run: id, checkpoints: [], subscribers: [], next_step: null } });
+const loss = { key: 'train/loss', kind: 'train', name: 'loss', module: null, unit: null, n: 3, nulls: 0 };
+
+/** A safetensors file of float64 vectors. */
+function tensors(all) {
+  const header = {};
+  let at = 0;
+  for (const [name, values] of Object.entries(all)) header[name] = { dtype: 'F64', shape: [values.length], data_offsets: [at, at += 8 * values.length] };
+  const text = Buffer.from(JSON.stringify(header).padEnd(Math.ceil(JSON.stringify(header).length / 8) * 8));
+  const length = Buffer.alloc(8);
+  length.writeBigUInt64LE(BigInt(text.length));
+  return Buffer.concat([length, text, Buffer.from(Float64Array.from(Object.values(all).flat()).buffer)]);
+}
+
+const curve = (x, last) => tensors({ 'train/loss/x': x, 'train/loss/step': x, 'train/loss/min': last, 'train/loss/max': last, 'train/loss/last': last });
+
+test('a page stays with the source that it began with, and its address names it', async () => {
+  const runs = ['one', 'two'].map((id) => source('run', id, { live: true }));
+  const answers = { '/home': await homeOf(runs), ...answersOf('one'), ...answersOf('two') };
+  await open('/training', answers, async (page, push) => {
+    await page.waitForURL('**/training?run=one');
+    await push('home', await homeOf([...runs].reverse(), { sentence: 'the other one is the newest' }));
+    await page.waitForSelector('[data-sentence]:has-text("the other one")');
+    assert.equal(new URL(page.url()).searchParams.get('run'), 'one');
+    assert.equal(await page.locator('.pickers select').inputValue(), 'one');
+    await page.goBack();
+    assert.equal(page.url(), 'about:blank', 'the choice is no step of its own');
+  });
+});
+
+test('another source is shown without the ticks and filters of the one before', async () => {
+  const sources = ['a', 'b'].map((id) => source('run', id));
+  const answers = { '/home': await homeOf(sources), ...answersOf('a'), ...answersOf('b') };
+  await open('/training?run=a&y=log&range=1..2&ticks=4', answers, async (page) => {
+    await page.locator('.pickers select').selectOption('b');
+    await page.waitForURL((url) => url.searchParams.get('run') === 'b');
+    assert.equal(new URL(page.url()).search, '?run=b&y=log');
+  });
+});
+
+test('what is on the bus alone says so, on every page that would read its files', async () => {
+  const campaign = { id: 'bus', name: 'bus', state: 'running', dataset: null, spec: null, spec_sha256: null, failures: {}, failures_by: [], timing: null, tasks: [], robots: [],
+    status: { attempts: 4, committed: 3, total: 10, given_up: 0, live: true, per_min: 5, eta_s: null, error: '' } };
+  const sources = [source('campaign', 'bus', { folder: null, live: true }), source('run', 'far', { folder: null, live: true })];
+  const cells = [];
+  const answers = {
+    '/home': await homeOf(sources), '/campaigns/bus': campaign, '/campaigns/bus/attempts': { total: 0, next: null, rows: [] }, '/campaigns/bus/cells': () => { cells.push(1); return Buffer.alloc(0); },
+    '/runs/far': runOf('far', { folder: null }),
+  };
+  await open('/', answers, async (page, push) => {
+    await page.locator('nav').getByRole('link', { name: 'Generation' }).click();
+    await page.waitForSelector('[data-attempts-summary]');
+    await page.waitForURL('**/generation?dataset=bus');
+    await page.waitForSelector('[data-elsewhere]');
+    assert.equal(cells.length, 0, 'of seeds nothing is known');
+    await push('attempts', { campaign: 'another', status: { ...campaign.status, attempts: 99 }, total: 0, rows: [] });
+    await push('attempts', { campaign: 'bus', status: { ...campaign.status, attempts: 5 }, total: 0, rows: [] });
+    await page.waitForSelector('[data-attempts-summary]:has-text("5 attempts")');
+    assert.ok(!(await page.locator('nav').getByRole('link', { name: 'Dataset' }).getAttribute('href')).includes('bus'), 'it has no dataset here');
+    for (const name of ['Training', 'Checkpoints', 'Inside']) {
+      await page.locator('nav').getByRole('link', { name }).click();
+      await page.waitForSelector(`h1:has-text("${name}")`, { state: 'attached' });
+      await page.waitForSelector('[data-elsewhere]');
+      assert.equal(await page.locator('.problem').count(), 0, name);
+    }
+    assert.deepEqual(await axe(page), []);
+  });
+});
+
+test('a campaign that is picked shows nothing of the one before', async () => {
+  const failures_by = [['pick', 3], ['', 2]].map(([task, count]) => ({ reason: 'plan_failed', stage: null, task, robot: '', count }));
+  const of = (id, attempts) => ({ id, name: id, state: 'running', dataset: id, spec: null, spec_sha256: null, failures: {}, failures_by, timing: null, tasks: ['pick'], robots: [],
+    status: { attempts, committed: 0, total: 10, given_up: 0, live: true, per_min: null, eta_s: null, error: '' } });
+  const answers = { '/home': await homeOf([source('dataset', 'a'), source('dataset', 'b')]), '/campaigns/a': of('a', 4), '/campaigns/b': of('b', 50) };
+  for (const id of ['a', 'b']) Object.assign(answers, { [`/campaigns/${id}/attempts`]: { total: 0, next: null, rows: [] }, [`/campaigns/${id}/cells`]: tensors({}) });
+  await open('/generation?dataset=a', answers, async (page, push) => {
+    await push('attempts', { status: { ...of('a', 4).status, attempts: 7 }, total: 0, rows: [] });
+    await page.waitForSelector('.pill:has-text("3 new")');
+    await page.locator('.pickers select').selectOption('b');
+    await page.waitForSelector('[data-attempts-summary]:has-text("50 attempts")');
+    assert.equal(await page.locator('.pill').count(), 0, 'new ones are those of this campaign');
+    assert.deepEqual(await page.locator('[data-matrix] tbody td.num').allInnerTexts(), ['3', '5'], 'those without a task are in the sum');
+  });
+});
+
+test('a range that is none shows all, and a series that does not come says why', async () => {
+  let broken = true;
+  const answers = {
+    '/home': await homeOf([source('run', 'a')]), ...answersOf('a', { keys: [loss], nulls: [{ step: 100, key: 'train/loss' }], nulls_total: 1234 }),
+    '/runs/a/series': (url) => {
+      assert.equal(url.searchParams.get('from'), null);
+      return broken ? { status: 500, json: { title: 'The series cannot be read', status: 500 } } : curve([50, 100, 150], [1, NaN, 0.5]);
+    },
+  };
+  await open('/training?run=a&range=abc', answers, async (page) => {
+    await page.waitForSelector('.problem:has-text("The series cannot be read")');
+    assert.equal(await page.locator('.skeleton').count(), 0);
+    broken = false;
+    await page.getByRole('button', { name: 'Try again' }).click();
+    // a value that is not finite is said, and is not among those counted
+    await page.waitForSelector('[data-chart=Loss] figcaption .bad:has-text("1 not finite")');
+    assert.equal(await page.locator('table[data-table=Loss] tr[data-line=train] td').first().textContent(), '2');
+    await page.waitForSelector('.chip:has-text("1,234 values not finite")');
+    assert.equal(await page.locator('.problem').count(), 0);
+  }, { allow: /500 \(Internal/ });
+});
+
+test('an address that is not UTF-8, and a page that cannot be drawn, leave the window', async () => {
+  await open('/%E0%A4', {}, async (page) => { await page.waitForSelector('text=There is no such page'); });
+  await open('/logs', { '/logs': { lines: 3 } }, async (page) => {
+    await page.waitForSelector('[data-broken] .problem');
+    await page.locator('nav').getByRole('link', { name: 'Play' }).click();
+    await page.waitForSelector('h1:has-text("Play")', { state: 'attached' });
+    assert.equal(await page.locator('[data-broken]').count(), 0);
+  });
+});
+
+test('a gateway that wants another token asks for it; one that is gone is said to be gone', async () => {
+  let token = 'old';
+  const { page, context } = await openPage(browser, gateway.address);
+  try {
+    // as a socket that is refused: closed, and nothing is said
+    await page.routeWebSocket(/\/api\/v1\/live/, (socket) => { if (token !== 'old') void socket.close(); });
+    await page.route('**/api/v1/**', (route) => (token === 'old' ? route.continue() : token === 'gone' ? route.abort() : route.fulfill({ status: 401, json: { title: 'The token is needed', status: 401 } })));
+    await page.goto(`${gateway.address}/logs`);
+    await page.waitForSelector('main h1', { state: 'attached' });
+    token = 'new';
+    await page.goto(`${gateway.address}/logs`);
+    await page.waitForSelector('[data-sign-in]');
+    await page.getByLabel('Token').fill('half a tok');
+    // it stays while the socket is tried again
+    await page.waitForRequest('**/api/v1/home');
+    await page.waitForRequest('**/api/v1/home');
+    assert.equal(await page.getByLabel('Token').inputValue(), 'half a tok');
+    token = 'gone';
+    await page.waitForSelector('.banner');
+    token = 'new';
+    await page.waitForSelector('[data-sign-in]', { timeout: 20000 });
+  } finally {
+    await context.close();
+  }
+});
+
+test('Overview says what goes on before there is a source', async () => {
+  const ups = [{ folder: '/out', state: 'running', phase: 'preparing', goal: null, exit: null }];
+  const warnings = [{ code: 'disk', text: 'disk on lab-b 2 % free', since: null, link: '/fleet' }];
+  await open('/', { '/home': await homeOf([], { ups, warnings }) }, async (page) => {
+    await page.waitForSelector('[data-up=running]:has-text("preparing")');
+    await page.waitForSelector('[data-code=disk]');
+    await page.waitForSelector('.empty');
+  });
+});
+
+test('a job that the gateway forgot has ended, and single keys do not act behind a dialog', async () => {
+  const campaign = { id: 'a', name: 'a', state: 'running', dataset: null, spec: null, spec_sha256: null, failures: {}, failures_by: [], timing: null, tasks: [], robots: [],
+    status: { attempts: 1, committed: 0, total: 10, given_up: 0, live: true, per_min: null, eta_s: null, error: '' } };
+  let known = true;
+  const answers = {
+    '/home': await homeOf([source('campaign', 'a', { folder: null })], { actions: true }), '/campaigns/a': campaign, '/campaigns/a/attempts': { total: 0, next: null, rows: [] }, '/session': { enabled: true, authorized: true },
+    '/actions': { command: 'etude campaign pause a', job: '7' },
+    '/jobs/7': () => (known ? { id: '7', state: 'running', log: [] } : { status: 404, json: { title: 'Not found', status: 404 } }),
+  };
+  await open('/generation?dataset=a', answers, async (page) => {
+    await page.getByRole('button', { name: 'Pause' }).click();
+    await page.keyboard.press('g');
+    await page.keyboard.press('l');
+    await page.getByRole('button', { name: 'Run it' }).click();
+    await page.waitForSelector('dialog .chip:has-text("running")');
+    assert.match(page.url(), /generation/);
+    known = false;
+    await page.waitForSelector('dialog .problem:has-text("does not know this job")');
+    assert.equal(await page.locator('dialog .chip').count(), 0);
+  }, { allow: /404 \(Not Found/ });
+});
+
+test('Play: a preview that does not come says why, and a session whose job is unknown has ended', async () => {
+  const sessions = { enabled: true, sessions: [], policies: ['run@0123'], campaigns: ['quickstart'] };
+  const answers = {
+    '/home': await homeOf([], { actions: true }),
+    '/play/sessions': sessions, '/scenes/quickstart/0.png': { status: 503, json: { title: 'Another scene is being drawn', status: 503 } },
+    '/jobs/9': { status: 404, json: { title: 'Not found', status: 404 } },
+  };
+  await open('/play', answers, async (page) => {
+    await page.getByRole('button', { name: 'Preview' }).click();
+    await page.waitForSelector('.problem:has-text("Another scene is being drawn")');
+    answers['/play/sessions'] = { ...sessions, session: 'play-9', job: '9' };
+    await page.getByRole('button', { name: 'Open', exact: true }).click();
+    await page.waitForSelector('[data-ended=play-9]:has-text("does not know this job")');
+  }, { allow: /(503|404) \(/ });
+});
+
+test('Fleet: keys are of the table with the focus, folding is in the address, rows hold still while one is at them', async () => {
+  const worker = { worker: 'w0', campaign: 'c', phase: 'idle', index: null, attempt: 0, episodes: 1, failures: 0, per_min: 1, task: null, robot: null, target: null, stage: null, step: null, last: null, strip: '', age_ms: 0 };
+  const process = { process: 'p', role: 'collector', pid: 1, rss_mb: 1, cpu: 1, disk_free: null, folder: null, version: '1', age_ms: 0 };
+  const fleet = (...names) => ({ ...fleetOf(names), hosts: names.map((name) => ({ ...host(name), slots: 1, workers: [{ ...worker, worker: `${name}-w0` }], processes: [{ ...process, process: `${name} 1` }] })) });
+  await open('/fleet', { '/fleet': fleet('lab-a', 'lab-b') }, async (page, push) => {
+    const active = () => page.locator('[data-active]').evaluateAll((all) => all.map((one) => one.dataset.id));
+    const rows = () => page.locator('[aria-label="Hosts and workers"] [role=row][data-id]').evaluateAll((all) => all.map((one) => one.dataset.id));
+    await page.waitForSelector('[role=row][data-id=lab-a]');
+    await page.keyboard.press('j');
+    await page.waitForSelector('[data-active]');
+    assert.deepEqual(await active(), ['lab-a']);
+    await page.getByRole('button', { name: 'lab-a' }).click();
+    await page.waitForURL('**fold=lab-a');
+    assert.deepEqual(await rows(), ['lab-a', 'lab-b', 'lab-b-w0']);
+    // the focus is still on the row that was folded
+    await page.mouse.move(0, 0);
+    await push('fleet', fleet('lab-b', 'lab-a'));
+    await page.waitForSelector('[data-held]:has-text("2 rows would move")');
+    assert.deepEqual(await rows(), ['lab-a', 'lab-b', 'lab-b-w0']);
+    await page.locator('.table[aria-label="Processes"]').focus();
+    await page.waitForSelector('[data-held]', { state: 'detached' });
+    assert.deepEqual(await rows(), ['lab-b', 'lab-b-w0', 'lab-a']);
+    await page.keyboard.press('j');
+    await page.waitForSelector('[data-active][data-id="lab-b 1"]');
+    await page.reload();
+    await page.waitForSelector('[aria-label="Hosts and workers"] [role=row][data-id]');
+    assert.deepEqual(await rows(), ['lab-a', 'lab-b', 'lab-b-w0']);
+  });
+});
+
+test('Training: runs that are overlaid have a shape each, and a chart zooms by keyboard', async () => {
+  const answers = { '/home': await homeOf(['a', 'b'].map((id) => source('run', id))) };
+  for (const id of ['a', 'b']) Object.assign(answers, answersOf(id, { keys: [loss] }), { [`/runs/${id}/series`]: curve([50, 100, 150, 200], [1, 0.8, 0.6, id === 'a' ? 0.5 : 0.4]) });
+  await open('/training?run=a,b', answers, async (page) => {
+    const chart = page.locator('[data-chart=Loss]');
+    await chart.locator('canvas').waitFor();
+    assert.deepEqual(await chart.locator('[data-marker]').evaluateAll((all) => all.map((one) => one.dataset.marker)), ['0', '1']);
+    await chart.locator('.plot').focus();
+    await page.keyboard.press('End');
+    await page.keyboard.press('+');
+    await page.waitForURL('**range=**');
+    const [from, to] = new URL(page.url()).searchParams.get('range').split('..').map(Number);
+    assert.equal(to - from, 75, 'half of it');
+    await page.keyboard.press('0');
+    await page.waitForURL((url) => !url.searchParams.has('range'));
+    await page.keyboard.press('+');
+    await page.locator('[data-all]').click();
+    await page.waitForURL((url) => !url.searchParams.has('range'));
+    assert.deepEqual(await axe(page), []);
+  });
+});
+
+test('Dataset: a place is gone to by arrow keys, and the command names the absolute folder', async () => {
+  const columns = Object.fromEntries(['index', 'task', 'target', 'robot', 'instruction', 'steps', 'draws', 'odd', 'split', 'success', 'outcome'].map((name) => [name, [name === 'index' ? 7 : null]]));
+  const answers = {
+    '/home': await homeOf([source('dataset', 'a')]),
+    '/datasets/a': { id: 'a', name: 'a', folder: 'out/a', path: '/home/lab/out/a', role: 'demonstrations', eval: null, state: 'finished', updated: null, age_ms: null, identity: null, schema_version: 1, content: 1, spec: {}, spec_sha256: '', statistics: {},
+      episodes: 3, total: 3, failed_attempts: {}, unreadable: 0, unreadable_files: [], journal: true, keys: [], cameras: [], bytes: 1 },
+    '/datasets/a/episodes': { total: 1, all: 1, known: 1, next: null, columns },
+    '/datasets/a/summary': { total: 3, tasks: {}, targets: {}, robots: {}, outcomes: {}, splits: {}, workers: {}, words: [], matrix: [], odd: [], lengths: { edges_steps: [0, 1], counts: [3] }, places: { x_m: [0, -0.1, 0.1], y_m: [0.3, 0.3, 0.3], task: ['pick', 'pick', 'push'], index: [4, 5, 6] } },
+  };
+  await open('/dataset?dataset=a', answers, async (page) => {
+    assert.equal(await page.locator('.command code').first().innerText(), 'etude dataset info /home/lab/out/a');
+    const places = page.locator('.places');
+    await places.focus();
+    await page.keyboard.press('Home');
+    await page.keyboard.press('ArrowRight');
+    assert.match(await page.locator('[data-place-at]').innerText(), /^#5: pick at x -0.10/);
+    await page.keyboard.press('ArrowLeft');
+    await page.keyboard.press('ArrowLeft');
+    assert.equal(await page.locator('[data-place]').getAttribute('data-place'), '6');
+    assert.deepEqual(await axe(page), []);
+    await page.keyboard.press('Enter');
+    await page.waitForURL('**/episode/a/6');
+  }, { allow: /404 \(Not Found/ });
+});
+
+test('by keyboard: one skips to the page, the focus follows to the next, and age is not said twice a second', async () => {
+  await open('/', {}, async (page) => {
+    await page.keyboard.press('Tab');
+    assert.equal(await page.evaluate(() => document.activeElement.textContent), 'Skip to the page');
+    await page.keyboard.press('Enter');
+    assert.equal(await page.evaluate(() => document.activeElement.id), 'main');
+    await page.locator('nav').getByRole('link', { name: 'Logs' }).focus();
+    await page.keyboard.press('Enter');
+    await page.waitForURL('**/logs');
+    await page.waitForFunction(() => document.activeElement.id === 'main');
+    const said = await page.locator('.connection [role=status]').innerText();
+    assert.match(said, /^The gateway is (heard|silent)$/);
+    assert.deepEqual(await axe(page), []);
+  });
+});
+
+test('Logs: an error that the documentation knows says what to do', async () => {
+  const line = (n, level, text) => ({ source: 's', n, t: '12:00:00', level, text });
+  const logs = { sources: [{ id: 's', name: 'collector.log', bytes: 10, updated: '' }], next: null, searched: 12, back_to: '2026-11-23T06:00:00Z', lines: [line(1, 'info', 'all is well'), line(2, 'error', "campaign.yaml: unknown key 'epsiodes': did you mean 'episodes'? (x)")] };
+  await open('/logs', { '/logs': logs }, async (page) => {
+    const advice = page.locator('.log li').nth(1).locator('[data-advice]');
+    await advice.locator('summary').click();
+    assert.match(await advice.innerText(), /nothing was started/);
+    await advice.locator('.command code', { hasText: 'etude config describe campaign' }).waitFor();
+    assert.equal(await page.locator('[data-advice]').count(), 1);
+    assert.match(await page.locator('[data-back-to]').innerText(), /^12 files, back to 2026-11-23 .*were searched/);
+    assert.deepEqual(await axe(page), []);
+  });
+});
