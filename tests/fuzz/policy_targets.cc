@@ -70,7 +70,7 @@ std::vector<Target> Make() {
        WhatIfOf,
        {text(R"({"sentence": "push the coke", "hide": [[100, 80, 12, 12], [12, 21, 4, 2]], "worth": true})"),
         text(R"({"say": {"TAR3D": {"position": [0.1, 0.3, 0.04]}, "TAR2D": {"pixel": [30, 40.5]}}})"),
-        text(R"({"say": {"LANG": {"class": "coke"}, "TASK": {"task": "push"}}})")}}};
+        text(R"({"say": {"LANG": {"class": "coke"}, "TASK": {"task": "push"}}, "think": {"TAR2D": "zero"}})")}}};
 }
 
 }  // namespace

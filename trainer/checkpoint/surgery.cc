@@ -151,6 +151,7 @@ class Surgeon {
                         Contains(config_.robot_specific, part) ? " (it knows one robot, this is another)" : ""));
     CheckFrozenReads();
     CheckFrozenAttention();
+    FindMoved();
   }
 
   Result<Surgery> Done() {
@@ -179,6 +180,13 @@ class Surgeon {
             "{}: frozen, but it reads what its original did not, and would never learn to ({}): leave it out "
             "of init.freeze, or have it read what it read",
             part, fmt::join(found->second, ", ")));
+  }
+
+  void FindMoved() {
+    for (const auto& part : plan_.freeze)
+      if (const ModuleConfig* module = FindModule(config_, part))
+        for (const auto& read : policy::ReadParts(config_, *module))
+          if (!Contains(plan_.freeze, read)) surgery_.moved[part].push_back(read);
   }
 
   // A module computes with what its level shares: where that learns, none of them stays as it is.

@@ -28,6 +28,8 @@ struct Surgery {
   std::map<std::string, std::vector<std::string>> grown;
   /// Of attention that is shared and frozen: the modules that learn and use it as it is.
   std::map<std::string, std::vector<std::string>> frozen_attention;
+  /// Of frozen modules that read what learns: what. They stay as they are bit for bit, and their answers move with it.
+  std::map<std::string, std::vector<std::string>> moved;
   std::vector<std::string> differences;          ///< of robot, camera and formats (embodiment.h), for people
   std::map<std::string, torch::Tensor> tensors;  ///< of the whole network, as Policy::StateTensors
 };

@@ -166,6 +166,8 @@ void LogSurgery(const checkpoint::Checkpoint& source, const checkpoint::Surgery&
     Log().info("{} reads more than its original: {}", module, fmt::join(inputs, ", "));
   for (const auto& [attention, modules] : surgery.frozen_attention)
     Log().info("{} is frozen: {} learns with it as it is", attention, fmt::join(modules, ", "));
+  for (const auto& [module, parts] : surgery.moved)
+    Log().info("{} is frozen and reads {}, which learns: its answers move with it", module, fmt::join(parts, ", "));
   if (!surgery.differences.empty())
     Log().warn("it was trained for something else: {}", fmt::join(surgery.differences, "; "));
 }

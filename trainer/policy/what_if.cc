@@ -6,16 +6,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "services/episode/bounded_json.h"
 #include "trainer/policy/names.h"
-#include "trainer/policy/parts.h"
 
 namespace etude::policy {
 namespace {
 
 constexpr std::size_t kMostText = 64 << 10;  // bytes
 constexpr std::size_t kMostHidden = 256;     // rectangles
+constexpr std::size_t kMostThoughts = 8;     // modules that think otherwise: a forward pass each
 constexpr int kGrey = 128;
 constexpr double kFarthest = 1e6;  // px or m
 constexpr float kCertain = 20;     // logit of the name that is said, others 0
@@ -69,20 +70,31 @@ bool IsRead(const PolicyConfig& config, const std::string& module) {
   });
 }
 
+std::vector<std::string> RegisterReaders(const PolicyConfig& config, const std::string& module) {
+  std::vector<std::string> readers;
+  for (const ModuleConfig& reader : config.modules) {
+    const auto reads = ResolveReads(config, reader);
+    const bool decodes = std::ranges::find(reader.decoder.inputs, "register:" + module) != reader.decoder.inputs.end();
+    if (decodes || reader.query == module || std::ranges::find(reads, module) != reads.end())
+      readers.push_back(reader.name);
+  }
+  return readers;
+}
+
 // Registers stay as they are: with a value that no decoder takes the answer would be the same, and look as if the
 // module did not matter.
 Status CheckRead(const PolicyConfig& config, const std::string& at, const std::string& module) {
   if (IsRead(config, module)) return {};
-  std::vector<std::string> readers, others;
+  const auto readers = RegisterReaders(config, module);
+  std::vector<std::string> others;
   for (const ModuleConfig& other : config.modules) {
-    const auto parts = ReadParts(config, other);
-    if (std::ranges::find(parts, module) != parts.end()) readers.push_back(other.name);
     const std::string& quantity = other.decoder.quantity;
     if ((SizeOf(quantity) > 0 || IsName(quantity)) && IsRead(config, other.name))
       others.push_back(fmt::format("{}.{}", other.name, quantity));
   }
-  const std::string flows =
-      readers.empty() ? "" : fmt::format(", only its register is read (by {})", fmt::join(readers, ", "));
+  const std::string flows = readers.empty() ? ""
+                                            : fmt::format(", only its register is read (by {}), which think replaces",
+                                                          fmt::join(readers, ", "));
   return Refuse(
       fmt::format("{}: nothing reads what {} says here{}; {}, or hide a part of the picture, or ask another "
                   "sentence",
@@ -108,15 +120,17 @@ Status CheckNumbers(const std::string& at, const OrderedJson& value, const std::
   return {};
 }
 
+Result<const ModuleConfig*> KnownModule(const PolicyConfig& config, const char* key, const std::string& module) {
+  if (const ModuleConfig* known = FindModule(config, module)) return known;
+  std::vector<std::string> names;
+  for (const auto& item : config.modules) names.push_back(item.name);
+  return Refuse(fmt::format("{}: no module '{}'{}", key, module, Suggestion(module, names)));
+}
+
 Status CheckSaid(const PolicyConfig& config, const std::string& module, const std::string& quantity,
                  const OrderedJson& value) {
   const std::string at = fmt::format("say.{}.{}", module, quantity);
-  const ModuleConfig* known = FindModule(config, module);
-  if (!known) {
-    std::vector<std::string> names;
-    for (const auto& item : config.modules) names.push_back(item.name);
-    return Refuse(fmt::format("say: no module '{}'{}", module, Suggestion(module, names)));
-  }
+  ETUDE_ASSIGN_OR_RETURN(const ModuleConfig* known, KnownModule(config, "say", module));
   if (known->decoder.quantity != quantity) return Refuse(fmt::format("{}: it says '{}'", at, known->decoder.quantity));
   if (SizeOf(quantity) == 0 && !IsName(quantity)) return Refuse(at + ": cannot be replaced");
   ETUDE_RETURN_IF_ERROR(CheckRead(config, at, module));
@@ -131,6 +145,22 @@ Status ReadSay(const OrderedJson& map, const PolicyConfig& config, WhatIf& what_
       ETUDE_RETURN_IF_ERROR(CheckSaid(config, module, quantity, value));
       what_if.say[module][quantity] = value;
     }
+  }
+  return {};
+}
+
+Status ReadThink(const OrderedJson& map, const PolicyConfig& config, WhatIf& what_if) {
+  if (!map.is_object() || map.size() > kMostThoughts)
+    return Refuse(fmt::format("think: must be a map of at most {} modules", kMostThoughts));
+  for (const auto& [module, thought] : map.items()) {
+    const std::string at = "think." + module;
+    ETUDE_RETURN_IF_ERROR(KnownModule(config, "think", module));
+    const std::string sentence = thought.is_string() ? thought.get<std::string>() : "";
+    if (sentence.empty()) return Refuse(fmt::format("{}: must be a sentence, or '{}'", at, kZeroRegister));
+    const bool follows =
+        !RegisterReaders(config, module).empty() || (sentence != kZeroRegister && IsRead(config, module));
+    if (!follows) return Refuse(fmt::format("{}: no module reads what {} thinks", at, module));
+    what_if.think[module] = sentence;
   }
   return {};
 }
@@ -150,11 +180,14 @@ Result<WhatIf> ParseWhatIf(const std::string& text, const PolicyConfig& config) 
       ETUDE_RETURN_IF_ERROR(ReadHide(value, what_if));
     } else if (key == "say") {
       ETUDE_RETURN_IF_ERROR(ReadSay(value, config, what_if));
+    } else if (key == "think") {
+      ETUDE_RETURN_IF_ERROR(ReadThink(value, config, what_if));
     } else if (key == "worth") {
       if (!value.is_boolean()) return Refuse("worth: must be true or false");
       what_if.worth = value.get<bool>();
     } else {
-      return Refuse(fmt::format("unknown key '{}'{}", key, Suggestion(key, {"sentence", "hide", "say", "worth"})));
+      return Refuse(
+          fmt::format("unknown key '{}'{}", key, Suggestion(key, {"sentence", "hide", "say", "think", "worth"})));
     }
   }
   return what_if;
@@ -172,9 +205,26 @@ void Hide(const WhatIf& what_if, torch::Tensor images, const torch::Tensor& crop
   }
 }
 
-Intervention SayInstead(const WhatIf& what_if, const PolicyConfig& config) {
-  if (what_if.say.empty()) return {};
-  return [say = what_if.say, config](const std::string& module, ModuleOutput& output) {
+Thoughts ThoughtsOf(const WhatIf& what_if, Policy& policy, Inputs inputs) {
+  Thoughts thoughts;
+  for (const auto& [module, sentence] : what_if.think) {
+    if (sentence == kZeroRegister || thoughts.contains(sentence)) continue;
+    inputs.sentences = {sentence};
+    thoughts[sentence] = policy.Forward(inputs);
+  }
+  return thoughts;
+}
+
+Intervention SayInstead(const WhatIf& what_if, const PolicyConfig& config, Thoughts thoughts) {
+  if (what_if.say.empty() && what_if.think.empty()) return {};
+  return [say = what_if.say, think = what_if.think, thoughts = std::move(thoughts), config](const std::string& module,
+                                                                                            ModuleOutput& output) {
+    if (const auto thought = think.find(module); thought != think.end()) {
+      if (thought->second == kZeroRegister)
+        output.register_token = torch::zeros_like(output.register_token);
+      else
+        output = thoughts.at(thought->second).at(module);
+    }
     const auto said = say.find(module);
     if (said == say.end()) return;
     for (const auto& [quantity, value] : said->second) {

@@ -65,6 +65,7 @@ Status Model::InspectInto(const bus::Observation& observation, const std::string
                           bus::Insight& insight) const {
   ETUDE_ASSIGN_OR_RETURN(const auto what_if, policy::ParseWhatIf(what_if_json, metadata_.policy));
   ETUDE_RETURN_IF_ERROR(policy_->CheckSentence(what_if.sentence));
+  for (const auto& [module, sentence] : what_if.think) ETUDE_RETURN_IF_ERROR(policy_->CheckSentence(sentence));
   ETUDE_ASSIGN_OR_RETURN(auto inputs, Prepare(observation));
   const torch::NoGradGuard no_grad;
   const auto outputs = policy_->Forward(inputs);
@@ -80,7 +81,8 @@ Status Model::InspectInto(const bus::Observation& observation, const std::string
   inputs.images = inputs.images.clone();
   policy::Hide(what_if, inputs.images, inputs.crop_origin);
   if (!what_if.sentence.empty()) inputs.sentences = {what_if.sentence};
-  const auto changed = policy_->Forward(inputs, 0, policy::SayInstead(what_if, metadata_.policy));
+  auto thoughts = policy::ThoughtsOf(what_if, *policy_, inputs);
+  const auto changed = policy_->Forward(inputs, 0, policy::SayInstead(what_if, metadata_.policy, std::move(thoughts)));
   insight.what_if_json = policy::DescribeModules(metadata_.policy, changed).dump();
   insight.what_if_waypoints = FiniteWaypoints(metadata_.policy, changed);
   return {};

@@ -58,6 +58,15 @@ Status AddSaid(const std::string& text, OrderedJson& what_if) {
   return {};
 }
 
+Status AddThought(const std::string& text, OrderedJson& what_if) {
+  const auto equals = text.find('=');
+  if (equals == std::string::npos)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("--think '{}': must be MODULE=SENTENCE, or MODULE=zero, e.g. TAR2D=push the coke", text));
+  what_if["think"][text.substr(0, equals)] = text.substr(equals + 1);
+  return {};
+}
+
 Result<std::optional<bus::Presence>> WaitForServer(const bus::Participant& participant, const Selector& run) {
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
   while (!StopRequested()) {
@@ -90,6 +99,7 @@ Result<std::string> WhatIfOf(const WatchOptions& options) {
   if (!options.sentence.empty()) what_if["sentence"] = options.sentence;
   for (const auto& text : options.hide) ETUDE_RETURN_IF_ERROR(AddHidden(text, what_if));
   for (const auto& text : options.say) ETUDE_RETURN_IF_ERROR(AddSaid(text, what_if));
+  for (const auto& text : options.think) ETUDE_RETURN_IF_ERROR(AddThought(text, what_if));
   return what_if.empty() ? std::string() : what_if.dump();
 }
 

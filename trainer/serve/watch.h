@@ -13,12 +13,13 @@ namespace etude::serve {
 
 struct WatchOptions {
   Selector run;
-  std::string session;            ///< "": anybody's
-  std::string sentence;           ///< what if this had been said
-  std::vector<std::string> hide;  ///< "U,V,WIDTH,HEIGHT" px
-  std::vector<std::string> say;   ///< "TAR3D.position=[0.1, 0.3, 0.04]", "LANG.class=coke"
-  std::uint64_t count = 0;        ///< insights until it ends; 0: until a stop request
-  bool as_json = false;           ///< a line each, without pictures and attention
+  std::string session;             ///< "": anybody's
+  std::string sentence;            ///< what if this had been said
+  std::vector<std::string> hide;   ///< "U,V,WIDTH,HEIGHT" px
+  std::vector<std::string> say;    ///< "TAR3D.position=[0.1, 0.3, 0.04]", "LANG.class=coke"
+  std::vector<std::string> think;  ///< "LANG=push the coke", "LANG=zero"
+  std::uint64_t count = 0;         ///< insights until it ends; 0: until a stop request
+  bool as_json = false;            ///< a line each, without pictures and attention
 };
 
 /// The wish's what-if text. @error kInvalidArgument: an option that cannot be read

@@ -67,9 +67,9 @@ Result<std::string> WhatIfOf(const OrderedJson& body) {
   if (what_if.is_null()) return std::string();
   if (!what_if.is_object()) return Fail(Code::kInvalidArgument, "what_if: must be an object");
   for (const auto& [key, value] : what_if.items())
-    if (key != "sentence" && key != "hide" && key != "say" && key != "worth")
+    if (key != "sentence" && key != "hide" && key != "say" && key != "think" && key != "worth")
       return Fail(Code::kInvalidArgument,
-                  "what_if: " + NotKnown(key.substr(0, 40), {"sentence", "hide", "say", "worth"}));
+                  "what_if: " + NotKnown(key.substr(0, 40), {"sentence", "hide", "say", "think", "worth"}));
   return what_if.empty() ? std::string() : what_if.dump();
 }
 

@@ -226,6 +226,14 @@ TEST_F(SurgeryTest, RefusesToFreezeAModuleThatReadsMore) {
   EXPECT_TRUE(some) << some.error().message;
 }
 
+TEST_F(SurgeryTest, NamesWhatMovesTheAnswersOfFrozenModules) {
+  const auto surgery = Do(policy::TinyConfig(), {.freeze = {"joints", "LANG", "EE3D", "EE2D"}});
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  EXPECT_THAT(surgery->moved.at("LANG"), ElementsAre("language"));
+  EXPECT_THAT(surgery->moved.at("EE2D"), ElementsAre("image"));
+  EXPECT_FALSE(surgery->moved.contains("EE3D")) << "all that it reads is frozen";
+}
+
 // The paper's way to attend: modules of a level share their attention, no tensor is named after what a module reads,
 // and most read all that stands before them.
 class SharedSurgeryTest : public SurgeryTest {
@@ -280,6 +288,7 @@ TEST_F(SharedSurgeryTest, FrozenModulesAnswerBitForBitWhatTheyDidWhenModulesAreA
   EXPECT_THAT(surgery->frozen_attention.at("attention2"), ElementsAre("OBST2D"));
   EXPECT_THAT(surgery->frozen_attention.at("attention3"), ElementsAre("OBST3D"));
   EXPECT_EQ(surgery->frozen_attention.size(), 2u) << "where nothing learns there is nothing to say";
+  EXPECT_THAT(surgery->moved, IsEmpty());
 
   const auto before = Answers(Base(), source_.tensors), after = Answers(config, surgery->tensors);
   for (const char* name : {"LANG", "EE2D", "TAR2D", "EE3D", "TAR3D", "DISP"}) {

@@ -63,8 +63,9 @@ TEST(WhatIf, RefusesWhatNothingReads) {
   const auto parsed = ParseWhatIf(R"({"say": {"LANG": {"class": "red"}}})", registers);
   ASSERT_FALSE(parsed);
   EXPECT_EQ(parsed.error().code, Code::kInvalidArgument);
-  EXPECT_THAT(parsed.error().message, HasSubstr("nothing reads what LANG says here, only its register is read (by "
-                                                "TAR2D, CTRL); no value that a module says is read in this policy"));
+  EXPECT_THAT(parsed.error().message,
+              HasSubstr("nothing reads what LANG says here, only its register is read (by "
+                        "TAR2D, CTRL), which think replaces; no value that a module says is read in this policy"));
   // where it looks is not what it says
   FindModule(registers, "TAR3D")->decoder.inputs = {"register", "soft_argmax:TAR2D", "register:TAR2D"};
   EXPECT_FALSE(ParseWhatIf(R"({"say": {"TAR2D": {"pixel": [1, 2]}}})", registers));
@@ -122,6 +123,43 @@ TEST(WhatIf, APoseIsSaidElsewhereAndKeepsItsRotation) {
   EXPECT_TRUE(torch::equal(said.narrow(-1, 3, 6), before.narrow(-1, 3, 6)));
   EXPECT_FALSE(torch::equal(changed.at("DISP").decoded.at("displacement"), plain.at("DISP").decoded.at("displacement")))
       << "it is where the hand is";
+}
+
+// as the paper's graph is: what a module says reaches nobody, its register does
+TEST(WhatIf, LaterModulesReadARegisterOfAnotherSentence) {
+  const PolicyConfig config = TinyConfig();
+  const auto policy = MakePolicy(config);
+  policy->eval();
+  const torch::NoGradGuard no_grad;
+  Inputs inputs = MakeInputs(config, 1, 1);
+  inputs.sentences = {"pick up red can"};
+  inputs.sentence_index.zero_();
+  const auto ask = [&](const char* text) {
+    const auto what_if = ParseWhatIf(text, config);
+    EXPECT_TRUE(what_if) << what_if.error().message;
+    return policy->Forward(inputs, 0, SayInstead(*what_if, config, ThoughtsOf(*what_if, *policy, inputs)));
+  };
+  const auto plain = policy->Forward(inputs), changed = ask(R"({"think": {"LANG": "push the blue box"}})"),
+             zero = ask(R"({"think": {"LANG": "zero"}})");
+  inputs.sentences = {"push the blue box"};
+  const auto other = policy->Forward(inputs);
+
+  EXPECT_TRUE(torch::equal(changed.at("LANG").register_token, other.at("LANG").register_token));
+  EXPECT_TRUE(torch::equal(changed.at("LANG").decoded.at("class"), other.at("LANG").decoded.at("class")));
+  EXPECT_TRUE(torch::equal(changed.at("TAR2D").register_token, other.at("TAR2D").register_token)) << "LANG asks for it";
+  EXPECT_FALSE(torch::equal(changed.at("TAR2D").register_token, plain.at("TAR2D").register_token));
+  EXPECT_FALSE(torch::equal(changed.at("CTRL").register_token, other.at("CTRL").register_token)) << "it hears, too";
+  EXPECT_EQ(zero.at("LANG").register_token.abs().max().item<float>(), 0);
+  EXPECT_TRUE(torch::equal(zero.at("LANG").decoded.at("class"), plain.at("LANG").decoded.at("class")));
+  EXPECT_FALSE(torch::equal(zero.at("TAR2D").register_token, plain.at("TAR2D").register_token));
+}
+
+TEST(WhatIf, ThoughtsAreCheckedAsWell) {
+  EXPECT_THAT(ErrorOf(R"({"think": ["LANG"]})"), HasSubstr("think: must be a map of at most 8 modules"));
+  EXPECT_THAT(ErrorOf(R"({"think": {"LNAG": "zero"}})"), HasSubstr("did you mean 'LANG'"));
+  EXPECT_THAT(ErrorOf(R"({"think": {"LANG": 0}})"), HasSubstr("think.LANG: must be a sentence, or 'zero'"));
+  EXPECT_THAT(ErrorOf(R"({"think": {"LANG": ""}})"), HasSubstr("must be a sentence"));
+  EXPECT_THAT(ErrorOf(R"({"think": {"CTRL": "zero"}})"), HasSubstr("no module reads what CTRL thinks"));
 }
 
 TEST(WhatIf, HeadsOfAttentionHaveTheMapAsTheirMean) {

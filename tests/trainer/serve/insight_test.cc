@@ -67,6 +67,17 @@ TEST(Inspect, AnswersWhatWouldBe) {
   EXPECT_THAT(model->Inspect(odd, "").error, HasSubstr("joints"));
 }
 
+TEST(Inspect, AnswersWhatAModuleThatThinksOtherwiseLeadsTo) {
+  const auto model = ExampleModel();
+  const auto observation = ExampleObservation(4);
+  const auto insight = model->Inspect(observation, R"({"think": {"LANG": "push the blue box"}})");
+  ASSERT_EQ(insight.error, "");
+  const auto plain = ParseBoundedJson(insight.modules_json), changed = ParseBoundedJson(insight.what_if_json);
+  ASSERT_TRUE(plain && changed);
+  EXPECT_NE((*changed)["LANG"], (*plain)["LANG"]);
+  EXPECT_NE(insight.what_if_waypoints, insight.waypoints);
+}
+
 TEST(Inspect, SaysWhatWordsAndJointsAreWorthWhenAsked) {
   const auto model = ExampleModel();
   auto observation = ExampleObservation(4);
@@ -201,6 +212,8 @@ TEST(Watch, MakesAWishOfItsOptions) {
       "say": {"TAR3D": {"position": [0.1, 0.2, 0.3]}, "LANG": {"class": "coke"}}})"));
   EXPECT_EQ(WhatIfOf({}).value(), "");
   EXPECT_THAT(WhatIfOf({.hide = {"1,2"}}).error().message, HasSubstr("--hide '1,2'"));
+  EXPECT_EQ(WhatIfOf({.think = {"LANG=push it"}}).value(), R"({"think":{"LANG":"push it"}})");
+  EXPECT_THAT(WhatIfOf({.think = {"LANG"}}).error().message, HasSubstr("MODULE=SENTENCE"));
   EXPECT_THAT(WhatIfOf({.say = {"TAR3D=1"}}).error().message, HasSubstr("MODULE.QUANTITY=VALUE"));
 }
 
