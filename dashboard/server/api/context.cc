@@ -19,6 +19,12 @@ constexpr std::int64_t kSilent_ms = 10'000;
 
 bool IsFresh(double updated) { return WallSeconds() - updated < kFresh_s; }
 
+// Of the folder where it is here: a process that is started again goes on with what was begun.
+double BegunOf(std::uint64_t folder_since, const bus::Presence* presence) {
+  if (folder_since == 0 && presence) return static_cast<double>(presence->since);
+  return static_cast<double>(folder_since);
+}
+
 }  // namespace
 
 // Step by step, each at the end of the lane's queue, so that requests come in between; until `step` says that there
@@ -103,6 +109,7 @@ CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign
     state.failed = view->failures.size();
     state.updated = view->info.updated;
   }
+  state.begun = BegunOf(view ? view->info.since : 0, heard ? &heard->presence : nullptr);
   if (heard && heard->status) {
     const auto& status = *heard->status;
     state.committed = std::max(state.committed, status.committed);
@@ -195,6 +202,7 @@ RunState StateOf(const sources::RunView* view, const live::LiveRun* heard) {
   state.live = heard && heard->present && live::AgeMs(heard->heard) < kSilent_ms;
   if (heard && heard->status) FromBus(*heard->status, state);
   if (state.live) state.updated = WallSeconds();
+  state.begun = BegunOf(view ? view->since : 0, heard ? &heard->presence : nullptr);
   state.stages = std::max(state.stages, state.stage);
   const auto* end = view && view->metrics.end() ? &*view->metrics.end() : nullptr;
   if (end)

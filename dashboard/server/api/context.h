@@ -125,6 +125,7 @@ struct CampaignState {
   std::string error;
   std::string control;  ///< paused | draining | stopping, while its collector says so; "": at work
   double updated = 0;   ///< seconds since 1970
+  double begun = 0;     ///< the same; 0: not known
 };
 const live::LiveCampaign* LiveOf(const live::LiveView& live, const sources::DatasetView& view);
 CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign* heard);
@@ -138,6 +139,7 @@ struct RunState {
   std::string stage_name;
   std::optional<double> loss, samples_per_s, data_wait, eta_s, elapsed_s;
   double updated = 0;
+  double begun = 0;  ///< seconds since 1970; 0: not known
 };
 /// @param view  null: seen on the bus only
 const live::LiveRun* LiveOf(const live::LiveView& live, const sources::RunView& view);

@@ -178,6 +178,7 @@ Status DatasetSource::ReadSpec() {
   if (const auto identity = ReadIdentity(found_.folder)) {
     if (identity->id != info_.identity) rows_.clear();  // it was made anew
     info_.identity = identity->id;
+    info_.since = identity->since;
   }
   // what follows from the spec is only worked out for one that makes sense here: its files may be elsewhere
   sampling_.reset();

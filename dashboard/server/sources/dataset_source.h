@@ -57,6 +57,7 @@ struct DatasetInfo {
   std::uint64_t unreadable = 0;
   std::map<std::uint64_t, std::string> unreadable_files;  ///< the first of them: index -> reason
   double updated = 0;                                     ///< newest change of its files, seconds since 1970
+  std::uint64_t since = 0;  ///< when its folder was begun, seconds since 1970; 0: it does not say
 };
 
 /// Everything at one moment; rows by index, attempts in the order of their lines. Immutable, shared by requests.

@@ -223,6 +223,7 @@ void RunSource::Refresh() {
   }
   if (const auto identity = ReadIdentity(found_.folder); identity && identity->id != now_.identity) {
     now_.identity = identity->id;
+    now_.since = identity->since;
     changed_ = true;
   }
   ReadCheckpoints();

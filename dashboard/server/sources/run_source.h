@@ -84,6 +84,7 @@ Result<CheckpointHeader> ReadCheckpointHeader(const Path& folder, const std::str
 struct RunView {
   OrderedJson config;  ///< config.yaml; null when it cannot be read
   std::string identity;
+  std::uint64_t since = 0;  ///< when its folder was begun, seconds since 1970; 0: it does not say
   MetricsTable metrics;
   bool torn = false;
   std::vector<OrderedJson> curriculum;

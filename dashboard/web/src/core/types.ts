@@ -168,7 +168,7 @@ export type Home = {
   domain: number | null;
   /** actions are available: a token was given at start */
   actions: boolean;
-  /** newest change first; at most 100 */
+  /** of each kind what runs, then what is on the bus, of these what was begun last first; then by newest change; runs without files here last; at most 100 */
   sources: Source[];
   /** what etude up is at, of each folder given that has an up.json */
   ups: {

@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/support/matchers.h"
@@ -13,6 +14,7 @@ namespace etude::api {
 namespace overview_test {
 
 using namespace std::chrono_literals;
+using testing::ElementsAre;
 
 bus::Presence Present(bus::PresenceKind kind, const std::string& name, const std::string& id) {
   bus::Presence presence;
@@ -67,6 +69,49 @@ TEST_F(OverviewTest, CampaignsAndRunsThatNoFolderHasAreSources) {
   EXPECT_EQ(kinds["two@bbbb0002"], "campaign");
   EXPECT_EQ(kinds["left@cccc0003"], "run");
   EXPECT_EQ(kinds["right@dddd0004"], "run");
+}
+
+// before, all that was live had changed now, and took the first place from each other with every look
+TEST_F(OverviewTest, OfWhatRunsThatWhichWasBegunLastIsFirstWhoeverWroteLast) {
+  const auto ids = [](const OrderedJson& home, const char* kind) {
+    std::vector<std::string> of_kind;
+    for (const auto& source : home["sources"])
+      if (source["kind"] == kind && source["role"] != "rollouts") of_kind.push_back(source["id"]);
+    return of_kind;
+  };
+  using bus::PresenceKind;
+  auto newer = Present(PresenceKind::kCampaign, "newer", "aaaa0001");
+  auto older = Present(PresenceKind::kCampaign, "older", "bbbb0002");
+  newer.since = 2000, older.since = 1000;
+  auto left = Present(PresenceKind::kRun, "left", "cccc0003"), right = Present(PresenceKind::kRun, "right", "dddd0004");
+  model_.Directory({newer, older, right, left}, MonotonicClock::now());
+  for (const auto& presence : {newer, older, newer}) {
+    bus::CampaignStatus status;
+    status.total = 20;
+    model_.On(presence.id, status, MonotonicClock::now());
+    const auto home = Home();
+    EXPECT_THAT(ids(home, "campaign"), ElementsAre("newer@aaaa0001", "older@bbbb0002"));
+    EXPECT_THAT(ids(home, "run"), ElementsAre("lab.run", "left@cccc0003", "right@dddd0004")) << "with files first";
+    EXPECT_EQ(home["tiles"]["training"]["source"], "left@cccc0003") << "what runs";
+  }
+}
+
+TEST_F(OverviewTest, DatasetsThatGrowSideBySideKeepTheirOrder) {
+  const Path folders[] = {lab_.root() / "one", lab_.root() / "two"};
+  for (const auto& folder : folders) {
+    WriteExampleDataset(folder);
+    const OrderedJson identity{{"id", folder == folders[0] ? std::string(16, '1') : std::string(16, '2')},
+                               {"since", folder == folders[0] ? 4'000'000'000u : 3'900'000'000u}};
+    ASSERT_THAT(WriteFileAtomically(folder / "identity.json", identity.dump()), IsOk());
+  }
+  for (const auto& folder : {folders[1], folders[0], folders[1]}) {
+    const auto text = ReadTextFile(folder / "attempts.jsonl");
+    ASSERT_THAT(text, IsOk());
+    ASSERT_THAT(WriteFileAtomically(folder / "attempts.jsonl", *text), IsOk());  // it changed last
+    const auto home = Home();
+    EXPECT_EQ(home["tiles"]["demonstrations"]["source"], "lab.one");
+    EXPECT_EQ(home["sources"][0]["id"], "lab.one") << home["sources"].dump(1);
+  }
 }
 
 TEST_F(OverviewTest, WarnsOfACampaignThatCommitsNothing) {
