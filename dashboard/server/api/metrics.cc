@@ -83,10 +83,12 @@ void Slots(const live::LiveView& live, Exposition& out) {
   struct Names {
     std::set<std::string> all, busy;
   };
+  const auto now = MonotonicClock::now();
   std::map<std::string, Names> hosts;
   for (const auto& [id, campaign] : live.campaigns) {
     if (!campaign.present) continue;
     for (const auto& [name, worker] : campaign.workers) {
+      if (worker.Silent(now)) continue;
       Names& host = hosts[worker.status.host];
       host.all.insert(name);
       if (!worker.status.phase.empty() && worker.status.phase != "idle") host.busy.insert(name);
