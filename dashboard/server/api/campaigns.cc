@@ -252,7 +252,8 @@ Result<http::Answer> Cells(Context& context, const http::Request& request) {
   enum : std::uint8_t { kOpen, kCommitted, kRetried, kGivenUp, kFailed };
   ETUDE_ASSIGN_OR_RETURN(const OpenedCampaign opened, Open(context, request.Parameter("id")));
   const auto state = StateOf(opened.view.get(), opened.heard);
-  std::vector<std::uint8_t> cells(std::min(state.total, kMost), kOpen);
+  // without its files nothing is known of single episodes: no cells, rather than all of them open
+  std::vector<std::uint8_t> cells(opened.view ? std::min(state.total, kMost) : 0, kOpen);
   if (opened.view) {
     const auto& view = *opened.view;
     for (const auto& row : view.failures)

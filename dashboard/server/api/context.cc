@@ -82,6 +82,34 @@ http::Router MakeRouter(Context& context) {
   return router;
 }
 
+namespace {
+
+// What to say of a source that no folder has: it may be known by name alone.
+template <class Owners>
+Error NotHere(const Owners& owners, const std::string& id, Error error) {
+  const bool on_bus = std::ranges::any_of(owners, [&](const auto& item) { return BusId(item.second.presence) == id; });
+  if (on_bus && error.code == Code::kNotFound)
+    error.message = fmt::format(
+        "'{:.100}' is on the bus alone: its files are not below this gateway's folders; name "
+        "its folder with --dir, or open a dashboard on the host that has it",
+        id);
+  return error;
+}
+
+}  // namespace
+
+Result<OpenedDataset> OpenDataset(Context& context, const std::string& id) {
+  auto opened = OpenSource(context.sources.Dataset(id));
+  if (!opened) return Fail(NotHere(context.live()->campaigns, id, opened.error()));
+  return opened;
+}
+
+Result<OpenedRun> OpenRun(Context& context, const std::string& id) {
+  auto opened = OpenSource(context.sources.Run(id));
+  if (!opened) return Fail(NotHere(context.live()->runs, id, opened.error()));
+  return opened;
+}
+
 std::string BusId(const bus::Presence& presence) { return presence.name + "@" + presence.id; }
 
 OrderedJson AgeOf(double seconds) {
@@ -104,8 +132,8 @@ CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign
   CampaignState state;
   if (view) {
     state.committed = view->rows.size();
-    state.total = view->info.spec.episodes;
-    state.given_up = view->GivenUp();
+    state.total = view->info.derived ? view->rows.size() : view->info.spec.episodes;
+    state.given_up = view->info.derived ? 0 : view->GivenUp();
     state.failed = view->failures.size();
     state.updated = view->info.updated;
   }

@@ -100,12 +100,9 @@ auto OpenSource(Result<std::shared_ptr<Source>> source)
   ETUDE_ASSIGN_OR_RETURN(auto view, (*source)->View());
   return {{std::move(*source), std::move(view)}};
 }
-inline Result<OpenedDataset> OpenDataset(Context& context, const std::string& id) {
-  return OpenSource(context.sources.Dataset(id));
-}
-inline Result<OpenedRun> OpenRun(Context& context, const std::string& id) {
-  return OpenSource(context.sources.Run(id));
-}
+/// @error as OpenSource; of one that is on the bus alone: that its files are not here
+Result<OpenedDataset> OpenDataset(Context& context, const std::string& id);
+Result<OpenedRun> OpenRun(Context& context, const std::string& id);
 inline Result<OpenedEval> OpenEval(Context& context, const std::string& id) {
   return OpenSource(context.sources.Eval(id));
 }

@@ -175,6 +175,7 @@ Status DatasetSource::ReadSpec() {
   info_.spec_sha256 = reader.spec_sha256();
   info_.schema_version = reader.schema_version();
   info_.content = static_cast<std::int64_t>(UnsignedOf(*json, "content").value_or(0));
+  info_.derived = FlagOf(*json, "derived");
   if (const auto identity = ReadIdentity(found_.folder)) {
     if (identity->id != info_.identity) rows_.clear();  // it was made anew
     info_.identity = identity->id;

@@ -54,6 +54,7 @@ struct DatasetInfo {
   int schema_version = 0;
   std::int64_t content = 0;
   bool journal = false;
+  bool derived = false;  ///< made of other datasets: whole with what is there (services/store/edit.h)
   std::uint64_t unreadable = 0;
   std::map<std::uint64_t, std::string> unreadable_files;  ///< the first of them: index -> reason
   double updated = 0;                                     ///< newest change of its files, seconds since 1970

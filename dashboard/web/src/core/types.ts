@@ -30,6 +30,8 @@ export type Source = {
   live: boolean;
   /** relative to the folder given, for people */
   folder: string | null;
+  /** the same, absolute, for commands */
+  path: string | null;
   /** dataset: rollouts of an evaluation */
   role: "demonstrations" | "rollouts" | null;
 };
@@ -373,6 +375,8 @@ export type Dataset = {
   id: string;
   name: string;
   folder: string;
+  /** the same, absolute, for commands */
+  path: string;
   role: "demonstrations" | "rollouts";
   /** id, of rollouts */
   eval: string | null;
@@ -392,7 +396,7 @@ export type Dataset = {
   statistics: Record<string, unknown>;
   /** files there now */
   episodes: number;
-  /** that the spec asks for */
+  /** that the spec asks for; of one that was made of others (filter, split, merge, import) those that are there */
   total: number;
   failed_attempts: Record<string, number>;
   /** files that could not be read so far */
@@ -673,6 +677,8 @@ export type Run = {
   name: string;
   /** null: seen on the bus only */
   folder: string | null;
+  /** the same, absolute, for commands */
+  path: string | null;
   identity: string | null;
   state: State;
   /** RFC 3339, UTC */
@@ -714,6 +720,8 @@ export type Run = {
     step: number;
     key: string;
   }[];
+  /** all values that were not finite */
+  nulls_total: number;
   /** starts: the first, and each resume */
   lives: {
     from_step: number;
@@ -845,6 +853,8 @@ export type Eval = {
   id: string;
   name: string;
   folder: string;
+  /** the same, absolute, for commands */
+  path: string;
   state: State;
   /** RFC 3339, UTC */
   updated: string | null;
@@ -996,7 +1006,7 @@ export type LogLine = {
   source: string;
   /** byte offset of the line in its file */
   n: number;
-  /** as written */
+  /** as written; local time of day of a line of --log json */
   t: string | null;
   level: "debug" | "info" | "warn" | "error" | null;
   /** at most 4,000 characters */
@@ -1013,8 +1023,12 @@ export type Logs = {
   }[];
   /** oldest first */
   lines: LogLine[];
-  /** pass as before for older lines */
+  /** pass as before for older lines; null: there are none */
   next: string | null;
+  /** files that were looked at: without a source the 12 that changed last */
+  searched: number;
+  /** how far back this page looked, RFC 3339, UTC; null: to the begin of the files */
+  back_to: string | null;
 };
 
 export type Event = {
