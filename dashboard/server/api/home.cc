@@ -39,6 +39,7 @@ OrderedJson SourceJson(const std::string& kind, const Found& found, const std::s
           {"age_ms", AgeOf(updated)},
           {"live", live},
           {"folder", sources::TextOrNull(found.shown)},
+          {"path", sources::TextOrNull(found.folder.string())},
           {"role", dataset ? OrderedJson(found.eval.empty() ? "demonstrations" : "rollouts") : OrderedJson()}};
 }
 

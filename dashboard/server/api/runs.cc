@@ -68,6 +68,12 @@ OrderedJson KeysJson(const sources::MetricsTable& metrics) {
   return keys;
 }
 
+std::uint64_t CountOfNulls(const sources::MetricsTable& metrics) {
+  std::uint64_t count = 0;
+  for (const auto& [key, series] : metrics.series()) count += series.nulls;
+  return count;
+}
+
 OrderedJson NullsJson(const sources::MetricsTable& metrics) {
   constexpr std::size_t kMost = 100;
   OrderedJson nulls = OrderedJson::array();
@@ -121,17 +127,18 @@ OrderedJson GoalsJson(const sources::RunView& view) {
 
 // ---- /runs/{id} ---------------------------------------------------------------------------------
 
-OrderedJson RunJson(const std::string& id, const std::string& name, const sources::RunView& view, const RunState& state,
-                    const std::string& folder) {
+// @param found  its folder empty: on the bus alone
+OrderedJson RunJson(const sources::Found& found, const sources::RunView& view, const RunState& state) {
   OrderedJson lives = OrderedJson::array();
   for (const auto& life : view.metrics.lives())
     lives.push_back({{"from_step", life.from_step}, {"t", sources::TimeJson(life.t)}});
   OrderedJson end;
   if (const auto& said = view.metrics.end())
     end = {{"cause", said->cause}, {"step", Maybe(said->step)}, {"t", sources::TimeJson(said->t)}};
-  OrderedJson json{{"id", id},
-                   {"name", name},
-                   {"folder", TextOrNull(folder)},
+  OrderedJson json{{"id", found.id},
+                   {"name", found.name},
+                   {"folder", TextOrNull(found.shown)},
+                   {"path", TextOrNull(found.folder.string())},
                    {"identity", TextOrNull(view.identity)},
                    {"state", state.state},
                    {"updated", sources::TimeJson(state.updated)},
@@ -145,6 +152,7 @@ OrderedJson RunJson(const std::string& id, const std::string& name, const source
                           {"goals", GoalsJson(view)},
                           {"keys", KeysJson(view.metrics)},
                           {"nulls", NullsJson(view.metrics)},
+                          {"nulls_total", CountOfNulls(view.metrics)},
                           {"lives", lives},
                           {"end", end},
                           {"dataset", nullptr},
@@ -157,12 +165,14 @@ Result<http::Answer> Run(Context& context, const http::Request& request) {
   const std::string id = request.Parameter("id");
   const auto live = context.live();
   for (const auto& [identity, run] : live->runs)
-    if (BusId(run.presence) == id)
-      return http::JsonAnswer(RunJson(id, run.presence.name, sources::RunView{}, StateOf(nullptr, &run), ""));
+    if (BusId(run.presence) == id) {
+      sources::Found nowhere;
+      nowhere.kind = sources::Kind::kRun, nowhere.id = id, nowhere.name = run.presence.name;
+      return http::JsonAnswer(RunJson(nowhere, {}, StateOf(nullptr, &run)));
+    }
   ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, id));
-  const auto& found = opened.source->found();
-  return http::JsonAnswer(
-      RunJson(id, found.name, *opened.view, StateOf(opened.view.get(), LiveOf(*live, *opened.view)), found.shown));
+  const auto state = StateOf(opened.view.get(), LiveOf(*live, *opened.view));
+  return http::JsonAnswer(RunJson(opened.source->found(), *opened.view, state));
 }
 
 // ---- series -------------------------------------------------------------------------------------
@@ -197,11 +207,10 @@ Result<std::vector<double>> Abscissa(const sources::Series& series, const std::s
   return samples;
 }
 
-// The step of each value, in the same buckets: nothing where there is no number.
-std::vector<double> StepsOf(const sources::Series& series) {
-  std::vector<double> steps = series.step;
-  for (std::size_t i = 0; i < steps.size(); ++i)
-    if (!std::isfinite(series.value[i])) steps[i] = std::numeric_limits<double>::quiet_NaN();
+// The step of each bucket's last value.
+std::vector<double> StepsOf(const sources::Series& series, const sources::Buckets& buckets) {
+  std::vector<double> steps;
+  for (const std::size_t index : buckets.index) steps.push_back(series.step[index]);
   return steps;
 }
 
@@ -228,9 +237,7 @@ Result<http::Answer> SeriesAnswer(Context& context, const http::Request& request
     content.tensors[key + "/min"] = TensorOf(store::DType::kF64, buckets.min);
     content.tensors[key + "/max"] = TensorOf(store::DType::kF64, buckets.max);
     content.tensors[key + "/last"] = TensorOf(store::DType::kF64, buckets.last);
-    content.tensors[key + "/step"] =
-        TensorOf(store::DType::kF64,
-                 sources::Bucketed(abscissa, StepsOf(found->second), from, to, static_cast<std::size_t>(points)).last);
+    content.tensors[key + "/step"] = TensorOf(store::DType::kF64, StepsOf(found->second, buckets));
     listed.push_back(key);
     nulls[key] = found->second.nulls;
   }
