@@ -161,6 +161,8 @@ CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign
     state.state = "finished";
   else if (!state.error.empty())
     state.state = "failed";
+  else if (!state.live && heard && heard->status && heard->status->state == "stopping")
+    state.state = "stopped";  // the last that its collector said; it has gone since
   else
     state.state = state.live || IsFresh(state.updated) ? "running" : "silent";
   return state;

@@ -105,4 +105,10 @@ const RunItem* NewestRun(const Overview& all) { return all.runs.empty() ? nullpt
 
 const EvalItem* NewestEval(const Overview& all) { return all.evals.empty() ? nullptr : &all.evals.front(); }
 
+std::string GenerationLink(const Overview& all, const std::string& identity, const live::LiveCampaign& campaign) {
+  const auto of_folder = std::ranges::find_if(
+      all.datasets, [&](const auto& item) { return item.view && item.view->info.identity == identity; });
+  return "/generation?dataset=" + (of_folder == all.datasets.end() ? BusId(campaign.presence) : of_folder->found.id);
+}
+
 }  // namespace etude::api

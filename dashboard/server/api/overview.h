@@ -53,6 +53,9 @@ const DatasetItem* NewestDataset(const Overview& all);  ///< of demonstrations
 const RunItem* NewestRun(const Overview& all);
 const EvalItem* NewestEval(const Overview& all);
 
+/// The page of a campaign's attempts; of what is only on the bus by its name there.
+std::string GenerationLink(const Overview& all, const std::string& identity, const live::LiveCampaign& campaign);
+
 OrderedJson WarningsJson(Context& context, const Overview& all);
 OrderedJson TilesJson(const Overview& all);
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -377,6 +378,14 @@ Result<http::Answer> Checkpoints(Context& context, const http::Request& request)
                            {"subscribers", SubscribersOf(*live, opened.view->identity)}});
 }
 
+// What whoever saves it may call it: a name from a folder may have quotes and line ends.
+std::string Attachment(const std::string& name) {
+  std::string plain = name;
+  for (char& c : plain)
+    if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-' && c != '_' && c != '.') c = '_';
+  return fmt::format("attachment; filename=\"{}\"", plain);
+}
+
 Result<http::Answer> CheckpointFile(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, request.Parameter("id")));
   const std::string name = request.Parameter("file");
@@ -389,8 +398,7 @@ Result<http::Answer> CheckpointFile(Context& context, const http::Request& reque
   answer.content_type = "application/vnd.safetensors";
   answer.file = http::FileBody{std::make_shared<Descriptor>(std::move(open.file)), open.stamp.size};
   answer.etag = open.stamp.tag();
-  answer.headers.emplace_back("Content-Disposition",
-                              fmt::format("attachment; filename=\"{}-{}\"", opened.source->found().id, header->file));
+  answer.headers.emplace_back("Content-Disposition", Attachment(opened.source->found().id + "-" + header->file));
   return answer;
 }
 

@@ -37,7 +37,7 @@ export type Source = {
 };
 
 export type Warning = {
-  code: "worker_silent" | "no_commits" | "campaign_error" | "given_up" | "data_wait" | "loss_not_finite" | "disk" | "policy_refuses" | "process_silent" | "fingerprint" | "not_shown" | "unreadable" | "run_failed" | "stage_budget";
+  code: "worker_silent" | "no_commits" | "campaign_error" | "given_up" | "data_wait" | "loss_not_finite" | "disk" | "policy_refuses" | "process_silent" | "fingerprint" | "not_shown" | "unreadable" | "run_failed" | "stage_budget" | "checkpoint_unserved" | "same_name";
   text: string;
   /** RFC 3339, UTC */
   since: string | null;
@@ -321,7 +321,7 @@ export type Campaign = {
   status: CampaignStatus;
   /** failed attempts by reason */
   failures: Record<string, number>;
-  /** reason x stage x task x robot */
+  /** reason x stage x task x robot, all of them: beyond 500 rows the rare ones are added up, first without stage and robot, then without task, then as reason other */
   failures_by: {
     reason: string;
     stage: string | null;
@@ -363,6 +363,8 @@ export type Attempt = {
 };
 
 export type Attempts = {
+  /** that was asked for */
+  campaign: string;
   /** that fit */
   total: number;
   /** pass as before */

@@ -5,6 +5,8 @@
 
 #include <cmath>
 #include <cstring>
+#include <filesystem>
+#include <map>
 #include <set>
 
 #include "services/codec/frame.h"
@@ -190,6 +192,16 @@ TEST_F(ContractTest, ListsFilterSortAndGoOn) {
   for (const auto& task : pick["columns"]["task"]) EXPECT_EQ(task, "pick");
   EXPECT_LT(pick["total"], kEpisodes);
   EXPECT_EQ(GetJson(kPrefix + "/datasets/lab.data/episodes?steps=51..")["total"], 0);
+}
+
+TEST_F(ContractTest, ANameWithQuotesAndLineEndsIsNoHeader) {
+  const std::string name = "a\"b\r\nSet-Cookie: c.safetensors";
+  const Path checkpoints = lab_.root() / "run" / "checkpoints";
+  std::filesystem::copy_file(checkpoints / "00000200.safetensors", checkpoints / name);
+  const auto answer = Get(kPrefix + "/runs/lab.run/checkpoints/a%22b%0D%0ASet-Cookie:%20c.safetensors");
+  ASSERT_EQ(answer.status, 200) << answer.body;
+  std::map<std::string, std::string> headers(answer.headers.begin(), answer.headers.end());
+  EXPECT_EQ(headers["Content-Disposition"], "attachment; filename=\"lab.run-a_b__Set-Cookie__c.safetensors\"");
 }
 
 // a command that is copied runs from wherever somebody stands

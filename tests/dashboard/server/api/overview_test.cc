@@ -2,6 +2,7 @@
 // Tests dashboard/server/api/overview.cc and overview_warnings.cc: GET /home with what is on the bus alone.
 #include <gmock/gmock.h>
 
+#include <filesystem>
 #include <map>
 #include <set>
 #include <string>
@@ -222,6 +223,81 @@ TEST_F(OverviewTest, WarnsOfDisksThatAreNearlyFullAndOfServersThatRefuse) {
   auto warnings = Warnings();
   EXPECT_EQ(warnings["disk"], "disk of collector on full 5 % free");
   EXPECT_EQ(warnings["policy_refuses"], "policy on rack refused: crop does not fit");
+}
+
+// before, they led to whichever campaign came first
+TEST_F(OverviewTest, WarningsAndEventsOfACampaignLeadToIt) {
+  const auto now = MonotonicClock::now();
+  Campaign(now);
+  bus::CampaignStatus status;
+  status.total = 20, status.error = "no space";
+  model_.On("aaaa0001", status, now);
+  bus::AttemptReport report;
+  report.index = 7, report.outcome = "slip";
+  model_.On("aaaa0001", report, now, WallSeconds());
+  const auto home = Home();
+  std::set<std::string> links;
+  for (const auto& warning : home["warnings"]) links.insert(warning["link"]);
+  EXPECT_TRUE(links.contains("/generation?dataset=away@aaaa0001")) << home["warnings"].dump(1);
+  for (const auto& event : home["tiles"]["events"]) links.insert(event["link"]);
+  EXPECT_TRUE(links.contains("/generation?dataset=away@aaaa0001&index=7")) << home["tiles"]["events"].dump(1);
+  EXPECT_FALSE(links.contains("/generation"));
+}
+
+TEST_F(OverviewTest, WarnsOfACheckpointThatNoServerTakesForAMinute) {
+  const auto identity = ReadIdentity(lab_.root() / "run");
+  ASSERT_THAT(identity, IsOk());
+  bus::PolicyStatus server;
+  server.server = "s", server.run = "example", server.run_id = identity->id, server.host = "rack", server.step = 150;
+  model_.On(server, MonotonicClock::now());
+  const Path file = lab_.root() / "run" / "checkpoints" / "00000200.safetensors";
+  std::filesystem::last_write_time(file, std::filesystem::last_write_time(file) - 90s);
+  EXPECT_THAT(Warnings()["checkpoint_unserved"], testing::HasSubstr("policy on rack serves 150"));
+  server.step = 200;
+  model_.On(server, MonotonicClock::now());
+  EXPECT_FALSE(Warnings().contains("checkpoint_unserved"));
+}
+
+TEST_F(OverviewTest, ACheckpointThatWasSavedJustNowNeedNotBeServed) {
+  const auto identity = ReadIdentity(lab_.root() / "run");
+  ASSERT_THAT(identity, IsOk());
+  bus::PolicyStatus server;
+  server.server = "s", server.run_id = identity->id, server.step = 150;
+  model_.On(server, MonotonicClock::now());
+  EXPECT_FALSE(Warnings().contains("checkpoint_unserved"));
+}
+
+TEST_F(OverviewTest, WarnsOfTwoOfOneNameThatAreNoShardsOfOne) {
+  using bus::PresenceKind;
+  auto one = Present(PresenceKind::kCampaign, "twin", "aaaa0001"),
+       two = Present(PresenceKind::kCampaign, "twin", "bbbb");
+  one.shard = 1, two.shard = 2;
+  one.shards = two.shards = 2;
+  one.spec_sha256 = two.spec_sha256 = "5a";
+  model_.Directory({one, two}, MonotonicClock::now());
+  EXPECT_FALSE(Warnings().contains("same_name")) << "shards";
+  two.spec_sha256 = "6b";
+  model_.Directory({one, two}, MonotonicClock::now());
+  EXPECT_EQ(Warnings()["same_name"], "2 campaigns are named twin: say which by NAME@ID");
+}
+
+TEST_F(OverviewTest, ACampaignThatWasStoppedIsNotSilent) {
+  const std::string id = sources_.Dataset("lab.data").value()->View().value()->info.identity;
+  const auto present = Present(bus::PresenceKind::kCampaign, "lab", id);
+  const auto state = [&] {
+    live_ = std::make_shared<const live::LiveView>(model_.view());
+    return GetJson(kPrefix + "/campaigns/lab.data")["state"];
+  };
+  model_.Directory({present}, MonotonicClock::now());
+  bus::CampaignStatus status;
+  status.committed = 6, status.total = 20, status.state = "stopping";
+  model_.On(id, status, MonotonicClock::now());
+  EXPECT_EQ(state(), "running");
+  model_.Directory({}, MonotonicClock::now());
+  EXPECT_EQ(state(), "stopped");
+  status.committed = 20;
+  model_.On(id, status, MonotonicClock::now());
+  EXPECT_EQ(state(), "finished");
 }
 
 }  // namespace overview_test
