@@ -161,8 +161,9 @@ CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign
     state.state = "finished";
   else if (!state.error.empty())
     state.state = "failed";
-  else if (!state.live && heard && heard->status && heard->status->state == "stopping")
-    state.state = "stopped";  // the last that its collector said; it has gone since
+  else if (!state.live &&
+           ((view && view->info.stopped) || (heard && heard->status && heard->status->state == "stopping")))
+    state.state = "stopped";  // written, or the last that its collector said before it went
   else
     state.state = state.live || IsFresh(state.updated) ? "running" : "silent";
   return state;

@@ -239,6 +239,17 @@ void DatasetSource::ReadFailures() {
                     });
 }
 
+// What the collector keeps for its next start (services/campaign/history.h).
+void DatasetSource::ReadEnd() {
+  const FileStamp stamp = StampOf(found_.folder / "collector.json");
+  if (stamp == collector_stamp_) return;
+  collector_stamp_ = stamp;
+  const auto text = ReadTextFile(found_.folder / "collector.json", 1 << 20);
+  const OrderedJson said = text ? ParseBoundedJson(*text).value_or(OrderedJson()) : OrderedJson();
+  info_.stopped = TextOf(said, "ended") == "stopped";
+  changed_ = true;
+}
+
 // The files decide what is committed: the journal may be behind, or of episodes that were set aside.
 Status DatasetSource::ListEpisodes() {
   ETUDE_ASSIGN_OR_RETURN(const auto indices, reader_->List());
@@ -270,6 +281,7 @@ Status DatasetSource::Refresh() {
   ETUDE_RETURN_IF_ERROR(ReadSpec());
   ReadCommits();
   ReadFailures();
+  ReadEnd();
   ETUDE_RETURN_IF_ERROR(ListEpisodes());
   std::error_code error;
   info_.updated = std::max({spec_stamp_.modified_s(), commits_stamp_.modified_s(), attempts_.stamp().modified_s()});

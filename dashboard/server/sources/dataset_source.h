@@ -54,6 +54,7 @@ struct DatasetInfo {
   int schema_version = 0;
   std::int64_t content = 0;
   bool journal = false;
+  bool stopped = false;  ///< its last collector was stopped before all was done
   bool derived = false;  ///< made of other datasets: whole with what is there (services/store/edit.h)
   std::uint64_t unreadable = 0;
   std::map<std::uint64_t, std::string> unreadable_files;  ///< the first of them: index -> reason
@@ -99,6 +100,7 @@ class DatasetSource {
   Status ReadSpec() ETUDE_REQUIRES(mutex_);
   void ReadCommits() ETUDE_REQUIRES(mutex_);
   void ReadFailures() ETUDE_REQUIRES(mutex_);
+  void ReadEnd() ETUDE_REQUIRES(mutex_);
   Status ListEpisodes() ETUDE_REQUIRES(mutex_);
   EpisodeRow RowFromSpec(std::uint64_t index) ETUDE_REQUIRES(mutex_);
   void ForgetUnreadable() ETUDE_REQUIRES(mutex_);
@@ -115,7 +117,7 @@ class DatasetSource {
   MonotonicClock::time_point refreshed_ ETUDE_GUARDED_BY(mutex_){};
   std::optional<store::DatasetReader> reader_ ETUDE_GUARDED_BY(mutex_);
   std::optional<store::SamplingJournal> sampling_ ETUDE_GUARDED_BY(mutex_);
-  FileStamp spec_stamp_ ETUDE_GUARDED_BY(mutex_);
+  FileStamp spec_stamp_ ETUDE_GUARDED_BY(mutex_), collector_stamp_ ETUDE_GUARDED_BY(mutex_);
   DatasetInfo info_ ETUDE_GUARDED_BY(mutex_);
   store::CommitTable commits_ ETUDE_GUARDED_BY(mutex_);
   FileStamp commits_stamp_ ETUDE_GUARDED_BY(mutex_);

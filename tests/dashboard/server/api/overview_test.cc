@@ -281,6 +281,13 @@ TEST_F(OverviewTest, WarnsOfTwoOfOneNameThatAreNoShardsOfOne) {
   EXPECT_EQ(Warnings()["same_name"], "2 campaigns are named twin: say which by NAME@ID");
 }
 
+TEST_F(OverviewTest, ACampaignThatWasStoppedStaysSo) {
+  ASSERT_THAT(WriteFileAtomically(lab_.root() / "data" / "collector.json",
+                                  std::string_view(R"({"epoch": 3, "ended": "stopped"})")),
+              IsOk());
+  EXPECT_EQ(GetJson(kPrefix + "/campaigns/lab.data")["state"], "stopped") << "long after the bus forgot it";
+}
+
 TEST_F(OverviewTest, ACampaignThatWasStoppedIsNotSilent) {
   const std::string id = sources_.Dataset("lab.data").value()->View().value()->info.identity;
   const auto present = Present(bus::PresenceKind::kCampaign, "lab", id);
