@@ -231,6 +231,9 @@ Status Collector::Run() {
   });
   impl.finished.store(true);
   control.join();
+  const bool stopped = impl.Stopping() && !impl.Complete();
+  if (Status said = stopped ? RememberStop(impl.sink->folder()) : Status(); !said)
+    Log().warn("remember that the campaign was stopped: {}", said.error().message);  // it is shown as silent then
   const CollectorProgress progress = this->progress();
   Log().info("campaign={} committed={}/{} given_up={} attempts={}", impl.spec.name, progress.committed, progress.total,
              progress.given_up, progress.attempts);

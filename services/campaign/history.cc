@@ -17,6 +17,9 @@ namespace etude::campaign {
 
 namespace {
 
+// How the last collector ended, where it could say so.
+constexpr const char* kEnded = "ended";
+
 Path CollectorFile(const Path& folder) { return folder / "collector.json"; }
 
 Status WriteCollectorFile(const Path& folder, const OrderedJson& json) {
@@ -64,6 +67,7 @@ Status RememberEpoch(const Path& folder, std::uint64_t epoch) {
                                                     CollectorFile(folder).string(), epoch, last, kEpochs));
   auto json = ReadCollectorFile(folder).value_or(OrderedJson::object());
   json["epoch"] = epoch;
+  json.erase(kEnded);
   return WriteCollectorFile(folder, json);
 }
 
@@ -85,6 +89,10 @@ Status RememberFingerprint(const Path& folder, const Fingerprint& fingerprint) {
 std::optional<std::string> KnownShard(const Path& folder) { return Known(folder, "shard"); }
 
 Status RememberShard(const Path& folder, const std::string& shard) { return Remember(folder, "shard", shard); }
+
+Status RememberStop(const Path& folder) { return Remember(folder, kEnded, "stopped"); }
+
+bool KnownStopped(const Path& folder) { return Known(folder, kEnded) == "stopped"; }
 
 Status CheckHostsAgree(const std::vector<Path>& folders, const std::string& determinism) {
   std::optional<std::pair<Path, std::string>> files;

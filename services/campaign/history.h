@@ -37,6 +37,11 @@ std::optional<std::string> KnownShard(const Path& folder);
 /// @error as RememberFiles
 Status RememberShard(const Path& folder, const std::string& shard);
 
+/// That the last collector of the folder was stopped before all was done; forgotten with the next epoch.
+/// @error as RememberFiles
+Status RememberStop(const Path& folder);
+bool KnownStopped(const Path& folder);
+
 /// Whether the collectors of these folders, shards of one campaign, took episodes of hosts that agree: each compared
 /// its workers with its own first one. Folders that know of none are passed over.
 /// @param determinism  what hosts must agree in, as the spec says it   @error kInvalidArgument: which line differs

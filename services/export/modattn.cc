@@ -17,6 +17,7 @@
 #include "services/language/grammar.h"
 #include "services/spec/episode_world.h"
 #include "services/store/dataset.h"
+#include "services/store/edit.h"
 
 namespace etude::exports {
 namespace {
@@ -218,8 +219,9 @@ class Converter {
 
 class Importer {
  public:
-  Importer(const Fingers& fingers, const language::Grammar& grammar, const Path& out, const ModattnOptions& options)
-      : fingers_(fingers), grammar_(grammar), out_(out), options_(options) {}
+  Importer(const Fingers& fingers, const language::Grammar& grammar, const Path& out, const ModattnOptions& options,
+           std::size_t recordings)
+      : fingers_(fingers), grammar_(grammar), out_(out), options_(options), recordings_(recordings) {}
 
   Status Add(const Recording& recording) {
     const auto episode = Convert(recording);
@@ -239,7 +241,7 @@ class Importer {
   Status Finish() {
     ETUDE_RETURN_IF_ERROR(writer_->WriteMaster());
     writer_.reset();
-    return {};
+    return store::MarkDerived(out_);  // one that was skipped will not come, either
   }
 
  private:
@@ -312,6 +314,7 @@ class Importer {
     if (spec_) return;
     spec_.emplace();
     spec_->name = options_.name;
+    spec_->episodes = recordings_;
     spec_->robots = {options_.robot};
     spec_->objects.clear();
     for (const auto& object : episode.objects) spec_->objects.push_back(object.name);
@@ -327,6 +330,7 @@ class Importer {
   const language::Grammar& grammar_;
   Path out_;
   const ModattnOptions& options_;
+  const std::size_t recordings_;
   std::optional<CampaignSpec> spec_;
   std::optional<store::DatasetWriter> writer_;
   std::uint64_t count_ = 0;
@@ -350,7 +354,7 @@ Result<ModattnReport> ImportModattn(const Path& folder, const Path& out, const M
   ETUDE_ASSIGN_OR_RETURN(const auto grammar, language::Grammar::Load());
   ETUDE_ASSIGN_OR_RETURN(auto place, OutputFolder::Create(out, options.leftover));
   ModattnReport report;
-  Importer importer(fingers, grammar, place.path(), options);
+  Importer importer(fingers, grammar, place.path(), options, recordings.size());
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     if (StopRequested())
       return Fail(Code::kExhausted, fmt::format("stopped after {} of {} episodes; what is there lies in '{}' "

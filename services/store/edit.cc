@@ -79,6 +79,16 @@ Status CopyAttemptLines(const Path& from, const std::set<std::uint64_t>& indices
   return copied;
 }
 
+// All else stays: schema, content and spec are those of the episodes.
+Status SetInDescription(const Path& dataset, const char* key, OrderedJson value) {
+  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(dataset / internal::kDatasetJson));
+  OrderedJson description = ParseBoundedJson(text).value_or(OrderedJson());
+  if (!description.is_object())
+    return Fail(Code::kCorrupt, fmt::format("read '{}': not a map", (dataset / internal::kDatasetJson).string()));
+  description[key] = std::move(value);
+  return WriteFileAtomically(dataset / internal::kDatasetJson, JsonText(description, 2) + "\n");
+}
+
 // @error kNotFound, kCorrupt: there is no dataset
 Status CheckDataset(const Path& dataset) {
   ETUDE_ASSIGN_OR_RETURN(const auto reader, DatasetReader::Open(dataset));
@@ -126,6 +136,8 @@ Status DeleteEpisodes(const Path& dataset, const std::vector<std::uint64_t>& ind
   return internal::FinishDeletion(dataset);
 }
 
+Status MarkDerived(const Path& dataset) { return SetInDescription(dataset, "derived", true); }
+
 namespace internal {
 
 Status CopyDescription(const Path& from, const Path& to) {
@@ -171,6 +183,7 @@ Status CheckNotStopped(std::uint64_t done, std::uint64_t total, const Path& to) 
 
 Status FillDataset(const Path& to, const std::vector<EpisodeSource>& sources, const EditProgress& progress) {
   ETUDE_RETURN_IF_ERROR(CopyDescription(sources.front().dataset, to));
+  ETUDE_RETURN_IF_ERROR(MarkDerived(to));
   ETUDE_RETURN_IF_ERROR(CopyAttempts(sources, to));
   ETUDE_RETURN_IF_ERROR(CopyFilterKeys(sources, to));
   std::uint64_t done = 0, total = 0;
@@ -226,15 +239,9 @@ Status RefreshDerived(const Path& dataset) {
     if (const auto record = reader.Read(index)) summaries[index] = Summarize(*record);  // others verify finds
   ETUDE_RETURN_IF_ERROR(WriteMasterFile(dataset, reader.spec(), EntriesOf(summaries)));
 
-  // only the statistics change: schema, content and spec are those of the episodes
-  ETUDE_ASSIGN_OR_RETURN(const std::string text, ReadTextFile(dataset / kDatasetJson));
-  OrderedJson description = ParseBoundedJson(text).value_or(OrderedJson());
-  if (!description.is_object())
-    return Fail(Code::kCorrupt, fmt::format("read '{}': not a map", (dataset / kDatasetJson).string()));
   OrderedJson statistics = StatisticsOf(reader.spec(), summaries);
   statistics["failed_attempts"] = FailuresByOutcome(dataset);
-  description["statistics"] = std::move(statistics);
-  return WriteFileAtomically(dataset / kDatasetJson, JsonText(description, 2) + "\n");
+  return SetInDescription(dataset, "statistics", std::move(statistics));
 }
 
 }  // namespace internal

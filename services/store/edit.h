@@ -90,14 +90,19 @@ Result<LinkReport> LinkDatasets(const std::vector<Path>& datasets, const Path& o
 /// process writes the dataset, or the disk refuses
 Status DeleteEpisodes(const Path& dataset, const std::vector<std::uint64_t>& indices);
 
+/// Says in dataset.json that the dataset was made of others and that no campaign goes on with it ("derived": true): it
+/// is whole with what is there, whatever its spec asks for. A collector that goes on in the folder takes it back. @pre
+/// nobody else writes the dataset
+Status MarkDerived(const Path& dataset);
+
 namespace internal {
 
 struct EpisodeSource {
   Path dataset;
   std::set<std::uint64_t> indices;
 };
-/// Makes a dataset of these episodes in a new folder: description and journals of the first source, what is said of the
-/// episodes of each. @pre the sources are of one spec and no two have the same index
+/// Makes a dataset of these episodes in a new folder, which is derived: description and journals of the first source,
+/// what is said of the episodes of each. @pre the sources are of one spec and no two have the same index
 Status FillDataset(const Path& to, const std::vector<EpisodeSource>& sources, const EditProgress& progress);
 
 // The parts of it.

@@ -294,9 +294,9 @@ void AddActionRoutes(http::Router& router, Context& context) {
     return http::JsonAnswer({{"enabled", of.security.enabled()}, {"authorized", request.authorized}});
   });
   add("POST", "/session", Access::kSignIn, SignIn);
-  add("DELETE", "/session", Access::kSignIn, [](Context&, const http::Request&) -> Result<http::Answer> {
+  add("DELETE", "/session", Access::kSignIn, [](Context& of, const http::Request&) -> Result<http::Answer> {
     http::Answer answer = Empty();
-    answer.headers.emplace_back("Set-Cookie", http::Security::ExpiredCookieHeader());
+    answer.headers.emplace_back("Set-Cookie", of.security.ExpiredCookieHeader());
     return answer;
   });
   add("GET", "/jobs", Access::kRead, [](Context& of, const http::Request&) -> Result<http::Answer> {

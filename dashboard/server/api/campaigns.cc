@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <map>
 
 #include "dashboard/server/api/arrays.h"
@@ -46,14 +47,35 @@ Result<OpenedCampaign> Open(Context& context, const std::string& id) {
 
 // ---- /campaigns/{id} ------------------------------------------------------------------------------
 
+// By reason, stage, task and robot.
+using FailureCounts = std::map<std::array<std::string, 4>, std::uint64_t>;
+
+// Where there are more rows than are answered, the rare ones are added up without the parts that are not kept, so that
+// the sum of all stays the number of failures. A reason that is not kept is "other".
+void Coarsen(FailureCounts& counts, const std::array<bool, 4>& kept) {
+  constexpr std::size_t kMost = 500, kWhole = 400;
+  if (counts.size() <= kMost) return;
+  std::vector<std::pair<std::array<std::string, 4>, std::uint64_t>> rows(counts.begin(), counts.end());
+  std::ranges::stable_sort(rows, std::greater<>(), [](const auto& row) { return row.second; });
+  counts = FailureCounts(rows.begin(), rows.begin() + kWhole);
+  for (std::size_t i = kWhole; i < rows.size(); ++i) {
+    auto key = rows[i].first;
+    for (std::size_t part = 0; part < key.size(); ++part)
+      if (!kept[part]) key[part] = part == 0 ? "other" : "";
+    counts[key] += rows[i].second;
+  }
+}
+
 OrderedJson FailuresBy(const sources::DatasetView& view) {
-  std::map<std::array<std::string, 4>, std::uint64_t> counts;
+  FailureCounts counts;
   for (const auto& row : view.failures) ++counts[{row.outcome, row.stage, row.task, row.robot}];
+  Coarsen(counts, {true, false, true, false});  // the table of reasons and tasks stays right
+  Coarsen(counts, {true, false, false, false});
+  Coarsen(counts, {false, false, false, false});
   OrderedJson json = OrderedJson::array();
   for (const auto& [key, count] : counts)
-    if (json.size() < 500)
-      json.push_back(
-          {{"reason", key[0]}, {"stage", TextOrNull(key[1])}, {"task", key[2]}, {"robot", key[3]}, {"count", count}});
+    json.push_back(
+        {{"reason", key[0]}, {"stage", TextOrNull(key[1])}, {"task", key[2]}, {"robot", key[3]}, {"count", count}});
   return json;
 }
 
@@ -240,7 +262,8 @@ Result<http::Answer> Attempts(Context& context, const http::Request& request) {
   const auto last = std::min(rows.size(), first + static_cast<std::size_t>(limit));
   OrderedJson page = OrderedJson::array();
   for (std::size_t i = first; i < last; ++i) page.push_back(RowJson(context, rows[i], opened));
-  return http::JsonAnswer({{"total", rows.size()},
+  return http::JsonAnswer({{"campaign", opened.id},
+                           {"total", rows.size()},
                            {"next", last < rows.size() ? OrderedJson(std::to_string(last)) : OrderedJson()},
                            {"rows", page}});
 }
@@ -252,7 +275,8 @@ Result<http::Answer> Cells(Context& context, const http::Request& request) {
   enum : std::uint8_t { kOpen, kCommitted, kRetried, kGivenUp, kFailed };
   ETUDE_ASSIGN_OR_RETURN(const OpenedCampaign opened, Open(context, request.Parameter("id")));
   const auto state = StateOf(opened.view.get(), opened.heard);
-  std::vector<std::uint8_t> cells(std::min(state.total, kMost), kOpen);
+  // without its files nothing is known of single episodes: no cells, rather than all of them open
+  std::vector<std::uint8_t> cells(opened.view ? std::min(state.total, kMost) : 0, kOpen);
   if (opened.view) {
     const auto& view = *opened.view;
     for (const auto& row : view.failures)
@@ -277,8 +301,10 @@ Result<OrderedJson> LatestAttempts(Context& context, const std::string& campaign
   OrderedJson newest = OrderedJson::array();
   for (const auto& row : rows)
     if (newest.size() < kMost) newest.push_back(RowJson(context, row, opened));
-  return OrderedJson{
-      {"status", StatusJson(StateOf(opened.view.get(), opened.heard))}, {"total", rows.size()}, {"rows", newest}};
+  return OrderedJson{{"campaign", campaign},
+                     {"status", StatusJson(StateOf(opened.view.get(), opened.heard))},
+                     {"total", rows.size()},
+                     {"rows", newest}};
 }
 
 void AddCampaignRoutes(http::Router& router, Context& context) {

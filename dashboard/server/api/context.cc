@@ -19,6 +19,12 @@ constexpr std::int64_t kSilent_ms = 10'000;
 
 bool IsFresh(double updated) { return WallSeconds() - updated < kFresh_s; }
 
+// Of the folder where it is here: a process that is started again goes on with what was begun.
+double BegunOf(std::uint64_t folder_since, const bus::Presence* presence) {
+  if (folder_since == 0 && presence) return static_cast<double>(presence->since);
+  return static_cast<double>(folder_since);
+}
+
 }  // namespace
 
 // Step by step, each at the end of the lane's queue, so that requests come in between; until `step` says that there
@@ -76,6 +82,34 @@ http::Router MakeRouter(Context& context) {
   return router;
 }
 
+namespace {
+
+// What to say of a source that no folder has: it may be known by name alone.
+template <class Owners>
+Error NotHere(const Owners& owners, const std::string& id, Error error) {
+  const bool on_bus = std::ranges::any_of(owners, [&](const auto& item) { return BusId(item.second.presence) == id; });
+  if (on_bus && error.code == Code::kNotFound)
+    error.message = fmt::format(
+        "'{:.100}' is on the bus alone: its files are not below this gateway's folders; name "
+        "its folder with --dir, or open a dashboard on the host that has it",
+        id);
+  return error;
+}
+
+}  // namespace
+
+Result<OpenedDataset> OpenDataset(Context& context, const std::string& id) {
+  auto opened = OpenSource(context.sources.Dataset(id));
+  if (!opened) return Fail(NotHere(context.live()->campaigns, id, opened.error()));
+  return opened;
+}
+
+Result<OpenedRun> OpenRun(Context& context, const std::string& id) {
+  auto opened = OpenSource(context.sources.Run(id));
+  if (!opened) return Fail(NotHere(context.live()->runs, id, opened.error()));
+  return opened;
+}
+
 std::string BusId(const bus::Presence& presence) { return presence.name + "@" + presence.id; }
 
 OrderedJson AgeOf(double seconds) {
@@ -98,11 +132,12 @@ CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign
   CampaignState state;
   if (view) {
     state.committed = view->rows.size();
-    state.total = view->info.spec.episodes;
-    state.given_up = view->GivenUp();
+    state.total = view->info.derived ? view->rows.size() : view->info.spec.episodes;
+    state.given_up = view->info.derived ? 0 : view->GivenUp();
     state.failed = view->failures.size();
     state.updated = view->info.updated;
   }
+  state.begun = BegunOf(view ? view->info.since : 0, heard ? &heard->presence : nullptr);
   if (heard && heard->status) {
     const auto& status = *heard->status;
     state.committed = std::max(state.committed, status.committed);
@@ -126,6 +161,9 @@ CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign
     state.state = "finished";
   else if (!state.error.empty())
     state.state = "failed";
+  else if (!state.live &&
+           ((view && view->info.stopped) || (heard && heard->status && heard->status->state == "stopping")))
+    state.state = "stopped";  // written, or the last that its collector said before it went
   else
     state.state = state.live || IsFresh(state.updated) ? "running" : "silent";
   return state;
@@ -195,6 +233,7 @@ RunState StateOf(const sources::RunView* view, const live::LiveRun* heard) {
   state.live = heard && heard->present && live::AgeMs(heard->heard) < kSilent_ms;
   if (heard && heard->status) FromBus(*heard->status, state);
   if (state.live) state.updated = WallSeconds();
+  state.begun = BegunOf(view ? view->since : 0, heard ? &heard->presence : nullptr);
   state.stages = std::max(state.stages, state.stage);
   const auto* end = view && view->metrics.end() ? &*view->metrics.end() : nullptr;
   if (end)

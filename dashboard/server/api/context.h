@@ -100,12 +100,9 @@ auto OpenSource(Result<std::shared_ptr<Source>> source)
   ETUDE_ASSIGN_OR_RETURN(auto view, (*source)->View());
   return {{std::move(*source), std::move(view)}};
 }
-inline Result<OpenedDataset> OpenDataset(Context& context, const std::string& id) {
-  return OpenSource(context.sources.Dataset(id));
-}
-inline Result<OpenedRun> OpenRun(Context& context, const std::string& id) {
-  return OpenSource(context.sources.Run(id));
-}
+/// @error as OpenSource; of one that is on the bus alone: that its files are not here
+Result<OpenedDataset> OpenDataset(Context& context, const std::string& id);
+Result<OpenedRun> OpenRun(Context& context, const std::string& id);
 inline Result<OpenedEval> OpenEval(Context& context, const std::string& id) {
   return OpenSource(context.sources.Eval(id));
 }
@@ -125,6 +122,7 @@ struct CampaignState {
   std::string error;
   std::string control;  ///< paused | draining | stopping, while its collector says so; "": at work
   double updated = 0;   ///< seconds since 1970
+  double begun = 0;     ///< the same; 0: not known
 };
 const live::LiveCampaign* LiveOf(const live::LiveView& live, const sources::DatasetView& view);
 CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign* heard);
@@ -138,6 +136,7 @@ struct RunState {
   std::string stage_name;
   std::optional<double> loss, samples_per_s, data_wait, eta_s, elapsed_s;
   double updated = 0;
+  double begun = 0;  ///< seconds since 1970; 0: not known
 };
 /// @param view  null: seen on the bus only
 const live::LiveRun* LiveOf(const live::LiveView& live, const sources::RunView& view);

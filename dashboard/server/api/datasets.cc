@@ -41,6 +41,7 @@ Result<http::Answer> Dataset(Context& context, const http::Request& request) {
   return http::JsonAnswer({{"id", source->found().id},
                            {"name", source->found().name},
                            {"folder", source->found().shown},
+                           {"path", source->found().folder.string()},
                            {"role", source->found().eval.empty() ? "demonstrations" : "rollouts"},
                            {"eval", TextOrNull(source->found().eval)},
                            {"state", state.state},
@@ -53,7 +54,7 @@ Result<http::Answer> Dataset(Context& context, const http::Request& request) {
                            {"spec_sha256", info.spec_sha256},
                            {"statistics", http::ForBrowsers(info.statistics)},
                            {"episodes", view->rows.size()},
-                           {"total", info.spec.episodes},
+                           {"total", state.total},
                            {"failed_attempts", failures},
                            {"unreadable", info.unreadable},
                            {"unreadable_files", unreadable},
@@ -274,8 +275,9 @@ Result<http::Answer> Summary(Context& context, const http::Request& request) {
   Counts draws;
   for (const auto* row : rows)
     if (row->draws > 0) ++draws[std::to_string(row->draws)];
-  const auto expected =
-      filter.empty() ? Expected(opened.view->info.spec) : std::map<std::pair<std::string, std::string>, double>{};
+  const auto expected = filter.empty() && !opened.view->info.derived
+                            ? Expected(opened.view->info.spec)
+                            : std::map<std::pair<std::string, std::string>, double>{};
   return http::JsonAnswer({{"total", rows.size()},
                            {"known", known},
                            {"tasks", CountBy(rows, &EpisodeRow::task)},

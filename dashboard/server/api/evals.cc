@@ -282,6 +282,7 @@ Result<OrderedJson> EvalJson(Context& context, const std::string& id) {
   return OrderedJson{{"id", id},
                      {"name", source->found().name},
                      {"folder", source->found().shown},
+                     {"path", source->found().folder.string()},
                      {"state", EvalState(*view)},
                      {"updated", sources::TimeJson(view->updated)},
                      {"age_ms", AgeOf(view->updated)},

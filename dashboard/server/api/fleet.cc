@@ -27,6 +27,7 @@ struct WorkerRow {
   std::optional<double> per_minute;
   double steps_per_s = 0, frames_per_s = 0;
   std::int64_t age_ms = 0;
+  bool silent = false;
 };
 
 struct HostRow {
@@ -81,7 +82,7 @@ struct HostRow {
   }
   std::size_t Busy() const {
     return static_cast<std::size_t>(std::ranges::count_if(
-        workers, [](const auto& worker) { return !worker.phase.empty() && worker.phase != "idle"; }));
+        workers, [](const auto& worker) { return !worker.silent && !worker.phase.empty() && worker.phase != "idle"; }));
   }
 };
 
@@ -99,6 +100,7 @@ std::string SourceOf(Context& context, const live::LiveCampaign& campaign) {
 }
 
 Hosts FromBus(Context& context, const live::LiveView& live) {
+  const auto now = MonotonicClock::now();
   Hosts hosts;
   for (const auto& [id, campaign] : live.campaigns) {
     if (!campaign.present || campaign.workers.empty()) continue;
@@ -115,9 +117,9 @@ Hosts FromBus(Context& context, const live::LiveView& live) {
       }
       if (const auto print = live.prints.find(name); print != live.prints.end()) row.print = print->second;
       row.episodes = status.episodes, row.failures = status.failures;
-      row.per_minute = heard.PerMinute();
+      row.per_minute = heard.PerMinute(now);
       row.steps_per_s = status.steps_per_second, row.frames_per_s = status.frames_per_second;
-      row.age_ms = live::AgeMs(heard.heard);
+      row.age_ms = live::AgeMs(heard.heard), row.silent = heard.Silent(now);
       auto& host = hosts[status.host];
       host.host = status.host;
       host.workers.push_back(std::move(row));

@@ -39,24 +39,28 @@ OrderedJson SourceJson(const std::string& kind, const Found& found, const std::s
           {"age_ms", AgeOf(updated)},
           {"live", live},
           {"folder", sources::TextOrNull(found.shown)},
+          {"path", sources::TextOrNull(found.folder.string())},
           {"role", dataset ? OrderedJson(found.eval.empty() ? "demonstrations" : "rollouts") : OrderedJson()}};
 }
 
 OrderedJson SourcesJson(const Overview& all) {
-  std::vector<std::pair<double, OrderedJson>> rows;
+  std::vector<std::pair<Standing, OrderedJson>> rows;
   for (const auto& item : all.datasets)
-    rows.emplace_back(item.state.updated, SourceJson(item.view ? "dataset" : "campaign", item.found, item.name,
-                                                     item.state.state, item.state.updated, item.state.live));
+    rows.emplace_back(StandingOf(item), SourceJson(item.view ? "dataset" : "campaign", item.found, item.name,
+                                                   item.state.state, item.state.updated, item.state.live));
   for (const auto& item : all.runs)
-    rows.emplace_back(item.state.updated,
+    rows.emplace_back(StandingOf(item),
                       SourceJson("run", item.found, item.name, item.state.state, item.state.updated, item.state.live));
   for (const auto& item : all.evals)
-    rows.emplace_back(item.view->updated,
+    rows.emplace_back(StandingOf(item),
                       SourceJson("eval", item.found, item.name, item.state, item.view->updated, false));
-  std::ranges::stable_sort(rows, std::greater<>(), [](const auto& row) { return row.first; });
+  std::ranges::stable_sort(rows, std::less<>(), [](const auto& row) { return row.first; });
+  if (rows.size() > kMostSources) rows.resize(kMostSources);
+  // a run whose files are elsewhere has no checkpoints and no series here: pages begin with one that has
+  std::ranges::stable_partition(
+      rows, [](const auto& row) { return row.second["kind"] != "run" || !row.second["folder"].is_null(); });
   OrderedJson json = OrderedJson::array();
-  for (auto& [updated, row] : rows)
-    if (json.size() < kMostSources) json.push_back(std::move(row));
+  for (auto& [standing, row] : rows) json.push_back(std::move(row));
   return json;
 }
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <filesystem>
 #include <fstream>
 
 #include "dashboard/server/sources/files.h"
@@ -18,6 +19,7 @@ namespace {
 
 constexpr std::size_t kAtOnce = 4, kKept = 50, kLogLines = 200;
 constexpr std::streamoff kLogTail = 64 * 1024;
+constexpr std::uintmax_t kMostLogBytes = 4 << 20;
 constexpr std::chrono::seconds kPatience{5};
 
 std::vector<std::string> Tail(const Path& log) {
@@ -34,7 +36,20 @@ std::vector<std::string> Tail(const Path& log) {
   return lines;
 }
 
+// Others' too, who may be at work: theirs are newer.
+void RemoveOldLogs(const Path& folder) {
+  constexpr double kOld_s = 24 * 3600;
+  std::error_code error;
+  std::vector<Path> old;
+  for (std::filesystem::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
+    if (it->path().extension() == ".log" && WallSeconds() - sources::StampOf(it->path()).modified_s() > kOld_s)
+      old.push_back(it->path());
+  for (const auto& log : old) std::filesystem::remove(log, error);
+}
+
 }  // namespace
+
+Jobs::Jobs(Path folder) : folder_(std::move(folder)) { RemoveOldLogs(folder_); }
 
 std::string CommandText(const std::vector<std::string>& arguments) {
   std::string text;
@@ -75,7 +90,11 @@ Result<std::string> Jobs::Add(const Request& request) {
   words.insert(words.end(), request.arguments.begin(), request.arguments.end());
   job.command = CommandText(words);
   jobs_.push_front(std::move(job));
-  while (jobs_.size() > kKept && !jobs_.back().running()) jobs_.pop_back();
+  while (jobs_.size() > kKept && !jobs_.back().running()) {
+    std::error_code ignored;
+    std::filesystem::remove(LogOf(jobs_.back()), ignored);
+    jobs_.pop_back();
+  }
   return jobs_.front().id;
 }
 
@@ -113,8 +132,20 @@ void Jobs::Pump() {
       continue;
     }
     if (std::exchange(job.stop, false)) job.process->Terminate();
+    CutLog(job);
     if (const auto exit_code = job.process->Poll()) End(job, *exit_code);
   }
+}
+
+// To its end, which is what is shown: a server's log grows for weeks. Its child appends, and goes on behind that.
+void Jobs::CutLog(const Job& job) const {
+  const Path log = LogOf(job);
+  std::error_code error;
+  const auto size = std::filesystem::file_size(log, error);
+  if (error || size <= kMostLogBytes) return;
+  std::string text;
+  for (const auto& line : Tail(log)) text += line + "\n";
+  std::ofstream(log, std::ios::binary | std::ios::trunc) << text;
 }
 
 const Jobs::Job* Jobs::Same(const std::string& once) const {

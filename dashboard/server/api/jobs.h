@@ -23,8 +23,9 @@ enum class Weight : std::uint8_t { kLight, kHeavy };
 /// gateway: see Pump.
 class Jobs {
  public:
-  /// @param folder  for the logs
-  explicit Jobs(Path folder) : folder_(std::move(folder)) {}
+  /// @param folder  for the logs: one goes with its job, and those of gateways that ended go here when they are a day
+  /// old
+  explicit Jobs(Path folder);
 
   struct Request {
     std::string action;
@@ -71,6 +72,7 @@ class Jobs {
   static void End(Job& job, int exit_code);
   OrderedJson JsonOf(const Job& job) const;
   Path LogOf(const Job& job) const { return folder_ / (job.id + ".log"); }
+  void CutLog(const Job& job) const;
 
   const Path folder_;
   mutable Mutex mutex_;

@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// GET /logs: the ends of log files, by offset; never a whole file.
+// GET /logs: the ends of log files, by offsets; never a whole file.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cstdio>
 #include <ctime>
+#include <iterator>
+#include <map>
 #include <optional>
 
 #include "dashboard/server/api/context.h"
+#include "dashboard/server/sources/files.h"
+#include "services/episode/bounded_json.h"
 
 namespace etude::api {
 namespace {
@@ -20,8 +25,10 @@ constexpr std::array<const char*, 4> kLevels{"debug", "info", "warn", "error"};
 
 struct Line {
   std::string source, time, level, text;
-  double order = 0;  // seconds since 1970 that it is sorted by
-  std::uint64_t offset = 0;
+  std::optional<double> written;  // seconds since 1970, where it says the day, too
+  double order = 0;               // seconds since 1970 that it is sorted by
+  int rank = 1;                   // of its level, or of the one that it belongs to
+  std::uint64_t offset = 0, end = 0;
 };
 
 int RankOf(const std::string& level) {
@@ -29,8 +36,28 @@ int RankOf(const std::string& level) {
   return found == kLevels.end() ? -1 : static_cast<int>(found - kLevels.begin());
 }
 
+// A line of --log json: {"time", "level", "source", "text", ...}. @returns false: it is none
+bool UnderstandJson(Line& line) {
+  if (!line.text.starts_with('{')) return false;
+  const OrderedJson json = ParseBoundedJson(line.text, 4).value_or(OrderedJson());
+  const std::string level = sources::TextOf(json, "level"), text = sources::TextOf(json, "text");
+  line.written = sources::ParseTime(sources::TextOf(json, "time"));
+  if (RankOf(level) < 0 || !line.written || text.empty()) {
+    line.written.reset();
+    return false;
+  }
+  const auto whole = static_cast<std::time_t>(*line.written);
+  std::tm parts{};
+  ::localtime_r(&whole, &parts);
+  line.time = fmt::format("{:02}:{:02}:{:02}", parts.tm_hour, parts.tm_min, parts.tm_sec);
+  line.level = level;
+  line.text = sources::TextOf(json, "source") + ": " + text;
+  return true;
+}
+
 // "17:22:57 info etude-worker: text"; other lines are text alone
 void Understand(Line& line) {
+  if (UnderstandJson(line)) return;
   const auto first = line.text.find(' ');
   if (first == std::string::npos || first < 5 || first > 32 || line.text[2] != ':') return;
   const auto second = line.text.find(' ', first + 1);
@@ -69,15 +96,30 @@ void Date(std::vector<Line>& lines, double file_changed) {
   std::vector<std::optional<double>> times(lines.size());
   double latest = file_changed;
   for (std::size_t i = lines.size(); i-- > 0;)
-    if (!lines[i].time.empty() && (times[i] = LastTimeAt(lines[i].time, latest))) latest = *times[i];
+    if ((times[i] = lines[i].written ? lines[i].written : LastTimeAt(lines[i].time, latest))) latest = *times[i];
   double order = latest;  // the first time that there is: lines before it have none
   for (std::size_t i = 0; i < lines.size(); ++i) lines[i].order = order = std::max(order, times[i].value_or(order));
+}
+
+// A line without a level is of the one before it, as the rest of an error is; of none at the begin of a window, and
+// when so many follow each other that they are another program's output.
+void Rank(std::vector<Line>& lines) {
+  constexpr std::size_t kLongestRest = 50;
+  constexpr int kInfo = 1;
+  int rank = kInfo;
+  std::size_t rest = 0;
+  for (Line& line : lines) {
+    rest = line.level.empty() ? rest + 1 : 0;
+    if (rest == 0) rank = RankOf(line.level);
+    line.rank = rest > kLongestRest ? kInfo : rank;
+  }
 }
 
 struct Window {
   std::vector<Line> lines;
   bool more = false;  // older ones in the file
   std::uint64_t begin = 0;
+  double oldest = 0;  // order of its first line
 };
 
 // Whole lines that end before `before` bytes, of at most kWindow bytes.
@@ -99,7 +141,7 @@ Result<Window> ReadWindow(const sources::Catalog::LogFile& log, std::uint64_t be
     const auto newline = std::min(text.find('\n', at), text.size());
     Line line;
     line.source = log.id, line.text = text.substr(at, std::min(newline - at, kLongestLine));
-    line.offset = begin + at;
+    line.offset = begin + at, line.end = begin + newline + 1;
     // a progress line that was written over itself: what stands last counts
     if (const auto over = line.text.rfind('\r'); over != std::string::npos && over + 1 < line.text.size())
       line.text.erase(0, over + 1);
@@ -108,13 +150,76 @@ Result<Window> ReadWindow(const sources::Catalog::LogFile& log, std::uint64_t be
     at = newline + 1;
   }
   Date(window.lines, open.stamp.modified_s());
+  Rank(window.lines);
+  window.oldest = window.lines.empty() ? open.stamp.modified_s() : window.lines.front().order;
   return window;
 }
 
-bool Fits(const Line& line, int rank, const std::string& text) {
-  // a line without a level belongs to the one before it, and is shown with everything
-  if (rank > 0 && RankOf(line.level) < rank) return false;
-  return text.empty() || line.text.find(text) != std::string::npos;
+// A file, and where in it the page ends.
+struct Chosen {
+  sources::Catalog::LogFile log;
+  std::uint64_t before = UINT64_MAX;
+};
+
+// "OFFSET" in one file, "ID@OFFSET,..." in several: those not named have no more. @error kInvalidArgument
+Result<std::map<std::string, std::uint64_t>> CursorIn(const http::Query& query, const std::string& source) {
+  std::map<std::string, std::uint64_t> cursor;
+  const std::string text = query.Get("before").value_or("");
+  for (std::size_t begin = 0; begin < text.size();) {
+    const auto comma = std::min(text.find(',', begin), text.size());
+    const std::string part = text.substr(begin, comma - begin);
+    const auto at = part.find('@');
+    const std::string number = at == std::string::npos ? part : part.substr(at + 1);
+    std::uint64_t offset = 0;
+    const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), offset);
+    if (error != std::errc() || end != number.data() + number.size() || cursor.size() > kMostMerged)
+      return Fail(Code::kInvalidArgument, fmt::format("before={:.40}: not what next of the page before said", text));
+    cursor[at == std::string::npos ? source : part.substr(0, at)] = offset;
+    begin = comma + 1;
+  }
+  return cursor;
+}
+
+OrderedJson CursorJson(const std::map<std::string, std::uint64_t>& cursor, const std::string& source) {
+  std::string text;
+  for (const auto& [id, offset] : cursor)
+    text += source.empty() ? fmt::format("{}{}@{}", text.empty() ? "" : ",", id, offset) : fmt::format("{}", offset);
+  return sources::TextOrNull(text);
+}
+
+struct Page {
+  std::vector<Line> lines;
+  std::map<std::string, std::uint64_t> next;  // by file: where older lines end
+  double back_to = 0;                         // seconds since 1970; 0: to the begin of every file
+};
+
+// The newest lines of all that fit. Where a file has more than its window, others wait for it: what is older than its
+// oldest line is of a later page, so that pages are in order of time. @param fits  of a line
+template <class Fits>
+Page Merge(const std::vector<Chosen>& chosen, std::size_t limit, Fits&& fits) {
+  Page page;
+  std::vector<Line> fitting;
+  for (const auto& [log, before] : chosen) {
+    auto window = ReadWindow(log, before);
+    if (!window) continue;  // it went away
+    if (window->more) {
+      page.next[log.id] = window->begin;
+      page.back_to = std::max(page.back_to, window->oldest);
+    }
+    for (auto& line : window->lines)
+      if (fits(line)) fitting.push_back(std::move(line));
+  }
+  std::ranges::stable_sort(fitting, {}, &Line::order);
+  std::size_t first = fitting.size() > limit ? fitting.size() - limit : 0;
+  while (first < fitting.size() && fitting[first].order < page.back_to) ++first;
+  for (std::size_t i = 0; i < first; ++i) {
+    auto& next = page.next[fitting[i].source];
+    next = std::max(next, fitting[i].end);
+  }
+  if (first > 0) page.back_to = std::max(page.back_to, fitting[first - 1].order);
+  page.lines.assign(std::make_move_iterator(fitting.begin() + static_cast<std::ptrdiff_t>(first)),
+                    std::make_move_iterator(fitting.end()));
+  return page;
 }
 
 OrderedJson LineJson(const Line& line) {
@@ -152,37 +257,30 @@ OrderedJson SourcesJson(const std::vector<sources::Catalog::LogFile>& logs) {
 
 Result<OrderedJson> LogsJson(Context& context, const http::Query& query) {
   ETUDE_ASSIGN_OR_RETURN(const auto limit, query.Integer("limit", 200, 1, 500));
-  ETUDE_ASSIGN_OR_RETURN(const auto before, query.Integer("before", INT64_MAX, 0, INT64_MAX));
   const std::string source = query.Get("source").value_or(""), text = query.Get("q").value_or("");
+  ETUDE_ASSIGN_OR_RETURN(const auto cursor, CursorIn(query, source));
   const std::string level = query.Get("level").value_or("debug");
-  if (RankOf(level) < 0)
+  const int rank = RankOf(level);
+  if (rank < 0)
     return Fail(Code::kInvalidArgument, "level: " + NotKnown(level.substr(0, 40), {kLevels.begin(), kLevels.end()}));
   const auto logs = context.sources.catalog().Logs();
-  std::vector<sources::Catalog::LogFile> chosen;
-  for (const auto& log : *logs)
-    if (log.id == source) chosen.push_back(log);
+  std::vector<Chosen> chosen;
+  for (const auto& log : source.empty() ? Newest(*logs) : *logs) {
+    const auto before = cursor.find(log.id);
+    if (!source.empty() ? log.id == source : cursor.empty() || before != cursor.end())
+      chosen.push_back({log, before == cursor.end() ? UINT64_MAX : before->second});
+  }
   if (!source.empty() && chosen.empty()) return Fail(Code::kNotFound, fmt::format("there is no log '{:.100}'", source));
-  if (source.empty()) chosen = Newest(*logs);
-  std::vector<Line> lines;
-  bool more = false;
-  std::uint64_t begin = 0;
-  for (const auto& log : chosen) {
-    auto window = ReadWindow(log, static_cast<std::uint64_t>(before));
-    if (!window) continue;  // it went away
-    more = window->more, begin = window->begin;
-    for (auto& line : window->lines)
-      if (Fits(line, RankOf(level), text)) lines.push_back(std::move(line));
-  }
-  std::ranges::stable_sort(lines, {}, &Line::order);
-  if (lines.size() > static_cast<std::size_t>(limit)) {
-    lines.erase(lines.begin(), lines.end() - limit);
-    more = true, begin = lines.front().offset;
-  }
+  const Page page = Merge(chosen, static_cast<std::size_t>(limit), [&](const Line& line) {
+    return line.rank >= rank && (text.empty() || line.text.find(text) != std::string::npos);
+  });
   OrderedJson rows = OrderedJson::array();
-  for (const auto& line : lines) rows.push_back(LineJson(line));
+  for (const auto& line : page.lines) rows.push_back(LineJson(line));
   return OrderedJson{{"sources", SourcesJson(*logs)},
                      {"lines", rows},
-                     {"next", more && chosen.size() == 1 ? OrderedJson(std::to_string(begin)) : OrderedJson()}};
+                     {"next", CursorJson(page.next, source)},
+                     {"searched", chosen.size()},
+                     {"back_to", page.back_to > 0 ? OrderedJson(sources::Rfc3339(page.back_to)) : OrderedJson()}};
 }
 
 void AddLogRoutes(http::Router& router, Context& context) {

@@ -13,6 +13,7 @@
 
 #include "dashboard/server/api/context.h"
 #include "services/core/thread_annotations.h"
+#include "services/episode/bounded_json.h"
 
 namespace etude::api {
 namespace {
@@ -49,33 +50,45 @@ class Exposition {
 
 struct DatasetMetrics {
   std::string id;
-  std::shared_ptr<const sources::DatasetView> view;
+  std::shared_ptr<const sources::DatasetView> view;  // null: on the bus alone
   CampaignState state;
+  std::string failures_json;  // what is heard of failed attempts, by reason, where there is no view
 };
 struct RunMetrics {
   std::string id;
-  std::shared_ptr<const sources::RunView> view;
+  std::shared_ptr<const sources::RunView> view;  // null: on the bus alone
   RunState state;
 };
 
+// By reason and task; its collector does not say the tasks.
+std::map<std::pair<std::string, std::string>, std::uint64_t> FailedAttempts(const DatasetMetrics& dataset) {
+  std::map<std::pair<std::string, std::string>, std::uint64_t> counts;
+  if (dataset.view) {
+    for (const auto& row : dataset.view->failures) ++counts[{row.outcome, row.task}];
+    return counts;
+  }
+  const OrderedJson heard = ParseBoundedJson(dataset.failures_json).value_or(OrderedJson());
+  if (!heard.is_object()) return counts;
+  for (const auto& [reason, count] : heard.items())
+    if (count.is_number_unsigned() && counts.size() < 100) counts[{reason, ""}] = count.get<std::uint64_t>();
+  return counts;
+}
+
 void Collection(const std::vector<DatasetMetrics>& datasets, Exposition& out) {
   out.Family("etude_demonstrations_total", "counter", "Committed demonstrations.");
-  for (const auto& [id, view, state] : datasets)
-    out.Sample("etude_demonstrations_total", {{"campaign", id}}, static_cast<double>(state.committed));
+  for (const auto& dataset : datasets)
+    out.Sample("etude_demonstrations_total", {{"campaign", dataset.id}}, static_cast<double>(dataset.state.committed));
   out.Family("etude_demonstrations_wanted", "gauge", "Demonstrations that the campaign asks for.");
-  for (const auto& [id, view, state] : datasets)
-    out.Sample("etude_demonstrations_wanted", {{"campaign", id}}, static_cast<double>(state.total));
+  for (const auto& dataset : datasets)
+    out.Sample("etude_demonstrations_wanted", {{"campaign", dataset.id}}, static_cast<double>(dataset.state.total));
   out.Family("etude_workers", "gauge", "Workers of a campaign that are heard.");
-  for (const auto& [id, view, state] : datasets)
-    out.Sample("etude_workers", {{"campaign", id}}, static_cast<double>(state.workers));
+  for (const auto& dataset : datasets)
+    out.Sample("etude_workers", {{"campaign", dataset.id}}, static_cast<double>(dataset.state.workers));
   out.Family("etude_failed_attempts_total", "counter", "Failed attempts by typed reason and task.");
-  for (const auto& [id, view, state] : datasets) {
-    std::map<std::pair<std::string, std::string>, std::uint64_t> counts;
-    for (const auto& row : view->failures) ++counts[{row.outcome, row.task}];
-    for (const auto& [key, count] : counts)
-      out.Sample("etude_failed_attempts_total", {{"campaign", id}, {"reason", key.first}, {"task", key.second}},
+  for (const auto& dataset : datasets)
+    for (const auto& [key, count] : FailedAttempts(dataset))
+      out.Sample("etude_failed_attempts_total", {{"campaign", dataset.id}, {"reason", key.first}, {"task", key.second}},
                  static_cast<double>(count));
-  }
 }
 
 // By host: a label each would grow without end. A worker that goes from shard to shard is one slot.
@@ -83,10 +96,12 @@ void Slots(const live::LiveView& live, Exposition& out) {
   struct Names {
     std::set<std::string> all, busy;
   };
+  const auto now = MonotonicClock::now();
   std::map<std::string, Names> hosts;
   for (const auto& [id, campaign] : live.campaigns) {
     if (!campaign.present) continue;
     for (const auto& [name, worker] : campaign.workers) {
+      if (worker.Silent(now)) continue;
       Names& host = hosts[worker.status.host];
       host.all.insert(name);
       if (!worker.status.phase.empty() && worker.status.phase != "idle") host.busy.insert(name);
@@ -104,7 +119,8 @@ void PlanSeconds(const std::vector<DatasetMetrics>& datasets, Exposition& out) {
   static constexpr std::array<double, 11> kEdges{0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28, 2.56, 5.12, 10.24};
   const std::string name = "etude_plan_seconds";
   out.Family(name.c_str(), "histogram", "Planning time of an attempt.");
-  for (const auto& [id, view, state] : datasets) {
+  for (const auto& [id, view, state, heard] : datasets) {
+    if (!view) continue;  // its collector does not say how long each took
     std::vector<double> plans;
     for (const auto& row : view->failures)
       if (row.plan_s) plans.push_back(*row.plan_s);
@@ -139,12 +155,14 @@ void Training(const std::vector<RunMetrics>& runs, Exposition& out) {
   gauge("etude_train_data_wait_ratio", "Share of a step that waits for data.",
         [](const RunMetrics& run) { return run.state.data_wait; });
   out.Family("etude_checkpoint_step", "gauge", "Step of the checkpoint of a channel.");
-  for (const auto& run : runs)
+  for (const auto& run : runs) {
+    if (!run.view) continue;
     for (const auto& header : run.view->checkpoints)
       for (const auto& channel : header.channels)
         if (const auto step = header.metadata.find("step"); step != header.metadata.end())
           out.Sample("etude_checkpoint_step", {{"run", run.id}, {"channel", channel}},
                      std::strtod(step->second.c_str(), nullptr));
+  }
 }
 
 // Sums over processes that come and go: what one counted stays when it is gone, as a counter must never fall.
@@ -257,18 +275,44 @@ std::string Exposed(const std::vector<DatasetMetrics>& datasets, const std::vect
   return out.Take();
 }
 
+constexpr std::size_t kMostOfKind = 40;
+
+// Of demonstrations, with what is on the bus alone.
+std::vector<DatasetMetrics> DatasetsNow(Context& context, const live::LiveView& live) {
+  std::vector<DatasetMetrics> datasets;
+  std::set<std::string> known;
+  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kDataset, kMostOfKind).found) {
+    const auto opened = OpenDataset(context, found.id);
+    if (!opened) continue;
+    known.insert(opened->view->info.identity);
+    if (found.eval.empty())
+      datasets.push_back({found.id, opened->view, StateOf(opened->view.get(), LiveOf(live, *opened->view)), ""});
+  }
+  for (const auto& [identity, campaign] : live.campaigns)
+    if (campaign.present && !known.contains(identity))
+      datasets.push_back({BusId(campaign.presence), nullptr, StateOf(nullptr, &campaign),
+                          campaign.status ? campaign.status->failures_json : ""});
+  return datasets;
+}
+
+std::vector<RunMetrics> RunsNow(Context& context, const live::LiveView& live) {
+  std::vector<RunMetrics> runs;
+  std::set<std::string> known;
+  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kRun, kMostOfKind).found) {
+    const auto opened = OpenRun(context, found.id);
+    if (!opened) continue;
+    known.insert(opened->view->identity);
+    runs.push_back({found.id, opened->view, StateOf(opened->view.get(), LiveOf(live, *opened->view))});
+  }
+  for (const auto& [identity, run] : live.runs)
+    if (run.present && !known.contains(identity))
+      runs.push_back({BusId(run.presence), nullptr, StateOf(nullptr, &run)});
+  return runs;
+}
+
 std::string Text(Context& context, Counters& counters) {
   const auto live = context.live();
-  std::vector<DatasetMetrics> datasets;
-  std::vector<RunMetrics> runs;
-  constexpr std::size_t kMost = 40;
-  const auto state = [&](const auto& view) { return StateOf(&view, LiveOf(*live, view)); };
-  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kDataset, kMost, false).found)
-    if (const auto opened = OpenDataset(context, found.id))
-      datasets.push_back({found.id, opened->view, state(*opened->view)});
-  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kRun, kMost).found)
-    if (const auto opened = OpenRun(context, found.id)) runs.push_back({found.id, opened->view, state(*opened->view)});
-  return Exposed(datasets, runs, *live, counters);
+  return Exposed(DatasetsNow(context, *live), RunsNow(context, *live), *live, counters);
 }
 
 }  // namespace

@@ -2,6 +2,8 @@
 #include "dashboard/server/api/overview.h"
 
 #include <algorithm>
+#include <functional>
+#include <tuple>
 
 namespace etude::api {
 namespace {
@@ -37,15 +39,35 @@ void GatherFiles(Context& context, Overview& all) {
   }
 }
 
-template <class Items, class Of>
-auto Newest(const Items& items, Of&& updated) -> decltype(&items[0]) {
-  decltype(&items[0]) newest = nullptr;
-  for (const auto& item : items)
-    if (!newest || updated(item) > updated(*newest)) newest = &item;
-  return newest;
+Standing StandingOf(bool running, bool live, double begun, double updated, const std::string& id) {
+  return {running, live, running || live ? begun : updated, id};
+}
+
+template <class Items>
+void SortByStanding(Items& items) {
+  std::ranges::sort(items, std::less<>(), [](const auto& item) { return StandingOf(item); });
 }
 
 }  // namespace
+
+bool Standing::operator<(const Standing& other) const {
+  return std::tie(other.running, other.live, other.time, id) < std::tie(running, live, time, other.id);
+}
+
+Standing StandingOf(const DatasetItem& item) {
+  const auto& state = item.state;
+  return StandingOf(state.state == "running", state.live, state.begun, state.updated, item.found.id);
+}
+
+Standing StandingOf(const RunItem& item) {
+  const auto& state = item.state;
+  return StandingOf(state.state == "running", state.live, state.begun, state.updated, item.found.id);
+}
+
+Standing StandingOf(const EvalItem& item) {
+  const double begun = sources::NumberOf(item.view->report, "created").value_or(0);
+  return StandingOf(item.state == "running", false, begun, item.view->updated, item.found.id);
+}
 
 Overview LookOver(Context& context) {
   Overview all;
@@ -68,23 +90,25 @@ Overview LookOver(Context& context) {
     found.id = BusId(run.presence);
     all.runs.push_back({found, nullptr, StateOf(nullptr, &run), run.presence.name});
   }
+  SortByStanding(all.datasets);
+  SortByStanding(all.runs);
+  SortByStanding(all.evals);
   return all;
 }
 
 const DatasetItem* NewestDataset(const Overview& all) {
-  std::vector<const DatasetItem*> collections;
-  for (const auto& item : all.datasets)
-    if (item.found.eval.empty()) collections.push_back(&item);
-  const auto newest = Newest(collections, [](const auto* item) { return item->state.updated; });
-  return newest ? *newest : nullptr;
+  const auto first = std::ranges::find_if(all.datasets, [](const auto& item) { return item.found.eval.empty(); });
+  return first == all.datasets.end() ? nullptr : &*first;
 }
 
-const RunItem* NewestRun(const Overview& all) {
-  return Newest(all.runs, [](const auto& item) { return item.state.updated; });
-}
+const RunItem* NewestRun(const Overview& all) { return all.runs.empty() ? nullptr : &all.runs.front(); }
 
-const EvalItem* NewestEval(const Overview& all) {
-  return Newest(all.evals, [](const auto& item) { return item.view->updated; });
+const EvalItem* NewestEval(const Overview& all) { return all.evals.empty() ? nullptr : &all.evals.front(); }
+
+std::string GenerationLink(const Overview& all, const std::string& identity, const live::LiveCampaign& campaign) {
+  const auto of_folder = std::ranges::find_if(
+      all.datasets, [&](const auto& item) { return item.view && item.view->info.identity == identity; });
+  return "/generation?dataset=" + (of_folder == all.datasets.end() ? BusId(campaign.presence) : of_folder->found.id);
 }
 
 }  // namespace etude::api

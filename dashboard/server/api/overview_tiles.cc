@@ -234,7 +234,7 @@ OrderedJson Events(const Overview& all) {
       const auto& attempt = campaign.attempts[i];
       add(attempt.t, "warn",
           fmt::format("{}: #{} {}", campaign.presence.name, attempt.report.index, attempt.report.outcome),
-          "/generation");
+          fmt::format("{}&index={}", GenerationLink(all, id, campaign), attempt.report.index));
     }
   for (const auto& [event] : *all.live->events)
     add(static_cast<double>(event.time_ms) / 1000, event.level == "error" ? "error" : "warn",

@@ -2,6 +2,9 @@
 #include <fmt/format.h>
 #include <sys/statvfs.h>
 
+#include <algorithm>
+#include <cstdlib>
+#include <map>
 #include <set>
 #include <string>
 
@@ -24,7 +27,8 @@ void WarnOfCampaigns(const Overview& all, OrderedJson& warnings) {
     const auto& name = campaign.presence.name;
     const bool finished = campaign.complete || campaign.status->committed >= campaign.status->total;
     if (!campaign.status->error.empty())
-      warnings.push_back(Warning("campaign_error", name + ": " + campaign.status->error, "/generation"));
+      warnings.push_back(
+          Warning("campaign_error", name + ": " + campaign.status->error, GenerationLink(all, id, campaign)));
     if (!finished && campaign.status->workers > 0 && live::AgeMs(campaign.changed) > kNoCommit_ms)
       warnings.push_back(Warning("no_commits",
                                  fmt::format("{}: no commit for {} s with {} workers", name,
@@ -37,8 +41,8 @@ void WarnOfCampaigns(const Overview& all, OrderedJson& warnings) {
   }
   for (const auto& item : all.datasets) {
     if (item.state.given_up > 0 && item.found.eval.empty())
-      warnings.push_back(
-          Warning("given_up", fmt::format("{}: {} given up", item.name, item.state.given_up), "/generation"));
+      warnings.push_back(Warning("given_up", fmt::format("{}: {} given up", item.name, item.state.given_up),
+                                 "/generation?dataset=" + item.found.id));
     if (item.view && item.view->info.unreadable > 0)
       warnings.push_back(Warning(
           "unreadable",
@@ -68,6 +72,44 @@ void WarnOfRuns(const Overview& all, OrderedJson& warnings) {
                                                sources::UnsignedOf(line, "from").value_or(0)),
                                    link));
   }
+}
+
+// A robot goes on with an older one, and nothing else says so. Where nobody serves the run nobody waits for it.
+void WarnOfUnserved(const Overview& all, OrderedJson& warnings) {
+  constexpr double kPatience_s = 60;
+  for (const auto& item : all.runs) {
+    if (!item.view || item.view->identity.empty()) continue;
+    const auto newest = std::ranges::find_if(item.view->checkpoints, [](const auto& header) {
+      const auto refused = header.metadata.find("refused");
+      return header.error.empty() && (refused == header.metadata.end() || refused->second.empty());
+    });
+    if (newest == item.view->checkpoints.end() || !newest->metadata.contains("step")) continue;
+    const std::uint64_t step = std::strtoull(newest->metadata.at("step").c_str(), nullptr, 10);
+    const double age = WallSeconds() - newest->stamp.modified_s();
+    for (const auto* server : ServersOf(*all.live, item.view->identity))
+      if (age > kPatience_s && server->status.step < step && warnings.size() < 100)
+        warnings.push_back(Warning("checkpoint_unserved",
+                                   fmt::format("{}: checkpoint {} is {:.0f} s old, policy on {} serves {}", item.name,
+                                               step, age, server->status.host, server->status.step),
+                                   "/checkpoints?run=" + item.found.id, newest->stamp.modified_s() + kPatience_s));
+  }
+}
+
+// Commands that name one reach both, or refuse; shards of one campaign have their name in common on purpose.
+void WarnOfNames(const Overview& all, OrderedJson& warnings) {
+  const auto warn = [&](const char* kind, const auto& owners, const char* link) {
+    std::map<std::string, std::set<std::string>> names;  // name -> what has it
+    for (const auto& [id, owner] : owners) {
+      const auto& presence = owner.presence;
+      if (owner.present) names[presence.name].insert(presence.shards > 0 ? presence.spec_sha256 : id);
+    }
+    for (const auto& [name, ids] : names)
+      if (ids.size() > 1)
+        warnings.push_back(Warning(
+            "same_name", fmt::format("{} {}s are named {}: say which by NAME@ID", ids.size(), kind, name), link));
+  };
+  warn("campaign", all.live->campaigns, "/fleet");
+  warn("run", all.live->runs, "/checkpoints");
 }
 
 void WarnOfDisks(Context& context, OrderedJson& warnings) {
@@ -126,6 +168,8 @@ OrderedJson WarningsJson(Context& context, const Overview& all) {
   OrderedJson warnings = OrderedJson::array();
   WarnOfCampaigns(all, warnings);
   WarnOfRuns(all, warnings);
+  WarnOfUnserved(all, warnings);
+  WarnOfNames(all, warnings);
   WarnOfDisks(context, warnings);
   WarnOfProcesses(all, warnings);
   for (const auto& text : all.unreadable) warnings.push_back(Warning("unreadable", text, "/logs"));

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -68,6 +69,12 @@ OrderedJson KeysJson(const sources::MetricsTable& metrics) {
   return keys;
 }
 
+std::uint64_t CountOfNulls(const sources::MetricsTable& metrics) {
+  std::uint64_t count = 0;
+  for (const auto& [key, series] : metrics.series()) count += series.nulls;
+  return count;
+}
+
 OrderedJson NullsJson(const sources::MetricsTable& metrics) {
   constexpr std::size_t kMost = 100;
   OrderedJson nulls = OrderedJson::array();
@@ -121,17 +128,18 @@ OrderedJson GoalsJson(const sources::RunView& view) {
 
 // ---- /runs/{id} ---------------------------------------------------------------------------------
 
-OrderedJson RunJson(const std::string& id, const std::string& name, const sources::RunView& view, const RunState& state,
-                    const std::string& folder) {
+// @param found  its folder empty: on the bus alone
+OrderedJson RunJson(const sources::Found& found, const sources::RunView& view, const RunState& state) {
   OrderedJson lives = OrderedJson::array();
   for (const auto& life : view.metrics.lives())
     lives.push_back({{"from_step", life.from_step}, {"t", sources::TimeJson(life.t)}});
   OrderedJson end;
   if (const auto& said = view.metrics.end())
     end = {{"cause", said->cause}, {"step", Maybe(said->step)}, {"t", sources::TimeJson(said->t)}};
-  OrderedJson json{{"id", id},
-                   {"name", name},
-                   {"folder", TextOrNull(folder)},
+  OrderedJson json{{"id", found.id},
+                   {"name", found.name},
+                   {"folder", TextOrNull(found.shown)},
+                   {"path", TextOrNull(found.folder.string())},
                    {"identity", TextOrNull(view.identity)},
                    {"state", state.state},
                    {"updated", sources::TimeJson(state.updated)},
@@ -145,6 +153,7 @@ OrderedJson RunJson(const std::string& id, const std::string& name, const source
                           {"goals", GoalsJson(view)},
                           {"keys", KeysJson(view.metrics)},
                           {"nulls", NullsJson(view.metrics)},
+                          {"nulls_total", CountOfNulls(view.metrics)},
                           {"lives", lives},
                           {"end", end},
                           {"dataset", nullptr},
@@ -157,12 +166,14 @@ Result<http::Answer> Run(Context& context, const http::Request& request) {
   const std::string id = request.Parameter("id");
   const auto live = context.live();
   for (const auto& [identity, run] : live->runs)
-    if (BusId(run.presence) == id)
-      return http::JsonAnswer(RunJson(id, run.presence.name, sources::RunView{}, StateOf(nullptr, &run), ""));
+    if (BusId(run.presence) == id) {
+      sources::Found nowhere;
+      nowhere.kind = sources::Kind::kRun, nowhere.id = id, nowhere.name = run.presence.name;
+      return http::JsonAnswer(RunJson(nowhere, {}, StateOf(nullptr, &run)));
+    }
   ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, id));
-  const auto& found = opened.source->found();
-  return http::JsonAnswer(
-      RunJson(id, found.name, *opened.view, StateOf(opened.view.get(), LiveOf(*live, *opened.view)), found.shown));
+  const auto state = StateOf(opened.view.get(), LiveOf(*live, *opened.view));
+  return http::JsonAnswer(RunJson(opened.source->found(), *opened.view, state));
 }
 
 // ---- series -------------------------------------------------------------------------------------
@@ -197,11 +208,10 @@ Result<std::vector<double>> Abscissa(const sources::Series& series, const std::s
   return samples;
 }
 
-// The step of each value, in the same buckets: nothing where there is no number.
-std::vector<double> StepsOf(const sources::Series& series) {
-  std::vector<double> steps = series.step;
-  for (std::size_t i = 0; i < steps.size(); ++i)
-    if (!std::isfinite(series.value[i])) steps[i] = std::numeric_limits<double>::quiet_NaN();
+// The step of each bucket's last value.
+std::vector<double> StepsOf(const sources::Series& series, const sources::Buckets& buckets) {
+  std::vector<double> steps;
+  for (const std::size_t index : buckets.index) steps.push_back(series.step[index]);
   return steps;
 }
 
@@ -228,9 +238,7 @@ Result<http::Answer> SeriesAnswer(Context& context, const http::Request& request
     content.tensors[key + "/min"] = TensorOf(store::DType::kF64, buckets.min);
     content.tensors[key + "/max"] = TensorOf(store::DType::kF64, buckets.max);
     content.tensors[key + "/last"] = TensorOf(store::DType::kF64, buckets.last);
-    content.tensors[key + "/step"] =
-        TensorOf(store::DType::kF64,
-                 sources::Bucketed(abscissa, StepsOf(found->second), from, to, static_cast<std::size_t>(points)).last);
+    content.tensors[key + "/step"] = TensorOf(store::DType::kF64, StepsOf(found->second, buckets));
     listed.push_back(key);
     nulls[key] = found->second.nulls;
   }
@@ -370,6 +378,14 @@ Result<http::Answer> Checkpoints(Context& context, const http::Request& request)
                            {"subscribers", SubscribersOf(*live, opened.view->identity)}});
 }
 
+// What whoever saves it may call it: a name from a folder may have quotes and line ends.
+std::string Attachment(const std::string& name) {
+  std::string plain = name;
+  for (char& c : plain)
+    if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-' && c != '_' && c != '.') c = '_';
+  return fmt::format("attachment; filename=\"{}\"", plain);
+}
+
 Result<http::Answer> CheckpointFile(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const OpenedRun opened, OpenRun(context, request.Parameter("id")));
   const std::string name = request.Parameter("file");
@@ -382,8 +398,7 @@ Result<http::Answer> CheckpointFile(Context& context, const http::Request& reque
   answer.content_type = "application/vnd.safetensors";
   answer.file = http::FileBody{std::make_shared<Descriptor>(std::move(open.file)), open.stamp.size};
   answer.etag = open.stamp.tag();
-  answer.headers.emplace_back("Content-Disposition",
-                              fmt::format("attachment; filename=\"{}-{}\"", opened.source->found().id, header->file));
+  answer.headers.emplace_back("Content-Disposition", Attachment(opened.source->found().id + "-" + header->file));
   return answer;
 }
 

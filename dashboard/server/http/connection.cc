@@ -44,6 +44,7 @@ std::optional<Request> FromWire(const BeastRequest& wire_request, const beast::t
   request.accept_encoding = Field(wire_request, wire::field::accept_encoding);
   request.if_none_match = Field(wire_request, wire::field::if_none_match);
   request.range = Field(wire_request, wire::field::range);
+  request.if_range = Field(wire_request, wire::field::if_range);
   request.fetch_site = std::string(wire_request["Sec-Fetch-Site"]);
   request.body = wire_request.body();
   error_code ignored;
@@ -241,7 +242,9 @@ void Connection::WriteBody(Answer answer, bool head) {
 void Connection::WriteFile(const Request& request, Answer answer, bool head) {
   const FileBody file = *answer.file;
   answer.headers.emplace_back("Accept-Ranges", "bytes");
-  const RangeRequest range = ParseRange(request.range, file.size);
+  // a part is of use only with the rest of the same file: of another one all of it is sent (RFC 9110, 13.1.5)
+  const bool same = request.if_range.empty() || (!answer.etag.empty() && request.if_range == "\"" + answer.etag + "\"");
+  const RangeRequest range = ParseRange(same ? request.range : "", file.size);
   if (range.kind == RangeKind::kUnsatisfiable) {
     Answer refused = Problem(416, "No such range", fmt::format("the file has {} bytes", file.size));
     refused.headers.emplace_back("Content-Range", fmt::format("bytes */{}", file.size));

@@ -37,7 +37,7 @@ struct Request {
   std::string method = "GET";
   std::vector<std::string> path;  ///< decoded segments: "/a/b%20c" is {"a", "b c"}
   Query query;
-  std::string host, origin, authorization, cookie, content_type, accept_encoding, if_none_match, range;
+  std::string host, origin, authorization, cookie, content_type, accept_encoding, if_none_match, range, if_range;
   std::string fetch_site;     ///< where a browser says that the page is that asks: "same-origin", "cross-site", ...
   std::string local_address;  ///< of the connection, "127.0.0.1"
   std::string body;

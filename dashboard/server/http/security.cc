@@ -12,8 +12,6 @@
 namespace etude::http {
 namespace {
 
-constexpr std::string_view kCookie = "etude_session";
-
 bool SameText(std::string_view first, std::string_view second) {
   // the time must not tell how many characters were right, so that hashes of equal length are compared
   const auto a = Sha256Hex(first), b = Sha256Hex(second);
@@ -53,6 +51,7 @@ std::string HostName(std::string_view authority) {
 
 Security::Security(SecurityConfig config) : config_(std::move(config)) {
   session_ = Sha256Hex("etude-gateway session " + config_.token);
+  cookie_ = "etude_session_" + Sha256Hex(session_).substr(0, 8);
 }
 
 bool Security::TokenMatches(std::string_view token) const { return enabled() && SameText(token, config_.token); }
@@ -64,19 +63,19 @@ bool Security::CookieMatches(const std::string& cookies) const {
     auto item = rest.substr(0, end);
     rest = end == std::string_view::npos ? std::string_view() : rest.substr(end + 1);
     while (item.starts_with(' ')) item.remove_prefix(1);
-    if (item.size() > kCookie.size() && item.starts_with(kCookie) && item[kCookie.size()] == '=' &&
-        SameText(item.substr(kCookie.size() + 1), session_))
+    if (item.size() > cookie_.size() && item.starts_with(cookie_) && item[cookie_.size()] == '=' &&
+        SameText(item.substr(cookie_.size() + 1), session_))
       return true;
   }
   return false;
 }
 
 std::string Security::CookieHeader() const {
-  return fmt::format("{}={}; Path=/; HttpOnly; SameSite=Strict; Max-Age=604800", kCookie, session_);
+  return fmt::format("{}={}; Path=/; HttpOnly; SameSite=Strict; Max-Age=604800", cookie_, session_);
 }
 
-std::string Security::ExpiredCookieHeader() {
-  return fmt::format("{}=; Path=/; HttpOnly; SameSite=Strict; Max-Age=0", kCookie);
+std::string Security::ExpiredCookieHeader() const {
+  return fmt::format("{}=; Path=/; HttpOnly; SameSite=Strict; Max-Age=0", cookie_);
 }
 
 bool Security::HostAllowed(const Request& request) const {

@@ -35,7 +35,7 @@ class Security {
   bool TokenMatches(std::string_view token) const;
   /// Value of the cookie of a browser that showed the token. @pre enabled()
   std::string CookieHeader() const;
-  static std::string ExpiredCookieHeader();
+  std::string ExpiredCookieHeader() const;
 
  private:
   bool HostAllowed(const Request& request) const;
@@ -43,6 +43,8 @@ class Security {
 
   SecurityConfig config_;
   std::string session_;  // value of the cookie
+  // A browser sends a host's cookies to all of its ports: two gateways on it must not sign each other out.
+  std::string cookie_;  // its name
 };
 
 /// "[::1]:8080" -> "::1", "LocalHost:80" -> "localhost"; "" when it is not a host.

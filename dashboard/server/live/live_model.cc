@@ -2,6 +2,7 @@
 #include "dashboard/server/live/live_model.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <set>
@@ -16,6 +17,7 @@ using namespace std::chrono_literals;
 constexpr auto kForget = 10min;
 constexpr auto kWindow = 60s;
 constexpr auto kSampleEvery = 10s;
+constexpr auto kWorkerSilent = 10s;
 constexpr auto kServerForgotten = 10s;  // a policy server speaks every second
 constexpr auto kEndedInOrder = 5s;      // less than DDS's lease (10 s), after which a killed one's endpoints go, too
 constexpr auto kRateEvery = 4s;
@@ -25,11 +27,29 @@ constexpr std::size_t kMostAttempts = 200;
 constexpr std::size_t kMostWorkers = 4096;
 constexpr std::size_t kMostOwners = 256;
 constexpr std::size_t kMostEvents = 500;
+constexpr std::size_t kMostNamed = 5;
 
 char Letter(const std::string& phase) {
   if (phase == "plan") return 'p';
   if (phase == "play") return 'y';
   return phase == "send" ? 's' : 'i';
+}
+
+// @param names  at least one
+bus::ProcessEvent SilenceOf(const LiveCampaign& campaign, const std::vector<std::string>& names, std::uint64_t number) {
+  bus::ProcessEvent event;
+  event.process = "silence of " + campaign.presence.id;
+  event.role = "worker";
+  event.host = campaign.workers.at(names.front()).status.host;
+  event.number = number;
+  event.time_ms = static_cast<std::uint64_t>(WallSeconds() * 1000);
+  event.level = "warn";
+  event.code = "worker_silent";
+  const auto named = std::min(names.size(), kMostNamed);
+  event.text = fmt::format("{}: {} silent", campaign.presence.name,
+                           fmt::join(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(named), ", "));
+  if (names.size() > named) event.text += fmt::format(", and {} more", names.size() - named);
+  return event;
 }
 
 }  // namespace
@@ -38,8 +58,10 @@ std::int64_t AgeMs(TimePoint heard) {
   return std::chrono::duration_cast<std::chrono::milliseconds>(MonotonicClock::now() - heard).count();
 }
 
-std::optional<double> LiveWorker::PerMinute() const {
-  if (episodes.size() < 2) return std::nullopt;
+bool LiveWorker::Silent(TimePoint now) const { return now - heard > kWorkerSilent; }
+
+std::optional<double> LiveWorker::PerMinute(TimePoint now) const {
+  if (episodes.size() < 2 || Silent(now)) return std::nullopt;
   const auto seconds = std::chrono::duration<double>(episodes.back().first - episodes.front().first).count();
   if (seconds < 5) return std::nullopt;
   // a worker that was started again counts from 0
@@ -77,7 +99,29 @@ void LiveModel::Directory(const std::vector<bus::Presence>& present, TimePoint n
   }
   const auto forgotten = [&](const auto& item) { return !item.second.present && now - item.second.heard > kForget; };
   std::erase_if(view_.campaigns, forgotten);
+  TellSilences(now);
   std::erase_if(view_.runs, forgotten);
+}
+
+// A warning ends when its worker is forgotten; whether anything stopped in the night is asked in the morning. Also
+// forgets workers: not one of them may be left to say anything.
+void LiveModel::TellSilences(TimePoint now) {
+  std::vector<bus::ProcessEvent> events;
+  for (auto& [id, campaign] : view_.campaigns) {
+    const auto done = [&](const bus::CampaignStatus& status) {
+      return status.committed + status.given_up >= status.total;
+    };
+    const bool finished = campaign.complete || (campaign.status && done(*campaign.status));
+    std::vector<std::string> names;
+    for (auto& [name, worker] : campaign.workers) {
+      if (finished || worker.silence_told || !worker.Silent(now)) continue;
+      worker.silence_told = true;
+      names.push_back(name);
+    }
+    std::erase_if(campaign.workers, [&](const auto& item) { return now - item.second.heard > kForget; });
+    if (!names.empty()) events.push_back(SilenceOf(campaign, names, ++silences_));
+  }
+  On(std::move(events));
 }
 
 void LiveModel::On(const std::string& id, const bus::CampaignStatus& status, TimePoint now) {
@@ -102,7 +146,6 @@ void LiveModel::On(const std::string& id, const bus::CampaignAnnouncement& annou
 
 void LiveModel::On(const std::string& id, const bus::WorkerStatus& status, TimePoint now) {
   auto& campaign = view_.campaigns[id];
-  std::erase_if(campaign.workers, [&](const auto& item) { return now - item.second.heard > kForget; });
   // one that went home is neither silent nor a slot
   if (status.phase == bus::kGonePhase) {
     campaign.workers.erase(status.worker);
@@ -122,6 +165,7 @@ void LiveModel::On(const std::string& id, const bus::WorkerStatus& status, TimeP
   while (worker.episodes.size() > 2 && now - worker.episodes.front().first > kWindow) worker.episodes.pop_front();
   worker.status = status;
   worker.heard = now;
+  worker.silence_told = false;
 }
 
 void LiveModel::On(const std::string& id, const bus::AttemptReport& report, TimePoint, double wall) {

@@ -27,8 +27,11 @@ struct LiveWorker {
   std::string strip;  ///< phases of the last 60 s, one letter each half second, oldest first
   std::deque<std::pair<TimePoint, std::uint64_t>> episodes;  ///< counts of the last 60 s, for a rate
   std::string last;                                          ///< outcome of its last attempt; "": not heard
-  /// Episodes a minute over the last 60 s; nullopt: not heard for long enough.
-  std::optional<double> PerMinute() const;
+  bool silence_told = false;                                 ///< that it fell silent is among the events
+  /// Not heard for ten seconds: it speaks twice a second.
+  bool Silent(TimePoint now) const;
+  /// Episodes a minute over the 60 s before it was heard last; nullopt: not heard for long enough, or silent.
+  std::optional<double> PerMinute(TimePoint now) const;
 };
 
 /// A failed attempt that was heard.
@@ -72,7 +75,7 @@ struct LiveServer {
   std::optional<double> AnswersPerSecond() const;
 };
 
-/// What a process logged at warn and above.
+/// What a process logged at warn and above, and that workers fell silent, which those cannot say themselves.
 struct LiveEvent {
   bus::ProcessEvent event;
 };
@@ -117,7 +120,10 @@ class LiveModel {
   void Topics(std::vector<bus::PeerEndpoint> endpoints, const std::string& own, TimePoint now);
 
  private:
+  void TellSilences(TimePoint now);
+
   LiveView view_;
+  std::uint64_t silences_ = 0;  // number of the newest event of one
   monitor::TopicRates rates_;
   TimePoint rated_{};
 };

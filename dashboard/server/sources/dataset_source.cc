@@ -175,9 +175,11 @@ Status DatasetSource::ReadSpec() {
   info_.spec_sha256 = reader.spec_sha256();
   info_.schema_version = reader.schema_version();
   info_.content = static_cast<std::int64_t>(UnsignedOf(*json, "content").value_or(0));
+  info_.derived = FlagOf(*json, "derived");
   if (const auto identity = ReadIdentity(found_.folder)) {
     if (identity->id != info_.identity) rows_.clear();  // it was made anew
     info_.identity = identity->id;
+    info_.since = identity->since;
   }
   // what follows from the spec is only worked out for one that makes sense here: its files may be elsewhere
   sampling_.reset();
@@ -237,6 +239,17 @@ void DatasetSource::ReadFailures() {
                     });
 }
 
+// What the collector keeps for its next start (services/campaign/history.h).
+void DatasetSource::ReadEnd() {
+  const FileStamp stamp = StampOf(found_.folder / "collector.json");
+  if (stamp == collector_stamp_) return;
+  collector_stamp_ = stamp;
+  const auto text = ReadTextFile(found_.folder / "collector.json", 1 << 20);
+  const OrderedJson said = text ? ParseBoundedJson(*text).value_or(OrderedJson()) : OrderedJson();
+  info_.stopped = TextOf(said, "ended") == "stopped";
+  changed_ = true;
+}
+
 // The files decide what is committed: the journal may be behind, or of episodes that were set aside.
 Status DatasetSource::ListEpisodes() {
   ETUDE_ASSIGN_OR_RETURN(const auto indices, reader_->List());
@@ -268,6 +281,7 @@ Status DatasetSource::Refresh() {
   ETUDE_RETURN_IF_ERROR(ReadSpec());
   ReadCommits();
   ReadFailures();
+  ReadEnd();
   ETUDE_RETURN_IF_ERROR(ListEpisodes());
   std::error_code error;
   info_.updated = std::max({spec_stamp_.modified_s(), commits_stamp_.modified_s(), attempts_.stamp().modified_s()});

@@ -54,9 +54,12 @@ struct DatasetInfo {
   int schema_version = 0;
   std::int64_t content = 0;
   bool journal = false;
+  bool stopped = false;  ///< its last collector was stopped before all was done
+  bool derived = false;  ///< made of other datasets: whole with what is there (services/store/edit.h)
   std::uint64_t unreadable = 0;
   std::map<std::uint64_t, std::string> unreadable_files;  ///< the first of them: index -> reason
   double updated = 0;                                     ///< newest change of its files, seconds since 1970
+  std::uint64_t since = 0;  ///< when its folder was begun, seconds since 1970; 0: it does not say
 };
 
 /// Everything at one moment; rows by index, attempts in the order of their lines. Immutable, shared by requests.
@@ -97,6 +100,7 @@ class DatasetSource {
   Status ReadSpec() ETUDE_REQUIRES(mutex_);
   void ReadCommits() ETUDE_REQUIRES(mutex_);
   void ReadFailures() ETUDE_REQUIRES(mutex_);
+  void ReadEnd() ETUDE_REQUIRES(mutex_);
   Status ListEpisodes() ETUDE_REQUIRES(mutex_);
   EpisodeRow RowFromSpec(std::uint64_t index) ETUDE_REQUIRES(mutex_);
   void ForgetUnreadable() ETUDE_REQUIRES(mutex_);
@@ -113,7 +117,7 @@ class DatasetSource {
   MonotonicClock::time_point refreshed_ ETUDE_GUARDED_BY(mutex_){};
   std::optional<store::DatasetReader> reader_ ETUDE_GUARDED_BY(mutex_);
   std::optional<store::SamplingJournal> sampling_ ETUDE_GUARDED_BY(mutex_);
-  FileStamp spec_stamp_ ETUDE_GUARDED_BY(mutex_);
+  FileStamp spec_stamp_ ETUDE_GUARDED_BY(mutex_), collector_stamp_ ETUDE_GUARDED_BY(mutex_);
   DatasetInfo info_ ETUDE_GUARDED_BY(mutex_);
   store::CommitTable commits_ ETUDE_GUARDED_BY(mutex_);
   FileStamp commits_stamp_ ETUDE_GUARDED_BY(mutex_);

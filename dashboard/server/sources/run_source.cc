@@ -101,20 +101,60 @@ void MetricsTable::Take(const OrderedJson& line) {
   }
 }
 
+namespace {
+
+constexpr std::size_t kNoEntry = SIZE_MAX;
+
+// The entries of the bucket that is being filled, which are the last ones.
+class Filling {
+ public:
+  explicit Filling(Buckets& buckets) : buckets_(buckets) {}
+
+  void Begin() { number_ = gap_ = kNoEntry; }
+  void Take(double x, double value, std::size_t index) {
+    std::size_t& entry = std::isfinite(value) ? number_ : gap_;
+    if (entry == kNoEntry) {
+      entry = buckets_.x.size();
+      for (auto* column : {&buckets_.x, &buckets_.min, &buckets_.max, &buckets_.last}) column->push_back(value);
+      buckets_.index.push_back(index);
+    } else if (entry + 1 < buckets_.x.size()) {
+      Swap(entry);  // the newer one stands last: x ascends
+    }
+    const std::size_t at = buckets_.x.size() - 1;
+    buckets_.x[at] = x;
+    buckets_.min[at] = std::min(buckets_.min[at], value);
+    buckets_.max[at] = std::max(buckets_.max[at], value);
+    buckets_.last[at] = value;
+    buckets_.index[at] = index;
+  }
+
+ private:
+  void Swap(std::size_t entry) {
+    for (auto* column : {&buckets_.x, &buckets_.min, &buckets_.max, &buckets_.last})
+      std::swap((*column)[entry], column->back());
+    std::swap(buckets_.index[entry], buckets_.index.back());
+    std::swap(number_, gap_);
+  }
+
+  Buckets& buckets_;
+  std::size_t number_ = kNoEntry, gap_ = kNoEntry;
+};
+
+}  // namespace
+
 Buckets Bucketed(const std::vector<double>& x, const std::vector<double>& value, double from, double to,
                  std::size_t points) {
   std::vector<std::size_t> inside;
   for (std::size_t i = 0; i < x.size(); ++i)
-    if (std::isfinite(x[i]) && std::isfinite(value[i]) && x[i] >= from && x[i] <= to) inside.push_back(i);
+    if (std::isfinite(x[i]) && x[i] >= from && x[i] <= to) inside.push_back(i);
   Buckets buckets;
-  const auto add = [&](double at, double number) {
-    buckets.x.push_back(at);
-    buckets.min.push_back(number);
-    buckets.max.push_back(number);
-    buckets.last.push_back(number);
+  Filling filling(buckets);
+  const auto take = [&](std::size_t i) {
+    // an infinity is no number to draw, either
+    filling.Take(x[i], std::isfinite(value[i]) ? value[i] : std::numeric_limits<double>::quiet_NaN(), i);
   };
   if (inside.size() <= points || points == 0) {
-    for (const auto i : inside) add(x[i], value[i]);
+    for (const auto i : inside) filling.Begin(), take(i);
     return buckets;
   }
   const double low = x[inside.front()];
@@ -125,15 +165,9 @@ Buckets Bucketed(const std::vector<double>& x, const std::vector<double>& value,
   for (const auto i : inside) {
     const double place = std::max(0.0, (x[i] - low) / width);
     const auto bucket = std::min(points - 1, static_cast<std::size_t>(place));
-    if (bucket != current) {
-      add(x[i], value[i]);
-      current = bucket;
-      continue;
-    }
-    buckets.x.back() = x[i];
-    buckets.min.back() = std::min(buckets.min.back(), value[i]);
-    buckets.max.back() = std::max(buckets.max.back(), value[i]);
-    buckets.last.back() = value[i];
+    if (bucket != current) filling.Begin();
+    current = bucket;
+    take(i);
   }
   return buckets;
 }
@@ -223,6 +257,7 @@ void RunSource::Refresh() {
   }
   if (const auto identity = ReadIdentity(found_.folder); identity && identity->id != now_.identity) {
     now_.identity = identity->id;
+    now_.since = identity->since;
     changed_ = true;
   }
   ReadCheckpoints();

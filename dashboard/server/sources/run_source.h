@@ -58,11 +58,14 @@ class MetricsTable {
   std::uint64_t step_ = 0;
 };
 
-/// Buckets of equal width over x; NaNs are passed over, a bucket without values is left out.
+/// Buckets of equal width over x; one without values is left out. Values that are not finite are an entry of their own,
+/// NaN, so that they are neither passed over nor hide those that are.
 struct Buckets {
   std::vector<double> x, min, max, last;
+  std::vector<std::size_t> index;  ///< of the values that `last` has
 };
-/// @param points  buckets at most; when the range has no more values than that, each is its own bucket and exact
+/// @param points  buckets at most, each of one or two entries; when the range has no more values than that, each is its
+/// own bucket and exact
 Buckets Bucketed(const std::vector<double>& x, const std::vector<double>& value, double from, double to,
                  std::size_t points);
 
@@ -84,6 +87,7 @@ Result<CheckpointHeader> ReadCheckpointHeader(const Path& folder, const std::str
 struct RunView {
   OrderedJson config;  ///< config.yaml; null when it cannot be read
   std::string identity;
+  std::uint64_t since = 0;  ///< when its folder was begun, seconds since 1970; 0: it does not say
   MetricsTable metrics;
   bool torn = false;
   std::vector<OrderedJson> curriculum;

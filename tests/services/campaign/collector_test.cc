@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "services/bus/blob_transfer.h"
+#include "services/campaign/history.h"
 #include "services/campaign/process.h"
 #include "services/core/identity.h"
 #include "services/core/rng.h"
@@ -96,6 +97,7 @@ TEST_F(CollectorTest, RestartedCollectorContinuesWithTheSameWorkers) {
   Process worker_b = StartWorker(spec, folder_ / "b.log", 20);
   std::uint64_t before = 0;
   for (int life = 0; life < 3; ++life) {
+    EXPECT_EQ(KnownStopped(folder_ / "data"), life > 0);
     auto collector = Open(spec, folder_ / "data");
     ASSERT_TRUE(collector) << collector.error().message;
     Running running(std::move(*collector));
@@ -108,6 +110,7 @@ TEST_F(CollectorTest, RestartedCollectorContinuesWithTheSameWorkers) {
     }
   }
   ExpectWhole(spec, folder_ / "data");
+  EXPECT_FALSE(KnownStopped(folder_ / "data"));
   EXPECT_EQ(OrderedJson::parse(ReadTextFile(folder_ / "data/collector.json").value())["epoch"], 3);
   EXPECT_EQ(worker_a.Wait(10s), 0);
   EXPECT_EQ(worker_b.Wait(10s), 0);

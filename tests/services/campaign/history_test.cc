@@ -53,6 +53,17 @@ TEST(KnownShard, StaysOverStarts) {
   EXPECT_EQ(KnownShard(folder.path()), "1/2");
 }
 
+TEST(KnownStopped, IsForgottenWithTheNextStart) {
+  TemporaryFolder folder;
+  EXPECT_FALSE(KnownStopped(folder.path()));
+  ASSERT_TRUE(RememberEpoch(folder.path(), 1));
+  EXPECT_FALSE(KnownStopped(folder.path()));
+  ASSERT_TRUE(RememberStop(folder.path()));
+  EXPECT_TRUE(KnownStopped(folder.path()));
+  ASSERT_TRUE(RememberEpoch(folder.path(), 2));
+  EXPECT_FALSE(KnownStopped(folder.path()));
+}
+
 TEST(CheckHostsAgree, NamesTheLineInWhichShardsDiffer) {
   TemporaryFolder folder;
   const auto shard = [&](const char* name, const char* picture, const char* physics) {

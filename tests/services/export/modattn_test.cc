@@ -150,6 +150,9 @@ TEST_F(Modattn, ABadFirstEpisodeDoesNotSettleTheSizeOfAll) {
   const auto reader = store::DatasetReader::Open(out_);
   ASSERT_THAT(reader, IsOk());
   EXPECT_EQ(reader->spec().camera.width, 32);
+  EXPECT_EQ(reader->spec().episodes, 3u) << "that there were to import";
+  const auto description = OrderedJson::parse(*ReadTextFile(out_ / "dataset.json"));
+  EXPECT_EQ(description.value("derived", false), true) << "the one that was left out will not come";
 }
 
 }  // namespace modattn_test

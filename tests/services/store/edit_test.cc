@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <numeric>
 
 #include "services/store/filter_keys.h"
 #include "services/store/layout.h"
@@ -84,6 +85,24 @@ TEST_F(Edit, CopiesEpisodesWithTheirBytesAndWhatIsSaidOfThem) {
 
   // the campaign goes on in the copy
   EXPECT_THAT(DatasetWriter::Open(folder_ / "some", spec_), IsOk());
+}
+
+TEST_F(Edit, ACopySaysThatNoCampaignGoesOnWithItUntilOneDoes) {
+  const auto derived = [&](const Path& dataset) {
+    return OrderedJson::parse(*ReadTextFile(dataset / "dataset.json")).value("derived", false);
+  };
+  const std::string hash = HashDataset(data_).value();
+  std::vector<std::uint64_t> all(10);
+  std::iota(all.begin(), all.end(), 0);
+  ASSERT_THAT(CopyEpisodes(data_, all, folder_ / "copy", Leftover::kRefuse), IsOk());
+  EXPECT_FALSE(derived(data_));
+  EXPECT_TRUE(derived(folder_ / "copy"));
+  EXPECT_EQ(HashDataset(folder_ / "copy").value(), hash) << "the same episodes";
+  auto writer = DatasetWriter::Open(folder_ / "copy", spec_);
+  ASSERT_THAT(writer, IsOk());
+  ASSERT_THAT(writer->Commit(MakeSyntheticEpisode(spec_, 10, 10)), IsOk());
+  ASSERT_THAT(writer->WriteMaster(), IsOk());
+  EXPECT_FALSE(derived(folder_ / "copy"));
 }
 
 TEST_F(Edit, ACopyOutlivesItsOriginal) {

@@ -30,12 +30,14 @@ export type Source = {
   live: boolean;
   /** relative to the folder given, for people */
   folder: string | null;
+  /** the same, absolute, for commands */
+  path: string | null;
   /** dataset: rollouts of an evaluation */
   role: "demonstrations" | "rollouts" | null;
 };
 
 export type Warning = {
-  code: "worker_silent" | "no_commits" | "campaign_error" | "given_up" | "data_wait" | "loss_not_finite" | "disk" | "policy_refuses" | "process_silent" | "fingerprint" | "not_shown" | "unreadable" | "run_failed" | "stage_budget";
+  code: "worker_silent" | "no_commits" | "campaign_error" | "given_up" | "data_wait" | "loss_not_finite" | "disk" | "policy_refuses" | "process_silent" | "fingerprint" | "not_shown" | "unreadable" | "run_failed" | "stage_budget" | "checkpoint_unserved" | "same_name";
   text: string;
   /** RFC 3339, UTC */
   since: string | null;
@@ -168,7 +170,7 @@ export type Home = {
   domain: number | null;
   /** actions are available: a token was given at start */
   actions: boolean;
-  /** newest change first; at most 100 */
+  /** of each kind what runs, then what is on the bus, of these what was begun last first; then by newest change; runs without files here last; at most 100 */
   sources: Source[];
   /** what etude up is at, of each folder given that has an up.json */
   ups: {
@@ -319,7 +321,7 @@ export type Campaign = {
   status: CampaignStatus;
   /** failed attempts by reason */
   failures: Record<string, number>;
-  /** reason x stage x task x robot */
+  /** reason x stage x task x robot, all of them: beyond 500 rows the rare ones are added up, first without stage and robot, then without task, then as reason other */
   failures_by: {
     reason: string;
     stage: string | null;
@@ -361,6 +363,8 @@ export type Attempt = {
 };
 
 export type Attempts = {
+  /** that was asked for */
+  campaign: string;
   /** that fit */
   total: number;
   /** pass as before */
@@ -373,6 +377,8 @@ export type Dataset = {
   id: string;
   name: string;
   folder: string;
+  /** the same, absolute, for commands */
+  path: string;
   role: "demonstrations" | "rollouts";
   /** id, of rollouts */
   eval: string | null;
@@ -392,7 +398,7 @@ export type Dataset = {
   statistics: Record<string, unknown>;
   /** files there now */
   episodes: number;
-  /** that the spec asks for */
+  /** that the spec asks for; of one that was made of others (filter, split, merge, import) those that are there */
   total: number;
   failed_attempts: Record<string, number>;
   /** files that could not be read so far */
@@ -673,6 +679,8 @@ export type Run = {
   name: string;
   /** null: seen on the bus only */
   folder: string | null;
+  /** the same, absolute, for commands */
+  path: string | null;
   identity: string | null;
   state: State;
   /** RFC 3339, UTC */
@@ -714,6 +722,8 @@ export type Run = {
     step: number;
     key: string;
   }[];
+  /** all values that were not finite */
+  nulls_total: number;
   /** starts: the first, and each resume */
   lives: {
     from_step: number;
@@ -845,6 +855,8 @@ export type Eval = {
   id: string;
   name: string;
   folder: string;
+  /** the same, absolute, for commands */
+  path: string;
   state: State;
   /** RFC 3339, UTC */
   updated: string | null;
@@ -996,7 +1008,7 @@ export type LogLine = {
   source: string;
   /** byte offset of the line in its file */
   n: number;
-  /** as written */
+  /** as written; local time of day of a line of --log json */
   t: string | null;
   level: "debug" | "info" | "warn" | "error" | null;
   /** at most 4,000 characters */
@@ -1013,8 +1025,12 @@ export type Logs = {
   }[];
   /** oldest first */
   lines: LogLine[];
-  /** pass as before for older lines */
+  /** pass as before for older lines; null: there are none */
   next: string | null;
+  /** files that were looked at: without a source the 12 that changed last */
+  searched: number;
+  /** how far back this page looked, RFC 3339, UTC; null: to the begin of the files */
+  back_to: string | null;
 };
 
 export type Event = {

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests dashboard/server/api/campaigns.cc: the list of attempts.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
+
+#include <map>
 
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/support/matchers.h"
@@ -102,6 +105,42 @@ TEST_F(CampaignsTest, FiltersHoldTogether) {
   EXPECT_THAT(Indices("?index=4"), ElementsAre(4, 4));
   EXPECT_EQ(Get(kPrefix + "/campaigns/lab.late/attempts?outcome=odd").status, 400);
   EXPECT_EQ(Get(kPrefix + "/campaigns/lab.late/attempts?index=-2").status, 400);
+}
+
+// before, rows beyond the first 500 were left out, and their reasons' sums with them
+TEST_F(CampaignsTest, FailuresOfManyKindsAreAllCounted) {
+  std::string failures;
+  for (int i = 0; i < 700; ++i)
+    failures += fmt::format(R"({{"index":{},"attempt":0,"outcome":"slip","details":{{"stage":"s{}"}}}})", i % 20, i) +
+                "\n" + fmt::format(R"({{"index":3,"attempt":{},"outcome":"odd{}"}})", i, i) + "\n";
+  WriteLate(failures);
+  const auto json = GetJson(kPrefix + "/campaigns/lab.late");
+  EXPECT_LE(json["failures_by"].size(), 500u);
+  std::map<std::string, std::uint64_t> reasons;
+  std::uint64_t sum = 0;
+  for (const auto& row : json["failures_by"]) {
+    reasons[row["reason"]] += row["count"].get<std::uint64_t>();
+    sum += row["count"].get<std::uint64_t>();
+  }
+  EXPECT_EQ(sum, 1400u);
+  EXPECT_GT(reasons["other"], 0u);
+  EXPECT_EQ(GetJson(kPrefix + "/campaigns/lab.late/attempts")["campaign"], "lab.late");
+}
+
+TEST_F(CampaignsTest, FewMoreKindsThanAreAnsweredKeepTheTableOfReasonsAndTasks) {
+  std::string failures;
+  std::map<std::string, std::uint64_t> wanted, found;
+  for (int i = 0; i < 600; ++i) {
+    const std::string reason = i % 3 == 0 ? "slip" : "timeout";
+    ++wanted[reason];
+    failures +=
+        fmt::format(R"({{"index":3,"attempt":{},"outcome":"{}","details":{{"stage":"s{}"}}}})", i, reason, i) + "\n";
+  }
+  WriteLate(failures);
+  const auto rows = GetJson(kPrefix + "/campaigns/lab.late")["failures_by"];
+  for (const auto& row : rows) found[row["reason"]] += row["count"].get<std::uint64_t>();
+  EXPECT_EQ(found, wanted);
+  EXPECT_LE(rows.size(), 500u);
 }
 
 TEST_F(CampaignsTest, SeedsOfAttemptsAreThoseThatWouldBeDrawn) {

@@ -5,6 +5,8 @@
 
 #include <cmath>
 #include <cstring>
+#include <filesystem>
+#include <map>
 #include <set>
 
 #include "services/codec/frame.h"
@@ -192,16 +194,40 @@ TEST_F(ContractTest, ListsFilterSortAndGoOn) {
   EXPECT_EQ(GetJson(kPrefix + "/datasets/lab.data/episodes?steps=51..")["total"], 0);
 }
 
+TEST_F(ContractTest, ANameWithQuotesAndLineEndsIsNoHeader) {
+  const std::string name = "a\"b\r\nSet-Cookie: c.safetensors";
+  const Path checkpoints = lab_.root() / "run" / "checkpoints";
+  std::filesystem::copy_file(checkpoints / "00000200.safetensors", checkpoints / name);
+  const auto answer = Get(kPrefix + "/runs/lab.run/checkpoints/a%22b%0D%0ASet-Cookie:%20c.safetensors");
+  ASSERT_EQ(answer.status, 200) << answer.body;
+  std::map<std::string, std::string> headers(answer.headers.begin(), answer.headers.end());
+  EXPECT_EQ(headers["Content-Disposition"], "attachment; filename=\"lab.run-a_b__Set-Cookie__c.safetensors\"");
+}
+
+// a command that is copied runs from wherever somebody stands
+TEST_F(ContractTest, PathsOfSourcesAreAbsolute) {
+  const auto at = [&](const char* name) { return std::filesystem::canonical(lab_.root() / name).string(); };
+  EXPECT_EQ(GetJson(kPrefix + "/datasets/lab.data")["path"], at("data"));
+  EXPECT_EQ(GetJson(kPrefix + "/datasets/lab.data")["folder"], "lab/data") << "for people";
+  EXPECT_EQ(GetJson(kPrefix + "/runs/lab.run")["path"], at("run"));
+  EXPECT_EQ(GetJson(kPrefix + "/evals/lab.eval_a")["path"], at("eval_a"));
+  const auto home = GetJson(kPrefix + "/home");
+  for (const auto& source : home["sources"])
+    EXPECT_EQ(source["path"], at(source["folder"].get<std::string>().substr(4).c_str())) << source["id"];
+}
+
 TEST_F(ContractTest, SeriesHaveTheLinesNumbers) {
   const auto arrays = GetArrays(kPrefix + "/runs/lab.run/series?keys=train/loss,valid/TAR3D.cm,none/none");
-  EXPECT_THAT(Doubles(arrays.tensors.at("train/loss/x")), ElementsAre(50, 100, 200)) << "the null is a gap";
-  EXPECT_THAT(Doubles(arrays.tensors.at("train/loss/last")), ElementsAre(2, 1, 0.5));
+  EXPECT_THAT(Doubles(arrays.tensors.at("train/loss/x")), ElementsAre(50, 100, 150, 200));
+  EXPECT_THAT(Doubles(arrays.tensors.at("train/loss/last")), ElementsAre(2, 1, testing::IsNan(), 0.5));
+  EXPECT_THAT(Doubles(arrays.tensors.at("train/loss/step")), ElementsAre(50, 100, 150, 200));
   EXPECT_THAT(Doubles(arrays.tensors.at("valid/TAR3D.cm/max")), ElementsAre(0.5));
   EXPECT_EQ(OrderedJson::parse(arrays.metadata.at("nulls"))["train/loss"], 1);
   const auto run = GetJson(kPrefix + "/runs/lab.run");
   EXPECT_EQ(run["state"], "finished") << "it has the steps that it was to have";
   EXPECT_EQ(run["torn"], true);
   EXPECT_EQ(run["nulls"], OrderedJson::parse(R"([{"step":150,"key":"train/loss"}])"));
+  EXPECT_EQ(run["nulls_total"], 1);
   EXPECT_EQ(run["goals"][1]["goal"], 1.2) << "m in the file, cm on the page";
   EXPECT_EQ(run["goals"][1]["reached"], true);
   EXPECT_EQ(run["goals"][0]["reached"], false);

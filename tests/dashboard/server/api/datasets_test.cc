@@ -10,6 +10,7 @@
 #include "dashboard/server/api/episode_filter.h"
 #include "services/codec/frame.h"
 #include "services/episode/tracks.h"
+#include "services/store/edit.h"
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/support/matchers.h"
 
@@ -201,6 +202,21 @@ TEST_F(DatasetsTest, WindowsOfTracksEndWhereTheEpisodeDoes) {
   EXPECT_TRUE(NumbersOf<float>(GetArrays(base + "&from=7&to=3").tensors.at("eef_pos")).empty());
   EXPECT_EQ(Get(base + "&from=51").status, 400);
   EXPECT_EQ(Get(base + "&points=1").status, 400);
+}
+
+// before, it was a campaign that had died on its way to all that the spec asks for, and the newest one at that
+TEST_F(DatasetsTest, ACopyOfSomeEpisodesIsFinished) {
+  ASSERT_THAT(store::CopyEpisodes(lab_.root() / "data", {1, 4}, lab_.root() / "some", Leftover::kRefuse), IsOk());
+  const auto json = GetJson(kPrefix + "/datasets/lab.some");
+  EXPECT_EQ(json["state"], "finished");
+  EXPECT_EQ(json["episodes"], 2);
+  EXPECT_EQ(json["total"], 2);
+  const auto campaign = GetJson(kPrefix + "/campaigns/lab.some");
+  EXPECT_EQ(campaign["status"]["total"], 2);
+  EXPECT_EQ(campaign["status"]["given_up"], 0);
+  const auto summary = GetJson(kPrefix + "/datasets/lab.some/summary");
+  for (const auto& cell : summary["matrix"]) EXPECT_TRUE(cell["expected"].is_null()) << "of a part nothing is expected";
+  EXPECT_GT(GetJson(kPrefix + "/datasets/lab.data")["total"], 6) << "its original goes on";
 }
 
 }  // namespace datasets_test

@@ -4,6 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <filesystem>
+
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_folder.h"
 
@@ -55,6 +58,36 @@ TEST(Jobs, OneThatCannotBeStartedSaysWhy) {
   const auto json = jobs.Json(*id).value();
   EXPECT_EQ(json["state"], "failed");
   EXPECT_NE(json["log"].back().get<std::string>().find("etude"), std::string::npos);
+}
+
+// before, logs of jobs stayed for ever
+TEST(Jobs, LogsOfGatewaysThatEndedGoWhenTheyAreOld) {
+  TemporaryFolder folder;
+  const Path old = folder / "jobs" / "old.log", fresh = folder / "jobs" / "fresh.log",
+             other = folder / "jobs" / "a.txt";
+  for (const auto& path : {old, fresh, other}) ASSERT_THAT(WriteFileAtomically(path, std::string_view("x")), IsOk());
+  for (const auto& path : {old, other})
+    std::filesystem::last_write_time(path, std::filesystem::file_time_type::clock::now() - std::chrono::hours(25));
+  const Jobs jobs(folder / "jobs");
+  EXPECT_FALSE(std::filesystem::exists(old));
+  EXPECT_TRUE(std::filesystem::exists(fresh)) << "perhaps of one that is at work";
+  EXPECT_TRUE(std::filesystem::exists(other)) << "no log";
+}
+
+TEST(Jobs, ALogGoesWithItsJob) {
+  TemporaryFolder folder;
+  Jobs jobs(folder / "jobs");
+  std::vector<Path> logs;
+  for (int i = 0; i < 60; ++i) {
+    const auto id = jobs.Add({"verify", {"dataset"}, Weight::kLight});
+    ASSERT_THAT(id, IsOk());
+    logs.push_back(folder / "jobs" / (*id + ".log"));
+    ASSERT_THAT(WriteFileAtomically(logs.back(), std::string_view("said\n")), IsOk());
+    jobs.Pump();  // no etude lies beside this test: it ends at once
+  }
+  EXPECT_EQ(jobs.All().size(), 50u);
+  EXPECT_FALSE(std::filesystem::exists(logs.front()));
+  EXPECT_TRUE(std::filesystem::exists(logs.back()));
 }
 
 }  // namespace jobs_test

@@ -208,6 +208,38 @@ TEST_F(LiveApiTest, SeveralThatAreOnTheBusAloneAreListed) {
   for (const auto& presence : there) EXPECT_TRUE(listed.contains(BusId(presence))) << BusId(presence);
 }
 
+// Before, its figures were nowhere, all of its seeds were open, and its run was said not to be there.
+TEST_F(LiveApiTest, OfWhatIsOnTheBusAloneFiguresAreServedAndFilesAreSaidToBeElsewhere) {
+  bus::Presence campaign, run;
+  campaign.id = "1111222233334444", campaign.name = "elsewhere";
+  run.kind = bus::PresenceKind::kRun, run.id = "5555666677778888", run.name = "away";
+  const auto now = MonotonicClock::now();
+  model_.Directory({campaign, run}, now);
+  bus::CampaignStatus status;
+  status.committed = 30, status.total = 600, status.workers = 3, status.failures_json = R"({"slip": 4})";
+  model_.On(campaign.id, status, now);
+  bus::TrainStatus training;
+  training.step = 6000, training.loss = 0.5;
+  model_.On(run.id, training, now);
+  live_ = std::make_shared<const live::LiveView>(model_.view());
+  const auto text = Get("/metrics").body;
+  EXPECT_THAT(text, HasSubstr("etude_demonstrations_total{campaign=\"elsewhere@1111222233334444\"} 30\n"));
+  EXPECT_THAT(text, HasSubstr("etude_workers{campaign=\"elsewhere@1111222233334444\"} 3\n"));
+  EXPECT_THAT(text, HasSubstr("{campaign=\"elsewhere@1111222233334444\",reason=\"slip\",task=\"\"} 4\n"));
+  EXPECT_THAT(text, HasSubstr("etude_train_step{run=\"away@5555666677778888\"} 6000\n"));
+  const auto cells = GetArrays(kPrefix + "/campaigns/elsewhere@1111222233334444/cells");
+  EXPECT_TRUE(cells.tensors.at("cells").data.empty()) << "not one is known to be open";
+  EXPECT_EQ(cells.metadata.at("total"), "600");
+  EXPECT_EQ(GetJson(kPrefix + "/runs/away@5555666677778888")["folder"], nullptr);
+  for (const char* part : {"/series", "/checkpoints", "/curriculum", "/graph"}) {
+    const auto answer = Get(kPrefix + "/runs/away@5555666677778888" + part);
+    EXPECT_EQ(answer.status, 404) << part;
+    EXPECT_THAT(answer.body, HasSubstr("its files are not below this gateway's folders")) << part;
+  }
+  EXPECT_THAT(Get(kPrefix + "/datasets/elsewhere@1111222233334444").body, HasSubstr("on the bus alone"));
+  EXPECT_THAT(Get(kPrefix + "/runs/nowhere@5555666677778888").body, testing::Not(HasSubstr("on the bus")));
+}
+
 TEST_F(LiveApiTest, MetricsHavePoliciesProcessesAndTheBus) {
   const auto text = Get("/metrics").body;
   EXPECT_THAT(text, HasSubstr("etude_bus_bytes_total{host=\"lab-7\",topic=\"etude/campaign/worker\"} 900\n"));

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <ctime>
 
@@ -103,7 +104,88 @@ TEST_F(LogsTest, LinesOfSeveralFilesAreMergedByTheirTimes) {
   EXPECT_THAT(Texts("?q=b:"), ElementsAre("10:00:02 info b: 2", "10:00:04 warn b: 4"));
   EXPECT_THAT(Texts("?level=warn"), ElementsAre("10:00:04 warn b: 4"));
   EXPECT_THAT(Texts("?limit=2"), ElementsAre("10:00:04 warn b: 4", "10:00:05 info a: 5")) << "the newest";
-  EXPECT_TRUE(GetJson(kPrefix + "/logs?limit=2")["next"].is_null()) << "offsets are of one file";
+}
+
+// before, older lines of several files could not be reached
+TEST_F(LogsTest, PagesOfSeveralFilesGoBackOverEveryLineOnceInOrderOfTime) {
+  std::string texts[2], all;
+  std::vector<std::string> lines;
+  for (int i = 0; i < 40; ++i) {
+    lines.push_back(fmt::format("10:00:{:02} info {}: line {}", i, i % 3 == 0 ? "a" : "b", i));
+    texts[i % 3 == 0 ? 0 : 1] += lines.back() + "\n";
+  }
+  WriteOn(10, "10:00:39", "trainer.log", texts[0]);
+  WriteOn(10, "10:00:38", "worker.log", texts[1]);
+  std::vector<std::string> seen;
+  std::string before;
+  for (int page = 0; page < 20; ++page) {
+    const auto json = GetJson(kPrefix + "/logs?limit=7" + before);
+    std::vector<std::string> of_page;
+    for (const auto& line : json["lines"]) of_page.push_back(line["text"]);
+    EXPECT_EQ(json["back_to"].is_null(), json["next"].is_null());
+    seen.insert(seen.begin(), of_page.begin(), of_page.end());
+    if (json["next"].is_null()) break;
+    before = "&before=" + json["next"].get<std::string>();
+  }
+  EXPECT_EQ(seen, lines);
+}
+
+TEST_F(LogsTest, AFileThatIsOnlyPartlyReadHoldsBackWhatIsOlderInOthers) {
+  const auto time = [](int i) { return fmt::format("{:02}:{:02}:{:02}", i / 3600, i / 60 % 60, i % 60); };
+  std::string large, small;
+  constexpr int kLines = 18'000;  // 0.6 MB: two windows
+  for (int i = 0; i < kLines; ++i) large += fmt::format("{} info a: line {:09}\n", time(i), i);
+  for (int i = 0; i < kLines; i += 1000) small += fmt::format("{} warn b: {}\n", time(i), i);
+  WriteOn(10, "05:00:00", "trainer.log", large);
+  WriteOn(10, "05:00:00", "worker.log", small);
+  std::vector<std::size_t> pages;
+  std::vector<std::string> found;
+  std::string before;
+  while (pages.size() < 20) {
+    const auto json = GetJson(kPrefix + "/logs?level=warn" + before);
+    std::vector<std::string> of_page;
+    for (const auto& line : json["lines"]) of_page.push_back(line["text"]);
+    pages.push_back(of_page.size());
+    found.insert(found.begin(), of_page.begin(), of_page.end());
+    if (json["next"].is_null()) break;
+    EXPECT_EQ(json["searched"], 2);
+    before = "&before=" + json["next"].get<std::string>();
+  }
+  EXPECT_THAT(pages, ElementsAre(16, 2)) << "the oldest two wait for the other file";
+  EXPECT_EQ(found.size(), 18u);
+  EXPECT_TRUE(std::ranges::is_sorted(found));
+}
+
+// before, a filter by level left the first line of an error alone
+TEST_F(LogsTest, TheRestOfAMessageIsOfItsLevel) {
+  Write("trainer.log",
+        "plain at the begin\n17:22:57 info a: fine\nrest of fine\n17:22:58 error a: bad\n  because\n  of this\n"
+        "17:22:59 info a: on\n");
+  EXPECT_THAT(Texts(std::string(kTrainer) + "&level=error"),
+              ElementsAre("17:22:58 error a: bad", "  because", "  of this"));
+  EXPECT_EQ(Texts(std::string(kTrainer) + "&level=info").size(), 7u) << "what has no level is no debug output";
+  const auto lines = GetJson(kPrefix + "/logs" + kTrainer + "&level=error")["lines"];
+  EXPECT_TRUE(lines[1]["level"].is_null()) << "as written";
+}
+
+TEST_F(LogsTest, LinesOfJsonAreUnderstood) {
+  Write(
+      "trainer.log",
+      R"({"time":"2026-03-10T10:00:01.250Z","level":"info","source":"etude-trainer","pid":7,"code":"a","text":"one"})"
+      "\n"
+      R"({"time":"2026-03-10T10:00:03.000Z","level":"error","source":"etude-trainer","pid":7,"code":"b","text":"three"})"
+      "\n{\"no\": \"line of ours\"}\n{torn");
+  Write("worker.log",
+        R"({"time":"2026-03-10T10:00:02.000Z","level":"warn","source":"etude-worker","pid":8,"code":"c","text":"two"})"
+        "\n");
+  const auto page = GetJson(kPrefix + "/logs?level=info");
+  std::vector<std::string> texts;
+  for (const auto& line : page["lines"]) texts.push_back(line["text"]);
+  EXPECT_THAT(texts, ElementsAre("etude-trainer: one", "etude-worker: two", "etude-trainer: three",
+                                 R"({"no": "line of ours"})", "{torn"));
+  EXPECT_EQ(page["lines"][1]["level"], "warn");
+  EXPECT_EQ(page["lines"][1]["t"].get<std::string>().size(), 8u);
+  EXPECT_THAT(Texts("?level=warn&q=etude-"), ElementsAre("etude-worker: two", "etude-trainer: three"));
 }
 
 // before, by time of day alone, what came after midnight stood first and was cut off
@@ -131,7 +213,8 @@ TEST_F(LogsTest, WhatIsNotThereOrMakesNoSenseIsSaid) {
   EXPECT_EQ(Get(kPrefix + "/logs?source=lab.logs.none").status, 404);
   EXPECT_EQ(Get(kPrefix + "/logs?source=..%2Flogs").status, 404);
   EXPECT_EQ(Get(kPrefix + "/logs?limit=0").status, 400);
-  EXPECT_EQ(Get(kPrefix + "/logs?before=-1").status, 400);
+  for (const char* before : {"-1", "x", "5x", "lab.logs.trainer.log@", "a@1,b@y", "1@2@3"})
+    EXPECT_EQ(Get(kPrefix + "/logs?before=" + before).status, 400) << before;
   EXPECT_THAT(Texts(std::string(kTrainer) + "&before=0"), testing::IsEmpty());
 }
 

@@ -125,6 +125,9 @@ TEST_F(MetricsTest, HostsHaveSlots) {
   say(one, "b", "lab-7", "idle");
   say(one, "c", "lab-8", "send");
   say(one, "d", "lab-8", "gone");
+  bus::WorkerStatus silent;
+  silent.worker = "e", silent.host = "lab-8", silent.phase = "play";
+  model.On(one.id, silent, now - std::chrono::seconds(11));
   live_ = std::make_shared<const live::LiveView>(model.view());
   std::map<std::pair<std::string, std::string>, std::string> found;
   for (const auto& line : Scrape())

@@ -2,9 +2,11 @@
 // Tests dashboard/server/api/overview.cc and overview_warnings.cc: GET /home with what is on the bus alone.
 #include <gmock/gmock.h>
 
+#include <filesystem>
 #include <map>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/support/matchers.h"
@@ -13,6 +15,7 @@ namespace etude::api {
 namespace overview_test {
 
 using namespace std::chrono_literals;
+using testing::ElementsAre;
 
 bus::Presence Present(bus::PresenceKind kind, const std::string& name, const std::string& id) {
   bus::Presence presence;
@@ -67,6 +70,49 @@ TEST_F(OverviewTest, CampaignsAndRunsThatNoFolderHasAreSources) {
   EXPECT_EQ(kinds["two@bbbb0002"], "campaign");
   EXPECT_EQ(kinds["left@cccc0003"], "run");
   EXPECT_EQ(kinds["right@dddd0004"], "run");
+}
+
+// before, all that was live had changed now, and took the first place from each other with every look
+TEST_F(OverviewTest, OfWhatRunsThatWhichWasBegunLastIsFirstWhoeverWroteLast) {
+  const auto ids = [](const OrderedJson& home, const char* kind) {
+    std::vector<std::string> of_kind;
+    for (const auto& source : home["sources"])
+      if (source["kind"] == kind && source["role"] != "rollouts") of_kind.push_back(source["id"]);
+    return of_kind;
+  };
+  using bus::PresenceKind;
+  auto newer = Present(PresenceKind::kCampaign, "newer", "aaaa0001");
+  auto older = Present(PresenceKind::kCampaign, "older", "bbbb0002");
+  newer.since = 2000, older.since = 1000;
+  auto left = Present(PresenceKind::kRun, "left", "cccc0003"), right = Present(PresenceKind::kRun, "right", "dddd0004");
+  model_.Directory({newer, older, right, left}, MonotonicClock::now());
+  for (const auto& presence : {newer, older, newer}) {
+    bus::CampaignStatus status;
+    status.total = 20;
+    model_.On(presence.id, status, MonotonicClock::now());
+    const auto home = Home();
+    EXPECT_THAT(ids(home, "campaign"), ElementsAre("newer@aaaa0001", "older@bbbb0002"));
+    EXPECT_THAT(ids(home, "run"), ElementsAre("lab.run", "left@cccc0003", "right@dddd0004")) << "with files first";
+    EXPECT_EQ(home["tiles"]["training"]["source"], "left@cccc0003") << "what runs";
+  }
+}
+
+TEST_F(OverviewTest, DatasetsThatGrowSideBySideKeepTheirOrder) {
+  const Path folders[] = {lab_.root() / "one", lab_.root() / "two"};
+  for (const auto& folder : folders) {
+    WriteExampleDataset(folder);
+    const OrderedJson identity{{"id", folder == folders[0] ? std::string(16, '1') : std::string(16, '2')},
+                               {"since", folder == folders[0] ? 4'000'000'000u : 3'900'000'000u}};
+    ASSERT_THAT(WriteFileAtomically(folder / "identity.json", identity.dump()), IsOk());
+  }
+  for (const auto& folder : {folders[1], folders[0], folders[1]}) {
+    const auto text = ReadTextFile(folder / "attempts.jsonl");
+    ASSERT_THAT(text, IsOk());
+    ASSERT_THAT(WriteFileAtomically(folder / "attempts.jsonl", *text), IsOk());  // it changed last
+    const auto home = Home();
+    EXPECT_EQ(home["tiles"]["demonstrations"]["source"], "lab.one");
+    EXPECT_EQ(home["sources"][0]["id"], "lab.one") << home["sources"].dump(1);
+  }
 }
 
 TEST_F(OverviewTest, WarnsOfACampaignThatCommitsNothing) {
@@ -177,6 +223,88 @@ TEST_F(OverviewTest, WarnsOfDisksThatAreNearlyFullAndOfServersThatRefuse) {
   auto warnings = Warnings();
   EXPECT_EQ(warnings["disk"], "disk of collector on full 5 % free");
   EXPECT_EQ(warnings["policy_refuses"], "policy on rack refused: crop does not fit");
+}
+
+// before, they led to whichever campaign came first
+TEST_F(OverviewTest, WarningsAndEventsOfACampaignLeadToIt) {
+  const auto now = MonotonicClock::now();
+  Campaign(now);
+  bus::CampaignStatus status;
+  status.total = 20, status.error = "no space";
+  model_.On("aaaa0001", status, now);
+  bus::AttemptReport report;
+  report.index = 7, report.outcome = "slip";
+  model_.On("aaaa0001", report, now, WallSeconds());
+  const auto home = Home();
+  std::set<std::string> links;
+  for (const auto& warning : home["warnings"]) links.insert(warning["link"]);
+  EXPECT_TRUE(links.contains("/generation?dataset=away@aaaa0001")) << home["warnings"].dump(1);
+  for (const auto& event : home["tiles"]["events"]) links.insert(event["link"]);
+  EXPECT_TRUE(links.contains("/generation?dataset=away@aaaa0001&index=7")) << home["tiles"]["events"].dump(1);
+  EXPECT_FALSE(links.contains("/generation"));
+}
+
+TEST_F(OverviewTest, WarnsOfACheckpointThatNoServerTakesForAMinute) {
+  const auto identity = ReadIdentity(lab_.root() / "run");
+  ASSERT_THAT(identity, IsOk());
+  bus::PolicyStatus server;
+  server.server = "s", server.run = "example", server.run_id = identity->id, server.host = "rack", server.step = 150;
+  model_.On(server, MonotonicClock::now());
+  const Path file = lab_.root() / "run" / "checkpoints" / "00000200.safetensors";
+  std::filesystem::last_write_time(file, std::filesystem::last_write_time(file) - 90s);
+  EXPECT_THAT(Warnings()["checkpoint_unserved"], testing::HasSubstr("policy on rack serves 150"));
+  server.step = 200;
+  model_.On(server, MonotonicClock::now());
+  EXPECT_FALSE(Warnings().contains("checkpoint_unserved"));
+}
+
+TEST_F(OverviewTest, ACheckpointThatWasSavedJustNowNeedNotBeServed) {
+  const auto identity = ReadIdentity(lab_.root() / "run");
+  ASSERT_THAT(identity, IsOk());
+  bus::PolicyStatus server;
+  server.server = "s", server.run_id = identity->id, server.step = 150;
+  model_.On(server, MonotonicClock::now());
+  EXPECT_FALSE(Warnings().contains("checkpoint_unserved"));
+}
+
+TEST_F(OverviewTest, WarnsOfTwoOfOneNameThatAreNoShardsOfOne) {
+  using bus::PresenceKind;
+  auto one = Present(PresenceKind::kCampaign, "twin", "aaaa0001"),
+       two = Present(PresenceKind::kCampaign, "twin", "bbbb");
+  one.shard = 1, two.shard = 2;
+  one.shards = two.shards = 2;
+  one.spec_sha256 = two.spec_sha256 = "5a";
+  model_.Directory({one, two}, MonotonicClock::now());
+  EXPECT_FALSE(Warnings().contains("same_name")) << "shards";
+  two.spec_sha256 = "6b";
+  model_.Directory({one, two}, MonotonicClock::now());
+  EXPECT_EQ(Warnings()["same_name"], "2 campaigns are named twin: say which by NAME@ID");
+}
+
+TEST_F(OverviewTest, ACampaignThatWasStoppedStaysSo) {
+  ASSERT_THAT(WriteFileAtomically(lab_.root() / "data" / "collector.json",
+                                  std::string_view(R"({"epoch": 3, "ended": "stopped"})")),
+              IsOk());
+  EXPECT_EQ(GetJson(kPrefix + "/campaigns/lab.data")["state"], "stopped") << "long after the bus forgot it";
+}
+
+TEST_F(OverviewTest, ACampaignThatWasStoppedIsNotSilent) {
+  const std::string id = sources_.Dataset("lab.data").value()->View().value()->info.identity;
+  const auto present = Present(bus::PresenceKind::kCampaign, "lab", id);
+  const auto state = [&] {
+    live_ = std::make_shared<const live::LiveView>(model_.view());
+    return GetJson(kPrefix + "/campaigns/lab.data")["state"];
+  };
+  model_.Directory({present}, MonotonicClock::now());
+  bus::CampaignStatus status;
+  status.committed = 6, status.total = 20, status.state = "stopping";
+  model_.On(id, status, MonotonicClock::now());
+  EXPECT_EQ(state(), "running");
+  model_.Directory({}, MonotonicClock::now());
+  EXPECT_EQ(state(), "stopped");
+  status.committed = 20;
+  model_.On(id, status, MonotonicClock::now());
+  EXPECT_EQ(state(), "finished");
 }
 
 }  // namespace overview_test

@@ -5,6 +5,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <map>
+#include <string>
+
 #include "dashboard/server/http/service.h"
 
 namespace etude::http {
@@ -102,7 +105,8 @@ TEST(Service, ActionsNeedTheToken) {
   for (const auto& [authorization, cookies, status] :
        {Case{"", "", 401}, Case{"Bearer wrong", "", 401}, Case{kToken, "", 401},
         Case{fmt::format("Bearer {}", kToken), "", 200}, Case{"", session, 200}, Case{"", "a=b; " + session, 200},
-        Case{"", fmt::format("etude_session={}", kToken), 401}, Case{"", "etude_session=", 401}}) {
+        Case{"", session.substr(0, session.find('=') + 1) + kToken, 401},
+        Case{"", session.substr(0, session.find('=') + 1), 401}}) {
     auto act = Ask("localhost", "POST", "/api/v1/act");
     act.authorization = authorization;
     act.cookie = cookies;
@@ -111,6 +115,25 @@ TEST(Service, ActionsNeedTheToken) {
     EXPECT_EQ(service.Handle(read).status, 200) << "on this machine reads need none";
   }
   EXPECT_EQ(session.find(kToken), std::string::npos) << "the cookie is not the token";
+}
+
+// a browser keeps the cookies of a host, not of its ports
+TEST(Service, TwoGatewaysOnAHostDoNotSignEachOtherOut) {
+  const auto one = MakeService({.token = kToken}), other = MakeService({.token = "another token of its own"});
+  std::map<std::string, std::string> browser;  // cookies by name
+  for (const auto* service : {&one, &other}) {
+    const std::string header = service->security().CookieHeader(), cookie = header.substr(0, header.find(';'));
+    browser[cookie.substr(0, cookie.find('='))] = cookie;
+  }
+  std::string cookies;
+  for (const auto& [name, cookie] : browser) cookies += (cookies.empty() ? "" : "; ") + cookie;
+  for (const auto* service : {&one, &other}) {
+    auto act = Ask("localhost", "POST", "/api/v1/act");
+    act.cookie = cookies;
+    EXPECT_EQ(service->Handle(act).status, 200) << cookies;
+    const std::string expired = service->security().ExpiredCookieHeader();
+    EXPECT_TRUE(browser.contains(expired.substr(0, expired.find('=')))) << expired;
+  }
 }
 
 TEST(Service, ReadsNeedTheTokenWhereOtherMachinesReachIt) {

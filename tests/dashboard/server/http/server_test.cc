@@ -130,6 +130,15 @@ TEST_F(ServerTest, FilesComeWholeAndInParts) {
   EXPECT_EQ(part.body(), "aend");
   EXPECT_EQ(part[wire::field::content_range], "bytes 299999-300002/300003");
   EXPECT_EQ(Get("/file", "bytes=300003-").result_int(), 416u);
+  const auto part_if = [&](const std::string& etag) {
+    auto socket = Connect();
+    wire::request<wire::string_body> request(wire::verb::get, "/file", 11);
+    request.set(wire::field::range, "bytes=299999-");
+    request.set(wire::field::if_range, etag);
+    return Ask(socket, std::move(request));
+  };
+  EXPECT_EQ(part_if("\"of another file\"").result_int(), 200u) << "a part of this one would not fit";
+  EXPECT_EQ(part_if("\"tag\"").result_int(), 206u);
   const Reply head = Get("/file", "", wire::verb::head);
   EXPECT_EQ(head.result_int(), 200u);
   EXPECT_EQ(head[wire::field::content_length], "300003");

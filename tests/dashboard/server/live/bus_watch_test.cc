@@ -44,9 +44,50 @@ class LiveModelTest : public testing::Test {
 TEST_F(LiveModelTest, AWorkersRateIsOfTheLastMinute) {
   for (int i = 0; i <= 240; ++i) model_.On(id_, Worker(static_cast<std::uint64_t>(i / 4)), start_ + i * 500ms);
   const auto& worker = campaign().workers.at("w0");
-  EXPECT_NEAR(worker.PerMinute().value(), 30, 1) << "one every two seconds";
+  EXPECT_NEAR(worker.PerMinute(start_ + 120s).value(), 30, 1) << "one every two seconds";
   EXPECT_LE(worker.episodes.size(), 123u);
   EXPECT_EQ(worker.last, "success");
+}
+
+// before, it kept its rate and its slot for as long as no other worker of its campaign spoke
+TEST_F(LiveModelTest, AWorkerThatFellSilentHasNoRateAndIsForgotten) {
+  for (int i = 0; i <= 20; ++i) model_.On(id_, Worker(static_cast<std::uint64_t>(i)), start_ + i * 500ms);
+  const auto& worker = campaign().workers.at("w0");
+  EXPECT_TRUE(worker.PerMinute(start_ + 19s));
+  EXPECT_FALSE(worker.Silent(start_ + 19s));
+  EXPECT_TRUE(worker.Silent(start_ + 21s));
+  EXPECT_FALSE(worker.PerMinute(start_ + 21s)) << "the last one was heard at 10 s";
+  model_.Directory({Campaign()}, start_ + 9min);
+  EXPECT_TRUE(campaign().workers.contains("w0")) << "it is shown as silent";
+  model_.Directory({Campaign()}, start_ + 11min);
+  EXPECT_TRUE(campaign().workers.empty()) << "though its collector lives";
+}
+
+TEST_F(LiveModelTest, ASilenceIsToldOnceAndStaysAmongTheEvents) {
+  bus::CampaignStatus status;
+  status.committed = 3, status.total = 20;
+  model_.On(id_, status, start_);
+  model_.On(id_, Worker(1), start_);
+  model_.Directory({Campaign()}, start_ + 9s);
+  EXPECT_TRUE(model_.view().events->empty());
+  for (const auto later : {11s, 12s, 700s}) model_.Directory({Campaign()}, start_ + later);
+  ASSERT_EQ(model_.view().events->size(), 1u) << "also when the worker is long forgotten";
+  const auto& event = model_.view().events->front().event;
+  EXPECT_EQ(event.code, "worker_silent");
+  EXPECT_EQ(event.host, "lab-7");
+  EXPECT_EQ(event.text, "quickstart: w0 silent");
+  model_.On(id_, Worker(1), start_ + 800s);
+  model_.Directory({Campaign()}, start_ + 820s);
+  EXPECT_EQ(model_.view().events->size(), 2u) << "it came again and fell silent again";
+}
+
+TEST_F(LiveModelTest, WorkersOfAFinishedCampaignMayBeSilent) {
+  bus::CampaignStatus status;
+  status.committed = 19, status.given_up = 1, status.total = 20;
+  model_.On(id_, status, start_);
+  model_.On(id_, Worker(1), start_);
+  model_.Directory({Campaign()}, start_ + 1min);
+  EXPECT_TRUE(model_.view().events->empty());
 }
 
 TEST_F(LiveModelTest, TheStripShowsPhasesAndSilence) {

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -72,11 +73,38 @@ TEST(Bucketed, KeepsExtremesThatEvenSamplingWouldLose) {
   EXPECT_EQ(buckets.x.back(), 999);
 }
 
+// before, they were passed over, and a line was drawn straight across
+TEST(Bucketed, ValuesThatAreNotFiniteAreEntriesOfTheirOwn) {
+  const double nan = std::numeric_limits<double>::quiet_NaN(), infinity = std::numeric_limits<double>::infinity();
+  std::vector<double> x, value;
+  for (int i = 0; i < 100; ++i) x.push_back(i), value.push_back(i);
+  value[13] = nan, value[14] = infinity;         // inside a bucket
+  for (int i = 40; i < 60; ++i) value[i] = nan;  // two buckets of nothing else
+  value[99] = nan;                               // the newest
+  const auto buckets = Bucketed(x, value, 0, 99, 10);
+  EXPECT_TRUE(std::ranges::is_sorted(buckets.x));
+  std::vector<double> gaps;
+  double most = 0;
+  ASSERT_EQ(buckets.last.size(), buckets.x.size());
+  ASSERT_EQ(buckets.index.size(), buckets.x.size());
+  for (std::size_t i = 0; i < buckets.x.size(); ++i) {
+    EXPECT_EQ(x[buckets.index[i]], buckets.x[i]);
+    if (std::isfinite(buckets.last[i]))
+      most = std::max(most, buckets.max[i]);
+    else
+      gaps.push_back(buckets.x[i]);
+  }
+  EXPECT_EQ(gaps, (std::vector<double>{14, 49, 59, 99}));
+  EXPECT_EQ(most, 98) << "what is finite is whole";
+  EXPECT_EQ(buckets.x.size(), 12u) << "ten buckets, two of which have both";
+}
+
 TEST(Bucketed, FewValuesAreThemselvesAndGapsStayGaps) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto buckets = Bucketed({1, 2, 3, 4}, {10, nan, 30, 40}, 2, 3.5, 100);
-  EXPECT_EQ(buckets.x, (std::vector<double>{3}));
-  EXPECT_EQ(buckets.last, (std::vector<double>{30}));
+  EXPECT_EQ(buckets.x, (std::vector<double>{2, 3}));
+  EXPECT_TRUE(std::isnan(buckets.last[0]));
+  EXPECT_EQ(buckets.last[1], 30);
   EXPECT_TRUE(Bucketed({}, {}, 0, 1, 10).x.empty());
 }
 
