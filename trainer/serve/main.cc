@@ -238,6 +238,7 @@ struct Looking {
         ->allow_extra_args(false);
     watch->add_option("--say", watching.say, "what if a module said something else? TAR3D.position=[0.1,0.3,0.04]")
         ->allow_extra_args(false);
+    watch->add_flag("--worth", watching.worth, "how far the waypoints move without each word and joint");
     watch->add_option("--count", watching.count, "so many answers, then end");
     watch->add_flag("--json", watching.as_json, "a line of JSON each");
     bus.Add(*watch);
