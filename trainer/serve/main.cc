@@ -240,6 +240,7 @@ struct Looking {
         ->allow_extra_args(false);
     watch->add_option("--think", watching.think, "what if its register were of another sentence? TAR2D='push the coke'")
         ->allow_extra_args(false);
+    watch->add_flag("--worth", watching.worth, "how far the waypoints move without each word and joint");
     watch->add_option("--count", watching.count, "so many answers, then end");
     watch->add_flag("--json", watching.as_json, "a line of JSON each");
     bus.Add(*watch);

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "services/bus/messages.h"
 #include "services/bus/participant.h"
 #include "services/core/identity.h"
 
@@ -19,14 +20,18 @@ struct WatchOptions {
   std::vector<std::string> say;    ///< "TAR3D.position=[0.1, 0.3, 0.04]", "LANG.class=coke"
   std::vector<std::string> think;  ///< "LANG=push the coke", "LANG=zero"
   std::uint64_t count = 0;         ///< insights until it ends; 0: until a stop request
-  bool as_json = false;            ///< a line each, without pictures and attention
+  bool as_json = false;            ///< a line each
+  bool worth = false;              ///< what each word and joint is worth, too
 };
 
 /// The wish's what-if text. @error kInvalidArgument: an option that cannot be read
 Result<std::string> WhatIfOf(const WatchOptions& options);
 
-/// Lines for people: what every module says, and beside it what it would.
-std::string InsightText(const std::string& modules_json, const std::string& what_if_json);
+/// Lines for people: what every module says, beside it what it would, and where it looks as the mean over its heads;
+/// the plan's first and last waypoint and how far it would move; what words and joints are worth.
+std::string InsightText(const bus::Insight& insight);
+/// All of it as a line of JSON; attention and picture as their bytes, see insight.h.
+std::string InsightLine(const bus::Insight& insight);
 
 /// @error kInvalidArgument: the name means several servers; an insight that is an error
 Status Watch(const bus::Participant& participant, const WatchOptions& options);
