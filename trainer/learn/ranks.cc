@@ -56,7 +56,7 @@ Status WaitForAll(c10d::Store& store, const RanksOptions& options) {
 }
 
 // What rank 0 says, as numbers that all ranks get: what it is, then a StepOrder's.
-enum Said { kOver, kStep, kWait };
+constexpr double kOver = 0, kStep = 1, kWait = 2;
 using Order = std::array<double, 3>;
 
 }  // namespace
@@ -133,7 +133,7 @@ int Ranks::size() const { return impl_->options.size; }
 bool Ranks::lost() const { return impl_->lost; }
 
 Result<StepOrder> Ranks::Agree(const StepOrder& order) {
-  Order said{static_cast<double>(order.go ? kStep : kOver), static_cast<double>(order.level), order.lr};
+  Order said{order.go ? kStep : kOver, static_cast<double>(order.level), order.lr};
   do {
     ETUDE_RETURN_IF_ERROR(impl_->Tell(said));
   } while (said[0] == kWait);
