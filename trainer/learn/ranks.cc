@@ -141,6 +141,8 @@ Result<StepOrder> Ranks::Agree(const StepOrder& order) {
   return StepOrder{!impl_->over, static_cast<int>(said[1]), said[2]};
 }
 
+void Ranks::Abandon() { impl_->lost = true; }
+
 void Ranks::KeepWaiting() {
   if (!leads() || impl_->over || impl_->lost) return;
   Order wait{kWait, 0, 0};

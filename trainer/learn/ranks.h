@@ -52,7 +52,7 @@ struct StepOrder {
   double lr = 0;
 };
 
-/// Not thread-safe. Every call but KeepWaiting is made by all ranks, in the same order.
+/// Not thread-safe. Every call but KeepWaiting and Abandon is made by all ranks, in the same order.
 class Ranks {
  public:
   /// Waits for all. @error of `watch`; kUnavailable: which ones did not come, a stop request; kInvalidArgument: not a
@@ -68,6 +68,8 @@ class Ranks {
 
   /// Rank 0's order, on every rank. @error kUnavailable: a rank was lost; the message says at what
   Result<StepOrder> Agree(const StepOrder& order);
+  /// Nothing is said to the others any more: they may be anywhere in a step.
+  void Abandon();
   /// Rank 0 is there and has no order yet: the patience of the others, who wait in Agree, begins anew. Nothing once the
   /// run is over, and of the others; a rank that is lost is the next Agree's error.
   void KeepWaiting();

@@ -267,6 +267,7 @@ void Trainer::Impl::TellRanks() {
 // The weights are those of the last step that all made.
 Status Trainer::Impl::SaveWithoutRanks(const Error& lost) {
   stopped = true;
+  run.options.ranks->Abandon();
   ETUDE_RETURN_IF_ERROR(Finish());
   return Fail(lost.Wrap(fmt::format("training stopped at step {} and can be resumed", run.step)));
 }

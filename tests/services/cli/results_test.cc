@@ -185,7 +185,8 @@ TEST_F(ResultsOfStandIns, ACollectionThatFailsIsTriedAgainAndNothingTrainsOnItsR
   const CommandOutcome made = MakeTwoSeeds(2);
   EXPECT_EQ(made.exit_code, kExitFailure) << made.text;
   EXPECT_EQ(TimesOf("data-a: etude collect", made.text), 2) << made.text;
-  EXPECT_EQ(TimesOf("data-a ended with 3", made.text), 2) << made.text;
+  for (const char* words : {"a, seed 7: data-a ended with 3", "a, seed 8: data-a ended with 3"})
+    EXPECT_THAT(made.text, HasSubstr(words));
   EXPECT_THAT(made.text, Not(HasSubstr("train-a")));
 }
 
