@@ -288,8 +288,9 @@ TEST_F(ContractTest, HomeSpeaksOfAllThree) {
 
 TEST_F(ContractTest, LogsFilterByLevel) {
   const auto logs = GetJson(kPrefix + "/logs?source=lab.logs.trainer.log&level=warn");
-  ASSERT_EQ(logs["lines"].size(), 1u);
+  ASSERT_EQ(logs["lines"].size(), 2u);
   EXPECT_EQ(logs["lines"][0]["level"], "warn");
+  EXPECT_EQ(logs["lines"][1]["text"], "end") << "a line without a level goes with the one before";
   EXPECT_EQ(GetJson(kPrefix + "/logs")["lines"].size(), 3u);
 }
 

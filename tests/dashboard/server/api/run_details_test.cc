@@ -176,14 +176,16 @@ TEST_F(RunDetails, SeriesTakeAnyAbscissaAndSpan) {
     std::memcpy(values.data(), arrays.tensors.at(tensor).data.data(), arrays.tensors.at(tensor).data.size());
     return values;
   };
-  EXPECT_THAT(numbers("x=elapsed", "train/loss/x"), ElementsAre(5, 10, 20));
-  EXPECT_THAT(numbers("x=time&from=1795369690", "train/loss/x"), ElementsAre(1795369700, 1795369800));
+  EXPECT_THAT(numbers("x=elapsed", "train/loss/x"), ElementsAre(5, 10, 15, 20));
+  // what is not finite stands for itself, whatever is finite beside it
+  EXPECT_THAT(numbers("x=elapsed", "train/loss/last"), ElementsAre(2, 1, testing::IsNan(), 0.5));
+  EXPECT_THAT(numbers("x=time&from=1795369690", "train/loss/x"), ElementsAre(1795369700, 1795369750, 1795369800));
   // 32 pictures with six sentences each a step
-  EXPECT_THAT(numbers("x=samples", "train/loss/x"), ElementsAre(9600, 19200, 38400));
+  EXPECT_THAT(numbers("x=samples", "train/loss/x"), ElementsAre(9600, 19200, 28800, 38400));
   EXPECT_THAT(numbers("from=60&to=120", "train/loss/last"), ElementsAre(1));
-  EXPECT_THAT(numbers("points=2", "train/loss/max"), ElementsAre(2, 0.5)) << "buckets of equal width";
-  EXPECT_THAT(numbers("x=elapsed", "train/loss/step"), ElementsAre(50, 100, 200)) << "of the values that are numbers";
-  EXPECT_THAT(numbers("x=elapsed&points=2", "train/loss/step"), ElementsAre(100, 200)) << "of the last one";
+  EXPECT_THAT(numbers("points=2", "train/loss/max"), ElementsAre(2, testing::IsNan(), 0.5)) << "buckets of equal width";
+  EXPECT_THAT(numbers("x=elapsed", "train/loss/step"), ElementsAre(50, 100, 150, 200));
+  EXPECT_THAT(numbers("x=elapsed&points=2", "train/loss/step"), ElementsAre(100, 150, 200)) << "of the last one";
   EXPECT_EQ(Get(kPrefix + "/runs/lab.run/series?from=early").status, 400);
   std::string keys;
   for (int i = 0; i < 33; ++i) keys += "k" + std::to_string(i) + ",";
