@@ -34,7 +34,8 @@ async function homeOf(sources, more = {}) {
 
 /**
  * Opens `address`; `answers` by path of the API give a body, { status, json }, or a function of the request's URL that
- * gives either. What they do not name the gateway answers. `push(ch, data)` says something on a live channel.
+ * gives either. What they do not name the gateway answers. `push(ch, data, args)` says something on a live channel to
+ * whoever subscribed with these arguments; without any, to everybody who has subscribed to it.
  */
 async function open(address, answers, look, { allow = /^$/ } = {}) {
   const { page, context, wrong } = await openPage(browser, gateway.address);
@@ -43,7 +44,8 @@ async function open(address, answers, look, { allow = /^$/ } = {}) {
   await page.routeWebSocket(/\/api\/v1\/live/, (socket) => {
     socket.onMessage((text) => {
       const { op, ch, id } = JSON.parse(text);
-      if (op === 'sub') subscribed.set(ch, { socket, id });
+      if (op === 'sub') subscribed.set(id, { socket, ch });
+      if (op === 'unsub') subscribed.delete(id);
     });
   });
   await page.route('**/api/v1/**', async (route) => {
@@ -54,13 +56,13 @@ async function open(address, answers, look, { allow = /^$/ } = {}) {
     return Buffer.isBuffer(answer) ? route.fulfill({ body: answer, contentType: 'application/octet-stream' })
       : typeof answer.status === 'number' ? route.fulfill(answer) : route.fulfill({ json: answer });
   });
-  const push = async (ch, data) => {
-    for (const end = Date.now() + 10000; !subscribed.has(ch);) {
+  const push = async (ch, data, args) => {
+    const heard = () => [...subscribed].filter(([id, one]) => one.ch === ch && (args === undefined || id === ch + JSON.stringify(args)));
+    for (const end = Date.now() + 10000; !heard().length;) {
       assert.ok(Date.now() < end, `nobody has subscribed to ${ch}`);
       await new Promise((done) => setTimeout(done, 20));
     }
-    const { socket, id } = subscribed.get(ch);
-    socket.send(JSON.stringify({ ch, id, seq: 1, t: '', data }));
+    for (const [id, { socket }] of heard()) socket.send(JSON.stringify({ ch, id, seq: 1, t: '', data }));
   };
   try {
     await page.goto(gateway.address + address);
@@ -83,8 +85,12 @@ test('what is typed into a search field stays while the page is drawn anew', asy
     await field.waitFor();
     for (const [i, letter] of [...'lab-b w1'].entries()) {
       await field.pressSequentially(letter);
-      await push('fleet', fleetOf(['lab-a', 'lab-b'], { per_min: i }));
-      await page.waitForSelector(`[data-fleet-summary]:has-text("${i} a minute")`);
+      // with the filter the subscription changes: what is said meanwhile is said to nobody
+      const told = page.locator(`[data-fleet-summary]:has-text("${i} a minute")`);
+      for (const end = Date.now() + 8000; !(await told.count());) {
+        assert.ok(Date.now() < end, `${i} a minute is not shown`);
+        await push('fleet', fleetOf(['lab-a', 'lab-b'], { per_min: i }));
+      }
     }
     assert.equal(await field.inputValue(), 'lab-b w1');
     await page.waitForURL('**filter=lab-b+w1**');
@@ -162,7 +168,7 @@ test('another source is shown without the ticks and filters of the one before', 
 });
 
 test('what is on the bus alone says so, on every page that would read its files', async () => {
-  const campaign = { id: 'bus', name: 'bus', state: 'running', dataset: null, spec: null, spec_sha256: null, failures: {}, failures_by: [], timing: null, tasks: [], robots: [],
+  const campaign = { id: 'bus', name: 'bus', state: 'running', dataset: null, spec: null, spec_sha256: null, failures: { plan_failed: 1 }, failures_by: [], timing: null, tasks: [], robots: [],
     status: { attempts: 4, committed: 3, total: 10, given_up: 0, live: true, per_min: 5, eta_s: null, error: '' } };
   const sources = [source('campaign', 'bus', { folder: null, live: true }), source('run', 'far', { folder: null, live: true })];
   const cells = [];
@@ -176,6 +182,7 @@ test('what is on the bus alone says so, on every page that would read its files'
     await page.waitForURL('**/generation?dataset=bus');
     await page.waitForSelector('[data-elsewhere]');
     assert.equal(cells.length, 0, 'of seeds nothing is known');
+    assert.deepEqual(await page.locator('[data-matrix] tbody td').allInnerTexts(), ['plan_failed', '1'], 'the bus knows reasons alone');
     await push('attempts', { campaign: 'another', status: { ...campaign.status, attempts: 99 }, total: 0, rows: [] });
     await push('attempts', { campaign: 'bus', status: { ...campaign.status, attempts: 5 }, total: 0, rows: [] });
     await page.waitForSelector('[data-attempts-summary]:has-text("5 attempts")');
@@ -202,6 +209,13 @@ test('a campaign that is picked shows nothing of the one before', async () => {
     await page.locator('.pickers select').selectOption('b');
     await page.waitForSelector('[data-attempts-summary]:has-text("50 attempts")');
     assert.equal(await page.locator('.pill').count(), 0, 'new ones are those of this campaign');
+    await push('attempts', { campaign: 'a', status: { ...of('a', 4).status, attempts: 99 }, total: 0, rows: [] }, { campaign: 'b' });
+    // what is said after it is shown, and it is not
+    await push('home', { ...answers['/home'], sentence: 'said after it' });
+    await page.waitForSelector('[data-sentence]:has-text("said after it")');
+    assert.match(await page.locator('[data-attempts-summary]').innerText(), /50 attempts/);
+    await push('attempts', { campaign: 'b', status: { ...of('b', 50).status, attempts: 51 }, total: 0, rows: [] }, { campaign: 'b' });
+    await page.waitForSelector('[data-attempts-summary]:has-text("51 attempts")');
     assert.deepEqual(await page.locator('[data-matrix] tbody td.num').allInnerTexts(), ['3', '5'], 'those without a task are in the sum');
   });
 });
@@ -297,6 +311,9 @@ test('a job that the gateway forgot has ended, and single keys do not act behind
     await page.getByRole('button', { name: 'Run it' }).click();
     await page.waitForSelector('dialog .chip:has-text("running")');
     assert.match(page.url(), /generation/);
+    // the campaign has ended meanwhile: the dialog stays to say how its job did
+    campaign.status.live = false;
+    await page.waitForSelector('button[data-action=pause][disabled]', { state: 'attached', timeout: 15000 });
     known = false;
     await page.waitForSelector('dialog .problem:has-text("does not know this job")');
     assert.equal(await page.locator('dialog .chip').count(), 0);
