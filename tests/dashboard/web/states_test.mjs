@@ -95,7 +95,10 @@ test('what is typed into a search field stays while the page is drawn anew', asy
     assert.equal(await field.inputValue(), 'lab-b w1');
     await page.waitForURL('**filter=lab-b+w1**');
     assert.equal(await field.inputValue(), 'lab-b w1');
-    assert.ok(asked.includes('lab-b w1'));
+    for (const end = Date.now() + 8000; !asked.includes('lab-b w1');) {
+      assert.ok(Date.now() < end, `the gateway was asked for ${asked}`);
+      await new Promise((done) => setTimeout(done, 20));
+    }
   });
 });
 
@@ -299,15 +302,19 @@ test('a job that the gateway forgot has ended, and single keys do not act behind
   const campaign = { id: 'a', name: 'a', state: 'running', dataset: null, spec: null, spec_sha256: null, failures: {}, failures_by: [], timing: null, tasks: [], robots: [],
     status: { attempts: 1, committed: 0, total: 10, given_up: 0, live: true, per_min: null, eta_s: null, error: '' } };
   let known = true;
+  let asked = 0;
   const answers = {
     '/home': await homeOf([source('campaign', 'a', { folder: null })], { actions: true }), '/campaigns/a': campaign, '/campaigns/a/attempts': { total: 0, next: null, rows: [] }, '/session': { enabled: true, authorized: true },
-    '/actions': { command: 'etude campaign pause a', job: '7' },
+    // the token that was given has expired between the question for the command and the action
+    '/actions': () => (++asked === 2 ? { status: 401, json: { title: 'The token is needed', status: 401 } } : { command: 'etude campaign pause a', job: '7' }),
     '/jobs/7': () => (known ? { id: '7', state: 'running', log: [] } : { status: 404, json: { title: 'Not found', status: 404 } }),
   };
   await open('/generation?dataset=a', answers, async (page) => {
     await page.getByRole('button', { name: 'Pause' }).click();
     await page.keyboard.press('g');
     await page.keyboard.press('l');
+    await page.getByRole('button', { name: 'Run it' }).click();
+    await page.getByLabel('Token').fill('the new token');
     await page.getByRole('button', { name: 'Run it' }).click();
     await page.waitForSelector('dialog .chip:has-text("running")');
     assert.match(page.url(), /generation/);
@@ -317,7 +324,7 @@ test('a job that the gateway forgot has ended, and single keys do not act behind
     known = false;
     await page.waitForSelector('dialog .problem:has-text("does not know this job")');
     assert.equal(await page.locator('dialog .chip').count(), 0);
-  }, { allow: /404 \(Not Found/ });
+  }, { allow: /40[14] \((Not Found|Unauthorized)/ });
 });
 
 test('Play: a preview that does not come says why, and a session whose job is unknown has ended', async () => {
@@ -457,4 +464,17 @@ test('Logs: an error that the documentation knows says what to do', async () => 
     assert.match(await page.locator('[data-back-to]').innerText(), /^12 files, back to 2026-11-23 .*were searched/);
     assert.deepEqual(await axe(page), []);
   });
+});
+
+test('Logs: older lines that do not come leave the filters, and a way to the newest', async () => {
+  const logs = { sources: [{ id: 's', name: 'collector.log', bytes: 10, updated: '' }], next: '1-2', lines: [{ source: 's', n: 1, t: '12:00:00', level: 'info', text: 'all is well' }] };
+  const answers = { '/logs': (url) => (url.searchParams.has('before') ? { status: 500, json: { title: 'The file is gone', status: 500 } } : logs) };
+  await open('/logs', answers, async (page) => {
+    await page.getByRole('button', { name: 'Older lines' }).click();
+    await page.waitForSelector('.problem:has-text("The file is gone")');
+    assert.equal(await page.getByLabel('Source').locator('option').count(), 2, 'the files are known still');
+    await page.locator('[data-newest]').click();
+    await page.waitForSelector('.log li:has-text("all is well")');
+    assert.equal(await page.locator('.problem, [data-newest]').count(), 0);
+  }, { allow: /500 \(Internal/ });
 });
