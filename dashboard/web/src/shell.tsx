@@ -7,7 +7,7 @@ import { age, clock } from './core/format';
 import { active, enabled, setEnabled, useKeys, type Binding } from './core/keys';
 import { canShow, parameterOf } from './core/choice';
 import { link, location, navigate } from './core/router';
-import { choose, chosen, home, nameOf, sourceOf, sourcesOf, type Kind } from './core/sources';
+import { choose, chosen, home, listed, nameOf, sourceOf, sourcesOf, type Kind } from './core/sources';
 import { choose as paint, theme, type Theme } from './core/theme';
 import type { Home } from './core/types';
 import { pages, type Page } from './pages/index';
@@ -19,12 +19,13 @@ export function Icon(props: { path: string }) {
   return <svg class="icon" viewBox="0 0 16 16" aria-hidden="true"><path d={props.path} /></svg>;
 }
 
-/** Address of a page with the sources that this one shows. */
+/** Address of a page with the sources that this one shows; Training alone shows several at once. */
 function pageLink(page: Page): string {
   const query = location.value.query;
   const all = home.value?.sources ?? [];
   return link(page.path, Object.fromEntries(page.sources.map((kind) => {
-    const id = query.get(parameterOf(kind));
+    const named = query.get(parameterOf(kind));
+    const id = page.path === 'training' ? named : (listed(named)[0] ?? null);
     return [parameterOf(kind), id !== null && canShow(all, kind, id) ? id : null];
   })));
 }
@@ -51,7 +52,7 @@ export function Shell() {
   useKeys([
     ...pages.filter((one) => one.key).map((one) => ({ keys: `g ${one.key}`, does: one.title, run: () => navigate(pageLink(one)) })),
     { keys: '/', does: 'filter', run: () => document.querySelector<HTMLElement>('[data-filter]')?.focus() },
-    { keys: 'c', does: 'copy the first command', run: () => document.querySelector<HTMLElement>('[data-copy]')?.click() },
+    { keys: 'c', does: 'copy the first command', run: () => [...document.querySelectorAll<HTMLElement>('[data-copy]')].find((one) => one.checkVisibility())?.click() },
     { keys: 'Escape', does: 'close, or up', run: () => (help ? setHelp(false) : menu ? setMenu(false) : up(path)) },
     { keys: '?', does: 'this list', run: () => setHelp(true) },
   ]);
@@ -125,7 +126,7 @@ function Pickers(props: { page: Page }) {
 
 function Picker(props: { kind: Kind }) {
   const { kind } = props;
-  const id = chosen(kind)?.split(',')[0] ?? '';
+  const id = listed(chosen(kind))[0] ?? '';
   const all = sourcesOf(kind, kind === 'dataset' && sourceOf(id)?.role === 'rollouts');
   if (!all.length) return null;
   const options = all.map((one) => [one.id, all.filter((other) => other.name === one.name).length > 1 ? `${one.name} (${one.folder ?? one.id})` : one.name] as const);

@@ -44,6 +44,12 @@ export async function settle(page) {
   await page.waitForFunction(() => !document.querySelector('.skeleton, .stale, [data-loading]') && document.querySelector('main').childElementCount > 1, undefined, { timeout: 20000 });
   // charts are drawn in the next frames
   await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+  await drawn(page);
+}
+
+/** Nothing stands where a page would, but could not be drawn. */
+async function drawn(page) {
+  assert.deepEqual(await page.locator('[data-broken]').allInnerTexts(), []);
 }
 
 /** Violations of axe, one line each. */
@@ -91,6 +97,7 @@ export async function lookAt(browser, gateway, address, look, options = {}) {
   try {
     await visit(page, gateway.address + address);
     await look(page);
+    await drawn(page);
     assert.deepEqual(wrong, []);
   } finally {
     await context.close();

@@ -204,6 +204,23 @@ test('a range of an axis is read from the address, or there is none', async () =
   assert.equal(zoomed([40, 90], [0, 100], 80, 2), null);
 });
 
+test('keys zoom about a place, and lead out of a range without points', async () => {
+  const { zoomedBy } = await load('range.ts');
+  const x = [0, 25, 50, 75, 100];
+  assert.deepEqual(zoomedBy('+', null, x, 80), [40, 90]);
+  assert.deepEqual(zoomedBy('=', [40, 80], x, null), [50, 70]);
+  assert.deepEqual(zoomedBy('-', [40, 80], x, null), [20, 100]);
+  assert.equal(zoomedBy('-', null, x, 50), null);
+  assert.equal(zoomedBy('x', null, x, 50), undefined);
+  // fewer than two points: not further in, and out again
+  for (const some of [[], [50], x]) {
+    assert.equal(zoomedBy('+', [45, 55], some, null), undefined);
+    assert.deepEqual(zoomedBy('-', [45, 55], some, null), [40, 60]);
+    assert.equal(zoomedBy('0', [45, 55], some, null), null);
+  }
+  assert.equal(zoomedBy('+', null, [], null), undefined);
+});
+
 test('lines over the points of all: no point is none, one that is not finite breaks the line', async () => {
   const { align } = await load('lines.ts');
   const { x, columns } = align([{ x: [1, 2, 3], values: [5, NaN, 7], min: [4, NaN, 6] }, { x: [2, 4], values: [1, 2], base: [10, 10] }]);

@@ -44,8 +44,8 @@ function typing(event: KeyboardEvent): boolean {
   if (!target) return false;
   if (target.tagName === 'SELECT' || target.tagName === 'TEXTAREA') return true;
   if (target instanceof HTMLInputElement) return !['checkbox', 'range', 'button'].includes(target.type);
-  // a focused button or link keeps its own keys, so does a chart its arrows
-  if (['BUTTON', 'A'].includes(target.tagName) && (event.key === ' ' || event.key === 'Enter')) return true;
+  // a focused button, link or summary keeps its own keys, so does a chart its arrows
+  if (['BUTTON', 'A', 'SUMMARY'].includes(target.tagName) && (event.key === ' ' || event.key === 'Enter')) return true;
   return target.isContentEditable || (target.dataset['arrows'] !== undefined && event.key.startsWith('Arrow'));
 }
 

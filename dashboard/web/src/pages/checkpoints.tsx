@@ -4,7 +4,7 @@ import type { ComponentChildren } from 'preact';
 import { root, useResource } from '../core/api';
 import { bytes, clock, count, day, none, number, short } from '../core/format';
 import { link, parameter } from '../core/router';
-import { sourceOf, useChosen } from '../core/sources';
+import { listed, sourceOf, useChosen } from '../core/sources';
 import type { Checkpoint, Checkpoints } from '../core/types';
 import { ActionButton } from '../parts/actions';
 import { Elsewhere } from '../parts/elsewhere';
@@ -12,7 +12,8 @@ import { Chip, Command, Empty, Facts, Loaded, Panel } from '../parts/basics';
 import { Table, type Column } from '../parts/table';
 
 export function CheckpointsPage() {
-  const id = useChosen('run');
+  // of runs that are compared the first
+  const id = listed(useChosen('run'))[0] ?? null;
   const here = sourceOf(id)?.folder !== null;
   const answer = useResource<Checkpoints>(id && here ? `/runs/${id}/checkpoints` : null, { every: 10000 });
   if (!id) return <Panel><Empty title="No run here yet" command="etude train --data data --config compact --out run --minutes 10">Checkpoints come with a run:</Empty></Panel>;

@@ -23,7 +23,7 @@ export function EpisodePage() {
   const index = Number(text);
   const attempt = location.value.query.get('attempt');
   if (!dataset || !Number.isInteger(index)) return <Panel><Empty title="Which episode?">Choose one from the <a href="/dataset">dataset</a>.</Empty></Panel>;
-  return attempt === null ? <Whole key={`${dataset}/${index}`} dataset={dataset} index={index} /> : <FailedAttempt dataset={dataset} index={index} attempt={Number(attempt)} />;
+  return attempt === null ? <Whole key={`${dataset}/${index}`} dataset={dataset} index={index} /> : <FailedAttempt key={`${dataset}/${index}/${attempt}`} dataset={dataset} index={index} attempt={Number(attempt)} />;
 }
 
 /** Of a dataset, as commands take it; null: of none. */

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Hosts and their workers: does an added one work, and is it worth it.
-import { useRef, useState } from 'preact/hooks';
+import { useEffect, useRef, useState } from 'preact/hooks';
 import { query, useResource } from '../core/api';
 import { now, useLive } from '../core/connection';
 import { age, count, none, number, percent, short } from '../core/format';
@@ -50,7 +50,7 @@ export function Fleet() {
   // hosts that are not as they are by themselves: open, or folded where there are many workers
   const [fold, setFold] = parameter('fold');
   const turned = new Set(fold.split(',').filter(Boolean));
-  const frozen = useFrozen(data?.hosts.map((one) => one.host) ?? [], sort);
+  const frozen = useFrozen(data, sort, first.pending ? undefined : first.data);
   return (
     <Loaded of={{ ...first, data }}>
       {(fleet) => {
@@ -96,8 +96,13 @@ function Head(props: { of: FleetAnswer; filter: string }) {
   );
 }
 
-/** The order of rows as it was when the pointer or the focus came to them, until both have gone or another one is asked for. */
-function useFrozen(now: string[], sort: string) {
+/**
+ * The order of rows as it was when the pointer or the focus came to them, until both have gone. Of another one that is
+ * asked for meanwhile that of its first `answer` (undefined: it has not come).
+ */
+function useFrozen(data: FleetAnswer | undefined, sort: string, answer: FleetAnswer | undefined) {
+  const of = (fleet: FleetAnswer | undefined) => fleet?.hosts.map((one) => one.host) ?? [];
+  const now = of(data);
   const [held, hold] = useState<{ order: string[]; sort: string } | null>(null);
   const here = useRef({ pointer: false, focus: false });
   const set = (what: 'pointer' | 'focus', on: boolean) => {
@@ -105,13 +110,14 @@ function useFrozen(now: string[], sort: string) {
     if (!here.current.pointer && !here.current.focus) hold(null);
     else if (on) hold((old) => old ?? { order: now, sort });
   };
+  useEffect(() => { if (answer) hold((old) => (old && old.sort !== sort ? { order: of(answer), sort } : old)); }, [answer, sort]);
   const on = {
     onPointerEnter: () => set('pointer', true),
     onPointerLeave: () => set('pointer', false),
     onFocusIn: () => set('focus', true),
     onFocusOut: (event: FocusEvent) => { if (!(event.currentTarget as Element).contains(event.relatedTarget as Node | null)) set('focus', false); },
   };
-  return { order: held?.sort === sort ? held.order : now, on };
+  return { order: held && (held.sort === sort || !answer) ? held.order : now, on };
 }
 
 /** What is not a worker: who collects, trains, serves and shows. */

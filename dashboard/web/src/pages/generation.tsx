@@ -41,7 +41,7 @@ function OfCampaign(props: { id: string }) {
               <p data-attempts-summary>{status.live && status.per_min !== null && <><b>{number(status.per_min)}</b> a minute · </>}<b>{count(status.attempts)}</b> attempts · <b>{count(status.committed)}</b> of {count(status.total)} committed · <b>{count(failed)}</b> failed{status.attempts > 0 && ` (${percent(failed / status.attempts)})`} · <b>{count(status.given_up)}</b> given up</p>
               {status.error && <Chip tone="bad">{status.error}</Chip>}
               {status.eta_s !== null && status.live && <span class="muted">{duration(status.eta_s)} left</span>}
-              {status.live && status.committed < status.total && <><span class="fill" /><Controls campaign={id} /></>}
+              <Controls campaign={id} running={status.live && status.committed < status.total} />
             </div>
             <div class="grid wide">
               <Matrix of={data} failed={failed} />
@@ -56,33 +56,46 @@ function OfCampaign(props: { id: string }) {
   );
 }
 
-function Controls(props: { campaign: string }) {
-  const campaign = props.campaign;
+/** Once there they stay while the page does: a dialog that stopped the campaign says how that ended. */
+function Controls(props: { campaign: string; running: boolean }) {
+  const { campaign, running } = props;
+  const ran = useRef(running);
+  ran.current ||= running;
+  if (!ran.current) return null;
+  const disabled = !running;
   return (
-    <span class="row">
-      <ActionButton label="Pause" about="Nothing new is leased to workers; what is leased is finished and committed." of={{ action: 'pause', campaign }} />
-      <ActionButton label="Drain" about="As pause, and waits until nothing is leased any more." of={{ action: 'drain', campaign }} />
-      <ActionButton label="Resume" about="Leases again." of={{ action: 'resume', campaign }} />
-      <ActionButton label="Stop" about="Ends the collector. What is committed stays; started again, it resumes." of={{ action: 'stop', campaign }} />
-    </span>
+    <><span class="fill" /><span class="row">
+      <ActionButton label="Pause" about="Nothing new is leased to workers; what is leased is finished and committed." of={{ action: 'pause', campaign }} disabled={disabled} />
+      <ActionButton label="Drain" about="As pause, and waits until nothing is leased any more." of={{ action: 'drain', campaign }} disabled={disabled} />
+      <ActionButton label="Resume" about="Leases again." of={{ action: 'resume', campaign }} disabled={disabled} />
+      <ActionButton label="Stop" about="Ends the collector. What is committed stays; started again, it resumes." of={{ action: 'stop', campaign }} disabled={disabled} />
+    </span></>
   );
 }
+
+type Failures = Campaign['failures_by'][number];
 
 /** Reason by task, of one robot or of all: numbers with bars of one hue, since nine reasons cannot be nine colours. */
 function Matrix(props: { of: Campaign; failed: number }) {
   const { of } = props;
   const [robot, setRobot] = parameter('robot');
   const robots = [...new Set([...of.robots, ...of.failures_by.map((one) => one.robot)])].filter(Boolean);
-  const tasks = of.tasks;
-  const failures = of.failures_by.filter((one) => !robot || one.robot === robot);
+  // a campaign of which no journal is here counts reasons alone
+  const byReason = !of.failures_by.length;
+  const all: Failures[] = byReason ? Object.entries(of.failures).map(([reason, n]) => ({ reason, stage: null, task: '', robot: '', count: n })) : of.failures_by;
+  const tasks = byReason ? [] : of.tasks;
+  const failures = byReason ? all : all.filter((one) => !robot || one.robot === robot);
+  // of very many the gateway adds up the rare ones without stage and robot: no filter finds those alone
+  const merged = all.some((one) => one.robot) ? all.filter((one) => !one.robot) : [];
   const reasons = [...new Set(failures.map((one) => [one.reason, one.stage].filter(Boolean).join(' ')))];
   const named = (reason: string) => failures.filter((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason);
   const cell = (reason: string, task: string) => named(reason).filter((one) => one.task === task).reduce((sum, one) => sum + one.count, 0);
   const most = Math.max(1, ...reasons.flatMap((reason) => tasks.map((task) => cell(reason, task))));
-  const choice = (robots.length > 1 || robot) && <Select label="Robot" showLabel value={robot} options={[['', 'every robot'], ...robots.map((one) => [one, one] as const)]} choose={(value) => setRobot(value)} />;
+  const whole = (reason: string, task: string) => !named(reason).some((one) => one.task === task && merged.includes(one));
+  const choice = !byReason && (robots.length > 1 || robot) && <Select label="Robot" showLabel value={robot} options={[['', 'every robot'], ...robots.map((one) => [one, one] as const)]} choose={(value) => setRobot(value)} />;
   return (
     <Panel title="Failures by reason and task" aside={choice}>
-      {!of.failures_by.length
+      {!all.length
         ? <p class="secondary" data-no-failures>{props.failed === 0 ? `0 of ${count(of.status.attempts)} attempts failed.` : `${count(props.failed)} attempts failed; no journal says why.`}</p>
         : !failures.length ? <p class="secondary">None of them with {robot}.</p>
         : <div class="scroll-x" tabIndex={0} role="group" aria-label="Failures by reason and task">
@@ -94,11 +107,13 @@ function Matrix(props: { of: Campaign; failed: number }) {
               const code = failures.find((one) => [one.reason, one.stage].filter(Boolean).join(' ') === reason);
               return <tr><td>{reason}</td>{tasks.map((task) => {
                 const n = cell(reason, task);
-                return <td class="num">{n ? <a href={link('generation', { dataset: of.id, reason: code?.reason ?? '', stage: code?.stage, task, robot, outcome: 'failed' })}><Meter share={n / most} />{n}</a> : <span class="muted">·</span>}</td>;
+                return <td class="num">{n && !whole(reason, task) ? <><Meter share={n / most} />{n}</> : n ? <a href={link('generation', { dataset: of.id, reason: code?.reason ?? '', stage: code?.stage, task, robot, outcome: 'failed' })}><Meter share={n / most} />{n}</a> : <span class="muted">·</span>}</td>;
               })}<td class="num strong">{sum}</td></tr>;
             })}</tbody>
           </table>
         </div>}
+      {byReason && all.length > 0 && <p class="small muted">Counted by reason alone: no journal says more.</p>}
+      {merged.length > 0 && <p class="small muted" data-merged>{count(merged.reduce((sum, one) => sum + one.count, 0))} rare ones are added up without stage and robot{robot && ', and are not among these'}.</p>}
     </Panel>
   );
 }

@@ -8,7 +8,7 @@ import { useKeys } from '../core/keys';
 import { link, linkHere, navigate, parameter } from '../core/router';
 import { brief, errorText, plan } from '../core/says';
 import { isOf } from '../core/session';
-import { sourceOf, sourcesOf, useChosen } from '../core/sources';
+import { listed, sourceOf, sourcesOf, useChosen } from '../core/sources';
 import { moduleColor } from '../core/theme';
 import type { Eval, Graph, GraphNode, Insight, PlaySession, Run } from '../core/types';
 import { Chip, Command, Empty, Facts, Loaded, Panel, Select } from '../parts/basics';
@@ -20,12 +20,13 @@ import { KeptInsight } from './kept_insight';
 import { WatchedSession } from './watched_session';
 
 export function Inside() {
-  const [named] = parameter('run');
+  // of runs that are compared the first
+  const named = listed(parameter('run')[0])[0];
   const [evaluation] = parameter('eval');
   const kept = useResource<Eval>(evaluation ? `/evals/${evaluation}` : null);
   // another run that is picked leaves the files of this one
   const from = kept.data && (!named || !kept.data.run_id || kept.data.run_id === named) ? kept.data : undefined;
-  const choice = useChosen('run', !evaluation);
+  const choice = listed(useChosen('run', !evaluation))[0] ?? null;
   const id = from ? from.run_id : choice;
   const here = sourceOf(id)?.folder !== null;
   const graph = useResource<Graph>(id && here && !(evaluation && kept.pending) ? `/runs/${id}/graph` : null, { every: 15000 });

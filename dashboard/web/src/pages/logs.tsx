@@ -26,36 +26,47 @@ export function LogsPage() {
   const box = useRef<HTMLDivElement>(null);
   const shown = newest?.lines.length ?? 0;
   useEffect(() => { if (follow && !page.depth && box.current) box.current.scrollTop = box.current.scrollHeight; }, [newest?.lines[shown - 1]?.n]);
+  // a page begins at its foot, which is next to the one that it was reached from
+  useEffect(() => { if (!first.pending && box.current) box.current.scrollTop = box.current.scrollHeight; }, [page.at, first.pending]);
   const advice = useAdvice(newest?.lines.some(isError) ?? false);
+  // also beside an error the filters are those of the files known
+  const known = useRef<Logs['sources']>([]);
+  known.current = newest?.sources ?? known.current;
+  const files = known.current;
+  const nothing = newest !== undefined && !files.length && !warned?.total;
   return (
-    <Loaded of={{ ...first, data: newest }}>
-      {(data) => {
-        const { next, lines } = data;
-        if (!data.sources.length && !warned?.total) return <Panel><Empty title="No log files">Processes that etude up, collect or eval start write to logs/ beside what they make; others write to their terminal.</Empty></Panel>;
-        return (
-          <>
-            <div class="page-head">
-              <Select label="Level" value={level} options={[['', 'every level'], ['info', 'info and above'], ['warn', 'warnings and errors'], ['error', 'errors']]} choose={(value) => setLevel(value)} />
-              <Select label="Source" value={source} options={[['', `all ${data.sources.length} files`], ...data.sources.map((one) => [one.id, `${one.name} (${bytes(one.bytes)})`] as const)]} choose={(value) => setSource(value)} />
-              <Search label="Text in the line" value={q} change={(value) => setQ(value, true)} width={28} />
-              <span class="fill" />
-              <label class="inline"><input type="checkbox" checked={follow} onChange={(event) => setFollow(event.currentTarget.checked)} /> follow</label>
-            </div>
-            {warned !== undefined && warned.total > 0 && <OfBus of={warned} />}
-            <Panel flush label="Lines">
-              <div class="log-box" ref={box} tabIndex={0} role="group" aria-label="Log lines">
-              {next && <div class="more"><button type="button" class="button" disabled={first.pending} onClick={() => page.next(next)}>Older lines</button></div>}
-              {lines.length
-                ? <ol class="log" data-log-lines={lines.length}>{lines.map((one) => <Line key={`${one.source}:${one.n}`} of={one} source={name(data, one.source)} advice={advice} />)}</ol>
-                : <Empty title="No line fits">{`${searched(data)} were searched.`}</Empty>}
-              {lines.length > 0 && data.back_to && <p class="more small muted" data-back-to>{`${searched(data)} were searched.`}</p>}
-              {page.depth > 0 && <div class="more"><button type="button" class="button" onClick={page.back}>Newer lines</button></div>}
-              </div>
-            </Panel>
-          </>
-        );
-      }}
-    </Loaded>
+    <>
+      {!nothing && (
+        <div class="page-head">
+          <Select label="Level" value={level} options={[['', 'every level'], ['info', 'info and above'], ['warn', 'warnings and errors'], ['error', 'errors']]} choose={(value) => setLevel(value)} />
+          <Select label="Source" value={source} options={[['', files.length ? `all ${files.length} files` : 'every file'], ...files.map((one) => [one.id, `${one.name} (${bytes(one.bytes)})`] as const)]} choose={(value) => setSource(value)} />
+          <Search label="Text in the line" value={q} change={(value) => setQ(value, true)} width={28} />
+          <span class="fill" />
+          {page.depth > 0 && first.error && <button type="button" class="button" data-newest onClick={page.first}>Newest lines</button>}
+          <label class="inline"><input type="checkbox" checked={follow} onChange={(event) => setFollow(event.currentTarget.checked)} /> follow</label>
+        </div>)}
+      <Loaded of={{ ...first, data: newest }}>
+        {(data) => {
+          const { next, lines } = data;
+          if (nothing) return <Panel><Empty title="No log files">Processes that etude up, collect or eval start write to logs/ beside what they make; others write to their terminal.</Empty></Panel>;
+          return (
+            <>
+              {warned !== undefined && warned.total > 0 && <OfBus of={warned} />}
+              <Panel flush label="Lines">
+                <div class="log-box" ref={box} tabIndex={0} role="group" aria-label="Log lines">
+                {next && <div class="more"><button type="button" class="button" disabled={first.pending} onClick={() => page.next(next)}>Older lines</button></div>}
+                {lines.length
+                  ? <ol class="log" data-log-lines={lines.length}>{lines.map((one) => <Line key={`${one.source}:${one.n}`} of={one} source={name(data, one.source)} advice={advice} />)}</ol>
+                  : <Empty title="No line fits">{`${searched(data)} were searched.`}</Empty>}
+                {lines.length > 0 && data.back_to && <p class="more small muted" data-back-to>{`${searched(data)} were searched.`}</p>}
+                {page.depth > 0 && <div class="more"><button type="button" class="button" onClick={page.back}>Newer lines</button></div>}
+                </div>
+              </Panel>
+            </>
+          );
+        }}
+      </Loaded>
+    </>
   );
 }
 

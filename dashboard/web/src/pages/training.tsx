@@ -42,20 +42,23 @@ async function loadCurves(id: string, keys: string[], options: string, signal: A
 
 /** The curves of one run; asked again when it has trained on. What was there stays beside the reason why no more comes. */
 function useCurves(run: Run | undefined, keys: string[], axis: Axis, range: Range | null, round: number): Asked {
-  const [asked, setAsked] = useState<{ curves?: Curves; problem?: Problem }>({});
+  const [asked, setAsked] = useState<{ of: string; curves?: Curves; problem?: Problem }>({ of: '' });
   const [again, setAgain] = useState(0);
   const text = keys.join(',');
   const id = run?.id;
+  // what came for another run or axis is no curve of this one
+  const of = `${id} ${axis}`;
   const generation = epoch.value;
   useEffect(() => {
     if (!id || !keys.length) return;
     const abort = new AbortController();
     const options = `&x=${axis}${range ? `&from=${range[0]}&to=${range[1]}` : ''}`;
-    loadCurves(id, keys, options, abort.signal).then((curves) => { if (!abort.signal.aborted) setAsked({ curves }); })
-      .catch((error: unknown) => { if (!abort.signal.aborted) setAsked((old) => ({ ...old, problem: problemOf(error) })); });
+    loadCurves(id, keys, options, abort.signal).then((curves) => { if (!abort.signal.aborted) setAsked({ of, curves }); })
+      .catch((error: unknown) => { if (!abort.signal.aborted) setAsked((old) => ({ ...(old.of === of ? old : {}), of, problem: problemOf(error) })); });
     return () => abort.abort();
   }, [id, text, axis, range?.[0], range?.[1], round, generation, again]);
-  return { curves: asked.curves, problem: asked.problem, reload: () => setAgain(again + 1) };
+  const own = asked.of === of ? asked : undefined;
+  return { curves: own?.curves, problem: own?.problem, reload: () => setAgain(again + 1) };
 }
 
 export function Training() {
@@ -82,7 +85,7 @@ function Content(props: { ids: string[]; run: Run; live: LiveTrain | undefined; 
   const [width, setWidth] = parameter('smooth', '0');
   const [rangeText] = parameter('range');
   const range = useMemo(() => readRange(rangeText), [rangeText]);
-  const zoom = (next: Range | null) => setParameters({ range: next && next[0] < next[1] ? writeRange(next) : null });
+  const zoom = (next: Range | null, replace?: boolean) => setParameters({ range: next && next[0] < next[1] ? writeRange(next) : null }, replace);
   useKeys([
     { keys: 'y', does: 'axis linear or logarithmic', run: () => setScale(scale === 'lin' ? 'log' : 'lin') },
     { keys: 's', does: 'smoothing', run: () => setWidth(width === '0' ? '200' : '0') },
@@ -157,7 +160,7 @@ function Goals(props: { of: Run }) {
   );
 }
 
-interface Shared { axis: Axis; log: boolean; smoothing: number; range: Range | null; zoom: (range: Range | null) => void; bands: { from: number; to: number; label: string }[]; marks: { x: number; token: string; glyph: string }[] }
+interface Shared { axis: Axis; log: boolean; smoothing: number; range: Range | null; zoom: (range: Range | null, replace?: boolean) => void; bands: { from: number; to: number; label: string }[]; marks: { x: number; token: string; glyph: string }[] }
 
 function bands(curriculum: Curriculum | undefined, run: Run, axis: Axis): Shared['bands'] {
   if (axis !== 'step' || !curriculum) return [];
@@ -192,7 +195,7 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
     const token = runs.length > 1 || entries.length < 2 ? hues[r]! : entries.length > 2 ? hues[entries.findIndex((one) => one.key === key) % hues.length]! : entries[0]!.key === key ? 'target' : 'hand';
     const line: Line = { label: name, token, x: curve.x, values: curve.last as unknown as (number | null)[], min: curve.min as unknown as number[], max: curve.max as unknown as number[], ...(dash ? { dash } : {}), ...(points ? { points } : {}), ...(runs.length > 1 ? { marker: r } : {}) };
     if (!smoothable || !shared.smoothing || points) return [line];
-    return [{ ...line, faint: true, label: `${name} raw` }, { ...line, values: smooth(curve.step, line.values, shared.smoothing), min: [], max: [] }];
+    return [{ ...line, faint: true, label: `${name} raw` }, { ...line, values: smooth(curve.step, line.values, shared.smoothing), min: undefined, max: undefined }];
   }));
   const find = (text: string) => keys.find((one) => one.key === text);
   const parts = runs.flatMap(({ id, curves }, r): Line[] => {

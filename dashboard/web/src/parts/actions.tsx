@@ -47,7 +47,10 @@ function Confirm(props: { label: string; about: string; of: Arguments; close: ()
       const { job: id } = await postJson<{ job: string }>('/actions', props.of);
       setJob(await getJson<Job>(`/jobs/${id}`));
     } catch (error) {
-      setProblem(problemOf(error));
+      const told = problemOf(error);
+      // what was given has expired, or is not the token any more: it is asked for again
+      if (told.status === 401) setAuthorized(false);
+      setProblem(told);
     }
   };
   return (

@@ -5,7 +5,7 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import { color, paints } from '../core/theme';
 import { number } from '../core/format';
 import { align } from '../core/lines';
-import { zoomed, type Range } from '../core/range';
+import { zoomedBy, type Range } from '../core/range';
 import { summarize } from '../core/stats';
 import { drawMarkers, Marker } from './marker';
 
@@ -40,7 +40,8 @@ export interface ChartProps {
   /** Charts with the same key share their cursor. */
   sync?: string;
   range?: Range | null;
-  zoom?: (range: Range | null) => void;
+  /** `replace`: by key, which makes no entry in the history. */
+  zoom?: (range: Range | null, replace?: boolean) => void;
   xLabel?: string;
   xFormat?: (x: number) => string;
   cursor?: (x: number | null) => void;
@@ -95,7 +96,7 @@ export function Chart(props: ChartProps) {
       gone = true;
       undo();
     };
-  }, [visible, shape]);
+  }, [visible, shape, props.follow]);
 
   useEffect(() => {
     const frame = requestAnimationFrame(() => {
@@ -145,26 +146,28 @@ export function Chart(props: ChartProps) {
   );
 }
 
-/** To the point beside; what stands there, in words. */
-function moveCursor(made: uPlot, props: ChartProps, event: KeyboardEvent): string {
+/** To the point beside; what stands there, in words. Null: there is none. */
+function moveCursor(made: uPlot, props: ChartProps, event: KeyboardEvent): string | null {
   const step = (event.shiftKey ? 10 : 1) * (event.key === 'ArrowLeft' || event.key === 'ArrowDown' ? -1 : 1);
   const n = made.data[0].length;
+  if (n === 0) return null;
   const index = Math.max(0, Math.min(n - 1, (made.cursor.idx ?? n - 1) + step));
   made.setCursor({ left: made.valToPos(made.data[0][index]!, 'x'), top: 10 });
-  return `${(props.xLabel ?? 'step')} ${made.data[0][index]}: ` + props.lines.map((line, i) => `${line.label} ${number(made.data[1 + 3 * i]?.[index])}`).join(', ');
+  return `${(props.xLabel ?? 'step')} ${made.data[0][index]}: ` + props.lines.flatMap((line, i) => (line.faint ? [] : `${line.label} ${number(valueAt(made, line, i, index))}`)).join(', ');
 }
 
-/** About the cursor; null: the key does nothing here. Beyond what is drawn there may be more: the widest step shows all. */
+/** Of the line itself, without what it is stacked upon. */
+function valueAt(u: uPlot, line: Line, i: number, index: number): number | null | undefined {
+  const top = u.data[1 + 3 * i]?.[index];
+  return line.base && typeof top === 'number' ? top - (u.data[2 + 3 * i]?.[index] ?? 0) : top;
+}
+
+/** About the cursor; null: the key does nothing here. */
 function zoomBy(made: uPlot, props: ChartProps, key: string): string | null {
   const all = made.data[0];
-  if (!['+', '=', '-', '0'].includes(key) || all.length < 2) return null;
-  const drawn: Range = props.range ?? [all[0]!, all[all.length - 1]!];
-  const index = made.cursor.idx;
-  const at = index === null || index === undefined ? (drawn[0] + drawn[1]) / 2 : all[index]!;
-  const next = key === '0' || (key === '-' && !props.range) ? null
-    : key === '-' ? zoomed(drawn, [Math.min(0, drawn[0]), Infinity], at, 2)
-    : zoomed(drawn, drawn, at, 0.5);
-  props.zoom?.(next);
+  const next = zoomedBy(key, props.range ?? null, all, all[made.cursor.idx ?? -1] ?? null);
+  if (next === undefined) return null;
+  props.zoom?.(next, true);
   return next ? `from ${number(next[0], 6)} to ${number(next[1], 6)}` : 'all of it';
 }
 
@@ -242,8 +245,7 @@ function options(props: { current: ChartProps }, legend: { current: (HTMLElement
         props.current.lines.forEach((line, i) => {
           const element = legend.current[i];
           if (!element) return;
-          const top = index === null || index === undefined ? null : u.data[1 + 3 * i]?.[index];
-          const value = line.base && typeof top === 'number' ? top - (u.data[2 + 3 * i]?.[index!] ?? 0) : top;
+          const value = index === null || index === undefined ? null : valueAt(u, line, i, index);
           element.textContent = number(value ?? (index === null || index === undefined ? summarize(line.values).last : null));
         });
         props.current.cursor?.(index === null || index === undefined ? null : u.data[0][index]!);

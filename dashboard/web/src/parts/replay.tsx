@@ -25,7 +25,12 @@ export function useRemake(of: { dataset: string; index: number; attempt: number 
   const [authorized, setAuthorized] = useState<boolean | undefined>(undefined);
   const [started, setStarted] = useState('');
   const id = started || replay.data?.job || '';
-  const fail = (error: unknown) => setProblem(problemOf(error));
+  const fail = (error: unknown) => {
+    const told = problemOf(error);
+    // what was given has expired, or is not the token any more: it is asked for again
+    if (told.status === 401) setAuthorized(false);
+    setProblem(told);
+  };
   useEffect(() => { getJson<{ authorized: boolean }>('/session').then((answer) => setAuthorized(answer.authorized)).catch(() => setAuthorized(false)); }, []);
   useEffect(() => {
     if (!id) return;
@@ -47,8 +52,8 @@ export function useRemake(of: { dataset: string; index: number; attempt: number 
     setJob(null);
     try {
       if (token) await postJson('/session', { token });
-      setAuthorized(true);
       const answer = await postJson<{ job?: string }>('/actions', { action: 'replay', dataset: of.dataset, index: of.index, attempt: of.attempt });
+      setAuthorized(true);
       if (answer.job) setStarted(answer.job);
       else replay.reload();
     } catch (error) {
