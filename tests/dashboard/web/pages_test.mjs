@@ -200,7 +200,7 @@ test('Evaluation: successes, n, failures first, seeds beyond 2^53', async () => 
     assert.equal(await page.locator('[data-first-bad]').getAttribute('data-first-bad'), module);
     const said = await text(page, '[data-first-bad]');
     assert.ok(said.includes(`decision ${decision + 1}`), said);
-    close(number(said.split(' ')[2]), error_cm, 'error at the first bad decision');
+    assert.ok(Math.abs(number(said.split(' ')[2]) - error_cm) <= 0.05 * error_cm, said);  // two digits
   });
 });
 
