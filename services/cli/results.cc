@@ -74,17 +74,27 @@ class Maker {
   // The row's own rollouts are worth a line without it.
   OrderedJson ComparisonOf(const ResultRow& row, std::uint64_t seed) const {
     const ResultRow& other = *std::ranges::find(config_.rows, row.compare, &ResultRow::name);
-    const auto comparison = [&]() -> Result<OrderedJson> {
+    const auto compare = [&]() -> Result<OrderedJson> {
       ETUDE_RETURN_IF_ERROR(CheckDefinition(out_, other));
       const std::string& trained = other.train.runs_of.empty() ? other.name : other.train.runs_of;
       ETUDE_RETURN_IF_ERROR(CheckEvaluated(ReportOf(other, seed), CheckpointOf(RunOf(trained, seed))));
-      if (!ReadReport(other, seed))
+      const auto report = ReadReport(other, seed);
+      if (!report)
         return Fail(Code::kNotFound,
                     fmt::format("'{}' is no whole evaluation: make that row first", ReportOf(other, seed).string()));
-      return campaign::CompareEvaluations(ReportOf(row, seed), ReportOf(other, seed));
-    }();
-    if (comparison) return *comparison;
-    return {{"missing", fmt::format("compare with row '{}': {}", other.name, comparison.error().message)}};
+      ETUDE_ASSIGN_OR_RETURN(OrderedJson compared,
+                             campaign::CompareEvaluations(ReportOf(row, seed), ReportOf(other, seed)));
+      compared["with_sha256"] = RolloutsHash(*report);
+      return compared;
+    };
+    auto compared = compare();
+    OrderedJson comparison = OrderedJson::object();
+    if (compared)
+      comparison = std::move(*compared);
+    else
+      comparison["missing"] = fmt::format("compare with row '{}': {}", other.name, compared.error().message);
+    comparison["with"] = other.name;
+    return comparison;
   }
 
   Path RunOf(const std::string& row, std::uint64_t seed) const {

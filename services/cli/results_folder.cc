@@ -4,14 +4,30 @@
 #include <fmt/format.h>
 
 #include <filesystem>
+#include <set>
 #include <sstream>
 
 #include "services/campaign/eval_report.h"
+#include "services/campaign/history.h"
 #include "services/core/config.h"
 #include "services/core/hash.h"
 #include "services/store/dataset.h"
 
 namespace etude::cli {
+namespace {
+
+// Of the first `wanted` episodes: those that the next collector would not try again.
+Result<std::uint64_t> CountGivenUp(const store::DatasetReader& dataset, const Path& data, std::uint64_t wanted) {
+  ETUDE_ASSIGN_OR_RETURN(const auto indices, dataset.List());
+  const std::set<std::uint64_t> committed(indices.begin(), indices.end());
+  const auto most = static_cast<std::uint32_t>(dataset.spec().max_attempts);
+  std::uint64_t given_up = 0;
+  for (const auto& [index, past] : campaign::ReadHistory(data, dataset.spec()).indices)
+    if (index < wanted && past.failures >= most && !committed.contains(index)) ++given_up;
+  return given_up;
+}
+
+}  // namespace
 
 Result<Demonstrations> CountDemonstrations(const Path& data) {
   ETUDE_ASSIGN_OR_RETURN(const auto dataset, store::DatasetReader::Open(data));
@@ -28,10 +44,12 @@ Status CheckWholeDataset(const Path& data, std::uint64_t wanted) {
   ETUDE_ASSIGN_OR_RETURN(const auto dataset, store::DatasetReader::Open(data));
   ETUDE_ASSIGN_OR_RETURN(const Demonstrations count, CountDemonstrations(data));
   if (wanted == 0) wanted = dataset.spec().episodes;
-  if (count.all() >= wanted) return {};
+  ETUDE_ASSIGN_OR_RETURN(const std::uint64_t given_up, CountGivenUp(dataset, data, wanted));
+  if (count.all() + given_up >= wanted) return {};
   return Fail(Code::kNotFound,
-              fmt::format("'{}' has {} of {} demonstrations: begin again to go on (why attempts failed: {})",
-                          data.string(), count.all(), wanted, (data / "attempts.jsonl").string()));
+              fmt::format("'{}' has {} of {} demonstrations, and gave {} up: begin again to go on (why attempts "
+                          "failed: {})",
+                          data.string(), count.all(), wanted, given_up, (data / "attempts.jsonl").string()));
 }
 
 Status CheckEvaluated(const Path& evaluation, const Path& checkpoint) {

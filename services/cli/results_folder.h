@@ -19,7 +19,8 @@ struct Demonstrations {
 
 /// @error kNotFound, kCorrupt: no dataset
 Result<Demonstrations> CountDemonstrations(const Path& data);
-/// A collection that was stopped, or gave episodes up, ends well, too: a run on what there is would be another one.
+/// A collection that was stopped ends well, too: a run on what there is would be another one. Episodes that it gave up
+/// count as collected, for no collector tries them again; how many trained is the table's to show.
 /// @param wanted  episodes; 0: as many as the dataset's campaign asks for
 /// @error of CountDemonstrations; kNotFound: fewer, and how many
 Status CheckWholeDataset(const Path& data, std::uint64_t wanted);

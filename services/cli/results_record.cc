@@ -11,6 +11,8 @@
 #include <fstream>
 #include <thread>
 
+#include "services/core/hash.h"
+
 namespace etude::cli {
 namespace {
 
@@ -59,8 +61,20 @@ bool AreOneMeasurement(OrderedJson first, OrderedJson second) {
   return first == second;
 }
 
+// Null where it is not there.
+OrderedJson ComparisonPart(const OrderedJson& report, const char* key) {
+  if (!report.is_object() || !report.contains("comparison")) return nullptr;
+  const OrderedJson& comparison = report["comparison"];
+  return comparison.is_object() && comparison.contains(key) ? comparison[key] : OrderedJson();
+}
+
 ResultReport ReadAgain(const ResultReport& old, ResultReport now) {
   now.made = old.made;
+  // the other row's evaluation may lie in another folder
+  const OrderedJson with = ComparisonPart(now.report, "with");
+  const bool lost = !ComparisonPart(old.report, "overall").is_null() && ComparisonPart(now.report, "overall").is_null();
+  if (lost && (with.is_null() || with == ComparisonPart(old.report, "with")))
+    now.report["comparison"] = old.report["comparison"];
   if (now.training_s == 0) now.training_s = old.training_s;
   if (now.train == 0) {
     now.train = old.train;
@@ -167,12 +181,11 @@ OrderedJson BriefReport(const OrderedJson& report) {
     if (report.is_object() && report.contains(part)) brief[part] = report[part];
   const auto keep = [&](const char* part, const char* key) {
     if (report.is_object() && report.contains(part) && report[part].is_object() && report[part].contains(key))
-      brief[part] = {{key, report[part][key]}};
+      brief[part][key] = report[part][key];
   };
   keep("scenes", "first_draw");
-  keep("comparison", "overall");
-  if (const std::string missing = MissingComparison(report); !missing.empty())
-    brief["comparison"] = {{"missing", missing}};
+  for (const char* key : {"overall", "with", "with_sha256"}) keep("comparison", key);
+  if (const std::string missing = MissingComparison(report); !missing.empty()) brief["comparison"]["missing"] = missing;
   return brief;
 }
 
@@ -181,6 +194,10 @@ std::string MissingComparison(const OrderedJson& report) {
   const OrderedJson& comparison = report["comparison"];
   const bool is = comparison.is_object() && comparison.contains("missing") && comparison["missing"].is_string();
   return is ? comparison["missing"].get<std::string>() : "";
+}
+
+std::string RolloutsHash(const OrderedJson& report) {
+  return Sha256Hex(report.is_object() && report.contains("overall") ? report["overall"].dump() : "");
 }
 
 std::string MadeHere() {

@@ -56,7 +56,8 @@ struct ResultRecords {
 
   /// Keeps a report in the place of an earlier one of that seed. What was measured of another definition of the row is
   /// dropped: one row never mixes two. A report that says what the kept one says (but for the comparison) is the same
-  /// one, read again: that keeps its day and machine, and of its training what is not known any more.
+  /// one, read again: that keeps its day and machine, of its training what is not known any more, and a comparison that
+  /// could not be made again with the same row.
   void Keep(const ResultRow& row, ResultReport report);
   /// Of `row` as it is defined now, in the order of its seeds.
   std::vector<ResultReport> Find(const ResultRow& row) const;
@@ -80,11 +81,14 @@ std::optional<std::uint64_t> CountAt(const OrderedJson& json, const char* key);
 /// Whether an eval.json has come to its end: its rollouts, and the scenes that do not count because the expert cannot
 /// do the task in them ("scenes", "invalid"), are `episodes` together. False where it is no report.
 bool IsWholeReport(const OrderedJson& report, std::uint64_t episodes);
-/// What tables show of an eval.json. Numbers of a report that another version wrote may be missing.
+/// What tables show of an eval.json, and of its comparison which row ("with") and which rollouts of it ("with_sha256",
+/// RolloutsHash) it is with. Numbers of a report that another version wrote may be missing.
 OrderedJson BriefReport(const OrderedJson& report);
 /// Why a row that is compared with another one was not: what stands in the place of its comparison; "": it was, or is
 /// not to be.
 std::string MissingComparison(const OrderedJson& report);
+/// Of an eval.json, or of what is kept of it: SHA-256 of what it says overall, which is another one of other rollouts.
+std::string RolloutsHash(const OrderedJson& report);
 /// "2026-11-22, AMD EPYC, 2 CPUs": today, here.
 std::string MadeHere();
 

@@ -120,7 +120,8 @@ std::string NetworkText(const ResultRow& row) {
   std::string text = graph.config;
   for (const auto& set : graph.set)
     if (set.starts_with(kPolicy)) text = set.substr(kPolicy.size());
-  for (const auto& set : trains ? row.train.set : TrainingOf(row.begins_with).set)
+  const ResultTraining told = trains ? row.train : TrainingOf(row.begins_with);
+  for (const auto& set : told.set)
     if (!set.starts_with(kPolicy)) text += ", " + set;
   return text;
 }
@@ -214,9 +215,35 @@ std::string TasksText(const ResultLine& line) {
   return text;
 }
 
+// A report has no more than the name of the row that it was compared with, and the hash of the rollouts: either may be
+// of another one by now.
+bool Holds(const OrderedJson& comparison, const std::string& with, std::uint64_t seed,
+           const std::vector<ResultLine>& lines) {
+  const auto* name = FindPart(comparison, "with");
+  const auto* hash = FindPart(comparison, "with_sha256");
+  if (!name || !hash || *name != OrderedJson(with)) return false;
+  for (const auto& line : lines)
+    for (const auto& measured : line.reports)
+      if (line.row->name == with && measured.seed == seed) return *hash == OrderedJson(RolloutsHash(measured.report));
+  return false;
+}
+
+std::vector<ResultLine> WithComparisonsThatHold(std::vector<ResultLine> lines) {
+  for (auto& line : lines) {
+    const std::string& with = line.row->compare;
+    for (auto& measured : line.reports) {
+      const auto* comparison = FindPart(measured.report, "comparison");
+      if (!comparison || Holds(*comparison, with, measured.seed, lines)) continue;
+      measured.report.erase("comparison");
+      if (!with.empty()) measured.report["comparison"]["missing"] = "of other rollouts";
+    }
+  }
+  return lines;
+}
+
 // Two rows' rollouts of the same scenes, of one training seed or of several.
 struct PairedRollouts {
-  std::uint64_t n = 0, both = 0, only_first = 0, only_second = 0;
+  std::uint64_t n = 0, both = 0, only_first = 0, only_second = 0, seeds = 0;
 
   static std::optional<PairedRollouts> From(const OrderedJson& report) {
     const auto* comparison = FindPart(report, "comparison");
@@ -225,13 +252,14 @@ struct PairedRollouts {
     const auto n = CountAt(*overall, "n"), both = CountAt(*overall, "both"), first = CountAt(*overall, "only_first"),
                second = CountAt(*overall, "only_second");
     if (!n || !both || !first || !second || *n == 0 || *both + *first + *second > *n) return std::nullopt;
-    return PairedRollouts{*n, *both, *first, *second};
+    return PairedRollouts{*n, *both, *first, *second, 1};
   }
   void Add(const PairedRollouts& other) {
     n += other.n;
     both += other.both;
     only_first += other.only_first;
     only_second += other.only_second;
+    seeds += other.seeds;
   }
   // points, the other row's successes taken off the row's own
   double difference() const {
@@ -241,34 +269,38 @@ struct PairedRollouts {
     const auto shares = NewcombePairedInterval(both, only_first, only_second, n - both - only_first - only_second);
     return {100 * shares.low, 100 * shares.high};
   }
+  // Several seeds' rollouts of a scene are no independent cases, which the interval and p would take them for.
   std::string text() const {
-    return fmt::format("{} | {} | {} | {:.1f} [{:.1f}, {:.1f}] | {:.2g}", n, only_first, only_second, difference(),
-                       interval().low, interval().high, McNemarExactP(only_first, only_second));
+    const std::string counts = fmt::format("{} | {} | {} | {:.1f}", n, only_first, only_second, difference());
+    if (seeds > 1) return counts + " | -";
+    return fmt::format("{} [{:.1f}, {:.1f}] | {:.2g}", counts, interval().low, interval().high,
+                       McNemarExactP(only_first, only_second));
   }
 };
 
-// Of all seeds whose comparison is there.
+// Of all seeds; none (n = 0) where the comparison of one is missing.
 PairedRollouts PairedOf(const ResultLine& line) {
   PairedRollouts all;
-  for (const auto& measured : line.reports)
-    if (const auto paired = PairedRollouts::From(measured.report)) all.Add(*paired);
+  for (const auto& measured : line.reports) {
+    const auto paired = PairedRollouts::From(measured.report);
+    if (!paired) return {};
+    all.Add(*paired);
+  }
   return all;
 }
 
 // Of each seed: who succeeded where the other did not, and whether that may be chance; then of all of them.
 std::string ComparisonsText(const ResultLine& line) {
   std::string text;
-  int seeds = 0;
   const auto add = [&](const std::string& seed, const std::string& what) {
     text += fmt::format("| {} | {} | {} | {} |\n", line.row->title, line.row->compare, seed, what);
   };
   for (const auto& measured : line.reports) {
     const auto paired = PairedRollouts::From(measured.report);
     if (paired) add(std::to_string(measured.seed), paired->text());
-    seeds += paired ? 1 : 0;
     if (!MissingComparison(measured.report).empty()) add(std::to_string(measured.seed), "missing | | | |");
   }
-  if (seeds > 1) add("all", PairedOf(line).text());
+  if (const PairedRollouts all = PairedOf(line); all.seeds > 1) add("all", all.text());
   return text;
 }
 
@@ -293,7 +325,8 @@ GoalCheck CheckDrop(const ResultLine& line, double goal) {
   if (paired.n == 0) return check;
   // the other way round than in the comparisons; 0 is no -0
   const Interval interval = paired.interval();
-  check.measured = fmt::format("{:.1f} [{:.1f}, {:.1f}]", 0 - paired.difference(), 0 - interval.high, 0 - interval.low);
+  check.measured = fmt::format("{:.1f}", 0 - paired.difference());
+  if (paired.seeds == 1) check.measured += fmt::format(" [{:.1f}, {:.1f}]", 0 - interval.high, 0 - interval.low);
   check.reached = -paired.difference() <= goal + 1e-9;
   return check;
 }
@@ -342,7 +375,7 @@ std::string GoalsText(const ResultLine& line) {
 
 std::string ResultsTable(const std::vector<ResultLine>& lines) {
   std::string rows, goals, tasks, errors, comparisons;
-  for (const auto& line : lines) {
+  for (const auto& line : WithComparisonsThatHold(lines)) {
     if (line.reports.empty()) continue;
     rows += RowText(line);
     goals += GoalsText(line);

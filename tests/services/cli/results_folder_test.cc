@@ -16,10 +16,11 @@ namespace etude::cli {
 namespace results_folder_test {
 
 // A dataset of the first `count` of six episodes: in whatever order, four are for training, one for validation and one
-// for tests.
+// for tests. An episode has two attempts.
 Path WriteDataset(const Path& data, std::uint64_t count) {
   CampaignSpec spec = SyntheticSpec();
   spec.episodes = 6;
+  spec.max_attempts = 2;
   spec.split = {.train = 4, .valid = 1, .test = 1};
   auto writer = store::DatasetWriter::Open(data, spec);
   EXPECT_THAT(writer, IsOk());
@@ -47,6 +48,26 @@ TEST(CheckWholeDataset, SaysHowManyAreMissing) {
   EXPECT_THAT(CheckWholeDataset(some, 5), IsOk());
   EXPECT_THAT(CheckWholeDataset(all, 0), IsOk());
   EXPECT_THAT(CheckWholeDataset(folder.path() / "none", 1), HasCode(Code::kNotFound));
+}
+
+// no collector tries them again: a row that waited for them would never be made
+TEST(CheckWholeDataset, CountsEpisodesThatWereGivenUp) {
+  const TemporaryFolder folder;
+  const Path data = WriteDataset(folder.path() / "data", 4);
+  const auto write = [&](const std::vector<std::pair<int, int>>& attempts) {
+    std::string lines;
+    for (const auto& [index, attempt] : attempts)
+      lines += OrderedJson{{"index", index}, {"attempt", attempt}, {"outcome", "dropped"}}.dump() + "\n";
+    ASSERT_THAT(WriteFileAtomically(data / "attempts.jsonl", std::string_view(lines)), IsOk());
+  };
+  write({{4, 0}, {4, 1}, {5, 0}, {5, 0}});
+  EXPECT_THAT(CheckWholeDataset(data, 0), MessageHas("4 of 6 demonstrations, and gave 1 up"))
+      << "one attempt, written twice, is one";
+  EXPECT_THAT(CheckWholeDataset(data, 5), IsOk());
+  write({{1, 0}, {1, 1}, {4, 0}, {4, 1}, {9, 0}, {9, 1}});
+  EXPECT_THAT(CheckWholeDataset(data, 0), MessageHas("gave 1 up")) << "1 was committed, 9 is none of them";
+  write({{4, 0}, {4, 1}, {5, 0}, {5, 1}});
+  EXPECT_THAT(CheckWholeDataset(data, 0), IsOk());
 }
 
 TEST(CheckEvaluated, IsOfTheCheckpointThatIsThere) {

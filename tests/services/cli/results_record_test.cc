@@ -93,7 +93,7 @@ TEST(ResultRecords, WhatIsReadAgainAddsWhatIsKnownOfTheTrainingAndAComparisonTha
   records.Keep(Row("a"), Report(1, 7));
   ResultReport known = Report(1, 7);
   known.made = "a later day, another machine";
-  known.report["comparison"] = {{"overall", {{"n", 10}}}};
+  known.report["comparison"] = {{"overall", {{"n", 10}}}, {"with", "b"}};
   known.training_s = 276;
   known.train = 80;
   known.valid = 20;
@@ -110,6 +110,28 @@ TEST(ResultRecords, WhatIsReadAgainAddsWhatIsKnownOfTheTrainingAndAComparisonTha
   EXPECT_EQ(kept[0].training_s, 276);
   EXPECT_EQ(kept[0].train, 80U);
   EXPECT_EQ(kept[0].valid, 20U);
+  EXPECT_EQ(kept[0].report, known.report) << "with its comparison";
+}
+
+// the other row's evaluation may lie in a folder that is not there
+TEST(ResultRecords, AComparisonThatCannotBeMadeAgainIsKeptOfTheSameRowAndRollouts) {
+  ResultReport compared = Report(1, 7), missing = compared;
+  compared.report["comparison"] = {{"overall", {{"n", 10}}}, {"with", "b"}, {"with_sha256", "2f"}};
+  missing.report["comparison"] = {{"missing", "not there"}, {"with", "b"}};
+  const auto kept = [&](const ResultReport& now) {
+    ResultRecords records;
+    records.Keep(Row("a"), compared);
+    records.Keep(Row("a"), now);
+    return records.Find(Row("a")).at(0).report;
+  };
+  EXPECT_EQ(kept(missing), compared.report);
+  ResultReport other_row = missing, other_rollouts = missing, again = compared;
+  other_row.report["comparison"]["with"] = "c";
+  EXPECT_EQ(kept(other_row), other_row.report);
+  other_rollouts.report["overall"]["successes"] = 8;
+  EXPECT_EQ(kept(other_rollouts), other_rollouts.report);
+  again.report["comparison"]["overall"]["n"] = 9;
+  EXPECT_EQ(kept(again), again.report) << "the later one";
 }
 
 // a row that is defined anew must not show, or be averaged with, what was measured before
@@ -252,20 +274,32 @@ TEST(IsWholeReport, CountsScenesThatDoNotCount) {
 TEST(BriefReport, KeepsWhatTablesShow) {
   const OrderedJson report{{"overall", 1}, {"per_task", 2}, {"per_episode", OrderedJson::array({1, 2, 3})}};
   EXPECT_EQ(BriefReport(report), (OrderedJson{{"overall", 1}, {"per_task", 2}}));
-  const OrderedJson more{{"scenes", {{"first_draw", 0.5}, {"reasons", 7}}},
-                         {"comparison", {{"overall", {{"p", 0.1}}}, {"per_task", 3}}}};
+  const OrderedJson more{
+      {"scenes", {{"first_draw", 0.5}, {"reasons", 7}}},
+      {"comparison", {{"overall", {{"p", 0.1}}}, {"per_task", 3}, {"with", "b"}, {"with_sha256", "2f"}}}};
   EXPECT_EQ(BriefReport(more),
-            (OrderedJson{{"scenes", {{"first_draw", 0.5}}}, {"comparison", {{"overall", {{"p", 0.1}}}}}}));
+            (OrderedJson{{"scenes", {{"first_draw", 0.5}}},
+                         {"comparison", {{"overall", {{"p", 0.1}}}, {"with", "b"}, {"with_sha256", "2f"}}}}));
   EXPECT_EQ(BriefReport(OrderedJson::array()), OrderedJson::object());
 }
 
 TEST(BriefReport, KeepsWhyAComparisonIsMissing) {
-  const OrderedJson report{{"overall", 1}, {"comparison", {{"missing", "not there"}}}};
+  const OrderedJson report{{"overall", 1}, {"comparison", {{"with", "b"}, {"missing", "not there"}}}};
   EXPECT_EQ(BriefReport(report), report);
   EXPECT_EQ(MissingComparison(report), "not there");
   EXPECT_EQ(MissingComparison({{"comparison", {{"overall", 1}}}}), "");
   EXPECT_EQ(MissingComparison({{"comparison", {{"missing", 3}}}}), "");
   EXPECT_EQ(MissingComparison(OrderedJson::array()), "");
+}
+
+TEST(RolloutsHash, IsThatOfWhatIsKeptOfThem) {
+  const OrderedJson report{{"overall", {{"n", 10}, {"error_cm", {{"TAR3D", 0.1}}}}}, {"per_episode", {1, 2}}};
+  EXPECT_EQ(RolloutsHash(BriefReport(report)), RolloutsHash(report));
+  EXPECT_EQ(RolloutsHash(OrderedJson::parse(report.dump(1))), RolloutsHash(report)) << "read from a file";
+  OrderedJson other = report;
+  other["overall"]["error_cm"]["TAR3D"] = 0.2;
+  EXPECT_NE(RolloutsHash(other), RolloutsHash(report));
+  EXPECT_EQ(RolloutsHash(OrderedJson::array()), RolloutsHash(OrderedJson::object()));
 }
 
 TEST(MadeHere, NamesADayAndAMachine) {

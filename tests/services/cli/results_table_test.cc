@@ -83,23 +83,73 @@ TEST(ResultsTable, NamesThePolicyThatWasTrainedAndWhatItWasTold) {
   EXPECT_THAT(table(evaluated), HasSubstr("| compact/relational, optimizer.lr=0.001 | nominal, seed 1"));
 }
 
+// As records keep it. @param other  the report of the row `with`
+OrderedJson ComparisonWith(const std::string& with, const OrderedJson& other, int both, int first, int second, int n) {
+  return {{"overall", {{"n", n}, {"both", both}, {"only_first", first}, {"only_second", second}}},
+          {"with", with},
+          {"with_sha256", RolloutsHash(other)}};
+}
+
+// A row that is compared with another one, and that one's three seeds, which are in the table, too.
+struct ComparedRows {
+  ResultRow row = Row(0), scratch = Row(0);
+  OrderedJson there = Report(200, 159, 159);
+  std::vector<ResultReport> of_scratch{{1, "now", there}, {2, "now", there}, {3, "now", there}};
+
+  ComparedRows() {
+    row.compare = scratch.name = "scratch";
+    scratch.title = "from scratch";
+  }
+  std::string Table(const std::vector<OrderedJson>& reports) const {
+    ResultLine line{&row, {}};
+    for (const auto& report : reports) line.reports.push_back({line.reports.size() + 1, "now", report});
+    return ResultsTable({{&scratch, of_scratch}, line});
+  }
+};
+
 TEST(ResultsTable, SaysWhereARowIsComparedWithAnotherWhetherItCanBeChance) {
-  ResultRow row = Row(0);
-  row.compare = "scratch";
+  const ComparedRows rows;
   OrderedJson report = Report(10, 9, 9);
-  EXPECT_THAT(ResultsTable({{&row, {{1, "now", report}}}}), Not(HasSubstr("McNemar")));
-  report["comparison"]["overall"] = {{"n", 200}, {"both", 150}, {"only_first", 31}, {"only_second", 9}};
-  const std::string one = ResultsTable({{&row, {{1, "now", report}}}});
+  EXPECT_THAT(rows.Table({report}), Not(HasSubstr("McNemar")));
+  report["comparison"] = ComparisonWith("scratch", rows.there, 150, 31, 9, 200);
+  const std::string one = rows.Table({report});
   EXPECT_THAT(one, HasSubstr("| UR5 | scratch | 1 | 200 | 31 | 9 | 11.0 [4.9, 17.2] | 0.00068 |"));
   EXPECT_THAT(one, Not(HasSubstr("| scratch | all |")));
 
   OrderedJson second = report, missing = report;
-  second["comparison"]["overall"] = {{"n", 200}, {"both", 150}, {"only_first", 9}, {"only_second", 31}};
-  missing["comparison"] = {{"missing", "compare with row 'scratch': not there"}};
-  const std::string all = ResultsTable({{&row, {{1, "now", report}, {2, "now", second}, {3, "now", missing}}}});
+  second["comparison"] = ComparisonWith("scratch", rows.there, 150, 9, 31, 200);
+  missing["comparison"] = {{"missing", "compare with row 'scratch': not there"}, {"with", "scratch"}};
+  const std::string all = rows.Table({report, second});
   EXPECT_THAT(all, HasSubstr("| UR5 | scratch | 2 | 200 | 9 | 31 | -11.0 [-17.2, -4.9] | 0.00068 |"));
-  EXPECT_THAT(all, HasSubstr("| UR5 | scratch | 3 | missing | | | | |"));
-  EXPECT_THAT(all, HasSubstr("| UR5 | scratch | all | 400 | 40 | 40 | 0.0 ["));
+  EXPECT_THAT(all, HasSubstr("| UR5 | scratch | all | 400 | 40 | 40 | 0.0 | - |")) << "the same scenes twice";
+  const std::string some = rows.Table({report, second, missing});
+  EXPECT_THAT(some, HasSubstr("| UR5 | scratch | 3 | missing | | | | |"));
+  EXPECT_THAT(some, Not(HasSubstr("| scratch | all |"))) << "not all of them";
+}
+
+// else the numbers of one row would stand under the name of another
+TEST(ResultsTable, AComparisonIsWithTheRowThatIsNamedAsItIsInTheTable) {
+  ComparedRows rows;
+  rows.row.goals = {{"drop", 1.1}};
+  OrderedJson report = Report(10, 9, 9);
+  report["comparison"] = ComparisonWith("scratch", rows.there, 150, 31, 9, 200);
+  const auto missing = testing::AllOf(HasSubstr("| 1 | missing | | | | |"), HasSubstr("| - | not measured |"));
+  EXPECT_THAT(rows.Table({report}), Not(HasSubstr("missing")));
+
+  rows.row.compare = "other";
+  rows.scratch.name = "other";
+  EXPECT_THAT(rows.Table({report}), missing);
+  rows.row.compare = rows.scratch.name = "scratch";
+  rows.of_scratch[0].report["overall"]["success"]["successes"] = 160;
+  EXPECT_THAT(rows.Table({report}), missing) << "that row was made again";
+  rows.of_scratch.erase(rows.of_scratch.begin());
+  EXPECT_THAT(rows.Table({report}), missing) << "of seed 1 it is not in the table";
+  report["comparison"].erase("with_sha256");
+  EXPECT_THAT(rows.Table({report}), missing) << "an earlier version's does not say";
+
+  rows.row.compare.clear();
+  rows.row.goals.clear();
+  EXPECT_THAT(rows.Table({report}), Not(HasSubstr("McNemar"))) << "not compared any more";
 }
 
 TEST(ResultsTable, SaysWhatTrainedAndHowLongWhereThatIsKnown) {
@@ -130,27 +180,36 @@ TEST(ResultsTable, HoldsEveryGoalAgainstWhatWasMeasured) {
   ResultReport first{.seed = 1, .made = "now", .report = Report(100, 90, 96), .training_s = 276};
   first.report["overall"]["error_cm"] = {{"TAR3D", 0.2}, {"DISP", 0.5}};
   first.report["overall"]["error_before_contact_cm"] = {{"TAR3D", 0.1}};
-  first.report["comparison"]["overall"] = {{"n", 100}, {"both", 88}, {"only_first", 2}, {"only_second", 3}};
+  ResultRow seen = Row(0);
+  seen.name = "seen";
+  const OrderedJson there = Report(100, 91, 96);
+  first.report["comparison"] = ComparisonWith("seen", there, 88, 2, 3, 100);
   ResultReport second = first;
   second.seed = 2;
   second.training_s = 306;
   second.report["overall"]["error_cm"]["TAR3D"] = 0.4;
 
-  const std::string one = ResultsTable({{&row, {first}}});
+  const auto table = [&](const std::vector<ResultReport>& reports) {
+    return ResultsTable({{&seen, {{1, "now", there}, {2, "now", there}}}, {&row, reports}});
+  };
+  const std::string one = table({first});
   EXPECT_THAT(one, HasSubstr("| UR5 | latched at least 95 % | 96.0 [90.2, 98.4] | yes |"));
   EXPECT_THAT(one, HasSubstr("| UR5 | at most 1.1 points below seen | 1.0 ["));
   EXPECT_THAT(one, HasSubstr("| UR5 | training at most 5 min | 4.6 | yes |"));
   EXPECT_THAT(one, HasSubstr("| UR5 | TAR3D at most 0.3 cm | 0.20 (before contact 0.10) | yes |"));
   EXPECT_THAT(one, HasSubstr("| UR5 | DISP at most 0.2 cm | 0.50 (before contact -) | missed |"));
   EXPECT_THAT(one, HasSubstr("| UR5 | EE3D at most 0.05 cm | - | not measured |"));
-  const std::string two = ResultsTable({{&row, {first, second}}});
+  const std::string two = table({first, second});
   EXPECT_THAT(two, HasSubstr("| UR5 | training at most 5 min | 5.1 | missed |")) << "each of them";
   EXPECT_THAT(two, HasSubstr("| UR5 | TAR3D at most 0.3 cm | 0.30 (before contact 0.10) | yes |")) << "the mean";
+  EXPECT_THAT(two, HasSubstr("| UR5 | at most 1.1 points below seen | 1.0 | yes |")) << "the same scenes twice";
+  second.report.erase("comparison");
+  EXPECT_THAT(table({first, second}), HasSubstr("points below seen | - | not measured |")) << "each of them";
 
   row.goals = {{"drop", 0.9}, {"latched", 96.1}};
-  EXPECT_THAT(ResultsTable({{&row, {first}}}), HasSubstr("points below seen | 1.0 [-4.5, 6.7] | missed |"));
-  EXPECT_THAT(ResultsTable({{&row, {first}}}), HasSubstr("| latched at least 96.1 % | 96.0 [90.2, 98.4] | missed |"));
-  const std::string old = ResultsTable({{&row, {{1, "now", OrderedJson::object()}}}});
+  EXPECT_THAT(table({first}), HasSubstr("points below seen | 1.0 [-4.5, 6.7] | missed |"));
+  EXPECT_THAT(table({first}), HasSubstr("| latched at least 96.1 % | 96.0 [90.2, 98.4] | missed |"));
+  const std::string old = table({{1, "now", OrderedJson::object()}});
   EXPECT_THAT(old, HasSubstr("| UR5 | latched at least 96.1 % | - | not measured |"));
   EXPECT_THAT(old, HasSubstr("| UR5 | at most 0.9 points below seen | - | not measured |"));
 }

@@ -6,6 +6,7 @@
 
 #include <filesystem>
 
+#include "services/cli/results_record.h"
 #include "services/core/command.h"
 #include "services/core/config.h"
 #include "services/store/dataset.h"
@@ -118,6 +119,28 @@ TEST_F(Results, ARowWhoseComparisonIsMissingKeepsItsOwnFigures) {
   EXPECT_THAT(made.text, HasSubstr("| fourth | a | 7 | missing |"));
 }
 
+// with the folder of another --out, say
+TEST_F(Results, AComparisonIsNotLostWhereTheOtherRowIsNotThere) {
+  Write("out/runs/a-7/whole", "\n");
+  WriteReport(10, 0);
+  WriteReport(10, 0, "d");
+  ASSERT_EQ(Make("10", {"--row", "a"}).exit_code, kExitOk);
+  std::filesystem::remove_all(folder_ / "out/eval/a-7");
+  const CommandOutcome missing = Make("10", {"--row", "d"});
+  EXPECT_THAT(missing.text, HasSubstr("| fourth | a | 7 | missing |"));
+
+  auto records = OrderedJson::parse(ReadTextFile(folder_ / "out/results.json").value());
+  OrderedJson& comparison = records["rows"][1]["reports"][0]["report"]["comparison"];
+  EXPECT_EQ(comparison["with"], "a");
+  comparison = {{"overall", {{"n", 10}, {"both", 7}, {"only_first", 2}, {"only_second", 1}}},
+                {"with", "a"},
+                {"with_sha256", cli::RolloutsHash(records["rows"][0]["reports"][0]["report"])}};
+  Write("out/results.json", records.dump());
+  const CommandOutcome kept = Make("10", {"--row", "d"});
+  EXPECT_THAT(kept.text, HasSubstr("make that row first")) << "it cannot be made again";
+  EXPECT_THAT(kept.text, HasSubstr("| fourth | a | 7 | 10 | 2 | 1 | 10.0 ["));
+}
+
 TEST_F(Results, DoesNotTakeTheEvaluationOfARunThatWasTrainedAgain) {
   Write("out/runs/a-7/whole", "\n");
   Write("out/runs/a-7/checkpoints/latest.safetensors", "trained again");
@@ -190,7 +213,7 @@ TEST_F(ResultsOfStandIns, ACollectionThatFailsIsTriedAgainAndNothingTrainsOnItsR
   EXPECT_THAT(made.text, Not(HasSubstr("train-a")));
 }
 
-// a collection that was stopped, or gave episodes up, ends well
+// a collection that was stopped ends well
 TEST_F(ResultsOfStandIns, NothingTrainsOnFewerDemonstrationsThanTheRowAsksFor) {
   WriteDataset(2);
   const CommandOutcome made = MakeTwoSeeds(3);
