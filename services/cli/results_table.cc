@@ -23,6 +23,9 @@ constexpr char kBesideThePaper[] =
     "draws, drawn anew until the expert can do the task (the share that was not is beside them), one training for each "
     "seed.\n";
 
+// what is the goal but for its last binary digits has reached it
+constexpr double kRounding = 1e-9;
+
 // numbers of a report may be missing in one that another version wrote; never a reason to end
 const OrderedJson* FindPart(const OrderedJson& report, const char* key) {
   return report.is_object() && report.contains(key) ? &report[key] : nullptr;
@@ -46,8 +49,7 @@ struct Count {
   double percent() const {
     return trials == 0 ? 0 : 100 * static_cast<double>(successes) / static_cast<double>(trials);
   }
-  // a share that is the goal is not below it for its last binary digit
-  bool reaches(double goal) const { return percent() >= goal - 1e-9; }
+  bool reaches(double goal) const { return percent() >= goal - kRounding; }
   std::string text() const {
     if (trials == 0) return "-";
     const auto interval = WilsonInterval(successes, trials);
@@ -327,7 +329,7 @@ GoalCheck CheckDrop(const ResultLine& line, double goal) {
   const Interval interval = paired.interval();
   check.measured = fmt::format("{:.1f}", 0 - paired.difference());
   if (paired.seeds == 1) check.measured += fmt::format(" [{:.1f}, {:.1f}]", 0 - interval.high, 0 - interval.low);
-  check.reached = -paired.difference() <= goal + 1e-9;
+  check.reached = -paired.difference() <= goal + kRounding;
   return check;
 }
 
@@ -341,7 +343,7 @@ GoalCheck CheckMinutes(const ResultLine& line, double goal) {
   }
   if (longest == 0) return check;
   check.measured = fmt::format("{:.1f}", longest);
-  check.reached = longest <= goal;
+  check.reached = longest <= goal + kRounding;
   return check;
 }
 
@@ -351,7 +353,7 @@ GoalCheck CheckError(const ResultLine& line, const std::string& module, double g
   if (errors.all[module].empty()) return check;
   check.measured = fmt::format("{} (before contact {})", ModuleErrors::Text(errors.all[module]),
                                ModuleErrors::Text(errors.before_contact[module]));
-  check.reached = Mean(errors.all[module]) <= goal;
+  check.reached = Mean(errors.all[module]) <= goal + kRounding;
   return check;
 }
 
