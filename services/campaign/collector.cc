@@ -55,6 +55,11 @@ void Collector::Impl::Guard(const char* thread, const std::function<void()>& wor
   stop.store(true);
 }
 
+std::optional<Error> Collector::Impl::EndedBy() {
+  const MutexLock lock(mutex);
+  return ended_by;
+}
+
 bool Collector::Impl::Complete() {
   const MutexLock lock(mutex);
   return AllDone();
@@ -231,14 +236,15 @@ Status Collector::Run() {
   });
   impl.finished.store(true);
   control.join();
-  const bool stopped = impl.Stopping() && !impl.Complete();
+  const auto ended_by = impl.EndedBy();
+  // one that failed stops itself: nobody wished it
+  const bool stopped = !ended_by && impl.Stopping() && !impl.Complete();
   if (Status said = stopped ? RememberStop(impl.sink->folder()) : Status(); !said)
     Log().warn("remember that the campaign was stopped: {}", said.error().message);  // it is shown as silent then
   const CollectorProgress progress = this->progress();
   Log().info("campaign={} committed={}/{} given_up={} attempts={}", impl.spec.name, progress.committed, progress.total,
              progress.given_up, progress.attempts);
-  const MutexLock lock(impl.mutex);
-  if (impl.ended_by) return Fail(*impl.ended_by);
+  if (ended_by) return Fail(*ended_by);
   return {};
 }
 

@@ -125,6 +125,7 @@ struct Collector::Impl {
 
   bool Stopping() const { return stop.load() || StopRequested(); }
   bool Complete() ETUDE_EXCLUDES(mutex);
+  std::optional<Error> EndedBy() ETUDE_EXCLUDES(mutex);
   CollectorProgress Snapshot() ETUDE_REQUIRES(mutex);
   void Announce(bool complete);
   /// What throws on one of the collector's threads ends the collector with words, not the process.

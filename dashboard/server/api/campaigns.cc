@@ -276,7 +276,11 @@ Result<http::Answer> Cells(Context& context, const http::Request& request) {
   ETUDE_ASSIGN_OR_RETURN(const OpenedCampaign opened, Open(context, request.Parameter("id")));
   const auto state = StateOf(opened.view.get(), opened.heard);
   // without its files nothing is known of single episodes: no cells, rather than all of them open
-  std::vector<std::uint8_t> cells(opened.view ? std::min(state.total, kMost) : 0, kOpen);
+  std::uint64_t size = opened.view ? state.total : 0;
+  // of one made of others' episodes, which may keep their indices: to the last
+  if (opened.view && opened.view->info.derived)
+    size = opened.view->rows.empty() ? 0 : opened.view->rows.back().index + 1;
+  std::vector<std::uint8_t> cells(std::min(size, kMost), kOpen);
   if (opened.view) {
     const auto& view = *opened.view;
     for (const auto& row : view.failures)

@@ -10,6 +10,7 @@
 #include <iterator>
 #include <map>
 #include <optional>
+#include <string_view>
 
 #include "dashboard/server/api/context.h"
 #include "dashboard/server/sources/files.h"
@@ -92,9 +93,9 @@ std::optional<double> LastTimeAt(const std::string& time_of_day, double latest) 
 // Lines have a time of day alone: the day of the last one is that of the file's last change, and one whose time of day
 // is after that of the line behind it is of the day before. A line without a time, or with an earlier one, stays behind
 // the one before it; a file that has no times counts as of its last change.
-void Date(std::vector<Line>& lines, double file_changed) {
+// @param latest  of the last line: the file's last change, or what the page before said
+void Date(std::vector<Line>& lines, double latest) {
   std::vector<std::optional<double>> times(lines.size());
-  double latest = file_changed;
   for (std::size_t i = lines.size(); i-- > 0;)
     if ((times[i] = lines[i].written ? lines[i].written : LastTimeAt(lines[i].time, latest))) latest = *times[i];
   double order = latest;  // the first time that there is: lines before it have none
@@ -122,10 +123,25 @@ struct Window {
   double oldest = 0;  // order of its first line
 };
 
-// Whole lines that end before `before` bytes, of at most kWindow bytes.
-Result<Window> ReadWindow(const sources::Catalog::LogFile& log, std::uint64_t before) {
+// Where in a file a page ends, and when what stands there was written, which dates the lines before it: the file may
+// have changed since. nullopt: its last change.
+struct Place {
+  std::uint64_t before = UINT64_MAX;
+  std::optional<double> time;  // seconds since 1970
+};
+using Cursor = std::map<std::string, Place>;  // by file
+
+struct Chosen {
+  sources::Catalog::LogFile log;
+  Place place;
+};
+
+// Whole lines that end before the place, of at most kWindow bytes.
+Result<Window> ReadWindow(const Chosen& chosen) {
+  const auto& log = chosen.log;
   ETUDE_ASSIGN_OR_RETURN(const auto open, sources::OpenBelow(log.folder, log.file));
-  const std::uint64_t end = std::min(before, open.stamp.size), begin = end > kWindow ? end - kWindow : 0;
+  const double latest = chosen.place.time.value_or(open.stamp.modified_s());
+  const std::uint64_t end = std::min(chosen.place.before, open.stamp.size), begin = end > kWindow ? end - kWindow : 0;
   std::string text(end - begin, '\0');
   ETUDE_ASSIGN_OR_RETURN(const std::size_t got, ReadAt(open.file.get(), log.file, begin,
                                                        {reinterpret_cast<std::uint8_t*>(text.data()), text.size()}));
@@ -149,48 +165,63 @@ Result<Window> ReadWindow(const sources::Catalog::LogFile& log, std::uint64_t be
     if (!line.text.empty()) window.lines.push_back(std::move(line));
     at = newline + 1;
   }
-  Date(window.lines, open.stamp.modified_s());
+  Date(window.lines, latest);
   Rank(window.lines);
-  window.oldest = window.lines.empty() ? open.stamp.modified_s() : window.lines.front().order;
+  window.oldest = window.lines.empty() ? latest : window.lines.front().order;
   return window;
 }
 
-// A file, and where in it the page ends.
-struct Chosen {
-  sources::Catalog::LogFile log;
-  std::uint64_t before = UINT64_MAX;
-};
+template <class Number>
+bool ParseWhole(std::string_view text, Number& number) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc() && end == text.data() + text.size();
+}
 
-// "OFFSET" in one file, "ID@OFFSET,..." in several: those not named have no more. @error kInvalidArgument
-Result<std::map<std::string, std::uint64_t>> CursorIn(const http::Query& query, const std::string& source) {
-  std::map<std::string, std::uint64_t> cursor;
+// "OFFSET" or "OFFSET@SECONDS". nullopt: neither
+std::optional<Place> PlaceIn(std::string_view text) {
+  constexpr double kLatest_s = 253'402'300'799;  // the year 9999
+  Place place;
+  const auto at = text.find('@');
+  if (!ParseWhole(text.substr(0, at), place.before)) return std::nullopt;
+  if (at == std::string_view::npos) return place;
+  double time = 0;
+  if (!ParseWhole(text.substr(at + 1), time) || !(time >= 0 && time <= kLatest_s)) return std::nullopt;
+  place.time = time;
+  return place;
+}
+
+// OFFSET@SECONDS in one file, ID@OFFSET@SECONDS,... in several: those not named have no more. Where SECONDS are left
+// out, the file's last change stands for them. @error kInvalidArgument
+Result<Cursor> CursorIn(const http::Query& query, const std::string& source) {
+  Cursor cursor;
   const std::string text = query.Get("before").value_or("");
   for (std::size_t begin = 0; begin < text.size();) {
     const auto comma = std::min(text.find(',', begin), text.size());
-    const std::string part = text.substr(begin, comma - begin);
-    const auto at = part.find('@');
-    const std::string number = at == std::string::npos ? part : part.substr(at + 1);
-    std::uint64_t offset = 0;
-    const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), offset);
-    if (error != std::errc() || end != number.data() + number.size() || cursor.size() > kMostMerged)
+    const std::string_view part = std::string_view(text).substr(begin, comma - begin);
+    const auto at = source.empty() ? part.find('@') : std::string_view::npos;
+    const bool named = at != std::string_view::npos;
+    const auto place = PlaceIn(named ? part.substr(at + 1) : part);
+    if (!place || named != source.empty() || cursor.size() > kMostMerged)
       return Fail(Code::kInvalidArgument, fmt::format("before={:.40}: not what next of the page before said", text));
-    cursor[at == std::string::npos ? source : part.substr(0, at)] = offset;
+    cursor[named ? std::string(part.substr(0, at)) : source] = *place;
     begin = comma + 1;
   }
   return cursor;
 }
 
-OrderedJson CursorJson(const std::map<std::string, std::uint64_t>& cursor, const std::string& source) {
+OrderedJson CursorJson(const Cursor& cursor, const std::string& source) {
   std::string text;
-  for (const auto& [id, offset] : cursor)
-    text += source.empty() ? fmt::format("{}{}@{}", text.empty() ? "" : ",", id, offset) : fmt::format("{}", offset);
+  for (const auto& [id, place] : cursor) {
+    if (source.empty()) text += fmt::format("{}{}@", text.empty() ? "" : ",", id);
+    text += fmt::format("{}@{:.3f}", place.before, std::max(0.0, place.time.value_or(0)));
+  }
   return sources::TextOrNull(text);
 }
 
 struct Page {
   std::vector<Line> lines;
-  std::map<std::string, std::uint64_t> next;  // by file: where older lines end
-  double back_to = 0;                         // seconds since 1970; 0: to the begin of every file
+  Cursor next;         // where older lines end
+  double back_to = 0;  // seconds since 1970; 0: to the begin of every file
 };
 
 // The newest lines of all that fit. Where a file has more than its window, others wait for it: what is older than its
@@ -199,11 +230,11 @@ template <class Fits>
 Page Merge(const std::vector<Chosen>& chosen, std::size_t limit, Fits&& fits) {
   Page page;
   std::vector<Line> fitting;
-  for (const auto& [log, before] : chosen) {
-    auto window = ReadWindow(log, before);
+  for (const auto& one : chosen) {
+    auto window = ReadWindow(one);
     if (!window) continue;  // it went away
     if (window->more) {
-      page.next[log.id] = window->begin;
+      page.next[one.log.id] = {window->begin, window->oldest};
       page.back_to = std::max(page.back_to, window->oldest);
     }
     for (auto& line : window->lines)
@@ -213,8 +244,8 @@ Page Merge(const std::vector<Chosen>& chosen, std::size_t limit, Fits&& fits) {
   std::size_t first = fitting.size() > limit ? fitting.size() - limit : 0;
   while (first < fitting.size() && fitting[first].order < page.back_to) ++first;
   for (std::size_t i = 0; i < first; ++i) {
-    auto& next = page.next[fitting[i].source];
-    next = std::max(next, fitting[i].end);
+    const auto [next, fresh] = page.next.try_emplace(fitting[i].source, Place{0, {}});
+    if (fitting[i].end > next->second.before) next->second = {fitting[i].end, fitting[i].order};
   }
   if (first > 0) page.back_to = std::max(page.back_to, fitting[first - 1].order);
   page.lines.assign(std::make_move_iterator(fitting.begin() + static_cast<std::ptrdiff_t>(first)),
@@ -265,10 +296,11 @@ Result<OrderedJson> LogsJson(Context& context, const http::Query& query) {
     return Fail(Code::kInvalidArgument, "level: " + NotKnown(level.substr(0, 40), {kLevels.begin(), kLevels.end()}));
   const auto logs = context.sources.catalog().Logs();
   std::vector<Chosen> chosen;
-  for (const auto& log : source.empty() ? Newest(*logs) : *logs) {
-    const auto before = cursor.find(log.id);
-    if (!source.empty() ? log.id == source : cursor.empty() || before != cursor.end())
-      chosen.push_back({log, before == cursor.end() ? UINT64_MAX : before->second});
+  // the files of the pages before are no matter of which ones are the newest now
+  for (const auto& log : source.empty() && cursor.empty() ? Newest(*logs) : *logs) {
+    const auto place = cursor.find(log.id);
+    if (!source.empty() ? log.id == source : cursor.empty() || place != cursor.end())
+      chosen.push_back({log, place == cursor.end() ? Place{} : place->second});
   }
   if (!source.empty() && chosen.empty()) return Fail(Code::kNotFound, fmt::format("there is no log '{:.100}'", source));
   const Page page = Merge(chosen, static_cast<std::size_t>(limit), [&](const Line& line) {

@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "dashboard/server/api/context.h"
+#include "services/core/identity.h"
 #include "services/core/thread_annotations.h"
 #include "services/episode/bounded_json.h"
 
@@ -277,19 +278,33 @@ std::string Exposed(const std::vector<DatasetMetrics>& datasets, const std::vect
 
 constexpr std::size_t kMostOfKind = 40;
 
+// Identities of all datasets of rollouts that are here, however old.
+std::set<std::string> RolloutsHere(Context& context) {
+  std::set<std::string> identities;
+  for (const auto& found : *context.sources.catalog().List()) {
+    if (found.kind != sources::Kind::kDataset || found.eval.empty()) continue;
+    if (const auto identity = ReadIdentity(found.folder)) identities.insert(identity->id);
+  }
+  return identities;
+}
+
+bool AnnouncesRollouts(const live::LiveCampaign& campaign) {
+  const OrderedJson spec = ParseBoundedJson(campaign.spec_json).value_or(OrderedJson());
+  return sources::TextOf(spec, "mode") == "rollout";
+}
+
 // Of demonstrations, with what is on the bus alone.
 std::vector<DatasetMetrics> DatasetsNow(Context& context, const live::LiveView& live) {
   std::vector<DatasetMetrics> datasets;
-  std::set<std::string> known;
-  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kDataset, kMostOfKind).found) {
+  std::set<std::string> known = live.campaigns.empty() ? std::set<std::string>() : RolloutsHere(context);
+  for (const auto& found : context.sources.catalog().NewestOf(sources::Kind::kDataset, kMostOfKind, false).found) {
     const auto opened = OpenDataset(context, found.id);
     if (!opened) continue;
     known.insert(opened->view->info.identity);
-    if (found.eval.empty())
-      datasets.push_back({found.id, opened->view, StateOf(opened->view.get(), LiveOf(live, *opened->view)), ""});
+    datasets.push_back({found.id, opened->view, StateOf(opened->view.get(), LiveOf(live, *opened->view)), ""});
   }
   for (const auto& [identity, campaign] : live.campaigns)
-    if (campaign.present && !known.contains(identity))
+    if (campaign.present && !known.contains(identity) && !AnnouncesRollouts(campaign))
       datasets.push_back({BusId(campaign.presence), nullptr, StateOf(nullptr, &campaign),
                           campaign.status ? campaign.status->failures_json : ""});
   return datasets;

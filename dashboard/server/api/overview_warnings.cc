@@ -74,24 +74,35 @@ void WarnOfRuns(const Overview& all, OrderedJson& warnings) {
   }
 }
 
-// A robot goes on with an older one, and nothing else says so. Where nobody serves the run nobody waits for it.
+// The one that a channel names. Null: none, or one that no server takes.
+const sources::CheckpointHeader* HeaderOfChannel(const sources::RunView& run, const std::string& channel) {
+  for (const auto& header : run.checkpoints) {
+    if (std::ranges::find(header.channels, channel) == header.channels.end()) continue;
+    const auto refused = header.metadata.find("refused");
+    const bool taken = header.error.empty() && (refused == header.metadata.end() || refused->second.empty());
+    return taken && header.metadata.contains("step") ? &header : nullptr;
+  }
+  return nullptr;
+}
+
+// A robot goes on with an older one, and nothing else says so. Where nobody serves the run nobody waits for it, and a
+// server that follows no channel serves one file for ever.
 void WarnOfUnserved(const Overview& all, OrderedJson& warnings) {
   constexpr double kPatience_s = 60;
   for (const auto& item : all.runs) {
     if (!item.view || item.view->identity.empty()) continue;
-    const auto newest = std::ranges::find_if(item.view->checkpoints, [](const auto& header) {
-      const auto refused = header.metadata.find("refused");
-      return header.error.empty() && (refused == header.metadata.end() || refused->second.empty());
-    });
-    if (newest == item.view->checkpoints.end() || !newest->metadata.contains("step")) continue;
-    const std::uint64_t step = std::strtoull(newest->metadata.at("step").c_str(), nullptr, 10);
-    const double age = WallSeconds() - newest->stamp.modified_s();
-    for (const auto* server : ServersOf(*all.live, item.view->identity))
+    for (const auto* server : ServersOf(*all.live, item.view->identity)) {
+      const auto& channel = server->status.channel;
+      const auto* newest = channel.empty() ? nullptr : HeaderOfChannel(*item.view, channel);
+      if (!newest) continue;
+      const std::uint64_t step = std::strtoull(newest->metadata.at("step").c_str(), nullptr, 10);
+      const double age = WallSeconds() - newest->stamp.modified_s();
       if (age > kPatience_s && server->status.step < step && warnings.size() < 100)
         warnings.push_back(Warning("checkpoint_unserved",
                                    fmt::format("{}: checkpoint {} is {:.0f} s old, policy on {} serves {}", item.name,
                                                step, age, server->status.host, server->status.step),
                                    "/checkpoints?run=" + item.found.id, newest->stamp.modified_s() + kPatience_s));
+    }
   }
 }
 

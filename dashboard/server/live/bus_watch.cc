@@ -211,11 +211,11 @@ void BusWatch::Run(std::stop_token stop) {
   SampleTap tap(*participant);
   TimePoint looked{};
   while (!stop.stop_requested()) {
+    ears->Listen(model);  // first: after a stall, what waits in the readers says that nobody was silent
     if (MonotonicClock::now() - looked >= kDirectory) {
       ears->LookAround(model);
       looked = MonotonicClock::now();
     }
-    ears->Listen(model);
     Serve(tap);
     Publish(model.view());
     std::this_thread::sleep_for(kLook);

@@ -35,7 +35,7 @@ char Letter(const std::string& phase) {
   return phase == "send" ? 's' : 'i';
 }
 
-// @param names  at least one
+// @param names  at least one, all among its workers
 bus::ProcessEvent SilenceOf(const LiveCampaign& campaign, const std::vector<std::string>& names, std::uint64_t number) {
   bus::ProcessEvent event;
   event.process = "silence of " + campaign.presence.id;
@@ -118,8 +118,9 @@ void LiveModel::TellSilences(TimePoint now) {
       worker.silence_told = true;
       names.push_back(name);
     }
-    std::erase_if(campaign.workers, [&](const auto& item) { return now - item.second.heard > kForget; });
+    // after the event, which is made of the workers: one may be silent and forgotten at once
     if (!names.empty()) events.push_back(SilenceOf(campaign, names, ++silences_));
+    std::erase_if(campaign.workers, [&](const auto& item) { return now - item.second.heard > kForget; });
   }
   On(std::move(events));
 }

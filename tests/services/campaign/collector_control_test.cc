@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "services/bus/topic.h"
+#include "services/campaign/history.h"
 #include "services/campaign/lease_table.h"
 #include "services/campaign/process.h"
 #include "services/campaign/worker_client.h"
@@ -410,6 +411,8 @@ TEST_F(CollectorControl, APolicyThatDoesNotAnswerDropsNoRolloutAndEndsTheEvaluat
   EXPECT_NE(running.status().error().message.find("no answer of 'run'"), std::string::npos)
       << running.status().error().message;
 
+  EXPECT_FALSE(KnownStopped(folder_ / "data")) << "nobody stopped it";
+
   // and the next start begins where it was
   owner.reset();
   auto again = Collector::Open(*participant_, spec, folder_ / "data", options);
@@ -434,6 +437,7 @@ TEST_F(CollectorControl, APolicyThatIsForSomethingElseEndsTheEvaluationAtOnce) {
   EXPECT_EQ(running.status().error().code, Code::kInvalidArgument);
   EXPECT_NE(running.status().error().message.find("ur5 here, panda there"), std::string::npos)
       << running.status().error().message;
+  EXPECT_FALSE(KnownStopped(folder_ / "data"));
 }
 
 }  // namespace collector_control_test

@@ -148,6 +148,7 @@ TEST_F(CollectorTest, ACopiedFolderIsRefusedUnlessItIsANewOneOrAdopts) {
   EXPECT_EQ(running.status().error().code, Code::kUnavailable);
   EXPECT_NE(running.status().error().message.find((folder_ / "copy").string()), std::string::npos)
       << running.status().error().message;
+  EXPECT_FALSE(KnownStopped(folder_ / "data")) << "its successor goes on";
 
   Running adopted(std::move(*adopting));
   Process worker = StartWorkerOf(spec.name + "@" + id, folder_ / "w.log", 0);
@@ -228,6 +229,7 @@ TEST_F(CollectorTest, WhatAThreadThrowsEndsItWithWords) {
   EXPECT_NE(running.status().error().message.find("commit thread failed: an exception: out of paper"),
             std::string::npos)
       << running.status().error().message;
+  EXPECT_FALSE(KnownStopped(folder_ / "data")) << "it failed";
 }
 
 }  // namespace collector_test

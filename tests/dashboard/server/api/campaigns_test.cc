@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 
 #include <map>
+#include <set>
+#include <utility>
 
 #include "tests/dashboard/server/api/api_fixture.h"
 #include "tests/support/matchers.h"
@@ -129,16 +131,22 @@ TEST_F(CampaignsTest, FailuresOfManyKindsAreAllCounted) {
 
 TEST_F(CampaignsTest, FewMoreKindsThanAreAnsweredKeepTheTableOfReasonsAndTasks) {
   std::string failures;
-  std::map<std::string, std::uint64_t> wanted, found;
+  std::map<std::pair<std::string, std::string>, std::uint64_t> wanted, found;
+  std::set<std::string> tasks;
   for (int i = 0; i < 600; ++i) {
     const std::string reason = i % 3 == 0 ? "slip" : "timeout";
-    ++wanted[reason];
+    const auto index = static_cast<std::uint64_t>(i % 20);
+    const std::string task = PlanEpisode(SyntheticSpec(), index, 0).task.text();  // as of every failure of the index
+    tasks.insert(task);
+    ++wanted[{reason, task}];
     failures +=
-        fmt::format(R"({{"index":3,"attempt":{},"outcome":"{}","details":{{"stage":"s{}"}}}})", i, reason, i) + "\n";
+        fmt::format(R"({{"index":{},"attempt":{},"outcome":"{}","details":{{"stage":"s{}"}}}})", index, i, reason, i) +
+        "\n";
   }
+  ASSERT_GT(tasks.size(), 1u);
   WriteLate(failures);
   const auto rows = GetJson(kPrefix + "/campaigns/lab.late")["failures_by"];
-  for (const auto& row : rows) found[row["reason"]] += row["count"].get<std::uint64_t>();
+  for (const auto& row : rows) found[{row["reason"], row["task"]}] += row["count"].get<std::uint64_t>();
   EXPECT_EQ(found, wanted);
   EXPECT_LE(rows.size(), 500u);
 }

@@ -214,6 +214,8 @@ TEST_F(DatasetsTest, ACopyOfSomeEpisodesIsFinished) {
   const auto campaign = GetJson(kPrefix + "/campaigns/lab.some");
   EXPECT_EQ(campaign["status"]["total"], 2);
   EXPECT_EQ(campaign["status"]["given_up"], 0);
+  const auto cells = GetArrays(kPrefix + "/campaigns/lab.some/cells").tensors.at("cells").data;
+  EXPECT_EQ(cells, (std::vector<std::uint8_t>{0, 1, 0, 0, 1})) << "its episodes keep their indices";
   const auto summary = GetJson(kPrefix + "/datasets/lab.some/summary");
   for (const auto& cell : summary["matrix"]) EXPECT_TRUE(cell["expected"].is_null()) << "of a part nothing is expected";
   EXPECT_GT(GetJson(kPrefix + "/datasets/lab.data")["total"], 6) << "its original goes on";

@@ -209,12 +209,42 @@ TEST_F(LogsTest, DaysAreCountedBackFromAFilesLastChange) {
   EXPECT_THAT(Texts("?q=info%20a"), ElementsAre("22:00:00 info a: 1", "08:00:00 info a: 2", "07:59:59 info a: 3"));
 }
 
+// before, a file that others had overtaken by then was left out of the next page
+TEST_F(LogsTest, AFileThatIsNoLongerAmongTheNewestKeepsItsOlderLines) {
+  WriteOn(20, "10:00:05", "trainer.log", "10:00:01 info a: 1\n10:00:05 info a: 5\n");
+  for (int i = 0; i < 12; ++i) WriteOn(10, "10:00:00", fmt::format("worker{}.log", i), "10:00:00 info b: 0\n");
+  const auto first = GetJson(kPrefix + "/logs?limit=1");
+  ASSERT_EQ(first["lines"].size(), 1u);
+  EXPECT_EQ(first["lines"][0]["text"], "10:00:05 info a: 5");
+  for (int i = 0; i < 12; ++i) WriteOn(21, "10:00:00", fmt::format("worker{}.log", i), "10:00:00 info b: 0\n");
+  EXPECT_THAT(Texts("?limit=1&before=" + first["next"].get<std::string>()), ElementsAre("10:00:01 info a: 1"));
+}
+
+// before, older lines were dated by the file's last change, and took the day of what came after the first page
+TEST_F(LogsTest, AFileThatGrowsBetweenPagesKeepsTheDaysOfItsOlderLines) {
+  const std::string lines = "10:00:01 info a: 1\n10:00:03 info a: 3\n10:00:05 info a: 5\n";
+  WriteOn(10, "10:00:05", "trainer.log", lines);
+  WriteOn(10, "10:00:04", "worker.log", "10:00:02 info b: 2\n10:00:04 info b: 4\n");
+  const auto first = GetJson(kPrefix + "/logs?limit=2");
+  ASSERT_EQ(first["lines"].size(), 2u);
+  const std::string next = first["next"];
+  EXPECT_EQ(std::ranges::count(next, '@'), 4) << next;
+  const auto unchanged = GetJson(kPrefix + "/logs?limit=2&before=" + next);
+  WriteOn(12, "09:00:00", "trainer.log", lines + "09:00:00 info a: 6\n");
+  EXPECT_THAT(Texts("?before=" + next), ElementsAre("10:00:01 info a: 1", "10:00:02 info b: 2", "10:00:03 info a: 3"));
+  EXPECT_EQ(GetJson(kPrefix + "/logs?limit=2&before=" + next)["back_to"], unchanged["back_to"]);
+}
+
 TEST_F(LogsTest, WhatIsNotThereOrMakesNoSenseIsSaid) {
   EXPECT_EQ(Get(kPrefix + "/logs?source=lab.logs.none").status, 404);
   EXPECT_EQ(Get(kPrefix + "/logs?source=..%2Flogs").status, 404);
   EXPECT_EQ(Get(kPrefix + "/logs?limit=0").status, 400);
-  for (const char* before : {"-1", "x", "5x", "lab.logs.trainer.log@", "a@1,b@y", "1@2@3"})
+  for (const char* before : {"-1", "x", "5x", "lab.logs.trainer.log@", "a@1,b@y", "123", "a@1@", "a@1@-1", "a@1@nan",
+                             "a@1@1e300", "a@b@1", "@"})
     EXPECT_EQ(Get(kPrefix + "/logs?before=" + before).status, 400) << before;
+  for (const char* before : {"lab.logs.trainer.log@5", "lab.logs.trainer.log@5@1000", "5@x", "1@2@3"})
+    EXPECT_EQ(Get(kPrefix + "/logs" + kTrainer + "&before=" + before).status, 400) << before;
+  EXPECT_THAT(Texts(std::string(kTrainer) + "&before=20@1000"), testing::SizeIs(1));
   EXPECT_THAT(Texts(std::string(kTrainer) + "&before=0"), testing::IsEmpty());
 }
 

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <set>
@@ -67,6 +68,13 @@ class MetricsTest : public ApiFixture {
       if (parsed) lines.push_back(*parsed);
     }
     return lines;
+  }
+  // Values of the label campaign.
+  std::set<std::string> Campaigns() {
+    std::set<std::string> campaigns;
+    for (const auto& line : Scrape())
+      if (line.name == "etude_demonstrations_total") campaigns.insert(line.labels.at("campaign"));
+    return campaigns;
   }
 };
 
@@ -137,6 +145,34 @@ TEST_F(MetricsTest, HostsHaveSlots) {
                                  {{"etude_slots_busy", "lab-7"}, "1"},
                                  {{"etude_slots_busy", "lab-8"}, "1"}};
   EXPECT_EQ(found, expected);
+}
+
+// before, rollouts counted towards the bound, and forty evaluations hid every demonstration
+TEST_F(MetricsTest, DemonstrationsAreThereBesideManyEvaluations) {
+  for (int i = 0; i < 40; ++i)
+    std::filesystem::copy(lab_.root() / "eval_a", lab_.root() / fmt::format("eval_{}", i),
+                          std::filesystem::copy_options::recursive);
+  EXPECT_EQ(Campaigns(), (std::set<std::string>{"lab.data"}));
+}
+
+TEST_F(MetricsTest, EvaluationsOnTheBusAreNoDemonstrations) {
+  const auto here = OpenIdentity(lab_.root() / "eval_a" / "rollouts");
+  ASSERT_THAT(here, IsOk());
+  const auto now = MonotonicClock::now();
+  bus::Presence of_folder, announced, collects;
+  of_folder.id = here->id, of_folder.name = "here";
+  announced.id = std::string(16, '1'), announced.name = "away";
+  collects.id = std::string(16, '2'), collects.name = "lab";
+  live::LiveModel model;
+  model.view().enabled = true;
+  model.Directory({of_folder, announced, collects}, now);
+  bus::CampaignAnnouncement announcement;
+  announcement.spec_json = R"({"mode": "rollout"})";
+  model.On(announced.id, announcement, now);
+  announcement.spec_json = R"({"mode": "demonstrate"})";
+  model.On(collects.id, announcement, now);
+  live_ = std::make_shared<const live::LiveView>(model.view());
+  EXPECT_EQ(Campaigns(), (std::set<std::string>{"lab.data", "lab@" + collects.id}));
 }
 
 TEST_F(MetricsTest, TheHistogramAddsUp) {

@@ -249,6 +249,7 @@ TEST_F(OverviewTest, WarnsOfACheckpointThatNoServerTakesForAMinute) {
   ASSERT_THAT(identity, IsOk());
   bus::PolicyStatus server;
   server.server = "s", server.run = "example", server.run_id = identity->id, server.host = "rack", server.step = 150;
+  server.channel = "latest";
   model_.On(server, MonotonicClock::now());
   const Path file = lab_.root() / "run" / "checkpoints" / "00000200.safetensors";
   std::filesystem::last_write_time(file, std::filesystem::last_write_time(file) - 90s);
@@ -262,9 +263,34 @@ TEST_F(OverviewTest, ACheckpointThatWasSavedJustNowNeedNotBeServed) {
   const auto identity = ReadIdentity(lab_.root() / "run");
   ASSERT_THAT(identity, IsOk());
   bus::PolicyStatus server;
-  server.server = "s", server.run_id = identity->id, server.step = 150;
+  server.server = "s", server.run_id = identity->id, server.step = 150, server.channel = "latest";
   model_.On(server, MonotonicClock::now());
   EXPECT_FALSE(Warnings().contains("checkpoint_unserved"));
+}
+
+// before, every server was held against the newest file, and a good one was warned of for ever
+TEST_F(OverviewTest, AServerIsHeldAgainstTheChannelThatItFollows) {
+  const auto identity = ReadIdentity(lab_.root() / "run");
+  ASSERT_THAT(identity, IsOk());
+  const Path checkpoints = lab_.root() / "run" / "checkpoints", newest = checkpoints / "00000200.safetensors";
+  store::Safetensors older;
+  older.metadata = {{"step", "150"}, {"refused", ""}};
+  older.tensors["modules.LANG.w"] = {store::DType::kF32, {2, 3}, std::vector<std::uint8_t>(24)};
+  ASSERT_THAT(store::WriteSafetensors(checkpoints / "00000150.safetensors", older), IsOk());
+  std::filesystem::create_symlink("00000150.safetensors", checkpoints / "best.safetensors");
+  for (const Path& file : {newest, checkpoints / "00000150.safetensors"})
+    std::filesystem::last_write_time(file, std::filesystem::last_write_time(file) - 90s);
+  const auto warned = [&](const std::string& channel, std::uint64_t step) {
+    bus::PolicyStatus server;
+    server.server = "s", server.run_id = identity->id, server.step = step, server.channel = channel;
+    model_.On(server, MonotonicClock::now());
+    return Warnings().contains("checkpoint_unserved");
+  };
+  EXPECT_TRUE(warned("latest", 150));
+  EXPECT_FALSE(warned("best", 150)) << "the best one is an older one";
+  EXPECT_TRUE(warned("best", 100));
+  EXPECT_FALSE(warned("", 100)) << "one file, whatever comes";
+  EXPECT_FALSE(warned("gone", 100));
 }
 
 TEST_F(OverviewTest, WarnsOfTwoOfOneNameThatAreNoShardsOfOne) {

@@ -81,6 +81,16 @@ TEST_F(LiveModelTest, ASilenceIsToldOnceAndStaysAmongTheEvents) {
   EXPECT_EQ(model_.view().events->size(), 2u) << "it came again and fell silent again";
 }
 
+// before, it was forgotten first, and the event that was then made of it ended the process
+TEST_F(LiveModelTest, ASilenceThatIsSeenLateIsToldOfAForgottenWorker) {
+  model_.On(id_, Worker(1), start_);
+  model_.Directory({Campaign()}, start_ + 11min);
+  ASSERT_EQ(model_.view().events->size(), 1u);
+  EXPECT_EQ(model_.view().events->front().event.text, "quickstart: w0 silent");
+  EXPECT_EQ(model_.view().events->front().event.host, "lab-7");
+  EXPECT_TRUE(campaign().workers.empty());
+}
+
 TEST_F(LiveModelTest, WorkersOfAFinishedCampaignMayBeSilent) {
   bus::CampaignStatus status;
   status.committed = 19, status.given_up = 1, status.total = 20;
