@@ -51,7 +51,7 @@ void Collector::Impl::GiveWayToSuccessor() {
 void Collector::Impl::TakeMessages() {
   // requests are taken first and answered last: a report that was sent before its worker's next request
   // is then always seen before it
-  const auto asked = topics.requests.Take();
+  auto asked = topics.requests.Take();
   for (const auto& report : topics.reports.Take()) OnReport(report);
   // heartbeats that queued while this process was suspended count before anything expires
   std::set<std::string> gone;  // since they asked
@@ -60,6 +60,10 @@ void Collector::Impl::TakeMessages() {
       OnHeartbeat(status);
       if (status.phase == bus::kGonePhase) gone.insert(status.worker);
     }
+  if (!gone.empty()) {  // what they asked may have come between the two
+    for (auto& request : topics.requests.Take()) asked.push_back(std::move(request));
+    for (const auto& report : topics.reports.Take()) OnReport(report);
+  }
   EndSilent();
   for (const auto& message : topics.errors.Take()) OnErrors(message);
   bool controlled = false;

@@ -212,25 +212,25 @@ bus::WorkRequest WorkerClient::Impl::NextRequest() {
 // does not wait for it. An answer that was lost, or comes too late, is told again when the worker has nothing to do.
 void WorkerClient::Impl::LookAhead(const bus::Lease& lease) {
   if (!options.prefetch || options.once || joined->ahead) return;
-  if (joined->asked_ahead != 0) return joined->TakeAnswerAhead();
+  if (joined->asked != 0) return joined->TakeAnswerAhead();
   bus::WorkRequest request = NextRequest();
   request.working_on = MarkOf(lease.token);
-  joined->asked_ahead = request.request_id;
-  joined->answered_ahead = false;
+  joined->asked = request.request_id;
+  joined->answered = false;
   if (const Status asked = joined->requests.Write(request); !asked) Log().debug("request: {}", asked.error().message);
 }
 
-// What was leased and not begun is somebody else's, now. The answer may be on its way still: waiting for it for a
-// moment costs less than the lease, which would have to run out.
+// What was leased and not begun is somebody else's, now. The answer may be on its way still, also to whom a stop cut
+// off while it asked: waiting for it for a moment costs less than the lease, which would have to run out.
 void WorkerClient::Impl::HandBackAhead() {
   constexpr double kMoment_s = 0.3;
   if (!joined) return;
   joined->TakeAnswerAhead();
-  for (const Stopwatch waited; joined->asked_ahead != 0 && !joined->answered_ahead && waited.Seconds() < kMoment_s;) {
+  for (const Stopwatch waited; joined->asked != 0 && !joined->answered && waited.Seconds() < kMoment_s;) {
     std::this_thread::sleep_for(5ms);
     joined->TakeAnswerAhead();
   }
-  joined->asked_ahead = 0;
+  joined->asked = 0;
   const auto lease = std::exchange(joined->ahead, std::nullopt);
   if (!lease) return;
   if (const Status sent = joined->reports.Write(ReportOf(*lease, kReleased)); !sent)
@@ -246,12 +246,17 @@ Result<bus::Lease> WorkerClient::Impl::Ask() {
     watched->Moved();
     const bus::WorkRequest request = NextRequest();
     if (const Status asked = joined->requests.Write(request); !asked) Log().debug("request: {}", asked.error().message);
+    joined->asked = request.request_id;
+    joined->answered = false;
     const auto deadline = MonotonicClock::now() + patience;
     patience = std::min(2 * patience, options.ask_again);
     while (MonotonicClock::now() < deadline && !StopRequested()) {
       if (!joined->leases.Wait(deadline - MonotonicClock::now())) break;
-      for (auto& lease : joined->leases.Take())
-        if (joined->IsAnswer(lease, request.request_id)) return lease;
+      for (auto& lease : joined->leases.Take()) {
+        if (!joined->IsAnswer(lease, request.request_id)) continue;
+        joined->asked = 0;
+        return lease;
+      }
     }
     joined->collector->TakeAnnouncements();
     const bool complete = joined->collector->complete();

@@ -44,17 +44,17 @@ bool WorkerConnection::IsAnswer(const bus::Lease& lease, std::uint64_t request) 
 }
 
 void WorkerConnection::TakeAnswerAhead() {
-  if (asked_ahead == 0 || ahead) return;
+  if (asked == 0 || ahead) return;
   for (auto& lease : leases.Take()) {
-    if (!IsAnswer(lease, asked_ahead)) continue;
-    answered_ahead = true;
+    if (!IsAnswer(lease, asked)) continue;
+    answered = true;
     if (lease.kind == bus::LeaseKind::kWork) ahead = std::move(lease);
   }
 }
 
 std::optional<bus::Lease> WorkerConnection::TakeAhead(const std::string& spec_sha256) {
   TakeAnswerAhead();
-  asked_ahead = 0;
+  asked = 0;
   auto lease = std::exchange(ahead, std::nullopt);
   const bool holds =
       lease && EpochOf(lease->token) == collector->announcement->epoch && lease->spec_sha256 == spec_sha256;

@@ -29,8 +29,8 @@ struct WorkerConnection {
   std::unique_ptr<Heartbeat> heartbeat;
   std::optional<bus::AttemptReport> last_report = std::nullopt;  ///< of the last attempt that failed
   std::optional<bus::Lease> ahead = std::nullopt;                ///< beside the one that is worked on
-  std::uint64_t asked_ahead = 0;                                 ///< the request for that; 0: none
-  bool answered_ahead = false;                                   ///< with a lease, or that there is none
+  std::uint64_t asked = 0;                                       ///< the request that is not answered yet; 0: none
+  bool answered = false;                                         ///< with a lease, or that there is none
   Stopwatch since_joined = {};
   Stopwatch since_lease = {};  ///< since it was joined, or leased something
 
@@ -41,7 +41,7 @@ struct WorkerConnection {
 
   /// Whether `lease` is the answer to the request of this number.
   bool IsAnswer(const bus::Lease& lease, std::uint64_t request) const;
-  /// Keeps the answer to `asked_ahead` where it has come.
+  /// Keeps the answer to `asked` where it has come.
   void TakeAnswerAhead();
   /// What was leased meanwhile; nothing where the collector has begun another life since, or has another spec.
   std::optional<bus::Lease> TakeAhead(const std::string& spec_sha256);
