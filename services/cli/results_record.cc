@@ -11,7 +11,7 @@
 #include <fstream>
 #include <thread>
 
-#include "services/core/hash.h"
+#include "services/cli/results_report.h"
 
 namespace etude::cli {
 namespace {
@@ -63,9 +63,9 @@ bool AreOneMeasurement(OrderedJson first, OrderedJson second) {
 
 // Null where it is not there.
 OrderedJson ComparisonPart(const OrderedJson& report, const char* key) {
-  if (!report.is_object() || !report.contains("comparison")) return nullptr;
-  const OrderedJson& comparison = report["comparison"];
-  return comparison.is_object() && comparison.contains(key) ? comparison[key] : OrderedJson();
+  const OrderedJson* comparison = FindPart(report, "comparison");
+  const OrderedJson* part = comparison ? FindPart(*comparison, key) : nullptr;
+  return part ? *part : OrderedJson();
 }
 
 ResultReport ReadAgain(const ResultReport& old, ResultReport now) {
@@ -158,46 +158,6 @@ Status KeepDefinition(const Path& out, const ResultRow& row) {
   std::error_code ignored;
   if (std::filesystem::exists(file, ignored)) return {};
   return WriteFileAtomically(file, DefinitionOf(row).dump(1) + "\n");
-}
-
-std::optional<std::uint64_t> CountAt(const OrderedJson& json, const char* key) {
-  if (!json.is_object() || !json.contains(key)) return std::nullopt;
-  const OrderedJson& number = json[key];
-  if (!number.is_number_integer()) return std::nullopt;
-  if (!number.is_number_unsigned() && number.get<std::int64_t>() < 0) return std::nullopt;
-  return number.get<std::uint64_t>();
-}
-
-bool IsWholeReport(const OrderedJson& report, std::uint64_t episodes) {
-  const auto done = CountAt(report, "done");
-  if (!done) return false;
-  const auto invalid = report.contains("scenes") ? CountAt(report["scenes"], "invalid") : std::nullopt;
-  return *done + invalid.value_or(0) >= episodes;
-}
-
-OrderedJson BriefReport(const OrderedJson& report) {
-  OrderedJson brief = OrderedJson::object();
-  for (const char* part : {"overall", "per_task"})
-    if (report.is_object() && report.contains(part)) brief[part] = report[part];
-  const auto keep = [&](const char* part, const char* key) {
-    if (report.is_object() && report.contains(part) && report[part].is_object() && report[part].contains(key))
-      brief[part][key] = report[part][key];
-  };
-  keep("scenes", "first_draw");
-  for (const char* key : {"overall", "with", "with_sha256"}) keep("comparison", key);
-  if (const std::string missing = MissingComparison(report); !missing.empty()) brief["comparison"]["missing"] = missing;
-  return brief;
-}
-
-std::string MissingComparison(const OrderedJson& report) {
-  if (!report.is_object() || !report.contains("comparison")) return "";
-  const OrderedJson& comparison = report["comparison"];
-  const bool is = comparison.is_object() && comparison.contains("missing") && comparison["missing"].is_string();
-  return is ? comparison["missing"].get<std::string>() : "";
-}
-
-std::string RolloutsHash(const OrderedJson& report) {
-  return Sha256Hex(report.is_object() && report.contains("overall") ? report["overall"].dump() : "");
 }
 
 std::string MadeHere() {

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -76,19 +75,6 @@ Status CheckDefinition(const Path& out, const ResultRow& row);
 /// CheckDefinition, and writes the file where there is none.
 Status KeepDefinition(const Path& out, const ResultRow& row);
 
-/// The number at `key` of a report; none where the key is missing, is no integer or is negative, or `json` is no map.
-std::optional<std::uint64_t> CountAt(const OrderedJson& json, const char* key);
-/// Whether an eval.json has come to its end: its rollouts, and the scenes that do not count because the expert cannot
-/// do the task in them ("scenes", "invalid"), are `episodes` together. False where it is no report.
-bool IsWholeReport(const OrderedJson& report, std::uint64_t episodes);
-/// What tables show of an eval.json, and of its comparison which row ("with") and which rollouts of it ("with_sha256",
-/// RolloutsHash) it is with. Numbers of a report that another version wrote may be missing.
-OrderedJson BriefReport(const OrderedJson& report);
-/// Why a row that is compared with another one was not: what stands in the place of its comparison; "": it was, or is
-/// not to be.
-std::string MissingComparison(const OrderedJson& report);
-/// Of an eval.json, or of what is kept of it: SHA-256 of what it says overall, which is another one of other rollouts.
-std::string RolloutsHash(const OrderedJson& report);
 /// "2026-11-22, AMD EPYC, 2 CPUs": today, here.
 std::string MadeHere();
 

@@ -9,6 +9,8 @@
 #include <optional>
 #include <set>
 
+#include "services/cli/results_comparison.h"
+#include "services/cli/results_report.h"
 #include "services/core/statistics.h"
 
 namespace etude::cli {
@@ -25,11 +27,6 @@ constexpr char kBesideThePaper[] =
 
 // what is the goal but for its last binary digits has reached it
 constexpr double kRounding = 1e-9;
-
-// numbers of a report may be missing in one that another version wrote; never a reason to end
-const OrderedJson* FindPart(const OrderedJson& report, const char* key) {
-  return report.is_object() && report.contains(key) ? &report[key] : nullptr;
-}
 
 /// Successes of several evaluations.
 struct Count {
@@ -217,80 +214,6 @@ std::string TasksText(const ResultLine& line) {
   return text;
 }
 
-// A report has no more than the name of the row that it was compared with, and the hash of the rollouts: either may be
-// of another one by now.
-bool Holds(const OrderedJson& comparison, const std::string& with, std::uint64_t seed,
-           const std::vector<ResultLine>& lines) {
-  const auto* name = FindPart(comparison, "with");
-  const auto* hash = FindPart(comparison, "with_sha256");
-  if (!name || !hash || *name != OrderedJson(with)) return false;
-  for (const auto& line : lines)
-    for (const auto& measured : line.reports)
-      if (line.row->name == with && measured.seed == seed) return *hash == OrderedJson(RolloutsHash(measured.report));
-  return false;
-}
-
-std::vector<ResultLine> WithComparisonsThatHold(std::vector<ResultLine> lines) {
-  for (auto& line : lines) {
-    const std::string& with = line.row->compare;
-    for (auto& measured : line.reports) {
-      const auto* comparison = FindPart(measured.report, "comparison");
-      if (!comparison || Holds(*comparison, with, measured.seed, lines)) continue;
-      measured.report.erase("comparison");
-      if (!with.empty()) measured.report["comparison"]["missing"] = "of other rollouts";
-    }
-  }
-  return lines;
-}
-
-// Two rows' rollouts of the same scenes, of one training seed or of several.
-struct PairedRollouts {
-  std::uint64_t n = 0, both = 0, only_first = 0, only_second = 0, seeds = 0;
-
-  static std::optional<PairedRollouts> From(const OrderedJson& report) {
-    const auto* comparison = FindPart(report, "comparison");
-    const auto* overall = comparison ? FindPart(*comparison, "overall") : nullptr;
-    if (!overall) return std::nullopt;
-    const auto n = CountAt(*overall, "n"), both = CountAt(*overall, "both"), first = CountAt(*overall, "only_first"),
-               second = CountAt(*overall, "only_second");
-    if (!n || !both || !first || !second || *n == 0 || *both + *first + *second > *n) return std::nullopt;
-    return PairedRollouts{*n, *both, *first, *second, 1};
-  }
-  void Add(const PairedRollouts& other) {
-    n += other.n;
-    both += other.both;
-    only_first += other.only_first;
-    only_second += other.only_second;
-    seeds += other.seeds;
-  }
-  // points, the other row's successes taken off the row's own
-  double difference() const {
-    return 100 * (static_cast<double>(only_first) - static_cast<double>(only_second)) / static_cast<double>(n);
-  }
-  Interval interval() const {
-    const auto shares = NewcombePairedInterval(both, only_first, only_second, n - both - only_first - only_second);
-    return {100 * shares.low, 100 * shares.high};
-  }
-  // Several seeds' rollouts of a scene are no independent cases, which the interval and p would take them for.
-  std::string text() const {
-    const std::string counts = fmt::format("{} | {} | {} | {:.1f}", n, only_first, only_second, difference());
-    if (seeds > 1) return counts + " | -";
-    return fmt::format("{} [{:.1f}, {:.1f}] | {:.2g}", counts, interval().low, interval().high,
-                       McNemarExactP(only_first, only_second));
-  }
-};
-
-// Of all seeds; none (n = 0) where the comparison of one is missing.
-PairedRollouts PairedOf(const ResultLine& line) {
-  PairedRollouts all;
-  for (const auto& measured : line.reports) {
-    const auto paired = PairedRollouts::From(measured.report);
-    if (!paired) return {};
-    all.Add(*paired);
-  }
-  return all;
-}
-
 // Of each seed: who succeeded where the other did not, and whether that may be chance; then of all of them.
 std::string ComparisonsText(const ResultLine& line) {
   std::string text;
@@ -302,7 +225,7 @@ std::string ComparisonsText(const ResultLine& line) {
     if (paired) add(std::to_string(measured.seed), paired->text());
     if (!MissingComparison(measured.report).empty()) add(std::to_string(measured.seed), "missing | | | |");
   }
-  if (const PairedRollouts all = PairedOf(line); all.seeds > 1) add("all", all.text());
+  if (const PairedRollouts all = PairedRollouts::Of(line); all.seeds > 1) add("all", all.text());
   return text;
 }
 
@@ -323,7 +246,7 @@ GoalCheck CheckLatched(const ResultLine& line, double goal) {
 
 GoalCheck CheckDrop(const ResultLine& line, double goal) {
   GoalCheck check{fmt::format("at most {:g} points below {}", goal, line.row->compare)};
-  const PairedRollouts paired = PairedOf(line);
+  const PairedRollouts paired = PairedRollouts::Of(line);
   if (paired.n == 0) return check;
   // the other way round than in the comparisons; 0 is no -0
   const Interval interval = paired.interval();

@@ -2,9 +2,8 @@
 // A dataset on disk: robomimic's HDF5 layout, one file an episode. The file's existence is the commit.
 //
 //   DATASET/
-//     dataset.json              campaign spec as resolved, schema version, statistics; "derived": true where it was
-//     made
-//                               of other datasets (edit.h); by rename
+//     dataset.json              campaign spec as resolved, schema version, statistics; by rename. "derived": true
+//                               where it was made of other datasets (edit.h)
 //     episodes/000/000123.hdf5  one episode: temporary name -> fsync -> rename -> fsync of the folder
 //     dataset.hdf5              /data/demo_<i>: external links to the files above; /mask/{train,valid,test}
 //     attempts.jsonl            every failed attempt: index, attempt, seed, outcome, details

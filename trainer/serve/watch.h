@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "services/bus/messages.h"
 #include "services/bus/participant.h"
 #include "services/core/identity.h"
 
@@ -26,12 +25,6 @@ struct WatchOptions {
 
 /// The wish's what-if text. @error kInvalidArgument: an option that cannot be read
 Result<std::string> WhatIfOf(const WatchOptions& options);
-
-/// Lines for people: what every module says, beside it what it would, and where it looks as the mean over its heads;
-/// the plan's first and last waypoint and how far it would move; what words and joints are worth.
-std::string InsightText(const bus::Insight& insight);
-/// All of it as a line of JSON; attention and picture as their bytes, see insight.h.
-std::string InsightLine(const bus::Insight& insight);
 
 /// @error kInvalidArgument: the name means several servers; an insight that is an error
 Status Watch(const bus::Participant& participant, const WatchOptions& options);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests services/cli/results_table.cc and the shipped table
+// Tests services/cli/results_table.cc and results_comparison.cc
 #include "services/cli/results_table.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "services/core/config_reference.h"
+#include "services/cli/results_report.h"
 
 namespace etude::cli {
 namespace results_table_test {
@@ -284,125 +284,6 @@ TEST(ResultsTable, ACriterionThatAReportLacksIsNotCounted) {
   const std::string table = ResultsTable({{&row, {{1, "now", old}, {2, "now", Report(10, 8, 10)}}}});
   EXPECT_THAT(table, HasSubstr("| 70.0 [48.1, 85.5] | 60.0, 80.0 | 100.0 [72.2, 100.0] |"));
   EXPECT_THAT(table, HasSubstr("| 82.4 | 50 |"));
-}
-
-TEST(ResultsConfig, TheShippedTableIsValid) {
-  const auto config = LoadConfig<ResultsConfig>("deploy/docs/results.yaml");
-  ASSERT_TRUE(config) << config.error().message;
-  const Status valid = config->Validate();
-  EXPECT_TRUE(valid) << valid.error().message;
-  EXPECT_THAT(MissingFromReference(ConfigReference<ResultsConfig>()), testing::IsEmpty());
-}
-
-TEST(ResultsConfig, NamesEveryProblem) {
-  ResultsConfig config;
-  config.rows = {Row(0), Row(0)};
-  config.rows[0].train.minutes = 0;
-  config.rows[1].data.campaign.clear();
-  const Status status = config.Validate();
-  ASSERT_FALSE(status);
-  for (const char* part : {"a: train: needs minutes or steps", "a: data.campaign: missing", "'a' stands twice",
-                           "'base' is no row before it"})
-    EXPECT_THAT(status.error().message, HasSubstr(part));
-}
-
-TEST(ResultsConfig, GoalsAreThoseThatCanBeMeasured) {
-  ResultsConfig config;
-  config.rows = {Row(0), Row(0)};
-  config.rows[0].train.init.clear();
-  config.rows[0].goals = {{"latched", 82.4}, {"minutes", 5}, {"TAR3D", 0.2}};
-  config.rows[1].name = "b";
-  config.rows[1].data = {};
-  config.rows[1].train = {.runs_of = "a"};
-  config.rows[1].compare = "a";
-  config.rows[1].goals = {{"drop", 1.1}};
-  EXPECT_TRUE(config.Validate());
-  config.rows[0].goals = {{"lached", 82.4}, {"drop", 1.1}, {"EE3D", 0}};
-  config.rows[1].goals = {{"minutes", 5}};
-  const Status status = config.Validate();
-  ASSERT_FALSE(status);
-  for (const char* part : {"a: goals.lached: neither", "a: goals.drop: needs compare", "a: goals.EE3D: must be > 0",
-                           "b: goals.minutes: not with train.runs_of"})
-    EXPECT_THAT(status.error().message, HasSubstr(part));
-}
-
-TEST(ResultsConfig, RowsThatAreComparedHaveTheSameSeeds) {
-  ResultsConfig config;
-  config.rows = {Row(0), Row(0)};
-  config.rows[0].train.init.clear();
-  config.rows[1].name = "b";
-  config.rows[1].train = {.seeds = {1, 2}, .runs_of = "a"};
-  config.rows[1].data = {};
-  config.rows[1].compare = "a";
-  EXPECT_THAT(config.Validate().error().message, HasSubstr("b: compare: 'a' has no seed 2"));
-  config.rows[0].train.seeds = {2, 1, 3};
-  EXPECT_TRUE(config.Validate());
-}
-
-// the second of them would train on what the first collected, or not collect at all
-TEST(ResultsConfig, RowsThatShareADatasetAskForTheSameOne) {
-  ResultsConfig config;
-  config.rows = {Row(0), Row(0), Row(0)};
-  for (auto& row : config.rows) row.train.init.clear();
-  config.rows[1].name = "b";
-  config.rows[1].data.name = "a";
-  config.rows[2].name = "c";
-  EXPECT_TRUE(config.Validate());
-  const ResultData same = config.rows[1].data;
-  const auto differs = HasSubstr("b: data: 'a' is collected for a with another campaign, episodes or set");
-  config.rows[1].data.campaign = "compact";
-  EXPECT_THAT(config.Validate().error().message, differs);
-  config.rows[1].data = same;
-  config.rows[1].data.episodes = 80;
-  EXPECT_THAT(config.Validate().error().message, differs);
-  config.rows[1].data = same;
-  config.rows[1].data.set = {"seed=2"};
-  EXPECT_THAT(config.Validate().error().message, differs);
-  config.rows[1].data = same;
-  config.rows[1].data.name = "../a";
-  EXPECT_THAT(config.Validate().error().message, HasSubstr("b: data.name: '../a' is not a plain name"));
-}
-
-TEST(ResultsConfig, ARowMayBeginWithOneThatCameBefore) {
-  ResultsConfig config;
-  config.rows = {Row(0), Row(0)};
-  config.rows[0].train.init.clear();
-  config.rows[1].name = "b";
-  config.rows[1].train.init = "a";
-  EXPECT_TRUE(config.Validate());
-  std::swap(config.rows[0], config.rows[1]);
-  EXPECT_THAT(config.Validate().error().message, HasSubstr("b: train.init: 'a' is no row before it"));
-  config.rows[1].train.init = "a";
-  EXPECT_THAT(config.Validate().error().message, HasSubstr("a: train.init: 'a' is no row before it")) << "nor itself";
-}
-
-// the graph is the checkpoint's: another one would be left out without a word
-TEST(ResultsConfig, ARowThatBeginsWithAnotherHasNoExperimentOfItsOwn) {
-  ResultsConfig config;
-  config.rows = {Row(0), Row(0)};
-  config.rows[0].train.init.clear();
-  config.rows[0].train.config = "faithful";
-  config.rows[1].name = "b";
-  config.rows[1].train.init = "a";
-  EXPECT_TRUE(config.Validate());
-  config.rows[1].train.config = "faithful";
-  EXPECT_THAT(config.Validate().error().message, HasSubstr("b: train.config: not with init"));
-}
-
-TEST(ResultsConfig, FoldersHavePlainNamesAndRunsASeed) {
-  ResultsConfig config;
-  config.rows = {Row(0)};
-  config.rows[0].train.init.clear();
-  config.rows[0].name = "../elsewhere";
-  config.rows[0].train.seeds.clear();
-  const Status status = config.Validate();
-  ASSERT_FALSE(status);
-  EXPECT_EQ(status.error().code, Code::kInvalidArgument);
-  EXPECT_THAT(status.error().message, HasSubstr("'../elsewhere' is not a plain name"));
-  EXPECT_THAT(status.error().message, HasSubstr("train.seeds: needs one"));
-  config.rows[0].name = "here";
-  config.rows[0].train = {.minutes = 0, .steps = 1};
-  EXPECT_TRUE(config.Validate()) << "steps instead of minutes";
 }
 
 }  // namespace results_table_test

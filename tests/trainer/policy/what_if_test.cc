@@ -86,18 +86,31 @@ TEST(WhatIf, HidesWhatLiesInTheCrop) {
   EXPECT_TRUE(torch::equal(images[0][1], wanted));
 }
 
+/// A policy that is asked one observation.
+class Asked : public ::testing::Test {
+ protected:
+  Asked() {
+    policy_->eval();
+    inputs_.sentences = {"pick up red can"};
+    inputs_.sentence_index.zero_();
+  }
+  Outputs Ask(const std::string& text) const {
+    const auto what_if = ParseWhatIf(text, config_);
+    EXPECT_TRUE(what_if) << what_if.error().message;
+    return policy_->Forward(inputs_, 0, SayInstead(*what_if, config_, ThoughtsOf(*what_if, *policy_, inputs_)));
+  }
+  Outputs Ask() const { return policy_->Forward(inputs_); }
+
+  const torch::NoGradGuard no_grad_;
+  const PolicyConfig config_ = TinyConfig();
+  const std::shared_ptr<Policy> policy_ = MakePolicy(config_);
+  Inputs inputs_ = MakeInputs(config_, 1, 1);
+};
+
 // later modules read what is said instead; earlier ones, and a policy that nobody interferes with, do not notice
-TEST(WhatIf, LaterModulesReadWhatIsSaidInstead) {
-  const PolicyConfig config = TinyConfig();
-  const auto policy = MakePolicy(config);
-  policy->eval();
-  const torch::NoGradGuard no_grad;
-  const Inputs inputs = MakeInputs(config, 1, 1);
-  const auto plain = policy->Forward(inputs), again = policy->Forward(inputs, 0, SayInstead({}, config));
-  WhatIf what_if;
-  what_if.say["TAR3D"]["position"] = OrderedJson{0.5, 0.25, 0.125};
-  what_if.say["LANG"]["class"] = "green";
-  const auto changed = policy->Forward(inputs, 0, SayInstead(what_if, config));
+TEST_F(Asked, LaterModulesReadWhatIsSaidInstead) {
+  const auto plain = Ask(), again = Ask("{}"),
+             changed = Ask(R"({"say": {"TAR3D": {"position": [0.5, 0.25, 0.125]}, "LANG": {"class": "green"}}})");
 
   EXPECT_TRUE(torch::equal(plain.at("CTRL").decoded.at("trajectory"), again.at("CTRL").decoded.at("trajectory")));
   EXPECT_TRUE(torch::equal(plain.at("TAR2D").decoded.at("pixel"), changed.at("TAR2D").decoded.at("pixel")));
@@ -108,15 +121,8 @@ TEST(WhatIf, LaterModulesReadWhatIsSaidInstead) {
   EXPECT_FALSE(torch::equal(plain.at("CTRL").decoded.at("trajectory"), changed.at("CTRL").decoded.at("trajectory")));
 }
 
-TEST(WhatIf, APoseIsSaidElsewhereAndKeepsItsRotation) {
-  const PolicyConfig config = TinyConfig();
-  const auto policy = MakePolicy(config);
-  policy->eval();
-  const torch::NoGradGuard no_grad;
-  const Inputs inputs = MakeInputs(config, 1, 1);
-  const auto what_if = ParseWhatIf(R"({"say": {"EE3D": {"pose": [0.5, 0.25, 0.125]}}})", config);
-  ASSERT_TRUE(what_if) << what_if.error().message;
-  const auto plain = policy->Forward(inputs), changed = policy->Forward(inputs, 0, SayInstead(*what_if, config));
+TEST_F(Asked, APoseIsSaidElsewhereAndKeepsItsRotation) {
+  const auto plain = Ask(), changed = Ask(R"({"say": {"EE3D": {"pose": [0.5, 0.25, 0.125]}}})");
 
   const torch::Tensor before = plain.at("EE3D").decoded.at("pose"), said = changed.at("EE3D").decoded.at("pose");
   EXPECT_TRUE(torch::equal(said.narrow(-1, 0, 3).flatten(), torch::tensor({0.5F, 0.25F, 0.125F})));
@@ -126,23 +132,11 @@ TEST(WhatIf, APoseIsSaidElsewhereAndKeepsItsRotation) {
 }
 
 // as the paper's graph is: what a module says reaches nobody, its register does
-TEST(WhatIf, LaterModulesReadARegisterOfAnotherSentence) {
-  const PolicyConfig config = TinyConfig();
-  const auto policy = MakePolicy(config);
-  policy->eval();
-  const torch::NoGradGuard no_grad;
-  Inputs inputs = MakeInputs(config, 1, 1);
-  inputs.sentences = {"pick up red can"};
-  inputs.sentence_index.zero_();
-  const auto ask = [&](const char* text) {
-    const auto what_if = ParseWhatIf(text, config);
-    EXPECT_TRUE(what_if) << what_if.error().message;
-    return policy->Forward(inputs, 0, SayInstead(*what_if, config, ThoughtsOf(*what_if, *policy, inputs)));
-  };
-  const auto plain = policy->Forward(inputs), changed = ask(R"({"think": {"LANG": "push the blue box"}})"),
-             zero = ask(R"({"think": {"LANG": "zero"}})");
-  inputs.sentences = {"push the blue box"};
-  const auto other = policy->Forward(inputs);
+TEST_F(Asked, LaterModulesReadARegisterOfAnotherSentence) {
+  const auto plain = Ask(), changed = Ask(R"({"think": {"LANG": "push the blue box"}})"),
+             zero = Ask(R"({"think": {"LANG": "zero"}})");
+  inputs_.sentences = {"push the blue box"};
+  const auto other = Ask();
 
   EXPECT_TRUE(torch::equal(changed.at("LANG").register_token, other.at("LANG").register_token));
   EXPECT_TRUE(torch::equal(changed.at("LANG").decoded.at("class"), other.at("LANG").decoded.at("class")));
@@ -152,6 +146,15 @@ TEST(WhatIf, LaterModulesReadARegisterOfAnotherSentence) {
   EXPECT_EQ(zero.at("LANG").register_token.abs().max().item<float>(), 0);
   EXPECT_TRUE(torch::equal(zero.at("LANG").decoded.at("class"), plain.at("LANG").decoded.at("class")));
   EXPECT_FALSE(torch::equal(zero.at("TAR2D").register_token, plain.at("TAR2D").register_token));
+}
+
+// its register is of the other sentence, its value what is said
+TEST_F(Asked, AModuleMaySayOneThingAndThinkAnother) {
+  const auto thought = Ask(R"({"think": {"LANG": "push the blue box"}})");
+  const auto both = Ask(R"({"think": {"LANG": "push the blue box"}, "say": {"LANG": {"class": "green"}}})");
+  EXPECT_TRUE(torch::equal(both.at("LANG").register_token, thought.at("LANG").register_token));
+  EXPECT_EQ(both.at("LANG").decoded.at("class").argmax(-1).item<std::int64_t>(), 2);
+  EXPECT_TRUE(torch::equal(both.at("TAR2D").register_token, thought.at("TAR2D").register_token));
 }
 
 TEST(WhatIf, ThoughtsAreCheckedAsWell) {

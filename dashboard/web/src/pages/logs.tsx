@@ -19,8 +19,8 @@ export function LogsPage() {
   const args = { ...(source ? { source } : {}), ...(level ? { level } : {}), ...(q ? { q } : {}), limit: 200 };
   const text = query(args);
   const page = useCursors(text);
-  const first = useResource<Logs & Searched>(`/logs${query({ ...args, before: page.at })}`);
-  const live = useLive<Logs & Searched>(follow && !page.depth ? 'logs' : null, args, 1);
+  const first = useResource<Logs>(`/logs${query({ ...args, before: page.at })}`);
+  const live = useLive<Logs>(follow && !page.depth ? 'logs' : null, args, 1);
   const newest = (follow && !page.depth && live) || first.data;
   const warned = useLive<Events>('events', { ...(level === 'error' ? { level } : {}), ...(q ? { q } : {}), limit: 50 }, 1);
   const box = useRef<HTMLDivElement>(null);
@@ -97,11 +97,9 @@ function OfBus(props: { of: Events }) {
   );
 }
 
-interface Searched { sources: unknown[]; searched?: number; back_to?: string | null }
-
 /** What was looked at for these lines. */
-function searched(of: Searched): string {
-  return `${plural(of.searched ?? of.sources.length, 'file')}${of.back_to ? `, back to ${day(of.back_to)},` : ''}`;
+function searched(of: Logs): string {
+  return `${plural(of.searched, 'file')}${of.back_to ? `, back to ${day(of.back_to)},` : ''}`;
 }
 
 function name(data: Logs, id: string): string {

@@ -244,14 +244,9 @@ function Charts(props: { ids: string[]; run: Run; round: number; shared: Shared 
         {gradients.length > 0 && <Panel><Chart title="gradient norm by part" lines={lines(gradients)} {...common} note="before clipping" /></Panel>}
         {running.map((key) => <Panel><Chart title={key.name.replaceAll('_', ' ')} unit={units[key.unit ?? ''] ?? ''} lines={lines([{ key, label: runs.length > 1 ? '' : 'train' }], !/rate|stage/.test(key.name))} {...common} /></Panel>)}
       </div>
-      <p class="small muted">Newest line {clock(run.updated)}{run.nulls.length > 0 && <Chip tone="bad">{notFinite(run)} values not finite</Chip>}{run.torn && ' · the last line was not whole and was left out'}{run.data_wait !== null && ` · waits for data ${percent(run.data_wait, 2)}`}{run.checkpoint_step === null ? '' : ` · checkpoint ${count(run.checkpoint_step)}`}</p>
+      <p class="small muted">Newest line {clock(run.updated)}{run.nulls.length > 0 && <Chip tone="bad">{count(run.nulls_total)} values not finite</Chip>}{run.torn && ' · the last line was not whole and was left out'}{run.data_wait !== null && ` · waits for data ${percent(run.data_wait, 2)}`}{run.checkpoint_step === null ? '' : ` · checkpoint ${count(run.checkpoint_step)}`}</p>
     </>
   );
-}
-
-/** How many; of a gateway that does not count them all, at least those that it lists. */
-function notFinite(run: Run & { nulls_total?: number }): string {
-  return run.nulls_total !== undefined ? count(run.nulls_total) : `${run.nulls.length}${run.nulls.length >= 100 ? ' or more' : ''}`;
 }
 
 /** The runs beside the first, with the curves of what they themselves have, as they train on. */

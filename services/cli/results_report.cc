@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/cli/results_report.h"
+
+#include "services/core/hash.h"
+
+namespace etude::cli {
+
+const OrderedJson* FindPart(const OrderedJson& json, const char* key) {
+  return json.is_object() && json.contains(key) ? &json[key] : nullptr;
+}
+
+std::optional<std::uint64_t> CountAt(const OrderedJson& json, const char* key) {
+  const OrderedJson* number = FindPart(json, key);
+  if (!number || !number->is_number_integer()) return std::nullopt;
+  if (!number->is_number_unsigned() && number->get<std::int64_t>() < 0) return std::nullopt;
+  return number->get<std::uint64_t>();
+}
+
+bool IsWholeReport(const OrderedJson& report, std::uint64_t episodes) {
+  const auto done = CountAt(report, "done");
+  if (!done) return false;
+  const OrderedJson* scenes = FindPart(report, "scenes");
+  const auto invalid = scenes ? CountAt(*scenes, "invalid") : std::nullopt;
+  return *done + invalid.value_or(0) >= episodes;
+}
+
+OrderedJson BriefReport(const OrderedJson& report) {
+  OrderedJson brief = OrderedJson::object();
+  for (const char* key : {"overall", "per_task"})
+    if (const OrderedJson* part = FindPart(report, key)) brief[key] = *part;
+  const auto keep = [&](const char* part, const char* key) {
+    const OrderedJson* whole = FindPart(report, part);
+    if (const OrderedJson* kept = whole ? FindPart(*whole, key) : nullptr) brief[part][key] = *kept;
+  };
+  keep("scenes", "first_draw");
+  for (const char* key : {"overall", "with", "with_sha256"}) keep("comparison", key);
+  if (const std::string missing = MissingComparison(report); !missing.empty()) brief["comparison"]["missing"] = missing;
+  return brief;
+}
+
+std::string MissingComparison(const OrderedJson& report) {
+  const OrderedJson* comparison = FindPart(report, "comparison");
+  const OrderedJson* missing = comparison ? FindPart(*comparison, "missing") : nullptr;
+  return missing && missing->is_string() ? missing->get<std::string>() : "";
+}
+
+std::string RolloutsHash(const OrderedJson& report) {
+  const OrderedJson* overall = FindPart(report, "overall");
+  return Sha256Hex(overall ? overall->dump() : "");
+}
+
+}  // namespace etude::cli
