@@ -6,7 +6,7 @@
 
 #include <filesystem>
 
-#include "services/cli/results_record.h"
+#include "services/cli/results_report.h"
 #include "services/core/command.h"
 #include "services/core/config.h"
 #include "services/store/dataset.h"
