@@ -215,9 +215,7 @@ void WorkerClient::Impl::LookAhead(const bus::Lease& lease) {
   if (joined->asked != 0) return joined->TakeAnswerAhead();
   bus::WorkRequest request = NextRequest();
   request.working_on = MarkOf(lease.token);
-  joined->asked = request.request_id;
-  joined->answered = false;
-  if (const Status asked = joined->requests.Write(request); !asked) Log().debug("request: {}", asked.error().message);
+  joined->Ask(request);
 }
 
 // What was leased and not begun is somebody else's, now. The answer may be on its way still, also to whom a stop cut
@@ -245,9 +243,7 @@ Result<bus::Lease> WorkerClient::Impl::Ask() {
   while (!StopRequested()) {
     watched->Moved();
     const bus::WorkRequest request = NextRequest();
-    if (const Status asked = joined->requests.Write(request); !asked) Log().debug("request: {}", asked.error().message);
-    joined->asked = request.request_id;
-    joined->answered = false;
+    joined->Ask(request);
     const auto deadline = MonotonicClock::now() + patience;
     patience = std::min(2 * patience, options.ask_again);
     while (MonotonicClock::now() < deadline && !StopRequested()) {

@@ -5,6 +5,7 @@
 
 #include "services/campaign/lease_table.h"
 #include "services/core/identity.h"
+#include "services/core/log.h"
 
 namespace etude::campaign {
 
@@ -37,6 +38,12 @@ Result<std::unique_ptr<WorkerConnection>> WorkerConnection::Open(const bus::Part
                            .reports = std::move(reports),
                            .sender = std::move(sender),
                            .heartbeat = std::make_unique<Heartbeat>(std::move(heartbeats), status, options.heartbeat)});
+}
+
+void WorkerConnection::Ask(const bus::WorkRequest& request) {
+  asked = request.request_id;
+  answered = false;
+  if (const Status written = requests.Write(request); !written) Log().debug("request: {}", written.error().message);
 }
 
 bool WorkerConnection::IsAnswer(const bus::Lease& lease, std::uint64_t request) const {

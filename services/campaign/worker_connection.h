@@ -29,8 +29,8 @@ struct WorkerConnection {
   std::unique_ptr<Heartbeat> heartbeat;
   std::optional<bus::AttemptReport> last_report = std::nullopt;  ///< of the last attempt that failed
   std::optional<bus::Lease> ahead = std::nullopt;                ///< beside the one that is worked on
-  std::uint64_t asked = 0;                                       ///< the request that is not answered yet; 0: none
-  bool answered = false;                                         ///< with a lease, or that there is none
+  std::uint64_t asked = 0;  ///< the request whose answer was not taken up yet; 0: none
+  bool answered = false;    ///< it came, with a lease or that there is none
   Stopwatch since_joined = {};
   Stopwatch since_lease = {};  ///< since it was joined, or leased something
 
@@ -39,6 +39,8 @@ struct WorkerConnection {
                                                         std::shared_ptr<KnownCollector> collector,
                                                         const WorkerOptions& options, bus::WorkerStatus status);
 
+  /// Asks for work; one that is lost is asked again, by the worker.
+  void Ask(const bus::WorkRequest& request);
   /// Whether `lease` is the answer to the request of this number.
   bool IsAnswer(const bus::Lease& lease, std::uint64_t request) const;
   /// Keeps the answer to `asked` where it has come.

@@ -109,7 +109,7 @@ std::string PlanText(const bus::Insight& insight) {
                             kWaypoints);
 }
 
-// "  worth in cm: push 1.2, the 0.0; joints 0.1, 0.0"
+// "  waypoints move, cm, without: push 1.2, the 0.0; joints 0.1, 0.0"
 std::string WorthLine(const std::string& worth_json) {
   const auto worth = ParseBoundedJson(worth_json);
   if (!worth || !worth->is_object()) return "";
