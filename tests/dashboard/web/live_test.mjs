@@ -214,6 +214,7 @@ test('a policy that is served answers about a recorded picture', { timeout: 2000
     await showsWhatIsSaidAgainstTheTruth(page);
     await changesAWord(page);
     await hidesAPartByKeyboard(page);
+    await thinksOfAnotherSentence(page);
     await replacesAnOutput(page);
     assert.deepEqual(await axe(page), []);
   });
@@ -285,7 +286,11 @@ async function changesAWord(page) {
 
 async function hidesAPartByKeyboard(page) {
   const brush = page.locator('.hide-brush');
-  await brush.focus();
+  for (const [key, leads] of [['h', '[data-heads] select'], ['o', '[data-instead] select'], ['m', '.hide-brush']]) {
+    await page.evaluate(() => document.activeElement?.blur());
+    await page.keyboard.press(key);
+    assert.ok(await page.evaluate((to) => document.activeElement === document.querySelector(to), leads), `the key ${key}`);
+  }
   await brush.press('ArrowRight');
   const before = await page.locator('[data-brush]').getAttribute('data-brush');
   await brush.press('ArrowLeft');
@@ -317,6 +322,21 @@ async function replacesAnOutput(page) {
   await page.waitForSelector('[data-waypoints] th:has-text("with the what-if")', { state: 'attached' });
   await answerTo(page, () => page.reload(), is);
   assert.equal(await field.inputValue(), JSON.stringify(instead), 'the deep link has it');
+}
+
+/** Without what LANG knows, then with another sentence in its register alone: what reads it follows. */
+async function thinksOfAnotherSentence(page) {
+  const of = page.getByLabel('what if a module thought of another sentence?');
+  const thinks = (thought) => (body) => body.what_if?.think?.LANG === thought;
+  const zero = await answerTo(page, () => of.selectOption({ label: 'LANG' }), thinks('zero'));
+  assert.notDeepEqual(zero.what_if.TAR2D.value, zero.modules.TAR2D.value, 'nothing follows from an empty register');
+  const other = 'push the milk carton';
+  const field = page.getByLabel('the sentence that LANG thinks of, or zero');
+  const { modules, what_if } = await answerTo(page, () => field.fill(other), thinks(other));
+  near(parseFloat(await cell(page, 'TAR2D', 'change')), norm(what_if.TAR2D.value, modules.TAR2D.value), 'change of TAR2D');
+  await answerTo(page, () => page.reload(), thinks(other));
+  assert.equal(await field.inputValue(), other, 'the deep link has it');
+  await answerTo(page, () => of.selectOption({ label: 'none' }), (body) => !body.what_if?.think);
 }
 
 /** A bar a word and a joint, as long as what the server said of it; none while nobody wants to know. */
@@ -368,6 +388,15 @@ async function typesASentence(page, object) {
   assert.equal(await page.locator('[data-words]').getAttribute('data-words'), 'training');
   assert.match(await page.locator('[data-unseen]').innerText(), /never said: xylophonic$/);
   assert.match(await page.locator('[data-meaning]').innerText(), new RegExp(`^means push ${object}`));
+}
+
+/** A sentence that means nothing to the parser is judged by what one chooses; the address has it. */
+async function choosesWhatItIsJudgedBy(page, object) {
+  await page.getByLabel('Sentence').fill('xylophone');
+  await page.waitForSelector('[data-meaning] .warn');
+  await page.getByLabel('Judged by', { exact: true }).selectOption('push');
+  await page.getByLabel('Object that it is judged by').selectOption(object);
+  assert.equal(new URL(page.url()).searchParams.get('judge'), `push,${object}`);
 }
 
 /** Pictures come, and what the policy attends to and plans lies over them. */
@@ -425,6 +454,7 @@ test('Play: a sentence is typed, the policy drives, the judge has the last word'
     await visit(page, `${gateway.address}/play`);
     const { session, object } = await openSession(page);
     await typesASentence(page, object);
+    await choosesWhatItIsJudgedBy(page, object);
     for (const width of [360, 1280]) {
       for (const theme of themes) {
         await open(`/play?session=${session}`, async (other) => {
@@ -434,7 +464,11 @@ test('Play: a sentence is typed, the policy drives, the judge has the last word'
         }, { width, theme });
       }
     }
-    await page.getByLabel('Sentence').press('Enter');
+    // by the key: no field has the focus
+    const said = page.waitForRequest((one) => one.url().endsWith('/commands') && one.postDataJSON().action === 'say');
+    await page.evaluate(() => document.activeElement?.blur());
+    await page.keyboard.press('r');
+    assert.deepEqual((await said).postDataJSON().arguments, { sentence: 'xylophone', task: 'push', target: object, reference: '' });
     await followsThePolicy(page, session);
     await isJudged(page, session);
     await movesAnObject(page, session, object);

@@ -58,6 +58,11 @@ export function useKeys(bindings: Binding[]): void {
   }, []);
 }
 
+/** Leads the keyboard to what the selector finds. */
+export function focusOn(selector: string): void {
+  document.querySelector<HTMLElement>(selector)?.focus();
+}
+
 export function active(): Binding[] {
   return [...layers].flatMap((layer) => layer.current);
 }

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The policy that serves a run, asked about a recorded picture: what each module says and looks at, and what would
-// follow from another sentence, a hidden part, or a module that says something else. Nothing of it reaches a robot. All
-// of the question stands in the address.
+// follow from another sentence, a hidden part, or a module that says something else or thinks of another sentence.
+// Nothing of it reaches a robot. All of the question stands in the address.
 import { useEffect, useMemo } from 'preact/hooks';
 import { postJson, query, useResource } from '../core/api';
 import { useDraft, type Draft } from '../core/draft';
 import { count } from '../core/format';
+import { focusOn, useKeys } from '../core/keys';
 import { link, parameter } from '../core/router';
 import { readRectangles, writeRectangles, type Rectangle } from '../core/rectangles';
 import { useChosen } from '../core/sources';
@@ -22,9 +23,9 @@ export interface Shown { module: string; planner: string; tell: (of: Insight | u
 
 /**
  * `kept`: evaluations of the run whose files can be looked at while nobody serves it. `heard`: modules of which another
- * one reads what they decode, and not their register alone.
+ * one reads what they decode, and not their register alone. `read`: of which another one reads either.
  */
-interface Asked extends Shown { run: string; kept: Eval[]; heard: ReadonlySet<string> }
+interface Asked extends Shown { run: string; kept: Eval[]; heard: ReadonlySet<string>; read: ReadonlySet<string> }
 
 export function AskPolicy(props: Asked) {
   const dataset = useChosen('dataset');
@@ -49,6 +50,12 @@ function saidIn(text: string): { module: string; quantity: string; value: string
   return found && { module: found[1]!, quantity: found[2]!, value: found[3]! };
 }
 
+/** "LANG=push the coke" in its parts, as `etude policy watch --think` has it. */
+function thoughtIn(text: string): { module: string; sentence: string } | null {
+  const at = text.indexOf('=');
+  return at > 0 ? { module: text.slice(0, at), sentence: text.slice(at + 1) } : null;
+}
+
 /** Numbers, or a name with or without quotes. */
 function parsed(text: string): unknown {
   if (!text.trim()) return undefined;
@@ -59,13 +66,15 @@ function parsed(text: string): unknown {
   }
 }
 
-function questionOf(run: string, episode: Episode, fields: { picture: number; sentence: string; other: string; hidden: Rectangle[]; say: string; worth: boolean }): string {
+function questionOf(run: string, episode: Episode, fields: { picture: number; sentence: string; other: string; hidden: Rectangle[]; say: string; think: string; worth: boolean }): string {
   const said = saidIn(fields.say);
   const value = said ? parsed(said.value) : undefined;
+  const thought = thoughtIn(fields.think);
   const what_if = {
     ...(fields.other ? { sentence: fields.other } : {}),
     ...(fields.hidden.length ? { hide: fields.hidden } : {}),
     ...(said && value !== undefined ? { say: { [said.module]: { [said.quantity]: value } } } : {}),
+    ...(thought?.sentence.trim() ? { think: { [thought.module]: thought.sentence.trim() } } : {}),
     ...(fields.worth ? { worth: true } : {}),
   };
   return JSON.stringify({ run, source: { dataset: episode.dataset, episode: episode.index, picture: fields.picture }, ...(fields.sentence ? { sentence: fields.sentence } : {}), ...(Object.keys(what_if).length ? { what_if } : {}) });
@@ -80,15 +89,20 @@ function Bench(props: Asked & { episode: Episode }) {
   const sentence = useField('sentence', episode.instruction);
   const other = useField('other');
   const say = useField('say');
+  const think = useField('think');
   const [hide, setHide] = parameter('hide');
   const [worth, setWorth] = parameter('worth', 'on');
   const [, go] = parameter('episode');
   const hidden = useMemo(() => readRectangles(hide), [hide]);
-  const body = useMemo(() => questionOf(run, episode, { picture, sentence: sentence.value, other: other.value, hidden, say: say.value, worth: worth === 'on' }), [run, episode, picture, sentence.value, other.value, hidden, say.value, worth]);
+  const body = useMemo(() => questionOf(run, episode, { picture, sentence: sentence.value, other: other.value, hidden, say: say.value, think: think.value, worth: worth === 'on' }), [run, episode, picture, sentence.value, other.value, hidden, say.value, think.value, worth]);
   const answer = useResource<Insight>(camera ? body : null, { load: (path, signal) => postJson<Insight>('/insight', JSON.parse(path), signal) });
   const data = answer.data;
   useEffect(() => props.tell(data), [data]);
   useEffect(() => () => props.tell(undefined), []);
+  useKeys([
+    { keys: 'm', does: 'brush that hides a part of the picture', run: () => focusOn('.hide-brush') },
+    { keys: 'o', does: 'what a module says instead', run: () => focusOn('[data-instead] select') },
+  ]);
   if (!camera) return <Panel title="Ask the policy"><Empty title="This episode has no pictures" /></Panel>;
   return (
     <Panel title="Ask the policy" aside={data && <span class="small muted" data-insight-step={data.checkpoint_step}>step {count(data.checkpoint_step)} of {data.run} answers; no robot hears it</span>}>
@@ -107,7 +121,10 @@ function Bench(props: Asked & { episode: Episode }) {
         <div class="stack">
           <label class="stack tight"><span class="small muted">sentence</span><input class="field" value={sentence.shown} maxLength={400} onInput={(event) => sentence.change(event.currentTarget.value)} /></label>
           <label class="stack tight"><span class="small muted">what if this had been said?</span><input class="field" placeholder="push the pepsi can" value={other.shown} maxLength={400} onInput={(event) => other.change(event.currentTarget.value)} /></label>
-          <SayInstead of={data} heard={props.heard} field={say} />
+          <div class="stack" data-instead>
+            <SayInstead of={data} heard={props.heard} field={say} />
+            <ThinkInstead of={data} read={props.read} field={think} />
+          </div>
           <p class="small muted">Drag over the picture to hide a part of it, or focus it: arrow keys move the brush, Shift and arrows size it, Enter hides. Where a module attends is not yet why it says so: hide that part and see what follows.</p>
           {answer.error && <><Failed problem={answer.error} retry={answer.reload} />{answer.error.status === 409 && <p class="row wrap"><ActionButton label="Serve this run" about="Starts a policy server that follows what the run publishes." of={{ action: 'serve', run }} />
             {props.kept.map((one) => <a class="button" href={link('inside', { run, eval: one.id })}>What was kept of {one.name}</a>)}</p>}</>}
@@ -138,6 +155,21 @@ function SayInstead(props: { of: Insight | undefined; heard: ReadonlySet<string>
     <div class="row">
       <Select label="what if a module said something else?" showLabel value={chosenOne} options={[['', 'none'], ...options]} choose={(name) => set(name ? `${name}=${prefilled(modules[name.split('.')[0]!])}` : null, true)} />
       {said && <input class="field" aria-label={`what ${chosenOne} says instead`} value={said.value} onInput={(event) => props.field.change(`${chosenOne}=${event.currentTarget.value}`)} />}
+    </div>
+  );
+}
+
+/** A module whose register is of another sentence, or empty: what the policy has of it alone shows in what follows. */
+function ThinkInstead(props: { of: Insight | undefined; read: ReadonlySet<string>; field: Draft }) {
+  const thought = thoughtIn(props.field.shown);
+  const [, set] = parameter('think');
+  const modules = Object.keys(props.of?.modules ?? {}).filter((name) => props.read.has(name));
+  const options = thought && !modules.includes(thought.module) ? [thought.module, ...modules] : modules;
+  if (!options.length) return null;
+  return (
+    <div class="row">
+      <Select label="what if a module thought of another sentence?" showLabel value={thought?.module ?? ''} options={[['', 'none'], ...options.map((name) => [name, name] as const)]} choose={(name) => set(name ? `${name}=${thought?.sentence || 'zero'}` : null, true)} />
+      {thought && <input class="field" aria-label={`the sentence that ${thought.module} thinks of, or zero`} placeholder="a sentence, or zero" value={thought.sentence} maxLength={400} onInput={(event) => props.field.change(`${thought.module}=${event.currentTarget.value}`)} />}
     </div>
   );
 }

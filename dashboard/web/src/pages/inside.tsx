@@ -99,6 +99,7 @@ function Content(props: { of: Graph; run: string; from: Eval | undefined }) {
   const planner = of.nodes.find((one) => one.quantity === 'trajectory')?.name ?? '';
   const shown = { module: selected, planner, tell };
   const heard = new Set(of.edges.filter((one) => one.kind === 'decoded').map((one) => one.from));
+  const read = new Set(of.edges.map((one) => one.from));
   useKeys(of.nodes.slice(0, 9).map((one, i) => ({ keys: String(i + 1), does: `module ${one.name}`, run: () => select(one.name, true) })));
   if (!of.nodes.length) return <Panel><Empty title="No policy is described here">The run's config.yaml has no modules.</Empty></Panel>;
   return (
@@ -109,7 +110,7 @@ function Content(props: { of: Graph; run: string; from: Eval | undefined }) {
         {of.architecture && <Chip>architecture <span class="mono">{short(of.architecture)}</span></Chip>}
       </div>
       <Panel title="What reads what" aside={<Legend />}><Drawing of={of} insight={insight} selected={selected} select={(name) => select(name, true)} /></Panel>
-      {from ? <KeptInsight of={from} {...shown} /> : session ? <WatchedSession key={session} session={session} {...shown} /> : <AskPolicy run={props.run} kept={kept} heard={heard} {...shown} />}
+      {from ? <KeptInsight of={from} {...shown} /> : session ? <WatchedSession key={session} session={session} {...shown} /> : <AskPolicy run={props.run} kept={kept} heard={heard} read={read} {...shown} />}
       {node && <Side node={node} graph={of} insight={insight} run={props.run} />}
       <Panel title="Modules" flush>
         <Table label="Modules" rows={of.nodes} id={(row) => row.name} selected={selected} link={(row) => linkHere({ module: row.name })} columns={[

@@ -4,6 +4,7 @@ import { useEffect, useState } from 'preact/hooks';
 import { getBytes, jobGone, postJson, query, reasonOf, root, useResource } from '../core/api';
 import { useLive } from '../core/connection';
 import { none } from '../core/format';
+import { useKeys } from '../core/keys';
 import { parameter, setParameters } from '../core/router';
 import { home } from '../core/sources';
 import { moduleColor } from '../core/theme';
@@ -178,7 +179,7 @@ function Table(props: { session: string }) {
               <p class="row wrap small"><span>{(state.judge as Judge).doing ?? state.phase}</span><span class="num">step {state.step}{state.max_steps ? ` of ${state.max_steps}` : ''}</span><span class="num">policy {state.policy_ms.toFixed(0)} ms</span>{!resting && <span class="num">{state.speed.toFixed(1)}× real time</span>}</p>
             </Panel>
             <div class="stack">
-              <Say address={address} state={state} send={send} />
+              <Say address={address} state={state} scene={scene} send={send} />
               <Verdict state={state} />
               <Panel title="Table">
                 <TableTop half={scene.table_half_m} objects={scene.objects} selected={selected} select={select} move={resting ? (name, x, y) => { void place(name, x, y); } : null} />
@@ -247,10 +248,20 @@ function project(camera: View, p: number[]): [number, number] | null {
   return [camera.width / 2 + (focal * c[0]) / -c[2], camera.height / 2 - (focal * c[1]) / -c[2]];
 }
 
-function Say(props: { address: string; state: PlaySession; send: (action: string, values?: Record<string, unknown>) => Promise<boolean> }) {
+/** What a sentence is judged by; without a task it is not judged. */
+interface Intent { task: string; target: string; reference: string }
+
+/** Chosen by hand in the address, "push,coke" or "none"; null: what the sentence means. */
+function intentIn(text: string): Intent | null {
+  const [task = '', target = '', reference = ''] = text.split(',');
+  return text ? { task: task === 'none' ? '' : task, target, reference } : null;
+}
+
+function Say(props: { address: string; state: PlaySession; scene: Scene; send: (action: string, values?: Record<string, unknown>) => Promise<boolean> }) {
   const [kept, keep] = parameter('sentence');
   const [sentence, setSentence] = useState(kept);
   const [asked, setAsked] = useState('');
+  const [by, setBy] = parameter('judge');
   useEffect(() => {
     // the address takes what was typed after a pause: browsers refuse to change it at every key
     const timer = window.setTimeout(() => {
@@ -265,8 +276,10 @@ function Say(props: { address: string; state: PlaySession; send: (action: string
   const run = () => {
     if (!resting || !sentence.trim()) return;
     const known = means && !meaning.pending && asked === sentence.trim() ? means : null;
-    void props.send('say', { sentence: sentence.trim(), task: known?.task ?? '', target: known?.target ?? '', reference: known?.reference ?? '' });
+    const { task = '', target = '', reference = '' } = intentIn(by) ?? known ?? {};
+    void props.send('say', { sentence: sentence.trim(), task, target, reference });
   };
+  useKeys([{ keys: 'r', does: 'run the sentence', run, when: () => resting }]);
   return (
     <Panel title="Say">
       <form class="row" onSubmit={(event) => { event.preventDefault(); run(); }}>
@@ -278,9 +291,27 @@ function Say(props: { address: string; state: PlaySession; send: (action: string
         <div aria-live="polite">
           <p data-words={means.words_of}>{means.words.map((word) => <><span class={word.seen ? '' : 'unseen'} title={`${training(means)} ${word.seen ? 'says' : 'never says'} it`}>{word.text}</span> </>)}</p>
           <p class="small" data-meaning>{means.task ? <>means <b>{means.task} {means.target}{means.reference && `, ${means.reference}`}</b></> : <span class="warn">not judged: {means.why}</span>}{means.words.some((word) => !word.seen) && <span class="muted" data-unseen> · {training(means)} never said: {means.words.filter((word) => !word.seen).map((word) => word.text).join(', ')}</span>}</p>
+          <JudgedBy by={by} choose={(text) => setBy(text || null, true)} scene={props.scene} />
         </div>
       )}
     </Panel>
+  );
+}
+
+/** By what the sentence means, or by what one chooses: it may say it in words that nobody foresaw. */
+function JudgedBy(props: { by: string; choose: (by: string) => void; scene: Scene }) {
+  const { choose, scene } = props;
+  const intent = intentIn(props.by);
+  const objects = scene.objects.map((one) => one.name);
+  const write = (one: Intent) => choose([one.task, one.target, one.reference].join(',').replace(/,+$/, ''));
+  const named = (names: string[]) => names.map((one) => [one, one] as const);
+  return (
+    <p class="row wrap small" data-judged-by>
+      <Select showLabel label="Judged by" value={intent ? intent.task || 'none' : ''} options={[['', 'what it means'], ...named(scene.tasks), ['none', 'nobody']]}
+        choose={(task) => (task && task !== 'none' ? write({ task, target: intent?.target || (objects[0] ?? ''), reference: intent?.reference ?? '' }) : choose(task))} />
+      {intent?.task && <Select label="Object that it is judged by" value={intent.target} options={named(objects)} choose={(target) => write({ ...intent, target })} />}
+      {intent?.task && <Select label="Reference that it is judged by" value={intent.reference} options={[['', 'no reference'], ...named(objects.filter((one) => one !== intent.target))]} choose={(reference) => write({ ...intent, reference })} />}
+    </p>
   );
 }
 

@@ -2,6 +2,7 @@
 // What a module attends to: the picture as a whole, the words, the joints and other modules; of one of its heads, or the
 // mean of them all.
 import { percent } from '../core/format';
+import { focusOn, useKeys } from '../core/keys';
 import type { ModuleAttention } from '../core/types';
 import { Bars, Select } from './basics';
 
@@ -17,7 +18,8 @@ export function lookOf(attention: ModuleAttention, head: string): Look {
 export function HeadSelect(props: { attention: ModuleAttention; head: string; choose: (head: string) => void }) {
   const heads = (props.attention.heads ?? []).map((_one, i) => [String(i + 1), `head ${i + 1}`] as const);
   const known = heads.some(([number]) => number === props.head);
-  return <Select label="attention of" showLabel value={known ? props.head : ''} options={[['', 'all heads, mean'], ...heads]} choose={props.choose} />;
+  useKeys([{ keys: 'h', does: 'heads of the attention', run: () => focusOn('[data-heads] select') }]);
+  return <span data-heads><Select label="attention of" showLabel value={known ? props.head : ''} options={[['', 'all heads, mean'], ...heads]} choose={props.choose} /></span>;
 }
 
 const names: Record<string, string> = { language: 'words', joints: 'joints', self: 'itself' };
