@@ -22,8 +22,7 @@ bool Holds(const OrderedJson& comparison, const std::string& with, std::uint64_t
 }  // namespace
 
 std::optional<PairedRollouts> PairedRollouts::From(const OrderedJson& report) {
-  const auto* comparison = FindPart(report, "comparison");
-  const auto* overall = comparison ? FindPart(*comparison, "overall") : nullptr;
+  const auto* overall = FindPart(report, "comparison", "overall");
   if (!overall) return std::nullopt;
   const auto n = CountAt(*overall, "n"), both = CountAt(*overall, "both"), first = CountAt(*overall, "only_first"),
              second = CountAt(*overall, "only_second");

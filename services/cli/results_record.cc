@@ -63,8 +63,7 @@ bool AreOneMeasurement(OrderedJson first, OrderedJson second) {
 
 // Null where it is not there.
 OrderedJson ComparisonPart(const OrderedJson& report, const char* key) {
-  const OrderedJson* comparison = FindPart(report, "comparison");
-  const OrderedJson* part = comparison ? FindPart(*comparison, key) : nullptr;
+  const OrderedJson* part = FindPart(report, "comparison", key);
   return part ? *part : OrderedJson();
 }
 

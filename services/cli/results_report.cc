@@ -29,8 +29,7 @@ OrderedJson BriefReport(const OrderedJson& report) {
   for (const char* key : {"overall", "per_task"})
     if (const OrderedJson* part = FindPart(report, key)) brief[key] = *part;
   const auto keep = [&](const char* part, const char* key) {
-    const OrderedJson* whole = FindPart(report, part);
-    if (const OrderedJson* kept = whole ? FindPart(*whole, key) : nullptr) brief[part][key] = *kept;
+    if (const OrderedJson* kept = FindPart(report, part, key)) brief[part][key] = *kept;
   };
   keep("scenes", "first_draw");
   for (const char* key : {"overall", "with", "with_sha256"}) keep("comparison", key);
@@ -39,8 +38,7 @@ OrderedJson BriefReport(const OrderedJson& report) {
 }
 
 std::string MissingComparison(const OrderedJson& report) {
-  const OrderedJson* comparison = FindPart(report, "comparison");
-  const OrderedJson* missing = comparison ? FindPart(*comparison, "missing") : nullptr;
+  const OrderedJson* missing = FindPart(report, "comparison", "missing");
   return missing && missing->is_string() ? missing->get<std::string>() : "";
 }
 

@@ -13,6 +13,12 @@ namespace etude::cli {
 
 /// What lies at `key`; null where the key is missing or `json` is no map.
 const OrderedJson* FindPart(const OrderedJson& json, const char* key);
+/// A part of a part: what lies at the end of the path.
+template <typename... Keys>
+const OrderedJson* FindPart(const OrderedJson& json, const char* key, Keys... keys) {
+  const OrderedJson* part = FindPart(json, key);
+  return part ? FindPart(*part, keys...) : nullptr;
+}
 /// The number at `key` of a report; none where the key is missing, is no integer or is negative, or `json` is no map.
 std::optional<std::uint64_t> CountAt(const OrderedJson& json, const char* key);
 /// Whether an eval.json has come to its end: its rollouts, and the scenes that do not count because the expert cannot

@@ -131,8 +131,7 @@ std::string ScenesText(const ResultLine& line) {
   std::string text = eval.scenes.empty() ? "nominal" : eval.scenes;
   std::vector<double> first;
   for (const auto& measured : line.reports) {
-    const auto* scenes = FindPart(measured.report, "scenes");
-    const auto* share = scenes ? FindPart(*scenes, "first_draw") : nullptr;
+    const auto* share = FindPart(measured.report, "scenes", "first_draw");
     if (share && share->is_number()) first.push_back(100 * share->get<double>());
   }
   text += fmt::format(", seed {}", eval.seed);
@@ -170,15 +169,13 @@ struct ModuleErrors {
 ModuleErrors ModuleErrorsOf(const ResultLine& line) {
   ModuleErrors result;
   for (const auto& measured : line.reports) {
-    const auto* overall = FindPart(measured.report, "overall");
-    const auto* errors = overall ? FindPart(*overall, "error_cm") : nullptr;
+    const auto* errors = FindPart(measured.report, "overall", "error_cm");
     if (!errors || !errors->is_object()) continue;
-    const auto* early = FindPart(*overall, "error_before_contact_cm");
     for (const auto& [module, error] : errors->items()) {
       if (!error.is_number()) continue;
       if (!result.all.contains(module)) result.order.push_back(module);
       result.all[module].push_back(error.get<double>());
-      const auto* number = early ? FindPart(*early, module.c_str()) : nullptr;
+      const auto* number = FindPart(measured.report, "overall", "error_before_contact_cm", module.c_str());
       if (number && number->is_number()) result.before_contact[module].push_back(number->get<double>());
     }
   }
