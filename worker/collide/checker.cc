@@ -35,6 +35,7 @@ struct Checker::Impl {
   void PlaceArm(const std::vector<Pose>& poses);
   void FindSelfPiecePairs();
   void SetMargin(double margin);
+  std::optional<PiecePair> FindCollision(const Eigen::VectorXd& q, double new_margin);
   Collision Describe(PiecePair pair) const;
   bool IsHeld(const Piece& piece) const { return !held.empty() && piece.body_name() == held; }
 
@@ -145,13 +146,13 @@ void Checker::Impl::PlaceArm(const Eigen::VectorXd& q) { PlaceArm(kinematics.Arm
 
 void Checker::Impl::PlaceArm(const std::vector<Pose>& poses) {
   int body = -1;
-  Eigen::Isometry3d X_WB;
+  Eigen::Matrix3d R_WB;
   for (int i = 0; i < arm_pieces; ++i) {
     if (pieces[i].body() != body) {
       body = pieces[i].body();
-      X_WB = internal::ToIsometry(poses[body]);
+      R_WB = poses[body].q.toRotationMatrix();
     }
-    pieces[i].Place(X_WB);
+    pieces[i].Place(R_WB, poses[body].p);
   }
   if (held.empty()) return;
   const Eigen::Isometry3d X_WO = internal::ToIsometry(poses[structure.tool_body]) * X_BO;
@@ -212,6 +213,22 @@ void Checker::Impl::SetMargin(double new_margin) {
   for (Piece& piece : pieces) piece.SetMargin(margin);
 }
 
+std::optional<Checker::Impl::PiecePair> Checker::Impl::FindCollision(const Eigen::VectorXd& q, double new_margin) {
+  ++checks;
+  RebuildPairs();
+  SetMargin(new_margin);
+  PlaceArm(q);
+  for (int i = 0; i < static_cast<int>(pairs.size()); ++i) {
+    const Piece &a = pieces[pairs[i].first], &b = pieces[pairs[i].second];
+    const int self = i - first_self_pair;
+    // nearly all pairs end here
+    if (internal::AabbGap(a, b) > (self < 0 ? margin : internal::kSelfRoom)) continue;
+    const bool near = self < 0 ? internal::Near(a, b, margin) : internal::NearSelf(a, b, margin, self < apart_pairs);
+    if (near) return pairs[i];
+  }
+  return std::nullopt;
+}
+
 Collision Checker::Impl::Describe(PiecePair pair) const {
   const Piece& a = pieces[pair.first];
   const Piece& b = pieces[pair.second];
@@ -263,20 +280,12 @@ void Checker::Attach(const std::string& object, const std::optional<Pose>& X_EO)
 }
 
 std::optional<Collision> Checker::Check(const Eigen::VectorXd& q, double margin) {
-  Impl& impl = *impl_;
-  ++impl.checks;
-  impl.RebuildPairs();
-  impl.SetMargin(margin);
-  impl.PlaceArm(q);
-  for (int i = 0; i < static_cast<int>(impl.pairs.size()); ++i) {
-    const Piece &a = impl.pieces[impl.pairs[i].first], &b = impl.pieces[impl.pairs[i].second];
-    const int self = i - impl.first_self_pair;
-    const bool near =
-        self < 0 ? internal::Near(a, b, margin) : internal::NearSelf(a, b, margin, self < impl.apart_pairs);
-    if (near) return impl.Describe(impl.pairs[i]);
-  }
-  return std::nullopt;
+  const auto pair = impl_->FindCollision(q, margin);
+  if (!pair) return std::nullopt;
+  return impl_->Describe(*pair);
 }
+
+bool Checker::Collides(const Eigen::VectorXd& q, double margin) { return impl_->FindCollision(q, margin).has_value(); }
 
 std::optional<Collision> Checker::CheckSegment(const Eigen::VectorXd& a, const Eigen::VectorXd& b, double resolution,
                                                double margin) {

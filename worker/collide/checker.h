@@ -59,6 +59,8 @@ class Checker {
   /// First collision at q, nothing when free. `margin` (m) inflates: pairs closer than it collide. Two bodies of the
   /// arm keep what they always keep (pieces.h) from a margin of 2 mm on, and nothing below it.
   std::optional<Collision> Check(const Eigen::VectorXd& q, double margin = 0.0);
+  /// Whether Check would find one, without the time that its description takes.
+  bool Collides(const Eigen::VectorXd& q, double margin = 0.0);
   /// The straight joint-space segment a -> b, both ends included, at steps of at most `resolution`
   /// rad (largest joint), by bisection. The collision found is not the first along the way.
   std::optional<Collision> CheckSegment(const Eigen::VectorXd& a, const Eigen::VectorXd& b, double resolution = 0.02,

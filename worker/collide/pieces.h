@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <optional>
 #include <string>
 
@@ -28,6 +29,7 @@ class Piece {
 
   /// Moves the piece with its body and recomputes the world's AABB.
   void Place(const Eigen::Isometry3d& X_WB);
+  void Place(const Eigen::Matrix3d& R_WB, const Eigen::Vector3d& p_WB);
   /// Makes the shape grown by `margin` (m); a convex mesh has none.
   void SetMargin(double margin);
 
@@ -41,24 +43,39 @@ class Piece {
   const Eigen::Isometry3d& X_WG() const { return X_WG_; }
   const Eigen::Vector3d& lower() const { return lower_; }
   const Eigen::Vector3d& upper() const { return upper_; }
+  /// A capsule around the piece, in the world.
+  struct Capsule {
+    Eigen::Vector3d center, half_axis;  ///< m; its axis goes from center - half_axis to center + half_axis
+    double radius;                      ///< m
+  };
+  const Capsule& capsule() const { return capsule_; }
 
  private:
-  Eigen::Vector3d HalfExtent() const;
+  Eigen::Vector3d HalfExtent(const Eigen::Matrix3d& R_WG) const;
+  void FindCapsule();
 
   sim::Geometry geometry_;
   Role role_;
   int body_;
   Shape shape_;
   std::optional<Shape> inflated_, self_inflated_, self_roomy_;
-  Eigen::Isometry3d X_BG_;
+  Eigen::Matrix3d R_BG_;
+  Eigen::Vector3d p_BG_;
   Eigen::Vector3d center_, half_;  ///< AABB of the vertices in G, kConvex only
   Eigen::Isometry3d X_WG_ = Eigen::Isometry3d::Identity();
   Eigen::Vector3d lower_ = Eigen::Vector3d::Zero(), upper_ = Eigen::Vector3d::Zero();
+  int axis_ = 2;            ///< of G, along which the capsule lies
+  double half_length_ = 0;  ///< m, half of the capsule's axis
+  Capsule capsule_{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), 0};
 };
 
 /// Largest gap of the two AABBs along an axis, a lower bound of the distance; negative when they
-/// overlap.
-double AabbGap(const Piece& a, const Piece& b);
+/// overlap. Inline: most of a check is some hundreds of these.
+inline double AabbGap(const Piece& a, const Piece& b) {
+  return std::max((a.lower() - b.upper()).maxCoeff(), (b.lower() - a.upper()).maxCoeff());
+}
+/// Gap of the two capsules, a lower bound of the distance; negative when they overlap.
+double CapsuleGap(const Piece& a, const Piece& b);
 /// True when the pieces are closer than the margin last set (see the folder's README on inflation).
 bool Near(const Piece& a, const Piece& b, double margin);
 /// The same for two pieces of the arm: without a margin when `margin` is less than kSelfMargin, else at kSelfRoom for

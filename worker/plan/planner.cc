@@ -75,7 +75,7 @@ bool Planner::Impl::CheckStart(Call& call) {
 
   // a start within the margin may leave, but not come nearer
   call.margin = call.request.margin;
-  while (call.margin > 0 && call.checker.Check(q_start, call.margin)) {
+  while (call.margin > 0 && call.checker.Collides(q_start, call.margin)) {
     call.margin *= 0.5;
     if (call.margin < 1e-5) call.margin = 0;
   }

@@ -57,7 +57,7 @@ bool Planner::Impl::CurveIsFree(Call& call, const JointCurve& curve) {
     if (!after) return false;
     for (int k = 1; k <= between; ++k) {
       const Eigen::VectorXd q = before + static_cast<double>(k) / between * (*after - before);
-      if (call.checker.Check(q, call.margin) || !IsRegular(call, q)) return false;
+      if (call.checker.Collides(q, call.margin) || !IsRegular(call, q)) return false;
       if ((i * between + k) % kFiner == 1 && !KeepsClear(call, q)) return false;
     }
     before = *after;
@@ -120,8 +120,8 @@ std::vector<Eigen::VectorXd> Planner::Impl::Shorten(Call& call, const std::vecto
 double Planner::Impl::FindRoom(Call& call, const Eigen::VectorXd& q_goal) {
   constexpr double kLeast = 1e-3;
   for (double room = kRoom; room > kLeast; room /= 2)
-    if (!call.checker.Check(call.request.q_start, call.margin + room) &&
-        !call.checker.Check(q_goal, call.margin + room))
+    if (!call.checker.Collides(call.request.q_start, call.margin + room) &&
+        !call.checker.Collides(q_goal, call.margin + room))
       return room;
   return 0;
 }
@@ -139,7 +139,7 @@ internal::SamplingProblem Planner::Impl::MakeProblem(Call& call, const Eigen::Ve
   problem.lower = (low.array() - std::numbers::pi).matrix().cwiseMax(arm.q_min).cwiseMin(low);
   problem.upper = (high.array() + std::numbers::pi).matrix().cwiseMin(arm.q_max).cwiseMax(high);
   problem.is_free = [this, &call](const Eigen::VectorXd& q) {
-    return IsRegular(call, q) && !call.checker.Check(q, call.margin + call.room) && KeepsClear(call, q);
+    return IsRegular(call, q) && !call.checker.Collides(q, call.margin + call.room) && KeepsClear(call, q);
   };
   problem.is_segment_free = [this, &call](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
     return SegmentIsFree(call, a, b);

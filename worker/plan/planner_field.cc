@@ -67,7 +67,7 @@ void Planner::Impl::PlanByField(Call& call, const Eigen::VectorXd& q_goal) {
                        .q_max = scene->arm().q_max,
                        .influence = &*call.influence,
                        .is_free = [this, &call](const Eigen::VectorXd& q) {
-                         return IsRegular(call, q) && !call.checker.Check(q, call.margin);
+                         return IsRegular(call, q) && !call.checker.Collides(q, call.margin);
                        }};
   if (IsRedundant())
     problem.settle = [this](const Eigen::VectorXd& q) { return kinematics.Solve(kinematics.X_WE(q), q).value_or(q); };

@@ -68,7 +68,7 @@ std::optional<Blockage> Planner::FindBlockage(const Motion& motion, int from_ste
   if (!before) return lost(from_step);
   if (const auto collision = checker.Check(*before))
     return Blockage{from_step, fmt::format("{} at step {}", Touches(*collision), from_step)};
-  while (margin > 0 && checker.Check(*before, margin)) margin = margin < 1e-5 ? 0 : margin / 2;
+  while (margin > 0 && checker.Collides(*before, margin)) margin = margin < 1e-5 ? 0 : margin / 2;
 
   for (int step = from_step; step + 1 < motion.steps();) {
     const int next = NextSample(motion, step);

@@ -65,7 +65,7 @@ PushVerdict JudgePush(const plan::Motion& motion, const Eigen::VectorXd& q, cons
   Eigen::VectorXd q_now = q;
   for (int i = kEvery - 1; i < motion.steps(); i += kEvery) {
     const auto next = kinematics.Solve(motion.X_WE[i], q_now);
-    if (!next || checker.Check(*next, kPushMargin)) return PushVerdict::kBlocked;
+    if (!next || checker.Collides(*next, kPushMargin)) return PushVerdict::kBlocked;
     const Eigen::VectorXd speed = (*next - q_now).cwiseAbs() * (kControlRate / kEvery);
     if ((speed.array() > joint_speed.array()).any()) return PushVerdict::kTooFast;
     q_now = *next;

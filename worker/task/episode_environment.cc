@@ -160,7 +160,7 @@ std::optional<Rejection> EpisodeEnvironment::AddDistractors(const EpisodePlan& p
     checker.SetObject(plan.target, now.X_WO);
     checker.Allow({});
     checker.SetGripper(0);
-    if (checker.Check(start.q, kStartMargin)) return false;
+    if (checker.Collides(start.q, kStartMargin)) return false;
     return !CheckFeasible(stages, now, {&planner.kinematics(), &checker, start.q});
   };
   const PlacedScene placed{.infos = &scene->objects(),

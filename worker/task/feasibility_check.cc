@@ -37,7 +37,7 @@ std::optional<Rejection> Blocked(const Eigen::VectorXd& q, double margin, Feasib
   collide::Checker& checker = *check.checker;
   if (const auto collision = checker.Check(q, std::min(margin, kPlannerMargin)))
     return Rejection{"touches", fmt::format("{} touches {}", collision->body_a, collision->body_b)};
-  if (margin <= kPlannerMargin || !checker.Check(q, kObstacleMargin)) return std::nullopt;
+  if (margin <= kPlannerMargin || !checker.Collides(q, kObstacleMargin)) return std::nullopt;
   for (const auto& near : checker.Distances(q, kObstacleMargin)) {
     const bool forbidden = near.body_b == kObstacleObject || IsDistractor(near.body_b);
     const double least = forbidden ? kObstacleMargin : margin;

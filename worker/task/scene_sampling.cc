@@ -117,7 +117,7 @@ std::optional<Eigen::VectorXd> DrawStart(const sim::ArmInfo& arm, const Randomiz
     if (!arm.turns_any_way()) turn.head<2>().setZero();
     const Pose X_WE{X_WE_home.p + shift, FromEuler(turn) * X_WE_home.q};
     const auto q = kinematics.Solve(X_WE, arm.q_home);
-    if (q && Dexterity(kinematics, *q) > kStartDexterity && !checker.Check(*q, kStartMargin)) return q;
+    if (q && Dexterity(kinematics, *q) > kStartDexterity && !checker.Collides(*q, kStartMargin)) return q;
   }
   return std::nullopt;
 }
@@ -131,7 +131,7 @@ std::optional<Eigen::VectorXd> DrawLowStart(const sim::ArmInfo& arm, double lowe
     const Pose X_WE{{x, y, lowest + rng.Uniform(0, kLowStartHeight)}, X_WE_home.q};
     const auto q = kinematics.Solve(X_WE, arm.q_home);
     if (q && !SingularityBetween(kinematics, arm.q_home, *q) && Dexterity(kinematics, *q) > kStartDexterity &&
-        !checker.Check(*q, kStartMargin))
+        !checker.Collides(*q, kStartMargin))
       return q;
   }
   return std::nullopt;

@@ -138,7 +138,7 @@ TEST_F(CheckerTest, SegmentAgreesWithDenseSampling) {
     for (double& value : a) value += rng.Uniform(-0.6, 0.6);
     for (double& value : b) value += rng.Uniform(-0.6, 0.6);
     bool dense = false;
-    for (int k = 0; k <= 400 && !dense; ++k) dense = checker_.Check(a + (b - a) * k / 400.0).has_value();
+    for (int k = 0; k <= 400 && !dense; ++k) dense = checker_.Collides(a + (b - a) * k / 400.0);
 
     const bool segment = checker_.CheckSegment(a, b, 0.01).has_value();
     if (segment) {
@@ -180,6 +180,7 @@ TEST_F(CheckerTest, VerdictsDoNotDependOnWhatWasAskedBefore) {
   for (int i = 199; i >= 0; --i) {
     other.Nearest(configurations[(i * 7) % 200]);
     EXPECT_EQ(other.Check(configurations[i], 0.002).has_value(), verdicts[i]);
+    EXPECT_EQ(other.Collides(configurations[i], 0.002), verdicts[i]);
   }
 }
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <map>
+#include <numbers>
 #include <set>
 #include <string>
 #include <utility>
@@ -68,6 +69,63 @@ TEST(AabbGap, IsTheLargestGapAlongAnAxis) {
   EXPECT_NEAR(gap(-0.5, 0.4, 0), 0.3, 1e-12) << "0.1 along y is less";
   EXPECT_NEAR(gap(0, -0.4, -1), 0.6, 1e-12);
   EXPECT_NEAR(gap(0.15, 0, 0), -0.05, 1e-12) << "they overlap, least along x";
+}
+
+// What it leaves out must be what FCL would find apart.
+TEST(CapsuleGap, IsNoMoreThanTheDistanceAndExactForCapsules) {
+  Rng rng(5);
+  const auto round = [](GeometryShape shape) {
+    return shape == GeometryShape::kCapsule || shape == GeometryShape::kSphere;
+  };
+  for (const GeometryShape shape_a : kShapes) {
+    for (const GeometryShape shape_b : kShapes) {
+      Piece a = PieceOf(shape_a, {0.05, 0.12, 0.08}), b = PieceOf(shape_b, {0.04, 0.03, 0.1});
+      for (int i = 0; i < 100; ++i) {
+        a.Place(RandomPose(rng, 0.3));
+        b.Place(RandomPose(rng, 0.3));
+        const double distance = Separate(a.shape(), a.X_WG(), b.shape(), b.X_WG()).distance, gap = CapsuleGap(a, b);
+        EXPECT_NEAR(gap, CapsuleGap(b, a), 1e-12);
+        EXPECT_LE(gap, std::max(0.0, distance + 1e-5));
+        if (distance > 0 && round(shape_a) && round(shape_b)) {
+          EXPECT_NEAR(gap, distance, 1e-5);
+        }
+      }
+    }
+  }
+}
+
+TEST(CapsuleGap, IsThatOfParallelAndCrossedAxes) {
+  Piece a = PieceOf(GeometryShape::kCapsule, {0.1, 1, 0}), b = PieceOf(GeometryShape::kCapsule, {0.1, 1, 0});
+  a.Place(At(0, 0, 0));
+  b.Place(At(0.5, 0, 0.3));
+  EXPECT_NEAR(CapsuleGap(a, b), 0.3, 1e-12) << "side by side";
+  b.Place(At(0, 0, 2.5));
+  EXPECT_NEAR(CapsuleGap(a, b), 0.3, 1e-12) << "end to end";
+  b.Place(At(0.4, 0, 0.2) * Eigen::AngleAxisd(std::numbers::pi / 2, Vector3d::UnitX()));
+  EXPECT_NEAR(CapsuleGap(a, b), 0.2, 1e-12) << "crossed";
+}
+
+TEST(Near, SaysWhatTheGrownShapesSay) {
+  Rng rng(6);
+  constexpr double kMargin = 0.02;
+  int touching = 0, apart = 0;
+  for (const GeometryShape shape_a : kShapes) {
+    for (const GeometryShape shape_b : kShapes) {
+      Piece a = PieceOf(shape_a, {0.05, 0.12, 0.08}), b = PieceOf(shape_b, {0.04, 0.03, 0.1});
+      a.SetMargin(kMargin);
+      if (!a.inflated()) continue;
+      for (int i = 0; i < 100; ++i) {
+        a.Place(RandomPose(rng, 0.2));
+        b.Place(RandomPose(rng, 0.2));
+        // the grown shape reaches further than the margin at its corners: what the box leaves out is left out
+        const bool expected = AabbGap(a, b) <= kMargin && Touch(*a.inflated(), a.X_WG(), b.shape(), b.X_WG());
+        EXPECT_EQ(Near(a, b, kMargin), expected);
+        ++(expected ? touching : apart);
+      }
+    }
+  }
+  EXPECT_GT(touching, 300);
+  EXPECT_GT(apart, 300);
 }
 
 TEST(Piece, IsGrownByTheMarginThatWasSetLast) {

@@ -44,7 +44,7 @@ ob::SpaceInformationPtr MakeSpace(const sim::ArmInfo& arm, const Request& reques
   space->setBounds(bounds);
   auto information = std::make_shared<ob::SpaceInformation>(space);
   information->setStateValidityChecker([&checker, &request, size](const ob::State* state) {
-    return !checker.Check(ToVector(state, size), request.margin);
+    return !checker.Collides(ToVector(state, size), request.margin);
   });
   // OMPL's unit: a part of the space's extent
   information->setStateValidityCheckingResolution(PlannerConfig{}.resolution / space->getMaximumExtent());
@@ -71,7 +71,7 @@ std::optional<Eigen::VectorXd> PlainRrt::Impl::FindGoal(const Request& request, 
   Eigen::VectorXd seed = request.q_start;
   for (int i = 0; i <= kGoalTries; ++i) {
     const auto q = kinematics.Solve(request.X_WE_goal, seed);
-    if (q && !checker.Check(*q, request.margin)) return q;
+    if (q && !checker.Collides(*q, request.margin)) return q;
     seed = request.q_start;
     for (double& value : seed) value += rng.Uniform(-std::numbers::pi / 2, std::numbers::pi / 2);
     seed = seed.cwiseMax(scene->arm().q_min).cwiseMin(scene->arm().q_max);

@@ -64,7 +64,7 @@ bool StraightIsBlocked(const PlanningScene& planning, const Pose& X_WE_start, si
   for (int i = 1; i < kLineChecks; ++i) {
     const double part = static_cast<double>(i) / kLineChecks;
     const auto next = kinematics.Solve(Interpolate(X_WE_start, planning.X_WE_goal, part), q);
-    if (!next || checker.Check(*next)) return true;
+    if (!next || checker.Collides(*next)) return true;
     q = *next;
   }
   return false;
@@ -120,9 +120,9 @@ std::optional<PlanningScene> DrawPlanningScene(const sim::Scene& scene, Difficul
     const auto q_start = kinematics.Solve(X_WE_start, scene.arm().q_home);
     if (!q_start) continue;
     Place(scene, planning, checker);
-    if (checker.Check(*q_start, kMargin)) continue;
+    if (checker.Collides(*q_start, kMargin)) continue;
     const auto q_goal = kinematics.Solve(planning.X_WE_goal, *q_start);
-    if (!q_goal || checker.Check(*q_goal, kMargin)) continue;
+    if (!q_goal || checker.Collides(*q_goal, kMargin)) continue;
     planning.q_start = *q_start;
     const bool blocked = difficulty == Difficulty::kNarrow || (difficulty == Difficulty::kCluttered && index % 2 == 1);
     if (blocked && !StraightIsBlocked(planning, X_WE_start, kinematics, checker)) continue;
