@@ -11,6 +11,7 @@
 #include <chrono>
 #include <cstdio>
 #include <functional>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -392,7 +393,8 @@ void TrainCompact(const PolicyConfig& config, int batch) {
   Measure("train_compact", batch, 7, 10, 10, ours, baseline);
 }
 
-int Main() {
+// `only`: paper or compact; empty: both.
+int Main(const std::string& only) {
   SetTorchThreads(0);
   fmt::print(stderr, "{}; two spinning threads do {:.2f} x the work of one\n", DescribeTorch(), SpinRatio());
   const std::string folder = "trainer/experiments/policies/";
@@ -404,8 +406,8 @@ int Main() {
                (!paper ? paper.error() : compact.error()).message);
     return 1;
   }
-  TrainPaper(*paper);
-  TrainCompact(*compact, 64);
+  if (only != "compact") TrainPaper(*paper);
+  if (only != "paper") TrainCompact(*compact, 64);
   fmt::print(stderr, "two spinning threads do {:.2f} x the work of one\n", SpinRatio());
   return 0;
 }
@@ -413,7 +415,7 @@ int Main() {
 }  // namespace
 }  // namespace etude::policy
 
-int main(int, char** argv) {
+int main(int argc, char** argv) {
   etude::policy::PrepareTorchProcess(argv);
-  return etude::policy::Main();
+  return etude::policy::Main(argc > 1 ? argv[1] : "");
 }
