@@ -125,14 +125,17 @@ struct PromoteArguments {
   std::string run, checkpoint;
 };
 
-// "1500", "00001500.safetensors" or a path to it -> the name in `folder`, RUN/checkpoints.
+// "1500", "00001500.safetensors", a path to it or the link "latest" -> the file's name in `folder`, RUN/checkpoints.
 Result<std::string> NameOfCheckpoint(const std::string& text, const Path& folder) {
   const bool step = !text.empty() && text.size() <= 18 && text.find_first_not_of("0123456789") == std::string::npos;
   if (step) return fmt::format("{:08}.safetensors", std::stoull(text));
   const Path path(text);
-  const std::string name = path.filename().string();
+  const std::string name = path.filename().string() + (path.has_extension() ? "" : ".safetensors");
   std::error_code error;
-  if (!path.has_parent_path() || std::filesystem::equivalent(path, folder / name, error)) return name;
+  if (!path.has_parent_path() || std::filesystem::equivalent(path, folder / name, error)) {
+    const Path target = std::filesystem::read_symlink(folder / name, error);
+    return error ? name : target.filename().string();
+  }
   return Fail(
       Code::kInvalidArgument,
       fmt::format("promote '{}': it is not in '{}'; a run's best is one of its own checkpoints: name its run, or "
@@ -309,7 +312,7 @@ void AddCheckpoint(CLI::App& app, Body& body) {
   auto promoting = std::make_shared<PromoteArguments>();
   auto* promote = command->add_subcommand("promote", "make a checkpoint its run's best, in place of the one that was");
   promote->add_option("run", promoting->run, "folder of the run")->required();
-  promote->add_option("checkpoint", promoting->checkpoint, "STEP, or FILE in RUN/checkpoints")->required();
+  promote->add_option("checkpoint", promoting->checkpoint, "STEP, latest, or FILE in RUN/checkpoints")->required();
   promote->callback([=, &body] { body = [=] { return Promote(*promoting); }; });
   AddExport(*command, body);
   AddWatch(*command, body);

@@ -394,7 +394,7 @@ async function typesASentence(page, object) {
 async function choosesWhatItIsJudgedBy(page, object) {
   await page.getByLabel('Sentence').fill('xylophone');
   await page.waitForSelector('[data-meaning] .warn');
-  await page.getByLabel('Judged by', { exact: true }).selectOption('push');
+  await page.getByRole('combobox', { name: 'Judged by', exact: true }).selectOption('push');
   await page.getByLabel('Object that it is judged by').selectOption(object);
   assert.equal(new URL(page.url()).searchParams.get('judge'), `push,${object}`);
 }

@@ -90,7 +90,14 @@ TEST_F(CheckpointCli, PromotingPointsBestAtACheckpointOfTheRun) {
   EXPECT_EQ(std::filesystem::read_symlink(best), "00002000.safetensors");
   EXPECT_THAT(second.text, HasSubstr("was 00001500.safetensors"));
   EXPECT_THAT(second.text, HasSubstr("TAR3D is not trained")) << "it says what it may not do";
-  for (const char* other : {"7", "best.safetensors", "../config.yaml", ""}) {
+  std::filesystem::create_symlink("00001500.safetensors", folder_ / "run/checkpoints/latest.safetensors");
+  for (const char* name : {"latest.safetensors", "latest"}) {
+    ASSERT_EQ(Etude({"checkpoint", "promote", In("run"), "2000"}).exit_code, kExitOk);
+    EXPECT_EQ(Etude({"checkpoint", "promote", In("run"), name}).exit_code, kExitOk) << name;
+    EXPECT_EQ(std::filesystem::read_symlink(best), "00001500.safetensors") << name << ": what the link names";
+  }
+  ASSERT_EQ(Etude({"checkpoint", "promote", In("run"), "2000"}).exit_code, kExitOk);
+  for (const char* other : {"7", "newest", "../config.yaml", ""}) {
     const Outcome refused = Etude({"checkpoint", "promote", In("run"), other});
     EXPECT_NE(refused.exit_code, kExitOk) << other;
     EXPECT_EQ(std::filesystem::read_symlink(best), "00002000.safetensors") << other;
