@@ -476,7 +476,7 @@ test('Play: a sentence is typed, the policy drives, the judge has the last word'
     await page.getByRole('button', { name: 'Close', exact: true }).click();
     await page.waitForSelector(`[data-ended="${session}"]`, { timeout: 30000 });
     assert.equal(await page.getByRole('button', { name: 'Open the same scene again' }).isEnabled(), true);
-    assert.equal(new URL(page.url()).searchParams.get('sentence'), `push the xylophonic ${object}`);
+    assert.equal(new URL(page.url()).searchParams.get('sentence'), 'xylophone');
     await open('/play?session=play-gone&index=3&seed=18446744073709551615', async (other) => {
       await other.waitForSelector('[data-ended="play-gone"]');
       assert.equal(await other.getByLabel('Number').inputValue(), '3');
