@@ -4,7 +4,9 @@
 // each other and that pods are as closed as the namespace demands.
 //   npm ci && npm test
 import assert from "node:assert/strict";
-import {existsSync, mkdirSync, readFileSync, readdirSync, writeFileSync} from "node:fs";
+import {spawnSync} from "node:child_process";
+import {existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSync} from "node:fs";
+import {tmpdir} from "node:os";
 import {dirname, join} from "node:path";
 import {fileURLToPath} from "node:url";
 import ts from "typescript";
@@ -74,7 +76,10 @@ function checkPods({file, kind, metadata, spec}) {
     if (volume.configMap) assert.ok(named("ConfigMap", volume.configMap.name), where);
     if (volume.persistentVolumeClaim) assert.ok(named("PersistentVolumeClaim", volume.persistentVolumeClaim.claimName), where);
   }
-  for (const container of [...pod.initContainers, ...pod.containers]) {
+  // a container that is started again must ask for the hubs again, which init containers would not
+  assert.ok(!pod.initContainers, where);
+  for (const container of pod.containers) {
+    assert.deepEqual(container.command.slice(0, 2), ["/bin/sh", "/etc/etude/bus/start"], where);
     for (const mount of container.volumeMounts) assert.ok(volumes.has(mount.name), `${where}: volume ${mount.name}`);
     assert.equal(container.securityContext.allowPrivilegeEscalation, false, where);
     assert.deepEqual(container.securityContext.capabilities.drop, ["ALL"], where);
@@ -88,7 +93,41 @@ function checkPods({file, kind, metadata, spec}) {
     if (word.startsWith("/usr/share/etude/")) assert.ok(existsSync(join(root, "deploy", word.slice(17))), `${where}: ${word}`);
 }
 
+// The scripts of network.yaml, with programs in the place of DNS and of `etude`: a container whose hubs move comes to the new
+// ones by being started again.
+function scriptsFollowHubs() {
+  const place = mkdtempSync(join(tmpdir(), `etude-test-${process.pid}-`));
+  const scripts = resources.find((r) => r.kind === "ConfigMap" && r.metadata.name === "etude-bus").data;
+  for (const [name, text] of Object.entries(scripts)) writeFileSync(join(place, name), text.replaceAll("/run/etude", place));
+  const program = (name, text) => writeFileSync(join(place, name), `#!/bin/sh\n${text}\n`, {mode: 0o755});
+  program("getent", `cat "${place}/dns"; [ -s "${place}/dns" ]`);
+  program("etude", `echo "\${CYCLONEDDS_URI-none} $*" >"${place}/profile"`);
+  const dns = (...hubs) => writeFileSync(join(place, "dns"), hubs.map((hub) => `${hub} STREAM etude-hubs\n${hub} DGRAM\n`).join(""));
+  const run = (...words) =>
+    spawnSync("/bin/sh", words.map((word, i) => (i ? word : join(place, word))),
+              {env: {...process.env, PATH: `${place}:${process.env.PATH}`, CYCLONEDDS_URI: "file:///no"}, encoding: "utf8"});
+  const profile = () => readFileSync(join(place, "profile"), "utf8").trim().replace(place, "");
+  try {
+    dns("10.0.0.2", "10.0.0.1");
+    assert.equal(run("same-hubs").status, 0, "it has not begun: nothing is wrong yet");
+    const started = run("start", "/bin/sh", "-c", 'echo "$1"; exit 7', "-", "two words");
+    assert.deepEqual([started.stdout, started.status], ["two words\n", 7], started.stderr);
+    assert.equal(profile(), "none doctor net --write-profile /dds.xml --hub 10.0.0.1 --hub 10.0.0.2");
+    assert.equal(run("same-hubs").status, 0);
+    dns();
+    assert.equal(run("same-hubs").status, 0, "no answer is no other hub");
+    dns("10.0.0.3", "10.0.0.1");
+    assert.notEqual(run("same-hubs").status, 0);
+    assert.equal(run("start", "true").status, 0);
+    assert.equal(profile(), "none doctor net --write-profile /dds.xml --hub 10.0.0.1 --hub 10.0.0.3");
+    assert.equal(run("same-hubs").status, 0);
+  } finally {
+    rmSync(place, {recursive: true});
+  }
+}
+
 await validatorWorks();
+scriptsFollowHubs();
 for (const resource of resources) await validate(resource);
 assert.deepEqual(typeErrors(resources), []);
 const workloads = resources.filter((r) => ["Deployment", "StatefulSet"].includes(r.kind));
