@@ -191,6 +191,7 @@ Status CampaignSpec::Validate() const {
   CheckRandomWorld(*this, problems);
   world.Check(problems.errors());
   problems.InRange("obstacle.in_the_way", obstacle.in_the_way, 0.0, 1.0);
+  problems.InRange("obstacle.clearance", obstacle.clearance, 0.01, 0.3);
   adaptive_sampling.Check(problems.errors());
   if (mode == "rollout") {
     problems.Require(!adaptive_sampling.on(), "adaptive_sampling: only for mode demonstrate");
@@ -211,6 +212,7 @@ std::string SpecHash(const CampaignSpec& spec) {
   if (spec.renderer == CampaignSpec().renderer) json.erase("renderer");
   if (!spec.adaptive_sampling.on()) json.erase("split");
   if (spec.adaptive_sampling == AdaptiveSamplingSpec{}) json.erase("adaptive_sampling");
+  if (spec.obstacle.clearance == ObstacleSpec().clearance) json["obstacle"].erase("clearance");
   if (spec.randomization.world == WorldRandomizationSpec{}) json["randomization"].erase("world");
   EraseUnset(json["rollout"]);
   json["content"] = kContentVersion;

@@ -53,13 +53,19 @@ struct RandomizationSpec {
   }
 };
 
-/// Only for tasks "...+obstacle".
+/// Only for tasks "...+obstacle", and `clearance` for "...+others" too.
 struct ObstacleSpec {
   double in_the_way = 0.5;  ///< share of the scenes in which it blocks the straight way to the target
+  double clearance = 0.05;  ///< m, that demonstrations wish to keep from what is to be avoided, where there is room
 
   void Visit(auto& v) {
     v("in_the_way", in_the_way, "-", "share of the scenes in which the obstacle blocks the straight way to the target");
+    v("clearance", clearance, "m",
+      "that demonstrations wish to keep from what is to be avoided, where there is room: what a policy errs by takes "
+      "off it");
   }
+
+  bool operator==(const ObstacleSpec&) const = default;
 };
 
 /// Only for mode "rollout": a policy drives instead of the expert.

@@ -179,6 +179,7 @@ void FillScene(const CampaignSpec& spec, const std::vector<std::string>& objects
   plan.scene.objects.insert(plan.scene.objects.end(), plan.distractors.begin(), plan.distractors.end());
   plan.world = DrawWorld(spec, plan.index, SceneNames(plan.scene.objects));
   plan.obstacle = DrawObstaclePlace(spec, plan.index);
+  plan.clearance = spec.obstacle.clearance;
   plan.first_draw = spec.scenes == "first_draw";
   plan.avoid = AvoidedObjects(plan.task, plan.target, plan.scene.objects);
 }

@@ -54,6 +54,7 @@ struct EpisodePlan {
   std::string sentence;                            ///< what is said, where the spec says it; "": drawn
   std::vector<std::string> avoid;                  ///< objects that the robot must not touch
   ObstaclePlace obstacle = ObstaclePlace::kAside;  ///< counts only for tasks with an obstacle
+  double clearance = ObstacleSpec().clearance;     ///< m, wished from `avoid` where there is room
   std::vector<std::string> distractors;            ///< objects that only stand there: not to be touched either
   EpisodeWorld world;                              ///< how this episode looks
   bool first_draw = false;  ///< the first start that is drawn counts, whether the task can be done from it or not

@@ -61,7 +61,7 @@ SceneDraws EpisodeEnvironment::Prepare(const EpisodePlan& plan, const Randomizat
   const auto appearance = sim::DrawAppearance(randomization.light, scene->body_count(), light_rng);
   renderer.SetAppearance(sim::WithWorld(appearance, plan.world, *scene));
   renderer.SetCamera(plan.world.camera ? std::optional(ToCamera(*plan.world.camera)) : std::nullopt);
-  const auto stages = StagesOf(plan.task, shapes);
+  const auto stages = StagesOf(plan.task, shapes, plan.clearance);
   SceneDraws draws;
   for (int left = plan.first_draw ? 1 : kStarts; left > 0; --left) {
     Rejection why;

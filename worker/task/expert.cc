@@ -44,7 +44,7 @@ Expert::Expert(EpisodeRunner* runner, StagePlanner* planner, collide::Checker* c
       checker_(checker),
       randomization_(randomization),
       push_rng_(runner->plan().seeds.disturbance),
-      stages_(StagesOf(runner->plan().task, runner->shapes())),
+      stages_(StagesOf(runner->plan().task, runner->shapes(), runner->plan().clearance)),
       push_drawn_(stages_.size(), false),
       reference_(runner->world().X_WE()) {
   for (const auto& stage : stages_) runner_->episode().stage_names.push_back(stage.name);

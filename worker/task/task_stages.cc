@@ -30,7 +30,7 @@ void Connect(std::vector<Stage>& stages) {
 
 }  // namespace
 
-std::vector<Stage> StagesOf(const TaskName& task, const SceneGeometry& shapes) {
+std::vector<Stage> StagesOf(const TaskName& task, const SceneGeometry& shapes, double clearance) {
   const Manner manner = MannerOf(*task.spec, shapes);
   std::vector<Stage> stages;
   for (const StageSpec& spec : task.spec->stages)
@@ -42,7 +42,7 @@ std::vector<Stage> StagesOf(const TaskName& task, const SceneGeometry& shapes) {
     // a palm that lays down from above is wider than the lane between two objects: no pushes out of it
     if (manner.above() && lays && stage.holds) stage.disturbable = false;
     // where contact is wanted the straight way is the short one: the field is for the ways in between
-    if (!task.avoid.empty() && stage.moves() && !stage.straight_only) stage.clearance = kStages.avoid_clearance;
+    if (!task.avoid.empty() && stage.moves() && !stage.straight_only) stage.clearance = clearance;
   }
   return stages;
 }

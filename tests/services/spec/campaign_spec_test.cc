@@ -95,6 +95,7 @@ TEST(CampaignSpec, RefusesWhatIsOutOfRangeAndSaysWhatIsAllowed) {
                  {"randomization.light=2", "randomization.light: 2 not in 0..1"},
                  {"obstacle.in_the_way=-0.1", "obstacle.in_the_way: -0.1 not in 0..1"},
                  {"obstacle.in_the_way=1.1", "obstacle.in_the_way: 1.1 not in 0..1"},
+                 {"obstacle.clearance=0.5", "obstacle.clearance: 0.5 not in 0.01..0.3"},
                  {"split={train: 0, valid: 0, test: 0}", "split: fractions must be >= 0 and not all 0"},
                  {"split.valid=-0.1", "split: fractions must be >= 0 and not all 0"},
                  {"split.train=.inf", "split.train"},
@@ -173,6 +174,16 @@ TEST(CampaignSpec, TakesEveryRangeUpToItsEnds) {
     EXPECT_THAT(Validated({text}), IsOk()) << text;
 }
 
+TEST(CampaignSpec, AnotherClearanceMakesOtherEpisodes) {
+  const auto hash_with = [](double clearance) {
+    CampaignSpec spec;
+    spec.obstacle.clearance = clearance;
+    return SpecHash(spec);
+  };
+  EXPECT_NE(hash_with(0.08), hash_with(0.05));
+  EXPECT_EQ(hash_with(0.05), SpecHash(CampaignSpec()));
+}
+
 TEST(CampaignSpec, ATaskWithAReferenceNeedsSomethingToReferTo) {
   EXPECT_THAT(Validated({"tasks=[place_left]", "objects=[cube]"}), MessageHas("'place_left' needs a second one"));
   EXPECT_THAT(Validated({"tasks=[place_left]", "objects=[cube, milk]"}), IsOk());
@@ -222,6 +233,7 @@ TEST(CampaignSpec, KeysThatCameLaterChangeNoHashWhileTheyAreUnset) {
   for (const char* key : {"name", "episodes", "split", "max_attempts", "stall_timeout_s", "determinism", "recheck"})
     json.erase(key);
   for (const char* key : {"renderer", "device"}) ASSERT_EQ(json.erase(key), 1u) << key;
+  ASSERT_EQ(json["obstacle"].erase("clearance"), 1u);
   for (const char* key : {"execution", "occlude", "pushes", "sentences"})
     ASSERT_EQ(json["rollout"].erase(key), 1u) << key;
   ASSERT_EQ(json["randomization"].erase("world"), 1u);

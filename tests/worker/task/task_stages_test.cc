@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include <numbers>
+#include <set>
 
 #include "tests/worker/task/stages_fixture.h"
 #include "worker/task/criteria.h"
@@ -39,6 +40,19 @@ TEST(StagesOf, EndWithAWaitAndGripAsTheyShould) {
     for (const auto& stage : stages)
       EXPECT_TRUE(!stage.holds || (stage.closed && stage.touches_target)) << name << stage.name;
   }
+}
+
+TEST(StagesOf, KeepTheClearanceThatIsWishedOfWhatIsAvoidedAlone) {
+  const Fixture f;
+  const auto clearances = [&](const char* task, double wished) {
+    std::set<double> found;
+    for (const auto& stage : StagesOf(*ParseTask(task), *f.shapes, wished))
+      if (stage.moves() && !stage.straight_only) found.insert(stage.clearance);
+    return found;
+  };
+  EXPECT_EQ(clearances("pick+obstacle", 0.08), std::set<double>{0.08});
+  EXPECT_EQ(clearances("pick+others", 0.08), std::set<double>{0.08});
+  EXPECT_EQ(clearances("pick", 0.08), std::set<double>{0});
 }
 
 TEST(SceneGeometry, HandIsLevelAtHomeAndMeasured) {

@@ -67,10 +67,9 @@ struct AboveTuning {
 
 /// Of all hands.
 struct StageTuning {
-  double on_line = 0.04;          // [margin] off the line of an approach at most to count as on it
-  double avoid_clearance = 0.05;  // [margin] wished from what is to be avoided
-  double held_back = 0.03;        // [object] that friction of what is pushed may keep a soft arm from the push's goal
-  double planned_speed = 0.92;    // of a joint's speed limit: what follows a motion is up to 6 % faster than planned
+  double on_line = 0.04;        // [margin] off the line of an approach at most to count as on it
+  double held_back = 0.03;      // [object] that friction of what is pushed may keep a soft arm from the push's goal
+  double planned_speed = 0.92;  // of a joint's speed limit: what follows a motion is up to 6 % faster than planned
 };
 
 inline constexpr SideTuning kSide;
