@@ -91,6 +91,8 @@ Status WriteAll(int fd, const Path& path, std::span<const std::uint8_t> bytes) {
   return {};
 }
 
+Status WriteAll(int fd, const Path& path, std::string_view text) { return WriteAll(fd, path, BytesOf(text)); }
+
 Status WriteSecret(const Path& path, std::string_view text) {
   const Descriptor file(::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600));
   if (!file && errno == EEXIST)
@@ -139,13 +141,17 @@ Status SyncFile(const Path& path) {
 }
 
 Status WriteFileAtomically(const Path& path, std::span<const std::uint8_t> bytes) {
+  return WriteFileAtomically(path, [&](int fd) { return WriteAll(fd, path, bytes); });
+}
+
+Status WriteFileAtomically(const Path& path, const std::function<Status(int fd)>& write) {
   ETUDE_RETURN_IF_ERROR(MakeFolders(path.parent_path()));
   // threads share a pid, and so do containers on one volume
   const Path temporary = path.string() + fmt::format(".tmp-{}-{:.8}", ::getpid(), NewId());
   {
     Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
     if (file.get() < 0) return Fail(ErrnoError("create", temporary, errno));
-    Status written = WriteAll(file.get(), path, bytes);
+    Status written = write(file.get());
     CrashPoint("file.written");
     if (written && ::fsync(file.get()) != 0) written = Fail(ErrnoError("write", path, errno));
     if (!written) {
@@ -184,9 +190,15 @@ Status LineAppender::Append(std::string_view line) {
   return AppendWhole(file_.get(), path_, BytesOf(text));
 }
 
-Status LineAppender::Sync() {
+Status LineAppender::Sync() const {
   if (::fsync(file_.get()) != 0) return Fail(ErrnoError("fsync", path_, errno));
   return {};
+}
+
+Result<LineAppender> LineAppender::Duplicate() const {
+  const int fd = ::fcntl(file_.get(), F_DUPFD_CLOEXEC, 0);
+  if (fd < 0) return Fail(ErrnoError("open once more", path_, errno));
+  return LineAppender(path_, fd);
 }
 
 bool IsPlainName(std::string_view name) {

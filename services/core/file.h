@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -28,6 +29,7 @@ Result<std::vector<std::uint8_t>> ReadBinaryFile(const Path& path, std::uint64_t
 Result<std::size_t> ReadAt(int fd, const Path& path, std::uint64_t offset, std::span<std::uint8_t> bytes);
 /// Writes all of `bytes` where the file stands; `path` is for the error's words. After an error a part may stand there.
 Status WriteAll(int fd, const Path& path, std::span<const std::uint8_t> bytes);
+Status WriteAll(int fd, const Path& path, std::string_view text);
 
 /// Writes what nobody else may read: mode 0600 from the first byte on. @error kUnavailable when the file is there
 Status WriteSecret(const Path& path, std::string_view text);
@@ -37,6 +39,8 @@ Status WriteSecret(const Path& path, std::string_view text);
 /// On error no temporary file is left, and the old file is unchanged unless only the fsync of the folder failed.
 Status WriteFileAtomically(const Path& path, std::span<const std::uint8_t> bytes);
 Status WriteFileAtomically(const Path& path, std::string_view text);
+/// The same of what is too large to be in memory at once: `write` gets the open file.
+Status WriteFileAtomically(const Path& path, const std::function<Status(int fd)>& write);
 
 /// Makes a rename or a new file in `folder` durable.
 Status SyncFolder(const Path& folder);
@@ -52,7 +56,10 @@ class LineAppender {
 
   /// Writes `line` and a newline, or nothing. A torn last line (a crash, a full disk) is ended first.
   Status Append(std::string_view line);
-  Status Sync();
+  Status Sync() const;
+  /// The same file once more: a slow disk then keeps nobody from appending while it is synced.
+  /// @error kUnavailable: no descriptor is left
+  Result<LineAppender> Duplicate() const;
 
  private:
   LineAppender(Path path, int fd) : path_(std::move(path)), file_(fd) {}

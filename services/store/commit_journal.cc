@@ -278,40 +278,57 @@ Result<CommitRow> ParseCommitLine(std::string_view line) {
               fmt::format("a line of {}: a value is of another kind than expected", internal::kCommits));
 }
 
+namespace {
+
+// What of the journal stands, line by line; little of it is in memory, for a million lines are half a gigabyte.
+struct JournalLines {
+  std::unordered_set<std::uint64_t> indices;  // of those that stand
+  std::vector<bool> stands;                   // by line
+};
+
+JournalLines ReadJournal(const Path& path, const std::map<std::uint64_t, std::uint64_t>& bytes_of,
+                         const std::function<void(const CommitRow&)>& found_row) {
+  JournalLines lines;
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);) {
+    const auto row = file.eof() ? Result<CommitRow>(Fail(Code::kCorrupt, "torn")) : ParseCommitLine(line);
+    const auto found = row ? bytes_of.find(row->index) : bytes_of.end();
+    const bool stands =
+        found != bytes_of.end() && found->second == row->bytes && lines.indices.insert(row->index).second;
+    lines.stands.push_back(stands);
+    if (stands && found_row) found_row(*row);
+  }
+  return lines;
+}
+
+Status RewriteJournal(const Path& path, const std::vector<bool>& stands) {
+  constexpr std::size_t kAtOnce = 1 << 20;
+  return WriteFileAtomically(path, [&](int fd) -> Status {
+    std::ifstream file(path);
+    std::string line, text;
+    for (std::size_t number = 0; number < stands.size() && std::getline(file, line); ++number) {
+      if (stands[number]) text += line + "\n";
+      if (text.size() < kAtOnce) continue;
+      ETUDE_RETURN_IF_ERROR(WriteAll(fd, path, text));
+      text.clear();
+    }
+    return WriteAll(fd, path, text);
+  });
+}
+
+}  // namespace
+
 Result<CommitJournal> CommitJournal::Open(const Path& dataset, const std::map<std::uint64_t, std::uint64_t>& bytes_of,
                                           const std::function<void(const CommitRow&)>& found_row) {
   const Path path = dataset / internal::kCommits;
-  std::map<std::uint64_t, std::size_t> line_of;  // episode -> its last line
-  std::vector<std::string> kept;
-  std::size_t dropped = 0;
-  {
-    std::ifstream file(path);
-    for (std::string line; std::getline(file, line);) {
-      const auto row = file.eof() ? Result<CommitRow>(Fail(Code::kCorrupt, "torn")) : ParseCommitLine(line);
-      const auto found = row ? bytes_of.find(row->index) : bytes_of.end();
-      if (found == bytes_of.end() || found->second != row->bytes) {
-        ++dropped;
-        continue;
-      }
-      const auto [before, fresh] = line_of.try_emplace(row->index, kept.size());
-      if (found_row) found_row(*row);
-      if (fresh) {
-        kept.push_back(std::move(line));
-      } else {
-        kept[before->second] = std::move(line);
-        ++dropped;
-      }
-    }
-  }
-  if (dropped > 0) {
+  JournalLines found = ReadJournal(path, bytes_of, found_row);
+  if (const auto dropped = std::ranges::count(found.stands, false); dropped > 0) {
     Log().info("{}: lines without their episode are dropped count={}", path.string(), dropped);
-    std::string text;
-    for (const auto& line : kept) text += line + "\n";
-    ETUDE_RETURN_IF_ERROR(WriteFileAtomically(path, text));
+    ETUDE_RETURN_IF_ERROR(RewriteJournal(path, found.stands));
   }
   ETUDE_ASSIGN_OR_RETURN(auto lines, LineAppender::Open(path));
   CommitJournal journal(std::move(lines));
-  for (const auto& [index, line] : line_of) journal.rows_.insert(index);
+  journal.rows_ = std::move(found.indices);
   return journal;
 }
 

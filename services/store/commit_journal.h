@@ -73,7 +73,7 @@ Result<CommitRow> ParseCommitLine(std::string_view line);
 /// The writing end, of who holds the dataset's lock. Not thread-safe.
 class CommitJournal {
  public:
-  /// Brings the journal in line with the files: what is torn, comes twice (the last counts), or is of a file that is
+  /// Brings the journal in line with the files: what is torn, comes twice (the first counts), or is of a file that is
   /// not there or has another size is dropped, by rename.
   /// @param bytes_of  size of every committed episode's file
   /// @param found     called with each line of an episode that is there, in their order   @error kUnavailable
@@ -81,9 +81,10 @@ class CommitJournal {
                                     const std::function<void(const CommitRow&)>& found = nullptr);
 
   bool Contains(std::uint64_t index) const { return rows_.contains(index); }
-  /// One write(2); durable after Sync. On error the journal is as before.
+  /// One write(2); durable after a Sync (Duplicate). On error the journal is as before.
   Status Append(const CommitRow& row);
-  Status Sync() { return lines_.Sync(); }
+  /// What makes it durable by its Sync, beside whoever appends.
+  Result<LineAppender> Duplicate() const { return lines_.Duplicate(); }
 
  private:
   explicit CommitJournal(LineAppender lines) : lines_(std::move(lines)) {}

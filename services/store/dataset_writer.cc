@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <tuple>
+#include <unordered_set>
 #include <utility>
 
 #include "services/core/clock.h"
@@ -128,7 +130,7 @@ struct DatasetWriter::Impl {
   std::uint64_t in_master ETUDE_GUARDED_BY(master_mutex) = 0;  // episodes; 0: not written by this one yet
   mutable Mutex mutex = {};
   LineAppender attempts ETUDE_GUARDED_BY(mutex);
-  CommitJournal commits ETUDE_GUARDED_BY(mutex);
+  std::optional<CommitJournal> commits ETUDE_GUARDED_BY(mutex) = {};  // opened with what it restores
   std::set<AttemptId> recorded ETUDE_GUARDED_BY(mutex) = {};
   std::map<std::string, std::uint64_t> failures ETUDE_GUARDED_BY(mutex) = {};  // by outcome
   std::set<std::uint64_t> committed ETUDE_GUARDED_BY(mutex) = {};
@@ -138,11 +140,17 @@ struct DatasetWriter::Impl {
   // committed, and not counted by the journal: what is known of each
   std::map<std::uint64_t, CommitRow> uncounted ETUDE_GUARDED_BY(mutex) = {};
 
+  Status Restore(const std::map<std::uint64_t, std::uint64_t>& sizes) ETUDE_REQUIRES(mutex);
   void Take(std::uint64_t index, const internal::EpisodeSummary& summary) ETUDE_REQUIRES(mutex);
   void Note(const CommitRow& row) ETUDE_REQUIRES(mutex);
   void Account(const ArrivedEpisode& arrived, std::uint64_t bytes) ETUDE_REQUIRES(mutex);
   Status CountTheUncounted() ETUDE_EXCLUDES(mutex);
   std::vector<internal::MasterEntry> CopyEntries() const ETUDE_EXCLUDES(mutex);
+  struct Written {  // and how it becomes durable
+    LineAppender attempts, commits;
+    OrderedJson statistics;
+  };
+  Result<Written> WrittenSoFar() const ETUDE_EXCLUDES(mutex);
   Status WriteStatistics() ETUDE_EXCLUDES(mutex);
   Status WriteLinks() ETUDE_REQUIRES(master_mutex) ETUDE_EXCLUDES(mutex);
   Status CheckArrived(const ArrivedEpisode& arrived) const;
@@ -185,33 +193,34 @@ Result<DatasetWriter> DatasetWriter::Open(const Path& dataset, const CampaignSpe
   ETUDE_ASSIGN_OR_RETURN(const auto files, internal::ListEpisodeFolder(dataset));
   ETUDE_RETURN_IF_ERROR(RemoveTemporaries(dataset, files));
   ETUDE_ASSIGN_OR_RETURN(auto attempts, LineAppender::Open(dataset / internal::kAttempts));
-  const auto sizes = SizesOf(files);
-  std::vector<CommitRow> rows;
-  ETUDE_ASSIGN_OR_RETURN(auto commits,
-                         CommitJournal::Open(dataset, sizes, [&](const CommitRow& row) { rows.push_back(row); }));
   auto impl = std::unique_ptr<Impl>(new Impl{.dataset = dataset,
                                              .spec = spec,
                                              .spec_sha256 = SpecHash(spec),
                                              .lock = std::move(lock),
-                                             .attempts = std::move(attempts),
-                                             .commits = std::move(commits)});
+                                             .attempts = std::move(attempts)});
   const MutexLock writing(impl->mutex);
   impl->recorded = RecordedAttempts(dataset);
   impl->failures = internal::FailuresByOutcome(dataset);
-  for (const auto& [index, bytes] : sizes) {
-    impl->committed.insert(index);
-    impl->uncounted[index].index = index;
-  }
-  for (auto& row : rows) {
-    if (!impl->uncounted.contains(row.index)) continue;  // a second line
-    if (row.counted) {
-      impl->Take(row.index, SummaryOf(row));
-      impl->uncounted.erase(row.index);
-    } else {
-      impl->uncounted[row.index] = std::move(row);
-    }
-  }
+  ETUDE_RETURN_IF_ERROR(impl->Restore(SizesOf(files)));
   return DatasetWriter(std::move(impl));
+}
+
+// What the journal says of the episodes that are there. Line by line: a million of them are not in memory at once.
+Status DatasetWriter::Impl::Restore(const std::map<std::uint64_t, std::uint64_t>& sizes) {
+  std::unordered_set<std::uint64_t> counted;
+  ETUDE_ASSIGN_OR_RETURN(commits, CommitJournal::Open(dataset, sizes, [&](const CommitRow& row) ETUDE_REQUIRES(mutex) {
+                           if (row.counted) {
+                             Take(row.index, SummaryOf(row));
+                             counted.insert(row.index);
+                           } else {
+                             uncounted[row.index] = row;
+                           }
+                         }));
+  for (const auto& [index, bytes] : sizes) {
+    committed.insert(index);
+    if (!counted.contains(index)) uncounted.try_emplace(index, CommitRow{.index = index});
+  }
+  return {};
 }
 
 const std::set<std::uint64_t>& DatasetWriter::committed() const {
@@ -231,7 +240,7 @@ void DatasetWriter::Impl::Take(std::uint64_t index, const internal::EpisodeSumma
 
 // The episode is durable: a line that cannot be written now is made from its file with the next start.
 void DatasetWriter::Impl::Note(const CommitRow& row) {
-  if (const Status noted = commits.Append(row); !noted) Log().warn("{}", noted.error().message);
+  if (const Status noted = commits->Append(row); !noted) Log().warn("{}", noted.error().message);
 }
 
 Status DatasetWriter::Impl::CheckArrived(const ArrivedEpisode& arrived) const {
@@ -367,16 +376,21 @@ std::vector<internal::MasterEntry> DatasetWriter::Impl::CopyEntries() const {
   }
 }
 
+Result<DatasetWriter::Impl::Written> DatasetWriter::Impl::WrittenSoFar() const {
+  const MutexLock lock(mutex);
+  ETUDE_ASSIGN_OR_RETURN(auto attempt_lines, attempts.Duplicate());
+  ETUDE_ASSIGN_OR_RETURN(auto commit_lines, commits->Duplicate());
+  OrderedJson json = statistics.Json();
+  json["failed_attempts"] = failures;
+  return Written{std::move(attempt_lines), std::move(commit_lines), std::move(json)};
+}
+
+// However long the disk takes, commits and failures are taken meanwhile.
 Status DatasetWriter::Impl::WriteStatistics() {
-  OrderedJson json;
-  {
-    const MutexLock guard(mutex);
-    ETUDE_RETURN_IF_ERROR(attempts.Sync());
-    ETUDE_RETURN_IF_ERROR(commits.Sync());
-    json = statistics.Json();
-    json["failed_attempts"] = failures;
-  }
-  return internal::WriteDatasetFile(dataset, {spec, std::move(json)});
+  ETUDE_ASSIGN_OR_RETURN(auto written, WrittenSoFar());
+  ETUDE_RETURN_IF_ERROR(written.attempts.Sync());
+  ETUDE_RETURN_IF_ERROR(written.commits.Sync());
+  return internal::WriteDatasetFile(dataset, {spec, std::move(written.statistics)});
 }
 
 Status DatasetWriter::Impl::WriteLinks() {

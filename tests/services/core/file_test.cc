@@ -140,6 +140,19 @@ TEST_F(FileTest, AnAppenderMayBeMovedAndAddsToWhatIsThere) {
   EXPECT_EQ(ReadTextFile(folder_ / "other").value(), "");
 }
 
+TEST_F(FileTest, AnAppendersDuplicateSyncsTheSameFileAndOutlivesIt) {
+  const Path path = folder_ / "log.jsonl";
+  auto appender = LineAppender::Open(path);
+  ASSERT_THAT(appender, IsOk());
+  auto duplicate = appender->Duplicate();
+  ASSERT_THAT(duplicate, IsOk());
+  ASSERT_THAT(appender->Append("1"), IsOk());
+  EXPECT_THAT(duplicate->Sync(), IsOk());
+  *appender = std::move(*LineAppender::Open(folder_ / "other"));
+  ASSERT_THAT(duplicate->Append("2"), IsOk());
+  EXPECT_EQ(ReadTextFile(path).value(), "1\n2\n");
+}
+
 TEST_F(FileTest, AFullDiskLeavesTheOldFile) {
   const Path path = folder_ / "kept";
   ASSERT_TRUE(WriteFileAtomically(path, std::string_view("old")));
