@@ -15,7 +15,7 @@ constexpr std::chrono::seconds kForgetAfter{60};
 using State = IncomingBlob::State;
 
 // What a blob costs that is not judged yet.
-std::uint64_t MemoryOf(const BlobManifest& manifest) { return manifest.size + manifest.meta_json.size(); }
+std::uint64_t MemoryOf(const BlobManifest& manifest) { return kBlobRecord + manifest.size + manifest.meta_json.size(); }
 
 }  // namespace
 

@@ -16,6 +16,10 @@
 
 namespace etude::bus {
 
+/// What a blob under way counts beside its bytes: its record and its names. Without it, a bound on memory would be none
+/// for a million manifests of a byte each.
+inline constexpr std::uint64_t kBlobRecord = 1024;
+
 struct BlobKey {
   std::string sender;
   std::uint64_t id = 0;

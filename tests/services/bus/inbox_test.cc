@@ -12,6 +12,9 @@ using namespace std::chrono_literals;
 
 constexpr Inbox::TimePoint kStart{};
 
+// What `blobs` of so many bytes in all count.
+constexpr std::uint64_t Memory(std::uint64_t blobs, std::uint64_t bytes) { return blobs * kBlobRecord + bytes; }
+
 BlobManifest Announce(const std::string& sender, std::uint64_t id, std::uint64_t size) {
   BlobManifest manifest;
   manifest.sender = sender;
@@ -30,7 +33,7 @@ TEST(Inbox, HandsOnWhatWasFinishedFirst) {
   EXPECT_FALSE(inbox.has_finished());
   inbox.Finish(*right, MakeBytes(20, 1));
   inbox.Finish(*left, MakeBytes(10, 2));
-  EXPECT_EQ(inbox.memory(), 30u);
+  EXPECT_EQ(inbox.memory(), Memory(2, 30));
 
   const auto first = inbox.Pop(), second = inbox.Pop();
 
@@ -40,9 +43,9 @@ TEST(Inbox, HandsOnWhatWasFinishedFirst) {
   EXPECT_EQ(second.bytes, MakeBytes(10, 2));
   EXPECT_FALSE(inbox.has_finished());
   EXPECT_EQ(inbox.Find("left", 1)->state, IncomingBlob::State::kJudging);
-  EXPECT_EQ(inbox.memory(), 30u) << "who popped them holds them";
+  EXPECT_EQ(inbox.memory(), Memory(2, 30)) << "who popped them holds them";
   inbox.Judge(first.manifest, {});
-  EXPECT_EQ(inbox.memory(), 10u);
+  EXPECT_EQ(inbox.memory(), Memory(1, 10));
   inbox.Judge(first.manifest, {});
   inbox.Judge(second.manifest, {});
   EXPECT_EQ(inbox.memory(), 0u);
@@ -50,12 +53,12 @@ TEST(Inbox, HandsOnWhatWasFinishedFirst) {
 
 TEST(Inbox, WhatIsSaidOfABlobCountsAsMemoryUntilItIsJudged) {
   ReceiveOptions options;
-  options.max_memory = 100;
+  options.max_memory = Memory(1, 100);
   Inbox inbox(options);
   BlobManifest talkative = Announce("s", 1, 10);
   talkative.meta_json = std::string(80, ' ');
   ASSERT_TRUE(inbox.Add(talkative, kStart));
-  EXPECT_EQ(inbox.memory(), 90u);
+  EXPECT_EQ(inbox.memory(), Memory(1, 90));
   talkative.id = 2;
   EXPECT_FALSE(inbox.Add(talkative, kStart));
   inbox.Finish(*inbox.Find("s", 1), MakeBytes(10, 1));
@@ -69,9 +72,9 @@ TEST(Inbox, WhatIsSaidOfABlobCountsAsMemoryUntilItIsJudged) {
 
 TEST(Inbox, TakesOneBlobOfAnySizeAndOthersWhileThereIsRoom) {
   ReceiveOptions options;
-  options.max_memory = 100;
+  options.max_memory = Memory(2, 100);
   Inbox inbox(options);
-  IncomingBlob* const large = inbox.Add(Announce("s", 1, 1000), kStart);
+  IncomingBlob* const large = inbox.Add(Announce("s", 1, 100000), kStart);
   ASSERT_TRUE(large);
   EXPECT_FALSE(inbox.Add(Announce("s", 2, 1), kStart));
   inbox.Remove(*large);
@@ -79,6 +82,16 @@ TEST(Inbox, TakesOneBlobOfAnySizeAndOthersWhileThereIsRoom) {
   EXPECT_TRUE(inbox.Add(Announce("s", 2, 60), kStart));
   EXPECT_TRUE(inbox.Add(Announce("s", 3, 40), kStart));
   EXPECT_FALSE(inbox.Add(Announce("s", 4, 1), kStart));
+}
+
+TEST(Inbox, ManifestsWithoutBytesAreBoundedToo) {
+  ReceiveOptions options;
+  options.max_memory = 1 << 20;
+  Inbox inbox(options);
+  std::uint64_t taken = 0;
+  for (std::uint64_t id = 0; id < 100'000; ++id) taken += inbox.Add(Announce("s", id, 1), kStart) != nullptr;
+  EXPECT_GT(taken, 500u);
+  EXPECT_LE(taken, 1024u);
 }
 
 TEST(Inbox, KeepsTheLastVerdictsOfEachSender) {
@@ -111,9 +124,9 @@ TEST(Inbox, ForgetsWhatNobodySendsAnyMore) {
   inbox.Finish(*whole, MakeBytes(10, 1));
   heard->last_news = kStart + 50s;
   inbox.Clean(kStart + 59s);
-  EXPECT_EQ(inbox.memory(), 70u);
+  EXPECT_EQ(inbox.memory(), Memory(3, 70));
   inbox.Clean(kStart + 60s);
-  EXPECT_EQ(inbox.memory(), 30u);
+  EXPECT_EQ(inbox.memory(), Memory(2, 30));
   EXPECT_FALSE(inbox.Find("s", 3));
   EXPECT_TRUE(inbox.Find("s", 2));
   EXPECT_EQ(inbox.Pop().bytes, MakeBytes(10, 1));
