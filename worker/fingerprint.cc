@@ -13,6 +13,7 @@
 #include <span>
 #include <string_view>
 
+#include "services/codec/frame.h"
 #include "services/core/hash.h"
 #include "services/spec/campaign_spec.h"
 #include "services/spec/content_version.h"
@@ -103,7 +104,8 @@ Result<campaign::Fingerprint> TakeFingerprint(const sim::RendererConfig& config)
                                {"gl", WithoutVectorWidth(renderer.gl_renderer())},
                                {"picture", Sha256Hex(rgb)},
                                {"physics", physics},
-                               {"libm", LibmProbe()}};
+                               {"libm", LibmProbe()},
+                               {"deflated", Sha256Hex(codec::DeflateFrame(rgb))}};
 }
 
 Result<campaign::Fingerprint> Fingerprints::Of(const CampaignSpec& spec) {

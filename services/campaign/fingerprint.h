@@ -13,7 +13,7 @@
 
 namespace etude::campaign {
 
-/// Name and value, in a fixed order: content, libraries, gl, picture, physics, libm.
+/// Name and value, in a fixed order: content, libraries, gl, picture, physics, libm, deflated.
 using Fingerprint = std::vector<std::pair<std::string, std::string>>;
 
 /// A JSON object, for a message and a file.
@@ -24,7 +24,8 @@ Result<Fingerprint> ParseFingerprint(std::string_view text);
 std::string ShortHash(const Fingerprint& fingerprint);
 
 /// The first line in which `other` makes other episodes than `first`: "physics: here 1a.., there 2b..". Nothing when
-/// they agree in what a campaign's `determinism` asks for: bytes (all lines) | physics (not gl and picture) | none.
+/// they agree in what a campaign's `determinism` asks for: bytes (all lines) | physics (not gl, picture and deflated) |
+/// none. Of "deflated" a program of before it says nothing, and is taken for one that agrees.
 std::optional<std::string> FirstDifference(const Fingerprint& first, const Fingerprint& other,
                                            std::string_view determinism);
 

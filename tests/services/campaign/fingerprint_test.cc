@@ -57,6 +57,18 @@ TEST(FirstDifference, SeesLinesThatOnlyOneHas) {
   EXPECT_THAT(FirstDifference(longer, kFirst, "bytes"), Optional(std::string("device: here 2, there not said")));
 }
 
+TEST(FirstDifference, OfDeflatedStreamsIsOneOfBytes) {
+  const auto with = [](const char* value) {
+    Fingerprint said = kFirst;
+    said.emplace_back("deflated", value);
+    return said;
+  };
+  EXPECT_THAT(FirstDifference(with("1"), with("2"), "bytes"), Optional(std::string("deflated: here 1, there 2")));
+  EXPECT_EQ(FirstDifference(with("1"), with("2"), "physics"), std::nullopt);
+  EXPECT_EQ(FirstDifference(kFirst, with("1"), "bytes"), std::nullopt) << "a campaign of an older program goes on";
+  EXPECT_EQ(FirstDifference(with("1"), kFirst, "bytes"), std::nullopt);
+}
+
 TEST(KnownFingerprint, StaysOverStarts) {
   TemporaryFolder folder;
   EXPECT_FALSE(KnownFingerprint(folder.path()));
