@@ -26,6 +26,7 @@ void Collector::Impl::Announce(bool complete) {
   announcement.campaign_id = id;
   OrderedJson json = ToJson(spec);
   json.erase("recheck");  // no matter of the workers', and those of before it would not know it
+  if (spec.obstacle.clearance == ObstacleSpec().clearance) json["obstacle"].erase("clearance");  // nor this one
   announcement.spec_json = json.dump();
   announcement.spec_sha256 = spec_sha256;
   announcement.version = Version();
@@ -206,7 +207,9 @@ void Collector::Impl::ReceiveUntilOver() {
   watched.reset();
   if (!Complete()) return;
   SayUnchecked(true);
-  WriteIndex(true);
+  // where the disk does not take it now, workers need not wait for that
+  if (const Status written = WriteIndex(true); !written)
+    Log().warn("cannot write the dataset's index, it is tried again: {}", written.error().message);
   Announce(true);
   Drain();
 }
@@ -230,9 +233,10 @@ Status Collector::Run() {
   impl.Close();
   for (auto& thread : committing) thread.join();
   indexer.join();
-  impl.Guard("index", [&impl] {
+  Status indexed;
+  impl.Guard("index", [&] {
     impl.WriteWishedKeys();
-    impl.WriteIndex(true);
+    indexed = impl.WriteLastIndex();
   });
   impl.finished.store(true);
   control.join();
@@ -245,6 +249,11 @@ Status Collector::Run() {
   Log().info("campaign={} committed={}/{} given_up={} attempts={}", impl.spec.name, progress.committed, progress.total,
              progress.given_up, progress.attempts);
   if (ended_by) return Fail(*ended_by);
+  if (!indexed)
+    return Fail(
+        indexed.error().Wrap(fmt::format("collect '{}': all that is committed is kept, start it again to write "
+                                         "the dataset's index",
+                                         impl.spec.name)));
   return {};
 }
 

@@ -144,9 +144,8 @@ void Collector::Impl::Settle(const Claim& claim, const std::optional<bus::Verdic
     if (verdict && verdict->kind == bus::AckKind::kDone) {
       table.Commit(index);
       unfit.erase(worker);
-      rechecks.Add(
-          {index, claim.view.episode.attempt, worker, FactsOf(claim.blob.manifest).host, DigestOf(claim.blob.manifest)},
-          MonotonicClock::now());
+      rechecks.Add({index, claim.view.episode.attempt, worker, claim.blob.manifest.host, DigestOf(claim.blob.manifest)},
+                   MonotonicClock::now());
       policy_away_since.reset();
       commits.push_back(MonotonicClock::now());
       index_dirty = true;
@@ -179,11 +178,22 @@ bool Collector::Impl::SettleOrKeep(std::vector<Claim>& claims, const std::vector
     }
   }
   claims = std::move(kept);
-  const MutexLock lock(mutex);
-  if (!error.empty() && counters.error != error)
-    Log().error("committing waits, nothing is lost, it is tried again: {}", error);
-  counters.error = error;
+  TellOfDisk(error);
   return !claims.empty();
+}
+
+// Each commit thread meets a full disk at another episode, again and again: that it waits is said once, and that it
+// goes on when none of them waits any more.
+void Collector::Impl::TellOfDisk(const std::string& error) {
+  const MutexLock lock(mutex);
+  const bool waited = !disk_errors.empty();
+  if (error.empty())
+    disk_errors.erase(std::this_thread::get_id());
+  else
+    disk_errors[std::this_thread::get_id()] = error;
+  if (!waited && !error.empty()) Log().error("committing waits, nothing is lost, it is tried again: {}", error);
+  if (waited && disk_errors.empty()) Log().info("the disk takes episodes again");
+  counters.error = disk_errors.empty() ? "" : disk_errors.begin()->second;
 }
 
 void Collector::Impl::CommitUntilDurable(std::vector<Claim> claims) {
@@ -293,18 +303,28 @@ void Collector::Impl::IndexNowAndThen() {
     WriteWishedKeys();
     const Time begin = MonotonicClock::now();
     if (begin < due) continue;
-    WriteIndex(false);
+    if (const Status written = WriteIndex(false); !written)
+      Log().warn("cannot write the dataset's index, it is tried again: {}", written.error().message);
     const Time end = MonotonicClock::now();
     due = end + std::max<Time::duration>(options.index_every, kShare * (end - begin));
   }
 }
 
-void Collector::Impl::WriteIndex(bool at_end) {
-  if (!index_dirty.exchange(false) && (!at_end || index_whole)) return;
+Status Collector::Impl::WriteIndex(bool at_end) {
+  if (!index_dirty.exchange(false) && (!at_end || index_whole)) return {};
   index_whole = at_end;
-  if (const Status written = at_end ? sink->WriteIndex() : sink->WriteProgress(); !written) {
-    index_dirty = true;
-    Log().warn("cannot write the dataset's index, it is tried again: {}", written.error().message);
+  const Status written = at_end ? sink->WriteIndex() : sink->WriteProgress();
+  if (!written) index_dirty = true;
+  return written;
+}
+
+// What a collector leaves is whole: it waits for the disk as it does for an episode's sake, until it is stopped.
+Status Collector::Impl::WriteLastIndex() {
+  while (true) {
+    const Status written = WriteIndex(true);
+    TellOfDisk(written ? "" : written.error().message);
+    if (written || written.error().code != Code::kUnavailable || Stopping()) return written;
+    WaitForStop(options.retry_commit);
   }
 }
 

@@ -196,6 +196,7 @@ Assignment Collector::Impl::Assign(const bus::WorkRequest& request) {
   const bool journal_is_durable = Reweight();
   const MutexLock lock(mutex);
   heard[request.worker] = MonotonicClock::now();
+  hosts[request.worker] = request.host;
   // a stopping collector leases nothing new, and does not say that all is done; a worker that is ready for another
   // spec sees ours in the answer and makes itself ready first
   if (Stopping() || request.spec_sha256 != spec_sha256 || !journal_is_durable) return {};
@@ -308,7 +309,6 @@ void Collector::Impl::OnHeartbeat(const bus::WorkerStatus& status) {
     return;
   }
   heard[status.worker] = now;
-  if (!status.host.empty()) hosts[status.worker] = status.host;
   const bool leased = status.token != 0 && table.WentTo(status.index, status.worker);
   if (leased) table.Renew(status.index, status.token, now);
   if (!leased && (status.token == 0 || !rechecks.Renew(status.token, status.worker, now))) {
@@ -460,9 +460,12 @@ void Collector::Impl::PublishStatus() {
     // when all is done, Drain says how long they are waited for
     if (!all_done) std::erase_if(heard, [&](const auto& item) { return now - item.second > 60s; });
     std::erase_if(hosts, [&](const auto& item) ETUDE_REQUIRES(mutex) { return !heard.contains(item.first); });
-    std::erase_if(leased_to, [&](const auto& item) ETUDE_REQUIRES(mutex) {
-      return !heard.contains(item.first) && !table.Holds(item.first) && !rechecks.Holds(item.first);
-    });
+    // of who is back after a long silence, and goes on with a lease that had expired, it is still asked
+    constexpr std::size_t kMostRemembered = 10'000;
+    if (leased_to.size() > kMostRemembered)
+      std::erase_if(leased_to, [&](const auto& item) ETUDE_REQUIRES(mutex) {
+        return !heard.contains(item.first) && !table.Holds(item.first) && !rechecks.Holds(item.first);
+      });
     std::erase_if(motions, [&](const auto& item) ETUDE_REQUIRES(mutex) { return !heard.contains(item.first); });
     while (!commits.empty() && now - commits.front() > kRateWindow) commits.pop_front();
     const CollectorProgress progress = Snapshot();

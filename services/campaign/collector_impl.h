@@ -10,6 +10,7 @@
 #include <functional>
 #include <optional>
 #include <set>
+#include <thread>
 
 #include "services/bus/blob_transfer.h"
 #include "services/bus/directory.h"
@@ -74,8 +75,10 @@ struct Collector::Impl {
   std::uint64_t failed_attempts ETUDE_GUARDED_BY(mutex) = 0;
   RecheckTable rechecks ETUDE_GUARDED_BY(mutex);
   bool said_unchecked ETUDE_GUARDED_BY(mutex) = false;
-  bool all_done ETUDE_GUARDED_BY(mutex) = false;                         // AllDone was true once
-  std::map<std::string, std::string> hosts ETUDE_GUARDED_BY(mutex);      // of the workers in `heard` that have said it
+  bool all_done ETUDE_GUARDED_BY(mutex) = false;  // AllDone was true once
+  // of the workers in `heard` that have asked: where they read the answer, which under security is what their identity
+  // names, and not what they say of themselves
+  std::map<std::string, std::string> hosts ETUDE_GUARDED_BY(mutex);
   std::map<std::string, std::string> leased_to ETUDE_GUARDED_BY(mutex);  // their hosts when they were leased something
   std::map<std::string, Time> heard ETUDE_GUARDED_BY(mutex);             // worker -> last sign of life
   std::set<std::string> told_apart ETUDE_GUARDED_BY(mutex);  // workers' names that two hosts have, as was said
@@ -108,6 +111,7 @@ struct Collector::Impl {
 
   // Indices that are made durable now, and what came for them meanwhile: it is judged when the first one is settled.
   std::map<std::uint64_t, std::vector<bus::ReceivedBlob>> committing ETUDE_GUARDED_BY(mutex);
+  std::map<std::thread::id, std::string> disk_errors ETUDE_GUARDED_BY(mutex);  // of the commit threads that wait
 
   Mutex queue_mutex;                                                  // never taken while `mutex` is held
   ConditionVariable queue_changed, over;                              // the latter: closing, or a key is wished
@@ -188,6 +192,7 @@ struct Collector::Impl {
   void CountUnfit(const bus::BlobManifest& manifest, const std::string& reason) ETUDE_REQUIRES(mutex);
   void CommitUntilDurable(std::vector<Claim> claims);
   bool SettleOrKeep(std::vector<Claim>& claims, const std::vector<Status>& statuses);
+  void TellOfDisk(const std::string& error) ETUDE_EXCLUDES(mutex);
   void Settle(const Claim& claim, const std::optional<bus::Verdict>& verdict);
   void Acknowledge(const bus::BlobManifest& manifest, const bus::Verdict& verdict);
 
@@ -197,7 +202,8 @@ struct Collector::Impl {
   std::optional<KeyWish> FirstWish() ETUDE_EXCLUDES(queue_mutex);
   Status WriteKey(const KeyWish& wish, std::size_t& count);
   void WriteWishedKeys() ETUDE_EXCLUDES(mutex) ETUDE_EXCLUDES(queue_mutex);
-  void WriteIndex(bool at_end);
+  Status WriteIndex(bool at_end);
+  Status WriteLastIndex() ETUDE_EXCLUDES(mutex);
 };
 
 /// SHA-256 of a blob's bytes, hex, as its manifest has it: the receiver found it to be that of the bytes.

@@ -17,7 +17,7 @@ std::optional<Assignment> Collector::Impl::MakeAgain(const bus::WorkRequest& req
   return rechecks.Request(request.worker, HostOf(request.worker), MonotonicClock::now());
 }
 
-// As its heartbeats name it; "": it has not said so yet.
+// "": it has not asked yet.
 std::string Collector::Impl::HostOf(const std::string& worker) const {
   const auto host = hosts.find(worker);
   return host == hosts.end() ? "" : host->second;

@@ -20,28 +20,32 @@ namespace collector_commit_test {
 
 class CollectorCommit : public CollectorTest {};
 
-// A sink whose disk is full for a while.
+// A sink whose disk is full for a while, for episodes or for what is written at the end.
 class FullDiskSink : public EpisodeSink {
  public:
-  FullDiskSink(std::unique_ptr<EpisodeSink> inner, std::atomic<bool>& full) : inner_(std::move(inner)), full_(full) {}
+  enum class Of { kEpisodes, kIndex };
+  FullDiskSink(std::unique_ptr<EpisodeSink> inner, std::atomic<bool>& full, Of of = Of::kEpisodes)
+      : inner_(std::move(inner)), full_(full), of_(of) {}
   const Path& folder() const override { return inner_->folder(); }
   const std::set<std::uint64_t>& committed() const override { return inner_->committed(); }
   std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode> group) override {
-    if (full_) return std::vector<Status>(group.size(), Fail(Code::kUnavailable, "write 'x': No space left on device"));
+    if (of_ == Of::kEpisodes && full_) return std::vector<Status>(group.size(), NoSpace());
     return inner_->CommitGroup(group);
   }
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
                        const std::string& details_json) override {
     return inner_->RecordFailure(index, attempt, outcome, details_json);
   }
-  Status WriteIndex() override { return inner_->WriteIndex(); }
+  Status WriteIndex() override { return of_ == Of::kIndex && full_ ? NoSpace() : inner_->WriteIndex(); }
   Status WriteFilterKey(const std::string& name, const std::set<std::uint64_t>& indices) override {
     return inner_->WriteFilterKey(name, indices);
   }
 
  private:
+  static Status NoSpace() { return Fail(Code::kUnavailable, "write 'x': No space left on device"); }
   std::unique_ptr<EpisodeSink> inner_;
   std::atomic<bool>& full_;
+  const Of of_;
 };
 
 TEST_F(CollectorCommit, FullDiskWaitsSaysSoAndResumesByItself) {
@@ -74,6 +78,47 @@ TEST_F(CollectorCommit, FullDiskWaitsSaysSoAndResumesByItself) {
   running.Join();
   EXPECT_TRUE(running->progress().error.empty());
   ExpectWhole(spec, folder_ / "data");
+}
+
+class CollectorWithoutIndex : public CollectorCommit {
+ protected:
+  // all episodes are committed by now, and its disk has no room for the index
+  std::unique_ptr<Running> Complete(const CampaignSpec& spec) {
+    auto sink = OpenDatasetSink(folder_ / "data", spec);
+    EXPECT_TRUE(sink);
+    auto collector = Collector::Open(*participant_, spec,
+                                     std::make_unique<FullDiskSink>(std::move(*sink), full_, FullDiskSink::Of::kIndex),
+                                     QuickOptions());
+    EXPECT_TRUE(collector);
+    auto running = std::make_unique<Running>(std::move(*collector));
+    RawWorker worker(*participant_, spec, (*running)->id(), "worker");
+    const bus::Lease lease = worker.Ask();
+    EXPECT_EQ(worker.Send(lease, FakeEpisode(spec, lease.index, lease.attempt)).kind, bus::AckKind::kDone);
+    EXPECT_EQ(worker.Ask().kind, bus::LeaseKind::kDone) << "a worker need not wait for that";
+    EXPECT_TRUE(WaitFor([&] { return (*running)->progress().error.find("No space left") != std::string::npos; }));
+    return running;
+  }
+
+  std::atomic<bool> full_{true};
+};
+
+TEST_F(CollectorWithoutIndex, WaitsForTheDiskAtTheEndToo) {
+  const CampaignSpec spec = Spec("index", 1);
+  const auto running = Complete(spec);
+  full_ = false;
+  running->Join();
+  EXPECT_TRUE(running->status()) << running->status().error().message;
+  EXPECT_EQ((*running)->progress().error, "");
+  ExpectWhole(spec, folder_ / "data");
+}
+
+TEST_F(CollectorWithoutIndex, StoppedMeanwhileItSaysWhatIsMissing) {
+  const auto running = Complete(Spec("no_index", 1));
+  running->Stop();
+  ASSERT_FALSE(running->status());
+  EXPECT_EQ(running->status().error().code, Code::kUnavailable);
+  EXPECT_NE(running->status().error().message.find("start it again to write the dataset's index"), std::string::npos)
+      << running->status().error().message;
 }
 
 TEST_F(CollectorCommit, OldTokensAreRefusedAndRepeatsAreDuplicates) {
