@@ -26,6 +26,13 @@ constexpr int kMostReads = 64;  // at once: a child that never stops talking doe
 constexpr auto kLook = 50ms;
 constexpr auto kStopPatience = 500ms;
 
+// How far a child says it is. What is no such thing is no progress.
+std::optional<std::pair<std::string, std::uint32_t>> ProgressOf(const OrderedJson& head) {
+  if (!head.contains("step") || !head["step"].is_number_unsigned()) return std::nullopt;
+  if (!head.contains("stage") || !head["stage"].is_string()) return std::nullopt;
+  return std::pair(head["stage"].get<std::string>(), head["step"].get<std::uint32_t>());
+}
+
 }  // namespace
 
 Slot::Slot(SlotOptions options) : options_(std::move(options)) {}
@@ -90,7 +97,8 @@ Slot::Loss Slot::End(const char* reason, const std::string& why) {
 // Until a frame of the wanted kind, or a failure, is in `answer`; or the child is lost.
 std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem* item, const policy::AskFunction& ask,
                                       Result<Frame>& answer) {
-  auto heard = MonotonicClock::now();
+  auto moved = MonotonicClock::now();
+  std::optional<std::pair<std::string, std::uint32_t>> reached;
   while (true) {
     if (!item && joined_->moved) joined_->moved();  // an attempt says for itself that it goes on
     if (StopRequested()) {
@@ -102,17 +110,22 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
     ReadWords();
     if (!frame) return End(campaign::kChildCrashed, frame.error().message);
     if (!*frame) {
-      if (MonotonicClock::now() - heard < options_.stall) continue;
+      if (MonotonicClock::now() - moved < options_.stall) continue;
       return End(campaign::kChildHung, fmt::format("SIGKILL after {} s without a word", options_.stall.count() / 1000));
     }
     if ((*frame)->kind == FrameKind::kQuestion && item && ask) {
       if (const Status replied = Reply(**frame, ask); !replied)
         return End(campaign::kChildCrashed, replied.error().message);
     } else if ((*frame)->kind == FrameKind::kProgress && item) {
-      const OrderedJson& head = (*frame)->head;
-      if (item->progress && head.contains("step") && head["step"].is_number_unsigned() && head.contains("stage") &&
-          head["stage"].is_string())
-        item->progress(head["stage"].get<std::string>(), head["step"].get<std::uint32_t>());
+      // one that says the same again and again lives, and does not move
+      auto said = ProgressOf((*frame)->head);
+      if (!said || said == reached) {
+        if (MonotonicClock::now() - moved < options_.stall) continue;
+        return End(campaign::kChildHung,
+                   fmt::format("SIGKILL after {} s without progress", options_.stall.count() / 1000));
+      }
+      reached = std::move(said);
+      if (item->progress) item->progress(reached->first, reached->second);
     } else if ((*frame)->kind == wanted || (*frame)->kind == FrameKind::kFailure) {
       answer = std::move(**frame);
       return std::nullopt;
@@ -120,7 +133,7 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
       return End(campaign::kChildCrashed,
                  fmt::format("it said something out of turn (frame kind {})", static_cast<int>((*frame)->kind)));
     }
-    heard = MonotonicClock::now();  // after an answer of the policy's, however long it took
+    moved = MonotonicClock::now();  // after an answer of the policy's, however long it took
   }
 }
 

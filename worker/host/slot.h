@@ -20,7 +20,7 @@ namespace etude::host {
 struct SlotOptions {
   std::vector<std::string> argv;            ///< of the child; its end of the socket pair is descriptor 3
   std::string name;                         ///< for the log
-  std::chrono::milliseconds stall{90'000};  ///< a child that says nothing for so long while it works is ended
+  std::chrono::milliseconds stall{90'000};  ///< a child that says nothing new for so long while it works is ended
   /// Of all slots together, since the last result: that many, and the host gives up.
   std::shared_ptr<std::atomic<int>> deaths = std::make_shared<std::atomic<int>>(0);
   int hopeless = 6;

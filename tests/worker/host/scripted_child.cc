@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A child that makes what it is told by a file: scripted_child STATE. Of episode 0 it makes a result; of 1 it crashes
 // once (STATE remembers), of 2 it hangs once, of 3 it says garbage once, of 4 it asks, of 5 its work fails, of 6 it
-// always crashes.
+// always crashes, of 7 it says once that it is where it was, for ever.
 #include <signal.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -27,6 +27,10 @@ Result<campaign::WorkResult> Make(const std::string& state, const campaign::Work
     ::raise(SIGSEGV);
   }
   while (item.index == 2 && first) ::pause();
+  while (item.index == 7 && first) {
+    item.progress("reach", 3);
+    ::usleep(20'000);
+  }
   const char garbage[] = "this is no frame at all, and longer than a header";
   if (item.index == 3 && first) (void)!::send(host::kHostDescriptor, garbage, sizeof garbage, 0);
   if (item.index == 5) return Fail(Code::kUnavailable, "no GL here");

@@ -76,6 +76,8 @@ TEST_F(SlotTest, ReplacesAChildThatHangs) {
   EXPECT_LT(watch.Seconds(), 60);
 }
 
+TEST_F(SlotTest, ReplacesAChildThatSaysTheSameForEver) { ExpectReplaced(7, campaign::kChildHung, "without progress"); }
+
 TEST_F(SlotTest, ReplacesAChildThatSaysGarbage) { ExpectReplaced(3, campaign::kChildCrashed, "frame"); }
 
 TEST_F(SlotTest, AsksThePolicyForItsChild) {
