@@ -48,7 +48,21 @@ std::string DrivesText(const std::map<std::string, std::string>& metadata) {
   return refused->second.empty() ? "yes" : "NO, the policy server refuses it: " + refused->second;
 }
 
-// "ur5, 7 joints, pictures of 224x224 px, 60.0 degrees"
+// "60.0 degrees, camera at (0.00, 1.50, 1.00) m"; of one that differs from episode to episode, that it does
+std::string CameraText(const OrderedJson& embodiment, double fovy) {
+  constexpr double kDegrees = 57.29577951308232;
+  const std::string view = fovy > 0 ? fmt::format("{:.1f} degrees", fovy * kDegrees) : "any field of view";
+  const auto pose = embodiment.find("camera_pose");
+  if (pose == embodiment.end() || !pose->is_array() || pose->size() < 3) return view + ", any place of the camera";
+  std::vector<std::string> place;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const OrderedJson& value = (*pose)[axis];
+    place.push_back(value.is_number() ? fmt::format("{:.2f}", value.get<double>()) : "?");
+  }
+  return fmt::format("{}, camera at ({}) m", view, fmt::join(place, ", "));
+}
+
+// "ur5, 7 joints, pictures of 224x224 px, 60.0 degrees, camera at (0.00, 1.50, 1.00) m"
 std::string EmbodimentText(const OrderedJson& embodiment) {
   if (!embodiment.is_object()) return "not said";
   const auto number = [&](const char* key) {
@@ -56,9 +70,8 @@ std::string EmbodimentText(const OrderedJson& embodiment) {
   };
   const std::string robot =
       embodiment.contains("robot") && embodiment["robot"].is_string() ? embodiment["robot"].get<std::string>() : "?";
-  constexpr double kDegrees = 57.29577951308232;
-  return fmt::format("{}, {} joints, pictures of {}x{} px, {:.1f} degrees", robot, number("joints"), number("width"),
-                     number("height"), number("fovy") * kDegrees);
+  return fmt::format("{}, {} joints, pictures of {}x{} px, {}", robot, number("joints"), number("width"),
+                     number("height"), CameraText(embodiment, number("fovy")));
 }
 
 // steps and last error, by module

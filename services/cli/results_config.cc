@@ -47,13 +47,14 @@ std::vector<std::string> GoalErrors(const ResultRow& row) {
     if (!good) errors.push_back(fmt::format("{}: goals.{}: {}", row.name, key, what));
   };
   for (const auto& [key, value] : row.goals) {
-    const bool known = key == kGoalLatched || key == kGoalDrop || key == kGoalMinutes;
+    const bool known = key == kGoalLatched || key == kGoalDrop || key == kGoalBetter || key == kGoalMinutes;
     const bool module = !key.empty() && std::ranges::all_of(key, [](char letter) {
       return (letter >= 'A' && letter <= 'Z') || (letter >= '0' && letter <= '9') || letter == '_';
     });
-    check(known || module, key, "neither latched, drop or minutes nor the name of a module");
+    check(known || module, key, "neither latched, drop, p or minutes nor the name of a module");
     check(value > 0, key, "must be > 0");
-    check(key != kGoalDrop || !row.compare.empty(), key, "needs compare");
+    check((key != kGoalDrop && key != kGoalBetter) || !row.compare.empty(), key, "needs compare");
+    check(key != kGoalBetter || value < 1, key, "must be < 1");
     check(key != kGoalMinutes || row.train.runs_of.empty(), key, "not with train.runs_of");
   }
   return errors;

@@ -76,15 +76,16 @@ struct ResultEvaluation {
 };
 
 /// Keys of ResultRow::goals that are no module's name.
-inline constexpr const char *kGoalLatched = "latched", *kGoalDrop = "drop", *kGoalMinutes = "minutes";
+inline constexpr const char *kGoalLatched = "latched", *kGoalDrop = "drop", *kGoalBetter = "p",
+                            *kGoalMinutes = "minutes";
 
 struct ResultRow {
   std::string name;   ///< of its folders
   std::string title;  ///< for people
   std::string paper;  ///< what the paper has, as text
   double goal = 0;    ///< %, strict
-  /// Beside it: latched, % at least; drop, points below `compare`, at most; minutes of training, at most; MODULE, error
-  /// in cm, at most
+  /// Beside it: latched, % at least; drop, points below `compare`, at most; p, of being better than `compare` by
+  /// chance, below; minutes of training, at most; MODULE, error in cm, at most
   std::map<std::string, double> goals;
   ResultData data;
   ResultTraining train;
@@ -98,8 +99,9 @@ struct ResultRow {
     v("paper", paper, "", "what the paper has");
     v("goal", goal, "%", "strict success that is wanted; 0: none");
     v("goals", goals, "-",
-      "wanted beside it: latched: %, at least; drop: points below the row of `compare`, at most; minutes: of training, "
-      "at most; a module's name: its error in cm, at most");
+      "wanted beside it: latched: %, at least; drop: points below the row of `compare`, at most; p: of being better "
+      "than "
+      "that row by chance, below; minutes: of training, at most; a module's name: its error in cm, at most");
     v("data", data, "", "what it is trained on");
     v("train", train, "", "how it is trained");
     v("eval", eval, "", "the rollouts that its figures come from");

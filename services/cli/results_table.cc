@@ -253,6 +253,17 @@ GoalCheck CheckDrop(const ResultLine& line, double goal) {
   return check;
 }
 
+// Several seeds' rollouts of a scene are no independent cases: of one seed alone.
+GoalCheck CheckBetter(const ResultLine& line, double goal) {
+  GoalCheck check{fmt::format("better than {}, p below {:g}", line.row->compare, goal)};
+  const PairedRollouts paired = PairedRollouts::Of(line);
+  if (paired.seeds != 1) return check;
+  const double p = McNemarExactP(paired.only_first, paired.only_second);
+  check.measured = fmt::format("{:+.1f} points, p = {:.2g}", paired.difference(), p);
+  check.reached = paired.only_first > paired.only_second && p < goal;
+  return check;
+}
+
 // each of the trainings
 GoalCheck CheckMinutes(const ResultLine& line, double goal) {
   GoalCheck check{fmt::format("training at most {:g} min", goal)};
@@ -283,6 +294,7 @@ std::string GoalsText(const ResultLine& line) {
   for (const auto& [key, goal] : line.row->goals) {
     const GoalCheck check = key == kGoalLatched   ? CheckLatched(line, goal)
                             : key == kGoalDrop    ? CheckDrop(line, goal)
+                            : key == kGoalBetter  ? CheckBetter(line, goal)
                             : key == kGoalMinutes ? CheckMinutes(line, goal)
                                                   : CheckError(line, key, goal);
     text += fmt::format("| {} | {} | {} | {} |\n", line.row->title, check.wanted, check.measured,

@@ -194,10 +194,12 @@ std::string GraphText(const Metadata& metadata) {
     if (policy::QuantityOf(*module)) line("from", fmt::format("{}", fmt::join(module->decoder.inputs, ", ")));
     line("trained", ProgressText(*module, metadata));
   }
-  std::vector<std::string> encoders;
-  for (const char* encoder : {"image", "language", "joints"})
-    if (frozen.contains(encoder)) encoders.push_back(encoder);
-  if (!encoders.empty()) text += fmt::format("\nfrozen encoders: {}\n", fmt::join(encoders, ", "));
+  // encoders, and with shared attention the levels'
+  std::vector<std::string> others(frozen.begin(), frozen.end());
+  std::erase_if(others, [&](const std::string& part) {
+    return std::ranges::find(metadata.policy.modules, part, &ModuleConfig::name) != metadata.policy.modules.end();
+  });
+  if (!others.empty()) text += fmt::format("\nfrozen beside the modules: {}\n", fmt::join(others, ", "));
   return text;
 }
 

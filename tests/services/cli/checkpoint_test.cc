@@ -19,7 +19,8 @@ TEST_F(CheckpointCli, CheckpointShowListsTensorsAndMetadata) {
       {"run", "demo"},
       {"step", "12"},
       {"config", R"({"policy": {"width": 64}})"},
-      {"embodiment", R"({"robot": "ur5", "joints": 7, "width": 224, "height": 224, "fovy": 1.0472})"},
+      {"embodiment", R"({"robot": "ur5", "joints": 7, "width": 224, "height": 224, "fovy": 1.0472,
+       "camera_pose": [0, 1.5, 1, 1, 0, 0, 0]})"},
       {"modules", R"({"TAR3D": {"trained_steps": 1161, "error": 0.0021}, "DISP": {"trained_steps": 3}})"}};
   content.tensors["TAR3D.register"] = {store::DType::kF32, {2, 3}, std::vector<std::uint8_t>(24)};
   ASSERT_TRUE(store::WriteSafetensors(folder_ / "a.safetensors", content));
@@ -27,7 +28,9 @@ TEST_F(CheckpointCli, CheckpointShowListsTensorsAndMetadata) {
   const Outcome brief = Etude({"checkpoint", "show", In("a.safetensors")});
   EXPECT_EQ(brief.exit_code, kExitOk) << brief.text;
   EXPECT_THAT(brief.text, HasSubstr("run: demo, step 12"));
-  EXPECT_THAT(brief.text, HasSubstr("trained for: ur5, 7 joints, pictures of 224x224 px, 60.0 degrees"));
+  EXPECT_THAT(
+      brief.text,
+      HasSubstr("trained for: ur5, 7 joints, pictures of 224x224 px, 60.0 degrees, camera at (0.00, 1.50, 1.00) m"));
   EXPECT_THAT(brief.text, HasSubstr("TAR3D            1161 steps   error 0.0021"));
   EXPECT_THAT(brief.text, HasSubstr("DISP                3 steps   error -"));
   EXPECT_THAT(brief.text, testing::Not(HasSubstr("width: 64")));
@@ -38,6 +41,13 @@ TEST_F(CheckpointCli, CheckpointShowListsTensorsAndMetadata) {
   EXPECT_THAT(outcome.text, HasSubstr("[2, 3]"));
   EXPECT_THAT(outcome.text, HasSubstr("width: 64"));
   EXPECT_THAT(outcome.text, HasSubstr("1 tensors, 6 numbers"));
+}
+
+TEST_F(CheckpointCli, CheckpointShowSaysThatACameraMayMove) {
+  WriteCheckpoint("moving.safetensors",
+                  {{"embodiment", R"({"robot": "ur5", "joints": 7, "width": 224, "height": 224, "fovy": 0})"}});
+  EXPECT_THAT(Etude({"checkpoint", "show", In("moving.safetensors")}).text,
+              HasSubstr("224x224 px, any field of view, any place of the camera"));
 }
 
 TEST_F(CheckpointCli, CheckpointShowRefusesWhatIsNone) {

@@ -59,14 +59,15 @@ TEST(ResultsConfig, NamesEveryProblem) {
 TEST(ResultsConfig, GoalsAreThoseThatCanBeMeasured) {
   ResultsConfig config = RunsAndTheirEvaluation();
   config.rows[0].goals = {{"latched", 82.4}, {"minutes", 5}, {"TAR3D", 0.2}};
-  config.rows[1].goals = {{"drop", 1.1}};
+  config.rows[1].goals = {{"drop", 1.1}, {"p", 0.05}};
   EXPECT_TRUE(config.Validate());
-  config.rows[0].goals = {{"lached", 82.4}, {"drop", 1.1}, {"EE3D", 0}};
+  config.rows[0].goals = {{"lached", 82.4}, {"drop", 1.1}, {"p", 1.0}, {"EE3D", 0}};
   config.rows[1].goals = {{"minutes", 5}};
   const Status status = config.Validate();
   ASSERT_FALSE(status);
-  for (const char* part : {"a: goals.lached: neither", "a: goals.drop: needs compare", "a: goals.EE3D: must be > 0",
-                           "b: goals.minutes: not with train.runs_of"})
+  for (const char* part :
+       {"a: goals.lached: neither", "a: goals.drop: needs compare", "a: goals.p: needs compare",
+        "a: goals.p: must be < 1", "a: goals.EE3D: must be > 0", "b: goals.minutes: not with train.runs_of"})
     EXPECT_THAT(status.error().message, HasSubstr(part));
 }
 

@@ -214,6 +214,21 @@ TEST(ResultsTable, HoldsEveryGoalAgainstWhatWasMeasured) {
   EXPECT_THAT(old, HasSubstr("| UR5 | at most 0.9 points below seen | - | not measured |"));
 }
 
+TEST(ResultsTable, BetterIsWhatIsNotByChance) {
+  ComparedRows rows;
+  rows.row.goals = {{"p", 0.05}};
+  const auto table = [&](int both, int only_here, int only_there) {
+    OrderedJson report = Report(200, 190, 190);
+    report["comparison"] = ComparisonWith("scratch", rows.there, both, only_here, only_there, 200);
+    return rows.Table({report});
+  };
+  EXPECT_THAT(table(150, 10, 1),
+              HasSubstr("| UR5 | better than scratch, p below 0.05 | +4.5 points, p = 0.012 | yes |"));
+  EXPECT_THAT(table(150, 1, 10), HasSubstr("| -4.5 points, p = 0.012 | missed |")) << "the other one is";
+  EXPECT_THAT(table(150, 5, 1), HasSubstr("| +2.0 points, p = 0.22 | missed |"));
+  EXPECT_THAT(rows.Table({Report(200, 190, 190)}), HasSubstr("p below 0.05 | - | not measured |"));
+}
+
 TEST(ResultsTable, LeavesOutWhatWasNotMeasuredAndSurvivesOddReports) {
   const ResultRow row = Row(0);
   EXPECT_THAT(ResultsTable({{&row, {}}}), Not(HasSubstr("UR5")));

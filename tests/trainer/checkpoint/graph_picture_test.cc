@@ -16,7 +16,7 @@ using ::testing::Not;
 
 Metadata Example() {
   Metadata metadata = ExampleCheckpoint(policy::TinyConfig(), 1161).metadata;
-  metadata.train_config = {{"init", {{"freeze", {"TAR2D", "image"}}}}};
+  metadata.train_config = {{"init", {{"freeze", {"TAR2D", "image", "attention2"}}}}};
   metadata.modules["TAR3D"].error = 0.0021;
   metadata.modules["LANG"].error = 0.003;
   metadata.modules["DISP"].error.reset();
@@ -36,7 +36,7 @@ TEST(GraphPicture, SaysWhoReadsWhatAndHowFarItIs) {
                             "level 2\n  EE2D\n", "  TAR2D  (frozen)\n    query    LANG\n    reads    image, self\n",
                             "attends  image@target", "says     target.displacement, m: difference of EE3D, TAR3D",
                             "trained  1161 steps, 0.21 cm", "trained  1161 steps, 99.70 % right",
-                            "trained  1161 steps, never measured", "frozen encoders: image"}));
+                            "trained  1161 steps, never measured", "frozen beside the modules: attention2, image"}));
 }
 
 TEST(GraphPicture, DrawsABoxAPartAndAnArrowAReading) {
