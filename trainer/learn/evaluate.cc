@@ -4,6 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
+#include <optional>
+#include <string_view>
 
 #include "services/core/rng.h"
 #include "services/episode/viewpoint.h"
@@ -103,19 +106,33 @@ Evaluation Summarize(const policy::PolicyConfig& config, const Sums& sums) {
   return result;
 }
 
-// the module at level 1 that says which object a sentence means, if there is one
-const policy::ModuleConfig* LanguageModule(const policy::PolicyConfig& config) {
+// the module at level 1 that says `label` of a sentence, if there is one
+const policy::ModuleConfig* LanguageModule(const policy::PolicyConfig& config, std::string_view label) {
   for (const auto& module : config.modules) {
     const bool looks = std::any_of(module.reads.begin(), module.reads.end(),
                                    [](const std::string& read) { return read == "image" || read == "all"; });
-    if (module.level == 1 && module.decoder.label() == "target.class" && !looks) return &module;
+    if (module.level == 1 && module.decoder.label() == label && !looks) return &module;
   }
   return nullptr;
 }
 
-// fraction of `sentences` whose object the module names
-double Accuracy(policy::Policy& policy, const std::string& module, const std::vector<std::string>& sentences,
-                const std::vector<std::string>& objects) {
+// sentences, and the object and the task that each means
+struct Asked {
+  std::vector<std::string> sentences, objects, tasks;
+
+  void Add(std::string sentence, const std::string& object, const std::string& task) {
+    sentences.push_back(std::move(sentence));
+    objects.push_back(object);
+    tasks.push_back(task);
+  }
+};
+
+// fraction of the sentences of which the module says what they mean, by its place in `names`; of those alone that mean
+// something of it
+std::optional<double> Accuracy(policy::Policy& policy, const policy::ModuleConfig& module,
+                               const std::vector<std::string>& sentences, const std::vector<std::string>& meant,
+                               const std::vector<std::string>& names) {
+  if (sentences.empty()) return std::nullopt;
   const auto count = static_cast<std::int64_t>(sentences.size());
   policy::Inputs inputs;
   inputs.sentences = sentences;
@@ -128,67 +145,74 @@ double Accuracy(policy::Policy& policy, const std::string& module, const std::ve
   inputs.viewpoint = torch::zeros({1, kViewpointSize});
   const auto outputs = policy.Forward(inputs, 1);
   // one answer for all where the module reads no sentence
-  const auto best = outputs.at(module).decoded.at("class").argmax(-1).expand({1, count});
+  const auto best = outputs.at(module.name).decoded.at(module.decoder.quantity).argmax(-1).expand({1, count});
   const auto said = best.flatten().to(torch::kCPU).contiguous();
-  const auto& known = policy.config().objects;
-  int right = 0;
-  for (std::int64_t i = 0; i < count; ++i)
-    right +=
-        known.at(static_cast<std::size_t>(said.data_ptr<std::int64_t>()[i])) == objects[static_cast<std::size_t>(i)];
-  return right / static_cast<double>(count);
+  int right = 0, asked = 0;
+  for (std::int64_t i = 0; i < count; ++i) {
+    const std::string& name = meant[static_cast<std::size_t>(i)];
+    if (std::ranges::find(names, name) == names.end()) continue;
+    ++asked;
+    right += names.at(static_cast<std::size_t>(said.data_ptr<std::int64_t>()[i])) == name;
+  }
+  if (asked == 0) return std::nullopt;
+  return right / static_cast<double>(asked);
 }
 
-// sentences and the object that each means
-struct Asked {
-  std::vector<std::string> sentences, objects;
-
-  void Add(std::string sentence, const std::string& object) {
-    sentences.push_back(std::move(sentence));
-    objects.push_back(object);
-  }
-};
-
-// with typing errors, of each of `tasks` and `objects`
-Asked NoisySentences(const language::Grammar& grammar, const std::vector<std::string>& tasks,
-                     const std::vector<std::string>& objects) {
-  Asked noisy;
+// Drawn for each of `tasks` and `objects`, from a seed of their own.
+Asked DrawnSentences(const language::Grammar& grammar, const std::vector<std::string>& tasks,
+                     const std::vector<std::string>& objects, language::Style style, bool clause) {
+  constexpr int kEach = 12;
+  Asked drawn;
   Rng rng(MixSeed({}, "evaluate language"));
   for (const auto& name : tasks) {
     const auto task = ParseTask(name);
     if (!task) continue;
     for (std::size_t k = 0; k < objects.size(); ++k) {
-      const std::string reference = task->relation() ? objects[(k + 1) % objects.size()] : "";
-      const auto command = language::CommandFor(*task, objects[k], reference);
-      for (int i = 0; i < 12 && grammar.Check(command); ++i)
-        noisy.Add(grammar.Sample(command, language::Style::kNoisy, rng), command.target);
+      const auto other = [&](std::size_t steps) { return objects[(k + steps) % objects.size()]; };
+      auto command = language::CommandFor(*task, objects[k], task->relation() ? other(1) : "");
+      for (int i = 0; i < kEach; ++i) {
+        if (clause) command.obstacle = i % 2 == 0 ? language::kEverythingElse : other(2);
+        if (grammar.Check(command)) drawn.Add(grammar.Sample(command, style, rng), command.target, command.task);
+      }
     }
   }
-  return noisy;
+  return drawn;
+}
+
+// By the part of the metric's name behind the module's.
+std::map<std::string, Asked> AskedOf(const language::Grammar& grammar, const std::vector<std::string>& tasks,
+                                     const std::vector<std::string>& objects) {
+  const auto known = [&](const std::string& object) {
+    return std::find(objects.begin(), objects.end(), object) != objects.end();
+  };
+  std::map<std::string, Asked> asked;
+  for (const auto& sentence : language::HeldOutSentences())
+    if (known(sentence.object)) asked["unseen"].Add(sentence.text, sentence.object, sentence.task);
+  for (const auto& phrase : language::HeldOutNounPhrases())
+    if (known(phrase.object)) asked["phrases"].Add("push " + phrase.text, phrase.object, "push");
+  asked["noisy"] = DrawnSentences(grammar, tasks, objects, language::Style::kNoisy, false);
+  asked["clauses"] = DrawnSentences(grammar, tasks, objects, language::Style::kVaried, true);
+  return asked;
 }
 
 }  // namespace
 
 std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const language::Grammar& grammar,
                                                const std::vector<std::string>& tasks) {
-  const auto* module = LanguageModule(policy.config());
-  if (!module) return {};
-  const auto& objects = policy.config().objects;
-  const auto known = [&](const std::string& object) {
-    return std::find(objects.begin(), objects.end(), object) != objects.end();
-  };
-  Asked unseen, phrases;
-  for (const auto& sentence : language::HeldOutSentences())
-    if (known(sentence.object)) unseen.Add(sentence.text, sentence.object);
-  for (const auto& phrase : language::HeldOutNounPhrases())
-    if (known(phrase.object)) phrases.Add("push " + phrase.text, phrase.object);
-  const Asked noisy = NoisySentences(grammar, tasks, objects);
+  const policy::PolicyConfig& config = policy.config();
+  const auto* object = LanguageModule(config, "target.class");
+  const auto* task = LanguageModule(config, "command.task");
+  if (!object && !task) return {};
   const torch::NoGradGuard no_grad;
   policy.eval();
   std::map<std::string, double> metrics;
-  for (const auto& [name, asked] :
-       {std::pair<const char*, const Asked*>{".unseen", &unseen}, {".phrases", &phrases}, {".noisy", &noisy}})
-    if (!asked->sentences.empty())
-      metrics[module->name + name] = Accuracy(policy, module->name, asked->sentences, asked->objects);
+  const auto note = [&](const policy::ModuleConfig* module, const std::string& what, const auto& accuracy) {
+    if (accuracy) metrics[module->name + "." + what] = *accuracy;
+  };
+  for (const auto& [what, asked] : AskedOf(grammar, tasks, config.objects)) {
+    if (object) note(object, what, Accuracy(policy, *object, asked.sentences, asked.objects, config.objects));
+    if (task) note(task, what, Accuracy(policy, *task, asked.sentences, asked.tasks, config.tasks));
+  }
   policy.train();
   return metrics;
 }

@@ -47,11 +47,12 @@ Status VisitBatches(policy::Policy& policy, const ValidationSet& set, const Batc
 Result<Evaluation> Evaluate(policy::Policy& policy, const data::BatchMaker& maker, const data::Snapshot& snapshot,
                             const std::vector<data::Sample>& samples, int level, int batch);
 
-/// How often the policy's class head names the object that a sentence means (0..1):
+/// How often the policy's class head names the object that a sentence means, and its task head the task (0..1):
 ///   "LANG.unseen"  the paper's Table 11, which training never shows: other words, other order
 ///   "LANG.phrases" noun phrases of its Table 8, pushed
 ///   "LANG.noisy"   wordings like those of training, with typing errors, drawn from a seed of their own
-/// by the module's own name. Empty for a policy that has no class head which reads language alone.
+///   "LANG.clauses" with something to keep off: what modules that are added later need of this one
+/// by the modules' own names ("TASK.unseen"). Empty for a policy that has no such head which reads language alone.
 std::map<std::string, double> EvaluateLanguage(policy::Policy& policy, const language::Grammar& grammar,
                                                const std::vector<std::string>& tasks);
 

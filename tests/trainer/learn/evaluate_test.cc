@@ -145,13 +145,41 @@ TEST(EvaluateLanguage, AsksAboutSentencesOutsideOfTraining) {
 
   const auto metrics = EvaluateLanguage(**policy, *grammar, {"pick", "push+others", "place_left"});
 
-  ASSERT_EQ(metrics.size(), 3u);
+  ASSERT_EQ(metrics.size(), 4u);
+  for (const char* what : {"unseen", "phrases", "noisy", "clauses"})
+    EXPECT_TRUE(metrics.contains(std::string("LANG.") + what)) << what;
   for (const auto& [name, accuracy] : metrics) {
     EXPECT_GE(accuracy, 0) << name;
     EXPECT_LE(accuracy, 0.6) << name << " of an untrained policy";
   }
   EXPECT_EQ(EvaluateLanguage(**policy, *grammar, {"pick", "push+others", "place_left"}), metrics);
   EXPECT_TRUE((*policy)->is_training());
+}
+
+// A task head that has learned to say one thing is right where that is meant, of the tasks that the policy knows.
+TEST(EvaluateLanguage, AsksWhatToDoToo) {
+  TrainConfig config = TinyConfig();
+  policy::ModuleConfig verb = config.policy.modules.front();
+  ASSERT_EQ(verb.name, "LANG");
+  verb.name = "TASK";
+  verb.decoder.entity = "command";
+  verb.decoder.quantity = "task";
+  config.policy.modules.insert(config.policy.modules.begin(), verb);
+  config.policy.tasks = {"pick", "push"};
+  auto policy = policy::Policy::Create(config.policy, policy::Normalization::Unit(7), 1);
+  ASSERT_TRUE(policy) << policy.error().message;
+  const auto grammar = language::Grammar::Load();
+  ASSERT_TRUE(grammar);
+  const torch::NoGradGuard no_grad;
+  for (const auto& [name, tensor] : (*policy)->StateTensors())
+    if (name.starts_with("modules.TASK.decoder")) torch::Tensor(tensor).zero_();  // all alike: the first one, "pick"
+
+  const auto metrics = EvaluateLanguage(**policy, *grammar, {"pick", "push", "rotate"});
+
+  EXPECT_EQ(metrics.at("TASK.phrases"), 0) << "all of them push";
+  EXPECT_EQ(metrics.at("TASK.noisy"), 0.5);
+  EXPECT_EQ(metrics.at("TASK.clauses"), 0.5);
+  EXPECT_GT(metrics.at("TASK.unseen"), 0.5) << "of those that pick or push, most pick";
 }
 
 // before, the first validation of such a graph ended the program
@@ -170,7 +198,7 @@ TEST(EvaluateLanguage, TakesAGraphWhoseFirstLevelLooksAndWhoseLanguageModuleRead
 
   const auto metrics = EvaluateLanguage(**policy, *grammar, {"pick"});
 
-  ASSERT_EQ(metrics.size(), 3u);
+  ASSERT_EQ(metrics.size(), 4u);
   for (const auto& [name, accuracy] : metrics) {
     EXPECT_GE(accuracy, 0) << name;
     EXPECT_LE(accuracy, 1) << name;
