@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The inner loops of FusedNormRelu over channels-last rows, compiled twice: for any CPU and for
-// AVX-512. Nothing but pointers and numbers, because a header's inline functions must not be
-// compiled for AVX-512.
+// The inner loops of FusedNormRelu over channels-last rows, compiled three times: for any CPU, for AVX2 and for
+// AVX-512. Nothing but pointers and numbers, because a header's inline functions must not be compiled for what not
+// every CPU has.
 #pragma once
 
 #include <cstdint>
@@ -37,6 +37,9 @@ enum class NormType { kFloat32, kBfloat16 };
 const NormKernel& NormKernelFor(NormType type);
 
 namespace generic {
+const NormKernel& Kernel(NormType type);
+}
+namespace avx2 {
 const NormKernel& Kernel(NormType type);
 }
 namespace avx512 {

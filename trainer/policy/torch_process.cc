@@ -46,6 +46,14 @@ bool HasAvx512() {
 #endif
 }
 
+bool HasAvx2() {
+#if defined(__x86_64__)
+  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+#else
+  return false;
+#endif
+}
+
 bool HasFastBf16() { return HasAvx512(); }
 
 std::string DescribeTorch() {

@@ -18,6 +18,8 @@ void SetTorchThreads(int threads);
 
 /// Whether this CPU has what AVX-512 kernels need: F, BW, VL and DQ.
 bool HasAvx512();
+/// Whether it has AVX2 and FMA.
+bool HasAvx2();
 
 /// True where bfloat16 convolutions are fast: oneDNN has them for AVX-512. On any other CPU it falls back to its scalar
 /// reference, measured 35 times slower than a bf16 step with AVX-512.
