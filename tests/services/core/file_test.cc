@@ -253,7 +253,7 @@ TEST_F(FileTest, WriteAllGoesOnWhereTheFileStands) {
   {
     const Descriptor file = Open("out", O_WRONLY | O_CREAT);
     ASSERT_THAT(WriteAll(file.get(), "out", std::span(all).first(100)), IsOk());
-    ASSERT_THAT(WriteAll(file.get(), "out", {}), IsOk());
+    ASSERT_THAT(WriteAll(file.get(), "out", std::span<const std::uint8_t>()), IsOk());
     ASSERT_THAT(WriteAll(file.get(), "out", std::span(all).subspan(100)), IsOk());
   }
   EXPECT_EQ(ReadBinaryFile(folder_ / "out").value(), all);
