@@ -244,6 +244,13 @@ Status Keep(publish::CheckpointSink& sink, const Path& out, const checkpoint::Ch
   return {};
 }
 
+/// Who is stopped while it waits for data has not failed: nothing was trained yet, and nothing is lost.
+Status BeforeTraining(Error error) {
+  if (!StopRequested() || error.code != Code::kUnavailable) return Fail(std::move(error));
+  Log().info("{}: nothing was trained yet", error.message);
+  return {};
+}
+
 Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& arguments, const learn::TrainConfig& config,
                Telemetry& telemetry, const Surroundings& around) {
   ETUDE_ASSIGN_OR_RETURN(auto sink, publish::CheckpointSink::Open(arguments.out, telemetry.run(), around.participant,
@@ -263,8 +270,9 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
                                   .source = around.source,
                                   .ranks = around.ranks,
                                   .device = around.device};
-  ETUDE_ASSIGN_OR_RETURN(auto trainer, learn::Trainer::Create(config, std::move(dataset), options, hooks));
-  ETUDE_RETURN_IF_ERROR(trainer->Run());
+  auto trainer = learn::Trainer::Create(config, std::move(dataset), options, hooks);
+  if (!trainer) return BeforeTraining(std::move(trainer).error());
+  ETUDE_RETURN_IF_ERROR((*trainer)->Run());
   return telemetry.status();
 }
 
@@ -380,7 +388,9 @@ Status Lead(const Arguments& arguments, const learn::TrainConfig& config, Togeth
     return collector ? collector->status() : Status();
   };
   ServiceManager::Get().Ready(fmt::format("run {}@{}", run, telemetry.run().id));
-  ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, arguments.follow || collector, source));
+  auto opened = OpenDataset(arguments.data, arguments.follow || collector, source);
+  if (!opened) return BeforeTraining(std::move(opened).error());
+  auto dataset = std::move(*opened);
   Log().info("run {}@{} in '{}', data {}, {}, on {}", run, telemetry.run().id, arguments.out, dataset->text(),
              policy::DescribeTorch(), device.str());
   return TrainOn(std::move(dataset), arguments, config, telemetry,

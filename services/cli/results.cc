@@ -127,11 +127,9 @@ class Maker {
     std::fflush(stdout);
     ETUDE_ASSIGN_OR_RETURN(auto process, campaign::Process::Start({.argv = argv, .log = log}));
     const Stopwatch watch;
-    while (process.running()) {
-      if (!StopRequested()) {
-        (void)process.Wait(std::chrono::milliseconds(500));
-        continue;
-      }
+    while (process.running() && !StopRequested()) (void)process.Wait(std::chrono::milliseconds(500));
+    // Ctrl-C reaches both: one that ended well because it was told to is not at its end
+    if (StopRequested()) {
       process.Stop(std::chrono::seconds(60));
       return Fail(Code::kUnavailable, fmt::format("stopped in {}; begin again to go on", what));
     }

@@ -70,6 +70,12 @@ TEST_F(ServiceTest, AWorkerWithSlots) {
   ExpectAWholeLife("campaign nobodys");
 }
 
+TEST_F(ServiceTest, ATrainerThatWaitsForItsData) {
+  Start({"etude-trainer", "--data", (folder_ / "data").string(), "--follow", "--out", (folder_ / "run").string(),
+         "--config", "compact", "--name", "early", "--steps", "10"});
+  ExpectAWholeLife("run early@");
+}
+
 TEST_F(ServiceTest, APolicyServerThatWaitsForItsRun) {
   Start({"etude-policy", "--subscribe", "nobodys", "--relay", (folder_ / "relay").string()});
   ExpectAWholeLife("run nobodys");
