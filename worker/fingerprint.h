@@ -16,8 +16,8 @@ namespace etude {
 
 /// content number; libraries that are loaded, by the names of their files; the GL driver, without the width of its
 /// vectors, which changes no picture (but on a GPU there is none); SHA-256 of a rendered
-/// picture, of a simulation's states, of the results of libm on a fixed list of arguments, and of the picture deflated:
-/// the stream is what an episode holds.
+/// picture, of a simulation's states, of the results of libm on a fixed list of arguments, and of what libdeflate
+/// makes of fixed bytes: its streams are what an episode holds.
 /// @error as Renderer::Open, Scene::Build
 Result<campaign::Fingerprint> TakeFingerprint(const sim::RendererConfig& renderer);
 
