@@ -207,9 +207,7 @@ void Collector::Impl::ReceiveUntilOver() {
   watched.reset();
   if (!Complete()) return;
   SayUnchecked(true);
-  // where the disk does not take it now, workers need not wait for that
-  if (const Status written = WriteIndex(true); !written)
-    Log().warn("cannot write the dataset's index, it is tried again: {}", written.error().message);
+  TryIndex(true);  // where the disk does not take it now, workers need not wait for that
   Announce(true);
   Drain();
 }

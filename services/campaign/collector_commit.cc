@@ -303,8 +303,7 @@ void Collector::Impl::IndexNowAndThen() {
     WriteWishedKeys();
     const Time begin = MonotonicClock::now();
     if (begin < due) continue;
-    if (const Status written = WriteIndex(false); !written)
-      Log().warn("cannot write the dataset's index, it is tried again: {}", written.error().message);
+    TryIndex(false);
     const Time end = MonotonicClock::now();
     due = end + std::max<Time::duration>(options.index_every, kShare * (end - begin));
   }
@@ -316,6 +315,11 @@ Status Collector::Impl::WriteIndex(bool at_end) {
   const Status written = at_end ? sink->WriteIndex() : sink->WriteProgress();
   if (!written) index_dirty = true;
   return written;
+}
+
+void Collector::Impl::TryIndex(bool at_end) {
+  if (const Status written = WriteIndex(at_end); !written)
+    Log().warn("cannot write the dataset's index, it is tried again: {}", written.error().message);
 }
 
 // What a collector leaves is whole: it waits for the disk as it does for an episode's sake, until it is stopped.

@@ -203,6 +203,7 @@ struct Collector::Impl {
   Status WriteKey(const KeyWish& wish, std::size_t& count);
   void WriteWishedKeys() ETUDE_EXCLUDES(mutex) ETUDE_EXCLUDES(queue_mutex);
   Status WriteIndex(bool at_end);
+  void TryIndex(bool at_end);
   Status WriteLastIndex() ETUDE_EXCLUDES(mutex);
 };
 
