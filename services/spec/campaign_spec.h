@@ -64,8 +64,6 @@ struct ObstacleSpec {
       "that demonstrations wish to keep from what is to be avoided, where there is room: what a policy errs by takes "
       "off it");
   }
-
-  bool operator==(const ObstacleSpec&) const = default;
 };
 
 /// Only for mode "rollout": a policy drives instead of the expert.
