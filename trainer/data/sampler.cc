@@ -93,6 +93,16 @@ std::vector<language::Command> DrawCommands(const Episode& episode, const std::v
   return commands;
 }
 
+namespace {
+
+// What one may be told to keep off: in half of the cases one of the other things on the table.
+std::string DrawObstacle(const std::string& target, std::vector<std::string> names, Rng& rng) {
+  std::erase(names, target);
+  return names.empty() || rng.Bernoulli(0.5) ? kObstacleObject : names[rng.Below(names.size())];
+}
+
+}  // namespace
+
 void AddClauses(const Episode& episode, const std::vector<std::string>& tasks, double share, std::uint64_t seed,
                 std::vector<language::Command>& commands) {
   if (!(share > 0)) return;
@@ -110,7 +120,7 @@ void AddClauses(const Episode& episode, const std::vector<std::string>& tasks, d
     Rng own(MixSeed({seed, s}, "clause"));
     if (!chosen || !command.reference.empty() || !command.obstacle.empty()) continue;
     if (!relate || relations.empty()) {
-      command.obstacle = all ? language::kEverythingElse : kObstacleObject;
+      command.obstacle = all ? language::kEverythingElse : DrawObstacle(command.target, names, own);
       continue;
     }
     const TaskName& task = relations[own.Below(relations.size())];

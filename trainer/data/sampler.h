@@ -39,8 +39,9 @@ std::vector<language::Command> DrawCommands(const Episode& episode, const std::v
                                             int sentences, std::uint64_t seed);
 
 /// Language that the dataset's tasks lack: of the relabelled commands (not of the first, which a trajectory belongs to)
-/// a `share` is given something to keep off, or a second object of the scene, by one of `tasks`. What the sentence's
-/// verb is about stays, so that grounding learned from it outlives modules that are added later.
+/// a `share` is given something to keep off (everything else, the obstacle, another object of the scene), or a second
+/// object of the scene, by one of `tasks`. What the sentence's verb is about stays, so that grounding learned from it
+/// outlives modules that are added later.
 void AddClauses(const Episode& episode, const std::vector<std::string>& tasks, double share, std::uint64_t seed,
                 std::vector<language::Command>& commands);
 

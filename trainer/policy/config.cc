@@ -102,8 +102,8 @@ void CheckCounts(const PolicyConfig& config, Errors& errors) {
 
 void CheckLanguage(const LanguageConfig& language, Errors& errors) {
   const bool clip = !language.clip_folder().empty();
-  if (language.encoder != "default" && !clip)
-    errors.push_back(fmt::format("language.encoder: '{}' is neither default nor clip:DIR", language.encoder));
+  if (language.encoder != "default" && language.encoder != "conv" && !clip)
+    errors.push_back(fmt::format("language.encoder: '{}' is neither default nor conv nor clip:DIR", language.encoder));
   CheckRange("language.buckets", language.buckets, 16, 1 << 24, errors);
   CheckRange("language.width", language.width, 1, 4096, errors);
   CheckRange("language.hidden", language.hidden, 1, 65536, errors);

@@ -53,24 +53,27 @@ struct ImageConfig {
 };
 
 struct LanguageConfig {
-  /// default (trained along) | clip:DIR (CLIP's text tower out of a folder, frozen; clip/text_encoder.h). A file may
-  /// say `language: clip:DIR` for `language: {encoder: clip:DIR}`.
+  /// default (the mean of trained word vectors) | conv (convolutions over them, which know their order) | clip:DIR
+  /// (CLIP's text tower out of a folder, frozen; clip/text_encoder.h). A file may say `language: clip:DIR` for
+  /// `language: {encoder: clip:DIR}`.
   std::string encoder = "default";
-  int buckets = 8192;  ///< hashed features, see services/language/tokenizer.h; of default only
-  int width = 64;      ///< word vector; of default only
-  int hidden = 128;    ///< of default only
+  int buckets = 8192;  ///< hashed features, see services/language/tokenizer.h; not of clip
+  int width = 64;      ///< word vector; not of clip
+  int hidden = 128;    ///< of the perceptron, and channels of conv; not of clip
   /// Of clip's folder (clip::TextEncoder::sha256). Empty: whatever it holds when training begins; a checkpoint has it.
   std::string sha256;
 
   void Visit(auto& v) {
-    v("encoder", encoder, "", "default: trained along | clip:DIR: CLIP's text tower out of that folder, frozen");
-    v("buckets", buckets, "-", "hashed word features, of default only");
-    v("width", width, "-", "of a word vector, of default only");
-    v("hidden", hidden, "-", "width of the hidden layer, of default only");
+    v("encoder", encoder, "",
+      "default: the mean of trained word vectors | conv: convolutions over them | clip:DIR: CLIP's text tower "
+      "out of that folder, frozen");
+    v("buckets", buckets, "-", "hashed word features, not of clip");
+    v("width", width, "-", "of a word vector, not of clip");
+    v("hidden", hidden, "-", "width of the hidden layer, and channels of conv; not of clip");
     v("sha256", sha256, "", "of the content of clip's folder; empty: of what it holds when training begins");
   }
 
-  /// Of clip:DIR; "" of default.
+  /// Of clip:DIR; "" of the others.
   std::string clip_folder() const;
 };
 

@@ -1,57 +1,130 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/policy/language_encoder.h"
 
+#include <fmt/format.h>
+
+#include <limits>
+
 namespace etude::policy {
 
 torch::Tensor LanguageEncoder::ForwardIds(const torch::Tensor&) {
   TORCH_CHECK(false, "this policy's language encoder reads sentences, not features of words");
 }
 
-TrainedLanguageEncoder::TrainedLanguageEncoder(const LanguageConfig& config, int width, const std::string& activation,
-                                               Output output) {
+TrainedLanguageEncoder::TrainedLanguageEncoder(const LanguageConfig& config, int summary, int width,
+                                               const std::string& activation, Output output) {
   tokenizer_.buckets = config.buckets;
   // as many features share a word, single vectors are large so that their mean is not small
   vectors_ = register_parameter("vectors", torch::randn({config.buckets, config.width}));
-  mlp_ =
-      register_module("mlp", std::make_shared<Mlp>(config.width, std::vector<int>{config.hidden}, width, activation));
+  mlp_ = register_module("mlp", std::make_shared<Mlp>(summary, std::vector<int>{config.hidden}, width, activation));
   if (output == Output::kNormalised) norm_ = register_module("norm", std::make_shared<LayerNorm>(width));
 }
 
-torch::Tensor TrainedLanguageEncoder::Forward(const std::vector<std::string>& sentences) {
-  // the mean over words of the mean over a word's features is one weighted sum a sentence
-  std::vector<std::int64_t> ids, offsets;
-  std::vector<float> weights;
-  for (const std::string& sentence : sentences) {
-    offsets.push_back(static_cast<std::int64_t>(ids.size()));
-    const auto words = language::Tokenize(sentence, tokenizer_);
-    for (const auto& word : words) {
-      ids.insert(ids.end(), word.begin(), word.end());
-      weights.insert(weights.end(), word.size(), 1.0F / static_cast<float>(word.size() * words.size()));
-    }
-  }
-  const auto device = vectors_.device();
-  const auto sums = torch::embedding_bag(vectors_, torch::tensor(ids, torch::kInt64).to(device),
-                                         torch::tensor(offsets, torch::kInt64).to(device),
-                                         /*scale_grad_by_freq=*/false, /*mode=*/0, /*sparse=*/false,
-                                         torch::tensor(weights, torch::kFloat32).to(vectors_.options()));
-  return Finish(std::get<0>(sums));
-}
-
-// No number of words or features is written into what is traced.
-torch::Tensor TrainedLanguageEncoder::ForwardIds(const torch::Tensor& ids) {
-  const torch::Tensor there = (ids >= 0).to(vectors_.scalar_type());
-  const torch::Tensor features = there.sum(1, /*keepdim=*/true);  // (W, 1) of each word
-  const torch::Tensor words = features.clamp_max(1).sum();        // that are there
-  const torch::Tensor weights = (there / (features.clamp_min(1) * words)).unsqueeze(-1);
-  return Finish((torch::embedding(vectors_, ids.clamp_min(0)) * weights).flatten(0, 1).sum(0, /*keepdim=*/true));
-}
-
-torch::Tensor TrainedLanguageEncoder::Finish(const torch::Tensor& means) {
-  const torch::Tensor tokens = mlp_->Forward(means);
+torch::Tensor TrainedLanguageEncoder::Finish(const torch::Tensor& summaries) {
+  const torch::Tensor tokens = mlp_->Forward(summaries);
   return norm_ != nullptr ? norm_->Forward(tokens) : tokens;
 }
 
+std::vector<language::WordFeatures> TrainedLanguageEncoder::Tokenize(const std::string& sentence) const {
+  return language::Tokenize(sentence, tokenizer_);
+}
+
 Status TrainedLanguageEncoder::Check(const std::string&) const { return {}; }
+
+namespace {
+
+// Sums of a table's rows, a sum at a time.
+struct Sums {
+  std::vector<std::int64_t> ids, offsets;
+  std::vector<float> weights;
+
+  void Begin() { offsets.push_back(static_cast<std::int64_t>(ids.size())); }
+  void Add(const language::WordFeatures& word, double share) {
+    ids.insert(ids.end(), word.begin(), word.end());
+    weights.insert(weights.end(), word.size(), static_cast<float>(share / static_cast<double>(word.size())));
+  }
+  // (sums, width)
+  torch::Tensor Of(const torch::Tensor& vectors) const {
+    const auto device = vectors.device();
+    return std::get<0>(torch::embedding_bag(vectors, torch::tensor(ids, torch::kInt64).to(device),
+                                            torch::tensor(offsets, torch::kInt64).to(device),
+                                            /*scale_grad_by_freq=*/false, /*mode=*/0, /*sparse=*/false,
+                                            torch::tensor(weights, torch::kFloat32).to(vectors.options())));
+  }
+};
+
+// Of one sentence's features, (W, F), -1 where there is none: the mean of each word's vectors, (W, width), zero of a
+// row of nothing. No number of words or features is written into what is traced.
+torch::Tensor MeansOfWords(const torch::Tensor& vectors, const torch::Tensor& ids) {
+  const torch::Tensor there = (ids >= 0).to(vectors.scalar_type());
+  const torch::Tensor weights = (there / there.sum(1, /*keepdim=*/true).clamp_min(1)).unsqueeze(-1);
+  return (torch::embedding(vectors, ids.clamp_min(0)) * weights).sum(1);
+}
+
+}  // namespace
+
+BagOfWordsEncoder::BagOfWordsEncoder(const LanguageConfig& config, int width, const std::string& activation,
+                                     Output output)
+    : TrainedLanguageEncoder(config, config.width, width, activation, output) {}
+
+torch::Tensor BagOfWordsEncoder::Forward(const std::vector<std::string>& sentences) {
+  // the mean over words of the mean over a word's features is one weighted sum a sentence
+  Sums sums;
+  for (const std::string& sentence : sentences) {
+    sums.Begin();
+    const auto words = Tokenize(sentence);
+    for (const auto& word : words) sums.Add(word, 1.0 / static_cast<double>(words.size()));
+  }
+  return Finish(sums.Of(vectors_));
+}
+
+torch::Tensor BagOfWordsEncoder::ForwardIds(const torch::Tensor& ids) {
+  const torch::Tensor words = (ids >= 0).any(1).sum().clamp_min(1);
+  return Finish(MeansOfWords(vectors_, ids).sum(0, /*keepdim=*/true) / words);
+}
+
+ConvolutionEncoder::ConvolutionEncoder(const LanguageConfig& config, int width, const std::string& activation,
+                                       Output output)
+    : TrainedLanguageEncoder(config, config.hidden, width, activation, output), activation_(activation) {
+  constexpr int kWords = 3;
+  for (int i = 0, inputs = config.width; i < 2; ++i, inputs = config.hidden)
+    layers_.push_back(register_module(
+        fmt::format("convolution{}", i),
+        torch::nn::Conv1d(torch::nn::Conv1dOptions(inputs, config.hidden, kWords).padding(kWords / 2))));
+}
+
+torch::Tensor ConvolutionEncoder::Forward(const std::vector<std::string>& sentences) {
+  Sums sums;
+  std::vector<std::int64_t> lengths;
+  for (const std::string& sentence : sentences) {
+    const auto words = Tokenize(sentence);
+    lengths.push_back(static_cast<std::int64_t>(words.size()));
+    for (const auto& word : words) {
+      sums.Begin();
+      sums.Add(word, 1);
+    }
+  }
+  const auto words = sums.Of(vectors_).split_with_sizes(lengths);
+  const auto padded = torch::nn::utils::rnn::pad_sequence(words, /*batch_first=*/true);
+  const auto ends = torch::tensor(lengths, torch::kInt64).to(padded.device()).view({-1, 1, 1});
+  return Say(padded, torch::arange(padded.size(1), ends.options()) >= ends);
+}
+
+torch::Tensor ConvolutionEncoder::ForwardIds(const torch::Tensor& ids) {
+  const torch::Tensor words = (ids >= 0).any(1).nonzero().squeeze(1);
+  return Say(MeansOfWords(vectors_, ids.index_select(0, words)).unsqueeze(0), {});
+}
+
+torch::Tensor ConvolutionEncoder::Say(const torch::Tensor& words, const torch::Tensor& beyond) {
+  torch::Tensor x = words.transpose(1, 2);
+  for (std::size_t i = 0; i < layers_.size(); ++i) {
+    if (i > 0) x = Activate(x, activation_);
+    if (i > 0 && beyond.defined()) x = x.masked_fill(beyond, 0);  // as the edges of a sentence alone
+    x = layers_[i]->forward(x);
+  }
+  if (beyond.defined()) x = x.masked_fill(beyond, -std::numeric_limits<float>::infinity());
+  return Finish(x.amax(2));
+}
 
 ClipLanguageEncoder::ClipLanguageEncoder(std::shared_ptr<clip::TextEncoder> text_encoder, int width, Output output)
     : text_encoder_(std::move(text_encoder)),

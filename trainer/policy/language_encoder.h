@@ -31,21 +31,50 @@ class LanguageEncoder : public torch::nn::Module {
   virtual Status Check(const std::string& sentence) const = 0;
 };
 
-/// The mean of word vectors, each the mean of hashed features, then a perceptron. Reads any sentence.
+/// Word vectors, each the mean of hashed features, in a trained table; then what a subclass makes of them, a perceptron
+/// and, of kNormalised, a normalisation. Reads any sentence.
 class TrainedLanguageEncoder : public LanguageEncoder {
  public:
-  TrainedLanguageEncoder(const LanguageConfig& config, int width, const std::string& activation, Output output);
-  torch::Tensor Forward(const std::vector<std::string>& sentences) override;
-  torch::Tensor ForwardIds(const torch::Tensor& ids) override;
   Status Check(const std::string& sentence) const override;
 
- private:
-  torch::Tensor Finish(const torch::Tensor& means);
+ protected:
+  /// @param summary  numbers that a subclass has of a sentence
+  TrainedLanguageEncoder(const LanguageConfig& config, int summary, int width, const std::string& activation,
+                         Output output);
+  torch::Tensor Finish(const torch::Tensor& summaries);
+  std::vector<language::WordFeatures> Tokenize(const std::string& sentence) const;
 
-  language::TokenizerConfig tokenizer_;
   torch::Tensor vectors_;  ///< (buckets, word width)
+
+ private:
+  language::TokenizerConfig tokenizer_;
   std::shared_ptr<Mlp> mlp_;
   std::shared_ptr<LayerNorm> norm_;  ///< kNormalised only
+};
+
+/// The mean of a sentence's words: of their order it knows what pairs of neighbours say.
+class BagOfWordsEncoder : public TrainedLanguageEncoder {
+ public:
+  BagOfWordsEncoder(const LanguageConfig& config, int width, const std::string& activation, Output output);
+  torch::Tensor Forward(const std::vector<std::string>& sentences) override;
+  torch::Tensor ForwardIds(const torch::Tensor& ids) override;
+};
+
+/// Convolutions over a sentence's words, and the largest of what they say anywhere in it (Kim 2014): who is put beside
+/// whom, and who is to be kept off, is in the words around. Two layers of three words see five at once.
+class ConvolutionEncoder : public TrainedLanguageEncoder {
+ public:
+  ConvolutionEncoder(const LanguageConfig& config, int width, const std::string& activation, Output output);
+  torch::Tensor Forward(const std::vector<std::string>& sentences) override;
+  torch::Tensor ForwardIds(const torch::Tensor& ids) override;
+
+ private:
+  /// @param words  (D, W, word width), zero where `beyond`
+  /// @param beyond  (D, 1, W) bool: behind a sentence's end; undefined: nothing is
+  torch::Tensor Say(const torch::Tensor& words, const torch::Tensor& beyond);
+
+  std::string activation_;
+  std::vector<torch::nn::Conv1d> layers_;
 };
 
 /// A linear map of CLIP's embedding, as in the original. The text encoder is shared, not owned, and no parameter of

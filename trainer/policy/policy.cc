@@ -202,7 +202,9 @@ Policy::~Policy() = default;
 std::shared_ptr<LanguageEncoder> Policy::Impl::MakeLanguageEncoder() const {
   const auto output = is_shared() ? LanguageEncoder::Output::kLinear : LanguageEncoder::Output::kNormalised;
   if (text_encoder) return std::make_shared<ClipLanguageEncoder>(text_encoder, config.width, output);
-  return std::make_shared<TrainedLanguageEncoder>(config.language, config.width, config.activation, output);
+  if (config.language.encoder == "conv")
+    return std::make_shared<ConvolutionEncoder>(config.language, config.width, config.activation, output);
+  return std::make_shared<BagOfWordsEncoder>(config.language, config.width, config.activation, output);
 }
 
 Result<std::shared_ptr<Policy>> Policy::Create(const PolicyConfig& config, const Normalization& normalization,

@@ -17,8 +17,14 @@
 namespace etude::checkpoint {
 namespace torchscript_test {
 
-TEST(TorchScript, GivesTheSameWaypointsInPlainLibtorch) {
-  const auto example = ExampleCheckpoint(policy::TinyConfig());
+class TorchScriptOf : public ::testing::TestWithParam<const char*> {};
+
+INSTANTIATE_TEST_SUITE_P(Encoders, TorchScriptOf, ::testing::Values("default", "conv"));
+
+TEST_P(TorchScriptOf, GivesTheSameWaypointsInPlainLibtorch) {
+  auto config = policy::TinyConfig();
+  config.language.encoder = GetParam();
+  const auto example = ExampleCheckpoint(config);
   const auto bytes = ToTorchScript(example);
   ASSERT_THAT(bytes, IsOk());
 

@@ -172,6 +172,7 @@ TEST(AddClauses, SpeaksOfWhatTheTasksLackAndLeavesTheTarget) {
   const auto grammar = language::Grammar::LoadFor(SyntheticSpec().objects, {});
   ASSERT_TRUE(grammar) << grammar.error().message;
   int with_obstacle = 0, with_reference = 0, all = 0;
+  std::set<std::string> obstacles;
   for (std::uint64_t seed = 0; seed < 60; ++seed) {
     const auto plain = DrawCommands(episode, {"pick", "push"}, 6, seed);
     auto commands = plain;
@@ -181,6 +182,8 @@ TEST(AddClauses, SpeaksOfWhatTheTasksLackAndLeavesTheTarget) {
     for (std::size_t s = 0; s < commands.size(); ++s) {
       EXPECT_EQ(commands[s].target, plain[s].target);
       EXPECT_NE(commands[s].reference, commands[s].target);
+      EXPECT_NE(commands[s].obstacle, commands[s].target);
+      obstacles.insert(commands[s].obstacle);
       const Status said = grammar->Check(commands[s]);
       EXPECT_TRUE(said) << said.error().message;
       with_obstacle += !commands[s].obstacle.empty();
@@ -191,6 +194,8 @@ TEST(AddClauses, SpeaksOfWhatTheTasksLackAndLeavesTheTarget) {
   EXPECT_NEAR(static_cast<double>(with_obstacle + with_reference) / all, 0.5, 0.08);
   EXPECT_GT(with_obstacle, all / 8);
   EXPECT_GT(with_reference, all / 8);
+  EXPECT_THAT(obstacles, testing::IsSupersetOf({std::string(language::kEverythingElse), std::string(kObstacleObject)}));
+  EXPECT_GT(obstacles.size(), 4) << "other things of the scene, too";
 }
 
 TEST(AddClauses, AddsNothingWithoutAShare) {

@@ -48,6 +48,58 @@ TEST(TrainedLanguageEncoder, ReadsAnySentenceAndKeepsItsNames) {
                   "language.mlp.layer1.weight", "language.norm.bias", "language.norm.weight", "language.vectors"));
 }
 
+PolicyConfig WithConvolutions() {
+  PolicyConfig config = TinyConfig();
+  config.language.encoder = "conv";
+  return config;
+}
+
+TEST(ConvolutionEncoder, KeepsItsNames) {
+  const auto names = NamesOf(MakePolicy(WithConvolutions())->StateTensors(), "language");
+  EXPECT_THAT(names, ::testing::Contains("language.vectors"));
+  EXPECT_THAT(names, ::testing::Contains("language.convolution1.weight"));
+  EXPECT_THAT(names, ::testing::SizeIs(7 + 4));
+}
+
+TEST(ConvolutionEncoder, SaysTheSameOfASentenceWhateverIsBesideIt) {
+  at::set_num_threads(1);
+  const auto policy = MakePolicy(WithConvolutions());
+  const std::vector<std::string> sentences{"push it", "put the red cube to the left of the blue mug", "", "push it"};
+  const torch::Tensor together = policy->EncodeSentences(sentences);
+  for (std::size_t i = 0; i < sentences.size(); ++i)
+    EXPECT_LT(MaxDifference(policy->EncodeSentences({sentences[i]})[0], together[static_cast<std::int64_t>(i)]), 1e-5F)
+        << sentences[i];
+  EXPECT_TRUE(torch::equal(together[0], together[3]));
+}
+
+// Without pairs of neighbours, which a sentence turned round does not keep either: what the order of three words says
+// is known to whom looks at what is beside a word.
+TEST(ConvolutionEncoder, KnowsTheOrderOfWords) {
+  at::set_num_threads(1);
+  using Words = std::vector<std::vector<std::int64_t>>;
+  const auto apart = [](const PolicyConfig& config) {
+    LanguageConfig language = config.language;
+    torch::manual_seed(3);
+    std::unique_ptr<LanguageEncoder> encoder;
+    if (language.encoder == "conv")
+      encoder = std::make_unique<ConvolutionEncoder>(language, 8, "silu", LanguageEncoder::Output::kLinear);
+    else
+      encoder = std::make_unique<BagOfWordsEncoder>(language, 8, "silu", LanguageEncoder::Output::kLinear);
+    const auto ids = [](const Words& words) {
+      std::vector<std::int64_t> flat;
+      for (const auto& word : words) flat.insert(flat.end(), word.begin(), word.end());
+      return torch::tensor(flat, torch::kInt64).view({static_cast<std::int64_t>(words.size()), -1});
+    };
+    const torch::Tensor said = encoder->ForwardIds(ids({{1, 2}, {3, -1}, {4, 5}}));
+    // rows of nothing say nothing, wherever they are
+    EXPECT_LT(MaxDifference(encoder->ForwardIds(ids({{-1, -1}, {1, 2}, {-1, -1}, {3, -1}, {4, 5}, {-1, -1}})), said),
+              1e-5F);
+    return MaxDifference(said, encoder->ForwardIds(ids({{4, 5}, {3, -1}, {1, 2}})));
+  };
+  EXPECT_GT(apart(WithConvolutions()), 1e-3F);
+  EXPECT_LT(apart(TinyConfig()), 1e-5F) << "a bag of words does not";
+}
+
 TEST_F(ClipPolicyTest, HoldsNothingOfClipButTheProjection) {
   const auto policy = MakePolicy(config_);
   EXPECT_THAT(NamesOf(policy->StateTensors(), "language"),
