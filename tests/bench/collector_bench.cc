@@ -14,7 +14,7 @@
 //
 // What many workers cost beside few at the same 20 episodes a second in all: 2 processes, 100 processes, each its own
 // participant, and 100 slots of 4 processes that have one participant each (host agents), all with the heartbeats of
-// workers. The clock starts when everybody has been matched, and some seconds of discovery have passed. A JSON line for
+// workers. The clock starts when everybody has been matched and nobody is busy with discovery any more. A JSON line for
 // each: the collector's CPU per episode (`baseline`: with 2), and lease p99; `rate` tells whether the machine kept up.
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -87,9 +87,13 @@ CampaignSpec BenchSpec(const Path& dataset, std::uint64_t episodes) {
 class Sender {
  public:
   Sender(const bus::Participant& participant, const CampaignSpec& spec, const std::string& id, std::string name)
-      : spec_(spec), sha256_(SpecHash(spec)), owner_{spec.name, id}, name_(std::move(name)), host_(participant.host()) {
+      : spec_(spec),
+        sha256_(SpecHash(spec)),
+        owner_{spec.name, id},
+        name_(std::move(name)),
+        host_(participant.address()) {
     requests_.emplace(OrDie(bus::Writer<bus::WorkRequest>::Open(participant, owner_.partition())));
-    leases_.emplace(OrDie(bus::Reader<bus::Lease>::Open(participant, owner_.host_partition(host_))));
+    leases_.emplace(OrDie(bus::Reader<bus::Lease>::Open(participant, owner_.address_partition(host_))));
     heartbeats_.emplace(OrDie(bus::Writer<bus::WorkerStatus>::Open(participant, owner_.partition())));
     sender_.emplace(OrDie(bus::BlobSender::Open(participant, owner_, "episode", name_)));
   }
@@ -301,9 +305,7 @@ int RunCollector(std::uint32_t domain, const Path& dataset, std::uint64_t total,
   const double seconds = watch.Seconds();
   const double cpu_ms = 1e3 * (CpuSeconds(RUSAGE_SELF) - cpu) / count;
   running.join();
-  rusage usage{};
-  ::getrusage(RUSAGE_SELF, &usage);
-  fmt::print("{:.4f} {:.4f} {:.1f}\n", count / seconds, cpu_ms, static_cast<double>(usage.ru_maxrss) / 1024);
+  fmt::print("{:.4f} {:.4f} {:.1f}\n", count / seconds, cpu_ms, PeakResidentMb());
   return 0;
 }
 
@@ -404,7 +406,7 @@ struct Bench {
 // A folder of its own below `parent`, gone with this.
 class Scratch {
  public:
-  explicit Scratch(const Path& parent) : path_(parent / fmt::format("etude-test-{}-bench", ::getpid())) {
+  explicit Scratch(const Path& parent) : path_(parent / fmt::format("etude-test-{}-bench-{}", ::getpid(), made_++)) {
     if (const Status made = MakeFolders(path_); !made) Die(made.error());
   }
   ~Scratch() {
@@ -415,6 +417,7 @@ class Scratch {
   const Path& path() const { return path_; }
 
  private:
+  static inline int made_ = 0;  // two of them below one parent are two folders
   Path path_;
 };
 
@@ -429,7 +432,11 @@ bool MeasureOn(const char* where, const Path& parent, const Bench& bench,
     }
     const Scratch scratch(parent);
     const Figures figures = bench.Run(senders, scratch / "data");
-    good = good && figures.rate > 0;
+    if (figures.rate <= 0) {
+      fmt::print(stderr, "collector_{}_{}: the collector committed nothing\n", where, senders);
+      good = false;
+      continue;
+    }
     const auto round = [](double value) { return std::round(value * 1000) / 1000; };
     fmt::print("{}\n", OrderedJson{{"name", fmt::format("collector_{}_{}", where, senders)},
                                    {"value", round(figures.rate)},
@@ -457,6 +464,25 @@ Path CollectSome(const Path& folder, std::uint32_t domain) {
   return folder / "replayed";
 }
 
+// Until these have found each other: a hundred of them keep two cores busy for a minute. More than an interval of
+// discovery in which they took less than a third of a core together.
+void AwaitQuiet(const std::vector<std::unique_ptr<Child>>& children) {
+  constexpr auto kWindow = 8s;
+  constexpr double kQuiet = 0.33, kMostSeconds = 240;
+  const auto cpu = [&] {
+    double seconds = 0;
+    for (const auto& child : children) seconds += CpuSecondsOf(child->pid());
+    return seconds;
+  };
+  for (const Stopwatch watch; watch.Seconds() < kMostSeconds && !StopRequested();) {
+    const double before = cpu();
+    std::this_thread::sleep_for(kWindow);
+    if (cpu() - before < kQuiet * std::chrono::duration<double>(kWindow).count()) return;
+  }
+  fmt::print(stderr, "{} processes are busy with each other after {:.0f} s: figures that follow have a part of it\n",
+             children.size(), kMostSeconds);
+}
+
 // `senders` workers in `processes` processes, 20 episodes a second of all together.
 Figures RunPacedOnce(const Bench& bench, int senders, int processes, const Path& parent) {
   const Scratch scratch(parent);
@@ -479,7 +505,7 @@ Figures RunPacedOnce(const Bench& bench, int senders, int processes, const Path&
     }
     for (const auto& child : sending)
       if (child->ReadLine() != "ready") Die({Code::kUnavailable, "a paced sender did not find the collector"});
-    std::this_thread::sleep_for(8s);  // more than an interval of discovery: what it costs is another bench's matter
+    AwaitQuiet(sending);  // what it costs to be found is another bench's matter
     if (const Status started = WriteFileAtomically(start, std::string_view("go\n")); !started) Die(started.error());
     for (const auto& child : sending) TakeWaits(child->ReadAll(), waits);
   }

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "services/bus/directory.h"
+#include "services/bus/host_writers.h"
 #include "services/bus/topic.h"
 #include "services/core/check.h"
 #include "services/core/clock.h"
@@ -57,14 +58,14 @@ Status ServeAsBefore(const Path& checkpoint, const std::string& run) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, bus::Participant::Open({kDomain, ""}));
   const bus::Owner owner{selector.name, selector.id};
   const std::string partition = owner.partition();
-  ETUDE_ASSIGN_OR_RETURN(auto actions,
-                         bus::Writer<bus::Action>::Open(participant, owner.host_partition(participant.host())));
+  bus::HostWriters<bus::Action> actions(participant, partition);
   ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Reader<bus::Observation>::Open(participant, partition));
   const auto presence = bus::MakePresence(bus::PresenceKind::kPolicy, selector.name, selector.id, "");
   ETUDE_ASSIGN_OR_RETURN(const auto announced, bus::Announcement::Open(participant, presence, Claim::kAdopt));
   serve::LatencyMeter latency;
   while (!StopRequested()) {
-    if (!observations.Wait(100ms)) continue;
+    if (actions.waiting()) actions.Tidy();
+    if (!observations.Wait(actions.waiting() ? 5ms : 100ms)) continue;
     const Stopwatch since_arrival;
     const auto taken = observations.Take();
     std::map<std::string, const bus::Observation*> newest;
@@ -75,7 +76,7 @@ Status ServeAsBefore(const Path& checkpoint, const std::string& run) {
       const serve::Latency measured = latency.Now();
       action.server_p50_ms = static_cast<float>(measured.p50_ms);
       action.server_p99_ms = static_cast<float>(measured.p99_ms);
-      ETUDE_RETURN_IF_ERROR(actions.Write(action));
+      ETUDE_RETURN_IF_ERROR(actions.Write(observation->host, action));
       latency.Add(1000 * since_arrival.Seconds());
     }
   }

@@ -54,6 +54,7 @@ class Child {
     ::kill(pid_, SIGKILL);
     ::waitpid(pid_, nullptr, 0);
   }
+  pid_t pid() const { return pid_; }
   /// The next line without its end; empty when there is no more.
   std::string ReadLine() {
     std::string line;
@@ -86,7 +87,31 @@ inline double CpuSeconds(int who) {
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
+/// Most that this process had in memory, MB. getrusage's ru_maxrss is no less than what the parent had before exec.
+inline double PeakResidentMb() {
+  double kb = 0;
+  if (std::FILE* const status = std::fopen("/proc/self/status", "re")) {
+    for (char line[256]; std::fgets(line, sizeof(line), status) != nullptr;)
+      if (std::sscanf(line, "VmHWM: %lf", &kb) == 1) break;
+    std::fclose(status);
+  }
+  return kb / 1024;
+}
+
 inline double ChildrenCpuSeconds() { return CpuSeconds(RUSAGE_CHILDREN); }
+
+/// Of a process that runs; 0 where it does not.
+inline double CpuSecondsOf(pid_t pid) {
+  unsigned long user = 0, system = 0;
+  const std::string path = "/proc/" + std::to_string(pid) + "/stat";
+  if (std::FILE* const stat = std::fopen(path.c_str(), "re")) {
+    // behind the name, which may hold anything but ") "
+    if (std::fscanf(stat, "%*d (%*[^)]) %*c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %lu %lu", &user, &system) != 2)
+      user = system = 0;
+    std::fclose(stat);
+  }
+  return static_cast<double>(user + system) / static_cast<double>(::sysconf(_SC_CLK_TCK));
+}
 
 /// This program again, in another role.
 inline std::vector<std::string> Self(std::vector<std::string> arguments) {
