@@ -73,10 +73,10 @@ struct BlobSender::Impl {
 
 Status BlobSender::Impl::OpenAll(const Participant& participant) {
   const std::string partition = owner.channel_partition(channel);
-  host = participant.host();
+  host = participant.address();
   ETUDE_ASSIGN_OR_RETURN(manifests, OpenWriterOf<BlobManifest>(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(chunks, OpenWriterOf<BlobChunk>(participant, partition));
-  ETUDE_ASSIGN_OR_RETURN(acks, OpenReaderOf<BlobAck>(participant, PartitionOfHost(partition, host)));
+  ETUDE_ASSIGN_OR_RETURN(acks, OpenReaderOf<BlobAck>(participant, PartitionOfAddress(partition, host)));
   ETUDE_RETURN_IF_ERROR(waiter.Open(participant));
   ETUDE_RETURN_IF_ERROR(waiter.AddMatched(manifests));
   ETUDE_RETURN_IF_ERROR(waiter.AddMatched(chunks));

@@ -86,7 +86,7 @@ Result<typename HostWriters<Message>::Impl::Host*> HostWriters<Message>::Impl::F
     return Fail(Code::kInvalidArgument, fmt::format("write on topic '{}' to host '{:.64}': a name of a-z, 0-9, _ and -",
                                                     Traits<Message>::kTopic, name));
   if (hosts.size() >= options.most_hosts) ETUDE_RETURN_IF_ERROR(MakeRoom(now));
-  const std::string own = name.empty() ? partition : PartitionOfHost(partition, name);
+  const std::string own = name.empty() ? partition : PartitionOfAddress(partition, name);
   ETUDE_ASSIGN_OR_RETURN(auto writer, OpenWriterOf<Message>(participant, own));
   Host& host = hosts[name];
   host.writer = std::make_shared<const Endpoint>(std::move(writer));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writers of what is meant for one host: leases, acknowledgements, actions. Each host has a partition of its own
-// (PartitionOfHost), so that what one is told costs a datagram to that one, and is not read by others.
+// Writers of what is meant for one address, an identity's or a process's: leases, acknowledgements, actions. Each has a
+// partition of its own (PartitionOfAddress), so that what one is told costs a datagram to that one, and is not read by
+// others.
 //
 //   HostWriters<Lease> leases(participant, owner.partition());
 //   leases.Write(request.host, lease);   // opens the host's writer when it is first heard of
@@ -19,7 +20,7 @@
 namespace etude::bus {
 
 struct HostWritersOptions {
-  std::size_t most_hosts = 1024;           ///< beyond them those that are not there any more make room
+  std::size_t most_hosts = 4096;           ///< beyond them those that are not there any more make room
   std::size_t most_waiting = 256;          ///< messages to hosts whose readers are not found yet, of all together
   std::chrono::milliseconds wait{5'000};   ///< for the readers of a host that is new; then its messages are dropped
   std::chrono::milliseconds gone{30'000};  ///< a host without readers, and to which nothing was said, has gone

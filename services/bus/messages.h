@@ -11,7 +11,7 @@ namespace etude::bus {
 
 /// What is written here, as one number: it grows when a peer of the old one would misunderstand. Peers of another
 /// number are refused by name; the program's own version does not matter.
-/// 3: what is meant for one host (leases, acknowledgements, actions) is in the partition of that host.
+/// 3: what is meant for one peer (leases, acknowledgements, actions) is in the partition of its address.
 inline constexpr std::uint32_t kWireVersion = 3;
 
 // ---- presence.idl --------------------------------------------------------------------------------
@@ -66,7 +66,7 @@ struct WorkRequest {
   std::uint32_t wire = kWireVersion;
   std::uint32_t content = 0;
   std::string fingerprint_json;  ///< what this worker's bytes depend on (services/campaign/fingerprint.h); "": not said
-  std::string host;              ///< Participant::host(): in whose partition it reads the answer
+  std::string host;              ///< Participant::address(): in whose partition it reads the answer
   /// Mark (campaign::MarkOf) of the lease that it works on, when it asks for the next one beside it; 0: it has nothing
   /// to do.
   std::uint64_t working_on = 0;
@@ -74,7 +74,7 @@ struct WorkRequest {
 
 enum class LeaseKind : std::uint8_t { kWork = 0, kWait = 1, kDone = 2, kRefused = 3 };
 
-/// collector -> one worker, keyed by worker, in the partition of its host.
+/// collector -> one worker, keyed by worker, in the partition of its address.
 struct Lease {
   std::string campaign;
   std::string worker;
@@ -195,7 +195,7 @@ struct BlobManifest {
   std::uint64_t token = 0;           ///< fencing token of the lease; 0 if none
   std::string meta_json;
   std::vector<std::uint8_t> data;  ///< the whole blob when it fits into one chunk, else empty
-  std::string host;                ///< Participant::host(): in whose partition the sender reads acknowledgements
+  std::string host;                ///< Participant::address(): in whose partition the sender reads acknowledgements
 };
 
 struct BlobChunk {
@@ -208,7 +208,7 @@ struct BlobChunk {
 
 enum class AckKind : std::uint8_t { kProgress = 0, kDone = 1, kDuplicate = 2, kRefused = 3, kMissing = 4 };
 
-/// receiver -> one sender, in the partition of its host.
+/// receiver -> one sender, in the partition of its address.
 struct BlobAck {
   std::string channel;
   std::string sender;  ///< whose blob
@@ -237,13 +237,13 @@ struct Observation {
   std::vector<double> intrinsics;  ///< of the picture, px: fx, fy, cx, cy; empty: not said
   /// Camera frame C in world W: p_WC (m), then q_WC as w, x, y, z; C as in services/episode/camera.h. Empty: not said.
   std::vector<double> camera_pose;
-  std::string host;  ///< Participant::host(): in whose partition the client reads the action
+  std::string host;  ///< Participant::address(): in whose partition the client reads the action
 };
 
 /// Why an observation is not answered with waypoints.
 enum class Refusal : std::uint8_t { kNone = 0, kDoesNotFit = 1, kNotTrained = 2, kFailed = 3 };
 
-/// policy server -> robot, keyed by session, in the partition of its host.
+/// policy server -> robot, keyed by session, in the partition of its address.
 struct Action {
   std::string run;
   std::string session;

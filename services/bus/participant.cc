@@ -194,10 +194,10 @@ std::string PlainHostName() {
 }
 
 // @error kInvalidArgument
-Result<std::string> HostOf(const ParticipantConfig& config, const std::optional<security::Identity>& identity) {
-  if (config.host.empty()) return identity ? identity->name : PlainHostName();
-  if (IsPlainName(config.host)) return config.host;
-  return Fail(Code::kInvalidArgument, fmt::format("host '{}': must match [a-z0-9_-]{{1,64}}", config.host));
+Result<std::string> AddressOf(const ParticipantConfig& config, const std::optional<security::Identity>& identity) {
+  if (config.address.empty()) return identity ? identity->name : AddressOnHost(PlainHostName(), std::random_device()());
+  if (IsPlainName(config.address)) return config.address;
+  return Fail(Code::kInvalidArgument, fmt::format("address '{}': must match [a-z0-9_-]{{1,64}}", config.address));
 }
 
 Result<Endpoint> OpenEndpoint(const Participant& participant, const std::vector<std::string>& partitions,
@@ -296,7 +296,7 @@ Result<Participant> Participant::Open(const ParticipantConfig& config) {
     ETUDE_RETURN_IF_ERROR(CheckSecuredProfile(profile));
     qos = SecurityQos(*state->identity);
   }
-  ETUDE_ASSIGN_OR_RETURN(state->host, HostOf(config, state->identity));
+  ETUDE_ASSIGN_OR_RETURN(state->address, AddressOf(config, state->identity));
   ETUDE_ASSIGN_OR_RETURN(state->domain, OpenDomain(config, profile));
   TakeLastDdsError();
   const dds_entity_t handle = dds_create_participant(config.domain, qos.get(), nullptr);
@@ -323,7 +323,7 @@ Participant::~Participant() = default;
 
 std::uint32_t Participant::domain() const { return state_->id; }
 bool Participant::secured() const { return state_->identity.has_value(); }
-const std::string& Participant::host() const { return state_->host; }
+const std::string& Participant::address() const { return state_->address; }
 Participant Participant::Share() const { return Participant(state_); }
 bool Participant::AllAdmitted() const {
   const PeersSeen peers = LookAround(*state_);

@@ -21,7 +21,7 @@ struct ParticipantConfig {
   /// Security section of its own.
   std::string security;
   std::vector<security::Role> roles;  ///< that the identity must have
-  std::string host;                   ///< see Participant::host; empty: the identity's name, else this machine's
+  std::string address;                ///< see Participant::address; empty: the identity's name, else one of its own
 };
 
 /// One DDS participant. Thread-safe; must outlive every Writer and Reader made from it (they share it).
@@ -40,9 +40,10 @@ class Participant {
 
   std::uint32_t domain() const;
   bool secured() const;  ///< with an identity
-  /// Whose processes read what is meant for one host (owner.h): a plain name. With an identity it is that one's, and
-  /// its permissions name no other host.
-  const std::string& host() const;
+  /// Where what is meant for this one comes (owner.h): a plain name. With an identity it is that one's, whose
+  /// permissions name no other; else a name of this participant alone, so that a hundred of them on one host do not
+  /// each read what one of them is told.
+  const std::string& address() const;
   /// True when every participant that was seen on the domain has been heard, too. Under security that takes a
   /// handshake each (0.2 to 0.7 s); strangers never are.
   bool AllAdmitted() const;

@@ -45,7 +45,7 @@ struct Participant::State {
   std::shared_ptr<Entity> domain;  ///< outlives the participant
   Entity participant;
   std::uint32_t id = 0;
-  std::string host;
+  std::string address;
   std::optional<security::Identity> identity;
 
   Mutex mutex;

@@ -144,7 +144,8 @@ void Collector::Impl::Settle(const Claim& claim, const std::optional<bus::Verdic
     if (verdict && verdict->kind == bus::AckKind::kDone) {
       table.Commit(index);
       unfit.erase(worker);
-      rechecks.Add({index, claim.view.episode.attempt, worker, claim.blob.manifest.host, DigestOf(claim.blob.manifest)},
+      rechecks.Add({index, claim.view.episode.attempt, worker, bus::HostOfAddress(claim.blob.manifest.host),
+                    DigestOf(claim.blob.manifest)},
                    MonotonicClock::now());
       policy_away_since.reset();
       commits.push_back(MonotonicClock::now());

@@ -196,7 +196,7 @@ Assignment Collector::Impl::Assign(const bus::WorkRequest& request) {
   const bool journal_is_durable = Reweight();
   const MutexLock lock(mutex);
   heard[request.worker] = MonotonicClock::now();
-  hosts[request.worker] = request.host;
+  hosts[request.worker] = bus::HostOfAddress(request.host);
   // a stopping collector leases nothing new, and does not say that all is done; a worker that is ready for another
   // spec sees ours in the answer and makes itself ready first
   if (Stopping() || request.spec_sha256 != spec_sha256 || !journal_is_durable) return {};
@@ -214,19 +214,19 @@ Assignment Collector::Impl::Assign(const bus::WorkRequest& request) {
   return assignment;
 }
 
-// A lease is told again in the partition of the host that it went to only: whoever asks in another's name learns
-// nothing.
+// A lease is told again to the host that it went to only: whoever asks in another's name learns nothing.
 bool Collector::Impl::HoldsElsewhere(const bus::WorkRequest& request) {
   const bool holds = table.Holds(request.worker) || rechecks.Holds(request.worker);
+  const std::string asking = bus::HostOfAddress(request.host);
   std::string& host = leased_to[request.worker];
-  if (holds && host != request.host) {
+  if (holds && host != asking) {
     constexpr std::size_t kMostTold = 1000;
     if (told_apart.size() < kMostTold && told_apart.insert(request.worker).second)
       Log().warn("workers of hosts '{}' and '{}' are both called {}: the second one waits; give each another --name",
-                 host, request.host, Printable(request.worker));
+                 host, asking, Printable(request.worker));
     return true;
   }
-  host = request.host;
+  host = asking;
   return false;
 }
 

@@ -76,8 +76,8 @@ struct Collector::Impl {
   RecheckTable rechecks ETUDE_GUARDED_BY(mutex);
   bool said_unchecked ETUDE_GUARDED_BY(mutex) = false;
   bool all_done ETUDE_GUARDED_BY(mutex) = false;  // AllDone was true once
-  // of the workers in `heard` that have asked: where they read the answer, which under security is what their identity
-  // names, and not what they say of themselves
+  // of the workers in `heard` that have asked: of the address where they read the answer, which under security is what
+  // their identity names, and not what they say of themselves
   std::map<std::string, std::string> hosts ETUDE_GUARDED_BY(mutex);
   std::map<std::string, std::string> leased_to ETUDE_GUARDED_BY(mutex);  // their hosts when they were leased something
   std::map<std::string, Time> heard ETUDE_GUARDED_BY(mutex);             // worker -> last sign of life

@@ -198,7 +198,7 @@ bus::WorkRequest WorkerClient::Impl::NextRequest() {
   request.campaign = selector().name;
   request.campaign_id = joined->id;
   request.worker = options.name;
-  request.host = participant->host();
+  request.host = participant->address();
   request.request_id = ++request_id;
   request.version = BuildVersion();
   request.content = options.content;

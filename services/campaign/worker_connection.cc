@@ -18,7 +18,7 @@ Result<std::unique_ptr<WorkerConnection>> WorkerConnection::Open(const bus::Part
   const std::string partition = owner.partition();
   // before the requests: who is asked can then answer at once
   ETUDE_ASSIGN_OR_RETURN(auto leases,
-                         bus::Reader<bus::Lease>::Open(participant, owner.host_partition(participant.host())));
+                         bus::Reader<bus::Lease>::Open(participant, owner.address_partition(participant.address())));
   ETUDE_ASSIGN_OR_RETURN(auto requests, bus::Writer<bus::WorkRequest>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto reports, bus::Writer<bus::AttemptReport>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto heartbeats, bus::Writer<bus::WorkerStatus>::Open(participant, partition));

@@ -83,7 +83,7 @@ Result<Answer> Client::Ask(const Question& question) {
   bus::Observation observation = ObservationOf(question);
   observation.run = impl.run.name;
   observation.session = impl.session;
-  observation.host = impl.participant->host();
+  observation.host = impl.participant->address();
 
   std::string last = "no answer; is `etude policy` running for this run and domain?";
   Stopwatch elapsed;

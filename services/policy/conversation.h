@@ -35,8 +35,8 @@ struct Conversation {
     if (!found) return std::optional<Conversation>();
     const std::string partition = bus::Owner{found->name, found->id}.partition();
     // actions come to who asked, insights to whoever looks
-    const bool of_host = std::is_same_v<Reply, bus::Action>;
-    const std::string replied = of_host ? bus::PartitionOfHost(partition, participant.host()) : partition;
+    const bool addressed = std::is_same_v<Reply, bus::Action>;
+    const std::string replied = addressed ? bus::PartitionOfAddress(partition, participant.address()) : partition;
     // before the observations: who is asked can then answer at once
     ETUDE_ASSIGN_OR_RETURN(auto replies, bus::Reader<Reply>::Open(participant, replied));
     ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Writer<bus::Observation>::Open(participant, partition));

@@ -97,7 +97,7 @@ Result<bus::Insight> InsightClient::Impl::Ask(bus::Observation observation) {
   observation.run = connection->talk.server.name;
   observation.run_id = connection->talk.server.id;
   observation.session = name;
-  observation.host = participant->host();
+  observation.host = participant->address();
   const std::uint64_t first = request_id + 1;
   const auto deadline = MonotonicClock::now() + options.patience;
   while (!StopRequested() && MonotonicClock::now() < deadline) {

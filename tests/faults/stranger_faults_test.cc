@@ -108,10 +108,10 @@ void WriteMalformed(const bus::Participant& participant, const CampaignRun& run,
   bus::CampaignControl control{.campaign = run.spec().name, .control_id = "x", .campaign_id = id};
   WriteSpoiled(participant, partition, control, [](auto& wire) { wire.action = 200; });
   bus::Lease lease{.campaign = run.spec().name, .worker = "stranger", .campaign_id = id};
-  WriteSpoiled(participant, bus::PartitionOfHost(partition, participant.host()), lease,
+  WriteSpoiled(participant, bus::PartitionOfAddress(partition, participant.address()), lease,
                [](auto& wire) { wire.kind = 200; });
   bus::BlobManifest manifest{.channel = "episode", .sender = "stranger", .owner = id};
-  manifest.host = participant.host();
+  manifest.host = participant.address();
   manifest.size = 10;
   manifest.chunk_size = 4;
   manifest.chunk_count = 3;

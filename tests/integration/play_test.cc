@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "services/bus/directory.h"
+#include "services/bus/host_writers.h"
 #include "services/bus/topic.h"
 #include "services/campaign/process.h"
 #include "services/play/arguments.h"
@@ -45,12 +46,13 @@ class Oracle {
                       .value()),
         episode_(episode),
         observations_(bus::Reader<bus::Observation>::Open(participant, bus::Owner{kRun, kId}.partition()).value()),
-        actions_(bus::Writer<bus::Action>::Open(participant, bus::Owner{kRun, kId}.host_partition(participant.host()))
-                     .value()),
+        actions_(participant, bus::Owner{kRun, kId}.partition()),
         thread_([this](const std::stop_token& stop) {
-          while (!stop.stop_requested())
+          while (!stop.stop_requested()) {
             if (observations_.Wait(20ms))
               for (const auto& observation : observations_.Take()) Answer(observation);
+            actions_.Tidy();
+          }
         }) {}
   ~Oracle() {
     thread_.request_stop();
@@ -72,7 +74,7 @@ class Oracle {
     action.modules_json = answer_.modules.dump();
     for (const auto& waypoint : answer_.waypoints)
       for (const float value : ToVector(waypoint)) action.waypoints.push_back(value);
-    EXPECT_TRUE(actions_.Write(action));
+    EXPECT_TRUE(actions_.Write(observation.host, action));
   }
 
   bus::Announcement presence_;
@@ -81,7 +83,7 @@ class Oracle {
   policy::Answer answer_;
   std::uint64_t request_ = 0;
   bus::Reader<bus::Observation> observations_;
-  bus::Writer<bus::Action> actions_;
+  bus::HostWriters<bus::Action> actions_;
   std::jthread thread_;
 };
 

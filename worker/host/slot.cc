@@ -99,6 +99,10 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
                                       Result<Frame>& answer) {
   auto moved = MonotonicClock::now();
   std::optional<std::pair<std::string, std::uint32_t>> reached;
+  const auto hung_without = [&](const char* what) -> std::optional<Loss> {
+    if (MonotonicClock::now() - moved < options_.stall) return std::nullopt;
+    return End(campaign::kChildHung, fmt::format("SIGKILL after {} s without {}", options_.stall.count() / 1000, what));
+  };
   while (true) {
     if (!item && joined_->moved) joined_->moved();  // an attempt says for itself that it goes on
     if (StopRequested()) {
@@ -110,8 +114,8 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
     ReadWords();
     if (!frame) return End(campaign::kChildCrashed, frame.error().message);
     if (!*frame) {
-      if (MonotonicClock::now() - moved < options_.stall) continue;
-      return End(campaign::kChildHung, fmt::format("SIGKILL after {} s without a word", options_.stall.count() / 1000));
+      if (auto loss = hung_without("a word")) return loss;
+      continue;
     }
     if ((*frame)->kind == FrameKind::kQuestion && item && ask) {
       if (const Status replied = Reply(**frame, ask); !replied)
@@ -120,9 +124,8 @@ std::optional<Slot::Loss> Slot::Await(FrameKind wanted, const campaign::WorkItem
       // one that says the same again and again lives, and does not move
       auto said = ProgressOf((*frame)->head);
       if (!said || said == reached) {
-        if (MonotonicClock::now() - moved < options_.stall) continue;
-        return End(campaign::kChildHung,
-                   fmt::format("SIGKILL after {} s without progress", options_.stall.count() / 1000));
+        if (auto loss = hung_without("progress")) return loss;
+        continue;
       }
       reached = std::move(said);
       if (item->progress) item->progress(reached->first, reached->second);

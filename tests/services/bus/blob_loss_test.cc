@@ -60,8 +60,8 @@ struct Hand {
   Hand(const TwoProcesses& peers, const std::string& name, BlobReceiver& to)
       : manifests(std::move(*Writer<BlobManifest>::Open(peers.a, name + "/1/episode"))),
         chunks(std::move(*Writer<BlobChunk>::Open(peers.a, name + "/1/episode"))),
-        acks(std::move(*Reader<BlobAck>::Open(peers.a, PartitionOfHost(name + "/1/episode", peers.a.host())))),
-        host(peers.a.host()),
+        acks(std::move(*Reader<BlobAck>::Open(peers.a, PartitionOfAddress(name + "/1/episode", peers.a.address())))),
+        host(peers.a.address()),
         receiver(to) {
     EXPECT_TRUE(manifests.WaitForReaders(1, 10s));
     EXPECT_TRUE(chunks.WaitForReaders(1, 10s));
@@ -196,7 +196,7 @@ TEST(BlobLoss, AReceiverThatRestartsInTheMiddleGetsAllOfIt) {
   options.window = 4;
   auto sender = BlobSender::Open(peers.a, {"restart", "1"}, "episode", "s", options);
   ASSERT_TRUE(sender);
-  auto acks = Reader<BlobAck>::Open(peers.b, PartitionOfHost("restart/1/episode", peers.a.host()));
+  auto acks = Reader<BlobAck>::Open(peers.b, PartitionOfAddress("restart/1/episode", peers.a.address()));
   ASSERT_TRUE(acks);
   auto sending = std::async(std::launch::async, [&] { return sender->Send(1, bytes, 0, "", 60s); });
   {

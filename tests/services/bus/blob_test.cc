@@ -174,7 +174,7 @@ TEST(BlobTransfer, BlobsOfAnotherOwnerAreNotTaken) {
   ASSERT_TRUE(receiver && manifests);
   ASSERT_TRUE(manifests->WaitForReaders(1, 10s));
   BlobManifest manifest = SmallManifest();
-  manifest.host = peers.a.host();
+  manifest.host = peers.a.address();
   for (const char* owner : {"2", "1"}) {
     manifest.owner = owner;
     ++manifest.id;
@@ -210,7 +210,7 @@ TEST(BlobTransfer, ManifestsOfImpossibleHostsAreDroppedAndCounted) {
 TEST(BlobTransfer, AcknowledgementsComeToTheSendersHostAlone) {
   const auto peers = OpenTwo(kDomain);
   Collector collector(peers.b, "answers");
-  auto neighbour = Reader<BlobAck>::Open(peers.a, PartitionOfHost("answers/1/episode", "neighbour"));
+  auto neighbour = Reader<BlobAck>::Open(peers.a, PartitionOfAddress("answers/1/episode", "neighbour"));
   auto everybody = Reader<BlobAck>::Open(peers.a, "answers/1/episode");
   ASSERT_TRUE(neighbour && everybody);
   auto sender = BlobSender::Open(peers.a, {"answers", "1"}, "episode", "s");
@@ -264,14 +264,14 @@ TEST(BlobTransfer, AManifestMayNotReserveMoreThanAllowed) {
   const auto peers = OpenTwo(kDomain);
   auto receiver = BlobReceiver::Open(peers.b, {"liar", "1"}, "episode");
   auto manifests = Writer<BlobManifest>::Open(peers.a, "liar/1/episode");
-  auto acks = Reader<BlobAck>::Open(peers.a, PartitionOfHost("liar/1/episode", peers.a.host()));
+  auto acks = Reader<BlobAck>::Open(peers.a, PartitionOfAddress("liar/1/episode", peers.a.address()));
   ASSERT_TRUE(receiver && manifests && acks);
   ASSERT_TRUE(manifests->WaitForReaders(1, 10s));
   BlobManifest manifest;
   manifest.channel = "episode";
   manifest.sender = "liar";
   manifest.owner = "1";
-  manifest.host = peers.a.host();
+  manifest.host = peers.a.address();
   manifest.size = 1ull << 39;
   manifest.chunk_size = kMaxChunkSize;
   manifest.chunk_count = static_cast<std::uint32_t>(manifest.size / kMaxChunkSize);

@@ -60,7 +60,7 @@ class Host {
 TEST(HostWriters, EachHostGetsWhatIsMeantForItAndNothingElse) {
   const auto peers = OpenTwo(kDomain);
   HostWriters<Lease> writers(peers.a, kCampaign);
-  Host one(peers.b, PartitionOfHost(kCampaign, "rack-1")), two(peers.b, PartitionOfHost(kCampaign, "rack-2")),
+  Host one(peers.b, PartitionOfAddress(kCampaign, "rack-1")), two(peers.b, PartitionOfAddress(kCampaign, "rack-2")),
       all(peers.b, kCampaign);
   constexpr std::size_t kLeases = 30;
   for (std::size_t k = 0; k < kLeases; ++k) {
@@ -82,7 +82,7 @@ TEST(HostWriters, EachHostGetsWhatIsMeantForItAndNothingElse) {
 TEST(HostWriters, WithoutAHostItIsThePartitionItself) {
   const auto peers = OpenTwo(kDomain);
   HostWriters<Lease> writers(peers.a, kCampaign);
-  Host all(peers.b, kCampaign), one(peers.b, PartitionOfHost(kCampaign, "rack-1"));
+  Host all(peers.b, kCampaign), one(peers.b, PartitionOfAddress(kCampaign, "rack-1"));
   ASSERT_TRUE(writers.Write("", To("older")));
   EXPECT_TRUE(TidyUntil(writers, [&] { return all.Count() == 1; }));
   EXPECT_EQ(one.Count(), 0u);
@@ -94,7 +94,7 @@ TEST(HostWriters, TheFirstWordsWaitForTheirReader) {
   ASSERT_TRUE(writers.Write("late", To("first")));
   ASSERT_TRUE(writers.Write("late", To("second")));
   EXPECT_TRUE(writers.waiting());
-  Host late(peers.b, PartitionOfHost(kCampaign, "late"));
+  Host late(peers.b, PartitionOfAddress(kCampaign, "late"));
   EXPECT_TRUE(TidyUntil(writers, [&] { return late.Count() == 2; }));
   EXPECT_EQ(late.workers, (std::vector<std::string>{"first", "second"}));
   EXPECT_FALSE(writers.waiting());
@@ -113,9 +113,9 @@ TEST(HostWriters, WhatWaitsIsBoundedInNumberAndTime) {
 TEST(HostWriters, HostsThatHaveGoneAreForgotten) {
   const auto peers = OpenTwo(kDomain);
   HostWriters<Lease> writers(peers.a, kCampaign, {.gone = 100ms});
-  Host stays(peers.b, PartitionOfHost(kCampaign, "stays"));
+  Host stays(peers.b, PartitionOfAddress(kCampaign, "stays"));
   for (int life = 0; life < 2; ++life) {  // and found again
-    std::optional<Host> goes(std::in_place, peers.b, PartitionOfHost(kCampaign, "goes"));
+    std::optional<Host> goes(std::in_place, peers.b, PartitionOfAddress(kCampaign, "goes"));
     ASSERT_TRUE(writers.Write("goes", To("goes")));
     ASSERT_TRUE(writers.Write("stays", To("stays")));
     EXPECT_TRUE(TidyUntil(writers, [&] { return goes->Count() == 1; })) << life;
@@ -132,7 +132,7 @@ TEST(HostWriters, ThereAreNoMoreThanAllowed) {
   HostWriters<Lease> writers(peers.a, kCampaign, {.most_hosts = 2});
   for (const char* invented : {"a", "b", "c", "d"}) ASSERT_TRUE(writers.Write(invented, To("nobody")));
   EXPECT_EQ(writers.hosts(), 2u) << "those that nobody reads make room";
-  Host one(peers.b, PartitionOfHost(kCampaign, "one")), two(peers.b, PartitionOfHost(kCampaign, "two"));
+  Host one(peers.b, PartitionOfAddress(kCampaign, "one")), two(peers.b, PartitionOfAddress(kCampaign, "two"));
   ASSERT_TRUE(writers.Write("one", To("one")));
   EXPECT_TRUE(TidyUntil(writers, [&] { return one.Count() == 1; }));
   ASSERT_TRUE(writers.Write("two", To("two")));
@@ -156,15 +156,26 @@ TEST(HostWriters, NamesFromTheBusAreLookedAt) {
   EXPECT_EQ(writers.hosts(), 0u);
 }
 
-TEST(ParticipantHost, IsAPlainName) {
+TEST(Address, OfAProcessIsAPlainNameThatTellsItsHost) {
+  EXPECT_EQ(AddressOnHost("lab-7", 0x1c2d3e4), "lab-7--01c2d3e4");
+  EXPECT_EQ(HostOfAddress("lab-7--01c2d3e4"), "lab-7");
+  const std::string longest = AddressOnHost(std::string(64, 'a'), 0xffffffffu);
+  EXPECT_TRUE(IsPlainName(longest)) << longest;
+  EXPECT_EQ(HostOfAddress(longest), std::string(54, 'a'));
+  for (const char* own : {"rack-1", "", "--01c2d3e4", "lab--01c2d3e", "lab--01c2d3eg", "lab-01c2d3e4"})
+    EXPECT_EQ(HostOfAddress(own), own);
+}
+
+TEST(ParticipantAddress, IsAPlainNameOfItsOwn) {
   const auto peers = OpenTwo(kDomain);
-  EXPECT_TRUE(IsPlainName(peers.a.host())) << peers.a.host();
-  EXPECT_EQ(peers.a.host(), peers.b.host()) << "one machine";
+  EXPECT_TRUE(IsPlainName(peers.a.address())) << peers.a.address();
+  EXPECT_NE(peers.a.address(), peers.b.address()) << "what one is told is no other's business";
+  EXPECT_EQ(HostOfAddress(peers.a.address()), HostOfAddress(peers.b.address())) << "one machine";
   const std::string profile = LocalProfileWith("<ExternalDomainId>" + std::to_string(kDomain) + "</ExternalDomainId>");
   const auto named = Participant::Open({150, profile, "", {}, "rack-7"});
   ASSERT_TRUE(named) << named.error().message;
-  EXPECT_EQ(named->host(), "rack-7");
-  EXPECT_EQ(named->Share().host(), "rack-7");
+  EXPECT_EQ(named->address(), "rack-7");
+  EXPECT_EQ(named->Share().address(), "rack-7");
   for (const char* bad : {"Rack", "a/b", "*"}) {
     const auto refused = Participant::Open({150, profile, "", {}, bad});
     ASSERT_FALSE(refused) << bad;

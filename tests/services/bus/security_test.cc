@@ -163,7 +163,7 @@ void ExpectAccess(const Participant& participant, Role role) {
   const Row* const row = RowOf(T::kTopic);
   ASSERT_NE(row, nullptr) << T::kTopic << " is in no row of this test: who may write and read it?";
   const Scope scope = T::kAccess.scope;
-  const std::string partition = PartitionIn(scope, participant.host());
+  const std::string partition = PartitionIn(scope, participant.address());
   const bool may_write = Includes(row->writers, role), may_read = Includes(row->readers, role);
   EXPECT_EQ(OpenWriterOf<Message>(participant, partition).has_value(), may_write) << ToString(role) << T::kTopic;
   EXPECT_EQ(OpenReaderOf<Message>(participant, partition).has_value(), may_read) << ToString(role) << T::kTopic;
@@ -229,7 +229,7 @@ TEST_F(SecurityTest, ACampaignsWorkerStaysInIt) {
 
 TEST_F(SecurityTest, AWorkerReadsWhatIsMeantForItsHostAndNoOther) {
   const auto participant = Join(150, Identity(*ours_, "rack-1", {Role::kWorker}, {"q"}));
-  EXPECT_EQ(participant.host(), "rack-1");
+  EXPECT_EQ(participant.address(), "rack-1");
   EXPECT_TRUE(Reader<Lease>::Open(participant, "q/1/rack-1"));
   EXPECT_TRUE(Reader<Lease>::Open(participant, "eval-0123/1/rack-1"));
   EXPECT_TRUE(Reader<BlobAck>::Open(participant, "q/1/episode/rack-1"));
@@ -249,15 +249,15 @@ TEST_F(SecurityTest, LeasesComeToTheirHostAlone) {
   const auto hub = Join(150, Identity(*ours_, "hub-of-racks", {Role::kCollector}));
   const auto one = Join(151, Identity(*ours_, "rack-one", {Role::kWorker}));
   const auto two = Join(153, Identity(*ours_, "rack-two", {Role::kWorker}));
-  auto of_one = Reader<Lease>::Open(one, PartitionOfHost("q/1", one.host()));
-  auto of_two = Reader<Lease>::Open(two, PartitionOfHost("q/1", two.host()));
+  auto of_one = Reader<Lease>::Open(one, PartitionOfAddress("q/1", one.address()));
+  auto of_two = Reader<Lease>::Open(two, PartitionOfAddress("q/1", two.address()));
   ASSERT_TRUE(of_one && of_two);
   HostWriters<Lease> leases(hub, "q/1", {.wait = 20s});
   Lease lease;
   lease.worker = "worker-one";
-  ASSERT_TRUE(leases.Write(one.host(), lease));
+  ASSERT_TRUE(leases.Write(one.address(), lease));
   lease.worker = "worker-two";
-  ASSERT_TRUE(leases.Write(two.host(), lease));
+  ASSERT_TRUE(leases.Write(two.address(), lease));
   const auto take = [&](Reader<Lease>& reader) {
     std::vector<std::string> workers;
     for (const Stopwatch watch; workers.empty() && watch.Seconds() < 20;) {

@@ -142,7 +142,7 @@ TEST_F(CollectorControl, AHostsLeasesAreNotSeenByOthers) {
   ASSERT_TRUE(one && two);
   RawWorker worker(*one, spec, running->id(), "worker-1"), other(*two, spec, running->id(), "worker-2");
   const bus::Owner owner{spec.name, running->id()};
-  auto neighbour = bus::Reader<bus::Lease>::Open(*two, owner.host_partition("rack-2"));
+  auto neighbour = bus::Reader<bus::Lease>::Open(*two, owner.address_partition("rack-2"));
   auto everybody = bus::Reader<bus::Lease>::Open(*two, owner.partition());
   ASSERT_TRUE(neighbour && everybody);
   constexpr int kOthers = 3;

@@ -5,6 +5,7 @@
 //   FAKE_PREFETCH=1         asks for its next lease while it works
 //   FAKE_IDLE_TIMEOUT_MS=N  goes home after so long without work
 //   FAKE_SECURITY=DIR/NAME  its identity on a secured bus; its role is not looked at before
+//   FAKE_ADDRESS=NAME       where it reads its leases, so that a test can, too
 //   FAKE_LEAK_MB=N          keeps so much more memory with every attempt
 //   FAKE_ROOM_MB=N          may take so much more than it has once it has joined the bus (RLIMIT_AS)
 #include <sys/resource.h>
@@ -66,7 +67,9 @@ Status Work(int argc, char** argv) {
   options.heartbeat = std::chrono::milliseconds(100);
   options.ask_again = std::chrono::milliseconds(300);
   options.send_timeout = std::chrono::milliseconds(3000);
-  ETUDE_ASSIGN_OR_RETURN(const auto participant, bus::Participant::Open({domain, "", Variable("FAKE_SECURITY")}));
+  ETUDE_ASSIGN_OR_RETURN(const auto participant, bus::Participant::Open({.domain = domain,
+                                                                         .security = Variable("FAKE_SECURITY"),
+                                                                         .address = Variable("FAKE_ADDRESS")}));
   if (const std::string room = Variable("FAKE_ROOM_MB"); !room.empty())
     LimitMemory(static_cast<std::size_t>(std::atoi(room.c_str())));
   Leak leak(static_cast<std::size_t>(std::atoi(Variable("FAKE_LEAK_MB").c_str())));

@@ -34,7 +34,7 @@ constexpr std::uint32_t kDomain = 81;
 class HostWorker {
  public:
   HostWorker(Running& running, const CampaignSpec& spec, const std::string& name, const std::string& host)
-      : participant_(std::move(*bus::Participant::Open({.domain = kDomain, .host = host}))),
+      : participant_(std::move(*bus::Participant::Open({.domain = kDomain, .address = host}))),
         raw_(participant_, spec, running->id(), name),
         sender_(std::move(*bus::BlobSender::Open(participant_, {spec.name, running->id()}, "episode", name))),
         statuses_(std::move(*bus::Writer<bus::WorkerStatus>::Open(participant_, PartitionOf(running, spec)))) {

@@ -74,13 +74,13 @@ class RawWorker {
         requests_(std::move(*bus::Writer<bus::WorkRequest>::Open(participant, partition_))),
         reports_(std::move(*bus::Writer<bus::AttemptReport>::Open(participant, partition_))),
         leases_(std::move(
-            *bus::Reader<bus::Lease>::Open(participant, bus::PartitionOfHost(partition_, participant.host())))),
+            *bus::Reader<bus::Lease>::Open(participant, bus::PartitionOfAddress(partition_, participant.address())))),
         sender_(std::move(*bus::BlobSender::Open(participant, bus::Owner{spec.name, id}, "episode", name))) {
     request.campaign = spec.name;
     request.campaign_id = id;
     request.spec_sha256 = SpecHash(spec);
     request.worker = name;
-    request.host = participant.host();
+    request.host = participant.address();
     request.content = kContentVersion;
     request.files_sha256 = files_sha256;
   }

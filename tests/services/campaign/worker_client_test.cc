@@ -121,9 +121,11 @@ TEST_F(WorkerClientTest, AStoppedWorkerHandsBackWhatItHadLeasedAhead) {
   options.lease = 60s;  // nothing comes back by itself
   Running running(std::move(*Collector::Open(*participant_, spec, folder_ / "data", options)));
   const bus::Owner owner{spec.name, running->id()};
-  auto leases = bus::Reader<bus::Lease>::Open(*participant_, owner.host_partition(participant_->host()));
+  auto leases = bus::Reader<bus::Lease>::Open(*participant_, owner.address_partition("overheard"));
   ASSERT_TRUE(leases);
+  ::setenv("FAKE_ADDRESS", "overheard", 1);
   Process worker = StartPrefetching(spec, folder_ / "w.log", 60'000);
+  ::unsetenv("FAKE_ADDRESS");
   EXPECT_TRUE(WaitFor([&] {
     leases->Wait(200ms);
     const auto taken = leases->Take();
@@ -154,7 +156,7 @@ TEST_F(WorkerClientTest, WhatALostChildWouldHaveDoneNextIsHandedBackAtOnce) {
   collector_options.lease = 60s;
   Running running(std::move(*Collector::Open(*participant_, spec, folder_ / "data", collector_options)));
   const bus::Owner owner{spec.name, running->id()};
-  auto leases = bus::Reader<bus::Lease>::Open(*participant_, owner.host_partition(participant_->host()));
+  auto leases = bus::Reader<bus::Lease>::Open(*participant_, owner.address_partition(participant_->address()));
   auto reports = bus::Reader<bus::AttemptReport>::Open(*participant_, owner.partition());
   ASSERT_TRUE(leases && reports);
   WorkerOptions options;

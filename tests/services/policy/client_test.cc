@@ -24,8 +24,9 @@ class FakeServer {
  public:
   FakeServer(const bus::Participant& participant, const std::string& name, const std::string& id, std::uint64_t step)
       : presence_(AnnounceServer(participant, name, id)),
-        actions_(bus::Writer<bus::Action>::Open(participant, bus::Owner{name, id}.host_partition(participant.host()))
-                     .value()),
+        actions_(
+            bus::Writer<bus::Action>::Open(participant, bus::Owner{name, id}.address_partition(participant.address()))
+                .value()),
         observations_(bus::Reader<bus::Observation>::Open(participant, bus::Owner{name, id}.partition()).value()),
         thread_([this, step](const std::stop_token& stop) {
           while (!stop.stop_requested())
@@ -130,7 +131,7 @@ TEST_F(PolicyClient, TheObservationCarriesItsCameraAndTheAnswerItsLatency) {
   EXPECT_EQ(server.last.intrinsics, (std::vector<double>{focal, focal, 2, 2}));
   EXPECT_EQ(server.last.camera_pose, (std::vector<double>{0.5, 1.5, 1.0, 1, 0, 0, 0}));
   EXPECT_EQ(server.last.robot, "ur5");
-  EXPECT_EQ(server.last.host, participant_.host());
+  EXPECT_EQ(server.last.host, participant_.address());
   EXPECT_EQ(server.last.run_id, kOne);
 }
 

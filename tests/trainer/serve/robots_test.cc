@@ -145,9 +145,10 @@ TEST(RobotDomain, WithAnAuthorityOfItsOwnLetsNobodyElseIn) {
   EXPECT_EQ(serving.server().answered(), answered);
   // nor can it answer a robot in the policy server's place
   auto actions =
-      bus::Writer<bus::Action>::Open(false_policy, bus::Owner{run.name, run.id}.host_partition(robot.host()));
+      bus::Writer<bus::Action>::Open(false_policy, bus::Owner{run.name, run.id}.address_partition(robot.address()));
   ASSERT_THAT(actions, IsOk());
-  const auto told = bus::Reader<bus::Action>::Open(robot, bus::Owner{run.name, run.id}.host_partition(robot.host()));
+  const auto told =
+      bus::Reader<bus::Action>::Open(robot, bus::Owner{run.name, run.id}.address_partition(robot.address()));
   ASSERT_THAT(told, IsOk());
   EXPECT_FALSE(actions->WaitForReaders(1, 1500ms));
 }

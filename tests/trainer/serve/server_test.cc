@@ -29,8 +29,8 @@ class Client {
   static Client Open(const bus::Participant& participant, const Selector& run) {
     const bus::Owner owner{run.name, run.id};
     return {bus::Writer<bus::Observation>::Open(participant, owner.partition()).value(),
-            bus::Reader<bus::Action>::Open(participant, owner.host_partition(participant.host())).value(),
-            participant.host()};
+            bus::Reader<bus::Action>::Open(participant, owner.address_partition(participant.address())).value(),
+            participant.address()};
   }
   bool WaitForServer() { return writer.WaitForReaders(1, 30s); }
   bus::Action Ask(bus::Observation observation) {
