@@ -23,7 +23,7 @@ enum class Scope : std::uint8_t {
   kRelay,         ///< RUN/ID/relay: what another process passes on for a run
   kPlay,          ///< "play", and "play/SESSION"
   kDoctor,        ///< "doctor-...": a process talking to itself
-  kCampaignHost,  ///< CAMPAIGN/ID/HOST and CAMPAIGN/ID/episode/HOST: what is meant for one host (kOfOneHost)
+  kCampaignHost,  ///< CAMPAIGN/ID/HOST and CAMPAIGN/ID/episode/HOST: to one host's identity (kOfOneHost)
   kRunHost,       ///< RUN/ID/HOST
 };
 

@@ -110,7 +110,7 @@ void HostWriters<Message>::Impl::ForgetTheGone(Time now) {
     const auto next = std::next(host);
     if (MatchedReaders(*host->second.writer) > 0)
       host->second.used = now;
-    else if (host->second.met && now - host->second.used > options.gone)
+    else if ((host->second.met || host->second.waiting.empty()) && now - host->second.used > options.gone)
       Forget(host);
     host = next;
   }
@@ -144,6 +144,11 @@ Status HostWriters<Message>::Write(const std::string& name, const Message& messa
     ETUDE_ASSIGN_OR_RETURN(typename Impl::Host * host, impl_->Find(name, now));
     host->used = now;
     due = impl_->Meet(*host, now);
+    // it is asked for again and again: what was said before that is old
+    if (!due.writer && host->waiting.size() >= impl_->options.most_waiting_each) {
+      host->waiting.erase(host->waiting.begin());
+      --impl_->waiting;
+    }
     if (!due.writer && impl_->waiting >= impl_->options.most_waiting)
       return Fail(Code::kExhausted,
                   fmt::format("write on topic '{}' to host '{}': its reader is not found yet, and {} messages wait",

@@ -20,30 +20,31 @@
 namespace etude::bus {
 
 struct HostWritersOptions {
-  std::size_t most_hosts = 4096;           ///< beyond them those that are not there any more make room
-  std::size_t most_waiting = 256;          ///< messages to hosts whose readers are not found yet, of all together
-  std::chrono::milliseconds wait{5'000};   ///< for the readers of a host that is new; then its messages are dropped
-  std::chrono::milliseconds gone{30'000};  ///< a host without readers, and to which nothing was said, has gone
+  std::size_t most_hosts = 4096;           ///< addresses; beyond them those that are not there any more make room
+  std::size_t most_waiting = 4096;         ///< messages to those whose readers are not found yet, of all together
+  std::size_t most_waiting_each = 64;      ///< of one address: then the oldest goes
+  std::chrono::milliseconds wait{5'000};   ///< for the readers of an address that is new; then its messages are dropped
+  std::chrono::milliseconds gone{30'000};  ///< one without readers, and to which nothing was said, has gone
 };
 
-/// One writer for each host that it was asked to write to. Instantiated for Lease, BlobAck and Action. Thread-safe;
-/// what two threads write at once to a new host may come in any order.
+/// One writer for each address that it was asked to write to. Instantiated for Lease, BlobAck and Action. Thread-safe;
+/// what two threads write at once to a new one may come in any order.
 template <class Message>
 class HostWriters {
  public:
-  /// @param partition  whose hosts they are
+  /// @param partition  whose peers they are
   HostWriters(const Participant& participant, const std::string& partition, const HostWritersOptions& options = {});
   HostWriters(HostWriters&&) noexcept;
   HostWriters& operator=(HostWriters&&) noexcept;
   ~HostWriters();
 
-  /// To who reads in the partition of `host`. To a host that is new it is kept until its reader is found: Tidy sends it
-  /// then. `host` may be anybody's word; "" is the partition itself, for peers that do not name their host.
-  /// @error kInvalidArgument: `host` is no plain name; kExhausted: there are too many; kTimeout as Writer::Write
-  Status Write(const std::string& host, const Message& message);
-  /// Sends what waits for hosts that are found by now, and forgets hosts that have gone.
+  /// To who reads in the partition of `address`. To one that is new it is kept until its reader is found: Tidy sends it
+  /// then. `address` may be anybody's word; "" is the partition itself, for peers that do not name theirs.
+  /// @error kInvalidArgument: `address` is no plain name; kExhausted: there are too many; kTimeout as Writer::Write
+  Status Write(const std::string& address, const Message& message);
+  /// Sends what waits for those that are found by now, and forgets those that have gone.
   void Tidy();
-  bool waiting() const;       ///< for hosts that are not found yet: call Tidy soon
+  bool waiting() const;       ///< for those that are not found yet: call Tidy soon
   std::size_t hosts() const;  ///< that are known now
 
  private:

@@ -13,8 +13,10 @@ constexpr std::size_t kLongest = 64;  // IsPlainName
 }  // namespace
 
 std::string AddressOnHost(const std::string& host, std::uint32_t process) {
-  return fmt::format("{}{}{:0{}x}", host.substr(0, kLongest - kSeparator.size() - kDigits), kSeparator, process,
-                     kDigits);
+  constexpr std::size_t kMost = kLongest - kSeparator.size() - kDigits;
+  // generated names differ at their ends
+  const std::size_t begin = host.size() > kMost ? host.size() - kMost : 0;
+  return fmt::format("{}{}{:0{}x}", host.substr(begin), kSeparator, process, kDigits);
 }
 
 std::string HostOfAddress(const std::string& address) {

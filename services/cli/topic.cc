@@ -110,6 +110,7 @@ Status Echo(const TopicArguments& arguments) {
   for (int round = 0; !StopRequested() && std::ferror(stdout) == 0; ++round) {
     if (round % 10 == 0) {  // a new run or campaign has a partition of its own
       ETUDE_ASSIGN_OR_RETURN(const auto partitions, Written(participant, arguments));
+      std::erase_if(readers, [&](const auto& item) { return std::ranges::count(partitions, item.first) == 0; });
       for (const auto& partition : partitions) {
         if (readers.contains(partition) || readers.size() >= kMostPartitions) continue;
         ETUDE_ASSIGN_OR_RETURN(readers[partition], bus::Echo::Open(participant, arguments.topic, partition));

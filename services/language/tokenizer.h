@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Text -> feature ids for the default language encoder: hashed words, character n-grams and word pairs,
+// Text -> feature ids for language encoders that are trained along: hashed words, character n-grams and word pairs,
 // so that typos and unseen words still land near what was learned (after fastText, Bojanowski et al. 2017).
 #pragma once
 

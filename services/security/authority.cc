@@ -246,9 +246,11 @@ Status CheckOptions(const IssueOptions& options) {
       !options.name.empty() && options.name.size() <= 48 && std::ranges::all_of(options.name, [](unsigned char c) {
         return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-';
       });
-  if (!plain || options.name == "ca" || options.name == "public")
-    return Fail(Code::kInvalidArgument,
-                fmt::format("--name '{}': expected 1 to 48 of a-z 0-9 -, not 'ca' or 'public'", options.name));
+  // HOST--PROCESS is an address of a process (services/bus/owner.h)
+  if (!plain || options.name == "ca" || options.name == "public" || options.name.find("--") != std::string::npos)
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("--name '{}': expected 1 to 48 of a-z 0-9 -, without --, not 'ca' or 'public'", options.name));
   if (options.roles.empty()) return Fail(Code::kInvalidArgument, "give at least one --role");
   for (const auto* names : {&options.campaigns, &options.runs})
     for (const auto& name : *names)

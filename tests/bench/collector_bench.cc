@@ -222,7 +222,7 @@ struct Pace {
 constexpr double kPacedRate = 20;  // episodes a second in all
 
 void AwaitStart(const Path& start) {
-  while (!std::filesystem::exists(start) && !StopRequested()) std::this_thread::sleep_for(20ms);
+  while (!std::filesystem::exists(start) && !StopRequested()) std::this_thread::sleep_for(100ms);
 }
 
 // One worker of many: its turn comes every `all` episodes.
@@ -465,10 +465,12 @@ Path CollectSome(const Path& folder, std::uint32_t domain) {
 }
 
 // Until these have found each other: a hundred of them keep two cores busy for a minute. More than an interval of
-// discovery in which they took less than a third of a core together.
+// discovery in which they took less than a third of a core together, or 0.8 % each: what heartbeats and being there
+// cost.
 void AwaitQuiet(const std::vector<std::unique_ptr<Child>>& children) {
   constexpr auto kWindow = 8s;
-  constexpr double kQuiet = 0.33, kMostSeconds = 240;
+  constexpr double kQuietEach = 0.008, kMostSeconds = 240;
+  const double quiet = std::max(0.33, kQuietEach * static_cast<double>(children.size()));
   const auto cpu = [&] {
     double seconds = 0;
     for (const auto& child : children) seconds += CpuSecondsOf(child->pid());
@@ -477,7 +479,7 @@ void AwaitQuiet(const std::vector<std::unique_ptr<Child>>& children) {
   for (const Stopwatch watch; watch.Seconds() < kMostSeconds && !StopRequested();) {
     const double before = cpu();
     std::this_thread::sleep_for(kWindow);
-    if (cpu() - before < kQuiet * std::chrono::duration<double>(kWindow).count()) return;
+    if (cpu() - before < quiet * std::chrono::duration<double>(kWindow).count()) return;
   }
   fmt::print(stderr, "{} processes are busy with each other after {:.0f} s: figures that follow have a part of it\n",
              children.size(), kMostSeconds);

@@ -105,7 +105,7 @@ inline double CpuSecondsOf(pid_t pid) {
   unsigned long user = 0, system = 0;
   const std::string path = "/proc/" + std::to_string(pid) + "/stat";
   if (std::FILE* const stat = std::fopen(path.c_str(), "re")) {
-    // behind the name, which may hold anything but ") "
+    // behind the name, which is ours and holds no ")"
     if (std::fscanf(stat, "%*d (%*[^)]) %*c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %lu %lu", &user, &system) != 2)
       user = system = 0;
     std::fclose(stat);

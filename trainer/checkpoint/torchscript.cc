@@ -187,7 +187,7 @@ Result<std::string> ToTorchScript(const Checkpoint& checkpoint) {
   if (!metadata.policy.language.clip_folder().empty())
     return Fail(Code::kInvalidArgument,
                 context("its language is clip's text encoder, which is not in the checkpoint; a policy with its own "
-                        "language encoder (policy.language=default) can be exported"));
+                        "language encoder (policy.language=conv) can be exported"));
   const auto& modules = metadata.policy.modules;
   if (std::none_of(modules.begin(), modules.end(),
                    [](const auto& module) { return module.decoder.quantity == "trajectory"; }))

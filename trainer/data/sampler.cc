@@ -95,10 +95,14 @@ std::vector<language::Command> DrawCommands(const Episode& episode, const std::v
 
 namespace {
 
-// What one may be told to keep off: in half of the cases one of the other things on the table.
+// What one may be told to keep off: in half of the cases one of the other things on the table. Nothing that is called
+// as the target is; "": there is nothing.
 std::string DrawObstacle(const std::string& target, std::vector<std::string> names, Rng& rng) {
-  std::erase(names, target);
-  return names.empty() || rng.Bernoulli(0.5) ? kObstacleObject : names[rng.Below(names.size())];
+  const std::string noun = ObjectNoun(target);
+  std::erase_if(names, [&](const std::string& name) { return ObjectNoun(name) == noun; });
+  const bool other = rng.Bernoulli(0.5);
+  if (!names.empty() && (other || noun == kObstacleObject)) return names[rng.Below(names.size())];
+  return noun == kObstacleObject ? "" : kObstacleObject;
 }
 
 }  // namespace

@@ -185,7 +185,7 @@ struct PolicyConfig {
     v("activation", activation, "", "silu | selu | relu, of decoders and joint encoder");
     v("objects", objects, "", "classes that it tells apart");
     v("tasks", tasks, "", "tasks that it tells apart; none: the built-in ones and the dataset's own");
-    v("precision", precision, "", "of the convolutions: bf16 (float32 on a CPU without AVX-512) | float32");
+    v("precision", precision, "", "of the image's convolutions: bf16 (float32 on a CPU without AVX-512) | float32");
     v("robot_specific", robot_specific, "", "parts that know one robot: with another one they begin anew");
     v("losses", losses, "", "what errors cost");
     v("modules", modules, "", "the graph");

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <limits>
 
 namespace etude::policy {
@@ -94,20 +95,20 @@ ConvolutionEncoder::ConvolutionEncoder(const LanguageConfig& config, int width, 
 }
 
 torch::Tensor ConvolutionEncoder::Forward(const std::vector<std::string>& sentences) {
-  Sums sums;
+  std::vector<std::vector<language::WordFeatures>> all;
   std::vector<std::int64_t> lengths;
-  for (const std::string& sentence : sentences) {
-    const auto words = Tokenize(sentence);
-    lengths.push_back(static_cast<std::int64_t>(words.size()));
-    for (const auto& word : words) {
+  for (const std::string& sentence : sentences)
+    lengths.push_back(static_cast<std::int64_t>(all.emplace_back(Tokenize(sentence)).size()));
+  const std::int64_t longest = *std::max_element(lengths.begin(), lengths.end());
+  Sums sums;  // behind a sentence's end of nothing, which is zero
+  for (const auto& words : all)
+    for (std::int64_t w = 0; w < longest; ++w) {
       sums.Begin();
-      sums.Add(word, 1);
+      if (w < static_cast<std::int64_t>(words.size())) sums.Add(words[static_cast<std::size_t>(w)], 1);
     }
-  }
-  const auto words = sums.Of(vectors_).split_with_sizes(lengths);
-  const auto padded = torch::nn::utils::rnn::pad_sequence(words, /*batch_first=*/true);
-  const auto ends = torch::tensor(lengths, torch::kInt64).to(padded.device()).view({-1, 1, 1});
-  return Say(padded, torch::arange(padded.size(1), ends.options()) >= ends);
+  const auto words = sums.Of(vectors_).view({static_cast<std::int64_t>(all.size()), longest, -1});
+  const auto ends = torch::tensor(lengths, torch::kInt64).to(words.device()).view({-1, 1, 1});
+  return Say(words, torch::arange(longest, ends.options()) >= ends);
 }
 
 torch::Tensor ConvolutionEncoder::ForwardIds(const torch::Tensor& ids) {

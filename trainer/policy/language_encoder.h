@@ -21,10 +21,12 @@ class LanguageEncoder : public torch::nn::Module {
  public:
   enum class Output { kNormalised, kLinear };
 
+  /// @param sentences  at least one
   /// @returns (D, d), one row a sentence; c10::Error for a sentence that Check refuses
   virtual torch::Tensor Forward(const std::vector<std::string>& sentences) = 0;
   /// The same of one sentence whose words are features already: for who has no tokeniser of ours (TorchScript).
-  /// @param ids  (W, F) int64, a word a row, as language::Tokenize has them; -1 fills rows and rows of nothing
+  /// @param ids  (W, F) int64, a word a row, as language::Tokenize has them, at least one; -1 fills rows and rows of
+  ///        nothing
   /// @returns (1, d); c10::Error of an encoder that reads no features
   virtual torch::Tensor ForwardIds(const torch::Tensor& ids);
   /// @error kInvalidArgument: what the encoder cannot read, and why

@@ -18,7 +18,11 @@ constexpr int kJoinEvery = 8;                // reads
 void SampleTap::Join(const std::string& topic, Tapped& tapped) {
   const auto endpoints = bus::Endpoints(participant_);
   if (!endpoints) return;
-  for (const auto& partition : monitor::WrittenPartitions(*endpoints, topic)) {
+  const auto written = monitor::WrittenPartitions(*endpoints, topic);
+  const auto over = [&](const auto& item) { return std::ranges::count(written, item.first) == 0; };
+  std::erase_if(tapped.readers, over);
+  std::erase_if(tapped.newest, over);
+  for (const auto& partition : written) {
     if (tapped.readers.contains(partition) || tapped.readers.size() >= kMostPartitions) continue;
     auto reader = bus::Echo::Open(participant_, topic, partition);
     if (reader)

@@ -110,6 +110,23 @@ TEST(HostWriters, WhatWaitsIsBoundedInNumberAndTime) {
   EXPECT_TRUE(TidyUntil(writers, [&] { return !writers.waiting(); }));
 }
 
+TEST(HostWriters, WhoIsToldAgainAndAgainHearsTheNewest) {
+  const auto peers = OpenTwo(kDomain);
+  HostWriters<Lease> writers(peers.a, kCampaign, {.most_waiting = 2, .most_waiting_each = 2, .wait = 20s});
+  for (const char* word : {"first", "second", "third"}) ASSERT_TRUE(writers.Write("late", To(word)));
+  Host late(peers.b, PartitionOfAddress(kCampaign, "late"));
+  EXPECT_TRUE(TidyUntil(writers, [&] { return late.Count() == 2; }));
+  EXPECT_EQ(late.workers, (std::vector<std::string>{"second", "third"}));
+}
+
+TEST(HostWriters, WhoseWordsFoundNoRoomIsForgottenToo) {
+  const auto peers = OpenTwo(kDomain);
+  HostWriters<Lease> writers(peers.a, kCampaign, {.most_waiting = 0, .gone = 100ms});
+  EXPECT_FALSE(writers.Write("nobody", To("nobody")));
+  EXPECT_EQ(writers.hosts(), 1u);
+  EXPECT_TRUE(TidyUntil(writers, [&] { return writers.hosts() == 0; }));
+}
+
 TEST(HostWriters, HostsThatHaveGoneAreForgotten) {
   const auto peers = OpenTwo(kDomain);
   HostWriters<Lease> writers(peers.a, kCampaign, {.gone = 100ms});
@@ -159,7 +176,7 @@ TEST(HostWriters, NamesFromTheBusAreLookedAt) {
 TEST(Address, OfAProcessIsAPlainNameThatTellsItsHost) {
   EXPECT_EQ(AddressOnHost("lab-7", 0x1c2d3e4), "lab-7--01c2d3e4");
   EXPECT_EQ(HostOfAddress("lab-7--01c2d3e4"), "lab-7");
-  const std::string longest = AddressOnHost(std::string(64, 'a'), 0xffffffffu);
+  const std::string longest = AddressOnHost("b" + std::string(63, 'a'), 0xffffffffu);
   EXPECT_TRUE(IsPlainName(longest)) << longest;
   EXPECT_EQ(HostOfAddress(longest), std::string(54, 'a'));
   for (const char* own : {"rack-1", "", "--01c2d3e4", "lab--01c2d3e", "lab--01c2d3eg", "lab-01c2d3e4"})

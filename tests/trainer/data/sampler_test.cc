@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 
 #include "tests/support/synthetic_episode.h"
@@ -196,6 +197,29 @@ TEST(AddClauses, SpeaksOfWhatTheTasksLackAndLeavesTheTarget) {
   EXPECT_GT(with_reference, all / 8);
   EXPECT_THAT(obstacles, testing::IsSupersetOf({std::string(language::kEverythingElse), std::string(kObstacleObject)}));
   EXPECT_GT(obstacles.size(), 4) << "other things of the scene, too";
+}
+
+// What is called as the target is nothing to keep off, and the grammar would refuse it.
+TEST(AddClauses, KeepsOffNothingThatIsCalledAsTheTarget) {
+  CampaignSpec spec = SyntheticSpec();
+  spec.objects.push_back(kObstacleObject);
+  Episode episode = MakeSyntheticEpisode(SyntheticSpec(), 2);
+  const auto grammar = language::Grammar::LoadFor(spec.objects, {});
+  ASSERT_TRUE(grammar) << grammar.error().message;
+  const auto target = std::ranges::find(episode.objects, episode.target, &ObjectTrack::name);
+  ASSERT_NE(target, episode.objects.end());
+  episode.target = target->name = kObstacleObject;
+  int named = 0;
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    auto commands = DrawCommands(episode, {"pick", "push"}, 6, seed);
+    AddClauses(episode, {"pick"}, 1, seed, commands);
+    for (const auto& command : commands) {
+      const Status said = grammar->Check(command);
+      EXPECT_TRUE(said) << said.error().message;
+      named += command.target == kObstacleObject && !command.obstacle.empty();
+    }
+  }
+  EXPECT_GT(named, 0);
 }
 
 TEST(AddClauses, AddsNothingWithoutAShare) {
