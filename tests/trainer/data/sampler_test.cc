@@ -211,7 +211,7 @@ TEST(AddClauses, KeepsOffNothingThatIsCalledAsTheTarget) {
   episode.target = target->name = kObstacleObject;
   int named = 0;
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
-    auto commands = DrawCommands(episode, {"pick", "push"}, 6, seed);
+    auto commands = DrawCommands(episode, {"pick", "push"}, 9, seed);
     AddClauses(episode, {"pick"}, 1, seed, commands);
     for (const auto& command : commands) {
       const Status said = grammar->Check(command);

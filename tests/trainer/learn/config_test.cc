@@ -75,7 +75,7 @@ TEST(LoadTrainConfig, TakesTheLanguageInAWord) {
   ASSERT_TRUE(key) << key.error().message;
   EXPECT_EQ(key->policy.language.clip_folder(), "/models/clip");
   EXPECT_THAT(LoadTrainConfig("compact", kExperiments, {"policy.language=clop:/models"}).error().message,
-              HasSubstr("neither default nor clip:DIR"));
+              HasSubstr("neither default nor conv nor clip:DIR"));
 }
 
 TEST(LoadTrainConfig, ReadsBackItsOwnResolvedFile) {

@@ -73,7 +73,7 @@ TEST(PolicyConfig, LanguageIsTrainedAlongOrClips) {
   EXPECT_THAT(Problems(config), HasSubstr("language.sha256"));
   for (const char* encoder : {"clip:", "clip", "bert"}) {
     config.language = {.encoder = encoder};
-    EXPECT_THAT(Problems(config), HasSubstr("is neither default nor clip:DIR")) << encoder;
+    EXPECT_THAT(Problems(config), HasSubstr("is neither default nor conv nor clip:DIR")) << encoder;
   }
 }
 
