@@ -144,16 +144,16 @@ Status HostWriters<Message>::Write(const std::string& name, const Message& messa
     ETUDE_ASSIGN_OR_RETURN(typename Impl::Host * host, impl_->Find(name, now));
     host->used = now;
     due = impl_->Meet(*host, now);
-    // it is asked for again and again: what was said before that is old
-    if (!due.writer && host->waiting.size() >= impl_->options.most_waiting_each) {
-      host->waiting.erase(host->waiting.begin());
-      --impl_->waiting;
-    }
-    if (!due.writer && impl_->waiting >= impl_->options.most_waiting)
-      return Fail(Code::kExhausted,
-                  fmt::format("write on topic '{}' to host '{}': its reader is not found yet, and {} messages wait",
-                              Traits<Message>::kTopic, name, impl_->waiting));
     if (!due.writer) {
+      // it is asked for again and again: what was said before that is old
+      if (host->waiting.size() >= impl_->options.most_waiting_each) {
+        host->waiting.erase(host->waiting.begin());
+        --impl_->waiting;
+      }
+      if (impl_->waiting >= impl_->options.most_waiting)
+        return Fail(Code::kExhausted,
+                    fmt::format("write on topic '{}' to host '{}': its reader is not found yet, and {} messages wait",
+                                Traits<Message>::kTopic, name, impl_->waiting));
       host->waiting.push_back(message);
       ++impl_->waiting;
       return {};

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/policy/language_encoder.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <limits>
 
@@ -87,11 +85,11 @@ torch::Tensor BagOfWordsEncoder::ForwardIds(const torch::Tensor& ids) {
 ConvolutionEncoder::ConvolutionEncoder(const LanguageConfig& config, int width, const std::string& activation,
                                        Output output)
     : TrainedLanguageEncoder(config, config.hidden, width, activation, output), activation_(activation) {
-  constexpr int kWords = 3;
-  for (int i = 0, inputs = config.width; i < 2; ++i, inputs = config.hidden)
-    layers_.push_back(register_module(
-        fmt::format("convolution{}", i),
-        torch::nn::Conv1d(torch::nn::Conv1dOptions(inputs, config.hidden, kWords).padding(kWords / 2))));
+  const auto of_three_words = [&](int inputs) {
+    return torch::nn::Conv1d(torch::nn::Conv1dOptions(inputs, config.hidden, 3).padding(1));
+  };
+  first_ = register_module("convolution0", of_three_words(config.width));
+  second_ = register_module("convolution1", of_three_words(config.hidden));
 }
 
 torch::Tensor ConvolutionEncoder::Forward(const std::vector<std::string>& sentences) {
@@ -117,14 +115,12 @@ torch::Tensor ConvolutionEncoder::ForwardIds(const torch::Tensor& ids) {
 }
 
 torch::Tensor ConvolutionEncoder::Say(const torch::Tensor& words, const torch::Tensor& beyond) {
-  torch::Tensor x = words.transpose(1, 2);
-  for (std::size_t i = 0; i < layers_.size(); ++i) {
-    if (i > 0) x = Activate(x, activation_);
-    if (i > 0 && beyond.defined()) x = x.masked_fill(beyond, 0);  // as the edges of a sentence alone
-    x = layers_[i]->forward(x);
-  }
-  if (beyond.defined()) x = x.masked_fill(beyond, -std::numeric_limits<float>::infinity());
-  return Finish(x.amax(2));
+  const auto fill = [&](const torch::Tensor& x, float value) {
+    return beyond.defined() ? x.masked_fill(beyond, value) : x;
+  };
+  const torch::Tensor near = Activate(first_->forward(words.transpose(1, 2)), activation_);
+  const torch::Tensor said = second_->forward(fill(near, 0));  // as at the edges of a sentence alone
+  return Finish(fill(said, -std::numeric_limits<float>::infinity()).amax(2));
 }
 
 ClipLanguageEncoder::ClipLanguageEncoder(std::shared_ptr<clip::TextEncoder> text_encoder, int width, Output output)

@@ -76,7 +76,7 @@ class ConvolutionEncoder : public TrainedLanguageEncoder {
   torch::Tensor Say(const torch::Tensor& words, const torch::Tensor& beyond);
 
   std::string activation_;
-  std::vector<torch::nn::Conv1d> layers_;
+  torch::nn::Conv1d first_{nullptr}, second_{nullptr};
 };
 
 /// A linear map of CLIP's embedding, as in the original. The text encoder is shared, not owned, and no parameter of
