@@ -121,6 +121,11 @@ void CheckRandomization(const RandomizationSpec& randomization, Problems& proble
   randomization.world.Check(problems.errors());
 }
 
+bool NamesTheBall(const CampaignSpec& spec) {
+  return std::ranges::count(spec.objects, kObstacleObject) > 0 ||
+         std::ranges::any_of(spec.tasks, [](const std::string& task) { return task.ends_with("+obstacle"); });
+}
+
 // What has a range of its own is looked at before this.
 void CheckRandomWorld(const CampaignSpec& spec, Problems& problems) {
   const WorldRandomizationSpec& world = spec.randomization.world;
@@ -131,6 +136,9 @@ void CheckRandomWorld(const CampaignSpec& spec, Problems& problems) {
   problems.Require(OnTable(spec) + world.distractors <= kMostThings,
                    fmt::format("randomization.world.distractors: {} beside {} objects, {} fit in all",
                                world.distractors, OnTable(spec), kMostThings));
+  problems.Require(world.distractor_balls == 0 || !NamesTheBall(spec),
+                   fmt::format("randomization.world.distractor_balls: {} where sentences name the {}",
+                               world.distractor_balls, kObstacleObject));
   if (!world.moves_camera() || spec.camera.position.size() != 3 || spec.camera.euler.size() != 3) return;
   problems.Require(SeesWorkVolume(spec.camera),
                    "camera: does not see all of the work volume; nor would one that moves (randomization.world)");
@@ -214,6 +222,7 @@ std::string SpecHash(const CampaignSpec& spec) {
   if (spec.adaptive_sampling == AdaptiveSamplingSpec{}) json.erase("adaptive_sampling");
   if (spec.obstacle.clearance == ObstacleSpec().clearance) json["obstacle"].erase("clearance");
   if (spec.randomization.world == WorldRandomizationSpec{}) json["randomization"].erase("world");
+  else if (spec.randomization.world.distractor_balls == 0) json["randomization"]["world"].erase("distractor_balls");
   EraseUnset(json["rollout"]);
   json["content"] = kContentVersion;
   if (spec.mode == "rollout") json["rollout"]["version"] = kRolloutVersion;

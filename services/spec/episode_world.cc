@@ -128,6 +128,10 @@ std::vector<std::string> DrawDistractors(const CampaignSpec& spec, std::uint64_t
   std::vector<std::string> drawn;
   for (std::size_t i = 0; i < std::min(count, classes.size()); ++i)
     drawn.push_back(DistractorName(GeneratedObject(classes[i], static_cast<int>(rng.Below(kTrainInstances)))));
+  const double balls = spec.randomization.world.distractor_balls;
+  if (balls <= 0 || drawn.empty()) return drawn;
+  Rng ball = StreamOf(spec, index / kEpisodesPerScene, "distractor_balls");
+  if (ball.Bernoulli(balls)) drawn.front() = DistractorName(BallName(static_cast<int>(ball.Below(kBallColours))));
   return drawn;
 }
 

@@ -16,6 +16,7 @@ namespace {
 
 constexpr std::string_view kGenerated = "generated:";
 constexpr std::string_view kDistractor = "distractor_";
+constexpr std::string_view kBall = "ball";
 
 std::vector<std::string> Instances(int from, int to) {
   std::vector<std::string> names;
@@ -26,6 +27,14 @@ std::vector<std::string> Instances(int from, int to) {
 
 bool Contains(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+/// "apple_03" as its word and number, whatever they are.
+std::optional<GeneratedName> ParseNumbered(const std::string& name) {
+  const auto is_digit = [](char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; };
+  if (name.size() < 4 || name[name.size() - 3] != '_' || !is_digit(name[name.size() - 2]) || !is_digit(name.back()))
+    return std::nullopt;
+  return GeneratedName{name.substr(0, name.size() - 3), 10 * (name[name.size() - 2] - '0') + (name.back() - '0')};
 }
 
 /// All names but paths, to guess what was meant.
@@ -51,12 +60,10 @@ const std::vector<std::string>& GeneratedClasses() {
 }
 
 std::optional<GeneratedName> ParseGenerated(const std::string& name) {
-  const auto is_digit = [](char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; };
-  if (name.size() < 4 || name[name.size() - 3] != '_' || !is_digit(name[name.size() - 2]) || !is_digit(name.back()))
+  const auto numbered = ParseNumbered(name);
+  if (!numbered || !Contains(GeneratedClasses(), numbered->class_name) || numbered->instance >= kInstancesPerClass)
     return std::nullopt;
-  GeneratedName parsed{name.substr(0, name.size() - 3), 10 * (name[name.size() - 2] - '0') + (name.back() - '0')};
-  if (!Contains(GeneratedClasses(), parsed.class_name) || parsed.instance >= kInstancesPerClass) return std::nullopt;
-  return parsed;
+  return numbered;
 }
 
 std::string GeneratedObject(const std::string& class_name, int instance) {
@@ -98,10 +105,23 @@ std::string ObjectNoun(const std::string& name) {
   return generated ? generated->class_name : SceneName(name);
 }
 
-std::string DistractorName(const std::string& generated) { return std::string(kDistractor) + generated; }
+std::string BallName(int colour) {
+  ETUDE_CHECK(colour >= 0 && colour < kBallColours, "colour={}", colour);
+  return fmt::format("{}_{:02}", kBall, colour);
+}
+
+std::optional<int> ParseBall(const std::string& name) {
+  const auto numbered = ParseNumbered(name);
+  if (!numbered || numbered->class_name != kBall || numbered->instance >= kBallColours) return std::nullopt;
+  return numbered->instance;
+}
+
+std::string DistractorName(const std::string& what) { return std::string(kDistractor) + what; }
 
 bool IsDistractor(const std::string& name) {
-  return name.starts_with(kDistractor) && ParseGenerated(name.substr(kDistractor.size())).has_value();
+  if (!name.starts_with(kDistractor)) return false;
+  const std::string what = name.substr(kDistractor.size());
+  return ParseGenerated(what).has_value() || ParseBall(what).has_value();
 }
 
 std::string WhatDistracts(const std::string& name) {

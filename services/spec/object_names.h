@@ -6,6 +6,7 @@
 //   apple_00 .. apple_09, mug_00 ..          generated: ten classes of ten instances, drawn from a fixed seed
 //   open_box                                 with the programs as files: a folder in deploy/objects
 //   distractor_apple_00                      a generated one that no sentence names; not for a campaign to ask for
+//   distractor_ball_00 .. distractor_ball_23 a ball that no sentence names: the obstacle's shape in some colour
 //   objects/duck, ./duck/object.yaml         imported: the folder that `etude object import` wrote
 #pragma once
 
@@ -21,6 +22,7 @@ namespace etude {
 /// The instances of each generated class; the first kTrainInstances of them are for training, the others for tests.
 inline constexpr int kInstancesPerClass = 10;
 inline constexpr int kTrainInstances = 3;
+inline constexpr int kBallColours = 24;
 
 /// cube, coke, pepsi, milk, bread, bottle
 const std::vector<std::string>& TabletopObjects();
@@ -54,9 +56,14 @@ std::vector<std::string> SceneNames(const std::vector<std::string>& names);
 /// What a sentence calls it: the class of a generated one, else its scene's name.
 std::string ObjectNoun(const std::string& name);
 
-/// A scene's name for a generated object that only stands there, "distractor_apple_00": by its name everyone who meets
-/// it in a scene or an episode knows that no sentence is about it.
-std::string DistractorName(const std::string& generated);
+/// "ball_07". @pre 0 <= colour < kBallColours
+std::string BallName(int colour);
+/// The colour of "ball_07", 7; nothing for any other name.
+std::optional<int> ParseBall(const std::string& name);
+
+/// A scene's name for a generated object or a ball that only stands there, "distractor_apple_00": by its name everyone
+/// who meets it in a scene or an episode knows that no sentence is about it.
+std::string DistractorName(const std::string& what);
 bool IsDistractor(const std::string& name);
 /// "apple_00" of "distractor_apple_00". @pre IsDistractor(name)
 std::string WhatDistracts(const std::string& name);

@@ -27,7 +27,8 @@ void WorldRandomizationSpec::Check(std::vector<std::string>& errors) const {
                              {"background", background, 1},
                              {"object_colour", object_colour, 0.9},
                              {"object_gloss", object_gloss, 1},
-                             {"distractors", static_cast<double>(distractors), 4}})
+                             {"distractors", static_cast<double>(distractors), 4},
+                             {"distractor_balls", distractor_balls, 1}})
     if (!(range.value >= 0 && range.value <= range.high))
       errors.push_back(fmt::format("randomization.world.{}: {} not in 0..{}", range.key, range.value, range.high));
   for (const std::string& table : tables)

@@ -4,6 +4,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <functional>
 #include <map>
 #include <numbers>
@@ -148,16 +151,6 @@ ObjectModel Bottle() {
   return builder.Finish(true);
 }
 
-/// Leather on the outside, thick: it rests where it is put, and rolls when it is pushed.
-ObjectModel Basketball() {
-  Builder builder("basketball", 0.600, kBallRadius, Eigen::Vector3d::Constant(2 * kBallRadius));
-  builder.Texture("basketball", BallTexture());
-  builder.Material("basketball", "texture=\"basketball\" specular=\"0.15\" shininess=\"0.2\"");
-  builder.Visual("basketball", BallMesh(), "basketball");
-  builder.Ball(kBallRadius);
-  return builder.Finish(true);
-}
-
 const std::map<std::string, std::function<ObjectModel()>>& Makers() {
   static const std::map<std::string, std::function<ObjectModel()>> makers{
       {"cube", Cube},
@@ -166,11 +159,34 @@ const std::map<std::string, std::function<ObjectModel()>>& Makers() {
       {"pepsi", [] { return Can("pepsi", PepsiTexture()); }},
       {"bread", Bread},
       {"bottle", Bottle},
-      {"basketball", Basketball}};
+      {"basketball", [] { return MakeBall("basketball", {0.90, 0.42, 0.10}); }}};
   return makers;
 }
 
 }  // namespace
+
+// Leather on the outside, thick: it rests where it is put, and rolls when it is pushed.
+ObjectModel MakeBall(const std::string& name, const Color& colour) {
+  Builder builder(name, 0.600, kBallRadius, Eigen::Vector3d::Constant(2 * kBallRadius));
+  builder.Texture(name, BallTexture(colour));
+  builder.Material(name, fmt::format("texture=\"{}\" specular=\"0.15\" shininess=\"0.2\"", name));
+  builder.Visual("basketball", BallMesh(), name);
+  builder.Ball(kBallRadius);
+  return builder.Finish(true);
+}
+
+Color BallColour(int number) {
+  constexpr int kHues = 8;
+  constexpr std::array<double, 3> kSaturation{0.9, 0.55, 0.8}, kValue{0.9, 0.8, 0.45};
+  const double sector = 6.0 * (number % kHues) / kHues;
+  const auto depth = static_cast<std::size_t>(number / kHues) % kValue.size();
+  // of each channel: how far its own hue is round the circle (Smith 1978, HSV)
+  const auto channel = [&](double own) {
+    const double from = std::abs(std::remainder(sector - own, 6.0));
+    return kValue[depth] * (1 - kSaturation[depth] * std::clamp(from - 1, 0.0, 1.0));
+  };
+  return {channel(0), channel(2), channel(4)};
+}
 
 const std::vector<std::string>& KnownObjects() {
   static const std::vector<std::string> names{"cube", "coke", "pepsi", "milk", "bread", "bottle"};

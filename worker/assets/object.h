@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "services/core/result.h"
+#include "worker/assets/canvas.h"
 
 namespace etude::assets {
 
@@ -44,6 +45,11 @@ const std::vector<std::string>& KnownObjects();
 /// One of those, or the basketball that stands in the way of others.
 /// @error kInvalidArgument: unknown name; the message has the nearest known one
 Result<ObjectModel> MakeObject(const std::string& name);
+
+/// The basketball's shape, weight and seams in another colour.
+ObjectModel MakeBall(const std::string& name, const Color& colour);
+/// Round the circle of hues with the number, in three depths. @pre number >= 0
+Color BallColour(int number);
 
 /// Who makes the objects of a scene; MakeObject is the least of them.
 using ObjectMaker = std::function<Result<ObjectModel>(const std::string& name)>;

@@ -35,7 +35,7 @@ Canvas MilkTexture();
 Canvas BreadTexture();
 Canvas BottleLabelTexture();
 Canvas WoodTexture();
-Canvas BallTexture();  ///< u around the vertical, v from the upper pole to the lower
+Canvas BallTexture(const Color& colour);  ///< u around the vertical, v from the upper pole to the lower
 Canvas ClothTexture();
 Canvas StoneTexture();
 

@@ -112,10 +112,10 @@ Canvas BottleLabelTexture() {
   return canvas;
 }
 
-Canvas BallTexture() {
+Canvas BallTexture(const Color& colour) {
   const int w = 512, h = 256;
-  const Color orange(0.90, 0.42, 0.10), black(0.07, 0.06, 0.06);
-  Canvas canvas(w, h, orange);
+  const Color black(0.07, 0.06, 0.06);
+  Canvas canvas(w, h, colour);
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x) {
       const double around = 2 * pi * (x + .5) / w, down = pi * (y + .5) / h;
@@ -125,7 +125,7 @@ Canvas BallTexture() {
       const double seam = std::min({std::abs(p.z()), std::abs(p.x()), std::abs(side)});
       const double pebbles = Noise(x * 0.9 * std::sin(down), y * 0.9, 31) - .5;
       const double dark = std::clamp((0.050 - seam) / 0.012, 0.0, 1.0);
-      canvas.at(x, y) = orange * (1 + .10 * pebbles) + dark * (black - orange * (1 + .10 * pebbles));
+      canvas.at(x, y) = colour * (1 + .10 * pebbles) + dark * (black - colour * (1 + .10 * pebbles));
     }
   return canvas;
 }

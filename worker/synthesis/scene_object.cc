@@ -78,7 +78,11 @@ Result<ObjectFacts> ReadObjectFacts(const Path& path) {
 }
 
 Result<assets::ObjectModel> MakeSceneObject(const std::string& name) {
-  if (IsDistractor(name)) return Drawn(name, *ParseGenerated(WhatDistracts(name)));
+  if (IsDistractor(name)) {
+    const std::string what = WhatDistracts(name);
+    if (const auto colour = ParseBall(what)) return assets::MakeBall(name, assets::BallColour(*colour));
+    return Drawn(name, *ParseGenerated(what));
+  }
   if (const auto generated = ParseGenerated(name)) return Drawn(name, *generated);
   if (const auto shared = SharedObject(name)) return Imported(shared->string());
   if (IsObjectPath(name)) return Imported(name);

@@ -247,5 +247,32 @@ TEST(DrawDistractors, AreNoneThatASentenceCouldMean) {
   EXPECT_EQ(seen.size(), 8u * kTrainInstances);
 }
 
+TEST(DrawDistractors, ABallTakesTheFirstOnesPlaceAndChangesNoOther) {
+  CampaignSpec spec = Random();
+  spec.randomization.world.distractors = 2;
+  CampaignSpec with_balls = spec;
+  with_balls.randomization.world.distractor_balls = 0.4;
+  int some = 0, balls = 0;
+  std::set<int> colours;
+  for (std::uint64_t i = 0; i < 3000; i += kEpisodesPerScene) {
+    const auto before = DrawDistractors(spec, i), after = DrawDistractors(with_balls, i);
+    ASSERT_EQ(after.size(), before.size());
+    EXPECT_EQ(after, DrawDistractors(with_balls, i + kEpisodesPerScene - 1));
+    for (std::size_t k = 1; k < after.size(); ++k) EXPECT_EQ(after[k], before[k]);
+    if (after.empty()) continue;
+    ++some;
+    ASSERT_TRUE(IsDistractor(after[0]));
+    const auto colour = ParseBall(WhatDistracts(after[0]));
+    if (!colour) {
+      EXPECT_EQ(after[0], before[0]);
+      continue;
+    }
+    ++balls;
+    colours.insert(*colour);
+  }
+  EXPECT_NEAR(static_cast<double>(balls) / some, 0.4, 0.1);
+  EXPECT_GT(colours.size(), 20u);
+}
+
 }  // namespace episode_world_test
 }  // namespace etude

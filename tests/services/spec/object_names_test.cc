@@ -62,6 +62,13 @@ TEST(ObjectNames, ADistractorIsKnownByItsName) {
   for (const char* name : {"apple_03", "distractor_", "distractor_cube", "distractor_apple", "my/distractor_apple_03"})
     EXPECT_FALSE(IsDistractor(name)) << name;
   EXPECT_FALSE(ParseGenerated("distractor_apple_03"));
+  EXPECT_EQ(BallName(7), "ball_07");
+  EXPECT_EQ(ParseBall("ball_07"), 7);
+  EXPECT_TRUE(IsDistractor("distractor_ball_23"));
+  for (const char* name : {"ball_24", "ball_7", "ball", "apple_07", "basketball"}) {
+    EXPECT_FALSE(ParseBall(name)) << name;
+    EXPECT_FALSE(IsDistractor(std::string("distractor_") + name) && !ParseGenerated(name)) << name;
+  }
 }
 
 TEST(ObjectNames, UnknownOnesAreRefusedWithTheNearest) {

@@ -33,7 +33,8 @@ TEST(WorldRandomization, RefusesWhatIsOutOfRange) {
                                                                                             {"table_colour", "0.9"},
                                                                                             {"background", "1"},
                                                                                             {"object_colour", "0.9"},
-                                                                                            {"object_gloss", "1"}}) {
+                                                                                            {"object_gloss", "1"},
+                                                                                            {"distractor_balls", "1"}}) {
     const std::string path = std::string("randomization.world.") + key;
     EXPECT_THAT(Validated({path + "=" + high}), IsOk()) << path;
     EXPECT_THAT(Validated({path + "=-0.1"}), MessageHas(path + ": -0.1 not in 0.." + high));
@@ -56,6 +57,9 @@ TEST(WorldRandomization, DistractorsAreOfClassesThatNoSentenceNames) {
   EXPECT_THAT(Validated({"objects=[" + all + "]", "objects_per_scene=2", "randomization.world.distractors=2"}),
               MessageHas("distractors: 2 of 1 classes that no sentence names"));
   EXPECT_THAT(Validated({"objects=[cube, distractor_apple_00]"}), MessageHas("'distractor_apple_00' is not known"));
+  for (const char* names_it : {"tasks=[pick+obstacle]", "objects=[cube, basketball]"})
+    EXPECT_THAT(Validated({names_it, "randomization.world.distractor_balls=0.5"}),
+                MessageHas("distractor_balls: 0.5 where sentences name the basketball"));
 }
 
 TEST(WorldRandomization, ACameraThatDoesNotSeeTheTableIsNotMoved) {
@@ -74,6 +78,11 @@ TEST(WorldRandomization, SwitchedOffACampaignIsTheOneFromBeforeItExisted) {
   EXPECT_EQ(SpecHash(*before), SpecHash(spec));
   spec.randomization.world.fovy_deg = 1e-9;
   EXPECT_NE(SpecHash(*before), SpecHash(spec));
+  spec.randomization.world.fovy_deg = 0;
+  spec.randomization.world.distractors = 2;
+  EXPECT_EQ(SpecHash(spec), "of before there were balls");
+  spec.randomization.world.distractor_balls = 0.1;
+  EXPECT_NE(SpecHash(spec), "of before there were balls");
 }
 
 }  // namespace world_randomization_test
