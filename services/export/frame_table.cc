@@ -2,6 +2,7 @@
 #include "services/export/frame_table.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>

@@ -70,15 +70,16 @@ struct Ranks::Impl {
   // library calls that wait for the others; what they throw is that one of them is gone
   template <class Call>
   Status Together(const char* what, Call&& call) {
+    std::string why = "it did not end well";
     try {
-      call()->wait();
-      return {};
+      if (call()->wait()) return {};
     } catch (const std::exception& error) {
-      lost = true;
-      return Fail(Code::kUnavailable,
-                  fmt::format("rank {} of {}: another rank was lost while {} ({}); resume from the last saved state",
-                              options.rank, options.size, what, error.what()));
+      why = error.what();
     }
+    lost = true;
+    return Fail(Code::kUnavailable,
+                fmt::format("rank {} of {}: another rank was lost while {} ({}); resume from the last saved state",
+                            options.rank, options.size, what, why));
   }
 
   // rank 0's, to all

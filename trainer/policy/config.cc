@@ -2,6 +2,7 @@
 #include "trainer/policy/config.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <set>

@@ -2,6 +2,7 @@
 #include "worker/plan/bench/measure.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <map>
