@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "services/bus/host_writers.h"
+#include "services/bus/addressed_writers.h"
 
 #include <fmt/format.h>
 
@@ -24,16 +24,16 @@ constexpr std::chrono::seconds kLookForTheGone{5};
 }  // namespace
 
 template <class Message>
-struct HostWriters<Message>::Impl {
+struct AddressedWriters<Message>::Impl {
   using Time = MonotonicClock::time_point;
   // A volatile writer's first words are lost where its readers are not found yet: under security that takes a while.
-  struct Host {
+  struct Addressee {
     std::shared_ptr<const Endpoint> writer;
     Time opened{}, used{};
     bool met = false;  // its readers were found once, or not in time
     std::vector<Message> waiting;
   };
-  // What is to be written, once the mutex is free: a host that does not take it holds up no others.
+  // What is to be written, once the mutex is free: a addressee that does not take it holds up no others.
   struct Due {
     std::shared_ptr<const Endpoint> writer;
     std::vector<Message> messages;
@@ -41,83 +41,86 @@ struct HostWriters<Message>::Impl {
 
   Participant participant;
   std::string partition;
-  HostWritersOptions options;
+  AddressedWritersOptions options;
   mutable Mutex mutex;
-  std::map<std::string, Host> hosts ETUDE_GUARDED_BY(mutex) = {};
+  std::map<std::string, Addressee> addressees ETUDE_GUARDED_BY(mutex) = {};
   std::size_t waiting ETUDE_GUARDED_BY(mutex) = 0;  // messages
   Time look_again ETUDE_GUARDED_BY(mutex) = {};
 
-  Result<Host*> Find(const std::string& name, Time now) ETUDE_REQUIRES(mutex);
+  Result<Addressee*> Find(const std::string& name, Time now) ETUDE_REQUIRES(mutex);
   Status MakeRoom(Time now) ETUDE_REQUIRES(mutex);
-  Due Meet(Host& host, Time now) ETUDE_REQUIRES(mutex);
+  Due Meet(Addressee& addressee, Time now) ETUDE_REQUIRES(mutex);
   void ForgetTheGone(Time now) ETUDE_REQUIRES(mutex);
-  void Forget(typename std::map<std::string, Host>::iterator host) ETUDE_REQUIRES(mutex);
+  void Forget(typename std::map<std::string, Addressee>::iterator addressee) ETUDE_REQUIRES(mutex);
   static Status WriteAll(const Due& due);
 };
 
 template <class Message>
-void HostWriters<Message>::Impl::Forget(typename std::map<std::string, Host>::iterator host) {
-  waiting -= host->second.waiting.size();
-  hosts.erase(host);
+void AddressedWriters<Message>::Impl::Forget(typename std::map<std::string, Addressee>::iterator addressee) {
+  waiting -= addressee->second.waiting.size();
+  addressees.erase(addressee);
 }
 
 // Of those that nobody reads the one that was written to longest ago goes.
 template <class Message>
-Status HostWriters<Message>::Impl::MakeRoom(Time now) {
-  auto oldest = hosts.end();
-  for (auto host = hosts.begin(); host != hosts.end(); ++host) {
-    if (MatchedReaders(*host->second.writer) > 0)
-      host->second.used = now;
-    else if (oldest == hosts.end() || host->second.used < oldest->second.used)
-      oldest = host;
+Status AddressedWriters<Message>::Impl::MakeRoom(Time now) {
+  auto oldest = addressees.end();
+  for (auto addressee = addressees.begin(); addressee != addressees.end(); ++addressee) {
+    if (MatchedReaders(*addressee->second.writer) > 0)
+      addressee->second.used = now;
+    else if (oldest == addressees.end() || addressee->second.used < oldest->second.used)
+      oldest = addressee;
   }
-  if (oldest == hosts.end())
-    return Fail(Code::kExhausted, fmt::format("write on topic '{}' in partition '{}': {} hosts are there, no more fit",
-                                              Traits<Message>::kTopic, partition, hosts.size()));
+  if (oldest == addressees.end())
+    return Fail(Code::kExhausted,
+                fmt::format("write on topic '{}' in partition '{}': {} addresses are there, no more fit",
+                            Traits<Message>::kTopic, partition, addressees.size()));
   Forget(oldest);
   return {};
 }
 
 template <class Message>
-Result<typename HostWriters<Message>::Impl::Host*> HostWriters<Message>::Impl::Find(const std::string& name, Time now) {
-  const auto known = hosts.find(name);
-  if (known != hosts.end()) return &known->second;
+Result<typename AddressedWriters<Message>::Impl::Addressee*> AddressedWriters<Message>::Impl::Find(
+    const std::string& name, Time now) {
+  const auto known = addressees.find(name);
+  if (known != addressees.end()) return &known->second;
   if (!name.empty() && !IsPlainName(name))
-    return Fail(Code::kInvalidArgument, fmt::format("write on topic '{}' to host '{:.64}': a name of a-z, 0-9, _ and -",
+    return Fail(Code::kInvalidArgument, fmt::format("write on topic '{}' to '{:.64}': a name of a-z, 0-9, _ and -",
                                                     Traits<Message>::kTopic, name));
-  if (hosts.size() >= options.most_hosts) ETUDE_RETURN_IF_ERROR(MakeRoom(now));
+  if (addressees.size() >= options.most_addresses) ETUDE_RETURN_IF_ERROR(MakeRoom(now));
   const std::string own = name.empty() ? partition : PartitionOfAddress(partition, name);
   ETUDE_ASSIGN_OR_RETURN(auto writer, OpenWriterOf<Message>(participant, own));
-  Host& host = hosts[name];
-  host.writer = std::make_shared<const Endpoint>(std::move(writer));
-  host.opened = now;
-  return &host;
+  Addressee& addressee = addressees[name];
+  addressee.writer = std::make_shared<const Endpoint>(std::move(writer));
+  addressee.opened = now;
+  return &addressee;
 }
 
-// What waits for `host` where its readers are found, or were not in time: then nobody reads it any more.
+// What waits for `addressee` where its readers are found, or were not in time: then nobody reads it any more.
 template <class Message>
-typename HostWriters<Message>::Impl::Due HostWriters<Message>::Impl::Meet(Host& host, Time now) {
-  if (!host.met) host.met = MatchedReaders(*host.writer) > 0 || now - host.opened > options.wait;
-  if (!host.met) return {};
-  waiting -= host.waiting.size();
-  return {host.writer, std::exchange(host.waiting, {})};
+typename AddressedWriters<Message>::Impl::Due AddressedWriters<Message>::Impl::Meet(Addressee& addressee, Time now) {
+  if (!addressee.met) addressee.met = MatchedReaders(*addressee.writer) > 0 || now - addressee.opened > options.wait;
+  if (!addressee.met) return {};
+  waiting -= addressee.waiting.size();
+  return {addressee.writer, std::exchange(addressee.waiting, {})};
 }
 
 template <class Message>
-void HostWriters<Message>::Impl::ForgetTheGone(Time now) {
+void AddressedWriters<Message>::Impl::ForgetTheGone(Time now) {
   look_again = now + std::min<std::chrono::nanoseconds>(kLookForTheGone, options.gone);
-  for (auto host = hosts.begin(); host != hosts.end();) {
-    const auto next = std::next(host);
-    if (MatchedReaders(*host->second.writer) > 0)
-      host->second.used = now;
-    else if ((host->second.met || host->second.waiting.empty()) && now - host->second.used > options.gone)
-      Forget(host);
-    host = next;
+  for (auto addressee = addressees.begin(); addressee != addressees.end();) {
+    const auto next = std::next(addressee);
+    if (MatchedReaders(*addressee->second.writer) > 0)
+      addressee->second.used = now;
+    else if ((addressee->second.met || addressee->second.waiting.empty()) &&
+             now - addressee->second.used > options.gone)
+      Forget(addressee);
+    addressee = next;
   }
 }
 
 template <class Message>
-Status HostWriters<Message>::Impl::WriteAll(const Due& due) {
+Status AddressedWriters<Message>::Impl::WriteAll(const Due& due) {
   Status status;
   for (const Message& message : due.messages)
     if (Status written = WriteMessage(*due.writer, message); !written) status = std::move(written);
@@ -125,36 +128,36 @@ Status HostWriters<Message>::Impl::WriteAll(const Due& due) {
 }
 
 template <class Message>
-HostWriters<Message>::HostWriters(const Participant& participant, const std::string& partition,
-                                  const HostWritersOptions& options)
+AddressedWriters<Message>::AddressedWriters(const Participant& participant, const std::string& partition,
+                                            const AddressedWritersOptions& options)
     : impl_(new Impl{.participant = participant.Share(), .partition = partition, .options = options, .mutex = {}}) {}
 template <class Message>
-HostWriters<Message>::HostWriters(HostWriters&&) noexcept = default;
+AddressedWriters<Message>::AddressedWriters(AddressedWriters&&) noexcept = default;
 template <class Message>
-HostWriters<Message>& HostWriters<Message>::operator=(HostWriters&&) noexcept = default;
+AddressedWriters<Message>& AddressedWriters<Message>::operator=(AddressedWriters&&) noexcept = default;
 template <class Message>
-HostWriters<Message>::~HostWriters() = default;
+AddressedWriters<Message>::~AddressedWriters() = default;
 
 template <class Message>
-Status HostWriters<Message>::Write(const std::string& name, const Message& message) {
+Status AddressedWriters<Message>::Write(const std::string& name, const Message& message) {
   typename Impl::Due due;
   {
     const MutexLock lock(impl_->mutex);
     const auto now = MonotonicClock::now();
-    ETUDE_ASSIGN_OR_RETURN(typename Impl::Host * host, impl_->Find(name, now));
-    host->used = now;
-    due = impl_->Meet(*host, now);
+    ETUDE_ASSIGN_OR_RETURN(typename Impl::Addressee * addressee, impl_->Find(name, now));
+    addressee->used = now;
+    due = impl_->Meet(*addressee, now);
     if (!due.writer) {
       // it is asked for again and again: what was said before that is old
-      if (host->waiting.size() >= impl_->options.most_waiting_each) {
-        host->waiting.erase(host->waiting.begin());
+      if (addressee->waiting.size() >= impl_->options.most_waiting_each) {
+        addressee->waiting.erase(addressee->waiting.begin());
         --impl_->waiting;
       }
       if (impl_->waiting >= impl_->options.most_waiting)
         return Fail(Code::kExhausted,
-                    fmt::format("write on topic '{}' to host '{}': its reader is not found yet, and {} messages wait",
+                    fmt::format("write on topic '{}' to '{}': its reader is not found yet, and {} messages wait",
                                 Traits<Message>::kTopic, name, impl_->waiting));
-      host->waiting.push_back(message);
+      addressee->waiting.push_back(message);
       ++impl_->waiting;
       return {};
     }
@@ -165,34 +168,34 @@ Status HostWriters<Message>::Write(const std::string& name, const Message& messa
 }
 
 template <class Message>
-void HostWriters<Message>::Tidy() {
+void AddressedWriters<Message>::Tidy() {
   std::vector<typename Impl::Due> all;
   {
     const MutexLock lock(impl_->mutex);
     const auto now = MonotonicClock::now();
     if (now >= impl_->look_again) impl_->ForgetTheGone(now);
     if (impl_->waiting == 0) return;
-    for (auto& [name, host] : impl_->hosts)
-      if (!host.waiting.empty()) all.push_back(impl_->Meet(host, now));
+    for (auto& [name, addressee] : impl_->addressees)
+      if (!addressee.waiting.empty()) all.push_back(impl_->Meet(addressee, now));
   }
   for (const auto& due : all)
     if (const Status written = Impl::WriteAll(due); !written) Log().debug("{}", written.error().message);
 }
 
 template <class Message>
-bool HostWriters<Message>::waiting() const {
+bool AddressedWriters<Message>::waiting() const {
   const MutexLock lock(impl_->mutex);
   return impl_->waiting > 0;
 }
 
 template <class Message>
-std::size_t HostWriters<Message>::hosts() const {
+std::size_t AddressedWriters<Message>::addresses() const {
   const MutexLock lock(impl_->mutex);
-  return impl_->hosts.size();
+  return impl_->addressees.size();
 }
 
-template class HostWriters<Lease>;
-template class HostWriters<BlobAck>;
-template class HostWriters<Action>;
+template class AddressedWriters<Lease>;
+template class AddressedWriters<BlobAck>;
+template class AddressedWriters<Action>;
 
 }  // namespace etude::bus

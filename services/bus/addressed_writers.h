@@ -3,8 +3,8 @@
 // partition of its own (PartitionOfAddress), so that what one is told costs a datagram to that one, and is not read by
 // others.
 //
-//   HostWriters<Lease> leases(participant, owner.partition());
-//   leases.Write(request.host, lease);   // opens the host's writer when it is first heard of
+//   AddressedWriters<Lease> leases(participant, owner.partition());
+//   leases.Write(request.host, lease);   // opens the writer when it is first heard of
 //   leases.Tidy();                       // now and then
 #pragma once
 
@@ -19,8 +19,8 @@
 
 namespace etude::bus {
 
-struct HostWritersOptions {
-  std::size_t most_hosts = 4096;           ///< addresses; beyond them those that are not there any more make room
+struct AddressedWritersOptions {
+  std::size_t most_addresses = 4096;       ///< addresses; beyond them those that are not there any more make room
   std::size_t most_waiting = 4096;         ///< messages to those whose readers are not found yet, of all together
   std::size_t most_waiting_each = 64;      ///< of one address: then the oldest goes
   std::chrono::milliseconds wait{5'000};   ///< for the readers of an address that is new; then its messages are dropped
@@ -30,13 +30,14 @@ struct HostWritersOptions {
 /// One writer for each address that it was asked to write to. Instantiated for Lease, BlobAck and Action. Thread-safe;
 /// what two threads write at once to a new one may come in any order.
 template <class Message>
-class HostWriters {
+class AddressedWriters {
  public:
   /// @param partition  whose peers they are
-  HostWriters(const Participant& participant, const std::string& partition, const HostWritersOptions& options = {});
-  HostWriters(HostWriters&&) noexcept;
-  HostWriters& operator=(HostWriters&&) noexcept;
-  ~HostWriters();
+  AddressedWriters(const Participant& participant, const std::string& partition,
+                   const AddressedWritersOptions& options = {});
+  AddressedWriters(AddressedWriters&&) noexcept;
+  AddressedWriters& operator=(AddressedWriters&&) noexcept;
+  ~AddressedWriters();
 
   /// To who reads in the partition of `address`. To one that is new it is kept until its reader is found: Tidy sends it
   /// then. `address` may be anybody's word; "" is the partition itself, for peers that do not name theirs.
@@ -44,8 +45,8 @@ class HostWriters {
   Status Write(const std::string& address, const Message& message);
   /// Sends what waits for those that are found by now, and forgets those that have gone.
   void Tidy();
-  bool waiting() const;       ///< for those that are not found yet: call Tidy soon
-  std::size_t hosts() const;  ///< that are known now
+  bool waiting() const;           ///< for those that are not found yet: call Tidy soon
+  std::size_t addresses() const;  ///< that are known now
 
  private:
   struct Impl;

@@ -5,9 +5,9 @@
 #include <optional>
 #include <utility>
 
+#include "services/bus/addressed_writers.h"
 #include "services/bus/assembly.h"
 #include "services/bus/blob_transfer.h"
-#include "services/bus/host_writers.h"
 #include "services/bus/inbox.h"
 #include "services/bus/serialized.h"
 #include "services/bus/typed.h"
@@ -69,7 +69,7 @@ struct BlobReceiver::Impl {
   ReceiveOptions options;
   Endpoint manifests;
   Endpoint chunks;
-  std::optional<HostWriters<BlobAck>> acks;
+  std::optional<AddressedWriters<BlobAck>> acks;
   Waiter waiter;
   Inbox inbox;
   std::vector<BlobKey> unreported;  // progress that the sender does not know

@@ -160,7 +160,7 @@ Result<CollectorTopics> CollectorTopics::Open(const bus::Participant& participan
   ETUDE_ASSIGN_OR_RETURN(auto controls, bus::Reader<bus::CampaignControl>::Open(participant, partition));
   ETUDE_ASSIGN_OR_RETURN(auto episodes,
                          bus::BlobReceiver::Open(participant, owner, "episode", {.max_memory = options.max_memory}));
-  bus::HostWriters<bus::Lease> leases(participant, partition);
+  bus::AddressedWriters<bus::Lease> leases(participant, partition);
   return CollectorTopics{std::move(announcements), std::move(leases),   std::move(statuses),
                          std::move(requests),      std::move(reports),  std::move(heartbeats),
                          std::move(errors),        std::move(controls), std::move(episodes)};

@@ -12,9 +12,9 @@
 #include <set>
 #include <thread>
 
+#include "services/bus/addressed_writers.h"
 #include "services/bus/blob_transfer.h"
 #include "services/bus/directory.h"
-#include "services/bus/host_writers.h"
 #include "services/bus/topic.h"
 #include "services/campaign/collector.h"
 #include "services/campaign/fingerprint.h"
@@ -30,7 +30,7 @@ namespace etude::campaign {
 // What a collector says and hears.
 struct CollectorTopics {
   bus::Writer<bus::CampaignAnnouncement> announcements;
-  bus::HostWriters<bus::Lease> leases;
+  bus::AddressedWriters<bus::Lease> leases;
   bus::Writer<bus::CampaignStatus> statuses;
   bus::Reader<bus::WorkRequest> requests;
   bus::Reader<bus::AttemptReport> reports;

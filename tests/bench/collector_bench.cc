@@ -98,7 +98,7 @@ class Sender {
     sender_.emplace(OrDie(bus::BlobSender::Open(participant, owner_, "episode", name_)));
   }
 
-  // Until the collector has found this one; who answers is there with the first answer (bus::HostWriters).
+  // Until the collector has found this one; who answers is there with the first answer (bus::AddressedWriters).
   void AwaitMatch() const {
     (void)requests_->WaitForReaders(1, 60s);
     (void)heartbeats_->WaitForReaders(1, 60s);

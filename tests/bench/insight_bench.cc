@@ -19,8 +19,8 @@
 #include <string>
 #include <vector>
 
+#include "services/bus/addressed_writers.h"
 #include "services/bus/directory.h"
-#include "services/bus/host_writers.h"
 #include "services/bus/topic.h"
 #include "services/core/check.h"
 #include "services/core/clock.h"
@@ -58,7 +58,7 @@ Status ServeAsBefore(const Path& checkpoint, const std::string& run) {
   ETUDE_ASSIGN_OR_RETURN(const auto participant, bus::Participant::Open({kDomain, ""}));
   const bus::Owner owner{selector.name, selector.id};
   const std::string partition = owner.partition();
-  bus::HostWriters<bus::Action> actions(participant, partition);
+  bus::AddressedWriters<bus::Action> actions(participant, partition);
   ETUDE_ASSIGN_OR_RETURN(auto observations, bus::Reader<bus::Observation>::Open(participant, partition));
   const auto presence = bus::MakePresence(bus::PresenceKind::kPolicy, selector.name, selector.id, "");
   ETUDE_ASSIGN_OR_RETURN(const auto announced, bus::Announcement::Open(participant, presence, Claim::kAdopt));

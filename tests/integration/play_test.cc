@@ -7,8 +7,8 @@
 #include <optional>
 #include <thread>
 
+#include "services/bus/addressed_writers.h"
 #include "services/bus/directory.h"
-#include "services/bus/host_writers.h"
 #include "services/bus/topic.h"
 #include "services/campaign/process.h"
 #include "services/play/arguments.h"
@@ -83,7 +83,7 @@ class Oracle {
   policy::Answer answer_;
   std::uint64_t request_ = 0;
   bus::Reader<bus::Observation> observations_;
-  bus::HostWriters<bus::Action> actions_;
+  bus::AddressedWriters<bus::Action> actions_;
   std::jthread thread_;
 };
 

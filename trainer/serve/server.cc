@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "services/bus/addressed_writers.h"
 #include "services/bus/directory.h"
-#include "services/bus/host_writers.h"
 #include "services/bus/topic.h"
 #include "services/core/clock.h"
 #include "services/core/file.h"
@@ -44,7 +44,7 @@ constexpr std::size_t kMostSessions = 10'000;  // that are counted
 struct Desk {
   std::string run_id;
   bus::Announcement presence;
-  bus::HostWriters<bus::Action> actions;
+  bus::AddressedWriters<bus::Action> actions;
   bus::Reader<bus::Observation> observations;
   bus::Writer<bus::PolicyStatus> statuses;
   std::unique_ptr<InsightDesk> insights;  // null: nobody may look into the policy here
@@ -262,7 +262,7 @@ Status PolicyServer::Impl::OpenDesk(Front& at, const std::string& run_id) {
   const auto presence = bus::MakePresence(bus::PresenceKind::kPolicy, options.run.name, run_id, options.folder);
   // several may serve one run; the newest is the one that is found
   ETUDE_ASSIGN_OR_RETURN(auto announced, bus::Announcement::Open(participant, presence, Claim::kAdopt));
-  at.desk.emplace(Desk{run_id, std::move(announced), bus::HostWriters<bus::Action>(participant, partition),
+  at.desk.emplace(Desk{run_id, std::move(announced), bus::AddressedWriters<bus::Action>(participant, partition),
                        std::move(observations), std::move(statuses), std::move(insights)});
   at.since_status.reset();
   return {};

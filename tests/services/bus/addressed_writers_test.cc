@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests services/bus/host_writers.cc: what is meant for one host comes to it, and to no other.
-#include "services/bus/host_writers.h"
+// Tests services/bus/addressed_writers.cc: what is meant for one host comes to it, and to no other.
+#include "services/bus/addressed_writers.h"
 
 #include <gtest/gtest.h>
 
@@ -17,7 +17,7 @@
 #include "tests/services/bus/two_processes.h"
 
 namespace etude::bus {
-namespace host_writers_test {
+namespace addressed_writers_test {
 
 using namespace std::chrono_literals;
 
@@ -32,7 +32,7 @@ Lease To(const std::string& worker) {
 }
 
 // Tidies up until `met`.
-bool TidyUntil(HostWriters<Lease>& writers, const std::function<bool()>& met) {
+bool TidyUntil(AddressedWriters<Lease>& writers, const std::function<bool()>& met) {
   for (const Stopwatch watch; watch.Seconds() < kPatienceS; WaitForStop(5ms)) {
     writers.Tidy();
     if (met()) return true;
@@ -57,9 +57,9 @@ class Host {
   Reader<Lease> reader_;
 };
 
-TEST(HostWriters, EachHostGetsWhatIsMeantForItAndNothingElse) {
+TEST(AddressedWriters, EachHostGetsWhatIsMeantForItAndNothingElse) {
   const auto peers = OpenTwo(kDomain);
-  HostWriters<Lease> writers(peers.a, kCampaign);
+  AddressedWriters<Lease> writers(peers.a, kCampaign);
   Host one(peers.b, PartitionOfAddress(kCampaign, "rack-1")), two(peers.b, PartitionOfAddress(kCampaign, "rack-2")),
       all(peers.b, kCampaign);
   constexpr std::size_t kLeases = 30;
@@ -69,7 +69,7 @@ TEST(HostWriters, EachHostGetsWhatIsMeantForItAndNothingElse) {
       ASSERT_TRUE(writers.Write("rack-2", To("two")));
     }
   }
-  EXPECT_EQ(writers.hosts(), 2u);
+  EXPECT_EQ(writers.addresses(), 2u);
   EXPECT_TRUE(TidyUntil(writers, [&] { return one.Count() == kLeases && two.Count() == kLeases / 3; }));
   EXPECT_EQ(one.workers, std::vector<std::string>(kLeases, "one"));
   EXPECT_EQ(two.workers, std::vector<std::string>(kLeases / 3, "two"));
@@ -79,18 +79,18 @@ TEST(HostWriters, EachHostGetsWhatIsMeantForItAndNothingElse) {
   EXPECT_EQ(all.matched_writers(), 0);
 }
 
-TEST(HostWriters, WithoutAHostItIsThePartitionItself) {
+TEST(AddressedWriters, WithoutAHostItIsThePartitionItself) {
   const auto peers = OpenTwo(kDomain);
-  HostWriters<Lease> writers(peers.a, kCampaign);
+  AddressedWriters<Lease> writers(peers.a, kCampaign);
   Host all(peers.b, kCampaign), one(peers.b, PartitionOfAddress(kCampaign, "rack-1"));
   ASSERT_TRUE(writers.Write("", To("older")));
   EXPECT_TRUE(TidyUntil(writers, [&] { return all.Count() == 1; }));
   EXPECT_EQ(one.Count(), 0u);
 }
 
-TEST(HostWriters, TheFirstWordsWaitForTheirReader) {
+TEST(AddressedWriters, TheFirstWordsWaitForTheirReader) {
   const auto peers = OpenTwo(kDomain);
-  HostWriters<Lease> writers(peers.a, kCampaign, {.wait = 20s});
+  AddressedWriters<Lease> writers(peers.a, kCampaign, {.wait = 20s});
   ASSERT_TRUE(writers.Write("late", To("first")));
   ASSERT_TRUE(writers.Write("late", To("second")));
   EXPECT_TRUE(writers.waiting());
@@ -100,9 +100,9 @@ TEST(HostWriters, TheFirstWordsWaitForTheirReader) {
   EXPECT_FALSE(writers.waiting());
 }
 
-TEST(HostWriters, WhatWaitsIsBoundedInNumberAndTime) {
+TEST(AddressedWriters, WhatWaitsIsBoundedInNumberAndTime) {
   const auto peers = OpenTwo(kDomain);
-  HostWriters<Lease> writers(peers.a, kCampaign, {.most_waiting = 3, .wait = 50ms});
+  AddressedWriters<Lease> writers(peers.a, kCampaign, {.most_waiting = 3, .wait = 50ms});
   for (const char* host : {"a", "b", "c"}) ASSERT_TRUE(writers.Write(host, To("nobody")));
   const Status one_more = writers.Write("d", To("nobody"));
   ASSERT_FALSE(one_more);
@@ -110,45 +110,45 @@ TEST(HostWriters, WhatWaitsIsBoundedInNumberAndTime) {
   EXPECT_TRUE(TidyUntil(writers, [&] { return !writers.waiting(); }));
 }
 
-TEST(HostWriters, WhoIsToldAgainAndAgainHearsTheNewest) {
+TEST(AddressedWriters, WhoIsToldAgainAndAgainHearsTheNewest) {
   const auto peers = OpenTwo(kDomain);
-  HostWriters<Lease> writers(peers.a, kCampaign, {.most_waiting = 2, .most_waiting_each = 2, .wait = 20s});
+  AddressedWriters<Lease> writers(peers.a, kCampaign, {.most_waiting = 2, .most_waiting_each = 2, .wait = 20s});
   for (const char* word : {"first", "second", "third"}) ASSERT_TRUE(writers.Write("late", To(word)));
   Host late(peers.b, PartitionOfAddress(kCampaign, "late"));
   EXPECT_TRUE(TidyUntil(writers, [&] { return late.Count() == 2; }));
   EXPECT_EQ(late.workers, (std::vector<std::string>{"second", "third"}));
 }
 
-TEST(HostWriters, WhoseWordsFoundNoRoomIsForgottenToo) {
+TEST(AddressedWriters, WhoseWordsFoundNoRoomIsForgottenToo) {
   const auto peers = OpenTwo(kDomain);
-  HostWriters<Lease> writers(peers.a, kCampaign, {.most_waiting = 0, .gone = 100ms});
+  AddressedWriters<Lease> writers(peers.a, kCampaign, {.most_waiting = 0, .gone = 100ms});
   EXPECT_FALSE(writers.Write("nobody", To("nobody")));
-  EXPECT_EQ(writers.hosts(), 1u);
-  EXPECT_TRUE(TidyUntil(writers, [&] { return writers.hosts() == 0; }));
+  EXPECT_EQ(writers.addresses(), 1u);
+  EXPECT_TRUE(TidyUntil(writers, [&] { return writers.addresses() == 0; }));
 }
 
-TEST(HostWriters, HostsThatHaveGoneAreForgotten) {
+TEST(AddressedWriters, HostsThatHaveGoneAreForgotten) {
   const auto peers = OpenTwo(kDomain);
-  HostWriters<Lease> writers(peers.a, kCampaign, {.gone = 100ms});
+  AddressedWriters<Lease> writers(peers.a, kCampaign, {.gone = 100ms});
   Host stays(peers.b, PartitionOfAddress(kCampaign, "stays"));
   for (int life = 0; life < 2; ++life) {  // and found again
     std::optional<Host> goes(std::in_place, peers.b, PartitionOfAddress(kCampaign, "goes"));
     ASSERT_TRUE(writers.Write("goes", To("goes")));
     ASSERT_TRUE(writers.Write("stays", To("stays")));
     EXPECT_TRUE(TidyUntil(writers, [&] { return goes->Count() == 1; })) << life;
-    EXPECT_EQ(writers.hosts(), 2u);
+    EXPECT_EQ(writers.addresses(), 2u);
     goes.reset();
-    EXPECT_TRUE(TidyUntil(writers, [&] { return writers.hosts() == 1; })) << life;
+    EXPECT_TRUE(TidyUntil(writers, [&] { return writers.addresses() == 1; })) << life;
   }
   ASSERT_TRUE(writers.Write("stays", To("stays")));
   EXPECT_TRUE(TidyUntil(writers, [&] { return stays.Count() == 3; }));
 }
 
-TEST(HostWriters, ThereAreNoMoreThanAllowed) {
+TEST(AddressedWriters, ThereAreNoMoreThanAllowed) {
   const auto peers = OpenTwo(kDomain);
-  HostWriters<Lease> writers(peers.a, kCampaign, {.most_hosts = 2});
+  AddressedWriters<Lease> writers(peers.a, kCampaign, {.most_addresses = 2});
   for (const char* invented : {"a", "b", "c", "d"}) ASSERT_TRUE(writers.Write(invented, To("nobody")));
-  EXPECT_EQ(writers.hosts(), 2u) << "those that nobody reads make room";
+  EXPECT_EQ(writers.addresses(), 2u) << "those that nobody reads make room";
   Host one(peers.b, PartitionOfAddress(kCampaign, "one")), two(peers.b, PartitionOfAddress(kCampaign, "two"));
   ASSERT_TRUE(writers.Write("one", To("one")));
   EXPECT_TRUE(TidyUntil(writers, [&] { return one.Count() == 1; }));
@@ -161,16 +161,16 @@ TEST(HostWriters, ThereAreNoMoreThanAllowed) {
   EXPECT_TRUE(TidyUntil(writers, [&] { return one.Count() == 2; }));
 }
 
-TEST(HostWriters, NamesFromTheBusAreLookedAt) {
+TEST(AddressedWriters, NamesFromTheBusAreLookedAt) {
   const auto peers = OpenTwo(kDomain);
-  HostWriters<Lease> writers(peers.a, kCampaign);
+  AddressedWriters<Lease> writers(peers.a, kCampaign);
   for (const std::string& name : {std::string("*"), std::string("../q"), std::string("a/b"), std::string("rack?"),
                                   std::string("RACK"), std::string("a b"), std::string(65, 'a')}) {
     const Status written = writers.Write(name, To("nobody"));
     ASSERT_FALSE(written) << name;
     EXPECT_EQ(written.error().code, Code::kInvalidArgument) << name;
   }
-  EXPECT_EQ(writers.hosts(), 0u);
+  EXPECT_EQ(writers.addresses(), 0u);
 }
 
 TEST(Address, OfAProcessIsAPlainNameThatTellsItsHost) {
@@ -200,5 +200,5 @@ TEST(ParticipantAddress, IsAPlainNameOfItsOwn) {
   }
 }
 
-}  // namespace host_writers_test
+}  // namespace addressed_writers_test
 }  // namespace etude::bus

@@ -11,7 +11,7 @@
 #include <string_view>
 
 #include "services/bus/access.h"
-#include "services/bus/host_writers.h"
+#include "services/bus/addressed_writers.h"
 #include "services/bus/owner.h"
 #include "services/bus/participant_watch.h"
 #include "services/bus/profile.h"
@@ -252,7 +252,7 @@ TEST_F(SecurityTest, LeasesComeToTheirHostAlone) {
   auto of_one = Reader<Lease>::Open(one, PartitionOfAddress("q/1", one.address()));
   auto of_two = Reader<Lease>::Open(two, PartitionOfAddress("q/1", two.address()));
   ASSERT_TRUE(of_one && of_two);
-  HostWriters<Lease> leases(hub, "q/1", {.wait = 20s});
+  AddressedWriters<Lease> leases(hub, "q/1", {.wait = 20s});
   Lease lease;
   lease.worker = "worker-one";
   ASSERT_TRUE(leases.Write(one.address(), lease));
