@@ -37,7 +37,7 @@ struct Arguments {
   std::vector<std::string> data;
   std::string collect, config, out, name;
   std::string init;
-  std::vector<std::string> set, add, copy, fresh, freeze;
+  std::vector<std::string> set, add, copy, fresh, freeze, like;
   double minutes = 0;
   std::uint64_t steps = 0;
   std::uint64_t seed = 0;
@@ -84,7 +84,8 @@ std::vector<std::string> Overrides(const Arguments& arguments) {
   for (const auto& [key, names] : {std::pair{"add", &arguments.add},
                                    {"init.copy", &arguments.copy},
                                    {"init.fresh", &arguments.fresh},
-                                   {"init.freeze", &arguments.freeze}})
+                                   {"init.freeze", &arguments.freeze},
+                                   {"init.like", &arguments.like}})
     if (!names->empty()) overrides.push_back(fmt::format("{}={}", key, OrderedJson(*names).dump()));
   overrides.insert(overrides.end(), arguments.set.begin(), arguments.set.end());
   return overrides;
@@ -445,6 +446,7 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
   parts("--copy", arguments.copy, "parts to take from --init, e.g. image,language,LANG (default: all that both have)");
   parts("--fresh", arguments.fresh, "parts that begin anew all the same");
   parts("--freeze", arguments.freeze, "parts that stay as they are, bit for bit");
+  parts("--like", arguments.like, "new parts that begin with another one's weights, e.g. OBST2D=TAR2D");
   app.add_option("--out", arguments.out, "the run's folder: config, metrics, checkpoints, state");
   app.add_option("--name", arguments.name, "the run's name on the bus (default: from the folder's name)");
   app.add_option("--minutes", arguments.minutes, "stop after this much training; the learning rate follows");

@@ -33,7 +33,7 @@ struct ResultTraining {
   std::vector<std::uint64_t> seeds{1};
   std::string runs_of;  ///< a row: nothing is trained, its runs are evaluated
   std::string init;     ///< a row: its run of the same seed, or of its first
-  std::vector<std::string> add, fresh, freeze, set;
+  std::vector<std::string> add, fresh, freeze, like, set;
 
   void Visit(auto& v) {
     v("config", config, "", "experiment: its name, or a file; not with init, whose checkpoint has the graph");
@@ -45,6 +45,7 @@ struct ResultTraining {
     v("add", add, "", "modules put on top, with init");
     v("fresh", fresh, "", "parts that begin anew, with init");
     v("freeze", freeze, "", "parts that stay as they are, with init");
+    v("like", like, "", "NEW=OLD: parts that begin with another one's weights, with init");
     v("set", set, "", "KEY=VALUE over the experiment's");
   }
 };

@@ -97,6 +97,7 @@ std::string BeginsText(const ResultTraining& train) {
   std::string text = train.init;
   if (!train.add.empty()) text += fmt::format(" + {}", fmt::join(train.add, " + "));
   if (!train.fresh.empty()) text += fmt::format(", anew: {}", fmt::join(train.fresh, ", "));
+  if (!train.like.empty()) text += fmt::format(", like: {}", fmt::join(train.like, ", "));
   if (!train.freeze.empty()) text += fmt::format(", frozen: {}", fmt::join(train.freeze, ", "));
   return text;
 }

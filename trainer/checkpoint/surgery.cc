@@ -93,6 +93,13 @@ class Surgeon {
     for (const auto& part : plan_.copy)
       if (Contains(plan_.fresh, part))
         return Fail(Code::kInvalidArgument, fmt::format("init: '{}' stands in copy and in fresh", part));
+    for (const auto& text : plan_.like) {
+      const auto [part, other] = NewAndOld(text);
+      if (other.empty())
+        return Fail(Code::kInvalidArgument, fmt::format("init.like: '{}' is not NEW=OLD, two parts' names", text));
+      ETUDE_RETURN_IF_ERROR(policy::CheckParts(config_, "init.like", {part}));
+      ETUDE_RETURN_IF_ERROR(policy::CheckParts(source_.metadata.policy, "init.like, the checkpoint", {other}));
+    }
     return {};
   }
 
@@ -125,6 +132,27 @@ class Surgeon {
       if (problems.empty() && policy::PartOfTensor(name) == part && !surgery_.tensors.contains(name))
         problems.push_back(fmt::format("{} is there and not here", name));
     if (!problems.empty()) problems_.push_back(fmt::format("{}: {}", part, fmt::join(problems, ", ")));
+  }
+
+  // What is alike of the inputs is said by the pairs as well: OBST3D's from OBST2D is TAR3D's from TAR2D.
+  void BeginLike() {
+    for (const auto& text : plan_.like) {
+      const auto [part, other] = NewAndOld(text);
+      if (!surgery_.fresh.contains(part)) {
+        problems_.push_back(fmt::format("{}: like {}, but it is copied", part, other));
+        continue;
+      }
+      int taken = 0;
+      for (auto& [name, tensor] : surgery_.tensors) {
+        if (policy::PartOfTensor(name) != part) continue;
+        const auto original = source_.tensors.find(NameThere(name));
+        if (original == source_.tensors.end() || original->second.sizes() != tensor.sizes()) continue;
+        tensor.copy_(original->second);
+        ++taken;
+      }
+      if (taken == 0) problems_.push_back(fmt::format("{}: nothing of it is as in {}", part, other));
+      surgery_.alike[part] = {other, taken};
+    }
   }
 
   // A copied part computes with those that it was trained with; what none of them knows the data at hand scale.
@@ -164,6 +192,27 @@ class Surgeon {
   Surgery& surgery() { return surgery_; }
 
  private:
+  // "OBST2D=TAR2D"; the second is empty where there is none
+  static std::pair<std::string, std::string> NewAndOld(const std::string& text) {
+    const auto equals = text.find('=');
+    if (equals == std::string::npos) return {text, ""};
+    return {text.substr(0, equals), text.substr(equals + 1)};
+  }
+
+  // A tensor's name with every new part called as the old one that it is like, as whole words.
+  std::string NameThere(std::string name) const {
+    const auto is_end = [](char c) { return c == '.' || c == ':'; };
+    for (const auto& text : plan_.like) {
+      const auto [part, other] = NewAndOld(text);
+      for (auto at = name.find(part); at != std::string::npos; at = name.find(part, at + other.size())) {
+        const bool whole =
+            (at == 0 || is_end(name[at - 1])) && (at + part.size() == name.size() || is_end(name[at + part.size()]));
+        if (whole) name.replace(at, part.size(), other);
+      }
+    }
+    return name;
+  }
+
   void CompareReads(const std::string& part, Names& problems) {
     const Names before = UnnamedReads(source_.metadata.policy, part), now = UnnamedReads(config_, part);
     for (const auto& key : before)
@@ -237,6 +286,7 @@ Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const
   const std::string& robot = source.metadata.embodiment.robot;
   surgeon.ChooseParts(robot.empty() || here.robot.empty() || robot == here.robot);
   for (const auto& part : surgeon.surgery().copied) surgeon.CopyPart(part);
+  surgeon.BeginLike();
   surgeon.CopyStatistics();
   surgeon.CheckFrozen();
   surgeon.surgery().differences = Differences(here, source.metadata.embodiment);

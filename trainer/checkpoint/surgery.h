@@ -18,11 +18,15 @@ struct SurgeryPlan {
   std::vector<std::string> copy;    ///< empty: every part that both have but `fresh`, and but what knows another robot
   std::vector<std::string> fresh;   ///< begins anew
   std::vector<std::string> freeze;  ///< stays as it is copied
+  std::vector<std::string> like;    ///< "OBST2D=TAR2D": a fresh part begins as another one of the source does
 };
 
 /// What was done.
 struct Surgery {
   std::set<std::string> copied, fresh;  ///< every part is in one of them
+  /// Of fresh parts that begin like another: which, and how many of their tensors. Whatever has another size, or is of
+  /// inputs that the other has not, begins anew.
+  std::map<std::string, std::pair<std::string, int>> alike;
   /// Of copied modules that read more than their originals: what, by module. Decoders' new columns are zero, so that
   /// at first a copy decodes from new inputs what its original did without them.
   std::map<std::string, std::vector<std::string>> grown;
@@ -37,8 +41,9 @@ struct Surgery {
 /// The network of `config` (resolved, valid) that begins as `initial`, Policy::StateTensors of it. With each copied
 /// part come the source's statistics of what it decodes and reads (policy::StatisticsOf), and no others. @param here
 /// what the network will be trained for
-/// @error kInvalidArgument: names that are no parts; every part that does not fit, with what differs; something frozen
-/// that is not copied, that has grown, or that shares attention that is not frozen.
+/// @error kInvalidArgument: names that are no parts; every part that does not fit, with what differs; a part
+/// that has nothing of the one it should be like; something frozen that is not copied, that has grown, or that shares
+/// attention that is not frozen.
 Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const policy::PolicyConfig& config,
                         const std::map<std::string, torch::Tensor>& initial, const Embodiment& here);
 

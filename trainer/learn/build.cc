@@ -162,6 +162,8 @@ void LogSurgery(const checkpoint::Checkpoint& source, const checkpoint::Surgery&
              source.metadata.step, init.from, fmt::join(surgery.copied, ", "),
              surgery.fresh.empty() ? "nothing" : fmt::format("{}", fmt::join(surgery.fresh, ", ")),
              init.freeze.empty() ? "nothing" : fmt::format("{}", fmt::join(init.freeze, ", ")));
+  for (const auto& [part, other] : surgery.alike)
+    Log().info("{} begins like {} ({} tensors)", part, other.first, other.second);
   for (const auto& [module, inputs] : surgery.grown)
     Log().info("{} reads more than its original: {}", module, fmt::join(inputs, ", "));
   for (const auto& [attention, modules] : surgery.frozen_attention)
@@ -176,7 +178,7 @@ Status BeginWithCheckpoint(TrainingRun& run, Policies& policies) {
   const InitConfig& init = run.config.init;
   ETUDE_ASSIGN_OR_RETURN(const auto source, checkpoint::ReadFile(init.from));
   ETUDE_ASSIGN_OR_RETURN(const auto surgery,
-                         checkpoint::Operate(source, {init.copy, init.fresh, init.freeze}, run.config.policy,
+                         checkpoint::Operate(source, {init.copy, init.fresh, init.freeze, init.like}, run.config.policy,
                                              policies.front()->StateTensors(), run.embodiment));
   for (auto& policy : policies) ETUDE_RETURN_IF_ERROR(policy->LoadStateTensors(surgery.tensors));
   for (const auto& [module, record] : source.metadata.modules)

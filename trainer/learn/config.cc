@@ -134,8 +134,8 @@ Status TrainConfig::Validate() const {
   for (const auto& [what, names] :
        {std::pair{"init.copy", &init.copy}, {"init.fresh", &init.fresh}, {"init.freeze", &init.freeze}})
     if (const auto known = policy::CheckParts(policy, what, *names); !known) errors.push_back(known.error().message);
-  require(!init.from.empty() || (init.copy.empty() && init.fresh.empty()),
-          "init.copy, init.fresh: need a checkpoint, init.from");
+  require(!init.from.empty() || (init.copy.empty() && init.fresh.empty() && init.like.empty()),
+          "init.copy, init.fresh, init.like: need a checkpoint, init.from");
   data.Check(errors);
   curriculum.Check(errors);
   if (const auto status = policy.Validate(); !status) errors.push_back(status.error().message);

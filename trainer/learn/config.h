@@ -79,12 +79,15 @@ struct InitConfig {
   std::vector<std::string> copy;    ///< parts to take; none: all that both have, but `fresh`
   std::vector<std::string> fresh;   ///< parts that begin anew
   std::vector<std::string> freeze;  ///< parts that stay as they are, bit for bit
+  std::vector<std::string> like;    ///< NEW=OLD: fresh parts that begin as another one of the checkpoint
 
   void Visit(auto& v) {
     v("from", from, "", "file of the checkpoint to begin with; empty: from scratch");
     v("copy", copy, "", "parts to take from it; none: all that both have, but `fresh`");
     v("fresh", fresh, "", "parts that begin anew");
     v("freeze", freeze, "", "parts that stay as they are, bit for bit");
+    v("like", like, "",
+      "NEW=OLD: a part that begins anew has the weights of another one of the checkpoint, where they fit");
   }
 };
 

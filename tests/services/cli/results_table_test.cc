@@ -32,6 +32,7 @@ ResultRow Row(double goal) {
   row.train.minutes = 10;
   row.train.init = "base";
   row.train.add = {"obstacle"};
+  row.train.like = {"OBST2D=TAR2D"};
   row.train.freeze = {"LANG", "image"};
   return row;
 }
@@ -43,7 +44,7 @@ TEST(ResultsTable, HasBothCriteriaWithIntervalsAndEverySeed) {
       ResultsTable({{&row, {{1, "then", Report(100, 90, 100)}, {2, "now", Report(100, 96, 98)}}}});
 
   EXPECT_THAT(
-      table, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, frozen: LANG, image | 93.0 [88.6, 95.8] | 90.0, 96.0 | "
+      table, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, like: OBST2D=TAR2D, frozen: LANG, image | 93.0 [88.6, 95.8] | 90.0, 96.0 | "
                        "99.0 [96.4, 99.7] | 82.4 | 95 (missed) | - | nominal, seed 1 | now; then |"));
   EXPECT_THAT(table, HasSubstr("| UR5 | pick | 93.0 [88.6, 95.8] | 99.0 [96.4, 99.7] |"));
   const ResultRow easy = Row(90);
@@ -73,7 +74,7 @@ TEST(ResultsTable, NamesThePolicyThatWasTrainedAndWhatItWasTold) {
   on_top.train.set = {"optimizer.lr=0.001"};
   on_top.train.fresh = {"joints"};
   on_top.begins_with = DefinitionOf(base);
-  EXPECT_THAT(table(on_top), HasSubstr("| base + obstacle, anew: joints, frozen: LANG, image |"));
+  EXPECT_THAT(table(on_top), HasSubstr("| base + obstacle, anew: joints, like: OBST2D=TAR2D, frozen: LANG, image |"));
   EXPECT_THAT(table(on_top), HasSubstr("| compact/relational, optimizer.lr=0.001 | nominal, seed 1"));
   further.begins_with = DefinitionOf(on_top);
   EXPECT_THAT(table(further), HasSubstr("| compact/relational | nominal, seed 1")) << "of the first of them";
@@ -233,7 +234,7 @@ TEST(ResultsTable, LeavesOutWhatWasNotMeasuredAndSurvivesOddReports) {
   const ResultRow row = Row(0);
   EXPECT_THAT(ResultsTable({{&row, {}}}), Not(HasSubstr("UR5")));
   const std::string odd = ResultsTable({{&row, {{1, "now", OrderedJson::object()}}}});
-  EXPECT_THAT(odd, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, frozen: LANG, image | - |"));
+  EXPECT_THAT(odd, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, like: OBST2D=TAR2D, frozen: LANG, image | - |"));
 }
 
 // 9 of 10 and 50 of 100: the mean of the two shares, 70 %, would lie outside the interval of the 110 rollouts.
@@ -269,7 +270,7 @@ TEST(ResultsTable, NumbersThatAreNoneAreNotCounted) {
   odd[4]["overall"]["success"]["successes"] = nullptr;
   for (const auto& report : odd) {
     const std::string table = ResultsTable({{&row, {{1, "now", report}}}});
-    EXPECT_THAT(table, HasSubstr("| base + obstacle, frozen: LANG, image | - |  |")) << report.dump();
+    EXPECT_THAT(table, HasSubstr("| base + obstacle, like: OBST2D=TAR2D, frozen: LANG, image | - |  |")) << report.dump();
   }
 }
 

@@ -350,6 +350,45 @@ TEST_F(SharedSurgeryTest, LearningStartsWhereAttentionBeginsAnew) {
   EXPECT_EQ(FirstLevelToLearn(Base(), *surgery), 2);
 }
 
+TEST_F(SurgeryTest, ANewPartMayBeginLikeAnother) {
+  const PolicyConfig config = WithObstacle();
+  const auto plain = Do(config), surgery = Do(config, {.like = {"OBST3D=TAR3D"}});
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  EXPECT_THAT(surgery->fresh, ElementsAre("OBST3D")) << "it learns";
+  int of_it = 0;
+  for (const auto& [name, tensor] : surgery->tensors) {
+    if (policy::PartOfTensor(name) != "OBST3D") {
+      EXPECT_TRUE(torch::equal(tensor, plain->tensors.at(name))) << name;
+      continue;
+    }
+    ++of_it;
+    std::string there = name;
+    there.replace(there.find("OBST3D"), 6, "TAR3D");
+    EXPECT_TRUE(torch::equal(tensor, source_.tensors.at(there))) << name;
+  }
+  EXPECT_GT(of_it, 4);
+  EXPECT_EQ(surgery->alike.at("OBST3D"), (std::pair<std::string, int>("TAR3D", of_it)));
+}
+
+TEST_F(SurgeryTest, ANewPartIsLikeAnotherAsFarAsTheyAreOfOneSize) {
+  PolicyConfig config = WithObstacle();
+  policy::ModuleConfig* obstacle = FindModule(config, "OBST3D");
+  ASSERT_FALSE(obstacle->decoder.hidden.empty());
+  obstacle->decoder.hidden.back() += 8;
+  const auto initial = Initial(config);
+  const auto surgery = Do(config, {.like = {"OBST3D=TAR3D"}});
+  ASSERT_TRUE(surgery) << surgery.error().message;
+  int anew = 0;
+  for (const auto& [name, tensor] : surgery->tensors)
+    anew += policy::PartOfTensor(name) == "OBST3D" && torch::equal(tensor, initial.at(name)) ? 1 : 0;
+  EXPECT_GT(anew, 0);
+  EXPECT_GT(surgery->alike.at("OBST3D").second, 2);
+  EXPECT_THAT(Do(config, {.like = {"OBST3D"}}).error().message, HasSubstr("'OBST3D' is not NEW=OLD"));
+  EXPECT_THAT(Do(config, {.like = {"OBST3=TAR3D"}}).error().message, HasSubstr("did you mean 'OBST3D'"));
+  EXPECT_THAT(Do(config, {.like = {"OBST3D=TAR3"}}).error().message, HasSubstr("did you mean 'TAR3D'"));
+  EXPECT_THAT(Do(config, {.like = {"DISP=TAR3D"}}).error().message, HasSubstr("DISP: like TAR3D, but it is copied"));
+}
+
 TEST_F(SurgeryTest, ChecksItsPlan) {
   const PolicyConfig config = WithObstacle();
   EXPECT_THAT(Do(config, {.copy = {"TAR2"}}).error().message, HasSubstr("did you mean 'TAR2D'"));
