@@ -221,8 +221,10 @@ std::string SpecHash(const CampaignSpec& spec) {
   if (!spec.adaptive_sampling.on()) json.erase("split");
   if (spec.adaptive_sampling == AdaptiveSamplingSpec{}) json.erase("adaptive_sampling");
   if (spec.obstacle.clearance == ObstacleSpec().clearance) json["obstacle"].erase("clearance");
-  if (spec.randomization.world == WorldRandomizationSpec{}) json["randomization"].erase("world");
-  else if (spec.randomization.world.distractor_balls == 0) json["randomization"]["world"].erase("distractor_balls");
+  if (spec.randomization.world == WorldRandomizationSpec{})
+    json["randomization"].erase("world");
+  else if (spec.randomization.world.distractor_balls == 0)
+    json["randomization"]["world"].erase("distractor_balls");
   EraseUnset(json["rollout"]);
   json["content"] = kContentVersion;
   if (spec.mode == "rollout") json["rollout"]["version"] = kRolloutVersion;

@@ -46,7 +46,8 @@ bool SeesWorkVolume(const CameraSpec& camera);
 std::vector<std::string> PossibleDistractorClasses(const CampaignSpec& spec);
 
 /// The distractors of episode `index`, as scenes call them (see IsDistractor): generated objects for training, no two
-/// of one class, and in some episodes a ball in place of the first. Others every kEpisodesPerScene episodes, as the objects.
+/// of one class, and in some episodes a ball in place of the first. Others every kEpisodesPerScene episodes, as the
+/// objects.
 std::vector<std::string> DrawDistractors(const CampaignSpec& spec, std::uint64_t index);
 
 /// The camera of episode `index`, nothing where it does not move. Drawn until it sees the work volume; where that is

@@ -43,7 +43,8 @@ struct WorldRandomizationSpec {
     v("object_colour", object_colour, "-", "relative change of each channel of each object's colours");
     v("object_gloss", object_gloss, "-", "change of how much each object shines, 0 to 1");
     v("distractors", distractors, "-", "at most so many things on the table that no sentence names");
-    v("distractor_balls", distractor_balls, "-", "probability that one of them, where there are any, is a ball of some colour");
+    v("distractor_balls", distractor_balls, "-",
+      "probability that one of them, where there are any, is a ball of some colour");
   }
 
   bool moves_camera() const { return camera_position > 0 || camera_aim > 0 || camera_roll > 0 || fovy_deg > 0; }

@@ -159,7 +159,9 @@ const std::map<std::string, std::function<ObjectModel()>>& Makers() {
       {"pepsi", [] { return Can("pepsi", PepsiTexture()); }},
       {"bread", Bread},
       {"bottle", Bottle},
-      {"basketball", [] { return MakeBall("basketball", {0.90, 0.42, 0.10}); }}};
+      {"basketball", [] {
+         return MakeBall("basketball", {0.90, 0.42, 0.10});
+       }}};
   return makers;
 }
 
@@ -176,8 +178,8 @@ ObjectModel MakeBall(const std::string& name, const Color& colour) {
 }
 
 Color BallColour(int number) {
-  constexpr int kHues = 8;
-  constexpr std::array<double, 3> kSaturation{0.9, 0.55, 0.8}, kValue{0.9, 0.8, 0.45};
+  constexpr int kHues = 12;
+  constexpr std::array<double, 2> kSaturation{0.9, 0.6}, kValue{0.9, 0.6};
   const double sector = 6.0 * (number % kHues) / kHues;
   const auto depth = static_cast<std::size_t>(number / kHues) % kValue.size();
   // of each channel: how far its own hue is round the circle (Smith 1978, HSV)

@@ -48,7 +48,7 @@ Result<ObjectModel> MakeObject(const std::string& name);
 
 /// The basketball's shape, weight and seams in another colour.
 ObjectModel MakeBall(const std::string& name, const Color& colour);
-/// Round the circle of hues with the number, in three depths. @pre number >= 0
+/// Round the circle of hues with the number, in two depths; one of them is nearly the basketball's. @pre number >= 0
 Color BallColour(int number);
 
 /// Who makes the objects of a scene; MakeObject is the least of them.
