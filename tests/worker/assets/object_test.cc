@@ -146,6 +146,29 @@ TEST(Objects, SayTheMassHeightAndBoxThatTheyHave) {
   }
 }
 
+TEST(Ball, IsTheBasketballInAnotherColour) {
+  const auto basketball = MakeObject("basketball");
+  ASSERT_THAT(basketball, IsOk());
+  const ObjectModel ball = MakeBall("distractor_ball_07", BallColour(7));
+  EXPECT_EQ(ball.name, "distractor_ball_07");
+  EXPECT_EQ(ball.mass, basketball->mass);
+  EXPECT_EQ(ball.rest_height, basketball->rest_height);
+  EXPECT_EQ(ball.half_extent, basketball->half_extent);
+  ASSERT_EQ(ball.files.size(), 2u);
+  EXPECT_EQ(ball.files[1].name, basketball->files[1].name) << "one mesh for both";
+  EXPECT_EQ(ball.files[1].bytes, basketball->files[1].bytes);
+  EXPECT_NE(ball.files[0].name, basketball->files[0].name) << "two textures";
+  EXPECT_NE(ball.files[0].bytes, basketball->files[0].bytes);
+}
+
+TEST(Ball, ComesInAllHues) {
+  EXPECT_TRUE(BallColour(0).isApprox(Color(0.9, 0.09, 0.09), 1e-12)) << "red";
+  EXPECT_TRUE(BallColour(4).isApprox(Color(0.09, 0.9, 0.09), 1e-12)) << "green";
+  EXPECT_TRUE(BallColour(6).isApprox(Color(0.09, 0.9, 0.9), 1e-12)) << "cyan";
+  EXPECT_LT((BallColour(1) - Color(0.90, 0.42, 0.10)).norm(), 0.1) << "nearly the basketball's";
+  EXPECT_TRUE(BallColour(12).isApprox(Color(0.6, 0.24, 0.24), 1e-12)) << "the same hue, duller and darker";
+}
+
 TEST(Objects, HaveTextureCoordinatesWithinTheirPicture) {
   for (const Mesh& mesh : {CanMesh(0.04), MilkMesh(0.061), BreadMesh(0.0363), BottleMesh(0.0649),
                            BottleLabelMesh(0.0649), BottleCapMesh(0.0649), BallMesh()})

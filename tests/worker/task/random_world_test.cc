@@ -142,7 +142,8 @@ TEST(RandomWorld, DistractorsLeaveTheObjectsWhereTheyWere) {
 }
 
 TEST(RandomWorld, TheExpertSucceedsAndTouchesNoDistractor) {
-  const CampaignSpec spec = Small(Robust());
+  CampaignSpec spec = Small(Robust());
+  spec.randomization.world.distractor_balls = 0.5;
   AttemptRunner runner = OpenOrDie(spec);
   int successes = 0, with_distractors = 0;
   std::map<std::string, int> failures;
