@@ -192,8 +192,10 @@ class Maker {
     if (train.init.empty()) return Words{"--config", train.config};
     ETUDE_ASSIGN_OR_RETURN(const Path init, InitOf(row, seed));
     Words words{"--init", init.string()};
-    for (const auto& [option, names] :
-         {std::pair{"--add", &train.add}, {"--fresh", &train.fresh}, {"--freeze", &train.freeze}, {"--like", &train.like}})
+    for (const auto& [option, names] : {std::pair{"--add", &train.add},
+                                        {"--fresh", &train.fresh},
+                                        {"--freeze", &train.freeze},
+                                        {"--like", &train.like}})
       if (!names->empty()) words.insert(words.end(), {option, fmt::format("{}", fmt::join(*names, ","))});
     return words;
   }

@@ -43,9 +43,9 @@ TEST(ResultsTable, HasBothCriteriaWithIntervalsAndEverySeed) {
   const std::string table =
       ResultsTable({{&row, {{1, "then", Report(100, 90, 100)}, {2, "now", Report(100, 96, 98)}}}});
 
-  EXPECT_THAT(
-      table, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, like: OBST2D=TAR2D, frozen: LANG, image | 93.0 [88.6, 95.8] | 90.0, 96.0 | "
-                       "99.0 [96.4, 99.7] | 82.4 | 95 (missed) | - | nominal, seed 1 | now; then |"));
+  EXPECT_THAT(table, HasSubstr("| UR5 | 600 | 10 min | base + obstacle, like: OBST2D=TAR2D, frozen: LANG, image | 93.0 "
+                               "[88.6, 95.8] | 90.0, 96.0 | "
+                               "99.0 [96.4, 99.7] | 82.4 | 95 (missed) | - | nominal, seed 1 | now; then |"));
   EXPECT_THAT(table, HasSubstr("| UR5 | pick | 93.0 [88.6, 95.8] | 99.0 [96.4, 99.7] |"));
   const ResultRow easy = Row(90);
   EXPECT_THAT(ResultsTable({{&easy, {{1, "now", Report(100, 96, 98)}}}}), Not(HasSubstr("missed")));
@@ -270,7 +270,8 @@ TEST(ResultsTable, NumbersThatAreNoneAreNotCounted) {
   odd[4]["overall"]["success"]["successes"] = nullptr;
   for (const auto& report : odd) {
     const std::string table = ResultsTable({{&row, {{1, "now", report}}}});
-    EXPECT_THAT(table, HasSubstr("| base + obstacle, like: OBST2D=TAR2D, frozen: LANG, image | - |  |")) << report.dump();
+    EXPECT_THAT(table, HasSubstr("| base + obstacle, like: OBST2D=TAR2D, frozen: LANG, image | - |  |"))
+        << report.dump();
   }
 }
 
