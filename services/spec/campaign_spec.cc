@@ -123,7 +123,10 @@ void CheckRandomization(const RandomizationSpec& randomization, Problems& proble
 
 bool NamesTheBall(const CampaignSpec& spec) {
   return std::ranges::count(spec.objects, kObstacleObject) > 0 ||
-         std::ranges::any_of(spec.tasks, [](const std::string& task) { return task.ends_with("+obstacle"); });
+         std::ranges::any_of(spec.tasks, [](const std::string& name) {
+           const auto task = ParseTask(name);
+           return task && task->avoid == "obstacle";
+         });
 }
 
 // What has a range of its own is looked at before this.

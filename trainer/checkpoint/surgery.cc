@@ -84,6 +84,7 @@ class Surgeon {
   Surgeon(const Checkpoint& source, const SurgeryPlan& plan, const PolicyConfig& config, const Tensors& initial)
       : source_(source), plan_(plan), config_(config), theirs_(policy::PartsOf(source.metadata.policy)) {
     for (const auto& [name, tensor] : initial) surgery_.tensors[name] = tensor.detach().clone();
+    for (const auto& text : plan.like) like_.push_back(NewAndOld(text));
   }
 
   Status CheckPlan() const {
@@ -93,10 +94,9 @@ class Surgeon {
     for (const auto& part : plan_.copy)
       if (Contains(plan_.fresh, part))
         return Fail(Code::kInvalidArgument, fmt::format("init: '{}' stands in copy and in fresh", part));
-    for (const auto& text : plan_.like) {
-      const auto [part, other] = NewAndOld(text);
+    for (const auto& [part, other] : like_) {
       if (other.empty())
-        return Fail(Code::kInvalidArgument, fmt::format("init.like: '{}' is not NEW=OLD, two parts' names", text));
+        return Fail(Code::kInvalidArgument, fmt::format("init.like: '{}' is not NEW=OLD, two parts' names", part));
       ETUDE_RETURN_IF_ERROR(policy::CheckParts(config_, "init.like", {part}));
       ETUDE_RETURN_IF_ERROR(policy::CheckParts(source_.metadata.policy, "init.like, the checkpoint", {other}));
     }
@@ -136,8 +136,7 @@ class Surgeon {
 
   // What is alike of the inputs is said by the pairs as well: OBST3D's from OBST2D is TAR3D's from TAR2D.
   void BeginLike() {
-    for (const auto& text : plan_.like) {
-      const auto [part, other] = NewAndOld(text);
+    for (const auto& [part, other] : like_) {
       if (!surgery_.fresh.contains(part)) {
         problems_.push_back(fmt::format("{}: like {}, but it is copied", part, other));
         continue;
@@ -202,8 +201,7 @@ class Surgeon {
   // A tensor's name with every new part called as the old one that it is like, as whole words.
   std::string NameThere(std::string name) const {
     const auto is_end = [](char c) { return c == '.' || c == ':'; };
-    for (const auto& text : plan_.like) {
-      const auto [part, other] = NewAndOld(text);
+    for (const auto& [part, other] : like_) {
       for (auto at = name.find(part); at != std::string::npos; at = name.find(part, at + other.size())) {
         const bool whole =
             (at == 0 || is_end(name[at - 1])) && (at + part.size() == name.size() || is_end(name[at + part.size()]));
@@ -272,6 +270,7 @@ class Surgeon {
   const SurgeryPlan& plan_;
   const PolicyConfig& config_;
   const Names theirs_;
+  std::vector<std::pair<std::string, std::string>> like_;  // the new part, and the old one
   Surgery surgery_;
   Names problems_;
 };
