@@ -17,6 +17,7 @@
 
 #include "services/bus/access.h"
 #include "services/bus/network.h"
+#include "services/bus/owner.h"
 #include "services/bus/participant_state.h"
 #include "services/bus/participant_watch.h"
 #include "services/bus/profile.h"

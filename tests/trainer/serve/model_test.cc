@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <limits>
 #include <thread>
@@ -62,6 +63,20 @@ TEST_F(ModelTest, AnswersWithWaypointsAndEveryModulesOutput) {
   expect("EE3D", "ee", "pose", 9);
   expect("TAR3D", "target", "position", 3);
   expect("DISP", "target", "displacement", 3);
+}
+
+// float32 sums in another order there
+TEST_F(ModelTest, AnswersAndLooksInsideOnCudaAsOnTheCpu) {
+  if (!torch::cuda::is_available()) GTEST_SKIP() << "no CUDA device";
+  const auto made = Model::FromBytes(bytes_, nullptr, torch::Device(torch::kCUDA));
+  ASSERT_TRUE(made) << made.error().message;
+  const auto observation = ExampleObservation(3);
+  const auto there = (*made)->Answer(observation), here = model_->Answer(observation);
+  EXPECT_EQ(there.error, "");
+  ASSERT_EQ(there.waypoints.size(), here.waypoints.size());
+  for (std::size_t i = 0; i < here.waypoints.size(); ++i)
+    EXPECT_NEAR(there.waypoints[i], here.waypoints[i], 1e-3 * (1 + std::abs(here.waypoints[i]))) << i;
+  EXPECT_EQ((*made)->Inspect(observation, R"({"worth": true})").error, "");
 }
 
 TEST_F(ModelTest, IsToldTheCameraWhereAModuleReadsIt) {
