@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <span>
 
 #include "services/core/rng.h"
 #include "services/episode/viewpoint.h"
 #include "services/language/sentence.h"
+#include "trainer/data/cutout.h"
 
 namespace etude::data {
 
@@ -26,6 +28,7 @@ void DataConfig::Check(std::vector<std::string>& errors) const {
   require(jitter >= 0 && jitter <= 64, fmt::format("jitter: {} not in 0..64", jitter));
   for (double x : {brightness, contrast, colour})
     require(x >= 0 && x < 1, fmt::format("brightness, contrast, colour: {} not in 0..1", x));
+  require(cutout >= 0 && cutout < 1, fmt::format("cutout: {} not in 0..1", cutout));
   require(cache_mb >= 0, "cache_mb: must be >= 0");
   require(threads >= 1 && threads <= 256, fmt::format("threads: {} not in 1..256", threads));
   require(prefetch >= 1 && prefetch <= 1024, fmt::format("prefetch: {} not in 1..1024", prefetch));
@@ -211,7 +214,12 @@ Status BatchMaker::Make(const Snapshot& snapshot, const std::vector<Sample>& sam
     const int row = entry.StepOf(samples[b].frame.frame);
     const View view = DrawView(samples[b], augment);
     ETUDE_ASSIGN_OR_RETURN(const std::uint8_t* region, cache_->Get(entry, samples[b].frame.frame, scratch));
-    CopyPixels(region, view, batch.images.data() + b * content_.crop.bytes());
+    const std::span picture = std::span(batch.images).subspan(b * content_.crop.bytes(), content_.crop.bytes());
+    CopyPixels(region, view, picture.data());
+    if (augment == Augment::kYes && config_.cutout > 0) {
+      Rng own(MixSeed({samples[b].seed}, "cutout"));
+      CutOut(config_.cutout, content_.crop.width, content_.crop.height, own, picture);
+    }
     batch.crop_origin[2 * b] = static_cast<float>(view.u);
     batch.crop_origin[2 * b + 1] = static_cast<float>(view.v);
     std::ranges::copy(ViewpointOf(episode.cameras.at(0).camera),

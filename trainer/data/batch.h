@@ -27,6 +27,7 @@ struct DataConfig {
   double brightness = 0.06;   ///< +- fraction of 255
   double contrast = 0.08;     ///< +- fraction
   double colour = 0.04;       ///< +- fraction, of each channel on its own
+  double cutout = 0;          ///< up to this fraction of a picture under grey squares
   int cache_mb = 6000;        ///< decoded crops kept in memory
   int threads = 1;            ///< that make batches
   int prefetch = 4;           ///< batches made ahead
@@ -47,6 +48,8 @@ struct DataConfig {
     v("brightness", brightness, "-", "of 255, changed by up to this share");
     v("contrast", contrast, "-", "changed by up to this share");
     v("colour", colour, "-", "of each channel on its own, changed by up to this share");
+    v("cutout", cutout, "-",
+      "up to this share of a picture lies under grey squares of 8 x 8 px, so that less is enough");
     v("cache_mb", cache_mb, "MB", "decoded crops kept in memory");
     v("threads", threads, "-", "that make batches");
     v("prefetch", prefetch, "-", "batches made ahead");

@@ -139,6 +139,19 @@ TEST_F(BatchTest, MovesTheCropWithItsOriginAndKeepsLabelsAbsolute) {
   EXPECT_EQ(moved.labels.at("target.position").values, still.labels.at("target.position").values);
 }
 
+TEST_F(BatchTest, HidesPartsOfTrainingPicturesAndNothingElse) {
+  DataConfig config;
+  config.cutout = 0.5;
+  const Batch whole = Make(Maker(), Augment::kYes), hidden = Make(Maker(config), Augment::kYes);
+  int same = 0;
+  for (std::size_t i = 0; i < whole.images.size(); ++i) same += whole.images[i] == hidden.images[i];
+  EXPECT_NEAR(same, 0.75 * whole.images.size(), 0.15 * whole.images.size());
+  EXPECT_EQ(hidden.crop_origin, whole.crop_origin) << "nothing else is drawn otherwise";
+  EXPECT_EQ(hidden.sentences, whole.sentences);
+  EXPECT_EQ(Make(Maker(config), Augment::kYes).images, hidden.images);
+  EXPECT_EQ(Make(Maker(config), Augment::kNo).images, Make(Maker(), Augment::kNo).images);
+}
+
 TEST_F(BatchTest, IsTheSameWhateverTheCacheAndTheBufferHold) {
   const BatchMaker cold = Maker(), warm = Maker();
   DataConfig no_cache;
