@@ -1,19 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// etude-trainer: trains a policy on a dataset, also while it is collected, and publishes
-// checkpoints.
+// etude-trainer: trains a policy on a dataset, also while it is collected, and publishes checkpoints.
 #include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 #include <functional>
-#include <thread>
 
-#include "services/bus/arguments.h"
-#include "services/bus/directory.h"
 #include "services/bus/process_reporter.h"
-#include "services/bus/topic.h"
 #include "services/campaign/hosted_collector.h"
 #include "services/core/command.h"
 #include "services/core/command_table.h"
@@ -22,95 +16,17 @@
 #include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "services/core/stop_reason.h"
+#include "trainer/arguments.h"
 #include "trainer/learn/metrics_log.h"
 #include "trainer/learn/trainer.h"
 #include "trainer/local_ranks.h"
 #include "trainer/policy/device.h"
-#include "trainer/policy/policy_file.h"
 #include "trainer/policy/torch_process.h"
 #include "trainer/publish/sink.h"
+#include "trainer/telemetry.h"
 
 namespace etude {
 namespace {
-
-struct Arguments {
-  std::vector<std::string> data;
-  std::string collect, config, out, name;
-  std::string init;
-  std::vector<std::string> set, add, copy, fresh, freeze, like;
-  double minutes = 0;
-  std::uint64_t steps = 0;
-  std::uint64_t seed = 0;
-  int ranks = 1, rank = -1;
-  std::string meet, device = "cpu", sign;
-  std::vector<std::string> words;  ///< of the command line, for other ranks
-  bool has_seed = false, resume = false, follow = false, offline = false;
-  Claim claim = Claim::kRefuse;
-  bus::Arguments bus;
-};
-
-bus::TrainStatus ToMessage(const publish::RunIdentity& run, const learn::Progress& progress) {
-  bus::TrainStatus status;
-  status.run = run.name;
-  status.run_id = run.id;
-  status.step = progress.step;
-  status.stage = static_cast<std::uint32_t>(progress.stage);
-  status.stages = static_cast<std::uint32_t>(progress.stages);
-  status.stage_name = progress.stage_name;
-  status.loss = progress.loss;
-  status.samples_per_second = progress.samples_per_second;
-  status.data_wait = progress.data_wait;
-  status.episodes = progress.train_episodes;
-  status.eta_s = progress.eta_s;
-  status.checkpoint_step = progress.checkpoint_step;
-  status.metrics_json = OrderedJson(progress.metrics).dump();
-  status.finished = progress.finished;
-  return status;
-}
-
-Path ExecutablePath() {
-  std::error_code error;
-  const Path path = std::filesystem::read_symlink("/proc/self/exe", error);
-  return error ? Path("bin/etude-trainer") : path;
-}
-
-// what the options say, as overrides; first, since those that follow may be about the graph that they choose
-std::vector<std::string> Overrides(const Arguments& arguments) {
-  std::vector<std::string> overrides;
-  if (!arguments.init.empty()) {
-    overrides.push_back("init.from=" + OrderedJson(arguments.init).dump());
-    if (arguments.config.empty()) overrides.push_back("policy=checkpoint");
-  }
-  for (const auto& [key, names] : {std::pair{"add", &arguments.add},
-                                   {"init.copy", &arguments.copy},
-                                   {"init.fresh", &arguments.fresh},
-                                   {"init.freeze", &arguments.freeze},
-                                   {"init.like", &arguments.like}})
-    if (!names->empty()) overrides.push_back(fmt::format("{}={}", key, OrderedJson(*names).dump()));
-  overrides.insert(overrides.end(), arguments.set.begin(), arguments.set.end());
-  return overrides;
-}
-
-Result<OrderedJson> ReadGraph(const std::string& file) {
-  ETUDE_ASSIGN_OR_RETURN(const auto source, checkpoint::ReadFile(file));
-  return checkpoint::GraphOf(source.metadata);
-}
-
-Result<learn::TrainConfig> ReadConfig(const Arguments& arguments) {
-  const char* share = std::getenv("ETUDE_SHARE");
-  ETUDE_ASSIGN_OR_RETURN(const Path experiments, policy::FindExperiments(share ? share : "", ExecutablePath()));
-  // a run that resumes is what it was, unless told otherwise
-  const Path saved = Path(arguments.out) / "config.yaml";
-  std::string source = arguments.config.empty() ? "compact" : arguments.config;
-  if (arguments.resume && arguments.config.empty()) source = saved.string();
-  ETUDE_ASSIGN_OR_RETURN(auto config, learn::LoadTrainConfig(source, experiments, Overrides(arguments), ReadGraph));
-  if (arguments.minutes > 0 || arguments.steps > 0) {
-    config.minutes = arguments.minutes;
-    config.steps = arguments.steps;
-  }
-  if (arguments.has_seed) config.seed = arguments.seed;
-  return config;
-}
 
 bool HasState(const Path& out) {
   std::error_code ignored;
@@ -151,81 +67,6 @@ Result<std::shared_ptr<data::Dataset>> OpenDataset(const std::vector<std::string
                   fmt::format("stopped while waiting for dataset '{}'", fmt::join(folders, "', '")));
   }
 }
-
-/// A run on the bus: it is in the directory and says how it goes.
-class Telemetry {
- public:
-  /// Settles who the run is: its folder's id, and a start that is larger than any before. Without a participant only
-  /// that. @error kUnavailable: the id is live elsewhere (see Claim).
-  static Result<Telemetry> Open(const bus::Participant* participant, const std::string& name, const Path& folder,
-                                Claim claim) {
-    ETUDE_ASSIGN_OR_RETURN(const Identity identity, OpenIdentity(folder, claim));
-    Telemetry telemetry;
-    telemetry.run_ = {name, identity.id, publish::NextStart(folder)};
-    if (!participant) return telemetry;
-    bus::Presence presence = bus::MakePresence(bus::PresenceKind::kRun, name, identity.id, folder.string());
-    presence.epoch = telemetry.run_.start;
-    ETUDE_ASSIGN_OR_RETURN(telemetry.presence_, bus::Announcement::Open(*participant, presence, claim));
-    telemetry.run_.start = telemetry.presence_->presence().epoch;
-    ETUDE_ASSIGN_OR_RETURN(telemetry.writer_, bus::Writer<bus::TrainStatus>::Open(
-                                                  *participant, bus::Owner{name, identity.id}.partition()));
-    return telemetry;
-  }
-
-  const publish::RunIdentity& run() const { return run_; }
-  void SignWith(std::shared_ptr<const security::CheckpointSigner> signer) { run_.signer = std::move(signer); }
-  void Say(const learn::Progress& progress) {
-    if (!writer_) return;
-    if (const Status written = writer_->Write(ToMessage(run_, progress)); !written)
-      Log().debug("telemetry: {}", written.error().message);
-    const auto successor = superseded_ ? std::nullopt : presence_->Successor();
-    if (!successor) return;
-    superseded_ = bus::GivingWay(presence_->presence(), *successor);
-    RequestStop();
-  }
-  /// Why the run was stopped, when another one has the better right to its id.
-  Status status() const { return superseded_ ? Status(Fail(*superseded_)) : Status(); }
-
- private:
-  publish::RunIdentity run_;
-  std::optional<bus::Announcement> presence_;
-  std::optional<bus::Writer<bus::TrainStatus>> writer_;
-  std::optional<Error> superseded_;
-};
-
-/// Tells the campaign that grows the dataset where validation errs. What cannot be said is logged: training goes on.
-class ErrorPublisher {
- public:
-  ErrorPublisher(const bus::Participant* participant, const data::Dataset& dataset, const std::string& run_id)
-      : participant_(participant), dataset_(dataset.path()) {
-    message_.campaign = dataset.spec().name;
-    message_.run_id = run_id;
-  }
-
-  void Say(const std::vector<ErrorCell>& cells, std::uint64_t step) {
-    message_.step = step;
-    message_.errors_json = ErrorCellsText(cells);
-    const Status said = writer_ ? writer_->Write(message_) : Join();
-    if (!said) Log().warn("cannot tell campaign={} where validation errs: {}", message_.campaign, said.error().message);
-  }
-
- private:
-  // not before there is something to say: a folder gets its id a moment after its dataset
-  Status Join() {
-    ETUDE_ASSIGN_OR_RETURN(const Identity campaign, ReadIdentity(dataset_));
-    message_.campaign_id = campaign.id;
-    const bus::Owner owner{message_.campaign, campaign.id};
-    ETUDE_ASSIGN_OR_RETURN(writer_, bus::Writer<bus::ValidationErrors>::Open(*participant_, owner.partition()));
-    constexpr std::chrono::seconds kPatience{5};
-    if (!writer_->WaitForReaders(1, kPatience)) return {};  // it may be complete, and its collector gone
-    return writer_->Write(message_);
-  }
-
-  const bus::Participant* participant_;
-  Path dataset_;
-  bus::ValidationErrors message_;
-  std::optional<bus::Writer<bus::ValidationErrors>> writer_;
-};
 
 /// What a run meets besides its data.
 struct Surroundings {
@@ -277,22 +118,6 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
   return telemetry.status();
 }
 
-// "10.0.0.7:29500"
-Result<learn::RanksOptions> ReadRanks(const Arguments& arguments) {
-  learn::RanksOptions options{.size = arguments.ranks, .rank = std::max(0, arguments.rank)};
-  if (arguments.meet.empty()) {
-    if (arguments.rank > 0) return Fail(Code::kInvalidArgument, "--rank: needs --meet HOST:PORT of rank 0");
-    return options;
-  }
-  const auto colon = arguments.meet.rfind(':');
-  const int port = colon == std::string::npos ? 0 : std::atoi(arguments.meet.c_str() + colon + 1);
-  if (port < 1 || port > 65535)
-    return Fail(Code::kInvalidArgument, fmt::format("--meet '{}': must be HOST:PORT", arguments.meet));
-  options.host = arguments.meet.substr(0, colon);
-  options.port = static_cast<std::uint16_t>(port);
-  return options;
-}
-
 /// This process's place among those that train together.
 struct Together {
   LocalRanks local;                     ///< the others, where they were started here
@@ -329,12 +154,6 @@ Status TrainAlong(const Arguments& arguments, const learn::TrainConfig& config, 
   return trainer->Run();
 }
 
-Result<std::string> RunName(const Arguments& arguments) {
-  const std::string run = arguments.name.empty() ? checkpoint::RunNameOf(arguments.out) : arguments.name;
-  if (IsPlainName(run)) return run;
-  return Fail(Code::kInvalidArgument, fmt::format("--name '{}': must match [a-z0-9_-]{{1,64}}", run));
-}
-
 // None when it trains offline.
 Result<std::optional<bus::Participant>> JoinBus(const Arguments& arguments) {
   if (arguments.offline && !arguments.collect.empty())
@@ -351,15 +170,6 @@ Result<std::shared_ptr<const security::CheckpointSigner>> OpenSigner(const Argum
   if (arguments.sign.empty()) return nullptr;
   ETUDE_ASSIGN_OR_RETURN(auto opened, security::CheckpointSigner::Open(arguments.sign));
   return std::make_shared<const security::CheckpointSigner>(std::move(opened));
-}
-
-// Ranks of one host share its cores; on hosts of their own each has them all.
-int ReplicasOfRank(const Arguments& arguments) {
-  constexpr int kMost = 256;  // that a configuration may say
-  const int cores = std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, kMost);
-  const std::string host = arguments.meet.substr(0, arguments.meet.rfind(':'));
-  const bool here = arguments.rank < 0 || host == learn::RanksOptions().host || host == "localhost";
-  return here ? std::max(1, cores / arguments.ranks) : cores;
 }
 
 // Rank 0, or alone: all but the others' steps.
@@ -427,48 +237,6 @@ Status Doctor() {
   return {};
 }
 
-void AddOptions(CLI::App& app, Arguments& arguments) {
-  app.add_option("--data", arguments.data,
-                 "the dataset's folder (with --collect by default OUT/dataset); several are read as one");
-  app.add_option("--collect", arguments.collect,
-                 "campaign file: host its collector here; workers anywhere stream into --data "
-                 "while training runs");
-  app.add_option("--config", arguments.config,
-                 "experiment: compact, paper, or a YAML file (default compact; with --resume the run's own)");
-  app.add_option("--set", arguments.set, "override, e.g. --set optimizer.lr=1e-3; may be repeated")
-      ->allow_extra_args(false);
-  app.add_option("--init", arguments.init,
-                 "begin with this checkpoint, and with its graph unless --config names another");
-  const auto parts = [&](const char* option, std::vector<std::string>& names, const char* what) {
-    app.add_option(option, names, what)->delimiter(',')->allow_extra_args(false);
-  };
-  parts("--add", arguments.add, "put modules on top of the graph: obstacle, multi_obstacle, relational, or a file");
-  parts("--copy", arguments.copy, "parts to take from --init, e.g. image,language,LANG (default: all that both have)");
-  parts("--fresh", arguments.fresh, "parts that begin anew all the same");
-  parts("--freeze", arguments.freeze, "parts that stay as they are, bit for bit");
-  parts("--like", arguments.like, "new parts that begin with another one's weights, e.g. OBST2D=TAR2D");
-  app.add_option("--out", arguments.out, "the run's folder: config, metrics, checkpoints, state");
-  app.add_option("--name", arguments.name, "the run's name on the bus (default: from the folder's name)");
-  app.add_option("--minutes", arguments.minutes, "stop after this much training; the learning rate follows");
-  app.add_option("--steps", arguments.steps, "stop after this many steps; with --minutes whichever comes first");
-  app.add_option("--ranks", arguments.ranks, "processes that train together, each on its part of every batch")
-      ->check(CLI::Range(1, 1024));
-  app.add_option("--rank", arguments.rank, "which of them this is (default: rank 0, and the others are started here)")
-      ->check(CLI::Range(0, 1023));
-  app.add_option("--meet", arguments.meet, "HOST:PORT where rank 0 listens, with --rank");
-  app.add_option("--device", arguments.device, "where the network is trained: cpu, cuda or cuda:NUMBER")
-      ->capture_default_str();
-  app.add_flag("--resume", arguments.resume, "go on where the run in --out stopped");
-  app.add_flag("--follow", arguments.follow,
-               "the dataset is still growing: wait for its first episodes, take in new ones");
-  app.add_option("--sign", arguments.sign,
-                 "sign published checkpoints with this key (etude security signing-key FILE)");
-  app.add_flag("--offline", arguments.offline, "do not publish on the bus");
-  bus::AddClaim(app, arguments.claim);
-  arguments.bus.Add(app);
-  app.add_option("--seed", arguments.seed, "of weights and sample order (default: the experiment's)");
-}
-
 }  // namespace
 }  // namespace etude
 
@@ -490,16 +258,7 @@ int main(int argc, char** argv) {
   return RunMain("etude-trainer", [&]() -> Status {
     if (doctor->parsed()) return Doctor();
     if (describe->parsed()) return PrintReference(ConfigReference<learn::TrainConfig>(), as_json), Status();
-    arguments.words.assign(argv + 1, argv + argc);
-    arguments.has_seed = app.count("--seed") > 0;
-    if (arguments.data.empty() && !arguments.collect.empty() && !arguments.out.empty())
-      arguments.data = {(Path(arguments.out) / "dataset").string()};
-    if (arguments.data.empty() || arguments.out.empty())
-      return Fail(Code::kInvalidArgument, "give --data DATASET or --collect SPEC, and --out RUN (see --help)");
-    if (arguments.data.size() > 1 && !arguments.collect.empty())
-      return Fail(Code::kInvalidArgument,
-                  "--collect collects into one folder, --data names several: start `etude collector` by itself, and "
-                  "train on all of them with --follow");
+    ETUDE_RETURN_IF_ERROR(Complete(app, argc, argv, arguments));
     return Train(arguments);
   });
 }
