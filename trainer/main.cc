@@ -125,9 +125,10 @@ struct Together {
 };
 
 // Without --rank the others are processes of this machine, and this is rank 0.
-Status JoinRanks(const Arguments& arguments, Together& together) {
+Status JoinRanks(const Arguments& arguments, const torch::Device& device, Together& together) {
   if (arguments.ranks == 1) return {};
   ETUDE_ASSIGN_OR_RETURN(auto options, ReadRanks(arguments));
+  options.device = device;
   options.watch = [&together] { return together.local.Check(); };
   ETUDE_ASSIGN_OR_RETURN(const auto meeting, learn::Meeting::Open(options));
   if (arguments.rank < 0) {
@@ -138,6 +139,8 @@ Status JoinRanks(const Arguments& arguments, Together& together) {
         LocalRanks::Start(argv, arguments.ranks, fmt::format("{}:{}", options.host, meeting.port()), arguments.out));
   }
   ETUDE_ASSIGN_OR_RETURN(together.ranks, learn::Ranks::Join(meeting, options));
+  Log().info("rank {} of {} sums gradients by {}", together.ranks->rank(), together.ranks->size(),
+             together.ranks->by_nccl() ? "NCCL" : "Gloo");
   return {};
 }
 
@@ -220,7 +223,7 @@ Status Train(const Arguments& arguments) {
   if (config.threads.replicas == 0 && arguments.ranks > 1) config.threads.replicas = ReplicasOfRank(arguments);
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
   Together together;
-  ETUDE_RETURN_IF_ERROR(JoinRanks(arguments, together));
+  ETUDE_RETURN_IF_ERROR(JoinRanks(arguments, device, together));
   policy::SetTorchThreads(config.threads.intra_op);
   if (!leads) return TrainAlong(arguments, config, {.ranks = together.ranks, .device = device});
   const Status ended = Lead(arguments, config, together, device);

@@ -14,6 +14,7 @@
 #include "services/core/clock.h"
 #include "services/core/hash.h"
 #include "services/core/stop.h"
+#include "trainer/learn/nccl.h"
 
 namespace etude::learn {
 namespace {
@@ -35,6 +36,23 @@ Result<Store> OpenStore(const RanksOptions& options) {
 }
 
 std::string HereKey(int rank) { return fmt::format("here/{}", rank); }
+const std::string kCard = "card ";  // a store's values are not empty
+std::string CardKey(int rank) { return fmt::format("card/{}", rank); }
+
+void SayCard(c10d::Store& store, const RanksOptions& options) {
+  const std::string said = kCard + CardOf(options.device);
+  store.set(CardKey(options.rank), std::vector<std::uint8_t>(said.begin(), said.end()));
+}
+
+// All have come: every rank reads the same.
+std::vector<std::string> Cards(c10d::Store& store, int size) {
+  std::vector<std::string> cards;
+  for (int rank = 0; rank < size; ++rank) {
+    const auto said = store.get(CardKey(rank));
+    cards.push_back(std::string(said.begin(), said.end()).substr(kCard.size()));
+  }
+  return cards;
+}
 
 // Before any connects to the others: while it connects it looks at nothing else.
 Status WaitForAll(c10d::Store& store, const RanksOptions& options) {
@@ -66,13 +84,14 @@ struct Ranks::Impl {
   Store store;
   bool over = false, lost = false;
   c10::intrusive_ptr<c10d::ProcessGroupGloo> group;
+  CardSum card_sum;  // none: through the host's memory
 
-  // library calls that wait for the others; what they throw is that one of them is gone
+  // library calls that wait for the others and then say whether it went well; what they throw is that one is gone
   template <class Call>
   Status Together(const char* what, Call&& call) {
     std::string why = "it did not end well";
     try {
-      if (call()->wait()) return {};
+      if (call()) return {};
     } catch (const std::exception& error) {
       why = error.what();
     }
@@ -86,7 +105,8 @@ struct Ranks::Impl {
   Status Tell(Order& order) {
     std::vector<torch::Tensor> said{
         torch::from_blob(order.data(), {static_cast<std::int64_t>(order.size())}, torch::kFloat64)};
-    return Together("waiting for the next step", [&] { return group->broadcast(said, c10d::BroadcastOptions()); });
+    return Together("waiting for the next step",
+                    [&] { return group->broadcast(said, c10d::BroadcastOptions())->wait(); });
   }
 };
 
@@ -112,12 +132,16 @@ Result<std::unique_ptr<Ranks>> Ranks::Join(const Meeting& meeting, const RanksOp
   impl->options = options;
   impl->store = c10::make_intrusive<c10d::PrefixStore>("etude", *static_cast<Store*>(meeting.store_.get()));
   try {
+    SayCard(*impl->store, options);
     ETUDE_RETURN_IF_ERROR(WaitForAll(*impl->store, options));
     auto gloo = c10d::ProcessGroupGloo::Options::create(options.patience);
     const bool here = options.host == "127.0.0.1" || options.host == "localhost";
     gloo->devices.push_back(here ? c10d::ProcessGroupGloo::createDeviceForHostname("127.0.0.1")
                                  : c10d::ProcessGroupGloo::createDefaultDevice());
     impl->group = c10::make_intrusive<c10d::ProcessGroupGloo>(impl->store, options.rank, options.size, gloo);
+    if (AreCardsApart(Cards(*impl->store, options.size)))
+      impl->card_sum = OpenCardSum(c10::make_intrusive<c10d::PrefixStore>("nccl", impl->store), options.rank,
+                                   options.size, options.patience);
   } catch (const std::exception& error) {
     return Fail(Code::kUnavailable,
                 fmt::format("rank {} of {}: connect to the others: {}", options.rank, options.size, error.what()));
@@ -131,6 +155,7 @@ Ranks::~Ranks() = default;
 int Ranks::rank() const { return impl_->options.rank; }
 int Ranks::size() const { return impl_->options.size; }
 
+bool Ranks::by_nccl() const { return impl_->card_sum != nullptr; }
 bool Ranks::lost() const { return impl_->lost; }
 
 Result<StepOrder> Ranks::Agree(const StepOrder& order) {
@@ -151,10 +176,15 @@ void Ranks::KeepWaiting() {
 }
 
 Status Ranks::Sum(torch::Tensor& values) {
+  constexpr const char* kWhat = "gradients were summed";
+  if (impl_->card_sum && values.device() == impl_->options.device) {
+    std::vector<torch::Tensor> tensors{values};
+    return impl_->Together(kWhat, [&] { return impl_->card_sum(tensors); });
+  }
   // Gloo sums what lies in the host's memory
   std::vector<torch::Tensor> tensors{values.to(torch::kCPU)};
-  ETUDE_RETURN_IF_ERROR(impl_->Together("gradients were summed",
-                                        [&] { return impl_->group->allreduce(tensors, c10d::AllreduceOptions()); }));
+  ETUDE_RETURN_IF_ERROR(
+      impl_->Together(kWhat, [&] { return impl_->group->allreduce(tensors, c10d::AllreduceOptions())->wait(); }));
   if (!values.is_cpu()) values.copy_(tensors[0]);
   return {};
 }
@@ -163,8 +193,8 @@ Status Ranks::CheckSame(const std::string& what, const std::string& value) {
   const std::string own = Sha256Hex(value);
   std::vector<torch::Tensor> first{torch::zeros(static_cast<std::int64_t>(own.size()), torch::kUInt8)};
   std::copy(own.begin(), own.end(), first[0].data_ptr<std::uint8_t>());
-  ETUDE_RETURN_IF_ERROR(impl_->Together("comparing with the others",
-                                        [&] { return impl_->group->broadcast(first, c10d::BroadcastOptions()); }));
+  ETUDE_RETURN_IF_ERROR(impl_->Together(
+      "comparing with the others", [&] { return impl_->group->broadcast(first, c10d::BroadcastOptions())->wait(); }));
   torch::Tensor different = torch::zeros(1);
   different[0] = std::equal(own.begin(), own.end(), first[0].data_ptr<std::uint8_t>()) ? 0.0F : 1.0F;
   ETUDE_RETURN_IF_ERROR(Sum(different));

@@ -2,8 +2,9 @@
 // Several processes, on one host or many, that train one network: each computes the gradients of its part of every
 // batch, and all make the same step with their sum. Rank 0 decides, evaluates, keeps and publishes; the others follow.
 //
-// Over torch's c10d, with Gloo. Each rank makes the whole batch and uses its part of it, so that R ranks with one
-// replica each compute what one rank with R replicas does.
+// Over torch's c10d, with Gloo; gradients by NCCL where every rank has a CUDA device of its own. Each rank makes the
+// whole batch and uses its part of it, so that R ranks with one replica each compute what one rank with R replicas
+// does.
 #pragma once
 
 #include <torch/torch.h>
@@ -21,8 +22,9 @@ namespace etude::learn {
 struct RanksOptions {
   int size = 1;
   int rank = 0;
-  std::string host = "127.0.0.1";  ///< of rank 0
-  std::uint16_t port = 0;          ///< of rank 0; 0 at rank 0: any free one, see Meeting
+  std::string host = "127.0.0.1";      ///< of rank 0
+  std::uint16_t port = 0;              ///< of rank 0; 0 at rank 0: any free one, see Meeting
+  torch::Device device = torch::kCPU;  ///< that this rank computes on
   /// A silence after which the others count as lost: longer than an evaluation, a checkpoint and the wait for data. A
   /// wait for room on the disk is no silence (KeepWaiting).
   std::chrono::milliseconds patience{300'000};
@@ -63,6 +65,8 @@ class Ranks {
   int rank() const;
   int size() const;
   bool leads() const { return rank() == 0; }
+  /// Whether Sum goes from card to card (NCCL) for what lies on this rank's device.
+  bool by_nccl() const;
   /// Whether another rank was lost: no call succeeds any more.
   bool lost() const;
 

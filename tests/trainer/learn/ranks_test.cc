@@ -11,6 +11,7 @@
 
 #include "services/core/clock.h"
 #include "tests/trainer/learn/tiny_run.h"
+#include "trainer/learn/nccl.h"
 #include "trainer/learn/run.h"
 
 namespace etude::learn {
@@ -21,12 +22,12 @@ using ::testing::HasSubstr;
 
 // runs `work` as so many ranks, each a thread
 template <class Work>
-void AsRanks(int size, Work&& work, std::chrono::milliseconds patience = 30s) {
+void AsRanks(int size, Work&& work, std::chrono::milliseconds patience = 30s, torch::Device device = torch::kCPU) {
   const Meeting meeting = Meeting::InProcess();
   std::vector<std::thread> threads;
   for (int rank = 0; rank < size; ++rank)
     threads.emplace_back([&, rank] {
-      auto ranks = Ranks::Join(meeting, {.size = size, .rank = rank, .patience = patience});
+      auto ranks = Ranks::Join(meeting, {.size = size, .rank = rank, .device = device, .patience = patience});
       ASSERT_TRUE(ranks) << ranks.error().message;
       work(std::shared_ptr<Ranks>(std::move(*ranks)));
     });
@@ -48,6 +49,51 @@ TEST(Ranks, SumAndFollowTheOrdersOfRankZero) {
     ASSERT_FALSE(different);
     EXPECT_THAT(different.error().message, HasSubstr("1 of the ranks have another dataset"));
   });
+}
+
+TEST(Ranks, TellWhetherEachHasACardOfItsOwn) {
+  EXPECT_TRUE(AreCardsApart({"a"}));
+  EXPECT_TRUE(AreCardsApart({"a", "b", "c"}));
+  EXPECT_FALSE(AreCardsApart({"a", "b", "a"})) << "two ranks on one";
+  EXPECT_FALSE(AreCardsApart({"a", ""})) << "one without";
+  EXPECT_EQ(CardOf(torch::kCPU), "");
+  AsRanks(2, [](const std::shared_ptr<Ranks>& ranks) { EXPECT_FALSE(ranks->by_nccl()); });
+}
+
+TEST(Ranks, OnOneCardSumInTheHostsMemory) {
+  if (!torch::cuda::is_available()) GTEST_SKIP() << "no CUDA device";
+  AsRanks(
+      2,
+      [](const std::shared_ptr<Ranks>& ranks) {
+        EXPECT_FALSE(ranks->by_nccl());
+        auto values = torch::full({5}, static_cast<float>(ranks->rank() + 1), torch::kCUDA);
+        ASSERT_TRUE(ranks->Sum(values));
+        EXPECT_TRUE(torch::equal(values.to(torch::kCPU), torch::full({5}, 3.0F)));
+      },
+      30s, torch::Device(torch::kCUDA, 0));
+}
+
+// more need more cards than the machine that this was written on had
+TEST(Ranks, OnCardsOfTheirOwnSumByNccl) {
+  const auto cards = static_cast<int>(torch::cuda::device_count());
+  if (cards == 0 || CardOf(torch::Device(torch::kCUDA, 0)).empty()) GTEST_SKIP() << "no CUDA device, or no NCCL";
+  const Meeting meeting = Meeting::InProcess();
+  std::vector<std::thread> threads;
+  for (int rank = 0; rank < cards; ++rank)
+    threads.emplace_back([&, rank] {
+      const torch::Device device(torch::kCUDA, static_cast<c10::DeviceIndex>(rank));
+      const auto ranks = Ranks::Join(meeting, {.size = cards, .rank = rank, .device = device, .patience = 30s});
+      ASSERT_TRUE(ranks) << ranks.error().message;
+      EXPECT_TRUE((*ranks)->by_nccl());
+      auto values = torch::full({5}, static_cast<float>(rank + 1), device);
+      const Status summed = (*ranks)->Sum(values);
+      ASSERT_TRUE(summed) << summed.error().message;
+      EXPECT_TRUE(torch::equal(values.to(torch::kCPU), torch::full({5}, cards * (cards + 1) / 2.0F)));
+      auto here = torch::full({5}, 2.0F);
+      ASSERT_TRUE((*ranks)->Sum(here));
+      EXPECT_TRUE(torch::equal(here, torch::full({5}, 2.0F * cards))) << "what lies in the host's memory, too";
+    });
+  for (auto& thread : threads) thread.join();
 }
 
 TEST(Ranks, EndWithWordsWhenOneIsLost) {
