@@ -9,9 +9,8 @@
 #include <thread>
 #include <utility>
 
-#include "services/core/file.h"
+#include "services/core/run_name.h"
 #include "trainer/checkpoint/checkpoint.h"
-#include "trainer/checkpoint/names.h"
 #include "trainer/policy/policy_file.h"
 
 namespace etude {
@@ -120,7 +119,7 @@ Result<learn::TrainConfig> ReadConfig(const Arguments& arguments) {
 }
 
 Result<std::string> RunName(const Arguments& arguments) {
-  const std::string run = arguments.name.empty() ? checkpoint::RunNameOf(arguments.out) : arguments.name;
+  const std::string run = arguments.name.empty() ? RunNameOf(arguments.out) : arguments.name;
   if (IsPlainName(run)) return run;
   return Fail(Code::kInvalidArgument, fmt::format("--name '{}': must match [a-z0-9_-]{{1,64}}", run));
 }

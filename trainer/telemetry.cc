@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "services/core/log.h"
+#include "services/core/run_name.h"
 #include "services/core/stop.h"
 
 namespace etude {
@@ -35,6 +36,7 @@ Result<Telemetry> Telemetry::Open(const bus::Participant* participant, const std
                                   Claim claim) {
   ETUDE_ASSIGN_OR_RETURN(const Identity identity, OpenIdentity(folder, claim));
   Telemetry telemetry;
+  ETUDE_RETURN_IF_ERROR(KeepRunName(folder, name));
   telemetry.run_ = {name, identity.id, publish::NextStart(folder)};
   if (!participant) return telemetry;
   bus::Presence presence = bus::MakePresence(bus::PresenceKind::kRun, name, identity.id, folder.string());

@@ -21,8 +21,8 @@ namespace etude {
 /// A run on the bus: it is in the directory and says how it goes. Not thread-safe.
 class Telemetry {
  public:
-  /// Settles who the run is: its folder's id, and a start that is larger than any before. Without a participant only
-  /// that. @error kUnavailable: the id is live elsewhere (see Claim).
+  /// Settles who the run is: its folder's id, the name that the folder keeps, and a start that is larger than any
+  /// before. Without a participant only that. @error kUnavailable: the id is live elsewhere (see Claim).
   static Result<Telemetry> Open(const bus::Participant* participant, const std::string& name, const Path& folder,
                                 Claim claim);
 

@@ -21,6 +21,7 @@
 #include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/printable.h"
+#include "services/core/run_name.h"
 #include "services/core/stop.h"
 #include "services/store/dataset.h"
 
@@ -82,17 +83,9 @@ Result<PolicyChoice> ServeCheckpoint(const EvalArguments& arguments) {
   return PolicyChoice{run, ServiceOf(arguments, std::move(serve)), std::move(*subject)};
 }
 
-// A run's name, NAME@ID, or its folder.
-Result<Selector> RunOf(const std::string& text) {
-  const auto selector = ParseSelector(text, "--subscribe");
-  if (selector || !std::filesystem::is_directory(text)) return selector;
-  ETUDE_ASSIGN_OR_RETURN(const Identity identity, ReadIdentity(text));
-  return Selector{Path(text).lexically_normal().filename().string(), identity.id};
-}
-
 // The run that is meant, and its policy server if one is there: then it is asked, and none of our own.
 Result<PolicyChoice> FollowRun(const bus::Participant& participant, const EvalArguments& arguments) {
-  ETUDE_ASSIGN_OR_RETURN(Selector run, RunOf(arguments.subscribe));
+  ETUDE_ASSIGN_OR_RETURN(Selector run, ParseRun(arguments.subscribe, "--subscribe"));
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
   directory.WaitForOthers();  // a server that was not authenticated yet would get a second one beside it
   const auto patience = std::chrono::seconds(1);

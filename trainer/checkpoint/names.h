@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Names that a run and its checkpoints have, in folders and on the bus.
+// Names that a run's checkpoints have in its folder.
 #pragma once
 
 #include <cstdint>
@@ -11,9 +11,6 @@ namespace etude::checkpoint {
 
 inline constexpr char kLatest[] = "latest";
 inline constexpr char kBest[] = "best";
-
-/// "Out/My Run" -> "my-run": a plain name for a folder.
-std::string RunNameOf(const Path& folder);
 
 /// "00001500.safetensors".
 Path FileNameOf(std::uint64_t step);

@@ -15,6 +15,7 @@
 #include "services/core/identity.h"
 #include "services/core/log.h"
 #include "services/core/printable.h"
+#include "services/core/run_name.h"
 #include "services/core/service_manager.h"
 #include "services/relay/relay_thread.h"
 #include "trainer/checkpoint/difference.h"
@@ -41,18 +42,10 @@ struct Arguments {
   bool any_camera = false;
 };
 
-// NAME, NAME@ID, or the run's folder, which knows its id.
-Result<Selector> RunOf(const std::string& text, const char* flag) {
-  auto selector = ParseSelector(text, flag);
-  if (selector || !std::filesystem::is_directory(text)) return selector;
-  ETUDE_ASSIGN_OR_RETURN(const Identity identity, ReadIdentity(text));
-  return Selector{checkpoint::RunNameOf(text), identity.id};
-}
-
 // A checkpoint's file is served under an id of its own, unless one is given.
 Result<Selector> RunOfFile(const Arguments& arguments, const Model& model) {
   const std::string text = arguments.run.empty() ? model.metadata().run : arguments.run;
-  ETUDE_ASSIGN_OR_RETURN(Selector run, RunOf(text, "--run"));
+  ETUDE_ASSIGN_OR_RETURN(Selector run, ParseRun(text, "--run"));
   if (run.id.empty()) run.id = NewId();
   return run;
 }
@@ -100,7 +93,7 @@ Status Serve(const Arguments& arguments) {
                         .clip_folders = std::make_shared<clip::Folders>(arguments.clip)};
   options.accept = bus::AcceptSigned(std::move(verifier));
   if (arguments.checkpoint.empty()) {
-    ETUDE_ASSIGN_OR_RETURN(options.run, RunOf(arguments.subscribe, "--subscribe"));
+    ETUDE_ASSIGN_OR_RETURN(options.run, ParseRun(arguments.subscribe, "--subscribe"));
   } else {
     ETUDE_ASSIGN_OR_RETURN(model, Model::FromFile(arguments.checkpoint, options.clip_folders.get(), device,
                                                   arguments.any_camera ? Cameras::kAny : Cameras::kTrained));
@@ -247,7 +240,7 @@ struct Looking {
   }
 
   Status Watch() {
-    ETUDE_ASSIGN_OR_RETURN(watching.run, RunOf(run, "--run"));
+    ETUDE_ASSIGN_OR_RETURN(watching.run, ParseRun(run, "--run"));
     ETUDE_ASSIGN_OR_RETURN(const auto participant, bus.Open({security::Role::kGateway}));
     return serve::Watch(participant, watching);
   }

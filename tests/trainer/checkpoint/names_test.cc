@@ -7,13 +7,6 @@
 namespace etude::checkpoint {
 namespace names_test {
 
-TEST(RunNameOf, MakesAPlainName) {
-  EXPECT_EQ(RunNameOf("out/My Run"), "my-run");
-  EXPECT_EQ(RunNameOf("out/run_3/"), "run_3");
-  EXPECT_TRUE(IsPlainName(RunNameOf(".")));
-  EXPECT_TRUE(IsPlainName(RunNameOf("x/" + std::string(100, 'a'))));
-}
-
 TEST(Names, SortAsStepsDo) {
   EXPECT_LT(FileNameOf(999), FileNameOf(1000));
   EXPECT_EQ(LinkOf("x/checkpoints", kLatest), Path("x/checkpoints/latest.safetensors"));

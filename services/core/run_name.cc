@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "services/core/run_name.h"
+
+#include <cctype>
+#include <filesystem>
+
+#include "services/core/check.h"
+
+namespace etude {
+namespace {
+
+namespace fs = std::filesystem;
+
+Path NameFileOf(const Path& folder) { return folder / "name"; }
+
+}  // namespace
+
+std::string PlainNameOf(const Path& folder) {
+  std::string name = fs::absolute(folder).lexically_normal().filename().string();
+  if (name.empty()) name = fs::absolute(folder).lexically_normal().parent_path().filename().string();
+  for (char& c : name) {
+    c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    if (!std::isalnum(static_cast<unsigned char>(c)) && c != '_') c = '-';
+  }
+  name = name.substr(0, 64);
+  return name.empty() ? "run" : name;
+}
+
+std::string RunNameOf(const Path& folder) {
+  auto kept = ReadTextFile(NameFileOf(folder), 1 << 10);
+  if (!kept) return PlainNameOf(folder);
+  while (!kept->empty() && std::isspace(static_cast<unsigned char>(kept->back()))) kept->pop_back();
+  return IsPlainName(*kept) ? *kept : PlainNameOf(folder);
+}
+
+Status KeepRunName(const Path& folder, const std::string& name) {
+  ETUDE_CHECK(IsPlainName(name), "'{}'", name);
+  if (fs::exists(NameFileOf(folder)) && RunNameOf(folder) == name) return {};
+  return WriteFileAtomically(NameFileOf(folder), name + "\n");
+}
+
+Result<Selector> ParseRun(const std::string& text, std::string_view what) {
+  auto selector = ParseSelector(text, what);
+  std::error_code error;
+  if (selector || !fs::is_directory(text, error)) return selector;
+  ETUDE_ASSIGN_OR_RETURN(const Identity identity, ReadIdentity(text));
+  return Selector{RunNameOf(text), identity.id};
+}
+
+}  // namespace etude
