@@ -164,7 +164,16 @@ Result<tl::expected<policy::Answer, Verdict>> Rollout::Decide(const policy::AskF
 }
 
 Result<Verdict> Rollout::Run(const policy::AskFunction& ask, bool closed) {
-  return spec_.execution == kAsAuthors ? RunAsAuthors(ask, closed) : RunTracked(ask, closed);
+  const Pose X_WE = runner_->world().X_WE();
+  ETUDE_ASSIGN_OR_RETURN(Verdict verdict,
+                         spec_.execution == kAsAuthors ? RunAsAuthors(ask, closed) : RunTracked(ask, closed));
+  // What is recorded has a step: where not even the first answer could be followed, one in which the arm stands still.
+  if (runner_->steps() == 0) {
+    Command still;
+    still.target = {X_WE, closed ? 1.0 : 0.0};
+    (void)runner_->Step(still);  // the verdict says what happened
+  }
+  return verdict;
 }
 
 Result<Verdict> Rollout::RunTracked(const policy::AskFunction& ask, bool closed) {

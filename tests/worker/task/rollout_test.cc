@@ -175,6 +175,10 @@ TEST(Rollout, RefusesGarbage) {
     EXPECT_EQ(rollout->outcome, AttemptOutcome::kPolicyError);
     EXPECT_FALSE(rollout->reason.empty());
     EXPECT_EQ(rollout->episode.outcome, "policy_error");
+    // before, it had no step: a collector refused it, and no evaluation with such an answer came to its end
+    const auto sent = DecodeEpisode(EncodeEpisode(rollout->episode));
+    ASSERT_TRUE(sent) << sent.error().message;
+    EXPECT_EQ(sent->steps(), 1);
   }
 }
 
