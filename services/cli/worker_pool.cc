@@ -78,7 +78,10 @@ Status WorkerPool::OnEnd(std::size_t k, int exit_code) {
   slot.process.reset();
   if (options_.on_end) options_.on_end(slot.name);
   if (exit_code == kExitOk) {
-    slot.finished = true;
+    // Somebody told it to end, or the campaign's end and this look at it crossed: then it is not called again. No
+    // failure, but one that ends again and again is given more and more time.
+    slot.deaths = life > kHealthyAfter ? 1 : slot.deaths + 1;
+    slot.start_again = now + std::max<MonotonicClock::duration>(1s, BackOff(slot.deaths));
     return {};
   }
   if (exit_code == kExitMachine && life < kAtOnce) {
@@ -96,7 +99,7 @@ Status WorkerPool::OnEnd(std::size_t k, int exit_code) {
                             LogOf(k).string(), LogTail(LogOf(k))));
   slot.deaths = life > kHealthyAfter ? 1 : slot.deaths + 1;
   slot.start_again = now + BackOff(slot.deaths);
-  Log().warn("worker={} ended by {}, it is started again", slot.name, campaign::HowItEnded(exit_code));
+  Log().warn("worker={} ended by {}", slot.name, campaign::HowItEnded(exit_code));
   return {};
 }
 
@@ -120,6 +123,7 @@ Status WorkerPool::Supervise() {
       if (const auto exit_code = slot.process->Poll()) ETUDE_RETURN_IF_ERROR(OnEnd(k, *exit_code));
     } else if (MonotonicClock::now() >= slot.start_again) {
       ++restarts_;
+      Log().info("worker={} is started again", slot.name);
       ETUDE_RETURN_IF_ERROR(StartSlot(k));
     }
   }

@@ -33,7 +33,7 @@ class WorkerPool {
  public:
   static Result<WorkerPool> Start(const WorkerPoolOptions& options);
 
-  /// Call a few times a second: restarts what died.
+  /// Call a few times a second, while there is work: restarts what died, and what was told to end.
   /// @error kUnavailable when the machine cannot run workers: all ended with exit code 3 at once, or
   /// campaign::HopelessDeaths died without one episode committed meanwhile; the message says how the last one ended,
   /// with its log's last lines.
@@ -50,7 +50,7 @@ class WorkerPool {
     std::string name;  // on the bus
     MonotonicClock::time_point started{}, start_again{};
     int deaths = 0;         // in a row
-    bool finished = false;  // went home by itself, or never can
+    bool finished = false;  // nothing is left to do, or it never can
     bool unable = false;
   };
 

@@ -62,6 +62,15 @@ TEST_F(DyingWorkers, AreStartedAgainForAsLongAsEpisodesComeIn) {
   EXPECT_THAT(error.message, HasSubstr("SIGSEGV"));
 }
 
+// before, they counted as gone home: where all were, a campaign waited for ever
+TEST_F(DyingWorkers, ThatWereToldToEndAreStartedAgain) {
+  auto pool = StartTwo("#!/bin/sh\nexit 0\n");
+  ASSERT_TRUE(pool) << pool.error().message;
+  for (const Stopwatch watch; pool->restarts() < 2 && watch.Seconds() < 30; WaitForStop(1ms))
+    ASSERT_TRUE(pool->Supervise()) << "no failure";
+  EXPECT_GE(pool->restarts(), 2);
+}
+
 TEST_F(DyingWorkers, ThatDoNotMoveAreEndedAndStartedAgain) {
   const Path program = WriteProgram(folder_ / "worker", "#!/bin/sh\necho $4 >> $0.names\nexec sleep 600\n");
   std::string hung;
