@@ -88,14 +88,17 @@ void Collector::Impl::EndSilent() {
 }
 
 void Collector::Impl::EndIfStill(const std::string& worker, Motion& motion, Time now) {
-  const std::chrono::duration<double> patience(spec.stall_timeout_s);
+  // a rollout stands still while its policy's server starts, for a minute at most (services/policy/client.h)
+  constexpr double kWaitsForPolicy_s = 75;
+  const std::chrono::duration<double> patience(
+      spec.mode == "rollout" ? std::max(spec.stall_timeout_s, kWaitsForPolicy_s) : spec.stall_timeout_s);
   // what is sent may wait for our own disk
   if (motion.mark == 0 || motion.phase == "send" || now - motion.since < patience) return;
   motion.since = now;
   // not its lease any more
   if (!table.Renew(motion.index, motion.mark, now) && !rechecks.Renew(motion.mark, worker, now)) return;
   Log().warn("took a lease from a worker that does not move worker={} index={} stage='{}' step={} for {} s", worker,
-             motion.index, motion.stage, motion.step, spec.stall_timeout_s);
+             motion.index, motion.stage, motion.step, patience.count());
   table.Revoke(worker);
   rechecks.Revoke(worker);
   ++counters.failures["stalled"];

@@ -23,6 +23,7 @@
 #include "services/core/service_manager.h"
 #include "services/core/stop.h"
 #include "services/episode/bounded_json.h"
+#include "services/spec/task_files.h"
 
 namespace etude::campaign {
 namespace {
@@ -177,7 +178,8 @@ Status WorkerClient::Impl::Prepare(const WorkFactory& factory) {
   ETUDE_ASSIGN_OR_RETURN(const auto spec, FromJson<CampaignSpec>(*json, origin));
   ETUDE_RETURN_IF_ERROR(spec.Validate());
   if (SpecHash(spec) != announcement.spec_sha256)
-    return Fail(Code::kUnavailable, fmt::format("join {}: the announced hash does not fit the spec", origin));
+    return Fail(Code::kUnavailable, fmt::format("join {}: {}{}", origin, WhyHashDiffers(spec),
+                                                TaskFilesOf(spec).empty() ? "" : "; copy the collector's here"));
   ready.work = nullptr;  // the old one's context goes first
   const Selector policy{spec.rollout.run, announcement.policy_id};
   ETUDE_ASSIGN_OR_RETURN(ready.work, factory({joined->id, spec, policy.text(), [this] { watched->Moved(); }}));
@@ -410,6 +412,10 @@ Result<WorkerClient> WorkerClient::Open(const bus::Participant& participant, con
   WorkerOptions resolved = options;
   ETUDE_ASSIGN_OR_RETURN(const auto selector, ParseSelector(resolved.campaign, "--campaign"));
   if (resolved.name.empty()) resolved.name = bus::UniquePeerName();
+  constexpr std::size_t kLongest = 128;  // that messages carry (proto/campaign.idl)
+  if (resolved.name.size() > kLongest)
+    return Fail(Code::kInvalidArgument, fmt::format("--name '{}': {} characters, at most {} can be said on the bus",
+                                                    resolved.name, resolved.name.size(), kLongest));
   ETUDE_ASSIGN_OR_RETURN(auto collectors, KnownCollectors::Open(participant, selector));
   ShardChoice choice(resolved.name, resolved.stay);
   return WorkerClient(std::unique_ptr<Impl>(new Impl{.participant = &participant,

@@ -43,7 +43,7 @@ Result<std::unique_ptr<WorkerConnection>> WorkerConnection::Open(const bus::Part
 void WorkerConnection::Ask(const bus::WorkRequest& request) {
   asked = request.request_id;
   answered = false;
-  if (const Status written = requests.Write(request); !written) Log().debug("request: {}", written.error().message);
+  if (const Status written = requests.Write(request); !written) Log().warn("request: {}", written.error().message);
 }
 
 bool WorkerConnection::IsAnswer(const bus::Lease& lease, std::uint64_t request) const {

@@ -80,6 +80,13 @@ void CheckTasks(const CampaignSpec& spec, Problems& problems) {
     problems.Require(std::isfinite(weight) && weight > 0, fmt::format("task_weights: {} must be > 0", weight));
 }
 
+bool HasObstacle(const CampaignSpec& spec) {
+  return std::ranges::any_of(spec.tasks, [](const std::string& name) {
+    const auto task = ParseTask(name);
+    return task && task->avoid == "obstacle";
+  });
+}
+
 void CheckObjects(const CampaignSpec& spec, Problems& problems) {
   const int on_table = OnTable(spec);
   problems.Require(on_table >= 1 && on_table <= kMostObjects,
@@ -97,6 +104,9 @@ void CheckObjects(const CampaignSpec& spec, Problems& problems) {
   problems.Require(on_table <= static_cast<int>(nouns.size()),
                    fmt::format("objects: {} on the table of {} classes; one of each at most", on_table, nouns.size()));
   problems.Require(scene_names.size() == spec.objects.size(), "objects: each name at most once");
+  problems.Require(
+      !scene_names.contains(kObstacleObject) || !HasObstacle(spec),
+      fmt::format("objects: the {} is put there by the tasks with +obstacle; leave it out", kObstacleObject));
 }
 
 void CheckCamera(const CameraSpec& camera, Problems& problems) {
@@ -122,11 +132,7 @@ void CheckRandomization(const RandomizationSpec& randomization, Problems& proble
 }
 
 bool NamesTheBall(const CampaignSpec& spec) {
-  return std::ranges::count(spec.objects, kObstacleObject) > 0 ||
-         std::ranges::any_of(spec.tasks, [](const std::string& name) {
-           const auto task = ParseTask(name);
-           return task && task->avoid == "obstacle";
-         });
+  return std::ranges::count(spec.objects, kObstacleObject) > 0 || HasObstacle(spec);
 }
 
 // What has a range of its own is looked at before this.

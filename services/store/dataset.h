@@ -65,7 +65,7 @@ class DatasetWriter {
   /// @param facts  for its line in commits.jsonl; nothing of them enters the episode's file
   Status Commit(const Episode& episode, const CommitFacts& facts = {});
   /// Several at once, of different indices: files are fsynced together and each folder once, nothing is hashed again,
-  /// the bytes are made without HDF5. Of the pictures every 16th is inflated, all begin as a zlib stream; Verify looks
+  /// the bytes are made without HDF5. Of the pictures every 64th is inflated, all begin as a zlib stream; Verify looks
   /// at each. @returns for each what Commit would
   std::vector<Status> CommitGroup(std::span<const ArrivedEpisode> group);
   /// Appends to attempts.jsonl.

@@ -15,6 +15,7 @@
 #include "services/core/thread_annotations.h"
 #include "services/episode/bounded_json.h"
 #include "services/spec/episode_plan.h"
+#include "services/spec/task_files.h"
 #include "services/store/attempts.h"
 #include "services/store/commit_file.h"
 #include "services/store/commit_journal.h"
@@ -74,10 +75,11 @@ Status CheckSpec(const Path& dataset, const internal::DatasetFile& found, const 
                             "not make the same bytes; collect into another folder",
                             dataset.string(), found.content, kContentVersion));
   if (found.spec_sha256 != SpecHash(found.spec))
-    return Fail(Code::kInvalidArgument,
-                fmt::format("dataset '{}': its spec has another hash in this version, which knows other keys; new "
-                            "episodes would not be of one spec with those in it; collect into another folder",
-                            dataset.string()));
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("dataset '{}': {}; new episodes would not be of one spec with those in it; collect into another "
+                    "folder",
+                    dataset.string(), WhyHashDiffers(found.spec)));
   const CampaignSpec& made_from = found.spec;
   const auto differences = internal::SpecDifferences(made_from, now);
   if (differences.empty()) return {};

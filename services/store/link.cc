@@ -8,6 +8,7 @@
 #include <optional>
 #include <unordered_map>
 
+#include "services/spec/task_files.h"
 #include "services/store/attempts.h"
 #include "services/store/edit.h"
 #include "services/store/layout.h"
@@ -28,11 +29,11 @@ Result<LinkedShard> OpenShard(const Path& path) {
   ETUDE_ASSIGN_OR_RETURN(const auto description, internal::ReadDatasetFile(path));
   if (description.schema_version != kSchemaVersion || description.content != kContentVersion ||
       description.spec_sha256 != SpecHash(description.spec))
-    return Fail(
-        Code::kInvalidArgument,
-        fmt::format("link '{}': it was made by an older program (schema {}, content {}; here {}, {}), or its "
-                    "spec has another hash in this one: `etude dataset merge` makes one of several",
-                    path.string(), description.schema_version, description.content, kSchemaVersion, kContentVersion));
+    return Fail(Code::kInvalidArgument,
+                fmt::format("link '{}': it was made by an older program (schema {}, content {}; here {}, {}), or {}: "
+                            "`etude dataset merge` makes one of several",
+                            path.string(), description.schema_version, description.content, kSchemaVersion,
+                            kContentVersion, WhyHashDiffers(description.spec)));
   ETUDE_ASSIGN_OR_RETURN(auto indices, reader.List());
   return LinkedShard{path, reader.spec(), reader.spec_sha256(), std::move(indices)};
 }

@@ -185,6 +185,10 @@ TEST(CampaignSpec, AnotherClearanceMakesOtherEpisodes) {
 }
 
 TEST(CampaignSpec, ATaskWithAReferenceNeedsSomethingToReferTo) {
+  // before, every scene of such a task had two of one name, and its episodes were given up
+  EXPECT_THAT(Validated({"tasks=[pick, pick+obstacle]", "objects=[cube, basketball]"}),
+              MessageHas("the basketball is put there by the tasks with +obstacle"));
+  EXPECT_THAT(Validated({"tasks=[pick]", "objects=[cube, basketball]"}), IsOk());
   EXPECT_THAT(Validated({"tasks=[place_left]", "objects=[cube]"}), MessageHas("'place_left' needs a second one"));
   EXPECT_THAT(Validated({"tasks=[place_left]", "objects=[cube, milk]"}), IsOk());
   EXPECT_THAT(Validated({"tasks=[stack]", "objects=[milk, bread]"}),
