@@ -12,6 +12,7 @@
 #include "services/core/command.h"
 #include "services/core/command_table.h"
 #include "services/core/config_reference.h"
+#include "services/core/file_lock.h"
 #include "services/core/log.h"
 #include "services/core/service_manager.h"
 #include "services/core/stop.h"
@@ -178,6 +179,8 @@ Result<std::shared_ptr<const security::CheckpointSigner>> OpenSigner(const Argum
 // Rank 0, or alone: all but the others' steps.
 Status Lead(const Arguments& arguments, const learn::TrainConfig& config, Together& together,
             const torch::Device& device) {
+  ETUDE_ASSIGN_OR_RETURN(const FileLock lock, FileLock::Take(Path(arguments.out) / ".lock",
+                                                             fmt::format("run '{}' is being trained", arguments.out)));
   ETUDE_ASSIGN_OR_RETURN(const std::string run, RunName(arguments));
   ETUDE_ASSIGN_OR_RETURN(auto participant, JoinBus(arguments));
   ETUDE_ASSIGN_OR_RETURN(auto signer, OpenSigner(arguments));

@@ -75,25 +75,55 @@ const std::vector<HeldOutSentence>& HeldOutSentences() {
   return sentences;
 }
 
+namespace {
+
+// the next object that a sentence can tell from the one at `i`
+const std::string& NextOther(const std::vector<std::string>& objects, std::size_t i) {
+  for (std::size_t k = 1; k < objects.size(); ++k)
+    if (const auto& object = objects[(i + k) % objects.size()]; ObjectNoun(object) != ObjectNoun(objects[i]))
+      return object;
+  return objects[i];
+}
+
+}  // namespace
+
 Result<std::set<std::string>> SeenWords(const Grammar& grammar, const std::vector<std::string>& tasks,
                                         const std::vector<std::string>& objects) {
-  // the next object that a sentence can tell from the first
-  const auto next = [&](std::size_t i) {
-    for (std::size_t k = 1; k < objects.size(); ++k)
-      if (const auto& object = objects[(i + k) % objects.size()]; ObjectNoun(object) != ObjectNoun(objects[i]))
-        return object;
-    return objects[i];
-  };
   std::set<std::string> seen;
   for (const auto& name : tasks) {
     ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
     for (std::size_t i = 0; i < objects.size(); ++i) {
-      const auto command = CommandFor(task, objects[i], task.relation() ? next(i) : "");
+      const auto command = CommandFor(task, objects[i], task.relation() ? NextOther(objects, i) : "");
       ETUDE_RETURN_IF_ERROR(grammar.Check(command));
       seen.merge(grammar.Words(command));
     }
   }
   return seen;
+}
+
+Result<std::set<std::string>> ClauseWords(const Grammar& grammar, const std::vector<std::string>& tasks,
+                                          const std::vector<std::string>& objects) {
+  std::set<std::string> words;
+  const auto say = [&](const Command& command) -> Status {
+    ETUDE_RETURN_IF_ERROR(grammar.Check(command));
+    words.merge(grammar.Words(command));
+    return {};
+  };
+  for (const auto& name : tasks) {
+    ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
+    if (task.relation() || !task.avoid.empty() || objects.empty()) continue;
+    for (std::size_t i = 0; i < objects.size(); ++i)
+      ETUDE_RETURN_IF_ERROR(say({task.base, NextOther(objects, i), "", objects[i]}));
+    for (const char* avoided : {kObstacleObject, kEverythingElse})
+      ETUDE_RETURN_IF_ERROR(say({task.base, objects.front(), "", avoided}));
+    break;  // what is kept off is said alike of every task
+  }
+  for (const auto& name : grammar.tasks()) {
+    ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
+    for (std::size_t i = 0; i < objects.size() && task.relation(); ++i)
+      ETUDE_RETURN_IF_ERROR(say({task.base, objects[i], NextOther(objects, i), ""}));
+  }
+  return words;
 }
 
 std::string WordsText(const std::set<std::string>& words) { return fmt::format("{}", fmt::join(words, " ")); }

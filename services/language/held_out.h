@@ -36,6 +36,11 @@ const std::vector<HeldOutSentence>& HeldOutSentences();
 Result<std::set<std::string>> SeenWords(const Grammar& grammar, const std::vector<std::string>& tasks,
                                         const std::vector<std::string>& objects);
 
+/// Every word of what relabelled sentences may say besides (data.clauses of a training): an object, the obstacle or all
+/// others to keep off, and relations between the objects, of all tasks that `grammar` knows. @error as SeenWords
+Result<std::set<std::string>> ClauseWords(const Grammar& grammar, const std::vector<std::string>& tasks,
+                                          const std::vector<std::string>& objects);
+
 /// Words as a text and back, separated by spaces: how checkpoints say which ones training had.
 std::string WordsText(const std::set<std::string>& words);
 std::set<std::string> WordsIn(const std::string& text);

@@ -12,6 +12,7 @@
 #include "services/core/hash.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
+#include "services/spec/object_names.h"
 
 namespace etude::data {
 namespace {
@@ -110,11 +111,11 @@ Result<std::shared_ptr<const Snapshot>> FixedSplit(const Snapshot& snapshot, Spl
 Dataset::Dataset(std::vector<store::DatasetReader> readers)
     : readers_(std::move(readers)),
       tasks_(readers_.front().spec().tasks),
-      objects_(readers_.front().spec().objects),
+      objects_(SceneNames(readers_.front().spec().objects)),
       snapshot_(std::make_shared<Snapshot>(std::vector<std::shared_ptr<const EpisodeEntry>>())) {
   for (std::size_t folder = 1; folder < readers_.size(); ++folder) {
     AddNew(spec(folder).tasks, tasks_);
-    AddNew(spec(folder).objects, objects_);
+    AddNew(SceneNames(spec(folder).objects), objects_);
   }
 }
 

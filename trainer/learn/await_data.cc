@@ -81,6 +81,8 @@ Status AwaitData(data::Dataset& dataset, const TrainConfig& config, const AwaitO
   std::size_t seen = 0;
   while (true) {
     ETUDE_ASSIGN_OR_RETURN([[maybe_unused]] const int added, dataset.Refresh());
+    // a part of it may have been read: nothing is to be concluded from that
+    if (StopRequested()) return Fail(Code::kUnavailable, fmt::format("stopped while {} was read", dataset.text()));
     const auto snapshot = dataset.snapshot();
     const std::string missing = need.Missing(*snapshot);
     if (missing.empty()) return {};

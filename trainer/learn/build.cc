@@ -71,14 +71,19 @@ void AdoptTasks(const std::vector<std::string>& tasks, policy::PolicyConfig& con
   if (!covered) config.tasks = std::move(known);
 }
 
-// of every episode: one that is another's is named
+// Of every episode: one that is another's is named. A camera that moves within a folder is part of what is learned, and
+// then any other folder's, too; each of two that stand still has its own policy.
 Result<checkpoint::Embodiment> FindEmbodiment(const data::Snapshot& snapshot) {
   auto embodiment = checkpoint::EmbodimentOf(snapshot.episodes().front()->episode());
+  std::map<std::uint32_t, checkpoint::Embodiment> first;  // of each folder
   for (const auto& entry : snapshot.episodes()) {
     const auto other = checkpoint::EmbodimentOf(entry->episode());
-    // a camera that moves is part of what is learned
-    if (other.camera_pose != embodiment.camera_pose) embodiment.camera_pose.clear();
-    if (other.fovy != embodiment.fovy) embodiment.fovy = 0;
+    const auto& own = first.try_emplace(entry->folder, other).first->second;
+    if (other.camera_pose != own.camera_pose) embodiment.camera_pose.clear();
+    if (other.fovy != own.fovy) embodiment.fovy = 0;
+  }
+  for (const auto& entry : snapshot.episodes()) {
+    const auto other = checkpoint::EmbodimentOf(entry->episode());
     if (const auto differences = checkpoint::Differences(embodiment, other); !differences.empty())
       return Fail(Code::kInvalidArgument,
                   fmt::format("the data are of several kinds: '{}' is not as '{}' ({}); a policy fits one: collect a "
@@ -146,8 +151,15 @@ Result<Policies> MakeReplicas(const TrainingRun& run, const data::Statistics& st
   // more of them keep the cores of a CPU busy; a CUDA device is with one
   int copies = run.options.device.is_cpu() ? config.threads.replicas : 1;
   if (copies == 0) copies = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  // each has a picture of every batch at least
+  const int ranks = run.options.ranks ? run.options.ranks->size() : 1;
+  if (ranks > config.data.batch)
+    return Fail(Code::kInvalidArgument,
+                fmt::format("{} ranks share {} pictures a step (data.batch): give no more ranks "
+                            "than pictures",
+                            ranks, config.data.batch));
   Policies policies;
-  for (int r = 0; r < std::min(copies, config.data.batch); ++r) {
+  for (int r = 0; r < std::min(copies, config.data.batch / ranks); ++r) {
     ETUDE_ASSIGN_OR_RETURN(
         auto policy, policy::Policy::Create(config.policy, ToNormalization(statistics), config.seed, run.text_encoder));
     policy->train();
@@ -202,9 +214,10 @@ Status CheckFits(const RunState& state, const TrainingRun& run) {
                     std::equal(state.datasets.begin(), state.datasets.end(), datasets.begin());
   if (!same)
     return Fail(Code::kInvalidArgument,
-                fmt::format("resume '{}': it was trained on {} datasets, and {} are not those in the same order: its "
-                            "config.yaml lists them; others may only be added behind them",
-                            run.options.out.string(), state.datasets.size(), run.dataset->text()));
+                fmt::format("resume '{}': {} is not what it was trained on: {}; others may only be added behind",
+                            run.options.out.string(), run.dataset->text(),
+                            state.datasets.size() > 1 ? "its config.yaml lists those, which stay in the same order"
+                                                      : "a dataset that another campaign file made"));
   const auto differences = checkpoint::Differences(run.embodiment, state.embodiment);
   if (differences.empty()) return {};
   return Fail(Code::kInvalidArgument,
@@ -298,8 +311,7 @@ void LogFolders(const data::Dataset& dataset, const data::Snapshot& snapshot) {
 
 std::vector<std::string> DatasetsOf(const data::Dataset& dataset) {
   std::vector<std::string> datasets;
-  for (std::size_t folder = 0; folder < dataset.folders() && dataset.folders() > 1; ++folder)
-    datasets.push_back(dataset.spec_sha256(folder));
+  for (std::size_t folder = 0; folder < dataset.folders(); ++folder) datasets.push_back(dataset.spec_sha256(folder));
   return datasets;
 }
 

@@ -38,9 +38,12 @@ std::map<std::string, torch::Tensor> RunningStatistics(policy::Policy& policy) {
 
 // Of the grammar that this run draws sentences from; "" where it has none for an object, which ends a run at its begin.
 std::string WordsOf(const TrainingRun& run) {
-  const CampaignSpec& spec = run.dataset->spec();
-  const auto words = language::SeenWords(*run.grammar, spec.tasks, spec.objects);
-  return words ? language::WordsText(*words) : std::string();
+  const auto &tasks = run.dataset->tasks(), &objects = run.dataset->objects();
+  auto words = language::SeenWords(*run.grammar, tasks, objects);
+  if (!words) return "";
+  if (run.config.data.clauses > 0 && run.config.data.sentences > 1)
+    if (auto more = language::ClauseWords(*run.grammar, tasks, objects)) words->merge(*more);
+  return language::WordsText(*words);
 }
 
 checkpoint::Metadata MetadataOf(const TrainingRun& run, bool best) {

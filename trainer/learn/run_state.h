@@ -26,7 +26,7 @@ struct RunState {
   checkpoint::Embodiment embodiment;
   std::map<std::string, checkpoint::ModuleRecord> modules;
   std::vector<std::uint64_t> validation;  ///< numbers (EpisodeEntry) of the episodes that are validated on
-  std::vector<std::string> datasets;      ///< spec hashes of several folders, in their order; of one alone: none
+  std::vector<std::string> datasets;  ///< spec hashes of its folders, in their order; older states of one folder: none
   int best_stage = 0;
   double best_score = 0;  ///< of the best checkpoint so far, lower is better
   std::uint64_t checkpoint_step = 0;

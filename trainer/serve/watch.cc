@@ -102,6 +102,7 @@ Status Watch(const bus::Participant& participant, const WatchOptions& options) {
     }
     if (!insights.Wait(200ms)) continue;
     for (const auto& insight : insights.Take()) {
+      if (!wanted(seen)) break;
       if (insight.viewer != wish.viewer) continue;
       if (!insight.error.empty()) return Fail(Code::kInvalidArgument, Printable(insight.error));
       Print(insight, options.as_json);

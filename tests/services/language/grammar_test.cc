@@ -351,6 +351,18 @@ TEST(HasWords, LooksForWholeWords) {
   for (const char* text : {"", "red", "red canister", "tired can", "red  can"}) EXPECT_FALSE(HasWords(text, "red can"));
 }
 
+TEST(ClauseWords, AreThoseThatTasksAloneNeverSay) {
+  const std::vector<std::string> tasks{"pick", "push"}, objects{"cube", "coke", "milk"};
+  const auto seen = SeenWords(TheGrammar(), tasks, objects);
+  const auto clauses = ClauseWords(TheGrammar(), tasks, objects);
+  ASSERT_TRUE(seen && clauses);
+  for (const char* word : {"avoid", "touching", "basketball", "left"}) {
+    EXPECT_FALSE(seen->contains(word)) << word;
+    EXPECT_TRUE(clauses->contains(word)) << word;
+  }
+  EXPECT_FALSE(clauses->contains("bread")) << "no object of theirs";
+}
+
 TEST(CommandFor, SaysWhatIsToBeKeptOff) {
   const auto obstacle = [](const char* task) { return CommandFor(*ParseTask(task), "coke", "").obstacle; };
   EXPECT_EQ(obstacle("pick"), "");

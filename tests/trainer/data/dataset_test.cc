@@ -159,6 +159,15 @@ TEST_F(SeveralFolders, AreReadAsOneFolderByFolderWithTheSplitsOfEach) {
   EXPECT_EQ(dataset->text(), fmt::format("'{}', '{}'", (folder_ / "a").string(), (folder_ / "b").string()));
 }
 
+// before, training looked for words of "objects/mug_00" and ended the process at its first sentence
+TEST_F(SeveralFolders, CallObjectsAsTheirScenesDo) {
+  spec_.objects = {"cube", "objects/crate"};
+  AddSyntheticEpisodes(folder_ / "imported", spec_, 0, 0);
+  const auto dataset = Dataset::Open(folder_ / "imported");
+  ASSERT_TRUE(dataset) << dataset.error().message;
+  EXPECT_EQ((*dataset)->objects(), (std::vector<std::string>{"cube", "crate"}));
+}
+
 // what a run is made of must not change because several folders can be read
 TEST_F(SeveralFolders, OneAloneIsWhatItWas) {
   const auto alone = Read({folder_ / "a"}), both = Read({folder_ / "a", folder_ / "b"});

@@ -120,7 +120,10 @@ TEST_F(SeveralDatasets, TrainAndValidateOnAllOfThemAndTheRunSaysWhich) {
   Read({"d"});
   ASSERT_EQ(Words(Train(TinyConfig({"steps=10"}), folder_ / "alone")), "");
   EXPECT_THAT(ReadTextFile(folder_ / "alone/config.yaml").value(), ::testing::Not(HasSubstr("datasets")));
-  EXPECT_TRUE(LoadRunState(folder_ / "alone/training_state.safetensors")->datasets.empty());
+  EXPECT_EQ(LoadRunState(folder_ / "alone/training_state.safetensors")->datasets.size(), 1u);
+  Read({"e"});
+  EXPECT_THAT(Words(Train(TinyConfig({"steps=20"}), folder_ / "alone", true)), HasSubstr("another campaign file"))
+      << "before, it was validated on another dataset's episodes of the same numbers";
 }
 
 TEST_F(SeveralDatasets, ARunGoesOnWithThemInTheirOrderAndMayGetMore) {
@@ -150,6 +153,12 @@ TEST_F(SeveralDatasets, ThatDoNotGoTogetherAreRefusedByName) {
   const std::string robot = Words(Train(TinyConfig({"steps=10"}), folder_ / "run"));
   for (const std::string& text : {std::string("the panda's"), (folder_ / "panda").string()})
     EXPECT_THAT(robot, HasSubstr(text));
+  // before, two cameras that stand still at different places were taken for one that moves
+  CampaignSpec elsewhere = SyntheticSpec(kTinyPicture, kTinyPicture);
+  elsewhere.camera.position[0] += 0.1;
+  AddSyntheticEpisodes(folder_ / "elsewhere", elsewhere, 0, 24);
+  Read({"d", "elsewhere"});
+  EXPECT_THAT(Words(Train(TinyConfig({"steps=10"}), folder_ / "run")), HasSubstr("camera pose"));
 }
 
 TEST_F(TrainerTest, ItsFilesSayHowItEnded) {
