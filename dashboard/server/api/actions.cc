@@ -85,6 +85,17 @@ Result<Path> CheckpointOf(Context& context, const OrderedJson& body) {
   return run.source->found().folder / "checkpoints" / header->file;
 }
 
+// What a run published last. @error kNotFound: nothing yet
+Result<Path> NewestCheckpoint(const OpenedRun& run) {
+  const auto& headers = run.view->checkpoints;
+  const auto newest = std::ranges::find_if(headers, [](const auto& header) {
+    return std::ranges::find(header.channels, "latest") != header.channels.end();
+  });
+  if (newest == headers.end())
+    return Fail(Code::kNotFound, "serve: the run has no checkpoint yet, and nobody trains it now");
+  return run.source->found().folder / "checkpoints" / newest->file;
+}
+
 // Whether a folder is one of those that the gateway was given, or lies below one.
 bool IsGiven(Context& context, const Path& folder) {
   return std::ranges::any_of(context.sources.catalog().roots(), [&](const Path& root) {
@@ -128,13 +139,17 @@ Result<ActionCommand> Promote(Context& context, const OrderedJson& body) {
 
 Result<ActionCommand> Serve(Context& context, const OrderedJson& body) {
   if (context.domain < 0) return Fail(Code::kInvalidArgument, "serve: this gateway is on no bus (--no-bus)");
+  ETUDE_ASSIGN_OR_RETURN(const OpenedRun run, OpenRun(context, TextOf(body, "run")));
   ActionCommand command{{"policy"}, Weight::kLight};
-  if (TextOf(body, "file").empty()) {
-    ETUDE_ASSIGN_OR_RETURN(const OpenedRun run, OpenRun(context, TextOf(body, "run")));
-    command.AddFlags({"--subscribe", run.source->found().folder.string()});
+  const auto live = context.live();
+  const auto* const heard = LiveOf(*live, *run.view);
+  if (TextOf(body, "file").empty() && heard && heard->present) {
+    command.AddFlags({"--subscribe", BusId(heard->presence)});
   } else {
-    ETUDE_ASSIGN_OR_RETURN(const Path checkpoint, CheckpointOf(context, body));
-    command.AddFlags({"--checkpoint", checkpoint.string()});
+    // under the run's own id, by which pages look for who serves it
+    ETUDE_ASSIGN_OR_RETURN(const Path checkpoint,
+                           TextOf(body, "file").empty() ? NewestCheckpoint(run) : CheckpointOf(context, body));
+    command.AddFlags({"--checkpoint", checkpoint.string(), "--run", run.source->found().folder.string()});
   }
   command.AddFlags(context.bus_flags(security::Role::kPolicy));
   return command;

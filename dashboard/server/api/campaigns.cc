@@ -281,18 +281,26 @@ Result<http::Answer> Cells(Context& context, const http::Request& request) {
   if (opened.view && opened.view->info.derived)
     size = opened.view->rows.empty() ? 0 : opened.view->rows.back().index + 1;
   std::vector<std::uint8_t> cells(std::min(size, kMost), kOpen);
+  // of a shard its own alone, as they follow each other
+  const Shard shard = opened.view && !opened.view->info.derived ? opened.view->info.shard : Shard();
+  const auto cell_of = [&](std::uint64_t index) -> std::uint8_t* {
+    const std::uint64_t at = index / shard.count;
+    return shard.Has(index) && at < cells.size() ? &cells[at] : nullptr;
+  };
   if (opened.view) {
     const auto& view = *opened.view;
     for (const auto& row : view.failures)
-      if (row.index < cells.size()) cells[row.index] = kFailed;
+      if (auto* cell = cell_of(row.index)) *cell = kFailed;
     for (const std::uint64_t index : view.UsedUp())
-      if (index < cells.size()) cells[index] = kGivenUp;
+      if (auto* cell = cell_of(index)) *cell = kGivenUp;
     for (const auto& row : view.rows)
-      if (row.index < cells.size()) cells[row.index] = cells[row.index] == kOpen ? kCommitted : kRetried;
+      if (auto* cell = cell_of(row.index)) *cell = *cell == kOpen ? kCommitted : kRetried;
   }
   store::Safetensors content;
   content.tensors["cells"] = TensorOf(store::DType::kU8, cells);
-  content.metadata = {{"total", std::to_string(state.total)}};
+  content.metadata = {{"total", std::to_string(state.total)},
+                      {"first", std::to_string(shard.number - 1)},
+                      {"step", std::to_string(shard.count)}};
   return ArraysAnswer(content);
 }
 

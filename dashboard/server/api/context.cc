@@ -132,7 +132,7 @@ CampaignState StateOf(const sources::DatasetView* view, const live::LiveCampaign
   CampaignState state;
   if (view) {
     state.committed = view->rows.size();
-    state.total = view->info.derived ? view->rows.size() : view->info.spec.episodes;
+    state.total = view->info.derived ? view->rows.size() : sources::WantedOf(view->info);
     state.given_up = view->info.derived ? 0 : view->GivenUp();
     state.failed = view->failures.size();
     state.updated = view->info.updated;
@@ -318,10 +318,15 @@ http::Answer TokenNeeded(const Context& context, const std::string& hint) {
                        "an action needs the gateway's token", hint);
 }
 
-std::string EvalState(const sources::EvalView& view) {
-  const auto wanted = sources::UnsignedOf(view.report, "episodes").value_or(0);
+std::uint64_t RolloutsOf(const sources::EvalView& view) {
+  const auto asked = sources::UnsignedOf(view.report, "episodes").value_or(0);
   const auto invalid = sources::UnsignedOf(sources::PartOf(view.report, "scenes"), "invalid").value_or(0);
-  if (wanted > 0 && view.rows.size() + invalid >= wanted) return "finished";
+  return asked - std::min(asked, invalid);
+}
+
+std::string EvalState(const sources::EvalView& view) {
+  const bool asked = sources::UnsignedOf(view.report, "episodes").value_or(0) > 0;
+  if (asked && view.rows.size() >= RolloutsOf(view)) return "finished";
   return IsFresh(view.updated) ? "running" : "silent";
 }
 

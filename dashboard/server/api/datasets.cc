@@ -175,7 +175,8 @@ Counts CountBy(const Rows& rows, std::string EpisodeRow::*member) {
 }
 
 // What the spec's weights ask for of each task, its targets equally often.
-std::map<std::pair<std::string, std::string>, double> Expected(const CampaignSpec& spec) {
+std::map<std::pair<std::string, std::string>, double> Expected(const sources::DatasetInfo& info) {
+  const CampaignSpec& spec = info.spec;
   std::map<std::pair<std::string, std::string>, double> expected;
   const bool weighted = spec.task_weights.size() == spec.tasks.size();
   double sum = 0;
@@ -183,8 +184,9 @@ std::map<std::pair<std::string, std::string>, double> Expected(const CampaignSpe
   if (!(sum > 0) || spec.objects.empty() || !spec.rollout.sentences.empty()) return expected;
   for (std::size_t i = 0; i < spec.tasks.size(); ++i)
     for (const auto& object : spec.objects)
-      expected[{spec.tasks[i], object}] = static_cast<double>(spec.episodes) * (weighted ? spec.task_weights[i] : 1) /
-                                          sum / static_cast<double>(spec.objects.size());
+      expected[{spec.tasks[i], object}] = static_cast<double>(sources::WantedOf(info)) *
+                                          (weighted ? spec.task_weights[i] : 1) / sum /
+                                          static_cast<double>(spec.objects.size());
   return expected;
 }
 
@@ -276,7 +278,7 @@ Result<http::Answer> Summary(Context& context, const http::Request& request) {
   for (const auto* row : rows)
     if (row->draws > 0) ++draws[std::to_string(row->draws)];
   const auto expected = filter.empty() && !opened.view->info.derived
-                            ? Expected(opened.view->info.spec)
+                            ? Expected(opened.view->info)
                             : std::map<std::pair<std::string, std::string>, double>{};
   return http::JsonAnswer({{"total", rows.size()},
                            {"known", known},

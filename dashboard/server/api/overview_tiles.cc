@@ -169,7 +169,7 @@ OrderedJson EvalTile(const EvalItem& item) {
           {"kind", "eval"},
           {"name", item.name},
           {"done", item.view->rows.size()},
-          {"episodes", sources::UnsignedOf(item.view->report, "episodes").value_or(0)},
+          {"episodes", RolloutsOf(*item.view)},
           {"tasks", tasks},
           {"overall", TaskOfReport(PartOf(item.view->report, "overall"))}};
 }

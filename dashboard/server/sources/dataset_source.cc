@@ -247,6 +247,7 @@ void DatasetSource::ReadEnd() {
   const auto text = ReadTextFile(found_.folder / "collector.json", 1 << 20);
   const OrderedJson said = text ? ParseBoundedJson(*text).value_or(OrderedJson()) : OrderedJson();
   info_.stopped = TextOf(said, "ended") == "stopped";
+  info_.shard = ParseShard(TextOf(said, "shard")).value_or(Shard());
   changed_ = true;
 }
 

@@ -16,6 +16,7 @@
 #include "dashboard/server/sources/files.h"
 #include "services/core/thread_annotations.h"
 #include "services/spec/campaign_spec.h"
+#include "services/spec/shard.h"
 #include "services/store/commit_journal.h"
 #include "services/store/dataset.h"
 #include "services/store/sampling_journal.h"
@@ -55,12 +56,16 @@ struct DatasetInfo {
   std::int64_t content = 0;
   bool journal = false;
   bool stopped = false;  ///< its last collector was stopped before all was done
+  Shard shard;           ///< of its campaign's episodes
   bool derived = false;  ///< made of other datasets: whole with what is there (services/store/edit.h)
   std::uint64_t unreadable = 0;
   std::map<std::uint64_t, std::string> unreadable_files;  ///< the first of them: index -> reason
   double updated = 0;                                     ///< newest change of its files, seconds since 1970
   std::uint64_t since = 0;  ///< when its folder was begun, seconds since 1970; 0: it does not say
 };
+
+/// How many episodes the folder is to have in the end. Of one made of others: not known.
+inline std::uint64_t WantedOf(const DatasetInfo& info) { return info.shard.CountOf(info.spec.episodes); }
 
 /// Everything at one moment; rows by index, attempts in the order of their lines. Immutable, shared by requests.
 struct DatasetView {

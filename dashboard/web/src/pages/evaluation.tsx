@@ -19,6 +19,11 @@ export function Evaluation() {
   return <Loaded of={{ ...first, data: live?.id === id ? live : first.data }}>{(data) => <Content key={data.id} of={data} />}</Loaded>;
 }
 
+/** Rollouts that there will be: none of scenes that the expert cannot do (--first-draw). */
+function wanted(of: Eval): number {
+  return of.episodes - Number(of.scenes?.invalid ?? 0);
+}
+
 function Content(props: { of: Eval }) {
   const { of } = props;
   const [named] = parameter('vs');
@@ -29,13 +34,13 @@ function Content(props: { of: Eval }) {
     <>
       <div class="page-head">
         <StateChip state={of.state} />
-        <div class="row" data-eval-summary><Figure large value={of.done ? percent(s.share) : none} label="success" /><span class="secondary">[{fixed(100 * s.low, 1)} {fixed(100 * s.high, 1)}]<br /><span data-figure="successes">{count(s.successes)}</span> of {count(of.overall.n)}{of.done < of.episodes && `, ${count(of.episodes - of.done)} to go`}</span></div>
+        <div class="row" data-eval-summary><Figure large value={of.done ? percent(s.share) : none} label="success" /><span class="secondary">[{fixed(100 * s.low, 1)} {fixed(100 * s.high, 1)}]<br /><span data-figure="successes">{count(s.successes)}</span> of {count(of.overall.n)}{of.done < wanted(of) && `, ${count(wanted(of) - of.done)} to go`}</span></div>
         <span class="fill" />
         {of.checkpoint && <Chip>step {count(of.checkpoint.step)}{of.checkpoint.sha256 && <> · <span class="mono">{short(of.checkpoint.sha256)}</span></>}</Chip>}
         {of.run_id ? <a href={link('training', { run: of.run_id })}>run {nameOf(of.run_id)}</a> : <span class="muted">{of.run}</span>}
         <span class="muted">scenes of seed <span class="mono" data-seed>{of.seed}</span></span>
       </div>
-      {of.done < of.episodes && <div class="bar" role="img" aria-label={`${of.done} of ${of.episodes}`}><div style={{ width: `${(100 * of.done) / Math.max(1, of.episodes)}%` }} /></div>}
+      {of.done < wanted(of) && <div class="bar" role="img" aria-label={`${of.done} of ${wanted(of)}`}><div style={{ width: `${(100 * of.done) / Math.max(1, wanted(of))}%` }} /></div>}
       <div class="grid wide">
         <Panel title="Success by task" aside={<span class="small muted">strict judge</span>}><Dots label="Success by task" rows={[...of.per_task, of.overall].map((one) => proportion(one))} /></Panel>
         <Panel title="What else happened"><Reports of={of} /></Panel>
@@ -76,7 +81,7 @@ function ByCheckpoint(props: { of: Eval }) {
   return (
     <Panel title={`Success by checkpoint${task ? `, ${task}` : ''}`} aside={<span class="small muted">evaluations of run {nameOf(of.run_id)}; this one in colour{all.some((one) => one.seed !== of.seed) && '; ≠: scenes of another seed'}</span>}>
       <div data-by-checkpoint><Dots label="Success by checkpoint" rows={rows} /></div>
-      {all.length < 2 && <><p class="secondary">Another checkpoint of this run, in the same scenes:</p><Command text={`etude eval --checkpoint OTHER.safetensors --episodes ${of.episodes} --seed ${of.seed} --out eval-b`} /></>}
+      {all.length < 2 && <><p class="secondary">Another checkpoint of this run, in the same scenes, given the --seed that this one was given:</p><Command text={`etude eval --checkpoint OTHER.safetensors --episodes ${of.episodes} --seed SEED --out eval-b`} /></>}
     </Panel>
   );
 }
@@ -117,7 +122,7 @@ function Scenes(props: { of: Eval; versus: string }) {
   const here = rows.find((one) => String(one.index) === picked);
   const other = useResource<EvalRows>(picked && page.data && !here ? `/evals/${of.id}/rows${query({ index: picked })}` : null);
   const row = here ?? other.data?.rows[0] ?? (failed && order === 'failures' ? rows[0] : rows.find((one) => !one.success));
-  const open = of.episodes - of.done;
+  const open = wanted(of) - of.done;
   return (
     <div class="columns main-side">
       <div class="stack">

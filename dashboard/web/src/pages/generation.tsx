@@ -156,7 +156,10 @@ function Cells(props: { id: string; round: number }) {
   const [cursor, setCursor] = useState<number | null>(null);
   const [width, setWidth] = useState(0);
   const paint = paints.value;
-  const cells = answer.data ? readSafetensors(answer.data).tensors.get('cells')?.values : undefined;
+  const content = answer.data ? readSafetensors(answer.data) : undefined;
+  const cells = content?.tensors.get('cells')?.values;
+  // of a shard its own episodes alone, every so many
+  const indexOf = (at: number) => Number(content?.metadata.first ?? 0) + at * Number(content?.metadata.step ?? 1);
   const size = (cells?.length ?? 0) > 4000 ? 5 : 10;
   const across = Math.max(1, Math.floor(width / size));
   useEffect(() => {
@@ -191,8 +194,8 @@ function Cells(props: { id: string; round: number }) {
   if (!cells) return null;
   const open = (at: number | null) => {
     if (at === null) return;
-    if (cells[at] === 1 || cells[at] === 2) navigate(episodeLink(props.id, at));
-    else setParameters({ index: at });
+    if (cells[at] === 1 || cells[at] === 2) navigate(episodeLink(props.id, indexOf(at)));
+    else setParameters({ index: indexOf(at) });
   };
   const press = (event: KeyboardEvent) => {
     const from = cursor ?? 0;
@@ -205,7 +208,7 @@ function Cells(props: { id: string; round: number }) {
   const told = over ?? cursor;
   const tally = cellNames.map((_name, value) => [...cells].filter((one) => one === value).length);
   return (
-    <Panel title="Seeds" aside={<span class="small secondary" role="status" data-seed-at>{told === null ? `${count(cells.length)} indices, one square each` : `#${told}: ${cellNames[cells[told] ?? 0]}`}</span>}>
+    <Panel title="Seeds" aside={<span class="small secondary" role="status" data-seed-at>{told === null ? `${count(cells.length)} indices, one square each` : `#${indexOf(told)}: ${cellNames[cells[told] ?? 0]}`}</span>}>
       <div class="seed-map" role="group" tabIndex={0} data-arrows data-seed-map aria-label="Seeds: arrow keys go from one to the next, Enter opens it" onKeyDown={press} onFocus={(event) => { if (event.currentTarget.matches(':focus-visible')) setCursor(cursor ?? 0); }} onBlur={() => setCursor(null)}>
         <canvas ref={canvas} role="img" aria-label={cellNames.map((name, i) => `${tally[i]} ${name}`).join(', ')} onMouseMove={(event) => setOver(index(event))} onMouseLeave={() => setOver(null)} onClick={(event) => open(index(event))} />
         {cursor !== null && <span class="seed-cursor" style={{ left: `${(cursor % across) * size - 2}px`, top: `${Math.floor(cursor / across) * size - 2}px`, width: `${size + 3}px`, height: `${size + 3}px` }} />}
