@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <map>
 
+#include "services/campaign/process.h"
 #include "services/cli/command_line.h"
 #include "services/cli/sibling_text.h"
 #include "services/core/command_table.h"
@@ -53,6 +54,8 @@ Result<OrderedJson> AllCommands(const CLI::App& app) {
   OrderedJson table = CommandTable(app);
   std::map<std::string, OrderedJson> programs;  // asked once each: torch takes a moment
   for (const auto& own : OwnPrograms()) {
+    // the quickstart builds what it needs: a command whose program is not there keeps its name alone
+    if (!campaign::FindSibling(own.program)) continue;
     if (!programs.contains(own.program)) {
       ETUDE_ASSIGN_OR_RETURN(programs[own.program], AskSiblingJson(own.program, {"--command-table"}));
     }

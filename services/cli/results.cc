@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <optional>
 #include <set>
+#include <sstream>
 
 #include "services/campaign/eval_comparison.h"
 #include "services/campaign/process.h"
@@ -33,6 +34,19 @@ struct ResultsArguments {
 
 using Words = std::vector<std::string>;
 constexpr const char* kWhole = "whole";  // in a run's folder: it has come to its end
+
+// Whether the last that a trainer wrote into the run's metrics is that it came to its end
+// (trainer/learn/metrics_log.h).
+bool HasFinished(const Path& run) {
+  const auto text = ReadTextFile(run / "metrics.jsonl");
+  if (!text) return false;
+  std::string last;
+  std::istringstream lines(*text);
+  for (std::string line; std::getline(lines, line);)
+    if (!line.empty()) last = std::move(line);
+  const auto json = OrderedJson::parse(last, nullptr, false);
+  return json.is_object() && json.value("kind", "") == "end" && json.value("cause", "") == "finished";
+}
 
 /// Runs commands of `etude` one after another, each with a log of its own.
 class Maker {
@@ -209,6 +223,11 @@ class Maker {
     const Words set = Sets(train.set);
     words.insert(words.end(), set.begin(), set.end());
     ETUDE_RETURN_IF_ERROR(Run(fmt::format("train-{}-{}", row.name, seed), words));
+    // a trainer that somebody stopped has ended well, too
+    if (!HasFinished(run))
+      return Fail(Code::kUnavailable, fmt::format("the training in '{}' was stopped before its end: the same command "
+                                                  "goes on with it",
+                                                  run.string()));
     return WriteFileAtomically(run / kWhole, "\n");
   }
 
@@ -272,7 +291,12 @@ struct Table {
     for (const auto& row : config.rows) lines.push_back({&row, records.Find(row)});
     return ResultsTable(lines);
   }
-  // after every seed: a long table is worth something before its end
+  // After every seed: a long table is worth something before its end. What others have kept meanwhile stays.
+  Status Keep(const ResultsConfig& config, const ResultRow& row, ResultReport report) {
+    ETUDE_ASSIGN_OR_RETURN(records, ResultRecords::Load(record_file()));
+    records.Keep(row, std::move(report));
+    return Save(config);
+  }
   Status Save(const ResultsConfig& config) const {
     ETUDE_RETURN_IF_ERROR(records.Save(record_file()));
     return WriteFileAtomically(file, Text(config));
@@ -325,10 +349,10 @@ Status Results(const ResultsArguments& arguments) {
       }
       if (const std::string missing = MissingComparison(made->report); !missing.empty())
         say(row, seed, {Code::kNotFound, missing});
-      table.records.Keep(row, std::move(*made));
-      ETUDE_RETURN_IF_ERROR(table.Save(config));
+      ETUDE_RETURN_IF_ERROR(table.Keep(config, row, std::move(*made)));
     }
   }
+  ETUDE_ASSIGN_OR_RETURN(table.records, ResultRecords::Load(table.record_file()));
   ETUDE_RETURN_IF_ERROR(table.Save(config));
   fmt::print("{}", table.Text(config));
   if (failed) return Fail(*failed);
