@@ -57,7 +57,8 @@ const std::vector<ActionHelp>& Known() {
       {"promote", "make a checkpoint a run's best", {{"run", true, "run id"}, {"file", true, "checkpoint"}}},
       {"serve",
        "start a policy server for a checkpoint, or for what a run publishes; it serves until the job is stopped",
-       {{"run", true, "run id"}, {"file", false, "checkpoint; default: those that the run publishes"}}}};
+       {{"run", true, "run id"},
+        {"file", false, "checkpoint; default: those that the run publishes while it is trained, else its newest"}}}};
   return known;
 }
 
@@ -146,10 +147,14 @@ Result<ActionCommand> Serve(Context& context, const OrderedJson& body) {
   if (TextOf(body, "file").empty() && heard && heard->present) {
     command.AddFlags({"--subscribe", BusId(heard->presence)});
   } else {
-    // under the run's own id, by which pages look for who serves it
     ETUDE_ASSIGN_OR_RETURN(const Path checkpoint,
                            TextOf(body, "file").empty() ? NewestCheckpoint(run) : CheckpointOf(context, body));
-    command.AddFlags({"--checkpoint", checkpoint.string(), "--run", run.source->found().folder.string()});
+    command.AddFlags({"--checkpoint", checkpoint.string()});
+    // Under the run's own id, by which pages look for who serves it; but beside another server of it, a robot that asks
+    // for the run would be answered by either: then under an id of its own
+    const std::string& id = run.view->identity;
+    if (!id.empty() && !(heard && heard->present) && ServersOf(*live, id).empty())
+      command.AddFlags({"--run", run.source->found().folder.string()});
   }
   command.AddFlags(context.bus_flags(security::Role::kPolicy));
   return command;

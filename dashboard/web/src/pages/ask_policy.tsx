@@ -126,7 +126,7 @@ function Bench(props: Asked & { episode: Episode }) {
             <ThinkInstead of={data} read={props.read} field={think} />
           </div>
           <p class="small muted">Drag over the picture to hide a part of it, or focus it: arrow keys move the brush, Shift and arrows size it, Enter hides. Where a module attends is not yet why it says so: hide that part and see what follows.</p>
-          {answer.error && <><Failed problem={answer.error} retry={answer.reload} />{answer.error.status === 409 && <p class="row wrap"><ActionButton label="Serve this run" about="Starts a policy server that follows what the run publishes." of={{ action: 'serve', run }} />
+          {answer.error && <><Failed problem={answer.error} retry={answer.reload} />{answer.error.status === 409 && <p class="row wrap"><ActionButton label="Serve this run" about="Starts a policy server that follows what the run publishes, or where nobody trains it, of its newest checkpoint." of={{ action: 'serve', run }} />
             {props.kept.map((one) => <a class="button" href={link('inside', { run, eval: one.id })}>What was kept of {one.name}</a>)}</p>}</>}
         </div>
       </div>

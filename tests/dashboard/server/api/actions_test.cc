@@ -30,6 +30,25 @@ class ActionsTest : public ApiFixture {
   }
 };
 
+// before, it waited for what nobody publishes, under an id by which no page found it
+TEST_F(ActionsTest, ARunIsFollowedWhileItIsTrainedAndElseServedUnderItsOwnId) {
+  context_.domain = 66;
+  const OrderedJson body{{"action", "serve"}, {"run", "lab.run"}};
+  const Path folder = lab_.root() / "run";
+  const auto identity = OpenIdentity(folder);
+  ASSERT_THAT(identity, IsOk());
+  const std::string served = CommandOf(body);
+  EXPECT_THAT(served, HasSubstr("etude policy --checkpoint " + (folder / "checkpoints").string()));
+  EXPECT_THAT(served, HasSubstr(" --run " + folder.string()));
+  live::LiveModel model;
+  model.view().enabled = true;
+  bus::Presence run;
+  run.kind = bus::PresenceKind::kRun, run.id = identity->id, run.name = "live";
+  model.Directory({run}, MonotonicClock::now());
+  live_ = std::make_shared<const live::LiveView>(model.view());
+  EXPECT_THAT(CommandOf(body), HasSubstr("etude policy --subscribe live@" + identity->id));
+}
+
 TEST_F(ActionsTest, TickedEpisodesGetAFilterKeyByTheCommandThatWritesIt) {
   context_.bus_flags = [](security::Role role) {
     return std::vector<std::string>{"--domain", "66", "--security", "ids/" + ToString(role)};

@@ -65,6 +65,22 @@ TEST_F(CampaignsTest, ACellIsGivenUpWhenItsAttemptsAre) {
   EXPECT_EQ(cells[8], 0) << "open";
 }
 
+// before, a shard never came to its end on the pages, and its indices beyond its count had no cells
+TEST_F(CampaignsTest, AShardHasCellsForItsOwnEpisodes) {
+  WriteLate("{\"index\":7,\"attempt\":0,\"outcome\":\"slip\"}\n");
+  ASSERT_THAT(
+      WriteFileAtomically(lab_.root() / "late" / "collector.json", R"({"epoch": 1, "ended": "all", "shard": "2/2"})"),
+      IsOk());
+  const auto content = GetArrays(kPrefix + "/campaigns/lab.late/cells");
+  const auto& cells = content.tensors.at("cells").data;
+  EXPECT_EQ(cells.size(), SyntheticSpec().episodes / 2);
+  EXPECT_EQ(cells[0], 1) << "episode 1";
+  EXPECT_EQ(cells[2], 1) << "episode 5";
+  EXPECT_EQ(cells[3], 4) << "episode 7";
+  EXPECT_EQ(content.metadata.at("first"), "1");
+  EXPECT_EQ(content.metadata.at("step"), "2");
+}
+
 TEST_F(CampaignsTest, ACellOfARolloutIsGivenUpWhenItsSceneIsInvalid) {
   ASSERT_THAT(WriteFileAtomically(lab_.root() / "eval_a" / "rollouts" / "attempts.jsonl",
                                   "{\"index\":1,\"attempt\":0,\"outcome\":\"scene_invalid\"}\n"
