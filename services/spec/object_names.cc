@@ -101,8 +101,9 @@ std::vector<std::string> SceneNames(const std::vector<std::string>& names) {
 }
 
 std::string ObjectNoun(const std::string& name) {
-  const auto generated = ParseGenerated(name);
-  return generated ? generated->class_name : SceneName(name);
+  const std::string called = SceneName(name);  // "objects/mug_00" of the user's is said as "mug_00" is
+  const auto generated = ParseGenerated(called);
+  return generated ? generated->class_name : called;
 }
 
 std::string BallName(int colour) {

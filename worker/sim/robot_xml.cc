@@ -197,6 +197,7 @@ Status RobotXml::TakeFiles() {
       if (is_new) {
         entry->second = fmt::format("{}{}{}", prefix_, files_.size(), path.extension().string());
         ETUDE_ASSIGN_OR_RETURN(auto bytes, ReadBinaryFile(path));
+        if (bytes.empty()) return Fail(Code::kCorrupt, fmt::format("{} is empty", path.string()));
         constexpr std::string_view kPointer = "version https://git-lfs";
         if (std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()).starts_with(kPointer))
           return Fail(Code::kCorrupt,

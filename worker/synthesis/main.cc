@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cctype>
 #include <functional>
 #include <map>
 #include <memory>
@@ -148,7 +149,8 @@ Status Synthesize(const Arguments& arguments) {
 UpAxis UpOf(const Arguments& arguments) {
   if (arguments.up != "auto") return arguments.up == "y" ? UpAxis::kY : UpAxis::kZ;
   // these formats say so themselves
-  const std::string suffix = Path(arguments.file).extension().string();
+  std::string suffix = Path(arguments.file).extension().string();
+  std::ranges::transform(suffix, suffix.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return suffix == ".glb" || suffix == ".gltf" || suffix == ".dae" ? UpAxis::kY : UpAxis::kZ;
 }
 

@@ -61,6 +61,7 @@ Result<assets::ObjectModel> Imported(const std::string& name) {
   model.geoms = BodyElements(facts, {.stem = stem, .material = stem});
   const auto add = [&](const std::string& file, const std::string& as) -> Status {
     ETUDE_ASSIGN_OR_RETURN(auto bytes, ReadBinaryFile(folder / file, kLargestFile));
+    if (bytes.empty()) return Fail(Code::kCorrupt, fmt::format("{} is empty", (folder / file).string()));
     model.files.push_back({as, std::move(bytes)});
     return {};
   };

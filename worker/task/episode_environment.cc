@@ -106,11 +106,12 @@ std::optional<EpisodeEnvironment::Start> EpisodeEnvironment::Draw(const EpisodeP
   const auto q = DrawArm(plan, randomization, rng);
   if (!q) return why = {"no_arm_start", "no free start of the arm"}, std::nullopt;
   now.X_WE = planner.kinematics().X_WE(*q);
-  if (things.ball) {
+  const auto first_move = std::ranges::find_if(stages, &Stage::moves);  // a task may begin by holding still
+  if (things.ball && first_move != stages.end()) {
     std::vector<PlacedObject> keep_clear = *objects;
     for (const auto& place : start_rule.keep_clear)
       keep_clear.push_back({"", {now.X_WO.p + Eigen::Vector3d(place[0], place[1], 0), {}}});
-    const auto placed = PlaceObstacle(*things.ball, plan.obstacle, keep_clear, *q, stages.front().goal(now),
+    const auto placed = PlaceObstacle(*things.ball, plan.obstacle, keep_clear, *q, first_move->goal(now),
                                       planner.kinematics(), checker, rng);
     if (!placed) return why = {"no_obstacle_place", "no place for the obstacle"}, std::nullopt;
     objects->push_back(*placed);

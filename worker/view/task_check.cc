@@ -41,8 +41,12 @@ class TaskReport {
 // The tabletop's objects and those that the task asks for.
 std::vector<std::string> ObjectsFor(const TaskSpec& task) {
   std::vector<std::string> objects = TabletopObjects();
-  for (const auto& name : task.reference.only)
-    if (std::ranges::find(objects, name) == objects.end() && CheckObjectName(name)) objects.push_back(name);
+  for (const auto& name : task.reference.only) {
+    const auto& classes = GeneratedClasses();  // of one, any instance will do
+    const bool is_class = std::ranges::find(classes, name) != classes.end();
+    const std::string object = is_class ? GeneratedObject(name, 0) : name;
+    if (std::ranges::find(objects, object) == objects.end() && CheckObjectName(object)) objects.push_back(object);
+  }
   return objects;
 }
 

@@ -52,6 +52,7 @@ TEST(ObjectNames, OfPathsAreTheirLastFolder) {
   }
   EXPECT_EQ(SceneName("apple_03"), "apple_03");
   EXPECT_EQ(ObjectNoun("apple_03"), "apple");
+  EXPECT_EQ(ObjectNoun("objects/apple_03"), "apple") << "before, two of one class could stand in one scene";
   EXPECT_EQ(ObjectNoun("cube"), "cube");
 }
 

@@ -177,6 +177,16 @@ TEST(SceneObject, OfAFolderIsTheOneThatWasWritten) {
   EXPECT_THAT(MakeSceneObject(own.string()), HasCode(Code::kInvalidArgument));
 }
 
+// MuJoCo ends the process at a file without a byte, as an interrupted copy leaves it
+TEST(SceneObject, OfAnEmptyFileIsAnErrorThatNamesIt) {
+  const TemporaryFolder folder;
+  const Path own = WriteDrawn(folder.path(), "mug", 3);
+  ASSERT_THAT(WriteFileAtomically(own / "collision_0.obj", std::string_view()), IsOk());
+  const auto made = MakeSceneObject(own.string());
+  EXPECT_THAT(made, HasCode(Code::kCorrupt));
+  EXPECT_THAT(made, MessageHas("collision_0.obj is empty"));
+}
+
 TEST(SceneObject, KnowsEveryKindOfName) {
   const auto drawn = MakeSceneObject("pear_07"), again = MakeSceneObject("pear_07");
   ASSERT_THAT(drawn, IsOk());
