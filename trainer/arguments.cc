@@ -61,7 +61,8 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
   parts("--freeze", arguments.freeze, "parts that stay as they are, bit for bit");
   parts("--like", arguments.like, "new parts that begin with another one's weights, e.g. OBST2D=TAR2D");
   app.add_option("--out", arguments.out, "the run's folder: config, metrics, checkpoints, state");
-  app.add_option("--name", arguments.name, "the run's name on the bus (default: from the folder's name)");
+  app.add_option("--name", arguments.name,
+                 "the run's name on the bus (default: what its folder keeps, at first from the folder's name)");
   app.add_option("--minutes", arguments.minutes, "stop after this much training; the learning rate follows");
   app.add_option("--steps", arguments.steps, "stop after this many steps; with --minutes whichever comes first");
   app.add_option("--ranks", arguments.ranks, "processes that train together, each on its part of every batch")

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <functional>
+#include <optional>
 
 #include "services/bus/process_reporter.h"
 #include "services/campaign/hosted_collector.h"
@@ -179,8 +180,6 @@ Result<std::shared_ptr<const security::CheckpointSigner>> OpenSigner(const Argum
 // Rank 0, or alone: all but the others' steps.
 Status Lead(const Arguments& arguments, const learn::TrainConfig& config, Together& together,
             const torch::Device& device) {
-  ETUDE_ASSIGN_OR_RETURN(const FileLock lock, FileLock::Take(Path(arguments.out) / ".lock",
-                                                             fmt::format("run '{}' is being trained", arguments.out)));
   ETUDE_ASSIGN_OR_RETURN(const std::string run, RunName(arguments));
   ETUDE_ASSIGN_OR_RETURN(auto participant, JoinBus(arguments));
   ETUDE_ASSIGN_OR_RETURN(auto signer, OpenSigner(arguments));
@@ -225,6 +224,11 @@ Status Train(const Arguments& arguments) {
   ETUDE_ASSIGN_OR_RETURN(const auto device, policy::OpenDevice(arguments.device, std::max(0, arguments.rank)));
   if (config.threads.replicas == 0 && arguments.ranks > 1) config.threads.replicas = ReplicasOfRank(arguments);
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
+  std::optional<FileLock> lock;  // beside a dataset's own, which may lie in the same folder
+  if (leads) {
+    ETUDE_ASSIGN_OR_RETURN(lock, FileLock::Take(Path(arguments.out) / ".training.lock",
+                                                fmt::format("run '{}' is being trained", arguments.out)));
+  }
   Together together;
   ETUDE_RETURN_IF_ERROR(JoinRanks(arguments, device, together));
   policy::SetTorchThreads(config.threads.intra_op);

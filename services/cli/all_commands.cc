@@ -50,12 +50,11 @@ void Flatten(const OrderedJson& row, const std::string& words, std::vector<std::
 
 }  // namespace
 
-Result<OrderedJson> AllCommands(const CLI::App& app) {
+Result<OrderedJson> AllCommands(const CLI::App& app, Missing missing) {
   OrderedJson table = CommandTable(app);
   std::map<std::string, OrderedJson> programs;  // asked once each: torch takes a moment
   for (const auto& own : OwnPrograms()) {
-    // the quickstart builds what it needs: a command whose program is not there keeps its name alone
-    if (!campaign::FindSibling(own.program)) continue;
+    if (missing == Missing::kSkip && !campaign::FindSibling(own.program)) continue;
     if (!programs.contains(own.program)) {
       ETUDE_ASSIGN_OR_RETURN(programs[own.program], AskSiblingJson(own.program, {"--command-table"}));
     }

@@ -112,7 +112,7 @@ std::string Walk(const char* first, const char* current, const char* words) {
 }
 
 Status PrintScript(const CLI::App& app, const std::string& shell) {
-  ETUDE_ASSIGN_OR_RETURN(const OrderedJson commands, AllCommands(app));
+  ETUDE_ASSIGN_OR_RETURN(const OrderedJson commands, AllCommands(app, Missing::kSkip));
   fmt::print("{}", shell == "bash" ? BashCompletion(commands) : ZshCompletion(commands));
   return {};
 }

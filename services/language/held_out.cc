@@ -105,13 +105,17 @@ Result<std::set<std::string>> ClauseWords(const Grammar& grammar, const std::vec
                                           const std::vector<std::string>& objects) {
   std::set<std::string> words;
   const auto say = [&](const Command& command) -> Status {
+    for (const auto& other : {command.reference, command.obstacle})
+      if (!other.empty() && ObjectNoun(other) == ObjectNoun(command.target)) return {};  // no sentence tells them apart
     ETUDE_RETURN_IF_ERROR(grammar.Check(command));
     words.merge(grammar.Words(command));
     return {};
   };
+  bool plain = false;  // whether any sentence is without a clause of its own
   for (const auto& name : tasks) {
     ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
     if (task.relation() || !task.avoid.empty() || objects.empty()) continue;
+    plain = true;
     for (std::size_t i = 0; i < objects.size(); ++i)
       ETUDE_RETURN_IF_ERROR(say({task.base, NextOther(objects, i), "", objects[i]}));
     for (const char* avoided : {kObstacleObject, kEverythingElse})
@@ -120,7 +124,7 @@ Result<std::set<std::string>> ClauseWords(const Grammar& grammar, const std::vec
   }
   for (const auto& name : grammar.tasks()) {
     ETUDE_ASSIGN_OR_RETURN(const TaskName task, ParseTask(name));
-    for (std::size_t i = 0; i < objects.size() && task.relation(); ++i)
+    for (std::size_t i = 0; i < objects.size() && plain && task.relation(); ++i)
       ETUDE_RETURN_IF_ERROR(say({task.base, objects[i], NextOther(objects, i), ""}));
   }
   return words;

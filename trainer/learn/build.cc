@@ -71,10 +71,15 @@ void AdoptTasks(const std::vector<std::string>& tasks, policy::PolicyConfig& con
   if (!covered) config.tasks = std::move(known);
 }
 
-// Of every episode: one that is another's is named. A camera that moves within a folder is part of what is learned, and
-// then any other folder's, too; each of two that stand still has its own policy.
-Result<checkpoint::Embodiment> FindEmbodiment(const data::Snapshot& snapshot) {
+// Of every episode: one that is another's is named. A camera that moves within a folder, or will, is part of what is
+// learned, and then any other folder's, too; each of two that stand still has its own policy.
+Result<checkpoint::Embodiment> FindEmbodiment(const data::Dataset& dataset, const data::Snapshot& snapshot) {
   auto embodiment = checkpoint::EmbodimentOf(snapshot.episodes().front()->episode());
+  for (std::uint32_t folder = 0; folder < dataset.folders(); ++folder) {
+    const auto& world = dataset.spec(folder).randomization.world;
+    if (world.camera_position > 0 || world.camera_aim > 0 || world.camera_roll > 0) embodiment.camera_pose.clear();
+    if (world.fovy_deg > 0) embodiment.fovy = 0;
+  }
   std::map<std::uint32_t, checkpoint::Embodiment> first;  // of each folder
   for (const auto& entry : snapshot.episodes()) {
     const auto other = checkpoint::EmbodimentOf(entry->episode());
@@ -217,7 +222,7 @@ Status CheckFits(const RunState& state, const TrainingRun& run) {
                 fmt::format("resume '{}': {} is not what it was trained on: {}; others may only be added behind",
                             run.options.out.string(), run.dataset->text(),
                             state.datasets.size() > 1 ? "its config.yaml lists those, which stay in the same order"
-                                                      : "a dataset that another campaign file made"));
+                                                      : "a dataset of another campaign file, which comes first"));
   const auto differences = checkpoint::Differences(run.embodiment, state.embodiment);
   if (differences.empty()) return {};
   return Fail(Code::kInvalidArgument,
@@ -327,7 +332,7 @@ Result<std::unique_ptr<TrainingRun>> BuildRun(const TrainConfig& config, std::sh
   const auto snapshot = run->dataset->snapshot();
   LogFolders(*run->dataset, *snapshot);
   ETUDE_ASSIGN_OR_RETURN(auto statistics, data::ComputeStatistics(*snapshot));
-  ETUDE_ASSIGN_OR_RETURN(run->embodiment, FindEmbodiment(*snapshot));
+  ETUDE_ASSIGN_OR_RETURN(run->embodiment, FindEmbodiment(*run->dataset, *snapshot));
   ETUDE_RETURN_IF_ERROR(MakeBatchMaker(*snapshot, *run));
   ETUDE_RETURN_IF_ERROR(CheckRanks(*snapshot, *run));
   ETUDE_RETURN_IF_ERROR(ShareStatistics(options, statistics));

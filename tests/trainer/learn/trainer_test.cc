@@ -122,7 +122,8 @@ TEST_F(SeveralDatasets, TrainAndValidateOnAllOfThemAndTheRunSaysWhich) {
   EXPECT_THAT(ReadTextFile(folder_ / "alone/config.yaml").value(), ::testing::Not(HasSubstr("datasets")));
   EXPECT_EQ(LoadRunState(folder_ / "alone/training_state.safetensors")->datasets.size(), 1u);
   Read({"e"});
-  EXPECT_THAT(Words(Train(TinyConfig({"steps=20"}), folder_ / "alone", true)), HasSubstr("another campaign file"))
+  EXPECT_THAT(Words(Train(TinyConfig({"steps=20"}), folder_ / "alone", true)),
+              HasSubstr("a dataset of another campaign file"))
       << "before, it was validated on another dataset's episodes of the same numbers";
 }
 
