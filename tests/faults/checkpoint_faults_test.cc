@@ -112,12 +112,12 @@ TEST_F(CheckpointFaults, F4TrainersThatDieGoOnBitForBit) {
     std::string crash_at;
     int kept;  // step that the next one goes on from
   };
-  // a run that is resumed does not write its identity again: one file less
+  // a run that is resumed writes neither its identity nor its name again: two files less
   const std::vector<Life> lives{
       {fmt::format("file.written:{}", first + 2), 10},  // in the middle of the second checkpoint
       {"trainer.checkpoint_kept:1", 10},                // it is there, the state is not
-      {fmt::format("file.synced:{}", first), 10},       // in the middle of the state
-      {fmt::format("file.renamed:{}", first), 20},      // just behind it
+      {fmt::format("file.synced:{}", first - 1), 10},   // in the middle of the state
+      {fmt::format("file.renamed:{}", first - 1), 20},  // just behind it
   };
   const Path run = FolderOf("killed");
   int killed = 0;
