@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <optional>
 #include <set>
-#include <sstream>
 
 #include "services/campaign/eval_comparison.h"
 #include "services/campaign/process.h"
@@ -34,19 +33,6 @@ struct ResultsArguments {
 
 using Words = std::vector<std::string>;
 constexpr const char* kWhole = "whole";  // in a run's folder: it has come to its end
-
-// Whether the last that a trainer wrote into the run's metrics is that it came to its end
-// (trainer/learn/metrics_log.h).
-bool HasFinished(const Path& run) {
-  const auto text = ReadTextFile(run / "metrics.jsonl");
-  if (!text) return false;
-  std::string last;
-  std::istringstream lines(*text);
-  for (std::string line; std::getline(lines, line);)
-    if (!line.empty()) last = std::move(line);
-  const auto json = OrderedJson::parse(last, nullptr, false);
-  return json.is_object() && json.value("kind", "") == "end" && json.value("cause", "") == "finished";
-}
 
 /// Runs commands of `etude` one after another, each with a log of its own.
 class Maker {

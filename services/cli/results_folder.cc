@@ -66,20 +66,32 @@ Status CheckEvaluated(const Path& evaluation, const Path& checkpoint) {
                           evaluation.string(), checkpoint.string()));
 }
 
-std::optional<double> TrainingSeconds(const Path& run) {
+namespace {
+
+// What RUN/metrics.jsonl says under `key` in its last line of that kind where that is of the type asked for; null:
+// nothing.
+OrderedJson AtLastEnd(const Path& run, const char* key, bool (OrderedJson::*is_type)() const noexcept) {
+  OrderedJson last;
   const auto text = ReadTextFile(run / "metrics.jsonl");
-  if (!text) return std::nullopt;
-  std::optional<double> seconds;
+  if (!text) return last;
   std::istringstream lines(*text);
   for (std::string line; std::getline(lines, line);) {
     // steps, by far the most of the lines, are not parsed
     if (line.find("\"end\"") == std::string::npos) continue;
     const auto json = OrderedJson::parse(line, nullptr, /*allow_exceptions=*/false);
-    const auto is = [&](const char* key) { return json.is_object() && json.contains(key); };
-    if (is("kind") && json["kind"] == "end" && is("elapsed_s") && json["elapsed_s"].is_number())
-      seconds = json["elapsed_s"].get<double>();
+    const auto is = [&](const char* name) { return json.is_object() && json.contains(name); };
+    if (is("kind") && json["kind"] == "end" && is(key) && (json[key].*is_type)()) last = json[key];
   }
-  return seconds;
+  return last;
 }
+
+}  // namespace
+
+std::optional<double> TrainingSeconds(const Path& run) {
+  const OrderedJson seconds = AtLastEnd(run, "elapsed_s", &OrderedJson::is_number);
+  return seconds.is_null() ? std::nullopt : std::optional(seconds.get<double>());
+}
+
+bool HasFinished(const Path& run) { return AtLastEnd(run, "cause", &OrderedJson::is_string) == "finished"; }
 
 }  // namespace etude::cli

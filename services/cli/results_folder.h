@@ -34,5 +34,7 @@ Status CheckEvaluated(const Path& evaluation, const Path& checkpoint);
 /// Seconds that a run was trained, over all its starts, without waiting for first data: as it said at its end.
 /// @returns none where RUN/metrics.jsonl does not say
 std::optional<double> TrainingSeconds(const Path& run);
+/// Whether its last training came to its end, as RUN/metrics.jsonl says: one that somebody stopped has not.
+bool HasFinished(const Path& run);
 
 }  // namespace etude::cli

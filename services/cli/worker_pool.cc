@@ -77,11 +77,14 @@ Status WorkerPool::OnEnd(std::size_t k, int exit_code) {
   const auto life = now - slot.started;
   slot.process.reset();
   if (options_.on_end) options_.on_end(slot.name);
+  const auto start_again = [&](MonotonicClock::duration at_least) {
+    slot.deaths = life > kHealthyAfter ? 1 : slot.deaths + 1;
+    slot.start_again = now + std::max(at_least, BackOff(slot.deaths));
+  };
   if (exit_code == kExitOk) {
     // Somebody told it to end, or the campaign's end and this look at it crossed: then it is not called again. No
     // failure, but one that ends again and again is given more and more time.
-    slot.deaths = life > kHealthyAfter ? 1 : slot.deaths + 1;
-    slot.start_again = now + std::max<MonotonicClock::duration>(1s, BackOff(slot.deaths));
+    start_again(1s);
     return {};
   }
   if (exit_code == kExitMachine && life < kAtOnce) {
@@ -97,8 +100,7 @@ Status WorkerPool::OnEnd(std::size_t k, int exit_code) {
                             "after {:.1f} s. Its last words, from {}:{}",
                             deaths_, campaign::HowItEnded(exit_code), std::chrono::duration<double>(life).count(),
                             LogOf(k).string(), LogTail(LogOf(k))));
-  slot.deaths = life > kHealthyAfter ? 1 : slot.deaths + 1;
-  slot.start_again = now + BackOff(slot.deaths);
+  start_again(0s);
   Log().warn("worker={} ended by {}", slot.name, campaign::HowItEnded(exit_code));
   return {};
 }

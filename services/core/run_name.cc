@@ -35,8 +35,9 @@ std::string RunNameOf(const Path& folder) {
 
 Status KeepRunName(const Path& folder, const std::string& name) {
   ETUDE_CHECK(IsPlainName(name), "'{}'", name);
-  if (fs::exists(NameFileOf(folder)) && RunNameOf(folder) == name) return {};
-  return WriteFileAtomically(NameFileOf(folder), name + "\n");
+  const std::string text = name + "\n";
+  if (const auto kept = ReadTextFile(NameFileOf(folder), 1 << 10); kept && *kept == text) return {};
+  return WriteFileAtomically(NameFileOf(folder), text);
 }
 
 Result<Selector> ParseRun(const std::string& text, std::string_view what) {

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "services/core/log.h"
+#include "services/language/held_out.h"
 #include "services/spec/episode_world.h"
 #include "services/spec/object_names.h"
 #include "services/spec/task_name.h"
@@ -116,11 +117,22 @@ std::vector<Camera> CamerasOfDataset(const data::Dataset& dataset, const data::S
   return cameras;
 }
 
+// Of the grammar that this run draws sentences from; "" where it has none for an object, which ends a run at its begin.
+std::string WordsOf(const TrainingRun& run) {
+  const auto &tasks = run.dataset->tasks(), &objects = run.dataset->objects();
+  auto words = language::SeenWords(*run.grammar, tasks, objects);
+  if (!words) return "";
+  if (run.config.data.clauses > 0 && run.config.data.sentences > 1)
+    if (auto more = language::ClauseWords(*run.grammar, tasks, objects)) words->merge(*more);
+  return language::WordsText(*words);
+}
+
 Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
   AdoptClasses(run.dataset->objects(), run.config.policy.objects);
   AdoptTasks(run.dataset->tasks(), run.config.policy);
   ETUDE_ASSIGN_OR_RETURN(auto loaded, language::Grammar::LoadFor(run.dataset->objects(), run.dataset->tasks()));
   run.grammar = std::make_shared<const language::Grammar>(std::move(loaded));
+  run.words = WordsOf(run);
   policy::PolicyConfig& config = run.config.policy;
   const auto& camera = snapshot.episodes().front()->episode().cameras.at(0).camera;
   const std::vector<Camera> cameras = CamerasOfDataset(*run.dataset, snapshot);

@@ -11,7 +11,6 @@
 #include "services/core/disk_wait.h"
 #include "services/core/log.h"
 #include "services/core/rng.h"
-#include "services/language/held_out.h"
 #include "trainer/learn/tensors.h"
 #include "trainer/policy/architecture.h"
 #include "trainer/policy/layers.h"
@@ -36,16 +35,6 @@ std::map<std::string, torch::Tensor> RunningStatistics(policy::Policy& policy) {
   return found;
 }
 
-// Of the grammar that this run draws sentences from; "" where it has none for an object, which ends a run at its begin.
-std::string WordsOf(const TrainingRun& run) {
-  const auto &tasks = run.dataset->tasks(), &objects = run.dataset->objects();
-  auto words = language::SeenWords(*run.grammar, tasks, objects);
-  if (!words) return "";
-  if (run.config.data.clauses > 0 && run.config.data.sentences > 1)
-    if (auto more = language::ClauseWords(*run.grammar, tasks, objects)) words->merge(*more);
-  return language::WordsText(*words);
-}
-
 checkpoint::Metadata MetadataOf(const TrainingRun& run, bool best) {
   const auto snapshot = run.dataset->snapshot();
   checkpoint::Metadata metadata;
@@ -56,7 +45,7 @@ checkpoint::Metadata MetadataOf(const TrainingRun& run, bool best) {
   metadata.best = best;
   metadata.train_episodes = snapshot->episode_count(data::Split::kTrain);
   metadata.dataset = snapshot->Fingerprint();
-  metadata.words = WordsOf(run);
+  metadata.words = run.words;
   metadata.embodiment = run.embodiment;
   metadata.modules = run.modules;
   metadata.metrics = run.evaluation.metrics;

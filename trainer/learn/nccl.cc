@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/learn/nccl.h"
 
-#include <algorithm>
 #include <cstdlib>
 #include <set>
 

@@ -29,6 +29,7 @@ struct TrainingRun {
   RunOptions options;
   std::shared_ptr<data::Dataset> dataset;
   std::shared_ptr<const language::Grammar> grammar;
+  std::string words;  ///< that sentences of its training have, as a checkpoint says them
   std::shared_ptr<const data::BatchMaker> maker;
   std::shared_ptr<clip::TextEncoder> text_encoder;  ///< of language clip:DIR only
   std::unique_ptr<Replicas> replicas;

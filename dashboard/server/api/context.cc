@@ -318,7 +318,7 @@ http::Answer TokenNeeded(const Context& context, const std::string& hint) {
                        "an action needs the gateway's token", hint);
 }
 
-std::uint64_t RolloutsOf(const sources::EvalView& view) {
+std::uint64_t WantedRollouts(const sources::EvalView& view) {
   const auto asked = sources::UnsignedOf(view.report, "episodes").value_or(0);
   const auto invalid = sources::UnsignedOf(sources::PartOf(view.report, "scenes"), "invalid").value_or(0);
   return asked - std::min(asked, invalid);
@@ -326,7 +326,7 @@ std::uint64_t RolloutsOf(const sources::EvalView& view) {
 
 std::string EvalState(const sources::EvalView& view) {
   const bool asked = sources::UnsignedOf(view.report, "episodes").value_or(0) > 0;
-  if (asked && view.rows.size() >= RolloutsOf(view)) return "finished";
+  if (asked && view.rows.size() >= WantedRollouts(view)) return "finished";
   return IsFresh(view.updated) ? "running" : "silent";
 }
 

@@ -149,7 +149,7 @@ std::vector<const live::LiveServer*> ServersOf(const live::LiveView& live, const
 Result<std::string> BusNameOfCampaign(Context& context, const std::string& id);
 Result<std::string> BusNameOfPolicy(Context& context, const std::string& id);
 /// That an evaluation comes to: scenes that the expert cannot do (--first-draw) get none.
-std::uint64_t RolloutsOf(const sources::EvalView& view);
+std::uint64_t WantedRollouts(const sources::EvalView& view);
 std::string EvalState(const sources::EvalView& view);
 /// The dataset of an evaluation's rollouts; "": there is none.
 std::string RolloutsOf(Context& context, const std::string& eval);

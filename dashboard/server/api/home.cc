@@ -84,7 +84,7 @@ Facts FactsOf(Context& context, const Overview& all) {
   if (const auto* item = NewestEval(all)) {
     const auto& success = PartOf(PartOf(item->view->report, "overall"), "success");
     facts.evaluation = EvaluationFacts{item->state, sources::NumberOf(success, "share").value_or(0),
-                                       item->view->rows.size(), RolloutsOf(*item->view)};
+                                       item->view->rows.size(), WantedRollouts(*item->view)};
   }
   std::string places;
   for (const auto& root : context.sources.catalog().roots()) places += (places.empty() ? "" : ", ") + root.string();

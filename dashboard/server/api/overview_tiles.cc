@@ -169,7 +169,7 @@ OrderedJson EvalTile(const EvalItem& item) {
           {"kind", "eval"},
           {"name", item.name},
           {"done", item.view->rows.size()},
-          {"episodes", RolloutsOf(*item.view)},
+          {"episodes", WantedRollouts(*item.view)},
           {"tasks", tasks},
           {"overall", TaskOfReport(PartOf(item.view->report, "overall"))}};
 }

@@ -92,6 +92,19 @@ TEST(CheckEvaluated, IsOfTheCheckpointThatIsThere) {
   }
 }
 
+TEST(HasFinished, IsWhatTheLastEndSays) {
+  const TemporaryFolder folder;
+  EXPECT_FALSE(HasFinished(folder.path()));
+  const auto says = [&](std::string_view lines) {
+    EXPECT_THAT(WriteFileAtomically(folder.path() / "metrics.jsonl", lines), IsOk());
+    return HasFinished(folder.path());
+  };
+  EXPECT_FALSE(says("{\"kind\":\"train\",\"elapsed_s\":9}\n"));
+  EXPECT_FALSE(says("{\"kind\":\"end\",\"cause\":\"stopped\"}\n")) << "before, it became a row of results";
+  EXPECT_TRUE(says("{\"kind\":\"end\",\"cause\":\"stopped\"}\n{\"kind\":\"end\",\"cause\":\"finished\"}\n"));
+  EXPECT_FALSE(says("{\"kind\":\"end\",\"cause\":7}\n"));
+}
+
 TEST(TrainingSeconds, AreThoseOfTheLastEnd) {
   const TemporaryFolder folder;
   EXPECT_EQ(TrainingSeconds(folder.path()), std::nullopt);
