@@ -181,7 +181,7 @@ void FillScene(const CampaignSpec& spec, const std::vector<std::string>& objects
   plan.obstacle = DrawObstaclePlace(spec, plan.index);
   plan.clearance = spec.obstacle.clearance;
   plan.first_draw = spec.scenes == "first_draw";
-  plan.avoid = AvoidedObjects(plan.task, plan.target, plan.scene.objects);
+  plan.avoid = AvoidedObjects(plan.task, plan.target, plan.reference, plan.scene.objects);
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ inline constexpr const char* kObstacleObject = "basketball";
 /// "pick", "place_left", "push+obstacle", "my/task.yaml+others". Made by ParseTask.
 struct TaskName {
   std::string base;   ///< name of a built-in task, or the path of a user's task file
-  std::string avoid;  ///< "" | "obstacle" (kObstacleObject) | "others" (every object but the target)
+  std::string avoid;  ///< "" | "obstacle" (kObstacleObject) | "others" (all but the target and what it ends on)
   std::shared_ptr<const TaskSpec> spec;
 
   /// Is about a second object too, the reference.

@@ -54,12 +54,25 @@ std::vector<std::string> WithReference(const TaskSpec& task, std::vector<std::st
   return drawn;
 }
 
-std::vector<std::string> AvoidedObjects(const TaskName& task, const std::string& target,
+namespace {
+
+// On or in it: beside it, it is something not to touch like any other.
+bool RestsOnReference(const TaskSpec& task) {
+  return std::ranges::any_of(task.stages, [](const StageSpec& stage) {
+    const auto* place = std::get_if<PlaceSpec>(&stage);
+    return place && (place->whereto() == Whereto::kOnTop || place->whereto() == Whereto::kInside);
+  });
+}
+
+}  // namespace
+
+std::vector<std::string> AvoidedObjects(const TaskName& task, const std::string& target, const std::string& reference,
                                         const std::vector<std::string>& objects) {
   if (task.avoid == "obstacle") return {kObstacleObject};
   if (task.avoid != "others") return {};
   std::vector<std::string> others = SceneNames(objects);
   std::erase(others, target);
+  if (RestsOnReference(*task.spec)) std::erase(others, reference);
   return others;
 }
 

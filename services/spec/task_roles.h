@@ -21,8 +21,9 @@ std::vector<std::string> PossibleTargets(const TaskSpec& task, const std::vector
 std::vector<std::string> WithReference(const TaskSpec& task, std::vector<std::string> drawn,
                                        const std::vector<std::string>& objects);
 
-/// What a task forbids to touch, of the objects of its scene (as SceneSpec names them); as scenes call them.
-std::vector<std::string> AvoidedObjects(const TaskName& task, const std::string& target,
+/// What a task forbids to touch, of the objects of its scene (as SceneSpec names them); as scenes call them. Never the
+/// target, nor a reference that it ends on or in.
+std::vector<std::string> AvoidedObjects(const TaskName& task, const std::string& target, const std::string& reference,
                                         const std::vector<std::string>& objects);
 
 }  // namespace etude

@@ -160,6 +160,11 @@ Status MjcfDocument::PutIncludesIn(tinyxml2::XMLDocument& document, XMLElement* 
 
 XMLElement* MjcfDocument::Section(const char* name) const { return document_->RootElement()->FirstChildElement(name); }
 
+std::string MjcfDocument::MainClass() const {
+  const XMLElement* defaults = Section("default");
+  return defaults ? Attribute(*defaults, "class") : "main";
+}
+
 void MjcfDocument::JoinSections() {
   XMLElement* root = document_->RootElement();
   for (XMLElement* later = root->FirstChildElement(); later;) {

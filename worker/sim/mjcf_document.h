@@ -24,6 +24,8 @@ class MjcfDocument {
 
   /// A section of <mujoco>, e.g. "asset"; null when there is none.
   tinyxml2::XMLElement* Section(const char* name) const;
+  /// What the class at the top of <default> is called.
+  std::string MainClass() const;
   tinyxml2::XMLDocument& document() { return *document_; }
   /// What `element` or else its default class says of `attribute`; "" when neither does.
   std::string Resolved(const tinyxml2::XMLElement& element, const char* attribute) const;

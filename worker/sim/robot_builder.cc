@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <set>
@@ -21,9 +22,10 @@ constexpr double kSpeedIfUnknown = 2.0;  ///< rad/s
 constexpr const char* kToolSite = "etude_tool";
 constexpr double kQuarter = std::numbers::pi / 2;
 constexpr std::size_t kFewestJoints = 5;
-constexpr double kDampingShare = 0.5;   ///< of a joint's torque, that its damping may take at most
-constexpr int kPoints = 3, kAreas = 4;  ///< condim: contacts without and with friction against turning
-constexpr double kAreaTorsion = 0.02;   ///< m, that friction of our objects
+constexpr double kDampingShare = 0.5;                ///< of a joint's torque, that its damping may take at most
+constexpr int kPoints = 3, kAreas = 4;               ///< condim: contacts without and with friction against turning
+constexpr std::array kFriction{1.0, 0.005, 0.0001};  ///< MuJoCo's default
+constexpr double kAreaTorsion = 0.02;                ///< m, that friction of our objects
 
 /// A mass for what shall weigh nothing: MuJoCo refuses a body that moves and has none.
 constexpr const char* kNoMass = "1e-6";  // kg
@@ -80,16 +82,19 @@ class Builder {
   std::string JointName(const std::string& name) const { return xml_.NameOf("joint", name); }
   std::string BodyName(const std::string& name) const { return xml_.NameOf("body", name); }
 
-  /// Id in the compiled robot, or -1 and an error with the nearest name.
-  int Id(mjtObj type, const char* kind, const std::string& name) {
-    const int id = mj_name2id(mj_, type, xml_.NameOf(kind, name).c_str());
+  /// Id of `name`, in the file called `in_file`, in the compiled robot, or -1 and an error with the nearest name.
+  int Id(mjtObj type, const char* kind, const std::string& in_file, const std::string& name) {
+    const int id = mj_name2id(mj_, type, name.c_str());
     if (id >= 0) return id;
     std::vector<std::string> names;
     const int count = type == mjOBJ_JOINT ? mj_->njnt : type == mjOBJ_BODY ? mj_->nbody : mj_->nsite;
     for (int i = 0; i < count; ++i)
       if (const char* candidate = mj_id2name(mj_, type, i)) names.emplace_back(candidate);
-    Wrong("no {} '{}'{}", kind, name, Suggestion(name, names));
+    Wrong("no {} '{}'{}", kind, in_file, Suggestion(in_file, names));
     return -1;
+  }
+  int Id(mjtObj type, const char* kind, const std::string& in_file) {
+    return Id(type, kind, in_file, xml_.NameOf(kind, in_file));
   }
 
   void AddMotor(const std::string& joint, double limit) {
@@ -110,7 +115,7 @@ class Builder {
     count("damping", file_.damping.size());
     for (const double speed : file_.speed)
       if (!(speed > 0)) Wrong("speed: {} must be > 0", speed);
-    for (const std::string& name : file_.joints) model_.joints.push_back(JointName(name));
+    for (const std::string& name : file_.joints) model_.joints.push_back(xml_.ArmNameOf("joint", name));
     model_.q_home = file_.home;
     model_.joint_speed = file_.speed.empty() ? std::vector<double>(n, kSpeedIfUnknown) : file_.speed;
     model_.planned_speed = model_.joint_speed;
@@ -119,9 +124,9 @@ class Builder {
 
   void AddJoint(std::size_t i) {
     const std::string& name = file_.joints[i];
-    const int id = Id(mjOBJ_JOINT, "joint", name);
+    const int id = Id(mjOBJ_JOINT, "joint", name, model_.joints[i]);
     if (id < 0) return;
-    XMLElement* joint = xml_.Find("joint", JointName(name));
+    XMLElement* joint = xml_.Find("joint", model_.joints[i]);
     if (mj_->jnt_type[id] != mjJNT_HINGE) Wrong("joint '{}' is not a hinge", name);
     double low = mj_->jnt_range[2 * id], high = mj_->jnt_range[2 * id + 1];
     if (!mj_->jnt_limited[id]) {
@@ -139,9 +144,9 @@ class Builder {
     };
     set("armature", file_.armature);
     set("damping", file_.damping);
-    const double torque = i < file_.torque.size() ? file_.torque[i] : xml_.ActuatorLimit(JointName(name));
+    const double torque = i < file_.torque.size() ? file_.torque[i] : xml_.ActuatorLimit(model_.joints[i]);
     if (!(torque > 0)) Wrong("joint '{}' has no torque limit in the MJCF: give `torque`", name);
-    AddMotor(JointName(name), torque);
+    AddMotor(model_.joints[i], torque);
     const double damping = i < file_.damping.size() ? file_.damping[i] : mj_->dof_damping[mj_->jnt_dofadr[id]];
     LimitSpeed(i, torque, damping);
   }
@@ -233,6 +238,7 @@ class Builder {
         Wrong("geom '{}' collides as neither box, sphere, capsule, cylinder nor mesh", name);
       geom->SetAttribute("contype", 2);
       geom->SetAttribute("conaffinity", 1);
+      NameFriction(*geom, id);
       if (IsFinger(id)) HoldByAnArea(*geom, id);
     }
     if (!held_by_points_.empty())
@@ -241,6 +247,12 @@ class Builder {
           "object would swing: they get friction against turning as our objects have",
           fmt::join(held_by_points_, ", "), kPoints));
     if (colliding == 0) Wrong("no geom of the robot collides (contype and conaffinity are 0)");
+  }
+
+  /// MuJoCo's own friction stands in no text of the file, where `world.friction` would find it.
+  void NameFriction(XMLElement& geom, int id) const {
+    if (!geom.Attribute("friction") && std::equal(kFriction.begin(), kFriction.end(), mj_->geom_friction + 3 * id))
+      geom.SetAttribute("friction", fmt::format("{}", fmt::join(kFriction, " ")).c_str());
   }
 
   bool IsFinger(int geom) const {
@@ -297,6 +309,23 @@ class Builder {
     site->SetAttribute("size", "0.004");
     site->SetAttribute("group", 4);
     model_.tool_site = kToolSite;
+    CheckHand(body);
+  }
+
+  /// Where a hand reaches to is measured on what collides of it: fingers, and a palm that is rigid with the tool.
+  void CheckHand(int tool) {
+    bool fingers = false, palm = false;
+    for (int geom = 0; geom < mj_->ngeom; ++geom) {
+      if (!Collides(mj_, geom)) continue;
+      const bool rigid = mj_->body_weldid[mj_->geom_bodyid[geom]] == mj_->body_weldid[tool];
+      fingers = fingers || IsFinger(geom);
+      palm = palm || (rigid && !IsFinger(geom));
+    }
+    if (!fingers)
+      Wrong("gripper.fingers: no geom of theirs collides (contype and conaffinity are 0): they hold nothing");
+    if (!palm)
+      Wrong("tool: no geom of the palm collides: neither of body '{}' nor of what is fixed to it",
+            mj_id2name(mj_, mjOBJ_BODY, tool));
   }
 
   /// A gripper may be turned by half a turn. The tasks ask for y_E along -x of the world; of the two ways the one

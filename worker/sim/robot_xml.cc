@@ -51,12 +51,13 @@ Result<RobotXml> RobotXml::Take(MjcfDocument document, const std::string& joint,
   for (XMLElement* element : xml.All("joint"))
     if (const std::string name = Attribute(*element, "name"); !name.empty())
       xml.limits_[name] = xml.document_.ActuatorLimit(name);
+  xml.main_class_ = xml.prefix_ + xml.document_.MainClass();
   xml.document_.DropNewerAttributes();
   xml.NameAssets();
   xml.DropWhatStaysBehind();
   xml.DropUnusedAssets();
   xml.Prefix(xml.document_.document().RootElement());
-  if (!xml.root_->Attribute("childclass")) xml.root_->SetAttribute("childclass", (xml.prefix_ + "main").c_str());
+  if (!xml.root_->Attribute("childclass")) xml.root_->SetAttribute("childclass", xml.main_class_.c_str());
   xml.NameEverything();
   xml.KeepOnlyOwn("tendon");
   xml.KeepOnlyOwn("equality");
@@ -113,7 +114,7 @@ void RobotXml::Prefix(XMLElement* element) {
   const bool classed =
       section == "equality" || section == "tendon" || IsElement(*element, "mesh") || IsElement(*element, "material");
   if (classed && section != "default" && !element->Attribute("class"))
-    element->SetAttribute("class", (prefix_ + "main").c_str());
+    element->SetAttribute("class", main_class_.c_str());
   for (XMLElement* child = element->FirstChildElement(); child; child = child->NextSiblingElement()) Prefix(child);
 }
 
@@ -212,7 +213,7 @@ Status RobotXml::TakeFiles() {
 
 void RobotXml::Rename(const std::set<std::string>& taken) {
   std::set<std::string> names = Names();
-  std::map<std::pair<std::string, std::string>, std::string> changed;
+  NewNames changed;
   for (const char* kind : kNamed)
     for (XMLElement* element : All(kind)) {
       const std::string name = Attribute(*element, "name");
@@ -237,6 +238,11 @@ void RobotXml::Rename(const std::set<std::string>& taken) {
 }
 
 std::string RobotXml::NameOf(const std::string& kind, const std::string& name) const {
+  const auto found = gripper_renamed_.find({kind, name});
+  return found == gripper_renamed_.end() ? ArmNameOf(kind, name) : found->second;
+}
+
+std::string RobotXml::ArmNameOf(const std::string& kind, const std::string& name) const {
   const auto found = renamed_.find({kind, name});
   return found == renamed_.end() ? name : found->second;
 }
@@ -263,7 +269,7 @@ Status RobotXml::Attach(RobotXml gripper, const std::string& at, const Pose& X) 
   sources_.insert(sources_.end(), gripper.sources_.begin(), gripper.sources_.end());
   for (const std::string& note : gripper.notes_) notes_.push_back("gripper: " + note);
   for (const auto& [joint, limit] : gripper.limits_) limits_.try_emplace(joint, limit);
-  for (const auto& [of, name] : gripper.renamed_) renamed_[of] = name;
+  gripper_renamed_ = std::move(gripper.renamed_);
   return {};
 }
 
@@ -277,7 +283,7 @@ std::string RobotXml::Children(const char* section) const {
 
 std::string RobotXml::Defaults() const {
   const XMLElement* defaults = document_.Section("default");
-  return (defaults ? Print(defaults) : fmt::format("<default class=\"{}main\"/>\n", prefix_)) + other_defaults_;
+  return (defaults ? Print(defaults) : fmt::format("<default class=\"{}\"/>\n", main_class_)) + other_defaults_;
 }
 
 std::string RobotXml::Assets() const { return Children("asset") + other_assets_; }

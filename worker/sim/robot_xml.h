@@ -26,8 +26,11 @@ class RobotXml {
 
   /// Gives another name to what is named like one of `taken`: bodies, joints, geoms and sites.
   void Rename(const std::set<std::string>& taken);
-  /// The name that "body", "joint", "geom" or "site" `name` of the file has now; a gripper's file comes first.
+  /// The name that "body", "joint", "geom" or "site" `name` of the file has now; an attached gripper's file comes
+  /// first.
   std::string NameOf(const std::string& kind, const std::string& name) const;
+  /// The same of the arm's own file, where both have a `name`.
+  std::string ArmNameOf(const std::string& kind, const std::string& name) const;
   /// Puts `gripper`, whose names are not this robot's, under body or site `at`, displaced by `X`.
   /// @error kInvalidArgument: no such body or site
   Status Attach(RobotXml gripper, const std::string& at, const Pose& X);
@@ -65,10 +68,13 @@ class RobotXml {
   std::string Children(const char* section) const;
 
   MjcfDocument document_;
-  std::string prefix_;
+  std::string prefix_, main_class_;
   tinyxml2::XMLElement* root_ = nullptr;
-  std::map<std::string, double> limits_;                                       ///< of joints, by their name now
-  std::map<std::pair<std::string, std::string>, std::string> renamed_;         ///< (kind, name) to the name now
+  /// (kind, name) to the name now.
+  using NewNames = std::map<std::pair<std::string, std::string>, std::string>;
+
+  std::map<std::string, double> limits_;  ///< of joints, by their name now
+  NewNames renamed_, gripper_renamed_;
   std::string other_defaults_, other_assets_, other_equality_, other_tendon_;  ///< of the gripper
   std::vector<assets::AssetFile> files_;
   std::vector<Path> sources_;

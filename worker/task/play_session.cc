@@ -385,7 +385,7 @@ Result<EpisodePlan> PlaySession::PlanOf(const Sentence& sentence) const {
   if (plan.reference == plan.target)
     return Fail(Code::kInvalidArgument, fmt::format("say: {} cannot be put beside itself", plan.target));
   if (plan.has_obstacle()) ETUDE_RETURN_IF_ERROR(check(kObstacleObject));
-  plan.avoid = AvoidedObjects(plan.task, plan.target, plan.scene.objects);
+  plan.avoid = AvoidedObjects(plan.task, plan.target, plan.reference, plan.scene.objects);
   return plan;
 }
 

@@ -4,6 +4,8 @@
 
 #include <gmock/gmock.h>
 
+#include <memory>
+
 namespace etude {
 namespace task_roles_test {
 
@@ -44,6 +46,20 @@ TEST(WithReference, TakesThePlaceOfAnotherInstanceOfItsClass) {
   EXPECT_THAT(WithReference(task, {"apple_00", "mug_00"}, objects), ElementsAre("apple_05", "mug_00"));
   EXPECT_THAT(WithReference(task, {"mug_00", "apple_00", "pear_00"}, objects),
               ElementsAre("mug_00", "apple_05", "pear_00"));
+}
+
+TEST(AvoidedObjects, AreAllOthersButWhatTheTargetEndsOn) {
+  const auto avoided = [](const char* to) {
+    auto spec = std::make_shared<TaskSpec>(Onto({"cube"}));
+    PlaceSpec place;
+    place.to = to;
+    spec->stages.emplace_back(place);
+    return AvoidedObjects({.base = "stack", .avoid = "others", .spec = spec}, "milk", "cube",
+                          {"cube", "milk", "bread"});
+  };
+  EXPECT_THAT(avoided("on_top"), ElementsAre("bread"));
+  EXPECT_THAT(avoided("inside"), ElementsAre("bread"));
+  EXPECT_THAT(avoided("left"), ElementsAre("cube", "bread"));
 }
 
 }  // namespace task_roles_test

@@ -184,6 +184,48 @@ TEST_F(BrokenRobot, AMasslessMeshClassIsRead) {
   EXPECT_TRUE(loaded) << loaded.error().message;
 }
 
+// MuJoCo calls the class at the top "main" only where the file gives it no name.
+TEST_F(BrokenRobot, TheClassAtTheTopMayHaveAName) {
+  Replace("sketch/sketch.xml", "<default>\n    <geom material", "<default class=\"makers\">\n    <geom material");
+  SceneSpec spec;
+  spec.robot = (folder_ / "sketch.yaml").string();
+  const auto scene = Scene::Build(spec);
+  ASSERT_TRUE(scene) << scene.error().message;
+  const mjModel *named = (*scene)->model().mj.get(), *unnamed = SceneOf(kSketch)->model().mj.get();
+  const int a = mj_name2id(named, mjOBJ_JOINT, "lift"), b = mj_name2id(unnamed, mjOBJ_JOINT, "lift");
+  EXPECT_EQ(named->dof_damping[named->jnt_dofadr[a]], unnamed->dof_damping[unnamed->jnt_dofadr[b]]);
+}
+
+// A campaign's `world.friction` changes what stands in the elements.
+TEST_F(BrokenRobot, FrictionChangesWithTheWorldWhereverItComesFrom) {
+  const auto sliding = [&](double factor) {
+    SceneSpec spec;
+    spec.robot = (folder_ / "sketch.yaml").string();
+    spec.world.friction = factor;
+    const auto scene = Scene::Build(spec);
+    EXPECT_TRUE(scene) << scene.error().message;
+    const mjModel* mj = (*scene)->model().mj.get();
+    for (int i = 0; i < mj->ngeom; ++i)
+      if (mj->geom_bodyid[i] == (*scene)->model().BodyId("left") && mj->geom_contype[i] != 0)
+        return mj->geom_friction[3 * i];
+    return 0.0;
+  };
+  EXPECT_DOUBLE_EQ(sliding(1), 0.9);
+  EXPECT_DOUBLE_EQ(sliding(0.5), 0.45);
+  Replace("sketch/sketch.xml", "friction=\"0.9 0.02 0.001\" ", "");
+  EXPECT_DOUBLE_EQ(sliding(1), 1) << "MuJoCo's own";
+  EXPECT_DOUBLE_EQ(sliding(0.5), 0.5);
+}
+
+TEST_F(BrokenRobot, AHandThatTouchesNothingIsRefused) {
+  Replace("sketch/sketch.xml", "<geom type=\"box\" size=\"0.09 0.03 0.02\"",
+          "<geom contype=\"0\" conaffinity=\"0\" type=\"box\" size=\"0.09 0.03 0.02\"");
+  EXPECT_THAT(Load().message, testing::HasSubstr("no geom of the palm collides: neither of body 'hand'"));
+  Replace("sketch/sketch.xml", "<geom friction=\"0.9 0.02 0.001\"",
+          "<geom contype=\"0\" conaffinity=\"0\" friction=\"0.9 0.02 0.001\"");
+  EXPECT_THAT(Load().message, testing::HasSubstr("gripper.fingers: no geom of theirs collides"));
+}
+
 TEST_F(BrokenRobot, CompilerSettingsArePutIntoTheElements) {
   // the same angles in another order, about fixed axes, and masses by the geoms' densities
   Replace("sketch/sketch.xml", "meshdir=\"meshes\"", "meshdir=\"meshes\" eulerseq=\"ZYX\" settotalmass=\"30\"");
@@ -265,6 +307,19 @@ TEST_F(TwoFiles, AnArmAndAGripperAreOneRobot) {
   EXPECT_NEAR(world.gripper_q()[0], 0, 2e-3) << "it closes";
   const auto again = LoadRobot(folder_ / "sketch.yaml");
   EXPECT_EQ(again->model.finger_groups[1][0], "right");
+}
+
+// joint_1 of the arm and joint_1 of the gripper, as their makers number them.
+TEST_F(TwoFiles, AJointThatBothHaveIsTheArmsAmongJoints) {
+  Replace("sketch/gripper.xml", "\"left_slide\"", "\"turn\"");
+  Replace("sketch.yaml", "joint: left_slide", "joint: turn");
+  const auto loaded = LoadRobot(folder_ / "sketch.yaml");
+  ASSERT_TRUE(loaded) << loaded.error().message;
+  EXPECT_EQ(loaded->model.joints.at(0), "turn");
+  EXPECT_THAT(loaded->model.gripper_joints, testing::ElementsAre("gripper_turn"));
+  EXPECT_THAT(loaded->model.actuator,
+              testing::HasSubstr("<motor name=\"turn\" joint=\"turn\" ctrlrange=\"-120 120\"/>"));
+  EXPECT_THAT(loaded->model.actuator, testing::HasSubstr("joint=\"gripper_turn\" ctrlrange=\"-75"));
 }
 
 TEST_F(TwoFiles, AFlangeThatIsNotThereIsNamed) {
