@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <set>
 #include <thread>
 #include <utility>
 
@@ -90,6 +91,13 @@ Status Complete(const CLI::App& app, int argc, const char* const* argv, Argument
     arguments.data = {(Path(arguments.out) / "dataset").string()};
   if (arguments.data.empty() || arguments.out.empty())
     return Fail(Code::kInvalidArgument, "give --data DATASET or --collect SPEC, and --out RUN (see --help)");
+  std::set<Path> folders;
+  for (const std::string& folder : arguments.data) {
+    std::error_code error;
+    if (!folders.insert(std::filesystem::weakly_canonical(folder, error)).second)
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("--data names '{}' twice: its episodes would count double", folder));
+  }
   if (arguments.data.size() > 1 && !arguments.collect.empty())
     return Fail(Code::kInvalidArgument,
                 "--collect collects into one folder, --data names several: start `etude collector` by itself, and "
@@ -127,10 +135,11 @@ Result<std::string> RunName(const Arguments& arguments) {
 
 Result<learn::RanksOptions> ReadRanks(const Arguments& arguments) {
   learn::RanksOptions options{.size = arguments.ranks, .rank = std::max(0, arguments.rank)};
-  if (arguments.meet.empty()) {
-    if (arguments.rank > 0) return Fail(Code::kInvalidArgument, "--rank: needs --meet HOST:PORT of rank 0");
-    return options;
-  }
+  if (arguments.meet.empty() != (arguments.rank < 0))
+    return Fail(Code::kInvalidArgument, arguments.meet.empty()
+                                            ? "--rank: needs --meet HOST:PORT, where rank 0 is met"
+                                            : "--meet: needs --rank I; without it all ranks are started here");
+  if (arguments.meet.empty()) return options;
   const auto colon = arguments.meet.rfind(':');
   const int port = colon == std::string::npos ? 0 : std::atoi(arguments.meet.c_str() + colon + 1);
   if (port < 1 || port > 65535)

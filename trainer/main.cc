@@ -4,9 +4,11 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <utility>
 
 #include "services/bus/process_reporter.h"
 #include "services/campaign/hosted_collector.h"
@@ -49,6 +51,13 @@ Status CheckOut(const Arguments& arguments) {
         fmt::format("'{}' holds a run already: continue it with --resume, or give another --out", arguments.out));
   if (arguments.resume && !arguments.init.empty())
     return Fail(Code::kInvalidArgument, "--init begins a run, --resume goes on with one: give one of them");
+  for (const auto& [option, parts] : {std::pair{"--add", &arguments.add},
+                                      {"--copy", &arguments.copy},
+                                      {"--fresh", &arguments.fresh},
+                                      {"--like", &arguments.like}})
+    if (arguments.resume && !parts->empty())
+      return Fail(Code::kInvalidArgument, fmt::format("{} {}: says how a run begins, and --resume goes on with one",
+                                                      option, fmt::join(*parts, ",")));
   if (!there && arguments.resume)
     return Fail(Code::kInvalidArgument, fmt::format("--resume: '{}' holds no run", arguments.out));
   return {};
@@ -77,6 +86,19 @@ struct Surroundings {
   std::shared_ptr<learn::Ranks> ranks;
   torch::Device device = torch::kCPU;
 };
+
+learn::RunOptions OptionsOf(const Arguments& arguments, const Surroundings& around) {
+  const bool hosts = !arguments.collect.empty();
+  learn::RunOptions options{.out = arguments.out,
+                            .resume = arguments.resume,
+                            .follow = arguments.follow || hosts,
+                            .ranks = around.ranks,
+                            .device = around.device,
+                            .replicas = arguments.ranks > 1 ? ReplicasOfRank(arguments) : 0};
+  // its collector is this process's own: whoever works for it may come tomorrow
+  if (hosts) options.patience = std::chrono::hours(24 * 365);
+  return options;
+}
 
 // The files first, then a line in the run's metrics that says so: without it training goes on.
 Status Keep(publish::CheckpointSink& sink, const Path& out, const checkpoint::Checkpoint& made) {
@@ -108,12 +130,8 @@ Status TrainOn(std::shared_ptr<data::Dataset> dataset, const Arguments& argument
   ErrorPublisher errors(around.participant, *dataset, telemetry.run().id);
   if (follow && around.participant && dataset->folders() == 1 && dataset->spec().adaptive_sampling.on())
     hooks.on_errors = [&errors](const std::vector<ErrorCell>& cells, std::uint64_t step) { errors.Say(cells, step); };
-  const learn::RunOptions options{.out = arguments.out,
-                                  .resume = arguments.resume,
-                                  .follow = follow,
-                                  .source = around.source,
-                                  .ranks = around.ranks,
-                                  .device = around.device};
+  learn::RunOptions options = OptionsOf(arguments, around);
+  options.source = around.source;
   auto trainer = learn::Trainer::Create(config, std::move(dataset), options, hooks);
   if (!trainer) return BeforeTraining(std::move(trainer).error());
   ETUDE_RETURN_IF_ERROR((*trainer)->Run());
@@ -150,12 +168,8 @@ Status JoinRanks(const Arguments& arguments, const torch::Device& device, Togeth
 Status TrainAlong(const Arguments& arguments, const learn::TrainConfig& config, const Surroundings& around) {
   const bool follow = arguments.follow || !arguments.collect.empty();
   ETUDE_ASSIGN_OR_RETURN(auto dataset, OpenDataset(arguments.data, follow, {}));
-  const learn::RunOptions options{.out = arguments.out,
-                                  .resume = arguments.resume,
-                                  .follow = follow,
-                                  .ranks = around.ranks,
-                                  .device = around.device};
-  ETUDE_ASSIGN_OR_RETURN(auto trainer, learn::Trainer::Create(config, std::move(dataset), options, {}));
+  ETUDE_ASSIGN_OR_RETURN(auto trainer,
+                         learn::Trainer::Create(config, std::move(dataset), OptionsOf(arguments, around), {}));
   return trainer->Run();
 }
 
@@ -221,8 +235,8 @@ Status Train(const Arguments& arguments) {
   if (leads) ETUDE_RETURN_IF_ERROR(CheckOut(arguments));
   RestartWith([arguments] { return GoingOn(arguments); });
   ETUDE_ASSIGN_OR_RETURN(auto config, ReadConfig(arguments));
+  ETUDE_RETURN_IF_ERROR(learn::RequireLimit(config));  // before a collector has begun for it
   ETUDE_ASSIGN_OR_RETURN(const auto device, policy::OpenDevice(arguments.device, std::max(0, arguments.rank)));
-  if (config.threads.replicas == 0 && arguments.ranks > 1) config.threads.replicas = ReplicasOfRank(arguments);
   ETUDE_RETURN_IF_ERROR(MakeFolders(arguments.out));
   std::optional<FileLock> lock;  // beside a dataset's own, which may lie in the same folder
   if (leads) {

@@ -292,6 +292,20 @@ Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const
   return surgeon.Done();
 }
 
+std::set<std::string> Unsettled(const PolicyConfig& config, const Surgery& surgery) {
+  std::set<std::string> moved = surgery.fresh, unsettled;
+  for (const ModuleConfig* module : policy::EvaluationOrder(config)) {
+    const auto reads = policy::ReadParts(config, *module);
+    const bool other = surgery.grown.contains(module->name) ||
+                       surgery.fresh.contains(policy::AttentionPartOf(config, *module)) ||
+                       std::ranges::any_of(reads, [&](const auto& part) { return moved.contains(part); });
+    if (!other) continue;
+    moved.insert(module->name);
+    if (surgery.copied.contains(module->name)) unsettled.insert(module->name);
+  }
+  return unsettled;
+}
+
 int FirstLevelToLearn(const PolicyConfig& config, const Surgery& surgery) {
   const auto order = policy::EvaluationOrder(config);
   for (const ModuleConfig* module : order) {

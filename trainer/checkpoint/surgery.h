@@ -47,6 +47,10 @@ struct Surgery {
 Result<Surgery> Operate(const Checkpoint& source, const SurgeryPlan& plan, const policy::PolicyConfig& config,
                         const std::map<std::string, torch::Tensor>& initial, const Embodiment& here);
 
+/// Of copied modules those that read, themselves or through others, what begins anew or has grown: what they were
+/// measured at was another network.
+std::set<std::string> Unsettled(const policy::PolicyConfig& config, const Surgery& surgery);
+
 /// The lowest level at which there is something to learn: that of a module that is fresh or grown, or that is
 /// supervised to attend to, or decodes, what a fresh encoder makes; the last level when nothing is new.
 int FirstLevelToLearn(const policy::PolicyConfig& config, const Surgery& surgery);

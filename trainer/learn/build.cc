@@ -14,7 +14,9 @@
 #include "services/spec/episode_world.h"
 #include "services/spec/object_names.h"
 #include "services/spec/task_name.h"
+#include "trainer/checkpoint/readiness.h"
 #include "trainer/checkpoint/surgery.h"
+#include "trainer/data/labels.h"
 #include "trainer/data/statistics.h"
 #include "trainer/learn/await_data.h"
 #include "trainer/learn/run.h"
@@ -81,22 +83,22 @@ Result<checkpoint::Embodiment> FindEmbodiment(const data::Dataset& dataset, cons
     if (world.camera_position > 0 || world.camera_aim > 0 || world.camera_roll > 0) embodiment.camera_pose.clear();
     if (world.fovy_deg > 0) embodiment.fovy = 0;
   }
-  std::map<std::uint32_t, checkpoint::Embodiment> first;  // of each folder
+  std::vector<checkpoint::Embodiment> each;
+  std::map<std::uint32_t, std::size_t> first;  // of each folder
   for (const auto& entry : snapshot.episodes()) {
-    const auto other = checkpoint::EmbodimentOf(entry->episode());
-    const auto& own = first.try_emplace(entry->folder, other).first->second;
-    if (other.camera_pose != own.camera_pose) embodiment.camera_pose.clear();
-    if (other.fovy != own.fovy) embodiment.fovy = 0;
+    const auto own = first.try_emplace(entry->folder, each.size()).first->second;
+    each.push_back(checkpoint::EmbodimentOf(entry->episode()));
+    if (each.back().camera_pose != each[own].camera_pose) embodiment.camera_pose.clear();
+    if (each.back().fovy != each[own].fovy) embodiment.fovy = 0;
   }
-  for (const auto& entry : snapshot.episodes()) {
-    const auto other = checkpoint::EmbodimentOf(entry->episode());
-    if (const auto differences = checkpoint::Differences(embodiment, other); !differences.empty())
+  const auto& episodes = snapshot.episodes();
+  for (std::size_t i = 0; i < each.size(); ++i)
+    if (const auto differences = checkpoint::Differences(embodiment, each[i]); !differences.empty())
       return Fail(Code::kInvalidArgument,
                   fmt::format("the data are of several kinds: '{}' is not as '{}' ({}); a policy fits one: collect a "
                               "dataset for each",
-                              entry->record.path.string(), snapshot.episodes().front()->record.path.string(),
+                              episodes[i]->record.path.string(), episodes.front()->record.path.string(),
                               fmt::join(differences, "; ")));
-  }
   return embodiment;
 }
 
@@ -127,6 +129,24 @@ std::string WordsOf(const TrainingRun& run) {
   return language::WordsText(*words);
 }
 
+// A module about one object learns nothing where there is none of it, and then nothing that reads it may drive.
+Status CheckObjects(const policy::PolicyConfig& config, const std::vector<std::string>& objects) {
+  const auto path = checkpoint::ControlPath(config);
+  for (const auto& module : config.modules) {
+    const auto entity = data::ParseEntity(module.decoder.entity);
+    if (!entity || entity->kind != data::Entity::Kind::kObject || std::ranges::find(path, module.name) == path.end())
+      continue;
+    const bool there = std::ranges::any_of(
+        objects, [&](const auto& object) { return object == entity->object || ObjectNoun(object) == entity->object; });
+    if (!there)
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("policy: module {} is about '{}', which the data do not have (they have {}): give data "
+                              "with it, or a graph without that module",
+                              module.name, entity->object, fmt::join(objects, ", ")));
+  }
+  return {};
+}
+
 Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
   AdoptClasses(run.dataset->objects(), run.config.policy.objects);
   AdoptTasks(run.dataset->tasks(), run.config.policy);
@@ -134,6 +154,7 @@ Status MakeBatchMaker(const data::Snapshot& snapshot, TrainingRun& run) {
   run.grammar = std::make_shared<const language::Grammar>(std::move(loaded));
   run.words = WordsOf(run);
   policy::PolicyConfig& config = run.config.policy;
+  ETUDE_RETURN_IF_ERROR(CheckObjects(config, run.dataset->objects()));
   const auto& camera = snapshot.episodes().front()->episode().cameras.at(0).camera;
   const std::vector<Camera> cameras = CamerasOfDataset(*run.dataset, snapshot);
   ETUDE_ASSIGN_OR_RETURN(const auto crop, policy::ResolveCrop(config.image, cameras));
@@ -162,12 +183,19 @@ Status OpenTextEncoder(TrainingRun& run) {
   return {};
 }
 
+// Of the network in this process.
+int CopiesOf(const TrainingRun& run) {
+  // more of them keep the cores of a CPU busy; a CUDA device is with one
+  if (!run.options.device.is_cpu()) return 1;
+  if (run.config.threads.replicas > 0) return run.config.threads.replicas;
+  if (run.options.replicas > 0) return run.options.replicas;
+  return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+}
+
 Result<Policies> MakeReplicas(const TrainingRun& run, const data::Statistics& statistics) {
   const TrainConfig& config = run.config;
   SetBlasThreads(config.threads.intra_op);
-  // more of them keep the cores of a CPU busy; a CUDA device is with one
-  int copies = run.options.device.is_cpu() ? config.threads.replicas : 1;
-  if (copies == 0) copies = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  const int copies = CopiesOf(run);
   // each has a picture of every batch at least
   const int ranks = run.options.ranks ? run.options.ranks->size() : 1;
   if (ranks > config.data.batch)
@@ -183,6 +211,13 @@ Result<Policies> MakeReplicas(const TrainingRun& run, const data::Statistics& st
     policies.push_back(std::move(policy));
   }
   return policies;
+}
+
+// That a training before had, which what is copied of it, or goes on, still knows.
+void AddWords(const std::string& text, TrainingRun& run) {
+  auto words = language::WordsIn(run.words);
+  words.merge(language::WordsIn(text));
+  run.words = language::WordsText(words);
 }
 
 // Which parts come from where, in one line each that matters.
@@ -210,8 +245,13 @@ Status BeginWithCheckpoint(TrainingRun& run, Policies& policies) {
                          checkpoint::Operate(source, {init.copy, init.fresh, init.freeze, init.like}, run.config.policy,
                                              policies.front()->StateTensors(), run.embodiment));
   for (auto& policy : policies) ETUDE_RETURN_IF_ERROR(policy->LoadStateTensors(surgery.tensors));
-  for (const auto& [module, record] : source.metadata.modules)
-    if (surgery.copied.contains(module)) run.modules[module] = record;
+  const auto unsettled = checkpoint::Unsettled(run.config.policy, surgery);
+  for (const auto& [module, record] : source.metadata.modules) {
+    if (!surgery.copied.contains(module)) continue;
+    run.modules[module] = record;
+    if (unsettled.contains(module)) run.modules[module].error.reset();
+  }
+  if (surgery.copied.contains("language")) AddWords(source.metadata.words, run);
   run.scheduler->StartAt(checkpoint::FirstLevelToLearn(run.config.policy, surgery));
   LogSurgery(source, surgery, init);
   return {};
@@ -222,9 +262,13 @@ Status CheckFits(const RunState& state, const TrainingRun& run) {
   const std::string architecture = policy::ArchitectureHash(run.config.policy);
   if (state.architecture != architecture)
     return Fail(Code::kInvalidArgument, fmt::format("resume '{}': its policy has another architecture ({:.12} there, "
-                                                    "{:.12} asked for); train "
-                                                    "into another folder, or leave policy.* as in its config.yaml",
-                                                    run.options.out.string(), state.architecture, architecture));
+                                                    "{:.12} asked for); {}",
+                                                    run.options.out.string(), state.architecture, architecture,
+                                                    run.dataset->folders() > state.datasets.size()
+                                                        ? "what is added behind may bring no objects or tasks that the "
+                                                          "datasets before it do not have: train into another folder"
+                                                        : "train into another folder, or leave policy.* as in its "
+                                                          "config.yaml"));
   // more of them may come behind; those of before keep their place, by which their episodes are known
   const auto datasets = DatasetsOf(*run.dataset);
   const bool same = datasets.size() >= state.datasets.size() &&
@@ -254,6 +298,7 @@ Status RestoreState(const RunState& state, TrainingRun& run) {
     generator.set_state(state.rng);
   }
   run.modules = state.modules;
+  AddWords(state.words, run);
   run.step = state.step;
   run.elapsed_before = state.elapsed_s;
   run.best_stage = state.best_stage;
@@ -274,6 +319,10 @@ Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& stat
     for (auto& policy : policies) ETUDE_RETURN_IF_ERROR(policy->LoadStateTensors(state->policy));
   } else if (!run.config.init.from.empty()) {
     ETUDE_RETURN_IF_ERROR(BeginWithCheckpoint(run, policies));
+  } else if (!run.config.init.freeze.empty()) {
+    return Fail(Code::kInvalidArgument,
+                fmt::format("init.freeze: {}: nothing was learned yet that could be kept; give --init FILE",
+                            fmt::join(run.config.init.freeze, ", ")));
   }
   for (auto& policy : policies) {
     policy->Freeze(run.config.init.freeze);
@@ -295,6 +344,7 @@ Status BuildNetwork(const data::Snapshot& snapshot, const data::Statistics& stat
 Status CheckRanks(const data::Snapshot& snapshot, const TrainingRun& run) {
   if (!run.options.ranks) return {};
   ETUDE_RETURN_IF_ERROR(run.options.ranks->CheckSame("configuration", ToJson(run.config).dump()));
+  ETUDE_RETURN_IF_ERROR(run.options.ranks->CheckSame("threads.replicas", std::to_string(CopiesOf(run))));
   if (run.options.follow) return {};
   return run.options.ranks->CheckSame("dataset", snapshot.Fingerprint());
 }

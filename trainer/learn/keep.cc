@@ -66,6 +66,7 @@ RunState StateOf(const TrainingRun& run) {
   state.architecture = policy::ArchitectureHash(run.config.policy);
   state.embodiment = run.embodiment;
   state.modules = run.modules;
+  state.words = run.words;
   for (const auto& entry : run.validation->episodes()) state.validation.push_back(entry->number());
   state.datasets = DatasetsOf(*run.dataset);
   state.best_stage = run.best_stage;

@@ -52,6 +52,7 @@ Status SaveRunState(const Path& path, const RunState& state) {
                   {"architecture", state.architecture},
                   {"embodiment", ToJson(state.embodiment)},
                   {"modules", checkpoint::ModulesToJson(state.modules)},
+                  {"words", state.words},
                   {"validation", state.validation},
                   {"best_stage", state.best_stage},
                   {"best_score", state.best_score},
@@ -103,6 +104,7 @@ Result<RunState> LoadRunState(const Path& path) {
     ETUDE_ASSIGN_OR_RETURN(state.embodiment,
                            FromJson<checkpoint::Embodiment>(run.at("embodiment"), path.string() + ": embodiment"));
     ETUDE_ASSIGN_OR_RETURN(state.modules, checkpoint::ModulesFromJson(run.at("modules")));
+    state.words = run.value("words", std::string());
     state.validation = run.at("validation").get<std::vector<std::uint64_t>>();
     state.datasets = run.value("datasets", std::vector<std::string>());
     state.best_stage = run.at("best_stage");

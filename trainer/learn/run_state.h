@@ -25,6 +25,7 @@ struct RunState {
   std::string architecture;  ///< policy::ArchitectureHash
   checkpoint::Embodiment embodiment;
   std::map<std::string, checkpoint::ModuleRecord> modules;
+  std::string words;                      ///< TrainingRun::words; "" in states of before
   std::vector<std::uint64_t> validation;  ///< numbers (EpisodeEntry) of the episodes that are validated on
   std::vector<std::string> datasets;  ///< spec hashes of its folders, in their order; older states of one folder: none
   int best_stage = 0;

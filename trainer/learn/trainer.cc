@@ -305,11 +305,15 @@ Status Trainer::Impl::Loop() {
 Trainer::Trainer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Trainer::~Trainer() = default;
 
+Status RequireLimit(const TrainConfig& config) {
+  if (config.steps > 0 || config.minutes > 0) return {};
+  return Fail(Code::kInvalidArgument, "train: give --steps N or --minutes M (or steps:, minutes: in the config)");
+}
+
 Result<std::unique_ptr<Trainer>> Trainer::Create(const TrainConfig& config, std::shared_ptr<data::Dataset> dataset,
                                                  const RunOptions& options, const Hooks& hooks) {
   ETUDE_RETURN_IF_ERROR(config.Validate());
-  if (config.steps == 0 && config.minutes <= 0)
-    return Fail(Code::kInvalidArgument, "train: give --steps N or --minutes M (or steps:, minutes: in the config)");
+  ETUDE_RETURN_IF_ERROR(RequireLimit(config));
   try {
     ETUDE_ASSIGN_OR_RETURN(auto run, BuildRun(config, std::move(dataset), options));
     return std::unique_ptr<Trainer>(new Trainer(std::unique_ptr<Impl>(new Impl{std::move(run), hooks})));

@@ -58,7 +58,11 @@ struct RunOptions {
   /// Others that train the same network; those but rank 0 write nothing. None: it trains alone.
   std::shared_ptr<Ranks> ranks;
   torch::Device device = torch::kCPU;  ///< where the network is trained (policy/device.h)
+  int replicas = 0;                    ///< where threads.replicas leaves it open; 0: one a core
 };
+
+/// @error kInvalidArgument: neither steps nor minutes
+Status RequireLimit(const TrainConfig& config);
 
 /// Thread safety: one thread. Creating it needs at least one episode in each of train and valid; with `follow` it
 /// waits for enough of them (await_data.h).

@@ -2,56 +2,19 @@
 // Tests trainer/learn/trainer.cc
 #include "trainer/learn/trainer.h"
 
-#include <fmt/ranges.h>
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <filesystem>
-#include <set>
-#include <sstream>
 #include <thread>
 
 #include "services/language/held_out.h"
-#include "tests/trainer/learn/tiny_run.h"
-#include "tests/trainer/policy/clip/tiny_clip.h"
-#include "trainer/checkpoint/readiness.h"
+#include "tests/trainer/learn/trainer_fixture.h"
 #include "trainer/learn/run_state.h"
-#include "trainer/policy/clip/text_encoder.h"
-#include "trainer/policy/parts.h"
 
 namespace etude::learn {
 namespace trainer_test {
 
 using ::testing::HasSubstr;
-
-// values of `key` in lines of `kind`, by step
-std::map<std::uint64_t, double> Curve(const Path& run, const std::string& kind, const std::string& key) {
-  std::map<std::uint64_t, double> curve;
-  const auto text = ReadTextFile(run / "metrics.jsonl");
-  EXPECT_TRUE(text);
-  std::istringstream lines(text.value_or(""));
-  for (std::string line; std::getline(lines, line);) {
-    const auto json = OrderedJson::parse(line);
-    if (json["kind"] == kind && json.contains(key)) curve[json["step"]] = json[key];
-  }
-  return curve;
-}
-
-class TrainerTest : public ::testing::Test {
- protected:
-  void SetUp() override {
-    at::set_num_threads(1);
-    dataset_ = TinyDataset(folder_ / "d", 24);
-  }
-  Status Train(const TrainConfig& config, const Path& out, bool resume = false, const Hooks& hooks = {}) {
-    auto trainer = Trainer::Create(config, dataset_, {.out = out, .resume = resume}, hooks);
-    if (!trainer) return Fail(trainer.error());
-    return (*trainer)->Run();
-  }
-
-  TemporaryFolder folder_;
-  std::shared_ptr<data::Dataset> dataset_;
-};
 
 // the sequence of losses of an interrupted run is that of an uninterrupted one, to the last bit
 TEST_F(TrainerTest, ResumesBitForBit) {
@@ -81,85 +44,6 @@ TEST_F(TrainerTest, ResumesBitForBit) {
   const auto a = Curve(folder_ / "whole", "valid", "loss"), b = Curve(folder_ / "parts", "valid", "loss");
   ASSERT_EQ(a.size(), 4u);
   EXPECT_EQ(a, b);
-}
-
-// Folders "d" (24 episodes) and "e" (16, of another seed), read as one.
-class SeveralDatasets : public TrainerTest {
- protected:
-  void SetUp() override {
-    TrainerTest::SetUp();
-    CampaignSpec other = SyntheticSpec(kTinyPicture, kTinyPicture);
-    other.seed += 1;
-    other.split = {3, 1, 0};  // one of four, exactly
-    AddSyntheticEpisodes(folder_ / "e", other, 0, 16);
-    Read({"d", "e"});
-  }
-  void Read(const std::vector<std::string>& names) {
-    std::vector<Path> folders;
-    for (const auto& name : names) folders.push_back(folder_ / name);
-    auto dataset = data::Dataset::Open(folders);
-    ASSERT_TRUE(dataset) << dataset.error().message;
-    dataset_ = *dataset;
-  }
-  static std::string Words(const Status& status) { return status ? "" : status.error().message; }
-};
-
-TEST_F(SeveralDatasets, TrainAndValidateOnAllOfThemAndTheRunSaysWhich) {
-  ASSERT_EQ(Words(Train(TinyConfig({"steps=10"}), folder_ / "run")), "");
-
-  const auto snapshot = dataset_->snapshot();
-  EXPECT_EQ(snapshot->episodes().size(), 40u);
-  const auto state = LoadRunState(folder_ / "run/training_state.safetensors");
-  ASSERT_TRUE(state) << state.error().message;
-  EXPECT_EQ(state->validation.size(), snapshot->episode_count(data::Split::kValid));
-  EXPECT_GE(state->validation.back(), data::EpisodeEntry::NumberOf(1, 0)) << "of the second, too";
-  EXPECT_EQ(state->datasets, (std::vector<std::string>{dataset_->spec_sha256(0), dataset_->spec_sha256(1)}));
-  const std::string config = ReadTextFile(folder_ / "run/config.yaml").value();
-  for (const char* name : {"d", "e"}) EXPECT_THAT(config, HasSubstr((folder_ / name).string()));
-
-  Read({"d"});
-  ASSERT_EQ(Words(Train(TinyConfig({"steps=10"}), folder_ / "alone")), "");
-  EXPECT_THAT(ReadTextFile(folder_ / "alone/config.yaml").value(), ::testing::Not(HasSubstr("datasets")));
-  EXPECT_EQ(LoadRunState(folder_ / "alone/training_state.safetensors")->datasets.size(), 1u);
-  Read({"e"});
-  EXPECT_THAT(Words(Train(TinyConfig({"steps=20"}), folder_ / "alone", true)),
-              HasSubstr("a dataset of another campaign file"))
-      << "before, it was validated on another dataset's episodes of the same numbers";
-}
-
-TEST_F(SeveralDatasets, ARunGoesOnWithThemInTheirOrderAndMayGetMore) {
-  ASSERT_EQ(Words(Train(TinyConfig({"steps=10"}), folder_ / "run")), "");
-  Read({"e", "d"});
-  EXPECT_THAT(Words(Train(TinyConfig({"steps=20"}), folder_ / "run", true)), HasSubstr("same order"));
-  Read({"d"});
-  EXPECT_THAT(Words(Train(TinyConfig({"steps=20"}), folder_ / "run", true)), HasSubstr("same order"));
-  CampaignSpec third = SyntheticSpec(kTinyPicture, kTinyPicture);
-  third.seed += 2;
-  AddSyntheticEpisodes(folder_ / "f", third, 0, 8);
-  Read({"d", "e", "f"});
-  EXPECT_EQ(Words(Train(TinyConfig({"steps=20"}), folder_ / "run", true)), "");
-  EXPECT_EQ(LoadRunState(folder_ / "run/training_state.safetensors")->datasets.size(), 3u);
-}
-
-TEST_F(SeveralDatasets, ThatDoNotGoTogetherAreRefusedByName) {
-  AddSyntheticEpisodes(folder_ / "large", SyntheticSpec(64, 64), 0, 24);
-  Read({"d", "large"});
-  const std::string camera = Words(Train(TinyConfig({"steps=10"}), folder_ / "run"));
-  for (const std::string& text : {std::string("camera width"), (folder_ / "large").string(), (folder_ / "d").string()})
-    EXPECT_THAT(camera, HasSubstr(text));
-  CampaignSpec panda = SyntheticSpec(kTinyPicture, kTinyPicture);
-  panda.robots = {"panda"};
-  AddSyntheticEpisodes(folder_ / "panda", panda, 0, 24);
-  Read({"d", "panda"});
-  const std::string robot = Words(Train(TinyConfig({"steps=10"}), folder_ / "run"));
-  for (const std::string& text : {std::string("the panda's"), (folder_ / "panda").string()})
-    EXPECT_THAT(robot, HasSubstr(text));
-  // before, two cameras that stand still at different places were taken for one that moves
-  CampaignSpec elsewhere = SyntheticSpec(kTinyPicture, kTinyPicture);
-  elsewhere.camera.position[0] += 0.1;
-  AddSyntheticEpisodes(folder_ / "elsewhere", elsewhere, 0, 24);
-  Read({"d", "elsewhere"});
-  EXPECT_THAT(Words(Train(TinyConfig({"steps=10"}), folder_ / "run")), HasSubstr("camera pose"));
 }
 
 TEST_F(TrainerTest, ItsFilesSayHowItEnded) {
@@ -361,196 +245,19 @@ TEST_F(TrainerTest, CountsWhatEachModuleWasTrainedAndWritesTheLimitThatItKept) {
     kept_all.push_back(kept.metadata);
     return {};
   };
-  ASSERT_TRUE(Train(TinyConfig({"steps=20", "curriculum.latest_last=0.5", "init.freeze=[TAR3D]"}), folder_ / "run",
-                    false, hooks));
+  ASSERT_TRUE(Train(TinyConfig({"steps=20", "curriculum.latest_last=0.5"}), folder_ / "run", false, hooks));
 
   const auto& modules = kept_all.back().modules;
   EXPECT_EQ(modules.at("LANG").trained_steps, 20u);
   EXPECT_LT(modules.at("CTRL").trained_steps, 15u);
   EXPECT_GT(modules.at("CTRL").trained_steps, 0u);
   EXPECT_TRUE(modules.at("CTRL").error);
-  EXPECT_EQ(modules.contains("TAR3D") ? modules.at("TAR3D").trained_steps : 0, 0u);  // frozen
   // a run of minutes that ends before it can be measured was as many steps as it did
   ASSERT_TRUE(Train(TinyConfig({"steps=0", "minutes=0.002"}), folder_ / "short"));
   const auto written = LoadTrainConfig((folder_ / "short/config.yaml").string(), "trainer/experiments", {});
   ASSERT_TRUE(written) << written.error().message;
   EXPECT_EQ(written->minutes, 0);
   EXPECT_GE(written->steps, 1u);
-}
-
-/// Runs whose language is CLIP's, of a folder that a test may change.
-class ClipTest : public TrainerTest {
- protected:
-  void SetUp() override {
-    TrainerTest::SetUp();
-    clip::WriteTinyClip(clip_, Model(1));
-  }
-  // a tower that reads sentences letter by letter
-  static store::Safetensors Model(std::uint32_t seed) {
-    return clip::TinyModel({.width = 64, .layers = 1, .hidden = 64, .positions = 256}, seed);
-  }
-  TrainConfig Config(std::vector<std::string> overrides = {}) const {
-    overrides.insert(overrides.begin(), {"policy.language=clip:" + clip_.string(), "ema=0.9", "steps=10"});
-    return TinyConfig(std::move(overrides));
-  }
-
-  Path clip_ = folder_ / "clip";
-};
-
-TEST_F(ClipTest, NothingThatARunLeavesHoldsTheTower) {
-  const auto files = ReadBinaryFile(clip_ / "model.safetensors").value();
-  std::vector<std::string> kept_names;
-  Hooks hooks;
-  hooks.on_checkpoint = [&](const checkpoint::Checkpoint& kept) -> Status {
-    for (const auto& [name, tensor] : kept.tensors)
-      if (policy::PartOfTensor(name) == "language") kept_names.push_back(name);
-    EXPECT_EQ(kept.metadata.policy.language.clip_folder(), clip_.lexically_normal().string());
-    EXPECT_EQ(kept.metadata.policy.language.sha256, clip::TextEncoder::Open(clip_).value()->sha256());
-    return {};
-  };
-  const Status trained = Train(Config(), folder_ / "run", false, hooks);
-  ASSERT_TRUE(trained) << trained.error().message;
-
-  const std::vector<std::string> own{"language.norm.bias", "language.norm.weight", "language.projection.bias",
-                                     "language.projection.weight"};
-  EXPECT_THAT(std::set<std::string>(kept_names.begin(), kept_names.end()), testing::ElementsAreArray(own));
-  const auto state = LoadRunState(folder_ / "run/training_state.safetensors");
-  ASSERT_TRUE(state) << state.error().message;
-  for (const auto* tensors : {&state->policy, &state->optimizer})
-    for (const auto& [name, tensor] : *tensors) {
-      const auto language = name.find("language.");
-      if (language != std::string::npos) {
-        EXPECT_THAT(own, testing::Contains(name.substr(language))) << name;
-      }
-    }
-  // and what is its own is all there
-  EXPECT_TRUE(state->optimizer.contains("first/language.projection.weight"));
-  EXPECT_TRUE(state->optimizer.contains("average/language.projection.weight"));
-  EXPECT_EQ(ReadBinaryFile(clip_ / "model.safetensors").value(), files);
-}
-
-TEST_F(ClipTest, GoesOnOnlyWithTheFolderThatItBeganWith) {
-  ASSERT_TRUE(Train(Config(), folder_ / "run"));
-  const auto resume = [&](std::vector<std::string> overrides) {
-    auto config = LoadTrainConfig((folder_ / "run/config.yaml").string(), "trainer/experiments", overrides);
-    EXPECT_TRUE(config) << config.error().message;
-    return Train(*config, folder_ / "run", true);
-  };
-  std::filesystem::rename(clip_, folder_ / "moved");
-  const Status gone = resume({"steps=12"});
-  ASSERT_FALSE(gone);
-  EXPECT_EQ(gone.error().code, Code::kNotFound);
-  EXPECT_THAT(gone.error().message, HasSubstr(clip_.string()));
-
-  // the same content elsewhere is the same language
-  const std::string moved = "policy.language.encoder=clip:" + (folder_ / "moved").string();
-  const Status found = resume({"steps=12", moved});
-  EXPECT_TRUE(found) << found.error().message;
-
-  clip::WriteTinyClip(clip_, Model(2));
-  const Status other = resume({"steps=14", "policy.language.encoder=clip:" + clip_.string()});
-  ASSERT_FALSE(other);
-  EXPECT_THAT(other.error().message, HasSubstr("policy.language.encoder=clip:DIR"));
-  // nor when the hash is forgotten
-  const Status forgotten = Train(Config({"steps=14"}), folder_ / "run", true);
-  ASSERT_FALSE(forgotten);
-  EXPECT_THAT(forgotten.error().message, HasSubstr("architecture"));
-}
-
-TEST_F(ClipTest, SaysAtOnceThatTheFolderIsMissing) {
-  std::filesystem::remove_all(clip_);
-  const Status refused = Train(Config(), folder_ / "run");
-  ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error().code, Code::kNotFound);
-  EXPECT_THAT(refused.error().message, HasSubstr("model.safetensors, vocab.json and merges.txt"));
-}
-
-// A base policy on disk, then a run that begins with it.
-class InitTest : public TrainerTest {
- protected:
-  void SetUp() override {
-    TrainerTest::SetUp();
-    ASSERT_TRUE(Train(TinyConfig({"steps=20", "ema=0.9"}), folder_ / "base", false, Keeping(source_)));
-    const auto bytes = checkpoint::Encode(source_);
-    ASSERT_TRUE(bytes);
-    ASSERT_TRUE(WriteFileAtomically(file_, *bytes));
-  }
-  static Hooks Keeping(checkpoint::Checkpoint& last) {
-    Hooks hooks;
-    hooks.on_checkpoint = [&last](const checkpoint::Checkpoint& kept) -> Status {
-      last.metadata = kept.metadata;
-      for (const auto& [name, tensor] : kept.tensors) last.tensors[name] = tensor.detach().clone();
-      return {};
-    };
-    return hooks;
-  }
-  TrainConfig Begun(std::vector<std::string> overrides) const {
-    overrides.insert(overrides.begin(), {"init.from=" + file_.string(), "ema=0.9"});
-    return TinyConfig(std::move(overrides));
-  }
-
-  Path file_ = folder_ / "base.safetensors";
-  checkpoint::Checkpoint source_;
-};
-
-// encoders with their running statistics and averaged weights included; what is new starts to learn at its level
-TEST_F(InitTest, FrozenPartsStayBitForBitWhileModulesAreAdded) {
-  const std::set<std::string> frozen{"image", "language", "joints", "LANG",  "TASK",
-                                     "EE2D",  "TAR2D",    "EE3D",   "TAR3D", "DISP"};
-  checkpoint::Checkpoint grown;
-  ASSERT_TRUE(Train(Begun({"add=[obstacle]", fmt::format("init.freeze=[{}]", fmt::join(frozen, ", "))}),
-                    folder_ / "run", false, Keeping(grown)));
-
-  int same = 0, moved = 0;
-  for (const auto& [name, tensor] : grown.tensors) {
-    const std::string part = policy::PartOfTensor(name);
-    if (!part.empty() && !frozen.contains(part)) {
-      moved += part == "CTRL" && source_.tensors.contains(name) && !torch::equal(tensor, source_.tensors.at(name));
-      continue;
-    }
-    ++same;
-    EXPECT_TRUE(torch::equal(tensor, source_.tensors.at(name))) << name;
-  }
-  EXPECT_GT(same, 60);
-  EXPECT_GT(moved, 5);
-  const std::string stages = ReadTextFile(folder_ / "run/curriculum.jsonl").value_or("");
-  EXPECT_THAT(stages, HasSubstr("\"from\":2")) << stages;
-  EXPECT_THAT(stages, testing::Not(HasSubstr("\"from\":1,"))) << stages;
-  EXPECT_EQ(grown.metadata.modules.at("TAR2D").trained_steps, source_.metadata.modules.at("TAR2D").trained_steps);
-}
-
-// No episode here has an obstacle, and no sentence speaks of one: what is new has no label, and its weights are those
-// that it was drawn with. Nothing of that may drive.
-TEST_F(InitTest, AModuleWithoutALossWasNotTrained) {
-  checkpoint::Checkpoint grown;
-  ASSERT_TRUE(Train(Begun({"add=[obstacle]", "data.clauses=0", "curriculum.enabled=false"}), folder_ / "run", false,
-                    Keeping(grown)));
-  const auto& modules = grown.metadata.modules;
-  EXPECT_EQ(modules.contains("OBST2D") ? modules.at("OBST2D").trained_steps : 0, 0u);
-  EXPECT_GT(modules.at("CTRL").trained_steps, source_.metadata.modules.at("CTRL").trained_steps);
-  const std::string why = checkpoint::WhyUntrained(grown.metadata);
-  EXPECT_THAT(why, HasSubstr("OBST2D has 0 trained steps"));
-  EXPECT_THAT(why, HasSubstr("OBST3D has no validation error"));
-  EXPECT_THAT(why, testing::Not(HasSubstr("TAR3D")));
-}
-
-TEST_F(InitTest, ResumesWithoutTheCheckpointThatItBeganWith) {
-  const auto config = Begun({"steps=20"});
-  ASSERT_TRUE(Train(config, folder_ / "run"));
-  std::filesystem::remove(file_);
-  auto longer = config;
-  longer.steps = 30;
-  EXPECT_TRUE(Train(longer, folder_ / "run", true));
-  const Status gone = Train(config, folder_ / "other");
-  ASSERT_FALSE(gone);
-  EXPECT_THAT(gone.error().message, HasSubstr("base.safetensors"));
-}
-
-TEST_F(InitTest, RefusesPartsThatDoNotFitByName) {
-  const Status wide = Train(Begun({"policy.joint_hidden=[16]"}), folder_ / "wide");
-  ASSERT_FALSE(wide);
-  EXPECT_THAT(wide.error().message, HasSubstr("joints: joint_hidden is [32] there, [16] here"));
-  EXPECT_TRUE(Train(Begun({"policy.joint_hidden=[16]", "init.fresh=[joints]"}), folder_ / "wider"));
 }
 
 }  // namespace trainer_test
