@@ -25,6 +25,7 @@ using Clock = MonotonicClock;
 
 constexpr std::uint32_t kAckEvery = 8;     // chunks
 constexpr std::size_t kMaxMissing = 1024;  // indices in one ack
+constexpr std::size_t kMostRefused = 200;  // a receiver whose owner does not ask for them is no leak
 constexpr int kMostBatches = 16;           // of manifests, to find one for a chunk
 constexpr std::chrono::seconds kIdleLook{5};
 constexpr std::chrono::milliseconds kHostLook{10};  // whose readers are not found yet
@@ -72,7 +73,8 @@ struct BlobReceiver::Impl {
   std::optional<AddressedWriters<BlobAck>> acks;
   Waiter waiter;
   Inbox inbox;
-  std::vector<BlobKey> unreported;  // progress that the sender does not know
+  std::vector<BlobKey> unreported;   // progress that the sender does not know
+  std::vector<RefusedBlob> refused;  // nobody has asked for them yet
   std::uint64_t corrupt = 0;
   std::uint64_t malformed = 0;
   Clock::time_point next_cleaning;
@@ -91,6 +93,7 @@ struct BlobReceiver::Impl {
   void TakeWhole(const ManifestView& view, IncomingBlob& blob);
   void OnChunk(const ChunkView& view);
   void RefuseCorrupt(const IncomingBlob& blob);
+  void NoteRefused(const BlobManifest& manifest, const std::string& reason);
   BlobAck AckOf(const BlobManifest& manifest, AckKind kind) const;
   Status SendVerdict(const BlobManifest& manifest, const Verdict& verdict);
   void Answer(const BlobManifest& manifest, const Verdict& verdict);
@@ -143,6 +146,7 @@ void BlobReceiver::Impl::OnManifest(const ManifestView& view) {
 
 void BlobReceiver::Impl::AnswerKnown(const ManifestView& view, IncomingBlob& blob) {
   blob.last_news = Clock::now();
+  blob.manifest.host = view.host;  // a sender that was started again has another address
   switch (blob.state) {
     case State::kReceiving:
       if (view.data.size() == view.size && view.size > 0) return TakeWhole(view, blob);
@@ -160,6 +164,8 @@ void BlobReceiver::Impl::Start(const ManifestView& view) {
   if (view.size > options.max_blob_size) {
     const Verdict verdict{AckKind::kRefused,
                           fmt::format("{} bytes, at most {} are taken", view.size, options.max_blob_size)};
+    Log().warn("blob refused: {} channel={} sender={} id={}", verdict.reason, channel, view.sender, view.id);
+    NoteRefused(manifest, verdict.reason);
     inbox.Judge(manifest, verdict);
     return Answer(manifest, verdict);
   }
@@ -199,12 +205,18 @@ void BlobReceiver::Impl::OnChunk(const ChunkView& view) {
   if (unreported_chunks == 1) unreported.push_back({std::string(view.sender), view.id});
 }
 
+void BlobReceiver::Impl::NoteRefused(const BlobManifest& manifest, const std::string& reason) {
+  if (refused.size() < kMostRefused) refused.push_back({manifest, reason});
+}
+
 // Not remembered: the sender may try again with the same id.
 void BlobReceiver::Impl::RefuseCorrupt(const IncomingBlob& blob) {
   ++corrupt;
   Log().warn("blob refused: its bytes do not fit its checksum channel={} sender={} id={}", channel,
              blob.manifest.sender, blob.manifest.id);
-  Answer(blob.manifest, {AckKind::kRefused, "the bytes do not fit the checksum"});
+  const Verdict verdict{AckKind::kRefused, "the bytes do not fit the checksum"};
+  NoteRefused(blob.manifest, verdict.reason);
+  Answer(blob.manifest, verdict);
   inbox.Remove(blob);
 }
 
@@ -308,6 +320,7 @@ Status BlobReceiver::Acknowledge(const BlobManifest& manifest, const Verdict& ve
   return impl_->SendVerdict(manifest, verdict);
 }
 
+std::vector<RefusedBlob> BlobReceiver::TakeRefused() { return std::exchange(impl_->refused, {}); }
 std::uint64_t BlobReceiver::corrupt_blobs() const { return impl_->corrupt; }
 std::uint64_t BlobReceiver::malformed_samples() const { return impl_->malformed; }
 

@@ -68,6 +68,12 @@ struct ReceivedBlob {
   std::vector<std::uint8_t> bytes;  ///< verified against manifest.sha256
 };
 
+/// What the receiver itself has refused: too large, or not the bytes of its checksum.
+struct RefusedBlob {
+  BlobManifest manifest;
+  std::string reason;
+};
+
 struct PublishedBlob;
 
 struct ReceiveOptions {
@@ -98,6 +104,8 @@ class BlobReceiver {
   /// Tells the sender. kDone only after the blob is durable. Repeats of an acknowledged blob are
   /// answered with the same verdict without another Receive.
   Status Acknowledge(const BlobManifest& manifest, const Verdict& verdict);
+  /// Those refused since the last call, at most some hundred; their senders know.
+  std::vector<RefusedBlob> TakeRefused();
   std::uint64_t corrupt_blobs() const;
   std::uint64_t malformed_samples() const;
 

@@ -61,9 +61,20 @@ void DecodeAll(void* const* samples, const dds_sample_info_t* infos, int count, 
 /// of its samples, however few are asked for: every call needs room for as many.
 inline constexpr int kMostLent = 256;
 
+/// Forgets instances whose writers have gone: a topic that is read and never taken would keep each that ever was.
+inline void DropEnded(const Endpoint& reader) {
+  constexpr std::uint32_t kEnded = DDS_ANY_SAMPLE_STATE | DDS_ANY_VIEW_STATE | DDS_NOT_ALIVE_DISPOSED_INSTANCE_STATE |
+                                   DDS_NOT_ALIVE_NO_WRITERS_INSTANCE_STATE;
+  void* samples[kMostLent] = {};
+  dds_sample_info_t infos[kMostLent];
+  const dds_return_t count = dds_take_mask(reader.get(), samples, infos, kMostLent, kMostLent, kEnded);
+  if (count > 0) dds_return_loan(reader.get(), samples, count);
+}
+
 /// What the reader holds of instances that are alive, kMostLent of them at most; it goes on holding it.
 template <class Message>
 std::vector<Message> ReadLive(const Endpoint& reader, std::uint64_t& malformed) {
+  DropEnded(reader);
   void* samples[kMostLent] = {};
   dds_sample_info_t infos[kMostLent];
   std::vector<Message> messages;

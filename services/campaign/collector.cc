@@ -203,6 +203,7 @@ void Collector::Impl::ReceiveUntilOver() {
   while (!Stopping() && !Complete()) {
     watched->Moved();
     if (auto blob = topics.episodes.Receive(50ms)) Enqueue(std::move(*blob));
+    CountRefused();
   }
   watched.reset();
   if (!Complete()) return;

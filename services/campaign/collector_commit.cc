@@ -80,6 +80,15 @@ void Collector::Impl::CountUnfit(const bus::BlobManifest& manifest, const std::s
   ++counters.failures[kUnfitEpisode];
 }
 
+// What did not even come: the same to its worker, who would else be told to make it again and again.
+void Collector::Impl::CountRefused() {
+  for (const auto& [manifest, reason] : topics.episodes.TakeRefused()) {
+    const MutexLock lock(mutex);
+    HearAgain(manifest.sender);
+    CountUnfit(manifest, reason);
+  }
+}
+
 // An episode that is made durable now, by the thread that claimed its index.
 struct Collector::Impl::Claim {
   bus::ReceivedBlob blob;

@@ -190,6 +190,7 @@ struct Collector::Impl {
   Status CheckEpisode(const Episode& episode) const;
   std::optional<bus::Verdict> Judge(bus::ReceivedBlob& blob, const Result<EpisodeView>& view);
   void CountUnfit(const bus::BlobManifest& manifest, const std::string& reason) ETUDE_REQUIRES(mutex);
+  void CountRefused() ETUDE_EXCLUDES(mutex);
   void CommitUntilDurable(std::vector<Claim> claims);
   bool SettleOrKeep(std::vector<Claim>& claims, const std::vector<Status>& statuses);
   void TellOfDisk(const std::string& error) ETUDE_EXCLUDES(mutex);

@@ -119,6 +119,14 @@ Status CheckHostsAgree(const std::vector<Path>& folders, const std::string& dete
   return {};
 }
 
+Status CarryHosts(const std::vector<Path>& folders, const Path& to) {
+  OrderedJson known{{"epoch", 0}};
+  for (const char* key : {"files_sha256", "fingerprint"})
+    for (const Path& folder : folders)
+      if (const auto text = Known(folder, key)) known[key] = *text;
+  return known.size() > 1 ? WriteCollectorFile(to, known) : Status();
+}
+
 LeaseTable::Retry RetryOf(const CampaignSpec& spec, const std::string& outcome) {
   if (outcome == kPolicyError || outcome == store::kRecheckMismatch) return LeaseTable::Retry::kSameAttempt;
   // a rollout's scene is a function of its index: another attempt would be the same

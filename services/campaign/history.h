@@ -46,6 +46,9 @@ bool KnownStopped(const Path& folder);
 /// its workers with its own first one. Folders that know of none are passed over.
 /// @param determinism  what hosts must agree in, as the spec says it   @error kInvalidArgument: which line differs
 Status CheckHostsAgree(const std::vector<Path>& folders, const std::string& determinism);
+/// Has `to`, which is made of datasets that agree, know what their hosts and files were: a collector that goes on there
+/// holds workers to it. Nothing where none of them knows.
+Status CarryHosts(const std::vector<Path>& folders, const Path& to);
 
 struct History {
   struct Index {

@@ -78,17 +78,20 @@ class EvalSink : public EpisodeSink {
       }
     }
     scenes_.Restore(folder_);
-    ETUDE_RETURN_IF_ERROR(RestoreLines());
-    return WriteReport();
+    return RestoreLines();
   }
 
   const Path& folder() const override { return folder_; }
   const std::set<std::uint64_t>& committed() const override { return writer_.committed(); }
   std::vector<Status> CommitGroup(std::span<const store::ArrivedEpisode> group) override {
     auto statuses = writer_.CommitGroup(group);
-    const MutexLock lock(mutex_);
-    for (std::size_t i = 0; i < group.size(); ++i)
-      if (statuses[i]) Report(group[i].view->episode, group[i].facts);
+    bool due = false;
+    {
+      const MutexLock lock(mutex_);
+      for (std::size_t i = 0; i < group.size(); ++i)
+        if (statuses[i]) due = Report(group[i].view->episode, group[i].facts) || due;
+    }
+    if (due) (void)WriteReport();
     return statuses;
   }
   Status RecordFailure(std::uint64_t index, std::uint32_t attempt, const std::string& outcome,
@@ -100,10 +103,7 @@ class EvalSink : public EpisodeSink {
     return writer_.RecordFailure(index, attempt, outcome, details_json);
   }
   Status WriteIndex() override {
-    {
-      const MutexLock lock(mutex_);
-      ETUDE_RETURN_IF_ERROR(WriteReport());
-    }
+    ETUDE_RETURN_IF_ERROR(WriteReport());
     return writer_.WriteMaster();
   }
   Status WriteFilterKey(const std::string& name, const std::set<std::uint64_t>& indices) override {
@@ -112,20 +112,27 @@ class EvalSink : public EpisodeSink {
 
  private:
   // The rollout is durable; what cannot be written now is derived from it with the next start.
-  void Report(const Episode& episode, const store::CommitFacts& facts) ETUDE_REQUIRES(mutex_) {
-    if (rows_.contains(episode.index)) return;
+  // @returns whether a report is due
+  bool Report(const Episode& episode, const store::CommitFacts& facts) ETUDE_REQUIRES(mutex_) {
+    if (rows_.contains(episode.index)) return false;
     RolloutRow& row = rows_[episode.index] = RowOf(episode);
     row.wall_s = facts.timings.wall_s;
     scenes_.Add(episode);
     if (lines_) (void)lines_->Append(LineOf(row));
-    if (since_report_.Seconds() > kReportEvery || rows_.size() == 1 || rows_.size() == spec_.episodes)
-      (void)WriteReport();
+    return since_report_.Seconds() > kReportEvery || rows_.size() == 1 || rows_.size() == spec_.episodes;
   }
-  Status WriteReport() ETUDE_REQUIRES(mutex_) {
+  // A slow disk holds up who writes, not who has a failure to record.
+  Status WriteReport() ETUDE_EXCLUDES(mutex_) {
+    const MutexLock writing(report_mutex_);
+    const OrderedJson report = ReportNow();
+    return WriteFileAtomically(out_ / "eval.json", JsonText(report, 1) + "\n");
+  }
+  OrderedJson ReportNow() ETUDE_EXCLUDES(mutex_) {
+    const MutexLock lock(mutex_);
     OrderedJson report = EvalReport(spec_, rows_, subject_);
     report["scenes"] = scenes_.Json(spec_.scenes);
     since_report_.Restart();
-    return WriteFileAtomically(out_ / "eval.json", JsonText(report, 1) + "\n");
+    return report;
   }
   // A row a rollout, in the order of their indices; those to come are appended.
   Status RestoreLines() ETUDE_REQUIRES(mutex_) {
@@ -140,6 +147,7 @@ class EvalSink : public EpisodeSink {
   CampaignSpec spec_;
   EvalSubject subject_;
   store::DatasetWriter writer_;
+  Mutex report_mutex_;  // eval.json's, taken before the other
   Mutex mutex_;
   std::optional<LineAppender> lines_ ETUDE_GUARDED_BY(mutex_);
   Stopwatch since_report_ ETUDE_GUARDED_BY(mutex_);

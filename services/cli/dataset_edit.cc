@@ -193,6 +193,7 @@ Status Link(const EditArguments& arguments) {
     ETUDE_ASSIGN_OR_RETURN(
         report, store::LinkDatasets(datasets, arguments.out, arguments.leftover(), Counter(display, "linked")));
   }
+  ETUDE_RETURN_IF_ERROR(campaign::CarryHosts(datasets, arguments.out));
   fmt::print("{}: {} of {} episodes\n", arguments.out, report.episodes, report.planned);
   return {};
 }

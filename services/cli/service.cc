@@ -55,14 +55,17 @@ Status Service::Supervise() {
     done_ = true;
     return {};
   }
-  if (*exit_code == kExitUsage || *exit_code == kExitMachine || ++restarts_ > options_.max_restarts)
+  constexpr double kHealthy = 600;  // s
+  deaths_ = since_launch_.Seconds() > kHealthy ? 1 : deaths_ + 1;
+  ++restarts_;
+  if (*exit_code == kExitUsage || *exit_code == kExitMachine || deaths_ > options_.max_restarts)
     return Fail(
         *exit_code == kExitMachine ? Code::kUnavailable : Code::kInternal,
         fmt::format("{} ended with exit code {}{}", options_.program, *exit_code,
                     options_.log.empty() ? "; its words stand above"
                                          : fmt::format(". From {}:{}", options_.log.string(), LogTail(options_.log))));
   Log().warn("{} ended with exit code {}, it is started again", options_.program, *exit_code);
-  start_again_ = MonotonicClock::now() + 1s * restarts_;
+  start_again_ = MonotonicClock::now() + 1s * deaths_;
   return {};
 }
 

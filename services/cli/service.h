@@ -20,8 +20,8 @@ struct ServiceOptions {
   /// Without this file there is nothing to go on with, and restart_arguments are left out; "": they never are.
   Path restart_needs;
   std::map<std::string, std::string> environment;
-  Path log;  ///< "": it speaks where this program does
-  int max_restarts = 5;
+  Path log;              ///< "": it speaks where this program does
+  int max_restarts = 5;  ///< in quick succession: a life of ten minutes wipes out what was before
   /// A server: when it ends by itself with exit code 0, told to by hand, it is not done but started again.
   bool lasting = false;
 };
@@ -47,8 +47,8 @@ class Service {
   std::optional<campaign::Process> process_;
   MonotonicClock::time_point start_again_{};
   Stopwatch since_launch_;
-  int restarts_ = 0;
-  int brief_lives_ = 0;  ///< in a row, of a lasting one
+  int restarts_ = 0, deaths_ = 0;  ///< in all; in quick succession
+  int brief_lives_ = 0;            ///< in a row, of a lasting one
   bool done_ = false;
 };
 

@@ -17,6 +17,7 @@
 #include "services/cli/up_config.h"
 #include "services/cli/up_record.h"
 #include "services/core/command.h"
+#include "services/core/file_lock.h"
 #include "services/core/log.h"
 #include "services/core/stop.h"
 #include "services/relay/relay_thread.h"
@@ -360,6 +361,9 @@ Status Up(const UpArguments& arguments) {
   ETUDE_RETURN_IF_ERROR(CheckEvaluation(config, spec, arguments.file));
   for (const char* program : {"etude-worker", "etude-trainer", "etude-policy"})
     ETUDE_RETURN_IF_ERROR(campaign::FindSibling(program));
+  ETUDE_RETURN_IF_ERROR(MakeFolders(config.out));
+  ETUDE_ASSIGN_OR_RETURN(const FileLock lock,
+                         FileLock::Take(Path(config.out) / ".up.lock", fmt::format("'{}' is brought up", config.out)));
   OrderedJson resolved = ToJson(config);
   resolved["episodes"] = spec.episodes;
   ETUDE_RETURN_IF_ERROR(WriteFileAtomically(Path(config.out) / "up.yaml", ToYaml(resolved)));

@@ -8,6 +8,7 @@
 #include <deque>
 #include <fstream>
 #include <thread>
+#include <utility>
 
 #include "services/bus/participant.h"
 #include "services/core/command.h"
@@ -88,9 +89,13 @@ Status WorkerPool::OnEnd(std::size_t k, int exit_code) {
     return {};
   }
   if (exit_code == kExitMachine && life < kAtOnce) {
-    slot.finished = slot.unable = true;
+    // it may be what passes: others' processes take all that the machine has of something
+    if (!std::exchange(slot.unable, true))
+      Log().warn("worker={} cannot run here now: {}", slot.name, LogTail(LogOf(k)));
+    start_again(kAtOnce);
     return {};
   }
+  slot.unable = false;
   const std::uint64_t committed = options_.committed ? options_.committed() : 0;
   deaths_ = committed == committed_ ? deaths_ + 1 : 1;
   committed_ = committed;
@@ -122,6 +127,7 @@ Status WorkerPool::Supervise() {
     Slot& slot = slots_[k];
     if (slot.finished) continue;
     if (slot.process) {
+      if (MonotonicClock::now() - slot.started > kAtOnce) slot.unable = false;
       if (const auto exit_code = slot.process->Poll()) ETUDE_RETURN_IF_ERROR(OnEnd(k, *exit_code));
     } else if (MonotonicClock::now() >= slot.start_again) {
       ++restarts_;

@@ -142,7 +142,11 @@ Strings KeepingWords(const Vocabulary& vocabulary) {
   return all;
 }
 
-std::string TakeObstacle(const Vocabulary& vocabulary, Strings& words) {
+struct KeptOff {
+  std::string obstacle;  // as Command has it
+  std::string why;       // it is something that no task is judged by
+};
+KeptOff TakeObstacle(const Vocabulary& vocabulary, const Strings& objects, Strings& words) {
   const ObstacleWords& lexicon = ObstacleLexicon();
   Found keep;
   for (const auto& text : KeepingWords(vocabulary)) {
@@ -150,19 +154,24 @@ std::string TakeObstacle(const Vocabulary& vocabulary, Strings& words) {
     const auto at = Find(words, split);
     if (at && split.size() > keep.words) keep = {text, *at, split.size()};
   }
-  if (keep.words == 0) return "";
+  if (keep.words == 0) return {};
   const std::size_t after = keep.at + keep.words;
   for (const auto* texts : {&lexicon.others, &lexicon.any_other})
     for (const auto& text : *texts) {
       const Strings split = Split(text);
       if (Find(words, split, after) != after) continue;
       Take(words, keep.at, keep.words + split.size());
-      return kEverythingElse;
+      return {.obstacle = std::string(kEverythingElse), .why = ""};
     }
   const Best ball = ObjectAt(vocabulary, {kObstacleObject}, words, after);
-  if (!ball.one()) return "";
-  Take(words, keep.at, ball.found.front().at + ball.found.front().words - keep.at);
-  return kObstacleObject;
+  if (ball.one()) {
+    Take(words, keep.at, ball.found.front().at + ball.found.front().words - keep.at);
+    return {.obstacle = std::string(kObstacleObject), .why = ""};
+  }
+  // the policy may keep off it; it is not what is to be moved
+  const Best thing = ObjectAt(vocabulary, objects, words, after);
+  if (thing.empty()) return {};
+  return {.obstacle = "", .why = fmt::format("no task is judged by keeping off {}", thing.names())};
 }
 
 // "to the left of the milk": the task that goes there, and beside what; taken out of `words`.
@@ -206,7 +215,9 @@ void Understand(const Vocabulary& vocabulary, const Strings& objects, Meaning& m
     if (held_out.text == meaning.sentence && std::ranges::find(objects, held_out.object) != objects.end())
       return void(meaning.command = Command{.task = held_out.task, .target = held_out.object});
   Command command;
-  command.obstacle = TakeObstacle(vocabulary, words);
+  const KeptOff kept_off = TakeObstacle(vocabulary, objects, words);
+  if (!kept_off.why.empty()) return void(meaning.why = kept_off.why);
+  command.obstacle = kept_off.obstacle;
   const Place place = TakePlace(vocabulary, objects, words);
   if (!place.why.empty()) return void(meaning.why = place.why);
   command.task = place.task;

@@ -145,8 +145,12 @@ Status RelayRuns(const bus::Participant& participant, const Selector& selector, 
                  const std::function<bool()>& stopping) {
   constexpr auto kRound = 200ms;
   ETUDE_ASSIGN_OR_RETURN(auto directory, bus::Directory::Open(participant));
+  bool said = false;
   while (!stopping()) {
     ETUDE_ASSIGN_OR_RETURN(const auto run, RunOf(directory, selector, options.folder));
+    if (!run && !std::exchange(said, true))
+      Log().info("waiting for run {}: it is not there, and '{}' keeps nothing of it", selector.text(),
+                 options.folder.string());
     if (!run) continue;
     ETUDE_ASSIGN_OR_RETURN(auto relay, Relay::Open(participant, *run, options));
     Log().info("relaying run {} into '{}'", run->partition(), options.folder.string());

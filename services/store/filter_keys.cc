@@ -20,6 +20,10 @@ Status CheckName(const CampaignSpec& spec, const std::string& name) {
   if (!IsPlainName(name))
     return Fail(Code::kInvalidArgument,
                 fmt::format("filter key '{}': a name has only a-z, 0-9, _ and -, at most 64 of them", name));
+  if (internal::IsLanguageMask(name))
+    return Fail(
+        Code::kInvalidArgument,
+        fmt::format("filter key '{}': sentences of an exported file have keys of such names; choose another", name));
   bool taken = name == "train" || name == "valid" || name == "test";
   for (const auto& task : spec.tasks) taken = taken || internal::MaskOfTask(task) == name;
   if (taken)

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "services/store/master_file.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <string_view>
 #include <vector>
 
 #include "services/store/episode_file.h"
@@ -10,6 +13,8 @@
 
 namespace etude::store::internal {
 namespace {
+
+constexpr std::string_view kLanguageMask = "lang_";
 
 Result<std::vector<std::uint8_t>> MasterBytes(const CampaignSpec& spec, const std::vector<MasterEntry>& episodes,
                                               const FilterKeys& chosen) {
@@ -35,6 +40,13 @@ std::vector<MasterEntry> EntriesOf(const std::map<std::uint64_t, EpisodeSummary>
   entries.reserve(episodes.size());
   for (const auto& [index, episode] : episodes) entries.push_back({index, episode.samples, &episode.task});
   return entries;
+}
+
+std::string LanguageMask(std::size_t n) { return fmt::format("{}{:04d}", kLanguageMask, n); }
+
+bool IsLanguageMask(std::string_view name) {
+  if (!name.starts_with(kLanguageMask) || name.size() == kLanguageMask.size()) return false;
+  return std::ranges::all_of(name.substr(kLanguageMask.size()), [](char c) { return c >= '0' && c <= '9'; });
 }
 
 std::string MaskOfTask(std::string task) {

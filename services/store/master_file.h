@@ -3,6 +3,7 @@
 
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "services/store/filter_keys.h"
@@ -20,6 +21,9 @@ std::vector<MasterEntry> EntriesOf(const std::map<std::uint64_t, EpisodeSummary>
 
 /// The name that a task's filter key has: "push_obstacle" of push+obstacle. It need not be plain: a path has no key.
 std::string MaskOfTask(std::string task);
+/// Key of the demonstrations of the n-th sentence in an exported file, "lang_0007"; whether a name is one of those.
+std::string LanguageMask(std::size_t n);
+bool IsLanguageMask(std::string_view name);
 
 /// robomimic's filter keys: train, valid, test, each task, and `chosen`. Name -> "demo_<i>", in the order of indices,
 /// in which `episodes` must be.

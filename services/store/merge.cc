@@ -70,12 +70,27 @@ Result<std::map<std::uint64_t, const Part*>> Owners(const std::vector<Part>& par
   return owners;
 }
 
+// Of one spec hash, which neither the name nor the split is part of: an episode of the other's name is another one, and
+// one that was for validation would be trained on.
+Status CheckOneName(const Part& first, const Part& other) {
+  const CampaignSpec &a = first.reader.spec(), &b = other.reader.spec();
+  const OrderedJson split = ToJson(a.split), other_split = ToJson(b.split);
+  if (a.name == b.name && split == other_split) return {};
+  return Fail(
+      Code::kInvalidArgument,
+      fmt::format("merge: '{}' and '{}' are of one spec, but not of one {} ({}; {}); `etude train --data A B` "
+                  "reads both, each with its own",
+                  first.reader.path().string(), other.reader.path().string(), a.name == b.name ? "split" : "name",
+                  a.name == b.name ? split.dump() : a.name, a.name == b.name ? other_split.dump() : b.name));
+}
+
 // Copies what the first has, then adds what the others have beyond it.
 Result<MergeReport> MergeOneSpec(const std::vector<Part>& parts, const Path& out, Leftover leftover,
                                  const EditProgress& progress) {
   std::vector<Path> datasets;
   for (const Part& part : parts) datasets.push_back(part.reader.path());
   ETUDE_RETURN_IF_ERROR(internal::CheckOneJournal(datasets, "merge"));
+  for (const Part& part : parts) ETUDE_RETURN_IF_ERROR(CheckOneName(parts[0], part));
   ETUDE_ASSIGN_OR_RETURN(const auto owners, Owners(parts));
   ETUDE_ASSIGN_OR_RETURN(auto folder, OutputFolder::Create(out, leftover));
   const auto sources = [&](const Part& part) {

@@ -58,7 +58,7 @@ class PlainFile {
       file.FixedStrings("/mask/" + name, demos);
     std::size_t n = 0;
     for (const auto& [sentence, demos] : sentences_) {
-      const std::string mask = "/mask/" + LanguageKey(n++);
+      const std::string mask = "/mask/" + internal::LanguageMask(n++);
       file.FixedStrings(mask, demos);
       file.Attribute(mask, "lang", sentence);
     }
@@ -72,13 +72,11 @@ class PlainFile {
     OrderedJson data = OrderedJson::array();
     std::size_t n = 0;
     for (const auto& [sentence, demos] : sentences_)
-      data.push_back({{"path", out.string()}, {"filter_key", LanguageKey(n++)}, {"lang", sentence}});
+      data.push_back({{"path", out.string()}, {"filter_key", internal::LanguageMask(n++)}, {"lang", sentence}});
     return data;
   }
 
  private:
-  static std::string LanguageKey(std::size_t n) { return fmt::format("lang_{:04d}", n); }
-
   static Status Done(const Result<std::vector<std::uint8_t>>& finished) {
     if (!finished) return Fail(finished.error());
     return {};
@@ -107,6 +105,13 @@ Result<PlainFileReport> WritePlainFile(const Path& dataset, const Path& out, con
   }
   if (indices.empty())
     return Fail(Code::kNotFound, fmt::format("export '{}': it has no episodes yet", dataset.string()));
+  ETUDE_ASSIGN_OR_RETURN(const FilterKeys keys, ReadFilterKeys(dataset));
+  for (const auto& [name, chosen] : keys)
+    if (internal::IsLanguageMask(name))
+      return Fail(Code::kInvalidArgument,
+                  fmt::format("export '{}': its filter key '{}' has a name that the file's sentences have; remove it "
+                              "(etude dataset filter --help)",
+                              dataset.string(), name));
   PlainFileReport report;
   report.train_data = out.string() + ".train_data.json";
   if (std::filesystem::exists(report.train_data))

@@ -241,6 +241,28 @@ TEST(BlobTransfer, TheVerdictsAndReasonsTravel) {
   EXPECT_EQ(verdict->reason, "token 9 is fenced off");
 }
 
+TEST(BlobTransfer, WhoeverCollectsIsToldWhatWasRefused) {
+  const auto peers = OpenTwo(kDomain);
+  ReceiveOptions receive;
+  receive.max_blob_size = 1000;
+  auto receiver = BlobReceiver::Open(peers.b, {"refused", "1"}, "episode", receive);
+  auto sender = BlobSender::Open(peers.a, {"refused", "1"}, "episode", "s", {});
+  ASSERT_TRUE(receiver && sender);
+  auto sending = std::async(std::launch::async, [&] { return sender->Send(1, MakeBytes(1001, 1), 7, "", 20s); });
+  std::vector<RefusedBlob> refused;
+  while (refused.empty() && sending.wait_for(0s) != std::future_status::ready) {
+    EXPECT_FALSE(receiver->Receive(20ms));
+    refused = receiver->TakeRefused();
+  }
+  EXPECT_EQ(sending.get()->kind, AckKind::kRefused);
+  if (refused.empty()) refused = receiver->TakeRefused();
+  ASSERT_EQ(refused.size(), 1u);
+  EXPECT_EQ(refused[0].manifest.sender, "s");
+  EXPECT_EQ(refused[0].manifest.token, 7u);
+  EXPECT_NE(refused[0].reason.find("1001"), std::string::npos) << refused[0].reason;
+  EXPECT_TRUE(receiver->TakeRefused().empty());
+}
+
 TEST(BlobTransfer, OversizeIsRefusedBeforeAnyMemory) {
   const auto peers = OpenTwo(kDomain);
   ReceiveOptions receive;

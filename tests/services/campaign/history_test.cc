@@ -86,6 +86,17 @@ TEST(CheckHostsAgree, NamesTheLineInWhichShardsDiffer) {
   EXPECT_FALSE(CheckHostsAgree({a, same}, "none")) << "other robots or objects";
 }
 
+TEST(CarryHosts, AMadeDatasetKnowsWhoMadeIt) {
+  TemporaryFolder folder;
+  for (const char* name : {"a", "b", "none"}) ASSERT_TRUE(RememberEpoch(folder / name, 3));
+  ASSERT_TRUE(RememberFingerprint(folder / "b", {{"picture", "p1"}}));
+  ASSERT_TRUE(RememberFiles(folder / "b", "ff"));
+  ASSERT_TRUE(CarryHosts({folder / "a", folder / "b"}, folder / "none"));
+  EXPECT_EQ(KnownFiles(folder / "none"), "ff");
+  EXPECT_EQ(FingerprintText(*KnownFingerprint(folder / "none")), FingerprintText({{"picture", "p1"}}));
+  EXPECT_EQ(LastEpoch(folder / "none").value(), 0u) << "nobody has collected there";
+}
+
 TEST(ReadHistory, CountsEachFailedAttemptOnce) {
   TemporaryFolder folder;
   const std::string_view lines = R"({"index": 3, "attempt": 0, "seed": 9, "outcome": "plan_failed"}

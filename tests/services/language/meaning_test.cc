@@ -83,6 +83,15 @@ TEST(Meaning, KnowsWhatIsToBeKeptOff) {
     }
 }
 
+// Training says so of any thing of the scene; what is to be kept off is not what is to be moved.
+TEST(Meaning, KeepingOffAThingOfTheTableIsNotTakenForTheTarget) {
+  for (const char* sentence : {"pick bread without touching milk carton", "push coke can and avoid the bottle"}) {
+    const Meaning meaning = Parser().Parse(sentence);
+    EXPECT_FALSE(meaning.command) << sentence;
+    EXPECT_THAT(meaning.why, HasSubstr("keeping off")) << sentence;
+  }
+}
+
 TEST(Meaning, OfWhatIsNotSaidIsNotGuessed) {
   EXPECT_FALSE(Parser().Parse("").command);
   const Meaning no_verb = Parser().Parse("the red can");

@@ -160,6 +160,7 @@ TEST_F(Edit, IsRefusedWhileACollectorWrites) {
 
 TEST_F(Edit, FilterKeysHaveNamesOfTheirOwn) {
   EXPECT_THAT(WriteFilterKey(data_, "train", {1}), HasCode(Code::kInvalidArgument));
+  EXPECT_THAT(WriteFilterKey(data_, "lang_0000", {1}), MessageHas("sentences of an exported file"));
   EXPECT_THAT(WriteFilterKey(data_, "pick", {1}), HasCode(Code::kInvalidArgument));
   EXPECT_THAT(WriteFilterKey(data_, "../x", {1}), HasCode(Code::kInvalidArgument));
   EXPECT_THAT(WriteFilterKey(data_, "keep", {77}), MessageHas("no episode 77"));

@@ -47,6 +47,18 @@ TEST_F(Merge, OfOneSpecKeepsEveryByte) {
   ExpectSound(3);
 }
 
+// Neither is part of a spec's hash, and each decides on what an episode is or is for.
+TEST_F(Merge, OfOneSpecButAnotherSplitOrNameIsRefused) {
+  CampaignSpec split = spec_, name = spec_;
+  split.split = {1, 9, 0};
+  name.name = "other";
+  ASSERT_EQ(SpecHash(split), SpecHash(spec_));
+  const Path a = Write("a", spec_, {0});
+  EXPECT_THAT(MergeDatasets({a, Write("b", split, {1})}, out_, Leftover::kRefuse), MessageHas("not of one split"));
+  ASSERT_EQ(SpecHash(name), SpecHash(spec_));
+  EXPECT_THAT(MergeDatasets({a, Write("c", name, {1})}, out_, Leftover::kRefuse), MessageHas("not of one name"));
+}
+
 TEST_F(Merge, UndoesAFilter) {
   const Path all = Write("all", spec_, {0, 1, 2, 3});
   ASSERT_THAT(CopyEpisodes(all, {0, 3}, folder_ / "a", Leftover::kRefuse), IsOk());
